@@ -1,0 +1,14 @@
+/* Everything ctsplat offers to C callers. */
+#ifndef CTSPLAT_CTSPLAT_H
+#define CTSPLAT_CTSPLAT_H
+
+#include "ctsplat/export.h"
+#include "ctsplat/picture.h"
+#include "ctsplat/preset.h"
+#include "ctsplat/render.h"
+#include "ctsplat/report.h"
+#include "ctsplat/series.h"
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+
+#endif

@@ -1,0 +1,57 @@
+/* A rendered picture in display values. */
+#ifndef CTSPLAT_PICTURE_H
+#define CTSPLAT_PICTURE_H
+
+#include "ctsplat/preset.h"
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* How a picture was made: what exporters write beside the pixels. Holds no patient data. */
+typedef struct CtsPictureInfo {
+    char preset[64];
+    char engine[16];
+    CtsMode mode;
+    double azimuth_deg, elevation_deg;
+    double mm_per_pixel;
+    double window_low_hu, window_high_hu; /* grey pictures: HU shown as black and white */
+    /* The camera: unit vectors and the picture's centre, patient coordinates (LPS, mm). */
+    double right_lps[3], up_lps[3], forward_lps[3], centre_lps[3];
+} CtsPictureInfo;
+
+/* n_channels 4: premultiplied red, green, blue and alpha; 1: grey without alpha (mip, minip, average).
+ * Row 0 is the top. Values 0..1, not clamped (a specular highlight may pass 1). */
+typedef struct CtsPicture {
+    int width, height, n_channels;
+    float *pixels;
+    float *depth_mm; /* distance of the first visible surface from the camera plane (the plane through the nearest
+                        corner of the volume's bounding sphere) along the view; +inf where empty; may be NULL */
+    bool has_alpha;  /* false once blended over a background: alpha is then 1 everywhere */
+    CtsPictureInfo info;
+} CtsPicture;
+
+/* All zeros, has_alpha as asked. Refuses sizes outside 1..32768. */
+CtsStatus cts_picture_new(CtsPicture **picture, int width, int height, int n_channels, CtsError *err);
+void cts_picture_free(CtsPicture **picture);
+
+/* Blend over a colour (display values): alpha becomes 1, has_alpha false. For n_channels 4 only. */
+void cts_picture_over(CtsPicture *picture, const double background[3]);
+
+typedef struct CtsDifference {
+    double rmse, psnr_db; /* psnr_db is INFINITY for equal pictures */
+    double ssim, p999, max;
+    double share; /* of pixels that differ by more than 1/255 in a channel */
+    bool equal;   /* to the bit, in what the files hold */
+} CtsDifference;
+
+/* Over display values 0..1 (clamped) of red, green and blue. CTS_ERR_USAGE when the sizes differ. */
+CtsStatus cts_picture_compare(const CtsPicture *a, const CtsPicture *b, CtsDifference *difference, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

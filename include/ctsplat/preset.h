@@ -1,0 +1,64 @@
+/* Presets: window, transfer function (HU -> colour and opacity), lighting, blend mode, background. */
+#ifndef CTSPLAT_PRESET_H
+#define CTSPLAT_PRESET_H
+
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { CTS_MAX_POINTS = 256 };
+
+typedef enum CtsMode { CTS_MODE_COMPOSITE, CTS_MODE_MIP, CTS_MODE_MINIP, CTS_MODE_AVERAGE, CTS_N_MODES } CtsMode;
+extern const char *const cts_mode_names[CTS_N_MODES];
+
+typedef struct CtsOpacityPoint {
+    double hu, opacity; /* opacity per unit_distance_mm, 0..1 */
+} CtsOpacityPoint;
+
+typedef struct CtsColourPoint {
+    double hu, rgb[3]; /* display values 0..1 */
+} CtsColourPoint;
+
+/* Plain data, no pointers: presets can be copied by assignment. Points never fall in HU; two at one HU are a step, of
+ * which the later one holds from that HU on. */
+typedef struct CtsPreset {
+    char name[64];
+    double window_low_hu, window_high_hu; /* what mip, minip and average show from black to white */
+    CtsMode mode;
+    double unit_distance_mm;
+    bool shade;
+    double ambient, diffuse, specular, power;
+    bool background_none; /* write alpha */
+    double background[3]; /* display values 0..1 */
+    bool remove_table;
+    int n_opacity, n_colour;
+    CtsOpacityPoint opacity[CTS_MAX_POINTS];
+    CtsColourPoint colour[CTS_MAX_POINTS];
+} CtsPreset;
+
+/* Largest extinction, per mm: what opacity 1 means. */
+#define CTS_MAX_EXTINCTION_PER_MM 50.0
+
+/* A built-in preset, a preset of the user's folder, or a file (JSON, Slicer JSON, .vp), in this order; a name with a
+ * slash or a dot is a file. CTS_ERR_PRESET with the list of names, or the file, line and reason. */
+CtsStatus cts_preset_load(const char *name_or_file, CtsPreset *preset, CtsError *err);
+
+/* The built-in presets by index; NULL past the last. */
+const CtsPreset *cts_preset_builtin(size_t index);
+
+/* Opacity (per unit distance), extinction per mm and colour at any HU. */
+double cts_preset_opacity(const CtsPreset *preset, double hu);
+double cts_preset_extinction_per_mm(const CtsPreset *preset, double hu);
+void cts_preset_colour(const CtsPreset *preset, double hu, double rgb[3]);
+
+/* JSON text as in a preset file, to be freed by the caller with free(). */
+char *cts_preset_to_json(const CtsPreset *preset);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,75 @@
+/* A volume and a preset become a picture. */
+#ifndef CTSPLAT_RENDER_H
+#define CTSPLAT_RENDER_H
+
+#include "ctsplat/picture.h"
+#include "ctsplat/preset.h"
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+#include <signal.h>
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum CtsEngineId {
+    CTS_ENGINE_CLASSIC,
+    CTS_ENGINE_LAYERS,
+    CTS_ENGINE_VOID,
+    CTS_ENGINE_COMBINED,
+    CTS_ENGINE_TILED,
+    CTS_ENGINE_RAYCAST,
+    CTS_N_ENGINES
+} CtsEngineId;
+extern const char *const cts_engine_names[CTS_N_ENGINES];
+
+typedef enum CtsKernelId {
+    CTS_KERNEL_TENT,
+    CTS_KERNEL_GAUSSIAN,
+    CTS_KERNEL_CONE,
+    CTS_KERNEL_BSPLINE,
+    CTS_KERNEL_CONE_PAPER,
+    CTS_N_KERNELS
+} CtsKernelId;
+extern const char *const cts_kernel_names[CTS_N_KERNELS];
+
+typedef enum CtsSwitch { CTS_AS_PRESET, CTS_ON, CTS_OFF } CtsSwitch;
+
+/* Plain data, filled by cts_render_defaults(); 0 or AS_PRESET means "chosen by ctsplat". */
+typedef struct CtsRenderSettings {
+    int width, height;        /* pixels, 1 to 32768; default 1024 */
+    double mm_per_pixel;      /* 0: the whole bounding box fits */
+    double azimuth_deg;       /* 0 anterior, 90 left */
+    double elevation_deg;     /* 90 head; -90..90 */
+    CtsEngineId engine;
+    CtsKernelId kernel;
+    double kernel_radius;     /* voxels; 0: the kernel's own */
+    int samples;              /* sub-sheets per layer; 0: chosen by the engine */
+    double max_error;         /* in 1/255 rms; 0: the engine's default */
+    bool void_key;            /* --void key: improbable voxels are void (lossy) */
+    double tolerance_hu;      /* largest change taken for none */
+    int grey_bits;            /* 8 to 16; 16: grey levels as they are */
+    bool opacity_per_voxel;   /* --opacity-unit voxel */
+    int mode;                 /* CtsMode, or -1: as the preset says */
+    CtsSwitch shade;
+    int verify;               /* pixels to render again with raycast */
+    int n_threads;            /* 0: the cores this process may use */
+    unsigned cpu_mask;        /* CPU flags that may be used, ~0u: all (tests) */
+    bool explain;             /* make the plan, then stop without a picture */
+    bool want_depth;          /* fill the picture's depth_mm */
+    const volatile sig_atomic_t *stop; /* set by a signal handler: give up with CTS_ERR_INTERRUPTED; may be NULL */
+} CtsRenderSettings;
+
+void cts_render_defaults(CtsRenderSettings *settings);
+
+/* One picture, premultiplied, not yet blended over a background. Threads never change a bit of it.
+ * With settings->explain *picture stays NULL and report->plan holds the plan. */
+CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+                     CtsPicture **picture, CtsReport *report, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

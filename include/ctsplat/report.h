@@ -1,0 +1,108 @@
+/* What a run found out: stage times, what was left out, warnings, voxel counts, measured error.
+ *
+ * One CtsReport travels through loading, rendering and export; each adds to it. The cli turns it into the timing log.
+ * A report is not thread-safe: stages add to it outside parallel regions. */
+#ifndef CTSPLAT_REPORT_H
+#define CTSPLAT_REPORT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum CtsStage {
+    CTS_STAGE_SCAN,
+    CTS_STAGE_DECODE,
+    CTS_STAGE_GREY,
+    CTS_STAGE_CLASSIFY,
+    CTS_STAGE_FOOTPRINT,
+    CTS_STAGE_SPLAT,
+    CTS_STAGE_COMPOSITE,
+    CTS_STAGE_SHADE,
+    CTS_STAGE_WARP,
+    CTS_STAGE_EXPORT,
+    CTS_N_STAGES
+} CtsStage;
+
+extern const char *const cts_stage_names[CTS_N_STAGES];
+
+typedef struct CtsStageTime {
+    bool ran;
+    double wall_ms; /* exclusive: the stages of a run add up to its wall time */
+    double cpu_ms;
+    uint64_t items; /* slices, voxels, samples or pixels, whatever the stage counts */
+    uint64_t bytes;
+} CtsStageTime;
+
+typedef struct CtsSkip {
+    char what[48];
+    char why[200];
+} CtsSkip;
+
+typedef enum CtsSeverity { CTS_NOTE, CTS_WARNING, CTS_REFUSAL } CtsSeverity;
+
+/* Something odd but usable (or the reason of a refusal). code is a stable snake_case word, as in `info --json`. */
+typedef struct CtsFinding {
+    char code[40];
+    CtsSeverity severity;
+    char text[400];
+} CtsFinding;
+
+typedef struct CtsFindings {
+    CtsFinding *items;
+    size_t n;
+} CtsFindings;
+
+typedef struct CtsVoxelCounts {
+    bool known;
+    uint64_t total, void_voxels, reused, splatted;
+} CtsVoxelCounts;
+
+typedef struct CtsVerified {
+    uint64_t pixels;     /* 0: not verified */
+    double rmse;         /* over display values 0..1 of red, green and blue */
+    double rmse_low, rmse_high; /* 95 % confidence interval */
+    double p999, max;
+    double share_above;  /* share of pixels off by more than 1/255 */
+    double wall_ms;
+    int worst_x, worst_y;
+} CtsVerified;
+
+typedef struct CtsReport {
+    CtsStageTime stages[CTS_N_STAGES];
+    CtsSkip *skips;
+    size_t n_skips;
+    CtsFindings findings;
+    CtsVoxelCounts voxels;
+    CtsVerified verified;
+    char *plan; /* what --explain prints: lines of text; NULL until a plan is made */
+} CtsReport;
+
+/* Zero-initialise a CtsReport before use; this frees what it owns and zeroes it again. */
+void cts_report_free(CtsReport *report);
+
+/* All of the following accept a NULL report and then do nothing. Texts longer than their field are cut. */
+void cts_report_stage(CtsReport *report, CtsStage stage, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes);
+
+/* Share one parallel region's wall and CPU time among the stages that ran inside it, in proportion to busy[stage]
+ * (any unit, summed over threads; 0: did not run). Items and bytes are added as given (either may be NULL). */
+void cts_report_region(CtsReport *report, double wall_ms, double cpu_ms, const double busy[CTS_N_STAGES],
+                       const uint64_t items[CTS_N_STAGES], const uint64_t bytes[CTS_N_STAGES]);
+
+void cts_report_skip(CtsReport *report, const char *what, const char *why_format, ...)
+    __attribute__((format(printf, 3, 4)));
+void cts_report_finding(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+void cts_report_plan(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+void cts_findings_add(CtsFindings *findings, const char *code, CtsSeverity severity, const char *format, ...)
+    __attribute__((format(printf, 4, 5)));
+void cts_findings_free(CtsFindings *findings);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,57 @@
+/* CT series: found in folders from their headers alone, then loaded as a volume. */
+#ifndef CTSPLAT_SERIES_H
+#define CTSPLAT_SERIES_H
+
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct CtsSlice; /* src/dicom/slice.h */
+
+typedef struct CtsSeries {
+    char uid[65];         /* SeriesInstanceUID (0020,000E); "" where the data has none */
+    char modality[17];
+    char *description;    /* (0008,103E), UTF-8, may identify: print only when asked */
+    char transfer_syntax[65];
+    char orientation[16]; /* axial, coronal, sagittal or oblique */
+    int n_slices, columns, rows;
+    double spacing_mm[3]; /* column, row, slice (along the slice normal, the median where it varies) */
+    double tilt_deg;      /* angle between the slice normal and the line of positions */
+    bool renderable;
+    CtsStatus refusal;    /* why not, when not renderable: the status that loading would return */
+    char reason[512];
+    CtsFindings findings;
+    struct CtsSlice *slices; /* n_slices headers in order of position; owned */
+} CtsSeries;
+
+typedef struct CtsSeriesList {
+    CtsSeries *items; /* most slices first, then by uid */
+    size_t n;
+    int n_files;      /* looked at */
+    int n_not_ct;     /* passed over in silence: not DICOM, other modalities, DICOMDIR, ... */
+    int n_unreadable; /* DICOM that could not be read; findings name them */
+    CtsFindings findings;
+} CtsSeriesList;
+
+/* Paths are files, folders (searched to any depth) or DICOMDIRs. Reads headers only. Fails with CTS_ERR_READ when a
+ * path cannot be read and CTS_ERR_NO_SERIES when nothing is a CT slice. n_threads 0: all cores. */
+CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
+                          CtsError *err);
+void cts_series_list_free(CtsSeriesList **list);
+
+/* The series named by uid (NULL: the one with the most slices). CTS_ERR_USAGE when there is none of that uid. */
+CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err);
+
+/* Decode the pixels, in parallel, each slice straight into its place. Refuses a series that is not renderable.
+ * Adds the decode and grey stages and the series' warnings to report. */
+CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,54 @@
+/* A CT volume as grey levels, with its place in the patient. */
+#ifndef CTSPLAT_VOLUME_H
+#define CTSPLAT_VOLUME_H
+
+#include "ctsplat/status.h"
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Plain data; made by cts_volume_new() or cts_series_load(), freed by cts_volume_free().
+ * Voxel (i, j, k) stands at grey[(k * dims[1] + j) * dims[0] + i]; its centre lies at
+ * origin_lps + i * step_lps[0] + j * step_lps[1] + k * step_lps[2] (patient coordinates, LPS, mm).
+ * The steps need not be orthogonal: a stack with gantry tilt keeps its true shear. */
+typedef struct CtsVolume {
+    int dims[3]; /* columns, rows, slices; each 1 or more */
+    uint16_t *grey;
+    double origin_lps[3];
+    double step_lps[3][3];
+    /* HU = hu_offset + hu_step * grey. Usually -1024 and 1; hu_step is a negative power of two for a fractional
+     * rescale slope. Grey 0 is air or padding, the paper's invalid data. */
+    double hu_offset, hu_step;
+    double hu_min, hu_max; /* of the pixels as stored, padding left out, before anything was clamped */
+} CtsVolume;
+
+/* A volume of zeros with unit spacing, HU = grey - 1024. Refuses sizes below 1 and products past SIZE_MAX. */
+CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *err);
+void cts_volume_free(CtsVolume **volume);
+
+size_t cts_volume_n_voxels(const CtsVolume *volume);
+static inline double cts_volume_hu(const CtsVolume *v, uint16_t grey)
+{
+    return v->hu_offset + v->hu_step * grey;
+}
+
+/* Length of step_lps[axis] in mm. */
+double cts_volume_spacing_mm(const CtsVolume *volume, int axis);
+/* Centre of the box that holds the outermost voxel centres, and its longest diagonal. */
+void cts_volume_centre_lps(const CtsVolume *volume, double centre_lps[3]);
+double cts_volume_diagonal_mm(const CtsVolume *volume);
+/* Continuous voxel coordinates of a point, and the inverse of the step matrix: vox[a] = sum_c inverse[a][c] * lps[c].
+ * False when the steps do not span space. */
+int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3]);
+
+/* Keep the voxels whose centres lie in [lo, hi] (LPS mm); others become air, and the volume shrinks to what is left.
+ * CTS_ERR_USAGE when nothing is left. */
+CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3], CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

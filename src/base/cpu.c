@@ -1,0 +1,29 @@
+#define _GNU_SOURCE
+#include "base/cpu.h"
+
+#include <sched.h>
+
+unsigned cts_cpu_flags(void)
+{
+    unsigned flags = 0;
+#if defined(__x86_64__)
+    if (__builtin_cpu_supports("avx2"))
+        flags |= CTS_CPU_AVX2;
+#endif
+    return flags;
+}
+
+int cts_cpu_cores(void)
+{
+    cpu_set_t set;
+    if (sched_getaffinity(0, sizeof set, &set) == 0 && CPU_COUNT(&set) > 0)
+        return CPU_COUNT(&set);
+    return 1;
+}
+
+int cts_threads(int n)
+{
+    if (n <= 0)
+        n = cts_cpu_cores();
+    return n > 1024 ? 1024 : n;
+}

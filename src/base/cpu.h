@@ -1,0 +1,21 @@
+/* What the processor can do, and how many of it this process may use. */
+#ifndef CTS_BASE_CPU_H
+#define CTS_BASE_CPU_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { CTS_CPU_AVX2 = 1 };
+
+/* Flags found at run time; kernels take `cts_cpu_flags() & settings->cpu_mask`. */
+unsigned cts_cpu_flags(void);
+/* Cores in this process's affinity mask, at least 1. */
+int cts_cpu_cores(void);
+/* n when n > 0, else the cores this process may use; at most 1024. */
+int cts_threads(int n);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,172 @@
+#define _GNU_SOURCE
+#include "base/file.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+struct CtsTempFile {
+    int fd;
+    char *target; /* the final name */
+    char *path;   /* the temporary one */
+};
+
+/* The folder part of path, "." when it has none; NULL without memory. */
+static char *folder_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    if (!slash)
+        return strdup(".");
+    return slash == path ? strdup("/") : strndup(path, (size_t)(slash - path));
+}
+
+static CtsStatus fail_errno(CtsError *err, const char *path, const char *what)
+{
+    const int e = errno;
+    return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s: %s%s", path, what, strerror(e),
+                    e == ENOSPC || e == EDQUOT ? " (free some space, or choose another folder)" : "");
+}
+
+CtsStatus cts_temp_open(CtsTempFile **temp, const char *path, CtsError *err)
+{
+    *temp = NULL;
+    CtsTempFile *t = calloc(1, sizeof *t);
+    char *folder = folder_of(path);
+    const char *base = strrchr(path, '/') ? strrchr(path, '/') + 1 : path;
+    if (!t || !folder || !(t->target = strdup(path)) ||
+        asprintf(&t->path, "%s/.%.100s.%ld.XXXXXX.tmp", folder, base, (long)getpid()) < 0) {
+        if (t)
+            free(t->target);
+        free(t);
+        free(folder);
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+    }
+    free(folder);
+    t->fd = mkostemps(t->path, 4, O_CLOEXEC);
+    if (t->fd < 0) {
+        const CtsStatus st = fail_errno(err, path, "cannot be created");
+        free(t->target);
+        free(t->path);
+        free(t);
+        return st;
+    }
+    *temp = t;
+    return CTS_OK;
+}
+
+CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError *err)
+{
+    const char *p = data;
+    while (n > 0) {
+        const ssize_t done = write(temp->fd, p, n);
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done < 0)
+            return fail_errno(err, temp->target, "cannot be written");
+        p += done;
+        n -= (size_t)done;
+    }
+    return CTS_OK;
+}
+
+const char *cts_temp_path(const CtsTempFile *temp)
+{
+    return temp->path;
+}
+
+int cts_temp_fd(const CtsTempFile *temp)
+{
+    return temp->fd;
+}
+
+static mode_t current_umask(void)
+{
+    const mode_t mask = umask(077);
+    umask(mask);
+    return mask;
+}
+
+static CtsStatus sync_folder(const char *path, CtsError *err)
+{
+    char *folder = folder_of(path);
+    if (!folder)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+    const int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    free(folder);
+    if (fd >= 0) {
+        fsync(fd); /* some file systems cannot; the rename has happened all the same */
+        close(fd);
+    }
+    return CTS_OK;
+}
+
+CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsError *err)
+{
+    CtsTempFile *t = *temp;
+    CtsStatus st = CTS_OK;
+    struct stat info;
+    if (fstat(t->fd, &info) || fchmod(t->fd, 0666 & ~current_umask()) || fsync(t->fd))
+        st = fail_errno(err, t->target, "cannot be written");
+    const int closed = close(t->fd);
+    t->fd = -1;
+    if (!st && closed)
+        st = fail_errno(err, t->target, "cannot be written");
+    if (!st && renameat2(AT_FDCWD, t->path, AT_FDCWD, t->target, force ? 0 : RENAME_NOREPLACE)) {
+        /* A file system without NOREPLACE answers EINVAL; a hard link refuses an existing name just as well. */
+        if (!force && errno == EINVAL && link(t->path, t->target) == 0)
+            unlink(t->path);
+        else if (errno == EEXIST)
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: exists (--force overwrites it)", t->target);
+        else
+            st = fail_errno(err, t->target, "cannot be renamed into place");
+    }
+    if (!st) {
+        if (bytes)
+            *bytes = (uint64_t)info.st_size;
+        st = sync_folder(t->target, err);
+        free(t->target);
+        free(t->path);
+        free(t);
+        *temp = NULL;
+        return st;
+    }
+    cts_temp_discard(temp);
+    return st;
+}
+
+void cts_temp_discard(CtsTempFile **temp)
+{
+    CtsTempFile *t = *temp;
+    if (!t)
+        return;
+    if (t->fd >= 0)
+        close(t->fd);
+    unlink(t->path);
+    free(t->target);
+    free(t->path);
+    free(t);
+    *temp = NULL;
+}
+
+CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err)
+{
+    struct stat info;
+    char *folder = folder_of(path);
+    CtsStatus st = CTS_OK;
+    if (!folder)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+    if (stat(folder, &info) || !S_ISDIR(info.st_mode))
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: its folder does not exist (make it first)", path);
+    else if (access(folder, W_OK | X_OK))
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: its folder cannot be written (%s)", path, strerror(errno));
+    else if (lstat(path, &info) == 0 && !force)
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: exists (--force overwrites it)", path);
+    else if (stat(path, &info) == 0 && !S_ISREG(info.st_mode))
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is not a regular file", path);
+    free(folder);
+    return st;
+}

@@ -1,0 +1,36 @@
+/* Outputs that appear whole or not at all: a temporary file in the same folder, fsync, rename. */
+#ifndef CTS_BASE_FILE_H
+#define CTS_BASE_FILE_H
+
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct CtsTempFile CtsTempFile;
+
+/* Makes an unpredictable name beside path (mode 0600 until the commit). CTS_ERR_OUTPUT with path and cause. */
+CtsStatus cts_temp_open(CtsTempFile **temp, const char *path, CtsError *err);
+/* Writes all of data, retrying short writes. */
+CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError *err);
+/* For libraries that want a name or write at an offset. The descriptor stays the temp file's. */
+const char *cts_temp_path(const CtsTempFile *temp);
+int cts_temp_fd(const CtsTempFile *temp);
+/* fsync, close, mode 0666 less the umask, rename, fsync of the folder. Without force an existing path is
+ * CTS_ERR_OUTPUT. Frees temp. bytes may be NULL. */
+CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsError *err);
+/* Removes the temporary file; does nothing when *temp is NULL, as after a commit. */
+void cts_temp_discard(CtsTempFile **temp);
+
+/* CTS_OK when path could be written: its folder exists and is writable, and path is absent (or force is set and path
+ * is a regular file). */
+CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

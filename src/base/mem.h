@@ -1,0 +1,35 @@
+/* The one door for large heap memory: sizes checked for overflow, blocks aligned for vector code. */
+#ifndef CTS_BASE_MEM_H
+#define CTS_BASE_MEM_H
+
+#include "ctsplat/status.h"
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { CTS_ALIGNMENT = 64 };
+
+/* n * size bytes aligned to 64, zeroed for cts_alloc_zeroed; n or size 0 gives a block that may be freed but not
+ * used. On failure *block is NULL and the status CTS_ERR_MEMORY. */
+CtsStatus cts_alloc_bytes(void **block, size_t n, size_t size, CtsError *err);
+CtsStatus cts_alloc_zeroed_bytes(void **block, size_t n, size_t size, CtsError *err);
+void cts_free_bytes(void *block);
+
+/* For a pointer variable p of any type: cts_alloc_array(&p, n, err). */
+#define cts_alloc_array(p, n, err) cts_alloc_bytes((void **)(p), (n), sizeof **(p), (err))
+#define cts_alloc_zeroed(p, n, err) cts_alloc_zeroed_bytes((void **)(p), (n), sizeof **(p), (err))
+/* Frees and leaves NULL behind. */
+#define cts_free(p) (cts_free_bytes(*(p)), (void)(*(p) = NULL))
+
+/* *product = a * b; nonzero when it does not fit. */
+static inline int cts_mul_overflows(size_t a, size_t b, size_t *product)
+{
+    return __builtin_mul_overflow(a, b, product);
+}
+
+#ifdef __cplusplus
+}
+#endif
+#endif

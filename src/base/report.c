@@ -1,0 +1,126 @@
+#include "ctsplat/report.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+const char *const cts_stage_names[CTS_N_STAGES] = {
+    [CTS_STAGE_SCAN] = "scan",           [CTS_STAGE_DECODE] = "decode",       [CTS_STAGE_GREY] = "grey",
+    [CTS_STAGE_CLASSIFY] = "classify",   [CTS_STAGE_FOOTPRINT] = "footprint", [CTS_STAGE_SPLAT] = "splat",
+    [CTS_STAGE_COMPOSITE] = "composite", [CTS_STAGE_SHADE] = "shade",         [CTS_STAGE_WARP] = "warp",
+    [CTS_STAGE_EXPORT] = "export",
+};
+
+/* A report that runs out of memory loses a line, never the picture. */
+static void *grow(void *items, size_t n, size_t size)
+{
+    /* Capacity doubles at powers of two, so it needs no field of its own. */
+    if (n & (n - 1))
+        return items;
+    return realloc(items, (n ? 2 * n : 1) * size);
+}
+
+void cts_report_free(CtsReport *report)
+{
+    if (!report)
+        return;
+    free(report->skips);
+    free(report->plan);
+    cts_findings_free(&report->findings);
+    *report = (CtsReport){0};
+}
+
+void cts_report_stage(CtsReport *report, CtsStage stage, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes)
+{
+    if (!report)
+        return;
+    CtsStageTime *t = &report->stages[stage];
+    t->ran = true;
+    t->wall_ms += wall_ms;
+    t->cpu_ms += cpu_ms;
+    t->items += items;
+    t->bytes += bytes;
+}
+
+void cts_report_region(CtsReport *report, double wall_ms, double cpu_ms, const double busy[CTS_N_STAGES],
+                       const uint64_t items[CTS_N_STAGES], const uint64_t bytes[CTS_N_STAGES])
+{
+    double sum = 0;
+    for (int s = 0; s < CTS_N_STAGES; s++)
+        sum += busy[s];
+    for (int s = 0; s < CTS_N_STAGES && sum > 0; s++)
+        if (busy[s] > 0)
+            cts_report_stage(report, (CtsStage)s, wall_ms * busy[s] / sum, cpu_ms * busy[s] / sum,
+                             items ? items[s] : 0, bytes ? bytes[s] : 0);
+}
+
+void cts_report_skip(CtsReport *report, const char *what, const char *why_format, ...)
+{
+    if (!report)
+        return;
+    CtsSkip *skips = grow(report->skips, report->n_skips, sizeof *skips);
+    if (!skips)
+        return;
+    report->skips = skips;
+    CtsSkip *skip = &skips[report->n_skips++];
+    snprintf(skip->what, sizeof skip->what, "%s", what);
+    va_list args;
+    va_start(args, why_format);
+    vsnprintf(skip->why, sizeof skip->why, why_format, args);
+    va_end(args);
+}
+
+__attribute__((format(printf, 4, 0))) static void add_finding(CtsFindings *findings, const char *code,
+                                                              CtsSeverity severity, const char *format, va_list args)
+{
+    CtsFinding *items = grow(findings->items, findings->n, sizeof *items);
+    if (!items)
+        return;
+    findings->items = items;
+    CtsFinding *finding = &items[findings->n++];
+    snprintf(finding->code, sizeof finding->code, "%s", code);
+    finding->severity = severity;
+    vsnprintf(finding->text, sizeof finding->text, format, args);
+}
+
+void cts_report_finding(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)
+{
+    if (!report)
+        return;
+    va_list args;
+    va_start(args, format);
+    add_finding(&report->findings, code, severity, format, args);
+    va_end(args);
+}
+
+void cts_findings_add(CtsFindings *findings, const char *code, CtsSeverity severity, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    add_finding(findings, code, severity, format, args);
+    va_end(args);
+}
+
+void cts_findings_free(CtsFindings *findings)
+{
+    free(findings->items);
+    *findings = (CtsFindings){0};
+}
+
+void cts_report_plan(CtsReport *report, const char *format, ...)
+{
+    if (!report)
+        return;
+    char line[512];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(line, sizeof line, format, args);
+    va_end(args);
+    const size_t have = report->plan ? strlen(report->plan) : 0;
+    char *plan = realloc(report->plan, have + strlen(line) + 2);
+    if (!plan)
+        return;
+    report->plan = plan;
+    snprintf(plan + have, strlen(line) + 2, "%s\n", line);
+}

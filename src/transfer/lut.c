@@ -1,0 +1,45 @@
+#include "transfer/lut.h"
+
+#include "base/mem.h"
+#include <stdlib.h>
+
+CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, double extinction_scale,
+                      CtsError *err)
+{
+    CtsStatus st;
+    CtsLut *l = *lut = calloc(1, sizeof *l);
+    if (!l)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if ((st = cts_alloc_array(&l->rgb, CTS_N_GREY, err)) ||
+        (st = cts_alloc_array(&l->extinction_per_mm, CTS_N_GREY, err)) ||
+        (st = cts_alloc_array(&l->visible_below, CTS_N_GREY + 1, err))) {
+        cts_lut_free(lut);
+        return st;
+    }
+    l->visible_below[0] = 0;
+    for (int g = 0; g < CTS_N_GREY; g++) {
+        const double hu = cts_volume_hu(volume, (uint16_t)g);
+        double rgb[3];
+        cts_preset_colour(preset, hu, rgb);
+        for (int c = 0; c < 3; c++)
+            l->rgb[g][c] = (float)rgb[c];
+        const double extinction = cts_preset_extinction_per_mm(preset, hu) * extinction_scale;
+        l->extinction_per_mm[g] = (float)extinction;
+        if (extinction > l->max_extinction_per_mm)
+            l->max_extinction_per_mm = extinction;
+        l->visible_below[g + 1] = l->visible_below[g] + (l->extinction_per_mm[g] > 0);
+    }
+    l->any_visible = l->visible_below[CTS_N_GREY] > 0;
+    return CTS_OK;
+}
+
+void cts_lut_free(CtsLut **lut)
+{
+    if (!*lut)
+        return;
+    cts_free(&(*lut)->rgb);
+    cts_free(&(*lut)->extinction_per_mm);
+    cts_free(&(*lut)->visible_below);
+    free(*lut);
+    *lut = NULL;
+}

@@ -1,0 +1,48 @@
+#include "ctsplat/volume.h"
+
+#include "base/mem.h"
+#include "base/vec3.h"
+#include <stdlib.h>
+#include <string.h>
+
+CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
+{
+    *volume = NULL;
+    if (nx < 1 || ny < 1 || nz < 1)
+        return cts_fail(err, CTS_ERR_GEOMETRY, "a volume of %d x %d x %d voxels is empty", nx, ny, nz);
+    size_t n;
+    if (cts_mul_overflows((size_t)nx * (size_t)ny, (size_t)nz, &n))
+        return cts_fail(err, CTS_ERR_MEMORY, "a volume of %d x %d x %d voxels is too large", nx, ny, nz);
+    CtsVolume *v = calloc(1, sizeof *v);
+    if (!v)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const CtsStatus st = cts_alloc_zeroed(&v->grey, n, err);
+    if (st) {
+        free(v);
+        return st;
+    }
+    v->dims[0] = nx;
+    v->dims[1] = ny;
+    v->dims[2] = nz;
+    for (int axis = 0; axis < 3; axis++)
+        v->step_lps[axis][axis] = 1;
+    v->hu_offset = -1024;
+    v->hu_step = 1;
+    v->hu_min = v->hu_max = -1024;
+    *volume = v;
+    return CTS_OK;
+}
+
+void cts_volume_free(CtsVolume **volume)
+{
+    if (!*volume)
+        return;
+    cts_free(&(*volume)->grey);
+    free(*volume);
+    *volume = NULL;
+}
+
+size_t cts_volume_n_voxels(const CtsVolume *volume)
+{
+    return (size_t)volume->dims[0] * (size_t)volume->dims[1] * (size_t)volume->dims[2];
+}
