@@ -1,0 +1,153 @@
+/* From settings to a scene to an engine's picture. */
+#include "ctsplat/render.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/vec3.h"
+#include "splat/engine.h"
+#include <math.h>
+#include <string.h>
+
+const char *const cts_engine_names[CTS_N_ENGINES] = {
+    [CTS_ENGINE_CLASSIC] = "classic",   [CTS_ENGINE_LAYERS] = "layers", [CTS_ENGINE_VOID] = "void",
+    [CTS_ENGINE_COMBINED] = "combined", [CTS_ENGINE_TILED] = "tiled",   [CTS_ENGINE_RAYCAST] = "raycast",
+};
+
+const char *const cts_kernel_names[CTS_N_KERNELS] = {
+    [CTS_KERNEL_TENT] = "tent",       [CTS_KERNEL_GAUSSIAN] = "gaussian",     [CTS_KERNEL_CONE] = "cone",
+    [CTS_KERNEL_BSPLINE] = "bspline", [CTS_KERNEL_CONE_PAPER] = "cone-paper",
+};
+
+static const CtsEngine *const engines[CTS_N_ENGINES] = {
+    [CTS_ENGINE_CLASSIC] = NULL,
+};
+
+void cts_render_defaults(CtsRenderSettings *settings)
+{
+    *settings = (CtsRenderSettings){
+        .width = 1024,
+        .height = 1024,
+        .engine = engines[CTS_ENGINE_TILED] ? CTS_ENGINE_TILED : CTS_ENGINE_CLASSIC,
+        .kernel = CTS_KERNEL_TENT,
+        .grey_bits = 16,
+        .mode = -1,
+        .cpu_mask = ~0u,
+    };
+}
+
+static CtsStatus check_settings(const CtsRenderSettings *s, CtsError *err)
+{
+    if (s->width < 1 || s->width > 32768 || s->height < 1 || s->height > 32768)
+        return cts_fail(err, CTS_ERR_USAGE, "a picture of %d x %d pixels (1 to 32768 each)", s->width, s->height);
+    if (!isfinite(s->mm_per_pixel) || s->mm_per_pixel < 0)
+        return cts_fail(err, CTS_ERR_USAGE, "%g mm per pixel (a positive number)", s->mm_per_pixel);
+    if (!isfinite(s->azimuth_deg) || fabs(s->azimuth_deg) > 36000 || !(fabs(s->elevation_deg) <= 90))
+        return cts_fail(err, CTS_ERR_USAGE, "view %g,%g (azimuth in degrees, elevation -90 to 90)", s->azimuth_deg,
+                        s->elevation_deg);
+    if ((unsigned)s->engine >= CTS_N_ENGINES || (unsigned)s->kernel >= CTS_N_KERNELS)
+        return cts_fail(err, CTS_ERR_USAGE, "no such engine or kernel");
+    if (!(s->kernel_radius >= 0 && s->kernel_radius <= 4))
+        return cts_fail(err, CTS_ERR_USAGE, "kernel radius %g (at most 4 voxels)", s->kernel_radius);
+    if (s->samples < 0 || s->samples > 64)
+        return cts_fail(err, CTS_ERR_USAGE, "%d samples per layer (1 to 64)", s->samples);
+    if (!(s->max_error >= 0) || !(s->tolerance_hu >= 0) || !isfinite(s->max_error) || !isfinite(s->tolerance_hu))
+        return cts_fail(err, CTS_ERR_USAGE, "an error or tolerance below 0");
+    if (s->grey_bits < 8 || s->grey_bits > 16)
+        return cts_fail(err, CTS_ERR_USAGE, "%d bits of grey (8 to 16)", s->grey_bits);
+    if (s->mode < -1 || s->mode >= CTS_N_MODES || s->verify < 0)
+        return cts_fail(err, CTS_ERR_USAGE, "no such mode, or fewer than 0 pixels to verify");
+    return CTS_OK;
+}
+
+static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const CtsEngine **engine, CtsError *err)
+{
+    const CtsEngine *e = engines[s->engine];
+    if (!e)
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s is not in this build", cts_engine_names[s->engine]);
+    if (!(e->modes >> mode & 1))
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no mode %s (tiled and raycast have)", e->name,
+                        cts_mode_names[mode]);
+    if (!(e->kernels >> s->kernel & 1))
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no kernel %s", e->name, cts_kernel_names[s->kernel]);
+    *engine = e;
+    return CTS_OK;
+}
+
+static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *engine_name)
+{
+    const CtsView *view = &scene->view;
+    memcpy(info->preset, scene->preset->name, sizeof info->preset);
+    strncpy(info->engine, engine_name, sizeof info->engine - 1);
+    info->mode = scene->preset->mode;
+    info->azimuth_deg = view->azimuth_deg;
+    info->elevation_deg = view->elevation_deg;
+    info->mm_per_pixel = view->mm_per_pixel;
+    info->window_low_hu = scene->preset->window_low_hu;
+    info->window_high_hu = scene->preset->window_high_hu;
+    memcpy(info->right_lps, view->right_lps, sizeof info->right_lps);
+    memcpy(info->up_lps, view->up_lps, sizeof info->up_lps);
+    memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
+    memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
+}
+
+CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *asked,
+                     CtsPicture **picture, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    CtsLut *lut = NULL;
+    CtsPreset p = *preset;
+    CtsRenderSettings s = *asked;
+    const CtsEngine *engine = NULL;
+    *picture = NULL;
+    if ((st = check_settings(&s, err)))
+        return st;
+    s.n_threads = cts_threads(s.n_threads);
+    if (s.mode >= 0)
+        p.mode = (CtsMode)s.mode;
+    if (s.shade != CTS_AS_PRESET)
+        p.shade = s.shade == CTS_ON;
+    if (p.mode != CTS_MODE_COMPOSITE)
+        p.shade = false;
+    if ((st = choose_engine(&s, p.mode, &engine, err)))
+        return st;
+
+    CtsScene scene = {.volume = volume, .preset = &p, .settings = &s, .extinction_scale = 1};
+    if ((st = cts_view_init(&scene.view, volume, s.azimuth_deg, s.elevation_deg, s.width, s.height, s.mm_per_pixel,
+                            err)))
+        return st;
+    /* Slicer's GPU path hands its mapper voxels of unit spacing: a unit is then a voxel's length along the ray. */
+    if (s.opacity_per_voxel)
+        scene.extinction_scale = cts_norm3(scene.view.forward_vox);
+    if (p.mode == CTS_MODE_COMPOSITE) {
+        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+        if ((st = cts_lut_new(&lut, &p, volume, scene.extinction_scale, err)))
+            goto end;
+        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, CTS_N_GREY, 0);
+        scene.lut = lut;
+    } else {
+        cts_report_skip(report, "transfer function", "mode %s shows HU through the window", cts_mode_names[p.mode]);
+    }
+    if (!p.shade)
+        cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p.mode],
+                        p.mode != CTS_MODE_COMPOSITE ? "its nature" : s.shade == CTS_OFF ? "--shade off" : "the preset");
+    if (!s.explain) {
+        if ((st = cts_picture_new(picture, s.width, s.height, 4, err)))
+            goto end;
+        (*picture)->has_alpha = true;
+        fill_info(&(*picture)->info, &scene, engine->name);
+        if (s.want_depth) {
+            const size_t n = (size_t)s.width * (size_t)s.height;
+            if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
+                goto end;
+            for (size_t i = 0; i < n; i++)
+                (*picture)->depth_mm[i] = INFINITY;
+        }
+    }
+    st = engine->render(&scene, *picture, report, err);
+end:
+    if (st)
+        cts_picture_free(picture);
+    cts_lut_free(&lut);
+    return st;
+}
