@@ -34,7 +34,7 @@ typedef struct CtsPicture {
     CtsPictureInfo info;
 } CtsPicture;
 
-/* All zeros, has_alpha as asked. Refuses sizes outside 1..32768. */
+/* All zeros; has_alpha is true for 4 channels. CTS_ERR_USAGE for sizes outside 1..32768. */
 CtsStatus cts_picture_new(CtsPicture **picture, int width, int height, int n_channels, CtsError *err);
 void cts_picture_free(CtsPicture **picture);
 

@@ -1,0 +1,55 @@
+#define _GNU_SOURCE
+#include "image/describe.h"
+
+#include <locale.h>
+#include <math.h>
+#include <stdio.h>
+
+static const struct {
+    double azimuth_deg, elevation_deg;
+    const char *name;
+} views[] = {
+    {0, 0, "anterior"}, {180, 0, "posterior"}, {90, 0, "left"}, {270, 0, "right"}, {0, 90, "head"}, {0, -90, "feet"},
+};
+
+void cts_describe_number(double value, int n_digits, char *text, size_t size)
+{
+    const locale_t plain = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
+    const locale_t before = plain ? uselocale(plain) : (locale_t)0;
+    snprintf(text, size, "%.*g", n_digits, value + 0.0); /* + 0.0: no "-0" */
+    if (plain) {
+        uselocale(before);
+        freelocale(plain);
+    }
+}
+
+static void number_pair(double a, double b, char *text, size_t size)
+{
+    char one[32], two[32];
+    cts_describe_number(a, 9, one, sizeof one);
+    cts_describe_number(b, 9, two, sizeof two);
+    snprintf(text, size, "%s,%s", one, two);
+}
+
+void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size)
+{
+    double azimuth_deg = fmod(info->azimuth_deg, 360);
+    if (azimuth_deg < 0)
+        azimuth_deg += 360;
+    for (size_t i = 0; i < sizeof views / sizeof *views; i++)
+        if (azimuth_deg == views[i].azimuth_deg && info->elevation_deg == views[i].elevation_deg) {
+            snprintf(text, size, "%s", views[i].name);
+            return;
+        }
+    number_pair(info->azimuth_deg, info->elevation_deg, text, size);
+}
+
+bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size)
+{
+    if (size)
+        text[0] = 0;
+    if (!(info->window_high_hu > info->window_low_hu))
+        return false;
+    number_pair(info->window_low_hu, info->window_high_hu, text, size);
+    return true;
+}

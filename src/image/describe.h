@@ -1,0 +1,16 @@
+/* How a picture was made, in words and numbers for files: no patient data, the same in every locale. */
+#ifndef CTS_IMAGE_DESCRIBE_H
+#define CTS_IMAGE_DESCRIBE_H
+
+#include "ctsplat/picture.h"
+
+/* Up to n_digits significant digits with a decimal point, whatever the locale. */
+void cts_describe_number(double value, int n_digits, char *text, size_t size);
+
+/* The view as --view takes it: a name where there is one, else "azimuth,elevation" in degrees. */
+void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size);
+
+/* The grey window as "low,high" in HU; false (and "") when the picture has none. */
+bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size);
+
+#endif

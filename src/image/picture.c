@@ -1,0 +1,55 @@
+#include "ctsplat/picture.h"
+
+#include "base/mem.h"
+#include <stdlib.h>
+
+enum { MAX_SIDE = 32768 };
+
+CtsStatus cts_picture_new(CtsPicture **picture, int width, int height, int n_channels, CtsError *err)
+{
+    *picture = NULL;
+    if (width < 1 || height < 1 || width > MAX_SIDE || height > MAX_SIDE)
+        return cts_fail(err, CTS_ERR_USAGE, "a picture of %dx%d pixels is not possible (1 to %d each way)", width,
+                        height, MAX_SIDE);
+    if (n_channels != 1 && n_channels != 4)
+        return cts_fail(err, CTS_ERR_INTERNAL, "a picture has 1 or 4 channels, not %d", n_channels);
+    CtsPicture *p = calloc(1, sizeof *p);
+    if (!p)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    p->width = width;
+    p->height = height;
+    p->n_channels = n_channels;
+    p->has_alpha = n_channels == 4;
+    const CtsStatus st = cts_alloc_zeroed(&p->pixels, (size_t)width * height * n_channels, err);
+    if (st)
+        cts_picture_free(&p);
+    *picture = p;
+    return st;
+}
+
+void cts_picture_free(CtsPicture **picture)
+{
+    CtsPicture *p = *picture;
+    if (!p)
+        return;
+    cts_free(&p->pixels);
+    cts_free(&p->depth_mm);
+    free(p);
+    *picture = NULL;
+}
+
+void cts_picture_over(CtsPicture *picture, const double background[3])
+{
+    if (picture->n_channels != 4)
+        return;
+    const float b[3] = {(float)background[0], (float)background[1], (float)background[2]};
+    const size_t n = (size_t)picture->width * picture->height;
+    for (size_t i = 0; i < n; i++) {
+        float *p = picture->pixels + 4 * i;
+        const float through = 1.0f - p[3];
+        for (int c = 0; c < 3; c++)
+            p[c] += through * b[c];
+        p[3] = 1.0f;
+    }
+    picture->has_alpha = false;
+}

@@ -1,0 +1,108 @@
+/* Pictures made by formula and folders of their own, for the tests of image and export. */
+#ifndef CTS_TESTS_PICTURES_H
+#define CTS_TESTS_PICTURES_H
+
+#include "ctsplat/picture.h"
+#include "unit.h"
+#include <dirent.h>
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* A smooth coloured ramp with a transparent border, a specular highlight above 1 in the middle. */
+static inline CtsPicture *make_picture(int width, int height, int n_channels, bool has_alpha)
+{
+    CtsPicture *p = NULL;
+    CtsError err;
+    assert_int_equal(cts_picture_new(&p, width, height, n_channels, &err), CTS_OK);
+    p->has_alpha = has_alpha;
+    for (int y = 0; y < height; y++)
+        for (int x = 0; x < width; x++) {
+            float *v = p->pixels + ((size_t)y * width + x) * n_channels;
+            const double u = (x + 0.5) / width, w = (y + 0.5) / height;
+            const double r = hypot(u - 0.5, w - 0.5), alpha = has_alpha ? fmax(0, fmin(1, 1.5 - 3 * r)) : 1;
+            const double rgb[3] = {u + 0.3 * exp(-200 * r * r), w, 0.5 + 0.5 * sin(9 * u * w)};
+            if (n_channels == 1)
+                v[0] = (float)(0.5 * (u + w));
+            for (int c = 0; c < 4 && n_channels == 4; c++)
+                v[c] = (float)(c < 3 ? rgb[c] * alpha : alpha);
+        }
+    const CtsPictureInfo info = {.preset = "bone",
+                                 .engine = "tiled",
+                                 .azimuth_deg = -30,
+                                 .elevation_deg = 20,
+                                 .mm_per_pixel = 0.5,
+                                 .right_lps = {1, 0, 0},
+                                 .up_lps = {0, 0, 1},
+                                 .forward_lps = {0, 1, 0},
+                                 .centre_lps = {10, -20, 300}};
+    p->info = info;
+    if (n_channels == 1) {
+        p->info.mode = CTS_MODE_MIP;
+        p->info.window_low_hu = -100;
+        p->info.window_high_hu = 900.5;
+    }
+    return p;
+}
+
+/* A new empty folder; remove_folder() removes it with what it holds. */
+static inline void make_folder(char folder[64])
+{
+    snprintf(folder, 64, "test-pictures-XXXXXX");
+    assert_non_null(mkdtemp(folder));
+}
+
+static inline int count_files(const char *folder)
+{
+    int n = 0;
+    DIR *dir = opendir(folder);
+    assert_non_null(dir);
+    for (struct dirent *e; (e = readdir(dir));)
+        n += strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0;
+    closedir(dir);
+    return n;
+}
+
+static inline void remove_folder(const char *folder)
+{
+    DIR *dir = opendir(folder);
+    assert_non_null(dir);
+    for (struct dirent *e; (e = readdir(dir));) {
+        char path[400];
+        snprintf(path, sizeof path, "%s/%s", folder, e->d_name);
+        if (strcmp(e->d_name, ".") != 0 && strcmp(e->d_name, "..") != 0)
+            assert_int_equal(unlink(path), 0);
+    }
+    closedir(dir);
+    assert_int_equal(rmdir(folder), 0);
+}
+
+/* The whole of a file; the caller frees it. */
+static inline uint8_t *slurp(const char *path, size_t *n)
+{
+    FILE *f = fopen(path, "rb");
+    assert_non_null(f);
+    assert_int_equal(fseek(f, 0, SEEK_END), 0);
+    *n = (size_t)ftell(f);
+    rewind(f);
+    uint8_t *bytes = malloc(*n + 1);
+    assert_non_null(bytes);
+    assert_int_equal(fread(bytes, 1, *n, f), *n);
+    fclose(f);
+    return bytes;
+}
+
+static inline void assert_same_bytes(const char *a, const char *b)
+{
+    size_t na, nb;
+    uint8_t *pa = slurp(a, &na), *pb = slurp(b, &nb);
+    assert_int_equal(na, nb);
+    assert_memory_equal(pa, pb, na);
+    free(pa);
+    free(pb);
+}
+
+#endif

@@ -1,0 +1,321 @@
+/* Pictures in files: what is written is what is read back, whole or not at all. */
+#include "base/file.h"
+#include "ctsplat/export.h"
+#include "image/samples.h"
+#include "pictures.h"
+#include <png.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <zlib.h>
+
+static const CtsExportSettings plain = {.n_threads = 2};
+
+static void write_one(const CtsPicture *p, const char *path)
+{
+    CtsError err = {0};
+    uint64_t bytes = 0;
+    CtsReport report = {0};
+    struct stat info;
+    const CtsStatus st = cts_export(&p, 1, path, &plain, &bytes, &report, &err);
+    if (st)
+        fail_msg("%s", err.text);
+    assert_int_equal(stat(path, &info), 0);
+    assert_int_equal(bytes, info.st_size);
+    assert_true(report.stages[CTS_STAGE_EXPORT].ran);
+    assert_int_equal(report.stages[CTS_STAGE_EXPORT].items, (uint64_t)p->width * p->height);
+    assert_int_equal(report.stages[CTS_STAGE_EXPORT].bytes, bytes);
+    cts_report_free(&report);
+}
+
+static void assert_samples_equal(const CtsPicture *a, const CtsPicture *b, int n_samples)
+{
+    uint16_t row_a[4 * 300], row_b[4 * 300];
+    assert_int_equal(a->width, b->width);
+    assert_int_equal(a->height, b->height);
+    for (int y = 0; y < a->height; y++) {
+        cts_samples_row16(a, y, n_samples, row_a);
+        cts_samples_row16(b, y, n_samples, row_b);
+        assert_memory_equal(row_a, row_b, (size_t)a->width * n_samples * 2);
+    }
+}
+
+/* Grey, RGB and RGBA, of sizes that are no multiple of anything, come back to the last of 16 bits, and twice the same
+ * picture gives twice the same bytes. */
+static void test_png_round_trip(void **state)
+{
+    (void)state;
+    const struct {
+        int width, height, n_channels;
+        bool has_alpha;
+        int n_samples, colour_type;
+    } cases[] = {{97, 41, 1, false, 1, PNG_COLOR_TYPE_GRAY}, {97, 41, 4, false, 3, PNG_COLOR_TYPE_RGB},
+                 {97, 41, 4, true, 4, PNG_COLOR_TYPE_RGBA},  {1, 1, 4, true, 4, PNG_COLOR_TYPE_RGBA},
+                 {300, 1, 1, false, 1, PNG_COLOR_TYPE_GRAY}, {1, 300, 4, false, 3, PNG_COLOR_TYPE_RGB},
+                 {256, 256, 4, true, 4, PNG_COLOR_TYPE_RGBA}};
+    char folder[64], a[100], b[100];
+    make_folder(folder);
+    snprintf(a, sizeof a, "%s/a.png", folder);
+    snprintf(b, sizeof b, "%s/B.PNG", folder);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        CtsPicture *p = make_picture(cases[i].width, cases[i].height, cases[i].n_channels, cases[i].has_alpha), *q;
+        CtsError err;
+        write_one(p, a);
+        write_one(p, b);
+        assert_same_bytes(a, b);
+        assert_int_equal(cts_picture_read(a, &q, &err), CTS_OK);
+        assert_int_equal(q->has_alpha, cases[i].has_alpha);
+        assert_int_equal(q->n_channels, cases[i].n_channels);
+        assert_samples_equal(p, q, cases[i].n_samples);
+        size_t n;
+        uint8_t *bytes = slurp(a, &n);
+        assert_int_equal(bytes[24], 16);
+        assert_int_equal(bytes[25], cases[i].colour_type);
+        assert_int_equal(bytes[28], 0);
+        free(bytes);
+        cts_picture_free(&p);
+        cts_picture_free(&q);
+        unlink(a);
+        unlink(b);
+    }
+    remove_folder(folder);
+}
+
+static const char *text_of(png_structp png, png_infop info, const char *key)
+{
+    png_textp text;
+    int n;
+    png_get_text(png, info, &text, &n);
+    for (int i = 0; i < n; i++)
+        if (strcmp(text[i].key, key) == 0)
+            return text[i].text;
+    return "";
+}
+
+/* Colour space, scale and texts stand in the file as libpng, an independent reader of them, finds them. */
+static void test_png_metadata(void **state)
+{
+    (void)state;
+    char folder[64], path[100];
+    make_folder(folder);
+    snprintf(path, sizeof path, "%s/a.png", folder);
+    CtsPicture *p = make_picture(20, 10, 1, false);
+    write_one(p, path);
+    FILE *file = fopen(path, "rb");
+    png_structp png = png_create_read_struct(PNG_LIBPNG_VER_STRING, NULL, NULL, NULL);
+    png_infop info = png_create_info_struct(png);
+    assert_int_equal(setjmp(png_jmpbuf(png)), 0);
+    png_init_io(png, file);
+    png_read_png(png, info, PNG_TRANSFORM_IDENTITY, NULL);
+    int intent, unit;
+    double gamma;
+    png_uint_32 res_x, res_y;
+    assert_true(png_get_sRGB(png, info, &intent) && intent == 0);
+    assert_true(png_get_gAMA(png, info, &gamma) && fabs(gamma - 0.45455) < 1e-9);
+    assert_true(png_get_valid(png, info, PNG_INFO_cHRM) != 0);
+    assert_true(png_get_valid(png, info, PNG_INFO_tIME) == 0);
+    assert_true(png_get_pHYs(png, info, &res_x, &res_y, &unit) && res_x == 2000 && res_y == 2000);
+    assert_int_equal(unit, PNG_RESOLUTION_METER);
+    assert_string_equal(text_of(png, info, "Software"), "ctsplat " CTS_VERSION);
+    assert_string_equal(text_of(png, info, "Disclaimer"), "not for diagnostic use");
+    assert_string_equal(text_of(png, info, "ctsplat:preset"), "bone");
+    assert_string_equal(text_of(png, info, "ctsplat:view"), "-30,20");
+    assert_string_equal(text_of(png, info, "ctsplat:mm_per_pixel"), "0.5");
+    assert_string_equal(text_of(png, info, "ctsplat:window"), "-100,900.5");
+    png_destroy_read_struct(&png, &info, NULL);
+    fclose(file);
+    cts_picture_free(&p);
+    remove_folder(folder);
+}
+
+/* PNG files of other makers: 8 bits, palettes, grey with alpha, interlaced. */
+static void test_png_foreign(void **state)
+{
+    (void)state;
+    char folder[64], path[100];
+    make_folder(folder);
+    snprintf(path, sizeof path, "%s/a.png", folder);
+    const struct {
+        uint32_t format;
+        int n_channels;
+        uint8_t pixels[8];
+        float expected[8];
+    } cases[] = {{PNG_FORMAT_GRAY, 1, {0, 51}, {0, 0.2f}},
+                 {PNG_FORMAT_RGB, 4, {0, 51, 255, 102, 0, 0}, {0, 0.2f, 1, 1, 0.4f, 0, 0, 1}},
+                 {PNG_FORMAT_GA, 4, {255, 51, 255, 255}, {0.2f, 0.2f, 0.2f, 0.2f, 1, 1, 1, 1}},
+                 {PNG_FORMAT_RGBA, 4, {255, 0, 51, 51, 0, 255, 0, 255}, {0.2f, 0, 0.04f, 0.2f, 0, 1, 0, 1}}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        png_image image = {.version = PNG_IMAGE_VERSION, .width = 2, .height = 1, .format = cases[i].format};
+        CtsPicture *p;
+        CtsError err;
+        assert_true(png_image_write_to_file(&image, path, 0, cases[i].pixels, 0, NULL) != 0);
+        assert_int_equal(cts_picture_read(path, &p, &err), CTS_OK);
+        assert_int_equal(p->n_channels, cases[i].n_channels);
+        for (int k = 0; k < 2 * p->n_channels; k++)
+            assert_true(fabsf(p->pixels[k] - cases[i].expected[k]) < 1e-6f);
+        cts_picture_free(&p);
+    }
+    remove_folder(folder);
+}
+
+static void put_file(const char *path, const void *bytes, size_t n)
+{
+    FILE *f = fopen(path, "wb");
+    assert_non_null(f);
+    assert_int_equal(fwrite(bytes, 1, n, f), n);
+    assert_int_equal(fclose(f), 0);
+}
+
+/* Cut short anywhere, a file is refused with one line and never read as a picture. */
+static void refuse_every_cut(const char *ending)
+{
+    char folder[64], whole[100], cut[100];
+    make_folder(folder);
+    snprintf(whole, sizeof whole, "%s/whole.%s", folder, ending);
+    snprintf(cut, sizeof cut, "%s/cut.%s", folder, ending);
+    CtsPicture *p = make_picture(13, 9, 4, true), *q;
+    write_one(p, whole);
+    size_t n;
+    uint8_t *bytes = slurp(whole, &n);
+    CtsError err;
+    for (size_t k = 0; k < n; k += k < 200 ? 1 : 7) {
+        put_file(cut, bytes, k);
+        assert_int_equal(cts_picture_read(cut, &q, &err), CTS_ERR_READ);
+        assert_null(q);
+        assert_non_null(strstr(err.text, cut));
+    }
+    free(bytes);
+    cts_picture_free(&p);
+    remove_folder(folder);
+}
+
+static void test_png_cut(void **state)
+{
+    (void)state;
+    refuse_every_cut("png");
+}
+
+static void test_png_promises_too_much(void **state)
+{
+    (void)state;
+    static const uint8_t head[] = {0x89, 'P',  'N',  'G',  13, 10, 26, 10,   0,   0,   0,   13,   'I',  'H',  'D',
+                                   'R',  0,    0,    0x80, 0,  0,  0,  0x80, 0,   16,  6,   0,    0,    0,    0xb2,
+                                   0x8b, 0xe0, 0x11, 0,    0,  0,  0,  'I',  'D', 'A', 'T', 0x35, 0xaf, 0x06, 0x1e};
+    char folder[64], path[100];
+    make_folder(folder);
+    snprintf(path, sizeof path, "%s/a.png", folder);
+    uint8_t bytes[sizeof head];
+    memcpy(bytes, head, sizeof head);
+    const uint32_t crc = (uint32_t)crc32(0, bytes + 12, 17);
+    for (int i = 0; i < 4; i++)
+        bytes[29 + i] = (uint8_t)(crc >> (24 - 8 * i));
+    put_file(path, bytes, sizeof bytes);
+    CtsPicture *p;
+    CtsError err;
+    assert_int_equal(cts_picture_read(path, &p, &err), CTS_ERR_READ);
+    assert_non_null(strstr(err.text, "too short"));
+    remove_folder(folder);
+}
+
+static void test_check(void **state)
+{
+    (void)state;
+    char folder[64], path[200];
+    CtsError err;
+    make_folder(folder);
+    CtsPicture *p = make_picture(4, 4, 4, false);
+    assert_string_equal(cts_export_format("a/b.png"), "png");
+    assert_string_equal(cts_export_format("b.PnG"), "png");
+    assert_null(cts_export_format("b.jpg"));
+    assert_null(cts_export_format("a.png/b"));
+    assert_null(cts_export_format("b"));
+    assert_int_equal(cts_export_check("b.jpg", &plain, &err), CTS_ERR_USAGE);
+    assert_non_null(strstr(err.text, ".png"));
+    snprintf(path, sizeof path, "%s/none/a.png", folder);
+    assert_int_equal(cts_export_check(path, &plain, &err), CTS_ERR_OUTPUT);
+    assert_int_equal(cts_export(&(const CtsPicture *){p}, 1, path, &plain, NULL, NULL, &err), CTS_ERR_OUTPUT);
+    snprintf(path, sizeof path, "%s/a.png", folder);
+    const CtsPicture *two[] = {p, p};
+    assert_int_equal(cts_export(two, 2, path, &plain, NULL, NULL, &err), CTS_ERR_USAGE);
+    assert_int_equal(count_files(folder), 0);
+    /* An existing file stays as it is unless forced. */
+    put_file(path, "old", 3);
+    assert_int_equal(cts_export_check(path, &plain, &err), CTS_ERR_OUTPUT);
+    assert_int_equal(cts_export(two, 1, path, &plain, NULL, NULL, &err), CTS_ERR_OUTPUT);
+    size_t n;
+    uint8_t *bytes = slurp(path, &n);
+    assert_true(n == 3 && memcmp(bytes, "old", 3) == 0);
+    free(bytes);
+    const CtsExportSettings force = {.force = true};
+    assert_int_equal(cts_export_check(path, &force, &err), CTS_OK);
+    assert_int_equal(cts_export(two, 1, path, &force, NULL, NULL, &err), CTS_OK);
+    assert_int_equal(count_files(folder), 1);
+    cts_picture_free(&p);
+    remove_folder(folder);
+}
+
+/* The disk fills up after any number of bytes: an error, and nothing is left behind. */
+static void fail_when_full(const char *ending)
+{
+    char folder[64], path[100];
+    CtsError err;
+    make_folder(folder);
+    snprintf(path, sizeof path, "%s/a.%s", folder, ending);
+    CtsPicture *p = make_picture(120, 90, 4, true);
+    uint64_t whole = 0;
+    assert_int_equal(cts_export(&(const CtsPicture *){p}, 1, path, &plain, &whole, NULL, &err), CTS_OK);
+    unlink(path);
+    struct rlimit before, limit;
+    assert_int_equal(getrlimit(RLIMIT_FSIZE, &before), 0);
+    signal(SIGXFSZ, SIG_IGN);
+    for (uint64_t room = 0; room < whole; room += whole / 23 + 1) {
+        limit = before;
+        limit.rlim_cur = room;
+        assert_int_equal(setrlimit(RLIMIT_FSIZE, &limit), 0);
+        const CtsStatus st = cts_export(&(const CtsPicture *){p}, 1, path, &plain, NULL, NULL, &err);
+        assert_int_equal(setrlimit(RLIMIT_FSIZE, &before), 0);
+        assert_int_equal(st, CTS_ERR_OUTPUT);
+        assert_non_null(strstr(err.text, path));
+        assert_int_equal(count_files(folder), 0);
+    }
+    cts_picture_free(&p);
+    remove_folder(folder);
+}
+
+static void test_png_full(void **state)
+{
+    (void)state;
+    fail_when_full("png");
+}
+
+static void test_no_picture(void **state)
+{
+    (void)state;
+    char folder[64], path[100];
+    CtsPicture *p;
+    CtsError err;
+    make_folder(folder);
+    snprintf(path, sizeof path, "%s/a.png", folder);
+    assert_int_equal(cts_picture_read(path, &p, &err), CTS_ERR_READ);
+    put_file(path, "", 0);
+    assert_int_equal(cts_picture_read(path, &p, &err), CTS_ERR_READ);
+    put_file(path, "hello, world", 12);
+    assert_int_equal(cts_picture_read(path, &p, &err), CTS_ERR_READ);
+    assert_int_equal(cts_picture_read(folder, &p, &err), CTS_ERR_READ);
+    remove_folder(folder);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_png_round_trip),
+        cmocka_unit_test(test_png_metadata),
+        cmocka_unit_test(test_png_foreign),
+        cmocka_unit_test(test_png_cut),
+        cmocka_unit_test(test_png_promises_too_much),
+        cmocka_unit_test(test_check),
+        cmocka_unit_test(test_png_full),
+        cmocka_unit_test(test_no_picture),
+    };
+    return cmocka_run_group_tests_name("export", tests, NULL, NULL);
+}
