@@ -1,0 +1,76 @@
+/* Presets at any HU: straight lines between the points, the end values beyond them. */
+#include "ctsplat/preset.h"
+
+#include <math.h>
+#include <string.h>
+
+const char *const cts_mode_names[CTS_N_MODES] = {
+    [CTS_MODE_COMPOSITE] = "composite",
+    [CTS_MODE_MIP] = "mip",
+    [CTS_MODE_MINIP] = "minip",
+    [CTS_MODE_AVERAGE] = "average",
+};
+
+/* Where hu stands among the points: between lower and upper at fraction 0..1 (lower == upper outside them).
+ * The HU are the first member of each point, stride bytes apart. Of two points at one HU the later one counts. */
+typedef struct Place {
+    int lower, upper;
+    double fraction;
+} Place;
+
+static double point_hu(const void *points, size_t stride, int i)
+{
+    double hu;
+    memcpy(&hu, (const char *)points + (size_t)i * stride, sizeof hu);
+    return hu;
+}
+
+static Place find_place(const void *points, size_t stride, int n, double hu)
+{
+    int low = 0, high = n; /* the number of points at or below hu lies in low..high */
+    while (low < high) {
+        const int middle = (low + high) / 2;
+        if (point_hu(points, stride, middle) <= hu)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    if (low == 0)
+        return (Place){0, 0, 0};
+    if (low == n)
+        return (Place){n - 1, n - 1, 0};
+    const double a = point_hu(points, stride, low - 1), b = point_hu(points, stride, low);
+    return (Place){low - 1, low, (hu - a) / (b - a)};
+}
+
+static double mix(double a, double b, double fraction)
+{
+    return a + (b - a) * fraction;
+}
+
+double cts_preset_opacity(const CtsPreset *preset, double hu)
+{
+    if (preset->n_opacity < 1)
+        return 0;
+    const Place p = find_place(preset->opacity, sizeof *preset->opacity, preset->n_opacity, hu);
+    return mix(preset->opacity[p.lower].opacity, preset->opacity[p.upper].opacity, p.fraction);
+}
+
+double cts_preset_extinction_per_mm(const CtsPreset *preset, double hu)
+{
+    const double opacity = cts_preset_opacity(preset, hu);
+    if (opacity >= 1)
+        return CTS_MAX_EXTINCTION_PER_MM;
+    return fmin(-log1p(-opacity) / preset->unit_distance_mm, CTS_MAX_EXTINCTION_PER_MM);
+}
+
+void cts_preset_colour(const CtsPreset *preset, double hu, double rgb[3])
+{
+    if (preset->n_colour < 1) {
+        rgb[0] = rgb[1] = rgb[2] = 1;
+        return;
+    }
+    const Place p = find_place(preset->colour, sizeof *preset->colour, preset->n_colour, hu);
+    for (int c = 0; c < 3; c++)
+        rgb[c] = mix(preset->colour[p.lower].rgb[c], preset->colour[p.upper].rgb[c], p.fraction);
+}
