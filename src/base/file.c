@@ -73,6 +73,22 @@ CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError
     return CTS_OK;
 }
 
+CtsStatus cts_temp_write_at(CtsTempFile *temp, const void *data, size_t n, uint64_t offset, CtsError *err)
+{
+    const char *p = data;
+    while (n > 0) {
+        const ssize_t done = pwrite(temp->fd, p, n, (off_t)offset);
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done < 0)
+            return fail_errno(err, temp->target, "cannot be written");
+        p += done;
+        n -= (size_t)done;
+        offset += (uint64_t)done;
+    }
+    return CTS_OK;
+}
+
 const char *cts_temp_path(const CtsTempFile *temp)
 {
     return temp->path;

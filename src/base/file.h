@@ -17,7 +17,9 @@ typedef struct CtsTempFile CtsTempFile;
 CtsStatus cts_temp_open(CtsTempFile **temp, const char *path, CtsError *err);
 /* Writes all of data, retrying short writes. */
 CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError *err);
-/* For libraries that want a name or write at an offset. The descriptor stays the temp file's. */
+/* The same at an offset; the place where cts_temp_write() goes on does not move. */
+CtsStatus cts_temp_write_at(CtsTempFile *temp, const void *data, size_t n, uint64_t offset, CtsError *err);
+/* For libraries that want a name or a descriptor, which stays the temp file's. */
 const char *cts_temp_path(const CtsTempFile *temp);
 int cts_temp_fd(const CtsTempFile *temp);
 /* fsync, close, mode 0666 less the umask, rename, fsync of the folder. Without force an existing path is

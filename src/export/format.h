@@ -26,5 +26,7 @@ typedef struct CtsFormat {
 
 CtsStatus cts_png_write(const CtsExportJob *job, CtsError *err);
 CtsStatus cts_png_read(const char *path, CtsPicture **picture, CtsError *err);
+CtsStatus cts_exr_write(const CtsExportJob *job, CtsError *err);
+CtsStatus cts_exr_read(const char *path, CtsPicture **picture, CtsError *err);
 
 #endif

@@ -10,7 +10,7 @@ void cts_describe_number(double value, int n_digits, char *text, size_t size);
 /* The view as --view takes it: a name where there is one, else "azimuth,elevation" in degrees. */
 void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size);
 
-/* The grey window as "low,high" in HU; false (and "") when the picture has none. */
+/* The grey window as "low,high" in HU; false (and "") when the picture is composite. */
 bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size);
 
 #endif

@@ -89,6 +89,7 @@ static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *e
     memcpy(info->up_lps, view->up_lps, sizeof info->up_lps);
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
+    info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
 }
 
 CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *asked,

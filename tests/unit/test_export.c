@@ -1,8 +1,11 @@
 /* Pictures in files: what is written is what is read back, whole or not at all. */
-#include "base/file.h"
+#include "base/mem.h"
+#include "base/vec3.h"
 #include "ctsplat/export.h"
 #include "image/samples.h"
+#include "image/srgb.h"
 #include "pictures.h"
+#include <openexr.h>
 #include <png.h>
 #include <signal.h>
 #include <sys/resource.h>
@@ -158,6 +161,139 @@ static void test_png_foreign(void **state)
     remove_folder(folder);
 }
 
+static double nearest_half_step(double v)
+{
+    return v < 0x1p-14 ? 0x1p-24 : ldexp(1, ilogb(v) - 10);
+}
+
+/* What comes back is the picture to half a step of a half float in linear light; depth comes back to the bit. */
+static void check_exr(const CtsPicture *p, const CtsPicture *q)
+{
+    assert_true(q->n_channels == 4 && q->has_alpha == p->has_alpha);
+    const size_t n = (size_t)p->width * p->height;
+    for (size_t i = 0; i < n; i++) {
+        const float *a = p->pixels + i * p->n_channels, *b = q->pixels + 4 * i;
+        const double alpha_a = p->has_alpha ? a[3] : 1, alpha_b = b[3];
+        assert_true(fabs(alpha_a - alpha_b) <= 0.5 * nearest_half_step(alpha_a));
+        for (int c = 0; c < 3; c++) {
+            const double v = p->n_channels == 1 ? a[0] : a[c];
+            const double linear_a = alpha_a > 0 ? alpha_a * cts_srgb_to_linear(v / alpha_a) : 0;
+            const double linear_b = alpha_b > 0 ? alpha_b * cts_srgb_to_linear(b[c] / alpha_b) : 0;
+            assert_true(fabs(linear_a - linear_b) <= 0.501 * nearest_half_step(linear_a));
+        }
+    }
+    assert_int_equal(p->depth_mm != NULL, q->depth_mm != NULL);
+    if (p->depth_mm)
+        assert_memory_equal(p->depth_mm, q->depth_mm, n * sizeof(float));
+}
+
+static void test_exr_round_trip(void **state)
+{
+    (void)state;
+    const struct {
+        int width, height, n_channels;
+        bool has_alpha, depth;
+    } cases[] = {{97, 41, 1, false, false}, {97, 41, 4, false, true},  {97, 41, 4, true, true},
+                 {1, 1, 4, true, false},    {300, 1, 4, false, false}, {1, 300, 4, true, true}};
+    char folder[64], a[100], b[100];
+    make_folder(folder);
+    snprintf(a, sizeof a, "%s/a.exr", folder);
+    snprintf(b, sizeof b, "%s/b.exr", folder);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        CtsPicture *p = make_picture(cases[i].width, cases[i].height, cases[i].n_channels, cases[i].has_alpha), *q;
+        CtsError err;
+        const size_t n = (size_t)p->width * p->height;
+        if (cases[i].depth)
+            assert_int_equal(cts_alloc_array(&p->depth_mm, n, &err), CTS_OK);
+        for (size_t k = 0; k < n && cases[i].depth; k++)
+            p->depth_mm[k] = k % 3 ? (float)k * 1234.567f : INFINITY;
+        write_one(p, a);
+        const CtsExportSettings one_thread = {.n_threads = 1};
+        assert_int_equal(cts_export(&(const CtsPicture *){p}, 1, b, &one_thread, NULL, NULL, &err), CTS_OK);
+        assert_same_bytes(a, b);
+        assert_int_equal(cts_picture_read(a, &q, &err), CTS_OK);
+        check_exr(p, q);
+        cts_picture_free(&p);
+        cts_picture_free(&q);
+        unlink(a);
+        unlink(b);
+    }
+    remove_folder(folder);
+}
+
+/* The matrices carry points of the patient to where the picture shows them. */
+static void test_exr_camera(void **state)
+{
+    (void)state;
+    char folder[64], path[100];
+    make_folder(folder);
+    snprintf(path, sizeof path, "%s/a.exr", folder);
+    CtsPicture *p = make_picture(200, 100, 4, false);
+    const double a = 0.3, e = -0.7;
+    CtsPictureInfo *info = &p->info;
+    const double right[3] = {cos(a), sin(a), 0}, up[3] = {sin(e) * sin(a), -sin(e) * cos(a), cos(e)};
+    memcpy(info->right_lps, right, sizeof right);
+    memcpy(info->up_lps, up, sizeof up);
+    cts_cross3(up, right, info->forward_lps);
+    info->camera_mm = 150;
+    write_one(p, path);
+    exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
+    exr_context_t file;
+    exr_attr_m44f_t camera, ndc;
+    exr_attr_chromaticities_t colours;
+    int32_t length;
+    const char *text;
+    assert_int_equal(exr_start_read(&file, path, &setup), EXR_ERR_SUCCESS);
+    assert_int_equal(exr_attr_get_m44f(file, 0, "worldToCamera", &camera), EXR_ERR_SUCCESS);
+    assert_int_equal(exr_attr_get_m44f(file, 0, "worldToNDC", &ndc), EXR_ERR_SUCCESS);
+    assert_int_equal(exr_attr_get_chromaticities(file, 0, "chromaticities", &colours), EXR_ERR_SUCCESS);
+    assert_int_equal(exr_attr_get_string(file, 0, "ctsplat.preset", &length, &text), EXR_ERR_SUCCESS);
+    assert_string_equal(text, "bone");
+    /* Pixel (150, 20) at depth 60, by the picture geometry of the contract. */
+    double world[4] = {0, 0, 0, 1}, found[4] = {0}, place[4] = {0};
+    const double x_mm = (150.5 - 100) * 0.5, y_mm = (50 - 20 - 0.5) * 0.5;
+    for (int k = 0; k < 3; k++)
+        world[k] = info->centre_lps[k] + x_mm * right[k] + y_mm * up[k] + (60 - 150) * info->forward_lps[k];
+    for (int i = 0; i < 4; i++)
+        for (int k = 0; k < 4; k++) {
+            found[k] += world[i] * camera.m[4 * i + k];
+            place[k] += world[i] * ndc.m[4 * i + k];
+        }
+    const double expected[4] = {x_mm, y_mm, 60, 1};
+    for (int k = 0; k < 4; k++)
+        assert_true(fabs(found[k] - expected[k]) < 1e-3);
+    assert_true(fabs(place[0] - 150.5 / 200) < 1e-5 && fabs(place[1] - 20.5 / 100) < 1e-5);
+    exr_finish(&file);
+    cts_picture_free(&p);
+    remove_folder(folder);
+}
+
+/* exrheader reads the file and shows what users look for. */
+static void test_exrheader(void **state)
+{
+    (void)state;
+    if (system("command -v exrheader >/dev/null"))
+        skip();
+    char folder[64], path[100], command[300], out[4000];
+    make_folder(folder);
+    snprintf(path, sizeof path, "%s/a.exr", folder);
+    CtsPicture *p = make_picture(200, 100, 4, true);
+    write_one(p, path);
+    snprintf(command, sizeof command, "exrheader %s", path);
+    FILE *pipe = popen(command, "r");
+    assert_non_null(pipe);
+    const size_t n = fread(out, 1, sizeof out - 1, pipe);
+    out[n] = 0;
+    assert_int_equal(pclose(pipe), 0);
+    static const char *const wanted[] = {"A, 16-bit floating-point", "zip, multi-scanline", "worldToCamera",
+                                         "ctsplat.view (type string): \"-30,20\"", "not for diagnostic use"};
+    for (size_t i = 0; i < sizeof wanted / sizeof *wanted; i++)
+        assert_non_null(strstr(out, wanted[i]));
+    assert_null(strstr(out, "capDate"));
+    cts_picture_free(&p);
+    remove_folder(folder);
+}
+
 static void put_file(const char *path, const void *bytes, size_t n)
 {
     FILE *f = fopen(path, "wb");
@@ -193,6 +329,12 @@ static void test_png_cut(void **state)
 {
     (void)state;
     refuse_every_cut("png");
+}
+
+static void test_exr_cut(void **state)
+{
+    (void)state;
+    refuse_every_cut("exr");
 }
 
 static void test_png_promises_too_much(void **state)
@@ -288,6 +430,12 @@ static void test_png_full(void **state)
     fail_when_full("png");
 }
 
+static void test_exr_full(void **state)
+{
+    (void)state;
+    fail_when_full("exr");
+}
+
 static void test_no_picture(void **state)
 {
     (void)state;
@@ -315,6 +463,11 @@ int main(void)
         cmocka_unit_test(test_png_promises_too_much),
         cmocka_unit_test(test_check),
         cmocka_unit_test(test_png_full),
+        cmocka_unit_test(test_exr_round_trip),
+        cmocka_unit_test(test_exr_camera),
+        cmocka_unit_test(test_exrheader),
+        cmocka_unit_test(test_exr_cut),
+        cmocka_unit_test(test_exr_full),
         cmocka_unit_test(test_no_picture),
     };
     return cmocka_run_group_tests_name("export", tests, NULL, NULL);

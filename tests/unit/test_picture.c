@@ -148,10 +148,10 @@ static void test_describe(void **state)
         cts_describe_view(&info, text, sizeof text);
         assert_string_equal(text, cases[i].text);
     }
-    CtsPictureInfo info = {.window_low_hu = -100.5, .window_high_hu = 2100};
+    CtsPictureInfo info = {.mode = CTS_MODE_MIP, .window_low_hu = -100.5, .window_high_hu = 2100};
     assert_true(cts_describe_window(&info, text, sizeof text));
     assert_string_equal(text, "-100.5,2100");
-    info.window_low_hu = 2100;
+    info.mode = CTS_MODE_COMPOSITE;
     assert_false(cts_describe_window(&info, text, sizeof text));
     setlocale(LC_ALL, "C");
 }
