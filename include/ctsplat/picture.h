@@ -44,9 +44,11 @@ void cts_picture_over(CtsPicture *picture, const double background[3]);
 
 typedef struct CtsDifference {
     double rmse, psnr_db; /* psnr_db is INFINITY for equal pictures */
-    double ssim, p999, max;
+    double ssim; /* Gaussian windows of 11x11 pixels, sigma 1.5, mean of red, green and blue */
+    double p999; /* what 99.9 % of the samples' differences do not pass */
+    double max;
     double share; /* of pixels that differ by more than 1/255 in a channel */
-    bool equal;   /* to the bit, in what the files hold */
+    bool equal;   /* to the bit: not clamped, with alpha, and with depth where both have it */
 } CtsDifference;
 
 /* Over display values 0..1 (clamped) of red, green and blue. CTS_ERR_USAGE when the sizes differ. */

@@ -156,12 +156,134 @@ static void test_describe(void **state)
     setlocale(LC_ALL, "C");
 }
 
+static CtsPicture *constant(int width, int height, float v)
+{
+    CtsPicture *p = NULL;
+    CtsError err;
+    assert_int_equal(cts_picture_new(&p, width, height, 1, &err), CTS_OK);
+    for (int i = 0; i < width * height; i++)
+        p->pixels[i] = v;
+    return p;
+}
+
+static CtsDifference compared(const CtsPicture *a, const CtsPicture *b)
+{
+    CtsDifference d;
+    CtsError err;
+    assert_int_equal(cts_picture_compare(a, b, &d, &err), CTS_OK);
+    return d;
+}
+
+static void test_compare_equal(void **state)
+{
+    (void)state;
+    CtsPicture *a = make_picture(61, 47, 4, true), *b = make_picture(61, 47, 4, true);
+    CtsDifference d = compared(a, b);
+    assert_true(d.equal && d.rmse == 0 && isinf(d.psnr_db) && d.psnr_db > 0 && d.max == 0 && d.p999 == 0);
+    assert_true(d.share == 0 && fabs(d.ssim - 1) < 1e-12);
+    /* A change that clamping or three channels hide still is one. */
+    b->pixels[4 * 1000 + 3] = nextafterf(b->pixels[4 * 1000 + 3], 2);
+    d = compared(a, b);
+    assert_true(!d.equal && d.rmse == 0);
+    b->pixels[4 * 1000 + 3] = a->pixels[4 * 1000 + 3];
+    a->pixels[0] = 1.5f;
+    b->pixels[0] = 1.25f;
+    d = compared(a, b);
+    assert_true(!d.equal && d.rmse == 0);
+    b->pixels[0] = NAN;
+    d = compared(a, b);
+    assert_true(!d.equal && d.max == 1);
+    a->pixels[0] = NAN;
+    assert_true(compared(a, b).equal);
+    cts_picture_free(&a);
+    cts_picture_free(&b);
+}
+
+/* Grey against the same grey as colour with and without alpha is equal. */
+static void test_compare_kinds(void **state)
+{
+    (void)state;
+    CtsPicture *grey = make_picture(20, 30, 1, false), *colour = make_picture(20, 30, 4, true);
+    for (int i = 0; i < 600; i++)
+        for (int c = 0; c < 4; c++)
+            colour->pixels[4 * i + c] = c < 3 ? grey->pixels[i] : 1;
+    assert_true(compared(grey, colour).equal);
+    colour->has_alpha = false;
+    assert_true(compared(grey, colour).equal && compared(colour, grey).equal);
+    CtsPicture *other = make_picture(20, 31, 1, false);
+    CtsDifference d;
+    CtsError err;
+    assert_int_equal(cts_picture_compare(grey, other, &d, &err), CTS_ERR_USAGE);
+    assert_non_null(strstr(err.text, "20x31"));
+    cts_picture_free(&grey);
+    cts_picture_free(&colour);
+    cts_picture_free(&other);
+}
+
+/* Differences chosen, figures worked out: of 4000 pixels 3 differ by 0.5, 5 by 0.25, 40 by 1/256. */
+static void test_compare_figures(void **state)
+{
+    (void)state;
+    CtsPicture *a = constant(80, 50, 0.25f), *b = constant(80, 50, 0.25f);
+    for (int i = 0; i < 48; i++)
+        b->pixels[(i * 1237) % 4000] += i < 3 ? 0.5f : i < 8 ? 0.25f : 1.0f / 256;
+    CtsDifference d = compared(a, b);
+    const double expected = sqrt((3 * 0.25 + 5 * 0.0625 + 40 / 65536.0) / 4000);
+    assert_true(fabs(d.rmse - expected) < 1e-12);
+    assert_true(fabs(d.psnr_db + 20 * log10(expected)) < 1e-9);
+    assert_true(d.max == 0.5 && d.p999 == 0.25 && d.share == 8.0 / 4000);
+    /* 4 of 4000 above the rest are 0.1 %: the percentile falls on the value below them. */
+    for (int i = 3; i < 7; i++)
+        b->pixels[(i * 1237) % 4000] = 0.25f;
+    d = compared(a, b);
+    assert_true(d.p999 == 1.0 / 256);
+    cts_picture_free(&a);
+    cts_picture_free(&b);
+}
+
+/* Two constant pictures leave only SSIM's luminance term; a sign flip about the mean turns the structure round. */
+static void test_compare_ssim(void **state)
+{
+    (void)state;
+    const int sizes[][2] = {{40, 30}, {11, 11}, {3, 7}, {1, 1}, {50, 4}};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        CtsPicture *a = constant(sizes[i][0], sizes[i][1], 0.5f), *b = constant(sizes[i][0], sizes[i][1], 0.75f);
+        const double c1 = 1e-4, expected = (2 * 0.5 * 0.75 + c1) / (0.25 + 0.5625 + c1);
+        assert_true(fabs(compared(a, b).ssim - expected) < 1e-9);
+        cts_picture_free(&a);
+        cts_picture_free(&b);
+    }
+    CtsPicture *a = constant(40, 40, 0), *b = constant(40, 40, 0);
+    for (int y = 0; y < 40; y++)
+        for (int x = 0; x < 40; x++) {
+            const float v = (x + y) % 2 ? 0.75f : 0.25f;
+            a->pixels[40 * y + x] = v;
+            b->pixels[40 * y + x] = 1 - v;
+        }
+    /* The chessboard's windows have mean 0.5 and variance 0.0625 but for e = (sum of the weights' signs)^2. */
+    double sum = 0, signs = 0;
+    for (int k = -5; k <= 5; k++) {
+        const double weight = exp(-0.5 * k * k / 2.25);
+        sum += weight;
+        signs += k % 2 ? -weight : weight;
+    }
+    const double e = 0.25 * pow(signs / sum, 2), c1 = 1e-4, c2 = 9e-4, var = 0.0625 - e * e;
+    const double expected = (2 * (0.5 + e) * (0.5 - e) + c1) * (-2 * var + c2) /
+                            (((0.5 + e) * (0.5 + e) + (0.5 - e) * (0.5 - e) + c1) * (2 * var + c2));
+    assert_true(fabs(compared(a, b).ssim - expected) < 1e-9);
+    cts_picture_free(&a);
+    cts_picture_free(&b);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_rounding), cmocka_unit_test(test_curves), cmocka_unit_test(test_new),
-        cmocka_unit_test(test_over),     cmocka_unit_test(test_grey),   cmocka_unit_test(test_samples),
-        cmocka_unit_test(test_describe),
+        cmocka_unit_test(test_rounding),      cmocka_unit_test(test_curves),
+        cmocka_unit_test(test_new),           cmocka_unit_test(test_over),
+        cmocka_unit_test(test_grey),          cmocka_unit_test(test_samples),
+        cmocka_unit_test(test_describe),      cmocka_unit_test(test_compare_equal),
+        cmocka_unit_test(test_compare_kinds), cmocka_unit_test(test_compare_figures),
+        cmocka_unit_test(test_compare_ssim),
     };
     return cmocka_run_group_tests_name("picture", tests, NULL, NULL);
 }

@@ -1,0 +1,227 @@
+/* How far two pictures are apart. SSIM is Wang's: Gaussian windows of 11 x 11 pixels, sigma 1.5, K1 0.01, K2 0.03,
+ * range 1, over the windows that lie wholly inside, as the mean of red, green and blue. */
+#include "ctsplat/picture.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+enum { RADIUS = 5, N_MOMENTS = 5, KEY_BITS = 15, N_KEYS = 1 << KEY_BITS };
+
+static double clamped(double v)
+{
+    return v > 0 ? v < 1 ? v : 1 : 0;
+}
+
+/* Channel c of pixel i of a grey or colour picture. */
+static float value(const CtsPicture *p, size_t i, int c)
+{
+    if (p->n_channels == 1)
+        return c == 3 ? 1 : p->pixels[i];
+    return c == 3 && !p->has_alpha ? 1 : p->pixels[4 * i + c];
+}
+
+/* Not a number against a number is as wrong as can be. */
+static float gap(float a, float b)
+{
+    if (isnan(a) || isnan(b))
+        return isnan(a) && isnan(b) ? 0 : 1;
+    return (float)fabs(clamped(a) - clamped(b));
+}
+
+static bool same_value(float a, float b)
+{
+    return a == b || (isnan(a) && isnan(b));
+}
+
+static bool same_pictures(const CtsPicture *a, const CtsPicture *b)
+{
+    const size_t n = (size_t)a->width * a->height;
+    for (size_t i = 0; i < n; i++) {
+        for (int c = 0; c < 4; c++)
+            if (!same_value(value(a, i, c), value(b, i, c)))
+                return false;
+        if (a->depth_mm && b->depth_mm && !same_value(a->depth_mm[i], b->depth_mm[i]))
+            return false;
+    }
+    return true;
+}
+
+static void errors_of(const CtsPicture *a, const CtsPicture *b, CtsDifference *d)
+{
+    const size_t n = (size_t)a->width * a->height;
+    double sum = 0;
+    size_t n_above = 0;
+    for (size_t i = 0; i < n; i++) {
+        float worst = 0;
+        for (int c = 0; c < 3; c++) {
+            const float e = gap(value(a, i, c), value(b, i, c));
+            sum += (double)e * e;
+            worst = e > worst ? e : worst;
+        }
+        n_above += worst > 1.0f / 255;
+        d->max = worst > d->max ? worst : d->max;
+    }
+    d->rmse = sqrt(sum / (3.0 * (double)n));
+    d->psnr_db = d->rmse > 0 ? -20 * log10(d->rmse) : INFINITY;
+    d->share = (double)n_above / (double)n;
+}
+
+/* Floats from 0 to 1 sort like their bits: count by the high ones, then by the low ones within the bin that holds the
+ * rank. *rank becomes the rank within the bin found. */
+static uint32_t select_key(const CtsPicture *a, const CtsPicture *b, uint64_t *counts, int64_t high, uint64_t *rank)
+{
+    const size_t n = (size_t)a->width * a->height;
+    memset(counts, 0, N_KEYS * sizeof *counts);
+    for (size_t i = 0; i < n; i++)
+        for (int c = 0; c < 3; c++) {
+            const float e = gap(value(a, i, c), value(b, i, c));
+            uint32_t bits;
+            memcpy(&bits, &e, sizeof bits);
+            if (high < 0)
+                counts[bits >> KEY_BITS]++;
+            else if (bits >> KEY_BITS == (uint32_t)high)
+                counts[bits & (N_KEYS - 1)]++;
+        }
+    uint32_t key = 0;
+    while (*rank > counts[key])
+        *rank -= counts[key++];
+    return key;
+}
+
+/* The smallest difference that 99.9 % of all samples do not pass. */
+static CtsStatus percentile(const CtsPicture *a, const CtsPicture *b, double *p999, CtsError *err)
+{
+    uint64_t *counts = NULL;
+    const CtsStatus st = cts_alloc_array(&counts, N_KEYS, err);
+    if (st)
+        return st;
+    const uint64_t n = 3 * (uint64_t)a->width * (uint64_t)a->height;
+    uint64_t rank = n - n / 1000;
+    const uint32_t high = select_key(a, b, counts, -1, &rank);
+    const uint32_t bits = high << KEY_BITS | select_key(a, b, counts, high, &rank);
+    float found;
+    memcpy(&found, &bits, sizeof found);
+    *p999 = found;
+    cts_free(&counts);
+    return CTS_OK;
+}
+
+/* Windows of one direction: weights, and the places whose windows are looked at: those that fit, or in a picture
+ * smaller than a window all, with what sticks out cut off. */
+typedef struct Windows {
+    double weights[2 * RADIUS + 1];
+    int size, first, last;
+} Windows;
+
+static Windows windows_of(int size)
+{
+    Windows w = {.size = size, .first = 0, .last = size - 1};
+    double sum = 0;
+    for (int k = -RADIUS; k <= RADIUS; k++)
+        sum += w.weights[k + RADIUS] = exp(-0.5 * k * k / (1.5 * 1.5));
+    for (int k = 0; k <= 2 * RADIUS; k++)
+        w.weights[k] /= sum;
+    if (size > 2 * RADIUS) {
+        w.first = RADIUS;
+        w.last = size - 1 - RADIUS;
+    }
+    return w;
+}
+
+static int window_start(const Windows *w, int at, int *end, double *norm)
+{
+    const int start = at < RADIUS ? 0 : at - RADIUS;
+    *end = at + RADIUS >= w->size ? w->size - 1 : at + RADIUS;
+    double sum = 0;
+    for (int k = start; k <= *end; k++)
+        sum += w->weights[k - at + RADIUS];
+    *norm = 1 / sum;
+    return start;
+}
+
+static double similarity(const double m[N_MOMENTS])
+{
+    const double c1 = 0.01 * 0.01, c2 = 0.03 * 0.03;
+    const double var_a = m[2] - m[0] * m[0], var_b = m[3] - m[1] * m[1], covariance = m[4] - m[0] * m[1];
+    return (2 * m[0] * m[1] + c1) * (2 * covariance + c2) / ((m[0] * m[0] + m[1] * m[1] + c1) * (var_a + var_b + c2));
+}
+
+/* Moments of a and b along the columns of the windows centred on row y; N_MOMENTS a column. */
+static void column_moments(const CtsPicture *a, const CtsPicture *b, int c, const Windows *rows, int y, double *columns)
+{
+    int end;
+    double norm;
+    const int start = window_start(rows, y, &end, &norm);
+    memset(columns, 0, (size_t)a->width * N_MOMENTS * sizeof *columns);
+    for (int k = start; k <= end; k++) {
+        const double weight = rows->weights[k - y + RADIUS] * norm;
+        double *m = columns;
+        for (int x = 0; x < a->width; x++, m += N_MOMENTS) {
+            const size_t i = (size_t)k * a->width + x;
+            const double va = clamped(value(a, i, c)), vb = clamped(value(b, i, c));
+            m[0] += weight * va;
+            m[1] += weight * vb;
+            m[2] += weight * va * va;
+            m[3] += weight * vb * vb;
+            m[4] += weight * va * vb;
+        }
+    }
+}
+
+static double row_similarity(const Windows *across, const double *columns)
+{
+    double sum = 0;
+    for (int x = across->first; x <= across->last; x++) {
+        int end;
+        double norm, m[N_MOMENTS] = {0};
+        const int start = window_start(across, x, &end, &norm);
+        for (int k = start; k <= end; k++)
+            for (int j = 0; j < N_MOMENTS; j++)
+                m[j] += across->weights[k - x + RADIUS] * norm * columns[k * N_MOMENTS + j];
+        sum += similarity(m);
+    }
+    return sum;
+}
+
+static CtsStatus structural_similarity(const CtsPicture *a, const CtsPicture *b, double *ssim, CtsError *err)
+{
+    const Windows across = windows_of(a->width), rows = windows_of(a->height);
+    const int n_channels = a->n_channels == 1 && b->n_channels == 1 ? 1 : 3;
+    const int n_rows = rows.last - rows.first + 1, n_threads = cts_threads(0);
+    double *columns = NULL, *row_sums = NULL;
+    CtsStatus st = cts_alloc_array(&columns, (size_t)n_threads * a->width * N_MOMENTS, err);
+    if (st || (st = cts_alloc_zeroed(&row_sums, (size_t)n_rows, err)))
+        goto end;
+#pragma omp parallel for num_threads(n_threads) schedule(static, 1)
+    for (int part = 0; part < n_threads; part++) {
+        double *mine = columns + (size_t)part * a->width * N_MOMENTS;
+        for (int k = part; k < n_rows; k += n_threads)
+            for (int c = 0; c < n_channels; c++) {
+                column_moments(a, b, c, &rows, rows.first + k, mine);
+                row_sums[k] += row_similarity(&across, mine);
+            }
+    }
+    double sum = 0; /* in the order of the rows, for any number of threads */
+    for (int k = 0; k < n_rows; k++)
+        sum += row_sums[k];
+    *ssim = sum / ((double)n_channels * n_rows * (across.last - across.first + 1));
+end:
+    cts_free(&columns);
+    cts_free(&row_sums);
+    return st;
+}
+
+CtsStatus cts_picture_compare(const CtsPicture *a, const CtsPicture *b, CtsDifference *difference, CtsError *err)
+{
+    *difference = (CtsDifference){0};
+    if (a->width != b->width || a->height != b->height)
+        return cts_fail(err, CTS_ERR_USAGE, "the pictures differ in size: %dx%d and %dx%d", a->width, a->height,
+                        b->width, b->height);
+    errors_of(a, b, difference);
+    difference->equal = same_pictures(a, b);
+    const CtsStatus st = percentile(a, b, &difference->p999, err);
+    return st ? st : structural_similarity(a, b, &difference->ssim, err);
+}
