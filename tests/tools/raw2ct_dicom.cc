@@ -3,6 +3,9 @@
 #include <dcmtk/dcmdata/dcdeftag.h>
 #include <dcmtk/dcmdata/dcfilefo.h>
 #include <dcmtk/dcmdata/dcmetinf.h>
+#include <dcmtk/dcmdata/dcpixel.h>
+#include <dcmtk/dcmdata/dcpixseq.h>
+#include <dcmtk/dcmdata/dcpxitem.h>
 #include <dcmtk/dcmdata/dcrleerg.h>
 #include <dcmtk/dcmdata/dcrlerp.h>
 #include <dcmtk/dcmdata/dcuid.h>
@@ -215,6 +218,26 @@ void put_meta(DcmMetaInfo &m, E_TransferSyntax xfer, const std::string &instance
           "meta header");
 }
 
+/* DCMTK's JPEG-LS encoder leaves whatever memory held in the byte that makes a fragment's length even. */
+void clear_pad_byte(DcmDataset &d, E_TransferSyntax xfer)
+{
+    DcmElement *element = nullptr;
+    DcmPixelSequence *sequence = nullptr;
+    DcmPixelItem *fragment = nullptr;
+    Uint8 *bytes = nullptr;
+    check(d.findAndGetElement(DCM_PixelData, element), "PixelData");
+    E_TransferSyntax found = EXS_Unknown;
+    const DcmRepresentationParameter *parameter = nullptr;
+    DcmPixelData *pixels = static_cast<DcmPixelData *>(element);
+    pixels->getCurrentRepresentationKey(found, parameter);
+    check(pixels->getEncapsulatedRepresentation(xfer, parameter, sequence), "fragments");
+    check(sequence->getItem(fragment, 1), "fragment");
+    check(fragment->getUint8Array(bytes), "fragment");
+    const Uint32 n = fragment->getLength();
+    if (n > 2 && bytes[n - 3] == 0xff && bytes[n - 2] == 0xd9)
+        bytes[n - 1] = 0;
+}
+
 void encode(DcmDataset &d, E_TransferSyntax xfer)
 {
     const DJLSRepresentationParameter jpeg_ls(0, OFTrue);
@@ -228,6 +251,8 @@ void encode(DcmDataset &d, E_TransferSyntax xfer)
     else if (xfer == EXS_RLELossless)
         parameter = &rle;
     check(d.chooseRepresentation(xfer, parameter), "the pixels cannot be encoded");
+    if (xfer == EXS_JPEGLSLossless)
+        clear_pad_byte(d, xfer);
 }
 
 /* Everything a viewer can see in a series decides its UID. */
