@@ -1,0 +1,32 @@
+/* Cubic polynomials on 0..1: what a trilinear field is along a ray inside one cell. c[0] + c[1] u + c[2] u^2 + c[3]
+ * u^3. */
+#ifndef CTS_RAYCAST_CUBIC_H
+#define CTS_RAYCAST_CUBIC_H
+
+static inline double cts_cubic_at(const double c[4], double u)
+{
+    return ((c[3] * u + c[2]) * u + c[1]) * u + c[0];
+}
+
+/* Mean over 0..1. */
+static inline double cts_cubic_mean(const double c[4])
+{
+    return c[0] + c[1] / 2 + c[2] / 3 + c[3] / 4;
+}
+
+/* Turning points strictly inside 0..1 in rising order; returns how many (0 to 2). */
+int cts_cubic_turns(const double c[4], double u[2]);
+
+/* Smallest and largest value on 0..1. */
+void cts_cubic_range(const double c[4], double *low, double *high);
+
+/* Where the polynomial equals value on [a, b], on which it is monotone and whose end values lie on either side. */
+double cts_cubic_solve(const double c[4], double value, double a, double b);
+
+/* Zeros strictly inside 0..1 at which the sign changes, in rising order; returns how many (0 to 3). */
+int cts_cubic_sign_changes(const double c[4], double u[3]);
+
+/* The cubic through value at u = 0, 1/3, 2/3, 1. */
+void cts_cubic_through(const double value[4], double c[4]);
+
+#endif

@@ -1,0 +1,154 @@
+/* The reference engine: every ray by itself in float64. Shares geometry, preset and the engine's row with splatting. */
+#include "raycast/raycast.h"
+
+#include "base/clock.h"
+#include "base/vec3.h"
+#include "raycast/raycaster.h"
+#include <math.h>
+#include <stdlib.h>
+
+CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, size_t n_rays,
+                            CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    CtsRaycaster *r = *caster = calloc(1, sizeof *r);
+    if (!r)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    r->preset = scene->preset;
+    r->view = scene->view;
+    r->field = field;
+    cts_gauss_init(&r->coarse, CTS_GAUSS_COARSE);
+    cts_gauss_init(&r->fine, CTS_GAUSS_FINE);
+    if (scene->preset->mode == CTS_MODE_COMPOSITE)
+        cts_transfer_init(&r->transfer, scene->preset, scene->extinction_scale);
+    double inverse[3][3];
+    if (!cts_volume_inverse(scene->volume, inverse))
+        st = cts_fail(err, CTS_ERR_GEOMETRY, "the volume's steps do not span space");
+    for (int a = 0; a < 3; a++)
+        for (int b = 0; b < 3; b++)
+            r->metric[a][b] = cts_dot3(inverse[a], inverse[b]);
+    r->least_gradient2 = 1e-18 * scene->volume->hu_step * scene->volume->hu_step;
+    if (!st && !field)
+        st = cts_field_trilinear(&r->own_field, scene->volume, n_rays, scene->settings->n_threads, err);
+    if (r->own_field)
+        r->field = r->own_field;
+    if (st)
+        cts_raycaster_free(caster);
+    return st;
+}
+
+void cts_raycaster_free(CtsRaycaster **caster)
+{
+    if (!*caster)
+        return;
+    cts_field_free(&(*caster)->own_field);
+    free(*caster);
+    *caster = NULL;
+}
+
+static void composite_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4], double *first_mm)
+{
+    const CtsField *field = caster->field;
+    CtsRayLight light = {.transmittance = 1, .first_mm = INFINITY};
+    CtsRayWalk walk = {.ray = ray, .wanted = &caster->transfer.visible, .t_mm = ray->t0_mm};
+    CtsRayPiece piece;
+    bool lit = true;
+    while (lit && ray->t1_mm > ray->t0_mm && field->next(field, &walk, &piece)) {
+        double gradient[3][4];
+        if (caster->preset->shade)
+            field->gradient(field, &walk, &piece, gradient);
+        lit = cts_raycast_piece(caster, &piece, caster->preset->shade ? (const double(*)[4])gradient : NULL, &light);
+    }
+    for (int c = 0; c < 3; c++)
+        rgba[c] = light.rgb[c];
+    rgba[3] = -expm1(-light.depth);
+    *first_mm = light.first_mm;
+}
+
+static void window_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4])
+{
+    const CtsPreset *p = caster->preset;
+    const double hu = cts_raycast_extreme(caster, ray), width = p->window_high_hu - p->window_low_hu;
+    const double shown = width > 0 ? (hu - p->window_low_hu) / width : hu >= p->window_low_hu;
+    rgba[0] = rgba[1] = rgba[2] = fmin(fmax(shown, 0), 1);
+    rgba[3] = 1;
+}
+
+void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba[4], double *depth_mm)
+{
+    CtsRay ray;
+    double first_mm = INFINITY;
+    for (int c = 0; c < 4; c++)
+        rgba[c] = 0;
+    if (cts_ray_of_pixel(&caster->view, x, y, &ray)) {
+        if (caster->preset->mode == CTS_MODE_COMPOSITE)
+            composite_ray(caster, &ray, rgba, &first_mm);
+        else
+            window_ray(caster, &ray, rgba);
+    }
+    if (depth_mm)
+        *depth_mm = first_mm;
+}
+
+CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err)
+{
+    CtsRaycaster *caster;
+    const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, n, err);
+    if (st)
+        return st;
+    const long n_blocks = (long)((n + 15) / 16);
+#pragma omp parallel for schedule(dynamic) num_threads(scene->settings->n_threads)
+    for (long block = 0; block < n_blocks; block++)
+        for (size_t i = (size_t)block * 16; i < n && i < (size_t)block * 16 + 16 && !cts_scene_stopped(scene); i++)
+            cts_raycast_ray(caster, xy[i][0], xy[i][1], rgba[i], NULL);
+    cts_raycaster_free(&caster);
+    return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+}
+
+static void plan(const CtsScene *scene, CtsReport *report)
+{
+    cts_report_plan(report, "every pixel by itself, in float64, cut at cell faces%s",
+                    scene->preset->mode == CTS_MODE_COMPOSITE
+                        ? " and at the preset's points, Gauss-Legendre in between until converged to 1e-7"
+                        : ", extremes and means of the cubic in each cell exactly");
+}
+
+static void render_row(const CtsRaycaster *caster, CtsPicture *picture, int y)
+{
+    for (int x = 0; x < picture->width; x++) {
+        const size_t at = (size_t)y * (size_t)picture->width + (size_t)x;
+        double rgba[4], depth_mm;
+        cts_raycast_ray(caster, x, y, rgba, &depth_mm);
+        for (int c = 0; c < 4; c++)
+            picture->pixels[4 * at + (size_t)c] = (float)rgba[c];
+        if (picture->depth_mm)
+            picture->depth_mm[at] = (float)depth_mm;
+    }
+}
+
+static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
+{
+    plan(scene, report);
+    if (!picture)
+        return CTS_OK;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const size_t n = (size_t)picture->width * (size_t)picture->height;
+    CtsRaycaster *caster;
+    const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, n, err);
+    if (st)
+        return st;
+#pragma omp parallel for schedule(dynamic) num_threads(scene->settings->n_threads)
+    for (int y = 0; y < picture->height; y++)
+        if (!cts_scene_stopped(scene))
+            render_row(caster, picture, y);
+    cts_raycaster_free(&caster);
+    cts_report_stage(report, CTS_STAGE_COMPOSITE, cts_wall_ms() - wall, cts_cpu_ms() - cpu, n, 0);
+    return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+}
+
+const CtsEngine cts_engine_raycast = {
+    .name = "raycast",
+    .render = render,
+    .modes = 1u << CTS_MODE_COMPOSITE | 1u << CTS_MODE_MIP | 1u << CTS_MODE_MINIP | 1u << CTS_MODE_AVERAGE,
+    .kernels = 1u << CTS_KERNEL_TENT,
+};

@@ -1,0 +1,50 @@
+/* The parts of the reference ray caster: derived once per picture, then read-only for all rays. */
+#ifndef CTS_RAYCAST_RAYCASTER_H
+#define CTS_RAYCAST_RAYCASTER_H
+
+#include "raycast/field.h"
+#include "raycast/quadrature.h"
+#include "raycast/transfer.h"
+#include "splat/engine.h"
+
+typedef struct CtsRaycaster {
+    const CtsPreset *preset;
+    CtsView view;
+    const CtsField *field;
+    CtsField *own_field;  /* NULL where the caller gave one */
+    CtsTransfer transfer; /* composite only */
+    CtsGauss coarse, fine;
+    double metric[3][3];    /* squared length in HU/mm of a gradient in HU/voxel: g' metric g */
+    double least_gradient2; /* below this square (HU/voxel) there is no gradient but rounding */
+} CtsRaycaster;
+
+/* What a ray has met so far. Depth is optical depth; transmittance is exp(-depth). */
+typedef struct CtsRayLight {
+    double rgb[3], depth, transmittance;
+    double first_mm; /* t where anything was first seen; +inf before */
+} CtsRayLight;
+
+/* Light ends when less than this is left. */
+#define CTS_RAY_DARK 1e-12
+
+/* Front to back along one piece; gradient is NULL unlit. False when too little light is left to go on. */
+bool cts_raycast_piece(const CtsRaycaster *caster, const CtsRayPiece *piece, const double (*gradient)[4],
+                       CtsRayLight *light);
+
+/* HU that mip, minip or average shows for a ray inside the box. */
+double cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray);
+
+/* Colour of a sample, lit by its gradient in HU/voxel. */
+void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], double rgb[3]);
+
+/* Premultiplied red, green, blue and alpha of the ray of position (x, y) in pixels; 0 where it misses the box. depth_mm
+ * (may be NULL) is as in CtsPicture. */
+void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba[4], double *depth_mm);
+
+/* field is borrowed; NULL makes the one of the scene's volume and kernel, which cts_raycaster_free() frees. n_rays is
+ * how many rays are to come, to choose what preparation is worth its time. */
+CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, size_t n_rays,
+                            CtsError *err);
+void cts_raycaster_free(CtsRaycaster **caster);
+
+#endif

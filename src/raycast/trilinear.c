@@ -1,0 +1,274 @@
+/* The trilinear field: cell by cell along the ray, leaping over bricks of cells that hold nothing wanted. */
+#include "base/mem.h"
+#include "raycast/field.h"
+#include <math.h>
+#include <stdlib.h>
+
+enum { BRICK = 8 /* cells along each side */, RAYS_WORTH_BRICKS = 20000 };
+
+typedef struct GreyRange {
+    uint16_t low, high;
+} GreyRange;
+
+typedef struct Trilinear {
+    CtsField field;
+    const CtsVolume *volume;
+    int n_cells[3];   /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
+    size_t stride[3]; /* to the next voxel; 0 along an axis of one voxel */
+    int n_bricks[3];
+    GreyRange *bricks; /* of the voxels at the corners of the brick's cells; NULL where rays are few */
+} Trilinear;
+
+static double hu_of(const Trilinear *t, double grey)
+{
+    return t->volume->hu_offset + t->volume->hu_step * grey;
+}
+
+static bool wanted(const Trilinear *t, const CtsHuRanges *ranges, GreyRange grey)
+{
+    return cts_hu_wanted(ranges, hu_of(t, grey.low), hu_of(t, grey.high));
+}
+
+static const uint16_t *cell_voxel(const Trilinear *t, const int cell[3])
+{
+    return t->volume->grey + (size_t)cell[0] * t->stride[0] + (size_t)cell[1] * t->stride[1] +
+           (size_t)cell[2] * t->stride[2];
+}
+
+static GreyRange load_corners(const Trilinear *t, const int cell[3], uint16_t corner[8])
+{
+    const uint16_t *v = cell_voxel(t, cell);
+    GreyRange r = {UINT16_MAX, 0};
+    for (int m = 0; m < 8; m++) {
+        const uint16_t g = v[(m & 1 ? t->stride[0] : 0) + (m & 2 ? t->stride[1] : 0) + (m & 4 ? t->stride[2] : 0)];
+        corner[m] = g;
+        r.low = g < r.low ? g : r.low;
+        r.high = g > r.high ? g : r.high;
+    }
+    return r;
+}
+
+/* Trilinear interpolation of the eight corners from -> to as a Taylor series at from: a cubic, exactly. */
+static void corners_to_cubic(const double corner[8], const double from[3], const double to[3], double c[4])
+{
+    const double x = from[0], y = from[1], z = from[2], dx = to[0] - x, dy = to[1] - y, dz = to[2] - z;
+    const double kx = corner[1] - corner[0], ky = corner[2] - corner[0], kz = corner[4] - corner[0];
+    const double kxy = corner[3] - corner[2] - kx, kxz = corner[5] - corner[4] - kx, kyz = corner[6] - corner[4] - ky;
+    const double kxyz = corner[7] - corner[6] - corner[5] + corner[4] - (corner[3] - corner[2] - corner[1] + corner[0]);
+    c[0] = corner[0] + kx * x + (ky + kxy * x) * y + (kz + kxz * x + (kyz + kxyz * x) * y) * z;
+    c[1] = (kx + kxy * y + kxz * z + kxyz * y * z) * dx + (ky + kxy * x + kyz * z + kxyz * x * z) * dy +
+           (kz + kxz * x + kyz * y + kxyz * x * y) * dz;
+    c[2] = (kxy + kxyz * z) * dx * dy + (kxz + kxyz * y) * dx * dz + (kyz + kxyz * x) * dy * dz;
+    c[3] = kxyz * dx * dy * dz;
+}
+
+static double clamp(double x, double low, double high)
+{
+    return x < low ? low : x > high ? high : x;
+}
+
+/* When the ray leaves box low..high (voxel coordinates) at the latest end of the ray. */
+static double leave_mm(const CtsRay *ray, const int low[3], const int high[3])
+{
+    double t = ray->t1_mm;
+    for (int axis = 0; axis < 3; axis++) {
+        const double step = ray->step_vox[axis];
+        if (step != 0) {
+            const double plane = step > 0 ? high[axis] : low[axis];
+            t = fmin(t, (plane - ray->start_vox[axis]) / step);
+        }
+    }
+    return t;
+}
+
+/* The cell the ray is in just after t; rounding may name the neighbour, of which at most a point is then missed. */
+static void find_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int cell[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        const double p = ray->start_vox[axis] + t_mm * ray->step_vox[axis];
+        const double near = nearbyint(p);
+        double at = floor(p);
+        if (fabs(p - near) < 1e-9)
+            at = ray->step_vox[axis] < 0 ? near - 1 : near;
+        cell[axis] = (int)clamp(at, 0, t->n_cells[axis] - 1);
+    }
+}
+
+/* The next cell: across the face at which the ray has just left. */
+static void step_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int cell[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        const double step = ray->step_vox[axis];
+        if (step == 0)
+            continue;
+        const int way = step > 0 ? 1 : -1;
+        for (;;) {
+            const double plane = step > 0 ? cell[axis] + 1 : cell[axis];
+            if (!((plane - ray->start_vox[axis]) / step <= t_mm) || cell[axis] + way < 0 ||
+                cell[axis] + way >= t->n_cells[axis])
+                break;
+            cell[axis] += way;
+        }
+    }
+}
+
+/* True, and the walk at the brick's end, when the brick of the current cell holds nothing wanted. */
+static bool leap(const Trilinear *t, CtsRayWalk *walk)
+{
+    int low[3], high[3];
+    size_t at[3];
+    for (int axis = 0; axis < 3; axis++) {
+        at[axis] = (size_t)(walk->cell[axis] / BRICK);
+        low[axis] = (int)at[axis] * BRICK;
+        high[axis] = low[axis] + BRICK < t->n_cells[axis] ? low[axis] + BRICK : t->n_cells[axis];
+    }
+    const size_t nx = (size_t)t->n_bricks[0], ny = (size_t)t->n_bricks[1];
+    if (wanted(t, walk->wanted, t->bricks[(at[2] * ny + at[1]) * nx + at[0]]))
+        return false;
+    walk->t_mm = fmax(walk->t_mm, leave_mm(walk->ray, low, high));
+    return true;
+}
+
+static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
+{
+    const Trilinear *t = (const Trilinear *)field;
+    const CtsRay *ray = walk->ray;
+    while (!walk->started || walk->t_mm < ray->t1_mm) {
+        if (!walk->started)
+            find_cell(t, ray, walk->t_mm, walk->cell);
+        else
+            step_cell(t, ray, walk->t_mm, walk->cell);
+        walk->started = true;
+        if (t->bricks && leap(t, walk)) {
+            find_cell(t, ray, walk->t_mm, walk->cell);
+            continue;
+        }
+        int end[3];
+        for (int axis = 0; axis < 3; axis++)
+            end[axis] = walk->cell[axis] + 1;
+        const double t0 = walk->t_mm, t1 = fmax(t0, leave_mm(ray, walk->cell, end));
+        walk->t_mm = t1;
+        uint16_t grey[8];
+        if (!wanted(t, walk->wanted, load_corners(t, walk->cell, grey)) || (t1 <= t0 && ray->t0_mm < ray->t1_mm))
+            continue;
+        double corner[8];
+        for (int m = 0; m < 8; m++)
+            corner[m] = hu_of(t, grey[m]);
+        for (int axis = 0; axis < 3; axis++) {
+            const double p = ray->start_vox[axis] - walk->cell[axis];
+            walk->from[axis] = clamp(p + t0 * ray->step_vox[axis], 0, 1);
+            walk->to[axis] = clamp(p + t1 * ray->step_vox[axis], 0, 1);
+        }
+        piece->t0_mm = t0;
+        piece->t1_mm = t1;
+        corners_to_cubic(corner, walk->from, walk->to, piece->hu);
+        return true;
+    }
+    return false;
+}
+
+/* Central differences at the voxels, one-sided at the border, in HU per voxel. */
+static double difference(const Trilinear *t, const int voxel[3], int axis)
+{
+    if (t->volume->dims[axis] == 1)
+        return 0;
+    const size_t stride = t->stride[axis];
+    const uint16_t *v = cell_voxel(t, voxel);
+    const int before = voxel[axis] > 0, after = voxel[axis] < t->volume->dims[axis] - 1;
+    const double rise = (double)v[after ? stride : 0] - (double)*(v - (before ? stride : 0));
+    return rise * t->volume->hu_step / (before + after);
+}
+
+static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double g[3][4])
+{
+    const Trilinear *t = (const Trilinear *)field;
+    (void)piece;
+    for (int axis = 0; axis < 3; axis++) {
+        double corner[8];
+        for (int m = 0; m < 8; m++) {
+            int voxel[3];
+            for (int a = 0; a < 3; a++)
+                voxel[a] = walk->cell[a] + ((m >> a & 1) && t->volume->dims[a] > 1);
+            corner[m] = difference(t, voxel, axis);
+        }
+        corners_to_cubic(corner, walk->from, walk->to, g[axis]);
+    }
+}
+
+static double value(const CtsField *field, const CtsRay *ray, double t_mm)
+{
+    const Trilinear *t = (const Trilinear *)field;
+    uint16_t grey[8];
+    int cell[3];
+    double at[3], corner[8], c[4];
+    find_cell(t, ray, t_mm, cell);
+    load_corners(t, cell, grey);
+    for (int m = 0; m < 8; m++)
+        corner[m] = hu_of(t, grey[m]);
+    for (int axis = 0; axis < 3; axis++)
+        at[axis] = clamp(ray->start_vox[axis] + t_mm * ray->step_vox[axis] - cell[axis], 0, 1);
+    corners_to_cubic(corner, at, at, c);
+    return c[0];
+}
+
+static GreyRange brick_range(const Trilinear *t, int bx, int by, int bz)
+{
+    const int *dims = t->volume->dims;
+    const int low[3] = {bx * BRICK, by * BRICK, bz * BRICK};
+    GreyRange r = {UINT16_MAX, 0};
+    for (int z = low[2]; z <= low[2] + BRICK && z < dims[2]; z++)
+        for (int y = low[1]; y <= low[1] + BRICK && y < dims[1]; y++) {
+            const uint16_t *row = t->volume->grey + ((size_t)z * (size_t)dims[1] + (size_t)y) * (size_t)dims[0];
+            for (int x = low[0]; x <= low[0] + BRICK && x < dims[0]; x++) {
+                r.low = row[x] < r.low ? row[x] : r.low;
+                r.high = row[x] > r.high ? row[x] : r.high;
+            }
+        }
+    return r;
+}
+
+static CtsStatus make_bricks(Trilinear *t, int n_threads, CtsError *err)
+{
+    const int *n = t->n_bricks;
+    const CtsStatus st = cts_alloc_array(&t->bricks, (size_t)n[0] * (size_t)n[1] * (size_t)n[2], err);
+    if (st)
+        return st;
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
+    for (int bz = 0; bz < n[2]; bz++)
+        for (int by = 0; by < n[1]; by++)
+            for (int bx = 0; bx < n[0]; bx++)
+                t->bricks[((size_t)bz * (size_t)n[1] + (size_t)by) * (size_t)n[0] + (size_t)bx] =
+                    brick_range(t, bx, by, bz);
+    return CTS_OK;
+}
+
+static void trilinear_free(CtsField **field)
+{
+    Trilinear *t = (Trilinear *)*field;
+    cts_free(&t->bricks);
+    free(t);
+    *field = NULL;
+}
+
+CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, size_t n_rays, int n_threads, CtsError *err)
+{
+    *field = NULL;
+    Trilinear *t = calloc(1, sizeof *t);
+    if (!t)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    t->field = (CtsField){.next = next, .gradient = gradient, .value = value, .free = trilinear_free};
+    t->volume = volume;
+    size_t stride = 1;
+    for (int axis = 0; axis < 3; axis++) {
+        const int dim = volume->dims[axis];
+        t->n_cells[axis] = dim > 1 ? dim - 1 : 1;
+        t->stride[axis] = dim > 1 ? stride : 0;
+        t->n_bricks[axis] = (t->n_cells[axis] + BRICK - 1) / BRICK;
+        stride *= (size_t)dim;
+    }
+    *field = &t->field;
+    const CtsStatus st = n_rays >= RAYS_WORTH_BRICKS ? make_bricks(t, n_threads, err) : CTS_OK;
+    if (st)
+        cts_field_free(field);
+    return st;
+}
