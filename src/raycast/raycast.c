@@ -27,6 +27,7 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
     for (int a = 0; a < 3; a++)
         for (int b = 0; b < 3; b++)
             r->metric[a][b] = cts_dot3(inverse[a], inverse[b]);
+    r->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
     r->least_gradient2 = 1e-18 * scene->volume->hu_step * scene->volume->hu_step;
     if (!st && !field)
         st = cts_field_trilinear(&r->own_field, scene->volume, n_rays, scene->settings->n_threads, err);
@@ -87,7 +88,7 @@ void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba
             window_ray(caster, &ray, rgba);
     }
     if (depth_mm)
-        *depth_mm = first_mm;
+        *depth_mm = first_mm + caster->camera_mm;
 }
 
 CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err)

@@ -15,6 +15,7 @@ typedef struct CtsRaycaster {
     CtsTransfer transfer; /* composite only */
     CtsGauss coarse, fine;
     double metric[3][3];    /* squared length in HU/mm of a gradient in HU/voxel: g' metric g */
+    double camera_mm;       /* from the camera plane to t = 0 of every ray */
     double least_gradient2; /* below this square (HU/voxel) there is no gradient but rounding */
 } CtsRaycaster;
 

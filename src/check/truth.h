@@ -1,0 +1,38 @@
+/* What pixels must be, from formulas: closed forms along straight stretches of HU, and rays through a volume's box
+ * worked out in patient millimetres. Shares no code with the renderers, so that it can judge them. */
+#ifndef CTS_CHECK_TRUTH_H
+#define CTS_CHECK_TRUTH_H
+
+#include "ctsplat/preset.h"
+#include "ctsplat/volume.h"
+#include <stdbool.h>
+
+/* A stretch of a ray along which HU runs in a straight line. facing is |n.v|, or negative where unlit. */
+typedef struct CtsTruthStretch {
+    double hu0, hu1, length_mm, facing;
+} CtsTruthStretch;
+
+/* Premultiplied red, green, blue and alpha of stretches one behind the other, front first, by closed forms for the
+ * depth and tanh-sinh quadrature for colours that change: good to 1e-10. extinction_scale as in CtsScene. */
+void cts_truth_stretches(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *stretches, int n,
+                         double rgba[4]);
+
+/* Integral of f over a..b by tanh-sinh quadrature; f may be steep or singular at the ends. */
+double cts_truth_integral(double (*f)(double x, const void *data), const void *data, double a, double b);
+
+/* The ray of a picture position by INTERFACE's geometry: a point on the central plane and the viewing direction. */
+typedef struct CtsTruthCamera {
+    double azimuth_deg, elevation_deg, mm_per_pixel; /* mm_per_pixel 0: the default scale */
+    int width, height;
+} CtsTruthCamera;
+
+typedef struct CtsTruthRay {
+    double point_lps[3], direction_lps[3];
+    double from_mm, to_mm; /* inside the box of voxel centres, along direction from point */
+} CtsTruthRay;
+
+/* False when the ray misses the box. */
+bool cts_truth_ray(const CtsVolume *volume, const CtsTruthCamera *camera, double x, double y, CtsTruthRay *ray);
+void cts_truth_ray_point(const CtsTruthRay *ray, double t_mm, double point_lps[3]);
+
+#endif
