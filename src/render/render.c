@@ -131,7 +131,9 @@ CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const Cts
     }
     if (!p.shade)
         cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p.mode],
-                        p.mode != CTS_MODE_COMPOSITE ? "its nature" : s.shade == CTS_OFF ? "--shade off" : "the preset");
+                        p.mode != CTS_MODE_COMPOSITE ? "its nature"
+                        : s.shade == CTS_OFF         ? "--shade off"
+                                                     : "the preset");
     if (!s.explain) {
         if ((st = cts_picture_new(picture, s.width, s.height, 4, err)))
             goto end;
