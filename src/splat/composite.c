@@ -1,0 +1,192 @@
+#include "splat/composite.h"
+
+#include "base/clock.h"
+#include "base/mem.h"
+#include "base/vec3.h"
+#include <math.h>
+
+void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut, double length_mm)
+{
+    *entries = (CtsEntries){.entry = (const float(*)[4])table, .low = UINT16_MAX, .high = 0};
+    for (int g = 0; g < CTS_N_GREY; g++) {
+        const float alpha = (float)-expm1(-(double)lut->extinction_per_mm[g] * length_mm);
+        for (int c = 0; c < 3; c++)
+            table[g][c] = lut->rgb[g][c] * alpha;
+        table[g][3] = -alpha;
+        if (alpha > 0) {
+            entries->low = g < entries->low ? (uint16_t)g : entries->low;
+            entries->high = (uint16_t)g;
+        }
+    }
+}
+
+CtsStatus cts_runs_init(CtsRuns *runs, const CtsTiles *tiles, CtsError *err)
+{
+    CtsStatus st;
+    *runs = (CtsRuns){.capacity = tiles->n[0] / 2 + 1};
+    if ((st = cts_alloc_zeroed(&runs->n, (size_t)tiles->n[1], err)))
+        return st;
+    return cts_alloc_array(&runs->run, (size_t)tiles->n[1] * (size_t)runs->capacity, err);
+}
+
+void cts_runs_free(CtsRuns *runs)
+{
+    cts_free(&runs->n);
+    cts_free(&runs->run);
+}
+
+void cts_runs_set(CtsRuns *runs, int tile_row, const uint8_t *active, int n)
+{
+    int(*run)[2] = runs->run + (size_t)tile_row * (size_t)runs->capacity;
+    int n_runs = 0;
+    for (int t = 0; t < n; t++) {
+        if (!active[t])
+            continue;
+        run[n_runs][0] = t;
+        while (t < n && active[t])
+            t++;
+        run[n_runs++][1] = t;
+    }
+    runs->n[tile_row] = n_runs;
+}
+
+CtsStatus cts_compositor_init(CtsCompositor *c, const CtsKernels *kernels, const CtsTiles *tiles,
+                              const CtsRaster *raster, const CtsView *view, const CtsVolume *volume,
+                              CtsPicture *picture, CtsError *err)
+{
+    CtsStatus st;
+    *c = (CtsCompositor){.kernels = kernels, .tiles = *tiles, .picture = picture};
+    if ((st = cts_raster_row_init(&c->row, raster, kernels, err)) ||
+        (st = cts_alloc_array(&c->grey, (size_t)raster->width + 16, err)))
+        return st;
+    /* Rays start in the plane through the centre, half a diagonal behind the camera plane. */
+    const double mm_per_layer = 1 / view->forward_vox[view->axis], mm = view->mm_per_pixel;
+    double start[3];
+    cts_view_ray(view, 0, 0, start);
+    c->depth_mm[0] = cts_volume_diagonal_mm(volume) / 2 - start[view->axis] * mm_per_layer;
+    c->depth_mm[1] = -mm * view->right_vox[view->axis] * mm_per_layer;
+    c->depth_mm[2] = mm * view->up_vox[view->axis] * mm_per_layer;
+    c->depth_mm[3] = mm_per_layer;
+    return CTS_OK;
+}
+
+void cts_compositor_free(CtsCompositor *c)
+{
+    cts_raster_row_free(&c->row);
+    cts_free(&c->grey);
+}
+
+/* The first visible sample, or better the first where half of the light is taken. */
+static void note_depth(const CtsCompositor *c, const CtsPlane *plane, int y, int xa, int n)
+{
+    const float *pixels = c->picture->pixels + 4 * ((size_t)y * (size_t)c->picture->width + (size_t)xa);
+    float *depth_mm = c->picture->depth_mm + (size_t)y * (size_t)c->picture->width + (size_t)xa;
+    const double row_mm = c->depth_mm[0] + c->depth_mm[2] * y + c->depth_mm[3] * plane->layer;
+    for (int i = 0; i < n; i++) {
+        const float before = pixels[4 * i + 3], taken = plane->entries->entry[c->grey[i]][3];
+        const float after = before + before * taken;
+        if (after < before && (isinf(depth_mm[i]) || (before > 0.5f && after <= 0.5f)))
+            depth_mm[i] = (float)(row_mm + c->depth_mm[1] * (xa + i));
+    }
+}
+
+static void composite_span(CtsCompositor *c, const CtsPlane *plane, int y, int xa, int xb)
+{
+    const int n = xb - xa;
+    if (n <= 0)
+        return;
+    cts_raster_fill(&c->row, xa, xb);
+    CtsPlaces places;
+    for (int axis = 0; axis < 2; axis++) {
+        places.cell[axis] = c->row.cell[axis] + xa;
+        places.frac[axis] = c->row.frac[axis] + xa;
+    }
+    c->kernels->sample(&plane->sheets, &places, n, c->grey);
+    c->samples += (uint64_t)n;
+    if (c->picture->depth_mm)
+        note_depth(c, plane, y, xa, n);
+    float *pixels = c->picture->pixels + 4 * ((size_t)y * (size_t)c->picture->width + (size_t)xa);
+    const bool timed = (y & 15) == 0;
+    const double start_ms = timed ? cts_wall_ms() : 0;
+    if (plane->light)
+        c->kernels->light(pixels, c->grey, n, plane->entries, &places, plane->light);
+    else
+        c->kernels->blend(pixels, c->grey, n, plane->entries);
+    if (timed)
+        c->timed_blend_ms += cts_wall_ms() - start_ms;
+}
+
+static int tile_lattice(const CtsCompositor *c, int axis)
+{
+    return CTS_TILE * c->tiles.density[axis];
+}
+
+/* The tile that a pixel's cell lies in. */
+static int tile_at(const CtsCompositor *c, int axis, int x)
+{
+    const double at = floor(c->row.base[axis] + c->row.raster->by_x[axis] * (double)x);
+    const int tile = at > 0 ? (int)at / tile_lattice(c, axis) : 0;
+    return tile < c->tiles.n[axis] ? tile : c->tiles.n[axis] - 1;
+}
+
+/* Where pixels xa..xb-1, which run through tiles from the side `rising` says, pass the border below tile t. */
+static int border(const CtsCompositor *c, int axis, int t, int xa, int xb)
+{
+    const bool rising = c->row.raster->by_x[axis] > 0;
+    if (t <= 0)
+        return rising ? xa : xb;
+    if (t >= c->tiles.n[axis])
+        return rising ? xb : xa;
+    return cts_raster_passes(&c->row, axis, (double)t * tile_lattice(c, axis), xa, xb);
+}
+
+/* Pixels xa..xb-1, all within one row of tiles. */
+static void composite_tile_row(CtsCompositor *c, const CtsPlane *plane, int y, int tile_row, int xa, int xb)
+{
+    const CtsRuns *runs = plane->runs;
+    const int(*run)[2] = (const int(*)[2])(runs->run + (size_t)tile_row * (size_t)runs->capacity);
+    const int n = runs->n[tile_row];
+    if (!c->row.raster->moves[0]) {
+        const int tile = n > 0 ? tile_at(c, 0, xa) : 0;
+        for (int i = 0; i < n; i++)
+            if (tile >= run[i][0] && tile < run[i][1])
+                composite_span(c, plane, y, xa, xb);
+        return;
+    }
+    const bool rising = c->row.raster->by_x[0] > 0;
+    for (int i = 0; i < n && xa < xb; i++) {
+        const int *at = run[rising ? i : n - 1 - i];
+        const int from = border(c, 0, rising ? at[0] : at[1], xa, xb);
+        const int to = border(c, 0, rising ? at[1] : at[0], from, xb);
+        composite_span(c, plane, y, from, to);
+        xa = to;
+    }
+}
+
+static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
+{
+    const bool moves = c->row.raster->moves[1], rising = c->row.raster->by_x[1] > 0;
+    if (!plane->runs) {
+        composite_span(c, plane, y, c->row.x0, c->row.x1);
+        return;
+    }
+    for (int x = c->row.x0; x < c->row.x1;) {
+        const int tile_row = tile_at(c, 1, x);
+        const int past = moves ? border(c, 1, rising ? tile_row + 1 : tile_row, x, c->row.x1) : c->row.x1;
+        composite_tile_row(c, plane, y, tile_row, x, past);
+        x = past;
+    }
+}
+
+void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1)
+{
+    cts_raster_begin_plane(&c->row, plane->layer);
+    for (int y = y0; y < y1; y++) {
+        const bool timed = (y & 15) == 0;
+        const double start_ms = timed ? cts_wall_ms() : 0;
+        if (cts_raster_begin_row(&c->row, y))
+            composite_row(c, plane, y);
+        if (timed)
+            c->timed_ms += cts_wall_ms() - start_ms;
+    }
+}

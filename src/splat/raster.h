@@ -1,0 +1,50 @@
+/* Where the picture's rays cross a layer: lattice positions, linear in pixel and layer, in closed form.
+ *
+ * A position is (origin + by_layer * layer + by_y * y) + by_x * x in double, so it depends neither on where a row was
+ * begun nor on vector width, and never falls (or never rises) along a row. */
+#ifndef CTS_SPLAT_RASTER_H
+#define CTS_SPLAT_RASTER_H
+
+#include "splat/kernels.h"
+#include "splat/stack.h"
+#include "splat/view.h"
+
+typedef struct CtsRaster {
+    int width, height;
+    int last[2]; /* lattice index of the last voxel along u and v */
+    double origin[2], by_x[2], by_y[2], by_layer[2];
+    bool moves[2];      /* along a picture row */
+    bool column_tables; /* one axis moves along rows only, the other from row to row only */
+} CtsRaster;
+
+void cts_raster_init(CtsRaster *raster, const CtsView *view, const CtsStack *stack, const int density[2]);
+
+/* One thread's rows: arrays by picture column, valid where filled. */
+typedef struct CtsRasterRow {
+    const CtsRaster *raster;
+    const CtsKernels *kernels;
+    double layer_base[2]; /* of the plane begun last */
+    double base[2];       /* of the row begun last */
+    int x0, x1;           /* pixels of the row whose rays cross the plane inside the box */
+    int table_x0, table_x1;
+    int32_t *cell[2];
+    float *frac[2];
+    bool has_table;
+    double table_base;
+} CtsRasterRow;
+
+CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const CtsKernels *kernels, CtsError *err);
+void cts_raster_row_free(CtsRasterRow *row);
+
+/* The plane at a layer coordinate (whole on a layer), then a picture row of it; false: nothing of the row is inside. */
+void cts_raster_begin_plane(CtsRasterRow *row, double layer);
+bool cts_raster_begin_row(CtsRasterRow *row, int y);
+
+/* Make cell and frac hold for pixels xa..xb-1. */
+void cts_raster_fill(CtsRasterRow *row, int xa, int xb);
+
+/* The first pixel of xa..xb whose position along axis has passed lattice point at: reached it where positions rise,
+ * fallen below it where they fall; xb if none has. Exact: agrees with the cells of cts_raster_fill(). */
+int cts_raster_passes(const CtsRasterRow *row, int axis, double at, int xa, int xb);
+
+#endif

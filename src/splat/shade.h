@@ -1,0 +1,51 @@
+/* Gradient lighting: colour * (ambient + diffuse * |n.v|) + specular * |n.v|^power, n the normalised gradient of HU in
+ * mm, v the viewing direction. Shared by the splatting engines; float32, the same bits on every path.
+ *
+ * Gradients come as grey level differences along the three voxel axes, in any one scale (twice the derivative here:
+ * grey[i + 1] - grey[i - 1], at a border twice the one-sided difference). Steps of the volume may be sheared and of
+ * different length: |g|^2 in mm is a quadratic form in these, and g.v a dot product with voxels per mm of the view. */
+#ifndef CTS_SPLAT_SHADE_H
+#define CTS_SPLAT_SHADE_H
+
+#include "ctsplat/preset.h"
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+#include "splat/view.h"
+#include <math.h>
+
+typedef struct CtsShade {
+    float along[3]; /* g.v = sum along[i] * g[i]; axes as the caller orders them */
+    float form[6];  /* |g|^2: 00 11 22, then twice 01 02 12 */
+    float ambient, diffuse, specular;
+    int n_power; /* power has n_power + 1 entries over |n.v| = 0..1, joined by lines */
+    float *power;
+} CtsShade;
+
+/* axes[i] is the volume axis that the caller's i-th difference runs along. Free with cts_shade_free(). */
+CtsStatus cts_shade_init(CtsShade *shade, const CtsPreset *preset, const CtsVolume *volume, const CtsView *view,
+                         const int axes[3], CtsError *err);
+void cts_shade_free(CtsShade *shade);
+
+/* |n.v| in 0..1; 0 without a gradient. */
+static inline float cts_shade_facing(const CtsShade *s, float g0, float g1, float g2)
+{
+    const float *q = s->form;
+    const float towards = s->along[0] * g0 + s->along[1] * g1 + s->along[2] * g2;
+    const float square = g0 * (q[0] * g0 + q[3] * g1 + q[4] * g2) + g1 * (q[1] * g1 + q[5] * g2) + q[2] * g2 * g2;
+    if (!(square > 0))
+        return 0;
+    const float facing = fabsf(towards) / sqrtf(square);
+    return facing < 1 ? facing : 1;
+}
+
+/* What colour is multiplied with, and the white that is added to it. */
+static inline void cts_shade_factors(const CtsShade *s, float facing, float *colour, float *white)
+{
+    const float at = facing * (float)s->n_power;
+    const int i = at < (float)s->n_power ? (int)at : s->n_power - 1;
+    const float low = s->power[i];
+    *colour = s->ambient + s->diffuse * facing;
+    *white = facing > 0 ? s->specular * (low + (s->power[i + 1] - low) * (at - (float)i)) : 0;
+}
+
+#endif

@@ -1,0 +1,49 @@
+/* The volume as a stack of layers across the principal axis, each a picture of rows that are contiguous in memory.
+ *
+ * Across z and y the volume's own rows serve. Across x voxels of a layer lie a row apart, so layers are transposed a
+ * chunk at a time; two chunks are kept, and the caller sees to it that those it reads have been loaded. */
+#ifndef CTS_SPLAT_STACK_H
+#define CTS_SPLAT_STACK_H
+
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { CTS_STACK_CHUNK = 32 };
+
+typedef struct CtsStack {
+    const uint16_t *grey;
+    int n_layers;
+    int axis, u_axis, v_axis;  /* of the volume: across the layers, along a row, from row to row */
+    int n[2];                  /* voxels of a layer: along a row, rows */
+    size_t v_step, layer_step; /* distances in grey; rows are contiguous unless axis is 0 */
+    uint16_t *chunk[2];
+    int loaded[2]; /* which chunk of layers, or -1 */
+} CtsStack;
+
+CtsStatus cts_stack_init(CtsStack *stack, const CtsVolume *volume, int axis, CtsError *err);
+void cts_stack_free(CtsStack *stack);
+
+/* The chunk that must be loaded before layer k can be read, or -1. */
+static inline int cts_stack_missing(const CtsStack *stack, int k)
+{
+    const int chunk = k / CTS_STACK_CHUNK;
+    return stack->axis == 0 && stack->loaded[chunk & 1] != chunk ? chunk : -1;
+}
+
+/* Load rows v0..v1-1 of a chunk; threads may share the rows. Then one thread says that it is loaded. */
+void cts_stack_load(CtsStack *stack, int chunk, int v0, int v1);
+void cts_stack_set_loaded(CtsStack *stack, int chunk);
+
+/* Row v of layer k: n[0] grey levels. */
+static inline const uint16_t *cts_stack_row(const CtsStack *stack, int k, int v)
+{
+    if (stack->axis != 0)
+        return stack->grey + (size_t)k * stack->layer_step + (size_t)v * stack->v_step;
+    return stack->chunk[(k / CTS_STACK_CHUNK) & 1] +
+           ((size_t)(k % CTS_STACK_CHUNK) * (size_t)stack->n[1] + (size_t)v) * (size_t)stack->n[0];
+}
+
+#endif
