@@ -5,6 +5,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/vec3.h"
+#include "render/verify.h"
 #include "splat/engine.h"
 #include <math.h>
 #include <string.h>
@@ -149,6 +150,8 @@ CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const Cts
         }
     }
     st = engine->render(&scene, *picture, report, err);
+    if (!st && s.verify > 0 && *picture)
+        st = cts_verify(&scene, *picture, report, err);
 end:
     if (st)
         cts_picture_free(picture);
