@@ -21,6 +21,7 @@ typedef struct CtsPictureInfo {
     double window_low_hu, window_high_hu; /* grey pictures: HU shown as black and white */
     /* The camera: unit vectors and the picture's centre, patient coordinates (LPS, mm). */
     double right_lps[3], up_lps[3], forward_lps[3], centre_lps[3];
+    bool shows_skin;  /* a composite that lets skin be seen: a face may be recognised */
     double camera_mm; /* how far before centre_lps the camera plane stands, where depth is 0 */
 } CtsPictureInfo;
 

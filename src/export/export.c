@@ -67,7 +67,7 @@ CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *
 {
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     const CtsFormat *format = format_of(path);
-    CtsExportJob job = {.frames = frames, .n_frames = n_frames, .path = path, .settings = settings};
+    CtsExportJob job = {.frames = frames, .n_frames = n_frames, .path = path, .settings = settings, .report = report};
     uint64_t size = 0;
     CtsStatus st = cts_export_check(path, settings, err);
     if (st || (st = check_frames(format, frames, n_frames, path, err)) || (st = cts_temp_open(&job.temp, path, err)) ||

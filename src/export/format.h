@@ -11,6 +11,7 @@ typedef struct CtsExportJob {
     const char *path; /* the final name, for messages */
     const CtsExportSettings *settings;
     CtsTempFile *temp; /* where the bytes go; export.c opens and commits it */
+    CtsReport *report; /* for findings; may be NULL */
 } CtsExportJob;
 
 typedef struct CtsFormat {
@@ -28,5 +29,8 @@ CtsStatus cts_png_write(const CtsExportJob *job, CtsError *err);
 CtsStatus cts_png_read(const char *path, CtsPicture **picture, CtsError *err);
 CtsStatus cts_exr_write(const CtsExportJob *job, CtsError *err);
 CtsStatus cts_exr_read(const char *path, CtsPicture **picture, CtsError *err);
+CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsError *err);
+CtsStatus cts_sc_write(const CtsExportJob *job, CtsError *err);
+CtsStatus cts_sc_read(const char *path, CtsPicture **picture, CtsError *err);
 
 #endif

@@ -126,7 +126,7 @@ CtsStatus cts_png_write(const CtsExportJob *job, CtsError *err)
 {
     const CtsPicture *picture = job->frames[0];
     PngWriter w = {.job = job, .err = err};
-    w.n_samples = cts_picture_is_grey(picture) ? 1 : picture->has_alpha ? 4 : 3;
+    w.n_samples = picture->n_channels == 4 && picture->has_alpha ? 4 : cts_picture_is_grey(picture) ? 1 : 3;
     png_infop info = NULL;
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &w, on_write_error, on_warning);
     if (!png || !(info = png_create_info_struct(png)))

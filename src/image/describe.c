@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "image/describe.h"
 
+#include "base/vec3.h"
 #include <locale.h>
 #include <math.h>
 #include <stdio.h>
@@ -42,6 +43,26 @@ void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size)
             return;
         }
     number_pair(info->azimuth_deg, info->elevation_deg, text, size);
+}
+
+void cts_describe_direction(const double direction_lps[3], char text[4])
+{
+    static const char letters[3][2] = {{'L', 'R'}, {'P', 'A'}, {'H', 'F'}}; /* towards +, towards - */
+    static const double sin_15_deg = 0.25881904510252074;
+    const double length = cts_norm3(direction_lps);
+    bool used[3] = {false, false, false};
+    int n = 0;
+    for (; n < 3 && length > 0; n++) {
+        int best = -1;
+        for (int a = 0; a < 3; a++)
+            if (!used[a] && (best < 0 || fabs(direction_lps[a]) > fabs(direction_lps[best])))
+                best = a;
+        if (fabs(direction_lps[best]) <= sin_15_deg * length)
+            break;
+        used[best] = true;
+        text[n] = letters[best][direction_lps[best] < 0];
+    }
+    text[n] = 0;
 }
 
 bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size)

@@ -10,6 +10,10 @@ void cts_describe_number(double value, int n_digits, char *text, size_t size);
 /* The view as --view takes it: a name where there is one, else "azimuth,elevation" in degrees. */
 void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size);
 
+/* Where a direction of the patient (LPS) points: A P L R H F, the strongest component first, further letters for
+ * components of more than sin 15 degrees of its length. "" for no direction. */
+void cts_describe_direction(const double direction_lps[3], char text[4]);
+
 /* The grey window as "low,high" in HU; false (and "") when the picture is composite. */
 bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size);
 

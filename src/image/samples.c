@@ -6,8 +6,6 @@ bool cts_picture_is_grey(const CtsPicture *picture)
 {
     if (picture->n_channels == 1)
         return true;
-    if (picture->has_alpha)
-        return false;
     const size_t n = (size_t)picture->width * picture->height;
     for (size_t i = 0; i < n; i++) {
         const float *p = picture->pixels + 4 * i;

@@ -5,14 +5,14 @@
 #include "ctsplat/picture.h"
 #include <stdint.h>
 
-/* Red, green and blue are equal in every pixel and nothing shines through: one channel tells it all. */
+/* Red, green and blue are equal in every pixel. Alpha is not looked at. */
 bool cts_picture_is_grey(const CtsPicture *picture);
 
 /* Row y as 16-bit samples, n_samples a pixel: 1 grey (the first channel), 3 red green blue as they stand, 4 straight
  * (not premultiplied) red green blue and alpha. Where alpha rounds to 0, so do the colours. */
 void cts_samples_row16(const CtsPicture *picture, int y, int n_samples, uint16_t *row);
 
-/* Row y as 8-bit red, green and blue; what shows through is black. */
+/* Row y as 8-bit red, green and blue, over black where there is alpha. */
 void cts_samples_row8(const CtsPicture *picture, int y, uint8_t *row);
 
 #endif

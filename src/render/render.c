@@ -76,6 +76,15 @@ static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const C
     return CTS_OK;
 }
 
+/* From where skin meets air up to soft tissue: what is seen of it outlines a face. */
+static bool shows_skin(const CtsPreset *preset)
+{
+    bool seen = false;
+    for (double hu = -700; hu <= 80 && preset->mode == CTS_MODE_COMPOSITE; hu += 20)
+        seen = seen || cts_preset_extinction_per_mm(preset, hu) > 0.01;
+    return seen;
+}
+
 static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *engine_name)
 {
     const CtsView *view = &scene->view;
@@ -91,6 +100,7 @@ static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *e
     memcpy(info->up_lps, view->up_lps, sizeof info->up_lps);
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
+    info->shows_skin = shows_skin(scene->preset);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
 }
 

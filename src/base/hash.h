@@ -1,0 +1,27 @@
+/* SHA-256 through OpenSSL's libcrypto, and names made from it. */
+#ifndef CTS_BASE_HASH_H
+#define CTS_BASE_HASH_H
+
+#include "ctsplat/status.h"
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { CTS_DIGEST_BYTES = 32 };
+
+typedef struct CtsHash CtsHash;
+
+/* A failure on the way is kept and comes out of cts_hash_finish(), which frees the hash in any case. */
+CtsStatus cts_hash_start(CtsHash **hash, CtsError *err);
+void cts_hash_bytes(CtsHash *hash, const void *bytes, size_t n);
+/* With its final 0, so that neighbouring texts cannot run into each other. */
+void cts_hash_text(CtsHash *hash, const char *text);
+CtsStatus cts_hash_finish(CtsHash **hash, uint8_t digest[CTS_DIGEST_BYTES], CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
