@@ -1,0 +1,192 @@
+/* Status, memory, cores and reports. */
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include "unit.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static void test_exit_codes(void **state)
+{
+    (void)state;
+    const struct {
+        CtsStatus status;
+        int code;
+    } cases[] = {
+        {CTS_OK, 0},         {CTS_ERR_MEMORY, 1},    {CTS_ERR_USAGE, 2},         {CTS_ERR_PRESET, 2},
+        {CTS_ERR_READ, 3},   {CTS_ERR_NO_SERIES, 3}, {CTS_ERR_SYNTAX, 3},        {CTS_ERR_GEOMETRY, 4},
+        {CTS_ERR_PIXELS, 4}, {CTS_ERR_OUTPUT, 5},    {CTS_ERR_INTERRUPTED, 130}, {CTS_ERR_INTERNAL, 1},
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        assert_int_equal(cts_exit_code(cases[i].status), cases[i].code);
+}
+
+static void test_fail(void **state)
+{
+    (void)state;
+    CtsError err;
+    assert_int_equal(cts_fail(NULL, CTS_ERR_READ, "nobody listens"), CTS_ERR_READ);
+    assert_int_equal(cts_fail(&err, CTS_ERR_READ, "%s: slice %d", "a.dcm", 3), CTS_ERR_READ);
+    assert_int_equal(err.status, CTS_ERR_READ);
+    assert_string_equal(err.text, "a.dcm: slice 3");
+    assert_int_equal(cts_context(&err, "reading %s", "b"), CTS_ERR_READ);
+    assert_string_equal(err.text, "reading b: a.dcm: slice 3");
+    assert_int_equal(cts_context(NULL, "x"), CTS_ERR_INTERNAL);
+}
+
+/* A message is one line and drives no terminal, whatever a file name or a header holds. */
+static void test_fail_escapes(void **state)
+{
+    (void)state;
+    CtsError err;
+    cts_fail(&err, CTS_ERR_READ, "%s", "a\nb\x1b[31m\x7f\t");
+    assert_string_equal(err.text, "a?b?[31m??");
+    cts_fail(&err, CTS_ERR_READ, "inner");
+    cts_context(&err, "%s", "x\ny");
+    assert_string_equal(err.text, "x?y: inner");
+}
+
+static void test_fail_long(void **state)
+{
+    (void)state;
+    CtsError err;
+    char text[4000];
+    memset(text, 'x', sizeof text - 1);
+    text[sizeof text - 1] = 0;
+    cts_fail(&err, CTS_ERR_READ, "%s", text);
+    assert_int_equal(strlen(err.text), sizeof err.text - 1);
+    cts_fail(&err, CTS_ERR_READ, "inner");
+    cts_context(&err, "%s", text); /* no room for both: the cause is what matters */
+    assert_string_equal(err.text, "inner");
+    memset(text, 'y', sizeof text);
+    text[1000] = 0;
+    cts_context(&err, "%s", text);
+    assert_int_equal(strncmp(err.text, text, 1000), 0);
+    assert_string_equal(err.text + 1000, ": inner");
+}
+
+static void test_memory(void **state)
+{
+    (void)state;
+    CtsError err;
+    double *p = NULL;
+    assert_int_equal(cts_alloc_array(&p, SIZE_MAX / 4, &err), CTS_ERR_MEMORY);
+    assert_null(p);
+    p = (double *)&err;
+    assert_int_equal(cts_alloc_array(&p, SIZE_MAX / sizeof *p, &err), CTS_ERR_MEMORY);
+    assert_null(p);
+    assert_int_equal(cts_alloc_zeroed(&p, 1000, &err), CTS_OK);
+    assert_int_equal((uintptr_t)p % CTS_ALIGNMENT, 0);
+    for (int i = 0; i < 1000; i++)
+        assert_true(p[i] == 0);
+    cts_free(&p);
+    assert_null(p);
+    cts_free(&p);
+    assert_int_equal(cts_alloc_array(&p, 0, &err), CTS_OK);
+    cts_free(&p);
+    size_t product;
+    assert_true(cts_mul_overflows(SIZE_MAX, 2, &product));
+    assert_false(cts_mul_overflows(SIZE_MAX, 1, &product));
+    assert_true(product == SIZE_MAX);
+}
+
+static void test_threads(void **state)
+{
+    (void)state;
+    assert_true(cts_cpu_cores() >= 1);
+    assert_int_equal(cts_threads(0), cts_cpu_cores());
+    assert_int_equal(cts_threads(7), 7);
+    assert_int_equal(cts_threads(1 << 20), 1024);
+}
+
+static void test_stages_add_up(void **state)
+{
+    (void)state;
+    CtsReport r = {0};
+    cts_report_stage(&r, CTS_STAGE_SCAN, 2, 3, 4, 5);
+    cts_report_stage(&r, CTS_STAGE_SCAN, 20, 30, 40, 50);
+    const CtsStageTime *t = &r.stages[CTS_STAGE_SCAN];
+    assert_true(t->ran && t->wall_ms == 22 && t->cpu_ms == 33 && t->items == 44 && t->bytes == 55);
+    assert_false(r.stages[CTS_STAGE_DECODE].ran);
+    cts_report_stage(NULL, CTS_STAGE_SCAN, 1, 1, 1, 1);
+    cts_report_free(&r);
+    assert_false(r.stages[CTS_STAGE_SCAN].ran);
+}
+
+/* What runs at the same time is shared out by how busy it was, and nothing gets lost. */
+static void test_region(void **state)
+{
+    (void)state;
+    CtsReport r = {0};
+    double busy[CTS_N_STAGES] = {0};
+    uint64_t items[CTS_N_STAGES] = {0};
+    busy[CTS_STAGE_SPLAT] = 6;
+    busy[CTS_STAGE_COMPOSITE] = 2;
+    items[CTS_STAGE_SPLAT] = 1000;
+    items[CTS_STAGE_SHADE] = 7; /* did not run: not counted */
+    cts_report_region(&r, 10, 16, busy, items, NULL);
+    assert_true(r.stages[CTS_STAGE_SPLAT].wall_ms == 7.5 && r.stages[CTS_STAGE_SPLAT].cpu_ms == 12);
+    assert_true(r.stages[CTS_STAGE_COMPOSITE].wall_ms == 2.5 && r.stages[CTS_STAGE_COMPOSITE].cpu_ms == 4);
+    assert_int_equal(r.stages[CTS_STAGE_SPLAT].items, 1000);
+    assert_false(r.stages[CTS_STAGE_SHADE].ran);
+    memset(busy, 0, sizeof busy);
+    cts_report_region(&r, 10, 16, busy, NULL, NULL);
+    double wall = 0;
+    for (int s = 0; s < CTS_N_STAGES; s++)
+        wall += r.stages[s].wall_ms;
+    assert_true(wall == 10);
+    cts_report_region(NULL, 10, 16, busy, NULL, NULL);
+    cts_report_free(&r);
+}
+
+static void test_lists(void **state)
+{
+    (void)state;
+    CtsReport r = {0};
+    char text[600];
+    memset(text, 'z', sizeof text - 1);
+    text[sizeof text - 1] = 0;
+    for (int i = 0; i < 100; i++) {
+        cts_report_skip(&r, "lighting", "reason %d", i);
+        cts_report_finding(&r, "gap", CTS_WARNING, "slice %d", i);
+    }
+    cts_report_finding(&r, text, CTS_REFUSAL, "%s", text);
+    assert_int_equal(r.n_skips, 100);
+    assert_int_equal(r.findings.n, 101);
+    assert_string_equal(r.skips[63].why, "reason 63");
+    assert_string_equal(r.findings.items[99].text, "slice 99");
+    assert_int_equal(strlen(r.findings.items[100].text), sizeof r.findings.items[100].text - 1);
+    assert_int_equal(strlen(r.findings.items[100].code), sizeof r.findings.items[100].code - 1);
+    cts_report_plan(&r, "engine %s", "classic");
+    cts_report_plan(&r, "layers %d", 12);
+    assert_string_equal(r.plan, "engine classic\nlayers 12\n");
+    cts_report_free(&r);
+    assert_true(!r.plan && !r.skips && !r.findings.items && r.n_skips == 0);
+    cts_report_free(&r);
+    cts_report_free(NULL);
+    cts_report_skip(NULL, "a", "b");
+    cts_report_finding(NULL, "a", CTS_NOTE, "b");
+    cts_report_plan(NULL, "a");
+}
+
+static void test_stage_names(void **state)
+{
+    (void)state;
+    const char *const names[CTS_N_STAGES] = {"scan",  "decode",    "grey",  "classify", "footprint",
+                                             "splat", "composite", "shade", "warp",     "export"};
+    for (int s = 0; s < CTS_N_STAGES; s++)
+        assert_string_equal(cts_stage_names[s], names[s]);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_exit_codes),  cmocka_unit_test(test_fail),          cmocka_unit_test(test_fail_escapes),
+        cmocka_unit_test(test_fail_long),   cmocka_unit_test(test_memory),        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_region),      cmocka_unit_test(test_stages_add_up), cmocka_unit_test(test_lists),
+        cmocka_unit_test(test_stage_names),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
