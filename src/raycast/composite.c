@@ -71,8 +71,14 @@ static void sum_colour(const Stretch *s, const CtsGauss *rule, double a, double 
     }
 }
 
-static bool add(CtsRayLight *light, const double rgb[3], double depth)
+/* Stretch a..b of the piece. Depth of the surface: where half of the light is taken, or else what is seen first. */
+static bool add(const Stretch *s, double a, double b, const double rgb[3], double depth)
 {
+    CtsRayLight *light = s->light;
+    if (light->depth < M_LN2 && light->depth + depth >= M_LN2) {
+        const double at = a + (b - a) * ((M_LN2 - light->depth) / depth);
+        light->surface_mm = s->piece->t0_mm + at * (s->piece->t1_mm - s->piece->t0_mm);
+    }
     for (int c = 0; c < 3; c++)
         light->rgb[c] += light->transmittance * rgb[c];
     light->depth += depth;
@@ -88,7 +94,7 @@ static bool add_even(const Stretch *s, double a, double b)
     double rgb[3];
     for (int c = 0; c < 3; c++)
         rgb[c] = alpha * s->span->rgb[c];
-    return add(s->light, rgb, depth);
+    return add(s, a, b, rgb, depth);
 }
 
 /* a..b of the piece, halved until two rules agree. False when the light has ended. */
@@ -108,7 +114,7 @@ static bool add_stretch(const Stretch *s, double a, double b)
         for (int c = 0; c < 3; c++)
             change = fmax(change, fabs(fine.rgb[c] - coarse.rgb[c]));
         if (change * left <= TOLERANCE || !halve)
-            return add(s->light, fine.rgb, fine.depth);
+            return add(s, a, b, fine.rgb, fine.depth);
     }
     const double middle = 0.5 * (a + b);
     return add_stretch(s, a, middle) && add_stretch(s, middle, b);
@@ -118,8 +124,8 @@ static bool add_span(const Stretch *s, double a, double b)
 {
     if (!(b > a) || !s->span->visible)
         return true;
-    if (s->light->first_mm == INFINITY)
-        s->light->first_mm = s->piece->t0_mm + a * (s->piece->t1_mm - s->piece->t0_mm);
+    if (s->light->surface_mm == INFINITY)
+        s->light->surface_mm = s->piece->t0_mm + a * (s->piece->t1_mm - s->piece->t0_mm);
     if (s->span->flat_extinction && s->span->flat_colour && !s->gradient)
         return add_even(s, a, b);
     return add_stretch(s, a, b);

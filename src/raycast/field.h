@@ -3,6 +3,7 @@
 #ifndef CTS_RAYCAST_FIELD_H
 #define CTS_RAYCAST_FIELD_H
 
+#include "ctsplat/render.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
 #include "splat/view.h"
@@ -36,13 +37,14 @@ static inline bool cts_hu_wanted(const CtsHuRanges *wanted, double low, double h
     return false;
 }
 
-/* A walk along one ray; the field keeps its place in it. Start with t_mm = ray->t0_mm and n_cells 0. */
+/* A walk along one ray; the field keeps its place in it. Start with ray, wanted, t_mm = ray->t0_mm, the rest zero. */
 typedef struct CtsRayWalk {
     const CtsRay *ray;
     const CtsHuRanges *wanted; /* pieces that hold none of these may be left out; may change during the walk */
     double t_mm;               /* end of what was handed out so far */
     int cell[3];               /* of the piece handed out last */
     double from[3], to[3];     /* the ends of that piece within the cell, 0..1 */
+    double length_mm;          /* of the piece handed out last, where the field chooses lengths */
     bool started;
 } CtsRayWalk;
 
@@ -65,6 +67,13 @@ bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray);
 /* Trilinear between voxel centres. With n_rays large it first looks at the whole volume in bricks, so that rays can
  * leap over what is not wanted. volume must outlive the field. */
 CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, size_t n_rays, int n_threads, CtsError *err);
+/* Any kernel: the layers across the view's principal axis are sheets, each voxel's kernel spread within its layer,
+ * weights normalised at every position (cone-paper apart) and voxels beyond the border counted as grey 0; between two
+ * layers HU runs straight. What the splatting engines tend to with ever finer tables and sub-sheets. The pieces are
+ * cubics fitted to 1e-4 HU (lit: the gradient's too). CTS_ERR_USAGE for a radius that the splatting engines refuse. */
+CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsView *view, CtsKernelId kernel,
+                           double radius, bool lit, CtsError *err);
+
 static inline void cts_field_free(CtsField **field)
 {
     if (*field)

@@ -4,8 +4,17 @@
 #include "base/clock.h"
 #include "base/vec3.h"
 #include "raycast/raycaster.h"
+#include "splat/footprint.h"
 #include <math.h>
 #include <stdlib.h>
+
+static CtsStatus make_field(CtsField **field, const CtsScene *scene, size_t n_rays, CtsError *err)
+{
+    const CtsRenderSettings *s = scene->settings;
+    if (s->kernel == CTS_KERNEL_TENT && cts_footprint_radius(s->kernel, s->kernel_radius) == 1)
+        return cts_field_trilinear(field, scene->volume, n_rays, s->n_threads, err);
+    return cts_field_kernel(field, scene->volume, &scene->view, s->kernel, s->kernel_radius, scene->preset->shade, err);
+}
 
 CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, size_t n_rays,
                             CtsError *err)
@@ -30,7 +39,7 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
     r->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
     r->least_gradient2 = 1e-18 * scene->volume->hu_step * scene->volume->hu_step;
     if (!st && !field)
-        st = cts_field_trilinear(&r->own_field, scene->volume, n_rays, scene->settings->n_threads, err);
+        st = make_field(&r->own_field, scene, n_rays, err);
     if (r->own_field)
         r->field = r->own_field;
     if (st)
@@ -47,10 +56,10 @@ void cts_raycaster_free(CtsRaycaster **caster)
     *caster = NULL;
 }
 
-static void composite_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4], double *first_mm)
+static void composite_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4], double *surface_mm)
 {
     const CtsField *field = caster->field;
-    CtsRayLight light = {.transmittance = 1, .first_mm = INFINITY};
+    CtsRayLight light = {.transmittance = 1, .surface_mm = INFINITY};
     CtsRayWalk walk = {.ray = ray, .wanted = &caster->transfer.visible, .t_mm = ray->t0_mm};
     CtsRayPiece piece;
     bool lit = true;
@@ -63,7 +72,7 @@ static void composite_ray(const CtsRaycaster *caster, const CtsRay *ray, double 
     for (int c = 0; c < 3; c++)
         rgba[c] = light.rgb[c];
     rgba[3] = -expm1(-light.depth);
-    *first_mm = light.first_mm;
+    *surface_mm = light.surface_mm;
 }
 
 static void window_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4])
@@ -78,17 +87,17 @@ static void window_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgb
 void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba[4], double *depth_mm)
 {
     CtsRay ray;
-    double first_mm = INFINITY;
+    double surface_mm = INFINITY;
     for (int c = 0; c < 4; c++)
         rgba[c] = 0;
     if (cts_ray_of_pixel(&caster->view, x, y, &ray)) {
         if (caster->preset->mode == CTS_MODE_COMPOSITE)
-            composite_ray(caster, &ray, rgba, &first_mm);
+            composite_ray(caster, &ray, rgba, &surface_mm);
         else
             window_ray(caster, &ray, rgba);
     }
     if (depth_mm)
-        *depth_mm = first_mm + caster->camera_mm;
+        *depth_mm = surface_mm + caster->camera_mm;
 }
 
 CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err)
@@ -151,5 +160,5 @@ const CtsEngine cts_engine_raycast = {
     .name = "raycast",
     .render = render,
     .modes = 1u << CTS_MODE_COMPOSITE | 1u << CTS_MODE_MIP | 1u << CTS_MODE_MINIP | 1u << CTS_MODE_AVERAGE,
-    .kernels = 1u << CTS_KERNEL_TENT,
+    .kernels = (1u << CTS_N_KERNELS) - 1,
 };

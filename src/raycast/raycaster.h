@@ -22,7 +22,7 @@ typedef struct CtsRaycaster {
 /* What a ray has met so far. Depth is optical depth; transmittance is exp(-depth). */
 typedef struct CtsRayLight {
     double rgb[3], depth, transmittance;
-    double first_mm; /* t where anything was first seen; +inf before */
+    double surface_mm; /* t where half of the light is taken, or else where anything is seen first; +inf before */
 } CtsRayLight;
 
 /* Light ends when less than this is left. */

@@ -647,6 +647,58 @@ static void test_stiff(void **state)
     }
 }
 
+/* The field of any kernel: a tent is the trilinear field, B-splines keep lines straight, a constant stays constant. */
+static void test_kernel_fields(void **state)
+{
+    (void)state;
+    uint64_t seed = 9;
+    const double spacing[3] = {1, 1.1, 0.9}, c[4] = {100, 20, 9, 25}, hu = 333;
+    Rays r = {0};
+    CtsField *field = NULL;
+    CtsError err;
+    make(&r, 12, 11, 10, spacing, noise_hu, &seed);
+    r.preset = cts_check_preset(hard_points, 7);
+    r.preset.ambient = 0.3;
+    r.preset.diffuse = 0.7;
+    for (int v = 0; v < 20; v++) {
+        r.preset.shade = v % 2;
+        const double az = 360 * random_unit(&seed), el = 180 * random_unit(&seed) - 90;
+        double plain[4], fitted[4];
+        rays_aim(&r, az, el, 0.2, NULL, 1);
+        rays_shoot(&r, 20 + v, 33, plain);
+        assert_int_equal(cts_field_kernel(&field, r.volume, &r.scene.view, CTS_KERNEL_TENT, 1, v % 2, &err), CTS_OK);
+        rays_aim(&r, az, el, 0.2, field, 1);
+        rays_shoot(&r, 20 + v, 33, fitted);
+        assert_rgba(fitted, plain, r.preset.shade ? 2e-5 : 2e-6);
+        cts_raycaster_free(&r.caster);
+        cts_field_free(&field);
+    }
+    rays_free(&r);
+    r.preset.shade = false;
+    for (int kernel = 0; kernel < CTS_N_KERNELS; kernel++) {
+        const bool linear = kernel == CTS_KERNEL_TENT || kernel == CTS_KERNEL_BSPLINE;
+        make(&r, 30, 31, 29, spacing, linear ? cts_hu_linear : cts_hu_constant, linear ? c : &hu);
+        rays_aim(&r, 0, 0, 0.2, NULL, 1);
+        assert_int_equal(cts_field_kernel(&field, r.volume, &r.scene.view, (CtsKernelId)kernel, 0, false, &err),
+                         CTS_OK);
+        for (int i = 0; i < 20; i++) {
+            const CtsRay ray = {.start_vox = {8 + 14 * random_unit(&seed), 0, 8 + 14 * random_unit(&seed)},
+                                .step_vox = {0.1, 1, 0.2},
+                                .t1_mm = 20};
+            const double t = 20 * random_unit(&seed);
+            const double vox[3] = {ray.start_vox[0] + 0.1 * t, t, ray.start_vox[2] + 0.2 * t};
+            const double found = field->value(field, &ray, t);
+            if (kernel == CTS_KERNEL_CONE_PAPER)
+                assert_true(fabs(found - hu) > 1e-3 && fabs(found + 1024) < 2 * (hu + 1024));
+            else
+                assert_near(found, linear ? cts_hu_linear(vox, c) : hu, 1e-9);
+        }
+        cts_raycaster_free(&r.caster);
+        cts_field_free(&field);
+        rays_free(&r);
+    }
+}
+
 static void test_cubic(void **state)
 {
     (void)state;
@@ -740,6 +792,7 @@ int main(void)
         cmocka_unit_test(test_rotated_together),
         cmocka_unit_test(test_marker),
         cmocka_unit_test(test_stiff),
+        cmocka_unit_test(test_kernel_fields),
         cmocka_unit_test(test_cubic),
         cmocka_unit_test(test_gauss),
         cmocka_unit_test(test_transfer),

@@ -1,0 +1,201 @@
+/* Fields of kernels other than the trilinear one: no polynomials, so cubics are fitted to them piece by piece. */
+#include "raycast/cubic.h"
+#include "raycast/field.h"
+#include "splat/footprint.h"
+#include <math.h>
+#include <stdlib.h>
+
+/* A cubic is good when it is within this: HU, and HU per voxel for gradients. */
+#define FIT_HU 1e-4
+#define FIT_GRADIENT 1e-2
+
+typedef struct KernelField {
+    CtsField field;
+    const CtsVolume *volume;
+    int axis, u_axis, v_axis;
+    size_t stride[3];
+    CtsKernelId kernel;
+    double radius;
+    bool lit;
+} KernelField;
+
+static double inner_clamp(double x, double last)
+{
+    return x < 0 ? 0 : x > last ? last : x;
+}
+
+/* Grey level of a voxel, or its central difference along a volume axis (one-sided at the border). */
+static double voxel_at(const KernelField *f, const int voxel[3], int difference_axis)
+{
+    const uint16_t *g = f->volume->grey;
+    const size_t at =
+        (size_t)voxel[0] * f->stride[0] + (size_t)voxel[1] * f->stride[1] + (size_t)voxel[2] * f->stride[2];
+    if (difference_axis < 0)
+        return g[at];
+    const int last = f->volume->dims[difference_axis] - 1, i = voxel[difference_axis];
+    if (last == 0)
+        return 0;
+    const size_t after = i < last ? at + f->stride[difference_axis] : at;
+    const size_t before = i > 0 ? at - f->stride[difference_axis] : at;
+    return ((double)g[after] - (double)g[before]) / ((i < last) + (i > 0));
+}
+
+/* The sheet of layer k at (u, v). */
+static double sheet_at(const KernelField *f, int k, double u, double v, int difference_axis)
+{
+    const double r = f->radius;
+    double sum = 0, weights = 0;
+    int voxel[3];
+    voxel[f->axis] = k;
+    for (int j = (int)ceil(v - r); j <= (int)floor(v + r); j++)
+        for (int i = (int)ceil(u - r); i <= (int)floor(u + r); i++) {
+            const double w = cts_footprint_kernel(f->kernel, i - u, j - v, r);
+            weights += w;
+            if (w <= 0 || i < 0 || j < 0 || i >= f->volume->dims[f->u_axis] || j >= f->volume->dims[f->v_axis])
+                continue;
+            voxel[f->u_axis] = i;
+            voxel[f->v_axis] = j;
+            sum += w * voxel_at(f, voxel, difference_axis);
+        }
+    return f->kernel == CTS_KERNEL_CONE_PAPER ? sum : weights > 0 ? sum / weights : 0;
+}
+
+static double field_at(const KernelField *f, const CtsRay *ray, double t_mm, int difference_axis)
+{
+    double p[3];
+    for (int axis = 0; axis < 3; axis++)
+        p[axis] = inner_clamp(ray->start_vox[axis] + t_mm * ray->step_vox[axis], f->volume->dims[axis] - 1);
+    const int last = f->volume->dims[f->axis] - 1;
+    const int k = (int)fmin(floor(p[f->axis]), last > 0 ? last - 1 : 0);
+    const double part = p[f->axis] - k;
+    double value = part < 1 ? (1 - part) * sheet_at(f, k, p[f->u_axis], p[f->v_axis], difference_axis) : 0;
+    if (part > 0)
+        value += part * sheet_at(f, k + 1, p[f->u_axis], p[f->v_axis], difference_axis);
+    return difference_axis < 0 ? f->volume->hu_offset + f->volume->hu_step * value : f->volume->hu_step * value;
+}
+
+static double value(const CtsField *field, const CtsRay *ray, double t_mm)
+{
+    return field_at((const KernelField *)field, ray, t_mm, -1);
+}
+
+/* False when no voxel that reaches the ray between t0 and t1, at most a layer apart, lets anything wanted come about.
+ */
+static bool wanted(const KernelField *f, const CtsRayWalk *walk, double t0, double t1)
+{
+    int low[3], high[3];
+    bool outside = false;
+    for (int axis = 0; axis < 3; axis++) {
+        const double a = walk->ray->start_vox[axis] + t0 * walk->ray->step_vox[axis];
+        const double b = walk->ray->start_vox[axis] + t1 * walk->ray->step_vox[axis];
+        const double reach = axis == f->axis ? 1e-9 : f->radius, last = f->volume->dims[axis] - 1;
+        outside = outside || (axis != f->axis && (fmin(a, b) - reach < 0 || fmax(a, b) + reach > last));
+        low[axis] = (int)inner_clamp(floor(fmin(a, b) - reach), last);
+        high[axis] = (int)inner_clamp(ceil(fmax(a, b) + reach), last);
+    }
+    double least = outside ? 0 : UINT16_MAX, most = 0;
+    for (int k = low[2]; k <= high[2]; k++)
+        for (int j = low[1]; j <= high[1]; j++)
+            for (int i = low[0]; i <= high[0]; i++) {
+                const double g = voxel_at(f, (const int[3]){i, j, k}, -1);
+                least = fmin(least, g);
+                most = fmax(most, g);
+            }
+    if (f->kernel == CTS_KERNEL_CONE_PAPER) { /* its weights sum to anything from 0 to 2 */
+        least = 0;
+        most *= 2;
+    }
+    return cts_hu_wanted(walk->wanted, f->volume->hu_offset + f->volume->hu_step * least,
+                         f->volume->hu_offset + f->volume->hu_step * most);
+}
+
+/* Where the ray crosses the next layer after t, or ends. */
+static double next_layer_mm(const KernelField *f, const CtsRay *ray, double t_mm)
+{
+    const double start = ray->start_vox[f->axis], step = ray->step_vox[f->axis];
+    const double p = start + t_mm * step;
+    double plane = step > 0 ? floor(p + 1e-9) + 1 : ceil(p - 1e-9) - 1;
+    return fmin((plane - start) / step, ray->t1_mm);
+}
+
+/* Fits the cubic to t0..t1; true when it holds in between too. */
+static bool fit(const KernelField *f, const CtsRay *ray, double t0, double t1, int difference_axis, double cubic[4])
+{
+    const double tolerance = difference_axis < 0 ? FIT_HU : FIT_GRADIENT;
+    double at[4];
+    for (int i = 0; i < 4; i++)
+        at[i] = field_at(f, ray, t0 + (t1 - t0) * i / 3, difference_axis);
+    cts_cubic_through(at, cubic);
+    for (int i = 1; i < 6; i += 2)
+        if (fabs(cts_cubic_at(cubic, i / 6.0) - field_at(f, ray, t0 + (t1 - t0) * i / 6, difference_axis)) > tolerance)
+            return false;
+    return true;
+}
+
+static bool fit_all(const KernelField *f, const CtsRay *ray, double t0, double t1, double hu[4])
+{
+    double unused[4];
+    bool good = fit(f, ray, t0, t1, -1, hu);
+    for (int axis = 0; axis < 3 && f->lit && good; axis++)
+        good = fit(f, ray, t0, t1, axis, unused);
+    return good;
+}
+
+static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
+{
+    const KernelField *f = (const KernelField *)field;
+    const CtsRay *ray = walk->ray;
+    while (walk->t_mm < ray->t1_mm) {
+        const double t0 = walk->t_mm, layer = fmax(next_layer_mm(f, ray, t0), t0);
+        const double shortest = 1e-7 / fabs(ray->step_vox[f->axis]);
+        if (layer - t0 < shortest || (!walk->length_mm && !wanted(f, walk, t0, layer))) {
+            walk->t_mm = layer > t0 ? layer : t0 + shortest;
+            walk->length_mm = 0;
+            continue;
+        }
+        double t1 = walk->length_mm > 0 ? fmin(layer, t0 + 2 * walk->length_mm) : layer;
+        while (!fit_all(f, ray, t0, t1, piece->hu) && t1 - t0 > shortest)
+            t1 = 0.5 * (t0 + t1);
+        piece->t0_mm = t0;
+        piece->t1_mm = walk->t_mm = t1;
+        walk->length_mm = t1 < layer ? t1 - t0 : 0;
+        return true;
+    }
+    return false;
+}
+
+static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double g[3][4])
+{
+    for (int axis = 0; axis < 3; axis++)
+        fit((const KernelField *)field, walk->ray, piece->t0_mm, piece->t1_mm, axis, g[axis]);
+}
+
+static void kernel_field_free(CtsField **field)
+{
+    free(*field);
+    *field = NULL;
+}
+
+CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsView *view, CtsKernelId kernel,
+                           double radius, bool lit, CtsError *err)
+{
+    *field = NULL;
+    CtsFootprint footprint;
+    const CtsStatus st = cts_footprint_init(&footprint, kernel, radius, (const int[2]){1, 1}, err);
+    if (st)
+        return st;
+    KernelField *f = calloc(1, sizeof *f);
+    if (!f)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    *f = (KernelField){.field = {.next = next, .gradient = gradient, .value = value, .free = kernel_field_free},
+                       .volume = volume,
+                       .axis = view->axis,
+                       .u_axis = view->axis == 0 ? 1 : 0,
+                       .v_axis = view->axis == 2 ? 1 : 2,
+                       .stride = {1, (size_t)volume->dims[0], (size_t)volume->dims[0] * (size_t)volume->dims[1]},
+                       .kernel = kernel,
+                       .lit = lit,
+                       .radius = cts_footprint_radius(kernel, radius)};
+    *field = &f->field;
+    return CTS_OK;
+}
