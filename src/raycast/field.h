@@ -70,7 +70,7 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, size_t 
 /* Any kernel: the layers across the view's principal axis are sheets, each voxel's kernel spread within its layer,
  * weights normalised at every position (cone-paper apart) and voxels beyond the border counted as grey 0; between two
  * layers HU runs straight. What the splatting engines tend to with ever finer tables and sub-sheets. The pieces are
- * cubics fitted to 1e-4 HU (lit: the gradient's too). CTS_ERR_USAGE for a radius that the splatting engines refuse. */
+ * cubics fitted to 1e-3 HU (lit: the gradient's too). radius is in voxels; CTS_ERR_USAGE below 0.75. */
 CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsView *view, CtsKernelId kernel,
                            double radius, bool lit, CtsError *err);
 

@@ -4,14 +4,13 @@
 #include "base/clock.h"
 #include "base/vec3.h"
 #include "raycast/raycaster.h"
-#include "splat/footprint.h"
 #include <math.h>
 #include <stdlib.h>
 
 static CtsStatus make_field(CtsField **field, const CtsScene *scene, size_t n_rays, CtsError *err)
 {
     const CtsRenderSettings *s = scene->settings;
-    if (s->kernel == CTS_KERNEL_TENT && cts_footprint_radius(s->kernel, s->kernel_radius) == 1)
+    if (s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1)
         return cts_field_trilinear(field, scene->volume, n_rays, s->n_threads, err);
     return cts_field_kernel(field, scene->volume, &scene->view, s->kernel, s->kernel_radius, scene->preset->shade, err);
 }

@@ -7,6 +7,7 @@
 #include "base/vec3.h"
 #include "render/verify.h"
 #include "splat/engine.h"
+#include "splat/footprint.h"
 #include <math.h>
 #include <string.h>
 
@@ -116,6 +117,7 @@ CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const Cts
     if ((st = check_settings(&s, err)))
         return st;
     s.n_threads = cts_threads(s.n_threads);
+    s.kernel_radius = cts_footprint_radius(s.kernel, s.kernel_radius);
     if (s.mode >= 0)
         p.mode = (CtsMode)s.mode;
     if (s.shade != CTS_AS_PRESET)

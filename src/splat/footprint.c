@@ -52,11 +52,6 @@ double cts_footprint_radius(CtsKernelId kernel, double radius)
     return radius > 0 ? radius : kernels[kernel].radius;
 }
 
-double cts_footprint_kernel(CtsKernelId kernel, double u, double v, double radius)
-{
-    return kernels[kernel].weight(u, v, radius);
-}
-
 typedef struct Phase {
     int n;
     uint32_t *weight[(2 * CTS_MAX_RADIUS) * (2 * CTS_MAX_RADIUS)];

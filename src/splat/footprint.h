@@ -30,9 +30,6 @@ typedef struct CtsFootprint {
 /* radius 0: the kernel's own. */
 double cts_footprint_radius(CtsKernelId kernel, double radius);
 
-/* The kernel itself at u, v voxels from its centre, before weights are normalised. */
-double cts_footprint_kernel(CtsKernelId kernel, double u, double v, double radius);
-
 /* CTS_ERR_USAGE when the radius leaves some lattice point without a tap, or passes CTS_MAX_RADIUS. */
 CtsStatus cts_footprint_init(CtsFootprint *footprint, CtsKernelId kernel, double radius, const int density[2],
                              CtsError *err);

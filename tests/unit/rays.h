@@ -25,6 +25,7 @@ static inline void rays_aim(Rays *r, double azimuth_deg, double elevation_deg, d
     cts_raycaster_free(&r->caster);
     r->settings.width = r->settings.height = 64;
     r->settings.n_threads = 1;
+    r->settings.kernel_radius = 1;
     r->settings.azimuth_deg = azimuth_deg;
     r->settings.elevation_deg = elevation_deg;
     r->settings.mm_per_pixel = mm_per_pixel;

@@ -675,12 +675,14 @@ static void test_kernel_fields(void **state)
     }
     rays_free(&r);
     r.preset.shade = false;
+    const double radius[CTS_N_KERNELS] = {1, 2, 1.5, 2, 1.5};
     for (int kernel = 0; kernel < CTS_N_KERNELS; kernel++) {
         const bool linear = kernel == CTS_KERNEL_TENT || kernel == CTS_KERNEL_BSPLINE;
         make(&r, 30, 31, 29, spacing, linear ? cts_hu_linear : cts_hu_constant, linear ? c : &hu);
         rays_aim(&r, 0, 0, 0.2, NULL, 1);
-        assert_int_equal(cts_field_kernel(&field, r.volume, &r.scene.view, (CtsKernelId)kernel, 0, false, &err),
-                         CTS_OK);
+        assert_int_equal(
+            cts_field_kernel(&field, r.volume, &r.scene.view, (CtsKernelId)kernel, radius[kernel], false, &err),
+            CTS_OK);
         for (int i = 0; i < 20; i++) {
             const CtsRay ray = {.start_vox = {8 + 14 * random_unit(&seed), 0, 8 + 14 * random_unit(&seed)},
                                 .step_vox = {0.1, 1, 0.2},
