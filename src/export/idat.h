@@ -1,0 +1,36 @@
+/* A picture's rows as a PNG's zlib stream, cut into strips that are compressed side by side.
+ *
+ * libpng compresses on one thread, and at its default level takes many times longer than a render. The low bytes of a
+ * render are noise; Huffman codes and runs find what there is to find (2 % more bytes than level 6, a tenth of its
+ * time). Strips are cut by size alone, so the bytes do not depend on the number of threads. */
+#ifndef CTS_EXPORT_IDAT_H
+#define CTS_EXPORT_IDAT_H
+
+#include "ctsplat/picture.h"
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct CtsIdat {
+    const CtsPicture *picture;
+    int n_samples; /* 16-bit samples a pixel, as for cts_samples_row16() */
+    int rows_per_strip, n_strips;
+} CtsIdat;
+
+/* One strip: what goes into one IDAT chunk. */
+typedef struct CtsIdatStrip {
+    uint8_t *bytes; /* free with cts_free() */
+    size_t n_bytes;
+    uint32_t adler; /* of the strip's filtered rows, and how many bytes these are */
+    size_t n_filtered;
+} CtsIdatStrip;
+
+CtsIdat cts_idat_plan(const CtsPicture *picture, int n_samples);
+
+/* The first strip begins with the zlib header; the last one lacks the stream's check value, which
+ * cts_idat_checksum() makes when all strips are there. Thread-safe. */
+CtsStatus cts_idat_strip(const CtsIdat *idat, int index, CtsIdatStrip *strip, CtsError *err);
+
+/* Carry the check value over one more strip; begin with 1. */
+uint32_t cts_idat_checksum(uint32_t adler, const CtsIdatStrip *strip);
+
+#endif
