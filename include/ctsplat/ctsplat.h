@@ -2,6 +2,7 @@
 #ifndef CTSPLAT_CTSPLAT_H
 #define CTSPLAT_CTSPLAT_H
 
+#include "ctsplat/annotate.h"
 #include "ctsplat/export.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"

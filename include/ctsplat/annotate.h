@@ -1,0 +1,23 @@
+/* Letters and a scale bar drawn into a picture. */
+#ifndef CTSPLAT_ANNOTATE_H
+#define CTSPLAT_ANNOTATE_H
+
+#include "ctsplat/picture.h"
+#include "ctsplat/status.h"
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* orientation: which way of the patient each edge points, as A P L R H F and pairs like LA.
+ * scale: a bar of a round length (1, 2 or 5 times a power of ten) near a fifth of the width, with its length in mm.
+ * Light with a dark rim, so that any background lets it be read; blended over the pixels, so that a grey picture
+ * stays grey and transparent places become opaque where something is drawn. Depth is left alone. CTS_ERR_USAGE when a
+ * scale is asked for and the picture's mm_per_pixel is not known. */
+CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

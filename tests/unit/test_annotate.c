@@ -1,0 +1,131 @@
+/* Letters and scale bar: where they stand, how long the bar is, what they leave alone. */
+#include "ctsplat/annotate.h"
+#include "image/describe.h"
+#include "image/samples.h"
+#include "pictures.h"
+
+static CtsPicture *flat(int width, int height, int n_channels, float v, double mm_per_pixel)
+{
+    CtsPicture *p = make_picture(width, height, n_channels, false);
+    for (size_t i = 0; i < (size_t)width * height * n_channels; i++)
+        p->pixels[i] = v;
+    for (size_t i = 0; n_channels == 4 && i < (size_t)width * height; i++)
+        p->pixels[4 * i + 3] = 1;
+    p->info.mm_per_pixel = mm_per_pixel;
+    return p;
+}
+
+/* Pixels of a rectangle that differ from v by more than 0.3. */
+static int marked(const CtsPicture *p, float v, int x0, int y0, int x1, int y1)
+{
+    int n = 0;
+    for (int y = y0; y < y1; y++)
+        for (int x = x0; x < x1; x++)
+            n += fabsf(p->pixels[((size_t)y * p->width + x) * p->n_channels] - v) > 0.3f;
+    return n;
+}
+
+static void test_directions(void **state)
+{
+    (void)state;
+    const struct {
+        double v[3];
+        const char *text;
+    } cases[] = {{{1, 0, 0}, "L"},       {{-1, 0, 0}, "R"},          {{0, 1, 0}, "P"},        {{0, -1, 0}, "A"},
+                 {{0, 0, 1}, "H"},       {{0, 0, -2}, "F"},          {{0.87, -0.5, 0}, "LA"}, {{-0.5, -0.87, 0}, "AR"},
+                 {{0.98, 0.2, 0}, "L"},  {{0.6, 0.5, -0.62}, "FLP"}, {{0, 0, 0}, ""},         {{0, 0.26, 0.966}, "HP"},
+                 {{0, 0.25, 0.968}, "H"}};
+    char text[4];
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        cts_describe_direction(cases[i].v, text);
+        assert_string_equal(text, cases[i].text);
+    }
+}
+
+/* Each edge has its letters in the middle, nothing else changes, and black as white lets them be seen. */
+static void test_letters(void **state)
+{
+    (void)state;
+    for (int k = 0; k < 2; k++) {
+        const float v = (float)k;
+        CtsError err;
+        CtsPicture *p = flat(600, 400, 4, v, 0.5);
+        assert_int_equal(cts_annotate(p, true, false, &err), CTS_OK);
+        const int left = marked(p, v, 0, 160, 60, 240), right = marked(p, v, 540, 160, 600, 240);
+        const int top = marked(p, v, 260, 0, 340, 60), bottom = marked(p, v, 260, 340, 340, 400);
+        assert_true(left > 10 && right > 10 && top > 10 && bottom > 10);
+        assert_int_equal(marked(p, v, 0, 0, 600, 400), left + right + top + bottom);
+        for (int i = 0; i < 600 * 400; i++)
+            assert_true(p->pixels[4 * i + 3] == 1);
+        assert_true(cts_picture_is_grey(p));
+        cts_picture_free(&p);
+    }
+}
+
+/* The bar is as long as its text says, a round number near a fifth of the width. */
+static void test_scale(void **state)
+{
+    (void)state;
+    const struct {
+        int width;
+        double mm_per_pixel, length_mm;
+    } cases[] = {{400, 0.5, 50}, {400, 0.27, 20}, {1000, 0.1, 20}, {333, 0.013, 1}, {500, 3, 200}, {200, 0.025, 1}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        CtsError err;
+        CtsPicture *p = flat(cases[i].width, 200, 1, 0, cases[i].mm_per_pixel);
+        assert_int_equal(cts_annotate(p, false, true, &err), CTS_OK);
+        double longest = 0;
+        for (int y = 0; y < 200; y++) {
+            double run = 0;
+            for (int x = 0; x < cases[i].width; x++)
+                run += p->pixels[y * cases[i].width + x] * 255 / 242;
+            longest = fmax(longest, run);
+        }
+        /* What the dark rim adds at both ends is some 5 % of a pixel's light a pixel. */
+        assert_true(fabs(longest - cases[i].length_mm / cases[i].mm_per_pixel) < 0.5);
+        assert_int_equal(marked(p, 0, cases[i].width / 2, 0, cases[i].width, 200), 0);
+        assert_int_equal(marked(p, 0, 0, 0, cases[i].width, 100), 0);
+        cts_picture_free(&p);
+    }
+}
+
+static void test_edges(void **state)
+{
+    (void)state;
+    CtsError err;
+    const int sizes[][2] = {{1, 1}, {3, 90}, {90, 3}, {16, 16}};
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        CtsPicture *p = flat(sizes[i][0], sizes[i][1], 1, 0.5f, 0.5);
+        assert_int_equal(cts_annotate(p, true, true, &err), CTS_OK);
+        cts_picture_free(&p);
+    }
+    CtsPicture *p = flat(100, 100, 4, 0, 0);
+    assert_int_equal(cts_annotate(p, false, true, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_annotate(p, true, false, &err), CTS_OK);
+    cts_picture_free(&p);
+    /* Where all was transparent, only the marks become opaque, with no colour beyond their alpha. */
+    p = flat(100, 100, 4, 0, 0.5);
+    p->has_alpha = true;
+    memset(p->pixels, 0, 100 * 100 * 4 * sizeof(float));
+    assert_int_equal(cts_annotate(p, true, true, &err), CTS_OK);
+    int opaque = 0, clear = 0;
+    for (int i = 0; i < 100 * 100; i++) {
+        const float *v = p->pixels + 4 * i;
+        opaque += v[3] == 1;
+        clear += v[3] == 0;
+        assert_true(v[0] <= v[3] && v[1] == v[0] && v[2] == v[0]);
+    }
+    assert_true(opaque > 50 && clear > 8000);
+    cts_picture_free(&p);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_directions),
+        cmocka_unit_test(test_letters),
+        cmocka_unit_test(test_scale),
+        cmocka_unit_test(test_edges),
+    };
+    return cmocka_run_group_tests_name("annotate", tests, NULL, NULL);
+}
