@@ -15,6 +15,7 @@ struct CtsSlice; /* src/dicom/slice.h */
 
 typedef struct CtsSeries {
     char uid[65];         /* SeriesInstanceUID (0020,000E); "" where the data has none */
+    int part;             /* 0; or 1, 2, ... where the UID holds several volumes at the same positions */
     char modality[17];
     char *description;    /* (0008,103E), UTF-8, may identify: print only when asked */
     char transfer_syntax[65];
@@ -30,7 +31,7 @@ typedef struct CtsSeries {
 } CtsSeries;
 
 typedef struct CtsSeriesList {
-    CtsSeries *items; /* most slices first, then by uid */
+    CtsSeries *items; /* most slices first, then by uid and part */
     size_t n;
     int n_files;      /* looked at */
     int n_not_ct;     /* passed over in silence: not DICOM, other modalities, DICOMDIR, ... */
@@ -44,7 +45,8 @@ CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, 
                           CtsError *err);
 void cts_series_list_free(CtsSeriesList **list);
 
-/* The series named by uid (NULL: the one with the most slices). CTS_ERR_USAGE when there is none of that uid. */
+/* The series named by uid (NULL: the renderable one with the most slices, or the first). "UID#2" names the second volume
+ * of a UID that holds several. CTS_ERR_USAGE when there is none of that name. */
 CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err);
 
 /* Decode the pixels, in parallel, each slice straight into its place. Refuses a series that is not renderable.

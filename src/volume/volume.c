@@ -1,11 +1,11 @@
 #include "ctsplat/volume.h"
 
 #include "base/mem.h"
-#include "base/vec3.h"
+#include "volume/volume_new.h"
 #include <stdlib.h>
 #include <string.h>
 
-CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
+CtsStatus cts_volume_new_unset(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
 {
     *volume = NULL;
     if (nx < 1 || ny < 1 || nz < 1)
@@ -16,7 +16,7 @@ CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *e
     CtsVolume *v = calloc(1, sizeof *v);
     if (!v)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    const CtsStatus st = cts_alloc_zeroed(&v->grey, n, err);
+    const CtsStatus st = cts_alloc_array(&v->grey, n, err);
     if (st) {
         free(v);
         return st;
@@ -31,6 +31,14 @@ CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *e
     v->hu_min = v->hu_max = -1024;
     *volume = v;
     return CTS_OK;
+}
+
+CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
+{
+    const CtsStatus st = cts_volume_new_unset(volume, nx, ny, nz, err);
+    if (!st)
+        memset((*volume)->grey, 0, cts_volume_n_voxels(*volume) * sizeof *(*volume)->grey);
+    return st;
 }
 
 void cts_volume_free(CtsVolume **volume)

@@ -1,0 +1,78 @@
+#include "dicom/codec_check.h"
+
+#include <string.h>
+
+static uint32_t little32(const uint8_t *p)
+{
+    return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+}
+
+static unsigned big16(const uint8_t *p)
+{
+    return (unsigned)p[0] << 8 | p[1];
+}
+
+/* Start of frame: DCMTK searches it by segment lengths too, but never gets past FF 01 (TEM). */
+static CtsStatus check_jpeg(const CtsSlice *s, const uint8_t *p, size_t n, CtsError *err)
+{
+    size_t pos = 2;
+    if (n < 4 || p[0] != 0xFF || p[1] != 0xD8)
+        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are no JPEG stream");
+    for (;;) {
+        while (pos + 1 < n && p[pos] == 0xFF && p[pos + 1] == 0xFF)
+            pos++;
+        if (pos + 4 > n || p[pos] != 0xFF)
+            return cts_fail(err, CTS_ERR_PIXELS, "its JPEG stream is damaged before the frame header");
+        const unsigned marker = p[pos + 1], length = big16(p + pos + 2);
+        if (marker <= 0x01 || (marker >= 0xD0 && marker <= 0xDA) || length < 2)
+            return cts_fail(err, CTS_ERR_PIXELS, "its JPEG stream has marker FF %02X before the frame header", marker);
+        const bool frame =
+            marker == 0xF7 || (marker >= 0xC0 && marker <= 0xCF && marker != 0xC4 && marker != 0xC8 && marker != 0xCC);
+        if (frame)
+            break;
+        pos += 2 + length;
+    }
+    if (pos + 10 > n)
+        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG stream ends in the frame header");
+    const int precision = p[pos + 4], rows = (int)big16(p + pos + 5), columns = (int)big16(p + pos + 7);
+    if (rows != s->rows || columns != s->columns || p[pos + 9] != 1)
+        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG stream is %d x %d with %d components, the header says %d x %d",
+                        columns, rows, p[pos + 9], s->columns, s->rows);
+    /* A decoder writes one byte a pixel up to a precision of 8, and two above. */
+    if (precision < 2 || precision > 16 || (precision > 8) != (s->bits_allocated == 16))
+        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG stream has %d bits, the header allocates %d", precision,
+                        s->bits_allocated);
+    return CTS_OK;
+}
+
+static CtsStatus check_rle(const CtsSlice *s, const uint8_t *p, size_t n, CtsError *err)
+{
+    const uint32_t segments = (uint32_t)s->bits_allocated / 8;
+    if (n < 64 || little32(p) != segments)
+        return cts_fail(err, CTS_ERR_PIXELS, "its RLE header does not have %u segments", segments);
+    uint32_t last = 63;
+    for (uint32_t i = 0; i < segments; i++) {
+        const uint32_t offset = little32(p + 4 + 4 * i);
+        if (offset <= last || offset >= n)
+            return cts_fail(err, CTS_ERR_PIXELS, "its RLE header has offsets that do not fit the stream");
+        last = offset;
+    }
+    return CTS_OK;
+}
+
+CtsStatus cts_codec_check(const CtsSlice *s, const uint8_t *pixels, size_t n, CtsError *err)
+{
+    /* The first item is the offset table, which decoders must not need; then one or more fragments. */
+    const uint64_t table = n < 8 ? UINT64_MAX : (uint64_t)little32(pixels + 4) + 8;
+    if (table + 16 > n || table > n || memcmp(pixels + table, "\xfe\xff\x00\xe0", 4) != 0)
+        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels hold no fragment");
+    const uint8_t *fragment = pixels + table + 8;
+    const size_t n_fragment = little32(pixels + table + 4), left = n - (size_t)table - 8;
+    if (n_fragment > left)
+        return cts_fail(err, CTS_ERR_PIXELS, "a fragment of its compressed pixels does not fit");
+    if (s->syntax->codec != CTS_CODEC_RLE)
+        return check_jpeg(s, fragment, n_fragment, err);
+    if (left < n_fragment + 8 || memcmp(fragment + n_fragment, "\xfe\xff\xdd\xe0", 4) != 0)
+        return cts_fail(err, CTS_ERR_PIXELS, "its RLE frame is spread over several fragments");
+    return check_rle(s, fragment, n_fragment, err);
+}

@@ -1,0 +1,13 @@
+/* A compressed stream looked over before a decoder sees it: DCMTK 3.6.7 loops for ever on some, overruns on others. */
+#ifndef CTS_DICOM_CODEC_CHECK_H
+#define CTS_DICOM_CODEC_CHECK_H
+
+#include "dicom/slice.h"
+#include <stddef.h>
+#include <stdint.h>
+
+/* pixels: the value of PixelData, fragments and delimiter. CTS_ERR_PIXELS when the stream's own size and precision are
+ * not the header's, or its markers or offsets are damaged. */
+CtsStatus cts_codec_check(const CtsSlice *slice, const uint8_t *pixels, size_t n, CtsError *err);
+
+#endif

@@ -1,0 +1,406 @@
+/* DCMTK data set -> slice record; compressed frame -> stored words; DICOMDIR -> file names. */
+#include <dcmtk/config/osconfig.h>
+
+#include "dicom/dcm_log.h"
+#include "dicom/dcm_read.h"
+
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <dcmtk/dcmdata/dcistrmb.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <new>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace
+{
+
+const char ct_class[] = "1.2.840.10008.5.1.4.1.1.2";
+const char enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.1";
+const char legacy_enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.2";
+const char directory_class[] = "1.2.840.10008.1.3.10";
+
+OFCondition parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, E_TransferSyntax xfer)
+{
+    DcmInputBufferStream in;
+    in.setBuffer(bytes, static_cast<offile_off_t>(n));
+    in.setEos();
+    data_set.transferInit();
+    const OFCondition result = data_set.read(in, xfer, EGL_noChange);
+    data_set.transferEnd();
+    return result;
+}
+
+E_TransferSyntax xfer_of(const CtsSyntax *syntax)
+{
+    return DcmXfer(syntax->uid).getXfer();
+}
+
+/* A top-level attribute as text, without the padding; empty when missing or of a binary VR. */
+std::string_view text_of(DcmItem &item, const DcmTagKey &tag)
+{
+    DcmElement *element = nullptr;
+    char *text = nullptr;
+    Uint32 n = 0;
+    if (item.findAndGetElement(tag, element).bad() || element->getString(text, n).bad() || !text)
+        return {};
+    std::string_view view(text, n);
+    while (!view.empty() && (view.back() == ' ' || view.back() == '\0'))
+        view.remove_suffix(1);
+    while (!view.empty() && view.front() == ' ')
+        view.remove_prefix(1);
+    return view;
+}
+
+template <size_t N> void copy_text(char (&out)[N], std::string_view text)
+{
+    const size_t n = text.size() < N - 1 ? text.size() : N - 1;
+    std::memcpy(out, text.data(), n);
+    out[n] = 0;
+}
+
+char *dup_text(std::string_view text)
+{
+    if (text.empty())
+        return nullptr;
+    char *copy = static_cast<char *>(std::malloc(text.size() + 1));
+    if (!copy)
+        throw std::bad_alloc();
+    std::memcpy(copy, text.data(), text.size());
+    copy[text.size()] = 0;
+    return copy;
+}
+
+/* The n-th part of a multi-valued text. */
+std::string_view part_of(std::string_view text, int n)
+{
+    for (; n > 0; n--) {
+        const size_t end = text.find('\\');
+        if (end == std::string_view::npos)
+            return {};
+        text.remove_prefix(end + 1);
+    }
+    text = text.substr(0, text.find('\\'));
+    while (!text.empty() && text.back() == ' ')
+        text.remove_suffix(1);
+    return text;
+}
+
+bool numbers(DcmItem &item, const DcmTagKey &tag, double *values, int n)
+{
+    const std::string_view text = text_of(item, tag);
+    return cts_dcm_parse_ds(text.data(), text.size(), values, n);
+}
+
+bool integer(DcmItem &item, const DcmTagKey &tag, int *value)
+{
+    const std::string_view text = text_of(item, tag);
+    return !text.empty() && cts_dcm_parse_is(text.data(), text.size(), value);
+}
+
+/* A single US value. */
+bool unsigned_short(DcmItem &item, const DcmTagKey &tag, int *value)
+{
+    DcmElement *element = nullptr;
+    Uint16 v = 0;
+    if (item.findAndGetElement(tag, element).bad() || element->ident() != EVR_US || element->getVM() != 1 ||
+        element->getUint16(v).bad())
+        return false;
+    *value = v;
+    return true;
+}
+
+/* The 16 bits of a padding value: its VR (US or SS) is often the wrong one. */
+bool bit_pattern(DcmItem &item, const DcmTagKey &tag, unsigned *pattern)
+{
+    DcmElement *element = nullptr;
+    Uint16 u = 0;
+    Sint16 s = 0;
+    Uint8 *bytes = nullptr;
+    if (item.findAndGetElement(tag, element).bad() || element->getLength() != 2)
+        return false;
+    if (element->getUint16(u).good())
+        *pattern = u;
+    else if (element->getSint16(s).good())
+        *pattern = static_cast<Uint16>(s);
+    else if (element->getUint8Array(bytes).good() && bytes)
+        *pattern = static_cast<unsigned>(bytes[0] | bytes[1] << 8);
+    else
+        return false;
+    return true;
+}
+
+uint64_t text_hash(std::string_view text)
+{
+    uint64_t h = 14695981039346656037u;
+    for (const char c : text)
+        h = (h ^ static_cast<unsigned char>(c)) * 1099511628211u;
+    return h;
+}
+
+/* HHMMSS.FFFFFF as seconds of the day, -1 when it is anything else. */
+double seconds_of_day(std::string_view text)
+{
+    double t = 0;
+    if (text.size() < 6 || text.find('\\') != std::string_view::npos ||
+        !cts_dcm_parse_ds(text.data(), text.size(), &t, 1) || !(t >= 0 && t < 240000))
+        return -1;
+    const double hours = std::floor(t / 1e4), minutes = std::floor(std::fmod(t, 1e4) / 100);
+    return hours * 3600 + minutes * 60 + std::fmod(t, 100);
+}
+
+CtsObjectKind kind_of(DcmItem &item, const char *media_class)
+{
+    std::string_view sop_class = text_of(item, DCM_SOPClassUID);
+    if (sop_class.empty())
+        sop_class = media_class;
+    if (sop_class == ct_class)
+        return CTS_OBJECT_CT;
+    if (sop_class == enhanced_class || sop_class == legacy_enhanced_class)
+        return CTS_OBJECT_ENHANCED;
+    if (sop_class == directory_class || item.tagExists(DCM_DirectoryRecordSequence))
+        return CTS_OBJECT_DIRECTORY;
+    if (sop_class.empty() && text_of(item, DCM_Modality) == "CT" && item.tagExists(DCM_ImagePositionPatient))
+        return CTS_OBJECT_CT;
+    return CTS_OBJECT_OTHER;
+}
+
+void read_identity(DcmItem &item, CtsSlice *s)
+{
+    copy_text(s->sop_uid, text_of(item, DCM_SOPInstanceUID));
+    copy_text(s->series_uid, text_of(item, DCM_SeriesInstanceUID));
+    copy_text(s->frame_uid, text_of(item, DCM_FrameOfReferenceUID));
+    copy_text(s->modality, text_of(item, DCM_Modality));
+    s->description = dup_text(text_of(item, DCM_SeriesDescription));
+    s->charset = dup_text(text_of(item, DCM_SpecificCharacterSet));
+    s->patient_key = text_hash(text_of(item, DCM_PatientID));
+    s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);
+    s->has_instance = integer(item, DCM_InstanceNumber, &s->instance_number);
+    s->has_temporal = integer(item, DCM_TemporalPositionIdentifier, &s->temporal_index);
+    s->time_s = seconds_of_day(text_of(item, DCM_AcquisitionTime));
+    if (s->time_s < 0)
+        s->time_s = seconds_of_day(text_of(item, DCM_ContentTime));
+    const std::string_view image_type = text_of(item, DCM_ImageType);
+    for (int i = 2; i < 8; i++)
+        s->localizer |= part_of(image_type, i) == "LOCALIZER";
+    if (text_of(item, DCM_LossyImageCompression) == "01")
+        s->odd |= CTS_ODD_LOSSY;
+}
+
+bool read_shape(DcmItem &item, CtsSlice *s)
+{
+    const struct {
+        DcmTagKey tag;
+        const char *name;
+        int *value, low, high;
+    } needed[] = {
+        {DCM_Rows, "Rows", &s->rows, 1, 4096},
+        {DCM_Columns, "Columns", &s->columns, 1, 4096},
+        {DCM_BitsAllocated, "BitsAllocated", &s->bits_allocated, 8, 16},
+        {DCM_BitsStored, "BitsStored", &s->bits_stored, 1, 16},
+        {DCM_HighBit, "HighBit", &s->high_bit, 0, 15},
+    };
+    for (const auto &n : needed) {
+        const unsigned group = n.tag.getGroup(), number = n.tag.getElement();
+        if (!unsigned_short(item, n.tag, n.value)) {
+            cts_slice_fault(s, CTS_ERR_PIXELS, "%s (%04x,%04x) is missing or not one number", n.name, group, number);
+            return false;
+        }
+        if (*n.value < n.low || *n.value > n.high) {
+            cts_slice_fault(s, CTS_ERR_PIXELS, "%s (%04x,%04x) is %d, and must be %d to %d", n.name, group, number,
+                            *n.value, n.low, n.high);
+            return false;
+        }
+    }
+    if ((s->bits_allocated != 8 && s->bits_allocated != 16) || s->bits_stored > s->bits_allocated ||
+        s->high_bit < s->bits_stored - 1 || s->high_bit >= s->bits_allocated) {
+        cts_slice_fault(s, CTS_ERR_PIXELS, "%d bits allocated, %d stored, high bit %d fit no CT pixel",
+                        s->bits_allocated, s->bits_stored, s->high_bit);
+        return false;
+    }
+    int value = 1;
+    if (!unsigned_short(item, DCM_PixelRepresentation, &value) || value > 1)
+        cts_slice_fault(s, CTS_ERR_PIXELS, "PixelRepresentation (0028,0103) is missing or neither 0 nor 1");
+    s->is_signed = value == 1;
+    return true;
+}
+
+void read_image_kind(DcmItem &item, CtsSlice *s)
+{
+    int samples = 1, frames = 1;
+    if (item.tagExists(DCM_SamplesPerPixel) && (!unsigned_short(item, DCM_SamplesPerPixel, &samples) || samples != 1))
+        cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no CT slice");
+    const std::string_view photometric = text_of(item, DCM_PhotometricInterpretation);
+    if (photometric == "MONOCHROME1")
+        s->odd |= CTS_ODD_MONOCHROME1;
+    else if (!photometric.empty() && photometric != "MONOCHROME2")
+        cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no CT slice");
+    if (item.tagExists(DCM_NumberOfFrames) && !text_of(item, DCM_NumberOfFrames).empty() &&
+        (!integer(item, DCM_NumberOfFrames, &frames) || frames != 1))
+        cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: CT Image Storage holds one frame");
+}
+
+void read_rescale(DcmItem &item, CtsSlice *s)
+{
+    if (item.tagExists(DCM_ModalityLUTSequence)) {
+        cts_slice_fault(s, CTS_ERR_PIXELS, "a Modality LUT (0028,3000) stands in for the rescale slope; not supported");
+        return;
+    }
+    if (!numbers(item, DCM_RescaleSlope, &s->slope, 1) || !numbers(item, DCM_RescaleIntercept, &s->intercept, 1)) {
+        cts_slice_fault(s, CTS_ERR_PIXELS,
+                        "RescaleSlope (0028,1053) or RescaleIntercept (0028,1052) is missing or not a number, so its "
+                        "pixels are not Hounsfield units (set the right ones with dcmodify)");
+        return;
+    }
+    if (s->slope == 0 || std::fabs(s->slope) * 65535 + std::fabs(s->intercept) > 1e7)
+        cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no Hounsfield units", s->slope,
+                        s->intercept);
+    const std::string_view type = text_of(item, DCM_RescaleType);
+    if (!type.empty() && type != "HU")
+        cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleType (0028,1054) is %.*s, not HU",
+                        static_cast<int>(type.size() < 16 ? type.size() : 16), type.data());
+}
+
+/* A padding pattern as a stored value; false when no pixel of that many bits can hold it. */
+bool stored_value(unsigned pattern, const CtsSlice *s, int *value)
+{
+    const unsigned mask = (1u << s->bits_stored) - 1, high = pattern & ~mask & 0xFFFFu;
+    const bool negative = s->is_signed && (pattern >> (s->bits_stored - 1) & 1);
+    if (high != 0 && !(negative && high == (~mask & 0xFFFFu)))
+        return false;
+    *value = static_cast<int>(pattern & mask) - (negative ? 1 << s->bits_stored : 0);
+    return true;
+}
+
+void read_padding(DcmItem &item, CtsSlice *s)
+{
+    unsigned value = 0, limit = 0;
+    s->padding_word = -1;
+    if (!bit_pattern(item, DCM_PixelPaddingValue, &value))
+        return;
+    if (!bit_pattern(item, DCM_PixelPaddingRangeLimit, &limit))
+        limit = value;
+    int a = 0, b = 0;
+    if (stored_value(value, s, &a) && stored_value(limit, s, &b)) {
+        s->has_padding = true;
+        s->padding_low = a < b ? a : b;
+        s->padding_high = a < b ? b : a;
+    } else {
+        s->padding_word = static_cast<int>(value);
+    }
+}
+
+double dot(const double *a, const double *b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* (0020,0037), made orthonormal; off by more than 0.001 is odd, by more than 0.01 no reading is right. */
+void read_orientation(DcmItem &item, CtsSlice *s)
+{
+    double v[6];
+    if (!numbers(item, DCM_ImageOrientationPatient, v, 6)) {
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImageOrientationPatient (0020,0037) is missing or not six numbers");
+        return;
+    }
+    const double *row = v, *column = v + 3;
+    const double row_norm = std::sqrt(dot(row, row)), column_norm = std::sqrt(dot(column, column));
+    const double off =
+        std::fmax(std::fmax(std::fabs(row_norm - 1), std::fabs(column_norm - 1)), std::fabs(dot(row, column)));
+    if (!(off <= 1e-2)) {
+        cts_slice_fault(s, CTS_ERR_GEOMETRY,
+                        "ImageOrientationPatient (0020,0037) is not two unit vectors at right angles");
+        return;
+    }
+    if (off > 1e-3)
+        s->odd |= CTS_ODD_ORIENTATION;
+    for (int c = 0; c < 3; c++)
+        s->row_lps[c] = row[c] / row_norm;
+    const double along = dot(column, s->row_lps);
+    for (int c = 0; c < 3; c++)
+        s->column_lps[c] = column[c] - along * s->row_lps[c];
+    const double norm = std::sqrt(dot(s->column_lps, s->column_lps));
+    for (int c = 0; c < 3; c++)
+        s->column_lps[c] /= norm;
+    for (int c = 0; c < 3; c++) {
+        const int d = (c + 1) % 3, e = (c + 2) % 3;
+        s->normal_lps[c] = s->row_lps[d] * s->column_lps[e] - s->row_lps[e] * s->column_lps[d];
+    }
+}
+
+void read_geometry(DcmItem &item, CtsSlice *s)
+{
+    read_orientation(item, s);
+    if (!numbers(item, DCM_ImagePositionPatient, s->position_lps, 3))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImagePositionPatient (0020,0032) is missing or not three numbers");
+    double spacing[2] = {0, 0};
+    if (!numbers(item, DCM_PixelSpacing, spacing, 2))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "PixelSpacing (0028,0030) is missing or not two numbers");
+    else if (!(spacing[0] > 0 && spacing[0] <= 10 && spacing[1] > 0 && spacing[1] <= 10))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY,
+                        "PixelSpacing (0028,0030) is %g, %g mm, and must be above 0 and at most 10", spacing[0],
+                        spacing[1]);
+    s->row_spacing_mm = spacing[0];
+    s->column_spacing_mm = spacing[1];
+}
+
+void read_slice(DcmItem &item, CtsSlice *s)
+{
+    read_identity(item, s);
+    if (s->kind != CTS_OBJECT_CT)
+        return;
+    read_geometry(item, s);
+    read_image_kind(item, s);
+    if (read_shape(item, s))
+        read_padding(item, s);
+    read_rescale(item, s);
+}
+
+} // namespace
+
+CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsSyntax *native, const char *media_class,
+                              CtsSlice *slice, CtsError *err)
+try {
+    DcmDataset data_set;
+    const OFCondition result = parse(data_set, bytes, n, xfer_of(native));
+    if (result.bad())
+        return cts_fail(err, CTS_ERR_READ, "cannot be parsed as DICOM: %s", result.text());
+    slice->kind = kind_of(data_set, media_class);
+    if (slice->kind == CTS_OBJECT_CT || slice->kind == CTS_OBJECT_ENHANCED)
+        read_slice(data_set, slice);
+    return CTS_OK;
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+}
+
+CtsStatus cts_dcm_decode(const uint8_t *bytes, size_t n, const CtsSlice *slice, void *pixels, CtsError *err)
+try {
+    DcmDataset data_set;
+    OFCondition result = parse(data_set, bytes, n, xfer_of(slice->syntax));
+    DcmElement *element = nullptr;
+    if (result.good())
+        result = data_set.findAndGetElement(DCM_PixelData, element);
+    DcmPixelData *pixel_data = dynamic_cast<DcmPixelData *>(element);
+    if (result.bad() || !pixel_data)
+        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels cannot be read: %s",
+                        result.bad() ? result.text() : "no pixel data");
+    const Uint32 n_bytes = static_cast<Uint32>(slice->rows) * static_cast<Uint32>(slice->columns) *
+                           static_cast<Uint32>(slice->bits_allocated / 8);
+    Uint32 fragment = 0;
+    OFString colour_model;
+    cts_dcm_log_reset();
+    result = pixel_data->getUncompressedFrame(&data_set, 0, fragment, pixels, n_bytes, colour_model);
+    if (result.bad())
+        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels cannot be decoded: %s", result.text());
+    if (cts_dcm_log().n > 0)
+        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are damaged: %s", cts_dcm_log().first);
+    return CTS_OK;
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_PIXELS, "unexpected failure in DCMTK's decoder");
+}

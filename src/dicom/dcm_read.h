@@ -1,0 +1,48 @@
+/* The C door to DCMTK for reading. Nothing of DCMTK comes through, no exception either. All calls are thread-safe. */
+#ifndef CTS_DICOM_DCM_READ_H
+#define CTS_DICOM_DCM_READ_H
+
+#include "ctsplat/status.h"
+#include "dicom/slice.h"
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Once per process, before threads and before any other use of DCMTK: its log goes to a counter instead of stderr, the
+ * decoders are registered, the data dictionary is loaded. Later calls return the first one's result. */
+CtsStatus cts_dcm_start(CtsError *err);
+
+/* Read the attributes of a data set that ends before its pixels, encoded as `native` (an uncompressed syntax), into
+ * slice: all but path, file facts, syntax, odd syntax flags and the place of the pixels, which the caller knows.
+ * media_class stands in for a missing SOP class UID. Fails with CTS_ERR_READ when DCMTK cannot parse it; a CT slice
+ * whose values cannot be used is a success with slice->fault set. */
+CtsStatus cts_dcm_read_header(const uint8_t *data_set, size_t n, const CtsSyntax *native, const char *media_class,
+                              CtsSlice *slice, CtsError *err);
+
+/* Decode the single frame of a compressed slice: data_set runs from its first element to the end of PixelData.
+ * Writes rows * columns stored words of bits_allocated bits to pixels. CTS_ERR_PIXELS when the decoder fails or as much
+ * as warns: its warnings are noise in the picture. */
+CtsStatus cts_dcm_decode(const uint8_t *data_set, size_t n, const CtsSlice *slice, void *pixels, CtsError *err);
+
+/* The files a DICOMDIR's records name, relative to its folder, '/' between the parts; only names made of plain parts
+ * (no "..", no slash). Free each and the array with free(). */
+CtsStatus cts_dcm_directory(const uint8_t *data_set, size_t n, const CtsSyntax *native, char ***files, size_t *n_files,
+                            size_t *n_refused, CtsError *err);
+
+/* Text in a DICOM character set (0008,0005; NULL: ASCII) as UTF-8, at most 64 characters, controls replaced by '?'.
+ * What cannot be converted becomes '?' too. NULL without memory. */
+char *cts_dcm_utf8(const char *text, const char *charset);
+
+/* A decimal string (DS, PS3.5 6.2) of exactly n_values numbers: whole text, finite, '.' as the decimal point whatever
+ * the locale. More than 16 bytes a value, blanks around it and a sign are accepted. */
+int cts_dcm_parse_ds(const char *text, size_t n_bytes, double *values, int n_values);
+/* An integer string (IS). */
+int cts_dcm_parse_is(const char *text, size_t n_bytes, int *value);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

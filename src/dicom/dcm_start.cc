@@ -1,0 +1,79 @@
+/* DCMTK made ready: log, decoders, dictionary. */
+#include <dcmtk/config/osconfig.h>
+
+#include "dicom/dcm_log.h"
+#include "dicom/dcm_read.h"
+
+#include <cstdio>
+#include <dcmtk/dcmdata/dcdict.h>
+#include <dcmtk/dcmdata/dcrledrg.h>
+#include <dcmtk/dcmjpeg/djdecode.h>
+#include <dcmtk/dcmjpls/djdecode.h>
+#include <dcmtk/oflog/oflog.h>
+#include <dcmtk/oflog/spi/logevent.h>
+#include <mutex>
+#include <new>
+
+namespace log4cplus = dcmtk::log4cplus;
+
+CtsDcmLog &cts_dcm_log()
+{
+    static thread_local CtsDcmLog log;
+    return log;
+}
+
+void cts_dcm_log_reset()
+{
+    cts_dcm_log() = CtsDcmLog();
+}
+
+namespace
+{
+
+class CountingAppender : public log4cplus::Appender
+{
+  public:
+    ~CountingAppender() override
+    {
+        destructorImpl();
+    }
+    void close() override
+    {
+        closed = true;
+    }
+
+  protected:
+    void append(const log4cplus::spi::InternalLoggingEvent &event) override
+    {
+        CtsDcmLog &log = cts_dcm_log();
+        if (log.n++ == 0)
+            std::snprintf(log.first, sizeof log.first, "%s", event.getMessage().c_str());
+    }
+};
+
+bool start()
+{
+    OFLog::configure(OFLogger::WARN_LOG_LEVEL);
+    log4cplus::Logger root = log4cplus::Logger::getRoot();
+    root.removeAllAppenders();
+    root.addAppender(log4cplus::SharedAppenderPtr(new CountingAppender));
+    DcmRLEDecoderRegistration::registerCodecs();
+    DJDecoderRegistration::registerCodecs();
+    DJLSDecoderRegistration::registerCodecs();
+    return dcmDataDict.isDictionaryLoaded();
+}
+
+} // namespace
+
+CtsStatus cts_dcm_start(CtsError *err)
+try {
+    static const bool loaded = start();
+    return loaded ? CTS_OK
+                  : cts_fail(
+                        err, CTS_ERR_INTERNAL,
+                        "DCMTK's data dictionary cannot be loaded (unset DCMDICTPATH, or install DCMTK's data files)");
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while DCMTK starts");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
+}

@@ -1,0 +1,30 @@
+/* Bytes of an input file: opened without blocking, regular files alone, every read in full. */
+#ifndef CTS_DICOM_FILE_BYTES_H
+#define CTS_DICOM_FILE_BYTES_H
+
+#include "ctsplat/status.h"
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct CtsFileBytes {
+    int fd;
+    uint64_t n_bytes;
+    int64_t mtime_ns;
+} CtsFileBytes;
+
+/* CTS_ERR_READ when it cannot be opened; fd is -1 then, and also, with CTS_OK, for what is no regular file. */
+CtsStatus cts_file_bytes_open(CtsFileBytes *file, const char *path, CtsError *err);
+void cts_file_bytes_close(CtsFileBytes *file);
+
+/* Exactly n bytes from offset. */
+CtsStatus cts_file_bytes_read(const CtsFileBytes *file, void *bytes, size_t n, uint64_t offset, CtsError *err);
+
+/* Make room for n bytes, keeping what is there. */
+CtsStatus cts_bytes_reserve(uint8_t **bytes, size_t *capacity, size_t n, CtsError *err);
+
+/* Inflate (raw deflate) up to n bytes after skipping `skip`; *got says how many there were. CTS_ERR_PIXELS when the
+ * stream is damaged. */
+CtsStatus cts_inflate(const uint8_t *deflated, size_t n_deflated, uint64_t skip, uint8_t *bytes, size_t n, size_t *got,
+                      CtsError *err);
+
+#endif

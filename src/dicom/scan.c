@@ -1,0 +1,161 @@
+#define _GNU_SOURCE
+#include "dicom/scan.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { MAX_DEPTH = 32 };
+
+void cts_file_list_free(CtsFileList *list)
+{
+    for (size_t i = 0; i < list->n; i++)
+        free(list->items[i].path);
+    free(list->items);
+    cts_findings_free(&list->findings);
+    *list = (CtsFileList){0};
+}
+
+CtsStatus cts_file_list_add(CtsFileList *list, char *path, bool named, CtsError *err)
+{
+    if (path && (list->n & (list->n - 1)) == 0) {
+        CtsFile *items = realloc(list->items, (list->n ? 2 * list->n : 1) * sizeof *items);
+        if (!items) {
+            free(path);
+            path = NULL;
+        } else {
+            list->items = items;
+        }
+    }
+    if (!path)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    list->items[list->n++] = (CtsFile){path, named};
+    return CTS_OK;
+}
+
+static char *join(const char *folder, const char *name)
+{
+    char *path;
+    const size_t n = strlen(folder);
+    return asprintf(&path, "%s%s%s", folder, n && folder[n - 1] == '/' ? "" : "/", name) < 0 ? NULL : path;
+}
+
+/* The kind of a directory entry without a stat where the file system tells; a link counts as what it leads to, but a
+ * link to a folder as special. */
+static unsigned char entry_type(int folder_fd, const struct dirent *entry)
+{
+    struct stat info;
+    if (entry->d_type != DT_UNKNOWN && entry->d_type != DT_LNK)
+        return entry->d_type;
+    if (fstatat(folder_fd, entry->d_name, &info, AT_SYMLINK_NOFOLLOW))
+        return DT_REG; /* opening it will say what is wrong */
+    if (S_ISLNK(info.st_mode))
+        return fstatat(folder_fd, entry->d_name, &info, 0) || S_ISREG(info.st_mode) ? DT_REG : DT_LNK;
+    return S_ISREG(info.st_mode) ? DT_REG : S_ISDIR(info.st_mode) ? DT_DIR : DT_SOCK;
+}
+
+static CtsStatus scan_folder(CtsFileList *list, const char *folder, int depth, CtsError *err);
+
+static CtsStatus scan_entries(CtsFileList *list, const char *folder, DIR *dir, int depth, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    char **subfolders = NULL;
+    size_t n_subfolders = 0;
+    const struct dirent *entry;
+    while (!st && (entry = readdir(dir))) {
+        if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
+            continue;
+        const unsigned char type = entry_type(dirfd(dir), entry);
+        if (type != DT_REG && type != DT_DIR) {
+            list->n_special++;
+            continue;
+        }
+        char *path = join(folder, entry->d_name);
+        if (type == DT_REG) {
+            st = cts_file_list_add(list, path, false, err);
+            continue;
+        }
+        char **grown = path ? realloc(subfolders, (n_subfolders + 1) * sizeof *grown) : NULL;
+        if (grown) {
+            subfolders = grown;
+            subfolders[n_subfolders++] = path;
+        } else {
+            free(path);
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        }
+    }
+    for (size_t i = 0; i < n_subfolders; i++) {
+        if (!st)
+            st = scan_folder(list, subfolders[i], depth + 1, err);
+        free(subfolders[i]);
+    }
+    free(subfolders);
+    return st;
+}
+
+static CtsStatus scan_folder(CtsFileList *list, const char *folder, int depth, CtsError *err)
+{
+    if (depth > MAX_DEPTH) {
+        list->n_unreadable++;
+        cts_findings_add(&list->findings, "folder_too_deep", CTS_WARNING, "%s: not searched, more than %d folders deep",
+                         folder, MAX_DEPTH);
+        return CTS_OK;
+    }
+    DIR *dir = opendir(folder);
+    if (!dir) {
+        const int e = errno;
+        if (depth == 0)
+            return cts_fail(err, CTS_ERR_READ, "%s: the folder cannot be listed: %s", folder, strerror(e));
+        list->n_unreadable++;
+        cts_findings_add(&list->findings, "unreadable_folder", CTS_WARNING, "%s: the folder cannot be listed: %s",
+                         folder, strerror(e));
+        return CTS_OK;
+    }
+    const CtsStatus st = scan_entries(list, folder, dir, depth, err);
+    closedir(dir);
+    return st;
+}
+
+static int by_path(const void *a, const void *b)
+{
+    const CtsFile *x = a, *y = b;
+    const int order = strcmp(x->path, y->path);
+    return order ? order : (int)y->named - (int)x->named;
+}
+
+CtsStatus cts_scan_paths(const char *const *paths, int n_paths, CtsFileList *list, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    *list = (CtsFileList){0};
+    for (int i = 0; !st && i < n_paths; i++) {
+        struct stat info;
+        if (stat(paths[i], &info))
+            st = cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", paths[i], strerror(errno));
+        else if (S_ISDIR(info.st_mode))
+            st = scan_folder(list, paths[i], 0, err);
+        else if (S_ISREG(info.st_mode))
+            st = cts_file_list_add(list, strdup(paths[i]), true, err);
+        else
+            st = cts_fail(err, CTS_ERR_READ, "%s: is neither a file nor a folder", paths[i]);
+    }
+    if (st) {
+        cts_file_list_free(list);
+        return st;
+    }
+    if (list->n)
+        qsort(list->items, list->n, sizeof *list->items, by_path);
+    size_t kept = 0;
+    for (size_t i = 0; i < list->n; i++) {
+        if (kept && strcmp(list->items[kept - 1].path, list->items[i].path) == 0)
+            free(list->items[i].path);
+        else
+            list->items[kept++] = list->items[i];
+    }
+    list->n = kept;
+    return CTS_OK;
+}

@@ -1,0 +1,31 @@
+/* Paths and folders -> files that may be slices. */
+#ifndef CTS_DICOM_SCAN_H
+#define CTS_DICOM_SCAN_H
+
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stddef.h>
+
+typedef struct CtsFile {
+    char *path;
+    bool named; /* by the caller, not found in a folder: a DICOMDIR is followed, a failure to open it is an error */
+} CtsFile;
+
+typedef struct CtsFileList {
+    CtsFile *items;
+    size_t n;
+    int n_special;    /* sockets, devices, links to folders and the like: never opened */
+    int n_unreadable; /* folders that cannot be listed; findings name them */
+    CtsFindings findings;
+} CtsFileList;
+
+/* Files in order of name, folder by folder, each path once. Links to folders are not followed, folders deeper than 32
+ * not entered. CTS_ERR_READ when one of paths itself cannot be read. */
+CtsStatus cts_scan_paths(const char *const *paths, int n_paths, CtsFileList *list, CtsError *err);
+
+/* Add one file; takes over path, which may be NULL for "out of memory". */
+CtsStatus cts_file_list_add(CtsFileList *list, char *path, bool named, CtsError *err);
+void cts_file_list_free(CtsFileList *list);
+
+#endif

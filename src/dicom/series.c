@@ -1,0 +1,315 @@
+#define _GNU_SOURCE
+#include "ctsplat/series.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "dicom/dcm_read.h"
+#include "dicom/scan.h"
+#include "dicom/series_judge.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void clear_series(CtsSeries *series)
+{
+    for (int i = 0; i < series->n_slices; i++)
+        cts_slice_clear(&series->slices[i]);
+    free(series->slices);
+    free(series->description);
+    cts_findings_free(&series->findings);
+    *series = (CtsSeries){0};
+}
+
+void cts_series_list_free(CtsSeriesList **list)
+{
+    if (!*list)
+        return;
+    for (size_t i = 0; i < (*list)->n; i++)
+        clear_series(&(*list)->items[i]);
+    free((*list)->items);
+    cts_findings_free(&(*list)->findings);
+    free(*list);
+    *list = NULL;
+}
+
+/* What became of one file; in order of the file list, so that the number of threads changes nothing. */
+typedef struct Header {
+    CtsFileKind file;
+    CtsObjectKind object;
+    CtsSlice *slice; /* for CT and enhanced CT */
+    char *why;       /* it could not be read */
+} Header;
+
+typedef struct Search {
+    CtsFileList files;
+    Header *headers; /* files.n of them, once read */
+    size_t n_headers;
+    uint64_t bytes_read;
+    CtsSeriesList *list;
+} Search;
+
+static bool read_one(const CtsFile *file, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
+{
+    CtsError why = {0};
+    CtsSlice slice = {0};
+    header->file = cts_slice_read_header(file->path, scratch, &slice, bytes_read, &why);
+    header->object = slice.kind;
+    if (header->file == CTS_FILE_DICOM && (slice.kind == CTS_OBJECT_CT || slice.kind == CTS_OBJECT_ENHANCED)) {
+        header->slice = malloc(sizeof slice);
+        if (header->slice) {
+            *header->slice = slice;
+            return true;
+        }
+    }
+    cts_slice_clear(&slice);
+    if (header->file == CTS_FILE_UNREADABLE)
+        header->why = strdup(why.text);
+    return why.status != CTS_ERR_MEMORY && (header->file != CTS_FILE_DICOM || header->object == CTS_OBJECT_OTHER ||
+                                            header->object == CTS_OBJECT_DIRECTORY);
+}
+
+/* Headers of the files that have none yet. */
+static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
+{
+    const size_t first = s->n_headers, n = s->files.n;
+    Header *headers = realloc(s->headers, (n ? n : 1) * sizeof *headers);
+    if (!headers)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    memset(headers + first, 0, (n - first) * sizeof *headers);
+    s->headers = headers;
+    s->n_headers = n;
+    uint64_t bytes_read = 0;
+    bool ok = true;
+#pragma omp parallel num_threads(n_threads) reduction(+ : bytes_read) reduction(&& : ok)
+    {
+        CtsScratch scratch = {0};
+#pragma omp for schedule(dynamic, 8)
+        for (size_t i = first; i < n; i++)
+            ok = read_one(&s->files.items[i], &scratch, &headers[i], &bytes_read) && ok;
+        cts_scratch_free(&scratch);
+    }
+    s->bytes_read += bytes_read;
+    return ok ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory while headers were read");
+}
+
+/* Add the files that one DICOMDIR names. */
+static CtsStatus follow_directory(Search *s, const char *path, CtsError *err)
+{
+    char **files = NULL;
+    size_t n_files = 0, n_refused = 0;
+    CtsScratch scratch = {0};
+    CtsStatus st = cts_slice_read_directory(path, &scratch, &files, &n_files, &n_refused, err);
+    if (st)
+        cts_context(err, "%s", path);
+    for (size_t i = 0; i < n_files; i++) {
+        if (!st)
+            st = cts_file_list_add(&s->files, files[i], false, err);
+        else
+            free(files[i]);
+    }
+    free(files);
+    cts_scratch_free(&scratch);
+    if (n_refused)
+        cts_findings_add(&s->list->findings, "directory_escapes", CTS_WARNING,
+                         "%s: %zu of its files do not lie in its folder; left out", path, n_refused);
+    return st;
+}
+
+static CtsStatus follow_directories(Search *s, int n_threads, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const size_t n = s->n_headers;
+    for (size_t i = 0; !st && i < n; i++)
+        if (s->files.items[i].named && s->headers[i].object == CTS_OBJECT_DIRECTORY)
+            st = follow_directory(s, s->files.items[i].path, err);
+    return !st && s->files.n > n ? read_headers(s, n_threads, err) : st;
+}
+
+static int by_series(const void *a, const void *b)
+{
+    const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
+    int order = strcmp(x->series_uid, y->series_uid);
+    if (!order && !x->series_uid[0]) {
+        const size_t nx = (size_t)(cts_slice_name(x) - x->path), ny = (size_t)(cts_slice_name(y) - y->path);
+        order = memcmp(x->path, y->path, nx < ny ? nx : ny);
+        if (!order)
+            order = (nx > ny) - (nx < ny);
+    }
+    return order ? order : (int)x->kind - (int)y->kind;
+}
+
+static int by_series_and_path(const void *a, const void *b)
+{
+    const int order = by_series(a, b);
+    return order ? order : strcmp((*(CtsSlice *const *)a)->path, (*(CtsSlice *const *)b)->path);
+}
+
+/* Counts and findings of what is no slice; the slices themselves go to *slices. */
+static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
+{
+    CtsSeriesList *list = s->list;
+    *n_slices = 0;
+    *slices = malloc((s->n_headers + 1) * sizeof **slices);
+    if (!*slices)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    list->n_files = (int)s->n_headers + s->files.n_special;
+    list->n_not_ct = s->files.n_special;
+    list->n_unreadable = s->files.n_unreadable;
+    for (size_t i = 0; i < s->n_headers; i++) {
+        Header *h = &s->headers[i];
+        if (h->slice) {
+            (*slices)[(*n_slices)++] = h->slice;
+            h->slice = NULL;
+        } else if (h->file == CTS_FILE_UNREADABLE) {
+            list->n_unreadable++;
+            cts_findings_add(&list->findings, "unreadable_file", CTS_WARNING, "%s: %s", s->files.items[i].path,
+                             h->why ? h->why : "cannot be read");
+        } else {
+            list->n_not_ct++;
+        }
+    }
+    return CTS_OK;
+}
+
+static CtsStatus add_series(CtsSeriesList *list, CtsSliceSet *set, CtsError *err)
+{
+    int n = 0;
+    CtsSeries *items = realloc(list->items, (list->n + CTS_MAX_PARTS) * sizeof *items);
+    if (!items) {
+        cts_slice_set_free(set);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    list->items = items;
+    memset(items + list->n, 0, CTS_MAX_PARTS * sizeof *items);
+    const CtsStatus st = cts_series_judge(set, items + list->n, &n, err);
+    list->n += st ? CTS_MAX_PARTS : (size_t)n;
+    return st;
+}
+
+static int by_size(const void *a, const void *b)
+{
+    const CtsSeries *x = a, *y = b;
+    if (x->n_slices != y->n_slices)
+        return x->n_slices < y->n_slices ? 1 : -1;
+    const int order = strcmp(x->uid, y->uid);
+    return order ? order : x->part - y->part;
+}
+
+static CtsStatus group(CtsSlice **slices, size_t n, CtsSeriesList *list, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (n)
+        qsort(slices, n, sizeof *slices, by_series_and_path);
+    for (size_t first = 0, end; first < n; first = end) {
+        for (end = first + 1; end < n && by_series(&slices[first], &slices[end]) == 0;)
+            end++;
+        CtsSliceSet set = {malloc((end - first) * sizeof *set.items), (int)(end - first)};
+        if (!set.items && !st)
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        for (size_t i = first; i < end; i++) {
+            if (!st) {
+                set.items[i - first] = slices[i];
+            } else {
+                cts_slice_clear(slices[i]);
+                free(slices[i]);
+            }
+        }
+        if (!st)
+            st = add_series(list, &set, err);
+        else
+            free(set.items);
+    }
+    if (!st && list->n)
+        qsort(list->items, list->n, sizeof *list->items, by_size);
+    return st;
+}
+
+static CtsStatus nothing_found(const Search *s, CtsError *err)
+{
+    const CtsSeriesList *list = s->list;
+    const char *first = "";
+    for (size_t i = 0; !first[0] && i < list->findings.n; i++)
+        first = list->findings.items[i].text;
+    if (list->n_unreadable)
+        return cts_fail(err, CTS_ERR_READ, "%s (no CT slice among %d files, %d of them unreadable)", first,
+                        list->n_files, list->n_unreadable);
+    return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %d file%s (CT Image Storage is needed)", list->n_files,
+                    list->n_files == 1 ? "" : "s");
+}
+
+static void free_search(Search *s)
+{
+    for (size_t i = 0; i < s->n_headers; i++) {
+        if (s->headers[i].slice)
+            cts_slice_clear(s->headers[i].slice);
+        free(s->headers[i].slice);
+        free(s->headers[i].why);
+    }
+    free(s->headers);
+    cts_file_list_free(&s->files);
+}
+
+CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
+                          CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    Search s = {0};
+    CtsSlice **slices = NULL;
+    size_t n_slices = 0;
+    CtsStatus st = cts_dcm_start(err);
+    n_threads = cts_threads(n_threads);
+    *list = NULL;
+    if (!st && !(s.list = calloc(1, sizeof *s.list)))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st)
+        st = cts_scan_paths(paths, n_paths, &s.files, err);
+    if (!st) {
+        s.list->findings = s.files.findings;
+        s.files.findings = (CtsFindings){0};
+        st = read_headers(&s, n_threads, err);
+    }
+    if (!st)
+        st = follow_directories(&s, n_threads, err);
+    if (!st)
+        st = collect(&s, &slices, &n_slices, err);
+    if (!st)
+        st = group(slices, n_slices, s.list, err);
+    if (!st && s.list->n == 0) {
+        st = nothing_found(&s, err);
+        if (n_paths == 1)
+            cts_context(err, "%s", paths[0]);
+    }
+    if (!st) {
+        *list = s.list;
+        s.list = NULL;
+    }
+    cts_report_stage(report, CTS_STAGE_SCAN, cts_wall_ms() - wall, cts_cpu_ms() - cpu, s.n_headers, s.bytes_read);
+    free(slices);
+    cts_series_list_free(&s.list);
+    free_search(&s);
+    return st;
+}
+
+CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err)
+{
+    *series = NULL;
+    if (!uid) {
+        for (size_t i = 0; i < list->n && !*series; i++)
+            if (list->items[i].renderable)
+                *series = &list->items[i];
+        if (!*series && list->n)
+            *series = &list->items[0];
+        return *series ? CTS_OK : cts_fail(err, CTS_ERR_NO_SERIES, "no CT series");
+    }
+    const char *hash = strchr(uid, '#');
+    const size_t n = hash ? (size_t)(hash - uid) : strlen(uid);
+    const int part = hash ? atoi(hash + 1) : 0;
+    for (size_t i = 0; i < list->n; i++) {
+        const CtsSeries *s = &list->items[i];
+        if (strlen(s->uid) == n && memcmp(s->uid, uid, n) == 0 && (hash ? s->part == part : s->part <= 1)) {
+            *series = s;
+            return CTS_OK;
+        }
+    }
+    return cts_fail(err, CTS_ERR_USAGE, "no series %.80s among the %zu found (ctsplat info lists them)", uid, list->n);
+}

@@ -1,0 +1,34 @@
+#include "dicom/slice.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void cts_slice_clear(CtsSlice *slice)
+{
+    free(slice->path);
+    free(slice->description);
+    free(slice->charset);
+    free(slice->fault_text);
+    *slice = (CtsSlice){0};
+}
+
+void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...)
+{
+    if (slice->fault)
+        return;
+    char text[256];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    slice->fault = status;
+    slice->fault_text = strdup(text); /* NULL without memory: the status still refuses the slice */
+}
+
+const char *cts_slice_name(const CtsSlice *slice)
+{
+    const char *slash = strrchr(slice->path, '/');
+    return slash ? slash + 1 : slice->path;
+}

@@ -1,0 +1,106 @@
+/* One slice as its header describes it: tags as numbers, pixels as a place in a file. No DCMTK type. */
+#ifndef CTS_DICOM_SLICE_H
+#define CTS_DICOM_SLICE_H
+
+#include "ctsplat/status.h"
+#include "dicom/syntax.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum CtsObjectKind {
+    CTS_OBJECT_OTHER,    /* DICOM, but no CT slice: other SOP classes, structured reports, directories */
+    CTS_OBJECT_CT,       /* CT Image Storage */
+    CTS_OBJECT_ENHANCED, /* Enhanced CT or Legacy Converted Enhanced CT: many frames in one object */
+    CTS_OBJECT_DIRECTORY /* a DICOMDIR */
+} CtsObjectKind;
+
+/* Odd but usable; the series turns each into one warning. */
+enum {
+    CTS_ODD_NO_PREAMBLE = 1, /* no preamble or meta header: a bare data set */
+    CTS_ODD_NO_SYNTAX = 2,   /* no transfer syntax UID; found by looking */
+    CTS_ODD_ORIENTATION = 4, /* direction cosines off by more than 0.001 */
+    CTS_ODD_MONOCHROME1 = 8, /* display polarity only; HU do not change */
+    CTS_ODD_LOSSY = 16       /* (0028,2110) is 01, or a lossy transfer syntax */
+};
+
+typedef struct CtsSlice {
+    char *path;          /* owned */
+    uint64_t file_bytes; /* with mtime_ns: the file must be the same when the pixels are read */
+    int64_t mtime_ns;
+    CtsObjectKind kind;
+    const CtsSyntax *syntax; /* NULL when the UID is unknown */
+    char syntax_uid[65];
+    unsigned odd; /* CTS_ODD_... */
+
+    char sop_uid[65], series_uid[65], frame_uid[65]; /* "" where missing */
+    char modality[17];
+    char *description, *charset; /* (0008,103E) and (0008,0005) as stored; owned, may be NULL */
+    uint64_t patient_key;        /* hash of PatientID and its issuer: tells patients apart and names none */
+    bool has_acquisition, has_instance, has_temporal;
+    int acquisition_number, instance_number, temporal_index;
+    double time_s; /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
+    bool localizer;
+
+    int rows, columns, bits_allocated, bits_stored, high_bit;
+    bool is_signed;
+    bool has_padding;
+    int padding_low, padding_high;    /* stored values, both inclusive (0028,0120) and (0028,0121) */
+    int padding_word;                 /* a padding value too large for bits_stored: the whole 16-bit word; else -1 */
+    double slope, intercept;          /* HU = slope * stored + intercept */
+    double row_lps[3], column_lps[3]; /* unit directions in which the column and the row index rise */
+    double normal_lps[3];             /* row x column */
+    double position_lps[3];           /* centre of the first pixel, mm */
+    double column_spacing_mm, row_spacing_mm; /* along row_lps, along column_lps */
+
+    /* The value of PixelData (7FE0,0010): its place in the file, or in the inflated data set when deflated; fragments
+     * with their delimiter when encapsulated. */
+    uint64_t pixel_offset, pixel_bytes;
+    uint64_t data_offset; /* where the data set begins in the file */
+    bool pixel_words;     /* VR OW: big-endian files swap 8-bit pixels in pairs */
+
+    CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
+    char *fault_text; /* owned; without the path */
+} CtsSlice;
+
+/* Frees what the slice owns and zeroes it. */
+void cts_slice_clear(CtsSlice *slice);
+
+/* Record why the slice cannot be used; the first reason stays. */
+void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+/* The path without its folders. */
+const char *cts_slice_name(const CtsSlice *slice);
+
+/* Working memory of one thread, grown as needed. Zero-initialise; free with cts_scratch_free(). */
+typedef struct CtsScratch {
+    uint8_t *file, *inflated;
+    size_t file_capacity, inflated_capacity;
+} CtsScratch;
+
+void cts_scratch_free(CtsScratch *scratch);
+
+typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_UNREADABLE } CtsFileKind;
+
+/* Read one file's header, and none of its pixels, into a zeroed slice (whose path is set only for CT and enhanced CT).
+ * CTS_FILE_NOT_DICOM: plainly something else, or no regular file. CTS_FILE_UNREADABLE: err says why, without the
+ * path. bytes_read is added to. */
+CtsFileKind cts_slice_read_header(const char *path, CtsScratch *scratch, CtsSlice *slice, uint64_t *bytes_read,
+                                  CtsError *err);
+
+/* The stored words of a slice without fault, as the file has them but in this machine's byte order and widened to 16
+ * bits: rows * columns words, not yet masked or rescaled. Fails with a message that has no path in it. */
+CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsScratch *scratch, uint16_t *words, CtsError *err);
+
+/* The file names in a DICOMDIR, with its own folder in front; free each and the array with free(). */
+CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,
+                                   size_t *n_refused, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

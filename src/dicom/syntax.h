@@ -1,0 +1,39 @@
+/* The transfer syntaxes ctsplat knows, and how each stores a slice (PS3.5 Annex A). */
+#ifndef CTS_DICOM_SYNTAX_H
+#define CTS_DICOM_SYNTAX_H
+
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum CtsCodec {
+    CTS_CODEC_NATIVE, /* pixels as they are */
+    CTS_CODEC_RLE,
+    CTS_CODEC_JPEG,
+    CTS_CODEC_JPEG_LS,
+    CTS_CODEC_NONE /* named here, but this build cannot decode it */
+} CtsCodec;
+
+typedef struct CtsSyntax {
+    const char *uid, *name;
+    CtsCodec codec;
+    bool explicit_vr, big_endian, deflated, lossy;
+} CtsSyntax;
+
+/* NULL for a UID that is not in the table. */
+const CtsSyntax *cts_syntax_find(const char *uid);
+
+/* The uncompressed syntax with this encoding of the data set. */
+const CtsSyntax *cts_syntax_native(bool explicit_vr, bool big_endian);
+
+static inline bool cts_syntax_encapsulated(const CtsSyntax *syntax)
+{
+    return syntax->codec != CTS_CODEC_NATIVE;
+}
+
+#ifdef __cplusplus
+}
+#endif
+#endif

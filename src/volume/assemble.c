@@ -1,0 +1,287 @@
+#define _GNU_SOURCE
+#include "ctsplat/series.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "dicom/dcm_read.h"
+#include "dicom/slice.h"
+#include "dicom/stack.h"
+#include "volume/grey.h"
+#include "volume/resample.h"
+#include "volume/volume_new.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#define HU_OFFSET (-1024.0)
+enum { GREY_MAX = 65535, FINEST_STEP_BITS = 16 };
+
+/* What the threads share while slices become layers. */
+typedef struct Assembly {
+    const CtsSlice *slices;
+    int n_slices, n_threads;
+    uint16_t *first; /* where slice 0 goes; slice k lies layer_voxels further for each k */
+    size_t layer_voxels;
+    bool whole_numbers;     /* every slope and intercept is one */
+    CtsStoredRange *ranges; /* of each slice */
+    double busy[CTS_N_STAGES];
+    uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
+    int failed; /* the first slice that failed, or n_slices */
+    CtsError why;
+} Assembly;
+
+static CtsStored stored_of(const CtsSlice *s)
+{
+    return (CtsStored){.shift = s->high_bit + 1 - s->bits_stored,
+                       .bits = s->bits_stored,
+                       .is_signed = s->is_signed,
+                       .padding_low = s->has_padding ? s->padding_low : 1,
+                       .padding_high = s->has_padding ? s->padding_high : 0,
+                       .padding_word = s->padding_word};
+}
+
+static bool whole_number(double x)
+{
+    return x == floor(x);
+}
+
+static uint16_t *layer_of(const Assembly *a, int k)
+{
+    return a->first + (size_t)k * a->layer_voxels;
+}
+
+static CtsStatus read_slice(Assembly *a, int k, CtsScratch *scratch, cts_grey_whole_fn to_grey,
+                            double busy[CTS_N_STAGES], CtsError *err)
+{
+    const CtsSlice *s = &a->slices[k];
+    const CtsStored stored = stored_of(s);
+    const double start = cts_wall_ms();
+    CtsStatus st = cts_slice_read_pixels(s, scratch, layer_of(a, k), err);
+    if (st) {
+        cts_context(err, "%s", cts_slice_name(s));
+        return st;
+    }
+    const double decoded = cts_wall_ms();
+    a->ranges[k] = a->whole_numbers ? to_grey(layer_of(a, k), a->layer_voxels, &stored, (int32_t)s->slope,
+                                              (int32_t)(s->intercept - HU_OFFSET))
+                                    : cts_stored_range(layer_of(a, k), a->layer_voxels, &stored);
+    busy[CTS_STAGE_DECODE] += decoded - start;
+    busy[CTS_STAGE_GREY] += cts_wall_ms() - decoded;
+    return CTS_OK;
+}
+
+/* Slices are independent; of several failures the first slice's is told, whatever the number of threads. */
+static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const cts_grey_whole_fn to_grey = cts_grey_whole(cts_cpu_flags());
+    double decode_ms = 0, grey_ms = 0;
+    a->failed = a->n_slices;
+#pragma omp parallel num_threads(a->n_threads) reduction(+ : decode_ms, grey_ms)
+    {
+        CtsScratch scratch = {0};
+        double busy[CTS_N_STAGES] = {0};
+#pragma omp for schedule(dynamic, 1)
+        for (int k = 0; k < a->n_slices; k++) {
+            CtsError why = {0};
+            int failed;
+#pragma omp atomic read
+            failed = a->failed;
+            if (k > failed || !read_slice(a, k, &scratch, to_grey, busy, &why))
+                continue;
+#pragma omp critical(cts_first_failure)
+            if (k < a->failed) {
+#pragma omp atomic write
+                a->failed = k;
+                a->why = why;
+            }
+        }
+        decode_ms += busy[CTS_STAGE_DECODE];
+        grey_ms += busy[CTS_STAGE_GREY];
+        cts_scratch_free(&scratch);
+    }
+    a->busy[CTS_STAGE_DECODE] = decode_ms;
+    a->busy[CTS_STAGE_GREY] = grey_ms;
+    a->items[CTS_STAGE_DECODE] = (uint64_t)a->n_slices;
+    a->items[CTS_STAGE_GREY] = (uint64_t)a->n_slices * a->layer_voxels;
+    a->bytes[CTS_STAGE_GREY] = a->items[CTS_STAGE_GREY] * sizeof(uint16_t);
+    for (int k = 0; k < a->n_slices; k++)
+        a->bytes[CTS_STAGE_DECODE] += a->slices[k].pixel_bytes;
+    cts_report_region(report, cts_wall_ms() - wall, cts_cpu_ms() - cpu, a->busy, a->items, a->bytes);
+    if (a->failed < a->n_slices) {
+        if (err)
+            *err = a->why;
+        return a->why.status;
+    }
+    return CTS_OK;
+}
+
+static void find_hu_range(const Assembly *a, CtsVolume *v)
+{
+    v->hu_min = INFINITY;
+    v->hu_max = -INFINITY;
+    for (int k = 0; k < a->n_slices; k++) {
+        const CtsSlice *s = &a->slices[k];
+        const CtsStoredRange r = a->ranges[k];
+        if (r.low > r.high)
+            continue;
+        const double x = s->slope * r.low + s->intercept, y = s->slope * r.high + s->intercept;
+        v->hu_min = fmin(v->hu_min, fmin(x, y));
+        v->hu_max = fmax(v->hu_max, fmax(x, y));
+    }
+    if (!(v->hu_min <= v->hu_max))
+        v->hu_min = v->hu_max = HU_OFFSET; /* padding alone */
+}
+
+/* The finest power of two for which the series' maximum still fits 16 bits. */
+static double finest_step(double hu_max)
+{
+    double step = 1;
+    for (int bits = 0; bits < FINEST_STEP_BITS && (hu_max - HU_OFFSET) / (step / 2) <= GREY_MAX; bits++)
+        step /= 2;
+    return step;
+}
+
+static bool same_table(const CtsSlice *a, const CtsSlice *b)
+{
+    const CtsStored x = stored_of(a), y = stored_of(b);
+    return a->slope == b->slope && a->intercept == b->intercept && x.shift == y.shift && x.bits == y.bits &&
+           x.is_signed == y.is_signed && x.padding_low == y.padding_low && x.padding_high == y.padding_high &&
+           x.padding_word == y.padding_word;
+}
+
+static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsReport *report, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    bool ok = true;
+#pragma omp parallel num_threads(a->n_threads) reduction(&& : ok)
+    {
+        uint16_t *table = malloc(65536 * sizeof *table);
+        const CtsSlice *made_for = NULL;
+        ok = table != NULL;
+#pragma omp for schedule(static)
+        for (int k = 0; k < a->n_slices; k++) {
+            if (!table)
+                continue;
+            const CtsSlice *s = &a->slices[k];
+            if (!made_for || !same_table(made_for, s)) {
+                const CtsStored stored = stored_of(s);
+                cts_grey_table(table, &stored, s->slope, s->intercept, HU_OFFSET, hu_step);
+                made_for = s;
+            }
+            cts_grey_look_up(layer_of(a, k), a->layer_voxels, table);
+        }
+        free(table);
+    }
+    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
+    return ok ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+}
+
+static void tell_range(const CtsVolume *v, bool whole_numbers, CtsReport *report)
+{
+    const double top = v->hu_offset + v->hu_step * GREY_MAX;
+    if (!whole_numbers)
+        cts_report_finding(report, "fractional_rescale", CTS_NOTE,
+                           "the rescale slope or intercept has a fraction; grey levels are steps of %g HU", v->hu_step);
+    if (v->hu_max > top)
+        cts_report_finding(report, "clamped_high", CTS_WARNING,
+                           "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
+}
+
+static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
+{
+    const long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
+    const double need = (double)nx * ny * n_layers * sizeof(uint16_t), have = 0.8 * (double)pages * (double)page;
+    if (pages > 0 && page > 0 && need > have)
+        return cts_fail(err, CTS_ERR_MEMORY, "the volume needs %.0f MiB of memory, and this machine has %.0f",
+                        need / 1048576, have / 0.8 / 1048576);
+    return CTS_OK;
+}
+
+/* Origin and steps: rows and columns from the middle slice, layers from the line of positions. */
+static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsStack *stack)
+{
+    const CtsSlice *middle = &slices[n / 2];
+    for (int c = 0; c < 3; c++) {
+        v->origin_lps[c] = slices[0].position_lps[c];
+        v->step_lps[0][c] = middle->row_lps[c] * middle->column_spacing_mm;
+        v->step_lps[1][c] = middle->column_lps[c] * middle->row_spacing_mm;
+        v->step_lps[2][c] = stack->step_lps[c];
+    }
+}
+
+static CtsStatus plan_stack(const CtsSeries *series, CtsStack *stack, CtsError *err)
+{
+    const CtsSlice **slices;
+    CtsStatus st = cts_alloc_bytes((void **)&slices, (size_t)series->n_slices, sizeof *slices, err);
+    for (int k = 0; !st && k < series->n_slices; k++)
+        slices[k] = &series->slices[k];
+    if (!st)
+        st = cts_stack_plan(slices, series->n_slices, stack, err);
+    cts_free_bytes(slices);
+    return st;
+}
+
+static CtsStatus fill(const CtsSeries *series, const CtsStack *stack, int offset, int n_threads, CtsVolume *v,
+                      CtsReport *report, CtsError *err)
+{
+    Assembly a = {
+        .slices = series->slices, .n_slices = series->n_slices, .n_threads = n_threads, .whole_numbers = true};
+    a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
+    a.first = v->grey + (size_t)offset * a.layer_voxels;
+    for (int k = 0; k < a.n_slices; k++)
+        a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
+    CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
+    if (!st)
+        st = read_slices(&a, report, err);
+    if (!st) {
+        find_hu_range(&a, v);
+        if (!a.whole_numbers) {
+            v->hu_step = finest_step(v->hu_max);
+            st = convert_fractions(&a, v->hu_step, report, err);
+        }
+    }
+    if (!st && stack->kind != CTS_STACK_EVEN) {
+        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+        cts_resample_stack(v->grey, a.layer_voxels, stack->layer, a.n_slices, stack->n_layers, offset, n_threads);
+        cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
+    }
+    if (!st)
+        tell_range(v, a.whole_numbers, report);
+    cts_free(&a.ranges);
+    return st;
+}
+
+CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+{
+    CtsStack stack = {0};
+    *volume = NULL;
+    if (!series->renderable)
+        return cts_fail(err, series->refusal ? series->refusal : CTS_ERR_INTERNAL, "series %s: %s", series->uid,
+                        series->reason);
+    n_threads = cts_threads(n_threads);
+    CtsStatus st = cts_dcm_start(err);
+    if (st || (st = plan_stack(series, &stack, err)))
+        goto end;
+    const bool even = stack.kind == CTS_STACK_EVEN;
+    const int offset = even ? 0 : cts_resample_offset(stack.layer, series->n_slices, stack.n_layers);
+    const int n_slots = even || offset + series->n_slices < stack.n_layers ? stack.n_layers : offset + series->n_slices;
+    if ((st = check_memory(series->columns, series->rows, n_slots, err)) ||
+        (st = cts_volume_new_unset(volume, series->columns, series->rows, n_slots, err)))
+        goto end;
+    (*volume)->dims[2] = stack.n_layers;
+    place_volume(*volume, series->slices, series->n_slices, &stack);
+    st = fill(series, &stack, offset, n_threads, *volume, report, err);
+    for (size_t i = 0; !st && i < series->findings.n; i++)
+        cts_report_finding(report, series->findings.items[i].code, series->findings.items[i].severity, "%s",
+                           series->findings.items[i].text);
+end:
+    if (st) {
+        cts_volume_free(volume);
+        cts_context(err, "series %s", series->uid);
+    }
+    cts_stack_free(&stack);
+    return st;
+}

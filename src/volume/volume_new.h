@@ -1,0 +1,10 @@
+/* A volume whose grey levels the caller writes, every one: saves a pass over memory. */
+#ifndef CTS_VOLUME_VOLUME_NEW_H
+#define CTS_VOLUME_VOLUME_NEW_H
+
+#include "ctsplat/volume.h"
+
+/* As cts_volume_new(), but the grey levels are not set. */
+CtsStatus cts_volume_new_unset(CtsVolume **volume, int nx, int ny, int nz, CtsError *err);
+
+#endif
