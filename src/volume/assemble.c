@@ -4,7 +4,6 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "dicom/dcm_read.h"
 #include "dicom/slice.h"
 #include "dicom/stack.h"
 #include "volume/grey.h"
@@ -262,8 +261,8 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
         return cts_fail(err, series->refusal ? series->refusal : CTS_ERR_INTERNAL, "series %s: %s", series->uid,
                         series->reason);
     n_threads = cts_threads(n_threads);
-    CtsStatus st = cts_dcm_start(err);
-    if (st || (st = plan_stack(series, &stack, err)))
+    CtsStatus st = plan_stack(series, &stack, err);
+    if (st)
         goto end;
     const bool even = stack.kind == CTS_STACK_EVEN;
     const int offset = even ? 0 : cts_resample_offset(stack.layer, series->n_slices, stack.n_layers);

@@ -1,5 +1,5 @@
-/* volume_dump PATH [--series UID] [--threads N] [--raw FILE] [--repeat N] [--list]: what the reader makes of a folder, as
- * lines of "key value", for tests that compare it with other readers and for the reading benchmark. */
+/* volume_dump PATH [--series UID] [--threads N] [--raw FILE] [--repeat N] [--list]: what the reader makes of a folder,
+ * as lines of "key value", for tests that compare it with other readers and for the reading benchmark. */
 #define _GNU_SOURCE
 #include "base/clock.h"
 #include "ctsplat/ctsplat.h"
@@ -41,7 +41,8 @@ static int parse(int argc, char **argv, Options *o)
 static void print_findings(const CtsFindings *findings)
 {
     for (size_t i = 0; i < findings->n; i++)
-        printf("finding %s %d %s\n", findings->items[i].code, (int)findings->items[i].severity, findings->items[i].text);
+        printf("finding %s %d %s\n", findings->items[i].code, (int)findings->items[i].severity,
+               findings->items[i].text);
 }
 
 static void print_list(const CtsSeriesList *list)
