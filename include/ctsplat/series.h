@@ -45,8 +45,8 @@ CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, 
                           CtsError *err);
 void cts_series_list_free(CtsSeriesList **list);
 
-/* The series named by uid (NULL: the renderable one with the most slices, or the first). "UID#2" names the second volume
- * of a UID that holds several. CTS_ERR_USAGE when there is none of that name. */
+/* The series named by uid (NULL: the renderable one with the most slices, or the first). "UID#2" names the second
+ * volume of a UID that holds several. CTS_ERR_USAGE when there is none of that name. */
 CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err);
 
 /* Decode the pixels, in parallel, each slice straight into its place. Refuses a series that is not renderable.

@@ -1,11 +1,11 @@
 /* DICOMDIR records -> file names. */
 #include <dcmtk/config/osconfig.h>
 
+#include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 
 #include <cstdlib>
 #include <cstring>
-#include <dcmtk/dcmdata/dcistrmb.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <new>
 #include <string>
@@ -58,12 +58,7 @@ try {
     *files = nullptr;
     *n_files = *n_refused = 0;
     DcmDataset data_set;
-    DcmInputBufferStream in;
-    in.setBuffer(bytes, static_cast<offile_off_t>(n));
-    in.setEos();
-    data_set.transferInit();
-    const OFCondition result = data_set.read(in, DcmXfer(native->uid).getXfer(), EGL_noChange);
-    data_set.transferEnd();
+    const OFCondition result = cts_dcm_parse(data_set, bytes, n, native);
     DcmSequenceOfItems *records = nullptr;
     if (result.bad() || data_set.findAndGetSequence(DCM_DirectoryRecordSequence, records).bad())
         return cts_fail(err, CTS_ERR_READ, "cannot be read as a DICOMDIR (name the folder instead)");

@@ -1,13 +1,12 @@
 /* DCMTK data set -> slice record; compressed frame -> stored words; DICOMDIR -> file names. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/dcm_log.h"
+#include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
-#include <dcmtk/dcmdata/dcistrmb.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <new>
 #include <string>
@@ -21,22 +20,6 @@ const char ct_class[] = "1.2.840.10008.5.1.4.1.1.2";
 const char enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.1";
 const char legacy_enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.2";
 const char directory_class[] = "1.2.840.10008.1.3.10";
-
-OFCondition parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, E_TransferSyntax xfer)
-{
-    DcmInputBufferStream in;
-    in.setBuffer(bytes, static_cast<offile_off_t>(n));
-    in.setEos();
-    data_set.transferInit();
-    const OFCondition result = data_set.read(in, xfer, EGL_noChange);
-    data_set.transferEnd();
-    return result;
-}
-
-E_TransferSyntax xfer_of(const CtsSyntax *syntax)
-{
-    return DcmXfer(syntax->uid).getXfer();
-}
 
 /* A top-level attribute as text, without the padding; empty when missing or of a binary VR. */
 std::string_view text_of(DcmItem &item, const DcmTagKey &tag)
@@ -364,7 +347,7 @@ CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsSyntax *n
                               CtsSlice *slice, CtsError *err)
 try {
     DcmDataset data_set;
-    const OFCondition result = parse(data_set, bytes, n, xfer_of(native));
+    const OFCondition result = cts_dcm_parse(data_set, bytes, n, native);
     if (result.bad())
         return cts_fail(err, CTS_ERR_READ, "cannot be parsed as DICOM: %s", result.text());
     slice->kind = kind_of(data_set, media_class);
@@ -380,7 +363,7 @@ try {
 CtsStatus cts_dcm_decode(const uint8_t *bytes, size_t n, const CtsSlice *slice, void *pixels, CtsError *err)
 try {
     DcmDataset data_set;
-    OFCondition result = parse(data_set, bytes, n, xfer_of(slice->syntax));
+    OFCondition result = cts_dcm_parse(data_set, bytes, n, slice->syntax);
     DcmElement *element = nullptr;
     if (result.good())
         result = data_set.findAndGetElement(DCM_PixelData, element);

@@ -1,7 +1,7 @@
 /* DCMTK made ready: log, decoders, dictionary. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/dcm_log.h"
+#include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 
 #include <cstdio>
