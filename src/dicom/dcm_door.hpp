@@ -1,4 +1,4 @@
-/* What the C++ files of the door share. Include after dcmtk/config/osconfig.h. */
+/* What the C++ files of the door share. */
 #ifndef CTS_DICOM_DCM_DOOR_HPP
 #define CTS_DICOM_DCM_DOOR_HPP
 
@@ -6,9 +6,9 @@
 
 #include <cstddef>
 #include <cstdint>
-#include <dcmtk/dcmdata/dcdatset.h>
-#include <dcmtk/dcmdata/dcistrmb.h>
-#include <dcmtk/dcmdata/dcxfer.h>
+
+class DcmDataset;
+class OFCondition;
 
 /* Warnings and errors that DCMTK logged in this thread since the last reset, and the first one's text. */
 struct CtsDcmLog {
@@ -20,15 +20,6 @@ CtsDcmLog &cts_dcm_log();
 void cts_dcm_log_reset();
 
 /* Parse a data set that is whole in memory. */
-inline OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax)
-{
-    DcmInputBufferStream in;
-    in.setBuffer(bytes, static_cast<offile_off_t>(n));
-    in.setEos();
-    data_set.transferInit();
-    const OFCondition result = data_set.read(in, DcmXfer(syntax->uid).getXfer(), EGL_noChange);
-    data_set.transferEnd();
-    return result;
-}
+OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax);
 
 #endif

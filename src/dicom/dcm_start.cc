@@ -1,4 +1,4 @@
-/* DCMTK made ready: log, decoders, dictionary. */
+/* DCMTK made ready: log, decoders, dictionary; and how it is handed bytes. */
 #include <dcmtk/config/osconfig.h>
 
 #include "dicom/dcm_door.hpp"
@@ -6,7 +6,9 @@
 
 #include <cstdio>
 #include <dcmtk/dcmdata/dcdict.h>
+#include <dcmtk/dcmdata/dcistrmb.h>
 #include <dcmtk/dcmdata/dcrledrg.h>
+#include <dcmtk/dcmdata/dctk.h>
 #include <dcmtk/dcmjpeg/djdecode.h>
 #include <dcmtk/dcmjpls/djdecode.h>
 #include <dcmtk/oflog/oflog.h>
@@ -25,6 +27,17 @@ CtsDcmLog &cts_dcm_log()
 void cts_dcm_log_reset()
 {
     cts_dcm_log() = CtsDcmLog();
+}
+
+OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax)
+{
+    DcmInputBufferStream in;
+    in.setBuffer(bytes, static_cast<offile_off_t>(n));
+    in.setEos();
+    data_set.transferInit();
+    const OFCondition result = data_set.read(in, DcmXfer(syntax->uid).getXfer(), EGL_noChange);
+    data_set.transferEnd();
+    return result;
 }
 
 namespace
