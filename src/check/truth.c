@@ -182,6 +182,24 @@ static double default_scale(const CtsVolume *v, const CtsTruthCamera *camera)
     return longest / (0.95 * fmin(camera->width, camera->height));
 }
 
+/* Voxels along each axis that a vector in millimetres spans, by the heights of the cell over its sides. */
+static void voxels_along(const CtsVolume *volume, const double mm[3], double vox[3])
+{
+    for (int a = 0; a < 3; a++) {
+        const double *p = volume->step_lps[(a + 1) % 3], *q = volume->step_lps[(a + 2) % 3];
+        const double normal[3] = {p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]};
+        vox[a] = dot(mm, normal) / dot(volume->step_lps[a], normal);
+    }
+}
+
+void cts_truth_voxel(const CtsVolume *volume, const double point_lps[3], double vox[3])
+{
+    double mm[3];
+    for (int c = 0; c < 3; c++)
+        mm[c] = point_lps[c] - volume->origin_lps[c];
+    voxels_along(volume, mm, vox);
+}
+
 bool cts_truth_ray(const CtsVolume *volume, const CtsTruthCamera *camera, double x, double y, CtsTruthRay *ray)
 {
     const double az = camera->azimuth_deg * M_PI / 180, el = camera->elevation_deg * M_PI / 180;
@@ -202,20 +220,19 @@ bool cts_truth_ray(const CtsVolume *volume, const CtsTruthCamera *camera, double
     }
     ray->from_mm = -INFINITY;
     ray->to_mm = INFINITY;
+    double vox[3], speed[3];
+    cts_truth_voxel(volume, ray->point_lps, vox);
+    voxels_along(volume, forward, speed);
     for (int a = 0; a < 3; a++) {
-        const double *p = volume->step_lps[(a + 1) % 3], *q = volume->step_lps[(a + 2) % 3];
-        const double normal[3] = {p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]};
-        const double thick = dot(volume->step_lps[a], normal), away = dot(forward, normal);
-        const double offset[3] = {ray->point_lps[0] - volume->origin_lps[0], ray->point_lps[1] - volume->origin_lps[1],
-                                  ray->point_lps[2] - volume->origin_lps[2]};
-        const double at = dot(offset, normal) / thick, speed = away / thick, last = volume->dims[a] - 1;
-        if (fabs(speed) < 1e-14) {
+        const double at = vox[a], last = volume->dims[a] - 1;
+        /* Sines and cosines of right angles leave 1e-16. */
+        if (fabs(speed[a]) < 1e-14 * (fabs(speed[0]) + fabs(speed[1]) + fabs(speed[2]))) {
             if (at < -1e-9 || at > last + 1e-9)
                 return false;
             continue;
         }
-        ray->from_mm = fmax(ray->from_mm, fmin(-at / speed, (last - at) / speed));
-        ray->to_mm = fmin(ray->to_mm, fmax(-at / speed, (last - at) / speed));
+        ray->from_mm = fmax(ray->from_mm, fmin(-at / speed[a], (last - at) / speed[a]));
+        ray->to_mm = fmin(ray->to_mm, fmax(-at / speed[a], (last - at) / speed[a]));
     }
     return ray->to_mm >= ray->from_mm;
 }

@@ -33,6 +33,8 @@ typedef struct CtsTruthRay {
 
 /* False when the ray misses the box. */
 bool cts_truth_ray(const CtsVolume *volume, const CtsTruthCamera *camera, double x, double y, CtsTruthRay *ray);
+/* Voxel coordinates of a point in patient millimetres. */
+void cts_truth_voxel(const CtsVolume *volume, const double point_lps[3], double vox[3]);
 void cts_truth_ray_point(const CtsTruthRay *ray, double t_mm, double point_lps[3]);
 
 #endif

@@ -1,0 +1,30 @@
+/* The numerical stability suite (`ctsplat check`): scenes with a closed form or an exact property, for every engine to
+ * which they apply. Works through the public interface alone, so it tests what users get. */
+#ifndef CTS_CHECK_CHECK_H
+#define CTS_CHECK_CHECK_H
+
+#include "ctsplat/status.h"
+#include <signal.h>
+#include <stdbool.h>
+
+typedef struct CtsCheckResult {
+    const char *name;   /* of the case, unique together with engine */
+    const char *engine; /* or "-" where the case needs none */
+    double expected, found, error, bound;
+    bool pass; /* error <= bound */
+} CtsCheckResult;
+
+typedef struct CtsCheckSettings {
+    int n_threads;    /* 0: the cores this process may use */
+    const char *only; /* run the cases whose name holds this; NULL: all */
+    const volatile sig_atomic_t *stop;
+    /* Called once a result, in the order of the table, on the calling thread. */
+    void (*sink)(const CtsCheckResult *result, void *context);
+    void *context;
+} CtsCheckSettings;
+
+/* Counts may be NULL. A case that cannot be rendered at all is a failure of the case (found NAN), not of the suite;
+ * CTS_ERR_INTERRUPTED when asked to stop. */
+CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err);
+
+#endif

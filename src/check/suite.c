@@ -1,0 +1,135 @@
+#include "check/suite.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+CtsCheckFamily cts_check_family(CtsEngineId engine)
+{
+    return engine == CTS_ENGINE_RAYCAST ? CHECK_RAYCAST : engine == CTS_ENGINE_TILED ? CHECK_TILED : CHECK_PAPER;
+}
+
+static void state(CtsCheckRun *run, double expected, double found, double error, double bound)
+{
+    const CtsCheckResult result = {.name = run->name,
+                                   .engine = run->engine < CTS_N_ENGINES ? cts_engine_names[run->engine] : "-",
+                                   .expected = expected,
+                                   .found = found,
+                                   .error = isnan(error) ? INFINITY : error,
+                                   .bound = bound,
+                                   .pass = error <= bound};
+    run->n_cases++;
+    run->n_failed += !result.pass;
+    run->settings->sink(&result, run->settings->context);
+}
+
+void cts_check_value(CtsCheckRun *run, double expected, double found, double bound)
+{
+    state(run, expected, found, expected == found ? 0 : fabs(found - expected), bound);
+}
+
+CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int height)
+{
+    CtsRenderSettings s;
+    cts_render_defaults(&s);
+    s.width = width;
+    s.height = height;
+    s.engine = run->engine;
+    s.n_threads = run->settings->n_threads;
+    s.stop = run->settings->stop;
+    return s;
+}
+
+void cts_check_worst(CtsCheckWorst *worst, double expected, double found)
+{
+    const double error = isnan(found) ? INFINITY : fabs(found - expected);
+    if (error >= worst->error)
+        *worst = (CtsCheckWorst){expected, found, error};
+}
+
+CtsStatus cts_check_picture(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
+                            const CtsRenderSettings *settings, CtsPixelTruth truth, const void *data, double bound,
+                            CtsError *err)
+{
+    CtsPicture *picture = NULL;
+    const CtsStatus st = cts_render(volume, preset, settings, &picture, NULL, err);
+    if (st)
+        return st;
+    const CtsTruthCamera camera = {settings->azimuth_deg, settings->elevation_deg, settings->mm_per_pixel,
+                                   settings->width, settings->height};
+    CtsCheckWorst worst = {0};
+    for (int y = 0; y < picture->height; y++)
+        for (int x = 0; x < picture->width; x++) {
+            CtsTruthRay ray;
+            double rgba[4] = {0};
+            const bool hit = cts_truth_ray(volume, &camera, x, y, &ray);
+            truth(hit ? &ray : NULL, data, rgba);
+            const float *found = picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
+            for (int c = 0; c < 4; c++)
+                cts_check_worst(&worst, rgba[c], (double)found[c]);
+        }
+    cts_picture_free(&picture);
+    state(run, worst.expected, worst.found, worst.error, bound);
+    return CTS_OK;
+}
+
+double cts_check_differing(const CtsPicture *a, const CtsPicture *b)
+{
+    const size_t n = (size_t)a->width * (size_t)a->height * (size_t)a->n_channels;
+    double differing = 0;
+    for (size_t i = 0; i < n; i++)
+        differing += memcmp(a->pixels + i, b->pixels + i, sizeof *a->pixels) != 0;
+    return differing;
+}
+
+double cts_hu_noise(const double vox[3], const void *data)
+{
+    const double *range = data;
+    uint64_t z = (uint64_t)range[2] + (uint64_t)vox[0] * 0x9e3779b97f4a7c15u + (uint64_t)vox[1] * 0xc2b2ae3d27d4eb4fu +
+                 (uint64_t)vox[2] * 0x165667b19e3779f9u;
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    z ^= z >> 31;
+    return range[0] + (range[1] - range[0]) * (double)(z >> 11) / 9007199254740992.0;
+}
+
+static CtsStatus run_case(CtsCheckRun *run, const CtsCheckCase *c, CtsEngineId engine, CtsError *err)
+{
+    CtsError why = {0};
+    run->name = c->name;
+    run->engine = engine;
+    const CtsStatus st = c->run(run, c->data, &why);
+    if (st == CTS_ERR_INTERRUPTED || st == CTS_ERR_MEMORY) {
+        if (err)
+            *err = why;
+        return st;
+    }
+    if (st)
+        state(run, 0, NAN, INFINITY, 0);
+    return CTS_OK;
+}
+
+CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err)
+{
+    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff, &cts_check_shapes, &cts_check_orders,
+                                           &cts_check_equal};
+    CtsCheckRun run = {.settings = settings};
+    CtsStatus st = CTS_OK;
+    for (size_t t = 0; t < sizeof tables / sizeof *tables; t++)
+        for (size_t i = 0; i < tables[t]->n; i++) {
+            const CtsCheckCase *c = &tables[t]->cases[i];
+            if (settings->only && !strstr(c->name, settings->only))
+                continue;
+            for (int engine = 0; engine < CTS_N_ENGINES && !st; engine++) {
+                if (settings->stop && *settings->stop)
+                    st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+                else if (c->engines >> engine & 1)
+                    st = run_case(&run, c, (CtsEngineId)engine, err);
+            }
+        }
+    if (n_cases)
+        *n_cases = run.n_cases;
+    if (n_failed)
+        *n_failed = run.n_failed;
+    return st;
+}

@@ -1,0 +1,73 @@
+/* What the stability suite's case files share: a row per case, and ways to state a result. */
+#ifndef CTS_CHECK_SUITE_H
+#define CTS_CHECK_SUITE_H
+
+#include "check/check.h"
+#include "check/scene.h"
+#include "check/truth.h"
+#include "ctsplat/render.h"
+#include <stddef.h>
+
+/* Engines that share their numerics share their bounds. */
+typedef enum CtsCheckFamily { CHECK_PAPER, CHECK_TILED, CHECK_RAYCAST, CHECK_N_FAMILIES } CtsCheckFamily;
+CtsCheckFamily cts_check_family(CtsEngineId engine);
+
+enum {
+    CHECK_OF_PAPER =
+        1u << CTS_ENGINE_CLASSIC | 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_VOID | 1u << CTS_ENGINE_COMBINED,
+    CHECK_OF_TILED = 1u << CTS_ENGINE_TILED,
+    CHECK_OF_RAYCAST = 1u << CTS_ENGINE_RAYCAST,
+    CHECK_OF_ALL = CHECK_OF_PAPER | CHECK_OF_TILED | CHECK_OF_RAYCAST
+};
+
+/* A bound where a case does not apply to a family. */
+#define CHECK_NONE (-1.0)
+
+typedef struct CtsCheckRun {
+    const CtsCheckSettings *settings;
+    const char *name;
+    CtsEngineId engine;
+    int n_cases, n_failed;
+} CtsCheckRun;
+
+typedef struct CtsCheckCase {
+    const char *name;
+    unsigned engines; /* bit 1 << CtsEngineId */
+    CtsStatus (*run)(CtsCheckRun *run, const void *data, CtsError *err);
+    const void *data;
+} CtsCheckCase;
+
+typedef struct CtsCheckTable {
+    const CtsCheckCase *cases;
+    size_t n;
+} CtsCheckTable;
+
+extern const CtsCheckTable cts_check_linear, cts_check_stiff, cts_check_shapes, cts_check_orders, cts_check_equal;
+
+/* One result; error is |found - expected|, or INFINITY where it is no number. */
+void cts_check_value(CtsCheckRun *run, double expected, double found, double bound);
+
+/* Defaults with the run's engine and threads, and a picture of width x height. */
+CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int height);
+
+/* The value of pixels that is furthest from the truth. */
+typedef struct CtsCheckWorst {
+    double expected, found, error;
+} CtsCheckWorst;
+void cts_check_worst(CtsCheckWorst *worst, double expected, double found);
+
+/* Truth of one pixel; ray is NULL where it misses the box. */
+typedef void (*CtsPixelTruth)(const CtsTruthRay *ray, const void *data, double rgba[4]);
+
+/* Renders and states the worst of all pixels and channels against truth. */
+CtsStatus cts_check_picture(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
+                            const CtsRenderSettings *settings, CtsPixelTruth truth, const void *data, double bound,
+                            CtsError *err);
+
+/* Number of float values in which two pictures of one size differ by a bit. */
+double cts_check_differing(const CtsPicture *a, const CtsPicture *b);
+
+/* Repeatable pseudo-random HU in low..high (data: double[3], low, high and seed) at whole voxels. */
+double cts_hu_noise(const double vox[3], const void *data);
+
+#endif
