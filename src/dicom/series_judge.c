@@ -168,14 +168,14 @@ static double same_position_mm(const CtsSliceSet *set)
     int n = 0;
     double same_mm = -1;
     for (int i = 1; gaps && i < set->n; i++) {
-        const double gap = cts_stack_position_mm(set->items[0], set->items[i]) -
-                           cts_stack_position_mm(set->items[0], set->items[i - 1]);
+        const double gap = cts_slice_stack_position_mm(set->items[0], set->items[i]) -
+                           cts_slice_stack_position_mm(set->items[0], set->items[i - 1]);
         if (gap > 1e-3)
             gaps[n++] = gap;
     }
     if (n) {
         qsort(gaps, (size_t)n, sizeof *gaps, by_value);
-        same_mm = cts_stack_tolerance_mm(gaps[(n - 1) / 2]);
+        same_mm = cts_slice_stack_tolerance_mm(gaps[(n - 1) / 2]);
     }
     free(gaps);
     return same_mm;
@@ -243,14 +243,14 @@ static CtsStatus take_slices(CtsSeries *series, CtsSliceSet *set, CtsError *err)
 
 static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
 {
-    CtsStack stack;
+    CtsSliceStack stack;
     CtsError why = {0};
     const CtsSlice *const *slices = (const CtsSlice *const *)set->items;
     if (set->n > MAX_SLICES) {
         refuse(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
         return CTS_OK;
     }
-    const CtsStatus st = cts_stack_plan(slices, set->n, &stack, &why);
+    const CtsStatus st = cts_slice_stack_plan(slices, set->n, &stack, &why);
     if (st == CTS_ERR_MEMORY) {
         *err = why;
         return st;
@@ -263,8 +263,8 @@ static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
         cts_findings_add(&series->findings, "two_slices", CTS_WARNING, "only 2 slices: a very thin volume");
     series->spacing_mm[2] = stack.spacing_mm;
     series->tilt_deg = stack.tilt_deg;
-    cts_stack_findings(&stack, slices, set->n, &series->findings);
-    cts_stack_free(&stack);
+    cts_slice_stack_findings(&stack, slices, set->n, &series->findings);
+    cts_slice_stack_free(&stack);
     return CTS_OK;
 }
 

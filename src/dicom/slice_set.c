@@ -39,7 +39,7 @@ static int compare_numbers(double a, double b)
 static int by_position(const void *a, const void *b, void *reference)
 {
     const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
-    int order = compare_numbers(cts_stack_position_mm(reference, x), cts_stack_position_mm(reference, y));
+    int order = compare_numbers(cts_slice_stack_position_mm(reference, x), cts_slice_stack_position_mm(reference, y));
     if (!order)
         order = compare_numbers(x->acquisition_number, y->acquisition_number);
     if (!order)
@@ -58,7 +58,7 @@ void cts_slice_set_sort(CtsSliceSet *set, const CtsSlice *reference)
 
 static bool same_place(const CtsSlice *a, const CtsSlice *b, double same_mm)
 {
-    return cts_stack_position_mm(a, b) - cts_stack_position_mm(a, a) <= same_mm;
+    return cts_slice_stack_position_mm(a, b) - cts_slice_stack_position_mm(a, a) <= same_mm;
 }
 
 bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm)
@@ -127,12 +127,12 @@ CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dro
 /* A part is whole when its slices alone make an even stack. */
 static bool is_whole(const CtsSliceSet *part, double same_mm)
 {
-    CtsStack stack;
+    CtsSliceStack stack;
     if (part->n < 2 || cts_slice_set_repeats(part, same_mm) ||
-        cts_stack_plan((const CtsSlice *const *)part->items, part->n, &stack, NULL))
+        cts_slice_stack_plan((const CtsSlice *const *)part->items, part->n, &stack, NULL))
         return false;
     const bool even = stack.kind == CTS_STACK_EVEN;
-    cts_stack_free(&stack);
+    cts_slice_stack_free(&stack);
     return even;
 }
 

@@ -10,27 +10,28 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-double cts_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice)
+double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice)
 {
     return cts_dot3(reference->normal_lps, slice->position_lps);
 }
 
-double cts_stack_tolerance_mm(double median_gap_mm)
+double cts_slice_stack_tolerance_mm(double median_gap_mm)
 {
     return fmin(fmax(0.02, 0.01 * median_gap_mm), 0.25 * median_gap_mm);
 }
 
-void cts_stack_free(CtsStack *stack)
+void cts_slice_stack_free(CtsSliceStack *stack)
 {
     free(stack->layer);
-    *stack = (CtsStack){0};
+    *stack = (CtsSliceStack){0};
 }
 
 /* How many times the median a gap is, when it is that within 5 % (but at least 0.02 mm); else 0. */
 static int multiple_of(double gap_mm, double median_mm)
 {
     const double k = floor(gap_mm / median_mm + 0.5);
-    if (k < 1 || k > 20000 || fabs(gap_mm - k * median_mm) > fmax(cts_stack_tolerance_mm(median_mm), 0.05 * median_mm))
+    if (k < 1 || k > 20000 ||
+        fabs(gap_mm - k * median_mm) > fmax(cts_slice_stack_tolerance_mm(median_mm), 0.05 * median_mm))
         return 0;
     return (int)k;
 }
@@ -38,7 +39,7 @@ static int multiple_of(double gap_mm, double median_mm)
 /* Three equal wide gaps in a row are a change of protocol, not three accidents. */
 static bool changes_protocol(const double *gaps, int n_gaps, double median_mm)
 {
-    const double tolerance = cts_stack_tolerance_mm(median_mm);
+    const double tolerance = cts_slice_stack_tolerance_mm(median_mm);
     int run = 0;
     for (int i = 0; i < n_gaps; i++) {
         if (gaps[i] < 1.5 * median_mm)
@@ -51,10 +52,10 @@ static bool changes_protocol(const double *gaps, int n_gaps, double median_mm)
     return false;
 }
 
-static void classify(CtsStack *s, const double *gaps, int n)
+static void classify(CtsSliceStack *s, const double *gaps, int n)
 {
     const int n_gaps = n - 1;
-    const double tolerance = cts_stack_tolerance_mm(s->spacing_mm);
+    const double tolerance = cts_slice_stack_tolerance_mm(s->spacing_mm);
     const double even_mm = (s->layer[n - 1] - s->layer[0]) / n_gaps;
     double drift = 0;
     bool even = true, whole = true;
@@ -81,7 +82,7 @@ static void classify(CtsStack *s, const double *gaps, int n)
 }
 
 /* Positions in mm become layer numbers. */
-static void place(CtsStack *s, const double *gaps, int n)
+static void place(CtsSliceStack *s, const double *gaps, int n)
 {
     if (s->kind == CTS_STACK_UNEQUAL) {
         const double first = s->layer[0], span = s->layer[n - 1] - first;
@@ -101,7 +102,7 @@ static void place(CtsStack *s, const double *gaps, int n)
 }
 
 /* The line from the first to the last position, its angle to the normal, and how far slices stand off it sideways. */
-static void follow_line(CtsStack *s, const CtsSlice *const *slices, int n)
+static void follow_line(CtsSliceStack *s, const CtsSlice *const *slices, int n)
 {
     const CtsSlice *first = slices[0], *last = slices[n - 1], *middle = slices[n / 2];
     double line[3];
@@ -125,13 +126,13 @@ static void follow_line(CtsStack *s, const CtsSlice *const *slices, int n)
     }
 }
 
-static CtsStatus judge(const CtsStack *s, const CtsSlice *const *slices, int n, CtsError *err)
+static CtsStatus judge(const CtsSliceStack *s, const CtsSlice *const *slices, int n, CtsError *err)
 {
     const CtsSlice *middle = slices[n / 2];
     const double pixel_mm = fmin(middle->row_spacing_mm, middle->column_spacing_mm);
     if (s->n_missing * 10 > n + s->n_missing) {
-        const double at = cts_stack_position_mm(middle, slices[s->first_gap]);
-        const double next = cts_stack_position_mm(middle, slices[s->first_gap + 1]);
+        const double at = cts_slice_stack_position_mm(middle, slices[s->first_gap]);
+        const double next = cts_slice_stack_position_mm(middle, slices[s->first_gap + 1]);
         return cts_fail(
             err, CTS_ERR_GEOMETRY,
             "%d of %d slices missing: a gap of %.3f mm from position %.3f to %.3f mm along the slice normal, "
@@ -148,19 +149,19 @@ static CtsStatus judge(const CtsStack *s, const CtsSlice *const *slices, int n, 
     return CTS_OK;
 }
 
-CtsStatus cts_stack_plan(const CtsSlice *const *slices, int n, CtsStack *stack, CtsError *err)
+CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceStack *stack, CtsError *err)
 {
-    *stack = (CtsStack){0};
+    *stack = (CtsSliceStack){0};
     double *gaps = malloc(2 * (size_t)n * sizeof *gaps);
     stack->layer = malloc((size_t)n * sizeof *stack->layer);
     if (!gaps || !stack->layer) {
         free(gaps);
-        cts_stack_free(stack);
+        cts_slice_stack_free(stack);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
     double *sorted = gaps + n;
     for (int i = 0; i < n; i++) {
-        stack->layer[i] = cts_stack_position_mm(slices[n / 2], slices[i]);
+        stack->layer[i] = cts_slice_stack_position_mm(slices[n / 2], slices[i]);
         if (i > 0)
             gaps[i - 1] = sorted[i - 1] = stack->layer[i] - stack->layer[i - 1];
     }
@@ -179,16 +180,16 @@ CtsStatus cts_stack_plan(const CtsSlice *const *slices, int n, CtsStack *stack, 
     }
     free(gaps);
     if (st)
-        cts_stack_free(stack);
+        cts_slice_stack_free(stack);
     return st;
 }
 
-void cts_stack_findings(const CtsStack *s, const CtsSlice *const *slices, int n, CtsFindings *findings)
+void cts_slice_stack_findings(const CtsSliceStack *s, const CtsSlice *const *slices, int n, CtsFindings *findings)
 {
     const CtsSlice *middle = slices[n / 2];
     if (s->kind == CTS_STACK_MISSING) {
-        const double at = cts_stack_position_mm(middle, slices[s->first_gap]);
-        const double next = cts_stack_position_mm(middle, slices[s->first_gap + 1]);
+        const double at = cts_slice_stack_position_mm(middle, slices[s->first_gap]);
+        const double next = cts_slice_stack_position_mm(middle, slices[s->first_gap + 1]);
         cts_findings_add(
             findings, "missing_slices", CTS_WARNING,
             "%d of %d slices missing and interpolated: the first gap is %.3f mm, from position %.3f to %.3f "

@@ -17,7 +17,7 @@ typedef enum CtsStackKind {
     CTS_STACK_UNEQUAL  /* slices lie between layers */
 } CtsStackKind;
 
-typedef struct CtsStack {
+typedef struct CtsSliceStack {
     CtsStackKind kind;
     int n_layers;
     double *layer;      /* of each slice: rises from 0 to n_layers - 1; owned */
@@ -27,23 +27,23 @@ typedef struct CtsStack {
     double tilt_deg, sideways_mm; /* sideways: largest distance of a slice from the straight line of positions */
     int n_missing;
     int first_gap; /* the first missing slice would follow this one */
-} CtsStack;
+} CtsSliceStack;
 
 enum { CTS_STACK_GROWTH = 4 }; /* an unequal stack becomes at most this many times its slices */
 
 /* Slices sorted along the normal, no two at one position, 2 or more. CTS_ERR_GEOMETRY when they make no volume: more
  * than a tenth is missing, or they lie beside each other rather than on a line. */
-CtsStatus cts_stack_plan(const CtsSlice *const *slices, int n, CtsStack *stack, CtsError *err);
-void cts_stack_free(CtsStack *stack);
+CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceStack *stack, CtsError *err);
+void cts_slice_stack_free(CtsSliceStack *stack);
 
 /* The stack's warnings. */
-void cts_stack_findings(const CtsStack *stack, const CtsSlice *const *slices, int n, CtsFindings *findings);
+void cts_slice_stack_findings(const CtsSliceStack *stack, const CtsSlice *const *slices, int n, CtsFindings *findings);
 
 /* Position along the normal of `reference`. */
-double cts_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice);
+double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice);
 
 /* What two gaps may differ by and count as the same: 0.02 mm or 1 % of the median, but never a quarter of it. */
-double cts_stack_tolerance_mm(double median_gap_mm);
+double cts_slice_stack_tolerance_mm(double median_gap_mm);
 
 #ifdef __cplusplus
 }

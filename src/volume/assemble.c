@@ -200,7 +200,7 @@ static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
 }
 
 /* Origin and steps: rows and columns from the middle slice, layers from the line of positions. */
-static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsStack *stack)
+static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsSliceStack *stack)
 {
     const CtsSlice *middle = &slices[n / 2];
     for (int c = 0; c < 3; c++) {
@@ -211,19 +211,19 @@ static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsS
     }
 }
 
-static CtsStatus plan_stack(const CtsSeries *series, CtsStack *stack, CtsError *err)
+static CtsStatus plan_stack(const CtsSeries *series, CtsSliceStack *stack, CtsError *err)
 {
     const CtsSlice **slices;
     CtsStatus st = cts_alloc_bytes((void **)&slices, (size_t)series->n_slices, sizeof *slices, err);
     for (int k = 0; !st && k < series->n_slices; k++)
         slices[k] = &series->slices[k];
     if (!st)
-        st = cts_stack_plan(slices, series->n_slices, stack, err);
+        st = cts_slice_stack_plan(slices, series->n_slices, stack, err);
     cts_free_bytes(slices);
     return st;
 }
 
-static CtsStatus fill(const CtsSeries *series, const CtsStack *stack, int offset, int n_threads, CtsVolume *v,
+static CtsStatus fill(const CtsSeries *series, const CtsSliceStack *stack, int offset, int n_threads, CtsVolume *v,
                       CtsReport *report, CtsError *err)
 {
     Assembly a = {
@@ -255,7 +255,7 @@ static CtsStatus fill(const CtsSeries *series, const CtsStack *stack, int offset
 
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
 {
-    CtsStack stack = {0};
+    CtsSliceStack stack = {0};
     *volume = NULL;
     if (!series->renderable)
         return cts_fail(err, series->refusal ? series->refusal : CTS_ERR_INTERNAL, "series %s: %s", series->uid,
@@ -281,6 +281,6 @@ end:
         cts_volume_free(volume);
         cts_context(err, "series %s", series->uid);
     }
-    cts_stack_free(&stack);
+    cts_slice_stack_free(&stack);
     return st;
 }
