@@ -9,7 +9,7 @@ set -eu
 
 table='
 include/ctsplat | ctsplat/ |
-src/base     | ctsplat/status.h ctsplat/report.h | openssl/
+src/base     | ctsplat/status.h ctsplat/report.h | openssl/ jansson.h
 src/dicom    | ctsplat/status.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h
 src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/stack.h |
 src/transfer | ctsplat/status.h ctsplat/preset.h ctsplat/volume.h | jansson.h expat.h
@@ -22,7 +22,7 @@ src/report   | ctsplat/ | jansson.h cairo.h
 src/check    | ctsplat/ report/ |
 src/bench    | ctsplat/ report/ |
 src/batch    | ctsplat/ report/ | jansson.h
-src/cli      | ctsplat/ report/ check/ bench/ batch/ | jansson.h
+src/cli      | ctsplat/ report/ check/ bench/ batch/ | jansson.h png.h openexr_base.h expat.h
 '
 
 # Prints every include that the table does not allow; silent when all is well.

@@ -38,14 +38,26 @@ typedef struct CtsPreset {
     int n_opacity, n_colour;
     CtsOpacityPoint opacity[CTS_MAX_POINTS];
     CtsColourPoint colour[CTS_MAX_POINTS];
+    char note[160]; /* what the file asks for and a picture cannot have, to be told as a warning; "" when all is well */
 } CtsPreset;
 
 /* Largest extinction, per mm: what opacity 1 means. */
 #define CTS_MAX_EXTINCTION_PER_MM 50.0
 
-/* A built-in preset, a preset of the user's folder, or a file (JSON, Slicer JSON, .vp), in this order; a name with a
- * slash or a dot is a file. CTS_ERR_PRESET with the list of names, or the file, line and reason. */
+/* A built-in preset, a preset of the user's folder ($XDG_CONFIG_HOME/ctsplat/presets/NAME.json), or a file, in this
+ * order; a name with a slash or a dot is a file. Files are ctsplat's JSON, Slicer's volume property JSON, a Slicer .vp
+ * file or Slicer's presets.xml; of a file with several presets FILE#NAME takes one. CTS_ERR_PRESET with the list of
+ * names, or the file, line and reason. */
 CtsStatus cts_preset_load(const char *name_or_file, CtsPreset *preset, CtsError *err);
+
+/* A preset from text of any of these forms, size bytes. name: what messages call it, and the preset where the text
+ * does not name itself; which: the one to take where there are several, or NULL. */
+CtsStatus cts_preset_parse(const char *text, size_t size, const char *name, const char *which, CtsPreset *preset,
+                           CtsError *err);
+
+/* Names of the presets in the user's folder, sorted: an array that ends with NULL, to be freed with one free(). NULL
+ * when memory runs out. */
+char **cts_preset_user_names(void);
 
 /* The built-in presets by index; NULL past the last. */
 const CtsPreset *cts_preset_builtin(size_t index);

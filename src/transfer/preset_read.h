@@ -1,0 +1,60 @@
+/* Readers of the preset formats; the names are the caller's for messages. */
+#ifndef CTS_TRANSFER_PRESET_READ_H
+#define CTS_TRANSFER_PRESET_READ_H
+
+#include "base/json.h"
+#include "ctsplat/preset.h"
+
+/* Limits of all formats. */
+#define CTS_PRESET_MAX_HU 1e6
+#define CTS_PRESET_MAX_LIGHT 10.0
+#define CTS_PRESET_MAX_POWER 1000.0
+#define CTS_PRESET_MIN_UNIT_MM 1e-3
+#define CTS_PRESET_MAX_UNIT_MM 1e3
+enum { CTS_PRESET_MAX_BYTES = 1 << 20 };
+
+/* A valid preset but for name and points: composite, unlit, black background, 1 mm. */
+void cts_preset_init(CtsPreset *preset);
+/* The window where none was given: the range of the points. */
+void cts_preset_default_window(CtsPreset *preset);
+/* Text as a preset's name: at most 63 bytes, no control characters or slashes, so that it can stand in a file name. */
+bool cts_preset_set_name(CtsPreset *preset, const char *text);
+/* Append to what cannot be had. */
+void cts_preset_note(CtsPreset *preset, const char *text);
+
+/* ctsplat's own preset file. */
+CtsStatus cts_preset_from_json(const CtsJson *json, CtsPreset *preset, CtsError *err);
+/* Slicer's volume property JSON. */
+CtsStatus cts_preset_from_slicer_json(const CtsJson *json, const char *which, CtsPreset *preset, CtsError *err);
+
+/* One value of a Slicer volume property as text, and the line of its file. */
+typedef struct CtsVtkText {
+    const char *text; /* NULL: not given */
+    int line;
+} CtsVtkText;
+
+/* In the order of the lines of a .vp file. */
+enum {
+    CTS_VTK_INTERPOLATION,
+    CTS_VTK_SHADE,
+    CTS_VTK_DIFFUSE,
+    CTS_VTK_AMBIENT,
+    CTS_VTK_SPECULAR,
+    CTS_VTK_POWER,
+    CTS_VTK_OPACITY,
+    CTS_VTK_GRADIENT,
+    CTS_VTK_COLOUR,
+    CTS_VTK_N_LINES,
+    CTS_VTK_RANGE = CTS_VTK_N_LINES, /* effectiveRange, in XML alone */
+    CTS_VTK_N
+};
+/* Their names as XML attributes. */
+extern const char *const cts_vtk_names[CTS_VTK_N];
+
+CtsStatus cts_preset_from_vtk(const char *name, const CtsVtkText values[CTS_VTK_N], CtsPreset *preset, CtsError *err);
+/* text ends with a 0 byte. */
+CtsStatus cts_preset_from_vp(const char *text, const char *name, CtsPreset *preset, CtsError *err);
+CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, const char *which, CtsPreset *preset,
+                              CtsError *err);
+
+#endif
