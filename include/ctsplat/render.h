@@ -35,6 +35,14 @@ typedef enum CtsKernelId {
 } CtsKernelId;
 extern const char *const cts_kernel_names[CTS_N_KERNELS];
 
+/* The views that --view knows by name. */
+typedef struct CtsNamedView {
+    const char *name;
+    double azimuth_deg, elevation_deg;
+} CtsNamedView;
+enum { CTS_N_VIEWS = 6 };
+extern const CtsNamedView cts_views[CTS_N_VIEWS];
+
 typedef enum CtsSwitch { CTS_AS_PRESET, CTS_ON, CTS_OFF } CtsSwitch;
 
 /* Plain data, filled by cts_render_defaults(); 0 or AS_PRESET means "chosen by ctsplat". */

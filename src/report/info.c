@@ -1,0 +1,130 @@
+#include "report/info.h"
+
+#include "base/json.h"
+#include <ctype.h>
+#include <stdlib.h>
+#include <string.h>
+
+static const char *const severity_names[] = {[CTS_NOTE] = "note", [CTS_WARNING] = "warning", [CTS_REFUSAL] = "refusal"};
+
+/* Text from a header must not drive a terminal. */
+static void print_clean(FILE *file, const char *text)
+{
+    for (const char *c = text; *c; c++)
+        fputc((unsigned char)*c < 0x20 || *c == 0x7f ? '?' : *c, file);
+}
+
+static void print_findings(FILE *file, const CtsFindings *findings, const char *indent)
+{
+    for (size_t i = 0; i < findings->n; i++) {
+        fprintf(file, "%s%s: ", indent, severity_names[findings->items[i].severity]);
+        print_clean(file, findings->items[i].text);
+        fputc('\n', file);
+    }
+}
+
+static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
+{
+    fprintf(file, "series %s\n", s->uid[0] ? s->uid : "(without UID)");
+    fprintf(file, "  modality         %s\n", s->modality);
+    if (show_patient && s->description) {
+        fprintf(file, "  description      ");
+        print_clean(file, s->description);
+        fputc('\n', file);
+    }
+    fprintf(file, "  slices           %d of %d x %d pixels, %s\n", s->n_slices, s->columns, s->rows, s->orientation);
+    fprintf(file, "  spacing          %.4g x %.4g x %.4g mm\n", s->spacing_mm[0], s->spacing_mm[1], s->spacing_mm[2]);
+    fprintf(file, "  tilt             %.2f degrees\n", s->tilt_deg);
+    if (f->known)
+        fprintf(file, "  range            %.6g to %.6g HU\n", f->hu_min, f->hu_max);
+    fprintf(file, "  transfer syntax  %s\n", s->transfer_syntax);
+    fprintf(file, "  renderable       ");
+    if (s->renderable && !f->refused) {
+        fprintf(file, "yes\n");
+    } else {
+        fprintf(file, "no: ");
+        print_clean(file, s->renderable ? f->reason : s->reason);
+        fputc('\n', file);
+    }
+    print_findings(file, &s->findings, "  ");
+    print_findings(file, &f->findings, "  ");
+}
+
+void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient)
+{
+    fprintf(file, "%d files: %zu CT series, %d files passed over, %d not readable\n", list->n_files, list->n,
+            list->n_not_ct, list->n_unreadable);
+    print_findings(file, &list->findings, "");
+    for (size_t i = 0; i < list->n; i++) {
+        fputc('\n', file);
+        print_series(file, &list->items[i], &facts[i], show_patient);
+    }
+}
+
+/* Header text as JSON; what is not UTF-8 is shown as question marks. */
+static json_t *new_text(const char *text)
+{
+    json_t *value = json_string(text);
+    if (value)
+        return value;
+    char *copy = strdup(text);
+    for (char *c = copy; c && *c; c++)
+        if (!isascii((unsigned char)*c))
+            *c = '?';
+    value = copy ? json_string(copy) : json_null();
+    free(copy);
+    return value;
+}
+
+static void append_findings(json_t *list, const CtsFindings *findings)
+{
+    for (size_t i = 0; i < findings->n; i++)
+        json_array_append_new(list, json_pack("{s:o,s:s,s:o}", "code", new_text(findings->items[i].code), "severity",
+                                              severity_names[findings->items[i].severity], "text",
+                                              new_text(findings->items[i].text)));
+}
+
+static json_t *new_series(const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
+{
+    json_t *object = json_object(), *findings = json_array();
+    json_object_set_new(object, "series_uid", new_text(s->uid));
+    json_object_set_new(object, "modality", new_text(s->modality));
+    if (show_patient)
+        json_object_set_new(object, "description", s->description ? new_text(s->description) : json_null());
+    json_object_set_new(object, "slices", json_integer(s->n_slices));
+    json_object_set_new(object, "dims", json_pack("[i,i,i]", s->columns, s->rows, s->n_slices));
+    json_object_set_new(object, "spacing_mm",
+                        json_pack("[o,o,o]", cts_json_new_number(s->spacing_mm[0]),
+                                  cts_json_new_number(s->spacing_mm[1]), cts_json_new_number(s->spacing_mm[2])));
+    json_object_set_new(object, "tilt_deg", cts_json_new_number(s->tilt_deg));
+    json_object_set_new(object, "hu_min", f->known ? cts_json_new_number(f->hu_min) : json_null());
+    json_object_set_new(object, "hu_max", f->known ? cts_json_new_number(f->hu_max) : json_null());
+    json_object_set_new(object, "transfer_syntax", new_text(s->transfer_syntax));
+    json_object_set_new(object, "orientation", new_text(s->orientation));
+    json_object_set_new(object, "renderable", json_boolean(s->renderable && !f->refused));
+    append_findings(findings, &s->findings);
+    append_findings(findings, &f->findings);
+    json_object_set_new(object, "findings", findings);
+    return object;
+}
+
+CtsStatus cts_info_print_json(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient,
+                              CtsError *err)
+{
+    json_t *root = json_object(), *series = json_array(), *findings = json_array();
+    for (size_t i = 0; i < list->n; i++)
+        json_array_append_new(series, new_series(&list->items[i], &facts[i], show_patient));
+    append_findings(findings, &list->findings);
+    json_object_set_new(root, "series", series);
+    json_object_set_new(
+        root, "files",
+        json_pack("{s:i,s:i,s:i}", "seen", list->n_files, "not_ct", list->n_not_ct, "unreadable", list->n_unreadable));
+    json_object_set_new(root, "findings", findings);
+    char *text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
+    json_decref(root);
+    if (!text)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    fprintf(file, "%s\n", text);
+    free(text);
+    return CTS_OK;
+}

@@ -1,0 +1,23 @@
+/* What `ctsplat info` tells about series, as text and as JSON. */
+#ifndef CTS_REPORT_INFO_H
+#define CTS_REPORT_INFO_H
+
+#include "ctsplat/series.h"
+#include <stdbool.h>
+#include <stdio.h>
+
+/* What only the pixels tell. */
+typedef struct CtsPixelFacts {
+    bool known; /* the pixels were read: */
+    double hu_min, hu_max;
+    bool refused; /* reading them failed: */
+    char reason[1024];
+    CtsFindings findings; /* of reading them, the series' own left out; owned */
+} CtsPixelFacts;
+
+/* facts: one for each series of the list. */
+void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient);
+CtsStatus cts_info_print_json(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient,
+                              CtsError *err);
+
+#endif

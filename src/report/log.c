@@ -1,0 +1,190 @@
+#include "report/log.h"
+
+#include "base/clock.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+struct CtsLog {
+    const char *path;
+    int fd;
+    double start_ms;
+    char *text;
+    size_t size;
+};
+
+CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError *err)
+{
+    *log = NULL;
+    if (!path)
+        return CTS_OK;
+    CtsLog *l = calloc(1, sizeof *l);
+    if (!l)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    l->path = path;
+    l->start_ms = start_ms;
+    l->fd = strcmp(path, "-") ? open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666) : STDERR_FILENO;
+    if (l->fd < 0) {
+        free(l);
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", path, strerror(errno));
+    }
+    *log = l;
+    return CTS_OK;
+}
+
+/* A log that runs out of memory loses a line, never the picture. */
+static void add_line(CtsLog *log, json_t *object)
+{
+    char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
+    if (line) {
+        const size_t n = strlen(line);
+        char *text = realloc(log->text, log->size + n + 1);
+        if (text) {
+            memcpy(text + log->size, line, n);
+            text[log->size + n] = '\n';
+            log->text = text;
+            log->size += n + 1;
+        }
+    }
+    free(line);
+    json_decref(object);
+}
+
+static json_t *new_event(const CtsLog *log, const char *event)
+{
+    return json_pack("{s:s,s:f}", "event", event, "t_ms", cts_wall_ms() - log->start_ms);
+}
+
+static void set_integer(json_t *object, const char *key, uint64_t value)
+{
+    json_object_set_new(object, key, json_integer((json_int_t)value));
+}
+
+/* A file name may be any bytes; JSON is UTF-8. */
+static json_t *new_path(const char *path)
+{
+    json_t *text = json_string(path);
+    if (text)
+        return text;
+    char *copy = strdup(path);
+    for (char *c = copy; c && *c; c++)
+        if ((unsigned char)*c >= 0x80)
+            *c = '?';
+    text = copy ? json_string(copy) : json_null();
+    free(copy);
+    return text;
+}
+
+void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes)
+{
+    if (!log)
+        return;
+    json_t *event = new_event(log, "output");
+    json_object_set_new(event, "path", new_path(path));
+    json_object_set_new(event, "format", json_string(format));
+    set_integer(event, "bytes", bytes);
+    add_line(log, event);
+}
+
+void cts_log_report(CtsLog *log, const CtsReport *report)
+{
+    if (!log)
+        return;
+    for (int s = 0; s < CTS_N_STAGES; s++) {
+        const CtsStageTime *stage = &report->stages[s];
+        if (!stage->ran)
+            continue;
+        json_t *event = new_event(log, "stage");
+        json_object_set_new(event, "stage", json_string(cts_stage_names[s]));
+        json_object_set_new(event, "wall_ms", json_real(stage->wall_ms));
+        json_object_set_new(event, "cpu_ms", json_real(stage->cpu_ms));
+        set_integer(event, "items", stage->items);
+        set_integer(event, "bytes", stage->bytes);
+        add_line(log, event);
+    }
+    for (size_t i = 0; i < report->n_skips; i++) {
+        json_t *event = new_event(log, "skipped");
+        json_object_set_new(event, "what", json_string(report->skips[i].what));
+        json_object_set_new(event, "why", json_string(report->skips[i].why));
+        add_line(log, event);
+    }
+    if (report->voxels.known) {
+        json_t *event = new_event(log, "voxels");
+        set_integer(event, "total", report->voxels.total);
+        set_integer(event, "void", report->voxels.void_voxels);
+        set_integer(event, "reused", report->voxels.reused);
+        set_integer(event, "splatted", report->voxels.splatted);
+        add_line(log, event);
+    }
+    if (report->verified.pixels) {
+        json_t *event = new_event(log, "error");
+        set_integer(event, "pixels", report->verified.pixels);
+        json_object_set_new(event, "rmse", json_real(report->verified.rmse));
+        /* JSON has no infinity: no error at all has no psnr_db. */
+        json_object_set_new(event, "psnr_db",
+                            report->verified.rmse > 0 ? json_real(-20 * log10(report->verified.rmse)) : json_null());
+        json_object_set_new(event, "max", json_real(report->verified.max));
+        add_line(log, event);
+    }
+}
+
+void cts_log_done(CtsLog *log, int n_threads)
+{
+    if (!log)
+        return;
+    json_t *event = new_event(log, "done");
+    json_object_set_new(event, "wall_ms", json_real(cts_wall_ms() - log->start_ms));
+    json_object_set_new(event, "cpu_ms", json_real(cts_cpu_ms()));
+    set_integer(event, "peak_rss_bytes", cts_peak_rss_bytes());
+    json_object_set_new(event, "threads", json_integer(n_threads));
+    add_line(log, event);
+}
+
+CtsStatus cts_log_close(CtsLog **log, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    CtsLog *l = *log;
+    if (!l)
+        return CTS_OK;
+    for (size_t done = 0; done < l->size && !st;) {
+        const ssize_t n = write(l->fd, l->text + done, l->size - done);
+        if (n < 0 && errno != EINTR)
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
+        done += n > 0 ? (size_t)n : 0;
+    }
+    if (l->fd != STDERR_FILENO && close(l->fd) && !st)
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
+    free(l->text);
+    free(l);
+    *log = NULL;
+    return st;
+}
+
+static void sum_stages(const CtsReport *report, double *wall_ms, double *cpu_ms)
+{
+    *wall_ms = *cpu_ms = 0;
+    for (int s = 0; s < CTS_N_STAGES; s++) {
+        *wall_ms += report->stages[s].wall_ms;
+        *cpu_ms += report->stages[s].cpu_ms;
+    }
+}
+
+CtsMeter cts_meter_start(const CtsReport *report)
+{
+    CtsMeter meter = {.wall_ms = cts_wall_ms(), .cpu_ms = cts_cpu_ms()};
+    sum_stages(report, &meter.known_wall_ms, &meter.known_cpu_ms);
+    return meter;
+}
+
+void cts_meter_stop(CtsMeter meter, CtsReport *report, CtsStage stage)
+{
+    double wall_ms, cpu_ms;
+    sum_stages(report, &wall_ms, &cpu_ms);
+    const double wall_left = cts_wall_ms() - meter.wall_ms - (wall_ms - meter.known_wall_ms);
+    const double cpu_left = cts_cpu_ms() - meter.cpu_ms - (cpu_ms - meter.known_cpu_ms);
+    cts_report_stage(report, stage, wall_left > 0 ? wall_left : 0, cpu_left > 0 ? cpu_left : 0, 0, 0);
+}

@@ -1,0 +1,32 @@
+/* The timing log: JSON Lines from a CtsReport, appended to a file in one write. */
+#ifndef CTS_REPORT_LOG_H
+#define CTS_REPORT_LOG_H
+
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+
+typedef struct CtsLog CtsLog;
+
+/* path "-" is stderr; NULL makes *log NULL, which all of the following accept and ignore. start_ms is cts_wall_ms()
+ * at the start of the program: what t_ms counts from. Opens the file, so that a log that cannot be written is refused
+ * before any work. */
+CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError *err);
+
+/* An output that is written. */
+void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes);
+/* Stages, skipped work, voxel counts and measured error. */
+void cts_log_report(CtsLog *log, const CtsReport *report);
+/* The last line of a run that came to its end. */
+void cts_log_done(CtsLog *log, int n_threads);
+/* Append all lines and close. */
+CtsStatus cts_log_close(CtsLog **log, CtsError *err);
+
+/* Times around a call, so that what its stages leave out is not lost: start, the call, stop. What the call took
+ * beyond the stages it reported is added to the stage given. */
+typedef struct CtsMeter {
+    double wall_ms, cpu_ms, known_wall_ms, known_cpu_ms;
+} CtsMeter;
+CtsMeter cts_meter_start(const CtsReport *report);
+void cts_meter_stop(CtsMeter meter, CtsReport *report, CtsStage stage);
+
+#endif

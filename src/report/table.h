@@ -1,0 +1,17 @@
+/* Tables of text for stdout: columns as wide as their widest cell. */
+#ifndef CTS_REPORT_TABLE_H
+#define CTS_REPORT_TABLE_H
+
+#include <stdio.h>
+
+typedef struct CtsTable CtsTable;
+
+/* headings: n_columns titles; a title that starts with '>' (not printed) aligns its column to the right. NULL when
+ * memory runs out, which all of the following accept. */
+CtsTable *cts_table_new(const char *const *headings, int n_columns);
+/* The next cell, row by row. */
+void cts_table_cell(CtsTable *table, const char *format, ...) __attribute__((format(printf, 2, 3)));
+void cts_table_print(const CtsTable *table, FILE *file);
+void cts_table_free(CtsTable **table);
+
+#endif
