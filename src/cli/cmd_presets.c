@@ -1,0 +1,132 @@
+/* ctsplat presets: the list of them, or one in full. */
+#include "cli/message.h"
+#include "cli/options.h"
+#include "report/table.h"
+#include <jansson.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+static void add_row(CtsTable *table, const CtsPreset *p, bool own)
+{
+    cts_table_cell(table, "%s", p->name);
+    cts_table_cell(table, "%s", cts_mode_names[p->mode]);
+    cts_table_cell(table, "%g", p->window_low_hu);
+    cts_table_cell(table, "%g", p->window_high_hu);
+    cts_table_cell(table, "%s", p->shade ? "lit" : "unlit");
+    cts_table_cell(table, "%s", p->remove_table ? "removed" : "kept");
+    cts_table_cell(table, "%s", own ? "yours" : "built in");
+}
+
+static CtsStatus append(json_t *list, const CtsPreset *preset, CtsError *err)
+{
+    char *text = cts_preset_to_json(preset);
+    json_t *object = text ? json_loads(text, 0, NULL) : NULL;
+    free(text);
+    if (!object || json_array_append_new(list, object))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    return CTS_OK;
+}
+
+static CtsStatus print_json(json_t *list, CtsError *err)
+{
+    json_t *root = json_pack("{s:O}", "presets", list);
+    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(15)) : NULL;
+    json_decref(root);
+    if (!text)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    printf("%s\n", text);
+    free(text);
+    return CTS_OK;
+}
+
+/* All presets, into a table or a JSON list, whichever is there. A broken preset of the user's is a warning: the
+ * others can be used. */
+static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const CtsPreset *preset;
+    for (size_t i = 0; (preset = cts_preset_builtin(i)) && !st; i++) {
+        add_row(table, preset, false);
+        if (list)
+            st = append(list, preset, err);
+    }
+    char **names = cts_preset_user_names();
+    CtsPreset *own = malloc(sizeof *own);
+    for (size_t i = 0; own && names && names[i] && !st; i++) {
+        CtsError why;
+        if (cts_preset_load(names[i], own, &why)) {
+            cli_warning("%s", why.text);
+            continue;
+        }
+        snprintf(own->name, sizeof own->name, "%s", names[i]);
+        add_row(table, own, true);
+        if (list)
+            st = append(list, own, err);
+    }
+    free(own);
+    free(names);
+    return st;
+}
+
+static void print_one(const CtsPreset *p)
+{
+    printf("%s: %s, window %g to %g HU, opacity per %g mm", p->name, cts_mode_names[p->mode], p->window_low_hu,
+           p->window_high_hu, p->unit_distance_mm);
+    if (p->shade)
+        printf(", lit (ambient %g, diffuse %g, specular %g, power %g)", p->ambient, p->diffuse, p->specular, p->power);
+    else
+        printf(", unlit");
+    printf(", table %s\n\n", p->remove_table ? "removed" : "kept");
+    CtsTable *opacity = cts_table_new((const char *const[]){">HU", ">opacity"}, 2);
+    for (int i = 0; i < p->n_opacity; i++) {
+        cts_table_cell(opacity, "%.10g", p->opacity[i].hu);
+        cts_table_cell(opacity, "%.6g", p->opacity[i].opacity);
+    }
+    cts_table_print(opacity, stdout);
+    cts_table_free(&opacity);
+    putchar('\n');
+    CtsTable *colour = cts_table_new((const char *const[]){">HU", ">red", ">green", ">blue"}, 4);
+    for (int i = 0; i < p->n_colour; i++) {
+        cts_table_cell(colour, "%.10g", p->colour[i].hu);
+        for (int c = 0; c < 3; c++)
+            cts_table_cell(colour, "%.6g", p->colour[i].rgb[c]);
+    }
+    cts_table_print(colour, stdout);
+    cts_table_free(&colour);
+}
+
+CtsStatus cli_presets(const CliOptions *options, int *exit_code, CtsError *err)
+{
+    (void)exit_code;
+    CtsStatus st = CTS_OK;
+    CtsTable *table = NULL;
+    json_t *list = options->json ? json_array() : NULL;
+    CtsPreset *preset = malloc(sizeof *preset);
+    if (!preset || (options->json && !list)) {
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        goto end;
+    }
+    if (options->n_operands) {
+        if ((st = cts_preset_load(options->operands[0], preset, err)))
+            goto end;
+        if (preset->note[0])
+            cli_warning("preset %s: left out: %s", preset->name, preset->note);
+        if (list)
+            st = append(list, preset, err);
+        else
+            print_one(preset);
+    } else {
+        if (!list)
+            table =
+                cts_table_new((const char *const[]){"preset", "mode", ">from HU", ">to HU", "light", "table", ""}, 7);
+        st = list_all(table, list, err);
+        cts_table_print(table, stdout);
+    }
+    if (list && !st)
+        st = print_json(list, err);
+end:
+    free(preset);
+    json_decref(list);
+    cts_table_free(&table);
+    return st;
+}

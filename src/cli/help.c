@@ -1,0 +1,84 @@
+/* --help, printed from the tables. */
+#include "cli/options.h"
+
+#include <stdio.h>
+#include <string.h>
+
+enum { HELP_COLUMN = 30, HELP_WIDTH = 80 };
+
+/* Words of text from column on, broken before HELP_WIDTH; the cursor stands at column already. */
+static void print_wrapped(const char *text, int column)
+{
+    int at = column;
+    while (*text) {
+        const int n = (int)strcspn(text, " ");
+        if (at > column && at + 1 + n > HELP_WIDTH) {
+            printf("\n%*s", column, "");
+            at = column;
+        } else if (at > column) {
+            putchar(' ');
+            at++;
+        }
+        printf("%.*s", n, text);
+        at += n;
+        text += n + (text[n] == ' ');
+    }
+    putchar('\n');
+}
+
+static void print_entry(const char *left, const char *right)
+{
+    int at = printf("%s", left);
+    if (at + 2 > HELP_COLUMN) {
+        putchar('\n');
+        at = 0;
+    }
+    printf("%*s", HELP_COLUMN - at, "");
+    print_wrapped(right, HELP_COLUMN);
+}
+
+static void print_option(const CliOption *o)
+{
+    char left[128], right[512] = "";
+    snprintf(left, sizeof left, "  %c%c%s--%s%s%s", o->letter ? '-' : ' ', o->letter ? o->letter : ' ',
+             o->letter ? ", " : "  ", o->name, o->argument ? " " : "", o->argument ? o->argument : "");
+    if (o->kind == CLI_CHOICE && o->argument && !strcmp(o->argument, "NAME")) {
+        size_t n = 0;
+        for (int i = 0; i < o->n_choices; i++)
+            n +=
+                (size_t)snprintf(right + n, sizeof right - n, "%s%s", o->choices[i], i + 1 < o->n_choices ? " " : "; ");
+    }
+    const size_t n = strlen(right);
+    snprintf(right + n, sizeof right - n, "%s%s%s%s%s", o->help, o->fallback ? " (default: " : "",
+             o->fallback ? o->fallback : "", o->fallback ? ")" : "", o->absent ? " [not in this build]" : "");
+    print_entry(left, right);
+}
+
+void cli_help(void)
+{
+    printf("Usage: ctsplat COMMAND [options]\n"
+           "Render CT series by splatting.\n\n"
+           "Commands:\n");
+    for (int c = 0; c < CLI_N_COMMANDS; c++) {
+        char left[64], right[256];
+        snprintf(left, sizeof left, "  %s", cli_commands[c].name);
+        snprintf(right, sizeof right, "%s%s", cli_commands[c].summary,
+                 cli_commands[c].run ? "" : " [not in this build]");
+        print_entry(left, right);
+    }
+    printf("\nctsplat COMMAND --help   the options of a command\n"
+           "ctsplat --version        this program and its libraries\n"
+           "\nPATH is a DICOM file, a folder (searched to any depth) or a DICOMDIR.\n"
+           "Not for diagnostic use.\n");
+}
+
+void cli_help_command(int command)
+{
+    const CliCommand *c = &cli_commands[command];
+    printf("Usage: ctsplat %s %s\n", c->name, c->usage);
+    print_wrapped(c->summary, 0);
+    printf("\nOptions:\n");
+    for (const CliOption *o = cli_options; o->name; o++)
+        if (o->commands >> command & 1)
+            print_option(o);
+}

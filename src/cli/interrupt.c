@@ -1,0 +1,47 @@
+#include "cli/interrupt.h"
+
+#include <string.h>
+#include <unistd.h>
+
+volatile sig_atomic_t cli_stop;
+static volatile sig_atomic_t may_exit;
+
+static const char message[] = "ctsplat: error: interrupted\n";
+
+static void on_signal(int number)
+{
+    (void)number;
+    if (may_exit) {
+        const ssize_t written = write(STDERR_FILENO, message, sizeof message - 1);
+        (void)written;
+        _exit(130);
+    }
+    cli_stop = 1;
+}
+
+void cli_interrupt_init(void)
+{
+    struct sigaction action;
+    memset(&action, 0, sizeof action);
+    action.sa_handler = on_signal;
+    sigemptyset(&action.sa_mask);
+    const int numbers[] = {SIGINT, SIGTERM, SIGHUP};
+    for (int i = 0; i < 3; i++) {
+        /* What started us may want it ignored, as nohup does. */
+        struct sigaction before;
+        if (!sigaction(numbers[i], NULL, &before) && before.sa_handler != SIG_IGN)
+            sigaction(numbers[i], &action, NULL);
+    }
+    /* A reader that goes away shows as a failed write; the signal would leave temporary files. */
+    signal(SIGPIPE, SIG_IGN);
+}
+
+CtsStatus cli_interrupted(CtsError *err)
+{
+    return cli_stop ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+}
+
+void cli_interrupt_immediate(int immediate)
+{
+    may_exit = immediate;
+}

@@ -1,0 +1,520 @@
+#include "cli/options.h"
+
+#include "cli/values.h"
+#include <stdlib.h>
+#include <string.h>
+
+#define ON(command) (1u << (command))
+#define RENDERING (ON(CLI_RENDER) | ON(CLI_BATCH))
+#define PICTURES (RENDERING | ON(CLI_BENCH))
+#define FIELD(name) offsetof(CliOptions, name)
+#define CHOICES(names, n) .kind = CLI_CHOICE, .choices = (names), .n_choices = (n)
+#define RANGE(lowest, highest) .low = (lowest), .high = (highest)
+#define PARSED(parser) .kind = CLI_CUSTOM, .parse = (parser)
+
+static const char *const compressions[] = {
+    [CTS_SC_NONE] = "none", [CTS_SC_RLE] = "rle", [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless"};
+
+/* To take an option into the build, drop its .absent line. */
+const CliOption cli_options[] = {
+    {
+        .letter = 'o',
+        .name = "output",
+        .argument = "FILE",
+        .commands = PICTURES,
+        PARSED(cli_parse_output),
+        .help = "write FILE.png (16 bits), FILE.exr or FILE.dcm; may be repeated; batch and bench: a folder",
+    },
+    {
+        .letter = 'p',
+        .name = "preset",
+        .argument = "NAME or FILE",
+        .commands = PICTURES,
+        .kind = CLI_TEXT,
+        .field = FIELD(preset),
+        .help = "a built-in preset, one of your own, or a preset file",
+        .fallback = "bone",
+    },
+    {
+        .name = "view",
+        .argument = "NAME or AZ,EL",
+        .commands = PICTURES,
+        PARSED(cli_parse_view),
+        .help = "anterior posterior left right head feet, or azimuth and elevation in degrees",
+        .fallback = "anterior",
+    },
+    {
+        .name = "rotation",
+        .argument = "N",
+        .commands = RENDERING,
+        .kind = CLI_INT,
+        .field = FIELD(rotation),
+        RANGE(1, 9999),
+        .help = "N views over 360 degrees about the head-foot axis, from --view on: head.png becomes head-000.png "
+                "and so on, head.dcm one multi-frame object",
+        .fallback = "off",
+    },
+    {
+        .name = "size",
+        .argument = "WxH",
+        .commands = PICTURES,
+        PARSED(cli_parse_size),
+        .help = "picture size in pixels",
+        .fallback = "1024x1024",
+    },
+    {
+        .name = "mm-per-pixel",
+        .argument = "X",
+        .commands = RENDERING,
+        .kind = CLI_NUMBER,
+        .field = FIELD(render.mm_per_pixel),
+        RANGE(1e-4, 1000),
+        .help = "scale",
+        .fallback = "the whole volume fits",
+    },
+    {
+        .name = "series",
+        .argument = "UID",
+        .commands = PICTURES,
+        .kind = CLI_TEXT,
+        .field = FIELD(series_uid),
+        .help = "which series, when PATH holds several",
+        .fallback = "the one with the most slices",
+    },
+    {
+        .name = "engine",
+        .argument = "NAME",
+        .commands = RENDERING,
+        CHOICES(cts_engine_names, CTS_N_ENGINES),
+        .field = FIELD(render.engine),
+        .help = "how the picture is made",
+        .fallback = "tiled",
+    },
+    {
+        .name = "kernel",
+        .argument = "NAME[:RADIUS]",
+        .commands = RENDERING,
+        PARSED(cli_parse_kernel),
+        .help = "tent gaussian cone bspline, with normalised weights, or cone-paper as the paper has it; the radius "
+                "in voxels",
+        .fallback = "tent",
+    },
+    {
+        .name = "samples",
+        .argument = "N",
+        .commands = RENDERING,
+        .kind = CLI_INT,
+        .field = FIELD(render.samples),
+        RANGE(1, 64),
+        .help = "sub-sheets per layer",
+        .fallback = "chosen by the engine",
+    },
+    {
+        .name = "max-error",
+        .argument = "E",
+        .commands = RENDERING,
+        .kind = CLI_NUMBER,
+        .field = FIELD(render.max_error),
+        RANGE(1e-6, 255),
+        .help = "choose the cheapest plan whose error stays below E/255 rms",
+        .fallback = "chosen by the engine",
+    },
+    {
+        .name = "void",
+        .argument = "strict or key",
+        .commands = RENDERING,
+        PARSED(cli_parse_void),
+        .help = "what counts as a void voxel: provably invisible, or improbable by the mixture model (lossy)",
+        .fallback = "strict",
+    },
+    {
+        .name = "grey-bits",
+        .argument = "N",
+        .commands = RENDERING,
+        .kind = CLI_INT,
+        .field = FIELD(render.grey_bits),
+        RANGE(8, 16),
+        .help = "quantise grey levels as the paper does, 8 to 16 bits",
+        .fallback = "16",
+    },
+    {
+        .name = "opacity-unit",
+        .argument = "mm or voxel",
+        .commands = RENDERING,
+        PARSED(cli_parse_unit),
+        .help = "opacity per millimetre, or per voxel along the ray as in Slicer's GPU rendering",
+        .fallback = "mm",
+    },
+    {
+        .name = "tolerance",
+        .argument = "HU",
+        .commands = RENDERING,
+        .kind = CLI_NUMBER,
+        .field = FIELD(render.tolerance_hu),
+        RANGE(0, 65535),
+        .help = "layer similarity: the largest change taken for none",
+        .fallback = "0",
+    },
+    {
+        .name = "mode",
+        .argument = "NAME",
+        .commands = RENDERING,
+        CHOICES(cts_mode_names, CTS_N_MODES),
+        .field = FIELD(render.mode),
+        .help = "how values along a ray become a pixel",
+        .fallback = "as the preset says",
+    },
+    {
+        .name = "shade",
+        .argument = "on or off",
+        .commands = RENDERING,
+        PARSED(cli_parse_shade),
+        .help = "gradient lighting",
+        .fallback = "as the preset says",
+    },
+    {
+        .name = "background",
+        .argument = "#RRGGBB or none",
+        .commands = RENDERING,
+        PARSED(cli_parse_background),
+        .help = "colour behind the volume; none writes alpha",
+        .fallback = "as the preset says",
+    },
+    {
+        .name = "crop",
+        .argument = "X0,X1,Y0,Y1,Z0,Z1",
+        .commands = PICTURES,
+        PARSED(cli_parse_crop),
+        .help = "keep this box, millimetres in patient coordinates (LPS)",
+        .fallback = "all",
+    },
+    {
+        .name = "remove-table",
+        .argument = "on or off",
+        .commands = RENDERING,
+        PARSED(cli_parse_table),
+        .help = "drop what is not the patient",
+        .fallback = "as the preset says",
+    },
+    {
+        .name = "annotate",
+        .argument = "LIST",
+        .commands = RENDERING,
+        PARSED(cli_parse_annotate),
+        .help = "orientation,scale drawn on the picture",
+        .fallback = "none",
+    },
+    {
+        .name = "verify",
+        .argument = "N",
+        .commands = RENDERING,
+        .kind = CLI_INT,
+        .field = FIELD(render.verify),
+        RANGE(0, 1000000000),
+        .help = "render N random pixels again with the float64 ray caster; the log and stderr tell the error",
+        .fallback = "0",
+    },
+    {
+        .name = "compress",
+        .argument = "none, rle or jpeg-lossless",
+        .commands = RENDERING,
+        CHOICES(compressions, 3),
+        .field = FIELD(compression),
+        .help = "compression of .dcm outputs",
+        .fallback = "none",
+    },
+    {
+        .name = "new-uids",
+        .commands = RENDERING,
+        .field = FIELD(new_uids),
+        .help = "fresh UIDs in .dcm outputs, other ones in each run",
+    },
+    {
+        .name = "deidentify",
+        .commands = RENDERING,
+        .field = FIELD(deidentify),
+        .help = "leave the patient's identity out of .dcm outputs",
+    },
+    {
+        .name = "send",
+        .argument = "AET@HOST:PORT",
+        .commands = RENDERING,
+        .absent = "not in this build (write a .dcm and send it with storescu)",
+        PARSED(cli_parse_send),
+        .help = "store the .dcm outputs to a PACS",
+    },
+    {
+        .name = "from",
+        .argument = "AET@HOST:PORT",
+        .commands = RENDERING,
+        .absent = "not in this build (fetch the series with getscu and give its folder)",
+        PARSED(cli_parse_from),
+        .help = "fetch the series from a PACS",
+    },
+    {
+        .name = "presets",
+        .argument = "LIST",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_TEXT,
+        .field = FIELD(presets),
+        .help = "presets to render, with commas between them",
+        .fallback = "the one of --preset",
+    },
+    {
+        .name = "views",
+        .argument = "LIST",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_TEXT,
+        .field = FIELD(views),
+        .help = "views to render: names with commas, or AZ,EL pairs with semicolons between them",
+        .fallback = "the one of --view",
+    },
+    {
+        .name = "formats",
+        .argument = "LIST",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_TEXT,
+        .field = FIELD(formats),
+        .help = "formats to write: png, exr, dcm",
+        .fallback = "png",
+    },
+    {
+        .name = "jobs",
+        .argument = "N",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_INT,
+        .field = FIELD(jobs),
+        RANGE(1, 1024),
+        .help = "series that are rendered at the same time",
+        .fallback = "1",
+    },
+    {
+        .name = "shard",
+        .argument = "I/N",
+        .commands = ON(CLI_BATCH),
+        PARSED(cli_parse_shard),
+        .help = "take the I-th of N parts, I from 0",
+        .fallback = "0/1",
+    },
+    {
+        .name = "resume",
+        .commands = ON(CLI_BATCH),
+        .field = FIELD(resume),
+        .help = "go on where an earlier batch stopped; this is the default",
+    },
+    {
+        .name = "fresh",
+        .commands = ON(CLI_BATCH),
+        .field = FIELD(fresh),
+        .help = "start over",
+    },
+    {
+        .name = "merge",
+        .argument = "DIR",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_TEXT,
+        .field = FIELD(merge),
+        .help = "make one contact sheet of all shards in DIR",
+    },
+    {
+        .name = "threads",
+        .argument = "N",
+        .commands = PICTURES | ON(CLI_INFO),
+        .kind = CLI_INT,
+        .field = FIELD(render.n_threads),
+        RANGE(1, 1024),
+        .help = "threads at work",
+        .fallback = "the cores this process may use",
+    },
+    {
+        .name = "explain",
+        .commands = ON(CLI_RENDER),
+        .field = FIELD(render.explain),
+        .help = "print the plan and stop: what will run, what is left out and why",
+    },
+    {
+        .name = "force",
+        .commands = PICTURES,
+        .field = FIELD(force),
+        .help = "overwrite outputs that exist",
+    },
+    {
+        .name = "log",
+        .argument = "FILE",
+        .commands = RENDERING,
+        .kind = CLI_TEXT,
+        .field = FIELD(log),
+        .help = "append a timing log, JSON Lines; - is stderr",
+        .fallback = "none",
+    },
+    {
+        .name = "json",
+        .commands = ON(CLI_INFO) | ON(CLI_CHECK) | ON(CLI_COMPARE) | ON(CLI_PRESETS),
+        .field = FIELD(json),
+        .help = "print JSON",
+    },
+    {
+        .name = "show-patient",
+        .commands = ON(CLI_INFO),
+        .field = FIELD(show_patient),
+        .help = "print series descriptions too, which may identify the patient",
+    },
+    {
+        .letter = 'h',
+        .name = "help",
+        .commands = ON(CLI_N_COMMANDS) - 1,
+        .field = FIELD(help),
+        .help = "print this and stop",
+    },
+    {.name = NULL},
+};
+
+static const CliOption *find_long(const char *name, size_t length)
+{
+    for (const CliOption *o = cli_options; o->name; o++)
+        if (strlen(o->name) == length && !strncmp(o->name, name, length))
+            return o;
+    return NULL;
+}
+
+static const CliOption *find_letter(char letter)
+{
+    for (const CliOption *o = cli_options; o->name; o++)
+        if (o->letter && o->letter == letter)
+            return o;
+    return NULL;
+}
+
+static CtsStatus choose(const CliOption *o, int *field, const char *text, CtsError *err)
+{
+    char names[256] = "";
+    for (int i = 0; i < o->n_choices; i++) {
+        if (!strcmp(text, o->choices[i])) {
+            *field = i;
+            return CTS_OK;
+        }
+        strncat(names, " ", sizeof names - strlen(names) - 1);
+        strncat(names, o->choices[i], sizeof names - strlen(names) - 1);
+    }
+    return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not one of:%s", o->name, text, names);
+}
+
+/* Store one option; text is its argument, NULL for a flag. */
+static CtsStatus take(CliOptions *options, const CliOption *o, const char *text, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    void *field = (char *)options + o->field;
+    switch (o->kind) {
+    case CLI_FLAG:
+        *(bool *)field = true;
+        break;
+    case CLI_TEXT:
+        if (!*text)
+            return cts_fail(err, CTS_ERR_USAGE, "--%s: an empty argument (%s)", o->name, o->argument);
+        *(const char **)field = text;
+        break;
+    case CLI_INT: {
+        int n;
+        if (!cli_integer(text, &n) || n < o->low || n > o->high)
+            return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not a whole number from %.0f to %.0f", o->name, text, o->low,
+                            o->high);
+        *(int *)field = n;
+        break;
+    }
+    case CLI_NUMBER: {
+        double x;
+        if (!cli_number(text, &x) || x < o->low || x > o->high)
+            return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not a number from %g to %g", o->name, text, o->low, o->high);
+        *(double *)field = x;
+        break;
+    }
+    case CLI_CHOICE:
+        st = choose(o, field, text, err);
+        break;
+    case CLI_CUSTOM:
+        st = o->parse(options, text, err);
+        break;
+    }
+    if (!st && o->absent)
+        st = cts_fail(err, CTS_ERR_USAGE, "--%s: %s", o->name, o->absent);
+    return st;
+}
+
+/* One word of the command line that starts with a dash; *argv moves past it and its argument. */
+static CtsStatus parse_option(CliOptions *options, int command, const char *const **argv, const char *const *end,
+                              CtsError *err)
+{
+    const char *word = *(*argv)++, *argument = NULL;
+    const bool is_long = word[1] == '-';
+    const size_t length = is_long ? strcspn(word + 2, "=") : 1;
+    const CliOption *o = is_long ? find_long(word + 2, length) : find_letter(word[1]);
+    const char *its_name = cli_commands[command].name;
+    if (!o)
+        return cts_fail(err, CTS_ERR_USAGE, "%.*s: no such option (see ctsplat %s --help)",
+                        (int)(is_long ? length + 2 : 2), word, its_name);
+    if (!(o->commands >> command & 1))
+        return cts_fail(err, CTS_ERR_USAGE, "--%s: not an option of %s (see ctsplat %s --help)", o->name, its_name,
+                        its_name);
+    if (is_long && word[2 + length] == '=')
+        argument = word + 2 + length + 1;
+    else if (!is_long && word[2])
+        argument = word + 2;
+    if (o->kind == CLI_FLAG) {
+        if (argument)
+            return cts_fail(err, CTS_ERR_USAGE, "%s: --%s takes no argument", word, o->name);
+    } else if (!argument) {
+        if (*argv == end)
+            return cts_fail(err, CTS_ERR_USAGE, "%s: its argument is missing (%s)", word, o->argument);
+        argument = *(*argv)++;
+    }
+    return take(options, o, argument, err);
+}
+
+static CtsStatus check_operands(const CliOptions *options, const CliCommand *command, CtsError *err)
+{
+    if (options->n_operands < command->min_operands)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: %s is missing (see ctsplat %s --help)", command->name,
+                        command->operand, command->name);
+    if (options->n_operands > command->max_operands)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: one argument too many: %s (see ctsplat %s --help)", command->name,
+                        options->operands[command->max_operands], command->name);
+    return CTS_OK;
+}
+
+CtsStatus cli_options_parse(CliOptions *options, int command, int argc, const char *const *argv, CtsError *err)
+{
+    *options = (CliOptions){.preset = "bone", .n_shards = 1};
+    cts_render_defaults(&options->render);
+    const char **operands = calloc((size_t)argc + 1, sizeof *operands);
+    options->operands = operands;
+    options->outputs = calloc((size_t)argc + 1, sizeof *options->outputs);
+    if (!operands || !options->outputs)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+
+    const char *const *end = argv + argc;
+    bool only_operands = false;
+    for (argv++; argv < end;) {
+        const char *word = *argv;
+        if (!only_operands && !strcmp(word, "--")) {
+            only_operands = true;
+            argv++;
+        } else if (!only_operands && word[0] == '-' && word[1]) {
+            const CtsStatus st = parse_option(options, command, &argv, end, err);
+            if (st)
+                return st;
+        } else {
+            operands[options->n_operands++] = word;
+            argv++;
+        }
+    }
+    if (options->help)
+        return CTS_OK;
+    return check_operands(options, &cli_commands[command], err);
+}
+
+void cli_options_free(CliOptions *options)
+{
+    free((void *)options->operands);
+    free(options->outputs);
+    *options = (CliOptions){0};
+}

@@ -1,0 +1,104 @@
+/* The command line as plain data. One table drives parsing, ranges, --help and error messages. */
+#ifndef CTS_CLI_OPTIONS_H
+#define CTS_CLI_OPTIONS_H
+
+#include "ctsplat/ctsplat.h"
+#include <stdbool.h>
+#include <stddef.h>
+
+/* A DICOM peer, AET@HOST:PORT. */
+typedef struct CliPeer {
+    bool given;
+    char aet[17];
+    char host[256];
+    int port;
+} CliPeer;
+
+/* What the user asked for, defaults where nothing was said. Strings point into argv. */
+typedef struct CliOptions {
+    const char *const *operands; /* PATH..., A B, NAME */
+    int n_operands;
+    const char **outputs; /* every -o, in order */
+    int n_outputs;
+    bool help;
+
+    const char *preset;
+    CtsRenderSettings render;
+    int rotation; /* 0: off */
+    const char *series_uid;
+    bool background_given, background_none;
+    double background[3];
+    bool crop_given;
+    double crop_low_lps[3], crop_high_lps[3];
+    CtsSwitch remove_table;
+    bool annotate_orientation, annotate_scale;
+    int compression; /* CtsScCompression */
+    bool new_uids, deidentify, force;
+    CliPeer send, from;
+    const char *log;
+
+    const char *presets, *views, *formats; /* lists, as given; NULL when not */
+    int jobs;                              /* 0: chosen by ctsplat */
+    int shard, n_shards;                   /* 0 of 1 when not given */
+    bool resume, fresh;
+    const char *merge;
+
+    bool json, show_patient;
+} CliOptions;
+
+/* A command: what --help prints and what runs. *exit_code is 0 on entry; a status other than CTS_OK becomes the one
+ * error line and the exit code of that status. */
+typedef struct CliCommand {
+    const char *name;
+    const char *usage;   /* what follows the name */
+    const char *summary; /* one line */
+    int min_operands, max_operands;
+    const char *operand;                                                        /* how a message calls one */
+    CtsStatus (*run)(const CliOptions *options, int *exit_code, CtsError *err); /* NULL: not in this build */
+} CliCommand;
+
+/* Bits of the commands that an option belongs to; the order of cli_commands. */
+enum { CLI_INFO, CLI_RENDER, CLI_BATCH, CLI_BENCH, CLI_CHECK, CLI_COMPARE, CLI_PRESETS, CLI_N_COMMANDS };
+extern const CliCommand cli_commands[CLI_N_COMMANDS];
+
+CtsStatus cli_info(const CliOptions *options, int *exit_code, CtsError *err);
+CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err);
+CtsStatus cli_presets(const CliOptions *options, int *exit_code, CtsError *err);
+
+/* argv[0] is the command's name. Free with cli_options_free(), also after a failure. */
+CtsStatus cli_options_parse(CliOptions *options, int command, int argc, const char *const *argv, CtsError *err);
+void cli_options_free(CliOptions *options);
+
+/* What `ctsplat --help` and `ctsplat COMMAND --help` print. */
+void cli_help(void);
+void cli_help_command(int command);
+
+typedef enum CliKind {
+    CLI_FLAG,   /* bool: true when given */
+    CLI_TEXT,   /* const char * */
+    CLI_INT,    /* int in low..high */
+    CLI_NUMBER, /* double in low..high */
+    CLI_CHOICE, /* int: place among choices */
+    CLI_CUSTOM  /* parse() */
+} CliKind;
+
+typedef struct CliOption {
+    char letter; /* 0: none */
+    const char *name;
+    const char *argument; /* as --help prints it; NULL for a flag */
+    unsigned commands;    /* bit 1 << command */
+    const char *absent;   /* why this build refuses it, and what to do; NULL: it works */
+    CliKind kind;
+    size_t field; /* offset in CliOptions */
+    double low, high;
+    const char *const *choices;
+    int n_choices;
+    CtsStatus (*parse)(CliOptions *options, const char *text, CtsError *err); /* text: the argument */
+    const char *help;
+    const char *fallback; /* the default as --help prints it; NULL: none to tell */
+} CliOption;
+
+/* The table; name is NULL in its last row. */
+extern const CliOption cli_options[];
+
+#endif

@@ -1,0 +1,36 @@
+#include "cli/progress.h"
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { BAR_WIDTH = 24 };
+
+static bool on_terminal(void)
+{
+    const char *term = getenv("TERM");
+    return isatty(STDERR_FILENO) && term && strcmp(term, "dumb");
+}
+
+void cli_progress(int done, int all, const char *what)
+{
+    if (!on_terminal())
+        return;
+    const int filled = all > 0 ? BAR_WIDTH * done / all : 0;
+    char bar[BAR_WIDTH + 1];
+    memset(bar, ' ', BAR_WIDTH);
+    memset(bar, '#', (size_t)filled);
+    bar[BAR_WIDTH] = 0;
+    fprintf(stderr, "\r\033[K[%s] %s", bar, what);
+    fflush(stderr);
+}
+
+void cli_progress_clear(void)
+{
+    if (!on_terminal())
+        return;
+    fputs("\r\033[K", stderr);
+    fflush(stderr);
+}

@@ -1,0 +1,261 @@
+#include "cli/values.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+bool cli_number(const char *text, double *value)
+{
+    /* strtod also takes blanks, hexadecimal, nan and infinity: none of these is meant on a command line. */
+    if (!*text || text[strspn(text, "0123456789+-.eE")])
+        return false;
+    char *end;
+    *value = strtod(text, &end);
+    return end != text && !*end && isfinite(*value);
+}
+
+bool cli_integer(const char *text, int *value)
+{
+    if (!*text || text[strspn(text, "0123456789+-")])
+        return false;
+    char *end;
+    errno = 0;
+    const long n = strtol(text, &end, 10);
+    if (end == text || *end || errno || n < INT_MIN || n > INT_MAX)
+        return false;
+    *value = (int)n;
+    return true;
+}
+
+bool cli_numbers(const char *text, double *values, int n)
+{
+    for (int i = 0; i < n; i++) {
+        char part[64];
+        const size_t length = strcspn(text, ",");
+        if (length >= sizeof part || (text[length] == ',') != (i < n - 1))
+            return false;
+        memcpy(part, text, length);
+        part[length] = 0;
+        if (!cli_number(part, &values[i]))
+            return false;
+        text += length + 1;
+    }
+    return true;
+}
+
+/* The place of the first length bytes of text among names, or -1. */
+static int find_name(const char *text, size_t length, const char *const *names, int n)
+{
+    for (int i = 0; i < n; i++)
+        if (strlen(names[i]) == length && !strncmp(names[i], text, length))
+            return i;
+    return -1;
+}
+
+static CtsStatus parse_on_off(const char *option, const char *text, CtsSwitch *value, CtsError *err)
+{
+    if (!strcmp(text, "on"))
+        *value = CTS_ON;
+    else if (!strcmp(text, "off"))
+        *value = CTS_OFF;
+    else
+        return cts_fail(err, CTS_ERR_USAGE, "%s %s: not one of: on off", option, text);
+    return CTS_OK;
+}
+
+CtsStatus cli_parse_view(CliOptions *options, const char *text, CtsError *err)
+{
+    for (int i = 0; i < CTS_N_VIEWS; i++)
+        if (!strcmp(text, cts_views[i].name)) {
+            options->render.azimuth_deg = cts_views[i].azimuth_deg;
+            options->render.elevation_deg = cts_views[i].elevation_deg;
+            return CTS_OK;
+        }
+    double angles[2];
+    if (!cli_numbers(text, angles, 2))
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "--view %s: not one of: anterior posterior left right head feet, nor AZIMUTH,ELEVATION in "
+                        "degrees (such as -30,20)",
+                        text);
+    if (fabs(angles[0]) > 36000 || fabs(angles[1]) > 90)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "--view %s: the azimuth goes from -36000 to 36000, the elevation from -90 to 90", text);
+    options->render.azimuth_deg = angles[0];
+    options->render.elevation_deg = angles[1];
+    return CTS_OK;
+}
+
+CtsStatus cli_parse_size(CliOptions *options, const char *text, CtsError *err)
+{
+    char width[16];
+    const size_t n = strcspn(text, "x");
+    int w, h;
+    if (n >= sizeof width || text[n] != 'x')
+        goto bad;
+    memcpy(width, text, n);
+    width[n] = 0;
+    if (!cli_integer(width, &w) || !cli_integer(text + n + 1, &h) || w < 1 || h < 1 || w > 32768 || h > 32768)
+        goto bad;
+    options->render.width = w;
+    options->render.height = h;
+    return CTS_OK;
+bad:
+    return cts_fail(err, CTS_ERR_USAGE, "--size %s: not WxH in pixels, 1 to 32768 each (such as 1024x1024)", text);
+}
+
+CtsStatus cli_parse_kernel(CliOptions *options, const char *text, CtsError *err)
+{
+    const size_t n = strcspn(text, ":");
+    const int kernel = find_name(text, n, cts_kernel_names, CTS_N_KERNELS);
+    if (kernel < 0)
+        return cts_fail(err, CTS_ERR_USAGE, "--kernel %s: not one of: tent gaussian cone bspline cone-paper", text);
+    options->render.kernel = (CtsKernelId)kernel;
+    options->render.kernel_radius = 0;
+    if (!text[n])
+        return CTS_OK;
+    double radius;
+    if (!cli_number(text + n + 1, &radius) || radius < 0.5 || radius > 4)
+        return cts_fail(err, CTS_ERR_USAGE, "--kernel %s: the radius is a number of voxels, 0.5 to 4", text);
+    options->render.kernel_radius = radius;
+    return CTS_OK;
+}
+
+CtsStatus cli_parse_void(CliOptions *options, const char *text, CtsError *err)
+{
+    if (strcmp(text, "strict") && strcmp(text, "key"))
+        return cts_fail(err, CTS_ERR_USAGE, "--void %s: not one of: strict key", text);
+    options->render.void_key = !strcmp(text, "key");
+    return CTS_OK;
+}
+
+CtsStatus cli_parse_unit(CliOptions *options, const char *text, CtsError *err)
+{
+    if (strcmp(text, "mm") && strcmp(text, "voxel"))
+        return cts_fail(err, CTS_ERR_USAGE, "--opacity-unit %s: not one of: mm voxel", text);
+    options->render.opacity_per_voxel = !strcmp(text, "voxel");
+    return CTS_OK;
+}
+
+CtsStatus cli_parse_shade(CliOptions *options, const char *text, CtsError *err)
+{
+    return parse_on_off("--shade", text, &options->render.shade, err);
+}
+
+CtsStatus cli_parse_table(CliOptions *options, const char *text, CtsError *err)
+{
+    return parse_on_off("--remove-table", text, &options->remove_table, err);
+}
+
+CtsStatus cli_parse_background(CliOptions *options, const char *text, CtsError *err)
+{
+    options->background_given = true;
+    options->background_none = !strcmp(text, "none");
+    if (options->background_none)
+        return CTS_OK;
+    if (text[0] != '#' || strlen(text) != 7 || text[1 + strspn(text + 1, "0123456789abcdefABCDEF")])
+        return cts_fail(err, CTS_ERR_USAGE, "--background %s: neither #RRGGBB nor none (a # needs quotes in a shell)",
+                        text);
+    const unsigned long rgb = strtoul(text + 1, NULL, 16);
+    for (int c = 0; c < 3; c++)
+        options->background[c] = (double)(rgb >> (16 - 8 * c) & 255) / 255;
+    return CTS_OK;
+}
+
+CtsStatus cli_parse_crop(CliOptions *options, const char *text, CtsError *err)
+{
+    double box[6];
+    if (!cli_numbers(text, box, 6))
+        return cts_fail(err, CTS_ERR_USAGE, "--crop %s: not X0,X1,Y0,Y1,Z0,Z1 in millimetres (LPS)", text);
+    for (int a = 0; a < 3; a++) {
+        if (box[2 * a] > box[2 * a + 1])
+            return cts_fail(err, CTS_ERR_USAGE, "--crop %s: %c goes from %g down to %g (the smaller value comes first)",
+                            text, "xyz"[a], box[2 * a], box[2 * a + 1]);
+        options->crop_low_lps[a] = box[2 * a];
+        options->crop_high_lps[a] = box[2 * a + 1];
+    }
+    options->crop_given = true;
+    return CTS_OK;
+}
+
+CtsStatus cli_parse_annotate(CliOptions *options, const char *text, CtsError *err)
+{
+    static const char *const names[] = {"orientation", "scale"};
+    options->annotate_orientation = options->annotate_scale = false;
+    if (!strcmp(text, "none"))
+        return CTS_OK;
+    for (const char *word = text;; word++) {
+        const size_t n = strcspn(word, ",");
+        const int which = find_name(word, n, names, 2);
+        if (which < 0)
+            return cts_fail(err, CTS_ERR_USAGE, "--annotate %s: not a list of: orientation scale (or none)", text);
+        *(which ? &options->annotate_scale : &options->annotate_orientation) = true;
+        word += n;
+        if (!*word)
+            return CTS_OK;
+    }
+}
+
+/* AET: 1 to 16 characters of the default repertoire without backslash (PS3.5, VR AE). */
+static CtsStatus parse_peer(const char *option, const char *text, CliPeer *peer, CtsError *err)
+{
+    const char *at = strchr(text, '@'), *colon = strrchr(text, ':');
+    if (!at || !colon || colon < at)
+        goto bad;
+    const size_t aet = (size_t)(at - text), host = (size_t)(colon - at - 1);
+    if (aet < 1 || aet >= sizeof peer->aet || host < 1 || host >= sizeof peer->host ||
+        !cli_integer(colon + 1, &peer->port) || peer->port < 1 || peer->port > 65535)
+        goto bad;
+    for (size_t i = 0; i < aet + 1 + host; i++)
+        if (!isgraph((unsigned char)text[i]) || text[i] == '\\')
+            goto bad;
+    memcpy(peer->aet, text, aet);
+    peer->aet[aet] = 0;
+    memcpy(peer->host, at + 1, host);
+    peer->host[host] = 0;
+    peer->given = true;
+    return CTS_OK;
+bad:
+    return cts_fail(err, CTS_ERR_USAGE,
+                    "%s %s: not AET@HOST:PORT (a title of at most 16 characters, a port from 1 to 65535)", option,
+                    text);
+}
+
+CtsStatus cli_parse_send(CliOptions *options, const char *text, CtsError *err)
+{
+    return parse_peer("--send", text, &options->send, err);
+}
+
+CtsStatus cli_parse_from(CliOptions *options, const char *text, CtsError *err)
+{
+    return parse_peer("--from", text, &options->from, err);
+}
+
+CtsStatus cli_parse_shard(CliOptions *options, const char *text, CtsError *err)
+{
+    char first[16];
+    const size_t n = strcspn(text, "/");
+    int i, count;
+    if (n >= sizeof first || text[n] != '/')
+        goto bad;
+    memcpy(first, text, n);
+    first[n] = 0;
+    if (!cli_integer(first, &i) || !cli_integer(text + n + 1, &count) || i < 0 || count < 1 || i >= count ||
+        count > 1000000)
+        goto bad;
+    options->shard = i;
+    options->n_shards = count;
+    return CTS_OK;
+bad:
+    return cts_fail(err, CTS_ERR_USAGE, "--shard %s: not I/N with I from 0 to N - 1 (such as 0/8)", text);
+}
+
+CtsStatus cli_parse_output(CliOptions *options, const char *text, CtsError *err)
+{
+    if (!*text)
+        return cts_fail(err, CTS_ERR_USAGE, "-o: an empty file name");
+    options->outputs[options->n_outputs++] = text;
+    return CTS_OK;
+}
