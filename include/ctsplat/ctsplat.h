@@ -6,6 +6,7 @@
 #include "ctsplat/export.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"
+#include "ctsplat/reference.h"
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
 #include "ctsplat/series.h"

@@ -2,12 +2,9 @@
 #include "ctsplat/render.h"
 
 #include "base/clock.h"
-#include "base/cpu.h"
 #include "base/mem.h"
-#include "base/vec3.h"
-#include "render/verify.h"
-#include "splat/engine.h"
-#include "splat/footprint.h"
+#include "render/reference.h"
+#include "render/scene.h"
 #include <math.h>
 #include <string.h>
 
@@ -37,30 +34,6 @@ void cts_render_defaults(CtsRenderSettings *settings)
         .mode = -1,
         .cpu_mask = ~0u,
     };
-}
-
-static CtsStatus check_settings(const CtsRenderSettings *s, CtsError *err)
-{
-    if (s->width < 1 || s->width > 32768 || s->height < 1 || s->height > 32768)
-        return cts_fail(err, CTS_ERR_USAGE, "a picture of %d x %d pixels (1 to 32768 each)", s->width, s->height);
-    if (!isfinite(s->mm_per_pixel) || s->mm_per_pixel < 0)
-        return cts_fail(err, CTS_ERR_USAGE, "%g mm per pixel (a positive number)", s->mm_per_pixel);
-    if (!isfinite(s->azimuth_deg) || fabs(s->azimuth_deg) > 36000 || !(fabs(s->elevation_deg) <= 90))
-        return cts_fail(err, CTS_ERR_USAGE, "view %g,%g (azimuth in degrees, elevation -90 to 90)", s->azimuth_deg,
-                        s->elevation_deg);
-    if ((unsigned)s->engine >= CTS_N_ENGINES || (unsigned)s->kernel >= CTS_N_KERNELS)
-        return cts_fail(err, CTS_ERR_USAGE, "no such engine or kernel");
-    if (!(s->kernel_radius >= 0 && s->kernel_radius <= 4))
-        return cts_fail(err, CTS_ERR_USAGE, "kernel radius %g (at most 4 voxels)", s->kernel_radius);
-    if (s->samples < 0 || s->samples > 64)
-        return cts_fail(err, CTS_ERR_USAGE, "%d samples per layer (1 to 64)", s->samples);
-    if (!(s->max_error >= 0) || !(s->tolerance_hu >= 0) || !isfinite(s->max_error) || !isfinite(s->tolerance_hu))
-        return cts_fail(err, CTS_ERR_USAGE, "an error or tolerance below 0");
-    if (s->grey_bits < 8 || s->grey_bits > 16)
-        return cts_fail(err, CTS_ERR_USAGE, "%d bits of grey (8 to 16)", s->grey_bits);
-    if (s->mode < -1 || s->mode >= CTS_N_MODES || s->verify < 0)
-        return cts_fail(err, CTS_ERR_USAGE, "no such mode, or fewer than 0 pixels to verify");
-    return CTS_OK;
 }
 
 static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const CtsEngine **engine, CtsError *err)
@@ -110,60 +83,44 @@ CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const Cts
 {
     CtsStatus st;
     CtsLut *lut = NULL;
-    CtsPreset p = *preset;
-    CtsRenderSettings s = *asked;
+    CtsSceneStore store;
     const CtsEngine *engine = NULL;
     *picture = NULL;
-    if ((st = check_settings(&s, err)))
+    if ((st = cts_scene_init(&store, volume, preset, asked, err)) ||
+        (st = choose_engine(&store.settings, store.preset.mode, &engine, err)))
         return st;
-    s.n_threads = cts_threads(s.n_threads);
-    s.kernel_radius = cts_footprint_radius(s.kernel, s.kernel_radius);
-    if (s.mode >= 0)
-        p.mode = (CtsMode)s.mode;
-    if (s.shade != CTS_AS_PRESET)
-        p.shade = s.shade == CTS_ON;
-    if (p.mode != CTS_MODE_COMPOSITE)
-        p.shade = false;
-    if ((st = choose_engine(&s, p.mode, &engine, err)))
-        return st;
-
-    CtsScene scene = {.volume = volume, .preset = &p, .settings = &s, .extinction_scale = 1};
-    if ((st = cts_view_init(&scene.view, volume, s.azimuth_deg, s.elevation_deg, s.width, s.height, s.mm_per_pixel,
-                            err)))
-        return st;
-    /* Slicer's GPU path hands its mapper voxels of unit spacing: a unit is then a voxel's length along the ray. */
-    if (s.opacity_per_voxel)
-        scene.extinction_scale = cts_norm3(scene.view.forward_vox);
-    if (p.mode == CTS_MODE_COMPOSITE) {
+    const CtsPreset *p = &store.preset;
+    const CtsRenderSettings *s = &store.settings;
+    if (p->mode == CTS_MODE_COMPOSITE) {
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        if ((st = cts_lut_new(&lut, &p, volume, scene.extinction_scale, err)))
+        if ((st = cts_lut_new(&lut, p, volume, store.scene.extinction_scale, err)))
             goto end;
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, CTS_N_GREY, 0);
-        scene.lut = lut;
+        store.scene.lut = lut;
     } else {
-        cts_report_skip(report, "transfer function", "mode %s shows HU through the window", cts_mode_names[p.mode]);
+        cts_report_skip(report, "transfer function", "mode %s shows HU through the window", cts_mode_names[p->mode]);
     }
-    if (!p.shade)
-        cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p.mode],
-                        p.mode != CTS_MODE_COMPOSITE ? "its nature"
-                        : s.shade == CTS_OFF         ? "--shade off"
-                                                     : "the preset");
-    if (!s.explain) {
-        if ((st = cts_picture_new(picture, s.width, s.height, 4, err)))
+    if (!p->shade)
+        cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p->mode],
+                        p->mode != CTS_MODE_COMPOSITE ? "its nature"
+                        : s->shade == CTS_OFF         ? "--shade off"
+                                                      : "the preset");
+    if (!s->explain) {
+        if ((st = cts_picture_new(picture, s->width, s->height, 4, err)))
             goto end;
         (*picture)->has_alpha = true;
-        fill_info(&(*picture)->info, &scene, engine->name);
-        if (s.want_depth) {
-            const size_t n = (size_t)s.width * (size_t)s.height;
+        fill_info(&(*picture)->info, &store.scene, engine->name);
+        if (s->want_depth) {
+            const size_t n = (size_t)s->width * (size_t)s->height;
             if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
                 goto end;
             for (size_t i = 0; i < n; i++)
                 (*picture)->depth_mm[i] = INFINITY;
         }
     }
-    st = engine->render(&scene, *picture, report, err);
-    if (!st && s.verify > 0 && *picture)
-        st = cts_verify(&scene, *picture, report, err);
+    st = engine->render(&store.scene, *picture, report, err);
+    if (!st && s->verify > 0 && *picture)
+        st = cts_verify(&store.scene, *picture, report, err);
 end:
     if (st)
         cts_picture_free(picture);

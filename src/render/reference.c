@@ -1,8 +1,9 @@
-#include "render/verify.h"
+#include "render/reference.h"
 
 #include "base/clock.h"
 #include "base/mem.h"
 #include "raycast/raycast.h"
+#include "render/scene.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -89,11 +90,37 @@ static void place(Placing *p, const int box[4], size_t n)
     place(p, second, n - n_first);
 }
 
-void cts_verify_places(const CtsScene *scene, size_t n, int (*xy)[2], double *weight)
+void cts_reference_free(CtsReference **reference)
 {
-    const int box[4] = {0, 0, scene->view.width, scene->view.height};
-    Placing p = {scene_seed(scene), (double)box[2] * box[3], xy, weight};
+    if (!*reference)
+        return;
+    cts_free(&(*reference)->xy);
+    cts_free(&(*reference)->weight);
+    cts_free(&(*reference)->rgba);
+    free(*reference);
+    *reference = NULL;
+}
+
+CtsStatus cts_reference_place(CtsReference **reference, const CtsScene *scene, size_t n, CtsError *err)
+{
+    CtsStatus st;
+    CtsReference *r = *reference = calloc(1, sizeof *r);
+    if (!r)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if ((st = cts_alloc_array(&r->xy, n, err)) || (st = cts_alloc_array(&r->weight, n, err)) ||
+        (st = cts_alloc_zeroed(&r->rgba, n, err))) {
+        cts_reference_free(reference);
+        return st;
+    }
+    r->width = scene->view.width;
+    r->height = scene->view.height;
+    r->n = n;
+    for (int c = 0; c < 3; c++)
+        r->background[c] = scene->preset->background_none ? 0 : scene->preset->background[c];
+    const int box[4] = {0, 0, r->width, r->height};
+    Placing p = {scene_seed(scene), (double)r->width * r->height, r->xy, r->weight};
     place(&p, box, n);
+    return CTS_OK;
 }
 
 static double shown(double value, double alpha, double background)
@@ -101,20 +128,19 @@ static double shown(double value, double alpha, double background)
     return fmin(fmax(value + (1 - alpha) * background, 0), 1);
 }
 
-/* Squared difference over the three colours, and the largest difference. */
-static double difference2(const CtsScene *scene, const CtsPicture *picture, const int xy[2], const double rgba[4],
-                          double *largest)
+/* Squared difference over the three colours of pixel i, and the largest difference. */
+static double difference2(const CtsReference *r, const CtsPicture *picture, size_t i, double *largest)
 {
-    const CtsPreset *preset = scene->preset;
-    const size_t at = ((size_t)xy[1] * (size_t)picture->width + (size_t)xy[0]) * (size_t)picture->n_channels;
-    const float *pixel = picture->pixels + at;
+    const size_t at = (size_t)r->xy[i][1] * (size_t)picture->width + (size_t)r->xy[i][0];
+    const float *pixel = picture->pixels + at * (size_t)picture->n_channels;
+    const double *truth = r->rgba[i];
     double sum = 0;
     *largest = 0;
     for (int c = 0; c < 3; c++) {
-        const double background = preset->background_none ? 0 : preset->background[c];
+        const double background = r->background[c];
         const double found = picture->n_channels == 4 ? shown((double)pixel[c], (double)pixel[3], background)
-                                                      : fmin(fmax((double)pixel[0], 0), 1);
-        const double d = fabs(found - shown(rgba[c], rgba[3], background));
+                                                      : shown((double)pixel[0], 1, 0);
+        const double d = fabs(found - shown(truth[c], truth[3], background));
         sum += d * d;
         *largest = fmax(*largest, d);
     }
@@ -142,63 +168,84 @@ static void weigh(const double *square, const double *weight, size_t n, double *
     *standard_error = sqrt(variance);
 }
 
-CtsStatus cts_verify_against(const CtsScene *scene, const CtsPicture *picture, size_t n, const int (*xy)[2],
-                             const double *weight, const double (*rgba)[4], CtsVerified *v, CtsError *err)
+CtsStatus cts_reference_compare(const CtsReference *r, const CtsPicture *picture, CtsVerified *v, CtsError *err)
 {
     double *square = NULL, *largest = NULL;
     CtsStatus st;
-    *v = (CtsVerified){.pixels = n};
-    if ((st = cts_alloc_array(&square, n, err)) || (st = cts_alloc_array(&largest, n, err)))
+    *v = (CtsVerified){.pixels = r->n};
+    if (picture->width != r->width || picture->height != r->height)
+        return cts_fail(err, CTS_ERR_USAGE, "a picture of %d x %d pixels against a reference of %d x %d",
+                        picture->width, picture->height, r->width, r->height);
+    if (r->n == 0)
+        return CTS_OK;
+    if ((st = cts_alloc_array(&square, r->n, err)) || (st = cts_alloc_array(&largest, r->n, err)))
         goto end;
-    for (size_t i = 0; i < n; i++) {
-        square[i] = difference2(scene, picture, xy[i], rgba[i], &largest[i]);
+    for (size_t i = 0; i < r->n; i++) {
+        square[i] = difference2(r, picture, i, &largest[i]);
         if (i == 0 || largest[i] > v->max) {
             v->max = largest[i];
-            v->worst_x = xy[i][0];
-            v->worst_y = xy[i][1];
+            v->worst_x = r->xy[i][0];
+            v->worst_y = r->xy[i][1];
         }
-        v->share_above += largest[i] > 1.0 / 255 ? weight[i] : 0;
+        v->share_above += largest[i] > 1.0 / 255 ? r->weight[i] : 0;
     }
     double mean, error;
-    weigh(square, weight, n, &mean, &error);
+    weigh(square, r->weight, r->n, &mean, &error);
     v->rmse = sqrt(mean);
     /* Normal in the logarithm, as squares are skewed; a sample that is the whole picture has no error. */
-    const double spread = mean > 0 && (double)n < (double)picture->width * picture->height ? 1.96 * error / mean : 0;
+    const double spread = mean > 0 && (double)r->n < (double)r->width * r->height ? 1.96 * error / mean : 0;
     v->rmse_low = v->rmse * exp(-0.5 * spread);
     v->rmse_high = v->rmse * exp(0.5 * spread);
-    qsort(largest, n, sizeof *largest, by_value);
-    const size_t rank = (size_t)ceil(0.999 * (double)n);
-    v->p999 = largest[rank > 0 ? rank - 1 : 0];
+    qsort(largest, r->n, sizeof *largest, by_value);
+    v->p999 = largest[(size_t)ceil(0.999 * (double)r->n) - 1];
 end:
     cts_free(&square);
     cts_free(&largest);
     return st;
 }
 
+static CtsStatus make(CtsReference **reference, const CtsScene *scene, size_t n, CtsError *err)
+{
+    const size_t area = (size_t)scene->view.width * (size_t)scene->view.height;
+    CtsStatus st = cts_reference_place(reference, scene, n < area ? n : area, err);
+    if (st)
+        return st;
+    CtsReference *r = *reference;
+    if ((st = cts_raycast_pixels(scene, (const int(*)[2])r->xy, r->n, r->rgba, err)))
+        cts_reference_free(reference);
+    return st;
+}
+
+CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, const CtsPreset *preset,
+                            const CtsRenderSettings *settings, size_t n, CtsError *err)
+{
+    CtsSceneStore store;
+    *reference = NULL;
+    const CtsStatus st = cts_scene_init(&store, volume, preset, settings, err);
+    return st ? st : make(reference, &store.scene, n, err);
+}
+
+CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+                               const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err)
+{
+    CtsSceneStore store;
+    const CtsStatus st = cts_scene_init(&store, volume, preset, settings, err);
+    return st ? st : cts_raycast_pixels(&store.scene, xy, n, rgba, err);
+}
+
 CtsStatus cts_verify(const CtsScene *scene, const CtsPicture *picture, CtsReport *report, CtsError *err)
 {
     const double start = cts_wall_ms();
-    const size_t area = (size_t)picture->width * (size_t)picture->height;
-    size_t n = (size_t)scene->settings->verify;
-    n = n < area ? n : area;
-    int(*xy)[2] = NULL;
-    double(*rgba)[4] = NULL, *weight = NULL;
+    CtsReference *reference = NULL;
     CtsVerified verified;
     CtsStatus st;
-    if ((st = cts_alloc_array(&xy, n, err)) || (st = cts_alloc_array(&rgba, n, err)) ||
-        (st = cts_alloc_array(&weight, n, err)))
-        goto end;
-    cts_verify_places(scene, n, xy, weight);
-    if ((st = cts_raycast_pixels(scene, (const int(*)[2])xy, n, rgba, err)) ||
-        (st = cts_verify_against(scene, picture, n, (const int(*)[2])xy, weight, (const double(*)[4])rgba, &verified,
-                                 err)))
+    if ((st = make(&reference, scene, (size_t)scene->settings->verify, err)) ||
+        (st = cts_reference_compare(reference, picture, &verified, err)))
         goto end;
     verified.wall_ms = cts_wall_ms() - start;
     if (report)
         report->verified = verified;
 end:
-    cts_free(&xy);
-    cts_free(&rgba);
-    cts_free(&weight);
+    cts_reference_free(&reference);
     return st;
 }

@@ -1,41 +1,39 @@
 /* Sampled pixels: where they lie, what they say about a picture of known error. */
 #include "ctsplat/render.h"
 #include "rays.h"
-#include "render/verify.h"
+#include "render/reference.h"
 #include <stdlib.h>
 #include <string.h>
 
 static void places(int width, int height, int n)
 {
     CtsScene scene = {.preset = &(CtsPreset){.name = "p"}, .view = {.width = width, .height = height}};
-    int(*xy)[2] = calloc((size_t)n, sizeof *xy);
-    double *weight = calloc((size_t)n, sizeof *weight), sum = 0;
+    CtsReference *r = NULL, *again = NULL;
+    CtsError err;
     char *taken = calloc((size_t)width, (size_t)height);
-    assert_true(xy && weight && taken);
-    cts_verify_places(&scene, (size_t)n, xy, weight);
+    double sum = 0;
+    assert_non_null(taken);
+    assert_int_equal(cts_reference_place(&r, &scene, (size_t)n, &err), CTS_OK);
     for (int i = 0; i < n; i++) {
-        assert_in_range(xy[i][0], 0, width - 1);
-        assert_in_range(xy[i][1], 0, height - 1);
-        assert_false(taken[xy[i][1] * width + xy[i][0]]++);
-        assert_true(weight[i] > 0);
-        sum += weight[i];
+        assert_in_range(r->xy[i][0], 0, width - 1);
+        assert_in_range(r->xy[i][1], 0, height - 1);
+        assert_false(taken[r->xy[i][1] * width + r->xy[i][0]]++);
+        assert_true(r->weight[i] > 0);
+        sum += r->weight[i];
     }
     assert_near(sum, 1, 1e-9);
     /* Spread evenly: each quarter of a large picture holds a quarter of many pixels. */
     if (n >= 100 && height >= 100) {
         int quarter[4] = {0};
         for (int i = 0; i < n; i++)
-            quarter[(xy[i][0] >= width / 2) + 2 * (xy[i][1] >= height / 2)]++;
+            quarter[(r->xy[i][0] >= width / 2) + 2 * (r->xy[i][1] >= height / 2)]++;
         for (int q = 0; q < 4; q++)
             assert_near(quarter[q], n / 4.0, 4);
     }
-    int(*again)[2] = calloc((size_t)n, sizeof *again);
-    assert_non_null(again);
-    cts_verify_places(&scene, (size_t)n, again, weight);
-    assert_memory_equal(xy, again, (size_t)n * sizeof *xy);
-    free(again);
-    free(xy);
-    free(weight);
+    assert_int_equal(cts_reference_place(&again, &scene, (size_t)n, &err), CTS_OK);
+    assert_memory_equal(r->xy, again->xy, (size_t)n * sizeof *r->xy);
+    cts_reference_free(&again);
+    cts_reference_free(&r);
     free(taken);
 }
 
@@ -78,16 +76,14 @@ static void test_estimate(void **state)
                 picture->pixels[4 * i + c] = (float)(0.5 + e);
             picture->pixels[4 * i + 3] = 1;
         }
-        static int xy[1000][2];
-        static double weight[1000], rgba[1000][4];
-        cts_verify_places(&scene, (size_t)n, xy, weight);
+        CtsReference *r = NULL;
+        CtsVerified v;
+        assert_int_equal(cts_reference_place(&r, &scene, (size_t)n, &err), CTS_OK);
         for (int i = 0; i < n; i++)
             for (int c = 0; c < 4; c++)
-                rgba[i][c] = c < 3 ? 0.5 : 1;
-        CtsVerified v;
-        assert_int_equal(cts_verify_against(&scene, picture, (size_t)n, (const int(*)[2])xy, weight,
-                                            (const double(*)[4])rgba, &v, &err),
-                         CTS_OK);
+                r->rgba[i][c] = c < 3 ? 0.5 : 1;
+        assert_int_equal(cts_reference_compare(r, picture, &v, &err), CTS_OK);
+        cts_reference_free(&r);
         assert_int_equal(v.pixels, n);
         assert_near(v.rmse, sqrt(truth), 0.5 * sqrt(truth));
         inside += v.rmse_low <= sqrt(truth) && sqrt(truth) <= v.rmse_high;
@@ -104,14 +100,14 @@ static void test_whole_way(void **state)
 {
     (void)state;
     const int dims[3] = {9, 9, 9};
-    const double spacing[3] = {1, 1, 1}, c[4] = {0, 100, 10, 20};
+    const double spacing[3] = {1, 1, 1}, slopes[4] = {0, 100, 10, 20};
     CtsVolume *volume = NULL;
     CtsPicture *picture = NULL;
     CtsReport report = {0};
     CtsError err = {0};
     CtsRenderSettings settings;
     CtsPreset preset = cts_check_preset((CtsCheckPoint[]){{200, 0, {1, 0, 0}}, {600, 0.5, {0, 1, 1}}}, 2);
-    assert_int_equal(cts_check_volume(&volume, dims, spacing, 1, cts_hu_linear, c, &err), CTS_OK);
+    assert_int_equal(cts_check_volume(&volume, dims, spacing, 1, cts_hu_linear, slopes, &err), CTS_OK);
     cts_render_defaults(&settings);
     settings.width = settings.height = 40;
     settings.engine = CTS_ENGINE_RAYCAST;
@@ -123,6 +119,30 @@ static void test_whole_way(void **state)
         assert_true(report.verified.rmse < 1e-7 && report.verified.max < 1e-6);
         cts_picture_free(&picture);
         cts_report_free(&report);
+    }
+    /* Blended over the preset's background before comparing. */
+    CtsReference *reference = NULL;
+    CtsVerified v;
+    settings.mode = 0;
+    settings.verify = 0;
+    for (int none = 0; none < 2; none++) {
+        preset.background[0] = 0.5;
+        preset.background_none = none;
+        assert_int_equal(cts_reference_new(&reference, volume, &preset, &settings, 1600, &err), CTS_OK);
+        assert_int_equal(cts_picture_new(&picture, 40, 40, 4, &err), CTS_OK);
+        for (size_t i = 0; i < 1600; i++)
+            for (int c = 0; c < 4; c++)
+                picture->pixels[4 * (reference->xy[i][1] * 40 + reference->xy[i][0]) + c] =
+                    (float)reference->rgba[i][c];
+        for (int i = 0; i < 1600; i++)
+            picture->pixels[4 * i + 3] *= 0.5f;
+        assert_int_equal(cts_reference_compare(reference, picture, &v, &err), CTS_OK);
+        assert_true(none ? v.max < 1e-7 : v.max > 0.1 && v.max < 0.25);
+        cts_picture_free(&picture);
+        assert_int_equal(cts_picture_new(&picture, 41, 40, 4, &err), CTS_OK);
+        assert_int_equal(cts_reference_compare(reference, picture, &v, &err), CTS_ERR_USAGE);
+        cts_picture_free(&picture);
+        cts_reference_free(&reference);
     }
     settings.verify = 1000000; /* more than there are: all */
     settings.mode = 0;

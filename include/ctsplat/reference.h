@@ -1,0 +1,40 @@
+/* What a picture should be, at single pixels: the float64 reference ray caster, converged to 1e-7. */
+#ifndef CTSPLAT_REFERENCE_H
+#define CTSPLAT_REFERENCE_H
+
+#include "ctsplat/picture.h"
+#include "ctsplat/preset.h"
+#include "ctsplat/render.h"
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Pixels of one scene with their true values; made once, to judge any number of pictures of that scene. */
+typedef struct CtsReference CtsReference;
+
+/* n random pixels (at most all) of the picture that cts_render() would make with these settings, whatever engine they
+ * name; kernel, mode and lighting as in the settings. The picture is halved again and again into equal parts, with two
+ * pixels in each part, so that the pixels are spread evenly. The same scene gets the same pixels. */
+CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, const CtsPreset *preset,
+                            const CtsRenderSettings *settings, size_t n, CtsError *err);
+void cts_reference_free(CtsReference **reference);
+
+/* Differences over red, green and blue as display values 0..1, clamped, after blending over the preset's background
+ * (black where it has none): the same numbers as comparing the two final pictures at these pixels. rmse_low and
+ * rmse_high are a 95 % interval from the spread within the parts. CTS_ERR_USAGE when the size is another. */
+CtsStatus cts_reference_compare(const CtsReference *reference, const CtsPicture *picture, CtsVerified *verified,
+                                CtsError *err);
+
+/* rgba[i] becomes the true value of pixel xy[i]: premultiplied, not blended over a background, not clamped. */
+CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+                               const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
