@@ -21,6 +21,7 @@ const char *const cts_kernel_names[CTS_N_KERNELS] = {
 static const CtsEngine *const engines[CTS_N_ENGINES] = {
     [CTS_ENGINE_CLASSIC] = &cts_engine_classic,
     [CTS_ENGINE_RAYCAST] = &cts_engine_raycast,
+    [CTS_ENGINE_TILED] = &cts_engine_tiled,
 };
 
 void cts_render_defaults(CtsRenderSettings *settings)

@@ -1,0 +1,70 @@
+#include "splat/layout.h"
+
+#include "base/mem.h"
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Voxels along volume axis `axis` that the in-layer position moves for one pixel to the right. */
+static double per_pixel(const CtsView *view, int axis)
+{
+    const double t = -view->right_vox[view->axis] / view->forward_vox[view->axis];
+    return fabs(view->right_vox[axis] + t * view->forward_vox[axis]);
+}
+
+/* Copy layers from..to, a tile of u x k at a time so that reads and writes both stay in cache lines. */
+static void copy_layers(const CtsLayout *l, const CtsVolume *volume, int from, int to)
+{
+    const size_t stride[3] = {1, (size_t)volume->dims[0], (size_t)volume->dims[0] * (size_t)volume->dims[1]};
+    const size_t su = stride[l->axis_u], sv = stride[l->axis_v], sk = stride[l->axis_k];
+    enum { TILE = 32 };
+    for (int k0 = from; k0 < to; k0 += TILE)
+        for (int v = 0; v < l->nv; v++)
+            for (int u0 = 0; u0 < l->nu; u0 += TILE) {
+                const int k1 = k0 + TILE < to ? k0 + TILE : to, u1 = u0 + TILE < l->nu ? u0 + TILE : l->nu;
+                for (int u = u0; u < u1; u++) {
+                    const uint16_t *in = volume->grey + (size_t)u * su + (size_t)v * sv;
+                    uint16_t *out = l->copy + (ptrdiff_t)v * l->row_stride + u;
+                    for (int k = k0; k < k1; k++)
+                        out[(ptrdiff_t)k * l->layer_stride] = in[(size_t)k * sk];
+                }
+            }
+}
+
+CtsStatus cts_layout_init(CtsLayout *l, const CtsVolume *volume, const CtsView *view, int n_threads, CtsError *err)
+{
+    static const int others[3][2] = {{1, 2}, {0, 2}, {0, 1}};
+    const int a = others[view->axis][0], b = others[view->axis][1];
+    const bool swapped = per_pixel(view, b) > per_pixel(view, a);
+    *l = (CtsLayout){.axis_u = swapped ? b : a, .axis_v = swapped ? a : b, .axis_k = view->axis};
+    l->nu = volume->dims[l->axis_u];
+    l->nv = volume->dims[l->axis_v];
+    l->nk = volume->dims[l->axis_k];
+    l->alloc_u = l->nu < CTS_LAYOUT_MIN_U ? CTS_LAYOUT_MIN_U : l->nu;
+    l->alloc_v = l->nv < CTS_LAYOUT_MIN_V ? CTS_LAYOUT_MIN_V : l->nv;
+    const ptrdiff_t stride[3] = {1, volume->dims[0], (ptrdiff_t)volume->dims[0] * volume->dims[1]};
+    if (l->axis_u == 0 && l->alloc_u == l->nu && l->alloc_v == l->nv) {
+        l->grey = volume->grey;
+        l->row_stride = stride[l->axis_v];
+        l->layer_stride = stride[l->axis_k];
+        return CTS_OK;
+    }
+    l->row_stride = l->alloc_u;
+    l->layer_stride = (ptrdiff_t)l->alloc_u * l->alloc_v;
+    const bool padded = l->alloc_u > l->nu || l->alloc_v > l->nv;
+    const size_t n = (size_t)l->layer_stride * (size_t)l->nk;
+    const CtsStatus st = padded ? cts_alloc_zeroed(&l->copy, n, err) : cts_alloc_array(&l->copy, n, err);
+    if (st)
+        return st;
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
+    for (int k = 0; k < l->nk; k += 32)
+        copy_layers(l, volume, k, k + 32 < l->nk ? k + 32 : l->nk);
+    l->grey = l->copy;
+    return CTS_OK;
+}
+
+void cts_layout_free(CtsLayout *layout)
+{
+    cts_free(&layout->copy);
+}

@@ -1,0 +1,26 @@
+/* The volume as layers across the principal axis, each row of a layer contiguous along the axis that the picture's
+ * rows follow best. Where the volume already lies so it is used in place; else a transposed copy is made. */
+#ifndef CTS_SPLAT_LAYOUT_H
+#define CTS_SPLAT_LAYOUT_H
+
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+#include "splat/view.h"
+#include <stdint.h>
+
+enum { CTS_LAYOUT_MIN_U = 8, CTS_LAYOUT_MIN_V = 3 }; /* what a kernel's loads may touch; smaller volumes are padded */
+
+typedef struct CtsLayout {
+    int axis_u, axis_v, axis_k;    /* volume axes: along a row, from row to row, from layer to layer */
+    int nu, nv, nk;                /* voxels */
+    int alloc_u, alloc_v;          /* voxels that may be read: at least the minima above */
+    const uint16_t *grey;          /* voxel (u, v, k) is grey[k * layer_stride + v * row_stride + u] */
+    ptrdiff_t row_stride, layer_stride;
+    uint16_t *copy;                /* owned; NULL where the volume is used in place */
+} CtsLayout;
+
+CtsStatus cts_layout_init(CtsLayout *layout, const CtsVolume *volume, const CtsView *view, int n_threads,
+                          CtsError *err);
+void cts_layout_free(CtsLayout *layout);
+
+#endif
