@@ -70,8 +70,8 @@ CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRan
                 sum[c] += step[i][c];
         }
     }
-    table->colour_scale = (float)colour_unit;
     table->depth_scale = (float)depth_unit;
+    table->colour_per_depth = (float)(colour_unit / depth_unit);
 end:
     cts_free(&step);
     if (st)

@@ -16,7 +16,8 @@ typedef struct CtsSlabTable {
     int32_t (*sum)[4];
     int n;
     float grey_low, per_grey;
-    float colour_scale, depth_scale; /* difference of entries * scale = integral over grey levels, per mm */
+    float depth_scale;      /* difference of entries * depth_scale = sum of extinctions per mm, one for each entry */
+    float colour_per_depth; /* what a colour's unit is worth in units of depth */
     /* Below quiet_low and from quiet_high on nothing is visible (quiet_high may be +inf). */
     float quiet_low, quiet_high;
 } CtsSlabTable;

@@ -9,7 +9,10 @@
 #include "splat/tiled_kernel.h"
 #include "volume/blocks.h"
 #include <math.h>
+#include <omp.h>
 #include <string.h>
+#include <stdio.h>
+#include <stdlib.h>
 
 enum { TILE_WIDTH = 64, TILE_HEIGHT = 8 };
 
@@ -31,16 +34,10 @@ static void plane_map(const CtsView *view, int axis, double at[4])
     at[3] = slope * view->axis_sign + 0.0;
 }
 
-static int choose_samples(const CtsScene *scene)
-{
-    if (scene->settings->samples > 0)
-        return scene->settings->samples;
-    return 1;
-}
-
 static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout)
 {
     const CtsView *view = &scene->view;
+    const CtsRenderSettings *s = scene->settings;
     plane_map(view, layout->axis_u, j->u_at);
     plane_map(view, layout->axis_v, j->v_at);
     j->nu = layout->nu;
@@ -54,32 +51,68 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     j->window_v = layout->alloc_v - CTS_LAYOUT_MIN_V;
     j->windowed = 3 * fabs(j->u_at[1]) <= 6 && 3 * fabs(j->v_at[1]) <= 1;
     j->straight = j->u_at[3] == 0 && j->v_at[3] == 0;
-    j->samples = choose_samples(scene);
+    j->samples = s->samples > 0 ? s->samples : 2; /* adaptive: one sheet half way */
+    j->u_step = (int64_t)floor(j->u_at[3] / j->samples * 4294967296.0 + 0.5);
+    j->v_step = (int64_t)floor(j->v_at[3] / j->samples * 4294967296.0 + 0.5);
+    for (int l = 0; l < CTS_PACKET; l++) {
+        j->lane_u[l] = (int32_t)floor(l * j->u_at[1] * 65536 + 0.5);
+        j->lane_v[l] = (int32_t)floor(l * j->v_at[1] * 65536 + 0.5);
+    }
+    for (int l = 0; l < CTS_PACKET; l++) {
+        const int a = l / 4 * 4, b = a + 3; /* lanes are monotone, so a half's smallest is at one of its ends */
+        j->half_u[l] = j->lane_u[a] < j->lane_u[b] ? j->lane_u[a] : j->lane_u[b];
+        j->half_v[l] = j->lane_v[a] < j->lane_v[b] ? j->lane_v[a] : j->lane_v[b];
+    }
+    j->adaptive = s->samples == 0;
+    j->refine_grey = getenv("REFINE") ? (float)atof(getenv("REFINE")) : 100;
+    j->refine_transmittance = getenv("RT") ? (float)atof(getenv("RT")) : 0.02f;
+    j->bend_grey = getenv("BEND") ? (float)atof(getenv("BEND")) : 50;
+    j->stiff_depth = getenv("STIFF") ? (float)atof(getenv("STIFF")) : 3;
     j->layer_mm = (float)view->layer_mm;
-    j->stop_transmittance = 1.0f / 1024;
+    j->stop_transmittance = getenv("STOP") ? 1.0f/(float)atof(getenv("STOP")) : 1.0f / 256;
     j->width = view->width;
     j->height = view->height;
 }
 
-static void run_tiles(const TiledJob *j, tiled_row_fn row, const CtsScene *scene, TiledCounts *total)
+/* One tile: first as a single wide beam, which finds most of what is empty, then packet by packet. */
+static void run_tile(const TiledJob *j, tiled_packet_fn packet, TiledRun *runs, int x0, int y0, TiledCounts *counts)
+{
+    const int x1 = x0 + TILE_WIDTH < j->width ? x0 + TILE_WIDTH : j->width;
+    const int y1 = y0 + TILE_HEIGHT < j->height ? y0 + TILE_HEIGHT : j->height;
+    TiledBeam wide = {.runs = runs}, beam = {.runs = runs};
+    if (!tiled_beam_init(j, &wide, x0, y0, x1, y1, 0))
+        return;
+    for (int x = x0; x < x1; x += CTS_PACKET)
+        if (tiled_beam_init(j, &beam, x, y0, x + CTS_PACKET, y1, wide.first))
+            for (int y = y0; y < y1; y++)
+                packet(j, &beam, x, y, x1 - x < CTS_PACKET ? x1 - x : CTS_PACKET, counts);
+}
+
+static CtsStatus run_tiles(const TiledJob *j, tiled_packet_fn packet, const CtsScene *scene, TiledCounts *total,
+                           CtsError *err)
 {
     const int nx = (j->width + TILE_WIDTH - 1) / TILE_WIDTH, ny = (j->height + TILE_HEIGHT - 1) / TILE_HEIGHT;
     uint64_t samples = 0, slabs = 0, packets = 0;
+    TiledRun *runs = NULL;
+    const size_t per_thread = (size_t)j->nk + 1;
+    const CtsStatus st = cts_alloc_array(&runs, per_thread * (size_t)scene->settings->n_threads, err);
+    if (st)
+        return st;
 #pragma omp parallel for schedule(dynamic) num_threads(scene->settings->n_threads) reduction(+ : samples, slabs, packets)
     for (int tile = 0; tile < nx * ny; tile++) {
         if (cts_scene_stopped(scene))
             continue;
         TiledCounts counts = {0};
-        const int x0 = tile % nx * TILE_WIDTH, y0 = tile / nx * TILE_HEIGHT;
-        const int x1 = x0 + TILE_WIDTH < j->width ? x0 + TILE_WIDTH : j->width;
-        const int y1 = y0 + TILE_HEIGHT < j->height ? y0 + TILE_HEIGHT : j->height;
-        for (int y = y0; y < y1; y++)
-            row(j, y, x0, x1, &counts);
+        run_tile(j, packet, runs + per_thread * (size_t)omp_get_thread_num(), tile % nx * TILE_WIDTH,
+                 tile / nx * TILE_HEIGHT, &counts);
         samples += counts.samples;
         slabs += counts.slabs;
         packets += counts.packets;
     }
+    cts_free(&runs);
+    if (getenv("CNT")) printf("samples %lu slabs %lu packets %lu\n", samples, slabs, packets);
     *total = (TiledCounts){.samples = samples, .slabs = slabs, .packets = packets};
+    return CTS_OK;
 }
 
 static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
@@ -109,7 +142,8 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsRep
     wall = cts_wall_ms(), cpu = cts_cpu_ms();
     TiledCounts counts;
     const bool avx2 = cts_cpu_flags() & s->cpu_mask & CTS_CPU_AVX2;
-    run_tiles(&job, avx2 ? tiled_row_avx2 : tiled_row_c, scene, &counts);
+    if ((st = run_tiles(&job, avx2 ? tiled_packet_avx2 : tiled_packet_c, scene, &counts, err)))
+        goto end;
     if (cts_scene_stopped(scene)) {
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
         goto end;

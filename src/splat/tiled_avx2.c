@@ -17,14 +17,14 @@ INLINE v8f v8f_max(v8f a, v8f b)
     return (v8f)_mm256_max_ps((__m256)a, (__m256)b);
 }
 
-INLINE v4d v4d_min(v4d a, v4d b)
+INLINE v8i v8i_min(v8i a, v8i b)
 {
-    return (v4d)_mm256_min_pd((__m256d)a, (__m256d)b);
+    return (v8i)_mm256_min_epi32((__m256i)a, (__m256i)b);
 }
 
-INLINE v4d v4d_max(v4d a, v4d b)
+INLINE v8i v8i_max(v8i a, v8i b)
 {
-    return (v4d)_mm256_max_pd((__m256d)a, (__m256d)b);
+    return (v8i)_mm256_max_epi32((__m256i)a, (__m256i)b);
 }
 
 INLINE bool v8_any(v8i mask)
@@ -59,6 +59,12 @@ INLINE void lookup8(const CtsSlabTable *t, v8i index, v8i *r, v8i *g, v8i *b, v8
     *k = (v8i)_mm256_unpackhi_epi64(bk01, bk23);
 }
 
+/* Control bytes that fetch the voxels of columns x0 and x0 + 1. */
+INLINE v8i make_pick(v8i x0)
+{
+    return x0 * 0x02020202 + 0x03020100;
+}
+
 INLINE __m256i window_row(const Taps *t, ptrdiff_t offset)
 {
     const __m256i low = _mm256_castsi128_si256(_mm_loadu_si128((const __m128i *)(t->at[0] + offset)));
@@ -68,8 +74,7 @@ INLINE __m256i window_row(const Taps *t, ptrdiff_t offset)
 /* The pairs of voxels x0, x0 + 1 of three rows by byte shuffle instead of a gather. */
 INLINE v8f load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 {
-    const __m256i pick = _mm256_add_epi32(_mm256_mullo_epi32((__m256i)t->x0, _mm256_set1_epi32(0x02020202)),
-                                          _mm256_set1_epi32(0x03020100));
+    const __m256i pick = (__m256i)t->pick;
     const __m256i bias = _mm256_set1_epi32((int)0x80008000);
     const __m256i p0 = _mm256_shuffle_epi8(window_row(t, offset), pick);
     const __m256i p1 = _mm256_shuffle_epi8(window_row(t, offset + row_stride), pick);
@@ -85,16 +90,16 @@ INLINE v8f load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 
 #include "splat/tiled_tmpl.h"
 
-void tiled_row_avx2(const TiledJob *job, int y, int x0, int x1, TiledCounts *counts)
+void tiled_packet_avx2(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
 {
-    run_row(job, y, x0, x1, counts);
+    run_packet(job, beam, x, y, n, counts);
 }
 
 #else
 
-void tiled_row_avx2(const TiledJob *job, int y, int x0, int x1, TiledCounts *counts)
+void tiled_packet_avx2(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
 {
-    tiled_row_c(job, y, x0, x1, counts);
+    tiled_packet_c(job, beam, x, y, n, counts);
 }
 
 #endif

@@ -20,18 +20,18 @@ INLINE v8f v8f_max(v8f a, v8f b)
     return r;
 }
 
-INLINE v4d v4d_min(v4d a, v4d b)
+INLINE v8i v8i_min(v8i a, v8i b)
 {
-    v4d r;
-    for (int l = 0; l < 4; l++)
+    v8i r;
+    for (int l = 0; l < 8; l++)
         r[l] = a[l] < b[l] ? a[l] : b[l];
     return r;
 }
 
-INLINE v4d v4d_max(v4d a, v4d b)
+INLINE v8i v8i_max(v8i a, v8i b)
 {
-    v4d r;
-    for (int l = 0; l < 4; l++)
+    v8i r;
+    for (int l = 0; l < 8; l++)
         r[l] = a[l] > b[l] ? a[l] : b[l];
     return r;
 }
@@ -63,12 +63,17 @@ INLINE void lookup8(const CtsSlabTable *t, v8i index, v8i *r, v8i *g, v8i *b, v8
     }
 }
 
+INLINE v8i make_pick(v8i x0)
+{
+    return x0;
+}
+
 /* Bilinear in the layer `offset` voxels behind layer 0: columns with 14-bit integer weights, rows in float. */
 INLINE v8f load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 {
     v8f a, b;
     for (int l = 0; l < 8; l++) {
-        const uint16_t *p = t->at[l / 4] + offset + (t->row1[l] ? row_stride : 0) + t->x0[l];
+        const uint16_t *p = t->at[l / 4] + offset + (t->row1[l] ? row_stride : 0) + t->pick[l];
         const int w1 = t->weights[l] >> 16, w0 = t->weights[l] & 0xffff;
         a[l] = (float)((p[0] - 32768) * w0 + (p[1] - 32768) * w1);
         b[l] = (float)((p[row_stride] - 32768) * w0 + (p[row_stride + 1] - 32768) * w1);
@@ -78,7 +83,7 @@ INLINE v8f load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 
 #include "splat/tiled_tmpl.h"
 
-void tiled_row_c(const TiledJob *job, int y, int x0, int x1, TiledCounts *counts)
+void tiled_packet_c(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
 {
-    run_row(job, y, x0, x1, counts);
+    run_packet(job, beam, x, y, n, counts);
 }

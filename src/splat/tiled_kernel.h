@@ -13,7 +13,8 @@
 
 enum { CTS_PACKET = 8 };
 
-/* Everything a thread needs, read-only. Layers are numbered q = 0, 1, ... in the order a ray meets them. */
+/* Everything a thread needs, read-only. Layers are numbered q = 0, 1, ... in the order a ray meets them; sheets, of
+ * which there are `samples` to a layer, t = 0, 1, ... in the same order. */
 typedef struct TiledJob {
     const uint16_t *layer0;      /* voxel (0, 0) of layer q = 0 */
     ptrdiff_t row_stride, layer_stride; /* the latter from q to q + 1: negative where rays run against the axis */
@@ -21,10 +22,19 @@ typedef struct TiledJob {
     bool rising;                 /* layer q is volume layer q; else nk - 1 - q */
     /* Where the ray of pixel (x, y) meets layer q: u = u_at[0] + u_at[1] x + u_at[2] y + u_at[3] q, v alike. */
     double u_at[4], v_at[4];
-    double window_u, window_v;   /* largest first column and row of a window of 8 x 3 voxels */
+    int64_t u_step, v_step;      /* voxels from sheet to sheet, in 2^-32 */
+    /* A packet's pixels against its first one, in 2^-16 voxels, and the smallest of each half packet. */
+    int32_t lane_u[CTS_PACKET], lane_v[CTS_PACKET], half_u[CTS_PACKET], half_v[CTS_PACKET];
+    int window_u, window_v;      /* largest first column and row of a window of 8 x 3 voxels */
     bool windowed;               /* half a packet fits such a window; else lane by lane */
     bool straight;               /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
     int samples;                 /* sub-sheets per layer */
+    /* Adaptive: layers are sampled once, and a slab gets more only where both its layers do not show the same. */
+    bool adaptive;
+    float refine_grey;           /* a slab over which the field changes less is taken for straight */
+    float refine_transmittance;  /* and so is one that less light than this reaches */
+    float bend_grey;             /* a field that bends less is taken for straight in either half */
+    float stiff_depth;           /* a slab of more optical depth is cut into 16 */
     float layer_mm;              /* ray length from layer to layer */
     float stop_transmittance;    /* a packet ends when all of its pixels have less than this left */
     CtsSlabTable table;
@@ -34,16 +44,40 @@ typedef struct TiledJob {
     float *depth_mm;             /* NULL: not wanted */
 } TiledJob;
 
+/* Slabs from..to - 1 in which something may be visible. */
+typedef struct TiledRun {
+    int from, to;
+    bool inner; /* no window of the beam's rays touches a face of the volume there */
+} TiledRun;
+
+/* A bundle of rays, one packet wide: bounds over all of them, and the runs of slabs that they must march through,
+ * found on demand (rays that become opaque never ask for the later ones). */
+typedef struct TiledBeam {
+    double u[2], v[2];      /* where the rays meet layer 0: smallest and largest */
+    int first, last;        /* slabs first..last - 1 hold something for some ray */
+    int full_from, full_to; /* slabs full_from..full_to - 1 are inside the box for every ray */
+    int next;               /* slab from which the next run is searched */
+    int n_runs;
+    TiledRun *runs;         /* room for nk; the thread's */
+} TiledBeam;
+
 typedef struct TiledCounts {
     uint64_t samples;   /* field values, one a pixel and sheet */
     uint64_t slabs;     /* pixel slabs in which something could be seen */
-    uint64_t packets;   /* packets that met the volume */
+    uint64_t packets;   /* packets that met something */
 } TiledCounts;
 
-/* Pixels x0..x1 of row y; x0 is a multiple of CTS_PACKET. */
-typedef void (*tiled_row_fn)(const TiledJob *job, int y, int x0, int x1, TiledCounts *counts);
+/* The packet of pixels x..x + 7 of row y, of which the first n are in the picture. */
+typedef void (*tiled_packet_fn)(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
 
-void tiled_row_c(const TiledJob *job, int y, int x0, int x1, TiledCounts *counts);
-void tiled_row_avx2(const TiledJob *job, int y, int x0, int x1, TiledCounts *counts);
+void tiled_packet_c(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
+void tiled_packet_avx2(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
+
+/* Bounds for the rays of pixels x0..x1 - 1 by y0..y1 - 1; false when they miss everything that may be visible. */
+bool tiled_beam_init(const TiledJob *job, TiledBeam *beam, int x0, int y0, int x1, int y1, int first);
+/* Find one more run; false when there is none. */
+bool tiled_beam_extend(const TiledJob *job, TiledBeam *beam);
+/* q between which the ray that meets layer 0 at (u, v) is inside the box of voxel centres; leave < enter: never. */
+void tiled_clip(const TiledJob *job, double u, double v, double *enter, double *leave);
 
 #endif

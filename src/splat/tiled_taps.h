@@ -6,7 +6,7 @@
 
 typedef struct Taps {
     const uint16_t *at[2]; /* first voxel of each half packet's window, in layer q = 0 */
-    v8i x0, row1;          /* column in the window; all ones where the upper row is the window's second */
+    v8i pick, row1;        /* what finds the column x0 in the window; all ones where the upper row is its second */
     v8i weights;           /* 14-bit weights of columns x0 and x0 + 1, packed as two int16 */
     v8f fy;
 } Taps;

@@ -1,19 +1,22 @@
 /* The march of one packet, in vectors of 8 pixels. Included by tiled_c.c and tiled_avx2.c, which first define
- * v8f_min, v8f_max, v8_any, v8_all, load_window and lookup8; everything else is element-wise and the same in both. */
+ * v8f_min, v8f_max, v8i_min, v8i_max, v8_any, v8_all, load_window and lookup8; everything else is element-wise and the same in both. */
 
 typedef struct Packet {
-    v4d base;   /* smallest u of either half, then smallest v, at q = 0 */
-    v8f lane_u, lane_v; /* each lane's distance from its half's base */
-    double u_lane0, v_lane0, u_min, u_max, v_min, v_max; /* of the whole packet at q = 0 */
-    double enter[CTS_PACKET], leave[CTS_PACKET];         /* q where each lane's ray is inside the box */
-    int first, last; /* slabs first..last - 1 hold something */
-    int full_from, full_to; /* slabs full_from..full_to - 1 are inside for all lanes */
+    double u_lane0, v_lane0; /* first pixel, at q = 0 */
+    int64_t u, v;            /* the same in 2^-32 */
+    bool clipped;            /* enter and leave are known */
+    double enter[CTS_PACKET], leave[CTS_PACKET]; /* q between which each ray is inside the box */
     Taps straight;
 } Packet;
 
 INLINE v8f select8(v8i mask, v8f yes, v8f no)
 {
     return (v8f)((mask & (v8i)yes) | (~mask & (v8i)no));
+}
+
+INLINE v8f v8f_abs(v8f a)
+{
+    return (v8f)((v8i)a & 0x7fffffff);
 }
 
 INLINE v8f splat8(float x)
@@ -39,31 +42,47 @@ INLINE v8f one_minus_exp(v8f d)
     return (1.0f - power) + power * p;
 }
 
-INLINE Taps make_taps(const TiledJob *j, const Packet *pk, double q)
+INLINE v8i splat8i(int32_t x)
+{
+    return (v8i){x, x, x, x, x, x, x, x};
+}
+
+INLINE int clamp_int(int x, int low, int high)
+{
+    return x < low ? low : x > high ? high : x;
+}
+
+/* The packet's windows on sheet t. Positions are in 2^-16 voxels, so they are exact sums, the same however the
+ * sheets before were walked. inner: all of it is far enough from the volume's faces to need no clamping. */
+INLINE Taps make_taps(const TiledJob *j, const Packet *pk, int t_sheet, bool inner)
 {
     Taps t;
-    const v4d zero = {0, 0, 0, 0}, step = {j->u_at[3], j->u_at[3], j->v_at[3], j->v_at[3]};
-    const v4d most = {j->window_u, j->window_u, j->window_v, j->window_v};
-    const v4d top = {j->nu - 1, j->nu - 1, j->nv - 1, j->nv - 1};
-    const v4d at = pk->base + step * q;
-    v4d corner = v4d_min(v4d_max(at, zero), most);
-    const v4i whole = __builtin_convertvector(corner, v4i);
-    corner = __builtin_convertvector(whole, v4d);
-    const v4f rest = __builtin_convertvector(at - corner, v4f), limit = __builtin_convertvector(top - corner, v4f);
-    for (int h = 0; h < 2; h++)
-        t.at[h] = j->layer0 + whole[2 + h] * j->row_stride + whole[h];
-    v8f u = (v8f){rest[0], rest[0], rest[0], rest[0], rest[1], rest[1], rest[1], rest[1]} + pk->lane_u;
-    v8f v = (v8f){rest[2], rest[2], rest[2], rest[2], rest[3], rest[3], rest[3], rest[3]} + pk->lane_v;
-    const v8f limit_u = {limit[0], limit[0], limit[0], limit[0], limit[1], limit[1], limit[1], limit[1]};
-    const v8f limit_v = {limit[2], limit[2], limit[2], limit[2], limit[3], limit[3], limit[3], limit[3]};
-    u = v8f_min(v8f_max(u, splat8(0)), limit_u);
-    v = v8f_min(v8f_max(v, splat8(0)), limit_v);
-    t.x0 = __builtin_convertvector(v8f_min(u, splat8(6)), v8i);
-    const v8f fx = (u - __builtin_convertvector(t.x0, v8f)) * 16384.0f + 0.5f;
-    const v8i wx = __builtin_convertvector(fx, v8i);
+    const int32_t pu = (int32_t)((pk->u + t_sheet * j->u_step) >> 16), pv = (int32_t)((pk->v + t_sheet * j->v_step) >> 16);
+    const v8i half_u = *(const v8i_u *)j->half_u, half_v = *(const v8i_u *)j->half_v;
+    v8i u = splat8i(pu) + *(const v8i_u *)j->lane_u, v = splat8i(pv) + *(const v8i_u *)j->lane_v;
+    v8i iu = (splat8i(pu) + half_u) >> 16, iv = (splat8i(pv) + half_v) >> 16;
+    int cu[2] = {(pu + j->half_u[0]) >> 16, (pu + j->half_u[4]) >> 16};
+    int cv[2] = {(pv + j->half_v[0]) >> 16, (pv + j->half_v[4]) >> 16};
+    if (!inner) {
+        u = v8i_min(v8i_max(u, splat8i(0)), splat8i((j->nu - 1) << 16));
+        v = v8i_min(v8i_max(v, splat8i(0)), splat8i((j->nv - 1) << 16));
+        iu = v8i_min(v8i_max(iu, splat8i(0)), splat8i(j->window_u));
+        iv = v8i_min(v8i_max(iv, splat8i(0)), splat8i(j->window_v));
+        for (int h = 0; h < 2; h++) {
+            cu[h] = clamp_int(cu[h], 0, j->window_u);
+            cv[h] = clamp_int(cv[h], 0, j->window_v);
+        }
+    }
+    t.at[0] = j->layer0 + cv[0] * j->row_stride + cu[0];
+    t.at[1] = j->layer0 + cv[1] * j->row_stride + cu[1];
+    /* At the far face u is whole and its column would be the window's last: take the one before, with full weight. */
+    const v8i x0 = v8i_min((u >> 16) - iu, splat8i(6));
+    const v8i wx = (u - ((x0 + iu) << 16)) >> 2;
+    t.pick = make_pick(x0);
     t.weights = (wx << 16) | (16384 - wx);
-    t.row1 = v >= splat8(1);
-    t.fy = v - select8(t.row1, splat8(1), splat8(0));
+    v -= iv << 16;
+    t.row1 = v >= splat8i(1 << 16);
+    t.fy = __builtin_convertvector(v + (t.row1 << 16), v8f) * (1.0f / 65536);
     return t;
 }
 
@@ -86,138 +105,56 @@ INLINE v8f sample_wide(const TiledJob *j, const Packet *pk, const uint16_t *laye
     return s;
 }
 
-INLINE v8f sample_layer(const TiledJob *j, const Packet *pk, const Taps *t, int layer, double q)
-{
-    const ptrdiff_t offset = layer * j->layer_stride;
-    return j->windowed ? load_window(t, offset, j->row_stride) : sample_wide(j, pk, j->layer0 + offset, q);
-}
+/* How a packet's samples are taken, known when the loop is compiled. */
+typedef enum Way {
+    WAY_STRAIGHT, /* windows that never move */
+    WAY_OBLIQUE,  /* windows that move from sheet to sheet */
+    WAY_WIDE      /* pixels too far apart for windows */
+} Way;
 
 /* The field on the sheet a fraction part / samples behind layer q. */
-INLINE v8f sample_sheet(const TiledJob *j, const Packet *pk, int q, int part)
+INLINE v8f sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
 {
     Taps made;
     const Taps *t = &pk->straight;
-    const double at = q + (double)part / j->samples;
-    if (j->windowed && !j->straight) {
-        made = make_taps(j, pk, at);
-        t = &made;
+    const ptrdiff_t offset = q * j->layer_stride;
+    v8f here, next;
+    if (way == WAY_WIDE) {
+        const double at = q + (double)part / j->samples;
+        here = sample_wide(j, pk, j->layer0 + offset, at);
+        if (part == 0)
+            return here;
+        next = sample_wide(j, pk, j->layer0 + offset + j->layer_stride, at);
+    } else {
+        if (way == WAY_OBLIQUE) {
+            made = make_taps(j, pk, q * j->samples + part, inner);
+            t = &made;
+        }
+        here = load_window(t, offset, j->row_stride);
+        if (part == 0)
+            return here;
+        next = load_window(t, offset + j->layer_stride, j->row_stride);
     }
-    const v8f here = sample_layer(j, pk, t, q, at);
-    if (part == 0)
-        return here;
-    const v8f next = sample_layer(j, pk, t, q + 1, at);
     return here + ((float)part / (float)j->samples) * (next - here);
 }
 
-/* When each lane's ray is inside the box of voxel centres, and the slabs that matter. */
-INLINE bool clip_packet(const TiledJob *j, Packet *pk)
+/* Where each ray is inside the box of voxel centres; wanted only for slabs that the faces cut. */
+static __attribute__((noinline)) void clip_packet(const TiledJob *j, Packet *pk)
 {
-    const double size[2] = {j->nu - 1, j->nv - 1};
-    double first = INFINITY, last = -INFINITY, full_from = 0, full_to = j->nk - 1;
-    for (int l = 0; l < CTS_PACKET; l++) {
-        const double at[2] = {pk->u_lane0 + l * j->u_at[1], pk->v_lane0 + l * j->v_at[1]};
-        const double step[2] = {j->u_at[3], j->v_at[3]};
-        double enter = 0, leave = j->nk - 1;
-        for (int c = 0; c < 2; c++) {
-            if (step[c] == 0) {
-                /* A hair's breadth of rounding must not lose a face that a ray runs along. */
-                if (at[c] < -1e-9 * (1 + size[c]) || at[c] > size[c] + 1e-9 * (1 + size[c]))
-                    leave = -1;
-                continue;
-            }
-            const double a = (0 - at[c]) / step[c], b = (size[c] - at[c]) / step[c];
-            const double lo = a < b ? a : b, hi = a < b ? b : a;
-            enter = lo > enter ? lo : enter;
-            leave = hi < leave ? hi : leave;
-        }
-        pk->enter[l] = enter;
-        pk->leave[l] = leave;
-        full_from = enter > full_from ? enter : full_from;
-        full_to = leave < full_to ? leave : full_to;
-        if (enter < leave) {
-            first = enter < first ? enter : first;
-            last = leave > last ? leave : last;
-        }
-    }
-    if (!(first < last))
-        return false;
-    pk->first = (int)first;
-    pk->last = (int)ceil(last);
-    pk->full_from = (int)ceil(full_from);
-    pk->full_to = full_to > 0 ? (int)full_to : 0;
-    return true;
+    for (int l = 0; l < CTS_PACKET; l++)
+        tiled_clip(j, pk->u_lane0 + l * j->u_at[1], pk->v_lane0 + l * j->v_at[1], &pk->enter[l], &pk->leave[l]);
+    pk->clipped = true;
 }
 
-INLINE bool init_packet(const TiledJob *j, Packet *pk, int x, int y)
+INLINE void init_packet(const TiledJob *j, Packet *pk, int x, int y)
 {
     pk->u_lane0 = j->u_at[0] + j->u_at[1] * x + j->u_at[2] * y;
     pk->v_lane0 = j->v_at[0] + j->v_at[1] * x + j->v_at[2] * y;
-    if (!clip_packet(j, pk))
-        return false;
-    const double du = j->u_at[1], dv = j->v_at[1];
-    const double u3 = du < 0 ? 3 * du : 0, v3 = dv < 0 ? 3 * dv : 0;
-    pk->base = (v4d){pk->u_lane0 + u3, pk->u_lane0 + 4 * du + u3, pk->v_lane0 + v3, pk->v_lane0 + 4 * dv + v3};
-    for (int l = 0; l < CTS_PACKET; l++) {
-        pk->lane_u[l] = (float)((l & 3) * du - u3);
-        pk->lane_v[l] = (float)((l & 3) * dv - v3);
-    }
-    pk->u_min = pk->u_lane0 + (du < 0 ? 7 * du : 0);
-    pk->u_max = pk->u_lane0 + (du < 0 ? 0 : 7 * du);
-    pk->v_min = pk->v_lane0 + (dv < 0 ? 7 * dv : 0);
-    pk->v_max = pk->v_lane0 + (dv < 0 ? 0 : 7 * dv);
+    pk->u = (int64_t)floor(pk->u_lane0 * 4294967296.0 + 0.5);
+    pk->v = (int64_t)floor(pk->v_lane0 * 4294967296.0 + 0.5);
+    pk->clipped = false;
     if (j->windowed && j->straight)
-        pk->straight = make_taps(j, pk, 0);
-    return true;
-}
-
-/* Layers for which [low, high] + step * q, one coordinate of the packet, stays inside the blocks b0 - (n - 1) to
- * b1 + (n - 1); beyond the volume's ends there is nothing to stay inside of. */
-INLINE double room(double low, double high, double step, int b0, int b1, int n, int n_blocks)
-{
-    if (step > 0)
-        return b1 + n >= n_blocks ? INFINITY : ((b1 + n) * CTS_BLOCK - high) / step;
-    if (step < 0)
-        return b0 - (n - 1) <= 0 ? INFINITY : (low - (b0 - (n - 1)) * CTS_BLOCK) / -step;
-    return INFINITY;
-}
-
-INLINE int block_of(double at, int n_blocks)
-{
-    const int b = at > 0 ? (int)at / CTS_BLOCK : 0;
-    return b < n_blocks ? b : n_blocks - 1;
-}
-
-/* How many layers the packet may leap from layer q. 0: something may be visible; *until is then the layer up to which
- * it marches before it asks again. */
-INLINE int leap_from(const TiledJob *j, const Packet *pk, int q, int *until)
-{
-    const CtsLeap *leap = &j->leap;
-    const double u_low = pk->u_min + j->u_at[3] * q, u_high = pk->u_max + j->u_at[3] * q;
-    const double v_low = pk->v_min + j->v_at[3] * q, v_high = pk->v_max + j->v_at[3] * q;
-    const int bu0 = block_of(u_low, leap->nu), bu1 = block_of(u_high, leap->nu);
-    const int bv0 = block_of(v_low, leap->nv), bv1 = block_of(v_high, leap->nv);
-    const int cell = j->rising ? q : j->nk - 2 - q;
-    const int rest = j->rising ? CTS_BLOCK - cell % CTS_BLOCK : cell % CTS_BLOCK + 1;
-    const uint8_t *d = leap->distance + (ptrdiff_t)(cell / CTS_BLOCK) * leap->nu * leap->nv;
-    int n = 255;
-    for (int bv = bv0; bv <= bv1; bv++)
-        for (int bu = bu0; bu <= bu1; bu++) {
-            const int here = d[bv * leap->nu + bu];
-            n = here < n ? here : n;
-        }
-    *until = q + rest;
-    if (n == 0)
-        return 0;
-    double most = rest + CTS_BLOCK * (n - 1);
-    const double ru = room(u_low, u_high, j->u_at[3], bu0, bu1, n, leap->nu);
-    const double rv = room(v_low, v_high, j->v_at[3], bv0, bv1, n, leap->nv);
-    most = ru < most ? ru : most;
-    most = rv < most ? rv : most;
-    if (most < 1) {
-        *until = q + 1;
-        return 0;
-    }
-    return (int)most;
+        pk->straight = make_taps(j, pk, 0, false);
 }
 
 typedef struct Light {
@@ -226,8 +163,8 @@ typedef struct Light {
 } Light;
 
 typedef struct Entry {
-    v8i index;          /* of the table; not clamped below */
-    v8i ri, gi, bi, ki; /* the table's sums there */
+    v8i index;      /* of the table; not clamped below */
+    v8i r, g, b, k; /* the table's sums there */
 } Entry;
 
 INLINE void look_up(const TiledJob *j, v8f s, Entry *e)
@@ -236,43 +173,50 @@ INLINE void look_up(const TiledJob *j, v8f s, Entry *e)
     /* The shift keeps the conversion's truncation away from negative numbers. */
     const v8f x = v8f_max((s - t->grey_low) * t->per_grey, splat8(-1e6f)) + 1e6f;
     e->index = __builtin_convertvector(x + 0.5f, v8i) - 1000000;
-    lookup8(t, e->index, &e->ri, &e->gi, &e->bi, &e->ki);
+    lookup8(t, e->index, &e->r, &e->g, &e->b, &e->k);
 }
 
-/* One slab from entry a to entry b, length mm long for each lane. */
+/* One slab from entry a to entry b, length_mm long for each lane. With d levels between the entries and an integral of
+ * k over them, depth = length * k / d, and the colour integral weighs alpha / depth: one division serves both. */
 INLINE void add_slab(const TiledJob *j, Light *light, const Entry *a, const Entry *b, v8f length_mm)
 {
     const CtsSlabTable *t = &j->table;
     v8i n = b->index - a->index;
-    v8i dr = b->ri - a->ri, dg = b->gi - a->gi, db = b->bi - a->bi, dk = b->ki - a->ki;
+    v8i dr = b->r - a->r, dg = b->g - a->g, db = b->b - a->b, dk = b->k - a->k;
     const v8i flat = n == 0;
     if (v8_any(flat)) {
         /* The field does not change: the integrand itself, over one step of the table. */
-        v8i r1, g1, b1, k1;
-        lookup8(t, a->index + 1, &r1, &g1, &b1, &k1);
+        Entry next = {.index = a->index + 1};
+        lookup8(t, next.index, &next.r, &next.g, &next.b, &next.k);
         n = n - flat; /* 0 - (-1) */
-        dr = (flat & (r1 - a->ri)) | (~flat & dr);
-        dg = (flat & (g1 - a->gi)) | (~flat & dg);
-        db = (flat & (b1 - a->bi)) | (~flat & db);
-        dk = (flat & (k1 - a->ki)) | (~flat & dk);
+        dr = (flat & (next.r - a->r)) | (~flat & dr);
+        dg = (flat & (next.g - a->g)) | (~flat & dg);
+        db = (flat & (next.b - a->b)) | (~flat & db);
+        dk = (flat & (next.k - a->k)) | (~flat & dk);
     }
-    const v8f per_step = length_mm / __builtin_convertvector(n, v8f);
-    const v8f depth = v8f_max(__builtin_convertvector(dk, v8f) * t->depth_scale * per_step, splat8(1e-30f));
+    /* Both have the sign of the field's change; without depth there is no colour either. */
+    const v8f nf = v8f_abs(__builtin_convertvector(n, v8f));
+    const v8f kf = v8f_max(v8f_abs(__builtin_convertvector(dk, v8f)), splat8(1));
+    const v8f inverse = 1.0f / (nf * kf);
+    const v8f depth = (v8f_abs(__builtin_convertvector(dk, v8f)) * kf) * inverse * (t->depth_scale * length_mm);
     const v8f alpha = one_minus_exp(depth);
-    const v8f weight = light->t * (per_step * t->colour_scale) * (alpha / depth);
-    light->r += __builtin_convertvector(dr, v8f) * weight;
-    light->g += __builtin_convertvector(dg, v8f) * weight;
-    light->b += __builtin_convertvector(db, v8f) * weight;
+    const v8f weight = light->t * alpha * (nf * inverse) * t->colour_per_depth;
+    const v8i sign = n < 0;
+    light->r += __builtin_convertvector((dr ^ sign) - sign, v8f) * weight;
+    light->g += __builtin_convertvector((dg ^ sign) - sign, v8f) * weight;
+    light->b += __builtin_convertvector((db ^ sign) - sign, v8f) * weight;
     light->t -= light->t * alpha;
 }
 
-INLINE v8f slab_length(const TiledJob *j, const Packet *pk, int q, int part)
+/* Length inside the box of each lane's way from sheet position from to position to, in layers. */
+INLINE v8f slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int q, float whole_mm, double from,
+                       double to)
 {
-    const float sheet_mm = j->layer_mm / (float)j->samples;
-    if (q >= pk->full_from && q < pk->full_to)
-        return splat8(sheet_mm);
+    if (q >= beam->full_from && q < beam->full_to)
+        return splat8(whole_mm);
+    if (!pk->clipped)
+        clip_packet(j, pk);
     v8f length;
-    const double from = q + (double)(part - 1) / j->samples, to = q + (double)part / j->samples;
     for (int l = 0; l < CTS_PACKET; l++) {
         const double a = pk->enter[l] > from ? pk->enter[l] : from, b = pk->leave[l] < to ? pk->leave[l] : to;
         length[l] = b > a ? (float)((b - a) * j->layer_mm) : 0;
@@ -280,68 +224,128 @@ INLINE v8f slab_length(const TiledJob *j, const Packet *pk, int q, int part)
     return length;
 }
 
-INLINE void march(const TiledJob *j, const Packet *pk, Light *light, TiledCounts *counts)
+INLINE bool is_quiet(const TiledJob *j, v8f a, v8f b)
 {
-    v8f s0 = splat8(0);
-    Entry e0 = {.index = {0}};
-    bool have_field = false, have_entry = false;
-    int q = pk->first;
-    const v8f low = splat8(j->table.quiet_low), high = splat8(j->table.quiet_high);
-    while (q < pk->last) {
-        int until;
-        const int leap = leap_from(j, pk, q, &until);
-        if (leap > 0) {
-            q += leap;
-            have_field = false;
-            continue;
-        }
-        if (until > pk->last)
-            until = pk->last;
-        if (!have_field) {
-            s0 = sample_sheet(j, pk, q, 0);
-            have_field = true;
-            have_entry = false;
-        }
-        for (; q < until; q++) {
-            for (int part = 1; part <= j->samples; part++) {
-                const v8f s1 = part == j->samples ? sample_sheet(j, pk, q + 1, 0) : sample_sheet(j, pk, q, part);
-                counts->samples += CTS_PACKET;
-                if (v8_all((v8f_max(s0, s1) <= low) | (v8f_min(s0, s1) >= high))) {
-                    s0 = s1;
-                    have_entry = false;
-                    continue;
-                }
-                counts->slabs += CTS_PACKET;
-                Entry e1;
-                if (!have_entry)
-                    look_up(j, s0, &e0);
-                look_up(j, s1, &e1);
-                add_slab(j, light, &e0, &e1, slab_length(j, pk, q, part));
-                s0 = s1;
-                e0 = e1;
-                have_entry = true;
-            }
-            if (v8_all(light->t < j->stop_transmittance))
-                return;
-        }
+    return v8_all((v8f_max(a, b) <= j->table.quiet_low) | (v8f_min(a, b) >= j->table.quiet_high));
+}
+
+/* The slab behind layer q with a fixed number of sheets in it. */
+INLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, v8f s0,
+                       v8f end, bool inner)
+{
+    Entry e0, e1;
+    look_up(j, s0, &e0);
+    for (int part = 1; part <= j->samples; part++) {
+        const v8f s1 = part == j->samples ? end : sample_sheet(j, pk, way, q, part, inner);
+        look_up(j, s1, &e1);
+        add_slab(j, light, &e0, &e1,
+                 slab_length(j, beam, pk, q, j->layer_mm / (float)j->samples, q + (double)(part - 1) / j->samples,
+                             q + (double)part / j->samples));
+        e0 = e1;
     }
 }
 
-static void run_row(const TiledJob *j, int y, int x0, int x1, TiledCounts *counts)
+/* The slab behind layer q in as many parts as its course asks for. From s0 over mid to end the field is taken for a
+ * parabola; the more it bends, and the more light is lost on the way (colours in front hide those behind), the more
+ * parts. Parts cost table entries, no voxels; on a straight way mid itself costs nothing. e0 belongs to s0 and
+ * becomes that of end. */
+INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, v8f s0,
+                       v8f end, bool inner, Entry *e0)
 {
-    for (int x = x0; x < x1; x += CTS_PACKET) {
-        Packet pk;
-        if (!init_packet(j, &pk, x, y))
-            continue;
-        counts->packets++;
-        Light light = {.t = splat8(1)};
-        march(j, &pk, &light, counts);
-        float *out = j->rgba + 4 * ((size_t)y * (size_t)j->width + (size_t)x);
-        for (int l = 0; l < CTS_PACKET && x + l < x1; l++, out += 4) {
-            out[0] = light.r[l];
-            out[1] = light.g[l];
-            out[2] = light.b[l];
-            out[3] = 1 - light.t[l];
+    Entry e1;
+    const v8f seen = select8(light->t < j->refine_transmittance, splat8(0), splat8(1));
+    if (v8_all(v8f_abs(end - s0) * seen < j->refine_grey)) {
+        look_up(j, end, &e1);
+        add_slab(j, light, e0, &e1, slab_length(j, beam, pk, q, j->layer_mm, q, q + 1));
+        *e0 = e1;
+        return;
+    }
+    const v8f mid = way == WAY_STRAIGHT ? (s0 + end) * 0.5f : sample_sheet(j, pk, way, q, 1, inner);
+    const v8f bend = 2 * (s0 + end) - 4 * mid, rise = end - s0 - bend;
+    int parts = v8_all(v8f_abs(bend) * seen < j->bend_grey) ? 2 : 4;
+    look_up(j, end, &e1);
+    const v8f nf = v8f_abs(__builtin_convertvector(e1.index - e0->index, v8f));
+    const v8f depth = v8f_abs(__builtin_convertvector(e1.k - e0->k, v8f)) * (j->table.depth_scale * j->layer_mm);
+    if (v8_any(depth * seen > nf * j->stiff_depth))
+        parts = 16;
+    const Entry last = e1;
+    for (int p = 1; p <= parts; p++) {
+        const float f = (float)p / (float)parts;
+        if (p < parts)
+            look_up(j, s0 + (rise + bend * f) * f, &e1);
+        else
+            e1 = last;
+        add_slab(j, light, e0, &e1,
+                 slab_length(j, beam, pk, q, j->layer_mm / (float)parts, q + (double)(p - 1) / parts,
+                             q + (double)p / parts));
+        *e0 = e1;
+    }
+}
+
+/* True when the packet became opaque. */
+INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, Light *light, TiledCounts *counts)
+{
+    v8f s0 = splat8(0);
+    Entry e0 = {.index = {0}};
+    int reached = -1, entered = -1; /* s0 is the field on layer `reached`, e0 its entry on layer `entered` */
+    uint64_t samples = 0, slabs = 0;
+    bool opaque = false;
+    for (int r = 0; !opaque && (r < beam->n_runs || tiled_beam_extend(j, beam)); r++) {
+        const TiledRun run = beam->runs[r];
+        if (run.from != reached)
+            s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
+        samples += (uint64_t)(run.to - run.from);
+        for (int q = run.from; q < run.to; q++) {
+            const v8f end = sample_sheet(j, pk, way, q + 1, 0, run.inner);
+            if (j->adaptive) {
+                if (!is_quiet(j, s0, end)) {
+                    slabs++;
+                    if (entered != q)
+                        look_up(j, s0, &e0);
+                    add_course(j, beam, pk, way, light, q, s0, end, run.inner, &e0);
+                    entered = q + 1;
+                    opaque = v8_all(light->t < j->stop_transmittance);
+                }
+            } else {
+                slabs++;
+                add_sheets(j, beam, pk, way, light, q, s0, end, run.inner);
+                opaque = v8_all(light->t < j->stop_transmittance);
+            }
+            s0 = end;
+            if (opaque) {
+                samples -= (uint64_t)(run.to - 1 - q);
+                break;
+            }
         }
+        reached = run.to;
+    }
+    counts->samples += samples * CTS_PACKET;
+    counts->slabs += slabs * CTS_PACKET;
+    return opaque;
+}
+
+static void run_packet(const TiledJob *j, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+{
+    Packet pk;
+    Light light = {.t = splat8(1)};
+    init_packet(j, &pk, x, y);
+    const bool opaque = !j->windowed   ? march(j, beam, &pk, WAY_WIDE, &light, counts)
+                        : j->straight ? march(j, beam, &pk, WAY_STRAIGHT, &light, counts)
+                                      : march(j, beam, &pk, WAY_OBLIQUE, &light, counts);
+    if (opaque) {
+        /* What is left of the light is taken to see the same colour as the rest did. */
+        const v8f scale = select8(light.t < j->stop_transmittance, 1.0f / (1.0f - light.t), splat8(1));
+        light.r *= scale;
+        light.g *= scale;
+        light.b *= scale;
+        light.t = select8(light.t < j->stop_transmittance, splat8(0), light.t);
+    }
+    counts->packets++;
+    float *out = j->rgba + 4 * ((size_t)y * (size_t)j->width + (size_t)x);
+    for (int l = 0; l < n; l++, out += 4) {
+        out[0] = light.r[l];
+        out[1] = light.g[l];
+        out[2] = light.b[l];
+        out[3] = 1 - light.t[l];
     }
 }

@@ -6,9 +6,7 @@
 
 typedef float v8f __attribute__((vector_size(32)));
 typedef int32_t v8i __attribute__((vector_size(32)));
-typedef double v4d __attribute__((vector_size(32)));
-typedef float v4f __attribute__((vector_size(16)));
-typedef int32_t v4i __attribute__((vector_size(16)));
+typedef int32_t v8i_u __attribute__((vector_size(32), aligned(4))); /* for loads from plain arrays */
 
 #define INLINE static inline __attribute__((always_inline))
 

@@ -1,0 +1,156 @@
+/* Beams: which slabs a bundle of rays must march through. */
+#include "splat/tiled_kernel.h"
+
+#include <math.h>
+
+static inline double smaller(double a, double b)
+{
+    return a < b ? a : b;
+}
+
+static inline double larger(double a, double b)
+{
+    return a > b ? a : b;
+}
+
+void tiled_clip(const TiledJob *j, double u, double v, double *enter, double *leave)
+{
+    const double at[2] = {u, v}, step[2] = {j->u_at[3], j->v_at[3]}, size[2] = {j->nu - 1, j->nv - 1};
+    *enter = 0;
+    *leave = j->nk - 1;
+    for (int c = 0; c < 2; c++) {
+        if (step[c] == 0) {
+            /* A hair's breadth of rounding must not lose a face that a ray runs along. */
+            const double hair = 1e-9 * (1 + size[c]);
+            if (at[c] < -hair || at[c] > size[c] + hair)
+                *leave = -1;
+            continue;
+        }
+        const double a = (0 - at[c]) / step[c], b = (size[c] - at[c]) / step[c];
+        *enter = larger(*enter, smaller(a, b));
+        *leave = smaller(*leave, larger(a, b));
+    }
+}
+
+/* Layers for which [low, high] + step * q, one coordinate of a beam, stays inside the blocks b0 - (n - 1) to
+ * b1 + (n - 1); beyond the volume's ends there is nothing to stay inside of. */
+static double room(const double at[2], double step, int b0, int b1, int n, int n_blocks)
+{
+    if (step > 0)
+        return b1 + n >= n_blocks ? INFINITY : ((b1 + n) * CTS_BLOCK - at[1]) / step;
+    if (step < 0)
+        return b0 - (n - 1) <= 0 ? INFINITY : (at[0] - (b0 - (n - 1)) * CTS_BLOCK) / -step;
+    return INFINITY;
+}
+
+static int block_of(double at, int n_blocks)
+{
+    const int b = at > 0 ? (int)(at * (1.0 / CTS_BLOCK)) : 0;
+    return b < n_blocks ? b : n_blocks - 1;
+}
+
+/* How many layers rays that meet layer q between (u[0], v[0]) and (u[1], v[1]) may leap. 0: something may be visible,
+ * or the next block is too near; *until is then the layer up to which to march before asking again. */
+static int leap_from(const TiledJob *j, const double u[2], const double v[2], int q, int *until)
+{
+    const CtsLeap *leap = &j->leap;
+    const int bu0 = block_of(u[0], leap->nu), bu1 = block_of(u[1], leap->nu);
+    const int bv0 = block_of(v[0], leap->nv), bv1 = block_of(v[1], leap->nv);
+    const unsigned cell = (unsigned)(j->rising ? q : j->nk - 2 - q);
+    const int rest = (int)(j->rising ? CTS_BLOCK - cell % CTS_BLOCK : cell % CTS_BLOCK + 1);
+    const uint8_t *d = leap->distance + (ptrdiff_t)(cell / CTS_BLOCK) * leap->nu * leap->nv;
+    int n = 255;
+    for (int bv = bv0; bv <= bv1; bv++)
+        for (int bu = bu0; bu <= bu1; bu++) {
+            const int here = d[bv * leap->nu + bu];
+            n = here < n ? here : n;
+        }
+    *until = q + rest;
+    if (n == 0)
+        return 0;
+    const double most = smaller(rest + CTS_BLOCK * (n - 1), smaller(room(u, j->u_at[3], bu0, bu1, n, leap->nu),
+                                                                    room(v, j->v_at[3], bv0, bv1, n, leap->nv)));
+    if (most < 1) {
+        *until = q + 1;
+        return 0;
+    }
+    return (int)most;
+}
+
+/* One coordinate's part of the bounds: each face's entry is linear in x and y, so its extremes are at the corners. */
+static bool bound(const TiledJob *j, const double at[4], double size, const int corner[4][2], double range[2],
+                  double in_out[4])
+{
+    double in_min = INFINITY, out_max = -INFINITY;
+    range[0] = INFINITY;
+    range[1] = -INFINITY;
+    (void)j;
+    for (int i = 0; i < 4; i++) {
+        const double here = at[0] + at[1] * corner[i][0] + at[2] * corner[i][1];
+        range[0] = smaller(range[0], here);
+        range[1] = larger(range[1], here);
+        if (at[3] == 0)
+            continue;
+        const double a = (0 - here) / at[3], b = (size - here) / at[3];
+        in_min = smaller(in_min, smaller(a, b));
+        out_max = larger(out_max, larger(a, b));
+        in_out[2] = larger(in_out[2], smaller(a, b));
+        in_out[3] = smaller(in_out[3], larger(a, b));
+    }
+    if (at[3] != 0) {
+        in_out[0] = larger(in_out[0], in_min);
+        in_out[1] = smaller(in_out[1], out_max);
+        return true;
+    }
+    const double hair = 1e-9 * (1 + size);
+    if (range[0] < 0 || range[1] > size)
+        in_out[3] = -1;
+    return range[1] >= -hair && range[0] <= size + hair;
+}
+
+bool tiled_beam_init(const TiledJob *j, TiledBeam *beam, int x0, int y0, int x1, int y1, int first)
+{
+    const int corner[4][2] = {{x0, y0}, {x1 - 1, y0}, {x0, y1 - 1}, {x1 - 1, y1 - 1}};
+    double in_out[4] = {0, j->nk - 1, 0, j->nk - 1}; /* some ray is inside from..to, all are from..to */
+    if (!bound(j, j->u_at, j->nu - 1, corner, beam->u, in_out) ||
+        !bound(j, j->v_at, j->nv - 1, corner, beam->v, in_out) || !(in_out[0] < in_out[1]))
+        return false;
+    beam->first = (int)in_out[0] > first ? (int)in_out[0] : first;
+    beam->last = (int)ceil(in_out[1]);
+    beam->full_from = (int)ceil(in_out[2]);
+    beam->full_to = in_out[3] > 0 ? (int)in_out[3] : 0;
+    beam->n_runs = 0;
+    beam->next = beam->first;
+    if (!tiled_beam_extend(j, beam))
+        return false;
+    beam->first = beam->runs[0].from;
+    return true;
+}
+
+/* Whether windows around [u, v] + step * q need no clamping. */
+static bool is_inner(const TiledJob *j, const TiledBeam *beam, int q)
+{
+    const double du = j->u_at[3] * q, dv = j->v_at[3] * q;
+    return beam->u[0] + du >= 1 && beam->v[0] + dv >= 1 && beam->u[1] + du + 1 < j->window_u &&
+           beam->v[1] + dv + 1 < j->window_v;
+}
+
+bool tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
+{
+    while (beam->next < beam->last) {
+        const int q = beam->next;
+        const double du = j->u_at[3] * q, dv = j->v_at[3] * q;
+        const double u[2] = {beam->u[0] + du, beam->u[1] + du}, v[2] = {beam->v[0] + dv, beam->v[1] + dv};
+        int until;
+        const int leap = leap_from(j, u, v, q, &until);
+        if (leap > 0) {
+            beam->next += leap;
+            continue;
+        }
+        until = until < beam->last ? until : beam->last;
+        beam->runs[beam->n_runs++] = (TiledRun){q, until, is_inner(j, beam, q) && is_inner(j, beam, until)};
+        beam->next = until;
+        return true;
+    }
+    return false;
+}
