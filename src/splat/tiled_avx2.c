@@ -27,6 +27,11 @@ INLINE v8i v8i_max(v8i a, v8i b)
     return (v8i)_mm256_max_epi32((__m256i)a, (__m256i)b);
 }
 
+INLINE v8f v8f_sqrt(v8f a)
+{
+    return (v8f)_mm256_sqrt_ps((__m256)a);
+}
+
 INLINE bool v8_any(v8i mask)
 {
     return _mm256_movemask_ps((__m256)mask) != 0;
@@ -57,6 +62,16 @@ INLINE void lookup8(const CtsSlabTable *t, v8i index, v8i *r, v8i *g, v8i *b, v8
     *g = (v8i)_mm256_unpackhi_epi64(rg01, rg23);
     *b = (v8i)_mm256_unpacklo_epi64(bk01, bk23);
     *k = (v8i)_mm256_unpackhi_epi64(bk01, bk23);
+}
+
+/* facing to the power of the preset, from shade's table. */
+INLINE v8f shade_power(const CtsShade *shade, v8f facing)
+{
+    const v8f at = facing * (float)shade->n_power;
+    const v8i i = v8i_min(__builtin_convertvector(at, v8i), (v8i)_mm256_set1_epi32(shade->n_power - 1));
+    const v8f low = (v8f)_mm256_i32gather_ps(shade->power, (__m256i)i, 4);
+    const v8f high = (v8f)_mm256_i32gather_ps(shade->power + 1, (__m256i)i, 4);
+    return low + (high - low) * (at - __builtin_convertvector(i, v8f));
 }
 
 /* Control bytes that fetch the voxels of columns x0 and x0 + 1. */

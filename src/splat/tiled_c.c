@@ -36,6 +36,14 @@ INLINE v8i v8i_max(v8i a, v8i b)
     return r;
 }
 
+INLINE v8f v8f_sqrt(v8f a)
+{
+    v8f r;
+    for (int l = 0; l < 8; l++)
+        r[l] = sqrtf(a[l]);
+    return r;
+}
+
 INLINE bool v8_any(v8i mask)
 {
     int any = 0;
@@ -61,6 +69,18 @@ INLINE void lookup8(const CtsSlabTable *t, v8i index, v8i *r, v8i *g, v8i *b, v8
         (*b)[l] = t->sum[i][2];
         (*k)[l] = t->sum[i][3];
     }
+}
+
+/* facing to the power of the preset, from shade's table. */
+INLINE v8f shade_power(const CtsShade *shade, v8f facing)
+{
+    v8f r;
+    for (int l = 0; l < 8; l++) {
+        const float at = facing[l] * (float)shade->n_power;
+        const int i = at < (float)shade->n_power ? (int)at : shade->n_power - 1;
+        r[l] = shade->power[i] + (shade->power[i + 1] - shade->power[i]) * (at - (float)i);
+    }
+    return r;
 }
 
 INLINE v8i make_pick(v8i x0)

@@ -5,8 +5,10 @@
 #ifndef CTS_SPLAT_TILED_KERNEL_H
 #define CTS_SPLAT_TILED_KERNEL_H
 
+#include "base/clock.h"
 #include "splat/layout.h"
 #include "splat/leap.h"
+#include "splat/shade.h"
 #include "splat/slab.h"
 #include <stdbool.h>
 #include <stdint.h>
@@ -39,6 +41,8 @@ typedef struct TiledJob {
     float stop_transmittance;    /* a packet ends when all of its pixels have less than this left */
     CtsSlabTable table;
     CtsLeap leap;
+    const CtsShade *shade;       /* NULL: unlit */
+    double depth_at[4];          /* depth_mm of pixel (x, y) at layer q, as u_at */
     int width, height;
     float *rgba;                 /* the picture */
     float *depth_mm;             /* NULL: not wanted */
@@ -65,7 +69,20 @@ typedef struct TiledCounts {
     uint64_t samples;   /* field values, one a pixel and sheet */
     uint64_t slabs;     /* pixel slabs in which something could be seen */
     uint64_t packets;   /* packets that met something */
+    /* Every so many packets the clock is read around what is sampled and what is composited. */
+    uint64_t splat_ticks, composite_ticks;
 } TiledCounts;
+
+enum { TILED_TIMED_PACKETS = 32 };
+
+static inline uint64_t tiled_ticks(void)
+{
+#if defined(__x86_64__)
+    return __builtin_ia32_rdtsc();
+#else
+    return (uint64_t)(cts_wall_ms() * 1e6);
+#endif
+}
 
 /* The packet of pixels x..x + 7 of row y, of which the first n are in the picture. */
 typedef void (*tiled_packet_fn)(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
@@ -79,5 +96,11 @@ bool tiled_beam_init(const TiledJob *job, TiledBeam *beam, int x0, int y0, int x
 bool tiled_beam_extend(const TiledJob *job, TiledBeam *beam);
 /* q between which the ray that meets layer 0 at (u, v) is inside the box of voxel centres; leave < enter: never. */
 void tiled_clip(const TiledJob *job, double u, double v, double *enter, double *leave);
+
+/* Distance from the camera plane of the ray of pixel (x, y) at layer q. */
+static inline float tiled_depth_mm(const TiledJob *job, int x, int y, float q)
+{
+    return (float)(job->depth_at[0] + job->depth_at[1] * x + job->depth_at[2] * y + job->depth_at[3] * (double)q);
+}
 
 #endif

@@ -159,8 +159,15 @@ INLINE void init_packet(const TiledJob *j, Packet *pk, int x, int y)
 
 typedef struct Light {
     v8f r, g, b, t; /* premultiplied colour gathered, transmittance left */
-    v8f depth;      /* q of the first visible surface */
+    v8f depth;      /* q of the first visible surface, -1: none */
 } Light;
+
+/* The first visible surface: where half of the light is lost, or the first that is seen at all. */
+INLINE void note_depth(Light *light, v8f t_before, float q)
+{
+    const v8i first = (light->depth < 0) & (light->t < t_before), half = (t_before > 0.5f) & (light->t <= 0.5f);
+    light->depth = select8(first | half, splat8(q), light->depth);
+}
 
 typedef struct Entry {
     v8i index;      /* of the table; not clamped below */
@@ -176,9 +183,14 @@ INLINE void look_up(const TiledJob *j, v8f s, Entry *e)
     lookup8(t, e->index, &e->r, &e->g, &e->b, &e->k);
 }
 
+/* Lighting of the sheet on layer `layer`: what colour is multiplied with, and the white added to it. */
+typedef struct Glow {
+    v8f colour, white;
+} Glow;
+
 /* One slab from entry a to entry b, length_mm long for each lane. With d levels between the entries and an integral of
  * k over them, depth = length * k / d, and the colour integral weighs alpha / depth: one division serves both. */
-INLINE void add_slab(const TiledJob *j, Light *light, const Entry *a, const Entry *b, v8f length_mm)
+INLINE void add_slab(const TiledJob *j, Light *light, const Entry *a, const Entry *b, v8f length_mm, const Glow *glow)
 {
     const CtsSlabTable *t = &j->table;
     v8i n = b->index - a->index;
@@ -202,10 +214,20 @@ INLINE void add_slab(const TiledJob *j, Light *light, const Entry *a, const Entr
     const v8f alpha = one_minus_exp(depth);
     const v8f weight = light->t * alpha * (nf * inverse) * t->colour_per_depth;
     const v8i sign = n < 0;
-    light->r += __builtin_convertvector((dr ^ sign) - sign, v8f) * weight;
-    light->g += __builtin_convertvector((dg ^ sign) - sign, v8f) * weight;
-    light->b += __builtin_convertvector((db ^ sign) - sign, v8f) * weight;
-    light->t -= light->t * alpha;
+    v8f r = __builtin_convertvector((dr ^ sign) - sign, v8f) * weight;
+    v8f g = __builtin_convertvector((dg ^ sign) - sign, v8f) * weight;
+    v8f b8 = __builtin_convertvector((db ^ sign) - sign, v8f) * weight;
+    const v8f lost = light->t * alpha;
+    if (glow) {
+        const v8f white = lost * glow->white;
+        r = r * glow->colour + white;
+        g = g * glow->colour + white;
+        b8 = b8 * glow->colour + white;
+    }
+    light->r += r;
+    light->g += g;
+    light->b += b8;
+    light->t -= lost;
 }
 
 /* Length inside the box of each lane's way from sheet position from to position to, in layers. */
@@ -224,128 +246,248 @@ INLINE v8f slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int
     return length;
 }
 
+/* Grey level differences of one lane, doubled derivatives as shade.h wants them, voxel by voxel: at the volume's faces
+ * one-sided. */
+static __attribute__((noinline)) void lane_gradient(const TiledJob *j, double u, double v, int q, float g[3])
+{
+    u = u < 0 ? 0 : u > j->nu - 1 ? j->nu - 1 : u;
+    v = v < 0 ? 0 : v > j->nv - 1 ? j->nv - 1 : v;
+    const int n[3] = {j->nu, j->nv, j->nk};
+    const int iu = j->nu > 1 && u >= j->nu - 1 ? j->nu - 2 : (int)u, iv = j->nv > 1 && v >= j->nv - 1 ? j->nv - 2 : (int)v;
+    const float fu = (float)(u - iu), fv = (float)(v - iv);
+    const ptrdiff_t stride[3] = {1, j->row_stride, j->layer_stride};
+    g[0] = g[1] = g[2] = 0;
+    for (int corner = 0; corner < 4; corner++) {
+        const int cu = corner & 1, cv = corner >> 1;
+        const float weight = (cu ? fu : 1 - fu) * (cv ? fv : 1 - fv);
+        const int at[3] = {iu + (j->nu > 1 ? cu : 0), iv + (j->nv > 1 ? cv : 0), q};
+        const uint16_t *p = j->layer0 + at[0] + at[1] * stride[1] + at[2] * stride[2];
+        for (int axis = 0; axis < 3; axis++) {
+            const int back = at[axis] > 0, on = at[axis] < n[axis] - 1;
+            if (back || on)
+                g[axis] += weight * (float)((p[on * stride[axis]] - p[-back * stride[axis]]) * (back && on ? 1 : 2));
+        }
+    }
+}
+
+/* The field's differences on a sheet, along u, v and the volume's layers. */
+typedef struct Slope {
+    v8f u, v, k;
+} Slope;
+
+INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, bool inner)
+{
+    v8f gu, gv, gk;
+    if (way == WAY_WIDE || !inner) {
+        for (int l = 0; l < CTS_PACKET; l++) {
+            float g[3];
+            lane_gradient(j, pk->u_lane0 + l * j->u_at[1] + q * j->u_at[3], pk->v_lane0 + l * j->v_at[1] + q * j->v_at[3],
+                          q, g);
+            gu[l] = g[0];
+            gv[l] = g[1];
+            gk[l] = g[2];
+        }
+    } else {
+        /* Away from the faces a difference of interpolated values is the interpolated difference. */
+        Taps made;
+        const Taps *t = &pk->straight;
+        const ptrdiff_t at = q * j->layer_stride, row = j->row_stride;
+        if (way == WAY_OBLIQUE) {
+            made = make_taps(j, pk, q * j->samples, true);
+            t = &made;
+        }
+        gu = load_window(t, at + 1, row) - load_window(t, at - 1, row);
+        gv = load_window(t, at + row, row) - load_window(t, at - row, row);
+        const int back = q > 0, on = q < j->nk - 1;
+        gk = load_window(t, at + on * j->layer_stride, row) - load_window(t, at - back * j->layer_stride, row);
+        if (back + on == 1)
+            gk = 2 * gk;
+    }
+    return (Slope){gu, gv, j->rising ? gk : -gk};
+}
+
+/* Lighting a fraction f of the way from slope a to slope b: the gradient is mixed, as it is between voxels, and only
+ * then made a direction, so that the weak gradient of air does not turn that of a surface. */
+INLINE Glow glow_between(const TiledJob *j, const Slope *a, const Slope *b, float f)
+{
+    const CtsShade *shade = j->shade;
+    const float *m = shade->form;
+    const v8f u = a->u + (b->u - a->u) * f, v = a->v + (b->v - a->v) * f, k = a->k + (b->k - a->k) * f;
+    const v8f towards = shade->along[0] * u + shade->along[1] * v + shade->along[2] * k;
+    const v8f square = u * (m[0] * u + m[3] * v + m[4] * k) + v * (m[1] * v + m[5] * k) + m[2] * k * k;
+    const v8i any = square > 0;
+    v8f facing = v8f_abs(towards) / v8f_sqrt(select8(any, square, splat8(1)));
+    facing = select8(any, v8f_min(facing, splat8(1)), splat8(0));
+    return (Glow){shade->ambient + shade->diffuse * facing,
+                  select8(any, shade->specular * shade_power(shade, facing), splat8(0))};
+}
+
 INLINE bool is_quiet(const TiledJob *j, v8f a, v8f b)
 {
     return v8_all((v8f_max(a, b) <= j->table.quiet_low) | (v8f_min(a, b) >= j->table.quiet_high));
 }
 
+/* What a march carries from slab to slab, each with the layer it belongs to. */
+typedef struct Course {
+    Entry entry;
+    Slope slope;
+    int entry_layer, slope_layer;
+} Course;
+
 /* The slab behind layer q with a fixed number of sheets in it. */
 INLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, v8f s0,
-                       v8f end, bool inner)
+                       v8f end, bool inner, bool lit)
 {
     Entry e0, e1;
+    Slope ends[2];
+    Glow glow;
     look_up(j, s0, &e0);
+    if (lit) {
+        ends[0] = slope_at(j, pk, way, q, inner);
+        ends[1] = slope_at(j, pk, way, q + 1, inner);
+    }
     for (int part = 1; part <= j->samples; part++) {
         const v8f s1 = part == j->samples ? end : sample_sheet(j, pk, way, q, part, inner);
         look_up(j, s1, &e1);
+        if (lit)
+            glow = glow_between(j, &ends[0], &ends[1], ((float)part - 0.5f) / (float)j->samples);
+        const v8f t_before = light->t;
         add_slab(j, light, &e0, &e1,
                  slab_length(j, beam, pk, q, j->layer_mm / (float)j->samples, q + (double)(part - 1) / j->samples,
-                             q + (double)part / j->samples));
+                             q + (double)part / j->samples), lit ? &glow : NULL);
+        note_depth(light, t_before, (float)q + ((float)part - 0.5f) / (float)j->samples);
         e0 = e1;
     }
 }
 
 /* The slab behind layer q in as many parts as its course asks for. From s0 over mid to end the field is taken for a
  * parabola; the more it bends, and the more light is lost on the way (colours in front hide those behind), the more
- * parts. Parts cost table entries, no voxels; on a straight way mid itself costs nothing. e0 belongs to s0 and
- * becomes that of end. */
+ * parts. Parts cost table entries, no voxels; on a straight way mid itself costs nothing. */
 INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, v8f s0,
-                       v8f end, bool inner, Entry *e0)
+                       v8f end, bool inner, bool lit, Course *course)
 {
-    Entry e1;
-    const v8f seen = select8(light->t < j->refine_transmittance, splat8(0), splat8(1));
-    if (v8_all(v8f_abs(end - s0) * seen < j->refine_grey)) {
-        look_up(j, end, &e1);
-        add_slab(j, light, e0, &e1, slab_length(j, beam, pk, q, j->layer_mm, q, q + 1));
-        *e0 = e1;
-        return;
-    }
-    const v8f mid = way == WAY_STRAIGHT ? (s0 + end) * 0.5f : sample_sheet(j, pk, way, q, 1, inner);
-    const v8f bend = 2 * (s0 + end) - 4 * mid, rise = end - s0 - bend;
-    int parts = v8_all(v8f_abs(bend) * seen < j->bend_grey) ? 2 : 4;
+    Entry e0, e1;
+    Slope slope0, slope1;
+    if (course->entry_layer == q)
+        e0 = course->entry;
+    else
+        look_up(j, s0, &e0);
     look_up(j, end, &e1);
-    const v8f nf = v8f_abs(__builtin_convertvector(e1.index - e0->index, v8f));
-    const v8f depth = v8f_abs(__builtin_convertvector(e1.k - e0->k, v8f)) * (j->table.depth_scale * j->layer_mm);
-    if (v8_any(depth * seen > nf * j->stiff_depth))
-        parts = 16;
     const Entry last = e1;
+    if (lit) {
+        slope0 = course->slope_layer == q ? course->slope : slope_at(j, pk, way, q, inner);
+        slope1 = slope_at(j, pk, way, q + 1, inner);
+        course->slope = slope1;
+        course->slope_layer = q + 1;
+    }
+    const v8f seen = select8(light->t < j->refine_transmittance, splat8(0), splat8(1));
+    int parts = 1;
+    v8f bend = splat8(0), rise = bend;
+    if (!v8_all(v8f_abs(end - s0) * seen < j->refine_grey)) {
+        const v8f mid = way == WAY_STRAIGHT ? (s0 + end) * 0.5f : sample_sheet(j, pk, way, q, 1, inner);
+        bend = 2 * (s0 + end) - 4 * mid;
+        rise = end - s0 - bend;
+        parts = v8_all(v8f_abs(bend) * seen < j->bend_grey) ? 2 : 4;
+        const v8f nf = v8f_abs(__builtin_convertvector(e1.index - e0.index, v8f));
+        const v8f depth = v8f_abs(__builtin_convertvector(e1.k - e0.k, v8f)) * (j->table.depth_scale * j->layer_mm);
+        if (v8_any(depth * seen > nf * j->stiff_depth))
+            parts = 16;
+    }
+    const float share = 1.0f / (float)parts;
     for (int p = 1; p <= parts; p++) {
-        const float f = (float)p / (float)parts;
+        const float f = (float)p * share;
         if (p < parts)
             look_up(j, s0 + (rise + bend * f) * f, &e1);
         else
             e1 = last;
-        add_slab(j, light, e0, &e1,
-                 slab_length(j, beam, pk, q, j->layer_mm / (float)parts, q + (double)(p - 1) / parts,
-                             q + (double)p / parts));
-        *e0 = e1;
+        Glow glow;
+        if (lit)
+            glow = glow_between(j, &slope0, &slope1, f - 0.5f * share);
+        const v8f t_before = light->t;
+        add_slab(j, light, &e0, &e1,
+                 slab_length(j, beam, pk, q, j->layer_mm * share, q + (double)(p - 1) / parts, q + (double)p / parts),
+                 lit ? &glow : NULL);
+        note_depth(light, t_before, (float)q + f - 0.5f * share);
+        e0 = e1;
     }
+    course->entry = last;
+    course->entry_layer = q + 1;
 }
 
 /* True when the packet became opaque. */
-INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, Light *light, TiledCounts *counts)
+INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool lit, Light *light,
+                  TiledCounts *counts)
 {
     v8f s0 = splat8(0);
-    Entry e0 = {.index = {0}};
-    int reached = -1, entered = -1; /* s0 is the field on layer `reached`, e0 its entry on layer `entered` */
+    Course course = {.entry_layer = -1, .slope_layer = -1};
+    int reached = -1; /* s0 is the field on this layer */
     uint64_t samples = 0, slabs = 0;
     bool opaque = false;
+    const bool timed = counts->packets % TILED_TIMED_PACKETS == 0;
+    uint64_t start = timed ? tiled_ticks() : 0, composite = 0;
     for (int r = 0; !opaque && (r < beam->n_runs || tiled_beam_extend(j, beam)); r++) {
         const TiledRun run = beam->runs[r];
         if (run.from != reached)
             s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
-        samples += (uint64_t)(run.to - run.from);
-        for (int q = run.from; q < run.to; q++) {
+        reached = run.to;
+        for (int q = run.from; q < run.to && !opaque; q++) {
             const v8f end = sample_sheet(j, pk, way, q + 1, 0, run.inner);
-            if (j->adaptive) {
-                if (!is_quiet(j, s0, end)) {
-                    slabs++;
-                    if (entered != q)
-                        look_up(j, s0, &e0);
-                    add_course(j, beam, pk, way, light, q, s0, end, run.inner, &e0);
-                    entered = q + 1;
-                    opaque = v8_all(light->t < j->stop_transmittance);
-                }
-            } else {
+            samples++;
+            if (!j->adaptive || !is_quiet(j, s0, end)) {
+                const uint64_t before = timed ? tiled_ticks() : 0;
                 slabs++;
-                add_sheets(j, beam, pk, way, light, q, s0, end, run.inner);
+                if (j->adaptive)
+                    add_course(j, beam, pk, way, light, q, s0, end, run.inner, lit, &course);
+                else
+                    add_sheets(j, beam, pk, way, light, q, s0, end, run.inner, lit);
                 opaque = v8_all(light->t < j->stop_transmittance);
+                composite += timed ? tiled_ticks() - before : 0;
             }
             s0 = end;
-            if (opaque) {
-                samples -= (uint64_t)(run.to - 1 - q);
-                break;
-            }
         }
-        reached = run.to;
+    }
+    if (timed) {
+        counts->composite_ticks += composite;
+        counts->splat_ticks += tiled_ticks() - start - composite;
     }
     counts->samples += samples * CTS_PACKET;
     counts->slabs += slabs * CTS_PACKET;
     return opaque;
 }
 
+INLINE bool march_any(const TiledJob *j, TiledBeam *beam, Packet *pk, bool lit, Light *light, TiledCounts *counts)
+{
+    return !j->windowed  ? march(j, beam, pk, WAY_WIDE, lit, light, counts)
+           : j->straight ? march(j, beam, pk, WAY_STRAIGHT, lit, light, counts)
+                         : march(j, beam, pk, WAY_OBLIQUE, lit, light, counts);
+}
+
 static void run_packet(const TiledJob *j, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
 {
     Packet pk;
-    Light light = {.t = splat8(1)};
+    Light light = {.t = splat8(1), .depth = splat8(-1)};
     init_packet(j, &pk, x, y);
-    const bool opaque = !j->windowed   ? march(j, beam, &pk, WAY_WIDE, &light, counts)
-                        : j->straight ? march(j, beam, &pk, WAY_STRAIGHT, &light, counts)
-                                      : march(j, beam, &pk, WAY_OBLIQUE, &light, counts);
+    const bool opaque =
+        j->shade ? march_any(j, beam, &pk, true, &light, counts) : march_any(j, beam, &pk, false, &light, counts);
     if (opaque) {
         /* What is left of the light is taken to see the same colour as the rest did. */
-        const v8f scale = select8(light.t < j->stop_transmittance, 1.0f / (1.0f - light.t), splat8(1));
+        const v8i dark = light.t < j->stop_transmittance;
+        const v8f scale = select8(dark, 1.0f / (1.0f - light.t), splat8(1));
         light.r *= scale;
         light.g *= scale;
         light.b *= scale;
-        light.t = select8(light.t < j->stop_transmittance, splat8(0), light.t);
+        light.t = select8(dark, splat8(0), light.t);
     }
     counts->packets++;
-    float *out = j->rgba + 4 * ((size_t)y * (size_t)j->width + (size_t)x);
+    const size_t first = (size_t)y * (size_t)j->width + (size_t)x;
+    float *out = j->rgba + 4 * first;
     for (int l = 0; l < n; l++, out += 4) {
         out[0] = light.r[l];
         out[1] = light.g[l];
         out[2] = light.b[l];
         out[3] = 1 - light.t[l];
     }
+    for (int l = 0; l < n && j->depth_mm; l++)
+        if (light.depth[l] >= 0)
+            j->depth_mm[first + (size_t)l] = tiled_depth_mm(j, x + l, y, light.depth[l]);
 }
