@@ -11,12 +11,12 @@
 enum { CTS_LAYOUT_MIN_U = 8, CTS_LAYOUT_MIN_V = 3 }; /* what a kernel's loads may touch; smaller volumes are padded */
 
 typedef struct CtsLayout {
-    int axis_u, axis_v, axis_k;    /* volume axes: along a row, from row to row, from layer to layer */
-    int nu, nv, nk;                /* voxels */
-    int alloc_u, alloc_v;          /* voxels that may be read: at least the minima above */
-    const uint16_t *grey;          /* voxel (u, v, k) is grey[k * layer_stride + v * row_stride + u] */
+    int axis_u, axis_v, axis_k; /* volume axes: along a row, from row to row, from layer to layer */
+    int nu, nv, nk;             /* voxels */
+    int alloc_u, alloc_v;       /* voxels that may be read: at least the minima above */
+    const uint16_t *grey;       /* voxel (u, v, k) is grey[k * layer_stride + v * row_stride + u] */
     ptrdiff_t row_stride, layer_stride;
-    uint16_t *copy;                /* owned; NULL where the volume is used in place */
+    uint16_t *copy; /* owned; NULL where the volume is used in place */
 } CtsLayout;
 
 CtsStatus cts_layout_init(CtsLayout *layout, const CtsVolume *volume, const CtsView *view, int n_threads,

@@ -51,7 +51,8 @@ CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout 
 {
     CtsStatus st;
     uint8_t *near = NULL;
-    *leap = (CtsLeap){.nu = blocks->n[layout->axis_u], .nv = blocks->n[layout->axis_v], .nk = blocks->n[layout->axis_k]};
+    *leap =
+        (CtsLeap){.nu = blocks->n[layout->axis_u], .nv = blocks->n[layout->axis_v], .nk = blocks->n[layout->axis_k]};
     leap->n_blocks = (int64_t)leap->nu * leap->nv * leap->nk;
     if ((st = cts_alloc_array(&leap->distance, (size_t)leap->n_blocks, err)) ||
         (st = cts_alloc_array(&near, (size_t)leap->nu + 2, err)))

@@ -96,10 +96,8 @@ INLINE v8f load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
     const __m256i p2 = _mm256_shuffle_epi8(window_row(t, offset + 2 * row_stride), pick);
     const __m256i upper = _mm256_blendv_epi8(p0, p1, (__m256i)t->row1);
     const __m256i lower = _mm256_blendv_epi8(p1, p2, (__m256i)t->row1);
-    const v8f a = (v8f)_mm256_cvtepi32_ps(
-        _mm256_madd_epi16(_mm256_xor_si256(upper, bias), (__m256i)t->weights));
-    const v8f b = (v8f)_mm256_cvtepi32_ps(
-        _mm256_madd_epi16(_mm256_xor_si256(lower, bias), (__m256i)t->weights));
+    const v8f a = (v8f)_mm256_cvtepi32_ps(_mm256_madd_epi16(_mm256_xor_si256(upper, bias), (__m256i)t->weights));
+    const v8f b = (v8f)_mm256_cvtepi32_ps(_mm256_madd_epi16(_mm256_xor_si256(lower, bias), (__m256i)t->weights));
     return (a + t->fy * (b - a)) * (1.0f / 16384) + 32768.0f;
 }
 

@@ -18,34 +18,34 @@ enum { CTS_PACKET = 8 };
 /* Everything a thread needs, read-only. Layers are numbered q = 0, 1, ... in the order a ray meets them; sheets, of
  * which there are `samples` to a layer, t = 0, 1, ... in the same order. */
 typedef struct TiledJob {
-    const uint16_t *layer0;      /* voxel (0, 0) of layer q = 0 */
+    const uint16_t *layer0;             /* voxel (0, 0) of layer q = 0 */
     ptrdiff_t row_stride, layer_stride; /* the latter from q to q + 1: negative where rays run against the axis */
     int nu, nv, nk;
-    bool rising;                 /* layer q is volume layer q; else nk - 1 - q */
+    bool rising; /* layer q is volume layer q; else nk - 1 - q */
     /* Where the ray of pixel (x, y) meets layer q: u = u_at[0] + u_at[1] x + u_at[2] y + u_at[3] q, v alike. */
     double u_at[4], v_at[4];
-    int64_t u_step, v_step;      /* voxels from sheet to sheet, in 2^-32 */
+    int64_t u_step, v_step; /* voxels from sheet to sheet, in 2^-32 */
     /* A packet's pixels against its first one, in 2^-16 voxels, and the smallest of each half packet. */
     int32_t lane_u[CTS_PACKET], lane_v[CTS_PACKET], half_u[CTS_PACKET], half_v[CTS_PACKET];
-    int window_u, window_v;      /* largest first column and row of a window of 8 x 3 voxels */
-    bool windowed;               /* half a packet fits such a window; else lane by lane */
-    bool straight;               /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
-    int samples;                 /* sub-sheets per layer */
+    int window_u, window_v; /* largest first column and row of a window of 8 x 3 voxels */
+    bool windowed;          /* half a packet fits such a window; else lane by lane */
+    bool straight;          /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
+    int samples;            /* sub-sheets per layer */
     /* Adaptive: layers are sampled once, and a slab gets more only where both its layers do not show the same. */
     bool adaptive;
-    float refine_grey;           /* a slab over which the field changes less is taken for straight */
-    float refine_transmittance;  /* and so is one that less light than this reaches */
-    float bend_grey;             /* a field that bends less is taken for straight in either half */
-    float stiff_depth;           /* a slab of more optical depth is cut into 16 */
-    float layer_mm;              /* ray length from layer to layer */
-    float stop_transmittance;    /* a packet ends when all of its pixels have less than this left */
+    float refine_grey;          /* a slab over which the field changes less is taken for straight */
+    float refine_transmittance; /* and so is one that less light than this reaches */
+    float bend_grey;            /* a field that bends less is taken for straight in either half */
+    float stiff_depth;          /* a slab of more optical depth is cut into 16 */
+    float layer_mm;             /* ray length from layer to layer */
+    float stop_transmittance;   /* a packet ends when all of its pixels have less than this left */
     CtsSlabTable table;
     CtsLeap leap;
-    const CtsShade *shade;       /* NULL: unlit */
-    double depth_at[4];          /* depth_mm of pixel (x, y) at layer q, as u_at */
+    const CtsShade *shade; /* NULL: unlit */
+    double depth_at[4];    /* depth_mm of pixel (x, y) at layer q, as u_at */
     int width, height;
-    float *rgba;                 /* the picture */
-    float *depth_mm;             /* NULL: not wanted */
+    float *rgba;     /* the picture */
+    float *depth_mm; /* NULL: not wanted */
 } TiledJob;
 
 /* Slabs from..to - 1 in which something may be visible. */
@@ -62,13 +62,13 @@ typedef struct TiledBeam {
     int full_from, full_to; /* slabs full_from..full_to - 1 are inside the box for every ray */
     int next;               /* slab from which the next run is searched */
     int n_runs;
-    TiledRun *runs;         /* room for nk; the thread's */
+    TiledRun *runs; /* room for nk; the thread's */
 } TiledBeam;
 
 typedef struct TiledCounts {
-    uint64_t samples;   /* field values, one a pixel and sheet */
-    uint64_t slabs;     /* pixel slabs in which something could be seen */
-    uint64_t packets;   /* packets that met something */
+    uint64_t samples; /* field values, one a pixel and sheet */
+    uint64_t slabs;   /* pixel slabs in which something could be seen */
+    uint64_t packets; /* packets that met something */
     /* Every so many packets the clock is read around what is sampled and what is composited. */
     uint64_t splat_ticks, composite_ticks;
 } TiledCounts;

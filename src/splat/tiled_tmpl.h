@@ -1,10 +1,11 @@
 /* The march of one packet, in vectors of 8 pixels. Included by tiled_c.c and tiled_avx2.c, which first define
- * v8f_min, v8f_max, v8i_min, v8i_max, v8_any, v8_all, load_window and lookup8; everything else is element-wise and the same in both. */
+ * v8f_min, v8f_max, v8i_min, v8i_max, v8_any, v8_all, load_window and lookup8; everything else is element-wise and the
+ * same in both. */
 
 typedef struct Packet {
-    double u_lane0, v_lane0; /* first pixel, at q = 0 */
-    int64_t u, v;            /* the same in 2^-32 */
-    bool clipped;            /* enter and leave are known */
+    double u_lane0, v_lane0;                     /* first pixel, at q = 0 */
+    int64_t u, v;                                /* the same in 2^-32 */
+    bool clipped;                                /* enter and leave are known */
     double enter[CTS_PACKET], leave[CTS_PACKET]; /* q between which each ray is inside the box */
     Taps straight;
 } Packet;
@@ -57,7 +58,8 @@ INLINE int clamp_int(int x, int low, int high)
 INLINE Taps make_taps(const TiledJob *j, const Packet *pk, int t_sheet, bool inner)
 {
     Taps t;
-    const int32_t pu = (int32_t)((pk->u + t_sheet * j->u_step) >> 16), pv = (int32_t)((pk->v + t_sheet * j->v_step) >> 16);
+    const int32_t pu = (int32_t)((pk->u + t_sheet * j->u_step) >> 16),
+                  pv = (int32_t)((pk->v + t_sheet * j->v_step) >> 16);
     const v8i half_u = *(const v8i_u *)j->half_u, half_v = *(const v8i_u *)j->half_v;
     v8i u = splat8i(pu) + *(const v8i_u *)j->lane_u, v = splat8i(pv) + *(const v8i_u *)j->lane_v;
     v8i iu = (splat8i(pu) + half_u) >> 16, iv = (splat8i(pv) + half_v) >> 16;
@@ -158,8 +160,8 @@ INLINE void init_packet(const TiledJob *j, Packet *pk, int x, int y)
 }
 
 typedef struct Light {
-    v8f r, g, b, t; /* premultiplied colour gathered, transmittance left */
-    v8f depth;      /* q of the first visible surface, -1: none */
+    v8f r, g, b, a, t; /* premultiplied colour and opacity gathered, transmittance left: 1 - a loses small a */
+    v8f depth;         /* q of the first visible surface, -1: none */
 } Light;
 
 /* The first visible surface: where half of the light is lost, or the first that is seen at all. */
@@ -227,6 +229,7 @@ INLINE void add_slab(const TiledJob *j, Light *light, const Entry *a, const Entr
     light->r += r;
     light->g += g;
     light->b += b8;
+    light->a += lost;
     light->t -= lost;
 }
 
@@ -253,7 +256,8 @@ static __attribute__((noinline)) void lane_gradient(const TiledJob *j, double u,
     u = u < 0 ? 0 : u > j->nu - 1 ? j->nu - 1 : u;
     v = v < 0 ? 0 : v > j->nv - 1 ? j->nv - 1 : v;
     const int n[3] = {j->nu, j->nv, j->nk};
-    const int iu = j->nu > 1 && u >= j->nu - 1 ? j->nu - 2 : (int)u, iv = j->nv > 1 && v >= j->nv - 1 ? j->nv - 2 : (int)v;
+    const int iu = j->nu > 1 && u >= j->nu - 1 ? j->nu - 2 : (int)u,
+              iv = j->nv > 1 && v >= j->nv - 1 ? j->nv - 2 : (int)v;
     const float fu = (float)(u - iu), fv = (float)(v - iv);
     const ptrdiff_t stride[3] = {1, j->row_stride, j->layer_stride};
     g[0] = g[1] = g[2] = 0;
@@ -281,8 +285,8 @@ INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, bool 
     if (way == WAY_WIDE || !inner) {
         for (int l = 0; l < CTS_PACKET; l++) {
             float g[3];
-            lane_gradient(j, pk->u_lane0 + l * j->u_at[1] + q * j->u_at[3], pk->v_lane0 + l * j->v_at[1] + q * j->v_at[3],
-                          q, g);
+            lane_gradient(j, pk->u_lane0 + l * j->u_at[1] + q * j->u_at[3],
+                          pk->v_lane0 + l * j->v_at[1] + q * j->v_at[3], q, g);
             gu[l] = g[0];
             gv[l] = g[1];
             gk[l] = g[2];
@@ -339,24 +343,35 @@ INLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
                        v8f end, bool inner, bool lit)
 {
     Entry e0, e1;
-    Slope ends[2];
+    Slope ends[2] = {{.u = splat8(0)}};
     Glow glow;
-    look_up(j, s0, &e0);
-    if (lit) {
-        ends[0] = slope_at(j, pk, way, q, inner);
-        ends[1] = slope_at(j, pk, way, q + 1, inner);
-    }
+    bool have_entry = false, have_ends = false;
     for (int part = 1; part <= j->samples; part++) {
         const v8f s1 = part == j->samples ? end : sample_sheet(j, pk, way, q, part, inner);
+        if (is_quiet(j, s0, s1)) {
+            s0 = s1;
+            have_entry = false;
+            continue;
+        }
+        if (!have_entry)
+            look_up(j, s0, &e0);
         look_up(j, s1, &e1);
+        if (lit && !have_ends) {
+            ends[0] = slope_at(j, pk, way, q, inner);
+            ends[1] = slope_at(j, pk, way, q + 1, inner);
+            have_ends = true;
+        }
         if (lit)
             glow = glow_between(j, &ends[0], &ends[1], ((float)part - 0.5f) / (float)j->samples);
         const v8f t_before = light->t;
         add_slab(j, light, &e0, &e1,
                  slab_length(j, beam, pk, q, j->layer_mm / (float)j->samples, q + (double)(part - 1) / j->samples,
-                             q + (double)part / j->samples), lit ? &glow : NULL);
+                             q + (double)part / j->samples),
+                 lit ? &glow : NULL);
         note_depth(light, t_before, (float)q + ((float)part - 0.5f) / (float)j->samples);
+        s0 = s1;
         e0 = e1;
+        have_entry = true;
     }
 }
 
@@ -390,16 +405,18 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
         parts = v8_all(v8f_abs(bend) * seen < j->bend_grey) ? 2 : 4;
         const v8f nf = v8f_abs(__builtin_convertvector(e1.index - e0.index, v8f));
         const v8f depth = v8f_abs(__builtin_convertvector(e1.k - e0.k, v8f)) * (j->table.depth_scale * j->layer_mm);
-        if (v8_any(depth * seen > nf * j->stiff_depth))
+        if (j->samples > 2)
+            parts = j->samples;
+        else if (v8_any(depth * seen > nf * j->stiff_depth))
             parts = 16;
     }
     const float share = 1.0f / (float)parts;
     for (int p = 1; p <= parts; p++) {
         const float f = (float)p * share;
-        if (p < parts)
-            look_up(j, s0 + (rise + bend * f) * f, &e1);
-        else
+        if (p == parts)
             e1 = last;
+        else
+            look_up(j, s0 + (rise + bend * f) * f, &e1);
         Glow glow;
         if (lit)
             glow = glow_between(j, &slope0, &slope1, f - 0.5f * share);
@@ -415,8 +432,7 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
 }
 
 /* True when the packet became opaque. */
-INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool lit, Light *light,
-                  TiledCounts *counts)
+INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool lit, Light *light, TiledCounts *counts)
 {
     v8f s0 = splat8(0);
     Course course = {.entry_layer = -1, .slope_layer = -1};
@@ -472,11 +488,11 @@ static void run_packet(const TiledJob *j, TiledBeam *beam, int x, int y, int n, 
     if (opaque) {
         /* What is left of the light is taken to see the same colour as the rest did. */
         const v8i dark = light.t < j->stop_transmittance;
-        const v8f scale = select8(dark, 1.0f / (1.0f - light.t), splat8(1));
+        const v8f scale = select8(dark, 1.0f / light.a, splat8(1));
         light.r *= scale;
         light.g *= scale;
         light.b *= scale;
-        light.t = select8(dark, splat8(0), light.t);
+        light.a = select8(dark, splat8(1), light.a);
     }
     counts->packets++;
     const size_t first = (size_t)y * (size_t)j->width + (size_t)x;
@@ -485,7 +501,7 @@ static void run_packet(const TiledJob *j, TiledBeam *beam, int x, int y, int n, 
         out[0] = light.r[l];
         out[1] = light.g[l];
         out[2] = light.b[l];
-        out[3] = 1 - light.t[l];
+        out[3] = light.a[l];
     }
     for (int l = 0; l < n && j->depth_mm; l++)
         if (light.depth[l] >= 0)
