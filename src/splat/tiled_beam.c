@@ -117,7 +117,8 @@ bool tiled_beam_init(const TiledJob *j, TiledBeam *beam, int x0, int y0, int x1,
         return false;
     beam->first = (int)in_out[0] > first ? (int)in_out[0] : first;
     beam->last = (int)ceil(in_out[1]);
-    beam->full_from = (int)ceil(in_out[2]);
+    /* A view nearly along an axis meets the side faces very far away: keep to what an int holds. */
+    beam->full_from = in_out[2] < j->nk ? (int)ceil(in_out[2]) : j->nk;
     beam->full_to = in_out[3] > 0 ? (int)in_out[3] : 0;
     beam->n_runs = 0;
     beam->next = beam->first;

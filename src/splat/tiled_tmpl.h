@@ -279,35 +279,54 @@ typedef struct Slope {
     v8f u, v, k;
 } Slope;
 
-INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, bool inner)
+/* On layer q, where the packet's rays cross the sheet a fraction part / samples behind layer `from`. */
+INLINE Slope slope_on_layer(const TiledJob *j, const Packet *pk, Way way, const Taps *t, int q, int from, int part,
+                            bool inner)
 {
-    v8f gu, gv, gk;
+    Slope g;
     if (way == WAY_WIDE || !inner) {
+        const double at = from + (double)part / j->samples;
         for (int l = 0; l < CTS_PACKET; l++) {
-            float g[3];
-            lane_gradient(j, pk->u_lane0 + l * j->u_at[1] + q * j->u_at[3],
-                          pk->v_lane0 + l * j->v_at[1] + q * j->v_at[3], q, g);
-            gu[l] = g[0];
-            gv[l] = g[1];
-            gk[l] = g[2];
+            float lane[3];
+            lane_gradient(j, pk->u_lane0 + l * j->u_at[1] + at * j->u_at[3],
+                          pk->v_lane0 + l * j->v_at[1] + at * j->v_at[3], q, lane);
+            g.u[l] = lane[0];
+            g.v[l] = lane[1];
+            g.k[l] = lane[2];
         }
     } else {
         /* Away from the faces a difference of interpolated values is the interpolated difference. */
-        Taps made;
-        const Taps *t = &pk->straight;
-        const ptrdiff_t at = q * j->layer_stride, row = j->row_stride;
-        if (way == WAY_OBLIQUE) {
-            made = make_taps(j, pk, q * j->samples, true);
-            t = &made;
-        }
-        gu = load_window(t, at + 1, row) - load_window(t, at - 1, row);
-        gv = load_window(t, at + row, row) - load_window(t, at - row, row);
+        const ptrdiff_t offset = q * j->layer_stride, row = j->row_stride;
         const int back = q > 0, on = q < j->nk - 1;
-        gk = load_window(t, at + on * j->layer_stride, row) - load_window(t, at - back * j->layer_stride, row);
+        g.u = load_window(t, offset + 1, row) - load_window(t, offset - 1, row);
+        g.v = load_window(t, offset + row, row) - load_window(t, offset - row, row);
+        g.k = load_window(t, offset + on * j->layer_stride, row) - load_window(t, offset - back * j->layer_stride, row);
         if (back + on == 1)
-            gk = 2 * gk;
+            g.k = 2 * g.k;
     }
-    return (Slope){gu, gv, j->rising ? gk : -gk};
+    if (!j->rising)
+        g.k = -g.k;
+    return g;
+}
+
+INLINE Slope mix_slope(const Slope *a, const Slope *b, float f)
+{
+    return (Slope){a->u + (b->u - a->u) * f, a->v + (b->v - a->v) * f, a->k + (b->k - a->k) * f};
+}
+
+INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
+{
+    Taps made;
+    const Taps *t = &pk->straight;
+    if (way == WAY_OBLIQUE) {
+        made = make_taps(j, pk, q * j->samples + part, inner);
+        t = &made;
+    }
+    const Slope here = slope_on_layer(j, pk, way, t, q, q, part, inner);
+    if (part == 0)
+        return here;
+    const Slope next = slope_on_layer(j, pk, way, t, q + 1, q, part, inner);
+    return mix_slope(&here, &next, (float)part / (float)j->samples);
 }
 
 /* Lighting a fraction f of the way from slope a to slope b: the gradient is mixed, as it is between voxels, and only
@@ -316,7 +335,8 @@ INLINE Glow glow_between(const TiledJob *j, const Slope *a, const Slope *b, floa
 {
     const CtsShade *shade = j->shade;
     const float *m = shade->form;
-    const v8f u = a->u + (b->u - a->u) * f, v = a->v + (b->v - a->v) * f, k = a->k + (b->k - a->k) * f;
+    const Slope slope = mix_slope(a, b, f);
+    const v8f u = slope.u, v = slope.v, k = slope.k;
     const v8f towards = shade->along[0] * u + shade->along[1] * v + shade->along[2] * k;
     const v8f square = u * (m[0] * u + m[3] * v + m[4] * k) + v * (m[1] * v + m[5] * k) + m[2] * k * k;
     const v8i any = square > 0;
@@ -343,9 +363,9 @@ INLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
                        v8f end, bool inner, bool lit)
 {
     Entry e0, e1;
-    Slope ends[2] = {{.u = splat8(0)}};
+    Slope g0 = {.u = splat8(0)}, g1;
     Glow glow;
-    bool have_entry = false, have_ends = false;
+    bool have_entry = false;
     for (int part = 1; part <= j->samples; part++) {
         const v8f s1 = part == j->samples ? end : sample_sheet(j, pk, way, q, part, inner);
         if (is_quiet(j, s0, s1)) {
@@ -356,13 +376,13 @@ INLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
         if (!have_entry)
             look_up(j, s0, &e0);
         look_up(j, s1, &e1);
-        if (lit && !have_ends) {
-            ends[0] = slope_at(j, pk, way, q, inner);
-            ends[1] = slope_at(j, pk, way, q + 1, inner);
-            have_ends = true;
+        if (lit) {
+            if (!have_entry)
+                g0 = slope_at(j, pk, way, q, part - 1, inner);
+            g1 = part == j->samples ? slope_at(j, pk, way, q + 1, 0, inner) : slope_at(j, pk, way, q, part, inner);
+            glow = glow_between(j, &g0, &g1, 0.5f);
+            g0 = g1;
         }
-        if (lit)
-            glow = glow_between(j, &ends[0], &ends[1], ((float)part - 0.5f) / (float)j->samples);
         const v8f t_before = light->t;
         add_slab(j, light, &e0, &e1,
                  slab_length(j, beam, pk, q, j->layer_mm / (float)j->samples, q + (double)(part - 1) / j->samples,
@@ -375,6 +395,15 @@ INLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
     }
 }
 
+/* Lighting a fraction f through a slab; one that is cut knows the slope half way, unless that is the mean anyway. */
+INLINE Glow course_glow(const TiledJob *j, Way way, int parts, float f, const Slope *from, const Slope *mid,
+                        const Slope *to)
+{
+    if (parts == 1 || way == WAY_STRAIGHT)
+        return glow_between(j, from, to, f);
+    return f < 0.5f ? glow_between(j, from, mid, 2 * f) : glow_between(j, mid, to, 2 * f - 1);
+}
+
 /* The slab behind layer q in as many parts as its course asks for. From s0 over mid to end the field is taken for a
  * parabola; the more it bends, and the more light is lost on the way (colours in front hide those behind), the more
  * parts. Parts cost table entries, no voxels; on a straight way mid itself costs nothing. */
@@ -382,7 +411,7 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
                        v8f end, bool inner, bool lit, Course *course)
 {
     Entry e0, e1;
-    Slope slope0, slope1;
+    Slope slope0, slope1, slope_mid;
     if (course->entry_layer == q)
         e0 = course->entry;
     else
@@ -390,8 +419,8 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
     look_up(j, end, &e1);
     const Entry last = e1;
     if (lit) {
-        slope0 = course->slope_layer == q ? course->slope : slope_at(j, pk, way, q, inner);
-        slope1 = slope_at(j, pk, way, q + 1, inner);
+        slope0 = course->slope_layer == q ? course->slope : slope_at(j, pk, way, q, 0, inner);
+        slope1 = slope_at(j, pk, way, q + 1, 0, inner);
         course->slope = slope1;
         course->slope_layer = q + 1;
     }
@@ -400,6 +429,8 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
     v8f bend = splat8(0), rise = bend;
     if (!v8_all(v8f_abs(end - s0) * seen < j->refine_grey)) {
         const v8f mid = way == WAY_STRAIGHT ? (s0 + end) * 0.5f : sample_sheet(j, pk, way, q, 1, inner);
+        if (lit && way != WAY_STRAIGHT)
+            slope_mid = slope_at(j, pk, way, q, 1, inner);
         bend = 2 * (s0 + end) - 4 * mid;
         rise = end - s0 - bend;
         parts = v8_all(v8f_abs(bend) * seen < j->bend_grey) ? 2 : 4;
@@ -419,7 +450,7 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
             look_up(j, s0 + (rise + bend * f) * f, &e1);
         Glow glow;
         if (lit)
-            glow = glow_between(j, &slope0, &slope1, f - 0.5f * share);
+            glow = course_glow(j, way, parts, f - 0.5f * share, &slope0, &slope_mid, &slope1);
         const v8f t_before = light->t;
         add_slab(j, light, &e0, &e1,
                  slab_length(j, beam, pk, q, j->layer_mm * share, q + (double)(p - 1) / parts, q + (double)p / parts),
