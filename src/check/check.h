@@ -11,7 +11,8 @@ typedef struct CtsCheckResult {
     const char *name;   /* of the case, unique together with engine */
     const char *engine; /* or "-" where the case needs none */
     double expected, found, error, bound;
-    bool pass; /* error <= bound */
+    bool pass;       /* error <= bound */
+    const char *why; /* why it could not be rendered, during the call of sink alone; or NULL */
 } CtsCheckResult;
 
 typedef struct CtsCheckSettings {

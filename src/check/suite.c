@@ -9,7 +9,7 @@ CtsCheckFamily cts_check_family(CtsEngineId engine)
     return engine == CTS_ENGINE_RAYCAST ? CHECK_RAYCAST : engine == CTS_ENGINE_TILED ? CHECK_TILED : CHECK_PAPER;
 }
 
-static void state(CtsCheckRun *run, double expected, double found, double error, double bound)
+static void state(CtsCheckRun *run, double expected, double found, double error, double bound, const char *why)
 {
     const CtsCheckResult result = {.name = run->name,
                                    .engine = run->engine < CTS_N_ENGINES ? cts_engine_names[run->engine] : "-",
@@ -17,7 +17,8 @@ static void state(CtsCheckRun *run, double expected, double found, double error,
                                    .found = found,
                                    .error = isnan(error) ? INFINITY : error,
                                    .bound = bound,
-                                   .pass = error <= bound};
+                                   .pass = error <= bound,
+                                   .why = why};
     run->n_cases++;
     run->n_failed += !result.pass;
     run->settings->sink(&result, run->settings->context);
@@ -25,7 +26,7 @@ static void state(CtsCheckRun *run, double expected, double found, double error,
 
 void cts_check_value(CtsCheckRun *run, double expected, double found, double bound)
 {
-    state(run, expected, found, expected == found ? 0 : fabs(found - expected), bound);
+    state(run, expected, found, expected == found ? 0 : fabs(found - expected), bound, NULL);
 }
 
 CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int height)
@@ -69,7 +70,7 @@ CtsStatus cts_check_picture(CtsCheckRun *run, const CtsVolume *volume, const Cts
                 cts_check_worst(&worst, rgba[c], (double)found[c]);
         }
     cts_picture_free(&picture);
-    state(run, worst.expected, worst.found, worst.error, bound);
+    state(run, worst.expected, worst.found, worst.error, bound, NULL);
     return CTS_OK;
 }
 
@@ -105,7 +106,7 @@ static CtsStatus run_case(CtsCheckRun *run, const CtsCheckCase *c, CtsEngineId e
         return st;
     }
     if (st)
-        state(run, 0, NAN, INFINITY, 0);
+        state(run, 0, NAN, INFINITY, 0, why.text);
     return CTS_OK;
 }
 

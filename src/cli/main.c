@@ -19,7 +19,7 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
      0, INT_MAX, "PATH", NULL},
     {"bench", "PATH... -o DIR [options]", "Measure error against run time for each engine and setting on a series.", 1,
      INT_MAX, "PATH", NULL},
-    {"check", "[--json]", "Run the numerical stability suite.", 0, 0, "", NULL},
+    {"check", "[--json]", "Run the numerical stability suite.", 0, 0, "", cli_check},
     {"compare", "A B [--json]", "Compare two pictures of the same size; exit 0 when equal to the bit, 1 when not.", 2,
      2, "a picture", NULL},
     {"presets", "[NAME or FILE] [--json]", "List the presets, or show one.", 0, 1, "NAME", cli_presets},

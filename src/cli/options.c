@@ -317,9 +317,17 @@ const CliOption cli_options[] = {
         .help = "make one contact sheet of all shards in DIR",
     },
     {
+        .name = "plot",
+        .argument = "FILE",
+        .commands = ON(CLI_CHECK),
+        .kind = CLI_TEXT,
+        .field = FIELD(plot),
+        .help = "draw how much of its bound each error takes, as SVG",
+    },
+    {
         .name = "threads",
         .argument = "N",
-        .commands = PICTURES | ON(CLI_INFO),
+        .commands = PICTURES | ON(CLI_INFO) | ON(CLI_CHECK),
         .kind = CLI_INT,
         .field = FIELD(render.n_threads),
         RANGE(1, 1024),
@@ -334,7 +342,7 @@ const CliOption cli_options[] = {
     },
     {
         .name = "force",
-        .commands = PICTURES,
+        .commands = PICTURES | ON(CLI_CHECK),
         .field = FIELD(force),
         .help = "overwrite outputs that exist",
     },

@@ -42,6 +42,7 @@ typedef struct CliOptions {
     int shard, n_shards;                   /* 0 of 1 when not given */
     bool resume, fresh;
     const char *merge;
+    const char *plot; /* check: NULL when not given */
 
     bool json, show_patient;
 } CliOptions;
@@ -61,6 +62,7 @@ typedef struct CliCommand {
 enum { CLI_INFO, CLI_RENDER, CLI_BATCH, CLI_BENCH, CLI_CHECK, CLI_COMPARE, CLI_PRESETS, CLI_N_COMMANDS };
 extern const CliCommand cli_commands[CLI_N_COMMANDS];
 
+CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_info(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_presets(const CliOptions *options, int *exit_code, CtsError *err);

@@ -1,0 +1,90 @@
+/* ctsplat check: the numerical stability suite. */
+#include "base/file.h"
+#include "check/check.h"
+#include "check/plot.h"
+#include "cli/interrupt.h"
+#include "cli/message.h"
+#include "cli/options.h"
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+typedef struct Results {
+    bool print;
+    CtsCheckResult *items;
+    size_t n;
+    bool lost; /* memory ran out */
+} Results;
+
+static void add(const CtsCheckResult *result, void *context)
+{
+    Results *results = context;
+    CtsCheckResult *items = realloc(results->items, (results->n + 1) * sizeof *items);
+    if (items) {
+        results->items = items;
+        items[results->n] = *result;
+        items[results->n++].why = NULL;
+    } else {
+        results->lost = true;
+    }
+    if (!results->print)
+        return;
+    printf("%s  %-48s  %-8s  expected %-13.8g  found %-13.8g  error %-9.3g  bound %.3g%s%s\n",
+           result->pass ? "pass" : "FAIL", result->name, result->engine, result->expected, result->found, result->error,
+           result->bound, result->why ? ": " : "", result->why ? result->why : "");
+    fflush(stdout);
+}
+
+/* JSON has no infinities: a value that is no number is null. */
+static json_t *number(double x)
+{
+    return isfinite(x) ? json_real(x) : json_null();
+}
+
+static CtsStatus print_json(const Results *results, CtsError *err)
+{
+    json_t *cases = json_array();
+    for (size_t i = 0; cases && i < results->n; i++) {
+        const CtsCheckResult *r = &results->items[i];
+        json_array_append_new(cases, json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:b}", "name", r->name, "engine",
+                                               r->engine, "expected", number(r->expected), "found", number(r->found),
+                                               "error", number(r->error), "bound", number(r->bound), "pass", r->pass));
+    }
+    json_t *root = cases ? json_pack("{s:o}", "cases", cases) : NULL;
+    char *text = root ? json_dumps(root, JSON_INDENT(2)) : NULL;
+    json_decref(root);
+    if (!text)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    printf("%s\n", text);
+    free(text);
+    return CTS_OK;
+}
+
+CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err)
+{
+    CtsStatus st;
+    int n_cases, n_failed;
+    Results results = {.print = !options->json};
+    const CtsCheckSettings settings = {
+        .n_threads = options->render.n_threads, .stop = &cli_stop, .sink = add, .context = &results};
+    if (options->plot && (st = cts_file_check_writable(options->plot, options->force, err)))
+        return st;
+    if ((st = cts_check_run(&settings, &n_cases, &n_failed, err)))
+        goto end;
+    if (results.lost) {
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        goto end;
+    }
+    if (options->json)
+        st = print_json(&results, err);
+    else
+        printf("%d cases, %d failed\n", n_cases, n_failed);
+    if (!st && options->plot)
+        st = cts_check_plot(results.items, results.n, options->plot, options->force, err);
+    if (n_failed)
+        *exit_code = 1;
+end:
+    free(results.items);
+    return st;
+}

@@ -1,0 +1,15 @@
+/* Plots by gnuplot, which is run as a program of its own. */
+#ifndef CTS_REPORT_GNUPLOT_H
+#define CTS_REPORT_GNUPLOT_H
+
+#include "ctsplat/status.h"
+#include <stdbool.h>
+
+/* Runs gnuplot on a script that sets an SVG terminal and no output; *svg is what it drew, to be freed with free().
+ * CTS_ERR_OUTPUT when gnuplot is not there or fails, with its own first words. */
+CtsStatus cts_gnuplot(const char *script, char **svg, CtsError *err);
+
+/* The same into a file, whole or not at all. */
+CtsStatus cts_gnuplot_file(const char *script, const char *path, bool force, CtsError *err);
+
+#endif
