@@ -19,7 +19,8 @@ const char *const cts_kernel_names[CTS_N_KERNELS] = {
 };
 
 static const CtsEngine *const engines[CTS_N_ENGINES] = {
-    [CTS_ENGINE_CLASSIC] = &cts_engine_classic,
+    [CTS_ENGINE_CLASSIC] = &cts_engine_classic, [CTS_ENGINE_LAYERS] = &cts_engine_layers,
+    [CTS_ENGINE_VOID] = &cts_engine_void,       [CTS_ENGINE_COMBINED] = &cts_engine_combined,
     [CTS_ENGINE_RAYCAST] = &cts_engine_raycast,
     [CTS_ENGINE_TILED] = &cts_engine_tiled,
 };

@@ -8,8 +8,13 @@
 void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut, double length_mm)
 {
     *entries = (CtsEntries){.entry = (const float(*)[4])table, .low = UINT16_MAX, .high = 0};
+    float alpha = 0, extinction = 0;
     for (int g = 0; g < CTS_N_GREY; g++) {
-        const float alpha = (float)-expm1(-(double)lut->extinction_per_mm[g] * length_mm);
+        /* Most levels lie outside the preset's points, where neighbours have the same. */
+        if (lut->extinction_per_mm[g] != extinction) {
+            extinction = lut->extinction_per_mm[g];
+            alpha = (float)-expm1(-(double)extinction * length_mm);
+        }
         for (int c = 0; c < 3; c++)
             table[g][c] = lut->rgb[g][c] * alpha;
         table[g][3] = -alpha;

@@ -3,9 +3,14 @@
 
 enum { COMPOSITE = 1u << CTS_MODE_COMPOSITE, EVERY_KERNEL = (1u << CTS_N_KERNELS) - 1 };
 
-static CtsStatus render_classic(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
-{
-    return cts_paper_render(scene, (CtsPaperFeatures){false, false}, picture, report, err);
-}
+#define ENGINE(name, reuse_layers, skip_void)                                                                          \
+    static CtsStatus render_##name(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)       \
+    {                                                                                                                  \
+        return cts_paper_render(scene, (CtsPaperFeatures){reuse_layers, skip_void}, picture, report, err);             \
+    }                                                                                                                  \
+    const CtsEngine cts_engine_##name = {#name, render_##name, COMPOSITE, EVERY_KERNEL};
 
-const CtsEngine cts_engine_classic = {"classic", render_classic, COMPOSITE, EVERY_KERNEL};
+ENGINE(classic, false, false)
+ENGINE(layers, true, false)
+ENGINE(void, false, true)
+ENGINE(combined, true, true)

@@ -7,7 +7,7 @@ enum { LEFT_MARGIN = 16, MARGINS = 64 };
 CtsStatus cts_sheet_init(CtsSheet *s, const CtsTiles *tiles, CtsError *err)
 {
     CtsStatus st;
-    *s = (CtsSheet){.layer = -1};
+    *s = (CtsSheet){.step = -1};
     for (int c = 0; c < 2; c++)
         s->last[c] = tiles->last_voxel[c] * tiles->density[c];
     s->stride = ((size_t)s->last[0] + 1 + MARGINS + 15) / 16 * 16;
@@ -93,7 +93,8 @@ static Columns columns_of(const CtsSplat *s, const CtsPatch *p)
     return c;
 }
 
-static uint64_t splat_row(const CtsSplat *s, const CtsPatch *p, const Columns *c, CtsScatter *job, bool own)
+/* Returns how many of the voxels that stand in the patch were splatted. */
+static uint64_t splat_row(const CtsSplat *s, const CtsPatch *p, const Columns *c, const CtsScatter *job)
 {
     const bool marked = p->from_old || p->skip_equal;
     for (int i = c->touch0; i < c->inner0; i++)
@@ -108,21 +109,19 @@ static uint64_t splat_row(const CtsSplat *s, const CtsPatch *p, const Columns *c
     }
     for (int i = c->inner1; i < c->touch1; i++)
         scatter_clipped(job, i, c->u0, c->u1);
-    if (!own)
-        return 0;
     return marked ? count_marks(s->marks, c->own0, c->own1) : (uint64_t)(c->own1 - c->own0);
 }
 
-uint64_t cts_splat_patch(const CtsSplat *s, const CtsPatch *p)
+CtsSplatCount cts_splat_patch(const CtsSplat *s, const CtsPatch *p)
 {
     const CtsFootprint *f = s->footprint;
     const int reach = f->reach[1], density = f->density[1];
     const size_t stride = s->sheet->stride;
     const Columns columns = columns_of(s, p);
-    uint64_t n = 0;
+    CtsSplatCount count = {0};
     int j0, j1;
     if (p->u0 >= p->u1 || p->v0 >= p->v1)
-        return 0;
+        return count;
     if (!p->from_old) {
         const uint32_t start = s->base << CTS_WEIGHT_BITS;
         for (int v = p->v0; v < p->v1; v++)
@@ -143,7 +142,11 @@ uint64_t cts_splat_patch(const CtsSplat *s, const CtsPatch *p)
                           .value = s->row_of(s->rows, j),
                           .old = p->from_old ? s->row_of(s->old_rows, j) : NULL,
                           .base = s->base};
-        n += splat_row(s, p, &columns, &job, at >= p->v0 && at < p->v1);
+        const uint64_t splatted = splat_row(s, p, &columns, &job);
+        if (at >= p->v0 && at < p->v1) {
+            count.inside += (uint64_t)(columns.own1 - columns.own0);
+            count.splatted += splatted;
+        }
     }
-    return n;
+    return count;
 }

@@ -10,7 +10,7 @@ typedef struct CtsSheet {
     uint32_t *origin; /* lattice point (0, 0) */
     size_t stride;
     int last[2];
-    int layer;      /* whose values it holds, or -1 */
+    int step;       /* in the order of rays, of the layer whose values it holds, or -1 */
     uint8_t *holds; /* by segment of v, then of u: 1 where it holds them */
 } CtsSheet;
 
@@ -38,8 +38,12 @@ typedef struct CtsSplat {
     uint64_t *marks; /* scratch of n[0] bits, rounded up to whole words */
 } CtsSplat;
 
-/* Returns the number of footprints added for voxels that stand in the patch; those of voxels beside it that reach into
- * it are not counted, so that patches side by side count each voxel once. */
-uint64_t cts_splat_patch(const CtsSplat *splat, const CtsPatch *patch);
+/* Voxels that stand in the patch, and those of them whose footprint was added. Voxels beside it that reach into it are
+ * not counted, so that patches side by side count each voxel once. */
+typedef struct CtsSplatCount {
+    uint64_t inside, splatted;
+} CtsSplatCount;
+
+CtsSplatCount cts_splat_patch(const CtsSplat *splat, const CtsPatch *patch);
 
 #endif
