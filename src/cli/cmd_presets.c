@@ -1,8 +1,8 @@
 /* ctsplat presets: the list of them, or one in full. */
 #include "cli/message.h"
 #include "cli/options.h"
+#include "cli/print_json.h"
 #include "report/table.h"
-#include <jansson.h>
 #include <stdio.h>
 #include <stdlib.h>
 
@@ -24,18 +24,6 @@ static CtsStatus append(json_t *list, const CtsPreset *preset, CtsError *err)
     free(text);
     if (!object || json_array_append_new(list, object))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    return CTS_OK;
-}
-
-static CtsStatus print_json(json_t *list, CtsError *err)
-{
-    json_t *root = json_pack("{s:O}", "presets", list);
-    char *text = root ? json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(15)) : NULL;
-    json_decref(root);
-    if (!text)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    printf("%s\n", text);
-    free(text);
     return CTS_OK;
 }
 
@@ -123,7 +111,7 @@ CtsStatus cli_presets(const CliOptions *options, int *exit_code, CtsError *err)
         cts_table_print(table, stdout);
     }
     if (list && !st)
-        st = print_json(list, err);
+        st = cli_print_json(json_pack("{s:O}", "presets", list), err);
 end:
     free(preset);
     json_decref(list);

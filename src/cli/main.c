@@ -21,7 +21,7 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
      INT_MAX, "PATH", NULL},
     {"check", "[--json]", "Run the numerical stability suite.", 0, 0, "", cli_check},
     {"compare", "A B [--json]", "Compare two pictures of the same size; exit 0 when equal to the bit, 1 when not.", 2,
-     2, "a picture", NULL},
+     2, "a picture", cli_compare},
     {"presets", "[NAME or FILE] [--json]", "List the presets, or show one.", 0, 1, "NAME", cli_presets},
 };
 
@@ -87,7 +87,13 @@ int main(int argc, char **argv)
     int exit_code = 0;
     CtsStatus st = run(argc, (const char *const *)argv, &exit_code, &err);
     /* Output that did not reach its reader is not done, as with a full disk. */
-    if ((fflush(stdout) || ferror(stdout)) && !st)
+    const bool lost = fflush(stdout) || ferror(stdout);
+    if (lost && errno == EPIPE) {
+        /* As `ctsplat info | head` is expected to end. */
+        signal(SIGPIPE, SIG_DFL);
+        raise(SIGPIPE);
+    }
+    if (lost && !st)
         st = cts_fail(&err, CTS_ERR_OUTPUT, "standard output: %s", errno ? strerror(errno) : "cannot be written");
     if (st) {
         cli_error(&err);

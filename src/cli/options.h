@@ -65,6 +65,7 @@ extern const CliCommand cli_commands[CLI_N_COMMANDS];
 CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_info(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err);
+CtsStatus cli_compare(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_presets(const CliOptions *options, int *exit_code, CtsError *err);
 
 /* argv[0] is the command's name. Free with cli_options_free(), also after a failure. */

@@ -39,7 +39,7 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError
 /* A log that runs out of memory loses a line, never the picture. */
 static void add_line(CtsLog *log, json_t *object)
 {
-    char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
+    char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(12)) : NULL;
     if (line) {
         const size_t n = strlen(line);
         char *text = realloc(log->text, log->size + n + 1);
@@ -54,9 +54,15 @@ static void add_line(CtsLog *log, json_t *object)
     json_decref(object);
 }
 
+/* To the microsecond: more digits are noise. */
+static json_t *new_ms(double ms)
+{
+    return json_real(round(ms * 1000) / 1000);
+}
+
 static json_t *new_event(const CtsLog *log, const char *event)
 {
-    return json_pack("{s:s,s:f}", "event", event, "t_ms", cts_wall_ms() - log->start_ms);
+    return json_pack("{s:s,s:o}", "event", event, "t_ms", new_ms(cts_wall_ms() - log->start_ms));
 }
 
 static void set_integer(json_t *object, const char *key, uint64_t value)
@@ -90,6 +96,16 @@ void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t 
     add_line(log, event);
 }
 
+/* Each frame of a rotation leaves out the same. */
+static bool told_before(const CtsReport *report, size_t index)
+{
+    const CtsSkip *skips = report->skips;
+    for (size_t i = 0; i < index; i++)
+        if (!strcmp(skips[i].what, skips[index].what) && !strcmp(skips[i].why, skips[index].why))
+            return true;
+    return false;
+}
+
 void cts_log_report(CtsLog *log, const CtsReport *report)
 {
     if (!log)
@@ -100,13 +116,15 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
             continue;
         json_t *event = new_event(log, "stage");
         json_object_set_new(event, "stage", json_string(cts_stage_names[s]));
-        json_object_set_new(event, "wall_ms", json_real(stage->wall_ms));
-        json_object_set_new(event, "cpu_ms", json_real(stage->cpu_ms));
+        json_object_set_new(event, "wall_ms", new_ms(stage->wall_ms));
+        json_object_set_new(event, "cpu_ms", new_ms(stage->cpu_ms));
         set_integer(event, "items", stage->items);
         set_integer(event, "bytes", stage->bytes);
         add_line(log, event);
     }
     for (size_t i = 0; i < report->n_skips; i++) {
+        if (told_before(report, i))
+            continue;
         json_t *event = new_event(log, "skipped");
         json_object_set_new(event, "what", json_string(report->skips[i].what));
         json_object_set_new(event, "why", json_string(report->skips[i].why));
@@ -137,8 +155,8 @@ void cts_log_done(CtsLog *log, int n_threads)
     if (!log)
         return;
     json_t *event = new_event(log, "done");
-    json_object_set_new(event, "wall_ms", json_real(cts_wall_ms() - log->start_ms));
-    json_object_set_new(event, "cpu_ms", json_real(cts_cpu_ms()));
+    json_object_set_new(event, "wall_ms", new_ms(cts_wall_ms() - log->start_ms));
+    json_object_set_new(event, "cpu_ms", new_ms(cts_cpu_ms()));
     set_integer(event, "peak_rss_bytes", cts_peak_rss_bytes());
     json_object_set_new(event, "threads", json_integer(n_threads));
     add_line(log, event);

@@ -180,41 +180,71 @@ static CtsStatus read_background(const CtsJsonAt *at, CtsPreset *preset, CtsErro
     return CTS_OK;
 }
 
-CtsStatus cts_preset_from_json(const CtsJson *json, CtsPreset *preset, CtsError *err)
+static CtsStatus read_preset(const CtsJsonAt *root, CtsPreset *preset, CtsError *err)
 {
     static const char *const keys[] = {
         "name", "window", "points", "colour_points", "mode", "unit_distance_mm", "shade", "background", "remove_table"};
     CtsStatus st;
-    const CtsJsonAt root = cts_json_root(json);
     CtsJsonAt at, colour_points;
     const char *name;
     cts_preset_init(preset);
-    if ((st = cts_json_check_keys(&root, keys, sizeof keys / sizeof *keys, err)))
+    if ((st = cts_json_check_keys(root, keys, sizeof keys / sizeof *keys, err)))
         return st;
-    if (!cts_json_member(&root, "name", &at))
-        return cts_json_fail(&root, err, "name is missing");
+    if (!cts_json_member(root, "name", &at))
+        return cts_json_fail(root, err, "name is missing");
     if ((st = cts_json_string(&at, &name, err)))
         return st;
     if (!cts_preset_set_name(preset, name))
         return cts_json_fail(&at, err, "name is not 1 to 63 bytes without slashes and control characters");
 
-    const bool own_colours = cts_json_member(&root, "colour_points", &colour_points);
-    if (!cts_json_member(&root, "points", &at))
-        return cts_json_fail(&root, err, "points is missing");
+    const bool own_colours = cts_json_member(root, "colour_points", &colour_points);
+    if (!cts_json_member(root, "points", &at))
+        return cts_json_fail(root, err, "points is missing");
     if ((st = read_points(&at, !own_colours, preset, err)) ||
         (own_colours && (st = read_colour_points(&colour_points, preset, err))))
         return st;
     cts_preset_default_window(preset);
 
-    if ((cts_json_member(&root, "window", &at) && (st = read_window(&at, preset, err))) ||
-        (cts_json_member(&root, "mode", &at) && (st = read_mode(&at, preset, err))) ||
-        (cts_json_member(&root, "unit_distance_mm", &at) &&
+    if ((cts_json_member(root, "window", &at) && (st = read_window(&at, preset, err))) ||
+        (cts_json_member(root, "mode", &at) && (st = read_mode(&at, preset, err))) ||
+        (cts_json_member(root, "unit_distance_mm", &at) &&
          (st = cts_json_number(&at, CTS_PRESET_MIN_UNIT_MM, CTS_PRESET_MAX_UNIT_MM, &preset->unit_distance_mm, err))) ||
-        (cts_json_member(&root, "shade", &at) && (st = read_shade(&at, preset, err))) ||
-        (cts_json_member(&root, "background", &at) && (st = read_background(&at, preset, err))) ||
-        (cts_json_member(&root, "remove_table", &at) && (st = cts_json_bool(&at, &preset->remove_table, err))))
+        (cts_json_member(root, "shade", &at) && (st = read_shade(&at, preset, err))) ||
+        (cts_json_member(root, "background", &at) && (st = read_background(&at, preset, err))) ||
+        (cts_json_member(root, "remove_table", &at) && (st = cts_json_bool(&at, &preset->remove_table, err))))
         return st;
     return CTS_OK;
+}
+
+/* What `ctsplat presets --json` prints: a list under the one key "presets", from which `which` takes one. */
+static CtsStatus choose_from_list(const CtsJsonAt *list, const char *which, CtsJsonAt *chosen, CtsError *err)
+{
+    const CtsStatus st = cts_json_check_array(list, 1, 1000, err);
+    if (st)
+        return st;
+    const size_t n = json_array_size(list->value);
+    for (size_t i = 0; i < n; i++) {
+        *chosen = cts_json_element(list, i);
+        const char *name = json_string_value(json_object_get(chosen->value, "name"));
+        if (which ? name && !strcmp(name, which) : n == 1)
+            return CTS_OK;
+    }
+    if (which)
+        return cts_json_fail(list, err, "there is no preset %.60s", which);
+    return cts_json_fail(list, err, "there are %zu presets (take one by adding #NAME)", n);
+}
+
+CtsStatus cts_preset_from_json(const CtsJson *json, const char *which, CtsPreset *preset, CtsError *err)
+{
+    const CtsJsonAt root = cts_json_root(json);
+    CtsJsonAt list, chosen;
+    if (cts_json_member(&root, "presets", &list) && json_object_size(root.value) == 1) {
+        const CtsStatus st = choose_from_list(&list, which, &chosen, err);
+        return st ? st : read_preset(&chosen, preset, err);
+    }
+    if (which)
+        return cts_json_fail(&root, err, "one preset, not several to take %.60s from", which);
+    return read_preset(&root, preset, err);
 }
 
 static json_t *rgb_to_json(const double rgb[3])

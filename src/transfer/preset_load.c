@@ -100,10 +100,8 @@ static CtsStatus parse_json(const char *text, size_t size, const char *name, con
         goto end;
     if (json_object_get(json.root, "volumeProperties"))
         st = cts_preset_from_slicer_json(&json, which, preset, err);
-    else if (which)
-        st = cts_fail(err, CTS_ERR_PRESET, "%s: holds one preset, not several to take %.60s from", name, which);
     else
-        st = cts_preset_from_json(&json, preset, err);
+        st = cts_preset_from_json(&json, which, preset, err);
 end:
     cts_json_close(&json);
     return st;

@@ -22,8 +22,8 @@ bool cts_preset_set_name(CtsPreset *preset, const char *text);
 /* Append to what cannot be had. */
 void cts_preset_note(CtsPreset *preset, const char *text);
 
-/* ctsplat's own preset file. */
-CtsStatus cts_preset_from_json(const CtsJson *json, CtsPreset *preset, CtsError *err);
+/* ctsplat's own preset file, or a list of such as `ctsplat presets --json` prints. */
+CtsStatus cts_preset_from_json(const CtsJson *json, const char *which, CtsPreset *preset, CtsError *err);
 /* Slicer's volume property JSON. */
 CtsStatus cts_preset_from_slicer_json(const CtsJson *json, const char *which, CtsPreset *preset, CtsError *err);
 

@@ -1,0 +1,37 @@
+# info: facts as text and as JSON, the description only when asked for.
+python=$(command -v python3) || exit 77
+ok info "$data/phantom"
+has out '^series [0-9.]+$'
+has out 'renderable +yes'
+ok info "$data/phantom" "$data/geometry" "$data/broken" --json
+cp out info.json
+ok info "$data/phantom" --json --show-patient
+cp out shown.json
+"$python" - <<'PY' || fail "the JSON"
+import json
+info = json.load(open("info.json"))
+keys = {"series_uid", "modality", "slices", "dims", "spacing_mm", "tilt_deg", "hu_min", "hu_max", "transfer_syntax",
+        "orientation", "renderable", "findings"}
+for s in info["series"]:
+    assert set(s) == keys, set(s) ^ keys
+    assert isinstance(s["slices"], int) and isinstance(s["tilt_deg"], (int, float)) and isinstance(s["renderable"], bool)
+    assert len(s["dims"]) == 3 and len(s["spacing_mm"]) == 3
+    for f in s["findings"]:
+        assert set(f) == {"code", "severity", "text"} and f["severity"] in ("note", "warning", "refusal"), f
+    if s["renderable"]:
+        assert s["hu_min"] < s["hu_max"], s
+    else:
+        assert any(f["severity"] == "refusal" for f in s["findings"]), s
+phantom = [s for s in info["series"] if s["dims"] == [64, 64, 48]]
+assert len(phantom) == 1
+phantom = phantom[0]
+assert [round(x, 6) for x in phantom["spacing_mm"]] == [3.5, 3.5, 4.5], phantom["spacing_mm"]
+assert phantom["slices"] == 48 and phantom["modality"] == "CT" and phantom["orientation"] == "axial"
+assert abs(phantom["tilt_deg"]) < 1e-6
+assert any(abs(s["tilt_deg"] - 20) < 0.01 for s in info["series"])
+assert any(not s["renderable"] for s in info["series"])
+shown = json.load(open("shown.json"))
+assert set(shown["series"][0]) == keys | {"description"}
+PY
+refused 3 'nowhere' info nowhere
+refused 3 '' info "$data/broken/none"

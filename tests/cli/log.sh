@@ -1,0 +1,46 @@
+# The timing log: JSON Lines of the promised form, appended, whose stages add up, and no patient in it.
+python=$(command -v python3) || exit 77
+ok render "$data/phantom" --size 200x200 -o a.png --log log --threads 2
+ok render "$data/phantom" --size 200x200 -o b.png --log log --threads 1 --engine classic --verify 20
+ok render "$data/phantom" --size 20x20 -o c.png --log -
+grep '"event"' err >log2
+"$python" - log log2 <<'PY' || fail "the log"
+import json, sys
+runs, run = [], []
+for name in sys.argv[1:]:
+    for line in open(name):
+        event = json.loads(line)
+        assert isinstance(event["t_ms"], float) and event["t_ms"] >= 0, event
+        run.append(event)
+        if event["event"] == "done":
+            runs.append(run)
+            run = []
+assert len(runs) == 3 and not run
+fields = {
+    "stage": {"stage", "wall_ms", "cpu_ms", "items", "bytes"}, "skipped": {"what", "why"},
+    "voxels": {"total", "void", "reused", "splatted"}, "error": {"pixels", "rmse", "psnr_db", "max"},
+    "output": {"path", "format", "bytes"}, "done": {"wall_ms", "cpu_ms", "peak_rss_bytes", "threads"}}
+stages = "scan decode grey classify footprint splat composite shade warp export".split()
+for run in runs:
+    for event in run:
+        assert set(event) == fields[event["event"]] | {"event", "t_ms"}, event
+    names = [e["stage"] for e in run if e["event"] == "stage"]
+    assert len(set(names)) == len(names) and set(names) <= set(stages), names
+    for needed in ("scan", "decode", "grey", "classify", "splat", "composite", "export"):
+        assert needed in names, needed
+    whole = run[-1]["wall_ms"]
+    total = sum(e["wall_ms"] for e in run if e["event"] == "stage")
+    assert abs(total - whole) <= 0.05 * whole + 1, (total, whole)
+    assert run[-1]["peak_rss_bytes"] > 1e6
+    outputs = [e for e in run if e["event"] == "output"]
+    assert len(outputs) == 1 and outputs[0]["format"] == "png" and outputs[0]["bytes"] > 100
+    voxels = [e for e in run if e["event"] == "voxels"]
+    assert len(voxels) == 1 and voxels[0]["total"] == 64 * 64 * 48, voxels
+assert "shade" in [e.get("stage") for e in runs[1]]
+assert runs[0][-1]["threads"] == 2 and runs[1][-1]["threads"] == 1
+errors = [[e for e in run if e["event"] == "error"] for run in runs]
+assert [len(e) for e in errors] == [0, 1, 0]
+assert errors[1][0]["pixels"] >= 20 and errors[1][0]["rmse"] < 0.1
+PY
+grep -iE 'phantom|patient' log log2 && fail "the log names the patient or the input"
+exit 0

@@ -1,0 +1,65 @@
+# Rendering: outputs, refusals before any work, the right series, the right picture.
+small="--size 40x30"
+ok render "$data/phantom" $small -o a.png -o b.exr
+[ ! -s out ] || fail "render prints on standard output"
+[ -s a.png ] && [ -s b.exr ] || fail "an output is missing"
+ok render "$data/phantom" $small --threads 7 -o again.png
+cmp a.png again.png || fail "threads change the picture"
+
+# Checked before any work, all of them.
+refused 5 'a.png.*(exist|force)' render "$data/phantom" $small -o new.png -o a.png
+[ ! -e new.png ] || fail "work was done before the refusal"
+ok render "$data/phantom" $small -o a.png --force
+cmp a.png again.png || fail "--force changes the picture"
+refused 5 'no-such-folder' render "$data/phantom" $small -o no-such-folder/a.png
+refused 2 'x.jpg' render "$data/phantom" $small -o x.jpg
+refused 2 'given twice' render "$data/phantom" $small -o x.png -o ./x.png
+refused 5 'folder' render "$data/phantom" $small -o x.png --log no-such-folder/log
+[ ! -e x.png ] || fail "a refused run wrote something"
+
+# A slice is never overwritten.
+cp "$data"/syntax/explicit/* .
+cp IM0004.dcm slice.png
+slice=slice.png
+before=$(cksum <"$slice")
+refused 5 'CT slice' render . $small -o "$slice" --force
+[ "$before" = "$(cksum <"$slice")" ] || fail "a slice was overwritten"
+
+refused 3 'nowhere' render nowhere $small -o x.png
+refused 3 '' render "$data/broken/none" $small -o x.png
+refused 4 '' render "$data/geometry/one-slice" $small -o x.png
+refused 2 'preset nope: no such preset; there are: bone skin .*ct-aaa' render "$data/phantom" $small -p nope -o x.png
+refused 2 '2.25.1' render "$data/phantom" $small --series 2.25.1 -o x.png
+refused 2 '' render "$data/phantom" $small --crop 5000,5001,0,1,0,1 -o x.png
+[ ! -e x.png ] || fail "a refused run wrote something"
+
+# Several series: the one with the most slices, and a line says so; or the one asked for, and silence.
+ok render "$data/series/two" $small -o two.png
+has err '2 series found; taking 2\.25\.2004'
+ok render "$data/series/two" $small --series 2.25.2005 -o other.png
+[ ! -s err ] || fail "a choice was told that the user made"
+ok render "$data/series/two" $small --series 2.25.2004 -o one.png
+cmp two.png one.png || fail "not the series that was named"
+cmp -s two.png other.png && fail "--series changes nothing"
+
+# Each warning once.
+ok render "$data/geometry/tilted" $small -o tilted.png
+[ "$(grep -c warning err)" = "$(sort -u err | grep -c warning)" ] || fail "a warning came twice"
+
+# Background: a colour everywhere nothing is, or alpha.
+ok render "$data/phantom" $small --background '#ff8000' -o orange.png
+ok compare a.png a.png
+cmp -s a.png orange.png && fail "--background changes nothing"
+ok render "$data/phantom" $small --background none -o alpha.png
+
+# The plan, and no picture.
+ok render "$data/phantom" $small --explain
+[ -s out ] || fail "--explain prints nothing"
+ok render "$data/phantom" $small --explain -o planned.png
+[ ! -e planned.png ] || fail "--explain wrote a picture"
+
+# What this build lacks is refused, never ignored.
+refused 2 '--send: not in this build' render "$data/phantom" -o x.dcm --send A@localhost:104
+refused 2 '--from: not in this build' render "$data/phantom" -o x.dcm --from A@localhost:104
+ls | grep -E '^\.|tmp' && fail "a temporary file is left"
+exit 0

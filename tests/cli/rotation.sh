@@ -1,0 +1,18 @@
+# --rotation N: frames from --view on, in even steps of azimuth.
+small="--size 40x30 -p ct-bone"
+ok render "$data/phantom" $small --rotation 4 --view 10,20 -o head.png
+[ "$(ls head*)" = "$(printf 'head-000.png\nhead-001.png\nhead-002.png\nhead-003.png')" ] || fail "wrong names: $(ls head*)"
+i=0
+for azimuth in 10 100 190 280; do
+    ok render "$data/phantom" $small --view $azimuth,20 -o single-$i.png
+    cmp single-$i.png head-00$i.png || fail "frame $i is not the view $azimuth,20"
+    i=$((i + 1))
+done
+ok render "$data/phantom" $small --rotation 1 -o one.png
+[ -e one-000.png ] || fail "a rotation of one view has another name"
+mkdir folder.x
+ok render "$data/phantom" $small --rotation 2 -o folder.x/r.exr
+[ -e folder.x/r-001.exr ] || fail "the folder's name was changed"
+rm head-000.png head-001.png
+refused 5 "head-002.png" render "$data/phantom" $small --rotation 3 -o new.png -o head.png
+[ ! -e new-000.png ] || fail "work was done before the refusal"

@@ -1,0 +1,62 @@
+#!/bin/sh
+# Runs one script of tests/cli in an empty folder: run.sh SOURCE_ROOT CTSPLAT SCRIPT
+#
+# The script knows $ctsplat, $root and $data (testdata/), and these:
+#   ok ARGS...                   runs ctsplat, which must exit with 0; its output is in out, its messages in err
+#   refused CODE PATTERN ARGS... it must exit with CODE, print nothing, and say one error line that matches PATTERN
+#   fail WORDS...                the script fails, with these words
+#   has FILE PATTERN             FILE has a line that matches the extended regular expression
+set -u
+
+root=$(realpath "$1") ctsplat=$(realpath "$2") script=$(realpath "$3")
+data=$root/testdata
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+cd "$work" || exit 1
+export XDG_CONFIG_HOME="$work/config"
+unset SOURCE_DATE_EPOCH
+# Tests share the machine: threads that wait should sleep.
+export OMP_WAIT_POLICY=PASSIVE
+
+fail()
+{
+    echo "FAIL: $*" >&2
+    echo "last command: ${last:-none}" >&2
+    sed 's/^/  err: /' err >&2 2>/dev/null
+    exit 1
+}
+
+run()
+{
+    last=$*
+    code=0
+    "$ctsplat" "$@" >out 2>err </dev/null || code=$?
+}
+
+ok()
+{
+    run "$@"
+    [ "$code" = 0 ] || fail "exit code $code, expected 0"
+}
+
+refused()
+{
+    expected=$1 pattern=$2
+    shift 2
+    run "$@"
+    [ "$code" = "$expected" ] || fail "exit code $code, expected $expected"
+    [ ! -s out ] || fail "a refusal prints something: $(head -c 200 out)"
+    [ "$(grep -c '^ctsplat: error: ' err)" = 1 ] || fail "not exactly one error line"
+    if grep -v -e '^ctsplat: error: ' -e '^ctsplat: warning: ' err | grep -q .; then
+        fail "lines that are neither error nor warning"
+    fi
+    grep '^ctsplat: error: ' err | grep -qE -e "$pattern" || fail "the error does not match: $pattern"
+}
+
+has()
+{
+    grep -qE -e "$2" "$1" || fail "$1 has no line that matches: $2"
+}
+
+: >err
+. "$script"

@@ -1,0 +1,30 @@
+# SIGINT and SIGTERM: exit code 130, one line, nothing half-written, no temporary file.
+command -v python3 >/dev/null || exit 77
+interrupted=0
+for name in INT TERM; do
+    for wait in 0.05 0.2 0.4; do
+        rm -rf o
+        mkdir o
+        last="render --rotation, SIG$name after $wait s"
+        # A background process of a shell has SIGINT ignored; a subshell of its own resets that.
+        python3 - "$ctsplat" "$data/phantom" $name $wait <<'PY' >out 2>err || fail "could not run it"
+import signal, subprocess, sys, time
+program, path, name, wait = sys.argv[1:]
+run = subprocess.Popen([program, "render", path, "--rotation", "4000", "--size", "64x64", "-o", "o/a.png"])
+time.sleep(float(wait))
+run.send_signal(getattr(signal, "SIG" + name))
+print(run.wait(timeout=60))
+PY
+        code=$(cat out)
+        [ "$code" = 130 ] || fail "exit code $code, expected 130"
+        [ "$(cat err)" = "ctsplat: error: interrupted" ] || fail "not the one line"
+        # What has its name is whole.
+        for picture in o/*.png; do
+            [ -e "$picture" ] || continue
+            ok compare "$picture" "$picture"
+        done
+        [ -z "$(ls -A o | grep -v '^a-[0-9]*\.png$')" ] || fail "left behind: $(ls -A o | grep -v '^a-')"
+        interrupted=$((interrupted + 1))
+    done
+done
+[ $interrupted = 6 ] || fail "not all signals were tried"

@@ -1,0 +1,77 @@
+# Wrong usage: exit code 2, one line, and what to do.
+refused 2 'a command is missing'
+refused 2 'frobnicate: not one of: info render batch bench check compare presets' frobnicate
+refused 2 '--json: no such option before the command' --json
+refused 2 'render: PATH is missing' render
+refused 2 'render: no output' render "$data/phantom"
+refused 2 '--frob: no such option .*render --help' render --frob x
+refused 2 '-x: no such option' render -x
+refused 2 '--size: its argument is missing \(WxH\)' render x --size
+refused 2 '--json: not an option of render' render x --json
+refused 2 'takes no argument' info x --json=yes
+refused 2 'compare: a picture is missing' compare a.png
+refused 2 'one argument too many: c.png' compare a.png b.png c.png
+refused 2 'one argument too many' presets bone skin
+refused 2 'one argument too many' check x
+
+# value OPTION BAD...: each is refused with a message that names the option
+value()
+{
+    option=$1
+    shift
+    for bad in "$@"; do
+        refused 2 "^ctsplat: error: --?$option" render "$data/phantom" -o x.png "--$option" "$bad"
+        [ ! -e x.png ] || fail "a refused run wrote something"
+    done
+}
+value size 0x5 5 5x x5 32769x5 1e3x5 axb -5x5 '5x5 ' 99999999999999999999x1
+value view up 1 1,2,3 0,91 nan,0 0x10,0 1,,2 ''
+value rotation 0 -1 1.5 x 10000
+value mm-per-pixel 0 -1 nan inf 1e9 x
+value engine '' tile TILED
+value kernel boxy tent: tent:0 tent:9 tent:x
+value samples 0 65 x
+value max-error 0 -1 x
+value void yes
+value grey-bits 7 17 8.5
+value opacity-unit cm
+value tolerance -1 x
+value mode MIP x-ray
+value shade yes 1
+value background red '#12345' '#1234567' '#gggggg'
+value crop 1,2,3 1,2,3,4,5,6,7 2,1,0,1,0,1 a,b,c,d,e,f
+value remove-table maybe
+value annotate scales orientation,, ,
+value verify -1 x
+value compress jpeg
+value send host host:1 a@b:0 a@b:99999 'A TITLE THAT IS TOO LONG@h:1'
+value from x
+value threads 0 1025 x
+value series ''
+
+# The whole word after an option is its argument, whatever it begins with.
+ok render "$data/phantom" --view -30,20 --size 32x32 -o a.png
+ok render "$data/phantom" --view=-30,20 --size=32x32 -ob.png
+cmp a.png b.png || fail "--view -30,20 and --view=-30,20 differ"
+ok render --size 32x32 -o c.png --view -30,20 -- "$data/phantom"
+cmp a.png c.png || fail "the order of options matters"
+refused 3 'no-such-file' info -- --no-such-file
+
+ok --help
+has out '^Usage: ctsplat COMMAND'
+ok --version
+has out '^ctsplat [0-9]+\.[0-9]+\.[0-9]+$'
+for library in DCMTK OpenEXR libpng jansson; do
+    has out "^$library [0-9]"
+done
+for command in info render batch bench check compare presets; do
+    ok $command --help
+    has out "^Usage: ctsplat $command"
+done
+
+# Output that cannot be written is not done.
+if [ -w /dev/full ]; then
+    code=0
+    "$ctsplat" presets >/dev/full 2>err || code=$?
+    [ $code = 5 ] || fail "a full standard output gives exit code $code"
+fi
