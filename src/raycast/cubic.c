@@ -84,10 +84,18 @@ int cts_cubic_sign_changes(const double c[4], double u[3])
     return n;
 }
 
-void cts_cubic_through(const double v[4], double c[4])
+void cts_cubic_through(const double at[4], const double value[4], double c[4])
 {
-    c[0] = v[0];
-    c[1] = -5.5 * v[0] + 9 * v[1] - 4.5 * v[2] + v[3];
-    c[2] = 9 * v[0] - 22.5 * v[1] + 18 * v[2] - 4.5 * v[3];
-    c[3] = -4.5 * v[0] + 13.5 * v[1] - 13.5 * v[2] + 4.5 * v[3];
+    /* Newton's divided differences, then multiplied out from the innermost bracket. */
+    double d[4] = {value[0], value[1], value[2], value[3]};
+    for (int k = 1; k < 4; k++)
+        for (int i = 3; i >= k; i--)
+            d[i] = (d[i] - d[i - 1]) / (at[i] - at[i - k]);
+    c[0] = d[3];
+    c[1] = c[2] = c[3] = 0;
+    for (int k = 2; k >= 0; k--) {
+        for (int i = 3; i > 0; i--)
+            c[i] = c[i - 1] - at[k] * c[i];
+        c[0] = d[k] - at[k] * c[0];
+    }
 }

@@ -44,7 +44,7 @@ typedef struct CtsRayWalk {
     double t_mm;               /* end of what was handed out so far */
     int cell[3];               /* of the piece handed out last */
     double from[3], to[3];     /* the ends of that piece within the cell, 0..1 */
-    double length_mm;          /* of the piece handed out last, where the field chooses lengths */
+    bool within;               /* a stretch that was found to be wanted goes on, where the field keeps such stretches */
     bool started;
 } CtsRayWalk;
 

@@ -15,6 +15,7 @@ typedef struct KernelField {
     size_t stride[3];
     CtsKernelId kernel;
     double radius;
+    double shortest_mm; /* of a piece */
     bool lit;
 } KernelField;
 
@@ -65,37 +66,60 @@ static double voxel_at(const KernelField *f, const int voxel[3], int difference_
     return ((double)g[after] - (double)g[before]) / ((i < last) + (i > 0));
 }
 
-/* The sheet of layer k at (u, v). */
-static double sheet_at(const KernelField *f, int k, double u, double v, int difference_axis)
+enum { MAX_SIDE = 10 };
+
+/* The voxels that reach a place within a layer, and their weights, normalised. */
+typedef struct Taps {
+    int i0, j0, ni, nj;
+    double weight[MAX_SIDE][MAX_SIDE]; /* [j][i] */
+} Taps;
+
+static void find_taps(const KernelField *f, double u, double v, Taps *taps)
 {
     const double r = f->radius;
-    double sum = 0, weights = 0;
+    taps->i0 = (int)ceil(u - r);
+    taps->j0 = (int)ceil(v - r);
+    taps->ni = (int)floor(u + r) - taps->i0 + 1;
+    taps->nj = (int)floor(v + r) - taps->j0 + 1;
+    double sum = 0;
+    for (int j = 0; j < taps->nj; j++)
+        for (int i = 0; i < taps->ni; i++)
+            sum += taps->weight[j][i] = kernel_at(f->kernel, taps->i0 + i - u, taps->j0 + j - v, r);
+    for (int j = 0; j < taps->nj && f->kernel != CTS_KERNEL_CONE_PAPER; j++)
+        for (int i = 0; i < taps->ni; i++)
+            taps->weight[j][i] /= sum;
+}
+
+/* The sheet of layer k at the taps' place. */
+static double sheet_at(const KernelField *f, int k, const Taps *taps, int difference_axis)
+{
+    double sum = 0;
     int voxel[3];
     voxel[f->axis] = k;
-    for (int j = (int)ceil(v - r); j <= (int)floor(v + r); j++)
-        for (int i = (int)ceil(u - r); i <= (int)floor(u + r); i++) {
-            const double w = kernel_at(f->kernel, i - u, j - v, r);
-            weights += w;
-            if (w <= 0 || i < 0 || j < 0 || i >= f->volume->dims[f->u_axis] || j >= f->volume->dims[f->v_axis])
-                continue;
-            voxel[f->u_axis] = i;
-            voxel[f->v_axis] = j;
-            sum += w * voxel_at(f, voxel, difference_axis);
+    for (int j = 0; j < taps->nj; j++)
+        for (int i = 0; i < taps->ni; i++) {
+            voxel[f->u_axis] = taps->i0 + i;
+            voxel[f->v_axis] = taps->j0 + j;
+            if (taps->weight[j][i] > 0 && voxel[f->u_axis] >= 0 && voxel[f->v_axis] >= 0 &&
+                voxel[f->u_axis] < f->volume->dims[f->u_axis] && voxel[f->v_axis] < f->volume->dims[f->v_axis])
+                sum += taps->weight[j][i] * voxel_at(f, voxel, difference_axis);
         }
-    return f->kernel == CTS_KERNEL_CONE_PAPER ? sum : weights > 0 ? sum / weights : 0;
+    return sum;
 }
 
 static double field_at(const KernelField *f, const CtsRay *ray, double t_mm, int difference_axis)
 {
     double p[3];
+    Taps taps;
     for (int axis = 0; axis < 3; axis++)
         p[axis] = inner_clamp(ray->start_vox[axis] + t_mm * ray->step_vox[axis], f->volume->dims[axis] - 1);
     const int last = f->volume->dims[f->axis] - 1;
     const int k = (int)fmin(floor(p[f->axis]), last > 0 ? last - 1 : 0);
     const double part = p[f->axis] - k;
-    double value = part < 1 ? (1 - part) * sheet_at(f, k, p[f->u_axis], p[f->v_axis], difference_axis) : 0;
+    find_taps(f, p[f->u_axis], p[f->v_axis], &taps);
+    double value = part < 1 ? (1 - part) * sheet_at(f, k, &taps, difference_axis) : 0;
     if (part > 0)
-        value += part * sheet_at(f, k + 1, p[f->u_axis], p[f->v_axis], difference_axis);
+        value += part * sheet_at(f, k + 1, &taps, difference_axis);
     return difference_axis < 0 ? f->volume->hu_offset + f->volume->hu_step * value : f->volume->hu_step * value;
 }
 
@@ -139,20 +163,61 @@ static double next_layer_mm(const KernelField *f, const CtsRay *ray, double t_mm
 {
     const double start = ray->start_vox[f->axis], step = ray->step_vox[f->axis];
     const double p = start + t_mm * step;
-    double plane = step > 0 ? floor(p + 1e-9) + 1 : ceil(p - 1e-9) - 1;
+    const double plane = step > 0 ? floor(p + 1e-9) + 1 : ceil(p - 1e-9) - 1;
     return fmin((plane - start) / step, ray->t1_mm);
 }
 
-/* Fits the cubic to t0..t1; true when it holds in between too. */
+/* The earlier of until and the place after t at which a voxel's kernel begins or ends on the ray: jumps and kinks
+ * that no cubic bends round. */
+static double next_edge_mm(const KernelField *f, const CtsRay *ray, double t_mm, double until_mm)
+{
+    const double u = ray->start_vox[f->u_axis], v = ray->start_vox[f->v_axis];
+    const double du = ray->step_vox[f->u_axis], dv = ray->step_vox[f->v_axis], r = f->radius,
+                 least = t_mm + f->shortest_mm;
+    const bool round = f->kernel != CTS_KERNEL_TENT && f->kernel != CTS_KERNEL_BSPLINE;
+    const double square = du * du + dv * dv;
+    double edge = until_mm;
+    if (square == 0)
+        return edge;
+    const double u0 = u + t_mm * du, u1 = u + until_mm * du, v0 = v + t_mm * dv, v1 = v + until_mm * dv;
+    for (int j = (int)ceil(fmin(v0, v1) - r); j <= (int)floor(fmax(v0, v1) + r); j++)
+        for (int i = (int)ceil(fmin(u0, u1) - r); i <= (int)floor(fmax(u0, u1) + r); i++) {
+            double at[6];
+            int n = 0;
+            if (round) {
+                const double along = ((i - u) * du + (j - v) * dv) / square;
+                const double off =
+                    (u + along * du - i) * (u + along * du - i) + (v + along * dv - j) * (v + along * dv - j);
+                const double half = off < r * r ? sqrt((r * r - off) / square) : NAN;
+                at[n++] = along - half;
+                at[n++] = along; /* a cone's tip */
+                at[n++] = along + half;
+            } else {
+                for (int k = -1; k <= 1; k++) {
+                    at[n++] = (i + k * r - u) / du;
+                    at[n++] = (j + k * r - v) / dv;
+                }
+            }
+            while (n-- > 0)
+                if (at[n] > least && at[n] < edge)
+                    edge = at[n];
+        }
+    return edge;
+}
+
+/* Fits the cubic to t0..t1; true when it holds in between too. Never looks at the ends, where kernels may jump. */
 static bool fit(const KernelField *f, const CtsRay *ray, double t0, double t1, int difference_axis, double cubic[4])
 {
+    static const double node[4] = {0.038060233744356624, 0.30865828381745511, 0.69134171618254489, 0.96193976625564337};
+    static const double test[3] = {0.14644660940672624, 0.5, 0.85355339059327376};
     const double tolerance = difference_axis < 0 ? FIT_HU : FIT_GRADIENT;
     double at[4];
     for (int i = 0; i < 4; i++)
-        at[i] = field_at(f, ray, t0 + (t1 - t0) * i / 3, difference_axis);
-    cts_cubic_through(at, cubic);
-    for (int i = 1; i < 6; i += 2)
-        if (fabs(cts_cubic_at(cubic, i / 6.0) - field_at(f, ray, t0 + (t1 - t0) * i / 6, difference_axis)) > tolerance)
+        at[i] = field_at(f, ray, t0 + (t1 - t0) * node[i], difference_axis);
+    cts_cubic_through(node, at, cubic);
+    for (int i = 0; i < 3; i++)
+        if (fabs(cts_cubic_at(cubic, test[i]) - field_at(f, ray, t0 + (t1 - t0) * test[i], difference_axis)) >
+            tolerance)
             return false;
     return true;
 }
@@ -172,18 +237,17 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
     const CtsRay *ray = walk->ray;
     while (walk->t_mm < ray->t1_mm) {
         const double t0 = walk->t_mm, layer = fmax(next_layer_mm(f, ray, t0), t0);
-        const double shortest = 1e-6 / fabs(ray->step_vox[f->axis]);
-        if (layer - t0 < shortest || (!walk->length_mm && !wanted(f, walk, t0, layer))) {
-            walk->t_mm = layer > t0 ? layer : t0 + shortest;
-            walk->length_mm = 0;
+        if (layer - t0 < f->shortest_mm || (!walk->within && !wanted(f, walk, t0, layer))) {
+            walk->t_mm = layer > t0 ? layer : t0 + f->shortest_mm;
+            walk->within = false;
             continue;
         }
-        double t1 = walk->length_mm > 0 ? fmin(layer, t0 + 2 * walk->length_mm) : layer;
-        while (!fit_all(f, ray, t0, t1, piece->hu) && t1 - t0 > shortest)
+        double t1 = next_edge_mm(f, ray, t0, layer);
+        while (!fit_all(f, ray, t0, t1, piece->hu) && t1 - t0 > f->shortest_mm)
             t1 = 0.5 * (t0 + t1);
         piece->t0_mm = t0;
         piece->t1_mm = walk->t_mm = t1;
-        walk->length_mm = t1 < layer ? t1 - t0 : 0;
+        walk->within = t1 < layer;
         return true;
     }
     return false;
@@ -205,9 +269,9 @@ CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsV
                            double radius, bool lit, CtsError *err)
 {
     *field = NULL;
-    if (!(radius >= 0.75))
-        return cts_fail(err, CTS_ERR_USAGE, "kernel %s: radius %g voxels leaves gaps (0.75 or more)",
-                        cts_kernel_names[kernel], radius);
+    if (!(radius >= 0.75 && 2 * radius + 1 < MAX_SIDE))
+        return cts_fail(err, CTS_ERR_USAGE, "kernel %s: a radius of %g voxels (0.75 to 4)", cts_kernel_names[kernel],
+                        radius);
     KernelField *f = calloc(1, sizeof *f);
     if (!f)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -218,6 +282,7 @@ CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsV
                        .v_axis = view->axis == 2 ? 1 : 2,
                        .stride = {1, (size_t)volume->dims[0], (size_t)volume->dims[0] * (size_t)volume->dims[1]},
                        .kernel = kernel,
+                       .shortest_mm = 1e-6 / fabs(view->forward_vox[view->axis]),
                        .lit = lit,
                        .radius = radius};
     *field = &f->field;

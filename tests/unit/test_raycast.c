@@ -241,10 +241,11 @@ static bool sphere_next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *pi
         return false;
     piece->t0_mm = walk->t_mm;
     piece->t1_mm = walk->t_mm = fmin(walk->t_mm + s->step_mm, walk->ray->t1_mm);
+    const double at[4] = {0, 0.25, 0.75, 1};
     double v[4];
     for (int i = 0; i < 4; i++)
-        v[i] = sphere_value(field, walk->ray, piece->t0_mm + (piece->t1_mm - piece->t0_mm) * i / 3);
-    cts_cubic_through(v, piece->hu);
+        v[i] = sphere_value(field, walk->ray, piece->t0_mm + (piece->t1_mm - piece->t0_mm) * at[i]);
+    cts_cubic_through(at, v, piece->hu);
     return true;
 }
 
