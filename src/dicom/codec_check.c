@@ -13,7 +13,7 @@ static unsigned big16(const uint8_t *p)
 }
 
 /* Start of frame: DCMTK searches it by segment lengths too, but never gets past FF 01 (TEM). */
-static CtsStatus check_jpeg(const CtsSlice *s, const uint8_t *p, size_t n, CtsError *err)
+static CtsStatus check_jpeg(const CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
 {
     size_t pos = 2;
     if (n < 4 || p[0] != 0xFF || p[1] != 0xD8)
@@ -35,19 +35,19 @@ static CtsStatus check_jpeg(const CtsSlice *s, const uint8_t *p, size_t n, CtsEr
     if (pos + 10 > n)
         return cts_fail(err, CTS_ERR_PIXELS, "its JPEG stream ends in the frame header");
     const int precision = p[pos + 4], rows = (int)big16(p + pos + 5), columns = (int)big16(p + pos + 7);
-    if (rows != s->rows || columns != s->columns || p[pos + 9] != 1)
+    if (rows != f->rows || columns != f->columns || p[pos + 9] != f->n_samples)
         return cts_fail(err, CTS_ERR_PIXELS, "its JPEG stream is %d x %d with %d components, the header says %d x %d",
-                        columns, rows, p[pos + 9], s->columns, s->rows);
+                        columns, rows, p[pos + 9], f->columns, f->rows);
     /* A decoder writes one byte a pixel up to a precision of 8, and two above. */
-    if (precision < 2 || precision > 16 || (precision > 8) != (s->bits_allocated == 16))
+    if (precision < 2 || precision > 16 || (precision > 8) != (f->bits_allocated == 16))
         return cts_fail(err, CTS_ERR_PIXELS, "its JPEG stream has %d bits, the header allocates %d", precision,
-                        s->bits_allocated);
+                        f->bits_allocated);
     return CTS_OK;
 }
 
-static CtsStatus check_rle(const CtsSlice *s, const uint8_t *p, size_t n, CtsError *err)
+static CtsStatus check_rle(const CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
 {
-    const uint32_t segments = (uint32_t)s->bits_allocated / 8;
+    const uint32_t segments = (uint32_t)(f->n_samples * f->bits_allocated / 8);
     if (n < 64 || little32(p) != segments)
         return cts_fail(err, CTS_ERR_PIXELS, "its RLE header does not have %u segments", segments);
     uint32_t last = 63;
@@ -60,7 +60,7 @@ static CtsStatus check_rle(const CtsSlice *s, const uint8_t *p, size_t n, CtsErr
     return CTS_OK;
 }
 
-CtsStatus cts_codec_check(const CtsSlice *s, const uint8_t *pixels, size_t n, CtsError *err)
+CtsStatus cts_codec_check(const CtsCodecFrame *f, const uint8_t *pixels, size_t n, CtsError *err)
 {
     /* The first item is the offset table, which decoders must not need; then one or more fragments. */
     const uint64_t table = n < 8 ? UINT64_MAX : (uint64_t)little32(pixels + 4) + 8;
@@ -70,9 +70,9 @@ CtsStatus cts_codec_check(const CtsSlice *s, const uint8_t *pixels, size_t n, Ct
     const size_t n_fragment = little32(pixels + table + 4), left = n - (size_t)table - 8;
     if (n_fragment > left)
         return cts_fail(err, CTS_ERR_PIXELS, "a fragment of its compressed pixels does not fit");
-    if (s->syntax->codec != CTS_CODEC_RLE)
-        return check_jpeg(s, fragment, n_fragment, err);
-    if (left < n_fragment + 8 || memcmp(fragment + n_fragment, "\xfe\xff\xdd\xe0", 4) != 0)
+    if (f->codec != CTS_CODEC_RLE)
+        return check_jpeg(f, fragment, n_fragment, err);
+    if (f->n_frames == 1 && (left < n_fragment + 8 || memcmp(fragment + n_fragment, "\xfe\xff\xdd\xe0", 4) != 0))
         return cts_fail(err, CTS_ERR_PIXELS, "its RLE frame is spread over several fragments");
-    return check_rle(s, fragment, n_fragment, err);
+    return check_rle(f, fragment, n_fragment, err);
 }

@@ -2,12 +2,19 @@
 #ifndef CTS_DICOM_CODEC_CHECK_H
 #define CTS_DICOM_CODEC_CHECK_H
 
-#include "dicom/slice.h"
+#include "ctsplat/status.h"
+#include "dicom/syntax.h"
 #include <stddef.h>
 #include <stdint.h>
 
-/* pixels: the value of PixelData, fragments and delimiter. CTS_ERR_PIXELS when the stream's own size and precision are
- * not the header's, or its markers or offsets are damaged. */
-CtsStatus cts_codec_check(const CtsSlice *slice, const uint8_t *pixels, size_t n, CtsError *err);
+/* What the header says of the frames. */
+typedef struct CtsCodecFrame {
+    CtsCodec codec;
+    int columns, rows, bits_allocated, n_samples, n_frames;
+} CtsCodecFrame;
+
+/* pixels: the value of PixelData, fragments and delimiter. CTS_ERR_PIXELS when the first frame's own size and precision
+ * are not the header's, or its markers or offsets are damaged. */
+CtsStatus cts_codec_check(const CtsCodecFrame *frame, const uint8_t *pixels, size_t n, CtsError *err);
 
 #endif

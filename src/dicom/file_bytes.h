@@ -6,6 +6,10 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 typedef struct CtsFileBytes {
     int fd;
     uint64_t n_bytes;
@@ -27,4 +31,7 @@ CtsStatus cts_bytes_reserve(uint8_t **bytes, size_t *capacity, size_t n, CtsErro
 CtsStatus cts_inflate(const uint8_t *deflated, size_t n_deflated, uint64_t skip, uint8_t *bytes, size_t n, size_t *got,
                       CtsError *err);
 
+#ifdef __cplusplus
+}
+#endif
 #endif

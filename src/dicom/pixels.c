@@ -25,11 +25,12 @@ static CtsStatus read_compressed(const CtsSlice *s, const CtsFileBytes *file, Ct
 {
     const uint64_t offset = s->pixel_offset - s->data_offset;
     const size_t n = (size_t)(offset + s->pixel_bytes);
+    const CtsCodecFrame frame = {s->syntax->codec, s->columns, s->rows, s->bits_allocated, 1, 1};
     CtsStatus st = cts_bytes_reserve(&scratch->file, &scratch->file_capacity, n, err);
     if (!st)
         st = cts_file_bytes_read(file, scratch->file, n, s->data_offset, err);
     if (!st)
-        st = cts_codec_check(s, scratch->file + offset, (size_t)s->pixel_bytes, err);
+        st = cts_codec_check(&frame, scratch->file + offset, (size_t)s->pixel_bytes, err);
     if (!st)
         st = cts_dcm_decode(scratch->file, n, s, bytes, err);
     return st;

@@ -12,6 +12,7 @@ enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
 static const CtsFormat formats[] = {
     {"png", false, 0, "\x89PNG", NULL, cts_png_write, cts_png_read},
     {"exr", false, 0, "\x76\x2f\x31\x01", NULL, cts_exr_write, cts_exr_read},
+    {"dcm", true, 128, "DICM", cts_sc_check, cts_sc_write, cts_sc_read},
 };
 enum { N_FORMATS = sizeof formats / sizeof *formats };
 

@@ -1,0 +1,299 @@
+/* Secondary captures: what the object says of itself. The encoding is dicom/dcm_sc's. */
+#include "export/format.h"
+
+#include "base/cpu.h"
+#include "base/hash.h"
+#include "base/mem.h"
+#include "dicom/dcm_sc.h"
+#include "export/date.h"
+#include "export/uid.h"
+#include "image/describe.h"
+#include "image/samples.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <unistd.h>
+
+/* Lengths are 32 bits in DICOM, and the largest value means "undefined". */
+static const uint64_t max_pixel_bytes = 0xfffffffe;
+
+/* How each mode is called: value 3 of ImageType, the series' name, and a code of CID 7203. */
+static const struct {
+    const char *image_type, *short_name, *long_name, *code, *meaning;
+} mode_terms[CTS_N_MODES] = {
+    [CTS_MODE_COMPOSITE] = {"VOLUME_RENDER", "VR", "Volume rendering by splatting", "113074", "Volume rendering"},
+    [CTS_MODE_MIP] = {"MAX_IP", "MIP", "Maximum intensity projection", "113078", "Maximum intensity projection"},
+    [CTS_MODE_MINIP] = {"MIN_IP", "MinIP", "Minimum intensity projection", "113079", "Minimum intensity projection"},
+    [CTS_MODE_AVERAGE] = {"AVERAGE_IP", "Average", "Average intensity projection", "113074", "Volume rendering"},
+};
+
+static const char *const syntax_uids[] = {
+    [CTS_SC_NONE] = "1.2.840.10008.1.2.1",
+    [CTS_SC_RLE] = "1.2.840.10008.1.2.5",
+    [CTS_SC_JPEG_LOSSLESS] = "1.2.840.10008.1.2.4.70",
+};
+
+/* The texts and names that the object points to. */
+typedef struct ScTexts {
+    char study_uid[65], series_uid[65], sop_uid[65], pseudonym[65];
+    char date[9], time[7];
+    char series_description[65], derivation[400], patient_orientation[17];
+} ScTexts;
+
+CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsError *err)
+{
+    const CtsSeries *source = settings->source;
+    if (!source || source->n_slices < 1)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: a secondary capture needs the series it was made of", path);
+    const char *first = source->slices[0].path;
+    if (!first || access(first, R_OK))
+        return cts_fail(err, CTS_ERR_READ, "%s: cannot be read any more, and a secondary capture needs its header",
+                        first ? first : path);
+    return CTS_OK;
+}
+
+/* Own texts stay ASCII, whatever character set the source's attributes have, and a backslash would part values. */
+static void ascii_copy(char *to, size_t size, const char *from)
+{
+    size_t n = 0;
+    for (; *from && n + 1 < size; from++)
+        if ((*from & 0xc0) != 0x80) /* one mark for a UTF-8 character, not one a byte */
+            to[n++] = (unsigned char)*from < 0x20 || (unsigned char)*from > 0x7e || *from == '\\' ? '_' : *from;
+    to[n] = 0;
+}
+
+static void describe(const CtsExportJob *job, ScTexts *texts)
+{
+    const CtsPictureInfo *info = &job->frames[0]->info;
+    char preset[sizeof info->preset], view[80], scale[32], step[80] = "";
+    ascii_copy(preset, sizeof preset, info->preset);
+    cts_describe_view(info, view, sizeof view);
+    cts_describe_number(info->mm_per_pixel, 6, scale, sizeof scale);
+    if (job->n_frames > 1) {
+        char degrees[32];
+        cts_describe_number(360.0 / job->n_frames, 6, degrees, sizeof degrees);
+        snprintf(step, sizeof step, "%d views %s degrees apart from ", job->n_frames, degrees);
+    }
+    snprintf(texts->series_description, sizeof texts->series_description, "%s %.40s (ctsplat)",
+             mode_terms[info->mode].short_name, preset);
+    snprintf(texts->derivation, sizeof texts->derivation,
+             "%s, preset %s, orthographic, %sview %s, %s mm per pixel, ctsplat %s, not for diagnostic use",
+             mode_terms[info->mode].long_name, preset, step, view, scale, CTS_VERSION);
+    if (job->n_frames == 1) {
+        char right[4], down[4];
+        const double to_feet[3] = {-info->up_lps[0], -info->up_lps[1], -info->up_lps[2]};
+        cts_describe_direction(info->right_lps, right);
+        cts_describe_direction(to_feet, down);
+        snprintf(texts->patient_orientation, sizeof texts->patient_orientation, "%s\\%s", right, down);
+    }
+}
+
+/* Views of one preset share a series, in an order that does not depend on which of them are made. */
+static int instance_number(const CtsExportJob *job)
+{
+    static const char *const names[] = {"anterior", "left", "posterior", "right", "head", "feet"};
+    const CtsPictureInfo *info = &job->frames[0]->info;
+    char view[80];
+    cts_describe_view(info, view, sizeof view);
+    for (int i = 0; i < 6; i++)
+        if (strcmp(view, names[i]) == 0)
+            return i + 1;
+    double azimuth_deg = fmod(info->azimuth_deg, 360);
+    if (azimuth_deg < 0)
+        azimuth_deg += 360;
+    return 10 + (int)((info->elevation_deg + 90) * 10 + 0.5) * 3600 + (int)(azimuth_deg * 10 + 0.5);
+}
+
+static CtsStatus start_hash(CtsHash **hash, const char *purpose, const CtsSeries *source, CtsError *err)
+{
+    const CtsStatus st = cts_hash_start(hash, err);
+    if (st)
+        return st;
+    cts_hash_text(*hash, "ctsplat");
+    cts_hash_text(*hash, purpose);
+    cts_hash_text(*hash, source ? source->uid : "");
+    for (int i = 0; source && i < source->n_slices; i++)
+        cts_hash_text(*hash, source->slices[i].sop_uid);
+    return CTS_OK;
+}
+
+static CtsStatus finish_uid(CtsHash **hash, char uid[65], CtsError *err)
+{
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const CtsStatus st = cts_hash_finish(hash, digest, err);
+    if (!st)
+        cts_uid_from_digest(digest, uid);
+    return st;
+}
+
+/* The study the picture joins: the source's, or another one for all pictures of that study when identity goes. */
+static CtsStatus choose_study(const CtsExportJob *job, const CtsScSource *facts, ScTexts *texts, CtsError *err)
+{
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const bool known = facts->study_uid[0];
+    snprintf(texts->study_uid, sizeof texts->study_uid, "%s", facts->study_uid);
+    if (known && !job->settings->deidentify)
+        return CTS_OK;
+    CtsStatus st = start_hash(&hash, "study", known ? NULL : job->settings->source, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, facts->study_uid);
+    if ((st = finish_uid(&hash, texts->study_uid, err)) || !job->settings->deidentify ||
+        (st = start_hash(&hash, "patient", NULL, err)))
+        return st;
+    cts_hash_text(hash, texts->study_uid);
+    if ((st = cts_hash_finish(&hash, digest, err)))
+        return st;
+    snprintf(texts->pseudonym, sizeof texts->pseudonym, "ANON-");
+    for (int i = 0; i < 8; i++)
+        snprintf(texts->pseudonym + 5 + 2 * i, 3, "%02X", digest[i]);
+    return CTS_OK;
+}
+
+/* UIDs from all that makes the object what it is: the same input gives the same UIDs, another picture another one. */
+static CtsStatus choose_uids(const CtsExportJob *job, const CtsScObject *object, ScTexts *texts, CtsError *err)
+{
+    CtsHash *hash;
+    char text[160];
+    CtsStatus st;
+    if (job->settings->new_uids)
+        return (st = cts_uid_random(texts->series_uid, err)) ? st : cts_uid_random(texts->sop_uid, err);
+    if ((st = start_hash(&hash, "series", job->settings->source, err)))
+        return st;
+    snprintf(text, sizeof text, "%d %d", job->settings->deidentify, job->n_frames);
+    cts_hash_text(hash, text);
+    cts_hash_text(hash, texts->series_description);
+    cts_hash_text(hash, CTS_VERSION);
+    if ((st = finish_uid(&hash, texts->series_uid, err)) ||
+        (st = start_hash(&hash, "instance", job->settings->source, err)))
+        return st;
+    cts_hash_text(hash, texts->series_uid);
+    cts_hash_text(hash, texts->derivation);
+    snprintf(text, sizeof text, "%dx%d %d", object->width, object->height, object->grey);
+    cts_hash_text(hash, text);
+    for (int k = 0; k < job->n_frames; k++) {
+        cts_describe_view(&job->frames[k]->info, text, sizeof text);
+        cts_hash_text(hash, text);
+    }
+    cts_hash_bytes(hash, object->pixels, object->pixel_bytes);
+    return finish_uid(&hash, texts->sop_uid, err);
+}
+
+static CtsStatus fill_pixels(const CtsExportJob *job, bool grey, void **pixels, size_t *pixel_bytes, CtsError *err)
+{
+    const CtsPicture *first = job->frames[0];
+    const size_t row_bytes = (size_t)first->width * (grey ? 2 : 3);
+    const uint64_t bytes = (uint64_t)row_bytes * (uint64_t)first->height * (uint64_t)job->n_frames;
+    if (bytes > max_pixel_bytes)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %d pictures of %dx%d are more than a DICOM object can hold (4 GiB)",
+                        job->path, job->n_frames, first->width, first->height);
+    const CtsStatus st = cts_alloc_bytes(pixels, (size_t)bytes, 1, err);
+    if (st)
+        return st;
+    *pixel_bytes = (size_t)bytes;
+#pragma omp parallel for num_threads(cts_threads(job->settings->n_threads)) schedule(static)
+    for (int row = 0; row < first->height * job->n_frames; row++) {
+        const CtsPicture *p = job->frames[row / first->height];
+        char *to = (char *)*pixels + (size_t)row * row_bytes;
+        if (grey)
+            cts_samples_row16(p, row % first->height, 1, (uint16_t *)to);
+        else
+            cts_samples_row8(p, row % first->height, (uint8_t *)to);
+    }
+    return CTS_OK;
+}
+
+static const CtsSlice *lossy_slice(const CtsSeries *source)
+{
+    for (int i = 0; i < source->n_slices; i++)
+        if (source->slices[i].odd & CTS_ODD_LOSSY)
+            return &source->slices[i];
+    return NULL;
+}
+
+static void warn(const CtsExportJob *job, const CtsScSource *facts, bool recognizable)
+{
+    if (facts->burned_in)
+        cts_report_finding(job->report, "burned_in_annotation", CTS_WARNING,
+                           "the source says that text is burned into its pixels; it may show in the picture");
+    if (recognizable && job->settings->deidentify)
+        cts_report_finding(job->report, "recognizable_features", CTS_WARNING,
+                           "the preset shows skin: a face can tell who this is, whatever the header says");
+}
+
+static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
+{
+    return cts_temp_write(context, bytes, n, err);
+}
+
+CtsStatus cts_sc_write(const CtsExportJob *job, CtsError *err)
+{
+    const CtsPicture *first = job->frames[0];
+    const CtsSeries *source = job->settings->source;
+    const CtsMode mode = first->info.mode;
+    CtsScSource facts;
+    ScTexts texts = {0};
+    struct tm date;
+    void *pixels = NULL;
+    bool grey = true;
+    for (int k = 0; k < job->n_frames; k++)
+        grey = grey && cts_picture_is_grey(job->frames[k]);
+    CtsScObject object = {.width = first->width, .height = first->height, .n_frames = job->n_frames, .grey = grey};
+    CtsStatus st = cts_dcm_sc_source(&source->slices[0], &facts, err);
+    if (st || (st = fill_pixels(job, grey, &pixels, &object.pixel_bytes, err)))
+        goto end;
+    object.pixels = pixels;
+    describe(job, &texts);
+    if ((st = choose_study(job, &facts, &texts, err)) || (st = choose_uids(job, &object, &texts, err)))
+        goto end;
+    cts_date_now(&date);
+    strftime(texts.date, sizeof texts.date, "%Y%m%d", &date);
+    strftime(texts.time, sizeof texts.time, "%H%M%S", &date);
+    object.syntax_uid = syntax_uids[job->settings->compression];
+    object.study_uid = texts.study_uid;
+    object.series_uid = texts.series_uid;
+    object.sop_uid = texts.sop_uid;
+    object.series_number = facts.series_number > 0 && facts.series_number < 1000000 ? 9000 + facts.series_number : 9000;
+    object.instance_number = job->n_frames > 1 ? 1 : instance_number(job);
+    object.date = texts.date;
+    object.time = texts.time;
+    object.version = CTS_VERSION;
+    object.image_type = mode_terms[mode].image_type;
+    object.series_description = texts.series_description;
+    object.derivation = texts.derivation;
+    object.derivation_code = mode_terms[mode].code;
+    object.derivation_meaning = mode_terms[mode].meaning;
+    object.patient_orientation = texts.patient_orientation;
+    object.burned_in = facts.burned_in;
+    object.recognizable = first->info.shows_skin;
+    object.source = source;
+    object.source_class_uid = facts.sop_class_uid;
+    object.lossy = lossy_slice(source);
+    object.pseudonym = texts.pseudonym[0] ? texts.pseudonym : NULL;
+    warn(job, &facts, object.recognizable);
+    if ((st = cts_dcm_sc_write(&object, sink, job->temp, err)))
+        goto end;
+end:
+    cts_free_bytes(pixels);
+    return st;
+}
+
+CtsStatus cts_sc_read(const char *path, CtsPicture **picture, CtsError *err)
+{
+    CtsScPixels pixels = {0};
+    *picture = NULL;
+    CtsStatus st = cts_dcm_sc_read(path, &pixels, err);
+    if (st || (st = cts_picture_new(picture, pixels.width, pixels.height, pixels.n_samples == 1 ? 1 : 4, err)))
+        goto end;
+    CtsPicture *p = *picture;
+    const size_t n = (size_t)p->width * p->height;
+    p->has_alpha = false;
+    for (size_t i = 0; i < n; i++)
+        for (int c = 0; c < p->n_channels; c++)
+            p->pixels[i * p->n_channels + c] =
+                c == 3 ? 1 : (float)((double)pixels.samples[i * pixels.n_samples + c] / pixels.largest);
+end:
+    cts_free(&pixels.samples);
+    return st;
+}
