@@ -68,6 +68,7 @@ CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err)
     Results results = {.print = !options->json};
     const CtsCheckSettings settings = {
         .n_threads = options->render.n_threads, .stop = &cli_stop, .sink = add, .context = &results};
+    cli_interrupt_asks();
     if (options->plot && (st = cts_file_check_writable(options->plot, options->force, err)))
         return st;
     if ((st = cts_check_run(&settings, &n_cases, &n_failed, err)))

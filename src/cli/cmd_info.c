@@ -1,5 +1,4 @@
 /* ctsplat info: headers of every series, and the HU range of those that can be rendered. */
-#include "cli/interrupt.h"
 #include "cli/options.h"
 #include "cli/progress.h"
 #include "report/info.h"
@@ -50,7 +49,6 @@ CtsStatus cli_info(const CliOptions *options, int *exit_code, CtsError *err)
     CtsStatus st;
     CtsSeriesList *list = NULL;
     CtsPixelFacts *facts = NULL;
-    cli_interrupt_immediate(1);
     if ((st = cts_series_find(options->operands, options->n_operands, options->render.n_threads, &list, NULL, err)))
         goto end;
     facts = calloc(list->n + 1, sizeof *facts);

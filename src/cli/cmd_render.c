@@ -229,9 +229,8 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
     if ((st = prepare(&job, err)) || (st = cts_log_open(&job.log, options->log, start_ms, err)))
         goto end;
     cts_meter_stop(meter, &job.report, CTS_STAGE_SCAN);
-    cli_interrupt_immediate(1);
     st = load(&job, err);
-    cli_interrupt_immediate(0);
+    cli_interrupt_asks();
     if (st || (st = cli_interrupted(err)))
         goto end;
     for (int frame = 0; frame < job.n_frames && !st; frame++)

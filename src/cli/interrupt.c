@@ -4,7 +4,7 @@
 #include <unistd.h>
 
 volatile sig_atomic_t cli_stop;
-static volatile sig_atomic_t may_exit;
+static volatile sig_atomic_t may_exit = 1;
 
 static const char message[] = "ctsplat: error: interrupted\n";
 
@@ -41,7 +41,7 @@ CtsStatus cli_interrupted(CtsError *err)
     return cli_stop ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }
 
-void cli_interrupt_immediate(int immediate)
+void cli_interrupt_asks(void)
 {
-    may_exit = immediate;
+    may_exit = 0;
 }

@@ -11,8 +11,8 @@ extern volatile sig_atomic_t cli_stop;
 void cli_interrupt_init(void);
 /* CTS_ERR_INTERRUPTED when a signal asked to stop. */
 CtsStatus cli_interrupted(CtsError *err);
-/* While immediate is set nothing needs cleaning up, so that a signal ends the process at once: for reading, which
- * cannot be asked to stop. */
-void cli_interrupt_immediate(int immediate);
+/* At first a signal ends the process at once, which suits work that leaves nothing behind and cannot be asked to stop,
+ * such as reading a series. From this call on it sets cli_stop. */
+void cli_interrupt_asks(void);
 
 #endif
