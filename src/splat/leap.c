@@ -46,6 +46,26 @@ static void relax(CtsLeap *l, int step, uint8_t *near)
         }
 }
 
+/* Bits of the fine blocks in block (u, v, k) that may be visible; at the far ends some do not exist. */
+static uint8_t fine_bits(const CtsBlocks *blocks, const CtsLayout *layout, const CtsLut *lut, int u, int v, int k)
+{
+    const int axis[3] = {layout->axis_u, layout->axis_v, layout->axis_k};
+    const ptrdiff_t stride[3] = {1, blocks->n_fine[0], (ptrdiff_t)blocks->n_fine[0] * blocks->n_fine[1]};
+    uint8_t bits = 0;
+    for (int bit = 0; bit < 8; bit++) {
+        const int at[3] = {2 * u + (bit & 1), 2 * v + (bit >> 1 & 1), 2 * k + (bit >> 2)};
+        ptrdiff_t offset = 0;
+        bool exists = true;
+        for (int c = 0; c < 3; c++) {
+            exists = exists && at[c] < blocks->n_fine[axis[c]];
+            offset += at[c] * stride[axis[c]];
+        }
+        if (exists && cts_lut_visible(lut, blocks->fine[offset].low, blocks->fine[offset].high))
+            bits |= (uint8_t)(1 << bit);
+    }
+    return bits;
+}
+
 CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout *layout, const CtsLut *lut,
                         CtsError *err)
 {
@@ -55,10 +75,11 @@ CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout 
         (CtsLeap){.nu = blocks->n[layout->axis_u], .nv = blocks->n[layout->axis_v], .nk = blocks->n[layout->axis_k]};
     leap->n_blocks = (int64_t)leap->nu * leap->nv * leap->nk;
     if ((st = cts_alloc_array(&leap->distance, (size_t)leap->n_blocks, err)) ||
+        (st = cts_alloc_array(&leap->fine, (size_t)leap->n_blocks, err)) ||
         (st = cts_alloc_array(&near, (size_t)leap->nu + 2, err)))
         goto end;
     const ptrdiff_t from[3] = {1, blocks->n[0], (ptrdiff_t)blocks->n[0] * blocks->n[1]};
-    uint8_t *d = leap->distance;
+    uint8_t *d = leap->distance, *fine = leap->fine;
     for (int k = 0; k < leap->nk; k++)
         for (int v = 0; v < leap->nv; v++)
             for (int u = 0; u < leap->nu; u++) {
@@ -66,6 +87,7 @@ CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout 
                     blocks->range[u * from[layout->axis_u] + v * from[layout->axis_v] + k * from[layout->axis_k]];
                 const bool visible = cts_lut_visible(lut, r.low, r.high);
                 *d++ = visible ? 0 : FAR;
+                *fine++ = visible ? fine_bits(blocks, layout, lut, u, v, k) : 0;
                 leap->n_visible += visible;
             }
     near[0] = near[leap->nu + 1] = FAR;
@@ -81,4 +103,5 @@ end:
 void cts_leap_free(CtsLeap *leap)
 {
     cts_free(&leap->distance);
+    cts_free(&leap->fine);
 }

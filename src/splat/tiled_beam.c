@@ -136,6 +136,30 @@ static bool is_inner(const TiledJob *j, const TiledBeam *beam, int q)
            beam->v[1] + dv + 1 < j->window_v;
 }
 
+static int fine_of(double at, int n_cells)
+{
+    const int cell = at > 0 ? (int)at : 0;
+    return (cell < n_cells ? cell : n_cells - 1) / CTS_FINE_BLOCK;
+}
+
+/* Whether something may be visible to the beam in slabs from..to - 1, which lie in one layer of fine blocks. */
+static bool fine_visible(const TiledJob *j, const TiledBeam *beam, int from, int to)
+{
+    const CtsLeap *leap = &j->leap;
+    const double u_a = j->u_at[3] * from, u_b = j->u_at[3] * to, v_a = j->v_at[3] * from, v_b = j->v_at[3] * to;
+    const int u0 = fine_of(beam->u[0] + smaller(u_a, u_b), j->nu - 1),
+              u1 = fine_of(beam->u[1] + larger(u_a, u_b), j->nu - 1);
+    const int v0 = fine_of(beam->v[0] + smaller(v_a, v_b), j->nv - 1),
+              v1 = fine_of(beam->v[1] + larger(v_a, v_b), j->nv - 1);
+    const int k = (j->rising ? from : j->nk - 2 - from) / CTS_FINE_BLOCK;
+    const uint8_t *layer = leap->fine + (ptrdiff_t)(k / 2) * leap->nu * leap->nv;
+    for (int v = v0; v <= v1; v++)
+        for (int u = u0; u <= u1; u++)
+            if (layer[(v / 2) * leap->nu + u / 2] >> (4 * (k & 1) + 2 * (v & 1) + (u & 1)) & 1)
+                return true;
+    return false;
+}
+
 bool tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
 {
     while (beam->next < beam->last) {
@@ -148,9 +172,15 @@ bool tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
             beam->next += leap;
             continue;
         }
+        /* A closer look: up to where the next layer of fine blocks begins. */
+        const int cell = j->rising ? q : j->nk - 2 - q;
+        const int rest = j->rising ? CTS_FINE_BLOCK - cell % CTS_FINE_BLOCK : cell % CTS_FINE_BLOCK + 1;
+        until = q + rest < until ? q + rest : until;
         until = until < beam->last ? until : beam->last;
-        beam->runs[beam->n_runs++] = (TiledRun){q, until, is_inner(j, beam, q) && is_inner(j, beam, until)};
         beam->next = until;
+        if (!fine_visible(j, beam, q, until))
+            continue;
+        beam->runs[beam->n_runs++] = (TiledRun){q, until, is_inner(j, beam, q) && is_inner(j, beam, until)};
         return true;
     }
     return false;

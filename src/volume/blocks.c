@@ -10,6 +10,9 @@
 #define VECTOR_CLONES
 #endif
 
+/* Columns folded at a time; a fine block reaches over CTS_FINE_BLOCK + 1 voxels. */
+enum { STRIP = 1024, REACH = CTS_FINE_BLOCK + 1 };
+
 static inline uint16_t min16(uint16_t a, uint16_t b)
 {
     return a < b ? a : b;
@@ -20,76 +23,145 @@ static inline uint16_t max16(uint16_t a, uint16_t b)
     return a > b ? a : b;
 }
 
-/* low[i], high[i] over n_rows rows that lie row_stride apart. */
-VECTOR_CLONES static void fold_rows(const uint16_t *row, size_t row_stride, int n_rows, int n, uint16_t *restrict low,
-                                    uint16_t *restrict high)
+static inline void widen(CtsRange *r, CtsRange other)
 {
-    for (int r = 0; r < n_rows; r++, row += row_stride)
-        for (int i = 0; i < n; i++) {
-            low[i] = min16(low[i], row[i]);
-            high[i] = max16(high[i], row[i]);
-        }
+    r->low = min16(r->low, other.low);
+    r->high = max16(r->high, other.high);
 }
 
-/* The blocks of one slice of a slab, folded into range. */
-static void fold_slice(const CtsVolume *v, const uint16_t *slice, const int n[3], CtsRange *range, uint16_t *low,
-                       uint16_t *high)
+/* n_rows rows of n columns, row_stride apart, become the ranges of n_blocks fine blocks side by side; the columns
+ * behind the last one are taken to repeat it. */
+VECTOR_CLONES static void fold_strip(const uint16_t *row, size_t row_stride, int n_rows, int n, CtsRange *range,
+                                     int n_blocks)
 {
-    const int nx = v->dims[0], ny = v->dims[1];
-    for (int bj = 0; bj < n[1]; bj++) {
-        const int j0 = bj * CTS_BLOCK, j1 = j0 + CTS_BLOCK < ny - 1 ? j0 + CTS_BLOCK : ny - 1;
-        memset(low, 0xff, (size_t)nx * sizeof *low);
-        memset(high, 0, (size_t)nx * sizeof *high);
-        fold_rows(slice + (size_t)j0 * (size_t)nx, (size_t)nx, j1 - j0 + 1, nx, low, high);
-        for (int bi = 0; bi < n[0]; bi++) {
-            const int i0 = bi * CTS_BLOCK, i1 = i0 + CTS_BLOCK < nx - 1 ? i0 + CTS_BLOCK : nx - 1;
-            CtsRange *r = &range[bj * n[0] + bi];
-            for (int i = i0; i <= i1; i++) {
-                r->low = min16(r->low, low[i]);
-                r->high = max16(r->high, high[i]);
-            }
+    uint16_t low[STRIP + 2 * REACH], high[STRIP + 2 * REACH];
+    memcpy(low, row, (size_t)n * sizeof *low);
+    memcpy(high, row, (size_t)n * sizeof *high);
+    for (int r = 1; r < n_rows; r++) {
+        const uint16_t *next = row + (size_t)r * row_stride;
+        for (int i = 0; i < n; i++) {
+            low[i] = min16(low[i], next[i]);
+            high[i] = max16(high[i], next[i]);
         }
     }
+    for (int i = n; i < n + REACH; i++) {
+        low[i] = low[n - 1];
+        high[i] = high[n - 1];
+    }
+    /* Windows of 5 columns by doubling: 2, 4, then one more. */
+    uint16_t low2[STRIP + REACH], high2[STRIP + REACH];
+    for (int i = 0; i < n + REACH - 1; i++) {
+        low2[i] = min16(low[i], low[i + 1]);
+        high2[i] = max16(high[i], high[i + 1]);
+    }
+    for (int i = 0; i < n; i++) {
+        low2[i] = min16(min16(low2[i], low2[i + 2]), low[i + 4]);
+        high2[i] = max16(max16(high2[i], high2[i + 2]), high[i + 4]);
+    }
+    for (int b = 0; b < n_blocks; b++)
+        widen(&range[b], (CtsRange){low2[b * CTS_FINE_BLOCK], high2[b * CTS_FINE_BLOCK]});
+}
+
+/* A slice's fine blocks, widened in range[bj * n_fine[0] + bi]. */
+static void fold_slice(const CtsBlocks *b, const uint16_t *slice, CtsRange *range)
+{
+    const int nx = b->dims[0], ny = b->dims[1];
+    for (int bj = 0; bj < b->n_fine[1]; bj++) {
+        const int j0 = bj * CTS_FINE_BLOCK, n_rows = ny - j0 < REACH ? ny - j0 : REACH;
+        for (int i0 = 0, bi = 0; bi < b->n_fine[0]; i0 += STRIP, bi += STRIP / CTS_FINE_BLOCK) {
+            const int n = nx - i0 < STRIP + 1 ? nx - i0 : STRIP + 1;
+            const int left = b->n_fine[0] - bi, most = STRIP / CTS_FINE_BLOCK;
+            fold_strip(slice + (size_t)j0 * (size_t)nx + i0, (size_t)nx, n_rows, n,
+                       range + (size_t)bj * (size_t)b->n_fine[0] + bi, left < most ? left : most);
+        }
+    }
+}
+
+static size_t product(const int n[3])
+{
+    return (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
+}
+
+static void clear(CtsRange *range, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        range[i] = (CtsRange){65535, 0};
+}
+
+CtsStatus cts_blocks_begin(CtsBlocks **blocks, const int dims[3], CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    CtsBlocks *b = *blocks = calloc(1, sizeof *b);
+    if (!b)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int axis = 0; axis < 3; axis++) {
+        const int cells = dims[axis] > 1 ? dims[axis] - 1 : 1;
+        b->dims[axis] = dims[axis];
+        b->n[axis] = (cells - 1) / CTS_BLOCK + 1;
+        b->n_fine[axis] = (cells - 1) / CTS_FINE_BLOCK + 1;
+    }
+    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
+    if ((st = cts_alloc_array(&b->range, product(b->n), err)) ||
+        (st = cts_alloc_array(&b->fine, product(b->n_fine), err)) ||
+        (st = cts_alloc_array(&b->shared, layer * ((size_t)b->n_fine[2] + 1), err))) {
+        cts_blocks_free(blocks);
+        return st;
+    }
+    clear(b->range, product(b->n));
+    clear(b->fine, product(b->n_fine));
+    return CTS_OK;
+}
+
+void cts_blocks_add(CtsBlocks *b, int k, const uint16_t *slice)
+{
+    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
+    const int bk = k / CTS_FINE_BLOCK;
+    CtsRange *own = b->fine + (size_t)bk * layer;
+    if (k % CTS_FINE_BLOCK > 0) {
+        fold_slice(b, slice, own);
+        return;
+    }
+    /* The slice on which two blocks meet: kept apart, since the block before may be another thread's. */
+    CtsRange *shared = b->shared + (size_t)bk * layer;
+    clear(shared, layer);
+    fold_slice(b, slice, shared);
+    for (size_t i = 0; i < layer && bk < b->n_fine[2]; i++)
+        widen(&own[i], shared[i]);
+}
+
+void cts_blocks_end(CtsBlocks *b)
+{
+    const int *nf = b->n_fine;
+    const size_t layer = (size_t)nf[0] * (size_t)nf[1];
+    for (int bk = 0; bk < nf[2]; bk++) {
+        CtsRange *own = b->fine + (size_t)bk * layer;
+        if ((bk + 1) * CTS_FINE_BLOCK < b->dims[2])
+            for (size_t i = 0; i < layer; i++)
+                widen(&own[i], b->shared[(size_t)(bk + 1) * layer + i]);
+        for (int bj = 0; bj < nf[1]; bj++)
+            for (int bi = 0; bi < nf[0]; bi++)
+                widen(&b->range[((size_t)(bk / 2) * (size_t)b->n[1] + (size_t)(bj / 2)) * (size_t)b->n[0] +
+                                (size_t)(bi / 2)],
+                      own[(size_t)bj * (size_t)nf[0] + (size_t)bi]);
+    }
+    b->all = (CtsRange){65535, 0};
+    for (size_t i = 0; i < product(b->n); i++)
+        widen(&b->all, b->range[i]);
+    cts_free(&b->shared);
 }
 
 CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_threads, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
-    CtsBlocks *b = *blocks = calloc(1, sizeof *b);
-    uint16_t *rows = NULL;
-    const size_t nx = (size_t)volume->dims[0], slice = nx * (size_t)volume->dims[1];
-    if (!b)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    size_t n = 1;
-    for (int axis = 0; axis < 3; axis++) {
-        b->n[axis] = volume->dims[axis] > 1 ? (volume->dims[axis] - 2) / CTS_BLOCK + 1 : 1;
-        n *= (size_t)b->n[axis];
-    }
-    const size_t per_slab = (size_t)b->n[0] * (size_t)b->n[1];
-    if ((st = cts_alloc_array(&b->range, n, err)) || (st = cts_alloc_array(&rows, 2 * nx * (size_t)n_threads, err)))
-        goto end;
-#pragma omp parallel for schedule(static) num_threads(n_threads)
-    for (int t = 0; t < n_threads; t++) {
-        uint16_t *low = rows + 2 * nx * (size_t)t, *high = low + nx;
-        const int from = (int)((int64_t)b->n[2] * t / n_threads), to = (int)((int64_t)b->n[2] * (t + 1) / n_threads);
-        for (int bk = from; bk < to; bk++) {
-            CtsRange *range = b->range + (size_t)bk * per_slab;
-            for (size_t i = 0; i < per_slab; i++)
-                range[i] = (CtsRange){65535, 0};
-            for (int k = bk * CTS_BLOCK; k <= (bk + 1) * CTS_BLOCK && k < volume->dims[2]; k++)
-                fold_slice(volume, volume->grey + (size_t)k * slice, b->n, range, low, high);
-        }
-    }
-    b->all = b->range[0];
-    for (size_t i = 1; i < n; i++) {
-        b->all.low = min16(b->all.low, b->range[i].low);
-        b->all.high = max16(b->all.high, b->range[i].high);
-    }
-end:
-    cts_free(&rows);
+    const CtsStatus st = cts_blocks_begin(blocks, volume->dims, err);
     if (st)
-        cts_blocks_free(blocks);
-    return st;
+        return st;
+    CtsBlocks *b = *blocks;
+    const size_t slice = (size_t)volume->dims[0] * (size_t)volume->dims[1];
+#pragma omp parallel for schedule(static, CTS_FINE_BLOCK) num_threads(n_threads)
+    for (int k = 0; k < volume->dims[2]; k++)
+        cts_blocks_add(b, k, volume->grey + (size_t)k * slice);
+    cts_blocks_end(b);
+    return CTS_OK;
 }
 
 void cts_blocks_free(CtsBlocks **blocks)
@@ -97,6 +169,8 @@ void cts_blocks_free(CtsBlocks **blocks)
     if (!*blocks)
         return;
     cts_free(&(*blocks)->range);
+    cts_free(&(*blocks)->fine);
+    cts_free(&(*blocks)->shared);
     free(*blocks);
     *blocks = NULL;
 }

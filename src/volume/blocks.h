@@ -1,5 +1,6 @@
-/* Smallest and largest grey level of each block of 8 x 8 x 8 cells (a cell lies between 2 x 2 x 2 voxels), so that
- * whatever is interpolated inside the block lies between the two. Needed by every engine that skips what is void. */
+/* Smallest and largest grey level of blocks of cells (a cell lies between 2 x 2 x 2 voxels), so that whatever is
+ * interpolated inside a block lies between the two: of 8 x 8 x 8 cells, and of 4 x 4 x 4 for a closer look. What every
+ * engine that skips void needs; made slice by slice, so that a reader can do it while a slice is still in the cache. */
 #ifndef CTS_VOLUME_BLOCKS_H
 #define CTS_VOLUME_BLOCKS_H
 
@@ -7,21 +8,32 @@
 #include "ctsplat/volume.h"
 #include <stdint.h>
 
-enum { CTS_BLOCK = 8 };
+enum { CTS_BLOCK = 8, CTS_FINE_BLOCK = 4 };
 
 typedef struct CtsRange {
     uint16_t low, high;
 } CtsRange;
 
-/* Block (bi, bj, bk) is range[(bk * n[1] + bj) * n[0] + bi] and covers voxels 8 b to 8 b + 8 of each axis. */
+/* Block (bi, bj, bk) is range[(bk * n[1] + bj) * n[0] + bi] and covers voxels 8 b to 8 b + 8 of each axis; the fine
+ * ones likewise with 4. */
 typedef struct CtsBlocks {
-    int n[3];
-    CtsRange *range;
+    int n[3], n_fine[3];
+    CtsRange *range, *fine;
     CtsRange all;
+    int dims[3];
+    CtsRange *shared; /* while slices are added: ranges of the slices on which two fine blocks meet */
 } CtsBlocks;
 
-/* One pass over the volume by n_threads. */
-CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_threads, CtsError *err);
+/* Empty blocks for a volume of these dimensions. */
+CtsStatus cts_blocks_begin(CtsBlocks **blocks, const int dims[3], CtsError *err);
+/* Slice k, dims[0] * dims[1] voxels. Each slice once, in any order; slices of the same k / CTS_FINE_BLOCK must come
+ * from one thread at a time. */
+void cts_blocks_add(CtsBlocks *blocks, int k, const uint16_t *slice);
+/* After the last slice. */
+void cts_blocks_end(CtsBlocks *blocks);
 void cts_blocks_free(CtsBlocks **blocks);
+
+/* All of it for a volume in memory, by n_threads. */
+CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_threads, CtsError *err);
 
 #endif
