@@ -10,6 +10,8 @@
 extern "C" {
 #endif
 
+struct CtsBlocks; /* src/volume/blocks.h */
+
 /* Plain data; made by cts_volume_new() or cts_series_load(), freed by cts_volume_free().
  * Voxel (i, j, k) stands at grey[(k * dims[1] + j) * dims[0] + i]; its centre lies at
  * origin_lps + i * step_lps[0] + j * step_lps[1] + k * step_lps[2] (patient coordinates, LPS, mm).
@@ -23,11 +25,19 @@ typedef struct CtsVolume {
      * rescale slope. Grey 0 is air or padding, the paper's invalid data. */
     double hu_offset, hu_step;
     double hu_min, hu_max; /* of the pixels as stored, padding left out, before anything was clamped */
+    /* Ranges of grey levels by block, for engines that skip what is void; NULL where nobody has made them. Whoever
+     * changes grey calls cts_volume_changed(). */
+    struct CtsBlocks *blocks;
 } CtsVolume;
 
 /* A volume of zeros with unit spacing, HU = grey - 1024. Refuses sizes below 1 and products past SIZE_MAX. */
 CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *err);
 void cts_volume_free(CtsVolume **volume);
+
+/* Make the blocks once, before several pictures of one volume; n_threads 0: all cores. */
+CtsStatus cts_volume_prepare(CtsVolume *volume, int n_threads, CtsError *err);
+/* Forget what was derived from the grey levels. */
+void cts_volume_changed(CtsVolume *volume);
 
 size_t cts_volume_n_voxels(const CtsVolume *volume);
 static inline double cts_volume_hu(const CtsVolume *v, uint16_t grey)

@@ -14,7 +14,7 @@
 typedef struct CtsLeap {
     int nu, nv, nk;
     uint8_t *distance;
-    uint8_t *fine; /* of each block, which of its 2 x 2 x 2 fine blocks may be visible: bit 4 k + 2 v + u of the halves */
+    uint8_t *fine; /* which of a block's 2 x 2 x 2 fine blocks may be visible: bit 4 k + 2 v + u of the halves */
     int64_t n_visible, n_blocks;
 } CtsLeap;
 

@@ -203,7 +203,8 @@ static void report_counts(const TiledCounts *counts, const CtsScene *scene, cons
 static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    CtsBlocks *blocks = NULL;
+    CtsBlocks *made = NULL;
+    const CtsBlocks *blocks = scene->volume->blocks;
     CtsLayout layout = {0};
     CtsShade shade = {0};
     TiledJob job = {0};
@@ -211,9 +212,15 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsRep
     const CtsRenderSettings *s = scene->settings;
     const bool avx2 = cts_cpu_flags() & s->cpu_mask & CTS_CPU_AVX2;
     double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if ((st = cts_blocks_new(&blocks, scene->volume, s->n_threads, err)) ||
-        (st = cts_layout_init(&layout, scene->volume, &scene->view, s->n_threads, err)))
+    if (!blocks) {
+        if ((st = cts_blocks_new(&made, scene->volume, s->n_threads, err)))
+            goto end;
+        blocks = made;
+    }
+    if ((st = cts_layout_init(&layout, scene->volume, &scene->view, s->n_threads, err)))
         goto end;
+    if (!made)
+        cts_report_skip(report, "block ranges", "made while the slices were decoded, or for an earlier picture");
     cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
                      cts_volume_n_voxels(scene->volume), 0);
     wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -243,7 +250,7 @@ end:
     cts_slab_table_free(&job.table);
     cts_leap_free(&job.leap);
     cts_layout_free(&layout);
-    cts_blocks_free(&blocks);
+    cts_blocks_free(&made);
     return st;
 }
 

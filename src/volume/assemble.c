@@ -6,6 +6,7 @@
 #include "base/mem.h"
 #include "dicom/slice.h"
 #include "dicom/stack.h"
+#include "volume/blocks.h"
 #include "volume/grey.h"
 #include "volume/resample.h"
 #include "volume/volume_new.h"
@@ -25,6 +26,7 @@ typedef struct Assembly {
     size_t layer_voxels;
     bool whole_numbers;     /* every slope and intercept is one */
     CtsStoredRange *ranges; /* of each slice */
+    CtsBlocks *blocks;      /* made on the way while a slice is in the cache; NULL: not now */
     double busy[CTS_N_STAGES];
     uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
     int failed; /* the first slice that failed, or n_slices */
@@ -66,6 +68,8 @@ static CtsStatus read_slice(Assembly *a, int k, CtsScratch *scratch, cts_grey_wh
     a->ranges[k] = a->whole_numbers ? to_grey(layer_of(a, k), a->layer_voxels, &stored, (int32_t)s->slope,
                                               (int32_t)(s->intercept - HU_OFFSET))
                                     : cts_stored_range(layer_of(a, k), a->layer_voxels, &stored);
+    if (a->blocks)
+        cts_blocks_add(a->blocks, k, layer_of(a, k));
     busy[CTS_STAGE_DECODE] += decoded - start;
     busy[CTS_STAGE_GREY] += cts_wall_ms() - decoded;
     return CTS_OK;
@@ -82,7 +86,7 @@ static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
     {
         CtsScratch scratch = {0};
         double busy[CTS_N_STAGES] = {0};
-#pragma omp for schedule(dynamic, 1)
+#pragma omp for schedule(dynamic, CTS_FINE_BLOCK)
         for (int k = 0; k < a->n_slices; k++) {
             CtsError why = {0};
             int failed;
@@ -233,8 +237,16 @@ static CtsStatus fill(const CtsSeries *series, const CtsSliceStack *stack, int o
     for (int k = 0; k < a.n_slices; k++)
         a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
+    /* What is converted or resampled later gets its blocks when they are wanted. */
+    if (!st && a.whole_numbers && stack->kind == CTS_STACK_EVEN)
+        st = cts_blocks_begin(&a.blocks, v->dims, err);
     if (!st)
         st = read_slices(&a, report, err);
+    if (!st && a.blocks) {
+        cts_blocks_end(a.blocks);
+        v->blocks = a.blocks;
+        a.blocks = NULL;
+    }
     if (!st) {
         find_hu_range(&a, v);
         if (!a.whole_numbers) {
@@ -249,6 +261,7 @@ static CtsStatus fill(const CtsSeries *series, const CtsSliceStack *stack, int o
     }
     if (!st)
         tell_range(v, a.whole_numbers, report);
+    cts_blocks_free(&a.blocks);
     cts_free(&a.ranges);
     return st;
 }

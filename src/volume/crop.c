@@ -68,5 +68,6 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
         for (int axis = 0; axis < 3; axis++)
             v->origin_lps[c] += lo[axis] * v->step_lps[axis][c];
     memcpy(v->dims, n, sizeof n);
+    cts_volume_changed(v);
     return CTS_OK;
 }

@@ -1,6 +1,8 @@
 #include "ctsplat/volume.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
+#include "volume/blocks.h"
 #include "volume/volume_new.h"
 #include <stdlib.h>
 #include <string.h>
@@ -45,6 +47,7 @@ void cts_volume_free(CtsVolume **volume)
 {
     if (!*volume)
         return;
+    cts_volume_changed(*volume);
     cts_free(&(*volume)->grey);
     free(*volume);
     *volume = NULL;
@@ -53,4 +56,14 @@ void cts_volume_free(CtsVolume **volume)
 size_t cts_volume_n_voxels(const CtsVolume *volume)
 {
     return (size_t)volume->dims[0] * (size_t)volume->dims[1] * (size_t)volume->dims[2];
+}
+
+CtsStatus cts_volume_prepare(CtsVolume *volume, int n_threads, CtsError *err)
+{
+    return volume->blocks ? CTS_OK : cts_blocks_new(&volume->blocks, volume, cts_threads(n_threads), err);
+}
+
+void cts_volume_changed(CtsVolume *volume)
+{
+    cts_blocks_free(&volume->blocks);
 }
