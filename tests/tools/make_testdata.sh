@@ -13,7 +13,7 @@ $phantom --size 64,64,48 --spacing 3.5,3.5,4.5 "$work/head.raw"
 $raw2ct --size 64,64,48 --spacing 3.5,3.5,4.5 --description phantom "$work/head.raw" "$out/phantom"
 
 # A coarse one for the odd series: no two sizes and no two spacings are the same.
-size=28,24,8 spacing=8,9,27
+size=28,24,10 spacing=8,9,9.5
 $phantom --size $size --spacing $spacing "$work/small.raw"
 
 # small FOLDER OPTION...: the coarse head with options
@@ -48,13 +48,14 @@ small pixels/padding-unsigned --padding 63536 --pad-circle --unsigned --intercep
 small geometry/coronal --orientation coronal --description coronal
 small geometry/sagittal --orientation sagittal --description sagittal
 small geometry/oblique --orientation 0.8,0.36,0.48,-0.6,0.48,0.64 --description oblique
-small geometry/feet-first --flip z --orientation 1,0,0,0,-1,0 --description 'normal to the feet'
+small geometry/feet-first --flip yz --orientation 1,0,0,0,-1,0 --description 'normal to the feet'
 small geometry/far-origin --origin 1000.5,-2000.25,3000.125 --description 'origin far away'
-small geometry/missing-slice --skip 3 --description 'one slice missing'
-small geometry/uneven --positions 0,20,40,60,80,140,200,260 --description '20 and 60 mm apart'
-small geometry/one-slice --skip 1,2,3,4,5,6,7 --description 'one slice'
-small geometry/two-slices --skip 2,3,4,5,6,7 --description 'two slices'
-small geometry/same-position --positions 0,0,0,0,0,0,0,0 --description 'one position'
+small geometry/missing-slice --skip 4 --description 'one slice missing'
+small geometry/many-missing --skip 3,4,6 --description 'three slices missing'
+small geometry/uneven --positions 0,5,10,15,20,35,50,65,80,95 --description '5 and 15 mm apart'
+small geometry/one-slice --skip 1,2,3,4,5,6,7,8,9 --description 'one slice'
+small geometry/two-slices --skip 2,3,4,5,6,7,8,9 --description 'two slices'
+small geometry/same-position --positions 0,0,0,0,0,0,0,0,0,0 --description 'one position'
 
 # A gantry tilted by 20 degrees: the head itself is upright.
 $phantom --size $size --spacing $spacing --tilt-deg 20 "$work/tilted.raw"
@@ -63,21 +64,21 @@ $raw2ct --size $size --spacing $spacing --tilt-deg 20 --description 'gantry tilt
 
 # The stack twice at the same places, with other pixels the second time, as in a perfusion study.
 small geometry/two-phases --series-uid 2.25.2001 --acquisition 1 --description 'two phases'
-small geometry/two-phases --series-uid 2.25.2001 --acquisition 2 --slope 1.5 --first-instance 9 \
+small geometry/two-phases --series-uid 2.25.2001 --acquisition 2 --slope 1.5 --first-instance 11 \
     --description 'two phases'
-small geometry/mixed-patients --series-uid 2.25.2002 --skip 4,5,6,7 --description 'two patients'
-small geometry/mixed-patients --series-uid 2.25.2002 --skip 0,1,2,3 --first-instance 5 --patient-id OTHER \
+small geometry/mixed-patients --series-uid 2.25.2002 --skip 5,6,7,8,9 --description 'two patients'
+small geometry/mixed-patients --series-uid 2.25.2002 --skip 0,1,2,3,4 --first-instance 6 --patient-id OTHER \
     --patient Other^Test --description 'two patients'
 
 # A scout that was given the series' UID.
 $phantom --size 28,1,24 --spacing 8,200,9 "$work/scout.raw"
 small series/localizer --series-uid 2.25.2003 --description 'with a localizer'
 $raw2ct --size 28,1,24 --spacing 8,200,9 --orientation coronal --image-type 'ORIGINAL\PRIMARY\LOCALIZER' \
-    --series-uid 2.25.2003 --first-instance 9 --description 'with a localizer' "$work/scout.raw" "$out/series/localizer"
+    --series-uid 2.25.2003 --first-instance 11 --description 'with a localizer' "$work/scout.raw" "$out/series/localizer"
 
 # Two series in one folder; the second has fewer slices.
 small series/two --series-uid 2.25.2004 --description first --series-number 1
-small series/two --series-uid 2.25.2005 --description second --series-number 2 --first-instance 9 --skip 6,7
+small series/two --series-uid 2.25.2005 --description second --series-number 2 --first-instance 11 --skip 8,9
 
 small broken/truncated --description 'one file cut short'
 head -c 2000 "$out/broken/truncated/IM0005.dcm" >"$work/cut"

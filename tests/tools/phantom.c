@@ -28,37 +28,37 @@ typedef struct Shape {
 } Shape;
 
 static const Shape head[] = {
-    {CYLINDER_Z, 0, 18, -80, 44, 48, 60, 40},      /* neck */
-    {ELLIPSOID, 0, -34, -46, 48, 50, 42, 25},      /* jaw and cheeks */
-    {ELLIPSOID, 0, 5, 15, 76, 92, 88, 15},         /* skin */
-    {ELLIPSOID, 0, -89, -14, 10, 17, 19, 30},      /* nose */
-    {ELLIPSOID, 77, 12, -4, 8, 14, 22, 20},        /* ears */
-    {ELLIPSOID, -77, 12, -4, 8, 14, 22, 20},       /* */
-    {ELLIPSOID, 0, 5, 15, 73, 88, 85, -90},        /* fat */
-    {ELLIPSOID, 0, -34, -46, 45, 46, 39, 50},      /* muscle of the face */
-    {ELLIPSOID, 0, 5, 15, 70, 85, 82, 55},         /* muscle of the scalp */
-    {ELLIPSOID, 0, 6, 17, 67, 81, 79, 1000},       /* skull: outer table, spongy layer, inner table */
-    {ELLIPSOID, 0, 6, 17, 64, 78, 76, 450},        /* */
-    {ELLIPSOID, 0, 6, 17, 62, 76, 74, 950},        /* */
-    {ELLIPSOID, 0, 6, 17, 59, 73, 71, 35},         /* brain */
-    {ELLIPSOID, 0, -52, -32, 38, 30, 22, 700},     /* upper jaw and cheek bones */
-    {ELLIPSOID, 0, -40, -66, 42, 40, 13, 1100},    /* lower jaw: an arch ... */
-    {ELLIPSOID, 0, -30, -66, 34, 40, 24, 50},      /* ... open to the back */
-    {BOX, 0, -72, -50, 19, 5, 5, 1900},            /* teeth */
-    {ELLIPSOID, 28, -68, 3, 18, 20, 15, -80},      /* eye sockets with fat, eyes */
-    {ELLIPSOID, -28, -68, 3, 18, 20, 15, -80},     /* */
-    {ELLIPSOID, 28, -70, 3, 12, 12, 12, 15},       /* */
-    {ELLIPSOID, -28, -70, 3, 12, 12, 12, 15},      /* */
-    {ELLIPSOID, 0, -72, -22, 9, 18, 12, -1000},    /* nose cavity */
-    {CYLINDER_Z, 0, -6, -75, 8, 9, 45, -1000},     /* throat */
-    {CYLINDER_Z, 0, 30, -85, 17, 15, 45, 550},     /* spine and its canal */
-    {CYLINDER_Z, 0, 36, -85, 8, 7, 45, 20},        /* */
-    {ELLIPSOID, 10, 4, 28, 5, 26, 9, 8},           /* ventricles */
-    {ELLIPSOID, -10, 4, 28, 5, 26, 9, 8},          /* */
-    {ELLIPSOID, 32, 18, 42, 10, 12, 9, 75},        /* bleeding, left */
-    {CYLINDER_X, 72, -18, 44, 30, 3.5, 3.5, 3071}, /* metal pin, left */
-    {BOX, 82, -80, 78, 4, 4, 22, 1300},            /* letter L, left: its stem and its foot */
-    {BOX, 92, -80, 60, 14, 4, 4, 1300},            /* */
+    {CYLINDER_Z, 0, 18, -80, 44, 48, 60, 40},   /* neck */
+    {ELLIPSOID, 0, -34, -46, 48, 50, 42, 25},   /* jaw and cheeks */
+    {ELLIPSOID, 0, 5, 15, 76, 92, 88, 15},      /* skin */
+    {ELLIPSOID, 0, -86, -14, 11, 19, 19, 30},   /* nose */
+    {ELLIPSOID, 77, 12, -4, 8, 14, 22, 20},     /* ears */
+    {ELLIPSOID, -77, 12, -4, 8, 14, 22, 20},    /* */
+    {ELLIPSOID, 0, 5, 15, 73, 88, 85, -90},     /* fat */
+    {ELLIPSOID, 0, -34, -46, 45, 46, 39, 50},   /* muscle of the face */
+    {ELLIPSOID, 0, 5, 15, 70, 85, 82, 55},      /* muscle of the scalp */
+    {ELLIPSOID, 0, 6, 17, 67, 81, 79, 1000},    /* skull: outer table, spongy layer, inner table */
+    {ELLIPSOID, 0, 6, 17, 64, 78, 76, 450},     /* */
+    {ELLIPSOID, 0, 6, 17, 62, 76, 74, 950},     /* */
+    {ELLIPSOID, 0, 6, 17, 59, 73, 71, 35},      /* brain */
+    {ELLIPSOID, 0, -46, -32, 34, 28, 20, 700},  /* upper jaw and cheek bones */
+    {ELLIPSOID, 0, -38, -64, 38, 34, 12, 1100}, /* lower jaw: an arch ... */
+    {ELLIPSOID, 0, -28, -64, 30, 34, 22, 50},   /* ... open to the back */
+    {BOX, 0, -68, -48, 17, 5, 6, 1900},         /* teeth */
+    {ELLIPSOID, 28, -64, 3, 18, 18, 15, -80},   /* eye sockets with fat, eyes */
+    {ELLIPSOID, -28, -64, 3, 18, 18, 15, -80},  /* */
+    {ELLIPSOID, 28, -66, 3, 12, 12, 12, 15},    /* */
+    {ELLIPSOID, -28, -66, 3, 12, 12, 12, 15},   /* */
+    {ELLIPSOID, 0, -66, -20, 6, 16, 9, -1000},  /* nose cavity */
+    {CYLINDER_Z, 0, -6, -75, 8, 9, 45, -1000},  /* throat */
+    {CYLINDER_Z, 0, 30, -85, 17, 15, 45, 550},  /* spine and its canal */
+    {CYLINDER_Z, 0, 36, -85, 8, 7, 45, 20},     /* */
+    {ELLIPSOID, 10, 4, 28, 5, 26, 9, 8},        /* ventricles */
+    {ELLIPSOID, -10, 4, 28, 5, 26, 9, 8},       /* */
+    {ELLIPSOID, 32, 18, 42, 10, 12, 9, 75},     /* bleeding, left */
+    {CYLINDER_X, 72, -18, 44, 30, 5, 5, 3071},  /* metal pin, left */
+    {BOX, 82, -80, 78, 4, 4, 22, 1300},         /* letter L, left: its stem and its foot */
+    {BOX, 92, -80, 60, 14, 4, 4, 1300},         /* */
 };
 
 /* A table top under the back of the head: a thin shell with a light core. */
@@ -134,27 +134,35 @@ typedef struct Options {
     const char *file;
 } Options;
 
-/* The mean of supersample^3 points of one voxel: partial volume, as a scanner has it. */
+static int tent(int a, int n)
+{
+    return a < n ? 2 * a + 1 : 2 * (2 * n - 1 - a) + 1;
+}
+
+/* One voxel: 2 * supersample points along each axis, weighted by a tent that reaches to the neighbours' centres, much
+ * as a scanner blurs. Along an axis the weights are odd numbers, 1 3 5 ... 5 3 1, so the sum stays exact. */
 static int16_t voxel(const Options *o, const Scene *scene, int i, int j, int k, double sin_tilt, double cos_tilt)
 {
     const int n = o->supersample;
-    double sum = 0;
-    for (int c = 0; c < n; c++)
-        for (int b = 0; b < n; b++)
-            for (int a = 0; a < n; a++) {
-                const double x = (i + (a + 0.5) / n - 0.5 * o->size[0]) * o->spacing_mm[0];
-                const double row = (j + (b + 0.5) / n - 0.5 * o->size[1]) * o->spacing_mm[1];
-                const double z = (k + (c + 0.5) / n - 0.5 * o->size[2]) * o->spacing_mm[2];
-                sum += hu_at(scene, x, row * cos_tilt, z + row * sin_tilt);
+    double sum = 0, weights = 0;
+    for (int c = 0; c < 2 * n; c++)
+        for (int b = 0; b < 2 * n; b++)
+            for (int a = 0; a < 2 * n; a++) {
+                const double x = (i + (a + 0.5) / n - 0.5 - 0.5 * o->size[0]) * o->spacing_mm[0];
+                const double row = (j + (b + 0.5) / n - 0.5 - 0.5 * o->size[1]) * o->spacing_mm[1];
+                const double z = (k + (c + 0.5) / n - 0.5 - 0.5 * o->size[2]) * o->spacing_mm[2];
+                const double weight = (double)tent(a, n) * tent(b, n) * tent(c, n);
+                sum += weight * hu_at(scene, x, row * cos_tilt, z + row * sin_tilt);
+                weights += weight;
             }
-    return (int16_t)floor(sum / ((double)n * n * n) + 0.5);
+    return (int16_t)floor(sum / weights + 0.5);
 }
 
 static Scene row_scene(const Options *o, int j, int k, double sin_tilt, double cos_tilt)
 {
-    const double row = (j + 0.5 - 0.5 * o->size[1]) * o->spacing_mm[1], half = o->spacing_mm[1];
+    const double row = (j + 0.5 - 0.5 * o->size[1]) * o->spacing_mm[1], half = 1.5 * o->spacing_mm[1];
     const double slice = (k + 0.5 - 0.5 * o->size[2]) * o->spacing_mm[2] + row * sin_tilt;
-    const double reach = o->spacing_mm[2] + half; /* generous: a shape too many costs time only */
+    const double reach = 1.5 * o->spacing_mm[2] + half; /* generous: a shape too many costs time only */
     const double y[2] = {row * cos_tilt - half, row * cos_tilt + half}, z[2] = {slice - reach, slice + reach};
     Scene scene = {.n = 0};
     add_near(&scene, head, N_HEAD, y, z);
@@ -200,7 +208,7 @@ int main(int argc, char **argv)
         {"tilt-deg", required_argument, NULL, 't'},    {"table", no_argument, NULL, 'b'},
         {"supersample", required_argument, NULL, 'n'}, {NULL, 0, NULL, 0},
     };
-    Options o = {.size = {64, 64, 48}, .spacing_mm = {3.5, 3.5, 4.5}, .supersample = 4};
+    Options o = {.size = {64, 64, 48}, .spacing_mm = {3.5, 3.5, 4.5}, .supersample = 3};
     bool good = true;
     for (int c; (c = getopt_long(argc, argv, "", longs, NULL)) != -1;) {
         if (c == 's')

@@ -1,0 +1,45 @@
+"""Where the L, the metal pin and the picture's own borders stand, from the numbers in tests/tools/phantom.c."""
+import numpy as np
+
+from pictures import View, check, read_png
+
+# The largest extent of the letter L, mm, left and head, and half a voxel by which it may be blurred.
+L_X, L_Z, BLUR = (78, 106), (56, 100), (1.75, 2.25)
+
+
+def extent(view, level, z_from):
+    """The box of pixels brighter than level above z_from, as mm of their outer borders."""
+    grey = view.picture[..., 0]
+    last = int(view.height / 2 - z_from / view.mm)
+    ys, xs = np.nonzero(grey[:last] > level)
+    left, right = (xs.min() - view.width / 2) * view.mm, (xs.max() + 1 - view.width / 2) * view.mm
+    top, bottom = (view.height / 2 - ys.min()) * view.mm, (view.height / 2 - ys.max() - 1) * view.mm
+    return left, right, bottom, top
+
+
+for name, mm in ('mip-160x140', 2), ('mip-161x141', 2), ('fine', 1):
+    picture = read_png(name + '.png')
+    view = View(picture, 0, 0, mm)
+    # Right of the head stand the L and the pin alone; the L's edge is half way from air, -1000 HU, to its 1300 HU,
+    # in a window of 0 to 2000 HU.
+    right = picture.copy()
+    right[:, :int(view.pixel(74, 0, 0)[0])] = 0
+    half = (1300 - 1000) / 2 / 2000
+    box = extent(View(right, 0, 0, mm), half, 52)
+    for found, expected, blur in zip(box, L_X + L_Z, (BLUR[0], BLUR[0], BLUR[1], BLUR[1])):
+        check(abs(found - expected) <= blur + mm, '%s: the L is at %s, not at %s' % (name, box, L_X + L_Z))
+    pin = view.at(90, -18, 44)[0]
+    check(pin > 0.95, '%s: the pin is %.3f' % (name, pin))
+
+for size in '160x140', '161x141':
+    whole, crop = View(read_png('mip-%s.png' % size), 0, 0, 2), View(read_png('crop-%s.png' % size), 0, 0, 2)
+    check(crop.picture.shape == whole.picture.shape, 'a crop changes the size')
+    # What is left is the box's own: its centre is the picture's, and there is less to see.
+    lit = (crop.picture[..., 0] > 0.05).sum()
+    check(0 < lit < (whole.picture[..., 0] > 0.05).sum() / 4, 'crop: %d pixels are left' % lit)
+
+# The whole box fits: its diagonal is 95 % of the shorter side.
+fit = read_png('fit.png')
+mm = np.sqrt(2 * (63 * 3.5) ** 2 + (47 * 4.5) ** 2) / (0.95 * 100)
+check(View(fit, 0, 0, mm).at(90, -18, 44)[0] > 0.95, 'fit: the pin is not where the default scale puts it')
+check(fit[:, :60].max() < 0.01 and fit[:, 140:].max() < 0.01, 'fit: something outside the box')
