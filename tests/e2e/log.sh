@@ -2,11 +2,11 @@
 for engine in $engines; do
     expect 0 "$ctsplat" render "$data/phantom" --engine "$engine" --view 20,10 --size 500x400 --shade on \
         --log log.jsonl -o out.png -o out.exr --force
-    py log.py log.jsonl 0 out.png out.exr || fail "engine $engine"
+    py log.py log.jsonl "$engine" 0 out.png out.exr || fail "engine $engine"
     rm log.jsonl
 done
 expect 0 "$ctsplat" render "$data/phantom" --size 100x80 --verify 50 --log log.jsonl -o out.png --force
-py log.py log.jsonl 50 out.png
+py log.py log.jsonl tiled 50 out.png
 rm log.jsonl
 
 # Two runs append; - is stderr; the log of a refused run ends, too.
