@@ -22,6 +22,6 @@ done
 
 ok --version
 version=$(sed -n 's/^ctsplat //p' out)
-for page in "$root"/man/*; do
+for page in "$root"/man/*.[0-9]; do
     head -1 "$page" | grep -q "\"ctsplat $version\"" || fail "$page is not of version $version"
 done

@@ -1,19 +1,21 @@
 #!/bin/sh
-# Runs one script of tests/cli in an empty folder: run.sh SOURCE_ROOT CTSPLAT SCRIPT
+# Runs one script of tests/cli or tests/e2e in an empty folder: run.sh SOURCE_ROOT CTSPLAT SCRIPT
 #
-# The script knows $ctsplat, $root and $data (testdata/), and these:
+# The script knows $ctsplat, $root, $data (testdata/) and $engines (what this build has), and these:
 #   ok ARGS...                   runs ctsplat, which must exit with 0; its output is in out, its messages in err
 #   refused CODE PATTERN ARGS... it must exit with CODE, print nothing, and say one error line that matches PATTERN
 #   fail WORDS...                the script fails, with these words
 #   has FILE PATTERN             FILE has a line that matches the extended regular expression
+#   py SCRIPT ARGS...            a python script beside the shell script, with numpy (none: a skip); must exit with 0
 set -u
 
 root=$(realpath "$1") ctsplat=$(realpath "$2") script=$(realpath "$3")
 data=$root/testdata
+engines='classic tiled raycast'
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 cd "$work" || exit 1
-export XDG_CONFIG_HOME="$work/config"
+export XDG_CONFIG_HOME="$work/config" HOME="$work"
 unset SOURCE_DATE_EPOCH
 # Tests share the machine: threads that wait should sleep.
 export OMP_WAIT_POLICY=PASSIVE
@@ -56,6 +58,17 @@ refused()
 has()
 {
     grep -qE -e "$2" "$1" || fail "$1 has no line that matches: $2"
+}
+
+# Debian's python3 has Debian's numpy; another one earlier in PATH may not.
+py()
+{
+    python=/usr/bin/python3
+    [ -x $python ] || python=python3
+    "$python" -c 'import numpy' 2>/dev/null || exit 77
+    name=$1
+    shift
+    "$python" -B "${script%/*}/$name" "$@" || fail "$name $*"
 }
 
 : >err

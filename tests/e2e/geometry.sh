@@ -4,10 +4,10 @@ cat >window.json <<'JSON'
   "points": [ {"hu": 0, "rgb": [1, 1, 1], "opacity": 0}, {"hu": 2000, "rgb": [1, 1, 1], "opacity": 1} ] }
 JSON
 for size in 160x140 161x141; do
-    expect 0 "$ctsplat" render "$data/phantom" -p window.json --engine raycast --size $size --mm-per-pixel 2 -o mip-$size.png
-    expect 0 "$ctsplat" render "$data/phantom" -p window.json --engine raycast --size $size --mm-per-pixel 2 --crop 60,200,-200,0,40,200 \
+    ok render "$data/phantom" -p window.json --engine raycast --size $size --mm-per-pixel 2 -o mip-$size.png
+    ok render "$data/phantom" -p window.json --engine raycast --size $size --mm-per-pixel 2 --crop 60,200,-200,0,40,200 \
         -o crop-$size.png
 done
-expect 0 "$ctsplat" render "$data/phantom" -p window.json --engine raycast --size 320x280 --mm-per-pixel 1 -o fine.png
-expect 0 "$ctsplat" render "$data/phantom" -p window.json --engine raycast --size 200x100 -o fit.png
+ok render "$data/phantom" -p window.json --engine raycast --size 320x280 --mm-per-pixel 1 -o fine.png
+ok render "$data/phantom" -p window.json --engine raycast --size 200x100 -o fit.png
 py geometry.py

@@ -7,8 +7,8 @@ cat >teeth.json <<'JSON'
 JSON
 for engine in $engines; do
     for view in anterior posterior left head; do
-        expect 0 "$ctsplat" render "$data/phantom" -p teeth.json --view $view --engine "$engine" --size 160x140 \
+        ok render "$data/phantom" -p teeth.json --view $view --engine "$engine" --size 160x140 \
             --mm-per-pixel 2 --force -o $view.png
     done
-    py orientation.py anterior.png posterior.png left.png head.png || fail "engine $engine"
+    py orientation.py anterior.png posterior.png left.png head.png
 done

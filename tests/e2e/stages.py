@@ -1,4 +1,4 @@
-"""log.py LOG ENGINE VERIFIED OUTPUT...: the log of one render as INTERFACE section 5 has it."""
+"""stages.py LOG ENGINE VERIFIED OUTPUT...: the log of one render as INTERFACE section 5 has it."""
 import json
 import os
 import sys
