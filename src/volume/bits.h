@@ -1,0 +1,81 @@
+/* One bit a voxel: the shapes that table removal reasons about, small enough to be swept many times. */
+#ifndef CTS_VOLUME_BITS_H
+#define CTS_VOLUME_BITS_H
+
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* Voxel (i, j, k) is bit i % 64 of words[(k * dims[1] + j) * row_words + i / 64]. At least one bit of a row is spare;
+ * spare bits stay 0, so that nothing carries over from one row to the next. */
+typedef struct CtsBits {
+    int dims[3];
+    size_t row_words;
+    uint64_t *words;
+} CtsBits;
+
+enum { CTS_BITS_ROW_WORDS = 1025 }; /* at most, 65599 voxels a row */
+
+/* All bits 0. A zero-initialised CtsBits may be freed. */
+CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err);
+void cts_bits_free(CtsBits *bits);
+
+static inline size_t cts_bits_n_words(const CtsBits *bits)
+{
+    return bits->row_words * (size_t)bits->dims[1] * (size_t)bits->dims[2];
+}
+
+static inline uint64_t *cts_bits_row(const CtsBits *bits, int j, int k)
+{
+    return bits->words + ((size_t)k * (size_t)bits->dims[1] + (size_t)j) * bits->row_words;
+}
+
+static inline bool cts_bits_get(const CtsBits *bits, int i, int j, int k)
+{
+    return cts_bits_row(bits, j, k)[i >> 6] >> (i & 63) & 1;
+}
+
+static inline void cts_bits_set(const CtsBits *bits, int i, int j, int k)
+{
+    cts_bits_row(bits, j, k)[i >> 6] |= UINT64_C(1) << (i & 63);
+}
+
+/* The bits of word w of a row that lie inside the volume. */
+static inline uint64_t cts_bits_mask(const CtsBits *bits, size_t w)
+{
+    return w + 1 < bits->row_words ? ~UINT64_C(0) : (UINT64_C(1) << (bits->dims[0] & 63)) - 1;
+}
+
+/* Written out because the processor that this is compiled for may have no instruction for it. */
+static inline int cts_popcount(uint64_t x)
+{
+    x -= x >> 1 & UINT64_C(0x5555555555555555);
+    x = (x & UINT64_C(0x3333333333333333)) + (x >> 2 & UINT64_C(0x3333333333333333));
+    x = (x + (x >> 4)) & UINT64_C(0x0f0f0f0f0f0f0f0f);
+    return (int)(x * UINT64_C(0x0101010101010101) >> 56);
+}
+
+/* Set the bits first <= i < end of one row. */
+void cts_bits_fill(uint64_t *row, int first, int end);
+
+/* One row: bit i tells whether level i of n is at least min. */
+void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);
+
+/* Pass on the shape over voxels whose level is at least grey_min; grey has the dimensions of bits. */
+void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, uint16_t grey_min, int n_threads);
+
+/* Set what is set and its neighbours along the axes in the mask `axes` (bit 0: columns, 1: rows, 2: slices): the cross
+ * shares a face, the box also an edge or a corner. in and out differ. */
+enum { CTS_AXES_ALL = 7, CTS_AXES_SLICE = 3 };
+typedef enum CtsNeighbours { CTS_CROSS, CTS_BOX } CtsNeighbours;
+void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, unsigned axes, int n_threads);
+/* The same within the one slice of in, for the rows first <= j < end of out only. */
+void cts_bits_dilate_rows(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, int first, int end);
+
+typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_COPY, CTS_BITS_NOT } CtsBitsOp;
+/* a = a op b, word by word; CTS_BITS_COPY and _NOT take b alone. */
+void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
+uint64_t cts_bits_count(const CtsBits *bits);
+
+#endif

@@ -1,0 +1,171 @@
+#include "ctsplat/couch.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/vec3.h"
+#include "volume/couch_body.h"
+#include "volume/couch_rim.h"
+#include <math.h>
+
+/* Below fat and skin, above foam, paper and most cloth. */
+static const double BODY_HU = -350;
+/* Less than this outside the body is noise. */
+static const double NOTHING_MM3 = 30;
+/* One run for so many voxels is noise, not anatomy; it bounds the memory. */
+enum { VOXELS_PER_RUN = 32, RUNS_ANYWAY = 1 << 16 };
+
+static const char *const WHAT = "table removal";
+
+/* The state of one removal. */
+typedef struct Couch {
+    CouchScene scene;
+    CouchGrid grid; /* the whole volume */
+    CouchBody body;
+    CtsBits cells, inside; /* cells that hold body; those and what they enclose */
+    bool has_outside;
+    CtsReport *report;
+} Couch;
+
+static void couch_free(Couch *c)
+{
+    couch_body_free(&c->body);
+    cts_bits_free(&c->cells);
+    cts_bits_free(&c->inside);
+}
+
+static bool scene_init(CouchScene *scene, const CtsVolume *volume, int n_threads)
+{
+    double inverse[3][3], area[3], best = -1;
+    if (!cts_volume_inverse(volume, inverse))
+        return false;
+    *scene = (CouchScene){.volume = volume, .n_threads = cts_threads(n_threads)};
+    for (int axis = 0; axis < 3; axis++) {
+        scene->spacing_mm[axis] = cts_volume_spacing_mm(volume, axis);
+        const double along_z = fabs(volume->step_lps[axis][2]) / scene->spacing_mm[axis];
+        if (along_z > best) {
+            best = along_z;
+            scene->head_axis = axis;
+        }
+    }
+    cts_cross3(volume->step_lps[0], volume->step_lps[1], area);
+    scene->voxel_mm3 = fabs(cts_dot3(area, volume->step_lps[2]));
+    return true;
+}
+
+static uint16_t threshold_grey(const CtsVolume *v)
+{
+    const double grey = ceil((BODY_HU - v->hu_offset) / v->hu_step);
+    return (uint16_t)fmin(fmax(grey, 1), UINT16_MAX);
+}
+
+/* False, with the reason in the report, when the mask is nothing to work on. */
+static bool mask_is_usable(Couch *c)
+{
+    const uint64_t n_runs = cts_parts_count_runs(&c->body.mask, c->scene.n_threads);
+    const uint64_t most = cts_volume_n_voxels(c->scene.volume) / VOXELS_PER_RUN + RUNS_ANYWAY;
+    if (!n_runs)
+        cts_report_skip(c->report, WHAT, "no voxel lies above %g HU", BODY_HU);
+    else if (n_runs > most)
+        cts_report_skip(c->report, WHAT, "too noisy to tell a body from a table: %llu runs of voxels above %g HU",
+                        (unsigned long long)n_runs, BODY_HU);
+    return n_runs && n_runs <= most;
+}
+
+/* Cells of the body and what it encloses, which becomes body too. */
+static CtsStatus enclose(Couch *c, CtsError *err)
+{
+    CtsStatus st;
+    CouchBody *b = &c->body;
+    if ((st = couch_cells(&c->scene, &c->grid, &b->parts, b->verdict.body, &c->cells, NULL, err)) ||
+        (st = couch_inside(&c->scene, &c->grid, &c->cells, &c->inside, &c->has_outside, err)))
+        return st;
+    return couch_adopt(&c->scene, &c->grid, &b->parts, &c->cells, &c->inside, &b->verdict, err);
+}
+
+static void report_kept(const Couch *c)
+{
+    const double kept_mm3 = c->body.attached_mm3 + c->body.verdict.disputed_mm3,
+                 share = kept_mm3 / c->body.verdict.body_mm3;
+    if (share > COUCH_UNCERTAIN_SHARE)
+        cts_report_finding(c->report, "table_removal_uncertain", CTS_WARNING,
+                           "%.1f cm3 (%.1f %% of the body) may be table or patient and stay in the picture "
+                           "(--remove-table off or --crop says which)",
+                           kept_mm3 / 1000, 100 * share);
+    else if (kept_mm3 > 0)
+        cts_report_finding(c->report, "table_removal_partial", CTS_NOTE,
+                           "%.1f cm3 (%.1f %% of the body) of thin parts hang on the body without a clean cut and stay",
+                           kept_mm3 / 1000, 100 * share);
+}
+
+/* Everything above the threshold that is not body is foreign: the other parts and the seam. */
+static CtsStatus clear(Couch *c, CtsVolume *volume, const CtsBits *all, CtsError *err)
+{
+    CtsStatus st;
+    CtsBits body = {0}, foreign = {0};
+    uint64_t n_cleared;
+    if ((st = cts_bits_new(&body, c->body.mask.dims, err)) || (st = cts_bits_new(&foreign, c->body.mask.dims, err)))
+        goto end;
+    cts_parts_paint(&c->body.parts, c->body.verdict.body, &body, c->scene.n_threads);
+    cts_bits_combine(&foreign, CTS_BITS_COPY, all);
+    cts_bits_combine(&foreign, CTS_BITS_AND_NOT, &body);
+    const uint64_t n_foreign = cts_bits_count(&foreign);
+    const double foreign_mm3 = (double)n_foreign * c->scene.voxel_mm3;
+    if (foreign_mm3 < NOTHING_MM3) {
+        cts_report_skip(c->report, WHAT, "nothing above %g HU lies outside the body", BODY_HU);
+        goto end;
+    }
+    if ((st = couch_clear(&c->scene, volume, &body, &foreign, &c->grid, &c->cells, &c->inside, &n_cleared, err)))
+        goto end;
+    cts_report_finding(
+        c->report, "table_removed", CTS_NOTE,
+        "table removal: %llu voxels above %g HU went (%.1f cm3, %.1f %% of the body), %.1f cm3 of them cut "
+        "from the body; %llu of %llu voxels are air now",
+        (unsigned long long)n_foreign, BODY_HU, foreign_mm3 / 1000, 100 * foreign_mm3 / c->body.verdict.body_mm3,
+        c->body.cut_mm3 / 1000, (unsigned long long)n_cleared, (unsigned long long)cts_volume_n_voxels(volume));
+end:
+    cts_bits_free(&body);
+    cts_bits_free(&foreign);
+    return st;
+}
+
+static CtsStatus remove_table(Couch *c, CtsVolume *volume, CtsError *err)
+{
+    CtsStatus st;
+    CtsBits all = {0};
+    if ((st = cts_bits_new(&c->body.mask, volume->dims, err)))
+        goto end;
+    cts_bits_threshold(&c->body.mask, volume->grey, threshold_grey(volume), c->scene.n_threads);
+    if (!mask_is_usable(c))
+        goto end;
+    if ((st = couch_body_find(&c->scene, &c->body, err)) || (st = cts_bits_new(&all, volume->dims, err)))
+        goto end;
+    cts_bits_combine(&all, CTS_BITS_COPY, &c->body.mask);
+    if ((st = couch_separate(&c->scene, &c->grid, &c->body, err)) || (st = enclose(c, err)))
+        goto end;
+    if (!c->has_outside) {
+        cts_report_skip(c->report, WHAT, "the slices show no air around the body");
+        goto end;
+    }
+    report_kept(c);
+    st = clear(c, volume, &all, err);
+end:
+    cts_bits_free(&all);
+    return st;
+}
+
+CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err)
+{
+    Couch c = {.report = report};
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    if (!scene_init(&c.scene, volume, n_threads)) {
+        cts_report_skip(report, WHAT, "the voxel steps do not span space");
+        return CTS_OK;
+    }
+    c.grid = couch_grid_whole(&c.scene);
+    const CtsStatus st = remove_table(&c, volume, err);
+    couch_free(&c);
+    const uint64_t n = cts_volume_n_voxels(volume);
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, n,
+                     n * sizeof *volume->grey);
+    return st;
+}

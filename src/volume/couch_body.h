@@ -1,0 +1,23 @@
+/* Table removal: the body among the connected parts, and the cut that frees it from what it touches. */
+#ifndef CTS_VOLUME_COUCH_BODY_H
+#define CTS_VOLUME_COUCH_BODY_H
+
+#include "volume/couch_judge.h"
+
+typedef struct CouchBody {
+    CtsBits mask;   /* voxels dense enough for a body, less what was cut away */
+    CtsParts parts; /* of mask */
+    CouchVerdict verdict;
+    double cut_mm3;      /* cut from the body */
+    double attached_mm3; /* thin and far from anything thick, yet joined to the body */
+} CouchBody;
+
+/* Parts and verdict of body->mask. A zero-initialised CouchBody may be freed. */
+CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, CtsError *err);
+void couch_body_free(CouchBody *body);
+
+/* Where thin parts reach further from the body than an ear or a nose can, cut them off if they are sheets that touch
+ * it. grid covers the whole volume. */
+CtsStatus couch_separate(const CouchScene *scene, const CouchGrid *grid, CouchBody *body, CtsError *err);
+
+#endif

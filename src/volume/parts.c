@@ -1,0 +1,191 @@
+#include "volume/parts.h"
+
+#include "base/mem.h"
+
+/* Slices joined by one thread before the bands are joined in order; fixed, so that threads change nothing. */
+enum { BAND = 16 };
+
+static uint64_t starts_in_word(const uint64_t *row, size_t w)
+{
+    return row[w] & ~(row[w] << 1 | (w ? row[w - 1] >> 63 : 0));
+}
+
+static uint32_t count_row(const uint64_t *row, size_t n_words)
+{
+    uint32_t n = 0;
+    for (size_t w = 0; w < n_words; w++)
+        n += (uint32_t)cts_popcount(starts_in_word(row, w));
+    return n;
+}
+
+uint64_t cts_parts_count_runs(const CtsBits *bits, int n_threads)
+{
+    uint64_t n = 0;
+#pragma omp parallel for schedule(static) num_threads(n_threads) reduction(+ : n)
+    for (int k = 0; k < bits->dims[2]; k++)
+        for (int j = 0; j < bits->dims[1]; j++)
+            n += count_row(cts_bits_row(bits, j, k), bits->row_words);
+    return n;
+}
+
+/* A start sets one bit and an end, one past the last voxel, sets another; both come in turn. */
+static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
+{
+    uint64_t before = 0;
+    bool inside = false;
+    for (size_t w = 0; w < n_words; w++) {
+        uint64_t edges = row[w] ^ (row[w] << 1 | before);
+        before = row[w] >> 63;
+        for (; edges; edges &= edges - 1) {
+            const uint32_t at = (uint32_t)(64 * w) + (uint32_t)__builtin_ctzll(edges);
+            if (!inside)
+                run->first = at;
+            else
+                run++->end = at;
+            inside = !inside;
+        }
+    }
+    if (inside)
+        run->end = (uint32_t)nx;
+}
+
+/* CtsRun.part serves as the parent link until the labels are known: a run's parent never comes after it. */
+static uint32_t root(CtsRun *runs, uint32_t n)
+{
+    while (runs[n].part != n) {
+        runs[n].part = runs[runs[n].part].part;
+        n = runs[n].part;
+    }
+    return n;
+}
+
+static void join_rows(CtsParts *p, size_t row_a, size_t row_b)
+{
+    uint32_t a = p->row_start[row_a], b = p->row_start[row_b];
+    const uint32_t end_a = p->row_start[row_a + 1], end_b = p->row_start[row_b + 1];
+    while (a < end_a && b < end_b) {
+        if (p->runs[a].first < p->runs[b].end && p->runs[b].first < p->runs[a].end) {
+            const uint32_t ra = root(p->runs, a), rb = root(p->runs, b);
+            if (ra < rb)
+                p->runs[rb].part = ra;
+            else
+                p->runs[ra].part = rb;
+        }
+        if (p->runs[a].end < p->runs[b].end)
+            a++;
+        else
+            b++;
+    }
+}
+
+static void join_slices(CtsParts *p, int k)
+{
+    const size_t ny = (size_t)p->dims[1];
+    for (size_t j = 0; j < ny; j++)
+        join_rows(p, ((size_t)k - 1) * ny + j, (size_t)k * ny + j);
+}
+
+static void join_bands(CtsParts *p, bool across_slices, int n_threads)
+{
+    const size_t ny = (size_t)p->dims[1];
+    const int n_bands = (p->dims[2] + BAND - 1) / BAND;
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
+    for (int band = 0; band < n_bands; band++)
+        for (int k = band * BAND; k < (band + 1) * BAND && k < p->dims[2]; k++) {
+            for (size_t j = 1; j < ny; j++)
+                join_rows(p, (size_t)k * ny + j - 1, (size_t)k * ny + j);
+            if (across_slices && k > band * BAND)
+                join_slices(p, k);
+        }
+    for (int band = 1; across_slices && band < n_bands; band++)
+        join_slices(p, band * BAND);
+}
+
+static void add_run(CtsPart *part, const CtsRun *run, int j, int k)
+{
+    const int lo[3] = {(int)run->first, j, k}, hi[3] = {(int)run->end - 1, j, k};
+    for (int axis = 0; axis < 3; axis++) {
+        if (!part->n_voxels || lo[axis] < part->lo[axis])
+            part->lo[axis] = lo[axis];
+        if (!part->n_voxels || hi[axis] > part->hi[axis])
+            part->hi[axis] = hi[axis];
+    }
+    part->n_voxels += run->end - run->first;
+}
+
+/* Number the parts. Runs come in order and a parent before its children, so one pass is enough. */
+static CtsStatus label(CtsParts *p, CtsError *err)
+{
+    uint32_t n = 0;
+    for (uint32_t r = 0; r < p->n_runs; r++)
+        n += p->runs[r].part == r;
+    const CtsStatus st = cts_alloc_zeroed(&p->parts, n, err);
+    if (st)
+        return st;
+    p->n_parts = 0;
+    size_t row = 0;
+    for (uint32_t r = 0; r < p->n_runs; r++) {
+        while (r >= p->row_start[row + 1])
+            row++;
+        CtsRun *run = &p->runs[r];
+        run->part = run->part == r ? p->n_parts++ : p->runs[run->part].part;
+        add_run(&p->parts[run->part], run, (int)(row % (size_t)p->dims[1]), (int)(row / (size_t)p->dims[1]));
+    }
+    return CTS_OK;
+}
+
+static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int n_threads, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    cts_parts_free(p);
+    *p = (CtsParts){.dims = {bits->dims[0], bits->dims[1], bits->dims[2]}};
+    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
+    const uint64_t n_runs = cts_parts_count_runs(bits, n_threads);
+    if (n_runs >= UINT32_MAX)
+        return cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)n_runs);
+    p->n_runs = (uint32_t)n_runs;
+    if ((st = cts_alloc_array(&p->row_start, n_rows + 1, err)) || (st = cts_alloc_array(&p->runs, n_runs, err)))
+        goto end;
+    p->row_start[0] = 0;
+    for (size_t row = 0; row < n_rows; row++)
+        p->row_start[row + 1] = p->row_start[row] + count_row(bits->words + row * bits->row_words, bits->row_words);
+#pragma omp parallel for schedule(static) num_threads(n_threads)
+    for (size_t row = 0; row < n_rows; row++) {
+        list_row(bits->words + row * bits->row_words, bits->row_words, bits->dims[0], p->runs + p->row_start[row]);
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
+            p->runs[r].part = r;
+    }
+    join_bands(p, across_slices, n_threads);
+    st = label(p, err);
+end:
+    if (st)
+        cts_parts_free(p);
+    return st;
+}
+
+CtsStatus cts_parts_find(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
+{
+    return find(p, bits, true, n_threads, err);
+}
+
+CtsStatus cts_parts_find_in_slices(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
+{
+    return find(p, bits, false, n_threads, err);
+}
+
+void cts_parts_free(CtsParts *p)
+{
+    cts_free(&p->runs);
+    cts_free(&p->row_start);
+    cts_free(&p->parts);
+}
+
+void cts_parts_paint(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int n_threads)
+{
+    const size_t n_rows = (size_t)p->dims[1] * (size_t)p->dims[2];
+#pragma omp parallel for schedule(static) num_threads(n_threads)
+    for (size_t row = 0; row < n_rows; row++)
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
+            if (flags[p->runs[r].part])
+                cts_bits_fill(bits->words + row * bits->row_words, (int)p->runs[r].first, (int)p->runs[r].end);
+}

@@ -1,0 +1,41 @@
+/* The connected parts of a bit mask: voxels that share a face belong together. */
+#ifndef CTS_VOLUME_PARTS_H
+#define CTS_VOLUME_PARTS_H
+
+#include "volume/bits.h"
+
+/* Voxels first <= i < end of one row, all set, as long as possible. */
+typedef struct CtsRun {
+    uint32_t first, end;
+    uint32_t part; /* index into CtsParts.parts */
+} CtsRun;
+
+typedef struct CtsPart {
+    uint64_t n_voxels;
+    int lo[3], hi[3]; /* the box of its voxels, hi included */
+} CtsPart;
+
+/* Runs in order of rows, k * dims[1] + j; the runs of row r are row_start[r] <= n < row_start[r + 1]. Parts are in
+ * order of their first run, whatever the number of threads. */
+typedef struct CtsParts {
+    int dims[3];
+    CtsRun *runs;
+    uint32_t *row_start;
+    uint32_t n_runs;
+    CtsPart *parts;
+    uint32_t n_parts;
+} CtsParts;
+
+/* The number of runs, which says how much memory cts_parts_find() will take (12 to 48 bytes each). */
+uint64_t cts_parts_count_runs(const CtsBits *bits, int n_threads);
+
+/* A zero-initialised CtsParts may be freed; finding frees what it held before. */
+CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
+/* The same, but voxels of different slices never belong together. */
+CtsStatus cts_parts_find_in_slices(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
+void cts_parts_free(CtsParts *parts);
+
+/* Set the bits of the parts whose flag is set; bits must hold zeros. */
+void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, CtsBits *bits, int n_threads);
+
+#endif
