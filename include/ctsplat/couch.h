@@ -21,7 +21,8 @@ extern "C" {
  * The report gets one of: a skip "table removal" with the reason when nothing lies outside the body, and the volume is
  * left as it was; a note `table_removed` with the number of voxels. What might be either table or patient stays, with
  * the warning `table_removal_uncertain` when it is more than 5 % of the body, else with the note
- * `table_removal_partial`. The time counts as stage classify. Memory: about a fifth of the volume. n_threads 0: all
+ * `table_removal_partial`. The time counts as stage classify. Memory: about a
+ * third of the volume, two thirds while a contact is cut. n_threads 0: all
  * cores; threads never change the result. Fails with CTS_ERR_MEMORY only. */
 CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err);
 

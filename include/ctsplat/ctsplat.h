@@ -3,6 +3,7 @@
 #define CTSPLAT_CTSPLAT_H
 
 #include "ctsplat/annotate.h"
+#include "ctsplat/couch.h"
 #include "ctsplat/export.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"

@@ -3,9 +3,6 @@
 #include "base/mem.h"
 #include <string.h>
 
-/* Smaller masks are done before a team of threads has gathered. */
-enum { SERIAL_WORDS = 1 << 14 };
-
 CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err)
 {
     *bits = (CtsBits){.dims = {dims[0], dims[1], dims[2]}, .row_words = (size_t)dims[0] / 64 + 1};
@@ -135,9 +132,7 @@ static void dilate_slice_rows(const CtsBits *in, CtsBits *out, int k, CtsNeighbo
 
 void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, unsigned axes, int n_threads)
 {
-    if (cts_bits_n_words(in) < SERIAL_WORDS)
-        n_threads = 1;
-#pragma omp parallel for schedule(static) num_threads(n_threads) if (n_threads > 1)
+#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(in))
     for (int k = 0; k < in->dims[2]; k++)
         dilate_slice_rows(in, out, k, neighbours, axes, 0, in->dims[1]);
 }

@@ -82,39 +82,45 @@ static CtsStatus enclose(Couch *c, CtsError *err)
     return couch_adopt(&c->scene, &c->grid, &b->parts, &c->cells, &c->inside, &b->verdict, err);
 }
 
-static void report_kept(const Couch *c)
+/* What may be table, yet stays. */
+static CtsStatus report_kept(const Couch *c, CtsError *err)
 {
-    const double kept_mm3 = c->body.attached_mm3 + c->body.verdict.disputed_mm3,
-                 share = kept_mm3 / c->body.verdict.body_mm3;
-    if (share > COUCH_UNCERTAIN_SHARE)
+    double slab_mm3;
+    const CtsStatus st = couch_find_slab(&c->scene, &c->grid, &c->body, &slab_mm3, err);
+    if (st)
+        return st;
+    const double body_mm3 = c->body.verdict.body_mm3, limit_mm3 = COUCH_UNCERTAIN_SHARE * body_mm3;
+    const double thin_mm3 = fmax(c->body.attached_mm3, slab_mm3 > limit_mm3 ? slab_mm3 : 0);
+    const double kept_mm3 = thin_mm3 + c->body.verdict.disputed_mm3;
+    if (kept_mm3 > limit_mm3)
         cts_report_finding(c->report, "table_removal_uncertain", CTS_WARNING,
-                           "%.1f cm3 (%.1f %% of the body) may be table or patient and stay in the picture "
-                           "(--remove-table off or --crop says which)",
-                           kept_mm3 / 1000, 100 * share);
+                           "%.1f cm3 (%.1f %% of the body) may be table or patient and stay in the picture (take them "
+                           "out with --crop if they are table)",
+                           kept_mm3 / 1000, 100 * kept_mm3 / body_mm3);
     else if (kept_mm3 > 0)
         cts_report_finding(c->report, "table_removal_partial", CTS_NOTE,
                            "%.1f cm3 (%.1f %% of the body) of thin parts hang on the body without a clean cut and stay",
-                           kept_mm3 / 1000, 100 * share);
+                           kept_mm3 / 1000, 100 * kept_mm3 / body_mm3);
+    return CTS_OK;
 }
 
 /* Everything above the threshold that is not body is foreign: the other parts and the seam. */
-static CtsStatus clear(Couch *c, CtsVolume *volume, const CtsBits *all, CtsError *err)
+static CtsStatus clear(Couch *c, CtsVolume *volume, CtsError *err)
 {
     CtsStatus st;
-    CtsBits body = {0}, foreign = {0};
+    CtsBits body = {0}, *const foreign = &c->body.mask; /* once body is out of it */
     uint64_t n_cleared;
-    if ((st = cts_bits_new(&body, c->body.mask.dims, err)) || (st = cts_bits_new(&foreign, c->body.mask.dims, err)))
+    if ((st = cts_bits_new(&body, c->body.mask.dims, err)))
         goto end;
     cts_parts_paint(&c->body.parts, c->body.verdict.body, &body, c->scene.n_threads);
-    cts_bits_combine(&foreign, CTS_BITS_COPY, all);
-    cts_bits_combine(&foreign, CTS_BITS_AND_NOT, &body);
-    const uint64_t n_foreign = cts_bits_count(&foreign);
+    cts_bits_combine(foreign, CTS_BITS_AND_NOT, &body);
+    const uint64_t n_foreign = cts_bits_count(foreign);
     const double foreign_mm3 = (double)n_foreign * c->scene.voxel_mm3;
     if (foreign_mm3 < NOTHING_MM3) {
         cts_report_skip(c->report, WHAT, "nothing above %g HU lies outside the body", BODY_HU);
         goto end;
     }
-    if ((st = couch_clear(&c->scene, volume, &body, &foreign, &c->grid, &c->cells, &c->inside, &n_cleared, err)))
+    if ((st = couch_clear(&c->scene, volume, &body, foreign, &c->grid, &c->cells, &c->inside, &n_cleared, err)))
         goto end;
     cts_report_finding(
         c->report, "table_removed", CTS_NOTE,
@@ -124,32 +130,26 @@ static CtsStatus clear(Couch *c, CtsVolume *volume, const CtsBits *all, CtsError
         c->body.cut_mm3 / 1000, (unsigned long long)n_cleared, (unsigned long long)cts_volume_n_voxels(volume));
 end:
     cts_bits_free(&body);
-    cts_bits_free(&foreign);
     return st;
 }
 
 static CtsStatus remove_table(Couch *c, CtsVolume *volume, CtsError *err)
 {
     CtsStatus st;
-    CtsBits all = {0};
     if ((st = cts_bits_new(&c->body.mask, volume->dims, err)))
-        goto end;
+        return st;
     cts_bits_threshold(&c->body.mask, volume->grey, threshold_grey(volume), c->scene.n_threads);
     if (!mask_is_usable(c))
-        goto end;
-    if ((st = couch_body_find(&c->scene, &c->body, err)) || (st = cts_bits_new(&all, volume->dims, err)))
-        goto end;
-    cts_bits_combine(&all, CTS_BITS_COPY, &c->body.mask);
-    if ((st = couch_separate(&c->scene, &c->grid, &c->body, err)) || (st = enclose(c, err)))
-        goto end;
+        return st;
+    if ((st = couch_body_find(&c->scene, &c->body, NULL, err)) ||
+        (st = couch_separate(&c->scene, &c->grid, &c->body, err)) || (st = enclose(c, err)))
+        return st;
     if (!c->has_outside) {
         cts_report_skip(c->report, WHAT, "the slices show no air around the body");
-        goto end;
+        return st;
     }
-    report_kept(c);
-    st = clear(c, volume, &all, err);
-end:
-    cts_bits_free(&all);
+    if (!(st = report_kept(c, err)))
+        st = clear(c, volume, err);
     return st;
 }
 

@@ -4,14 +4,25 @@
 #include "volume/couch_sheet.h"
 #include <math.h>
 
-static const double REACH_MM = 45;
+/* What is thin, what is not; how far an ear reaches. */
+static const double THIN_MM = 10, BULKY_MM = 18, REACH_MM = 45;
+static const double SLAB_MM = 30, SLAB_BULKY_MM = 50, SLAB_LONG_MM = 100;
 /* A seam that frees less than this share of its own volume is no seam: it is given back. */
 static const double LEAST_FREED = 0.15;
 enum { DEEPEST_SLACK = 2 };
 
-CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, CtsError *err)
+CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, const CtsBits *away, CtsError *err)
 {
-    const CtsStatus st = cts_parts_find(&body->parts, &body->mask, scene->n_threads, err);
+    CtsStatus st;
+    CtsBits left = {0};
+    if (away) {
+        if ((st = cts_bits_new(&left, away->dims, err)))
+            return st;
+        cts_bits_combine(&left, CTS_BITS_COPY, &body->mask);
+        cts_bits_combine(&left, CTS_BITS_AND_NOT, away);
+    }
+    st = cts_parts_find(&body->parts, away ? &left : &body->mask, scene->n_threads, err);
+    cts_bits_free(&left);
     return st ? st : couch_judge(scene, &body->parts, &body->verdict, err);
 }
 
@@ -50,8 +61,8 @@ static uint64_t count_in_cells(const CouchBody *b, const CouchGrid *g, const Cts
 }
 
 /* A skull without flesh around something thick is no table: most of the body then has its thin parts on all sides. */
-static CtsStatus forget_shell(const CouchScene *scene, const CtsBits *any, const CtsBits *thick, CouchBody *b,
-                              CouchHints *hints, CtsError *err)
+static CtsStatus forget_shell(const CouchScene *scene, const CtsBits *any, const CtsBits *thick, CouchHints *hints,
+                              CtsError *err)
 {
     CtsStatus st;
     CtsBits thin = {0};
@@ -60,33 +71,66 @@ static CtsStatus forget_shell(const CouchScene *scene, const CtsBits *any, const
         goto end;
     cts_bits_combine(&thin, CTS_BITS_COPY, any);
     cts_bits_combine(&thin, CTS_BITS_AND_NOT, thick);
-    if ((st = couch_surrounds(scene, &thin, &hints->core, &is_shell, err)) || !is_shell)
-        goto end;
-    cts_bits_combine(&hints->far, CTS_BITS_AND_NOT, &hints->far);
-    b->attached_mm3 = 0;
+    if (!(st = couch_surrounds(scene, &thin, &hints->core, &is_shell, err)) && is_shell)
+        cts_bits_combine(&hints->far, CTS_BITS_AND_NOT, &hints->far);
 end:
     cts_bits_free(&thin);
     return st;
 }
 
-static CtsStatus look(const CouchScene *scene, const CouchGrid *g, CouchBody *b, CouchHints *hints, CtsError *err)
+/* What is far from anything thin_mm thick; far_mm3 is how much of the body it is. */
+static CtsStatus look(const CouchScene *scene, const CouchGrid *g, const CouchBody *b, double thin_mm, double bulky_mm,
+                      CouchHints *hints, double *far_mm3, CtsError *err)
 {
     CtsStatus st;
     CtsBits any = {0}, solid = {0}, thick = {0};
     bool has_outside;
     *hints = (CouchHints){.grid = g};
+    *far_mm3 = 0;
     if ((st = couch_cells(scene, g, &b->parts, b->verdict.body, &any, &solid, err)) ||
-        (st = couch_thick(scene, g, &any, &solid, &hints->core, &thick, err)) ||
+        (st = couch_thick(scene, g, &any, &solid, thin_mm, bulky_mm, &hints->core, &thick, err)) ||
         (st = couch_inside(scene, g, &thick, &hints->inside, &has_outside, err)) ||
         (st = couch_far(scene, g, &any, &thick, &hints->inside, REACH_MM, &hints->far, err)))
         goto end;
-    b->attached_mm3 = cts_bits_count(&hints->far) ? (double)count_in_cells(b, g, &hints->far) * scene->voxel_mm3 : 0;
-    if (b->attached_mm3 > COUCH_UNCERTAIN_SHARE * b->verdict.body_mm3)
-        st = forget_shell(scene, &any, &thick, b, hints, err);
+    if (cts_bits_count(&hints->far))
+        *far_mm3 = (double)count_in_cells(b, g, &hints->far) * scene->voxel_mm3;
+    if (*far_mm3 <= COUCH_UNCERTAIN_SHARE * b->verdict.body_mm3)
+        goto end;
+    if (!(st = forget_shell(scene, &any, &thick, hints, err)) && !cts_bits_count(&hints->far))
+        *far_mm3 = 0;
 end:
     cts_bits_free(&any);
     cts_bits_free(&solid);
     cts_bits_free(&thick);
+    return st;
+}
+
+CtsStatus couch_find_slab(const CouchScene *scene, const CouchGrid *g, const CouchBody *b, double *slab_mm3,
+                          CtsError *err)
+{
+    CtsStatus st;
+    CouchHints hints = {0};
+    CtsParts parts = {0};
+    CtsBits through = {0};
+    uint8_t *flags = NULL;
+    const int head = scene->head_axis;
+    if ((st = look(scene, g, b, SLAB_MM, SLAB_BULKY_MM, &hints, slab_mm3, err)) || *slab_mm3 == 0)
+        goto end;
+    *slab_mm3 = 0;
+    if (!cts_bits_count(&hints.core) || g->dims[head] * g->cell_mm[head] < SLAB_LONG_MM)
+        goto end;
+    if ((st = cts_parts_find(&parts, &hints.far, scene->n_threads, err)) ||
+        (st = cts_alloc_zeroed(&flags, parts.n_parts, err)) || (st = cts_bits_new(&through, g->dims, err)))
+        goto end;
+    for (uint32_t n = 0; n < parts.n_parts; n++)
+        flags[n] = parts.parts[n].lo[head] == 0 && parts.parts[n].hi[head] == g->dims[head] - 1;
+    cts_parts_paint(&parts, flags, &through, scene->n_threads);
+    *slab_mm3 = (double)count_in_cells(b, g, &through) * scene->voxel_mm3;
+end:
+    hints_free(&hints);
+    cts_parts_free(&parts);
+    cts_bits_free(&through);
+    cts_free(&flags);
     return st;
 }
 
@@ -102,8 +146,7 @@ static CtsStatus without(const CouchScene *scene, const CouchBody *whole, const 
         (st = cts_bits_new(&left, whole->mask.dims, err)))
         goto end;
     cts_bits_combine(&cut->mask, CTS_BITS_COPY, &whole->mask);
-    cts_bits_combine(&cut->mask, CTS_BITS_AND_NOT, away);
-    if ((st = couch_body_find(scene, cut, err)))
+    if ((st = couch_body_find(scene, cut, away, err)))
         goto end;
     cts_parts_paint(&cut->parts, cut->verdict.body, &left, scene->n_threads);
     cts_bits_combine(off, CTS_BITS_COPY, body);
@@ -165,7 +208,7 @@ static CtsStatus attempt(const CouchScene *scene, CouchBody *whole, const CtsBit
     if ((st = without(scene, whole, body, &away, cut, &off, err)) ||
         (st = give_back(scene, &off, &at.seam, &away, &changed, err)) ||
         (changed && (st = without(scene, whole, body, &away, cut, &off, err))) ||
-        (st = look(scene, hints->grid, cut, &left, err)))
+        (st = look(scene, hints->grid, cut, THIN_MM, BULKY_MM, &left, &cut->attached_mm3, err)))
         goto end;
     cut->cut_mm3 = (double)cts_bits_count(&off) * scene->voxel_mm3;
     const bool too_much = cut->cut_mm3 > COUCH_UNCERTAIN_SHARE * cut->verdict.body_mm3;
@@ -194,8 +237,8 @@ CtsStatus couch_separate(const CouchScene *scene, const CouchGrid *g, CouchBody 
     CtsBits body = {0};
     CouchBody cut = {0}, best = {0};
     bool useful, found = false;
-    if ((st = look(scene, g, whole, &hints, err)) || whole->attached_mm3 == 0 ||
-        (st = cts_bits_new(&body, whole->mask.dims, err)))
+    if ((st = look(scene, g, whole, THIN_MM, BULKY_MM, &hints, &whole->attached_mm3, err)) ||
+        whole->attached_mm3 == 0 || (st = cts_bits_new(&body, whole->mask.dims, err)))
         goto end;
     cts_parts_paint(&whole->parts, whole->verdict.body, &body, scene->n_threads);
     /* The shallowest cut that leaves nothing attached; where all leave something, a deeper one has to leave much less.

@@ -5,16 +5,21 @@
 #include "volume/couch_judge.h"
 
 typedef struct CouchBody {
-    CtsBits mask;   /* voxels dense enough for a body, less what was cut away */
-    CtsParts parts; /* of mask */
+    CtsBits mask;   /* voxels dense enough for a body */
+    CtsParts parts; /* of mask, less what was cut away */
     CouchVerdict verdict;
     double cut_mm3;      /* cut from the body */
     double attached_mm3; /* thin and far from anything thick, yet joined to the body */
 } CouchBody;
 
-/* Parts and verdict of body->mask. A zero-initialised CouchBody may be freed. */
-CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, CtsError *err);
+/* Parts and verdict of body->mask less away (which may be NULL). A zero-initialised CouchBody may be freed. */
+CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, const CtsBits *away, CtsError *err);
 void couch_body_free(CouchBody *body);
+
+/* How much of the body hangs on it like a table would: less than 30 mm thick, further than an ear from anything
+ * thicker, and running through all slices. Such a slab is past cutting. */
+CtsStatus couch_find_slab(const CouchScene *scene, const CouchGrid *grid, const CouchBody *body, double *slab_mm3,
+                          CtsError *err);
 
 /* Where thin parts reach further from the body than an ear or a nose can, cut them off if they are sheets that touch
  * it. grid covers the whole volume. */

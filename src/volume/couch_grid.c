@@ -3,7 +3,7 @@
 #include "base/mem.h"
 #include <math.h>
 
-static const double CELL_MM = 2, OPENING_MM = 10, BULKY_MM = 18, MOUTH_MM = 10, FAR_EXTENT_MM = 40;
+static const double CELL_MM = 2, MOUTH_MM = 10, FAR_EXTENT_MM = 40;
 /* Air or padding, but not an emphysematous lung. */
 static const double OUTER_AIR_HU = -930;
 enum { MAX_BLOCK = 32 };
@@ -187,13 +187,13 @@ static void flag_marked(const CtsParts *p, const CtsBits *marker, uint8_t *flags
 }
 
 CtsStatus couch_thick(const CouchScene *scene, const CouchGrid *g, const CtsBits *any, const CtsBits *solid,
-                      CtsBits *core, CtsBits *thick, CtsError *err)
+                      double opening_mm, double bulky_mm, CtsBits *core, CtsBits *thick, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     CtsBits shallow = {0}, deep = {0}, scratch = {0};
     CtsParts parts = {0};
     uint8_t *flags = NULL;
-    const int n_core = layers_of(g, OPENING_MM), n_deep = layers_of(g, BULKY_MM);
+    const int n_core = layers_of(g, opening_mm), n_deep = layers_of(g, bulky_mm);
     if ((st = cts_bits_new(&shallow, g->dims, err)) || (st = cts_bits_new(&deep, g->dims, err)) ||
         (st = cts_bits_new(&scratch, g->dims, err)) || (st = cts_bits_new(core, g->dims, err)) ||
         (st = cts_bits_new(thick, g->dims, err)))
@@ -383,13 +383,31 @@ end:
     return st;
 }
 
+/* The parts of any that hold a cell of thick. */
+static CtsStatus joined(const CouchScene *scene, const CtsBits *any, const CtsBits *thick, CtsBits *found,
+                        CtsError *err)
+{
+    CtsParts parts = {0};
+    uint8_t *flags = NULL;
+    CtsStatus st;
+    if ((st = cts_bits_new(found, any->dims, err)) || (st = cts_parts_find(&parts, any, scene->n_threads, err)) ||
+        (st = cts_alloc_zeroed(&flags, parts.n_parts, err)))
+        goto end;
+    flag_marked(&parts, thick, flags);
+    cts_parts_paint(&parts, flags, found, scene->n_threads);
+end:
+    cts_free(&flags);
+    cts_parts_free(&parts);
+    return st;
+}
+
 CtsStatus couch_far(const CouchScene *scene, const CouchGrid *g, const CtsBits *any, const CtsBits *thick,
                     const CtsBits *inside, double reach_mm, CtsBits *far, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     CtsBits near = {0}, scratch = {0};
     if ((st = cts_bits_new(&near, g->dims, err)) || (st = cts_bits_new(&scratch, g->dims, err)) ||
-        (st = cts_bits_new(far, g->dims, err)))
+        (st = joined(scene, any, thick, far, err)))
         goto end;
     cts_bits_combine(&near, CTS_BITS_COPY, thick);
     const int n_layers = (int)ceil(reach_mm / g->step_mm);
@@ -398,7 +416,6 @@ CtsStatus couch_far(const CouchScene *scene, const CouchGrid *g, const CtsBits *
         cts_bits_combine(&scratch, CTS_BITS_AND, any);
         swap(&near, &scratch);
     }
-    cts_bits_combine(far, CTS_BITS_COPY, any);
     cts_bits_combine(far, CTS_BITS_AND_NOT, &near);
     cts_bits_combine(far, CTS_BITS_AND_NOT, inside);
     st = drop_small(scene, g, far, err);

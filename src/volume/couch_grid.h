@@ -46,10 +46,10 @@ CtsStatus couch_cells(const CouchScene *scene, const CouchGrid *grid, const CtsP
 CtsStatus couch_thickness(const CouchScene *scene, const CtsParts *parts, uint32_t part, double limit_mm,
                           double *thickness_mm, CtsError *err);
 
-/* core: the cells of solid at least 5 mm from its surface, as far as they hang together with one 9 mm from it; thick:
- * the cells of any within 5 mm of core, and a cell more. */
+/* An opening: core are the cells of solid deep enough to be in something opening_mm thick, as far as they hang together
+ * with some in something bulky_mm thick; thick are the cells of any within as much again of core, and a cell more. */
 CtsStatus couch_thick(const CouchScene *scene, const CouchGrid *grid, const CtsBits *any, const CtsBits *solid,
-                      CtsBits *core, CtsBits *thick, CtsError *err);
+                      double opening_mm, double bulky_mm, CtsBits *core, CtsBits *thick, CtsError *err);
 
 /* The cells that the outer air does not reach past the set cells, when mouths narrower than about 10 mm count as
  * closed: the set cells, lungs, bowel gas, the nose. The outer air comes from the sides of the slices where the voxels
@@ -64,8 +64,8 @@ CtsStatus couch_near(const CouchScene *scene, const CouchGrid *grid, const CtsBi
 /* Whether most cells of held have a cell of ring on all four sides, across the head-foot axis. */
 CtsStatus couch_surrounds(const CouchScene *scene, const CtsBits *ring, const CtsBits *held, bool *yes, CtsError *err);
 
-/* Cells of any that lie further than reach_mm from thick, walking through any, and not inside; scattered ones that
- * extend over less than 40 mm are left out. */
+/* Cells of any that lie further than reach_mm from thick, yet hang together with it, walking through any, and not
+ * inside; scattered ones that extend over less than 40 mm are left out. */
 CtsStatus couch_far(const CouchScene *scene, const CouchGrid *grid, const CtsBits *any, const CtsBits *thick,
                     const CtsBits *inside, double reach_mm, CtsBits *far, CtsError *err);
 

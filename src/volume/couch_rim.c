@@ -21,7 +21,7 @@ static Rim rim_of(const CouchScene *scene)
     Rim rim = {0};
     const double in_slice_mm = fmin(scene->spacing_mm[0], scene->spacing_mm[1]), between_mm = scene->spacing_mm[2];
     rim.n_steps = (int)fmin(fmax(ceil(RIM_MM / in_slice_mm), 2), MAX_RIM);
-    rim.n_slices = (int)fmin(fmax(floor(RIM_MM / between_mm), 1), MAX_RIM);
+    rim.n_slices = (int)fmin(fmax(ceil(RIM_MM / between_mm), 1), MAX_RIM);
     rim.reach_mm = fmax(rim.n_steps * fmax(scene->spacing_mm[0], scene->spacing_mm[1]), rim.n_slices * between_mm);
     for (int d = 1; d <= rim.n_slices; d++) {
         const double left_mm = sqrt(fmax(RIM_MM * RIM_MM - d * between_mm * d * between_mm, 0));

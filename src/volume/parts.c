@@ -21,7 +21,7 @@ static uint32_t count_row(const uint64_t *row, size_t n_words)
 uint64_t cts_parts_count_runs(const CtsBits *bits, int n_threads)
 {
     uint64_t n = 0;
-#pragma omp parallel for schedule(static) num_threads(n_threads) reduction(+ : n)
+#pragma omp parallel for schedule(static) num_threads(n_threads) reduction(+ : n) if (cts_bits_is_large(bits))
     for (int k = 0; k < bits->dims[2]; k++)
         for (int j = 0; j < bits->dims[1]; j++)
             n += count_row(cts_bits_row(bits, j, k), bits->row_words);
@@ -85,11 +85,11 @@ static void join_slices(CtsParts *p, int k)
         join_rows(p, ((size_t)k - 1) * ny + j, (size_t)k * ny + j);
 }
 
-static void join_bands(CtsParts *p, bool across_slices, int n_threads)
+static void join_bands(CtsParts *p, bool across_slices, bool is_large, int n_threads)
 {
     const size_t ny = (size_t)p->dims[1];
     const int n_bands = (p->dims[2] + BAND - 1) / BAND;
-#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads) if (is_large)
     for (int band = 0; band < n_bands; band++)
         for (int k = band * BAND; k < (band + 1) * BAND && k < p->dims[2]; k++) {
             for (size_t j = 1; j < ny; j++)
@@ -149,13 +149,13 @@ static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int 
     p->row_start[0] = 0;
     for (size_t row = 0; row < n_rows; row++)
         p->row_start[row + 1] = p->row_start[row] + count_row(bits->words + row * bits->row_words, bits->row_words);
-#pragma omp parallel for schedule(static) num_threads(n_threads)
+#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
     for (size_t row = 0; row < n_rows; row++) {
         list_row(bits->words + row * bits->row_words, bits->row_words, bits->dims[0], p->runs + p->row_start[row]);
         for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
             p->runs[r].part = r;
     }
-    join_bands(p, across_slices, n_threads);
+    join_bands(p, across_slices, cts_bits_is_large(bits), n_threads);
     st = label(p, err);
 end:
     if (st)
@@ -183,7 +183,7 @@ void cts_parts_free(CtsParts *p)
 void cts_parts_paint(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int n_threads)
 {
     const size_t n_rows = (size_t)p->dims[1] * (size_t)p->dims[2];
-#pragma omp parallel for schedule(static) num_threads(n_threads)
+#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
     for (size_t row = 0; row < n_rows; row++)
         for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
             if (flags[p->runs[r].part])

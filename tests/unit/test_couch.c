@@ -1,0 +1,514 @@
+/* Table removal on volumes made from formulas: what is body stays to the bit, its rim too, and what is not goes. */
+#include "unit.h"
+
+#include "ctsplat/couch.h"
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A solid is a signed distance in mm, negative inside, of a point in LPS mm. */
+typedef double (*Distance)(const double p[3], const double *a);
+
+typedef struct Solid {
+    Distance distance;
+    double a[8];
+    double hu;
+    bool patient;
+} Solid;
+
+typedef struct Scene {
+    const Solid *solids;
+    int n_solids;
+    int dims[3];
+    double step_lps[3][3], centre_lps[3];
+    double hu_step;
+} Scene;
+
+/* a: centre, radii. Near the surface the value is a distance to within a few percent. */
+static double ellipsoid(const double p[3], const double *a)
+{
+    double q = 0, g = 0;
+    for (int c = 0; c < 3; c++) {
+        const double x = (p[c] - a[c]) / a[3 + c];
+        q += x * x;
+        g += x * x / (a[3 + c] * a[3 + c]);
+    }
+    return g > 0 ? sqrt(q) * (sqrt(q) - 1) / sqrt(g) : -fmin(fmin(a[3], a[4]), a[5]);
+}
+
+/* a: centre, half sizes. */
+static double box(const double p[3], const double *a)
+{
+    double d = -INFINITY;
+    for (int c = 0; c < 3; c++)
+        d = fmax(d, fabs(p[c] - a[c]) - a[3 + c]);
+    return d;
+}
+
+/* Along z. a: x, y, outer radius, inner radius, z from, z to. */
+static double pipe(const double p[3], const double *a)
+{
+    const double r = hypot(p[0] - a[0], p[1] - a[1]);
+    return fmax(fmax(r - a[2], a[3] - r), fmax(a[4] - p[2], p[2] - a[5]));
+}
+
+/* The part of a pipe with y beyond a[4] (a[5] = 1) or before it (-1): a head holder. */
+static double trough(const double p[3], const double *a)
+{
+    const double r = hypot(p[0] - a[0], p[1] - a[1]);
+    return fmax(fmax(r - a[2], a[3] - r), a[5] * (a[4] - p[1]));
+}
+
+/* A cloth over the patient: y = a[0] + a[1] sin(x / a[2]), half as thick as a[3], |x| below a[4]. */
+static double cloth(const double p[3], const double *a)
+{
+    return fmax(fabs(p[1] - a[0] - a[1] * sin(p[0] / a[2])) - a[3], fabs(p[0]) - a[4]);
+}
+
+static void voxel_lps(const Scene *s, int i, int j, int k, double p[3])
+{
+    const int at[3] = {i, j, k};
+    for (int c = 0; c < 3; c++) {
+        p[c] = s->centre_lps[c];
+        for (int axis = 0; axis < 3; axis++)
+            p[c] += (at[axis] - 0.5 * (s->dims[axis] - 1)) * s->step_lps[axis][c];
+    }
+}
+
+/* The partial-volume ramp: full at 1 mm inside, air at 1 mm outside. */
+static double solid_hu(const Solid *s, const double p[3])
+{
+    const double share = fmin(fmax(0.5 - 0.5 * s->distance(p, s->a), 0), 1);
+    return -1000 + share * (s->hu + 1000);
+}
+
+static CtsVolume *make(const Scene *s)
+{
+    CtsVolume *v;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, s->dims[0], s->dims[1], s->dims[2], &err), CTS_OK);
+    memcpy(v->step_lps, s->step_lps, sizeof v->step_lps);
+    voxel_lps(s, 0, 0, 0, v->origin_lps);
+    v->hu_step = s->hu_step ? s->hu_step : 1;
+    uint16_t *grey = v->grey;
+    for (int k = 0; k < s->dims[2]; k++)
+        for (int j = 0; j < s->dims[1]; j++)
+            for (int i = 0; i < s->dims[0]; i++) {
+                double p[3], hu = -1000;
+                voxel_lps(s, i, j, k, p);
+                for (int n = 0; n < s->n_solids; n++)
+                    hu = fmax(hu, solid_hu(&s->solids[n], p));
+                *grey++ = (uint16_t)lround((hu - v->hu_offset) / v->hu_step);
+            }
+    return v;
+}
+
+static CtsVolume *copy(const CtsVolume *v)
+{
+    CtsVolume *w;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&w, v->dims[0], v->dims[1], v->dims[2], &err), CTS_OK);
+    uint16_t *grey = w->grey;
+    *w = *v;
+    w->grey = grey;
+    memcpy(grey, v->grey, cts_volume_n_voxels(v) * sizeof *grey);
+    return w;
+}
+
+/* The smallest distance to a solid that belongs to the patient, or does not. */
+static double distance_to(const Scene *s, const double p[3], bool patient)
+{
+    double d = INFINITY;
+    for (int n = 0; n < s->n_solids; n++)
+        if (s->solids[n].patient == patient)
+            d = fmin(d, s->solids[n].distance(p, s->solids[n].a));
+    return d;
+}
+
+typedef struct Tally {
+    int body, body_changed;    /* voxels of the patient */
+    int rim, rim_changed;      /* the ramp around it, away from anything else */
+    int foreign, foreign_left; /* voxels of the rest, but for those within `near_mm` of the patient */
+    int far_left;              /* denser than air, 6 mm and more from the patient */
+} Tally;
+
+static Tally tally(const Scene *s, const CtsVolume *before, const CtsVolume *after, double near_mm)
+{
+    Tally t = {0};
+    size_t n = 0;
+    for (int k = 0; k < s->dims[2]; k++)
+        for (int j = 0; j < s->dims[1]; j++)
+            for (int i = 0; i < s->dims[0]; i++, n++) {
+                double p[3];
+                voxel_lps(s, i, j, k, p);
+                const double body = distance_to(s, p, true), rest = distance_to(s, p, false);
+                const bool changed = before->grey[n] != after->grey[n];
+                t.body += body <= 0;
+                t.body_changed += body <= 0 && changed;
+                t.rim += body > 0 && body <= 1 && rest > 5;
+                t.rim_changed += body > 0 && body <= 1 && rest > 5 && changed;
+                t.foreign += rest <= -0.5 && body > near_mm;
+                t.foreign_left += rest <= -0.5 && body > near_mm && after->grey[n];
+                t.far_left += body > 6 && cts_volume_hu(after, after->grey[n]) > -999;
+            }
+    return t;
+}
+
+static const CtsFinding *finding(const CtsReport *report, const char *code)
+{
+    for (size_t n = 0; n < report->findings.n; n++)
+        if (!strcmp(report->findings.items[n].code, code))
+            return &report->findings.items[n];
+    return NULL;
+}
+
+static bool is_skipped(const CtsReport *report)
+{
+    return report->n_skips == 1 && !strcmp(report->skips[0].what, "table removal") && report->skips[0].why[0];
+}
+
+static void remove_table(CtsVolume *v, int n_threads, CtsReport *report)
+{
+    CtsError err;
+    *report = (CtsReport){0};
+    assert_int_equal(cts_volume_remove_table(v, n_threads, report, &err), CTS_OK);
+    assert_true(report->stages[CTS_STAGE_CLASSIFY].ran);
+}
+
+/* The table goes, the patient stays to the bit, and any number of threads gives the same bytes. */
+static void check_removal(const Scene *s)
+{
+    CtsVolume *before = make(s), *after = copy(before), *again;
+    CtsReport report;
+    remove_table(after, 1, &report);
+    const Tally t = tally(s, before, after, 0.5);
+    assert_true(t.body > 1000 && t.rim > 100 && t.foreign > 100);
+    assert_int_equal(t.body_changed, 0);
+    assert_int_equal(t.rim_changed, 0);
+    assert_int_equal(t.foreign_left, 0);
+    assert_int_equal(t.far_left, 0);
+    assert_non_null(finding(&report, "table_removed"));
+    assert_int_equal(finding(&report, "table_removed")->severity, CTS_NOTE);
+    assert_null(finding(&report, "table_removal_uncertain"));
+    assert_null(finding(&report, "table_removal_partial"));
+    assert_int_equal(report.n_skips, 0);
+    cts_report_free(&report);
+    const int threads[] = {2, 7};
+    for (int n = 0; n < 2; n++) {
+        again = copy(before);
+        remove_table(again, threads[n], &report);
+        assert_memory_equal(again->grey, after->grey, cts_volume_n_voxels(after) * sizeof *after->grey);
+        cts_report_free(&report);
+        cts_volume_free(&again);
+    }
+    cts_volume_free(&before);
+    cts_volume_free(&after);
+}
+
+/* Nothing is removed and the report says why. */
+static void check_untouched(const Scene *s)
+{
+    CtsVolume *before = make(s), *after = copy(before);
+    CtsReport report;
+    remove_table(after, 2, &report);
+    assert_memory_equal(after->grey, before->grey, cts_volume_n_voxels(before) * sizeof *before->grey);
+    assert_true(is_skipped(&report));
+    assert_int_equal(report.findings.n, 0);
+    cts_report_free(&report);
+    cts_volume_free(&before);
+    cts_volume_free(&after);
+}
+
+#define N(solids) (int)(sizeof(solids) / sizeof *(solids))
+#define AXIAL                                                                                                          \
+    {                                                                                                                  \
+        {1.5, 0, 0}, {0, 1.5, 0},                                                                                      \
+        {                                                                                                              \
+            0, 0, 2                                                                                                    \
+        }                                                                                                              \
+    }
+
+/* A head with ears, nose and an earring. */
+#define HEAD                                                                                                           \
+    {ellipsoid, {0, 0, 0, 75, 95, 110}, 40, true}, {ellipsoid, {80, 10, 0, 12, 3, 28}, 30, true},                      \
+        {ellipsoid, {-80, 10, 0, 12, 3, 28}, 30, true}, {ellipsoid, {0, -98, -10, 9, 14, 20}, 20, true},               \
+    {                                                                                                                  \
+        ellipsoid, {-87, 10, -23, 3, 3, 3}, 3000, true                                                                 \
+    }
+
+/* A trough 3 mm thick along all slices, its wall touching the left ear and its bottom the back of the head. */
+static const Solid head_in_trough[] = {HEAD, {trough, {0, 0, 98, 95, 30, 1}, 200, false}};
+static const Solid head_on_ear_rest[] = {HEAD, {trough, {0.5, 4, 95, 92, 0, 1}, 200, false}};
+
+static void test_head_on_holder(void **state)
+{
+    (void)state;
+    /* The back of the head at y = 95 touches the shell's inner face over a patch. */
+    const Scene back = {head_in_trough, N(head_in_trough), {144, 144, 80}, AXIAL, {0, 0, 0}, 0};
+    check_removal(&back);
+    /* The ears' tips, 92 mm from the middle, end at or in the walls. */
+    const Scene ears = {head_on_ear_rest, N(head_on_ear_rest), {144, 144, 80}, AXIAL, {0, 0, 0}, 0};
+    CtsVolume *before = make(&ears), *after = copy(before);
+    CtsReport report;
+    remove_table(after, 2, &report);
+    const Tally t = tally(&ears, before, after, 0.5);
+    assert_int_equal(t.rim_changed, 0);
+    assert_int_equal(t.far_left, 0);
+    assert_null(finding(&report, "table_removal_uncertain"));
+    cts_report_free(&report);
+    cts_volume_free(&before);
+    cts_volume_free(&after);
+}
+
+static void test_prone(void **state)
+{
+    (void)state;
+    const Solid solids[] = {HEAD, {trough, {0, 0, 115, 112, -30, -1}, 200, false}};
+    const Scene s = {solids, N(solids), {160, 160, 80}, AXIAL, {0, 0, 0}, 0};
+    check_removal(&s);
+}
+
+/* A trunk with lungs, arms beside it, a flat table of two skins, a mattress with a cover, a blanket, a tube. */
+#define TRUNK                                                                                                          \
+    {ellipsoid, {0, 0, 0, 150, 100, 900}, 40, true}, {pipe, {185, 20, 26, 0, -999, 999}, 40, true},                    \
+    {                                                                                                                  \
+        pipe, {-185, 20, 26, 0, -999, 999}, 40, true                                                                   \
+    }
+
+static void test_trunk_on_table(void **state)
+{
+    (void)state;
+    const Solid solids[] = {
+        TRUNK,
+        {box, {0, 124, 0, 210, 20, 999}, -850, false}, /* mattress */
+        {box, {0, 105, 0, 210, 0.8, 999}, 0, false},   /* its cover, 4 mm from the back */
+        {box, {0, 150, 0, 220, 1.5, 999}, 100, false}, /* table: two skins */
+        {box, {0, 180, 0, 220, 1.5, 999}, 100, false},
+        {cloth, {-112, 4, 20, 0.8, 200}, -50, false},    /* blanket */
+        {pipe, {60, -130, 5, 3, -999, 999}, 100, false}, /* tube */
+    };
+    const Scene s = {solids, N(solids), {160, 128, 40}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}}, {0, 20, 0}, 0};
+    CtsVolume *before = make(&s), *after = copy(before);
+    CtsReport report;
+    remove_table(after, 2, &report);
+    const Tally t = tally(&s, before, after, 3);
+    assert_int_equal(t.body_changed, 0);
+    assert_int_equal(t.rim_changed, 0);
+    assert_int_equal(t.far_left, 0);
+    assert_non_null(finding(&report, "table_removed"));
+    cts_report_free(&report);
+    cts_volume_free(&before);
+    cts_volume_free(&after);
+}
+
+/* No mattress: the flattened back lies on the table's skin over 160 mm and all slices. */
+static void test_broad_contact(void **state)
+{
+    (void)state;
+    const Solid solids[] = {
+        TRUNK,
+        {box, {0, 82, 0, 80, 16, 999}, 40, true},
+        {box, {0, 99.5, 0, 230, 1.5, 999}, 100, false},
+    };
+    const Scene s = {solids, N(solids), {160, 100, 40}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}}, {0, 0, 0}, 0};
+    CtsVolume *before = make(&s), *after = copy(before);
+    CtsReport report;
+    remove_table(after, 2, &report);
+    const Tally t = tally(&s, before, after, 4);
+    assert_int_equal(t.body_changed, 0);
+    assert_int_equal(t.rim_changed, 0);
+    assert_int_equal(t.far_left, 0);
+    assert_null(finding(&report, "table_removal_uncertain"));
+    cts_report_free(&report);
+    cts_volume_free(&before);
+    cts_volume_free(&after);
+}
+
+/* More than 5 % of the body at stake: a warning, and the part stays; a cloth that touches nothing still goes. */
+static void test_uncertain(void **state)
+{
+    (void)state;
+    const Solid thick_slab[] = {
+        TRUNK, {box, {0, 109, 0, 220, 10, 999}, 100, false}, {cloth, {-118, 2, 30, 1, 150}, 0, false}};
+    const Solid heavy_shell[] = {{ellipsoid, {0, 0, 0, 45, 55, 60}, 40, true},
+                                 {trough, {0, 0, 60, 54.5, -20, 1}, 200, false},
+                                 {cloth, {-80, 2, 30, 1.5, 60}, 0, false}};
+    const Scene scenes[] = {
+        {thick_slab, N(thick_slab), {160, 100, 40}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}}, {0, 0, 0}, 0},
+        {heavy_shell, N(heavy_shell), {120, 140, 60}, AXIAL, {0, -20, 0}, 0},
+    };
+    for (int n = 0; n < 2; n++) {
+        const Scene *s = &scenes[n];
+        CtsVolume *before = make(s), *after = copy(before);
+        CtsReport report;
+        remove_table(after, 2, &report);
+        assert_non_null(finding(&report, "table_removal_uncertain"));
+        assert_int_equal(finding(&report, "table_removal_uncertain")->severity, CTS_WARNING);
+        size_t voxel = 0;
+        for (int k = 0; k < s->dims[2]; k++)
+            for (int j = 0; j < s->dims[1]; j++)
+                for (int i = 0; i < s->dims[0]; i++, voxel++) {
+                    double p[3];
+                    voxel_lps(s, i, j, k, p);
+                    double kept = INFINITY, gone = s->solids[s->n_solids - 1].distance(p, s->solids[s->n_solids - 1].a);
+                    for (int m = 0; m + 1 < s->n_solids; m++)
+                        kept = fmin(kept, s->solids[m].distance(p, s->solids[m].a));
+                    if (kept <= 1)
+                        assert_int_equal(after->grey[voxel], before->grey[voxel]);
+                    else if (kept > 6 && gone <= 0)
+                        assert_int_equal(after->grey[voxel], 0);
+                }
+        cts_report_free(&report);
+        cts_volume_free(&before);
+        cts_volume_free(&after);
+    }
+}
+
+/* The same patient and holder in other orders of axes, tilted, and with a fractional step of grey levels. */
+static void test_orientations(void **state)
+{
+    (void)state;
+    const double steps[][3][3] = {
+        {{-1.5, 0, 0}, {0, -1.5, 0}, {0, 0, -2}},                               /* head first the other way round */
+        {{1.5, 0, 0}, {0, 0, -1.5}, {0, 1.5, 0}},                               /* coronal */
+        {{0, 1.5, 0}, {0, 0, -1.5}, {2, 0, 0}},                                 /* sagittal */
+        {{1.5, 0, 0}, {0, 1.5 * 0.94, -1.5 * 0.34}, {0, 0, 4}},                 /* tilted by 20 degrees: sheared */
+        {{1.5 * 0.96, 1.5 * 0.28, 0}, {-1.5 * 0.28, 1.5 * 0.96, 0}, {0, 0, 2}}, /* turned about z */
+    };
+    const int dims[][3] = {{150, 150, 80}, {150, 120, 150}, {150, 120, 110}, {144, 144, 40}, {160, 160, 80}};
+    const Solid solids[] = {HEAD, {trough, {0, 0, 110, 107, 30, 1}, 200, false}};
+    for (int n = 0; n < 5; n++) {
+        Scene s = {solids, N(solids), {dims[n][0], dims[n][1], dims[n][2]}, AXIAL, {0, 0, 0}, n % 2 ? 0.5 : 0};
+        memcpy(s.step_lps, steps[n], sizeof s.step_lps);
+        check_removal(&s);
+    }
+}
+
+/* Separate legs, a hand, and the tip of an ear that the last slice cuts off the head. */
+static void test_limbs(void **state)
+{
+    (void)state;
+    const Solid solids[] = {
+        {pipe, {60, 0, 45, 0, -999, 999}, 40, true},     {pipe, {-60, 0, 45, 0, -999, 999}, 40, true},
+        {ellipsoid, {130, 0, 0, 14, 40, 60}, 40, true},  /* a hand beside */
+        {ellipsoid, {-118, 0, 62, 4, 14, 30}, 40, true}, /* a tip in the last slices */
+        {box, {0, 70, 0, 150, 1.5, 999}, 100, false},    {pipe, {0, -80, 4, 0, -999, 999}, 100, false}, /* a cable */
+    };
+    const Scene s = {solids, N(solids), {144, 120, 64}, AXIAL, {0, 0, 0}, 0};
+    check_removal(&s);
+}
+
+/* What the body encloses stays: lungs, stones in bowel gas, plates in a skull without flesh. */
+static void test_inside(void **state)
+{
+    (void)state;
+    const Solid solids[] = {
+        {pipe, {0, 0, 90, 50, -999, 999}, 40, true},
+        {ellipsoid, {0, 10, 0, 8, 8, 8}, 300, true},
+        {box, {0, 20, 0, 1.5, 12, 30}, 60, true},
+        {box, {0, 110, 0, 110, 1.5, 999}, 100, false},
+    };
+    const Scene s = {solids, N(solids), {150, 150, 50}, AXIAL, {0, 10, 0}, 0};
+    check_removal(&s);
+    /* The air within stays as it was, with all its noise. */
+    CtsVolume *v = make(&s), *before;
+    for (size_t n = 0; n < cts_volume_n_voxels(v); n++)
+        v->grey[n] = (uint16_t)(v->grey[n] + n % 7);
+    before = copy(v);
+    CtsReport report;
+    remove_table(v, 2, &report);
+    size_t voxel = 0;
+    for (int k = 0; k < s.dims[2]; k++)
+        for (int j = 0; j < s.dims[1]; j++)
+            for (int i = 0; i < s.dims[0]; i++, voxel++) {
+                double p[3];
+                voxel_lps(&s, i, j, k, p);
+                if (hypot(p[0], p[1]) < 90)
+                    assert_int_equal(v->grey[voxel], before->grey[voxel]);
+            }
+    cts_report_free(&report);
+    cts_volume_free(&before);
+    cts_volume_free(&v);
+}
+
+static void test_nothing_to_remove(void **state)
+{
+    (void)state;
+    const Solid head[] = {HEAD};
+    const Solid bone[] = {{box, {0, 0, 0, 999, 999, 999}, 1000, true}};
+    const Solid in_view[] = {{pipe, {0, 0, 200, 40, -999, 999}, 40, true}, {box, {0, 0, 0, 1, 20, 999}, 40, true}};
+    const Scene scenes[] = {
+        {head, N(head), {144, 160, 80}, AXIAL, {0, 0, 0}, 0},
+        {bone, N(bone), {50, 40, 30}, AXIAL, {0, 0, 0}, 0},
+        {NULL, 0, {50, 40, 30}, AXIAL, {0, 0, 0}, 0},
+        {in_view, N(in_view), {80, 80, 30}, AXIAL, {0, 0, 0}, 0}, /* a field of view within the body */
+    };
+    for (size_t n = 0; n < sizeof scenes / sizeof *scenes; n++)
+        check_untouched(&scenes[n]);
+}
+
+/* No size is too small; nothing thick is ever lost. */
+static void test_tiny(void **state)
+{
+    (void)state;
+    const Solid ball[] = {{ellipsoid, {0, 0, 0, 12, 12, 12}, 40, true}};
+    const int dims[][3] = {{1, 1, 1},   {1, 1, 64},  {64, 1, 1}, {1, 64, 1},
+                           {65, 64, 1}, {64, 65, 2}, {2, 3, 5},  {128, 2, 2}};
+    for (size_t n = 0; n < sizeof dims / sizeof *dims; n++) {
+        const Scene s = {ball, 1, {dims[n][0], dims[n][1], dims[n][2]}, AXIAL, {0, 0, 0}, 0};
+        check_untouched(&s);
+    }
+}
+
+/* Noise is refused by name, ragged masks never fail, and a volume without room is left alone. */
+static void test_odd(void **state)
+{
+    (void)state;
+    CtsVolume *v;
+    CtsError err;
+    CtsReport report;
+    assert_int_equal(cts_volume_new(&v, 128, 128, 100, &err), CTS_OK);
+    uint32_t seed = 1;
+    for (size_t n = 0; n < cts_volume_n_voxels(v); n++) {
+        seed = seed * 1664525u + 1013904223u;
+        v->grey[n] = (uint16_t)(seed >> 31 ? 1064 : 24);
+    }
+    CtsVolume *before = copy(v);
+    remove_table(v, 2, &report);
+    assert_true(is_skipped(&report));
+    assert_memory_equal(v->grey, before->grey, cts_volume_n_voxels(v) * sizeof *v->grey);
+    cts_report_free(&report);
+    for (size_t n = 0; n < cts_volume_n_voxels(v); n++) {
+        seed = seed * 1664525u + 1013904223u;
+        v->grey[n] = (uint16_t)(seed >> 26 ? 24 : 1064);
+    }
+    remove_table(v, 2, &report);
+    cts_report_free(&report);
+    memset(v->step_lps[1], 0, sizeof v->step_lps[1]);
+    CtsReport flat = {0};
+    assert_int_equal(cts_volume_remove_table(v, 2, &flat, &err), CTS_OK);
+    assert_true(is_skipped(&flat));
+    cts_report_free(&flat);
+    assert_int_equal(cts_volume_remove_table(v, 0, NULL, NULL), CTS_OK);
+    cts_volume_free(&before);
+    cts_volume_free(&v);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_head_on_holder),
+        cmocka_unit_test(test_prone),
+        cmocka_unit_test(test_trunk_on_table),
+        cmocka_unit_test(test_broad_contact),
+        cmocka_unit_test(test_uncertain),
+        cmocka_unit_test(test_orientations),
+        cmocka_unit_test(test_limbs),
+        cmocka_unit_test(test_inside),
+        cmocka_unit_test(test_nothing_to_remove),
+        cmocka_unit_test(test_tiny),
+        cmocka_unit_test(test_odd),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
