@@ -25,7 +25,8 @@ typedef struct CtsExportSettings {
 /* The format a path's ending names ("png", "exr", "dcm"), or NULL. */
 const char *cts_export_format(const char *path);
 
-/* Before any work: the ending is known, the folder exists and can be written, the file may be (over)written. */
+/* Before any work: the ending is known, the folder exists and can be written, the file may be (over)written. The source
+ * may still be NULL. */
 CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, CtsError *err);
 
 /* Written whole or not at all: temporary file in the same folder, fsync, rename. Adds the export stage.

@@ -6,10 +6,10 @@
 
 static CtsStatus print_as_json(const CtsDifference *d, CtsError *err)
 {
-    /* JSON has no infinity: equal pictures have no psnr_db. */
-    return cli_print_json(json_pack("{s:f,s:o,s:f,s:f,s:f,s:f,s:b}", "rmse", d->rmse, "psnr_db",
-                                    isfinite(d->psnr_db) ? json_real(d->psnr_db) : json_null(), "ssim", d->ssim, "p999",
-                                    d->p999, "max", d->max, "share", d->share, "equal", d->equal),
+    /* JSON has no infinity, and a number must stay a number. */
+    const double psnr_db = isfinite(d->psnr_db) ? d->psnr_db : 999;
+    return cli_print_json(json_pack("{s:f,s:f,s:f,s:f,s:f,s:f,s:b}", "rmse", d->rmse, "psnr_db", psnr_db, "ssim",
+                                    d->ssim, "p999", d->p999, "max", d->max, "share", d->share, "equal", d->equal),
                           err);
 }
 
@@ -33,8 +33,12 @@ CtsStatus cli_compare(const CliOptions *options, int *exit_code, CtsError *err)
     CtsPicture *a = NULL, *b = NULL;
     CtsDifference difference;
     if ((st = cts_picture_read(options->operands[0], &a, err)) ||
-        (st = cts_picture_read(options->operands[1], &b, err)) || (st = cts_picture_compare(a, b, &difference, err)))
+        (st = cts_picture_read(options->operands[1], &b, err)))
         goto end;
+    if ((st = cts_picture_compare(a, b, &difference, err))) {
+        cts_context(err, "%s, %s", options->operands[0], options->operands[1]);
+        goto end;
+    }
     *exit_code = difference.equal ? 0 : 1;
     if (options->json)
         st = print_as_json(&difference, err);

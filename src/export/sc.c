@@ -43,8 +43,10 @@ typedef struct ScTexts {
 CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsError *err)
 {
     const CtsSeries *source = settings->source;
-    if (!source || source->n_slices < 1)
-        return cts_fail(err, CTS_ERR_USAGE, "%s: a secondary capture needs the series it was made of", path);
+    if (!source) /* not known yet: outputs are checked before the input is read */
+        return CTS_OK;
+    if (source->n_slices < 1)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: the series it is made of has no slices", path);
     const char *first = source->slices[0].path;
     if (!first || access(first, R_OK))
         return cts_fail(err, CTS_ERR_READ, "%s: cannot be read any more, and a secondary capture needs its header",
@@ -231,6 +233,8 @@ CtsStatus cts_sc_write(const CtsExportJob *job, CtsError *err)
 {
     const CtsPicture *first = job->frames[0];
     const CtsSeries *source = job->settings->source;
+    if (!source)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: a secondary capture needs the series it was made of", job->path);
     const CtsMode mode = first->info.mode;
     CtsScSource facts;
     ScTexts texts = {0};

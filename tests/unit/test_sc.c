@@ -430,7 +430,7 @@ static void test_refusals(void **state)
     CtsPicture *p = view_of(20, 10, 4, 0), *q;
     CtsError err;
     const CtsExportSettings none = {0};
-    assert_int_equal(cts_export_check("a.dcm", &none, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_export_check("a.dcm", &none, &err), CTS_OK); /* the source is not known yet */
     assert_int_equal(cts_export(&(const CtsPicture *){p}, 1, "a.dcm", &none, NULL, NULL, &err), CTS_ERR_USAGE);
     /* A slice that changed since it was scanned may be another patient's by now. */
     const CtsExportSettings settings = {.source = source->series};
