@@ -141,7 +141,7 @@ INLINE v8f sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int
 }
 
 /* Where each ray is inside the box of voxel centres; wanted only for slabs that the faces cut. */
-static __attribute__((noinline)) void clip_packet(const TiledJob *j, Packet *pk)
+OUTLINE void clip_packet(const TiledJob *j, Packet *pk)
 {
     for (int l = 0; l < CTS_PACKET; l++)
         tiled_clip(j, pk->u_lane0 + l * j->u_at[1], pk->v_lane0 + l * j->v_at[1], &pk->enter[l], &pk->leave[l]);
@@ -251,7 +251,7 @@ INLINE v8f slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int
 
 /* Grey level differences of one lane, doubled derivatives as shade.h wants them, voxel by voxel: at the volume's faces
  * one-sided. */
-static __attribute__((noinline)) void lane_gradient(const TiledJob *j, double u, double v, int q, float g[3])
+OUTLINE void lane_gradient(const TiledJob *j, double u, double v, int q, float g[3])
 {
     u = u < 0 ? 0 : u > j->nu - 1 ? j->nu - 1 : u;
     v = v < 0 ? 0 : v > j->nv - 1 ? j->nv - 1 : v;
@@ -314,7 +314,7 @@ INLINE Slope mix_slope(const Slope *a, const Slope *b, float f)
     return (Slope){a->u + (b->u - a->u) * f, a->v + (b->v - a->v) * f, a->k + (b->k - a->k) * f};
 }
 
-INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
+OUTLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
 {
     Taps made;
     const Taps *t = &pk->straight;
@@ -359,8 +359,8 @@ typedef struct Course {
 } Course;
 
 /* The slab behind layer q with a fixed number of sheets in it. */
-INLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, v8f s0,
-                       v8f end, bool inner, bool lit)
+OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, v8f s0,
+                        v8f end, bool inner, bool lit)
 {
     Entry e0, e1;
     Slope g0 = {.u = splat8(0)}, g1;
