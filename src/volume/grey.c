@@ -24,13 +24,14 @@ whole_body(uint16_t *restrict words, size_t n, const CtsStored *stored, int32_t 
     for (size_t i = 0; i < n; i++) {
         const int32_t word = words[i];
         const int32_t value = (((word >> s.shift) & mask) ^ sign) - sign;
-        const int32_t padding =
-            -(int32_t)(((value >= s.padding_low) & (value <= s.padding_high)) | (word == s.padding_word));
+        /* All ones for padding: bit operations keep the loop free of branches, so that it becomes vector code. */
+        const int32_t padding = -(((value >= s.padding_low) & (value <= s.padding_high)) | (word == s.padding_word));
         int32_t grey = slope * value + offset;
         grey = grey < 0 ? 0 : grey;
         grey = grey > 65535 ? 65535 : grey;
         words[i] = (uint16_t)(grey & ~padding);
-        const int32_t for_low = padding ? INT32_MAX : value, for_high = padding ? INT32_MIN : value;
+        const int32_t for_low = (value & ~padding) | (INT32_MAX & padding);
+        const int32_t for_high = (value & ~padding) | (INT32_MIN & padding);
         low = for_low < low ? for_low : low;
         high = for_high > high ? for_high : high;
     }

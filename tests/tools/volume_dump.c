@@ -2,6 +2,7 @@
  * as lines of "key value", for tests that compare it with other readers and for the reading benchmark. */
 #define _GNU_SOURCE
 #include "base/clock.h"
+#include "base/mem.h"
 #include "ctsplat/ctsplat.h"
 
 #include <stdio.h>
@@ -10,7 +11,7 @@
 
 typedef struct Options {
     const char *path, *series, *raw;
-    int threads, repeat, list;
+    int threads, repeat, list, copy;
 } Options;
 
 static int parse(int argc, char **argv, Options *o)
@@ -20,6 +21,8 @@ static int parse(int argc, char **argv, Options *o)
         const char *value = i + 1 < argc ? argv[i + 1] : NULL;
         if (strcmp(argv[i], "--list") == 0)
             o->list = 1;
+        else if (strcmp(argv[i], "--copy") == 0)
+            o->copy = 1;
         else if (argv[i][0] != '-')
             o->path = argv[i];
         else if (!value)
@@ -78,6 +81,20 @@ static void print_volume(const CtsVolume *v)
     printf("hu offset %.17g step %.17g min %.17g max %.17g\n", v->hu_offset, v->hu_step, v->hu_min, v->hu_max);
 }
 
+/* Into fresh memory, as a reader's is. */
+static void time_copy(const CtsVolume *v)
+{
+    const size_t bytes = cts_volume_n_voxels(v) * sizeof *v->grey;
+    const double start = cts_wall_ms();
+    uint16_t *copy = NULL;
+    if (cts_alloc_bytes((void **)&copy, bytes, 1, NULL))
+        return;
+    memcpy(copy, v->grey, bytes);
+    const double ms = cts_wall_ms() - start;
+    printf("copy %.2f of %u\n", ms, copy[bytes / 4]);
+    cts_free_bytes(copy);
+}
+
 static CtsStatus run(const Options *o, int last, CtsError *err)
 {
     CtsSeriesList *list = NULL;
@@ -101,6 +118,8 @@ static CtsStatus run(const Options *o, int last, CtsError *err)
         }
         printf(" other %.2f rss_mib %.1f\n", total - stages, (double)cts_peak_rss_bytes() / 1048576);
     }
+    if (!st && volume && o->copy)
+        time_copy(volume);
     if (!st && volume && last) {
         print_volume(volume);
         print_findings(&report.findings);
@@ -118,7 +137,8 @@ int main(int argc, char **argv)
     Options o;
     CtsError err = {0};
     if (!parse(argc, argv, &o)) {
-        fprintf(stderr, "usage: volume_dump PATH [--series UID] [--threads N] [--raw FILE] [--repeat N] [--list]\n");
+        fprintf(stderr,
+                "usage: volume_dump PATH [--series UID] [--threads N] [--raw FILE] [--repeat N] [--list] [--copy]\n");
         return 2;
     }
     for (int i = 0; i < o.repeat && !err.status; i++)
