@@ -81,10 +81,10 @@ int cts_dcm_parse_ds(const char *text, size_t n_bytes, double *values, int n_val
 int cts_dcm_parse_is(const char *text, size_t n_bytes, int *value)
 {
     std::string_view s = trimmed(std::string_view(text, n_bytes));
-    if (!s.empty() && s[0] == '+')
-        s.remove_prefix(1);
-    if (s.empty() || s.size() > 64 || (s[0] != '-' && (s[0] < '0' || s[0] > '9')))
+    if (s.size() > 64)
         return 0;
+    if (s.size() > 1 && s[0] == '+' && s[1] != '-')
+        s.remove_prefix(1);
     const auto result = std::from_chars(s.data(), s.data() + s.size(), *value);
     return result.ec == std::errc() && result.ptr == s.data() + s.size();
 }

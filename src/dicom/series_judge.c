@@ -3,7 +3,7 @@
 
 #include "base/vec3.h"
 #include "dicom/dcm_read.h"
-#include "dicom/stack.h"
+#include "dicom/slice_stack.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -2,7 +2,7 @@
 #include "dicom/series_judge.h"
 
 #include "dicom/file_bytes.h"
-#include "dicom/stack.h"
+#include "dicom/slice_stack.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

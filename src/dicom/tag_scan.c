@@ -159,7 +159,7 @@ typedef struct Walk {
     uint64_t n, total, pos;
     bool explicit_vr, big;
     int height; /* of the stack */
-    Frame stack[2 * CTS_MAX_NESTING + 2];
+    Frame stack[2 * CTS_MAX_NESTING];
     /* An implicit VR element that begins like a sequence may be one. When it turns out not to be, skip it. */
     int maybe_height;
     uint64_t maybe_end;
@@ -190,14 +190,15 @@ static CtsScanResult more(Walk *w, uint64_t need)
 
 static CtsScanResult push(Walk *w, bool item, uint64_t end, bool implicit_vr, bool fragments)
 {
-    const int nesting = (w->height + 1) / 2;
-    if (nesting >= CTS_MAX_NESTING || w->height >= (int)(sizeof w->stack / sizeof *w->stack)) {
+    /* Sequences and items take turns on the stack, a sequence first. */
+    const int nesting = w->height / 2 + 1;
+    if (nesting > CTS_MAX_NESTING) {
         w->maybe_end = 0;
         return bad(w, "sequences are nested more than 64 deep");
     }
     w->stack[w->height++] = (Frame){end, item, implicit_vr, fragments};
-    if (nesting + 1 > w->scan->depth)
-        w->scan->depth = nesting + 1;
+    if (nesting > w->scan->depth)
+        w->scan->depth = nesting;
     return CTS_SCAN_DONE;
 }
 

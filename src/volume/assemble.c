@@ -5,7 +5,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "dicom/slice.h"
-#include "dicom/stack.h"
+#include "dicom/slice_stack.h"
 #include "volume/blocks.h"
 #include "volume/grey.h"
 #include "volume/resample.h"

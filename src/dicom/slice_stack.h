@@ -1,6 +1,6 @@
 /* Where the slices of a sorted stack lie, and the even grid of layers they become. */
-#ifndef CTS_DICOM_STACK_H
-#define CTS_DICOM_STACK_H
+#ifndef CTS_DICOM_SLICE_STACK_H
+#define CTS_DICOM_SLICE_STACK_H
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"

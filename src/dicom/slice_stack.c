@@ -1,4 +1,4 @@
-#include "dicom/stack.h"
+#include "dicom/slice_stack.h"
 
 #include "base/vec3.h"
 #include <stdlib.h>

@@ -1,0 +1,348 @@
+#define _GNU_SOURCE
+/* Files cut short, changed and lying: test_damage TESTDATA. A loaded volume is the right one or there is none; whatever
+ * the bytes, the reader ends and stays in its memory (the sanitizer build watches). */
+#include "ctsplat/series.h"
+#include "dicom_files.h"
+#include <sys/stat.h>
+#include <zlib.h>
+
+static const char *testdata;
+
+typedef struct Series {
+    char folder[64];
+    CtsVolume *good;
+    Bytes victim; /* one file of the series, whole */
+} Series;
+
+static const char victim_name[] = "IM0004.dcm";
+
+static CtsStatus load_folder(const char *folder, CtsVolume **volume, CtsError *err)
+{
+    CtsSeriesList *list = NULL;
+    const CtsSeries *series = NULL;
+    *volume = NULL;
+    *err = (CtsError){0};
+    CtsStatus st = cts_series_find(&folder, 1, 1, &list, NULL, err);
+    if (!st)
+        st = cts_series_choose(list, NULL, &series, err);
+    if (!st)
+        st = cts_series_load(series, 1, volume, NULL, err);
+    cts_series_list_free(&list);
+    assert_true((st == CTS_OK) == (*volume != NULL));
+    assert_true(st == CTS_OK || err->text[0]);
+    return st;
+}
+
+/* A copy of one of the test series in a folder of its own. */
+static void copy_series(Series *s, const char *name)
+{
+    char from[400], path[800];
+    CtsError err;
+    make_folder(s->folder);
+    snprintf(from, sizeof from, "%s/%s", testdata, name);
+    DIR *dir = opendir(from);
+    assert_non_null(dir);
+    for (struct dirent *e; (e = readdir(dir));) {
+        if (e->d_name[0] == '.')
+            continue;
+        size_t n;
+        snprintf(path, sizeof path, "%s/%s", from, e->d_name);
+        uint8_t *bytes = slurp(path, &n);
+        write_bytes(s->folder, e->d_name, bytes, n);
+        if (strcmp(e->d_name, victim_name) == 0)
+            s->victim = (Bytes){bytes, n};
+        else
+            free(bytes);
+    }
+    closedir(dir);
+    assert_non_null(s->victim.data);
+    if (load_folder(s->folder, &s->good, &err))
+        fail_msg("%s: %s", name, err.text);
+}
+
+static void done(Series *s)
+{
+    cts_volume_free(&s->good);
+    free(s->victim.data);
+    remove_folder(s->folder);
+}
+
+static bool equal(const CtsVolume *a, const CtsVolume *b)
+{
+    return memcmp(a->dims, b->dims, sizeof a->dims) == 0 &&
+           memcmp(a->grey, b->grey, cts_volume_n_voxels(a) * sizeof *a->grey) == 0;
+}
+
+static const char *const encodings[] = {"syntax/implicit", "syntax/explicit",      "syntax/big",    "syntax/deflated",
+                                        "syntax/rle",      "syntax/jpeg-lossless", "syntax/jpeg-ls"};
+enum { N_ENCODINGS = sizeof encodings / sizeof *encodings };
+
+/* One slice of eight is too many to miss: any cut that loses pixels loses the series. */
+static void test_cut_short(void **state)
+{
+    (void)state;
+    for (int e = 0; e < N_ENCODINGS; e++) {
+        Series s = {0};
+        copy_series(&s, encodings[e]);
+        for (size_t n = 0; n < s.victim.n; n += n < 200 || n + 40 > s.victim.n ? 1 : 11) {
+            CtsVolume *v;
+            CtsError err;
+            write_bytes(s.folder, victim_name, s.victim.data, n);
+            if (load_folder(s.folder, &v, &err) == CTS_OK && !equal(v, s.good))
+                fail_msg("%s cut to %zu bytes gives another picture", encodings[e], n);
+            cts_volume_free(&v);
+        }
+        done(&s);
+    }
+}
+
+static void test_wrong_bytes(void **state)
+{
+    (void)state;
+    uint32_t random = 1;
+    for (int e = 0; e < N_ENCODINGS; e++) {
+        Series s = {0};
+        copy_series(&s, encodings[e]);
+        for (int round = 0; round < 400; round++) {
+            CtsVolume *v;
+            CtsError err;
+            uint8_t *bytes = malloc(s.victim.n);
+            memcpy(bytes, s.victim.data, s.victim.n);
+            for (int change = 0; change <= round % 3; change++) {
+                random = random * 1664525u + 1013904223u;
+                bytes[132 + (random >> 8) % (s.victim.n - 132)] ^= (uint8_t)(1 + round % 255);
+            }
+            write_bytes(s.folder, victim_name, bytes, s.victim.n);
+            load_folder(s.folder, &v, &err);
+            cts_volume_free(&v);
+            free(bytes);
+        }
+        done(&s);
+    }
+}
+
+static uint8_t *find_bytes(Bytes *b, const char *bytes, size_t n)
+{
+    uint8_t *at = memmem(b->data, b->n, bytes, n);
+    assert_non_null(at);
+    return at;
+}
+
+static void expect_refused(Series *s, CtsStatus status, const char *part)
+{
+    CtsVolume *v;
+    CtsError err;
+    write_bytes(s->folder, victim_name, s->victim.data, s->victim.n);
+    const CtsStatus st = load_folder(s->folder, &v, &err);
+    if (st != status || !strstr(err.text, part))
+        fail_msg("%d %s, wanted %d %s", st, err.text, status, part);
+}
+
+/* Streams that DCMTK 3.6.7 loops on, overruns or decodes to half a picture. */
+static void test_jpeg_headers(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *folder;
+        uint8_t frame; /* marker of the frame header */
+    } kinds[] = {{"syntax/jpeg-lossless", 0xC3}, {"syntax/jpeg-ls", 0xF7}};
+    for (int k = 0; k < 2; k++) {
+        Series s = {0};
+        copy_series(&s, kinds[k].folder);
+        uint8_t *soi = find_bytes(&s.victim, "\xff\xd8\xff", 3);
+        uint8_t *frame = find_bytes(&s.victim, (const char[]){(char)0xFF, (char)kinds[k].frame}, 2);
+        const uint8_t kept[4] = {soi[3], frame[4], frame[6], frame[9]};
+        soi[3] = 0x01;
+        expect_refused(&s, CTS_ERR_PIXELS, "marker FF 01");
+        soi[3] = kept[0];
+        frame[4] = 8;
+        expect_refused(&s, CTS_ERR_PIXELS, "8 bits");
+        frame[4] = kept[1];
+        frame[6] = (uint8_t)(kept[2] + 1);
+        expect_refused(&s, CTS_ERR_PIXELS, "28 x 25");
+        frame[6] = kept[2];
+        frame[9] = 3;
+        expect_refused(&s, CTS_ERR_PIXELS, "3 components");
+        frame[9] = kept[3];
+        soi[1] = 0xD9;
+        expect_refused(&s, CTS_ERR_PIXELS, "no JPEG stream");
+        done(&s);
+    }
+}
+
+static void test_rle_headers(void **state)
+{
+    (void)state;
+    Series s = {0};
+    copy_series(&s, "syntax/rle");
+    /* two segments, the first behind the header of 64 bytes */
+    uint8_t *header = find_bytes(&s.victim, "\2\0\0\0\x40\0\0\0", 8);
+    uint8_t kept[12];
+    memcpy(kept, header, sizeof kept);
+    header[0] = 3;
+    expect_refused(&s, CTS_ERR_PIXELS, "2 segments");
+    memcpy(header, kept, sizeof kept);
+    header[4] = 8;
+    expect_refused(&s, CTS_ERR_PIXELS, "offsets");
+    memcpy(header, kept, sizeof kept);
+    header[11] = 0x7F;
+    expect_refused(&s, CTS_ERR_PIXELS, "offsets");
+    memcpy(header, kept, sizeof kept);
+    /* the first segment ends where its codes begin: the picture would be filled up */
+    memset(header + 64, 0x80, 8);
+    CtsVolume *v;
+    CtsError err;
+    write_bytes(s.folder, victim_name, s.victim.data, s.victim.n);
+    if (load_folder(s.folder, &v, &err) == CTS_OK)
+        assert_true(v->dims[2] == 8); /* 0x80 is "no operation"; the rest may still be whole */
+    cts_volume_free(&v);
+    done(&s);
+}
+
+/* The file changes between the look at its header and the reading of its pixels. */
+static void test_changed_meanwhile(void **state)
+{
+    (void)state;
+    Series s = {0};
+    CtsError err;
+    CtsVolume *v = NULL;
+    CtsSeriesList *list = NULL;
+    copy_series(&s, "syntax/explicit");
+    const char *folder = s.folder;
+    char path[400];
+    snprintf(path, sizeof path, "%s/%s", s.folder, victim_name);
+    assert_int_equal(cts_series_find(&folder, 1, 1, &list, NULL, &err), CTS_OK);
+    assert_int_equal(truncate(path, (off_t)s.victim.n - 100), 0);
+    assert_int_equal(cts_series_load(&list->items[0], 2, &v, NULL, &err), CTS_ERR_READ);
+    assert_non_null(strstr(err.text, "IM0004.dcm"));
+    assert_non_null(strstr(err.text, "changed"));
+    assert_null(v);
+    assert_int_equal(unlink(path), 0);
+    assert_int_equal(cts_series_load(&list->items[0], 2, &v, NULL, &err), CTS_ERR_READ);
+    write_bytes(s.folder, victim_name, s.victim.data, s.victim.n); /* so that the folder can be emptied */
+    cts_series_list_free(&list);
+    done(&s);
+}
+
+/* A small deflated file that would inflate to gigabytes is given up at the header limit. */
+static void test_deflate_bomb(void **state)
+{
+    (void)state;
+    enum { ZEROS = 80 << 20 };
+    Bytes plain = {0}, file = {0};
+    Slice slice = sound_slice();
+    slice.syntax = "1.2.840.10008.1.2.1.99";
+    put_text(&plain, 0x00080016, "UI", slice.sop_class);
+    put_tag(&plain, 0x00091010);
+    put(&plain, "OB\0\0", 4);
+    put32(&plain, ZEROS);
+    const size_t n_start = plain.n;
+    plain.data = realloc(plain.data, n_start + ZEROS);
+    assert_non_null(plain.data);
+    memset(plain.data + n_start, 0, ZEROS);
+    uint8_t *deflated = malloc(1 << 20);
+    z_stream z = {
+        .next_in = plain.data, .avail_in = (uInt)(n_start + ZEROS), .next_out = deflated, .avail_out = 1 << 20};
+    assert_int_equal(deflateInit2(&z, 9, Z_DEFLATED, -MAX_WBITS, 9, Z_DEFAULT_STRATEGY), Z_OK);
+    assert_int_equal(deflate(&z, Z_FINISH), Z_STREAM_END);
+    deflateEnd(&z);
+    put_meta(&file, &slice);
+    put(&file, deflated, z.total_out);
+    char folder[64];
+    make_folder(folder);
+    write_bytes(folder, "bomb", file.data, file.n);
+    CtsVolume *v;
+    CtsError err;
+    assert_int_equal(load_folder(folder, &v, &err), CTS_ERR_READ);
+    assert_non_null(strstr(err.text, "64 MiB"));
+    remove_folder(folder);
+    free(deflated);
+    free(plain.data);
+    free(file.data);
+}
+
+/* A DICOMDIR of four records: a file, one in lower case on disk, one that climbs out, one that is not there. */
+static void test_directory(void **state)
+{
+    (void)state;
+    static const char *const ids[] = {"IM1", "IM2", "..\\IM3", "IM4"};
+    Bytes file = {0}, items = {0};
+    const Slice directory = {.sop_class = "1.2.840.10008.1.3.10", .syntax = "1.2.840.10008.1.2.1"};
+    for (int i = 0; i < 4; i++) {
+        Bytes record = {0};
+        put_text(&record, 0x00041430, "CS", "IMAGE");
+        put_text(&record, 0x00041500, "CS", ids[i]);
+        put_tag(&items, 0xFFFEE000);
+        put32(&items, (uint32_t)record.n);
+        put(&items, record.data, record.n);
+        free(record.data);
+    }
+    put_meta(&file, &directory);
+    put_element(&file, 0x00041220, "SQ", items.data, (uint32_t)items.n);
+    char folder[64], path[400];
+    make_folder(folder);
+    write_bytes(folder, "DICOMDIR", file.data, file.n);
+    StackTexts t;
+    Slice s = stack_slice(&t, 0, 0, 0, 0);
+    write_slice(folder, "IM1", &s);
+    s = stack_slice(&t, 1, 0, 0, 1);
+    write_slice(folder, "im2", &s);
+    s = stack_slice(&t, 2, 0, 0, 2);
+    write_slice(folder, "not-named", &s);
+    snprintf(path, sizeof path, "%s/DICOMDIR", folder);
+    const char *paths[] = {path};
+    CtsSeriesList *list = NULL;
+    CtsError err;
+    assert_int_equal(cts_series_find(paths, 1, 1, &list, NULL, &err), CTS_OK);
+    assert_true(list->n == 1 && list->items[0].n_slices == 2 && list->n_unreadable == 1 && list->n_not_ct == 1);
+    bool escapes = false, missing = false;
+    for (size_t i = 0; i < list->findings.n; i++) {
+        escapes |= strcmp(list->findings.items[i].code, "directory_escapes") == 0;
+        missing |= strcmp(list->findings.items[i].code, "unreadable_file") == 0;
+    }
+    assert_true(escapes && missing);
+    cts_series_list_free(&list);
+    /* found in a folder it is passed over, and the folder's own files count */
+    paths[0] = folder;
+    assert_int_equal(cts_series_find(paths, 1, 1, &list, NULL, &err), CTS_OK);
+    assert_true(list->items[0].n_slices == 3 && list->n_not_ct == 1 && list->n_unreadable == 0);
+    cts_series_list_free(&list);
+    remove_folder(folder);
+    free(items.data);
+    free(file.data);
+}
+
+/* A pipe must not be opened, a link to the folder itself not be followed. */
+static void test_special_files(void **state)
+{
+    (void)state;
+    Series s = {0};
+    char path[400];
+    CtsVolume *v;
+    CtsError err;
+    copy_series(&s, "syntax/explicit");
+    snprintf(path, sizeof path, "%s/pipe", s.folder);
+    assert_int_equal(mkfifo(path, 0600), 0);
+    snprintf(path, sizeof path, "%s/loop", s.folder);
+    assert_int_equal(symlink(".", path), 0);
+    snprintf(path, sizeof path, "%s/dangling", s.folder);
+    assert_int_equal(symlink("nowhere", path), 0);
+    assert_int_equal(load_folder(s.folder, &v, &err), CTS_OK);
+    assert_true(equal(v, s.good));
+    cts_volume_free(&v);
+    done(&s);
+}
+
+int main(int argc, char **argv)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_cut_short),         cmocka_unit_test(test_wrong_bytes),
+        cmocka_unit_test(test_jpeg_headers),      cmocka_unit_test(test_rle_headers),
+        cmocka_unit_test(test_deflate_bomb),      cmocka_unit_test(test_directory),
+        cmocka_unit_test(test_changed_meanwhile), cmocka_unit_test(test_special_files),
+    };
+    if (argc != 2)
+        return 2;
+    testdata = argv[1];
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,113 @@
+/* Stored words to grey levels: the fast version against the plain one, both against the formula. */
+#include "base/cpu.h"
+#include "unit.h"
+#include "volume/grey.h"
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { N_WORDS = 65536, EDGE = 8 };
+
+/* PS3.5 8.1.1 and PS3.3 C.11.1 by their own words, in 64 bits. */
+static uint16_t formula(uint16_t word, const CtsStored *s, int64_t slope, int64_t offset, int64_t *value)
+{
+    *value = (word >> s->shift) % (1 << s->bits);
+    if (s->is_signed && *value >= 1 << (s->bits - 1))
+        *value -= 1 << s->bits;
+    if ((*value >= s->padding_low && *value <= s->padding_high) || word == s->padding_word)
+        return 0;
+    const int64_t grey = slope * *value + offset;
+    return (uint16_t)(grey < 0 ? 0 : grey > 65535 ? 65535 : grey);
+}
+
+static void check_one(const CtsStored *s, int32_t slope, int32_t offset, size_t n)
+{
+    uint16_t *plain = malloc((N_WORDS + 2 * EDGE) * 2), *fast = malloc((N_WORDS + 2 * EDGE) * 2);
+    assert_true(plain && fast);
+    const unsigned masks[] = {0, cts_cpu_flags()};
+    for (size_t m = 0; m < 2; m++) {
+        for (size_t i = 0; i < N_WORDS + 2 * EDGE; i++)
+            plain[i] = fast[i] = (uint16_t)((i - EDGE) * 40503u);
+        int64_t low = INT32_MAX, high = INT32_MIN;
+        uint16_t *wanted = malloc(n * 2 + 2);
+        for (size_t i = 0; i < n; i++) {
+            int64_t value;
+            const uint16_t word = plain[EDGE + i];
+            wanted[i] = formula(word, s, slope, offset, &value);
+            if ((value >= s->padding_low && value <= s->padding_high) || word == s->padding_word)
+                continue;
+            low = value < low ? value : low;
+            high = value > high ? value : high;
+        }
+        const CtsStoredRange a = cts_grey_whole_plain(plain + EDGE, n, s, slope, offset);
+        const CtsStoredRange b = cts_grey_whole(masks[m])(fast + EDGE, n, s, slope, offset);
+        assert_memory_equal(plain + EDGE, wanted, n * 2);
+        assert_memory_equal(plain, fast, (N_WORDS + 2 * EDGE) * 2); /* nothing around it is touched either */
+        assert_true(a.low == low && a.high == high && b.low == low && b.high == high);
+        free(wanted);
+    }
+    free(plain);
+    free(fast);
+}
+
+static void test_whole(void **state)
+{
+    (void)state;
+    static const CtsStored kinds[] = {
+        {0, 16, false, 1, 0, -1},        {0, 16, true, 1, 0, -1},     {0, 16, true, -2000, -2000, -1},
+        {0, 16, true, -3000, -1500, -1}, {0, 12, false, 1, 0, 63536}, {0, 12, true, -2048, -2048, -1},
+        {4, 12, false, 0, 0, -1},        {4, 12, true, 1, 0, -1},     {0, 8, false, 255, 255, -1},
+        {3, 10, true, 1, 0, -1},         {0, 1, false, 1, 0, -1},     {0, 1, true, 1, 0, -1},
+        {0, 16, false, 0, 65535, -1},
+    };
+    static const int32_t rescale[][2] = {{1, 0},       {1, 1024},    {2, -3000}, {-1, 1024},
+                                         {150, -9999}, {1, 9999999}, {-152, -9}};
+    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++)
+        for (size_t r = 0; r < sizeof rescale / sizeof *rescale; r++) {
+            check_one(&kinds[k], rescale[r][0], rescale[r][1], N_WORDS);
+            check_one(&kinds[k], rescale[r][0], rescale[r][1], r * 5);
+        }
+}
+
+static void test_table(void **state)
+{
+    (void)state;
+    uint16_t *table = malloc(N_WORDS * 2), words[4] = {0, 100, 0x8000, 0xFFFF};
+    const CtsStored s = {0, 16, true, -5, -5, -1};
+    cts_grey_table(table, &s, 0.5, -1000.25, -1024, 0.25);
+    for (int word = 0; word < N_WORDS; word++) {
+        const int value = word < 32768 ? word : word - 65536;
+        const double grey = floor((0.5 * value - 1000.25 + 1024) / 0.25 + 0.5);
+        assert_int_equal(table[word], value == -5 ? 0 : (int)fmin(fmax(grey, 0), 65535));
+    }
+    /* Half a step is exact in this table, so HU come back to the last bit. */
+    assert_true(-1024 + 0.25 * table[100] == 0.5 * 100 - 1000.25);
+    const CtsStoredRange r = cts_stored_range(words, 4, &s);
+    assert_true(r.low == -32768 && r.high == 100);
+    cts_grey_look_up(words, 4, table);
+    assert_true(words[0] == table[0] && words[1] == table[100] && words[2] == table[0x8000] &&
+                words[3] == table[0xFFFF]);
+    free(table);
+}
+
+static void test_all_padding(void **state)
+{
+    (void)state;
+    uint16_t words[3] = {7, 7, 7};
+    const CtsStored s = {0, 16, false, 7, 7, -1};
+    CtsStoredRange r = cts_stored_range(words, 3, &s);
+    assert_true(r.low > r.high);
+    r = cts_grey_whole_plain(words, 3, &s, 1, 1024);
+    assert_true(r.low > r.high && words[0] == 0 && words[2] == 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_whole),
+        cmocka_unit_test(test_table),
+        cmocka_unit_test(test_all_padding),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

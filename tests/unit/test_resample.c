@@ -1,0 +1,93 @@
+/* An uneven stack becomes an even one in its own memory. */
+#include "unit.h"
+#include "volume/resample.h"
+#include <math.h>
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Slices of a field that is linear along the stack must give that field at every layer; voxels in a layer differ, and
+ * so do neighbours, so that a slice overwritten too early shows. */
+static double field(double layer, size_t voxel)
+{
+    return 100 + 40 * layer + (double)(voxel % 97) * 3;
+}
+
+static void check_stack(const double *layer, int n_slices, int n_layers, size_t voxels, int threads)
+{
+    const int offset = cts_resample_offset(layer, n_slices, n_layers);
+    const int slots = offset + n_slices > n_layers ? offset + n_slices : n_layers;
+    uint16_t *grey = malloc((size_t)slots * voxels * sizeof *grey);
+    assert_non_null(grey);
+    memset(grey, 0xEE, (size_t)slots * voxels * sizeof *grey);
+    for (int i = 0; i < n_slices; i++)
+        for (size_t v = 0; v < voxels; v++)
+            grey[(size_t)(offset + i) * voxels + v] = (uint16_t)lround(field(layer[i], v));
+    cts_resample_stack(grey, voxels, layer, n_slices, n_layers, offset, threads);
+    for (int j = 0; j < n_layers; j++)
+        for (size_t v = 0; v < voxels; v++)
+            if (fabs(grey[(size_t)j * voxels + v] - field(j, v)) > 1.01)
+                fail_msg("layer %d of %d, voxel %zu: %d, not %g", j, n_layers, v, grey[(size_t)j * voxels + v],
+                         field(j, v));
+    assert_true(slots <= n_layers + n_slices);
+    free(grey);
+}
+
+static void test_linear_field(void **state)
+{
+    (void)state;
+    const double whole[] = {0, 1, 2, 4, 5, 6, 9};
+    const double finer[] = {0, 1.5, 2.75, 4, 7.9, 9};
+    const double two[] = {0, 9};
+    const double late[] = {0, 39, 39.4, 39.8, 40.2, 40.6, 41, 41.4, 41.8, 42.2, 43}; /* many slices near the end */
+    const double early[] = {0, 0.4, 0.8, 1.2, 1.6, 2, 2.4, 2.8, 3.2, 3.6, 43};
+    for (int threads = 1; threads <= 3; threads++) {
+        check_stack(whole, 7, 10, 5000, threads);
+        check_stack(finer, 6, 10, 9001, threads);
+        check_stack(two, 2, 10, 31, threads);
+        check_stack(late, 11, 44, 4097, threads);
+        check_stack(early, 11, 44, 4096, threads);
+    }
+}
+
+static void test_random_stacks(void **state)
+{
+    (void)state;
+    srand(5);
+    for (int round = 0; round < 200; round++) {
+        double layer[12];
+        const int n = 2 + rand() % 11, n_layers = n + rand() % (3 * n + 1);
+        layer[0] = 0;
+        for (int i = 1; i < n; i++)
+            layer[i] = layer[i - 1] + 0.01 + rand() % 100;
+        for (int i = 1; i < n; i++)
+            layer[i] *= (n_layers - 1) / layer[n - 1];
+        layer[n - 1] = n_layers - 1;
+        check_stack(layer, n, n_layers, 40, 1);
+    }
+}
+
+/* Slices on whole layers keep every bit. */
+static void test_kept_slices(void **state)
+{
+    (void)state;
+    const double layer[] = {0, 1, 3};
+    uint16_t grey[5 * 3];
+    const int offset = cts_resample_offset(layer, 3, 4);
+    assert_int_equal(offset, 1);
+    const uint16_t slices[3][3] = {{1, 65535, 0}, {7, 8, 9}, {11, 65535, 4}};
+    memcpy(grey + 3 * offset, slices, sizeof slices);
+    cts_resample_stack(grey, 3, layer, 3, 4, offset, 1);
+    const uint16_t wanted[4][3] = {{1, 65535, 0}, {7, 8, 9}, {9, 32772, 7}, {11, 65535, 4}};
+    assert_memory_equal(grey, wanted, sizeof wanted);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_linear_field),
+        cmocka_unit_test(test_random_stacks),
+        cmocka_unit_test(test_kept_slices),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,544 @@
+/* From files to a volume: what is found, sorted, refused, warned of and loaded. */
+#include "ctsplat/series.h"
+#include "dicom_files.h"
+#include <math.h>
+#include <sys/stat.h>
+
+typedef struct Found {
+    char folder[64];
+    CtsSeriesList *list;
+    CtsError err;
+    CtsStatus status;
+} Found;
+
+static void find(Found *f)
+{
+    const char *path = f->folder;
+    f->status = cts_series_find(&path, 1, 2, &f->list, NULL, &f->err);
+    assert_true((f->status == CTS_OK) == (f->list != NULL));
+}
+
+static void done(Found *f)
+{
+    cts_series_list_free(&f->list);
+    assert_null(f->list);
+    remove_folder(f->folder);
+}
+
+static const CtsFinding *finding(const CtsFindings *findings, const char *code)
+{
+    for (size_t i = 0; i < findings->n; i++)
+        if (strcmp(findings->items[i].code, code) == 0)
+            return &findings->items[i];
+    return NULL;
+}
+
+static CtsVolume *load(const CtsSeries *series, int threads)
+{
+    CtsVolume *v = NULL;
+    CtsError err = {0};
+    if (cts_series_load(series, threads, &v, NULL, &err))
+        fail_msg("%s", err.text);
+    return v;
+}
+
+/* Voxel (i, j) of the slice that write_stack() gave the number k. */
+static int stack_grey(int k, int i, int j)
+{
+    return 1000 + 100 * k + i + 10 * j;
+}
+
+static void expect_slice(const CtsVolume *v, int layer, int k)
+{
+    for (int j = 0; j < SLICE_ROWS; j++)
+        for (int i = 0; i < SLICE_COLUMNS; i++)
+            assert_int_equal(v->grey[(layer * SLICE_ROWS + j) * SLICE_COLUMNS + i], stack_grey(k, i, j));
+}
+
+static const double five[] = {0, 2, 4, 6, 8};
+
+static void test_sorted(void **state)
+{
+    (void)state;
+    Found f;
+    make_folder(f.folder);
+    write_stack(f.folder, five, 5);
+    write_bytes(f.folder, "notes.txt", "text", 4);
+    write_bytes(f.folder, "empty", "", 0);
+    find(&f);
+    assert_int_equal(f.status, CTS_OK);
+    assert_true(f.list->n == 1 && f.list->n_files == 7 && f.list->n_not_ct == 2 && f.list->n_unreadable == 0);
+    const CtsSeries *s = &f.list->items[0];
+    assert_true(s->renderable && s->n_slices == 5 && s->columns == SLICE_COLUMNS && s->rows == SLICE_ROWS);
+    assert_true(s->spacing_mm[0] == 0.5 && s->spacing_mm[1] == 0.75 && s->spacing_mm[2] == 2 && s->tilt_deg == 0);
+    assert_string_equal(s->uid, "1.2.3");
+    assert_string_equal(s->modality, "CT");
+    assert_string_equal(s->orientation, "axial");
+    assert_string_equal(s->transfer_syntax, "1.2.840.10008.1.2.1");
+    assert_int_equal(s->findings.n, 0);
+    CtsVolume *v = load(s, 2);
+    assert_true(v->dims[0] == SLICE_COLUMNS && v->dims[1] == SLICE_ROWS && v->dims[2] == 5);
+    for (int k = 0; k < 5; k++)
+        expect_slice(v, k, k);
+    assert_true(v->origin_lps[0] == -1 && v->origin_lps[1] == -2 && v->origin_lps[2] == 0);
+    assert_true(v->step_lps[0][0] == 0.5 && v->step_lps[1][1] == 0.75 && v->step_lps[2][2] == 2);
+    assert_true(v->hu_offset == -1024 && v->hu_step == 1);
+    assert_true(v->hu_min == 1000 - 1024 && v->hu_max == stack_grey(4, SLICE_COLUMNS - 1, SLICE_ROWS - 1) - 1024);
+    cts_volume_free(&v);
+    done(&f);
+}
+
+/* Slices head first and feet first: the same voxels at the same places. */
+static void test_normal_down(void **state)
+{
+    (void)state;
+    Found f;
+    make_folder(f.folder);
+    for (int k = 0; k < 4; k++) {
+        StackTexts t;
+        char name[16];
+        Slice s = stack_slice(&t, k, 0, 0, 3 * k);
+        s.orientation = "1\\0\\0\\0\\-1\\0";
+        snprintf(name, sizeof name, "%d", k);
+        write_slice(f.folder, name, &s);
+    }
+    find(&f);
+    assert_int_equal(f.status, CTS_OK);
+    CtsVolume *v = load(&f.list->items[0], 1);
+    assert_true(v->origin_lps[2] == 9 && v->step_lps[2][2] == -3 && v->step_lps[1][1] == -0.75);
+    for (int k = 0; k < 4; k++)
+        expect_slice(v, k, 3 - k);
+    cts_volume_free(&v);
+    done(&f);
+}
+
+static void test_resampled(void **state)
+{
+    (void)state;
+    Found f;
+    const double z[] = {0, 1, 2, 2.5, 3, 5, 7};
+    make_folder(f.folder);
+    write_stack(f.folder, z, 7);
+    find(&f);
+    const CtsSeries *s = &f.list->items[0];
+    assert_true(s->renderable && s->n_slices == 7 && s->spacing_mm[2] == 1);
+    assert_int_equal(finding(&s->findings, "unequal_spacing")->severity, CTS_WARNING);
+    CtsReport report = {0};
+    CtsVolume *v = NULL;
+    assert_int_equal(cts_series_load(s, 2, &v, &report, &f.err), CTS_OK);
+    assert_non_null(finding(&report.findings, "unequal_spacing"));
+    assert_true(report.stages[CTS_STAGE_DECODE].ran && report.stages[CTS_STAGE_GREY].ran);
+    assert_int_equal(report.stages[CTS_STAGE_DECODE].items, 7);
+    assert_true(v->dims[2] == 15 && v->step_lps[2][2] == 0.5);
+    static const int slice_at[15] = {0, -1, 1, -1, 2, 3, 4, -1, -1, -1, 5, -1, -1, -1, 6};
+    for (int layer = 0; layer < 15; layer++)
+        if (slice_at[layer] >= 0)
+            expect_slice(v, layer, slice_at[layer]);
+    assert_int_equal(v->grey[1 * SLICE_ROWS * SLICE_COLUMNS], stack_grey(0, 0, 0) + 50);
+    assert_int_equal(v->grey[7 * SLICE_ROWS * SLICE_COLUMNS], stack_grey(4, 0, 0) + 25);
+    cts_volume_free(&v);
+    cts_report_free(&report);
+    done(&f);
+}
+
+/* One attribute of one slice, or of all: what becomes of the series. */
+typedef struct Case {
+    const char *name;
+    void (*change)(Slice *s, int k);
+    CtsStatus refusal;
+    const char *finding; /* when not refused; NULL: none */
+    const char *reason;  /* a part of it, when refused */
+    int n_slices;
+} Case;
+
+#define CHANGE(name, statement)                                                                                        \
+    static void name(Slice *s, int k)                                                                                  \
+    {                                                                                                                  \
+        (void)k;                                                                                                       \
+        statement;                                                                                                     \
+    }
+
+CHANGE(nothing, (void)s)
+CHANGE(no_slope, s->slope = NULL)
+CHANGE(comma_slope, s->slope = "1,0")
+CHANGE(zero_slope, s->slope = "0")
+CHANGE(huge_intercept, s->intercept = "1e9")
+CHANGE(not_hu, s->rescale_type = "US")
+CHANGE(is_hu, s->rescale_type = "HU")
+CHANGE(no_spacing, s->spacing = NULL)
+CHANGE(zero_spacing, s->spacing = "0\\0.5")
+CHANGE(one_spacing, s->spacing = "0.5")
+CHANGE(wide_spacing, s->spacing = "0.5\\10.5")
+CHANGE(no_position, s->position = NULL)
+CHANGE(two_positions, s->position = "1\\2")
+CHANGE(one_without_position, s->position = k == 5 ? NULL : s->position)
+CHANGE(no_orientation, s->orientation = NULL)
+CHANGE(zero_orientation, s->orientation = "0\\0\\0\\0\\0\\0")
+CHANGE(skew, s->orientation = "1\\0\\0\\0.02\\1\\0")
+CHANGE(rough, s->orientation = "1\\0\\0\\0.005\\1\\0")
+CHANGE(colour, s->samples = 3)
+CHANGE(palette, s->photometric = "PALETTE COLOR")
+CHANGE(inverted, s->photometric = "MONOCHROME1")
+CHANGE(frames, s->frames = "2")
+CHANGE(one_frame, s->frames = "1")
+CHANGE(odd_frames, s->frames = "abc")
+CHANGE(no_rows, s->rows = 0)
+CHANGE(wide, s->columns = 4097)
+CHANGE(bits_32, s->allocated = 32)
+CHANGE(bits_17, s->stored = 17)
+CHANGE(high_low, s->high = 10)
+CHANGE(half_signed, s->is_signed = -1)
+CHANGE(patients, s->patient = k == 3 ? "P2" : "P1")
+CHANGE(frames_of_reference, s->frame = k == 3 ? "1.2.8" : "1.2.9")
+CHANGE(some_frames_empty, s->frame = k == 3 ? "" : "1.2.9")
+CHANGE(scouts, s->type = k < 2 ? "ORIGINAL\\PRIMARY\\LOCALIZER" : s->type)
+CHANGE(all_scouts, s->type = "ORIGINAL\\PRIMARY\\LOCALIZER")
+CHANGE(unmarked_scout, s->orientation = k == 0 ? "0\\1\\0\\0\\0\\-1" : s->orientation)
+CHANGE(one_size, s->columns = k == 0 ? 8 : s->columns)
+CHANGE(sizes, s->columns = k < 4 ? 8 : s->columns)
+CHANGE(unknown_syntax, s->syntax = "1.2.3.4.5")
+CHANGE(jpeg2000, s->syntax = "1.2.840.10008.1.2.4.90")
+CHANGE(htj2k, s->syntax = "1.2.840.10008.1.2.4.201")
+CHANGE(not_native, s->syntax = "1.2.840.10008.1.2.4.70")
+CHANGE(no_uid, s->series = NULL)
+CHANGE(one_instance_uid, s->sop = "1.2.3.1")
+CHANGE(times, s->instance = "14.5")
+
+static const Case cases[] = {
+    {"sound", nothing, CTS_OK, NULL, NULL, 20},
+    {"slope missing", no_slope, CTS_ERR_PIXELS, NULL, "(0028,1053)", 20},
+    {"slope with a comma", comma_slope, CTS_ERR_PIXELS, NULL, "(0028,1053)", 20},
+    {"slope 0", zero_slope, CTS_ERR_PIXELS, NULL, "RescaleSlope 0", 20},
+    {"intercept huge", huge_intercept, CTS_ERR_PIXELS, NULL, "no Hounsfield", 20},
+    {"not HU", not_hu, CTS_ERR_PIXELS, NULL, "(0028,1054) is US", 20},
+    {"HU", is_hu, CTS_OK, NULL, NULL, 20},
+    {"no spacing", no_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
+    {"spacing 0", zero_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
+    {"one spacing", one_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
+    {"spacing 10.5", wide_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
+    {"no position", no_position, CTS_ERR_GEOMETRY, NULL, "(0020,0032)", 20},
+    {"two numbers of position", two_positions, CTS_ERR_GEOMETRY, NULL, "(0020,0032)", 20},
+    {"one slice without position", one_without_position, CTS_OK, "bad_slices", NULL, 19},
+    {"no orientation", no_orientation, CTS_ERR_GEOMETRY, NULL, "(0020,0037)", 20},
+    {"zero orientation", zero_orientation, CTS_ERR_GEOMETRY, NULL, "(0020,0037)", 20},
+    {"skew orientation", skew, CTS_ERR_GEOMETRY, NULL, "(0020,0037)", 20},
+    {"rough orientation", rough, CTS_OK, "rough_orientation", NULL, 20},
+    {"colour", colour, CTS_ERR_PIXELS, NULL, "(0028,0002)", 20},
+    {"palette", palette, CTS_ERR_PIXELS, NULL, "(0028,0004)", 20},
+    {"inverted", inverted, CTS_OK, "monochrome1", NULL, 20},
+    {"two frames", frames, CTS_ERR_PIXELS, NULL, "(0028,0008)", 20},
+    {"one frame", one_frame, CTS_OK, NULL, NULL, 20},
+    {"frames of letters", odd_frames, CTS_ERR_PIXELS, NULL, "(0028,0008)", 20},
+    {"no rows", no_rows, CTS_ERR_PIXELS, NULL, "Rows (0028,0010) is 0", 20},
+    {"4097 columns", wide, CTS_ERR_PIXELS, NULL, "Columns (0028,0011) is 4097", 20},
+    {"32 bits", bits_32, CTS_ERR_PIXELS, NULL, "(0028,0100) is 32", 20},
+    {"17 bits stored", bits_17, CTS_ERR_PIXELS, NULL, "(0028,0101) is 17", 20},
+    {"high bit 10 of 16", high_low, CTS_ERR_PIXELS, NULL, "high bit 10", 20},
+    {"no sign", half_signed, CTS_ERR_PIXELS, NULL, "(0028,0103)", 20},
+    {"two patients", patients, CTS_ERR_GEOMETRY, NULL, "different patients", 20},
+    {"two frames of reference", frames_of_reference, CTS_ERR_GEOMETRY, NULL, "(0020,0052)", 20},
+    {"one frame of reference missing", some_frames_empty, CTS_OK, NULL, NULL, 20},
+    {"scouts", scouts, CTS_OK, "localizers_dropped", NULL, 18},
+    {"scouts alone", all_scouts, CTS_ERR_GEOMETRY, NULL, "only localizer", 20},
+    {"a scout unmarked", unmarked_scout, CTS_OK, "other_slices_dropped", NULL, 19},
+    {"one of another size", one_size, CTS_OK, "other_slices_dropped", NULL, 19},
+    {"four of another size", sizes, CTS_ERR_GEOMETRY, NULL, "largest group has 16", 20},
+    {"syntax unknown", unknown_syntax, CTS_ERR_SYNTAX, NULL, "1.2.3.4.5", 20},
+    {"JPEG 2000", jpeg2000, CTS_ERR_SYNTAX, NULL, "1.2.840.10008.1.2.4.90", 20},
+    {"HTJ2K", htj2k, CTS_ERR_SYNTAX, NULL, "gdcmconv --raw", 20},
+    {"compressed that is not", not_native, CTS_ERR_PIXELS, NULL, "not compressed", 20},
+    {"no series UID", no_uid, CTS_OK, NULL, NULL, 20},
+    {"one SOP instance UID for all", one_instance_uid, CTS_OK, NULL, NULL, 20},
+    {"instance number 14.5", times, CTS_OK, NULL, NULL, 20},
+};
+
+static void test_cases(void **state)
+{
+    (void)state;
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        Found f;
+        make_folder(f.folder);
+        for (int k = 0; k < 20; k++) {
+            StackTexts t;
+            char name[16];
+            Slice s = stack_slice(&t, k, 0, 0, 2 * k);
+            cases[c].change(&s, k);
+            snprintf(name, sizeof name, "IM%02d", k);
+            write_slice(f.folder, name, &s);
+        }
+        find(&f);
+        if (f.status)
+            fail_msg("%s: %s", cases[c].name, f.err.text);
+        assert_int_equal(f.list->n, 1);
+        const CtsSeries *s = &f.list->items[0];
+        if (s->refusal != cases[c].refusal || s->n_slices != cases[c].n_slices || s->renderable != !s->refusal)
+            fail_msg("%s: status %d, %d slices: %s", cases[c].name, s->refusal, s->n_slices, s->reason);
+        CtsVolume *v = NULL;
+        CtsError err = {0};
+        assert_int_equal(cts_series_load(s, 1, &v, NULL, &err), cases[c].refusal);
+        if (s->refusal) {
+            if (!strstr(s->reason, cases[c].reason) || !strstr(err.text, cases[c].reason) || v)
+                fail_msg("%s: %s", cases[c].name, err.text);
+        } else {
+            const size_t warned = cases[c].finding && strcmp(cases[c].finding, "bad_slices") == 0 ? 2 : 1;
+            assert_int_equal(s->findings.n, cases[c].finding ? warned : 0); /* a bad slice leaves a gap, too */
+            if (cases[c].finding && !finding(&s->findings, cases[c].finding))
+                fail_msg("%s: no %s", cases[c].name, cases[c].finding);
+        }
+        cts_volume_free(&v);
+        done(&f);
+    }
+}
+
+static void expect_refused(Found *f, CtsStatus status, const char *part)
+{
+    find(f);
+    if (f->status)
+        fail_msg("%s", f->err.text);
+    assert_int_equal(f->list->items[0].refusal, status);
+    if (!strstr(f->list->items[0].reason, part))
+        fail_msg("\"%s\" does not say \"%s\"", f->list->items[0].reason, part);
+    done(f);
+}
+
+static void test_no_volume(void **state)
+{
+    (void)state;
+    Found f;
+    const double same[] = {1, 1, 1, 1}, gap[] = {0, 1, 2, 4};
+    make_folder(f.folder);
+    write_stack(f.folder, five, 1);
+    expect_refused(&f, CTS_ERR_GEOMETRY, "has 1 slice");
+    make_folder(f.folder);
+    write_stack(f.folder, same, 4);
+    expect_refused(&f, CTS_ERR_GEOMETRY, "one position");
+    make_folder(f.folder);
+    write_stack(f.folder, gap, 4);
+    expect_refused(&f, CTS_ERR_GEOMETRY, "1 of 5 slices missing");
+    make_folder(f.folder);
+    Slice s = sound_slice();
+    s.sop_class = "1.2.840.10008.5.1.4.1.1.2.1";
+    write_slice(f.folder, "enhanced", &s);
+    expect_refused(&f, CTS_ERR_PIXELS, "Enhanced CT");
+    make_folder(f.folder);
+    find(&f);
+    assert_int_equal(f.status, CTS_ERR_NO_SERIES);
+    done(&f);
+    make_folder(f.folder);
+    s.sop_class = "1.2.840.10008.5.1.4.1.1.7"; /* a secondary capture that calls itself CT */
+    write_slice(f.folder, "capture", &s);
+    find(&f);
+    assert_int_equal(f.status, CTS_ERR_NO_SERIES);
+    done(&f);
+    const char *nowhere = "no-such-folder";
+    assert_int_equal(cts_series_find(&nowhere, 1, 1, &f.list, NULL, &f.err), CTS_ERR_READ);
+    assert_non_null(strstr(f.err.text, nowhere));
+    const char *device = "/dev/zero";
+    assert_int_equal(cts_series_find(&device, 1, 1, &f.list, NULL, &f.err), CTS_ERR_READ);
+}
+
+static void test_copies(void **state)
+{
+    (void)state;
+    Found f;
+    make_folder(f.folder);
+    write_stack(f.folder, five, 5);
+    StackTexts t;
+    Slice s = stack_slice(&t, 2, -1, -2, 4);
+    write_slice(f.folder, "copy", &s);
+    find(&f);
+    assert_true(f.list->items[0].renderable && f.list->items[0].n_slices == 5);
+    assert_int_equal(finding(&f.list->items[0].findings, "copies_dropped")->severity, CTS_WARNING);
+    CtsVolume *v = load(&f.list->items[0], 1);
+    expect_slice(v, 2, 2);
+    cts_volume_free(&v);
+    s.base += 1; /* the same UID with another picture is no copy */
+    write_slice(f.folder, "copy", &s);
+    cts_series_list_free(&f.list);
+    expect_refused(&f, CTS_ERR_GEOMETRY, "one position");
+}
+
+typedef void (*phase_fn)(Slice *s, char text[2][32], int k, int phase);
+
+static void by_acquisition(Slice *s, char text[2][32], int k, int phase)
+{
+    (void)k;
+    snprintf(text[0], 32, "%d", 4 + phase);
+    s->acquisition = text[0];
+}
+
+static void by_temporal(Slice *s, char text[2][32], int k, int phase)
+{
+    (void)k;
+    snprintf(text[0], 32, "%d", 1 + phase);
+    s->temporal = text[0];
+}
+
+static void by_time(Slice *s, char text[2][32], int k, int phase)
+{
+    snprintf(text[0], 32, "1200%02d.5", 20 * phase + k);
+    s->time = text[0];
+}
+
+static void interleaved_in_time(Slice *s, char text[2][32], int k, int phase)
+{
+    snprintf(text[0], 32, "1200%02d.5", 2 * k + phase);
+    s->time = text[0];
+}
+
+/* Two phases at the same positions are told apart or refused, never mixed. */
+static void test_phases(void **state)
+{
+    (void)state;
+    static const struct {
+        phase_fn mark;
+        bool told_apart;
+    } ways[] = {{by_acquisition, true}, {by_temporal, true}, {by_time, true}, {interleaved_in_time, false}};
+    for (size_t w = 0; w < sizeof ways / sizeof *ways; w++) {
+        Found f;
+        make_folder(f.folder);
+        for (int phase = 0; phase < 2; phase++)
+            for (int k = 0; k < 6; k++) {
+                StackTexts t;
+                char name[16], text[2][32];
+                Slice s = stack_slice(&t, k, 0, 0, 2 * k);
+                s.base += 5000 * phase;
+                ways[w].mark(&s, text, k, phase);
+                snprintf(name, sizeof name, "%d", (k * 5 + phase * 3) % 12 * 10 + k + phase);
+                write_slice(f.folder, name, &s);
+            }
+        find(&f);
+        assert_int_equal(f.status, CTS_OK);
+        if (!ways[w].told_apart) {
+            assert_true(f.list->n == 1 && f.list->items[0].refusal == CTS_ERR_GEOMETRY);
+            done(&f);
+            continue;
+        }
+        assert_int_equal(f.list->n, 2);
+        for (int phase = 0; phase < 2; phase++) {
+            const CtsSeries *s = NULL;
+            char name[16];
+            snprintf(name, sizeof name, "1.2.3#%d", phase + 1);
+            assert_int_equal(cts_series_choose(f.list, name, &s, &f.err), CTS_OK);
+            assert_true(s->renderable && s->n_slices == 6 && s->part == phase + 1);
+            assert_non_null(finding(&s->findings, "several_volumes"));
+            CtsVolume *v = load(s, 2);
+            for (int k = 0; k < 6; k++)
+                assert_int_equal(v->grey[k * SLICE_ROWS * SLICE_COLUMNS], stack_grey(k, 0, 0) + 5000 * phase);
+            cts_volume_free(&v);
+        }
+        done(&f);
+    }
+}
+
+static void test_choose(void **state)
+{
+    (void)state;
+    Found f;
+    make_folder(f.folder);
+    const int counts[] = {3, 5, 5, 7};
+    const char *const uids[] = {"1.2.1", "1.2.5", "1.2.4", "1.2.7"};
+    for (int u = 0; u < 4; u++)
+        for (int k = 0; k < counts[u]; k++) {
+            StackTexts t;
+            char name[16];
+            Slice s = stack_slice(&t, k, 0, 0, k);
+            s.series = uids[u];
+            s.slope = u == 3 ? "0" : "1"; /* the longest cannot be rendered */
+            snprintf(name, sizeof name, "%d-%d", u, k);
+            write_slice(f.folder, name, &s);
+        }
+    find(&f);
+    assert_int_equal(f.list->n, 4);
+    static const char *const wanted[] = {"1.2.7", "1.2.4", "1.2.5", "1.2.1"};
+    for (int u = 0; u < 4; u++)
+        assert_string_equal(f.list->items[u].uid, wanted[u]);
+    const CtsSeries *s = NULL;
+    assert_int_equal(cts_series_choose(f.list, NULL, &s, &f.err), CTS_OK);
+    assert_string_equal(s->uid, "1.2.4");
+    assert_int_equal(cts_series_choose(f.list, "1.2.1", &s, &f.err), CTS_OK);
+    assert_int_equal(s->n_slices, 3);
+    assert_int_equal(cts_series_choose(f.list, "1.2", &s, &f.err), CTS_ERR_USAGE);
+    assert_null(s);
+    assert_int_equal(cts_series_choose(f.list, "1.2.4#2", &s, &f.err), CTS_ERR_USAGE);
+    done(&f);
+}
+
+/* Series without UID: a folder is a series. */
+static void test_folders(void **state)
+{
+    (void)state;
+    Found f;
+    make_folder(f.folder);
+    char inner[2][128];
+    for (int d = 0; d < 2; d++) {
+        snprintf(inner[d], sizeof inner[d], "%s/%d", f.folder, d);
+        assert_int_equal(mkdir(inner[d], 0700), 0);
+        for (int k = 0; k < 3 + d; k++) {
+            StackTexts t;
+            char name[16];
+            Slice s = stack_slice(&t, k, 0, 0, k);
+            s.series = "";
+            snprintf(name, sizeof name, "%d", k);
+            write_slice(inner[d], name, &s);
+        }
+    }
+    find(&f);
+    assert_true(f.list->n == 2 && f.list->items[0].n_slices == 4 && f.list->items[1].n_slices == 3);
+    assert_string_equal(f.list->items[0].uid, "");
+    remove_folder(inner[0]);
+    remove_folder(inner[1]);
+    done(&f);
+}
+
+static void test_any_threads(void **state)
+{
+    (void)state;
+    Found f;
+    const double z[] = {0, 1, 2, 2.5, 3, 5, 7, 8, 9.5};
+    make_folder(f.folder);
+    write_stack(f.folder, z, 9);
+    find(&f);
+    CtsVolume *one = load(&f.list->items[0], 1);
+    for (int threads = 2; threads <= 7; threads += 5) {
+        CtsVolume *many = load(&f.list->items[0], threads);
+        assert_int_equal(cts_volume_n_voxels(one), cts_volume_n_voxels(many));
+        assert_memory_equal(one->grey, many->grey, cts_volume_n_voxels(one) * sizeof *one->grey);
+        assert_memory_equal(one->dims, many->dims, sizeof one->dims);
+        assert_memory_equal(one->step_lps, many->step_lps, sizeof one->step_lps);
+        assert_true(one->hu_min == many->hu_min && one->hu_max == many->hu_max);
+        cts_volume_free(&many);
+    }
+    cts_volume_free(&one);
+    done(&f);
+}
+
+static void test_description(void **state)
+{
+    (void)state;
+    Found f;
+    make_folder(f.folder);
+    for (int k = 0; k < 2; k++) {
+        StackTexts t;
+        char name[16];
+        Slice s = stack_slice(&t, k, 0, 0, k);
+        s.description = "Head \x1b[2J";
+        snprintf(name, sizeof name, "%d", k);
+        write_slice(f.folder, name, &s);
+    }
+    find(&f);
+    assert_string_equal(f.list->items[0].description, "Head ?[2J");
+    assert_non_null(finding(&f.list->items[0].findings, "two_slices"));
+    done(&f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_sorted),      cmocka_unit_test(test_normal_down), cmocka_unit_test(test_resampled),
+        cmocka_unit_test(test_cases),       cmocka_unit_test(test_no_volume),   cmocka_unit_test(test_copies),
+        cmocka_unit_test(test_phases),      cmocka_unit_test(test_choose),      cmocka_unit_test(test_folders),
+        cmocka_unit_test(test_any_threads), cmocka_unit_test(test_description),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,243 @@
+/* Positions to layers: even, jittered, tilted, with slices missing, unequal; on invented headers. */
+#include "dicom/slice_stack.h"
+#include "unit.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX = 400 };
+
+typedef struct Fake {
+    CtsSlice slices[MAX];
+    const CtsSlice *order[MAX];
+    int n;
+    CtsSliceStack stack;
+    CtsError err;
+} Fake;
+
+static Fake *fake_new(void)
+{
+    Fake *f = calloc(1, sizeof *f);
+    assert_non_null(f);
+    return f;
+}
+
+static void add(Fake *f, double x, double y, double z)
+{
+    assert_true(f->n < MAX);
+    CtsSlice *s = &f->slices[f->n];
+    *s = (CtsSlice){.row_lps = {1, 0, 0},
+                    .column_lps = {0, 1, 0},
+                    .normal_lps = {0, 0, 1},
+                    .position_lps = {x, y, z},
+                    .row_spacing_mm = 0.5,
+                    .column_spacing_mm = 0.5};
+    f->order[f->n++] = s;
+}
+
+static Fake *at(const double *z, int n)
+{
+    Fake *f = fake_new();
+    for (int i = 0; i < n; i++)
+        add(f, 0, 0, z[i]);
+    return f;
+}
+
+static CtsStatus plan(Fake *f)
+{
+    return cts_slice_stack_plan(f->order, f->n, &f->stack, &f->err);
+}
+
+static void done(Fake *f)
+{
+    cts_slice_stack_free(&f->stack);
+    free(f);
+}
+
+static int count(const CtsFindings *findings, const char *code)
+{
+    int n = 0;
+    for (size_t i = 0; i < findings->n; i++)
+        n += strcmp(findings->items[i].code, code) == 0;
+    return n;
+}
+
+static void expect_findings(Fake *f, const char *only)
+{
+    CtsFindings findings = {0};
+    cts_slice_stack_findings(&f->stack, f->order, f->n, &findings);
+    assert_int_equal(findings.n, only ? 1 : 0);
+    if (only)
+        assert_int_equal(count(&findings, only), 1);
+    cts_findings_free(&findings);
+}
+
+static void test_even(void **state)
+{
+    (void)state;
+    const double z[] = {-3, -1.5, 0, 1.5, 3};
+    Fake *f = at(z, 5);
+    assert_int_equal(plan(f), CTS_OK);
+    assert_true(f->stack.kind == CTS_STACK_EVEN && f->stack.n_layers == 5 && f->stack.spacing_mm == 1.5);
+    assert_true(f->stack.step_lps[2] == 1.5 && f->stack.step_lps[0] == 0 && f->stack.tilt_deg == 0);
+    for (int i = 0; i < 5; i++)
+        assert_true(f->stack.layer[i] == i);
+    expect_findings(f, NULL);
+    done(f);
+}
+
+/* 0.02 mm or 1 % is the writer's rounding; beyond that the stack is unequal. */
+static void test_jitter(void **state)
+{
+    (void)state;
+    const double fine[] = {0, 1.009, 2, 3.009, 4}, rough[] = {0, 1.03, 2, 3.03, 4}, thick[] = {0, 5.02, 10, 15.02, 20};
+    Fake *f = at(fine, 5);
+    assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_EVEN);
+    expect_findings(f, NULL);
+    done(f);
+    f = at(thick, 5);
+    assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_EVEN);
+    done(f);
+    f = at(rough, 5);
+    assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_UNEQUAL);
+    expect_findings(f, "unequal_spacing");
+    done(f);
+}
+
+/* Every gap passes, yet half way up a slice lies half a layer from its place. */
+static void test_drift(void **state)
+{
+    (void)state;
+    Fake *f = fake_new();
+    double z = 0;
+    for (int i = 0; i < 300; i++, z += i <= 150 ? 1.0 : 1.009)
+        add(f, 0, 0, z);
+    assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_UNEQUAL);
+    expect_findings(f, "unequal_spacing");
+    done(f);
+}
+
+static void test_missing(void **state)
+{
+    (void)state;
+    Fake *f = fake_new();
+    for (int i = 0; i < 30; i++)
+        if (i != 7 && i != 20)
+            add(f, 0, 0, 2.5 * i);
+    assert_int_equal(plan(f), CTS_OK);
+    assert_true(f->stack.kind == CTS_STACK_MISSING && f->stack.n_layers == 30 && f->stack.n_missing == 2);
+    assert_true(f->stack.layer[6] == 6 && f->stack.layer[7] == 8 && f->stack.layer[27] == 29);
+    CtsFindings findings = {0};
+    cts_slice_stack_findings(&f->stack, f->order, f->n, &findings);
+    assert_int_equal(findings.n, 1);
+    assert_string_equal(findings.items[0].code, "missing_slices");
+    assert_non_null(strstr(findings.items[0].text, "2 of 30"));
+    assert_non_null(strstr(findings.items[0].text, "15.000 to 20.000 mm"));
+    cts_findings_free(&findings);
+    done(f);
+    /* One of ten is a tenth; two of eleven are more. */
+    f = fake_new();
+    for (int i = 0; i < 10; i++)
+        if (i != 4)
+            add(f, 0, 0, i);
+    assert_true(plan(f) == CTS_OK && f->stack.n_missing == 1);
+    done(f);
+    f = fake_new();
+    for (int i = 0; i < 11; i++)
+        if (i != 4 && i != 6)
+            add(f, 0, 0, i);
+    assert_int_equal(plan(f), CTS_ERR_GEOMETRY);
+    assert_non_null(strstr(f->err.text, "2 of 11 slices missing"));
+    assert_non_null(strstr(f->err.text, "from position 3.000 to 5.000 mm"));
+    done(f);
+    const double two_gaps[] = {0, 5, 15};
+    f = at(two_gaps, 3);
+    assert_int_equal(plan(f), CTS_ERR_GEOMETRY);
+    done(f);
+}
+
+/* Thin slices, then thick ones: a protocol, not accidents. */
+static void test_unequal(void **state)
+{
+    (void)state;
+    Fake *f = fake_new();
+    double z = 0;
+    for (int i = 0; i < 20; i++, z += i <= 10 ? 1.25 : 5)
+        add(f, 0, 0, z);
+    assert_int_equal(plan(f), CTS_OK);
+    assert_true(f->stack.kind == CTS_STACK_UNEQUAL && f->stack.n_missing == 0);
+    const double span = f->slices[19].position_lps[2];
+    assert_int_equal(f->stack.n_layers, (int)(span / 1.25 + 0.5) + 1);
+    for (int i = 0; i < 20; i++)
+        assert_true(fabs(f->stack.layer[i] * f->stack.step_lps[2] - f->slices[i].position_lps[2]) < 1e-9);
+    expect_findings(f, "unequal_spacing");
+    done(f);
+    /* One tiny gap does not make a giant of the volume. */
+    const double z2[] = {0, 5, 10, 10.1, 15, 20};
+    f = at(z2, 6);
+    assert_int_equal(plan(f), CTS_OK);
+    assert_true(f->stack.kind == CTS_STACK_UNEQUAL && f->stack.n_layers == CTS_STACK_GROWTH * 6);
+    assert_true(f->stack.layer[0] == 0 && fabs(f->stack.layer[5] - 23) < 1e-12);
+    done(f);
+}
+
+static void test_tilt(void **state)
+{
+    (void)state;
+    Fake *f = fake_new();
+    const double slope = tan(20 * 3.14159265358979323846 / 180);
+    for (int i = 0; i < 10; i++)
+        add(f, 0, slope * 2 * i, 2 * i);
+    assert_int_equal(plan(f), CTS_OK);
+    assert_true(f->stack.kind == CTS_STACK_EVEN && fabs(f->stack.tilt_deg - 20) < 1e-9);
+    assert_true(fabs(f->stack.step_lps[1] - slope * 2) < 1e-12 && fabs(f->stack.step_lps[2] - 2) < 1e-12);
+    assert_true(f->stack.spacing_mm == 2);
+    expect_findings(f, "gantry_tilt");
+    done(f);
+    f = fake_new();
+    for (int i = 0; i < 10; i++)
+        add(f, 0, 4 * i, 2 * i);
+    assert_int_equal(plan(f), CTS_ERR_GEOMETRY); /* 63 degrees: no gantry */
+    done(f);
+}
+
+static void test_sideways(void **state)
+{
+    (void)state;
+    static const struct {
+        double shift;
+        CtsStatus status;
+        const char *finding;
+    } cases[] = {{0.01, CTS_OK, NULL}, {0.1, CTS_OK, "sideways_shift"}, {0.3, CTS_ERR_GEOMETRY, NULL}};
+    for (size_t i = 0; i < 3; i++) {
+        Fake *f = fake_new();
+        for (int k = 0; k < 10; k++)
+            add(f, k == 5 ? cases[i].shift : 0, 0, k);
+        assert_int_equal(plan(f), cases[i].status);
+        if (!cases[i].status)
+            expect_findings(f, cases[i].finding);
+        done(f);
+    }
+}
+
+static void test_two_and_none(void **state)
+{
+    (void)state;
+    const double z[] = {1, 1.625}, same[] = {2, 2, 3};
+    Fake *f = at(z, 2);
+    assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_EVEN && f->stack.spacing_mm == 0.625);
+    done(f);
+    f = at(same, 3);
+    assert_int_equal(plan(f), CTS_ERR_GEOMETRY);
+    done(f);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_even),     cmocka_unit_test(test_jitter),       cmocka_unit_test(test_drift),
+        cmocka_unit_test(test_missing),  cmocka_unit_test(test_unequal),      cmocka_unit_test(test_tilt),
+        cmocka_unit_test(test_sideways), cmocka_unit_test(test_two_and_none),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
