@@ -1,6 +1,7 @@
 #include "volume/couch_rim.h"
 
 #include "base/mem.h"
+#include "volume/blocks.h"
 #include <math.h>
 #include <omp.h>
 #include <string.h>
@@ -207,6 +208,7 @@ CtsStatus couch_clear(const CouchScene *scene, CtsVolume *volume, const CtsBits 
     CtsStatus st = CTS_OK;
     Slice *slices = NULL;
     CtsBits near = {0}, rivals = {0};
+    CtsBlocks *blocks = NULL;
     const Rim rim = rim_of(scene);
     uint64_t n = 0;
     if ((st = couch_near(scene, g, body_cells, 2 * rim.reach_mm, &near, err)))
@@ -218,12 +220,21 @@ CtsStatus couch_clear(const CouchScene *scene, CtsVolume *volume, const CtsBits 
     for (int t = 0; t < scene->n_threads; t++)
         if ((st = slice_new(&slices[t], body, err)))
             goto end;
-#pragma omp parallel for schedule(dynamic) num_threads(scene->n_threads) reduction(+ : n)
+    if (volume->blocks && (st = cts_blocks_begin(&blocks, volume->dims, err)))
+        goto end;
+#pragma omp parallel for schedule(dynamic, CTS_FINE_BLOCK) num_threads(scene->n_threads) reduction(+ : n)
     for (int k = 0; k < volume->dims[2]; k++) {
         Slice *s = &slices[omp_get_thread_num()];
         grow_rim(body, &rivals, k, &rim, s);
         n += clear_slice(volume, k, s, g, inside);
+        if (blocks)
+            cts_blocks_add(blocks, k, volume->grey + (size_t)k * (size_t)volume->dims[0] * (size_t)volume->dims[1]);
     }
+    if (blocks)
+        cts_blocks_end(blocks);
+    cts_volume_changed(volume);
+    volume->blocks = blocks;
+    blocks = NULL;
     *n_cleared = n;
 end:
     for (int t = 0; slices && t < scene->n_threads; t++)
@@ -231,5 +242,6 @@ end:
     cts_free(&slices);
     cts_bits_free(&near);
     cts_bits_free(&rivals);
+    cts_blocks_free(&blocks);
     return st;
 }

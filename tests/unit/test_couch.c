@@ -2,6 +2,7 @@
 #include "unit.h"
 
 #include "ctsplat/couch.h"
+#include "volume/blocks.h"
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -112,6 +113,7 @@ static CtsVolume *copy(const CtsVolume *v)
     uint16_t *grey = w->grey;
     *w = *v;
     w->grey = grey;
+    w->blocks = NULL;
     memcpy(grey, v->grey, cts_volume_n_voxels(v) * sizeof *grey);
     return w;
 }
@@ -176,6 +178,20 @@ static void remove_table(CtsVolume *v, int n_threads, CtsReport *report)
     assert_true(report->stages[CTS_STAGE_CLASSIFY].ran);
 }
 
+/* Blocks made before the removal tell what is there after it. */
+static void check_blocks(CtsVolume *v)
+{
+    CtsBlocks *fresh;
+    CtsError err;
+    assert_non_null(v->blocks);
+    assert_int_equal(cts_blocks_new(&fresh, v, 1, &err), CTS_OK);
+    const size_t n = (size_t)fresh->n[0] * (size_t)fresh->n[1] * (size_t)fresh->n[2];
+    const size_t n_fine = (size_t)fresh->n_fine[0] * (size_t)fresh->n_fine[1] * (size_t)fresh->n_fine[2];
+    assert_memory_equal(fresh->range, v->blocks->range, n * sizeof *fresh->range);
+    assert_memory_equal(fresh->fine, v->blocks->fine, n_fine * sizeof *fresh->fine);
+    cts_blocks_free(&fresh);
+}
+
 /* The table goes, the patient stays to the bit, and any number of threads gives the same bytes. */
 static void check_removal(const Scene *s)
 {
@@ -197,7 +213,10 @@ static void check_removal(const Scene *s)
     const int threads[] = {2, 7};
     for (int n = 0; n < 2; n++) {
         again = copy(before);
+        CtsError err;
+        assert_int_equal(cts_volume_prepare(again, 2, &err), CTS_OK);
         remove_table(again, threads[n], &report);
+        check_blocks(again);
         assert_memory_equal(again->grey, after->grey, cts_volume_n_voxels(after) * sizeof *after->grey);
         cts_report_free(&report);
         cts_volume_free(&again);
