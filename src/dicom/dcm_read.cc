@@ -39,9 +39,7 @@ std::string_view text_of(DcmItem &item, const DcmTagKey &tag)
 
 template <size_t N> void copy_text(char (&out)[N], std::string_view text)
 {
-    const size_t n = text.size() < N - 1 ? text.size() : N - 1;
-    std::memcpy(out, text.data(), n);
-    out[n] = 0;
+    out[text.copy(out, N - 1)] = 0;
 }
 
 char *dup_text(std::string_view text)
