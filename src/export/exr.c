@@ -7,9 +7,13 @@
 #include "export/date.h"
 #include "image/describe.h"
 #include "image/srgb.h"
+#include <omp.h>
 #include <openexr.h>
 #include <stdio.h>
 #include <string.h>
+
+/* 1 to 2 % more bytes than OpenEXR 3.1's level of 6, in about half the time. */
+enum { BATCH = 64, ZIP_LEVEL = 4 };
 
 typedef struct ExrWriter {
     const CtsExportJob *job;
@@ -228,28 +232,58 @@ static bool stopped(ExrWriter *w)
     return status != CTS_OK;
 }
 
-/* Chunks are compressed side by side and written in order. */
-static void write_chunks(ExrWriter *w)
+/* A compressed chunk, kept until its turn. */
+typedef struct ExrChunk {
+    void *bytes;
+    size_t n_bytes;
+} ExrChunk;
+
+static void keep_chunk(ExrWriter *w, ExrEncoder *e, int y, ExrChunk *chunk)
 {
-    const int n_chunks = (w->picture->height + w->lines_per_chunk - 1) / w->lines_per_chunk;
-    const size_t n = (size_t)w->lines_per_chunk * w->picture->width * 4;
-#pragma omp parallel num_threads(cts_threads(w->job->settings->n_threads))
-    {
-        ExrEncoder e = {.pipe = EXR_ENCODE_PIPELINE_INITIALIZER};
-        if (cts_alloc_array(&e.rgba, n, NULL))
-            note_failure(w, "out of memory");
-#pragma omp for ordered schedule(static, 1)
-        for (int k = 0; k < n_chunks; k++) {
-            const int y = k * w->lines_per_chunk;
+    if (stopped(w) || failed(w, encode_chunk(w, e, y)))
+        return;
+    chunk->n_bytes = e->pipe.compressed_bytes;
+    if (cts_alloc_bytes(&chunk->bytes, chunk->n_bytes, 1, NULL))
+        note_failure(w, "out of memory");
+    else
+        memcpy(chunk->bytes, e->pipe.compressed_buffer, chunk->n_bytes);
+}
+
+/* Up to BATCH chunks are compressed side by side, then written in order, and so on: what is held is bounded. */
+static void write_chunks(ExrWriter *w, ExrEncoder *encoders, int n_threads)
+{
+    const int lines = w->lines_per_chunk, n_chunks = (w->picture->height + lines - 1) / lines;
+    for (int first = 0; first < n_chunks && !stopped(w); first += BATCH) {
+        ExrChunk chunks[BATCH] = {0};
+        const int n = n_chunks - first < BATCH ? n_chunks - first : BATCH;
+#pragma omp parallel for num_threads(n_threads) schedule(dynamic, 1)
+        for (int k = 0; k < n; k++)
+            keep_chunk(w, &encoders[omp_get_thread_num()], (first + k) * lines, &chunks[k]);
+        for (int k = 0; k < n; k++) {
             if (!stopped(w))
-                failed(w, encode_chunk(w, &e, y));
-#pragma omp ordered
-            if (!stopped(w))
-                failed(w, exr_write_scanline_chunk(w->file, 0, y, e.pipe.compressed_buffer, e.pipe.compressed_bytes));
+                failed(w,
+                       exr_write_scanline_chunk(w->file, 0, (first + k) * lines, chunks[k].bytes, chunks[k].n_bytes));
+            cts_free_bytes(chunks[k].bytes);
         }
-        exr_encoding_destroy(w->file, &e.pipe);
-        cts_free(&e.rgba);
     }
+}
+
+static void write_pixels(ExrWriter *w)
+{
+    const int n_threads = cts_threads(w->job->settings->n_threads);
+    ExrEncoder *encoders = NULL;
+    CtsStatus st = cts_alloc_zeroed(&encoders, (size_t)n_threads, NULL);
+    for (int t = 0; t < n_threads && !st; t++)
+        st = cts_alloc_array(&encoders[t].rgba, (size_t)w->lines_per_chunk * w->picture->width * 4, NULL);
+    if (st)
+        note_failure(w, "out of memory");
+    else
+        write_chunks(w, encoders, n_threads);
+    for (int t = 0; t < n_threads && encoders; t++) {
+        exr_encoding_destroy(w->file, &encoders[t].pipe);
+        cts_free(&encoders[t].rgba);
+    }
+    cts_free(&encoders);
 }
 
 CtsStatus cts_exr_write(const CtsExportJob *job, CtsError *err)
@@ -259,9 +293,10 @@ CtsStatus cts_exr_write(const CtsExportJob *job, CtsError *err)
     setup.error_handler_fn = on_error;
     setup.user_data = &w;
     setup.write_fn = on_write;
+    setup.zip_level = ZIP_LEVEL;
     if (!failed(&w, exr_start_write(&w.file, job->path, EXR_WRITE_FILE_DIRECTLY, &setup)) &&
         !failed(&w, write_header(&w)))
-        write_chunks(&w);
+        write_pixels(&w);
     if (w.file)
         failed(&w, exr_finish(&w.file)); /* the table of chunks is written here */
     return w.status;
