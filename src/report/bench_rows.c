@@ -1,0 +1,258 @@
+#include "report/bench_rows.h"
+
+#include "report/page.h"
+#include <jansson.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void cts_bench_mark_pareto(CtsBenchRows *rows)
+{
+    for (int i = 0; i < rows->n; i++) {
+        CtsBenchRow *r = &rows->rows[i];
+        r->pareto = r->measured;
+        for (int k = 0; k < rows->n && r->pareto; k++) {
+            const CtsBenchRow *o = &rows->rows[k];
+            const bool no_worse = o->wall_ms <= r->wall_ms && o->trilinear.rmse <= r->trilinear.rmse;
+            const bool better = o->wall_ms < r->wall_ms || o->trilinear.rmse < r->trilinear.rmse;
+            r->pareto = !(o->measured && no_worse && better);
+        }
+    }
+}
+
+void cts_bench_samples_text(const CtsBenchRow *row, char text[16])
+{
+    if (row->samples > 0)
+        snprintf(text, 16, "%d", row->samples);
+    else
+        strcpy(text, "auto");
+}
+
+static json_t *psnr(double rmse)
+{
+    return rmse > 0 ? json_real(-20 * log10(rmse)) : json_null();
+}
+
+CtsStatus cts_bench_lines(const CtsBenchRows *rows, char **text, CtsError *err)
+{
+    size_t size;
+    FILE *f = open_memstream(text, &size);
+    bool good = f != NULL;
+    for (int i = 0; i < rows->n && good; i++) {
+        const CtsBenchRow *r = &rows->rows[i];
+        if (!r->measured)
+            continue;
+        json_t *object =
+            json_pack("{s:s, s:s, s:i, s:f, s:s, s:f, s:f, s:I, s:f, s:f, s:o}", "engine", cts_engine_names[r->engine],
+                      "kernel", cts_kernel_names[r->kernel], "samples", r->samples, "tolerance", r->tolerance_hu,
+                      "void", r->void_key ? "key" : "strict", "wall_ms", r->wall_ms, "wall_ms_spread",
+                      r->wall_ms_spread, "peak_rss_bytes", (json_int_t)r->peak_rss_bytes, "rmse", r->own.rmse,
+                      "rmse_trilinear", r->trilinear.rmse, "psnr_db", psnr(r->own.rmse));
+        char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
+        good = line && fprintf(f, "%s\n", line) > 0;
+        json_decref(object);
+        free(line);
+    }
+    if (f && fclose(f))
+        good = false;
+    if (good)
+        return CTS_OK;
+    if (f)
+        free(*text);
+    *text = NULL;
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+}
+
+static int by_time(const void *a, const void *b)
+{
+    const CtsBenchRow *x = *(const CtsBenchRow *const *)a, *y = *(const CtsBenchRow *const *)b;
+    return (x->wall_ms > y->wall_ms) - (x->wall_ms < y->wall_ms);
+}
+
+/* Measured rows by time; free with free(). */
+static const CtsBenchRow **sorted(const CtsBenchRows *rows, int *n)
+{
+    const CtsBenchRow **list = malloc((size_t)(rows->n + 1) * sizeof *list);
+    *n = 0;
+    for (int i = 0; list && i < rows->n; i++)
+        if (rows->rows[i].measured)
+            list[(*n)++] = &rows->rows[i];
+    if (list)
+        qsort(list, (size_t)*n, sizeof *list, by_time);
+    return list;
+}
+
+/* A logarithmic axis has no place for 0: exact is drawn as this. */
+#define LEAST_RMSE 1e-9
+
+static void plot_points(FILE *f, const CtsBenchRow *const *list, int n)
+{
+    for (int e = 0; e < CTS_N_ENGINES; e++) {
+        fprintf(f, "$e%d << END\n", e);
+        for (int i = 0; i < n; i++)
+            if ((int)list[i]->engine == e)
+                fprintf(f, "%.6g %.6g\n", list[i]->wall_ms, fmax(list[i]->trilinear.rmse, LEAST_RMSE));
+        fputs("END\n", f);
+    }
+    fputs("$front << END\n", f);
+    for (int i = 0; i < n; i++)
+        if (list[i]->pareto)
+            fprintf(f, "%.6g %.6g\n", list[i]->wall_ms, fmax(list[i]->trilinear.rmse, LEAST_RMSE));
+    fputs("END\n", f);
+}
+
+/* Rows of the front say what they are. */
+static void plot_labels(FILE *f, const CtsBenchRow *const *list, int n)
+{
+    for (int i = 0; i < n; i++) {
+        if (!list[i]->pareto)
+            continue;
+        char samples[16];
+        cts_bench_samples_text(list[i], samples);
+        fprintf(f, "set label '%s %s %s' at %.6g,%.6g left offset 0.8,0.5 font ',9' textcolor rgb '#555555'\n",
+                cts_engine_names[list[i]->engine], cts_kernel_names[list[i]->kernel], samples, list[i]->wall_ms,
+                fmax(list[i]->trilinear.rmse, LEAST_RMSE));
+    }
+}
+
+CtsStatus cts_bench_plot_script(const CtsBenchRows *rows, char **script, CtsError *err)
+{
+    static const char *const colour[CTS_N_ENGINES] = {"#7a3db8", "#1a8f6c", "#2f7fc1", "#c25a00", "#b3123f", "#333333"};
+    size_t size;
+    int n;
+    const CtsBenchRow **list = sorted(rows, &n);
+    FILE *f = open_memstream(script, &size);
+    if (!list || !f) {
+        free(list);
+        if (f) {
+            fclose(f);
+            free(*script);
+        }
+        *script = NULL;
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    fprintf(f,
+            "set terminal svg noenhanced size 1000,640 font 'sans,12' background 'white'\n"
+            "set logscale xy\nset format x '%%g'\nset format y '%%.0e'\nset grid\n"
+            "set xlabel 'median wall time (ms)'\n"
+            "set ylabel 'rmse against the converged trilinear integral (display values 0..1)'\n"
+            "set key outside right top\nset offsets graph 0.05,graph 0.22,graph 0.05,graph 0.05\n"
+            "set arrow from graph 0,first %g to graph 1,first %g nohead dt 3 lc rgb '#999999'\n"
+            "set label '1/255' at graph 0.005,first %g offset 0,0.5 font ',9' textcolor rgb '#777777'\n",
+            1 / 255.0, 1 / 255.0, 1 / 255.0);
+    plot_points(f, list, n);
+    plot_labels(f, list, n);
+    for (int e = 0, first = 1; e < CTS_N_ENGINES; e++) {
+        bool any = false;
+        for (int i = 0; i < n; i++)
+            any = any || (int)list[i]->engine == e;
+        if (!any)
+            continue;
+        fprintf(f, "%s $e%d using 1:2 with linespoints pt 7 ps 0.7 lw 1.2 lc rgb '%s' title '%s'", first ? "plot" : ",",
+                e, colour[e], cts_engine_names[e]);
+        first = 0;
+    }
+    if (n)
+        fputs(", $front using 1:2 with linespoints pt 6 ps 1.7 lw 2.5 dt 2 lc rgb '#000000' title 'Pareto front'\n", f);
+    fclose(f);
+    free(list);
+    return CTS_OK;
+}
+
+static void write_row(FILE *f, const CtsBenchRow *r, CtsStatus *st, CtsError *err)
+{
+    char samples[16];
+    cts_bench_samples_text(r, samples);
+    fprintf(f,
+            "<tr%s><td>%s</td><td>%s</td><td>%s</td><td>%g</td><td>%s</td><td>%.1f</td><td>%.1f</td><td>%.0f</td>"
+            "<td>%.3g<br><small>%.2g to %.2g</small></td><td>%.3g<br><small>%.2g to %.2g</small></td><td>%.1f</td>",
+            r->pareto ? " class=front" : "", cts_engine_names[r->engine], cts_kernel_names[r->kernel], samples,
+            r->tolerance_hu, r->void_key ? "key" : "strict", r->wall_ms, r->wall_ms_spread,
+            (double)r->peak_rss_bytes / 1048576, r->own.rmse, r->own.rmse_low, r->own.rmse_high, r->trilinear.rmse,
+            r->trilinear.rmse_low, r->trilinear.rmse_high, r->own.rmse > 0 ? -20 * log10(r->own.rmse) : INFINITY);
+    if (r->voxels.known)
+        fprintf(f, "<td>%.1f %%</td>", 100 * (double)r->voxels.splatted / (double)r->voxels.total);
+    else
+        fputs("<td>-</td>", f);
+    for (int i = 0; i < 2 && !*st; i++) {
+        const CtsThumb *t = i ? &r->difference : &r->picture;
+        fprintf(f, "<td><img width=%d height=%d alt=\"%s\" src=\"", t->width, t->height, i ? "difference" : "picture");
+        *st = cts_page_image(f, t->rgb, t->width, t->height, err);
+        fputs("\"></td>", f);
+    }
+    fputs("</tr>\n", f);
+}
+
+static void write_head(FILE *f, const CtsBenchRows *rows, const char *svg)
+{
+    const CtsBenchRow *some = NULL;
+    for (int i = 0; i < rows->n && !some; i++)
+        some = rows->rows[i].measured ? &rows->rows[i] : NULL;
+    fputs("<!DOCTYPE html>\n<html lang=en><head><meta charset=utf-8><title>ctsplat bench</title>\n<style>"
+          "body{font:14px sans-serif;margin:2em;color:#222}table{border-collapse:collapse}"
+          "td,th{border:1px solid #ccc;padding:3px 7px;text-align:right;vertical-align:middle}"
+          "td:nth-child(-n+2),th:nth-child(-n+2){text-align:left}small{color:#777}"
+          "tr.front td:first-child{font-weight:bold}tr.front{background:#f3f7ee}img{display:block;background:#000}"
+          "svg{max-width:100%;height:auto}</style></head><body>\n<h1>Error against run time</h1>\n<p>",
+          f);
+    cts_page_text(f, rows->scene);
+    fprintf(f, ". Pictures of %d x %d pixels, %d thread%s.%s</p>\n", rows->width, rows->height, rows->n_threads,
+            rows->n_threads == 1 ? "" : "s",
+            rows->complete ? "" : " <b>Interrupted: not all settings were measured.</b>");
+    if (svg) {
+        /* The XML declaration has no place inside a page. */
+        const char *start = strstr(svg, "<svg");
+        fputs(start ? start : svg, f);
+    }
+    fprintf(f,
+            "<p>Times are medians of several renders in a process of their own, the spread is the largest less the "
+            "smallest; memory is that process's peak, the volume included. Errors are over red, green and blue as "
+            "display values 0..1, at %llu random pixels (%llu for the trilinear integral), with 95 %% intervals: "
+            "<i>own</i> against the converged float64 integral of the same kernel (PSNR goes with it), "
+            "<i>trilinear</i> against that of the trilinear field. Rows in green lie on the Pareto front. "
+            "Difference pictures are against the trilinear integral, %g times too large.</p>\n",
+            (unsigned long long)(some ? some->own.pixels : 0), (unsigned long long)(some ? some->trilinear.pixels : 0),
+            rows->amplified);
+}
+
+CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    size_t size;
+    int n;
+    const CtsBenchRow **list = sorted(rows, &n);
+    FILE *f = open_memstream(html, &size);
+    if (!list || !f) {
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        goto end;
+    }
+    write_head(f, rows, svg);
+    fputs("<table><tr><th>engine<th>kernel<th>samples<th>tolerance, HU<th>void<th>wall, ms<th>spread, ms<th>peak, MiB"
+          "<th>rmse, own<th>rmse, trilinear<th>PSNR, dB<th>voxels splatted<th>picture<th>difference</tr>\n",
+          f);
+    for (int i = 0; i < n && !st; i++)
+        write_row(f, list[i], &st, err);
+    fputs("</table>\n", f);
+    bool titled = false;
+    for (int i = 0; i < rows->n; i++) {
+        const CtsBenchRow *r = &rows->rows[i];
+        if (r->measured)
+            continue;
+        fprintf(f, "%s<li>%s %s: ", titled ? "" : "<h2>Left out</h2><ul>\n", cts_engine_names[r->engine],
+                cts_kernel_names[r->kernel]);
+        titled = true;
+        cts_page_text(f, r->why);
+        fputs("</li>\n", f);
+    }
+    fputs(titled ? "</ul></body></html>\n" : "</body></html>\n", f);
+end:
+    if (f)
+        fclose(f);
+    if (st && f) {
+        free(*html);
+        *html = NULL;
+    }
+    free(list);
+    return st;
+}
