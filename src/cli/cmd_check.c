@@ -3,9 +3,8 @@
 #include "check/check.h"
 #include "check/plot.h"
 #include "cli/interrupt.h"
-#include "cli/message.h"
 #include "cli/options.h"
-#include <jansson.h>
+#include "cli/print_json.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -51,14 +50,7 @@ static CtsStatus print_json(const Results *results, CtsError *err)
                                                r->engine, "expected", number(r->expected), "found", number(r->found),
                                                "error", number(r->error), "bound", number(r->bound), "pass", r->pass));
     }
-    json_t *root = cases ? json_pack("{s:o}", "cases", cases) : NULL;
-    char *text = root ? json_dumps(root, JSON_INDENT(2)) : NULL;
-    json_decref(root);
-    if (!text)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    printf("%s\n", text);
-    free(text);
-    return CTS_OK;
+    return cli_print_json(json_pack("{s:o}", "cases", cases), err);
 }
 
 CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err)

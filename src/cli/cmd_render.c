@@ -2,6 +2,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "cli/interrupt.h"
+#include "cli/load.h"
 #include "cli/message.h"
 #include "cli/options.h"
 #include "cli/outputs.h"
@@ -18,8 +19,7 @@ typedef struct Job {
     CtsRenderSettings settings;
     CtsExportSettings export;
     CtsPreset *preset;
-    CtsSeriesList *list;
-    CtsVolume *volume;
+    CliLoaded loaded;
     CtsReport report;
     CtsLog *log;
     int n_frames;         /* 1 without --rotation */
@@ -28,8 +28,9 @@ typedef struct Job {
     int done, steps;      /* for the progress bar */
 } Job;
 
-static void step(Job *job, const char *what)
+static void step(void *context, const char *what)
 {
+    Job *job = context;
     cli_progress(job->done++, job->steps, what);
 }
 
@@ -82,41 +83,6 @@ static CtsStatus prepare(Job *job, CtsError *err)
         memcpy(job->preset->background, options->background, sizeof options->background);
     }
     return CTS_OK;
-}
-
-/* Found, decoded and cut to what is asked for. */
-static CtsStatus load(Job *job, CtsError *err)
-{
-    CtsStatus st;
-    const CliOptions *options = job->options;
-    const CtsSeries *series;
-    step(job, "searching");
-    CtsMeter meter = cts_meter_start(&job->report);
-    if ((st = cts_series_find(options->operands, options->n_operands, options->render.n_threads, &job->list,
-                              &job->report, err)) ||
-        (st = cts_series_choose(job->list, options->series_uid, &series, err)))
-        return st;
-    cts_meter_stop(meter, &job->report, CTS_STAGE_SCAN);
-    cli_print_findings(&job->list->findings, 0);
-    if (job->list->n > 1 && !options->series_uid)
-        cli_note("%zu series found; taking %s, the one with the most slices (%d); --series takes another", job->list->n,
-                 series->uid, series->n_slices);
-    job->export.source = series;
-
-    step(job, "reading");
-    meter = cts_meter_start(&job->report);
-    st = cts_series_load(series, options->render.n_threads, &job->volume, &job->report, err);
-    cts_meter_stop(meter, &job->report, CTS_STAGE_DECODE);
-    cli_print_findings(&job->report.findings, 0);
-    if (st)
-        return st;
-    meter = cts_meter_start(&job->report);
-    if (options->remove_table != CTS_OFF && job->preset->remove_table)
-        cts_report_skip(&job->report, "table removal", "not in this build");
-    if (options->crop_given)
-        st = cts_volume_crop(job->volume, options->crop_low_lps, options->crop_high_lps, err);
-    cts_meter_stop(meter, &job->report, CTS_STAGE_GREY);
-    return st;
 }
 
 static CtsStatus export_frames(Job *job, const char *path, int first, int n, CtsError *err)
@@ -181,7 +147,7 @@ static CtsStatus render_frame(Job *job, int frame, CtsError *err)
     step(job, "rendering");
     const size_t n_findings = job->report.findings.n;
     CtsMeter meter = cts_meter_start(&job->report);
-    st = cts_render(job->volume, job->preset, &settings, picture, &job->report, err);
+    st = cts_render(job->loaded.volume, job->preset, &settings, picture, &job->report, err);
     cts_meter_stop(meter, &job->report, CTS_STAGE_COMPOSITE);
     cli_print_findings(&job->report.findings, n_findings);
     if (st || job->settings.explain)
@@ -215,8 +181,7 @@ static void job_free(Job *job)
         cts_picture_free(&job->frames[f]);
     free(job->frames);
     free(job->preset);
-    cts_volume_free(&job->volume);
-    cts_series_list_free(&job->list);
+    cli_loaded_free(&job->loaded);
 }
 
 CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
@@ -229,7 +194,8 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
     if ((st = prepare(&job, err)) || (st = cts_log_open(&job.log, options->log, start_ms, err)))
         goto end;
     cts_meter_stop(meter, &job.report, CTS_STAGE_SCAN);
-    st = load(&job, err);
+    st = cli_load(options, job.preset, step, &job, &job.loaded, &job.report, err);
+    job.export.source = job.loaded.series;
     cli_interrupt_asks();
     if (st || (st = cli_interrupted(err)))
         goto end;

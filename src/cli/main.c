@@ -18,7 +18,7 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
     {"batch", "PATH... -o DIR [options]", "Render every series with every preset and view; can be stopped and resumed.",
      0, INT_MAX, "PATH", NULL},
     {"bench", "PATH... -o DIR [options]", "Measure error against run time for each engine and setting on a series.", 1,
-     INT_MAX, "PATH", NULL},
+     INT_MAX, "PATH", cli_bench},
     {"check", "[--json]", "Run the numerical stability suite.", 0, 0, "", cli_check},
     {"compare", "A B [--json]", "Compare two pictures of the same size; exit 0 when equal to the bit, 1 when not.", 2,
      2, "a picture", cli_compare},

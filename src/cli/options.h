@@ -62,6 +62,7 @@ typedef struct CliCommand {
 enum { CLI_INFO, CLI_RENDER, CLI_BATCH, CLI_BENCH, CLI_CHECK, CLI_COMPARE, CLI_PRESETS, CLI_N_COMMANDS };
 extern const CliCommand cli_commands[CLI_N_COMMANDS];
 
+CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_info(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err);

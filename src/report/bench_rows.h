@@ -24,7 +24,7 @@ typedef struct CtsBenchRow {
     double tolerance_hu;
     bool void_key;
     bool measured; /* false: why says why not, and nothing else holds */
-    char why[256];
+    char why[1024];
     int runs;
     double wall_ms, wall_ms_spread; /* median; largest less smallest */
     uint64_t peak_rss_bytes;        /* of a process of its own, the volume included */

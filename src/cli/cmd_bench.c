@@ -1,0 +1,118 @@
+/* ctsplat bench: error against run time, for each engine and setting on one series. */
+#include "bench/bench.h"
+#include "cli/interrupt.h"
+#include "cli/load.h"
+#include "cli/message.h"
+#include "cli/options.h"
+#include "cli/progress.h"
+#include "report/table.h"
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+static CtsStatus make_folder(const CliOptions *options, CtsError *err)
+{
+    if (options->n_outputs != 1)
+        return cts_fail(err, CTS_ERR_USAGE, "bench: one -o DIR is needed, for bench.jsonl and report.html");
+    if (mkdir(options->outputs[0], 0777) && errno != EEXIST)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", options->outputs[0], strerror(errno));
+    return cts_bench_check_writable(options->outputs[0], options->force, err);
+}
+
+static void add_row(CtsTable *table, const CtsBenchRow *r)
+{
+    char samples[16];
+    cts_bench_samples_text(r, samples);
+    cts_table_cell(table, "%s", cts_engine_names[r->engine]);
+    cts_table_cell(table, "%s", cts_kernel_names[r->kernel]);
+    cts_table_cell(table, "%s", samples);
+    cts_table_cell(table, "%g", r->tolerance_hu);
+    cts_table_cell(table, "%s", r->void_key ? "key" : "strict");
+    cts_table_cell(table, "%.1f", r->wall_ms);
+    cts_table_cell(table, "%.1f", r->wall_ms_spread);
+    cts_table_cell(table, "%.0f", (double)r->peak_rss_bytes / 1048576);
+    cts_table_cell(table, "%.3g", r->own.rmse);
+    cts_table_cell(table, "%.3g", r->trilinear.rmse);
+    cts_table_cell(table, "%.1f", r->own.rmse > 0 ? -20 * log10(r->own.rmse) : INFINITY);
+    if (r->voxels.known)
+        cts_table_cell(table, "%.1f %%", 100 * (double)r->voxels.splatted / (double)r->voxels.total);
+    else
+        cts_table_cell(table, "-");
+    cts_table_cell(table, "%s", r->pareto ? "front" : "");
+}
+
+static void print_table(const CtsBenchRows *rows)
+{
+    CtsTable *table =
+        cts_table_new((const char *const[]){"engine", "kernel", ">samples", ">tolerance", "void", ">ms", ">spread",
+                                            ">MiB", ">rmse", ">trilinear", ">psnr dB", ">splatted", ""},
+                      13);
+    const CtsBenchRow *some = NULL;
+    for (int i = 0; i < rows->n; i++)
+        if (rows->rows[i].measured) {
+            some = &rows->rows[i];
+            add_row(table, some);
+        }
+    if (some) {
+        cts_table_print(table, stdout);
+        printf("\n%s.\nPictures of %d x %d pixels, %d threads. Errors at %llu random pixels (trilinear: %llu), against "
+               "float64 integrals converged to 1e-7;\nrmse is against the same kernel's, 95 %% intervals are in "
+               "report.html.\n",
+               rows->scene, rows->width, rows->height, rows->n_threads, (unsigned long long)some->own.pixels,
+               (unsigned long long)some->trilinear.pixels);
+    }
+    cts_table_free(&table);
+    for (int i = 0; i < rows->n; i++)
+        if (!rows->rows[i].measured)
+            cli_note("left out: %s %s: %s", cts_engine_names[rows->rows[i].engine],
+                     cts_kernel_names[rows->rows[i].kernel], rows->rows[i].why);
+}
+
+static void step(void *context, const char *what)
+{
+    (void)context;
+    cli_progress(0, 1, what);
+}
+
+CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
+{
+    (void)exit_code;
+    CtsStatus st;
+    CliLoaded loaded = {.list = NULL};
+    CtsReport report = {0};
+    CtsBenchRows rows = {.n = 0};
+    CtsPreset *preset = malloc(sizeof *preset);
+    if (!preset)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if ((st = cts_preset_load(options->preset, preset, err)) || (st = make_folder(options, err)))
+        goto end;
+    st = cli_load(options, preset, step, NULL, &loaded, &report, err);
+    cli_interrupt_asks();
+    if (st)
+        goto end;
+    CtsBenchSettings settings = {
+        .volume = loaded.volume, .preset = preset, .render = options->render, .progress = cli_progress};
+    settings.render.stop = &cli_stop;
+    st = cts_bench_run(&settings, &rows, err);
+    cli_progress_clear();
+    /* What was measured is written also when the rest was not wanted any more. */
+    if (!st || st == CTS_ERR_INTERRUPTED) {
+        CtsError why;
+        const CtsStatus written = cts_bench_write(&rows, options->outputs[0], options->force, &why);
+        print_table(&rows);
+        if (written && !st) {
+            *err = why;
+            st = written;
+        }
+    }
+end:
+    cli_progress_clear();
+    cts_bench_free(&rows);
+    cli_loaded_free(&loaded);
+    cts_report_free(&report);
+    free(preset);
+    return st;
+}
