@@ -1,11 +1,16 @@
-# One render, several formats; the names are those asked for, and an existing file is refused unless --force is given.
-ok render "$data/phantom" --size 96x64 -o a.png -o a.exr
+# One render, three formats; the names are those asked for, and an existing file is refused unless --force is given.
+ok render "$data/phantom" --size 96x64 -o a.png -o a.exr -o a.dcm
 [ ! -s out ] || fail "a render prints to stdout"
-[ "$(ls)" = "$(printf 'a.exr\na.png\nerr\nout')" ] || fail "other files than asked for: $(ls)"
+[ "$(ls)" = "$(printf 'a.dcm\na.exr\na.png\nerr\nout')" ] || fail "other files than asked for: $(ls)"
 py size.py a.png 96 64
 if command -v exrheader >/dev/null; then
     exrheader a.exr >header
     has header 'displayWindow.*\(0 0\) - \(95 63\)'
+fi
+if command -v dciodvfy >/dev/null; then
+    dciodvfy a.dcm >report 2>&1
+    has report SCImage
+    ! grep '^Error' report || fail "dciodvfy finds errors"
 fi
 
 cp a.png before.png
