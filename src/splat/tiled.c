@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "splat/project.h"
 #include "splat/tiled_kernel.h"
 #include "volume/blocks.h"
 #include <math.h>
@@ -217,6 +218,12 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsRep
             goto end;
         blocks = made;
     }
+    if (scene->preset->mode != CTS_MODE_COMPOSITE) {
+        cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
+                         cts_volume_n_voxels(scene->volume), 0);
+        st = cts_project(scene, blocks, picture, report, err);
+        goto end;
+    }
     if ((st = cts_layout_init(&layout, scene->volume, &scene->view, s->n_threads, err)))
         goto end;
     if (!made)
@@ -257,6 +264,6 @@ end:
 const CtsEngine cts_engine_tiled = {
     .name = "tiled",
     .render = render_tiled,
-    .modes = 1u << CTS_MODE_COMPOSITE,
+    .modes = (1u << CTS_N_MODES) - 1,
     .kernels = 1u << CTS_KERNEL_TENT,
 };

@@ -191,11 +191,39 @@ static void degenerate(void **state)
             }
 }
 
+/* mip, minip and average against the reference, to half a grey level of 16 bits over the whole range of HU. */
+static void modes_exact(void **state)
+{
+    (void)state;
+    CtsVolume *volumes[] = {random_volume(23, 19, 17, 5), phantom_head(40, 36, 30, 30), random_volume(1, 6, 9, 2)};
+    for (int i = 0; i < 3; i++) {
+        CtsPreset preset = preset_named("bone");
+        preset.window_low_hu = -1024;
+        preset.window_high_hu = 64511;
+        for (int view = 0; view < N_VIEWS; view++)
+            for (int mode = CTS_MODE_MIP; mode < CTS_N_MODES; mode++) {
+                CtsRenderSettings s = settings_for(CTS_ENGINE_RAYCAST, 33, views[view][0], views[view][1]);
+                s.mode = mode;
+                CtsPicture *reference = render(volumes[i], &preset, &s, NULL);
+                s.engine = CTS_ENGINE_TILED;
+                s.n_threads = 2;
+                CtsPicture *p = render(volumes[i], &preset, &s, NULL);
+                for (size_t at = 0; at < 4 * 33 * 33; at++)
+                    if (!(fabs(p->pixels[at] - reference->pixels[at]) < 0.5 / 65535))
+                        fail_msg("%s at %g,%g: %.9g, not %.9g", cts_mode_names[mode], views[view][0], views[view][1],
+                                 (double)p->pixels[at], (double)reference->pixels[at]);
+                cts_picture_free(&p);
+                cts_picture_free(&reference);
+            }
+        cts_volume_free(&volumes[i]);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(same_bytes),   cmocka_unit_test(constant_slab), cmocka_unit_test(near_reference),
-        cmocka_unit_test(second_order), cmocka_unit_test(degenerate),
+        cmocka_unit_test(second_order), cmocka_unit_test(degenerate),    cmocka_unit_test(modes_exact),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
