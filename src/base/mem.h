@@ -4,6 +4,7 @@
 
 #include "ctsplat/status.h"
 #include <stddef.h>
+#include <stdint.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -22,6 +23,9 @@ void cts_free_bytes(void *block);
 #define cts_alloc_zeroed(p, n, err) cts_alloc_zeroed_bytes((void **)(p), (n), sizeof **(p), (err))
 /* Frees and leaves NULL behind. */
 #define cts_free(p) (cts_free_bytes(*(p)), (void)(*(p) = NULL))
+
+/* Bytes that could be had without swapping, 0 when the system does not tell. */
+uint64_t cts_memory_available(void);
 
 /* *product = a * b; nonzero when it does not fit. */
 static inline int cts_mul_overflows(size_t a, size_t b, size_t *product)

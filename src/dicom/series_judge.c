@@ -246,10 +246,6 @@ static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
     CtsSliceStack stack;
     CtsError why = {0};
     const CtsSlice *const *slices = (const CtsSlice *const *)set->items;
-    if (set->n > MAX_SLICES) {
-        refuse(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
-        return CTS_OK;
-    }
     const CtsStatus st = cts_slice_stack_plan(slices, set->n, &stack, &why);
     if (st == CTS_ERR_MEMORY) {
         *err = why;
@@ -289,6 +285,8 @@ static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
 {
     static const pick_fn picks[] = {pick_no_localizers, pick_sound, pick_largest_grid};
     CtsStatus st = CTS_OK;
+    if (set->n > MAX_SLICES)
+        refuse(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
     if (set->items[0]->kind == CTS_OBJECT_ENHANCED)
         refuse(series, CTS_ERR_PIXELS,
                "Enhanced CT Image Storage (multi-frame) is not read (convert it to single-frame CT Image Storage)");

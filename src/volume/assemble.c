@@ -13,7 +13,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #define HU_OFFSET (-1024.0)
 enum { GREY_MAX = 65535, FINEST_STEP_BITS = 16 };
@@ -182,6 +181,14 @@ static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsReport 
     return ok ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
+/* Beyond any scanner's extended scale: a rescale slope that belongs to something else. */
+static CtsStatus check_range(const CtsVolume *v, CtsError *err)
+{
+    if (v->hu_min < -65536 || v->hu_max > 131072)
+        return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", v->hu_min, v->hu_max);
+    return CTS_OK;
+}
+
 static void tell_range(const CtsVolume *v, bool whole_numbers, CtsReport *report)
 {
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
@@ -193,13 +200,13 @@ static void tell_range(const CtsVolume *v, bool whole_numbers, CtsReport *report
                            "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
 }
 
+/* A volume may take 60 % of what is free, so that a batch does not drive its machine into swap. */
 static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
 {
-    const long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
-    const double need = (double)nx * ny * n_layers * sizeof(uint16_t), have = 0.8 * (double)pages * (double)page;
-    if (pages > 0 && page > 0 && need > have)
-        return cts_fail(err, CTS_ERR_MEMORY, "the volume needs %.0f MiB of memory, and this machine has %.0f",
-                        need / 1048576, have / 0.8 / 1048576);
+    const double need = (double)nx * ny * n_layers * sizeof(uint16_t), free_bytes = (double)cts_memory_available();
+    if (free_bytes > 0 && need > 0.6 * free_bytes)
+        return cts_fail(err, CTS_ERR_MEMORY, "the volume needs %.0f MiB of memory, and this machine has %.0f MiB free",
+                        need / 1048576, free_bytes / 1048576);
     return CTS_OK;
 }
 
@@ -249,10 +256,11 @@ static CtsStatus fill(const CtsSeries *series, const CtsSliceStack *stack, int o
     }
     if (!st) {
         find_hu_range(&a, v);
-        if (!a.whole_numbers) {
-            v->hu_step = finest_step(v->hu_max);
-            st = convert_fractions(&a, v->hu_step, report, err);
-        }
+        st = check_range(v, err);
+    }
+    if (!st && !a.whole_numbers) {
+        v->hu_step = finest_step(v->hu_max);
+        st = convert_fractions(&a, v->hu_step, report, err);
     }
     if (!st && stack->kind != CTS_STACK_EVEN) {
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -266,13 +274,24 @@ static CtsStatus fill(const CtsSeries *series, const CtsSliceStack *stack, int o
     return st;
 }
 
+/* "series UID: " in front of a failure; by its folder where the data has no UID. */
+static CtsStatus in_series(const CtsSeries *series, CtsError *err)
+{
+    const CtsSlice *first = series->slices;
+    const int n = (int)(cts_slice_name(first) - first->path);
+    return series->uid[0] ? cts_context(err, "series %s", series->uid)
+                          : cts_context(err, "series without UID in %.*s", n > 1 ? n - 1 : 1, n ? first->path : ".");
+}
+
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
 {
     CtsSliceStack stack = {0};
     *volume = NULL;
-    if (!series->renderable)
-        return cts_fail(err, series->refusal ? series->refusal : CTS_ERR_INTERNAL, "series %s: %s", series->uid,
-                        series->reason);
+    if (!series->renderable) {
+        cts_fail(err, series->refusal, "%s", series->reason);
+        in_series(series, err);
+        return series->refusal;
+    }
     n_threads = cts_threads(n_threads);
     CtsStatus st = plan_stack(series, &stack, err);
     if (st)
@@ -292,7 +311,7 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
 end:
     if (st) {
         cts_volume_free(volume);
-        cts_context(err, "series %s", series->uid);
+        in_series(series, err);
     }
     cts_slice_stack_free(&stack);
     return st;

@@ -281,7 +281,7 @@ static void test_wrong_bytes(void **state)
             CtsDataScan found;
             uint8_t *copy = malloc(b.n);
             memcpy(copy, b.data, b.n);
-            copy[i] = bit < 8 ? copy[i] ^ (uint8_t)(1 << bit) : 0xFF;
+            copy[i] = (uint8_t)(bit < 8 ? copy[i] ^ 1 << bit : 0xFF);
             if (cts_scan_data(copy, b.n, b.n, 0, explicit_le(), &found) == CTS_SCAN_DONE && found.has_pixels)
                 assert_true(found.pixel_offset <= b.n && found.header_end < found.pixel_offset);
             cts_scan_data(copy, b.n, b.n, 0, cts_syntax_native(false, false), &found);
