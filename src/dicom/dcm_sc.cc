@@ -5,8 +5,8 @@
 
 #include "dicom/dcm_read.h"
 #include "dicom/file_bytes.h"
-#include <dcmtk/dcmdata/dcrleerg.h>
 #include <dcmtk/dcmdata/dcostrmb.h>
+#include <dcmtk/dcmdata/dcrleerg.h>
 #include <dcmtk/dcmdata/dcrlerp.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <dcmtk/dcmjpeg/djencode.h>
@@ -163,6 +163,19 @@ const DcmTagKey identity_type3[] = {DCM_SpecificCharacterSet,
                                     DCM_DeidentificationMethodCodeSequence,
                                     DCM_LongitudinalTemporalInformationModified};
 
+/* Body parts of PS3.16 Annex L of which there is one. */
+bool is_unpaired(const char *part)
+{
+    static const char parts[] =
+        " ABDOMEN ABDOMENPELVIS AORTA BACK BLADDER BRAIN CHEST CHESTABDOMEN CHESTABDPELVIS CIRCLEOFWILLIS "
+        "COCCYX COLON CORONARYARTERY CSPINE CTSPINE DUODENUM ESOPHAGUS FACE GALLBLADDER HEAD HEADNECK "
+        "HEART JAW LARYNX LIVER LSPINE LSSPINE MAXILLA MEDIASTINUM MOUTH NECK NECKCHEST NECKCHESTABDOMEN "
+        "NECKCHESTABDPELV NOSE PANCREAS PELVIS PHARYNX PROSTATE RECTUM SKULL SPINE SPLEEN SSPINE STERNUM "
+        "STOMACH THYMUS THYROID TLSPINE TONGUE TRACHEA TSPINE UTERUS WHOLEBODY ";
+    const std::string word = std::string(" ") + part + " ";
+    return *part && strstr(parts, word.c_str());
+}
+
 void put_identity(Put &put, const CtsScObject &object, DcmItem &source)
 {
     if (object.pseudonym) {
@@ -178,10 +191,10 @@ void put_identity(Put &put, const CtsScObject &object, DcmItem &source)
         for (const DcmTagKey &tag : identity_type3)
             copy_element(put, source, tag);
     }
-    /* A body part says which side is meant, where that matters; without one, Laterality must stand there, empty. */
-    if (*string_of(source, DCM_BodyPartExamined))
-        copy_element(put, source, DCM_BodyPartExamined);
-    else
+    /* Which side is meant must be said, or left empty where nobody knows, unless there is only one of it. */
+    const char *part = string_of(source, DCM_BodyPartExamined);
+    copy_element(put, source, DCM_BodyPartExamined);
+    if (!is_unpaired(part))
         put.text(DCM_Laterality, string_of(source, DCM_Laterality));
 }
 
