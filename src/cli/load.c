@@ -12,8 +12,8 @@ static CtsStatus find(const CliOptions *options, CliLoaded *loaded, CtsReport *r
         return st;
     cli_print_findings(&loaded->list->findings, 0);
     if (loaded->list->n > 1 && !options->series_uid)
-        cli_note("%zu series found; taking %s, the one with the most slices (%d); --series takes another",
-                 loaded->list->n, loaded->series->uid, loaded->series->n_slices);
+        cli_warning("%zu series found; taking %s, the one with the most slices (%d); --series takes another",
+                    loaded->list->n, loaded->series->uid, loaded->series->n_slices);
     return CTS_OK;
 }
 
@@ -21,11 +21,20 @@ static CtsStatus find(const CliOptions *options, CliLoaded *loaded, CtsReport *r
 static CtsStatus cut(const CliOptions *options, const CtsPreset *preset, CtsVolume *volume, CtsReport *report,
                      CtsError *err)
 {
-    if (options->remove_table != CTS_OFF && preset->remove_table)
-        cts_report_skip(report, "table removal", "not in this build");
-    if (options->crop_given)
-        return cts_volume_crop(volume, options->crop_low_lps, options->crop_high_lps, err);
-    return CTS_OK;
+    CtsStatus st = CTS_OK;
+    const bool remove_table =
+        options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON;
+    const size_t n_findings = report->findings.n;
+    /* The table is told from the patient by the whole, so it goes before the crop. */
+    if (remove_table)
+        st = cts_volume_remove_table(volume, options->render.n_threads, report, err);
+    else
+        cts_report_skip(report, "table removal", "off by %s",
+                        options->remove_table == CTS_OFF ? "--remove-table off" : "the preset");
+    cli_print_findings(&report->findings, n_findings);
+    if (!st && options->crop_given)
+        st = cts_volume_crop(volume, options->crop_low_lps, options->crop_high_lps, err);
+    return st;
 }
 
 CtsStatus cli_load(const CliOptions *options, const CtsPreset *preset, void (*step)(void *context, const char *what),

@@ -52,11 +52,34 @@ ok compare a.png a.png
 cmp -s a.png orange.png && fail "--background changes nothing"
 ok render "$data/phantom" $small --background none -o alpha.png
 
+# Table removal: as the preset says, or as asked for.
+ok render "$data/phantom" $small --remove-table off -o off.png --log log
+has log '"skipped".*"table removal".*off by --remove-table off'
+ok render "$data/phantom" $small -p ct-bone -o kept.png --log log
+has log '"skipped".*"table removal".*off by the preset'
+ok render "$data/phantom" $small -p ct-bone --remove-table on -o on.png
+
 # The plan, and no picture.
 ok render "$data/phantom" $small --explain
 [ -s out ] || fail "--explain prints nothing"
 ok render "$data/phantom" $small --explain -o planned.png
 [ ! -e planned.png ] || fail "--explain wrote a picture"
+
+# A secondary capture repeats with SOURCE_DATE_EPOCH, and differs from the PNG by its 8 bits alone.
+SOURCE_DATE_EPOCH=1700000000
+export SOURCE_DATE_EPOCH
+ok render "$data/phantom" $small -o a.dcm
+ok render "$data/phantom" $small -o again.dcm
+cmp a.dcm again.dcm || fail "a .dcm does not repeat"
+run compare a.dcm a.png
+[ $code = 1 ] || fail "a picture of 8 bits equals one of 16"
+has out '^share +0 of'
+for compression in rle jpeg-lossless; do
+    ok render "$data/phantom" $small -o $compression.dcm --compress $compression
+    ok compare a.dcm $compression.dcm
+done
+ok render "$data/phantom" $small -o warned.png --new-uids
+has err 'warning: .*--new-uids.* there is none'
 
 # What this build lacks is refused, never ignored.
 refused 2 '--send: not in this build' render "$data/phantom" -o x.dcm --send A@localhost:104

@@ -16,3 +16,12 @@ ok render "$data/phantom" $small --rotation 2 -o folder.x/r.exr
 rm head-000.png head-001.png
 refused 5 "head-002.png" render "$data/phantom" $small --rotation 3 -o new.png -o head.png
 [ ! -e new-000.png ] || fail "work was done before the refusal"
+
+# One multi-frame object; its first frame is the view itself.
+ok render "$data/phantom" $small --rotation 4 --view 10,20 -o turn.dcm
+ok render "$data/phantom" $small --view 10,20 -o first.dcm
+ok compare turn.dcm first.dcm
+if command -v dcmdump >/dev/null; then
+    dcmdump +P NumberOfFrames turn.dcm | grep -q '\[4\]' || fail "not 4 frames"
+fi
+refused 2 '--rotation 9999: the frames' render "$data/phantom" --size 8000x8000 --rotation 9999 -o big.dcm
