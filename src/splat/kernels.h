@@ -79,5 +79,7 @@ typedef struct CtsKernels {
 
 /* cpu: CPU flags that may be used. */
 void cts_kernels_init(CtsKernels *kernels, unsigned cpu);
+/* Replaces kernels by vector code; does nothing where that was not built. */
+void cts_kernels_init_avx2(CtsKernels *kernels);
 
 #endif
