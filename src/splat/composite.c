@@ -95,11 +95,9 @@ static void note_depth(const CtsCompositor *c, const CtsPlane *plane, int y, int
     }
 }
 
-static void composite_span(CtsCompositor *c, const CtsPlane *plane, int y, int xa, int xb)
+static void composite_open(CtsCompositor *c, const CtsPlane *plane, int y, int xa, int xb)
 {
     const int n = xb - xa;
-    if (n <= 0)
-        return;
     cts_raster_fill(&c->row, xa, xb);
     CtsPlaces places;
     for (int axis = 0; axis < 2; axis++) {
@@ -113,12 +111,22 @@ static void composite_span(CtsCompositor *c, const CtsPlane *plane, int y, int x
     float *pixels = c->picture->pixels + 4 * ((size_t)y * (size_t)c->picture->width + (size_t)xa);
     const bool timed = (y & 15) == 0;
     const double start_ms = timed ? cts_wall_ms() : 0;
-    if (plane->light)
-        c->kernels->light(pixels, c->grey, n, plane->entries, &places, plane->light);
-    else
-        c->kernels->blend(pixels, c->grey, n, plane->entries);
+    const bool closed = plane->light ? c->kernels->light(pixels, c->grey, n, plane->entries, &places, plane->light)
+                                     : c->kernels->blend(pixels, c->grey, n, plane->entries);
+    if (closed && c->hidden)
+        cts_hidden_update(c->hidden, c->picture->pixels, y, xa, xb);
     if (timed)
         c->timed_blend_ms += cts_wall_ms() - start_ms;
+}
+
+static void composite_span(CtsCompositor *c, const CtsPlane *plane, int y, int xa, int xb)
+{
+    while (xa < xb) {
+        const int past = c->hidden ? cts_hidden_next_open(c->hidden, y, &xa, xb) : xb;
+        if (xa < past)
+            composite_open(c, plane, y, xa, past);
+        xa = past;
+    }
 }
 
 static int tile_lattice(const CtsCompositor *c, int axis)

@@ -3,6 +3,7 @@
 #define CTS_SPLAT_COMPOSITE_H
 
 #include "ctsplat/picture.h"
+#include "splat/hidden.h"
 #include "splat/raster.h"
 #include "splat/tiles.h"
 #include "transfer/lut.h"
@@ -35,6 +36,7 @@ typedef struct CtsCompositor {
     const CtsKernels *kernels;
     CtsTiles tiles;
     CtsPicture *picture; /* red, green, blue and, until the end, transmittance */
+    CtsHidden *hidden;   /* NULL: look at all pixels, also behind opaque ones */
     CtsRasterRow row;
     uint16_t *grey;
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */

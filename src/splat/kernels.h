@@ -5,13 +5,14 @@
 
 #include "splat/footprint.h"
 #include "splat/shade.h"
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 enum { CTS_SHEET_MARGIN = 2 * CTS_MAX_TAPS }; /* lattice points beside a sheet row that kernels may touch */
 
-/* Below this a ray's transmittance counts as 0: what is left is a 256th of a step of a 16-bit picture. */
-#define CTS_OPAQUE_BELOW 0x1p-24f
+/* Below this a ray's transmittance counts as 0: what is left is an eighth of a step of a 16-bit picture. */
+#define CTS_OPAQUE_BELOW 0x1p-19f
 
 /* Where footprints go: sheet is the lattice row of tap row tap0 at the column of voxel 0's first tap. Arithmetic is
  * modulo 2^32. Values added are value[i] - old[i], or value[i] - base where old is NULL. */
@@ -24,7 +25,8 @@ typedef struct CtsScatter {
     uint32_t base;
 } CtsScatter;
 
-/* Where a picture row's samples fall on the lattice: cell and fraction along u and v, for each pixel. */
+/* Where a picture row's samples fall on the lattice: cell and fraction along u and v, for each pixel. Cells never fall,
+ * or never rise, from pixel to pixel. */
 typedef struct CtsPlaces {
     const int32_t *cell[2];
     const float *frac[2];
@@ -62,14 +64,16 @@ typedef struct CtsKernels {
     void (*mark)(const uint16_t *value, const uint16_t *old, uint16_t base, int n, uint64_t *marks);
     /* low[i], high[i] become the smallest and largest of themselves and value[i]. */
     void (*widen)(const uint16_t *value, int n, uint16_t *low, uint16_t *high);
-    /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, held within 0..last. */
+    /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, held within 0..last. May write what
+     * it likes up to the next multiple of 8. */
     void (*place)(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac);
-    /* Nearest grey levels of n samples, bilinear. */
+    /* Nearest grey levels of n samples, bilinear. May sample, and so must be able to, up to the next multiple of 8. */
     void (*sample)(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey);
-    /* Blend n samples under n pixels of red, green, blue and transmittance, unlit. */
-    void (*blend)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries);
+    /* Blend n samples under n pixels of red, green, blue and transmittance, unlit. True when it may have changed any.
+     */
+    bool (*blend)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries);
     /* The same, lit. */
-    void (*light)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
+    bool (*light)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
                   const CtsLight *light);
     /* Differences at n voxels of a row, doubled: u from the row itself (one-sided at its ends), v and k as rows
      * after - before times their scale (1 inside, 2 at a border, 0 where there is one layer). */

@@ -5,6 +5,7 @@
 
 #include "splat/kernels_one.h"
 #include <immintrin.h>
+#include <stdbool.h>
 #include <string.h>
 
 #define INLINE static inline __attribute__((always_inline))
@@ -138,8 +139,7 @@ static void place_avx2(double base, double by_x, int last, int x0, int n, int32_
     const __m256d base4 = _mm256_set1_pd(base), by_x4 = _mm256_set1_pd(by_x);
     const __m256d last_cell = _mm256_set1_pd(last > 1 ? last - 1 : 0);
     const __m128 last_frac = _mm_set1_ps(last > 0 ? 1 : 0);
-    int i = 0;
-    for (; i + 4 <= n; i += 4) {
+    for (int i = 0; i < n; i += 4) {
         const __m128i x = _mm_add_epi32(_mm_set1_epi32(x0 + i), _mm_set_epi32(3, 2, 1, 0));
         const __m256d at = _mm256_add_pd(base4, _mm256_mul_pd(by_x4, _mm256_cvtepi32_pd(x)));
         const __m256d down = _mm256_min_pd(_mm256_max_pd(_mm256_floor_pd(at), _mm256_setzero_pd()), last_cell);
@@ -147,18 +147,22 @@ static void place_avx2(double base, double by_x, int last, int x0, int n, int32_
         _mm_storeu_si128((__m128i *)(cell + i), _mm256_cvttpd_epi32(down));
         _mm_storeu_ps(frac + i, _mm_min_ps(last_frac, _mm_max_ps(_mm_setzero_ps(), f)));
     }
-    for (; i < n; i++)
-        cts_one_place(base, by_x, last, x0 + i, cell + i, frac + i);
 }
 
-/* Two lattice neighbours of each of eight samples. Lanes are loaded 0 1 4 5 and 2 3 6 7, so that one shuffle within
- * 128-bit halves puts them in order. */
-INLINE void load_pairs(const uint32_t *sheet, __m256i at, __m256 *left, __m256 *right)
+/* Two lattice neighbours of each of eight samples. Lanes are loaded as 0 1 4 5 and 2 3 6 7, so that one shuffle within
+ * 128-bit halves puts them in order; eight-byte loads do better than gathers. */
+INLINE __m256i load_four(const uint32_t *sheet, int32_t a, int32_t b, int32_t c, int32_t d)
 {
-    const long long *pairs = (const long long *)sheet;
-    const __m256i order = _mm256_permutevar8x32_epi32(at, _mm256_setr_epi32(0, 1, 4, 5, 2, 3, 6, 7));
-    const __m256i a = _mm256_i32gather_epi64(pairs, _mm256_castsi256_si128(order), 4);
-    const __m256i b = _mm256_i32gather_epi64(pairs, _mm256_extracti128_si256(order, 1), 4);
+    const __m128i low = _mm_unpacklo_epi64(_mm_loadl_epi64((const __m128i *)(sheet + a)),
+                                           _mm_loadl_epi64((const __m128i *)(sheet + b)));
+    const __m128i high = _mm_unpacklo_epi64(_mm_loadl_epi64((const __m128i *)(sheet + c)),
+                                            _mm_loadl_epi64((const __m128i *)(sheet + d)));
+    return _mm256_inserti128_si256(_mm256_castsi128_si256(low), high, 1);
+}
+
+INLINE void load_pairs(const uint32_t *sheet, const int32_t at[8], __m256 *left, __m256 *right)
+{
+    const __m256i a = load_four(sheet, at[0], at[1], at[4], at[5]), b = load_four(sheet, at[2], at[3], at[6], at[7]);
     const __m256 af = _mm256_cvtepi32_ps(_mm256_srli_epi32(a, 1)), bf = _mm256_cvtepi32_ps(_mm256_srli_epi32(b, 1));
     *left = _mm256_shuffle_ps(af, bf, 0x88);
     *right = _mm256_shuffle_ps(af, bf, 0xDD);
@@ -169,7 +173,7 @@ INLINE __m256 lerp(__m256 a, __m256 b, __m256 t)
     return _mm256_add_ps(a, _mm256_mul_ps(_mm256_sub_ps(b, a), t));
 }
 
-INLINE __m256 bilinear_8(const uint32_t *sheet, size_t stride, __m256i at, __m256 fu, __m256 fv)
+INLINE __m256 bilinear_8(const uint32_t *sheet, size_t stride, const int32_t at[8], __m256 fu, __m256 fv)
 {
     __m256 a, b, c, d;
     load_pairs(sheet, at, &a, &b);
@@ -177,15 +181,20 @@ INLINE __m256 bilinear_8(const uint32_t *sheet, size_t stride, __m256i at, __m25
     return lerp(lerp(a, b, fu), lerp(c, d, fu), fv);
 }
 
-static void sample_avx2(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey)
+/* level: the row of cells is the same for all samples, and sheets start there. */
+INLINE void sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey, bool level)
 {
     const __m256i stride = _mm256_set1_epi32((int)sheets->stride);
-    int i = 0;
-    for (; i + 8 <= n; i += 8) {
-        const __m256i u = _mm256_loadu_si256((const __m256i *)(places->cell[0] + i));
-        const __m256i v = _mm256_loadu_si256((const __m256i *)(places->cell[1] + i));
+    for (int i = 0; i < n; i += 8) {
         const __m256 fu = _mm256_loadu_ps(places->frac[0] + i), fv = _mm256_loadu_ps(places->frac[1] + i);
-        const __m256i at = _mm256_add_epi32(_mm256_mullo_epi32(v, stride), u);
+        const int32_t *at = places->cell[0] + i;
+        int32_t oblique[8];
+        if (!level) {
+            const __m256i v = _mm256_loadu_si256((const __m256i *)(places->cell[1] + i));
+            const __m256i u = _mm256_loadu_si256((const __m256i *)at);
+            _mm256_storeu_si256((__m256i *)oblique, _mm256_add_epi32(_mm256_mullo_epi32(v, stride), u));
+            at = oblique;
+        }
         __m256 value = bilinear_8(sheets->first, sheets->stride, at, fu, fv);
         if (sheets->second) {
             const __m256 other = bilinear_8(sheets->second, sheets->stride, at, fu, fv);
@@ -196,50 +205,73 @@ static void sample_avx2(const CtsSheetPair *sheets, const CtsPlaces *places, int
         _mm_storeu_si128((__m128i *)(grey + i),
                          _mm_packus_epi32(_mm256_castsi256_si128(whole), _mm256_extracti128_si256(whole, 1)));
     }
-    for (; i < n; i++)
-        grey[i] = cts_one_sample(sheets, places, i);
 }
 
-/* Bit i: grey level i of eight lies within the levels that may show. */
-INLINE unsigned shown_8(const uint16_t *grey, const CtsEntries *entries)
+static void sample_avx2(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey)
+{
+    const int32_t row = places->cell[1][0];
+    if (places->cell[1][n - 1] != row) {
+        sample_row(sheets, places, n, grey, false);
+        return;
+    }
+    CtsSheetPair rows = *sheets;
+    rows.first += (size_t)row * sheets->stride;
+    if (rows.second)
+        rows.second += (size_t)row * sheets->stride;
+    sample_row(&rows, places, n, grey, true);
+}
+
+/* Bit i: grey level i of eight, of which n count, lies within the levels that may show. */
+INLINE unsigned shown_8(const uint16_t *grey, int n, const CtsEntries *entries)
 {
     const __m128i range = _mm_set1_epi16((short)(entries->high - entries->low));
     const __m128i above = _mm_sub_epi16(_mm_loadu_si128((const __m128i *)grey), _mm_set1_epi16((short)entries->low));
     const __m128i shown = _mm_cmpeq_epi16(_mm_min_epu16(above, range), above);
-    return (unsigned)_mm_movemask_epi8(_mm_packs_epi16(shown, _mm_setzero_si128()));
+    const unsigned bits = (unsigned)_mm_movemask_epi8(_mm_packs_epi16(shown, _mm_setzero_si128()));
+    return n < 8 ? bits & ((1u << n) - 1) : bits;
 }
 
-/* Two pixels at once: add transmittance times entry, then let what is left of almost nothing be nothing. */
-INLINE void blend_pair(float *pixels, __m256 entry)
+/* Add transmittance times entry, then let what is left of almost nothing be nothing. Returns whether that closed it. */
+INLINE bool blend_one(float *pixel, __m128 entry)
 {
-    const __m256 floor = _mm256_setr_ps(-INFINITY, -INFINITY, -INFINITY, CTS_OPAQUE_BELOW, -INFINITY, -INFINITY,
-                                        -INFINITY, CTS_OPAQUE_BELOW);
-    const __m256 old = _mm256_loadu_ps(pixels);
-    const __m256 new = _mm256_add_ps(old, _mm256_mul_ps(_mm256_permute_ps(old, 0xFF), entry));
-    _mm256_storeu_ps(pixels, _mm256_and_ps(new, _mm256_cmp_ps(new, floor, _CMP_GE_OQ)));
+    const __m128 floor = _mm_setr_ps(-INFINITY, -INFINITY, -INFINITY, CTS_OPAQUE_BELOW);
+    const __m128 old = _mm_loadu_ps(pixel);
+    const __m128 new = _mm_add_ps(old, _mm_mul_ps(_mm_permute_ps(old, 0xFF), entry));
+    const __m128 open = _mm_cmpge_ps(new, floor);
+    _mm_storeu_ps(pixel, _mm_and_ps(new, open));
+    return _mm_movemask_ps(_mm_andnot_ps(open, _mm_cmpgt_ps(old, _mm_setzero_ps()))) >> 3;
 }
 
-INLINE __m256 load_two(const float *a, const float *b)
+/* A row of samples cut into bits: which of 64 may show. The pixels that they fall on are asked for early. */
+INLINE uint64_t shown_64(const float *pixels, const uint16_t *grey, int n, const CtsEntries *entries)
 {
-    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(a)), _mm_loadu_ps(b), 1);
-}
-
-static void blend_avx2(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries)
-{
-    int i = 0;
-    if (entries->low > entries->high)
-        return;
-    for (; i + 8 <= n; i += 8) {
-        const unsigned shown = shown_8(grey + i, entries);
-        if (!shown)
-            continue;
-        for (int p = 0; p < 8; p += 2)
-            if (shown >> p & 3)
-                blend_pair(pixels + 4 * (size_t)(i + p),
-                           load_two(entries->entry[grey[i + p]], entries->entry[grey[i + p + 1]]));
+    uint64_t all = 0;
+    for (int i = 0; i < 64 && i < n; i += 8) {
+        const uint64_t shown = shown_8(grey + i, n - i, entries);
+        all |= shown << i;
+        if (shown & 0x0F)
+            _mm_prefetch((const char *)(pixels + 4 * (size_t)i), _MM_HINT_T0);
+        if (shown & 0xF0)
+            _mm_prefetch((const char *)(pixels + 4 * (size_t)i + 16), _MM_HINT_T0);
     }
-    for (; i < n; i++)
-        cts_one_blend(pixels, grey, i, entries);
+    return all;
+}
+
+static bool blend_avx2(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries)
+{
+    bool closed = false;
+    if (entries->low > entries->high)
+        return false;
+    uint64_t next = shown_64(pixels, grey, n, entries);
+    for (int i = 0; i < n; i += 64) {
+        uint64_t shown = next;
+        next = i + 64 < n ? shown_64(pixels + 4 * (size_t)(i + 64), grey + i + 64, n - i - 64, entries) : 0;
+        for (; shown; shown &= shown - 1) {
+            const int at = i + __builtin_ctzll(shown);
+            closed |= blend_one(pixels + 4 * (size_t)at, _mm_load_ps(entries->entry[grey[at]]));
+        }
+    }
+    return closed;
 }
 
 /* Gradients of eight samples, as three vectors. */
@@ -251,6 +283,11 @@ typedef struct Places8 {
     int32_t voxel[8];
     float fu[8], fv[8];
 } Places8;
+
+INLINE __m256 load_two(const float *a, const float *b)
+{
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(a)), _mm_loadu_ps(b), 1);
+}
 
 INLINE __m256 two_of(const float *a, const float *b)
 {
@@ -315,64 +352,88 @@ INLINE void factors_8(const CtsShade *s, __m256 facing, float colour[8], float w
     _mm256_storeu_ps(white, _mm256_and_ps(mul(_mm256_set1_ps(s->specular), power), some));
 }
 
-INLINE void place_8(Places8 *p, const CtsPlaces *places, int i, const CtsLight *light)
+/* Voxels and fractions of eight pixels, each by its own place in the row. */
+INLINE void place_8(Places8 *p, const CtsPlaces *places, const int pixel[8], const CtsLight *light)
 {
+    int32_t cells[2][8];
+    float fracs[2][8];
+    for (int axis = 0; axis < 2; axis++)
+        for (int k = 0; k < 8; k++) {
+            cells[axis][k] = places->cell[axis][pixel[k]];
+            fracs[axis][k] = places->frac[axis][pixel[k]];
+        }
     __m256i voxel[2];
     for (int axis = 0; axis < 2; axis++) {
         const int shift = light->shift[axis];
-        const __m256i cell = _mm256_loadu_si256((const __m256i *)(places->cell[axis] + i));
+        const __m256i cell = _mm256_loadu_si256((const __m256i *)cells[axis]);
         voxel[axis] = _mm256_srai_epi32(cell, shift);
         const __m256 inside = _mm256_cvtepi32_ps(_mm256_sub_epi32(cell, _mm256_slli_epi32(voxel[axis], shift)));
-        const __m256 frac =
-            mul(add(inside, _mm256_loadu_ps(places->frac[axis] + i)), _mm256_set1_ps(1.0f / (float)(1 << shift)));
+        const __m256 frac = mul(add(inside, _mm256_loadu_ps(fracs[axis])), _mm256_set1_ps(1.0f / (float)(1 << shift)));
         _mm256_storeu_ps(axis ? p->fv : p->fu, frac);
     }
     const __m256i row = _mm256_mullo_epi32(voxel[1], _mm256_set1_epi32((int)light->stride));
     _mm256_storeu_si256((__m256i *)p->voxel, _mm256_add_epi32(row, voxel[0]));
 }
 
-/* Two entries lit: colour times colour factor plus alpha times white; the fourth stays. */
-INLINE __m256 lit_pair(__m256 entry, const float *colour, const float *white)
+/* Colour times the colour factor plus alpha times white; the fourth stays. */
+INLINE __m128 lit_entry(__m128 entry, float colour, float white)
 {
-    const __m256 ones = _mm256_set1_ps(1), zeros = _mm256_setzero_ps();
-    const __m256 factor = _mm256_blend_ps(two_of(colour, colour + 1), ones, 0x88);
-    const __m256 whites = _mm256_blend_ps(two_of(white, white + 1), zeros, 0x88);
-    const __m256 alpha = _mm256_xor_ps(_mm256_permute_ps(entry, 0xFF), _mm256_set1_ps(-0.0f));
-    return add(mul(entry, factor), mul(alpha, whites));
+    const __m128 factor = _mm_blend_ps(_mm_set1_ps(colour), _mm_set1_ps(1), 8);
+    const __m128 whites = _mm_blend_ps(_mm_set1_ps(white), _mm_setzero_ps(), 8);
+    const __m128 alpha = _mm_xor_ps(_mm_permute_ps(entry, 0xFF), _mm_set1_ps(-0.0f));
+    return _mm_add_ps(_mm_mul_ps(entry, factor), _mm_mul_ps(alpha, whites));
 }
 
-static void light_avx2(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
+/* Light the n (1 to 8) pixels whose places in the row are given. */
+INLINE bool light_some(float *pixels, const uint16_t *grey, const CtsEntries *entries, const CtsPlaces *places,
+                       const CtsLight *light, int pixel[8], int n)
+{
+    Places8 p;
+    float colour[8], white[8];
+    for (int k = n; k < 8; k++)
+        pixel[k] = pixel[0];
+    place_8(&p, places, pixel, light);
+    Gradient8 g = gradient_8(light->first, light->stride, &p);
+    if (light->second) {
+        const Gradient8 h = gradient_8(light->second, light->stride, &p);
+        for (int c = 0; c < 3; c++)
+            g.g[c] = lerp(g.g[c], h.g[c], _mm256_set1_ps(light->weight));
+    }
+    factors_8(light->shade, facing_8(light->shade, &g), colour, white);
+    bool closed = false;
+    for (int k = 0; k < n; k++)
+        closed |= blend_one(pixels + 4 * (size_t)pixel[k],
+                            lit_entry(_mm_load_ps(entries->entry[grey[pixel[k]]]), colour[k], white[k]));
+    return closed;
+}
+
+/* Few of a row's samples are seen and not yet hidden: those are picked out first, so that eight of them fill a vector.
+ */
+static bool light_avx2(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
                        const CtsLight *light)
 {
-    int i = 0;
+    int pixel[72], n_pixels = 0;
+    bool closed = false;
     if (entries->low > entries->high)
-        return;
-    for (; i + 8 <= n; i += 8) {
-        const unsigned shown = shown_8(grey + i, entries);
-        float *pixel = pixels + 4 * (size_t)i;
-        float left = 0;
-        for (unsigned bits = shown; bits; bits &= bits - 1)
-            left += pixel[4 * __builtin_ctz(bits) + 3];
-        if (left == 0)
-            continue;
-        Places8 p;
-        float colour[8], white[8];
-        place_8(&p, places, i, light);
-        Gradient8 g = gradient_8(light->first, light->stride, &p);
-        if (light->second) {
-            const Gradient8 h = gradient_8(light->second, light->stride, &p);
-            for (int c = 0; c < 3; c++)
-                g.g[c] = lerp(g.g[c], h.g[c], _mm256_set1_ps(light->weight));
+        return false;
+    uint64_t next = shown_64(pixels, grey, n, entries);
+    for (int i = 0; i < n; i += 64) {
+        uint64_t shown = next;
+        next = i + 64 < n ? shown_64(pixels + 4 * (size_t)(i + 64), grey + i + 64, n - i - 64, entries) : 0;
+        for (; shown; shown &= shown - 1) {
+            const int at = i + __builtin_ctzll(shown);
+            pixel[n_pixels] = at;
+            n_pixels += pixels[4 * (size_t)at + 3] > 0;
         }
-        factors_8(light->shade, facing_8(light->shade, &g), colour, white);
-        for (int k = 0; k < 8; k += 2)
-            if (shown >> k & 3)
-                blend_pair(pixel + 4 * k,
-                           lit_pair(load_two(entries->entry[grey[i + k]], entries->entry[grey[i + k + 1]]), colour + k,
-                                    white + k));
+        int done = 0;
+        for (; done + 8 <= n_pixels; done += 8)
+            closed |= light_some(pixels, grey, entries, places, light, pixel + done, 8);
+        n_pixels -= done;
+        memmove(pixel, pixel + done, (size_t)n_pixels * sizeof *pixel);
     }
-    for (; i < n; i++)
-        cts_one_light(pixels, grey, i, entries, places, light);
+    if (n_pixels > 0)
+        closed |= light_some(pixels, grey, entries, places, light, pixel, n_pixels);
+    return closed;
 }
 
 /* after - before of eight grey levels. */

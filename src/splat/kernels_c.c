@@ -47,17 +47,21 @@ static void sample_c(const CtsSheetPair *sheets, const CtsPlaces *places, int n,
         grey[i] = cts_one_sample(sheets, places, i);
 }
 
-static void blend_c(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries)
+static bool blend_c(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries)
 {
+    bool closed = false;
     for (int i = 0; i < n; i++)
-        cts_one_blend(pixels, grey, i, entries);
+        closed |= cts_one_blend(pixels, grey, i, entries);
+    return closed;
 }
 
-static void light_c(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
+static bool light_c(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
                     const CtsLight *light)
 {
+    bool closed = false;
     for (int i = 0; i < n; i++)
-        cts_one_light(pixels, grey, i, entries, places, light);
+        closed |= cts_one_light(pixels, grey, i, entries, places, light);
+    return closed;
 }
 
 static void gradient_c(const uint16_t *row, const uint16_t *const before[2], const uint16_t *const after[2],

@@ -47,19 +47,23 @@ static inline uint16_t cts_one_sample(const CtsSheetPair *sheets, const CtsPlace
     return value < 65535 ? (uint16_t)value : 65535;
 }
 
-static inline void blend_pixel(float *pixel, const float entry[4])
+/* True when this made the transmittance 0. */
+static inline bool blend_pixel(float *pixel, const float entry[4])
 {
     const float transmittance = pixel[3];
     for (int c = 0; c < 4; c++)
         pixel[c] += transmittance * entry[c];
-    if (!(pixel[3] >= CTS_OPAQUE_BELOW))
-        pixel[3] = 0;
+    if (pixel[3] >= CTS_OPAQUE_BELOW)
+        return false;
+    pixel[3] = 0;
+    return transmittance > 0;
 }
 
-static inline void cts_one_blend(float *pixels, const uint16_t *grey, int i, const CtsEntries *entries)
+static inline bool cts_one_blend(float *pixels, const uint16_t *grey, int i, const CtsEntries *entries)
 {
-    if (grey[i] >= entries->low && grey[i] <= entries->high)
-        blend_pixel(pixels + 4 * (size_t)i, entries->entry[grey[i]]);
+    if (grey[i] < entries->low || grey[i] > entries->high)
+        return false;
+    return blend_pixel(pixels + 4 * (size_t)i, entries->entry[grey[i]]);
 }
 
 static inline void gradient_at(const CtsLight *light, const float (*field)[4], size_t voxel, float fu, float fv,
@@ -82,15 +86,15 @@ static inline int voxel_of(int32_t cell, float frac, int shift, float *voxel_fra
 }
 
 /* Where nothing can change the pixel, neither can this: skipping is for speed. */
-static inline void cts_one_light(float *pixels, const uint16_t *grey, int i, const CtsEntries *entries,
+static inline bool cts_one_light(float *pixels, const uint16_t *grey, int i, const CtsEntries *entries,
                                  const CtsPlaces *places, const CtsLight *light)
 {
     float *pixel = pixels + 4 * (size_t)i;
     if (grey[i] < entries->low || grey[i] > entries->high)
-        return;
+        return false;
     const float *entry = entries->entry[grey[i]];
     if (entry[3] == 0 || pixel[3] == 0)
-        return;
+        return false;
     float fu, fv, g[3], colour, white;
     const int u = voxel_of(places->cell[0][i], places->frac[0][i], light->shift[0], &fu);
     const int v = voxel_of(places->cell[1][i], places->frac[1][i], light->shift[1], &fv);
@@ -105,7 +109,7 @@ static inline void cts_one_light(float *pixels, const uint16_t *grey, int i, con
     cts_shade_factors(light->shade, cts_shade_facing(light->shade, g[0], g[1], g[2]), &colour, &white);
     const float lift = -entry[3] * white;
     const float lit[4] = {entry[0] * colour + lift, entry[1] * colour + lift, entry[2] * colour + lift, entry[3]};
-    blend_pixel(pixel, lit);
+    return blend_pixel(pixel, lit);
 }
 
 static inline void cts_one_gradient(const uint16_t *row, const uint16_t *const before[2],

@@ -4,19 +4,15 @@
 
 enum { SAMPLE_EVERY = 8, SAMPLE_AT = 3 };
 
-static bool tile_needed(const CtsVoidMap *map, int layer, int tile_v, int tile_u)
-{
-    return cts_range_visible(&map->rule, cts_void_range(map, layer, tile_v, tile_u));
-}
-
 static void sample_row(const CtsStack *stack, const CtsVoidMap *map, const uint16_t *level, int tolerance, int k,
                        int old_k, int v, CtsChangeSample *sample)
 {
     const size_t u_step = stack->axis == 0 ? (size_t)stack->n_layers : 1;
     const uint16_t *at = stack->grey + (size_t)v * stack->v_step + (size_t)k * stack->layer_step;
     const uint16_t *old = stack->grey + (size_t)v * stack->v_step + (size_t)old_k * stack->layer_step;
+    const uint8_t *shows = map ? cts_void_row(map, k, k, v / CTS_TILE) : NULL;
     for (int u = 0; u < stack->n[0]; u++, at += u_step, old += u_step) {
-        if (map && !tile_needed(map, k, v / CTS_TILE, u / CTS_TILE < map->tiles.n[0] ? u / CTS_TILE : u / CTS_TILE - 1))
+        if (shows && !shows[u / CTS_TILE < map->tiles.n[0] ? u / CTS_TILE : map->tiles.n[0] - 1])
             continue;
         const int change = level ? level[*at] - level[*old] : *at - *old;
         sample->voxels++;

@@ -7,13 +7,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BAND = 8 }; /* picture rows that one thread takes at a time */
-
 /* One thread's scratch and counts. */
 typedef struct Worker {
     CtsCompositor compositor;
-    uint64_t *marks, *changed;    /* a bit for each voxel of a row */
-    uint8_t *tiles[2], *segments; /* a byte for each tile or segment of a row */
+    uint64_t *marks, *changed; /* a bit for each voxel of a row */
+    uint8_t *above, *here;     /* by tile of the row before a band's and of its own: whether the sheet must hold it */
+    uint8_t *segments;         /* likewise, by segment of a row */
     double busy_ms[CTS_N_STAGES];
     uint64_t splatted, reused;
 } Worker;
@@ -31,20 +30,14 @@ static void gradient_row(const CtsPaperPlan *p, int k, int v, int u0, int u1, fl
                         field + (size_t)v * p->gradient_stride);
 }
 
-/* Mark the segments of a row of the sheet that must hold step s's values: those of needed tiles. */
-static void needed_segments(const CtsPaperPlan *p, Worker *w, int s, int segment)
+/* Mark the segments that needed tiles are made of: those of this row of tiles, and for its edge (or the last edge, when
+ * there is no row of tiles behind it) those of the row before too. */
+static void needed_segments(Worker *w, int n, bool edge)
 {
-    const int n = p->tiles.n[0];
-    cts_paper_needed(p, s, segment / 2, w->tiles[0]);
-    if (!(segment & 1)) {
-        cts_paper_needed(p, s, segment / 2 - 1, w->tiles[1]);
-        for (int t = 0; t < n; t++)
-            w->tiles[0][t] |= w->tiles[1][t];
-    }
-    for (int t = 0; t <= n; t++)
-        w->segments[2 * t] = (t > 0 && w->tiles[0][t - 1]) || (t < n && w->tiles[0][t]);
     for (int t = 0; t < n; t++)
-        w->segments[2 * t + 1] = w->tiles[0][t];
+        w->segments[2 * t + 1] = w->here[t] | (edge ? w->above[t] : 0);
+    for (int t = 0; t <= n; t++)
+        w->segments[2 * t] = (t > 0 && w->segments[2 * t - 1]) || (t < n && w->segments[2 * t + 1]);
 }
 
 /* Bring the needed segments of one row of segments up to date, in runs that start from the same state. */
@@ -119,8 +112,10 @@ static void splat_band(CtsPaperPlan *p, Worker *w, int s, int tile_row)
                             .n = {p->stack.n[0], p->stack.n[1]},
                             .marks = w->marks};
     const int first = 2 * tile_row, past = tile_row == p->tiles.n[1] - 1 ? first + 3 : first + 2;
+    cts_paper_needed(p, s, tile_row - 1, w->above);
+    cts_paper_needed(p, s, tile_row, w->here);
     for (int segment = first; segment < past; segment++) {
-        needed_segments(p, w, s, segment);
+        needed_segments(w, p->tiles.n[0], segment == first);
         splat_segments(p, w, &splat, segment);
         if (p->lit) {
             const double start_ms = cts_wall_ms();
@@ -131,8 +126,8 @@ static void splat_band(CtsPaperPlan *p, Worker *w, int s, int tile_row)
     if (p->reuse && !p->skip_void)
         quiet_band(p, w, tile_row, &rows, from_old ? &old_rows : NULL);
     if (p->reuse || p->skip_void) {
-        cts_paper_shown(p, s, tile_row, w->tiles[0]);
-        cts_runs_set(&p->runs, tile_row, w->tiles[0], p->tiles.n[0]);
+        cts_paper_shown(p, s, tile_row, w->here);
+        cts_runs_set(&p->runs, tile_row, w->here, p->tiles.n[0]);
     }
 }
 
@@ -157,10 +152,11 @@ static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, co
                             .entries = entries,
                             .light = p->lit ? &light : NULL,
                             .runs = p->reuse || p->skip_void ? &p->runs : NULL};
-    const int n_bands = (p->raster.height + BAND - 1) / BAND, n_threads = omp_get_num_threads();
+    const int height = p->raster.height, n_bands = (height + CTS_BLOCK_HEIGHT - 1) / CTS_BLOCK_HEIGHT;
+    const int n_threads = omp_get_num_threads();
     for (int band = omp_get_thread_num(); band < n_bands; band += n_threads) {
-        const int y0 = band * BAND, y1 = y0 + BAND < p->raster.height ? y0 + BAND : p->raster.height;
-        cts_composite_rows(&w->compositor, &plane, y0, y1);
+        const int y0 = band * CTS_BLOCK_HEIGHT, y1 = y0 + CTS_BLOCK_HEIGHT;
+        cts_composite_rows(&w->compositor, &plane, y0, y1 < height ? y1 : height);
     }
 }
 
@@ -284,15 +280,16 @@ static void report_run(const CtsPaperPlan *p, const Worker *workers, double wall
     }
 }
 
-static CtsStatus worker_init(Worker *w, const CtsPaperPlan *p, CtsError *err)
+static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
 {
     const size_t n_words = (size_t)p->stack.n[0] / 64 + 1, n_tiles = (size_t)p->tiles.n[0];
     CtsStatus st;
     if ((st = cts_compositor_init(&w->compositor, &p->kernels, &p->tiles, &p->raster, &p->scene->view, p->scene->volume,
                                   p->picture, err)) ||
         (st = cts_alloc_array(&w->marks, n_words, err)) || (st = cts_alloc_array(&w->changed, n_words, err)) ||
-        (st = cts_alloc_array(&w->tiles[0], n_tiles, err)) || (st = cts_alloc_array(&w->tiles[1], n_tiles, err)))
+        (st = cts_alloc_array(&w->above, n_tiles, err)) || (st = cts_alloc_array(&w->here, n_tiles, err)))
         return st;
+    w->compositor.hidden = p->skip_void ? &p->hidden : NULL;
     return cts_alloc_array(&w->segments, (size_t)p->tiles.n_segments[0], err);
 }
 
@@ -301,8 +298,8 @@ static void worker_free(Worker *w)
     cts_compositor_free(&w->compositor);
     cts_free(&w->marks);
     cts_free(&w->changed);
-    cts_free(&w->tiles[0]);
-    cts_free(&w->tiles[1]);
+    cts_free(&w->above);
+    cts_free(&w->here);
     cts_free(&w->segments);
 }
 

@@ -139,6 +139,8 @@ static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
     for (int i = 0; i < 3 && (p->tolerance > 0 || p->rule.level); i++)
         if ((st = cts_alloc_zeroed(&p->settled[i], n_layer, err)))
             return st;
+    if (p->skip_void && (st = cts_hidden_init(&p->hidden, &p->raster, err)))
+        return st;
     return p->reuse || p->skip_void ? cts_runs_init(&p->runs, &p->tiles, err) : CTS_OK;
 }
 
@@ -182,33 +184,37 @@ void cts_paper_plan_free(CtsPaperPlan *p)
     }
     for (int i = 0; i < 3; i++)
         cts_free(&p->settled[i]);
+    cts_hidden_free(&p->hidden);
     cts_runs_free(&p->runs);
     cts_void_map_free(&p->map);
     cts_shade_free(&p->shade);
     cts_stack_free(&p->stack);
 }
 
+/* Drop tiles that only opaque pixels look at. */
+static void drop_hidden(const CtsPaperPlan *p, int step, int tile_v, uint8_t *tiles)
+{
+    const int k = cts_paper_layer(p, step);
+    const double spread = p->samples > 1 ? 1 : 0;
+    for (int t = 0; t < p->tiles.n[0]; t++)
+        if (tiles[t])
+            tiles[t] = !cts_hidden_tile(&p->hidden, &p->raster, &p->tiles, k, spread, t, tile_v);
+}
+
 void cts_paper_needed(const CtsPaperPlan *p, int step, int tile_v, uint8_t *needed)
 {
-    const int n = p->tiles.n[0], last = p->stack.n_layers - 1;
+    const int n = p->tiles.n[0], last = p->stack.n_layers - 1, here = cts_paper_layer(p, step);
     if (!p->skip_void || tile_v < 0 || tile_v >= p->tiles.n[1]) {
         memset(needed, !p->skip_void, (size_t)n);
         return;
     }
-    const int here = cts_paper_layer(p, step);
-    if (p->samples == 1 || last == 0) {
-        cts_void_row(&p->map, here, here, tile_v, needed);
-        return;
-    }
-    memset(needed, 0, (size_t)n);
-    for (int side = -1; side <= 1; side += 2) {
-        if (step + side < 0 || step + side > last)
-            continue;
-        const int other = cts_paper_layer(p, step + side);
+    memcpy(needed, cts_void_row(&p->map, here, step > 0 ? cts_paper_layer(p, step - 1) : here, tile_v), (size_t)n);
+    if (p->samples > 1 && step < last) {
+        const uint8_t *behind = cts_void_row(&p->map, here, cts_paper_layer(p, step + 1), tile_v);
         for (int t = 0; t < n; t++)
-            needed[t] |= cts_range_visible(&p->map.rule, cts_range_union(cts_void_range(&p->map, here, tile_v, t),
-                                                                         cts_void_range(&p->map, other, tile_v, t)));
+            needed[t] |= behind[t];
     }
+    drop_hidden(p, step, tile_v, needed);
 }
 
 /* Tiles of which nothing is known, or something that shows. */
@@ -228,7 +234,7 @@ void cts_paper_shown(const CtsPaperPlan *p, int step, int tile_v, uint8_t *shown
         loud_tiles(p, step, tile_v, shown);
         return;
     }
-    const int here = cts_paper_layer(p, step);
-    const int before = p->samples > 1 && step > 0 ? cts_paper_layer(p, step - 1) : here;
-    cts_void_row(&p->map, here, before, tile_v, shown);
+    const int here = cts_paper_layer(p, step), before = cts_paper_layer(p, step > 0 ? step - 1 : 0);
+    memcpy(shown, cts_void_row(&p->map, here, before, tile_v), (size_t)p->tiles.n[0]);
+    drop_hidden(p, step, tile_v, shown);
 }

@@ -30,6 +30,7 @@ typedef struct CtsPaperPlan {
     bool skip_void, reuse; /* the paper's two savings */
     CtsRangeRule rule;
     CtsVoidMap map;     /* with skip_void */
+    CtsHidden hidden;   /* with skip_void */
     CtsQuiet *quiet[2]; /* reuse without skip_void: tiles of each sheet */
     CtsRuns runs;       /* with either: what to composite */
 

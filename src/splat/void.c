@@ -111,34 +111,32 @@ static void map_tile_across(CtsVoidMap *map, const CtsStack *stack, const CtsKer
         out[(size_t)layer * n_tiles] = (CtsTileRange){s->low[layer], s->high[layer]};
 }
 
-static void map_box(CtsVoidMap *map, int layer, int n_layers, bool slabs, uint8_t *active)
+static void map_shows(CtsVoidMap *map, int layer, int n_layers)
+{
+    const size_t n_tiles = (size_t)map->tiles.n[0] * (size_t)map->tiles.n[1], at = (size_t)layer * n_tiles;
+    const size_t next = map->slabs && layer < n_layers - 1 ? n_tiles : 0;
+    for (size_t t = at; t < at + n_tiles; t++)
+        map->shows[t] = cts_range_visible(&map->rule, cts_range_union(map->range[t], map->range[t + next]));
+}
+
+static void widen_box(const CtsVoidMap *map, int layer, int box[4])
 {
     const CtsTiles *tiles = &map->tiles;
-    int *box = map->box[layer];
-    box[0] = tiles->n[0];
-    box[1] = tiles->n[1];
-    box[2] = box[3] = 0;
-    for (int side = slabs ? -1 : 0; side <= slabs; side++) {
-        const int other = layer + side;
-        if (other < 0 || other >= n_layers || (slabs && side == 0))
+    for (int v = 0; v < tiles->n[1]; v++) {
+        const uint8_t *row = cts_void_row(map, layer, layer, v);
+        const uint8_t *first = memchr(row, 1, (size_t)tiles->n[0]);
+        if (!first)
             continue;
-        for (int v = 0; v < tiles->n[1]; v++) {
-            cts_void_row(map, layer, other, v, active);
-            const uint8_t *first = memchr(active, 1, (size_t)tiles->n[0]);
-            if (!first)
-                continue;
-            const uint8_t *last = memrchr(active, 1, (size_t)tiles->n[0]);
-            const int u0 = (int)(first - active), u1 = (int)(last - active) + 1;
-            box[0] = u0 < box[0] ? u0 : box[0];
-            box[2] = u1 > box[2] ? u1 : box[2];
-            box[1] = v < box[1] ? v : box[1];
-            box[3] = v + 1 > box[3] ? v + 1 : box[3];
-        }
+        const uint8_t *last = memrchr(row, 1, (size_t)tiles->n[0]);
+        const int u0 = (int)(first - row), u1 = (int)(last - row) + 1;
+        box[0] = u0 < box[0] ? u0 : box[0];
+        box[2] = u1 > box[2] ? u1 : box[2];
+        box[1] = v < box[1] ? v : box[1];
+        box[3] = v + 1 > box[3] ? v + 1 : box[3];
     }
 }
 
-static void map_all(CtsVoidMap *map, const CtsStack *stack, const CtsKernels *kernels, bool slabs, Scratch *s,
-                    uint8_t *active)
+static void map_all(CtsVoidMap *map, const CtsStack *stack, const CtsKernels *kernels, Scratch *s)
 {
     const CtsTiles *tiles = &map->tiles;
     if (stack->axis == 0) {
@@ -152,7 +150,17 @@ static void map_all(CtsVoidMap *map, const CtsStack *stack, const CtsKernels *ke
     }
 #pragma omp for schedule(dynamic, 4)
     for (int layer = 0; layer < stack->n_layers; layer++)
-        map_box(map, layer, stack->n_layers, slabs && stack->n_layers > 1, active);
+        map_shows(map, layer, stack->n_layers);
+#pragma omp for schedule(dynamic, 4)
+    for (int layer = 0; layer < stack->n_layers; layer++) {
+        int *box = map->box[layer];
+        box[0] = tiles->n[0];
+        box[1] = tiles->n[1];
+        box[2] = box[3] = 0;
+        widen_box(map, layer, box);
+        if (map->slabs && layer > 0)
+            widen_box(map, layer - 1, box);
+    }
 }
 
 CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsTiles *tiles, const CtsRangeRule *rule,
@@ -161,38 +169,27 @@ CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsTile
     const int n = stack->axis == 0 ? stack->n_layers : stack->n[0];
     const size_t n_tiles = (size_t)tiles->n[0] * (size_t)tiles->n[1], padded = ((size_t)n + 31) / 32 * 32;
     uint16_t *rows = NULL;
-    uint8_t *bytes = NULL;
     CtsStatus st;
-    *map = (CtsVoidMap){.tiles = *tiles, .rule = *rule};
+    *map = (CtsVoidMap){.tiles = *tiles, .rule = *rule, .slabs = slabs && stack->n_layers > 1};
     if ((st = cts_alloc_array(&map->range, n_tiles * (size_t)stack->n_layers, err)) ||
         (st = cts_alloc_array(&map->box, (size_t)stack->n_layers, err)) ||
-        (st = cts_alloc_array(&rows, 3 * padded * (size_t)n_threads, err)) ||
-        (st = cts_alloc_array(&bytes, (size_t)tiles->n[0] * (size_t)n_threads, err)))
+        (st = cts_alloc_array(&map->shows, n_tiles * (size_t)stack->n_layers, err)) ||
+        (st = cts_alloc_array(&rows, 3 * padded * (size_t)n_threads, err)))
         goto end;
 #pragma omp parallel num_threads(n_threads)
     {
         uint16_t *mine = rows + 3 * padded * (size_t)omp_get_thread_num();
         Scratch s = {.low = mine, .high = mine + padded, .row = mine + 2 * padded, .n = n};
-        map_all(map, stack, kernels, slabs, &s, bytes + (size_t)tiles->n[0] * (size_t)omp_get_thread_num());
+        map_all(map, stack, kernels, &s);
     }
 end:
     cts_free(&rows);
-    cts_free(&bytes);
     return st;
 }
 
 void cts_void_map_free(CtsVoidMap *map)
 {
     cts_free(&map->range);
+    cts_free(&map->shows);
     cts_free(&map->box);
-}
-
-void cts_void_row(const CtsVoidMap *map, int a, int b, int tile_v, uint8_t *active)
-{
-    for (int u = 0; u < map->tiles.n[0]; u++) {
-        CtsTileRange range = cts_void_range(map, a, tile_v, u);
-        if (b != a)
-            range = cts_range_union(range, cts_void_range(map, b, tile_v, u));
-        active[u] = cts_range_visible(&map->rule, range);
-    }
 }

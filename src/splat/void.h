@@ -39,22 +39,23 @@ CtsTileRange cts_tile_range(const CtsTiles *tiles, const CtsRangeRule *rule, int
 typedef struct CtsVoidMap {
     CtsTiles tiles;
     CtsRangeRule rule;
+    bool slabs;          /* planes between layers are sampled too */
     CtsTileRange *range; /* by layer, tile row, tile */
-    int (*box)[4];       /* by layer: first tile of u and v, one past the last; empty: [2] is 0 */
+    uint8_t *shows; /* likewise: 1 where the layer, or with slabs what lies between it and the next of the volume, may
+                     * show something */
+    int (*box)[4];  /* by layer: first tile of u and v, one past the last; empty: [2] is 0 */
 } CtsVoidMap;
 
-/* slabs: planes between layers are sampled too, so that a layer is needed where it makes up a visible slab. */
 CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsTiles *tiles, const CtsRangeRule *rule,
                            const CtsKernels *kernels, bool slabs, int n_threads, CtsError *err);
 void cts_void_map_free(CtsVoidMap *map);
 
-static inline CtsTileRange cts_void_range(const CtsVoidMap *map, int layer, int tile_v, int tile_u)
+/* A byte for each tile of a row: 1 where the planes from layer a to its neighbour b (a == b: that layer) may show
+ * something. */
+static inline const uint8_t *cts_void_row(const CtsVoidMap *map, int a, int b, int tile_v)
 {
-    return map
-        ->range[((size_t)layer * (size_t)map->tiles.n[1] + (size_t)tile_v) * (size_t)map->tiles.n[0] + (size_t)tile_u];
+    const int layer = map->slabs && b < a ? b : a;
+    return map->shows + ((size_t)layer * (size_t)map->tiles.n[1] + (size_t)tile_v) * (size_t)map->tiles.n[0];
 }
-
-/* A byte for each tile of a row: 1 where the planes from layer a to layer b (a == b: that layer) may show something. */
-void cts_void_row(const CtsVoidMap *map, int a, int b, int tile_v, uint8_t *active);
 
 #endif
