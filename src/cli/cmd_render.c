@@ -164,6 +164,21 @@ static CtsStatus render_frame(Job *job, int frame, CtsError *err)
     return write_frame(job, frame, err);
 }
 
+/* What --explain tells: the task, the engine's plan, and what is left out with its reason. */
+static void print_plan(const Job *job)
+{
+    const CtsRenderSettings *s = &job->settings;
+    const CtsMode mode = s->mode >= 0 ? (CtsMode)s->mode : job->preset->mode;
+    printf("preset %s, mode %s, engine %s, kernel %s\n", job->preset->name, cts_mode_names[mode],
+           cts_engine_names[s->engine], cts_kernel_names[s->kernel]);
+    printf("%d x %d pixels, azimuth %g, elevation %g degrees", s->width, s->height, s->azimuth_deg, s->elevation_deg);
+    if (job->n_frames > 1)
+        printf(", and %d more views of a rotation", job->n_frames - 1);
+    printf("\n%s", job->report.plan ? job->report.plan : "");
+    for (size_t i = 0; i < job->report.n_skips; i++)
+        printf("left out: %s: %s\n", job->report.skips[i].what, job->report.skips[i].why);
+}
+
 static void print_verified(const CtsVerified *v)
 {
     if (!v->pixels)
@@ -199,12 +214,14 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
     cli_interrupt_asks();
     if (st || (st = cli_interrupted(err)))
         goto end;
-    for (int frame = 0; frame < job.n_frames && !st; frame++)
+    /* The plan of one view stands for all of a rotation. */
+    const int n_frames = options->render.explain ? 1 : job.n_frames;
+    for (int frame = 0; frame < n_frames && !st; frame++)
         st = render_frame(&job, frame, err);
     job.report.verified = job.verified;
     cli_progress_clear();
-    if (!st && options->render.explain && job.report.plan)
-        fputs(job.report.plan, stdout);
+    if (!st && options->render.explain)
+        print_plan(&job);
     else if (!st)
         print_verified(&job.verified);
 end:

@@ -61,7 +61,8 @@ ok render "$data/phantom" $small -p ct-bone --remove-table on -o on.png
 
 # The plan, and no picture.
 ok render "$data/phantom" $small --explain
-[ -s out ] || fail "--explain prints nothing"
+has out '^preset bone, mode composite, engine tiled, kernel tent$'
+has out '^left out: .*: '
 ok render "$data/phantom" $small --explain -o planned.png
 [ ! -e planned.png ] || fail "--explain wrote a picture"
 
