@@ -77,6 +77,20 @@ void cts_render_defaults(CtsRenderSettings *settings);
 CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
                      CtsPicture **picture, CtsReport *report, CtsError *err);
 
+/* Several pictures of one volume with one preset from different sides, as a rotation: what does not change from frame
+ * to frame (the transfer function's tables, block ranges, distances to what is visible, the transposed copy of the
+ * volume) is made once, and the report says what a frame did not need to make. Each frame is the picture that
+ * cts_render() makes, bit by bit. */
+typedef struct CtsRenderer CtsRenderer;
+
+/* Checks all settings. The volume must stay as it is until the end; preset and settings are copied. */
+CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, const CtsPreset *preset,
+                           const CtsRenderSettings *settings, CtsError *err);
+/* One picture, seen from here. A frame that fails may be tried again. */
+CtsStatus cts_render_frame(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, CtsPicture **picture,
+                           CtsReport *report, CtsError *err);
+void cts_render_end(CtsRenderer **renderer);
+
 #ifdef __cplusplus
 }
 #endif

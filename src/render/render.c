@@ -6,6 +6,7 @@
 #include "render/reference.h"
 #include "render/scene.h"
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 const char *const cts_engine_names[CTS_N_ENGINES] = {
@@ -21,8 +22,7 @@ const char *const cts_kernel_names[CTS_N_KERNELS] = {
 static const CtsEngine *const engines[CTS_N_ENGINES] = {
     [CTS_ENGINE_CLASSIC] = &cts_engine_classic, [CTS_ENGINE_LAYERS] = &cts_engine_layers,
     [CTS_ENGINE_VOID] = &cts_engine_void,       [CTS_ENGINE_COMBINED] = &cts_engine_combined,
-    [CTS_ENGINE_RAYCAST] = &cts_engine_raycast,
-    [CTS_ENGINE_TILED] = &cts_engine_tiled,
+    [CTS_ENGINE_RAYCAST] = &cts_engine_raycast, [CTS_ENGINE_TILED] = &cts_engine_tiled,
 };
 
 void cts_render_defaults(CtsRenderSettings *settings)
@@ -80,52 +80,127 @@ static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *e
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
 }
 
-CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *asked,
-                     CtsPicture **picture, CtsReport *report, CtsError *err)
+struct CtsRenderer {
+    const CtsVolume *volume;
+    CtsPreset preset;           /* as given */
+    CtsRenderSettings settings; /* as asked */
+    const CtsEngine *engine;
+    CtsLut *lut;
+    double lut_scale; /* extinction_scale that lut was made for */
+    void *kept;       /* the engine's */
+};
+
+CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, const CtsPreset *preset,
+                           const CtsRenderSettings *asked, CtsError *err)
 {
     CtsStatus st;
-    CtsLut *lut = NULL;
     CtsSceneStore store;
     const CtsEngine *engine = NULL;
-    *picture = NULL;
+    *renderer = NULL;
     if ((st = cts_scene_init(&store, volume, preset, asked, err)) ||
         (st = choose_engine(&store.settings, store.preset.mode, &engine, err)))
         return st;
+    CtsRenderer *r = calloc(1, sizeof *r);
+    if (!r)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    *r = (CtsRenderer){.volume = volume, .preset = *preset, .settings = *asked, .engine = engine};
+    *renderer = r;
+    return CTS_OK;
+}
+
+void cts_render_end(CtsRenderer **renderer)
+{
+    CtsRenderer *r = *renderer;
+    if (!r)
+        return;
+    if (r->kept && r->engine->forget)
+        r->engine->forget(r->kept);
+    cts_lut_free(&r->lut);
+    free(r);
+    *renderer = NULL;
+}
+
+/* The transfer function's table for this scene; only with --opacity-unit voxel does it depend on the view. */
+static CtsStatus find_lut(CtsRenderer *r, CtsScene *scene, CtsReport *report, CtsError *err)
+{
+    const CtsPreset *p = scene->preset;
+    if (p->mode != CTS_MODE_COMPOSITE) {
+        cts_report_skip(report, "transfer function", "mode %s shows HU through the window", cts_mode_names[p->mode]);
+        return CTS_OK;
+    }
+    if (r->lut && r->lut_scale == scene->extinction_scale) {
+        cts_report_skip(report, "transfer function table", "made for an earlier frame");
+    } else {
+        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+        cts_lut_free(&r->lut);
+        const CtsStatus st = cts_lut_new(&r->lut, p, r->volume, scene->extinction_scale, err);
+        if (st)
+            return st;
+        r->lut_scale = scene->extinction_scale;
+        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, CTS_N_GREY, 0);
+    }
+    scene->lut = r->lut;
+    return CTS_OK;
+}
+
+static CtsStatus new_picture(const CtsScene *scene, const char *engine_name, CtsPicture **picture, CtsError *err)
+{
+    const CtsRenderSettings *s = scene->settings;
+    CtsStatus st;
+    if ((st = cts_picture_new(picture, s->width, s->height, 4, err)))
+        return st;
+    (*picture)->has_alpha = true;
+    fill_info(&(*picture)->info, scene, engine_name);
+    if (!s->want_depth)
+        return CTS_OK;
+    const size_t n = (size_t)s->width * (size_t)s->height;
+    if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
+        return st;
+    for (size_t i = 0; i < n; i++)
+        (*picture)->depth_mm[i] = INFINITY;
+    return CTS_OK;
+}
+
+CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_deg, CtsPicture **picture,
+                           CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    CtsSceneStore store;
+    CtsRenderSettings asked = r->settings;
+    asked.azimuth_deg = azimuth_deg;
+    asked.elevation_deg = elevation_deg;
+    *picture = NULL;
+    if ((st = cts_scene_init(&store, r->volume, &r->preset, &asked, err)))
+        return st;
     const CtsPreset *p = &store.preset;
     const CtsRenderSettings *s = &store.settings;
-    if (p->mode == CTS_MODE_COMPOSITE) {
-        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        if ((st = cts_lut_new(&lut, p, volume, store.scene.extinction_scale, err)))
-            goto end;
-        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, CTS_N_GREY, 0);
-        store.scene.lut = lut;
-    } else {
-        cts_report_skip(report, "transfer function", "mode %s shows HU through the window", cts_mode_names[p->mode]);
-    }
+    store.scene.kept = &r->kept;
+    if ((st = find_lut(r, &store.scene, report, err)))
+        return st;
     if (!p->shade)
         cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p->mode],
                         p->mode != CTS_MODE_COMPOSITE ? "its nature"
                         : s->shade == CTS_OFF         ? "--shade off"
                                                       : "the preset");
-    if (!s->explain) {
-        if ((st = cts_picture_new(picture, s->width, s->height, 4, err)))
-            goto end;
-        (*picture)->has_alpha = true;
-        fill_info(&(*picture)->info, &store.scene, engine->name);
-        if (s->want_depth) {
-            const size_t n = (size_t)s->width * (size_t)s->height;
-            if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
-                goto end;
-            for (size_t i = 0; i < n; i++)
-                (*picture)->depth_mm[i] = INFINITY;
-        }
-    }
-    st = engine->render(&store.scene, *picture, report, err);
+    if (!s->explain && (st = new_picture(&store.scene, r->engine->name, picture, err)))
+        goto end;
+    st = r->engine->render(&store.scene, *picture, report, err);
     if (!st && s->verify > 0 && *picture)
         st = cts_verify(&store.scene, *picture, report, err);
 end:
     if (st)
         cts_picture_free(picture);
-    cts_lut_free(&lut);
+    return st;
+}
+
+CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+                     CtsPicture **picture, CtsReport *report, CtsError *err)
+{
+    CtsRenderer *renderer;
+    *picture = NULL;
+    CtsStatus st = cts_render_begin(&renderer, volume, preset, settings, err);
+    if (!st)
+        st = cts_render_frame(renderer, settings->azimuth_deg, settings->elevation_deg, picture, report, err);
+    cts_render_end(&renderer);
     return st;
 }

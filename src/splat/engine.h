@@ -17,6 +17,9 @@ typedef struct CtsScene {
     const CtsLut *lut;                  /* NULL in mip, minip and average */
     CtsView view;
     double extinction_scale;            /* as in lut; for engines that evaluate the preset themselves */
+    /* What the engine keeps from frame to frame of one volume and one preset: *kept is NULL for the first frame, then
+     * what the engine left there. NULL for a picture by itself. */
+    void **kept;
 } CtsScene;
 
 typedef struct CtsEngine {
@@ -26,6 +29,7 @@ typedef struct CtsEngine {
     CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err);
     unsigned modes;   /* bit 1 << CtsMode for each it can do */
     unsigned kernels; /* bit 1 << CtsKernelId */
+    void (*forget)(void *kept); /* frees what render left in *scene->kept; NULL for an engine that keeps nothing */
 } CtsEngine;
 
 extern const CtsEngine cts_engine_classic, cts_engine_layers, cts_engine_void, cts_engine_combined, cts_engine_tiled,

@@ -32,26 +32,33 @@ static void copy_layers(const CtsLayout *l, const CtsVolume *volume, int from, i
             }
 }
 
-CtsStatus cts_layout_init(CtsLayout *l, const CtsVolume *volume, const CtsView *view, int n_threads, CtsError *err)
+CtsLayout cts_layout_plan(const CtsVolume *volume, const CtsView *view)
 {
     static const int others[3][2] = {{1, 2}, {0, 2}, {0, 1}};
     const int a = others[view->axis][0], b = others[view->axis][1];
     const bool swapped = per_pixel(view, b) > per_pixel(view, a);
-    *l = (CtsLayout){.axis_u = swapped ? b : a, .axis_v = swapped ? a : b, .axis_k = view->axis};
-    l->nu = volume->dims[l->axis_u];
-    l->nv = volume->dims[l->axis_v];
-    l->nk = volume->dims[l->axis_k];
-    l->alloc_u = l->nu < CTS_LAYOUT_MIN_U ? CTS_LAYOUT_MIN_U : l->nu;
-    l->alloc_v = l->nv < CTS_LAYOUT_MIN_V ? CTS_LAYOUT_MIN_V : l->nv;
+    CtsLayout l = {.axis_u = swapped ? b : a, .axis_v = swapped ? a : b, .axis_k = view->axis};
+    l.nu = volume->dims[l.axis_u];
+    l.nv = volume->dims[l.axis_v];
+    l.nk = volume->dims[l.axis_k];
+    l.alloc_u = l.nu < CTS_LAYOUT_MIN_U ? CTS_LAYOUT_MIN_U : l.nu;
+    l.alloc_v = l.nv < CTS_LAYOUT_MIN_V ? CTS_LAYOUT_MIN_V : l.nv;
     const ptrdiff_t stride[3] = {1, volume->dims[0], (ptrdiff_t)volume->dims[0] * volume->dims[1]};
-    if (l->axis_u == 0 && l->alloc_u == l->nu && l->alloc_v == l->nv) {
-        l->grey = volume->grey;
-        l->row_stride = stride[l->axis_v];
-        l->layer_stride = stride[l->axis_k];
-        return CTS_OK;
+    if (l.axis_u == 0 && l.alloc_u == l.nu && l.alloc_v == l.nv) {
+        l.grey = volume->grey;
+        l.row_stride = stride[l.axis_v];
+        l.layer_stride = stride[l.axis_k];
+    } else {
+        l.row_stride = l.alloc_u;
+        l.layer_stride = (ptrdiff_t)l.alloc_u * l.alloc_v;
     }
-    l->row_stride = l->alloc_u;
-    l->layer_stride = (ptrdiff_t)l->alloc_u * l->alloc_v;
+    return l;
+}
+
+CtsStatus cts_layout_make(CtsLayout *l, const CtsVolume *volume, int n_threads, CtsError *err)
+{
+    if (l->grey)
+        return CTS_OK;
     const bool padded = l->alloc_u > l->nu || l->alloc_v > l->nv;
     const size_t n = (size_t)l->layer_stride * (size_t)l->nk;
     const CtsStatus st = padded ? cts_alloc_zeroed(&l->copy, n, err) : cts_alloc_array(&l->copy, n, err);

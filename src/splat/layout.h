@@ -19,8 +19,10 @@ typedef struct CtsLayout {
     uint16_t *copy; /* owned; NULL where the volume is used in place */
 } CtsLayout;
 
-CtsStatus cts_layout_init(CtsLayout *layout, const CtsVolume *volume, const CtsView *view, int n_threads,
-                          CtsError *err);
+/* What the layout of this view is like, without its copy: grey is NULL where one must be made. */
+CtsLayout cts_layout_plan(const CtsVolume *volume, const CtsView *view);
+/* Make the copy, if the plan needs one. */
+CtsStatus cts_layout_make(CtsLayout *layout, const CtsVolume *volume, int n_threads, CtsError *err);
 void cts_layout_free(CtsLayout *layout);
 
 #endif

@@ -7,8 +7,8 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "splat/project.h"
+#include "splat/tiled_kept.h"
 #include "splat/tiled_kernel.h"
-#include "volume/blocks.h"
 #include <math.h>
 #include <omp.h>
 
@@ -201,40 +201,25 @@ static void report_counts(const TiledCounts *counts, const CtsScene *scene, cons
     }
 }
 
-static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
+static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBlocks *blocks, CtsPicture *picture,
+                           CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    CtsBlocks *made = NULL;
-    const CtsBlocks *blocks = scene->volume->blocks;
-    CtsLayout layout = {0};
+    CtsLayout layout;
     CtsShade shade = {0};
     TiledJob job = {0};
     TiledCounts counts;
-    const CtsRenderSettings *s = scene->settings;
-    const bool avx2 = cts_cpu_flags() & s->cpu_mask & CTS_CPU_AVX2;
+    const bool avx2 = cts_cpu_flags() & scene->settings->cpu_mask & CTS_CPU_AVX2;
     double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if (!blocks) {
-        if ((st = cts_blocks_new(&made, scene->volume, s->n_threads, err)))
-            goto end;
-        blocks = made;
-    }
-    if (scene->preset->mode != CTS_MODE_COMPOSITE) {
-        cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
-                         cts_volume_n_voxels(scene->volume), 0);
-        st = cts_project(scene, blocks, picture, report, err);
+    if ((st = tiled_kept_layout(kept, scene, &layout, report, err)))
         goto end;
-    }
-    if ((st = cts_layout_init(&layout, scene->volume, &scene->view, s->n_threads, err)))
-        goto end;
-    if (!made)
-        cts_report_skip(report, "block ranges", "made while the slices were decoded, or for an earlier picture");
-    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
-                     cts_volume_n_voxels(scene->volume), 0);
+    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
     wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const int axes[3] = {layout.axis_u, layout.axis_v, layout.axis_k};
-    if ((st = cts_slab_table_init(&job.table, scene, blocks->all, err)) ||
-        (st = cts_leap_init(&job.leap, blocks, &layout, scene->lut, err)))
+    if ((st = tiled_kept_tables(kept, scene, blocks, &layout, report, err)))
         goto end;
+    job.table = kept->table;
+    job.leap = kept->leap;
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, axes, err)))
             goto end;
@@ -254,10 +239,23 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsRep
     report_counts(&counts, scene, &job.leap, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_shade_free(&shade);
-    cts_slab_table_free(&job.table);
-    cts_leap_free(&job.leap);
-    cts_layout_free(&layout);
-    cts_blocks_free(&made);
+    return st;
+}
+
+static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    TiledKept *kept = NULL;
+    const CtsBlocks *blocks;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if ((st = tiled_kept_open(scene, &kept, err)) || (st = tiled_kept_blocks(kept, scene, &blocks, report, err)))
+        goto end;
+    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
+                     cts_volume_n_voxels(scene->volume), 0);
+    st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, blocks, picture, report, err)
+                                                   : cts_project(scene, blocks, picture, report, err);
+end:
+    tiled_kept_close(scene, kept);
     return st;
 }
 
@@ -266,4 +264,5 @@ const CtsEngine cts_engine_tiled = {
     .render = render_tiled,
     .modes = (1u << CTS_N_MODES) - 1,
     .kernels = 1u << CTS_KERNEL_TENT,
+    .forget = tiled_kept_free,
 };

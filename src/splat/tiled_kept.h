@@ -1,0 +1,35 @@
+/* What the tiled engine derives from volume and preset alone, or from the view's axes: made for the first frame that
+ * needs it and kept for those that follow. */
+#ifndef CTS_SPLAT_TILED_KEPT_H
+#define CTS_SPLAT_TILED_KEPT_H
+
+#include "splat/engine.h"
+#include "splat/layout.h"
+#include "splat/leap.h"
+#include "splat/slab.h"
+#include "volume/blocks.h"
+
+typedef struct TiledKept {
+    CtsBlocks *own_blocks; /* where the volume has none */
+    CtsLayout copied;      /* the last layout that needed a copy; one at a time, so memory stays bounded */
+    CtsSlabTable table;
+    double table_scale; /* extinction_scale of table, 0 before it is made */
+    CtsLeap leap;
+    int leap_axes[3];
+} TiledKept;
+
+/* The scene's own, or one for this picture alone. Pair with tiled_kept_close(). */
+CtsStatus tiled_kept_open(const CtsScene *scene, TiledKept **kept, CtsError *err);
+void tiled_kept_close(const CtsScene *scene, TiledKept *kept);
+void tiled_kept_free(void *kept);
+
+/* Block ranges; the volume laid out for this view. Both stay the keeper's. The report says what was there already. */
+CtsStatus tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlocks **blocks, CtsReport *report,
+                            CtsError *err);
+CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, CtsLayout *layout, CtsReport *report,
+                            CtsError *err);
+/* kept->table and kept->leap for this view. */
+CtsStatus tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlocks *blocks, const CtsLayout *layout,
+                            CtsReport *report, CtsError *err);
+
+#endif

@@ -1,0 +1,130 @@
+/* A prepared renderer: each frame is the picture that a render by itself makes, and what did not change is not made
+ * again. */
+#include "scenes.h"
+
+static bool has_skip(const CtsReport *report, const char *what, const char *why)
+{
+    for (size_t i = 0; i < report->n_skips; i++)
+        if (!strcmp(report->skips[i].what, what) && !strcmp(report->skips[i].why, why))
+            return true;
+    return false;
+}
+
+/* In an order that changes axes back and forth. */
+static const double views[][2] = {{0, 0},  {60, 0},  {120, 0},  {180, 0},    {240, 0},
+                                  {20, 0}, {30, 70}, {100, 80}, {-100, -65}, {0, 0}};
+enum { N_VIEWS = sizeof views / sizeof views[0] };
+
+static void check_frames(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings)
+{
+    CtsRenderer *renderer;
+    CtsError err = {0};
+    assert_int_equal(cts_render_begin(&renderer, volume, preset, settings, &err), CTS_OK);
+    for (int view = 0; view < N_VIEWS; view++) {
+        CtsPicture *frame;
+        CtsRenderSettings s = *settings;
+        s.azimuth_deg = views[view][0];
+        s.elevation_deg = views[view][1];
+        CtsPicture *alone = render(volume, preset, &s, NULL);
+        assert_int_equal(cts_render_frame(renderer, s.azimuth_deg, s.elevation_deg, &frame, NULL, &err), CTS_OK);
+        assert_memory_equal(frame->pixels, alone->pixels,
+                            (size_t)s.width * (size_t)s.height * 4 * sizeof *alone->pixels);
+        assert_memory_equal(&frame->info, &alone->info, sizeof alone->info);
+        cts_picture_free(&frame);
+        cts_picture_free(&alone);
+    }
+    cts_render_end(&renderer);
+    assert_null(renderer);
+    cts_render_end(&renderer);
+}
+
+static void test_same_pictures(void **state)
+{
+    (void)state;
+    CtsVolume *v = phantom_head(40, 44, 36, 20);
+    static const CtsEngineId engines[] = {CTS_ENGINE_TILED, CTS_ENGINE_CLASSIC, CTS_ENGINE_LAYERS, CTS_ENGINE_VOID,
+                                          CTS_ENGINE_COMBINED};
+    static const char *const presets[] = {"bone", "skin"};
+    CtsError err;
+    for (size_t e = 0; e < sizeof engines / sizeof *engines; e++)
+        for (int n = 0; n < 2; n++) {
+            const CtsPreset preset = preset_named(presets[n]);
+            CtsRenderSettings s = settings_for(engines[e], 48, 0, 0);
+            s.shade = n ? CTS_ON : CTS_OFF;
+            s.opacity_per_voxel = n;
+            check_frames(v, &preset, &s);
+        }
+    /* With block ranges of the volume's own. */
+    assert_int_equal(cts_volume_prepare(v, 1, &err), CTS_OK);
+    const CtsPreset bone = preset_named("bone");
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 48, 0, 0);
+    s.want_depth = true;
+    check_frames(v, &bone, &s);
+    s.mode = CTS_MODE_MIP;
+    check_frames(v, &bone, &s);
+    cts_volume_free(&v);
+}
+
+/* A rotation makes one transposed copy and one set of tables, and says so. */
+static void test_report(void **state)
+{
+    (void)state;
+    static const char earlier[] = "made for an earlier frame";
+    CtsVolume *v = phantom_head(40, 44, 36, 0);
+    const CtsPreset bone = preset_named("bone");
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 48, 0, 0);
+    CtsRenderer *renderer;
+    CtsError err = {0};
+    assert_int_equal(cts_render_begin(&renderer, v, &bone, &s, &err), CTS_OK);
+    static const struct {
+        double azimuth_deg;
+        bool tables, distances, copy; /* made before */
+    } frames[] = {{0, false, false, false},  {30, true, true, false},  {60, true, false, false}, {90, true, true, true},
+                  {150, true, false, false}, {180, true, true, false}, {270, true, false, true}};
+    for (size_t n = 0; n < sizeof frames / sizeof *frames; n++) {
+        CtsReport report = {0};
+        CtsPicture *frame;
+        assert_int_equal(cts_render_frame(renderer, frames[n].azimuth_deg, 0, &frame, &report, &err), CTS_OK);
+        assert_int_equal(has_skip(&report, "transfer function table", earlier), frames[n].tables);
+        assert_int_equal(has_skip(&report, "slab integrals", earlier), frames[n].tables);
+        assert_int_equal(has_skip(&report, "distances to what is visible", earlier), frames[n].distances);
+        assert_int_equal(has_skip(&report, "transposed copy", earlier), frames[n].copy);
+        assert_int_equal(
+            has_skip(&report, "block ranges", "made while the slices were decoded, or for an earlier picture"),
+            frames[n].tables);
+        cts_report_free(&report);
+        cts_picture_free(&frame);
+    }
+    cts_render_end(&renderer);
+    cts_volume_free(&v);
+}
+
+/* Bad settings are told at the beginning, a bad view at its frame; the frames after it are as ever. */
+static void test_refusals(void **state)
+{
+    (void)state;
+    CtsVolume *v = phantom_head(20, 20, 20, 0);
+    const CtsPreset bone = preset_named("bone");
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 16, 0, 0);
+    CtsRenderer *renderer;
+    CtsPicture *frame;
+    CtsError err = {0};
+    s.width = 0;
+    assert_int_equal(cts_render_begin(&renderer, v, &bone, &s, &err), CTS_ERR_USAGE);
+    assert_null(renderer);
+    s.width = 16;
+    assert_int_equal(cts_render_begin(&renderer, v, &bone, &s, &err), CTS_OK);
+    assert_int_equal(cts_render_frame(renderer, 0, 91, &frame, NULL, &err), CTS_ERR_USAGE);
+    assert_null(frame);
+    assert_int_equal(cts_render_frame(renderer, 0, 0, &frame, NULL, &err), CTS_OK);
+    cts_picture_free(&frame);
+    cts_render_end(&renderer);
+    cts_volume_free(&v);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_same_pictures), cmocka_unit_test(test_report),
+                                       cmocka_unit_test(test_refusals)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
