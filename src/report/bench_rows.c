@@ -83,81 +83,112 @@ static const CtsBenchRow **sorted(const CtsBenchRows *rows, int *n)
     return list;
 }
 
-/* A logarithmic axis has no place for 0: exact is drawn as this. */
-#define LEAST_RMSE 1e-9
-
-static void plot_points(FILE *f, const CtsBenchRow *const *list, int n)
+/* Rows of one engine that no other of its rows beats, and all of them. List is in order of time. */
+static void plot_engine(FILE *f, const CtsBenchRow *const *list, int n, int engine, double least)
 {
-    for (int e = 0; e < CTS_N_ENGINES; e++) {
-        fprintf(f, "$e%d << END\n", e);
-        for (int i = 0; i < n; i++)
-            if ((int)list[i]->engine == e)
-                fprintf(f, "%.6g %.6g\n", list[i]->wall_ms, fmax(list[i]->trilinear.rmse, LEAST_RMSE));
-        fputs("END\n", f);
-    }
-    fputs("$front << END\n", f);
+    double best = INFINITY;
+    fprintf(f, "$all%d << END\n", engine);
     for (int i = 0; i < n; i++)
-        if (list[i]->pareto)
-            fprintf(f, "%.6g %.6g\n", list[i]->wall_ms, fmax(list[i]->trilinear.rmse, LEAST_RMSE));
+        if ((int)list[i]->engine == engine)
+            fprintf(f, "%.6g %.6g\n", list[i]->wall_ms, fmax(list[i]->trilinear.rmse, least));
+    fprintf(f, "END\n$best%d << END\n", engine);
+    for (int i = 0; i < n; i++)
+        if ((int)list[i]->engine == engine && list[i]->trilinear.rmse < best) {
+            best = list[i]->trilinear.rmse;
+            fprintf(f, "%.6g %.6g\n", list[i]->wall_ms, fmax(best, least));
+        }
     fputs("END\n", f);
 }
 
-/* Rows of the front say what they are. */
-static void plot_labels(FILE *f, const CtsBenchRow *const *list, int n)
+/* The front, and what its rows are. */
+static void plot_front(FILE *f, const CtsBenchRow *const *list, int n, double least)
 {
+    int above = 1;
+    fputs("$front << END\n", f);
+    for (int i = 0; i < n; i++)
+        if (list[i]->pareto)
+            fprintf(f, "%.6g %.6g\n", list[i]->wall_ms, fmax(list[i]->trilinear.rmse, least));
+    fputs("END\n", f);
     for (int i = 0; i < n; i++) {
         if (!list[i]->pareto)
             continue;
-        char samples[16];
+        char samples[16], off[32] = "";
         cts_bench_samples_text(list[i], samples);
-        fprintf(f, "set label '%s %s %s' at %.6g,%.6g left offset 0.8,0.5 font ',9' textcolor rgb '#555555'\n",
-                cts_engine_names[list[i]->engine], cts_kernel_names[list[i]->kernel], samples, list[i]->wall_ms,
-                fmax(list[i]->trilinear.rmse, LEAST_RMSE));
+        if (list[i]->trilinear.rmse < least)
+            snprintf(off, sizeof off, " (%.1e)", list[i]->trilinear.rmse);
+        fprintf(f, "set label '%s %s %s%s' at %.6g,%.6g %s font ',9' textcolor rgb '#444444'\n",
+                cts_engine_names[list[i]->engine], cts_kernel_names[list[i]->kernel], samples, off, list[i]->wall_ms,
+                fmax(list[i]->trilinear.rmse, least), above ? "left offset 1,0.7" : "right offset -1,-0.7");
+        above = !above;
     }
 }
 
-CtsStatus cts_bench_plot_script(const CtsBenchRows *rows, char **script, CtsError *err)
+/* The ends of the error axis. The foot is a third of the smallest error, the reference engine's own apart, which would
+ * squeeze all others to the top. */
+static void plot_range(const CtsBenchRow *const *list, int n, double *least, double *most)
+{
+    *least = INFINITY;
+    *most = 1 / 255.0;
+    for (int i = 0; i < n; i++) {
+        if (list[i]->engine != CTS_ENGINE_RAYCAST && list[i]->trilinear.rmse > 0)
+            *least = fmin(*least, list[i]->trilinear.rmse);
+        *most = fmax(*most, list[i]->trilinear.rmse);
+    }
+    *least = isinf(*least) ? 1e-9 : *least / 3;
+}
+
+static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
 {
     static const char *const colour[CTS_N_ENGINES] = {"#7a3db8", "#1a8f6c", "#2f7fc1", "#c25a00", "#b3123f", "#333333"};
-    size_t size;
-    int n;
-    const CtsBenchRow **list = sorted(rows, &n);
-    FILE *f = open_memstream(script, &size);
-    if (!list || !f) {
-        free(list);
-        if (f) {
-            fclose(f);
-            free(*script);
-        }
-        *script = NULL;
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    }
+    double least, most;
+    const char *plot = "plot";
+    plot_range(list, n, &least, &most);
     fprintf(f,
             "set terminal svg noenhanced size 1000,640 font 'sans,12' background 'white'\n"
-            "set logscale xy\nset format x '%%g'\nset format y '%%.0e'\nset grid\n"
+            "set logscale xy\nset format x '%%g'\nset format y '%%.0e'\nset grid\nset yrange [%g:%g]\n"
             "set xlabel 'median wall time (ms)'\n"
             "set ylabel 'rmse against the converged trilinear integral (display values 0..1)'\n"
-            "set key outside right top\nset offsets graph 0.05,graph 0.22,graph 0.05,graph 0.05\n"
+            "set key outside right top\nset offsets graph 0.1,graph 0.15,graph 0.05,0\n"
             "set arrow from graph 0,first %g to graph 1,first %g nohead dt 3 lc rgb '#999999'\n"
             "set label '1/255' at graph 0.005,first %g offset 0,0.5 font ',9' textcolor rgb '#777777'\n",
-            1 / 255.0, 1 / 255.0, 1 / 255.0);
-    plot_points(f, list, n);
-    plot_labels(f, list, n);
-    for (int e = 0, first = 1; e < CTS_N_ENGINES; e++) {
+            least * 0.7, most * 1.5, 1 / 255.0, 1 / 255.0, 1 / 255.0);
+    for (int e = 0; e < CTS_N_ENGINES; e++)
+        plot_engine(f, list, n, e, least);
+    plot_front(f, list, n, least);
+    for (int e = 0; e < CTS_N_ENGINES; e++) {
         bool any = false;
         for (int i = 0; i < n; i++)
             any = any || (int)list[i]->engine == e;
         if (!any)
             continue;
-        fprintf(f, "%s $e%d using 1:2 with linespoints pt 7 ps 0.7 lw 1.2 lc rgb '%s' title '%s'", first ? "plot" : ",",
-                e, colour[e], cts_engine_names[e]);
-        first = 0;
+        fprintf(f,
+                "%s $all%d using 1:2 with points pt 6 ps 0.6 lc rgb '%s' notitle,"
+                " $best%d using 1:2 with linespoints pt 7 ps 0.6 lw 1.5 lc rgb '%s' title '%s'",
+                plot, e, colour[e], e, colour[e], cts_engine_names[e]);
+        plot = ",";
     }
     if (n)
-        fputs(", $front using 1:2 with linespoints pt 6 ps 1.7 lw 2.5 dt 2 lc rgb '#000000' title 'Pareto front'\n", f);
-    fclose(f);
+        fprintf(f,
+                "%s $front using 1:2 with linespoints pt 6 ps 1.7 lw 2.5 dt 2 lc rgb '#000000' title 'Pareto front'\n",
+                plot);
+}
+
+CtsStatus cts_bench_plot_script(const CtsBenchRows *rows, char **script, CtsError *err)
+{
+    size_t size;
+    int n;
+    const CtsBenchRow **list = sorted(rows, &n);
+    FILE *f = open_memstream(script, &size);
+    if (list && f)
+        write_script(f, list, n);
+    const bool good = f && fclose(f) == 0 && list;
     free(list);
-    return CTS_OK;
+    if (good)
+        return CTS_OK;
+    if (f)
+        free(*script);
+    *script = NULL;
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
 static void write_row(FILE *f, const CtsBenchRow *r, CtsStatus *st, CtsError *err)
