@@ -313,6 +313,35 @@ static CtsStatus wall(CtsCheckRun *run, const void *data, CtsError *err)
     return st;
 }
 
+/* Haze of one grey level for 200 mm, then a wall of the largest extinction: the one must not spoil the other. */
+static double hu_haze(const double vox[3], const void *data)
+{
+    (void)data;
+    return vox[1] <= 200 ? 200 : 3000;
+}
+
+static void haze_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
+{
+    const CtsTruthStretch stretch[3] = {{200, 200, 200, -1}, {200, 3000, 1, -1}, {3000, 3000, 4, -1}};
+    if (ray)
+        cts_truth_stretches(data, 1, stretch, 3, rgba);
+}
+
+static CtsStatus haze(CtsCheckRun *run, const void *data, CtsError *err)
+{
+    const CtsPreset preset =
+        cts_check_preset((const CtsCheckPoint[]){{0, 2.36e-4, {1, 0, 0}}, {400, 2.36e-4, {1, 0, 0}}, {401, 1, {0, 1, 0}}}, 3);
+    CtsVolume *volume = NULL;
+    CtsRenderSettings s = cts_check_settings(run, 9, 9);
+    s.mm_per_pixel = 0.3;
+    CtsStatus st =
+        cts_check_volume(&volume, (const int[3]){5, 206, 5}, (const double[3]){1, 1, 1}, 1, hu_haze, NULL, err);
+    if (!st)
+        st = cts_check_picture(run, volume, &preset, &s, haze_truth, &preset, bound_of(run, data), err);
+    cts_volume_free(&volume);
+    return st;
+}
+
 /* Distance of an opaque plane from the camera plane, which touches the box's bounding sphere. */
 static CtsStatus plane_depth(CtsCheckRun *run, const void *data, CtsError *err)
 {
@@ -396,6 +425,7 @@ static const CtsCheckCase cases[] = {
     {"same: mirrored patient, mirrored picture", CHECK_OF_ALL, mirrored, BOUNDS(1e-5, 1 / 256.0, 1e-6)},
     {"same: two halves are the whole", CHECK_OF_ALL, halves, BOUNDS(1e-5, 1e-4, 1e-6)},
     {"same: an opaque wall hides what is behind", CHECK_OF_ALL, wall, BOUNDS(4e-3, 4e-3, 1e-6)},
+    {"range: faint haze before an opaque wall", CHECK_OF_ALL, haze, BOUNDS(2e-3, 2e-3, 1e-6)},
     {"depth: an opaque plane", CHECK_OF_ALL, plane_depth, BOUNDS(1, 1, 0.02)},
     {"range: no NaN, alpha 0 to 1", CHECK_OF_ALL, sane, NULL},
 };
