@@ -1,22 +1,19 @@
-/* The trilinear field: cell by cell along the ray, leaping over bricks of cells that hold nothing wanted. */
-#include "base/mem.h"
+/* The trilinear field: cell by cell along the ray, leaping over blocks of cells that hold nothing wanted. */
 #include "raycast/field.h"
+#include "volume/blocks.h"
 #include <math.h>
 #include <stdlib.h>
 
-enum { BRICK = 8 /* cells along each side */, RAYS_WORTH_BRICKS = 20000 };
-
-typedef struct GreyRange {
-    uint16_t low, high;
-} GreyRange;
+/* A few rays do without blocks: making them costs more, and a sample that judges an engine should not share them. */
+enum { RAYS_WORTH_BLOCKS = 20000 };
 
 typedef struct Trilinear {
     CtsField field;
     const CtsVolume *volume;
-    int n_cells[3];   /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
-    size_t stride[3]; /* to the next voxel; 0 along an axis of one voxel */
-    int n_bricks[3];
-    GreyRange *bricks; /* of the voxels at the corners of the brick's cells; NULL where rays are few */
+    int n_cells[3];          /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
+    size_t stride[3];        /* to the next voxel; 0 along an axis of one voxel */
+    const CtsBlocks *blocks; /* NULL where rays are few */
+    CtsBlocks *own_blocks;   /* where the volume came without */
 } Trilinear;
 
 static double hu_of(const Trilinear *t, double grey)
@@ -24,7 +21,7 @@ static double hu_of(const Trilinear *t, double grey)
     return t->volume->hu_offset + t->volume->hu_step * grey;
 }
 
-static bool wanted(const Trilinear *t, const CtsHuRanges *ranges, GreyRange grey)
+static bool wanted(const Trilinear *t, const CtsHuRanges *ranges, CtsRange grey)
 {
     return cts_hu_wanted(ranges, hu_of(t, grey.low), hu_of(t, grey.high));
 }
@@ -35,10 +32,10 @@ static const uint16_t *cell_voxel(const Trilinear *t, const int cell[3])
            (size_t)cell[2] * t->stride[2];
 }
 
-static GreyRange load_corners(const Trilinear *t, const int cell[3], uint16_t corner[8])
+static CtsRange load_corners(const Trilinear *t, const int cell[3], uint16_t corner[8])
 {
     const uint16_t *v = cell_voxel(t, cell);
-    GreyRange r = {UINT16_MAX, 0};
+    CtsRange r = {UINT16_MAX, 0};
     for (int m = 0; m < 8; m++) {
         const uint16_t g = v[(m & 1 ? t->stride[0] : 0) + (m & 2 ? t->stride[1] : 0) + (m & 4 ? t->stride[2] : 0)];
         corner[m] = g;
@@ -112,18 +109,19 @@ static void step_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int ce
     }
 }
 
-/* True, and the walk at the brick's end, when the brick of the current cell holds nothing wanted. */
+/* True, and the walk at the block's end, when the block of the current cell holds nothing wanted. */
 static bool leap(const Trilinear *t, CtsRayWalk *walk)
 {
+    const CtsBlocks *blocks = t->blocks;
     int low[3], high[3];
     size_t at[3];
     for (int axis = 0; axis < 3; axis++) {
-        at[axis] = (size_t)(walk->cell[axis] / BRICK);
-        low[axis] = (int)at[axis] * BRICK;
-        high[axis] = low[axis] + BRICK < t->n_cells[axis] ? low[axis] + BRICK : t->n_cells[axis];
+        at[axis] = (size_t)(walk->cell[axis] / CTS_BLOCK);
+        low[axis] = (int)at[axis] * CTS_BLOCK;
+        high[axis] = low[axis] + CTS_BLOCK < t->n_cells[axis] ? low[axis] + CTS_BLOCK : t->n_cells[axis];
     }
-    const size_t nx = (size_t)t->n_bricks[0], ny = (size_t)t->n_bricks[1];
-    if (wanted(t, walk->wanted, t->bricks[(at[2] * ny + at[1]) * nx + at[0]]))
+    const size_t nx = (size_t)blocks->n[0], ny = (size_t)blocks->n[1];
+    if (wanted(t, walk->wanted, blocks->range[(at[2] * ny + at[1]) * nx + at[0]]))
         return false;
     walk->t_mm = fmax(walk->t_mm, leave_mm(walk->ray, low, high));
     return true;
@@ -139,7 +137,7 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
         else
             step_cell(t, ray, walk->t_mm, walk->cell);
         walk->started = true;
-        if (t->bricks && leap(t, walk)) {
+        if (t->blocks && leap(t, walk)) {
             find_cell(t, ray, walk->t_mm, walk->cell);
             continue;
         }
@@ -211,41 +209,10 @@ static double value(const CtsField *field, const CtsRay *ray, double t_mm)
     return c[0];
 }
 
-static GreyRange brick_range(const Trilinear *t, int bx, int by, int bz)
-{
-    const int *dims = t->volume->dims;
-    const int low[3] = {bx * BRICK, by * BRICK, bz * BRICK};
-    GreyRange r = {UINT16_MAX, 0};
-    for (int z = low[2]; z <= low[2] + BRICK && z < dims[2]; z++)
-        for (int y = low[1]; y <= low[1] + BRICK && y < dims[1]; y++) {
-            const uint16_t *row = t->volume->grey + ((size_t)z * (size_t)dims[1] + (size_t)y) * (size_t)dims[0];
-            for (int x = low[0]; x <= low[0] + BRICK && x < dims[0]; x++) {
-                r.low = row[x] < r.low ? row[x] : r.low;
-                r.high = row[x] > r.high ? row[x] : r.high;
-            }
-        }
-    return r;
-}
-
-static CtsStatus make_bricks(Trilinear *t, int n_threads, CtsError *err)
-{
-    const int *n = t->n_bricks;
-    const CtsStatus st = cts_alloc_array(&t->bricks, (size_t)n[0] * (size_t)n[1] * (size_t)n[2], err);
-    if (st)
-        return st;
-#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
-    for (int bz = 0; bz < n[2]; bz++)
-        for (int by = 0; by < n[1]; by++)
-            for (int bx = 0; bx < n[0]; bx++)
-                t->bricks[((size_t)bz * (size_t)n[1] + (size_t)by) * (size_t)n[0] + (size_t)bx] =
-                    brick_range(t, bx, by, bz);
-    return CTS_OK;
-}
-
 static void trilinear_free(CtsField **field)
 {
     Trilinear *t = (Trilinear *)*field;
-    cts_free(&t->bricks);
+    cts_blocks_free(&t->own_blocks);
     free(t);
     *field = NULL;
 }
@@ -263,11 +230,13 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, size_t 
         const int dim = volume->dims[axis];
         t->n_cells[axis] = dim > 1 ? dim - 1 : 1;
         t->stride[axis] = dim > 1 ? stride : 0;
-        t->n_bricks[axis] = (t->n_cells[axis] + BRICK - 1) / BRICK;
         stride *= (size_t)dim;
     }
     *field = &t->field;
-    const CtsStatus st = n_rays >= RAYS_WORTH_BRICKS ? make_bricks(t, n_threads, err) : CTS_OK;
+    if (n_rays < RAYS_WORTH_BLOCKS)
+        return CTS_OK;
+    const CtsStatus st = volume->blocks ? CTS_OK : cts_blocks_new(&t->own_blocks, volume, n_threads, err);
+    t->blocks = volume->blocks ? volume->blocks : t->own_blocks;
     if (st)
         cts_field_free(field);
     return st;
