@@ -329,8 +329,8 @@ static void haze_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 
 static CtsStatus haze(CtsCheckRun *run, const void *data, CtsError *err)
 {
-    const CtsPreset preset =
-        cts_check_preset((const CtsCheckPoint[]){{0, 2.36e-4, {1, 0, 0}}, {400, 2.36e-4, {1, 0, 0}}, {401, 1, {0, 1, 0}}}, 3);
+    const CtsPreset preset = cts_check_preset(
+        (const CtsCheckPoint[]){{0, 2.36e-4, {1, 0, 0}}, {400, 2.36e-4, {1, 0, 0}}, {401, 1, {0, 1, 0}}}, 3);
     CtsVolume *volume = NULL;
     CtsRenderSettings s = cts_check_settings(run, 9, 9);
     s.mm_per_pixel = 0.3;
