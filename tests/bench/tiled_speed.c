@@ -1,0 +1,145 @@
+/* Where the tiled engine's time goes: tiled_speed FOLDER [ROUNDS]
+ *
+ * Renders a CT series with the presets bone and skin, lit and unlit, from the front and from 30,20, by one thread and by
+ * all, rounds interleaved with the classic engine. Prints medians: time relative to classic, ns per sample and per slab
+ * that showed something, the share of each stage, and the bytes of the blocks that may be visible against the volume's
+ * and against what one pass over them takes at the speed at which this machine reads memory. Never a timed test. */
+#include "ctsplat/ctsplat.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_ROUNDS = 99 };
+
+typedef struct Row {
+    const char *preset;
+    double azimuth_deg, elevation_deg;
+    CtsSwitch shade;
+} Row;
+
+static const Row rows[] = {
+    {"bone", 0, 0, CTS_OFF}, {"skin", 0, 0, CTS_OFF}, {"bone", 30, 20, CTS_OFF}, {"skin", 30, 20, CTS_OFF},
+    {"bone", 0, 0, CTS_ON},  {"skin", 0, 0, CTS_ON},  {"bone", 30, 20, CTS_ON},  {"skin", 90, 0, CTS_ON},
+};
+enum { N_ROWS = sizeof rows / sizeof *rows };
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+static double median(double *values, int n)
+{
+    qsort(values, (size_t)n, sizeof *values, by_value);
+    return values[n / 2];
+}
+
+static int fail(const CtsError *err)
+{
+    fprintf(stderr, "tiled_speed: %s\n", err->text);
+    return 1;
+}
+
+/* Best of a few passes over the volume's bytes by one thread, bytes per ms. */
+static double read_bytes_per_ms(const CtsVolume *v)
+{
+    const uint64_t *words = (const uint64_t *)(const void *)v->grey;
+    const size_t n = cts_volume_n_voxels(v) / 4;
+    double best = INFINITY;
+    volatile uint64_t sink = 0;
+    for (int pass = 0; pass < 3; pass++) {
+        const double start = cts_wall_ms();
+        uint64_t sum = 0;
+        for (size_t i = 0; i < n; i++)
+            sum += words[i];
+        sink += sum;
+        best = fmin(best, cts_wall_ms() - start);
+    }
+    return (double)n * 8 / best;
+}
+
+static int measure(const CtsVolume *volume, const Row *row, int n_threads, int rounds, double bytes_per_ms)
+{
+    double tiled_ms[MOST_ROUNDS], classic_ms[MOST_ROUNDS];
+    CtsPreset preset;
+    CtsError err = {0};
+    CtsReport report = {0};
+    if (cts_preset_load(row->preset, &preset, &err))
+        return fail(&err);
+    for (int r = 0; r < rounds; r++)
+        for (int classic = 0; classic < 2; classic++) {
+            CtsRenderSettings s;
+            CtsPicture *picture = NULL;
+            CtsReport unused = {0};
+            cts_render_defaults(&s);
+            s.azimuth_deg = row->azimuth_deg;
+            s.elevation_deg = row->elevation_deg;
+            s.shade = row->shade;
+            s.n_threads = n_threads;
+            s.engine = classic ? CTS_ENGINE_CLASSIC : CTS_ENGINE_TILED;
+            if (!classic)
+                cts_report_free(&report);
+            const double start = cts_wall_ms();
+            if (cts_render(volume, &preset, &s, &picture, classic ? &unused : &report, &err))
+                return fail(&err);
+            (classic ? classic_ms : tiled_ms)[r] = cts_wall_ms() - start;
+            cts_picture_free(&picture);
+            cts_report_free(&unused);
+        }
+    const double ms = median(tiled_ms, rounds), slow_ms = median(classic_ms, rounds);
+    const CtsStageTime *splat = &report.stages[CTS_STAGE_SPLAT], *composite = &report.stages[CTS_STAGE_COMPOSITE];
+    double all = 0;
+    for (int stage = 0; stage < CTS_N_STAGES; stage++)
+        all += report.stages[stage].wall_ms;
+    const double active = 2.0 * (double)report.voxels.splatted, total = 2.0 * (double)report.voxels.total;
+    printf("%-5s %3g,%-3g %-5s %2d  %7.1f ms  classic/tiled %5.1f  ns/sample %5.2f  ns/slab %5.2f  active bytes %4.1f %%"
+           "  time/pass over them %5.1f  ",
+           row->preset, row->azimuth_deg, row->elevation_deg, row->shade == CTS_ON ? "lit" : "unlit", n_threads, ms,
+           slow_ms / ms, 1e6 * splat->cpu_ms / (double)splat->items, 1e6 * composite->cpu_ms / (double)composite->items,
+           100 * active / total, ms * n_threads / (active / bytes_per_ms));
+    for (int stage = 0; stage < CTS_N_STAGES; stage++)
+        if (report.stages[stage].ran)
+            printf(" %s %.0f %%", cts_stage_names[stage], 100 * report.stages[stage].wall_ms / all);
+    printf("\n");
+    fflush(stdout);
+    cts_report_free(&report);
+    return 0;
+}
+
+int main(int argc, char **argv)
+{
+    CtsSeriesList *list = NULL;
+    const CtsSeries *series;
+    CtsVolume *volume = NULL;
+    CtsError err = {0};
+    int result = 1;
+    if (argc < 2 || argc > 3) {
+        fprintf(stderr, "usage: tiled_speed FOLDER [ROUNDS]\n");
+        return 2;
+    }
+    const int asked = argc > 2 ? atoi(argv[2]) : 5, rounds = asked < 1 ? 1 : asked > MOST_ROUNDS ? MOST_ROUNDS : asked;
+    const char *const paths[] = {argv[1]};
+    if (cts_series_find(paths, 1, 0, &list, NULL, &err) || cts_series_choose(list, NULL, &series, &err) ||
+        cts_series_load(series, 0, &volume, NULL, &err) || cts_volume_prepare(volume, 0, &err)) {
+        fail(&err);
+        goto end;
+    }
+    const double bytes_per_ms = read_bytes_per_ms(volume);
+    printf("%d x %d x %d voxels, 1024 x 1024 pixels, medians of %d rounds\n", volume->dims[0], volume->dims[1],
+           volume->dims[2], rounds);
+    result = 0;
+    for (int r = 0; r < N_ROWS && !result; r++) {
+        result = measure(volume, &rows[r], cts_threads(0), rounds, bytes_per_ms);
+        if (!result && cts_threads(0) > 1)
+            result = measure(volume, &rows[r], 1, rounds, bytes_per_ms);
+    }
+end:
+    cts_volume_free(&volume);
+    cts_series_list_free(&list);
+    return result;
+}
