@@ -1,9 +1,10 @@
 /* Where the tiled engine's time goes: tiled_speed FOLDER [ROUNDS]
  *
- * Renders a CT series with the presets bone and skin, lit and unlit, from the front and from 30,20, by one thread and by
- * all, rounds interleaved with the classic engine. Prints medians: time relative to classic, ns per sample and per slab
- * that showed something, the share of each stage, and the bytes of the blocks that may be visible against the volume's
- * and against what one pass over them takes at the speed at which this machine reads memory. Never a timed test. */
+ * Renders a CT series with the presets bone and skin, lit and unlit, from the front and from 30,20, by one thread and
+ * by all, rounds interleaved with the classic engine. Prints medians: time relative to classic, ns per sample and per
+ * slab that showed something, the share of each stage, and the bytes of the blocks that may be visible against the
+ * volume's and against what one pass over them takes at the speed at which this machine reads memory. Never a timed
+ * test. */
 #include "ctsplat/ctsplat.h"
 
 #include "base/clock.h"
@@ -97,11 +98,12 @@ static int measure(const CtsVolume *volume, const Row *row, int n_threads, int r
     for (int stage = 0; stage < CTS_N_STAGES; stage++)
         all += report.stages[stage].wall_ms;
     const double active = 2.0 * (double)report.voxels.splatted, total = 2.0 * (double)report.voxels.total;
-    printf("%-5s %3g,%-3g %-5s %2d  %7.1f ms  classic/tiled %5.1f  ns/sample %5.2f  ns/slab %5.2f  active bytes %4.1f %%"
-           "  time/pass over them %5.1f  ",
-           row->preset, row->azimuth_deg, row->elevation_deg, row->shade == CTS_ON ? "lit" : "unlit", n_threads, ms,
-           slow_ms / ms, 1e6 * splat->cpu_ms / (double)splat->items, 1e6 * composite->cpu_ms / (double)composite->items,
-           100 * active / total, ms * n_threads / (active / bytes_per_ms));
+    printf(
+        "%-5s %3g,%-3g %-5s %2d  %7.1f ms  classic/tiled %5.1f  ns/sample %5.2f  ns/slab %5.2f  active bytes %4.1f %%"
+        "  time/pass over them %5.1f  ",
+        row->preset, row->azimuth_deg, row->elevation_deg, row->shade == CTS_ON ? "lit" : "unlit", n_threads, ms,
+        slow_ms / ms, 1e6 * splat->cpu_ms / (double)splat->items, 1e6 * composite->cpu_ms / (double)composite->items,
+        100 * active / total, ms * n_threads / (active / bytes_per_ms));
     for (int stage = 0; stage < CTS_N_STAGES; stage++)
         if (report.stages[stage].ran)
             printf(" %s %.0f %%", cts_stage_names[stage], 100 * report.stages[stage].wall_ms / all);
