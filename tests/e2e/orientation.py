@@ -1,13 +1,13 @@
 """orientation.py ANTERIOR POSTERIOR LEFT HEAD: four pictures of the phantom, bone with teeth marked green, 2 mm pixels.
 
-The points are the shapes' of tests/tools/phantom.c. A marker that floats before the left side is an L in the anterior
-view, and only there on the right; the nose points to the left in the left view and down in the head view."""
+The points are the shapes' of tests/tools/phantom.c. The marker on the left side is an L in the anterior view,
+and only there on the right; the nose points to the left in the left view and down in the head view."""
 import sys
 
 from pictures import View, check, read_png
 
 ANGLES = {'anterior': (0, 0), 'posterior': (180, 0), 'left': (90, 0), 'head': (0, 90)}
-STEM, FOOT, NOOK = (82, -80, 85), (101, -80, 60), (98, -80, 82)
+STEM, FOOT, NOOK = (82, -18, 92), (101, -18, 62), (98, -18, 88)
 
 
 def mirrored(p):

@@ -4,9 +4,9 @@
  *
  * FILE gets int16 little-endian HU, x fastest. The axes are patient coordinates (LPS): x to the left, y to the back,
  * z to the head, millimetres, the volume's centre at 0, so the face looks along -y. The head has air, fat, soft tissue,
- * bone, teeth, a bleeding and a metal pin on its left side only, and a bone-like letter L that floats before its left
- * side: in a picture of the face the L reads as an L and stands on the right, or the picture is mirrored.
- * With --tilt-deg slices are cut as a gantry tilted about the x axis cuts them, while the table moves along z.
+ * bone, teeth, a bleeding and a metal pin on its left side only, and on the pin stands a bone-like letter L: in a
+ * picture of the face the L reads as an L and stands on the right, or the picture is mirrored. With --tilt-deg slices
+ * are cut as a gantry tilted about the x axis cuts them, while the table moves along z.
  *
  * Only + - * / and comparisons are used, so that the bytes are the same on any machine; tilt takes its sine and cosine
  * from a series for the same reason. */
@@ -57,8 +57,9 @@ static const Shape head[] = {
     {ELLIPSOID, -10, 4, 28, 5, 26, 9, 8},       /* */
     {ELLIPSOID, 32, 18, 42, 10, 12, 9, 75},     /* bleeding, left */
     {CYLINDER_X, 72, -18, 44, 30, 5, 5, 3071},  /* metal pin, left */
-    {BOX, 82, -80, 78, 4, 4, 22, 1300},         /* letter L, left: its stem and its foot */
-    {BOX, 92, -80, 60, 14, 4, 4, 1300},         /* */
+    {BOX, 92, -18, 53, 2.5, 2.5, 6, 1300},      /* a post on the pin, and on it the letter L: its stem, its foot */
+    {BOX, 82, -18, 82, 4, 4, 24, 1300},         /* */
+    {BOX, 92, -18, 62, 14, 4, 4, 1300},         /* */
 };
 
 /* A table top under the back of the head: a thin shell with a light core. */
