@@ -20,6 +20,7 @@ typedef struct Job {
     CtsExportSettings export;
     CtsPreset *preset;
     CliLoaded loaded;
+    CtsRenderer *renderer; /* of loaded's volume */
     CtsReport report;
     CtsLog *log;
     int n_frames;         /* 1 without --rotation */
@@ -142,12 +143,11 @@ static CtsStatus render_frame(Job *job, int frame, CtsError *err)
 {
     CtsStatus st;
     CtsPicture **picture = &job->frames[frame];
-    CtsRenderSettings settings = job->settings;
-    settings.azimuth_deg += 360.0 * frame / job->n_frames;
+    const double azimuth_deg = job->settings.azimuth_deg + 360.0 * frame / job->n_frames;
     step(job, "rendering");
     const size_t n_findings = job->report.findings.n;
     CtsMeter meter = cts_meter_start(&job->report);
-    st = cts_render(job->loaded.volume, job->preset, &settings, picture, &job->report, err);
+    st = cts_render_frame(job->renderer, azimuth_deg, job->settings.elevation_deg, picture, &job->report, err);
     cts_meter_stop(meter, &job->report, CTS_STAGE_COMPOSITE);
     cli_print_findings(&job->report.findings, n_findings);
     if (st || job->settings.explain)
@@ -196,6 +196,7 @@ static void job_free(Job *job)
         cts_picture_free(&job->frames[f]);
     free(job->frames);
     free(job->preset);
+    cts_render_end(&job->renderer);
     cli_loaded_free(&job->loaded);
 }
 
@@ -214,6 +215,11 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
     cli_interrupt_asks();
     if (st || (st = cli_interrupted(err)))
         goto end;
+    if ((st = cts_render_begin(&job.renderer, job.loaded.volume, job.preset, &job.settings, err)))
+        goto end;
+    if (job.n_frames > 1)
+        cts_report_skip(&job.report, "loading again", "%d frames share one volume, cropped and without its table once",
+                        job.n_frames);
     /* The plan of one view stands for all of a rotation. */
     const int n_frames = options->render.explain ? 1 : job.n_frames;
     for (int frame = 0; frame < n_frames && !st; frame++)

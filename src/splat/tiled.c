@@ -210,11 +210,9 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     TiledJob job = {0};
     TiledCounts counts;
     const bool avx2 = cts_cpu_flags() & scene->settings->cpu_mask & CTS_CPU_AVX2;
-    double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if ((st = tiled_kept_layout(kept, scene, &layout, report, err)))
         goto end;
-    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
-    wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const int axes[3] = {layout.axis_u, layout.axis_v, layout.axis_k};
     if ((st = tiled_kept_tables(kept, scene, blocks, &layout, report, err)))
         goto end;
@@ -247,11 +245,8 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsRep
     CtsStatus st;
     TiledKept *kept = NULL;
     const CtsBlocks *blocks;
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if ((st = tiled_kept_open(scene, &kept, err)) || (st = tiled_kept_blocks(kept, scene, &blocks, report, err)))
         goto end;
-    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
-                     cts_volume_n_voxels(scene->volume), 0);
     st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, blocks, picture, report, err)
                                                    : cts_project(scene, blocks, picture, report, err);
 end:

@@ -1,5 +1,6 @@
 #include "splat/tiled_kept.h"
 
+#include "base/clock.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -33,6 +34,12 @@ void tiled_kept_free(void *kept)
     free(k);
 }
 
+static void report_grey(const CtsVolume *volume, double start_wall_ms, double start_cpu_ms, CtsReport *report)
+{
+    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - start_wall_ms, cts_cpu_ms() - start_cpu_ms,
+                     cts_volume_n_voxels(volume), 0);
+}
+
 static bool same_axes(const CtsLayout *a, const CtsLayout *b)
 {
     return a->axis_u == b->axis_u && a->axis_v == b->axis_v && a->axis_k == b->axis_k;
@@ -42,10 +49,13 @@ CtsStatus tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlo
                             CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    if (scene->volume->blocks || kept->own_blocks)
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if (scene->volume->blocks || kept->own_blocks) {
         cts_report_skip(report, "block ranges", "made while the slices were decoded, or for an earlier picture");
-    else
+    } else {
         st = cts_blocks_new(&kept->own_blocks, scene->volume, scene->settings->n_threads, err);
+        report_grey(scene->volume, wall, cpu, report);
+    }
     *blocks = scene->volume->blocks ? scene->volume->blocks : kept->own_blocks;
     return st;
 }
@@ -53,6 +63,7 @@ CtsStatus tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlo
 CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, CtsLayout *layout, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     *layout = cts_layout_plan(scene->volume, &scene->view);
     if (layout->grey)
         return CTS_OK;
@@ -63,6 +74,7 @@ CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, CtsLayout *l
         kept->copied = *layout;
         if ((st = cts_layout_make(&kept->copied, scene->volume, scene->settings->n_threads, err)))
             return st;
+        report_grey(scene->volume, wall, cpu, report);
     }
     *layout = kept->copied;
     return CTS_OK;
