@@ -93,7 +93,10 @@ const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n)
     if (little == 0x0002 || (little >= 0x0008 && little <= 0x0020)) {
         if (known_vr(p + 4))
             return cts_syntax_native(true, false);
-        return read32(p + 4, false) <= 0xFFFF ? cts_syntax_native(false, false) : NULL;
+        /* No letters to go by: only what a data set begins with (0008,00xx), and an even length that is no nonsense. */
+        const uint32_t length = read32(p + 4, false);
+        const bool first = little == 0x0008 && read16(p + 2, false) <= 0x00FF && length <= 0xFFFF && length % 2 == 0;
+        return first ? cts_syntax_native(false, false) : NULL;
     }
     if (big >= 0x0008 && big <= 0x0020 && known_vr(p + 4))
         return cts_syntax_native(true, true);

@@ -38,6 +38,47 @@ whole_body(uint16_t *restrict words, size_t n, const CtsStored *stored, int32_t 
     return (CtsStoredRange){low, high};
 }
 
+/* The same for slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so
+ * grey = u + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. */
+static inline __attribute__((always_inline)) CtsStoredRange slope_one_body(uint16_t *restrict words, size_t n,
+                                                                           const CtsStored *s, int32_t rise)
+{
+    const int32_t smallest = s->is_signed ? -(1 << (s->bits - 1)) : 0, last = (int32_t)((1u << s->bits) - 1);
+    const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)last, shift = (uint16_t)s->shift;
+    const uint16_t floor_u = (uint16_t)(rise < 0 ? -rise : 0), ceil_u = (uint16_t)(rise > 0 ? 65535 - rise : 65535);
+    int32_t first_padding = s->padding_low - smallest, last_padding = s->padding_high - smallest;
+    first_padding = first_padding < 0 ? 0 : first_padding;
+    last_padding = last_padding > last ? last : last_padding;
+    const bool has_range = s->padding_low <= s->padding_high && first_padding <= last_padding;
+    const uint16_t range_start = (uint16_t)first_padding, range = (uint16_t)(last_padding - first_padding);
+    const uint16_t use_range = has_range ? 0xFFFF : 0, use_word = s->padding_word >= 0 ? 0xFFFF : 0;
+    const uint16_t padding_word = (uint16_t)s->padding_word;
+    uint16_t low = 0xFFFF, high = 0;
+    for (size_t i = 0; i < n; i++) {
+        const uint16_t word = words[i], u = (uint16_t)(((word >> shift) & mask) ^ sign);
+        const uint16_t in_range = (uint16_t)(u - range_start) <= range ? use_range : 0;
+        const uint16_t is_word = word == padding_word ? use_word : 0;
+        const uint16_t padding = in_range | is_word;
+        uint16_t clamped = u < floor_u ? floor_u : u;
+        clamped = clamped > ceil_u ? ceil_u : clamped;
+        words[i] = (uint16_t)((uint16_t)(clamped + rise) & ~padding);
+        const uint16_t for_low = u | padding, for_high = (uint16_t)(u & ~padding);
+        low = for_low < low ? for_low : low;
+        high = for_high > high ? for_high : high;
+    }
+    /* All padding leaves low at 65535 and high at 0. */
+    return low > high ? (CtsStoredRange){INT32_MAX, INT32_MIN} : (CtsStoredRange){low + smallest, high + smallest};
+}
+
+static inline __attribute__((always_inline)) CtsStoredRange
+fast_body(uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+{
+    const int32_t rise = offset - (stored->is_signed ? 1 << (stored->bits - 1) : 0);
+    if (slope == 1 && rise >= -65535 && rise <= 65535)
+        return slope_one_body(words, n, stored, rise);
+    return whole_body(words, n, stored, slope, offset);
+}
+
 CtsStoredRange cts_grey_whole_plain(uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
 {
     CtsStoredRange range = {INT32_MAX, INT32_MIN};
@@ -56,14 +97,14 @@ CtsStoredRange cts_grey_whole_plain(uint16_t *words, size_t n, const CtsStored *
 
 static CtsStoredRange whole_vector(uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
 {
-    return whole_body(words, n, stored, slope, offset);
+    return fast_body(words, n, stored, slope, offset);
 }
 
 #if defined(__x86_64__)
 __attribute__((target("avx2"))) static CtsStoredRange whole_avx2(uint16_t *words, size_t n, const CtsStored *stored,
                                                                  int32_t slope, int32_t offset)
 {
-    return whole_body(words, n, stored, slope, offset);
+    return fast_body(words, n, stored, slope, offset);
 }
 #endif
 

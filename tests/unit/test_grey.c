@@ -61,8 +61,9 @@ static void test_whole(void **state)
         {3, 10, true, 1, 0, -1},         {0, 1, false, 1, 0, -1},     {0, 1, true, 1, 0, -1},
         {0, 16, false, 0, 65535, -1},
     };
-    static const int32_t rescale[][2] = {{1, 0},       {1, 1024},    {2, -3000}, {-1, 1024},
-                                         {150, -9999}, {1, 9999999}, {-152, -9}};
+    static const int32_t rescale[][2] = {{1, 0},     {1, 1024},    {1, -70000},  {1, 32767},  {1, 65535},
+                                         {1, 98303}, {1, 98304},   {1, -65535},  {1, -65536}, {2, -3000},
+                                         {-1, 1024}, {150, -9999}, {1, 9999999}, {-152, -9}};
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++)
         for (size_t r = 0; r < sizeof rescale / sizeof *rescale; r++) {
             check_one(&kinds[k], rescale[r][0], rescale[r][1], N_WORDS);

@@ -86,6 +86,8 @@ static void test_guess(void **state)
                      cts_syntax_native(true, true));
     assert_null(cts_scan_guess((const uint8_t *)"\x08\0\x08\0\xff\xff\xff\x7f", 8));
     assert_null(cts_scan_guess((const uint8_t *)"\x08\0\x08\0CS\4", 7));
+    assert_null(cts_scan_guess((const uint8_t *)"\x10\0\x08\0\4\0\0\0", 8));
+    assert_null(cts_scan_guess((const uint8_t *)"\x08\0\x08\0\3\0\0\0", 8));
 }
 
 /* `depth` sequences in each other, of undefined length or exactly as long as they are. */
