@@ -154,9 +154,8 @@ static bool same_table(const CtsSlice *a, const CtsSlice *b)
            x.padding_word == y.padding_word;
 }
 
-static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsReport *report, CtsError *err)
+static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsError *err)
 {
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     bool ok = true;
 #pragma omp parallel num_threads(a->n_threads) reduction(&& : ok)
     {
@@ -177,7 +176,6 @@ static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsReport 
         }
         free(table);
     }
-    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
     return ok ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
@@ -260,18 +258,22 @@ static CtsStatus fill(const CtsSeries *series, const CtsSliceStack *stack, int o
     }
     if (!st && !a.whole_numbers) {
         v->hu_step = finest_step(v->hu_max);
-        st = convert_fractions(&a, v->hu_step, report, err);
+        st = convert_fractions(&a, v->hu_step, err);
     }
-    if (!st && stack->kind != CTS_STACK_EVEN) {
-        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if (!st && stack->kind != CTS_STACK_EVEN)
         cts_resample_stack(v->grey, a.layer_voxels, stack->layer, a.n_slices, stack->n_layers, offset, n_threads);
-        cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
-    }
     if (!st)
         tell_range(v, a.whole_numbers, report);
     cts_blocks_free(&a.blocks);
     cts_free(&a.ranges);
     return st;
+}
+
+/* Time of the stages of loading so far. */
+static void stage_times(const CtsReport *report, double *wall_ms, double *cpu_ms)
+{
+    *wall_ms = report->stages[CTS_STAGE_DECODE].wall_ms + report->stages[CTS_STAGE_GREY].wall_ms;
+    *cpu_ms = report->stages[CTS_STAGE_DECODE].cpu_ms + report->stages[CTS_STAGE_GREY].cpu_ms;
 }
 
 /* "series UID: " in front of a failure; by its folder where the data has no UID. */
@@ -286,6 +288,7 @@ static CtsStatus in_series(const CtsSeries *series, CtsError *err)
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
 {
     CtsSliceStack stack = {0};
+    double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
     *volume = NULL;
     if (!series->renderable) {
         cts_fail(err, series->refusal, "%s", series->reason);
@@ -304,7 +307,15 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
         goto end;
     (*volume)->dims[2] = stack.n_layers;
     place_volume(*volume, series->slices, series->n_slices, &stack);
+    if (report)
+        stage_times(report, &wall_before, &cpu_before);
     st = fill(series, &stack, offset, n_threads, *volume, report, err);
+    if (report)
+        stage_times(report, &wall_after, &cpu_after);
+    /* What is not reading slices is making grey levels of them: memory, fractions, resampling, block ranges. */
+    wall = cts_wall_ms() - wall - (wall_after - wall_before);
+    cpu = cts_cpu_ms() - cpu - (cpu_after - cpu_before);
+    cts_report_stage(report, CTS_STAGE_GREY, fmax(wall, 0), fmax(cpu, 0), 0, 0);
     for (size_t i = 0; !st && i < series->findings.n; i++)
         cts_report_finding(report, series->findings.items[i].code, series->findings.items[i].severity, "%s",
                            series->findings.items[i].text);
