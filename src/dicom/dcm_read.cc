@@ -330,8 +330,11 @@ void read_geometry(DcmItem &item, CtsSlice *s)
 void read_slice(DcmItem &item, CtsSlice *s)
 {
     read_identity(item, s);
-    if (s->kind != CTS_OBJECT_CT)
+    if (s->kind != CTS_OBJECT_CT) {
+        unsigned_short(item, DCM_Rows, &s->rows);
+        unsigned_short(item, DCM_Columns, &s->columns);
         return;
+    }
     read_geometry(item, s);
     read_image_kind(item, s);
     if (read_shape(item, s))

@@ -251,17 +251,34 @@ static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
         *err = why;
         return st;
     }
+    series->spacing_mm[2] = stack.spacing_mm;
+    series->tilt_deg = stack.tilt_deg;
     if (st) {
         refuse(series, st, "%s", why.text);
         return CTS_OK;
     }
     if (set->n == 2)
         cts_findings_add(&series->findings, "two_slices", CTS_WARNING, "only 2 slices: a very thin volume");
-    series->spacing_mm[2] = stack.spacing_mm;
-    series->tilt_deg = stack.tilt_deg;
     cts_slice_stack_findings(&stack, slices, set->n, &series->findings);
     cts_slice_stack_free(&stack);
     return CTS_OK;
+}
+
+/* A series refused for its pixels still has a place in space. */
+static void describe_refused(CtsSliceSet *set, CtsSeries *series)
+{
+    CtsSliceStack stack;
+    for (int i = 0; i < set->n; i++)
+        if (set->items[i]->kind != CTS_OBJECT_CT || set->items[i]->fault == CTS_ERR_GEOMETRY ||
+            set->items[i]->localizer || !same_grid(set->items[i], set->items[0]))
+            return;
+    if (set->n < 2)
+        return;
+    cts_slice_set_sort(set, set->items[0]);
+    cts_slice_stack_plan((const CtsSlice *const *)set->items, set->n, &stack, NULL);
+    series->spacing_mm[2] = stack.spacing_mm;
+    series->tilt_deg = stack.tilt_deg;
+    cts_slice_stack_free(&stack);
 }
 
 static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, CtsError *err)
@@ -271,7 +288,9 @@ static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, CtsError *err)
     describe(series, middle);
     if (middle->description && !(series->description = cts_dcm_utf8(middle->description, middle->charset)))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !series->refusal)
+    if (series->refusal)
+        describe_refused(set, series);
+    else if (!st)
         st = judge_stack(set, series, err);
     if (!st)
         st = take_slices(series, set, err);

@@ -179,8 +179,11 @@ CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceSta
         st = judge(stack, slices, n, err);
     }
     free(gaps);
-    if (st)
-        cts_slice_stack_free(stack);
+    if (st) {
+        free(stack->layer);
+        stack->layer = NULL;
+        stack->n_layers = 0;
+    }
     return st;
 }
 

@@ -32,7 +32,8 @@ typedef struct CtsSliceStack {
 enum { CTS_STACK_GROWTH = 4 }; /* an unequal stack becomes at most this many times its slices */
 
 /* Slices sorted along the normal, no two at one position, 2 or more. CTS_ERR_GEOMETRY when they make no volume: more
- * than a tenth is missing, or they lie beside each other rather than on a line. */
+ * than a tenth is missing, or they lie beside each other rather than on a line; the numbers found stay in stack then,
+ * but no layers, so that a refused series can still be described. */
 CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceStack *stack, CtsError *err);
 void cts_slice_stack_free(CtsSliceStack *stack);
 

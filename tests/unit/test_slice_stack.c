@@ -147,6 +147,7 @@ static void test_missing(void **state)
         if (i != 4 && i != 6)
             add(f, 0, 0, i);
     assert_int_equal(plan(f), CTS_ERR_GEOMETRY);
+    assert_true(f->stack.spacing_mm == 1 && f->stack.n_layers == 0 && !f->stack.layer);
     assert_non_null(strstr(f->err.text, "2 of 11 slices missing"));
     assert_non_null(strstr(f->err.text, "from position 3.000 to 5.000 mm"));
     done(f);
