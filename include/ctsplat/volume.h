@@ -58,6 +58,11 @@ int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3]);
  * CTS_ERR_USAGE when nothing is left. */
 CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3], CtsError *err);
 
+/* A copy with the window's HU mapped to 2^bits grey levels, as the paper's pictures of 8 bits have it: below the window
+ * 0, above it the largest. CTS_ERR_USAGE for an empty window. Free with cts_volume_free(). */
+CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, double high_hu, int n_threads,
+                              CtsVolume **quantised, CtsError *err);
+
 #ifdef __cplusplus
 }
 #endif

@@ -81,7 +81,9 @@ static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *e
 }
 
 struct CtsRenderer {
-    const CtsVolume *volume;
+    const CtsVolume *volume; /* what the engine gets: the caller's, or quantised */
+    const CtsVolume *original;
+    CtsVolume *quantised;
     CtsPreset preset;           /* as given */
     CtsRenderSettings settings; /* as asked */
     const CtsEngine *engine;
@@ -103,9 +105,16 @@ CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, cons
     CtsRenderer *r = calloc(1, sizeof *r);
     if (!r)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *r = (CtsRenderer){.volume = volume, .preset = *preset, .settings = *asked, .engine = engine};
+    *r = (CtsRenderer){.volume = volume, .original = volume, .preset = *preset, .settings = *asked, .engine = engine};
+    if (asked->grey_bits < 16) {
+        st = cts_volume_quantise(volume, asked->grey_bits, preset->window_low_hu, preset->window_high_hu,
+                                 asked->n_threads, &r->quantised, err);
+        r->volume = r->quantised;
+    }
     *renderer = r;
-    return CTS_OK;
+    if (st)
+        cts_render_end(renderer);
+    return st;
 }
 
 void cts_render_end(CtsRenderer **renderer)
@@ -116,6 +125,7 @@ void cts_render_end(CtsRenderer **renderer)
     if (r->kept && r->engine->forget)
         r->engine->forget(r->kept);
     cts_lut_free(&r->lut);
+    cts_volume_free(&r->quantised);
     free(r);
     *renderer = NULL;
 }
@@ -185,8 +195,12 @@ CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_
     if (!s->explain && (st = new_picture(&store.scene, r->engine->name, picture, err)))
         goto end;
     st = r->engine->render(&store.scene, *picture, report, err);
-    if (!st && s->verify > 0 && *picture)
-        st = cts_verify(&store.scene, *picture, report, err);
+    if (!st && s->verify > 0 && *picture) {
+        /* What quantising loses is part of the error. */
+        CtsScene whole = store.scene;
+        whole.volume = r->original;
+        st = cts_verify(&whole, *picture, report, err);
+    }
 end:
     if (st)
         cts_picture_free(picture);

@@ -201,11 +201,35 @@ static void test_crop_borders(void **state)
     cts_volume_free(&v);
 }
 
+/* 8 bits of a window: its ends, the middle, both sides; geometry kept. */
+static void quantised(void **state)
+{
+    (void)state;
+    CtsVolume *v = NULL, *q = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, 6, 1, 1, &err), CTS_OK);
+    const int hu[6] = {-1024, 100, 104, 1100, 2100, 3000};
+    const int expected[6] = {0, 0, 1, 128, 255, 255}; /* 104 lies 0.51 levels up, 1100 127.5 */
+    for (int i = 0; i < 6; i++)
+        v->grey[i] = (uint16_t)(hu[i] + 1024);
+    v->step_lps[0][0] = 0.5;
+    v->origin_lps[2] = 7;
+    assert_int_equal(cts_volume_quantise(v, 8, 100, 2100, 2, &q, &err), CTS_OK);
+    for (int i = 0; i < 6; i++)
+        assert_int_equal(q->grey[i], expected[i]);
+    assert_true(fabs(cts_volume_hu(q, 255) - 2100) < 1e-9 && cts_volume_hu(q, 0) == 100);
+    assert_true(q->step_lps[0][0] == 0.5 && q->origin_lps[2] == 7);
+    cts_volume_free(&q);
+    assert_int_equal(cts_volume_quantise(v, 8, 5, 5, 1, &q, &err), CTS_ERR_USAGE);
+    assert_null(q);
+    cts_volume_free(&v);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_new),  cmocka_unit_test(test_geometry),     cmocka_unit_test(test_inverse),
-        cmocka_unit_test(test_crop), cmocka_unit_test(test_crop_borders),
+        cmocka_unit_test(quantised),    cmocka_unit_test(test_new),  cmocka_unit_test(test_geometry),
+        cmocka_unit_test(test_inverse), cmocka_unit_test(test_crop), cmocka_unit_test(test_crop_borders),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,43 @@
+#include "ctsplat/volume.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "volume/volume_new.h"
+#include <math.h>
+
+CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, double high_hu, int n_threads,
+                              CtsVolume **quantised, CtsError *err)
+{
+    enum { N_GREY = 65536 };
+    *quantised = NULL;
+    if (bits < 1 || bits > 16 || !(high_hu > low_hu))
+        return cts_fail(err, CTS_ERR_USAGE, "%d grey bits for a window of %g to %g HU (1 to 16 bits of a real window)",
+                        bits, low_hu, high_hu);
+    uint16_t *level = NULL;
+    CtsVolume *q = NULL;
+    const int top = (1 << bits) - 1;
+    CtsStatus st = cts_alloc_array(&level, N_GREY, err);
+    if (st || (st = cts_volume_new_unset(&q, volume->dims[0], volume->dims[1], volume->dims[2], err)))
+        goto end;
+    for (int g = 0; g < N_GREY; g++) {
+        const double at = (cts_volume_hu(volume, (uint16_t)g) - low_hu) / (high_hu - low_hu) * top;
+        level[g] = (uint16_t)floor(fmin(fmax(at, 0), top) + 0.5);
+    }
+    for (int c = 0; c < 3; c++) {
+        q->origin_lps[c] = volume->origin_lps[c];
+        for (int axis = 0; axis < 3; axis++)
+            q->step_lps[axis][c] = volume->step_lps[axis][c];
+    }
+    q->hu_offset = low_hu;
+    q->hu_step = (high_hu - low_hu) / top;
+    q->hu_min = volume->hu_min;
+    q->hu_max = volume->hu_max;
+    const size_t n = cts_volume_n_voxels(volume);
+#pragma omp parallel for num_threads(cts_threads(n_threads))
+    for (size_t i = 0; i < n; i++)
+        q->grey[i] = level[volume->grey[i]];
+    *quantised = q;
+end:
+    cts_free(&level);
+    return st;
+}
