@@ -136,6 +136,7 @@ static CtsStatus run_tiles(const TiledJob *j, tiled_packet_fn packet, const CtsS
         total->packets += counts[t].packets;
         total->splat_ticks += counts[t].splat_ticks;
         total->composite_ticks += counts[t].composite_ticks;
+        total->shade_ticks += counts[t].shade_ticks;
     }
     if (cts_scene_stopped(scene))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
@@ -183,13 +184,15 @@ static void report_plan(const TiledJob *j, const CtsScene *scene, const CtsLayou
 static void report_counts(const TiledCounts *counts, const CtsScene *scene, const CtsLeap *leap, double wall_ms,
                           double cpu_ms, CtsReport *report)
 {
-    const double ticks = (double)(counts->splat_ticks + counts->composite_ticks);
+    const double ticks = (double)(counts->splat_ticks + counts->composite_ticks + counts->shade_ticks);
     double busy[CTS_N_STAGES] = {0};
     uint64_t items[CTS_N_STAGES] = {0};
     busy[CTS_STAGE_SPLAT] = ticks > 0 ? (double)counts->splat_ticks / ticks : 0.5;
-    busy[CTS_STAGE_COMPOSITE] = 1 - busy[CTS_STAGE_SPLAT];
+    busy[CTS_STAGE_SHADE] = ticks > 0 ? (double)counts->shade_ticks / ticks : 0;
+    busy[CTS_STAGE_COMPOSITE] = 1 - busy[CTS_STAGE_SPLAT] - busy[CTS_STAGE_SHADE];
     items[CTS_STAGE_SPLAT] = counts->samples;
     items[CTS_STAGE_COMPOSITE] = counts->slabs;
+    items[CTS_STAGE_SHADE] = scene->preset->shade ? counts->slabs : 0;
     cts_report_region(report, wall_ms, cpu_ms, busy, items, NULL);
     if (report) {
         CtsVoxelCounts *v = &report->voxels;

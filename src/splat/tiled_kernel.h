@@ -69,8 +69,8 @@ typedef struct TiledCounts {
     uint64_t samples; /* field values, one a pixel and sheet */
     uint64_t slabs;   /* pixel slabs in which something could be seen */
     uint64_t packets; /* packets that met something */
-    /* Every so many packets the clock is read around what is sampled and what is composited. */
-    uint64_t splat_ticks, composite_ticks;
+    /* Every so many packets the clock is read around what is sampled, composited and shaded. */
+    uint64_t splat_ticks, composite_ticks, shade_ticks;
 } TiledCounts;
 
 enum { TILED_TIMED_PACKETS = 32 };

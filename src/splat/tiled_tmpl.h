@@ -356,11 +356,21 @@ typedef struct Course {
     Entry entry;
     Slope slope;
     int entry_layer, slope_layer;
+    bool timed;
+    uint64_t shade_ticks; /* spent on slopes, where timed */
 } Course;
+
+INLINE Slope timed_slope(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner, Course *course)
+{
+    const uint64_t before = course->timed ? tiled_ticks() : 0;
+    const Slope slope = slope_at(j, pk, way, q, part, inner);
+    course->shade_ticks += course->timed ? tiled_ticks() - before : 0;
+    return slope;
+}
 
 /* The slab behind layer q with a fixed number of sheets in it. */
 OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, v8f s0,
-                        v8f end, bool inner, bool lit)
+                        v8f end, bool inner, bool lit, Course *course)
 {
     Entry e0, e1;
     Slope g0 = {.u = splat8(0)}, g1;
@@ -378,8 +388,9 @@ OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
         look_up(j, s1, &e1);
         if (lit) {
             if (!have_entry)
-                g0 = slope_at(j, pk, way, q, part - 1, inner);
-            g1 = part == j->samples ? slope_at(j, pk, way, q + 1, 0, inner) : slope_at(j, pk, way, q, part, inner);
+                g0 = timed_slope(j, pk, way, q, part - 1, inner, course);
+            g1 = part == j->samples ? timed_slope(j, pk, way, q + 1, 0, inner, course)
+                                    : timed_slope(j, pk, way, q, part, inner, course);
             glow = glow_between(j, &g0, &g1, 0.5f);
             g0 = g1;
         }
@@ -419,8 +430,8 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
     look_up(j, end, &e1);
     const Entry last = e1;
     if (lit) {
-        slope0 = course->slope_layer == q ? course->slope : slope_at(j, pk, way, q, 0, inner);
-        slope1 = slope_at(j, pk, way, q + 1, 0, inner);
+        slope0 = course->slope_layer == q ? course->slope : timed_slope(j, pk, way, q, 0, inner, course);
+        slope1 = timed_slope(j, pk, way, q + 1, 0, inner, course);
         course->slope = slope1;
         course->slope_layer = q + 1;
     }
@@ -430,7 +441,7 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
     if (!v8_all(v8f_abs(end - s0) * seen < j->refine_grey)) {
         const v8f mid = way == WAY_STRAIGHT ? (s0 + end) * 0.5f : sample_sheet(j, pk, way, q, 1, inner);
         if (lit && way != WAY_STRAIGHT)
-            slope_mid = slope_at(j, pk, way, q, 1, inner);
+            slope_mid = timed_slope(j, pk, way, q, 1, inner, course);
         bend = 2 * (s0 + end) - 4 * mid;
         rise = end - s0 - bend;
         parts = v8_all(v8f_abs(bend) * seen < j->bend_grey) ? 2 : 4;
@@ -471,6 +482,7 @@ INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
     uint64_t samples = 0, slabs = 0;
     bool opaque = false;
     const bool timed = counts->packets % TILED_TIMED_PACKETS == 0;
+    course.timed = timed;
     uint64_t start = timed ? tiled_ticks() : 0, composite = 0;
     for (int r = 0; !opaque && (r < beam->n_runs || tiled_beam_extend(j, beam)); r++) {
         const TiledRun run = beam->runs[r];
@@ -486,7 +498,7 @@ INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
                 if (j->adaptive)
                     add_course(j, beam, pk, way, light, q, s0, end, run.inner, lit, &course);
                 else
-                    add_sheets(j, beam, pk, way, light, q, s0, end, run.inner, lit);
+                    add_sheets(j, beam, pk, way, light, q, s0, end, run.inner, lit, &course);
                 opaque = v8_all(light->t < j->stop_transmittance);
                 composite += timed ? tiled_ticks() - before : 0;
             }
@@ -494,7 +506,8 @@ INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
         }
     }
     if (timed) {
-        counts->composite_ticks += composite;
+        counts->composite_ticks += composite - course.shade_ticks;
+        counts->shade_ticks += course.shade_ticks;
         counts->splat_ticks += tiled_ticks() - start - composite;
     }
     counts->samples += samples * CTS_PACKET;
