@@ -18,20 +18,27 @@ fast='fast''-math|O''fast'
 
 violations()
 {
-    texts "$1" | (
+    tab=$(printf '\t')
+    (
         cd "$1"
-        tab=$(printf '\t')
+        texts . >"$work/list"
+        # look TEXT GREP_ARGUMENT...: what grep finds is a violation
+        look()
+        {
+            what=$1
+            shift
+            tr '\n' '\0' <"$work/list" | xargs -0 grep -n "$@" /dev/null | sed "s|\$| <- $what|"
+        }
+        look 'blank at the end of a line' -E "[$tab ]+\$"
+        look 'tab' "$tab"
+        look 'path of a machine' -E "$paths"
+        look 'mark of unfinished work' -iE "$marks"
+        look 'unsafe floating point' -E -e "-f($fast)|-$fast" | grep -v -e '-fno-' || true
         while read -r f; do
-            grep -nE "[$tab ]+\$" "$f" | sed "s|^|$f: blank at the end of line |"
-            grep -n "$tab" "$f" | sed "s|^|$f: tab in line |"
             [ -z "$(tail -c 1 "$f")" ] || echo "$f: no newline at the end"
-            grep -nE "$paths" "$f" | sed "s|^|$f: path of a machine in line |"
-            grep -niE "$marks" "$f" | sed "s|^|$f: mark of unfinished work in line |"
-            grep -nE -e "-f($fast)|-$fast" "$f" | grep -v -e '-fno-' | sed "s|^|$f: unsafe floating point in line |"
-            case $f in
-            *.c | *.h | *.cc) awk -v f="$f" 'length > 120 { print f ": more than 120 columns in line " NR }' "$f" ;;
-            esac
-        done
+        done <"$work/list"
+        grep -E '\.(c|h|cc)$' "$work/list" | tr '\n' '\0' |
+            xargs -0 awk 'length > 120 { print FILENAME ":" FNR ": more than 120 columns" }' /dev/null
     )
 }
 

@@ -8,7 +8,7 @@ for name in INT TERM; do
         last="render --rotation, SIG$name after $wait s"
         # A background process of a shell has SIGINT ignored; a subshell of its own resets that.
         python3 - "$ctsplat" "$data/phantom" $name $wait <<'PY' >out 2>err || fail "could not run it"
-import signal, subprocess, sys, time
+import os, signal, subprocess, sys, time
 program, path, name, wait = sys.argv[1:]
 run = subprocess.Popen([program, "render", path, "--rotation", "4000", "--size", "64x64", "-o", "o/a.png"])
 number = getattr(signal, "SIG" + name)
@@ -18,6 +18,8 @@ while run.poll() is None:
     if caught and int(caught[0].split()[1], 16) >> (number - 1) & 1:
         break
     time.sleep(0.005)
+while not os.listdir("o") and run.poll() is None: # a slow start must not meet the signal
+    time.sleep(0.01)
 time.sleep(float(wait))
 run.send_signal(number)
 print(run.wait(timeout=60))
