@@ -35,6 +35,18 @@ void cts_bits_fill(uint64_t *row, int first, int end)
     row[w1] |= to;
 }
 
+uint64_t cts_bits_count_run(const uint64_t *row, int first, int end)
+{
+    const int w0 = first >> 6, w1 = (end - 1) >> 6;
+    const uint64_t from = ~UINT64_C(0) << (first & 63), to = ~UINT64_C(0) >> (63 - ((end - 1) & 63));
+    if (w0 == w1)
+        return (uint64_t)cts_popcount(row[w0] & from & to);
+    uint64_t n = (uint64_t)cts_popcount(row[w0] & from) + (uint64_t)cts_popcount(row[w1] & to);
+    for (int w = w0 + 1; w < w1; w++)
+        n += (uint64_t)cts_popcount(row[w]);
+    return n;
+}
+
 /* 64 comparisons as bytes, which compilers vectorise, then 8 bytes at a time into 8 bits. */
 static uint64_t threshold_word(const uint16_t *grey, uint16_t grey_min)
 {

@@ -65,6 +65,9 @@ static inline int cts_popcount(uint64_t x)
 /* Set the bits first <= i < end of one row. */
 void cts_bits_fill(uint64_t *row, int first, int end);
 
+/* How many of the bits first <= i < end of one row are set; first < end. */
+uint64_t cts_bits_count_run(const uint64_t *row, int first, int end);
+
 /* One row: bit i tells whether level i of n is at least min. */
 void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);
 

@@ -40,6 +40,20 @@ static void hints_free(CouchHints *hints)
     cts_bits_free(&hints->far);
 }
 
+/* Voxels of a run in the cells of its row. */
+static uint64_t run_in_cells(const CtsRun *run, const CouchGrid *g, const uint64_t *cells)
+{
+    const int first = (int)run->first, end = (int)run->end, last_cell = couch_cell(g, 0, end - 1);
+    uint64_t n = 0;
+    for (int c = couch_cell(g, 0, first); c <= last_cell; c++) {
+        if (!(cells[c >> 6] >> (c & 63) & 1))
+            continue;
+        const int from = couch_cell_end(g, 0, c - 1), to = couch_cell_end(g, 0, c);
+        n += (uint64_t)((to < end ? to : end) - (from > first ? from : first));
+    }
+    return n;
+}
+
 /* Voxels of the body in the cells. */
 static uint64_t count_in_cells(const CouchBody *b, const CouchGrid *g, const CtsBits *cells)
 {
@@ -47,15 +61,12 @@ static uint64_t count_in_cells(const CouchBody *b, const CouchGrid *g, const Cts
     const size_t ny = (size_t)b->parts.dims[1], n_rows = ny * (size_t)b->parts.dims[2];
     for (size_t row = 0; row < n_rows; row++) {
         const int cj = couch_cell(g, 1, (int)(row % ny)), ck = couch_cell(g, 2, (int)(row / ny));
-        for (uint32_t r = b->parts.row_start[row]; r < b->parts.row_start[row + 1]; r++) {
-            const CtsRun *run = &b->parts.runs[r];
-            const int end = (int)run->end;
-            for (int i = (int)run->first, next; b->verdict.body[run->part] && i < end; i = next) {
-                const int ci = couch_cell(g, 0, i);
-                next = couch_cell_end(g, 0, ci) < end ? couch_cell_end(g, 0, ci) : end;
-                n += cts_bits_get(cells, ci, cj, ck) ? (uint64_t)(next - i) : 0;
-            }
-        }
+        const uint64_t *in_row = cts_bits_row(cells, cj, ck);
+        if (!cts_bits_count_run(in_row, 0, g->dims[0]))
+            continue;
+        for (uint32_t r = b->parts.row_start[row]; r < b->parts.row_start[row + 1]; r++)
+            if (b->verdict.body[b->parts.runs[r].part])
+                n += run_in_cells(&b->parts.runs[r], g, in_row);
     }
     return n;
 }
@@ -173,8 +184,7 @@ static CtsStatus give_back(const CouchScene *scene, const CtsBits *off, const Ct
     for (size_t row = 0; row < n_rows; row++) {
         const uint64_t *words = seam->words + row * seam->row_words;
         for (uint32_t r = parts.row_start[row]; r < parts.row_start[row + 1]; r++)
-            for (uint32_t i = parts.runs[r].first; i < parts.runs[r].end; i++)
-                n_seam[parts.runs[r].part] += words[i >> 6] >> (i & 63) & 1;
+            n_seam[parts.runs[r].part] += cts_bits_count_run(words, (int)parts.runs[r].first, (int)parts.runs[r].end);
     }
     for (uint32_t n = 0; n < parts.n_parts; n++)
         flags[n] = (double)(parts.parts[n].n_voxels - n_seam[n]) > LEAST_FREED * (double)n_seam[n];

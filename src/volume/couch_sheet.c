@@ -341,11 +341,14 @@ static void count_sheet(const CtsParts *p, const CtsBits *sheet, const CouchHint
     const size_t ny = (size_t)p->dims[1], n_rows = ny * (size_t)p->dims[2];
     for (size_t row = 0; row < n_rows; row++) {
         const int j = (int)(row % ny), k = (int)(row / ny), cj = couch_cell(g, 1, j), ck = couch_cell(g, 2, k);
-        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
-            for (uint32_t i = p->runs[r].first; i < p->runs[r].end; i++) {
-                n_sheet[p->runs[r].part] += cts_bits_get(sheet, (int)i, j, k);
-                has_core[p->runs[r].part] |= cts_bits_get(&hints->core, couch_cell(g, 0, (int)i), cj, ck);
-            }
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
+            const int first = (int)p->runs[r].first, end = (int)p->runs[r].end;
+            n_sheet[p->runs[r].part] += cts_bits_count_run(cts_bits_row(sheet, j, k), first, end);
+            if (!has_core[p->runs[r].part])
+                has_core[p->runs[r].part] =
+                    cts_bits_count_run(cts_bits_row(&hints->core, cj, ck), couch_cell(g, 0, first),
+                                       couch_cell(g, 0, end - 1) + 1) > 0;
+        }
     }
 }
 
