@@ -158,7 +158,7 @@ void read_identity(DcmItem &item, CtsSlice *s)
     s->charset = dup_text(text_of(item, DCM_SpecificCharacterSet));
     s->patient_key = text_hash(text_of(item, DCM_PatientID));
     s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);
-    s->has_instance = integer(item, DCM_InstanceNumber, &s->instance_number);
+    integer(item, DCM_InstanceNumber, &s->instance_number);
     s->has_temporal = integer(item, DCM_TemporalPositionIdentifier, &s->temporal_index);
     s->time_s = seconds_of_day(text_of(item, DCM_AcquisitionTime));
     if (s->time_s < 0)

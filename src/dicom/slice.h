@@ -41,7 +41,7 @@ typedef struct CtsSlice {
     char modality[17];
     char *description, *charset; /* (0008,103E) and (0008,0005) as stored; owned, may be NULL */
     uint64_t patient_key;        /* hash of PatientID and its issuer: tells patients apart and names none */
-    bool has_acquisition, has_instance, has_temporal;
+    bool has_acquisition, has_temporal;
     int acquisition_number, instance_number, temporal_index;
     double time_s; /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
     bool localizer;

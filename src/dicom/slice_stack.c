@@ -69,7 +69,6 @@ static void classify(CtsSliceStack *s, const double *gaps, int n)
         if (k > 1 && s->first_gap < 0)
             s->first_gap = i;
     }
-    s->jitter_mm = drift;
     /* Gaps that all pass may still add up to a bend; a tenth of a layer is seen. */
     if (even && drift <= 0.1 * s->spacing_mm)
         s->kind = CTS_STACK_EVEN;

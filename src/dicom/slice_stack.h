@@ -23,7 +23,7 @@ typedef struct CtsSliceStack {
     double *layer;      /* of each slice: rises from 0 to n_layers - 1; owned */
     double step_lps[3]; /* from layer to layer */
     double spacing_mm;  /* median gap along the normal */
-    double smallest_gap_mm, largest_gap_mm, jitter_mm;
+    double smallest_gap_mm, largest_gap_mm;
     double tilt_deg, sideways_mm; /* sideways: largest distance of a slice from the straight line of positions */
     int n_missing;
     int first_gap; /* the first missing slice would follow this one */
