@@ -313,6 +313,82 @@ static CtsStatus wall(CtsCheckRun *run, const void *data, CtsError *err)
     return st;
 }
 
+/* One cell of eight unlike voxels, along which HU rises and falls: dense straight stretches stand for the cubic. */
+typedef struct CellTruth {
+    const CtsVolume *volume;
+    const CtsPreset *preset;
+} CellTruth;
+
+static double cell_hu(const CtsVolume *v, const CtsTruthRay *ray, double t_mm)
+{
+    double point[3], at[3], hu = 0;
+    cts_truth_ray_point(ray, t_mm, point);
+    cts_truth_voxel(v, point, at);
+    for (int m = 0; m < 8; m++) {
+        double weight = 1;
+        for (int a = 0; a < 3; a++)
+            weight *= m >> a & 1 ? at[a] : 1 - at[a];
+        hu += weight * cts_volume_hu(v, v->grey[m]);
+    }
+    return hu;
+}
+
+static void cell_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
+{
+    enum { N = 1500 };
+    static const double length = 1.0 / N;
+    const CellTruth *c = data;
+    CtsTruthStretch stretch[N];
+    double most = -INFINITY;
+    if (!ray)
+        return;
+    for (int i = 0; i < N; i++) {
+        const double step = (ray->to_mm - ray->from_mm) * length, t = ray->from_mm + i * step;
+        stretch[i] = (CtsTruthStretch){cell_hu(c->volume, ray, t), cell_hu(c->volume, ray, t + step), step, -1};
+        most = fmax(most, stretch[i].hu1);
+    }
+    if (c->preset->mode == CTS_MODE_COMPOSITE) {
+        cts_truth_stretches(c->preset, 1, stretch, N, rgba);
+        return;
+    }
+    rgba[0] = rgba[1] = rgba[2] = fmin(fmax(fmax(most, stretch[0].hu0) / 1000, 0), 1);
+    rgba[3] = 1;
+}
+
+static const double cell_range[3] = {0, 1000, 77};
+
+static CtsStatus one_cell(CtsCheckRun *run, CtsMode mode, double bound, CtsError *err)
+{
+    /* Stripes, so that HU turns within one of them on most rays. */
+    CtsCheckPoint stripes[20];
+    for (int i = 0; i < 20; i++)
+        stripes[i] =
+            (CtsCheckPoint){50 * (i / 2 * 2 + 1), i % 4 == 1 || i % 4 == 2 ? 0.1 : 0.01, {1, 0.1 * (i / 2), 0.5}};
+    CtsPreset preset = cts_check_preset(stripes, 20);
+    CtsVolume *volume = NULL;
+    CtsRenderSettings s = cts_check_settings(run, 10, 10);
+    s.azimuth_deg = 38;
+    s.elevation_deg = 33;
+    preset.mode = mode;
+    CtsStatus st = cts_check_volume(&volume, (const int[3]){2, 2, 2}, (const double[3]){10, 10, 10}, 1, cts_hu_noise,
+                                    cell_range, err);
+    const CellTruth truth = {volume, &preset};
+    if (!st)
+        st = cts_check_picture(run, volume, &preset, &s, cell_truth, &truth, bound, err);
+    cts_volume_free(&volume);
+    return st;
+}
+
+static CtsStatus cell(CtsCheckRun *run, const void *data, CtsError *err)
+{
+    return one_cell(run, CTS_MODE_COMPOSITE, bound_of(run, data), err);
+}
+
+static CtsStatus cell_mip(CtsCheckRun *run, const void *data, CtsError *err)
+{
+    return one_cell(run, CTS_MODE_MIP, bound_of(run, data), err);
+}
+
 /* Haze of one grey level for 200 mm, then a wall of the largest extinction: the one must not spoil the other. */
 static double hu_haze(const double vox[3], const void *data)
 {
@@ -415,6 +491,8 @@ static const CtsCheckCase cases[] = {
     {"ball: chords", CHECK_OF_ALL, ball, BOUNDS(5e-2, 1e-2, 1e-2)},
     {"ball: order in spacing", CHECK_OF_TILED | CHECK_OF_RAYCAST, ball_order, BOUNDS(0, 0.15, 0.15)},
     {"range: checkerboard of 16-bit extremes", CHECK_OF_TILED | CHECK_OF_RAYCAST, checkers, BOUNDS(0, 1e-2, 1e-6)},
+    {"cell: HU turns inside", CHECK_OF_RAYCAST, cell, BOUNDS(0, 0, 1e-5)},
+    {"cell: HU turns inside, mip", CHECK_OF_TILED | CHECK_OF_RAYCAST, cell_mip, BOUNDS(0, 1e-5, 1e-5)},
     {"marker: left, front, head from anterior", MARKER(0, 0, 1, 1)},
     {"marker: left, front, head from posterior", MARKER(180, 0, -1, 1)},
     {"marker: left, front, head from left", MARKER(90, 0, -1, 1)},

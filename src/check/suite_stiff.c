@@ -17,6 +17,9 @@ static const CtsCheckPoint tripled[] = {{0, 0.05, {1, 0.2, 0.1}},
                                         {431.7, 1, {1, 1, 1}},
                                         {431.7, 0, {0, 0, 0}},
                                         {431.7, 0.4, {0.1, 0.6, 1}}};
+static const CtsCheckPoint at_500[] = {{0, 0.4, {1, 0, 0}}, {500, 0.4, {1, 0, 0}}, {500, 0.03, {0, 1, 1}}};
+static const CtsCheckPoint narrow[] = {{495, 0, {1, 0.5, 0}}, {505, 0.2, {0.5, 1, 0}}};
+static const CtsCheckPoint two_colours[] = {{0, 0.2, {1, 0, 0}}, {431.7, 0.2, {1, 0, 0}}, {431.7, 0.2, {0, 1, 0}}};
 static const CtsCheckPoint peak[] = {{499, 0, {1, 0.7, 0.3}}, {500, 0.6, {1, 0.7, 0.3}}, {501, 0, {1, 0.7, 0.3}}};
 static const CtsCheckPoint opaque_peak[] = {{499, 0, {1, 0.7, 0.3}}, {500, 1, {1, 0.7, 0.3}}, {501, 0, {1, 0.7, 0.3}}};
 static const CtsCheckPoint faint[] = {{100, 0, {0.9, 0.5, 0.2}}, {900, 0.002, {0.3, 0.8, 1}}};
@@ -50,6 +53,12 @@ static const CtsCheckCase cases[] = {
     CHECK_LINEAR("steep: step", RAMP, CHECK_POINTS(step), SPACING(1), .bound = {CHECK_NONE, 5e-3, 1e-6}),
     CHECK_LINEAR("steep: 1e-6 HU wide", RAMP, CHECK_POINTS(steep), SPACING(1), .bound = {CHECK_NONE, 5e-3, 1e-6}),
     CHECK_LINEAR("steep: four points at one HU", RAMP, CHECK_POINTS(tripled), SPACING(1),
+                 .bound = {CHECK_NONE, 5e-3, 1e-6}),
+    CHECK_LINEAR("steep: exactly on a step the later point holds", PLATE, CHECK_POINTS(at_500), SPACING(1),
+                 .bound = {1e-6, 1e-6, 1e-7}),
+    CHECK_LINEAR("levels: rounded to the nearest", .dims = {9, 21, 9}, .hu = {488, 1, 1, 1}, CHECK_POINTS(narrow),
+                 .mm_per_pixel = 0.23, .width = 16, .height = 16, .bound = {1.1e-2, 1e-2, 1e-6}),
+    CHECK_LINEAR("steep: what shows behind 83 % of the light", RAMP, CHECK_POINTS(two_colours), SPACING(1),
                  .bound = {CHECK_NONE, 5e-3, 1e-6}),
     CHECK_LINEAR("peak: one HU wide, slow field", FINE_RAMP, CHECK_POINTS(peak), SPACING(1),
                  .bound = {2e-2, 5e-3, 1e-6}),

@@ -3,6 +3,7 @@
 
 static const CtsCheckPoint even_3[] = {{0, 0.03, {0.2, 0.5, 0.9}}};
 static const CtsCheckPoint even_50[] = {{0, 0.5, {0.2, 0.5, 0.9}}};
+static const CtsCheckPoint even_ramp[] = {{0, 0, {1, 0, 0}}, {1000, 0.06, {0, 1, 1}}};
 static const CtsCheckPoint soft[] = {{100, 0, {0.9, 0.5, 0.2}}, {900, 0.08, {0.3, 0.8, 1}}};
 static const CtsCheckPoint hidden[] = {{2000, 0, {1, 1, 1}}, {2001, 1, {1, 1, 1}}};
 
@@ -36,6 +37,10 @@ static const CtsCheckCase cases[] = {
                  MIDDLE, .bound = {2e-6, 2e-6, 2e-7}),
     CHECK_LINEAR("slab: leaning slices", PLATE, .lean = 0.33, CHECK_POINTS(even_3), VIEW(0, 0), MIDDLE,
                  .bound = {2e-6, 2e-6, 2e-7}),
+    CHECK_LINEAR("slab: gaussian kernel", PLATE, CHECK_POINTS(even_ramp), .kernel = CTS_KERNEL_GAUSSIAN, VIEW(20, 15),
+                 MIDDLE, .bound = {2e-5, CHECK_NONE, 2e-7}),
+    CHECK_LINEAR("slab: cone kernel", PLATE, CHECK_POINTS(even_ramp), .kernel = CTS_KERNEL_CONE, VIEW(-20, 5), MIDDLE,
+                 .bound = {2e-5, CHECK_NONE, 2e-7}),
     CHECK_LINEAR("slab: picture of 1 x 1", PLATE, CHECK_POINTS(even_3), .width = 1, .height = 1, MIDDLE,
                  .bound = {2e-6, 2e-6, 2e-7}),
     CHECK_LINEAR("slab: picture of 32768 x 1", PLATE, CHECK_POINTS(even_3), .width = 32768, .height = 1,
@@ -75,6 +80,7 @@ static const CtsCheckCase cases[] = {
     CHECK_LINEAR("ramp: lit", RAMP, .lit = true, VIEW(25, 10), MIDDLE, .bound = {1e-3, 2e-3, 2e-7}),
     CHECK_LINEAR("ramp: lit, leaning, spacing 1:2:3", RAMP, .lit = true, .lean = 0.3, .spacing_mm = {1, 2, 3},
                  VIEW(-15, 18), MIDDLE, .bound = {2e-3, 2e-3, 2e-7}),
+    CHECK_LINEAR("ramp: lit from behind", RAMP, .lit = true, VIEW(-160, 10), MIDDLE, .bound = {1e-3, 2e-3, 2e-7}),
     CHECK_LINEAR("slab: lit without a gradient is ambient", PLATE, CHECK_POINTS(even_3), .lit = true, MIDDLE,
                  .bound = {2e-6, 2e-6, 2e-7}),
     CHECK_LINEAR("ramp: mip", RAMP, .mode = CTS_MODE_MIP, VIEW(25, 10), .bound = {CHECK_NONE, 1e-3, 2e-7}),

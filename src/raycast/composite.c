@@ -1,4 +1,5 @@
 /* Emission and absorption along one cubic piece of a ray: C = integral of c t exp(-integral of t). */
+#include "base/mutation.h"
 #include "raycast/cubic.h"
 #include "raycast/raycaster.h"
 #include <math.h>
@@ -143,7 +144,7 @@ static bool add_monotone(Stretch *s, double a, double b)
     for (;;) {
         s->span = &transfer->spans[i];
         const double knot = falls ? s->span->low_hu : s->span->high_hu;
-        if (falls ? knot <= to : knot >= to)
+        if (CTS_MUTATED(KNOTS) || (falls ? knot <= to : knot >= to))
             return add_span(s, a, b);
         const double cut = cts_cubic_solve(hu, knot, a, b);
         if (!add_span(s, a, cut))
@@ -158,7 +159,7 @@ static int find_cuts(const CtsRaycaster *caster, const CtsRayPiece *piece, const
 {
     int n = 0;
     cut[n++] = 0;
-    n += cts_cubic_turns(piece->hu, cut + n);
+    n += CTS_MUTATED(TURNS) ? 0 : cts_cubic_turns(piece->hu, cut + n);
     if (gradient) {
         double slope[4] = {0};
         for (int axis = 0; axis < 3; axis++)

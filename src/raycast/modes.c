@@ -1,4 +1,5 @@
 /* The largest, smallest and mean HU along a ray, exactly: extremes and means of cubics. */
+#include "base/mutation.h"
 #include "raycast/cubic.h"
 #include "raycast/raycaster.h"
 #include <math.h>
@@ -32,6 +33,8 @@ double cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray)
             break;
         double low, high;
         cts_cubic_range(piece.hu, &low, &high);
+        if (CTS_MUTATED(MODE_EXTREMES))
+            low = high = piece.hu[0];
         best = mode == CTS_MODE_MIP ? fmax(best, high) : fmin(best, low);
     } while (true);
     return best;

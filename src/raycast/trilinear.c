@@ -1,4 +1,5 @@
 /* The trilinear field: cell by cell along the ray, leaping over blocks of cells that hold nothing wanted. */
+#include "base/mutation.h"
 #include "raycast/field.h"
 #include "volume/blocks.h"
 #include <math.h>
@@ -174,7 +175,7 @@ static double difference(const Trilinear *t, const int voxel[3], int axis)
     const uint16_t *v = cell_voxel(t, voxel);
     const int before = voxel[axis] > 0, after = voxel[axis] < t->volume->dims[axis] - 1;
     const double rise = (double)v[after ? stride : 0] - (double)*(v - (before ? stride : 0));
-    return rise * t->volume->hu_step / (before + after);
+    return rise * t->volume->hu_step / (CTS_MUTATED(BORDER_DIFFERENCE) ? 2 : before + after);
 }
 
 static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double g[3][4])

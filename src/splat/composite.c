@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/mem.h"
+#include "base/mutation.h"
 #include "base/vec3.h"
 #include <math.h>
 
@@ -13,7 +14,7 @@ void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut,
         /* Most levels lie outside the preset's points, where neighbours have the same. */
         if (lut->extinction_per_mm[g] != extinction) {
             extinction = lut->extinction_per_mm[g];
-            alpha = (float)-expm1(-(double)extinction * length_mm);
+            alpha = (float)-expm1(-(double)extinction * (CTS_MUTATED(OPACITY_STEP) ? 1 : length_mm));
         }
         for (int c = 0; c < 3; c++)
             table[g][c] = lut->rgb[g][c] * alpha;

@@ -1,5 +1,6 @@
 #include "splat/footprint.h"
 
+#include "base/mutation.h"
 #include <math.h>
 
 /* Kernels by distance in voxels; the radius is where they end. */
@@ -110,10 +111,10 @@ CtsStatus cts_footprint_init(CtsFootprint *f, CtsKernelId kernel, double radius,
             Phase phase;
             uint32_t sum = 0;
             gather_phase(f, kernel, radius, pu, pv, &phase);
-            if (kernel != CTS_KERNEL_CONE_PAPER)
+            if (kernel != CTS_KERNEL_CONE_PAPER && !CTS_MUTATED(FOOTPRINT_SUM))
                 normalise_phase(&phase);
             for (int i = 0; i < phase.n; i++) {
-                if (kernel == CTS_KERNEL_CONE_PAPER)
+                if (kernel == CTS_KERNEL_CONE_PAPER || CTS_MUTATED(FOOTPRINT_SUM))
                     *phase.weight[i] = (uint32_t)floor(phase.exact[i] * CTS_WEIGHT_ONE + 0.5);
                 sum += *phase.weight[i];
             }

@@ -3,6 +3,7 @@
 
 #if defined(__AVX2__)
 
+#include "base/mutation.h"
 #include "splat/kernels_one.h"
 #include <immintrin.h>
 #include <stdbool.h>
@@ -201,7 +202,7 @@ INLINE void sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, int 
             value = lerp(value, other, _mm256_set1_ps(sheets->weight));
         }
         value = _mm256_mul_ps(value, _mm256_set1_ps(2.0f / CTS_WEIGHT_ONE));
-        const __m256i whole = _mm256_cvtps_epi32(value);
+        const __m256i whole = CTS_MUTATED(ROUNDING) ? _mm256_cvttps_epi32(value) : _mm256_cvtps_epi32(value);
         _mm_storeu_si128((__m128i *)(grey + i),
                          _mm_packus_epi32(_mm256_castsi256_si128(whole), _mm256_extracti128_si256(whole, 1)));
     }

@@ -2,6 +2,7 @@
 #ifndef CTS_SPLAT_KERNELS_ONE_H
 #define CTS_SPLAT_KERNELS_ONE_H
 
+#include "base/mutation.h"
 #include "splat/kernels.h"
 #include <math.h>
 
@@ -43,7 +44,7 @@ static inline uint16_t cts_one_sample(const CtsSheetPair *sheets, const CtsPlace
         value = value + (bilinear(sheets->second + at, sheets->stride, fu, fv) - value) * sheets->weight;
     value *= 2.0f / CTS_WEIGHT_ONE;
     /* Adding 2^23 rounds to the nearest whole number, ties to even, as vector conversion does. */
-    value = (value + 0x1p23f) - 0x1p23f;
+    value = CTS_MUTATED(ROUNDING) ? floorf(value) : (value + 0x1p23f) - 0x1p23f;
     return value < 65535 ? (uint16_t)value : 65535;
 }
 

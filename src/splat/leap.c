@@ -1,6 +1,7 @@
 #include "splat/leap.h"
 
 #include "base/mem.h"
+#include "base/mutation.h"
 
 enum { FAR = 255 };
 
@@ -60,7 +61,8 @@ static uint8_t fine_bits(const CtsBlocks *blocks, const CtsLayout *layout, const
             exists = exists && at[c] < blocks->n_fine[axis[c]];
             offset += at[c] * stride[axis[c]];
         }
-        if (exists && cts_lut_visible(lut, blocks->fine[offset].low, blocks->fine[offset].high))
+        const CtsRange *range = &blocks->fine[offset];
+        if (exists && cts_lut_visible(lut, range->low, CTS_MUTATED(LEAP_RANGE) ? range->low : range->high))
             bits |= (uint8_t)(1 << bit);
     }
     return bits;

@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/mem.h"
+#include "base/mutation.h"
 #include "splat/paper_plan.h"
 #include <omp.h>
 #include <stdlib.h>
@@ -171,7 +172,7 @@ static void composite_step(const CtsPaperPlan *p, Worker *w, int s)
         if (sub == p->samples && p->samples > 1 && s < last)
             continue;
         const bool end = (sub == 0 && s == 1) || (sub == p->samples && (s == 0 || s == last));
-        composite_plane(p, w, s, sub, &p->entries[end]);
+        composite_plane(p, w, s, sub, &p->entries[end && !CTS_MUTATED(END_PLANES)]);
     }
 }
 
@@ -219,7 +220,7 @@ static void splat_step(CtsPaperPlan *p, Worker *w, int s)
 
 static void run_thread(CtsPaperPlan *p, Worker *w)
 {
-    for (int s = 0; s < p->stack.n_layers; s++) {
+    for (int s = 0; s < p->stack.n_layers - CTS_MUTATED(LAST_LAYER); s++) {
         const bool needed = cts_paper_step_needed(p, s);
         /* A dead band must see every layer, needed or not. */
         if (!needed && p->tolerance == 0)

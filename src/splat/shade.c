@@ -1,6 +1,7 @@
 #include "splat/shade.h"
 
 #include "base/mem.h"
+#include "base/mutation.h"
 #include "base/vec3.h"
 
 /* Lines over steps h miss x^p by up to h^2 p^2 / 8; 250 steps for each unit of power keep that below 2e-6. */
@@ -27,6 +28,8 @@ CtsStatus cts_shade_init(CtsShade *s, const CtsPreset *preset, const CtsVolume *
         return st;
     for (int i = 0; i <= s->n_power; i++)
         s->power[i] = (float)pow((double)i / s->n_power, preset->power);
+    for (int i = 0; i < 9 && CTS_MUTATED(GRADIENT_STEPS); i++)
+        inverse[i / 3][i % 3] = i % 4 == 0;
     for (int i = 0; i < 3; i++) {
         s->along[i] = (float)view->forward_vox[axes[i]];
         s->form[i] = (float)cts_dot3(inverse[axes[i]], inverse[axes[i]]);

@@ -1,6 +1,7 @@
 #include "splat/sheet.h"
 
 #include "base/mem.h"
+#include "base/mutation.h"
 
 enum { LEFT_MARGIN = 16, MARGINS = 64 };
 
@@ -148,5 +149,10 @@ CtsSplatCount cts_splat_patch(const CtsSplat *s, const CtsPatch *p)
             count.splatted += splatted;
         }
     }
+    if (CTS_MUTATED(FLOAT_DRIFT) && p->from_old)
+        for (int v = p->v0; v < p->v1; v++)
+            for (int u = p->u0; u < p->u1; u++)
+                s->sheet->origin[(size_t)v * stride + (size_t)u] =
+                    (uint32_t)(float)s->sheet->origin[(size_t)v * stride + (size_t)u];
     return count;
 }

@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/mutation.h"
 #include "splat/project.h"
 #include "splat/tiled_kept.h"
 #include "splat/tiled_kernel.h"
@@ -64,7 +65,7 @@ static void choose_precision(TiledJob *j, const CtsScene *scene)
     j->bend_grey = (float)(50 * part / scene->volume->hu_step);
     j->refine_transmittance = (float)fmin(0.02 * part, 0.1);
     j->stiff_depth = 3;
-    j->stop_transmittance = (float)fmin(part / 256, 1.0 / 64);
+    j->stop_transmittance = CTS_MUTATED(STOP_EARLY) ? 0.25f : (float)fmin(part / 256, 1.0 / 64);
 }
 
 static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout)
@@ -75,7 +76,7 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     plane_map(view, -1, cts_volume_diagonal_mm(scene->volume) / 2, j->depth_at);
     j->nu = layout->nu;
     j->nv = layout->nv;
-    j->nk = layout->nk;
+    j->nk = layout->nk - (CTS_MUTATED(LAST_SLAB) && layout->nk > 2);
     j->rising = view->axis_sign > 0;
     j->row_stride = layout->row_stride;
     j->layer_stride = layout->layer_stride * view->axis_sign;
@@ -86,7 +87,7 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     const bool small = layout->nu < 30000 && layout->nv < 30000;
     j->windowed = small && 3 * fabs(j->u_at[1]) <= 6 && 3 * fabs(j->v_at[1]) <= 1;
     j->straight = j->u_at[3] == 0 && j->v_at[3] == 0;
-    j->layer_mm = (float)view->layer_mm;
+    j->layer_mm = CTS_MUTATED(LAYER_LENGTH) ? 1 : (float)view->layer_mm;
     j->width = view->width;
     j->height = view->height;
     choose_precision(j, scene);

@@ -3,6 +3,7 @@
 
 #if defined(__AVX2__)
 
+#include "base/mutation.h"
 #include "splat/tiled_taps.h"
 #include <immintrin.h>
 #include <math.h>

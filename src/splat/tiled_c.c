@@ -1,6 +1,7 @@
 /* Plain C primitives for the tiled engine's march: the truth that the fast ones are compared with. */
 #include "splat/tiled_kernel.h"
 
+#include "base/mutation.h"
 #include "splat/tiled_taps.h"
 #include <math.h>
 

@@ -213,7 +213,7 @@ INLINE void add_slab(const TiledJob *j, Light *light, const Entry *a, const Entr
     const v8f kf = v8f_max(v8f_abs(__builtin_convertvector(dk, v8f)), splat8(1));
     const v8f inverse = 1.0f / (nf * kf);
     const v8f depth = (v8f_abs(__builtin_convertvector(dk, v8f)) * kf) * inverse * (t->depth_scale * length_mm);
-    const v8f alpha = one_minus_exp(depth);
+    const v8f alpha = CTS_MUTATED(ATTENUATION) ? v8f_min(depth, splat8(1)) : one_minus_exp(depth);
     const v8f weight = light->t * alpha * (nf * inverse) * t->colour_per_depth;
     const v8i sign = n < 0;
     v8f r = __builtin_convertvector((dr ^ sign) - sign, v8f) * weight;
@@ -340,7 +340,8 @@ INLINE Glow glow_between(const TiledJob *j, const Slope *a, const Slope *b, floa
     const v8f towards = shade->along[0] * u + shade->along[1] * v + shade->along[2] * k;
     const v8f square = u * (m[0] * u + m[3] * v + m[4] * k) + v * (m[1] * v + m[5] * k) + m[2] * k * k;
     const v8i any = square > 0;
-    v8f facing = v8f_abs(towards) / v8f_sqrt(select8(any, square, splat8(1)));
+    v8f facing = (CTS_MUTATED(ONE_SIDED_LIGHT) ? v8f_max(towards, splat8(0)) : v8f_abs(towards)) /
+                 v8f_sqrt(select8(any, square, splat8(1)));
     facing = select8(any, v8f_min(facing, splat8(1)), splat8(0));
     return (Glow){shade->ambient + shade->diffuse * facing,
                   select8(any, shade->specular * shade_power(shade, facing), splat8(0))};

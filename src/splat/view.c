@@ -1,5 +1,6 @@
 #include "splat/view.h"
 
+#include "base/mutation.h"
 #include "base/vec3.h"
 #include <math.h>
 
@@ -50,6 +51,8 @@ CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, double azimuth_d
     }
     cts_cross3(view->right_lps, view->forward_lps, view->up_lps);
     clean(view->up_lps);
+    for (int c = 0; c < 3 && CTS_MUTATED(MIRRORED); c++)
+        view->right_lps[c] = -view->right_lps[c];
     cts_volume_centre_lps(volume, view->centre_lps);
     for (int axis = 0; axis < 3; axis++) {
         view->dims[axis] = volume->dims[axis];
@@ -72,7 +75,7 @@ CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, double azimuth_d
 
 void cts_view_ray(const CtsView *view, double x, double y, double start_vox[3])
 {
-    const double u_mm = (x + 0.5 - view->width / 2.0) * view->mm_per_pixel;
+    const double u_mm = (x + (CTS_MUTATED(HALF_PIXEL) ? 0 : 0.5) - view->width / 2.0) * view->mm_per_pixel;
     const double v_mm = (view->height / 2.0 - y - 0.5) * view->mm_per_pixel;
     for (int axis = 0; axis < 3; axis++)
         start_vox[axis] = view->centre_vox[axis] + u_mm * view->right_vox[axis] + v_mm * view->up_vox[axis];

@@ -2,6 +2,7 @@
 #include "splat/void.h"
 
 #include "base/mem.h"
+#include "base/mutation.h"
 #include <omp.h>
 #include <string.h>
 
@@ -17,6 +18,8 @@ bool cts_range_visible(const CtsRangeRule *rule, CtsTileRange range)
 static bool tile_voxels(const CtsTiles *tiles, int axis, int tile, int apron, int *first, int *past)
 {
     const int last = tiles->last_voxel[axis], end = (tile + 1) * CTS_TILE;
+    if (CTS_MUTATED(VOID_APRON))
+        apron = -1;
     const int low = tile * CTS_TILE - apron, high = (end < last ? end : last) + apron;
     *first = low > 0 ? low : 0;
     *past = (high < last ? high : last) + 1;

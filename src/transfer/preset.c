@@ -1,6 +1,7 @@
 /* Presets at any HU: straight lines between the points, the end values beyond them. */
 #include "ctsplat/preset.h"
 
+#include "base/mutation.h"
 #include <math.h>
 #include <string.h>
 
@@ -30,7 +31,8 @@ static Place find_place(const void *points, size_t stride, int n, double hu)
     int low = 0, high = n; /* the number of points at or below hu lies in low..high */
     while (low < high) {
         const int middle = (low + high) / 2;
-        if (point_hu(points, stride, middle) <= hu)
+        const double at = point_hu(points, stride, middle);
+        if (CTS_MUTATED(STEP_SIDE) ? at < hu : at <= hu)
             low = middle + 1;
         else
             high = middle;
@@ -58,7 +60,10 @@ double cts_preset_opacity(const CtsPreset *preset, double hu)
 
 double cts_preset_extinction_per_mm(const CtsPreset *preset, double hu)
 {
-    const double opacity = cts_preset_opacity(preset, hu);
+    const double opacity =
+        CTS_MUTATED(CAP) ? fmin(cts_preset_opacity(preset, hu), 0.999) : cts_preset_opacity(preset, hu);
+    if (CTS_MUTATED(UNIT_DISTANCE))
+        return -log1p(-fmin(opacity, 0.999999));
     if (opacity >= 1)
         return CTS_MAX_EXTINCTION_PER_MM;
     return fmin(-log1p(-opacity) / preset->unit_distance_mm, CTS_MAX_EXTINCTION_PER_MM);

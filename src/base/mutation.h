@@ -1,0 +1,45 @@
+/* Known faults, planted one at a time to prove that tests catch them. In a normal build every CTS_MUTATED() is the
+ * constant 0 and leaves nothing behind. Two builds have faults: one of the meson option `mutation`, for
+ * tests/mutation.sh, and the library of tests/unit/test_mutation.c, which switches through them as it runs. */
+#ifndef CTS_BASE_MUTATION_H
+#define CTS_BASE_MUTATION_H
+
+/* In the order of meson_options.txt. */
+#define CTS_MUTATIONS(fault)                                                                                           \
+    fault(HALF_PIXEL)            /* view: pixels half a pixel off */                                                   \
+        fault(MIRRORED)          /* view: left and right exchanged */                                                  \
+        fault(UNIT_DISTANCE)     /* preset: opacity per mm, whatever the unit */                                       \
+        fault(STEP_SIDE)         /* preset: of two points at one HU the earlier holds */                               \
+        fault(CAP)               /* preset: opacity 1 is a little less */                                              \
+        fault(OPACITY_STEP)      /* paper engines: opacity not corrected for the step */                               \
+        fault(LAST_LAYER)        /* paper engines: last layer lost */                                                  \
+        fault(END_PLANES)        /* paper engines: first and last plane count whole */                                 \
+        fault(ROUNDING)          /* paper engines: levels cut off, not rounded */                                      \
+        fault(FLOAT_DRIFT)       /* layers: sums of changes kept in float */                                           \
+        fault(FOOTPRINT_SUM)     /* paper engines: weights not normalised */                                           \
+        fault(VOID_APRON)        /* void: a tile judged without its neighbours' voxels */                              \
+        fault(GRADIENT_STEPS)    /* lighting: spacing and shear forgotten */                                           \
+        fault(ONE_SIDED_LIGHT)   /* tiled: surfaces turned away are dark */                                            \
+        fault(LAYER_LENGTH)      /* tiled: a layer is 1 mm */                                                          \
+        fault(LAST_SLAB)         /* tiled: last layer lost */                                                          \
+        fault(LEAP_RANGE)        /* tiled: a block judged by its lowest level */                                       \
+        fault(STOP_EARLY)        /* tiled: stops with a quarter of the light left */                                   \
+        fault(ATTENUATION)       /* tiled: no attenuation within a slab */                                             \
+        fault(KNOTS)             /* raycast: not cut at the transfer function's points */                              \
+        fault(TURNS)             /* raycast: not cut where HU turns */                                                 \
+        fault(BORDER_DIFFERENCE) /* raycast: one-sided differences over two voxels */                                  \
+        fault(MODE_EXTREMES)     /* raycast: extremes looked for at cell faces alone */
+
+#define CTS_MUTATION_ENTRY(name) CTS_MUTATION_##name,
+enum CtsMutation { CTS_MUTATION_NONE, CTS_MUTATIONS(CTS_MUTATION_ENTRY) CTS_N_MUTATIONS };
+
+#if defined CTS_MUTATION_AT_RUN_TIME
+extern int cts_mutation_now;
+#define CTS_MUTATED(name) (cts_mutation_now == CTS_MUTATION_##name)
+#elif defined CTS_MUTATION
+#define CTS_MUTATED(name) (CTS_MUTATION == CTS_MUTATION_##name)
+#else
+#define CTS_MUTATED(name) 0
+#endif
+
+#endif

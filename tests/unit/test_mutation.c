@@ -1,0 +1,98 @@
+/* A check that cannot fail is worth nothing: each known fault is planted in turn, and the stability suite must see it.
+ * Linked with the engines built a second time, so that faults can be switched while the test runs. */
+#include "base/mutation.h"
+#include "check/check.h"
+#include "unit.h"
+#include <stdio.h>
+#include <string.h>
+
+int cts_mutation_now = CTS_MUTATION_NONE;
+
+typedef struct Proof {
+    int fault;
+    const char *name;
+    const char *cases; /* part of the name of cases that must see it; few, so that the test is quick */
+} Proof;
+
+#define PROOF(fault, cases)                                                                                            \
+    {                                                                                                                  \
+        CTS_MUTATION_##fault, #fault, cases                                                                            \
+    }
+
+static const Proof proofs[] = {
+    PROOF(HALF_PIXEL, "ramp: oblique"),
+    PROOF(MIRRORED, "front, head from anterior"),
+    PROOF(UNIT_DISTANCE, "unit distance"),
+    PROOF(STEP_SIDE, "exactly on a step"),
+    PROOF(CAP, "ramp to opacity 1, 0.01 mm"),
+    PROOF(OPACITY_STEP, "opacity per voxel"),
+    PROOF(LAST_LAYER, "slab: anterior"),
+    PROOF(END_PLANES, "slab: anterior"),
+    PROOF(ROUNDING, "rounded to the nearest"),
+    PROOF(FLOAT_DRIFT, "savings on layers that repeat"),
+    PROOF(FOOTPRINT_SUM, "slab: gaussian kernel"),
+    PROOF(VOID_APRON, "savings on blocks in air"),
+    PROOF(GRADIENT_STEPS, "lit, leaning"),
+    PROOF(ONE_SIDED_LIGHT, "lit from behind"),
+    PROOF(LAYER_LENGTH, "opacity per voxel"),
+    PROOF(LAST_SLAB, "slab: anterior"),
+    PROOF(LEAP_RANGE, "ball: chords"),
+    PROOF(STOP_EARLY, "what shows behind"),
+    PROOF(ATTENUATION, "slab: anterior"),
+    PROOF(KNOTS, "steep: step"),
+    PROOF(TURNS, "cell: HU turns inside"),
+    PROOF(BORDER_DIFFERENCE, "ramp: lit"),
+    PROOF(MODE_EXTREMES, "turns inside, mip"),
+};
+
+static void count(const CtsCheckResult *result, void *context)
+{
+    (void)result;
+    ++*(int *)context;
+}
+
+static int failures(int fault, const char *cases, int *n)
+{
+    int n_failed = 0, seen = 0;
+    CtsError err = {0};
+    const CtsCheckSettings settings = {.n_threads = 2, .only = cases, .sink = count, .context = &seen};
+    cts_mutation_now = fault;
+    assert_int_equal(cts_check_run(&settings, n, &n_failed, &err), CTS_OK);
+    cts_mutation_now = CTS_MUTATION_NONE;
+    assert_int_equal(seen, *n);
+    return n_failed;
+}
+
+static void test_each_fault_has_a_proof(void **state)
+{
+    (void)state;
+    const int n = (int)(sizeof proofs / sizeof *proofs);
+    assert_int_equal(n, CTS_N_MUTATIONS - 1);
+    for (int i = 0; i < n; i++)
+        assert_int_equal(proofs[i].fault, i + 1);
+}
+
+static void test_faults_are_caught(void **state)
+{
+    (void)state;
+    int missed = 0;
+    for (size_t i = 0; i < sizeof proofs / sizeof *proofs; i++) {
+        int n;
+        const Proof *p = &proofs[i];
+        assert_int_equal(failures(CTS_MUTATION_NONE, p->cases, &n), 0);
+        assert_true(n > 0);
+        const int n_failed = failures(p->fault, p->cases, &n);
+        print_message("%-18s %d of %d fail: %s\n", p->name, n_failed, n, p->cases);
+        missed += n_failed == 0;
+    }
+    assert_int_equal(missed, 0);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_each_fault_has_a_proof),
+        cmocka_unit_test(test_faults_are_caught),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
