@@ -65,6 +65,7 @@ static CtsStatus prepare(Job *job, CtsError *err)
     };
     job->settings = options->render;
     job->settings.stop = &cli_stop;
+    job->settings.want_depth = cli_outputs_hold_depth(options);
     job->n_frames = options->rotation ? options->rotation : 1;
     job->steps = 2 + job->n_frames;
     if (!options->n_outputs && !options->render.explain)

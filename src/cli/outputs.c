@@ -26,6 +26,16 @@ bool cli_output_is_multi_frame(const char *path)
     return format && !strcmp(format, "dcm");
 }
 
+bool cli_outputs_hold_depth(const CliOptions *options)
+{
+    for (int i = 0; i < options->n_outputs; i++) {
+        const char *format = cts_export_format(options->outputs[i]);
+        if (format && !strcmp(format, "exr"))
+            return true;
+    }
+    return false;
+}
+
 /* With --force a slice of the series itself could be overwritten: a picture is worth less. */
 static CtsStatus refuse_ct_slice(const char *path, CtsError *err)
 {

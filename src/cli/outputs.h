@@ -11,6 +11,9 @@ char *cli_output_name(const char *path, int frame, int n_frames);
 /* Formats that hold several frames in one file. */
 bool cli_output_is_multi_frame(const char *path);
 
+/* Some output has a place for depth. */
+bool cli_outputs_hold_depth(const CliOptions *options);
+
 /* Every -o has a known ending, is given once, can be written, and is no CT slice that --force would destroy. */
 CtsStatus cli_outputs_check(const CliOptions *options, const CtsExportSettings *settings, CtsError *err);
 

@@ -1,4 +1,5 @@
-/* OpenEXR through OpenEXRCore: scene-linear half floats with premultiplied alpha, and depth as float. */
+/* OpenEXR through OpenEXRCore: scene-linear half floats with premultiplied alpha (1 over a background), and depth as
+ * float. */
 #include "export/format.h"
 
 #include "base/cpu.h"
@@ -154,7 +155,7 @@ static exr_result_t write_header(ExrWriter *w)
     static const char *const names[] = {"A", "B", "G", "R", "Z"};
     for (int c = 0; c < 5; c++) {
         const bool depth = c == 4;
-        if ((c == 0 && !p->has_alpha) || (depth && !p->depth_mm))
+        if (depth && !p->depth_mm)
             continue;
         rv = exr_add_channel(file, 0, names[c], depth ? EXR_PIXEL_FLOAT : EXR_PIXEL_HALF,
                              depth ? EXR_PERCEPTUALLY_LINEAR : EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1);

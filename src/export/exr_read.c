@@ -156,6 +156,16 @@ static CtsStatus fill_pixels(ExrReader *r, int y, size_t n)
     return CTS_OK;
 }
 
+/* Alpha of 1 everywhere is what the writer says of a picture over a background. */
+static bool lets_through(const CtsPicture *p)
+{
+    const size_t n = (size_t)p->width * p->height;
+    for (size_t i = 0; i < n; i++)
+        if (p->pixels[4 * i + 3] != 1)
+            return true;
+    return false;
+}
+
 static CtsStatus read_all(ExrReader *r)
 {
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
@@ -170,6 +180,8 @@ static CtsStatus read_all(ExrReader *r)
         if (decode_chunk(r, y) == CTS_OK)
             fill_pixels(r, y, (size_t)n_rows * r->width);
     }
+    if (!r->status && r->picture->has_alpha)
+        r->picture->has_alpha = lets_through(r->picture);
     return r->status;
 }
 

@@ -161,7 +161,7 @@ static CtsStatus new_picture(const CtsScene *scene, const char *engine_name, Cts
         return st;
     (*picture)->has_alpha = true;
     fill_info(&(*picture)->info, scene, engine_name);
-    if (!s->want_depth)
+    if (!s->want_depth || scene->preset->mode != CTS_MODE_COMPOSITE)
         return CTS_OK;
     const size_t n = (size_t)s->width * (size_t)s->height;
     if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
@@ -192,6 +192,10 @@ CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_
                         p->mode != CTS_MODE_COMPOSITE ? "its nature"
                         : s->shade == CTS_OFF         ? "--shade off"
                                                       : "the preset");
+    if (!s->want_depth)
+        cts_report_skip(report, "depth", "not asked for (an .exr output holds it)");
+    else if (p->mode != CTS_MODE_COMPOSITE)
+        cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
     if (!s->explain && (st = new_picture(&store.scene, r->engine->name, picture, err)))
         goto end;
     st = r->engine->render(&store.scene, *picture, report, err);

@@ -6,6 +6,17 @@ py size.py a.png 96 64
 if command -v exrheader >/dev/null; then
     exrheader a.exr >header
     has header 'displayWindow.*\(0 0\) - \(95 63\)'
+    for channel in A B G R; do
+        has header " $channel, 16-bit floating-point"
+    done
+    has header ' Z, 32-bit floating-point'
+    # Frames of a rotation have depth too; a projection shows no surface, and the log says so.
+    ok render "$data/phantom" --size 40x30 --rotation 2 -o turn.exr
+    exrheader turn-001.exr | grep -q ' Z, 32-bit' || fail "no depth in a frame"
+    ok render "$data/phantom" --size 40x30 --mode mip -o mip.exr --log log
+    has log '"skipped".*"depth".*mode mip'
+    exrheader mip.exr | grep -q ' Z, ' && fail "depth in a projection"
+    rm turn-00?.exr mip.exr log
 fi
 if command -v dciodvfy >/dev/null; then
     dciodvfy a.dcm >report 2>&1
