@@ -36,7 +36,8 @@ CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int heig
     s.width = width;
     s.height = height;
     s.engine = run->engine;
-    s.n_threads = run->settings->n_threads;
+    /* On a small picture threads would do little but wait for each other. */
+    s.n_threads = width * height < 16384 ? 1 : run->settings->n_threads;
     s.stop = run->settings->stop;
     return s;
 }

@@ -2,6 +2,7 @@
 
 #include "base/mem.h"
 #include <math.h>
+#include <string.h>
 
 enum { MAX_PER_GREY = 8, TARGET_ENTRIES = 16384 };
 
@@ -49,6 +50,7 @@ CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRan
     table->quiet_low = (float)(first > 0 ? first - 1 : -1);
     table->quiet_high = last < CTS_N_GREY - 1 ? (float)(last + 1) : INFINITY;
     if ((st = cts_alloc_array(&table->sum, (size_t)table->n + 1, err)) ||
+        (st = cts_alloc_zeroed(&table->step, (size_t)table->n + 1, err)) ||
         (st = cts_alloc_array(&step, (size_t)table->n, err)))
         goto end;
     double total[4] = {0, 0, 0, 0};
@@ -65,9 +67,13 @@ CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRan
     double sum[4] = {0, 0, 0, 0};
     for (int i = 0; i <= table->n; i++) {
         for (int c = 0; c < 4; c++) {
-            table->sum[i][c] = (int32_t)nearbyint(sum[c] / (c < 3 ? colour_unit : depth_unit));
-            if (i < table->n)
-                sum[c] += step[i][c];
+            const double unit = c < 3 ? colour_unit : depth_unit;
+            table->sum[i][c] = (int32_t)nearbyint(sum[c] / unit);
+            if (i == table->n)
+                continue;
+            sum[c] += step[i][c];
+            const float alone = (float)(step[i][c] / unit);
+            memcpy(&table->step[i + 1][c], &alone, sizeof alone);
         }
     }
     table->depth_scale = (float)depth_unit;
@@ -82,4 +88,5 @@ end:
 void cts_slab_table_free(CtsSlabTable *table)
 {
     cts_free(&table->sum);
+    cts_free(&table->step);
 }

@@ -14,6 +14,10 @@
  * depths behind large ones nor long plateaus lose digits. Entry n - 1 is the last; one more stands behind it. */
 typedef struct CtsSlabTable {
     int32_t (*sum)[4];
+    /* Floats, bit by bit: the integrals over one step alone, in the same units. Entry i is the step before entry i of
+     * sum; entry 0 is nothing. A sum has lost what is far smaller than all that the table holds, and where the field
+     * stands still nothing else evens that out. */
+    int32_t (*step)[4];
     int n;
     float grey_low, per_grey;
     float depth_scale;      /* difference of entries * depth_scale = sum of extinctions per mm, one for each entry */

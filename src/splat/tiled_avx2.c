@@ -43,20 +43,20 @@ INLINE bool v8_all(v8i mask)
     return _mm256_movemask_ps((__m256)mask) == 255;
 }
 
-INLINE __m256i two_entries(const CtsSlabTable *t, int low, int high)
+INLINE __m256i two_entries(const int32_t (*rows)[4], int low, int high)
 {
-    const __m256i one = _mm256_castsi128_si256(_mm_load_si128((const __m128i *)t->sum[low]));
-    return _mm256_inserti128_si256(one, _mm_load_si128((const __m128i *)t->sum[high]), 1);
+    const __m256i one = _mm256_castsi128_si256(_mm_load_si128((const __m128i *)rows[low]));
+    return _mm256_inserti128_si256(one, _mm_load_si128((const __m128i *)rows[high]), 1);
 }
 
-/* One 128-bit load a pixel, then a transpose. */
-INLINE void lookup8(const CtsSlabTable *t, v8i index, v8i *r, v8i *g, v8i *b, v8i *k)
+/* Rows index, clamped to 0..last: one 128-bit load a pixel, then a transpose. */
+INLINE void lookup8(const int32_t (*rows)[4], int last, v8i index, v8i *r, v8i *g, v8i *b, v8i *k)
 {
-    const __m256i most = _mm256_set1_epi32(t->n);
+    const __m256i most = _mm256_set1_epi32(last);
     const __m256i clamped = _mm256_min_epi32(_mm256_max_epi32((__m256i)index, _mm256_setzero_si256()), most);
     const v8i i = (v8i)clamped;
-    const __m256i e04 = two_entries(t, i[0], i[4]), e15 = two_entries(t, i[1], i[5]);
-    const __m256i e26 = two_entries(t, i[2], i[6]), e37 = two_entries(t, i[3], i[7]);
+    const __m256i e04 = two_entries(rows, i[0], i[4]), e15 = two_entries(rows, i[1], i[5]);
+    const __m256i e26 = two_entries(rows, i[2], i[6]), e37 = two_entries(rows, i[3], i[7]);
     const __m256i rg01 = _mm256_unpacklo_epi32(e04, e15), bk01 = _mm256_unpackhi_epi32(e04, e15);
     const __m256i rg23 = _mm256_unpacklo_epi32(e26, e37), bk23 = _mm256_unpackhi_epi32(e26, e37);
     *r = (v8i)_mm256_unpacklo_epi64(rg01, rg23);

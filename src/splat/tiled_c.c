@@ -61,14 +61,14 @@ INLINE bool v8_all(v8i mask)
     return all != 0;
 }
 
-INLINE void lookup8(const CtsSlabTable *t, v8i index, v8i *r, v8i *g, v8i *b, v8i *k)
+INLINE void lookup8(const int32_t (*rows)[4], int last, v8i index, v8i *r, v8i *g, v8i *b, v8i *k)
 {
     for (int l = 0; l < 8; l++) {
-        const int i = index[l] < 0 ? 0 : index[l] > t->n ? t->n : index[l];
-        (*r)[l] = t->sum[i][0];
-        (*g)[l] = t->sum[i][1];
-        (*b)[l] = t->sum[i][2];
-        (*k)[l] = t->sum[i][3];
+        const int i = index[l] < 0 ? 0 : index[l] > last ? last : index[l];
+        (*r)[l] = rows[i][0];
+        (*g)[l] = rows[i][1];
+        (*b)[l] = rows[i][2];
+        (*k)[l] = rows[i][3];
     }
 }
 

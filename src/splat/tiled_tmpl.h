@@ -182,7 +182,7 @@ INLINE void look_up(const TiledJob *j, v8f s, Entry *e)
     /* The shift keeps the conversion's truncation away from negative numbers. */
     const v8f x = v8f_max((s - t->grey_low) * t->per_grey, splat8(-1e6f)) + 1e6f;
     e->index = __builtin_convertvector(x + 0.5f, v8i) - 1000000;
-    lookup8(t, e->index, &e->r, &e->g, &e->b, &e->k);
+    lookup8(t->sum, t->n, e->index, &e->r, &e->g, &e->b, &e->k);
 }
 
 /* Lighting of the sheet on layer `layer`: what colour is multiplied with, and the white added to it. */
@@ -195,30 +195,32 @@ typedef struct Glow {
 INLINE void add_slab(const TiledJob *j, Light *light, const Entry *a, const Entry *b, v8f length_mm, const Glow *glow)
 {
     const CtsSlabTable *t = &j->table;
-    v8i n = b->index - a->index;
-    v8i dr = b->r - a->r, dg = b->g - a->g, db = b->b - a->b, dk = b->k - a->k;
-    const v8i flat = n == 0;
+    const v8i n = b->index - a->index, sign = n < 0, flat = n == 0;
+    /* All have the sign of the field's change. */
+    v8f nf = __builtin_convertvector((n ^ sign) - sign, v8f);
+    v8f r = __builtin_convertvector(((b->r - a->r) ^ sign) - sign, v8f);
+    v8f g = __builtin_convertvector(((b->g - a->g) ^ sign) - sign, v8f);
+    v8f b8 = __builtin_convertvector(((b->b - a->b) ^ sign) - sign, v8f);
+    v8f k = __builtin_convertvector(((b->k - a->k) ^ sign) - sign, v8f);
     if (v8_any(flat)) {
         /* The field does not change: the integrand itself, over one step of the table. */
-        Entry next = {.index = a->index + 1};
-        lookup8(t, next.index, &next.r, &next.g, &next.b, &next.k);
-        n = n - flat; /* 0 - (-1) */
-        dr = (flat & (next.r - a->r)) | (~flat & dr);
-        dg = (flat & (next.g - a->g)) | (~flat & dg);
-        db = (flat & (next.b - a->b)) | (~flat & db);
-        dk = (flat & (next.k - a->k)) | (~flat & dk);
+        Entry here = {.index = a->index + 1};
+        lookup8(t->step, t->n, here.index, &here.r, &here.g, &here.b, &here.k);
+        nf = select8(flat, splat8(1), nf);
+        r = select8(flat, (v8f)here.r, r);
+        g = select8(flat, (v8f)here.g, g);
+        b8 = select8(flat, (v8f)here.b, b8);
+        k = select8(flat, (v8f)here.k, k);
     }
-    /* Both have the sign of the field's change; without depth there is no colour either. */
-    const v8f nf = v8f_abs(__builtin_convertvector(n, v8f));
-    const v8f kf = v8f_max(v8f_abs(__builtin_convertvector(dk, v8f)), splat8(1));
+    /* Without depth there is no colour either. */
+    const v8f kf = v8f_max(k, splat8(1e-12f));
     const v8f inverse = 1.0f / (nf * kf);
-    const v8f depth = (v8f_abs(__builtin_convertvector(dk, v8f)) * kf) * inverse * (t->depth_scale * length_mm);
+    const v8f depth = (k * kf) * inverse * (t->depth_scale * length_mm);
     const v8f alpha = CTS_MUTATED(ATTENUATION) ? v8f_min(depth, splat8(1)) : one_minus_exp(depth);
     const v8f weight = light->t * alpha * (nf * inverse) * t->colour_per_depth;
-    const v8i sign = n < 0;
-    v8f r = __builtin_convertvector((dr ^ sign) - sign, v8f) * weight;
-    v8f g = __builtin_convertvector((dg ^ sign) - sign, v8f) * weight;
-    v8f b8 = __builtin_convertvector((db ^ sign) - sign, v8f) * weight;
+    r *= weight;
+    g *= weight;
+    b8 *= weight;
     const v8f lost = light->t * alpha;
     if (glow) {
         const v8f white = lost * glow->white;
