@@ -15,11 +15,11 @@
 
 static CtsStatus make_folder(const CliOptions *options, CtsError *err)
 {
-    if (options->n_outputs != 1)
-        return cts_fail(err, CTS_ERR_USAGE, "bench: one -o DIR is needed, for bench.jsonl and report.html");
-    if (mkdir(options->outputs[0], 0777) && errno != EEXIST)
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", options->outputs[0], strerror(errno));
-    return cts_bench_check_writable(options->outputs[0], options->force, err);
+    if (!options->output_dir)
+        return cts_fail(err, CTS_ERR_USAGE, "bench: -O DIR is needed, for bench.jsonl and report.html");
+    if (mkdir(options->output_dir, 0777) && errno != EEXIST)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", options->output_dir, strerror(errno));
+    return cts_bench_check_writable(options->output_dir, options->force, err);
 }
 
 static void add_row(CtsTable *table, const CtsBenchRow *r)
@@ -101,7 +101,7 @@ CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
     /* What was measured is written also when the rest was not wanted any more. */
     if (!st || st == CTS_ERR_INTERRUPTED) {
         CtsError why;
-        const CtsStatus written = cts_bench_write(&rows, options->outputs[0], options->force, &why);
+        const CtsStatus written = cts_bench_write(&rows, options->output_dir, options->force, &why);
         print_table(&rows);
         if (written && !st) {
             *err = why;

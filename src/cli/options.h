@@ -20,6 +20,7 @@ typedef struct CliOptions {
     int n_operands;
     const char **outputs; /* every -o, in order */
     int n_outputs;
+    const char *output_dir; /* NULL when not given */
     bool help;
 
     const char *preset;

@@ -2,6 +2,7 @@
 #include "raycast/raycast.h"
 
 #include "base/clock.h"
+#include "base/levels.h"
 #include "base/vec3.h"
 #include "raycast/raycaster.h"
 #include <math.h>
@@ -124,12 +125,13 @@ static void plan(const CtsScene *scene, CtsReport *report)
 
 static void render_row(const CtsRaycaster *caster, CtsPicture *picture, int y)
 {
+    const bool is_grey = caster->preset->mode != CTS_MODE_COMPOSITE;
     for (int x = 0; x < picture->width; x++) {
         const size_t at = (size_t)y * (size_t)picture->width + (size_t)x;
         double rgba[4], depth_mm;
         cts_raycast_ray(caster, x, y, rgba, &depth_mm);
         for (int c = 0; c < 4; c++)
-            picture->pixels[4 * at + (size_t)c] = (float)rgba[c];
+            picture->pixels[4 * at + (size_t)c] = is_grey ? cts_level_float(rgba[c]) : (float)rgba[c];
         if (picture->depth_mm)
             picture->depth_mm[at] = (float)depth_mm;
     }

@@ -1,6 +1,7 @@
 #include "splat/project.h"
 
 #include "base/clock.h"
+#include "base/levels.h"
 #include "base/mem.h"
 #include <math.h>
 
@@ -217,7 +218,7 @@ static void project_row(const Projector *p, const CtsPreset *preset, CtsPicture 
         const double hu = p->volume->hu_offset + p->volume->hu_step * grey;
         const double shown = width_hu > 0 ? (hu - preset->window_low_hu) / width_hu : hu >= preset->window_low_hu;
         float *out = picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
-        out[0] = out[1] = out[2] = (float)fmin(fmax(shown, 0), 1);
+        out[0] = out[1] = out[2] = cts_level_float(shown);
         out[3] = 1;
     }
 }

@@ -1,5 +1,6 @@
 /* Status, memory, cores and reports. */
 #include "base/cpu.h"
+#include "base/levels.h"
 #include "base/mem.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
@@ -180,13 +181,29 @@ static void test_stage_names(void **state)
         assert_string_equal(cts_stage_names[s], names[s]);
 }
 
+/* Either side of each middle between two levels, where floats lie on both sides of it or on neither. */
+static void test_levels(void **state)
+{
+    (void)state;
+    int crossed = 0;
+    for (int level = 1; level < 65536; level++) {
+        const double middle = (level - 0.5) / 65535, below = middle * (1 - 1e-15), above = middle * (1 + 1e-15);
+        assert_int_equal(floor((double)cts_level_float(below) * 65535 + 0.5), level - 1);
+        assert_int_equal(floor((double)cts_level_float(above) * 65535 + 0.5), level);
+        assert_true(fabs((double)cts_level_float(above) - above) < 1.2e-7 * above);
+        crossed += floor((double)(float)above * 65535 + 0.5) != level;
+    }
+    assert_true(crossed > 1000);
+    assert_true(cts_level_float(NAN) == 0 && cts_level_float(-1) == 0 && cts_level_float(2) == 1);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_exit_codes),  cmocka_unit_test(test_fail),          cmocka_unit_test(test_fail_escapes),
         cmocka_unit_test(test_fail_long),   cmocka_unit_test(test_memory),        cmocka_unit_test(test_threads),
         cmocka_unit_test(test_region),      cmocka_unit_test(test_stages_add_up), cmocka_unit_test(test_lists),
-        cmocka_unit_test(test_stage_names),
+        cmocka_unit_test(test_stage_names), cmocka_unit_test(test_levels),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
