@@ -12,10 +12,10 @@ include/ctsplat | ctsplat/ |
 src/base     | ctsplat/status.h ctsplat/report.h | openssl/ jansson.h
 src/dicom    | ctsplat/status.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h
 src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/couch.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/slice_stack.h |
-src/transfer | ctsplat/status.h ctsplat/preset.h ctsplat/volume.h | jansson.h expat.h
+src/transfer | ctsplat/status.h ctsplat/mixture.h ctsplat/preset.h ctsplat/volume.h | jansson.h expat.h
 src/splat    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ | immintrin.h
 src/raycast  | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ splat/view.h splat/engine.h |
-src/render   | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h ctsplat/reference.h volume/ transfer/ splat/ raycast/ |
+src/render   | ctsplat/status.h ctsplat/mixture.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h ctsplat/reference.h volume/ transfer/ splat/ raycast/ |
 src/image    | ctsplat/status.h ctsplat/annotate.h ctsplat/picture.h ctsplat/preset.h | cairo.h
 src/export   | ctsplat/status.h ctsplat/report.h ctsplat/picture.h ctsplat/export.h ctsplat/series.h image/ dicom/dcm_sc.h | png.h openexr.h zlib.h libdeflate.h
 src/report   | ctsplat/ | jansson.h cairo.h

@@ -5,6 +5,7 @@
 #include "ctsplat/annotate.h"
 #include "ctsplat/couch.h"
 #include "ctsplat/export.h"
+#include "ctsplat/mixture.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/reference.h"

@@ -78,6 +78,7 @@ typedef struct CtsReport {
     CtsFindings findings;
     CtsVoxelCounts voxels;
     CtsVerified verified;
+    double key_loss; /* share of the volume's opacity that --void key left out; 0 without it */
     char *plan; /* what --explain prints: lines of text; NULL until a plan is made */
 } CtsReport;
 

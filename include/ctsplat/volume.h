@@ -63,6 +63,11 @@ CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const doubl
 CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, double high_hu, int n_threads,
                               CtsVolume **quantised, CtsError *err);
 
+/* Voxels by grey level, 65536 exact counts, for any number of threads (0: all cores). Free with
+ * cts_volume_histogram_free(). */
+CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t **count, CtsError *err);
+void cts_volume_histogram_free(uint64_t **count);
+
 #ifdef __cplusplus
 }
 #endif

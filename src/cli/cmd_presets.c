@@ -1,7 +1,11 @@
-/* ctsplat presets: the list of them, or one in full. */
+/* ctsplat presets: the list of them, one in full, or what a volume proposes for one. */
+#include "cli/interrupt.h"
+#include "cli/load.h"
 #include "cli/message.h"
 #include "cli/options.h"
 #include "cli/print_json.h"
+#include "cli/progress.h"
+#include "report/mixture.h"
 #include "report/table.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -83,10 +87,53 @@ static void print_one(const CtsPreset *p)
     cts_table_free(&colour);
 }
 
+static void step(void *context, const char *what)
+{
+    (void)context;
+    cli_progress(0, 1, what);
+}
+
+/* The tissues of the volume that render would work on, and the key for the preset. */
+static CtsStatus propose(const CliOptions *options, const CtsPreset *preset, CtsError *err)
+{
+    CtsStatus st;
+    CliOptions of_volume = *options;
+    CliLoaded loaded = {.list = NULL};
+    CtsReport report = {0};
+    uint64_t *count = NULL;
+    CtsMixture mixture;
+    CtsVoidKey key;
+    of_volume.operands = &options->propose;
+    of_volume.n_operands = 1;
+    st = cli_load(&of_volume, preset, step, NULL, &loaded, &report, err);
+    cli_progress_clear();
+    cli_interrupt_asks();
+    if (st || (st = cli_interrupted(err)))
+        goto end;
+    const CtsVolume *v = loaded.volume;
+    if ((st = cts_volume_histogram(v, options->render.n_threads, &count, err)) ||
+        (st = cts_mixture_fit(count, v->hu_offset, v->hu_step, &mixture, err)) ||
+        (st = cts_void_key_propose(&mixture, preset, count, v->hu_offset, v->hu_step, &key, err)))
+        goto end;
+    if (options->json)
+        st = cts_mixture_print_json(stdout, &mixture, &key, preset->name, err);
+    else
+        cts_mixture_print(stdout, &mixture, &key, preset->name);
+end:
+    cts_volume_histogram_free(&count);
+    cli_loaded_free(&loaded);
+    cts_report_free(&report);
+    return st;
+}
+
 CtsStatus cli_presets(const CliOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     CtsStatus st = CTS_OK;
+    if (!options->propose && (options->series_uid || options->crop_given || options->render.n_threads ||
+                              options->remove_table != CTS_AS_PRESET))
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "presets: --series, --crop, --remove-table and --threads go with --propose PATH alone");
     CtsTable *table = NULL;
     json_t *list = options->json ? json_array() : NULL;
     CtsPreset *preset = malloc(sizeof *preset);
@@ -94,11 +141,18 @@ CtsStatus cli_presets(const CliOptions *options, int *exit_code, CtsError *err)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         goto end;
     }
-    if (options->n_operands) {
-        if ((st = cts_preset_load(options->operands[0], preset, err)))
+    if (options->n_operands || options->propose) {
+        if ((st = cts_preset_load(options->n_operands ? options->operands[0] : options->preset, preset, err)))
             goto end;
         if (preset->note[0])
             cli_warning("preset %s: left out: %s", preset->name, preset->note);
+        if (options->propose && preset->mode != CTS_MODE_COMPOSITE)
+            cli_warning("preset %s: mode %s shows HU through the window; the key is for --mode composite", preset->name,
+                        cts_mode_names[preset->mode]);
+        if (options->propose) {
+            st = propose(options, preset, err);
+            goto end;
+        }
         if (list)
             st = append(list, preset, err);
         else

@@ -123,6 +123,21 @@ static CtsStatus write_frame(Job *job, int frame, CtsError *err)
     return st;
 }
 
+/* What --void key loses is measured, asked for or not: so many pixels when --verify does not say. */
+enum { KEY_PIXELS = 256 };
+
+static CtsStatus verify_key(Job *job, double azimuth_deg, const CtsPicture *picture, CtsError *err)
+{
+    CtsRenderSettings settings = job->settings;
+    CtsReference *reference = NULL;
+    CtsStatus st;
+    settings.azimuth_deg = azimuth_deg;
+    if (!(st = cts_reference_new(&reference, job->loaded.volume, job->preset, &settings, KEY_PIXELS, err)))
+        st = cts_reference_compare(reference, picture, &job->report.verified, err);
+    cts_reference_free(&reference);
+    return st;
+}
+
 /* One verdict on all frames: pooled rmse, largest maximum. */
 static void add_verified(CtsVerified *all, const CtsVerified *frame)
 {
@@ -149,6 +164,8 @@ static CtsStatus render_frame(Job *job, int frame, CtsError *err)
     const size_t n_findings = job->report.findings.n;
     CtsMeter meter = cts_meter_start(&job->report);
     st = cts_render_frame(job->renderer, azimuth_deg, job->settings.elevation_deg, picture, &job->report, err);
+    if (!st && *picture && !job->settings.verify && job->report.key_loss > 0)
+        st = verify_key(job, azimuth_deg, *picture, err);
     cts_meter_stop(meter, &job->report, CTS_STAGE_COMPOSITE);
     cli_print_findings(&job->report.findings, n_findings);
     if (st || job->settings.explain)

@@ -22,7 +22,9 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
     {"check", "[--json]", "Run the numerical stability suite.", 0, 0, "", cli_check},
     {"compare", "A B [--json]", "Compare two pictures of the same size; exit 0 when equal to the bit, 1 when not.", 2,
      2, "a picture", cli_compare},
-    {"presets", "[NAME or FILE] [--json]", "List the presets, or show one.", 0, 1, "NAME", cli_presets},
+    {"presets", "[NAME or FILE] [--propose PATH] [--json]",
+     "List the presets, show one, or find the tissues of a volume and which of them one does not show.", 0, 1, "NAME",
+     cli_presets},
 };
 
 static int find_command(const char *name)

@@ -84,7 +84,7 @@ const CliOption cli_options[] = {
     {
         .name = "series",
         .argument = "UID",
-        .commands = PICTURES,
+        .commands = PICTURES | ON(CLI_PRESETS),
         .kind = CLI_TEXT,
         .field = FIELD(series_uid),
         .help = "which series, when PATH holds several",
@@ -133,7 +133,8 @@ const CliOption cli_options[] = {
         .argument = "strict or key",
         .commands = RENDERING,
         PARSED(cli_parse_void),
-        .help = "what counts as a void voxel: provably invisible, or improbable by the mixture model (lossy)",
+        .help = "what counts as a void voxel: provably invisible, or improbable by the mixture model (engines void "
+                "and combined; lossy: what is lost is told, and measured as by --verify)",
         .fallback = "strict",
     },
     {
@@ -192,7 +193,7 @@ const CliOption cli_options[] = {
     {
         .name = "crop",
         .argument = "X0,X1,Y0,Y1,Z0,Z1",
-        .commands = PICTURES,
+        .commands = PICTURES | ON(CLI_PRESETS),
         PARSED(cli_parse_crop),
         .help = "keep this box, millimetres in patient coordinates (LPS)",
         .fallback = "all",
@@ -200,7 +201,7 @@ const CliOption cli_options[] = {
     {
         .name = "remove-table",
         .argument = "on or off",
-        .commands = RENDERING,
+        .commands = RENDERING | ON(CLI_PRESETS),
         PARSED(cli_parse_table),
         .help = "drop what is not the patient",
         .fallback = "as the preset says",
@@ -334,9 +335,18 @@ const CliOption cli_options[] = {
         .help = "draw how much of its bound each error takes, as SVG",
     },
     {
+        .name = "propose",
+        .argument = "PATH",
+        .commands = ON(CLI_PRESETS),
+        .kind = CLI_TEXT,
+        .field = FIELD(propose),
+        .help = "print the mixture of tissues found in the volume, and the void key it proposes for the preset "
+                "(bone, where none is named); --series, --crop, --remove-table and --threads go with it",
+    },
+    {
         .name = "threads",
         .argument = "N",
-        .commands = PICTURES | ON(CLI_INFO) | ON(CLI_CHECK),
+        .commands = PICTURES | ON(CLI_INFO) | ON(CLI_CHECK) | ON(CLI_PRESETS),
         .kind = CLI_INT,
         .field = FIELD(render.n_threads),
         RANGE(1, 1024),

@@ -45,6 +45,8 @@ typedef struct CliOptions {
     const char *merge;
     const char *plot; /* check: NULL when not given */
 
+    const char *propose; /* presets: the volume to propose a key for; NULL when not given */
+
     bool json, show_patient;
 } CliOptions;
 

@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "base/mem.h"
+#include "render/key.h"
 #include "render/reference.h"
 #include "render/scene.h"
 #include <math.h>
@@ -89,7 +90,9 @@ struct CtsRenderer {
     const CtsEngine *engine;
     CtsLut *lut;
     double lut_scale; /* extinction_scale that lut was made for */
-    void *kept;       /* the engine's */
+    bool has_key;
+    CtsVoidKey key;
+    void *kept; /* the engine's */
 };
 
 CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, const CtsPreset *preset,
@@ -130,6 +133,33 @@ void cts_render_end(CtsRenderer **renderer)
     *renderer = NULL;
 }
 
+/* What --void key leaves out of the transfer function's table; the mixture is that of the volume as it was loaded. */
+static CtsStatus hide_void(CtsRenderer *r, const CtsScene *scene, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if (!r->settings.void_key || !r->engine->takes_key)
+        return CTS_OK;
+    if (!r->has_key &&
+        (st = cts_key_find(r->original, scene->preset, scene->settings->n_threads, &r->key, report, err)))
+        return st;
+    r->has_key = true;
+    cts_lut_hide(r->lut, &r->key, r->volume);
+    return CTS_OK;
+}
+
+/* Told with the first frame alone. */
+static void tell_no_key(CtsRenderer *r, CtsReport *report)
+{
+    if (r->has_key)
+        return;
+    r->has_key = true;
+    const char *const why = r->engine == &cts_engine_tiled ? "skips only what is provably invisible" : "skips no void";
+    cts_report_skip(report, "void key", "engine %s %s", r->engine->name, why);
+    cts_report_finding(report, "void_key_unused", CTS_WARNING,
+                       "--void key: engine %s %s, so nothing is lost (void and combined take the key)", r->engine->name,
+                       why);
+}
+
 /* The transfer function's table for this scene; only with --opacity-unit voxel does it depend on the view. */
 static CtsStatus find_lut(CtsRenderer *r, CtsScene *scene, CtsReport *report, CtsError *err)
 {
@@ -143,11 +173,15 @@ static CtsStatus find_lut(CtsRenderer *r, CtsScene *scene, CtsReport *report, Ct
     } else {
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
         cts_lut_free(&r->lut);
-        const CtsStatus st = cts_lut_new(&r->lut, p, r->volume, scene->extinction_scale, err);
-        if (st)
+        CtsStatus st;
+        if ((st = cts_lut_new(&r->lut, p, r->volume, scene->extinction_scale, err)))
             return st;
         r->lut_scale = scene->extinction_scale;
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, CTS_N_GREY, 0);
+        if ((st = hide_void(r, scene, report, err))) {
+            cts_lut_free(&r->lut);
+            return st;
+        }
     }
     scene->lut = r->lut;
     return CTS_OK;
@@ -187,6 +221,8 @@ CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_
     store.scene.kept = &r->kept;
     if ((st = find_lut(r, &store.scene, report, err)))
         return st;
+    if (s->void_key && !r->engine->takes_key)
+        tell_no_key(r, report);
     if (!p->shade)
         cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p->mode],
                         p->mode != CTS_MODE_COMPOSITE ? "its nature"

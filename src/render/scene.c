@@ -24,9 +24,6 @@ static CtsStatus check_settings(const CtsRenderSettings *s, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE, "an error or tolerance below 0");
     if (s->grey_bits < 8 || s->grey_bits > 16)
         return cts_fail(err, CTS_ERR_USAGE, "%d bits of grey (8 to 16)", s->grey_bits);
-    if (s->void_key)
-        return cts_fail(err, CTS_ERR_USAGE,
-                        "void voxels by the mixture model (key) are not in this build (take strict)");
     if (s->mode < -1 || s->mode >= CTS_N_MODES || s->verify < 0)
         return cts_fail(err, CTS_ERR_USAGE, "no such mode, or fewer than 0 pixels to verify");
     return CTS_OK;

@@ -29,6 +29,7 @@ typedef struct CtsEngine {
     CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err);
     unsigned modes;   /* bit 1 << CtsMode for each it can do */
     unsigned kernels; /* bit 1 << CtsKernelId */
+    bool takes_key;   /* skips what counts as void by the scene's lut, so that --void key has a use */
     void (*forget)(void *kept); /* frees what render left in *scene->kept; NULL for an engine that keeps nothing */
 } CtsEngine;
 

@@ -8,7 +8,7 @@ enum { COMPOSITE = 1u << CTS_MODE_COMPOSITE, EVERY_KERNEL = (1u << CTS_N_KERNELS
     {                                                                                                                  \
         return cts_paper_render(scene, (CtsPaperFeatures){reuse_layers, skip_void}, picture, report, err);             \
     }                                                                                                                  \
-    const CtsEngine cts_engine_##name = {#name, render_##name, COMPOSITE, EVERY_KERNEL, NULL};
+    const CtsEngine cts_engine_##name = {#name, render_##name, COMPOSITE, EVERY_KERNEL, skip_void, NULL};
 
 ENGINE(classic, false, false)
 ENGINE(layers, true, false)

@@ -3,6 +3,14 @@
 #include "base/mem.h"
 #include <stdlib.h>
 
+static void count_visible(CtsLut *l)
+{
+    l->visible_below[0] = 0;
+    for (int g = 0; g < CTS_N_GREY; g++)
+        l->visible_below[g + 1] = l->visible_below[g] + (l->extinction_per_mm[g] > 0);
+    l->any_visible = l->visible_below[CTS_N_GREY] > 0;
+}
+
 CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, double extinction_scale,
                       CtsError *err)
 {
@@ -16,7 +24,6 @@ CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *vo
         cts_lut_free(lut);
         return st;
     }
-    l->visible_below[0] = 0;
     for (int g = 0; g < CTS_N_GREY; g++) {
         const double hu = cts_volume_hu(volume, (uint16_t)g);
         double rgb[3];
@@ -27,10 +34,21 @@ CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *vo
         l->extinction_per_mm[g] = (float)extinction;
         if (extinction > l->max_extinction_per_mm)
             l->max_extinction_per_mm = extinction;
-        l->visible_below[g + 1] = l->visible_below[g] + (l->extinction_per_mm[g] > 0);
     }
-    l->any_visible = l->visible_below[CTS_N_GREY] > 0;
+    count_visible(l);
     return CTS_OK;
+}
+
+void cts_lut_hide(CtsLut *lut, const CtsVoidKey *key, const CtsVolume *volume)
+{
+    lut->max_extinction_per_mm = 0;
+    for (int g = 0; g < CTS_N_GREY; g++) {
+        if (cts_void_key_drops(key, cts_volume_hu(volume, (uint16_t)g)))
+            lut->extinction_per_mm[g] = 0;
+        if ((double)lut->extinction_per_mm[g] > lut->max_extinction_per_mm)
+            lut->max_extinction_per_mm = (double)lut->extinction_per_mm[g];
+    }
+    count_visible(lut);
 }
 
 void cts_lut_free(CtsLut **lut)

@@ -2,6 +2,7 @@
 #ifndef CTS_TRANSFER_LUT_H
 #define CTS_TRANSFER_LUT_H
 
+#include "ctsplat/mixture.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
@@ -11,9 +12,9 @@
 enum { CTS_N_GREY = 65536 };
 
 typedef struct CtsLut {
-    float (*rgb)[3];         /* display values by grey level */
+    float (*rgb)[3];          /* display values by grey level */
     float *extinction_per_mm; /* by grey level; times unit_scale where opacity is per voxel */
-    uint32_t *visible_below; /* CTS_N_GREY + 1 prefix sums: number of levels below g with extinction > 0 */
+    uint32_t *visible_below;  /* CTS_N_GREY + 1 prefix sums: number of levels below g with extinction > 0 */
     double max_extinction_per_mm;
     bool any_visible;
 } CtsLut;
@@ -22,6 +23,8 @@ typedef struct CtsLut {
  * unit one voxel along the ray. Free with cts_lut_free(). */
 CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, double extinction_scale,
                       CtsError *err);
+/* Takes the levels that the key drops for invisible. */
+void cts_lut_hide(CtsLut *lut, const CtsVoidKey *key, const CtsVolume *volume);
 void cts_lut_free(CtsLut **lut);
 
 /* False when no grey level of low..high has any extinction: exact, however the levels in between are mixed. */

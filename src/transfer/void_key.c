@@ -1,0 +1,147 @@
+/* The key: from which tissue a grey level probably is, to whether a preset needs it. */
+#include "ctsplat/mixture.h"
+
+#include "base/mem.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+enum { N_GREY = 65536 };
+
+static const double LEAST_PROBABILITY = 0.5, STEP = 0.01;
+static const double LARGEST_LOSS = 1e-3;
+
+/* Grey levels with their HU, how probably each is void, and how opaque the preset makes it. */
+typedef struct Levels {
+    const uint64_t *count;
+    double hu_offset, hu_step;
+    double *probability, *opacity;
+    double opacity_sum; /* over all voxels */
+} Levels;
+
+static double hu_of(const Levels *levels, int g)
+{
+    return levels->hu_offset + levels->hu_step * g;
+}
+
+/* What lies about its mean stands for a tissue; its tails are noise, and the neighbours' voxels. */
+static bool shows(const Levels *levels, const CtsTissue *t)
+{
+    const double low = (t->mean_hu - t->sd_hu - levels->hu_offset) / levels->hu_step;
+    const double high = (t->mean_hu + t->sd_hu - levels->hu_offset) / levels->hu_step;
+    const int first = (int)fmin(fmax(ceil(low), 0), N_GREY - 1), last = (int)fmin(fmax(floor(high), first), N_GREY - 1);
+    for (int g = first; g <= last; g++)
+        if (levels->opacity[g] > 0)
+            return true;
+    return false;
+}
+
+/* Share of all opacity that tissue which shows is to be expected to lose. */
+static double loss(const Levels *levels, double probability)
+{
+    double lost = 0;
+    for (int g = 0; g < N_GREY; g++)
+        if (levels->probability[g] >= probability)
+            lost += (double)levels->count[g] * levels->opacity[g] * (1 - levels->probability[g]);
+    return levels->opacity_sum > 0 ? lost / levels->opacity_sum : 0;
+}
+
+static double least_probability(const Levels *levels)
+{
+    const int n_steps = (int)floor((1 - LEAST_PROBABILITY) / STEP + 0.5);
+    for (int i = 0; i < n_steps; i++)
+        if (loss(levels, LEAST_PROBABILITY + STEP * i) <= LARGEST_LOSS)
+            return LEAST_PROBABILITY + STEP * i;
+    return 1;
+}
+
+static void find_ranges(const Levels *levels, CtsVoidKey *key)
+{
+    bool drops = false;
+    for (int g = 0; g < N_GREY; g++) {
+        const bool drops_this = levels->probability[g] >= key->probability;
+        if (drops_this == drops)
+            continue;
+        if (drops_this && key->n_ranges == CTS_MAX_KEY_RANGES)
+            return;
+        if (drops_this)
+            key->range[key->n_ranges++] = (CtsKeyRange){g > 0 ? hu_of(levels, g) : -INFINITY, INFINITY};
+        else
+            key->range[key->n_ranges - 1].below_hu = hu_of(levels, g);
+        drops = drops_this;
+    }
+}
+
+static void count_loss(const Levels *levels, CtsVoidKey *key)
+{
+    double dropped = 0;
+    for (int g = 0; g < N_GREY; g++) {
+        key->total += levels->count[g];
+        if (!(levels->opacity[g] > 0))
+            continue;
+        key->visible += levels->count[g];
+        if (!cts_void_key_drops(key, hu_of(levels, g)))
+            continue;
+        key->dropped += levels->count[g];
+        dropped += levels->opacity[g] * (double)levels->count[g];
+    }
+    key->opacity_dropped = levels->opacity_sum > 0 ? dropped / levels->opacity_sum : 0;
+}
+
+CtsStatus cts_void_key_propose(const CtsMixture *mixture, const CtsPreset *preset, const uint64_t *count,
+                               double hu_offset, double hu_step, CtsVoidKey *key, CtsError *err)
+{
+    Levels levels = {.count = count, .hu_offset = hu_offset, .hu_step = hu_step};
+    int n_void = 0;
+    CtsStatus st;
+    *key = (CtsVoidKey){.useful = false};
+    if ((st = cts_alloc_array(&levels.probability, N_GREY, err)) ||
+        (st = cts_alloc_array(&levels.opacity, N_GREY, err)))
+        goto end;
+    for (int g = 0; g < N_GREY; g++) {
+        levels.opacity[g] = cts_preset_opacity(preset, hu_of(&levels, g));
+        levels.opacity_sum += levels.opacity[g] * (double)count[g];
+    }
+    for (int i = 0; i < mixture->n; i++) {
+        key->is_void[i] = !shows(&levels, &mixture->tissue[i]);
+        n_void += key->is_void[i];
+    }
+    key->useful = n_void > 0 && n_void < mixture->n;
+    if (key->useful) {
+        for (int g = 0; g < N_GREY; g++)
+            levels.probability[g] = cts_mixture_void(mixture, key->is_void, hu_of(&levels, g));
+        key->probability = least_probability(&levels);
+        find_ranges(&levels, key);
+    }
+    count_loss(&levels, key);
+end:
+    cts_free(&levels.probability);
+    cts_free(&levels.opacity);
+    return st;
+}
+
+bool cts_void_key_drops(const CtsVoidKey *key, double hu)
+{
+    for (int i = 0; i < key->n_ranges; i++)
+        if (hu >= key->range[i].from_hu && hu < key->range[i].below_hu)
+            return true;
+    return false;
+}
+
+void cts_void_key_text(const CtsVoidKey *key, char text[CTS_KEY_TEXT])
+{
+    size_t n = 0;
+    strcpy(text, key->n_ranges ? "" : "no HU");
+    for (int i = 0; i < key->n_ranges && n < CTS_KEY_TEXT; i++) {
+        const CtsKeyRange *r = &key->range[i];
+        const char *joint = i > 0 ? ", " : "";
+        if (isinf(r->from_hu) && isinf(r->below_hu))
+            n += (size_t)snprintf(text + n, CTS_KEY_TEXT - n, "%sall HU", joint);
+        else if (isinf(r->from_hu))
+            n += (size_t)snprintf(text + n, CTS_KEY_TEXT - n, "%sbelow %g HU", joint, r->below_hu);
+        else if (isinf(r->below_hu))
+            n += (size_t)snprintf(text + n, CTS_KEY_TEXT - n, "%sfrom %g HU on", joint, r->from_hu);
+        else
+            n += (size_t)snprintf(text + n, CTS_KEY_TEXT - n, "%s%g to %g HU", joint, r->from_hu, r->below_hu);
+    }
+}

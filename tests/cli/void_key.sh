@@ -1,0 +1,75 @@
+# --void key and presets --propose: the mixture, the key, and what it loses, never hidden.
+python=$(command -v python3) || exit 77
+ok presets --propose "$data/phantom"
+has out '^air +[0-9.]+ % +-1000\.0 .*void'
+has out '^compact bone .*shows'
+has out '^void key of preset bone: probability 0\.[0-9]+, that is below [0-9]+ HU'
+for threads in 1 7; do
+    ok presets skin --propose "$data/phantom" --json --threads $threads
+    cp out skin-$threads.json
+done
+cmp skin-1.json skin-7.json || fail "threads change the mixture"
+"$python" - <<'PY' || fail "the JSON"
+import json
+found = json.load(open("skin-1.json"))
+assert set(found) == {"preset", "mixture", "key"} and found["preset"] == "skin"
+for c in found["mixture"]:
+    assert set(c) == {"class", "weight", "mean_hu", "sd_hu", "mixed", "void"}, c
+    assert (c["void"] is None) == c["mixed"] and c["sd_hu"] > 0
+assert abs(sum(c["weight"] for c in found["mixture"]) - 1) < 1e-9
+void = {c["class"]: c["void"] for c in found["mixture"] if not c["mixed"]}
+assert void["air"] and not void["soft"], void
+key = found["key"]
+assert key["voxels"] == 64 * 64 * 48 and 0 < key["dropped"] < key["visible"] and 0 < key["opacity_dropped"] < 0.001
+low, high = key["void_hu"][0]
+assert low is None and -800 < high < -200, key
+PY
+ok presets lung --propose "$data/phantom"
+has out 'void key of preset lung: none'
+ok presets brain --propose "$data/phantom"
+has err 'warning: .*mode mip'
+ok presets --propose "$data/series/two" --series 2.25.2005
+refused 2 'go with --propose' presets bone --threads 2
+refused 2 'go with --propose' presets --series 2.25.2005
+refused 3 'nowhere' presets --propose nowhere
+refused 2 'preset nope' presets nope --propose "$data/phantom"
+
+# What is lost is told and measured; the engines that take the key agree to the byte, with any number of threads.
+small="--size 60x60 -p skin"
+ok render "$data/phantom" $small --engine void -o strict.png --log strict.log
+ok render "$data/phantom" $small --engine void --void key -o key.png --log key.log --threads 1
+has err 'warning: --void key: below -[0-9]+ HU counts as void: [0-9.]+ % of the voxels .* [0-9.e-]+ % of the opacity'
+has err 'verified 256 pixels: rmse'
+has key.log '"skipped".*"void tissue".*% of the opacity'
+has key.log '"event":"error".*"pixels":256'
+grep -q '"event":"error"' strict.log && fail "strict was verified unasked"
+ok render "$data/phantom" $small --engine combined --void key -o combined.png --threads 7 --verify 20
+has err 'verified 2[0-9] pixels'
+cmp key.png combined.png || fail "void and combined differ"
+cmp -s strict.png key.png && fail "the key changes nothing"
+run compare strict.png key.png
+[ $code = 1 ] || fail "the key's picture does not compare"
+has out '^rmse +0\.0'
+"$python" - <<'PY' || fail "the key splats no fewer voxels"
+import json
+def splatted(name):
+    return [e["splatted"] for e in map(json.loads, open(name)) if e["event"] == "voxels"][0]
+assert splatted("key.log") <= splatted("strict.log")
+PY
+ok render "$data/phantom" $small --engine void --void key --explain
+has out '^mixture model: air -1000 HU \(void\)'
+has out '^void key: below -[0-9]+ HU counts as void'
+
+# Where it has no use nothing is lost, and that is told too.
+for engine in classic tiled raycast; do
+    ok render "$data/phantom" $small --engine $engine -o $engine.png
+    ok render "$data/phantom" $small --engine $engine --void key -o $engine-key.png --log $engine.log
+    has err "warning: --void key: engine $engine skips .*nothing is lost"
+    has $engine.log '"skipped".*"void key"'
+    cmp $engine.png $engine-key.png || fail "$engine takes the key"
+done
+ok render "$data/phantom" --size 60x60 -p lung --engine void --void key -o lung.png
+has err 'warning: --void key: preset lung shows every tissue of the mixture, or none'
+ok render "$data/phantom" --size 60x60 -p bone --engine void --void key -o bone.png --log bone.log
+grep -q warning err && fail "a warning where nothing is lost"
+has bone.log '"void tissue".* 0 % of the opacity'
