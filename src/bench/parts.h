@@ -11,6 +11,7 @@ CtsStatus cts_bench_plan(CtsBenchRow **rows, int *n, CtsError *err);
 /* What pictures are judged by. */
 typedef struct CtsBenchTruth {
     CtsReference *own[CTS_N_KERNELS]; /* NULL until a setting needs it; own[CTS_KERNEL_TENT] is the trilinear one */
+    int frame[4]; /* what thumbnails show of a picture: from x, y on, so wide and high */
     int thumb_width, thumb_height;
     double (*thumb)[4]; /* the trilinear integral at the thumbnails' pixels, red, green, blue over the background */
 } CtsBenchTruth;

@@ -100,7 +100,8 @@ static void plot_engine(FILE *f, const CtsBenchRow *const *list, int n, int engi
     fputs("END\n", f);
 }
 
-/* The front, and what its rows are. */
+/* The front, and what its rows are: names in turn above and below it, on white, so that no line crosses them. A row
+ * below the axis is an arrow at its foot. */
 static void plot_front(FILE *f, const CtsBenchRow *const *list, int n, double least)
 {
     int above = 1;
@@ -108,17 +109,26 @@ static void plot_front(FILE *f, const CtsBenchRow *const *list, int n, double le
     for (int i = 0; i < n; i++)
         if (list[i]->pareto)
             fprintf(f, "%.6g %.6g\n", list[i]->wall_ms, fmax(list[i]->trilinear.rmse, least));
-    fputs("END\n", f);
+    fputs("END\nset style textbox opaque noborder margins 0.3,0.3\n", f);
     for (int i = 0; i < n; i++) {
         if (!list[i]->pareto)
             continue;
-        char samples[16], off[32] = "";
+        const bool is_below = list[i]->trilinear.rmse < least;
+        char samples[16], tolerance[32] = "", off[40] = "";
         cts_bench_samples_text(list[i], samples);
-        if (list[i]->trilinear.rmse < least)
-            snprintf(off, sizeof off, " (%.1e)", list[i]->trilinear.rmse);
-        fprintf(f, "set label '%s %s %s%s' at %.6g,%.6g %s font ',9' textcolor rgb '#444444'\n",
-                cts_engine_names[list[i]->engine], cts_kernel_names[list[i]->kernel], samples, off, list[i]->wall_ms,
-                fmax(list[i]->trilinear.rmse, least), above ? "left offset 1,0.7" : "right offset -1,-0.7");
+        if (list[i]->tolerance_hu > 0)
+            snprintf(tolerance, sizeof tolerance, ", %g HU", list[i]->tolerance_hu);
+        if (is_below) {
+            snprintf(off, sizeof off, ": %.1e, below the axis", list[i]->trilinear.rmse);
+            fprintf(f, "set arrow from %.6g,%.6g rto graph 0,-0.035 front lw 2 lc rgb '#000000'\n", list[i]->wall_ms,
+                    least);
+        }
+        fprintf(f, "set label '%s %s %s%s%s' at %.6g,%.6g %s front boxed font ',9' textcolor rgb '#222222'\n",
+                cts_engine_names[list[i]->engine], cts_kernel_names[list[i]->kernel], samples, tolerance, off,
+                list[i]->wall_ms, fmax(list[i]->trilinear.rmse, least),
+                is_below ? "right offset -1.5,0"
+                : above  ? "left offset 1.3,0.9"
+                         : "right offset -1.3,-0.9");
         above = !above;
     }
 }
@@ -148,10 +158,11 @@ static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
             "set logscale xy\nset format x '%%g'\nset format y '%%.0e'\nset grid\nset yrange [%g:%g]\n"
             "set xlabel 'median wall time (ms)'\n"
             "set ylabel 'rmse against the converged trilinear integral (display values 0..1)'\n"
-            "set key outside right top\nset offsets graph 0.1,graph 0.15,graph 0.05,0\n"
+            "set key outside right top\nset xrange [%g:%g]\n"
             "set arrow from graph 0,first %g to graph 1,first %g nohead dt 3 lc rgb '#999999'\n"
             "set label '1/255' at graph 0.005,first %g offset 0,0.5 font ',9' textcolor rgb '#777777'\n",
-            least * 0.7, most * 1.5, 1 / 255.0, 1 / 255.0, 1 / 255.0);
+            least * 0.7, most * 1.5, n ? list[0]->wall_ms / 2 : 1, n ? list[n - 1]->wall_ms * 2 : 10, 1 / 255.0,
+            1 / 255.0, 1 / 255.0);
     for (int e = 0; e < CTS_N_ENGINES; e++)
         plot_engine(f, list, n, e, least);
     plot_front(f, list, n, least);
@@ -169,7 +180,8 @@ static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
     }
     if (n)
         fprintf(f,
-                "%s $front using 1:2 with linespoints pt 6 ps 1.7 lw 2.5 dt 2 lc rgb '#000000' title 'Pareto front'\n",
+                "%s $front using 1:2 with linespoints pt 6 ps 1.7 lw 2.5 dt 2 lc rgb '#000000' title 'Pareto front',"
+                " NaN with points pt 6 ps 0.6 lc rgb '#777777' title 'its engine does better'\n",
                 plot);
 }
 

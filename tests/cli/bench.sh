@@ -1,0 +1,32 @@
+# bench: every engine measured; lines, plot and page agree; what it refuses.
+command -v gnuplot >/dev/null || exit 77
+ok bench "$data/phantom" -O b --size 24x24
+for engine in classic layers void combined tiled raycast; do
+    has out "^$engine .* (front)?\$"
+    has b/bench.jsonl "\"engine\":\"$engine\""
+done
+has out 'Pictures of 24 x 24 pixels'
+for key in engine kernel samples tolerance void wall_ms wall_ms_spread peak_rss_bytes rmse rmse_trilinear psnr_db; do
+    [ "$(grep -c "\"$key\":" b/bench.jsonl)" = "$(grep -c . b/bench.jsonl)" ] || fail "not every line has $key"
+done
+# A row, with two pictures of its own, for each line; nothing is fetched from anywhere.
+[ "$(grep -c '<tr.*<td>' b/report.html)" = "$(grep -c . b/bench.jsonl)" ] || fail "rows of the page and lines differ"
+[ "$(grep -o 'src="data:image/png;base64,[A-Za-z0-9+/=]*"' b/report.html | wc -l)" = \
+    "$((2 * $(grep -c . b/bench.jsonl)))" ] || fail "thumbnails are missing"
+sed 's/src="data:[^"]*"//g' b/report.html | grep -oE '(src|href|url)[=(].{9}' | grep -vE -e "^href='#" -e '^url[(]#' | grep -q . &&
+    fail "the page needs more than itself"
+has b/report.html '<svg'
+for engine in classic layers void combined tiled raycast 'Pareto front'; do
+    has b/error-vs-time.svg "<text>$engine</text>"
+done
+# The reference is what errors are measured against.
+grep '"engine":"raycast"' b/bench.jsonl | grep -qE '"rmse":[0-9.]*e-' || fail "the reference differs from itself"
+
+refused 5 'bench.jsonl: .*--force' bench "$data/phantom" -O b --size 24x24
+refused 2 'bench: -O DIR is needed' bench "$data/phantom"
+refused 2 'output: not an option of bench' bench "$data/phantom" -o b
+# What an engine cannot do is left out and said.
+ok bench "$data/phantom" -O m --size 16x16 -p brain
+has err 'left out: classic'
+has m/report.html 'Left out'
+has m/bench.jsonl '"engine":"tiled"'
