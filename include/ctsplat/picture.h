@@ -21,14 +21,20 @@ typedef struct CtsPictureInfo {
     double window_low_hu, window_high_hu; /* grey pictures: HU shown as black and white */
     /* The camera: unit vectors and the picture's centre, patient coordinates (LPS, mm). */
     double right_lps[3], up_lps[3], forward_lps[3], centre_lps[3];
+    bool grey;        /* grey whatever the volume: a projection, or a preset without colours, over grey or nothing */
     bool shows_skin;  /* a composite that lets skin be seen: a face may be recognised */
     double camera_mm; /* how far before centre_lps the camera plane stands, where depth is 0 */
 } CtsPictureInfo;
 
 /* n_channels 4: premultiplied red, green, blue and alpha; 1: grey without alpha (mip, minip, average).
- * Row 0 is the top. Values 0..1, not clamped (a specular highlight may pass 1). */
+ * Row 0 is the top. Values 0..1, not clamped (a specular highlight may pass 1).
+ * A band holds some rows of a larger picture: its row 0 is row first_row of whole_height. Bands but the last hold a
+ * multiple of CTS_BAND_ROWS rows. A whole picture has first_row 0 and whole_height as height. */
+enum { CTS_BAND_ROWS = 64 };
+
 typedef struct CtsPicture {
     int width, height, n_channels;
+    int first_row, whole_height;
     float *pixels;
     float *depth_mm; /* distance of the first visible surface from the camera plane (the plane through the nearest
                         corner of the volume's bounding sphere) along the view; +inf where empty; may be NULL */

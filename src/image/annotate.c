@@ -89,7 +89,7 @@ static void blend(CtsPicture *picture, cairo_surface_t *overlay, int left, int t
     const int stride = cairo_image_surface_get_stride(overlay), channels = picture->n_channels;
     for (int j = 0; j < height; j++)
         for (int i = 0; i < width; i++) {
-            const int x = left + i, y = top + j;
+            const int x = left + i, y = top + j - picture->first_row;
             uint32_t argb;
             memcpy(&argb, bytes + (size_t)j * stride + 4 * (size_t)i, sizeof argb);
             const float alpha = (float)(argb >> 24) / 255, grey = (float)(argb & 255) / 255;
@@ -109,7 +109,7 @@ static CtsStatus put(CtsPicture *picture, const Mark *mark, CtsError *err)
     draw(overlay, mark, &box);
     if (cairo_surface_status(overlay) == CAIRO_STATUS_SUCCESS) {
         const double room_x = picture->width - box.width - 2 * mark->margin_px;
-        const double room_y = picture->height - box.height - 2 * mark->margin_px;
+        const double room_y = picture->whole_height - box.height - 2 * mark->margin_px;
         blend(picture, overlay, (int)floor(mark->margin_px + mark->x * room_x + 0.5),
               (int)floor(mark->margin_px + mark->y * room_y + 0.5));
     } else {
@@ -136,7 +136,7 @@ static double round_length_mm(double length_mm)
 CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, CtsError *err)
 {
     const CtsPictureInfo *info = &picture->info;
-    const int side = picture->width < picture->height ? picture->width : picture->height;
+    const int height = picture->whole_height, side = picture->width < height ? picture->width : height;
     const double font_px = fmax(10, side / 30.0), margin_px = font_px / 4;
     const double mm_per_pixel = info->mm_per_pixel;
     CtsStatus st = CTS_OK;

@@ -17,7 +17,7 @@ CtsStatus cts_picture_new(CtsPicture **picture, int width, int height, int n_cha
     if (!p)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     p->width = width;
-    p->height = height;
+    p->height = p->whole_height = height;
     p->n_channels = n_channels;
     p->has_alpha = n_channels == 4;
     const CtsStatus st = cts_alloc_zeroed(&p->pixels, (size_t)width * height * n_channels, err);
@@ -52,4 +52,5 @@ void cts_picture_over(CtsPicture *picture, const double background[3])
         p[3] = 1.0f;
     }
     picture->has_alpha = false;
+    picture->info.grey &= background[0] == background[1] && background[1] == background[2];
 }

@@ -129,7 +129,7 @@ static void render_row(const CtsRaycaster *caster, CtsPicture *picture, int y)
     for (int x = 0; x < picture->width; x++) {
         const size_t at = (size_t)y * (size_t)picture->width + (size_t)x;
         double rgba[4], depth_mm;
-        cts_raycast_ray(caster, x, y, rgba, &depth_mm);
+        cts_raycast_ray(caster, x, picture->first_row + y, rgba, &depth_mm);
         for (int c = 0; c < 4; c++)
             picture->pixels[4 * at + (size_t)c] = is_grey ? cts_level_float(rgba[c]) : (float)rgba[c];
         if (picture->depth_mm)

@@ -128,18 +128,28 @@ static double shown(double value, double alpha, double background)
     return fmin(fmax(value + (1 - alpha) * background, 0), 1);
 }
 
-/* Squared difference over the three colours of pixel i, and the largest difference. */
-static double difference2(const CtsReference *r, const CtsPicture *picture, size_t i, double *largest)
+/* Where pixel i of r stands in the picture, or in the band of it; false when it does not. */
+static bool find_pixel(const CtsReference *r, const CtsPicture *picture, size_t i, float rgba[4])
 {
-    const size_t at = (size_t)r->xy[i][1] * (size_t)picture->width + (size_t)r->xy[i][0];
-    const float *pixel = picture->pixels + at * (size_t)picture->n_channels;
+    const int x = r->xy[i][0], y = r->xy[i][1] - picture->first_row;
+    if (y < 0 || y >= picture->height)
+        return false;
+    const int n = picture->n_channels;
+    const float *pixel = picture->pixels + ((size_t)y * (size_t)picture->width + (size_t)x) * (size_t)n;
+    for (int c = 0; c < 4; c++)
+        rgba[c] = n == 4 ? pixel[c] : c == 3 ? 1 : pixel[0];
+    return true;
+}
+
+/* Squared difference over the three colours of pixel i, and the largest difference. */
+static double difference2(const CtsReference *r, size_t i, const float pixel[4], double *largest)
+{
     const double *truth = r->rgba[i];
     double sum = 0;
     *largest = 0;
     for (int c = 0; c < 3; c++) {
         const double background = r->background[c];
-        const double found = picture->n_channels == 4 ? shown((double)pixel[c], (double)pixel[3], background)
-                                                      : shown((double)pixel[0], 1, 0);
+        const double found = shown((double)pixel[c], (double)pixel[3], background);
         const double d = fabs(found - shown(truth[c], truth[3], background));
         sum += d * d;
         *largest = fmax(*largest, d);
@@ -168,20 +178,17 @@ static void weigh(const double *square, const double *weight, size_t n, double *
     *standard_error = sqrt(variance);
 }
 
-CtsStatus cts_reference_compare(const CtsReference *r, const CtsPicture *picture, CtsVerified *v, CtsError *err)
+static CtsStatus judge(const CtsReference *r, const float (*found)[4], CtsVerified *v, CtsError *err)
 {
     double *square = NULL, *largest = NULL;
     CtsStatus st;
     *v = (CtsVerified){.pixels = r->n};
-    if (picture->width != r->width || picture->height != r->height)
-        return cts_fail(err, CTS_ERR_USAGE, "a picture of %d x %d pixels against a reference of %d x %d",
-                        picture->width, picture->height, r->width, r->height);
     if (r->n == 0)
         return CTS_OK;
     if ((st = cts_alloc_array(&square, r->n, err)) || (st = cts_alloc_array(&largest, r->n, err)))
         goto end;
     for (size_t i = 0; i < r->n; i++) {
-        square[i] = difference2(r, picture, i, &largest[i]);
+        square[i] = difference2(r, i, found[i], &largest[i]);
         if (i == 0 || largest[i] > v->max) {
             v->max = largest[i];
             v->worst_x = r->xy[i][0];
@@ -204,16 +211,31 @@ end:
     return st;
 }
 
-static CtsStatus make(CtsReference **reference, const CtsScene *scene, size_t n, CtsError *err)
+CtsStatus cts_reference_compare(const CtsReference *r, const CtsPicture *picture, CtsVerified *v, CtsError *err)
+{
+    float(*found)[4] = NULL;
+    *v = (CtsVerified){0};
+    if (picture->width != r->width || picture->height != r->height)
+        return cts_fail(err, CTS_ERR_USAGE, "a picture of %d x %d pixels against a reference of %d x %d",
+                        picture->width, picture->height, r->width, r->height);
+    CtsStatus st = cts_alloc_zeroed(&found, r->n, err);
+    for (size_t i = 0; i < r->n && !st; i++)
+        find_pixel(r, picture, i, found[i]);
+    if (!st)
+        st = judge(r, (const float(*)[4])found, v, err);
+    cts_free(&found);
+    return st;
+}
+
+static CtsStatus place_most(CtsReference **reference, const CtsScene *scene, size_t n, CtsError *err)
 {
     const size_t area = (size_t)scene->view.width * (size_t)scene->view.height;
-    CtsStatus st = cts_reference_place(reference, scene, n < area ? n : area, err);
-    if (st)
-        return st;
-    CtsReference *r = *reference;
-    if ((st = cts_raycast_pixels(scene, (const int(*)[2])r->xy, r->n, r->rgba, err)))
-        cts_reference_free(reference);
-    return st;
+    return cts_reference_place(reference, scene, n < area ? n : area, err);
+}
+
+static CtsStatus cast(CtsReference *r, const CtsScene *scene, CtsError *err)
+{
+    return cts_raycast_pixels(scene, (const int(*)[2])r->xy, r->n, r->rgba, err);
 }
 
 CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, const CtsPreset *preset,
@@ -221,8 +243,11 @@ CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, c
 {
     CtsSceneStore store;
     *reference = NULL;
-    const CtsStatus st = cts_scene_init(&store, volume, preset, settings, err);
-    return st ? st : make(reference, &store.scene, n, err);
+    CtsStatus st;
+    if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
+        (st = place_most(reference, &store.scene, n, err)) || (st = cast(*reference, &store.scene, err)))
+        cts_reference_free(reference);
+    return st;
 }
 
 CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
@@ -233,19 +258,39 @@ CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset,
     return st ? st : cts_raycast_pixels(&store.scene, xy, n, rgba, err);
 }
 
-CtsStatus cts_verify(const CtsScene *scene, const CtsPicture *picture, CtsReport *report, CtsError *err)
+CtsStatus cts_verify_begin(CtsVerify *v, const CtsScene *scene, CtsError *err)
+{
+    *v = (CtsVerify){.scene = scene};
+    CtsStatus st = place_most(&v->reference, scene, (size_t)scene->settings->verify, err);
+    if (!st && (st = cts_alloc_zeroed(&v->found, v->reference->n, err)))
+        cts_verify_free(v);
+    return st;
+}
+
+void cts_verify_take(CtsVerify *v, const CtsPicture *band)
+{
+    for (size_t i = 0; v->reference && i < v->reference->n; i++)
+        find_pixel(v->reference, band, i, v->found[i]);
+}
+
+CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
 {
     const double start = cts_wall_ms();
-    CtsReference *reference = NULL;
     CtsVerified verified;
     CtsStatus st;
-    if ((st = make(&reference, scene, (size_t)scene->settings->verify, err)) ||
-        (st = cts_reference_compare(reference, picture, &verified, err)))
-        goto end;
+    if (!v->reference)
+        return CTS_OK;
+    if ((st = cast(v->reference, v->scene, err)) ||
+        (st = judge(v->reference, (const float(*)[4])v->found, &verified, err)))
+        return st;
     verified.wall_ms = cts_wall_ms() - start;
     if (report)
         report->verified = verified;
-end:
-    cts_reference_free(&reference);
-    return st;
+    return CTS_OK;
+}
+
+void cts_verify_free(CtsVerify *v)
+{
+    cts_reference_free(&v->reference);
+    cts_free(&v->found);
 }

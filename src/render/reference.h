@@ -18,7 +18,18 @@ struct CtsReference {
 /* Places the pixels; their values are left zero. n is at most the number of pixels. */
 CtsStatus cts_reference_place(CtsReference **reference, const CtsScene *scene, size_t n, CtsError *err);
 
-/* The scene's settings->verify pixels done again, and report->verified filled. */
-CtsStatus cts_verify(const CtsScene *scene, const CtsPicture *picture, CtsReport *report, CtsError *err);
+/* The scene's settings->verify pixels, as they are found in the bands of a picture, then done again. Zeroed, it is a
+ * verification of nothing, which costs nothing. */
+typedef struct CtsVerify {
+    const CtsScene *scene;
+    CtsReference *reference;
+    float (*found)[4];
+} CtsVerify;
+
+CtsStatus cts_verify_begin(CtsVerify *verify, const CtsScene *scene, CtsError *err);
+void cts_verify_take(CtsVerify *verify, const CtsPicture *band);
+/* Fills report->verified. */
+CtsStatus cts_verify_end(CtsVerify *verify, CtsReport *report, CtsError *err);
+void cts_verify_free(CtsVerify *verify);
 
 #endif

@@ -62,6 +62,16 @@ static bool shows_skin(const CtsPreset *preset)
     return seen;
 }
 
+static bool has_no_colour(const CtsPreset *preset)
+{
+    for (int i = 0; i < preset->n_colour && preset->mode == CTS_MODE_COMPOSITE; i++) {
+        const double *rgb = preset->colour[i].rgb;
+        if (rgb[0] != rgb[1] || rgb[1] != rgb[2])
+            return false;
+    }
+    return true;
+}
+
 static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *engine_name)
 {
     const CtsView *view = &scene->view;
@@ -78,6 +88,7 @@ static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *e
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
     info->shows_skin = shows_skin(scene->preset);
+    info->grey = has_no_colour(scene->preset);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
 }
 
@@ -187,17 +198,28 @@ static CtsStatus find_lut(CtsRenderer *r, CtsScene *scene, CtsReport *report, Ct
     return CTS_OK;
 }
 
-static CtsStatus new_picture(const CtsScene *scene, const char *engine_name, CtsPicture **picture, CtsError *err)
+/* One view of the renderer's volume, on its way through the engine; not to be copied. */
+typedef struct Frame {
+    CtsRenderer *renderer;
+    CtsSceneStore store;
+    CtsScene original; /* store's scene of the volume before quantising: what that loses is part of the error */
+    CtsVerify verify;
+} Frame;
+
+/* Rows first_row to first_row + n_rows - 1, empty. */
+static CtsStatus new_band(const Frame *frame, int first_row, int n_rows, CtsPicture **picture, CtsError *err)
 {
+    const CtsScene *scene = &frame->store.scene;
     const CtsRenderSettings *s = scene->settings;
     CtsStatus st;
-    if ((st = cts_picture_new(picture, s->width, s->height, 4, err)))
+    if ((st = cts_picture_new(picture, s->width, n_rows, 4, err)))
         return st;
-    (*picture)->has_alpha = true;
-    fill_info(&(*picture)->info, scene, engine_name);
+    (*picture)->first_row = first_row;
+    (*picture)->whole_height = s->height;
+    fill_info(&(*picture)->info, scene, frame->renderer->engine->name);
     if (!s->want_depth || scene->preset->mode != CTS_MODE_COMPOSITE)
         return CTS_OK;
-    const size_t n = (size_t)s->width * (size_t)s->height;
+    const size_t n = (size_t)s->width * (size_t)n_rows;
     if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
         return st;
     for (size_t i = 0; i < n; i++)
@@ -205,21 +227,20 @@ static CtsStatus new_picture(const CtsScene *scene, const char *engine_name, Cts
     return CTS_OK;
 }
 
-CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_deg, CtsPicture **picture,
-                           CtsReport *report, CtsError *err)
+static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, double elevation_deg, CtsReport *report,
+                             CtsError *err)
 {
     CtsStatus st;
-    CtsSceneStore store;
     CtsRenderSettings asked = r->settings;
+    *frame = (Frame){.renderer = r};
     asked.azimuth_deg = azimuth_deg;
     asked.elevation_deg = elevation_deg;
-    *picture = NULL;
-    if ((st = cts_scene_init(&store, r->volume, &r->preset, &asked, err)))
+    if ((st = cts_scene_init(&frame->store, r->volume, &r->preset, &asked, err)))
         return st;
-    const CtsPreset *p = &store.preset;
-    const CtsRenderSettings *s = &store.settings;
-    store.scene.kept = &r->kept;
-    if ((st = find_lut(r, &store.scene, report, err)))
+    const CtsPreset *p = &frame->store.preset;
+    const CtsRenderSettings *s = &frame->store.settings;
+    frame->store.scene.kept = &r->kept;
+    if ((st = find_lut(r, &frame->store.scene, report, err)))
         return st;
     if (s->void_key && !r->engine->takes_key)
         tell_no_key(r, report);
@@ -232,19 +253,88 @@ CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_
         cts_report_skip(report, "depth", "not asked for (an .exr output holds it)");
     else if (p->mode != CTS_MODE_COMPOSITE)
         cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
-    if (!s->explain && (st = new_picture(&store.scene, r->engine->name, picture, err)))
-        goto end;
-    st = r->engine->render(&store.scene, *picture, report, err);
-    if (!st && s->verify > 0 && *picture) {
-        /* What quantising loses is part of the error. */
-        CtsScene whole = store.scene;
-        whole.volume = r->original;
-        st = cts_verify(&whole, *picture, report, err);
-    }
-end:
-    if (st)
+    if (s->verify == 0 || s->explain)
+        return CTS_OK;
+    frame->original = frame->store.scene;
+    frame->original.volume = r->original;
+    return cts_verify_begin(&frame->verify, &frame->original, err);
+}
+
+/* picture NULL: only the plan. */
+static CtsStatus frame_rows(Frame *frame, CtsPicture *picture, CtsReport *report, CtsError *err)
+{
+    const CtsStatus st = frame->renderer->engine->render(&frame->store.scene, picture, report, err);
+    if (!st && picture)
+        cts_verify_take(&frame->verify, picture);
+    return st;
+}
+
+static CtsStatus frame_end(Frame *frame, CtsStatus st, CtsReport *report, CtsError *err)
+{
+    if (!st && !frame->store.settings.explain)
+        st = cts_verify_end(&frame->verify, report, err);
+    cts_verify_free(&frame->verify);
+    return st;
+}
+
+CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_deg, CtsPicture **picture,
+                           CtsReport *report, CtsError *err)
+{
+    Frame frame;
+    *picture = NULL;
+    CtsStatus st = frame_begin(&frame, r, azimuth_deg, elevation_deg, report, err);
+    if (!st && !r->settings.explain)
+        st = new_band(&frame, 0, r->settings.height, picture, err);
+    if (!st)
+        st = frame_rows(&frame, *picture, report, err);
+    if ((st = frame_end(&frame, st, report, err)))
         cts_picture_free(picture);
     return st;
+}
+
+static int choose_rows(const CtsRenderSettings *s, int max_rows)
+{
+    enum { BAND_BYTES = 128 << 20 };
+    const size_t row_bytes = (size_t)s->width * (s->want_depth ? 5 : 4) * sizeof(float);
+    size_t n = max_rows > 0 ? (size_t)max_rows : BAND_BYTES / row_bytes;
+    n = n / CTS_BAND_ROWS * CTS_BAND_ROWS;
+    n = n > 0 ? n : CTS_BAND_ROWS;
+    return n < (size_t)s->height ? (int)n : s->height;
+}
+
+static CtsStatus render_band(Frame *frame, int first_row, int n_rows, CtsBandSink sink, void *context,
+                             CtsReport *report, CtsError *err)
+{
+    CtsPicture *band = NULL;
+    const CtsVoxelCounts before = report ? report->voxels : (CtsVoxelCounts){0};
+    CtsStatus st = new_band(frame, first_row, n_rows, &band, err);
+    if (!st)
+        st = frame_rows(frame, band, report, err);
+    /* Of the bands of one picture the one that needed most stands for all. */
+    if (report && first_row > 0 && before.splatted > report->voxels.splatted)
+        report->voxels = before;
+    if (!st)
+        st = sink(context, band, err);
+    cts_picture_free(&band);
+    return st;
+}
+
+CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_deg, int max_rows, CtsBandSink sink,
+                           void *context, CtsReport *report, CtsError *err)
+{
+    Frame frame;
+    CtsStatus st = frame_begin(&frame, r, azimuth_deg, elevation_deg, report, err);
+    if (!st && r->settings.explain)
+        st = frame_rows(&frame, NULL, report, err);
+    const int height = r->settings.explain ? 0 : r->settings.height, n_rows = choose_rows(&r->settings, max_rows);
+    if (n_rows < height)
+        cts_report_skip(report, "whole picture", "made and written in bands of %d rows, to bound memory%s", n_rows,
+                        r->settings.engine == CTS_ENGINE_TILED || r->settings.engine == CTS_ENGINE_RAYCAST
+                            ? ""
+                            : "; sheets are made again for each");
+    for (int row = 0; row < height && !st; row += n_rows)
+        st = render_band(&frame, row, height - row < n_rows ? height - row : n_rows, sink, context, report, err);
+    return frame_end(&frame, st, report, err);
 }
 
 CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,

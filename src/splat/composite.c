@@ -87,7 +87,7 @@ static void note_depth(const CtsCompositor *c, const CtsPlane *plane, int y, int
 {
     const float *pixels = c->picture->pixels + 4 * ((size_t)y * (size_t)c->picture->width + (size_t)xa);
     float *depth_mm = c->picture->depth_mm + (size_t)y * (size_t)c->picture->width + (size_t)xa;
-    const double row_mm = c->depth_mm[0] + c->depth_mm[2] * y + c->depth_mm[3] * plane->layer;
+    const double row_mm = c->depth_mm[0] + c->depth_mm[2] * (c->picture->first_row + y) + c->depth_mm[3] * plane->layer;
     for (int i = 0; i < n; i++) {
         const float before = pixels[4 * i + 3], taken = plane->entries->entry[c->grey[i]][3];
         const float after = before + before * taken;

@@ -24,8 +24,8 @@ typedef struct CtsScene {
 
 typedef struct CtsEngine {
     const char *name; /* as in --engine */
-    /* Fill picture (zeroed; its size, channels and info are set); premultiplied, over nothing. picture is NULL for
-     * --explain: only make the plan. */
+    /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over
+     * nothing. A band is those rows of the whole, bit by bit. picture is NULL for --explain: only make the plan. */
     CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err);
     unsigned modes;   /* bit 1 << CtsMode for each it can do */
     unsigned kernels; /* bit 1 << CtsKernelId */

@@ -27,6 +27,10 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
     for (int c = 0; c < 2; c++)
         density[c] = choose_density(fmax(fabs(p->raster.by_x[c]), fabs(p->raster.by_y[c])));
     cts_raster_init(&p->raster, &p->scene->view, &p->stack, density);
+    if (p->picture) {
+        p->raster.height = p->picture->height;
+        p->raster.first_row = p->picture->first_row;
+    }
     p->tiles = cts_tiles(&p->stack, density);
     p->samples = settings->samples > 0 ? settings->samples : 1;
     p->n_sheets = p->samples > 1 ? 2 : 1;

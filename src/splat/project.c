@@ -211,7 +211,7 @@ static void project_row(const Projector *p, const CtsPreset *preset, CtsPicture 
     const double width_hu = preset->window_high_hu - preset->window_low_hu;
     for (int x = 0; x < picture->width; x++) {
         Ray ray;
-        if (!clip(p->view, x, y, &ray))
+        if (!clip(p->view, x, picture->first_row + y, &ray))
             continue;
         const double grey =
             p->mode == CTS_MODE_AVERAGE ? mean(p, &ray) : extreme(p, &ray, p->mode == CTS_MODE_MIP ? 1 : -1);

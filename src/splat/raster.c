@@ -101,7 +101,7 @@ bool cts_raster_begin_row(CtsRasterRow *row, int y)
     row->x0 = r->column_tables ? row->table_x0 : 0;
     row->x1 = r->column_tables ? row->table_x1 : r->width;
     for (int c = 0; c < 2; c++) {
-        row->base[c] = row->layer_base[c] + r->by_y[c] * (double)y;
+        row->base[c] = row->layer_base[c] + r->by_y[c] * (double)(r->first_row + y);
         if (!r->column_tables || !r->moves[c])
             clip(r, c, row->base[c], &row->x0, &row->x1);
     }

@@ -10,13 +10,14 @@
 #include "splat/view.h"
 
 typedef struct CtsRaster {
-    int width, height;
+    int width, height, first_row; /* of the picture, which may be a band; row 0 is the view's first_row */
     int last[2]; /* lattice index of the last voxel along u and v */
     double origin[2], by_x[2], by_y[2], by_layer[2];
     bool moves[2];      /* along a picture row */
     bool column_tables; /* one axis moves along rows only, the other from row to row only */
 } CtsRaster;
 
+/* All rows of the view. */
 void cts_raster_init(CtsRaster *raster, const CtsView *view, const CtsStack *stack, const int density[2]);
 
 /* One thread's rows: arrays by picture column, valid where filled. */

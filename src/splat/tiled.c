@@ -89,7 +89,6 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     j->straight = j->u_at[3] == 0 && j->v_at[3] == 0;
     j->layer_mm = CTS_MUTATED(LAYER_LENGTH) ? 1 : (float)view->layer_mm;
     j->width = view->width;
-    j->height = view->height;
     choose_precision(j, scene);
     init_steps(j);
 }
@@ -98,7 +97,7 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
 static void run_tile(const TiledJob *j, tiled_packet_fn packet, TiledRun *runs, int x0, int y0, TiledCounts *counts)
 {
     const int x1 = x0 + TILE_WIDTH < j->width ? x0 + TILE_WIDTH : j->width;
-    const int y1 = y0 + TILE_HEIGHT < j->height ? y0 + TILE_HEIGHT : j->height;
+    const int y1 = y0 + TILE_HEIGHT < j->past_row ? y0 + TILE_HEIGHT : j->past_row;
     TiledBeam wide = {.runs = runs}, beam = {.runs = runs};
     if (!tiled_beam_init(j, &wide, x0, y0, x1, y1, 0))
         return;
@@ -111,7 +110,8 @@ static void run_tile(const TiledJob *j, tiled_packet_fn packet, TiledRun *runs, 
 static CtsStatus run_tiles(const TiledJob *j, tiled_packet_fn packet, const CtsScene *scene, TiledCounts *total,
                            CtsError *err)
 {
-    const int nx = (j->width + TILE_WIDTH - 1) / TILE_WIDTH, ny = (j->height + TILE_HEIGHT - 1) / TILE_HEIGHT;
+    const int n_rows = j->past_row - j->first_row;
+    const int nx = (j->width + TILE_WIDTH - 1) / TILE_WIDTH, ny = (n_rows + TILE_HEIGHT - 1) / TILE_HEIGHT;
     const int n_threads = scene->settings->n_threads;
     const size_t n_runs = (size_t)j->nk + 1;
     TiledRun *runs = NULL;
@@ -127,7 +127,7 @@ static CtsStatus run_tiles(const TiledJob *j, tiled_packet_fn packet, const CtsS
 #pragma omp for schedule(dynamic)
         for (int tile = 0; tile < nx * ny; tile++)
             if (!cts_scene_stopped(scene))
-                run_tile(j, packet, my_runs, tile % nx * TILE_WIDTH, tile / nx * TILE_HEIGHT, &mine);
+                run_tile(j, packet, my_runs, tile % nx * TILE_WIDTH, j->first_row + tile / nx * TILE_HEIGHT, &mine);
         counts[omp_get_thread_num()] = mine;
     }
     *total = (TiledCounts){0};
@@ -234,6 +234,8 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     if (!picture)
         goto end;
     job.rgba = picture->pixels;
+    job.first_row = picture->first_row;
+    job.past_row = picture->first_row + picture->height;
     job.depth_mm = picture->depth_mm;
     wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if ((st = run_tiles(&job, avx2 ? tiled_packet_avx2 : tiled_packet_c, scene, &counts, err)))

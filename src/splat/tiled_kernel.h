@@ -43,8 +43,8 @@ typedef struct TiledJob {
     CtsLeap leap;
     const CtsShade *shade; /* NULL: unlit */
     double depth_at[4];    /* depth_mm of pixel (x, y) at layer q, as u_at */
-    int width, height;
-    float *rgba;     /* the picture */
+    int width, first_row, past_row; /* of the view's rows the picture holds these */
+    float *rgba;     /* the picture: pixel (0, first_row) on */
     float *depth_mm; /* NULL: not wanted */
 } TiledJob;
 

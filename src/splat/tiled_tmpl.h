@@ -542,7 +542,7 @@ static void run_packet(const TiledJob *j, TiledBeam *beam, int x, int y, int n, 
         light.a = select8(dark, splat8(1), light.a);
     }
     counts->packets++;
-    const size_t first = (size_t)y * (size_t)j->width + (size_t)x;
+    const size_t first = (size_t)(y - j->first_row) * (size_t)j->width + (size_t)x;
     float *out = j->rgba + 4 * first;
     for (int l = 0; l < n; l++, out += 4) {
         out[0] = light.r[l];

@@ -1,5 +1,6 @@
 /* A prepared renderer: each frame is the picture that a render by itself makes, and what did not change is not made
  * again. */
+#include "base/mem.h"
 #include "scenes.h"
 
 static bool has_skip(const CtsReport *report, const char *what, const char *why)
@@ -65,6 +66,95 @@ static void test_same_pictures(void **state)
     cts_volume_free(&v);
 }
 
+/* Bands as they come, put together. */
+typedef struct Whole {
+    CtsPicture *picture;
+    int n_bands, next_row;
+} Whole;
+
+static CtsStatus take_band(void *context, CtsPicture *band, CtsError *err)
+{
+    Whole *whole = context;
+    const size_t n = (size_t)band->width * (size_t)band->height;
+    const size_t first = (size_t)band->width * (size_t)band->first_row;
+    if (!whole->picture) {
+        assert_int_equal(cts_picture_new(&whole->picture, band->width, band->whole_height, 4, err), CTS_OK);
+        whole->picture->info = band->info;
+        if (band->depth_mm)
+            assert_int_equal(
+                cts_alloc_array(&whole->picture->depth_mm, (size_t)band->width * (size_t)band->whole_height, err),
+                CTS_OK);
+    }
+    assert_int_equal(band->first_row, whole->next_row);
+    assert_int_equal(band->depth_mm != NULL, whole->picture->depth_mm != NULL);
+    memcpy(whole->picture->pixels + 4 * first, band->pixels, 4 * n * sizeof(float));
+    if (band->depth_mm)
+        memcpy(whole->picture->depth_mm + first, band->depth_mm, n * sizeof(float));
+    whole->next_row += band->height;
+    whole->n_bands++;
+    return CTS_OK;
+}
+
+static void check_bands(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings)
+{
+    CtsRenderer *renderer;
+    CtsError err = {0};
+    CtsReport in_bands = {0}, at_once = {0};
+    Whole whole = {0};
+    CtsPicture *frame;
+    assert_int_equal(cts_render_begin(&renderer, volume, preset, settings, &err), CTS_OK);
+    assert_int_equal(cts_render_frame(renderer, settings->azimuth_deg, settings->elevation_deg, &frame, &at_once, &err),
+                     CTS_OK);
+    assert_int_equal(cts_render_bands(renderer, settings->azimuth_deg, settings->elevation_deg, 64, take_band, &whole,
+                                      &in_bands, &err),
+                     CTS_OK);
+    assert_int_equal(whole.n_bands, (settings->height + 63) / 64);
+    const size_t n = (size_t)frame->width * (size_t)frame->height;
+    assert_memory_equal(frame->pixels, whole.picture->pixels, 4 * n * sizeof(float));
+    assert_memory_equal(&frame->info, &whole.picture->info, sizeof frame->info);
+    if (frame->depth_mm)
+        assert_memory_equal(frame->depth_mm, whole.picture->depth_mm, n * sizeof(float));
+    assert_int_equal(at_once.verified.pixels, settings->verify);
+    assert_true(at_once.verified.rmse == in_bands.verified.rmse && at_once.verified.max == in_bands.verified.max);
+    cts_report_free(&at_once);
+    cts_report_free(&in_bands);
+    cts_picture_free(&frame);
+    cts_picture_free(&whole.picture);
+    cts_render_end(&renderer);
+}
+
+/* Bands are the picture's rows to the bit: every engine, lit and unlit, along an axis and askew, with what is found out
+ * on the way. */
+static void test_bands(void **state)
+{
+    (void)state;
+    CtsVolume *v = phantom_head(40, 44, 36, 20);
+    for (int engine = 0; engine < CTS_N_ENGINES; engine++)
+        for (int n = 0; n < 2; n++) {
+            const CtsPreset preset = preset_named(n ? "skin" : "bone");
+            CtsRenderSettings s = settings_for((CtsEngineId)engine, 40, n ? 25 : 180, n ? -35 : 0);
+            s.height = n ? 192 : 150;
+            s.mm_per_pixel = n ? 0.4 : 0.3;
+            s.shade = n ? CTS_ON : CTS_OFF;
+            s.want_depth = true;
+            s.n_threads = 2;
+            s.verify = 30;
+            s.samples = n && engine != CTS_ENGINE_RAYCAST ? 2 : 0;
+            check_bands(v, &preset, &s);
+        }
+    static const CtsEngineId projecting[] = {CTS_ENGINE_TILED, CTS_ENGINE_RAYCAST};
+    const CtsPreset bone = preset_named("bone");
+    for (int mode = CTS_MODE_MIP; mode < CTS_N_MODES; mode++)
+        for (int e = 0; e < 2; e++) {
+            CtsRenderSettings s = settings_for(projecting[e], 24, 40, 60);
+            s.height = 130;
+            s.mm_per_pixel = 0.5;
+            s.mode = mode;
+            check_bands(v, &bone, &s);
+        }
+    cts_volume_free(&v);
+}
+
 /* A rotation makes one transposed copy and one set of tables, and says so. */
 static void test_report(void **state)
 {
@@ -124,7 +214,7 @@ static void test_refusals(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_same_pictures), cmocka_unit_test(test_report),
-                                       cmocka_unit_test(test_refusals)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_same_pictures), cmocka_unit_test(test_bands),
+                                       cmocka_unit_test(test_report), cmocka_unit_test(test_refusals)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
