@@ -29,8 +29,26 @@ const char *cts_export_format(const char *path);
  * may still be NULL. */
 CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, CtsError *err);
 
-/* Written whole or not at all: temporary file in the same folder, fsync, rename. Adds the export stage.
- * n_frames > 1 only for .dcm (one multi-frame object); bytes (may be NULL) is the file's size. */
+/* Likewise: the format can hold as many pictures of this size. n_frames > 1 only for .dcm, one multi-frame object. */
+CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames,
+                                const CtsExportSettings *settings, CtsError *err);
+
+/* A file that is written while its rows come: all bands of the first frame from the top, then the next frame's. What
+ * is held meanwhile does not grow with the picture or the number of frames (but DCMTK compresses .dcm in memory).
+ * Written whole or not at all: temporary file in the same folder, fsync, rename. Adds to the export stage. */
+typedef struct CtsExport CtsExport;
+
+/* first: the first band, of which no row is taken yet; its info.grey says whether all frames are grey. settings are
+ * copied, their source and report must stay until the end. */
+CtsStatus cts_export_begin(CtsExport **export, const char *path, const CtsPicture *first, int n_frames,
+                           const CtsExportSettings *settings, CtsReport *report, CtsError *err);
+CtsStatus cts_export_rows(CtsExport *export, const CtsPicture *band, CtsError *err);
+/* Makes *export NULL, whatever comes of it; bytes (may be NULL) is the file's size. */
+CtsStatus cts_export_end(CtsExport **export, uint64_t *bytes, CtsError *err);
+/* Gives up; does nothing when *export is NULL. */
+void cts_export_discard(CtsExport **export);
+
+/* Whole pictures at once; grey when every pixel is. bytes (may be NULL) is the file's size. */
 CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *path, const CtsExportSettings *settings,
                      uint64_t *bytes, CtsReport *report, CtsError *err);
 

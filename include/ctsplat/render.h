@@ -91,9 +91,9 @@ CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, cons
 CtsStatus cts_render_frame(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, CtsPicture **picture,
                            CtsReport *report, CtsError *err);
 
-/* The same picture in bands of rows from the top, each handed to sink as soon as it is made; sink may change it and must
- * not keep it. max_rows: the most rows of a band, rounded down to a multiple of CTS_BAND_ROWS (but not below); 0: as
- * many as 128 MiB hold, so that memory does not grow with the picture. */
+/* The same picture in bands of rows from the top, each handed to sink as soon as it is made; sink may change it and
+ * must not keep it. max_rows: the most rows of a band, rounded down to a multiple of CTS_BAND_ROWS (but not below); 0:
+ * as many as 128 MiB hold, so that memory does not grow with the picture. */
 typedef CtsStatus (*CtsBandSink)(void *context, CtsPicture *band, CtsError *err);
 CtsStatus cts_render_bands(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, int max_rows,
                            CtsBandSink sink, void *context, CtsReport *report, CtsError *err);

@@ -12,7 +12,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 typedef struct Job {
     const CliOptions *options;
@@ -24,7 +23,8 @@ typedef struct Job {
     CtsReport report;
     CtsLog *log;
     int n_frames;         /* 1 without --rotation */
-    CtsPicture **frames;  /* kept for multi-frame outputs; NULL entries else */
+    int frame;            /* the one under way */
+    CtsExport **exports;  /* by output: the file being written, or NULL */
     CtsVerified verified; /* of all frames so far */
     int done, steps;      /* for the progress bar */
 } Job;
@@ -35,20 +35,16 @@ static void step(void *context, const char *what)
     cli_progress(job->done++, job->steps, what);
 }
 
-/* Frames that wait for a multi-frame object must fit into memory together. */
-static CtsStatus check_frames_fit(const Job *job, CtsError *err)
+/* What one file is to hold must fit its format. */
+static CtsStatus check_sizes(const Job *job, CtsError *err)
 {
-    bool kept = false;
-    for (int i = 0; i < job->options->n_outputs; i++)
-        kept |= cli_output_is_multi_frame(job->options->outputs[i]);
-    const double bytes = 16.0 * job->settings.width * job->settings.height * job->n_frames;
-    const double memory = (double)sysconf(_SC_PHYS_PAGES) * (double)sysconf(_SC_PAGESIZE);
-    if (kept && job->n_frames > 1 && memory > 0 && bytes > memory / 2)
-        return cts_fail(err, CTS_ERR_USAGE,
-                        "--rotation %d: the frames of a multi-frame object take %.1f GB, more than half of the memory "
-                        "(fewer views or a smaller --size)",
-                        job->n_frames, bytes / 1e9);
-    return CTS_OK;
+    CtsStatus st = CTS_OK;
+    for (int i = 0; i < job->options->n_outputs && !st; i++) {
+        const char *path = job->options->outputs[i];
+        st = cts_export_check_size(path, job->settings.width, job->settings.height,
+                                   cli_output_is_multi_frame(path) ? job->n_frames : 1, &job->export, err);
+    }
+    return st;
 }
 
 /* All that can be refused before any file is read. */
@@ -71,10 +67,10 @@ static CtsStatus prepare(Job *job, CtsError *err)
     if (!options->n_outputs && !options->render.explain)
         return cts_fail(err, CTS_ERR_USAGE, "render: no output (give -o FILE, ending in .png, .exr or .dcm)");
     if (!options->render.explain &&
-        ((st = cli_outputs_check(options, &job->export, err)) || (st = check_frames_fit(job, err))))
+        ((st = cli_outputs_check(options, &job->export, err)) || (st = check_sizes(job, err))))
         return st;
     if (!(job->preset = malloc(sizeof *job->preset)) ||
-        !(job->frames = calloc((size_t)job->n_frames, sizeof *job->frames)))
+        !(job->exports = calloc((size_t)options->n_outputs + 1, sizeof *job->exports)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if ((st = cts_preset_load(options->preset, job->preset, err)))
         return st;
@@ -87,54 +83,45 @@ static CtsStatus prepare(Job *job, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus export_frames(Job *job, const char *path, int first, int n, CtsError *err)
+/* Rows of one output: begin its file at the first, end it at the last. A multi-frame object takes all frames. */
+static CtsStatus write_rows(Job *job, int output, const CtsPicture *band, CtsError *err)
 {
-    uint64_t bytes;
-    const CtsMeter meter = cts_meter_start(&job->report);
-    const CtsStatus st =
-        cts_export((const CtsPicture *const *)&job->frames[first], n, path, &job->export, &bytes, &job->report, err);
-    cts_meter_stop(meter, &job->report, CTS_STAGE_EXPORT);
-    if (!st)
-        cts_log_output(job->log, path, cts_export_format(path), bytes);
-    return st;
-}
-
-/* The frame's own files; a multi-frame object waits for the last frame. */
-static CtsStatus write_frame(Job *job, int frame, CtsError *err)
-{
+    const char *path = job->options->outputs[output];
+    CtsExport **export = &job->exports[output];
+    const bool multi = cli_output_is_multi_frame(path);
+    const bool last = band->first_row + band->height == band->whole_height;
     CtsStatus st = CTS_OK;
-    bool keep = false;
-    for (int i = 0; i < job->options->n_outputs && !st; i++) {
-        const char *path = job->options->outputs[i];
-        if (cli_output_is_multi_frame(path)) {
-            keep = true;
-            if (frame == job->n_frames - 1)
-                st = export_frames(job, path, 0, job->n_frames, err);
-            continue;
-        }
-        char *name = cli_output_name(path, frame, job->options->rotation);
-        st = name ? export_frames(job, name, frame, 1, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        free(name);
-        if (!st)
-            st = cli_interrupted(err);
+    char *name = cli_output_name(path, job->frame, multi ? 0 : job->options->rotation);
+    if (!name)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!*export)
+        st = cts_export_begin(export, name, band, multi ? job->n_frames : 1, &job->export, &job->report, err);
+    if (!st)
+        st = cts_export_rows(*export, band, err);
+    if (!st && last && (!multi || job->frame == job->n_frames - 1)) {
+        uint64_t bytes;
+        if (!(st = cts_export_end(export, &bytes, err)))
+            cts_log_output(job->log, name, cts_export_format(path), bytes);
     }
-    if (!keep)
-        cts_picture_free(&job->frames[frame]);
+    free(name);
     return st;
 }
 
-/* What --void key loses is measured, asked for or not: so many pixels when --verify does not say. */
-enum { KEY_PIXELS = 256 };
-
-static CtsStatus verify_key(Job *job, double azimuth_deg, const CtsPicture *picture, CtsError *err)
+/* A band as the engine made it: over the background, marked, into all files. */
+static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
 {
-    CtsRenderSettings settings = job->settings;
-    CtsReference *reference = NULL;
-    CtsStatus st;
-    settings.azimuth_deg = azimuth_deg;
-    if (!(st = cts_reference_new(&reference, job->loaded.volume, job->preset, &settings, KEY_PIXELS, err)))
-        st = cts_reference_compare(reference, picture, &job->report.verified, err);
-    cts_reference_free(&reference);
+    Job *job = context;
+    const CliOptions *options = job->options;
+    const CtsMeter meter = cts_meter_start(&job->report);
+    CtsStatus st = CTS_OK;
+    if (!job->preset->background_none)
+        cts_picture_over(band, job->preset->background);
+    if (options->annotate_orientation || options->annotate_scale)
+        st = cts_annotate(band, options->annotate_orientation, options->annotate_scale, err);
+    for (int i = 0; i < options->n_outputs && !st; i++)
+        if (!(st = cli_interrupted(err)))
+            st = write_rows(job, i, band, err);
+    cts_meter_stop(meter, &job->report, CTS_STAGE_EXPORT);
     return st;
 }
 
@@ -155,31 +142,19 @@ static void add_verified(CtsVerified *all, const CtsVerified *frame)
     all->pixels = n;
 }
 
-static CtsStatus render_frame(Job *job, int frame, CtsError *err)
+static CtsStatus render_frame(Job *job, CtsError *err)
 {
-    CtsStatus st;
-    CtsPicture **picture = &job->frames[frame];
-    const double azimuth_deg = job->settings.azimuth_deg + 360.0 * frame / job->n_frames;
+    const double azimuth_deg = job->settings.azimuth_deg + 360.0 * job->frame / job->n_frames;
     step(job, "rendering");
     const size_t n_findings = job->report.findings.n;
-    CtsMeter meter = cts_meter_start(&job->report);
-    st = cts_render_frame(job->renderer, azimuth_deg, job->settings.elevation_deg, picture, &job->report, err);
-    if (!st && *picture && !job->settings.verify && job->report.key_loss > 0)
-        st = verify_key(job, azimuth_deg, *picture, err);
+    const CtsMeter meter = cts_meter_start(&job->report);
+    const CtsStatus st = cts_render_bands(job->renderer, azimuth_deg, job->settings.elevation_deg, 0, finish_band, job,
+                                          &job->report, err);
     cts_meter_stop(meter, &job->report, CTS_STAGE_COMPOSITE);
     cli_print_findings(&job->report.findings, n_findings);
-    if (st || job->settings.explain)
-        return st;
-    add_verified(&job->verified, &job->report.verified);
-    meter = cts_meter_start(&job->report);
-    if (!job->preset->background_none)
-        cts_picture_over(*picture, job->preset->background);
-    if (job->options->annotate_orientation || job->options->annotate_scale)
-        st = cts_annotate(*picture, job->options->annotate_orientation, job->options->annotate_scale, err);
-    cts_meter_stop(meter, &job->report, CTS_STAGE_EXPORT);
-    if (st || (st = cli_interrupted(err)))
-        return st;
-    return write_frame(job, frame, err);
+    if (!st)
+        add_verified(&job->verified, &job->report.verified);
+    return st ? st : cli_interrupted(err);
 }
 
 /* What --explain tells: the task, the engine's plan, and what is left out with its reason. */
@@ -210,9 +185,9 @@ static void print_verified(const CtsVerified *v)
 
 static void job_free(Job *job)
 {
-    for (int f = 0; job->frames && f < job->n_frames; f++)
-        cts_picture_free(&job->frames[f]);
-    free(job->frames);
+    for (int i = 0; job->exports && i < job->options->n_outputs; i++)
+        cts_export_discard(&job->exports[i]);
+    free(job->exports);
     free(job->preset);
     cts_render_end(&job->renderer);
     cli_loaded_free(&job->loaded);
@@ -240,8 +215,8 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
                         job.n_frames);
     /* The plan of one view stands for all of a rotation. */
     const int n_frames = options->render.explain ? 1 : job.n_frames;
-    for (int frame = 0; frame < n_frames && !st; frame++)
-        st = render_frame(&job, frame, err);
+    for (; job.frame < n_frames && !st; job.frame++)
+        st = render_frame(&job, err);
     job.report.verified = job.verified;
     cli_progress_clear();
     if (!st && options->render.explain)

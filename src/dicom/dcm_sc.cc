@@ -5,7 +5,9 @@
 
 #include "dicom/dcm_read.h"
 #include "dicom/file_bytes.h"
+#include <dcmtk/dcmdata/dcistrmf.h>
 #include <dcmtk/dcmdata/dcostrmb.h>
+#include <dcmtk/dcmdata/dcpixel.h>
 #include <dcmtk/dcmdata/dcrleerg.h>
 #include <dcmtk/dcmdata/dcrlerp.h>
 #include <dcmtk/dcmdata/dctk.h>
@@ -300,7 +302,7 @@ void put_frames(Put &put, const CtsScObject &object)
     put.element(pointer.release());
 }
 
-void put_pixels(Put &put, DcmItem &item, const CtsScObject &object)
+void put_pixels(Put &put, const CtsScObject &object)
 {
     const int bits = object.grey ? 16 : 8;
     put.word(DCM_SamplesPerPixel, object.grey ? 1 : 3);
@@ -315,12 +317,12 @@ void put_pixels(Put &put, DcmItem &item, const CtsScObject &object)
         put.text(DCM_RescaleIntercept, "0").text(DCM_RescaleSlope, "1").text(DCM_RescaleType, "US");
         put.text(DCM_PresentationLUTShape, "IDENTITY");
     }
-    if (object.grey)
-        put.keep(item.putAndInsertUint16Array(DCM_PixelData, static_cast<const Uint16 *>(object.pixels),
-                                              object.pixel_bytes / 2));
-    else
-        put.keep(
-            item.putAndInsertUint8Array(DCM_PixelData, static_cast<const Uint8 *>(object.pixels), object.pixel_bytes));
+    /* The value stays in its file and is read piece by piece. */
+    std::unique_ptr<DcmPixelData> pixels(new DcmPixelData(DcmTag(DCM_PixelData)));
+    put.keep(pixels->createValueFromTempFile(new DcmInputFileStreamFactory(object.pixel_path, 0),
+                                             static_cast<Uint32>(object.pixel_bytes), gLocalByteOrder));
+    put.keep(pixels->setVR(object.grey ? EVR_OW : EVR_OB));
+    put.element(pixels.release());
 }
 
 /* The encoders are registered once and stay: DCMTK's list of codecs is the process's. */
@@ -401,7 +403,7 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
         put_references(put, object);
     if (object.n_frames > 1)
         put_frames(put, object);
-    put_pixels(put, data, object);
+    put_pixels(put, object);
     const E_TransferSyntax syntax = DcmXfer(object.syntax_uid).getXfer();
     OFCondition state = put.state();
     if (state.good())

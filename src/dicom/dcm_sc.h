@@ -27,9 +27,9 @@ CtsStatus cts_dcm_sc_source(const CtsSlice *slice, CtsScSource *source, CtsError
 typedef struct CtsScObject {
     int width, height, n_frames; /* more than one frame makes a multi-frame object */
     bool grey;                   /* pixels are 16-bit words (MONOCHROME2), else 8-bit red, green, blue */
-    const void *pixels;          /* frame after frame */
-    size_t pixel_bytes;
-    const char *syntax_uid; /* Explicit VR Little Endian, RLE Lossless, or JPEG Lossless SV1 */
+    const char *pixel_path;      /* a file of the pixels alone, frame after frame, words in this machine's order */
+    uint64_t pixel_bytes;        /* even, at most 4 GiB - 2 */
+    const char *syntax_uid;      /* Explicit VR Little Endian, RLE Lossless, or JPEG Lossless SV1 */
 
     const char *study_uid, *series_uid, *sop_uid;
     int series_number, instance_number;

@@ -2,17 +2,47 @@
 
 #include "base/clock.h"
 #include "export/format.h"
+#include "image/samples.h"
 #include <errno.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
 enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
 
 static const CtsFormat formats[] = {
-    {"png", false, 0, "\x89PNG", NULL, cts_png_write, cts_png_read},
-    {"exr", false, 0, "\x76\x2f\x31\x01", NULL, cts_exr_write, cts_exr_read},
-    {"dcm", true, 128, "DICM", cts_sc_check, cts_sc_write, cts_sc_read},
+    {
+        .name = "png",
+        .magic = "\x89PNG",
+        .begin = cts_png_begin,
+        .rows = cts_png_rows,
+        .finish = cts_png_finish,
+        .close = cts_png_close,
+        .read = cts_png_read,
+    },
+    {
+        .name = "exr",
+        .magic = "\x76\x2f\x31\x01",
+        .begin = cts_exr_begin,
+        .rows = cts_exr_rows,
+        .finish = cts_exr_finish,
+        .close = cts_exr_close,
+        .read = cts_exr_read,
+    },
+    {
+        .name = "dcm",
+        .many_frames = true,
+        .magic_offset = 128,
+        .magic = "DICM",
+        .check = cts_sc_check,
+        .check_size = cts_sc_check_size,
+        .begin = cts_sc_begin,
+        .rows = cts_sc_rows,
+        .finish = cts_sc_finish,
+        .close = cts_sc_close,
+        .read = cts_sc_read,
+    },
 };
 enum { N_FORMATS = sizeof formats / sizeof *formats };
 
@@ -51,35 +81,128 @@ CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, 
     return format->check(path, settings, err);
 }
 
-static CtsStatus check_frames(const CtsFormat *format, const CtsPicture *const *frames, int n_frames, const char *path,
-                              CtsError *err)
+CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames,
+                                const CtsExportSettings *settings, CtsError *err)
 {
+    const CtsFormat *format = format_of(path);
+    if (!format)
+        return fail_unknown(path, CTS_ERR_USAGE, "its ending names no picture format", err);
     if (n_frames < 1 || (n_frames > 1 && !format->many_frames))
         return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s file holds one picture, not %d", path, format->name, n_frames);
-    for (int i = 1; i < n_frames; i++)
-        if (frames[i]->width != frames[0]->width || frames[i]->height != frames[0]->height)
-            return cts_fail(err, CTS_ERR_USAGE, "%s: picture %d is %dx%d, the first one %dx%d", path, i + 1,
-                            frames[i]->width, frames[i]->height, frames[0]->width, frames[0]->height);
-    return CTS_OK;
+    return format->check_size ? format->check_size(path, width, height, n_frames, settings, err) : CTS_OK;
+}
+
+struct CtsExport {
+    const CtsFormat *format;
+    CtsExportJob job;
+    int frame, row; /* that come next */
+};
+
+/* What a step took; the file's own numbers come with the last one. */
+static void report_step(const CtsExport *e, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes)
+{
+    cts_report_stage(e->job.report, CTS_STAGE_EXPORT, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, items, bytes);
+}
+
+void cts_export_discard(CtsExport **export)
+{
+    CtsExport *e = *export;
+    if (!e)
+        return;
+    e->format->close(&e->job);
+    cts_temp_discard(&e->job.temp);
+    free(e->job.path);
+    free(e);
+    *export = NULL;
+}
+
+CtsStatus cts_export_begin(CtsExport **export, const char *path, const CtsPicture *first, int n_frames,
+                           const CtsExportSettings *settings, CtsReport *report, CtsError *err)
+{
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    CtsStatus st;
+    *export = NULL;
+    if ((st = cts_export_check(path, settings, err)) ||
+        (st = cts_export_check_size(path, first->width, first->whole_height, n_frames, settings, err)))
+        return st;
+    CtsExport *e = *export = calloc(1, sizeof *e);
+    if (!e)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+    e->format = format_of(path);
+    e->job = (CtsExportJob){.path = strdup(path), .settings = *settings, .report = report};
+    e->job.head = (CtsExportHead){
+        .width = first->width,
+        .height = first->whole_height,
+        .n_frames = n_frames,
+        .grey = first->n_channels == 1 || first->info.grey,
+        .has_alpha = first->n_channels == 4 && first->has_alpha,
+        .has_depth = first->depth_mm,
+        .info = first->info,
+    };
+    if (!e->job.path)
+        st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+    else if (!(st = cts_temp_open(&e->job.temp, path, err)))
+        st = e->format->begin(&e->job, err);
+    report_step(e, wall_ms, cpu_ms, 0, 0);
+    if (st)
+        cts_export_discard(export);
+    return st;
+}
+
+CtsStatus cts_export_rows(CtsExport *e, const CtsPicture *band, CtsError *err)
+{
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    const CtsExportHead *head = &e->job.head;
+    const bool last = band->first_row + band->height == head->height;
+    if (band->width != head->width || band->whole_height != head->height)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: picture %d is %dx%d, the first one %dx%d", e->job.path, e->frame + 1,
+                        band->width, band->whole_height, head->width, head->height);
+    if (e->frame >= head->n_frames || band->first_row != e->row || (!last && band->height % CTS_BAND_ROWS) ||
+        !band->depth_mm != !head->has_depth)
+        return cts_fail(err, CTS_ERR_INTERNAL, "%s: a band that does not follow the one before", e->job.path);
+    e->row = last ? 0 : band->first_row + band->height;
+    e->frame += last;
+    const CtsStatus st = e->format->rows(&e->job, band, err);
+    report_step(e, wall_ms, cpu_ms, 0, 0);
+    return st;
+}
+
+CtsStatus cts_export_end(CtsExport **export, uint64_t *bytes, CtsError *err)
+{
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    CtsExport *e = *export;
+    const CtsExportHead *head = &e->job.head;
+    uint64_t size = 0;
+    CtsStatus st;
+    if (e->frame < head->n_frames)
+        st = cts_fail(err, CTS_ERR_INTERNAL, "%s: rows are missing", e->job.path);
+    else if (!(st = e->format->finish(&e->job, err)))
+        st = cts_temp_commit(&e->job.temp, e->job.settings.force, &size, err);
+    if (!st)
+        report_step(e, wall_ms, cpu_ms, (uint64_t)head->width * (uint64_t)head->height * (uint64_t)head->n_frames,
+                    size);
+    if (bytes && !st)
+        *bytes = size;
+    cts_export_discard(export);
+    return st;
 }
 
 CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *path, const CtsExportSettings *settings,
                      uint64_t *bytes, CtsReport *report, CtsError *err)
 {
-    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
-    const CtsFormat *format = format_of(path);
-    CtsExportJob job = {.frames = frames, .n_frames = n_frames, .path = path, .settings = settings, .report = report};
-    uint64_t size = 0;
-    CtsStatus st = cts_export_check(path, settings, err);
-    if (st || (st = check_frames(format, frames, n_frames, path, err)) || (st = cts_temp_open(&job.temp, path, err)) ||
-        (st = format->write(&job, err)) || (st = cts_temp_commit(&job.temp, settings->force, &size, err)))
-        goto end;
-    if (bytes)
-        *bytes = size;
-    cts_report_stage(report, CTS_STAGE_EXPORT, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms,
-                     (uint64_t)frames[0]->width * (uint64_t)frames[0]->height * (uint64_t)n_frames, size);
-end:
-    cts_temp_discard(&job.temp);
+    CtsExport *export = NULL;
+    if (n_frames < 1)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: no picture to write", path);
+    CtsPicture first = *frames[0];
+    first.info.grey = true;
+    for (int k = 0; k < n_frames; k++)
+        first.info.grey = first.info.grey && cts_picture_is_grey(frames[k]);
+    CtsStatus st = cts_export_begin(&export, path, &first, n_frames, settings, report, err);
+    for (int k = 0; k < n_frames && !st; k++)
+        st = cts_export_rows(export, frames[k], err);
+    if (!st)
+        st = cts_export_end(&export, bytes, err);
+    cts_export_discard(&export);
     return st;
 }
 

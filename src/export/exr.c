@@ -11,6 +11,7 @@
 #include <omp.h>
 #include <openexr.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 /* 1 to 2 % more bytes than OpenEXR 3.1's level of 6, in about half the time. */
@@ -18,11 +19,12 @@ enum { BATCH = 64, ZIP_LEVEL = 4 };
 
 typedef struct ExrWriter {
     const CtsExportJob *job;
-    const CtsPicture *picture;
     exr_context_t file;
     int lines_per_chunk;
-    CtsError *err;
-    CtsStatus status; /* the first failure of any thread */
+    int n_threads;
+    struct ExrEncoder *encoders; /* one a thread */
+    CtsError *err;               /* of the call under way */
+    CtsStatus status;            /* the first failure of any thread */
 } ExrWriter;
 
 /* One thread's share: a chunk of pixels made linear, and the library's buffers. */
@@ -87,10 +89,10 @@ static void world_to_camera(const CtsPictureInfo *info, double m[4][4])
 }
 
 /* The camera's x and y scaled so that (0, 0) is the picture's upper left corner and (1, 1) the lower right one. */
-static void camera_to_ndc(const CtsPicture *picture, double m[4][4])
+static void camera_to_ndc(const CtsExportHead *head, double m[4][4])
 {
-    const double sx = 1 / (picture->width * picture->info.mm_per_pixel);
-    const double sy = -1 / (picture->height * picture->info.mm_per_pixel);
+    const double sx = 1 / (head->width * head->info.mm_per_pixel);
+    const double sy = -1 / (head->height * head->info.mm_per_pixel);
     for (int k = 0; k < 4; k++) {
         m[k][0] = m[k][0] * sx + (k == 3 ? 0.5 : 0);
         m[k][1] = m[k][1] * sy + (k == 3 ? 0.5 : 0);
@@ -105,9 +107,9 @@ static exr_result_t set_matrix(exr_context_t file, const char *name, double m[4]
     return exr_attr_set_m44f(file, 0, name, &matrix);
 }
 
-static exr_result_t set_camera(exr_context_t file, const CtsPicture *picture)
+static exr_result_t set_camera(exr_context_t file, const CtsExportHead *head)
 {
-    const CtsPictureInfo *info = &picture->info;
+    const CtsPictureInfo *info = &head->info;
     double m[4][4];
     exr_result_t rv = EXR_ERR_SUCCESS;
     if (!(info->mm_per_pixel > 0))
@@ -117,7 +119,7 @@ static exr_result_t set_camera(exr_context_t file, const CtsPicture *picture)
         (rv = exr_attr_set_float(file, 0, "ctsplat.mm_per_pixel", (float)info->mm_per_pixel)) ||
         (rv = exr_attr_set_float(file, 0, "xDensity", (float)(25.4 / info->mm_per_pixel))))
         return rv;
-    camera_to_ndc(picture, m);
+    camera_to_ndc(head, m);
     return set_matrix(file, "worldToNDC", m);
 }
 
@@ -145,25 +147,25 @@ static exr_result_t set_texts(exr_context_t file, const CtsPictureInfo *info)
 static exr_result_t write_header(ExrWriter *w)
 {
     static const exr_attr_chromaticities_t rec709 = {0.64f, 0.33f, 0.30f, 0.60f, 0.15f, 0.06f, 0.3127f, 0.3290f};
-    const CtsPicture *p = w->picture;
+    const CtsExportHead *head = &w->job->head;
     exr_context_t file = w->file;
     int part;
     exr_result_t rv;
     if ((rv = exr_add_part(file, "picture", EXR_STORAGE_SCANLINE, &part)) ||
-        (rv = exr_initialize_required_attr_simple(file, 0, p->width, p->height, EXR_COMPRESSION_ZIP)))
+        (rv = exr_initialize_required_attr_simple(file, 0, head->width, head->height, EXR_COMPRESSION_ZIP)))
         return rv;
     static const char *const names[] = {"A", "B", "G", "R", "Z"};
     for (int c = 0; c < 5; c++) {
         const bool depth = c == 4;
-        if (depth && !p->depth_mm)
+        if (depth && !head->has_depth)
             continue;
         rv = exr_add_channel(file, 0, names[c], depth ? EXR_PIXEL_FLOAT : EXR_PIXEL_HALF,
                              depth ? EXR_PERCEPTUALLY_LINEAR : EXR_PERCEPTUALLY_LOGARITHMIC, 1, 1);
         if (rv)
             return rv;
     }
-    if ((rv = exr_attr_set_chromaticities(file, 0, "chromaticities", &rec709)) || (rv = set_texts(file, &p->info)) ||
-        (rv = set_camera(file, p)))
+    if ((rv = exr_attr_set_chromaticities(file, 0, "chromaticities", &rec709)) || (rv = set_texts(file, &head->info)) ||
+        (rv = set_camera(file, head)))
         return rv;
     if ((rv = exr_write_header(file)))
         return rv;
@@ -188,9 +190,8 @@ static void linear_rows(const CtsPicture *p, int y, int n_rows, float *rgba)
     }
 }
 
-static void point_channels(const ExrWriter *w, ExrEncoder *e, int y)
+static void point_channels(const CtsPicture *p, ExrEncoder *e, int y)
 {
-    const CtsPicture *p = w->picture;
     for (int c = 0; c < e->pipe.channel_count; c++) {
         exr_coding_channel_info_t *channel = &e->pipe.channels[c];
         const char *place = strchr("RGBA", channel->channel_name[0]);
@@ -204,19 +205,19 @@ static void point_channels(const ExrWriter *w, ExrEncoder *e, int y)
     }
 }
 
-/* Convert and compress one chunk; it stays in the pipeline until its turn to be written. */
-static exr_result_t encode_chunk(ExrWriter *w, ExrEncoder *e, int y)
+/* Convert and compress the chunk from the band's row y on; it stays in the pipeline until its turn to be written. */
+static exr_result_t encode_chunk(ExrWriter *w, ExrEncoder *e, const CtsPicture *band, int y)
 {
     exr_chunk_info_t chunk;
-    exr_result_t rv = exr_write_scanline_chunk_info(w->file, 0, y, &chunk);
+    exr_result_t rv = exr_write_scanline_chunk_info(w->file, 0, band->first_row + y, &chunk);
     if (rv)
         return rv;
     rv = e->started ? exr_encoding_update(w->file, 0, &chunk, &e->pipe)
                     : exr_encoding_initialize(w->file, 0, &chunk, &e->pipe);
     if (rv)
         return rv;
-    linear_rows(w->picture, y, chunk.height, e->rgba);
-    point_channels(w, e, y);
+    linear_rows(band, y, chunk.height, e->rgba);
+    point_channels(band, e, y);
     if (!e->started && (rv = exr_encoding_choose_default_routines(w->file, 0, &e->pipe)))
         return rv;
     e->started = true;
@@ -239,9 +240,9 @@ typedef struct ExrChunk {
     size_t n_bytes;
 } ExrChunk;
 
-static void keep_chunk(ExrWriter *w, ExrEncoder *e, int y, ExrChunk *chunk)
+static void keep_chunk(ExrWriter *w, ExrEncoder *e, const CtsPicture *band, int y, ExrChunk *chunk)
 {
-    if (stopped(w) || failed(w, encode_chunk(w, e, y)))
+    if (stopped(w) || failed(w, encode_chunk(w, e, band, y)))
         return;
     chunk->n_bytes = e->pipe.compressed_bytes;
     if (cts_alloc_bytes(&chunk->bytes, chunk->n_bytes, 1, NULL))
@@ -251,54 +252,78 @@ static void keep_chunk(ExrWriter *w, ExrEncoder *e, int y, ExrChunk *chunk)
 }
 
 /* Up to BATCH chunks are compressed side by side, then written in order, and so on: what is held is bounded. */
-static void write_chunks(ExrWriter *w, ExrEncoder *encoders, int n_threads)
+static void write_chunks(ExrWriter *w, const CtsPicture *band)
 {
-    const int lines = w->lines_per_chunk, n_chunks = (w->picture->height + lines - 1) / lines;
+    const int lines = w->lines_per_chunk, n_chunks = (band->height + lines - 1) / lines;
     for (int first = 0; first < n_chunks && !stopped(w); first += BATCH) {
         ExrChunk chunks[BATCH] = {0};
         const int n = n_chunks - first < BATCH ? n_chunks - first : BATCH;
-#pragma omp parallel for num_threads(n_threads) schedule(dynamic, 1)
+#pragma omp parallel for num_threads(w->n_threads) schedule(dynamic, 1)
         for (int k = 0; k < n; k++)
-            keep_chunk(w, &encoders[omp_get_thread_num()], (first + k) * lines, &chunks[k]);
+            keep_chunk(w, &w->encoders[omp_get_thread_num()], band, (first + k) * lines, &chunks[k]);
         for (int k = 0; k < n; k++) {
+            const int y = band->first_row + (first + k) * lines;
             if (!stopped(w))
-                failed(w,
-                       exr_write_scanline_chunk(w->file, 0, (first + k) * lines, chunks[k].bytes, chunks[k].n_bytes));
+                failed(w, exr_write_scanline_chunk(w->file, 0, y, chunks[k].bytes, chunks[k].n_bytes));
             cts_free_bytes(chunks[k].bytes);
         }
     }
 }
 
-static void write_pixels(ExrWriter *w)
+CtsStatus cts_exr_begin(CtsExportJob *job, CtsError *err)
 {
-    const int n_threads = cts_threads(w->job->settings->n_threads);
-    ExrEncoder *encoders = NULL;
-    CtsStatus st = cts_alloc_zeroed(&encoders, (size_t)n_threads, NULL);
-    for (int t = 0; t < n_threads && !st; t++)
-        st = cts_alloc_array(&encoders[t].rgba, (size_t)w->lines_per_chunk * w->picture->width * 4, NULL);
-    if (st)
-        note_failure(w, "out of memory");
-    else
-        write_chunks(w, encoders, n_threads);
-    for (int t = 0; t < n_threads && encoders; t++) {
-        exr_encoding_destroy(w->file, &encoders[t].pipe);
-        cts_free(&encoders[t].rgba);
-    }
-    cts_free(&encoders);
-}
-
-CtsStatus cts_exr_write(const CtsExportJob *job, CtsError *err)
-{
-    ExrWriter w = {.job = job, .picture = job->frames[0], .err = err};
+    CtsStatus st;
+    ExrWriter *w = job->state = calloc(1, sizeof *w);
+    if (!w)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    *w = (ExrWriter){.job = job, .err = err, .n_threads = cts_threads(job->settings.n_threads)};
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = on_error;
-    setup.user_data = &w;
+    setup.user_data = w;
     setup.write_fn = on_write;
     setup.zip_level = ZIP_LEVEL;
-    if (!failed(&w, exr_start_write(&w.file, job->path, EXR_WRITE_FILE_DIRECTLY, &setup)) &&
-        !failed(&w, write_header(&w)))
-        write_pixels(&w);
-    if (w.file)
-        failed(&w, exr_finish(&w.file)); /* the table of chunks is written here */
-    return w.status;
+    if (failed(w, exr_start_write(&w->file, job->path, EXR_WRITE_FILE_DIRECTLY, &setup)) || failed(w, write_header(w)))
+        return w->status;
+    if (CTS_BAND_ROWS % w->lines_per_chunk)
+        return cts_fail(err, CTS_ERR_INTERNAL, "%s: chunks of %d lines", job->path, w->lines_per_chunk);
+    if ((st = cts_alloc_zeroed(&w->encoders, (size_t)w->n_threads, err)))
+        return st;
+    for (int t = 0; t < w->n_threads && !st; t++)
+        st = cts_alloc_array(&w->encoders[t].rgba, (size_t)w->lines_per_chunk * job->head.width * 4, err);
+    return st;
+}
+
+CtsStatus cts_exr_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+{
+    ExrWriter *w = job->state;
+    w->err = err;
+    write_chunks(w, band);
+    return w->status;
+}
+
+CtsStatus cts_exr_finish(CtsExportJob *job, CtsError *err)
+{
+    ExrWriter *w = job->state;
+    w->err = err;
+    for (int t = 0; t < w->n_threads; t++)
+        exr_encoding_destroy(w->file, &w->encoders[t].pipe);
+    failed(w, exr_finish(&w->file)); /* the table of chunks is written here */
+    return w->status;
+}
+
+void cts_exr_close(CtsExportJob *job)
+{
+    ExrWriter *w = job->state;
+    if (!w)
+        return;
+    w->err = NULL;
+    for (int t = 0; t < w->n_threads && w->encoders; t++) {
+        if (w->file)
+            exr_encoding_destroy(w->file, &w->encoders[t].pipe);
+        cts_free(&w->encoders[t].rgba);
+    }
+    if (w->file)
+        exr_finish(&w->file);
+    cts_free(&w->encoders);
+    free(w);
 }

@@ -1,71 +1,46 @@
 #include "export/idat.h"
 
 #include "base/mem.h"
-#include "image/samples.h"
+#include <stdbool.h>
 #include <string.h>
 #include <zlib.h>
 
 enum { STRIP_BYTES = 256 << 10, HEADER_BYTES = 2, FILTER_UP = 2, LEVEL = 1, MEM_LEVEL = 9 };
 
-CtsIdat cts_idat_plan(const CtsPicture *picture, int n_samples)
+CtsIdat cts_idat_plan(int width, int height, int n_samples)
 {
-    const size_t row_bytes = (size_t)picture->width * n_samples * 2;
-    CtsIdat idat = {.picture = picture, .n_samples = n_samples};
-    idat.rows_per_strip = row_bytes < STRIP_BYTES ? (int)(STRIP_BYTES / row_bytes) : 1;
-    idat.n_strips = (picture->height + idat.rows_per_strip - 1) / idat.rows_per_strip;
+    CtsIdat idat = {.width = width, .height = height, .n_samples = n_samples};
+    idat.row_bytes = (size_t)width * n_samples * 2;
+    idat.rows_per_strip = idat.row_bytes < STRIP_BYTES ? (int)(STRIP_BYTES / idat.row_bytes) : 1;
+    idat.n_strips = (height + idat.rows_per_strip - 1) / idat.rows_per_strip;
     return idat;
 }
 
-static void big_endian_row(const CtsIdat *idat, int y, uint16_t *samples, uint8_t *row)
-{
-    const size_t n = (size_t)idat->picture->width * idat->n_samples;
-    cts_samples_row16(idat->picture, y, idat->n_samples, samples);
-    for (size_t i = 0; i < n; i++) {
-        row[2 * i] = (uint8_t)(samples[i] >> 8);
-        row[2 * i + 1] = (uint8_t)samples[i];
-    }
-}
-
 /* Counts the pixels that are not black, and those of them whose colours are equal. */
-static void count_grey(const uint16_t *samples, int width, int n_samples, size_t *n_lit, size_t *n_grey)
+static void count_grey(const uint8_t *row, const CtsIdat *idat, size_t *n_lit, size_t *n_grey)
 {
-    for (const uint16_t *s = samples, *end = s + (size_t)width * n_samples; n_samples >= 3 && s < end; s += n_samples) {
-        const bool lit = (s[0] | s[1] | s[2]) != 0;
+    const size_t step = 2 * (size_t)idat->n_samples;
+    for (const uint8_t *s = row, *end = row + idat->row_bytes; step >= 6 && s < end; s += step) {
+        const bool lit = (s[0] | s[1] | s[2] | s[3] | s[4] | s[5]) != 0;
         *n_lit += lit;
-        *n_grey += lit && s[0] == s[1] && s[1] == s[2];
+        *n_grey += lit && s[0] == s[2] && s[2] == s[4] && s[1] == s[3] && s[3] == s[5];
     }
 }
 
-/* Rows first to last, each as its filter's number and its bytes less those of the row above (PNG filter Up). */
-static CtsStatus filtered_rows(const CtsIdat *idat, int first, int last, uint8_t *filtered, bool *repeats,
-                               CtsError *err)
+/* Each row as its filter's number and its bytes less those of the row above (PNG filter Up). */
+static void filter_rows(const CtsIdat *idat, const uint8_t *rows, int n_rows, uint8_t *filtered, bool *repeats)
 {
+    const size_t n = idat->row_bytes;
     size_t n_lit = 0, n_grey = 0;
-    const size_t n = (size_t)idat->picture->width * idat->n_samples * 2;
-    uint16_t *samples = NULL;
-    uint8_t *rows = NULL;
-    CtsStatus st = cts_alloc_array(&samples, n / 2, err);
-    if (st || (st = cts_alloc_zeroed(&rows, 2 * n, err)))
-        goto end;
-    uint8_t *above = rows, *row = rows + n;
-    if (first > 0)
-        big_endian_row(idat, first - 1, samples, above);
-    for (int y = first; y <= last; y++) {
-        big_endian_row(idat, y, samples, row);
-        count_grey(samples, idat->picture->width, idat->n_samples, &n_lit, &n_grey);
+    for (int y = 0; y < n_rows; y++) {
+        const uint8_t *row = rows + (size_t)y * n, *above = row - n;
+        count_grey(row, idat, &n_lit, &n_grey);
         *filtered++ = FILTER_UP;
         for (size_t i = 0; i < n; i++)
             filtered[i] = (uint8_t)(row[i] - above[i]);
         filtered += n;
-        uint8_t *const swap = above;
-        above = row;
-        row = swap;
     }
     *repeats = n_grey > n_lit / 16;
-end:
-    cts_free(&samples);
-    cts_free(&rows);
-    return st;
 }
 
 /* Runs and Huffman codes alone, unless the same bytes come again within a pixel: grey in three channels.
@@ -92,17 +67,19 @@ static CtsStatus deflate_strip(const uint8_t *filtered, size_t n, bool repeats, 
     return st;
 }
 
-CtsStatus cts_idat_strip(const CtsIdat *idat, int index, CtsIdatStrip *strip, CtsError *err)
+CtsStatus cts_idat_strip(const CtsIdat *idat, int index, const uint8_t *rows, CtsIdatStrip *strip, CtsError *err)
 {
-    const int first = index * idat->rows_per_strip, rows_left = idat->picture->height - first;
+    const int rows_left = idat->height - index * idat->rows_per_strip;
     const int n_rows = rows_left < idat->rows_per_strip ? rows_left : idat->rows_per_strip;
-    const size_t n = ((size_t)idat->picture->width * idat->n_samples * 2 + 1) * n_rows;
+    const size_t n = (idat->row_bytes + 1) * n_rows;
     uint8_t *filtered = NULL;
-    bool repeats = false;
+    bool repeats;
     *strip = (CtsIdatStrip){.n_filtered = n, .n_bytes = index == 0 ? HEADER_BYTES : 0};
     CtsStatus st = cts_alloc_array(&filtered, n, err);
-    if (st || (st = filtered_rows(idat, first, first + n_rows - 1, filtered, &repeats, err)) ||
-        (st = deflate_strip(filtered, n, repeats, index == idat->n_strips - 1, strip, err)))
+    if (st)
+        return st;
+    filter_rows(idat, rows, n_rows, filtered, &repeats);
+    if ((st = deflate_strip(filtered, n, repeats, index == idat->n_strips - 1, strip, err)))
         goto end;
     strip->adler = (uint32_t)adler32_z(1, filtered, n);
     if (index == 0)

@@ -6,13 +6,13 @@
 #ifndef CTS_EXPORT_IDAT_H
 #define CTS_EXPORT_IDAT_H
 
-#include "ctsplat/picture.h"
+#include "ctsplat/status.h"
 #include <stddef.h>
 #include <stdint.h>
 
 typedef struct CtsIdat {
-    const CtsPicture *picture;
-    int n_samples; /* 16-bit samples a pixel, as for cts_samples_row16() */
+    int width, height, n_samples; /* 16-bit samples a pixel */
+    size_t row_bytes;
     int rows_per_strip, n_strips;
 } CtsIdat;
 
@@ -24,11 +24,12 @@ typedef struct CtsIdatStrip {
     size_t n_filtered;
 } CtsIdatStrip;
 
-CtsIdat cts_idat_plan(const CtsPicture *picture, int n_samples);
+CtsIdat cts_idat_plan(int width, int height, int n_samples);
 
-/* The first strip begins with the zlib header; the last one lacks the stream's check value, which
+/* rows: the strip's rows, samples big-endian, with the row above the first right before them (zeros above the picture's
+ * first row). The first strip begins with the zlib header; the last one lacks the stream's check value, which
  * cts_idat_checksum() makes when all strips are there. Thread-safe. */
-CtsStatus cts_idat_strip(const CtsIdat *idat, int index, CtsIdatStrip *strip, CtsError *err);
+CtsStatus cts_idat_strip(const CtsIdat *idat, int index, const uint8_t *rows, CtsIdatStrip *strip, CtsError *err);
 
 /* Carry the check value over one more strip; begin with 1. */
 uint32_t cts_idat_checksum(uint32_t adler, const CtsIdatStrip *strip);

@@ -6,18 +6,26 @@
 #include "export/idat.h"
 #include "image/describe.h"
 #include "image/samples.h"
+#include <endian.h>
 #include <math.h>
 #include <png.h>
+#include <stdlib.h>
 #include <string.h>
 
+/* Strips that are compressed side by side, and so how much waits: 16 MiB. */
 enum { BATCH = 64 };
 
 /* Where libpng's callbacks find what belongs to this file. */
 typedef struct PngWriter {
     const CtsExportJob *job;
-    CtsError *err;
+    png_structp png;
+    png_infop info;
+    CtsError *err; /* of the call under way */
     CtsStatus status;
     CtsIdat idat;
+    uint8_t *rows; /* the last row written, then the rows that wait, samples big-endian */
+    int n_waiting, capacity;
+    int next_strip;
     uint32_t adler; /* of the strips written */
 } PngWriter;
 
@@ -87,99 +95,150 @@ static void put_texts(png_structp png, png_infop info, const CtsPictureInfo *abo
 static void put_header(png_structp png, png_infop info, const PngWriter *w)
 {
     static const int colour_types[] = {[1] = PNG_COLOR_TYPE_GRAY, [3] = PNG_COLOR_TYPE_RGB, [4] = PNG_COLOR_TYPE_RGBA};
-    const CtsPicture *picture = w->job->frames[0];
-    png_set_IHDR(png, info, (png_uint_32)picture->width, (png_uint_32)picture->height, 16,
-                 colour_types[w->idat.n_samples], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
-                 PNG_FILTER_TYPE_DEFAULT);
+    const CtsExportHead *head = &w->job->head;
+    png_set_IHDR(png, info, (png_uint_32)head->width, (png_uint_32)head->height, 16, colour_types[w->idat.n_samples],
+                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
-    const double pixels_per_m = picture->info.mm_per_pixel > 0 ? floor(1000 / picture->info.mm_per_pixel + 0.5) : 0;
+    const double mm_per_pixel = head->info.mm_per_pixel;
+    const double pixels_per_m = mm_per_pixel > 0 ? floor(1000 / mm_per_pixel + 0.5) : 0;
     if (pixels_per_m >= 1 && pixels_per_m <= PNG_UINT_31_MAX)
         png_set_pHYs(png, info, (png_uint_32)pixels_per_m, (png_uint_32)pixels_per_m, PNG_RESOLUTION_METER);
-    put_texts(png, info, &picture->info);
+    put_texts(png, info, &head->info);
 }
 
 /* Serial on purpose: libpng leaves by longjmp, which must not cross a parallel region. */
-static void write_strips(png_structp png, PngWriter *w, const CtsIdatStrip *strips, int first, int n)
+static void write_strips(PngWriter *w, const CtsIdatStrip *strips, int n)
 {
     for (int i = 0; i < n; i++) {
+        const bool last = w->next_strip == w->idat.n_strips - 1;
         w->adler = cts_idat_checksum(w->adler, &strips[i]);
-        png_write_chunk_start(png, (png_const_bytep) "IDAT",
-                              (png_uint_32)(strips[i].n_bytes + (first + i == w->idat.n_strips - 1 ? 4 : 0)));
-        png_write_chunk_data(png, strips[i].bytes, strips[i].n_bytes);
-        if (first + i == w->idat.n_strips - 1) {
+        png_write_chunk_start(w->png, (png_const_bytep) "IDAT", (png_uint_32)(strips[i].n_bytes + (last ? 4 : 0)));
+        png_write_chunk_data(w->png, strips[i].bytes, strips[i].n_bytes);
+        if (last) {
             png_byte check[4];
             png_save_uint_32(check, w->adler);
-            png_write_chunk_data(png, check, sizeof check);
+            png_write_chunk_data(w->png, check, sizeof check);
         }
-        png_write_chunk_end(png);
+        png_write_chunk_end(w->png);
+        w->next_strip++;
     }
 }
 
 /* The three steps that talk to libpng; kept apart so that nothing local changes between setjmp and a longjmp back. */
-static CtsStatus write_start(png_structp png, png_infop info, PngWriter *w)
+static CtsStatus write_start(PngWriter *w)
 {
-    if (setjmp(png_jmpbuf(png)))
+    if (setjmp(png_jmpbuf(w->png)))
         return w->status;
-    png_set_write_fn(png, w, on_write, on_flush);
-    png_set_user_limits(png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
-    put_header(png, info, w);
-    png_write_info(png, info);
+    png_set_write_fn(w->png, w, on_write, on_flush);
+    png_set_user_limits(w->png, PNG_UINT_31_MAX, PNG_UINT_31_MAX);
+    put_header(w->png, w->info, w);
+    png_write_info(w->png, w->info);
     return CTS_OK;
 }
 
-static CtsStatus write_batch(png_structp png, PngWriter *w, const CtsIdatStrip *strips, int first, int n)
+static CtsStatus write_batch(PngWriter *w, const CtsIdatStrip *strips, int n)
 {
-    if (setjmp(png_jmpbuf(png)))
+    if (setjmp(png_jmpbuf(w->png)))
         return w->status;
-    write_strips(png, w, strips, first, n);
+    write_strips(w, strips, n);
     return CTS_OK;
 }
 
-static CtsStatus write_finish(png_structp png, PngWriter *w)
+static CtsStatus write_finish(PngWriter *w)
 {
-    if (setjmp(png_jmpbuf(png)))
+    if (setjmp(png_jmpbuf(w->png)))
         return w->status;
-    png_write_chunk(png, (png_const_bytep) "IEND", NULL, 0); /* png_write_end() knows nothing of our IDATs */
+    png_write_chunk(w->png, (png_const_bytep) "IEND", NULL, 0); /* png_write_end() knows nothing of our IDATs */
     return CTS_OK;
 }
 
-/* Compress up to BATCH strips in parallel, write them in order, and so on: what is held is bounded. */
-static CtsStatus write_rows(png_structp png, PngWriter *w)
+/* All rows that wait: compressed strip by strip in parallel, written in order. */
+static CtsStatus flush_rows(PngWriter *w)
 {
-    const int n_threads = cts_threads(w->job->settings->n_threads);
+    CtsIdatStrip strips[BATCH] = {0};
+    CtsError errors[BATCH];
+    CtsStatus found[BATCH], st = CTS_OK;
+    const size_t row_bytes = w->idat.row_bytes;
+    const int per_strip = w->idat.rows_per_strip, n = (w->n_waiting + per_strip - 1) / per_strip;
+#pragma omp parallel for num_threads(cts_threads(w->job->settings.n_threads)) schedule(dynamic, 1)
+    for (int i = 0; i < n; i++)
+        found[i] = cts_idat_strip(&w->idat, w->next_strip + i,
+                                  w->rows + (1 + (size_t)i * (size_t)per_strip) * row_bytes, &strips[i], &errors[i]);
+    for (int i = 0; i < n && !st; i++)
+        if (found[i])
+            st = cts_fail(w->err, found[i], "%s: %s", w->job->path, errors[i].text);
+    if (!st)
+        st = write_batch(w, strips, n);
+    for (int i = 0; i < n; i++)
+        cts_free(&strips[i].bytes);
+    memcpy(w->rows, w->rows + (size_t)w->n_waiting * row_bytes, row_bytes);
+    w->n_waiting = 0;
+    return st;
+}
+
+/* Rows y to y + n - 1 join those that wait. */
+static void add_rows(PngWriter *w, const CtsPicture *band, int y, int n)
+{
+    const size_t n_samples = w->idat.row_bytes / 2;
+#pragma omp parallel for num_threads(cts_threads(w->job->settings.n_threads)) schedule(static)
+    for (int i = 0; i < n; i++) {
+        uint16_t *row = (uint16_t *)(void *)w->rows + (size_t)(1 + w->n_waiting + i) * n_samples;
+        cts_samples_row16(band, y + i, w->idat.n_samples, row);
+        for (size_t k = 0; k < n_samples; k++)
+            row[k] = htobe16(row[k]);
+    }
+    w->n_waiting += n;
+}
+
+CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
+{
+    const CtsExportHead *head = &job->head;
+    CtsStatus st;
+    PngWriter *w = job->state = calloc(1, sizeof *w);
+    if (!w)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    *w = (PngWriter){.job = job, .err = err, .adler = 1};
+    w->idat = cts_idat_plan(head->width, head->height, head->has_alpha ? 4 : head->grey ? 1 : 3);
+    const int batch = w->idat.n_strips < BATCH ? w->idat.n_strips : BATCH;
+    w->capacity = batch * w->idat.rows_per_strip;
+    if ((st = cts_alloc_zeroed(&w->rows, ((size_t)w->capacity + 1) * w->idat.row_bytes, err)))
+        return st;
+    w->png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w, on_write_error, on_warning);
+    if (!w->png || !(w->info = png_create_info_struct(w->png)))
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    return write_start(w);
+}
+
+CtsStatus cts_png_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+{
+    PngWriter *w = job->state;
     CtsStatus st = CTS_OK;
-    for (int first = 0; first < w->idat.n_strips && !st; first += BATCH) {
-        CtsIdatStrip strips[BATCH] = {0};
-        CtsError errors[BATCH];
-        const int left = w->idat.n_strips - first, n = left < BATCH ? left : BATCH;
-        CtsStatus found[BATCH];
-#pragma omp parallel for num_threads(n_threads) schedule(dynamic, 1)
-        for (int i = 0; i < n; i++)
-            found[i] = cts_idat_strip(&w->idat, first + i, &strips[i], &errors[i]);
-        for (int i = 0; i < n && !st; i++)
-            if (found[i])
-                st = cts_fail(w->err, found[i], "%s: %s", w->job->path, errors[i].text);
-        if (!st)
-            st = write_batch(png, w, strips, first, n);
-        for (int i = 0; i < n; i++)
-            cts_free(&strips[i].bytes);
+    w->err = err;
+    for (int y = 0; y < band->height && !st;) {
+        const int room = w->capacity - w->n_waiting, left = band->height - y, n = left < room ? left : room;
+        add_rows(w, band, y, n);
+        y += n;
+        if (w->n_waiting == w->capacity)
+            st = flush_rows(w);
     }
     return st;
 }
 
-CtsStatus cts_png_write(const CtsExportJob *job, CtsError *err)
+CtsStatus cts_png_finish(CtsExportJob *job, CtsError *err)
 {
-    const CtsPicture *picture = job->frames[0];
-    PngWriter w = {.job = job, .err = err, .adler = 1};
-    const bool alpha = picture->n_channels == 4 && picture->has_alpha;
-    w.idat = cts_idat_plan(picture, alpha ? 4 : cts_picture_is_grey(picture) ? 1 : 3);
-    png_infop info = NULL;
-    png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &w, on_write_error, on_warning);
-    CtsStatus st = CTS_OK;
-    if (!png || !(info = png_create_info_struct(png)))
-        st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
-    if (!st && !(st = write_start(png, info, &w)) && !(st = write_rows(png, &w)))
-        st = write_finish(png, &w);
-    png_destroy_write_struct(&png, &info);
-    return st;
+    PngWriter *w = job->state;
+    w->err = err;
+    const CtsStatus st = w->n_waiting > 0 ? flush_rows(w) : CTS_OK;
+    return st ? st : write_finish(w);
+}
+
+void cts_png_close(CtsExportJob *job)
+{
+    PngWriter *w = job->state;
+    if (!w)
+        return;
+    if (w->png)
+        png_destroy_write_struct(&w->png, &w->info);
+    cts_free(&w->rows);
+    free(w);
 }

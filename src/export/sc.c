@@ -11,6 +11,7 @@
 #include "image/samples.h"
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -32,6 +33,16 @@ static const char *const syntax_uids[] = {
     [CTS_SC_RLE] = "1.2.840.10008.1.2.5",
     [CTS_SC_JPEG_LOSSLESS] = "1.2.840.10008.1.2.4.70",
 };
+
+/* Pixels wait in a file of their own until the last has come: what the header says depends on them. */
+typedef struct ScWriter {
+    CtsScSource facts;
+    CtsTempFile *pixels; /* frame after frame, as the object will hold them */
+    uint64_t pixel_bytes;
+    CtsHash *hash; /* of the frames' views and pixels */
+    uint8_t *rows; /* samples on their way to the file */
+    int max_rows;  /* that rows has room for */
+} ScWriter;
 
 /* The texts and names that the object points to. */
 typedef struct ScTexts {
@@ -66,22 +77,22 @@ static void ascii_copy(char *to, size_t size, const char *from)
 
 static void describe(const CtsExportJob *job, ScTexts *texts)
 {
-    const CtsPictureInfo *info = &job->frames[0]->info;
+    const CtsPictureInfo *info = &job->head.info;
     char preset[sizeof info->preset], view[80], scale[32], step[80] = "";
     ascii_copy(preset, sizeof preset, info->preset);
     cts_describe_view(info, view, sizeof view);
     cts_describe_number(info->mm_per_pixel, 6, scale, sizeof scale);
-    if (job->n_frames > 1) {
+    if (job->head.n_frames > 1) {
         char degrees[32];
-        cts_describe_number(360.0 / job->n_frames, 6, degrees, sizeof degrees);
-        snprintf(step, sizeof step, "%d views %s degrees apart from ", job->n_frames, degrees);
+        cts_describe_number(360.0 / job->head.n_frames, 6, degrees, sizeof degrees);
+        snprintf(step, sizeof step, "%d views %s degrees apart from ", job->head.n_frames, degrees);
     }
     snprintf(texts->series_description, sizeof texts->series_description, "%s %.40s (ctsplat)",
              mode_terms[info->mode].short_name, preset);
     snprintf(texts->derivation, sizeof texts->derivation,
              "%s, preset %s, orthographic, %sview %s, %s mm per pixel, ctsplat %s, not for diagnostic use",
              mode_terms[info->mode].long_name, preset, step, view, scale, CTS_VERSION);
-    if (job->n_frames == 1) {
+    if (job->head.n_frames == 1) {
         char right[4], down[4];
         const double to_feet[3] = {-info->up_lps[0], -info->up_lps[1], -info->up_lps[2]};
         cts_describe_direction(info->right_lps, right);
@@ -94,7 +105,7 @@ static void describe(const CtsExportJob *job, ScTexts *texts)
 static int instance_number(const CtsExportJob *job)
 {
     static const char *const names[] = {"anterior", "left", "posterior", "right", "head", "feet"};
-    const CtsPictureInfo *info = &job->frames[0]->info;
+    const CtsPictureInfo *info = &job->head.info;
     char view[80];
     cts_describe_view(info, view, sizeof view);
     for (int i = 0; i < 6; i++)
@@ -135,13 +146,13 @@ static CtsStatus choose_study(const CtsExportJob *job, const CtsScSource *facts,
     uint8_t digest[CTS_DIGEST_BYTES];
     const bool known = facts->study_uid[0];
     snprintf(texts->study_uid, sizeof texts->study_uid, "%s", facts->study_uid);
-    if (known && !job->settings->deidentify)
+    if (known && !job->settings.deidentify)
         return CTS_OK;
-    CtsStatus st = start_hash(&hash, "study", known ? NULL : job->settings->source, err);
+    CtsStatus st = start_hash(&hash, "study", known ? NULL : job->settings.source, err);
     if (st)
         return st;
     cts_hash_text(hash, facts->study_uid);
-    if ((st = finish_uid(&hash, texts->study_uid, err)) || !job->settings->deidentify ||
+    if ((st = finish_uid(&hash, texts->study_uid, err)) || !job->settings.deidentify ||
         (st = start_hash(&hash, "patient", NULL, err)))
         return st;
     cts_hash_text(hash, texts->study_uid);
@@ -154,56 +165,32 @@ static CtsStatus choose_study(const CtsExportJob *job, const CtsScSource *facts,
 }
 
 /* UIDs from all that makes the object what it is: the same input gives the same UIDs, another picture another one. */
-static CtsStatus choose_uids(const CtsExportJob *job, const CtsScObject *object, ScTexts *texts, CtsError *err)
+static CtsStatus choose_uids(CtsExportJob *job, const CtsScObject *object, ScTexts *texts, CtsError *err)
 {
+    ScWriter *w = job->state;
     CtsHash *hash;
     char text[160];
-    CtsStatus st;
-    if (job->settings->new_uids)
-        return (st = cts_uid_random(texts->series_uid, err)) ? st : cts_uid_random(texts->sop_uid, err);
-    if ((st = start_hash(&hash, "series", job->settings->source, err)))
+    uint8_t digest[CTS_DIGEST_BYTES];
+    CtsStatus st = cts_hash_finish(&w->hash, digest, err);
+    if (st)
         return st;
-    snprintf(text, sizeof text, "%d %d", job->settings->deidentify, job->n_frames);
+    if (job->settings.new_uids)
+        return (st = cts_uid_random(texts->series_uid, err)) ? st : cts_uid_random(texts->sop_uid, err);
+    if ((st = start_hash(&hash, "series", job->settings.source, err)))
+        return st;
+    snprintf(text, sizeof text, "%d %d", job->settings.deidentify, job->head.n_frames);
     cts_hash_text(hash, text);
     cts_hash_text(hash, texts->series_description);
     cts_hash_text(hash, CTS_VERSION);
     if ((st = finish_uid(&hash, texts->series_uid, err)) ||
-        (st = start_hash(&hash, "instance", job->settings->source, err)))
+        (st = start_hash(&hash, "instance", job->settings.source, err)))
         return st;
     cts_hash_text(hash, texts->series_uid);
     cts_hash_text(hash, texts->derivation);
     snprintf(text, sizeof text, "%dx%d %d", object->width, object->height, object->grey);
     cts_hash_text(hash, text);
-    for (int k = 0; k < job->n_frames; k++) {
-        cts_describe_view(&job->frames[k]->info, text, sizeof text);
-        cts_hash_text(hash, text);
-    }
-    cts_hash_bytes(hash, object->pixels, object->pixel_bytes);
+    cts_hash_bytes(hash, digest, sizeof digest);
     return finish_uid(&hash, texts->sop_uid, err);
-}
-
-static CtsStatus fill_pixels(const CtsExportJob *job, bool grey, void **pixels, size_t *pixel_bytes, CtsError *err)
-{
-    const CtsPicture *first = job->frames[0];
-    const size_t row_bytes = (size_t)first->width * (grey ? 2 : 3);
-    const uint64_t bytes = (uint64_t)row_bytes * (uint64_t)first->height * (uint64_t)job->n_frames;
-    if (bytes > max_pixel_bytes)
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %d pictures of %dx%d are more than a DICOM object can hold (4 GiB)",
-                        job->path, job->n_frames, first->width, first->height);
-    const CtsStatus st = cts_alloc_bytes(pixels, (size_t)bytes, 1, err);
-    if (st)
-        return st;
-    *pixel_bytes = (size_t)bytes;
-#pragma omp parallel for num_threads(cts_threads(job->settings->n_threads)) schedule(static)
-    for (int row = 0; row < first->height * job->n_frames; row++) {
-        const CtsPicture *p = job->frames[row / first->height];
-        char *to = (char *)*pixels + (size_t)row * row_bytes;
-        if (grey)
-            cts_samples_row16(p, row % first->height, 1, (uint16_t *)to);
-        else
-            cts_samples_row8(p, row % first->height, (uint8_t *)to);
-    }
-    return CTS_OK;
 }
 
 static const CtsSlice *lossy_slice(const CtsSeries *source)
@@ -219,7 +206,7 @@ static void warn(const CtsExportJob *job, const CtsScSource *facts, bool recogni
     if (facts->burned_in)
         cts_report_finding(job->report, "burned_in_annotation", CTS_WARNING,
                            "the source says that text is burned into its pixels; it may show in the picture");
-    if (recognizable && job->settings->deidentify)
+    if (recognizable && job->settings.deidentify)
         cts_report_finding(job->report, "recognizable_features", CTS_WARNING,
                            "the preset shows skin: a face can tell who this is, whatever the header says");
 }
@@ -229,37 +216,116 @@ static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
     return cts_temp_write(context, bytes, n, err);
 }
 
-CtsStatus cts_sc_write(const CtsExportJob *job, CtsError *err)
+static size_t row_bytes_of(const CtsExportHead *head)
 {
-    const CtsPicture *first = job->frames[0];
-    const CtsSeries *source = job->settings->source;
-    if (!source)
+    return (size_t)head->width * (head->grey ? 2 : 3);
+}
+
+CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frames, const CtsExportSettings *settings,
+                            CtsError *err)
+{
+    const uint64_t largest = 3 * (uint64_t)width * (uint64_t)height * (uint64_t)n_frames; /* grey takes 2 bytes */
+    if (largest / 3 * 2 > max_pixel_bytes)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "%s: %d pictures of %dx%d are more than a DICOM object can hold, 4 GiB (fewer views or a "
+                        "smaller --size)",
+                        path, n_frames, width, height);
+    /* DCMTK encodes in memory, all frames at a time: what goes in and what comes out. */
+    const uint64_t memory = cts_memory_available();
+    if (settings->compression != CTS_SC_NONE && memory > 0 && 2 * largest > memory)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "%s: to compress %d pictures of %dx%d takes %.1f GB of memory, more than there is (--compress "
+                        "none needs little)",
+                        path, n_frames, width, height, 2 * (double)largest / 1e9);
+    return CTS_OK;
+}
+
+CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
+{
+    enum { ROWS_BYTES = 4 << 20 };
+    const CtsExportHead *head = &job->head;
+    const size_t row_bytes = row_bytes_of(head);
+    const uint64_t bytes = (uint64_t)row_bytes * (uint64_t)head->height * (uint64_t)head->n_frames;
+    CtsStatus st;
+    if (!job->settings.source)
         return cts_fail(err, CTS_ERR_USAGE, "%s: a secondary capture needs the series it was made of", job->path);
-    const CtsMode mode = first->info.mode;
-    CtsScSource facts;
+    if (bytes > max_pixel_bytes)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %d pictures of %dx%d are more than a DICOM object can hold (4 GiB)",
+                        job->path, head->n_frames, head->width, head->height);
+    ScWriter *w = job->state = calloc(1, sizeof *w);
+    if (!w)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    w->max_rows = ROWS_BYTES / row_bytes > 0 ? (int)(ROWS_BYTES / row_bytes) : 1;
+    if ((st = cts_dcm_sc_source(&job->settings.source->slices[0], &w->facts, err)) ||
+        (st = cts_alloc_array(&w->rows, (size_t)w->max_rows * row_bytes, err)) ||
+        (st = start_hash(&w->hash, "pixels", NULL, err)))
+        return st;
+    return cts_temp_open(&w->pixels, job->path, err);
+}
+
+CtsStatus cts_sc_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+{
+    ScWriter *w = job->state;
+    const bool grey = job->head.grey;
+    const size_t row_bytes = row_bytes_of(&job->head);
+    CtsStatus st = CTS_OK;
+    if (band->first_row == 0) {
+        char view[80];
+        cts_describe_view(&band->info, view, sizeof view);
+        cts_hash_text(w->hash, view);
+    }
+    for (int y = 0; y < band->height && !st; y += w->max_rows) {
+        const int left = band->height - y, n = left < w->max_rows ? left : w->max_rows;
+#pragma omp parallel for num_threads(cts_threads(job->settings.n_threads)) schedule(static)
+        for (int i = 0; i < n; i++) {
+            uint8_t *to = w->rows + (size_t)i * row_bytes;
+            if (grey)
+                cts_samples_row16(band, y + i, 1, (uint16_t *)(void *)to);
+            else
+                cts_samples_row8(band, y + i, to);
+        }
+        cts_hash_bytes(w->hash, w->rows, (size_t)n * row_bytes);
+        st = cts_temp_write(w->pixels, w->rows, (size_t)n * row_bytes, err);
+        w->pixel_bytes += (uint64_t)n * row_bytes;
+    }
+    return st;
+}
+
+/* Values are of even length. */
+static CtsStatus pad(ScWriter *w, CtsError *err)
+{
+    const CtsStatus st = w->pixel_bytes % 2 ? cts_temp_write(w->pixels, "", 1, err) : CTS_OK;
+    w->pixel_bytes += w->pixel_bytes % 2;
+    return st;
+}
+
+CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err)
+{
+    ScWriter *w = job->state;
+    const CtsExportHead *head = &job->head;
+    const CtsSeries *source = job->settings.source;
+    const CtsMode mode = head->info.mode;
     ScTexts texts = {0};
     struct tm date;
-    void *pixels = NULL;
-    bool grey = true;
-    for (int k = 0; k < job->n_frames; k++)
-        grey = grey && cts_picture_is_grey(job->frames[k]);
-    CtsScObject object = {.width = first->width, .height = first->height, .n_frames = job->n_frames, .grey = grey};
-    CtsStatus st = cts_dcm_sc_source(&source->slices[0], &facts, err);
-    if (st || (st = fill_pixels(job, grey, &pixels, &object.pixel_bytes, err)))
-        goto end;
-    object.pixels = pixels;
+    CtsStatus st = pad(w, err);
+    if (st)
+        return st;
+    CtsScObject object = {.width = head->width, .height = head->height, .n_frames = head->n_frames, .grey = head->grey};
+    object.pixel_path = cts_temp_path(w->pixels);
+    object.pixel_bytes = w->pixel_bytes;
     describe(job, &texts);
-    if ((st = choose_study(job, &facts, &texts, err)) || (st = choose_uids(job, &object, &texts, err)))
-        goto end;
+    if ((st = choose_study(job, &w->facts, &texts, err)) || (st = choose_uids(job, &object, &texts, err)))
+        return st;
     cts_date_now(&date);
     strftime(texts.date, sizeof texts.date, "%Y%m%d", &date);
     strftime(texts.time, sizeof texts.time, "%H%M%S", &date);
-    object.syntax_uid = syntax_uids[job->settings->compression];
+    object.syntax_uid = syntax_uids[job->settings.compression];
     object.study_uid = texts.study_uid;
     object.series_uid = texts.series_uid;
     object.sop_uid = texts.sop_uid;
-    object.series_number = facts.series_number > 0 && facts.series_number < 1000000 ? 9000 + facts.series_number : 9000;
-    object.instance_number = job->n_frames > 1 ? 1 : instance_number(job);
+    object.series_number =
+        w->facts.series_number > 0 && w->facts.series_number < 1000000 ? 9000 + w->facts.series_number : 9000;
+    object.instance_number = job->head.n_frames > 1 ? 1 : instance_number(job);
     object.date = texts.date;
     object.time = texts.time;
     object.version = CTS_VERSION;
@@ -269,18 +335,27 @@ CtsStatus cts_sc_write(const CtsExportJob *job, CtsError *err)
     object.derivation_code = mode_terms[mode].code;
     object.derivation_meaning = mode_terms[mode].meaning;
     object.patient_orientation = texts.patient_orientation;
-    object.burned_in = facts.burned_in;
-    object.recognizable = first->info.shows_skin;
+    object.burned_in = w->facts.burned_in;
+    object.recognizable = job->head.info.shows_skin;
     object.source = source;
-    object.source_class_uid = facts.sop_class_uid;
+    object.source_class_uid = w->facts.sop_class_uid;
     object.lossy = lossy_slice(source);
     object.pseudonym = texts.pseudonym[0] ? texts.pseudonym : NULL;
-    warn(job, &facts, object.recognizable);
-    if ((st = cts_dcm_sc_write(&object, sink, job->temp, err)))
-        goto end;
-end:
-    cts_free_bytes(pixels);
-    return st;
+    warn(job, &w->facts, object.recognizable);
+    return cts_dcm_sc_write(&object, sink, job->temp, err);
+}
+
+void cts_sc_close(CtsExportJob *job)
+{
+    ScWriter *w = job->state;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    if (!w)
+        return;
+    if (w->hash)
+        cts_hash_finish(&w->hash, digest, NULL);
+    cts_temp_discard(&w->pixels);
+    cts_free(&w->rows);
+    free(w);
 }
 
 CtsStatus cts_sc_read(const char *path, CtsPicture **picture, CtsError *err)

@@ -258,10 +258,10 @@ CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset,
     return st ? st : cts_raycast_pixels(&store.scene, xy, n, rgba, err);
 }
 
-CtsStatus cts_verify_begin(CtsVerify *v, const CtsScene *scene, CtsError *err)
+CtsStatus cts_verify_begin(CtsVerify *v, const CtsScene *scene, size_t n, CtsError *err)
 {
     *v = (CtsVerify){.scene = scene};
-    CtsStatus st = place_most(&v->reference, scene, (size_t)scene->settings->verify, err);
+    CtsStatus st = place_most(&v->reference, scene, n, err);
     if (!st && (st = cts_alloc_zeroed(&v->found, v->reference->n, err)))
         cts_verify_free(v);
     return st;

@@ -18,7 +18,7 @@ struct CtsReference {
 /* Places the pixels; their values are left zero. n is at most the number of pixels. */
 CtsStatus cts_reference_place(CtsReference **reference, const CtsScene *scene, size_t n, CtsError *err);
 
-/* The scene's settings->verify pixels, as they are found in the bands of a picture, then done again. Zeroed, it is a
+/* n pixels of a scene (at most all), as they are found in the bands of a picture, then done again. Zeroed, it is a
  * verification of nothing, which costs nothing. */
 typedef struct CtsVerify {
     const CtsScene *scene;
@@ -26,7 +26,7 @@ typedef struct CtsVerify {
     float (*found)[4];
 } CtsVerify;
 
-CtsStatus cts_verify_begin(CtsVerify *verify, const CtsScene *scene, CtsError *err);
+CtsStatus cts_verify_begin(CtsVerify *verify, const CtsScene *scene, size_t n, CtsError *err);
 void cts_verify_take(CtsVerify *verify, const CtsPicture *band);
 /* Fills report->verified. */
 CtsStatus cts_verify_end(CtsVerify *verify, CtsReport *report, CtsError *err);

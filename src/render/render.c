@@ -227,6 +227,13 @@ static CtsStatus new_band(const Frame *frame, int first_row, int n_rows, CtsPict
     return CTS_OK;
 }
 
+/* What --void key loses is measured, asked for or not: so many pixels when --verify does not say. */
+static int pixels_to_verify(const CtsRenderSettings *s, const CtsReport *report)
+{
+    enum { KEY_PIXELS = 256 };
+    return s->explain ? 0 : s->verify > 0 ? s->verify : report && report->key_loss > 0 ? KEY_PIXELS : 0;
+}
+
 static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, double elevation_deg, CtsReport *report,
                              CtsError *err)
 {
@@ -253,11 +260,12 @@ static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, d
         cts_report_skip(report, "depth", "not asked for (an .exr output holds it)");
     else if (p->mode != CTS_MODE_COMPOSITE)
         cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
-    if (s->verify == 0 || s->explain)
+    const int n = pixels_to_verify(s, report);
+    if (n == 0)
         return CTS_OK;
     frame->original = frame->store.scene;
     frame->original.volume = r->original;
-    return cts_verify_begin(&frame->verify, &frame->original, err);
+    return cts_verify_begin(&frame->verify, &frame->original, (size_t)n, err);
 }
 
 /* picture NULL: only the plan. */

@@ -24,4 +24,4 @@ ok compare turn.dcm first.dcm
 if command -v dcmdump >/dev/null; then
     dcmdump +P NumberOfFrames turn.dcm | grep -q '\[4\]' || fail "not 4 frames"
 fi
-refused 2 '--rotation 9999: the frames' render "$data/phantom" --size 8000x8000 --rotation 9999 -o big.dcm
+refused 2 'big.dcm: 9999 pictures of 8000x8000 are more than' render "$data/phantom" --size 8000x8000 --rotation 9999 -o big.dcm
