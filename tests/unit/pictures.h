@@ -2,6 +2,7 @@
 #ifndef CTS_TESTS_PICTURES_H
 #define CTS_TESTS_PICTURES_H
 
+#include "ctsplat/export.h"
 #include "ctsplat/picture.h"
 #include "folder.h"
 #include "unit.h"
@@ -46,6 +47,29 @@ static inline CtsPicture *make_picture(int width, int height, int n_channels, bo
         p->info.window_high_hu = 900.5;
     }
     return p;
+}
+
+/* The file at path, written in bands of so many rows (a multiple of CTS_BAND_ROWS) instead of whole pictures. */
+static inline void export_in_bands(const CtsPicture *const *frames, int n_frames, bool grey, int n_rows,
+                                   const char *path, const CtsExportSettings *settings)
+{
+    CtsExport *export = NULL;
+    CtsError err = {0};
+    for (int k = 0; k < n_frames; k++)
+        for (int y = 0; y < frames[k]->height; y += n_rows) {
+            CtsPicture band = *frames[k];
+            band.first_row = y;
+            band.height = band.height - y < n_rows ? band.height - y : n_rows;
+            band.pixels += (size_t)y * (size_t)band.width * (size_t)band.n_channels;
+            if (band.depth_mm)
+                band.depth_mm += (size_t)y * (size_t)band.width;
+            band.info.grey = grey;
+            if (!export)
+                assert_int_equal(cts_export_begin(&export, path, &band, n_frames, settings, NULL, &err), CTS_OK);
+            assert_int_equal(cts_export_rows(export, &band, &err), CTS_OK);
+        }
+    assert_int_equal(cts_export_end(&export, NULL, &err), CTS_OK);
+    assert_null(export);
 }
 
 #endif

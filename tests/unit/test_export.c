@@ -113,6 +113,59 @@ static void test_png_round_trip(void **state)
     remove_folder(folder);
 }
 
+/* A picture that comes in bands gives the bytes of the whole one: rows that fill no strip wait for the next band, more
+ * than a batch of strips goes out at once. Rows in the wrong order are refused, and nothing is left behind. */
+static void test_bands(void **state)
+{
+    (void)state;
+    const struct {
+        int width, height, n_channels;
+        bool has_alpha, depth;
+    } cases[] = {
+        {300, 400, 4, false, true}, {300, 400, 4, true, false}, {41, 1000, 1, false, false}, {1, 65, 4, true, true}};
+    static const char *const endings[] = {"png", "exr"};
+    char folder[64], a[100], b[100];
+    CtsError err;
+    make_folder(folder);
+    for (size_t i = 0; i < 2 * sizeof cases / sizeof *cases; i++) {
+        CtsPicture *p =
+            make_picture(cases[i / 2].width, cases[i / 2].height, cases[i / 2].n_channels, cases[i / 2].has_alpha);
+        const size_t n = (size_t)p->width * p->height;
+        if (cases[i / 2].depth)
+            assert_int_equal(cts_alloc_array(&p->depth_mm, n, &err), CTS_OK);
+        for (size_t k = 0; k < n && p->depth_mm; k++)
+            p->depth_mm[k] = k % 5 ? (float)k : INFINITY;
+        snprintf(a, sizeof a, "%s/a.%s", folder, endings[i % 2]);
+        snprintf(b, sizeof b, "%s/b.%s", folder, endings[i % 2]);
+        write_one(p, a);
+        for (int n_rows = CTS_BAND_ROWS; n_rows <= 3 * CTS_BAND_ROWS; n_rows += 2 * CTS_BAND_ROWS) {
+            export_in_bands(&(const CtsPicture *){p}, 1, false, n_rows, b, &plain);
+            assert_same_bytes(a, b);
+            unlink(b);
+        }
+        CtsExport *export;
+        assert_int_equal(cts_export_begin(&export, b, p, 1, &plain, NULL, &err), CTS_OK);
+        p->first_row = CTS_BAND_ROWS;
+        p->height -= CTS_BAND_ROWS;
+        assert_int_equal(cts_export_rows(export, p, &err), CTS_ERR_INTERNAL);
+        assert_int_equal(cts_export_end(&export, NULL, &err), CTS_ERR_INTERNAL);
+        assert_null(export);
+        assert_int_equal(count_files(folder), 1);
+        p->height += CTS_BAND_ROWS;
+        cts_picture_free(&p);
+        unlink(a);
+    }
+    /* More than the 16 MiB of strips that wait for each other. */
+    CtsPicture *large = make_picture(3000, 1100, 4, false);
+    snprintf(a, sizeof a, "%s/a.png", folder);
+    snprintf(b, sizeof b, "%s/b.png", folder);
+    write_one(large, a);
+    export_in_bands(&(const CtsPicture *){large}, 1, false, 2 * CTS_BAND_ROWS, b, &plain);
+    assert_same_bytes(a, b);
+    cts_picture_free(&large);
+    remove_folder(folder);
+}
+
 static const char *text_of(png_structp png, png_infop info, const char *key)
 {
     png_textp text;
@@ -488,19 +541,13 @@ static void test_no_picture(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_png_round_trip),
-        cmocka_unit_test(test_png_metadata),
-        cmocka_unit_test(test_png_foreign),
-        cmocka_unit_test(test_png_cut),
-        cmocka_unit_test(test_png_promises_too_much),
-        cmocka_unit_test(test_check),
-        cmocka_unit_test(test_png_full),
-        cmocka_unit_test(test_exr_round_trip),
-        cmocka_unit_test(test_exr_camera),
-        cmocka_unit_test(test_exrheader),
-        cmocka_unit_test(test_exr_cut),
-        cmocka_unit_test(test_exr_full),
-        cmocka_unit_test(test_no_picture),
+        cmocka_unit_test(test_png_round_trip), cmocka_unit_test(test_bands),
+        cmocka_unit_test(test_png_metadata),   cmocka_unit_test(test_png_foreign),
+        cmocka_unit_test(test_png_cut),        cmocka_unit_test(test_png_promises_too_much),
+        cmocka_unit_test(test_check),          cmocka_unit_test(test_png_full),
+        cmocka_unit_test(test_exr_round_trip), cmocka_unit_test(test_exr_camera),
+        cmocka_unit_test(test_exrheader),      cmocka_unit_test(test_exr_cut),
+        cmocka_unit_test(test_exr_full),       cmocka_unit_test(test_no_picture),
     };
     return cmocka_run_group_tests_name("export", tests, NULL, NULL);
 }

@@ -227,6 +227,18 @@ static void test_frames(void **state)
             {0x2050, 0x0020, "CS", kind ? "IDENTITY" : ""},
         };
         check_attributes("frames.dcm", wanted, sizeof wanted / sizeof *wanted);
+        /* Band by band it is the same object, each band of a frame after the other. */
+        setenv("SOURCE_DATE_EPOCH", "1000000000", 1);
+        CtsPicture *tall[2] = {view_of(15, 200, kind ? 1 : 4, 0), view_of(15, 200, kind ? 1 : 4, 180)};
+        assert_int_equal(cts_export((const CtsPicture *const *)tall, 2, "tall.dcm", &settings, NULL, NULL, &err),
+                         CTS_OK);
+        export_in_bands((const CtsPicture *const *)tall, 2, kind, CTS_BAND_ROWS, "bands.dcm", &settings);
+        assert_same_bytes("tall.dcm", "bands.dcm");
+        unsetenv("SOURCE_DATE_EPOCH");
+        unlink("tall.dcm");
+        unlink("bands.dcm");
+        cts_picture_free(&tall[0]);
+        cts_picture_free(&tall[1]);
         /* Another size is refused: nothing is written. */
         CtsPicture *odd = view_of(16, 11, kind ? 1 : 4, 0);
         const CtsPicture *mixed[2] = {frames[0], odd};
