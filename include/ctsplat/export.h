@@ -40,13 +40,13 @@ typedef struct CtsExport CtsExport;
 
 /* first: the first band, of which no row is taken yet; its info.grey says whether all frames are grey. settings are
  * copied, their source and report must stay until the end. */
-CtsStatus cts_export_begin(CtsExport **export, const char *path, const CtsPicture *first, int n_frames,
+CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPicture *first, int n_frames,
                            const CtsExportSettings *settings, CtsReport *report, CtsError *err);
-CtsStatus cts_export_rows(CtsExport *export, const CtsPicture *band, CtsError *err);
-/* Makes *export NULL, whatever comes of it; bytes (may be NULL) is the file's size. */
-CtsStatus cts_export_end(CtsExport **export, uint64_t *bytes, CtsError *err);
-/* Gives up; does nothing when *export is NULL. */
-void cts_export_discard(CtsExport **export);
+CtsStatus cts_export_rows(CtsExport *output, const CtsPicture *band, CtsError *err);
+/* Makes *output NULL, whatever comes of it; bytes (may be NULL) is the file's size. */
+CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err);
+/* Gives up; does nothing when *output is NULL. */
+void cts_export_discard(CtsExport **output);
 
 /* Whole pictures at once; grey when every pixel is. bytes (may be NULL) is the file's size. */
 CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *path, const CtsExportSettings *settings,

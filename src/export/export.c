@@ -104,28 +104,28 @@ static void report_step(const CtsExport *e, double wall_ms, double cpu_ms, uint6
     cts_report_stage(e->job.report, CTS_STAGE_EXPORT, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, items, bytes);
 }
 
-void cts_export_discard(CtsExport **export)
+void cts_export_discard(CtsExport **output)
 {
-    CtsExport *e = *export;
+    CtsExport *e = *output;
     if (!e)
         return;
     e->format->close(&e->job);
     cts_temp_discard(&e->job.temp);
     free(e->job.path);
     free(e);
-    *export = NULL;
+    *output = NULL;
 }
 
-CtsStatus cts_export_begin(CtsExport **export, const char *path, const CtsPicture *first, int n_frames,
+CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPicture *first, int n_frames,
                            const CtsExportSettings *settings, CtsReport *report, CtsError *err)
 {
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     CtsStatus st;
-    *export = NULL;
+    *output = NULL;
     if ((st = cts_export_check(path, settings, err)) ||
         (st = cts_export_check_size(path, first->width, first->whole_height, n_frames, settings, err)))
         return st;
-    CtsExport *e = *export = calloc(1, sizeof *e);
+    CtsExport *e = *output = calloc(1, sizeof *e);
     if (!e)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     e->format = format_of(path);
@@ -145,7 +145,7 @@ CtsStatus cts_export_begin(CtsExport **export, const char *path, const CtsPictur
         st = e->format->begin(&e->job, err);
     report_step(e, wall_ms, cpu_ms, 0, 0);
     if (st)
-        cts_export_discard(export);
+        cts_export_discard(output);
     return st;
 }
 
@@ -167,10 +167,10 @@ CtsStatus cts_export_rows(CtsExport *e, const CtsPicture *band, CtsError *err)
     return st;
 }
 
-CtsStatus cts_export_end(CtsExport **export, uint64_t *bytes, CtsError *err)
+CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err)
 {
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
-    CtsExport *e = *export;
+    CtsExport *e = *output;
     const CtsExportHead *head = &e->job.head;
     uint64_t size = 0;
     CtsStatus st;
@@ -183,26 +183,26 @@ CtsStatus cts_export_end(CtsExport **export, uint64_t *bytes, CtsError *err)
                     size);
     if (bytes && !st)
         *bytes = size;
-    cts_export_discard(export);
+    cts_export_discard(output);
     return st;
 }
 
 CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *path, const CtsExportSettings *settings,
                      uint64_t *bytes, CtsReport *report, CtsError *err)
 {
-    CtsExport *export = NULL;
+    CtsExport *output = NULL;
     if (n_frames < 1)
         return cts_fail(err, CTS_ERR_USAGE, "%s: no picture to write", path);
     CtsPicture first = *frames[0];
     first.info.grey = true;
     for (int k = 0; k < n_frames; k++)
         first.info.grey = first.info.grey && cts_picture_is_grey(frames[k]);
-    CtsStatus st = cts_export_begin(&export, path, &first, n_frames, settings, report, err);
+    CtsStatus st = cts_export_begin(&output, path, &first, n_frames, settings, report, err);
     for (int k = 0; k < n_frames && !st; k++)
-        st = cts_export_rows(export, frames[k], err);
+        st = cts_export_rows(output, frames[k], err);
     if (!st)
-        st = cts_export_end(&export, bytes, err);
-    cts_export_discard(&export);
+        st = cts_export_end(&output, bytes, err);
+    cts_export_discard(&output);
     return st;
 }
 

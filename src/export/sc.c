@@ -230,13 +230,13 @@ CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frame
                         "%s: %d pictures of %dx%d are more than a DICOM object can hold, 4 GiB (fewer views or a "
                         "smaller --size)",
                         path, n_frames, width, height);
-    /* DCMTK encodes in memory, all frames at a time: what goes in and what comes out. */
+    /* DCMTK encodes in memory, all frames at a time: what goes in, what comes out, and as much again at times. */
     const uint64_t memory = cts_memory_available();
-    if (settings->compression != CTS_SC_NONE && memory > 0 && 2 * largest > memory)
+    if (settings->compression != CTS_SC_NONE && memory > 0 && 3 * largest > memory)
         return cts_fail(err, CTS_ERR_USAGE,
                         "%s: to compress %d pictures of %dx%d takes %.1f GB of memory, more than there is (--compress "
                         "none needs little)",
-                        path, n_frames, width, height, 2 * (double)largest / 1e9);
+                        path, n_frames, width, height, 3 * (double)largest / 1e9);
     return CTS_OK;
 }
 
