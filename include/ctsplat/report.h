@@ -67,7 +67,7 @@ typedef struct CtsVerified {
     double rmse_low, rmse_high; /* 95 % confidence interval */
     double p999, max;
     double share_above;  /* share of pixels off by more than 1/255 */
-    double wall_ms;
+    double wall_ms, cpu_ms; /* the verification's own; not the picture's, though in its composite stage */
     int worst_x, worst_y;
 } CtsVerified;
 
@@ -92,6 +92,9 @@ void cts_report_stage(CtsReport *report, CtsStage stage, double wall_ms, double 
  * (any unit, summed over threads; 0: did not run). Items and bytes are added as given (either may be NULL). */
 void cts_report_region(CtsReport *report, double wall_ms, double cpu_ms, const double busy[CTS_N_STAGES],
                        const uint64_t items[CTS_N_STAGES], const uint64_t bytes[CTS_N_STAGES]);
+
+/* CPU time from classify to warp, without that of verification: what the picture alone cost. */
+double cts_report_picture_cpu_ms(const CtsReport *report);
 
 void cts_report_skip(CtsReport *report, const char *what, const char *why_format, ...)
     __attribute__((format(printf, 3, 4)));

@@ -51,8 +51,16 @@ void cts_report_region(CtsReport *report, double wall_ms, double cpu_ms, const d
         sum += busy[s];
     for (int s = 0; s < CTS_N_STAGES && sum > 0; s++)
         if (busy[s] > 0)
-            cts_report_stage(report, (CtsStage)s, wall_ms * busy[s] / sum, cpu_ms * busy[s] / sum,
-                             items ? items[s] : 0, bytes ? bytes[s] : 0);
+            cts_report_stage(report, (CtsStage)s, wall_ms * busy[s] / sum, cpu_ms * busy[s] / sum, items ? items[s] : 0,
+                             bytes ? bytes[s] : 0);
+}
+
+double cts_report_picture_cpu_ms(const CtsReport *report)
+{
+    double sum = -report->verified.cpu_ms;
+    for (int s = CTS_STAGE_CLASSIFY; s <= CTS_STAGE_WARP; s++)
+        sum += report->stages[s].cpu_ms;
+    return sum > 0 ? sum : 0;
 }
 
 void cts_report_skip(CtsReport *report, const char *what, const char *why_format, ...)

@@ -125,20 +125,32 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     return st;
 }
 
-/* One verdict on all frames: pooled rmse, largest maximum. */
+/* Half the width of the interval in the logarithm, back as a share of the mean square. */
+static double spread_of(const CtsVerified *v)
+{
+    return v->rmse > 0 ? log(v->rmse_high / v->rmse_low) : 0;
+}
+
+/* One verdict on all frames: pooled rmse and interval, largest maximum and percentile. */
 static void add_verified(CtsVerified *all, const CtsVerified *frame)
 {
     const uint64_t n = all->pixels + frame->pixels;
     if (!n)
         return;
-    const bool worse = frame->max >= all->max;
     const CtsVerified before = *all;
-    if (worse)
-        *all = *frame;
     const double a = (double)before.pixels / (double)n, b = (double)frame->pixels / (double)n;
-    all->rmse = sqrt(a * before.rmse * before.rmse + b * frame->rmse * frame->rmse);
+    const double square[2] = {a * before.rmse * before.rmse, b * frame->rmse * frame->rmse};
+    const double mean = square[0] + square[1];
+    const double spread = mean > 0 ? hypot(square[0] * spread_of(&before), square[1] * spread_of(frame)) / mean : 0;
+    if (frame->max >= all->max)
+        *all = *frame;
+    all->rmse = sqrt(mean);
+    all->rmse_low = all->rmse * exp(-0.5 * spread);
+    all->rmse_high = all->rmse * exp(0.5 * spread);
+    all->p999 = fmax(before.p999, frame->p999);
     all->share_above = a * before.share_above + b * frame->share_above;
     all->wall_ms = before.wall_ms + frame->wall_ms;
+    all->cpu_ms = before.cpu_ms + frame->cpu_ms;
     all->pixels = n;
 }
 
@@ -172,15 +184,22 @@ static void print_plan(const Job *job)
         printf("left out: %s: %s\n", job->report.skips[i].what, job->report.skips[i].why);
 }
 
-static void print_verified(const CtsVerified *v)
+static void print_verified(const CtsReport *report)
 {
+    const CtsVerified *v = &report->verified;
+    const double picture_cpu_ms = cts_report_picture_cpu_ms(report);
     if (!v->pixels)
         return;
     char psnr[32] = "";
     if (v->rmse > 0)
         snprintf(psnr, sizeof psnr, " (%.1f dB)", -20 * log10(v->rmse));
-    cli_note("verified %llu pixels: rmse %.3g%s, largest %.3g at pixel %d,%d", (unsigned long long)v->pixels, v->rmse,
-             psnr, v->max, v->worst_x, v->worst_y);
+    cli_note("verified %llu pixels: rmse %.3g%s, 95 %% interval %.3g to %.3g; 99.9 %% of them within %.3g; "
+             "%.3g %% of the picture off by more than 1/255; largest %.3g at pixel %d,%d",
+             (unsigned long long)v->pixels, v->rmse, psnr, v->rmse_low, v->rmse_high, v->p999, 100 * v->share_above,
+             v->max, v->worst_x, v->worst_y);
+    if (v->cpu_ms >= picture_cpu_ms)
+        cli_note("verification took %.2f s of processor time, more than the picture's %.2f s", v->cpu_ms / 1000,
+                 picture_cpu_ms / 1000);
 }
 
 static void job_free(Job *job)
@@ -222,7 +241,7 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
     if (!st && options->render.explain)
         print_plan(&job);
     else if (!st)
-        print_verified(&job.verified);
+        print_verified(&job.report);
 end:
     cli_progress_clear();
     meter = cts_meter_start(&job.report);

@@ -275,7 +275,7 @@ void cts_verify_take(CtsVerify *v, const CtsPicture *band)
 
 CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
 {
-    const double start = cts_wall_ms();
+    const double start = cts_wall_ms(), cpu = cts_cpu_ms();
     CtsVerified verified;
     CtsStatus st;
     if (!v->reference)
@@ -284,6 +284,7 @@ CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
         (st = judge(v->reference, (const float(*)[4])v->found, &verified, err)))
         return st;
     verified.wall_ms = cts_wall_ms() - start;
+    verified.cpu_ms = cts_cpu_ms() - cpu;
     if (report)
         report->verified = verified;
     return CTS_OK;

@@ -114,10 +114,12 @@ static void plot_front(FILE *f, const CtsBenchRow *const *list, int n, double le
         if (!list[i]->pareto)
             continue;
         const bool is_below = list[i]->trilinear.rmse < least;
-        char samples[16], tolerance[32] = "", off[40] = "";
+        char samples[16], tolerance[40] = "", off[40] = "";
         cts_bench_samples_text(list[i], samples);
         if (list[i]->tolerance_hu > 0)
             snprintf(tolerance, sizeof tolerance, ", %g HU", list[i]->tolerance_hu);
+        if (list[i]->void_key)
+            strcat(tolerance, ", key");
         if (is_below) {
             snprintf(off, sizeof off, ": %.1e, below the axis", list[i]->trilinear.rmse);
             fprintf(f, "set arrow from %.6g,%.6g rto graph 0,-0.035 front lw 2 lc rgb '#000000'\n", list[i]->wall_ms,

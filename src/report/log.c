@@ -106,6 +106,28 @@ static bool told_before(const CtsReport *report, size_t index)
     return false;
 }
 
+/* Verification counts as compositing in the stages, which add up to the whole; here stands what it took of that. */
+static void log_verified(CtsLog *log, const CtsReport *report)
+{
+    const CtsVerified *v = &report->verified;
+    const double picture_cpu_ms = cts_report_picture_cpu_ms(report);
+    json_t *event = new_event(log, "error");
+    set_integer(event, "pixels", v->pixels);
+    json_object_set_new(event, "rmse", json_real(v->rmse));
+    json_object_set_new(event, "rmse_low", json_real(v->rmse_low));
+    json_object_set_new(event, "rmse_high", json_real(v->rmse_high));
+    /* JSON has no infinity: no error at all has no psnr_db. */
+    json_object_set_new(event, "psnr_db", v->rmse > 0 ? json_real(-20 * log10(v->rmse)) : json_null());
+    json_object_set_new(event, "p999", json_real(v->p999));
+    json_object_set_new(event, "max", json_real(v->max));
+    json_object_set_new(event, "share", json_real(v->share_above));
+    json_object_set_new(event, "cpu_ms", new_ms(v->cpu_ms));
+    json_object_set_new(event, "picture_cpu_ms", new_ms(picture_cpu_ms));
+    json_object_set_new(event, "cost",
+                        json_string(v->cpu_ms < picture_cpu_ms ? "less than the picture" : "more than the picture"));
+    add_line(log, event);
+}
+
 void cts_log_report(CtsLog *log, const CtsReport *report)
 {
     if (!log)
@@ -138,16 +160,8 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         set_integer(event, "splatted", report->voxels.splatted);
         add_line(log, event);
     }
-    if (report->verified.pixels) {
-        json_t *event = new_event(log, "error");
-        set_integer(event, "pixels", report->verified.pixels);
-        json_object_set_new(event, "rmse", json_real(report->verified.rmse));
-        /* JSON has no infinity: no error at all has no psnr_db. */
-        json_object_set_new(event, "psnr_db",
-                            report->verified.rmse > 0 ? json_real(-20 * log10(report->verified.rmse)) : json_null());
-        json_object_set_new(event, "max", json_real(report->verified.max));
-        add_line(log, event);
-    }
+    if (report->verified.pixels)
+        log_verified(log, report);
 }
 
 void cts_log_done(CtsLog *log, int n_threads)
