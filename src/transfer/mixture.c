@@ -11,8 +11,10 @@
 enum { N_GREY = 65536, MAX_ROUNDS = 200, DROP_EVERY = 8, MAX_PARTS = 2 * CTS_MAX_TISSUES };
 
 static const double LEAST_WEIGHT = 1e-6;
-/* Per voxel, of the log likelihood from round to round. */
-static const double CONVERGED = 1e-6;
+/* Per voxel, of the log likelihood from round to round: on bins of several HU, where most rounds are done, and then on
+ * single grey levels. */
+static const double CONVERGED_COARSE = 1e-6, CONVERGED = 1e-5;
+static const double COARSE_HU = 8;
 /* Further out than this many deviations a density counts as 0. */
 static const double REACH = 9;
 
@@ -40,7 +42,7 @@ typedef struct Bin {
 } Bin;
 
 typedef struct Fit {
-    Bin *bins;
+    const Bin *bins;
     int n_bins;
     double n_voxels, n_clipped; /* all, and those of grey 0 */
     double least_sd_hu;
@@ -205,28 +207,48 @@ static void begin(Fit *f)
     }
 }
 
-static void run(Fit *f)
+static void run(Fit *f, double converged)
 {
     CtsMixture *m = f->mixture;
     double before = -INFINITY;
     int n_still = 0;
     Sums sums;
-    begin(f);
-    while (m->n_rounds < MAX_ROUNDS) {
+    m->converged = false;
+    for (int round = 1; round <= MAX_ROUNDS && !m->converged; round++) {
         expect(f, &sums);
         maximise(f, &sums);
         m->n_rounds++;
         /* The starting values' pull can hold it still for a round. */
-        n_still = fabs(sums.log_likelihood - before) <= CONVERGED * f->n_voxels ? n_still + 1 : 0;
+        n_still = fabs(sums.log_likelihood - before) <= converged * f->n_voxels ? n_still + 1 : 0;
         const bool still = n_still == 3;
         before = sums.log_likelihood;
-        if ((still || m->n_rounds % DROP_EVERY == 0) && drop_any(f, still)) {
+        if ((still || round % DROP_EVERY == 0) && drop_any(f, still))
             n_still = 0;
-        } else if (still) {
-            m->converged = true;
-            break;
-        }
+        else
+            m->converged = still;
     }
+}
+
+/* Levels of a few HU as one, at their mean. */
+static void run_coarse(Fit *f, Bin *coarse)
+{
+    const Bin *bins = f->bins;
+    const int n_bins = f->n_bins;
+    int n = 0;
+    for (int b = 0; b < n_bins; n++) {
+        const double end_hu = bins[b].hu + COARSE_HU;
+        Bin sum = {0, 0};
+        for (; b < n_bins && bins[b].hu < end_hu; b++) {
+            sum.count += bins[b].count;
+            sum.hu += bins[b].count * bins[b].hu;
+        }
+        coarse[n] = (Bin){sum.hu / sum.count, sum.count};
+    }
+    f->bins = coarse;
+    f->n_bins = n;
+    run(f, CONVERGED_COARSE);
+    f->bins = bins;
+    f->n_bins = n_bins;
 }
 
 /* Rounds that were cut short, or weights too small to keep, leave a rest. */
@@ -247,6 +269,7 @@ static void normalise(CtsMixture *m)
 CtsStatus cts_mixture_fit(const uint64_t *count, double hu_offset, double hu_step, CtsMixture *mixture, CtsError *err)
 {
     Fit f = {.mixture = mixture, .least_sd_hu = fmax(1, hu_step)};
+    CtsStatus st;
     *mixture = (CtsMixture){.n = 0};
     for (int g = 0; g < N_GREY; g++) {
         mixture->n_voxels += count[g];
@@ -254,18 +277,24 @@ CtsStatus cts_mixture_fit(const uint64_t *count, double hu_offset, double hu_ste
     }
     if (mixture->n_voxels == 0)
         return cts_fail(err, CTS_ERR_USAGE, "a histogram of no voxels");
-    const CtsStatus st = cts_alloc_array(&f.bins, (size_t)mixture->n_levels, err);
-    if (st)
-        return st;
+    Bin *bins = NULL, *coarse = NULL;
+    if ((st = cts_alloc_array(&bins, (size_t)mixture->n_levels, err)) ||
+        (st = cts_alloc_array(&coarse, (size_t)mixture->n_levels, err)))
+        goto end;
     for (int g = 1; g < N_GREY; g++)
         if (count[g] > 0)
-            f.bins[f.n_bins++] = (Bin){hu_offset + hu_step * g, (double)count[g]};
+            bins[f.n_bins++] = (Bin){hu_offset + hu_step * g, (double)count[g]};
+    f.bins = bins;
     f.n_voxels = (double)mixture->n_voxels;
     f.n_clipped = (double)count[0];
-    run(&f);
+    begin(&f);
+    run_coarse(&f, coarse);
+    run(&f, CONVERGED);
     normalise(mixture);
-    cts_free(&f.bins);
-    return CTS_OK;
+end:
+    cts_free(&bins);
+    cts_free(&coarse);
+    return st;
 }
 
 double cts_mixture_void(const CtsMixture *m, const bool is_void[CTS_MAX_TISSUES], double hu)
