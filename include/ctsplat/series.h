@@ -21,7 +21,8 @@ typedef struct CtsSeries {
     char transfer_syntax[65];
     char orientation[16]; /* axial, coronal, sagittal or oblique */
     int n_slices, columns, rows;
-    double spacing_mm[3]; /* column, row, slice (along the slice normal, the median where it varies) */
+    double spacing_mm[3]; /* column, row, slice (along the slice normal, the median where it varies; 0: there are no
+                           * two positions to tell) */
     double tilt_deg;      /* angle between the slice normal and the line of positions */
     bool renderable;
     CtsStatus refusal;    /* why not, when not renderable: the status that loading would return */

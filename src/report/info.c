@@ -33,7 +33,10 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
         fputc('\n', file);
     }
     fprintf(file, "  slices           %d of %d x %d pixels, %s\n", s->n_slices, s->columns, s->rows, s->orientation);
-    fprintf(file, "  spacing          %.4g x %.4g x %.4g mm\n", s->spacing_mm[0], s->spacing_mm[1], s->spacing_mm[2]);
+    fprintf(file, "  spacing          %.4g x %.4g", s->spacing_mm[0], s->spacing_mm[1]);
+    if (s->spacing_mm[2] > 0)
+        fprintf(file, " x %.4g", s->spacing_mm[2]);
+    fprintf(file, " mm\n");
     fprintf(file, "  tilt             %.2f degrees\n", s->tilt_deg);
     if (f->known)
         fprintf(file, "  range            %.6g to %.6g HU\n", f->hu_min, f->hu_max);
@@ -93,9 +96,11 @@ static json_t *new_series(const CtsSeries *s, const CtsPixelFacts *f, bool show_
         json_object_set_new(object, "description", s->description ? new_text(s->description) : json_null());
     json_object_set_new(object, "slices", json_integer(s->n_slices));
     json_object_set_new(object, "dims", json_pack("[i,i,i]", s->columns, s->rows, s->n_slices));
-    json_object_set_new(object, "spacing_mm",
-                        json_pack("[o,o,o]", cts_json_new_number(s->spacing_mm[0]),
-                                  cts_json_new_number(s->spacing_mm[1]), cts_json_new_number(s->spacing_mm[2])));
+    json_t *spacing_mm = json_array();
+    for (int axis = 0; axis < 3; axis++)
+        json_array_append_new(spacing_mm,
+                              s->spacing_mm[axis] > 0 ? cts_json_new_number(s->spacing_mm[axis]) : json_null());
+    json_object_set_new(object, "spacing_mm", spacing_mm);
     json_object_set_new(object, "tilt_deg", cts_json_new_number(s->tilt_deg));
     json_object_set_new(object, "hu_min", f->known ? cts_json_new_number(f->hu_min) : json_null());
     json_object_set_new(object, "hu_max", f->known ? cts_json_new_number(f->hu_max) : json_null());

@@ -16,6 +16,8 @@ for s in info["series"]:
     assert set(s) == keys, set(s) ^ keys
     assert isinstance(s["slices"], int) and isinstance(s["tilt_deg"], (int, float)) and isinstance(s["renderable"], bool)
     assert len(s["dims"]) == 3 and len(s["spacing_mm"]) == 3
+    assert all(x is None or x > 0 for x in s["spacing_mm"]), s["spacing_mm"]
+    assert s["spacing_mm"][2] is not None or not s["renderable"], s
     for f in s["findings"]:
         assert set(f) == {"code", "severity", "text"} and f["severity"] in ("note", "warning", "refusal"), f
     if s["renderable"]:
@@ -33,5 +35,17 @@ assert any(not s["renderable"] for s in info["series"])
 shown = json.load(open("shown.json"))
 assert set(shown["series"][0]) == keys | {"description"}
 PY
+# Without two positions there is no spacing of slices, and none is told: a scout alone, one slice, all at one place.
+mkdir scout
+cp "$data"/series/localizer/IM0011.dcm scout
+for folder in scout "$data/geometry/one-slice" "$data/geometry/same-position"; do
+    ok info "$folder"
+    has out '^  spacing +[0-9.]+ x [0-9.]+ mm$'
+    has out 'renderable +no'
+    ok info "$folder" --json
+    "$python" -c 'import json
+found = json.load(open("out"))["series"]
+assert len(found) == 1 and found[0]["spacing_mm"][2] is None, found' || fail "the slice spacing of $folder"
+done
 refused 3 'nowhere' info nowhere
 refused 3 '' info "$data/broken/none"
