@@ -137,7 +137,6 @@ static void test_bands(void **state)
             s.mm_per_pixel = n ? 0.4 : 0.3;
             s.shade = n ? CTS_ON : CTS_OFF;
             s.want_depth = true;
-
             s.verify = 30;
             s.samples = n && engine != CTS_ENGINE_RAYCAST ? 2 : 0;
             check_bands(v, &preset, &s);
