@@ -8,6 +8,14 @@ extern "C" {
 
 enum { CTS_CPU_AVX2 = 1 };
 
+/* In front of a function of plain integer loops: compiled twice, the version that the processor can run is taken when
+ * the program starts. Integers alone, so that both give the same bytes. */
+#if defined(__x86_64__)
+#define CTS_VECTOR_CLONES __attribute__((target_clones("avx2", "default")))
+#else
+#define CTS_VECTOR_CLONES
+#endif
+
 /* Flags found at run time; kernels take `cts_cpu_flags() & settings->cpu_mask`. */
 unsigned cts_cpu_flags(void);
 /* Cores in this process's affinity mask, at least 1. */

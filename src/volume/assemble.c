@@ -248,7 +248,7 @@ static CtsStatus fill(const CtsSeries *series, const CtsSliceStack *stack, int o
     if (!st)
         st = read_slices(&a, report, err);
     if (!st && a.blocks) {
-        cts_blocks_end(a.blocks);
+        cts_blocks_end(a.blocks, n_threads);
         v->blocks = a.blocks;
         a.blocks = NULL;
     }

@@ -1,5 +1,6 @@
 #include "volume/bits.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
 #include <string.h>
 
@@ -12,6 +13,14 @@ CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err)
     if (cts_mul_overflows((size_t)dims[1] * (size_t)dims[2], bits->row_words, &n))
         return cts_fail(err, CTS_ERR_MEMORY, "a mask of %d x %d x %d voxels is too large", dims[0], dims[1], dims[2]);
     return cts_alloc_zeroed(&bits->words, n, err);
+}
+
+CtsStatus cts_bits_copy(CtsBits *bits, const CtsBits *of, CtsError *err)
+{
+    const CtsStatus st = cts_bits_new(bits, of->dims, err);
+    if (!st)
+        cts_bits_combine(bits, CTS_BITS_COPY, of);
+    return st;
 }
 
 void cts_bits_free(CtsBits *bits)
@@ -47,19 +56,23 @@ uint64_t cts_bits_count_run(const uint64_t *row, int first, int end)
     return n;
 }
 
-/* 64 comparisons as bytes, which compilers vectorise, then 8 bytes at a time into 8 bits. */
-static uint64_t threshold_word(const uint16_t *grey, uint16_t grey_min)
+/* 8 comparisons as bytes, which compilers vectorise, then those 8 bytes into 8 bits. */
+static inline uint64_t threshold_byte(const uint16_t *grey, uint16_t grey_min)
 {
-    uint8_t at_least[64];
-    for (int i = 0; i < 64; i++)
+    uint8_t at_least[8];
+    for (int i = 0; i < 8; i++)
         at_least[i] = grey[i] >= grey_min;
+    uint64_t bytes = 0;
+    for (int b = 0; b < 8; b++)
+        bytes |= (uint64_t)at_least[b] << (8 * b);
+    return (bytes * UINT64_C(0x0102040810204080)) >> 56;
+}
+
+static inline uint64_t threshold_word(const uint16_t *grey, uint16_t grey_min)
+{
     uint64_t word = 0;
-    for (int i = 0; i < 8; i++) {
-        uint64_t bytes = 0;
-        for (int b = 0; b < 8; b++)
-            bytes |= (uint64_t)at_least[8 * i + b] << (8 * b);
-        word |= (bytes * UINT64_C(0x0102040810204080)) >> 56 << (8 * i);
-    }
+    for (int i = 0; i < 8; i++)
+        word |= threshold_byte(grey + 8 * i, grey_min) << (8 * i);
     return word;
 }
 
@@ -75,22 +88,127 @@ void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16
     }
 }
 
-void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, uint16_t grey_min, int n_threads)
+/* Bits of one word that the blocks over it decide, and those of them that are set. */
+typedef struct Known {
+    uint64_t bits, set;
+} Known;
+
+enum { PER_WORD = 64 / CTS_FINE_BLOCK, ROW_BLOCKS = CTS_BITS_ROW_WORDS * PER_WORD };
+
+/* What the n fine blocks of a row say, word by word; a voxel behind the last block belongs to it. */
+CTS_VECTOR_CLONES static void look_at_blocks(const CtsRange *range, int n, uint16_t min, Known *known, size_t n_words)
+{
+    uint8_t all[ROW_BLOCKS], some[ROW_BLOCKS];
+    for (int b = 0; b < n; b++) {
+        all[b] = range[b].low >= min;
+        some[b] = range[b].high >= min;
+    }
+    for (int b = n; b < (int)n_words * PER_WORD; b++) {
+        all[b] = all[n - 1];
+        some[b] = some[n - 1];
+    }
+    const uint64_t block = (UINT64_C(1) << CTS_FINE_BLOCK) - 1;
+    for (size_t w = 0; w < n_words; w++) {
+        uint64_t set = 0, open = 0;
+        for (int b = 0; b < PER_WORD; b++) {
+            const size_t at = w * PER_WORD + (size_t)b;
+            set |= (uint64_t)all[at] << (b * CTS_FINE_BLOCK);
+            open |= (uint64_t)(some[at] & !all[at]) << (b * CTS_FINE_BLOCK);
+        }
+        known[w] = (Known){~(open * block), set * block};
+    }
+}
+
+static void threshold_open(uint64_t *row, const uint16_t *levels, int n, uint16_t min, const Known *known)
+{
+    for (int w = 0; w < n / 64; w++) {
+        row[w] = known[w].set;
+        for (uint64_t open = ~known[w].bits, byte; open; open &= ~byte) {
+            const int at = __builtin_ctzll(open) / 8 * 8;
+            byte = UINT64_C(0xFF) << at;
+            row[w] = (row[w] & ~byte) | threshold_byte(levels + 64 * w + at, min) << at;
+        }
+    }
+    if (n % 64)
+        cts_bits_threshold_row(row + n / 64, levels + n / 64 * 64, n % 64, min);
+}
+
+/* Rows j0 <= j < j1 of slices k0 <= k < k1: those of one row of fine blocks. */
+typedef struct Beam {
+    int j0, j1, k0, k1;
+} Beam;
+
+/* The last block of an axis has the voxel behind it, too. */
+static int block_end(int block, int n_blocks, int n)
+{
+    return block + 1 < n_blocks ? (block + 1) * CTS_FINE_BLOCK : n;
+}
+
+/* What is read is scattered; asking for it one row of blocks ahead hides the time that memory takes. */
+static void ask_for_open(const CtsBits *bits, const uint16_t *grey, const Beam *beam, const Known *known)
+{
+    enum { PER_LINE = 32 }; /* levels of a cache line */
+    const size_t nx = (size_t)bits->dims[0], ny = (size_t)bits->dims[1];
+    for (size_t at = 0; at < nx; at += PER_LINE) {
+        if (!(uint32_t)(~known[at / 64].bits >> at % 64))
+            continue;
+        for (int k = beam->k0; k < beam->k1; k++)
+            for (int j = beam->j0; j < beam->j1; j++)
+                __builtin_prefetch(grey + ((size_t)k * ny + (size_t)j) * nx + at);
+    }
+}
+
+static void threshold_beam(CtsBits *bits, const uint16_t *grey, const Beam *beam, uint16_t min, const Known *known)
 {
     const size_t nx = (size_t)bits->dims[0], ny = (size_t)bits->dims[1];
+    for (int k = beam->k0; k < beam->k1; k++)
+        for (int j = beam->j0; j < beam->j1; j++)
+            threshold_open(cts_bits_row(bits, j, k), grey + ((size_t)k * ny + (size_t)j) * nx, bits->dims[0], min,
+                           known);
+}
+
+static void threshold_layer(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, int bk, uint16_t min)
+{
+    const int *n = blocks->n_fine;
+    Known known[2][CTS_BITS_ROW_WORDS];
+    Beam beam[2];
+    for (int bj = 0; bj <= n[1]; bj++) {
+        const int ahead = bj % 2, now = !ahead;
+        if (bj < n[1]) {
+            beam[ahead] = (Beam){bj * CTS_FINE_BLOCK, block_end(bj, n[1], bits->dims[1]), bk * CTS_FINE_BLOCK,
+                                 block_end(bk, n[2], bits->dims[2])};
+            look_at_blocks(blocks->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0], n[0], min,
+                           known[ahead], bits->row_words);
+            ask_for_open(bits, grey, &beam[ahead], known[ahead]);
+        }
+        if (bj)
+            threshold_beam(bits, grey, &beam[now], min, known[now]);
+    }
+}
+
+void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min, int n_threads)
+{
+    const size_t nx = (size_t)bits->dims[0], ny = (size_t)bits->dims[1];
+    if (!blocks) {
 #pragma omp parallel for schedule(static) num_threads(n_threads)
-    for (int k = 0; k < bits->dims[2]; k++)
-        for (int j = 0; j < bits->dims[1]; j++)
-            cts_bits_threshold_row(cts_bits_row(bits, j, k), grey + ((size_t)k * ny + (size_t)j) * nx, bits->dims[0],
-                                   grey_min);
+        for (int k = 0; k < bits->dims[2]; k++)
+            for (int j = 0; j < bits->dims[1]; j++)
+                cts_bits_threshold_row(cts_bits_row(bits, j, k), grey + ((size_t)k * ny + (size_t)j) * nx,
+                                       bits->dims[0], grey_min);
+        return;
+    }
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
+    for (int bk = 0; bk < blocks->n_fine[2]; bk++)
+        threshold_layer(bits, grey, blocks, bk, grey_min);
 }
 
 /* Words of a slice that are spread at a time. */
 enum { BLOCK = 256 };
 
 /* Add words of a slice shifted by whole rows: sum[n] |= slice[from + n + shift] where that lies within the slice. */
-static void add_shifted(uint64_t *restrict sum, const uint64_t *restrict slice, ptrdiff_t from, ptrdiff_t n_sum,
-                        ptrdiff_t shift, ptrdiff_t n_slice)
+static inline __attribute__((always_inline)) void add_shifted(uint64_t *restrict sum, const uint64_t *restrict slice,
+                                                              ptrdiff_t from, ptrdiff_t n_sum, ptrdiff_t shift,
+                                                              ptrdiff_t n_slice)
 {
     const ptrdiff_t first = -(from + shift) > 0 ? -(from + shift) : 0;
     const ptrdiff_t end = n_slice - from - shift < n_sum ? n_slice - from - shift : n_sum;
@@ -99,8 +217,9 @@ static void add_shifted(uint64_t *restrict sum, const uint64_t *restrict slice, 
 }
 
 /* All neighbouring rows and slices of a block; the word itself is left to the caller. */
-static void add_neighbours(const CtsBits *in, int k, CtsNeighbours neighbours, unsigned axes, ptrdiff_t from,
-                           ptrdiff_t n_sum, uint64_t *sum)
+static inline __attribute__((always_inline)) void add_neighbours(const CtsBits *in, int k, CtsNeighbours neighbours,
+                                                                 unsigned axes, ptrdiff_t from, ptrdiff_t n_sum,
+                                                                 uint64_t *sum)
 {
     const ptrdiff_t row = (ptrdiff_t)in->row_words, n_slice = row * in->dims[1];
     for (int dk = -1; dk <= 1; dk++) {
@@ -114,8 +233,9 @@ static void add_neighbours(const CtsBits *in, int k, CtsNeighbours neighbours, u
 
 /* The words from <= n < from + n_block of slice k. The box spreads the sum of all rows along x, the cross only its own.
  */
-static void dilate_block(const CtsBits *in, CtsBits *out, int k, CtsNeighbours neighbours, unsigned axes,
-                         ptrdiff_t from, ptrdiff_t n_block)
+static inline __attribute__((always_inline)) void dilate_block(const CtsBits *in, CtsBits *out, int k,
+                                                               CtsNeighbours neighbours, unsigned axes, ptrdiff_t from,
+                                                               ptrdiff_t n_block)
 {
     uint64_t sum[BLOCK + 2] = {0}, *restrict to = cts_bits_row(out, 0, k) + from;
     const ptrdiff_t n_slice = (ptrdiff_t)in->row_words * in->dims[1];
@@ -132,29 +252,51 @@ static void dilate_block(const CtsBits *in, CtsBits *out, int k, CtsNeighbours n
         add_neighbours(in, k, neighbours, axes, from, n_block, to);
 }
 
-static void dilate_slice_rows(const CtsBits *in, CtsBits *out, int k, CtsNeighbours neighbours, unsigned axes,
-                              int first, int end)
+static inline __attribute__((always_inline)) void mask_last_words(const CtsBits *in, CtsBits *out, int k, int first,
+                                                                  int end)
 {
-    const ptrdiff_t row = (ptrdiff_t)in->row_words, stop = row * end;
-    for (ptrdiff_t from = row * first; from < stop; from += BLOCK)
-        dilate_block(in, out, k, neighbours, axes, from, stop - from < BLOCK ? stop - from : BLOCK);
     for (int j = first; j < end; j++)
-        cts_bits_row(out, j, k)[row - 1] &= cts_bits_mask(in, in->row_words - 1);
+        cts_bits_row(out, j, k)[in->row_words - 1] &= cts_bits_mask(in, in->row_words - 1);
+}
+
+CTS_VECTOR_CLONES static void dilate_slice(const CtsBits *in, CtsBits *out, int k, CtsNeighbours neighbours,
+                                           unsigned axes)
+{
+    const ptrdiff_t stop = (ptrdiff_t)in->row_words * in->dims[1];
+    for (ptrdiff_t from = 0; from < stop; from += BLOCK)
+        dilate_block(in, out, k, neighbours, axes, from, stop - from < BLOCK ? stop - from : BLOCK);
+    mask_last_words(in, out, k, 0, in->dims[1]);
 }
 
 void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, unsigned axes, int n_threads)
 {
 #pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(in))
     for (int k = 0; k < in->dims[2]; k++)
-        dilate_slice_rows(in, out, k, neighbours, axes, 0, in->dims[1]);
+        dilate_slice(in, out, k, neighbours, axes);
 }
 
-void cts_bits_dilate_rows(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, int first, int end)
+CTS_VECTOR_CLONES void cts_bits_grow_rows(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, int first, int end,
+                                          const uint64_t *rival, const uint64_t *rival_own)
 {
-    dilate_slice_rows(in, out, 0, neighbours, CTS_AXES_SLICE, first, end);
+    const ptrdiff_t row = (ptrdiff_t)in->row_words, stop = row * end;
+    for (ptrdiff_t from = row * first; from < stop; from += BLOCK) {
+        const ptrdiff_t n_block = stop - from < BLOCK ? stop - from : BLOCK;
+        dilate_block(in, out, 0, neighbours, CTS_AXES_SLICE, from, n_block);
+        for (ptrdiff_t n = from; n < from + n_block; n++)
+            out->words[n] = in->words[n] | (out->words[n] & ~rival[n] & ~rival_own[n]);
+    }
+    mask_last_words(in, out, 0, first, end);
 }
 
-void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
+CTS_VECTOR_CLONES void cts_bits_join_rows(const uint64_t *a, const uint64_t *b, CtsBits *to, int first, int end,
+                                          const uint64_t *rival, const uint64_t *rival_own)
+{
+    const size_t stop = (size_t)end * to->row_words;
+    for (size_t w = (size_t)first * to->row_words; w < stop; w++)
+        to->words[w] |= (a[w] | b[w]) & ~rival[w] & ~rival_own[w];
+}
+
+CTS_VECTOR_CLONES void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
 {
     const size_t n = cts_bits_n_words(a);
     switch (op) {
@@ -182,10 +324,34 @@ void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
     }
 }
 
-uint64_t cts_bits_count(const CtsBits *bits)
+CTS_VECTOR_CLONES static uint64_t count_words(const uint64_t *words, size_t n)
 {
     uint64_t count = 0;
-    for (size_t w = 0; w < cts_bits_n_words(bits); w++)
-        count += (uint64_t)cts_popcount(bits->words[w]);
+    for (size_t w = 0; w < n; w++)
+        count += (uint64_t)cts_popcount(words[w]);
     return count;
+}
+
+uint64_t cts_bits_take_slice(CtsBits *a, const CtsBits *b, int k)
+{
+    const size_t n = a->row_words * (size_t)a->dims[1];
+    uint64_t *words = cts_bits_row(a, 0, k);
+    const uint64_t *taken = cts_bits_row(b, 0, k);
+    for (size_t w = 0; w < n; w++)
+        words[w] &= ~taken[w];
+    return count_words(words, n);
+}
+
+uint64_t cts_bits_count(const CtsBits *bits)
+{
+    return count_words(bits->words, cts_bits_n_words(bits));
+}
+
+bool cts_bits_is_empty(const CtsBits *bits)
+{
+    const size_t n = cts_bits_n_words(bits);
+    for (size_t w = 0; w < n; w++)
+        if (bits->words[w])
+            return false;
+    return true;
 }

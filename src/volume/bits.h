@@ -2,7 +2,7 @@
 #ifndef CTS_VOLUME_BITS_H
 #define CTS_VOLUME_BITS_H
 
-#include "ctsplat/status.h"
+#include "volume/blocks.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -17,8 +17,9 @@ typedef struct CtsBits {
 
 enum { CTS_BITS_ROW_WORDS = 1025 }; /* at most, 65599 voxels a row */
 
-/* All bits 0. A zero-initialised CtsBits may be freed. */
+/* All bits 0, or those of another. A zero-initialised CtsBits may be freed. */
 CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err);
+CtsStatus cts_bits_copy(CtsBits *bits, const CtsBits *of, CtsError *err);
 void cts_bits_free(CtsBits *bits);
 
 static inline size_t cts_bits_n_words(const CtsBits *bits)
@@ -71,20 +72,28 @@ uint64_t cts_bits_count_run(const uint64_t *row, int first, int end);
 /* One row: bit i tells whether level i of n is at least min. */
 void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);
 
-/* Pass on the shape over voxels whose level is at least grey_min; grey has the dimensions of bits. */
-void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, uint16_t grey_min, int n_threads);
+/* The voxels whose level is at least grey_min; grey has the dimensions of bits. With the volume's blocks (NULL: none),
+ * only what their ranges leave open is read. */
+void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min, int n_threads);
 
 /* Set what is set and its neighbours along the axes in the mask `axes` (bit 0: columns, 1: rows, 2: slices): the cross
  * shares a face, the box also an edge or a corner. in and out differ. */
 enum { CTS_AXES_ALL = 7, CTS_AXES_SLICE = 3 };
 typedef enum CtsNeighbours { CTS_CROSS, CTS_BOX } CtsNeighbours;
 void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, unsigned axes, int n_threads);
-/* The same within the one slice of in, for the rows first <= j < end of out only. */
-void cts_bits_dilate_rows(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, int first, int end);
+/* Growth within one slice, for the rows first <= j < end: out is in and its neighbours, a join is `to` and the slices a
+ * and b, but neither takes new voxels of what its rival holds by now or owned from the start. */
+void cts_bits_grow_rows(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, int first, int end,
+                        const uint64_t *rival, const uint64_t *rival_own);
+void cts_bits_join_rows(const uint64_t *a, const uint64_t *b, CtsBits *to, int first, int end, const uint64_t *rival,
+                        const uint64_t *rival_own);
 
 typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_COPY, CTS_BITS_NOT } CtsBitsOp;
 /* a = a op b, word by word; CTS_BITS_COPY and _NOT take b alone. */
 void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
+/* a = a and not b in slice k; how many are left there. */
+uint64_t cts_bits_take_slice(CtsBits *a, const CtsBits *b, int k);
 uint64_t cts_bits_count(const CtsBits *bits);
+bool cts_bits_is_empty(const CtsBits *bits);
 
 #endif

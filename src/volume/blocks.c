@@ -1,14 +1,9 @@
 #include "volume/blocks.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
 #include <stdlib.h>
 #include <string.h>
-
-#if defined(__x86_64__)
-#define VECTOR_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define VECTOR_CLONES
-#endif
 
 /* Columns folded at a time; a fine block reaches over CTS_FINE_BLOCK + 1 voxels. */
 enum { STRIP = 1024, REACH = CTS_FINE_BLOCK + 1 };
@@ -31,8 +26,8 @@ static inline void widen(CtsRange *r, CtsRange other)
 
 /* n_rows rows of n columns, row_stride apart, become the ranges of n_blocks fine blocks side by side; the columns
  * behind the last one are taken to repeat it. */
-VECTOR_CLONES static void fold_strip(const uint16_t *row, size_t row_stride, int n_rows, int n, CtsRange *range,
-                                     int n_blocks)
+CTS_VECTOR_CLONES static void fold_strip(const uint16_t *row, size_t row_stride, int n_rows, int n, CtsRange *range,
+                                         int n_blocks)
 {
     uint16_t low[STRIP + 2 * REACH], high[STRIP + 2 * REACH];
     memcpy(low, row, (size_t)n * sizeof *low);
@@ -107,7 +102,6 @@ CtsStatus cts_blocks_begin(CtsBlocks **blocks, const int dims[3], CtsError *err)
         cts_blocks_free(blocks);
         return st;
     }
-    clear(b->range, product(b->n));
     clear(b->fine, product(b->n_fine));
     return CTS_OK;
 }
@@ -129,24 +123,39 @@ void cts_blocks_add(CtsBlocks *b, int k, const uint16_t *slice)
         widen(&own[i], shared[i]);
 }
 
-void cts_blocks_end(CtsBlocks *b)
+/* One layer of coarse blocks from its fine ones. */
+static void sum_layer(CtsBlocks *b, int bk)
 {
-    const int *nf = b->n_fine;
-    const size_t layer = (size_t)nf[0] * (size_t)nf[1];
-    for (int bk = 0; bk < nf[2]; bk++) {
-        CtsRange *own = b->fine + (size_t)bk * layer;
-        if ((bk + 1) * CTS_FINE_BLOCK < b->dims[2])
-            for (size_t i = 0; i < layer; i++)
-                widen(&own[i], b->shared[(size_t)(bk + 1) * layer + i]);
-        for (int bj = 0; bj < nf[1]; bj++)
-            for (int bi = 0; bi < nf[0]; bi++)
-                widen(&b->range[((size_t)(bk / 2) * (size_t)b->n[1] + (size_t)(bj / 2)) * (size_t)b->n[0] +
-                                (size_t)(bi / 2)],
-                      own[(size_t)bj * (size_t)nf[0] + (size_t)bi]);
-    }
+    const int *n = b->n, *nf = b->n_fine;
+    CtsRange *layer = b->range + (size_t)bk * (size_t)n[0] * (size_t)n[1];
+    clear(layer, (size_t)n[0] * (size_t)n[1]);
+    for (int fk = 2 * bk; fk < 2 * bk + 2 && fk < nf[2]; fk++)
+        for (int fj = 0; fj < nf[1]; fj++) {
+            const CtsRange *fine = b->fine + ((size_t)fk * (size_t)nf[1] + (size_t)fj) * (size_t)nf[0];
+            CtsRange *row = layer + (size_t)(fj / 2) * (size_t)n[0];
+            for (int fi = 0; fi < nf[0]; fi++)
+                widen(&row[fi / 2], fine[fi]);
+        }
+}
+
+void cts_blocks_sum(CtsBlocks *b, int n_threads)
+{
+#pragma omp parallel for schedule(static) num_threads(n_threads)
+    for (int bk = 0; bk < b->n[2]; bk++)
+        sum_layer(b, bk);
     b->all = (CtsRange){65535, 0};
     for (size_t i = 0; i < product(b->n); i++)
         widen(&b->all, b->range[i]);
+}
+
+void cts_blocks_end(CtsBlocks *b, int n_threads)
+{
+    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
+#pragma omp parallel for schedule(static) num_threads(n_threads)
+    for (int bk = 0; bk < b->n_fine[2]; bk++)
+        for (size_t i = 0; i < layer && (bk + 1) * CTS_FINE_BLOCK < b->dims[2]; i++)
+            widen(&b->fine[(size_t)bk * layer + i], b->shared[(size_t)(bk + 1) * layer + i]);
+    cts_blocks_sum(b, n_threads);
     cts_free(&b->shared);
 }
 
@@ -160,7 +169,7 @@ CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_thre
 #pragma omp parallel for schedule(static, CTS_FINE_BLOCK) num_threads(n_threads)
     for (int k = 0; k < volume->dims[2]; k++)
         cts_blocks_add(b, k, volume->grey + (size_t)k * slice);
-    cts_blocks_end(b);
+    cts_blocks_end(b, n_threads);
     return CTS_OK;
 }
 

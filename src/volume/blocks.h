@@ -30,7 +30,9 @@ CtsStatus cts_blocks_begin(CtsBlocks **blocks, const int dims[3], CtsError *err)
  * from one thread at a time. */
 void cts_blocks_add(CtsBlocks *blocks, int k, const uint16_t *slice);
 /* After the last slice. */
-void cts_blocks_end(CtsBlocks *blocks);
+void cts_blocks_end(CtsBlocks *blocks, int n_threads);
+/* The ranges of the coarse blocks and of all, once the fine ones have changed. */
+void cts_blocks_sum(CtsBlocks *blocks, int n_threads);
 void cts_blocks_free(CtsBlocks **blocks);
 
 /* All of it for a volume in memory, by n_threads. */

@@ -76,14 +76,18 @@ static CtsStatus enclose(Couch *c, CtsError *err)
 {
     CtsStatus st;
     CouchBody *b = &c->body;
-    if ((st = couch_cells(&c->scene, &c->grid, &b->parts, b->verdict.body, &c->cells, NULL, err)) ||
-        (st = couch_inside(&c->scene, &c->grid, &c->cells, &c->inside, &c->has_outside, err)))
+    bool grew;
+    if ((st = couch_body_cells(&c->scene, &c->grid, b, err)) || (st = cts_bits_copy(&c->cells, &b->any, err)) ||
+        (st = couch_inside(&c->scene, &c->grid, &c->cells, &c->inside, &c->has_outside, err)) ||
+        (st = couch_adopt(&c->scene, &c->grid, &b->parts, &c->cells, &c->inside, &b->verdict, &grew, err)))
         return st;
-    return couch_adopt(&c->scene, &c->grid, &b->parts, &c->cells, &c->inside, &b->verdict, err);
+    if (grew)
+        couch_body_forget_cells(b);
+    return CTS_OK;
 }
 
 /* What may be table, yet stays. */
-static CtsStatus report_kept(const Couch *c, CtsError *err)
+static CtsStatus report_kept(Couch *c, CtsError *err)
 {
     double slab_mm3;
     const CtsStatus st = couch_find_slab(&c->scene, &c->grid, &c->body, &slab_mm3, err);
@@ -104,23 +108,33 @@ static CtsStatus report_kept(const Couch *c, CtsError *err)
     return CTS_OK;
 }
 
-/* Everything above the threshold that is not body is foreign: the other parts and the seam. */
+/* Everything above the threshold that is not body is foreign: the other parts and the seam. body gets the body's
+ * voxels, which leave the mask. */
+static uint64_t tell_foreign(Couch *c, CtsBits *body)
+{
+    CtsBits *const foreign = &c->body.mask;
+    uint64_t n_foreign = 0;
+    cts_parts_paint(&c->body.parts, c->body.verdict.body, body, c->scene.n_threads);
+#pragma omp parallel for schedule(static) num_threads(c->scene.n_threads) reduction(+ : n_foreign)
+    for (int k = 0; k < foreign->dims[2]; k++)
+        n_foreign += cts_bits_take_slice(foreign, body, k);
+    return n_foreign;
+}
+
 static CtsStatus clear(Couch *c, CtsVolume *volume, CtsError *err)
 {
     CtsStatus st;
-    CtsBits body = {0}, *const foreign = &c->body.mask; /* once body is out of it */
+    CtsBits body = {0};
     uint64_t n_cleared;
     if ((st = cts_bits_new(&body, c->body.mask.dims, err)))
         goto end;
-    cts_parts_paint(&c->body.parts, c->body.verdict.body, &body, c->scene.n_threads);
-    cts_bits_combine(foreign, CTS_BITS_AND_NOT, &body);
-    const uint64_t n_foreign = cts_bits_count(foreign);
+    const uint64_t n_foreign = tell_foreign(c, &body);
     const double foreign_mm3 = (double)n_foreign * c->scene.voxel_mm3;
     if (foreign_mm3 < NOTHING_MM3) {
         cts_report_skip(c->report, WHAT, "nothing above %g HU lies outside the body", BODY_HU);
         goto end;
     }
-    if ((st = couch_clear(&c->scene, volume, &body, foreign, &c->grid, &c->cells, &c->inside, &n_cleared, err)))
+    if ((st = couch_clear(&c->scene, volume, &body, &c->body.mask, &c->grid, &c->cells, &c->inside, &n_cleared, err)))
         goto end;
     cts_report_finding(
         c->report, "table_removed", CTS_NOTE,
@@ -138,7 +152,7 @@ static CtsStatus remove_table(Couch *c, CtsVolume *volume, CtsError *err)
     CtsStatus st;
     if ((st = cts_bits_new(&c->body.mask, volume->dims, err)))
         return st;
-    cts_bits_threshold(&c->body.mask, volume->grey, threshold_grey(volume), c->scene.n_threads);
+    cts_bits_threshold(&c->body.mask, volume->grey, volume->blocks, threshold_grey(volume), c->scene.n_threads);
     if (!mask_is_usable(c))
         return st;
     if ((st = couch_body_find(&c->scene, &c->body, NULL, err)) ||

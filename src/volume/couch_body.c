@@ -21,6 +21,7 @@ CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, const CtsBit
         cts_bits_combine(&left, CTS_BITS_COPY, &body->mask);
         cts_bits_combine(&left, CTS_BITS_AND_NOT, away);
     }
+    couch_body_forget_cells(body);
     st = cts_parts_find(&body->parts, away ? &left : &body->mask, scene->n_threads, err);
     cts_bits_free(&left);
     return st ? st : couch_judge(scene, &body->parts, &body->verdict, err);
@@ -31,6 +32,19 @@ void couch_body_free(CouchBody *body)
     cts_bits_free(&body->mask);
     cts_parts_free(&body->parts);
     couch_verdict_free(&body->verdict);
+    couch_body_forget_cells(body);
+}
+
+CtsStatus couch_body_cells(const CouchScene *scene, const CouchGrid *g, CouchBody *body, CtsError *err)
+{
+    return body->any.words ? CTS_OK
+                           : couch_cells(scene, g, &body->parts, body->verdict.body, &body->any, &body->solid, err);
+}
+
+void couch_body_forget_cells(CouchBody *body)
+{
+    cts_bits_free(&body->any);
+    cts_bits_free(&body->solid);
 }
 
 static void hints_free(CouchHints *hints)
@@ -90,34 +104,31 @@ end:
 }
 
 /* What is far from anything thin_mm thick; far_mm3 is how much of the body it is. */
-static CtsStatus look(const CouchScene *scene, const CouchGrid *g, const CouchBody *b, double thin_mm, double bulky_mm,
+static CtsStatus look(const CouchScene *scene, const CouchGrid *g, CouchBody *b, double thin_mm, double bulky_mm,
                       CouchHints *hints, double *far_mm3, CtsError *err)
 {
     CtsStatus st;
-    CtsBits any = {0}, solid = {0}, thick = {0};
+    CtsBits thick = {0};
     bool has_outside;
     *hints = (CouchHints){.grid = g};
     *far_mm3 = 0;
-    if ((st = couch_cells(scene, g, &b->parts, b->verdict.body, &any, &solid, err)) ||
-        (st = couch_thick(scene, g, &any, &solid, thin_mm, bulky_mm, &hints->core, &thick, err)) ||
+    if ((st = couch_body_cells(scene, g, b, err)) ||
+        (st = couch_thick(scene, g, &b->any, &b->solid, thin_mm, bulky_mm, &hints->core, &thick, err)) ||
         (st = couch_inside(scene, g, &thick, &hints->inside, &has_outside, err)) ||
-        (st = couch_far(scene, g, &any, &thick, &hints->inside, REACH_MM, &hints->far, err)))
+        (st = couch_far(scene, g, &b->any, &thick, &hints->inside, REACH_MM, &hints->far, err)))
         goto end;
-    if (cts_bits_count(&hints->far))
+    if (!cts_bits_is_empty(&hints->far))
         *far_mm3 = (double)count_in_cells(b, g, &hints->far) * scene->voxel_mm3;
     if (*far_mm3 <= COUCH_UNCERTAIN_SHARE * b->verdict.body_mm3)
         goto end;
-    if (!(st = forget_shell(scene, &any, &thick, hints, err)) && !cts_bits_count(&hints->far))
+    if (!(st = forget_shell(scene, &b->any, &thick, hints, err)) && cts_bits_is_empty(&hints->far))
         *far_mm3 = 0;
 end:
-    cts_bits_free(&any);
-    cts_bits_free(&solid);
     cts_bits_free(&thick);
     return st;
 }
 
-CtsStatus couch_find_slab(const CouchScene *scene, const CouchGrid *g, const CouchBody *b, double *slab_mm3,
-                          CtsError *err)
+CtsStatus couch_find_slab(const CouchScene *scene, const CouchGrid *g, CouchBody *b, double *slab_mm3, CtsError *err)
 {
     CtsStatus st;
     CouchHints hints = {0};
@@ -128,7 +139,7 @@ CtsStatus couch_find_slab(const CouchScene *scene, const CouchGrid *g, const Cou
     if ((st = look(scene, g, b, SLAB_MM, SLAB_BULKY_MM, &hints, slab_mm3, err)) || *slab_mm3 == 0)
         goto end;
     *slab_mm3 = 0;
-    if (!cts_bits_count(&hints.core) || g->dims[head] * g->cell_mm[head] < SLAB_LONG_MM)
+    if (cts_bits_is_empty(&hints.core) || g->dims[head] * g->cell_mm[head] < SLAB_LONG_MM)
         goto end;
     if ((st = cts_parts_find(&parts, &hints.far, scene->n_threads, err)) ||
         (st = cts_alloc_zeroed(&flags, parts.n_parts, err)) || (st = cts_bits_new(&through, g->dims, err)))

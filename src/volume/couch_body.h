@@ -8,6 +8,7 @@ typedef struct CouchBody {
     CtsBits mask;   /* voxels dense enough for a body */
     CtsParts parts; /* of mask, less what was cut away */
     CouchVerdict verdict;
+    CtsBits any, solid;  /* the cells of the body, as couch_cells() has them; made when they are wanted */
     double cut_mm3;      /* cut from the body */
     double attached_mm3; /* thin and far from anything thick, yet joined to the body */
 } CouchBody;
@@ -16,9 +17,13 @@ typedef struct CouchBody {
 CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, const CtsBits *away, CtsError *err);
 void couch_body_free(CouchBody *body);
 
+/* Have body->any and body->solid; grid covers the whole volume. Forget them when the verdict has changed. */
+CtsStatus couch_body_cells(const CouchScene *scene, const CouchGrid *grid, CouchBody *body, CtsError *err);
+void couch_body_forget_cells(CouchBody *body);
+
 /* How much of the body hangs on it like a table would: less than 30 mm thick, further than an ear from anything
  * thicker, and running through all slices. Such a slab is past cutting. */
-CtsStatus couch_find_slab(const CouchScene *scene, const CouchGrid *grid, const CouchBody *body, double *slab_mm3,
+CtsStatus couch_find_slab(const CouchScene *scene, const CouchGrid *grid, CouchBody *body, double *slab_mm3,
                           CtsError *err);
 
 /* Where thin parts reach further from the body than an ear or a nose can, cut them off if they are sheets that touch

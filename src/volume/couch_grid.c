@@ -2,6 +2,8 @@
 
 #include "base/mem.h"
 #include <math.h>
+#include <omp.h>
+#include <string.h>
 
 static const double CELL_MM = 2, MOUTH_MM = 10, FAR_EXTENT_MM = 40;
 /* Air or padding, but not an emphysematous lung. */
@@ -67,36 +69,57 @@ static int layers_of(const CouchGrid *g, double thickness_mm)
     return (int)ceil((thickness_mm / g->step_mm - 1) / 2);
 }
 
-/* Add the voxels first <= i < end of one row to the counts of its cells. */
-static void count_run(uint16_t *cells, const CouchGrid *g, int first, int end)
-{
-    const int block = g->block[0];
-    first -= g->lo[0];
-    end -= g->lo[0];
-    for (int c = first / block; first < end; c++) {
-        const int next = (c + 1) * block < end ? (c + 1) * block : end;
-        cells[c] = (uint16_t)(cells[c] + next - first);
-        first = next;
-    }
-}
-
 static int cell_width(const CouchGrid *g, int axis, int cell)
 {
     const int left = g->hi[axis] - g->lo[axis] + 1 - cell * g->block[axis];
     return left < g->block[axis] ? left : g->block[axis];
 }
 
-static void count_slab(const CouchGrid *g, const CtsParts *p, const uint8_t *flags, int cell_k, uint16_t *counts)
+/* The counts of a row of cells while runs are added: whole cells as a number that begins at one cell and ends at
+ * another, the cells at a run's ends for themselves. */
+typedef struct RowCounts {
+    uint16_t *ends, *starts; /* of the cells, and one more */
+    const uint16_t *cell_of; /* of each voxel from lo on */
+} RowCounts;
+
+/* Add the voxels first <= i < end of one row, counted from the grid's first. */
+static inline void count_run(const RowCounts *c, int block, int first, int end)
 {
-    const int k0 = g->lo[2] + cell_k * g->block[2], k1 = k0 + cell_width(g, 2, cell_k);
+    const int from = c->cell_of[first], to = c->cell_of[end - 1];
+    if (from == to) {
+        c->ends[from] = (uint16_t)(c->ends[from] + end - first);
+        return;
+    }
+    c->ends[from] = (uint16_t)(c->ends[from] + (from + 1) * block - first);
+    c->ends[to] = (uint16_t)(c->ends[to] + end - to * block);
+    c->starts[from + 1] = (uint16_t)(c->starts[from + 1] + block);
+    c->starts[to] = (uint16_t)(c->starts[to] - block);
+}
+
+/* The counts of one row of cells, in c->ends; false when they are all 0. */
+static bool count_row(const CouchGrid *g, const CtsParts *p, const uint8_t *flags, int cj, int ck, const RowCounts *c)
+{
+    const int j0 = g->lo[1] + cj * g->block[1], j1 = j0 + cell_width(g, 1, cj);
+    const int k0 = g->lo[2] + ck * g->block[2], k1 = k0 + cell_width(g, 2, ck);
+    const size_t n_bytes = ((size_t)g->dims[0] + 1) * sizeof *c->ends;
+    bool any = false;
+    memset(c->ends, 0, n_bytes);
+    memset(c->starts, 0, n_bytes);
     for (int k = k0; k < k1; k++)
-        for (int j = g->lo[1]; j <= g->hi[1]; j++) {
+        for (int j = j0; j < j1; j++) {
             const size_t row = (size_t)k * (size_t)p->dims[1] + (size_t)j;
-            uint16_t *cells = counts + (size_t)couch_cell(g, 1, j) * (size_t)g->dims[0];
             for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
-                if (flags[p->runs[r].part])
-                    count_run(cells, g, (int)p->runs[r].first, (int)p->runs[r].end);
+                if (flags[p->runs[r].part]) {
+                    count_run(c, g->block[0], (int)p->runs[r].first - g->lo[0], (int)p->runs[r].end - g->lo[0]);
+                    any = true;
+                }
         }
+    uint16_t open = 0;
+    for (int i = 0; any && i < g->dims[0]; i++) {
+        open = (uint16_t)(open + c->starts[i]);
+        c->ends[i] = (uint16_t)(c->ends[i] + open);
+    }
+    return any;
 }
 
 /* The cells of one row that hold a voxel, and those that are half full; the last one may be narrower than the others.
@@ -113,30 +136,47 @@ static void threshold_cells(const CouchGrid *g, const uint16_t *counts, int j, i
         cts_bits_set(solid, last, j, k);
 }
 
+/* One row of voxels of the grid: the cell of each. */
+static CtsStatus number_cells(const CouchGrid *g, uint16_t **cell_of, CtsError *err)
+{
+    const size_t n = (size_t)(g->hi[0] - g->lo[0] + 1);
+    const CtsStatus st = cts_alloc_array(cell_of, n, err);
+    for (size_t i = 0; !st && i < n; i++)
+        (*cell_of)[i] = (uint16_t)(i / (size_t)g->block[0]);
+    return st;
+}
+
 CtsStatus couch_cells(const CouchScene *scene, const CouchGrid *g, const CtsParts *p, const uint8_t *flags,
                       CtsBits *any, CtsBits *solid, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    uint16_t *counts = NULL;
-    const size_t row = (size_t)g->dims[0], slab = row * (size_t)g->dims[1];
-    if ((st = cts_alloc_zeroed(&counts, slab * (size_t)g->dims[2], err)) || (st = cts_bits_new(any, g->dims, err)) ||
+    uint16_t *counts = NULL, *cell_of = NULL;
+    const size_t row = (size_t)g->dims[0] + 1;
+    if ((st = cts_alloc_array(&counts, 2 * row * (size_t)scene->n_threads, err)) ||
+        (st = number_cells(g, &cell_of, err)) || (st = cts_bits_new(any, g->dims, err)) ||
         (solid && (st = cts_bits_new(solid, g->dims, err))))
         goto end;
 #pragma omp parallel for schedule(dynamic) num_threads(scene->n_threads)
     for (int k = 0; k < g->dims[2]; k++) {
-        uint16_t *const in_slab = counts + (size_t)k * slab;
-        count_slab(g, p, flags, k, in_slab);
+        uint16_t *const mine = counts + 2 * row * (size_t)omp_get_thread_num();
+        const RowCounts c = {mine, mine + row, cell_of};
         for (int j = 0; j < g->dims[1]; j++)
-            threshold_cells(g, in_slab + (size_t)j * row, j, k, any, solid);
+            if (count_row(g, p, flags, j, k, &c))
+                threshold_cells(g, c.ends, j, k, any, solid);
     }
 end:
     cts_free(&counts);
+    cts_free(&cell_of);
     return st;
 }
 
 static bool is_full(const CtsBits *bits)
 {
-    return cts_bits_count(bits) == (uint64_t)bits->dims[0] * (uint64_t)bits->dims[1] * (uint64_t)bits->dims[2];
+    const size_t n = cts_bits_n_words(bits), last = bits->row_words - 1;
+    for (size_t w = 0, in_row = 0; w < n; w++, in_row = in_row < last ? in_row + 1 : 0)
+        if (bits->words[w] != cts_bits_mask(bits, in_row))
+            return false;
+    return true;
 }
 
 CtsStatus couch_thickness(const CouchScene *scene, const CtsParts *p, uint32_t part, double limit_mm,
@@ -181,8 +221,8 @@ static void flag_marked(const CtsParts *p, const CtsBits *marker, uint8_t *flags
     for (size_t row = 0; row < n_rows; row++) {
         const uint64_t *words = marker->words + row * marker->row_words;
         for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
-            for (uint32_t i = p->runs[r].first; i < p->runs[r].end && !flags[p->runs[r].part]; i++)
-                flags[p->runs[r].part] = words[i >> 6] >> (i & 63) & 1;
+            if (!flags[p->runs[r].part])
+                flags[p->runs[r].part] = cts_bits_count_run(words, (int)p->runs[r].first, (int)p->runs[r].end) > 0;
     }
 }
 
@@ -410,15 +450,17 @@ CtsStatus couch_far(const CouchScene *scene, const CouchGrid *g, const CtsBits *
         (st = joined(scene, any, thick, far, err)))
         goto end;
     cts_bits_combine(&near, CTS_BITS_COPY, thick);
+    cts_bits_combine(far, CTS_BITS_AND_NOT, inside);
     const int n_layers = (int)ceil(reach_mm / g->step_mm);
-    for (int layer = 1; layer <= n_layers; layer++) {
+    for (int layer = 1; layer <= n_layers && !cts_bits_is_empty(far); layer++) {
         cts_bits_dilate(&near, &scratch, layer_shape(layer), layer_axes(g, layer), scene->n_threads);
         cts_bits_combine(&scratch, CTS_BITS_AND, any);
         swap(&near, &scratch);
+        cts_bits_combine(far, CTS_BITS_AND_NOT, &near);
     }
     cts_bits_combine(far, CTS_BITS_AND_NOT, &near);
-    cts_bits_combine(far, CTS_BITS_AND_NOT, inside);
-    st = drop_small(scene, g, far, err);
+    if (!cts_bits_is_empty(far))
+        st = drop_small(scene, g, far, err);
 end:
     cts_bits_free(&near);
     cts_bits_free(&scratch);

@@ -166,11 +166,12 @@ static bool is_tip(const CouchScene *scene, const CtsParts *p, uint32_t part, co
 }
 
 CtsStatus couch_adopt(const CouchScene *scene, const CouchGrid *g, const CtsParts *p, const CtsBits *body_cells,
-                      const CtsBits *inside, CouchVerdict *verdict, CtsError *err)
+                      const CtsBits *inside, CouchVerdict *verdict, bool *grew, CtsError *err)
 {
     CtsStatus st;
     CtsBits near = {0};
     Tip *tips = NULL;
+    *grew = false;
     if ((st = cts_alloc_zeroed(&tips, p->n_parts, err)) ||
         (st = couch_near(scene, g, body_cells, TIP_NEAR_MM, &near, err)))
         goto end;
@@ -181,8 +182,8 @@ CtsStatus couch_adopt(const CouchScene *scene, const CouchGrid *g, const CtsPart
                 look_at_run(g, &p->runs[r], couch_cell(g, 1, (int)(row % ny)), couch_cell(g, 2, (int)(row / ny)),
                             inside, &near, &tips[p->runs[r].part]);
     for (uint32_t n = 0; n < p->n_parts; n++)
-        if (!verdict->body[n])
-            verdict->body[n] = !tips[n].reaches_out || is_tip(scene, p, n, &tips[n]);
+        if (!verdict->body[n] && (!tips[n].reaches_out || is_tip(scene, p, n, &tips[n])))
+            verdict->body[n] = *grew = true;
 end:
     cts_bits_free(&near);
     cts_free(&tips);

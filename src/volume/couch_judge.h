@@ -22,6 +22,6 @@ void couch_verdict_free(CouchVerdict *verdict);
 /* Add to the body what lies inside it entirely, and small soft parts close to it that the last slice cuts off: the tip
  * of an ear. body_cells and inside are cells of grid. */
 CtsStatus couch_adopt(const CouchScene *scene, const CouchGrid *grid, const CtsParts *parts, const CtsBits *body_cells,
-                      const CtsBits *inside, CouchVerdict *verdict, CtsError *err);
+                      const CtsBits *inside, CouchVerdict *verdict, bool *grew, CtsError *err);
 
 #endif

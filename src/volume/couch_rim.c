@@ -1,9 +1,11 @@
 #include "volume/couch_rim.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
-#include "volume/blocks.h"
+#include "volume/block_change.h"
 #include <math.h>
 #include <omp.h>
+#include <stdbool.h>
 #include <string.h>
 
 static const double RIM_MM = 3;
@@ -32,29 +34,6 @@ static Rim rim_of(const CouchScene *scene)
     return rim;
 }
 
-/* One thread's masks of one slice. */
-typedef struct Slice {
-    CtsBits body, foreign; /* grown so far; never in common */
-    CtsBits scratch;
-} Slice;
-
-static void slice_free(Slice *s)
-{
-    cts_bits_free(&s->body);
-    cts_bits_free(&s->foreign);
-    cts_bits_free(&s->scratch);
-}
-
-static CtsStatus slice_new(Slice *s, const CtsBits *like, CtsError *err)
-{
-    const int dims[3] = {like->dims[0], like->dims[1], 1};
-    CtsStatus st;
-    if ((st = cts_bits_new(&s->body, dims, err)) || (st = cts_bits_new(&s->foreign, dims, err)) ||
-        (st = cts_bits_new(&s->scratch, dims, err)))
-        return st;
-    return CTS_OK;
-}
-
 /* Rows first <= j < end. */
 typedef struct Range {
     int first, end;
@@ -76,67 +55,117 @@ static bool row_is_empty(const CtsBits *bits, int j, int k)
     return !any;
 }
 
-/* The rows that hold a bit in one of the slices k - rim to k + rim. */
-static Range rows_of(const CtsBits *bits, int k, int rim)
+static Range rows_of_slice(const CtsBits *bits, int k)
 {
-    Range r = {bits->dims[1], 0};
-    for (int other = k > rim ? k - rim : 0; other <= k + rim && other < bits->dims[2]; other++) {
-        int first = 0, end = bits->dims[1];
-        while (first < r.first && row_is_empty(bits, first, other))
-            first++;
-        while (end > r.end && end > first && row_is_empty(bits, end - 1, other))
-            end--;
-        r.first = first < r.first ? first : r.first;
-        r.end = end > r.end ? end : r.end;
+    Range r = {0, bits->dims[1]};
+    while (r.first < r.end && row_is_empty(bits, r.first, k))
+        r.first++;
+    while (r.first < r.end && row_is_empty(bits, r.end - 1, k))
+        r.end--;
+    return r;
+}
+
+/* The rows that hold a bit in one of the slices k - rim to k + rim. */
+static Range rows_near(const Range *rows, int n_slices, int k, int rim)
+{
+    Range r = {0, 0};
+    for (int other = k > rim ? k - rim : 0; other <= k + rim && other < n_slices; other++) {
+        const Range more = rows[other];
+        if (more.first >= more.end)
+            continue;
+        if (r.first >= r.end)
+            r = more;
+        r.first = more.first < r.first ? more.first : r.first;
+        r.end = more.end > r.end ? more.end : r.end;
     }
     return r;
 }
 
-/* to |= from in rows, less what the rival holds now and what is rightly its own. */
-static void join(const CtsBits *from, int k, Range rows, const CtsBits *rival, const uint64_t *rival_own, CtsBits *to)
+/* One of the two shapes of a slice while it grows. */
+typedef struct Side {
+    const CtsBits *whole; /* of the volume, not grown */
+    const uint64_t *own;  /* this slice of it */
+    CtsBits grown, next;
+    Range rows; /* beyond them nothing grows */
+} Side;
+
+static void join_neighbours(Side *side, int k, int d, const Side *rival)
 {
-    const size_t first = (size_t)rows.first * to->row_words, end = (size_t)rows.end * to->row_words;
-    const uint64_t *words = cts_bits_row(from, 0, k);
-    for (size_t w = first; w < end; w++)
-        to->words[w] |= words[w] & ~rival->words[w] & ~rival_own[w];
+    const bool before = k >= d, behind = k + d < side->whole->dims[2];
+    if (side->rows.first >= side->rows.end || (!before && !behind))
+        return;
+    const uint64_t *a = cts_bits_row(side->whole, 0, before ? k - d : k + d);
+    const uint64_t *b = behind ? cts_bits_row(side->whole, 0, k + d) : a;
+    cts_bits_join_rows(a, b, &side->grown, side->rows.first, side->rows.end, rival->grown.words, rival->own);
 }
 
-static void join_neighbours(const CtsBits *from, int k, int d, Range rows, const CtsBits *rival,
-                            const uint64_t *rival_own, CtsBits *to)
+static void grow(Side *side, const Side *rival, int step)
 {
-    if (rows.first >= rows.end)
+    if (side->rows.first >= side->rows.end)
         return;
-    if (k >= d)
-        join(from, k - d, rows, rival, rival_own, to);
-    if (k + d < from->dims[2])
-        join(from, k + d, rows, rival, rival_own, to);
+    cts_bits_grow_rows(&side->grown, &side->next, step % 2 ? CTS_BOX : CTS_CROSS, side->rows.first, side->rows.end,
+                       rival->grown.words, rival->own);
+    const CtsBits t = side->grown;
+    side->grown = side->next;
+    side->next = t;
 }
 
-static void grow(Slice *s, CtsBits *grown, Range rows, const CtsBits *rival, const uint64_t *rival_own, int step)
+/* One thread's masks of one slice; the grown ones never have a voxel in common. */
+typedef struct Slice {
+    Side body, foreign;
+} Slice;
+
+static void slice_free(Slice *s)
 {
-    if (rows.first >= rows.end)
-        return;
-    cts_bits_dilate_rows(grown, &s->scratch, step % 2 ? CTS_BOX : CTS_CROSS, rows.first, rows.end);
-    join(&s->scratch, 0, rows, rival, rival_own, grown);
+    Side *const sides[] = {&s->body, &s->foreign};
+    for (int i = 0; i < 2; i++) {
+        cts_bits_free(&sides[i]->grown);
+        cts_bits_free(&sides[i]->next);
+    }
+}
+
+static CtsStatus slice_new(Slice *s, const CtsBits *like, CtsError *err)
+{
+    const int dims[3] = {like->dims[0], like->dims[1], 1};
+    Side *const sides[] = {&s->body, &s->foreign};
+    CtsStatus st = CTS_OK;
+    for (int i = 0; !st && i < 2; i++)
+        if (!(st = cts_bits_new(&sides[i]->grown, dims, err)))
+            st = cts_bits_new(&sides[i]->next, dims, err);
+    return st;
+}
+
+/* What grows, and the rows of each slice that hold some of it. */
+typedef struct Shapes {
+    const CtsBits *body;
+    CtsBits *rivals; /* the foreign voxels near enough to the body for the rims to meet */
+    Range *body_rows, *rival_rows;
+} Shapes;
+
+static void start(Side *side, const CtsBits *whole, const Range *rows, int k, const Rim *rim)
+{
+    const size_t n_bytes = cts_bits_n_words(&side->grown) * sizeof *side->own;
+    side->whole = whole;
+    side->own = cts_bits_row(whole, 0, k);
+    side->rows = widen(rows_near(rows, whole->dims[2], k, rim->n_slices), rim->n_steps, whole->dims[1]);
+    memcpy(side->grown.words, side->own, n_bytes);
+    memcpy(side->next.words, side->own, n_bytes);
 }
 
 /* Body and foreign grow by turns, each only over what the other does not hold; the body comes first. */
-static void grow_rim(const CtsBits *body, const CtsBits *foreign, int k, const Rim *rim, Slice *s)
+static void grow_rim(const Shapes *shapes, int k, const Rim *rim, Slice *s)
 {
-    const int ny = body->dims[1];
-    const uint64_t *own = cts_bits_row(body, 0, k), *foreign_own = cts_bits_row(foreign, 0, k);
-    const Range rows = widen(rows_of(body, k, rim->n_slices), rim->n_steps, ny);
-    const Range near = rows_of(foreign, k, rim->n_slices), foreign_rows = widen(near, rim->n_steps, ny);
-    memcpy(s->body.words, own, cts_bits_n_words(&s->body) * sizeof *own);
-    memcpy(s->foreign.words, foreign_own, cts_bits_n_words(&s->body) * sizeof *own);
+    Side *body = &s->body, *foreign = &s->foreign;
+    start(body, shapes->body, shapes->body_rows, k, rim);
+    start(foreign, shapes->rivals, shapes->rival_rows, k, rim);
     for (int step = 0; step < rim->n_steps; step++) {
         for (int d = 1; d <= rim->n_slices; d++)
             if (rim->first_step[d] == step) {
-                join_neighbours(body, k, d, rows, &s->foreign, foreign_own, &s->body);
-                join_neighbours(foreign, k, d, foreign_rows, &s->body, own, &s->foreign);
+                join_neighbours(body, k, d, foreign);
+                join_neighbours(foreign, k, d, body);
             }
-        grow(s, &s->body, rows, &s->foreign, foreign_own, step);
-        grow(s, &s->foreign, foreign_rows, &s->body, own, step);
+        grow(body, foreign, step);
+        grow(foreign, body, step);
     }
 }
 
@@ -147,101 +176,151 @@ static void expand_cells(const CouchGrid *g, const CtsBits *cells, int cj, int c
     const uint64_t *from = cts_bits_row(cells, cj, ck);
     memset(row, 0, like->row_words * sizeof *row);
     for (size_t w = 0; w < cells->row_words; w++)
-        for (uint64_t set = from[w]; set; set &= set - 1) {
-            const int first = ((int)(64 * w) + __builtin_ctzll(set)) * g->block[0], end = first + g->block[0];
+        for (uint64_t set = from[w], run; set; set &= ~run) {
+            run = set & ~(set + (set & -set)); /* the lowest ones that follow each other */
+            const int first = ((int)(64 * w) + __builtin_ctzll(run)) * g->block[0];
+            const int end = first + cts_popcount(run) * g->block[0];
             cts_bits_fill(row, first, end < nx ? end : nx);
         }
 }
 
-/* The foreign voxels in cells near enough to the body for the rims to meet; those of the rest leave the rim alone. */
-static CtsStatus contested(const CouchScene *scene, const CtsBits *foreign, const CouchGrid *g, const CtsBits *near,
-                           CtsBits *found, CtsError *err)
+/* The foreign voxels of the rest leave the rim alone, and go. */
+static void keep_contested(const CouchScene *scene, const CouchGrid *g, const CtsBits *near, const Shapes *shapes)
 {
-    const CtsStatus st = cts_bits_new(found, foreign->dims, err);
-    if (st)
-        return st;
-#pragma omp parallel for schedule(static) num_threads(scene->n_threads)
-    for (int k = 0; k < foreign->dims[2]; k++) {
+    CtsBits *const rivals = shapes->rivals;
+#pragma omp parallel for schedule(dynamic, 8) num_threads(scene->n_threads)
+    for (int k = 0; k < rivals->dims[2]; k++) {
         uint64_t here[CTS_BITS_ROW_WORDS];
-        for (int j = 0; j < foreign->dims[1]; j++) {
+        for (int j = 0; j < rivals->dims[1]; j++) {
             if (j % g->block[1] == 0)
-                expand_cells(g, near, couch_cell(g, 1, j), couch_cell(g, 2, k), foreign, here);
-            const uint64_t *from = cts_bits_row(foreign, j, k);
-            uint64_t *to = cts_bits_row(found, j, k);
-            for (size_t w = 0; w < foreign->row_words; w++)
-                to[w] = from[w] & here[w];
+                expand_cells(g, near, couch_cell(g, 1, j), couch_cell(g, 2, k), rivals, here);
+            uint64_t *row = cts_bits_row(rivals, j, k);
+            for (size_t w = 0; w < rivals->row_words; w++)
+                row[w] &= here[w];
         }
+        shapes->body_rows[k] = rows_of_slice(shapes->body, k);
+        shapes->rival_rows[k] = rows_of_slice(rivals, k);
     }
-    return CTS_OK;
 }
 
-static uint64_t clear_word(uint16_t *grey, uint64_t gone)
+/* Voxels that become air, in the order of the volume: what lies side by side is written at once. */
+typedef struct Span {
+    uint16_t *first, *end;
+} Span;
+
+static void flush(Span *span)
+{
+    if (span->end > span->first)
+        memset(span->first, 0, (size_t)(span->end - span->first) * sizeof *span->first);
+}
+
+static void add_span(Span *span, uint16_t *first, int n)
+{
+    if (first != span->end) {
+        flush(span);
+        span->first = first;
+    }
+    span->end = first + n;
+}
+
+/* Add the voxels of one word. */
+static void add_word(Span *span, uint16_t *grey, uint64_t gone)
 {
     if (gone == ~UINT64_C(0)) {
-        memset(grey, 0, 64 * sizeof *grey);
-        return 64;
+        add_span(span, grey, 64);
+        return;
     }
-    const uint64_t n = (uint64_t)cts_popcount(gone);
-    for (; gone; gone &= gone - 1)
-        grey[__builtin_ctzll(gone)] = 0;
-    return n;
+    for (uint64_t run; gone; gone &= ~run) {
+        run = gone & ~(gone + (gone & -gone));
+        add_span(span, grey + __builtin_ctzll(run), cts_popcount(run));
+    }
 }
 
-static uint64_t clear_slice(CtsVolume *v, int k, const Slice *s, const CouchGrid *g, const CtsBits *inside)
+/* What goes of one row: neither body nor in it. Spare bits of here are set. */
+CTS_VECTOR_CLONES static void find_gone(const uint64_t *restrict body, const uint64_t *restrict here,
+                                        const uint64_t *restrict rival, size_t n_words, CtsBlockRows *restrict rows)
 {
+    for (size_t w = 0; w < n_words; w++) {
+        const uint64_t gone = ~(body[w] | (here[w] & ~rival[w]));
+        rows->gone[w] = gone;
+        rows->some[w] |= gone;
+        rows->all[w] &= gone;
+    }
+}
+
+static uint64_t clear_slice(CtsVolume *v, int k, const Slice *s, const CouchGrid *g, const CtsBits *inside,
+                            CtsBlockChange *change)
+{
+    const CtsBits *body = &s->body.grown, *rival = &s->foreign.grown;
+    const size_t last = body->row_words - 1;
     uint64_t n_gone = 0, here[CTS_BITS_ROW_WORDS];
+    Span span = {NULL, NULL};
+    CtsBlockRows rows;
+    cts_block_rows_start(&rows);
     for (int j = 0; j < v->dims[1]; j++) {
         if (j % g->block[1] == 0)
-            expand_cells(g, inside, couch_cell(g, 1, j), couch_cell(g, 2, k), &s->body, here);
-        const uint64_t *body = cts_bits_row(&s->body, j, 0), *rival = cts_bits_row(&s->foreign, j, 0);
+            expand_cells(g, inside, couch_cell(g, 1, j), couch_cell(g, 2, k), body, here);
+        here[last] |= ~cts_bits_mask(body, last);
+        find_gone(cts_bits_row(body, j, 0), here, cts_bits_row(rival, j, 0), last + 1, &rows);
         uint16_t *grey = v->grey + ((size_t)k * (size_t)v->dims[1] + (size_t)j) * (size_t)v->dims[0];
-        for (size_t w = 0; w < s->body.row_words; w++)
-            n_gone += clear_word(grey + 64 * w, ~(body[w] | (here[w] & ~rival[w])) & cts_bits_mask(&s->body, w));
+        for (size_t w = 0; w <= last; w++)
+            if (rows.gone[w]) {
+                n_gone += (uint64_t)cts_popcount(rows.gone[w]);
+                add_word(&span, grey + 64 * w, rows.gone[w]);
+            }
+        cts_block_change_row(change, &rows, j, k);
     }
+    flush(&span);
     return n_gone;
 }
 
-CtsStatus couch_clear(const CouchScene *scene, CtsVolume *volume, const CtsBits *body, const CtsBits *foreign,
+static CtsStatus shapes_new(Shapes *shapes, const CtsBits *body, CtsBits *foreign, CtsError *err)
+{
+    CtsStatus st;
+    *shapes = (Shapes){.body = body, .rivals = foreign};
+    if ((st = cts_alloc_array(&shapes->body_rows, (size_t)body->dims[2], err)) ||
+        (st = cts_alloc_array(&shapes->rival_rows, (size_t)body->dims[2], err)))
+        return st;
+    return CTS_OK;
+}
+
+CtsStatus couch_clear(const CouchScene *scene, CtsVolume *volume, const CtsBits *body, CtsBits *foreign,
                       const CouchGrid *g, const CtsBits *body_cells, const CtsBits *inside, uint64_t *n_cleared,
                       CtsError *err)
 {
     CtsStatus st = CTS_OK;
     Slice *slices = NULL;
-    CtsBits near = {0}, rivals = {0};
-    CtsBlocks *blocks = NULL;
+    CtsBits near = {0};
+    Shapes shapes = {0};
+    CtsBlockChange change = {0};
     const Rim rim = rim_of(scene);
     uint64_t n = 0;
-    if ((st = couch_near(scene, g, body_cells, 2 * rim.reach_mm, &near, err)))
-        goto end;
-    cts_bits_combine(&near, CTS_BITS_OR, inside);
-    if ((st = contested(scene, foreign, g, &near, &rivals, err)) ||
+    if ((st = couch_near(scene, g, body_cells, 2 * rim.reach_mm, &near, err)) ||
+        (st = shapes_new(&shapes, body, foreign, err)) ||
         (st = cts_alloc_zeroed(&slices, (size_t)scene->n_threads, err)))
         goto end;
+    cts_bits_combine(&near, CTS_BITS_OR, inside);
     for (int t = 0; t < scene->n_threads; t++)
         if ((st = slice_new(&slices[t], body, err)))
             goto end;
-    if (volume->blocks && (st = cts_blocks_begin(&blocks, volume->dims, err)))
+    if ((st = cts_block_change_new(&change, volume->blocks, err)))
         goto end;
+    keep_contested(scene, g, &near, &shapes);
 #pragma omp parallel for schedule(dynamic, CTS_FINE_BLOCK) num_threads(scene->n_threads) reduction(+ : n)
     for (int k = 0; k < volume->dims[2]; k++) {
         Slice *s = &slices[omp_get_thread_num()];
-        grow_rim(body, &rivals, k, &rim, s);
-        n += clear_slice(volume, k, s, g, inside);
-        if (blocks)
-            cts_blocks_add(blocks, k, volume->grey + (size_t)k * (size_t)volume->dims[0] * (size_t)volume->dims[1]);
+        grow_rim(&shapes, k, &rim, s);
+        n += clear_slice(volume, k, s, g, inside, &change);
     }
-    if (blocks)
-        cts_blocks_end(blocks);
-    cts_volume_changed(volume);
-    volume->blocks = blocks;
-    blocks = NULL;
+    cts_block_change_apply(&change, volume, scene->n_threads);
     *n_cleared = n;
 end:
     for (int t = 0; slices && t < scene->n_threads; t++)
         slice_free(&slices[t]);
     cts_free(&slices);
     cts_bits_free(&near);
-    cts_bits_free(&rivals);
-    cts_blocks_free(&blocks);
+    cts_free(&shapes.body_rows);
+    cts_free(&shapes.rival_rows);
+    cts_block_change_free(&change);
     return st;
 }

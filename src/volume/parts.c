@@ -13,8 +13,11 @@ static uint64_t starts_in_word(const uint64_t *row, size_t w)
 static uint32_t count_row(const uint64_t *row, size_t n_words)
 {
     uint32_t n = 0;
-    for (size_t w = 0; w < n_words; w++)
-        n += (uint32_t)cts_popcount(starts_in_word(row, w));
+    for (size_t w = 0; w < n_words; w++) {
+        const uint64_t starts = starts_in_word(row, w);
+        if (starts) /* as few have */
+            n += (uint32_t)cts_popcount(starts);
+    }
     return n;
 }
 
@@ -140,15 +143,24 @@ static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int 
     cts_parts_free(p);
     *p = (CtsParts){.dims = {bits->dims[0], bits->dims[1], bits->dims[2]}};
     const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
-    const uint64_t n_runs = cts_parts_count_runs(bits, n_threads);
-    if (n_runs >= UINT32_MAX)
-        return cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)n_runs);
-    p->n_runs = (uint32_t)n_runs;
-    if ((st = cts_alloc_array(&p->row_start, n_rows + 1, err)) || (st = cts_alloc_array(&p->runs, n_runs, err)))
+    if ((st = cts_alloc_array(&p->row_start, n_rows + 1, err)))
         goto end;
-    p->row_start[0] = 0;
+#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
     for (size_t row = 0; row < n_rows; row++)
-        p->row_start[row + 1] = p->row_start[row] + count_row(bits->words + row * bits->row_words, bits->row_words);
+        p->row_start[row + 1] = count_row(bits->words + row * bits->row_words, bits->row_words);
+    uint64_t n_runs = 0;
+    p->row_start[0] = 0;
+    for (size_t row = 0; row < n_rows; row++) {
+        n_runs += p->row_start[row + 1];
+        p->row_start[row + 1] = (uint32_t)n_runs;
+    }
+    if (n_runs >= UINT32_MAX) {
+        st = cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)n_runs);
+        goto end;
+    }
+    p->n_runs = (uint32_t)n_runs;
+    if ((st = cts_alloc_array(&p->runs, n_runs, err)))
+        goto end;
 #pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
     for (size_t row = 0; row < n_rows; row++) {
         list_row(bits->words + row * bits->row_words, bits->row_words, bits->dims[0], p->runs + p->row_start[row]);

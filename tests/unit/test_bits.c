@@ -1,0 +1,153 @@
+/* Bit masks and block ranges that follow a change: what is not read must not be missed. */
+#include "unit.h"
+
+#include "ctsplat/volume.h"
+#include "volume/bits.h"
+#include "volume/block_change.h"
+#include <stdbool.h>
+#include <string.h>
+
+static const int sizes[][3] = {{1, 1, 1},  {2, 1, 3},  {5, 5, 5},   {9, 4, 13},    {64, 8, 9}, {65, 9, 8},
+                               {66, 5, 6}, {68, 3, 1}, {127, 7, 5}, {129, 12, 17}, {1, 70, 2}, {300, 6, 4}};
+enum { N_SIZES = sizeof sizes / sizeof *sizes, MIN = 500 };
+
+static uint32_t random_next(uint32_t *state)
+{
+    *state = *state * 1664525u + 1013904223u;
+    return *state >> 8;
+}
+
+/* Air, something dense and boxes of either, so that blocks come all empty, all full and mixed. */
+static CtsVolume *make(const int dims[3], uint32_t seed)
+{
+    CtsVolume *v;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, dims[0], dims[1], dims[2], &err), CTS_OK);
+    const size_t n = cts_volume_n_voxels(v);
+    for (size_t i = 0; i < n; i++)
+        v->grey[i] = (uint16_t)(random_next(&seed) % 40);
+    for (int box = 0; box < 6; box++) {
+        int lo[3], hi[3];
+        for (int axis = 0; axis < 3; axis++) {
+            lo[axis] = (int)(random_next(&seed) % (uint32_t)dims[axis]);
+            hi[axis] = lo[axis] + 1 + (int)(random_next(&seed) % 24);
+            hi[axis] = hi[axis] < dims[axis] ? hi[axis] : dims[axis];
+        }
+        for (int k = lo[2]; k < hi[2]; k++)
+            for (int j = lo[1]; j < hi[1]; j++)
+                for (int i = lo[0]; i < hi[0]; i++)
+                    v->grey[((size_t)k * (size_t)dims[1] + (size_t)j) * (size_t)dims[0] + (size_t)i] =
+                        (uint16_t)(MIN - 2 + (int)(random_next(&seed) % (box % 2 ? 5 : 900)));
+    }
+    assert_int_equal(cts_volume_prepare(v, 2, &err), CTS_OK);
+    return v;
+}
+
+static void test_threshold(void **state)
+{
+    (void)state;
+    for (int s = 0; s < N_SIZES; s++) {
+        CtsVolume *v = make(sizes[s], (uint32_t)s);
+        CtsBits plain, fast;
+        CtsError err;
+        assert_int_equal(cts_bits_new(&plain, v->dims, &err), CTS_OK);
+        for (int threads = 1; threads <= 3; threads += 2) {
+            assert_int_equal(cts_bits_new(&fast, v->dims, &err), CTS_OK);
+            cts_bits_threshold(&plain, v->grey, NULL, MIN, threads);
+            cts_bits_threshold(&fast, v->grey, v->blocks, MIN, threads);
+            assert_memory_equal(plain.words, fast.words, cts_bits_n_words(&plain) * sizeof *plain.words);
+            cts_bits_free(&fast);
+        }
+        for (int k = 0; k < v->dims[2]; k++)
+            for (int j = 0; j < v->dims[1]; j++)
+                for (int i = 0; i < v->dims[0]; i++)
+                    assert_int_equal(cts_bits_get(&plain, i, j, k),
+                                     v->grey[(k * v->dims[1] + j) * v->dims[0] + i] >= MIN);
+        cts_bits_free(&plain);
+        cts_volume_free(&v);
+    }
+}
+
+/* Make air of the voxels whose bit is set, row by row, as table removal does. */
+static void clear(CtsVolume *v, const CtsBits *gone, CtsBlockChange *change)
+{
+    for (int k = 0; k < v->dims[2]; k++) {
+        CtsBlockRows rows;
+        cts_block_rows_start(&rows);
+        for (int j = 0; j < v->dims[1]; j++) {
+            for (size_t w = 0; w < gone->row_words; w++) {
+                rows.gone[w] = cts_bits_row(gone, j, k)[w];
+                rows.some[w] |= rows.gone[w];
+                rows.all[w] &= rows.gone[w];
+            }
+            for (int i = 0; i < v->dims[0]; i++)
+                if (cts_bits_get(gone, i, j, k))
+                    v->grey[(k * v->dims[1] + j) * v->dims[0] + i] = 0;
+            cts_block_change_row(change, &rows, j, k);
+        }
+    }
+}
+
+/* Whether the voxel goes: nothing, everything, boxes, single voxels. */
+static bool goes(int kind, const int at[3], uint32_t *seed)
+{
+    switch (kind) {
+    case 0:
+        return false;
+    case 1:
+        return true;
+    case 2:
+        return at[0] >= 7 && at[1] >= 3 && at[2] >= 2;
+    case 3:
+        return at[0] % 16 < 9 && at[1] % 9 < 6;
+    default:
+        return random_next(seed) % 50 == 0;
+    }
+}
+
+static void check_change(const int dims[3], int kind)
+{
+    uint32_t seed = (uint32_t)kind;
+    CtsVolume *v = make(dims, (uint32_t)dims[0]);
+    CtsBits gone;
+    CtsBlockChange change;
+    CtsBlocks *fresh;
+    CtsError err;
+    assert_int_equal(cts_bits_new(&gone, dims, &err), CTS_OK);
+    int at[3];
+    for (at[2] = 0; at[2] < dims[2]; at[2]++)
+        for (at[1] = 0; at[1] < dims[1]; at[1]++)
+            for (at[0] = 0; at[0] < dims[0]; at[0]++)
+                if (goes(kind, at, &seed))
+                    cts_bits_set(&gone, at[0], at[1], at[2]);
+    assert_int_equal(cts_block_change_new(&change, v->blocks, &err), CTS_OK);
+    clear(v, &gone, &change);
+    cts_block_change_apply(&change, v, 2);
+    assert_int_equal(cts_blocks_new(&fresh, v, 1, &err), CTS_OK);
+    const size_t n = (size_t)fresh->n[0] * (size_t)fresh->n[1] * (size_t)fresh->n[2];
+    const size_t n_fine = (size_t)fresh->n_fine[0] * (size_t)fresh->n_fine[1] * (size_t)fresh->n_fine[2];
+    assert_memory_equal(fresh->fine, v->blocks->fine, n_fine * sizeof *fresh->fine);
+    assert_memory_equal(fresh->range, v->blocks->range, n * sizeof *fresh->range);
+    assert_memory_equal(&fresh->all, &v->blocks->all, sizeof fresh->all);
+    cts_blocks_free(&fresh);
+    cts_block_change_free(&change);
+    cts_bits_free(&gone);
+    cts_volume_free(&v);
+}
+
+static void test_block_change(void **state)
+{
+    (void)state;
+    for (int s = 0; s < N_SIZES; s++)
+        for (int kind = 0; kind < 5; kind++)
+            check_change(sizes[s], kind);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_threshold),
+        cmocka_unit_test(test_block_change),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
