@@ -5,6 +5,9 @@ for engine in classic layers void combined tiled raycast; do
     has out "^$engine .* (front)?\$"
     has b/bench.jsonl "\"engine\":\"$engine\""
 done
+for engine in void combined; do
+    has b/bench.jsonl "\"engine\":\"$engine\".*\"void\":\"key\""
+done
 has out 'Pictures of 24 x 24 pixels'
 for key in engine kernel samples tolerance void wall_ms wall_ms_spread peak_rss_bytes rmse rmse_trilinear psnr_db; do
     [ "$(grep -c "\"$key\":" b/bench.jsonl)" = "$(grep -c . b/bench.jsonl)" ] || fail "not every line has $key"
