@@ -9,6 +9,9 @@ unsigned cts_cpu_flags(void)
 #if defined(__x86_64__)
     if (__builtin_cpu_supports("avx2"))
         flags |= CTS_CPU_AVX2;
+    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
+        __builtin_cpu_supports("avx512vl"))
+        flags |= CTS_CPU_AVX512;
 #endif
     return flags;
 }

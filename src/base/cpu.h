@@ -6,7 +6,10 @@
 extern "C" {
 #endif
 
-enum { CTS_CPU_AVX2 = 1 };
+enum {
+    CTS_CPU_AVX2 = 1,
+    CTS_CPU_AVX512 = 2 /* F, BW, DQ and VL */
+};
 
 /* In front of a function of plain integer loops: compiled twice, the version that the processor can run is taken when
  * the program starts. Integers alone, so that both give the same bytes. */

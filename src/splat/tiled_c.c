@@ -1,51 +1,88 @@
 /* Plain C primitives for the tiled engine's march: the truth that the fast ones are compared with. */
-#include "splat/tiled_kernel.h"
-
 #include "base/mutation.h"
-#include "splat/tiled_taps.h"
 #include <math.h>
 
-INLINE v8f v8f_min(v8f a, v8f b)
+#define LANES 8
+#include "splat/tiled_vec_tmpl.h"
+
+INLINE vf vf_min(vf a, vf b)
 {
-    v8f r;
+    vf r;
     for (int l = 0; l < 8; l++)
         r[l] = a[l] < b[l] ? a[l] : b[l];
     return r;
 }
 
-INLINE v8f v8f_max(v8f a, v8f b)
+INLINE vf vf_max(vf a, vf b)
 {
-    v8f r;
+    vf r;
     for (int l = 0; l < 8; l++)
         r[l] = a[l] > b[l] ? a[l] : b[l];
     return r;
 }
 
-INLINE v8i v8i_min(v8i a, v8i b)
+INLINE vi vi_min(vi a, vi b)
 {
-    v8i r;
+    vi r;
     for (int l = 0; l < 8; l++)
         r[l] = a[l] < b[l] ? a[l] : b[l];
     return r;
 }
 
-INLINE v8i v8i_max(v8i a, v8i b)
+INLINE vi vi_max(vi a, vi b)
 {
-    v8i r;
+    vi r;
     for (int l = 0; l < 8; l++)
         r[l] = a[l] > b[l] ? a[l] : b[l];
     return r;
 }
 
-INLINE v8f v8f_sqrt(v8f a)
+INLINE vf vf_sqrt(vf a)
 {
-    v8f r;
+    vf r;
     for (int l = 0; l < 8; l++)
         r[l] = sqrtf(a[l]);
     return r;
 }
 
-INLINE bool v8_any(v8i mask)
+typedef vi vmask; /* all ones or zero */
+
+INLINE vmask vf_lt(vf a, vf b)
+{
+    return a < b;
+}
+
+INLINE vmask vf_le(vf a, vf b)
+{
+    return a <= b;
+}
+
+INLINE vmask vi_eq(vi a, vi b)
+{
+    return a == b;
+}
+
+INLINE vmask mask_and(vmask a, vmask b)
+{
+    return a & b;
+}
+
+INLINE vmask mask_or(vmask a, vmask b)
+{
+    return a | b;
+}
+
+INLINE vf select_f(vmask mask, vf yes, vf no)
+{
+    return (vf)((mask & (vi)yes) | (~mask & (vi)no));
+}
+
+INLINE vi select_i(vmask mask, vi yes, vi no)
+{
+    return (mask & yes) | (~mask & no);
+}
+
+INLINE unsigned any_in(vmask mask)
 {
     int any = 0;
     for (int l = 0; l < 8; l++)
@@ -53,7 +90,7 @@ INLINE bool v8_any(v8i mask)
     return any != 0;
 }
 
-INLINE bool v8_all(v8i mask)
+INLINE unsigned all_in(vmask mask)
 {
     int all = -1;
     for (int l = 0; l < 8; l++)
@@ -61,7 +98,18 @@ INLINE bool v8_all(v8i mask)
     return all != 0;
 }
 
-INLINE void lookup8(const int32_t (*rows)[4], int last, v8i index, v8i *r, v8i *g, v8i *b, v8i *k)
+INLINE vf vf_packets(const float of[PACKETS])
+{
+    return vf_of(of[0]);
+}
+
+INLINE vmask mask_packets(unsigned packets)
+{
+    return vi_of(-(int32_t)packets);
+}
+
+/* Rows index, clamped to 0..last. */
+INLINE void look_up_entries(const int32_t (*rows)[4], int last, vi index, vi *r, vi *g, vi *b, vi *k)
 {
     for (int l = 0; l < 8; l++) {
         const int i = index[l] < 0 ? 0 : index[l] > last ? last : index[l];
@@ -73,9 +121,9 @@ INLINE void lookup8(const int32_t (*rows)[4], int last, v8i index, v8i *r, v8i *
 }
 
 /* facing to the power of the preset, from shade's table. */
-INLINE v8f shade_power(const CtsShade *shade, v8f facing)
+INLINE vf shade_power(const CtsShade *shade, vf facing)
 {
-    v8f r;
+    vf r;
     for (int l = 0; l < 8; l++) {
         const float at = facing[l] * (float)shade->n_power;
         const int i = at < (float)shade->n_power ? (int)at : shade->n_power - 1;
@@ -84,15 +132,17 @@ INLINE v8f shade_power(const CtsShade *shade, v8f facing)
     return r;
 }
 
-INLINE v8i make_pick(v8i x0)
+INLINE vi make_pick(vi x0)
 {
     return x0;
 }
 
+#include "splat/tiled_taps_tmpl.h"
+
 /* Bilinear in the layer `offset` voxels behind layer 0: columns with 14-bit integer weights, rows in float. */
-INLINE v8f load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
+INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 {
-    v8f a, b;
+    vf a, b;
     for (int l = 0; l < 8; l++) {
         const uint16_t *p = t->at[l / 4] + offset + (t->row1[l] ? row_stride : 0) + t->pick[l];
         const int w1 = t->weights[l] >> 16, w0 = t->weights[l] & 0xffff;
@@ -104,7 +154,7 @@ INLINE v8f load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 
 #include "splat/tiled_tmpl.h"
 
-void tiled_packet_c(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+void tiled_packets_c(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
 {
-    run_packet(job, beam, x, y, n, counts);
+    run_packets(job, beam, x, y, n, counts);
 }

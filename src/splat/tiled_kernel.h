@@ -1,7 +1,8 @@
 /* The tiled engine's inner loop: packets of 8 pixels march through the layers, front to back.
  *
- * One template (tiled_tmpl.h) is compiled twice: tiled_c.c with plain C primitives, the readable truth, and
- * tiled_avx2.c with AVX2 ones. Both do the same operations in the same order, so their pictures are the same bytes. */
+ * One template (tiled_tmpl.h) is compiled three times: tiled_c.c with plain C primitives, the readable truth,
+ * tiled_avx2.c with AVX2 ones, and tiled_avx512.c, where two packets march together. All do the same operations in the
+ * same order for a pixel, so their pictures are the same bytes. */
 #ifndef CTS_SPLAT_TILED_KERNEL_H
 #define CTS_SPLAT_TILED_KERNEL_H
 
@@ -29,6 +30,7 @@ typedef struct TiledJob {
     int32_t lane_u[CTS_PACKET], lane_v[CTS_PACKET], half_u[CTS_PACKET], half_v[CTS_PACKET];
     int window_u, window_v; /* largest first column and row of a window of 8 x 3 voxels */
     bool windowed;          /* half a packet fits such a window; else lane by lane */
+    bool two_fit;           /* two packets, one below the other, fit one window of 16 x 4 voxels */
     bool straight;          /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
     int samples;            /* sub-sheets per layer */
     /* Adaptive: layers are sampled once, and a slab gets more only where both its layers do not show the same. */
@@ -41,11 +43,11 @@ typedef struct TiledJob {
     float stop_transmittance;   /* a packet ends when all of its pixels have less than this left */
     CtsSlabTable table;
     CtsLeap leap;
-    const CtsShade *shade; /* NULL: unlit */
-    double depth_at[4];    /* depth_mm of pixel (x, y) at layer q, as u_at */
+    const CtsShade *shade;          /* NULL: unlit */
+    double depth_at[4];             /* depth_mm of pixel (x, y) at layer q, as u_at */
     int width, first_row, past_row; /* of the view's rows the picture holds these */
-    float *rgba;     /* the picture: pixel (0, first_row) on */
-    float *depth_mm; /* NULL: not wanted */
+    float *rgba;                    /* the picture: pixel (0, first_row) on */
+    float *depth_mm;                /* NULL: not wanted */
 } TiledJob;
 
 /* Slabs from..to - 1 in which something may be visible. */
@@ -68,12 +70,12 @@ typedef struct TiledBeam {
 typedef struct TiledCounts {
     uint64_t samples; /* field values, one a pixel and sheet */
     uint64_t slabs;   /* pixel slabs in which something could be seen */
-    uint64_t packets; /* packets that met something */
-    /* Every so many packets the clock is read around what is sampled, composited and shaded. */
+    uint64_t marches; /* packets, or pairs of them, that met something */
+    /* Every so many marches the clock is read around what is sampled, composited and shaded. */
     uint64_t splat_ticks, composite_ticks, shade_ticks;
 } TiledCounts;
 
-enum { TILED_TIMED_PACKETS = 32 };
+enum { TILED_TIMED_MARCHES = 32 };
 
 static inline uint64_t tiled_ticks(void)
 {
@@ -84,11 +86,14 @@ static inline uint64_t tiled_ticks(void)
 #endif
 }
 
-/* The packet of pixels x..x + 7 of row y, of which the first n are in the picture. */
-typedef void (*tiled_packet_fn)(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
+/* Packets of pixels x..x + 7 of row y and of as many rows below as the kernel takes at a time; the first n pixels of
+ * each are in the picture. */
+typedef void (*tiled_packets_fn)(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
 
-void tiled_packet_c(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
-void tiled_packet_avx2(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
+void tiled_packets_c(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
+void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
+/* Takes two rows; only for jobs with windowed and two_fit. */
+void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
 
 /* Bounds for the rays of pixels x0..x1 - 1 by y0..y1 - 1; false when they miss everything that may be visible. */
 bool tiled_beam_init(const TiledJob *job, TiledBeam *beam, int x0, int y0, int x1, int y1, int first);

@@ -1,99 +1,62 @@
-/* The march of one packet, in vectors of 8 pixels. Included by tiled_c.c and tiled_avx2.c, which first define
- * v8f_min, v8f_max, v8i_min, v8i_max, v8_any, v8_all, load_window and lookup8; everything else is element-wise and the
- * same in both. */
+/* The march of PACKETS packets of 8 pixels, one below the other, in vectors of LANES pixels. Included by tiled_c.c,
+ * tiled_avx2.c and tiled_avx512.c, which first define what tiled_vec_tmpl.h lists; everything else is element-wise and
+ * the same in all. What is decided, is decided for each packet by itself, so that the picture does not depend on how
+ * many march together. */
 
 typedef struct Packet {
-    double u_lane0, v_lane0;                     /* first pixel, at q = 0 */
-    int64_t u, v;                                /* the same in 2^-32 */
-    bool clipped;                                /* enter and leave are known */
-    double enter[CTS_PACKET], leave[CTS_PACKET]; /* q between which each ray is inside the box */
+    double u_lane0[PACKETS], v_lane0[PACKETS]; /* first pixels, at q = 0 */
+    int64_t u[PACKETS], v[PACKETS];            /* the same in 2^-32 */
+    bool clipped;                              /* enter and leave are known */
+    double enter[LANES], leave[LANES];         /* q between which each ray is inside the box */
     Taps straight;
 } Packet;
 
-INLINE v8f select8(v8i mask, v8f yes, v8f no)
-{
-    return (v8f)((mask & (v8i)yes) | (~mask & (v8i)no));
-}
-
-INLINE v8f v8f_abs(v8f a)
-{
-    return (v8f)((v8i)a & 0x7fffffff);
-}
-
-INLINE v8f splat8(float x)
-{
-    return (v8f){x, x, x, x, x, x, x, x};
-}
-
-/* 1 - exp(-d) for d >= 0, relative error about 1e-7 down to d = 0: with d = n ln 2 + f it is
+/* 1 - exp(-d) for d >= 0, relative error below 1e-6 down to d = 0: with d = n ln 2 + f it is
  * (1 - 2^-n) - 2^-n (exp(-f) - 1). */
-INLINE v8f one_minus_exp(v8f d)
+INLINE vf one_minus_exp(vf d)
 {
-    d = v8f_min(d, splat8(80.0f));
-    const v8i n = __builtin_convertvector(d * 1.44269504f + 0.5f, v8i);
-    const v8f nf = __builtin_convertvector(n, v8f);
-    const v8f f = (d - nf * 0.693359375f) - nf * -2.12194440e-4f;
-    v8f p = f * (1.0f / 5040) - (1.0f / 720);
-    p = p * f + (1.0f / 120);
+    d = vf_min(d, vf_of(80.0f));
+    const vi n = to_int(d * 1.44269504f + 0.5f);
+    const vf nf = to_float(n);
+    const vf f = (d - nf * 0.693359375f) - nf * -2.12194440e-4f;
+    vf p = f * (-1.0f / 720) + (1.0f / 120);
     p = p * f - (1.0f / 24);
     p = p * f + (1.0f / 6);
     p = p * f - 0.5f;
     p = (p * f + 1.0f) * f; /* 1 - exp(-f) */
-    const v8f power = (v8f)((127 - n) << 23);
+    const vf power = (vf)((127 - n) << 23);
     return (1.0f - power) + power * p;
 }
 
-INLINE v8i splat8i(int32_t x)
+/* Where lane l's ray meets layer q = 0. */
+INLINE double lane_u0(const TiledJob *j, const Packet *pk, int l)
 {
-    return (v8i){x, x, x, x, x, x, x, x};
+    return pk->u_lane0[l / CTS_PACKET] + l % CTS_PACKET * j->u_at[1];
 }
 
-INLINE int clamp_int(int x, int low, int high)
+INLINE double lane_v0(const TiledJob *j, const Packet *pk, int l)
 {
-    return x < low ? low : x > high ? high : x;
+    return pk->v_lane0[l / CTS_PACKET] + l % CTS_PACKET * j->v_at[1];
 }
 
-/* The packet's windows on sheet t. Positions are in 2^-16 voxels, so they are exact sums, the same however the
- * sheets before were walked. inner: all of it is far enough from the volume's faces to need no clamping. */
-INLINE Taps make_taps(const TiledJob *j, const Packet *pk, int t_sheet, bool inner)
+/* The packets' windows on sheet t. Positions are in 2^-16 voxels, so they are exact sums, the same however the sheets
+ * before were walked. */
+INLINE Taps sheet_taps(const TiledJob *j, const Packet *pk, int t_sheet, bool inner)
 {
-    Taps t;
-    const int32_t pu = (int32_t)((pk->u + t_sheet * j->u_step) >> 16),
-                  pv = (int32_t)((pk->v + t_sheet * j->v_step) >> 16);
-    const v8i half_u = *(const v8i_u *)j->half_u, half_v = *(const v8i_u *)j->half_v;
-    v8i u = splat8i(pu) + *(const v8i_u *)j->lane_u, v = splat8i(pv) + *(const v8i_u *)j->lane_v;
-    v8i iu = (splat8i(pu) + half_u) >> 16, iv = (splat8i(pv) + half_v) >> 16;
-    int cu[2] = {(pu + j->half_u[0]) >> 16, (pu + j->half_u[4]) >> 16};
-    int cv[2] = {(pv + j->half_v[0]) >> 16, (pv + j->half_v[4]) >> 16};
-    if (!inner) {
-        u = v8i_min(v8i_max(u, splat8i(0)), splat8i((j->nu - 1) << 16));
-        v = v8i_min(v8i_max(v, splat8i(0)), splat8i((j->nv - 1) << 16));
-        iu = v8i_min(v8i_max(iu, splat8i(0)), splat8i(j->window_u));
-        iv = v8i_min(v8i_max(iv, splat8i(0)), splat8i(j->window_v));
-        for (int h = 0; h < 2; h++) {
-            cu[h] = clamp_int(cu[h], 0, j->window_u);
-            cv[h] = clamp_int(cv[h], 0, j->window_v);
-        }
+    int32_t pu[PACKETS], pv[PACKETS];
+    for (int h = 0; h < PACKETS; h++) {
+        pu[h] = (int32_t)((pk->u[h] + t_sheet * j->u_step) >> 16);
+        pv[h] = (int32_t)((pk->v[h] + t_sheet * j->v_step) >> 16);
     }
-    t.at[0] = j->layer0 + cv[0] * j->row_stride + cu[0];
-    t.at[1] = j->layer0 + cv[1] * j->row_stride + cu[1];
-    /* At the far face u is whole and its column would be the window's last: take the one before, with full weight. */
-    const v8i x0 = v8i_min((u >> 16) - iu, splat8i(6));
-    const v8i wx = (u - ((x0 + iu) << 16)) >> 2;
-    t.pick = make_pick(x0);
-    t.weights = (wx << 16) | (16384 - wx);
-    v -= iv << 16;
-    t.row1 = v >= splat8i(1 << 16);
-    t.fy = __builtin_convertvector(v + (t.row1 << 16), v8f) * (1.0f / 65536);
-    return t;
+    return make_taps(j, pu, pv, inner);
 }
 
 /* Pixels too far apart for a window: each lane reads its own four voxels. */
-INLINE v8f sample_wide(const TiledJob *j, const Packet *pk, const uint16_t *layer, double q)
+INLINE vf sample_wide(const TiledJob *j, const Packet *pk, const uint16_t *layer, double q)
 {
-    v8f s;
-    for (int l = 0; l < CTS_PACKET; l++) {
-        double u = pk->u_lane0 + l * j->u_at[1] + q * j->u_at[3], v = pk->v_lane0 + l * j->v_at[1] + q * j->v_at[3];
+    vf s;
+    for (int l = 0; l < LANES; l++) {
+        double u = lane_u0(j, pk, l) + q * j->u_at[3], v = lane_v0(j, pk, l) + q * j->v_at[3];
         u = u < 0 ? 0 : u > j->nu - 1 ? j->nu - 1 : u;
         v = v < 0 ? 0 : v > j->nv - 1 ? j->nv - 1 : v;
         const int iu = u >= j->nu - 1 && j->nu > 1 ? j->nu - 2 : (int)u;
@@ -115,12 +78,12 @@ typedef enum Way {
 } Way;
 
 /* The field on the sheet a fraction part / samples behind layer q. */
-INLINE v8f sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
+INLINE vf sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
 {
     Taps made;
     const Taps *t = &pk->straight;
     const ptrdiff_t offset = q * j->layer_stride;
-    v8f here, next;
+    vf here, next;
     if (way == WAY_WIDE) {
         const double at = q + (double)part / j->samples;
         here = sample_wide(j, pk, j->layer0 + offset, at);
@@ -129,7 +92,7 @@ INLINE v8f sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int
         next = sample_wide(j, pk, j->layer0 + offset + j->layer_stride, at);
     } else {
         if (way == WAY_OBLIQUE) {
-            made = make_taps(j, pk, q * j->samples + part, inner);
+            made = sheet_taps(j, pk, q * j->samples + part, inner);
             t = &made;
         }
         here = load_window(t, offset, j->row_stride);
@@ -143,87 +106,95 @@ INLINE v8f sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int
 /* Where each ray is inside the box of voxel centres; wanted only for slabs that the faces cut. */
 OUTLINE void clip_packet(const TiledJob *j, Packet *pk)
 {
-    for (int l = 0; l < CTS_PACKET; l++)
-        tiled_clip(j, pk->u_lane0 + l * j->u_at[1], pk->v_lane0 + l * j->v_at[1], &pk->enter[l], &pk->leave[l]);
+    for (int l = 0; l < LANES; l++)
+        tiled_clip(j, lane_u0(j, pk, l), lane_v0(j, pk, l), &pk->enter[l], &pk->leave[l]);
     pk->clipped = true;
 }
 
 INLINE void init_packet(const TiledJob *j, Packet *pk, int x, int y)
 {
-    pk->u_lane0 = j->u_at[0] + j->u_at[1] * x + j->u_at[2] * y;
-    pk->v_lane0 = j->v_at[0] + j->v_at[1] * x + j->v_at[2] * y;
-    pk->u = (int64_t)floor(pk->u_lane0 * 4294967296.0 + 0.5);
-    pk->v = (int64_t)floor(pk->v_lane0 * 4294967296.0 + 0.5);
+    for (int h = 0; h < PACKETS; h++) {
+        pk->u_lane0[h] = j->u_at[0] + j->u_at[1] * x + j->u_at[2] * (y + h);
+        pk->v_lane0[h] = j->v_at[0] + j->v_at[1] * x + j->v_at[2] * (y + h);
+        pk->u[h] = (int64_t)floor(pk->u_lane0[h] * 4294967296.0 + 0.5);
+        pk->v[h] = (int64_t)floor(pk->v_lane0[h] * 4294967296.0 + 0.5);
+    }
     pk->clipped = false;
     if (j->windowed && j->straight)
-        pk->straight = make_taps(j, pk, 0, false);
+        pk->straight = sheet_taps(j, pk, 0, false);
 }
 
 typedef struct Light {
-    v8f r, g, b, a, t; /* premultiplied colour and opacity gathered, transmittance left: 1 - a loses small a */
-    v8f depth;         /* q of the first visible surface, -1: none */
+    vf r, g, b, a, t; /* premultiplied colour and opacity gathered, transmittance left: 1 - a loses small a */
+    vf depth;         /* q of the first visible surface, -1: none */
+    unsigned opaque;  /* bit h: packet h */
 } Light;
 
 /* The first visible surface: where half of the light is lost, or the first that is seen at all. */
-INLINE void note_depth(Light *light, v8f t_before, float q)
+INLINE void note_depth(const TiledJob *j, Light *light, vf t_before, vf q)
 {
-    const v8i first = (light->depth < 0) & (light->t < t_before), half = (t_before > 0.5f) & (light->t <= 0.5f);
-    light->depth = select8(first | half, splat8(q), light->depth);
+    if (!j->depth_mm)
+        return;
+    const vmask first = mask_and(vf_lt(light->depth, vf_of(0)), vf_lt(light->t, t_before));
+    const vmask half = mask_and(vf_lt(vf_of(0.5f), t_before), vf_le(light->t, vf_of(0.5f)));
+    light->depth = select_f(mask_or(first, half), q, light->depth);
 }
 
 typedef struct Entry {
-    v8i index;      /* of the table; not clamped below */
-    v8i r, g, b, k; /* the table's sums there */
+    vi index;      /* of the table; not clamped below */
+    vi r, g, b, k; /* the table's sums there */
 } Entry;
 
-INLINE void look_up(const TiledJob *j, v8f s, Entry *e)
+INLINE void look_up(const TiledJob *j, vf s, Entry *e)
 {
     const CtsSlabTable *t = &j->table;
     /* The shift keeps the conversion's truncation away from negative numbers. */
-    const v8f x = v8f_max((s - t->grey_low) * t->per_grey, splat8(-1e6f)) + 1e6f;
-    e->index = __builtin_convertvector(x + 0.5f, v8i) - 1000000;
-    lookup8(t->sum, t->n, e->index, &e->r, &e->g, &e->b, &e->k);
+    const vf x = vf_max((s - t->grey_low) * t->per_grey, vf_of(-1e6f)) + 1e6f;
+    e->index = to_int(x + 0.5f) - 1000000;
+    look_up_entries(t->sum, t->n, e->index, &e->r, &e->g, &e->b, &e->k);
 }
 
 /* Lighting of the sheet on layer `layer`: what colour is multiplied with, and the white added to it. */
 typedef struct Glow {
-    v8f colour, white;
+    vf colour, white;
 } Glow;
 
-/* One slab from entry a to entry b, length_mm long for each lane. With d levels between the entries and an integral of
- * k over them, depth = length * k / d, and the colour integral weighs alpha / depth: one division serves both. */
-INLINE void add_slab(const TiledJob *j, Light *light, const Entry *a, const Entry *b, v8f length_mm, const Glow *glow)
+/* One slab from entry a to entry b, length_mm long for each lane, for the packets in `marching`. With d levels between
+ * the entries and an integral of k over them, depth = length * k / d, and the colour integral weighs alpha / depth: one
+ * division serves both. */
+INLINE void add_slab(const TiledJob *j, Light *light, vmask marching, const Entry *a, const Entry *b, vf length_mm,
+                     const Glow *glow)
 {
     const CtsSlabTable *t = &j->table;
-    const v8i n = b->index - a->index, sign = n < 0, flat = n == 0;
+    const vi n = b->index - a->index;
+    const vmask flat = vi_eq(n, vi_of(0));
     /* All have the sign of the field's change. */
-    v8f nf = __builtin_convertvector((n ^ sign) - sign, v8f);
-    v8f r = __builtin_convertvector(((b->r - a->r) ^ sign) - sign, v8f);
-    v8f g = __builtin_convertvector(((b->g - a->g) ^ sign) - sign, v8f);
-    v8f b8 = __builtin_convertvector(((b->b - a->b) ^ sign) - sign, v8f);
-    v8f k = __builtin_convertvector(((b->k - a->k) ^ sign) - sign, v8f);
-    if (v8_any(flat)) {
+    vf nf = vf_abs(to_float(n)), k = vf_abs(to_float(b->k - a->k));
+    vf r = vf_abs(to_float(b->r - a->r)), g = vf_abs(to_float(b->g - a->g)), b8 = vf_abs(to_float(b->b - a->b));
+    if (__builtin_expect(any_in(flat) != 0, 0)) {
         /* The field does not change: the integrand itself, over one step of the table. */
-        Entry here = {.index = a->index + 1};
-        lookup8(t->step, t->n, here.index, &here.r, &here.g, &here.b, &here.k);
-        nf = select8(flat, splat8(1), nf);
-        r = select8(flat, (v8f)here.r, r);
-        g = select8(flat, (v8f)here.g, g);
-        b8 = select8(flat, (v8f)here.b, b8);
-        k = select8(flat, (v8f)here.k, k);
+        Entry here;
+        look_up_entries(t->step, t->n, a->index + 1, &here.r, &here.g, &here.b, &here.k);
+        nf = select_f(flat, vf_of(1), nf);
+        r = select_f(flat, (vf)here.r, r);
+        g = select_f(flat, (vf)here.g, g);
+        b8 = select_f(flat, (vf)here.b, b8);
+        k = select_f(flat, (vf)here.k, k);
     }
     /* Without depth there is no colour either. */
-    const v8f kf = v8f_max(k, splat8(1e-12f));
-    const v8f inverse = 1.0f / (nf * kf);
-    const v8f depth = (k * kf) * inverse * (t->depth_scale * length_mm);
-    const v8f alpha = CTS_MUTATED(ATTENUATION) ? v8f_min(depth, splat8(1)) : one_minus_exp(depth);
-    const v8f weight = light->t * alpha * (nf * inverse) * t->colour_per_depth;
+    const vf kf = vf_max(k, vf_of(1e-12f));
+    const vf inverse = 1.0f / (nf * kf);
+    const vf depth = (k * kf) * inverse * (t->depth_scale * length_mm);
+    vf alpha = CTS_MUTATED(ATTENUATION) ? vf_min(depth, vf_of(1)) : one_minus_exp(depth);
+    if (PACKETS > 1)
+        alpha = select_f(marching, alpha, vf_of(0));
+    const vf lost = light->t * alpha;
+    const vf weight = lost * (nf * inverse) * t->colour_per_depth;
     r *= weight;
     g *= weight;
     b8 *= weight;
-    const v8f lost = light->t * alpha;
     if (glow) {
-        const v8f white = lost * glow->white;
+        const vf white = lost * glow->white;
         r = r * glow->colour + white;
         g = g * glow->colour + white;
         b8 = b8 * glow->colour + white;
@@ -235,16 +206,19 @@ INLINE void add_slab(const TiledJob *j, Light *light, const Entry *a, const Entr
     light->t -= lost;
 }
 
-/* Length inside the box of each lane's way from sheet position from to position to, in layers. */
-INLINE v8f slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int q, float whole_mm, double from,
-                       double to)
+/* Length inside the box of each lane's way through part `part` (from 1) of its packet's parts of the slab behind layer
+ * q; whole_mm where the box does not cut it. */
+INLINE vf slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int q, vf whole_mm, int part,
+                      const int parts[PACKETS])
 {
     if (q >= beam->full_from && q < beam->full_to)
-        return splat8(whole_mm);
+        return whole_mm;
     if (!pk->clipped)
         clip_packet(j, pk);
-    v8f length;
-    for (int l = 0; l < CTS_PACKET; l++) {
+    vf length;
+    for (int l = 0; l < LANES; l++) {
+        const int n = parts[l / CTS_PACKET];
+        const double from = q + (double)(part - 1) / n, to = q + (double)part / n;
         const double a = pk->enter[l] > from ? pk->enter[l] : from, b = pk->leave[l] < to ? pk->leave[l] : to;
         length[l] = b > a ? (float)((b - a) * j->layer_mm) : 0;
     }
@@ -278,7 +252,7 @@ OUTLINE void lane_gradient(const TiledJob *j, double u, double v, int q, float g
 
 /* The field's differences on a sheet, along u, v and the volume's layers. */
 typedef struct Slope {
-    v8f u, v, k;
+    vf u, v, k;
 } Slope;
 
 /* On layer q, where the packet's rays cross the sheet a fraction part / samples behind layer `from`. */
@@ -288,10 +262,9 @@ INLINE Slope slope_on_layer(const TiledJob *j, const Packet *pk, Way way, const 
     Slope g;
     if (way == WAY_WIDE || !inner) {
         const double at = from + (double)part / j->samples;
-        for (int l = 0; l < CTS_PACKET; l++) {
+        for (int l = 0; l < LANES; l++) {
             float lane[3];
-            lane_gradient(j, pk->u_lane0 + l * j->u_at[1] + at * j->u_at[3],
-                          pk->v_lane0 + l * j->v_at[1] + at * j->v_at[3], q, lane);
+            lane_gradient(j, lane_u0(j, pk, l) + at * j->u_at[3], lane_v0(j, pk, l) + at * j->v_at[3], q, lane);
             g.u[l] = lane[0];
             g.v[l] = lane[1];
             g.k[l] = lane[2];
@@ -311,9 +284,14 @@ INLINE Slope slope_on_layer(const TiledJob *j, const Packet *pk, Way way, const 
     return g;
 }
 
-INLINE Slope mix_slope(const Slope *a, const Slope *b, float f)
+INLINE Slope mix_slope(const Slope *a, const Slope *b, vf f)
 {
     return (Slope){a->u + (b->u - a->u) * f, a->v + (b->v - a->v) * f, a->k + (b->k - a->k) * f};
+}
+
+INLINE Slope select_slope(vmask mask, const Slope *yes, const Slope *no)
+{
+    return (Slope){select_f(mask, yes->u, no->u), select_f(mask, yes->v, no->v), select_f(mask, yes->k, no->k)};
 }
 
 OUTLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
@@ -321,44 +299,47 @@ OUTLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int 
     Taps made;
     const Taps *t = &pk->straight;
     if (way == WAY_OBLIQUE) {
-        made = make_taps(j, pk, q * j->samples + part, inner);
+        made = sheet_taps(j, pk, q * j->samples + part, inner);
         t = &made;
     }
     const Slope here = slope_on_layer(j, pk, way, t, q, q, part, inner);
     if (part == 0)
         return here;
     const Slope next = slope_on_layer(j, pk, way, t, q + 1, q, part, inner);
-    return mix_slope(&here, &next, (float)part / (float)j->samples);
+    return mix_slope(&here, &next, vf_of((float)part / (float)j->samples));
 }
 
 /* Lighting a fraction f of the way from slope a to slope b: the gradient is mixed, as it is between voxels, and only
  * then made a direction, so that the weak gradient of air does not turn that of a surface. */
-INLINE Glow glow_between(const TiledJob *j, const Slope *a, const Slope *b, float f)
+INLINE Glow glow_between(const TiledJob *j, const Slope *a, const Slope *b, vf f)
 {
     const CtsShade *shade = j->shade;
     const float *m = shade->form;
     const Slope slope = mix_slope(a, b, f);
-    const v8f u = slope.u, v = slope.v, k = slope.k;
-    const v8f towards = shade->along[0] * u + shade->along[1] * v + shade->along[2] * k;
-    const v8f square = u * (m[0] * u + m[3] * v + m[4] * k) + v * (m[1] * v + m[5] * k) + m[2] * k * k;
-    const v8i any = square > 0;
-    v8f facing = (CTS_MUTATED(ONE_SIDED_LIGHT) ? v8f_max(towards, splat8(0)) : v8f_abs(towards)) /
-                 v8f_sqrt(select8(any, square, splat8(1)));
-    facing = select8(any, v8f_min(facing, splat8(1)), splat8(0));
+    const vf u = slope.u, v = slope.v, k = slope.k;
+    const vf towards = shade->along[0] * u + shade->along[1] * v + shade->along[2] * k;
+    const vf square = u * (m[0] * u + m[3] * v + m[4] * k) + v * (m[1] * v + m[5] * k) + m[2] * k * k;
+    const vmask sloped = vf_lt(vf_of(0), square);
+    vf facing = (CTS_MUTATED(ONE_SIDED_LIGHT) ? vf_max(towards, vf_of(0)) : vf_abs(towards)) /
+                vf_sqrt(select_f(sloped, square, vf_of(1)));
+    facing = select_f(sloped, vf_min(facing, vf_of(1)), vf_of(0));
     return (Glow){shade->ambient + shade->diffuse * facing,
-                  select8(any, shade->specular * shade_power(shade, facing), splat8(0))};
+                  select_f(sloped, shade->specular * shade_power(shade, facing), vf_of(0))};
 }
 
-INLINE bool is_quiet(const TiledJob *j, v8f a, v8f b)
+/* Which packets march through a slab from a to b, a bit each: those that are not opaque and in which something may
+ * show. */
+INLINE unsigned marching_packets(const TiledJob *j, const Light *light, vf a, vf b)
 {
-    return v8_all((v8f_max(a, b) <= j->table.quiet_low) | (v8f_min(a, b) >= j->table.quiet_high));
+    const vmask quiet =
+        mask_or(vf_le(vf_max(a, b), vf_of(j->table.quiet_low)), vf_le(vf_of(j->table.quiet_high), vf_min(a, b)));
+    return ~(light->opaque | all_in(quiet)) & ALL_PACKETS;
 }
 
-/* What a march carries from slab to slab, each with the layer it belongs to. */
+/* What a lit march carries from slab to slab. */
 typedef struct Course {
-    Entry entry;
     Slope slope;
-    int entry_layer, slope_layer;
+    int slope_layer; /* that slope belongs to */
     bool timed;
     uint64_t shade_ticks; /* spent on slopes, where timed */
 } Course;
@@ -372,16 +353,21 @@ INLINE Slope timed_slope(const TiledJob *j, const Packet *pk, Way way, int q, in
 }
 
 /* The slab behind layer q with a fixed number of sheets in it. */
-OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, v8f s0,
-                        v8f end, bool inner, bool lit, Course *course)
+OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0,
+                        vf end, bool inner, bool lit, Course *course)
 {
+    const vf length_mm = vf_of(j->layer_mm / (float)j->samples);
     Entry e0, e1;
-    Slope g0 = {.u = splat8(0)}, g1;
+    Slope g0 = {.u = vf_of(0)}, g1;
     Glow glow;
     bool have_entry = false;
+    int parts[PACKETS];
+    for (int h = 0; h < PACKETS; h++)
+        parts[h] = j->samples;
     for (int part = 1; part <= j->samples; part++) {
-        const v8f s1 = part == j->samples ? end : sample_sheet(j, pk, way, q, part, inner);
-        if (is_quiet(j, s0, s1)) {
+        const vf s1 = part == j->samples ? end : sample_sheet(j, pk, way, q, part, inner);
+        const unsigned marching = marching_packets(j, light, s0, s1);
+        if (!marching) {
             s0 = s1;
             have_entry = false;
             continue;
@@ -394,97 +380,144 @@ OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
                 g0 = timed_slope(j, pk, way, q, part - 1, inner, course);
             g1 = part == j->samples ? timed_slope(j, pk, way, q + 1, 0, inner, course)
                                     : timed_slope(j, pk, way, q, part, inner, course);
-            glow = glow_between(j, &g0, &g1, 0.5f);
+            glow = glow_between(j, &g0, &g1, vf_of(0.5f));
             g0 = g1;
         }
-        const v8f t_before = light->t;
-        add_slab(j, light, &e0, &e1,
-                 slab_length(j, beam, pk, q, j->layer_mm / (float)j->samples, q + (double)(part - 1) / j->samples,
-                             q + (double)part / j->samples),
+        const vf t_before = light->t;
+        add_slab(j, light, mask_packets(marching), &e0, &e1, slab_length(j, beam, pk, q, length_mm, part, parts),
                  lit ? &glow : NULL);
-        note_depth(light, t_before, (float)q + ((float)part - 0.5f) / (float)j->samples);
+        note_depth(j, light, t_before, vf_of((float)q + ((float)part - 0.5f) / (float)j->samples));
         s0 = s1;
         e0 = e1;
         have_entry = true;
     }
 }
 
-/* Lighting a fraction f through a slab; one that is cut knows the slope half way, unless that is the mean anyway. */
-INLINE Glow course_glow(const TiledJob *j, Way way, int parts, float f, const Slope *from, const Slope *mid,
-                        const Slope *to)
+/* The course of the field through a slab, a parabola from the front over the middle to the end, and how many parts each
+ * packet cuts it into. */
+typedef struct Bend {
+    vf bend, rise; /* s0 + (rise + bend f) f, f from 0 to 1 */
+    int parts[PACKETS], most;
+} Bend;
+
+/* The more the field bends, and the more light is lost on the way (colours in front hide those behind), the more parts.
+ * Parts cost table entries, no voxels; on a straight way the middle itself costs nothing. */
+INLINE Bend find_bend(const TiledJob *j, const Packet *pk, Way way, vf seen, int q, vf s0, vf end, bool inner,
+                      unsigned cut, const Entry *e0, const Entry *e1)
 {
-    if (parts == 1 || way == WAY_STRAIGHT)
-        return glow_between(j, from, to, f);
-    return f < 0.5f ? glow_between(j, from, mid, 2 * f) : glow_between(j, mid, to, 2 * f - 1);
+    Bend b;
+    const vf mid = way == WAY_STRAIGHT ? (s0 + end) * 0.5f : sample_sheet(j, pk, way, q, 1, inner);
+    b.bend = 2 * (s0 + end) - 4 * mid;
+    b.rise = end - s0 - b.bend;
+    b.most = 1;
+    const unsigned unbent = all_in(vf_lt(vf_abs(b.bend) * seen, vf_of(j->bend_grey)));
+    const vf nf = vf_abs(to_float(e1->index - e0->index));
+    const vf depth = vf_abs(to_float(e1->k - e0->k)) * (j->table.depth_scale * j->layer_mm);
+    const unsigned stiff = any_in(vf_lt(nf * j->stiff_depth, depth * seen));
+    for (int h = 0; h < PACKETS; h++) {
+        b.parts[h] = !(cut >> h & 1) ? 1 : j->samples > 2 ? j->samples : stiff >> h & 1 ? 16 : unbent >> h & 1 ? 2 : 4;
+        b.most = b.parts[h] > b.most ? b.parts[h] : b.most;
+    }
+    return b;
 }
 
-/* The slab behind layer q in as many parts as its course asks for. From s0 over mid to end the field is taken for a
- * parabola; the more it bends, and the more light is lost on the way (colours in front hide those behind), the more
- * parts. Parts cost table entries, no voxels; on a straight way mid itself costs nothing. */
-INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, v8f s0,
-                       v8f end, bool inner, bool lit, Course *course)
+/* Lighting a fraction f through a slab; one that is cut knows the slope half way, unless that is the mean anyway. */
+INLINE Glow course_glow(const TiledJob *j, Way way, const Bend *bend, vf f, const Slope *from, const Slope *mid,
+                        const Slope *to)
 {
-    Entry e0, e1;
-    Slope slope0, slope1, slope_mid;
-    if (course->entry_layer == q)
-        e0 = course->entry;
-    else
-        look_up(j, s0, &e0);
-    look_up(j, end, &e1);
-    const Entry last = e1;
+    if (way == WAY_STRAIGHT)
+        return glow_between(j, from, to, f);
+    unsigned whole = 0;
+    for (int h = 0; h < PACKETS; h++)
+        whole |= (unsigned)(bend->parts[h] == 1) << h;
+    const vmask uncut = mask_packets(whole), front = vf_lt(f, vf_of(0.5f));
+    const Slope a = select_slope(mask_or(uncut, front), from, mid), half = select_slope(front, mid, to);
+    const Slope b = select_slope(uncut, to, &half);
+    return glow_between(j, &a, &b, select_f(uncut, f, select_f(front, 2 * f, 2 * f - 1)));
+}
+
+/* The slab behind layer q, from entry e0 to e1, in as many parts as its course asks of the packets in `cut`. */
+INLINE void add_parts(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0, vf end,
+                      bool inner, bool lit, unsigned marching, unsigned cut, vf seen, const Entry *e0, const Entry *e1,
+                      const Slope *slope0, const Slope *slope1, Course *course)
+{
+    const Bend bend = find_bend(j, pk, way, seen, q, s0, end, inner, cut, e0, e1);
+    Slope slope_mid;
+    if (lit && way != WAY_STRAIGHT)
+        slope_mid = timed_slope(j, pk, way, q, 1, inner, course);
+    float shares[PACKETS];
+    for (int h = 0; h < PACKETS; h++)
+        shares[h] = 1.0f / (float)bend.parts[h];
+    const vf share = vf_packets(shares);
+    Entry before = *e0;
+    for (int p = 1; p <= bend.most; p++) {
+        const vf f = (float)p * share;
+        unsigned adding = marching, last = 0;
+        for (int h = 0; h < PACKETS; h++) {
+            adding &= ~((unsigned)(p > bend.parts[h]) << h);
+            last |= (unsigned)(p >= bend.parts[h]) << h;
+        }
+        Entry after = *e1;
+        if (p < bend.most)
+            look_up(j, select_f(mask_packets(last), end, s0 + (bend.rise + bend.bend * f) * f), &after);
+        Glow glow;
+        if (lit)
+            glow = course_glow(j, way, &bend, f - 0.5f * share, slope0, &slope_mid, slope1);
+        const vf t_before = light->t;
+        add_slab(j, light, mask_packets(adding), &before, &after,
+                 slab_length(j, beam, pk, q, j->layer_mm * share, p, bend.parts), lit ? &glow : NULL);
+        note_depth(j, light, t_before, (float)q + f - 0.5f * share);
+        before = after;
+    }
+}
+
+/* The slab behind layer q, from entry e0 to e1: at once, or in parts where it changes so much that this would show. */
+INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0,
+                       vf end, bool inner, bool lit, unsigned marching, const Entry *e0, const Entry *e1,
+                       Course *course)
+{
+    static const int whole[PACKETS] = CTS_PACKETS_OF(1);
+    Slope slope0, slope1;
     if (lit) {
         slope0 = course->slope_layer == q ? course->slope : timed_slope(j, pk, way, q, 0, inner, course);
         slope1 = timed_slope(j, pk, way, q + 1, 0, inner, course);
         course->slope = slope1;
         course->slope_layer = q + 1;
     }
-    const v8f seen = select8(light->t < j->refine_transmittance, splat8(0), splat8(1));
-    int parts = 1;
-    v8f bend = splat8(0), rise = bend;
-    if (!v8_all(v8f_abs(end - s0) * seen < j->refine_grey)) {
-        const v8f mid = way == WAY_STRAIGHT ? (s0 + end) * 0.5f : sample_sheet(j, pk, way, q, 1, inner);
-        if (lit && way != WAY_STRAIGHT)
-            slope_mid = timed_slope(j, pk, way, q, 1, inner, course);
-        bend = 2 * (s0 + end) - 4 * mid;
-        rise = end - s0 - bend;
-        parts = v8_all(v8f_abs(bend) * seen < j->bend_grey) ? 2 : 4;
-        const v8f nf = v8f_abs(__builtin_convertvector(e1.index - e0.index, v8f));
-        const v8f depth = v8f_abs(__builtin_convertvector(e1.k - e0.k, v8f)) * (j->table.depth_scale * j->layer_mm);
-        if (j->samples > 2)
-            parts = j->samples;
-        else if (v8_any(depth * seen > nf * j->stiff_depth))
-            parts = 16;
+    const vf seen = select_f(vf_lt(light->t, vf_of(j->refine_transmittance)), vf_of(0), vf_of(1));
+    const unsigned cut = marching & ~all_in(vf_lt(vf_abs(end - s0) * seen, vf_of(j->refine_grey)));
+    if (cut) {
+        add_parts(j, beam, pk, way, light, q, s0, end, inner, lit, marching, cut, seen, e0, e1, &slope0, &slope1,
+                  course);
+        return;
     }
-    const float share = 1.0f / (float)parts;
-    for (int p = 1; p <= parts; p++) {
-        const float f = (float)p * share;
-        if (p == parts)
-            e1 = last;
-        else
-            look_up(j, s0 + (rise + bend * f) * f, &e1);
-        Glow glow;
-        if (lit)
-            glow = course_glow(j, way, parts, f - 0.5f * share, &slope0, &slope_mid, &slope1);
-        const v8f t_before = light->t;
-        add_slab(j, light, &e0, &e1,
-                 slab_length(j, beam, pk, q, j->layer_mm * share, q + (double)(p - 1) / parts, q + (double)p / parts),
-                 lit ? &glow : NULL);
-        note_depth(light, t_before, (float)q + f - 0.5f * share);
-        e0 = e1;
-    }
-    course->entry = last;
-    course->entry_layer = q + 1;
+    Glow glow;
+    if (lit)
+        glow = glow_between(j, &slope0, &slope1, vf_of(0.5f));
+    const vf t_before = light->t;
+    add_slab(j, light, mask_packets(marching), e0, e1, slab_length(j, beam, pk, q, vf_of(j->layer_mm), 1, whole),
+             lit ? &glow : NULL);
+    note_depth(j, light, t_before, vf_of((float)q + 0.5f));
 }
 
-/* True when the packet became opaque. */
-INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool lit, Light *light, TiledCounts *counts)
+/* Notes the packets that have become opaque; true when all have. */
+INLINE bool all_opaque(const TiledJob *j, Light *light)
 {
-    v8f s0 = splat8(0);
-    Course course = {.entry_layer = -1, .slope_layer = -1};
+    light->opaque |= all_in(vf_lt(light->t, vf_of(j->stop_transmittance)));
+    return light->opaque == ALL_PACKETS;
+}
+
+INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool lit, Light *result, TiledCounts *counts)
+{
+    Light own = *result, *light = &own; /* in registers */
+    vf s0 = vf_of(0);
+    Course course = {.slope_layer = -1};
+    Entry entry = {.index = vi_of(0)}; /* of s0, on layer entry_layer */
+    int entry_layer = -1;
     int reached = -1; /* s0 is the field on this layer */
     uint64_t samples = 0, slabs = 0;
-    bool opaque = false;
-    const bool timed = counts->packets % TILED_TIMED_PACKETS == 0;
+    bool opaque = false, inner = false;
+    const bool timed = counts->marches % TILED_TIMED_MARCHES == 0;
     course.timed = timed;
     uint64_t start = timed ? tiled_ticks() : 0, composite = 0;
     for (int r = 0; !opaque && (r < beam->n_runs || tiled_beam_extend(j, beam)); r++) {
@@ -492,17 +525,29 @@ INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
         if (run.from != reached)
             s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
         reached = run.to;
+        /* Near the faces slopes are rounded in another way; which, must not depend on the packets beside. */
+        if (lit && run.inner != inner)
+            course.slope_layer = -1;
+        inner = run.inner;
         for (int q = run.from; q < run.to && !opaque; q++) {
-            const v8f end = sample_sheet(j, pk, way, q + 1, 0, run.inner);
+            const vf end = sample_sheet(j, pk, way, q + 1, 0, run.inner);
             samples++;
-            if (!j->adaptive || !is_quiet(j, s0, end)) {
+            const unsigned marching = j->adaptive ? marching_packets(j, light, s0, end) : ALL_PACKETS;
+            if (marching) {
                 const uint64_t before = timed ? tiled_ticks() : 0;
                 slabs++;
-                if (j->adaptive)
-                    add_course(j, beam, pk, way, light, q, s0, end, run.inner, lit, &course);
-                else
+                if (j->adaptive) {
+                    Entry next;
+                    if (entry_layer != q)
+                        look_up(j, s0, &entry);
+                    look_up(j, end, &next);
+                    add_course(j, beam, pk, way, light, q, s0, end, run.inner, lit, marching, &entry, &next, &course);
+                    entry = next;
+                    entry_layer = q + 1;
+                } else {
                     add_sheets(j, beam, pk, way, light, q, s0, end, run.inner, lit, &course);
-                opaque = v8_all(light->t < j->stop_transmittance);
+                }
+                opaque = all_opaque(j, light);
                 composite += timed ? tiled_ticks() - before : 0;
             }
             s0 = end;
@@ -513,44 +558,65 @@ INLINE bool march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
         counts->shade_ticks += course.shade_ticks;
         counts->splat_ticks += tiled_ticks() - start - composite;
     }
-    counts->samples += samples * CTS_PACKET;
-    counts->slabs += slabs * CTS_PACKET;
-    return opaque;
+    counts->marches++;
+    counts->samples += samples * LANES;
+    counts->slabs += slabs * LANES;
+    *result = own;
 }
 
-INLINE bool march_any(const TiledJob *j, TiledBeam *beam, Packet *pk, bool lit, Light *light, TiledCounts *counts)
+/* Each way of marching is a function of its own: the compiler keeps more of it in registers. */
+#define MARCH(name, way, lit)                                                                                          \
+    OUTLINE void name(const TiledJob *j, TiledBeam *beam, Packet *pk, Light *light, TiledCounts *counts)               \
+    {                                                                                                                  \
+        march(j, beam, pk, way, lit, light, counts);                                                                   \
+    }
+MARCH(march_straight, WAY_STRAIGHT, false)
+MARCH(march_oblique, WAY_OBLIQUE, false)
+MARCH(march_wide, WAY_WIDE, false)
+MARCH(march_straight_lit, WAY_STRAIGHT, true)
+MARCH(march_oblique_lit, WAY_OBLIQUE, true)
+MARCH(march_wide_lit, WAY_WIDE, true)
+#undef MARCH
+
+static void march_any(const TiledJob *j, TiledBeam *beam, Packet *pk, Light *light, TiledCounts *counts)
 {
-    return !j->windowed  ? march(j, beam, pk, WAY_WIDE, lit, light, counts)
-           : j->straight ? march(j, beam, pk, WAY_STRAIGHT, lit, light, counts)
-                         : march(j, beam, pk, WAY_OBLIQUE, lit, light, counts);
+    if (!j->windowed)
+        (j->shade ? march_wide_lit : march_wide)(j, beam, pk, light, counts);
+    else if (j->straight)
+        (j->shade ? march_straight_lit : march_straight)(j, beam, pk, light, counts);
+    else
+        (j->shade ? march_oblique_lit : march_oblique)(j, beam, pk, light, counts);
 }
 
-static void run_packet(const TiledJob *j, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+/* What is left of the light in front of an opaque packet is taken to see the same colour as the rest did. */
+INLINE void complete(const TiledJob *j, Light *light)
+{
+    const vmask dark = mask_and(vf_lt(light->t, vf_of(j->stop_transmittance)), mask_packets(light->opaque));
+    const vf scale = select_f(dark, 1.0f / light->a, vf_of(1));
+    light->r *= scale;
+    light->g *= scale;
+    light->b *= scale;
+    light->a = select_f(dark, vf_of(1), light->a);
+}
+
+static void run_packets(const TiledJob *j, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
 {
     Packet pk;
-    Light light = {.t = splat8(1), .depth = splat8(-1)};
+    Light light = {.t = vf_of(1), .depth = vf_of(-1)};
     init_packet(j, &pk, x, y);
-    const bool opaque =
-        j->shade ? march_any(j, beam, &pk, true, &light, counts) : march_any(j, beam, &pk, false, &light, counts);
-    if (opaque) {
-        /* What is left of the light is taken to see the same colour as the rest did. */
-        const v8i dark = light.t < j->stop_transmittance;
-        const v8f scale = select8(dark, 1.0f / light.a, splat8(1));
-        light.r *= scale;
-        light.g *= scale;
-        light.b *= scale;
-        light.a = select8(dark, splat8(1), light.a);
-    }
-    counts->packets++;
-    const size_t first = (size_t)(y - j->first_row) * (size_t)j->width + (size_t)x;
-    float *out = j->rgba + 4 * first;
-    for (int l = 0; l < n; l++, out += 4) {
+    march_any(j, beam, &pk, &light, counts);
+    complete(j, &light);
+    for (int l = 0; l < LANES; l++) {
+        const int row = y + l / CTS_PACKET, column = x + l % CTS_PACKET;
+        if (l % CTS_PACKET >= n)
+            continue;
+        const size_t at = (size_t)(row - j->first_row) * (size_t)j->width + (size_t)column;
+        float *out = j->rgba + 4 * at;
         out[0] = light.r[l];
         out[1] = light.g[l];
         out[2] = light.b[l];
         out[3] = light.a[l];
+        if (j->depth_mm && light.depth[l] >= 0)
+            j->depth_mm[at] = tiled_depth_mm(j, column, row, light.depth[l]);
     }
-    for (int l = 0; l < n && j->depth_mm; l++)
-        if (light.depth[l] >= 0)
-            j->depth_mm[first + (size_t)l] = tiled_depth_mm(j, x + l, y, light.depth[l]);
 }

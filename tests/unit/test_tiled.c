@@ -1,4 +1,5 @@
 /* The tiled engine: the same bytes on every path, close to the float64 reference, exact where formulas are known. */
+#include "base/cpu.h"
 #include "scenes.h"
 
 static const double views[][2] = {
@@ -24,7 +25,8 @@ static void assert_same(const CtsPicture *a, const CtsPicture *b)
         assert_memory_equal(a->depth_mm, b->depth_mm, (size_t)a->width * (size_t)a->height * sizeof *a->depth_mm);
 }
 
-/* Plain C against AVX2, one thread against many: every byte, on noise over the full range and on a phantom. */
+/* Plain C against AVX2 and AVX-512, one thread against many: every byte, on noise over the full range and on a phantom.
+ */
 static void same_bytes(void **state)
 {
     (void)state;
@@ -43,9 +45,10 @@ static void same_bytes(void **state)
                     s.mm_per_pixel = 4; /* pixels far apart: no windows */
                 CtsPicture *reference = NULL;
                 for (int run = 0; run < 4; run++) {
-                    static const int threads[4] = {1, 2, 7, 1};
+                    static const int threads[4] = {1, 7, 2, 1};
+                    static const unsigned cpu[4] = {0, 0, CTS_CPU_AVX2, ~0u};
                     s.n_threads = threads[run];
-                    s.cpu_mask = run == 3 ? ~0u : 0u;
+                    s.cpu_mask = cpu[run];
                     CtsPicture *p = render(volumes[v], &preset, &s, NULL);
                     if (reference)
                         assert_same(reference, p);

@@ -1,0 +1,218 @@
+/* AVX-512 primitives for the tiled engine's march, two packets at a time. Compiled for F, BW, DQ and VL; called only
+ * where the processor has them. */
+#include "splat/tiled_kernel.h"
+
+#if defined(__AVX512F__) && defined(__AVX512BW__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
+
+#include "base/mutation.h"
+#include <immintrin.h>
+#include <math.h>
+
+#define LANES 16
+#include "splat/tiled_vec_tmpl.h"
+
+typedef __mmask16 vmask;
+
+INLINE vf vf_min(vf a, vf b)
+{
+    return (vf)_mm512_min_ps((__m512)a, (__m512)b);
+}
+
+INLINE vf vf_max(vf a, vf b)
+{
+    return (vf)_mm512_max_ps((__m512)a, (__m512)b);
+}
+
+INLINE vi vi_min(vi a, vi b)
+{
+    return (vi)_mm512_min_epi32((__m512i)a, (__m512i)b);
+}
+
+INLINE vi vi_max(vi a, vi b)
+{
+    return (vi)_mm512_max_epi32((__m512i)a, (__m512i)b);
+}
+
+INLINE vf vf_sqrt(vf a)
+{
+    return (vf)_mm512_sqrt_ps((__m512)a);
+}
+
+INLINE vmask vf_lt(vf a, vf b)
+{
+    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LT_OS);
+}
+
+INLINE vmask vf_le(vf a, vf b)
+{
+    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LE_OS);
+}
+
+INLINE vmask vi_eq(vi a, vi b)
+{
+    return _mm512_cmpeq_epi32_mask((__m512i)a, (__m512i)b);
+}
+
+INLINE vmask mask_and(vmask a, vmask b)
+{
+    return _kand_mask16(a, b);
+}
+
+INLINE vmask mask_or(vmask a, vmask b)
+{
+    return _kor_mask16(a, b);
+}
+
+INLINE vf select_f(vmask mask, vf yes, vf no)
+{
+    return (vf)_mm512_mask_blend_ps(mask, (__m512)no, (__m512)yes);
+}
+
+INLINE vi select_i(vmask mask, vi yes, vi no)
+{
+    return (vi)_mm512_mask_blend_epi32(mask, (__m512i)no, (__m512i)yes);
+}
+
+INLINE unsigned any_in(vmask mask)
+{
+    return (unsigned)((mask & 0xff) != 0) | (unsigned)(mask > 0xff) << 1;
+}
+
+INLINE unsigned all_in(vmask mask)
+{
+    return (unsigned)((mask & 0xff) == 0xff) | (unsigned)(mask >= 0xff00) << 1;
+}
+
+INLINE vf vf_packets(const float of[PACKETS])
+{
+    return (vf)_mm512_mask_blend_ps(0xff00, _mm512_set1_ps(of[0]), _mm512_set1_ps(of[1]));
+}
+
+INLINE vi vi_packets(const int32_t of[PACKETS])
+{
+    return (vi)_mm512_mask_blend_epi32(0xff00, _mm512_set1_epi32(of[0]), _mm512_set1_epi32(of[1]));
+}
+
+INLINE vmask mask_packets(unsigned packets)
+{
+    return (vmask)((packets & 1) * 0xff | (packets >> 1) * 0xff00);
+}
+
+/* Entries at byte offsets at[first], at[first + 4], ... side by side. */
+INLINE __m512i four_entries(const int32_t (*rows)[4], const uint32_t *at, int first)
+{
+    const char *bytes = (const char *)rows;
+    __m512i e = _mm512_castsi128_si512(_mm_load_si128((const __m128i *)(bytes + at[first])));
+    e = _mm512_inserti32x4(e, _mm_load_si128((const __m128i *)(bytes + at[first + 4])), 1);
+    e = _mm512_inserti32x4(e, _mm_load_si128((const __m128i *)(bytes + at[first + 8])), 2);
+    return _mm512_inserti32x4(e, _mm_load_si128((const __m128i *)(bytes + at[first + 12])), 3);
+}
+
+/* Rows index, clamped to 0..last: one 128-bit load a pixel, then a transpose. */
+INLINE void look_up_entries(const int32_t (*rows)[4], int last, vi index, vi *r, vi *g, vi *b, vi *k)
+{
+    uint32_t i[LANES] __attribute__((aligned(64)));
+    _mm512_store_si512(i, (__m512i)(vi_min(vi_max(index, vi_of(0)), vi_of(last)) << 4));
+    __asm__("" : "+m"(i)); /* loads of offsets cost less than taking the vector apart */
+    const __m512i e0 = four_entries(rows, i, 0), e1 = four_entries(rows, i, 1);
+    const __m512i e2 = four_entries(rows, i, 2), e3 = four_entries(rows, i, 3);
+    const __m512i rg01 = _mm512_unpacklo_epi32(e0, e1), bk01 = _mm512_unpackhi_epi32(e0, e1);
+    const __m512i rg23 = _mm512_unpacklo_epi32(e2, e3), bk23 = _mm512_unpackhi_epi32(e2, e3);
+    *r = (vi)_mm512_unpacklo_epi64(rg01, rg23);
+    *g = (vi)_mm512_unpackhi_epi64(rg01, rg23);
+    *b = (vi)_mm512_unpacklo_epi64(bk01, bk23);
+    *k = (vi)_mm512_unpackhi_epi64(bk01, bk23);
+}
+
+/* facing to the power of the preset, from shade's table. */
+INLINE vf shade_power(const CtsShade *shade, vf facing)
+{
+    const vf at = facing * (float)shade->n_power;
+    const vi i = vi_min(to_int(at), vi_of(shade->n_power - 1));
+    const vf low = (vf)_mm512_i32gather_ps((__m512i)i, shade->power, 4);
+    const vf high = (vf)_mm512_i32gather_ps((__m512i)i, shade->power + 1, 4);
+    return low + (high - low) * (at - to_float(i));
+}
+
+/* One window of 16 x 4 voxels for all lanes. */
+typedef struct Taps {
+    const uint16_t *at; /* its first voxel, in layer q = 0 */
+    vi upper, lower;    /* where in the window's 64 voxels a lane's pair of columns stands, in its two rows */
+    vi weights;         /* 14-bit weights of the two columns, packed as two int16 */
+    vf fy;
+} Taps;
+
+INLINE int clamp_int(int x, int low, int high)
+{
+    return x < low ? low : x > high ? high : x;
+}
+
+/* The window for packets whose first pixels are at (pu, pv), in 2^-16 voxels. inner: all of it is far enough from the
+ * volume's faces to need no clamping. */
+INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], bool inner)
+{
+    const vi lane_u = (vi)_mm512_broadcast_i32x8(_mm256_loadu_si256((const __m256i *)j->lane_u));
+    const vi lane_v = (vi)_mm512_broadcast_i32x8(_mm256_loadu_si256((const __m256i *)j->lane_v));
+    const int32_t first_u = j->half_u[0] < j->half_u[4] ? j->half_u[0] : j->half_u[4];
+    const int32_t first_v = j->half_v[0] < j->half_v[4] ? j->half_v[0] : j->half_v[4];
+    vi u = vi_packets(pu) + lane_u, v = vi_packets(pv) + lane_v;
+    int cu = ((pu[0] < pu[1] ? pu[0] : pu[1]) + first_u) >> 16, cv = ((pv[0] < pv[1] ? pv[0] : pv[1]) + first_v) >> 16;
+    vi column, row;
+    if (inner) {
+        column = u >> 16;
+        row = v >> 16;
+    } else {
+        u = vi_min(vi_max(u, vi_of(0)), vi_of((j->nu - 1) << 16));
+        v = vi_min(vi_max(v, vi_of(0)), vi_of((j->nv - 1) << 16));
+        /* At the far faces u and v are whole: take the voxel before, with full weight for the one behind. */
+        column = vi_min(u >> 16, vi_of(j->nu - 2));
+        row = vi_min(v >> 16, vi_of(j->nv - 2));
+    }
+    /* Loads must stay inside the layer, whatever the lanes do. */
+    cu = clamp_int(cu, 0, j->nu - 16);
+    cv = clamp_int(cv, 0, j->nv - 4);
+    Taps t = {.at = j->layer0 + cv * j->row_stride + cu};
+    const vi wx = (u - (column << 16)) >> 2;
+    const vi place = (row - cv) * 16 + (column - cu);
+    t.upper = place * 0x10001 + 0x10000;
+    t.lower = t.upper + 0x100010;
+    t.weights = (wx << 16) | (16384 - wx);
+    t.fy = to_float(v - (row << 16)) * (1.0f / 65536);
+    return t;
+}
+
+INLINE __m512i two_rows(const uint16_t *at, ptrdiff_t row_stride)
+{
+    const __m512i low = _mm512_castsi256_si512(_mm256_loadu_si256((const __m256i *)at));
+    return _mm512_inserti64x4(low, _mm256_loadu_si256((const __m256i *)(at + row_stride)), 1);
+}
+
+/* The pairs of voxels by a shuffle of the whole window instead of a gather. */
+INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
+{
+    const __m512i bias = _mm512_set1_epi32((int)0x80008000);
+    const uint16_t *at = t->at + offset;
+    const __m512i low = two_rows(at, row_stride), high = two_rows(at + 2 * row_stride, row_stride);
+    const __m512i upper = _mm512_xor_si512(_mm512_permutex2var_epi16(low, (__m512i)t->upper, high), bias);
+    const __m512i lower = _mm512_xor_si512(_mm512_permutex2var_epi16(low, (__m512i)t->lower, high), bias);
+    const vf a = (vf)_mm512_cvtepi32_ps(_mm512_madd_epi16(upper, (__m512i)t->weights));
+    const vf b = (vf)_mm512_cvtepi32_ps(_mm512_madd_epi16(lower, (__m512i)t->weights));
+    return (a + t->fy * (b - a)) * (1.0f / 16384) + 32768.0f;
+}
+
+#include "splat/tiled_tmpl.h"
+
+void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+{
+    run_packets(job, beam, x, y, n, counts);
+}
+
+#else
+
+void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+{
+    tiled_packets_avx2(job, beam, x, y, n, counts);
+    tiled_packets_avx2(job, beam, x, y + 1, n, counts);
+}
+
+#endif
