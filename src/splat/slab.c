@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { MAX_PER_GREY = 8, TARGET_ENTRIES = 4096 /* about what a first-level cache holds */ };
+enum { MAX_PER_GREY = 8, TARGET_ENTRIES = 8192 /* about what a first-level cache holds */ };
 
 /* Integrals over one step of the table, from hu to hu + width: Gauss-Legendre with 3 points, exact enough between
  * knots; a knot inside a step costs no more than the step's own width. */

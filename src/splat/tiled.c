@@ -61,8 +61,9 @@ static void choose_precision(TiledJob *j, const CtsScene *scene)
     const bool fine = asked < 0.3;
     j->adaptive = s->samples == 0 && (!fine || j->straight);
     j->samples = s->samples > 0 ? s->samples : fine ? (int)fmin(ceil(2 * sqrt(0.6 / asked)), 32) : 2;
-    /* Along an axis the field between layers is linear and a cut costs no accuracy elsewhere. */
-    j->refine_grey = (float)((j->straight ? 200 : 100) * part / scene->volume->hu_step);
+    /* Along an axis the field between layers is linear: cuts only tell what hides what. */
+    j->stiff_grey = (float)(100 * part / scene->volume->hu_step);
+    j->refine_grey = j->straight ? 1.5f * j->stiff_grey : j->stiff_grey;
     j->bend_grey = (float)(50 * part / scene->volume->hu_step);
     j->refine_transmittance = (float)fmin(0.05 * part, 0.2);
     j->stiff_depth = 3;

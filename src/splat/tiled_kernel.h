@@ -35,10 +35,11 @@ typedef struct TiledJob {
     int samples;            /* sub-sheets per layer */
     /* Adaptive: layers are sampled once, and a slab gets more only where both its layers do not show the same. */
     bool adaptive;
-    float refine_grey;          /* a slab over which the field changes less is taken for straight */
+    float refine_grey;          /* a slab over which the field changes less is not cut */
+    float stiff_grey;           /* the same for slabs of more than stiff_depth */
     float refine_transmittance; /* and so is one that less light than this reaches */
     float bend_grey;            /* a field that bends less is taken for straight in either half */
-    float stiff_depth;          /* a slab of more optical depth is cut into 16 */
+    float stiff_depth;          /* a slab of more optical depth is cut into 16, if at all */
     float layer_mm;             /* ray length from layer to layer */
     float stop_transmittance;   /* a packet ends when all of its pixels have less than this left */
     CtsSlabTable table;

@@ -403,7 +403,7 @@ typedef struct Bend {
 /* The more the field bends, and the more light is lost on the way (colours in front hide those behind), the more parts.
  * Parts cost table entries, no voxels; on a straight way the middle itself costs nothing. */
 INLINE Bend find_bend(const TiledJob *j, const Packet *pk, Way way, vf seen, int q, vf s0, vf end, bool inner,
-                      unsigned cut, const Entry *e0, const Entry *e1)
+                      unsigned cut, unsigned stiff)
 {
     Bend b;
     const vf mid = way == WAY_STRAIGHT ? (s0 + end) * 0.5f : sample_sheet(j, pk, way, q, 1, inner);
@@ -411,9 +411,6 @@ INLINE Bend find_bend(const TiledJob *j, const Packet *pk, Way way, vf seen, int
     b.rise = end - s0 - b.bend;
     b.most = 1;
     const unsigned unbent = all_in(vf_lt(vf_abs(b.bend) * seen, vf_of(j->bend_grey)));
-    const vf nf = vf_abs(to_float(e1->index - e0->index));
-    const vf depth = vf_abs(to_float(e1->k - e0->k)) * (j->table.depth_scale * j->layer_mm);
-    const unsigned stiff = any_in(vf_lt(nf * j->stiff_depth, depth * seen));
     for (int h = 0; h < PACKETS; h++) {
         b.parts[h] = !(cut >> h & 1) ? 1 : j->samples > 2 ? j->samples : stiff >> h & 1 ? 16 : unbent >> h & 1 ? 2 : 4;
         b.most = b.parts[h] > b.most ? b.parts[h] : b.most;
@@ -438,10 +435,10 @@ INLINE Glow course_glow(const TiledJob *j, Way way, const Bend *bend, vf f, cons
 
 /* The slab behind layer q, from entry e0 to e1, in as many parts as its course asks of the packets in `cut`. */
 INLINE void add_parts(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0, vf end,
-                      bool inner, bool lit, unsigned marching, unsigned cut, vf seen, const Entry *e0, const Entry *e1,
-                      const Slope *slope0, const Slope *slope1, Course *course)
+                      bool inner, bool lit, unsigned marching, unsigned cut, unsigned stiff, vf seen, const Entry *e0,
+                      const Entry *e1, const Slope *slope0, const Slope *slope1, Course *course)
 {
-    const Bend bend = find_bend(j, pk, way, seen, q, s0, end, inner, cut, e0, e1);
+    const Bend bend = find_bend(j, pk, way, seen, q, s0, end, inner, cut, stiff);
     Slope slope_mid;
     if (lit && way != WAY_STRAIGHT)
         slope_mid = timed_slope(j, pk, way, q, 1, inner, course);
@@ -485,10 +482,14 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
         course->slope_layer = q + 1;
     }
     const vf seen = select_f(vf_lt(light->t, vf_of(j->refine_transmittance)), vf_of(0), vf_of(1));
-    const unsigned cut = marching & ~all_in(vf_lt(vf_abs(end - s0) * seen, vf_of(j->refine_grey)));
+    const vf nf = vf_abs(to_float(e1->index - e0->index));
+    const vf depth = vf_abs(to_float(e1->k - e0->k)) * (j->table.depth_scale * j->layer_mm);
+    const vmask stiff = vf_lt(nf * j->stiff_depth, depth * seen);
+    const vf limit = select_f(stiff, vf_of(j->stiff_grey), vf_of(j->refine_grey));
+    const unsigned cut = marching & ~all_in(vf_lt(vf_abs(end - s0) * seen, limit));
     if (cut) {
-        add_parts(j, beam, pk, way, light, q, s0, end, inner, lit, marching, cut, seen, e0, e1, &slope0, &slope1,
-                  course);
+        add_parts(j, beam, pk, way, light, q, s0, end, inner, lit, marching, cut, any_in(stiff), seen, e0, e1, &slope0,
+                  &slope1, course);
         return;
     }
     Glow glow;
