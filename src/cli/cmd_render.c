@@ -107,6 +107,17 @@ static CtsStatus write_rows(Job *job, int output, const CtsPicture *band, CtsErr
     return st;
 }
 
+static CtsStatus annotate(const Job *job, CtsPicture *band, CtsError *err)
+{
+    const bool orientation = job->options->annotate_orientation, scale = job->options->annotate_scale;
+    int n_left_out = 0;
+    const CtsStatus st = cts_annotate(band, orientation, scale, &n_left_out, err);
+    if (n_left_out > 0 && job->frame == 0 && band->first_row == 0)
+        cli_warning("--annotate: %d of %d marks left out, for which the picture has no room (a larger --size)",
+                    n_left_out, 4 * orientation + scale);
+    return st;
+}
+
 /* A band as the engine made it: over the background, marked, into all files. */
 static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
 {
@@ -117,7 +128,7 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background);
     if (options->annotate_orientation || options->annotate_scale)
-        st = cts_annotate(band, options->annotate_orientation, options->annotate_scale, err);
+        st = annotate(job, band, err);
     for (int i = 0; i < options->n_outputs && !st; i++)
         if (!(st = cli_interrupted(err)))
             st = write_rows(job, i, band, err);

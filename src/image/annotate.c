@@ -11,6 +11,8 @@
 static const char *const font_family = "@cairo:";
 static const double light = 242 / 255.0, dark = 13 / 255.0; /* as the overlay's 8 bits hold them */
 
+enum { MIN_FONT_PX = 10 };
+
 /* What is drawn: a text, and below it a bar if bar_px is not 0. */
 typedef struct Mark {
     const char *text;
@@ -59,7 +61,7 @@ static Box measure(const Mark *mark)
     box.text_width = extents.x_advance;
     box.text_height = 0.8 * mark->font_px; /* one height for all letters, so that edges line up */
     box.bar_height = mark->bar_px > 0 ? fmax(2, mark->font_px / 5) : 0;
-    const double gap = mark->bar_px > 0 ? 2 * box.rim : 0;
+    const double gap = mark->bar_px > 0 ? 3 * box.rim : 0;
     box.width = (int)ceil(fmax(box.text_width, mark->bar_px) + 4 * box.rim) + 1;
     box.height = (int)ceil(box.text_height + gap + box.bar_height + 4 * box.rim) + 1;
     return box;
@@ -101,21 +103,61 @@ static void blend(CtsPicture *picture, cairo_surface_t *overlay, int left, int t
         }
 }
 
-static CtsStatus put(CtsPicture *picture, const Mark *mark, CtsError *err)
+/* A mark and where its box stands in the whole picture. */
+typedef struct Placed {
+    Mark mark; /* but for its text, which is this: */
+    char text[48];
+    Box box;
+    int left, top;
+} Placed;
+
+typedef struct Layout {
+    int width, height; /* of the whole picture */
+    Placed placed[5];
+    int n, n_left_out;
+} Layout;
+
+static bool overlap(const Placed *a, const Placed *b)
 {
-    const Box box = measure(mark);
+    return a->left < b->left + b->box.width && b->left < a->left + a->box.width && a->top < b->top + b->box.height &&
+           b->top < a->top + a->box.height;
+}
+
+/* Marks that would cover another one, or leave the picture, help nobody. */
+static void place(Layout *layout, const Mark *mark)
+{
+    Placed *p = &layout->placed[layout->n];
+    p->mark = *mark;
+    p->box = measure(mark);
+    const double room_x = layout->width - p->box.width - 2 * mark->margin_px;
+    const double room_y = layout->height - p->box.height - 2 * mark->margin_px;
+    p->left = (int)floor(mark->margin_px + mark->x * room_x + 0.5);
+    p->top = (int)floor(mark->margin_px + mark->y * room_y + 0.5);
+    bool fits = room_x >= 0 && room_y >= 0;
+    for (int i = 0; i < layout->n; i++)
+        fits = fits && !overlap(p, &layout->placed[i]);
+    if (!fits) {
+        layout->n_left_out++;
+        return;
+    }
+    snprintf(p->text, sizeof p->text, "%s", mark->text);
+    layout->n++;
+}
+
+static CtsStatus put(CtsPicture *picture, const Placed *p, CtsError *err)
+{
+    Mark mark = p->mark;
     CtsStatus st = CTS_OK;
-    cairo_surface_t *overlay = cairo_image_surface_create(CAIRO_FORMAT_ARGB32, box.width, box.height);
-    draw(overlay, mark, &box);
-    if (cairo_surface_status(overlay) == CAIRO_STATUS_SUCCESS) {
-        const double room_x = picture->width - box.width - 2 * mark->margin_px;
-        const double room_y = picture->whole_height - box.height - 2 * mark->margin_px;
-        blend(picture, overlay, (int)floor(mark->margin_px + mark->x * room_x + 0.5),
-              (int)floor(mark->margin_px + mark->y * room_y + 0.5));
-    } else {
+    mark.text = p->text;
+    if (p->top >= picture->first_row + picture->height || p->top + p->box.height <= picture->first_row)
+        return CTS_OK;
+    cairo_surface_t *overlay = cairo_image_surface_create(CAIRO_FORMAT_ARGB32, p->box.width, p->box.height);
+    draw(overlay, &mark, &p->box);
+    if (cairo_surface_status(overlay) == CAIRO_STATUS_SUCCESS)
+        blend(picture, overlay, p->left, p->top);
+    else
         st = cts_fail(err, CTS_ERR_MEMORY, "the annotation cannot be drawn: %s",
                       cairo_status_to_string(cairo_surface_status(overlay)));
-    }
     cairo_surface_destroy(overlay);
     return st;
 }
@@ -133,15 +175,8 @@ static double round_length_mm(double length_mm)
     return best;
 }
 
-CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, CtsError *err)
+static void place_letters(Layout *layout, const CtsPictureInfo *info, double font_px, double margin_px)
 {
-    const CtsPictureInfo *info = &picture->info;
-    const int height = picture->whole_height, side = picture->width < height ? picture->width : height;
-    const double font_px = fmax(10, side / 30.0), margin_px = font_px / 4;
-    const double mm_per_pixel = info->mm_per_pixel;
-    CtsStatus st = CTS_OK;
-    if (scale && !(mm_per_pixel > 0 && isfinite(mm_per_pixel)))
-        return cts_fail(err, CTS_ERR_USAGE, "a scale cannot be drawn: the picture's mm per pixel are not known");
     const struct {
         const double *direction_lps;
         double sign, x, y;
@@ -149,21 +184,43 @@ CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, CtsErr
                  {info->right_lps, -1, 0, 0.5},
                  {info->up_lps, 1, 0.5, 0},
                  {info->up_lps, -1, 0.5, 1}};
-    for (int i = 0; orientation && i < 4 && !st; i++) {
-        const double *d = edges[i].direction_lps;
+    for (int i = 0; i < 4; i++) {
         char letters[4];
+        const double *d = edges[i].direction_lps;
         cts_describe_direction((const double[3]){edges[i].sign * d[0], edges[i].sign * d[1], edges[i].sign * d[2]},
                                letters);
         const Mark mark = {letters, font_px, 0, edges[i].x, edges[i].y, margin_px};
-        st = put(picture, &mark, err);
+        place(layout, &mark);
     }
-    if (scale && !st) {
-        const double length_mm = round_length_mm(0.2 * picture->width * mm_per_pixel);
-        char number[32], text[48];
-        cts_describe_number(length_mm, 6, number, sizeof number);
-        snprintf(text, sizeof text, "%s mm", number);
-        const Mark mark = {text, 0.8 * font_px, length_mm / mm_per_pixel, 0, 1, 2 * margin_px};
-        st = put(picture, &mark, err);
-    }
+}
+
+static void place_scale(Layout *layout, double mm_per_pixel, double font_px, double margin_px)
+{
+    const double length_mm = round_length_mm(0.2 * layout->width * mm_per_pixel);
+    char number[32], text[48];
+    cts_describe_number(length_mm, 6, number, sizeof number);
+    snprintf(text, sizeof text, "%s mm", number);
+    const Mark mark = {text, fmax(MIN_FONT_PX - 1, 0.8 * font_px), length_mm / mm_per_pixel, 0, 1, margin_px};
+    place(layout, &mark);
+}
+
+CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n_left_out, CtsError *err)
+{
+    const CtsPictureInfo *info = &picture->info;
+    Layout layout = {.width = picture->width, .height = picture->whole_height};
+    const int side = layout.width < layout.height ? layout.width : layout.height;
+    const double font_px = fmax(MIN_FONT_PX, side / 30.0), margin_px = font_px / 4;
+    const double mm_per_pixel = info->mm_per_pixel;
+    CtsStatus st = CTS_OK;
+    if (scale && !(mm_per_pixel > 0 && isfinite(mm_per_pixel)))
+        return cts_fail(err, CTS_ERR_USAGE, "a scale cannot be drawn: the picture's mm per pixel are not known");
+    if (orientation)
+        place_letters(&layout, info, font_px, margin_px);
+    if (scale)
+        place_scale(&layout, mm_per_pixel, font_px, margin_px);
+    for (int i = 0; i < layout.n && !st; i++)
+        st = put(picture, &layout.placed[i], err);
+    if (n_left_out)
+        *n_left_out = layout.n_left_out;
     return st;
 }

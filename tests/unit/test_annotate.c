@@ -50,7 +50,7 @@ static void test_letters(void **state)
         const float v = (float)k;
         CtsError err;
         CtsPicture *p = flat(600, 400, 4, v, 0.5);
-        assert_int_equal(cts_annotate(p, true, false, &err), CTS_OK);
+        assert_int_equal(cts_annotate(p, true, false, NULL, &err), CTS_OK);
         const int left = marked(p, v, 0, 160, 60, 240), right = marked(p, v, 540, 160, 600, 240);
         const int top = marked(p, v, 260, 0, 340, 60), bottom = marked(p, v, 260, 340, 340, 400);
         assert_true(left > 10 && right > 10 && top > 10 && bottom > 10);
@@ -73,7 +73,7 @@ static void test_scale(void **state)
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         CtsError err;
         CtsPicture *p = flat(cases[i].width, 200, 1, 0, cases[i].mm_per_pixel);
-        assert_int_equal(cts_annotate(p, false, true, &err), CTS_OK);
+        assert_int_equal(cts_annotate(p, false, true, NULL, &err), CTS_OK);
         double longest = 0;
         for (int y = 0; y < 200; y++) {
             double run = 0;
@@ -96,18 +96,18 @@ static void test_edges(void **state)
     const int sizes[][2] = {{1, 1}, {3, 90}, {90, 3}, {16, 16}};
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         CtsPicture *p = flat(sizes[i][0], sizes[i][1], 1, 0.5f, 0.5);
-        assert_int_equal(cts_annotate(p, true, true, &err), CTS_OK);
+        assert_int_equal(cts_annotate(p, true, true, NULL, &err), CTS_OK);
         cts_picture_free(&p);
     }
     CtsPicture *p = flat(100, 100, 4, 0, 0);
-    assert_int_equal(cts_annotate(p, false, true, &err), CTS_ERR_USAGE);
-    assert_int_equal(cts_annotate(p, true, false, &err), CTS_OK);
+    assert_int_equal(cts_annotate(p, false, true, NULL, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_annotate(p, true, false, NULL, &err), CTS_OK);
     cts_picture_free(&p);
     /* Where all was transparent, only the marks become opaque, with no colour beyond their alpha. */
     p = flat(100, 100, 4, 0, 0.5);
     p->has_alpha = true;
     memset(p->pixels, 0, 100 * 100 * 4 * sizeof(float));
-    assert_int_equal(cts_annotate(p, true, true, &err), CTS_OK);
+    assert_int_equal(cts_annotate(p, true, true, NULL, &err), CTS_OK);
     int opaque = 0, clear = 0;
     for (int i = 0; i < 100 * 100; i++) {
         const float *v = p->pixels + 4 * i;
@@ -119,13 +119,49 @@ static void test_edges(void **state)
     cts_picture_free(&p);
 }
 
+/* Drawn band by band it is the same. */
+static void test_bands(void **state)
+{
+    (void)state;
+    CtsError err;
+    CtsPicture *whole = flat(300, 500, 4, 0.4f, 0.5), *cut = flat(300, 500, 4, 0.4f, 0.5);
+    assert_int_equal(cts_annotate(whole, true, true, NULL, &err), CTS_OK);
+    for (int y = 0; y < 500; y += CTS_BAND_ROWS) {
+        CtsPicture band = *cut;
+        band.first_row = y;
+        band.height = 500 - y < CTS_BAND_ROWS ? 500 - y : CTS_BAND_ROWS;
+        band.pixels += (size_t)y * 300 * 4;
+        assert_int_equal(cts_annotate(&band, true, true, NULL, &err), CTS_OK);
+    }
+    assert_memory_equal(whole->pixels, cut->pixels, (size_t)300 * 500 * 4 * sizeof(float));
+    cts_picture_free(&whole);
+    cts_picture_free(&cut);
+}
+
+/* What has no room is left out and counted: nothing is drawn over another mark or cut off. */
+static void test_no_room(void **state)
+{
+    (void)state;
+    const struct {
+        int width, height, n_left_out;
+    } cases[] = {{200, 200, 0}, {100, 100, 0}, {64, 64, 1}, {16384, 1, 5}, {1, 1, 5}, {1, 3000, 5}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        CtsError err;
+        int n_left_out;
+        CtsPicture *p = flat(cases[i].width, cases[i].height, 1, 0, 0.5);
+        assert_int_equal(cts_annotate(p, true, true, &n_left_out, &err), CTS_OK);
+        assert_int_equal(n_left_out, cases[i].n_left_out);
+        if (n_left_out == 5)
+            assert_int_equal(marked(p, 0, 0, 0, p->width, p->height), 0);
+        cts_picture_free(&p);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_directions),
-        cmocka_unit_test(test_letters),
-        cmocka_unit_test(test_scale),
-        cmocka_unit_test(test_edges),
+        cmocka_unit_test(test_directions), cmocka_unit_test(test_letters), cmocka_unit_test(test_scale),
+        cmocka_unit_test(test_edges),      cmocka_unit_test(test_bands),   cmocka_unit_test(test_no_room),
     };
     return cmocka_run_group_tests_name("annotate", tests, NULL, NULL);
 }
