@@ -57,6 +57,9 @@ CtsStatus cts_dcm_directory(const uint8_t *bytes, size_t n, const CtsSyntax *nat
 try {
     *files = nullptr;
     *n_files = *n_refused = 0;
+    const CtsStatus st = cts_dcm_start(err);
+    if (st)
+        return st;
     DcmDataset data_set;
     const OFCondition result = cts_dcm_parse(data_set, bytes, n, native);
     DcmSequenceOfItems *records = nullptr;

@@ -21,15 +21,173 @@ const char enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.1";
 const char legacy_enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.2";
 const char directory_class[] = "1.2.840.10008.1.3.10";
 
-/* A top-level attribute as text, without the padding; empty when missing or of a binary VR. */
-std::string_view text_of(DcmItem &item, const DcmTagKey &tag)
+/* The top-level attributes of one data set. */
+class Attributes
 {
-    DcmElement *element = nullptr;
-    char *text = nullptr;
-    Uint32 n = 0;
-    if (item.findAndGetElement(tag, element).bad() || element->getString(text, n).bad() || !text)
-        return {};
-    std::string_view view(text, n);
+  public:
+    virtual ~Attributes() = default;
+    virtual bool has(const DcmTagKey &tag) = 0;
+    /* As text, empty when missing or of a binary VR. */
+    virtual std::string_view text(const DcmTagKey &tag) = 0;
+    /* A single US value. */
+    virtual bool unsigned_short(const DcmTagKey &tag, int *value) = 0;
+    /* The 16 bits of a padding value: its VR (US or SS) is often the wrong one. */
+    virtual bool bit_pattern(const DcmTagKey &tag, unsigned *pattern) = 0;
+};
+
+/* What DCMTK has parsed. */
+class ParsedAttributes final : public Attributes
+{
+  public:
+    explicit ParsedAttributes(DcmItem &parsed) : item(parsed)
+    {
+    }
+    bool has(const DcmTagKey &tag) override
+    {
+        return item.tagExists(tag);
+    }
+    std::string_view text(const DcmTagKey &tag) override
+    {
+        DcmElement *element = nullptr;
+        char *text = nullptr;
+        Uint32 n = 0;
+        if (item.findAndGetElement(tag, element).bad() || element->getString(text, n).bad() || !text)
+            return {};
+        return std::string_view(text, n);
+    }
+    bool unsigned_short(const DcmTagKey &tag, int *value) override
+    {
+        DcmElement *element = nullptr;
+        Uint16 v = 0;
+        if (item.findAndGetElement(tag, element).bad() || element->ident() != EVR_US || element->getVM() != 1 ||
+            element->getUint16(v).bad())
+            return false;
+        *value = v;
+        return true;
+    }
+    bool bit_pattern(const DcmTagKey &tag, unsigned *pattern) override
+    {
+        DcmElement *element = nullptr;
+        Uint16 u = 0;
+        Sint16 s = 0;
+        Uint8 *bytes = nullptr;
+        if (item.findAndGetElement(tag, element).bad() || element->getLength() != 2)
+            return false;
+        if (element->getUint16(u).good())
+            *pattern = u;
+        else if (element->getSint16(s).good())
+            *pattern = static_cast<Uint16>(s);
+        else if (element->getUint8Array(bytes).good() && bytes)
+            *pattern = static_cast<unsigned>(bytes[0] | bytes[1] << 8);
+        else
+            return false;
+        return true;
+    }
+
+  private:
+    DcmItem &item;
+};
+
+/* The values that the tag scan has found, where nothing about them is odd: a plain header needs no parser, nor the half
+ * of a small run's time that loading DCMTK's dictionary takes. */
+class ScannedAttributes final : public Attributes
+{
+  public:
+    ScannedAttributes(const uint8_t *data_set, const CtsDataScan &found) : bytes(data_set), scan(found)
+    {
+    }
+    /* Whether DCMTK would read the same: explicit little endian, every value of its own VR and an even length, texts
+     * without what DCMTK corrects. */
+    bool plain(const CtsSyntax &syntax) const
+    {
+        if (!syntax.explicit_vr || syntax.big_endian || scan.repeats)
+            return false;
+        for (int i = 0; i < scan.n_values; i++)
+            if (!plain_value(scan.values[i]))
+                return false;
+        return true;
+    }
+    bool has(const DcmTagKey &tag) override
+    {
+        return find(tag) != nullptr;
+    }
+    std::string_view text(const DcmTagKey &tag) override
+    {
+        const CtsTagValue *value = find(tag);
+        return value && is_text(*value) ? text_value(*value) : std::string_view();
+    }
+    bool unsigned_short(const DcmTagKey &tag, int *value) override
+    {
+        unsigned pattern = 0;
+        if (!bit_pattern(tag, &pattern))
+            return false;
+        *value = static_cast<int>(pattern);
+        return true;
+    }
+    bool bit_pattern(const DcmTagKey &tag, unsigned *pattern) override
+    {
+        const CtsTagValue *value = find(tag);
+        if (!value || value->n_bytes != 2)
+            return false;
+        *pattern = static_cast<unsigned>(bytes[value->offset] | bytes[value->offset + 1] << 8);
+        return true;
+    }
+
+  private:
+    static bool is_one_of(const CtsTagValue &value, std::string_view vrs)
+    {
+        for (size_t i = 0; i + 1 < vrs.size(); i += 2)
+            if (std::memcmp(vrs.data() + i, value.vr, 2) == 0)
+                return true;
+        return false;
+    }
+    static bool is_text(const CtsTagValue &value)
+    {
+        return is_one_of(value, "CSDSISLOPNSHTMUI");
+    }
+    std::string_view text_value(const CtsTagValue &value) const
+    {
+        return std::string_view(reinterpret_cast<const char *>(bytes + value.offset), value.n_bytes);
+    }
+    bool plain_value(const CtsTagValue &value) const
+    {
+        if (value.is_sequence)
+            return value.tag == 0x00041220 || value.tag == 0x00283000;
+        if (value.n_bytes % 2)
+            return false;
+        if (value.tag == 0x00280120 || value.tag == 0x00280121)
+            return value.n_bytes == 2 && is_one_of(value, "USSS");
+        const bool is_number = value.tag >> 16 == 0x0028 && (value.tag & 0xFFFF) != 0x0004 &&
+                               (value.tag & 0xFFFF) != 0x0008 && (value.tag & 0xFFFF) != 0x0030 &&
+                               (value.tag & 0xFFFF) < 0x1000;
+        if (is_number)
+            return value.n_bytes == 2 && is_one_of(value, "US");
+        if (!is_text(value))
+            return false;
+        const std::string_view text = text_value(value);
+        const bool is_uid = std::memcmp(value.vr, "UI", 2) == 0;
+        for (size_t i = 0; i < text.size(); i++)
+            if (text[i] == '\0' ? !is_uid || i + 1 < text.size() : is_uid && text[i] == ' ')
+                return false;
+        return true;
+    }
+    const CtsTagValue *find(const DcmTagKey &tag) const
+    {
+        const uint32_t wanted = static_cast<uint32_t>(tag.getGroup()) << 16 | tag.getElement();
+        for (int i = 0; i < scan.n_values; i++)
+            if (scan.values[i].tag == wanted)
+                return &scan.values[i];
+        return nullptr;
+    }
+
+    const uint8_t *bytes;
+    const CtsDataScan &scan;
+};
+
+/* Without the padding. */
+std::string_view text_of(Attributes &item, const DcmTagKey &tag)
+{
+    std::string_view view = item.text(tag);
     while (!view.empty() && (view.back() == ' ' || view.back() == '\0'))
         view.remove_suffix(1);
     while (!view.empty() && view.front() == ' ')
@@ -69,48 +227,16 @@ std::string_view part_of(std::string_view text, int n)
     return text;
 }
 
-bool numbers(DcmItem &item, const DcmTagKey &tag, double *values, int n)
+bool numbers(Attributes &item, const DcmTagKey &tag, double *values, int n)
 {
     const std::string_view text = text_of(item, tag);
     return cts_dcm_parse_ds(text.data(), text.size(), values, n);
 }
 
-bool integer(DcmItem &item, const DcmTagKey &tag, int *value)
+bool integer(Attributes &item, const DcmTagKey &tag, int *value)
 {
     const std::string_view text = text_of(item, tag);
     return !text.empty() && cts_dcm_parse_is(text.data(), text.size(), value);
-}
-
-/* A single US value. */
-bool unsigned_short(DcmItem &item, const DcmTagKey &tag, int *value)
-{
-    DcmElement *element = nullptr;
-    Uint16 v = 0;
-    if (item.findAndGetElement(tag, element).bad() || element->ident() != EVR_US || element->getVM() != 1 ||
-        element->getUint16(v).bad())
-        return false;
-    *value = v;
-    return true;
-}
-
-/* The 16 bits of a padding value: its VR (US or SS) is often the wrong one. */
-bool bit_pattern(DcmItem &item, const DcmTagKey &tag, unsigned *pattern)
-{
-    DcmElement *element = nullptr;
-    Uint16 u = 0;
-    Sint16 s = 0;
-    Uint8 *bytes = nullptr;
-    if (item.findAndGetElement(tag, element).bad() || element->getLength() != 2)
-        return false;
-    if (element->getUint16(u).good())
-        *pattern = u;
-    else if (element->getSint16(s).good())
-        *pattern = static_cast<Uint16>(s);
-    else if (element->getUint8Array(bytes).good() && bytes)
-        *pattern = static_cast<unsigned>(bytes[0] | bytes[1] << 8);
-    else
-        return false;
-    return true;
 }
 
 uint64_t text_hash(std::string_view text)
@@ -132,7 +258,7 @@ double seconds_of_day(std::string_view text)
     return hours * 3600 + minutes * 60 + std::fmod(t, 100);
 }
 
-CtsObjectKind kind_of(DcmItem &item, const char *media_class)
+CtsObjectKind kind_of(Attributes &item, const char *media_class)
 {
     std::string_view sop_class = text_of(item, DCM_SOPClassUID);
     if (sop_class.empty())
@@ -141,14 +267,14 @@ CtsObjectKind kind_of(DcmItem &item, const char *media_class)
         return CTS_OBJECT_CT;
     if (sop_class == enhanced_class || sop_class == legacy_enhanced_class)
         return CTS_OBJECT_ENHANCED;
-    if (sop_class == directory_class || item.tagExists(DCM_DirectoryRecordSequence))
+    if (sop_class == directory_class || item.has(DCM_DirectoryRecordSequence))
         return CTS_OBJECT_DIRECTORY;
-    if (sop_class.empty() && text_of(item, DCM_Modality) == "CT" && item.tagExists(DCM_ImagePositionPatient))
+    if (sop_class.empty() && text_of(item, DCM_Modality) == "CT" && item.has(DCM_ImagePositionPatient))
         return CTS_OBJECT_CT;
     return CTS_OBJECT_OTHER;
 }
 
-void read_identity(DcmItem &item, CtsSlice *s)
+void read_identity(Attributes &item, CtsSlice *s)
 {
     copy_text(s->sop_uid, text_of(item, DCM_SOPInstanceUID));
     copy_text(s->series_uid, text_of(item, DCM_SeriesInstanceUID));
@@ -170,7 +296,7 @@ void read_identity(DcmItem &item, CtsSlice *s)
         s->odd |= CTS_ODD_LOSSY;
 }
 
-bool read_shape(DcmItem &item, CtsSlice *s)
+bool read_shape(Attributes &item, CtsSlice *s)
 {
     const struct {
         DcmTagKey tag;
@@ -185,7 +311,7 @@ bool read_shape(DcmItem &item, CtsSlice *s)
     };
     for (const auto &n : needed) {
         const unsigned group = n.tag.getGroup(), number = n.tag.getElement();
-        if (!unsigned_short(item, n.tag, n.value)) {
+        if (!item.unsigned_short(n.tag, n.value)) {
             cts_slice_fault(s, CTS_ERR_PIXELS, "%s (%04x,%04x) is missing or not one number", n.name, group, number);
             return false;
         }
@@ -202,30 +328,30 @@ bool read_shape(DcmItem &item, CtsSlice *s)
         return false;
     }
     int value = 1;
-    if (!unsigned_short(item, DCM_PixelRepresentation, &value) || value > 1)
+    if (!item.unsigned_short(DCM_PixelRepresentation, &value) || value > 1)
         cts_slice_fault(s, CTS_ERR_PIXELS, "PixelRepresentation (0028,0103) is missing or neither 0 nor 1");
     s->is_signed = value == 1;
     return true;
 }
 
-void read_image_kind(DcmItem &item, CtsSlice *s)
+void read_image_kind(Attributes &item, CtsSlice *s)
 {
     int samples = 1, frames = 1;
-    if (item.tagExists(DCM_SamplesPerPixel) && (!unsigned_short(item, DCM_SamplesPerPixel, &samples) || samples != 1))
+    if (item.has(DCM_SamplesPerPixel) && (!item.unsigned_short(DCM_SamplesPerPixel, &samples) || samples != 1))
         cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no CT slice");
     const std::string_view photometric = text_of(item, DCM_PhotometricInterpretation);
     if (photometric == "MONOCHROME1")
         s->odd |= CTS_ODD_MONOCHROME1;
     else if (!photometric.empty() && photometric != "MONOCHROME2")
         cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no CT slice");
-    if (item.tagExists(DCM_NumberOfFrames) && !text_of(item, DCM_NumberOfFrames).empty() &&
+    if (item.has(DCM_NumberOfFrames) && !text_of(item, DCM_NumberOfFrames).empty() &&
         (!integer(item, DCM_NumberOfFrames, &frames) || frames != 1))
         cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: CT Image Storage holds one frame");
 }
 
-void read_rescale(DcmItem &item, CtsSlice *s)
+void read_rescale(Attributes &item, CtsSlice *s)
 {
-    if (item.tagExists(DCM_ModalityLUTSequence)) {
+    if (item.has(DCM_ModalityLUTSequence)) {
         cts_slice_fault(s, CTS_ERR_PIXELS, "a Modality LUT (0028,3000) stands in for the rescale slope; not supported");
         return;
     }
@@ -255,13 +381,13 @@ bool stored_value(unsigned pattern, const CtsSlice *s, int *value)
     return true;
 }
 
-void read_padding(DcmItem &item, CtsSlice *s)
+void read_padding(Attributes &item, CtsSlice *s)
 {
     unsigned value = 0, limit = 0;
     s->padding_word = -1;
-    if (!bit_pattern(item, DCM_PixelPaddingValue, &value))
+    if (!item.bit_pattern(DCM_PixelPaddingValue, &value))
         return;
-    if (!bit_pattern(item, DCM_PixelPaddingRangeLimit, &limit))
+    if (!item.bit_pattern(DCM_PixelPaddingRangeLimit, &limit))
         limit = value;
     int a = 0, b = 0;
     if (stored_value(value, s, &a) && stored_value(limit, s, &b)) {
@@ -279,7 +405,7 @@ double dot(const double *a, const double *b)
 }
 
 /* (0020,0037), made orthonormal; off by more than 0.001 is odd, by more than 0.01 no reading is right. */
-void read_orientation(DcmItem &item, CtsSlice *s)
+void read_orientation(Attributes &item, CtsSlice *s)
 {
     double v[6];
     if (!numbers(item, DCM_ImageOrientationPatient, v, 6)) {
@@ -311,7 +437,7 @@ void read_orientation(DcmItem &item, CtsSlice *s)
     }
 }
 
-void read_geometry(DcmItem &item, CtsSlice *s)
+void read_geometry(Attributes &item, CtsSlice *s)
 {
     read_orientation(item, s);
     if (!numbers(item, DCM_ImagePositionPatient, s->position_lps, 3))
@@ -327,12 +453,12 @@ void read_geometry(DcmItem &item, CtsSlice *s)
     s->column_spacing_mm = spacing[1];
 }
 
-void read_slice(DcmItem &item, CtsSlice *s)
+void read_slice(Attributes &item, CtsSlice *s)
 {
     read_identity(item, s);
     if (s->kind != CTS_OBJECT_CT) {
-        unsigned_short(item, DCM_Rows, &s->rows);
-        unsigned_short(item, DCM_Columns, &s->columns);
+        item.unsigned_short(DCM_Rows, &s->rows);
+        item.unsigned_short(DCM_Columns, &s->columns);
         return;
     }
     read_geometry(item, s);
@@ -342,18 +468,32 @@ void read_slice(DcmItem &item, CtsSlice *s)
     read_rescale(item, s);
 }
 
+void read_attributes(Attributes &item, const char *media_class, CtsSlice *slice)
+{
+    slice->kind = kind_of(item, media_class);
+    if (slice->kind == CTS_OBJECT_CT || slice->kind == CTS_OBJECT_ENHANCED)
+        read_slice(item, slice);
+}
+
 } // namespace
 
-CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsSyntax *native, const char *media_class,
-                              CtsSlice *slice, CtsError *err)
+CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
+                              const char *media_class, CtsSlice *slice, CtsError *err)
 try {
+    ScannedAttributes scanned(bytes, *scan);
+    if (scanned.plain(*native)) {
+        read_attributes(scanned, media_class, slice);
+        return CTS_OK;
+    }
+    const CtsStatus st = cts_dcm_start(err);
+    if (st)
+        return st;
     DcmDataset data_set;
     const OFCondition result = cts_dcm_parse(data_set, bytes, n, native);
     if (result.bad())
         return cts_fail(err, CTS_ERR_READ, "cannot be parsed as DICOM: %s", result.text());
-    slice->kind = kind_of(data_set, media_class);
-    if (slice->kind == CTS_OBJECT_CT || slice->kind == CTS_OBJECT_ENHANCED)
-        read_slice(data_set, slice);
+    ParsedAttributes parsed(data_set);
+    read_attributes(parsed, media_class, slice);
     return CTS_OK;
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -363,6 +503,9 @@ try {
 
 CtsStatus cts_dcm_decode(const uint8_t *bytes, size_t n, const CtsSlice *slice, void *pixels, CtsError *err)
 try {
+    const CtsStatus st = cts_dcm_start(err);
+    if (st)
+        return st;
     DcmDataset data_set;
     OFCondition result = cts_dcm_parse(data_set, bytes, n, slice->syntax);
     DcmElement *element = nullptr;

@@ -4,6 +4,7 @@
 
 #include "ctsplat/status.h"
 #include "dicom/slice.h"
+#include "dicom/tag_scan.h"
 #include <stddef.h>
 #include <stdint.h>
 
@@ -11,16 +12,17 @@
 extern "C" {
 #endif
 
-/* Once per process, before threads and before any other use of DCMTK: its log goes to a counter instead of stderr, the
- * decoders are registered, the data dictionary is loaded. Later calls return the first one's result. */
+/* Before any other use of DCMTK, by whoever uses it: its log goes to a counter instead of stderr, the decoders are
+ * registered, the data dictionary is loaded, which takes several ms. Later calls return the first one's result. */
 CtsStatus cts_dcm_start(CtsError *err);
 
 /* Read the attributes of a data set that ends before its pixels, encoded as `native` (an uncompressed syntax), into
  * slice: all but path, file facts, syntax, odd syntax flags and the place of the pixels, which the caller knows.
- * media_class stands in for a missing SOP class UID. Fails with CTS_ERR_READ when DCMTK cannot parse it; a CT slice
+ * media_class stands in for a missing SOP class UID. scan is what cts_scan_data() found; where that says all, DCMTK is
+ * not asked. Fails with CTS_ERR_READ when DCMTK cannot parse it; a CT slice
  * whose values cannot be used is a success with slice->fault set. */
-CtsStatus cts_dcm_read_header(const uint8_t *data_set, size_t n, const CtsSyntax *native, const char *media_class,
-                              CtsSlice *slice, CtsError *err);
+CtsStatus cts_dcm_read_header(const uint8_t *data_set, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
+                              const char *media_class, CtsSlice *slice, CtsError *err);
 
 /* Decode the single frame of a compressed slice: data_set runs from its first element to the end of PixelData.
  * Writes rows * columns stored words of bits_allocated bits to pixels. CTS_ERR_PIXELS when the decoder fails or as much

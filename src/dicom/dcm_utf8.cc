@@ -4,6 +4,7 @@
 #include "dicom/dcm_read.h"
 
 #include <cstdlib>
+#include <cstring>
 #include <dcmtk/dcmdata/dcspchrs.h>
 #include <string>
 
@@ -56,11 +57,22 @@ std::string safe_text(const std::string &text)
     return out;
 }
 
+/* ASCII in a single-byte set or UTF-8 (ISO_IR 100 to 192), all of which hold ASCII unchanged: the usual case. */
+bool is_same_in_utf8(const char *text, const char *charset)
+{
+    for (const char *c = text; *c; c++)
+        if (static_cast<unsigned char>(*c) >= 0x80 || *c == 0x1B)
+            return false;
+    return std::strncmp(charset, "ISO_IR 1", 8) == 0 && std::strlen(charset) == 10;
+}
+
 std::string converted(const char *text, const char *charset)
 {
+    if (!charset || is_same_in_utf8(text, charset) || cts_dcm_start(nullptr))
+        return text;
     OFString out;
     DcmSpecificCharacterSet converter;
-    if (charset && charset[0] && DcmSpecificCharacterSet::isConversionAvailable() &&
+    if (charset[0] && DcmSpecificCharacterSet::isConversionAvailable() &&
         converter.selectCharacterSet(charset).good() && converter.convertString(text, out).good())
         return std::string(out.c_str(), out.length());
     return text;

@@ -256,7 +256,7 @@ CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, 
     Search s = {0};
     CtsSlice **slices = NULL;
     size_t n_slices = 0;
-    CtsStatus st = cts_dcm_start(err);
+    CtsStatus st = CTS_OK;
     n_threads = cts_threads(n_threads);
     *list = NULL;
     if (!st && !(s.list = calloc(1, sizeof *s.list)))

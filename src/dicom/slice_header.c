@@ -234,7 +234,7 @@ CtsFileKind cts_slice_read_header(const char *path, CtsScratch *scratch, CtsSlic
     CtsFileKind kind;
     CtsStatus st = open_and_scan(&h, path, &f, slice, &kind, err);
     if (!st && kind == CTS_FILE_DICOM)
-        st = cts_dcm_read_header(f.data_set, f.n_data_set, f.native, f.meta.sop_class_uid, slice, err);
+        st = cts_dcm_read_header(f.data_set, f.n_data_set, &f.data, f.native, f.meta.sop_class_uid, slice, err);
     if (!st && kind == CTS_FILE_DICOM && (slice->kind == CTS_OBJECT_CT || slice->kind == CTS_OBJECT_ENHANCED)) {
         slice->file_bytes = h.file.n_bytes;
         slice->mtime_ns = h.file.mtime_ns;

@@ -143,12 +143,20 @@ CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes,
     return CTS_SCAN_DONE;
 }
 
-/* Tags that decide the picture: where one stands twice with different values, no reading is the right one. */
-static const uint32_t decisive_tags[] = {
-    0x00080016, 0x0020000D, 0x0020000E, 0x00200032, 0x00200037, 0x00280002, 0x00280008, 0x00280010, 0x00280011,
-    0x00280030, 0x00280100, 0x00280101, 0x00280102, 0x00280103, 0x00280120, 0x00280121, 0x00281052, 0x00281053,
+/* What a header is asked for, by rising tag. Some decide the picture: where one of those stands twice with different
+ * values, no reading is the right one. */
+static const struct {
+    uint32_t tag;
+    bool decides;
+} header_tags[CTS_N_HEADER_TAGS] = {
+    {0x00041220, false}, {0x00080005, false}, {0x00080008, false}, {0x00080016, true},  {0x00080018, false},
+    {0x00080032, false}, {0x00080033, false}, {0x00080060, false}, {0x0008103E, false}, {0x00100020, false},
+    {0x0020000D, true},  {0x0020000E, true},  {0x00200012, false}, {0x00200013, false}, {0x00200032, true},
+    {0x00200037, true},  {0x00200052, false}, {0x00200100, false}, {0x00280002, true},  {0x00280004, false},
+    {0x00280008, true},  {0x00280010, true},  {0x00280011, true},  {0x00280030, true},  {0x00280100, true},
+    {0x00280101, true},  {0x00280102, true},  {0x00280103, true},  {0x00280120, true},  {0x00280121, true},
+    {0x00281052, true},  {0x00281053, true},  {0x00281054, false}, {0x00282110, false}, {0x00283000, false},
 };
-enum { N_DECISIVE = sizeof decisive_tags / sizeof *decisive_tags };
 
 typedef struct Frame {
     uint64_t end; /* UNDEFINED: until its delimiter */
@@ -166,10 +174,7 @@ typedef struct Walk {
     /* An implicit VR element that begins like a sequence may be one. When it turns out not to be, skip it. */
     int maybe_height;
     uint64_t maybe_end;
-    struct {
-        uint64_t offset;
-        uint32_t length;
-    } first[N_DECISIVE];
+    size_t start;
     CtsDataScan *scan;
 } Walk;
 
@@ -229,23 +234,44 @@ static CtsScanResult sequence_step(Walk *w, const Element *e)
     return push(w, true, e->length == UINT32_MAX ? UNDEFINED : w->pos + e->length, top->implicit_vr, false);
 }
 
-static CtsScanResult note_decisive(Walk *w, const Element *e)
+static const CtsTagValue *find_value(const CtsDataScan *scan, uint32_t tag)
 {
-    for (int i = 0; i < N_DECISIVE; i++) {
-        if (decisive_tags[i] != e->tag)
-            continue;
-        if (w->pos + e->n_bytes + e->length > w->n)
-            return more(w, w->pos + e->n_bytes + e->length);
-        const uint64_t offset = w->pos + e->n_bytes;
-        if (!w->first[i].offset) {
-            w->first[i].offset = offset;
-            w->first[i].length = e->length;
-        } else if (w->first[i].length != e->length ||
-                   memcmp(w->bytes + w->first[i].offset, w->bytes + offset, e->length) != 0) {
-            snprintf(w->scan->why, sizeof w->scan->why, "(%04x,%04x) stands twice with different values", e->tag >> 16,
-                     e->tag & 0xFFFF);
-            return CTS_SCAN_BAD;
-        }
+    for (int i = 0; i < scan->n_values; i++)
+        if (scan->values[i].tag == tag)
+            return &scan->values[i];
+    return NULL;
+}
+
+/* Keep the place of a header's value; it has to be there, for a second one to be compared with it. */
+static CtsScanResult note_value(Walk *w, const Element *e)
+{
+    int at = 0;
+    while (at < CTS_N_HEADER_TAGS && header_tags[at].tag != e->tag)
+        at++;
+    if (at == CTS_N_HEADER_TAGS || !e->tag)
+        return CTS_SCAN_DONE;
+    CtsDataScan *scan = w->scan;
+    const bool no_value = e->length == UINT32_MAX;
+    const uint64_t offset = w->pos + e->n_bytes;
+    if (!no_value && offset + e->length > w->n)
+        return more(w, offset + e->length);
+    const CtsTagValue *first = find_value(scan, e->tag);
+    if (!first) {
+        scan->repeats |= scan->n_values && scan->values[scan->n_values - 1].tag > e->tag;
+        scan->values[scan->n_values++] = (CtsTagValue){.tag = e->tag,
+                                                       .vr = {e->vr[0], e->vr[1]},
+                                                       .is_sequence = no_value || memcmp(e->vr, "SQ", 2) == 0,
+                                                       .n_bytes = no_value ? 0 : e->length,
+                                                       .offset = (size_t)offset - w->start};
+        return CTS_SCAN_DONE;
+    }
+    scan->repeats = true;
+    if (header_tags[at].decides && !no_value && !first->is_sequence &&
+        (first->n_bytes != e->length ||
+         memcmp(w->bytes + w->start + first->offset, w->bytes + offset, e->length) != 0)) {
+        snprintf(scan->why, sizeof scan->why, "(%04x,%04x) stands twice with different values", e->tag >> 16,
+                 e->tag & 0xFFFF);
+        return CTS_SCAN_BAD;
     }
     return CTS_SCAN_DONE;
 }
@@ -294,7 +320,7 @@ static void found_pixels(Walk *w, const Element *e)
     scan->pixel_bytes = scan->encapsulated ? 0 : e->length;
 }
 
-/* The top level: notes the decisive tags and stops at the pixels. *stop says that the walk is over. */
+/* The top level: notes the header's values and stops at the pixels. *stop says that the walk is over. */
 static CtsScanResult top_step(Walk *w, const Element *e, bool *stop)
 {
     w->maybe_end = 0;
@@ -311,7 +337,7 @@ static CtsScanResult top_step(Walk *w, const Element *e, bool *stop)
     }
     if (e->tag >> 16 == 0xFFFE)
         return bad(w, "an item stands outside a sequence");
-    const CtsScanResult result = e->length == UINT32_MAX ? CTS_SCAN_DONE : note_decisive(w, e);
+    const CtsScanResult result = note_value(w, e);
     return result == CTS_SCAN_DONE ? element_step(w, e, !w->explicit_vr) : result;
 }
 
@@ -327,6 +353,8 @@ static CtsScanResult step(Walk *w, bool *stop)
         return CTS_SCAN_DONE;
     }
     if (!top && (w->pos >= w->total || w->total - w->pos < 8)) {
+        if (w->pos > w->n && w->pos - w->start <= CTS_MAX_HEADER_BYTES)
+            return more(w, w->pos);
         *stop = true; /* up to 7 bytes of padding may follow the last element */
         return CTS_SCAN_DONE;
     }
@@ -363,6 +391,7 @@ CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size
               .pos = start,
               .explicit_vr = syntax->explicit_vr,
               .big = syntax->big_endian,
+              .start = start,
               .scan = scan};
     if (start + 8 <= n && known_vr(bytes + start + 4) != syntax->explicit_vr) {
         snprintf(scan->why, sizeof scan->why, "the data set is not in the %s VR that its transfer syntax promises",

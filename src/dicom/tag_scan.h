@@ -43,9 +43,23 @@ CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes,
 /* How the data set at p is encoded, judged by its first element; NULL when it is neither. */
 const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n);
 
+enum { CTS_N_HEADER_TAGS = 35 }; /* what a CT slice's header is asked for */
+
+/* A top-level element with one of those tags. */
+typedef struct CtsTagValue {
+    uint32_t tag;     /* group << 16 | element */
+    uint8_t vr[2];    /* zeros where the data set has implicit VR */
+    bool is_sequence; /* or anything else of undefined length: no value here */
+    uint32_t n_bytes;
+    size_t offset; /* of the value, from the start of the data set */
+} CtsTagValue;
+
 typedef struct CtsDataScan {
     uint64_t need;
     char why[112];
+    CtsTagValue values[CTS_N_HEADER_TAGS]; /* in the order of the data set */
+    int n_values;
+    bool repeats;      /* one of them stands twice, or they are out of order */
     size_t header_end; /* offset of PixelData's tag, or the end of the data set */
     bool has_pixels, float_pixels, pixel_words, encapsulated;
     uint64_t pixel_offset, pixel_bytes; /* of the value; pixel_bytes 0 when encapsulated */

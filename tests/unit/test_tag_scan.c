@@ -55,6 +55,27 @@ static void test_whole_file(void **state)
     free(b.data);
 }
 
+/* A data set without pixels ends with its last value, which has to be at hand as a whole. */
+static void test_last_value(void **state)
+{
+    (void)state;
+    Bytes b = {0};
+    uint8_t value[600] = {0};
+    CtsDataScan found;
+    put_text(&b, 0x00080016, "UI", "1.2.3");
+    put_element(&b, 0x00091010, "OB", value, sizeof value);
+    for (size_t n = 0; n < b.n; n++) {
+        assert_int_equal(cts_scan_data(b.data, n, b.n, 0, explicit_le(), &found), CTS_SCAN_MORE);
+        assert_true(found.need > n && found.need <= b.n + 12);
+    }
+    assert_int_equal(scan(&b, explicit_le(), &found), CTS_SCAN_DONE);
+    assert_int_equal(found.header_end, b.n);
+    assert_int_equal(found.n_values, 1);
+    assert_int_equal(found.values[0].tag, 0x00080016);
+    assert_memory_equal(b.data + found.values[0].offset, "1.2.3", 6);
+    free(b.data);
+}
+
 static void test_strangers(void **state)
 {
     (void)state;
@@ -297,9 +318,10 @@ static void test_wrong_bytes(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_whole_file), cmocka_unit_test(test_strangers), cmocka_unit_test(test_guess),
-        cmocka_unit_test(test_nesting),    cmocka_unit_test(test_implicit),  cmocka_unit_test(test_unknown_vr),
-        cmocka_unit_test(test_icon),       cmocka_unit_test(test_lies),      cmocka_unit_test(test_wrong_bytes),
+        cmocka_unit_test(test_whole_file),  cmocka_unit_test(test_last_value), cmocka_unit_test(test_strangers),
+        cmocka_unit_test(test_guess),       cmocka_unit_test(test_nesting),    cmocka_unit_test(test_implicit),
+        cmocka_unit_test(test_unknown_vr),  cmocka_unit_test(test_icon),       cmocka_unit_test(test_lies),
+        cmocka_unit_test(test_wrong_bytes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
