@@ -65,7 +65,7 @@ static void choose_precision(TiledJob *j, const CtsScene *scene)
     j->stiff_grey = (float)(100 * part / scene->volume->hu_step);
     j->refine_grey = j->straight ? 1.5f * j->stiff_grey : j->stiff_grey;
     j->bend_grey = (float)(50 * part / scene->volume->hu_step);
-    j->refine_transmittance = (float)fmin(0.05 * part, 0.2);
+    j->refine_transmittance = (float)fmin(0.02 * part, 0.1);
     j->stiff_depth = 3;
     j->stop_transmittance = CTS_MUTATED(STOP_EARLY) ? 0.25f : (float)fmin(part / 256, 1.0 / 64);
 }
