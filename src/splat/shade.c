@@ -22,6 +22,10 @@ CtsStatus cts_shade_init(CtsShade *s, const CtsPreset *preset, const CtsVolume *
                     .diffuse = (float)preset->diffuse,
                     .specular = (float)preset->specular,
                     .n_power = power_steps(preset->power)};
+    if (preset->power >= 1 && preset->power <= 128 && preset->power == floor(preset->power)) {
+        s->whole_power = (int)preset->power;
+        s->least_power = (float)pow(1e-30, 1 / preset->power);
+    }
     if (!cts_volume_inverse(volume, inverse))
         return cts_fail(err, CTS_ERR_GEOMETRY, "the volume's steps do not span space (is one spacing zero?)");
     if ((st = cts_alloc_array(&s->power, (size_t)s->n_power + 1, err)))

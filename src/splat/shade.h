@@ -19,6 +19,8 @@ typedef struct CtsShade {
     float ambient, diffuse, specular;
     int n_power; /* power has n_power + 1 entries over |n.v| = 0..1, joined by lines */
     float *power;
+    int whole_power;   /* the power where it is a whole number that few multiplications make, else 0 */
+    float least_power; /* |n.v| below which its power counts as that of this: no denormal numbers on the way */
 } CtsShade;
 
 /* axes[i] is the volume axis that the caller's i-th difference runs along. Free with cts_shade_free(). */

@@ -309,6 +309,20 @@ OUTLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int 
     return mix_slope(&here, &next, vf_of((float)part / (float)j->samples));
 }
 
+INLINE vf specular_power(const CtsShade *shade, vf facing)
+{
+    if (shade->whole_power == 0)
+        return shade_power(shade, facing);
+    vf square = vf_max(facing, vf_of(shade->least_power)), power = vf_of(1);
+    for (int n = shade->whole_power;; square *= square) {
+        if (n & 1)
+            power *= square;
+        n >>= 1;
+        if (n == 0)
+            return power;
+    }
+}
+
 /* Lighting a fraction f of the way from slope a to slope b: the gradient is mixed, as it is between voxels, and only
  * then made a direction, so that the weak gradient of air does not turn that of a surface. */
 INLINE Glow glow_between(const TiledJob *j, const Slope *a, const Slope *b, vf f)
@@ -324,7 +338,7 @@ INLINE Glow glow_between(const TiledJob *j, const Slope *a, const Slope *b, vf f
                 vf_sqrt(select_f(sloped, square, vf_of(1)));
     facing = select_f(sloped, vf_min(facing, vf_of(1)), vf_of(0));
     return (Glow){shade->ambient + shade->diffuse * facing,
-                  select_f(sloped, shade->specular * shade_power(shade, facing), vf_of(0))};
+                  select_f(sloped, shade->specular * specular_power(shade, facing), vf_of(0))};
 }
 
 /* Which packets march through a slab from a to b, a bit each: those that are not opaque and in which something may
