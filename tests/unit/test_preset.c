@@ -102,6 +102,57 @@ static void slicer_numbers(void **state)
     }
 }
 
+/* Each of the 22 between its points, from the published points rounded to four digits: opacity at three HU, colour at
+ * the second, class of lighting. */
+static void slicer_presets(void **state)
+{
+    (void)state;
+    const struct {
+        const char *name;
+        char light; /* A: glossy, B: matt, C: none */
+        double hu[3], opacity[3], rgb[3];
+    } golden[] = {
+        {"ct-bone", 'A', {312, 1856, 1956}, {0.3573, 0.7108, 0.7104}, {0.9529, 0.9078, 0.7764}},
+        {"ct-bones", 'B', {216, 615, 715}, {0.0959, 0.1952, 0.1967}, {1.0000, 0.7068, 0.0290}},
+        {"ct-cropped-volume-bone", 'C', {-450.5, 300, 2356}, {0.5000, 1.0000, 1.0000}, {0.5278, 0.5278, 0.5278}},
+        {"ct-muscle", 'A', {31, 319, 1745}, {0.3380, 0.7551, 0.8186}, {0.9414, 0.7710, 0.6234}},
+        {"ct-soft-tissue", 'C', {-163.5, 40, 1950}, {0.5007, 1.0000, 1.0000}, {0.5278, 0.5278, 0.5278}},
+        {"ct-fat", 'C', {-99.5, -80, -59.5}, {0.0750, 0.1500, 0.0750}, {0.0000, 0.8615, 0.1385}},
+        {"ct-lung", 'B', {-599.5, -500, -399.5}, {0.0750, 0.1500, 0.0750}, {0.4752, 0.8753, 0.0884}},
+        {"ct-air", 'A', {-1962, -700, -600}, {0.7108, 0.3579, 0.1789}, {0.2500, 0.6500, 1.0000}},
+        {"ct-mip", 'A', {31, 1886, 1986}, {0.4999, 1.0000, 1.0000}, {1.0000, 1.0000, 1.0000}},
+        {"ct-x-ray", 'C', {650, 2286, 2386}, {0.0250, 0.0500, 0.0500}, {1.0000, 1.0000, 1.0000}},
+        {"ct-aaa", 'A', {155, 317, 1745}, {0.3465, 0.7647, 0.8186}, {1.0000, 0.9685, 0.9773}},
+        {"ct-aaa2", 'A', {137.39, 283, 2325}, {0.0833, 0.7202, 0.8125}, {0.9961, 0.8785, 0.5258}},
+        {"ct-cardiac", 'A', {9, 220, 1666}, {0.1435, 0.7018, 0.8616}, {0.8066, 0.4656, 0.4743}},
+        {"ct-cardiac2", 'A', {103, 932, 2329}, {0.2136, 0.7659, 0.7549}, {1.0000, 0.9392, 0.8117}},
+        {"ct-cardiac3", 'A', {-21, 244, 2148}, {0.0845, 0.5982, 0.6116}, {1.0000, 0.9475, 0.5727}},
+        {"ct-chest-contrast-enhanced", 'A', {159, 345, 1755}, {0.2231, 0.5355, 0.6206}, {0.9411, 0.7701, 0.6217}},
+        {"ct-chest-vessels", 'B', {-628, 231, 1755}, {0.2142, 0.5268, 0.6206}, {0.9412, 0.7704, 0.6223}},
+        {"ct-coronary-arteries", 'C', {148, 399, 2070}, {0.1312, 0.6747, 0.8884}, {0.8830, 0.8830, 0.8830}},
+        {"ct-coronary-arteries-2", 'B', {143.85, 205, 2023}, {0.0582, 0.6722, 0.8304}, {0.9419, 0.6355, 0.3131}},
+        {"ct-coronary-arteries-3", 'A', {129.31, 215, 2123}, {0.0489, 0.7639, 0.9331}, {0.8980, 0.6719, 0.4457}},
+        {"ct-liver-vasculature", 'C', {153.5, 364, 2429}, {0.2411, 0.7447, 0.8437}, {0.7744, 0.7222, 0.5959}},
+        {"ct-pulmonary-arteries", 'B', {-466, -113, 2020}, {0.0358, 0.5047, 0.8348}, {0.7277, 0.1840, 0.1138}},
+    };
+    assert_int_equal(sizeof golden / sizeof *golden, 22);
+    for (size_t i = 0; i < sizeof golden / sizeof *golden; i++) {
+        const CtsPreset *p = named(golden[i].name);
+        double rgb[3];
+        for (int k = 0; k < 3; k++)
+            near(cts_preset_opacity(p, golden[i].hu[k]), golden[i].opacity[k], 2e-4);
+        cts_preset_colour(p, golden[i].hu[1], rgb);
+        for (int c = 0; c < 3; c++)
+            near(rgb[c], golden[i].rgb[c], 2e-4);
+        assert_true(p->shade == (golden[i].light != 'C'));
+        near(p->ambient, golden[i].light == 'A' ? 0.1 : 0.2, 0);
+        near(p->diffuse, golden[i].light == 'A' ? 0.9 : 1, 0);
+        near(p->specular, golden[i].light == 'A' ? 0.2 : 0, 0);
+        near(p->power, golden[i].light == 'A' ? 10 : 1, 0);
+        assert_int_equal(p->mode, CTS_MODE_COMPOSITE);
+    }
+}
+
 static void slicer_lighting(void **state)
 {
     (void)state;
@@ -163,8 +214,9 @@ static void own_looks(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(lines_and_steps), cmocka_unit_test(extinction),        cmocka_unit_test(slicer_numbers),
-        cmocka_unit_test(slicer_lighting), cmocka_unit_test(builtin_are_valid), cmocka_unit_test(own_looks),
+        cmocka_unit_test(lines_and_steps), cmocka_unit_test(extinction),      cmocka_unit_test(slicer_numbers),
+        cmocka_unit_test(slicer_presets),  cmocka_unit_test(slicer_lighting), cmocka_unit_test(builtin_are_valid),
+        cmocka_unit_test(own_looks),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
