@@ -43,6 +43,7 @@ typedef struct CtsSkip {
 } CtsSkip;
 
 typedef enum CtsSeverity { CTS_NOTE, CTS_WARNING, CTS_REFUSAL } CtsSeverity;
+extern const char *const cts_severity_names[3];
 
 /* Something odd but usable (or the reason of a refusal). code is a stable snake_case word, as in `info --json`. */
 typedef struct CtsFinding {

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+const char *const cts_severity_names[3] = {[CTS_NOTE] = "note", [CTS_WARNING] = "warning", [CTS_REFUSAL] = "refusal"};
+
 const char *const cts_stage_names[CTS_N_STAGES] = {
     [CTS_STAGE_SCAN] = "scan",           [CTS_STAGE_DECODE] = "decode",       [CTS_STAGE_GREY] = "grey",
     [CTS_STAGE_CLASSIFY] = "classify",   [CTS_STAGE_FOOTPRINT] = "footprint", [CTS_STAGE_SPLAT] = "splat",

@@ -191,6 +191,9 @@ static void print_plan(const Job *job)
     if (job->n_frames > 1)
         printf(", and %d more views of a rotation", job->n_frames - 1);
     printf("\n%s", job->report.plan ? job->report.plan : "");
+    for (size_t i = 0; i < job->report.findings.n; i++)
+        if (job->report.findings.items[i].severity == CTS_NOTE)
+            printf("note: %s\n", job->report.findings.items[i].text);
     for (size_t i = 0; i < job->report.n_skips; i++)
         printf("left out: %s: %s\n", job->report.skips[i].what, job->report.skips[i].why);
 }

@@ -5,8 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *const severity_names[] = {[CTS_NOTE] = "note", [CTS_WARNING] = "warning", [CTS_REFUSAL] = "refusal"};
-
 /* Text from a header must not drive a terminal. */
 static void print_clean(FILE *file, const char *text)
 {
@@ -17,7 +15,7 @@ static void print_clean(FILE *file, const char *text)
 static void print_findings(FILE *file, const CtsFindings *findings, const char *indent)
 {
     for (size_t i = 0; i < findings->n; i++) {
-        fprintf(file, "%s%s: ", indent, severity_names[findings->items[i].severity]);
+        fprintf(file, "%s%s: ", indent, cts_severity_names[findings->items[i].severity]);
         print_clean(file, findings->items[i].text);
         fputc('\n', file);
     }
@@ -83,7 +81,7 @@ static void append_findings(json_t *list, const CtsFindings *findings)
 {
     for (size_t i = 0; i < findings->n; i++)
         json_array_append_new(list, json_pack("{s:o,s:s,s:o}", "code", new_text(findings->items[i].code), "severity",
-                                              severity_names[findings->items[i].severity], "text",
+                                              cts_severity_names[findings->items[i].severity], "text",
                                               new_text(findings->items[i].text)));
 }
 

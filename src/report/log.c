@@ -128,6 +128,24 @@ static void log_verified(CtsLog *log, const CtsReport *report)
     add_line(log, event);
 }
 
+/* Each once, however many frames met it. */
+static void log_findings(CtsLog *log, const CtsFindings *findings)
+{
+    for (size_t i = 0; i < findings->n; i++) {
+        const CtsFinding *f = &findings->items[i];
+        bool told = false;
+        for (size_t k = 0; k < i && !told; k++)
+            told = !strcmp(findings->items[k].code, f->code) && !strcmp(findings->items[k].text, f->text);
+        if (told)
+            continue;
+        json_t *event = new_event(log, "finding");
+        json_object_set_new(event, "code", json_string(f->code));
+        json_object_set_new(event, "severity", json_string(cts_severity_names[f->severity]));
+        json_object_set_new(event, "text", json_string(f->text));
+        add_line(log, event);
+    }
+}
+
 void cts_log_report(CtsLog *log, const CtsReport *report)
 {
     if (!log)
@@ -152,6 +170,7 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         json_object_set_new(event, "why", json_string(report->skips[i].why));
         add_line(log, event);
     }
+    log_findings(log, &report->findings);
     if (report->voxels.known) {
         json_t *event = new_event(log, "voxels");
         set_integer(event, "total", report->voxels.total);

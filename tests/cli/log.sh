@@ -18,6 +18,7 @@ for name in sys.argv[1:]:
 assert len(runs) == 3 and not run
 fields = {
     "stage": {"stage", "wall_ms", "cpu_ms", "items", "bytes"}, "skipped": {"what", "why"},
+    "finding": {"code", "severity", "text"},
     "voxels": {"total", "void", "reused", "splatted"},
     "error": {"pixels", "rmse", "rmse_low", "rmse_high", "psnr_db", "p999", "max", "share", "cpu_ms", "picture_cpu_ms",
               "cost"},
@@ -47,5 +48,9 @@ assert error["pixels"] >= 20 and 0 < error["rmse_low"] < error["rmse"] < error["
 assert error["p999"] == error["max"] and 0 <= error["share"] <= 1
 assert error["cost"] == ("less" if error["cpu_ms"] < error["picture_cpu_ms"] else "more") + " than the picture"
 PY
+ok render "$data/pixels/fractional-slope" --size 20x20 -o d.png --log found
+has found '"event":"finding".*"code":"fractional_rescale","severity":"note","text":"the rescale slope'
+ok render "$data/pixels/fractional-slope" --explain
+has out '^note: the rescale slope'
 grep -iE 'phantom|patient' log log2 && fail "the log names the patient or the input"
 exit 0
