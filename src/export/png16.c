@@ -103,6 +103,9 @@ static void put_header(png_structp png, png_infop info, const PngWriter *w)
     const double pixels_per_m = mm_per_pixel > 0 ? floor(1000 / mm_per_pixel + 0.5) : 0;
     if (pixels_per_m >= 1 && pixels_per_m <= PNG_UINT_31_MAX)
         png_set_pHYs(png, info, (png_uint_32)pixels_per_m, (png_uint_32)pixels_per_m, PNG_RESOLUTION_METER);
+    const png_color_16 black = {0};
+    if (head->has_alpha)
+        png_set_bKGD(png, info, &black); /* what lies behind where a viewer has no other idea; DICOM shows the same */
     put_texts(png, info, &head->info);
 }
 

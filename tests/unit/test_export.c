@@ -1,4 +1,5 @@
 /* Pictures in files: what is written is what is read back, whole or not at all. */
+#define _GNU_SOURCE
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "ctsplat/export.h"
@@ -104,6 +105,7 @@ static void test_png_round_trip(void **state)
         assert_int_equal(bytes[24], 16);
         assert_int_equal(bytes[25], cases[i].colour_type);
         assert_int_equal(bytes[28], 0);
+        assert_int_equal(memmem(bytes, n, "bKGD", 4) != NULL, cases[i].has_alpha);
         free(bytes);
         cts_picture_free(&p);
         cts_picture_free(&q);
