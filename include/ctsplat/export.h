@@ -29,8 +29,9 @@ const char *cts_export_format(const char *path);
  * may still be NULL. */
 CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, CtsError *err);
 
-/* Likewise: the format can hold as many pictures of this size. n_frames > 1 only for .dcm, one multi-frame object. */
-CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames,
+/* Likewise: the format can hold as many pictures of this size, all grey or not. n_frames > 1 only for .dcm, one
+ * multi-frame object. */
+CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames, bool grey,
                                 const CtsExportSettings *settings, CtsError *err);
 
 /* A file that is written while its rows come: all bands of the first frame from the top, then the next frame's. What

@@ -39,10 +39,15 @@ static void step(void *context, const char *what)
 static CtsStatus check_sizes(const Job *job, CtsError *err)
 {
     CtsStatus st = CTS_OK;
+    const CtsPreset *p = job->preset;
+    const CtsMode mode = job->settings.mode >= 0 ? (CtsMode)job->settings.mode : p->mode;
+    const bool grey_behind =
+        p->background_none || (p->background[0] == p->background[1] && p->background[1] == p->background[2]);
+    const bool grey = cts_preset_is_grey(p, mode) && grey_behind;
     for (int i = 0; i < job->options->n_outputs && !st; i++) {
         const char *path = job->options->outputs[i];
         st = cts_export_check_size(path, job->settings.width, job->settings.height,
-                                   cli_output_is_multi_frame(path) ? job->n_frames : 1, &job->export, err);
+                                   cli_output_is_multi_frame(path) ? job->n_frames : 1, grey, &job->export, err);
     }
     return st;
 }
@@ -66,8 +71,7 @@ static CtsStatus prepare(Job *job, CtsError *err)
     job->steps = 2 + job->n_frames;
     if (!options->n_outputs && !options->render.explain)
         return cts_fail(err, CTS_ERR_USAGE, "render: no output (give -o FILE, ending in .png, .exr or .dcm)");
-    if (!options->render.explain &&
-        ((st = cli_outputs_check(options, &job->export, err)) || (st = check_sizes(job, err))))
+    if (!options->render.explain && (st = cli_outputs_check(options, &job->export, err)))
         return st;
     if (!(job->preset = malloc(sizeof *job->preset)) ||
         !(job->exports = calloc((size_t)options->n_outputs + 1, sizeof *job->exports)))
@@ -80,7 +84,7 @@ static CtsStatus prepare(Job *job, CtsError *err)
         job->preset->background_none = options->background_none;
         memcpy(job->preset->background, options->background, sizeof options->background);
     }
-    return CTS_OK;
+    return options->render.explain ? CTS_OK : check_sizes(job, err);
 }
 
 /* Rows of one output: begin its file at the first, end it at the last. A multi-frame object takes all frames. */

@@ -81,7 +81,7 @@ CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, 
     return format->check(path, settings, err);
 }
 
-CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames,
+CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames, bool grey,
                                 const CtsExportSettings *settings, CtsError *err)
 {
     const CtsFormat *format = format_of(path);
@@ -89,7 +89,7 @@ CtsStatus cts_export_check_size(const char *path, int width, int height, int n_f
         return fail_unknown(path, CTS_ERR_USAGE, "its ending names no picture format", err);
     if (n_frames < 1 || (n_frames > 1 && !format->many_frames))
         return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s file holds one picture, not %d", path, format->name, n_frames);
-    return format->check_size ? format->check_size(path, width, height, n_frames, settings, err) : CTS_OK;
+    return format->check_size ? format->check_size(path, width, height, n_frames, grey, settings, err) : CTS_OK;
 }
 
 struct CtsExport {
@@ -120,10 +120,11 @@ CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPictur
                            const CtsExportSettings *settings, CtsReport *report, CtsError *err)
 {
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    const bool grey = first->n_channels == 1 || first->info.grey;
     CtsStatus st;
     *output = NULL;
     if ((st = cts_export_check(path, settings, err)) ||
-        (st = cts_export_check_size(path, first->width, first->whole_height, n_frames, settings, err)))
+        (st = cts_export_check_size(path, first->width, first->whole_height, n_frames, grey, settings, err)))
         return st;
     CtsExport *e = *output = calloc(1, sizeof *e);
     if (!e)
@@ -134,7 +135,7 @@ CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPictur
         .width = first->width,
         .height = first->whole_height,
         .n_frames = n_frames,
-        .grey = first->n_channels == 1 || first->info.grey,
+        .grey = grey,
         .has_alpha = first->n_channels == 4 && first->has_alpha,
         .has_depth = first->depth_mm,
         .info = first->info,

@@ -30,8 +30,8 @@ typedef struct CtsFormat {
     const char *magic; /* 4 bytes */
     /* Before any work; may be NULL. */
     CtsStatus (*check)(const char *path, const CtsExportSettings *settings, CtsError *err);
-    CtsStatus (*check_size)(const char *path, int width, int height, int n_frames, const CtsExportSettings *settings,
-                            CtsError *err);
+    CtsStatus (*check_size)(const char *path, int width, int height, int n_frames, bool grey,
+                            const CtsExportSettings *settings, CtsError *err);
     /* One after the other: rows for each band of each frame, in order. close frees job->state, also after a failure of
      * any of the others, begin included; then state may be NULL. */
     CtsStatus (*begin)(CtsExportJob *job, CtsError *err);
@@ -54,8 +54,8 @@ void cts_exr_close(CtsExportJob *job);
 CtsStatus cts_exr_read(const char *path, CtsPicture **picture, CtsError *err);
 
 CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsError *err);
-CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frames, const CtsExportSettings *settings,
-                            CtsError *err);
+CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frames, bool grey,
+                            const CtsExportSettings *settings, CtsError *err);
 CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err);
 CtsStatus cts_sc_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err);
 CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err);

@@ -216,27 +216,27 @@ static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
     return cts_temp_write(context, bytes, n, err);
 }
 
-static size_t row_bytes_of(const CtsExportHead *head)
+static size_t row_bytes_of(int width, bool grey)
 {
-    return (size_t)head->width * (head->grey ? 2 : 3);
+    return (size_t)width * (grey ? 2 : 3);
 }
 
-CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frames, const CtsExportSettings *settings,
-                            CtsError *err)
+CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frames, bool grey,
+                            const CtsExportSettings *settings, CtsError *err)
 {
-    const uint64_t largest = 3 * (uint64_t)width * (uint64_t)height * (uint64_t)n_frames; /* grey takes 2 bytes */
-    if (largest / 3 * 2 > max_pixel_bytes)
+    const uint64_t bytes = (uint64_t)row_bytes_of(width, grey) * (uint64_t)height * (uint64_t)n_frames;
+    if (bytes > max_pixel_bytes)
         return cts_fail(err, CTS_ERR_USAGE,
                         "%s: %d pictures of %dx%d are more than a DICOM object can hold, 4 GiB (fewer views or a "
                         "smaller --size)",
                         path, n_frames, width, height);
     /* DCMTK encodes in memory, all frames at a time: what goes in, what comes out, and as much again at times. */
     const uint64_t memory = cts_memory_available();
-    if (settings->compression != CTS_SC_NONE && memory > 0 && 3 * largest > memory)
+    if (settings->compression != CTS_SC_NONE && memory > 0 && 3 * bytes > memory)
         return cts_fail(err, CTS_ERR_USAGE,
                         "%s: to compress %d pictures of %dx%d takes %.1f GB of memory, more than there is (--compress "
                         "none needs little)",
-                        path, n_frames, width, height, 3 * (double)largest / 1e9);
+                        path, n_frames, width, height, 3 * (double)bytes / 1e9);
     return CTS_OK;
 }
 
@@ -244,14 +244,10 @@ CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
 {
     enum { ROWS_BYTES = 4 << 20 };
     const CtsExportHead *head = &job->head;
-    const size_t row_bytes = row_bytes_of(head);
-    const uint64_t bytes = (uint64_t)row_bytes * (uint64_t)head->height * (uint64_t)head->n_frames;
+    const size_t row_bytes = row_bytes_of(head->width, head->grey);
     CtsStatus st;
     if (!job->settings.source)
         return cts_fail(err, CTS_ERR_USAGE, "%s: a secondary capture needs the series it was made of", job->path);
-    if (bytes > max_pixel_bytes)
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %d pictures of %dx%d are more than a DICOM object can hold (4 GiB)",
-                        job->path, head->n_frames, head->width, head->height);
     ScWriter *w = job->state = calloc(1, sizeof *w);
     if (!w)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
@@ -267,7 +263,7 @@ CtsStatus cts_sc_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
     ScWriter *w = job->state;
     const bool grey = job->head.grey;
-    const size_t row_bytes = row_bytes_of(&job->head);
+    const size_t row_bytes = row_bytes_of(job->head.width, job->head.grey);
     CtsStatus st = CTS_OK;
     if (band->first_row == 0) {
         char view[80];

@@ -62,16 +62,6 @@ static bool shows_skin(const CtsPreset *preset)
     return seen;
 }
 
-static bool has_no_colour(const CtsPreset *preset)
-{
-    for (int i = 0; i < preset->n_colour && preset->mode == CTS_MODE_COMPOSITE; i++) {
-        const double *rgb = preset->colour[i].rgb;
-        if (rgb[0] != rgb[1] || rgb[1] != rgb[2])
-            return false;
-    }
-    return true;
-}
-
 static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *engine_name)
 {
     const CtsView *view = &scene->view;
@@ -88,7 +78,7 @@ static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *e
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
     info->shows_skin = shows_skin(scene->preset);
-    info->grey = has_no_colour(scene->preset);
+    info->grey = cts_preset_is_grey(scene->preset, scene->preset->mode);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
 }
 

@@ -79,3 +79,13 @@ void cts_preset_colour(const CtsPreset *preset, double hu, double rgb[3])
     for (int c = 0; c < 3; c++)
         rgb[c] = mix(preset->colour[p.lower].rgb[c], preset->colour[p.upper].rgb[c], p.fraction);
 }
+
+bool cts_preset_is_grey(const CtsPreset *preset, CtsMode mode)
+{
+    for (int i = 0; i < preset->n_colour && mode == CTS_MODE_COMPOSITE; i++) {
+        const double *rgb = preset->colour[i].rgb;
+        if (rgb[0] != rgb[1] || rgb[1] != rgb[2])
+            return false;
+    }
+    return true;
+}

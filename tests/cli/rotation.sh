@@ -25,3 +25,5 @@ if command -v dcmdump >/dev/null; then
     dcmdump +P NumberOfFrames turn.dcm | grep -q '\[4\]' || fail "not 4 frames"
 fi
 refused 2 'big.dcm: 9999 pictures of 8000x8000 are more than' render "$data/phantom" --size 8000x8000 --rotation 9999 -o big.dcm
+refused 2 'big.dcm: 6 pictures' render "$data/phantom" --size 16384x16384 --rotation 6 -o big.dcm
+refused 2 'big.dcm: 8 pictures' render "$data/phantom" --size 16384x16384 --rotation 8 --mode mip -o big.dcm
