@@ -17,7 +17,7 @@
         fault(ROUNDING)          /* paper engines: levels cut off, not rounded */                                      \
         fault(FLOAT_DRIFT)       /* layers: sums of changes kept in float */                                           \
         fault(FOOTPRINT_SUM)     /* paper engines: weights not normalised */                                           \
-        fault(VOID_APRON)        /* void: a tile judged without its neighbours' voxels */                              \
+        fault(VOID_EDGES)        /* void: tiles at the edge of what shows left out */                                  \
         fault(GRADIENT_STEPS)    /* lighting: spacing and shear forgotten */                                           \
         fault(ONE_SIDED_LIGHT)   /* tiled: surfaces turned away are dark */                                            \
         fault(LAYER_LENGTH)      /* tiled: a layer is 1 mm */                                                          \

@@ -41,17 +41,13 @@ void cts_runs_free(CtsRuns *runs)
     cts_free(&runs->run);
 }
 
-void cts_runs_set(CtsRuns *runs, int tile_row, const uint8_t *active, int n)
+void cts_runs_set(CtsRuns *runs, int tile_row, const uint64_t *shown, int n)
 {
     int(*run)[2] = runs->run + (size_t)tile_row * (size_t)runs->capacity;
     int n_runs = 0;
-    for (int t = 0; t < n; t++) {
-        if (!active[t])
-            continue;
+    for (int t = 0, past; cts_next_run(shown, n, &t, &past); t = past) {
         run[n_runs][0] = t;
-        while (t < n && active[t])
-            t++;
-        run[n_runs++][1] = t;
+        run[n_runs++][1] = past;
     }
     runs->n[tile_row] = n_runs;
 }
@@ -63,8 +59,10 @@ CtsStatus cts_compositor_init(CtsCompositor *c, const CtsKernels *kernels, const
     CtsStatus st;
     *c = (CtsCompositor){.kernels = kernels, .tiles = *tiles, .picture = picture};
     if ((st = cts_raster_row_init(&c->row, raster, kernels, err)) ||
-        (st = cts_alloc_array(&c->grey, (size_t)raster->width + 16, err)))
+        (st = cts_alloc_array(&c->grey, (size_t)raster->width + 16, err)) ||
+        (st = cts_alloc_array(&c->border, (size_t)tiles->n[0] + 1, err)))
         return st;
+    c->border_base = NAN;
     /* Rays start in the plane through the centre, half a diagonal behind the camera plane. */
     const double mm_per_layer = 1 / view->forward_vox[view->axis], mm = view->mm_per_pixel;
     double start[3];
@@ -80,6 +78,7 @@ void cts_compositor_free(CtsCompositor *c)
 {
     cts_raster_row_free(&c->row);
     cts_free(&c->grey);
+    cts_free(&c->border);
 }
 
 /* The first visible sample, or better the first where half of the light is taken. */
@@ -96,21 +95,25 @@ static void note_depth(const CtsCompositor *c, const CtsPlane *plane, int y, int
     }
 }
 
+/* What lighting costs is told from a few rows. */
+static bool is_timed(const CtsPlane *plane, int y)
+{
+    return plane->light && (y & 15) == 0;
+}
+
 static void composite_open(CtsCompositor *c, const CtsPlane *plane, int y, int xa, int xb)
 {
     const int n = xb - xa;
-    cts_raster_fill(&c->row, xa, xb);
     CtsPlaces places;
-    for (int axis = 0; axis < 2; axis++) {
-        places.cell[axis] = c->row.cell[axis] + xa;
-        places.frac[axis] = c->row.frac[axis] + xa;
-    }
+    if (!c->row.raster->filled)
+        cts_raster_fill(&c->row, xa, xb);
+    cts_raster_places(&c->row, xa, &places);
     c->kernels->sample(&plane->sheets, &places, n, c->grey);
     c->samples += (uint64_t)n;
     if (c->picture->depth_mm)
         note_depth(c, plane, y, xa, n);
     float *pixels = c->picture->pixels + 4 * ((size_t)y * (size_t)c->picture->width + (size_t)xa);
-    const bool timed = (y & 15) == 0;
+    const bool timed = is_timed(plane, y);
     const double start_ms = timed ? cts_wall_ms() : 0;
     const bool closed = plane->light ? c->kernels->light(pixels, c->grey, n, plane->entries, &places, plane->light)
                                      : c->kernels->blend(pixels, c->grey, n, plane->entries);
@@ -122,36 +125,62 @@ static void composite_open(CtsCompositor *c, const CtsPlane *plane, int y, int x
 
 static void composite_span(CtsCompositor *c, const CtsPlane *plane, int y, int xa, int xb)
 {
-    while (xa < xb) {
-        const int past = c->hidden ? cts_hidden_next_open(c->hidden, y, &xa, xb) : xb;
-        if (xa < past)
-            composite_open(c, plane, y, xa, past);
-        xa = past;
+    if (!c->hidden) {
+        if (xa < xb)
+            composite_open(c, plane, y, xa, xb);
+        return;
+    }
+    for (int past; (xa = cts_hidden_next(c->hidden, y, xa, xb, false)) < xb; xa = past) {
+        past = cts_hidden_next(c->hidden, y, xa, xb, true);
+        composite_open(c, plane, y, xa, past);
     }
 }
 
-static int tile_lattice(const CtsCompositor *c, int axis)
+/* Lattice points a tile, as a power of two. */
+static int tile_shift(const CtsCompositor *c, int axis)
 {
-    return CTS_TILE * c->tiles.density[axis];
+    return __builtin_ctz((unsigned)(CTS_TILE * c->tiles.density[axis]));
 }
 
 /* The tile that a pixel's cell lies in. */
 static int tile_at(const CtsCompositor *c, int axis, int x)
 {
-    const double at = floor(c->row.base[axis] + c->row.raster->by_x[axis] * (double)x);
-    const int tile = at > 0 ? (int)at / tile_lattice(c, axis) : 0;
+    const double at = c->row.base[axis] + c->row.raster->by_x[axis] * (double)x;
+    const int tile = at > 0 ? (int)at >> tile_shift(c, axis) : 0;
     return tile < c->tiles.n[axis] ? tile : c->tiles.n[axis] - 1;
 }
 
 /* Where pixels xa..xb-1, which run through tiles from the side `rising` says, pass the border below tile t. */
-static int border(const CtsCompositor *c, int axis, int t, int xa, int xb)
+static int find_border(const CtsCompositor *c, int axis, int t, int xa, int xb)
 {
     const bool rising = c->row.raster->by_x[axis] > 0;
     if (t <= 0)
         return rising ? xa : xb;
     if (t >= c->tiles.n[axis])
         return rising ? xb : xa;
-    return cts_raster_passes(&c->row, axis, (double)t * tile_lattice(c, axis), xa, xb);
+    return cts_raster_passes(&c->row, axis, (double)(t << tile_shift(c, axis)), xa, xb);
+}
+
+static bool has_borders(const CtsCompositor *c)
+{
+    return c->row.raster->column_tables && c->row.raster->moves[0];
+}
+
+/* All rows of a plane pass tiles at the same pixels when the picture's rows run along the lattice's. */
+static void set_borders(CtsCompositor *c)
+{
+    if (!has_borders(c) || c->border_base == c->row.layer_base[0])
+        return;
+    c->border_base = c->row.base[0] = c->row.layer_base[0];
+    for (int t = 0; t <= c->tiles.n[0]; t++)
+        c->border[t] = find_border(c, 0, t, c->row.columns[0].first, c->row.columns[0].past);
+}
+
+static int border(const CtsCompositor *c, int axis, int t, int xa, int xb)
+{
+    if (axis == 1 || !has_borders(c))
+        return find_border(c, axis, t, xa, xb);
+    return c->border[t] < xa ? xa : c->border[t] > xb ? xb : c->border[t];
 }
 
 /* Pixels xa..xb-1, all within one row of tiles. */
@@ -184,9 +213,13 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
         composite_span(c, plane, y, c->row.x0, c->row.x1);
         return;
     }
+    if (!moves) {
+        composite_tile_row(c, plane, y, tile_at(c, 1, 0), c->row.x0, c->row.x1);
+        return;
+    }
     for (int x = c->row.x0; x < c->row.x1;) {
         const int tile_row = tile_at(c, 1, x);
-        const int past = moves ? border(c, 1, rising ? tile_row + 1 : tile_row, x, c->row.x1) : c->row.x1;
+        const int past = border(c, 1, rising ? tile_row + 1 : tile_row, x, c->row.x1);
         composite_tile_row(c, plane, y, tile_row, x, past);
         x = past;
     }
@@ -195,8 +228,10 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
 void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1)
 {
     cts_raster_begin_plane(&c->row, plane->layer);
+    if (plane->runs)
+        set_borders(c);
     for (int y = y0; y < y1; y++) {
-        const bool timed = (y & 15) == 0;
+        const bool timed = is_timed(plane, y);
         const double start_ms = timed ? cts_wall_ms() : 0;
         if (cts_raster_begin_row(&c->row, y))
             composite_row(c, plane, y);

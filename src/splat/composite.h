@@ -20,8 +20,8 @@ typedef struct CtsRuns {
 
 CtsStatus cts_runs_init(CtsRuns *runs, const CtsTiles *tiles, CtsError *err);
 void cts_runs_free(CtsRuns *runs);
-/* Set the runs of one tile row from a byte for each tile. */
-void cts_runs_set(CtsRuns *runs, int tile_row, const uint8_t *active, int n);
+/* Set the runs of one tile row from a bit for each of n tiles. */
+void cts_runs_set(CtsRuns *runs, int tile_row, const uint64_t *shown, int n);
 
 typedef struct CtsPlane {
     double layer; /* coordinate across the layers; between two, a fraction */
@@ -39,6 +39,8 @@ typedef struct CtsCompositor {
     CtsHidden *hidden;   /* NULL: look at all pixels, also behind opaque ones */
     CtsRasterRow row;
     uint16_t *grey;
+    int *border;        /* where one row of borders serves all of a plane: the first pixel behind that below a tile */
+    double border_base; /* of the plane that it is for */
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */
     uint64_t samples;
     double timed_ms, timed_blend_ms; /* of the rows that are timed, one in sixteen: all of it, and blending */

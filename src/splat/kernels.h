@@ -26,10 +26,11 @@ typedef struct CtsScatter {
 } CtsScatter;
 
 /* Where a picture row's samples fall on the lattice: cell and fraction along u and v, for each pixel. Cells never fall,
- * or never rise, from pixel to pixel. */
+ * or never rise, from pixel to pixel. level: all have the same place along v, given once. */
 typedef struct CtsPlaces {
     const int32_t *cell[2];
     const float *frac[2];
+    bool level;
 } CtsPlaces;
 
 /* One layer, or a plane between two: sheets at lattice point (0, 0); second is NULL on a layer. */

@@ -11,26 +11,34 @@
 
 #define INLINE static inline __attribute__((always_inline))
 
-/* Voxels of one word of marks: where their first tap goes, and the change of grey. */
-typedef struct Word {
-    int n;
-    int32_t column[64];
-    uint32_t change[64];
-} Word;
+/* Voxels to splat: where their first tap goes, and the change of grey. Neighbours' footprints overlap, and to add to
+ * what was stored a moment ago stalls; so of a list every TURNS-th voxel is taken before the next ones. */
+enum { TURNS = 4, ENOUGH = 128, MOST = ENOUGH + 64 + 8 };
 
-/* Neighbours' footprints overlap, and to add to what was stored a moment ago stalls; so voxels are taken every
- * step-th first. */
-INLINE void list_word(Word *w, const CtsScatter *job, uint64_t bits, int i0, int step)
+typedef struct List {
+    int n;
+    int32_t column[MOST];
+    uint32_t change[MOST];
+} List;
+
+/* Add voxels i..i+n-1, eight at a time as long as that stays below voxel `end`. */
+INLINE void list_run(List *l, const CtsScatter *job, int i, int n, int end)
 {
-    static const uint64_t every[5] = {0, ~UINT64_C(0), UINT64_C(0x5555555555555555), 0, UINT64_C(0x1111111111111111)};
-    const int density = job->footprint->density[0];
-    w->n = 0;
-    for (int phase = 0; phase < step; phase++)
-        for (uint64_t left = bits & every[step] << phase; left; left &= left - 1) {
-            const int i = i0 + __builtin_ctzll(left);
-            w->column[w->n] = i * density;
-            w->change[w->n++] = (uint32_t)job->value[i] - (job->old ? (uint32_t)job->old[i] : job->base);
-        }
+    const int density = job->footprint->density[0], past = i + n;
+    const __m256i base = _mm256_set1_epi32((int)job->base), steps = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
+    const __m256i columns = _mm256_mullo_epi32(steps, _mm256_set1_epi32(density));
+    int at = l->n;
+    l->n += n;
+    for (; i < past && i + 8 <= end; i += 8, at += 8) {
+        const __m256i value = _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(job->value + i)));
+        const __m256i old = job->old ? _mm256_cvtepu16_epi32(_mm_loadu_si128((const __m128i *)(job->old + i))) : base;
+        _mm256_storeu_si256((__m256i *)(l->column + at), _mm256_add_epi32(columns, _mm256_set1_epi32(i * density)));
+        _mm256_storeu_si256((__m256i *)(l->change + at), _mm256_sub_epi32(value, old));
+    }
+    for (; i < past; i++, at++) {
+        l->column[at] = i * density;
+        l->change[at] = (uint32_t)job->value[i] - (job->old ? (uint32_t)job->old[i] : job->base);
+    }
 }
 
 INLINE void add_vector(uint32_t *to, const uint32_t *weight, __m256i change)
@@ -48,26 +56,27 @@ INLINE void add_half_vector(uint32_t *to, const uint32_t *weight, __m128i change
 }
 
 /* Rows of taps one after the other, so that a row's weights stay in registers. n_vectors 0: at most four taps. */
-INLINE void scatter_word(const CtsScatter *job, const Word *w, int n_vectors)
+INLINE void scatter_list(const CtsScatter *job, const List *l, int n_vectors)
 {
     uint32_t *row = job->sheet;
     for (int v = job->tap0; v < job->tap1; v++, row += job->stride) {
         const uint32_t *weight = job->footprint->weight[v];
-        for (int k = 0; k < w->n; k++) {
-            uint32_t *to = row + w->column[k];
-            if (n_vectors == 0)
-                add_half_vector(to, weight, _mm_set1_epi32((int)w->change[k]));
-            for (int i = 0; i < n_vectors; i++)
-                add_vector(to + 8 * i, weight + 8 * i, _mm256_set1_epi32((int)w->change[k]));
-        }
+        for (int turn = 0; turn < TURNS; turn++)
+            for (int k = turn; k < l->n; k += TURNS) {
+                uint32_t *to = row + l->column[k];
+                if (n_vectors == 0)
+                    add_half_vector(to, weight, _mm_set1_epi32((int)l->change[k]));
+                for (int i = 0; i < n_vectors; i++)
+                    add_vector(to + 8 * i, weight + 8 * i, _mm256_set1_epi32((int)l->change[k]));
+            }
     }
 }
 
 static void scatter_marked_avx2(const CtsScatter *job, const uint64_t *marks, int i0, int i1)
 {
-    const int n_taps = 2 * job->footprint->reach[0] + 1, density = job->footprint->density[0];
-    const int step = density == 1 ? 4 : density == 2 ? 4 : 2;
-    Word word;
+    const int n_taps = 2 * job->footprint->reach[0] + 1;
+    List list;
+    list.n = 0;
     for (int i = i0; i < i1;) {
         const int first = i & ~63, past = first + 64 < i1 ? first + 64 : i1;
         uint64_t bits = marks ? marks[first / 64] : ~UINT64_C(0);
@@ -75,17 +84,25 @@ static void scatter_marked_avx2(const CtsScatter *job, const uint64_t *marks, in
         if (past - first < 64)
             bits &= (UINT64_C(1) << (past - first)) - 1;
         i = past;
-        if (!bits)
+        for (int at = first; bits;) {
+            const int gap = __builtin_ctzll(bits);
+            bits >>= gap;
+            const int n = ~bits ? __builtin_ctzll(~bits) : 64;
+            list_run(&list, job, at + gap, n, i1);
+            at += gap + n;
+            bits = n < 64 ? bits >> n : 0;
+        }
+        if (list.n < ENOUGH && i < i1)
             continue;
-        list_word(&word, job, bits, first, step);
         if (n_taps <= 4)
-            scatter_word(job, &word, 0);
+            scatter_list(job, &list, 0);
         else if (n_taps <= 8)
-            scatter_word(job, &word, 1);
+            scatter_list(job, &list, 1);
         else if (n_taps <= 16)
-            scatter_word(job, &word, 2);
+            scatter_list(job, &list, 2);
         else
-            scatter_word(job, &word, 4);
+            scatter_list(job, &list, 4);
+        list.n = 0;
     }
 }
 
@@ -182,12 +199,13 @@ INLINE __m256 bilinear_8(const uint32_t *sheet, size_t stride, const int32_t at[
     return lerp(lerp(a, b, fu), lerp(c, d, fu), fv);
 }
 
-/* level: the row of cells is the same for all samples, and sheets start there. */
+/* level: as in places; sheets start at the row of cells then. */
 INLINE void sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey, bool level)
 {
     const __m256i stride = _mm256_set1_epi32((int)sheets->stride);
     for (int i = 0; i < n; i += 8) {
-        const __m256 fu = _mm256_loadu_ps(places->frac[0] + i), fv = _mm256_loadu_ps(places->frac[1] + i);
+        const __m256 fu = _mm256_loadu_ps(places->frac[0] + i);
+        const __m256 fv = level ? _mm256_broadcast_ss(places->frac[1]) : _mm256_loadu_ps(places->frac[1] + i);
         const int32_t *at = places->cell[0] + i;
         int32_t oblique[8];
         if (!level) {
@@ -211,7 +229,7 @@ INLINE void sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, int 
 static void sample_avx2(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey)
 {
     const int32_t row = places->cell[1][0];
-    if (places->cell[1][n - 1] != row) {
+    if (!places->level) {
         sample_row(sheets, places, n, grey, false);
         return;
     }
@@ -360,8 +378,9 @@ INLINE void place_8(Places8 *p, const CtsPlaces *places, const int pixel[8], con
     float fracs[2][8];
     for (int axis = 0; axis < 2; axis++)
         for (int k = 0; k < 8; k++) {
-            cells[axis][k] = places->cell[axis][pixel[k]];
-            fracs[axis][k] = places->frac[axis][pixel[k]];
+            const int at = axis == 1 && places->level ? 0 : pixel[k];
+            cells[axis][k] = places->cell[axis][at];
+            fracs[axis][k] = places->frac[axis][at];
         }
     __m256i voxel[2];
     for (int axis = 0; axis < 2; axis++) {

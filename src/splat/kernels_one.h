@@ -37,8 +37,9 @@ static inline float bilinear(const uint32_t *s, size_t stride, float fu, float f
 
 static inline uint16_t cts_one_sample(const CtsSheetPair *sheets, const CtsPlaces *places, int i)
 {
-    const size_t at = (size_t)places->cell[1][i] * sheets->stride + (size_t)places->cell[0][i];
-    const float fu = places->frac[0][i], fv = places->frac[1][i];
+    const int row = places->level ? 0 : i;
+    const size_t at = (size_t)places->cell[1][row] * sheets->stride + (size_t)places->cell[0][i];
+    const float fu = places->frac[0][i], fv = places->frac[1][row];
     float value = bilinear(sheets->first + at, sheets->stride, fu, fv);
     if (sheets->second)
         value = value + (bilinear(sheets->second + at, sheets->stride, fu, fv) - value) * sheets->weight;
@@ -98,7 +99,8 @@ static inline bool cts_one_light(float *pixels, const uint16_t *grey, int i, con
         return false;
     float fu, fv, g[3], colour, white;
     const int u = voxel_of(places->cell[0][i], places->frac[0][i], light->shift[0], &fu);
-    const int v = voxel_of(places->cell[1][i], places->frac[1][i], light->shift[1], &fv);
+    const int row = places->level ? 0 : i;
+    const int v = voxel_of(places->cell[1][row], places->frac[1][row], light->shift[1], &fv);
     const size_t voxel = (size_t)v * light->stride + (size_t)u;
     gradient_at(light, light->first, voxel, fu, fv, g);
     if (light->second) {

@@ -1,93 +1,175 @@
 #include "splat/layers.h"
 
+#include "base/mem.h"
+#include <math.h>
 #include <string.h>
 
-enum { SAMPLE_EVERY = 8, SAMPLE_AT = 3 };
+enum { SAMPLE_EVERY = 16, SAMPLE_AT = 5 };
 
-static void sample_row(const CtsStack *stack, const CtsVoidMap *map, const uint16_t *level, int tolerance, int k,
-                       int old_k, int v, CtsChangeSample *sample)
+/* Voxels u0..u1-1 of row v of layer k against layer old_k. */
+static void sample_run(const CtsStack *stack, int tolerance, int k, int old_k, int v, int u0, int u1,
+                       CtsChangeSample *sample)
 {
     const size_t u_step = stack->axis == 0 ? (size_t)stack->n_layers : 1;
-    const uint16_t *at = stack->grey + (size_t)v * stack->v_step + (size_t)k * stack->layer_step;
-    const uint16_t *old = stack->grey + (size_t)v * stack->v_step + (size_t)old_k * stack->layer_step;
-    const uint8_t *shows = map ? cts_void_row(map, k, k, v / CTS_TILE) : NULL;
-    for (int u = 0; u < stack->n[0]; u++, at += u_step, old += u_step) {
-        if (shows && !shows[u / CTS_TILE < map->tiles.n[0] ? u / CTS_TILE : map->tiles.n[0] - 1])
-            continue;
-        const int change = level ? level[*at] - level[*old] : *at - *old;
-        sample->voxels++;
+    const uint16_t *row = stack->grey + (size_t)v * stack->v_step;
+    const uint16_t *here = row + (size_t)k * stack->layer_step, *old = row + (size_t)old_k * stack->layer_step;
+    for (int u = u0; u < u1; u++) {
+        const int change = here[(size_t)u * u_step] - old[(size_t)u * u_step];
         sample->changed += change > tolerance || change < -tolerance;
     }
+    sample->voxels += (uint64_t)(u1 - u0);
 }
 
-CtsChangeSample cts_layers_sample(const CtsStack *stack, const CtsTiles *tiles, const CtsVoidMap *map,
-                                  const uint16_t *level, int tolerance, int distance, int axis_sign)
+CtsStatus cts_layers_sample(const CtsStack *stack, const CtsVoidMap *map, int tolerance, int distance, int axis_sign,
+                            CtsChangeSample *sample, CtsError *err)
 {
-    CtsChangeSample sample = {0};
     const int first = distance > SAMPLE_AT ? distance : SAMPLE_AT < stack->n_layers ? SAMPLE_AT : distance;
-    for (int s = first; s < stack->n_layers; s += SAMPLE_EVERY) {
-        const int k = axis_sign > 0 ? s : stack->n_layers - 1 - s;
-        for (int v = SAMPLE_AT; v < stack->n[1] && v / CTS_TILE < tiles->n[1]; v += SAMPLE_EVERY)
-            sample_row(stack, map, level, tolerance, k, k - axis_sign * distance, v, &sample);
+    uint64_t *shows = NULL;
+    *sample = (CtsChangeSample){0};
+    const CtsStatus st = map ? cts_alloc_array(&shows, (size_t)map->tiles.n_words, err) : CTS_OK;
+    for (int s = first; s < stack->n_layers && !st; s += SAMPLE_EVERY) {
+        const int k = axis_sign > 0 ? s : stack->n_layers - 1 - s, old_k = k - axis_sign * distance;
+        for (int v = SAMPLE_AT; v < stack->n[1]; v += SAMPLE_EVERY) {
+            if (!map) {
+                sample_run(stack, tolerance, k, old_k, v, 0, stack->n[0], sample);
+                continue;
+            }
+            const int n = map->tiles.n[0], tile_v = v / CTS_TILE;
+            if (!map->active[k] || tile_v >= map->tiles.n[1])
+                continue;
+            memset(shows, 0, (size_t)map->tiles.n_words * sizeof *shows);
+            cts_void_add_row(map, k, k, tile_v, shows);
+            for (int t = 0, past; cts_next_run(shows, n, &t, &past); t = past)
+                sample_run(stack, tolerance, k, old_k, v, t * CTS_TILE,
+                           past * CTS_TILE < stack->n[0] ? past * CTS_TILE : stack->n[0], sample);
+        }
     }
-    return sample;
+    cts_free(&shows);
+    return st;
 }
 
-bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint)
+bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool skips_void)
 {
-    /* In units of one vector of taps added: a footprint is its rows of eight taps and a fixed part; to compare and
-     * find a changed voxel costs about one. */
+    /* Cycles a voxel, as measured: a footprint is its rows of eight taps and a fixed part. Changed voxels lie
+     * scattered, and each is found by comparing all of them. Where void is not skipped anyway, samples need not be
+     * taken either where about twice as many voxels as changed did not. */
     const double vectors = (2 * footprint->reach[1] + 1) * ((2 * footprint->reach[0] + 8) / 8);
-    const double anew = 2 + vectors;
-    return sample.voxels > 0 && (double)sample.changed / (double)sample.voxels * anew + 1 < anew;
+    const double anew = 1 + 0.6 * vectors, changed = 4 + 3 * vectors, compared = 1, sampled = skips_void ? 0 : 4.5;
+    if (sample.voxels == 0)
+        return false;
+    const double share = (double)sample.changed / (double)sample.voxels;
+    return share * changed + compared + sampled * fmin(2 * share, 1) < anew + sampled;
 }
 
-void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, const uint16_t *level, int tolerance, int n,
-                       uint16_t *kept)
+void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, int tolerance, int n, uint16_t *kept)
 {
     for (int i = 0; i < n; i++) {
-        const uint16_t value = level ? level[fresh[i]] : fresh[i];
-        const int change = before ? value - before[i] : 0;
-        kept[i] = before && change <= tolerance && change >= -tolerance ? before[i] : value;
+        const int change = before ? fresh[i] - before[i] : 0;
+        kept[i] = before && change <= tolerance && change >= -tolerance ? before[i] : fresh[i];
     }
 }
 
-/* Whether any of bits first..past-1 is set. */
-static bool any_bit(const uint64_t *bits, int first, int past)
+CtsStatus cts_quiet_init(CtsQuiet *q, const CtsTiles *tiles, CtsError *err)
 {
-    for (int i = first; i < past;) {
-        const int end = (i / 64 + 1) * 64 < past ? (i / 64 + 1) * 64 : past;
-        const uint64_t word = bits[i / 64] >> (i & 63);
-        if (end - i == 64 ? word != 0 : (word & ((UINT64_C(1) << (end - i)) - 1)) != 0)
-            return true;
-        i = end;
-    }
-    return false;
+    CtsStatus st;
+    *q = (CtsQuiet){.tiles = *tiles};
+    if ((st = cts_alloc_zeroed(&q->known, (size_t)tiles->n_bands * (size_t)tiles->n_words, err)) ||
+        (st = cts_alloc_zeroed(&q->empty, (size_t)tiles->n_bands * (size_t)tiles->n_words, err)))
+        return st;
+    return cts_alloc_array(&q->range, (size_t)tiles->n_bands * (size_t)tiles->n[0], err);
 }
 
-void cts_layers_quiet(const CtsQuietRow *job, int tile_v, CtsQuiet *quiet)
+void cts_quiet_free(CtsQuiet *q)
 {
-    const CtsTiles *tiles = job->tiles;
-    const int words = (job->n[0] + 63) / 64, apron = job->rule->apron;
+    cts_free(&q->known);
+    cts_free(&q->empty);
+    cts_free(&q->range);
+}
+
+static uint64_t *bits_row(const CtsQuiet *q, uint64_t *bits, int band)
+{
+    return bits + (size_t)band * (size_t)q->tiles.n_words;
+}
+
+static CtsRange *range_of(const CtsQuiet *q, int band, int t)
+{
+    return &q->range[(size_t)band * (size_t)q->tiles.n[0] + (size_t)t];
+}
+
+/* Every fourth bit, from bit 0 on, moved together. */
+static uint64_t every_fourth(uint64_t x)
+{
+    x &= UINT64_C(0x1111111111111111);
+    x = (x | x >> 3) & UINT64_C(0x0303030303030303);
+    x = (x | x >> 6) & UINT64_C(0x000f000f000f000f);
+    x = (x | x >> 12) & UINT64_C(0x000000ff000000ff);
+    return (x | x >> 24) & UINT64_C(0xffff);
+}
+
+/* Sixteen tiles, those whose voxels are bits 64 w and on of n_words words: set where a changed voxel reaches in. */
+static uint64_t changed_tiles(const uint64_t *changed, int n_words, int w, int apron)
+{
+    const uint64_t before = w > 0 ? changed[w - 1] : 0, after = w + 1 < n_words ? changed[w + 1] : 0;
+    uint64_t any = changed[w];
+    for (int i = 1; i <= apron; i++)
+        any |= changed[w] << i | before >> (64 - i);
+    /* A tile has the voxels of both its edges. */
+    for (int i = 1; i <= CTS_TILE + apron; i++)
+        any |= changed[w] >> i | after << (64 - i);
+    return every_fourth(any);
+}
+
+static void find_range(CtsQuiet *q, const CtsQuietJob *job, int band, int t, int row0, int row1)
+{
+    CtsRange *range = range_of(q, band, t);
+    *range = cts_tile_range(&q->tiles, job->rule, t, row0, row1, job->row_of, job->rows);
+    if (!cts_range_visible(job->rule, *range))
+        bits_row(q, q->empty, band)[t / 64] |= UINT64_C(1) << (t & 63);
+}
+
+void cts_quiet_band(CtsQuiet *q, const CtsQuietJob *job, int band)
+{
+    const CtsTiles *tiles = &q->tiles;
+    const int n_words = (job->n[0] + 63) / 64, apron = job->rule->apron, last = tiles->n[1] - 1;
+    const int row0 = band * CTS_BAND, row1 = row0 + CTS_BAND - 1 < last ? row0 + CTS_BAND - 1 : last;
+    uint64_t *known = bits_row(q, q->known, band), *empty = bits_row(q, q->empty, band);
     if (!job->old_rows) {
-        for (int t = 0; t < tiles->n[0]; t++)
-            quiet[t].known = false;
+        memset(known, 0, (size_t)tiles->n_words * sizeof *known);
+        memset(empty, 0, (size_t)tiles->n_words * sizeof *empty);
         return;
     }
-    const int low = tile_v * CTS_TILE - apron, high = (tile_v + 1) * CTS_TILE + apron;
-    memset(job->changed, 0, (size_t)words * sizeof *job->changed);
-    for (int v = low > 0 ? low : 0; v <= high && v < job->n[1]; v++) {
+    memset(job->changed, 0, (size_t)n_words * sizeof *job->changed);
+    for (int v = row0 * CTS_TILE > apron ? row0 * CTS_TILE - apron : 0;
+         v <= (row1 + 1) * CTS_TILE + apron && v < job->n[1]; v++) {
         job->kernels->mark(job->row_of(job->rows, v), job->row_of(job->old_rows, v), 0, job->n[0], job->marks);
-        for (int w = 0; w < words; w++)
+        for (int w = 0; w < n_words; w++)
             job->changed[w] |= job->marks[w];
     }
-    for (int t = 0; t < tiles->n[0]; t++) {
-        const int u0 = t * CTS_TILE - apron, u1 = (t + 1) * CTS_TILE + apron + 1;
-        if (any_bit(job->changed, u0 > 0 ? u0 : 0, u1 < job->n[0] ? u1 : job->n[0])) {
-            quiet[t].known = false;
-        } else if (!quiet[t].known) {
-            quiet[t].known = true;
-            quiet[t].range = cts_tile_range(tiles, job->rule, t, tile_v, job->row_of, job->rows);
+    for (int i = 0; i < tiles->n_words; i++) {
+        const int left = tiles->n[0] - 64 * i;
+        uint64_t same = left < 64 ? (UINT64_C(1) << left) - 1 : ~UINT64_C(0);
+        for (int w = 4 * i; w < 4 * i + 4 && w < n_words; w++)
+            same &= ~(changed_tiles(job->changed, n_words, w, apron) << 16 * (w & 3));
+        const uint64_t now_known = same & ~known[i];
+        empty[i] &= same;
+        known[i] = same;
+        for (uint64_t more = now_known; more; more &= more - 1)
+            find_range(q, job, band, 64 * i + __builtin_ctzll(more), row0, row1);
+    }
+}
+
+void cts_quiet_drop(const CtsQuiet *here, const CtsQuiet *before, const CtsRangeRule *rule, int band, uint64_t *row)
+{
+    const uint64_t *empty[2] = {bits_row(here, here->empty, band), bits_row(before, before->empty, band)};
+    for (int w = 0; w < here->tiles.n_words; w++) {
+        if (here == before) {
+            row[w] &= ~empty[0][w];
+            continue;
+        }
+        for (uint64_t left = empty[0][w] & empty[1][w] & row[w]; left; left &= left - 1) {
+            const int bit = __builtin_ctzll(left), t = 64 * w + bit;
+            if (!cts_range_visible(rule, cts_range_union(*range_of(here, band, t), *range_of(before, band, t))))
+                row[w] &= ~(UINT64_C(1) << bit);
         }
     }
 }

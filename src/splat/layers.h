@@ -9,38 +9,44 @@ typedef struct CtsChangeSample {
     uint64_t voxels, changed;
 } CtsChangeSample;
 
-/* Compare one voxel row in eight of one layer in eight with the layer `distance` before it. Where map is not NULL only
- * in tiles that it needs. */
-CtsChangeSample cts_layers_sample(const CtsStack *stack, const CtsTiles *tiles, const CtsVoidMap *map,
-                                  const uint16_t *level, int tolerance, int distance, int axis_sign);
+/* Compare a few rows of a few layers with the layer `distance` before them. Where map is not NULL only in tiles that
+ * may show something. */
+CtsStatus cts_layers_sample(const CtsStack *stack, const CtsVoidMap *map, int tolerance, int distance, int axis_sign,
+                            CtsChangeSample *sample, CtsError *err);
 
 /* True when adding changes costs less than splatting anew. */
-bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint);
+bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool skips_void);
 
 /* The dead band: kept = fresh where they differ by more than tolerance, else the value splatted before, so that what
- * is splatted is never further off than that, however long it goes on. level (may be NULL) comes first. */
-void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, const uint16_t *level, int tolerance, int n,
-                       uint16_t *kept);
+ * is splatted is never further off than that, however long it goes on. */
+void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, int tolerance, int n, uint16_t *kept);
 
-/* What is known of a sheet's tiles from the layers before: the range of one that did not change need not be looked at
- * again, and if nothing of it can be seen its samples need not be taken. */
+/* What is known of a sheet's tiles, taken together by bands, from the layers before: the range of one that did not
+ * change need not be looked at again, and if nothing of it can be seen its samples need not be taken. */
 typedef struct CtsQuiet {
-    bool known;
-    CtsTileRange range;
+    CtsTiles tiles;
+    uint64_t *known; /* by band, a bit for each column of tiles */
+    uint64_t *empty; /* likewise: known to show nothing */
+    CtsRange *range; /* by band and column, where known */
 } CtsQuiet;
 
-/* Bring one row of tiles up to date: rows against old_rows (NULL: nothing is known of the past). marks and changed are
- * scratch of a bit for each voxel of a row. */
-typedef struct CtsQuietRow {
+CtsStatus cts_quiet_init(CtsQuiet *quiet, const CtsTiles *tiles, CtsError *err);
+void cts_quiet_free(CtsQuiet *quiet);
+
+/* Bring a band up to date: rows against old_rows (NULL: nothing is known of the past). marks and changed are scratch of
+ * a bit for each voxel of a row. */
+typedef struct CtsQuietJob {
     const CtsKernels *kernels;
-    const CtsTiles *tiles;
     const CtsRangeRule *rule;
     CtsRowOf row_of;
     const void *rows, *old_rows;
     uint64_t *marks, *changed;
     int n[2];
-} CtsQuietRow;
+} CtsQuietJob;
 
-void cts_layers_quiet(const CtsQuietRow *job, int tile_v, CtsQuiet *quiet);
+void cts_quiet_band(CtsQuiet *quiet, const CtsQuietJob *job, int band);
+
+/* Clear the bits of tiles that show nothing on either sheet, or between the two. */
+void cts_quiet_drop(const CtsQuiet *here, const CtsQuiet *before, const CtsRangeRule *rule, int band, uint64_t *row);
 
 #endif

@@ -1,6 +1,7 @@
 #include "splat/layout.h"
 
 #include "base/mem.h"
+#include "splat/transpose.h"
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -11,29 +12,6 @@ static double per_pixel(const CtsView *view, int axis)
 {
     const double t = -view->right_vox[view->axis] / view->forward_vox[view->axis];
     return fabs(view->right_vox[axis] + t * view->forward_vox[axis]);
-}
-
-typedef uint16_t v8u __attribute__((vector_size(16)));
-typedef uint16_t v8u_any __attribute__((vector_size(16), aligned(2)));
-
-/* 8 rows of 8 voxels, in_stride apart, become 8 columns, out_stride apart. */
-static inline void transpose8(const uint16_t *in, size_t in_stride, uint16_t *out, ptrdiff_t out_stride)
-{
-    static const v8u low = {0, 8, 1, 9, 2, 10, 3, 11}, high = {4, 12, 5, 13, 6, 14, 7, 15};
-    v8u a[8], b[8];
-    for (size_t i = 0; i < 8; i++)
-        a[i] = *(const v8u_any *)(in + i * in_stride);
-    /* Three rounds of interleaving rows i and i + 4. */
-    for (int round = 0; round < 3; round++) {
-        for (int i = 0; i < 4; i++) {
-            b[2 * i] = __builtin_shuffle(a[i], a[i + 4], low);
-            b[2 * i + 1] = __builtin_shuffle(a[i], a[i + 4], high);
-        }
-        for (int i = 0; i < 8; i++)
-            a[i] = b[i];
-    }
-    for (int i = 0; i < 8; i++)
-        *(v8u_any *)(out + i * out_stride) = a[i];
 }
 
 /* Layers from..to of the copy, a tile of u x k at a time so that reads and writes both stay in cache lines; where the
@@ -50,7 +28,7 @@ static void copy_layers(const CtsLayout *l, const CtsVolume *volume, int from, i
                 const uint16_t *in = volume->grey + (size_t)u0 * su + (size_t)v * sv + (size_t)k0 * sk;
                 uint16_t *out = l->copy + (ptrdiff_t)k0 * l->layer_stride + (ptrdiff_t)v * l->row_stride + u0;
                 if (sk == 1 && k1 - k0 == SQUARE && u1 - u0 == SQUARE) {
-                    transpose8(in, su, out, l->layer_stride);
+                    cts_transpose_8(in, su, out, (size_t)l->layer_stride);
                     continue;
                 }
                 for (int u = 0; u < u1 - u0; u++)

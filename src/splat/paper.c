@@ -4,6 +4,7 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "splat/paper_plan.h"
+#include "volume/bits.h"
 #include <omp.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,16 +13,18 @@
 typedef struct Worker {
     CtsCompositor compositor;
     uint64_t *marks, *changed; /* a bit for each voxel of a row */
-    uint8_t *above, *here;     /* by tile of the row before a band's and of its own: whether the sheet must hold it */
-    uint8_t *segments;         /* likewise, by segment of a row */
+    uint64_t *needed, *row;    /* bits for each tile of the rows that a band meets, and for one */
+    int open_until;            /* the step up to which the plan's open tiles hold */
+    int band;                  /* by bands: which one */
+    bool stopped;
+    CtsPaperStore *store, own; /* own: by bands */
     double busy_ms[CTS_N_STAGES];
     uint64_t splatted, reused;
 } Worker;
 
 /* Gradients at voxels u0..u1-1 of row v of layer k. */
-static void gradient_row(const CtsPaperPlan *p, int k, int v, int u0, int u1, float (*field)[4])
+static void gradient_row(const CtsPaperPlan *p, const CtsStack *s, int k, int v, int u0, int u1, float (*field)[4])
 {
-    const CtsStack *s = &p->stack;
     const int v_low = v > 0 ? v - 1 : v, v_high = v < s->n[1] - 1 ? v + 1 : v;
     const int k_low = k > 0 ? k - 1 : k, k_high = k < s->n_layers - 1 ? k + 1 : k;
     const uint16_t *const before[2] = {cts_stack_row(s, k, v_low), cts_stack_row(s, k_low, v)};
@@ -31,62 +34,26 @@ static void gradient_row(const CtsPaperPlan *p, int k, int v, int u0, int u1, fl
                         field + (size_t)v * p->gradient_stride);
 }
 
-/* Mark the segments that needed tiles are made of: those of this row of tiles, and for its edge (or the last edge, when
- * there is no row of tiles behind it) those of the row before too. */
-static void needed_segments(Worker *w, int n, bool edge)
+/* Gradients of a band's rows, at the voxels of needed tiles. */
+static void gradient_band(const CtsPaperPlan *p, const Worker *w, int s, int band)
 {
-    for (int t = 0; t < n; t++)
-        w->segments[2 * t + 1] = w->here[t] | (edge ? w->above[t] : 0);
-    for (int t = 0; t <= n; t++)
-        w->segments[2 * t] = (t > 0 && w->segments[2 * t - 1]) || (t < n && w->segments[2 * t + 1]);
-}
-
-/* Bring the needed segments of one row of segments up to date, in runs that start from the same state. */
-static void splat_segments(const CtsPaperPlan *p, Worker *w, const CtsSplat *splat, int segment)
-{
-    const CtsTiles *t = &p->tiles;
-    const int n = t->n_segments[0];
-    uint8_t *holds = splat->sheet->holds + (size_t)segment * (size_t)n;
-    for (int c = 0; c < n;) {
-        if (!w->segments[c]) {
-            c++;
-            continue;
+    const bool far_edge = p->by_bands && band < p->tiles.n_bands - 1;
+    const int past = cts_band_start(&p->tiles, band + 1, 1) + far_edge, n = p->tiles.n[0];
+    for (int v = cts_band_start(&p->tiles, band, 1); v < past; v++) {
+        int first, last;
+        cts_tile_rows(&p->tiles, v, 1, &first, &last);
+        cts_needed_rows(&p->tiles, w->needed, band, first, last, w->row);
+        for (int t = 0, end; cts_next_run(w->row, n, &t, &end); t = end) {
+            const int u1 = end * CTS_TILE < p->stack.n[0] ? end * CTS_TILE + 1 : p->stack.n[0];
+            gradient_row(p, &w->store->stack, cts_paper_layer(p, s), v, t * CTS_TILE, u1,
+                         w->store->gradient[s % p->n_sheets]);
         }
-        const bool from_old = splat->old_rows && holds[c];
-        const int first = c;
-        while (c < n && w->segments[c] && (splat->old_rows && holds[c]) == from_old)
-            c++;
-        const CtsPatch patch = {.u0 = cts_segment_start(t, 0, first, t->density[0]),
-                                .u1 = cts_segment_start(t, 0, c, t->density[0]),
-                                .v0 = cts_segment_start(t, 1, segment, t->density[1]),
-                                .v1 = cts_segment_start(t, 1, segment + 1, t->density[1]),
-                                .from_old = from_old,
-                                .skip_equal = p->skip_void};
-        const CtsSplatCount count = cts_splat_patch(splat, &patch);
-        w->splatted += count.splatted;
-        w->reused += from_old ? count.inside - count.splatted : 0;
-    }
-    memcpy(holds, w->segments, (size_t)n);
-}
-
-static void gradient_segments(const CtsPaperPlan *p, const Worker *w, int s, int segment)
-{
-    const CtsTiles *t = &p->tiles;
-    const int v0 = cts_segment_start(t, 1, segment, 1), v1 = cts_segment_start(t, 1, segment + 1, 1);
-    for (int c = 0; c < t->n_segments[0]; c++) {
-        const int first = c;
-        while (c < t->n_segments[0] && w->segments[c])
-            c++;
-        const int u0 = cts_segment_start(t, 0, first, 1), u1 = cts_segment_start(t, 0, c, 1);
-        for (int v = v0; v < v1 && u0 < u1; v++)
-            gradient_row(p, cts_paper_layer(p, s), v, u0, u1, p->gradient[s % p->n_sheets]);
     }
 }
 
-static void quiet_band(CtsPaperPlan *p, Worker *w, int tile_row, const CtsPaperRows *rows, const CtsPaperRows *old)
+static void quiet_band(CtsPaperPlan *p, Worker *w, int band, const CtsPaperRows *rows, const CtsPaperRows *old)
 {
-    const CtsQuietRow job = {.kernels = &p->kernels,
-                             .tiles = &p->tiles,
+    const CtsQuietJob job = {.kernels = &p->kernels,
                              .rule = &p->rule,
                              .row_of = cts_paper_row,
                              .rows = rows,
@@ -94,42 +61,75 @@ static void quiet_band(CtsPaperPlan *p, Worker *w, int tile_row, const CtsPaperR
                              .marks = w->marks,
                              .changed = w->changed,
                              .n = {p->stack.n[0], p->stack.n[1]}};
-    cts_layers_quiet(&job, tile_row, p->quiet[rows->step % p->n_sheets] + (size_t)tile_row * (size_t)p->tiles.n[0]);
+    cts_quiet_band(&p->quiet[rows->step % p->n_sheets], &job, band);
 }
 
-/* One band of step s's sheet: the edge and the inside of a row of tiles, and behind the last row its far edge. */
-static void splat_band(CtsPaperPlan *p, Worker *w, int s, int tile_row)
+/* The tiles that the sheet must hold, of the band's rows and, where another band has their edge, of the row before;
+ * true when there are any. */
+static bool find_needed(const CtsPaperPlan *p, Worker *w, int s, int band)
 {
-    const CtsSheet *sheet = &p->sheet[s % p->n_sheets];
-    const CtsPaperRows rows = {p, s}, old_rows = {p, s - p->n_sheets};
+    const int n_words = p->tiles.n_words, first = p->by_bands ? 1 : 0;
+    uint64_t any = 0;
+    memset(w->needed, 0, (size_t)CTS_NEEDED_ROWS * (size_t)n_words * sizeof *w->needed);
+    for (int r = first; r <= CTS_BAND; r++)
+        cts_paper_needed(p, s, band * CTS_BAND - 1 + r, w->needed + (size_t)r * (size_t)n_words);
+    for (int i = 0; i < n_words; i++) {
+        uint64_t all = 0;
+        for (int r = 0; r < CTS_NEEDED_ROWS; r++)
+            all |= w->needed[r * n_words + i];
+        /* What a sheet holds is known by bands. */
+        for (int r = 0; r < CTS_NEEDED_ROWS && p->reuse; r++)
+            w->needed[r * n_words + i] = all;
+        any |= all;
+    }
+    return any != 0;
+}
+
+static void find_runs(CtsPaperPlan *p, Worker *w, int s, int band)
+{
+    for (int r = band * CTS_BAND; r < (band + 1) * CTS_BAND && r < p->tiles.n[1]; r++) {
+        cts_paper_shown(p, s, r, w->row);
+        cts_runs_set(&p->runs, r, w->row, p->tiles.n[0]);
+    }
+}
+
+/* Returns false when nothing of the band is needed. */
+static bool splat_band(CtsPaperPlan *p, Worker *w, int s, int band)
+{
+    const CtsSheet *sheet = &w->store->sheet[s % p->n_sheets];
+    const CtsPaperRows rows = {p, w->store, s}, old_rows = {p, w->store, s - p->n_sheets};
+    const CtsPaperRows next_rows = {p, w->store, s + 1};
     const bool from_old = p->reuse && sheet->step == old_rows.step && old_rows.step >= 0;
     const CtsSplat splat = {.kernels = &p->kernels,
                             .footprint = &p->footprint,
                             .sheet = sheet,
+                            .tiles = &p->tiles,
                             .rows = &rows,
                             .old_rows = from_old ? &old_rows : NULL,
+                            .next_rows = p->skip_void && s + 1 < p->stack.n_layers ? &next_rows : NULL,
                             .row_of = cts_paper_row,
                             .base = p->base,
                             .n = {p->stack.n[0], p->stack.n[1]},
+                            .reuse = p->reuse,
+                            .needed = w->needed,
+                            .row = w->row,
                             .marks = w->marks};
-    const int first = 2 * tile_row, past = tile_row == p->tiles.n[1] - 1 ? first + 3 : first + 2;
-    cts_paper_needed(p, s, tile_row - 1, w->above);
-    cts_paper_needed(p, s, tile_row, w->here);
-    for (int segment = first; segment < past; segment++) {
-        needed_segments(w, p->tiles.n[0], segment == first);
-        splat_segments(p, w, &splat, segment);
-        if (p->lit) {
-            const double start_ms = cts_wall_ms();
-            gradient_segments(p, w, s, segment);
-            w->busy_ms[CTS_STAGE_SHADE] += cts_wall_ms() - start_ms;
-        }
+    const bool needed = find_needed(p, w, s, band);
+    if (needed || p->reuse) {
+        const CtsSplatCount count = cts_splat_band(&splat, band, p->by_bands);
+        w->splatted += count.splatted;
+        w->reused += count.reused;
+    }
+    if (p->lit && needed) {
+        const double start_ms = cts_wall_ms();
+        gradient_band(p, w, s, band);
+        w->busy_ms[CTS_STAGE_SHADE] += cts_wall_ms() - start_ms;
     }
     if (p->reuse && !p->skip_void)
-        quiet_band(p, w, tile_row, &rows, from_old ? &old_rows : NULL);
-    if (p->reuse || p->skip_void) {
-        cts_paper_shown(p, s, tile_row, w->here);
-        cts_runs_set(&p->runs, tile_row, w->here, p->tiles.n[0]);
-    }
+        quiet_band(p, w, band, &rows, from_old ? &old_rows : NULL);
+    if (p->reuse || p->skip_void)
+        find_runs(p, w, s, band);
+    return needed;
 }
 
 static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, const CtsEntries *entries)
@@ -140,21 +140,27 @@ static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, co
     const double part = sub < p->samples ? (double)sub / p->samples : 0;
     const CtsLight light = {
         .shade = &p->shade,
-        .first = (const float(*)[4])p->gradient[slot],
-        .second = part > 0 ? (const float(*)[4])p->gradient[behind] : NULL,
+        .first = (const float(*)[4])w->store->gradient[slot],
+        .second = part > 0 ? (const float(*)[4])w->store->gradient[behind] : NULL,
         .stride = p->gradient_stride,
         .weight = (float)part,
         .shift = {__builtin_ctz((unsigned)p->tiles.density[0]), __builtin_ctz((unsigned)p->tiles.density[1])}};
     const CtsPlane plane = {.layer = cts_paper_layer(p, front) + p->scene->view.axis_sign * part,
-                            .sheets = {.first = p->sheet[slot].origin,
-                                       .second = part > 0 ? p->sheet[behind].origin : NULL,
-                                       .stride = p->sheet[slot].stride,
+                            .sheets = {.first = w->store->sheet[slot].origin,
+                                       .second = part > 0 ? w->store->sheet[behind].origin : NULL,
+                                       .stride = w->store->sheet[slot].stride,
                                        .weight = (float)part},
                             .entries = entries,
                             .light = p->lit ? &light : NULL,
                             .runs = p->reuse || p->skip_void ? &p->runs : NULL};
     const int height = p->raster.height, n_bands = (height + CTS_BLOCK_HEIGHT - 1) / CTS_BLOCK_HEIGHT;
     const int n_threads = omp_get_num_threads();
+    if (p->by_bands) {
+        int y0, y1;
+        cts_paper_picture_rows(p, w->band, &y0, &y1);
+        cts_composite_rows(&w->compositor, &plane, y0, y1);
+        return;
+    }
     for (int band = omp_get_thread_num(); band < n_bands; band += n_threads) {
         const int y0 = band * CTS_BLOCK_HEIGHT, y1 = y0 + CTS_BLOCK_HEIGHT;
         cts_composite_rows(&w->compositor, &plane, y0, y1 < height ? y1 : height);
@@ -176,49 +182,100 @@ static void composite_step(const CtsPaperPlan *p, Worker *w, int s)
     }
 }
 
-/* The layers before and behind can be read after this too; all threads come here together. */
-static void load_chunks(CtsPaperPlan *p, int s)
+/* The eights of voxels of row v that a chunk is loaded for: those of wanted tiles, and their neighbours all around. */
+static void find_eights(const CtsPaperPlan *p, Worker *w, int v)
 {
-    for (int step = s - 1; step <= s + 1; step++) {
-        const int chunk =
-            step < 0 || step >= p->stack.n_layers ? -1 : cts_stack_missing(&p->stack, cts_paper_layer(p, step));
-        if (chunk < 0)
-            continue;
-#pragma omp for schedule(dynamic, 4)
-        for (int v = 0; v < p->stack.n[1]; v++)
-            cts_stack_load(&p->stack, chunk, v, v + 1);
-#pragma omp single
-        cts_stack_set_loaded(&p->stack, chunk);
+    const int n = p->tiles.n[0], row = v / CTS_TILE, last = p->tiles.n[1] - 1;
+    const int first = row > 0 ? row - 1 : 0, past = row < last ? row + 2 : last + 1;
+    memset(w->row, 0, (size_t)p->tiles.n_words * sizeof *w->row);
+    memset(w->marks, 0, ((size_t)p->stack.n[0] / 64 + 1) * sizeof *w->marks);
+    for (int r = first; r < past; r++)
+        for (int i = 0; i < p->tiles.n_words; i++)
+            w->row[i] |= w->store->wanted[(size_t)r * (size_t)p->tiles.n_words + (size_t)i];
+    for (int t = 0, end; cts_next_run(w->row, n, &t, &end); t = end) {
+        const int low = (t - 1) * CTS_TILE / 8, high = (end * CTS_TILE + CTS_TILE) / 8;
+        cts_bits_fill(w->marks, low > 0 ? low : 0, (high < p->stack.n[0] / 8 ? high : p->stack.n[0] / 8) + 1);
     }
 }
 
-/* Rows as they are splatted, where that is not as they are. */
-static void settle_rows(CtsPaperPlan *p, int s)
+/* A dead band looks at every voxel of every layer; so does what skips nothing. */
+static bool loads_partly(const CtsPaperPlan *p)
 {
-    const size_t n = (size_t)p->stack.n[0];
+    return p->skip_void && p->tolerance == 0;
+}
+
+static void load_row(const CtsPaperPlan *p, Worker *w, int chunk, int v)
+{
+    if (loads_partly(p))
+        find_eights(p, w, v);
+    cts_stack_load(&w->store->stack, chunk, v, loads_partly(p) ? w->marks : NULL);
+}
+
+/* The chunk to load before a step's neighbour can be read, or -1. */
+static int chunk_missing(const CtsPaperPlan *p, const Worker *w, int step)
+{
+    return step < 0 || step >= p->stack.n_layers ? -1 : cts_stack_missing(&w->store->stack, cts_paper_layer(p, step));
+}
+
+/* The layers before and behind can be read after this too; all threads come here together. */
+static void load_chunks(CtsPaperPlan *p, Worker *w, int s)
+{
+    for (int step = s - 1; step <= s + 1; step++) {
+        const int chunk = chunk_missing(p, w, step);
+        if (chunk < 0)
+            continue;
 #pragma omp for schedule(static)
-    for (int v = 0; v < p->stack.n[1]; v++)
-        cts_layers_settle(cts_stack_row(&p->stack, cts_paper_layer(p, s), v),
-                          s > 0 && p->tolerance > 0 ? p->settled[(s + 2) % 3] + (size_t)v * n : NULL, p->rule.level,
-                          p->tolerance, p->stack.n[0], p->settled[s % 3] + (size_t)v * n);
+        for (int row = 0; row < (loads_partly(p) ? p->tiles.n[1] : 0); row++)
+            cts_paper_find_wanted(p, w->store, chunk, row);
+#pragma omp for schedule(dynamic, 4)
+        for (int v = 0; v < p->stack.n[1]; v++)
+            load_row(p, w, chunk, v);
+#pragma omp single
+        cts_stack_set_loaded(&w->store->stack, chunk);
+    }
+}
+
+/* What open pixels look at, when it is time to find out anew. */
+static void find_open(CtsPaperPlan *p, Worker *w, int s)
+{
+    if (!p->skip_void || s < w->open_until)
+        return;
+    w->open_until = s + CTS_PAPER_OPEN_STEPS;
+#pragma omp for schedule(static)
+    for (int band = 0; band < p->tiles.n_bands; band++)
+        cts_paper_find_open(p, s, band);
+}
+
+/* A row as it is splatted, where that is not as it is. */
+static void settle_row(const CtsPaperPlan *p, const CtsPaperStore *store, int s, int v)
+{
+    const size_t at = (size_t)v * (size_t)p->stack.n[0];
+    cts_layers_settle(cts_stack_row(&store->stack, cts_paper_layer(p, s), v),
+                      s > 0 ? store->settled[(s + 2) % 3] + at : NULL, p->tolerance, p->stack.n[0],
+                      store->settled[s % 3] + at);
 }
 
 static void splat_step(CtsPaperPlan *p, Worker *w, int s)
 {
     const double start_ms = cts_thread_cpu_ms(), shade_ms = w->busy_ms[CTS_STAGE_SHADE];
-    load_chunks(p, s);
-    if (p->settled[0])
-        settle_rows(p, s);
+    load_chunks(p, w, s);
+    if (p->tolerance > 0) {
+#pragma omp for schedule(static)
+        for (int v = 0; v < p->stack.n[1]; v++)
+            settle_row(p, w->store, s, v);
+    }
     if (cts_paper_step_needed(p, s)) {
+        find_open(p, w, s);
 #pragma omp for schedule(dynamic, 1) nowait
-        for (int row = 0; row < p->tiles.n[1]; row++)
-            splat_band(p, w, s, row);
+        for (int band = 0; band < p->tiles.n_bands; band++)
+            splat_band(p, w, s, band);
     }
     const double busy_ms = cts_thread_cpu_ms() - start_ms - (w->busy_ms[CTS_STAGE_SHADE] - shade_ms);
     w->busy_ms[CTS_STAGE_SPLAT] += busy_ms > 0 ? busy_ms : 0;
 }
 
-static void run_thread(CtsPaperPlan *p, Worker *w)
+/* All threads, layer after layer. */
+static void run_layers(CtsPaperPlan *p, Worker *w)
 {
     for (int s = 0; s < p->stack.n_layers - CTS_MUTATED(LAST_LAYER); s++) {
         const bool needed = cts_paper_step_needed(p, s);
@@ -237,17 +294,95 @@ static void run_thread(CtsPaperPlan *p, Worker *w)
         composite_step(p, w, s);
         w->busy_ms[CTS_STAGE_COMPOSITE] += cts_thread_cpu_ms() - start_ms;
 #pragma omp master
-        p->sheet[s % p->n_sheets].step = s;
+        w->store->sheet[s % p->n_sheets].step = s;
 #pragma omp barrier
     }
 }
 
-/* Between blends a pixel's fourth value is transmittance: 1 at first, alpha at last. */
-static void flip_alpha(CtsPicture *picture)
+static void load_band_chunks(CtsPaperPlan *p, Worker *w, int s)
 {
-    const size_t n = (size_t)picture->width * (size_t)picture->height;
-    for (size_t i = 0; i < n; i++)
+    int first, past;
+    cts_paper_voxel_rows(p, w->band, &first, &past);
+    for (int step = s - 1; step <= s + 1; step++) {
+        const int chunk = chunk_missing(p, w, step), n_rows = p->tiles.n[1];
+        if (chunk < 0)
+            continue;
+        for (int r = w->band * CTS_BAND; r < (w->band + 1) * CTS_BAND && r < n_rows && loads_partly(p); r++)
+            cts_paper_find_wanted(p, w->store, chunk, r);
+        for (int v = first; v < past; v++)
+            load_row(p, w, chunk, v);
+        cts_stack_set_loaded(&w->store->stack, chunk);
+    }
+}
+
+static void step_band(CtsPaperPlan *p, Worker *w, int s)
+{
+    const double start_ms = cts_wall_ms(), shade_ms = w->busy_ms[CTS_STAGE_SHADE];
+    int first, past;
+    load_band_chunks(p, w, s);
+    cts_paper_voxel_rows(p, w->band, &first, &past);
+    for (int v = first; v < past && p->tolerance > 0; v++)
+        settle_row(p, w->store, s, v);
+    if (!cts_paper_step_needed(p, s))
+        return;
+    if (p->skip_void && s >= w->open_until) {
+        w->open_until = s + CTS_PAPER_OPEN_STEPS;
+        cts_paper_find_open(p, s, w->band);
+    }
+    const bool needed = splat_band(p, w, s, w->band);
+    const double splat_ms = cts_wall_ms();
+    w->busy_ms[CTS_STAGE_SPLAT] += splat_ms - start_ms - (w->busy_ms[CTS_STAGE_SHADE] - shade_ms);
+    if (needed)
+        composite_step(p, w, s);
+    w->busy_ms[CTS_STAGE_COMPOSITE] += cts_wall_ms() - splat_ms;
+    w->store->sheet[s % p->n_sheets].step = s;
+}
+
+/* Between blends a pixel's fourth value is transmittance: 1 at first, alpha at last. */
+static void flip_alpha(CtsPicture *picture, int y0, int y1)
+{
+    const size_t width = (size_t)picture->width;
+    for (size_t i = (size_t)y0 * width; i < (size_t)y1 * width; i++)
         picture->pixels[4 * i + 3] = 1 - picture->pixels[4 * i + 3];
+}
+
+/* One thread takes a band through all layers. */
+static void run_band(CtsPaperPlan *p, Worker *w, int band)
+{
+    int first, past, y0, y1;
+    w->band = band;
+    w->open_until = 0;
+    cts_paper_voxel_rows(p, band, &first, &past);
+    cts_stack_begin(&w->store->stack, first);
+    cts_paper_picture_rows(p, band, &y0, &y1);
+    flip_alpha(p->picture, y0, y1);
+    for (int i = 0; i < p->n_sheets; i++)
+        w->store->sheet[i].step = -1;
+    for (int s = 0; s < p->stack.n_layers - CTS_MUTATED(LAST_LAYER) && !w->stopped; s++) {
+        w->stopped = cts_scene_stopped(p->scene);
+        if (!w->stopped && (cts_paper_step_needed(p, s) || p->tolerance > 0))
+            step_band(p, w, s);
+    }
+    flip_alpha(p->picture, y0, y1);
+}
+
+static void run_thread(CtsPaperPlan *p, Worker *w)
+{
+    w->store = p->by_bands ? &w->own : &p->store;
+    if (!p->by_bands) {
+        const int height = p->picture->height;
+#pragma omp for schedule(static)
+        for (int y = 0; y < height; y++)
+            flip_alpha(p->picture, y, y + 1);
+        run_layers(p, w);
+#pragma omp for schedule(static)
+        for (int y = 0; y < height; y++)
+            flip_alpha(p->picture, y, y + 1);
+        return;
+    }
+#pragma omp for schedule(dynamic, 1)
+    for (int band = 0; band < p->tiles.n_bands; band++)
+        run_band(p, w, band);
 }
 
 static void report_run(const CtsPaperPlan *p, const Worker *workers, double wall_ms, double cpu_ms, CtsReport *report)
@@ -283,15 +418,16 @@ static void report_run(const CtsPaperPlan *p, const Worker *workers, double wall
 
 static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
 {
-    const size_t n_words = (size_t)p->stack.n[0] / 64 + 1, n_tiles = (size_t)p->tiles.n[0];
+    const size_t n_marks = (size_t)p->stack.n[0] / 64 + 1, n_words = (size_t)p->tiles.n_words;
     CtsStatus st;
     if ((st = cts_compositor_init(&w->compositor, &p->kernels, &p->tiles, &p->raster, &p->scene->view, p->scene->volume,
                                   p->picture, err)) ||
-        (st = cts_alloc_array(&w->marks, n_words, err)) || (st = cts_alloc_array(&w->changed, n_words, err)) ||
-        (st = cts_alloc_array(&w->above, n_tiles, err)) || (st = cts_alloc_array(&w->here, n_tiles, err)))
+        (st = cts_alloc_array(&w->marks, n_marks, err)) || (st = cts_alloc_array(&w->changed, n_marks, err)) ||
+        (st = cts_alloc_array(&w->needed, n_words * CTS_NEEDED_ROWS, err)) ||
+        (p->by_bands && (st = cts_paper_store_init(&w->own, p, err))))
         return st;
     w->compositor.hidden = p->skip_void ? &p->hidden : NULL;
-    return cts_alloc_array(&w->segments, (size_t)p->tiles.n_segments[0], err);
+    return cts_alloc_array(&w->row, n_words, err);
 }
 
 static void worker_free(Worker *w)
@@ -299,9 +435,9 @@ static void worker_free(Worker *w)
     cts_compositor_free(&w->compositor);
     cts_free(&w->marks);
     cts_free(&w->changed);
-    cts_free(&w->above);
-    cts_free(&w->here);
-    cts_free(&w->segments);
+    cts_free(&w->needed);
+    cts_free(&w->row);
+    cts_paper_store_free(&w->own);
 }
 
 static CtsStatus run(CtsPaperPlan *p, CtsReport *report, CtsError *err)
@@ -314,11 +450,12 @@ static CtsStatus run(CtsPaperPlan *p, CtsReport *report, CtsError *err)
     for (int t = 0; t < p->n_threads; t++)
         if ((st = worker_init(&workers[t], p, err)))
             goto end;
-    flip_alpha(p->picture);
-    /* Threads may be fewer than asked for; each takes its worker by number, and bands go round whoever is there. */
+            /* Threads may be fewer than asked for; each takes its worker by number, and bands go round whoever is
+             * there. */
 #pragma omp parallel num_threads(p->n_threads)
     run_thread(p, &workers[omp_get_thread_num()]);
-    flip_alpha(p->picture);
+    for (int t = 0; t < p->n_threads; t++)
+        p->stopped |= workers[t].stopped;
     report_run(p, workers, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, report);
     if (p->stopped)
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");

@@ -3,8 +3,11 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "splat/scene_blocks.h"
 #include <math.h>
 #include <string.h>
+
+enum { BANDS_A_THREAD = 3 }; /* with fewer, some threads would wait for others */
 
 /* About one lattice point a pixel, and a power of two. */
 static int choose_density(double voxels_per_pixel)
@@ -21,8 +24,7 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     CtsStatus st;
     int density[2] = {1, 1};
-    if ((st = cts_stack_init(&p->stack, p->scene->volume, p->scene->view.axis, err)))
-        return st;
+    p->stack = cts_stack(p->scene->volume, p->scene->view.axis);
     cts_raster_init(&p->raster, &p->scene->view, &p->stack, density);
     for (int c = 0; c < 2; c++)
         density[c] = choose_density(fmax(fabs(p->raster.by_x[c]), fabs(p->raster.by_y[c])));
@@ -35,6 +37,7 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
     p->samples = settings->samples > 0 ? settings->samples : 1;
     p->n_sheets = p->samples > 1 ? 2 : 1;
     p->n_threads = settings->n_threads;
+    p->by_bands = p->raster.filled && p->raster.by_layer[1] == 0 && p->tiles.n_bands >= BANDS_A_THREAD * p->n_threads;
     cts_kernels_init(&p->kernels, cts_cpu_flags() & settings->cpu_mask);
     if ((st = cts_footprint_init(&p->footprint, settings->kernel, settings->kernel_radius, density, err)))
         return st;
@@ -61,39 +64,42 @@ static CtsStatus plan_look(CtsPaperPlan *p, CtsError *err)
     return cts_shade_init(&p->shade, scene->preset, scene->volume, &scene->view, axes, err);
 }
 
-static CtsStatus plan_void(CtsPaperPlan *p, CtsReport *report, CtsError *err)
+static CtsStatus plan_void(CtsPaperPlan *p, const CtsBlocks *blocks, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     if (!p->skip_void) {
         cts_report_skip(report, "void skipping", "engine %s splats every voxel", p->reuse ? "layers" : "classic");
         return CTS_OK;
     }
-    if ((st =
-             cts_void_map_new(&p->map, &p->stack, &p->tiles, &p->rule, &p->kernels, p->samples > 1, p->n_threads, err)))
+    if ((st = cts_void_map_new(&p->map, &p->stack, &p->tiles, &p->rule, blocks, p->n_threads, err)))
         return st;
     int n_empty = 0;
     for (int k = 0; k < p->stack.n_layers; k++)
-        n_empty += p->map.box[k][2] == 0;
+        n_empty += !p->map.active[k];
     cts_report_plan(report,
-                    "void: tiles of %d x %d voxels whose grey levels show nothing are left out; %d of %d layers "
-                    "show nothing at all",
-                    CTS_TILE, CTS_TILE, n_empty, p->stack.n_layers);
+                    "void: blocks of %d^3 cells whose grey levels show nothing are left out, %.1f %% of all; %d of %d "
+                    "layers show nothing at all",
+                    CTS_TILE, 100 * (1 - (double)p->map.n_shown / (double)p->map.n_tiles), n_empty, p->stack.n_layers);
     if (n_empty > 0)
         cts_report_skip(report, "layers", "%d of %d show nothing", n_empty, p->stack.n_layers);
     return CTS_OK;
 }
 
-/* A sample of the layers decides; the picture is the same either way, but for a tolerance that has no use then. */
-static void plan_reuse(CtsPaperPlan *p, CtsReport *report)
+/* A sample of the layers decides; the picture is the same either way. */
+static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
 {
+    CtsChangeSample sample;
     if (!p->reuse) {
         cts_report_skip(report, "layer reuse", "engine %s splats each layer anew", p->skip_void ? "void" : "classic");
-        return;
+        return CTS_OK;
     }
-    const CtsChangeSample sample = cts_layers_sample(&p->stack, &p->tiles, p->skip_void ? &p->map : NULL, p->rule.level,
-                                                     p->tolerance, p->n_sheets, p->scene->view.axis_sign);
+    const CtsStatus st = cts_layers_sample(&p->stack, p->skip_void ? &p->map : NULL, p->tolerance, p->n_sheets,
+                                           p->scene->view.axis_sign, &sample, err);
+    if (st)
+        return st;
     const double percent = sample.voxels > 0 ? 100.0 * (double)sample.changed / (double)sample.voxels : 0;
-    p->reuse = cts_layers_pay(sample, &p->footprint);
+    /* Where a tolerance is asked for, the picture must not depend on what pays. */
+    p->reuse = p->tolerance > 0 || cts_layers_pay(sample, &p->footprint, p->skip_void);
     if (p->reuse)
         cts_report_plan(report, "layer reuse: %.0f %% of voxels change between layers, so only changes are splatted",
                         percent);
@@ -101,11 +107,10 @@ static void plan_reuse(CtsPaperPlan *p, CtsReport *report)
         cts_report_skip(report, "layer reuse", "no layer has a visible one before it");
     else
         cts_report_skip(report, "layer reuse", "it would not pay: %.0f %% of voxels change between layers", percent);
-    if (!p->reuse)
-        p->tolerance = 0;
+    return CTS_OK;
 }
 
-static CtsStatus plan_savings(CtsPaperPlan *p, CtsReport *report, CtsError *err)
+static CtsStatus plan_savings(CtsPaperPlan *p, const CtsBlocks *blocks, CtsReport *report, CtsError *err)
 {
     const CtsScene *scene = p->scene;
     CtsStatus st;
@@ -119,31 +124,85 @@ static CtsStatus plan_savings(CtsPaperPlan *p, CtsReport *report, CtsError *err)
                              .slack = (uint16_t)p->tolerance,
                              .sum_low = p->footprint.sum_low,
                              .sum_high = p->footprint.sum_high};
-    if ((st = plan_void(p, report, err)))
+    if ((st = plan_void(p, blocks, report, err)))
         return st;
-    plan_reuse(p, report);
+    return plan_reuse(p, report, err);
+}
+
+/* Where the bands of a picture whose rows run along the lattice's begin: each row lies in one row of tiles, but for
+ * those that see nothing of the volume, above and below. */
+static CtsStatus plan_band_rows(CtsPaperPlan *p, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_array(&p->band_row, (size_t)p->tiles.n_bands + 1, err);
+    if (st)
+        return st;
+    const CtsRaster *r = &p->raster;
+    const bool rising = r->by_y[1] > 0;
+    const double lattice = CTS_BAND * CTS_TILE * p->tiles.density[1];
+    int y = 0, past = r->height;
+    while (y < past && fabs(2 * (r->origin[1] + r->by_y[1] * (double)(r->first_row + y)) - r->last[1]) > r->last[1] + 2)
+        y++;
+    while (past > y &&
+           fabs(2 * (r->origin[1] + r->by_y[1] * (double)(r->first_row + past - 1)) - r->last[1]) > r->last[1] + 2)
+        past--;
+    for (int i = 0; i <= p->tiles.n_bands; i++) {
+        /* The i-th band as rows go down the picture, and where it ends. */
+        p->band_row[i] = y;
+        const int band = rising ? i : p->tiles.n_bands - 1 - i;
+        for (; y < past; y++) {
+            const double at = r->origin[1] + r->by_y[1] * (double)(r->first_row + y);
+            if (rising ? i < p->tiles.n_bands - 1 && at >= (band + 1) * lattice : band > 0 && at < band * lattice)
+                break;
+        }
+    }
     return CTS_OK;
+}
+
+CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *p, CtsError *err)
+{
+    const size_t n_layer = (size_t)p->stack.n[0] * (size_t)p->stack.n[1];
+    CtsStatus st;
+    store->stack = p->stack;
+    if ((st = cts_stack_init(&store->stack, p->by_bands ? (CTS_BAND + 2) * CTS_TILE + 1 : p->stack.n[1], err)))
+        return st;
+    for (int i = 0; i < p->n_sheets; i++) {
+        if ((st = cts_sheet_init(&store->sheet[i], &p->tiles, err)))
+            return st;
+        /* A row and a voxel more than the layer has, so that bilinear reads at its end stay inside. */
+        const size_t n = p->gradient_stride * ((size_t)p->stack.n[1] + 1) + 1;
+        if (p->lit && (st = cts_alloc_zeroed(&store->gradient[i], n, err)))
+            return st;
+    }
+    for (int i = 0; i < 3 && p->tolerance > 0; i++)
+        if ((st = cts_alloc_zeroed(&store->settled[i], n_layer, err)))
+            return st;
+    return p->skip_void ? cts_alloc_zeroed(&store->wanted, (size_t)p->tiles.n[1] * (size_t)p->tiles.n_words, err)
+                        : CTS_OK;
+}
+
+void cts_paper_store_free(CtsPaperStore *store)
+{
+    for (int i = 0; i < 2; i++) {
+        cts_free(&store->gradient[i]);
+        cts_sheet_free(&store->sheet[i]);
+    }
+    for (int i = 0; i < 3; i++)
+        cts_free(&store->settled[i]);
+    cts_free(&store->wanted);
+    cts_stack_free(&store->stack);
 }
 
 static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
 {
-    const size_t n_tiles = (size_t)p->tiles.n[0] * (size_t)p->tiles.n[1];
-    const size_t n_layer = (size_t)p->stack.n[0] * (size_t)p->stack.n[1];
     CtsStatus st;
-    for (int i = 0; i < p->n_sheets; i++) {
-        if ((st = cts_sheet_init(&p->sheet[i], &p->tiles, err)))
+    if (p->by_bands ? (st = plan_band_rows(p, err)) : (st = cts_paper_store_init(&p->store, p, err)))
+        return st;
+    for (int i = 0; i < p->n_sheets && p->reuse && !p->skip_void; i++)
+        if ((st = cts_quiet_init(&p->quiet[i], &p->tiles, err)))
             return st;
-        /* A row and a voxel more than the layer has, so that bilinear reads at its end stay inside. */
-        const size_t n = p->gradient_stride * ((size_t)p->stack.n[1] + 1) + 1;
-        if (p->lit && (st = cts_alloc_zeroed(&p->gradient[i], n, err)))
-            return st;
-        if (p->reuse && !p->skip_void && (st = cts_alloc_zeroed(&p->quiet[i], n_tiles, err)))
-            return st;
-    }
-    for (int i = 0; i < 3 && (p->tolerance > 0 || p->rule.level); i++)
-        if ((st = cts_alloc_zeroed(&p->settled[i], n_layer, err)))
-            return st;
-    if (p->skip_void && (st = cts_hidden_init(&p->hidden, &p->raster, err)))
+    if (p->skip_void &&
+        ((st = cts_hidden_init(&p->hidden, &p->raster, p->band_row, p->by_bands ? p->tiles.n_bands : 0, err)) ||
+         (st = cts_alloc_zeroed(&p->open, (size_t)p->tiles.n_bands * (size_t)p->tiles.n_words, err))))
         return st;
     return p->reuse || p->skip_void ? cts_runs_init(&p->runs, &p->tiles, err) : CTS_OK;
 }
@@ -157,6 +216,7 @@ static void explain(const CtsPaperPlan *p, CtsReport *report)
                     p->samples > 1 ? "s" : "");
     cts_report_plan(report, "sheet: %d x %d samples a voxel; footprint: %d x %d taps", p->footprint.density[0],
                     p->footprint.density[1], 2 * p->footprint.reach[0] + 1, 2 * p->footprint.reach[1] + 1);
+    cts_report_plan(report, "order: %s", p->by_bands ? "bands of rows, each through all layers" : "layer by layer");
     cts_report_plan(report, "lighting: %s; threads: %d", p->scene->preset->shade ? "on" : "off", p->n_threads);
 }
 
@@ -171,8 +231,11 @@ CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, CtsPaperFe
     explain(p, report);
     if (scene->settings->max_error > 0)
         cts_report_skip(report, "error bound", "--samples is what this engine's error depends on");
+    const CtsBlocks *blocks = NULL;
+    if (p->skip_void && (st = cts_scene_blocks(scene, &p->own_blocks, &blocks, report, err)))
+        return st;
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
-    if ((st = plan_look(p, err)) || (st = plan_savings(p, report, err)))
+    if ((st = plan_look(p, err)) || (st = plan_savings(p, blocks, report, err)))
         return st;
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, 0, 0);
     return picture ? plan_memory(p, err) : CTS_OK;
@@ -182,63 +245,69 @@ void cts_paper_plan_free(CtsPaperPlan *p)
 {
     for (int i = 0; i < 2; i++) {
         cts_free(&p->table[i]);
-        cts_free(&p->gradient[i]);
-        cts_free(&p->quiet[i]);
-        cts_sheet_free(&p->sheet[i]);
+        cts_quiet_free(&p->quiet[i]);
     }
-    for (int i = 0; i < 3; i++)
-        cts_free(&p->settled[i]);
+    cts_paper_store_free(&p->store);
+    cts_free(&p->band_row);
     cts_hidden_free(&p->hidden);
+    cts_free(&p->open);
+    cts_blocks_free(&p->own_blocks);
     cts_runs_free(&p->runs);
     cts_void_map_free(&p->map);
     cts_shade_free(&p->shade);
-    cts_stack_free(&p->stack);
 }
 
-/* Drop tiles that only opaque pixels look at. */
-static void drop_hidden(const CtsPaperPlan *p, int step, int tile_v, uint8_t *tiles)
+/* Add the tiles that open pixels look at on a step's plane, and where there are planes between from there to another's.
+ */
+static void open_tiles(const CtsPaperPlan *p, int step, int other_step, int tile_v, uint64_t *row)
 {
-    const int k = cts_paper_layer(p, step);
-    const double spread = p->samples > 1 ? 1 : 0;
-    for (int t = 0; t < p->tiles.n[0]; t++)
-        if (tiles[t])
-            tiles[t] = !cts_hidden_tile(&p->hidden, &p->raster, &p->tiles, k, spread, t, tile_v);
+    const int here = cts_paper_layer(p, step), last = p->stack.n_layers - 1;
+    const bool between = p->samples > 1 && other_step >= 0 && other_step <= last;
+    const uint64_t *open = p->open + (size_t)(tile_v / CTS_BAND) * (size_t)p->tiles.n_words;
+    cts_void_add_row(&p->map, here, between ? cts_paper_layer(p, other_step) : here, tile_v, row);
+    for (int w = 0; w < p->tiles.n_words; w++)
+        row[w] &= open[w];
 }
 
-void cts_paper_needed(const CtsPaperPlan *p, int step, int tile_v, uint8_t *needed)
+void cts_paper_needed(const CtsPaperPlan *p, int step, int tile_v, uint64_t *row)
 {
-    const int n = p->tiles.n[0], last = p->stack.n_layers - 1, here = cts_paper_layer(p, step);
-    if (!p->skip_void || tile_v < 0 || tile_v >= p->tiles.n[1]) {
-        memset(needed, !p->skip_void, (size_t)n);
+    const bool inside = tile_v >= 0 && tile_v < p->tiles.n[1];
+    memset(row, inside && !p->skip_void ? 255 : 0, (size_t)p->tiles.n_words * sizeof *row);
+    if (!p->skip_void || !inside)
         return;
-    }
-    memcpy(needed, cts_void_row(&p->map, here, step > 0 ? cts_paper_layer(p, step - 1) : here, tile_v), (size_t)n);
-    if (p->samples > 1 && step < last) {
-        const uint8_t *behind = cts_void_row(&p->map, here, cts_paper_layer(p, step + 1), tile_v);
-        for (int t = 0; t < n; t++)
-            needed[t] |= behind[t];
-    }
-    drop_hidden(p, step, tile_v, needed);
+    open_tiles(p, step, step - 1, tile_v, row);
+    if (p->samples > 1)
+        open_tiles(p, step, step + 1, tile_v, row);
 }
 
-/* Tiles of which nothing is known, or something that shows. */
-static void loud_tiles(const CtsPaperPlan *p, int step, int tile_v, uint8_t *shown)
+void cts_paper_shown(const CtsPaperPlan *p, int step, int tile_v, uint64_t *row)
 {
-    const size_t row = (size_t)tile_v * (size_t)p->tiles.n[0];
-    const CtsQuiet *here = p->quiet[step % p->n_sheets] + row;
-    const CtsQuiet *before = p->samples > 1 ? p->quiet[(step + 1) % 2] + row : here;
-    for (int t = 0; t < p->tiles.n[0]; t++)
-        shown[t] = !here[t].known || !before[t].known ||
-                   cts_range_visible(&p->rule, cts_range_union(here[t].range, before[t].range));
+    memset(row, p->skip_void ? 0 : 255, (size_t)p->tiles.n_words * sizeof *row);
+    if (p->skip_void)
+        open_tiles(p, step, step - 1, tile_v, row);
+    else
+        cts_quiet_drop(&p->quiet[step % p->n_sheets], &p->quiet[(step + p->n_sheets - 1) % p->n_sheets], &p->rule,
+                       tile_v / CTS_BAND, row);
 }
 
-void cts_paper_shown(const CtsPaperPlan *p, int step, int tile_v, uint8_t *shown)
+void cts_paper_find_open(const CtsPaperPlan *p, int step, int band)
 {
-    if (!p->skip_void) {
-        loud_tiles(p, step, tile_v, shown);
-        return;
-    }
-    const int here = cts_paper_layer(p, step), before = cts_paper_layer(p, step > 0 ? step - 1 : 0);
-    memcpy(shown, cts_void_row(&p->map, here, before, tile_v), (size_t)p->tiles.n[0]);
-    drop_hidden(p, step, tile_v, shown);
+    /* The planes of these steps, of the one before and of the one behind. */
+    const double half = 0.5 * (CTS_PAPER_OPEN_STEPS - 1);
+    int y0, y1;
+    cts_paper_picture_rows(p, band, &y0, &y1);
+    const double middle = cts_paper_layer(p, step) + p->scene->view.axis_sign * half;
+    cts_hidden_open_row(&p->hidden, &p->raster, &p->tiles, middle, half + 1, band, y0, y1,
+                        p->open + (size_t)band * (size_t)p->tiles.n_words);
+}
+
+void cts_paper_find_wanted(const CtsPaperPlan *p, const CtsPaperStore *store, int chunk, int tile_v)
+{
+    const int k0 = chunk * CTS_STACK_CHUNK, k1 = k0 + CTS_STACK_CHUNK, last = p->stack.n_layers - 1;
+    uint64_t *row = store->wanted + (size_t)tile_v * (size_t)p->tiles.n_words;
+    int y0, y1;
+    cts_paper_picture_rows(p, tile_v / CTS_BAND, &y0, &y1);
+    cts_hidden_open_row(&p->hidden, &p->raster, &p->tiles, 0.5 * (k0 + k1 - 1), 0.5 * (k1 - k0 + 1), tile_v / CTS_BAND,
+                        y0, y1, row);
+    cts_void_keep_rows(&p->map, k0 > 0 ? k0 - 1 : 0, k1 < last ? k1 : last, tile_v, row);
 }

@@ -24,6 +24,19 @@ void cts_raster_init(CtsRaster *r, const CtsView *view, const CtsStack *stack, c
     }
     for (int c = 0; c < 2; c++)
         r->column_tables |= r->moves[c] && !r->moves[1 - c] && r->by_y[c] == 0;
+    r->filled = r->column_tables && r->moves[0];
+}
+
+static CtsStatus table_init(CtsRasterTable *table, int n, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_zeroed(&table->cell, (size_t)n + 16, err);
+    return st ? st : cts_alloc_zeroed(&table->frac, (size_t)n + 16, err);
+}
+
+static void table_free(CtsRasterTable *table)
+{
+    cts_free(&table->cell);
+    cts_free(&table->frac);
 }
 
 CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const CtsKernels *kernels, CtsError *err)
@@ -31,8 +44,8 @@ CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const 
     CtsStatus st;
     *row = (CtsRasterRow){.raster = raster, .kernels = kernels};
     for (int c = 0; c < 2; c++)
-        if ((st = cts_alloc_zeroed(&row->cell[c], (size_t)raster->width + 16, err)) ||
-            (st = cts_alloc_zeroed(&row->frac[c], (size_t)raster->width + 16, err)))
+        if ((st = table_init(&row->columns[c], raster->width, err)) ||
+            (st = table_init(&row->rows[c], raster->height, err)))
             return st;
     return CTS_OK;
 }
@@ -40,8 +53,8 @@ CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const 
 void cts_raster_row_free(CtsRasterRow *row)
 {
     for (int c = 0; c < 2; c++) {
-        cts_free(&row->cell[c]);
-        cts_free(&row->frac[c]);
+        table_free(&row->columns[c]);
+        table_free(&row->rows[c]);
     }
 }
 
@@ -63,17 +76,33 @@ int cts_raster_passes(const CtsRasterRow *row, int axis, double at, int xa, int 
     return first_past(row->base[axis], row->raster->by_x[axis], at, xa, xb);
 }
 
-/* Narrow xa..xb to the pixels inside the box along one axis. */
-static void clip(const CtsRaster *r, int axis, double base, int *xa, int *xb)
+/* Narrow xa..xb to the pixels (or rows) whose positions base + step * x lie inside the box along one axis. */
+static void clip(const CtsRaster *r, int axis, double base, double step, int *xa, int *xb)
 {
-    const double low = -FACE, past = nextafter(r->last[axis] + FACE, INFINITY), by_x = r->by_x[axis];
-    if (by_x == 0) {
+    const double low = -FACE, past = nextafter(r->last[axis] + FACE, INFINITY);
+    if (step == 0) {
         *xb = base >= low && base < past ? *xb : *xa;
         return;
     }
-    const int enter = first_past(base, by_x, by_x > 0 ? low : past, *xa, *xb);
-    *xb = first_past(base, by_x, by_x > 0 ? past : low, enter, *xb);
+    const int enter = first_past(base, step, step > 0 ? low : past, *xa, *xb);
+    *xb = first_past(base, step, step > 0 ? past : low, enter, *xb);
     *xa = enter;
+}
+
+/* Positions base + step * (offset + index), for indices 0..n-1. */
+static void set_table(const CtsRasterRow *row, CtsRasterTable *table, int axis, double step, int offset, int n)
+{
+    const double base = row->layer_base[axis];
+    if (table->known && table->base == base)
+        return;
+    table->known = true;
+    table->base = base;
+    int first = offset, past = offset + n;
+    clip(row->raster, axis, base, step, &first, &past);
+    table->first = first - offset;
+    table->past = past - offset;
+    row->kernels->place(base, step, row->raster->last[axis], first, past - first, table->cell + table->first,
+                        table->frac + table->first);
 }
 
 void cts_raster_begin_plane(CtsRasterRow *row, double layer)
@@ -81,47 +110,54 @@ void cts_raster_begin_plane(CtsRasterRow *row, double layer)
     const CtsRaster *r = row->raster;
     for (int c = 0; c < 2; c++)
         row->layer_base[c] = r->origin[c] + r->by_layer[c] * layer;
-    if (!r->column_tables)
-        return;
-    const int c = r->moves[0] ? 0 : 1;
-    if (row->has_table && row->table_base == row->layer_base[c])
-        return;
-    row->has_table = true;
-    row->table_base = row->layer_base[c];
-    row->table_x0 = 0;
-    row->table_x1 = r->width;
-    clip(r, c, row->table_base, &row->table_x0, &row->table_x1);
-    row->kernels->place(row->table_base, r->by_x[c], r->last[c], row->table_x0, row->table_x1 - row->table_x0,
-                        row->cell[c] + row->table_x0, row->frac[c] + row->table_x0);
+    for (int c = 0; c < 2 && r->column_tables; c++) {
+        if (r->moves[c])
+            set_table(row, &row->columns[c], c, r->by_x[c], 0, r->width);
+        else
+            set_table(row, &row->rows[c], c, r->by_y[c], r->first_row, r->height);
+    }
 }
 
 bool cts_raster_begin_row(CtsRasterRow *row, int y)
 {
     const CtsRaster *r = row->raster;
-    row->x0 = r->column_tables ? row->table_x0 : 0;
-    row->x1 = r->column_tables ? row->table_x1 : r->width;
-    for (int c = 0; c < 2; c++) {
-        row->base[c] = row->layer_base[c] + r->by_y[c] * (double)(r->first_row + y);
-        if (!r->column_tables || !r->moves[c])
-            clip(r, c, row->base[c], &row->x0, &row->x1);
+    if (r->column_tables) {
+        const int c = r->moves[0] ? 0 : 1;
+        const CtsRasterTable *rows = &row->rows[1 - c];
+        row->x0 = row->columns[c].first;
+        row->x1 = y >= rows->first && y < rows->past ? row->columns[c].past : row->x0;
+        row->base[c] = row->layer_base[c];
+        row->base[1 - c] = row->layer_base[1 - c] + r->by_y[1 - c] * (double)(r->first_row + y);
+    } else {
+        row->x0 = 0;
+        row->x1 = r->width;
+        for (int c = 0; c < 2; c++) {
+            row->base[c] = row->layer_base[c] + r->by_y[c] * (double)(r->first_row + y);
+            clip(r, c, row->base[c], r->by_x[c], &row->x0, &row->x1);
+        }
     }
-    return row->x0 < row->x1;
+    if (row->x0 >= row->x1)
+        return false;
+    if (r->column_tables && !r->moves[1]) {
+        row->level_cell = row->rows[1].cell[y];
+        row->level_frac = row->rows[1].frac[y];
+    } else if (!r->moves[1]) {
+        int32_t cell[8];
+        float frac[8];
+        row->kernels->place(row->base[1], 0, r->last[1], 0, 1, cell, frac);
+        row->level_cell = cell[0];
+        row->level_frac = frac[0];
+    }
+    return true;
 }
 
 void cts_raster_fill(CtsRasterRow *row, int xa, int xb)
 {
     const CtsRaster *r = row->raster;
     for (int c = 0; c < 2; c++) {
-        int32_t *cell = row->cell[c];
-        float *frac = row->frac[c];
-        if (!r->moves[c]) {
-            row->kernels->place(row->base[c], 0, r->last[c], 0, 1, cell + xa, frac + xa);
-            for (int x = xa + 1; x < xb; x++) {
-                cell[x] = cell[xa];
-                frac[x] = frac[xa];
-            }
-        } else if (!r->column_tables) {
-            row->kernels->place(row->base[c], r->by_x[c], r->last[c], xa, xb - xa, cell + xa, frac + xa);
-        }
+        if ((r->column_tables && r->moves[c]) || (c == 1 && !r->moves[1]))
+            continue;
+        row->kernels->place(row->base[c], r->by_x[c], r->last[c], xa, xb - xa, row->columns[c].cell + xa,
+                            row->columns[c].frac + xa);
     }
 }

@@ -11,27 +11,36 @@
 
 typedef struct CtsRaster {
     int width, height, first_row; /* of the picture, which may be a band; row 0 is the view's first_row */
-    int last[2]; /* lattice index of the last voxel along u and v */
+    int last[2];                  /* lattice index of the last voxel along u and v */
     double origin[2], by_x[2], by_y[2], by_layer[2];
     bool moves[2];      /* along a picture row */
     bool column_tables; /* one axis moves along rows only, the other from row to row only */
+    bool filled;        /* nothing is left for cts_raster_fill() */
 } CtsRaster;
+
+/* Cells and fractions along one axis, by picture column or row, of the positions base + step * index; valid for those
+ * inside the box. */
+typedef struct CtsRasterTable {
+    bool known;
+    double base;
+    int first, past;
+    int32_t *cell;
+    float *frac;
+} CtsRasterTable;
 
 /* All rows of the view. */
 void cts_raster_init(CtsRaster *raster, const CtsView *view, const CtsStack *stack, const int density[2]);
 
-/* One thread's rows: arrays by picture column, valid where filled. */
+/* One thread's rows. */
 typedef struct CtsRasterRow {
     const CtsRaster *raster;
     const CtsKernels *kernels;
     double layer_base[2]; /* of the plane begun last */
     double base[2];       /* of the row begun last */
     int x0, x1;           /* pixels of the row whose rays cross the plane inside the box */
-    int table_x0, table_x1;
-    int32_t *cell[2];
-    float *frac[2];
-    bool has_table;
-    double table_base;
+    CtsRasterTable columns[2], rows[2];
+    int32_t level_cell; /* where rows are level in v */
+    float level_frac;
 } CtsRasterRow;
 
 CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const CtsKernels *kernels, CtsError *err);
@@ -41,8 +50,18 @@ void cts_raster_row_free(CtsRasterRow *row);
 void cts_raster_begin_plane(CtsRasterRow *row, double layer);
 bool cts_raster_begin_row(CtsRasterRow *row, int y);
 
-/* Make cell and frac hold for pixels xa..xb-1. */
+/* Make cells and fractions hold for pixels xa..xb-1, where tables do not. */
 void cts_raster_fill(CtsRasterRow *row, int xa, int xb);
+
+/* Where pixels from xa on fall. */
+static inline void cts_raster_places(const CtsRasterRow *row, int xa, CtsPlaces *places)
+{
+    places->level = !row->raster->moves[1];
+    places->cell[0] = row->columns[0].cell + xa;
+    places->frac[0] = row->columns[0].frac + xa;
+    places->cell[1] = places->level ? &row->level_cell : row->columns[1].cell + xa;
+    places->frac[1] = places->level ? &row->level_frac : row->columns[1].frac + xa;
+}
 
 /* The first pixel of xa..xb whose position along axis has passed lattice point at: reached it where positions rise,
  * fallen below it where they fall; xb if none has. Exact: agrees with the cells of cts_raster_fill(). */

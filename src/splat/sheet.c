@@ -2,6 +2,8 @@
 
 #include "base/mem.h"
 #include "base/mutation.h"
+#include "volume/bits.h"
+#include <string.h>
 
 enum { LEFT_MARGIN = 16, MARGINS = 64 };
 
@@ -21,7 +23,7 @@ CtsStatus cts_sheet_init(CtsSheet *s, const CtsTiles *tiles, CtsError *err)
     if ((st = cts_alloc_zeroed(&s->block, n, err)))
         return st;
     s->origin = s->block + LEFT_MARGIN;
-    return cts_alloc_zeroed(&s->holds, (size_t)tiles->n_segments[0] * (size_t)tiles->n_segments[1], err);
+    return cts_alloc_zeroed(&s->holds, (size_t)tiles->n_bands * (size_t)tiles->n_words, err);
 }
 
 void cts_sheet_free(CtsSheet *s)
@@ -72,13 +74,48 @@ static uint64_t count_marks(const uint64_t *marks, int i0, int i1)
     return n;
 }
 
+/* A band's lattice rows v0..v1-1, columns u0..u1-1 of them. */
+typedef struct Patch {
+    int u0, u1, v0, v1;
+} Patch;
+
+/* The rows of a footprint that voxel row j has in lattice rows v0..v1-1; sheet at that of tap row tap0. */
+static CtsScatter scatter_row(const CtsSplat *s, int j, int v0, int v1)
+{
+    const CtsFootprint *f = s->footprint;
+    const int reach = f->reach[1], at = j * f->density[1];
+    const int first = v0 - at > -reach ? v0 - at : -reach, past = v1 - at < reach + 1 ? v1 - at : reach + 1;
+    return (CtsScatter){.footprint = f,
+                        .sheet = s->sheet->origin + (size_t)(at + first) * s->sheet->stride - f->reach[0],
+                        .stride = s->sheet->stride,
+                        .tap0 = first + reach,
+                        .tap1 = past + reach,
+                        .value = s->row_of(s->rows, j),
+                        .base = s->base};
+}
+
+static void clear(const CtsSplat *s, int v, int u0, int u1)
+{
+    const uint32_t start = s->base << CTS_WEIGHT_BITS;
+    uint32_t *row = s->sheet->origin + (size_t)v * s->sheet->stride;
+    if (start == 0)
+        memset(row + u0, 0, (size_t)(u1 - u0) * sizeof *row);
+    for (int u = u0; u < u1 && start != 0; u++)
+        row[u] = start;
+}
+
+static bool stands_in(const CtsSplat *s, int band, int j)
+{
+    return j >= cts_band_start(s->tiles, band, 1) && j < cts_band_start(s->tiles, band + 1, 1);
+}
+
 /* Columns of voxels: those that touch the patch, those whose footprint lies inside it, those that stand in it. */
 typedef struct Columns {
     int touch0, touch1, inner0, inner1, own0, own1;
     int u0, u1; /* lattice columns that may be written */
 } Columns;
 
-static Columns columns_of(const CtsSplat *s, const CtsPatch *p)
+static Columns columns_of(const CtsSplat *s, const Patch *p)
 {
     const CtsFootprint *f = s->footprint;
     const int reach = f->reach[0];
@@ -95,64 +132,157 @@ static Columns columns_of(const CtsSplat *s, const CtsPatch *p)
 }
 
 /* Returns how many of the voxels that stand in the patch were splatted. */
-static uint64_t splat_row(const CtsSplat *s, const CtsPatch *p, const Columns *c, const CtsScatter *job)
+static uint64_t splat_columns(const CtsSplat *s, const Columns *c, const CtsScatter *job)
 {
-    const bool marked = p->from_old || p->skip_equal;
     for (int i = c->touch0; i < c->inner0; i++)
         scatter_clipped(job, i, c->u0, c->u1);
-    if (marked) {
+    if (job->old) {
         const int word0 = c->touch0 / 64, i0 = word0 * 64;
-        s->kernels->mark(job->value + i0, job->old ? job->old + i0 : NULL, (uint16_t)s->base, c->touch1 - i0,
-                         s->marks + word0);
+        s->kernels->mark(job->value + i0, job->old + i0, 0, c->touch1 - i0, s->marks + word0);
         s->kernels->scatter_marked(job, s->marks, c->inner0, c->inner1);
     } else {
         s->kernels->scatter(job, c->inner0, c->inner1);
     }
     for (int i = c->inner1; i < c->touch1; i++)
         scatter_clipped(job, i, c->u0, c->u1);
-    return marked ? count_marks(s->marks, c->own0, c->own1) : (uint64_t)(c->own1 - c->own0);
+    return job->old ? count_marks(s->marks, c->own0, c->own1) : (uint64_t)(c->own1 - c->own0);
 }
 
-CtsSplatCount cts_splat_patch(const CtsSplat *s, const CtsPatch *p)
+/* One patch: changes of what the sheet holds, or all of it anew. */
+static CtsSplatCount splat_patch(const CtsSplat *s, int band, const Patch *p, bool from_old)
 {
     const CtsFootprint *f = s->footprint;
     const int reach = f->reach[1], density = f->density[1];
-    const size_t stride = s->sheet->stride;
     const Columns columns = columns_of(s, p);
     CtsSplatCount count = {0};
     int j0, j1;
-    if (p->u0 >= p->u1 || p->v0 >= p->v1)
-        return count;
-    if (!p->from_old) {
-        const uint32_t start = s->base << CTS_WEIGHT_BITS;
-        for (int v = p->v0; v < p->v1; v++)
-            for (uint32_t *to = s->sheet->origin + (size_t)v * stride + p->u0, *end = to + (p->u1 - p->u0); to < end;
-                 to++)
-                *to = start;
-    }
+    for (int v = p->v0; v < p->v1 && !from_old; v++)
+        clear(s, v, p->u0, p->u1);
     voxels_on(p->v0 - reach, p->v1 - 1 + reach, density, s->n[1], &j0, &j1);
     for (int j = j0; j < j1; j++) {
-        const int at = j * density;
-        const int first = p->v0 - at > -reach ? p->v0 - at : -reach;
-        const int past = p->v1 - at < reach + 1 ? p->v1 - at : reach + 1;
-        CtsScatter job = {.footprint = f,
-                          .sheet = s->sheet->origin + (size_t)(at + first) * stride - f->reach[0],
-                          .stride = stride,
-                          .tap0 = first + reach,
-                          .tap1 = past + reach,
-                          .value = s->row_of(s->rows, j),
-                          .old = p->from_old ? s->row_of(s->old_rows, j) : NULL,
-                          .base = s->base};
-        const uint64_t splatted = splat_row(s, p, &columns, &job);
-        if (at >= p->v0 && at < p->v1) {
-            count.inside += (uint64_t)(columns.own1 - columns.own0);
+        CtsScatter job = scatter_row(s, j, p->v0, p->v1);
+        job.old = from_old ? s->row_of(s->old_rows, j) : NULL;
+        const uint64_t splatted = splat_columns(s, &columns, &job);
+        if (stands_in(s, band, j)) {
             count.splatted += splatted;
+            count.reused += (uint64_t)(columns.own1 - columns.own0) - splatted;
         }
     }
-    if (CTS_MUTATED(FLOAT_DRIFT) && p->from_old)
+    if (CTS_MUTATED(FLOAT_DRIFT) && from_old)
         for (int v = p->v0; v < p->v1; v++)
             for (int u = p->u0; u < p->u1; u++)
-                s->sheet->origin[(size_t)v * stride + (size_t)u] =
-                    (uint32_t)(float)s->sheet->origin[(size_t)v * stride + (size_t)u];
+                s->sheet->origin[(size_t)v * s->sheet->stride + (size_t)u] =
+                    (uint32_t)(float)s->sheet->origin[(size_t)v * s->sheet->stride + (size_t)u];
     return count;
+}
+
+/* The needed tiles in runs that start from the same state; of two runs side by side the one that the sheet holds has
+ * their edge. */
+static CtsSplatCount splat_changes(const CtsSplat *s, int band, int v0, int v1)
+{
+    const int n = s->tiles->n[0], lattice = CTS_TILE * s->tiles->density[0], last = s->sheet->last[0];
+    uint64_t *holds = s->sheet->holds + (size_t)band * (size_t)s->tiles->n_words;
+    CtsSplatCount count = {0};
+    for (int a = 0, past; cts_next_run(s->needed, n, &a, &past); a = past)
+        for (int from = a, to; from < past; from = to) {
+            const bool held = s->old_rows && cts_next_bit(holds, from, n, true) == from;
+            to = s->old_rows ? cts_next_bit(holds, from, past, !held) : past;
+            const int end = to * lattice < last ? to * lattice : last;
+            const Patch p = {
+                .u0 = from * lattice + (from > a && !held), .u1 = end + (to == past || held), .v0 = v0, .v1 = v1};
+            if (p.u0 >= p.u1)
+                continue;
+            const CtsSplatCount one = splat_patch(s, band, &p, held);
+            count.splatted += one.splatted;
+            count.reused += one.reused;
+        }
+    for (int w = 0; w < s->tiles->n_words; w++)
+        holds[w] = s->needed[w];
+    return count;
+}
+
+/* The tiles that any row of lattice rows v0..v1-1 within `reach` of row `at` belongs to: first to last row of them. */
+static void rows_around(const CtsSplat *s, int at, int reach, int v0, int v1, int rows[2])
+{
+    const int density = s->footprint->density[1];
+    int unused;
+    cts_tile_rows(s->tiles, at - reach > v0 ? at - reach : v0, density, &rows[0], &unused);
+    cts_tile_rows(s->tiles, at + reach < v1 - 1 ? at + reach : v1 - 1, density, &unused, &rows[1]);
+}
+
+/* Mark the voxels that reach into a needed tile of rows[0]..rows[1]; returns how many. */
+static uint64_t mark_needed(const CtsSplat *s, int band, const int rows[2])
+{
+    const int n = s->tiles->n[0], beside = s->footprint->reach[0] / s->footprint->density[0];
+    cts_needed_rows(s->tiles, s->needed, band, rows[0], rows[1], s->row);
+    memset(s->marks, 0, ((size_t)s->n[0] / 64 + 1) * sizeof *s->marks);
+    for (int t = 0, past; cts_next_run(s->row, n, &t, &past); t = past) {
+        const int i0 = t * CTS_TILE - beside, i1 = past * CTS_TILE + beside + 1;
+        cts_bits_fill(s->marks, i0 > 0 ? i0 : 0, i1 < s->n[0] ? i1 : s->n[0]);
+    }
+    return count_marks(s->marks, 0, s->n[0]);
+}
+
+/* Ask early for the marked voxels of a row, in the layer that comes next: of a layer's rows little is read, too little
+ * for the processor to see where it goes on. */
+static void ask_for_row(const CtsSplat *s, int j)
+{
+    const uint16_t *row = s->row_of(s->next_rows, j);
+    for (int i = 0; i < s->n[0]; i += 32)
+        if (s->marks[i / 64] >> (i & 63) & UINT32_MAX)
+            __builtin_prefetch(row + i);
+}
+
+static void clear_needed(const CtsSplat *s, int band, int v0, int v1)
+{
+    const int n = s->tiles->n[0], lattice = CTS_TILE * s->tiles->density[0], end = s->sheet->last[0];
+    for (int from = v0, to; from < v1; from = to) {
+        int rows[2], other[2];
+        rows_around(s, from, 0, v0, v1, rows);
+        for (to = from + 1; to < v1; to++) {
+            rows_around(s, to, 0, v0, v1, other);
+            if (other[0] != rows[0] || other[1] != rows[1])
+                break;
+        }
+        cts_needed_rows(s->tiles, s->needed, band, rows[0], rows[1], s->row);
+        for (int t = 0, past; cts_next_run(s->row, n, &t, &past); t = past)
+            for (int v = from; v < to; v++)
+                clear(s, v, t * lattice, (past * lattice < end ? past * lattice : end) + 1);
+    }
+}
+
+/* Whole footprints of every voxel that reaches into a needed tile: what falls beside needed points does no harm, as
+ * nobody reads it. */
+static CtsSplatCount splat_anew(const CtsSplat *s, int band, int v0, int v1)
+{
+    const int reach = s->footprint->reach[1], density = s->footprint->density[1];
+    CtsSplatCount count = {0};
+    uint64_t n_marked = 0;
+    int j0, j1, marked[2] = {-1, -1};
+    clear_needed(s, band, v0, v1);
+    voxels_on(v0 - reach, v1 - 1 + reach, density, s->n[1], &j0, &j1);
+    for (int j = j0; j < j1; j++) {
+        int rows[2];
+        rows_around(s, j * density, reach, v0, v1, rows);
+        if (rows[0] != marked[0] || rows[1] != marked[1])
+            n_marked = mark_needed(s, band, rows);
+        memcpy(marked, rows, sizeof marked);
+        if (n_marked == 0)
+            continue;
+        if (s->next_rows)
+            ask_for_row(s, j);
+        const CtsScatter job = scatter_row(s, j, v0, v1);
+        s->kernels->scatter_marked(&job, s->marks, 0, s->n[0]);
+        if (stands_in(s, band, j))
+            count.splatted += n_marked;
+    }
+    return count;
+}
+
+CtsSplatCount cts_splat_band(const CtsSplat *s, int band, bool far_edge)
+{
+    const int density = s->footprint->density[1];
+    const int v0 = cts_band_start(s->tiles, band, density);
+    const int v1 = cts_band_start(s->tiles, band + 1, density) + (far_edge && band < s->tiles->n_bands - 1);
+    return s->reuse ? splat_changes(s, band, v0, v1) : splat_anew(s, band, v0, v1);
 }

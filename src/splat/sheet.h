@@ -10,19 +10,12 @@ typedef struct CtsSheet {
     uint32_t *origin; /* lattice point (0, 0) */
     size_t stride;
     int last[2];
-    int step;       /* in the order of rays, of the layer whose values it holds, or -1 */
-    uint8_t *holds; /* by segment of v, then of u: 1 where it holds them */
+    int step;        /* in the order of rays, of the layer whose values it holds, or -1 */
+    uint64_t *holds; /* by band, a bit for each column of tiles: where it holds them, if layers are reused */
 } CtsSheet;
 
 CtsStatus cts_sheet_init(CtsSheet *sheet, const CtsTiles *tiles, CtsError *err);
 void cts_sheet_free(CtsSheet *sheet);
-
-/* A block of a sheet to bring up to date: rows v0..v1-1, columns u0..u1-1 of the lattice. */
-typedef struct CtsPatch {
-    int u0, u1, v0, v1;
-    bool from_old;   /* it holds the old rows' layer: add changes only; else start from base */
-    bool skip_equal; /* leave out voxels that equal base (with from_old, voxels that did not change always are) */
-} CtsPatch;
 
 /* Rows of grey levels of the layer and of the one that the sheet holds: row(context, v). */
 typedef const uint16_t *(*CtsRowOf)(const void *context, int v);
@@ -31,19 +24,41 @@ typedef struct CtsSplat {
     const CtsKernels *kernels;
     const CtsFootprint *footprint;
     const CtsSheet *sheet;
-    const void *rows, *old_rows;
+    const CtsTiles *tiles;
+    const void *rows, *old_rows; /* old_rows NULL: the sheet holds nothing */
+    const void *next_rows;       /* of the layer that comes next; may be NULL */
     CtsRowOf row_of;
-    uint32_t base;
-    int n[2];        /* voxels along u and v */
-    uint64_t *marks; /* scratch of n[0] bits, rounded up to whole words */
+    uint32_t base;          /* the level that fresh sheets start from */
+    int n[2];               /* voxels along u and v */
+    bool reuse;             /* add changes where the sheet holds the old layer; keep account of what it holds */
+    const uint64_t *needed; /* rows of bits: the tiles to bring up to date, for CTS_NEEDED_ROWS rows from
+                             * CTS_BAND * band - 1 on; with reuse they are all alike */
+    uint64_t *row, *marks;  /* scratch: a row of bits; a bit for each voxel of a row, in whole words */
 } CtsSplat;
 
-/* Voxels that stand in the patch, and those of them whose footprint was added. Voxels beside it that reach into it are
- * not counted, so that patches side by side count each voxel once. */
+enum { CTS_NEEDED_ROWS = CTS_BAND + 2 }; /* a band's rows of tiles, and those at either side */
+
+/* Voxels that stand in what is needed of the band, left as they were or with their footprint added. Voxels beside it
+ * that reach in are not counted where they stand in another band, so that bands count each voxel once. */
 typedef struct CtsSplatCount {
-    uint64_t inside, splatted;
+    uint64_t reused, splatted;
 } CtsSplatCount;
 
-CtsSplatCount cts_splat_patch(const CtsSplat *splat, const CtsPatch *patch);
+/* Bring a band's lattice rows up to date wherever a needed tile has points in them, with far_edge those that it shares
+ * with the next band too. Other points hold anything. */
+CtsSplatCount cts_splat_band(const CtsSplat *splat, int band, bool far_edge);
+
+/* The tiles of rows first..last, of those in splat->needed, that any of them needs. */
+static inline void cts_needed_rows(const CtsTiles *tiles, const uint64_t *needed, int band, int first, int last,
+                                   uint64_t *row)
+{
+    const size_t n_words = (size_t)tiles->n_words;
+    const uint64_t *from = needed + (size_t)(first - (CTS_BAND * band - 1)) * n_words;
+    for (size_t w = 0; w < n_words; w++) {
+        row[w] = from[w];
+        for (int r = 1; r <= last - first; r++)
+            row[w] |= from[(size_t)r * n_words + w];
+    }
+}
 
 #endif

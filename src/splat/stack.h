@@ -20,10 +20,15 @@ typedef struct CtsStack {
     int n[2];                  /* voxels of a layer: along a row, rows */
     size_t v_step, layer_step; /* distances in grey; rows are contiguous unless axis is 0 */
     uint16_t *chunk[2];
-    int loaded[2]; /* which chunk of layers, or -1 */
+    int n_rows, first_row; /* rows that a chunk has room for, and the first of those it holds now */
+    int loaded[2];         /* which chunk of layers, or -1 */
 } CtsStack;
 
-CtsStatus cts_stack_init(CtsStack *stack, const CtsVolume *volume, int axis, CtsError *err);
+/* Without chunks: rows cannot be read yet where they need them. */
+CtsStack cts_stack(const CtsVolume *volume, int axis);
+/* Make room for so many rows at a time, if chunks are needed; then say where they start. */
+CtsStatus cts_stack_init(CtsStack *stack, int n_rows, CtsError *err);
+void cts_stack_begin(CtsStack *stack, int first_row);
 void cts_stack_free(CtsStack *stack);
 
 /* The chunk that must be loaded before layer k can be read, or -1. */
@@ -33,8 +38,9 @@ static inline int cts_stack_missing(const CtsStack *stack, int k)
     return stack->axis == 0 && stack->loaded[chunk & 1] != chunk ? chunk : -1;
 }
 
-/* Load rows v0..v1-1 of a chunk; threads may share the rows. Then one thread says that it is loaded. */
-void cts_stack_load(CtsStack *stack, int chunk, int v0, int v1);
+/* Load row v of a chunk: eight voxels at a time, those whose bit is set in wanted (NULL: all); threads may share the
+ * rows. Then one thread says that it is loaded. */
+void cts_stack_load(CtsStack *stack, int chunk, int v, const uint64_t *wanted);
 void cts_stack_set_loaded(CtsStack *stack, int chunk);
 
 /* Row v of layer k: n[0] grey levels. */
@@ -43,7 +49,8 @@ static inline const uint16_t *cts_stack_row(const CtsStack *stack, int k, int v)
     if (stack->axis != 0)
         return stack->grey + (size_t)k * stack->layer_step + (size_t)v * stack->v_step;
     return stack->chunk[(k / CTS_STACK_CHUNK) & 1] +
-           ((size_t)(k % CTS_STACK_CHUNK) * (size_t)stack->n[1] + (size_t)v) * (size_t)stack->n[0];
+           ((size_t)(k % CTS_STACK_CHUNK) * (size_t)stack->n_rows + (size_t)(v - stack->first_row)) *
+               (size_t)stack->n[0];
 }
 
 #endif

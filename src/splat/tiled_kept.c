@@ -1,6 +1,7 @@
 #include "splat/tiled_kept.h"
 
 #include "base/clock.h"
+#include "splat/scene_blocks.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -48,16 +49,7 @@ static bool same_axes(const CtsLayout *a, const CtsLayout *b)
 CtsStatus tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlocks **blocks, CtsReport *report,
                             CtsError *err)
 {
-    CtsStatus st = CTS_OK;
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if (scene->volume->blocks || kept->own_blocks) {
-        cts_report_skip(report, "block ranges", "made while the slices were decoded, or for an earlier picture");
-    } else {
-        st = cts_blocks_new(&kept->own_blocks, scene->volume, scene->settings->n_threads, err);
-        report_grey(scene->volume, wall, cpu, report);
-    }
-    *blocks = scene->volume->blocks ? scene->volume->blocks : kept->own_blocks;
-    return st;
+    return cts_scene_blocks(scene, &kept->own_blocks, blocks, report, err);
 }
 
 CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, CtsLayout *layout, CtsReport *report, CtsError *err)

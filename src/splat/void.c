@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "splat/void.h"
 
 #include "base/mem.h"
@@ -6,193 +5,230 @@
 #include <omp.h>
 #include <string.h>
 
-bool cts_range_visible(const CtsRangeRule *rule, CtsTileRange range)
+static uint16_t sample_low(const CtsRangeRule *rule, uint16_t low)
 {
-    int64_t low = range.low, high = range.high;
-    low = (low > rule->slack ? low - rule->slack : 0) * rule->sum_low / CTS_WEIGHT_ONE;
-    high = ((high + rule->slack) * rule->sum_high + CTS_WEIGHT_ONE - 1) / CTS_WEIGHT_ONE;
-    return cts_lut_visible(rule->lut, (uint16_t)low, (uint16_t)(high < 65535 ? high : 65535));
+    const uint64_t least = (uint64_t)(low > rule->slack ? low - rule->slack : 0) * rule->sum_low / CTS_WEIGHT_ONE;
+    return (uint16_t)(least < UINT16_MAX ? least : UINT16_MAX);
 }
 
-/* Voxels first..past-1 of an axis that reach into a tile; true when voxels outside the volume do too. */
-static bool tile_voxels(const CtsTiles *tiles, int axis, int tile, int apron, int *first, int *past)
+static uint16_t sample_high(const CtsRangeRule *rule, uint16_t high)
 {
-    const int last = tiles->last_voxel[axis], end = (tile + 1) * CTS_TILE;
-    if (CTS_MUTATED(VOID_APRON))
-        apron = -1;
-    const int low = tile * CTS_TILE - apron, high = (end < last ? end : last) + apron;
-    *first = low > 0 ? low : 0;
-    *past = (high < last ? high : last) + 1;
-    return low < 0 || high > last;
+    const uint64_t most = (((uint64_t)high + rule->slack) * rule->sum_high + CTS_WEIGHT_ONE - 1) / CTS_WEIGHT_ONE;
+    return (uint16_t)(most < UINT16_MAX ? most : UINT16_MAX);
 }
 
-static void widen_one(CtsTileRange *range, uint16_t value)
+bool cts_range_visible(const CtsRangeRule *rule, CtsRange range)
 {
-    range->low = value < range->low ? value : range->low;
-    range->high = value > range->high ? value : range->high;
+    return cts_lut_visible(rule->lut, sample_low(rule, range.low), sample_high(rule, range.high));
 }
 
-CtsTileRange cts_tile_range(const CtsTiles *tiles, const CtsRangeRule *rule, int tile_u, int tile_v,
-                            const uint16_t *(*row_of)(const void *context, int v), const void *rows)
+static void widen(CtsRange *range, CtsRange other)
 {
-    CtsTileRange range = {UINT16_MAX, 0};
-    int u0, u1, v0, v1;
-    bool outside = tile_voxels(tiles, 0, tile_u, rule->apron, &u0, &u1);
-    outside |= tile_voxels(tiles, 1, tile_v, rule->apron, &v0, &v1);
-    if (outside)
-        widen_one(&range, rule->outside);
-    for (int v = v0; v < v1; v++) {
+    *range = cts_range_union(*range, other);
+}
+
+CtsRange cts_tile_range(const CtsTiles *tiles, const CtsRangeRule *rule, int tile_u, int row0, int row1,
+                        const uint16_t *(*row_of)(const void *context, int v), const void *rows)
+{
+    const int first[2] = {tile_u, row0}, past[2] = {tile_u + 1, row1 + 1};
+    CtsRange range = {UINT16_MAX, 0};
+    int low[2], high[2];
+    for (int c = 0; c < 2; c++) {
+        const int last = tiles->last_voxel[c], end = past[c] * CTS_TILE < last ? past[c] * CTS_TILE : last;
+        low[c] = first[c] * CTS_TILE - rule->apron;
+        high[c] = end + rule->apron;
+        if (low[c] < 0 || high[c] > last)
+            range = (CtsRange){rule->outside, rule->outside};
+        low[c] = low[c] > 0 ? low[c] : 0;
+        high[c] = high[c] < last ? high[c] : last;
+    }
+    for (int v = low[1]; v <= high[1]; v++) {
         const uint16_t *row = row_of(rows, v);
-        for (int u = u0; u < u1; u++)
-            widen_one(&range, row[u]);
+        for (int u = low[0]; u <= high[0]; u++)
+            widen(&range, (CtsRange){row[u], row[u]});
     }
     return range;
 }
 
-/* One thread's columns of smallest and largest levels, and a row of levels that stand for others. */
-typedef struct Scratch {
-    uint16_t *low, *high, *row;
-    int n;
-} Scratch;
+/* Levels that settle most ranges by two comparisons: one whose high is below the first, or whose low is above the
+ * second, shows nothing. */
+typedef struct Limits {
+    int high_from, low_to;
+} Limits;
 
-static void start_columns(Scratch *s, bool outside, const CtsRangeRule *rule)
+static Limits limits_of(const CtsRangeRule *rule)
 {
-    for (int i = 0; i < s->n; i++) {
-        s->low[i] = outside ? rule->outside : UINT16_MAX;
-        s->high[i] = outside ? rule->outside : 0;
+    int low = 0, past = CTS_N_GREY;
+    Limits limits;
+    while (low < past) {
+        const int middle = (low + past) / 2;
+        if (cts_lut_visible(rule->lut, 0, sample_high(rule, (uint16_t)middle)))
+            past = middle;
+        else
+            low = middle + 1;
     }
+    limits.high_from = low;
+    for (low = 0, past = CTS_N_GREY; low < past;) {
+        const int middle = (low + past) / 2;
+        if (cts_lut_visible(rule->lut, sample_low(rule, (uint16_t)middle), UINT16_MAX))
+            low = middle + 1;
+        else
+            past = middle;
+    }
+    limits.low_to = low - 1;
+    return limits;
 }
 
-static void widen_columns(Scratch *s, const uint16_t *row, const CtsRangeRule *rule, const CtsKernels *kernels)
+/* The volume's fine blocks as the stack has them: a line of them runs along the volume's x axis, which is along u, or
+ * where the layers lie across x from layer to layer. */
+typedef struct Lines {
+    const CtsRange *fine;
+    const CtsRangeRule *rule;
+    Limits limits;
+    int n;       /* blocks in a line */
+    bool across; /* lines run from layer to layer */
+    size_t u_step, v_step, k_step;
+    CtsRange *wide, *row; /* scratch: lines of n + 2 blocks for each thread */
+} Lines;
+
+static void widen_line(CtsRange *line, const CtsRange *other, int n)
 {
-    if (rule->level) {
-        for (int i = 0; i < s->n; i++)
-            s->row[i] = rule->level[row[i]];
-        row = s->row;
-    }
-    kernels->widen(row, s->n, s->low, s->high);
+    for (int i = 0; i < n; i++)
+        widen(&line[i], other[i]);
 }
 
-/* Layers whose rows are the volume's: columns of a row of tiles, then tiles. */
-static void map_tile_row(CtsVoidMap *map, const CtsStack *stack, const CtsKernels *kernels, int layer, int tile_v,
-                         Scratch *s)
+/* Whether voxels outside the volume reach into a tile. */
+static bool reached_from_outside(const CtsTiles *tiles, const CtsRangeRule *rule, int axis, int tile)
+{
+    return tile * CTS_TILE - rule->apron < 0 || (tile + 1) * CTS_TILE + rule->apron > tiles->last_voxel[axis];
+}
+
+/* Ranges of a line's blocks and of those around them that reach in. */
+static const CtsRange *line_ranges(const CtsVoidMap *map, const Lines *l, int k, int tile_v, int tile_u, CtsRange *row,
+                                   CtsRange *wide)
 {
     const CtsTiles *tiles = &map->tiles;
-    CtsTileRange *out = map->range + ((size_t)layer * (size_t)tiles->n[1] + (size_t)tile_v) * (size_t)tiles->n[0];
-    int u0, u1, v0, v1;
-    start_columns(s, tile_voxels(tiles, 1, tile_v, map->rule.apron, &v0, &v1), &map->rule);
-    for (int v = v0; v < v1; v++)
-        widen_columns(s, cts_stack_row(stack, layer, v), &map->rule, kernels);
-    for (int tile_u = 0; tile_u < tiles->n[0]; tile_u++) {
-        CtsTileRange range = {UINT16_MAX, 0};
-        if (tile_voxels(tiles, 0, tile_u, map->rule.apron, &u0, &u1))
-            widen_one(&range, map->rule.outside);
-        for (int u = u0; u < u1; u++) {
-            range.low = s->low[u] < range.low ? s->low[u] : range.low;
-            range.high = s->high[u] > range.high ? s->high[u] : range.high;
+    const CtsRange *line = l->fine + (size_t)k * l->k_step + (size_t)tile_v * l->v_step + (size_t)tile_u * l->u_step;
+    const CtsRange outside = {l->rule->outside, l->rule->outside};
+    if (l->rule->apron == 0)
+        return line;
+    memcpy(row, line, (size_t)l->n * sizeof *row);
+    for (int dv = -1; dv <= 1; dv++)
+        for (int du = l->across ? -1 : 0; du <= l->across; du++)
+            if (tile_v + dv >= 0 && tile_v + dv < tiles->n[1] && tile_u + du >= 0 && tile_u + du < tiles->n[0])
+                widen_line(row, line + (ptrdiff_t)l->v_step * dv + (ptrdiff_t)l->u_step * du, l->n);
+    const bool out = reached_from_outside(tiles, l->rule, 1, tile_v) ||
+                     (l->across && reached_from_outside(tiles, l->rule, 0, tile_u));
+    for (int i = 0; i < l->n; i++) {
+        wide[i] = row[i];
+        if (!l->across) {
+            widen(&wide[i], row[i > 0 ? i - 1 : i]);
+            widen(&wide[i], row[i < l->n - 1 ? i + 1 : i]);
         }
-        out[tile_u] = range;
+        if (out || (!l->across && reached_from_outside(tiles, l->rule, 0, i)))
+            widen(&wide[i], outside);
     }
+    return wide;
 }
 
-/* Layers across x: a row of the volume runs through all of them, so one tile is done for every layer at a time. */
-static void map_tile_across(CtsVoidMap *map, const CtsStack *stack, const CtsKernels *kernels, int tile_v, int tile_u,
-                            Scratch *s)
+static uint64_t *shows_row(const CtsVoidMap *map, int block, int tile_v)
 {
-    const CtsTiles *tiles = &map->tiles;
-    const size_t n_tiles = (size_t)tiles->n[0] * (size_t)tiles->n[1];
-    CtsTileRange *out = map->range + (size_t)tile_v * (size_t)tiles->n[0] + (size_t)tile_u;
-    int u0, u1, v0, v1;
-    bool outside = tile_voxels(tiles, 0, tile_u, map->rule.apron, &u0, &u1);
-    outside |= tile_voxels(tiles, 1, tile_v, map->rule.apron, &v0, &v1);
-    start_columns(s, outside, &map->rule);
-    for (int v = v0; v < v1; v++)
-        for (int u = u0; u < u1; u++)
-            widen_columns(s, stack->grey + (size_t)v * stack->v_step + (size_t)u * (size_t)stack->n_layers, &map->rule,
-                          kernels);
-    for (int layer = 0; layer < stack->n_layers; layer++)
-        out[(size_t)layer * n_tiles] = (CtsTileRange){s->low[layer], s->high[layer]};
+    return map->shows + ((size_t)block * (size_t)map->tiles.n[1] + (size_t)tile_v) * (size_t)map->tiles.n_words;
 }
 
-static void map_shows(CtsVoidMap *map, int layer, int n_layers)
+/* Set the bits of one line; returns how many. */
+static uint64_t map_line(const CtsVoidMap *map, const Lines *l, int k, int tile_v, int tile_u)
 {
-    const size_t n_tiles = (size_t)map->tiles.n[0] * (size_t)map->tiles.n[1], at = (size_t)layer * n_tiles;
-    const size_t next = map->slabs && layer < n_layers - 1 ? n_tiles : 0;
-    for (size_t t = at; t < at + n_tiles; t++)
-        map->shows[t] = cts_range_visible(&map->rule, cts_range_union(map->range[t], map->range[t + next]));
-}
-
-static void widen_box(const CtsVoidMap *map, int layer, int box[4])
-{
-    const CtsTiles *tiles = &map->tiles;
-    for (int v = 0; v < tiles->n[1]; v++) {
-        const uint8_t *row = cts_void_row(map, layer, layer, v);
-        const uint8_t *first = memchr(row, 1, (size_t)tiles->n[0]);
-        if (!first)
+    const size_t scratch = (size_t)omp_get_thread_num() * (size_t)l->n;
+    const CtsRange *range = line_ranges(map, l, k, tile_v, tile_u, l->row + scratch, l->wide + scratch);
+    uint64_t n_shown = 0;
+    for (int i = 0; i < l->n; i++) {
+        if (range[i].high < l->limits.high_from || range[i].low > l->limits.low_to ||
+            !cts_range_visible(l->rule, range[i]))
             continue;
-        const uint8_t *last = memrchr(row, 1, (size_t)tiles->n[0]);
-        const int u0 = (int)(first - row), u1 = (int)(last - row) + 1;
-        box[0] = u0 < box[0] ? u0 : box[0];
-        box[2] = u1 > box[2] ? u1 : box[2];
-        box[1] = v < box[1] ? v : box[1];
-        box[3] = v + 1 > box[3] ? v + 1 : box[3];
+        const int u = l->across ? tile_u : i;
+        shows_row(map, l->across ? i : k, tile_v)[u / 64] |= UINT64_C(1) << (u & 63);
+        n_shown++;
+    }
+    return n_shown;
+}
+
+void cts_void_add_row(const CtsVoidMap *map, int a, int b, int tile_v, uint64_t *row)
+{
+    const int layer = a < b ? a : b, last = map->n_blocks - 1;
+    const int block = layer / CTS_TILE < last ? layer / CTS_TILE : last;
+    const uint64_t *shows = shows_row(map, block, tile_v), *also = shows;
+    /* Two blocks know the layer on which they meet. */
+    if (a == b && block > 0 && block * CTS_TILE == layer)
+        also = shows_row(map, block - 1, tile_v);
+    for (int w = 0; w < map->tiles.n_words; w++)
+        row[w] |= CTS_MUTATED(VOID_EDGES) ? shows[w] & also[w] & shows[w] << 1 : shows[w] & also[w];
+}
+
+void cts_void_keep_rows(const CtsVoidMap *map, int first, int last, int tile_v, uint64_t *row)
+{
+    const int last_block = last / CTS_TILE < map->n_blocks ? last / CTS_TILE : map->n_blocks - 1;
+    for (int w = 0; w < map->tiles.n_words; w++) {
+        uint64_t any = 0;
+        for (int block = first / CTS_TILE; block <= last_block; block++)
+            any |= shows_row(map, block, tile_v)[w];
+        row[w] &= any;
     }
 }
 
-static void map_all(CtsVoidMap *map, const CtsStack *stack, const CtsKernels *kernels, Scratch *s)
+/* Layers of the blocks that show something, and with slabs their neighbours. */
+static void find_active(CtsVoidMap *map)
 {
-    const CtsTiles *tiles = &map->tiles;
-    if (stack->axis == 0) {
-#pragma omp for schedule(dynamic, 8)
-        for (int tile = 0; tile < tiles->n[0] * tiles->n[1]; tile++)
-            map_tile_across(map, stack, kernels, tile / tiles->n[0], tile % tiles->n[0], s);
-    } else {
-#pragma omp for schedule(dynamic, 8)
-        for (int i = 0; i < stack->n_layers * tiles->n[1]; i++)
-            map_tile_row(map, stack, kernels, i / tiles->n[1], i % tiles->n[1], s);
-    }
-#pragma omp for schedule(dynamic, 4)
-    for (int layer = 0; layer < stack->n_layers; layer++)
-        map_shows(map, layer, stack->n_layers);
-#pragma omp for schedule(dynamic, 4)
-    for (int layer = 0; layer < stack->n_layers; layer++) {
-        int *box = map->box[layer];
-        box[0] = tiles->n[0];
-        box[1] = tiles->n[1];
-        box[2] = box[3] = 0;
-        widen_box(map, layer, box);
-        if (map->slabs && layer > 0)
-            widen_box(map, layer - 1, box);
+    const size_t n_words = (size_t)map->tiles.n[1] * (size_t)map->tiles.n_words;
+    for (int block = 0; block < map->n_blocks; block++) {
+        bool any = false;
+        for (size_t w = 0; w < n_words; w++)
+            any |= map->shows[(size_t)block * n_words + w] != 0;
+        if (any)
+            for (int k = block * CTS_TILE; k <= (block + 1) * CTS_TILE && k < map->n_layers; k++)
+                map->active[k] = 1;
     }
 }
 
 CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsTiles *tiles, const CtsRangeRule *rule,
-                           const CtsKernels *kernels, bool slabs, int n_threads, CtsError *err)
+                           const CtsBlocks *blocks, int n_threads, CtsError *err)
 {
-    const int n = stack->axis == 0 ? stack->n_layers : stack->n[0];
-    const size_t n_tiles = (size_t)tiles->n[0] * (size_t)tiles->n[1], padded = ((size_t)n + 31) / 32 * 32;
-    uint16_t *rows = NULL;
+    const size_t step[3] = {1, (size_t)blocks->n_fine[0], (size_t)blocks->n_fine[0] * (size_t)blocks->n_fine[1]};
+    const int n_blocks = blocks->n_fine[stack->axis], n_v = tiles->n[1];
+    const size_t n_rows = (size_t)n_blocks * (size_t)n_v;
+    Lines lines = {.fine = blocks->fine,
+                   .rule = rule,
+                   .limits = limits_of(rule),
+                   .n = blocks->n_fine[0],
+                   .across = stack->axis == 0,
+                   .u_step = step[stack->u_axis],
+                   .v_step = step[stack->v_axis],
+                   .k_step = step[stack->axis]};
     CtsStatus st;
-    *map = (CtsVoidMap){.tiles = *tiles, .rule = *rule, .slabs = slabs && stack->n_layers > 1};
-    if ((st = cts_alloc_array(&map->range, n_tiles * (size_t)stack->n_layers, err)) ||
-        (st = cts_alloc_array(&map->box, (size_t)stack->n_layers, err)) ||
-        (st = cts_alloc_array(&map->shows, n_tiles * (size_t)stack->n_layers, err)) ||
-        (st = cts_alloc_array(&rows, 3 * padded * (size_t)n_threads, err)))
+    *map = (CtsVoidMap){.tiles = *tiles, .n_layers = stack->n_layers, .n_blocks = n_blocks};
+    if ((st = cts_alloc_zeroed(&map->shows, n_rows * (size_t)tiles->n_words, err)) ||
+        (st = cts_alloc_zeroed(&map->active, (size_t)stack->n_layers, err)) ||
+        (st = cts_alloc_array(&lines.row, (size_t)lines.n * (size_t)n_threads, err)) ||
+        (st = cts_alloc_array(&lines.wide, (size_t)lines.n * (size_t)n_threads, err)))
         goto end;
-#pragma omp parallel num_threads(n_threads)
-    {
-        uint16_t *mine = rows + 3 * padded * (size_t)omp_get_thread_num();
-        Scratch s = {.low = mine, .high = mine + padded, .row = mine + 2 * padded, .n = n};
-        map_all(map, stack, kernels, &s);
-    }
+    uint64_t n_shown = 0;
+    /* Lines of one row of tiles share words of bits, so they are one thread's. */
+    const int n_other = lines.across ? tiles->n[0] : n_blocks;
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads) reduction(+ : n_shown)
+    for (int v = 0; v < n_v; v++)
+        for (int i = 0; i < n_other; i++)
+            n_shown += map_line(map, &lines, lines.across ? 0 : i, v, lines.across ? i : 0);
+    map->n_shown = n_shown;
+    map->n_tiles = n_rows * (size_t)tiles->n[0];
+    find_active(map);
 end:
-    cts_free(&rows);
+    cts_free(&lines.row);
+    cts_free(&lines.wide);
     return st;
 }
 
 void cts_void_map_free(CtsVoidMap *map)
 {
-    cts_free(&map->range);
     cts_free(&map->shows);
-    cts_free(&map->box);
+    cts_free(&map->active);
 }

@@ -173,6 +173,25 @@ CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_thre
     return CTS_OK;
 }
 
+static void map_ranges(CtsRange *to, const CtsRange *from, size_t n, const uint16_t *level)
+{
+    for (size_t i = 0; i < n; i++)
+        to[i] = (CtsRange){level[from[i].low], level[from[i].high]};
+}
+
+CtsStatus cts_blocks_map(CtsBlocks **mapped, const CtsBlocks *blocks, const uint16_t *level, CtsError *err)
+{
+    const CtsStatus st = cts_blocks_begin(mapped, blocks->dims, err);
+    if (st)
+        return st;
+    CtsBlocks *m = *mapped;
+    map_ranges(m->range, blocks->range, product(m->n), level);
+    map_ranges(m->fine, blocks->fine, product(m->n_fine), level);
+    map_ranges(&m->all, &blocks->all, 1, level);
+    cts_free(&m->shared);
+    return CTS_OK;
+}
+
 void cts_blocks_free(CtsBlocks **blocks)
 {
     if (!*blocks)

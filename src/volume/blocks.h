@@ -35,6 +35,9 @@ void cts_blocks_end(CtsBlocks *blocks, int n_threads);
 void cts_blocks_sum(CtsBlocks *blocks, int n_threads);
 void cts_blocks_free(CtsBlocks **blocks);
 
+/* Those of the volume in which grey level g has become level[g]; levels never fall as g rises. */
+CtsStatus cts_blocks_map(CtsBlocks **mapped, const CtsBlocks *blocks, const uint16_t *level, CtsError *err);
+
 /* All of it for a volume in memory, by n_threads. */
 CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_threads, CtsError *err);
 

@@ -2,6 +2,7 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "volume/blocks.h"
 #include "volume/volume_new.h"
 #include <math.h>
 
@@ -36,8 +37,12 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
 #pragma omp parallel for num_threads(cts_threads(n_threads))
     for (size_t i = 0; i < n; i++)
         q->grey[i] = level[volume->grey[i]];
-    *quantised = q;
+    if (volume->blocks)
+        st = cts_blocks_map(&q->blocks, volume->blocks, level, err);
 end:
+    if (st)
+        cts_volume_free(&q);
+    *quantised = q;
     cts_free(&level);
     return st;
 }

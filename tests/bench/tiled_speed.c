@@ -5,16 +5,12 @@
  * slab that showed something, the share of each stage, and the bytes of the blocks that may be visible against the
  * volume's and against what one pass over them takes at the speed at which this machine reads memory. Never a timed
  * test. */
-#include "ctsplat/ctsplat.h"
+#include "bench.h"
 
 #include "base/clock.h"
 #include "base/cpu.h"
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
-
-enum { MOST_ROUNDS = 99 };
 
 typedef struct Row {
     const char *preset;
@@ -27,18 +23,6 @@ static const Row rows[] = {
     {"bone", 0, 0, CTS_ON},  {"skin", 0, 0, CTS_ON},  {"bone", 30, 20, CTS_ON},  {"skin", 90, 0, CTS_ON},
 };
 enum { N_ROWS = sizeof rows / sizeof *rows };
-
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
-static double median(double *values, int n)
-{
-    qsort(values, (size_t)n, sizeof *values, by_value);
-    return values[n / 2];
-}
 
 static int fail(const CtsError *err)
 {
@@ -66,7 +50,7 @@ static double read_bytes_per_ms(const CtsVolume *v)
 
 static int measure(const CtsVolume *volume, const Row *row, int n_threads, int rounds, double bytes_per_ms)
 {
-    double tiled_ms[MOST_ROUNDS], classic_ms[MOST_ROUNDS];
+    double tiled_ms[BENCH_MOST_ROUNDS], classic_ms[BENCH_MOST_ROUNDS];
     CtsPreset preset;
     CtsError err = {0};
     CtsReport report = {0};
@@ -92,7 +76,7 @@ static int measure(const CtsVolume *volume, const Row *row, int n_threads, int r
             cts_picture_free(&picture);
             cts_report_free(&unused);
         }
-    const double ms = median(tiled_ms, rounds), slow_ms = median(classic_ms, rounds);
+    const double ms = bench_median(tiled_ms, rounds), slow_ms = bench_median(classic_ms, rounds);
     const CtsStageTime *splat = &report.stages[CTS_STAGE_SPLAT], *composite = &report.stages[CTS_STAGE_COMPOSITE];
     double all = 0;
     for (int stage = 0; stage < CTS_N_STAGES; stage++)
@@ -115,33 +99,24 @@ static int measure(const CtsVolume *volume, const Row *row, int n_threads, int r
 
 int main(int argc, char **argv)
 {
-    CtsSeriesList *list = NULL;
-    const CtsSeries *series;
     CtsVolume *volume = NULL;
     CtsError err = {0};
-    int result = 1;
+    int result = 0;
     if (argc < 2 || argc > 3) {
         fprintf(stderr, "usage: tiled_speed FOLDER [ROUNDS]\n");
         return 2;
     }
-    const int asked = argc > 2 ? atoi(argv[2]) : 5, rounds = asked < 1 ? 1 : asked > MOST_ROUNDS ? MOST_ROUNDS : asked;
-    const char *const paths[] = {argv[1]};
-    if (cts_series_find(paths, 1, 0, &list, NULL, &err) || cts_series_choose(list, NULL, &series, &err) ||
-        cts_series_load(series, 0, &volume, NULL, &err) || cts_volume_prepare(volume, 0, &err)) {
-        fail(&err);
-        goto end;
-    }
+    const int rounds = bench_rounds(argc > 2 ? argv[2] : NULL, 5);
+    if (bench_load(argv[1], &volume, &err))
+        return fail(&err);
     const double bytes_per_ms = read_bytes_per_ms(volume);
     printf("%d x %d x %d voxels, 1024 x 1024 pixels, medians of %d rounds\n", volume->dims[0], volume->dims[1],
            volume->dims[2], rounds);
-    result = 0;
     for (int r = 0; r < N_ROWS && !result; r++) {
         result = measure(volume, &rows[r], cts_threads(0), rounds, bytes_per_ms);
         if (!result && cts_threads(0) > 1)
             result = measure(volume, &rows[r], 1, rounds, bytes_per_ms);
     }
-end:
     cts_volume_free(&volume);
-    cts_series_list_free(&list);
     return result;
 }

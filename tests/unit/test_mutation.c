@@ -31,7 +31,7 @@ static const Proof proofs[] = {
     PROOF(ROUNDING, "rounded to the nearest"),
     PROOF(FLOAT_DRIFT, "savings on layers that repeat"),
     PROOF(FOOTPRINT_SUM, "slab: gaussian kernel"),
-    PROOF(VOID_APRON, "savings on blocks in air"),
+    PROOF(VOID_EDGES, "savings on blocks in air"),
     PROOF(GRADIENT_STEPS, "lit, leaning"),
     PROOF(ONE_SIDED_LIGHT, "lit from behind"),
     PROOF(LAYER_LENGTH, "opacity per voxel"),

@@ -2,6 +2,7 @@
 #include "base/vec3.h"
 #include "ctsplat/volume.h"
 #include "unit.h"
+#include "volume/blocks.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -225,11 +226,37 @@ static void quantised(void **state)
     cts_volume_free(&v);
 }
 
+/* A quantised volume's block ranges follow from the volume's own. */
+static void quantised_blocks(void **state)
+{
+    (void)state;
+    CtsVolume *v = NULL, *q = NULL;
+    CtsBlocks *expected = NULL;
+    CtsError err;
+    uint32_t random = 1;
+    assert_int_equal(cts_volume_new(&v, 19, 10, 13, &err), CTS_OK);
+    for (size_t i = 0; i < cts_volume_n_voxels(v); i++)
+        v->grey[i] = (uint16_t)((random = random * 1664525 + 1013904223) >> 20);
+    assert_int_equal(cts_volume_prepare(v, 1, &err), CTS_OK);
+    assert_int_equal(cts_volume_quantise(v, 8, 100, 2100, 1, &q, &err), CTS_OK);
+    assert_non_null(q->blocks);
+    assert_int_equal(cts_blocks_new(&expected, q, 1, &err), CTS_OK);
+    const int *n = expected->n, *n_fine = expected->n_fine;
+    assert_memory_equal(q->blocks->range, expected->range, sizeof(CtsRange) * (size_t)(n[0] * n[1] * n[2]));
+    assert_memory_equal(q->blocks->fine, expected->fine,
+                        sizeof(CtsRange) * (size_t)(n_fine[0] * n_fine[1] * n_fine[2]));
+    assert_memory_equal(&q->blocks->all, &expected->all, sizeof(CtsRange));
+    cts_blocks_free(&expected);
+    cts_volume_free(&q);
+    cts_volume_free(&v);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantised),    cmocka_unit_test(test_new),  cmocka_unit_test(test_geometry),
-        cmocka_unit_test(test_inverse), cmocka_unit_test(test_crop), cmocka_unit_test(test_crop_borders),
+        cmocka_unit_test(quantised),         cmocka_unit_test(quantised_blocks), cmocka_unit_test(test_new),
+        cmocka_unit_test(test_geometry),     cmocka_unit_test(test_inverse),     cmocka_unit_test(test_crop),
+        cmocka_unit_test(test_crop_borders),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
