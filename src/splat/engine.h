@@ -12,11 +12,11 @@
 
 typedef struct CtsScene {
     const CtsVolume *volume;
-    const CtsPreset *preset;            /* mode and shade already as the settings ask */
-    const CtsRenderSettings *settings;  /* n_threads and kernel_radius already resolved */
-    const CtsLut *lut;                  /* NULL in mip, minip and average */
+    const CtsPreset *preset;           /* mode and shade already as the settings ask */
+    const CtsRenderSettings *settings; /* n_threads and kernel_radius already resolved */
+    const CtsLut *lut;                 /* NULL in mip, minip and average */
     CtsView view;
-    double extinction_scale;            /* as in lut; for engines that evaluate the preset themselves */
+    double extinction_scale; /* as in lut; for engines that evaluate the preset themselves */
     /* What the engine keeps from frame to frame of one volume and one preset: *kept is NULL for the first frame, then
      * what the engine left there. NULL for a picture by itself. */
     void **kept;
@@ -27,9 +27,9 @@ typedef struct CtsEngine {
     /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over
      * nothing. A band is those rows of the whole, bit by bit. picture is NULL for --explain: only make the plan. */
     CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err);
-    unsigned modes;   /* bit 1 << CtsMode for each it can do */
-    unsigned kernels; /* bit 1 << CtsKernelId */
-    bool takes_key;   /* skips what counts as void by the scene's lut, so that --void key has a use */
+    unsigned modes;             /* bit 1 << CtsMode for each it can do */
+    unsigned kernels;           /* bit 1 << CtsKernelId */
+    bool takes_key;             /* skips what counts as void by the scene's lut, so that --void key has a use */
     void (*forget)(void *kept); /* frees what render left in *scene->kept; NULL for an engine that keeps nothing */
 } CtsEngine;
 

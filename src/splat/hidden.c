@@ -81,7 +81,7 @@ static bool rectangle_open(const CtsHidden *h, const double centre[2], const dou
 {
     int x0, x1, y0, y1;
     const double x = h->inverse[0][0] * centre[0] + h->inverse[0][1] * centre[1];
-    const double y = h->inverse[1][0] * centre[0] + h->inverse[1][1] * centre[1] - r->first_row;
+    const double y = h->inverse[1][0] * centre[0] + h->inverse[1][1] * centre[1] - h->first_row;
     const double x_half = fabs(h->inverse[0][0]) * half[0] + fabs(h->inverse[0][1]) * half[1];
     const double y_half = fabs(h->inverse[1][0]) * half[0] + fabs(h->inverse[1][1]) * half[1];
     if (!pixels_within(x - x_half, x + x_half, 0, h->width, &x0, &x1) ||

@@ -129,6 +129,18 @@ static CtsStatus plan_savings(CtsPaperPlan *p, const CtsBlocks *blocks, CtsRepor
     return plan_reuse(p, report, err);
 }
 
+/* Where a picture row lies that runs along the lattice's. */
+static double level_at(const CtsRaster *r, int y)
+{
+    return r->origin[1] + r->by_y[1] * (double)(r->first_row + y);
+}
+
+/* False for rows that certainly do not. */
+static bool sees_volume(const CtsRaster *r, int y)
+{
+    return level_at(r, y) >= -1 && level_at(r, y) <= r->last[1] + 1;
+}
+
 /* Where the bands of a picture whose rows run along the lattice's begin: each row lies in one row of tiles, but for
  * those that see nothing of the volume, above and below. */
 static CtsStatus plan_band_rows(CtsPaperPlan *p, CtsError *err)
@@ -140,17 +152,16 @@ static CtsStatus plan_band_rows(CtsPaperPlan *p, CtsError *err)
     const bool rising = r->by_y[1] > 0;
     const double lattice = CTS_BAND * CTS_TILE * p->tiles.density[1];
     int y = 0, past = r->height;
-    while (y < past && fabs(2 * (r->origin[1] + r->by_y[1] * (double)(r->first_row + y)) - r->last[1]) > r->last[1] + 2)
+    while (y < past && !sees_volume(r, y))
         y++;
-    while (past > y &&
-           fabs(2 * (r->origin[1] + r->by_y[1] * (double)(r->first_row + past - 1)) - r->last[1]) > r->last[1] + 2)
+    while (past > y && !sees_volume(r, past - 1))
         past--;
     for (int i = 0; i <= p->tiles.n_bands; i++) {
         /* The i-th band as rows go down the picture, and where it ends. */
         p->band_row[i] = y;
         const int band = rising ? i : p->tiles.n_bands - 1 - i;
         for (; y < past; y++) {
-            const double at = r->origin[1] + r->by_y[1] * (double)(r->first_row + y);
+            const double at = level_at(r, y);
             if (rising ? i < p->tiles.n_bands - 1 && at >= (band + 1) * lattice : band > 0 && at < band * lattice)
                 break;
         }

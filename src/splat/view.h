@@ -16,8 +16,8 @@ typedef struct CtsView {
     double centre_vox[3], right_vox[3], up_vox[3], forward_vox[3];
     /* Nothing is seen outside 0..dims-1 (the box of voxel centres). */
     int dims[3];
-    int axis;       /* principal axis: the volume axis nearest to the viewing direction, in voxel coordinates */
-    int axis_sign;  /* +1: layers are crossed front to back in rising order */
+    int axis;        /* principal axis: the volume axis nearest to the viewing direction, in voxel coordinates */
+    int axis_sign;   /* +1: layers are crossed front to back in rising order */
     double layer_mm; /* length of a ray between two layers */
 } CtsView;
 
