@@ -53,10 +53,22 @@ static void test_places(void **state)
     places(1, 9, 8);
 }
 
-/* Errors planted by a known law: the estimate must find them, and the interval hold the truth. */
-static void test_estimate(void **state)
+/* Large on the left, small on the right, sometimes very large. */
+static double even_error(int x, unsigned random)
 {
-    (void)state;
+    return (random >> 16) / 65536.0 * 0.02 * (x < 50) + ((random >> 8) % 97 == 0 ? 0.05 : 0);
+}
+
+/* A few pixels make most of the error, as where rays graze a surface. */
+static double rare_error(int x, unsigned random)
+{
+    (void)x;
+    return 0.0005 * pow((random >> 8) / 16777216.0 + 1e-5, -0.42);
+}
+
+/* Errors planted by a known law: the interval must hold their rmse in so many of 60 trials. */
+static void estimate(double (*law)(int x, unsigned random), int least_inside)
+{
     const int n = 1000, width = 200, height = 150;
     int inside = 0;
     for (int trial = 0; trial < 60; trial++) {
@@ -69,8 +81,7 @@ static void test_estimate(void **state)
         unsigned random = (unsigned)trial + 1;
         for (int i = 0; i < width * height; i++) {
             random = random * 1664525u + 1013904223u;
-            /* Large on the left, small on the right, sometimes very large. */
-            const double e = (random >> 16) / 65536.0 * 0.02 * (i % width < 50) + ((random >> 8) % 97 == 0 ? 0.05 : 0);
+            const double e = law(i % width, random);
             truth += e * e / (width * height);
             for (int c = 0; c < 3; c++)
                 picture->pixels[4 * i + c] = (float)(0.5 + e);
@@ -85,14 +96,24 @@ static void test_estimate(void **state)
         assert_int_equal(cts_reference_compare(r, picture, &v, &err), CTS_OK);
         cts_reference_free(&r);
         assert_int_equal(v.pixels, n);
-        assert_near(v.rmse, sqrt(truth), 0.5 * sqrt(truth));
+        assert_near(v.rmse, sqrt(truth), (law == even_error ? 0.5 : 2) * sqrt(truth));
         inside += v.rmse_low <= sqrt(truth) && sqrt(truth) <= v.rmse_high;
-        assert_near(v.max, 0.06, 0.0101);
-        assert_near(v.share_above, 0.22, 0.05);
-        assert_true(v.p999 <= v.max && v.p999 >= 0.045);
+        assert_true(v.p999 <= v.max);
+        if (law == even_error) {
+            assert_near(v.max, 0.06, 0.0101);
+            assert_near(v.share_above, 0.22, 0.05);
+            assert_true(v.p999 >= 0.045);
+        }
         cts_picture_free(&picture);
     }
-    assert_in_range(inside, 51, 60); /* 57 expected */
+    assert_in_range(inside, least_inside, 60); /* 57 hoped for */
+}
+
+static void test_estimate(void **state)
+{
+    (void)state;
+    estimate(even_error, 53);
+    estimate(rare_error, 46);
 }
 
 /* The whole way: raycast verified by itself is right, and a spoilt background is seen only where there is one. */
