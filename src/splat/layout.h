@@ -21,8 +21,18 @@ typedef struct CtsLayout {
 
 /* What the layout of this view is like, without its copy: grey is NULL where one must be made. */
 CtsLayout cts_layout_plan(const CtsVolume *volume, const CtsView *view);
-/* Make the copy, if the plan needs one. */
-CtsStatus cts_layout_make(CtsLayout *layout, const CtsVolume *volume, int n_threads, CtsError *err);
+/* Which blocks of 8 x 8 x 8 voxels a copy needs: in the layout's axes, those whose distance is above `above` and at
+ * most `reach`. */
+typedef struct CtsLayoutBlocks {
+    const uint8_t *distance;
+    int nu, nv, nk; /* blocks along each axis */
+    int above, reach;
+} CtsLayoutBlocks;
+
+/* Make room for the copy, if the plan needs one: layout->copy and layout->grey. */
+CtsStatus cts_layout_make(CtsLayout *layout, CtsError *err);
+/* Copy these blocks; what is not copied is undefined. Returns how many they are. */
+int64_t cts_layout_copy(const CtsLayout *layout, const CtsVolume *volume, const CtsLayoutBlocks *blocks, int n_threads);
 void cts_layout_free(CtsLayout *layout);
 
 #endif

@@ -82,7 +82,6 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     j->rising = view->axis_sign > 0;
     j->row_stride = layout->row_stride;
     j->layer_stride = layout->layer_stride * view->axis_sign;
-    j->layer0 = layout->grey + (j->rising ? 0 : (layout->nk - 1) * layout->layer_stride);
     j->window_u = layout->alloc_u - CTS_LAYOUT_MIN_U;
     j->window_v = layout->alloc_v - CTS_LAYOUT_MIN_V;
     /* Positions of 2^-16 voxels must fit 32 bits, a tile's overhang included. */
@@ -96,6 +95,15 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     j->width = view->width;
     choose_precision(j, scene);
     init_steps(j);
+}
+
+/* How far, in blocks, from a visible one lies what a beam may sample: beams are sampled as a whole, up to the next
+ * layer of fine blocks; two voxels more for interpolation and slopes. */
+static int sampled_reach(const TiledJob *j)
+{
+    const double u = 7 * (fabs(j->u_at[1]) + fabs(j->u_at[2])) + CTS_FINE_BLOCK * fabs(j->u_at[3]);
+    const double v = 7 * (fabs(j->v_at[1]) + fabs(j->v_at[2])) + CTS_FINE_BLOCK * fabs(j->v_at[3]);
+    return (int)fmin(ceil((fmax(fmax(u, v), CTS_FINE_BLOCK) + 2) / CTS_BLOCK), 255);
 }
 
 /* The kernels of a picture: the fastest, which takes `rows` rows at a time, and the one for what is left over. */
@@ -195,8 +203,10 @@ static void report_plan(const TiledJob *j, const CtsScene *scene, const CtsLayou
                     (double)j->stop_transmittance, j->shade ? "on" : "off", kernel, scene->settings->n_threads);
     cts_report_skip(report, "warp", "sheets are sampled where the final pixels' rays cross them");
     cts_report_skip(report, "layer reuse", "a 2 x 2 stencil costs less than comparing layers");
-    if (!layout->copy)
+    if (layout->grey)
         cts_report_skip(report, "transposed copy", "rows already lie along the %s", axes[layout->axis_u]);
+    else
+        cts_report_plan(report, "transposed copy: blocks up to %d from one that may be visible", sampled_reach(j));
     if (j->adaptive && j->straight)
         cts_report_skip(report, "sub-sheets", "the view runs along an axis: between layers the field is linear");
     if (j->leap.n_visible == j->leap.n_blocks)
@@ -236,8 +246,7 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     CtsShade shade = {0};
     TiledJob job = {0};
     TiledCounts counts;
-    if ((st = tiled_kept_layout(kept, scene, &layout, report, err)))
-        goto end;
+    layout = cts_layout_plan(scene->volume, &scene->view);
     double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const int axes[3] = {layout.axis_u, layout.axis_v, layout.axis_k};
     if ((st = tiled_kept_tables(kept, scene, blocks, &layout, report, err)))
@@ -256,6 +265,9 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
                      0);
     if (!picture)
         goto end;
+    if ((st = tiled_kept_layout(kept, scene, sampled_reach(&job), &layout, report, err)))
+        goto end;
+    job.layer0 = layout.grey + (job.rising ? 0 : (layout.nk - 1) * layout.layer_stride);
     job.rgba = picture->pixels;
     job.first_row = picture->first_row;
     job.past_row = picture->first_row + picture->height;

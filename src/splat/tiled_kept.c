@@ -35,12 +35,6 @@ void tiled_kept_free(void *kept)
     free(k);
 }
 
-static void report_grey(const CtsVolume *volume, double start_wall_ms, double start_cpu_ms, CtsReport *report)
-{
-    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - start_wall_ms, cts_cpu_ms() - start_cpu_ms,
-                     cts_volume_n_voxels(volume), 0);
-}
-
 static bool same_axes(const CtsLayout *a, const CtsLayout *b)
 {
     return a->axis_u == b->axis_u && a->axis_v == b->axis_v && a->axis_k == b->axis_k;
@@ -50,26 +44,6 @@ CtsStatus tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlo
                             CtsError *err)
 {
     return cts_scene_blocks(scene, &kept->own_blocks, blocks, report, err);
-}
-
-CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, CtsLayout *layout, CtsReport *report, CtsError *err)
-{
-    CtsStatus st;
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    *layout = cts_layout_plan(scene->volume, &scene->view);
-    if (layout->grey)
-        return CTS_OK;
-    if (kept->copied.copy && same_axes(&kept->copied, layout)) {
-        cts_report_skip(report, "transposed copy", "%s", EARLIER);
-    } else {
-        cts_layout_free(&kept->copied);
-        kept->copied = *layout;
-        if ((st = cts_layout_make(&kept->copied, scene->volume, scene->settings->n_threads, err)))
-            return st;
-        report_grey(scene->volume, wall, cpu, report);
-    }
-    *layout = kept->copied;
-    return CTS_OK;
 }
 
 CtsStatus tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlocks *blocks, const CtsLayout *layout,
@@ -92,4 +66,32 @@ CtsStatus tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlo
     cts_leap_free(&kept->leap);
     memcpy(kept->leap_axes, axes, sizeof axes);
     return cts_leap_init(&kept->leap, blocks, layout, scene->lut, err);
+}
+
+CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,
+                            CtsError *err)
+{
+    CtsStatus st;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if (layout->grey)
+        return CTS_OK;
+    if (!kept->copied.copy || !same_axes(&kept->copied, layout)) {
+        cts_layout_free(&kept->copied);
+        kept->copied = *layout;
+        kept->copied_reach = -1;
+        if ((st = cts_layout_make(&kept->copied, err)))
+            return st;
+    }
+    *layout = kept->copied;
+    if (reach <= kept->copied_reach) {
+        cts_report_skip(report, "transposed copy", "%s", EARLIER);
+        return CTS_OK;
+    }
+    const CtsLeap *leap = &kept->leap;
+    const CtsLayoutBlocks wanted = {leap->distance, leap->nu, leap->nv, leap->nk, kept->copied_reach, reach};
+    const int64_t n = cts_layout_copy(layout, scene->volume, &wanted, scene->settings->n_threads);
+    const uint64_t voxels = (uint64_t)n * CTS_BLOCK * CTS_BLOCK * CTS_BLOCK;
+    kept->copied_reach = reach;
+    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, voxels, 2 * voxels);
+    return CTS_OK;
 }

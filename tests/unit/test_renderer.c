@@ -66,6 +66,54 @@ static void test_same_pictures(void **state)
     cts_volume_free(&v);
 }
 
+/* A small ball in a large box of dim noise: side views copy only what lies around the ball, and see what a ray caster
+ * that reads the volume itself sees. */
+static void test_sparse_copy(void **state)
+{
+    (void)state;
+    CtsVolume *v = NULL;
+    CtsError err = {0};
+    uint64_t random = 11;
+    assert_int_equal(cts_volume_new(&v, 120, 130, 110, &err), CTS_OK);
+    for (int k = 0; k < v->dims[2]; k++)
+        for (int j = 0; j < v->dims[1]; j++)
+            for (int i = 0; i < v->dims[0]; i++) {
+                const double from_centre = sqrt((i - 31) * (i - 31) + (j - 90) * (j - 90) + (k - 27) * (k - 27));
+                const double hu = fmin(fmax(150 * (12 - from_centre), -900), 900);
+                v->grey[((size_t)k * 130 + (size_t)j) * 120 + (size_t)i] =
+                    (uint16_t)(1024 + hu + (hu < -800 ? scene_random(&random) % 900 : 0));
+            }
+    const CtsPreset preset = preset_named("bone");
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 100, 90, 0);
+    s.mm_per_pixel = 1.1;
+    s.n_threads = 2;
+    s.shade = CTS_OFF;
+    CtsRenderer *renderer;
+    assert_int_equal(cts_render_begin(&renderer, v, &preset, &s, &err), CTS_OK);
+    static const double sides[][2] = {{90, 0}, {75, 5}, {60, 20}, {-90, 0}, {-80, -30}};
+    for (size_t i = 0; i < sizeof sides / sizeof *sides; i++) {
+        CtsPicture *frame;
+        CtsRenderSettings truth = s;
+        truth.engine = CTS_ENGINE_RAYCAST;
+        truth.azimuth_deg = sides[i][0];
+        truth.elevation_deg = sides[i][1];
+        assert_int_equal(cts_render_frame(renderer, sides[i][0], sides[i][1], &frame, NULL, &err), CTS_OK);
+        CtsPicture *exact = render(v, &preset, &truth, NULL);
+        double square = 0, seen = 0;
+        for (int n = 0; n < 100 * 100 * 4; n++) {
+            square += pow((double)frame->pixels[n] - (double)exact->pixels[n], 2);
+            seen += (double)exact->pixels[n];
+        }
+        assert_true(seen > 100);
+        if (sqrt(square / (100 * 100 * 4)) > 2.0 / 255)
+            fail_msg("view %g,%g: rmse %g of 255", sides[i][0], sides[i][1], 255 * sqrt(square / (100 * 100 * 4)));
+        cts_picture_free(&frame);
+        cts_picture_free(&exact);
+    }
+    cts_render_end(&renderer);
+    cts_volume_free(&v);
+}
+
 /* Bands as they come, put together. */
 typedef struct Whole {
     CtsPicture *picture;
@@ -213,7 +261,8 @@ static void test_refusals(void **state)
 
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(test_same_pictures), cmocka_unit_test(test_bands),
-                                       cmocka_unit_test(test_report), cmocka_unit_test(test_refusals)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_same_pictures), cmocka_unit_test(test_sparse_copy),
+                                       cmocka_unit_test(test_bands), cmocka_unit_test(test_report),
+                                       cmocka_unit_test(test_refusals)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
