@@ -26,6 +26,11 @@ extern "C" {
  * cores; threads never change the result. Fails with CTS_ERR_MEMORY only. */
 CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err);
 
+/* The same for cts_volume_crop() with this box to follow: the patient is told from the table by the whole, but what the
+ * crop takes away may be left as it was. */
+CtsStatus cts_volume_remove_table_within(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3],
+                                         int n_threads, CtsReport *report, CtsError *err);
+
 #ifdef __cplusplus
 }
 #endif

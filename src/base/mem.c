@@ -58,6 +58,17 @@ void cts_free_bytes(void *block)
     free(start);
 }
 
+int cts_drop_front_bytes(void **block, size_t n)
+{
+    char *p = *block, *start;
+    if (n % CTS_ALIGNMENT)
+        return 0;
+    memcpy(&start, p - sizeof start, sizeof start);
+    memcpy(p + n - sizeof start, &start, sizeof start);
+    *block = p + n;
+    return 1;
+}
+
 uint64_t cts_memory_available(void)
 {
     unsigned long long kib = 0;

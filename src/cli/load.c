@@ -26,7 +26,10 @@ static CtsStatus cut(const CliOptions *options, const CtsPreset *preset, CtsVolu
         options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON;
     const size_t n_findings = report->findings.n;
     /* The table is told from the patient by the whole, so it goes before the crop. */
-    if (remove_table)
+    if (remove_table && options->crop_given)
+        st = cts_volume_remove_table_within(volume, options->crop_low_lps, options->crop_high_lps,
+                                            options->render.n_threads, report, err);
+    else if (remove_table)
         st = cts_volume_remove_table(volume, options->render.n_threads, report, err);
     else
         cts_report_skip(report, "table removal", "off by %s",

@@ -27,6 +27,9 @@ void cts_block_rows_start(CtsBlockRows *rows);
  * slice come in order and from one thread. */
 void cts_block_change_row(CtsBlockChange *change, CtsBlockRows *rows, int j, int k);
 
+/* Slices first <= k < end lose nothing and are not gone through row by row. */
+void cts_block_change_keep(CtsBlockChange *change, int first, int end);
+
 /* The blocks' new ranges, once all voxels are air that become it. */
 void cts_block_change_apply(const CtsBlockChange *change, const CtsVolume *volume, int n_threads);
 

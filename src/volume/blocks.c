@@ -83,18 +83,22 @@ static void clear(CtsRange *range, size_t n)
         range[i] = (CtsRange){65535, 0};
 }
 
+static void count_blocks(CtsBlocks *b, int axis, int n)
+{
+    const int cells = n > 1 ? n - 1 : 1;
+    b->dims[axis] = n;
+    b->n[axis] = (cells - 1) / CTS_BLOCK + 1;
+    b->n_fine[axis] = (cells - 1) / CTS_FINE_BLOCK + 1;
+}
+
 CtsStatus cts_blocks_begin(CtsBlocks **blocks, const int dims[3], CtsError *err)
 {
     CtsStatus st = CTS_OK;
     CtsBlocks *b = *blocks = calloc(1, sizeof *b);
     if (!b)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int axis = 0; axis < 3; axis++) {
-        const int cells = dims[axis] > 1 ? dims[axis] - 1 : 1;
-        b->dims[axis] = dims[axis];
-        b->n[axis] = (cells - 1) / CTS_BLOCK + 1;
-        b->n_fine[axis] = (cells - 1) / CTS_FINE_BLOCK + 1;
-    }
+    for (int axis = 0; axis < 3; axis++)
+        count_blocks(b, axis, dims[axis]);
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
     if ((st = cts_alloc_array(&b->range, product(b->n), err)) ||
         (st = cts_alloc_array(&b->fine, product(b->n_fine), err)) ||
@@ -157,6 +161,19 @@ void cts_blocks_end(CtsBlocks *b, int n_threads)
             widen(&b->fine[(size_t)bk * layer + i], b->shared[(size_t)(bk + 1) * layer + i]);
     cts_blocks_sum(b, n_threads);
     cts_free(&b->shared);
+}
+
+void cts_blocks_keep_slices(CtsBlocks *b, int first, int n_slices, const uint16_t *grey)
+{
+    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1], slice = (size_t)b->dims[0] * (size_t)b->dims[1];
+    count_blocks(b, 2, n_slices);
+    const int last = b->n_fine[2] - 1;
+    memmove(b->fine, b->fine + (size_t)(first / CTS_FINE_BLOCK) * layer, (size_t)last * layer * sizeof *b->fine);
+    /* The last layer knows slices that are gone. */
+    clear(b->fine + (size_t)last * layer, layer);
+    for (int k = last * CTS_FINE_BLOCK; k < n_slices; k++)
+        fold_slice(b, grey + (size_t)k * slice, b->fine + (size_t)last * layer);
+    cts_blocks_sum(b, 1);
 }
 
 CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_threads, CtsError *err)

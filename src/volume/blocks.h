@@ -33,6 +33,9 @@ void cts_blocks_add(CtsBlocks *blocks, int k, const uint16_t *slice);
 void cts_blocks_end(CtsBlocks *blocks, int n_threads);
 /* The ranges of the coarse blocks and of all, once the fine ones have changed. */
 void cts_blocks_sum(CtsBlocks *blocks, int n_threads);
+/* Blocks of a volume that has been cropped to n_slices whole slices from `first` on, a multiple of CTS_FINE_BLOCK, and
+ * whose levels now begin at grey. */
+void cts_blocks_keep_slices(CtsBlocks *blocks, int first, int n_slices, const uint16_t *grey);
 void cts_blocks_free(CtsBlocks **blocks);
 
 /* Those of the volume in which grey level g has become level[g]; levels never fall as g rises. */

@@ -5,6 +5,7 @@
 #include "base/vec3.h"
 #include "volume/couch_body.h"
 #include "volume/couch_rim.h"
+#include "volume/crop.h"
 #include <math.h>
 
 /* Below fat and skin, above foam, paper and most cloth. */
@@ -125,6 +126,8 @@ static CtsStatus clear(Couch *c, CtsVolume *volume, CtsError *err)
 {
     CtsStatus st;
     CtsBits body = {0};
+    const uint64_t slice = (uint64_t)volume->dims[0] * (uint64_t)volume->dims[1];
+    const uint64_t n_seen = slice * (uint64_t)(c->scene.end_slice - c->scene.first_slice);
     uint64_t n_cleared;
     if ((st = cts_bits_new(&body, c->body.mask.dims, err)))
         goto end;
@@ -141,7 +144,7 @@ static CtsStatus clear(Couch *c, CtsVolume *volume, CtsError *err)
         "table removal: %llu voxels above %g HU went (%.1f cm3, %.1f %% of the body), %.1f cm3 of them cut "
         "from the body; %llu of %llu voxels are air now",
         (unsigned long long)n_foreign, BODY_HU, foreign_mm3 / 1000, 100 * foreign_mm3 / c->body.verdict.body_mm3,
-        c->body.cut_mm3 / 1000, (unsigned long long)n_cleared, (unsigned long long)cts_volume_n_voxels(volume));
+        c->body.cut_mm3 / 1000, (unsigned long long)n_cleared, (unsigned long long)n_seen);
 end:
     cts_bits_free(&body);
     return st;
@@ -167,7 +170,8 @@ static CtsStatus remove_table(Couch *c, CtsVolume *volume, CtsError *err)
     return st;
 }
 
-CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err)
+static CtsStatus remove_in_slices(CtsVolume *volume, int first, int end, int n_threads, CtsReport *report,
+                                  CtsError *err)
 {
     Couch c = {.report = report};
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
@@ -175,6 +179,8 @@ CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *r
         cts_report_skip(report, WHAT, "the voxel steps do not span space");
         return CTS_OK;
     }
+    c.scene.first_slice = first;
+    c.scene.end_slice = end;
     c.grid = couch_grid_whole(&c.scene);
     const CtsStatus st = remove_table(&c, volume, err);
     couch_free(&c);
@@ -182,4 +188,17 @@ CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *r
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, n,
                      n * sizeof *volume->grey);
     return st;
+}
+
+CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err)
+{
+    return remove_in_slices(volume, 0, volume->dims[2], n_threads, report, err);
+}
+
+CtsStatus cts_volume_remove_table_within(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3],
+                                         int n_threads, CtsReport *report, CtsError *err)
+{
+    int first, end;
+    cts_crop_slices(volume, lo_lps, hi_lps, &first, &end);
+    return remove_in_slices(volume, first, end, n_threads, report, err);
 }

@@ -10,6 +10,7 @@
 typedef struct CouchScene {
     const CtsVolume *volume;
     int n_threads;
+    int first_slice, end_slice; /* what the caller wants cleared; the whole is looked at */
     double spacing_mm[3];
     double voxel_mm3;
     int head_axis; /* the index axis nearest to the patient's head-foot axis, along which a table runs */

@@ -188,8 +188,10 @@ static void expand_cells(const CouchGrid *g, const CtsBits *cells, int cj, int c
 static void keep_contested(const CouchScene *scene, const CouchGrid *g, const CtsBits *near, const Shapes *shapes)
 {
     CtsBits *const rivals = shapes->rivals;
+    const int first = scene->first_slice > MAX_RIM ? scene->first_slice - MAX_RIM : 0;
+    const int end = rivals->dims[2] - scene->end_slice > MAX_RIM ? scene->end_slice + MAX_RIM : rivals->dims[2];
 #pragma omp parallel for schedule(dynamic, 8) num_threads(scene->n_threads)
-    for (int k = 0; k < rivals->dims[2]; k++) {
+    for (int k = first; k < end; k++) {
         uint64_t here[CTS_BITS_ROW_WORDS];
         for (int j = 0; j < rivals->dims[1]; j++) {
             if (j % g->block[1] == 0)
@@ -305,9 +307,11 @@ CtsStatus couch_clear(const CouchScene *scene, CtsVolume *volume, const CtsBits 
             goto end;
     if ((st = cts_block_change_new(&change, volume->blocks, err)))
         goto end;
+    cts_block_change_keep(&change, 0, scene->first_slice);
+    cts_block_change_keep(&change, scene->end_slice, volume->dims[2]);
     keep_contested(scene, g, &near, &shapes);
 #pragma omp parallel for schedule(dynamic, CTS_FINE_BLOCK) num_threads(scene->n_threads) reduction(+ : n)
-    for (int k = 0; k < volume->dims[2]; k++) {
+    for (int k = scene->first_slice; k < scene->end_slice; k++) {
         Slice *s = &slices[omp_get_thread_num()];
         grow_rim(&shapes, k, &rim, s);
         n += clear_slice(volume, k, s, g, inside, &change);

@@ -1,6 +1,9 @@
-#include "ctsplat/volume.h"
+#include "volume/crop.h"
 
+#include "base/mem.h"
 #include "base/vec3.h"
+#include "volume/blocks.h"
+#include <limits.h>
 #include <stdbool.h>
 #include <string.h>
 
@@ -34,40 +37,115 @@ static void row_run(const CtsVolume *v, int j, int k, const double lo[3], const 
         --*last;
 }
 
-CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], CtsError *err)
+/* Voxels lo[] to hi[], both kept; lo > hi: none. */
+typedef struct Box {
+    int lo[3], hi[3];
+} Box;
+
+static const Box EMPTY = {{INT_MAX, INT_MAX, INT_MAX}, {-1, -1, -1}};
+
+/* Where each index axis runs along one patient axis, the box is the same for all rows; false where it is not so. */
+static bool straight_box(const CtsVolume *v, const double lo[3], const double hi[3], Box *box)
 {
-    int lo[3] = {v->dims[0], v->dims[1], v->dims[2]}, hi[3] = {-1, -1, -1};
+    bool taken[3] = {false, false, false};
+    *box = EMPTY;
+    for (int axis = 0; axis < 3; axis++) {
+        int along = 0;
+        for (int c = 0; c < 3; c++)
+            along = v->step_lps[axis][c] != 0 ? c : along;
+        for (int c = 0; c < 3; c++)
+            if ((c == along) != (v->step_lps[axis][c] != 0) || taken[along])
+                return false;
+        taken[along] = true;
+        for (int n = 0; n < v->dims[axis]; n++) {
+            const double x = v->origin_lps[along] + n * v->step_lps[axis][along];
+            if (!(x >= lo[along] - 1e-6 && x <= hi[along] + 1e-6))
+                continue;
+            box->lo[axis] = n < box->lo[axis] ? n : box->lo[axis];
+            box->hi[axis] = n;
+        }
+    }
+    for (int axis = 0; axis < 3; axis++)
+        if (box->hi[axis] < 0)
+            *box = EMPTY;
+    return true;
+}
+
+/* The box of what the rows keep. */
+static Box find_box(const CtsVolume *v, const double lo[3], const double hi[3])
+{
+    Box box = EMPTY;
     for (int k = 0; k < v->dims[2]; k++)
         for (int j = 0; j < v->dims[1]; j++) {
-            uint16_t *row = v->grey + ((size_t)k * (size_t)v->dims[1] + (size_t)j) * (size_t)v->dims[0];
             int first, last;
-            row_run(v, j, k, lo_lps, hi_lps, &first, &last);
-            if (first > last) {
-                memset(row, 0, (size_t)v->dims[0] * sizeof *row);
+            row_run(v, j, k, lo, hi, &first, &last);
+            if (first > last)
                 continue;
-            }
-            memset(row, 0, (size_t)first * sizeof *row);
-            memset(row + last + 1, 0, (size_t)(v->dims[0] - 1 - last) * sizeof *row);
             const int at[3][2] = {{first, last}, {j, j}, {k, k}};
             for (int axis = 0; axis < 3; axis++) {
-                lo[axis] = at[axis][0] < lo[axis] ? at[axis][0] : lo[axis];
-                hi[axis] = at[axis][1] > hi[axis] ? at[axis][1] : hi[axis];
+                box.lo[axis] = at[axis][0] < box.lo[axis] ? at[axis][0] : box.lo[axis];
+                box.hi[axis] = at[axis][1] > box.hi[axis] ? at[axis][1] : box.hi[axis];
             }
         }
-    if (hi[0] < lo[0])
+    return box;
+}
+
+void cts_crop_slices(const CtsVolume *v, const double lo_lps[3], const double hi_lps[3], int *first, int *end)
+{
+    Box box;
+    const bool known = straight_box(v, lo_lps, hi_lps, &box) && box.hi[2] >= 0;
+    *first = known ? box.lo[2] : 0;
+    *end = known ? box.hi[2] + 1 : v->dims[2];
+}
+
+/* Rows of the box to the front, one after the other; what is not between first and last of its row becomes air. */
+static void move_rows(CtsVolume *v, const Box *box, bool straight, const double lo[3], const double hi[3])
+{
+    const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], n = (size_t)(box->hi[0] - box->lo[0] + 1);
+    uint16_t *to = v->grey;
+    for (int k = box->lo[2]; k <= box->hi[2]; k++)
+        for (int j = box->lo[1]; j <= box->hi[1]; j++, to += n) {
+            const uint16_t *row = v->grey + ((size_t)k * ny + (size_t)j) * nx;
+            int first = box->lo[0], last = box->hi[0];
+            if (!straight)
+                row_run(v, j, k, lo, hi, &first, &last);
+            if (first > last) {
+                memset(to, 0, n * sizeof *to);
+                continue;
+            }
+            const size_t before = (size_t)(first - box->lo[0]), kept = (size_t)(last - first + 1);
+            memmove(to + before, row + first, kept * sizeof *to);
+            memset(to, 0, before * sizeof *to);
+            memset(to + before + kept, 0, (n - before - kept) * sizeof *to);
+        }
+}
+
+CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], CtsError *err)
+{
+    Box box;
+    const bool straight = straight_box(v, lo_lps, hi_lps, &box);
+    if (!straight)
+        box = find_box(v, lo_lps, hi_lps);
+    if (box.hi[0] < 0)
         return cts_fail(err, CTS_ERR_USAGE,
                         "the crop box holds no voxel centre (the box is millimetres in patient coordinates, LPS)");
-    const int n[3] = {hi[0] - lo[0] + 1, hi[1] - lo[1] + 1, hi[2] - lo[2] + 1};
-    for (int k = 0; k < n[2]; k++)
-        for (int j = 0; j < n[1]; j++)
-            memmove(v->grey + ((size_t)k * (size_t)n[1] + (size_t)j) * (size_t)n[0],
-                    v->grey + ((size_t)(k + lo[2]) * (size_t)v->dims[1] + (size_t)(j + lo[1])) * (size_t)v->dims[0] +
-                        lo[0],
-                    (size_t)n[0] * sizeof *v->grey);
+    const int n[3] = {box.hi[0] - box.lo[0] + 1, box.hi[1] - box.lo[1] + 1, box.hi[2] - box.lo[2] + 1};
+    const bool whole_slices = straight && n[0] == v->dims[0] && n[1] == v->dims[1];
+    if (whole_slices && n[2] == v->dims[2])
+        return CTS_OK;
+    const size_t slice = (size_t)v->dims[0] * (size_t)v->dims[1];
+    /* What is kept of whole slices may stay where it is. */
+    if (!whole_slices)
+        move_rows(v, &box, straight, lo_lps, hi_lps);
+    else if (!cts_drop_front(&v->grey, (size_t)box.lo[2] * slice * sizeof *v->grey))
+        memmove(v->grey, v->grey + (size_t)box.lo[2] * slice, (size_t)n[2] * slice * sizeof *v->grey);
     for (int c = 0; c < 3; c++)
         for (int axis = 0; axis < 3; axis++)
-            v->origin_lps[c] += lo[axis] * v->step_lps[axis][c];
+            v->origin_lps[c] += box.lo[axis] * v->step_lps[axis][c];
     memcpy(v->dims, n, sizeof n);
-    cts_volume_changed(v);
+    if (v->blocks && whole_slices && box.lo[2] % CTS_FINE_BLOCK == 0)
+        cts_blocks_keep_slices(v->blocks, box.lo[2], n[2], v->grey);
+    else
+        cts_volume_changed(v);
     return CTS_OK;
 }

@@ -202,6 +202,51 @@ static void test_crop_borders(void **state)
     cts_volume_free(&v);
 }
 
+static void check_blocks(const CtsVolume *v)
+{
+    CtsBlocks *fresh;
+    assert_int_equal(cts_blocks_new(&fresh, v, 1, NULL), CTS_OK);
+    const size_t n = (size_t)fresh->n[0] * (size_t)fresh->n[1] * (size_t)fresh->n[2];
+    const size_t n_fine = (size_t)fresh->n_fine[0] * (size_t)fresh->n_fine[1] * (size_t)fresh->n_fine[2];
+    assert_memory_equal(fresh->n, v->blocks->n, sizeof fresh->n);
+    assert_memory_equal(fresh->n_fine, v->blocks->n_fine, sizeof fresh->n_fine);
+    assert_memory_equal(fresh->range, v->blocks->range, n * sizeof *fresh->range);
+    assert_memory_equal(fresh->fine, v->blocks->fine, n_fine * sizeof *fresh->fine);
+    assert_memory_equal(&fresh->all, &v->blocks->all, sizeof fresh->all);
+    cts_blocks_free(&fresh);
+}
+
+/* Whole slices stay where they are in memory, and the volume is freed as ever. */
+static void test_crop_slices(void **state)
+{
+    (void)state;
+    const int rows[] = {8, 7}; /* slices of 128 bytes, and of 112 */
+    for (int n = 0; n < 2; n++)
+        for (int first = 0; first < 5; first++) {
+            CtsVolume *v = NULL;
+            assert_int_equal(cts_volume_new(&v, 8, rows[n], 9, NULL), CTS_OK);
+            const int slice = 8 * rows[n];
+            for (int i = 0; i < 9 * slice; i++)
+                v->grey[i] = (uint16_t)i;
+            assert_int_equal(cts_volume_prepare(v, 1, NULL), CTS_OK);
+            const double lo[3] = {-1, -1, first - 0.5}, hi[3] = {20, 20, 7};
+            assert_int_equal(cts_volume_crop(v, lo, hi, NULL), CTS_OK);
+            assert_int_equal(v->blocks != NULL, first % CTS_FINE_BLOCK == 0);
+            if (v->blocks)
+                check_blocks(v);
+            assert_true(v->dims[0] == 8 && v->dims[1] == rows[n] && v->dims[2] == 8 - first);
+            assert_true(v->origin_lps[2] == first);
+            for (int i = 0; i < (8 - first) * slice; i++)
+                assert_int_equal(v->grey[i], first * slice + i);
+            /* A second crop finds the volume as the first has left it. */
+            const double again[3] = {-1, -1, 5};
+            assert_int_equal(cts_volume_crop(v, again, hi, NULL), CTS_OK);
+            assert_int_equal(v->dims[2], 3);
+            assert_int_equal(v->grey[0], 5 * slice);
+            cts_volume_free(&v);
+        }
+}
+
 /* 8 bits of a window: its ends, the middle, both sides; geometry kept. */
 static void quantised(void **state)
 {
@@ -256,7 +301,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(quantised),         cmocka_unit_test(quantised_blocks), cmocka_unit_test(test_new),
         cmocka_unit_test(test_geometry),     cmocka_unit_test(test_inverse),     cmocka_unit_test(test_crop),
-        cmocka_unit_test(test_crop_borders),
+        cmocka_unit_test(test_crop_borders), cmocka_unit_test(test_crop_slices),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
