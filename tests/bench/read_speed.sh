@@ -1,12 +1,12 @@
 #!/bin/sh
 # Time to find and load a series of 300 uncompressed slices of 512 x 512, against reading its bytes and against other
-# readers: read_speed.sh VOLUME_DUMP PHANTOM RAW2CT [ROUNDS]
+# readers; and from the folder to a PNG with all stages in: read_speed.sh VOLUME_DUMP PHANTOM RAW2CT [ROUNDS [CTSPLAT]]
 #
 # Rounds are interleaved and the page cache is warm; prints medians and ratios. Peers that are not installed are left
 # out by name. Needs 600 MB in the temporary folder. Never part of a timed test.
 set -eu
 
-dump=$1 phantom=$2 raw2ct=$3 rounds=${4:-7}
+dump=$1 phantom=$2 raw2ct=$3 rounds=${4:-7} ctsplat=${5:-}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 "$phantom" --size 512,512,300 --spacing 0.45,0.45,0.7 "$work/head.raw"
@@ -56,6 +56,10 @@ while [ "$round" -lt "$rounds" ]; do
     timed cat all_to_null
     timed ctsplat "$dump" "$work/series"
     timed ctsplat-1-thread "$dump" "$work/series" --threads 1
+    if [ -n "$ctsplat" ]; then
+        timed ctsplat-render "$ctsplat" render "$work/series" -o "$work/bone.png" --force --log "$work/log"
+        timed ctsplat-render-table "$ctsplat" render "$work/series" --remove-table off -o "$work/bone.png" --force
+    fi
     "$dump" "$work/series" --copy | awk '/^copy/ { printf "copy %d us\n", $2 * 1000 }' >>"$work/times"
     if [ $has_vtk = yes ]; then
         timed python-vtk-start /usr/bin/python3 -c 'from vtkmodules.vtkIOImage import vtkDICOMImageReader'
@@ -68,6 +72,17 @@ while [ "$round" -lt "$rounds" ]; do
     round=$((round + 1))
 done
 
+# Wall time of each stage, the medians of all rounds.
+if [ -n "$ctsplat" ]; then
+    sed -n 's/.*"stage":"\([a-z]*\)","wall_ms":\([0-9.]*\),"cpu_ms":\([0-9.]*\).*/\1 \2 \3/p' "$work/log" |
+        sort -k1,1 -k2,2n | awk '
+        { wall[$1, n[$1]] = $2; cpu[$1, n[$1]++] = $3 }
+        END {
+            for (stage in n)
+                printf "stage %-16s %8.1f ms wall, %.1f ms of processor\n", stage, wall[stage, int(n[stage] / 2)],
+                    cpu[stage, int(n[stage] / 2)]
+        }' | sort
+fi
 [ $has_vtk = yes ] || echo "left out, not installed: vtkDICOMImageReader (python3-vtk9)"
 [ $has_dcm2niix = yes ] || echo "left out, not installed: dcm2niix"
 sort -k1,1 -k2,2n "$work/times" | awk '
@@ -78,6 +93,9 @@ sort -k1,1 -k2,2n "$work/times" | awk '
         for (name in n)
             printf "%-22s %8.1f ms  (%d runs, %.1f to %.1f)\n", name, median(name), n[name], t[name, 0] / 1000, t[name, n[name] - 1] / 1000
         printf "ratio to reading and copying the bytes (at most 2): %.2f\n", median("ctsplat") / bytes
+        if ("ctsplat-render" in n)
+            printf "a PNG from the folder, all stages, to reading the bytes (aim 2): %.1f; table kept: %.1f\n",
+                median("ctsplat-render") / median("cat"), median("ctsplat-render-table") / median("cat")
         if ("vtkDICOMImageReader" in n)
             printf "faster than vtkDICOMImageReader, less its start (at least 3): %.1f\n",
                 (median("vtkDICOMImageReader") - median("python-vtk-start")) / median("ctsplat")
