@@ -217,15 +217,9 @@ static CtsStatus new_band(const Frame *frame, int first_row, int n_rows, CtsPict
     return CTS_OK;
 }
 
-/* What --void key loses is measured, asked for or not: so many pixels when --verify does not say. */
-static int pixels_to_verify(const CtsRenderSettings *s, const CtsReport *report)
-{
-    enum { KEY_PIXELS = 256 };
-    return s->explain ? 0 : s->verify > 0 ? s->verify : report && report->key_loss > 0 ? KEY_PIXELS : 0;
-}
-
-static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, double elevation_deg, CtsReport *report,
-                             CtsError *err)
+/* least_verified: so many pixels even where settings->verify is 0, if --void key has lost something. */
+static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, double elevation_deg, int least_verified,
+                             CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     CtsRenderSettings asked = r->settings;
@@ -250,8 +244,9 @@ static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, d
         cts_report_skip(report, "depth", "not asked for (an .exr output holds it)");
     else if (p->mode != CTS_MODE_COMPOSITE)
         cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
-    const int n = pixels_to_verify(s, report);
-    if (n == 0)
+    const bool lossy = report && report->key_loss > 0;
+    const int n = s->verify > 0 ? s->verify : lossy ? least_verified : 0;
+    if (n == 0 || s->explain)
         return CTS_OK;
     frame->original = frame->store.scene;
     frame->original.volume = r->original;
@@ -280,7 +275,7 @@ CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_
 {
     Frame frame;
     *picture = NULL;
-    CtsStatus st = frame_begin(&frame, r, azimuth_deg, elevation_deg, report, err);
+    CtsStatus st = frame_begin(&frame, r, azimuth_deg, elevation_deg, 0, report, err);
     if (!st && !r->settings.explain)
         st = new_band(&frame, 0, r->settings.height, picture, err);
     if (!st)
@@ -320,8 +315,9 @@ static CtsStatus render_band(Frame *frame, int first_row, int n_rows, CtsBandSin
 CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_deg, int max_rows, CtsBandSink sink,
                            void *context, CtsReport *report, CtsError *err)
 {
+    enum { KEY_PIXELS = 256 };
     Frame frame;
-    CtsStatus st = frame_begin(&frame, r, azimuth_deg, elevation_deg, report, err);
+    CtsStatus st = frame_begin(&frame, r, azimuth_deg, elevation_deg, KEY_PIXELS, report, err);
     if (!st && r->settings.explain)
         st = frame_rows(&frame, NULL, report, err);
     const int height = r->settings.explain ? 0 : r->settings.height, n_rows = choose_rows(&r->settings, max_rows);
