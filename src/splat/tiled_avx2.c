@@ -8,7 +8,7 @@
 #include <math.h>
 
 #define LANES 8
-#include "splat/tiled_vec_tmpl.h"
+#include "splat/tiled_mask_tmpl.h"
 
 INLINE vf vf_min(vf a, vf b)
 {
@@ -35,33 +35,6 @@ INLINE vf vf_sqrt(vf a)
     return (vf)_mm256_sqrt_ps((__m256)a);
 }
 
-typedef vi vmask; /* all ones or zero */
-
-INLINE vmask vf_lt(vf a, vf b)
-{
-    return a < b;
-}
-
-INLINE vmask vf_le(vf a, vf b)
-{
-    return a <= b;
-}
-
-INLINE vmask vi_eq(vi a, vi b)
-{
-    return a == b;
-}
-
-INLINE vmask mask_and(vmask a, vmask b)
-{
-    return a & b;
-}
-
-INLINE vmask mask_or(vmask a, vmask b)
-{
-    return a | b;
-}
-
 INLINE vf select_f(vmask mask, vf yes, vf no)
 {
     return (vf)_mm256_blendv_ps((__m256)no, (__m256)yes, (__m256)mask);
@@ -80,16 +53,6 @@ INLINE unsigned any_in(vmask mask)
 INLINE unsigned all_in(vmask mask)
 {
     return _mm256_movemask_ps((__m256)mask) == 255;
-}
-
-INLINE vf vf_packets(const float of[PACKETS])
-{
-    return (vf)_mm256_set1_ps(of[0]);
-}
-
-INLINE vmask mask_packets(unsigned packets)
-{
-    return (vmask)_mm256_set1_epi32(-(int32_t)packets);
 }
 
 INLINE __m256i two_entries(const int32_t (*rows)[4], int low, int high)

@@ -3,7 +3,7 @@
 #include <math.h>
 
 #define LANES 8
-#include "splat/tiled_vec_tmpl.h"
+#include "splat/tiled_mask_tmpl.h"
 
 INLINE vf vf_min(vf a, vf b)
 {
@@ -45,33 +45,6 @@ INLINE vf vf_sqrt(vf a)
     return r;
 }
 
-typedef vi vmask; /* all ones or zero */
-
-INLINE vmask vf_lt(vf a, vf b)
-{
-    return a < b;
-}
-
-INLINE vmask vf_le(vf a, vf b)
-{
-    return a <= b;
-}
-
-INLINE vmask vi_eq(vi a, vi b)
-{
-    return a == b;
-}
-
-INLINE vmask mask_and(vmask a, vmask b)
-{
-    return a & b;
-}
-
-INLINE vmask mask_or(vmask a, vmask b)
-{
-    return a | b;
-}
-
 INLINE vf select_f(vmask mask, vf yes, vf no)
 {
     return (vf)((mask & (vi)yes) | (~mask & (vi)no));
@@ -96,16 +69,6 @@ INLINE unsigned all_in(vmask mask)
     for (int l = 0; l < 8; l++)
         all &= mask[l];
     return all != 0;
-}
-
-INLINE vf vf_packets(const float of[PACKETS])
-{
-    return vf_of(of[0]);
-}
-
-INLINE vmask mask_packets(unsigned packets)
-{
-    return vi_of(-(int32_t)packets);
 }
 
 /* Rows index, clamped to 0..last. */

@@ -1,0 +1,151 @@
+/* One slab of the march, part of tiled_tmpl.h: the table's sums, lighting, and what is added to the pixels. */
+
+/* 1 - exp(-d) for d >= 0, relative error below 1e-6 down to d = 0: with d = n ln 2 + f it is
+ * (1 - 2^-n) - 2^-n (exp(-f) - 1). */
+INLINE vf one_minus_exp(vf d)
+{
+    d = vf_min(d, vf_of(80.0f));
+    const vi n = to_int(d * 1.44269504f + 0.5f);
+    const vf nf = to_float(n);
+    const vf f = (d - nf * 0.693359375f) - nf * -2.12194440e-4f;
+    vf p = f * (-1.0f / 720) + (1.0f / 120);
+    p = p * f - (1.0f / 24);
+    p = p * f + (1.0f / 6);
+    p = p * f - 0.5f;
+    p = (p * f + 1.0f) * f; /* 1 - exp(-f) */
+    const vf power = (vf)((127 - n) << 23);
+    return (1.0f - power) + power * p;
+}
+
+typedef struct Light {
+    vf r, g, b, a, t; /* premultiplied colour and opacity gathered, transmittance left: 1 - a loses small a */
+    vf depth;         /* q of the first visible surface, -1: none */
+    unsigned opaque;  /* bit h: packet h */
+} Light;
+
+/* The first visible surface: where half of the light is lost, or the first that is seen at all. */
+INLINE void note_depth(const TiledJob *j, Light *light, vf t_before, vf q)
+{
+    if (!j->depth_mm)
+        return;
+    const vmask first = mask_and(vf_lt(light->depth, vf_of(0)), vf_lt(light->t, t_before));
+    const vmask half = mask_and(vf_lt(vf_of(0.5f), t_before), vf_le(light->t, vf_of(0.5f)));
+    light->depth = select_f(mask_or(first, half), q, light->depth);
+}
+
+typedef struct Entry {
+    vi index;      /* of the table; not clamped below */
+    vi r, g, b, k; /* the table's sums there */
+} Entry;
+
+INLINE void look_up(const TiledJob *j, vf s, Entry *e)
+{
+    const CtsSlabTable *t = &j->table;
+    /* The shift keeps the conversion's truncation away from negative numbers. */
+    const vf x = vf_max((s - t->grey_low) * t->per_grey, vf_of(-1e6f)) + 1e6f;
+    e->index = to_int(x + 0.5f) - 1000000;
+    look_up_entries(t->sum, t->n, e->index, &e->r, &e->g, &e->b, &e->k);
+}
+
+/* Lighting of the sheet on layer `layer`: what colour is multiplied with, and the white added to it. */
+typedef struct Glow {
+    vf colour, white;
+} Glow;
+
+/* One slab from entry a to entry b, length_mm long for each lane, for the packets in `marching`. With d levels between
+ * the entries and an integral of k over them, depth = length * k / d, and the colour integral weighs alpha / depth: one
+ * division serves both. */
+INLINE void add_slab(const TiledJob *j, Light *light, vmask marching, const Entry *a, const Entry *b, vf length_mm,
+                     const Glow *glow)
+{
+    const CtsSlabTable *t = &j->table;
+    const vi n = b->index - a->index;
+    const vmask flat = vi_eq(n, vi_of(0));
+    /* All have the sign of the field's change. */
+    vf nf = vf_abs(to_float(n)), k = vf_abs(to_float(b->k - a->k));
+    vf r = vf_abs(to_float(b->r - a->r)), g = vf_abs(to_float(b->g - a->g)), b8 = vf_abs(to_float(b->b - a->b));
+    if (__builtin_expect(any_in(flat) != 0, 0)) {
+        /* The field does not change: the integrand itself, over one step of the table. */
+        Entry here;
+        look_up_entries(t->step, t->n, a->index + 1, &here.r, &here.g, &here.b, &here.k);
+        nf = select_f(flat, vf_of(1), nf);
+        r = select_f(flat, (vf)here.r, r);
+        g = select_f(flat, (vf)here.g, g);
+        b8 = select_f(flat, (vf)here.b, b8);
+        k = select_f(flat, (vf)here.k, k);
+    }
+    /* Without depth there is no colour either. */
+    const vf kf = vf_max(k, vf_of(1e-12f));
+    const vf inverse = 1.0f / (nf * kf);
+    const vf depth = (k * kf) * inverse * (t->depth_scale * length_mm);
+    vf alpha = CTS_MUTATED(ATTENUATION) ? vf_min(depth, vf_of(1)) : one_minus_exp(depth);
+    if (PACKETS > 1)
+        alpha = select_f(marching, alpha, vf_of(0));
+    const vf lost = light->t * alpha;
+    const vf weight = lost * (nf * inverse) * t->colour_per_depth;
+    r *= weight;
+    g *= weight;
+    b8 *= weight;
+    if (glow) {
+        const vf white = lost * glow->white;
+        r = r * glow->colour + white;
+        g = g * glow->colour + white;
+        b8 = b8 * glow->colour + white;
+    }
+    light->r += r;
+    light->g += g;
+    light->b += b8;
+    light->a += lost;
+    light->t -= lost;
+}
+
+/* Length inside the box of each lane's way through part `part` (from 1) of its packet's parts of the slab behind layer
+ * q; whole_mm where the box does not cut it. */
+INLINE vf slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int q, vf whole_mm, int part,
+                      const int parts[PACKETS])
+{
+    if (q >= beam->full_from && q < beam->full_to)
+        return whole_mm;
+    if (!pk->clipped)
+        clip_packet(j, pk);
+    vf length;
+    for (int l = 0; l < LANES; l++) {
+        const int n = parts[l / CTS_PACKET];
+        const double from = q + (double)(part - 1) / n, to = q + (double)part / n;
+        const double a = pk->enter[l] > from ? pk->enter[l] : from, b = pk->leave[l] < to ? pk->leave[l] : to;
+        length[l] = b > a ? (float)((b - a) * j->layer_mm) : 0;
+    }
+    return length;
+}
+
+INLINE vf specular_power(const CtsShade *shade, vf facing)
+{
+    if (shade->whole_power == 0)
+        return shade_power(shade, facing);
+    vf square = vf_max(facing, vf_of(shade->least_power)), power = vf_of(1);
+    for (int n = shade->whole_power;; square *= square) {
+        if (n & 1)
+            power *= square;
+        n >>= 1;
+        if (n == 0)
+            return power;
+    }
+}
+
+/* Lighting a fraction f of the way from slope a to slope b: the gradient is mixed, as it is between voxels, and only
+ * then made a direction, so that the weak gradient of air does not turn that of a surface. */
+INLINE Glow glow_between(const TiledJob *j, const Slope *a, const Slope *b, vf f)
+{
+    const CtsShade *shade = j->shade;
+    const float *m = shade->form;
+    const Slope slope = mix_slope(a, b, f);
+    const vf u = slope.u, v = slope.v, k = slope.k;
+    const vf towards = shade->along[0] * u + shade->along[1] * v + shade->along[2] * k;
+    const vf square = u * (m[0] * u + m[3] * v + m[4] * k) + v * (m[1] * v + m[5] * k) + m[2] * k * k;
+    const vmask sloped = vf_lt(vf_of(0), square);
+    vf facing = (CTS_MUTATED(ONE_SIDED_LIGHT) ? vf_max(towards, vf_of(0)) : vf_abs(towards)) /
+                vf_sqrt(select_f(sloped, square, vf_of(1)));
+    facing = select_f(sloped, vf_min(facing, vf_of(1)), vf_of(0));
+    return (Glow){shade->ambient + shade->diffuse * facing,
+                  select_f(sloped, shade->specular * specular_power(shade, facing), vf_of(0))};
+}
