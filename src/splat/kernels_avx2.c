@@ -261,18 +261,12 @@ INLINE bool blend_one(float *pixel, __m128 entry)
     return _mm_movemask_ps(_mm_andnot_ps(open, _mm_cmpgt_ps(old, _mm_setzero_ps()))) >> 3;
 }
 
-/* A row of samples cut into bits: which of 64 may show. The pixels that they fall on are asked for early. */
-INLINE uint64_t shown_64(const float *pixels, const uint16_t *grey, int n, const CtsEntries *entries)
+/* A row of samples cut into bits: which of 64 may show. */
+INLINE uint64_t shown_64(const uint16_t *grey, int n, const CtsEntries *entries)
 {
     uint64_t all = 0;
-    for (int i = 0; i < 64 && i < n; i += 8) {
-        const uint64_t shown = shown_8(grey + i, n - i, entries);
-        all |= shown << i;
-        if (shown & 0x0F)
-            _mm_prefetch((const char *)(pixels + 4 * (size_t)i), _MM_HINT_T0);
-        if (shown & 0xF0)
-            _mm_prefetch((const char *)(pixels + 4 * (size_t)i + 16), _MM_HINT_T0);
-    }
+    for (int i = 0; i < 64 && i < n; i += 8)
+        all |= (uint64_t)shown_8(grey + i, n - i, entries) << i;
     return all;
 }
 
@@ -281,15 +275,11 @@ static bool blend_avx2(float *pixels, const uint16_t *grey, int n, const CtsEntr
     bool closed = false;
     if (entries->low > entries->high)
         return false;
-    uint64_t next = shown_64(pixels, grey, n, entries);
-    for (int i = 0; i < n; i += 64) {
-        uint64_t shown = next;
-        next = i + 64 < n ? shown_64(pixels + 4 * (size_t)(i + 64), grey + i + 64, n - i - 64, entries) : 0;
-        for (; shown; shown &= shown - 1) {
+    for (int i = 0; i < n; i += 64)
+        for (uint64_t shown = shown_64(grey + i, n - i, entries); shown; shown &= shown - 1) {
             const int at = i + __builtin_ctzll(shown);
             closed |= blend_one(pixels + 4 * (size_t)at, _mm_load_ps(entries->entry[grey[at]]));
         }
-    }
     return closed;
 }
 
@@ -436,11 +426,8 @@ static bool light_avx2(float *pixels, const uint16_t *grey, int n, const CtsEntr
     bool closed = false;
     if (entries->low > entries->high)
         return false;
-    uint64_t next = shown_64(pixels, grey, n, entries);
     for (int i = 0; i < n; i += 64) {
-        uint64_t shown = next;
-        next = i + 64 < n ? shown_64(pixels + 4 * (size_t)(i + 64), grey + i + 64, n - i - 64, entries) : 0;
-        for (; shown; shown &= shown - 1) {
+        for (uint64_t shown = shown_64(grey + i, n - i, entries); shown; shown &= shown - 1) {
             const int at = i + __builtin_ctzll(shown);
             pixel[n_pixels] = at;
             n_pixels += pixels[4 * (size_t)at + 3] > 0;

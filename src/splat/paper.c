@@ -17,6 +17,7 @@ typedef struct Worker {
     int open_until;            /* the step up to which the plan's open tiles hold */
     int band;                  /* by bands: which one */
     bool stopped;
+    int beside[2];             /* voxels beside a tile, along u and v, that its samples depend on */
     CtsPaperStore *store, own; /* own: by bands */
     double busy_ms[CTS_N_STAGES];
     uint64_t splatted, reused;
@@ -182,19 +183,23 @@ static void composite_step(const CtsPaperPlan *p, Worker *w, int s)
     }
 }
 
-/* The eights of voxels of row v that a chunk is loaded for: those of wanted tiles, and their neighbours all around. */
+/* The eights of voxels of row v that a chunk is loaded for: those that reach into wanted tiles, and for gradients their
+ * neighbours. */
 static void find_eights(const CtsPaperPlan *p, Worker *w, int v)
 {
-    const int n = p->tiles.n[0], row = v / CTS_TILE, last = p->tiles.n[1] - 1;
-    const int first = row > 0 ? row - 1 : 0, past = row < last ? row + 2 : last + 1;
-    memset(w->row, 0, (size_t)p->tiles.n_words * sizeof *w->row);
+    const int n = p->tiles.n[0], n_words = p->tiles.n_words, last = p->tiles.n[1] - 1;
+    const int above = v > w->beside[1] ? v - w->beside[1] : 0, below = v + w->beside[1];
+    int first, unused, past;
+    cts_tile_rows(&p->tiles, above, 1, &first, &unused);
+    cts_tile_rows(&p->tiles, below, 1, &unused, &past);
+    memset(w->row, 0, (size_t)n_words * sizeof *w->row);
     memset(w->marks, 0, ((size_t)p->stack.n[0] / 64 + 1) * sizeof *w->marks);
-    for (int r = first; r < past; r++)
-        for (int i = 0; i < p->tiles.n_words; i++)
-            w->row[i] |= w->store->wanted[(size_t)r * (size_t)p->tiles.n_words + (size_t)i];
+    for (int r = first; r <= past && r <= last; r++)
+        for (int i = 0; i < n_words; i++)
+            w->row[i] |= w->store->wanted[(size_t)r * (size_t)n_words + (size_t)i];
     for (int t = 0, end; cts_next_run(w->row, n, &t, &end); t = end) {
-        const int low = (t - 1) * CTS_TILE / 8, high = (end * CTS_TILE + CTS_TILE) / 8;
-        cts_bits_fill(w->marks, low > 0 ? low : 0, (high < p->stack.n[0] / 8 ? high : p->stack.n[0] / 8) + 1);
+        const int low = t * CTS_TILE - w->beside[0], high = (end * CTS_TILE + w->beside[0]) / 8;
+        cts_bits_fill(w->marks, low > 0 ? low / 8 : 0, (high < p->stack.n[0] / 8 ? high : p->stack.n[0] / 8) + 1);
     }
 }
 
@@ -427,6 +432,10 @@ static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
         (p->by_bands && (st = cts_paper_store_init(&w->own, p, err))))
         return st;
     w->compositor.hidden = p->skip_void ? &p->hidden : NULL;
+    for (int c = 0; c < 2; c++) {
+        w->beside[c] = p->footprint.reach[c] / p->footprint.density[c];
+        w->beside[c] += p->lit && w->beside[c] == 0;
+    }
     return cts_alloc_array(&w->row, n_words, err);
 }
 

@@ -62,18 +62,6 @@ static void scatter_clipped(const CtsScatter *job, int i, int u0, int u1)
             to[u] += change * f->weight[v][u];
 }
 
-static uint64_t count_marks(const uint64_t *marks, int i0, int i1)
-{
-    uint64_t n = 0;
-    for (int i = i0; i < i1;) {
-        const int take = 64 - (i & 63) < i1 - i ? 64 - (i & 63) : i1 - i;
-        const uint64_t bits = marks[i / 64] >> (i & 63);
-        n += (uint64_t)__builtin_popcountll(take < 64 ? bits & ((UINT64_C(1) << take) - 1) : bits);
-        i += take;
-    }
-    return n;
-}
-
 /* A band's lattice rows v0..v1-1, columns u0..u1-1 of them. */
 typedef struct Patch {
     int u0, u1, v0, v1;
@@ -145,7 +133,9 @@ static uint64_t splat_columns(const CtsSplat *s, const Columns *c, const CtsScat
     }
     for (int i = c->inner1; i < c->touch1; i++)
         scatter_clipped(job, i, c->u0, c->u1);
-    return job->old ? count_marks(s->marks, c->own0, c->own1) : (uint64_t)(c->own1 - c->own0);
+    if (c->own0 == c->own1)
+        return 0;
+    return job->old ? cts_bits_count_run(s->marks, c->own0, c->own1) : (uint64_t)(c->own1 - c->own0);
 }
 
 /* One patch: changes of what the sheet holds, or all of it anew. */
@@ -220,7 +210,7 @@ static uint64_t mark_needed(const CtsSplat *s, int band, const int rows[2])
         const int i0 = t * CTS_TILE - beside, i1 = past * CTS_TILE + beside + 1;
         cts_bits_fill(s->marks, i0 > 0 ? i0 : 0, i1 < s->n[0] ? i1 : s->n[0]);
     }
-    return count_marks(s->marks, 0, s->n[0]);
+    return cts_bits_count_run(s->marks, 0, s->n[0]);
 }
 
 /* Ask early for the marked voxels of a row, in the layer that comes next: of a layer's rows little is read, too little
@@ -228,23 +218,26 @@ static uint64_t mark_needed(const CtsSplat *s, int band, const int rows[2])
 static void ask_for_row(const CtsSplat *s, int j)
 {
     const uint16_t *row = s->row_of(s->next_rows, j);
-    for (int i = 0; i < s->n[0]; i += 32)
-        if (s->marks[i / 64] >> (i & 63) & UINT32_MAX)
+    for (int i = 0; i < s->n[0]; i += 64) {
+        const uint64_t marks = s->marks[i / 64];
+        if (marks & UINT32_MAX)
             __builtin_prefetch(row + i);
+        if (marks >> 32)
+            __builtin_prefetch(row + i + 32);
+    }
 }
 
 static void clear_needed(const CtsSplat *s, int band, int v0, int v1)
 {
-    const int n = s->tiles->n[0], lattice = CTS_TILE * s->tiles->density[0], end = s->sheet->last[0];
+    const CtsTiles *tiles = s->tiles;
+    const int n = tiles->n[0], lattice = CTS_TILE * tiles->density[0], end = s->sheet->last[0];
     for (int from = v0, to; from < v1; from = to) {
-        int rows[2], other[2];
-        rows_around(s, from, 0, v0, v1, rows);
-        for (to = from + 1; to < v1; to++) {
-            rows_around(s, to, 0, v0, v1, other);
-            if (other[0] != rows[0] || other[1] != rows[1])
-                break;
-        }
-        cts_needed_rows(s->tiles, s->needed, band, rows[0], rows[1], s->row);
+        int first, last;
+        cts_tile_rows(tiles, from, tiles->density[1], &first, &last);
+        /* An edge between two rows of tiles, or all up to the next one. */
+        const int edge = (last + 1) * CTS_TILE * tiles->density[1];
+        to = first < last ? from + 1 : last < tiles->n[1] - 1 && edge < v1 ? edge : v1;
+        cts_needed_rows(tiles, s->needed, band, first, last, s->row);
         for (int t = 0, past; cts_next_run(s->row, n, &t, &past); t = past)
             for (int v = from; v < to; v++)
                 clear(s, v, t * lattice, (past * lattice < end ? past * lattice : end) + 1);

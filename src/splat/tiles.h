@@ -40,12 +40,13 @@ static inline int cts_band_start(const CtsTiles *tiles, int band, int density)
     return band < tiles->n_bands ? band * CTS_BAND * CTS_TILE * density : tiles->last_voxel[1] * density + 1;
 }
 
-/* The rows of tiles that row `at` of such a grid belongs to: one, or two on the edge between them. */
+/* The rows of tiles that row `at` of such a grid, of a power of two of rows, belongs to: one, or two on the edge
+ * between them. */
 static inline void cts_tile_rows(const CtsTiles *tiles, int at, int density, int *first, int *last)
 {
-    const int row = at / (CTS_TILE * density);
+    const int shift = __builtin_ctz((unsigned)(CTS_TILE * density)), row = at >> shift;
     *last = row < tiles->n[1] ? row : tiles->n[1] - 1;
-    *first = row > 0 && at == row * CTS_TILE * density ? row - 1 : *last;
+    *first = row > 0 && at == row << shift ? row - 1 : *last;
 }
 
 /* The first bit at or behind `from` that is set (or clear), n when there is none. */

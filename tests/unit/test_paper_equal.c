@@ -130,6 +130,27 @@ static void test_odd_shapes(void **state)
     }
 }
 
+/* Rows enough that seven threads take bands of them through all layers, seen level and not. */
+static void test_many_bands(void **state)
+{
+    (void)state;
+    static const int threads[] = {1, 2, 7};
+    static const double level[][2] = {{0, 0}, {90, 0}, {-90, 0}, {180, 0}, {30, 0}, {-75, 0}, {20, 10}};
+    CtsVolume *volumes[] = {phantom_head(14, 40, 190, 6), random_volume(39, 12, 181, 4)};
+    for (int i = 0; i < 2; i++)
+        for (int view = 0; view < 7; view++) {
+            Case c = {.name = i ? "many bands, random" : "many bands", .volume = volumes[i], .preset = shell_preset()};
+            c.settings = settings_for(CTS_ENGINE_CLASSIC, 90, level[view][0], level[view][1]);
+            c.settings.kernel = view % 2 ? CTS_KERNEL_BSPLINE : CTS_KERNEL_TENT;
+            c.settings.shade = view % 3 == 0 ? CTS_ON : CTS_OFF;
+            c.settings.samples = view % 4 == 2 ? 2 : 1;
+            c.settings.want_depth = view % 3 == 1;
+            check(&c, threads, 3);
+        }
+    for (int i = 0; i < 2; i++)
+        cts_volume_free(&volumes[i]);
+}
+
 /* Everything or nothing to see. */
 static void test_extremes(void **state)
 {
@@ -195,7 +216,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_phantom),    cmocka_unit_test(test_noisy_phantom), cmocka_unit_test(test_random),
         cmocka_unit_test(test_odd_shapes), cmocka_unit_test(test_extremes),      cmocka_unit_test(test_tolerance),
-        cmocka_unit_test(test_real_head),
+        cmocka_unit_test(test_real_head),  cmocka_unit_test(test_many_bands),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
