@@ -72,6 +72,12 @@ static void fold_slice(const CtsBlocks *b, const uint16_t *slice, CtsRange *rang
     }
 }
 
+CTS_VECTOR_CLONES static void widen_row(CtsRange *restrict to, const CtsRange *restrict from, int n)
+{
+    for (int i = 0; i < n; i++)
+        widen(&to[i], from[i]);
+}
+
 static size_t product(const int n[3])
 {
     return (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
@@ -123,30 +129,36 @@ void cts_blocks_add(CtsBlocks *b, int k, const uint16_t *slice)
     CtsRange *shared = b->shared + (size_t)bk * layer;
     clear(shared, layer);
     fold_slice(b, slice, shared);
-    for (size_t i = 0; i < layer && bk < b->n_fine[2]; i++)
-        widen(&own[i], shared[i]);
+    if (bk < b->n_fine[2])
+        widen_row(own, shared, (int)layer);
 }
 
-/* One layer of coarse blocks from its fine ones. */
-static void sum_layer(CtsBlocks *b, int bk)
+/* One row of coarse blocks from the up to four rows of fine ones that it covers. */
+static void sum_row(CtsBlocks *b, int bj, int bk)
 {
+    enum { PART = 256 };
     const int *n = b->n, *nf = b->n_fine;
-    CtsRange *layer = b->range + (size_t)bk * (size_t)n[0] * (size_t)n[1];
-    clear(layer, (size_t)n[0] * (size_t)n[1]);
-    for (int fk = 2 * bk; fk < 2 * bk + 2 && fk < nf[2]; fk++)
-        for (int fj = 0; fj < nf[1]; fj++) {
-            const CtsRange *fine = b->fine + ((size_t)fk * (size_t)nf[1] + (size_t)fj) * (size_t)nf[0];
-            CtsRange *row = layer + (size_t)(fj / 2) * (size_t)n[0];
-            for (int fi = 0; fi < nf[0]; fi++)
-                widen(&row[fi / 2], fine[fi]);
+    CtsRange *row = b->range + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0];
+    for (int first = 0; first < nf[0]; first += PART) {
+        CtsRange sum[PART + 1];
+        const int n_part = nf[0] - first < PART ? nf[0] - first : PART;
+        clear(sum, (size_t)n_part + 1);
+        for (int fk = 2 * bk; fk < 2 * bk + 2 && fk < nf[2]; fk++)
+            for (int fj = 2 * bj; fj < 2 * bj + 2 && fj < nf[1]; fj++)
+                widen_row(sum, b->fine + ((size_t)fk * (size_t)nf[1] + (size_t)fj) * (size_t)nf[0] + first, n_part);
+        for (int i = 0; i < n_part; i += 2) {
+            row[(first + i) / 2] = sum[i];
+            widen(&row[(first + i) / 2], sum[i + 1]);
         }
+    }
 }
 
 void cts_blocks_sum(CtsBlocks *b, int n_threads)
 {
 #pragma omp parallel for schedule(static) num_threads(n_threads)
     for (int bk = 0; bk < b->n[2]; bk++)
-        sum_layer(b, bk);
+        for (int bj = 0; bj < b->n[1]; bj++)
+            sum_row(b, bj, bk);
     b->all = (CtsRange){65535, 0};
     for (size_t i = 0; i < product(b->n); i++)
         widen(&b->all, b->range[i]);
@@ -157,8 +169,8 @@ void cts_blocks_end(CtsBlocks *b, int n_threads)
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
 #pragma omp parallel for schedule(static) num_threads(n_threads)
     for (int bk = 0; bk < b->n_fine[2]; bk++)
-        for (size_t i = 0; i < layer && (bk + 1) * CTS_FINE_BLOCK < b->dims[2]; i++)
-            widen(&b->fine[(size_t)bk * layer + i], b->shared[(size_t)(bk + 1) * layer + i]);
+        if ((bk + 1) * CTS_FINE_BLOCK < b->dims[2])
+            widen_row(b->fine + (size_t)bk * layer, b->shared + (size_t)(bk + 1) * layer, (int)layer);
     cts_blocks_sum(b, n_threads);
     cts_free(&b->shared);
 }
