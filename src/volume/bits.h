@@ -91,8 +91,9 @@ void cts_bits_join_rows(const uint64_t *a, const uint64_t *b, CtsBits *to, int f
 typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_COPY, CTS_BITS_NOT } CtsBitsOp;
 /* a = a op b, word by word; CTS_BITS_COPY and _NOT take b alone. */
 void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
-/* a = a and not b in slice k; how many are left there. */
-uint64_t cts_bits_take_slice(CtsBits *a, const CtsBits *b, int k);
+/* a = a and not b in slice k. */
+void cts_bits_take_slice(CtsBits *a, const CtsBits *b, int k);
+uint64_t cts_bits_count_slice(const CtsBits *bits, int k);
 uint64_t cts_bits_count(const CtsBits *bits);
 bool cts_bits_is_empty(const CtsBits *bits);
 

@@ -110,15 +110,21 @@ static CtsStatus report_kept(Couch *c, CtsError *err)
 }
 
 /* Everything above the threshold that is not body is foreign: the other parts and the seam. body gets the body's
- * voxels, which leave the mask. */
+ * voxels, which leave the mask; both only as far as the rim around the wanted slices needs them. All are counted. */
 static uint64_t tell_foreign(Couch *c, CtsBits *body)
 {
     CtsBits *const foreign = &c->body.mask;
+    const uint8_t *flags = c->body.verdict.body;
+    const int first = couch_rim_first(&c->scene), end = couch_rim_end(&c->scene);
     uint64_t n_foreign = 0;
-    cts_parts_paint(&c->body.parts, c->body.verdict.body, body, c->scene.n_threads);
 #pragma omp parallel for schedule(static) num_threads(c->scene.n_threads) reduction(+ : n_foreign)
-    for (int k = 0; k < foreign->dims[2]; k++)
-        n_foreign += cts_bits_take_slice(foreign, body, k);
+    for (int k = 0; k < foreign->dims[2]; k++) {
+        n_foreign += cts_bits_count_slice(foreign, k) - cts_parts_count_slice(&c->body.parts, flags, k);
+        if (k < first || k >= end)
+            continue;
+        cts_parts_paint_slice(&c->body.parts, flags, body, k);
+        cts_bits_take_slice(foreign, body, k);
+    }
     return n_foreign;
 }
 

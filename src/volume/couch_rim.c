@@ -81,6 +81,17 @@ static Range rows_near(const Range *rows, int n_slices, int k, int rim)
     return r;
 }
 
+int couch_rim_first(const CouchScene *scene)
+{
+    return scene->first_slice > MAX_RIM ? scene->first_slice - MAX_RIM : 0;
+}
+
+int couch_rim_end(const CouchScene *scene)
+{
+    const int n = scene->volume->dims[2];
+    return n - scene->end_slice > MAX_RIM ? scene->end_slice + MAX_RIM : n;
+}
+
 /* One of the two shapes of a slice while it grows. */
 typedef struct Side {
     const CtsBits *whole; /* of the volume, not grown */
@@ -188,10 +199,8 @@ static void expand_cells(const CouchGrid *g, const CtsBits *cells, int cj, int c
 static void keep_contested(const CouchScene *scene, const CouchGrid *g, const CtsBits *near, const Shapes *shapes)
 {
     CtsBits *const rivals = shapes->rivals;
-    const int first = scene->first_slice > MAX_RIM ? scene->first_slice - MAX_RIM : 0;
-    const int end = rivals->dims[2] - scene->end_slice > MAX_RIM ? scene->end_slice + MAX_RIM : rivals->dims[2];
 #pragma omp parallel for schedule(dynamic, 8) num_threads(scene->n_threads)
-    for (int k = first; k < end; k++) {
+    for (int k = couch_rim_first(scene); k < couch_rim_end(scene); k++) {
         uint64_t here[CTS_BITS_ROW_WORDS];
         for (int j = 0; j < rivals->dims[1]; j++) {
             if (j % g->block[1] == 0)

@@ -192,12 +192,29 @@ void cts_parts_free(CtsParts *p)
     cts_free(&p->parts);
 }
 
-void cts_parts_paint(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int n_threads)
+uint64_t cts_parts_count_slice(const CtsParts *p, const uint8_t *flags, int k)
 {
-    const size_t n_rows = (size_t)p->dims[1] * (size_t)p->dims[2];
-#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
-    for (size_t row = 0; row < n_rows; row++)
+    const size_t ny = (size_t)p->dims[1];
+    uint64_t n = 0;
+    for (uint32_t r = p->row_start[(size_t)k * ny]; r < p->row_start[((size_t)k + 1) * ny]; r++)
+        n += flags[p->runs[r].part] ? p->runs[r].end - p->runs[r].first : 0;
+    return n;
+}
+
+void cts_parts_paint_slice(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int k)
+{
+    for (int j = 0; j < p->dims[1]; j++) {
+        const size_t row = (size_t)k * (size_t)p->dims[1] + (size_t)j;
+        uint64_t *words = cts_bits_row(bits, j, k);
         for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
             if (flags[p->runs[r].part])
-                cts_bits_fill(bits->words + row * bits->row_words, (int)p->runs[r].first, (int)p->runs[r].end);
+                cts_bits_fill(words, (int)p->runs[r].first, (int)p->runs[r].end);
+    }
+}
+
+void cts_parts_paint(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int n_threads)
+{
+#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
+    for (int k = 0; k < p->dims[2]; k++)
+        cts_parts_paint_slice(p, flags, bits, k);
 }
