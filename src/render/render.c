@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/mem.h"
 #include "render/key.h"
+#include "render/pilot.h"
 #include "render/reference.h"
 #include "render/scene.h"
 #include <math.h>
@@ -92,6 +93,7 @@ struct CtsRenderer {
     CtsLut *lut;
     double lut_scale; /* extinction_scale that lut was made for */
     bool has_key;
+    bool piloted; /* --max-error was tried out */
     CtsVoidKey key;
     void *kept; /* the engine's */
 };
@@ -217,6 +219,22 @@ static CtsStatus new_band(const Frame *frame, int first_row, int n_rows, CtsPict
     return CTS_OK;
 }
 
+/* Sub-sheets for --max-error, found for the first frame and kept for all. */
+static CtsStatus find_samples(CtsRenderer *r, CtsRenderSettings *asked, CtsReport *report, CtsError *err)
+{
+    CtsSceneStore store;
+    CtsStatus st;
+    if (!(asked->max_error > 0) || asked->samples > 0 || r->piloted || asked->engine == CTS_ENGINE_RAYCAST)
+        return CTS_OK;
+    if ((st = cts_scene_init(&store, r->volume, &r->preset, asked, err)) || store.preset.mode != CTS_MODE_COMPOSITE)
+        return st;
+    asked->mm_per_pixel = store.scene.view.mm_per_pixel;
+    r->piloted = true;
+    if (!(st = cts_pilot_samples(r->volume, r->original, &r->preset, asked, report, err)))
+        r->settings.samples = asked->samples;
+    return st;
+}
+
 /* least_verified: so many pixels even where settings->verify is 0, if --void key has lost something. */
 static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, double elevation_deg, int least_verified,
                              CtsReport *report, CtsError *err)
@@ -226,6 +244,8 @@ static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, d
     *frame = (Frame){.renderer = r};
     asked.azimuth_deg = azimuth_deg;
     asked.elevation_deg = elevation_deg;
+    if ((st = find_samples(r, &asked, report, err)))
+        return st;
     if ((st = cts_scene_init(&frame->store, r->volume, &r->preset, &asked, err)))
         return st;
     const CtsPreset *p = &frame->store.preset;
@@ -331,14 +351,28 @@ CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_
     return frame_end(&frame, st, report, err);
 }
 
-CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
-                     CtsPicture **picture, CtsReport *report, CtsError *err)
+static CtsStatus render_whole(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+                              bool piloted, CtsPicture **picture, CtsReport *report, CtsError *err)
 {
     CtsRenderer *renderer;
     *picture = NULL;
     CtsStatus st = cts_render_begin(&renderer, volume, preset, settings, err);
-    if (!st)
+    if (!st) {
+        renderer->piloted = piloted;
         st = cts_render_frame(renderer, settings->azimuth_deg, settings->elevation_deg, picture, report, err);
+    }
     cts_render_end(&renderer);
     return st;
+}
+
+CtsStatus cts_render_on_trial(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+                              CtsPicture **picture, CtsError *err)
+{
+    return render_whole(volume, preset, settings, true, picture, NULL, err);
+}
+
+CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+                     CtsPicture **picture, CtsReport *report, CtsError *err)
+{
+    return render_whole(volume, preset, settings, false, picture, report, err);
 }

@@ -240,8 +240,6 @@ CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, CtsPaperFe
     if ((st = plan_geometry(p, report, err)))
         return st;
     explain(p, report);
-    if (scene->settings->max_error > 0)
-        cts_report_skip(report, "error bound", "--samples is what this engine's error depends on");
     const CtsBlocks *blocks = NULL;
     if (p->skip_void && (st = cts_scene_blocks(scene, &p->own_blocks, &blocks, report, err)))
         return st;
