@@ -177,7 +177,7 @@ static CtsStatus find_lut(CtsRenderer *r, CtsScene *scene, CtsReport *report, Ct
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
         cts_lut_free(&r->lut);
         CtsStatus st;
-        if ((st = cts_lut_new(&r->lut, p, r->volume, scene->extinction_scale, err)))
+        if ((st = cts_lut_new(&r->lut, p, r->volume, scene->extinction_scale, scene->settings->n_threads, err)))
             return st;
         r->lut_scale = scene->extinction_scale;
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, CTS_N_GREY, 0);

@@ -69,7 +69,7 @@ static uint8_t fine_bits(const CtsBlocks *blocks, const CtsLayout *layout, const
 }
 
 CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout *layout, const CtsLut *lut,
-                        CtsError *err)
+                        int n_threads, CtsError *err)
 {
     CtsStatus st;
     uint8_t *near = NULL;
@@ -81,17 +81,21 @@ CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout 
         (st = cts_alloc_array(&near, (size_t)leap->nu + 2, err)))
         goto end;
     const ptrdiff_t from[3] = {1, blocks->n[0], (ptrdiff_t)blocks->n[0] * blocks->n[1]};
-    uint8_t *d = leap->distance, *fine = leap->fine;
-    for (int k = 0; k < leap->nk; k++)
-        for (int v = 0; v < leap->nv; v++)
-            for (int u = 0; u < leap->nu; u++) {
-                const CtsRange r =
-                    blocks->range[u * from[layout->axis_u] + v * from[layout->axis_v] + k * from[layout->axis_k]];
-                const bool visible = cts_lut_visible(lut, r.low, r.high);
-                *d++ = visible ? 0 : FAR;
-                *fine++ = visible ? fine_bits(blocks, layout, lut, u, v, k) : 0;
-                leap->n_visible += visible;
-            }
+    int64_t n_visible = 0;
+#pragma omp parallel for schedule(dynamic, 64) num_threads(n_threads) reduction(+ : n_visible)
+    for (int row = 0; row < leap->nk * leap->nv; row++) {
+        const int v = row % leap->nv, k = row / leap->nv;
+        uint8_t *d = leap->distance + (size_t)row * (size_t)leap->nu, *fine = leap->fine + (d - leap->distance);
+        for (int u = 0; u < leap->nu; u++) {
+            const CtsRange r =
+                blocks->range[u * from[layout->axis_u] + v * from[layout->axis_v] + k * from[layout->axis_k]];
+            const bool visible = cts_lut_visible(lut, r.low, r.high);
+            d[u] = visible ? 0 : FAR;
+            fine[u] = visible ? fine_bits(blocks, layout, lut, u, v, k) : 0;
+            n_visible += visible;
+        }
+    }
+    leap->n_visible = n_visible;
     near[0] = near[leap->nu + 1] = FAR;
     relax(leap, 1, near);
     relax(leap, -1, near);

@@ -19,7 +19,7 @@ typedef struct CtsLeap {
 } CtsLeap;
 
 CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout *layout, const CtsLut *lut,
-                        CtsError *err);
+                        int n_threads, CtsError *err);
 void cts_leap_free(CtsLeap *leap);
 
 #endif

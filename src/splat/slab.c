@@ -53,14 +53,15 @@ CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRan
         (st = cts_alloc_zeroed(&table->step, (size_t)table->n + 1, err)) ||
         (st = cts_alloc_array(&step, (size_t)table->n, err)))
         goto end;
-    double total[4] = {0, 0, 0, 0};
-    for (int i = 0; i < table->n; i++) {
-        const double width_hu = scene->volume->hu_step / per_grey;
+    const double width_hu = scene->volume->hu_step / per_grey;
+#pragma omp parallel for schedule(static) num_threads(scene->settings->n_threads)
+    for (int i = 0; i < table->n; i++)
         step_integral(scene->preset, scene->extinction_scale,
                       scene->volume->hu_offset + scene->volume->hu_step * low + i * width_hu, width_hu, step[i]);
+    double total[4] = {0, 0, 0, 0};
+    for (int i = 0; i < table->n; i++)
         for (int c = 0; c < 4; c++)
             total[c] += step[i][c];
-    }
     /* One scale for the colours and one for the depth; sums stay below 2^30 even with rounding. */
     const double most = fmax(total[0], fmax(total[1], total[2])), top = 1 << 30;
     const double colour_unit = most > 0 ? most / top : 1, depth_unit = total[3] > 0 ? total[3] / top : 1;

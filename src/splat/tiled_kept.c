@@ -65,7 +65,7 @@ CtsStatus tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlo
     }
     cts_leap_free(&kept->leap);
     memcpy(kept->leap_axes, axes, sizeof axes);
-    return cts_leap_init(&kept->leap, blocks, layout, scene->lut, err);
+    return cts_leap_init(&kept->leap, blocks, layout, scene->lut, scene->settings->n_threads, err);
 }
 
 CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,

@@ -12,7 +12,7 @@ static void count_visible(CtsLut *l)
 }
 
 CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, double extinction_scale,
-                      CtsError *err)
+                      int n_threads, CtsError *err)
 {
     CtsStatus st;
     CtsLut *l = *lut = calloc(1, sizeof *l);
@@ -24,6 +24,8 @@ CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *vo
         cts_lut_free(lut);
         return st;
     }
+    double most = 0;
+#pragma omp parallel for schedule(static) num_threads(n_threads) reduction(max : most)
     for (int g = 0; g < CTS_N_GREY; g++) {
         const double hu = cts_volume_hu(volume, (uint16_t)g);
         double rgb[3];
@@ -32,9 +34,9 @@ CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *vo
             l->rgb[g][c] = (float)rgb[c];
         const double extinction = cts_preset_extinction_per_mm(preset, hu) * extinction_scale;
         l->extinction_per_mm[g] = (float)extinction;
-        if (extinction > l->max_extinction_per_mm)
-            l->max_extinction_per_mm = extinction;
+        most = extinction > most ? extinction : most;
     }
+    l->max_extinction_per_mm = most;
     count_visible(l);
     return CTS_OK;
 }

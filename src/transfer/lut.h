@@ -22,7 +22,7 @@ typedef struct CtsLut {
 /* extinction_scale multiplies every extinction: 1, or for --opacity-unit voxel the factor that makes the preset's
  * unit one voxel along the ray. Free with cts_lut_free(). */
 CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, double extinction_scale,
-                      CtsError *err);
+                      int n_threads, CtsError *err);
 /* Takes the levels that the key drops for invisible. */
 void cts_lut_hide(CtsLut *lut, const CtsVoidKey *key, const CtsVolume *volume);
 void cts_lut_free(CtsLut **lut);
