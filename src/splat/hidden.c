@@ -68,7 +68,7 @@ static bool pixels_within(double low, double high, int from, int past, int *firs
 {
     low = floor(low) - 1;
     high = ceil(high) + 1;
-    if (!(high >= from && low <= past - 1))
+    if (from >= past || !(high >= from && low <= past - 1))
         return false;
     *first = low > from ? (int)low : from;
     *last = high < past - 1 ? (int)high : past - 1;
