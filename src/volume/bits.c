@@ -223,6 +223,39 @@ static inline __attribute__((always_inline)) void add_shifted(uint64_t *restrict
         sum[n] |= slice[from + n + shift];
 }
 
+/* The rows before and behind, and the row itself where that is wanted, at the edges of the slice. */
+static inline __attribute__((always_inline)) void add_rows_at_edge(uint64_t *restrict sum,
+                                                                   const uint64_t *restrict slice, ptrdiff_t from,
+                                                                   ptrdiff_t n_sum, ptrdiff_t row, ptrdiff_t n_slice,
+                                                                   bool with_own)
+{
+    add_shifted(sum, slice, from, n_sum, -row, n_slice);
+    add_shifted(sum, slice, from, n_sum, row, n_slice);
+    if (with_own)
+        add_shifted(sum, slice, from, n_sum, 0, n_slice);
+}
+
+/* The same, in one go where both rows lie within the slice. */
+static inline __attribute__((always_inline)) void add_rows(uint64_t *restrict sum, const uint64_t *restrict slice,
+                                                           ptrdiff_t from, ptrdiff_t n_sum, ptrdiff_t row,
+                                                           ptrdiff_t n_slice, bool with_own)
+{
+    const ptrdiff_t last = n_slice - from - row;
+    const ptrdiff_t first = row > from ? row - from : 0, end = last < n_sum ? last : n_sum;
+    if (first >= end) {
+        add_rows_at_edge(sum, slice, from, n_sum, row, n_slice, with_own);
+        return;
+    }
+    add_rows_at_edge(sum, slice, from, first, row, n_slice, with_own);
+    if (with_own)
+        for (ptrdiff_t n = first; n < end; n++)
+            sum[n] |= slice[from + n - row] | slice[from + n] | slice[from + n + row];
+    else
+        for (ptrdiff_t n = first; n < end; n++)
+            sum[n] |= slice[from + n - row] | slice[from + n + row];
+    add_rows_at_edge(sum + end, slice, from + end, n_sum - end, row, n_slice, with_own);
+}
+
 /* All neighbouring rows and slices of a block; the word itself is left to the caller. */
 static inline __attribute__((always_inline)) void add_neighbours(const CtsBits *in, int k, CtsNeighbours neighbours,
                                                                  unsigned axes, ptrdiff_t from, ptrdiff_t n_sum,
@@ -232,9 +265,11 @@ static inline __attribute__((always_inline)) void add_neighbours(const CtsBits *
     for (int dk = -1; dk <= 1; dk++) {
         if (k + dk < 0 || k + dk >= in->dims[2] || (dk && !(axes & 4)))
             continue;
-        for (int dj = -1; dj <= 1; dj++)
-            if ((dj || dk) && (!dj || axes & 2) && !(dj && dk && neighbours == CTS_CROSS))
-                add_shifted(sum, cts_bits_row(in, 0, k + dk), from, n_sum, dj * row, n_slice);
+        const uint64_t *slice = cts_bits_row(in, 0, k + dk);
+        if (axes & 2 && !(dk && neighbours == CTS_CROSS))
+            add_rows(sum, slice, from, n_sum, row, n_slice, dk != 0);
+        else if (dk)
+            add_shifted(sum, slice, from, n_sum, 0, n_slice);
     }
 }
 
