@@ -4,14 +4,17 @@ cat >greys.json <<'JSON'
   "points": [ { "hu": 0, "rgb": [0, 0, 0], "opacity": 0 }, { "hu": 500, "rgb": [0.7, 0.7, 0.7], "opacity": 0.5 } ] }
 JSON
 
-# form FORM BACKGROUND OPTION...: renders all three formats and judges them
+# form FORM BACKGROUND OPTION...: renders all three formats, to be judged at the end
+judged=
+n=0
 form()
 {
     form=$1 background=$2
     shift 2
-    ok render "$data/phantom" --size 40x30 --background "$background" "$@" -o a.png -o a.exr -o a.dcm --force
-    py forms.py "$form" "$background" a.png a.dcm
-    run compare a.png a.exr
+    n=$((n + 1))
+    ok render "$data/phantom" --size 40x30 --background "$background" "$@" -o $n.png -o $n.exr -o $n.dcm
+    judged="$judged $form $background $n.png $n.dcm"
+    run compare $n.png $n.exr
     [ "$code" -le 1 ] || fail "the .exr cannot be read"
     has out '^share +0 of'
 }
@@ -33,7 +36,7 @@ done
 
 # Every frame has the form of the first, also one that shows nothing.
 ok render "$data/phantom" --size 24x18 -p bone --rotation 3 --crop 0,3,0,3,0,4 -o turn.png -o turn.dcm
-py forms.py colour '#000000' turn-002.png turn.dcm
+judged="$judged colour #000000 turn-002.png turn.dcm"
 
 # Sizes and scales at their ends.
 for size in 1x1 16384x1 1x2000; do
@@ -52,3 +55,5 @@ form grey '#000000' -p bone --mode mip --crop 0,3,0,3,0,4
 refused 2 'crop box holds no voxel' render "$data/phantom" --crop 5000,5001,0,1,0,1 -o none.png
 refused 2 'crop' render "$data/phantom" --crop 1,0,0,1,0,1 -o none.png
 [ ! -e none.png ] || fail "a refused crop wrote a picture"
+# shellcheck disable=SC2086 # a list of words
+py forms.py $judged
