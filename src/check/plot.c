@@ -39,8 +39,13 @@ static void write_head(FILE *f, const CtsCheckResult *results, const size_t *fir
             "set xlabel 'error / bound (a case fails right of 1)'\nset grid x\nset key outside top horizontal\n"
             "set lmargin 46\nset arrow from 1,graph 0 to 1,graph 1 nohead lc rgb '#b02020' lw 2\nset ytics (",
             120 + 15 * n_rows, LEAST * 0.7, n_rows);
-    for (size_t r = 0; r < n_rows; r++)
-        fprintf(f, "%s'%s' %zu", r ? ", " : "", results[first[r]].name, r);
+    for (size_t r = 0; r < n_rows; r++) {
+        fputs(r ? ", '" : "'", f);
+        /* gnuplot takes a tic's name for a format. */
+        for (const char *c = results[first[r]].name; *c; c++)
+            fputs(*c == '%' ? "%%" : (const char[2]){*c, 0}, f);
+        fprintf(f, "' %zu", r);
+    }
     fputs(")\n", f);
 }
 
