@@ -23,14 +23,17 @@ typedef struct Light {
     unsigned opaque;  /* bit h: packet h */
 } Light;
 
-/* The first visible surface: where half of the light is lost, or the first that is seen at all. */
-INLINE void note_depth(const TiledJob *j, Light *light, vf t_before, vf q)
+/* The first visible surface: where half of the light is lost, or the middle of the first slab that is seen at all. The
+ * slab runs from layer position `from` over `length` layers, and the light falls along it in a straight line. */
+INLINE void note_depth(const TiledJob *j, Light *light, vf t_before, vf from, vf length)
 {
     if (!j->depth_mm)
         return;
     const vmask first = mask_and(vf_lt(light->depth, vf_of(0)), vf_lt(light->t, t_before));
     const vmask half = mask_and(vf_lt(vf_of(0.5f), t_before), vf_le(light->t, vf_of(0.5f)));
-    light->depth = select_f(mask_or(first, half), q, light->depth);
+    const vf fall = select_f(half, t_before - light->t, vf_of(1));
+    const vf part = select_f(half, (t_before - 0.5f) / fall, vf_of(0.5f));
+    light->depth = select_f(mask_or(first, half), from + part * length, light->depth);
 }
 
 typedef struct Entry {

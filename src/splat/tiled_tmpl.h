@@ -64,7 +64,8 @@ OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
         const vf t_before = light->t;
         add_slab(j, light, mask_packets(marching), &e0, &e1, slab_length(j, beam, pk, q, length_mm, part, parts),
                  lit ? &glow : NULL);
-        note_depth(j, light, t_before, vf_of((float)q + ((float)part - 0.5f) / (float)j->samples));
+        note_depth(j, light, t_before, vf_of((float)q + ((float)part - 1) / (float)j->samples),
+                   vf_of(1 / (float)j->samples));
         s0 = s1;
         e0 = e1;
         have_entry = true;
@@ -141,7 +142,7 @@ INLINE void add_parts(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way 
         const vf t_before = light->t;
         add_slab(j, light, mask_packets(adding), &before, &after,
                  slab_length(j, beam, pk, q, j->layer_mm * share, p, bend.parts), lit ? &glow : NULL);
-        note_depth(j, light, t_before, (float)q + f - 0.5f * share);
+        note_depth(j, light, t_before, (float)q + f - share, share);
         before = after;
     }
 }
@@ -176,7 +177,7 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
     const vf t_before = light->t;
     add_slab(j, light, mask_packets(marching), e0, e1, slab_length(j, beam, pk, q, vf_of(j->layer_mm), 1, whole),
              lit ? &glow : NULL);
-    note_depth(j, light, t_before, vf_of((float)q + 0.5f));
+    note_depth(j, light, t_before, vf_of((float)q), vf_of(1));
 }
 
 /* Notes the packets that have become opaque; true when all have. */
