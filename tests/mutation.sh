@@ -13,7 +13,10 @@ meson setup "$build" "$root" -Dtests=false -Doptimization=1 >/dev/null
 missed=0
 for fault; do
     meson configure "$build" -Dmutation="$fault" >/dev/null
-    ninja -C "$build" src/cli/ctsplat >/dev/null
+    ninja -C "$build" src/cli/ctsplat >"$build/ninja.txt" || {
+        echo "$fault: does not build" && grep -m 3 error "$build/ninja.txt"
+        exit 1
+    }
     status=0
     "$build/src/cli/ctsplat" check >"$build/check.txt" || status=$?
     failed=$(grep -c '^FAIL' "$build/check.txt" || true)
