@@ -6,10 +6,7 @@ set -eu
 program=$1 phantom=$2 raw2ct=$3 root=$4
 folder=$(mktemp -d)
 trap 'rm -rf "$folder"' EXIT
-"$phantom" --size 512,512,324 --spacing 0.478,0.478,0.497 "$folder/head.raw"
-mkdir "$folder/series"
-"$raw2ct" --size 512,512,324 --spacing 0.478,0.478,0.497 "$folder/head.raw" "$folder/series" >/dev/null
-rm "$folder/head.raw"
+"$(dirname "$0")/head_series.sh" "$phantom" "$raw2ct" "$folder/series"
 set -- "$folder/series"
 for series in "$root/out/demo/ct-head" "$root/../shared/data/head-phantom/S2020"; do
     if [ -d "$series" ]; then

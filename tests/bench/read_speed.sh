@@ -9,9 +9,7 @@ set -eu
 dump=$1 phantom=$2 raw2ct=$3 rounds=${4:-7} ctsplat=${5:-}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-"$phantom" --size 512,512,300 --spacing 0.45,0.45,0.7 "$work/head.raw"
-"$raw2ct" --size 512,512,300 --spacing 0.45,0.45,0.7 "$work/head.raw" "$work/series" >/dev/null
-rm "$work/head.raw"
+"$(dirname "$0")/head_series.sh" "$phantom" "$raw2ct" "$work/series" 300
 cat "$work"/series/* >/dev/null
 
 now() { date +%s%N; }
