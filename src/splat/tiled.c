@@ -116,7 +116,7 @@ typedef struct Kernels {
 static Kernels choose_kernels(const TiledJob *j, const CtsScene *scene)
 {
     const unsigned cpu = cts_cpu_flags() & scene->settings->cpu_mask;
-    if (cpu & CTS_CPU_AVX512 && j->two_fit)
+    if (cpu & CTS_CPU_AVX512 && j->windowed)
         return (Kernels){"AVX-512", tiled_packets_avx512, tiled_packets_avx2, 2};
     if (cpu & CTS_CPU_AVX2)
         return (Kernels){"AVX2", tiled_packets_avx2, tiled_packets_avx2, 1};

@@ -134,11 +134,15 @@ INLINE vf shade_power(const CtsShade *shade, vf facing)
     return low + (high - low) * (at - to_float(i));
 }
 
-/* One window of 16 x 4 voxels for all lanes. */
+/* Where the lanes' rays meet a sheet: one window of 16 x 4 voxels for all of them where they fit, else one of 8 x 3 for
+ * every four. */
 typedef struct Taps {
-    const uint16_t *at; /* its first voxel, in layer q = 0 */
-    vi upper, lower;    /* where in the window's 64 voxels a lane's pair of columns stands, in its two rows */
-    vi weights;         /* 14-bit weights of the two columns, packed as two int16 */
+    const uint16_t *at[LANES / 4]; /* the windows' first voxels, in layer q = 0 */
+    bool one;                      /* only at[0] is used, with upper and lower; else all four, with pick and row1 */
+    vi upper, lower; /* where in the window's 64 voxels a lane's pair of columns stands, in its two rows */
+    vi pick;         /* bytes that fetch a pair of columns from a row of 8 */
+    vmask row1;      /* where the upper row is the window's second */
+    vi weights;      /* 14-bit weights of the two columns, packed as two int16 */
     vf fy;
 } Taps;
 
@@ -147,38 +151,71 @@ INLINE int clamp_int(int x, int low, int high)
     return x < low ? low : x > high ? high : x;
 }
 
-/* The window for packets whose first pixels are at (pu, pv), in 2^-16 voxels. inner: all of it is far enough from the
- * volume's faces to need no clamping. */
-INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], bool inner)
+INLINE vi both_packets(const int32_t of[CTS_PACKET])
 {
-    const vi lane_u = (vi)_mm512_broadcast_i32x8(_mm256_loadu_si256((const __m256i *)j->lane_u));
-    const vi lane_v = (vi)_mm512_broadcast_i32x8(_mm256_loadu_si256((const __m256i *)j->lane_v));
+    return (vi)_mm512_broadcast_i32x8(_mm256_loadu_si256((const __m256i *)of));
+}
+
+/* One window; u and v are the lanes' positions, inside the volume. */
+INLINE Taps one_window(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], vi u, vi v, bool inner)
+{
     const int32_t first_u = j->half_u[0] < j->half_u[4] ? j->half_u[0] : j->half_u[4];
     const int32_t first_v = j->half_v[0] < j->half_v[4] ? j->half_v[0] : j->half_v[4];
-    vi u = vi_packets(pu) + lane_u, v = vi_packets(pv) + lane_v;
-    int cu = ((pu[0] < pu[1] ? pu[0] : pu[1]) + first_u) >> 16, cv = ((pv[0] < pv[1] ? pv[0] : pv[1]) + first_v) >> 16;
-    vi column, row;
-    if (inner) {
-        column = u >> 16;
-        row = v >> 16;
-    } else {
-        u = vi_min(vi_max(u, vi_of(0)), vi_of((j->nu - 1) << 16));
-        v = vi_min(vi_max(v, vi_of(0)), vi_of((j->nv - 1) << 16));
-        /* At the far faces u and v are whole: take the voxel before, with full weight for the one behind. */
-        column = vi_min(u >> 16, vi_of(j->nu - 2));
-        row = vi_min(v >> 16, vi_of(j->nv - 2));
-    }
+    const int cu = ((pu[0] < pu[1] ? pu[0] : pu[1]) + first_u) >> 16;
+    const int cv = ((pv[0] < pv[1] ? pv[0] : pv[1]) + first_v) >> 16;
     /* Loads must stay inside the layer, whatever the lanes do. */
-    cu = clamp_int(cu, 0, j->nu - 16);
-    cv = clamp_int(cv, 0, j->nv - 4);
-    Taps t = {.at = j->layer0 + cv * j->row_stride + cu};
-    const vi wx = (u - (column << 16)) >> 2;
-    const vi place = (row - cv) * 16 + (column - cu);
+    const int at_u = clamp_int(cu, 0, j->nu - 16), at_v = clamp_int(cv, 0, j->nv - 4);
+    vi column = u >> 16, row = v >> 16;
+    if (!inner) {
+        /* At the far faces u and v are whole: take the voxel before, with full weight for the one behind. */
+        column = vi_min(column, vi_of(j->nu - 2));
+        row = vi_min(row, vi_of(j->nv - 2));
+    }
+    const vi wx = (u - (column << 16)) >> 2, place = (row - at_v) * 16 + (column - at_u);
+    Taps t = {.one = true, .at = {j->layer0 + at_v * j->row_stride + at_u}};
     t.upper = place * 0x10001 + 0x10000;
     t.lower = t.upper + 0x100010;
     t.weights = (wx << 16) | (16384 - wx);
     t.fy = to_float(v - (row << 16)) * (1.0f / 65536);
     return t;
+}
+
+/* A window for every four lanes, as in tiled_taps_tmpl.h. */
+INLINE Taps four_windows(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], vi u, vi v,
+                         bool inner)
+{
+    Taps t = {.one = false};
+    vi iu = (vi_packets(pu) + both_packets(j->half_u)) >> 16, iv = (vi_packets(pv) + both_packets(j->half_v)) >> 16;
+    if (!inner) {
+        iu = vi_min(vi_max(iu, vi_of(0)), vi_of(j->window_u));
+        iv = vi_min(vi_max(iv, vi_of(0)), vi_of(j->window_v));
+    }
+    for (int i = 0; i < LANES / 4; i++) {
+        int cu = (pu[i / 2] + j->half_u[i % 2 * 4]) >> 16, cv = (pv[i / 2] + j->half_v[i % 2 * 4]) >> 16;
+        if (!inner) {
+            cu = clamp_int(cu, 0, j->window_u);
+            cv = clamp_int(cv, 0, j->window_v);
+        }
+        t.at[i] = j->layer0 + cv * j->row_stride + cu;
+    }
+    const vi x0 = vi_min((u >> 16) - iu, vi_of(6)), wx = (u - ((x0 + iu) << 16)) >> 2, down = v - (iv << 16);
+    t.pick = x0 * 0x02020202 + 0x03020100;
+    t.weights = (wx << 16) | (16384 - wx);
+    t.row1 = _mm512_cmpge_epi32_mask((__m512i)down, _mm512_set1_epi32(1 << 16));
+    t.fy = to_float(select_i(t.row1, down - (1 << 16), down)) * (1.0f / 65536);
+    return t;
+}
+
+/* The windows for packets whose first pixels are at (pu, pv), in 2^-16 voxels. inner: all of it is far enough from the
+ * volume's faces to need no clamping. */
+INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], bool inner)
+{
+    vi u = vi_packets(pu) + both_packets(j->lane_u), v = vi_packets(pv) + both_packets(j->lane_v);
+    if (!inner) {
+        u = vi_min(vi_max(u, vi_of(0)), vi_of((j->nu - 1) << 16));
+        v = vi_min(vi_max(v, vi_of(0)), vi_of((j->nv - 1) << 16));
+    }
+    return j->two_fit ? one_window(j, pu, pv, u, v, inner) : four_windows(j, pu, pv, u, v, inner);
 }
 
 INLINE __m512i two_rows(const uint16_t *at, ptrdiff_t row_stride)
@@ -187,14 +224,34 @@ INLINE __m512i two_rows(const uint16_t *at, ptrdiff_t row_stride)
     return _mm512_inserti64x4(low, _mm256_loadu_si256((const __m256i *)(at + row_stride)), 1);
 }
 
-/* The pairs of voxels by a shuffle of the whole window instead of a gather. */
+INLINE __m512i four_rows(const Taps *t, ptrdiff_t offset)
+{
+    __m512i row = _mm512_castsi128_si512(_mm_loadu_si128((const __m128i *)(t->at[0] + offset)));
+    row = _mm512_inserti32x4(row, _mm_loadu_si128((const __m128i *)(t->at[1] + offset)), 1);
+    row = _mm512_inserti32x4(row, _mm_loadu_si128((const __m128i *)(t->at[2] + offset)), 2);
+    return _mm512_inserti32x4(row, _mm_loadu_si128((const __m128i *)(t->at[3] + offset)), 3);
+}
+
+/* The pairs of voxels by shuffles of whole windows instead of a gather. */
 INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 {
     const __m512i bias = _mm512_set1_epi32((int)0x80008000);
-    const uint16_t *at = t->at + offset;
-    const __m512i low = two_rows(at, row_stride), high = two_rows(at + 2 * row_stride, row_stride);
-    const __m512i upper = _mm512_xor_si512(_mm512_permutex2var_epi16(low, (__m512i)t->upper, high), bias);
-    const __m512i lower = _mm512_xor_si512(_mm512_permutex2var_epi16(low, (__m512i)t->lower, high), bias);
+    __m512i upper, lower;
+    if (t->one) {
+        const uint16_t *at = t->at[0] + offset;
+        const __m512i low = two_rows(at, row_stride), high = two_rows(at + 2 * row_stride, row_stride);
+        upper = _mm512_permutex2var_epi16(low, (__m512i)t->upper, high);
+        lower = _mm512_permutex2var_epi16(low, (__m512i)t->lower, high);
+    } else {
+        const __m512i pick = (__m512i)t->pick;
+        const __m512i p0 = _mm512_shuffle_epi8(four_rows(t, offset), pick);
+        const __m512i p1 = _mm512_shuffle_epi8(four_rows(t, offset + row_stride), pick);
+        const __m512i p2 = _mm512_shuffle_epi8(four_rows(t, offset + 2 * row_stride), pick);
+        upper = _mm512_mask_blend_epi32(t->row1, p0, p1);
+        lower = _mm512_mask_blend_epi32(t->row1, p1, p2);
+    }
+    upper = _mm512_xor_si512(upper, bias);
+    lower = _mm512_xor_si512(lower, bias);
     const vf a = (vf)_mm512_cvtepi32_ps(_mm512_madd_epi16(upper, (__m512i)t->weights));
     const vf b = (vf)_mm512_cvtepi32_ps(_mm512_madd_epi16(lower, (__m512i)t->weights));
     return (a + t->fy * (b - a)) * (1.0f / 16384) + 32768.0f;

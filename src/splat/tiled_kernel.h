@@ -30,7 +30,7 @@ typedef struct TiledJob {
     int32_t lane_u[CTS_PACKET], lane_v[CTS_PACKET], half_u[CTS_PACKET], half_v[CTS_PACKET];
     int window_u, window_v; /* largest first column and row of a window of 8 x 3 voxels */
     bool windowed;          /* half a packet fits such a window; else lane by lane */
-    bool two_fit;           /* two packets, one below the other, fit one window of 16 x 4 voxels */
+    bool two_fit;           /* so do two packets, one below the other, one of 16 x 4 */
     bool straight;          /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
     int samples;            /* sub-sheets per layer */
     /* Adaptive: layers are sampled once, and a slab gets more only where both its layers do not show the same. */
@@ -93,7 +93,7 @@ typedef void (*tiled_packets_fn)(const TiledJob *job, TiledBeam *beam, int x, in
 
 void tiled_packets_c(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
 void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
-/* Takes two rows; only for jobs with windowed and two_fit. */
+/* Takes two rows; only for windowed jobs. */
 void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
 
 /* Bounds for the rays of pixels x0..x1 - 1 by y0..y1 - 1; false when they miss everything that may be visible. */
