@@ -146,11 +146,6 @@ typedef struct Taps {
     vf fy;
 } Taps;
 
-INLINE int clamp_int(int x, int low, int high)
-{
-    return x < low ? low : x > high ? high : x;
-}
-
 INLINE vi both_packets(const int32_t of[CTS_PACKET])
 {
     return (vi)_mm512_broadcast_i32x8(_mm256_loadu_si256((const __m256i *)of));

@@ -13,11 +13,6 @@ typedef struct Taps {
     vf fy;
 } Taps;
 
-INLINE int clamp_int(int x, int low, int high)
-{
-    return x < low ? low : x > high ? high : x;
-}
-
 /* The windows for a packet whose first pixel is at (pu, pv), in 2^-16 voxels. inner: all of it is far enough from the
  * volume's faces to need no clamping. */
 INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], bool inner)

@@ -60,6 +60,11 @@ INLINE vi vi_of(int32_t x)
     return (vi)CTS_LANES_OF(x);
 }
 
+INLINE int clamp_int(int x, int low, int high)
+{
+    return x < low ? low : x > high ? high : x;
+}
+
 INLINE vf to_float(vi a)
 {
     return __builtin_convertvector(a, vf);
