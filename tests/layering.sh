@@ -11,7 +11,7 @@ table='
 include/ctsplat | ctsplat/ |
 src/base     | ctsplat/status.h ctsplat/report.h | openssl/ jansson.h
 src/dicom    | ctsplat/status.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h
-src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/couch.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/slice_stack.h |
+src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/couch.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/slice_stack.h | immintrin.h
 src/transfer | ctsplat/status.h ctsplat/mixture.h ctsplat/preset.h ctsplat/volume.h | jansson.h expat.h
 src/splat    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ | immintrin.h
 src/raycast  | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ splat/view.h splat/engine.h |

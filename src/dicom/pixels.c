@@ -4,6 +4,9 @@
 #include "dicom/file_bytes.h"
 #include "dicom/slice.h"
 
+/* What is read at a time, so that it is still in the nearest caches when it is looked at. */
+enum { PART_BYTES = 64 << 10 };
+
 static CtsStatus read_deflated(const CtsSlice *s, const CtsFileBytes *file, CtsScratch *scratch, uint8_t *bytes,
                                size_t n, CtsError *err)
 {
@@ -45,12 +48,25 @@ static void swap_pairs(uint8_t *bytes, size_t n)
     }
 }
 
-CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t *words, CtsError *err)
+/* Bytes first <= i < end of the frame become words; first is even. */
+static void widen(const CtsSlice *s, const uint8_t *bytes, uint16_t *words, size_t first, size_t end)
 {
-    const size_t n = (size_t)s->rows * (size_t)s->columns;
-    const size_t frame_bytes = n * (size_t)(s->bits_allocated / 8);
+    if (s->syntax->big_endian && (s->bits_allocated == 16 || s->pixel_words))
+        swap_pairs((uint8_t *)(uintptr_t)bytes + first, end - first);
+    if (s->bits_allocated == 8)
+        for (size_t i = first; i < end; i++)
+            words[i] = bytes[i];
+}
+
+CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t *words, cts_words_ready_fn ready,
+                                void *context, CtsError *err)
+{
+    const size_t n = (size_t)s->rows * (size_t)s->columns, word_bytes = (size_t)(s->bits_allocated / 8);
+    const size_t frame_bytes = n * word_bytes;
     /* 8-bit pixels are read into the upper half of their place and widened forwards. */
     uint8_t *bytes = (uint8_t *)words + (2 * n - frame_bytes);
+    const bool plain = !cts_syntax_encapsulated(s->syntax) && !s->syntax->deflated;
+    const size_t part = plain ? PART_BYTES : frame_bytes;
     CtsFileBytes file;
     CtsStatus st = cts_file_bytes_open(&file, s->path, err);
     if (!st && file.fd < 0)
@@ -61,15 +77,15 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t
         st = read_compressed(s, &file, scratch, bytes, err);
     else if (!st && s->syntax->deflated)
         st = read_deflated(s, &file, scratch, bytes, frame_bytes, err);
-    else if (!st)
-        st = cts_file_bytes_read(&file, bytes, frame_bytes, s->pixel_offset, err);
+    for (size_t first = 0; !st && first < frame_bytes; first += part) {
+        const size_t end = frame_bytes - first < part ? frame_bytes : first + part;
+        if (plain)
+            st = cts_file_bytes_read(&file, bytes + first, end - first, s->pixel_offset + first, err);
+        if (st)
+            break;
+        widen(s, bytes, words, first, end);
+        ready(context, first / word_bytes, end / word_bytes);
+    }
     cts_file_bytes_close(&file);
-    if (st)
-        return st;
-    if (s->syntax->big_endian && (s->bits_allocated == 16 || s->pixel_words))
-        swap_pairs(bytes, frame_bytes);
-    if (s->bits_allocated == 8)
-        for (size_t i = 0; i < n; i++)
-            words[i] = bytes[i];
-    return CTS_OK;
+    return st;
 }

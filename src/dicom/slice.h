@@ -92,9 +92,14 @@ typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_UNREADAB
 CtsFileKind cts_slice_read_header(const char *path, CtsScratch *scratch, CtsSlice *slice, uint64_t *bytes_read,
                                   CtsError *err);
 
+/* Words first <= n < end of a slice are there; what is told of them last is still in the cache. */
+typedef void (*cts_words_ready_fn)(void *context, size_t first, size_t end);
+
 /* The stored words of a slice without fault, as the file has them but in this machine's byte order and widened to 16
- * bits: rows * columns words, not yet masked or rescaled. Fails with a message that has no path in it. */
-CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsScratch *scratch, uint16_t *words, CtsError *err);
+ * bits: rows * columns words, not yet masked or rescaled. They come in parts, in order; ready() is called after each
+ * and may change them. Fails with a message that has no path in it. */
+CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsScratch *scratch, uint16_t *words, cts_words_ready_fn ready,
+                                void *context, CtsError *err);
 
 /* The file names in a DICOMDIR, with its own folder in front; free each and the array with free(). */
 CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,

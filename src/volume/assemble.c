@@ -52,25 +52,51 @@ static uint16_t *layer_of(const Assembly *a, int k)
     return a->first + (size_t)k * a->layer_voxels;
 }
 
+/* One slice on its way from the file into the volume. */
+typedef struct Arrival {
+    Assembly *assembly;
+    int k;
+    CtsStored stored;
+    cts_grey_whole_fn to_grey;
+    int n_rows; /* whole ones so far */
+    double grey_ms;
+} Arrival;
+
+/* Words first <= n < end become grey levels and part of their blocks while they are in the cache. */
+static void take_words(void *context, size_t first, size_t end)
+{
+    Arrival *const in = context;
+    Assembly *const a = in->assembly;
+    const CtsSlice *s = &a->slices[in->k];
+    uint16_t *layer = layer_of(a, in->k);
+    const double start = cts_wall_ms();
+    const CtsStoredRange r = a->whole_numbers ? in->to_grey(layer + first, end - first, &in->stored, (int32_t)s->slope,
+                                                            (int32_t)(s->intercept - HU_OFFSET))
+                                              : cts_stored_range(layer + first, end - first, &in->stored);
+    CtsStoredRange *const all = &a->ranges[in->k];
+    all->low = r.low < all->low ? r.low : all->low;
+    all->high = r.high > all->high ? r.high : all->high;
+    const int n_rows = (int)(end / (size_t)s->columns);
+    if (a->blocks)
+        cts_blocks_add(a->blocks, in->k, layer, in->n_rows, n_rows);
+    in->n_rows = n_rows;
+    in->grey_ms += cts_wall_ms() - start;
+}
+
 static CtsStatus read_slice(Assembly *a, int k, CtsScratch *scratch, cts_grey_whole_fn to_grey,
                             double busy[CTS_N_STAGES], CtsError *err)
 {
     const CtsSlice *s = &a->slices[k];
-    const CtsStored stored = stored_of(s);
+    Arrival in = {.assembly = a, .k = k, .stored = stored_of(s), .to_grey = to_grey};
     const double start = cts_wall_ms();
-    CtsStatus st = cts_slice_read_pixels(s, scratch, layer_of(a, k), err);
+    a->ranges[k] = (CtsStoredRange){INT32_MAX, INT32_MIN};
+    const CtsStatus st = cts_slice_read_pixels(s, scratch, layer_of(a, k), take_words, &in, err);
     if (st) {
         cts_context(err, "%s", cts_slice_name(s));
         return st;
     }
-    const double decoded = cts_wall_ms();
-    a->ranges[k] = a->whole_numbers ? to_grey(layer_of(a, k), a->layer_voxels, &stored, (int32_t)s->slope,
-                                              (int32_t)(s->intercept - HU_OFFSET))
-                                    : cts_stored_range(layer_of(a, k), a->layer_voxels, &stored);
-    if (a->blocks)
-        cts_blocks_add(a->blocks, k, layer_of(a, k));
-    busy[CTS_STAGE_DECODE] += decoded - start;
-    busy[CTS_STAGE_GREY] += cts_wall_ms() - decoded;
+    busy[CTS_STAGE_DECODE] += cts_wall_ms() - start - in.grey_ms;
+    busy[CTS_STAGE_GREY] += in.grey_ms;
     return CTS_OK;
 }
 

@@ -2,11 +2,12 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "volume/fold.h"
 #include <stdlib.h>
 #include <string.h>
 
-/* Columns folded at a time; a fine block reaches over CTS_FINE_BLOCK + 1 voxels. */
-enum { STRIP = 1024, REACH = CTS_FINE_BLOCK + 1 };
+/* A fine block reaches over so many voxels. */
+enum { REACH = CTS_FINE_BLOCK + 1 };
 
 static inline uint16_t min16(uint16_t a, uint16_t b)
 {
@@ -24,51 +25,15 @@ static inline void widen(CtsRange *r, CtsRange other)
     r->high = max16(r->high, other.high);
 }
 
-/* n_rows rows of n columns, row_stride apart, become the ranges of n_blocks fine blocks side by side; the columns
- * behind the last one are taken to repeat it. */
-CTS_VECTOR_CLONES static void fold_strip(const uint16_t *row, size_t row_stride, int n_rows, int n, CtsRange *range,
-                                         int n_blocks)
+/* Rows first <= bj < end of a slice's fine blocks, widened in range[bj * n_fine[0] + bi]. */
+static void fold_slice(const CtsBlocks *b, const uint16_t *slice, int first, int end, CtsRange *range)
 {
-    uint16_t low[STRIP + 2 * REACH], high[STRIP + 2 * REACH];
-    memcpy(low, row, (size_t)n * sizeof *low);
-    memcpy(high, row, (size_t)n * sizeof *high);
-    for (int r = 1; r < n_rows; r++) {
-        const uint16_t *next = row + (size_t)r * row_stride;
-        for (int i = 0; i < n; i++) {
-            low[i] = min16(low[i], next[i]);
-            high[i] = max16(high[i], next[i]);
-        }
-    }
-    for (int i = n; i < n + REACH; i++) {
-        low[i] = low[n - 1];
-        high[i] = high[n - 1];
-    }
-    /* Windows of 5 columns by doubling: 2, 4, then one more. */
-    uint16_t low2[STRIP + REACH], high2[STRIP + REACH];
-    for (int i = 0; i < n + REACH - 1; i++) {
-        low2[i] = min16(low[i], low[i + 1]);
-        high2[i] = max16(high[i], high[i + 1]);
-    }
-    for (int i = 0; i < n; i++) {
-        low2[i] = min16(min16(low2[i], low2[i + 2]), low[i + 4]);
-        high2[i] = max16(max16(high2[i], high2[i + 2]), high[i + 4]);
-    }
-    for (int b = 0; b < n_blocks; b++)
-        widen(&range[b], (CtsRange){low2[b * CTS_FINE_BLOCK], high2[b * CTS_FINE_BLOCK]});
-}
-
-/* A slice's fine blocks, widened in range[bj * n_fine[0] + bi]. */
-static void fold_slice(const CtsBlocks *b, const uint16_t *slice, CtsRange *range)
-{
+    const cts_fold_fn fold = cts_fold(cts_cpu_flags());
     const int nx = b->dims[0], ny = b->dims[1];
-    for (int bj = 0; bj < b->n_fine[1]; bj++) {
+    for (int bj = first; bj < end; bj++) {
         const int j0 = bj * CTS_FINE_BLOCK, n_rows = ny - j0 < REACH ? ny - j0 : REACH;
-        for (int i0 = 0, bi = 0; bi < b->n_fine[0]; i0 += STRIP, bi += STRIP / CTS_FINE_BLOCK) {
-            const int n = nx - i0 < STRIP + 1 ? nx - i0 : STRIP + 1;
-            const int left = b->n_fine[0] - bi, most = STRIP / CTS_FINE_BLOCK;
-            fold_strip(slice + (size_t)j0 * (size_t)nx + i0, (size_t)nx, n_rows, n,
-                       range + (size_t)bj * (size_t)b->n_fine[0] + bi, left < most ? left : most);
-        }
+        fold(slice + (size_t)j0 * (size_t)nx, (size_t)nx, n_rows, nx, range + (size_t)bj * (size_t)b->n_fine[0],
+             b->n_fine[0]);
     }
 }
 
@@ -116,21 +81,28 @@ CtsStatus cts_blocks_begin(CtsBlocks **blocks, const int dims[3], CtsError *err)
     return CTS_OK;
 }
 
-void cts_blocks_add(CtsBlocks *b, int k, const uint16_t *slice)
+/* How many rows of fine blocks the first n_rows rows of a slice complete. */
+static int complete_rows(const CtsBlocks *b, int n_rows)
+{
+    return n_rows == b->dims[1] ? b->n_fine[1] : n_rows > 0 ? (n_rows - 1) / CTS_FINE_BLOCK : 0;
+}
+
+void cts_blocks_add(CtsBlocks *b, int k, const uint16_t *slice, int first, int end)
 {
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
-    const int bk = k / CTS_FINE_BLOCK;
+    const int bk = k / CTS_FINE_BLOCK, bj0 = complete_rows(b, first), bj1 = complete_rows(b, end);
     CtsRange *own = b->fine + (size_t)bk * layer;
     if (k % CTS_FINE_BLOCK > 0) {
-        fold_slice(b, slice, own);
+        fold_slice(b, slice, bj0, bj1, own);
         return;
     }
     /* The slice on which two blocks meet: kept apart, since the block before may be another thread's. */
     CtsRange *shared = b->shared + (size_t)bk * layer;
-    clear(shared, layer);
-    fold_slice(b, slice, shared);
+    const size_t at = (size_t)bj0 * (size_t)b->n_fine[0], n = (size_t)(bj1 - bj0) * (size_t)b->n_fine[0];
+    clear(shared + at, n);
+    fold_slice(b, slice, bj0, bj1, shared);
     if (bk < b->n_fine[2])
-        widen_row(own, shared, (int)layer);
+        widen_row(own + at, shared + at, (int)n);
 }
 
 /* One row of coarse blocks from the up to four rows of fine ones that it covers. */
@@ -184,7 +156,7 @@ void cts_blocks_keep_slices(CtsBlocks *b, int first, int n_slices, const uint16_
     /* The last layer knows slices that are gone. */
     clear(b->fine + (size_t)last * layer, layer);
     for (int k = last * CTS_FINE_BLOCK; k < n_slices; k++)
-        fold_slice(b, grey + (size_t)k * slice, b->fine + (size_t)last * layer);
+        fold_slice(b, grey + (size_t)k * slice, 0, b->n_fine[1], b->fine + (size_t)last * layer);
     cts_blocks_sum(b, 1);
 }
 
@@ -197,7 +169,7 @@ CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_thre
     const size_t slice = (size_t)volume->dims[0] * (size_t)volume->dims[1];
 #pragma omp parallel for schedule(static, CTS_FINE_BLOCK) num_threads(n_threads)
     for (int k = 0; k < volume->dims[2]; k++)
-        cts_blocks_add(b, k, volume->grey + (size_t)k * slice);
+        cts_blocks_add(b, k, volume->grey + (size_t)k * slice, 0, volume->dims[1]);
     cts_blocks_end(b, n_threads);
     return CTS_OK;
 }

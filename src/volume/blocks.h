@@ -26,9 +26,9 @@ typedef struct CtsBlocks {
 
 /* Empty blocks for a volume of these dimensions. */
 CtsStatus cts_blocks_begin(CtsBlocks **blocks, const int dims[3], CtsError *err);
-/* Slice k, dims[0] * dims[1] voxels. Each slice once, in any order; slices of the same k / CTS_FINE_BLOCK must come
- * from one thread at a time. */
-void cts_blocks_add(CtsBlocks *blocks, int k, const uint16_t *slice);
+/* Rows first <= j < end of slice k, dims[0] * dims[1] voxels: the rows of a slice in order, in as many parts as one
+ * likes; slices each once, in any order, but slices of the same k / CTS_FINE_BLOCK from one thread at a time. */
+void cts_blocks_add(CtsBlocks *blocks, int k, const uint16_t *slice, int first, int end);
 /* After the last slice. */
 void cts_blocks_end(CtsBlocks *blocks, int n_threads);
 /* The ranges of the coarse blocks and of all, once the fine ones have changed. */

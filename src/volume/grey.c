@@ -70,12 +70,12 @@ static inline __attribute__((always_inline)) CtsStoredRange slope_one_padded(uin
     return low > high ? (CtsStoredRange){INT32_MAX, INT32_MIN} : (CtsStoredRange){low + smallest, high + smallest};
 }
 
-/* And without any padding, which is half the work. */
+/* And without any padding, which is half the work. shift is a constant where it is 0: then all stays in 16 bits. */
 static inline __attribute__((always_inline)) CtsStoredRange slope_one_bare(uint16_t *restrict words, size_t n,
-                                                                           const CtsStored *s, int32_t rise)
+                                                                           const CtsStored *s, int32_t rise, int shift)
 {
     const int32_t smallest = s->is_signed ? -(1 << (s->bits - 1)) : 0;
-    const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)((1u << s->bits) - 1), shift = (uint16_t)s->shift;
+    const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)((1u << s->bits) - 1);
     const uint16_t floor_u = (uint16_t)(rise < 0 ? -rise : 0), ceil_u = (uint16_t)(rise > 0 ? 65535 - rise : 65535);
     uint16_t low = 0xFFFF, high = 0;
     for (size_t i = 0; i < n; i++) {
@@ -94,8 +94,12 @@ fast_body(uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int
 {
     const int32_t rise = offset - (stored->is_signed ? 1 << (stored->bits - 1) : 0);
     const bool bare = stored->padding_low > stored->padding_high && stored->padding_word < 0;
-    if (slope == 1 && rise >= -65535 && rise <= 65535)
-        return bare ? slope_one_bare(words, n, stored, rise) : slope_one_padded(words, n, stored, rise);
+    if (slope == 1 && rise >= -65535 && rise <= 65535) {
+        if (!bare)
+            return slope_one_padded(words, n, stored, rise);
+        return stored->shift ? slope_one_bare(words, n, stored, rise, stored->shift)
+                             : slope_one_bare(words, n, stored, rise, 0);
+    }
     return whole_body(words, n, stored, slope, offset);
 }
 

@@ -1,8 +1,10 @@
 /* Where voxels lie in the patient, and cropping. */
+#include "base/cpu.h"
 #include "base/vec3.h"
 #include "ctsplat/volume.h"
 #include "unit.h"
 #include "volume/blocks.h"
+#include "volume/fold.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -216,6 +218,65 @@ static void check_blocks(const CtsVolume *v)
     cts_blocks_free(&fresh);
 }
 
+/* Rows of blocks: the fast version against the plain one, for every width up to a few vectors; what lies around the
+ * ranges stays. */
+static void test_fold(void **state)
+{
+    (void)state;
+    enum { MOST = 80, STRIDE = 83, EDGE = 3 };
+    const unsigned masks[] = {0, cts_cpu_flags()};
+    uint16_t grey[5 * STRIDE];
+    for (uint32_t i = 0; i < 5 * STRIDE; i++)
+        grey[i] = (uint16_t)(i * 2654435761u >> 13);
+    for (int n = 1; n <= MOST; n++)
+        for (int n_rows = 1; n_rows <= 5; n_rows++)
+            for (int m = 0; m < 2; m++) {
+                const int n_blocks = n > 1 ? (n - 2) / CTS_FINE_BLOCK + 1 : 1;
+                /* A block of its own size, so that reading behind the last voxel is seen. */
+                const size_t n_voxels = (size_t)(n_rows - 1) * STRIDE + (size_t)n;
+                uint16_t *rows = malloc(n_voxels * sizeof *rows);
+                CtsRange plain[MOST / 4 + 2 * EDGE], fast[MOST / 4 + 2 * EDGE];
+                assert_non_null(rows);
+                memcpy(rows, grey, n_voxels * sizeof *rows);
+                for (int i = 0; i < MOST / 4 + 2 * EDGE; i++)
+                    plain[i] = fast[i] = (CtsRange){(uint16_t)(30000 + 500 * i), (uint16_t)(30000 - 400 * i)};
+                cts_fold_plain(rows, STRIDE, n_rows, n, plain + EDGE, n_blocks);
+                cts_fold(masks[m])(rows, STRIDE, n_rows, n, fast + EDGE, n_blocks);
+                assert_memory_equal(plain, fast, sizeof plain);
+                for (int b = 0; b < n_blocks; b++) {
+                    uint16_t low = (uint16_t)(30000 + 500 * (b + EDGE)), high = (uint16_t)(30000 - 400 * (b + EDGE));
+                    for (int j = 0; j < n_rows; j++)
+                        for (int i = 4 * b; i <= 4 * b + 4 && i < n; i++) {
+                            low = rows[j * STRIDE + i] < low ? rows[j * STRIDE + i] : low;
+                            high = rows[j * STRIDE + i] > high ? rows[j * STRIDE + i] : high;
+                        }
+                    assert_true(plain[b + EDGE].low == low && plain[b + EDGE].high == high);
+                }
+                free(rows);
+            }
+}
+
+/* Blocks from rows that come in parts of any size. */
+static void test_blocks_in_parts(void **state)
+{
+    (void)state;
+    const int nx = 21, ny = 19, nz = 10;
+    CtsVolume *v = NULL;
+    assert_int_equal(cts_volume_new(&v, nx, ny, nz, NULL), CTS_OK);
+    for (uint32_t i = 0; i < (uint32_t)(nx * ny * nz); i++)
+        v->grey[i] = (uint16_t)(i * 2654435761u >> 11);
+    for (int part = 1; part <= ny; part++) {
+        assert_int_equal(cts_blocks_begin(&v->blocks, v->dims, NULL), CTS_OK);
+        for (int k = 0; k < nz; k++)
+            for (int first = 0; first < ny; first += part)
+                cts_blocks_add(v->blocks, k, v->grey + k * nx * ny, first, first + part < ny ? first + part : ny);
+        cts_blocks_end(v->blocks, 1);
+        check_blocks(v);
+        cts_blocks_free(&v->blocks);
+    }
+    cts_volume_free(&v);
+}
+
 /* Whole slices stay where they are in memory, and the volume is freed as ever. */
 static void test_crop_slices(void **state)
 {
@@ -299,9 +360,11 @@ static void quantised_blocks(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantised),         cmocka_unit_test(quantised_blocks), cmocka_unit_test(test_new),
-        cmocka_unit_test(test_geometry),     cmocka_unit_test(test_inverse),     cmocka_unit_test(test_crop),
+        cmocka_unit_test(quantised),         cmocka_unit_test(quantised_blocks),
+        cmocka_unit_test(test_new),          cmocka_unit_test(test_geometry),
+        cmocka_unit_test(test_inverse),      cmocka_unit_test(test_crop),
         cmocka_unit_test(test_crop_borders), cmocka_unit_test(test_crop_slices),
+        cmocka_unit_test(test_fold),         cmocka_unit_test(test_blocks_in_parts),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
