@@ -25,6 +25,7 @@
         fault(LEAP_RANGE)        /* tiled: a block judged by its lowest level */                                       \
         fault(STOP_EARLY)        /* tiled: stops with a quarter of the light left */                                   \
         fault(ATTENUATION)       /* tiled: no attenuation within a slab */                                             \
+        fault(BLIND_FILL)        /* tiled: rows between filled whatever is around them */                              \
         fault(KNOTS)             /* raycast: not cut at the transfer function's points */                              \
         fault(TURNS)             /* raycast: not cut where HU turns */                                                 \
         fault(BORDER_DIFFERENCE) /* raycast: one-sided differences over two voxels */                                  \

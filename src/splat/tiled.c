@@ -9,11 +9,9 @@
 #include "base/mutation.h"
 #include "splat/project.h"
 #include "splat/tiled_kept.h"
-#include "splat/tiled_kernel.h"
+#include "splat/tiled_tile.h"
 #include <math.h>
 #include <omp.h>
-
-enum { TILE_WIDTH = 64, TILE_HEIGHT = 8 };
 
 /* at[0] + at[1] x + at[2] y + at[3] q is the coordinate along `axis` at which the ray of pixel (x, y) meets layer q;
  * for axis -1 its distance from the camera plane in mm. */
@@ -50,6 +48,21 @@ static void init_steps(TiledJob *j)
     }
 }
 
+/* Which packets fit which windows. */
+static void init_windows(TiledJob *j, const CtsLayout *layout)
+{
+    const double u = fabs(j->u_at[1]), v = fabs(j->v_at[1]);
+    j->window_u = layout->alloc_u - CTS_LAYOUT_MIN_U;
+    j->window_v = layout->alloc_v - CTS_LAYOUT_MIN_V;
+    /* Positions of 2^-16 voxels must fit 32 bits, a tile's overhang included. */
+    const bool small = layout->nu < 30000 && layout->nv < 30000;
+    j->windowed = small && 3 * u <= 6 && 3 * v <= 1;
+    const bool one = j->windowed && layout->alloc_u >= 16 && layout->alloc_v >= 4;
+    for (int rows = 1; one && rows < CTS_PACKET; rows++)
+        if (7 * u + rows * fabs(j->u_at[2]) <= 13 && 7 * v + rows * fabs(j->v_at[2]) <= 1.99)
+            j->one_window_rows = rows;
+}
+
 /* The cheapest setting whose error stays below the one asked for, in 1/255 rms; measured on CT heads: the default
  * stays below 0.5, and the error falls with the square of the sheets. */
 static void choose_precision(TiledJob *j, const CtsScene *scene)
@@ -67,7 +80,22 @@ static void choose_precision(TiledJob *j, const CtsScene *scene)
     j->bend_grey = (float)(50 * part / scene->volume->hu_step);
     j->refine_transmittance = (float)fmin(0.02 * part, 0.1);
     j->stiff_depth = 3;
+    j->faint_depth = (float)fmin(0.2 * part, 0.4);
     j->stop_transmittance = CTS_MUTATED(STOP_EARLY) ? 0.25f : (float)fmin(part / 256, 1.0 / 64);
+}
+
+/* Rows of rays a voxel apart see all that the field holds; finer ones say it twice. What filling adds to the error is
+ * about a twentieth of the step that it trusts. */
+static void choose_fill(TiledJob *j, const CtsScene *scene)
+{
+    const CtsRenderSettings *s = scene->settings;
+    double finest_mm = INFINITY, apart_mm = 2 * scene->view.mm_per_pixel;
+    for (int axis = 0; axis < 3; axis++)
+        finest_mm = fmin(finest_mm, cts_volume_spacing_mm(scene->volume, axis));
+    j->fill_step = (float)(8 * 4 * (s->max_error > 0 ? s->max_error : 0.5) / 255);
+    j->fill_levels = 0;
+    for (; s->samples == 0 && apart_mm <= 1.1 * finest_mm && j->fill_levels < TILED_MOST_LEVELS; apart_mm *= 2)
+        j->fill_levels++;
 }
 
 static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout)
@@ -82,18 +110,12 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     j->rising = view->axis_sign > 0;
     j->row_stride = layout->row_stride;
     j->layer_stride = layout->layer_stride * view->axis_sign;
-    j->window_u = layout->alloc_u - CTS_LAYOUT_MIN_U;
-    j->window_v = layout->alloc_v - CTS_LAYOUT_MIN_V;
-    /* Positions of 2^-16 voxels must fit 32 bits, a tile's overhang included. */
-
-    const bool small = layout->nu < 30000 && layout->nv < 30000;
-    j->windowed = small && 3 * fabs(j->u_at[1]) <= 6 && 3 * fabs(j->v_at[1]) <= 1;
-    j->two_fit = j->windowed && layout->alloc_u >= 16 && layout->alloc_v >= 4 &&
-                 7 * fabs(j->u_at[1]) + fabs(j->u_at[2]) <= 13 && 7 * fabs(j->v_at[1]) + fabs(j->v_at[2]) <= 1.99;
+    init_windows(j, layout);
     j->straight = j->u_at[3] == 0 && j->v_at[3] == 0;
     j->layer_mm = CTS_MUTATED(LAYER_LENGTH) ? 1 : (float)view->layer_mm;
     j->width = view->width;
     choose_precision(j, scene);
+    choose_fill(j, scene);
     init_steps(j);
 }
 
@@ -106,74 +128,52 @@ static int sampled_reach(const TiledJob *j)
     return (int)fmin(ceil((fmax(fmax(u, v), CTS_FINE_BLOCK) + 2) / CTS_BLOCK), 255);
 }
 
-/* The kernels of a picture: the fastest, which takes `rows` rows at a time, and the one for what is left over. */
-typedef struct Kernels {
-    const char *name;
-    tiled_packets_fn packets, single;
-    int rows;
-} Kernels;
-
-static Kernels choose_kernels(const TiledJob *j, const CtsScene *scene)
+static TiledKernels choose_kernels(const TiledJob *j, const CtsScene *scene)
 {
     const unsigned cpu = cts_cpu_flags() & scene->settings->cpu_mask;
     if (cpu & CTS_CPU_AVX512 && j->windowed)
-        return (Kernels){"AVX-512", tiled_packets_avx512, tiled_packets_avx2, 2};
+        return (TiledKernels){"AVX-512", tiled_packets_avx512, tiled_packets_avx2, 2};
     if (cpu & CTS_CPU_AVX2)
-        return (Kernels){"AVX2", tiled_packets_avx2, tiled_packets_avx2, 1};
-    return (Kernels){"plain C", tiled_packets_c, tiled_packets_c, 1};
+        return (TiledKernels){"AVX2", tiled_packets_avx2, tiled_packets_avx2, 1};
+    return (TiledKernels){"plain C", tiled_packets_c, tiled_packets_c, 1};
 }
 
-/* One tile: first as a single wide beam, which finds most of what is empty, then packet by packet. */
-static void run_tile(const TiledJob *j, const Kernels *k, TiledRun *runs, int x0, int y0, TiledCounts *counts)
-{
-    const int x1 = x0 + TILE_WIDTH < j->width ? x0 + TILE_WIDTH : j->width;
-    const int y1 = y0 + TILE_HEIGHT < j->past_row ? y0 + TILE_HEIGHT : j->past_row;
-    TiledBeam wide = {.runs = runs}, beam = {.runs = runs};
-    if (!tiled_beam_init(j, &wide, x0, y0, x1, y1, 0))
-        return;
-    for (int x = x0; x < x1; x += CTS_PACKET)
-        if (tiled_beam_init(j, &beam, x, y0, x + CTS_PACKET, y1, wide.first))
-            for (int y = y0; y < y1; y += k->rows)
-                (y + k->rows <= y1 ? k->packets : k->single)(j, &beam, x, y, x1 - x < CTS_PACKET ? x1 - x : CTS_PACKET,
-                                                             counts);
-}
-
-static CtsStatus run_tiles(const TiledJob *j, const Kernels *kernels, const CtsScene *scene, TiledCounts *total,
+static CtsStatus run_tiles(const TiledJob *j, const TiledKernels *kernels, const CtsScene *scene, TiledCounts *total,
                            CtsError *err)
 {
-    const int n_rows = j->past_row - j->first_row;
-    const int nx = (j->width + TILE_WIDTH - 1) / TILE_WIDTH, ny = (n_rows + TILE_HEIGHT - 1) / TILE_HEIGHT;
     const int n_threads = scene->settings->n_threads;
-    const size_t n_runs = (size_t)j->nk + 1;
+    const size_t n_runs = tiled_n_runs(j);
+    const int n_tiles = tiled_n_tiles(j);
     TiledRun *runs = NULL;
-    TiledCounts *counts = NULL;
+    TiledDesk *desks = NULL;
     CtsStatus st;
     if ((st = cts_alloc_array(&runs, n_runs * (size_t)n_threads, err)) ||
-        (st = cts_alloc_zeroed(&counts, (size_t)n_threads, err)))
+        (st = cts_alloc_zeroed(&desks, (size_t)n_threads, err)))
         goto end;
 #pragma omp parallel num_threads(n_threads)
     {
-        TiledCounts mine = {0};
-        TiledRun *my_runs = runs + n_runs * (size_t)omp_get_thread_num();
+        TiledDesk *desk = &desks[omp_get_thread_num()];
+        desk->runs = runs + n_runs * (size_t)omp_get_thread_num();
 #pragma omp for schedule(dynamic)
-        for (int tile = 0; tile < nx * ny; tile++)
+        for (int tile = 0; tile < n_tiles; tile++)
             if (!cts_scene_stopped(scene))
-                run_tile(j, kernels, my_runs, tile % nx * TILE_WIDTH, j->first_row + tile / nx * TILE_HEIGHT, &mine);
-        counts[omp_get_thread_num()] = mine;
+                tiled_run_tile(j, kernels, desk, tile);
     }
     *total = (TiledCounts){0};
     for (int t = 0; t < n_threads; t++) {
-        total->samples += counts[t].samples;
-        total->slabs += counts[t].slabs;
-        total->marches += counts[t].marches;
-        total->splat_ticks += counts[t].splat_ticks;
-        total->composite_ticks += counts[t].composite_ticks;
-        total->shade_ticks += counts[t].shade_ticks;
+        total->samples += desks[t].counts.samples;
+        total->slabs += desks[t].counts.slabs;
+        total->marches += desks[t].counts.marches;
+        total->between += desks[t].counts.between;
+        total->filled += desks[t].counts.filled;
+        total->splat_ticks += desks[t].counts.splat_ticks;
+        total->composite_ticks += desks[t].counts.composite_ticks;
+        total->shade_ticks += desks[t].counts.shade_ticks;
     }
     if (cts_scene_stopped(scene))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
 end:
-    cts_free(&counts);
+    cts_free(&desks);
     cts_free(&runs);
     return st;
 }
@@ -199,6 +199,16 @@ static void report_plan(const TiledJob *j, const CtsScene *scene, const CtsLayou
     else
         cts_report_plan(report, "sheets: %d a layer%s", j->samples,
                         scene->settings->samples > 0 ? ", as asked" : ", for the error asked for");
+    if (j->fill_levels > 0)
+        cts_report_plan(
+            report,
+            "rows: 1 of %d marched; those between filled where colours change and bend by less than %.3g/255 "
+            "from row to row",
+            1 << j->fill_levels, 255 * (double)j->fill_step);
+    else
+        cts_report_skip(report, "filling rows", "%s",
+                        scene->settings->samples > 0 ? "sheets were asked for"
+                                                     : "pixels are no finer than half a voxel");
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; kernel %s; %d threads",
                     (double)j->stop_transmittance, j->shade ? "on" : "off", kernel, scene->settings->n_threads);
     cts_report_skip(report, "warp", "sheets are sampled where the final pixels' rays cross them");
@@ -213,6 +223,18 @@ static void report_plan(const TiledJob *j, const CtsScene *scene, const CtsLayou
         cts_report_skip(report, "void skipping", "every block may be visible");
     if (scene->settings->tolerance_hu > 0)
         cts_report_skip(report, "tolerance", "the engine compares no layers");
+}
+
+/* whole: all rows of the picture are counted. */
+static void report_fill(const TiledCounts *counts, bool whole, CtsReport *report)
+{
+    if (counts->between == 0)
+        return;
+    const double filled = 100 * (double)counts->filled / (double)counts->between;
+    if (whole)
+        cts_report_skip(report, "rays", "%.0f %% of the rows between marched ones filled from those around", filled);
+    else
+        cts_report_skip(report, "rays", "rows between marched ones are filled from those around");
 }
 
 static void report_counts(const TiledCounts *counts, const CtsScene *scene, const CtsLeap *leap, double wall_ms,
@@ -259,7 +281,7 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
         job.shade = &shade;
     }
     init_job(&job, scene, &layout);
-    const Kernels kernels = choose_kernels(&job, scene);
+    const TiledKernels kernels = choose_kernels(&job, scene);
     report_plan(&job, scene, &layout, kernels.name, report);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)job.leap.n_blocks,
                      0);
@@ -275,6 +297,7 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if ((st = run_tiles(&job, &kernels, scene, &counts, err)))
         goto end;
+    report_fill(&counts, picture->height == scene->view.height, report);
     report_counts(&counts, scene, &job.leap, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_shade_free(&shade);

@@ -118,16 +118,16 @@ INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 
 #include "splat/tiled_tmpl.h"
 
-void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
-    run_packets(job, beam, x, y, n, counts);
+    run_packets(job, beam, spans, counts);
 }
 
 #else
 
-void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
-    tiled_packets_c(job, beam, x, y, n, counts);
+    tiled_packets_c(job, beam, spans, counts);
 }
 
 #endif

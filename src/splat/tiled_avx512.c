@@ -203,14 +203,14 @@ INLINE Taps four_windows(const TiledJob *j, const int32_t pu[PACKETS], const int
 
 /* The windows for packets whose first pixels are at (pu, pv), in 2^-16 voxels. inner: all of it is far enough from the
  * volume's faces to need no clamping. */
-INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], bool inner)
+INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], bool one, bool inner)
 {
     vi u = vi_packets(pu) + both_packets(j->lane_u), v = vi_packets(pv) + both_packets(j->lane_v);
     if (!inner) {
         u = vi_min(vi_max(u, vi_of(0)), vi_of((j->nu - 1) << 16));
         v = vi_min(vi_max(v, vi_of(0)), vi_of((j->nv - 1) << 16));
     }
-    return j->two_fit ? one_window(j, pu, pv, u, v, inner) : four_windows(j, pu, pv, u, v, inner);
+    return one ? one_window(j, pu, pv, u, v, inner) : four_windows(j, pu, pv, u, v, inner);
 }
 
 INLINE __m512i two_rows(const uint16_t *at, ptrdiff_t row_stride)
@@ -254,17 +254,17 @@ INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 
 #include "splat/tiled_tmpl.h"
 
-void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
-    run_packets(job, beam, x, y, n, counts);
+    run_packets(job, beam, spans, counts);
 }
 
 #else
 
-void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
-    tiled_packets_avx2(job, beam, x, y, n, counts);
-    tiled_packets_avx2(job, beam, x, y + 1, n, counts);
+    tiled_packets_avx2(job, beam, spans, counts);
+    tiled_packets_avx2(job, beam, spans + 1, counts);
 }
 
 #endif

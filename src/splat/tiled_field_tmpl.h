@@ -3,6 +3,7 @@
 typedef struct Packet {
     double u_lane0[PACKETS], v_lane0[PACKETS]; /* first pixels, at q = 0 */
     int64_t u[PACKETS], v[PACKETS];            /* the same in 2^-32 */
+    bool near;                                 /* one window holds all packets */
     bool clipped;                              /* enter and leave are known */
     double enter[LANES], leave[LANES];         /* q between which each ray is inside the box */
     Taps straight;
@@ -28,7 +29,7 @@ INLINE Taps sheet_taps(const TiledJob *j, const Packet *pk, int t_sheet, bool in
         pu[h] = (int32_t)((pk->u[h] + t_sheet * j->u_step) >> 16);
         pv[h] = (int32_t)((pk->v[h] + t_sheet * j->v_step) >> 16);
     }
-    return make_taps(j, pu, pv, inner);
+    return make_taps(j, pu, pv, pk->near, inner);
 }
 
 /* Pixels too far apart for a window: each lane reads its own four voxels. */
@@ -91,14 +92,15 @@ OUTLINE void clip_packet(const TiledJob *j, Packet *pk)
     pk->clipped = true;
 }
 
-INLINE void init_packet(const TiledJob *j, Packet *pk, int x, int y)
+INLINE void init_packet(const TiledJob *j, Packet *pk, const TiledSpan spans[PACKETS])
 {
     for (int h = 0; h < PACKETS; h++) {
-        pk->u_lane0[h] = j->u_at[0] + j->u_at[1] * x + j->u_at[2] * (y + h);
-        pk->v_lane0[h] = j->v_at[0] + j->v_at[1] * x + j->v_at[2] * (y + h);
+        pk->u_lane0[h] = j->u_at[0] + j->u_at[1] * spans[h].x + j->u_at[2] * spans[h].y;
+        pk->v_lane0[h] = j->v_at[0] + j->v_at[1] * spans[h].x + j->v_at[2] * spans[h].y;
         pk->u[h] = (int64_t)floor(pk->u_lane0[h] * 4294967296.0 + 0.5);
         pk->v[h] = (int64_t)floor(pk->v_lane0[h] * 4294967296.0 + 0.5);
     }
+    pk->near = spans[PACKETS - 1].y - spans[0].y <= j->one_window_rows;
     pk->clipped = false;
     if (j->windowed && j->straight)
         pk->straight = sheet_taps(j, pk, 0, false);

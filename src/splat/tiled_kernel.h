@@ -30,7 +30,7 @@ typedef struct TiledJob {
     int32_t lane_u[CTS_PACKET], lane_v[CTS_PACKET], half_u[CTS_PACKET], half_v[CTS_PACKET];
     int window_u, window_v; /* largest first column and row of a window of 8 x 3 voxels */
     bool windowed;          /* half a packet fits such a window; else lane by lane */
-    bool two_fit;           /* so do two packets, one below the other, one of 16 x 4 */
+    int one_window_rows;    /* two packets at most so many rows apart fit one of 16 x 4; 0: no two do */
     bool straight;          /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
     int samples;            /* sub-sheets per layer */
     /* Adaptive: layers are sampled once, and a slab gets more only where both its layers do not show the same. */
@@ -40,10 +40,15 @@ typedef struct TiledJob {
     float refine_transmittance; /* and so is one that less light than this reaches */
     float bend_grey;            /* a field that bends less is taken for straight in either half */
     float stiff_depth;          /* a slab of more optical depth is cut into 16, if at all */
+    float faint_depth;          /* one of less into 2, if at all */
     float layer_mm;             /* ray length from layer to layer */
     float stop_transmittance;   /* a packet ends when all of its pixels have less than this left */
     CtsSlabTable table;
     CtsLeap leap;
+    /* Of 2^fill_levels rows one is marched; the others are filled where that can be trusted: where colours change and
+     * bend from row to row by no more than fill_step. */
+    int fill_levels;
+    float fill_step;
     const CtsShade *shade;          /* NULL: unlit */
     double depth_at[4];             /* depth_mm of pixel (x, y) at layer q, as u_at */
     int width, first_row, past_row; /* of the view's rows the picture holds these */
@@ -69,9 +74,10 @@ typedef struct TiledBeam {
 } TiledBeam;
 
 typedef struct TiledCounts {
-    uint64_t samples; /* field values, one a pixel and sheet */
-    uint64_t slabs;   /* pixel slabs in which something could be seen */
-    uint64_t marches; /* packets, or pairs of them, that met something */
+    uint64_t samples;         /* field values, one a pixel and sheet */
+    uint64_t slabs;           /* pixel slabs in which something could be seen */
+    uint64_t marches;         /* packets, or pairs of them, that met something */
+    uint64_t between, filled; /* packets of rows between; of them filled without a march */
     /* Every so many marches the clock is read around what is sampled, composited and shaded. */
     uint64_t splat_ticks, composite_ticks, shade_ticks;
 } TiledCounts;
@@ -87,14 +93,23 @@ static inline uint64_t tiled_ticks(void)
 #endif
 }
 
-/* Packets of pixels x..x + 7 of row y and of as many rows below as the kernel takes at a time; the first n pixels of
- * each are in the picture. */
-typedef void (*tiled_packets_fn)(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
+/* A packet's pixels: x to x + 7 of row y, of which the first n are in the picture. */
+typedef struct TiledSpan {
+    int x, y, n;
+} TiledSpan;
 
-void tiled_packets_c(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
-void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
-/* Takes two rows; only for windowed jobs. */
-void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, int x, int y, int n, TiledCounts *counts);
+/* One packet, or as many as the kernel takes at a time, from the top. */
+typedef void (*tiled_packets_fn)(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
+
+void tiled_packets_c(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
+void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
+/* Takes two; only for windowed jobs. */
+void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
+
+typedef enum TiledFill { TILED_FILL_NONE, TILED_FILL_COLOUR, TILED_FILL_ALL } TiledFill;
+/* A packet's colours and depths from those `away` and 3 times that many rows above and below; the tile has so many rows
+ * above and below the packet. NONE: that cannot be trusted; COLOUR: only the depth cannot. */
+TiledFill tiled_fill(const TiledJob *job, const TiledSpan *span, int away, int above, int below);
 
 /* Bounds for the rays of pixels x0..x1 - 1 by y0..y1 - 1; false when they miss everything that may be visible. */
 bool tiled_beam_init(const TiledJob *job, TiledBeam *beam, int x0, int y0, int x1, int y1, int first);

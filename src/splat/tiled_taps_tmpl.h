@@ -15,9 +15,10 @@ typedef struct Taps {
 
 /* The windows for a packet whose first pixel is at (pu, pv), in 2^-16 voxels. inner: all of it is far enough from the
  * volume's faces to need no clamping. */
-INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], bool inner)
+INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], bool one, bool inner)
 {
     Taps t;
+    (void)one;
     const vi half_u = *(const vi_u *)j->half_u, half_v = *(const vi_u *)j->half_v;
     vi u = pu[0] + *(const vi_u *)j->lane_u, v = pv[0] + *(const vi_u *)j->lane_v;
     vi iu = (pu[0] + half_u) >> 16, iv = (pv[0] + half_v) >> 16;

@@ -4,6 +4,7 @@
  * many march together. */
 #include "splat/tiled_field_tmpl.h"
 #include "splat/tiled_slab_tmpl.h"
+#include <string.h>
 
 /* Which packets march through a slab from a to b, a bit each: those that are not opaque and in which something may
  * show. */
@@ -164,11 +165,15 @@ INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way
     const vf nf = vf_abs(to_float(e1->index - e0->index));
     const vf depth = vf_abs(to_float(e1->k - e0->k)) * (j->table.depth_scale * j->layer_mm);
     const vmask stiff = vf_lt(nf * j->stiff_depth, depth * seen);
-    const vf limit = select_f(stiff, vf_of(j->stiff_grey), vf_of(j->refine_grey));
+    const vmask faint = vf_lt(depth, nf * j->faint_depth);
+    vf limit = select_f(stiff, vf_of(j->stiff_grey), vf_of(j->refine_grey));
+    /* Where little is lost order matters little, but a bend does. */
+    if (way == WAY_STRAIGHT)
+        limit = select_f(faint, vf_of(INFINITY), limit);
     const unsigned cut = marching & ~all_in(vf_lt(vf_abs(end - s0) * seen, limit));
     if (cut) {
-        add_parts(j, beam, pk, way, light, q, s0, end, inner, lit, marching, cut, any_in(stiff), seen, e0, e1, &slope0,
-                  &slope1, course);
+        add_parts(j, beam, pk, way, light, q, s0, end, inner, lit, marching, cut, any_in(stiff),
+                  select_f(faint, vf_of(0), seen), e0, e1, &slope0, &slope1, course);
         return;
     }
     Glow glow;
@@ -279,24 +284,27 @@ INLINE void complete(const TiledJob *j, Light *light)
     light->a = select_f(dark, vf_of(1), light->a);
 }
 
-static void run_packets(const TiledJob *j, TiledBeam *beam, int x, int y, int n, TiledCounts *counts)
+static void run_packets(const TiledJob *j, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
     Packet pk;
     Light light = {.t = vf_of(1), .depth = vf_of(-1)};
-    init_packet(j, &pk, x, y);
+    init_packet(j, &pk, spans);
     march_any(j, beam, &pk, &light, counts);
     complete(j, &light);
-    for (int l = 0; l < LANES; l++) {
-        const int row = y + l / CTS_PACKET, column = x + l % CTS_PACKET;
-        if (l % CTS_PACKET >= n)
-            continue;
-        const size_t at = (size_t)(row - j->first_row) * (size_t)j->width + (size_t)column;
-        float *out = j->rgba + 4 * at;
-        out[0] = light.r[l];
-        out[1] = light.g[l];
-        out[2] = light.b[l];
-        out[3] = light.a[l];
-        if (j->depth_mm && light.depth[l] >= 0)
-            j->depth_mm[at] = tiled_depth_mm(j, column, row, light.depth[l]);
+    float lanes[4][LANES], depth[LANES];
+    memcpy(lanes[0], &light.r, sizeof light.r);
+    memcpy(lanes[1], &light.g, sizeof light.g);
+    memcpy(lanes[2], &light.b, sizeof light.b);
+    memcpy(lanes[3], &light.a, sizeof light.a);
+    memcpy(depth, &light.depth, sizeof depth);
+    for (int h = 0; h < PACKETS; h++) {
+        const int x = spans[h].x, y = spans[h].y, n = spans[h].n, from = h * CTS_PACKET;
+        const size_t at = (size_t)(y - j->first_row) * (size_t)j->width + (size_t)x;
+        for (int i = 0; i < n; i++)
+            for (int c = 0; c < 4; c++)
+                j->rgba[4 * (at + (size_t)i) + (size_t)c] = lanes[c][from + i];
+        for (int i = 0; j->depth_mm && i < n; i++)
+            if (depth[from + i] >= 0)
+                j->depth_mm[at + (size_t)i] = tiled_depth_mm(j, x + i, y, depth[from + i]);
     }
 }

@@ -89,7 +89,7 @@ static void test_ball(void **state)
             s.want_depth = true;
             CtsPicture *p = render(v, &preset, &s, NULL);
             const bool exact = engine == CTS_ENGINE_RAYCAST, cut = engine == CTS_ENGINE_TILED;
-            check_ball(p, cut ? -0.26 : -0.06, exact ? 0.06 : cut ? 0.1 : 1.25 * sqrt(3) + 0.06);
+            check_ball(p, cut ? -0.33 : -0.06, exact ? 0.06 : cut ? 0.1 : 1.25 * sqrt(3) + 0.06);
             if (i == 4)
                 check_file(p);
             cts_picture_free(&p);

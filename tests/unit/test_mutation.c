@@ -39,6 +39,7 @@ static const Proof proofs[] = {
     PROOF(LEAP_RANGE, "ball: chords"),
     PROOF(STOP_EARLY, "what shows behind"),
     PROOF(ATTENUATION, "slab: anterior"),
+    PROOF(BLIND_FILL, "two halves"),
     PROOF(KNOTS, "steep: step"),
     PROOF(TURNS, "cell: HU turns inside"),
     PROOF(BORDER_DIFFERENCE, "ramp: lit"),

@@ -35,7 +35,7 @@ static void same_bytes(void **state)
     static const char *const presets[] = {"bone", "skin"};
     for (size_t v = 0; v < 4; v++) {
         for (int view = 0; view < N_VIEWS; view++)
-            for (int variant = 0; variant < 4; variant++) {
+            for (int variant = 0; variant < 5; variant++) {
                 const CtsPreset preset = preset_named(presets[variant & 1]);
                 CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 61, views[view][0], views[view][1]);
                 s.shade = variant & 2 ? CTS_ON : CTS_OFF;
@@ -43,6 +43,8 @@ static void same_bytes(void **state)
                 s.want_depth = true;
                 if (variant == 3)
                     s.mm_per_pixel = 4; /* pixels far apart: no windows */
+                if (variant == 4)
+                    s.mm_per_pixel = v == 1 ? 0.4 : 0.2; /* near: rows between are filled */
                 CtsPicture *reference = NULL;
                 for (int run = 0; run < 4; run++) {
                     static const int threads[4] = {1, 7, 2, 1};
@@ -137,6 +139,45 @@ static void near_reference(void **state)
     cts_volume_free(&v);
 }
 
+/* Rows between rays: within the error, whatever way the rows run; the same colours with and without depth. */
+static void filled_rows(void **state)
+{
+    (void)state;
+    static const double turned[][2] = {{0, 0}, {90, 0}, {180, 0}, {0, 90}, {30, 20}, {-120, -50}, {7, 3}};
+    CtsVolume *v = phantom_head(32, 32, 24, 10);
+    for (int view = 0; view < (int)(sizeof turned / sizeof *turned); view++)
+        for (int levels = 1; levels <= 3; levels++) {
+            const CtsPreset preset = preset_named(view & 1 ? "skin" : "bone");
+            CtsReport report = {0};
+            CtsRenderSettings s = settings_for(CTS_ENGINE_RAYCAST, 150, turned[view][0], turned[view][1]);
+            s.shade = CTS_OFF;
+            s.n_threads = 0;
+            s.mm_per_pixel = 1.0 / (1 << levels);
+            CtsPicture *reference = render(v, &preset, &s, NULL);
+            s.engine = CTS_ENGINE_TILED;
+            s.samples = 2;
+            CtsPicture *marched = render(v, &preset, &s, NULL);
+            s.samples = 0;
+            CtsPicture *filled = render(v, &preset, &s, &report);
+            char plan[40];
+            snprintf(plan, sizeof plan, "rows: every %dth", 1 << levels);
+            assert_non_null(strstr(report.plan, plan));
+            const double with = 255 * rms_between(reference, filled), without = 255 * rms_between(reference, marched);
+            if (!(with < without + 0.5))
+                fail_msg("%s at %g,%g, %d levels: rms %.3f/255, all marched %.3f", preset.name, turned[view][0],
+                         turned[view][1], levels, with, without);
+            s.want_depth = true;
+            CtsPicture *deep = render(v, &preset, &s, NULL);
+            assert_same(filled, deep);
+            cts_picture_free(&deep);
+            cts_picture_free(&filled);
+            cts_picture_free(&marched);
+            cts_picture_free(&reference);
+            cts_report_free(&report);
+        }
+    cts_volume_free(&v);
+}
+
 /* With a fixed number of sheets the error falls with the square of their distance. */
 static void second_order(void **state)
 {
@@ -225,8 +266,9 @@ static void modes_exact(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_bytes),   cmocka_unit_test(constant_slab), cmocka_unit_test(near_reference),
-        cmocka_unit_test(second_order), cmocka_unit_test(degenerate),    cmocka_unit_test(modes_exact),
+        cmocka_unit_test(same_bytes),  cmocka_unit_test(constant_slab), cmocka_unit_test(near_reference),
+        cmocka_unit_test(filled_rows), cmocka_unit_test(second_order),  cmocka_unit_test(degenerate),
+        cmocka_unit_test(modes_exact),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
