@@ -160,7 +160,7 @@ static void filled_rows(void **state)
             s.samples = 0;
             CtsPicture *filled = render(v, &preset, &s, &report);
             char plan[40];
-            snprintf(plan, sizeof plan, "rows: every %dth", 1 << levels);
+            snprintf(plan, sizeof plan, "rows: 1 of %d marched", 1 << levels);
             assert_non_null(strstr(report.plan, plan));
             const double with = 255 * rms_between(reference, filled), without = 255 * rms_between(reference, marched);
             if (!(with < without + 0.5))
