@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { MAX_PER_GREY = 8, TARGET_ENTRIES = 8192 /* about what a first-level cache holds */ };
+enum { MAX_PER_GREY = 32, TARGET_ENTRIES = 8192 /* about what a first-level cache holds */ };
 
 /* Integrals over one step of the table, from hu to hu + width: Gauss-Legendre with 3 points, exact enough between
  * knots; a knot inside a step costs no more than the step's own width. */
@@ -35,10 +35,12 @@ CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRan
     while (last > first && !cts_lut_visible(lut, (uint16_t)last, (uint16_t)last))
         last--;
     *table = (CtsSlabTable){0};
-    /* The table starts where visibility may start between two levels, or where the data does. */
-    int low = first > 0 ? first - 1 : 0, high = range.high;
+    /* The table starts where visibility may start between two levels, or where the data does, and ends alike. */
+    int low = first > 0 ? first - 1 : 0, high = last < CTS_N_GREY - 1 ? last + 1 : last;
     if (low < range.low)
         low = range.low;
+    if (high > range.high)
+        high = range.high;
     if (high <= low)
         high = low + 1;
     int per_grey = MAX_PER_GREY;

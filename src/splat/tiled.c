@@ -9,6 +9,7 @@
 #include "base/mutation.h"
 #include "splat/project.h"
 #include "splat/tiled_kept.h"
+#include "splat/tiled_plan.h"
 #include "splat/tiled_tile.h"
 #include <math.h>
 #include <omp.h>
@@ -63,41 +64,6 @@ static void init_windows(TiledJob *j, const CtsLayout *layout)
             j->one_window_rows = rows;
 }
 
-/* The cheapest setting whose error stays below the one asked for, in 1/255 rms; measured on CT heads: the default
- * stays below 0.5, and the error falls with the square of the sheets. */
-static void choose_precision(TiledJob *j, const CtsScene *scene)
-{
-    const CtsRenderSettings *s = scene->settings;
-    const double asked = s->max_error > 0 ? s->max_error : 0.5, part = fmin(asked / 0.5, 4);
-    /* What a slab hides between two layers that show nothing is small, but not below 0.3: then every sheet is sampled,
-     * unless the field between layers is linear. */
-    const bool fine = asked < 0.3;
-    j->adaptive = s->samples == 0 && (!fine || j->straight);
-    j->samples = s->samples > 0 ? s->samples : fine ? (int)fmin(ceil(2 * sqrt(0.6 / asked)), 32) : 2;
-    /* Along an axis the field between layers is linear: cuts only tell what hides what. */
-    j->stiff_grey = (float)(100 * part / scene->volume->hu_step);
-    j->refine_grey = j->straight ? 1.5f * j->stiff_grey : j->stiff_grey;
-    j->bend_grey = (float)(50 * part / scene->volume->hu_step);
-    j->refine_transmittance = (float)fmin(0.02 * part, 0.1);
-    j->stiff_depth = 3;
-    j->faint_depth = (float)fmin(0.2 * part, 0.4);
-    j->stop_transmittance = CTS_MUTATED(STOP_EARLY) ? 0.25f : (float)fmin(part / 256, 1.0 / 64);
-}
-
-/* Rows of rays a voxel apart see all that the field holds; finer ones say it twice. What filling adds to the error is
- * about a twentieth of the step that it trusts. */
-static void choose_fill(TiledJob *j, const CtsScene *scene)
-{
-    const CtsRenderSettings *s = scene->settings;
-    double finest_mm = INFINITY, apart_mm = 2 * scene->view.mm_per_pixel;
-    for (int axis = 0; axis < 3; axis++)
-        finest_mm = fmin(finest_mm, cts_volume_spacing_mm(scene->volume, axis));
-    j->fill_step = (float)(8 * 4 * (s->max_error > 0 ? s->max_error : 0.5) / 255);
-    j->fill_levels = 0;
-    for (; s->samples == 0 && apart_mm <= 1.1 * finest_mm && j->fill_levels < TILED_MOST_LEVELS; apart_mm *= 2)
-        j->fill_levels++;
-}
-
 static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout)
 {
     const CtsView *view = &scene->view;
@@ -114,8 +80,7 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     j->straight = j->u_at[3] == 0 && j->v_at[3] == 0;
     j->layer_mm = CTS_MUTATED(LAYER_LENGTH) ? 1 : (float)view->layer_mm;
     j->width = view->width;
-    choose_precision(j, scene);
-    choose_fill(j, scene);
+    tiled_plan(j, scene);
     init_steps(j);
 }
 
@@ -178,53 +143,6 @@ end:
     return st;
 }
 
-static void report_plan(const TiledJob *j, const CtsScene *scene, const CtsLayout *layout, const char *kernel,
-                        CtsReport *report)
-{
-    static const char *const axes[3] = {"columns", "rows", "slices"};
-    const double active = 100.0 * (double)j->leap.n_visible / (double)j->leap.n_blocks;
-    cts_report_plan(report, "engine tiled: %d layers across the volume's %s, %s, %.4g mm of ray from layer to layer",
-                    j->nk, axes[layout->axis_k], j->rising ? "rising" : "falling", scene->view.layer_mm);
-    cts_report_plan(report, "blocks of %d^3 cells: %lld of %lld may be visible (%.1f %%)", CTS_BLOCK,
-                    (long long)j->leap.n_visible, (long long)j->leap.n_blocks, active);
-    cts_report_plan(report, "slab integral: cumulative tables of %d entries, %g to a grey level", j->table.n,
-                    (double)j->table.per_grey);
-    if (j->adaptive)
-        cts_report_plan(
-            report,
-            "sheets: 1 a layer; in slabs that change by more than %g grey levels %s, cut into 2 or 4 parts, "
-            "16 past optical depth %g",
-            (double)j->refine_grey, j->straight ? "no more (the field runs straight)" : "one half way",
-            (double)j->stiff_depth);
-    else
-        cts_report_plan(report, "sheets: %d a layer%s", j->samples,
-                        scene->settings->samples > 0 ? ", as asked" : ", for the error asked for");
-    if (j->fill_levels > 0)
-        cts_report_plan(
-            report,
-            "rows: 1 of %d marched; those between filled where colours change and bend by less than %.3g/255 "
-            "from row to row",
-            1 << j->fill_levels, 255 * (double)j->fill_step);
-    else
-        cts_report_skip(report, "filling rows", "%s",
-                        scene->settings->samples > 0 ? "sheets were asked for"
-                                                     : "pixels are no finer than half a voxel");
-    cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; kernel %s; %d threads",
-                    (double)j->stop_transmittance, j->shade ? "on" : "off", kernel, scene->settings->n_threads);
-    cts_report_skip(report, "warp", "sheets are sampled where the final pixels' rays cross them");
-    cts_report_skip(report, "layer reuse", "a 2 x 2 stencil costs less than comparing layers");
-    if (layout->grey)
-        cts_report_skip(report, "transposed copy", "rows already lie along the %s", axes[layout->axis_u]);
-    else
-        cts_report_plan(report, "transposed copy: blocks up to %d from one that may be visible", sampled_reach(j));
-    if (j->adaptive && j->straight)
-        cts_report_skip(report, "sub-sheets", "the view runs along an axis: between layers the field is linear");
-    if (j->leap.n_visible == j->leap.n_blocks)
-        cts_report_skip(report, "void skipping", "every block may be visible");
-    if (scene->settings->tolerance_hu > 0)
-        cts_report_skip(report, "tolerance", "the engine compares no layers");
-}
-
 /* whole: all rows of the picture are counted. */
 static void report_fill(const TiledCounts *counts, bool whole, CtsReport *report)
 {
@@ -282,7 +200,7 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     }
     init_job(&job, scene, &layout);
     const TiledKernels kernels = choose_kernels(&job, scene);
-    report_plan(&job, scene, &layout, kernels.name, report);
+    tiled_plan_report(&job, scene, &layout, sampled_reach(&job), kernels.name, report);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)job.leap.n_blocks,
                      0);
     if (!picture)

@@ -32,15 +32,16 @@ typedef struct TiledJob {
     bool windowed;          /* half a packet fits such a window; else lane by lane */
     int one_window_rows;    /* two packets at most so many rows apart fit one of 16 x 4; 0: no two do */
     bool straight;          /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
-    int samples;            /* sub-sheets per layer */
-    /* Adaptive: layers are sampled once, and a slab gets more only where both its layers do not show the same. */
-    bool adaptive;
-    float refine_grey;          /* a slab over which the field changes less is not cut */
-    float stiff_grey;           /* the same for slabs of more than stiff_depth */
-    float refine_transmittance; /* and so is one that less light than this reaches */
-    float bend_grey;            /* a field that bends less is taken for straight in either half */
-    float stiff_depth;          /* a slab of more optical depth is cut into 16, if at all */
-    float faint_depth;          /* one of less into 2, if at all */
+    int sheets;             /* a layer: each is sampled, and what lies between two sheets is a stretch */
+    int samples;            /* how finely sheets may be placed, to a layer: 4 to a stretch */
+    /* What a stretch needs beyond its two sheets. Grey levels are those of a stretch that all light reaches. */
+    float quiet_low, quiet_high; /* nothing between them shows, even if the field bends a little */
+    float refine_grey;           /* a field whose rise changes less from stretch to stretch is taken for straight */
+    float bend_grey;             /* a field that bends less is taken for straight in either half */
+    float halve_grey;            /* a field that bends more is looked at again in either half */
+    float hiding;                /* 1 over what self_hiding() may leave, in table entries */
+    float stiff_depth;           /* a stretch of more optical depth is cut where its light is lost */
+    float full_depth;            /* what lies deeper gets no light worth cutting for */
     float layer_mm;             /* ray length from layer to layer */
     float stop_transmittance;   /* a packet ends when all of its pixels have less than this left */
     CtsSlabTable table;

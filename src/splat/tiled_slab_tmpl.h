@@ -102,20 +102,17 @@ INLINE void add_slab(const TiledJob *j, Light *light, vmask marching, const Entr
     light->t -= lost;
 }
 
-/* Length inside the box of each lane's way through part `part` (from 1) of its packet's parts of the slab behind layer
- * q; whole_mm where the box does not cut it. */
-INLINE vf slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int q, vf whole_mm, int part,
-                      const int parts[PACKETS])
+/* Length inside the box of each lane's way from `from` to `to`, in layers behind layer q. */
+INLINE vf slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int q, vf from, vf to)
 {
     if (q >= beam->full_from && q < beam->full_to)
-        return whole_mm;
+        return (to - from) * j->layer_mm;
     if (!pk->clipped)
         clip_packet(j, pk);
     vf length;
     for (int l = 0; l < LANES; l++) {
-        const int n = parts[l / CTS_PACKET];
-        const double from = q + (double)(part - 1) / n, to = q + (double)part / n;
-        const double a = pk->enter[l] > from ? pk->enter[l] : from, b = pk->leave[l] < to ? pk->leave[l] : to;
+        const double first = q + (double)from[l], last = q + (double)to[l];
+        const double a = pk->enter[l] > first ? pk->enter[l] : first, b = pk->leave[l] < last ? pk->leave[l] : last;
         length[l] = b > a ? (float)((b - a) * j->layer_mm) : 0;
     }
     return length;

@@ -6,19 +6,25 @@
 #include "splat/tiled_slab_tmpl.h"
 #include <string.h>
 
+/* Packets in which nothing shows between a and b, if the field runs straight. */
+INLINE unsigned quiet_packets(const CtsSlabTable *t, vf a, vf b)
+{
+    return all_in(mask_or(vf_le(vf_max(a, b), vf_of(t->quiet_low)), vf_le(vf_of(t->quiet_high), vf_min(a, b))));
+}
+
 /* Which packets march through a slab from a to b, a bit each: those that are not opaque and in which something may
  * show. */
 INLINE unsigned marching_packets(const TiledJob *j, const Light *light, vf a, vf b)
 {
-    const vmask quiet =
-        mask_or(vf_le(vf_max(a, b), vf_of(j->table.quiet_low)), vf_le(vf_of(j->table.quiet_high), vf_min(a, b)));
+    const vmask quiet = mask_or(vf_le(vf_max(a, b), vf_of(j->quiet_low)), vf_le(vf_of(j->quiet_high), vf_min(a, b)));
     return ~(light->opaque | all_in(quiet)) & ALL_PACKETS;
 }
 
-/* What a lit march carries from slab to slab. */
+/* What a march carries from stretch to stretch. */
 typedef struct Course {
+    vf before; /* the field as far in front of the stretch as its end lies behind its beginning */
     Slope slope;
-    int slope_layer; /* that slope belongs to */
+    int slope_sheet; /* that slope belongs to, as q * samples + part */
     bool timed;
     uint64_t shade_ticks; /* spent on slopes, where timed */
 } Course;
@@ -26,163 +32,272 @@ typedef struct Course {
 INLINE Slope timed_slope(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner, Course *course)
 {
     const uint64_t before = course->timed ? tiled_ticks() : 0;
-    const Slope slope = slope_at(j, pk, way, q, part, inner);
+    const int sheet = q * j->samples + part, on = part == j->samples;
+    const Slope slope =
+        course->slope_sheet == sheet ? course->slope : slope_at(j, pk, way, q + on, on ? 0 : part, inner);
     course->shade_ticks += course->timed ? tiled_ticks() - before : 0;
     return slope;
 }
 
-/* The slab behind layer q with a fixed number of sheets in it. */
+/* The way of the rays from one sheet to another: from `part` of the `samples` to a layer on, over `span` of them. The
+ * field runs on it as a parabola: s0 + (rise + bend f) f, f from 0 to 1. */
+typedef struct Stretch {
+    int q, part, span;
+    float from, share; /* the same as fractions of a layer */
+    vf s0, end, rise, bend;
+} Stretch;
+
+INLINE Stretch stretch_of(const TiledJob *j, int q, int part, int span, vf s0, vf end)
+{
+    const float samples = (float)j->samples;
+    return (Stretch){q, part, span, (float)part / samples, (float)span / samples, s0, end, end - s0, vf_of(0)};
+}
+
+/* Slopes at its ends, and half way where it is bent. */
+typedef struct Slopes {
+    Slope from, mid, to;
+    unsigned bent; /* packets */
+} Slopes;
+
+/* How it is cut: part p of a packet's `parts` ends at lead + p step, the last one at 1. */
+typedef struct Cuts {
+    int parts[PACKETS], most;
+    vf lead, step;
+} Cuts;
+
+INLINE vf field_at(const Stretch *way, vf f)
+{
+    return way->s0 + (way->rise + way->bend * f) * f;
+}
+
+/* A slab's integral mixes its colours as if none hid another. What that errs by grows with the light that comes, with
+ * the square of the depth, and with how far the field, and so the colour, runs: nf table entries. By how much it
+ * exceeds what may stay, times nf. */
+INLINE vf self_hiding(const TiledJob *j, vf t, vf nf, const Entry *e0, const Entry *e1, float length_mm)
+{
+    const vf d = vf_min(vf_abs(to_float(e1->k - e0->k)) * (j->table.depth_scale * length_mm), nf * j->full_depth);
+    return t * d * d * j->hiding;
+}
+
+/* Halves the stretch until it is known where the table's sum is `target` away from that of e0. */
+OUTLINE void find_depth(const TiledJob *j, const Stretch *way, const Entry *e0, vf target, vf *low, vf *high)
+{
+    enum { HALVINGS = 6 };
+    *low = vf_of(0);
+    *high = vf_of(1);
+    for (int i = 0; i < HALVINGS; i++) {
+        Entry e;
+        const vf mid = (*low + *high) * 0.5f;
+        look_up(j, field_at(way, mid), &e);
+        const vmask short_of = vf_lt(vf_abs(to_float(e.k - e0->k)), target);
+        *low = select_f(short_of, mid, *low);
+        *high = select_f(short_of, *high, mid);
+    }
+}
+
+/* Parts cost table entries, no voxels; n of them leave 1 / n^2 of the error. Of a stretch that takes all light, only
+ * what light reaches is cut finely. */
+OUTLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, unsigned cut, unsigned bent, const Entry *e0,
+                       const Entry *e1)
+{
+    enum { DOUBLINGS = 4 };
+    Cuts c = {.most = 1};
+    const float length_mm = j->layer_mm * way->share, scale = j->table.depth_scale * length_mm;
+    const vf nf = vf_abs(to_float(e1->index - e0->index));
+    vf hiding = self_hiding(j, t, nf, e0, e1, length_mm), low = vf_of(0), high = vf_of(1);
+    const vmask stiff = vf_lt(nf * j->stiff_depth, vf_abs(to_float(e1->k - e0->k)) * scale * t);
+    const unsigned some_stiff = any_in(stiff);
+    if (some_stiff) {
+        const vf per_depth = nf * (1 / scale);
+        vf unused;
+        find_depth(j, way, e0, per_depth * (0.02f * j->full_depth), &low, &unused);
+        find_depth(j, way, e0, per_depth * j->full_depth, &unused, &high);
+        hiding = select_f(stiff, hiding * (high - low), hiding);
+    }
+    unsigned doubled[DOUBLINGS];
+    for (int i = 0; i < DOUBLINGS; i++)
+        doubled[i] = ~all_in(vf_le(hiding, nf * (float)(1 << 2 * i)));
+    float shares[PACKETS], inner_shares[PACKETS];
+    for (int h = 0; h < PACKETS; h++) {
+        int n = !(cut >> h & 1) ? 1 : some_stiff >> h & 1 ? 8 : bent >> h & 1 ? 4 : 2;
+        for (int i = 1; i < DOUBLINGS && n > 1; i++)
+            n = doubled[i] >> h & 1 && n < 2 << i ? 2 << i : n;
+        c.parts[h] = n;
+        c.most = n > c.most ? n : c.most;
+        shares[h] = 1.0f / (float)n;
+        inner_shares[h] = 1.0f / (float)(n > 2 ? n - 2 : 1);
+    }
+    /* Of a stiff one the first and the last part are what lies around. */
+    const vf inner_step = (high - low) * vf_packets(inner_shares);
+    c.step = select_f(stiff, inner_step, vf_packets(shares));
+    c.lead = select_f(stiff, low - inner_step, vf_of(0));
+    return c;
+}
+
+/* Lighting a fraction f through the stretch; one that is bent knows the slope half way.
+ */
+INLINE Glow stretch_glow(const TiledJob *j, const Slopes *slopes, vf f)
+{
+    if (!slopes->bent)
+        return glow_between(j, &slopes->from, &slopes->to, f);
+    const vmask unbent = mask_packets(~slopes->bent & ALL_PACKETS), front = vf_lt(f, vf_of(0.5f));
+    const Slope a = select_slope(mask_or(unbent, front), &slopes->from, &slopes->mid);
+    const Slope half = select_slope(front, &slopes->mid, &slopes->to);
+    const Slope b = select_slope(unbent, &slopes->to, &half);
+    return glow_between(j, &a, &b, select_f(unbent, f, select_f(front, 2 * f, 2 * f - 1)));
+}
+
+INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
+                    const Cuts *cuts, const Slopes *slopes, unsigned marching, const Entry *e0, const Entry *e1)
+{
+    Entry before = *e0;
+    vf f0 = vf_of(0);
+    for (int p = 1; p <= cuts->most; p++) {
+        unsigned adding = marching, last = 0;
+        for (int h = 0; h < PACKETS; h++) {
+            adding &= ~((unsigned)(p > cuts->parts[h]) << h);
+            last |= (unsigned)(p >= cuts->parts[h]) << h;
+        }
+        const vmask at_end = mask_packets(last);
+        const vf f1 = select_f(at_end, vf_of(1), cuts->lead + (float)p * cuts->step);
+        Entry after = *e1;
+        if (p < cuts->most)
+            look_up(j, select_f(at_end, way->end, field_at(way, f1)), &after);
+        Glow glow;
+        if (slopes)
+            glow = stretch_glow(j, slopes, 0.5f * (f0 + f1));
+        const vf t_before = light->t, from = way->from + way->share * f0, to = way->from + way->share * f1;
+        add_slab(j, light, mask_packets(adding), &before, &after, slab_length(j, beam, pk, way->q, from, to),
+                 slopes ? &glow : NULL);
+        note_depth(j, light, t_before, (float)way->q + from, to - from);
+        before = after;
+        f0 = f1;
+    }
+}
+
+INLINE void add_whole(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
+                      const Slopes *slopes, unsigned marching, const Entry *e0, const Entry *e1)
+{
+    Glow glow;
+    if (slopes)
+        glow = glow_between(j, &slopes->from, &slopes->to, vf_of(0.5f));
+    const vf t_before = light->t, from = vf_of(way->from), to = vf_of(way->from + way->share);
+    add_slab(j, light, mask_packets(marching), e0, e1, slab_length(j, beam, pk, way->q, from, to),
+             slopes ? &glow : NULL);
+    note_depth(j, light, t_before, (float)way->q + from, to - from);
+}
+
+/* A stretch from entry e0 to e1, at once or in as many parts as it asks for. */
+INLINE void add_parts(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
+                      unsigned bent, const Slopes *slopes, unsigned marching, const Entry *e0, const Entry *e1)
+{
+    const vf nf = vf_abs(to_float(e1->index - e0->index));
+    const vf hiding = self_hiding(j, light->t, nf, e0, e1, j->layer_mm * way->share);
+    const unsigned cut = marching & (bent | ~all_in(vf_le(hiding, nf)));
+    if (!cut) {
+        add_whole(j, beam, pk, light, way, slopes, marching, e0, e1);
+        return;
+    }
+    const Cuts cuts = find_cuts(j, way, light->t, cut, bent, e0, e1);
+    add_cut(j, beam, pk, light, way, &cuts, slopes, marching, e0, e1);
+}
+
+/* Gives a stretch the field half way, for the packets in look; returns which of them it bends for. */
+INLINE unsigned bend_stretch(const TiledJob *j, Stretch *way, vf mid, vf t, unsigned look)
+{
+    way->bend = select_f(mask_packets(look), 2 * (way->s0 + way->end) - 4 * mid, vf_of(0));
+    way->rise = way->end - way->s0 - way->bend;
+    return ~all_in(vf_lt(vf_abs(way->bend) * t, vf_of(j->bend_grey)));
+}
+
+/* A stretch that bends much, as two with a sheet half way through each. */
+OUTLINE void add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light,
+                        const Stretch *whole, vf mid, vf t, bool inner, const Slopes *slopes, unsigned marching,
+                        const Entry *e0, const Entry *e1)
+{
+    const int span = whole->span / 2;
+    Entry half;
+    look_up(j, mid, &half);
+    for (int side = 0; side < 2; side++) {
+        const int part = whole->part + side * span;
+        Stretch stretch = stretch_of(j, whole->q, part, span, side ? mid : whole->s0, side ? whole->end : mid);
+        Slopes own = {.bent = 0};
+        if (slopes) {
+            own.from = side ? slopes->mid : slopes->from;
+            own.to = side ? slopes->to : slopes->mid;
+        }
+        const vf quarter = sample_sheet(j, pk, way, whole->q, part + span / 2, inner);
+        const unsigned bent = bend_stretch(j, &stretch, quarter, t, ALL_PACKETS);
+        add_parts(j, beam, pk, light, &stretch, bent, slopes ? &own : NULL, marching, side ? &half : e0,
+                  side ? e1 : &half);
+    }
+}
+
+/* A stretch from entry e0 to e1 that nothing is known of but its ends. */
+INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, Stretch *stretch,
+                        bool inner, bool lit, unsigned marching, const Entry *e0, const Entry *e1, Course *course)
+{
+    const int q = stretch->q, middle = stretch->part + stretch->span / 2;
+    const vf s0 = stretch->s0, end = stretch->end;
+    unsigned bent = 0, halved = 0;
+    vf mid;
+    const vf t = light->t;
+    if (way != WAY_STRAIGHT) {
+        /* Where its rise is not that of the way before, the field bends somewhere; and where it is nearly visible, it
+         * may become so. Only a sheet half way tells. */
+        const vf turn = vf_abs((end - s0) - (s0 - course->before));
+        const unsigned quiet = quiet_packets(&j->table, s0, end);
+        const unsigned look = marching & (quiet | ~all_in(vf_lt(turn * t, vf_of(j->refine_grey))));
+        if (look) {
+            mid = sample_sheet(j, pk, way, q, middle, inner);
+            marching &= ~(quiet & quiet_packets(&j->table, mid, mid));
+            if (!marching)
+                return;
+            bent = bend_stretch(j, stretch, mid, t, look);
+            halved = look & marching & ~all_in(vf_lt(vf_abs(stretch->bend) * t, vf_of(j->halve_grey)));
+        }
+    }
+    Slopes slopes = {.bent = 0};
+    if (lit) {
+        slopes.from = timed_slope(j, pk, way, q, stretch->part, inner, course);
+        slopes.to = timed_slope(j, pk, way, q, stretch->part + stretch->span, inner, course);
+        course->slope = slopes.to;
+        course->slope_sheet = q * j->samples + stretch->part + stretch->span;
+        slopes.bent = bent;
+        if (bent | halved)
+            slopes.mid = timed_slope(j, pk, way, q, middle, inner, course);
+    }
+    if (halved) {
+        add_halves(j, beam, pk, way, light, stretch, mid, t, inner, lit ? &slopes : NULL, halved, e0, e1);
+        if (!(marching &= ~halved))
+            return;
+    }
+    add_parts(j, beam, pk, light, stretch, bent, lit ? &slopes : NULL, marching, e0, e1);
+}
+
+/* The slab behind layer q with several sheets in it. */
 OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0,
                         vf end, bool inner, bool lit, Course *course)
 {
-    const vf length_mm = vf_of(j->layer_mm / (float)j->samples);
+    const int span = j->samples / j->sheets;
     Entry e0, e1;
-    Slope g0 = {.u = vf_of(0)}, g1;
-    Glow glow;
     bool have_entry = false;
-    int parts[PACKETS];
-    for (int h = 0; h < PACKETS; h++)
-        parts[h] = j->samples;
-    for (int part = 1; part <= j->samples; part++) {
-        const vf s1 = part == j->samples ? end : sample_sheet(j, pk, way, q, part, inner);
+    course->before = s0 - (s0 - course->before) * (1 / (float)j->sheets);
+    for (int part = 0; part < j->samples; part += span) {
+        const vf s1 = part + span == j->samples ? end : sample_sheet(j, pk, way, q, part + span, inner);
         const unsigned marching = marching_packets(j, light, s0, s1);
-        if (!marching) {
-            s0 = s1;
-            have_entry = false;
-            continue;
-        }
-        if (!have_entry)
-            look_up(j, s0, &e0);
-        look_up(j, s1, &e1);
-        if (lit) {
+        if (marching) {
             if (!have_entry)
-                g0 = timed_slope(j, pk, way, q, part - 1, inner, course);
-            g1 = part == j->samples ? timed_slope(j, pk, way, q + 1, 0, inner, course)
-                                    : timed_slope(j, pk, way, q, part, inner, course);
-            glow = glow_between(j, &g0, &g1, vf_of(0.5f));
-            g0 = g1;
+                look_up(j, s0, &e0);
+            look_up(j, s1, &e1);
+            Stretch stretch = stretch_of(j, q, part, span, s0, s1);
+            add_stretch(j, beam, pk, way, light, &stretch, inner, lit, marching, &e0, &e1, course);
+            e0 = e1;
         }
-        const vf t_before = light->t;
-        add_slab(j, light, mask_packets(marching), &e0, &e1, slab_length(j, beam, pk, q, length_mm, part, parts),
-                 lit ? &glow : NULL);
-        note_depth(j, light, t_before, vf_of((float)q + ((float)part - 1) / (float)j->samples),
-                   vf_of(1 / (float)j->samples));
+        have_entry = marching != 0;
+        course->before = s0;
         s0 = s1;
-        e0 = e1;
-        have_entry = true;
     }
-}
-
-/* The course of the field through a slab, a parabola from the front over the middle to the end, and how many parts each
- * packet cuts it into. */
-typedef struct Bend {
-    vf bend, rise; /* s0 + (rise + bend f) f, f from 0 to 1 */
-    int parts[PACKETS], most;
-} Bend;
-
-/* The more the field bends, and the more light is lost on the way (colours in front hide those behind), the more parts.
- * Parts cost table entries, no voxels; on a straight way the middle itself costs nothing. */
-INLINE Bend find_bend(const TiledJob *j, const Packet *pk, Way way, vf seen, int q, vf s0, vf end, bool inner,
-                      unsigned cut, unsigned stiff)
-{
-    Bend b;
-    const vf mid = way == WAY_STRAIGHT ? (s0 + end) * 0.5f : sample_sheet(j, pk, way, q, 1, inner);
-    b.bend = 2 * (s0 + end) - 4 * mid;
-    b.rise = end - s0 - b.bend;
-    b.most = 1;
-    const unsigned unbent = all_in(vf_lt(vf_abs(b.bend) * seen, vf_of(j->bend_grey)));
-    for (int h = 0; h < PACKETS; h++) {
-        b.parts[h] = !(cut >> h & 1) ? 1 : j->samples > 2 ? j->samples : stiff >> h & 1 ? 16 : unbent >> h & 1 ? 2 : 4;
-        b.most = b.parts[h] > b.most ? b.parts[h] : b.most;
-    }
-    return b;
-}
-
-/* Lighting a fraction f through a slab; one that is cut knows the slope half way, unless that is the mean anyway. */
-INLINE Glow course_glow(const TiledJob *j, Way way, const Bend *bend, vf f, const Slope *from, const Slope *mid,
-                        const Slope *to)
-{
-    if (way == WAY_STRAIGHT)
-        return glow_between(j, from, to, f);
-    unsigned whole = 0;
-    for (int h = 0; h < PACKETS; h++)
-        whole |= (unsigned)(bend->parts[h] == 1) << h;
-    const vmask uncut = mask_packets(whole), front = vf_lt(f, vf_of(0.5f));
-    const Slope a = select_slope(mask_or(uncut, front), from, mid), half = select_slope(front, mid, to);
-    const Slope b = select_slope(uncut, to, &half);
-    return glow_between(j, &a, &b, select_f(uncut, f, select_f(front, 2 * f, 2 * f - 1)));
-}
-
-/* The slab behind layer q, from entry e0 to e1, in as many parts as its course asks of the packets in `cut`. */
-INLINE void add_parts(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0, vf end,
-                      bool inner, bool lit, unsigned marching, unsigned cut, unsigned stiff, vf seen, const Entry *e0,
-                      const Entry *e1, const Slope *slope0, const Slope *slope1, Course *course)
-{
-    const Bend bend = find_bend(j, pk, way, seen, q, s0, end, inner, cut, stiff);
-    Slope slope_mid;
-    if (lit && way != WAY_STRAIGHT)
-        slope_mid = timed_slope(j, pk, way, q, 1, inner, course);
-    float shares[PACKETS];
-    for (int h = 0; h < PACKETS; h++)
-        shares[h] = 1.0f / (float)bend.parts[h];
-    const vf share = vf_packets(shares);
-    Entry before = *e0;
-    for (int p = 1; p <= bend.most; p++) {
-        const vf f = (float)p * share;
-        unsigned adding = marching, last = 0;
-        for (int h = 0; h < PACKETS; h++) {
-            adding &= ~((unsigned)(p > bend.parts[h]) << h);
-            last |= (unsigned)(p >= bend.parts[h]) << h;
-        }
-        Entry after = *e1;
-        if (p < bend.most)
-            look_up(j, select_f(mask_packets(last), end, s0 + (bend.rise + bend.bend * f) * f), &after);
-        Glow glow;
-        if (lit)
-            glow = course_glow(j, way, &bend, f - 0.5f * share, slope0, &slope_mid, slope1);
-        const vf t_before = light->t;
-        add_slab(j, light, mask_packets(adding), &before, &after,
-                 slab_length(j, beam, pk, q, j->layer_mm * share, p, bend.parts), lit ? &glow : NULL);
-        note_depth(j, light, t_before, (float)q + f - share, share);
-        before = after;
-    }
-}
-
-/* The slab behind layer q, from entry e0 to e1: at once, or in parts where it changes so much that this would show. */
-INLINE void add_course(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0,
-                       vf end, bool inner, bool lit, unsigned marching, const Entry *e0, const Entry *e1,
-                       Course *course)
-{
-    static const int whole[PACKETS] = CTS_PACKETS_OF(1);
-    Slope slope0, slope1;
-    if (lit) {
-        slope0 = course->slope_layer == q ? course->slope : timed_slope(j, pk, way, q, 0, inner, course);
-        slope1 = timed_slope(j, pk, way, q + 1, 0, inner, course);
-        course->slope = slope1;
-        course->slope_layer = q + 1;
-    }
-    const vf seen = select_f(vf_lt(light->t, vf_of(j->refine_transmittance)), vf_of(0), vf_of(1));
-    const vf nf = vf_abs(to_float(e1->index - e0->index));
-    const vf depth = vf_abs(to_float(e1->k - e0->k)) * (j->table.depth_scale * j->layer_mm);
-    const vmask stiff = vf_lt(nf * j->stiff_depth, depth * seen);
-    const vmask faint = vf_lt(depth, nf * j->faint_depth);
-    vf limit = select_f(stiff, vf_of(j->stiff_grey), vf_of(j->refine_grey));
-    /* Where little is lost order matters little, but a bend does. */
-    if (way == WAY_STRAIGHT)
-        limit = select_f(faint, vf_of(INFINITY), limit);
-    const unsigned cut = marching & ~all_in(vf_lt(vf_abs(end - s0) * seen, limit));
-    if (cut) {
-        add_parts(j, beam, pk, way, light, q, s0, end, inner, lit, marching, cut, any_in(stiff),
-                  select_f(faint, vf_of(0), seen), e0, e1, &slope0, &slope1, course);
-        return;
-    }
-    Glow glow;
-    if (lit)
-        glow = glow_between(j, &slope0, &slope1, vf_of(0.5f));
-    const vf t_before = light->t;
-    add_slab(j, light, mask_packets(marching), e0, e1, slab_length(j, beam, pk, q, vf_of(j->layer_mm), 1, whole),
-             lit ? &glow : NULL);
-    note_depth(j, light, t_before, vf_of((float)q), vf_of(1));
 }
 
 /* Notes the packets that have become opaque; true when all have. */
@@ -196,7 +311,7 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
 {
     Light own = *result, *light = &own; /* in registers */
     vf s0 = vf_of(0);
-    Course course = {.slope_layer = -1};
+    Course course = {.slope_sheet = -1};
     Entry entry = {.index = vi_of(0)}; /* of s0, on layer entry_layer */
     int entry_layer = -1;
     int reached = -1; /* s0 is the field on this layer */
@@ -208,25 +323,26 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
     for (int r = 0; !opaque && (r < beam->n_runs || tiled_beam_extend(j, beam)); r++) {
         const TiledRun run = beam->runs[r];
         if (run.from != reached)
-            s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
+            course.before = s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
         reached = run.to;
         /* Near the faces slopes are rounded in another way; which, must not depend on the packets beside. */
         if (lit && run.inner != inner)
-            course.slope_layer = -1;
+            course.slope_sheet = -1;
         inner = run.inner;
         for (int q = run.from; q < run.to && !opaque; q++) {
             const vf end = sample_sheet(j, pk, way, q + 1, 0, run.inner);
             samples++;
-            const unsigned marching = j->adaptive ? marching_packets(j, light, s0, end) : ALL_PACKETS;
+            const unsigned marching = j->sheets == 1 ? marching_packets(j, light, s0, end) : ALL_PACKETS;
             if (marching) {
                 const uint64_t before = timed ? tiled_ticks() : 0;
                 slabs++;
-                if (j->adaptive) {
+                if (j->sheets == 1) {
                     Entry next;
+                    Stretch slab = {q, 0, 4, 0, 1, s0, end, end - s0, vf_of(0)};
                     if (entry_layer != q)
                         look_up(j, s0, &entry);
                     look_up(j, end, &next);
-                    add_course(j, beam, pk, way, light, q, s0, end, run.inner, lit, marching, &entry, &next, &course);
+                    add_stretch(j, beam, pk, way, light, &slab, run.inner, lit, marching, &entry, &next, &course);
                     entry = next;
                     entry_layer = q + 1;
                 } else {
@@ -235,6 +351,7 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
                 opaque = all_opaque(j, light);
                 composite += timed ? tiled_ticks() - before : 0;
             }
+            course.before = s0;
             s0 = end;
         }
     }

@@ -1,5 +1,6 @@
 /* The tiled engine: the same bytes on every path, close to the float64 reference, exact where formulas are known. */
 #include "base/cpu.h"
+#include "ctsplat/reference.h"
 #include "scenes.h"
 
 static const double views[][2] = {
@@ -178,6 +179,33 @@ static void filled_rows(void **state)
     cts_volume_free(&v);
 }
 
+/* Every built-in preset, unlit, at the default: also those whose opacity jumps and whose colours change within a few
+ * HU, where what one slab's colours hide of one another would show. */
+static void hard_presets(void **state)
+{
+    (void)state;
+    static const double angles[2][2] = {{0, 0}, {30, 20}}, bounds[2] = {0.5, 1.1};
+    CtsVolume *v = phantom_head(64, 64, 48, 10);
+    const CtsPreset *preset;
+    for (size_t i = 0; (preset = cts_preset_builtin(i)); i++)
+        for (int view = 0; view < 2 && preset->mode == CTS_MODE_COMPOSITE; view++) {
+            CtsReference *reference;
+            CtsVerified verified;
+            CtsError err;
+            CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 128, angles[view][0], angles[view][1]);
+            s.shade = CTS_OFF;
+            assert_int_equal(cts_reference_new(&reference, v, preset, &s, 2000, &err), CTS_OK);
+            CtsPicture *p = render(v, preset, &s, NULL);
+            assert_int_equal(cts_reference_compare(reference, p, &verified, &err), CTS_OK);
+            if (!(255 * verified.rmse < bounds[view]))
+                fail_msg("%s at %g,%g: rms %.3f/255", preset->name, angles[view][0], angles[view][1],
+                         255 * verified.rmse);
+            cts_picture_free(&p);
+            cts_reference_free(&reference);
+        }
+    cts_volume_free(&v);
+}
+
 /* With a fixed number of sheets the error falls with the square of their distance. */
 static void second_order(void **state)
 {
@@ -267,8 +295,8 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(same_bytes),  cmocka_unit_test(constant_slab), cmocka_unit_test(near_reference),
-        cmocka_unit_test(filled_rows), cmocka_unit_test(second_order),  cmocka_unit_test(degenerate),
-        cmocka_unit_test(modes_exact),
+        cmocka_unit_test(filled_rows), cmocka_unit_test(hard_presets),  cmocka_unit_test(second_order),
+        cmocka_unit_test(degenerate),  cmocka_unit_test(modes_exact),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
