@@ -1,10 +1,10 @@
 #include "render/pilot.h"
 
-#include "ctsplat/reference.h"
+#include "base/clock.h"
 #include <math.h>
 #include <stdio.h>
 
-enum { RAYS = 4096, MOST_SAMPLES = 64 };
+enum { RAYS = 4096, MOST_SAMPLES = 64, MOST_PLANS = 10, BANDS = 6, BAND_ROWS = CTS_BAND_ROWS / 2 };
 
 /* An error on trial stands for one so much larger in the picture. */
 #define MARGIN 1.25
@@ -68,5 +68,70 @@ CtsStatus cts_pilot_samples(const CtsVolume *volume, const CtsVolume *original, 
             report, "max_error_missed", CTS_WARNING,
             "--max-error %g is not reached: %s by %.3g/255 rms on %d trial rays (engine raycast is exact)",
             settings->max_error, sheets, best / MARGIN, s.width * s.height);
+    return CTS_OK;
+}
+
+/* Bands spread over the picture, or all of a small one. Returns how many. */
+static int place_bands(int height, int first_rows[BANDS], int *n_rows)
+{
+    if (height <= 2 * BANDS * BAND_ROWS) {
+        first_rows[0] = 0;
+        *n_rows = height;
+        return 1;
+    }
+    for (int i = 0; i < BANDS; i++)
+        first_rows[i] = (int)((2 * i + 1) * (int64_t)height / (2 * BANDS * BAND_ROWS)) * BAND_ROWS;
+    *n_rows = BAND_ROWS;
+    return BANDS;
+}
+
+/* Pixels of the bands, done by the reference. */
+static CtsStatus begin_bands(CtsVerify *verify, const CtsScene *scene, const int *first_rows, int n_bands, int n_rows,
+                             CtsError *err)
+{
+    CtsScene strip = *scene;
+    strip.view.height = n_bands * n_rows;
+    CtsStatus st;
+    if ((st = cts_verify_begin(verify, &strip, RAYS, err)))
+        return st;
+    verify->scene = scene;
+    verify->reference->height = scene->view.height;
+    for (size_t i = 0; i < verify->reference->n; i++) {
+        int *y = &verify->reference->xy[i][1];
+        *y = first_rows[*y / n_rows] + *y % n_rows;
+    }
+    return cts_verify_cast(verify, err);
+}
+
+CtsStatus cts_pilot_plan(const CtsScene *scene, CtsTrial trial, void *context, CtsRenderSettings *settings,
+                         CtsReport *report, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), asked = settings->max_error;
+    CtsVerify verify = {0};
+    CtsVerified found = {0}, best = {.rmse_high = INFINITY};
+    int first_rows[BANDS], n_rows;
+    const int n_bands = place_bands(scene->view.height, first_rows, &n_rows);
+    CtsStatus st = begin_bands(&verify, scene, first_rows, n_bands, n_rows, err);
+    /* An engine's word is worth more than it says in most scenes, less in some. */
+    double plan = 2 * asked;
+    for (int i = 0; !st && i < MOST_PLANS && !(255 * best.rmse_high <= asked); i++, plan /= 2) {
+        if ((st = trial(context, plan, first_rows, n_bands, n_rows, &verify, err)) ||
+            (st = cts_verify_judge(&verify, &found, err)))
+            break;
+        if (found.rmse_high < best.rmse_high) {
+            best = found;
+            settings->max_error = plan;
+        }
+    }
+    cts_verify_free(&verify);
+    if (st)
+        return st;
+    const bool kept = 255 * best.rmse_high <= asked;
+    cts_report_finding(report, kept ? "max_error" : "max_error_missed", kept ? CTS_NOTE : CTS_WARNING,
+                       "--max-error %g%s: the plan for %.3g/255 errs by %.3g/255 rms (95 %%: up to %.3g) on %d trial "
+                       "rays%s",
+                       asked, kept ? "" : " is not reached", settings->max_error, 255 * best.rmse, 255 * best.rmse_high,
+                       (int)best.pixels, kept ? "" : " (engine raycast is exact)");
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
     return CTS_OK;
 }

@@ -284,6 +284,16 @@ void cts_verify_take(CtsVerify *v, const CtsPicture *band)
         find_pixel(v->reference, band, i, v->found[i]);
 }
 
+CtsStatus cts_verify_cast(CtsVerify *v, CtsError *err)
+{
+    return cast(v->reference, v->scene, err);
+}
+
+CtsStatus cts_verify_judge(const CtsVerify *v, CtsVerified *verified, CtsError *err)
+{
+    return judge(v->reference, (const float(*)[4])v->found, verified, err);
+}
+
 CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
 {
     const double start = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -291,8 +301,7 @@ CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
     CtsStatus st;
     if (!v->reference)
         return CTS_OK;
-    if ((st = cast(v->reference, v->scene, err)) ||
-        (st = judge(v->reference, (const float(*)[4])v->found, &verified, err)))
+    if ((st = cts_verify_cast(v, err)) || (st = cts_verify_judge(v, &verified, err)))
         return st;
     verified.wall_ms = cts_wall_ms() - start;
     verified.cpu_ms = cts_cpu_ms() - cpu;

@@ -27,8 +27,11 @@ typedef struct CtsVerify {
 } CtsVerify;
 
 CtsStatus cts_verify_begin(CtsVerify *verify, const CtsScene *scene, size_t n, CtsError *err);
+/* The pixels' true values; and how far those found are from them. */
+CtsStatus cts_verify_cast(CtsVerify *verify, CtsError *err);
+CtsStatus cts_verify_judge(const CtsVerify *verify, CtsVerified *verified, CtsError *err);
 void cts_verify_take(CtsVerify *verify, const CtsPicture *band);
-/* Fills report->verified. */
+/* Casts, judges and fills report->verified. */
 CtsStatus cts_verify_end(CtsVerify *verify, CtsReport *report, CtsError *err);
 void cts_verify_free(CtsVerify *verify);
 

@@ -219,21 +219,7 @@ static CtsStatus new_band(const Frame *frame, int first_row, int n_rows, CtsPict
     return CTS_OK;
 }
 
-/* Sub-sheets for --max-error, found for the first frame and kept for all. */
-static CtsStatus find_samples(CtsRenderer *r, CtsRenderSettings *asked, CtsReport *report, CtsError *err)
-{
-    CtsSceneStore store;
-    CtsStatus st;
-    if (!(asked->max_error > 0) || asked->samples > 0 || r->piloted || asked->engine == CTS_ENGINE_RAYCAST)
-        return CTS_OK;
-    if ((st = cts_scene_init(&store, r->volume, &r->preset, asked, err)) || store.preset.mode != CTS_MODE_COMPOSITE)
-        return st;
-    asked->mm_per_pixel = store.scene.view.mm_per_pixel;
-    r->piloted = true;
-    if (!(st = cts_pilot_samples(r->volume, r->original, &r->preset, asked, report, err)))
-        r->settings.samples = asked->samples;
-    return st;
-}
+static CtsStatus find_plan(CtsRenderer *r, CtsRenderSettings *asked, CtsReport *report, CtsError *err);
 
 /* least_verified: so many pixels even where settings->verify is 0, if --void key has lost something. */
 static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, double elevation_deg, int least_verified,
@@ -244,7 +230,7 @@ static CtsStatus frame_begin(Frame *frame, CtsRenderer *r, double azimuth_deg, d
     *frame = (Frame){.renderer = r};
     asked.azimuth_deg = azimuth_deg;
     asked.elevation_deg = elevation_deg;
-    if ((st = find_samples(r, &asked, report, err)))
+    if ((st = find_plan(r, &asked, report, err)))
         return st;
     if ((st = cts_scene_init(&frame->store, r->volume, &r->preset, &asked, err)))
         return st;
@@ -287,6 +273,53 @@ static CtsStatus frame_end(Frame *frame, CtsStatus st, CtsReport *report, CtsErr
     if (!st && !frame->store.settings.explain)
         st = cts_verify_end(&frame->verify, report, err);
     cts_verify_free(&frame->verify);
+    return st;
+}
+
+/* A CtsTrial: the renderer's engine with all that it keeps from one frame to the next, but nothing told. */
+static CtsStatus try_plan(void *context, double max_error, const int *first_rows, int n_bands, int n_rows,
+                          CtsVerify *verify, CtsError *err)
+{
+    CtsRenderer *r = context;
+    const CtsRenderSettings asked = r->settings;
+    const bool has_key = r->has_key;
+    Frame frame;
+    r->settings.max_error = max_error;
+    r->settings.verify = 0;
+    r->settings.explain = r->settings.want_depth = false;
+    CtsStatus st = frame_begin(&frame, r, asked.azimuth_deg, asked.elevation_deg, 0, NULL, err);
+    for (int i = 0; i < n_bands && !st; i++) {
+        CtsPicture *band = NULL;
+        if (!(st = new_band(&frame, first_rows[i], n_rows, &band, err)) && !(st = frame_rows(&frame, band, NULL, err)))
+            cts_verify_take(verify, band);
+        cts_picture_free(&band);
+    }
+    st = frame_end(&frame, st, NULL, err);
+    r->settings = asked;
+    r->has_key = has_key;
+    return st;
+}
+
+/* What --max-error takes, found for the first frame and kept for all. */
+static CtsStatus find_plan(CtsRenderer *r, CtsRenderSettings *asked, CtsReport *report, CtsError *err)
+{
+    CtsSceneStore store;
+    CtsStatus st;
+    if (!(asked->max_error > 0) || asked->samples > 0 || r->piloted || asked->engine == CTS_ENGINE_RAYCAST)
+        return CTS_OK;
+    if ((st = cts_scene_init(&store, r->original, &r->preset, asked, err)) || store.preset.mode != CTS_MODE_COMPOSITE)
+        return st;
+    asked->mm_per_pixel = store.scene.view.mm_per_pixel;
+    r->piloted = true;
+    if (asked->engine == CTS_ENGINE_TILED) {
+        const CtsRenderSettings first = r->settings;
+        r->settings = *asked;
+        st = cts_pilot_plan(&store.scene, try_plan, r, asked, report, err);
+        r->settings = first;
+        r->settings.max_error = asked->max_error;
+    } else if (!(st = cts_pilot_samples(r->volume, r->original, &r->preset, asked, report, err))) {
+        r->settings.samples = asked->samples;
+    }
     return st;
 }
 

@@ -65,8 +65,9 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
     const double hiding_hu = part * fmin((j->shade ? 0.02 : 0.12) / steep.colour, j->shade ? 50 : 300);
     const bool looks = s->samples == 0 && !j->straight;
     j->sheets = s->samples > 0 ? s->samples : 1;
-    /* Sheets at a look's positions leave what bends within them. */
-    while (looks && j->sheets < 16 && asked * j->sheets < 0.12)
+    /* More sheets leave less that bends within a look's reach, and make more cuts. */
+    const double each = j->straight ? 0.03 : 0.12;
+    while (s->samples == 0 && j->sheets < 16 && asked * j->sheets < each)
         j->sheets *= 2;
     j->samples = 4 * j->sheets;
     j->refine_grey = looks ? (float)(bend_hu * grey_per_hu) : INFINITY;
