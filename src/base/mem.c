@@ -8,8 +8,9 @@
 #include <string.h>
 #include <sys/mman.h>
 
-/* From this size on, huge pages save most of the page faults; below, they would waste memory. */
-enum { HUGE_PAGE = 2 << 20, HUGE_FROM = 8 << 20 };
+/* From this size on, huge pages save most of the page faults; below, they would waste memory. What is left of the last
+ * one gets small pages, unless it is half of a huge one or more. */
+enum { HUGE_PAGE = 2 << 20, HUGE_FROM = 2 << 20 };
 
 static CtsStatus checked_size(size_t n, size_t size, size_t *bytes, CtsError *err)
 {
@@ -26,15 +27,18 @@ static CtsStatus aligned_block(void **block, size_t n, size_t size, bool zeroed,
     const CtsStatus st = checked_size(n, size, &bytes, err);
     if (st)
         return st;
-    const size_t alignment = bytes >= HUGE_FROM ? HUGE_PAGE : CTS_ALIGNMENT, total = bytes + alignment + sizeof(void *);
+    const bool huge = bytes >= HUGE_FROM;
+    const size_t huge_bytes = huge ? (bytes + HUGE_PAGE / 2) / HUGE_PAGE * HUGE_PAGE : 0;
+    const size_t alignment = huge ? HUGE_PAGE : CTS_ALIGNMENT;
+    const size_t total = (bytes > huge_bytes ? bytes : huge_bytes) + alignment + sizeof(void *);
     char *start = zeroed ? calloc(1, total) : malloc(total);
     if (!start)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory: %zu bytes asked for", bytes);
     const uintptr_t at = ((uintptr_t)start + sizeof(void *) + alignment - 1) / alignment * alignment;
     char *p = start + (at - (uintptr_t)start);
     memcpy(p - sizeof(void *), &start, sizeof start);
-    if (bytes >= HUGE_FROM)
-        madvise(p, bytes / HUGE_PAGE * HUGE_PAGE, MADV_HUGEPAGE); /* advice only: a refusal changes nothing */
+    if (huge)
+        madvise(p, huge_bytes, MADV_HUGEPAGE); /* advice only: a refusal changes nothing */
     *block = p;
     return CTS_OK;
 }

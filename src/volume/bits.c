@@ -317,27 +317,6 @@ void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, 
         dilate_slice(in, out, k, neighbours, axes);
 }
 
-CTS_VECTOR_CLONES void cts_bits_grow_rows(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, int first, int end,
-                                          const uint64_t *rival, const uint64_t *rival_own)
-{
-    const ptrdiff_t row = (ptrdiff_t)in->row_words, stop = row * end;
-    for (ptrdiff_t from = row * first; from < stop; from += BLOCK) {
-        const ptrdiff_t n_block = stop - from < BLOCK ? stop - from : BLOCK;
-        dilate_block(in, out, 0, neighbours, CTS_AXES_SLICE, from, n_block);
-        for (ptrdiff_t n = from; n < from + n_block; n++)
-            out->words[n] = in->words[n] | (out->words[n] & ~rival[n] & ~rival_own[n]);
-    }
-    mask_last_words(in, out, 0, first, end);
-}
-
-CTS_VECTOR_CLONES void cts_bits_join_rows(const uint64_t *a, const uint64_t *b, CtsBits *to, int first, int end,
-                                          const uint64_t *rival, const uint64_t *rival_own)
-{
-    const size_t stop = (size_t)end * to->row_words;
-    for (size_t w = (size_t)first * to->row_words; w < stop; w++)
-        to->words[w] |= (a[w] | b[w]) & ~rival[w] & ~rival_own[w];
-}
-
 CTS_VECTOR_CLONES void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
 {
     const size_t n = cts_bits_n_words(a);

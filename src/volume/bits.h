@@ -78,15 +78,8 @@ void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *bl
 
 /* Set what is set and its neighbours along the axes in the mask `axes` (bit 0: columns, 1: rows, 2: slices): the cross
  * shares a face, the box also an edge or a corner. in and out differ. */
-enum { CTS_AXES_ALL = 7, CTS_AXES_SLICE = 3 };
 typedef enum CtsNeighbours { CTS_CROSS, CTS_BOX } CtsNeighbours;
 void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, unsigned axes, int n_threads);
-/* Growth within one slice, for the rows first <= j < end: out is in and its neighbours, a join is `to` and the slices a
- * and b, but neither takes new voxels of what its rival holds by now or owned from the start. */
-void cts_bits_grow_rows(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, int first, int end,
-                        const uint64_t *rival, const uint64_t *rival_own);
-void cts_bits_join_rows(const uint64_t *a, const uint64_t *b, CtsBits *to, int first, int end, const uint64_t *rival,
-                        const uint64_t *rival_own);
 
 typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_COPY, CTS_BITS_NOT } CtsBitsOp;
 /* a = a op b, word by word; CTS_BITS_COPY and _NOT take b alone. */

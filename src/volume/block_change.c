@@ -62,24 +62,28 @@ static void add_row(CtsBlockChange *c, int bj, int k, const uint64_t *some, cons
     }
 }
 
-void cts_block_rows_start(CtsBlockRows *rows)
+CTS_VECTOR_CLONES static void join_row(CtsBlockRows *rows, const uint64_t *restrict gone, size_t n_words)
 {
-    memset(rows->some, 0, sizeof rows->some);
-    memset(rows->all, 0xFF, sizeof rows->all);
+    for (size_t w = 0; w < n_words; w++) {
+        rows->some[w] |= gone[w];
+        rows->all[w] &= gone[w];
+    }
 }
 
-void cts_block_change_row(CtsBlockChange *c, CtsBlockRows *rows, int j, int k)
+void cts_block_change_row(CtsBlockChange *c, CtsBlockRows *rows, const uint64_t *gone, int j, int k)
 {
     if (!c->blocks)
         return;
-    const size_t n_bytes = ((size_t)c->blocks->dims[0] / 64 + 1) * sizeof *rows->gone;
+    const size_t n_words = (size_t)c->blocks->dims[0] / 64 + 1;
     /* The first row of a block is the last of the one before. */
     const bool first = j % CTS_FINE_BLOCK == 0, last = j == c->blocks->dims[1] - 1;
+    if (j)
+        join_row(rows, gone, n_words);
     if (j && (first || last))
         add_row(c, (j - 1) / CTS_FINE_BLOCK, k, rows->some, rows->all);
     if (first) {
-        memcpy(rows->some, rows->gone, n_bytes);
-        memcpy(rows->all, rows->gone, n_bytes);
+        memcpy(rows->some, gone, n_words * sizeof *gone);
+        memcpy(rows->all, gone, n_words * sizeof *gone);
     }
     if (first && last)
         add_row(c, j / CTS_FINE_BLOCK, k, rows->some, rows->all);

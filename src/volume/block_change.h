@@ -15,17 +15,14 @@ typedef struct CtsBlockChange {
 CtsStatus cts_block_change_new(CtsBlockChange *change, CtsBlocks *blocks, CtsError *err);
 void cts_block_change_free(CtsBlockChange *change);
 
-/* Voxels of a row that become air, as a row of a CtsBits of the volume's dimensions, and what is gone of the rows of
- * the block at hand, in some row and in all. */
+/* What is gone of the rows of the block at hand, in some row and in all. */
 typedef struct CtsBlockRows {
-    uint64_t gone[CTS_BITS_ROW_WORDS], some[CTS_BITS_ROW_WORDS], all[CTS_BITS_ROW_WORDS];
+    uint64_t some[CTS_BITS_ROW_WORDS], all[CTS_BITS_ROW_WORDS];
 } CtsBlockRows;
 
-/* Before the first row of a slice. */
-void cts_block_rows_start(CtsBlockRows *rows);
-/* Row j of slice k: the caller has set rows->gone and added it to rows->some and rows->all, spare bits 0. Rows of a
- * slice come in order and from one thread. */
-void cts_block_change_row(CtsBlockChange *change, CtsBlockRows *rows, int j, int k);
+/* Row j of slice k: the voxels that become air, as a row of a CtsBits of the volume's dimensions. Rows of a slice come
+ * in order, all of them, and from one thread. */
+void cts_block_change_row(CtsBlockChange *change, CtsBlockRows *rows, const uint64_t *gone, int j, int k);
 
 /* Slices first <= k < end lose nothing and are not gone through row by row. */
 void cts_block_change_keep(CtsBlockChange *change, int first, int end);

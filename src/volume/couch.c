@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/mem.h"
 #include "base/vec3.h"
 #include "volume/couch_body.h"
 #include "volume/couch_rim.h"
@@ -62,7 +63,7 @@ static uint16_t threshold_grey(const CtsVolume *v)
 /* False, with the reason in the report, when the mask is nothing to work on. */
 static bool mask_is_usable(Couch *c)
 {
-    const uint64_t n_runs = cts_parts_count_runs(&c->body.mask, c->scene.n_threads);
+    const uint64_t n_runs = c->body.parts.n_runs;
     const uint64_t most = cts_volume_n_voxels(c->scene.volume) / VOXELS_PER_RUN + RUNS_ANYWAY;
     if (!n_runs)
         cts_report_skip(c->report, WHAT, "no voxel lies above %g HU", BODY_HU);
@@ -109,21 +110,48 @@ static CtsStatus report_kept(Couch *c, CtsError *err)
     return CTS_OK;
 }
 
-/* Everything above the threshold that is not body is foreign: the other parts and the seam. body gets the body's
- * voxels, which leave the mask; both only as far as the rim around the wanted slices needs them. All are counted. */
-static uint64_t tell_foreign(Couch *c, CtsBits *body)
+/* Everything above the threshold that is not body is foreign: the other parts, and the seam that no part has any more.
+ * The mask is split between the two; whichever has few voxels is painted, and what it has leaves the mask. Only as far
+ * as the rim around the wanted slices needs them, but all foreign ones are counted. */
+typedef struct Split {
+    CtsBits painted;
+    uint8_t *flags; /* of the parts to paint */
+    const CtsBits *body;
+    const CtsBits *foreign;
+} Split;
+
+static CtsStatus split_new(Split *split, CouchBody *b, CtsError *err)
 {
-    CtsBits *const foreign = &c->body.mask;
-    const uint8_t *flags = c->body.verdict.body;
+    CtsStatus st;
+    *split = (Split){.body = b->is_cut ? &split->painted : &b->mask, .foreign = b->is_cut ? &b->mask : &split->painted};
+    if ((st = cts_bits_new(&split->painted, b->mask.dims, err)) ||
+        (st = cts_alloc_array(&split->flags, b->parts.n_parts, err)))
+        return st;
+    for (uint32_t n = 0; n < b->parts.n_parts; n++)
+        split->flags[n] = b->is_cut ? b->verdict.body[n] : !b->verdict.body[n];
+    return CTS_OK;
+}
+
+static void split_free(Split *split)
+{
+    cts_bits_free(&split->painted);
+    cts_free(&split->flags);
+}
+
+static uint64_t tell_foreign(Couch *c, Split *split)
+{
+    CtsBits *const mask = &c->body.mask;
+    const CtsParts *parts = &c->body.parts;
     const int first = couch_rim_first(&c->scene), end = couch_rim_end(&c->scene);
     uint64_t n_foreign = 0;
 #pragma omp parallel for schedule(static) num_threads(c->scene.n_threads) reduction(+ : n_foreign)
-    for (int k = 0; k < foreign->dims[2]; k++) {
-        n_foreign += cts_bits_count_slice(foreign, k) - cts_parts_count_slice(&c->body.parts, flags, k);
+    for (int k = 0; k < mask->dims[2]; k++) {
+        const uint64_t n_painted = cts_parts_count_slice(parts, split->flags, k);
+        n_foreign += c->body.is_cut ? cts_bits_count_slice(mask, k) - n_painted : n_painted;
         if (k < first || k >= end)
             continue;
-        cts_parts_paint_slice(&c->body.parts, flags, body, k);
-        cts_bits_take_slice(foreign, body, k);
+        cts_parts_paint_slice(parts, split->flags, &split->painted, k);
+        cts_bits_take_slice(mask, &split->painted, k);
     }
     return n_foreign;
 }
@@ -131,19 +159,20 @@ static uint64_t tell_foreign(Couch *c, CtsBits *body)
 static CtsStatus clear(Couch *c, CtsVolume *volume, CtsError *err)
 {
     CtsStatus st;
-    CtsBits body = {0};
+    Split split;
     const uint64_t slice = (uint64_t)volume->dims[0] * (uint64_t)volume->dims[1];
     const uint64_t n_seen = slice * (uint64_t)(c->scene.end_slice - c->scene.first_slice);
     uint64_t n_cleared;
-    if ((st = cts_bits_new(&body, c->body.mask.dims, err)))
+    if ((st = split_new(&split, &c->body, err)))
         goto end;
-    const uint64_t n_foreign = tell_foreign(c, &body);
+    const uint64_t n_foreign = tell_foreign(c, &split);
     const double foreign_mm3 = (double)n_foreign * c->scene.voxel_mm3;
     if (foreign_mm3 < NOTHING_MM3) {
         cts_report_skip(c->report, WHAT, "nothing above %g HU lies outside the body", BODY_HU);
         goto end;
     }
-    if ((st = couch_clear(&c->scene, volume, &body, &c->body.mask, &c->grid, &c->cells, &c->inside, &n_cleared, err)))
+    if ((st = couch_clear(&c->scene, volume, split.body, split.foreign, &c->grid, &c->cells, &c->inside, &n_cleared,
+                          err)))
         goto end;
     cts_report_finding(
         c->report, "table_removed", CTS_NOTE,
@@ -152,7 +181,7 @@ static CtsStatus clear(Couch *c, CtsVolume *volume, CtsError *err)
         (unsigned long long)n_foreign, BODY_HU, foreign_mm3 / 1000, 100 * foreign_mm3 / c->body.verdict.body_mm3,
         c->body.cut_mm3 / 1000, (unsigned long long)n_cleared, (unsigned long long)n_seen);
 end:
-    cts_bits_free(&body);
+    split_free(&split);
     return st;
 }
 
@@ -162,7 +191,7 @@ static CtsStatus remove_table(Couch *c, CtsVolume *volume, CtsError *err)
     if ((st = cts_bits_new(&c->body.mask, volume->dims, err)))
         return st;
     cts_bits_threshold(&c->body.mask, volume->grey, volume->blocks, threshold_grey(volume), c->scene.n_threads);
-    if (!mask_is_usable(c))
+    if ((st = cts_parts_count(&c->body.parts, &c->body.mask, c->scene.n_threads, err)) || !mask_is_usable(c))
         return st;
     if ((st = couch_body_find(&c->scene, &c->body, NULL, err)) ||
         (st = couch_separate(&c->scene, &c->grid, &c->body, err)) || (st = enclose(c, err)))

@@ -22,6 +22,7 @@ CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, const CtsBit
         cts_bits_combine(&left, CTS_BITS_AND_NOT, away);
     }
     couch_body_forget_cells(body);
+    body->is_cut = away != NULL;
     st = cts_parts_find(&body->parts, away ? &left : &body->mask, scene->n_threads, err);
     cts_bits_free(&left);
     return st ? st : couch_judge(scene, &body->parts, &body->verdict, err);

@@ -7,13 +7,15 @@
 typedef struct CouchBody {
     CtsBits mask;   /* voxels dense enough for a body */
     CtsParts parts; /* of mask, less what was cut away */
+    bool is_cut;    /* something was: mask has voxels that are in no part */
     CouchVerdict verdict;
     CtsBits any, solid;  /* the cells of the body, as couch_cells() has them; made when they are wanted */
     double cut_mm3;      /* cut from the body */
     double attached_mm3; /* thin and far from anything thick, yet joined to the body */
 } CouchBody;
 
-/* Parts and verdict of body->mask less away (which may be NULL). A zero-initialised CouchBody may be freed. */
+/* Parts and verdict of body->mask less away (which may be NULL; body->parts may have been counted then). A
+ * zero-initialised CouchBody may be freed. */
 CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, const CtsBits *away, CtsError *err);
 void couch_body_free(CouchBody *body);
 

@@ -39,7 +39,7 @@ static inline int couch_cell_end(const CouchGrid *grid, int axis, int cell)
 }
 
 /* any: cells that hold a voxel of a flagged part; solid: cells that hold it in half of their voxels or more. Both are
- * made here; solid may be NULL. Parts reach no further than the grid. */
+ * made here; solid may be NULL. What of the parts lies beyond the grid is left out. */
 CtsStatus couch_cells(const CouchScene *scene, const CouchGrid *grid, const CtsParts *parts, const uint8_t *flags,
                       CtsBits *any, CtsBits *solid, CtsError *err);
 

@@ -10,10 +10,10 @@ int couch_rim_end(const CouchScene *scene);
 
 /* Keep body, the cells of inside that are not foreign, and the partial-volume rim around body: 3 mm, at least 2
  * voxels within a slice and 1 between slices. Where a foreign part comes that close, the rim ends half-way. All else in
- * the slices of the scene becomes grey 0, and n_cleared counts it. body and foreign have no voxel in common, and
- * foreign is used up; body_cells are the cells of grid that hold body. The volume's blocks, if it has some, follow the
+ * the slices of the scene becomes grey 0, and n_cleared counts it. body and foreign have no voxel in common;
+ * body_cells are the cells of grid that hold body. The volume's blocks, if it has some, follow the
  * change. */
-CtsStatus couch_clear(const CouchScene *scene, CtsVolume *volume, const CtsBits *body, CtsBits *foreign,
+CtsStatus couch_clear(const CouchScene *scene, CtsVolume *volume, const CtsBits *body, const CtsBits *foreign,
                       const CouchGrid *grid, const CtsBits *body_cells, const CtsBits *inside, uint64_t *n_cleared,
                       CtsError *err);
 

@@ -21,16 +21,6 @@ static uint32_t count_row(const uint64_t *row, size_t n_words)
     return n;
 }
 
-uint64_t cts_parts_count_runs(const CtsBits *bits, int n_threads)
-{
-    uint64_t n = 0;
-#pragma omp parallel for schedule(static) num_threads(n_threads) reduction(+ : n) if (cts_bits_is_large(bits))
-    for (int k = 0; k < bits->dims[2]; k++)
-        for (int j = 0; j < bits->dims[1]; j++)
-            n += count_row(cts_bits_row(bits, j, k), bits->row_words);
-    return n;
-}
-
 /* A start sets one bit and an end, one past the last voxel, sets another; both come in turn. */
 static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
 {
@@ -137,29 +127,38 @@ static CtsStatus label(CtsParts *p, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int n_threads, CtsError *err)
+CtsStatus cts_parts_count(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
     cts_parts_free(p);
     *p = (CtsParts){.dims = {bits->dims[0], bits->dims[1], bits->dims[2]}};
     const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
-    if ((st = cts_alloc_array(&p->row_start, n_rows + 1, err)))
-        goto end;
+    const CtsStatus st = cts_alloc_array(&p->row_start, n_rows + 1, err);
+    if (st)
+        return st;
 #pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
     for (size_t row = 0; row < n_rows; row++)
         p->row_start[row + 1] = count_row(bits->words + row * bits->row_words, bits->row_words);
-    uint64_t n_runs = 0;
     p->row_start[0] = 0;
     for (size_t row = 0; row < n_rows; row++) {
-        n_runs += p->row_start[row + 1];
-        p->row_start[row + 1] = (uint32_t)n_runs;
+        p->n_runs += p->row_start[row + 1];
+        p->row_start[row + 1] = (uint32_t)p->n_runs;
     }
-    if (n_runs >= UINT32_MAX) {
-        st = cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)n_runs);
+    p->counted = true;
+    return CTS_OK;
+}
+
+static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int n_threads, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
+    if (!p->counted && (st = cts_parts_count(p, bits, n_threads, err)))
+        goto end;
+    p->counted = false;
+    if (p->n_runs >= UINT32_MAX) {
+        st = cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)p->n_runs);
         goto end;
     }
-    p->n_runs = (uint32_t)n_runs;
-    if ((st = cts_alloc_array(&p->runs, n_runs, err)))
+    if ((st = cts_alloc_array(&p->runs, p->n_runs, err)))
         goto end;
 #pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
     for (size_t row = 0; row < n_rows; row++) {
@@ -190,6 +189,7 @@ void cts_parts_free(CtsParts *p)
     cts_free(&p->runs);
     cts_free(&p->row_start);
     cts_free(&p->parts);
+    p->counted = false;
 }
 
 uint64_t cts_parts_count_slice(const CtsParts *p, const uint8_t *flags, int k)

@@ -21,13 +21,15 @@ typedef struct CtsParts {
     int dims[3];
     CtsRun *runs;
     uint32_t *row_start;
-    uint32_t n_runs;
+    uint64_t n_runs; /* of which UINT32_MAX - 1 can be told apart */
+    bool counted;    /* and no more is known yet */
     CtsPart *parts;
     uint32_t n_parts;
 } CtsParts;
 
-/* The number of runs, which says how much memory cts_parts_find() will take (12 to 48 bytes each). */
-uint64_t cts_parts_count_runs(const CtsBits *bits, int n_threads);
+/* The first step of finding, when the number of runs is wanted before memory is given to them (12 to 48 bytes each):
+ * n_runs and row_start. Finding the parts of the same bits then goes on from there. */
+CtsStatus cts_parts_count(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
 
 /* A zero-initialised CtsParts may be freed; finding frees what it held before. */
 CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);

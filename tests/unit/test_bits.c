@@ -73,17 +73,11 @@ static void clear(CtsVolume *v, const CtsBits *gone, CtsBlockChange *change)
 {
     for (int k = 0; k < v->dims[2]; k++) {
         CtsBlockRows rows;
-        cts_block_rows_start(&rows);
         for (int j = 0; j < v->dims[1]; j++) {
-            for (size_t w = 0; w < gone->row_words; w++) {
-                rows.gone[w] = cts_bits_row(gone, j, k)[w];
-                rows.some[w] |= rows.gone[w];
-                rows.all[w] &= rows.gone[w];
-            }
             for (int i = 0; i < v->dims[0]; i++)
                 if (cts_bits_get(gone, i, j, k))
                     v->grey[(k * v->dims[1] + j) * v->dims[0] + i] = 0;
-            cts_block_change_row(change, &rows, j, k);
+            cts_block_change_row(change, &rows, cts_bits_row(gone, j, k), j, k);
         }
     }
 }
