@@ -85,24 +85,6 @@ static int place_bands(int height, int first_rows[BANDS], int *n_rows)
     return BANDS;
 }
 
-/* Pixels of the bands, done by the reference. */
-static CtsStatus begin_bands(CtsVerify *verify, const CtsScene *scene, const int *first_rows, int n_bands, int n_rows,
-                             CtsError *err)
-{
-    CtsScene strip = *scene;
-    strip.view.height = n_bands * n_rows;
-    CtsStatus st;
-    if ((st = cts_verify_begin(verify, &strip, RAYS, err)))
-        return st;
-    verify->scene = scene;
-    verify->reference->height = scene->view.height;
-    for (size_t i = 0; i < verify->reference->n; i++) {
-        int *y = &verify->reference->xy[i][1];
-        *y = first_rows[*y / n_rows] + *y % n_rows;
-    }
-    return cts_verify_cast(verify, err);
-}
-
 CtsStatus cts_pilot_plan(const CtsScene *scene, CtsTrial trial, void *context, CtsRenderSettings *settings,
                          CtsReport *report, CtsError *err)
 {
@@ -111,12 +93,12 @@ CtsStatus cts_pilot_plan(const CtsScene *scene, CtsTrial trial, void *context, C
     CtsVerified found = {0}, best = {.rmse_high = INFINITY};
     int first_rows[BANDS], n_rows;
     const int n_bands = place_bands(scene->view.height, first_rows, &n_rows);
-    CtsStatus st = begin_bands(&verify, scene, first_rows, n_bands, n_rows, err);
+    CtsStatus st = cts_verify_begin(&verify, scene, RAYS, err);
     /* An engine's word is worth more than it says in most scenes, less in some. */
     double plan = 2 * asked;
     for (int i = 0; !st && i < MOST_PLANS && !(255 * best.rmse_high <= asked); i++, plan /= 2) {
         if ((st = trial(context, plan, first_rows, n_bands, n_rows, &verify, err)) ||
-            (st = cts_verify_judge(&verify, &found, err)))
+            (i == 0 && (st = cts_verify_choose(&verify, err))) || (st = cts_verify_judge(&verify, &found, err)))
             break;
         if (found.rmse_high < best.rmse_high) {
             best = found;

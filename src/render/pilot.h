@@ -4,7 +4,7 @@
 
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
-#include "render/reference.h"
+#include "render/verify.h"
 
 /* Sets settings->samples for settings->max_error; 0, the engine's own choice, where that will do. settings holds the
  * picture's real mm_per_pixel. volume is what the engine gets, original what it stands for. The report tells the error

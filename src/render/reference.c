@@ -8,15 +8,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Steele, Lea, Flood 2014: SplitMix64. */
-static uint64_t next_random(uint64_t *state)
-{
-    uint64_t z = *state += 0x9e3779b97f4a7c15u;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
-    return z ^ (z >> 31);
-}
-
 static uint64_t mix(uint64_t hash, const void *bytes, size_t n)
 {
     for (size_t i = 0; i < n; i++)
@@ -24,7 +15,7 @@ static uint64_t mix(uint64_t hash, const void *bytes, size_t n)
     return hash;
 }
 
-static uint64_t scene_seed(const CtsScene *scene)
+uint64_t cts_reference_seed(const CtsScene *scene)
 {
     const CtsView *view = &scene->view;
     const int numbers[] = {view->width, view->height, view->dims[0], view->dims[1], view->dims[2], scene->preset->mode};
@@ -46,11 +37,11 @@ typedef struct Placing {
 static void place_in(Placing *p, const int box[4], size_t n)
 {
     const uint64_t width = (uint64_t)box[2], area = width * (uint64_t)box[3];
-    const uint64_t first = next_random(&p->random) % area;
+    const uint64_t first = cts_reference_random(&p->random) % area;
     uint64_t at = first;
     for (size_t i = 0; i < n; i++) {
         if (i == 1) {
-            at = next_random(&p->random) % (area - 1);
+            at = cts_reference_random(&p->random) % (area - 1);
             at += at >= first;
         }
         (*p->xy)[0] = box[0] + (int)(at % width);
@@ -96,12 +87,13 @@ void cts_reference_free(CtsReference **reference)
         return;
     cts_free(&(*reference)->xy);
     cts_free(&(*reference)->weight);
+    cts_free(&(*reference)->variance);
     cts_free(&(*reference)->rgba);
     free(*reference);
     *reference = NULL;
 }
 
-CtsStatus cts_reference_place(CtsReference **reference, const CtsScene *scene, size_t n, CtsError *err)
+CtsStatus cts_reference_empty(CtsReference **reference, const CtsScene *scene, size_t n, CtsError *err)
 {
     CtsStatus st;
     CtsReference *r = *reference = calloc(1, sizeof *r);
@@ -117,8 +109,17 @@ CtsStatus cts_reference_place(CtsReference **reference, const CtsScene *scene, s
     r->n = n;
     for (int c = 0; c < 3; c++)
         r->background[c] = scene->preset->background_none ? 0 : scene->preset->background[c];
+    return CTS_OK;
+}
+
+CtsStatus cts_reference_place(CtsReference **reference, const CtsScene *scene, size_t n, CtsError *err)
+{
+    CtsStatus st;
+    if ((st = cts_reference_empty(reference, scene, n, err)))
+        return st;
+    CtsReference *r = *reference;
     const int box[4] = {0, 0, r->width, r->height};
-    Placing p = {scene_seed(scene), (double)r->width * r->height, r->xy, r->weight};
+    Placing p = {cts_reference_seed(scene), (double)r->width * r->height, r->xy, r->weight};
     place(&p, box, n);
     return CTS_OK;
 }
@@ -128,8 +129,7 @@ static double shown(double value, double alpha, double background)
     return fmin(fmax(value + (1 - alpha) * background, 0), 1);
 }
 
-/* Where pixel i of r stands in the picture, or in the band of it; false when it does not. */
-static bool find_pixel(const CtsReference *r, const CtsPicture *picture, size_t i, float rgba[4])
+bool cts_reference_find(const CtsReference *r, const CtsPicture *picture, size_t i, float rgba[4])
 {
     const int x = r->xy[i][0], y = r->xy[i][1] - picture->first_row;
     if (y < 0 || y >= picture->height)
@@ -157,12 +157,6 @@ static double difference2(const CtsReference *r, size_t i, const float pixel[4],
     return sum / 3;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Student's t for 95 % and that many degrees of freedom, of which there are at least 2, by its series about the normal
  * distribution (3 % low at 2, 0.7 % at 3). */
 static double student_t(double freedom)
@@ -172,50 +166,81 @@ static double student_t(double freedom)
                                                    each * (((3 * z2 + 19) * z2 + 17) * z2 - 15) / 384)));
 }
 
-/* Mean of squares, and how far it may be off (95 %), from the pairs that share a part. Where a part gave one pixel
- * alone, its neighbour in order stands in for the other. Where a few pixels make most of the error, there are as few
- * degrees of freedom (Satterthwaite 1946). */
-static void weigh(const double *square, const double *weight, size_t n, double *mean, double *margin)
+/* Mean of squares, and how far it may be off (95 %). Where a part gave one pixel alone, its neighbour in order stands
+ * in for the other. Where a few pixels make most of the error, there are as few degrees of freedom (Satterthwaite
+ * 1946); and half of that where pixels were chosen, as the largest errors are the likeliest to be missed. */
+static void weigh(const CtsReference *r, const double *square, double *mean, double *margin)
 {
     double variance = 0, fourth = 0;
     *mean = 0;
-    for (size_t i = 0; i < n; i++)
-        *mean += weight[i] * square[i];
-    for (size_t i = 0; i + 1 < n; i += 2) {
-        const double d = square[i] - square[i + 1], w = 0.5 * (weight[i] + weight[i + 1]);
-        variance += w * w * d * d;
-        fourth += w * w * d * d * w * w * d * d;
+    for (size_t i = 0; i < r->n; i++)
+        *mean += r->weight[i] * square[i];
+    for (size_t i = 0; r->variance ? i < r->n : i + 1 < r->n; i += r->variance ? 1 : 2) {
+        const double d = r->variance ? square[i] : square[i] - square[i + 1];
+        const double w2 = r->variance ? r->variance[i] : 0.25 * pow(r->weight[i] + r->weight[i + 1], 2);
+        variance += w2 * d * d;
+        fourth += w2 * d * d * w2 * d * d;
     }
-    *margin = variance > 0 ? student_t(fmax(variance * variance / fourth, 2)) * sqrt(variance) : 0;
+    const double freedom = variance > 0 ? variance * variance / fourth * (r->variance ? 0.5 : 1) : 2;
+    *margin = student_t(fmax(freedom, 2)) * sqrt(variance);
 }
 
-static CtsStatus judge(const CtsReference *r, const float (*found)[4], CtsVerified *v, CtsError *err)
+/* The value that all but a thousandth of the picture stays below. */
+typedef struct Weighed {
+    double value, weight;
+} Weighed;
+
+static int by_value(const void *a, const void *b)
 {
-    double *square = NULL, *largest = NULL;
+    const double x = ((const Weighed *)a)->value, y = ((const Weighed *)b)->value;
+    return (x > y) - (x < y);
+}
+
+static double all_but_a_thousandth(Weighed *of, size_t n)
+{
+    double rest = 0;
+    qsort(of, n, sizeof *of, by_value);
+    for (size_t i = 0; i < n; i++)
+        rest += of[i].weight;
+    rest *= 0.001;
+    size_t i = n - 1;
+    while (i > 0 && (rest -= of[i].weight) >= 0)
+        i--;
+    return of[i].value;
+}
+
+CtsStatus cts_reference_judge(const CtsReference *r, const float (*found)[4], CtsVerified *v, CtsError *err)
+{
+    double *square = NULL;
+    Weighed *largest = NULL;
     CtsStatus st;
     *v = (CtsVerified){.pixels = r->n};
     if (r->n == 0)
         return CTS_OK;
     if ((st = cts_alloc_array(&square, r->n, err)) || (st = cts_alloc_array(&largest, r->n, err)))
         goto end;
+    double whole = 0, above = 0;
     for (size_t i = 0; i < r->n; i++) {
-        square[i] = difference2(r, i, found[i], &largest[i]);
-        if (i == 0 || largest[i] > v->max) {
-            v->max = largest[i];
+        double most;
+        square[i] = difference2(r, i, found[i], &most);
+        if (i == 0 || most > v->max) {
+            v->max = most;
             v->worst_x = r->xy[i][0];
             v->worst_y = r->xy[i][1];
         }
-        v->share_above += largest[i] > 1.0 / 255 ? r->weight[i] : 0;
+        largest[i] = (Weighed){most, r->weight[i]};
+        whole += r->weight[i];
+        above += most > 1.0 / 255 ? r->weight[i] : 0;
     }
+    v->share_above = above / whole;
     double mean, margin;
-    weigh(square, r->weight, r->n, &mean, &margin);
+    weigh(r, square, &mean, &margin);
     v->rmse = sqrt(mean);
     /* Normal in the logarithm, as squares are skewed; a sample that is the whole picture has no error. */
     const double spread = mean > 0 && (double)r->n < (double)r->width * r->height ? margin / mean : 0;
     v->rmse_low = v->rmse * exp(-0.5 * spread);
     v->rmse_high = v->rmse * exp(0.5 * spread);
-    qsort(largest, r->n, sizeof *largest, by_value);
-    v->p999 = largest[(size_t)ceil(0.999 * (double)r->n) - 1];
+    v->p999 = all_but_a_thousandth(largest, r->n);
 end:
     cts_free(&square);
     cts_free(&largest);
@@ -231,9 +256,9 @@ CtsStatus cts_reference_compare(const CtsReference *r, const CtsPicture *picture
                         picture->width, picture->height, r->width, r->height);
     CtsStatus st = cts_alloc_zeroed(&found, r->n, err);
     for (size_t i = 0; i < r->n && !st; i++)
-        find_pixel(r, picture, i, found[i]);
+        cts_reference_find(r, picture, i, found[i]);
     if (!st)
-        st = judge(r, (const float(*)[4])found, v, err);
+        st = cts_reference_judge(r, (const float(*)[4])found, v, err);
     cts_free(&found);
     return st;
 }
@@ -244,7 +269,7 @@ static CtsStatus place_most(CtsReference **reference, const CtsScene *scene, siz
     return cts_reference_place(reference, scene, n < area ? n : area, err);
 }
 
-static CtsStatus cast(CtsReference *r, const CtsScene *scene, CtsError *err)
+CtsStatus cts_reference_cast(CtsReference *r, const CtsScene *scene, CtsError *err)
 {
     return cts_raycast_pixels(scene, (const int(*)[2])r->xy, r->n, r->rgba, err);
 }
@@ -256,7 +281,7 @@ CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, c
     *reference = NULL;
     CtsStatus st;
     if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
-        (st = place_most(reference, &store.scene, n, err)) || (st = cast(*reference, &store.scene, err)))
+        (st = place_most(reference, &store.scene, n, err)) || (st = cts_reference_cast(*reference, &store.scene, err)))
         cts_reference_free(reference);
     return st;
 }
@@ -267,51 +292,4 @@ CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset,
     CtsSceneStore store;
     const CtsStatus st = cts_scene_init(&store, volume, preset, settings, err);
     return st ? st : cts_raycast_pixels(&store.scene, xy, n, rgba, err);
-}
-
-CtsStatus cts_verify_begin(CtsVerify *v, const CtsScene *scene, size_t n, CtsError *err)
-{
-    *v = (CtsVerify){.scene = scene};
-    CtsStatus st = place_most(&v->reference, scene, n, err);
-    if (!st && (st = cts_alloc_zeroed(&v->found, v->reference->n, err)))
-        cts_verify_free(v);
-    return st;
-}
-
-void cts_verify_take(CtsVerify *v, const CtsPicture *band)
-{
-    for (size_t i = 0; v->reference && i < v->reference->n; i++)
-        find_pixel(v->reference, band, i, v->found[i]);
-}
-
-CtsStatus cts_verify_cast(CtsVerify *v, CtsError *err)
-{
-    return cast(v->reference, v->scene, err);
-}
-
-CtsStatus cts_verify_judge(const CtsVerify *v, CtsVerified *verified, CtsError *err)
-{
-    return judge(v->reference, (const float(*)[4])v->found, verified, err);
-}
-
-CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
-{
-    const double start = cts_wall_ms(), cpu = cts_cpu_ms();
-    CtsVerified verified;
-    CtsStatus st;
-    if (!v->reference)
-        return CTS_OK;
-    if ((st = cts_verify_cast(v, err)) || (st = cts_verify_judge(v, &verified, err)))
-        return st;
-    verified.wall_ms = cts_wall_ms() - start;
-    verified.cpu_ms = cts_cpu_ms() - cpu;
-    if (report)
-        report->verified = verified;
-    return CTS_OK;
-}
-
-void cts_verify_free(CtsVerify *v)
-{
-    cts_reference_free(&v->reference);
-    cts_free(&v->found);
 }

@@ -5,8 +5,8 @@
 #include "base/mem.h"
 #include "render/key.h"
 #include "render/pilot.h"
-#include "render/reference.h"
 #include "render/scene.h"
+#include "render/verify.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -18,8 +18,8 @@ has err 'warning: --max-error 1e-06 is not reached: 64 sheets a layer err'
 ok render "$data/phantom" -p hard.json --size 20x20 --engine raycast --max-error 0.001 -o exact.png
 [ ! -s err ] || fail "raycast needs no trial"
 
-# Lit, where the picture has bands.
-for view in anterior; do
+# Lit, along an axis and not, where the picture has bands.
+for view in anterior 140,-25; do
     rm -f log
     ok render "$data/phantom" -p bone --view $view --size 400x420 --max-error 0.2 --verify 20000 -o lit.png --log log --force
     grep -o '"rmse":[0-9.e-]*' log | awk -F: '{ exit !($2 * 255 <= 0.2) }' || fail "lit $view errs by more than was asked"
