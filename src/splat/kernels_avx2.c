@@ -333,18 +333,13 @@ INLINE __m256 add(__m256 a, __m256 b)
 /* As cts_shade_facing(). */
 INLINE __m256 facing_8(const CtsShade *s, const Gradient8 *g)
 {
-    __m256 along[3], q[6];
+    __m256 v[3];
     for (int i = 0; i < 3; i++)
-        along[i] = _mm256_set1_ps(s->along[i]);
-    for (int i = 0; i < 6; i++)
-        q[i] = _mm256_set1_ps(s->form[i]);
-    const __m256 g0 = g->g[0], g1 = g->g[1], g2 = g->g[2];
-    const __m256 towards = add(add(mul(along[0], g0), mul(along[1], g1)), mul(along[2], g2));
-    const __m256 square = add(
-        add(mul(g0, add(add(mul(q[0], g0), mul(q[3], g1)), mul(q[4], g2))), mul(g1, add(mul(q[1], g1), mul(q[5], g2)))),
-        mul(mul(q[2], g2), g2));
+        v[i] = add(add(mul(_mm256_set1_ps(s->frame[i][0]), g->g[0]), mul(_mm256_set1_ps(s->frame[i][1]), g->g[1])),
+                   mul(_mm256_set1_ps(s->frame[i][2]), g->g[2]));
+    const __m256 square = add(add(mul(v[0], v[0]), mul(v[1], v[1])), mul(v[2], v[2]));
     const __m256 some = _mm256_cmp_ps(square, _mm256_setzero_ps(), _CMP_GT_OQ);
-    const __m256 size = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), towards);
+    const __m256 size = _mm256_andnot_ps(_mm256_set1_ps(-0.0f), v[2]);
     const __m256 facing = _mm256_min_ps(_mm256_div_ps(size, _mm256_sqrt_ps(square)), _mm256_set1_ps(1));
     return _mm256_and_ps(facing, some);
 }

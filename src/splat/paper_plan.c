@@ -61,7 +61,7 @@ static CtsStatus plan_look(CtsPaperPlan *p, CtsError *err)
     if (!p->lit)
         return CTS_OK;
     const int axes[3] = {p->stack.u_axis, p->stack.v_axis, p->stack.axis};
-    return cts_shade_init(&p->shade, scene->preset, scene->volume, &scene->view, axes, err);
+    return cts_shade_init(&p->shade, scene->preset, &scene->view, axes, err);
 }
 
 static CtsStatus plan_void(CtsPaperPlan *p, const CtsBlocks *blocks, CtsReport *report, CtsError *err)

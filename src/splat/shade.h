@@ -3,19 +3,18 @@
  *
  * Gradients come as grey level differences along the three voxel axes, in any one scale (twice the derivative here:
  * grey[i + 1] - grey[i - 1], at a border twice the one-sided difference). Steps of the volume may be sheared and of
- * different length: |g|^2 in mm is a quadratic form in these, and g.v a dot product with voxels per mm of the view. */
+ * different length: what the gradient in mm is along the picture's right, its up and the viewing direction, are dot
+ * products with the voxels per mm that each of these runs. */
 #ifndef CTS_SPLAT_SHADE_H
 #define CTS_SPLAT_SHADE_H
 
 #include "ctsplat/preset.h"
 #include "ctsplat/status.h"
-#include "ctsplat/volume.h"
 #include "splat/view.h"
 #include <math.h>
 
 typedef struct CtsShade {
-    float along[3]; /* g.v = sum along[i] * g[i]; axes as the caller orders them */
-    float form[6];  /* |g|^2: 00 11 22, then twice 01 02 12 */
+    float frame[3][3]; /* to the right, up and along the viewing direction; axes as the caller orders them */
     float ambient, diffuse, specular;
     int n_power; /* power has n_power + 1 entries over |n.v| = 0..1, joined by lines */
     float *power;
@@ -24,19 +23,20 @@ typedef struct CtsShade {
 } CtsShade;
 
 /* axes[i] is the volume axis that the caller's i-th difference runs along. Free with cts_shade_free(). */
-CtsStatus cts_shade_init(CtsShade *shade, const CtsPreset *preset, const CtsVolume *volume, const CtsView *view,
-                         const int axes[3], CtsError *err);
+CtsStatus cts_shade_init(CtsShade *shade, const CtsPreset *preset, const CtsView *view, const int axes[3],
+                         CtsError *err);
 void cts_shade_free(CtsShade *shade);
 
 /* |n.v| in 0..1; 0 without a gradient. */
 static inline float cts_shade_facing(const CtsShade *s, float g0, float g1, float g2)
 {
-    const float *q = s->form;
-    const float towards = s->along[0] * g0 + s->along[1] * g1 + s->along[2] * g2;
-    const float square = g0 * (q[0] * g0 + q[3] * g1 + q[4] * g2) + g1 * (q[1] * g1 + q[5] * g2) + q[2] * g2 * g2;
+    float in_view[3];
+    for (int i = 0; i < 3; i++)
+        in_view[i] = s->frame[i][0] * g0 + s->frame[i][1] * g1 + s->frame[i][2] * g2;
+    const float square = in_view[0] * in_view[0] + in_view[1] * in_view[1] + in_view[2] * in_view[2];
     if (!(square > 0))
         return 0;
-    const float facing = fabsf(towards) / sqrtf(square);
+    const float facing = fabsf(in_view[2]) / sqrtf(square);
     return facing < 1 ? facing : 1;
 }
 

@@ -64,6 +64,13 @@ static void init_windows(TiledJob *j, const CtsLayout *layout)
             j->one_window_rows = rows;
 }
 
+static void init_frame(TiledJob *j)
+{
+    for (int i = 0; i < 3; i++)
+        for (int c = 0; c < 3; c++)
+            j->frame[i][c] = j->shade->frame[i][c] * (c == 2 && !j->rising ? -1 : 1) / 16384;
+}
+
 static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout)
 {
     const CtsView *view = &scene->view;
@@ -194,11 +201,14 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     job.table = kept->table;
     job.leap = kept->leap;
     if (scene->preset->shade) {
-        if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, axes, err)))
+        if ((st = cts_shade_init(&shade, scene->preset, &scene->view, axes, err)))
             goto end;
         job.shade = &shade;
     }
     init_job(&job, scene, &layout);
+    if (job.shade)
+        init_frame(&job);
+    job.narrow = blocks->all.high - blocks->all.low < 32768;
     const TiledKernels kernels = choose_kernels(&job, scene);
     tiled_plan_report(&job, scene, &layout, sampled_reach(&job), kernels.name, report);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)job.leap.n_blocks,

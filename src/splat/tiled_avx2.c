@@ -101,19 +101,74 @@ INLINE __m256i window_row(const Taps *t, ptrdiff_t offset)
     return _mm256_inserti128_si256(low, _mm_loadu_si128((const __m128i *)(t->at[1] + offset)), 1);
 }
 
-/* The pairs of voxels x0, x0 + 1 of three rows by byte shuffle instead of a gather. */
-INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
+/* The pairs of voxels x0, x0 + 1 of the upper and the lower of the lanes' rows, by byte shuffle instead of a gather. */
+INLINE void pick_pairs(const Taps *t, const __m256i row[3], __m256i *upper, __m256i *lower)
 {
     const __m256i pick = (__m256i)t->pick;
-    const __m256i bias = _mm256_set1_epi32((int)0x80008000);
-    const __m256i p0 = _mm256_shuffle_epi8(window_row(t, offset), pick);
-    const __m256i p1 = _mm256_shuffle_epi8(window_row(t, offset + row_stride), pick);
-    const __m256i p2 = _mm256_shuffle_epi8(window_row(t, offset + 2 * row_stride), pick);
-    const __m256i upper = _mm256_blendv_epi8(p0, p1, (__m256i)t->row1);
-    const __m256i lower = _mm256_blendv_epi8(p1, p2, (__m256i)t->row1);
-    const vf a = (vf)_mm256_cvtepi32_ps(_mm256_madd_epi16(_mm256_xor_si256(upper, bias), (__m256i)t->weights));
-    const vf b = (vf)_mm256_cvtepi32_ps(_mm256_madd_epi16(_mm256_xor_si256(lower, bias), (__m256i)t->weights));
+    const __m256i p0 = _mm256_shuffle_epi8(row[0], pick), p1 = _mm256_shuffle_epi8(row[1], pick);
+    const __m256i p2 = _mm256_shuffle_epi8(row[2], pick);
+    *upper = _mm256_blendv_epi8(p0, p1, (__m256i)t->row1);
+    *lower = _mm256_blendv_epi8(p1, p2, (__m256i)t->row1);
+}
+
+/* Weighted sums of the pairs, in 2^-14, less 32768. */
+INLINE void weigh_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride, __m256i *upper, __m256i *lower)
+{
+    const __m256i bias = _mm256_set1_epi32((int)0x80008000), weights = (__m256i)t->weights;
+    const __m256i row[3] = {window_row(t, offset), window_row(t, offset + row_stride),
+                            window_row(t, offset + 2 * row_stride)};
+    pick_pairs(t, row, upper, lower);
+    *upper = _mm256_madd_epi16(_mm256_xor_si256(*upper, bias), weights);
+    *lower = _mm256_madd_epi16(_mm256_xor_si256(*lower, bias), weights);
+}
+
+INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
+{
+    __m256i upper, lower;
+    weigh_window(t, offset, row_stride, &upper, &lower);
+    const vf a = (vf)_mm256_cvtepi32_ps(upper), b = (vf)_mm256_cvtepi32_ps(lower);
     return (a + t->fy * (b - a)) * (1.0f / 16384) + 32768.0f;
+}
+
+INLINE vf of_rows(const Taps *t, __m256i upper, __m256i lower)
+{
+    const vf a = (vf)_mm256_cvtepi32_ps(upper), b = (vf)_mm256_cvtepi32_ps(lower);
+    return a + t->fy * (b - a);
+}
+
+INLINE __m256i row_difference(const Taps *t, ptrdiff_t minus, ptrdiff_t plus)
+{
+    return _mm256_sub_epi16(window_row(t, plus), window_row(t, minus));
+}
+
+/* Differences that fit 16 bits: they are taken before they are picked. */
+INLINE vf narrow_difference(const Taps *t, ptrdiff_t minus, ptrdiff_t plus, ptrdiff_t row_stride)
+{
+    const __m256i row[3] = {row_difference(t, minus, plus), row_difference(t, minus + row_stride, plus + row_stride),
+                            row_difference(t, minus + 2 * row_stride, plus + 2 * row_stride)};
+    __m256i upper, lower;
+    pick_pairs(t, row, &upper, &lower);
+    return of_rows(t, _mm256_madd_epi16(upper, (__m256i)t->weights), _mm256_madd_epi16(lower, (__m256i)t->weights));
+}
+
+INLINE vf wide_difference(const Taps *t, ptrdiff_t minus, ptrdiff_t plus, ptrdiff_t row_stride)
+{
+    __m256i upper, lower, upper_minus, lower_minus;
+    weigh_window(t, plus, row_stride, &upper, &lower);
+    weigh_window(t, minus, row_stride, &upper_minus, &lower_minus);
+    return of_rows(t, _mm256_sub_epi32(upper, upper_minus), _mm256_sub_epi32(lower, lower_minus));
+}
+
+/* As in tiled_c.c. */
+INLINE void load_differences(const Taps *t, const ptrdiff_t minus[3], const ptrdiff_t plus[3], ptrdiff_t row_stride,
+                             bool narrow, vf d[3])
+{
+    if (narrow)
+        for (int axis = 0; axis < 3; axis++)
+            d[axis] = narrow_difference(t, minus[axis], plus[axis], row_stride);
+    else
+        for (int axis = 0; axis < 3; axis++)
+            d[axis] = wide_difference(t, minus[axis], plus[axis], row_stride);
 }
 
 #include "splat/tiled_tmpl.h"

@@ -167,7 +167,12 @@ INLINE Taps one_window(const TiledJob *j, const int32_t pu[PACKETS], const int32
         row = vi_min(row, vi_of(j->nv - 2));
     }
     const vi wx = (u - (column << 16)) >> 2, place = (row - at_v) * 16 + (column - at_u);
-    Taps t = {.one = true, .at = {j->layer0 + at_v * j->row_stride + at_u}};
+    Taps t; /* all of it set one by one: zeroing it first would cost more than the rest */
+    t.one = true;
+    for (int i = 0; i < LANES / 4; i++)
+        t.at[i] = j->layer0 + at_v * j->row_stride + at_u;
+    t.row1 = 0;
+    t.pick = vi_of(0);
     t.upper = place * 0x10001 + 0x10000;
     t.lower = t.upper + 0x100010;
     t.weights = (wx << 16) | (16384 - wx);
@@ -179,7 +184,9 @@ INLINE Taps one_window(const TiledJob *j, const int32_t pu[PACKETS], const int32
 INLINE Taps four_windows(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], vi u, vi v,
                          bool inner)
 {
-    Taps t = {.one = false};
+    Taps t;
+    t.one = false;
+    t.upper = t.lower = vi_of(0);
     vi iu = (vi_packets(pu) + both_packets(j->half_u)) >> 16, iv = (vi_packets(pv) + both_packets(j->half_v)) >> 16;
     if (!inner) {
         iu = vi_min(vi_max(iu, vi_of(0)), vi_of(j->window_u));
@@ -227,29 +234,79 @@ INLINE __m512i four_rows(const Taps *t, ptrdiff_t offset)
     return _mm512_inserti32x4(row, _mm_loadu_si128((const __m128i *)(t->at[3] + offset)), 3);
 }
 
-/* The pairs of voxels by shuffles of whole windows instead of a gather. */
-INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
+/* The pairs of voxels in the lanes' upper and lower rows, by shuffles instead of a gather: from one window's four rows
+ * in two registers, or from the three rows of four windows in as many. */
+INLINE void pick_of_one(const Taps *t, __m512i high, __m512i low, __m512i *upper, __m512i *lower)
 {
-    const __m512i bias = _mm512_set1_epi32((int)0x80008000);
-    __m512i upper, lower;
+    *upper = _mm512_permutex2var_epi16(high, (__m512i)t->upper, low);
+    *lower = _mm512_permutex2var_epi16(high, (__m512i)t->lower, low);
+}
+
+INLINE void pick_of_four(const Taps *t, __m512i row0, __m512i row1, __m512i row2, __m512i *upper, __m512i *lower)
+{
+    const __m512i pick = (__m512i)t->pick, p1 = _mm512_shuffle_epi8(row1, pick);
+    *upper = _mm512_mask_blend_epi32(t->row1, _mm512_shuffle_epi8(row0, pick), p1);
+    *lower = _mm512_mask_blend_epi32(t->row1, p1, _mm512_shuffle_epi8(row2, pick));
+}
+
+/* Weighted sums of the pairs, in 2^-14, less 32768. */
+INLINE void weigh_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride, __m512i *upper, __m512i *lower)
+{
+    const __m512i bias = _mm512_set1_epi32((int)0x80008000), weights = (__m512i)t->weights;
     if (t->one) {
         const uint16_t *at = t->at[0] + offset;
-        const __m512i low = two_rows(at, row_stride), high = two_rows(at + 2 * row_stride, row_stride);
-        upper = _mm512_permutex2var_epi16(low, (__m512i)t->upper, high);
-        lower = _mm512_permutex2var_epi16(low, (__m512i)t->lower, high);
+        pick_of_one(t, two_rows(at, row_stride), two_rows(at + 2 * row_stride, row_stride), upper, lower);
     } else {
-        const __m512i pick = (__m512i)t->pick;
-        const __m512i p0 = _mm512_shuffle_epi8(four_rows(t, offset), pick);
-        const __m512i p1 = _mm512_shuffle_epi8(four_rows(t, offset + row_stride), pick);
-        const __m512i p2 = _mm512_shuffle_epi8(four_rows(t, offset + 2 * row_stride), pick);
-        upper = _mm512_mask_blend_epi32(t->row1, p0, p1);
-        lower = _mm512_mask_blend_epi32(t->row1, p1, p2);
+        pick_of_four(t, four_rows(t, offset), four_rows(t, offset + row_stride), four_rows(t, offset + 2 * row_stride),
+                     upper, lower);
     }
-    upper = _mm512_xor_si512(upper, bias);
-    lower = _mm512_xor_si512(lower, bias);
-    const vf a = (vf)_mm512_cvtepi32_ps(_mm512_madd_epi16(upper, (__m512i)t->weights));
-    const vf b = (vf)_mm512_cvtepi32_ps(_mm512_madd_epi16(lower, (__m512i)t->weights));
+    *upper = _mm512_madd_epi16(_mm512_xor_si512(*upper, bias), weights);
+    *lower = _mm512_madd_epi16(_mm512_xor_si512(*lower, bias), weights);
+}
+
+INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
+{
+    __m512i upper, lower;
+    weigh_window(t, offset, row_stride, &upper, &lower);
+    const vf a = (vf)_mm512_cvtepi32_ps(upper), b = (vf)_mm512_cvtepi32_ps(lower);
     return (a + t->fy * (b - a)) * (1.0f / 16384) + 32768.0f;
+}
+
+INLINE vf of_rows(const Taps *t, __m512i upper, __m512i lower)
+{
+    const vf a = (vf)_mm512_cvtepi32_ps(upper), b = (vf)_mm512_cvtepi32_ps(lower);
+    return a + t->fy * (b - a);
+}
+
+/* One window's differences fit 16 bits: they are taken before they are picked. */
+INLINE vf narrow_difference(const Taps *t, const uint16_t *minus, const uint16_t *plus, ptrdiff_t row_stride)
+{
+    const ptrdiff_t two = 2 * row_stride;
+    const __m512i high = _mm512_sub_epi16(two_rows(plus, row_stride), two_rows(minus, row_stride));
+    const __m512i low = _mm512_sub_epi16(two_rows(plus + two, row_stride), two_rows(minus + two, row_stride));
+    __m512i upper, lower;
+    pick_of_one(t, high, low, &upper, &lower);
+    return of_rows(t, _mm512_madd_epi16(upper, (__m512i)t->weights), _mm512_madd_epi16(lower, (__m512i)t->weights));
+}
+
+INLINE vf wide_difference(const Taps *t, ptrdiff_t minus, ptrdiff_t plus, ptrdiff_t row_stride)
+{
+    __m512i upper, lower, upper_minus, lower_minus;
+    weigh_window(t, plus, row_stride, &upper, &lower);
+    weigh_window(t, minus, row_stride, &upper_minus, &lower_minus);
+    return of_rows(t, _mm512_sub_epi32(upper, upper_minus), _mm512_sub_epi32(lower, lower_minus));
+}
+
+/* As in tiled_c.c. */
+INLINE void load_differences(const Taps *t, const ptrdiff_t minus[3], const ptrdiff_t plus[3], ptrdiff_t row_stride,
+                             bool narrow, vf d[3])
+{
+    if (t->one && narrow)
+        for (int axis = 0; axis < 3; axis++)
+            d[axis] = narrow_difference(t, t->at[0] + minus[axis], t->at[0] + plus[axis], row_stride);
+    else
+        for (int axis = 0; axis < 3; axis++)
+            d[axis] = wide_difference(t, minus[axis], plus[axis], row_stride);
 }
 
 #include "splat/tiled_tmpl.h"

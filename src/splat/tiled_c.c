@@ -115,6 +115,25 @@ INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
     return (a + t->fy * (b - a)) * (1.0f / 16384) + 32768.0f;
 }
 
+/* What load_window() would tell of the differences between layers that start at plus[axis] and at minus[axis], times
+ * 16384. narrow: a difference of two voxels fits 16 bits. */
+INLINE void load_differences(const Taps *t, const ptrdiff_t minus[3], const ptrdiff_t plus[3], ptrdiff_t row_stride,
+                             bool narrow, vf d[3])
+{
+    (void)narrow;
+    for (int axis = 0; axis < 3; axis++) {
+        vf a, b;
+        for (int l = 0; l < 8; l++) {
+            const uint16_t *at = t->at[l / 4] + (t->row1[l] ? row_stride : 0) + t->pick[l];
+            const uint16_t *p = at + plus[axis], *m = at + minus[axis];
+            const int w1 = t->weights[l] >> 16, w0 = t->weights[l] & 0xffff;
+            a[l] = (float)((p[0] - m[0]) * w0 + (p[1] - m[1]) * w1);
+            b[l] = (float)((p[row_stride] - m[row_stride]) * w0 + (p[row_stride + 1] - m[row_stride + 1]) * w1);
+        }
+        d[axis] = a + t->fy * (b - a);
+    }
+}
+
 #include "splat/tiled_tmpl.h"
 
 void tiled_packets_c(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)

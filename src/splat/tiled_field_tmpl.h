@@ -7,6 +7,7 @@ typedef struct Packet {
     bool clipped;                              /* enter and leave are known */
     double enter[LANES], leave[LANES];         /* q between which each ray is inside the box */
     Taps straight;
+    bool straight_inner; /* so are the voxels around its windows */
 } Packet;
 
 /* Where lane l's ray meets layer q = 0. */
@@ -20,15 +21,21 @@ INLINE double lane_v0(const TiledJob *j, const Packet *pk, int l)
     return pk->v_lane0[l / CTS_PACKET] + l % CTS_PACKET * j->v_at[1];
 }
 
-/* The packets' windows on sheet t. Positions are in 2^-16 voxels, so they are exact sums, the same however the sheets
- * before were walked. */
-INLINE Taps sheet_taps(const TiledJob *j, const Packet *pk, int t_sheet, bool inner)
+/* Where the packets' first rays meet sheet t, in 2^-16 voxels: exact sums, the same however the sheets before were
+ * walked. */
+INLINE void sheet_start(const TiledJob *j, const Packet *pk, int t_sheet, int32_t pu[PACKETS], int32_t pv[PACKETS])
 {
-    int32_t pu[PACKETS], pv[PACKETS];
     for (int h = 0; h < PACKETS; h++) {
         pu[h] = (int32_t)((pk->u[h] + t_sheet * j->u_step) >> 16);
         pv[h] = (int32_t)((pk->v[h] + t_sheet * j->v_step) >> 16);
     }
+}
+
+/* The packets' windows on sheet t. */
+INLINE Taps sheet_taps(const TiledJob *j, const Packet *pk, int t_sheet, bool inner)
+{
+    int32_t pu[PACKETS], pv[PACKETS];
+    sheet_start(j, pk, t_sheet, pu, pv);
     return make_taps(j, pu, pv, pk->near, inner);
 }
 
@@ -92,6 +99,17 @@ OUTLINE void clip_packet(const TiledJob *j, Packet *pk)
     pk->clipped = true;
 }
 
+/* Whether windows at the lanes' positions, and the voxels around them, are inside the volume. */
+INLINE bool differences_inner(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS])
+{
+    const int32_t u7 = j->lane_u[7], v7 = j->lane_v[7];
+    bool inner = true;
+    for (int h = 0; h < PACKETS; h++)
+        inner &= pu[h] + (u7 < 0 ? u7 : 0) >= 1 << 16 && pu[h] + (u7 > 0 ? u7 : 0) < (j->window_u - 1) << 16 &&
+                 pv[h] + (v7 < 0 ? v7 : 0) >= 1 << 16 && pv[h] + (v7 > 0 ? v7 : 0) < (j->window_v - 1) << 16;
+    return inner;
+}
+
 INLINE void init_packet(const TiledJob *j, Packet *pk, const TiledSpan spans[PACKETS])
 {
     for (int h = 0; h < PACKETS; h++) {
@@ -102,90 +120,116 @@ INLINE void init_packet(const TiledJob *j, Packet *pk, const TiledSpan spans[PAC
     }
     pk->near = spans[PACKETS - 1].y - spans[0].y <= j->one_window_rows;
     pk->clipped = false;
-    if (j->windowed && j->straight)
-        pk->straight = sheet_taps(j, pk, 0, false);
-}
-
-/* Grey level differences of one lane, doubled derivatives as shade.h wants them, voxel by voxel: at the volume's faces
- * one-sided. */
-OUTLINE void lane_gradient(const TiledJob *j, double u, double v, int q, float g[3])
-{
-    u = u < 0 ? 0 : u > j->nu - 1 ? j->nu - 1 : u;
-    v = v < 0 ? 0 : v > j->nv - 1 ? j->nv - 1 : v;
-    const int n[3] = {j->nu, j->nv, j->nk};
-    const int iu = j->nu > 1 && u >= j->nu - 1 ? j->nu - 2 : (int)u,
-              iv = j->nv > 1 && v >= j->nv - 1 ? j->nv - 2 : (int)v;
-    const float fu = (float)(u - iu), fv = (float)(v - iv);
-    const ptrdiff_t stride[3] = {1, j->row_stride, j->layer_stride};
-    g[0] = g[1] = g[2] = 0;
-    for (int corner = 0; corner < 4; corner++) {
-        const int cu = corner & 1, cv = corner >> 1;
-        const float weight = (cu ? fu : 1 - fu) * (cv ? fv : 1 - fv);
-        const int at[3] = {iu + (j->nu > 1 ? cu : 0), iv + (j->nv > 1 ? cv : 0), q};
-        const uint16_t *p = j->layer0 + at[0] + at[1] * stride[1] + at[2] * stride[2];
-        for (int axis = 0; axis < 3; axis++) {
-            const int back = at[axis] > 0, on = at[axis] < n[axis] - 1;
-            if (back || on)
-                g[axis] += weight * (float)((p[on * stride[axis]] - p[-back * stride[axis]]) * (back && on ? 1 : 2));
-        }
+    if (j->windowed && j->straight) {
+        int32_t pu[PACKETS], pv[PACKETS];
+        sheet_start(j, pk, 0, pu, pv);
+        pk->straight = make_taps(j, pu, pv, pk->near, false);
+        pk->straight_inner = differences_inner(j, pu, pv);
     }
 }
 
-/* The field's differences on a sheet, along u, v and the volume's layers. */
-typedef struct Slope {
+/* One lane's differences as load_differences() has them, from u and v in 2^-16 voxels, with one-sided ones at the
+ * volume's faces. */
+OUTLINE void lane_difference(const TiledJob *j, int64_t u, int64_t v, int q, float g[3])
+{
+    const int n[3] = {j->nu, j->nv, j->nk};
+    const ptrdiff_t stride[3] = {1, j->row_stride, j->layer_stride};
+    const int64_t far_u = (int64_t)(j->nu - 1) << 16, far_v = (int64_t)(j->nv - 1) << 16;
+    u = u < 0 ? 0 : u > far_u ? far_u : u;
+    v = v < 0 ? 0 : v > far_v ? far_v : v;
+    const int column = j->nu > 1 && u == far_u ? j->nu - 2 : (int)(u >> 16);
+    const int row = j->nv > 1 && v == far_v ? j->nv - 2 : (int)(v >> 16);
+    const int w1 = (int)(u - ((int64_t)column << 16)) >> 2, w0 = 16384 - w1;
+    const float fy = (float)(int32_t)(v - ((int64_t)row << 16)) * (1.0f / 65536);
+    for (int axis = 0; axis < 3; axis++) {
+        int d[4];
+        for (int corner = 0; corner < 4; corner++) {
+            const int at[3] = {column + (j->nu > 1 ? corner & 1 : 0), row + (j->nv > 1 ? corner >> 1 : 0), q};
+            const uint16_t *p = j->layer0 + at[0] + at[1] * stride[1] + at[2] * stride[2];
+            const int back = at[axis] > 0, on = at[axis] < n[axis] - 1;
+            d[corner] = (p[on * stride[axis]] - p[-back * stride[axis]]) * (back && on ? 1 : 2);
+        }
+        const float upper = (float)(d[0] * w0 + d[1] * w1), lower = (float)(d[2] * w0 + d[3] * w1);
+        g[axis] = upper + fy * (lower - upper);
+    }
+}
+
+/* The field's differences on a sheet, along u, v and from layer to layer. */
+typedef struct Differences {
     vf u, v, k;
+} Differences;
+
+/* On layer q, lane by lane, where the packets' rays cross the sheet a fraction part / samples behind layer `from`. */
+OUTLINE Differences differences_by_lane(const TiledJob *j, const Packet *pk, int q, int from, int part)
+{
+    Differences d;
+    const double at = from + (double)part / j->samples;
+    int32_t pu[PACKETS], pv[PACKETS];
+    sheet_start(j, pk, from * j->samples + part, pu, pv);
+    for (int l = 0; l < LANES; l++) {
+        const int h = l / CTS_PACKET, i = l % CTS_PACKET;
+        float lane[3];
+        const int64_t u =
+            j->windowed ? pu[h] + j->lane_u[i] : (int64_t)floor((lane_u0(j, pk, l) + at * j->u_at[3]) * 65536);
+        const int64_t v =
+            j->windowed ? pv[h] + j->lane_v[i] : (int64_t)floor((lane_v0(j, pk, l) + at * j->v_at[3]) * 65536);
+        lane_difference(j, u, v, q, lane);
+        d.u[l] = lane[0];
+        d.v[l] = lane[1];
+        d.k[l] = lane[2];
+    }
+    return d;
+}
+
+/* The same through windows, which must be inner. */
+INLINE Differences differences(const TiledJob *j, const Taps *t, int q)
+{
+    const ptrdiff_t at = q * j->layer_stride, row = j->row_stride;
+    const ptrdiff_t minus[3] = {at - 1, at - row, q > 0 ? at - j->layer_stride : at};
+    const ptrdiff_t plus[3] = {at + 1, at + row, q < j->nk - 1 ? at + j->layer_stride : at};
+    vf d[3];
+    load_differences(t, minus, plus, row, j->narrow, d);
+    if ((q > 0) + (q < j->nk - 1) == 1)
+        d[2] = 2 * d[2];
+    return (Differences){d[0], d[1], d[2]};
+}
+
+/* The gradient to the right, up and along the view, times one and the same factor everywhere. */
+typedef struct Slope {
+    vf right, up, along;
 } Slope;
 
-/* On layer q, where the packet's rays cross the sheet a fraction part / samples behind layer `from`. */
-INLINE Slope slope_on_layer(const TiledJob *j, const Packet *pk, Way way, const Taps *t, int q, int from, int part,
-                            bool inner)
+INLINE Slope slope_of(const TiledJob *j, const Differences *d)
 {
-    Slope g;
-    if (way == WAY_WIDE || !inner) {
-        const double at = from + (double)part / j->samples;
-        for (int l = 0; l < LANES; l++) {
-            float lane[3];
-            lane_gradient(j, lane_u0(j, pk, l) + at * j->u_at[3], lane_v0(j, pk, l) + at * j->v_at[3], q, lane);
-            g.u[l] = lane[0];
-            g.v[l] = lane[1];
-            g.k[l] = lane[2];
-        }
-    } else {
-        /* Away from the faces a difference of interpolated values is the interpolated difference. */
-        const ptrdiff_t offset = q * j->layer_stride, row = j->row_stride;
-        const int back = q > 0, on = q < j->nk - 1;
-        g.u = load_window(t, offset + 1, row) - load_window(t, offset - 1, row);
-        g.v = load_window(t, offset + row, row) - load_window(t, offset - row, row);
-        g.k = load_window(t, offset + on * j->layer_stride, row) - load_window(t, offset - back * j->layer_stride, row);
-        if (back + on == 1)
-            g.k = 2 * g.k;
-    }
-    if (!j->rising)
-        g.k = -g.k;
-    return g;
+    const float(*const f)[3] = j->frame;
+    return (Slope){f[0][0] * d->u + f[0][1] * d->v + f[0][2] * d->k, f[1][0] * d->u + f[1][1] * d->v + f[1][2] * d->k,
+                   f[2][0] * d->u + f[2][1] * d->v + f[2][2] * d->k};
 }
 
-INLINE Slope mix_slope(const Slope *a, const Slope *b, vf f)
-{
-    return (Slope){a->u + (b->u - a->u) * f, a->v + (b->v - a->v) * f, a->k + (b->k - a->k) * f};
-}
-
-INLINE Slope select_slope(vmask mask, const Slope *yes, const Slope *no)
-{
-    return (Slope){select_f(mask, yes->u, no->u), select_f(mask, yes->v, no->v), select_f(mask, yes->k, no->k)};
-}
-
-OUTLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
+/* On the sheet a fraction part / samples behind layer q. inner: that much is known of the whole beam. */
+INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
 {
     Taps made;
     const Taps *t = &pk->straight;
-    if (way == WAY_OBLIQUE) {
-        made = sheet_taps(j, pk, q * j->samples + part, inner);
+    if (way == WAY_STRAIGHT) {
+        inner = pk->straight_inner;
+    } else if (way == WAY_OBLIQUE) {
+        int32_t pu[PACKETS], pv[PACKETS];
+        sheet_start(j, pk, q * j->samples + part, pu, pv);
+        inner = inner || differences_inner(j, pu, pv);
+        if (inner)
+            made = make_taps(j, pu, pv, pk->near, true);
         t = &made;
+    } else {
+        inner = false;
     }
-    const Slope here = slope_on_layer(j, pk, way, t, q, q, part, inner);
-    if (part == 0)
-        return here;
-    const Slope next = slope_on_layer(j, pk, way, t, q + 1, q, part, inner);
-    return mix_slope(&here, &next, vf_of((float)part / (float)j->samples));
+    Differences d = inner ? differences(j, t, q) : differences_by_lane(j, pk, q, q, part);
+    if (part > 0) {
+        const vf f = vf_of((float)part / (float)j->samples);
+        const Differences next = inner ? differences(j, t, q + 1) : differences_by_lane(j, pk, q + 1, q, part);
+        d.u += (next.u - d.u) * f;
+        d.v += (next.v - d.v) * f;
+        d.k += (next.k - d.k) * f;
+    }
+    return slope_of(j, &d);
 }

@@ -51,6 +51,9 @@ typedef struct TiledJob {
     int fill_levels;
     float fill_step;
     const CtsShade *shade;          /* NULL: unlit */
+    float frame[3][3];              /* as shade's, for differences along u, v and from q to q + 1, times 16384 */
+    float most_due;                 /* opacity that may wait for its lighting */
+    bool narrow;                    /* voxels differ by less than 32768 grey levels */
     double depth_at[4];             /* depth_mm of pixel (x, y) at layer q, as u_at */
     int width, first_row, past_row; /* of the view's rows the picture holds these */
     float *rgba;                    /* the picture: pixel (0, first_row) on */

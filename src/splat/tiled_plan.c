@@ -59,12 +59,12 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
     const double asked = s->max_error > 0 ? s->max_error : 0.5, part = fmin(asked / 0.5, 8);
     const double grey_per_hu = 1 / scene->volume->hu_step;
     const Steepness steep = find_steepness(scene, &j->table);
-    /* So much of the display's range may a bend show more or less of in 1 mm, and colours differ by within a slab.
-     * Where colours are lit they differ more. */
+    /* So much of the display's range may a bend show more or less of in 1 mm, and colours differ by within a slab. */
     const double bend_hu = part * fmin(0.18 / steep.shown, 100);
-    const double hiding_hu = part * fmin((j->shade ? 0.02 : 0.12) / steep.colour, j->shade ? 50 : 300);
+    const double hiding_hu = part * fmin(0.12 / steep.colour, 300);
     const bool looks = s->samples == 0 && !j->straight;
     j->sheets = s->samples > 0 ? s->samples : 1;
+    j->most_due = (float)(0.004 * fmin(part, 2));
     /* More sheets leave less that bends within a look's reach, and make more cuts. */
     const double each = j->straight ? 0.03 : 0.12;
     while (s->samples == 0 && j->sheets < 16 && asked * j->sheets < each)

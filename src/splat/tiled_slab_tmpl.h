@@ -50,16 +50,10 @@ INLINE void look_up(const TiledJob *j, vf s, Entry *e)
     look_up_entries(t->sum, t->n, e->index, &e->r, &e->g, &e->b, &e->k);
 }
 
-/* Lighting of the sheet on layer `layer`: what colour is multiplied with, and the white added to it. */
-typedef struct Glow {
-    vf colour, white;
-} Glow;
-
 /* One slab from entry a to entry b, length_mm long for each lane, for the packets in `marching`. With d levels between
  * the entries and an integral of k over them, depth = length * k / d, and the colour integral weighs alpha / depth: one
  * division serves both. */
-INLINE void add_slab(const TiledJob *j, Light *light, vmask marching, const Entry *a, const Entry *b, vf length_mm,
-                     const Glow *glow)
+INLINE void add_slab(const TiledJob *j, Light *light, vmask marching, const Entry *a, const Entry *b, vf length_mm)
 {
     const CtsSlabTable *t = &j->table;
     const vi n = b->index - a->index;
@@ -86,18 +80,9 @@ INLINE void add_slab(const TiledJob *j, Light *light, vmask marching, const Entr
         alpha = select_f(marching, alpha, vf_of(0));
     const vf lost = light->t * alpha;
     const vf weight = lost * (nf * inverse) * t->colour_per_depth;
-    r *= weight;
-    g *= weight;
-    b8 *= weight;
-    if (glow) {
-        const vf white = lost * glow->white;
-        r = r * glow->colour + white;
-        g = g * glow->colour + white;
-        b8 = b8 * glow->colour + white;
-    }
-    light->r += r;
-    light->g += g;
-    light->b += b8;
+    light->r += r * weight;
+    light->g += g * weight;
+    light->b += b8 * weight;
     light->a += lost;
     light->t -= lost;
 }
@@ -116,36 +101,4 @@ INLINE vf slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int 
         length[l] = b > a ? (float)((b - a) * j->layer_mm) : 0;
     }
     return length;
-}
-
-INLINE vf specular_power(const CtsShade *shade, vf facing)
-{
-    if (shade->whole_power == 0)
-        return shade_power(shade, facing);
-    vf square = vf_max(facing, vf_of(shade->least_power)), power = vf_of(1);
-    for (int n = shade->whole_power;; square *= square) {
-        if (n & 1)
-            power *= square;
-        n >>= 1;
-        if (n == 0)
-            return power;
-    }
-}
-
-/* Lighting a fraction f of the way from slope a to slope b: the gradient is mixed, as it is between voxels, and only
- * then made a direction, so that the weak gradient of air does not turn that of a surface. */
-INLINE Glow glow_between(const TiledJob *j, const Slope *a, const Slope *b, vf f)
-{
-    const CtsShade *shade = j->shade;
-    const float *m = shade->form;
-    const Slope slope = mix_slope(a, b, f);
-    const vf u = slope.u, v = slope.v, k = slope.k;
-    const vf towards = shade->along[0] * u + shade->along[1] * v + shade->along[2] * k;
-    const vf square = u * (m[0] * u + m[3] * v + m[4] * k) + v * (m[1] * v + m[5] * k) + m[2] * k * k;
-    const vmask sloped = vf_lt(vf_of(0), square);
-    vf facing = (CTS_MUTATED(ONE_SIDED_LIGHT) ? vf_max(towards, vf_of(0)) : vf_abs(towards)) /
-                vf_sqrt(select_f(sloped, square, vf_of(1)));
-    facing = select_f(sloped, vf_min(facing, vf_of(1)), vf_of(0));
-    return (Glow){shade->ambient + shade->diffuse * facing,
-                  select_f(sloped, shade->specular * specular_power(shade, facing), vf_of(0))};
 }

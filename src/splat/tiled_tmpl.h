@@ -3,7 +3,7 @@
  * the same in all. What is decided, is decided for each packet by itself, so that the picture does not depend on how
  * many march together. */
 #include "splat/tiled_field_tmpl.h"
-#include "splat/tiled_slab_tmpl.h"
+#include "splat/tiled_light_tmpl.h"
 #include <string.h>
 
 /* Packets in which nothing shows between a and b, if the field runs straight. */
@@ -20,25 +20,6 @@ INLINE unsigned marching_packets(const TiledJob *j, const Light *light, vf a, vf
     return ~(light->opaque | all_in(quiet)) & ALL_PACKETS;
 }
 
-/* What a march carries from stretch to stretch. */
-typedef struct Course {
-    vf before; /* the field as far in front of the stretch as its end lies behind its beginning */
-    Slope slope;
-    int slope_sheet; /* that slope belongs to, as q * samples + part */
-    bool timed;
-    uint64_t shade_ticks; /* spent on slopes, where timed */
-} Course;
-
-INLINE Slope timed_slope(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner, Course *course)
-{
-    const uint64_t before = course->timed ? tiled_ticks() : 0;
-    const int sheet = q * j->samples + part, on = part == j->samples;
-    const Slope slope =
-        course->slope_sheet == sheet ? course->slope : slope_at(j, pk, way, q + on, on ? 0 : part, inner);
-    course->shade_ticks += course->timed ? tiled_ticks() - before : 0;
-    return slope;
-}
-
 /* The way of the rays from one sheet to another: from `part` of the `samples` to a layer on, over `span` of them. The
  * field runs on it as a parabola: s0 + (rise + bend f) f, f from 0 to 1. */
 typedef struct Stretch {
@@ -52,12 +33,6 @@ INLINE Stretch stretch_of(const TiledJob *j, int q, int part, int span, vf s0, v
     const float samples = (float)j->samples;
     return (Stretch){q, part, span, (float)part / samples, (float)span / samples, s0, end, end - s0, vf_of(0)};
 }
-
-/* Slopes at its ends, and half way where it is bent. */
-typedef struct Slopes {
-    Slope from, mid, to;
-    unsigned bent; /* packets */
-} Slopes;
 
 /* How it is cut: part p of a packet's `parts` ends at lead + p step, the last one at 1. */
 typedef struct Cuts {
@@ -134,21 +109,8 @@ OUTLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, unsigned cut
     return c;
 }
 
-/* Lighting a fraction f through the stretch; one that is bent knows the slope half way.
- */
-INLINE Glow stretch_glow(const TiledJob *j, const Slopes *slopes, vf f)
-{
-    if (!slopes->bent)
-        return glow_between(j, &slopes->from, &slopes->to, f);
-    const vmask unbent = mask_packets(~slopes->bent & ALL_PACKETS), front = vf_lt(f, vf_of(0.5f));
-    const Slope a = select_slope(mask_or(unbent, front), &slopes->from, &slopes->mid);
-    const Slope half = select_slope(front, &slopes->mid, &slopes->to);
-    const Slope b = select_slope(unbent, &slopes->to, &half);
-    return glow_between(j, &a, &b, select_f(unbent, f, select_f(front, 2 * f, 2 * f - 1)));
-}
-
 INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
-                    const Cuts *cuts, const Slopes *slopes, unsigned marching, const Entry *e0, const Entry *e1)
+                    const Cuts *cuts, unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
 {
     Entry before = *e0;
     vf f0 = vf_of(0);
@@ -163,12 +125,9 @@ INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light 
         Entry after = *e1;
         if (p < cuts->most)
             look_up(j, select_f(at_end, way->end, field_at(way, f1)), &after);
-        Glow glow;
-        if (slopes)
-            glow = stretch_glow(j, slopes, 0.5f * (f0 + f1));
         const vf t_before = light->t, from = way->from + way->share * f0, to = way->from + way->share * f1;
-        add_slab(j, light, mask_packets(adding), &before, &after, slab_length(j, beam, pk, way->q, from, to),
-                 slopes ? &glow : NULL);
+        add_slab(j, light, mask_packets(adding), &before, &after, slab_length(j, beam, pk, way->q, from, to));
+        *moment += (t_before - light->t) * (0.5f * (f0 + f1));
         note_depth(j, light, t_before, (float)way->q + from, to - from);
         before = after;
         f0 = f1;
@@ -176,30 +135,28 @@ INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light 
 }
 
 INLINE void add_whole(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
-                      const Slopes *slopes, unsigned marching, const Entry *e0, const Entry *e1)
+                      unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
 {
-    Glow glow;
-    if (slopes)
-        glow = glow_between(j, &slopes->from, &slopes->to, vf_of(0.5f));
     const vf t_before = light->t, from = vf_of(way->from), to = vf_of(way->from + way->share);
-    add_slab(j, light, mask_packets(marching), e0, e1, slab_length(j, beam, pk, way->q, from, to),
-             slopes ? &glow : NULL);
+    add_slab(j, light, mask_packets(marching), e0, e1, slab_length(j, beam, pk, way->q, from, to));
+    *moment += (t_before - light->t) * 0.5f;
     note_depth(j, light, t_before, (float)way->q + from, to - from);
 }
 
-/* A stretch from entry e0 to e1, at once or in as many parts as it asks for. */
+/* A stretch from entry e0 to e1, at once or in as many parts as it asks for. What it takes of the light, each time how
+ * far on, is added to moment. */
 INLINE void add_parts(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
-                      unsigned bent, const Slopes *slopes, unsigned marching, const Entry *e0, const Entry *e1)
+                      unsigned bent, unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
 {
     const vf nf = vf_abs(to_float(e1->index - e0->index));
     const vf hiding = self_hiding(j, light->t, nf, e0, e1, j->layer_mm * way->share);
     const unsigned cut = marching & (bent | ~all_in(vf_le(hiding, nf)));
     if (!cut) {
-        add_whole(j, beam, pk, light, way, slopes, marching, e0, e1);
+        add_whole(j, beam, pk, light, way, marching, e0, e1, moment);
         return;
     }
     const Cuts cuts = find_cuts(j, way, light->t, cut, bent, e0, e1);
-    add_cut(j, beam, pk, light, way, &cuts, slopes, marching, e0, e1);
+    add_cut(j, beam, pk, light, way, &cuts, marching, e0, e1, moment);
 }
 
 /* Gives a stretch the field half way, for the packets in look; returns which of them it bends for. */
@@ -212,8 +169,8 @@ INLINE unsigned bend_stretch(const TiledJob *j, Stretch *way, vf mid, vf t, unsi
 
 /* A stretch that bends much, as two with a sheet half way through each. */
 OUTLINE void add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light,
-                        const Stretch *whole, vf mid, vf t, bool inner, const Slopes *slopes, unsigned marching,
-                        const Entry *e0, const Entry *e1)
+                        const Stretch *whole, vf mid, vf t, bool inner, unsigned marching, const Entry *e0,
+                        const Entry *e1, vf *moment)
 {
     const int span = whole->span / 2;
     Entry half;
@@ -221,21 +178,18 @@ OUTLINE void add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
     for (int side = 0; side < 2; side++) {
         const int part = whole->part + side * span;
         Stretch stretch = stretch_of(j, whole->q, part, span, side ? mid : whole->s0, side ? whole->end : mid);
-        Slopes own = {.bent = 0};
-        if (slopes) {
-            own.from = side ? slopes->mid : slopes->from;
-            own.to = side ? slopes->to : slopes->mid;
-        }
         const vf quarter = sample_sheet(j, pk, way, whole->q, part + span / 2, inner);
         const unsigned bent = bend_stretch(j, &stretch, quarter, t, ALL_PACKETS);
-        add_parts(j, beam, pk, light, &stretch, bent, slopes ? &own : NULL, marching, side ? &half : e0,
-                  side ? e1 : &half);
+        const vf t_before = light->t;
+        vf own = vf_of(0);
+        add_parts(j, beam, pk, light, &stretch, bent, marching, side ? &half : e0, side ? e1 : &half, &own);
+        *moment += 0.5f * ((float)side * (t_before - light->t) + own);
     }
 }
 
 /* A stretch from entry e0 to e1 that nothing is known of but its ends. */
 INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, Stretch *stretch,
-                        bool inner, bool lit, unsigned marching, const Entry *e0, const Entry *e1, Course *course)
+                        bool inner, unsigned marching, const Entry *e0, const Entry *e1, Lit *lit, Course *course)
 {
     const int q = stretch->q, middle = stretch->part + stretch->span / 2;
     const vf s0 = stretch->s0, end = stretch->end;
@@ -257,27 +211,19 @@ INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
             halved = look & marching & ~all_in(vf_lt(vf_abs(stretch->bend) * t, vf_of(j->halve_grey)));
         }
     }
-    Slopes slopes = {.bent = 0};
-    if (lit) {
-        slopes.from = timed_slope(j, pk, way, q, stretch->part, inner, course);
-        slopes.to = timed_slope(j, pk, way, q, stretch->part + stretch->span, inner, course);
-        course->slope = slopes.to;
-        course->slope_sheet = q * j->samples + stretch->part + stretch->span;
-        slopes.bent = bent;
-        if (bent | halved)
-            slopes.mid = timed_slope(j, pk, way, q, middle, inner, course);
-    }
-    if (halved) {
-        add_halves(j, beam, pk, way, light, stretch, mid, t, inner, lit ? &slopes : NULL, halved, e0, e1);
-        if (!(marching &= ~halved))
-            return;
-    }
-    add_parts(j, beam, pk, light, stretch, bent, lit ? &slopes : NULL, marching, e0, e1);
+    vf moment = vf_of(0);
+    if (halved)
+        add_halves(j, beam, pk, way, light, stretch, mid, t, inner, halved, e0, e1, &moment);
+    if (marching & ~halved)
+        add_parts(j, beam, pk, light, stretch, bent, marching & ~halved, e0, e1, &moment);
+    if (lit)
+        light_stretch(j, pk, way, q, stretch->part, stretch->span, inner, t - light->t, moment, bent | halved, light,
+                      lit, course);
 }
 
 /* The slab behind layer q with several sheets in it. */
 OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0,
-                        vf end, bool inner, bool lit, Course *course)
+                        vf end, bool inner, Lit *lit, Course *course)
 {
     const int span = j->samples / j->sheets;
     Entry e0, e1;
@@ -291,7 +237,7 @@ OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
                 look_up(j, s0, &e0);
             look_up(j, s1, &e1);
             Stretch stretch = stretch_of(j, q, part, span, s0, s1);
-            add_stretch(j, beam, pk, way, light, &stretch, inner, lit, marching, &e0, &e1, course);
+            add_stretch(j, beam, pk, way, light, &stretch, inner, marching, &e0, &e1, lit, course);
             e0 = e1;
         }
         have_entry = marching != 0;
@@ -310,13 +256,14 @@ INLINE bool all_opaque(const TiledJob *j, Light *light)
 INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool lit, Light *result, TiledCounts *counts)
 {
     Light own = *result, *light = &own; /* in registers */
+    Lit own_lit = {.r = vf_of(0)};
     vf s0 = vf_of(0);
     Course course = {.slope_sheet = -1};
     Entry entry = {.index = vi_of(0)}; /* of s0, on layer entry_layer */
     int entry_layer = -1;
     int reached = -1; /* s0 is the field on this layer */
     uint64_t samples = 0, slabs = 0;
-    bool opaque = false, inner = false;
+    bool opaque = false;
     const bool timed = counts->marches % TILED_TIMED_MARCHES == 0;
     course.timed = timed;
     uint64_t start = timed ? tiled_ticks() : 0, composite = 0;
@@ -325,10 +272,6 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
         if (run.from != reached)
             course.before = s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
         reached = run.to;
-        /* Near the faces slopes are rounded in another way; which, must not depend on the packets beside. */
-        if (lit && run.inner != inner)
-            course.slope_sheet = -1;
-        inner = run.inner;
         for (int q = run.from; q < run.to && !opaque; q++) {
             const vf end = sample_sheet(j, pk, way, q + 1, 0, run.inner);
             samples++;
@@ -342,11 +285,20 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
                     if (entry_layer != q)
                         look_up(j, s0, &entry);
                     look_up(j, end, &next);
-                    add_stretch(j, beam, pk, way, light, &slab, run.inner, lit, marching, &entry, &next, &course);
+                    add_stretch(j, beam, pk, way, light, &slab, run.inner, marching, &entry, &next,
+                                lit ? &own_lit : NULL, &course);
                     entry = next;
                     entry_layer = q + 1;
                 } else {
-                    add_sheets(j, beam, pk, way, light, q, s0, end, run.inner, lit, &course);
+                    /* Copies: what a function is given the address of, is kept in memory everywhere. */
+                    Light sheets = *light;
+                    Lit sheets_lit = own_lit;
+                    Course sheets_course = course;
+                    add_sheets(j, beam, pk, way, &sheets, q, s0, end, run.inner, lit ? &sheets_lit : NULL,
+                               &sheets_course);
+                    *light = sheets;
+                    own_lit = sheets_lit;
+                    course = sheets_course;
                 }
                 opaque = all_opaque(j, light);
                 composite += timed ? tiled_ticks() - before : 0;
@@ -355,9 +307,11 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
             s0 = end;
         }
     }
+    if (lit)
+        light_rest(j, pk, way, light, &own_lit);
     if (timed) {
-        counts->composite_ticks += composite - course.shade_ticks;
-        counts->shade_ticks += course.shade_ticks;
+        counts->composite_ticks += composite - course.ticks;
+        counts->shade_ticks += course.ticks;
         counts->splat_ticks += tiled_ticks() - start - composite;
     }
     counts->marches++;
