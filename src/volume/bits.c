@@ -209,105 +209,75 @@ void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *bl
         threshold_layer(bits, grey, blocks, bk, grey_min);
 }
 
-/* Words of a slice that are spread at a time. */
-enum { BLOCK = 256 };
+/* Words that are spread at a time, a row or more. */
+enum { BLOCK = CTS_BITS_ROW_WORDS };
 
-/* Add words of a slice shifted by whole rows: sum[n] |= slice[from + n + shift] where that lies within the slice. */
-static inline __attribute__((always_inline)) void add_shifted(uint64_t *restrict sum, const uint64_t *restrict slice,
-                                                              ptrdiff_t from, ptrdiff_t n_sum, ptrdiff_t shift,
-                                                              ptrdiff_t n_slice)
+/* A block of whole rows and where its neighbours are, in words; what does not exist or is not wanted is the block
+ * itself. */
+typedef struct Block {
+    const uint64_t *own, *before, *behind;
+    ptrdiff_t up, down;
+    size_t n;
+} Block;
+
+/* The box: all neighbouring rows and slices, spread along x together. */
+static inline __attribute__((always_inline)) void sum_box(const Block *b, uint64_t *restrict sum)
 {
-    const ptrdiff_t first = -(from + shift) > 0 ? -(from + shift) : 0;
-    const ptrdiff_t end = n_slice - from - shift < n_sum ? n_slice - from - shift : n_sum;
-    for (ptrdiff_t n = first; n < end; n++)
-        sum[n] |= slice[from + n + shift];
+    const uint64_t *const own = b->own, *const before = b->before, *const behind = b->behind;
+    const ptrdiff_t up = b->up, down = b->down, n = (ptrdiff_t)b->n;
+    for (ptrdiff_t i = 0; i < n; i++)
+        sum[i] = own[i - up] | own[i] | own[i + down] | before[i - up] | before[i] | before[i + down] | behind[i - up] |
+                 behind[i] | behind[i + down];
 }
 
-/* The rows before and behind, and the row itself where that is wanted, at the edges of the slice. */
-static inline __attribute__((always_inline)) void add_rows_at_edge(uint64_t *restrict sum,
-                                                                   const uint64_t *restrict slice, ptrdiff_t from,
-                                                                   ptrdiff_t n_sum, ptrdiff_t row, ptrdiff_t n_slice,
-                                                                   bool with_own)
+/* The cross: the neighbouring rows and slices join after the words have been spread. */
+static inline __attribute__((always_inline)) void add_cross(const Block *b, uint64_t *restrict to)
 {
-    add_shifted(sum, slice, from, n_sum, -row, n_slice);
-    add_shifted(sum, slice, from, n_sum, row, n_slice);
-    if (with_own)
-        add_shifted(sum, slice, from, n_sum, 0, n_slice);
+    const uint64_t *const own = b->own, *const before = b->before, *const behind = b->behind;
+    const ptrdiff_t up = b->up, down = b->down, n = (ptrdiff_t)b->n;
+    for (ptrdiff_t i = 0; i < n; i++)
+        to[i] |= own[i - up] | own[i + down] | before[i] | behind[i];
 }
 
-/* The same, in one go where both rows lie within the slice. */
-static inline __attribute__((always_inline)) void add_rows(uint64_t *restrict sum, const uint64_t *restrict slice,
-                                                           ptrdiff_t from, ptrdiff_t n_sum, ptrdiff_t row,
-                                                           ptrdiff_t n_slice, bool with_own)
+static inline __attribute__((always_inline)) void dilate_block(const Block *b, CtsNeighbours neighbours, unsigned axes,
+                                                               uint64_t *restrict to)
 {
-    const ptrdiff_t last = n_slice - from - row;
-    const ptrdiff_t first = row > from ? row - from : 0, end = last < n_sum ? last : n_sum;
-    if (first >= end) {
-        add_rows_at_edge(sum, slice, from, n_sum, row, n_slice, with_own);
-        return;
-    }
-    add_rows_at_edge(sum, slice, from, first, row, n_slice, with_own);
-    if (with_own)
-        for (ptrdiff_t n = first; n < end; n++)
-            sum[n] |= slice[from + n - row] | slice[from + n] | slice[from + n + row];
-    else
-        for (ptrdiff_t n = first; n < end; n++)
-            sum[n] |= slice[from + n - row] | slice[from + n + row];
-    add_rows_at_edge(sum + end, slice, from + end, n_sum - end, row, n_slice, with_own);
-}
-
-/* All neighbouring rows and slices of a block; the word itself is left to the caller. */
-static inline __attribute__((always_inline)) void add_neighbours(const CtsBits *in, int k, CtsNeighbours neighbours,
-                                                                 unsigned axes, ptrdiff_t from, ptrdiff_t n_sum,
-                                                                 uint64_t *sum)
-{
-    const ptrdiff_t row = (ptrdiff_t)in->row_words, n_slice = row * in->dims[1];
-    for (int dk = -1; dk <= 1; dk++) {
-        if (k + dk < 0 || k + dk >= in->dims[2] || (dk && !(axes & 4)))
-            continue;
-        const uint64_t *slice = cts_bits_row(in, 0, k + dk);
-        if (axes & 2 && !(dk && neighbours == CTS_CROSS))
-            add_rows(sum, slice, from, n_sum, row, n_slice, dk != 0);
-        else if (dk)
-            add_shifted(sum, slice, from, n_sum, 0, n_slice);
-    }
-}
-
-/* The words from <= n < from + n_block of slice k. The box spreads the sum of all rows along x, the cross only its own.
- */
-static inline __attribute__((always_inline)) void dilate_block(const CtsBits *in, CtsBits *out, int k,
-                                                               CtsNeighbours neighbours, unsigned axes, ptrdiff_t from,
-                                                               ptrdiff_t n_block)
-{
-    uint64_t sum[BLOCK + 2] = {0}, *restrict to = cts_bits_row(out, 0, k) + from;
-    const ptrdiff_t n_slice = (ptrdiff_t)in->row_words * in->dims[1];
-    add_shifted(sum, cts_bits_row(in, 0, k), from - 1, n_block + 2, 0, n_slice);
+    /* Nothing comes in from the row before, whose last bit is spare, and what comes in from the next one is masked. */
+    uint64_t sum[BLOCK + 2];
+    sum[0] = sum[b->n + 1] = 0;
     if (neighbours == CTS_BOX)
-        add_neighbours(in, k, neighbours, axes, from - 1, n_block + 2, sum);
+        sum_box(b, sum + 1);
+    else
+        memcpy(sum + 1, b->own, b->n * sizeof *sum);
     if (axes & 1)
-        for (ptrdiff_t n = 0; n < n_block; n++)
+        for (size_t n = 0; n < b->n; n++)
             to[n] = sum[n + 1] | sum[n + 1] << 1 | sum[n + 1] >> 1 | sum[n] >> 63 | sum[n + 2] << 63;
     else
-        for (ptrdiff_t n = 0; n < n_block; n++)
-            to[n] = sum[n + 1];
+        memcpy(to, sum + 1, b->n * sizeof *to);
     if (neighbours == CTS_CROSS)
-        add_neighbours(in, k, neighbours, axes, from, n_block, to);
-}
-
-static inline __attribute__((always_inline)) void mask_last_words(const CtsBits *in, CtsBits *out, int k, int first,
-                                                                  int end)
-{
-    for (int j = first; j < end; j++)
-        cts_bits_row(out, j, k)[in->row_words - 1] &= cts_bits_mask(in, in->row_words - 1);
+        add_cross(b, to);
 }
 
 CTS_VECTOR_CLONES static void dilate_slice(const CtsBits *in, CtsBits *out, int k, CtsNeighbours neighbours,
                                            unsigned axes)
 {
-    const ptrdiff_t stop = (ptrdiff_t)in->row_words * in->dims[1];
-    for (ptrdiff_t from = 0; from < stop; from += BLOCK)
-        dilate_block(in, out, k, neighbours, axes, from, stop - from < BLOCK ? stop - from : BLOCK);
-    mask_last_words(in, out, k, 0, in->dims[1]);
+    const int n_rows = in->dims[1], most = BLOCK / (int)in->row_words, last_row = n_rows - 1;
+    const int before = axes & 4 && k > 0 ? k - 1 : k, behind = axes & 4 && k + 1 < in->dims[2] ? k + 1 : k;
+    const ptrdiff_t row = axes & 2 ? (ptrdiff_t)in->row_words : 0;
+    const uint64_t mask = cts_bits_mask(in, in->row_words - 1);
+    /* The first and the last row are blocks of their own. */
+    for (int j = 0, end; j < n_rows; j = end) {
+        end = j == 0 || j == last_row ? j + 1 : last_row - j < most ? last_row : j + most;
+        const Block b = {.own = cts_bits_row(in, j, k),
+                         .before = cts_bits_row(in, j, before),
+                         .behind = cts_bits_row(in, j, behind),
+                         .up = j > 0 ? row : 0,
+                         .down = j < last_row ? row : 0,
+                         .n = (size_t)(end - j) * in->row_words};
+        dilate_block(&b, neighbours, axes, cts_bits_row(out, j, k));
+        for (int r = j; r < end; r++)
+            cts_bits_row(out, r, k)[in->row_words - 1] &= mask;
+    }
 }
 
 void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, unsigned axes, int n_threads)

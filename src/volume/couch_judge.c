@@ -2,6 +2,7 @@
 
 #include "base/mem.h"
 #include <math.h>
+#include <omp.h>
 
 static const double SMALL_MM3 = 500, BODY_THICK_MM = 9, LIMIT_MM = 40;
 /* The mean area across the table over the square of the thickness: about 1 for a limb, 3 for a hand, W / T for a sheet
@@ -172,15 +173,22 @@ CtsStatus couch_adopt(const CouchScene *scene, const CouchGrid *g, const CtsPart
     CtsBits near = {0};
     Tip *tips = NULL;
     *grew = false;
-    if ((st = cts_alloc_zeroed(&tips, p->n_parts, err)) ||
+    if ((st = cts_alloc_zeroed(&tips, p->n_parts * (size_t)scene->n_threads, err)) ||
         (st = couch_near(scene, g, body_cells, TIP_NEAR_MM, &near, err)))
         goto end;
     const size_t ny = (size_t)p->dims[1], n_rows = ny * (size_t)p->dims[2];
-    for (size_t row = 0; row < n_rows; row++)
+#pragma omp parallel for schedule(static) num_threads(scene->n_threads)
+    for (size_t row = 0; row < n_rows; row++) {
+        Tip *mine = tips + p->n_parts * (size_t)omp_get_thread_num();
         for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
             if (!verdict->body[p->runs[r].part])
                 look_at_run(g, &p->runs[r], couch_cell(g, 1, (int)(row % ny)), couch_cell(g, 2, (int)(row / ny)),
-                            inside, &near, &tips[p->runs[r].part]);
+                            inside, &near, &mine[p->runs[r].part]);
+    }
+    for (size_t n = p->n_parts; n < p->n_parts * (size_t)scene->n_threads; n++) {
+        tips[n % p->n_parts].reaches_out |= tips[n].reaches_out;
+        tips[n % p->n_parts].near |= tips[n].near;
+    }
     for (uint32_t n = 0; n < p->n_parts; n++)
         if (!verdict->body[n] && (!tips[n].reaches_out || is_tip(scene, p, n, &tips[n])))
             verdict->body[n] = *grew = true;
