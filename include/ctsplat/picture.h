@@ -46,13 +46,14 @@ typedef struct CtsPicture {
 CtsStatus cts_picture_new(CtsPicture **picture, int width, int height, int n_channels, CtsError *err);
 void cts_picture_free(CtsPicture **picture);
 
-/* Blend over a colour (display values): alpha becomes 1, has_alpha false. For n_channels 4 only. */
-void cts_picture_over(CtsPicture *picture, const double background[3]);
+/* Blend over a colour (display values): alpha becomes 1, has_alpha false. For n_channels 4 only. n_threads 0: all
+ * cores. */
+void cts_picture_over(CtsPicture *picture, const double background[3], int n_threads);
 
 typedef struct CtsDifference {
     double rmse, psnr_db; /* psnr_db is INFINITY for equal pictures */
-    double ssim; /* Gaussian windows of 11x11 pixels, sigma 1.5, mean of red, green and blue */
-    double p999; /* what 99.9 % of the samples' differences do not pass */
+    double ssim;          /* Gaussian windows of 11x11 pixels, sigma 1.5, mean of red, green and blue */
+    double p999;          /* what 99.9 % of the samples' differences do not pass */
     double max;
     double share; /* of pixels that differ by more than 1/255 in a channel */
     bool equal;   /* to the bit: not clamped, with alpha, and with depth where both have it */

@@ -130,7 +130,7 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     const CtsMeter meter = cts_meter_start(&job->report);
     CtsStatus st = CTS_OK;
     if (!job->preset->background_none)
-        cts_picture_over(band, job->preset->background);
+        cts_picture_over(band, job->preset->background, options->render.n_threads);
     if (options->annotate_orientation || options->annotate_scale)
         st = annotate(job, band, err);
     for (int i = 0; i < options->n_outputs && !st; i++)

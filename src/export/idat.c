@@ -19,11 +19,13 @@ CtsIdat cts_idat_plan(int width, int height, int n_samples)
 /* Counts the pixels that are not black, and those of them whose colours are equal. */
 static void count_grey(const uint8_t *row, const CtsIdat *idat, size_t *n_lit, size_t *n_grey)
 {
-    const size_t step = 2 * (size_t)idat->n_samples;
-    for (const uint8_t *s = row, *end = row + idat->row_bytes; step >= 6 && s < end; s += step) {
-        const bool lit = (s[0] | s[1] | s[2] | s[3] | s[4] | s[5]) != 0;
+    const int n_samples = idat->n_samples;
+    uint16_t s[3];
+    for (const uint8_t *at = row, *end = row + idat->row_bytes; n_samples >= 3 && at < end; at += 2 * n_samples) {
+        memcpy(s, at, sizeof s);
+        const bool lit = (s[0] | s[1] | s[2]) != 0;
         *n_lit += lit;
-        *n_grey += lit && s[0] == s[2] && s[2] == s[4] && s[1] == s[3] && s[3] == s[5];
+        *n_grey += lit & (s[0] == s[1]) & (s[1] == s[2]);
     }
 }
 

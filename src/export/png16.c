@@ -204,8 +204,9 @@ CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
     w->idat = cts_idat_plan(head->width, head->height, head->has_alpha ? 4 : head->grey ? 1 : 3);
     const int batch = w->idat.n_strips < BATCH ? w->idat.n_strips : BATCH;
     w->capacity = batch * w->idat.rows_per_strip;
-    if ((st = cts_alloc_zeroed(&w->rows, ((size_t)w->capacity + 1) * w->idat.row_bytes, err)))
+    if ((st = cts_alloc_array(&w->rows, ((size_t)w->capacity + 1) * w->idat.row_bytes, err)))
         return st;
+    memset(w->rows, 0, w->idat.row_bytes);
     w->png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w, on_write_error, on_warning);
     if (!w->png || !(w->info = png_create_info_struct(w->png)))
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);

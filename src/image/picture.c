@@ -1,5 +1,6 @@
 #include "ctsplat/picture.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
 #include <stdlib.h>
 
@@ -38,12 +39,13 @@ void cts_picture_free(CtsPicture **picture)
     *picture = NULL;
 }
 
-void cts_picture_over(CtsPicture *picture, const double background[3])
+void cts_picture_over(CtsPicture *picture, const double background[3], int n_threads)
 {
     if (picture->n_channels != 4)
         return;
     const float b[3] = {(float)background[0], (float)background[1], (float)background[2]};
     const size_t n = (size_t)picture->width * picture->height;
+#pragma omp parallel for schedule(static) num_threads(cts_threads(n_threads))
     for (size_t i = 0; i < n; i++) {
         float *p = picture->pixels + 4 * i;
         const float through = 1.0f - p[3];

@@ -1,6 +1,7 @@
 #include "volume/block_change.h"
 
 #include "base/cpu.h"
+#include "volume/fold.h"
 #include <stdbool.h>
 #include <string.h>
 
@@ -97,37 +98,26 @@ void cts_block_change_keep(CtsBlockChange *c, int first, int end)
 }
 
 /* The largest level of the n_blocks fine blocks from (bi, bj, bk) on, one after the other along a row. */
-CTS_VECTOR_CLONES static void find_highest(const CtsVolume *v, int bi, int bj, int bk, int n_blocks, CtsRange *range)
+static void find_highest(const CtsVolume *v, cts_fold_fn fold, int bi, int bj, int bk, int n_blocks, CtsRange *range)
 {
-    enum { STRIP = 64 };
+    enum { MOST = 64 + 3 }; /* blocks come from one word */
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1];
-    const int k0 = bk * CTS_FINE_BLOCK, j0 = bj * CTS_FINE_BLOCK;
-    const int k1 = k0 + REACH < v->dims[2] ? k0 + REACH : v->dims[2],
-              j1 = j0 + REACH < v->dims[1] ? j0 + REACH : v->dims[1];
-    for (int done = 0; done < n_blocks; done += STRIP / CTS_FINE_BLOCK) {
-        uint16_t high[STRIP + 16] = {0};
-        const int i0 = (bi + done) * CTS_FINE_BLOCK;
-        const int left = n_blocks - done < STRIP / CTS_FINE_BLOCK ? n_blocks - done : STRIP / CTS_FINE_BLOCK;
-        const int want = left * CTS_FINE_BLOCK + 1, have = v->dims[0] - i0;
-        /* Whole vectors where the row has them; what is read too far is not used. */
-        const int whole = (want + 15) / 16 * 16, n = whole <= have ? whole : want < have ? want : have;
-        for (int k = k0; k < k1; k++)
-            for (int j = j0; j < j1; j++) {
-                const uint16_t *row = v->grey + ((size_t)k * ny + (size_t)j) * nx + i0;
-                for (int i = 0; i < n; i++)
-                    high[i] = row[i] > high[i] ? row[i] : high[i];
-            }
-        for (int b = 0; b < left; b++) {
-            uint16_t most = 0;
-            for (int i = 0; i < REACH; i++)
-                most = high[b * CTS_FINE_BLOCK + i] > most ? high[b * CTS_FINE_BLOCK + i] : most;
-            range[done + b] = (CtsRange){0, most};
-        }
-    }
+    const int k0 = bk * CTS_FINE_BLOCK, j0 = bj * CTS_FINE_BLOCK, i0 = bi * CTS_FINE_BLOCK;
+    const int k1 = k0 + REACH < v->dims[2] ? k0 + REACH : v->dims[2];
+    const int n_rows = j0 + REACH < v->dims[1] ? REACH : v->dims[1] - j0, n = v->dims[0] - i0;
+    /* Whole vectors of blocks where the row has them; what is found too much is not used. */
+    const int whole = (n_blocks + 3) / 4 * 4, n_found = 4 * whole < n ? whole : n_blocks;
+    CtsRange found[MOST];
+    for (int b = 0; b < n_found; b++)
+        found[b] = (CtsRange){65535, 0};
+    for (int k = k0; k < k1; k++)
+        fold(v->grey + ((size_t)k * ny + (size_t)j0) * nx + i0, nx, n_rows, n, found, n_found);
+    for (int b = 0; b < n_blocks; b++)
+        range[b] = (CtsRange){0, found[b].high};
 }
 
 /* One row of fine blocks: as it was, all air, or air and something. */
-static void change_row(const CtsBlockChange *c, const CtsVolume *v, int bj, int bk)
+static void change_row(const CtsBlockChange *c, const CtsVolume *v, cts_fold_fn fold, int bj, int bk)
 {
     const int *n = c->blocks->n_fine, k0 = bk * CTS_FINE_BLOCK;
     CtsRange *range = c->blocks->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0];
@@ -143,7 +133,7 @@ static void change_row(const CtsBlockChange *c, const CtsVolume *v, int bj, int 
             run &= ~(run + (lost & -lost));
             const int first = (int)(64 * w) + __builtin_ctzll(run), end = first + cts_popcount(run);
             if (some_left)
-                find_highest(v, first, bj, bk, end - first, range + first);
+                find_highest(v, fold, first, bj, bk, end - first, range + first);
             for (int b = first; b < end && !some_left; b++)
                 range[b] = (CtsRange){0, 0};
         }
@@ -154,9 +144,11 @@ void cts_block_change_apply(const CtsBlockChange *c, const CtsVolume *volume, in
 {
     if (!c->blocks)
         return;
+    const cts_fold_fn fold = cts_fold(cts_cpu_flags());
+    const int n_rows = c->blocks->n_fine[1];
 #pragma omp parallel for schedule(dynamic) num_threads(n_threads)
     for (int bk = 0; bk < c->blocks->n_fine[2]; bk++)
-        for (int bj = 0; bj < c->blocks->n_fine[1]; bj++)
-            change_row(c, volume, bj, bk);
+        for (int bj = 0; bj < n_rows; bj++)
+            change_row(c, volume, fold, bj, bk);
     cts_blocks_sum(c->blocks, n_threads);
 }

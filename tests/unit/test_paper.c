@@ -81,7 +81,7 @@ static void test_raycast(void **state)
             CtsRenderSettings s = settings_for(CTS_ENGINE_RAYCAST, 72, views[view][0], views[view][1]);
             s.shade = shade ? CTS_ON : CTS_OFF;
             CtsPicture *truth = render(v, &preset, &s, NULL);
-            cts_picture_over(truth, black);
+            cts_picture_over(truth, black, 1);
             double rmse[2];
             for (int i = 0; i < 2; i++) {
                 CtsDifference d;
@@ -89,7 +89,7 @@ static void test_raycast(void **state)
                 s.engine = CTS_ENGINE_CLASSIC;
                 s.samples = i ? 8 : 1;
                 CtsPicture *p = render(v, &preset, &s, NULL);
-                cts_picture_over(p, black);
+                cts_picture_over(p, black, 1);
                 assert_int_equal(cts_picture_compare(p, truth, &d, &err), CTS_OK);
                 rmse[i] = d.rmse;
                 cts_picture_free(&p);

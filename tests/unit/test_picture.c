@@ -84,7 +84,7 @@ static void test_over(void **state)
     assert_int_equal(cts_picture_new(&p, 3, 1, 4, &err), CTS_OK);
     const float pixels[] = {0, 0, 0, 0, 0.25f, 0.125f, 0, 0.5f, 1.5f, 0.5f, 0.25f, 1};
     memcpy(p->pixels, pixels, sizeof pixels);
-    cts_picture_over(p, (const double[]){1, 0.5, 0.25});
+    cts_picture_over(p, (const double[]){1, 0.5, 0.25}, 2);
     const float expected[] = {1, 0.5f, 0.25f, 1, 0.75f, 0.375f, 0.125f, 1, 1.5f, 0.5f, 0.25f, 1};
     assert_memory_equal(p->pixels, expected, sizeof expected);
     assert_false(p->has_alpha);
