@@ -2,15 +2,17 @@
 #include "base/cpu.h"
 
 #include <sched.h>
+#include <stdbool.h>
 
 unsigned cts_cpu_flags(void)
 {
     unsigned flags = 0;
 #if defined(__x86_64__)
-    if (__builtin_cpu_supports("avx2"))
+    const bool fma = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
+    if (fma)
         flags |= CTS_CPU_AVX2;
-    if (__builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") && __builtin_cpu_supports("avx512dq") &&
-        __builtin_cpu_supports("avx512vl"))
+    if (fma && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
+        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
         flags |= CTS_CPU_AVX512;
 #endif
     return flags;

@@ -80,6 +80,7 @@ CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRan
         }
     }
     table->depth_scale = (float)depth_unit;
+    table->halving_scale = (float)(depth_unit / log(2));
     table->colour_per_depth = (float)(colour_unit / depth_unit);
 end:
     cts_free(&step);

@@ -20,6 +20,7 @@ typedef struct CtsSlabTable {
     int32_t (*step)[4];
     int n;
     float grey_low, per_grey;
+    float halving_scale;    /* the same in halvings of the light: optical depth / ln 2 */
     float depth_scale;      /* difference of entries * depth_scale = sum of extinctions per mm, one for each entry */
     float colour_per_depth; /* what a colour's unit is worth in units of depth */
     /* Below quiet_low and from quiet_high on nothing is visible (quiet_high may be +inf). */

@@ -1,7 +1,7 @@
 /* AVX2 primitives for the tiled engine's march. Compiled with -mavx2; called only where the processor has it. */
 #include "splat/tiled_kernel.h"
 
-#if defined(__AVX2__)
+#if defined(__AVX2__) && defined(__FMA__)
 
 #include "base/mutation.h"
 #include <immintrin.h>
@@ -33,6 +33,11 @@ INLINE vi vi_max(vi a, vi b)
 INLINE vf vf_sqrt(vf a)
 {
     return (vf)_mm256_sqrt_ps((__m256)a);
+}
+
+INLINE vf vf_fma(vf a, vf b, vf c)
+{
+    return (vf)_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c);
 }
 
 INLINE vf select_f(vmask mask, vf yes, vf no)
@@ -127,7 +132,7 @@ INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
     __m256i upper, lower;
     weigh_window(t, offset, row_stride, &upper, &lower);
     const vf a = (vf)_mm256_cvtepi32_ps(upper), b = (vf)_mm256_cvtepi32_ps(lower);
-    return (a + t->fy * (b - a)) * (1.0f / 16384) + 32768.0f;
+    return vf_fma(vf_fma(t->fy, b - a, a), vf_of(1.0f / 16384), vf_of(32768));
 }
 
 INLINE vf of_rows(const Taps *t, __m256i upper, __m256i lower)

@@ -38,6 +38,11 @@ INLINE vf vf_sqrt(vf a)
     return (vf)_mm512_sqrt_ps((__m512)a);
 }
 
+INLINE vf vf_fma(vf a, vf b, vf c)
+{
+    return (vf)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c);
+}
+
 INLINE vmask vf_lt(vf a, vf b)
 {
     return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LT_OS);
@@ -269,7 +274,7 @@ INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
     __m512i upper, lower;
     weigh_window(t, offset, row_stride, &upper, &lower);
     const vf a = (vf)_mm512_cvtepi32_ps(upper), b = (vf)_mm512_cvtepi32_ps(lower);
-    return (a + t->fy * (b - a)) * (1.0f / 16384) + 32768.0f;
+    return vf_fma(vf_fma(t->fy, b - a, a), vf_of(1.0f / 16384), vf_of(32768));
 }
 
 INLINE vf of_rows(const Taps *t, __m512i upper, __m512i lower)

@@ -3,6 +3,8 @@
 
 #include <math.h>
 
+enum { MOST_AT_ONCE = 3 };
+
 static inline double smaller(double a, double b)
 {
     return a < b ? a : b;
@@ -160,6 +162,31 @@ static bool fine_visible(const TiledJob *j, const TiledBeam *beam, int from, int
     return false;
 }
 
+/* Where the layer of fine blocks that holds slab q ends. */
+static int fine_end(const TiledJob *j, const TiledBeam *beam, int q)
+{
+    const int cell = j->rising ? q : j->nk - 2 - q;
+    const int end = q + (j->rising ? CTS_FINE_BLOCK - cell % CTS_FINE_BLOCK : cell % CTS_FINE_BLOCK + 1);
+    return end < beam->last ? end : beam->last;
+}
+
+/* The run from q to end, with what follows it without a gap; rays may end soon, so that is not much. */
+static TiledRun run_from(const TiledJob *j, TiledBeam *beam, int q, int end)
+{
+    TiledRun run = {q, end, is_inner(j, beam, q) && is_inner(j, beam, end)};
+    beam->next = end;
+    for (int more = 0; more < MOST_AT_ONCE && beam->next < beam->last; more++) {
+        end = fine_end(j, beam, run.to);
+        if (run.inner != (is_inner(j, beam, run.to) && is_inner(j, beam, end)))
+            break;
+        beam->next = end;
+        if (!fine_visible(j, beam, run.to, end))
+            break;
+        run.to = end;
+    }
+    return run;
+}
+
 bool tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
 {
     while (beam->next < beam->last) {
@@ -173,14 +200,11 @@ bool tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
             continue;
         }
         /* A closer look: up to where the next layer of fine blocks begins. */
-        const int cell = j->rising ? q : j->nk - 2 - q;
-        const int rest = j->rising ? CTS_FINE_BLOCK - cell % CTS_FINE_BLOCK : cell % CTS_FINE_BLOCK + 1;
-        until = q + rest < until ? q + rest : until;
-        until = until < beam->last ? until : beam->last;
-        beam->next = until;
-        if (!fine_visible(j, beam, q, until))
+        const int end = fine_end(j, beam, q);
+        beam->next = end < until ? end : until;
+        if (!fine_visible(j, beam, q, beam->next))
             continue;
-        beam->runs[beam->n_runs++] = (TiledRun){q, until, is_inner(j, beam, q) && is_inner(j, beam, until)};
+        beam->runs[beam->n_runs++] = run_from(j, beam, q, beam->next);
         return true;
     }
     return false;

@@ -45,6 +45,15 @@ INLINE vf vf_sqrt(vf a)
     return r;
 }
 
+/* a b + c, rounded once. */
+INLINE vf vf_fma(vf a, vf b, vf c)
+{
+    vf r;
+    for (int l = 0; l < 8; l++)
+        r[l] = fmaf(a[l], b[l], c[l]);
+    return r;
+}
+
 INLINE vf select_f(vmask mask, vf yes, vf no)
 {
     return (vf)((mask & (vi)yes) | (~mask & (vi)no));
@@ -112,7 +121,7 @@ INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
         a[l] = (float)((p[0] - 32768) * w0 + (p[1] - 32768) * w1);
         b[l] = (float)((p[row_stride] - 32768) * w0 + (p[row_stride + 1] - 32768) * w1);
     }
-    return (a + t->fy * (b - a)) * (1.0f / 16384) + 32768.0f;
+    return vf_fma(vf_fma(t->fy, b - a, a), vf_of(1.0f / 16384), vf_of(32768));
 }
 
 /* What load_window() would tell of the differences between layers that start at plus[axis] and at minus[axis], times

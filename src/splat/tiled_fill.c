@@ -88,7 +88,8 @@ TiledFill tiled_fill(const TiledJob *j, const TiledSpan *s, int away, int above,
     float *rgba = j->rgba + 4 * at;
     const Around r = {above >= 3 * away ? rgba - 12 * row : NULL, rgba - 4 * row, rgba + 4 * row,
                       below >= 3 * away ? rgba + 12 * row : NULL};
-    if (!fill_colour(&r, s->n, j->fill_step, colour))
+    /* A row that others are filled from is held to more. */
+    if (!fill_colour(&r, s->n, j->fill_step / (float)away, colour))
         return TILED_FILL_NONE;
     memcpy(rgba, colour, sizeof *colour * (size_t)s->n);
     if (!j->depth_mm)

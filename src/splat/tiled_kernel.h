@@ -36,14 +36,15 @@ typedef struct TiledJob {
     int samples;            /* how finely sheets may be placed, to a layer: 4 to a stretch */
     /* What a stretch needs beyond its two sheets. Grey levels are those of a stretch that all light reaches. */
     float quiet_low, quiet_high; /* nothing between them shows, even if the field bends a little */
-    float refine_grey;           /* a field whose rise changes less from stretch to stretch is taken for straight */
+    float refine_grey;           /* a field that changes less, and its rise too, is taken for straight */
     float bend_grey;             /* a field that bends less is taken for straight in either half */
     float halve_grey;            /* a field that bends more is looked at again in either half */
     float hiding;                /* 1 over what self_hiding() may leave, in table entries */
+    float faint_depth;           /* a stretch of less optical depth is cut into 2, if at all */
     float stiff_depth;           /* a stretch of more optical depth is cut where its light is lost */
     float full_depth;            /* what lies deeper gets no light worth cutting for */
-    float layer_mm;             /* ray length from layer to layer */
-    float stop_transmittance;   /* a packet ends when all of its pixels have less than this left */
+    float layer_mm;              /* ray length from layer to layer */
+    float stop_transmittance;    /* a packet ends when all of its pixels have less than this left */
     CtsSlabTable table;
     CtsLeap leap;
     /* Of 2^fill_levels rows one is marched; the others are filled where that can be trusted: where colours change and

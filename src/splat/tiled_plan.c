@@ -45,7 +45,7 @@ static void choose_fill(TiledJob *j, const CtsScene *scene)
     double finest_mm = INFINITY, apart_mm = 2 * scene->view.mm_per_pixel;
     for (int axis = 0; axis < 3; axis++)
         finest_mm = fmin(finest_mm, cts_volume_spacing_mm(scene->volume, axis));
-    j->fill_step = (float)(6 * 4 * (s->max_error > 0 ? s->max_error : 0.5) / 255);
+    j->fill_step = (float)(8 * 4 * (s->max_error > 0 ? s->max_error : 0.5) / 255);
     j->fill_levels = 0;
     for (; s->samples == 0 && apart_mm <= 1.1 * finest_mm && j->fill_levels < TILED_MOST_LEVELS; apart_mm *= 2)
         j->fill_levels++;
@@ -60,8 +60,8 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
     const double grey_per_hu = 1 / scene->volume->hu_step;
     const Steepness steep = find_steepness(scene, &j->table);
     /* So much of the display's range may a bend show more or less of in 1 mm, and colours differ by within a slab. */
-    const double bend_hu = part * fmin(0.18 / steep.shown, 100);
-    const double hiding_hu = part * fmin(0.12 / steep.colour, 300);
+    const double bend_hu = part * fmin(0.33 / steep.shown, 170);
+    const double hiding_hu = part * fmin(0.04 / steep.colour, 300);
     const bool looks = s->samples == 0 && !j->straight;
     j->sheets = s->samples > 0 ? s->samples : 1;
     j->most_due = (float)(0.004 * fmin(part, 2));
@@ -71,17 +71,18 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
         j->sheets *= 2;
     j->samples = 4 * j->sheets;
     j->refine_grey = looks ? (float)(bend_hu * grey_per_hu) : INFINITY;
-    j->bend_grey = 0.5f * j->refine_grey;
+    j->bend_grey = 0.7f * j->refine_grey;
     j->halve_grey = 2 * j->refine_grey;
-    const float near = looks ? (float)(20 * grey_per_hu) : 0;
+    const float near = looks ? (float)(10 * grey_per_hu) : 0;
     j->quiet_low = j->table.quiet_low - near;
     j->quiet_high = j->table.quiet_high + near;
     /* More sheets share what is allowed; where they are asked for, all errors are to fall with their square. */
     const double crowd = s->samples > 0 ? pow(j->sheets, 3) : j->sheets;
     j->hiding = (float)(crowd / (hiding_hu * grey_per_hu * (double)j->table.per_grey));
+    j->faint_depth = 0.25f;
     j->stiff_depth = 3;
     j->full_depth = 5;
-    j->stop_transmittance = CTS_MUTATED(STOP_EARLY) ? 0.25f : (float)fmin(part / 256, 1.0 / 64);
+    j->stop_transmittance = CTS_MUTATED(STOP_EARLY) ? 0.25f : (float)fmin(part / 128, 1.0 / 64);
     choose_fill(j, scene);
 }
 

@@ -1,20 +1,18 @@
 /* One slab of the march, part of tiled_tmpl.h: the table's sums, lighting, and what is added to the pixels. */
 
-/* 1 - exp(-d) for d >= 0, relative error below 1e-6 down to d = 0: with d = n ln 2 + f it is
- * (1 - 2^-n) - 2^-n (exp(-f) - 1). */
-INLINE vf one_minus_exp(vf d)
+/* 1 - 2^-d for d >= 0, relative error below 1e-6 down to d = 0: with d = n + f it is (1 - 2^-n) + 2^-n (1 - 2^-f). */
+INLINE vf one_minus_exp2(vf d)
 {
-    d = vf_min(d, vf_of(80.0f));
-    const vi n = to_int(d * 1.44269504f + 0.5f);
-    const vf nf = to_float(n);
-    const vf f = (d - nf * 0.693359375f) - nf * -2.12194440e-4f;
-    vf p = f * (-1.0f / 720) + (1.0f / 120);
-    p = p * f - (1.0f / 24);
-    p = p * f + (1.0f / 6);
-    p = p * f - 0.5f;
-    p = (p * f + 1.0f) * f; /* 1 - exp(-f) */
+    d = vf_min(d, vf_of(115.0f));
+    const vi n = to_int(d + 0.5f);
+    const vf f = d - to_float(n);
+    vf p = vf_fma(f, vf_of(-1.54035304e-4f), vf_of(1.33335581e-3f)); /* the series of 1 - 2^-f */
+    p = vf_fma(p, f, vf_of(-9.61812911e-3f));
+    p = vf_fma(p, f, vf_of(5.55041087e-2f));
+    p = vf_fma(p, f, vf_of(-2.40226507e-1f));
+    p = vf_fma(p, f, vf_of(6.93147181e-1f));
     const vf power = (vf)((127 - n) << 23);
-    return (1.0f - power) + power * p;
+    return vf_fma(power, p * f, 1.0f - power);
 }
 
 typedef struct Light {
@@ -41,12 +39,14 @@ typedef struct Entry {
     vi r, g, b, k; /* the table's sums there */
 } Entry;
 
+enum { SHIFT = 1 << 20 /* more than any index is below 0 */ };
+
 INLINE void look_up(const TiledJob *j, vf s, Entry *e)
 {
     const CtsSlabTable *t = &j->table;
     /* The shift keeps the conversion's truncation away from negative numbers. */
-    const vf x = vf_max((s - t->grey_low) * t->per_grey, vf_of(-1e6f)) + 1e6f;
-    e->index = to_int(x + 0.5f) - 1000000;
+    const vf x = vf_fma(s - t->grey_low, vf_of(t->per_grey), vf_of(SHIFT + 0.5f));
+    e->index = to_int(x) - SHIFT;
     look_up_entries(t->sum, t->n, e->index, &e->r, &e->g, &e->b, &e->k);
 }
 
@@ -74,24 +74,25 @@ INLINE void add_slab(const TiledJob *j, Light *light, vmask marching, const Entr
     /* Without depth there is no colour either. */
     const vf kf = vf_max(k, vf_of(1e-12f));
     const vf inverse = 1.0f / (nf * kf);
-    const vf depth = (k * kf) * inverse * (t->depth_scale * length_mm);
-    vf alpha = CTS_MUTATED(ATTENUATION) ? vf_min(depth, vf_of(1)) : one_minus_exp(depth);
+    const vf halvings = (k * kf) * inverse * (t->halving_scale * length_mm);
+    vf alpha = CTS_MUTATED(ATTENUATION) ? vf_min(halvings, vf_of(1)) : one_minus_exp2(halvings);
     if (PACKETS > 1)
         alpha = select_f(marching, alpha, vf_of(0));
     const vf lost = light->t * alpha;
     const vf weight = lost * (nf * inverse) * t->colour_per_depth;
-    light->r += r * weight;
-    light->g += g * weight;
-    light->b += b8 * weight;
+    light->r = vf_fma(r, weight, light->r);
+    light->g = vf_fma(g, weight, light->g);
+    light->b = vf_fma(b8, weight, light->b);
     light->a += lost;
     light->t -= lost;
 }
 
-/* Length inside the box of each lane's way from `from` to `to`, in layers behind layer q. */
-INLINE vf slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int q, vf from, vf to)
+/* Length inside the box of each lane's way from `from` to `to`, in layers behind layer q; whole_mm where the box does
+ * not cut it. */
+INLINE vf slab_length(const TiledJob *j, const TiledBeam *beam, Packet *pk, int q, vf from, vf to, vf whole_mm)
 {
     if (q >= beam->full_from && q < beam->full_to)
-        return (to - from) * j->layer_mm;
+        return whole_mm;
     if (!pk->clipped)
         clip_packet(j, pk);
     vf length;

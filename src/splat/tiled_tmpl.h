@@ -34,15 +34,22 @@ INLINE Stretch stretch_of(const TiledJob *j, int q, int part, int span, vf s0, v
     return (Stretch){q, part, span, (float)part / samples, (float)span / samples, s0, end, end - s0, vf_of(0)};
 }
 
-/* How it is cut: part p of a packet's `parts` ends at lead + p step, the last one at 1. */
+/* How it is cut: part p of a lane's `parts` ends at lead + p step, the last one at 1. */
 typedef struct Cuts {
-    int parts[PACKETS], most;
-    vf lead, step;
+    vf parts, lead, step;
+    int most;
+    bool even; /* lead is 0 */
 } Cuts;
 
 INLINE vf field_at(const Stretch *way, vf f)
 {
-    return way->s0 + (way->rise + way->bend * f) * f;
+    return vf_fma(vf_fma(way->bend, f, way->rise), f, way->s0);
+}
+
+/* Optical depth of a stretch between two entries, times the nf entries between them. */
+INLINE vf depth_times(const TiledJob *j, const Entry *e0, const Entry *e1, float length_mm)
+{
+    return vf_abs(to_float(e1->k - e0->k)) * (j->table.depth_scale * length_mm);
 }
 
 /* A slab's integral mixes its colours as if none hid another. What that errs by grows with the light that comes, with
@@ -50,7 +57,7 @@ INLINE vf field_at(const Stretch *way, vf f)
  * exceeds what may stay, times nf. */
 INLINE vf self_hiding(const TiledJob *j, vf t, vf nf, const Entry *e0, const Entry *e1, float length_mm)
 {
-    const vf d = vf_min(vf_abs(to_float(e1->k - e0->k)) * (j->table.depth_scale * length_mm), nf * j->full_depth);
+    const vf d = vf_min(depth_times(j, e0, e1, length_mm), nf * j->full_depth);
     return t * d * d * j->hiding;
 }
 
@@ -70,20 +77,17 @@ OUTLINE void find_depth(const TiledJob *j, const Stretch *way, const Entry *e0, 
     }
 }
 
-/* Parts cost table entries, no voxels; n of them leave 1 / n^2 of the error. Of a stretch that takes all light, only
- * what light reaches is cut finely. */
-OUTLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, unsigned cut, unsigned bent, const Entry *e0,
-                       const Entry *e1)
+/* The cuts of a stretch that takes much of the light. n parts leave 1 / n^2 of the error; of a stiff stretch, which
+ * takes all of the light, only what light reaches is cut finely. */
+OUTLINE Cuts cut_finely(const TiledJob *j, const Stretch *way, vf nf, vf hiding, vmask stiff, unsigned cut,
+                        unsigned bent, const Entry *e0)
 {
     enum { DOUBLINGS = 4 };
     Cuts c = {.most = 1};
-    const float length_mm = j->layer_mm * way->share, scale = j->table.depth_scale * length_mm;
-    const vf nf = vf_abs(to_float(e1->index - e0->index));
-    vf hiding = self_hiding(j, t, nf, e0, e1, length_mm), low = vf_of(0), high = vf_of(1);
-    const vmask stiff = vf_lt(nf * j->stiff_depth, vf_abs(to_float(e1->k - e0->k)) * scale * t);
+    vf low = vf_of(0), high = vf_of(1);
     const unsigned some_stiff = any_in(stiff);
     if (some_stiff) {
-        const vf per_depth = nf * (1 / scale);
+        const vf per_depth = nf * (1 / (j->table.depth_scale * j->layer_mm * way->share));
         vf unused;
         find_depth(j, way, e0, per_depth * (0.02f * j->full_depth), &low, &unused);
         find_depth(j, way, e0, per_depth * j->full_depth, &unused, &high);
@@ -92,41 +96,60 @@ OUTLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, unsigned cut
     unsigned doubled[DOUBLINGS];
     for (int i = 0; i < DOUBLINGS; i++)
         doubled[i] = ~all_in(vf_le(hiding, nf * (float)(1 << 2 * i)));
-    float shares[PACKETS], inner_shares[PACKETS];
+    float parts[PACKETS], shares[PACKETS], inner_shares[PACKETS];
     for (int h = 0; h < PACKETS; h++) {
         int n = !(cut >> h & 1) ? 1 : some_stiff >> h & 1 ? 8 : bent >> h & 1 ? 4 : 2;
         for (int i = 1; i < DOUBLINGS && n > 1; i++)
             n = doubled[i] >> h & 1 && n < 2 << i ? 2 << i : n;
-        c.parts[h] = n;
-        c.most = n > c.most ? n : c.most;
+        parts[h] = (float)n;
         shares[h] = 1.0f / (float)n;
         inner_shares[h] = 1.0f / (float)(n > 2 ? n - 2 : 1);
+        c.most = n > c.most ? n : c.most;
     }
     /* Of a stiff one the first and the last part are what lies around. */
     const vf inner_step = (high - low) * vf_packets(inner_shares);
+    c.parts = vf_packets(parts);
     c.step = select_f(stiff, inner_step, vf_packets(shares));
     c.lead = select_f(stiff, low - inner_step, vf_of(0));
     return c;
 }
 
-INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
-                    const Cuts *cuts, unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
+/* Parts cost table entries, no voxels. hiding: self_hiding of the stretch. */
+INLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, vf nf, vf hiding, unsigned cut, unsigned bent,
+                      const Entry *e0, const Entry *e1)
 {
+    const vf depth = depth_times(j, e0, e1, j->layer_mm * way->share);
+    const vmask stiff = vf_lt(nf * j->stiff_depth, depth * t);
+    bent &= cut & ~all_in(vf_lt(depth, nf * j->faint_depth)); /* a bend of what hardly shows shows less */
+    if (__builtin_expect((cut & (any_in(stiff) | ~all_in(vf_le(hiding, nf * 4.0f)))) != 0, 0))
+        return cut_finely(j, way, nf, hiding, stiff, cut, bent, e0);
+    const vmask in_two = mask_packets(cut), in_four = mask_packets(bent);
+    return (Cuts){.parts = select_f(in_four, vf_of(4), select_f(in_two, vf_of(2), vf_of(1))),
+                  .step = select_f(in_four, vf_of(0.25f), select_f(in_two, vf_of(0.5f), vf_of(1))),
+                  .lead = vf_of(0),
+                  .most = bent ? 4 : 2,
+                  .even = true};
+}
+
+/* Part by part. even: all of a packet are equally long. */
+INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
+                    const Cuts *cuts, bool even, unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
+{
+    const vmask marches = mask_packets(marching);
+    const float whole_mm = way->share * j->layer_mm;
+    const vf even_mm = cuts->step * whole_mm;
     Entry before = *e0;
     vf f0 = vf_of(0);
     for (int p = 1; p <= cuts->most; p++) {
-        unsigned adding = marching, last = 0;
-        for (int h = 0; h < PACKETS; h++) {
-            adding &= ~((unsigned)(p > cuts->parts[h]) << h);
-            last |= (unsigned)(p >= cuts->parts[h]) << h;
-        }
-        const vmask at_end = mask_packets(last);
-        const vf f1 = select_f(at_end, vf_of(1), cuts->lead + (float)p * cuts->step);
+        const vf count = vf_of((float)p);
+        const vmask at_end = vf_le(cuts->parts, count);
+        vf f1 = even ? count * cuts->step : select_f(at_end, vf_of(1), cuts->lead + count * cuts->step);
         Entry after = *e1;
         if (p < cuts->most)
             look_up(j, select_f(at_end, way->end, field_at(way, f1)), &after);
         const vf t_before = light->t, from = way->from + way->share * f0, to = way->from + way->share * f1;
-        add_slab(j, light, mask_packets(adding), &before, &after, slab_length(j, beam, pk, way->q, from, to));
+        const vf length_mm = slab_length(j, beam, pk, way->q, from, to, even ? even_mm : (f1 - f0) * whole_mm);
+        add_slab(j, light, mask_and(marches, vf_le(count, cuts->parts)), &before, &after, length_mm);
         *moment += (t_before - light->t) * (0.5f * (f0 + f1));
         note_depth(j, light, t_before, (float)way->q + from, to - from);
         before = after;
@@ -138,7 +161,8 @@ INLINE void add_whole(const TiledJob *j, const TiledBeam *beam, Packet *pk, Ligh
                       unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
 {
     const vf t_before = light->t, from = vf_of(way->from), to = vf_of(way->from + way->share);
-    add_slab(j, light, mask_packets(marching), e0, e1, slab_length(j, beam, pk, way->q, from, to));
+    const vf length_mm = slab_length(j, beam, pk, way->q, from, to, vf_of(way->share * j->layer_mm));
+    add_slab(j, light, mask_packets(marching), e0, e1, length_mm);
     *moment += (t_before - light->t) * 0.5f;
     note_depth(j, light, t_before, (float)way->q + from, to - from);
 }
@@ -146,17 +170,20 @@ INLINE void add_whole(const TiledJob *j, const TiledBeam *beam, Packet *pk, Ligh
 /* A stretch from entry e0 to e1, at once or in as many parts as it asks for. What it takes of the light, each time how
  * far on, is added to moment. */
 INLINE void add_parts(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
-                      unsigned bent, unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
+                      unsigned looked, unsigned bent, unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
 {
     const vf nf = vf_abs(to_float(e1->index - e0->index));
     const vf hiding = self_hiding(j, light->t, nf, e0, e1, j->layer_mm * way->share);
-    const unsigned cut = marching & (bent | ~all_in(vf_le(hiding, nf)));
+    const unsigned cut = marching & (looked | bent | ~all_in(vf_le(hiding, nf)));
     if (!cut) {
         add_whole(j, beam, pk, light, way, marching, e0, e1, moment);
         return;
     }
-    const Cuts cuts = find_cuts(j, way, light->t, cut, bent, e0, e1);
-    add_cut(j, beam, pk, light, way, &cuts, marching, e0, e1, moment);
+    const Cuts cuts = find_cuts(j, way, light->t, nf, hiding, cut, bent, e0, e1);
+    if (cuts.even)
+        add_cut(j, beam, pk, light, way, &cuts, true, marching, e0, e1, moment);
+    else
+        add_cut(j, beam, pk, light, way, &cuts, false, marching, e0, e1, moment);
 }
 
 /* Gives a stretch the field half way, for the packets in look; returns which of them it bends for. */
@@ -182,7 +209,8 @@ OUTLINE void add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
         const unsigned bent = bend_stretch(j, &stretch, quarter, t, ALL_PACKETS);
         const vf t_before = light->t;
         vf own = vf_of(0);
-        add_parts(j, beam, pk, light, &stretch, bent, marching, side ? &half : e0, side ? e1 : &half, &own);
+        add_parts(j, beam, pk, light, &stretch, ALL_PACKETS, bent, marching, side ? &half : e0, side ? e1 : &half,
+                  &own);
         *moment += 0.5f * ((float)side * (t_before - light->t) + own);
     }
 }
@@ -193,15 +221,16 @@ INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
 {
     const int q = stretch->q, middle = stretch->part + stretch->span / 2;
     const vf s0 = stretch->s0, end = stretch->end;
-    unsigned bent = 0, halved = 0;
+    unsigned bent = 0, halved = 0, looked = 0;
     vf mid;
-    const vf t = light->t;
+    const vf t_before = light->t, t = vf_min(4.0f * t_before, vf_of(1)); /* what gets some light counts as if all */
     if (way != WAY_STRAIGHT) {
-        /* Where its rise is not that of the way before, the field bends somewhere; and where it is nearly visible, it
-         * may become so. Only a sheet half way tells. */
-        const vf turn = vf_abs((end - s0) - (s0 - course->before));
+        /* Where it runs far, or its rise is not that of the way before, the field bends somewhere; and where it is
+         * nearly visible, it may become so. Only a sheet half way tells. */
+        const vf rise = end - s0, turn = vf_max(vf_abs(rise), vf_abs(rise - (s0 - course->before)));
         const unsigned quiet = quiet_packets(&j->table, s0, end);
         const unsigned look = marching & (quiet | ~all_in(vf_lt(turn * t, vf_of(j->refine_grey))));
+        looked = look;
         if (look) {
             mid = sample_sheet(j, pk, way, q, middle, inner);
             marching &= ~(quiet & quiet_packets(&j->table, mid, mid));
@@ -215,10 +244,10 @@ INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
     if (halved)
         add_halves(j, beam, pk, way, light, stretch, mid, t, inner, halved, e0, e1, &moment);
     if (marching & ~halved)
-        add_parts(j, beam, pk, light, stretch, bent, marching & ~halved, e0, e1, &moment);
+        add_parts(j, beam, pk, light, stretch, looked, bent, marching & ~halved, e0, e1, &moment);
     if (lit)
-        light_stretch(j, pk, way, q, stretch->part, stretch->span, inner, t - light->t, moment, bent | halved, light,
-                      lit, course);
+        light_stretch(j, pk, way, q, stretch->part, stretch->span, inner, t_before - light->t, moment, bent | halved,
+                      light, lit, course);
 }
 
 /* The slab behind layer q with several sheets in it. */

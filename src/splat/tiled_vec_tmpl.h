@@ -2,7 +2,7 @@
  *
  * A file that includes this first defines LANES, a multiple of 8, and includes tiled_tmpl.h last, in between defining
  * what is not element-wise or has an instruction of its own:
- *   vf_min, vf_max, vi_min, vi_max, vf_sqrt
+ *   vf_min, vf_max, vi_min, vi_max, vf_sqrt, vf_fma
  *   vmask with vf_lt, vf_le, vi_lt, vi_eq, mask_and, mask_or; select_f and select_i(mask, yes, no)
  *   any_in(mask), all_in(mask): bit h tells of the lanes of packet h
  *   vf_packets(const float[PACKETS]), mask_packets(unsigned): a value, or a bit, for each packet
@@ -21,7 +21,7 @@ typedef int32_t vi __attribute__((vector_size(4 * LANES)));
 
 /* Fast kernels want their small functions inlined whatever the compiler thinks; plain ones, and builds with sanitizers,
  * whose code is several times as long, do not. */
-#if defined(__AVX2__) && !defined(__SANITIZE_ADDRESS__) && !defined(CTS_SANITIZED)
+#if defined(__FMA__) && !defined(__SANITIZE_ADDRESS__) && !defined(CTS_SANITIZED)
 #define INLINE static inline __attribute__((always_inline))
 #else
 #define INLINE static inline
