@@ -146,10 +146,34 @@ static void log_findings(CtsLog *log, const CtsFindings *findings)
     }
 }
 
+/* Whether a line of size bytes stands among those in front of it. */
+static bool stands_before(const char *plan, const char *line, size_t size)
+{
+    for (const char *p = plan; p < line; p = strchr(p, '\n') + 1)
+        if (!strncmp(p, line, size) && p[size] == '\n')
+            return true;
+    return false;
+}
+
+/* What --explain prints, each line once, however many frames had it. */
+static void log_plan(CtsLog *log, const char *plan)
+{
+    for (const char *line = plan; line && *line;) {
+        const size_t size = strcspn(line, "\n");
+        if (!stands_before(plan, line, size)) {
+            json_t *event = new_event(log, "plan");
+            json_object_set_new(event, "text", json_stringn(line, size));
+            add_line(log, event);
+        }
+        line += size + (line[size] == '\n');
+    }
+}
+
 void cts_log_report(CtsLog *log, const CtsReport *report)
 {
     if (!log)
         return;
+    log_plan(log, report->plan);
     for (int s = 0; s < CTS_N_STAGES; s++) {
         const CtsStageTime *stage = &report->stages[s];
         if (!stage->ran)

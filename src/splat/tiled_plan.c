@@ -104,6 +104,7 @@ void tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLayout
     cts_report_plan(report, "sheets: %d a layer, %s", j->sheets,
                     s->samples > 0     ? "as asked"
                     : s->max_error > 0 ? "for the error asked for"
+                    : j->shade         ? "for an error below 0.5/255 but for lighting"
                                        : "for an error below 0.5/255");
     if (j->refine_grey < INFINITY)
         cts_report_plan(report,

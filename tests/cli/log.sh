@@ -18,7 +18,7 @@ for name in sys.argv[1:]:
 assert len(runs) == 3 and not run
 fields = {
     "stage": {"stage", "wall_ms", "cpu_ms", "items", "bytes"}, "skipped": {"what", "why"},
-    "finding": {"code", "severity", "text"},
+    "plan": {"text"}, "finding": {"code", "severity", "text"},
     "voxels": {"total", "void", "reused", "splatted"},
     "error": {"pixels", "rmse", "rmse_low", "rmse_high", "psnr_db", "p999", "max", "share", "cpu_ms", "picture_cpu_ms",
               "cost"},
@@ -35,6 +35,8 @@ for run in runs:
     total = sum(e["wall_ms"] for e in run if e["event"] == "stage")
     assert abs(total - whole) <= 0.05 * whole + 10, (total, whole)
     assert run[-1]["peak_rss_bytes"] > 1e6
+    plan = [e["text"] for e in run if e["event"] == "plan"]
+    assert len(set(plan)) == len(plan) and any("layers" in text for text in plan), plan
     outputs = [e for e in run if e["event"] == "output"]
     assert len(outputs) == 1 and outputs[0]["format"] == "png" and outputs[0]["bytes"] > 100
     voxels = [e for e in run if e["event"] == "voxels"]
