@@ -113,8 +113,8 @@ static CtsStatus run_case(CtsCheckRun *run, const CtsCheckCase *c, CtsEngineId e
 
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err)
 {
-    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff, &cts_check_shapes, &cts_check_orders,
-                                           &cts_check_equal};
+    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff, &cts_check_shapes,
+                                           &cts_check_orders, &cts_check_equal, &cts_check_thin};
     CtsCheckRun run = {.settings = settings};
     CtsStatus st = CTS_OK;
     for (size_t t = 0; t < sizeof tables / sizeof *tables; t++)

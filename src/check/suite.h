@@ -42,7 +42,8 @@ typedef struct CtsCheckTable {
     size_t n;
 } CtsCheckTable;
 
-extern const CtsCheckTable cts_check_linear, cts_check_stiff, cts_check_shapes, cts_check_orders, cts_check_equal;
+extern const CtsCheckTable cts_check_linear, cts_check_stiff, cts_check_shapes, cts_check_orders, cts_check_equal,
+    cts_check_thin;
 
 /* One result; error is |found - expected|, or INFINITY where it is no number. */
 void cts_check_value(CtsCheckRun *run, double expected, double found, double bound);

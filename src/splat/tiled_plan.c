@@ -60,10 +60,12 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
     const double grey_per_hu = 1 / scene->volume->hu_step;
     const Steepness steep = find_steepness(scene, &j->table);
     /* So much of the display's range may a bend show more or less of in 1 mm, and colours differ by within a slab. */
-    const double bend_hu = part * fmin(0.33 / steep.shown, 170);
+    const double oblique = fmax(hypot(j->u_at[3], j->v_at[3]) / 0.75, 1);
+    const double bend_hu = part * fmin(0.3 / steep.shown, 140) / pow(oblique, 1.5);
     const double hiding_hu = part * fmin(0.04 / steep.colour, 300);
     const bool looks = s->samples == 0 && !j->straight;
-    j->sheets = s->samples > 0 ? s->samples : 1;
+    /* A steep preset seen far from an axis shows what a look half way does not tell. */
+    j->sheets = s->samples > 0 ? s->samples : looks && oblique > 1.2 && bend_hu < 35 * part ? 2 : 1;
     j->most_due = (float)(0.004 * fmin(part, 2));
     /* More sheets leave less that bends within a look's reach, and make more cuts. */
     const double each = j->straight ? 0.03 : 0.12;
@@ -73,7 +75,7 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
     j->refine_grey = looks ? (float)(bend_hu * grey_per_hu) : INFINITY;
     j->bend_grey = 0.7f * j->refine_grey;
     j->halve_grey = 2 * j->refine_grey;
-    const float near = looks ? (float)(10 * grey_per_hu) : 0;
+    const float near = looks ? (float)(fmin(10 / part, 400) * grey_per_hu) : 0;
     j->quiet_low = j->table.quiet_low - near;
     j->quiet_high = j->table.quiet_high + near;
     /* More sheets share what is allowed; where they are asked for, all errors are to fall with their square. */
