@@ -47,6 +47,11 @@ INLINE vf dot(const Slope *a, const Slope *b)
     return a->right * b->right + a->up * b->up + a->along * b->along;
 }
 
+INLINE Slope less(const Slope *a, const Slope *b)
+{
+    return (Slope){a->right - b->right, a->up - b->up, a->along - b->along};
+}
+
 INLINE vf facing_at(const Turn *t, bool bent, vf f)
 {
     Slope g = t->rise;
@@ -118,17 +123,34 @@ typedef struct Course {
     uint64_t ticks; /* spent on lighting, where timed */
 } Course;
 
-/* In lanes in `bent`, the parabola through the slope on a sheet half way. */
-OUTLINE void bend_turn(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner, vmask bent,
-                       const Slope *to, Turn *turn)
+/* Beginnings, member by member: zeroing all of them costs more than a short march. */
+INLINE Lit no_light(void)
 {
-    const Slope mid = slope_at(j, pk, way, q, part, inner), *from = &turn->start;
-    const vf bend[3] = {2 * (from->right + to->right) - 4 * mid.right, 2 * (from->up + to->up) - 4 * mid.up,
-                        2 * (from->along + to->along) - 4 * mid.along};
-    turn->bend = (Slope){select_f(bent, bend[0], vf_of(0)), select_f(bent, bend[1], vf_of(0)),
-                         select_f(bent, bend[2], vf_of(0))};
-    turn->rise = (Slope){turn->rise.right - turn->bend.right, turn->rise.up - turn->bend.up,
-                         turn->rise.along - turn->bend.along};
+    Lit lit;
+    lit.r = lit.g = lit.b = lit.due = lit.glow.colour = lit.glow.white = vf_of(0);
+    lit.had = 0;
+    lit.last = vi_of(0);
+    return lit;
+}
+
+INLINE Course start_course(bool timed)
+{
+    Course course;
+    course.before = course.slope.right = course.slope.up = course.slope.along = vf_of(0);
+    course.slope_sheet = -1;
+    course.timed = timed;
+    course.ticks = 0;
+    return course;
+}
+
+/* In lanes in `bent`, the bend of the parabola through the slope on a sheet half way. */
+OUTLINE Slope find_slope_bend(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner, vmask bent,
+                              const Slope *from, const Slope *to)
+{
+    const Slope mid = slope_at(j, pk, way, q, part, inner);
+    return (Slope){select_f(bent, 2 * (from->right + to->right) - 4 * mid.right, vf_of(0)),
+                   select_f(bent, 2 * (from->up + to->up) - 4 * mid.up, vf_of(0)),
+                   select_f(bent, 2 * (from->along + to->along) - 4 * mid.along, vf_of(0))};
 }
 
 /* Light what is due of these packets as the stretch of `span` sheets from `part` of those behind layer q on, the middle
@@ -147,18 +169,25 @@ INLINE void light_packets(const TiledJob *j, const Packet *pk, Way way, unsigned
     }
     course->slope = to;
     course->slope_sheet = sheet + span;
-    Turn turn = {.start = from, .rise = {to.right - from.right, to.up - from.up, to.along - from.along}};
+    Turn turn; /* zeroing it as a whole would cost more than all that follows */
+    turn.start = from;
+    turn.rise = less(&to, &from);
+    turn.bend = (Slope){vf_of(0), vf_of(0), vf_of(0)};
     const vmask worth = vf_lt(vf_of(5 * j->most_due), lit->due);
     /* Along an axis the gradient runs straight between layers. */
     const unsigned bent = way == WAY_STRAIGHT ? 0 : bends & any_in(worth);
-    if (bent)
-        bend_turn(j, pk, way, q, part + span / 2, inner, mask_packets(bent), &to, &turn);
+    if (bent) {
+        const Slope a = from, b = to; /* what a function is given the address of, is kept in memory everywhere */
+        turn.bend = find_slope_bend(j, pk, way, q, part + span / 2, inner, mask_packets(bent), &a, &b);
+        turn.rise = less(&turn.rise, &turn.bend);
+    }
     vf facing = facing_at(&turn, way != WAY_STRAIGHT, f), power;
     specular_powers(shade, &facing, &power, 1);
     const unsigned turning = bent | any_in(mask_and(vf_lt(dot(&from, &to), vf_of(0)), worth));
     if (turning) {
+        const Turn copy = turn;
         vf mean = facing, mean_power = power;
-        (way == WAY_STRAIGHT ? mean_of_straight_turn : mean_of_bent_turn)(shade, &turn, f, mask_packets(turning), &mean,
+        (way == WAY_STRAIGHT ? mean_of_straight_turn : mean_of_bent_turn)(shade, &copy, f, mask_packets(turning), &mean,
                                                                           &mean_power);
         facing = mean;
         power = mean_power;
@@ -197,7 +226,7 @@ INLINE void light_stretch(const TiledJob *j, const Packet *pk, Way way, int q, i
 /* Colours that never were worth a slope get the lighting of their packet's last stretch. */
 OUTLINE void light_at_last(const TiledJob *j, const Packet *pk, Way way, unsigned packets, Light *light, Lit *lit)
 {
-    Course course = {.slope_sheet = -1};
+    Course course = start_course(false);
     for (int h = 0; h < PACKETS; h++) {
         int last = 0;
         for (int l = 0; l < CTS_PACKET; l++)

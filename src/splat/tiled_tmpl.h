@@ -285,16 +285,16 @@ INLINE bool all_opaque(const TiledJob *j, Light *light)
 INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool lit, Light *result, TiledCounts *counts)
 {
     Light own = *result, *light = &own; /* in registers */
-    Lit own_lit = {.r = vf_of(0)};
+    Lit own_lit = no_light();
     vf s0 = vf_of(0);
-    Course course = {.slope_sheet = -1};
-    Entry entry = {.index = vi_of(0)}; /* of s0, on layer entry_layer */
+    Course course = start_course(counts->marches % TILED_TIMED_MARCHES == 0);
+    Entry entry; /* of s0, on layer entry_layer */
+    entry.index = entry.r = entry.g = entry.b = entry.k = vi_of(0);
     int entry_layer = -1;
     int reached = -1; /* s0 is the field on this layer */
     uint64_t samples = 0, slabs = 0;
     bool opaque = false;
-    const bool timed = counts->marches % TILED_TIMED_MARCHES == 0;
-    course.timed = timed;
+    const bool timed = course.timed;
     uint64_t start = timed ? tiled_ticks() : 0, composite = 0;
     for (int r = 0; !opaque && (r < beam->n_runs || tiled_beam_extend(j, beam)); r++) {
         const TiledRun run = beam->runs[r];
@@ -387,7 +387,11 @@ INLINE void complete(const TiledJob *j, Light *light)
 static void run_packets(const TiledJob *j, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
     Packet pk;
-    Light light = {.t = vf_of(1), .depth = vf_of(-1)};
+    Light light;
+    light.r = light.g = light.b = light.a = vf_of(0);
+    light.t = vf_of(1);
+    light.depth = vf_of(-1);
+    light.opaque = 0;
     init_packet(j, &pk, spans);
     march_any(j, beam, &pk, &light, counts);
     complete(j, &light);
