@@ -38,7 +38,7 @@ static void init_steps(TiledJob *j)
 {
     j->u_step = (int64_t)floor(j->u_at[3] / j->samples * 4294967296.0 + 0.5);
     j->v_step = (int64_t)floor(j->v_at[3] / j->samples * 4294967296.0 + 0.5);
-    for (int l = 0; l < CTS_PACKET && j->windowed; l++) {
+    for (int l = 0; l < CTS_PACKET && (j->windowed || j->spotted); l++) {
         j->lane_u[l] = (int32_t)floor(l * j->u_at[1] * 65536 + 0.5);
         j->lane_v[l] = (int32_t)floor(l * j->v_at[1] * 65536 + 0.5);
     }
@@ -50,6 +50,8 @@ static void init_steps(TiledJob *j)
 }
 
 /* Which packets fit which windows. */
+enum { TILE_PIXELS = 64 };
+
 static void init_windows(TiledJob *j, const CtsLayout *layout)
 {
     const double u = fabs(j->u_at[1]), v = fabs(j->v_at[1]);
@@ -58,6 +60,8 @@ static void init_windows(TiledJob *j, const CtsLayout *layout)
     /* Positions of 2^-16 voxels must fit 32 bits, a tile's overhang included. */
     const bool small = layout->nu < 30000 && layout->nv < 30000;
     j->windowed = small && 3 * u <= 6 && 3 * v <= 1;
+    j->spotted = !j->windowed && small && TILE_PIXELS * (u + fabs(j->u_at[2])) < 2000 &&
+                 TILE_PIXELS * (v + fabs(j->v_at[2])) < 2000 && (double)layout->row_stride * layout->alloc_v < 2e9;
     const bool one = j->windowed && layout->alloc_u >= 16 && layout->alloc_v >= 4;
     for (int rows = 1; one && rows < CTS_PACKET; rows++)
         if (7 * u + rows * fabs(j->u_at[2]) <= 13 && 7 * v + rows * fabs(j->v_at[2]) <= 1.99)
@@ -103,7 +107,7 @@ static int sampled_reach(const TiledJob *j)
 static TiledKernels choose_kernels(const TiledJob *j, const CtsScene *scene)
 {
     const unsigned cpu = cts_cpu_flags() & scene->settings->cpu_mask;
-    if (cpu & CTS_CPU_AVX512 && j->windowed)
+    if (cpu & CTS_CPU_AVX512 && (j->windowed || j->spotted))
         return (TiledKernels){"AVX-512", tiled_packets_avx512, tiled_packets_avx2, 2};
     if (cpu & CTS_CPU_AVX2)
         return (TiledKernels){"AVX2", tiled_packets_avx2, tiled_packets_avx2, 1};

@@ -100,6 +100,13 @@ INLINE vi make_pick(vi x0)
 
 #include "splat/tiled_taps_tmpl.h"
 
+/* As in tiled_c.c. */
+INLINE vi weigh_pairs(const uint16_t *layer, vi at, vi weights)
+{
+    const __m256i pairs = _mm256_i32gather_epi32((const int *)(const void *)layer, (__m256i)at, 2);
+    return (vi)_mm256_madd_epi16(_mm256_xor_si256(pairs, _mm256_set1_epi32((int)0x80008000)), (__m256i)weights);
+}
+
 INLINE __m256i window_row(const Taps *t, ptrdiff_t offset)
 {
     const __m256i low = _mm256_castsi128_si256(_mm_loadu_si128((const __m128i *)(t->at[0] + offset)));

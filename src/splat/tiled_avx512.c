@@ -156,6 +156,12 @@ INLINE vi both_packets(const int32_t of[CTS_PACKET])
     return (vi)_mm512_broadcast_i32x8(_mm256_loadu_si256((const __m256i *)of));
 }
 
+/* Positions of the packets' lanes, offsets from `first`, in 2^-16 voxels. */
+INLINE vi lane_positions(const int32_t first[PACKETS], const int32_t lanes[CTS_PACKET])
+{
+    return vi_packets(first) + both_packets(lanes);
+}
+
 /* One window; u and v are the lanes' positions, inside the volume. */
 INLINE Taps one_window(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], vi u, vi v, bool inner)
 {
@@ -217,7 +223,7 @@ INLINE Taps four_windows(const TiledJob *j, const int32_t pu[PACKETS], const int
  * volume's faces to need no clamping. */
 INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], bool one, bool inner)
 {
-    vi u = vi_packets(pu) + both_packets(j->lane_u), v = vi_packets(pv) + both_packets(j->lane_v);
+    vi u = lane_positions(pu, j->lane_u), v = lane_positions(pv, j->lane_v);
     if (!inner) {
         u = vi_min(vi_max(u, vi_of(0)), vi_of((j->nu - 1) << 16));
         v = vi_min(vi_max(v, vi_of(0)), vi_of((j->nv - 1) << 16));
@@ -229,6 +235,13 @@ INLINE __m512i two_rows(const uint16_t *at, ptrdiff_t row_stride)
 {
     const __m512i low = _mm512_castsi256_si512(_mm256_loadu_si256((const __m256i *)at));
     return _mm512_inserti64x4(low, _mm256_loadu_si256((const __m256i *)(at + row_stride)), 1);
+}
+
+/* As in tiled_c.c. */
+INLINE vi weigh_pairs(const uint16_t *layer, vi at, vi weights)
+{
+    const __m512i pairs = _mm512_i32gather_epi32((__m512i)at, layer, 2);
+    return (vi)_mm512_madd_epi16(_mm512_xor_si512(pairs, _mm512_set1_epi32((int)0x80008000)), (__m512i)weights);
 }
 
 INLINE __m512i four_rows(const Taps *t, ptrdiff_t offset)

@@ -111,6 +111,17 @@ INLINE vi make_pick(vi x0)
 
 #include "splat/tiled_taps_tmpl.h"
 
+/* The sums of each lane's two voxels at `at`, less 32768, weighted. */
+INLINE vi weigh_pairs(const uint16_t *layer, vi at, vi weights)
+{
+    vi sum;
+    for (int l = 0; l < 8; l++) {
+        const uint16_t *p = layer + at[l];
+        sum[l] = (p[0] - 32768) * (weights[l] & 0xffff) + (p[1] - 32768) * (weights[l] >> 16);
+    }
+    return sum;
+}
+
 /* Bilinear in the layer `offset` voxels behind layer 0: columns with 14-bit integer weights, rows in float. */
 INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
 {

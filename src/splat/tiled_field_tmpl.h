@@ -39,8 +39,35 @@ INLINE Taps sheet_taps(const TiledJob *j, const Packet *pk, int t_sheet, bool in
     return make_taps(j, pu, pv, pk->near, inner);
 }
 
-/* Pixels too far apart for a window: each lane reads its own four voxels. */
-INLINE vf sample_wide(const TiledJob *j, const Packet *pk, const uint16_t *layer, double q)
+/* Pixels too far apart for a window: each lane's own four voxels, weighted as in Taps. */
+typedef struct Spots {
+    vi at; /* offset of the first voxel inside a layer */
+    vi weights;
+    vf fy;
+} Spots;
+
+INLINE Spots find_spots(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS])
+{
+    const vi far_u = vi_of((j->nu - 1) << 16), far_v = vi_of((j->nv - 1) << 16);
+    const vi u = vi_min(vi_max(lane_positions(pu, j->lane_u), vi_of(0)), far_u);
+    const vi v = vi_min(vi_max(lane_positions(pv, j->lane_v), vi_of(0)), far_v);
+    /* At the far faces u and v are whole: the voxel before, with full weight for the one behind. */
+    const vi column = vi_min(u >> 16, vi_of(j->nu > 1 ? j->nu - 2 : 0));
+    const vi row = vi_min(v >> 16, vi_of(j->nv > 1 ? j->nv - 2 : 0));
+    const vi wx = (u - (column << 16)) >> 2;
+    return (Spots){row * (int32_t)j->row_stride + column, (wx << 16) | (16384 - wx),
+                   to_float(v - (row << 16)) * (1.0f / 65536)};
+}
+
+INLINE vf load_spots(const TiledJob *j, const Spots *s, const uint16_t *layer)
+{
+    const vf a = to_float(weigh_pairs(layer, s->at, s->weights));
+    const vf b = to_float(weigh_pairs(layer + j->row_stride, s->at, s->weights));
+    return (a + s->fy * (b - a)) * (1.0f / 16384) + 32768.0f;
+}
+
+/* The same where offsets or positions do not fit 32 bits. */
+OUTLINE vf sample_lanes(const TiledJob *j, const Packet *pk, const uint16_t *layer, double q)
 {
     vf s;
     for (int l = 0; l < LANES; l++) {
@@ -72,12 +99,21 @@ INLINE vf sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int 
     const Taps *t = &pk->straight;
     const ptrdiff_t offset = q * j->layer_stride;
     vf here, next;
-    if (way == WAY_WIDE) {
-        const double at = q + (double)part / j->samples;
-        here = sample_wide(j, pk, j->layer0 + offset, at);
+    const uint16_t *layer = j->layer0 + offset;
+    if (way == WAY_WIDE && j->spotted) {
+        int32_t pu[PACKETS], pv[PACKETS];
+        sheet_start(j, pk, q * j->samples + part, pu, pv);
+        const Spots spots = find_spots(j, pu, pv);
+        here = load_spots(j, &spots, layer);
         if (part == 0)
             return here;
-        next = sample_wide(j, pk, j->layer0 + offset + j->layer_stride, at);
+        next = load_spots(j, &spots, layer + j->layer_stride);
+    } else if (way == WAY_WIDE) {
+        const double at = q + (double)part / j->samples;
+        here = sample_lanes(j, pk, layer, at);
+        if (part == 0)
+            return here;
+        next = sample_lanes(j, pk, layer + j->layer_stride, at);
     } else {
         if (way == WAY_OBLIQUE) {
             made = sheet_taps(j, pk, q * j->samples + part, inner);
@@ -168,11 +204,10 @@ OUTLINE Differences differences_by_lane(const TiledJob *j, const Packet *pk, int
     sheet_start(j, pk, from * j->samples + part, pu, pv);
     for (int l = 0; l < LANES; l++) {
         const int h = l / CTS_PACKET, i = l % CTS_PACKET;
+        const bool fits = j->windowed || j->spotted;
         float lane[3];
-        const int64_t u =
-            j->windowed ? pu[h] + j->lane_u[i] : (int64_t)floor((lane_u0(j, pk, l) + at * j->u_at[3]) * 65536);
-        const int64_t v =
-            j->windowed ? pv[h] + j->lane_v[i] : (int64_t)floor((lane_v0(j, pk, l) + at * j->v_at[3]) * 65536);
+        const int64_t u = fits ? pu[h] + j->lane_u[i] : (int64_t)floor((lane_u0(j, pk, l) + at * j->u_at[3]) * 65536);
+        const int64_t v = fits ? pv[h] + j->lane_v[i] : (int64_t)floor((lane_v0(j, pk, l) + at * j->v_at[3]) * 65536);
         lane_difference(j, u, v, q, lane);
         d.u[l] = lane[0];
         d.v[l] = lane[1];
@@ -181,14 +216,26 @@ OUTLINE Differences differences_by_lane(const TiledJob *j, const Packet *pk, int
     return d;
 }
 
-/* The same through windows, which must be inner. */
-INLINE Differences differences(const TiledJob *j, const Taps *t, int q)
+INLINE vf spot_difference(const TiledJob *j, const Spots *s, const uint16_t *minus, const uint16_t *plus)
+{
+    const ptrdiff_t row = j->row_stride;
+    const vf a = to_float(weigh_pairs(plus, s->at, s->weights) - weigh_pairs(minus, s->at, s->weights));
+    const vf b = to_float(weigh_pairs(plus + row, s->at, s->weights) - weigh_pairs(minus + row, s->at, s->weights));
+    return a + s->fy * (b - a);
+}
+
+/* The same through windows or, where there are none, from spots, which must be inner. */
+INLINE Differences differences(const TiledJob *j, const Taps *t, const Spots *spots, int q)
 {
     const ptrdiff_t at = q * j->layer_stride, row = j->row_stride;
     const ptrdiff_t minus[3] = {at - 1, at - row, q > 0 ? at - j->layer_stride : at};
     const ptrdiff_t plus[3] = {at + 1, at + row, q < j->nk - 1 ? at + j->layer_stride : at};
     vf d[3];
-    load_differences(t, minus, plus, row, j->narrow, d);
+    if (spots)
+        for (int axis = 0; axis < 3; axis++)
+            d[axis] = spot_difference(j, spots, j->layer0 + minus[axis], j->layer0 + plus[axis]);
+    else
+        load_differences(t, minus, plus, row, j->narrow, d);
     if ((q > 0) + (q < j->nk - 1) == 1)
         d[2] = 2 * d[2];
     return (Differences){d[0], d[1], d[2]};
@@ -210,23 +257,29 @@ INLINE Slope slope_of(const TiledJob *j, const Differences *d)
 INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
 {
     Taps made;
+    Spots found;
     const Taps *t = &pk->straight;
+    const Spots *spots = NULL;
     if (way == WAY_STRAIGHT) {
         inner = pk->straight_inner;
-    } else if (way == WAY_OBLIQUE) {
+    } else if (way == WAY_OBLIQUE || j->spotted) {
         int32_t pu[PACKETS], pv[PACKETS];
         sheet_start(j, pk, q * j->samples + part, pu, pv);
         inner = inner || differences_inner(j, pu, pv);
-        if (inner)
+        if (way == WAY_WIDE) {
+            found = find_spots(j, pu, pv);
+            spots = &found;
+        } else if (inner) {
             made = make_taps(j, pu, pv, pk->near, true);
-        t = &made;
+            t = &made;
+        }
     } else {
         inner = false;
     }
-    Differences d = inner ? differences(j, t, q) : differences_by_lane(j, pk, q, q, part);
+    Differences d = inner ? differences(j, t, spots, q) : differences_by_lane(j, pk, q, q, part);
     if (part > 0) {
         const vf f = vf_of((float)part / (float)j->samples);
-        const Differences next = inner ? differences(j, t, q + 1) : differences_by_lane(j, pk, q + 1, q, part);
+        const Differences next = inner ? differences(j, t, spots, q + 1) : differences_by_lane(j, pk, q + 1, q, part);
         d.u += (next.u - d.u) * f;
         d.v += (next.v - d.v) * f;
         d.k += (next.k - d.k) * f;

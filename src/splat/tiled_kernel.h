@@ -29,7 +29,8 @@ typedef struct TiledJob {
     /* A packet's pixels against its first one, in 2^-16 voxels, and the smallest of each half packet. */
     int32_t lane_u[CTS_PACKET], lane_v[CTS_PACKET], half_u[CTS_PACKET], half_v[CTS_PACKET];
     int window_u, window_v; /* largest first column and row of a window of 8 x 3 voxels */
-    bool windowed;          /* half a packet fits such a window; else lane by lane */
+    bool windowed;          /* half a packet fits such a window */
+    bool spotted;           /* if not: offsets inside a layer and positions fit 32 bits; else lane by lane */
     int one_window_rows;    /* two packets at most so many rows apart fit one of 16 x 4; 0: no two do */
     bool straight;          /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
     int sheets;             /* a layer: each is sampled, and what lies between two sheets is a stretch */
@@ -108,7 +109,7 @@ typedef void (*tiled_packets_fn)(const TiledJob *job, TiledBeam *beam, const Til
 
 void tiled_packets_c(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
 void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
-/* Takes two; only for windowed jobs. */
+/* Takes two; only for windowed or spotted jobs. */
 void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
 
 typedef enum TiledFill { TILED_FILL_NONE, TILED_FILL_COLOUR, TILED_FILL_ALL } TiledFill;

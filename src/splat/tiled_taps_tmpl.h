@@ -6,6 +6,12 @@
 
 typedef int32_t vi_u __attribute__((vector_size(32), aligned(4))); /* for loads from plain arrays */
 
+/* Positions of a packet's lanes, offsets from `first`, in 2^-16 voxels. */
+INLINE vi lane_positions(const int32_t first[PACKETS], const int32_t lanes[CTS_PACKET])
+{
+    return first[0] + *(const vi_u *)lanes;
+}
+
 typedef struct Taps {
     const uint16_t *at[2]; /* first voxel of each half packet's window, in layer q = 0 */
     vi pick, row1;         /* what finds the column x0 in the window; all ones where the upper row is its second */
@@ -20,7 +26,7 @@ INLINE Taps make_taps(const TiledJob *j, const int32_t pu[PACKETS], const int32_
     Taps t;
     (void)one;
     const vi half_u = *(const vi_u *)j->half_u, half_v = *(const vi_u *)j->half_v;
-    vi u = pu[0] + *(const vi_u *)j->lane_u, v = pv[0] + *(const vi_u *)j->lane_v;
+    vi u = lane_positions(pu, j->lane_u), v = lane_positions(pv, j->lane_v);
     vi iu = (pu[0] + half_u) >> 16, iv = (pv[0] + half_v) >> 16;
     int cu[2] = {(pu[0] + j->half_u[0]) >> 16, (pu[0] + j->half_u[4]) >> 16};
     int cv[2] = {(pv[0] + j->half_v[0]) >> 16, (pv[0] + j->half_v[4]) >> 16};
