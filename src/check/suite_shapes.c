@@ -464,7 +464,7 @@ static CtsStatus sane(CtsCheckRun *run, const void *data, CtsError *err)
         for (int i = 0; i < 31 * 33 && !st; i++) {
             const float *p = picture->pixels + 4 * i;
             for (int c = 0; c < 4; c++)
-                bad += !(p[c] >= 0 && p[c] <= 1 + 1e-6f && p[c] <= p[3] + 1e-5f);
+                bad += !(p[c] >= 0 && p[c] <= 1 + 1e-5f && p[c] <= p[3] + 1e-5f);
         }
         cts_picture_free(&picture);
     }

@@ -86,8 +86,8 @@ INLINE void mean_of_turn(const CtsShade *shade, const Turn *turn, bool bent, vf 
         sum += weight * (front * facings[2 * i] + back * facings[2 * i + 1]);
         power_sum += weight * (front * powers[2 * i] + back * powers[2 * i + 1]);
     }
-    *facing = select_f(turning, sum * share, *facing);
-    *power = select_f(turning, power_sum * share, *power);
+    *facing = select_f(turning, vf_min(sum * share, vf_of(1)), *facing);
+    *power = select_f(turning, vf_min(power_sum * share, vf_of(1)), *power);
 }
 
 OUTLINE void mean_of_straight_turn(const CtsShade *shade, const Turn *turn, vf f, vmask turning, vf *facing, vf *power)
