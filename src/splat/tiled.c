@@ -171,14 +171,15 @@ static void report_counts(const TiledCounts *counts, const CtsScene *scene, cons
 {
     const double ticks = (double)(counts->splat_ticks + counts->composite_ticks + counts->shade_ticks);
     double busy[CTS_N_STAGES] = {0};
-    uint64_t items[CTS_N_STAGES] = {0};
+    uint64_t items[CTS_N_STAGES] = {0}, bytes[CTS_N_STAGES] = {0};
     busy[CTS_STAGE_SPLAT] = ticks > 0 ? (double)counts->splat_ticks / ticks : 0.5;
     busy[CTS_STAGE_SHADE] = ticks > 0 ? (double)counts->shade_ticks / ticks : 0;
     busy[CTS_STAGE_COMPOSITE] = 1 - busy[CTS_STAGE_SPLAT] - busy[CTS_STAGE_SHADE];
     items[CTS_STAGE_SPLAT] = counts->samples;
     items[CTS_STAGE_COMPOSITE] = counts->slabs;
     items[CTS_STAGE_SHADE] = scene->preset->shade ? counts->slabs : 0;
-    cts_report_region(report, wall_ms, cpu_ms, busy, items, NULL);
+    bytes[CTS_STAGE_SPLAT] = counts->samples * 4 * sizeof(uint16_t); /* the voxels around each */
+    cts_report_region(report, wall_ms, cpu_ms, busy, items, bytes);
     if (report) {
         CtsVoxelCounts *v = &report->voxels;
         v->known = true;

@@ -1,9 +1,10 @@
 /* Where the tiled engine's time goes: tiled_speed FOLDER [ROUNDS]
  *
  * Renders a CT series with the presets bone and skin, lit and unlit, from the front and from 30,20, by one thread and
- * by all, rounds interleaved with the classic engine. Prints medians: time relative to classic, ns per sample and per
- * slab that showed something, the share of each stage, and the bytes of the blocks that may be visible against the
- * volume's and against what one pass over them takes at the speed at which this machine reads memory. Never a timed
+ * by all, rounds interleaved with the classic engine. Prints medians: time relative to classic; ns for sampling the
+ * field, and for all that is done for a sample that shows something; the bytes of the blocks that may be visible
+ * against the volume's, those that samples read (often the same ones again) against these, and the time against what
+ * one pass over them takes at the speed at which this machine reads memory; the share of each stage. Never a timed
  * test. */
 #include "bench.h"
 
@@ -78,16 +79,18 @@ static int measure(const CtsVolume *volume, const Row *row, int n_threads, int r
         }
     const double ms = bench_median(tiled_ms, rounds), slow_ms = bench_median(classic_ms, rounds);
     const CtsStageTime *splat = &report.stages[CTS_STAGE_SPLAT], *composite = &report.stages[CTS_STAGE_COMPOSITE];
-    double all = 0;
+    double all = 0, march_ms = 0;
+    for (int stage = CTS_STAGE_SPLAT; stage <= CTS_STAGE_SHADE; stage++)
+        march_ms += report.stages[stage].cpu_ms;
     for (int stage = 0; stage < CTS_N_STAGES; stage++)
         all += report.stages[stage].wall_ms;
     const double active = 2.0 * (double)report.voxels.splatted, total = 2.0 * (double)report.voxels.total;
-    printf(
-        "%-5s %3g,%-3g %-5s %2d  %7.1f ms  classic/tiled %5.1f  ns/sample %5.2f  ns/slab %5.2f  active bytes %4.1f %%"
-        "  time/pass over them %5.1f  ",
-        row->preset, row->azimuth_deg, row->elevation_deg, row->shade == CTS_ON ? "lit" : "unlit", n_threads, ms,
-        slow_ms / ms, 1e6 * splat->cpu_ms / (double)splat->items, 1e6 * composite->cpu_ms / (double)composite->items,
-        100 * active / total, ms * n_threads / (active / bytes_per_ms));
+    printf("%-5s %3g,%-3g %-5s %2d  %7.1f ms  classic/tiled %5.1f  ns/sample %5.2f  ns/active sample %5.2f  active "
+           "bytes %4.1f "
+           "%%  bytes sampled/active %5.2f  time/pass over them %5.1f  ",
+           row->preset, row->azimuth_deg, row->elevation_deg, row->shade == CTS_ON ? "lit" : "unlit", n_threads, ms,
+           slow_ms / ms, 1e6 * splat->cpu_ms / (double)splat->items, 1e6 * march_ms / (double)composite->items,
+           100 * active / total, (double)splat->bytes / active, ms * n_threads / (active / bytes_per_ms));
     for (int stage = 0; stage < CTS_N_STAGES; stage++)
         if (report.stages[stage].ran)
             printf(" %s %.0f %%", cts_stage_names[stage], 100 * report.stages[stage].wall_ms / all);
