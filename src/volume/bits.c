@@ -59,28 +59,30 @@ uint64_t cts_bits_count_run(const uint64_t *row, int first, int end)
     return n;
 }
 
-/* 8 comparisons as 8 bits. SSE2 is part of every x86-64. */
-static inline uint64_t threshold_byte(const uint16_t *grey, uint16_t grey_min)
+enum { HALF = 32 }; /* levels of a cache line, and bits of half a word */
+
+/* 32 comparisons as 32 bits. SSE2 is part of every x86-64. */
+static inline uint64_t threshold_half(const uint16_t *grey, uint16_t grey_min)
 {
+    uint64_t half = 0;
 #if defined(__SSE2__)
-    __m128i levels, zero = _mm_setzero_si128();
-    memcpy(&levels, grey, sizeof levels);
-    const __m128i missing = _mm_subs_epu16(_mm_set1_epi16((short)grey_min), levels);
-    return (uint64_t)_mm_movemask_epi8(_mm_packs_epi16(_mm_cmpeq_epi16(missing, zero), zero));
+    const __m128i zero = _mm_setzero_si128(), min = _mm_set1_epi16((short)grey_min);
+    for (int i = 0; i < HALF; i += 16) {
+        const __m128i a = _mm_loadu_si128((const void *)(grey + i)), b = _mm_loadu_si128((const void *)(grey + i + 8));
+        const __m128i reached = _mm_packs_epi16(_mm_cmpeq_epi16(_mm_subs_epu16(min, a), zero),
+                                                _mm_cmpeq_epi16(_mm_subs_epu16(min, b), zero));
+        half |= (uint64_t)(unsigned)_mm_movemask_epi8(reached) << i;
+    }
 #else
-    uint64_t byte = 0;
-    for (int i = 0; i < 8; i++)
-        byte |= (uint64_t)(grey[i] >= grey_min) << i;
-    return byte;
+    for (int i = 0; i < HALF; i++)
+        half |= (uint64_t)(grey[i] >= grey_min) << i;
 #endif
+    return half;
 }
 
 static inline uint64_t threshold_word(const uint16_t *grey, uint16_t grey_min)
 {
-    uint64_t word = 0;
-    for (int i = 0; i < 8; i++)
-        word |= threshold_byte(grey + 8 * i, grey_min) << (8 * i);
-    return word;
+    return threshold_half(grey, grey_min) | threshold_half(grey + HALF, grey_min) << HALF;
 }
 
 void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min)
@@ -126,15 +128,18 @@ CTS_VECTOR_CLONES static void look_at_blocks(const CtsRange *range, int n, uint1
     }
 }
 
+/* Whole lines are looked at where something is open; what is known comes out the same. */
 static void threshold_open(uint64_t *row, const uint16_t *levels, int n, uint16_t min, const Known *known)
 {
+    const uint64_t low = ~UINT64_C(0) >> HALF;
     for (int w = 0; w < n / 64; w++) {
-        row[w] = known[w].set;
-        for (uint64_t open = ~known[w].bits, byte; open; open &= ~byte) {
-            const int at = __builtin_ctzll(open) / 8 * 8;
-            byte = UINT64_C(0xFF) << at;
-            row[w] = (row[w] & ~byte) | threshold_byte(levels + 64 * w + at, min) << at;
-        }
+        const uint64_t open = ~known[w].bits;
+        uint64_t word = known[w].set;
+        if (open & low)
+            word = (word & ~low) | threshold_half(levels + 64 * w, min);
+        if (open & ~low)
+            word = (word & low) | threshold_half(levels + 64 * w + HALF, min) << HALF;
+        row[w] = word;
     }
     if (n % 64)
         cts_bits_threshold_row(row + n / 64, levels + n / 64 * 64, n % 64, min);
@@ -154,9 +159,8 @@ static int block_end(int block, int n_blocks, int n)
 /* What is read is scattered; asking for it one row of blocks ahead hides the time that memory takes. */
 static void ask_for_open(const CtsBits *bits, const uint16_t *grey, const Beam *beam, const Known *known)
 {
-    enum { PER_LINE = 32 }; /* levels of a cache line */
     const size_t nx = (size_t)bits->dims[0], ny = (size_t)bits->dims[1];
-    for (size_t at = 0; at < nx; at += PER_LINE) {
+    for (size_t at = 0; at < nx; at += HALF) {
         if (!(uint32_t)(~known[at / 64].bits >> at % 64))
             continue;
         for (int k = beam->k0; k < beam->k1; k++)
@@ -165,48 +169,62 @@ static void ask_for_open(const CtsBits *bits, const uint16_t *grey, const Beam *
     }
 }
 
-static void threshold_beam(CtsBits *bits, const uint16_t *grey, const Beam *beam, uint16_t min, const Known *known)
+/* What all rows are thresholded with. */
+typedef struct Threshold {
+    CtsBits *bits;
+    const uint16_t *grey;
+    uint16_t min;
+    uint32_t *n_runs;
+} Threshold;
+
+/* Row j of slice k; known tells what is known of it, NULL: nothing. */
+static void threshold_row(const Threshold *t, int j, int k, const Known *known)
 {
-    const size_t nx = (size_t)bits->dims[0], ny = (size_t)bits->dims[1];
-    for (int k = beam->k0; k < beam->k1; k++)
-        for (int j = beam->j0; j < beam->j1; j++)
-            threshold_open(cts_bits_row(bits, j, k), grey + ((size_t)k * ny + (size_t)j) * nx, bits->dims[0], min,
-                           known);
+    const size_t row = (size_t)k * (size_t)t->bits->dims[1] + (size_t)j;
+    const uint16_t *grey = t->grey + row * (size_t)t->bits->dims[0];
+    uint64_t *words = cts_bits_row(t->bits, j, k);
+    if (known)
+        threshold_open(words, grey, t->bits->dims[0], t->min, known);
+    else
+        cts_bits_threshold_row(words, grey, t->bits->dims[0], t->min);
+    if (t->n_runs)
+        t->n_runs[row] = cts_bits_count_runs(words, t->bits->row_words);
 }
 
-static void threshold_layer(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, int bk, uint16_t min)
+static void threshold_layer(const Threshold *t, const CtsBlocks *blocks, int bk)
 {
     const int *n = blocks->n_fine;
     Known known[2][CTS_BITS_ROW_WORDS];
-    Beam beam[2];
+    Beam beam[2] = {{0}};
     for (int bj = 0; bj <= n[1]; bj++) {
         const int ahead = bj % 2, now = !ahead;
         if (bj < n[1]) {
-            beam[ahead] = (Beam){bj * CTS_FINE_BLOCK, block_end(bj, n[1], bits->dims[1]), bk * CTS_FINE_BLOCK,
-                                 block_end(bk, n[2], bits->dims[2])};
-            look_at_blocks(blocks->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0], n[0], min,
-                           known[ahead], bits->row_words);
-            ask_for_open(bits, grey, &beam[ahead], known[ahead]);
+            beam[ahead] = (Beam){bj * CTS_FINE_BLOCK, block_end(bj, n[1], t->bits->dims[1]), bk * CTS_FINE_BLOCK,
+                                 block_end(bk, n[2], t->bits->dims[2])};
+            look_at_blocks(blocks->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0], n[0], t->min,
+                           known[ahead], t->bits->row_words);
+            ask_for_open(t->bits, t->grey, &beam[ahead], known[ahead]);
         }
-        if (bj)
-            threshold_beam(bits, grey, &beam[now], min, known[now]);
+        for (int k = beam[now].k0; bj && k < beam[now].k1; k++)
+            for (int j = beam[now].j0; j < beam[now].j1; j++)
+                threshold_row(t, j, k, known[now]);
     }
 }
 
-void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min, int n_threads)
+void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min,
+                        uint32_t *n_runs, int n_threads)
 {
-    const size_t nx = (size_t)bits->dims[0], ny = (size_t)bits->dims[1];
+    const Threshold t = {bits, grey, grey_min, n_runs};
     if (!blocks) {
 #pragma omp parallel for schedule(static) num_threads(n_threads)
         for (int k = 0; k < bits->dims[2]; k++)
             for (int j = 0; j < bits->dims[1]; j++)
-                cts_bits_threshold_row(cts_bits_row(bits, j, k), grey + ((size_t)k * ny + (size_t)j) * nx,
-                                       bits->dims[0], grey_min);
+                threshold_row(&t, j, k, NULL);
         return;
     }
 #pragma omp parallel for schedule(dynamic) num_threads(n_threads)
     for (int bk = 0; bk < blocks->n_fine[2]; bk++)
-        threshold_layer(bits, grey, blocks, bk, grey_min);
+        threshold_layer(&t, blocks, bk);
 }
 
 /* Words that are spread at a time, a row or more. */

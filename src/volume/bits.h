@@ -72,9 +72,22 @@ uint64_t cts_bits_count_run(const uint64_t *row, int first, int end);
 /* One row: bit i tells whether level i of n is at least min. */
 void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);
 
+/* How many runs of set bits a row of n_words has. */
+static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
+{
+    uint32_t n = 0;
+    for (size_t w = 0; w < n_words; w++) {
+        const uint64_t starts = row[w] & ~(row[w] << 1 | (w ? row[w - 1] >> 63 : 0));
+        if (starts) /* as few have */
+            n += (uint32_t)cts_popcount(starts);
+    }
+    return n;
+}
+
 /* The voxels whose level is at least grey_min; grey has the dimensions of bits. With the volume's blocks (NULL: none),
- * only what their ranges leave open is read. */
-void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min, int n_threads);
+ * only what their ranges leave open is read. n_runs[], if not NULL, is how many runs each row has. */
+void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min,
+                        uint32_t *n_runs, int n_threads);
 
 /* Set what is set and its neighbours along the axes in the mask `axes` (bit 0: columns, 1: rows, 2: slices): the cross
  * shares a face, the box also an edge or a corner. in and out differ. */

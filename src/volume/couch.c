@@ -8,6 +8,7 @@
 #include "volume/couch_rim.h"
 #include "volume/crop.h"
 #include <math.h>
+#include <string.h>
 
 /* Below fat and skin, above foam, paper and most cloth. */
 static const double BODY_HU = -350;
@@ -78,14 +79,20 @@ static CtsStatus enclose(Couch *c, CtsError *err)
 {
     CtsStatus st;
     CouchBody *b = &c->body;
+    uint8_t *before = NULL;
     bool grew;
+    if ((st = cts_alloc_array(&before, b->parts.n_parts, err)))
+        return st;
+    memcpy(before, b->verdict.body, b->parts.n_parts);
     if ((st = couch_body_cells(&c->scene, &c->grid, b, err)) || (st = cts_bits_copy(&c->cells, &b->any, err)) ||
         (st = couch_inside(&c->scene, &c->grid, &c->cells, &c->inside, &c->has_outside, err)) ||
         (st = couch_adopt(&c->scene, &c->grid, &b->parts, &c->cells, &c->inside, &b->verdict, &grew, err)))
-        return st;
+        goto end;
     if (grew)
-        couch_body_forget_cells(b);
-    return CTS_OK;
+        st = couch_more_cells(&c->scene, &c->grid, &b->parts, b->verdict.body, before, &b->any, &b->solid, err);
+end:
+    cts_free(&before);
+    return st;
 }
 
 /* What may be table, yet stays. */
@@ -190,8 +197,13 @@ static CtsStatus remove_table(Couch *c, CtsVolume *volume, CtsError *err)
     CtsStatus st;
     if ((st = cts_bits_new(&c->body.mask, volume->dims, err)))
         return st;
-    cts_bits_threshold(&c->body.mask, volume->grey, volume->blocks, threshold_grey(volume), c->scene.n_threads);
-    if ((st = cts_parts_count(&c->body.parts, &c->body.mask, c->scene.n_threads, err)) || !mask_is_usable(c))
+    CtsParts *const parts = &c->body.parts;
+    if ((st = cts_parts_begin(parts, volume->dims, err)))
+        return st;
+    cts_bits_threshold(&c->body.mask, volume->grey, volume->blocks, threshold_grey(volume), parts->row_start + 1,
+                       c->scene.n_threads);
+    cts_parts_counted(parts);
+    if (!mask_is_usable(c))
         return st;
     if ((st = couch_body_find(&c->scene, &c->body, NULL, err)) ||
         (st = couch_separate(&c->scene, &c->grid, &c->body, err)) || (st = enclose(c, err)))

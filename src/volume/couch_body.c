@@ -11,6 +11,12 @@ static const double SLAB_MM = 30, SLAB_BULKY_MM = 50, SLAB_LONG_MM = 100;
 static const double LEAST_FREED = 0.15;
 enum { DEEPEST_SLACK = 2 };
 
+static void forget_cells(CouchBody *body)
+{
+    cts_bits_free(&body->any);
+    cts_bits_free(&body->solid);
+}
+
 CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, const CtsBits *away, CtsError *err)
 {
     CtsStatus st;
@@ -21,7 +27,7 @@ CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, const CtsBit
         cts_bits_combine(&left, CTS_BITS_COPY, &body->mask);
         cts_bits_combine(&left, CTS_BITS_AND_NOT, away);
     }
-    couch_body_forget_cells(body);
+    forget_cells(body);
     body->is_cut = away != NULL;
     st = cts_parts_find(&body->parts, away ? &left : &body->mask, scene->n_threads, err);
     cts_bits_free(&left);
@@ -33,19 +39,13 @@ void couch_body_free(CouchBody *body)
     cts_bits_free(&body->mask);
     cts_parts_free(&body->parts);
     couch_verdict_free(&body->verdict);
-    couch_body_forget_cells(body);
+    forget_cells(body);
 }
 
 CtsStatus couch_body_cells(const CouchScene *scene, const CouchGrid *g, CouchBody *body, CtsError *err)
 {
     return body->any.words ? CTS_OK
                            : couch_cells(scene, g, &body->parts, body->verdict.body, &body->any, &body->solid, err);
-}
-
-void couch_body_forget_cells(CouchBody *body)
-{
-    cts_bits_free(&body->any);
-    cts_bits_free(&body->solid);
 }
 
 static void hints_free(CouchHints *hints)

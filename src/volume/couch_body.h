@@ -19,9 +19,8 @@ typedef struct CouchBody {
 CtsStatus couch_body_find(const CouchScene *scene, CouchBody *body, const CtsBits *away, CtsError *err);
 void couch_body_free(CouchBody *body);
 
-/* Have body->any and body->solid; grid covers the whole volume. Forget them when the verdict has changed. */
+/* Have body->any and body->solid; grid covers the whole volume. Who changes the verdict then keeps them up. */
 CtsStatus couch_body_cells(const CouchScene *scene, const CouchGrid *grid, CouchBody *body, CtsError *err);
-void couch_body_forget_cells(CouchBody *body);
 
 /* How much of the body hangs on it like a table would: less than 30 mm thick, further than an ear from anything
  * thicker, and running through all slices. Such a slab is past cutting. */

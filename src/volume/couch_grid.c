@@ -113,6 +113,8 @@ static bool count_row(const CouchGrid *g, const CtsParts *p, const uint8_t *flag
                 if (!flags[p->runs[r].part])
                     continue;
                 const int first = (int)p->runs[r].first - g->lo[0], end = (int)p->runs[r].end - g->lo[0];
+                if (first >= n_columns)
+                    break;
                 const int from = first > 0 ? first : 0, to = end < n_columns ? end : n_columns;
                 if (from < to) {
                     count_run(c, g->block[0], from, to);
@@ -152,27 +154,55 @@ static CtsStatus number_cells(const CouchGrid *g, uint16_t **cell_of, CtsError *
     return st;
 }
 
-CtsStatus couch_cells(const CouchScene *scene, const CouchGrid *g, const CtsParts *p, const uint8_t *flags,
-                      CtsBits *any, CtsBits *solid, CtsError *err)
+/* Rows of cells, all or those that are flagged. */
+static CtsStatus fill_cells(const CouchScene *scene, const CouchGrid *g, const CtsParts *p, const uint8_t *flags,
+                            const uint8_t *rows, CtsBits *any, CtsBits *solid, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     uint16_t *counts = NULL, *cell_of = NULL;
     const size_t row = (size_t)g->dims[0] + 1;
     if ((st = cts_alloc_array(&counts, 2 * row * (size_t)scene->n_threads, err)) ||
-        (st = number_cells(g, &cell_of, err)) || (st = cts_bits_new(any, g->dims, err)) ||
-        (solid && (st = cts_bits_new(solid, g->dims, err))))
+        (st = number_cells(g, &cell_of, err)))
         goto end;
 #pragma omp parallel for schedule(dynamic) num_threads(scene->n_threads)
     for (int k = 0; k < g->dims[2]; k++) {
         uint16_t *const mine = counts + 2 * row * (size_t)omp_get_thread_num();
         const RowCounts c = {mine, mine + row, cell_of};
         for (int j = 0; j < g->dims[1]; j++)
-            if (count_row(g, p, flags, j, k, &c))
+            if ((!rows || rows[(size_t)k * (size_t)g->dims[1] + (size_t)j]) && count_row(g, p, flags, j, k, &c))
                 threshold_cells(g, c.ends, j, k, any, solid);
     }
 end:
     cts_free(&counts);
     cts_free(&cell_of);
+    return st;
+}
+
+CtsStatus couch_cells(const CouchScene *scene, const CouchGrid *g, const CtsParts *p, const uint8_t *flags,
+                      CtsBits *any, CtsBits *solid, CtsError *err)
+{
+    CtsStatus st;
+    if ((st = cts_bits_new(any, g->dims, err)) || (solid && (st = cts_bits_new(solid, g->dims, err))))
+        return st;
+    return fill_cells(scene, g, p, flags, NULL, any, solid, err);
+}
+
+CtsStatus couch_more_cells(const CouchScene *scene, const CouchGrid *g, const CtsParts *p, const uint8_t *flags,
+                           const uint8_t *flags_before, CtsBits *any, CtsBits *solid, CtsError *err)
+{
+    uint8_t *rows = NULL;
+    CtsStatus st = cts_alloc_zeroed(&rows, (size_t)g->dims[1] * (size_t)g->dims[2], err);
+    for (uint32_t n = 0; !st && n < p->n_parts; n++) {
+        const CtsPart *it = &p->parts[n];
+        if (!flags[n] || flags_before[n])
+            continue;
+        for (int k = couch_cell(g, 2, it->lo[2]); k <= couch_cell(g, 2, it->hi[2]); k++)
+            for (int j = couch_cell(g, 1, it->lo[1]); j <= couch_cell(g, 1, it->hi[1]); j++)
+                rows[(size_t)k * (size_t)g->dims[1] + (size_t)j] = 1;
+    }
+    if (!st)
+        st = fill_cells(scene, g, p, flags, rows, any, solid, err);
+    cts_free(&rows);
     return st;
 }
 

@@ -43,6 +43,10 @@ static inline int couch_cell_end(const CouchGrid *grid, int axis, int cell)
 CtsStatus couch_cells(const CouchScene *scene, const CouchGrid *grid, const CtsParts *parts, const uint8_t *flags,
                       CtsBits *any, CtsBits *solid, CtsError *err);
 
+/* The same once parts have got flags that had none before; the grid covers the whole volume. */
+CtsStatus couch_more_cells(const CouchScene *scene, const CouchGrid *grid, const CtsParts *parts, const uint8_t *flags,
+                           const uint8_t *flags_before, CtsBits *any, CtsBits *solid, CtsError *err);
+
 /* The thickness of one part in mm, to about a cell: the diameter of the largest ball in it, at most limit_mm. */
 CtsStatus couch_thickness(const CouchScene *scene, const CtsParts *parts, uint32_t part, double limit_mm,
                           double *thickness_mm, CtsError *err);

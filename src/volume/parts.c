@@ -5,22 +5,6 @@
 /* Slices joined by one thread before the bands are joined in order; fixed, so that threads change nothing. */
 enum { BAND = 16 };
 
-static uint64_t starts_in_word(const uint64_t *row, size_t w)
-{
-    return row[w] & ~(row[w] << 1 | (w ? row[w - 1] >> 63 : 0));
-}
-
-static uint32_t count_row(const uint64_t *row, size_t n_words)
-{
-    uint32_t n = 0;
-    for (size_t w = 0; w < n_words; w++) {
-        const uint64_t starts = starts_in_word(row, w);
-        if (starts) /* as few have */
-            n += (uint32_t)cts_popcount(starts);
-    }
-    return n;
-}
-
 /* A start sets one bit and an end, one past the last voxel, sets another; both come in turn. */
 static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
 {
@@ -57,7 +41,9 @@ static void join_rows(CtsParts *p, size_t row_a, size_t row_b)
     uint32_t a = p->row_start[row_a], b = p->row_start[row_b];
     const uint32_t end_a = p->row_start[row_a + 1], end_b = p->row_start[row_b + 1];
     while (a < end_a && b < end_b) {
-        if (p->runs[a].first < p->runs[b].end && p->runs[b].first < p->runs[a].end) {
+        /* Most that meet have met before, and know it without a look at their roots. */
+        if (p->runs[a].first < p->runs[b].end && p->runs[b].first < p->runs[a].end &&
+            p->runs[a].part != p->runs[b].part) {
             const uint32_t ra = root(p->runs, a), rb = root(p->runs, b);
             if (ra < rb)
                 p->runs[rb].part = ra;
@@ -94,15 +80,17 @@ static void join_bands(CtsParts *p, bool across_slices, bool is_large, int n_thr
         join_slices(p, band * BAND);
 }
 
+/* Runs come in order of slices. */
 static void add_run(CtsPart *part, const CtsRun *run, int j, int k)
 {
-    const int lo[3] = {(int)run->first, j, k}, hi[3] = {(int)run->end - 1, j, k};
-    for (int axis = 0; axis < 3; axis++) {
-        if (!part->n_voxels || lo[axis] < part->lo[axis])
-            part->lo[axis] = lo[axis];
-        if (!part->n_voxels || hi[axis] > part->hi[axis])
-            part->hi[axis] = hi[axis];
-    }
+    const int first = (int)run->first, last = (int)run->end - 1;
+    if (!part->n_voxels)
+        *part = (CtsPart){.lo = {first, j, k}, .hi = {last, j, k}};
+    part->lo[0] = first < part->lo[0] ? first : part->lo[0];
+    part->hi[0] = last > part->hi[0] ? last : part->hi[0];
+    part->lo[1] = j < part->lo[1] ? j : part->lo[1];
+    part->hi[1] = j > part->hi[1] ? j : part->hi[1];
+    part->hi[2] = k;
     part->n_voxels += run->end - run->first;
 }
 
@@ -116,34 +104,44 @@ static CtsStatus label(CtsParts *p, CtsError *err)
     if (st)
         return st;
     p->n_parts = 0;
-    size_t row = 0;
-    for (uint32_t r = 0; r < p->n_runs; r++) {
-        while (r >= p->row_start[row + 1])
-            row++;
-        CtsRun *run = &p->runs[r];
-        run->part = run->part == r ? p->n_parts++ : p->runs[run->part].part;
-        add_run(&p->parts[run->part], run, (int)(row % (size_t)p->dims[1]), (int)(row / (size_t)p->dims[1]));
-    }
+    const size_t ny = (size_t)p->dims[1], n_rows = ny * (size_t)p->dims[2];
+    for (size_t row = 0; row < n_rows; row++)
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
+            CtsRun *run = &p->runs[r];
+            run->part = run->part == r ? p->n_parts++ : p->runs[run->part].part;
+            add_run(&p->parts[run->part], run, (int)(row % ny), (int)(row / ny));
+        }
     return CTS_OK;
 }
 
-CtsStatus cts_parts_count(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
+CtsStatus cts_parts_begin(CtsParts *p, const int dims[3], CtsError *err)
 {
     cts_parts_free(p);
-    *p = (CtsParts){.dims = {bits->dims[0], bits->dims[1], bits->dims[2]}};
-    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
-    const CtsStatus st = cts_alloc_array(&p->row_start, n_rows + 1, err);
-    if (st)
-        return st;
-#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
-    for (size_t row = 0; row < n_rows; row++)
-        p->row_start[row + 1] = count_row(bits->words + row * bits->row_words, bits->row_words);
-    p->row_start[0] = 0;
+    *p = (CtsParts){.dims = {dims[0], dims[1], dims[2]}};
+    return cts_alloc_array(&p->row_start, (size_t)dims[1] * (size_t)dims[2] + 1, err);
+}
+
+void cts_parts_counted(CtsParts *p)
+{
+    const size_t n_rows = (size_t)p->dims[1] * (size_t)p->dims[2];
+    p->n_runs = p->row_start[0] = 0;
     for (size_t row = 0; row < n_rows; row++) {
         p->n_runs += p->row_start[row + 1];
         p->row_start[row + 1] = (uint32_t)p->n_runs;
     }
     p->counted = true;
+}
+
+static CtsStatus count(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
+{
+    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
+    const CtsStatus st = cts_parts_begin(p, bits->dims, err);
+    if (st)
+        return st;
+#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
+    for (size_t row = 0; row < n_rows; row++)
+        p->row_start[row + 1] = cts_bits_count_runs(bits->words + row * bits->row_words, bits->row_words);
+    cts_parts_counted(p);
     return CTS_OK;
 }
 
@@ -151,7 +149,7 @@ static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int 
 {
     CtsStatus st = CTS_OK;
     const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
-    if (!p->counted && (st = cts_parts_count(p, bits, n_threads, err)))
+    if (!p->counted && (st = count(p, bits, n_threads, err)))
         goto end;
     p->counted = false;
     if (p->n_runs >= UINT32_MAX) {

@@ -27,9 +27,11 @@ typedef struct CtsParts {
     uint32_t n_parts;
 } CtsParts;
 
-/* The first step of finding, when the number of runs is wanted before memory is given to them (12 to 48 bytes each):
- * n_runs and row_start. Finding the parts of the same bits then goes on from there. */
-CtsStatus cts_parts_count(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
+/* For parts whose runs are counted as the mask is made: have row_start, put the number of runs of row r at r + 1, then
+ * cts_parts_counted() gives n_runs, before any memory is taken for them (12 to 48 bytes each). Finding the parts of
+ * that mask goes on from there. */
+CtsStatus cts_parts_begin(CtsParts *parts, const int dims[3], CtsError *err);
+void cts_parts_counted(CtsParts *parts);
 
 /* A zero-initialised CtsParts may be freed; finding frees what it held before. */
 CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);

@@ -5,6 +5,7 @@
 #include "volume/bits.h"
 #include "volume/block_change.h"
 #include <stdbool.h>
+#include <stdlib.h>
 #include <string.h>
 
 static const int sizes[][3] = {{1, 1, 1},  {2, 1, 3},  {5, 5, 5},   {9, 4, 13},    {64, 8, 9}, {65, 9, 8},
@@ -50,14 +51,25 @@ static void test_threshold(void **state)
         CtsVolume *v = make(sizes[s], (uint32_t)s);
         CtsBits plain, fast;
         CtsError err;
+        const size_t n_rows = (size_t)v->dims[1] * (size_t)v->dims[2];
+        uint32_t *runs = malloc(n_rows * sizeof *runs);
+        assert_non_null(runs);
         assert_int_equal(cts_bits_new(&plain, v->dims, &err), CTS_OK);
         for (int threads = 1; threads <= 3; threads += 2) {
             assert_int_equal(cts_bits_new(&fast, v->dims, &err), CTS_OK);
-            cts_bits_threshold(&plain, v->grey, NULL, MIN, threads);
-            cts_bits_threshold(&fast, v->grey, v->blocks, MIN, threads);
+            cts_bits_threshold(&plain, v->grey, NULL, MIN, NULL, threads);
+            cts_bits_threshold(&fast, v->grey, v->blocks, MIN, runs, threads);
             assert_memory_equal(plain.words, fast.words, cts_bits_n_words(&plain) * sizeof *plain.words);
+            for (size_t row = 0; row < n_rows; row++) {
+                const uint16_t *level = v->grey + row * (size_t)v->dims[0];
+                uint32_t n = 0;
+                for (int i = 0; i < v->dims[0]; i++)
+                    n += level[i] >= MIN && (i == 0 || level[i - 1] < MIN);
+                assert_int_equal(runs[row], n);
+            }
             cts_bits_free(&fast);
         }
+        free(runs);
         for (int k = 0; k < v->dims[2]; k++)
             for (int j = 0; j < v->dims[1]; j++)
                 for (int i = 0; i < v->dims[0]; i++)
