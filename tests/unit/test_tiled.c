@@ -36,13 +36,13 @@ static void same_bytes(void **state)
     static const char *const presets[] = {"bone", "skin"};
     for (size_t v = 0; v < 4; v++) {
         for (int view = 0; view < N_VIEWS; view++)
-            for (int variant = 0; variant < 5; variant++) {
+            for (int variant = 0; variant < 6; variant++) {
                 const CtsPreset preset = preset_named(presets[variant & 1]);
                 CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 61, views[view][0], views[view][1]);
                 s.shade = variant & 2 ? CTS_ON : CTS_OFF;
                 s.samples = variant == 1 ? 3 : 0;
                 s.want_depth = true;
-                if (variant == 3)
+                if (variant == 3 || variant == 5)
                     s.mm_per_pixel = 4; /* pixels far apart: no windows */
                 if (variant == 4)
                     s.mm_per_pixel = v == 1 ? 0.4 : 0.2; /* near: rows between are filled */

@@ -1,0 +1,102 @@
+/* The tiled engine's lighting where a formula knows it: a gradient that turns round within a slab, and a ball. */
+#include "base/cpu.h"
+#include "scenes.h"
+
+static const unsigned kernels[] = {0, CTS_CPU_AVX2, ~0u};
+enum { N_KERNELS = sizeof kernels / sizeof kernels[0] };
+
+/* HU = 40 u (y - 1/2) between two layers: on a ray at u, the gradient (40 (y - 1/2), 40 u) faces the camera by
+ * |u| / hypot(u, y - 1/2), in the mean over the slab 2 |u| asinh(1 / (2 |u|)). Half way alone it would all face it. */
+static void turns_round(void **state)
+{
+    (void)state;
+    enum { NX = 41, NZ = 9, SIZE = 40 };
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, NX, 2, NZ, &err), CTS_OK);
+    for (int k = 0, at = 0; k < NZ; k++)
+        for (int j = 0; j < 2; j++)
+            for (int i = 0; i < NX; i++, at++)
+                v->grey[at] = (uint16_t)(1024 + 20 * (i - NX / 2) * (2 * j - 1));
+    CtsPreset preset = {.name = "haze", .unit_distance_mm = 1, .n_opacity = 2, .n_colour = 2, .diffuse = 1, .power = 1};
+    for (int i = 0; i < 2; i++) {
+        preset.opacity[i] = (CtsOpacityPoint){-2000 + 4000 * i, 0.05};
+        preset.colour[i] = (CtsColourPoint){-2000 + 4000 * i, {1, 1, 1}};
+    }
+    for (int kernel = 0; kernel < N_KERNELS; kernel++)
+        for (int side = 0; side < 2; side++) {
+            CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 180 * side, 0);
+            s.cpu_mask = kernels[kernel];
+            s.shade = CTS_ON;
+            s.mm_per_pixel = 0.5;
+            CtsPicture *p = render(v, &preset, &s, NULL);
+            for (int x = 0; x < SIZE; x++) {
+                const float *pixel = p->pixels + 4 * (SIZE / 2 * SIZE + x);
+                const double u = fabs((x + 0.5 - SIZE / 2.0) * s.mm_per_pixel);
+                const double facing = (double)pixel[0] / (double)pixel[3];
+                const double expected = 2 * u * asinh(0.5 / u);
+                if (!(fabs(facing - expected) < 0.015))
+                    fail_msg("kernel %d, %g mm off the middle: %g, not %g", kernel, u, facing, expected);
+            }
+            cts_picture_free(&p);
+        }
+    cts_volume_free(&v);
+}
+
+/* A ball that is opaque right below its surface: at b from its middle its normal faces the camera by
+ * sqrt(1 - b^2 / R^2), from all sides, through windows, spots and lane by lane. */
+static void ball(void **state)
+{
+    (void)state;
+    static const double views[][2] = {{0, 0}, {90, 0}, {30, 20}, {45, 35}, {-120, -50}};
+    static const double mm[] = {0.4, 2.6, 40};
+    enum { N = 45, RADIUS = 17 };
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, N, N, N, &err), CTS_OK);
+    v->hu_step = 0.25;
+    for (int k = 0, at = 0; k < N; k++)
+        for (int j = 0; j < N; j++)
+            for (int i = 0; i < N; i++, at++) {
+                const double r =
+                    sqrt((i - N / 2) * (i - N / 2) + (j - N / 2) * (j - N / 2) + (k - N / 2) * (k - N / 2));
+                v->grey[at] = (uint16_t)lrint((40 * (RADIUS - r) - v->hu_offset) / v->hu_step);
+            }
+    CtsPreset preset = {.name = "ball", .unit_distance_mm = 1, .n_opacity = 2, .n_colour = 2};
+    preset.opacity[0] = (CtsOpacityPoint){0, 0};
+    preset.opacity[1] = (CtsOpacityPoint){20, 1};
+    preset.colour[0] = (CtsColourPoint){0, {0.5, 0.7, 0.6}};
+    preset.colour[1] = (CtsColourPoint){20, {0.5, 0.7, 0.6}};
+    preset.ambient = 0.2;
+    preset.diffuse = 0.8;
+    preset.specular = 0.3;
+    preset.power = 20;
+    for (size_t view = 0; view < sizeof views / sizeof *views; view++)
+        for (size_t scale = 0; scale < sizeof mm / sizeof *mm; scale++)
+            for (int kernel = 0; kernel < N_KERNELS; kernel++) {
+                const int size = mm[scale] < 1 ? 80 : mm[scale] < 10 ? 15 : 1;
+                CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, size, views[view][0], views[view][1]);
+                s.cpu_mask = kernels[kernel];
+                s.shade = CTS_ON;
+                s.mm_per_pixel = mm[scale];
+                CtsPicture *p = render(v, &preset, &s, NULL);
+                for (int at = 0; at < size * size; at++) {
+                    const double b = mm[scale] * hypot(at % size + 0.5 - size / 2.0, at / size + 0.5 - size / 2.0);
+                    if (b > 0.6 * RADIUS)
+                        continue;
+                    const double facing = sqrt(1 - b * b / RADIUS / RADIUS);
+                    const double expected = 0.7 * (0.2 + 0.8 * facing) + 0.3 * pow(facing, 20);
+                    if (!(fabs((double)p->pixels[4 * at + 1] - expected) < 0.015))
+                        fail_msg("at %g,%g, %g mm a pixel, kernel %d, %g mm off the middle: %g, not %g", views[view][0],
+                                 views[view][1], mm[scale], kernel, b, (double)p->pixels[4 * at + 1], expected);
+                }
+                cts_picture_free(&p);
+            }
+    cts_volume_free(&v);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(turns_round), cmocka_unit_test(ball)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
