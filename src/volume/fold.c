@@ -67,13 +67,19 @@ fold_rows(const uint16_t *row, size_t row_stride, int n_rows, int n, CtsRange *r
 {
     enum { COLUMNS = 16, BLOCKS = COLUMNS / CTS_FINE_BLOCK };
     int done = 0;
-    if (n < 2 * COLUMNS)
+    if (n < COLUMNS)
         return done;
     Columns c = fold_columns(row, row_stride, n_rows);
     for (; done + BLOCKS <= n_blocks && CTS_FINE_BLOCK * done + 2 * COLUMNS <= n; done += BLOCKS) {
         const Columns next = fold_columns(row + CTS_FINE_BLOCK * done + COLUMNS, row_stride, n_rows);
         fold_blocks(&c, &next, range + done);
         c = next;
+    }
+    /* A row of whole vectors, as most are, ends here: there is no next column to change anything. */
+    if (done + BLOCKS == n_blocks && CTS_FINE_BLOCK * done + COLUMNS == n) {
+        const Columns nothing = {_mm256_set1_epi16(-1), _mm256_setzero_si256()};
+        fold_blocks(&c, &nothing, range + done);
+        done = n_blocks;
     }
     return done;
 }
