@@ -171,23 +171,25 @@ INLINE Taps one_window(const TiledJob *j, const int32_t pu[PACKETS], const int32
     const int cv = ((pv[0] < pv[1] ? pv[0] : pv[1]) + first_v) >> 16;
     /* Loads must stay inside the layer, whatever the lanes do. */
     const int at_u = clamp_int(cu, 0, j->nu - 16), at_v = clamp_int(cv, 0, j->nv - 4);
-    vi column = u >> 16, row = v >> 16;
+    vi column = u >> 16, row = v >> 16, right = u & 0xffff, down = v & 0xffff;
     if (!inner) {
         /* At the far faces u and v are whole: take the voxel before, with full weight for the one behind. */
         column = vi_min(column, vi_of(j->nu - 2));
         row = vi_min(row, vi_of(j->nv - 2));
+        right = u - (column << 16);
+        down = v - (row << 16);
     }
-    const vi wx = (u - (column << 16)) >> 2, place = (row - at_v) * 16 + (column - at_u);
+    const vi wx = right >> 2, place = (row << 4) + column - (at_v * 16 + at_u);
     Taps t; /* all of it set one by one: zeroing it first would cost more than the rest */
     t.one = true;
     for (int i = 0; i < LANES / 4; i++)
         t.at[i] = j->layer0 + at_v * j->row_stride + at_u;
     t.row1 = 0;
     t.pick = vi_of(0);
-    t.upper = place * 0x10001 + 0x10000;
+    t.upper = (place << 16) + place + 0x10000;
     t.lower = t.upper + 0x100010;
-    t.weights = (wx << 16) | (16384 - wx);
-    t.fy = to_float(v - (row << 16)) * (1.0f / 65536);
+    t.weights = (wx << 16) - wx + 16384;
+    t.fy = to_float(down) * (1.0f / 65536);
     return t;
 }
 

@@ -31,12 +31,26 @@ INLINE void sheet_start(const TiledJob *j, const Packet *pk, int t_sheet, int32_
     }
 }
 
+/* How a packet's samples are taken, known when the loop is compiled. */
+typedef enum Way {
+    WAY_STRAIGHT, /* windows that never move */
+    WAY_OBLIQUE,  /* windows that move from sheet to sheet */
+    WAY_NEAR,     /* the same, one window for all packets */
+    WAY_WIDE      /* pixels too far apart for windows */
+} Way;
+
+/* Compiled away but where rays run straight. */
+INLINE bool in_one_window(const Packet *pk, Way way)
+{
+    return way == WAY_NEAR || (way == WAY_STRAIGHT && pk->near);
+}
+
 /* The packets' windows on sheet t. */
-INLINE Taps sheet_taps(const TiledJob *j, const Packet *pk, int t_sheet, bool inner)
+INLINE Taps sheet_taps(const TiledJob *j, const Packet *pk, Way way, int t_sheet, bool inner)
 {
     int32_t pu[PACKETS], pv[PACKETS];
     sheet_start(j, pk, t_sheet, pu, pv);
-    return make_taps(j, pu, pv, pk->near, inner);
+    return make_taps(j, pu, pv, in_one_window(pk, way), inner);
 }
 
 /* Pixels too far apart for a window: each lane's own four voxels, weighted as in Taps. */
@@ -85,13 +99,6 @@ OUTLINE vf sample_lanes(const TiledJob *j, const Packet *pk, const uint16_t *lay
     return s;
 }
 
-/* How a packet's samples are taken, known when the loop is compiled. */
-typedef enum Way {
-    WAY_STRAIGHT, /* windows that never move */
-    WAY_OBLIQUE,  /* windows that move from sheet to sheet */
-    WAY_WIDE      /* pixels too far apart for windows */
-} Way;
-
 /* The field on the sheet a fraction part / samples behind layer q. */
 INLINE vf sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
 {
@@ -115,8 +122,8 @@ INLINE vf sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int 
             return here;
         next = sample_lanes(j, pk, layer + j->layer_stride, at);
     } else {
-        if (way == WAY_OBLIQUE) {
-            made = sheet_taps(j, pk, q * j->samples + part, inner);
+        if (way != WAY_STRAIGHT) {
+            made = sheet_taps(j, pk, way, q * j->samples + part, inner);
             t = &made;
         }
         here = load_window(t, offset, j->row_stride);
@@ -262,7 +269,7 @@ INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int p
     const Spots *spots = NULL;
     if (way == WAY_STRAIGHT) {
         inner = pk->straight_inner;
-    } else if (way == WAY_OBLIQUE || j->spotted) {
+    } else if (way != WAY_WIDE || j->spotted) {
         int32_t pu[PACKETS], pv[PACKETS];
         sheet_start(j, pk, q * j->samples + part, pu, pv);
         inner = inner || differences_inner(j, pu, pv);
@@ -270,7 +277,7 @@ INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int p
             found = find_spots(j, pu, pv);
             spots = &found;
         } else if (inner) {
-            made = make_taps(j, pu, pv, pk->near, true);
+            made = make_taps(j, pu, pv, in_one_window(pk, way), true);
             t = &made;
         }
     } else {

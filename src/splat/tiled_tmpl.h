@@ -79,18 +79,18 @@ OUTLINE void find_depth(const TiledJob *j, const Stretch *way, const Entry *e0, 
 
 /* The cuts of a stretch that takes much of the light. n parts leave 1 / n^2 of the error; of a stiff stretch, which
  * takes all of the light, only what light reaches is cut finely. */
-OUTLINE Cuts cut_finely(const TiledJob *j, const Stretch *way, vf nf, vf hiding, vmask stiff, unsigned cut,
-                        unsigned bent, const Entry *e0)
+OUTLINE Cuts cut_finely(const TiledJob *j, const Stretch way, vf nf, vf hiding, vmask stiff, unsigned cut,
+                        unsigned bent, const Entry e0)
 {
     enum { DOUBLINGS = 4 };
     Cuts c = {.most = 1};
     vf low = vf_of(0), high = vf_of(1);
     const unsigned some_stiff = any_in(stiff);
     if (some_stiff) {
-        const vf per_depth = nf * (1 / (j->table.depth_scale * j->layer_mm * way->share));
+        const vf per_depth = nf * (1 / (j->table.depth_scale * j->layer_mm * way.share));
         vf unused;
-        find_depth(j, way, e0, per_depth * (0.02f * j->full_depth), &low, &unused);
-        find_depth(j, way, e0, per_depth * j->full_depth, &unused, &high);
+        find_depth(j, &way, &e0, per_depth * (0.02f * j->full_depth), &low, &unused);
+        find_depth(j, &way, &e0, per_depth * j->full_depth, &unused, &high);
         hiding = select_f(stiff, hiding * (high - low), hiding);
     }
     unsigned doubled[DOUBLINGS];
@@ -122,7 +122,7 @@ INLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, vf nf, vf hid
     const vmask stiff = vf_lt(nf * j->stiff_depth, depth * t);
     bent &= cut & ~all_in(vf_lt(depth, nf * j->faint_depth)); /* a bend of what hardly shows shows less */
     if (__builtin_expect((cut & (any_in(stiff) | ~all_in(vf_le(hiding, nf * 4.0f)))) != 0, 0))
-        return cut_finely(j, way, nf, hiding, stiff, cut, bent, e0);
+        return cut_finely(j, *way, nf, hiding, stiff, cut, bent, *e0);
     const vmask in_two = mask_packets(cut), in_four = mask_packets(bent);
     return (Cuts){.parts = select_f(in_four, vf_of(4), select_f(in_two, vf_of(2), vf_of(1))),
                   .step = select_f(in_four, vf_of(0.25f), select_f(in_two, vf_of(0.5f), vf_of(1))),
@@ -150,7 +150,8 @@ INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light 
         const vf t_before = light->t, from = way->from + way->share * f0, to = way->from + way->share * f1;
         const vf length_mm = slab_length(j, beam, pk, way->q, from, to, even ? even_mm : (f1 - f0) * whole_mm);
         add_slab(j, light, mask_and(marches, vf_le(count, cuts->parts)), &before, &after, length_mm);
-        *moment += (t_before - light->t) * (0.5f * (f0 + f1));
+        if (moment)
+            *moment += (t_before - light->t) * (0.5f * (f0 + f1));
         note_depth(j, light, t_before, (float)way->q + from, to - from);
         before = after;
         f0 = f1;
@@ -163,7 +164,8 @@ INLINE void add_whole(const TiledJob *j, const TiledBeam *beam, Packet *pk, Ligh
     const vf t_before = light->t, from = vf_of(way->from), to = vf_of(way->from + way->share);
     const vf length_mm = slab_length(j, beam, pk, way->q, from, to, vf_of(way->share * j->layer_mm));
     add_slab(j, light, mask_packets(marching), e0, e1, length_mm);
-    *moment += (t_before - light->t) * 0.5f;
+    if (moment)
+        *moment += (t_before - light->t) * 0.5f;
     note_depth(j, light, t_before, (float)way->q + from, to - from);
 }
 
@@ -195,24 +197,27 @@ INLINE unsigned bend_stretch(const TiledJob *j, Stretch *way, vf mid, vf t, unsi
 }
 
 /* A stretch that bends much, as two with a sheet half way through each. */
-OUTLINE void add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light,
-                        const Stretch *whole, vf mid, vf t, bool inner, unsigned marching, const Entry *e0,
-                        const Entry *e1, vf *moment)
+OUTLINE Light add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light own_light,
+                         const Stretch whole, vf mid, vf t, bool inner, unsigned marching, const Entry e0,
+                         const Entry e1, vf *moment)
 {
-    const int span = whole->span / 2;
+    const int span = whole.span / 2;
+    Light *light = &own_light;
     Entry half;
     look_up(j, mid, &half);
     for (int side = 0; side < 2; side++) {
-        const int part = whole->part + side * span;
-        Stretch stretch = stretch_of(j, whole->q, part, span, side ? mid : whole->s0, side ? whole->end : mid);
-        const vf quarter = sample_sheet(j, pk, way, whole->q, part + span / 2, inner);
+        const int part = whole.part + side * span;
+        Stretch stretch = stretch_of(j, whole.q, part, span, side ? mid : whole.s0, side ? whole.end : mid);
+        const vf quarter = sample_sheet(j, pk, way, whole.q, part + span / 2, inner);
         const unsigned bent = bend_stretch(j, &stretch, quarter, t, ALL_PACKETS);
         const vf t_before = light->t;
         vf own = vf_of(0);
-        add_parts(j, beam, pk, light, &stretch, ALL_PACKETS, bent, marching, side ? &half : e0, side ? e1 : &half,
-                  &own);
-        *moment += 0.5f * ((float)side * (t_before - light->t) + own);
+        add_parts(j, beam, pk, light, &stretch, ALL_PACKETS, bent, marching, side ? &half : &e0, side ? &e1 : &half,
+                  moment ? &own : NULL);
+        if (moment)
+            *moment += 0.5f * ((float)side * (t_before - light->t) + own);
     }
+    return own_light;
 }
 
 /* A stretch from entry e0 to e1 that nothing is known of but its ends. */
@@ -241,10 +246,13 @@ INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
         }
     }
     vf moment = vf_of(0);
-    if (halved)
-        add_halves(j, beam, pk, way, light, stretch, mid, t, inner, halved, e0, e1, &moment);
+    if (__builtin_expect(halved != 0, 0)) {
+        vf halves = vf_of(0); /* copies: what a function is given the address of, is kept in memory everywhere */
+        *light = add_halves(j, beam, pk, way, *light, *stretch, mid, t, inner, halved, *e0, *e1, lit ? &halves : NULL);
+        moment = halves;
+    }
     if (marching & ~halved)
-        add_parts(j, beam, pk, light, stretch, looked, bent, marching & ~halved, e0, e1, &moment);
+        add_parts(j, beam, pk, light, stretch, looked, bent, marching & ~halved, e0, e1, lit ? &moment : NULL);
     if (lit)
         light_stretch(j, pk, way, q, stretch->part, stretch->span, inner, t_before - light->t, moment, bent | halved,
                       light, lit, course);
@@ -309,8 +317,8 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
                 const uint64_t before = timed ? tiled_ticks() : 0;
                 slabs++;
                 if (j->sheets == 1) {
-                    Entry next;
                     Stretch slab = {q, 0, 4, 0, 1, s0, end, end - s0, vf_of(0)};
+                    Entry next;
                     if (entry_layer != q)
                         look_up(j, s0, &entry);
                     look_up(j, end, &next);
@@ -357,9 +365,11 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
     }
 MARCH(march_straight, WAY_STRAIGHT, false)
 MARCH(march_oblique, WAY_OBLIQUE, false)
+MARCH(march_near, WAY_NEAR, false)
 MARCH(march_wide, WAY_WIDE, false)
 MARCH(march_straight_lit, WAY_STRAIGHT, true)
 MARCH(march_oblique_lit, WAY_OBLIQUE, true)
+MARCH(march_near_lit, WAY_NEAR, true)
 MARCH(march_wide_lit, WAY_WIDE, true)
 #undef MARCH
 
@@ -369,6 +379,8 @@ static void march_any(const TiledJob *j, TiledBeam *beam, Packet *pk, Light *lig
         (j->shade ? march_wide_lit : march_wide)(j, beam, pk, light, counts);
     else if (j->straight)
         (j->shade ? march_straight_lit : march_straight)(j, beam, pk, light, counts);
+    else if (PACKETS > 1 && pk->near)
+        (j->shade ? march_near_lit : march_near)(j, beam, pk, light, counts);
     else
         (j->shade ? march_oblique_lit : march_oblique)(j, beam, pk, light, counts);
 }
