@@ -100,7 +100,8 @@ CtsStatus cts_pilot_plan(const CtsScene *scene, CtsTrial trial, void *context, C
     double plan = 2 * asked;
     for (int i = 0; !st && i < MOST_PLANS && !(255 * BANDS_MARGIN * best.rmse_high <= asked); i++, plan /= 2) {
         if ((st = trial(context, plan, first_rows, n_bands, n_rows, &verify, err)) ||
-            (i == 0 && (st = cts_verify_choose(&verify, err))) || (st = cts_verify_judge(&verify, &found, err)))
+            (i == 0 && ((st = cts_verify_choose(&verify, err)) || (st = cts_verify_cast(&verify, err)))) ||
+            (st = cts_verify_judge(&verify, &found, err)))
             break;
         if (found.rmse_high < best.rmse_high) {
             best = found;

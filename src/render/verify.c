@@ -171,6 +171,11 @@ CtsStatus cts_verify_choose(CtsVerify *v, CtsError *err)
         memcpy(v->found[i], c->rgba, sizeof c->rgba);
     }
     cts_free(&v->heap);
+    return CTS_OK;
+}
+
+CtsStatus cts_verify_cast(CtsVerify *v, CtsError *err)
+{
     return cts_reference_cast(v->reference, v->scene, err);
 }
 
@@ -186,7 +191,8 @@ CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
     CtsStatus st;
     if (!v->heap)
         return CTS_OK;
-    if ((st = cts_verify_choose(v, err)) || (st = cts_verify_judge(v, &verified, err)))
+    if ((st = cts_verify_choose(v, err)) || (st = cts_verify_cast(v, err)) ||
+        (st = cts_verify_judge(v, &verified, err)))
         return st;
     verified.wall_ms = cts_wall_ms() - start;
     verified.cpu_ms = cts_cpu_ms() - cpu;

@@ -19,10 +19,12 @@ typedef struct CtsVerify {
 
 CtsStatus cts_verify_begin(CtsVerify *verify, const CtsScene *scene, size_t n, CtsError *err);
 void cts_verify_take(CtsVerify *verify, const CtsPicture *band);
-/* Ends the choice, and does the pixels again. */
+/* Ends the choice; the true values are left zero. */
 CtsStatus cts_verify_choose(CtsVerify *verify, CtsError *err);
+/* Does the pixels again. */
+CtsStatus cts_verify_cast(CtsVerify *verify, CtsError *err);
 CtsStatus cts_verify_judge(const CtsVerify *verify, CtsVerified *verified, CtsError *err);
-/* Chooses, judges and fills report->verified. */
+/* Chooses, casts, judges and fills report->verified. */
 CtsStatus cts_verify_end(CtsVerify *verify, CtsReport *report, CtsError *err);
 void cts_verify_free(CtsVerify *verify);
 

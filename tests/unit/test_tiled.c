@@ -194,7 +194,7 @@ static void hard_presets(void **state)
             CtsError err;
             CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 128, angles[view][0], angles[view][1]);
             s.shade = CTS_OFF;
-            assert_int_equal(cts_reference_new(&reference, v, preset, &s, 2000, &err), CTS_OK);
+            assert_int_equal(cts_reference_new(&reference, v, preset, &s, 400, &err), CTS_OK);
             CtsPicture *p = render(v, preset, &s, NULL);
             assert_int_equal(cts_reference_compare(reference, p, &verified, &err), CTS_OK);
             if (!(255 * verified.rmse < bounds[view]))
