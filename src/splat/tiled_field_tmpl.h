@@ -148,8 +148,8 @@ INLINE bool differences_inner(const TiledJob *j, const int32_t pu[PACKETS], cons
     const int32_t u7 = j->lane_u[7], v7 = j->lane_v[7];
     bool inner = true;
     for (int h = 0; h < PACKETS; h++)
-        inner &= pu[h] + (u7 < 0 ? u7 : 0) >= 1 << 16 && pu[h] + (u7 > 0 ? u7 : 0) < (j->window_u - 1) << 16 &&
-                 pv[h] + (v7 < 0 ? v7 : 0) >= 1 << 16 && pv[h] + (v7 > 0 ? v7 : 0) < (j->window_v - 1) << 16;
+        inner &= pu[h] + (u7 < 0 ? u7 : 0) >= 1 << 16 && pu[h] + (u7 > 0 ? u7 : 0) < (j->window_u - 1) * 65536 &&
+                 pv[h] + (v7 < 0 ? v7 : 0) >= 1 << 16 && pv[h] + (v7 > 0 ? v7 : 0) < (j->window_v - 1) * 65536;
     return inner;
 }
 
