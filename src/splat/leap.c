@@ -47,25 +47,39 @@ static void relax(CtsLeap *l, int step, uint8_t *near)
         }
 }
 
-/* Bits of the fine blocks in block (u, v, k) that may be visible; at the far ends some do not exist. */
-static uint8_t fine_bits(const CtsBlocks *blocks, const CtsLayout *layout, const CtsLut *lut, int u, int v, int k)
+/* The fine blocks in the layout's order of axes. */
+typedef struct Fine {
+    const CtsRange *range;
+    int n[3];
+    ptrdiff_t stride[3];
+} Fine;
+
+static Fine fine_of(const CtsBlocks *blocks, const CtsLayout *layout)
 {
     const int axis[3] = {layout->axis_u, layout->axis_v, layout->axis_k};
     const ptrdiff_t stride[3] = {1, blocks->n_fine[0], (ptrdiff_t)blocks->n_fine[0] * blocks->n_fine[1]};
-    uint8_t bits = 0;
-    for (int bit = 0; bit < 8; bit++) {
-        const int at[3] = {2 * u + (bit & 1), 2 * v + (bit >> 1 & 1), 2 * k + (bit >> 2)};
-        ptrdiff_t offset = 0;
-        bool exists = true;
-        for (int c = 0; c < 3; c++) {
-            exists = exists && at[c] < blocks->n_fine[axis[c]];
-            offset += at[c] * stride[axis[c]];
-        }
-        const CtsRange *range = &blocks->fine[offset];
-        if (exists && cts_lut_visible(lut, range->low, CTS_MUTATED(LEAP_RANGE) ? range->low : range->high))
-            bits |= (uint8_t)(1 << bit);
+    Fine f = {.range = blocks->fine};
+    for (int c = 0; c < 3; c++) {
+        f.n[c] = blocks->n_fine[axis[c]];
+        f.stride[c] = stride[axis[c]];
     }
-    return bits;
+    return f;
+}
+
+/* Bits of the fine blocks in block (u, v, k) that may be visible; at the far ends some do not exist. */
+static uint8_t fine_bits(const Fine *f, const CtsLut *lut, int u, int v, int k)
+{
+    const CtsRange *first = f->range + 2 * (u * f->stride[0] + v * f->stride[1] + k * f->stride[2]);
+    const int nu = 2 * u + 1 < f->n[0] ? 2 : 1, nv = 2 * v + 1 < f->n[1] ? 2 : 1, nk = 2 * k + 1 < f->n[2] ? 2 : 1;
+    unsigned bits = 0;
+    for (int c = 0; c < nk; c++)
+        for (int b = 0; b < nv; b++)
+            for (int a = 0; a < nu; a++) {
+                const CtsRange *r = first + a * f->stride[0] + b * f->stride[1] + c * f->stride[2];
+                const bool visible = cts_lut_visible(lut, r->low, CTS_MUTATED(LEAP_RANGE) ? r->low : r->high);
+                bits |= (unsigned)visible << (4 * c + 2 * b + a);
+            }
+    return (uint8_t)bits;
 }
 
 CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout *layout, const CtsLut *lut,
@@ -81,6 +95,7 @@ CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout 
         (st = cts_alloc_array(&near, (size_t)leap->nu + 2, err)))
         goto end;
     const ptrdiff_t from[3] = {1, blocks->n[0], (ptrdiff_t)blocks->n[0] * blocks->n[1]};
+    const Fine all_fine = fine_of(blocks, layout);
     int64_t n_visible = 0;
 #pragma omp parallel for schedule(dynamic, 64) num_threads(n_threads) reduction(+ : n_visible)
     for (int row = 0; row < leap->nk * leap->nv; row++) {
@@ -91,7 +106,7 @@ CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout 
                 blocks->range[u * from[layout->axis_u] + v * from[layout->axis_v] + k * from[layout->axis_k]];
             const bool visible = cts_lut_visible(lut, r.low, r.high);
             d[u] = visible ? 0 : FAR;
-            fine[u] = visible ? fine_bits(blocks, layout, lut, u, v, k) : 0;
+            fine[u] = visible ? fine_bits(&all_fine, lut, u, v, k) : 0;
             n_visible += visible;
         }
     }
