@@ -2,50 +2,7 @@
 
 #include "base/mem.h"
 #include "base/mutation.h"
-
-enum { FAR = 255 };
-
-static inline uint8_t min8(uint8_t a, uint8_t b)
-{
-    return a < b ? a : b;
-}
-
-/* d[u] = min(d[u], 1 + the smallest of near[u - 1 .. u + 1]), then the scan along the row itself. near has a FAR on
- * either side. */
-static void relax_row(uint8_t *d, const uint8_t *near, int n, int step)
-{
-    for (int u = 0; u < n; u++) {
-        const uint8_t m = min8(near[u], min8(near[u + 1], near[u + 2]));
-        d[u] = min8(d[u], (uint8_t)(m + (m < FAR)));
-    }
-    uint8_t last = FAR;
-    for (int i = 0, u = step > 0 ? 0 : n - 1; i < n; i++, u += step) {
-        last = min8(d[u], (uint8_t)(last + (last < FAR)));
-        d[u] = last;
-    }
-}
-
-/* Half of the two-pass chamfer transform with all 26 neighbours at distance 1, which is exact in the maximum norm:
- * step +1 looks back at the rows before, -1 at those after. */
-static void relax(CtsLeap *l, int step, uint8_t *near)
-{
-    const ptrdiff_t row = l->nu, layer = row * l->nv;
-    for (int kk = 0, k = step > 0 ? 0 : l->nk - 1; kk < l->nk; kk++, k += step)
-        for (int vv = 0, v = step > 0 ? 0 : l->nv - 1; vv < l->nv; vv++, v += step) {
-            uint8_t *d = l->distance + k * layer + v * row;
-            for (int u = 0; u < l->nu; u++)
-                near[u + 1] = FAR;
-            const int rows[4][2] = {{v - step, k}, {v - 1, k - step}, {v, k - step}, {v + 1, k - step}};
-            for (int r = 0; r < 4; r++) {
-                if (rows[r][0] < 0 || rows[r][0] >= l->nv || rows[r][1] < 0 || rows[r][1] >= l->nk)
-                    continue;
-                const uint8_t *other = l->distance + rows[r][1] * layer + rows[r][0] * row;
-                for (int u = 0; u < l->nu; u++)
-                    near[u + 1] = min8(near[u + 1], other[u]);
-            }
-            relax_row(d, near, l->nu, step);
-        }
-}
+#include "splat/block_distance.h"
 
 /* The fine blocks in the layout's order of axes. */
 typedef struct Fine {
@@ -86,13 +43,11 @@ CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout 
                         int n_threads, CtsError *err)
 {
     CtsStatus st;
-    uint8_t *near = NULL;
     *leap =
         (CtsLeap){.nu = blocks->n[layout->axis_u], .nv = blocks->n[layout->axis_v], .nk = blocks->n[layout->axis_k]};
     leap->n_blocks = (int64_t)leap->nu * leap->nv * leap->nk;
     if ((st = cts_alloc_array(&leap->distance, (size_t)leap->n_blocks, err)) ||
-        (st = cts_alloc_array(&leap->fine, (size_t)leap->n_blocks, err)) ||
-        (st = cts_alloc_array(&near, (size_t)leap->nu + 2, err)))
+        (st = cts_alloc_array(&leap->fine, (size_t)leap->n_blocks, err)))
         goto end;
     const ptrdiff_t from[3] = {1, blocks->n[0], (ptrdiff_t)blocks->n[0] * blocks->n[1]};
     const Fine all_fine = fine_of(blocks, layout);
@@ -105,17 +60,14 @@ CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout 
             const CtsRange r =
                 blocks->range[u * from[layout->axis_u] + v * from[layout->axis_v] + k * from[layout->axis_k]];
             const bool visible = cts_lut_visible(lut, r.low, r.high);
-            d[u] = visible ? 0 : FAR;
+            d[u] = visible ? 0 : CTS_BLOCK_FAR;
             fine[u] = visible ? fine_bits(&all_fine, lut, u, v, k) : 0;
             n_visible += visible;
         }
     }
     leap->n_visible = n_visible;
-    near[0] = near[leap->nu + 1] = FAR;
-    relax(leap, 1, near);
-    relax(leap, -1, near);
+    st = cts_block_distance(leap->distance, leap->nu, leap->nv, leap->nk, err);
 end:
-    cts_free(&near);
     if (st)
         cts_leap_free(leap);
     return st;
