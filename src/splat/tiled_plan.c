@@ -61,7 +61,7 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
     const Steepness steep = find_steepness(scene, &j->table);
     /* So much of the display's range may a bend show more or less of in 1 mm, and colours differ by within a slab. */
     const double oblique = fmax(hypot(j->u_at[3], j->v_at[3]) / 0.75, 1);
-    const double bend_hu = part * fmin(0.3 / steep.shown, 140) / pow(oblique, 1.5);
+    const double bend_hu = part * fmin(0.24 / steep.shown, 140) / pow(oblique, 1.5);
     const double hiding_hu = part * fmin(0.04 / steep.colour, 300);
     const bool looks = s->samples == 0 && !j->straight;
     /* A steep preset seen far from an axis shows what a look half way does not tell. */

@@ -4,7 +4,7 @@
 
 #include "splat/tiled_kernel.h"
 
-enum { TILED_BEAMS_DOWN = 4, TILED_BEAMS_ACROSS = 8, TILED_MOST_LEVELS = 3 };
+enum { TILED_BEAMS_DOWN = 8, TILED_BEAMS_ACROSS = 8, TILED_MOST_LEVELS = 3 };
 
 /* The kernels of a picture: the fastest, which takes `at_once` packets, and the one for what is left over. */
 typedef struct TiledKernels {
