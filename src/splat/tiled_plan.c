@@ -75,7 +75,7 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
     j->refine_grey = looks ? (float)(bend_hu * grey_per_hu) : INFINITY;
     j->bend_grey = 0.7f * j->refine_grey;
     j->halve_grey = 2 * j->refine_grey;
-    const float near = looks ? (float)(fmin(10 / part, 400) * grey_per_hu) : 0;
+    const float near = looks ? (float)(fmin(30 / part, 400) * grey_per_hu) : 0;
     j->quiet_low = j->table.quiet_low - near;
     j->quiet_high = j->table.quiet_high + near;
     /* More sheets share what is allowed; where they are asked for, all errors are to fall with their square. */
