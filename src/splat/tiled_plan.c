@@ -109,11 +109,12 @@ void tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLayout
                     : j->shade         ? "for an error below 0.5/255 but for lighting"
                                        : "for an error below 0.5/255");
     if (j->refine_grey < INFINITY)
-        cts_report_plan(report,
-                        "sub-sheets: 1 between two where the field's rise changes by more than %.3g HU or it comes "
-                        "within %.3g HU of what shows, 3 where it bends by more than %.3g HU",
-                        step * (double)j->refine_grey, step * (double)(j->table.quiet_low - j->quiet_low),
-                        step * (double)j->halve_grey);
+        cts_report_plan(
+            report,
+            "sub-sheets: 1 between two where the field or its rise changes by more than %.3g HU or it comes "
+            "within %.3g HU of what shows, 3 where it bends by more than %.3g HU",
+            step * (double)j->refine_grey, step * (double)(j->table.quiet_low - j->quiet_low),
+            step * (double)j->halve_grey);
     else
         cts_report_skip(report, "sub-sheets",
                         j->straight ? "the view runs along an axis: between layers the field is linear"

@@ -4,7 +4,7 @@
 
 /* A ball of this radius, its surface where the HU pass 0, in a box whose voxels are no cubes. */
 enum { N = 40, SIZE = 48 };
-static const double radius_mm = 13, mm_per_pixel = 0.7;
+static const double radius_mm = 13;
 
 static CtsVolume *ball(void)
 {
@@ -44,6 +44,7 @@ static CtsPreset opaque(void)
 /* Each pixel whose ray meets the ball not too flat within low_mm..high_mm of the formula; rays past it meet nothing. */
 static void check_ball(const CtsPicture *p, double low_mm, double high_mm)
 {
+    const double mm_per_pixel = p->info.mm_per_pixel;
     assert_non_null(p->depth_mm);
     for (int y = 0; y < p->height; y++)
         for (int x = 0; x < p->width; x++) {
@@ -82,10 +83,13 @@ static void test_ball(void **state)
     static const double views[][2] = {{0, 0}, {90, 0}, {180, 0}, {0, 90}, {30, 20}, {-100, -50}};
     CtsVolume *v = ball();
     const CtsPreset preset = opaque();
-    for (int engine = 0; engine < CTS_N_ENGINES; engine++)
+    for (int run = 0; run <= CTS_N_ENGINES; run++)
         for (size_t i = 0; i < sizeof views / sizeof *views; i++) {
-            CtsRenderSettings s = settings_for((CtsEngineId)engine, SIZE, views[i][0], views[i][1]);
-            s.mm_per_pixel = mm_per_pixel;
+            /* The tiled engine once more with pixels so fine that it fills rows between rays. */
+            const bool fine = run == CTS_N_ENGINES;
+            const int engine = fine ? CTS_ENGINE_TILED : run, finer = fine ? 3 : 1;
+            CtsRenderSettings s = settings_for((CtsEngineId)engine, finer * SIZE, views[i][0], views[i][1]);
+            s.mm_per_pixel = 0.7 / finer;
             s.want_depth = true;
             CtsPicture *p = render(v, &preset, &s, NULL);
             const bool exact = engine == CTS_ENGINE_RAYCAST, cut = engine == CTS_ENGINE_TILED;
