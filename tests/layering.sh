@@ -1,7 +1,8 @@
 #!/bin/sh
 # The one-way flow, read off the #include lines: layering.sh SOURCE_ROOT
 #
-#     dicom -> volume -> transfer -> splat or raycast -> render -> image -> export, with report, check and cli on top
+#     dicom -> volume -> table -> transfer -> scene -> splat, tiled or raycast -> render -> image -> export,
+#     with report, check, bench and cli on top
 #
 # A row: folder | headers of the tree it may include (a folder/ means all of it) | library headers.
 # Every folder may include its own headers, base/ and the C library.
@@ -11,11 +12,14 @@ table='
 include/ctsplat | ctsplat/ |
 src/base     | ctsplat/status.h ctsplat/report.h | openssl/ jansson.h
 src/dicom    | ctsplat/status.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h
-src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/couch.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/slice_stack.h | immintrin.h
+src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/slice_stack.h | immintrin.h
+src/table    | ctsplat/status.h ctsplat/report.h ctsplat/couch.h ctsplat/volume.h volume/ |
 src/transfer | ctsplat/status.h ctsplat/mixture.h ctsplat/preset.h ctsplat/volume.h | jansson.h expat.h
-src/splat    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ | immintrin.h
-src/raycast  | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ splat/view.h splat/engine.h |
-src/render   | ctsplat/status.h ctsplat/mixture.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h ctsplat/reference.h volume/ transfer/ splat/ raycast/ |
+src/scene    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/lut.h |
+src/splat    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ scene/ | immintrin.h
+src/tiled    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ scene/ | immintrin.h
+src/raycast  | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ scene/ |
+src/render   | ctsplat/status.h ctsplat/mixture.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h ctsplat/reference.h volume/ transfer/ scene/ raycast/ |
 src/image    | ctsplat/status.h ctsplat/annotate.h ctsplat/picture.h ctsplat/preset.h | cairo.h
 src/export   | ctsplat/status.h ctsplat/report.h ctsplat/picture.h ctsplat/export.h ctsplat/series.h image/ dicom/dcm_sc.h | png.h openexr.h zlib.h libdeflate.h
 src/report   | ctsplat/ | jansson.h cairo.h
@@ -92,11 +96,13 @@ breach()
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-breach src/base/a.c '"splat/view.h"'
+breach src/base/a.c '"scene/view.h"'
 breach src/splat/a.c '"dicom/slice.h"'
 breach src/raycast/a.c '"splat/sheet.h"'
 breach src/raycast/a.c '"transfer/lut.h"'
-breach src/cli/a.c '"splat/engine.h"'
+breach src/cli/a.c '"scene/engine.h"'
+breach src/tiled/a.c '"splat/sheet.h"'
+breach src/splat/a.c '"tiled/slab.h"'
 breach src/volume/crop.c '"dicom/slice.h"'
 breach src/export/a.c '<dcmtk/dcmdata/dctk.h>'
 breach src/dicom/a.c '<dcmtk/dcmdata/dctk.h>'

@@ -2,7 +2,7 @@
 
 #include "base/cpu.h"
 #include "base/file.h"
-#include "bench/parts.h"
+#include "bench/bench_parts.h"
 #include "report/gnuplot.h"
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 /* One setting in a process of its own, so that its peak of memory is its own, and a crash costs one row. */
 #include "base/clock.h"
-#include "bench/parts.h"
+#include "bench/bench_parts.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>

@@ -1,5 +1,5 @@
 /* Which settings are measured: each engine with each of its kernels, and what each can be tuned by. */
-#include "bench/parts.h"
+#include "bench/bench_parts.h"
 
 #include <stdlib.h>
 

@@ -3,7 +3,7 @@
 #define CTS_CHECK_SUITE_H
 
 #include "check/check.h"
-#include "check/scene.h"
+#include "check/check_scene.h"
 #include "check/truth.h"
 #include "ctsplat/render.h"
 #include <stddef.h>

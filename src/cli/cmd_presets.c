@@ -5,8 +5,8 @@
 #include "cli/options.h"
 #include "cli/print_json.h"
 #include "cli/progress.h"
-#include "report/mixture.h"
 #include "report/table.h"
+#include "report/tissues.h"
 #include <stdio.h>
 #include <stdlib.h>
 

@@ -6,7 +6,7 @@
 #include "ctsplat/render.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
-#include "splat/view.h"
+#include "scene/view.h"
 #include <stdbool.h>
 
 typedef struct CtsRay {

@@ -2,7 +2,7 @@
 #ifndef CTS_RAYCAST_RAYCAST_H
 #define CTS_RAYCAST_RAYCAST_H
 
-#include "splat/engine.h"
+#include "scene/engine.h"
 
 /* rgba[i] becomes what the scene's picture should hold at pixel xy[i]: premultiplied, before blending over a
  * background, not clamped. Each value is converged to 1e-7. Kernel, mode and lighting as in the scene. Any number of

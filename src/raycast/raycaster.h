@@ -5,7 +5,7 @@
 #include "raycast/field.h"
 #include "raycast/quadrature.h"
 #include "raycast/transfer.h"
-#include "splat/engine.h"
+#include "scene/engine.h"
 
 typedef struct CtsRaycaster {
     const CtsPreset *preset;

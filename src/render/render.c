@@ -5,8 +5,8 @@
 #include "base/mem.h"
 #include "render/key.h"
 #include "render/pilot.h"
-#include "render/scene.h"
 #include "render/verify.h"
+#include "scene/resolve.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -14,11 +14,6 @@
 const char *const cts_engine_names[CTS_N_ENGINES] = {
     [CTS_ENGINE_CLASSIC] = "classic",   [CTS_ENGINE_LAYERS] = "layers", [CTS_ENGINE_VOID] = "void",
     [CTS_ENGINE_COMBINED] = "combined", [CTS_ENGINE_TILED] = "tiled",   [CTS_ENGINE_RAYCAST] = "raycast",
-};
-
-const char *const cts_kernel_names[CTS_N_KERNELS] = {
-    [CTS_KERNEL_TENT] = "tent",       [CTS_KERNEL_GAUSSIAN] = "gaussian",     [CTS_KERNEL_CONE] = "cone",
-    [CTS_KERNEL_BSPLINE] = "bspline", [CTS_KERNEL_CONE_PAPER] = "cone-paper",
 };
 
 static const CtsEngine *const engines[CTS_N_ENGINES] = {

@@ -2,7 +2,7 @@
 #ifndef CTS_RENDER_VERIFY_H
 #define CTS_RENDER_VERIFY_H
 
-#include "render/reference.h"
+#include "render/reference_set.h"
 
 /* n pixels of a picture (at most all), first chosen from its bands as they come, likelier where neighbours differ much,
  * since errors are large there; then done again. Of further pictures of the same scene the same pixels are looked up.

@@ -1,6 +1,7 @@
 #include "splat/footprint.h"
 
 #include "base/mutation.h"
+#include "scene/kernel.h"
 #include <math.h>
 
 /* Kernels by distance in voxels; the radius is where they end. */
@@ -40,18 +41,10 @@ static double bspline(double u, double v, double radius)
     return bspline_1d(2 * u / radius) * bspline_1d(2 * v / radius);
 }
 
-static const struct {
-    double radius;
-    double (*weight)(double u, double v, double radius);
-} kernels[CTS_N_KERNELS] = {
-    [CTS_KERNEL_TENT] = {1, tent},       [CTS_KERNEL_GAUSSIAN] = {2, gaussian},       [CTS_KERNEL_CONE] = {1.5, cone},
-    [CTS_KERNEL_BSPLINE] = {2, bspline}, [CTS_KERNEL_CONE_PAPER] = {1.5, cone_paper},
+static double (*const weights[CTS_N_KERNELS])(double u, double v, double radius) = {
+    [CTS_KERNEL_TENT] = tent,       [CTS_KERNEL_GAUSSIAN] = gaussian,     [CTS_KERNEL_CONE] = cone,
+    [CTS_KERNEL_BSPLINE] = bspline, [CTS_KERNEL_CONE_PAPER] = cone_paper,
 };
-
-double cts_footprint_radius(CtsKernelId kernel, double radius)
-{
-    return radius > 0 ? radius : kernels[kernel].radius;
-}
 
 typedef struct Phase {
     int n;
@@ -68,7 +61,7 @@ static void gather_phase(CtsFootprint *f, CtsKernelId kernel, double radius, int
         for (int u = -f->reach[0]; u <= f->reach[0]; u++) {
             if ((u & (mu - 1)) != phase_u || (v & (mv - 1)) != phase_v)
                 continue;
-            const double w = kernels[kernel].weight((double)u / mu, (double)v / mv, radius);
+            const double w = weights[kernel]((double)u / mu, (double)v / mv, radius);
             if (w <= 0)
                 continue;
             phase->weight[phase->n] = &f->weight[v + f->reach[1]][u + f->reach[0]];
@@ -98,7 +91,7 @@ static void normalise_phase(Phase *p)
 
 CtsStatus cts_footprint_init(CtsFootprint *f, CtsKernelId kernel, double radius, const int density[2], CtsError *err)
 {
-    radius = cts_footprint_radius(kernel, radius);
+    radius = cts_kernel_radius(kernel, radius);
     if (!(radius >= 0.75 && radius <= CTS_MAX_RADIUS))
         return cts_fail(err, CTS_ERR_USAGE, "kernel %s: radius %g voxels (0.75 to %d)", cts_kernel_names[kernel],
                         radius, CTS_MAX_RADIUS);

@@ -27,9 +27,6 @@ typedef struct CtsFootprint {
     uint32_t sum_low, sum_high; /* smallest and largest sum of a phase: CTS_WEIGHT_ONE unless cone-paper */
 } CtsFootprint;
 
-/* radius 0: the kernel's own. */
-double cts_footprint_radius(CtsKernelId kernel, double radius);
-
 /* CTS_ERR_USAGE when the radius leaves some lattice point without a tap, or passes CTS_MAX_RADIUS. */
 CtsStatus cts_footprint_init(CtsFootprint *footprint, CtsKernelId kernel, double radius, const int density[2],
                              CtsError *err);

@@ -3,8 +3,8 @@
 #ifndef CTS_SPLAT_KERNELS_H
 #define CTS_SPLAT_KERNELS_H
 
+#include "scene/shade.h"
 #include "splat/footprint.h"
-#include "splat/shade.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>

@@ -2,7 +2,7 @@
 #ifndef CTS_SPLAT_PAPER_H
 #define CTS_SPLAT_PAPER_H
 
-#include "splat/engine.h"
+#include "scene/engine.h"
 
 typedef struct CtsPaperFeatures {
     bool reuse_layers; /* inter-layer similarity: a sheet is the previous one plus what changed */

@@ -3,7 +3,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "splat/scene_blocks.h"
+#include "scene/scene_blocks.h"
 #include <math.h>
 #include <string.h>
 

@@ -5,9 +5,9 @@
 #ifndef CTS_SPLAT_RASTER_H
 #define CTS_SPLAT_RASTER_H
 
+#include "scene/view.h"
 #include "splat/kernels.h"
 #include "splat/stack.h"
-#include "splat/view.h"
 
 typedef struct CtsRaster {
     int width, height, first_row; /* of the picture, which may be a band; row 0 is the view's first_row */

@@ -1,7 +1,7 @@
 #include "splat/stack.h"
 
 #include "base/mem.h"
-#include "splat/transpose.h"
+#include "scene/transpose.h"
 
 enum { AHEAD = 3 };
 

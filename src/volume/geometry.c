@@ -34,7 +34,7 @@ double cts_volume_diagonal_mm(const CtsVolume *volume)
 
 int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3])
 {
-    const double (*s)[3] = volume->step_lps;
+    const double(*s)[3] = volume->step_lps;
     double cross[3];
     cts_cross3(s[1], s[2], cross);
     const double det = cts_dot3(s[0], cross);

@@ -2,7 +2,7 @@
 #ifndef CTS_TESTS_RAYS_H
 #define CTS_TESTS_RAYS_H
 
-#include "check/scene.h"
+#include "check/check_scene.h"
 #include "check/truth.h"
 #include "raycast/raycast.h"
 #include "raycast/raycaster.h"

@@ -3,7 +3,7 @@
 
 #include "ctsplat/volume.h"
 #include "volume/bits.h"
-#include "volume/block_change.h"
+#include "table/block_change.h"
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 /* Verification: which pixels are chosen, and whether its interval holds the error of the whole picture. */
-#include "render/scene.h"
+#include "scene/resolve.h"
 #include "render/verify.h"
 #include "scenes.h"
 

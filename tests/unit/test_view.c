@@ -1,6 +1,6 @@
 /* INTERFACE section 3, to the last half pixel: where a voxel stands in the picture. */
 #include "base/vec3.h"
-#include "splat/view.h"
+#include "scene/view.h"
 #include "unit.h"
 #include <string.h>
 

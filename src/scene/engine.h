@@ -1,0 +1,45 @@
+/* The row type of the engine table, and the scene that every engine gets: derived once per picture, read-only. */
+#ifndef CTS_SCENE_ENGINE_H
+#define CTS_SCENE_ENGINE_H
+
+#include "ctsplat/picture.h"
+#include "ctsplat/preset.h"
+#include "ctsplat/render.h"
+#include "ctsplat/report.h"
+#include "ctsplat/volume.h"
+#include "scene/view.h"
+#include "transfer/lut.h"
+
+typedef struct CtsScene {
+    const CtsVolume *volume;
+    const CtsPreset *preset;           /* mode and shade already as the settings ask */
+    const CtsRenderSettings *settings; /* n_threads and kernel_radius already resolved */
+    const CtsLut *lut;                 /* NULL in mip, minip and average */
+    CtsView view;
+    double extinction_scale; /* as in lut; for engines that evaluate the preset themselves */
+    /* What the engine keeps from frame to frame of one volume and one preset: *kept is NULL for the first frame, then
+     * what the engine left there. NULL for a picture by itself. */
+    void **kept;
+} CtsScene;
+
+typedef struct CtsEngine {
+    const char *name; /* as in --engine */
+    /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over
+     * nothing. A band is those rows of the whole, bit by bit. picture is NULL for --explain: only make the plan. */
+    CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err);
+    unsigned modes;             /* bit 1 << CtsMode for each it can do */
+    unsigned kernels;           /* bit 1 << CtsKernelId */
+    bool takes_key;             /* skips what counts as void by the scene's lut, so that --void key has a use */
+    void (*forget)(void *kept); /* frees what render left in *scene->kept; NULL for an engine that keeps nothing */
+} CtsEngine;
+
+extern const CtsEngine cts_engine_classic, cts_engine_layers, cts_engine_void, cts_engine_combined, cts_engine_tiled,
+    cts_engine_raycast;
+
+/* True when the caller asked to stop; engines look once a layer or tile. */
+static inline bool cts_scene_stopped(const CtsScene *scene)
+{
+    return scene->settings->stop && *scene->settings->stop;
+}
+
+#endif

@@ -1,0 +1,32 @@
+/* The camera: where each pixel's ray runs, in patient and in voxel coordinates (INTERFACE: picture geometry).
+ * Shared with the reference ray caster, so it holds geometry only. */
+#ifndef CTS_SCENE_VIEW_H
+#define CTS_SCENE_VIEW_H
+
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+
+typedef struct CtsView {
+    int width, height; /* pixels */
+    double mm_per_pixel;
+    double azimuth_deg, elevation_deg;
+    double right_lps[3], up_lps[3], forward_lps[3]; /* unit vectors; forward is the viewing direction */
+    double centre_lps[3];
+    /* The same in voxel coordinates: the centre, and voxels per mm along each direction. */
+    double centre_vox[3], right_vox[3], up_vox[3], forward_vox[3];
+    /* Nothing is seen outside 0..dims-1 (the box of voxel centres). */
+    int dims[3];
+    int axis;        /* principal axis: the volume axis nearest to the viewing direction, in voxel coordinates */
+    int axis_sign;   /* +1: layers are crossed front to back in rising order */
+    double layer_mm; /* length of a ray between two layers */
+} CtsView;
+
+/* mm_per_pixel 0: the whole bounding box fits. CTS_ERR_GEOMETRY when the voxel steps do not span space. */
+CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, double azimuth_deg, double elevation_deg, int width,
+                        int height, double mm_per_pixel, CtsError *err);
+
+/* Position in voxel coordinates of pixel (x, y)'s ray where it crosses the plane through the volume's centre across
+ * the viewing direction; the ray goes on by forward_vox for each mm. Pixel centres, x from the left, y from the top. */
+void cts_view_ray(const CtsView *view, double x, double y, double start_vox[3]);
+
+#endif

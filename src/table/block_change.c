@@ -1,0 +1,154 @@
+#include "table/block_change.h"
+
+#include "base/cpu.h"
+#include "volume/fold.h"
+#include <stdbool.h>
+#include <string.h>
+
+enum { PER_WORD = 64 / CTS_FINE_BLOCK, REACH = CTS_FINE_BLOCK + 1 };
+
+CtsStatus cts_block_change_new(CtsBlockChange *change, CtsBlocks *blocks, CtsError *err)
+{
+    CtsStatus st;
+    *change = (CtsBlockChange){.blocks = blocks};
+    if (!blocks)
+        return CTS_OK;
+    const int dims[3] = {blocks->n_fine[0], blocks->n_fine[1], blocks->dims[2]};
+    if ((st = cts_bits_new(&change->lost, dims, err)) || (st = cts_bits_new(&change->kept, dims, err)))
+        return st;
+    return CTS_OK;
+}
+
+void cts_block_change_free(CtsBlockChange *change)
+{
+    cts_bits_free(&change->lost);
+    cts_bits_free(&change->kept);
+}
+
+/* Bit b: whether one of the voxels 4 b to 4 b + 4 is set; next is the word that follows. */
+static uint64_t by_block(uint64_t word, uint64_t next)
+{
+    if (word == ~UINT64_C(0))
+        return 0xFFFF;
+    uint64_t x = word | word >> 1 | word >> 2 | word >> 3 | word >> 4 | next << 60;
+    x &= UINT64_C(0x1111111111111111);
+    x = (x | x >> 3) & UINT64_C(0x0303030303030303);
+    x = (x | x >> 6) & UINT64_C(0x000F000F000F000F);
+    x = (x | x >> 12) & UINT64_C(0x000000FF000000FF);
+    return (x | x >> 24) & 0xFFFF;
+}
+
+/* Add blocks of word w of a row of voxels; those behind the last block are its last voxel alone, which it has. */
+static void add_blocks(const CtsBits *bits, int bj, int k, size_t w, uint64_t blocks)
+{
+    const size_t at = w / CTS_FINE_BLOCK;
+    if (at < bits->row_words)
+        cts_bits_row(bits, bj, k)[at] |= (blocks << (w % CTS_FINE_BLOCK * PER_WORD)) & cts_bits_mask(bits, at);
+}
+
+/* The blocks (., bj) over slice k, from the voxels of their rows that are gone in some row and in all of them. */
+static void add_row(CtsBlockChange *c, int bj, int k, const uint64_t *some, const uint64_t *all)
+{
+    const int nx = c->blocks->dims[0];
+    const size_t n_words = ((size_t)nx + 63) / 64;
+    if (bj >= c->blocks->n_fine[1])
+        return;
+    for (size_t w = 0; w < n_words; w++) {
+        const bool last = w + 1 == n_words;
+        const uint64_t in_row = last && nx % 64 ? ~(~UINT64_C(0) << nx % 64) : ~UINT64_C(0);
+        if (some[w] || (!last && some[w + 1]))
+            add_blocks(&c->lost, bj, k, w, by_block(some[w], last ? 0 : some[w + 1]));
+        if (all[w] != in_row || (!last && ~all[w + 1]))
+            add_blocks(&c->kept, bj, k, w, by_block(~all[w] & in_row, last ? 0 : ~all[w + 1]));
+    }
+}
+
+CTS_VECTOR_CLONES static void join_row(CtsBlockRows *rows, const uint64_t *restrict gone, size_t n_words)
+{
+    for (size_t w = 0; w < n_words; w++) {
+        rows->some[w] |= gone[w];
+        rows->all[w] &= gone[w];
+    }
+}
+
+void cts_block_change_row(CtsBlockChange *c, CtsBlockRows *rows, const uint64_t *gone, int j, int k)
+{
+    if (!c->blocks)
+        return;
+    const size_t n_words = (size_t)c->blocks->dims[0] / 64 + 1;
+    /* The first row of a block is the last of the one before. */
+    const bool first = j % CTS_FINE_BLOCK == 0, last = j == c->blocks->dims[1] - 1;
+    if (j)
+        join_row(rows, gone, n_words);
+    if (j && (first || last))
+        add_row(c, (j - 1) / CTS_FINE_BLOCK, k, rows->some, rows->all);
+    if (first) {
+        memcpy(rows->some, gone, n_words * sizeof *gone);
+        memcpy(rows->all, gone, n_words * sizeof *gone);
+    }
+    if (first && last)
+        add_row(c, j / CTS_FINE_BLOCK, k, rows->some, rows->all);
+}
+
+void cts_block_change_keep(CtsBlockChange *c, int first, int end)
+{
+    for (int k = first; c->blocks && k < end; k++)
+        for (int bj = 0; bj < c->kept.dims[1]; bj++)
+            cts_bits_fill(cts_bits_row(&c->kept, bj, k), 0, c->kept.dims[0]);
+}
+
+/* The largest level of the n_blocks fine blocks from (bi, bj, bk) on, one after the other along a row. */
+static void find_highest(const CtsVolume *v, cts_fold_fn fold, int bi, int bj, int bk, int n_blocks, CtsRange *range)
+{
+    enum { MOST = 64 + 3 }; /* blocks come from one word */
+    const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1];
+    const int k0 = bk * CTS_FINE_BLOCK, j0 = bj * CTS_FINE_BLOCK, i0 = bi * CTS_FINE_BLOCK;
+    const int k1 = k0 + REACH < v->dims[2] ? k0 + REACH : v->dims[2];
+    const int n_rows = j0 + REACH < v->dims[1] ? REACH : v->dims[1] - j0, n = v->dims[0] - i0;
+    /* Whole vectors of blocks where the row has them; what is found too much is not used. */
+    const int whole = (n_blocks + 3) / 4 * 4, n_found = 4 * whole < n ? whole : n_blocks;
+    CtsRange found[MOST];
+    for (int b = 0; b < n_found; b++)
+        found[b] = (CtsRange){65535, 0};
+    for (int k = k0; k < k1; k++)
+        fold(v->grey + ((size_t)k * ny + (size_t)j0) * nx + i0, nx, n_rows, n, found, n_found);
+    for (int b = 0; b < n_blocks; b++)
+        range[b] = (CtsRange){0, found[b].high};
+}
+
+/* One row of fine blocks: as it was, all air, or air and something. */
+static void change_row(const CtsBlockChange *c, const CtsVolume *v, cts_fold_fn fold, int bj, int bk)
+{
+    const int *n = c->blocks->n_fine, k0 = bk * CTS_FINE_BLOCK;
+    CtsRange *range = c->blocks->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0];
+    for (size_t w = 0; w < c->lost.row_words; w++) {
+        uint64_t lost = 0, kept = 0;
+        for (int k = k0; k < k0 + REACH && k < v->dims[2]; k++) {
+            lost |= cts_bits_row(&c->lost, bj, k)[w];
+            kept |= cts_bits_row(&c->kept, bj, k)[w];
+        }
+        for (uint64_t run; lost; lost &= ~run) {
+            const bool some_left = kept >> __builtin_ctzll(lost) & 1;
+            run = lost & (some_left ? kept : ~kept);
+            run &= ~(run + (lost & -lost));
+            const int first = (int)(64 * w) + __builtin_ctzll(run), end = first + cts_popcount(run);
+            if (some_left)
+                find_highest(v, fold, first, bj, bk, end - first, range + first);
+            for (int b = first; b < end && !some_left; b++)
+                range[b] = (CtsRange){0, 0};
+        }
+    }
+}
+
+void cts_block_change_apply(const CtsBlockChange *c, const CtsVolume *volume, int n_threads)
+{
+    if (!c->blocks)
+        return;
+    const cts_fold_fn fold = cts_fold(cts_cpu_flags());
+    const int n_rows = c->blocks->n_fine[1];
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
+    for (int bk = 0; bk < c->blocks->n_fine[2]; bk++)
+        for (int bj = 0; bj < n_rows; bj++)
+            change_row(c, volume, fold, bj, bk);
+    cts_blocks_sum(c->blocks, n_threads);
+}

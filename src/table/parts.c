@@ -1,0 +1,218 @@
+#include "table/parts.h"
+
+#include "base/mem.h"
+
+/* Slices joined by one thread before the bands are joined in order; fixed, so that threads change nothing. */
+enum { BAND = 16 };
+
+/* A start sets one bit and an end, one past the last voxel, sets another; both come in turn. */
+static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
+{
+    uint64_t before = 0;
+    bool inside = false;
+    for (size_t w = 0; w < n_words; w++) {
+        uint64_t edges = row[w] ^ (row[w] << 1 | before);
+        before = row[w] >> 63;
+        for (; edges; edges &= edges - 1) {
+            const uint32_t at = (uint32_t)(64 * w) + (uint32_t)__builtin_ctzll(edges);
+            if (!inside)
+                run->first = at;
+            else
+                run++->end = at;
+            inside = !inside;
+        }
+    }
+    if (inside)
+        run->end = (uint32_t)nx;
+}
+
+/* CtsRun.part serves as the parent link until the labels are known: a run's parent never comes after it. */
+static uint32_t root(CtsRun *runs, uint32_t n)
+{
+    while (runs[n].part != n) {
+        runs[n].part = runs[runs[n].part].part;
+        n = runs[n].part;
+    }
+    return n;
+}
+
+static void join_rows(CtsParts *p, size_t row_a, size_t row_b)
+{
+    uint32_t a = p->row_start[row_a], b = p->row_start[row_b];
+    const uint32_t end_a = p->row_start[row_a + 1], end_b = p->row_start[row_b + 1];
+    while (a < end_a && b < end_b) {
+        /* Most that meet have met before, and know it without a look at their roots. */
+        if (p->runs[a].first < p->runs[b].end && p->runs[b].first < p->runs[a].end &&
+            p->runs[a].part != p->runs[b].part) {
+            const uint32_t ra = root(p->runs, a), rb = root(p->runs, b);
+            if (ra < rb)
+                p->runs[rb].part = ra;
+            else
+                p->runs[ra].part = rb;
+        }
+        if (p->runs[a].end < p->runs[b].end)
+            a++;
+        else
+            b++;
+    }
+}
+
+static void join_slices(CtsParts *p, int k)
+{
+    const size_t ny = (size_t)p->dims[1];
+    for (size_t j = 0; j < ny; j++)
+        join_rows(p, ((size_t)k - 1) * ny + j, (size_t)k * ny + j);
+}
+
+static void join_bands(CtsParts *p, bool across_slices, bool is_large, int n_threads)
+{
+    const size_t ny = (size_t)p->dims[1];
+    const int n_bands = (p->dims[2] + BAND - 1) / BAND;
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads) if (is_large)
+    for (int band = 0; band < n_bands; band++)
+        for (int k = band * BAND; k < (band + 1) * BAND && k < p->dims[2]; k++) {
+            for (size_t j = 1; j < ny; j++)
+                join_rows(p, (size_t)k * ny + j - 1, (size_t)k * ny + j);
+            if (across_slices && k > band * BAND)
+                join_slices(p, k);
+        }
+    for (int band = 1; across_slices && band < n_bands; band++)
+        join_slices(p, band * BAND);
+}
+
+/* Runs come in order of slices. */
+static void add_run(CtsPart *part, const CtsRun *run, int j, int k)
+{
+    const int first = (int)run->first, last = (int)run->end - 1;
+    if (!part->n_voxels)
+        *part = (CtsPart){.lo = {first, j, k}, .hi = {last, j, k}};
+    part->lo[0] = first < part->lo[0] ? first : part->lo[0];
+    part->hi[0] = last > part->hi[0] ? last : part->hi[0];
+    part->lo[1] = j < part->lo[1] ? j : part->lo[1];
+    part->hi[1] = j > part->hi[1] ? j : part->hi[1];
+    part->hi[2] = k;
+    part->n_voxels += run->end - run->first;
+}
+
+/* Number the parts. Runs come in order and a parent before its children, so one pass is enough. */
+static CtsStatus label(CtsParts *p, CtsError *err)
+{
+    uint32_t n = 0;
+    for (uint32_t r = 0; r < p->n_runs; r++)
+        n += p->runs[r].part == r;
+    const CtsStatus st = cts_alloc_zeroed(&p->parts, n, err);
+    if (st)
+        return st;
+    p->n_parts = 0;
+    const size_t ny = (size_t)p->dims[1], n_rows = ny * (size_t)p->dims[2];
+    for (size_t row = 0; row < n_rows; row++)
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
+            CtsRun *run = &p->runs[r];
+            run->part = run->part == r ? p->n_parts++ : p->runs[run->part].part;
+            add_run(&p->parts[run->part], run, (int)(row % ny), (int)(row / ny));
+        }
+    return CTS_OK;
+}
+
+CtsStatus cts_parts_begin(CtsParts *p, const int dims[3], CtsError *err)
+{
+    cts_parts_free(p);
+    *p = (CtsParts){.dims = {dims[0], dims[1], dims[2]}};
+    return cts_alloc_array(&p->row_start, (size_t)dims[1] * (size_t)dims[2] + 1, err);
+}
+
+void cts_parts_counted(CtsParts *p)
+{
+    const size_t n_rows = (size_t)p->dims[1] * (size_t)p->dims[2];
+    p->n_runs = p->row_start[0] = 0;
+    for (size_t row = 0; row < n_rows; row++) {
+        p->n_runs += p->row_start[row + 1];
+        p->row_start[row + 1] = (uint32_t)p->n_runs;
+    }
+    p->counted = true;
+}
+
+static CtsStatus count(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
+{
+    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
+    const CtsStatus st = cts_parts_begin(p, bits->dims, err);
+    if (st)
+        return st;
+#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
+    for (size_t row = 0; row < n_rows; row++)
+        p->row_start[row + 1] = cts_bits_count_runs(bits->words + row * bits->row_words, bits->row_words);
+    cts_parts_counted(p);
+    return CTS_OK;
+}
+
+static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int n_threads, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
+    if (!p->counted && (st = count(p, bits, n_threads, err)))
+        goto end;
+    p->counted = false;
+    if (p->n_runs >= UINT32_MAX) {
+        st = cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)p->n_runs);
+        goto end;
+    }
+    if ((st = cts_alloc_array(&p->runs, p->n_runs, err)))
+        goto end;
+#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
+    for (size_t row = 0; row < n_rows; row++) {
+        list_row(bits->words + row * bits->row_words, bits->row_words, bits->dims[0], p->runs + p->row_start[row]);
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
+            p->runs[r].part = r;
+    }
+    join_bands(p, across_slices, cts_bits_is_large(bits), n_threads);
+    st = label(p, err);
+end:
+    if (st)
+        cts_parts_free(p);
+    return st;
+}
+
+CtsStatus cts_parts_find(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
+{
+    return find(p, bits, true, n_threads, err);
+}
+
+CtsStatus cts_parts_find_in_slices(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
+{
+    return find(p, bits, false, n_threads, err);
+}
+
+void cts_parts_free(CtsParts *p)
+{
+    cts_free(&p->runs);
+    cts_free(&p->row_start);
+    cts_free(&p->parts);
+    p->counted = false;
+}
+
+uint64_t cts_parts_count_slice(const CtsParts *p, const uint8_t *flags, int k)
+{
+    const size_t ny = (size_t)p->dims[1];
+    uint64_t n = 0;
+    for (uint32_t r = p->row_start[(size_t)k * ny]; r < p->row_start[((size_t)k + 1) * ny]; r++)
+        n += flags[p->runs[r].part] ? p->runs[r].end - p->runs[r].first : 0;
+    return n;
+}
+
+void cts_parts_paint_slice(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int k)
+{
+    for (int j = 0; j < p->dims[1]; j++) {
+        const size_t row = (size_t)k * (size_t)p->dims[1] + (size_t)j;
+        uint64_t *words = cts_bits_row(bits, j, k);
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
+            if (flags[p->runs[r].part])
+                cts_bits_fill(words, (int)p->runs[r].first, (int)p->runs[r].end);
+    }
+}
+
+void cts_parts_paint(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int n_threads)
+{
+#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
+    for (int k = 0; k < p->dims[2]; k++)
+        cts_parts_paint_slice(p, flags, bits, k);
+}

@@ -1,0 +1,97 @@
+#include "tiled/kept.h"
+
+#include "base/clock.h"
+#include "scene/scene_blocks.h"
+#include <stdlib.h>
+#include <string.h>
+
+static const char *const EARLIER = "made for an earlier frame";
+
+CtsStatus tiled_kept_open(const CtsScene *scene, TiledKept **kept, CtsError *err)
+{
+    *kept = scene->kept ? *scene->kept : NULL;
+    if (!*kept && !(*kept = calloc(1, sizeof **kept)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (scene->kept)
+        *scene->kept = *kept;
+    return CTS_OK;
+}
+
+void tiled_kept_close(const CtsScene *scene, TiledKept *kept)
+{
+    if (!scene->kept)
+        tiled_kept_free(kept);
+}
+
+void tiled_kept_free(void *kept)
+{
+    TiledKept *k = kept;
+    if (!k)
+        return;
+    cts_blocks_free(&k->own_blocks);
+    cts_layout_free(&k->copied);
+    cts_slab_table_free(&k->table);
+    cts_leap_free(&k->leap);
+    free(k);
+}
+
+static bool same_axes(const CtsLayout *a, const CtsLayout *b)
+{
+    return a->axis_u == b->axis_u && a->axis_v == b->axis_v && a->axis_k == b->axis_k;
+}
+
+CtsStatus tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlocks **blocks, CtsReport *report,
+                            CtsError *err)
+{
+    return cts_scene_blocks(scene, &kept->own_blocks, blocks, report, err);
+}
+
+CtsStatus tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlocks *blocks, const CtsLayout *layout,
+                            CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    const int axes[3] = {layout->axis_u, layout->axis_v, layout->axis_k};
+    if (kept->table.sum && kept->table_scale == scene->extinction_scale) {
+        cts_report_skip(report, "slab integrals", "%s", EARLIER);
+    } else {
+        cts_slab_table_free(&kept->table);
+        if ((st = cts_slab_table_init(&kept->table, scene, blocks->all, err)))
+            return st;
+        kept->table_scale = scene->extinction_scale;
+    }
+    if (kept->leap.distance && !memcmp(kept->leap_axes, axes, sizeof axes)) {
+        cts_report_skip(report, "distances to what is visible", "%s", EARLIER);
+        return CTS_OK;
+    }
+    cts_leap_free(&kept->leap);
+    memcpy(kept->leap_axes, axes, sizeof axes);
+    return cts_leap_init(&kept->leap, blocks, layout, scene->lut, scene->settings->n_threads, err);
+}
+
+CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,
+                            CtsError *err)
+{
+    CtsStatus st;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if (layout->grey)
+        return CTS_OK;
+    if (!kept->copied.copy || !same_axes(&kept->copied, layout)) {
+        cts_layout_free(&kept->copied);
+        kept->copied = *layout;
+        kept->copied_reach = -1;
+        if ((st = cts_layout_make(&kept->copied, err)))
+            return st;
+    }
+    *layout = kept->copied;
+    if (reach <= kept->copied_reach) {
+        cts_report_skip(report, "transposed copy", "%s", EARLIER);
+        return CTS_OK;
+    }
+    const CtsLeap *leap = &kept->leap;
+    const CtsLayoutBlocks wanted = {leap->distance, leap->nu, leap->nv, leap->nk, kept->copied_reach, reach};
+    const int64_t n = cts_layout_copy(layout, scene->volume, &wanted, scene->settings->n_threads);
+    const uint64_t voxels = (uint64_t)n * CTS_BLOCK * CTS_BLOCK * CTS_BLOCK;
+    kept->copied_reach = reach;
+    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, voxels, 2 * voxels);
+    return CTS_OK;
+}

@@ -1,0 +1,25 @@
+/* How far the nearest visible block is: rays leap over what the transfer function makes invisible. */
+#ifndef CTS_TILED_LEAP_H
+#define CTS_TILED_LEAP_H
+
+#include "ctsplat/status.h"
+#include "tiled/layout.h"
+#include "transfer/lut.h"
+#include "volume/blocks.h"
+#include <stdint.h>
+
+/* distance[(bk * nv + bv) * nu + bu], blocks in the layout's axes: 0 for a visible block, else the Chebyshev distance
+ * to the nearest visible one, in blocks, at most 255. All blocks nearer than that are invisible, on the whole range of
+ * what is interpolated inside them. */
+typedef struct CtsLeap {
+    int nu, nv, nk;
+    uint8_t *distance;
+    uint8_t *fine; /* which of a block's 2 x 2 x 2 fine blocks may be visible: bit 4 k + 2 v + u of the halves */
+    int64_t n_visible, n_blocks;
+} CtsLeap;
+
+CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout *layout, const CtsLut *lut,
+                        int n_threads, CtsError *err);
+void cts_leap_free(CtsLeap *leap);
+
+#endif

@@ -1,0 +1,15 @@
+/* What the tiled engine does for the error asked for, and how it tells. */
+#ifndef CTS_TILED_MARCH_PLAN_H
+#define CTS_TILED_MARCH_PLAN_H
+
+#include "tiled/march.h"
+
+/* Sheets and limits, from settings->samples and settings->max_error and how steep the preset is. The job has its
+ * geometry and its table. */
+void tiled_plan(TiledJob *job, const CtsScene *scene);
+
+/* reach: how far, in blocks, from a visible one voxels are copied. kernel: the name of the march's vector path. */
+void tiled_plan_report(const TiledJob *job, const CtsScene *scene, const CtsLayout *layout, int reach,
+                       const char *kernel, CtsReport *report);
+
+#endif

@@ -1,0 +1,13 @@
+/* The modes mip, minip and average: extremes and means of the trilinear field along each ray, exactly, with blocks that
+ * cannot change them passed over. */
+#ifndef CTS_TILED_PROJECT_H
+#define CTS_TILED_PROJECT_H
+
+#include "scene/engine.h"
+#include "volume/blocks.h"
+
+/* picture NULL: only make the plan. */
+CtsStatus cts_project(const CtsScene *scene, const CtsBlocks *blocks, CtsPicture *picture, CtsReport *report,
+                      CtsError *err);
+
+#endif

@@ -1,0 +1,260 @@
+/* The tiled engine: the paper's idea taken to its limit. Sheets are sampled only where the final pixels' rays cross
+ * them (so no warp), blocks that cannot be seen are leapt over, the slab between two sheets is integrated exactly, and
+ * a packet of pixels ends when it is opaque (ALGORITHMS section 7, engine C). */
+#include "scene/engine.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/mutation.h"
+#include "tiled/kept.h"
+#include "tiled/march_plan.h"
+#include "tiled/project.h"
+#include "tiled/tile.h"
+#include <math.h>
+#include <omp.h>
+
+/* at[0] + at[1] x + at[2] y + at[3] q is the coordinate along `axis` at which the ray of pixel (x, y) meets layer q;
+ * for axis -1 its distance from the camera plane in mm. */
+static void plane_map(const CtsView *view, int axis, double camera_mm, double at[4])
+{
+    double start[3], right[3], down[3];
+    const int k = view->axis;
+    cts_view_ray(view, 0, 0, start);
+    for (int a = 0; a < 3; a++) {
+        right[a] = view->right_vox[a] * view->mm_per_pixel;
+        down[a] = -view->up_vox[a] * view->mm_per_pixel;
+    }
+    const double slope = (axis < 0 ? 1 : view->forward_vox[axis]) / view->forward_vox[k]; /* for each rising layer */
+    const double first = view->axis_sign > 0 ? 0 : view->dims[k] - 1;
+    at[0] = (axis < 0 ? camera_mm : start[axis]) + slope * (first - start[k]);
+    at[1] = (axis < 0 ? 0 : right[axis]) - slope * right[k];
+    at[2] = (axis < 0 ? 0 : down[axis]) - slope * down[k];
+    at[3] = slope * view->axis_sign + 0.0;
+}
+
+/* A packet's pixels and sheets as exact steps of 2^-16 and 2^-32 voxels. */
+static void init_steps(TiledJob *j)
+{
+    j->u_step = (int64_t)floor(j->u_at[3] / j->samples * 4294967296.0 + 0.5);
+    j->v_step = (int64_t)floor(j->v_at[3] / j->samples * 4294967296.0 + 0.5);
+    for (int l = 0; l < CTS_PACKET && (j->windowed || j->spotted); l++) {
+        j->lane_u[l] = (int32_t)floor(l * j->u_at[1] * 65536 + 0.5);
+        j->lane_v[l] = (int32_t)floor(l * j->v_at[1] * 65536 + 0.5);
+    }
+    for (int l = 0; l < CTS_PACKET; l++) {
+        const int a = l / 4 * 4, b = a + 3; /* lanes are monotone, so a half's smallest is at one of its ends */
+        j->half_u[l] = j->lane_u[a] < j->lane_u[b] ? j->lane_u[a] : j->lane_u[b];
+        j->half_v[l] = j->lane_v[a] < j->lane_v[b] ? j->lane_v[a] : j->lane_v[b];
+    }
+}
+
+/* Which packets fit which windows. */
+enum { TILE_PIXELS = 64 };
+
+static void init_windows(TiledJob *j, const CtsLayout *layout)
+{
+    const double u = fabs(j->u_at[1]), v = fabs(j->v_at[1]);
+    j->window_u = layout->alloc_u - CTS_LAYOUT_MIN_U;
+    j->window_v = layout->alloc_v - CTS_LAYOUT_MIN_V;
+    /* Positions of 2^-16 voxels must fit 32 bits, a tile's overhang included. */
+    const bool small = layout->nu < 30000 && layout->nv < 30000;
+    j->windowed = small && 3 * u <= 6 && 3 * v <= 1;
+    j->spotted = !j->windowed && small && TILE_PIXELS * (u + fabs(j->u_at[2])) < 2000 &&
+                 TILE_PIXELS * (v + fabs(j->v_at[2])) < 2000 && (double)layout->row_stride * layout->alloc_v < 2e9;
+    const bool one = j->windowed && layout->alloc_u >= 16 && layout->alloc_v >= 4;
+    for (int rows = 1; one && rows < CTS_PACKET; rows++)
+        if (7 * u + rows * fabs(j->u_at[2]) <= 13 && 7 * v + rows * fabs(j->v_at[2]) <= 1.99)
+            j->one_window_rows = rows;
+}
+
+static void init_frame(TiledJob *j)
+{
+    for (int i = 0; i < 3; i++)
+        for (int c = 0; c < 3; c++)
+            j->frame[i][c] = j->shade->frame[i][c] * (c == 2 && !j->rising ? -1 : 1) / 16384;
+}
+
+static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout)
+{
+    const CtsView *view = &scene->view;
+    plane_map(view, layout->axis_u, 0, j->u_at);
+    plane_map(view, layout->axis_v, 0, j->v_at);
+    plane_map(view, -1, cts_volume_diagonal_mm(scene->volume) / 2, j->depth_at);
+    j->nu = layout->nu;
+    j->nv = layout->nv;
+    j->nk = layout->nk - (CTS_MUTATED(LAST_SLAB) && layout->nk > 2);
+    j->rising = view->axis_sign > 0;
+    j->row_stride = layout->row_stride;
+    j->layer_stride = layout->layer_stride * view->axis_sign;
+    init_windows(j, layout);
+    j->straight = j->u_at[3] == 0 && j->v_at[3] == 0;
+    j->layer_mm = CTS_MUTATED(LAYER_LENGTH) ? 1 : (float)view->layer_mm;
+    j->width = view->width;
+    tiled_plan(j, scene);
+    init_steps(j);
+}
+
+/* How far, in blocks, from a visible one lies what a beam may sample: beams are sampled as a whole, up to the next
+ * layer of fine blocks; two voxels more for interpolation and slopes. */
+static int sampled_reach(const TiledJob *j)
+{
+    const double u = 7 * (fabs(j->u_at[1]) + fabs(j->u_at[2])) + CTS_FINE_BLOCK * fabs(j->u_at[3]);
+    const double v = 7 * (fabs(j->v_at[1]) + fabs(j->v_at[2])) + CTS_FINE_BLOCK * fabs(j->v_at[3]);
+    return (int)fmin(ceil((fmax(fmax(u, v), CTS_FINE_BLOCK) + 2) / CTS_BLOCK), 255);
+}
+
+static TiledKernels choose_kernels(const TiledJob *j, const CtsScene *scene)
+{
+    const unsigned cpu = cts_cpu_flags() & scene->settings->cpu_mask;
+    if (cpu & CTS_CPU_AVX512 && (j->windowed || j->spotted))
+        return (TiledKernels){"AVX-512", tiled_packets_avx512, tiled_packets_avx2, 2};
+    if (cpu & CTS_CPU_AVX2)
+        return (TiledKernels){"AVX2", tiled_packets_avx2, tiled_packets_avx2, 1};
+    return (TiledKernels){"plain C", tiled_packets_c, tiled_packets_c, 1};
+}
+
+static CtsStatus run_tiles(const TiledJob *j, const TiledKernels *kernels, const CtsScene *scene, TiledCounts *total,
+                           CtsError *err)
+{
+    const int n_threads = scene->settings->n_threads;
+    const size_t n_runs = tiled_n_runs(j);
+    const int n_tiles = tiled_n_tiles(j);
+    TiledRun *runs = NULL;
+    TiledDesk *desks = NULL;
+    CtsStatus st;
+    if ((st = cts_alloc_array(&runs, n_runs * (size_t)n_threads, err)) ||
+        (st = cts_alloc_zeroed(&desks, (size_t)n_threads, err)))
+        goto end;
+#pragma omp parallel num_threads(n_threads)
+    {
+        TiledDesk *desk = &desks[omp_get_thread_num()];
+        desk->runs = runs + n_runs * (size_t)omp_get_thread_num();
+#pragma omp for schedule(dynamic)
+        for (int tile = 0; tile < n_tiles; tile++)
+            if (!cts_scene_stopped(scene))
+                tiled_run_tile(j, kernels, desk, tile);
+    }
+    *total = (TiledCounts){0};
+    for (int t = 0; t < n_threads; t++) {
+        total->samples += desks[t].counts.samples;
+        total->slabs += desks[t].counts.slabs;
+        total->marches += desks[t].counts.marches;
+        total->between += desks[t].counts.between;
+        total->filled += desks[t].counts.filled;
+        total->splat_ticks += desks[t].counts.splat_ticks;
+        total->composite_ticks += desks[t].counts.composite_ticks;
+        total->shade_ticks += desks[t].counts.shade_ticks;
+    }
+    if (cts_scene_stopped(scene))
+        st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+end:
+    cts_free(&desks);
+    cts_free(&runs);
+    return st;
+}
+
+/* whole: all rows of the picture are counted. */
+static void report_fill(const TiledCounts *counts, bool whole, CtsReport *report)
+{
+    if (counts->between == 0)
+        return;
+    const double filled = 100 * (double)counts->filled / (double)counts->between;
+    if (whole)
+        cts_report_skip(report, "rays", "%.0f %% of the rows between marched ones filled from those around", filled);
+    else
+        cts_report_skip(report, "rays", "rows between marched ones are filled from those around");
+}
+
+static void report_counts(const TiledCounts *counts, const CtsScene *scene, const CtsLeap *leap, double wall_ms,
+                          double cpu_ms, CtsReport *report)
+{
+    const double ticks = (double)(counts->splat_ticks + counts->composite_ticks + counts->shade_ticks);
+    double busy[CTS_N_STAGES] = {0};
+    uint64_t items[CTS_N_STAGES] = {0}, bytes[CTS_N_STAGES] = {0};
+    busy[CTS_STAGE_SPLAT] = ticks > 0 ? (double)counts->splat_ticks / ticks : 0.5;
+    busy[CTS_STAGE_SHADE] = ticks > 0 ? (double)counts->shade_ticks / ticks : 0;
+    busy[CTS_STAGE_COMPOSITE] = 1 - busy[CTS_STAGE_SPLAT] - busy[CTS_STAGE_SHADE];
+    items[CTS_STAGE_SPLAT] = counts->samples;
+    items[CTS_STAGE_COMPOSITE] = counts->slabs;
+    items[CTS_STAGE_SHADE] = scene->preset->shade ? counts->slabs : 0;
+    bytes[CTS_STAGE_SPLAT] = counts->samples * 4 * sizeof(uint16_t); /* the voxels around each */
+    cts_report_region(report, wall_ms, cpu_ms, busy, items, bytes);
+    if (report) {
+        CtsVoxelCounts *v = &report->voxels;
+        v->known = true;
+        v->total = cts_volume_n_voxels(scene->volume);
+        v->splatted = (uint64_t)((double)v->total * (double)leap->n_visible / (double)leap->n_blocks);
+        v->void_voxels = v->total - v->splatted;
+        v->reused = 0;
+    }
+}
+
+static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBlocks *blocks, CtsPicture *picture,
+                           CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    CtsLayout layout;
+    CtsShade shade = {0};
+    TiledJob job = {0};
+    TiledCounts counts;
+    layout = cts_layout_plan(scene->volume, &scene->view);
+    double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const int axes[3] = {layout.axis_u, layout.axis_v, layout.axis_k};
+    if ((st = tiled_kept_tables(kept, scene, blocks, &layout, report, err)))
+        goto end;
+    job.table = kept->table;
+    job.leap = kept->leap;
+    if (scene->preset->shade) {
+        if ((st = cts_shade_init(&shade, scene->preset, &scene->view, axes, err)))
+            goto end;
+        job.shade = &shade;
+    }
+    init_job(&job, scene, &layout);
+    if (job.shade)
+        init_frame(&job);
+    job.narrow = blocks->all.high - blocks->all.low < 32768;
+    const TiledKernels kernels = choose_kernels(&job, scene);
+    tiled_plan_report(&job, scene, &layout, sampled_reach(&job), kernels.name, report);
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)job.leap.n_blocks,
+                     0);
+    if (!picture)
+        goto end;
+    if ((st = tiled_kept_layout(kept, scene, sampled_reach(&job), &layout, report, err)))
+        goto end;
+    job.layer0 = layout.grey + (job.rising ? 0 : (layout.nk - 1) * layout.layer_stride);
+    job.rgba = picture->pixels;
+    job.first_row = picture->first_row;
+    job.past_row = picture->first_row + picture->height;
+    job.depth_mm = picture->depth_mm;
+    wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if ((st = run_tiles(&job, &kernels, scene, &counts, err)))
+        goto end;
+    report_fill(&counts, picture->height == scene->view.height, report);
+    report_counts(&counts, scene, &job.leap, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
+end:
+    cts_shade_free(&shade);
+    return st;
+}
+
+static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    TiledKept *kept = NULL;
+    const CtsBlocks *blocks;
+    if ((st = tiled_kept_open(scene, &kept, err)) || (st = tiled_kept_blocks(kept, scene, &blocks, report, err)))
+        goto end;
+    st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, blocks, picture, report, err)
+                                                   : cts_project(scene, blocks, picture, report, err);
+end:
+    tiled_kept_close(scene, kept);
+    return st;
+}
+
+const CtsEngine cts_engine_tiled = {
+    .name = "tiled",
+    .render = render_tiled,
+    .modes = (1u << CTS_N_MODES) - 1,
+    .kernels = 1u << CTS_KERNEL_TENT,
+    .forget = tiled_kept_free,
+};
