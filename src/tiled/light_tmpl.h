@@ -1,4 +1,4 @@
-/* Lighting, part of tiled_tmpl.h: how slopes shine, and when slabs are lit. */
+/* Lighting, part of march_tmpl.h: how slopes shine, and when slabs are lit. */
 #include "tiled/slab_tmpl.h"
 
 enum { TURN_POINTS = 6 };

@@ -1,7 +1,7 @@
 /* The tiled engine's inner loop: packets of 8 pixels march through the layers, front to back.
  *
- * One template (tiled_tmpl.h) is compiled three times: tiled_c.c with plain C primitives, the readable truth,
- * tiled_avx2.c with AVX2 ones, and tiled_avx512.c, where two packets march together. All do the same operations in the
+ * One template (march_tmpl.h) is compiled three times: march_c.c with plain C primitives, the readable truth,
+ * march_avx2.c with AVX2 ones, and march_avx512.c, where two packets march together. All do the same operations in the
  * same order for a pixel, so their pictures are the same bytes. */
 #ifndef CTS_TILED_MARCH_H
 #define CTS_TILED_MARCH_H

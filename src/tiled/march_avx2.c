@@ -100,7 +100,7 @@ INLINE vi make_pick(vi x0)
 
 #include "tiled/taps_tmpl.h"
 
-/* As in tiled_c.c. */
+/* As in march_c.c. */
 INLINE vi weigh_pairs(const uint16_t *layer, vi at, vi weights)
 {
     const __m256i pairs = _mm256_i32gather_epi32((const int *)(const void *)layer, (__m256i)at, 2);
@@ -171,7 +171,7 @@ INLINE vf wide_difference(const Taps *t, ptrdiff_t minus, ptrdiff_t plus, ptrdif
     return of_rows(t, _mm256_sub_epi32(upper, upper_minus), _mm256_sub_epi32(lower, lower_minus));
 }
 
-/* As in tiled_c.c. */
+/* As in march_c.c. */
 INLINE void load_differences(const Taps *t, const ptrdiff_t minus[3], const ptrdiff_t plus[3], ptrdiff_t row_stride,
                              bool narrow, vf d[3])
 {

@@ -193,7 +193,7 @@ INLINE Taps one_window(const TiledJob *j, const int32_t pu[PACKETS], const int32
     return t;
 }
 
-/* A window for every four lanes, as in tiled_taps_tmpl.h. */
+/* A window for every four lanes, as in taps_tmpl.h. */
 INLINE Taps four_windows(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS], vi u, vi v,
                          bool inner)
 {
@@ -239,7 +239,7 @@ INLINE __m512i two_rows(const uint16_t *at, ptrdiff_t row_stride)
     return _mm512_inserti64x4(low, _mm256_loadu_si256((const __m256i *)(at + row_stride)), 1);
 }
 
-/* As in tiled_c.c. */
+/* As in march_c.c. */
 INLINE vi weigh_pairs(const uint16_t *layer, vi at, vi weights)
 {
     const __m512i pairs = _mm512_i32gather_epi32((__m512i)at, layer, 2);
@@ -317,7 +317,7 @@ INLINE vf wide_difference(const Taps *t, ptrdiff_t minus, ptrdiff_t plus, ptrdif
     return of_rows(t, _mm512_sub_epi32(upper, upper_minus), _mm512_sub_epi32(lower, lower_minus));
 }
 
-/* As in tiled_c.c. */
+/* As in march_c.c. */
 INLINE void load_differences(const Taps *t, const ptrdiff_t minus[3], const ptrdiff_t plus[3], ptrdiff_t row_stride,
                              bool narrow, vf d[3])
 {

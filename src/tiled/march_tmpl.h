@@ -1,9 +1,8 @@
-/* The march of PACKETS packets of 8 pixels, one below the other, in vectors of LANES pixels. Included by tiled_c.c,
- * tiled_avx2.c and tiled_avx512.c, which first define what tiled_vec_tmpl.h lists; everything else is element-wise and
+/* The march of PACKETS packets of 8 pixels, one below the other, in vectors of LANES pixels. Included by march_c.c,
+ * march_avx2.c and march_avx512.c, which first define what vec_tmpl.h lists; everything else is element-wise and
  * the same in all. What is decided, is decided for each packet by itself, so that the picture does not depend on how
  * many march together. */
 #include "tiled/light_tmpl.h"
-#include "tiled/samples_tmpl.h"
 #include <string.h>
 
 /* Packets in which nothing shows between a and b, if the field runs straight. */

@@ -1,4 +1,4 @@
-/* The field at packets' pixels, part of tiled_tmpl.h: sheets and slopes, through windows or lane by lane. */
+/* The field at packets' pixels, part of march_tmpl.h: sheets and slopes, through windows or lane by lane. */
 
 typedef struct Packet {
     double u_lane0[PACKETS], v_lane0[PACKETS]; /* first pixels, at q = 0 */

@@ -1,6 +1,6 @@
 /* Vectors of LANES pixels as GCC vector types: element-wise C that compiles with and without vector instructions.
  *
- * A file that includes this first defines LANES, a multiple of 8, and includes tiled_tmpl.h last, in between defining
+ * A file that includes this first defines LANES, a multiple of 8, and includes march_tmpl.h last, in between defining
  * what is not element-wise or has an instruction of its own:
  *   vf_min, vf_max, vi_min, vi_max, vf_sqrt, vf_fma
  *   vmask with vf_lt, vf_le, vi_lt, vi_eq, mask_and, mask_or; select_f and select_i(mask, yes, no)
