@@ -25,8 +25,9 @@ src/export   | ctsplat/status.h ctsplat/report.h ctsplat/picture.h ctsplat/expor
 src/report   | ctsplat/ | jansson.h cairo.h
 src/check    | ctsplat/ report/ |
 src/bench    | ctsplat/ report/ |
-src/batch    | ctsplat/ report/ | jansson.h
-src/cli      | ctsplat/ report/ check/ bench/ batch/ | jansson.h png.h openexr_base.h expat.h
+src/sheet    | ctsplat/ image/ | jansson.h webp/
+src/batch    | ctsplat/ report/ sheet/ | jansson.h
+src/cli      | ctsplat/ report/ check/ bench/ batch/ sheet/ | jansson.h png.h openexr_base.h expat.h
 '
 
 # Prints every include that the table does not allow; silent when all is well.
@@ -45,7 +46,7 @@ violations()
                 library[folder] = part[3]
             }
             # What counts as a library; all else in <> is the C library, POSIX, OpenMP or C++.
-            libraries = "^(dcmtk/|png|openexr|ImfC|jansson|expat|cairo|zlib|libdeflate|immintrin|openssl/|openjpeg)"
+            libraries = "^(dcmtk/|png|openexr|ImfC|jansson|expat|cairo|zlib|libdeflate|immintrin|openssl/|openjpeg|webp/)"
         }
         function listed(list, header,    n, i, words) {
             n = split(list, words, " ")
