@@ -49,8 +49,8 @@ static void print_option(const CliOption *o)
                 (size_t)snprintf(right + n, sizeof right - n, "%s%s", o->choices[i], i + 1 < o->n_choices ? " " : "; ");
     }
     const size_t n = strlen(right);
-    snprintf(right + n, sizeof right - n, "%s%s%s%s%s", o->help, o->fallback ? " (default: " : "",
-             o->fallback ? o->fallback : "", o->fallback ? ")" : "", o->absent ? " [not in this build]" : "");
+    snprintf(right + n, sizeof right - n, "%s%s%s%s", o->help, o->fallback ? " (default: " : "",
+             o->fallback ? o->fallback : "", o->fallback ? ")" : "");
     print_entry(left, right);
 }
 
@@ -60,11 +60,9 @@ void cli_help(void)
            "Render CT series by splatting.\n\n"
            "Commands:\n");
     for (int c = 0; c < CLI_N_COMMANDS; c++) {
-        char left[64], right[256];
+        char left[64];
         snprintf(left, sizeof left, "  %s", cli_commands[c].name);
-        snprintf(right, sizeof right, "%s%s", cli_commands[c].summary,
-                 cli_commands[c].run ? "" : " [not in this build]");
-        print_entry(left, right);
+        print_entry(left, cli_commands[c].summary);
     }
     printf("\nctsplat COMMAND --help   the options of a command\n"
            "ctsplat --version        this program and its libraries\n"

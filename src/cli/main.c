@@ -9,14 +9,12 @@
 #include <string.h>
 #include <sys/resource.h>
 
-/* In the order of CLI_INFO...; to take a command into the build, name its function. */
+/* In the order of CLI_INFO... */
 const CliCommand cli_commands[CLI_N_COMMANDS] = {
     {"info", "PATH... [--json]", "Tell what series PATH holds and whether they can be rendered.", 1, INT_MAX, "PATH",
      cli_info},
     {"render", "PATH... -o FILE [-o FILE]... [options]", "Render a series as PNG, OpenEXR or DICOM.", 1, INT_MAX,
      "PATH", cli_render},
-    {"batch", "PATH... -O DIR [options]", "Render every series with every preset and view; can be stopped and resumed.",
-     0, INT_MAX, "PATH", NULL},
     {"bench", "PATH... -O DIR [options]", "Measure error against run time for each engine and setting on a series.", 1,
      INT_MAX, "PATH", cli_bench},
     {"check", "[--json]", "Run the numerical stability suite.", 0, 0, "", cli_check},
@@ -52,8 +50,6 @@ static CtsStatus run_command(int argc, const char *const *argv, int *exit_code, 
         goto end;
     if (options.help)
         cli_help_command(command);
-    else if (!cli_commands[command].run)
-        st = cts_fail(err, CTS_ERR_USAGE, "%s: not in this build", argv[0]);
     else
         st = cli_commands[command].run(&options, exit_code, err);
 end:

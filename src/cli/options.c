@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define ON(command) (1u << (command))
-#define RENDERING (ON(CLI_RENDER) | ON(CLI_BATCH))
+#define RENDERING ON(CLI_RENDER)
 #define PICTURES (RENDERING | ON(CLI_BENCH))
 #define FIELD(name) offsetof(CliOptions, name)
 #define CHOICES(names, n) .kind = CLI_CHOICE, .choices = (names), .n_choices = (n)
@@ -15,7 +15,6 @@
 static const char *const compressions[] = {
     [CTS_SC_NONE] = "none", [CTS_SC_RLE] = "rle", [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless"};
 
-/* To take an option into the build, drop its .absent line. */
 const CliOption cli_options[] = {
     {
         .letter = 'o',
@@ -29,7 +28,7 @@ const CliOption cli_options[] = {
         .letter = 'O',
         .name = "output-dir",
         .argument = "DIR",
-        .commands = ON(CLI_BATCH) | ON(CLI_BENCH),
+        .commands = ON(CLI_BENCH),
         .kind = CLI_TEXT,
         .field = FIELD(output_dir),
         .help = "write into this folder; it is made where it does not exist",
@@ -246,87 +245,6 @@ const CliOption cli_options[] = {
         .help = "leave the patient's identity out of .dcm outputs",
     },
     {
-        .name = "send",
-        .argument = "AET@HOST:PORT",
-        .commands = RENDERING,
-        .absent = "not in this build (write a .dcm and send it with storescu)",
-        PARSED(cli_parse_send),
-        .help = "store the .dcm outputs to a PACS",
-    },
-    {
-        .name = "from",
-        .argument = "AET@HOST:PORT",
-        .commands = RENDERING,
-        .absent = "not in this build (fetch the series with getscu and give its folder)",
-        PARSED(cli_parse_from),
-        .help = "fetch the series from a PACS",
-    },
-    {
-        .name = "presets",
-        .argument = "LIST",
-        .commands = ON(CLI_BATCH),
-        .kind = CLI_TEXT,
-        .field = FIELD(presets),
-        .help = "presets to render, with commas between them",
-        .fallback = "the one of --preset",
-    },
-    {
-        .name = "views",
-        .argument = "LIST",
-        .commands = ON(CLI_BATCH),
-        .kind = CLI_TEXT,
-        .field = FIELD(views),
-        .help = "views to render: names with commas, or AZ,EL pairs with semicolons between them",
-        .fallback = "the one of --view",
-    },
-    {
-        .name = "formats",
-        .argument = "LIST",
-        .commands = ON(CLI_BATCH),
-        .kind = CLI_TEXT,
-        .field = FIELD(formats),
-        .help = "formats to write: png, exr, dcm",
-        .fallback = "png",
-    },
-    {
-        .name = "jobs",
-        .argument = "N",
-        .commands = ON(CLI_BATCH),
-        .kind = CLI_INT,
-        .field = FIELD(jobs),
-        RANGE(1, 1024),
-        .help = "series that are rendered at the same time",
-        .fallback = "1",
-    },
-    {
-        .name = "shard",
-        .argument = "I/N",
-        .commands = ON(CLI_BATCH),
-        PARSED(cli_parse_shard),
-        .help = "take the I-th of N parts, I from 0",
-        .fallback = "0/1",
-    },
-    {
-        .name = "resume",
-        .commands = ON(CLI_BATCH),
-        .field = FIELD(resume),
-        .help = "go on where an earlier batch stopped; this is the default",
-    },
-    {
-        .name = "fresh",
-        .commands = ON(CLI_BATCH),
-        .field = FIELD(fresh),
-        .help = "start over",
-    },
-    {
-        .name = "merge",
-        .argument = "DIR",
-        .commands = ON(CLI_BATCH),
-        .kind = CLI_TEXT,
-        .field = FIELD(merge),
-        .help = "make one contact sheet of all shards in DIR",
-    },
-    {
         .name = "plot",
         .argument = "FILE",
         .commands = ON(CLI_CHECK),
@@ -462,8 +380,6 @@ static CtsStatus take(CliOptions *options, const CliOption *o, const char *text,
         st = o->parse(options, text, err);
         break;
     }
-    if (!st && o->absent)
-        st = cts_fail(err, CTS_ERR_USAGE, "--%s: %s", o->name, o->absent);
     return st;
 }
 
@@ -510,7 +426,7 @@ static CtsStatus check_operands(const CliOptions *options, const CliCommand *com
 
 CtsStatus cli_options_parse(CliOptions *options, int command, int argc, const char *const *argv, CtsError *err)
 {
-    *options = (CliOptions){.preset = "bone", .n_shards = 1};
+    *options = (CliOptions){.preset = "bone"};
     cts_render_defaults(&options->render);
     const char **operands = calloc((size_t)argc + 1, sizeof *operands);
     options->operands = operands;

@@ -6,14 +6,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* A DICOM peer, AET@HOST:PORT. */
-typedef struct CliPeer {
-    bool given;
-    char aet[17];
-    char host[256];
-    int port;
-} CliPeer;
-
 /* What the user asked for, defaults where nothing was said. Strings point into argv. */
 typedef struct CliOptions {
     const char *const *operands; /* PATH..., A B, NAME */
@@ -35,14 +27,8 @@ typedef struct CliOptions {
     bool annotate_orientation, annotate_scale;
     int compression; /* CtsScCompression */
     bool new_uids, deidentify, force;
-    CliPeer send, from;
     const char *log;
 
-    const char *presets, *views, *formats; /* lists, as given; NULL when not */
-    int jobs;                              /* 0: chosen by ctsplat */
-    int shard, n_shards;                   /* 0 of 1 when not given */
-    bool resume, fresh;
-    const char *merge;
     const char *plot; /* check: NULL when not given */
 
     const char *propose; /* presets: the volume to propose a key for; NULL when not given */
@@ -57,12 +43,12 @@ typedef struct CliCommand {
     const char *usage;   /* what follows the name */
     const char *summary; /* one line */
     int min_operands, max_operands;
-    const char *operand;                                                        /* how a message calls one */
-    CtsStatus (*run)(const CliOptions *options, int *exit_code, CtsError *err); /* NULL: not in this build */
+    const char *operand; /* how a message calls one */
+    CtsStatus (*run)(const CliOptions *options, int *exit_code, CtsError *err);
 } CliCommand;
 
 /* Bits of the commands that an option belongs to; the order of cli_commands. */
-enum { CLI_INFO, CLI_RENDER, CLI_BATCH, CLI_BENCH, CLI_CHECK, CLI_COMPARE, CLI_PRESETS, CLI_N_COMMANDS };
+enum { CLI_INFO, CLI_RENDER, CLI_BENCH, CLI_CHECK, CLI_COMPARE, CLI_PRESETS, CLI_N_COMMANDS };
 extern const CliCommand cli_commands[CLI_N_COMMANDS];
 
 CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err);
@@ -94,7 +80,6 @@ typedef struct CliOption {
     const char *name;
     const char *argument; /* as --help prints it; NULL for a flag */
     unsigned commands;    /* bit 1 << command */
-    const char *absent;   /* why this build refuses it, and what to do; NULL: it works */
     CliKind kind;
     size_t field; /* offset in CliOptions */
     double low, high;

@@ -1,6 +1,5 @@
 #include "cli/values.h"
 
-#include <ctype.h>
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
@@ -196,60 +195,6 @@ CtsStatus cli_parse_annotate(CliOptions *options, const char *text, CtsError *er
         if (!*word)
             return CTS_OK;
     }
-}
-
-/* AET: 1 to 16 characters of the default repertoire without backslash (PS3.5, VR AE). */
-static CtsStatus parse_peer(const char *option, const char *text, CliPeer *peer, CtsError *err)
-{
-    const char *at = strchr(text, '@'), *colon = strrchr(text, ':');
-    if (!at || !colon || colon < at)
-        goto bad;
-    const size_t aet = (size_t)(at - text), host = (size_t)(colon - at - 1);
-    if (aet < 1 || aet >= sizeof peer->aet || host < 1 || host >= sizeof peer->host ||
-        !cli_integer(colon + 1, &peer->port) || peer->port < 1 || peer->port > 65535)
-        goto bad;
-    for (size_t i = 0; i < aet + 1 + host; i++)
-        if (!isgraph((unsigned char)text[i]) || text[i] == '\\')
-            goto bad;
-    memcpy(peer->aet, text, aet);
-    peer->aet[aet] = 0;
-    memcpy(peer->host, at + 1, host);
-    peer->host[host] = 0;
-    peer->given = true;
-    return CTS_OK;
-bad:
-    return cts_fail(err, CTS_ERR_USAGE,
-                    "%s %s: not AET@HOST:PORT (a title of at most 16 characters, a port from 1 to 65535)", option,
-                    text);
-}
-
-CtsStatus cli_parse_send(CliOptions *options, const char *text, CtsError *err)
-{
-    return parse_peer("--send", text, &options->send, err);
-}
-
-CtsStatus cli_parse_from(CliOptions *options, const char *text, CtsError *err)
-{
-    return parse_peer("--from", text, &options->from, err);
-}
-
-CtsStatus cli_parse_shard(CliOptions *options, const char *text, CtsError *err)
-{
-    char first[16];
-    const size_t n = strcspn(text, "/");
-    int i, count;
-    if (n >= sizeof first || text[n] != '/')
-        goto bad;
-    memcpy(first, text, n);
-    first[n] = 0;
-    if (!cli_integer(first, &i) || !cli_integer(text + n + 1, &count) || i < 0 || count < 1 || i >= count ||
-        count > 1000000)
-        goto bad;
-    options->shard = i;
-    options->n_shards = count;
-    return CTS_OK;
-bad:
-    return cts_fail(err, CTS_ERR_USAGE, "--shard %s: not I/N with I from 0 to N - 1 (such as 0/8)", text);
 }
 
 CtsStatus cli_parse_output(CliOptions *options, const char *text, CtsError *err)

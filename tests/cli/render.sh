@@ -82,8 +82,5 @@ done
 ok render "$data/phantom" $small -o warned.png --new-uids
 has err 'warning: .*--new-uids.* there is none'
 
-# What this build lacks is refused, never ignored.
-refused 2 '--send: not in this build' render "$data/phantom" -o x.dcm --send A@localhost:104
-refused 2 '--from: not in this build' render "$data/phantom" -o x.dcm --from A@localhost:104
 ls | grep -E '^\.|tmp' && fail "a temporary file is left"
 exit 0

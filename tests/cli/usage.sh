@@ -1,6 +1,6 @@
 # Wrong usage: exit code 2, one line, and what to do.
 refused 2 'a command is missing'
-refused 2 'frobnicate: not one of: info render batch bench check compare presets' frobnicate
+refused 2 'frobnicate: not one of: info render bench check compare presets' frobnicate
 refused 2 '--json: no such option before the command' --json
 refused 2 'render: PATH is missing' render
 refused 2 'render: no output' render "$data/phantom"
@@ -44,8 +44,6 @@ value remove-table maybe
 value annotate scales orientation,, ,
 value verify -1 x
 value compress jpeg
-value send host host:1 a@b:0 a@b:99999 'A TITLE THAT IS TOO LONG@h:1'
-value from x
 value threads 0 1025 x
 value series ''
 
@@ -64,7 +62,7 @@ has out '^ctsplat [0-9]+\.[0-9]+\.[0-9]+$'
 for library in DCMTK OpenEXR libpng jansson; do
     has out "^$library [0-9]"
 done
-for command in info render batch bench check compare presets; do
+for command in info render bench check compare presets; do
     ok $command --help
     has out "^Usage: ctsplat $command"
 done
