@@ -161,6 +161,7 @@ static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsReport *r
 const CtsEngine cts_engine_raycast = {
     .name = "raycast",
     .render = render,
+    .exact = true,
     .modes = 1u << CTS_MODE_COMPOSITE | 1u << CTS_MODE_MIP | 1u << CTS_MODE_MINIP | 1u << CTS_MODE_AVERAGE,
     .kernels = (1u << CTS_N_KERNELS) - 1,
 };

@@ -43,20 +43,23 @@ static void tell(const CtsVoidKey *key, const CtsPreset *preset, CtsReport *repo
                            text, of_visible, 100 * key->opacity_dropped);
 }
 
-CtsStatus cts_key_find(const CtsVolume *volume, const CtsPreset *preset, int n_threads, CtsVoidKey *key,
+CtsStatus cts_key_find(const CtsVolume *volume, const CtsPreset *preset, int n_threads, CtsFoundKey *found,
                        CtsReport *report, CtsError *err)
 {
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
     uint64_t *count = NULL;
-    CtsMixture mixture;
+    CtsMixture *mixture = &found->mixture;
     CtsStatus st = cts_volume_histogram(volume, n_threads, &count, err);
-    if (!st && !(st = cts_mixture_fit(count, volume->hu_offset, volume->hu_step, &mixture, err)) &&
-        !(st = cts_void_key_propose(&mixture, preset, count, volume->hu_offset, volume->hu_step, key, err))) {
-        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, mixture.n_voxels,
+    if (!st && !(st = cts_mixture_fit(count, volume->hu_offset, volume->hu_step, mixture, err)) &&
+        !(st = cts_void_key_propose(mixture, preset, count, volume->hu_offset, volume->hu_step, &found->key, err)))
+        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, mixture->n_voxels,
                          0);
-        plan_mixture(&mixture, key, report);
-        tell(key, preset, report);
-    }
     cts_volume_histogram_free(&count);
     return st;
+}
+
+void cts_key_tell(const CtsFoundKey *found, const CtsPreset *preset, CtsReport *report)
+{
+    plan_mixture(&found->mixture, &found->key, report);
+    tell(&found->key, preset, report);
 }

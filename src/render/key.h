@@ -6,8 +6,14 @@
 #include "ctsplat/report.h"
 #include "ctsplat/volume.h"
 
-/* The report gets the plan and the loss: a warning, and a line of what is left out. */
-CtsStatus cts_key_find(const CtsVolume *volume, const CtsPreset *preset, int n_threads, CtsVoidKey *key,
+typedef struct CtsFoundKey {
+    CtsMixture mixture;
+    CtsVoidKey key;
+} CtsFoundKey;
+
+CtsStatus cts_key_find(const CtsVolume *volume, const CtsPreset *preset, int n_threads, CtsFoundKey *found,
                        CtsReport *report, CtsError *err);
+/* The report gets the plan and the loss: a warning, and a line of what is left out. */
+void cts_key_tell(const CtsFoundKey *found, const CtsPreset *preset, CtsReport *report);
 
 #endif

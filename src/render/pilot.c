@@ -22,16 +22,22 @@ static CtsRenderSettings small_picture(const CtsRenderSettings *settings)
         s.mm_per_pixel *= fmax((double)settings->width / s.width, (double)settings->height / s.height);
     }
     s.verify = 0;
+    s.max_error = 0;
     s.want_depth = s.explain = false;
     return s;
 }
 
-static CtsStatus try_samples(const CtsReference *reference, const CtsVolume *volume, const CtsPreset *preset,
-                             const CtsRenderSettings *s, double *rms_255, CtsError *err)
+/* Renders all of a small picture. */
+static CtsStatus try_samples(const CtsReference *reference, CtsFrames *small, const CtsFrameTask *task, double *rms_255,
+                             CtsError *err)
 {
     CtsPicture *picture = NULL;
+    CtsFrame frame;
     CtsVerified verified;
-    CtsStatus st = cts_render_on_trial(volume, preset, s, &picture, err);
+    CtsStatus st = cts_frame_begin(&frame, small, task, NULL, err);
+    if (!st)
+        st = cts_frame_rows(&frame, 0, cts_frames_settings(small)->height, &picture, NULL, err);
+    st = cts_frame_end(&frame, st, NULL, err);
     if (!st)
         st = cts_reference_compare(reference, picture, &verified, err);
     cts_picture_free(&picture);
@@ -40,37 +46,49 @@ static CtsStatus try_samples(const CtsReference *reference, const CtsVolume *vol
     return st;
 }
 
-CtsStatus cts_pilot_samples(const CtsVolume *volume, const CtsVolume *original, const CtsPreset *preset,
-                            CtsRenderSettings *settings, CtsReport *report, CtsError *err)
+static void tell_samples(const CtsRenderSettings *small, double asked, int samples, double best, CtsReport *report)
 {
-    CtsReference *reference = NULL;
-    CtsRenderSettings s = small_picture(settings);
-    double best = INFINITY, rms_255 = INFINITY;
-    CtsStatus st = cts_reference_new(&reference, original, preset, &s, (size_t)s.width * (size_t)s.height, err);
-    /* First what the engine would do by itself. */
-    for (s.samples = 0; !st && rms_255 > s.max_error && s.samples <= MOST_SAMPLES;
-         s.samples = s.samples ? 2 * s.samples : 2) {
-        st = try_samples(reference, volume, preset, &s, &rms_255, err);
-        if (!st && rms_255 < best) {
-            best = rms_255;
-            settings->samples = s.samples;
-        }
-    }
-    cts_reference_free(&reference);
-    if (st)
-        return st;
     char sheets[32] = "the engine's own plan errs";
-    if (settings->samples > 0)
-        snprintf(sheets, sizeof sheets, "%d sheets a layer err", settings->samples);
-    if (best <= settings->max_error)
-        cts_report_finding(report, "max_error", CTS_NOTE, "--max-error %g: %s by %.3g/255 rms on %d trial rays",
-                           settings->max_error, sheets, best / MARGIN, s.width * s.height);
+    if (samples > 0)
+        snprintf(sheets, sizeof sheets, "%d sheets a layer err", samples);
+    if (best <= asked)
+        cts_report_finding(report, "max_error", CTS_NOTE, "--max-error %g: %s by %.3g/255 rms on %d trial rays", asked,
+                           sheets, best / MARGIN, small->width * small->height);
     else
         cts_report_finding(
             report, "max_error_missed", CTS_WARNING,
-            "--max-error %g is not reached: %s by %.3g/255 rms on %d trial rays (engine raycast is exact)",
-            settings->max_error, sheets, best / MARGIN, s.width * s.height);
-    return CTS_OK;
+            "--max-error %g is not reached: %s by %.3g/255 rms on %d trial rays (engine raycast is exact)", asked,
+            sheets, best / MARGIN, small->width * small->height);
+}
+
+/* How many samples a layer: first what the engine would do by itself, then 2, 4, 8 and so on. */
+static CtsStatus plan_samples(const CtsFrames *frames, const CtsRenderSettings *asked, CtsPlan *plan, CtsReport *report,
+                              CtsError *err)
+{
+    const CtsRenderSettings s = small_picture(asked);
+    const CtsVolume *volume = cts_frames_volume(frames);
+    const CtsPreset *preset = cts_frames_preset(frames);
+    CtsReference *reference = NULL;
+    CtsFrames *small = NULL;
+    CtsFrameTask task = {.azimuth_deg = s.azimuth_deg, .elevation_deg = s.elevation_deg};
+    double best = INFINITY, rms_255 = INFINITY;
+    CtsStatus st = cts_frames_new(&small, volume, preset, &s, err);
+    if (!st)
+        st = cts_reference_new(&reference, volume, preset, &s, (size_t)s.width * (size_t)s.height, err);
+    for (int samples = 0; !st && rms_255 > asked->max_error && samples <= MOST_SAMPLES;
+         samples = samples ? 2 * samples : 2) {
+        task.plan.samples = samples;
+        st = try_samples(reference, small, &task, &rms_255, err);
+        if (!st && rms_255 < best) {
+            best = rms_255;
+            plan->samples = samples;
+        }
+    }
+    cts_reference_free(&reference);
+    cts_frames_free(&small);
+    if (!st)
+        tell_samples(&s, asked->max_error, plan->samples, best, report);
+    return st;
 }
 
 /* Bands spread over the picture, or all of a small one. Returns how many. */
@@ -87,36 +105,83 @@ static int place_bands(int height, int first_rows[BANDS], int *n_rows)
     return BANDS;
 }
 
-CtsStatus cts_pilot_plan(const CtsScene *scene, CtsTrial trial, void *context, CtsRenderSettings *settings,
-                         CtsReport *report, CtsError *err)
+/* Renders these bands by a plan, and hands them to verify. Nothing is told. */
+typedef struct Trial {
+    CtsFrames *frames;
+    CtsFrameTask task;
+    int first_rows[BANDS], n_bands, n_rows;
+} Trial;
+
+static CtsStatus try_plan(const Trial *trial, CtsVerify *verify, CtsError *err)
 {
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), asked = settings->max_error;
+    CtsFrame frame;
+    CtsStatus st = cts_frame_begin(&frame, trial->frames, &trial->task, NULL, err);
+    for (int i = 0; i < trial->n_bands && !st; i++) {
+        CtsPicture *band = NULL;
+        if (!(st = cts_frame_rows(&frame, trial->first_rows[i], trial->n_rows, &band, NULL, err)))
+            cts_verify_take(verify, band);
+        cts_picture_free(&band);
+    }
+    return cts_frame_end(&frame, st, NULL, err);
+}
+
+static void tell_plan(double asked, double plan, const CtsVerified *best, CtsReport *report)
+{
+    const bool kept = 255 * BANDS_MARGIN * best->rmse_high <= asked;
+    cts_report_finding(report, kept ? "max_error" : "max_error_missed", kept ? CTS_NOTE : CTS_WARNING,
+                       "--max-error %g%s: the plan for %.3g/255 errs by %.3g/255 rms (95 %%: up to %.3g) on %d trial "
+                       "rays%s",
+                       asked, kept ? "" : " is not reached", plan, 255 * best->rmse, 255 * best->rmse_high,
+                       (int)best->pixels, kept ? "" : " (engine raycast is exact)");
+}
+
+/* The max_error that the engine is to plan by. scene is that of the picture, its volume the one before quantising. */
+static CtsStatus plan_by_error(CtsFrames *frames, const CtsScene *scene, CtsPlan *plan, CtsReport *report,
+                               CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), asked = scene->settings->max_error;
     CtsVerify verify = {0};
     CtsVerified found = {0}, best = {.rmse_high = INFINITY};
-    int first_rows[BANDS], n_rows;
-    const int n_bands = place_bands(scene->view.height, first_rows, &n_rows);
+    Trial trial = {.frames = frames,
+                   .task = {.azimuth_deg = scene->view.azimuth_deg, .elevation_deg = scene->view.elevation_deg}};
+    trial.n_bands = place_bands(scene->view.height, trial.first_rows, &trial.n_rows);
     CtsStatus st = cts_verify_begin(&verify, scene, RAYS, err);
     /* An engine's word is worth more than it says in most scenes, less in some. */
-    double plan = 2 * asked;
-    for (int i = 0; !st && i < MOST_PLANS && !(255 * BANDS_MARGIN * best.rmse_high <= asked); i++, plan /= 2) {
-        if ((st = trial(context, plan, first_rows, n_bands, n_rows, &verify, err)) ||
+    trial.task.plan.max_error = 2 * asked;
+    for (int i = 0; !st && i < MOST_PLANS && !(255 * BANDS_MARGIN * best.rmse_high <= asked); i++) {
+        if ((st = try_plan(&trial, &verify, err)) ||
             (i == 0 && ((st = cts_verify_choose(&verify, err)) || (st = cts_verify_cast(&verify, err)))) ||
             (st = cts_verify_judge(&verify, &found, err)))
             break;
         if (found.rmse_high < best.rmse_high) {
             best = found;
-            settings->max_error = plan;
+            plan->max_error = trial.task.plan.max_error;
         }
+        trial.task.plan.max_error /= 2;
     }
     cts_verify_free(&verify);
     if (st)
         return st;
-    const bool kept = 255 * BANDS_MARGIN * best.rmse_high <= asked;
-    cts_report_finding(report, kept ? "max_error" : "max_error_missed", kept ? CTS_NOTE : CTS_WARNING,
-                       "--max-error %g%s: the plan for %.3g/255 errs by %.3g/255 rms (95 %%: up to %.3g) on %d trial "
-                       "rays%s",
-                       asked, kept ? "" : " is not reached", settings->max_error, 255 * best.rmse, 255 * best.rmse_high,
-                       (int)best.pixels, kept ? "" : " (engine raycast is exact)");
+    tell_plan(asked, plan->max_error, &best, report);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
     return CTS_OK;
+}
+
+CtsStatus cts_pilot_plan(CtsFrames *frames, const double view_deg[2], CtsPlan *plan, CtsReport *report, CtsError *err)
+{
+    const CtsEngine *engine = cts_frames_engine(frames);
+    CtsRenderSettings asked = *cts_frames_settings(frames);
+    CtsSceneStore store;
+    CtsStatus st;
+    asked.azimuth_deg = view_deg[0];
+    asked.elevation_deg = view_deg[1];
+    *plan = (CtsPlan){.samples = asked.samples, .max_error = asked.max_error};
+    if (!(asked.max_error > 0) || asked.samples > 0 || engine->exact)
+        return CTS_OK;
+    if ((st = cts_scene_init(&store, cts_frames_volume(frames), cts_frames_preset(frames), &asked, err)) ||
+        store.preset.mode != CTS_MODE_COMPOSITE)
+        return st;
+    asked.mm_per_pixel = store.scene.view.mm_per_pixel;
+    return engine->plans_by_error ? plan_by_error(frames, &store.scene, plan, report, err)
+                                  : plan_samples(frames, &asked, plan, report, err);
 }

@@ -10,11 +10,18 @@
 #include "scene/view.h"
 #include "transfer/lut.h"
 
+/* How finely an engine is to work: as the settings ask, or as it was found that their error is kept. */
+typedef struct CtsPlan {
+    int samples;      /* sub-sheets per layer; 0: chosen by the engine */
+    double max_error; /* in 1/255 rms; 0: the engine's default */
+} CtsPlan;
+
 typedef struct CtsScene {
     const CtsVolume *volume;
     const CtsPreset *preset;           /* mode and shade already as the settings ask */
     const CtsRenderSettings *settings; /* n_threads and kernel_radius already resolved */
     const CtsLut *lut;                 /* NULL in mip, minip and average */
+    CtsPlan plan;
     CtsView view;
     double extinction_scale; /* as in lut; for engines that evaluate the preset themselves */
     /* What the engine keeps from frame to frame of one volume and one preset: *kept is NULL for the first frame, then
@@ -29,6 +36,10 @@ typedef struct CtsEngine {
     CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err);
     unsigned modes;             /* bit 1 << CtsMode for each it can do */
     unsigned kernels;           /* bit 1 << CtsKernelId */
+    bool exact;                 /* nothing is left to plan: every pixel is what the scene says */
+    bool plans_by_error;        /* makes its own plan of plan.max_error; others know plan.samples alone */
+    bool repeats_layers;        /* goes through all layers for each band of rows */
+    bool skips_void;            /* leaves out what is provably invisible */
     bool takes_key;             /* skips what counts as void by the scene's lut, so that --void key has a use */
     void (*forget)(void *kept); /* frees what render left in *scene->kept; NULL for an engine that keeps nothing */
 } CtsEngine;

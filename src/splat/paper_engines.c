@@ -3,12 +3,20 @@
 
 enum { COMPOSITE = 1u << CTS_MODE_COMPOSITE, EVERY_KERNEL = (1u << CTS_N_KERNELS) - 1 };
 
-#define ENGINE(name, reuse_layers, skip_void)                                                                          \
-    static CtsStatus render_##name(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)       \
+#define ENGINE(id, reuse_layers, without_void)                                                                         \
+    static CtsStatus render_##id(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)         \
     {                                                                                                                  \
-        return cts_paper_render(scene, (CtsPaperFeatures){reuse_layers, skip_void}, picture, report, err);             \
+        return cts_paper_render(scene, (CtsPaperFeatures){reuse_layers, without_void}, picture, report, err);          \
     }                                                                                                                  \
-    const CtsEngine cts_engine_##name = {#name, render_##name, COMPOSITE, EVERY_KERNEL, skip_void, NULL};
+    const CtsEngine cts_engine_##id = {                                                                                \
+        .name = #id,                                                                                                   \
+        .render = render_##id,                                                                                         \
+        .modes = COMPOSITE,                                                                                            \
+        .kernels = EVERY_KERNEL,                                                                                       \
+        .repeats_layers = true,                                                                                        \
+        .skips_void = without_void,                                                                                    \
+        .takes_key = without_void,                                                                                     \
+    };
 
 ENGINE(classic, false, false)
 ENGINE(layers, true, false)

@@ -34,7 +34,7 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
         p->raster.first_row = p->picture->first_row;
     }
     p->tiles = cts_tiles(&p->stack, density);
-    p->samples = settings->samples > 0 ? settings->samples : 1;
+    p->samples = p->scene->plan.samples > 0 ? p->scene->plan.samples : 1;
     p->n_sheets = p->samples > 1 ? 2 : 1;
     p->n_threads = settings->n_threads;
     p->by_bands = p->raster.filled && p->raster.by_layer[1] == 0 && p->tiles.n_bands >= BANDS_A_THREAD * p->n_threads;

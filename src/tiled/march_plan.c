@@ -41,13 +41,12 @@ static Steepness find_steepness(const CtsScene *scene, const CtsSlabTable *table
  * about a twentieth of the step that it trusts. */
 static void choose_fill(TiledJob *j, const CtsScene *scene)
 {
-    const CtsRenderSettings *s = scene->settings;
     double finest_mm = INFINITY, apart_mm = 2 * scene->view.mm_per_pixel;
     for (int axis = 0; axis < 3; axis++)
         finest_mm = fmin(finest_mm, cts_volume_spacing_mm(scene->volume, axis));
-    j->fill_step = (float)(8 * 4 * (s->max_error > 0 ? s->max_error : 0.5) / 255);
+    j->fill_step = (float)(8 * 4 * (scene->plan.max_error > 0 ? scene->plan.max_error : 0.5) / 255);
     j->fill_levels = 0;
-    for (; s->samples == 0 && apart_mm <= 1.1 * finest_mm && j->fill_levels < TILED_MOST_LEVELS; apart_mm *= 2)
+    for (; scene->plan.samples == 0 && apart_mm <= 1.1 * finest_mm && j->fill_levels < TILED_MOST_LEVELS; apart_mm *= 2)
         j->fill_levels++;
 }
 
@@ -55,21 +54,20 @@ static void choose_fill(TiledJob *j, const CtsScene *scene)
  * of the sheets, and with the limits as long as those find what bends. */
 void tiled_plan(TiledJob *j, const CtsScene *scene)
 {
-    const CtsRenderSettings *s = scene->settings;
-    const double asked = s->max_error > 0 ? s->max_error : 0.5, part = fmin(asked / 0.5, 8);
+    const double asked = scene->plan.max_error > 0 ? scene->plan.max_error : 0.5, part = fmin(asked / 0.5, 8);
     const double grey_per_hu = 1 / scene->volume->hu_step;
     const Steepness steep = find_steepness(scene, &j->table);
     /* So much of the display's range may a bend show more or less of in 1 mm, and colours differ by within a slab. */
     const double oblique = fmax(hypot(j->u_at[3], j->v_at[3]) / 0.75, 1);
     const double bend_hu = part * fmin(0.24 / steep.shown, 140) / pow(oblique, 1.5);
     const double hiding_hu = part * fmin(0.04 / steep.colour, 300);
-    const bool looks = s->samples == 0 && !j->straight;
+    const bool looks = scene->plan.samples == 0 && !j->straight;
     /* A steep preset seen far from an axis shows what a look half way does not tell. */
-    j->sheets = s->samples > 0 ? s->samples : looks && oblique > 1.2 && bend_hu < 35 * part ? 2 : 1;
+    j->sheets = scene->plan.samples > 0 ? scene->plan.samples : looks && oblique > 1.2 && bend_hu < 35 * part ? 2 : 1;
     j->most_due = (float)(0.004 * fmin(part, 2));
     /* More sheets leave less that bends within a look's reach, and make more cuts. */
     const double each = j->straight ? 0.03 : 0.12;
-    while (s->samples == 0 && j->sheets < 16 && asked * j->sheets < each)
+    while (scene->plan.samples == 0 && j->sheets < 16 && asked * j->sheets < each)
         j->sheets *= 2;
     j->samples = 4 * j->sheets;
     j->refine_grey = looks ? (float)(bend_hu * grey_per_hu) : INFINITY;
@@ -79,7 +77,7 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
     j->quiet_low = j->table.quiet_low - near;
     j->quiet_high = j->table.quiet_high + near;
     /* More sheets share what is allowed; where they are asked for, all errors are to fall with their square. */
-    const double crowd = s->samples > 0 ? pow(j->sheets, 3) : j->sheets;
+    const double crowd = scene->plan.samples > 0 ? pow(j->sheets, 3) : j->sheets;
     j->hiding = (float)(crowd / (hiding_hu * grey_per_hu * (double)j->table.per_grey));
     j->faint_depth = 0.25f;
     j->stiff_depth = 3;
@@ -104,10 +102,10 @@ void tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLayout
                     j->table.n, (double)j->table.per_grey, step / (double)(j->hiding * j->table.per_grey),
                     (double)j->stiff_depth);
     cts_report_plan(report, "sheets: %d a layer, %s", j->sheets,
-                    s->samples > 0     ? "as asked"
-                    : s->max_error > 0 ? "for the error asked for"
-                    : j->shade         ? "for an error below 0.5/255 but for lighting"
-                                       : "for an error below 0.5/255");
+                    scene->plan.samples > 0     ? "as asked"
+                    : scene->plan.max_error > 0 ? "for the error asked for"
+                    : j->shade                  ? "for an error below 0.5/255 but for lighting"
+                                                : "for an error below 0.5/255");
     if (j->refine_grey < INFINITY)
         cts_report_plan(
             report,
@@ -127,7 +125,7 @@ void tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLayout
             1 << j->fill_levels, 255 * (double)j->fill_step);
     else
         cts_report_skip(report, "filling rows", "%s",
-                        s->samples > 0 ? "sheets were asked for" : "pixels are no finer than half a voxel");
+                        scene->plan.samples > 0 ? "sheets were asked for" : "pixels are no finer than half a voxel");
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; kernel %s; %d threads",
                     (double)j->stop_transmittance, j->shade ? "on" : "off", kernel, s->n_threads);
     cts_report_skip(report, "point samples", "two table entries integrate a whole slab");

@@ -4,7 +4,7 @@
 
 #include "tiled/march.h"
 
-/* Sheets and limits, from settings->samples and settings->max_error and how steep the preset is. The job has its
+/* Sheets and limits, from the scene's plan and how steep the preset is. The job has its
  * geometry and its table. */
 void tiled_plan(TiledJob *job, const CtsScene *scene);
 

@@ -254,6 +254,8 @@ end:
 const CtsEngine cts_engine_tiled = {
     .name = "tiled",
     .render = render_tiled,
+    .plans_by_error = true,
+    .skips_void = true,
     .modes = (1u << CTS_N_MODES) - 1,
     .kernels = 1u << CTS_KERNEL_TENT,
     .forget = tiled_kept_free,

@@ -1,0 +1,270 @@
+#include "render/frames.h"
+
+#include "base/clock.h"
+#include "base/mem.h"
+#include "render/engines.h"
+#include "render/key.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct CtsFrames {
+    const CtsVolume *volume; /* what the engine gets: the caller's, or quantised */
+    const CtsVolume *original;
+    CtsVolume *quantised;
+    CtsPreset preset;
+    CtsRenderSettings settings;
+    const CtsEngine *engine;
+    CtsLut *lut;
+    double lut_scale; /* extinction_scale that lut was made for */
+    CtsFoundKey key;
+    bool key_found, key_told;
+    void *kept; /* the engine's */
+};
+
+static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const CtsEngine **engine, CtsError *err)
+{
+    const CtsEngine *e = cts_engine(s->engine);
+    if (!(e->modes >> mode & 1))
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no mode %s (tiled and raycast have)", e->name,
+                        cts_mode_names[mode]);
+    if (!(e->kernels >> s->kernel & 1))
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no kernel %s", e->name, cts_kernel_names[s->kernel]);
+    *engine = e;
+    return CTS_OK;
+}
+
+CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsPreset *preset,
+                         const CtsRenderSettings *settings, CtsError *err)
+{
+    CtsStatus st;
+    CtsSceneStore store;
+    const CtsEngine *engine = NULL;
+    *frames = NULL;
+    if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
+        (st = choose_engine(&store.settings, store.preset.mode, &engine, err)))
+        return st;
+    CtsFrames *f = calloc(1, sizeof *f);
+    if (!f)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    *f = (CtsFrames){.volume = volume, .original = volume, .preset = *preset, .settings = *settings, .engine = engine};
+    if (settings->grey_bits < 16) {
+        st = cts_volume_quantise(volume, settings->grey_bits, preset->window_low_hu, preset->window_high_hu,
+                                 settings->n_threads, &f->quantised, err);
+        f->volume = f->quantised;
+    }
+    *frames = f;
+    if (st)
+        cts_frames_free(frames);
+    return st;
+}
+
+void cts_frames_free(CtsFrames **frames)
+{
+    CtsFrames *f = *frames;
+    if (!f)
+        return;
+    if (f->kept && f->engine->forget)
+        f->engine->forget(f->kept);
+    cts_lut_free(&f->lut);
+    cts_volume_free(&f->quantised);
+    free(f);
+    *frames = NULL;
+}
+
+const CtsEngine *cts_frames_engine(const CtsFrames *frames)
+{
+    return frames->engine;
+}
+
+const CtsRenderSettings *cts_frames_settings(const CtsFrames *frames)
+{
+    return &frames->settings;
+}
+
+const CtsPreset *cts_frames_preset(const CtsFrames *frames)
+{
+    return &frames->preset;
+}
+
+const CtsVolume *cts_frames_volume(const CtsFrames *frames)
+{
+    return frames->original;
+}
+
+/* From where skin meets air up to soft tissue: what is seen of it outlines a face. */
+static bool shows_skin(const CtsPreset *preset)
+{
+    bool seen = false;
+    for (double hu = -700; hu <= 80 && preset->mode == CTS_MODE_COMPOSITE; hu += 20)
+        seen = seen || cts_preset_extinction_per_mm(preset, hu) > 0.01;
+    return seen;
+}
+
+static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *engine_name)
+{
+    const CtsView *view = &scene->view;
+    memcpy(info->preset, scene->preset->name, sizeof info->preset);
+    strncpy(info->engine, engine_name, sizeof info->engine - 1);
+    info->mode = scene->preset->mode;
+    info->azimuth_deg = view->azimuth_deg;
+    info->elevation_deg = view->elevation_deg;
+    info->mm_per_pixel = view->mm_per_pixel;
+    info->window_low_hu = scene->preset->window_low_hu;
+    info->window_high_hu = scene->preset->window_high_hu;
+    memcpy(info->right_lps, view->right_lps, sizeof info->right_lps);
+    memcpy(info->up_lps, view->up_lps, sizeof info->up_lps);
+    memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
+    memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
+    info->shows_skin = shows_skin(scene->preset);
+    info->grey = cts_preset_is_grey(scene->preset, scene->preset->mode);
+    info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
+}
+
+/* What --void key leaves out of the transfer function's table; the mixture is that of the volume as it was loaded. */
+static CtsStatus hide_void(CtsFrames *f, const CtsScene *scene, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if (!f->settings.void_key || !f->engine->takes_key)
+        return CTS_OK;
+    if (!f->key_found &&
+        (st = cts_key_find(f->original, scene->preset, scene->settings->n_threads, &f->key, report, err)))
+        return st;
+    f->key_found = true;
+    cts_lut_hide(f->lut, &f->key.key, f->volume);
+    return CTS_OK;
+}
+
+static void tell_no_key(const CtsEngine *engine, CtsReport *report)
+{
+    const char *const why = engine->skips_void ? "skips only what is provably invisible" : "skips no void";
+    cts_report_skip(report, "void key", "engine %s %s", engine->name, why);
+    cts_report_finding(report, "void_key_unused", CTS_WARNING,
+                       "--void key: engine %s %s, so nothing is lost (void and combined take the key)", engine->name,
+                       why);
+}
+
+/* Once for all frames, with the first report that there is. */
+static void tell_key(CtsFrames *f, CtsReport *report)
+{
+    if (!f->settings.void_key || f->key_told || !report)
+        return;
+    if (!f->engine->takes_key)
+        tell_no_key(f->engine, report);
+    else if (f->key_found)
+        cts_key_tell(&f->key, &f->preset, report);
+    f->key_told = true;
+}
+
+/* The transfer function's table for this scene; only with --opacity-unit voxel does it depend on the view. */
+static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsError *err)
+{
+    const CtsPreset *p = scene->preset;
+    if (p->mode != CTS_MODE_COMPOSITE) {
+        cts_report_skip(report, "transfer function", "mode %s shows HU through the window", cts_mode_names[p->mode]);
+        return CTS_OK;
+    }
+    if (f->lut && f->lut_scale == scene->extinction_scale) {
+        cts_report_skip(report, "transfer function table", "made for an earlier frame");
+    } else {
+        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+        cts_lut_free(&f->lut);
+        CtsStatus st;
+        if ((st = cts_lut_new(&f->lut, p, f->volume, scene->extinction_scale, scene->settings->n_threads, err)))
+            return st;
+        f->lut_scale = scene->extinction_scale;
+        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, CTS_N_GREY, 0);
+        if ((st = hide_void(f, scene, report, err))) {
+            cts_lut_free(&f->lut);
+            return st;
+        }
+    }
+    scene->lut = f->lut;
+    return CTS_OK;
+}
+
+static void tell_left_out(const CtsFrame *frame, CtsReport *report)
+{
+    const CtsPreset *p = &frame->store.preset;
+    if (!p->shade)
+        cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p->mode],
+                        p->mode != CTS_MODE_COMPOSITE            ? "its nature"
+                        : frame->store.settings.shade == CTS_OFF ? "--shade off"
+                                                                 : "the preset");
+    if (!frame->want_depth)
+        cts_report_skip(report, "depth", "not asked for (an .exr output holds it)");
+    else if (p->mode != CTS_MODE_COMPOSITE)
+        cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
+}
+
+CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *task, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    CtsRenderSettings settings = f->settings;
+    *frame = (CtsFrame){.frames = f, .want_depth = task->want_depth, .explain = task->explain};
+    settings.azimuth_deg = task->azimuth_deg;
+    settings.elevation_deg = task->elevation_deg;
+    if ((st = cts_scene_init(&frame->store, f->volume, &f->preset, &settings, err)))
+        return st;
+    frame->store.scene.plan = task->plan;
+    frame->store.scene.kept = &f->kept;
+    if ((st = find_lut(f, &frame->store.scene, report, err)))
+        return st;
+    tell_key(f, report);
+    tell_left_out(frame, report);
+    const bool lossy = report && report->key_loss > 0;
+    const int n = task->n_verified > 0 ? task->n_verified : lossy ? task->least_lossy : 0;
+    if (n == 0 || task->explain)
+        return CTS_OK;
+    frame->original = frame->store.scene;
+    frame->original.volume = f->original;
+    return cts_verify_begin(&frame->verify, &frame->original, (size_t)n, err);
+}
+
+/* Rows of the picture to be, empty. */
+static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsPicture **picture, CtsError *err)
+{
+    const CtsScene *scene = &frame->store.scene;
+    const CtsRenderSettings *s = scene->settings;
+    CtsStatus st;
+    if ((st = cts_picture_new(picture, s->width, n_rows, 4, err)))
+        return st;
+    (*picture)->first_row = first_row;
+    (*picture)->whole_height = s->height;
+    fill_info(&(*picture)->info, scene, frame->frames->engine->name);
+    if (!frame->want_depth || scene->preset->mode != CTS_MODE_COMPOSITE)
+        return CTS_OK;
+    const size_t n = (size_t)s->width * (size_t)n_rows;
+    if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
+        return st;
+    for (size_t i = 0; i < n; i++)
+        (*picture)->depth_mm[i] = INFINITY;
+    return CTS_OK;
+}
+
+CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err)
+{
+    return frame->frames->engine->render(&frame->store.scene, NULL, report, err);
+}
+
+CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
+                         CtsError *err)
+{
+    *band = NULL;
+    CtsStatus st = new_band(frame, first_row, n_rows, band, err);
+    if (!st)
+        st = frame->frames->engine->render(&frame->store.scene, *band, report, err);
+    if (st)
+        cts_picture_free(band);
+    else
+        cts_verify_take(&frame->verify, *band);
+    return st;
+}
+
+CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err)
+{
+    if (!st && !frame->explain)
+        st = cts_verify_end(&frame->verify, report, err);
+    cts_verify_free(&frame->verify);
+    return st;
+}
