@@ -13,7 +13,7 @@ static unsigned big16(const uint8_t *p)
 }
 
 /* Start of frame: DCMTK searches it by segment lengths too, but never gets past FF 01 (TEM). */
-static CtsStatus check_jpeg(const CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
+CtsStatus cts_codec_check_jpeg(const CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
 {
     size_t pos = 2;
     if (n < 4 || p[0] != 0xFF || p[1] != 0xD8)
@@ -45,7 +45,7 @@ static CtsStatus check_jpeg(const CtsCodecFrame *f, const uint8_t *p, size_t n, 
     return CTS_OK;
 }
 
-static CtsStatus check_rle(const CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
+CtsStatus cts_codec_check_rle(const CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
 {
     const uint32_t segments = (uint32_t)(f->n_samples * f->bits_allocated / 8);
     if (n < 64 || little32(p) != segments)
@@ -62,6 +62,8 @@ static CtsStatus check_rle(const CtsCodecFrame *f, const uint8_t *p, size_t n, C
 
 CtsStatus cts_codec_check(const CtsCodecFrame *f, const uint8_t *pixels, size_t n, CtsError *err)
 {
+    if (f->codec != CTS_CODEC_RLE && f->codec != CTS_CODEC_JPEG && f->codec != CTS_CODEC_JPEG_LS)
+        return cts_fail(err, CTS_ERR_SYNTAX, "its transfer syntax is neither RLE nor JPEG nor JPEG-LS");
     /* The first item is the offset table, which decoders must not need; then one or more fragments. */
     const uint64_t table = n < 8 ? UINT64_MAX : (uint64_t)little32(pixels + 4) + 8;
     if (table + 16 > n || table > n || memcmp(pixels + table, "\xfe\xff\x00\xe0", 4) != 0)
@@ -71,8 +73,8 @@ CtsStatus cts_codec_check(const CtsCodecFrame *f, const uint8_t *pixels, size_t 
     if (n_fragment > left)
         return cts_fail(err, CTS_ERR_PIXELS, "a fragment of its compressed pixels does not fit");
     if (f->codec != CTS_CODEC_RLE)
-        return check_jpeg(f, fragment, n_fragment, err);
+        return cts_codec_check_jpeg(f, fragment, n_fragment, err);
     if (f->n_frames == 1 && (left < n_fragment + 8 || memcmp(fragment + n_fragment, "\xfe\xff\xdd\xe0", 4) != 0))
         return cts_fail(err, CTS_ERR_PIXELS, "its RLE frame is spread over several fragments");
-    return check_rle(f, fragment, n_fragment, err);
+    return cts_codec_check_rle(f, fragment, n_fragment, err);
 }

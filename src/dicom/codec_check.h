@@ -17,4 +17,8 @@ typedef struct CtsCodecFrame {
  * are not the header's, or its markers or offsets are damaged. */
 CtsStatus cts_codec_check(const CtsCodecFrame *frame, const uint8_t *pixels, size_t n, CtsError *err);
 
+/* One frame's joined fragments, looked over as a JPEG or JPEG-LS stream, or as an RLE one. */
+CtsStatus cts_codec_check_jpeg(const CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
+CtsStatus cts_codec_check_rle(const CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
+
 #endif

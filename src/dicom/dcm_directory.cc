@@ -60,6 +60,7 @@ try {
     const CtsStatus st = cts_dcm_start(err);
     if (st)
         return st;
+    const CtsDcmUse use(cts_dcm_in_use());
     DcmDataset data_set;
     const OFCondition result = cts_dcm_parse(data_set, bytes, n, native);
     DcmSequenceOfItems *records = nullptr;

@@ -6,6 +6,8 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <mutex>
+#include <shared_mutex>
 
 class DcmDataset;
 class OFCondition;
@@ -18,6 +20,10 @@ struct CtsDcmLog {
 
 CtsDcmLog &cts_dcm_log();
 void cts_dcm_log_reset();
+
+/* Held for as long as a thread is inside DCMTK, so that a fork finds none of its locks taken (decoder.h). */
+std::shared_mutex &cts_dcm_in_use();
+using CtsDcmUse = std::shared_lock<std::shared_mutex>;
 
 /* Parse a data set that is whole in memory. */
 OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax);

@@ -1,4 +1,4 @@
-/* DCMTK data set -> slice record; compressed frame -> stored words; DICOMDIR -> file names. */
+/* DCMTK data set -> slice record. */
 #include <dcmtk/config/osconfig.h>
 
 #include "dicom/dcm_door.hpp"
@@ -292,8 +292,10 @@ void read_identity(Attributes &item, CtsSlice *s)
     const std::string_view image_type = text_of(item, DCM_ImageType);
     for (int i = 2; i < 8; i++)
         s->localizer |= part_of(image_type, i) == "LOCALIZER";
-    if (text_of(item, DCM_LossyImageCompression) == "01")
+    const std::string_view lossy = text_of(item, DCM_LossyImageCompression);
+    if (lossy == "01")
         s->odd |= CTS_ODD_LOSSY;
+    s->told_lossless = lossy == "00";
 }
 
 bool read_shape(Attributes &item, CtsSlice *s)
@@ -488,6 +490,7 @@ try {
     const CtsStatus st = cts_dcm_start(err);
     if (st)
         return st;
+    const CtsDcmUse use(cts_dcm_in_use());
     DcmDataset data_set;
     const OFCondition result = cts_dcm_parse(data_set, bytes, n, native);
     if (result.bad())
@@ -499,35 +502,4 @@ try {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
     return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
-}
-
-CtsStatus cts_dcm_decode(const uint8_t *bytes, size_t n, const CtsSlice *slice, void *pixels, CtsError *err)
-try {
-    const CtsStatus st = cts_dcm_start(err);
-    if (st)
-        return st;
-    DcmDataset data_set;
-    OFCondition result = cts_dcm_parse(data_set, bytes, n, slice->syntax);
-    DcmElement *element = nullptr;
-    if (result.good())
-        result = data_set.findAndGetElement(DCM_PixelData, element);
-    DcmPixelData *pixel_data = dynamic_cast<DcmPixelData *>(element);
-    if (result.bad() || !pixel_data)
-        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels cannot be read: %s",
-                        result.bad() ? result.text() : "no pixel data");
-    const Uint32 n_bytes = static_cast<Uint32>(slice->rows) * static_cast<Uint32>(slice->columns) *
-                           static_cast<Uint32>(slice->bits_allocated / 8);
-    Uint32 fragment = 0;
-    OFString colour_model;
-    cts_dcm_log_reset();
-    result = pixel_data->getUncompressedFrame(&data_set, 0, fragment, pixels, n_bytes, colour_model);
-    if (result.bad())
-        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels cannot be decoded: %s", result.text());
-    if (cts_dcm_log().n > 0)
-        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are damaged: %s", cts_dcm_log().first);
-    return CTS_OK;
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-} catch (...) {
-    return cts_fail(err, CTS_ERR_PIXELS, "unexpected failure in DCMTK's decoder");
 }

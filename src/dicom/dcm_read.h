@@ -7,6 +7,7 @@
 #include "dicom/tag_scan.h"
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/types.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -15,6 +16,10 @@ extern "C" {
 /* Before any other use of DCMTK, by whoever uses it: its log goes to a counter instead of stderr, the decoders are
  * registered, the data dictionary is loaded, which takes several ms. Later calls return the first one's result. */
 CtsStatus cts_dcm_start(CtsError *err);
+/* The same without the dictionary, which decoders do not need. */
+CtsStatus cts_dcm_start_decoders(CtsError *err);
+/* fork(), while no other thread is inside DCMTK. */
+pid_t cts_dcm_fork(void);
 
 /* Read the attributes of a data set that ends before its pixels, encoded as `native` (an uncompressed syntax), into
  * slice: all but path, file facts, syntax, odd syntax flags and the place of the pixels, which the caller knows.
@@ -23,11 +28,6 @@ CtsStatus cts_dcm_start(CtsError *err);
  * whose values cannot be used is a success with slice->fault set. */
 CtsStatus cts_dcm_read_header(const uint8_t *data_set, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
                               const char *media_class, CtsSlice *slice, CtsError *err);
-
-/* Decode the single frame of a compressed slice: data_set runs from its first element to the end of PixelData.
- * Writes rows * columns stored words of bits_allocated bits to pixels. CTS_ERR_PIXELS when the decoder fails or as much
- * as warns: its warnings are noise in the picture. */
-CtsStatus cts_dcm_decode(const uint8_t *data_set, size_t n, const CtsSlice *slice, void *pixels, CtsError *err);
 
 /* The files a DICOMDIR's records name, relative to its folder, '/' between the parts; only names made of plain parts
  * (no "..", no slash). Free each and the array with free(). */

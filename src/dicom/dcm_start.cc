@@ -15,6 +15,7 @@
 #include <dcmtk/oflog/spi/logevent.h>
 #include <mutex>
 #include <new>
+#include <unistd.h>
 
 namespace log4cplus = dcmtk::log4cplus;
 
@@ -64,7 +65,7 @@ class CountingAppender : public log4cplus::Appender
     }
 };
 
-bool start()
+bool start_decoders()
 {
     OFLog::configure(OFLogger::WARN_LOG_LEVEL);
     log4cplus::Logger root = log4cplus::Logger::getRoot();
@@ -73,14 +74,39 @@ bool start()
     DcmRLEDecoderRegistration::registerCodecs();
     DJDecoderRegistration::registerCodecs();
     DJLSDecoderRegistration::registerCodecs();
-    return dcmDataDict.isDictionaryLoaded();
+    return true;
 }
 
 } // namespace
 
+std::shared_mutex &cts_dcm_in_use()
+{
+    static std::shared_mutex mutex;
+    return mutex;
+}
+
+pid_t cts_dcm_fork(void)
+{
+    const std::unique_lock<std::shared_mutex> alone(cts_dcm_in_use());
+    return fork();
+}
+
+CtsStatus cts_dcm_start_decoders(CtsError *err)
+try {
+    static const bool started = start_decoders();
+    return started ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while DCMTK starts");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
+}
+
 CtsStatus cts_dcm_start(CtsError *err)
 try {
-    static const bool loaded = start();
+    const CtsStatus st = cts_dcm_start_decoders(err);
+    if (st)
+        return st;
+    static const bool loaded = dcmDataDict.isDictionaryLoaded();
     return loaded ? CTS_OK
                   : cts_fail(
                         err, CTS_ERR_INTERNAL,

@@ -1,42 +1,99 @@
 #define _GNU_SOURCE
-#include "dicom/codec_check.h"
-#include "dicom/dcm_read.h"
+#include "dicom/decoder.h"
 #include "dicom/file_bytes.h"
 #include "dicom/slice.h"
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
 
 /* What is read at a time, so that it is still in the nearest caches when it is looked at. */
 enum { PART_BYTES = 64 << 10 };
 
-static CtsStatus read_deflated(const CtsSlice *s, const CtsFileBytes *file, CtsScratch *scratch, uint8_t *bytes,
-                               size_t n, CtsError *err)
+void cts_scratch_free(CtsScratch *scratch)
 {
-    const size_t n_deflated = (size_t)(s->file_bytes - s->data_offset);
-    size_t got = 0;
-    CtsStatus st = cts_bytes_reserve(&scratch->file, &scratch->file_capacity, n_deflated, err);
-    if (!st)
-        st = cts_file_bytes_read(file, scratch->file, n_deflated, s->data_offset, err);
-    if (!st)
-        st = cts_inflate(scratch->file, n_deflated, s->pixel_offset, bytes, n, &got, err);
-    if (!st && got < n)
-        st = cts_fail(err, CTS_ERR_PIXELS, "truncated: PixelData needs %zu bytes, %zu left", n, got);
-    return st;
+    free(scratch->file);
+    free(scratch->inflated);
+    if (scratch->decoder)
+        cts_decoder_stop(scratch->decoder);
+    free(scratch->decoder);
+    *scratch = (CtsScratch){0};
 }
 
-/* Only the part of the file from the data set to the end of PixelData reaches the decoder. */
-static CtsStatus read_compressed(const CtsSlice *s, const CtsFileBytes *file, CtsScratch *scratch, void *bytes,
-                                 CtsError *err)
+/* Takes the items' own 8 bytes out from between the fragments; most frames have one fragment, which stays where it is.
+ */
+static CtsStatus join_fragments(uint8_t **stream, size_t *n, CtsError *err)
 {
-    const uint64_t offset = s->pixel_offset - s->data_offset;
-    const size_t n = (size_t)(offset + s->pixel_bytes);
-    const CtsCodecFrame frame = {s->syntax->codec, s->columns, s->rows, s->bits_allocated, 1, 1};
-    CtsStatus st = cts_bytes_reserve(&scratch->file, &scratch->file_capacity, n, err);
+    uint8_t *const bytes = *stream;
+    size_t n_joined = 0, pos = 0;
+    while (*n - pos >= 8) {
+        const size_t length =
+            bytes[pos + 4] | (size_t)bytes[pos + 5] << 8 | (size_t)bytes[pos + 6] << 16 | (size_t)bytes[pos + 7] << 24;
+        pos += 8;
+        if (length > *n - pos)
+            break;
+        if (n_joined == 0)
+            *stream = bytes + pos;
+        else
+            memmove(*stream + n_joined, bytes + pos, length);
+        n_joined += length;
+        pos += length;
+    }
+    if (pos != *n)
+        return cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
+    *n = n_joined;
+    return CTS_OK;
+}
+
+/* What a decoder is given: the frame's fragments, or a deflated data set whole. */
+static void find_stream(const CtsSlice *s, uint64_t *offset, uint64_t *n)
+{
+    *offset = s->syntax->deflated ? s->data_offset : s->pixel_offset;
+    *n = s->syntax->deflated ? s->file_bytes - s->data_offset : s->pixel_bytes;
+}
+
+static CtsStatus decode(const CtsSlice *s, const CtsFileBytes *file, CtsScratch *scratch, const void **pixels,
+                        CtsError *err)
+{
+    const CtsFrameFormat format = {.syntax = s->syntax,
+                                   .columns = s->columns,
+                                   .rows = s->rows,
+                                   .bits_allocated = s->bits_allocated,
+                                   .bits_stored = s->bits_stored,
+                                   .high_bit = s->high_bit,
+                                   .is_signed = s->is_signed,
+                                   .padding_word = s->padding_word,
+                                   .n_before = s->pixel_offset};
+    uint64_t offset, n_bytes;
+    uint8_t *stream;
+    find_stream(s, &offset, &n_bytes);
+    size_t n = (size_t)n_bytes;
+    if (!scratch->decoder && !(scratch->decoder = calloc(1, sizeof *scratch->decoder)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!scratch->decoder->decode)
+        *scratch->decoder = cts_decoder_make(cts_codec_decode);
+    CtsStatus st = cts_decoder_room(scratch->decoder, &format, n, &stream, err);
     if (!st)
-        st = cts_file_bytes_read(file, scratch->file, n, s->data_offset, err);
-    if (!st)
-        st = cts_codec_check(&frame, scratch->file + offset, (size_t)s->pixel_bytes, err);
-    if (!st)
-        st = cts_dcm_decode(scratch->file, n, s, bytes, err);
-    return st;
+        st = cts_file_bytes_read(file, stream, n, offset, err);
+    if (!st && !s->syntax->deflated)
+        st = join_fragments(&stream, &n, err);
+    return st ? st : cts_decoder_run(scratch->decoder, &format, stream, n, pixels, err);
+}
+
+static bool is_compressed(const CtsSlice *s)
+{
+    return cts_syntax_encapsulated(s->syntax) || s->syntax->deflated;
+}
+
+void cts_slice_read_ahead(const CtsSlice *s)
+{
+    CtsFileBytes file;
+    uint64_t offset, n;
+    if (!is_compressed(s) || cts_file_bytes_open(&file, s->path, NULL))
+        return;
+    find_stream(s, &offset, &n);
+    if (file.fd >= 0)
+        posix_fadvise(file.fd, (off_t)offset, (off_t)n, POSIX_FADV_WILLNEED);
+    cts_file_bytes_close(&file);
 }
 
 static void swap_pairs(uint8_t *bytes, size_t n)
@@ -65,21 +122,20 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t
     const size_t frame_bytes = n * word_bytes;
     /* 8-bit pixels are read into the upper half of their place and widened forwards. */
     uint8_t *bytes = (uint8_t *)words + (2 * n - frame_bytes);
-    const bool plain = !cts_syntax_encapsulated(s->syntax) && !s->syntax->deflated;
-    const size_t part = plain ? PART_BYTES : frame_bytes;
+    const void *decoded = NULL; /* else the pixels are read as they are */
     CtsFileBytes file;
     CtsStatus st = cts_file_bytes_open(&file, s->path, err);
     if (!st && file.fd < 0)
         st = cts_fail(err, CTS_ERR_READ, "is no file any more");
     if (!st && (file.n_bytes != s->file_bytes || file.mtime_ns != s->mtime_ns))
         st = cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
-    if (!st && cts_syntax_encapsulated(s->syntax))
-        st = read_compressed(s, &file, scratch, bytes, err);
-    else if (!st && s->syntax->deflated)
-        st = read_deflated(s, &file, scratch, bytes, frame_bytes, err);
-    for (size_t first = 0; !st && first < frame_bytes; first += part) {
-        const size_t end = frame_bytes - first < part ? frame_bytes : first + part;
-        if (plain)
+    if (!st && is_compressed(s))
+        st = decode(s, &file, scratch, &decoded, err);
+    for (size_t first = 0; !st && first < frame_bytes; first += PART_BYTES) {
+        const size_t end = frame_bytes - first < PART_BYTES ? frame_bytes : first + PART_BYTES;
+        if (decoded)
+            memcpy(bytes + first, (const uint8_t *)decoded + first, end - first);
+        else
             st = cts_file_bytes_read(&file, bytes + first, end - first, s->pixel_offset + first, err);
         if (st)
             break;

@@ -44,7 +44,7 @@ typedef struct CtsSlice {
     bool has_acquisition, has_temporal;
     int acquisition_number, instance_number, temporal_index;
     double time_s; /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
-    bool localizer;
+    bool localizer, told_lossless; /* (0028,2110) is 00 */
 
     int rows, columns, bits_allocated, bits_stored, high_bit;
     bool is_signed;
@@ -57,8 +57,8 @@ typedef struct CtsSlice {
     double position_lps[3];           /* centre of the first pixel, mm */
     double column_spacing_mm, row_spacing_mm; /* along row_lps, along column_lps */
 
-    /* The value of PixelData (7FE0,0010): its place in the file, or in the inflated data set when deflated; fragments
-     * with their delimiter when encapsulated. */
+    /* The value of PixelData (7FE0,0010): its place in the file, or in the inflated data set when deflated; the frame's
+     * fragments, each with its item's 8 bytes in front, when encapsulated. */
     uint64_t pixel_offset, pixel_bytes;
     uint64_t data_offset; /* where the data set begins in the file */
     bool pixel_words;     /* VR OW: big-endian files swap 8-bit pixels in pairs */
@@ -80,6 +80,7 @@ const char *cts_slice_name(const CtsSlice *slice);
 typedef struct CtsScratch {
     uint8_t *file, *inflated;
     size_t file_capacity, inflated_capacity;
+    struct CtsDecoder *decoder; /* a process for compressed pixels, started when the first come */
 } CtsScratch;
 
 void cts_scratch_free(CtsScratch *scratch);
@@ -100,6 +101,9 @@ typedef void (*cts_words_ready_fn)(void *context, size_t first, size_t end);
  * and may change them. Fails with a message that has no path in it. */
 CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsScratch *scratch, uint16_t *words, cts_words_ready_fn ready,
                                 void *context, CtsError *err);
+
+/* Have the system fetch a compressed slice while another is decoded. Advice alone: nothing fails. */
+void cts_slice_read_ahead(const CtsSlice *slice);
 
 /* The file names in a DICOMDIR, with its own folder in front; free each and the array with free(). */
 CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,

@@ -13,13 +13,6 @@ enum {
     FIRST_INFLATE = 64 << 10
 };
 
-void cts_scratch_free(CtsScratch *scratch)
-{
-    free(scratch->file);
-    free(scratch->inflated);
-    *scratch = (CtsScratch){0};
-}
-
 /* The part of a file that has been read, from its start. */
 typedef struct Head {
     CtsFileBytes file;
@@ -123,20 +116,23 @@ static CtsStatus find_syntax(const Head *h, Framing *f, CtsSlice *slice, CtsErro
     return CTS_OK;
 }
 
-/* Walk the fragments by their lengths: the last one must be followed by the delimiter. */
+/* Walk the fragments by their lengths: the last one must be followed by the delimiter. The first item is the offset
+ * table, which is often wrong and never needed. */
 static void check_fragments(const Head *h, CtsSlice *slice)
 {
-    uint64_t pos = slice->pixel_offset;
-    for (;;) {
+    uint64_t pos = slice->pixel_offset, first = 0;
+    for (int n = 0;; n++) {
         uint8_t item[8];
         if (h->file.n_bytes < 8 || pos > h->file.n_bytes - 8 || cts_file_bytes_read(&h->file, item, 8, pos, NULL)) {
             cts_slice_fault(slice, CTS_ERR_PIXELS, "truncated: its compressed pixels have no end");
             return;
         }
         const uint32_t length = item[4] | (uint32_t)item[5] << 8 | (uint32_t)item[6] << 16 | (uint32_t)item[7] << 24;
-        pos += 8;
+        if (n == 1)
+            first = pos;
         if (memcmp(item, "\xfe\xff\xdd\xe0", 4) == 0)
             break;
+        pos += 8;
         if (memcmp(item, "\xfe\xff\x00\xe0", 4) != 0 || length > h->file.n_bytes - pos) {
             cts_slice_fault(slice, CTS_ERR_PIXELS,
                             "truncated or damaged: a fragment of its compressed pixels does not fit");
@@ -144,7 +140,10 @@ static void check_fragments(const Head *h, CtsSlice *slice)
         }
         pos += length;
     }
-    slice->pixel_bytes = pos - slice->pixel_offset;
+    if (!first || first == pos)
+        cts_slice_fault(slice, CTS_ERR_PIXELS, "its compressed pixels hold no fragment");
+    slice->pixel_offset = first;
+    slice->pixel_bytes = pos - first;
 }
 
 static void check_native_size(const Head *h, CtsSlice *slice)
@@ -174,7 +173,7 @@ static void check_pixels(const Head *h, const Framing *f, CtsSlice *slice)
     slice->pixel_offset = f->data.pixel_offset;
     slice->pixel_bytes = f->data.pixel_bytes;
     slice->pixel_words = f->data.pixel_words;
-    if (syntax && syntax->lossy)
+    if (syntax && (syntax->loss == CTS_LOSSY || (syntax->loss == CTS_MAYBE_LOSSY && !slice->told_lossless)))
         slice->odd |= CTS_ODD_LOSSY;
     if (!syntax)
         cts_slice_fault(slice, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with gdcmconv --raw)",

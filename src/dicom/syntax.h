@@ -13,13 +13,22 @@ typedef enum CtsCodec {
     CTS_CODEC_RLE,
     CTS_CODEC_JPEG,
     CTS_CODEC_JPEG_LS,
-    CTS_CODEC_NONE /* named here, but this build cannot decode it */
+    CTS_CODEC_JPEG_2000, /* HTJ2K too */
+    CTS_CODEC_NONE,      /* named here, but this build cannot decode it */
+    CTS_N_CODECS
 } CtsCodec;
+
+typedef enum CtsLoss {
+    CTS_LOSSLESS,
+    CTS_MAYBE_LOSSY, /* the header's Lossy Image Compression (0028,2110) tells */
+    CTS_LOSSY
+} CtsLoss;
 
 typedef struct CtsSyntax {
     const char *uid, *name;
     CtsCodec codec;
-    bool explicit_vr, big_endian, deflated, lossy;
+    bool explicit_vr, big_endian, deflated;
+    CtsLoss loss;
 } CtsSyntax;
 
 /* NULL for a UID that is not in the table. */

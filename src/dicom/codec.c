@@ -1,0 +1,35 @@
+#include "dicom/codec.h"
+
+#include "dicom/codec_check.h"
+#include "dicom/file_bytes.h"
+
+static CtsStatus inflate_pixels(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    size_t got = 0;
+    const CtsStatus st = cts_inflate(stream, n, f->n_before, pixels, cts_frame_bytes(f), &got, err);
+    if (!st && got < cts_frame_bytes(f))
+        return cts_fail(err, CTS_ERR_PIXELS, "truncated: PixelData needs %zu bytes, %zu left", cts_frame_bytes(f), got);
+    return st;
+}
+
+/* By CtsCodec. What the check refuses never reaches the decoder. */
+static const struct {
+    CtsStatus (*check)(const CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
+    cts_decode_fn decode;
+} codecs[CTS_N_CODECS] = {
+    [CTS_CODEC_NATIVE] = {NULL, inflate_pixels}, /* compressed only as a part of a deflated data set */
+    [CTS_CODEC_RLE] = {cts_codec_check_rle, cts_dcm_decode},
+    [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, cts_dcm_decode},
+    [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, cts_dcm_decode},
+    [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode}, /* OpenJPEG tells the stream's shape before it decodes */
+};
+
+CtsStatus cts_codec_decode(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    const CtsCodec codec = f->syntax->codec;
+    const CtsCodecFrame frame = {codec, f->columns, f->rows, f->bits_allocated, 1, 1};
+    if (!codecs[codec].decode)
+        return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s cannot be decoded by this build", f->syntax->uid);
+    const CtsStatus st = codecs[codec].check ? codecs[codec].check(&frame, stream, n, err) : CTS_OK;
+    return st ? st : codecs[codec].decode(f, stream, n, pixels, err);
+}

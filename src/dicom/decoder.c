@@ -1,0 +1,242 @@
+#define _GNU_SOURCE
+#include "dicom/decoder.h"
+
+#include "dicom/dcm_read.h"
+#include "dicom/sandbox.h"
+#include <errno.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+enum {
+    BASE_MEMORY = 256 << 20, /* what a codec may take for any frame */
+    PIXEL_MEMORY = 48,       /* and for each pixel: OpenJPEG holds it a few times as 32 bits */
+    STREAM_MEMORY = 4,       /* and for each byte of the stream */
+    BASE_CPU_S = 10,
+    PIXELS_PER_CPU_S = 200000, /* a fiftieth of what the slowest codec does */
+    QUIET_S = 60,              /* without any progress: a lock that nobody will open */
+    ROOM_STEP = 1 << 20
+};
+
+typedef struct Request {
+    CtsFrameFormat format; /* syntax points to a constant, which a fork has at the same place */
+    size_t offset, n;
+} Request;
+
+typedef struct Answer {
+    CtsStatus status;
+    char text[240];
+} Answer;
+
+CtsDecoder cts_decoder_make(cts_decode_fn decode)
+{
+    return (CtsDecoder){.decode = decode, .socket = -1};
+}
+
+static uint8_t *pixels_of(const CtsDecoder *d)
+{
+    return (uint8_t *)d->shared + d->stream_capacity;
+}
+
+static bool receive(int socket, void *message, size_t n)
+{
+    ssize_t got;
+    do
+        got = recv(socket, message, n, 0);
+    while (got < 0 && errno == EINTR);
+    return got == (ssize_t)n;
+}
+
+static bool transmit(int socket, const void *message, size_t n)
+{
+    ssize_t put;
+    do
+        put = send(socket, message, n, MSG_NOSIGNAL);
+    while (put < 0 && errno == EINTR);
+    return put == (ssize_t)n;
+}
+
+/* The child's whole life. The first answer says whether the walls stand. */
+static _Noreturn void serve(const CtsDecoder *d, int socket, size_t n_memory)
+{
+    Request r;
+    Answer a = {CTS_OK, ""};
+    const int wall = cts_sandbox_enter(socket, n_memory);
+    if (wall) {
+        a.status = CTS_ERR_INTERNAL;
+        snprintf(a.text, sizeof a.text, "%s", strerror(wall));
+    }
+    while (transmit(socket, &a, sizeof a) && !wall && receive(socket, &r, sizeof r)) {
+        CtsError why = {0};
+        a.status = d->decode(&r.format, (const uint8_t *)d->shared + r.offset, r.n, pixels_of(d), &why);
+        snprintf(a.text, sizeof a.text, "%.*s", (int)sizeof a.text - 1, why.text);
+    }
+    _exit(wall ? 1 : 0);
+}
+
+/* The child's wait status, or -1 when somebody else has taken it. */
+static int end_child(CtsDecoder *d, bool kill_it)
+{
+    int status = -1;
+    if (!d->pid)
+        return -1;
+    if (d->socket >= 0)
+        close(d->socket);
+    d->socket = -1;
+    if (kill_it)
+        kill(d->pid, SIGKILL);
+    while (waitpid(d->pid, &status, 0) < 0)
+        if (errno != EINTR) {
+            status = -1;
+            break;
+        }
+    d->pid = 0;
+    return status;
+}
+
+void cts_decoder_stop(CtsDecoder *d)
+{
+    end_child(d, false);
+    if (d->shared)
+        munmap(d->shared, d->n_shared);
+    *d = cts_decoder_make(d->decode);
+}
+
+static CtsStatus start_child(CtsDecoder *d, size_t n_memory, CtsError *err)
+{
+    int ends[2];
+    CtsStatus st = cts_dcm_start_decoders(err);
+    if (st)
+        return st;
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends))
+        return cts_fail(err, CTS_ERR_MEMORY, "a decoder process cannot be reached: %s", strerror(errno));
+    const pid_t pid = cts_dcm_fork();
+    if (pid == 0)
+        serve(d, ends[1], n_memory);
+    const int why = errno;
+    close(ends[1]);
+    if (pid < 0) {
+        close(ends[0]);
+        return cts_fail(err, CTS_ERR_MEMORY, "a decoder process cannot be started: %s", strerror(why));
+    }
+    d->pid = pid;
+    d->socket = ends[0];
+    Answer a = {CTS_ERR_INTERNAL, "it ended at once"};
+    if (!receive(d->socket, &a, sizeof a) || a.status) {
+        end_child(d, true);
+        st = cts_fail(err, CTS_ERR_INTERNAL,
+                      "compressed pixels are not decoded, for a decoder process cannot be shut in: %.*s (convert them "
+                      "with dcmdjpeg or gdcmconv --raw)",
+                      (int)sizeof a.text, a.text);
+    }
+    return st;
+}
+
+static size_t round_up(size_t n, size_t step)
+{
+    return (n + step - 1) / step * step;
+}
+
+CtsStatus cts_decoder_room(CtsDecoder *d, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err)
+{
+    const size_t n_pixels = cts_frame_bytes(format) + 1; /* DCMTK asks for an even number of bytes */
+    const size_t capacity = round_up(n, ROOM_STEP), needed = capacity + round_up(n_pixels, ROOM_STEP);
+    if (d->shared && (d->stream_capacity < n || d->n_shared - d->stream_capacity < n_pixels))
+        cts_decoder_stop(d);
+    if (!d->shared) {
+        void *shared = mmap(NULL, needed, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+        if (shared == MAP_FAILED)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory: %zu bytes asked for", needed);
+        d->shared = shared;
+        d->n_shared = needed;
+        d->stream_capacity = capacity;
+    }
+    const size_t n_memory =
+        BASE_MEMORY + (d->n_shared - d->stream_capacity) / 2 * PIXEL_MEMORY + d->stream_capacity * STREAM_MEMORY;
+    *stream = d->shared;
+    return d->pid ? CTS_OK : start_child(d, n_memory, err);
+}
+
+static double cpu_seconds(pid_t pid)
+{
+    clockid_t clock;
+    struct timespec t = {0};
+    return clock_getcpuclockid(pid, &clock) || clock_gettime(clock, &t) ? 0
+                                                                        : (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* The child dies of SIGXCPU when this frame takes longer. CPU time, for a busy machine is no fault of the file's. */
+static int limit_cpu(const CtsDecoder *d, const CtsFrameFormat *format)
+{
+    const int pixels_s = (int)((size_t)format->columns * (size_t)format->rows / PIXELS_PER_CPU_S);
+    const int limit_s = d->cpu_limit_s ? d->cpu_limit_s : BASE_CPU_S + pixels_s;
+    const struct rlimit limit = {(rlim_t)cpu_seconds(d->pid) + (rlim_t)limit_s + 1, RLIM_INFINITY};
+    prlimit(d->pid, RLIMIT_CPU, &limit, NULL); /* fails only when the child is gone, which the answer tells */
+    return limit_s;
+}
+
+/* Whether an answer came; not when the child has gone, or (*still) has done nothing for a minute. */
+static bool await(const CtsDecoder *d, Answer *a, bool *still)
+{
+    double before = -1;
+    *still = false;
+    for (int quiet = 0; quiet < QUIET_S;) {
+        struct pollfd wait = {.fd = d->socket, .events = POLLIN};
+        const int n = poll(&wait, 1, 1000);
+        if (n > 0)
+            return receive(d->socket, a, sizeof *a);
+        if (n < 0 && errno != EINTR)
+            return false;
+        const double now = cpu_seconds(d->pid);
+        quiet = n == 0 && now <= before ? quiet + 1 : 0;
+        before = now;
+    }
+    *still = true;
+    return false;
+}
+
+static CtsStatus tell_death(int status, int limit_s, CtsError *err)
+{
+    if (status == -1)
+        return cts_fail(err, CTS_ERR_PIXELS, "its decoder ended without an answer");
+    if (!WIFSIGNALED(status))
+        return cts_fail(err, CTS_ERR_PIXELS, "its decoder ended without an answer (exit code %d)", WEXITSTATUS(status));
+    switch (WTERMSIG(status)) {
+    case SIGXCPU:
+        return cts_fail(err, CTS_ERR_PIXELS, "its decoder was stopped after %d s of computing", limit_s);
+    case SIGSYS:
+        return cts_fail(err, CTS_ERR_PIXELS, "its decoder was stopped at a system call that no decoder needs");
+    case SIGKILL:
+        return cts_fail(err, CTS_ERR_PIXELS, "its decoder was killed");
+    default:
+        return cts_fail(err, CTS_ERR_PIXELS, "its decoder crashed (signal %d)", WTERMSIG(status));
+    }
+}
+
+CtsStatus cts_decoder_run(CtsDecoder *d, const CtsFrameFormat *format, const uint8_t *stream, size_t n,
+                          const void **pixels, CtsError *err)
+{
+    const Request r = {*format, (size_t)(stream - (const uint8_t *)d->shared), n};
+    Answer a;
+    bool still = false;
+    const int limit_s = limit_cpu(d, format);
+    *pixels = pixels_of(d);
+    if (!transmit(d->socket, &r, sizeof r) || !await(d, &a, &still)) {
+        const int status = end_child(d, true);
+        return still ? cts_fail(err, CTS_ERR_PIXELS, "its decoder stood still for %d s", QUIET_S)
+                     : tell_death(status, limit_s, err);
+    }
+    if (a.status == CTS_ERR_MEMORY)
+        return cts_fail(err, CTS_ERR_PIXELS, "its decoder asks for more memory than a picture of %d x %d needs",
+                        format->columns, format->rows);
+    return a.status ? cts_fail(err, a.status == CTS_ERR_SYNTAX ? CTS_ERR_SYNTAX : CTS_ERR_PIXELS, "%.*s",
+                               (int)sizeof a.text - 1, a.text)
+                    : CTS_OK;
+}

@@ -1,0 +1,47 @@
+/* Codecs in a process of their own.
+ *
+ * A decoder is one child process, for one thread: it gets a compressed stream in memory that both share, and answers
+ * with pixels there or with a reason. When it dies, asks for too much memory, computes too long or makes a forbidden
+ * system call, that frame is refused and the next one starts another child. It sees the pixels of one series and no
+ * file, and can be taken over by a damaged stream without harm to the program.
+ *
+ * The child is a fork, for a library cannot know a program to run instead. Its caller may have any number of threads,
+ * so the child must not wait for a lock that one of them held: the C library makes its own (malloc, stdio) whole again
+ * after a fork; DCMTK's decoders are registered before it, and a fork waits until no thread of ours is inside DCMTK
+ * (cts_dcm_fork()); the child uses nothing else that locks, and no threads. A child that hangs all the same is given
+ * up. Volumes are hidden from it (cts_hide_from_children()), so that a fork copies no page tables of them.
+ *
+ * A child ends when its socket is closed, whatever way the program ends. It is waited for by its own number; where the
+ * program waits for all children or ignores SIGCHLD, only the cause of a death gets lost. */
+#ifndef CTS_DICOM_DECODER_H
+#define CTS_DICOM_DECODER_H
+
+#include "dicom/codec.h"
+#include <sys/types.h>
+
+typedef struct CtsDecoder {
+    cts_decode_fn decode;
+    pid_t pid;    /* 0: no child now */
+    int socket;   /* to the child */
+    void *shared; /* stream, then pixels */
+    size_t n_shared, stream_capacity;
+    int cpu_limit_s; /* for one frame; 0: as long as its size lets expect */
+} CtsDecoder;
+
+/* A decoder without a child; decode is what the child will run. */
+CtsDecoder cts_decoder_make(cts_decode_fn decode);
+
+/* Make room for a stream of n bytes and its pixels, starting a child when there is none or its room is too small. The
+ * caller puts the bytes at *stream. */
+CtsStatus cts_decoder_room(CtsDecoder *decoder, const CtsFrameFormat *format, size_t n, uint8_t **stream,
+                           CtsError *err);
+
+/* Decode the n bytes at stream, which lies inside the room, and wait for it. *pixels lies in shared memory and is valid
+ * until the next call. CTS_ERR_PIXELS, with the reason, for everything that the stream can do to its decoder. */
+CtsStatus cts_decoder_run(CtsDecoder *decoder, const CtsFrameFormat *format, const uint8_t *stream, size_t n,
+                          const void **pixels, CtsError *err);
+
+/* End the child and free the memory; the decoder may be used again. */
+void cts_decoder_stop(CtsDecoder *decoder);
+
+#endif
