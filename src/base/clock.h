@@ -9,7 +9,7 @@ extern "C" {
 #endif
 
 double cts_wall_ms(void);          /* monotonic */
-double cts_cpu_ms(void);           /* this process, all threads */
+double cts_cpu_ms(void);           /* this process, all threads, and its children that have ended */
 double cts_thread_cpu_ms(void);    /* the calling thread */
 uint64_t cts_peak_rss_bytes(void); /* the larger of this process and its children */
 

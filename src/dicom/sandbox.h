@@ -5,9 +5,10 @@
 #include <stddef.h>
 
 /* Shut the calling process in for good: of its files only keep_fd stays open, its memory may grow by n_bytes, and of
- * the system calls only those are left that ask for memory, move bytes over keep_fd and end the process; any other ends
- * it with SIGSYS. Signals sent to the program's group leave it alone. 0, or an errno. Builds with sanitizers, which map
- * and open what they like, keep the limits on processes, programs and the network alone (CTS_SANDBOX_RELAXED). */
+ * the system calls only those are left that ask for memory, move bytes over keep_fd and end the process; a file cannot
+ * be opened, and any other call ends it with SIGSYS. Signals sent to the program's group leave it alone. 0, or an
+ * errno. Builds with sanitizers, which map and open what they like, keep the limits on processes, programs and the
+ * network alone (CTS_SANDBOX_RELAXED). */
 int cts_sandbox_enter(int keep_fd, size_t n_bytes);
 
 #if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)

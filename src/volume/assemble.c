@@ -28,8 +28,11 @@ typedef struct Assembly {
     CtsBlocks *blocks;      /* made on the way while a slice is in the cache; NULL: not now */
     double busy[CTS_N_STAGES];
     uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
-    int failed; /* the first slice that failed, or n_slices */
-    CtsError why;
+    bool *bad; /* slices whose pixels are damaged; the caller's, n_slices of them */
+    int n_bad;
+    int first_bad, first_lost; /* damaged, and failed for any other reason; or n_slices */
+    int stop;                  /* slices after this one do not matter any more */
+    CtsError why_bad, why_lost;
 } Assembly;
 
 static CtsStored stored_of(const CtsSlice *s)
@@ -100,50 +103,80 @@ static CtsStatus read_slice(Assembly *a, int k, CtsScratch *scratch, cts_grey_wh
     return CTS_OK;
 }
 
-/* Slices are independent; of several failures the first slice's is told, whatever the number of threads. */
-static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
+/* A tenth of a series may be damaged, as in cts_series_judge(). */
+static bool too_many_bad(int n_bad, int n_slices)
 {
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    return n_bad * 10 > n_slices || n_slices - n_bad < 2;
+}
+
+/* Of several failures the first slice's is told, whatever the number of threads. Damaged pixels are that slice's alone;
+ * anything else, or too much of it, ends the reading. */
+static void note_failure(Assembly *a, int k, const CtsError *why)
+{
+    const bool damaged = why->status == CTS_ERR_PIXELS;
+    int *const first = damaged ? &a->first_bad : &a->first_lost;
+    a->bad[k] = damaged;
+    a->n_bad += damaged;
+    if (k < *first) {
+        *first = k;
+        *(damaged ? &a->why_bad : &a->why_lost) = *why;
+    }
+    int stop = a->first_lost;
+    if (too_many_bad(a->n_bad, a->n_slices) && a->first_bad < stop)
+        stop = a->first_bad;
+#pragma omp atomic write
+    a->stop = stop;
+}
+
+static void read_each(Assembly *a, double *decode_ms, double *grey_ms)
+{
     const cts_grey_whole_fn to_grey = cts_grey_whole(cts_cpu_flags());
-    double decode_ms = 0, grey_ms = 0;
-    a->failed = a->n_slices;
-#pragma omp parallel num_threads(a->n_threads) reduction(+ : decode_ms, grey_ms)
+    double busy_decode = 0, busy_grey = 0;
+#pragma omp parallel num_threads(a->n_threads) reduction(+ : busy_decode, busy_grey)
     {
         CtsScratch scratch = {0};
         double busy[CTS_N_STAGES] = {0};
 #pragma omp for schedule(dynamic, CTS_FINE_BLOCK)
         for (int k = 0; k < a->n_slices; k++) {
             CtsError why = {0};
-            int failed;
+            int stop;
 #pragma omp atomic read
-            failed = a->failed;
-            if (k > failed || !read_slice(a, k, &scratch, to_grey, busy, &why))
+            stop = a->stop;
+            if (k > stop)
                 continue;
-#pragma omp critical(cts_first_failure)
-            if (k < a->failed) {
-#pragma omp atomic write
-                a->failed = k;
-                a->why = why;
-            }
+            if (k + 1 < a->n_slices)
+                cts_slice_read_ahead(&a->slices[k + 1]);
+            if (!read_slice(a, k, &scratch, to_grey, busy, &why))
+                continue;
+#pragma omp critical(cts_slice_failure)
+            note_failure(a, k, &why);
         }
-        decode_ms += busy[CTS_STAGE_DECODE];
-        grey_ms += busy[CTS_STAGE_GREY];
+        busy_decode += busy[CTS_STAGE_DECODE];
+        busy_grey += busy[CTS_STAGE_GREY];
         cts_scratch_free(&scratch);
     }
-    a->busy[CTS_STAGE_DECODE] = decode_ms;
-    a->busy[CTS_STAGE_GREY] = grey_ms;
+    *decode_ms = busy_decode;
+    *grey_ms = busy_grey;
+}
+
+/* CTS_ERR_PIXELS: some slices are bad, and a->bad says which. */
+static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    a->first_bad = a->first_lost = a->stop = a->n_slices;
+    read_each(a, &a->busy[CTS_STAGE_DECODE], &a->busy[CTS_STAGE_GREY]);
     a->items[CTS_STAGE_DECODE] = (uint64_t)a->n_slices;
     a->items[CTS_STAGE_GREY] = (uint64_t)a->n_slices * a->layer_voxels;
     a->bytes[CTS_STAGE_GREY] = a->items[CTS_STAGE_GREY] * sizeof(uint16_t);
     for (int k = 0; k < a->n_slices; k++)
         a->bytes[CTS_STAGE_DECODE] += a->slices[k].pixel_bytes;
     cts_report_region(report, cts_wall_ms() - wall, cts_cpu_ms() - cpu, a->busy, a->items, a->bytes);
-    if (a->failed < a->n_slices) {
-        if (err)
-            *err = a->why;
-        return a->why.status;
-    }
-    return CTS_OK;
+    if (a->n_bad == 0 && a->first_lost == a->n_slices)
+        return CTS_OK;
+    const CtsError *why = a->first_lost < a->n_slices && a->stop == a->first_lost ? &a->why_lost : &a->why_bad;
+    if (err)
+        *err = *why;
+    return why->status;
 }
 
 static void find_hu_range(const Assembly *a, CtsVolume *v)
@@ -246,23 +279,66 @@ static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsS
     }
 }
 
-static CtsStatus plan_stack(const CtsSeries *series, CtsSliceStack *stack, CtsError *err)
+/* The slices of a series that are to become a volume: copies of its records, which own nothing. */
+typedef struct Loading {
+    CtsSlice *slices;
+    bool *bad; /* found damaged while they were read */
+    int n_slices, n_threads;
+    bool some_dropped;
+} Loading;
+
+static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threads, CtsError *err)
+{
+    const size_t n = (size_t)series->n_slices;
+    CtsStatus st = cts_alloc_array(&in->slices, n, err);
+    if (!st)
+        st = cts_alloc_zeroed(&in->bad, n, err);
+    if (!st)
+        memcpy(in->slices, series->slices, n * sizeof *in->slices);
+    in->n_slices = series->n_slices;
+    in->n_threads = n_threads;
+    return st;
+}
+
+static void end_loading(Loading *in)
+{
+    cts_free(&in->slices);
+    cts_free(&in->bad);
+}
+
+static void drop_bad(Loading *in)
+{
+    int kept = 0;
+    for (int k = 0; k < in->n_slices; k++)
+        if (!in->bad[k])
+            in->slices[kept++] = in->slices[k];
+    memset(in->bad, 0, (size_t)in->n_slices * sizeof *in->bad);
+    in->n_slices = kept;
+    in->some_dropped = true;
+}
+
+/* Where the slices lie; what the loss of some has made of the stack is told here, for the series' own findings do not.
+ */
+static CtsStatus plan_stack(const Loading *in, CtsSliceStack *stack, CtsReport *report, CtsError *err)
 {
     const CtsSlice **slices;
-    CtsStatus st = cts_alloc_bytes((void **)&slices, (size_t)series->n_slices, sizeof *slices, err);
-    for (int k = 0; !st && k < series->n_slices; k++)
-        slices[k] = &series->slices[k];
+    CtsStatus st = cts_alloc_bytes((void **)&slices, (size_t)in->n_slices, sizeof *slices, err);
+    for (int k = 0; !st && k < in->n_slices; k++)
+        slices[k] = &in->slices[k];
     if (!st)
-        st = cts_slice_stack_plan(slices, series->n_slices, stack, err);
+        st = cts_slice_stack_plan(slices, in->n_slices, stack, err);
+    if (!st && in->some_dropped && report)
+        cts_slice_stack_findings(stack, slices, in->n_slices, &report->findings);
     cts_free_bytes(slices);
     return st;
 }
 
-static CtsStatus fill(const CtsSeries *series, const CtsSliceStack *stack, int offset, int n_threads, CtsVolume *v,
-                      CtsReport *report, CtsError *err)
+static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset, CtsVolume *v, CtsReport *report,
+                      CtsError *err)
 {
+    const int n_threads = in->n_threads;
     Assembly a = {
-        .slices = series->slices, .n_slices = series->n_slices, .n_threads = n_threads, .whole_numbers = true};
+        .slices = in->slices, .n_slices = in->n_slices, .n_threads = n_threads, .bad = in->bad, .whole_numbers = true};
     a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
     a.first = v->grey + (size_t)offset * a.layer_voxels;
     for (int k = 0; k < a.n_slices; k++)
@@ -271,8 +347,11 @@ static CtsStatus fill(const CtsSeries *series, const CtsSliceStack *stack, int o
     /* What is converted or resampled later gets its blocks when they are wanted. */
     if (!st && a.whole_numbers && stack->kind == CTS_STACK_EVEN)
         st = cts_blocks_begin(&a.blocks, v->dims, err);
+    const size_t n_bytes = (size_t)a.n_slices * a.layer_voxels * sizeof *a.first;
+    cts_hide_from_children(a.first, n_bytes, 1);
     if (!st)
         st = read_slices(&a, report, err);
+    cts_hide_from_children(a.first, n_bytes, 0);
     if (!st && a.blocks) {
         cts_blocks_end(a.blocks, n_threads);
         v->blocks = a.blocks;
@@ -311,9 +390,56 @@ static CtsStatus in_series(const CtsSeries *series, CtsError *err)
                           : cts_context(err, "series without UID in %.*s", n > 1 ? n - 1 : 1, n ? first->path : ".");
 }
 
-CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsVolume **volume, CtsReport *report,
+                             CtsError *err)
 {
     CtsSliceStack stack = {0};
+    CtsStatus st = plan_stack(in, &stack, report, err);
+    if (st)
+        goto end;
+    const bool even = stack.kind == CTS_STACK_EVEN;
+    const int offset = even ? 0 : cts_resample_offset(stack.layer, in->n_slices, stack.n_layers);
+    const int n_slots = even || offset + in->n_slices < stack.n_layers ? stack.n_layers : offset + in->n_slices;
+    if ((st = check_memory(series->columns, series->rows, n_slots, err)) ||
+        (st = cts_volume_new_unset(volume, series->columns, series->rows, n_slots, err)))
+        goto end;
+    (*volume)->dims[2] = stack.n_layers;
+    place_volume(*volume, in->slices, in->n_slices, &stack);
+    st = fill(in, &stack, offset, *volume, report, err);
+end:
+    if (st)
+        cts_volume_free(volume);
+    cts_slice_stack_free(&stack);
+    return st;
+}
+
+/* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
+static CtsStatus load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+{
+    Loading in = {0};
+    CtsError why = {0};
+    CtsStatus st = begin_loading(&in, series, n_threads, &why);
+    int n_bad = 0;
+    while (!st && (st = load_slices(series, &in, volume, report, &why)) == CTS_ERR_PIXELS) {
+        int n = 0;
+        for (int k = 0; k < in.n_slices; k++)
+            n += in.bad[k];
+        n_bad += n;
+        if (n == 0 || too_many_bad(n_bad, series->n_slices))
+            break;
+        cts_report_finding(report, "bad_slices", CTS_WARNING, "%d slice%s left out: %s", n, n == 1 ? "" : "s",
+                           why.text);
+        drop_bad(&in);
+        st = CTS_OK;
+    }
+    end_loading(&in);
+    if (st && err)
+        *err = why;
+    return st;
+}
+
+CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+{
     double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
     *volume = NULL;
     if (!series->renderable) {
@@ -321,21 +447,9 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
         in_series(series, err);
         return series->refusal;
     }
-    n_threads = cts_threads(n_threads);
-    CtsStatus st = plan_stack(series, &stack, err);
-    if (st)
-        goto end;
-    const bool even = stack.kind == CTS_STACK_EVEN;
-    const int offset = even ? 0 : cts_resample_offset(stack.layer, series->n_slices, stack.n_layers);
-    const int n_slots = even || offset + series->n_slices < stack.n_layers ? stack.n_layers : offset + series->n_slices;
-    if ((st = check_memory(series->columns, series->rows, n_slots, err)) ||
-        (st = cts_volume_new_unset(volume, series->columns, series->rows, n_slots, err)))
-        goto end;
-    (*volume)->dims[2] = stack.n_layers;
-    place_volume(*volume, series->slices, series->n_slices, &stack);
     if (report)
         stage_times(report, &wall_before, &cpu_before);
-    st = fill(series, &stack, offset, n_threads, *volume, report, err);
+    const CtsStatus st = load(series, cts_threads(n_threads), volume, report, err);
     if (report)
         stage_times(report, &wall_after, &cpu_after);
     /* What is not reading slices is making grey levels of them: memory, fractions, resampling, block ranges. */
@@ -345,11 +459,7 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
     for (size_t i = 0; !st && i < series->findings.n; i++)
         cts_report_finding(report, series->findings.items[i].code, series->findings.items[i].severity, "%s",
                            series->findings.items[i].text);
-end:
-    if (st) {
-        cts_volume_free(volume);
+    if (st)
         in_series(series, err);
-    }
-    cts_slice_stack_free(&stack);
     return st;
 }

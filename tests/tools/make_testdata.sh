@@ -25,7 +25,7 @@ small()
     $raw2ct --size $size --spacing $spacing "$@" "$work/small.raw" "$folder"
 }
 
-for syntax in implicit explicit big deflated rle jpeg-lossless jpeg-ls; do
+for syntax in implicit explicit big deflated rle jpeg-lossless jpeg-ls jpeg-2000; do
     small "syntax/$syntax" --syntax $syntax --description "syntax $syntax"
 done
 
@@ -37,6 +37,8 @@ small pixels/unsigned-12-jpeg-ls --bits-stored 12 --unsigned --intercept -1024 -
     --description 'unsigned 12 bits, JPEG-LS'
 small pixels/unsigned-12-jpeg-lossless --bits-stored 12 --unsigned --intercept -1024 --syntax jpeg-lossless \
     --description 'unsigned 12 bits, JPEG lossless'
+small pixels/unsigned-12-jpeg-2000 --bits-stored 12 --unsigned --intercept -1024 --syntax jpeg-2000 \
+    --description 'unsigned 12 bits, JPEG 2000'
 small pixels/fractional-slope --slope 0.5 --intercept -1024 --description 'slope one half'
 small pixels/odd-slope --slope 1.75 --intercept -1000.25 --description 'slope 1.75'
 small pixels/slope-per-slice --slope 1,2,0.5,1 --intercept 0,-1024,-1000 --description 'slope of each slice'

@@ -14,6 +14,7 @@
 #include <dcmtk/dcmjpls/djencode.h>
 #include <dcmtk/dcmjpls/djrparam.h>
 
+#include "jpeg2000_stream.h"
 #include "raw2ct.h"
 
 #include <cerrno>
@@ -43,6 +44,7 @@ E_TransferSyntax syntax_of(const std::string &name)
         {"rle", EXS_RLELossless},
         {"jpeg-lossless", EXS_JPEGProcess14SV1},
         {"jpeg-ls", EXS_JPEGLSLossless},
+        {"jpeg-2000", EXS_JPEG2000LosslessOnly},
     };
     for (const auto &s : syntaxes)
         if (name == s.name)
@@ -238,6 +240,33 @@ void clear_pad_byte(DcmDataset &d, E_TransferSyntax xfer)
         bytes[n - 1] = 0;
 }
 
+/* DCMTK cannot write JPEG 2000: the stream is made here and cut into two fragments, as some writers do. */
+void put_jpeg2000(DcmDataset &d, const Options &o, const Stack &s, const Pixels &words)
+{
+    const Jpeg2000 shape = {s.n[0], s.n[1], o.bits_stored, 1, !o.is_unsigned, false};
+    std::vector<int32_t> samples(words.size());
+    for (size_t i = 0; i < words.size(); i++)
+        samples[i] = o.is_unsigned ? words[i] : static_cast<Sint16>(words[i]);
+    Jpeg2000Bytes stream = jpeg2000_stream(&shape, samples.data());
+    if (stream.n == 0)
+        throw std::runtime_error("the pixels cannot be encoded as JPEG 2000");
+    std::vector<Uint8> bytes(stream.data, stream.data + stream.n);
+    free(stream.data);
+    bytes.resize(bytes.size() + bytes.size() % 2);
+    DcmPixelSequence *sequence = new DcmPixelSequence(DcmTag(DCM_PixelData, EVR_OB));
+    const size_t ends[] = {0, 0, bytes.size() / 4 * 2, bytes.size()};
+    for (int i = 0; i < 3; i++) {
+        DcmPixelItem *item = new DcmPixelItem(DcmTag(DCM_Item, EVR_OB));
+        const size_t n = ends[i + 1] - ends[i];
+        if (n)
+            check(item->putUint8Array(bytes.data() + ends[i], static_cast<unsigned long>(n)), "fragment");
+        check(sequence->insert(item), "fragment");
+    }
+    DcmPixelData *pixels = new DcmPixelData(DcmTag(DCM_PixelData, EVR_OB));
+    pixels->putOriginalRepresentation(EXS_JPEG2000LosslessOnly, nullptr, sequence);
+    check(d.insert(pixels, OFTrue), "PixelData");
+}
+
 void encode(DcmDataset &d, E_TransferSyntax xfer)
 {
     const DJLSRepresentationParameter jpeg_ls(0, OFTrue);
@@ -297,7 +326,10 @@ void write_slice(const Options &o, const Stack &s, const std::string &series_uid
     put_image(d, o, s, k);
     check(d.putAndInsertUint16Array(DCM_PixelData, pixels.data(), static_cast<unsigned long>(pixels.size())),
           "PixelData");
-    encode(d, xfer);
+    if (xfer == EXS_JPEG2000LosslessOnly)
+        put_jpeg2000(d, o, s, pixels);
+    else
+        encode(d, xfer);
     put_meta(*file.getMetaInfo(), xfer, instance.uid());
     char name[32];
     std::snprintf(name, sizeof name, "%04d", number);

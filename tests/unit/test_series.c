@@ -197,8 +197,8 @@ CHANGE(unmarked_scout, s->orientation = k == 0 ? "0\\1\\0\\0\\0\\-1" : s->orient
 CHANGE(one_size, s->columns = k == 0 ? 8 : s->columns)
 CHANGE(sizes, s->columns = k < 4 ? 8 : s->columns)
 CHANGE(unknown_syntax, s->syntax = "1.2.3.4.5")
-CHANGE(jpeg2000, s->syntax = "1.2.840.10008.1.2.4.90")
-CHANGE(htj2k, s->syntax = "1.2.840.10008.1.2.4.201")
+CHANGE(jpeg_xl, s->syntax = "1.2.840.10008.1.2.4.110")
+CHANGE(jpeg_xl_lossy, s->syntax = "1.2.840.10008.1.2.4.112")
 CHANGE(not_native, s->syntax = "1.2.840.10008.1.2.4.70")
 CHANGE(no_uid, s->series = NULL)
 CHANGE(one_instance_uid, s->sop = "1.2.3.1")
@@ -244,8 +244,8 @@ static const Case cases[] = {
     {"one of another size", one_size, CTS_OK, "other_slices_dropped", NULL, 19},
     {"four of another size", sizes, CTS_ERR_GEOMETRY, NULL, "largest group has 16", 20},
     {"syntax unknown", unknown_syntax, CTS_ERR_SYNTAX, NULL, "1.2.3.4.5", 20},
-    {"JPEG 2000", jpeg2000, CTS_ERR_SYNTAX, NULL, "1.2.840.10008.1.2.4.90", 20},
-    {"HTJ2K", htj2k, CTS_ERR_SYNTAX, NULL, "gdcmconv --raw", 20},
+    {"JPEG XL", jpeg_xl, CTS_ERR_SYNTAX, NULL, "1.2.840.10008.1.2.4.110", 20},
+    {"JPEG XL, lossy", jpeg_xl_lossy, CTS_ERR_SYNTAX, "lossy", "gdcmconv --raw", 20},
     {"compressed that is not", not_native, CTS_ERR_PIXELS, NULL, "not compressed", 20},
     {"no series UID", no_uid, CTS_OK, NULL, NULL, 20},
     {"one SOP instance UID for all", one_instance_uid, CTS_OK, NULL, NULL, 20},

@@ -1,0 +1,345 @@
+#define _GNU_SOURCE
+/* Codecs in a process of their own: what they do to themselves stays there. */
+#include "../tools/jpeg2000_stream.h"
+#include "dicom/decoder.h"
+#include "dicom/sandbox.h"
+#include "unit.h"
+#include <dirent.h>
+#include <fcntl.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdio.h>
+#include <sys/mman.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <time.h>
+#include <unistd.h>
+
+static CtsFrameFormat format_16(int columns, int rows)
+{
+    return (CtsFrameFormat){.syntax = cts_syntax_find("1.2.840.10008.1.2.4.90"),
+                            .columns = columns,
+                            .rows = rows,
+                            .bits_allocated = 16,
+                            .bits_stored = 16,
+                            .high_bit = 15,
+                            .padding_word = -1};
+}
+
+/* A codec that does what the stream's first byte says. */
+static CtsStatus act(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    volatile int *nowhere = NULL;
+    volatile unsigned turns = 0;
+    char *memory;
+    switch (stream[0]) {
+    case 'd': /* decode */
+        for (size_t i = 0; i < cts_frame_bytes(f); i++)
+            ((uint8_t *)pixels)[i] = stream[i % n];
+        return CTS_OK;
+    case 's':
+        *nowhere = 1;
+        break;
+    case 'a':
+        abort();
+    case 'e':
+        _exit(7);
+    case 'h':
+        for (;;)
+            turns++;
+    case 'm':
+        for (size_t got = 0; (memory = malloc(64 << 20)); got++)
+            if (got > 4096 || !memset(memory, 1, 4096))
+                return CTS_OK;
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    case 'o':
+        return open("/dev/null", O_RDONLY) >= 0 ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "no file");
+    case 'n':
+        return socket(AF_INET, SOCK_STREAM, 0) >= 0 ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "no socket");
+    case 'f':
+        return fork() >= 0 ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "no fork");
+    case 'x':
+        memory = mmap(NULL, 4096, PROT_READ | PROT_EXEC, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+        return memory == MAP_FAILED ? cts_fail(err, CTS_ERR_PIXELS, "no code") : CTS_OK;
+    default:
+        break;
+    }
+    return cts_fail(err, CTS_ERR_PIXELS, "byte %d", stream[0]);
+}
+
+static CtsStatus run(CtsDecoder *d, const char *what, const void **pixels, CtsError *err)
+{
+    const CtsFrameFormat format = format_16(20, 10);
+    const size_t n = strlen(what);
+    uint8_t *stream;
+    *err = (CtsError){0};
+    const CtsStatus st = cts_decoder_room(d, &format, n, &stream, err);
+    if (st)
+        return st;
+    memcpy(stream, what, n);
+    return cts_decoder_run(d, &format, stream, n, pixels, err);
+}
+
+static void expect_decoded(CtsDecoder *d)
+{
+    const void *pixels;
+    CtsError err;
+    if (run(d, "d123", &pixels, &err))
+        fail_msg("%s", err.text);
+    assert_memory_equal(pixels, "d123d123", 8);
+}
+
+static int open_files(void)
+{
+    int n = 0;
+    DIR *dir = opendir("/proc/self/fd");
+    while (readdir(dir))
+        n++;
+    closedir(dir);
+    return n;
+}
+
+/* Each ends its frame with a reason; the next frame is decoded by another child. */
+static void test_deaths(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *what, *reason, *relaxed; /* relaxed: under sanitizers, "" for "not to be tried" */
+    } deaths[] = {
+        {"s", "crashed (signal 11)", "ended without an answer"},
+        {"a", "crashed (signal 6)", "crashed (signal 6)"},
+        {"e", "exit code 7", "exit code 7"},
+        {"h", "after 1 s of computing", "after 1 s of computing"},
+        {"m", "more memory", ""},
+        {"o", "no file", ""},
+        {"n", "system call", "system call"},
+        {"f", "system call", ""},
+        {"x", "system call", ""},
+        {"?", "byte 63", "byte 63"},
+    };
+    const int files = open_files();
+    CtsDecoder d = cts_decoder_make(act);
+    for (size_t i = 0; i < sizeof deaths / sizeof *deaths; i++) {
+        const char *reason = CTS_SANDBOX_RELAXED ? deaths[i].relaxed : deaths[i].reason;
+        const void *pixels;
+        CtsError err;
+        if (!reason[0])
+            continue;
+        expect_decoded(&d);
+        d.cpu_limit_s = 1;
+        const CtsStatus st = run(&d, deaths[i].what, &pixels, &err);
+        d.cpu_limit_s = 0;
+        if (st != CTS_ERR_PIXELS || !strstr(err.text, reason))
+            fail_msg("%s: %d %s, wanted %s", deaths[i].what, st, err.text, reason);
+    }
+    expect_decoded(&d);
+    cts_decoder_stop(&d);
+    assert_int_equal(open_files(), files);
+    assert_int_equal(waitpid(-1, NULL, WNOHANG), -1); /* no child is left, dead or alive */
+}
+
+/* Somebody kills the child before, between and in the middle of frames. */
+static void *kill_soon(void *pid)
+{
+    nanosleep(&(struct timespec){.tv_nsec = 20000000}, NULL);
+    kill(*(pid_t *)pid, SIGKILL);
+    return NULL;
+}
+
+static void test_killed(void **state)
+{
+    (void)state;
+    CtsDecoder d = cts_decoder_make(act);
+    const void *pixels;
+    CtsError err;
+    for (int round = 0; round < 3; round++) {
+        expect_decoded(&d);
+        kill(d.pid, SIGKILL);
+        assert_int_equal(run(&d, "d", &pixels, &err), CTS_ERR_PIXELS);
+        assert_non_null(strstr(err.text, "killed"));
+        expect_decoded(&d);
+        pthread_t thread;
+        pid_t pid = d.pid;
+        assert_int_equal(pthread_create(&thread, NULL, kill_soon, &pid), 0);
+        assert_int_equal(run(&d, "h", &pixels, &err), CTS_ERR_PIXELS);
+        assert_non_null(strstr(err.text, "killed"));
+        pthread_join(thread, NULL);
+    }
+    expect_decoded(&d);
+    cts_decoder_stop(&d);
+}
+
+/* The program's own handling of SIGCHLD and of children takes nothing but the cause of a death. */
+static void test_children_taken(void **state)
+{
+    (void)state;
+    CtsDecoder d = cts_decoder_make(act);
+    const void *pixels;
+    CtsError err;
+    signal(SIGCHLD, SIG_IGN);
+    expect_decoded(&d);
+    assert_int_equal(run(&d, "e", &pixels, &err), CTS_ERR_PIXELS);
+    assert_non_null(strstr(err.text, "without an answer"));
+    expect_decoded(&d);
+    cts_decoder_stop(&d);
+    signal(SIGCHLD, SIG_DFL);
+}
+
+/* Larger frames make room for themselves; the child of the smaller room goes. */
+static void test_room(void **state)
+{
+    (void)state;
+    CtsDecoder d = cts_decoder_make(act);
+    CtsError err;
+    const void *pixels;
+    uint8_t *stream;
+    expect_decoded(&d);
+    const pid_t first = d.pid;
+    expect_decoded(&d);
+    assert_int_equal(d.pid, first);
+    const CtsFrameFormat large = format_16(1200, 1000);
+    assert_int_equal(cts_decoder_room(&d, &large, 5 << 20, &stream, &err), CTS_OK);
+    assert_int_not_equal(d.pid, first);
+    stream[(5 << 20) - 1] = 'd';
+    assert_int_equal(cts_decoder_run(&d, &large, stream + (5 << 20) - 1, 1, &pixels, &err), CTS_OK);
+    assert_int_equal(((const uint8_t *)pixels)[2 * 1200 * 1000 - 1], 'd');
+    expect_decoded(&d);
+    cts_decoder_stop(&d);
+}
+
+/* Threads that start children at the same time, while another is inside malloc and stdio all the time. */
+static void *start_many(void *failed)
+{
+    for (int i = 0; i < 20; i++) {
+        CtsDecoder d = cts_decoder_make(act);
+        const void *pixels;
+        CtsError err;
+        *(int *)failed |= run(&d, "d123", &pixels, &err) != CTS_OK;
+        cts_decoder_stop(&d);
+    }
+    return NULL;
+}
+
+static void *be_busy(void *stop)
+{
+    while (!__atomic_load_n((int *)stop, __ATOMIC_RELAXED)) {
+        char *p = malloc(1000), line[64];
+        snprintf(line, sizeof line, "%p", (void *)p);
+        free(p);
+    }
+    return NULL;
+}
+
+static void test_many_threads(void **state)
+{
+    (void)state;
+    pthread_t starters[4], busy;
+    int failed[4] = {0}, stop = 0;
+    pthread_create(&busy, NULL, be_busy, &stop);
+    for (int t = 0; t < 4; t++)
+        assert_int_equal(pthread_create(&starters[t], NULL, start_many, &failed[t]), 0);
+    for (int t = 0; t < 4; t++) {
+        pthread_join(starters[t], NULL);
+        assert_int_equal(failed[t], 0);
+    }
+    __atomic_store_n(&stop, 1, __ATOMIC_RELAXED);
+    pthread_join(busy, NULL);
+}
+
+enum { COLUMNS = 37, ROWS = 23, N = COLUMNS * ROWS };
+
+static CtsStatus decode_2000(const Jpeg2000 *stream, const int32_t *samples, const CtsFrameFormat *format,
+                             uint16_t *pixels, CtsError *err)
+{
+    *err = (CtsError){0};
+    Jpeg2000Bytes bytes = jpeg2000_stream(stream, samples);
+    assert_true(bytes.n > 0);
+    const CtsStatus st = cts_jpeg2000_decode(format, bytes.data, bytes.n, pixels, err);
+    free(bytes.data);
+    return st;
+}
+
+/* Every combination of the stream's own bits and sign with the header's: the samples themselves, or a refusal. */
+static void test_jpeg2000(void **state)
+{
+    (void)state;
+    static const struct {
+        Jpeg2000 stream;
+        int low, high; /* of the samples */
+        int stored;
+        bool is_signed;
+        const char *reason;
+    } cases[] = {
+        {{COLUMNS, ROWS, 16, 1, true, false}, -1024, 3071, 16, true, NULL},
+        {{COLUMNS, ROWS, 16, 1, false, false}, 0, 65535, 16, false, NULL},
+        {{COLUMNS, ROWS, 12, 1, false, false}, 0, 4095, 12, false, NULL},
+        {{COLUMNS, ROWS, 12, 1, true, false}, -2048, 2047, 12, true, NULL},
+        {{COLUMNS, ROWS, 12, 1, true, true}, -2048, 2047, 16, true, NULL},
+        {{COLUMNS, ROWS, 16, 1, false, false}, 0, 4095, 12, false, NULL},
+        {{COLUMNS, ROWS, 16, 1, false, false}, 0, 4096, 12, false, "reads as another number"},
+        {{COLUMNS, ROWS, 16, 1, false, false}, 0, 32767, 16, true, NULL},
+        {{COLUMNS, ROWS, 16, 1, false, false}, 0, 64512, 16, true, "reads as another number"},
+        {{COLUMNS, ROWS, 16, 1, true, false}, -1, 100, 16, false, "reads as another number"},
+        {{COLUMNS, ROWS, 16, 3, false, false}, 0, 100, 16, false, "3 components"},
+        {{COLUMNS, ROWS + 1, 16, 1, false, false}, 0, 100, 16, false, "37 x 24"},
+    };
+    static int32_t samples[COLUMNS * (ROWS + 1)];
+    static uint16_t pixels[N];
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        CtsFrameFormat f = format_16(COLUMNS, ROWS);
+        CtsError err;
+        f.bits_stored = cases[c].stored;
+        f.high_bit = cases[c].stored - 1;
+        f.is_signed = cases[c].is_signed;
+        for (int i = 0; i < COLUMNS * (ROWS + 1); i++)
+            samples[i] = i == 0   ? cases[c].low
+                         : i == 1 ? cases[c].high
+                                  : cases[c].low + i % (cases[c].high - cases[c].low);
+        const CtsStatus st = decode_2000(&cases[c].stream, samples, &f, pixels, &err);
+        if (st != (cases[c].reason ? CTS_ERR_PIXELS : CTS_OK) || (st && !strstr(err.text, cases[c].reason)))
+            fail_msg("case %zu: %d %s", c, st, err.text);
+        for (int i = 0; !st && i < N; i++)
+            assert_int_equal(pixels[i], (uint16_t)samples[i]);
+    }
+}
+
+/* Cut at any byte, or with one changed: the right samples or a reason, never a hang or a crash. */
+static void test_jpeg2000_damage(void **state)
+{
+    (void)state;
+    static int32_t samples[N];
+    static uint16_t pixels[N + 1];
+    const Jpeg2000 shape = {COLUMNS, ROWS, 16, 1, false, false};
+    const CtsFrameFormat f = format_16(COLUMNS, ROWS);
+    CtsError err;
+    for (int i = 0; i < N; i++)
+        samples[i] = (i * 7919) & 0xFFF;
+    Jpeg2000Bytes bytes = jpeg2000_stream(&shape, samples);
+    for (size_t n = 0; n + 3 < bytes.n; n += n < 150 ? 1 : 13)
+        assert_int_equal(cts_jpeg2000_decode(&f, bytes.data, n, pixels, &err), CTS_ERR_PIXELS);
+    CtsDecoder d = cts_decoder_make(cts_codec_decode);
+    uint32_t random = 1;
+    pixels[N] = 12345;
+    for (int round = 0; round < 300; round++) {
+        uint8_t *stream;
+        const void *out;
+        random = random * 1664525u + 1013904223u;
+        assert_int_equal(cts_decoder_room(&d, &f, bytes.n, &stream, &err), CTS_OK);
+        memcpy(stream, bytes.data, bytes.n);
+        stream[(random >> 8) % bytes.n] ^= (uint8_t)(1 + round % 255);
+        cts_decoder_run(&d, &f, stream, bytes.n, &out, &err);
+    }
+    cts_decoder_stop(&d);
+    free(bytes.data);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_deaths),          cmocka_unit_test(test_killed),
+        cmocka_unit_test(test_children_taken),  cmocka_unit_test(test_room),
+        cmocka_unit_test(test_many_threads),    cmocka_unit_test(test_jpeg2000),
+        cmocka_unit_test(test_jpeg2000_damage),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
