@@ -25,9 +25,9 @@ src/export   | ctsplat/status.h ctsplat/report.h ctsplat/picture.h ctsplat/expor
 src/report   | ctsplat/ | jansson.h cairo.h
 src/check    | ctsplat/ report/ |
 src/bench    | ctsplat/ report/ |
-src/sheet    | ctsplat/ image/ | jansson.h webp/
-src/batch    | ctsplat/ report/ sheet/ | jansson.h
-src/cli      | ctsplat/ report/ check/ bench/ batch/ sheet/ | jansson.h png.h openexr_base.h expat.h
+src/contact  | ctsplat/ image/ | jansson.h webp/
+src/batch    | ctsplat/ report/ contact/ | jansson.h
+src/cli      | ctsplat/ report/ check/ bench/ batch/ contact/ | jansson.h png.h openexr_base.h expat.h
 '
 
 # Prints every include that the table does not allow; silent when all is well.

@@ -1,6 +1,6 @@
 /* What the page is told of one series. */
-#ifndef CTS_SHEET_CARD_H
-#define CTS_SHEET_CARD_H
+#ifndef CTS_CONTACT_CARD_H
+#define CTS_CONTACT_CARD_H
 
 #include <jansson.h>
 
@@ -8,7 +8,8 @@
  * for each preset and view:
  *     {"preset", "view", "files":{"png":{"first":PATH, "frames":N}, ...}, "thumb":PATH, "turn":{"path", "frames",
  *      "width", "height"}}
- * Paths that leave the folder are left out. A new reference; NULL when memory runs out. */
-json_t *cts_sheet_card(const json_t *line);
+ * Paths are below folder ("", or with a slash at its end); those that leave it are left out. A new reference; NULL when
+ * memory runs out. */
+json_t *cts_contact_card(const json_t *line, const char *folder);
 
 #endif

@@ -15,6 +15,14 @@ const COLOURS = {
   scan: '#7a8793', decode: '#3f7fbf', grey: '#5fb3d9', classify: '#8e6bbf', footprint: '#c06ba8', splat: '#d97b34',
   composite: '#e0b13c', shade: '#7cae3a', warp: '#3a9d8f', export: '#4f5fc4'
 };
+const SYNTAXES = {
+  '1.2.840.10008.1.2': 'Implicit VR', '1.2.840.10008.1.2.1': 'Explicit VR', '1.2.840.10008.1.2.2': 'Big Endian',
+  '1.2.840.10008.1.2.1.99': 'Deflated', '1.2.840.10008.1.2.5': 'RLE', '1.2.840.10008.1.2.4.50': 'JPEG Baseline',
+  '1.2.840.10008.1.2.4.51': 'JPEG Extended', '1.2.840.10008.1.2.4.57': 'JPEG Lossless',
+  '1.2.840.10008.1.2.4.70': 'JPEG Lossless', '1.2.840.10008.1.2.4.80': 'JPEG-LS',
+  '1.2.840.10008.1.2.4.81': 'JPEG-LS near-lossless', '1.2.840.10008.1.2.4.90': 'JPEG 2000 Lossless',
+  '1.2.840.10008.1.2.4.91': 'JPEG 2000', '1.2.840.10008.1.2.4.201': 'HTJ2K Lossless', '1.2.840.10008.1.2.4.203': 'HTJ2K'
+};
 const count = n => n.toLocaleString('en');
 const plural = (n, word) => `${count(n)} ${word}${n === 1 ? '' : 's'}`;
 const number = x => typeof x === 'number' ? String(+x.toPrecision(4)).replace('-', '−') : '?';
@@ -51,7 +59,7 @@ const series = list(data.series).map((line, index) => {
     stages: Object.entries(line.stages ?? {}).map(([name, t]) => [clean(name), +t.wall_ms || 0]),
     wall_ms: +line.wall_ms || 0, memory: +line.peak_rss_bytes || 0, ended: clean(line.ended)};
   s.text = [s.uid, s.state, s.reason, clean(s.geometry.description), clean(s.geometry.orientation),
-    clean(s.geometry.transfer_syntax), ...s.findings.map(f => `${clean(f.code)} ${clean(f.text)}`),
+    clean(s.geometry.transfer_syntax), SYNTAXES[s.geometry.transfer_syntax] ?? '', ...s.findings.map(f => `${clean(f.code)} ${clean(f.text)}`),
     ...s.pictures.map(pictureName)].join('\n').toLowerCase();
   return s;
 });
@@ -79,7 +87,7 @@ function facts(s) {
   add('HU', typeof g.hu_min === 'number' ? `${number(g.hu_min)} … ${number(g.hu_max)}` : '');
   add('Tilt', g.tilt_deg ? `${number(g.tilt_deg)}°` : '');
   add('Orientation', clean(g.orientation));
-  add('Syntax', clean(g.transfer_syntax));
+  add('Syntax', SYNTAXES[g.transfer_syntax] ?? clean(g.transfer_syntax));
   return dl;
 }
 

@@ -1,5 +1,5 @@
 #define _GNU_SOURCE
-#include "sheet/thumb.h"
+#include "contact/thumbnail.h"
 
 #include "base/file.h"
 #include "base/mem.h"
@@ -12,7 +12,7 @@
 /* 12 bits of display value are finer than an 8-bit thumbnail can show. */
 enum { LEVELS = 4096, QUALITY = 80, TURN_QUALITY = 70 };
 
-struct CtsThumb {
+struct CtsThumbnail {
     char *stem;
     int source_width, source_height, n_channels;
     bool has_alpha;
@@ -25,9 +25,9 @@ struct CtsThumb {
     float linear[LEVELS];
 };
 
-void cts_thumb_discard(CtsThumb **thumb)
+void cts_thumbnail_discard(CtsThumbnail **thumb)
 {
-    CtsThumb *t = *thumb;
+    CtsThumbnail *t = *thumb;
     if (!t)
         return;
     free(t->stem);
@@ -38,19 +38,21 @@ void cts_thumb_discard(CtsThumb **thumb)
     *thumb = NULL;
 }
 
-/* The longest side becomes CTS_THUMB_SIDE at most. */
+/* The longest side becomes CTS_THUMBNAIL_SIDE at most. */
 static int scaled(int side, int longest)
 {
-    const int size = longest > CTS_THUMB_SIDE ? (int)(((int64_t)side * CTS_THUMB_SIDE + longest / 2) / longest) : side;
+    const int size =
+        longest > CTS_THUMBNAIL_SIDE ? (int)(((int64_t)side * CTS_THUMBNAIL_SIDE + longest / 2) / longest) : side;
     return size > 0 ? size : 1;
 }
 
-CtsStatus cts_thumb_begin(CtsThumb **thumb, const char *stem, const CtsPicture *first, int n_frames, CtsError *err)
+CtsStatus cts_thumbnail_begin(CtsThumbnail **thumb, const char *stem, const CtsPicture *first, int n_frames,
+                              CtsError *err)
 {
     const int height = first->whole_height, longest = first->width > height ? first->width : height;
-    CtsThumb *t = *thumb = calloc(1, sizeof *t);
+    CtsThumbnail *t = *thumb = calloc(1, sizeof *t);
     if (!t || !(t->stem = strdup(stem))) {
-        cts_thumb_discard(thumb);
+        cts_thumbnail_discard(thumb);
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", stem);
     }
     t->source_width = first->width;
@@ -60,7 +62,7 @@ CtsStatus cts_thumb_begin(CtsThumb **thumb, const char *stem, const CtsPicture *
     t->width = scaled(first->width, longest);
     t->height = scaled(height, longest);
     t->n_frames = n_frames;
-    t->n_slots = n_frames < CTS_THUMB_FRAMES ? n_frames : CTS_THUMB_FRAMES;
+    t->n_slots = n_frames < CTS_THUMBNAIL_FRAMES ? n_frames : CTS_THUMBNAIL_FRAMES;
     for (int i = 0; i < LEVELS; i++)
         t->linear[i] = (float)cts_srgb_to_linear(i / (LEVELS - 1.0));
     const size_t frame_values = (size_t)t->width * (size_t)t->height * 4;
@@ -68,17 +70,17 @@ CtsStatus cts_thumb_begin(CtsThumb **thumb, const char *stem, const CtsPicture *
     if ((st = cts_alloc_zeroed(&t->sums, frame_values, err)) ||
         (st = cts_alloc_array(&t->columns, (size_t)t->width * 4, err)) ||
         (st = cts_alloc_array(&t->strip, frame_values * (size_t)t->n_slots, err)))
-        cts_thumb_discard(thumb);
+        cts_thumbnail_discard(thumb);
     return st;
 }
 
-static float to_linear(const CtsThumb *t, float display)
+static float to_linear(const CtsThumbnail *t, float display)
 {
     return t->linear[display > 0 ? display < 1 ? (int)(display * (LEVELS - 1) + 0.5f) : LEVELS - 1 : 0];
 }
 
 /* sum += weight * the pixel, in linear light. */
-static void add_pixel(const CtsThumb *t, const float *pixel, float weight, float sum[4])
+static void add_pixel(const CtsThumbnail *t, const float *pixel, float weight, float sum[4])
 {
     if (t->n_channels == 1) {
         const float grey = weight * to_linear(t, pixel[0]);
@@ -101,7 +103,7 @@ static int64_t overlap(int at, int n_from, int into, int n_into)
     return (high < high_into ? high : high_into) - (low > low_into ? low : low_into);
 }
 
-static void reduce_row(CtsThumb *t, const float *pixels)
+static void reduce_row(CtsThumbnail *t, const float *pixels)
 {
     for (int x = 0; x < t->width; x++) {
         float sum[4] = {0};
@@ -115,7 +117,7 @@ static void reduce_row(CtsThumb *t, const float *pixels)
     }
 }
 
-static void add_row(CtsThumb *t, const float *pixels)
+static void add_row(CtsThumbnail *t, const float *pixels)
 {
     reduce_row(t, pixels);
     for (int y = (int)((int64_t)t->row * t->height / t->source_height); y < t->height; y++) {
@@ -130,7 +132,7 @@ static void add_row(CtsThumb *t, const float *pixels)
 }
 
 /* The frame's sums become 8-bit display values in its slot. */
-static void fill_slot(CtsThumb *t, int slot)
+static void fill_slot(CtsThumbnail *t, int slot)
 {
     for (int y = 0; y < t->height; y++)
         for (int x = 0; x < t->width; x++) {
@@ -144,15 +146,15 @@ static void fill_slot(CtsThumb *t, int slot)
 }
 
 /* The slot that this frame goes to, or -1. */
-static int slot_of(const CtsThumb *t, int frame)
+static int slot_of(const CtsThumbnail *t, int frame)
 {
     const int slot = (int)(((int64_t)frame * t->n_slots + t->n_frames - 1) / t->n_frames);
     return slot < t->n_slots && (int64_t)slot * t->n_frames / t->n_slots == frame ? slot : -1;
 }
 
-CtsStatus cts_thumb_rows(CtsThumb *thumb, const CtsPicture *band, CtsError *err)
+CtsStatus cts_thumbnail_rows(CtsThumbnail *thumb, const CtsPicture *band, CtsError *err)
 {
-    CtsThumb *t = thumb;
+    CtsThumbnail *t = thumb;
     if (band->width != t->source_width || band->n_channels != t->n_channels || band->first_row != t->row ||
         t->frame >= t->n_frames || band->first_row + band->height > t->source_height)
         return cts_fail(err, CTS_ERR_INTERNAL, "%s: a band of another picture", t->stem);
@@ -171,7 +173,7 @@ CtsStatus cts_thumb_rows(CtsThumb *thumb, const CtsPicture *band, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus write_file(const CtsThumb *t, CtsThumbFile *file, int quality, CtsError *err)
+static CtsStatus write_file(const CtsThumbnail *t, CtsThumbnailFile *file, int quality, CtsError *err)
 {
     const int width = file->n_frames * t->width, stride = 4 * t->width * t->n_slots;
     uint8_t *bytes = NULL, *pixels = t->strip;
@@ -190,19 +192,21 @@ static CtsStatus write_file(const CtsThumb *t, CtsThumbFile *file, int quality, 
     return st;
 }
 
-CtsStatus cts_thumb_end(CtsThumb **thumb, CtsThumbFile files[CTS_THUMB_FILES], int *n_files, CtsError *err)
+CtsStatus cts_thumbnail_end(CtsThumbnail **thumb, CtsThumbnailFile files[CTS_THUMBNAIL_FILES], int *n_files,
+                            CtsError *err)
 {
-    const CtsThumb *t = *thumb;
+    const CtsThumbnail *t = *thumb;
     CtsStatus st = CTS_OK;
     *n_files = 0;
     if (t->frame != t->n_frames)
         st = cts_fail(err, CTS_ERR_INTERNAL, "%s: %d of %d frames came", t->stem, t->frame, t->n_frames);
-    files[0] = (CtsThumbFile){.suffix = ".webp", .n_frames = 1, .width = t->width, .height = t->height};
-    files[1] = (CtsThumbFile){.suffix = "-turn.webp", .n_frames = t->n_slots, .width = t->width, .height = t->height};
+    files[0] = (CtsThumbnailFile){.suffix = ".webp", .n_frames = 1, .width = t->width, .height = t->height};
+    files[1] =
+        (CtsThumbnailFile){.suffix = "-turn.webp", .n_frames = t->n_slots, .width = t->width, .height = t->height};
     if (!st && !(st = write_file(t, &files[0], QUALITY, err)))
         *n_files = 1;
     if (!st && t->n_slots > 1 && !(st = write_file(t, &files[1], TURN_QUALITY, err)))
         *n_files = 2;
-    cts_thumb_discard(thumb);
+    cts_thumbnail_discard(thumb);
     return st;
 }

@@ -33,4 +33,4 @@ parts = text_of(page).split('@DATA@')
 assert len(parts) == 2, 'the page has one place for the data'
 head, tail = (part.replace('@POLICY@', policy).replace('@STYLE@', style).replace('@SCRIPT@', script) for part in parts)
 with open(output, 'w', encoding='ascii') as f:
-    f.write('#include "sheet/page.h"\n' + array('cts_sheet_head', head) + array('cts_sheet_tail', tail))
+    f.write('#include "contact/contact_page.h"\n' + array('cts_contact_head', head) + array('cts_contact_tail', tail))

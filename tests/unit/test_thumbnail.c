@@ -1,7 +1,7 @@
 /* Thumbnails: means in linear light, frames in their slots, the same bytes however the bands come. */
 #include "base/mem.h"
+#include "contact/thumbnail.h"
 #include "pictures.h"
-#include "sheet/thumb.h"
 #include <webp/decode.h>
 
 static char folder[64], stem[128];
@@ -22,9 +22,10 @@ static int leave(void **state)
 }
 
 /* Every frame is the same picture, times shade[frame] where shade is given. */
-static int make_thumb(const CtsPicture *picture, int n_frames, const float *shade, int n_rows, CtsThumbFile files[2])
+static int make_thumb(const CtsPicture *picture, int n_frames, const float *shade, int n_rows,
+                      CtsThumbnailFile files[2])
 {
-    CtsThumb *thumb = NULL;
+    CtsThumbnail *thumb = NULL;
     CtsError err = {0};
     int n_files = 0;
     const size_t row = (size_t)picture->width * (size_t)picture->n_channels;
@@ -39,10 +40,10 @@ static int make_thumb(const CtsPicture *picture, int n_frames, const float *shad
             for (size_t i = 0; i < row * (size_t)band.height; i++)
                 rows[i] = picture->pixels[row * (size_t)y + i] * (shade ? shade[k] : 1);
             if (!thumb)
-                assert_int_equal(cts_thumb_begin(&thumb, stem, &band, n_frames, &err), CTS_OK);
-            assert_int_equal(cts_thumb_rows(thumb, &band, &err), CTS_OK);
+                assert_int_equal(cts_thumbnail_begin(&thumb, stem, &band, n_frames, &err), CTS_OK);
+            assert_int_equal(cts_thumbnail_rows(thumb, &band, &err), CTS_OK);
         }
-    assert_int_equal(cts_thumb_end(&thumb, files, &n_files, &err), CTS_OK);
+    assert_int_equal(cts_thumbnail_end(&thumb, files, &n_files, &err), CTS_OK);
     assert_null(thumb);
     cts_free(&rows);
     return n_files;
@@ -79,7 +80,7 @@ static CtsPicture *new_picture(int width, int height, int n_channels)
 static void test_linear_light(void **state)
 {
     (void)state;
-    CtsThumbFile files[2];
+    CtsThumbnailFile files[2];
     for (int n_channels = 1; n_channels <= 4; n_channels += 3) {
         CtsPicture *p = new_picture(961, 500, n_channels);
         for (int y = 0; y < p->height; y++)
@@ -107,7 +108,7 @@ static void test_linear_light(void **state)
 static void test_alpha(void **state)
 {
     (void)state;
-    CtsThumbFile files[2];
+    CtsThumbnailFile files[2];
     CtsPicture *p = new_picture(480, 480, 4);
     p->has_alpha = true;
     for (int y = 0; y < 480; y++)
@@ -132,7 +133,7 @@ static void test_turn(void **state)
     (void)state;
     enum { FRAMES = 90 };
     float shade[FRAMES];
-    CtsThumbFile files[2];
+    CtsThumbnailFile files[2];
     CtsPicture *p = new_picture(300, 300, 1);
     for (int i = 0; i < 300 * 300; i++)
         p->pixels[i] = 1;
@@ -155,7 +156,7 @@ static void test_same_bytes(void **state)
 {
     (void)state;
     static const int sizes[][2] = {{1, 1}, {5000, 3}, {3, 700}, {240, 240}, {1000, 1001}};
-    CtsThumbFile files[2];
+    CtsThumbnailFile files[2];
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         CtsPicture *p = make_picture(sizes[i][0], sizes[i][1], 4, i & 1);
         char path[160];
@@ -178,22 +179,22 @@ static void test_same_bytes(void **state)
 static void test_faults(void **state)
 {
     (void)state;
-    CtsThumb *thumb;
-    CtsThumbFile files[2];
+    CtsThumbnail *thumb;
+    CtsThumbnailFile files[2];
     CtsError err;
     int n_files;
     CtsPicture *p = make_picture(64, 64, 4, false), *q = make_picture(32, 64, 4, false);
-    assert_int_equal(cts_thumb_begin(&thumb, stem, p, 2, &err), CTS_OK);
-    assert_int_equal(cts_thumb_rows(thumb, q, &err), CTS_ERR_INTERNAL);
-    assert_int_equal(cts_thumb_rows(thumb, p, &err), CTS_OK);
-    assert_int_equal(cts_thumb_end(&thumb, files, &n_files, &err), CTS_ERR_INTERNAL);
+    assert_int_equal(cts_thumbnail_begin(&thumb, stem, p, 2, &err), CTS_OK);
+    assert_int_equal(cts_thumbnail_rows(thumb, q, &err), CTS_ERR_INTERNAL);
+    assert_int_equal(cts_thumbnail_rows(thumb, p, &err), CTS_OK);
+    assert_int_equal(cts_thumbnail_end(&thumb, files, &n_files, &err), CTS_ERR_INTERNAL);
     assert_null(thumb);
     assert_int_equal(n_files, 0);
-    cts_thumb_discard(&thumb);
+    cts_thumbnail_discard(&thumb);
     assert_int_equal(count_files(folder), 0);
-    assert_int_equal(cts_thumb_begin(&thumb, "no-such-folder/x", p, 1, &err), CTS_OK);
-    assert_int_equal(cts_thumb_rows(thumb, p, &err), CTS_OK);
-    assert_int_equal(cts_thumb_end(&thumb, files, &n_files, &err), CTS_ERR_OUTPUT);
+    assert_int_equal(cts_thumbnail_begin(&thumb, "no-such-folder/x", p, 1, &err), CTS_OK);
+    assert_int_equal(cts_thumbnail_rows(thumb, p, &err), CTS_OK);
+    assert_int_equal(cts_thumbnail_end(&thumb, files, &n_files, &err), CTS_ERR_OUTPUT);
     cts_picture_free(&p);
     cts_picture_free(&q);
 }

@@ -1,13 +1,14 @@
 /* The contact sheet: one page of all series in a batch's journals, that opens from disk in any browser. */
-#ifndef CTS_SHEET_SHEET_H
-#define CTS_SHEET_SHEET_H
+#ifndef CTS_CONTACT_SHEET_H
+#define CTS_CONTACT_SHEET_H
 
 #include "ctsplat/status.h"
 
-/* Writes dir/index.html, whole or not at all, from dir/batch.jsonl and dir/batch-I-of-N.jsonl. Of a series with several
+/* Writes dir/index.html, whole or not at all, from dir/batch.jsonl and dir/batch-I-of-N.jsonl, and from
+ * those in folders directly below dir. Of a series with several
  * lines the last of a journal counts, and of several journals the one that ended last. Lines that are no series (a torn
  * last line is passed over in silence) are counted on the page. Holds one line at a time. CTS_ERR_READ when dir holds
  * no journal. */
-CtsStatus cts_sheet_write(const char *dir, CtsError *err);
+CtsStatus cts_contact_sheet_write(const char *dir, CtsError *err);
 
 #endif

@@ -1,4 +1,4 @@
-#include "sheet/card.h"
+#include "contact/contact_card.h"
 
 #include <stdbool.h>
 #include <string.h>
@@ -42,7 +42,7 @@ static json_t *picture_of(json_t *pictures, const json_t *file)
 }
 
 /* Frames of a rotation are one entry: the first one's path, and how many there are. */
-static void add_output(json_t *pictures, const json_t *output)
+static void add_output(json_t *pictures, const json_t *output, const char *folder)
 {
     const char *path = text_of(output, "path");
     if (!is_safe(path))
@@ -52,27 +52,28 @@ static void add_output(json_t *pictures, const json_t *output)
     if (entry)
         json_object_set_new(entry, "frames", json_integer(json_integer_value(json_object_get(entry, "frames")) + 1));
     else
-        json_object_set_new(files, text_of(output, "format"), json_pack("{s:s, s:i}", "first", path, "frames", 1));
+        json_object_set_new(files, text_of(output, "format"),
+                            json_pack("{s:s+, s:i}", "first", folder, path, "frames", 1));
 }
 
-static void add_thumbnail(json_t *pictures, const json_t *thumbnail)
+static void add_thumbnail(json_t *pictures, const json_t *thumbnail, const char *folder)
 {
     const char *path = text_of(thumbnail, "path");
     if (!is_safe(path))
         return;
     json_t *picture = picture_of(pictures, thumbnail);
     if (json_integer_value(json_object_get(thumbnail, "frames")) <= 1) {
-        json_object_set_new(picture, "thumb", json_string(path));
+        json_object_set_new(picture, "thumb", json_pack("s+", folder, path));
         return;
     }
-    json_t *turn = json_pack("{s:s}", "path", path);
+    json_t *turn = json_pack("{s:s+}", "path", folder, path);
     static const char *const numbers[] = {"frames", "width", "height"};
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
         json_object_set(turn, numbers[i], json_object_get(thumbnail, numbers[i]));
     json_object_set_new(picture, "turn", turn);
 }
 
-json_t *cts_sheet_card(const json_t *line)
+json_t *cts_contact_card(const json_t *line, const char *folder)
 {
     json_t *card = json_object(), *pictures = json_array(), *file;
     size_t i;
@@ -81,8 +82,8 @@ json_t *cts_sheet_card(const json_t *line)
         if (value)
             json_object_set(card, kept[i], value);
     }
-    json_array_foreach(json_object_get(line, "outputs"), i, file) add_output(pictures, file);
-    json_array_foreach(json_object_get(line, "thumbnails"), i, file) add_thumbnail(pictures, file);
+    json_array_foreach(json_object_get(line, "outputs"), i, file) add_output(pictures, file, folder);
+    json_array_foreach(json_object_get(line, "thumbnails"), i, file) add_thumbnail(pictures, file, folder);
     if (json_object_set_new(card, "pictures", pictures)) {
         json_decref(card);
         return NULL;

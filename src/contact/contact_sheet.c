@@ -1,11 +1,12 @@
 #define _GNU_SOURCE
-#include "sheet/sheet.h"
+#include "contact/contact_sheet.h"
 
 #include "base/file.h"
-#include "sheet/card.h"
-#include "sheet/page.h"
+#include "contact/contact_card.h"
+#include "contact/contact_page.h"
 #include <dirent.h>
 #include <errno.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -18,54 +19,86 @@ typedef struct Line {
     off_t at;
 } Line;
 
+typedef struct Journal {
+    FILE *file;
+    char *folder; /* of the batch, below the page's: "" or "NAME/" */
+} Journal;
+
 typedef struct Journals {
-    FILE **files;
-    int n_files;
+    Journal *items;
+    int n;
     Line *lines;
     size_t n_lines, n_allocated;
     int n_unreadable; /* lines that are no series */
 } Journals;
 
-static int is_journal(const struct dirent *entry)
+static bool is_journal(const char *name)
 {
     int shard, n_shards, n = 0;
-    const char *name = entry->d_name;
     return !strcmp(name, "batch.jsonl") ||
            (sscanf(name, "batch-%9d-of-%9d.jsonl%n", &shard, &n_shards, &n) == 2 && n > 0 && !name[n]);
 }
 
 static void close_journals(Journals *j)
 {
-    for (int i = 0; i < j->n_files; i++)
-        fclose(j->files[i]);
+    for (int i = 0; i < j->n; i++) {
+        fclose(j->items[i].file);
+        free(j->items[i].folder);
+    }
     for (size_t i = 0; i < j->n_lines; i++)
         free(j->lines[i].series_uid);
-    free(j->files);
+    free(j->items);
     free(j->lines);
 }
 
-static CtsStatus open_journals(Journals *j, const char *dir, CtsError *err)
+static CtsStatus add_journal(Journals *j, const char *dir, const char *folder, const char *name, CtsError *err)
 {
-    struct dirent **names = NULL;
-    const int n = scandir(dir, &names, is_journal, versionsort);
+    Journal *items = reallocarray(j->items, (size_t)j->n + 1, sizeof *items), new = {0};
+    char *path = NULL;
     CtsStatus st = CTS_OK;
-    if (n <= 0)
-        st = n < 0 ? cts_fail(err, CTS_ERR_READ, "%s: cannot be listed: %s", dir, strerror(errno))
-                   : cts_fail(err, CTS_ERR_READ, "%s: holds no journal (give the folder that `ctsplat batch -O` wrote)",
-                              dir);
-    else if (!(j->files = calloc((size_t)n, sizeof *j->files)))
+    if (items)
+        j->items = items;
+    if (!items || asprintf(&path, "%s/%s%s", dir, folder, name) < 0 || !(new.folder = strdup(folder)))
         st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
+    else if (!(new.file = fopen(path, "re")))
+        st = cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
+    if (st)
+        free(new.folder);
+    else
+        items[j->n++] = new;
+    free(path);
+    return st;
+}
+
+static int is_visible(const struct dirent *entry)
+{
+    return entry->d_name[0] != '.';
+}
+
+/* The journals of the batch in dir/folder, and where deep is set of those one folder below. */
+static CtsStatus open_journals(Journals *j, const char *dir, const char *folder, bool deep, CtsError *err)
+{
+    struct dirent **entries = NULL;
+    char *path = NULL;
+    CtsStatus st = CTS_OK;
+    if (asprintf(&path, "%s/%s", dir, folder) < 0)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
+    const int n = scandir(path, &entries, is_visible, versionsort);
+    if (n < 0 && (deep || errno != ENOTDIR))
+        st = cts_fail(err, CTS_ERR_READ, "%s: cannot be listed: %s", path, strerror(errno));
     for (int i = 0; i < n; i++) {
-        char *path = NULL;
-        if (!st && asprintf(&path, "%s/%s", dir, names[i]->d_name) < 0)
+        char *below = NULL;
+        if (!st && is_journal(entries[i]->d_name))
+            st = add_journal(j, dir, folder, entries[i]->d_name, err);
+        else if (!st && deep && asprintf(&below, "%s/", entries[i]->d_name) < 0)
             st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
-        if (!st && !(j->files[j->n_files] = fopen(path, "re")))
-            st = cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
-        j->n_files += !st;
-        free(path);
-        free(names[i]);
+        else if (!st && deep)
+            st = open_journals(j, dir, below, false, err);
+        free(below);
+        free(entries[i]);
     }
-    free(names);
+    free(entries);
+    free(path);
     return st;
 }
 
@@ -101,7 +134,7 @@ static CtsStatus add_line(Journals *j, const json_t *json, int journal, off_t at
 
 static CtsStatus index_journal(Journals *j, int journal, CtsError *err)
 {
-    FILE *file = j->files[journal];
+    FILE *file = j->items[journal].file;
     char *text = NULL;
     size_t allocated = 0;
     CtsStatus st = CTS_OK;
@@ -161,14 +194,15 @@ static CtsStatus write_json(CtsTempFile *temp, const json_t *value, CtsError *er
 
 static CtsStatus write_card(CtsTempFile *temp, const Journals *j, const Line *line, bool first, CtsError *err)
 {
-    FILE *file = j->files[line->journal];
+    FILE *file = j->items[line->journal].file;
     char *text = NULL;
     size_t allocated = 0;
     ssize_t n = -1;
     CtsStatus st;
     if (!fseeko(file, line->at, SEEK_SET))
         n = getline(&text, &allocated, file);
-    json_t *json = n > 0 ? parse_line(text, (size_t)n) : NULL, *card = json ? cts_sheet_card(json) : NULL;
+    json_t *json = n > 0 ? parse_line(text, (size_t)n) : NULL,
+           *card = json ? cts_contact_card(json, j->items[line->journal].folder) : NULL;
     if (!json)
         st = cts_fail(err, CTS_ERR_READ, "a journal changed while it was read (try again)");
     else if (!card)
@@ -200,20 +234,22 @@ static CtsStatus write_page(CtsTempFile *temp, Journals *j, CtsError *err)
     CtsStatus st;
     const int n = snprintf(start, sizeof start, "{\"version\":\"%s\",\"unreadable\":%d,\"series\":[", CTS_VERSION,
                            j->n_unreadable);
-    if ((st = cts_temp_write(temp, cts_sheet_head, cts_sheet_head_bytes, err)) ||
+    if ((st = cts_temp_write(temp, cts_contact_head, cts_contact_head_bytes, err)) ||
         (st = cts_temp_write(temp, start, (size_t)n, err)) || (st = write_cards(temp, j, err)) ||
         (st = cts_temp_write(temp, "]}\n", 3, err)))
         return st;
-    return cts_temp_write(temp, cts_sheet_tail, cts_sheet_tail_bytes, err);
+    return cts_temp_write(temp, cts_contact_tail, cts_contact_tail_bytes, err);
 }
 
-CtsStatus cts_sheet_write(const char *dir, CtsError *err)
+CtsStatus cts_contact_sheet_write(const char *dir, CtsError *err)
 {
     Journals journals = {0};
     CtsTempFile *temp = NULL;
     char *path = NULL;
-    CtsStatus st = open_journals(&journals, dir, err);
-    for (int i = 0; i < journals.n_files && !st; i++)
+    CtsStatus st = open_journals(&journals, dir, "", true, err);
+    if (!st && !journals.n)
+        st = cts_fail(err, CTS_ERR_READ, "%s: holds no journal (give the folder that `ctsplat batch -O` wrote)", dir);
+    for (int i = 0; i < journals.n && !st; i++)
         st = index_journal(&journals, i, err);
     if (!st && asprintf(&path, "%s/index.html", dir) < 0)
         st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);

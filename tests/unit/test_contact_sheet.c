@@ -1,8 +1,9 @@
 #define _GNU_SOURCE
 /* The contact sheet's data: which line of which journal counts, what is gathered, and what cannot break the page. */
+#include "contact/contact_sheet.h"
 #include "folder.h"
-#include "sheet/sheet.h"
 #include <jansson.h>
+#include <sys/stat.h>
 
 static char folder[64];
 
@@ -37,7 +38,7 @@ static json_t *page_data(void)
     char path[128];
     size_t n;
     CtsError err = {0};
-    if (cts_sheet_write(folder, &err))
+    if (cts_contact_sheet_write(folder, &err))
         fail_msg("%s", err.text);
     snprintf(path, sizeof path, "%s/index.html", folder);
     char *page = (char *)slurp(path, &n);
@@ -98,6 +99,25 @@ static void test_shards(void **state)
     json_decref(data);
 }
 
+/* Batches in folders of their own: one page, paths from its own folder. */
+static void test_folders(void **state)
+{
+    (void)state;
+    char path[128], file[160];
+    snprintf(path, sizeof path, "%s/ST_1", folder);
+    assert_int_equal(mkdir(path, 0700), 0);
+    put("batch.jsonl", "{\"series_uid\":\"1.2\"}\n");
+    put("ST_1/batch.jsonl", "{\"series_uid\":\"1.3\",\"outputs\":[{\"path\":\"1.3/a.png\",\"format\":\"png\"}]}\n");
+    json_t *data = page_data();
+    assert_int_equal(json_array_size(json_object_get(data, "series")), 2);
+    const json_t *picture = json_array_get(json_object_get(series_at(data, 1), "pictures"), 0);
+    assert_string_equal(text_of(json_object_get(json_object_get(picture, "files"), "png"), "first"), "ST_1/1.3/a.png");
+    json_decref(data);
+    snprintf(file, sizeof file, "%s/batch.jsonl", path);
+    assert_int_equal(unlink(file), 0);
+    assert_int_equal(rmdir(path), 0);
+}
+
 /* A reason that looks like markup ends no script element, and paths stay below the folder. */
 static void test_hostile(void **state)
 {
@@ -156,9 +176,9 @@ static void test_nothing_to_show(void **state)
 {
     (void)state;
     CtsError err = {0};
-    assert_int_equal(cts_sheet_write(folder, &err), CTS_ERR_READ);
+    assert_int_equal(cts_contact_sheet_write(folder, &err), CTS_ERR_READ);
     assert_non_null(strstr(err.text, "holds no journal"));
-    assert_int_equal(cts_sheet_write("no-such-folder", &err), CTS_ERR_READ);
+    assert_int_equal(cts_contact_sheet_write("no-such-folder", &err), CTS_ERR_READ);
     assert_int_equal(count_files(folder), 0);
     put("batch.jsonl", "");
     json_t *data = page_data();
@@ -171,6 +191,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(test_last_line_counts, enter, leave),
         cmocka_unit_test_setup_teardown(test_shards, enter, leave),
+        cmocka_unit_test_setup_teardown(test_folders, enter, leave),
         cmocka_unit_test_setup_teardown(test_hostile, enter, leave),
         cmocka_unit_test_setup_teardown(test_pictures, enter, leave),
         cmocka_unit_test_setup_teardown(test_nothing_to_show, enter, leave),
