@@ -65,7 +65,6 @@ typedef struct CtsRenderSettings {
     CtsSwitch shade;
     int verify;               /* pixels to render again with raycast */
     int n_threads;            /* 0: the cores this process may use */
-    unsigned cpu_mask;        /* CPU flags that may be used, ~0u: all (tests) */
     bool explain;             /* make the plan, then stop without a picture */
     bool want_depth;          /* fill the picture's depth_mm (mode composite alone has surfaces) */
     const volatile sig_atomic_t *stop; /* set by a signal handler: give up with CTS_ERR_INTERRUPTED; may be NULL */

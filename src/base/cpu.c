@@ -2,7 +2,15 @@
 #include "base/cpu.h"
 
 #include <sched.h>
+#include <stdatomic.h>
 #include <stdbool.h>
+
+static atomic_uint cpu_mask = ~0u;
+
+void cts_cpu_set_mask(unsigned mask)
+{
+    atomic_store(&cpu_mask, mask);
+}
 
 unsigned cts_cpu_flags(void)
 {
@@ -15,7 +23,7 @@ unsigned cts_cpu_flags(void)
         __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
         flags |= CTS_CPU_AVX512;
 #endif
-    return flags;
+    return flags & atomic_load(&cpu_mask);
 }
 
 int cts_cpu_cores(void)

@@ -11,16 +11,10 @@ enum {
     CTS_CPU_AVX512 = 2 /* F, BW, DQ and VL */
 };
 
-/* In front of a function of plain integer loops: compiled twice, the version that the processor can run is taken when
- * the program starts. Integers alone, so that both give the same bytes. */
-#if defined(__x86_64__)
-#define CTS_VECTOR_CLONES __attribute__((target_clones("avx2", "default")))
-#else
-#define CTS_VECTOR_CLONES
-#endif
-
-/* Flags found at run time; kernels take `cts_cpu_flags() & settings->cpu_mask`. */
+/* The flags that this processor has and the mask lets through: whoever has more than one SIMD path chooses by them. */
 unsigned cts_cpu_flags(void);
+/* For tests: flags outside the mask count as missing from now on, in the whole process. ~0u lets all through. */
+void cts_cpu_set_mask(unsigned mask);
 /* Cores in this process's affinity mask, at least 1. */
 int cts_cpu_cores(void);
 /* n when n > 0, else the cores this process may use; at most 1024. */

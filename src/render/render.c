@@ -14,7 +14,6 @@ void cts_render_defaults(CtsRenderSettings *settings)
         .kernel = CTS_KERNEL_TENT,
         .grey_bits = 16,
         .mode = -1,
-        .cpu_mask = ~0u,
     };
 }
 

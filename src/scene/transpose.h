@@ -11,15 +11,14 @@ typedef uint16_t cts_v8u_any __attribute__((vector_size(16), aligned(2)));
 /* 8 rows of 8 voxels, in_stride apart, become 8 columns, out_stride apart. */
 static inline void cts_transpose_8(const uint16_t *in, size_t in_stride, uint16_t *out, size_t out_stride)
 {
-    static const cts_v8u low = {0, 8, 1, 9, 2, 10, 3, 11}, high = {4, 12, 5, 13, 6, 14, 7, 15};
     cts_v8u a[8], b[8];
     for (size_t i = 0; i < 8; i++)
         a[i] = *(const cts_v8u_any *)(in + i * in_stride);
     /* Three rounds of interleaving rows i and i + 4. */
     for (int round = 0; round < 3; round++) {
         for (int i = 0; i < 4; i++) {
-            b[2 * i] = __builtin_shuffle(a[i], a[i + 4], low);
-            b[2 * i + 1] = __builtin_shuffle(a[i], a[i + 4], high);
+            b[2 * i] = __builtin_shufflevector(a[i], a[i + 4], 0, 8, 1, 9, 2, 10, 3, 11);
+            b[2 * i + 1] = __builtin_shufflevector(a[i], a[i + 4], 4, 12, 5, 13, 6, 14, 7, 15);
         }
         for (int i = 0; i < 8; i++)
             a[i] = b[i];

@@ -38,7 +38,7 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
     p->n_sheets = p->samples > 1 ? 2 : 1;
     p->n_threads = settings->n_threads;
     p->by_bands = p->raster.filled && p->raster.by_layer[1] == 0 && p->tiles.n_bands >= BANDS_A_THREAD * p->n_threads;
-    cts_kernels_init(&p->kernels, cts_cpu_flags() & settings->cpu_mask);
+    cts_kernels_init(&p->kernels, cts_cpu_flags());
     if ((st = cts_footprint_init(&p->footprint, settings->kernel, settings->kernel_radius, density, err)))
         return st;
     const uint64_t n_taps = (uint64_t)(2 * p->footprint.reach[0] + 1) * (uint64_t)(2 * p->footprint.reach[1] + 1);

@@ -63,7 +63,7 @@ static void add_row(CtsBlockChange *c, int bj, int k, const uint64_t *some, cons
     }
 }
 
-CTS_VECTOR_CLONES static void join_row(CtsBlockRows *rows, const uint64_t *restrict gone, size_t n_words)
+static void join_row(CtsBlockRows *rows, const uint64_t *restrict gone, size_t n_words)
 {
     for (size_t w = 0; w < n_words; w++) {
         rows->some[w] |= gone[w];

@@ -150,8 +150,8 @@ static Taken taken_by(const CouchGrower *grower, const CouchSide *rival, int w, 
     return (Taken){couch_column(&rival->grown, w, 0), couch_column(rival->whole, w, k)};
 }
 
-CTS_VECTOR_CLONES static void join_column(uint64_t *restrict to, const uint64_t *restrict a, const uint64_t *restrict b,
-                                          const uint64_t *restrict now, const uint64_t *restrict own, int n)
+static void join_column(uint64_t *restrict to, const uint64_t *restrict a, const uint64_t *restrict b,
+                        const uint64_t *restrict now, const uint64_t *restrict own, int n)
 {
     for (int j = 0; j < n; j++)
         to[j] |= (a[j] | b[j]) & ~now[j] & ~own[j];
@@ -180,8 +180,8 @@ static inline __attribute__((always_inline)) uint64_t spread(uint64_t low, uint6
     return at | at << 1 | at >> 1 | low >> 63 | high << 63;
 }
 
-CTS_VECTOR_CLONES static void grow_cross(uint64_t *restrict out, const Trio *in, const uint64_t *restrict now,
-                                         const uint64_t *restrict own, uint64_t mask, int n)
+static void grow_cross(uint64_t *restrict out, const Trio *in, const uint64_t *restrict now,
+                       const uint64_t *restrict own, uint64_t mask, int n)
 {
     const uint64_t *const low = in->low, *const at = in->at, *const high = in->high;
     for (int j = 0; j < n; j++) {
@@ -190,8 +190,8 @@ CTS_VECTOR_CLONES static void grow_cross(uint64_t *restrict out, const Trio *in,
     }
 }
 
-CTS_VECTOR_CLONES static void grow_box(uint64_t *restrict out, const Trio *in, const uint64_t *restrict now,
-                                       const uint64_t *restrict own, uint64_t mask, int n)
+static void grow_box(uint64_t *restrict out, const Trio *in, const uint64_t *restrict now, const uint64_t *restrict own,
+                     uint64_t mask, int n)
 {
     const uint64_t *const low = in->low, *const at = in->at, *const high = in->high;
     for (int j = 0; j < n; j++) {

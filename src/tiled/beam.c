@@ -15,7 +15,7 @@ static inline double larger(double a, double b)
     return a > b ? a : b;
 }
 
-void tiled_clip(const TiledJob *j, double u, double v, double *enter, double *leave)
+void cts_tiled_clip(const TiledJob *j, double u, double v, double *enter, double *leave)
 {
     const double at[2] = {u, v}, step[2] = {j->u_at[3], j->v_at[3]}, size[2] = {j->nu - 1, j->nv - 1};
     *enter = 0;
@@ -51,27 +51,27 @@ static int block_of(double at, int n_blocks)
     return b < n_blocks ? b : n_blocks - 1;
 }
 
-/* How many layers rays that meet layer q between (u[0], v[0]) and (u[1], v[1]) may leap. 0: something may be visible,
+/* How many layers rays that meet layer q between (u[0], v[0]) and (u[1], v[1]) may skip. 0: something may be visible,
  * or the next block is too near; *until is then the layer up to which to march before asking again. */
-static int leap_from(const TiledJob *j, const double u[2], const double v[2], int q, int *until)
+static int skip_from(const TiledJob *j, const double u[2], const double v[2], int q, int *until)
 {
-    const CtsLeap *leap = &j->leap;
-    const int bu0 = block_of(u[0], leap->nu), bu1 = block_of(u[1], leap->nu);
-    const int bv0 = block_of(v[0], leap->nv), bv1 = block_of(v[1], leap->nv);
+    const CtsEmptySpace *empty = &j->empty;
+    const int bu0 = block_of(u[0], empty->nu), bu1 = block_of(u[1], empty->nu);
+    const int bv0 = block_of(v[0], empty->nv), bv1 = block_of(v[1], empty->nv);
     const unsigned cell = (unsigned)(j->rising ? q : j->nk - 2 - q);
     const int rest = (int)(j->rising ? CTS_BLOCK - cell % CTS_BLOCK : cell % CTS_BLOCK + 1);
-    const uint8_t *d = leap->distance + (ptrdiff_t)(cell / CTS_BLOCK) * leap->nu * leap->nv;
+    const uint8_t *d = empty->distance + (ptrdiff_t)(cell / CTS_BLOCK) * empty->nu * empty->nv;
     int n = 255;
     for (int bv = bv0; bv <= bv1; bv++)
         for (int bu = bu0; bu <= bu1; bu++) {
-            const int here = d[bv * leap->nu + bu];
+            const int here = d[bv * empty->nu + bu];
             n = here < n ? here : n;
         }
     *until = q + rest;
     if (n == 0)
         return 0;
-    const double most = smaller(rest + CTS_BLOCK * (n - 1), smaller(room(u, j->u_at[3], bu0, bu1, n, leap->nu),
-                                                                    room(v, j->v_at[3], bv0, bv1, n, leap->nv)));
+    const double most = smaller(rest + CTS_BLOCK * (n - 1), smaller(room(u, j->u_at[3], bu0, bu1, n, empty->nu),
+                                                                    room(v, j->v_at[3], bv0, bv1, n, empty->nv)));
     if (most < 1) {
         *until = q + 1;
         return 0;
@@ -110,7 +110,7 @@ static bool bound(const TiledJob *j, const double at[4], double size, const int 
     return range[1] >= -hair && range[0] <= size + hair;
 }
 
-bool tiled_beam_init(const TiledJob *j, TiledBeam *beam, int x0, int y0, int x1, int y1, int first)
+bool cts_tiled_beam_init(const TiledJob *j, TiledBeam *beam, int x0, int y0, int x1, int y1, int first)
 {
     const int corner[4][2] = {{x0, y0}, {x1 - 1, y0}, {x0, y1 - 1}, {x1 - 1, y1 - 1}};
     double in_out[4] = {0, j->nk - 1, 0, j->nk - 1}; /* some ray is inside from..to, all are from..to */
@@ -124,7 +124,7 @@ bool tiled_beam_init(const TiledJob *j, TiledBeam *beam, int x0, int y0, int x1,
     beam->full_to = in_out[3] > 0 ? (int)in_out[3] : 0;
     beam->n_runs = 0;
     beam->next = beam->first;
-    if (!tiled_beam_extend(j, beam))
+    if (!cts_tiled_beam_extend(j, beam))
         return false;
     beam->first = beam->runs[0].from;
     return true;
@@ -147,17 +147,17 @@ static int fine_of(double at, int n_cells)
 /* Whether something may be visible to the beam in slabs from..to - 1, which lie in one layer of fine blocks. */
 static bool fine_visible(const TiledJob *j, const TiledBeam *beam, int from, int to)
 {
-    const CtsLeap *leap = &j->leap;
+    const CtsEmptySpace *empty = &j->empty;
     const double u_a = j->u_at[3] * from, u_b = j->u_at[3] * to, v_a = j->v_at[3] * from, v_b = j->v_at[3] * to;
     const int u0 = fine_of(beam->u[0] + smaller(u_a, u_b), j->nu - 1),
               u1 = fine_of(beam->u[1] + larger(u_a, u_b), j->nu - 1);
     const int v0 = fine_of(beam->v[0] + smaller(v_a, v_b), j->nv - 1),
               v1 = fine_of(beam->v[1] + larger(v_a, v_b), j->nv - 1);
     const int k = (j->rising ? from : j->nk - 2 - from) / CTS_FINE_BLOCK;
-    const uint8_t *layer = leap->fine + (ptrdiff_t)(k / 2) * leap->nu * leap->nv;
+    const uint8_t *layer = empty->fine + (ptrdiff_t)(k / 2) * empty->nu * empty->nv;
     for (int v = v0; v <= v1; v++)
         for (int u = u0; u <= u1; u++)
-            if (layer[(v / 2) * leap->nu + u / 2] >> (4 * (k & 1) + 2 * (v & 1) + (u & 1)) & 1)
+            if (layer[(v / 2) * empty->nu + u / 2] >> (4 * (k & 1) + 2 * (v & 1) + (u & 1)) & 1)
                 return true;
     return false;
 }
@@ -187,16 +187,16 @@ static TiledRun run_from(const TiledJob *j, TiledBeam *beam, int q, int end)
     return run;
 }
 
-bool tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
+bool cts_tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
 {
     while (beam->next < beam->last) {
         const int q = beam->next;
         const double du = j->u_at[3] * q, dv = j->v_at[3] * q;
         const double u[2] = {beam->u[0] + du, beam->u[1] + du}, v[2] = {beam->v[0] + dv, beam->v[1] + dv};
         int until;
-        const int leap = leap_from(j, u, v, q, &until);
-        if (leap > 0) {
-            beam->next += leap;
+        const int skip = skip_from(j, u, v, q, &until);
+        if (skip > 0) {
+            beam->next += skip;
             continue;
         }
         /* A closer look: up to where the next layer of fine blocks begins. */

@@ -77,7 +77,7 @@ static bool fill_depth(const float *above, const float *below, int n, float most
     return true;
 }
 
-TiledFill tiled_fill(const TiledJob *j, const TiledSpan *s, int away, int above, int below)
+TiledFill cts_tiled_fill(const TiledJob *j, const TiledSpan *s, int away, int above, int below)
 {
     if (above < away || below < away)
         return TILED_FILL_NONE;

@@ -7,7 +7,7 @@
 
 static const char *const EARLIER = "made for an earlier frame";
 
-CtsStatus tiled_kept_open(const CtsScene *scene, TiledKept **kept, CtsError *err)
+CtsStatus cts_tiled_kept_open(const CtsScene *scene, TiledKept **kept, CtsError *err)
 {
     *kept = scene->kept ? *scene->kept : NULL;
     if (!*kept && !(*kept = calloc(1, sizeof **kept)))
@@ -17,13 +17,13 @@ CtsStatus tiled_kept_open(const CtsScene *scene, TiledKept **kept, CtsError *err
     return CTS_OK;
 }
 
-void tiled_kept_close(const CtsScene *scene, TiledKept *kept)
+void cts_tiled_kept_close(const CtsScene *scene, TiledKept *kept)
 {
     if (!scene->kept)
-        tiled_kept_free(kept);
+        cts_tiled_kept_free(kept);
 }
 
-void tiled_kept_free(void *kept)
+void cts_tiled_kept_free(void *kept)
 {
     TiledKept *k = kept;
     if (!k)
@@ -31,7 +31,7 @@ void tiled_kept_free(void *kept)
     cts_blocks_free(&k->own_blocks);
     cts_layout_free(&k->copied);
     cts_slab_table_free(&k->table);
-    cts_leap_free(&k->leap);
+    cts_empty_space_free(&k->empty);
     free(k);
 }
 
@@ -40,14 +40,14 @@ static bool same_axes(const CtsLayout *a, const CtsLayout *b)
     return a->axis_u == b->axis_u && a->axis_v == b->axis_v && a->axis_k == b->axis_k;
 }
 
-CtsStatus tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlocks **blocks, CtsReport *report,
-                            CtsError *err)
+CtsStatus cts_tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlocks **blocks, CtsReport *report,
+                                CtsError *err)
 {
     return cts_scene_blocks(scene, &kept->own_blocks, blocks, report, err);
 }
 
-CtsStatus tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlocks *blocks, const CtsLayout *layout,
-                            CtsReport *report, CtsError *err)
+CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlocks *blocks,
+                                const CtsLayout *layout, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     const int axes[3] = {layout->axis_u, layout->axis_v, layout->axis_k};
@@ -59,17 +59,17 @@ CtsStatus tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlo
             return st;
         kept->table_scale = scene->extinction_scale;
     }
-    if (kept->leap.distance && !memcmp(kept->leap_axes, axes, sizeof axes)) {
+    if (kept->empty.distance && !memcmp(kept->empty_axes, axes, sizeof axes)) {
         cts_report_skip(report, "distances to what is visible", "%s", EARLIER);
         return CTS_OK;
     }
-    cts_leap_free(&kept->leap);
-    memcpy(kept->leap_axes, axes, sizeof axes);
-    return cts_leap_init(&kept->leap, blocks, layout, scene->lut, scene->settings->n_threads, err);
+    cts_empty_space_free(&kept->empty);
+    memcpy(kept->empty_axes, axes, sizeof axes);
+    return cts_empty_space_init(&kept->empty, blocks, layout, scene->lut, scene->settings->n_threads, err);
 }
 
-CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,
-                            CtsError *err)
+CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,
+                                CtsError *err)
 {
     CtsStatus st;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -87,8 +87,8 @@ CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, C
         cts_report_skip(report, "transposed copy", "%s", EARLIER);
         return CTS_OK;
     }
-    const CtsLeap *leap = &kept->leap;
-    const CtsLayoutBlocks wanted = {leap->distance, leap->nu, leap->nv, leap->nk, kept->copied_reach, reach};
+    const CtsEmptySpace *empty = &kept->empty;
+    const CtsLayoutBlocks wanted = {empty->distance, empty->nu, empty->nv, empty->nk, kept->copied_reach, reach};
     const int64_t n = cts_layout_copy(layout, scene->volume, &wanted, scene->settings->n_threads);
     const uint64_t voxels = (uint64_t)n * CTS_BLOCK * CTS_BLOCK * CTS_BLOCK;
     kept->copied_reach = reach;

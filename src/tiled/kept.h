@@ -4,8 +4,8 @@
 #define CTS_TILED_KEPT_H
 
 #include "scene/engine.h"
+#include "tiled/empty_space.h"
 #include "tiled/layout.h"
-#include "tiled/leap.h"
 #include "tiled/slab.h"
 #include "volume/blocks.h"
 
@@ -15,24 +15,24 @@ typedef struct TiledKept {
     int copied_reach;      /* it holds the blocks up to this far from a visible one */
     CtsSlabTable table;
     double table_scale; /* extinction_scale of table, 0 before it is made */
-    CtsLeap leap;
-    int leap_axes[3];
+    CtsEmptySpace empty;
+    int empty_axes[3];
 } TiledKept;
 
-/* The scene's own, or one for this picture alone. Pair with tiled_kept_close(). */
-CtsStatus tiled_kept_open(const CtsScene *scene, TiledKept **kept, CtsError *err);
-void tiled_kept_close(const CtsScene *scene, TiledKept *kept);
-void tiled_kept_free(void *kept);
+/* The scene's own, or one for this picture alone. Pair with cts_tiled_kept_close(). */
+CtsStatus cts_tiled_kept_open(const CtsScene *scene, TiledKept **kept, CtsError *err);
+void cts_tiled_kept_close(const CtsScene *scene, TiledKept *kept);
+void cts_tiled_kept_free(void *kept);
 
 /* Block ranges, which stay the keeper's. The report says what was there already, here and below. */
-CtsStatus tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlocks **blocks, CtsReport *report,
-                            CtsError *err);
-/* kept->table and kept->leap for this view. */
-CtsStatus tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlocks *blocks, const CtsLayout *layout,
-                            CtsReport *report, CtsError *err);
+CtsStatus cts_tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlocks **blocks, CtsReport *report,
+                                CtsError *err);
+/* kept->table and kept->empty for this view. */
+CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlocks *blocks,
+                                const CtsLayout *layout, CtsReport *report, CtsError *err);
 /* Give the view's layout its voxels, those at least that lie up to `reach` blocks from a visible one; they stay the
- * keeper's. After tiled_kept_tables(). */
-CtsStatus tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,
-                            CtsError *err);
+ * keeper's. After cts_tiled_kept_tables(). */
+CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,
+                                CtsError *err);
 
 #endif

@@ -8,7 +8,7 @@
 #include "scene/view.h"
 #include <stdint.h>
 
-enum { CTS_LAYOUT_MIN_U = 8, CTS_LAYOUT_MIN_V = 3 }; /* what a kernel's loads may touch; smaller volumes are padded */
+enum { CTS_LAYOUT_MIN_U = 8, CTS_LAYOUT_MIN_V = 3 }; /* what vector loads may touch; smaller volumes are padded */
 
 typedef struct CtsLayout {
     int axis_u, axis_v, axis_k; /* volume axes: along a row, from row to row, from layer to layer */

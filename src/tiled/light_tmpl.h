@@ -211,7 +211,7 @@ INLINE void light_packets(const TiledJob *j, const Packet *pk, Way way, unsigned
 INLINE void light_stretch(const TiledJob *j, const Packet *pk, Way way, int q, int part, int span, bool inner, vf lost,
                           vf moment, unsigned bends, Light *light, Lit *lit, Course *course)
 {
-    const uint64_t before = course->timed ? tiled_ticks() : 0;
+    const uint64_t before = course->timed ? cts_tiled_ticks() : 0;
     lit->due += lost;
     lit->last = select_i(vf_lt(vf_of(0), lost), vi_of(q * j->samples + part), lit->last);
     const unsigned packets = any_in(vf_lt(vf_of(j->most_due), lit->due));
@@ -220,7 +220,7 @@ INLINE void light_stretch(const TiledJob *j, const Packet *pk, Way way, int q, i
         light_packets(j, pk, way, packets, q, part, span, inner, select_f(vf_lt(some, lost), f, vf_of(0.5f)), bends,
                       light, lit, course);
     }
-    course->ticks += course->timed ? tiled_ticks() - before : 0;
+    course->ticks += course->timed ? cts_tiled_ticks() - before : 0;
 }
 
 /* Colours that never were worth a slope get the lighting of their packet's last stretch. */

@@ -8,8 +8,8 @@
 
 #include "base/clock.h"
 #include "scene/shade.h"
+#include "tiled/empty_space.h"
 #include "tiled/layout.h"
-#include "tiled/leap.h"
 #include "tiled/slab.h"
 #include <stdbool.h>
 #include <stdint.h>
@@ -30,7 +30,7 @@ typedef struct TiledJob {
     int32_t lane_u[CTS_PACKET], lane_v[CTS_PACKET], half_u[CTS_PACKET], half_v[CTS_PACKET];
     int window_u, window_v; /* largest first column and row of a window of 8 x 3 voxels */
     bool windowed;          /* half a packet fits such a window */
-    bool spotted;           /* if not: offsets inside a layer and positions fit 32 bits; else lane by lane */
+    bool gathers;           /* if not: offsets inside a layer and positions fit 32 bits; else lane by lane */
     int one_window_rows;    /* two packets at most so many rows apart fit one of 16 x 4; 0: no two do */
     bool straight;          /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
     int sheets;             /* a layer: each is sampled, and what lies between two sheets is a stretch */
@@ -47,7 +47,7 @@ typedef struct TiledJob {
     float layer_mm;              /* ray length from layer to layer */
     float stop_transmittance;    /* a packet ends when all of its pixels have less than this left */
     CtsSlabTable table;
-    CtsLeap leap;
+    CtsEmptySpace empty;
     /* Of 2^fill_levels rows one is marched; the others are filled where that can be trusted: where colours change and
      * bend from row to row by no more than fill_step. */
     int fill_levels;
@@ -90,7 +90,7 @@ typedef struct TiledCounts {
 
 enum { TILED_TIMED_MARCHES = 32 };
 
-static inline uint64_t tiled_ticks(void)
+static inline uint64_t cts_tiled_ticks(void)
 {
 #if defined(__x86_64__)
     return __builtin_ia32_rdtsc();
@@ -104,28 +104,28 @@ typedef struct TiledSpan {
     int x, y, n;
 } TiledSpan;
 
-/* One packet, or as many as the kernel takes at a time, from the top. */
-typedef void (*tiled_packets_fn)(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
+/* One packet, or as many as the SIMD path takes at a time, from the top. */
+typedef void (*cts_tiled_packets_fn)(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
 
-void tiled_packets_c(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
-void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
-/* Takes two; only for windowed or spotted jobs. */
-void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
+void cts_tiled_packets_c(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
+void cts_tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
+/* Takes two; only for windowed or gathers jobs. */
+void cts_tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
 
 typedef enum TiledFill { TILED_FILL_NONE, TILED_FILL_COLOUR, TILED_FILL_ALL } TiledFill;
 /* A packet's colours and depths from those `away` and 3 times that many rows above and below; the tile has so many rows
  * above and below the packet. NONE: that cannot be trusted; COLOUR: only the depth cannot. */
-TiledFill tiled_fill(const TiledJob *job, const TiledSpan *span, int away, int above, int below);
+TiledFill cts_tiled_fill(const TiledJob *job, const TiledSpan *span, int away, int above, int below);
 
 /* Bounds for the rays of pixels x0..x1 - 1 by y0..y1 - 1; false when they miss everything that may be visible. */
-bool tiled_beam_init(const TiledJob *job, TiledBeam *beam, int x0, int y0, int x1, int y1, int first);
+bool cts_tiled_beam_init(const TiledJob *job, TiledBeam *beam, int x0, int y0, int x1, int y1, int first);
 /* Find one more run; false when there is none. */
-bool tiled_beam_extend(const TiledJob *job, TiledBeam *beam);
+bool cts_tiled_beam_extend(const TiledJob *job, TiledBeam *beam);
 /* q between which the ray that meets layer 0 at (u, v) is inside the box of voxel centres; leave < enter: never. */
-void tiled_clip(const TiledJob *job, double u, double v, double *enter, double *leave);
+void cts_tiled_clip(const TiledJob *job, double u, double v, double *enter, double *leave);
 
 /* Distance from the camera plane of the ray of pixel (x, y) at layer q. */
-static inline float tiled_depth_mm(const TiledJob *job, int x, int y, float q)
+static inline float cts_tiled_depth_mm(const TiledJob *job, int x, int y, float q)
 {
     return (float)(job->depth_at[0] + job->depth_at[1] * x + job->depth_at[2] * y + job->depth_at[3] * (double)q);
 }

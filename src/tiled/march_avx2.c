@@ -30,11 +30,6 @@ INLINE vi vi_max(vi a, vi b)
     return (vi)_mm256_max_epi32((__m256i)a, (__m256i)b);
 }
 
-INLINE vf vf_sqrt(vf a)
-{
-    return (vf)_mm256_sqrt_ps((__m256)a);
-}
-
 INLINE vf vf_fma(vf a, vf b, vf c)
 {
     return (vf)_mm256_fmadd_ps((__m256)a, (__m256)b, (__m256)c);
@@ -185,16 +180,16 @@ INLINE void load_differences(const Taps *t, const ptrdiff_t minus[3], const ptrd
 
 #include "tiled/march_tmpl.h"
 
-void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
+void cts_tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
     run_packets(job, beam, spans, counts);
 }
 
 #else
 
-void tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
+void cts_tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
-    tiled_packets_c(job, beam, spans, counts);
+    cts_tiled_packets_c(job, beam, spans, counts);
 }
 
 #endif

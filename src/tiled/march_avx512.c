@@ -33,11 +33,6 @@ INLINE vi vi_max(vi a, vi b)
     return (vi)_mm512_max_epi32((__m512i)a, (__m512i)b);
 }
 
-INLINE vf vf_sqrt(vf a)
-{
-    return (vf)_mm512_sqrt_ps((__m512)a);
-}
-
 INLINE vf vf_fma(vf a, vf b, vf c)
 {
     return (vf)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c);
@@ -331,17 +326,17 @@ INLINE void load_differences(const Taps *t, const ptrdiff_t minus[3], const ptrd
 
 #include "tiled/march_tmpl.h"
 
-void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
+void cts_tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
     run_packets(job, beam, spans, counts);
 }
 
 #else
 
-void tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
+void cts_tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
-    tiled_packets_avx2(job, beam, spans, counts);
-    tiled_packets_avx2(job, beam, spans + 1, counts);
+    cts_tiled_packets_avx2(job, beam, spans, counts);
+    cts_tiled_packets_avx2(job, beam, spans + 1, counts);
 }
 
 #endif

@@ -37,14 +37,6 @@ INLINE vi vi_max(vi a, vi b)
     return r;
 }
 
-INLINE vf vf_sqrt(vf a)
-{
-    vf r;
-    for (int l = 0; l < 8; l++)
-        r[l] = sqrtf(a[l]);
-    return r;
-}
-
 /* a b + c, rounded once. */
 INLINE vf vf_fma(vf a, vf b, vf c)
 {
@@ -156,7 +148,7 @@ INLINE void load_differences(const Taps *t, const ptrdiff_t minus[3], const ptrd
 
 #include "tiled/march_tmpl.h"
 
-void tiled_packets_c(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
+void cts_tiled_packets_c(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
 {
     run_packets(job, beam, spans, counts);
 }

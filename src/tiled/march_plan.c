@@ -52,7 +52,7 @@ static void choose_fill(TiledJob *j, const CtsScene *scene)
 
 /* Measured on CT heads, all built-in presets, unlit: the default stays below 0.5/255 rms. Errors fall with the square
  * of the sheets, and with the limits as long as those find what bends. */
-void tiled_plan(TiledJob *j, const CtsScene *scene)
+void cts_tiled_plan(TiledJob *j, const CtsScene *scene)
 {
     const double asked = scene->plan.max_error > 0 ? scene->plan.max_error : 0.5, part = fmin(asked / 0.5, 8);
     const double grey_per_hu = 1 / scene->volume->hu_step;
@@ -86,16 +86,16 @@ void tiled_plan(TiledJob *j, const CtsScene *scene)
     choose_fill(j, scene);
 }
 
-void tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLayout *layout, int reach, const char *kernel,
-                       CtsReport *report)
+void cts_tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLayout *layout, int reach,
+                           const char *simd_path, CtsReport *report)
 {
     static const char *const axes[3] = {"columns", "rows", "slices"};
     const CtsRenderSettings *s = scene->settings;
-    const double active = 100.0 * (double)j->leap.n_visible / (double)j->leap.n_blocks, step = scene->volume->hu_step;
+    const double active = 100.0 * (double)j->empty.n_visible / (double)j->empty.n_blocks, step = scene->volume->hu_step;
     cts_report_plan(report, "engine tiled: %d layers across the volume's %s, %s, %.4g mm of ray from layer to layer",
                     j->nk, axes[layout->axis_k], j->rising ? "rising" : "falling", scene->view.layer_mm);
     cts_report_plan(report, "blocks of %d^3 cells: %lld of %lld may be visible (%.1f %%)", CTS_BLOCK,
-                    (long long)j->leap.n_visible, (long long)j->leap.n_blocks, active);
+                    (long long)j->empty.n_visible, (long long)j->empty.n_blocks, active);
     cts_report_plan(report,
                     "slab integral: cumulative tables of %d entries, %g to a grey level; split into 2 to 16 parts "
                     "where depth^2 times change exceeds %.3g HU, past depth %g where the light is lost",
@@ -126,8 +126,8 @@ void tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLayout
     else
         cts_report_skip(report, "filling rows", "%s",
                         scene->plan.samples > 0 ? "sheets were asked for" : "pixels are no finer than half a voxel");
-    cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; kernel %s; %d threads",
-                    (double)j->stop_transmittance, j->shade ? "on" : "off", kernel, s->n_threads);
+    cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
+                    (double)j->stop_transmittance, j->shade ? "on" : "off", simd_path, s->n_threads);
     cts_report_skip(report, "point samples", "two table entries integrate a whole slab");
     cts_report_skip(report, "warp", "sheets are sampled where the final pixels' rays cross them");
     cts_report_skip(report, "layer reuse", "a 2 x 2 stencil costs less than comparing layers");
@@ -135,7 +135,7 @@ void tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLayout
         cts_report_skip(report, "transposed copy", "rows already lie along the %s", axes[layout->axis_u]);
     else
         cts_report_plan(report, "transposed copy: blocks up to %d from one that may be visible", reach);
-    if (j->leap.n_visible == j->leap.n_blocks)
+    if (j->empty.n_visible == j->empty.n_blocks)
         cts_report_skip(report, "void skipping", "every block may be visible");
     if (s->tolerance_hu > 0)
         cts_report_skip(report, "tolerance", "the engine compares no layers");

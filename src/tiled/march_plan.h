@@ -6,10 +6,10 @@
 
 /* Sheets and limits, from the scene's plan and how steep the preset is. The job has its
  * geometry and its table. */
-void tiled_plan(TiledJob *job, const CtsScene *scene);
+void cts_tiled_plan(TiledJob *job, const CtsScene *scene);
 
-/* reach: how far, in blocks, from a visible one voxels are copied. kernel: the name of the march's vector path. */
-void tiled_plan_report(const TiledJob *job, const CtsScene *scene, const CtsLayout *layout, int reach,
-                       const char *kernel, CtsReport *report);
+/* reach: how far, in blocks, from a visible one voxels are copied. simd_path: its name. */
+void cts_tiled_plan_report(const TiledJob *job, const CtsScene *scene, const CtsLayout *layout, int reach,
+                           const char *simd_path, CtsReport *report);
 
 #endif

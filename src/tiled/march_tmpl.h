@@ -302,8 +302,8 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
     uint64_t samples = 0, slabs = 0;
     bool opaque = false;
     const bool timed = course.timed;
-    uint64_t start = timed ? tiled_ticks() : 0, composite = 0;
-    for (int r = 0; !opaque && (r < beam->n_runs || tiled_beam_extend(j, beam)); r++) {
+    uint64_t start = timed ? cts_tiled_ticks() : 0, composite = 0;
+    for (int r = 0; !opaque && (r < beam->n_runs || cts_tiled_beam_extend(j, beam)); r++) {
         const TiledRun run = beam->runs[r];
         if (run.from != reached)
             course.before = s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
@@ -313,7 +313,7 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
             samples++;
             const unsigned marching = j->sheets == 1 ? marching_packets(j, light, s0, end) : ALL_PACKETS;
             if (marching) {
-                const uint64_t before = timed ? tiled_ticks() : 0;
+                const uint64_t before = timed ? cts_tiled_ticks() : 0;
                 slabs++;
                 if (j->sheets == 1) {
                     Stretch slab = {q, 0, 4, 0, 1, s0, end, end - s0, vf_of(0)};
@@ -337,7 +337,7 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
                     course = sheets_course;
                 }
                 opaque = all_opaque(j, light);
-                composite += timed ? tiled_ticks() - before : 0;
+                composite += timed ? cts_tiled_ticks() - before : 0;
             }
             course.before = s0;
             s0 = end;
@@ -348,7 +348,7 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
     if (timed) {
         counts->composite_ticks += composite - course.ticks;
         counts->shade_ticks += course.ticks;
-        counts->splat_ticks += tiled_ticks() - start - composite;
+        counts->splat_ticks += cts_tiled_ticks() - start - composite;
     }
     counts->marches++;
     counts->samples += samples * LANES;
@@ -420,6 +420,6 @@ static void run_packets(const TiledJob *j, TiledBeam *beam, const TiledSpan *spa
                 j->rgba[4 * (at + (size_t)i) + (size_t)c] = lanes[c][from + i];
         for (int i = 0; j->depth_mm && i < n; i++)
             if (depth[from + i] >= 0)
-                j->depth_mm[at + (size_t)i] = tiled_depth_mm(j, x + i, y, depth[from + i]);
+                j->depth_mm[at + (size_t)i] = cts_tiled_depth_mm(j, x + i, y, depth[from + i]);
     }
 }

@@ -1,4 +1,4 @@
-/* Masks of the kernels that march one packet at a time: a vector, all ones or zero in each lane. */
+/* Masks of the SIMD paths that march one packet at a time: a vector, all ones or zero in each lane. */
 #ifndef CTS_TILED_MASK_TMPL_H
 #define CTS_TILED_MASK_TMPL_H
 

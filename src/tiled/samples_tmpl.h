@@ -54,13 +54,13 @@ INLINE Taps sheet_taps(const TiledJob *j, const Packet *pk, Way way, int t_sheet
 }
 
 /* Pixels too far apart for a window: each lane's own four voxels, weighted as in Taps. */
-typedef struct Spots {
+typedef struct Gather {
     vi at; /* offset of the first voxel inside a layer */
     vi weights;
     vf fy;
-} Spots;
+} Gather;
 
-INLINE Spots find_spots(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS])
+INLINE Gather find_gather(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS])
 {
     const vi far_u = vi_of((j->nu - 1) << 16), far_v = vi_of((j->nv - 1) << 16);
     const vi u = vi_min(vi_max(lane_positions(pu, j->lane_u), vi_of(0)), far_u);
@@ -69,11 +69,11 @@ INLINE Spots find_spots(const TiledJob *j, const int32_t pu[PACKETS], const int3
     const vi column = vi_min(u >> 16, vi_of(j->nu > 1 ? j->nu - 2 : 0));
     const vi row = vi_min(v >> 16, vi_of(j->nv > 1 ? j->nv - 2 : 0));
     const vi wx = (u - (column << 16)) >> 2;
-    return (Spots){row * (int32_t)j->row_stride + column, (wx << 16) | (16384 - wx),
-                   to_float(v - (row << 16)) * (1.0f / 65536)};
+    return (Gather){row * (int32_t)j->row_stride + column, (wx << 16) | (16384 - wx),
+                    to_float(v - (row << 16)) * (1.0f / 65536)};
 }
 
-INLINE vf load_spots(const TiledJob *j, const Spots *s, const uint16_t *layer)
+INLINE vf load_gather(const TiledJob *j, const Gather *s, const uint16_t *layer)
 {
     const vf a = to_float(weigh_pairs(layer, s->at, s->weights));
     const vf b = to_float(weigh_pairs(layer + j->row_stride, s->at, s->weights));
@@ -107,14 +107,14 @@ INLINE vf sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int 
     const ptrdiff_t offset = q * j->layer_stride;
     vf here, next;
     const uint16_t *layer = j->layer0 + offset;
-    if (way == WAY_WIDE && j->spotted) {
+    if (way == WAY_WIDE && j->gathers) {
         int32_t pu[PACKETS], pv[PACKETS];
         sheet_start(j, pk, q * j->samples + part, pu, pv);
-        const Spots spots = find_spots(j, pu, pv);
-        here = load_spots(j, &spots, layer);
+        const Gather gather = find_gather(j, pu, pv);
+        here = load_gather(j, &gather, layer);
         if (part == 0)
             return here;
-        next = load_spots(j, &spots, layer + j->layer_stride);
+        next = load_gather(j, &gather, layer + j->layer_stride);
     } else if (way == WAY_WIDE) {
         const double at = q + (double)part / j->samples;
         here = sample_lanes(j, pk, layer, at);
@@ -138,7 +138,7 @@ INLINE vf sample_sheet(const TiledJob *j, const Packet *pk, Way way, int q, int 
 OUTLINE void clip_packet(const TiledJob *j, Packet *pk)
 {
     for (int l = 0; l < LANES; l++)
-        tiled_clip(j, lane_u0(j, pk, l), lane_v0(j, pk, l), &pk->enter[l], &pk->leave[l]);
+        cts_tiled_clip(j, lane_u0(j, pk, l), lane_v0(j, pk, l), &pk->enter[l], &pk->leave[l]);
     pk->clipped = true;
 }
 
@@ -211,7 +211,7 @@ OUTLINE Differences differences_by_lane(const TiledJob *j, const Packet *pk, int
     sheet_start(j, pk, from * j->samples + part, pu, pv);
     for (int l = 0; l < LANES; l++) {
         const int h = l / CTS_PACKET, i = l % CTS_PACKET;
-        const bool fits = j->windowed || j->spotted;
+        const bool fits = j->windowed || j->gathers;
         float lane[3];
         const int64_t u = fits ? pu[h] + j->lane_u[i] : (int64_t)floor((lane_u0(j, pk, l) + at * j->u_at[3]) * 65536);
         const int64_t v = fits ? pv[h] + j->lane_v[i] : (int64_t)floor((lane_v0(j, pk, l) + at * j->v_at[3]) * 65536);
@@ -223,7 +223,7 @@ OUTLINE Differences differences_by_lane(const TiledJob *j, const Packet *pk, int
     return d;
 }
 
-INLINE vf spot_difference(const TiledJob *j, const Spots *s, const uint16_t *minus, const uint16_t *plus)
+INLINE vf gather_difference(const TiledJob *j, const Gather *s, const uint16_t *minus, const uint16_t *plus)
 {
     const ptrdiff_t row = j->row_stride;
     const vf a = to_float(weigh_pairs(plus, s->at, s->weights) - weigh_pairs(minus, s->at, s->weights));
@@ -231,16 +231,16 @@ INLINE vf spot_difference(const TiledJob *j, const Spots *s, const uint16_t *min
     return a + s->fy * (b - a);
 }
 
-/* The same through windows or, where there are none, from spots, which must be inner. */
-INLINE Differences differences(const TiledJob *j, const Taps *t, const Spots *spots, int q)
+/* The same through windows or, where there are none, from gather, which must be inner. */
+INLINE Differences differences(const TiledJob *j, const Taps *t, const Gather *gather, int q)
 {
     const ptrdiff_t at = q * j->layer_stride, row = j->row_stride;
     const ptrdiff_t minus[3] = {at - 1, at - row, q > 0 ? at - j->layer_stride : at};
     const ptrdiff_t plus[3] = {at + 1, at + row, q < j->nk - 1 ? at + j->layer_stride : at};
     vf d[3];
-    if (spots)
+    if (gather)
         for (int axis = 0; axis < 3; axis++)
-            d[axis] = spot_difference(j, spots, j->layer0 + minus[axis], j->layer0 + plus[axis]);
+            d[axis] = gather_difference(j, gather, j->layer0 + minus[axis], j->layer0 + plus[axis]);
     else
         load_differences(t, minus, plus, row, j->narrow, d);
     if ((q > 0) + (q < j->nk - 1) == 1)
@@ -264,18 +264,18 @@ INLINE Slope slope_of(const TiledJob *j, const Differences *d)
 INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner)
 {
     Taps made;
-    Spots found;
+    Gather found;
     const Taps *t = &pk->straight;
-    const Spots *spots = NULL;
+    const Gather *gather = NULL;
     if (way == WAY_STRAIGHT) {
         inner = pk->straight_inner;
-    } else if (way != WAY_WIDE || j->spotted) {
+    } else if (way != WAY_WIDE || j->gathers) {
         int32_t pu[PACKETS], pv[PACKETS];
         sheet_start(j, pk, q * j->samples + part, pu, pv);
         inner = inner || differences_inner(j, pu, pv);
         if (way == WAY_WIDE) {
-            found = find_spots(j, pu, pv);
-            spots = &found;
+            found = find_gather(j, pu, pv);
+            gather = &found;
         } else if (inner) {
             made = make_taps(j, pu, pv, in_one_window(pk, way), true);
             t = &made;
@@ -283,10 +283,10 @@ INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int p
     } else {
         inner = false;
     }
-    Differences d = inner ? differences(j, t, spots, q) : differences_by_lane(j, pk, q, q, part);
+    Differences d = inner ? differences(j, t, gather, q) : differences_by_lane(j, pk, q, q, part);
     if (part > 0) {
         const vf f = vf_of((float)part / (float)j->samples);
-        const Differences next = inner ? differences(j, t, spots, q + 1) : differences_by_lane(j, pk, q + 1, q, part);
+        const Differences next = inner ? differences(j, t, gather, q + 1) : differences_by_lane(j, pk, q + 1, q, part);
         d.u += (next.u - d.u) * f;
         d.v += (next.v - d.v) * f;
         d.k += (next.k - d.k) * f;

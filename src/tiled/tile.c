@@ -7,8 +7,8 @@ _Static_assert(CTS_BAND_ROWS % TILE_HEIGHT == 0, "a band of rows is whole tiles,
 
 typedef struct Tile {
     const TiledJob *job;
-    const TiledKernels *kernels;
-    TiledDesk *desk;
+    const TiledPath *path;
+    TiledWorkspace *workspace;
     int x0, y0, x1, y1;
 } Tile;
 
@@ -17,12 +17,12 @@ static int tiles_across(const TiledJob *j)
     return (j->width + TILE_WIDTH - 1) / TILE_WIDTH;
 }
 
-int tiled_n_tiles(const TiledJob *j)
+int cts_tiled_n_tiles(const TiledJob *j)
 {
     return tiles_across(j) * ((j->past_row - j->first_row + TILE_HEIGHT - 1) / TILE_HEIGHT);
 }
 
-size_t tiled_n_runs(const TiledJob *j)
+size_t cts_tiled_n_runs(const TiledJob *j)
 {
     return ((size_t)j->nk + 1) * (TILED_BEAMS_DOWN * TILED_BEAMS_ACROSS + 1);
 }
@@ -45,12 +45,12 @@ static TiledSpan span_at(const Tile *t, int across, int y)
 
 static void march_spans(const Tile *t, TiledBeam *beam, const TiledSpan *spans, int n)
 {
-    const TiledKernels *k = t->kernels;
+    const TiledPath *k = t->path;
     for (int i = 0; i < n; i += k->at_once)
         if (i + k->at_once <= n)
-            k->packets(t->job, beam, spans + i, &t->desk->counts);
+            k->packets(t->job, beam, spans + i, &t->workspace->counts);
         else
-            k->single(t->job, beam, spans + i, &t->desk->counts);
+            k->single(t->job, beam, spans + i, &t->workspace->counts);
 }
 
 /* Beams `down`: first as a single wide beam, which finds most of what is empty, then one by one, every row or those
@@ -58,17 +58,17 @@ static void march_spans(const Tile *t, TiledBeam *beam, const TiledSpan *spans, 
 static void march_beams(const Tile *t, int down)
 {
     const TiledJob *j = t->job;
-    TiledDesk *desk = t->desk;
+    TiledWorkspace *workspace = t->workspace;
     const size_t n_runs = (size_t)j->nk + 1;
     const int y0 = beam_y(t, down), y1 = beam_y(t, down + 1);
-    TiledBeam wide = {.runs = desk->runs + n_runs * TILED_BEAMS_DOWN * TILED_BEAMS_ACROSS};
-    const bool any = y0 < y1 && tiled_beam_init(j, &wide, t->x0, y0, t->x1, y1, 0);
+    TiledBeam wide = {.runs = workspace->runs + n_runs * TILED_BEAMS_DOWN * TILED_BEAMS_ACROSS};
+    const bool any = y0 < y1 && cts_tiled_beam_init(j, &wide, t->x0, y0, t->x1, y1, 0);
     for (int across = 0; across < TILED_BEAMS_ACROSS; across++) {
-        TiledBeam *beam = &desk->beams[down][across];
+        TiledBeam *beam = &workspace->beams[down][across];
         const int x = t->x0 + across * CTS_PACKET;
-        beam->runs = desk->runs + n_runs * (size_t)(down * TILED_BEAMS_ACROSS + across);
-        bool *met = &desk->met[down][across];
-        *met = any && x < t->x1 && tiled_beam_init(j, beam, x, y0, x + CTS_PACKET, y1, wide.first);
+        beam->runs = workspace->runs + n_runs * (size_t)(down * TILED_BEAMS_ACROSS + across);
+        bool *met = &workspace->met[down][across];
+        *met = any && x < t->x1 && cts_tiled_beam_init(j, beam, x, y0, x + CTS_PACKET, y1, wide.first);
         TiledSpan spans[BEAM_HEIGHT];
         int n = 0;
         for (int y = y0; y < y1 && *met; y += 1 << j->fill_levels)
@@ -81,14 +81,14 @@ static void march_beams(const Tile *t, int down)
 static bool fill_span(const Tile *t, TiledBeam *beam, const TiledSpan *span, int away)
 {
     const int above = span->y - t->y0, below = t->y1 - 1 - span->y;
-    const TiledFill filled = tiled_fill(t->job, span, away, above, below);
-    t->desk->counts.between++;
+    const TiledFill filled = cts_tiled_fill(t->job, span, away, above, below);
+    t->workspace->counts.between++;
     if (filled == TILED_FILL_COLOUR) {
         /* The march is for the depth alone: the colours are the same, wanted or not. */
-        t->kernels->single(t->job, beam, span, &t->desk->counts);
-        tiled_fill(t->job, span, away, above, below);
+        t->path->single(t->job, beam, span, &t->workspace->counts);
+        cts_tiled_fill(t->job, span, away, above, below);
     }
-    t->desk->counts.filled += filled != TILED_FILL_NONE;
+    t->workspace->counts.filled += filled != TILED_FILL_NONE;
     return filled != TILED_FILL_NONE;
 }
 
@@ -96,9 +96,9 @@ static bool fill_span(const Tile *t, TiledBeam *beam, const TiledSpan *span, int
 static void fill_beams(const Tile *t, int down, int away)
 {
     for (int across = 0; across < TILED_BEAMS_ACROSS; across++) {
-        if (!t->desk->met[down][across])
+        if (!t->workspace->met[down][across])
             continue;
-        TiledBeam *beam = &t->desk->beams[down][across];
+        TiledBeam *beam = &t->workspace->beams[down][across];
         TiledSpan spans[BEAM_HEIGHT];
         int n = 0;
         for (int y = beam_y(t, down) + away; y < beam_y(t, down + 1); y += 2 * away) {
@@ -109,11 +109,11 @@ static void fill_beams(const Tile *t, int down, int away)
     }
 }
 
-void tiled_run_tile(const TiledJob *j, const TiledKernels *kernels, TiledDesk *desk, int index)
+void cts_tiled_run_tile(const TiledJob *j, const TiledPath *path, TiledWorkspace *workspace, int index)
 {
     const int x0 = index % tiles_across(j) * TILE_WIDTH, y0 = j->first_row + index / tiles_across(j) * TILE_HEIGHT;
     const Tile t = {
-        j, kernels, desk, x0, y0, smaller(x0 + TILE_WIDTH, j->width), smaller(y0 + TILE_HEIGHT, j->past_row)};
+        j, path, workspace, x0, y0, smaller(x0 + TILE_WIDTH, j->width), smaller(y0 + TILE_HEIGHT, j->past_row)};
     for (int down = 0; down < TILED_BEAMS_DOWN; down++)
         march_beams(&t, down);
     for (int away = 1 << j->fill_levels >> 1; away > 0; away /= 2)

@@ -6,23 +6,23 @@
 
 enum { TILED_BEAMS_DOWN = 8, TILED_BEAMS_ACROSS = 8, TILED_MOST_LEVELS = 3 };
 
-/* The kernels of a picture: the fastest, which takes `at_once` packets, and the one for what is left over. */
-typedef struct TiledKernels {
+/* The SIMD path of a picture: the fastest, which takes `at_once` ray packets, and the one for what is left over. */
+typedef struct TiledPath {
     const char *name;
-    tiled_packets_fn packets, single;
+    cts_tiled_packets_fn packets, single;
     int at_once;
-} TiledKernels;
+} TiledPath;
 
 /* What a thread works with: a tile's beams, and what it counts. */
-typedef struct TiledDesk {
+typedef struct TiledWorkspace {
     TiledBeam beams[TILED_BEAMS_DOWN][TILED_BEAMS_ACROSS];
     bool met[TILED_BEAMS_DOWN][TILED_BEAMS_ACROSS]; /* whether the beam may meet something */
-    TiledRun *runs;                                 /* tiled_n_runs of them; the caller's */
+    TiledRun *runs;                                 /* cts_tiled_n_runs of them; the caller's */
     TiledCounts counts;
-} TiledDesk;
+} TiledWorkspace;
 
-int tiled_n_tiles(const TiledJob *job);
-size_t tiled_n_runs(const TiledJob *job);
-void tiled_run_tile(const TiledJob *job, const TiledKernels *kernels, TiledDesk *desk, int index);
+int cts_tiled_n_tiles(const TiledJob *job);
+size_t cts_tiled_n_runs(const TiledJob *job);
+void cts_tiled_run_tile(const TiledJob *job, const TiledPath *path, TiledWorkspace *workspace, int index);
 
 #endif

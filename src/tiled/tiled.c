@@ -1,5 +1,5 @@
 /* The tiled engine: the paper's idea taken to its limit. Sheets are sampled only where the final pixels' rays cross
- * them (so no warp), blocks that cannot be seen are leapt over, the slab between two sheets is integrated exactly, and
+ * them (so no warp), blocks that cannot be seen are skipped, the slab between two sheets is integrated exactly, and
  * a packet of pixels ends when it is opaque (ALGORITHMS section 7, engine C). */
 #include "scene/engine.h"
 
@@ -38,7 +38,7 @@ static void init_steps(TiledJob *j)
 {
     j->u_step = (int64_t)floor(j->u_at[3] / j->samples * 4294967296.0 + 0.5);
     j->v_step = (int64_t)floor(j->v_at[3] / j->samples * 4294967296.0 + 0.5);
-    for (int l = 0; l < CTS_PACKET && (j->windowed || j->spotted); l++) {
+    for (int l = 0; l < CTS_PACKET && (j->windowed || j->gathers); l++) {
         j->lane_u[l] = (int32_t)floor(l * j->u_at[1] * 65536 + 0.5);
         j->lane_v[l] = (int32_t)floor(l * j->v_at[1] * 65536 + 0.5);
     }
@@ -60,7 +60,7 @@ static void init_windows(TiledJob *j, const CtsLayout *layout)
     /* Positions of 2^-16 voxels must fit 32 bits, a tile's overhang included. */
     const bool small = layout->nu < 30000 && layout->nv < 30000;
     j->windowed = small && 3 * u <= 6 && 3 * v <= 1;
-    j->spotted = !j->windowed && small && TILE_PIXELS * (u + fabs(j->u_at[2])) < 2000 &&
+    j->gathers = !j->windowed && small && TILE_PIXELS * (u + fabs(j->u_at[2])) < 2000 &&
                  TILE_PIXELS * (v + fabs(j->v_at[2])) < 2000 && (double)layout->row_stride * layout->alloc_v < 2e9;
     const bool one = j->windowed && layout->alloc_u >= 16 && layout->alloc_v >= 4;
     for (int rows = 1; one && rows < CTS_PACKET; rows++)
@@ -91,7 +91,7 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     j->straight = j->u_at[3] == 0 && j->v_at[3] == 0;
     j->layer_mm = CTS_MUTATED(LAYER_LENGTH) ? 1 : (float)view->layer_mm;
     j->width = view->width;
-    tiled_plan(j, scene);
+    cts_tiled_plan(j, scene);
     init_steps(j);
 }
 
@@ -104,52 +104,52 @@ static int sampled_reach(const TiledJob *j)
     return (int)fmin(ceil((fmax(fmax(u, v), CTS_FINE_BLOCK) + 2) / CTS_BLOCK), 255);
 }
 
-static TiledKernels choose_kernels(const TiledJob *j, const CtsScene *scene)
+static TiledPath choose_path(const TiledJob *j)
 {
-    const unsigned cpu = cts_cpu_flags() & scene->settings->cpu_mask;
-    if (cpu & CTS_CPU_AVX512 && (j->windowed || j->spotted))
-        return (TiledKernels){"AVX-512", tiled_packets_avx512, tiled_packets_avx2, 2};
+    const unsigned cpu = cts_cpu_flags();
+    if (cpu & CTS_CPU_AVX512 && (j->windowed || j->gathers))
+        return (TiledPath){"AVX-512", cts_tiled_packets_avx512, cts_tiled_packets_avx2, 2};
     if (cpu & CTS_CPU_AVX2)
-        return (TiledKernels){"AVX2", tiled_packets_avx2, tiled_packets_avx2, 1};
-    return (TiledKernels){"plain C", tiled_packets_c, tiled_packets_c, 1};
+        return (TiledPath){"AVX2", cts_tiled_packets_avx2, cts_tiled_packets_avx2, 1};
+    return (TiledPath){"plain C", cts_tiled_packets_c, cts_tiled_packets_c, 1};
 }
 
-static CtsStatus run_tiles(const TiledJob *j, const TiledKernels *kernels, const CtsScene *scene, TiledCounts *total,
+static CtsStatus run_tiles(const TiledJob *j, const TiledPath *path, const CtsScene *scene, TiledCounts *total,
                            CtsError *err)
 {
     const int n_threads = scene->settings->n_threads;
-    const size_t n_runs = tiled_n_runs(j);
-    const int n_tiles = tiled_n_tiles(j);
+    const size_t n_runs = cts_tiled_n_runs(j);
+    const int n_tiles = cts_tiled_n_tiles(j);
     TiledRun *runs = NULL;
-    TiledDesk *desks = NULL;
+    TiledWorkspace *workspaces = NULL;
     CtsStatus st;
     if ((st = cts_alloc_array(&runs, n_runs * (size_t)n_threads, err)) ||
-        (st = cts_alloc_zeroed(&desks, (size_t)n_threads, err)))
+        (st = cts_alloc_zeroed(&workspaces, (size_t)n_threads, err)))
         goto end;
 #pragma omp parallel num_threads(n_threads)
     {
-        TiledDesk *desk = &desks[omp_get_thread_num()];
-        desk->runs = runs + n_runs * (size_t)omp_get_thread_num();
+        TiledWorkspace *workspace = &workspaces[omp_get_thread_num()];
+        workspace->runs = runs + n_runs * (size_t)omp_get_thread_num();
 #pragma omp for schedule(dynamic)
         for (int tile = 0; tile < n_tiles; tile++)
             if (!cts_scene_stopped(scene))
-                tiled_run_tile(j, kernels, desk, tile);
+                cts_tiled_run_tile(j, path, workspace, tile);
     }
     *total = (TiledCounts){0};
     for (int t = 0; t < n_threads; t++) {
-        total->samples += desks[t].counts.samples;
-        total->slabs += desks[t].counts.slabs;
-        total->marches += desks[t].counts.marches;
-        total->between += desks[t].counts.between;
-        total->filled += desks[t].counts.filled;
-        total->splat_ticks += desks[t].counts.splat_ticks;
-        total->composite_ticks += desks[t].counts.composite_ticks;
-        total->shade_ticks += desks[t].counts.shade_ticks;
+        total->samples += workspaces[t].counts.samples;
+        total->slabs += workspaces[t].counts.slabs;
+        total->marches += workspaces[t].counts.marches;
+        total->between += workspaces[t].counts.between;
+        total->filled += workspaces[t].counts.filled;
+        total->splat_ticks += workspaces[t].counts.splat_ticks;
+        total->composite_ticks += workspaces[t].counts.composite_ticks;
+        total->shade_ticks += workspaces[t].counts.shade_ticks;
     }
     if (cts_scene_stopped(scene))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
 end:
-    cts_free(&desks);
+    cts_free(&workspaces);
     cts_free(&runs);
     return st;
 }
@@ -166,7 +166,7 @@ static void report_fill(const TiledCounts *counts, bool whole, CtsReport *report
         cts_report_skip(report, "rays", "rows between marched ones are filled from those around");
 }
 
-static void report_counts(const TiledCounts *counts, const CtsScene *scene, const CtsLeap *leap, double wall_ms,
+static void report_counts(const TiledCounts *counts, const CtsScene *scene, const CtsEmptySpace *empty, double wall_ms,
                           double cpu_ms, CtsReport *report)
 {
     const double ticks = (double)(counts->splat_ticks + counts->composite_ticks + counts->shade_ticks);
@@ -184,7 +184,7 @@ static void report_counts(const TiledCounts *counts, const CtsScene *scene, cons
         CtsVoxelCounts *v = &report->voxels;
         v->known = true;
         v->total = cts_volume_n_voxels(scene->volume);
-        v->splatted = (uint64_t)((double)v->total * (double)leap->n_visible / (double)leap->n_blocks);
+        v->splatted = (uint64_t)((double)v->total * (double)empty->n_visible / (double)empty->n_blocks);
         v->void_voxels = v->total - v->splatted;
         v->reused = 0;
     }
@@ -201,10 +201,10 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     layout = cts_layout_plan(scene->volume, &scene->view);
     double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const int axes[3] = {layout.axis_u, layout.axis_v, layout.axis_k};
-    if ((st = tiled_kept_tables(kept, scene, blocks, &layout, report, err)))
+    if ((st = cts_tiled_kept_tables(kept, scene, blocks, &layout, report, err)))
         goto end;
     job.table = kept->table;
-    job.leap = kept->leap;
+    job.empty = kept->empty;
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, &scene->view, axes, err)))
             goto end;
@@ -214,13 +214,13 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     if (job.shade)
         init_frame(&job);
     job.narrow = blocks->all.high - blocks->all.low < 32768;
-    const TiledKernels kernels = choose_kernels(&job, scene);
-    tiled_plan_report(&job, scene, &layout, sampled_reach(&job), kernels.name, report);
-    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)job.leap.n_blocks,
+    const TiledPath path = choose_path(&job);
+    cts_tiled_plan_report(&job, scene, &layout, sampled_reach(&job), path.name, report);
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)job.empty.n_blocks,
                      0);
     if (!picture)
         goto end;
-    if ((st = tiled_kept_layout(kept, scene, sampled_reach(&job), &layout, report, err)))
+    if ((st = cts_tiled_kept_layout(kept, scene, sampled_reach(&job), &layout, report, err)))
         goto end;
     job.layer0 = layout.grey + (job.rising ? 0 : (layout.nk - 1) * layout.layer_stride);
     job.rgba = picture->pixels;
@@ -228,10 +228,10 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     job.past_row = picture->first_row + picture->height;
     job.depth_mm = picture->depth_mm;
     wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if ((st = run_tiles(&job, &kernels, scene, &counts, err)))
+    if ((st = run_tiles(&job, &path, scene, &counts, err)))
         goto end;
     report_fill(&counts, picture->height == scene->view.height, report);
-    report_counts(&counts, scene, &job.leap, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
+    report_counts(&counts, scene, &job.empty, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_shade_free(&shade);
     return st;
@@ -242,12 +242,13 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsRep
     CtsStatus st;
     TiledKept *kept = NULL;
     const CtsBlocks *blocks;
-    if ((st = tiled_kept_open(scene, &kept, err)) || (st = tiled_kept_blocks(kept, scene, &blocks, report, err)))
+    if ((st = cts_tiled_kept_open(scene, &kept, err)) ||
+        (st = cts_tiled_kept_blocks(kept, scene, &blocks, report, err)))
         goto end;
     st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, blocks, picture, report, err)
                                                    : cts_project(scene, blocks, picture, report, err);
 end:
-    tiled_kept_close(scene, kept);
+    cts_tiled_kept_close(scene, kept);
     return st;
 }
 
@@ -258,5 +259,5 @@ const CtsEngine cts_engine_tiled = {
     .skips_void = true,
     .modes = (1u << CTS_N_MODES) - 1,
     .kernels = 1u << CTS_KERNEL_TENT,
-    .forget = tiled_kept_free,
+    .forget = cts_tiled_kept_free,
 };

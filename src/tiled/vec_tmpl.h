@@ -2,12 +2,14 @@
  *
  * A file that includes this first defines LANES, a multiple of 8, and includes march_tmpl.h last, in between defining
  * what is not element-wise or has an instruction of its own:
- *   vf_min, vf_max, vi_min, vi_max, vf_sqrt, vf_fma
- *   vmask with vf_lt, vf_le, vi_lt, vi_eq, mask_and, mask_or; select_f and select_i(mask, yes, no)
+ *   vf_min, vf_max, vi_min, vi_max, vf_fma (rounded once)
+ *   vmask with vf_lt, vf_le, vi_eq, mask_and, mask_or; select_f and select_i(mask, yes, no)
  *   any_in(mask), all_in(mask): bit h tells of the lanes of packet h
  *   vf_packets(const float[PACKETS]), mask_packets(unsigned): a value, or a bit, for each packet
- *   Taps, make_taps, load_window: the field at lanes' positions on a layer
- *   look_up_entries, shade_power: tables */
+ *   lane_positions, Taps, make_taps, load_window, load_differences: the field at the lanes' positions on a layer
+ *   weigh_pairs: the same lane by lane, where windows cannot hold them
+ *   look_up_entries, shade_power: tables
+ * All of them give the same bits on every path. */
 #ifndef CTS_TILED_VEC_TMPL_H
 #define CTS_TILED_VEC_TMPL_H
 
@@ -19,9 +21,16 @@ enum { PACKETS = LANES / CTS_PACKET, ALL_PACKETS = (1 << PACKETS) - 1 };
 typedef float vf __attribute__((vector_size(4 * LANES)));
 typedef int32_t vi __attribute__((vector_size(4 * LANES)));
 
-/* Fast kernels want their small functions inlined whatever the compiler thinks; plain ones, and builds with sanitizers,
+/* Fast paths want their small functions inlined whatever the compiler thinks; plain ones, and builds with sanitizers,
  * whose code is several times as long, do not. */
-#if defined(__FMA__) && !defined(__SANITIZE_ADDRESS__) && !defined(CTS_SANITIZED)
+#ifdef __has_feature
+#define CTS_SANITIZED (__has_feature(address_sanitizer) || __has_feature(thread_sanitizer))
+#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define CTS_SANITIZED 1
+#else
+#define CTS_SANITIZED 0
+#endif
+#if defined(__FMA__) && !CTS_SANITIZED
 #define INLINE static inline __attribute__((always_inline))
 #else
 #define INLINE static inline

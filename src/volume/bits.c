@@ -105,7 +105,7 @@ typedef struct Known {
 enum { PER_WORD = 64 / CTS_FINE_BLOCK, ROW_BLOCKS = CTS_BITS_ROW_WORDS * PER_WORD };
 
 /* What the n fine blocks of a row say, word by word; a voxel behind the last block belongs to it. */
-CTS_VECTOR_CLONES static void look_at_blocks(const CtsRange *range, int n, uint16_t min, Known *known, size_t n_words)
+static void look_at_blocks(const CtsRange *range, int n, uint16_t min, Known *known, size_t n_words)
 {
     uint8_t all[ROW_BLOCKS], some[ROW_BLOCKS];
     for (int b = 0; b < n; b++) {
@@ -276,8 +276,7 @@ static inline __attribute__((always_inline)) void dilate_block(const Block *b, C
         add_cross(b, to);
 }
 
-CTS_VECTOR_CLONES static void dilate_slice(const CtsBits *in, CtsBits *out, int k, CtsNeighbours neighbours,
-                                           unsigned axes)
+static void dilate_slice(const CtsBits *in, CtsBits *out, int k, CtsNeighbours neighbours, unsigned axes)
 {
     const int n_rows = in->dims[1], most = BLOCK / (int)in->row_words, last_row = n_rows - 1;
     const int before = axes & 4 && k > 0 ? k - 1 : k, behind = axes & 4 && k + 1 < in->dims[2] ? k + 1 : k;
@@ -305,7 +304,7 @@ void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, 
         dilate_slice(in, out, k, neighbours, axes);
 }
 
-CTS_VECTOR_CLONES void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
+void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
 {
     const size_t n = cts_bits_n_words(a);
     switch (op) {
@@ -333,7 +332,7 @@ CTS_VECTOR_CLONES void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits 
     }
 }
 
-CTS_VECTOR_CLONES static uint64_t count_words(const uint64_t *words, size_t n)
+static uint64_t count_words(const uint64_t *words, size_t n)
 {
     uint64_t count = 0;
     for (size_t w = 0; w < n; w++)

@@ -37,7 +37,7 @@ static void fold_slice(const CtsBlocks *b, const uint16_t *slice, int first, int
     }
 }
 
-CTS_VECTOR_CLONES static void widen_row(CtsRange *restrict to, const CtsRange *restrict from, int n)
+static void widen_row(CtsRange *restrict to, const CtsRange *restrict from, int n)
 {
     for (int i = 0; i < n; i++)
         widen(&to[i], from[i]);

@@ -1,4 +1,5 @@
 /* The mixture model against histograms of known mixtures, and the void key against what it promises. */
+#include "base/cpu.h"
 #include "ctsplat/mixture.h"
 #include "scenes.h"
 
@@ -405,7 +406,7 @@ static void test_picture(void **state)
             const bool takes = engine == CTS_ENGINE_VOID || engine == CTS_ENGINE_COMBINED;
             s.engine = (CtsEngineId)engine;
             s.n_threads = threads;
-            s.cpu_mask = threads > 1 ? ~0u : 0;
+            cts_cpu_set_mask(threads > 1 ? ~0u : 0);
             CtsPicture *p = render(v, &bone, &s, &report);
             assert_memory_equal(p->pixels, (takes ? expected : strict)->pixels, n_bytes);
             assert_int_equal(report.findings.n, 1);

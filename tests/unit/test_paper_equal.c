@@ -1,4 +1,5 @@
 /* The paper's claim as a theorem: layer reuse and void skipping leave every byte of the picture as classic has it. */
+#include "base/cpu.h"
 #include "scenes.h"
 
 static const double views[][2] = {{0, 0}, {90, 0}, {0, 90}, {180, 0}, {-30, 20}, {45, 45}, {100, -35}, {90, 90}};
@@ -26,7 +27,7 @@ static void fail_case(const Case *c, const CtsRenderSettings *s, const char *wha
 {
     fail_msg("%s: %s: %s, view %g,%g, kernel %s, %d samples, %d threads, cpu %x, preset %s%s", c->name, what,
              cts_engine_names[s->engine], s->azimuth_deg, s->elevation_deg, cts_kernel_names[s->kernel], s->samples,
-             s->n_threads, s->cpu_mask, c->preset.name, s->shade == CTS_ON ? ", lit" : "");
+             s->n_threads, cts_cpu_flags(), c->preset.name, s->shade == CTS_ON ? ", lit" : "");
 }
 
 static void expect_same(const Case *c, const CtsRenderSettings *s, const CtsPicture *expected)
@@ -51,14 +52,14 @@ static void check(const Case *c, const int *threads, int n_threads)
     CtsRenderSettings s = c->settings;
     s.engine = CTS_ENGINE_CLASSIC;
     s.n_threads = 1;
-    s.cpu_mask = 0;
+    cts_cpu_set_mask(0);
     CtsPicture *expected = render(c->volume, &c->preset, &s, NULL);
     for (int engine = CTS_ENGINE_CLASSIC; engine <= CTS_ENGINE_COMBINED; engine++)
         for (int t = 0; t < n_threads; t++)
             for (int mask = 0; mask < 2; mask++) {
                 s.engine = (CtsEngineId)engine;
                 s.n_threads = threads[t];
-                s.cpu_mask = mask ? ~0u : 0;
+                cts_cpu_set_mask(mask ? ~0u : 0);
                 expect_same(c, &s, expected);
             }
     cts_picture_free(&expected);
@@ -185,7 +186,7 @@ static void test_tolerance(void **state)
             for (int threads = 1; threads < 4; threads++) {
                 c.settings.engine = CTS_ENGINE_COMBINED;
                 c.settings.n_threads = threads;
-                c.settings.cpu_mask = threads == 2 ? 0 : ~0u;
+                cts_cpu_set_mask(threads == 2 ? 0 : ~0u);
                 expect_same(&c, &c.settings, expected);
             }
             cts_report_free(&report);

@@ -51,7 +51,7 @@ static void same_bytes(void **state)
                     static const int threads[4] = {1, 7, 2, 1};
                     static const unsigned cpu[4] = {0, 0, CTS_CPU_AVX2, ~0u};
                     s.n_threads = threads[run];
-                    s.cpu_mask = cpu[run];
+                    cts_cpu_set_mask(cpu[run]);
                     CtsPicture *p = render(volumes[v], &preset, &s, NULL);
                     if (reference)
                         assert_same(reference, p);

@@ -2,8 +2,8 @@
 #include "base/cpu.h"
 #include "scenes.h"
 
-static const unsigned kernels[] = {0, CTS_CPU_AVX2, ~0u};
-enum { N_KERNELS = sizeof kernels / sizeof kernels[0] };
+static const unsigned masks[] = {0, CTS_CPU_AVX2, ~0u};
+enum { N_MASKS = sizeof masks / sizeof masks[0] };
 
 /* HU = 40 u (y - 1/2) between two layers: on a ray at u, the gradient (40 (y - 1/2), 40 u) faces the camera by
  * |u| / hypot(u, y - 1/2), in the mean over the slab 2 |u| asinh(1 / (2 |u|)). Half way alone it would all face it. */
@@ -23,10 +23,10 @@ static void turns_round(void **state)
         preset.opacity[i] = (CtsOpacityPoint){-2000 + 4000 * i, 0.05};
         preset.colour[i] = (CtsColourPoint){-2000 + 4000 * i, {1, 1, 1}};
     }
-    for (int kernel = 0; kernel < N_KERNELS; kernel++)
+    for (int mask = 0; mask < N_MASKS; mask++)
         for (int side = 0; side < 2; side++) {
             CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 180 * side, 0);
-            s.cpu_mask = kernels[kernel];
+            cts_cpu_set_mask(masks[mask]);
             s.shade = CTS_ON;
             s.mm_per_pixel = 0.5;
             CtsPicture *p = render(v, &preset, &s, NULL);
@@ -36,7 +36,7 @@ static void turns_round(void **state)
                 const double facing = (double)pixel[0] / (double)pixel[3];
                 const double expected = 2 * u * asinh(0.5 / u);
                 if (!(fabs(facing - expected) < 0.015))
-                    fail_msg("kernel %d, %g mm off the middle: %g, not %g", kernel, u, facing, expected);
+                    fail_msg("mask %d, %g mm off the middle: %g, not %g", mask, u, facing, expected);
             }
             cts_picture_free(&p);
         }
@@ -44,7 +44,7 @@ static void turns_round(void **state)
 }
 
 /* A ball that is opaque right below its surface: at b from its middle its normal faces the camera by
- * sqrt(1 - b^2 / R^2), from all sides, through windows, spots and lane by lane. */
+ * sqrt(1 - b^2 / R^2), from all sides, through windows, gathers and lane by lane. */
 static void ball(void **state)
 {
     (void)state;
@@ -73,10 +73,10 @@ static void ball(void **state)
     preset.power = 20;
     for (size_t view = 0; view < sizeof views / sizeof *views; view++)
         for (size_t scale = 0; scale < sizeof mm / sizeof *mm; scale++)
-            for (int kernel = 0; kernel < N_KERNELS; kernel++) {
+            for (int mask = 0; mask < N_MASKS; mask++) {
                 const int size = mm[scale] < 1 ? 80 : mm[scale] < 10 ? 15 : 1;
                 CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, size, views[view][0], views[view][1]);
-                s.cpu_mask = kernels[kernel];
+                cts_cpu_set_mask(masks[mask]);
                 s.shade = CTS_ON;
                 s.mm_per_pixel = mm[scale];
                 CtsPicture *p = render(v, &preset, &s, NULL);
@@ -87,8 +87,8 @@ static void ball(void **state)
                     const double facing = sqrt(1 - b * b / RADIUS / RADIUS);
                     const double expected = 0.7 * (0.2 + 0.8 * facing) + 0.3 * pow(facing, 20);
                     if (!(fabs((double)p->pixels[4 * at + 1] - expected) < 0.015))
-                        fail_msg("at %g,%g, %g mm a pixel, kernel %d, %g mm off the middle: %g, not %g", views[view][0],
-                                 views[view][1], mm[scale], kernel, b, (double)p->pixels[4 * at + 1], expected);
+                        fail_msg("at %g,%g, %g mm a pixel, mask %d, %g mm off the middle: %g, not %g", views[view][0],
+                                 views[view][1], mm[scale], mask, b, (double)p->pixels[4 * at + 1], expected);
                 }
                 cts_picture_free(&p);
             }

@@ -1,6 +1,7 @@
-/* How far the nearest visible block is: rays leap over what the transfer function makes invisible. */
-#ifndef CTS_TILED_LEAP_H
-#define CTS_TILED_LEAP_H
+/* Empty-space skipping: how far the nearest visible block is. Rays pass over what the transfer function makes
+ * invisible. */
+#ifndef CTS_TILED_EMPTY_SPACE_H
+#define CTS_TILED_EMPTY_SPACE_H
 
 #include "ctsplat/status.h"
 #include "tiled/layout.h"
@@ -11,15 +12,15 @@
 /* distance[(bk * nv + bv) * nu + bu], blocks in the layout's axes: 0 for a visible block, else the Chebyshev distance
  * to the nearest visible one, in blocks, at most 255. All blocks nearer than that are invisible, on the whole range of
  * what is interpolated inside them. */
-typedef struct CtsLeap {
+typedef struct CtsEmptySpace {
     int nu, nv, nk;
     uint8_t *distance;
     uint8_t *fine; /* which of a block's 2 x 2 x 2 fine blocks may be visible: bit 4 k + 2 v + u of the halves */
     int64_t n_visible, n_blocks;
-} CtsLeap;
+} CtsEmptySpace;
 
-CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout *layout, const CtsLut *lut,
-                        int n_threads, CtsError *err);
-void cts_leap_free(CtsLeap *leap);
+CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsBlocks *blocks, const CtsLayout *layout,
+                               const CtsLut *lut, int n_threads, CtsError *err);
+void cts_empty_space_free(CtsEmptySpace *empty);
 
 #endif

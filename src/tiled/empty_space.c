@@ -1,4 +1,4 @@
-#include "tiled/leap.h"
+#include "tiled/empty_space.h"
 
 #include "base/mem.h"
 #include "base/mutation.h"
@@ -39,24 +39,24 @@ static uint8_t fine_bits(const Fine *f, const CtsLut *lut, int u, int v, int k)
     return (uint8_t)bits;
 }
 
-CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout *layout, const CtsLut *lut,
-                        int n_threads, CtsError *err)
+CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsBlocks *blocks, const CtsLayout *layout,
+                               const CtsLut *lut, int n_threads, CtsError *err)
 {
     CtsStatus st;
-    *leap =
-        (CtsLeap){.nu = blocks->n[layout->axis_u], .nv = blocks->n[layout->axis_v], .nk = blocks->n[layout->axis_k]};
-    leap->n_blocks = (int64_t)leap->nu * leap->nv * leap->nk;
-    if ((st = cts_alloc_array(&leap->distance, (size_t)leap->n_blocks, err)) ||
-        (st = cts_alloc_array(&leap->fine, (size_t)leap->n_blocks, err)))
+    *empty = (CtsEmptySpace){
+        .nu = blocks->n[layout->axis_u], .nv = blocks->n[layout->axis_v], .nk = blocks->n[layout->axis_k]};
+    empty->n_blocks = (int64_t)empty->nu * empty->nv * empty->nk;
+    if ((st = cts_alloc_array(&empty->distance, (size_t)empty->n_blocks, err)) ||
+        (st = cts_alloc_array(&empty->fine, (size_t)empty->n_blocks, err)))
         goto end;
     const ptrdiff_t from[3] = {1, blocks->n[0], (ptrdiff_t)blocks->n[0] * blocks->n[1]};
     const Fine all_fine = fine_of(blocks, layout);
     int64_t n_visible = 0;
 #pragma omp parallel for schedule(dynamic, 64) num_threads(n_threads) reduction(+ : n_visible)
-    for (int row = 0; row < leap->nk * leap->nv; row++) {
-        const int v = row % leap->nv, k = row / leap->nv;
-        uint8_t *d = leap->distance + (size_t)row * (size_t)leap->nu, *fine = leap->fine + (d - leap->distance);
-        for (int u = 0; u < leap->nu; u++) {
+    for (int row = 0; row < empty->nk * empty->nv; row++) {
+        const int v = row % empty->nv, k = row / empty->nv;
+        uint8_t *d = empty->distance + (size_t)row * (size_t)empty->nu, *fine = empty->fine + (d - empty->distance);
+        for (int u = 0; u < empty->nu; u++) {
             const CtsRange r =
                 blocks->range[u * from[layout->axis_u] + v * from[layout->axis_v] + k * from[layout->axis_k]];
             const bool visible = cts_lut_visible(lut, r.low, r.high);
@@ -65,16 +65,16 @@ CtsStatus cts_leap_init(CtsLeap *leap, const CtsBlocks *blocks, const CtsLayout 
             n_visible += visible;
         }
     }
-    leap->n_visible = n_visible;
-    st = cts_block_distance(leap->distance, leap->nu, leap->nv, leap->nk, err);
+    empty->n_visible = n_visible;
+    st = cts_block_distance(empty->distance, empty->nu, empty->nv, empty->nk, err);
 end:
     if (st)
-        cts_leap_free(leap);
+        cts_empty_space_free(empty);
     return st;
 }
 
-void cts_leap_free(CtsLeap *leap)
+void cts_empty_space_free(CtsEmptySpace *empty)
 {
-    cts_free(&leap->distance);
-    cts_free(&leap->fine);
+    cts_free(&empty->distance);
+    cts_free(&empty->fine);
 }

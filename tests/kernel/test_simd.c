@@ -1,0 +1,251 @@
+/* Splatting's hot loops on ugly input: every SIMD path against plain C, to the bit, what lies around the output
+ * included. A failure prints the parameters that show it again. */
+#include "base/cpu.h"
+#include "splat/kernels.h"
+#include "unit.h"
+#include <stdio.h>
+#include <string.h>
+
+enum { N = 75, EDGE = 64, ROWS = 40, WIDTH = 4 * N + 4 * CTS_MAX_TAPS, TRIALS = 400 };
+
+static uint64_t state;
+
+static uint32_t random_u32(void)
+{
+    uint64_t z = state += 0x9e3779b97f4a7c15u; /* SplitMix64 (Steele, Lea, Flood 2014) */
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    return (uint32_t)(z >> 32);
+}
+
+static int below(int n)
+{
+    return (int)(random_u32() % (uint32_t)n);
+}
+
+static float unit_float(void)
+{
+    const int ugly = below(8);
+    return ugly == 0 ? 0 : ugly == 1 ? 1 : ugly == 2 ? 0x1p-24f : (float)(random_u32() >> 8) * 0x1p-24f;
+}
+
+/* Grey levels at the floor, at the ceiling, in runs and at random. */
+static void fill_grey(uint16_t *grey, int n)
+{
+    const int kind = below(5);
+    for (int i = 0; i < n; i++)
+        grey[i] = (uint16_t)(kind == 0   ? 0
+                             : kind == 1 ? 65535
+                             : kind == 2 ? (below(2) ? 65535 : 0)
+                             : kind == 3 ? 1000 + i / 9
+                                         : (int)random_u32());
+}
+
+static void same(const char *loop, const void *plain, const void *fast, size_t bytes, unsigned mask, uint64_t seed,
+                 int i0, int i1)
+{
+    if (memcmp(plain, fast, bytes) != 0)
+        fail_msg("%s: CPU mask %u, seed %llu, %d to %d: differs from plain C", loop, mask, (unsigned long long)seed, i0,
+                 i1);
+}
+
+typedef void (*Loop)(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed);
+
+static void scatter(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed)
+{
+    static uint32_t a[CTS_MAX_TAPS][WIDTH], b[CTS_MAX_TAPS][WIDTH];
+    static const CtsKernelId kernels[] = {CTS_KERNEL_TENT, CTS_KERNEL_GAUSSIAN, CTS_KERNEL_CONE, CTS_KERNEL_BSPLINE};
+    static const int densities[] = {1, 2, 4};
+    const int density[2] = {densities[below(3)], densities[below(3)]};
+    uint16_t value[N], old[N];
+    uint64_t marks[(N + 63) / 64];
+    CtsFootprint f;
+    CtsError err;
+    const CtsKernelId kernel = kernels[below(4)];
+    assert_int_equal(cts_footprint_init(&f, kernel,
+                                        kernel == CTS_KERNEL_GAUSSIAN ? 2
+                                        : kernel == CTS_KERNEL_TENT   ? 1
+                                                                      : 1.5,
+                                        density, &err),
+                     CTS_OK);
+    fill_grey(value, N);
+    fill_grey(old, N);
+    for (int i = 0; i < (N + 63) / 64; i++)
+        marks[i] = (uint64_t)random_u32() << 32 | random_u32();
+    for (int v = 0; v < CTS_MAX_TAPS; v++)
+        for (int u = 0; u < WIDTH; u++)
+            a[v][u] = b[v][u] = random_u32();
+    const int i0 = below(N), i1 = i0 + below(N - i0 + 1), tap0 = below(2 * f.reach[1] + 1);
+    CtsScatter job = {.footprint = &f,
+                      .sheet = a[tap0],
+                      .stride = WIDTH,
+                      .tap0 = tap0,
+                      .tap1 = tap0 + below(2 * f.reach[1] + 2 - tap0),
+                      .value = value,
+                      .old = below(2) ? old : NULL,
+                      .base = random_u32() & 0xffff};
+    const bool marked = below(2);
+    marked ? plain->scatter_marked(&job, marks, i0, i1) : plain->scatter(&job, i0, i1);
+    job.sheet = b[tap0];
+    marked ? fast->scatter_marked(&job, marks, i0, i1) : fast->scatter(&job, i0, i1);
+    same(marked ? "scatter_marked" : "scatter", a, b, sizeof a, mask, seed, i0, i1);
+}
+
+static void mark_and_widen(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed)
+{
+    uint16_t value[N], old[N], low[2][N], high[2][N];
+    uint64_t marks[2][(N + 63) / 64 + 1] = {{0}};
+    const int n = 1 + below(N);
+    fill_grey(value, N);
+    memcpy(old, value, sizeof old);
+    for (int i = 0; i < N; i++)
+        old[i] = (uint16_t)(below(3) ? old[i] : random_u32());
+    for (int i = 0; i < N; i++) {
+        low[0][i] = low[1][i] = (uint16_t)random_u32();
+        high[0][i] = high[1][i] = (uint16_t)random_u32();
+    }
+    const bool has_old = below(2);
+    plain->mark(value, has_old ? old : NULL, value[0], n, marks[0]);
+    fast->mark(value, has_old ? old : NULL, value[0], n, marks[1]);
+    same("mark", marks[0], marks[1], sizeof marks[0], mask, seed, 0, n);
+    plain->widen(value, n, low[0], high[0]);
+    fast->widen(value, n, low[1], high[1]);
+    same("widen, low", low[0], low[1], sizeof low[0], mask, seed, 0, n);
+    same("widen, high", high[0], high[1], sizeof high[0], mask, seed, 0, n);
+}
+
+/* Places on a lattice of N columns and ROWS rows, sampled; pixels are then blended, unlit and lit. */
+typedef struct Pixels {
+    int32_t cell[2][N + 8];
+    float frac[2][N + 8];
+    uint16_t grey[N + 8];
+    float rgbt[N + 8][4];
+    int changed;
+} Pixels;
+
+static void place_all(const CtsKernels *k, uint64_t seed, int n, int last, Pixels *p)
+{
+    state = seed;
+    for (int axis = 0; axis < 2; axis++) {
+        const double base = (double)below(2 * last) - last / 2.0 + (double)unit_float();
+        const double by_x = ((double)below(200) - 100) / 64;
+        k->place(base, below(4) ? by_x : 0, last, below(50), n, p->cell[axis], p->frac[axis]);
+    }
+}
+
+static void pixels(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed)
+{
+    static uint32_t sheets[2][ROWS + 2][N + 2 * EDGE];
+    static float entry[65536][4], field[2][ROWS + 2][N + EDGE][4];
+    static Pixels p[2];
+    const int n = 1 + below(N), last = 1 + below(ROWS - 1), lit = below(2);
+    memset(p, 0, sizeof p);
+    for (size_t i = 0; i < sizeof sheets / sizeof(uint32_t); i++)
+        ((uint32_t *)sheets)[i] = below(3) ? random_u32() % (65535u * CTS_WEIGHT_ONE) : 0;
+    for (size_t i = 0; i < sizeof field / sizeof(float); i++)
+        ((float *)field)[i] = i % 4 == 3 || below(5) == 0 ? 0 : (float)(below(131071) - 65535);
+    for (int i = 0; i < 65536; i++) {
+        const float alpha = below(3) ? unit_float() : 0;
+        for (int c = 0; c < 4; c++)
+            entry[i][c] = c < 3 ? alpha * unit_float() : -alpha;
+    }
+    const CtsEntries entries = {(const float(*)[4])entry, (uint16_t)below(200), (uint16_t)(65535 - below(200))};
+    const CtsSheetPair pair = {sheets[0][0], below(2) ? sheets[1][0] : NULL, N + 2 * EDGE, unit_float()};
+    CtsShade shade = {.ambient = 0.2f, .diffuse = 0.7f, .specular = 0.3f, .n_power = 64};
+    float power[65];
+    for (int i = 0; i <= 64; i++)
+        power[i] = (float)i * (1.0f / 64);
+    shade.power = power;
+    for (int i = 0; i < 9; i++)
+        shade.frame[i / 3][i % 3] = (float)below(2001) / 1000 - 1;
+    const CtsLight light = {.shade = &shade,
+                            .first = (const float(*)[4])field[0][0],
+                            .second = below(2) ? (const float(*)[4])field[1][0] : NULL,
+                            .stride = N + EDGE,
+                            .weight = unit_float()};
+    for (int i = 0; i < N + 8; i++)
+        for (int c = 0; c < 4; c++)
+            p[0].rgbt[i][c] = p[1].rgbt[i][c] = unit_float();
+    for (int i = 0; i < N + 8; i++) /* transmittance is 0 or at least this */
+        if (p[0].rgbt[i][3] > 0 && p[0].rgbt[i][3] < CTS_OPAQUE_BELOW)
+            p[0].rgbt[i][3] = p[1].rgbt[i][3] = CTS_OPAQUE_BELOW;
+    const uint64_t places_seed = state;
+    for (int path = 0; path < 2; path++) {
+        const CtsKernels *k = path ? fast : plain;
+        Pixels *to = &p[path];
+        place_all(k, places_seed, n, last, to);
+        const CtsPlaces places = {{to->cell[0], to->cell[1]}, {to->frac[0], to->frac[1]}, false};
+        k->sample(&pair, &places, n, to->grey);
+        to->changed = lit ? k->light(to->rgbt[0], to->grey, n, &entries, &places, &light)
+                          : k->blend(to->rgbt[0], to->grey, n, &entries);
+    }
+    for (int axis = 0; axis < 2; axis++) {
+        same("place, cells", p[0].cell[axis], p[1].cell[axis], (size_t)n * sizeof(int32_t), mask, seed, 0, n);
+        same("place, fractions", p[0].frac[axis], p[1].frac[axis], (size_t)n * sizeof(float), mask, seed, 0, n);
+    }
+    same("sample", p[0].grey, p[1].grey, (size_t)n * sizeof(uint16_t), mask, seed, 0, n);
+    same(lit ? "light" : "blend", p[0].rgbt, p[1].rgbt, sizeof p[0].rgbt, mask, seed, 0, n);
+    same(lit ? "light, changed" : "blend, changed", &p[0].changed, &p[1].changed, sizeof(int), mask, seed, 0, n);
+}
+
+static void gradient(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed)
+{
+    uint16_t rows[5][N];
+    float g[2][N][4];
+    for (int r = 0; r < 5; r++)
+        fill_grey(rows[r], N);
+    memset(g, 0, sizeof g);
+    const uint16_t *const before[2] = {rows[1], rows[2]}, *const after[2] = {rows[3], rows[4]};
+    const float scale[2] = {(float)below(3), (float)below(3)};
+    const int n_row = 1 + below(N), i0 = below(n_row), i1 = i0 + below(n_row - i0 + 1);
+    plain->gradient(rows[0], before, after, scale, n_row, i0, i1, g[0]);
+    fast->gradient(rows[0], before, after, scale, n_row, i0, i1, g[1]);
+    same("gradient", g[0], g[1], sizeof g[0], mask, seed, i0, i1);
+}
+
+static void each_path(Loop loop)
+{
+    static const unsigned masks[] = {0, CTS_CPU_AVX2, CTS_CPU_AVX2 | CTS_CPU_AVX512};
+    CtsKernels plain, fast;
+    cts_kernels_init(&plain, 0);
+    for (size_t m = 0; m < sizeof masks / sizeof *masks; m++) {
+        cts_cpu_set_mask(masks[m]);
+        cts_kernels_init(&fast, cts_cpu_flags());
+        for (uint64_t trial = 0; trial < TRIALS; trial++) {
+            state = trial;
+            loop(&plain, &fast, masks[m], trial);
+        }
+    }
+    cts_cpu_set_mask(~0u);
+}
+
+static void test_scatter(void **unused)
+{
+    (void)unused;
+    each_path(scatter);
+}
+
+static void test_marks(void **unused)
+{
+    (void)unused;
+    each_path(mark_and_widen);
+}
+
+static void test_pixels(void **unused)
+{
+    (void)unused;
+    each_path(pixels);
+}
+
+static void test_gradient(void **unused)
+{
+    (void)unused;
+    each_path(gradient);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_scatter), cmocka_unit_test(test_marks),
+                                       cmocka_unit_test(test_pixels), cmocka_unit_test(test_gradient)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
