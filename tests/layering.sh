@@ -2,7 +2,7 @@
 # The one-way flow, read off the #include lines: layering.sh SOURCE_ROOT
 #
 #     dicom -> volume -> table -> transfer -> scene -> splat, tiled or raycast -> render -> image -> export,
-#     with report, check, bench and cli on top
+#     with report, job, check, bench and cli on top
 #
 # A row: folder | headers of the tree it may include (a folder/ means all of it) | library headers.
 # Every folder may include its own headers, base/ and the C library.
@@ -23,11 +23,12 @@ src/render   | ctsplat/status.h ctsplat/mixture.h ctsplat/report.h ctsplat/volum
 src/image    | ctsplat/status.h ctsplat/annotate.h ctsplat/picture.h ctsplat/preset.h | cairo.h
 src/export   | ctsplat/status.h ctsplat/report.h ctsplat/picture.h ctsplat/export.h ctsplat/series.h image/ dicom/dcm_sc.h | png.h openexr.h zlib.h libdeflate.h
 src/report   | ctsplat/ | jansson.h cairo.h
+src/job      | ctsplat/ report/ |
 src/check    | ctsplat/ report/ |
 src/bench    | ctsplat/ report/ |
 src/contact  | ctsplat/ image/ | jansson.h webp/
-src/batch    | ctsplat/ report/ contact/ | jansson.h
-src/cli      | ctsplat/ report/ check/ bench/ batch/ contact/ | jansson.h png.h openexr_base.h expat.h
+src/batch    | ctsplat/ report/ job/ contact/ | jansson.h
+src/cli      | ctsplat/ report/ job/ check/ bench/ batch/ contact/ | jansson.h png.h openexr_base.h expat.h
 '
 
 # Prints every include that the table does not allow; silent when all is well.

@@ -1,10 +1,11 @@
 /* ctsplat bench: error against run time, for each engine and setting on one series. */
 #include "bench/bench.h"
 #include "cli/interrupt.h"
-#include "cli/load.h"
+#include "cli/job_options.h"
 #include "cli/message.h"
 #include "cli/options.h"
 #include "cli/progress.h"
+#include "cli/watch.h"
 #include "report/table.h"
 #include <errno.h>
 #include <math.h>
@@ -71,17 +72,11 @@ static void print_table(const CtsBenchRows *rows)
                      cts_kernel_names[rows->rows[i].kernel], rows->rows[i].why);
 }
 
-static void step(void *context, const char *what)
-{
-    (void)context;
-    cli_progress(0, 1, what);
-}
-
 CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     CtsStatus st;
-    CliLoaded loaded = {.list = NULL};
+    CtsLoaded loaded = {.list = NULL};
     CtsReport report = {0};
     CtsBenchRows rows = {.n = 0};
     CtsPreset *preset = malloc(sizeof *preset);
@@ -89,7 +84,10 @@ CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if ((st = cts_preset_load(options->preset, preset, err)) || (st = make_folder(options, err)))
         goto end;
-    st = cli_load(options, preset, step, NULL, &loaded, &report, err);
+    CliWatch seen = {0};
+    const CtsWatch watch = cli_watch(&seen);
+    const CtsSource source = cli_source(options, preset);
+    st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_interrupt_asks();
     if (st)
         goto end;
@@ -111,7 +109,7 @@ CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
 end:
     cli_progress_clear();
     cts_bench_free(&rows);
-    cli_loaded_free(&loaded);
+    cts_loaded_free(&loaded);
     cts_report_free(&report);
     free(preset);
     return st;

@@ -1,10 +1,11 @@
 /* ctsplat presets: the list of them, one in full, or what a volume proposes for one. */
 #include "cli/interrupt.h"
-#include "cli/load.h"
+#include "cli/job_options.h"
 #include "cli/message.h"
 #include "cli/options.h"
 #include "cli/print_json.h"
 #include "cli/progress.h"
+#include "cli/watch.h"
 #include "report/table.h"
 #include "report/tissues.h"
 #include <stdio.h>
@@ -87,25 +88,21 @@ static void print_one(const CtsPreset *p)
     cts_table_free(&colour);
 }
 
-static void step(void *context, const char *what)
-{
-    (void)context;
-    cli_progress(0, 1, what);
-}
-
 /* The tissues of the volume that render would work on, and the key for the preset. */
 static CtsStatus propose(const CliOptions *options, const CtsPreset *preset, CtsError *err)
 {
     CtsStatus st;
-    CliOptions of_volume = *options;
-    CliLoaded loaded = {.list = NULL};
+    CtsLoaded loaded = {.list = NULL};
     CtsReport report = {0};
     uint64_t *count = NULL;
     CtsMixture mixture;
     CtsVoidKey key;
-    of_volume.operands = &options->propose;
-    of_volume.n_operands = 1;
-    st = cli_load(&of_volume, preset, step, NULL, &loaded, &report, err);
+    CliWatch seen = {0};
+    const CtsWatch watch = cli_watch(&seen);
+    CtsSource source = cli_source(options, preset);
+    source.paths = &options->propose;
+    source.n_paths = 1;
+    st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_progress_clear();
     cli_interrupt_asks();
     if (st || (st = cli_interrupted(err)))
@@ -121,7 +118,7 @@ static CtsStatus propose(const CliOptions *options, const CtsPreset *preset, Cts
         cts_mixture_print(stdout, &mixture, &key, preset->name);
 end:
     cts_volume_histogram_free(&count);
-    cli_loaded_free(&loaded);
+    cts_loaded_free(&loaded);
     cts_report_free(&report);
     return st;
 }

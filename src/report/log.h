@@ -21,12 +21,4 @@ void cts_log_done(CtsLog *log, int n_threads);
 /* Append all lines and close. */
 CtsStatus cts_log_close(CtsLog **log, CtsError *err);
 
-/* Times around a call, so that what its stages leave out is not lost: start, the call, stop. What the call took
- * beyond the stages it reported is added to the stage given. */
-typedef struct CtsMeter {
-    double wall_ms, cpu_ms, known_wall_ms, known_cpu_ms;
-} CtsMeter;
-CtsMeter cts_meter_start(const CtsReport *report);
-void cts_meter_stop(CtsMeter meter, CtsReport *report, CtsStage stage);
-
 #endif

@@ -1,6 +1,6 @@
-#include "cli/outputs.h"
+#define _GNU_SOURCE
+#include "job/outputs.h"
 
-#include "cli/message.h"
 #include <libgen.h>
 #include <limits.h>
 #include <stdio.h>
@@ -8,28 +8,34 @@
 #include <string.h>
 #include <unistd.h>
 
-char *cli_output_name(const char *path, int frame, int n_frames)
+static bool holds_frames(const char *path)
 {
-    if (!n_frames)
+    const char *format = cts_export_format(path);
+    return format && !strcmp(format, "dcm");
+}
+
+int cts_output_n_frames(const CtsOutputs *outputs, int output)
+{
+    return outputs->rotation > 0 && holds_frames(outputs->paths[output]) ? outputs->rotation : 1;
+}
+
+char *cts_output_name(const CtsOutputs *outputs, int output, int frame)
+{
+    const char *path = outputs->paths[output];
+    if (!outputs->rotation || holds_frames(path))
         return strdup(path);
     int n_digits = 3;
-    for (int n = n_frames - 1; n > 999; n /= 10)
+    for (int n = outputs->rotation - 1; n > 999; n /= 10)
         n_digits++;
     const char *dot = strrchr(path, '.');
     char *name;
     return asprintf(&name, "%.*s-%0*d%s", (int)(dot - path), path, n_digits, frame, dot) < 0 ? NULL : name;
 }
 
-bool cli_output_is_multi_frame(const char *path)
+bool cts_outputs_hold_depth(const CtsOutputs *outputs)
 {
-    const char *format = cts_export_format(path);
-    return format && !strcmp(format, "dcm");
-}
-
-bool cli_outputs_hold_depth(const CliOptions *options)
-{
-    for (int i = 0; i < options->n_outputs; i++) {
-        const char *format = cts_export_format(options->outputs[i]);
+    for (int i = 0; i < outputs->n; i++) {
+        const char *format = cts_export_format(outputs->paths[i]);
         if (format && !strcmp(format, "exr"))
             return true;
     }
@@ -69,28 +75,30 @@ static bool same_file(const char *a, const char *b)
     return same;
 }
 
-CtsStatus cli_outputs_check(const CliOptions *options, const CtsExportSettings *settings, CtsError *err)
+CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *settings, CtsReport *report,
+                            CtsError *err)
 {
     CtsStatus st = CTS_OK;
     bool any_dcm = false;
-    for (int i = 0; i < options->n_outputs; i++) {
-        const char *path = options->outputs[i];
+    for (int i = 0; i < outputs->n; i++) {
+        const char *path = outputs->paths[i];
         if (!cts_export_format(path))
             return cts_fail(err, CTS_ERR_USAGE, "%s: the ending names no format (.png, .exr or .dcm)", path);
-        any_dcm |= cli_output_is_multi_frame(path);
+        any_dcm |= holds_frames(path);
         for (int before = 0; before < i; before++)
-            if (same_file(options->outputs[before], path))
+            if (same_file(outputs->paths[before], path))
                 return cts_fail(err, CTS_ERR_USAGE, "%s: given twice with -o", path);
-        const int n_frames = cli_output_is_multi_frame(path) ? 0 : options->rotation;
-        for (int frame = 0; frame < n_frames || frame == 0; frame++) {
-            char *name = cli_output_name(path, frame, n_frames);
+        const int n_files = outputs->rotation && !holds_frames(path) ? outputs->rotation : 1;
+        for (int frame = 0; frame < n_files; frame++) {
+            char *name = cts_output_name(outputs, i, frame);
             st = name ? check_one(name, settings, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
             free(name);
             if (st)
                 return st;
         }
     }
-    if (!any_dcm && (options->compression != CTS_SC_NONE || options->new_uids || options->deidentify))
-        cli_warning("--compress, --new-uids and --deidentify act on .dcm outputs, and there is none");
+    if (!any_dcm && (settings->compression != CTS_SC_NONE || settings->new_uids || settings->deidentify))
+        cts_report_finding(report, "no_dcm_output", CTS_WARNING,
+                           "--compress, --new-uids and --deidentify act on .dcm outputs, and there is none");
     return CTS_OK;
 }

@@ -1,0 +1,47 @@
+#include "cli/job_options.h"
+
+#include "cli/interrupt.h"
+#include <string.h>
+
+CtsSource cli_source(const CliOptions *options, const CtsPreset *preset)
+{
+    CtsSource source = {
+        .paths = options->operands,
+        .n_paths = options->n_operands,
+        .series_uid = options->series_uid,
+        .n_threads = options->render.n_threads,
+        .remove_table = options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON,
+        .table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset",
+        .crop = options->crop_given,
+    };
+    memcpy(source.crop_low_lps, options->crop_low_lps, sizeof source.crop_low_lps);
+    memcpy(source.crop_high_lps, options->crop_high_lps, sizeof source.crop_high_lps);
+    return source;
+}
+
+CtsStatus cli_job(const CliOptions *options, CtsPreset *preset, CtsJob *job, CtsError *err)
+{
+    CtsStatus st;
+    if (!options->n_outputs && !options->render.explain)
+        return cts_fail(err, CTS_ERR_USAGE, "render: no output (give -o FILE, ending in .png, .exr or .dcm)");
+    if ((st = cts_preset_load(options->preset, preset, err)))
+        return st;
+    if (options->background_given) {
+        preset->background_none = options->background_none;
+        memcpy(preset->background, options->background, sizeof options->background);
+    }
+    *job = (CtsJob){
+        .source = cli_source(options, preset),
+        .preset = preset,
+        .render = options->render,
+        .export = {.compression = (CtsScCompression)options->compression,
+                   .new_uids = options->new_uids,
+                   .deidentify = options->deidentify,
+                   .force = options->force},
+        .outputs = {.paths = options->outputs, .n = options->n_outputs, .rotation = options->rotation},
+        .annotate_orientation = options->annotate_orientation,
+        .annotate_scale = options->annotate_scale,
+    };
+    job->render.stop = &cli_stop;
+    return CTS_OK;
+}

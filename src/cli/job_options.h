@@ -1,0 +1,13 @@
+/* What the command line asks for, as a job. */
+#ifndef CTS_CLI_JOB_OPTIONS_H
+#define CTS_CLI_JOB_OPTIONS_H
+
+#include "cli/options.h"
+#include "job/job.h"
+
+CtsSource cli_source(const CliOptions *options, const CtsPreset *preset);
+
+/* Loads the preset into *preset and fills *job, which points at it and at the options. */
+CtsStatus cli_job(const CliOptions *options, CtsPreset *preset, CtsJob *job, CtsError *err);
+
+#endif

@@ -1,0 +1,34 @@
+#include "cli/watch.h"
+
+#include "cli/interrupt.h"
+#include "cli/message.h"
+#include "cli/progress.h"
+
+static void step(void *context, int done, int all, const char *what)
+{
+    (void)context;
+    cli_progress(done, all, what);
+}
+
+static void findings(void *context, const CtsReport *report)
+{
+    CliWatch *seen = context;
+    cli_print_findings(&report->findings, seen->n_findings);
+    seen->n_findings = report->findings.n;
+}
+
+static void loaded(void *context)
+{
+    (void)context;
+    cli_interrupt_asks();
+}
+
+static void output(void *context, const char *path, const char *format, uint64_t bytes)
+{
+    cts_log_output(((CliWatch *)context)->log, path, format, bytes);
+}
+
+CtsWatch cli_watch(CliWatch *seen)
+{
+    return (CtsWatch){.context = seen, .step = step, .findings = findings, .loaded = loaded, .output = output};
+}

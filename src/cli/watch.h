@@ -1,0 +1,16 @@
+/* A job seen from the terminal: a progress bar, warnings as they come, outputs into the log. */
+#ifndef CTS_CLI_WATCH_H
+#define CTS_CLI_WATCH_H
+
+#include "job/watch.h"
+#include "report/log.h"
+
+typedef struct CliWatch {
+    CtsLog *log;       /* NULL: none */
+    size_t n_findings; /* of the report, printed so far */
+} CliWatch;
+
+/* From its loading on, a job is asked to stop by signals (cli/interrupt.h). */
+CtsWatch cli_watch(CliWatch *seen);
+
+#endif

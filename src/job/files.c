@@ -1,0 +1,48 @@
+#include "job/files.h"
+
+#include <stdlib.h>
+
+CtsStatus cts_files_begin(CtsFiles *files, CtsError *err)
+{
+    files->exports = calloc((size_t)files->outputs->n + 1, sizeof *files->exports);
+    return files->exports ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+}
+
+static CtsStatus write_rows(CtsFiles *files, int output, int frame, const CtsPicture *band, CtsReport *report,
+                            CtsError *err)
+{
+    CtsExport **export = &files->exports[output];
+    const int n_frames = cts_output_n_frames(files->outputs, output);
+    const bool last = band->first_row + band->height == band->whole_height;
+    CtsStatus st = CTS_OK;
+    char *name = cts_output_name(files->outputs, output, frame);
+    if (!name)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!*export)
+        st = cts_export_begin(export, name, band, n_frames, files->settings, report, err);
+    if (!st)
+        st = cts_export_rows(*export, band, err);
+    if (!st && last && (n_frames == 1 || frame == n_frames - 1)) {
+        uint64_t bytes;
+        if (!(st = cts_export_end(export, &bytes, err)) && files->watch->output)
+            files->watch->output(files->watch->context, name, cts_export_format(name), bytes);
+    }
+    free(name);
+    return st;
+}
+
+CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (int i = 0; i < files->outputs->n && !st; i++)
+        st = write_rows(files, i, frame, band, report, err);
+    return st;
+}
+
+void cts_files_end(CtsFiles *files)
+{
+    for (int i = 0; files->exports && i < files->outputs->n; i++)
+        cts_export_discard(&files->exports[i]);
+    free(files->exports);
+    files->exports = NULL;
+}

@@ -1,0 +1,22 @@
+/* Bands of rows of a picture, as they are rendered, into all files that are asked for. */
+#ifndef CTS_JOB_FILES_H
+#define CTS_JOB_FILES_H
+
+#include "ctsplat/picture.h"
+#include "job/outputs.h"
+#include "job/watch.h"
+
+typedef struct CtsFiles {
+    const CtsOutputs *outputs;
+    const CtsExportSettings *settings;
+    const CtsWatch *watch;
+    CtsExport **exports; /* by output: the file being written, or NULL */
+} CtsFiles;
+
+CtsStatus cts_files_begin(CtsFiles *files, CtsError *err);
+/* One band of frame: a file begins with the first band it holds and ends with its last. */
+CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, CtsReport *report, CtsError *err);
+/* What is not whole by now is given up. */
+void cts_files_end(CtsFiles *files);
+
+#endif

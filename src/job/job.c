@@ -1,0 +1,161 @@
+#include "job/job.h"
+
+#include "base/cpu.h"
+#include "base/meter.h"
+#include "ctsplat/annotate.h"
+#include "job/files.h"
+#include "job/pooled.h"
+
+static int n_frames_of(const CtsJob *job)
+{
+    return job->outputs.rotation ? job->outputs.rotation : 1;
+}
+
+/* The first two steps are searching and reading. */
+static int n_steps_of(const CtsJob *job)
+{
+    return 2 + n_frames_of(job);
+}
+
+/* What one file is to hold must fit its format. */
+static CtsStatus check_sizes(const CtsJob *job, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const CtsPreset *p = job->preset;
+    const CtsMode mode = job->render.mode >= 0 ? (CtsMode)job->render.mode : p->mode;
+    const bool grey_behind =
+        p->background_none || (p->background[0] == p->background[1] && p->background[1] == p->background[2]);
+    const bool grey = cts_preset_is_grey(p, mode) && grey_behind;
+    for (int i = 0; i < job->outputs.n && !st; i++)
+        st = cts_export_check_size(job->outputs.paths[i], job->render.width, job->render.height,
+                                   cts_output_n_frames(&job->outputs, i), grey, &job->export, err);
+    return st;
+}
+
+CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if (job->preset->note[0])
+        cts_report_finding(report, "preset_left_out", CTS_WARNING, "preset %s: left out: %s", job->preset->name,
+                           job->preset->note);
+    if (job->render.explain)
+        return CTS_OK;
+    if ((st = cts_outputs_check(&job->outputs, &job->export, report, err)))
+        return st;
+    return check_sizes(job, err);
+}
+
+/* One frame under way. */
+typedef struct Frame {
+    const CtsJob *job;
+    CtsFiles *files;
+    CtsReport *report;
+    int number;
+} Frame;
+
+static CtsStatus stopped(const CtsJob *job, CtsError *err)
+{
+    return job->render.stop && *job->render.stop ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+}
+
+static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
+{
+    const bool orientation = frame->job->annotate_orientation, scale = frame->job->annotate_scale;
+    int n_left_out = 0;
+    if (!orientation && !scale)
+        return CTS_OK;
+    const CtsStatus st = cts_annotate(band, orientation, scale, &n_left_out, err);
+    if (n_left_out > 0 && frame->number == 0 && band->first_row == 0)
+        cts_report_finding(frame->report, "marks_left_out", CTS_WARNING,
+                           "--annotate: %d of %d marks left out, for which the picture has no room (a larger --size)",
+                           n_left_out, 4 * orientation + scale);
+    return st;
+}
+
+/* A band as the engine made it: over the background, marked, into all files. */
+static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
+{
+    const Frame *frame = context;
+    const CtsJob *job = frame->job;
+    const CtsMeter meter = cts_meter_start(frame->report);
+    CtsStatus st;
+    if (!job->preset->background_none)
+        cts_picture_over(band, job->preset->background, job->render.n_threads);
+    if (!(st = annotate(frame, band, err)) && !(st = stopped(job, err)))
+        st = cts_files_rows(frame->files, frame->number, band, frame->report, err);
+    cts_meter_stop(meter, frame->report, CTS_STAGE_EXPORT);
+    return st;
+}
+
+static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatch *watch, CtsError *err)
+{
+    const CtsJob *job = frame->job;
+    const double azimuth_deg = job->render.azimuth_deg + 360.0 * frame->number / n_frames_of(job);
+    cts_watch_step(watch, 2 + frame->number, n_steps_of(job), "rendering");
+    const CtsMeter meter = cts_meter_start(frame->report);
+    const CtsStatus st =
+        cts_render_bands(renderer, azimuth_deg, job->render.elevation_deg, 0, finish_band, frame, frame->report, err);
+    cts_meter_stop(meter, frame->report, CTS_STAGE_COMPOSITE);
+    cts_watch_findings(watch, frame->report);
+    return st ? st : stopped(job, err);
+}
+
+static CtsStatus render_frames(const CtsJob *job, CtsRenderer *renderer, CtsFiles *files, CtsReport *report,
+                               CtsError *err)
+{
+    CtsVerified pooled = {0};
+    CtsStatus st = CTS_OK;
+    Frame frame = {.job = job, .files = files, .report = report};
+    if (n_frames_of(job) > 1)
+        cts_report_skip(report, "loading again", "%d frames share one volume, cropped and without its table once",
+                        n_frames_of(job));
+    /* The plan of one view stands for all of a rotation. */
+    const int n_frames = job->render.explain ? 1 : n_frames_of(job);
+    for (; frame.number < n_frames && !st; frame.number++)
+        if (!(st = render_frame(renderer, &frame, files->watch, err)))
+            cts_verified_add(&pooled, &report->verified);
+    report->verified = pooled;
+    return st;
+}
+
+CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
+                         CtsError *err)
+{
+    CtsExportSettings settings = job->export;
+    CtsRenderSettings render = job->render;
+    CtsRenderer *renderer = NULL;
+    CtsFiles files = {.outputs = &job->outputs, .settings = &settings, .watch = watch};
+    CtsStatus st;
+    settings.source = loaded->series;
+    settings.n_threads = cts_threads(job->render.n_threads);
+    render.want_depth = cts_outputs_hold_depth(&job->outputs);
+    if (!(st = cts_files_begin(&files, err)) &&
+        !(st = cts_render_begin(&renderer, loaded->volume, job->preset, &render, err)))
+        st = render_frames(job, renderer, &files, report, err);
+    const CtsMeter meter = cts_meter_start(report);
+    cts_files_end(&files);
+    cts_render_end(&renderer);
+    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    return st;
+}
+
+CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err)
+{
+    CtsLoaded loaded = {0};
+    CtsStatus st;
+    CtsMeter meter = cts_meter_start(report);
+    st = cts_job_check(job, report, err);
+    cts_meter_stop(meter, report, CTS_STAGE_SCAN);
+    cts_watch_findings(watch, report);
+    if (st)
+        return st;
+    st = cts_source_load(&job->source, watch, n_steps_of(job), &loaded, report, err);
+    if (watch->loaded)
+        watch->loaded(watch->context);
+    if (!st && !(st = stopped(job, err)))
+        st = cts_job_render(job, &loaded, watch, report, err);
+    meter = cts_meter_start(report);
+    cts_loaded_free(&loaded);
+    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    return st;
+}

@@ -1,0 +1,68 @@
+#include "job/source.h"
+
+#include "base/meter.h"
+#include "ctsplat/couch.h"
+
+static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if ((st = cts_series_find(source->paths, source->n_paths, source->n_threads, &loaded->list, report, err)) ||
+        (st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
+        return st;
+    const CtsFindings *found = &loaded->list->findings;
+    for (size_t i = 0; i < found->n; i++)
+        cts_report_finding(report, found->items[i].code, found->items[i].severity, "%s", found->items[i].text);
+    if (loaded->list->n > 1 && !source->series_uid)
+        cts_report_finding(report, "several_series", CTS_WARNING,
+                           "%zu series found; taking %s, the one with the most slices (%d); --series takes another",
+                           loaded->list->n, loaded->series->uid, loaded->series->n_slices);
+    return CTS_OK;
+}
+
+/* The patient alone, and of it the part that is asked for. */
+static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    /* The table is told from the patient by the whole, so it goes before the crop. */
+    if (source->remove_table && source->crop)
+        st = cts_volume_remove_table_within(volume, source->crop_low_lps, source->crop_high_lps, source->n_threads,
+                                            report, err);
+    else if (source->remove_table)
+        st = cts_volume_remove_table(volume, source->n_threads, report, err);
+    else
+        cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
+    if (!st && source->crop)
+        st = cts_volume_crop(volume, source->crop_low_lps, source->crop_high_lps, err);
+    return st;
+}
+
+CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    cts_watch_step(watch, 0, n_steps, "searching");
+    CtsMeter meter = cts_meter_start(report);
+    if ((st = find(source, loaded, report, err)))
+        return st;
+    cts_meter_stop(meter, report, CTS_STAGE_SCAN);
+    cts_watch_findings(watch, report);
+    cts_watch_step(watch, 1, n_steps, "reading");
+    meter = cts_meter_start(report);
+    st = cts_series_load(loaded->series, source->n_threads, &loaded->volume, report, err);
+    cts_meter_stop(meter, report, CTS_STAGE_DECODE);
+    cts_watch_findings(watch, report);
+    if (st)
+        return st;
+    meter = cts_meter_start(report);
+    st = cut(source, loaded->volume, report, err);
+    cts_meter_stop(meter, report, CTS_STAGE_GREY);
+    cts_watch_findings(watch, report);
+    return st;
+}
+
+void cts_loaded_free(CtsLoaded *loaded)
+{
+    cts_volume_free(&loaded->volume);
+    cts_series_list_free(&loaded->list);
+    loaded->series = NULL;
+}

@@ -1,0 +1,34 @@
+/* From PATH... to the volume that pictures are made of. */
+#ifndef CTS_JOB_SOURCE_H
+#define CTS_JOB_SOURCE_H
+
+#include "ctsplat/series.h"
+#include "ctsplat/volume.h"
+#include "job/watch.h"
+#include <stdbool.h>
+
+/* Which series, and what of it. Plain data; strings are the caller's. */
+typedef struct CtsSource {
+    const char *const *paths;
+    int n_paths;
+    const char *series_uid; /* NULL: the one with the most slices */
+    int n_threads;          /* 0: the cores this process may use */
+    bool remove_table;
+    const char *table_kept_by; /* why not, as the report tells it: "the preset" */
+    bool crop;
+    double crop_low_lps[3], crop_high_lps[3]; /* mm */
+} CtsSource;
+
+typedef struct CtsLoaded {
+    CtsSeriesList *list;
+    const CtsSeries *series; /* of the list */
+    CtsVolume *volume;
+} CtsLoaded;
+
+/* Finds the series, decodes it and cuts it to what is asked for. Tells watch the first two of
+ * n_steps. Free with cts_loaded_free(), also after a failure. */
+CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err);
+void cts_loaded_free(CtsLoaded *loaded);
+
+#endif

@@ -1,0 +1,32 @@
+/* What whoever runs a job may want to see while it goes on. Any function may be NULL; none may fail the job. */
+#ifndef CTS_JOB_WATCH_H
+#define CTS_JOB_WATCH_H
+
+#include "ctsplat/report.h"
+#include <stdint.h>
+
+typedef struct CtsWatch {
+    void *context;
+    /* Step done of all is at hand: what says what happens in it. */
+    void (*step)(void *context, int done, int all, const char *what);
+    /* The report may hold findings that it did not hold before. */
+    void (*findings)(void *context, const CtsReport *report);
+    /* The volume is read: from here on the job looks at its settings' stop flag. */
+    void (*loaded)(void *context);
+    /* A file stands, whole. */
+    void (*output)(void *context, const char *path, const char *format, uint64_t bytes);
+} CtsWatch;
+
+static inline void cts_watch_step(const CtsWatch *watch, int done, int all, const char *what)
+{
+    if (watch->step)
+        watch->step(watch->context, done, all, what);
+}
+
+static inline void cts_watch_findings(const CtsWatch *watch, const CtsReport *report)
+{
+    if (watch->findings)
+        watch->findings(watch->context, report);
+}
+
+#endif
