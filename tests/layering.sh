@@ -13,7 +13,7 @@ include/ctsplat | ctsplat/ |
 src/base     | ctsplat/status.h ctsplat/report.h | openssl/ jansson.h
 src/dicom    | ctsplat/status.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h openjpeg.h seccomp.h
 src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/slice_stack.h | immintrin.h
-src/table    | ctsplat/status.h ctsplat/report.h ctsplat/couch.h ctsplat/volume.h volume/ |
+src/table    | ctsplat/status.h ctsplat/report.h ctsplat/table.h ctsplat/volume.h volume/ |
 src/transfer | ctsplat/status.h ctsplat/mixture.h ctsplat/preset.h ctsplat/volume.h | jansson.h expat.h
 src/scene    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/lut.h |
 src/splat    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ scene/ | immintrin.h

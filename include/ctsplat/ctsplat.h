@@ -3,7 +3,7 @@
 #define CTSPLAT_CTSPLAT_H
 
 #include "ctsplat/annotate.h"
-#include "ctsplat/couch.h"
+#include "ctsplat/table.h"
 #include "ctsplat/export.h"
 #include "ctsplat/mixture.h"
 #include "ctsplat/picture.h"

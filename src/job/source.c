@@ -1,7 +1,7 @@
 #include "job/source.h"
 
 #include "base/meter.h"
-#include "ctsplat/couch.h"
+#include "ctsplat/table.h"
 
 static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
@@ -24,10 +24,7 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsReport *repo
 {
     CtsStatus st = CTS_OK;
     /* The table is told from the patient by the whole, so it goes before the crop. */
-    if (source->remove_table && source->crop)
-        st = cts_volume_remove_table_within(volume, source->crop_low_lps, source->crop_high_lps, source->n_threads,
-                                            report, err);
-    else if (source->remove_table)
+    if (source->remove_table)
         st = cts_volume_remove_table(volume, source->n_threads, report, err);
     else
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);

@@ -90,13 +90,6 @@ void cts_block_change_row(CtsBlockChange *c, CtsBlockRows *rows, const uint64_t 
         add_row(c, j / CTS_FINE_BLOCK, k, rows->some, rows->all);
 }
 
-void cts_block_change_keep(CtsBlockChange *c, int first, int end)
-{
-    for (int k = first; c->blocks && k < end; k++)
-        for (int bj = 0; bj < c->kept.dims[1]; bj++)
-            cts_bits_fill(cts_bits_row(&c->kept, bj, k), 0, c->kept.dims[0]);
-}
-
 /* The largest level of the n_blocks fine blocks from (bi, bj, bk) on, one after the other along a row. */
 static void find_highest(const CtsVolume *v, cts_fold_fn fold, int bi, int bj, int bk, int n_blocks, CtsRange *range)
 {

@@ -24,9 +24,6 @@ typedef struct CtsBlockRows {
  * in order, all of them, and from one thread. */
 void cts_block_change_row(CtsBlockChange *change, CtsBlockRows *rows, const uint64_t *gone, int j, int k);
 
-/* Slices first <= k < end lose nothing and are not gone through row by row. */
-void cts_block_change_keep(CtsBlockChange *change, int first, int end);
-
 /* The blocks' new ranges, once all voxels are air that become it. */
 void cts_block_change_apply(const CtsBlockChange *change, const CtsVolume *volume, int n_threads);
 

@@ -190,15 +190,6 @@ void cts_parts_free(CtsParts *p)
     p->counted = false;
 }
 
-uint64_t cts_parts_count_slice(const CtsParts *p, const uint8_t *flags, int k)
-{
-    const size_t ny = (size_t)p->dims[1];
-    uint64_t n = 0;
-    for (uint32_t r = p->row_start[(size_t)k * ny]; r < p->row_start[((size_t)k + 1) * ny]; r++)
-        n += flags[p->runs[r].part] ? p->runs[r].end - p->runs[r].first : 0;
-    return n;
-}
-
 void cts_parts_paint_slice(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int k)
 {
     for (int j = 0; j < p->dims[1]; j++) {

@@ -39,9 +39,6 @@ CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, int n_threads, Ct
 CtsStatus cts_parts_find_in_slices(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
 void cts_parts_free(CtsParts *parts);
 
-/* How many voxels of slice k belong to the parts whose flag is set. */
-uint64_t cts_parts_count_slice(const CtsParts *parts, const uint8_t *flags, int k);
-
 /* Set the bits of the parts whose flag is set, in one slice or in all; bits must hold zeros. */
 void cts_parts_paint_slice(const CtsParts *parts, const uint8_t *flags, CtsBits *bits, int k);
 void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, CtsBits *bits, int n_threads);

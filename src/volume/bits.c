@@ -18,14 +18,6 @@ CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err)
     return cts_alloc_zeroed(&bits->words, n, err);
 }
 
-CtsStatus cts_bits_copy(CtsBits *bits, const CtsBits *of, CtsError *err)
-{
-    const CtsStatus st = cts_bits_new(bits, of->dims, err);
-    if (!st)
-        cts_bits_combine(bits, CTS_BITS_COPY, of);
-    return st;
-}
-
 void cts_bits_free(CtsBits *bits)
 {
     cts_free(&bits->words);
@@ -227,83 +219,6 @@ void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *bl
         threshold_layer(&t, blocks, bk);
 }
 
-/* Words that are spread at a time, a row or more. */
-enum { BLOCK = CTS_BITS_ROW_WORDS };
-
-/* A block of whole rows and where its neighbours are, in words; what does not exist or is not wanted is the block
- * itself. */
-typedef struct Block {
-    const uint64_t *own, *before, *behind;
-    ptrdiff_t up, down;
-    size_t n;
-} Block;
-
-/* The box: all neighbouring rows and slices, spread along x together. */
-static inline __attribute__((always_inline)) void sum_box(const Block *b, uint64_t *restrict sum)
-{
-    const uint64_t *const own = b->own, *const before = b->before, *const behind = b->behind;
-    const ptrdiff_t up = b->up, down = b->down, n = (ptrdiff_t)b->n;
-    for (ptrdiff_t i = 0; i < n; i++)
-        sum[i] = own[i - up] | own[i] | own[i + down] | before[i - up] | before[i] | before[i + down] | behind[i - up] |
-                 behind[i] | behind[i + down];
-}
-
-/* The cross: the neighbouring rows and slices join after the words have been spread. */
-static inline __attribute__((always_inline)) void add_cross(const Block *b, uint64_t *restrict to)
-{
-    const uint64_t *const own = b->own, *const before = b->before, *const behind = b->behind;
-    const ptrdiff_t up = b->up, down = b->down, n = (ptrdiff_t)b->n;
-    for (ptrdiff_t i = 0; i < n; i++)
-        to[i] |= own[i - up] | own[i + down] | before[i] | behind[i];
-}
-
-static inline __attribute__((always_inline)) void dilate_block(const Block *b, CtsNeighbours neighbours, unsigned axes,
-                                                               uint64_t *restrict to)
-{
-    /* Nothing comes in from the row before, whose last bit is spare, and what comes in from the next one is masked. */
-    uint64_t sum[BLOCK + 2];
-    sum[0] = sum[b->n + 1] = 0;
-    if (neighbours == CTS_BOX)
-        sum_box(b, sum + 1);
-    else
-        memcpy(sum + 1, b->own, b->n * sizeof *sum);
-    if (axes & 1)
-        for (size_t n = 0; n < b->n; n++)
-            to[n] = sum[n + 1] | sum[n + 1] << 1 | sum[n + 1] >> 1 | sum[n] >> 63 | sum[n + 2] << 63;
-    else
-        memcpy(to, sum + 1, b->n * sizeof *to);
-    if (neighbours == CTS_CROSS)
-        add_cross(b, to);
-}
-
-static void dilate_slice(const CtsBits *in, CtsBits *out, int k, CtsNeighbours neighbours, unsigned axes)
-{
-    const int n_rows = in->dims[1], most = BLOCK / (int)in->row_words, last_row = n_rows - 1;
-    const int before = axes & 4 && k > 0 ? k - 1 : k, behind = axes & 4 && k + 1 < in->dims[2] ? k + 1 : k;
-    const ptrdiff_t row = axes & 2 ? (ptrdiff_t)in->row_words : 0;
-    const uint64_t mask = cts_bits_mask(in, in->row_words - 1);
-    /* The first and the last row are blocks of their own. */
-    for (int j = 0, end; j < n_rows; j = end) {
-        end = j == 0 || j == last_row ? j + 1 : last_row - j < most ? last_row : j + most;
-        const Block b = {.own = cts_bits_row(in, j, k),
-                         .before = cts_bits_row(in, j, before),
-                         .behind = cts_bits_row(in, j, behind),
-                         .up = j > 0 ? row : 0,
-                         .down = j < last_row ? row : 0,
-                         .n = (size_t)(end - j) * in->row_words};
-        dilate_block(&b, neighbours, axes, cts_bits_row(out, j, k));
-        for (int r = j; r < end; r++)
-            cts_bits_row(out, r, k)[in->row_words - 1] &= mask;
-    }
-}
-
-void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, unsigned axes, int n_threads)
-{
-#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(in))
-    for (int k = 0; k < in->dims[2]; k++)
-        dilate_slice(in, out, k, neighbours, axes);
-}
-
 void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
 {
     const size_t n = cts_bits_n_words(a);
@@ -340,15 +255,6 @@ static uint64_t count_words(const uint64_t *words, size_t n)
     return count;
 }
 
-void cts_bits_take_slice(CtsBits *a, const CtsBits *b, int k)
-{
-    const size_t n = a->row_words * (size_t)a->dims[1];
-    uint64_t *words = cts_bits_row(a, 0, k);
-    const uint64_t *taken = cts_bits_row(b, 0, k);
-    for (size_t w = 0; w < n; w++)
-        words[w] &= ~taken[w];
-}
-
 uint64_t cts_bits_count_slice(const CtsBits *bits, int k)
 {
     return count_words(cts_bits_row(bits, 0, k), bits->row_words * (size_t)bits->dims[1]);
@@ -357,13 +263,4 @@ uint64_t cts_bits_count_slice(const CtsBits *bits, int k)
 uint64_t cts_bits_count(const CtsBits *bits)
 {
     return count_words(bits->words, cts_bits_n_words(bits));
-}
-
-bool cts_bits_is_empty(const CtsBits *bits)
-{
-    const size_t n = cts_bits_n_words(bits);
-    for (size_t w = 0; w < n; w++)
-        if (bits->words[w])
-            return false;
-    return true;
 }

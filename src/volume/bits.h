@@ -17,9 +17,8 @@ typedef struct CtsBits {
 
 enum { CTS_BITS_ROW_WORDS = 1025 }; /* at most, 65599 voxels a row */
 
-/* All bits 0, or those of another. A zero-initialised CtsBits may be freed. */
+/* All bits 0. A zero-initialised CtsBits may be freed. */
 CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err);
-CtsStatus cts_bits_copy(CtsBits *bits, const CtsBits *of, CtsError *err);
 void cts_bits_free(CtsBits *bits);
 
 static inline size_t cts_bits_n_words(const CtsBits *bits)
@@ -89,18 +88,10 @@ static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
 void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min,
                         uint32_t *n_runs, int n_threads);
 
-/* Set what is set and its neighbours along the axes in the mask `axes` (bit 0: columns, 1: rows, 2: slices): the cross
- * shares a face, the box also an edge or a corner. in and out differ. */
-typedef enum CtsNeighbours { CTS_CROSS, CTS_BOX } CtsNeighbours;
-void cts_bits_dilate(const CtsBits *in, CtsBits *out, CtsNeighbours neighbours, unsigned axes, int n_threads);
-
 typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_COPY, CTS_BITS_NOT } CtsBitsOp;
 /* a = a op b, word by word; CTS_BITS_COPY and _NOT take b alone. */
 void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
-/* a = a and not b in slice k. */
-void cts_bits_take_slice(CtsBits *a, const CtsBits *b, int k);
 uint64_t cts_bits_count_slice(const CtsBits *bits, int k);
 uint64_t cts_bits_count(const CtsBits *bits);
-bool cts_bits_is_empty(const CtsBits *bits);
 
 #endif

@@ -1,4 +1,4 @@
-#include "volume/crop.h"
+#include "ctsplat/volume.h"
 
 #include "base/mem.h"
 #include "base/vec3.h"
@@ -88,14 +88,6 @@ static Box find_box(const CtsVolume *v, const double lo[3], const double hi[3])
             }
         }
     return box;
-}
-
-void cts_crop_slices(const CtsVolume *v, const double lo_lps[3], const double hi_lps[3], int *first, int *end)
-{
-    Box box;
-    const bool known = straight_box(v, lo_lps, hi_lps, &box) && box.hi[2] >= 0;
-    *first = known ? box.lo[2] : 0;
-    *end = known ? box.hi[2] + 1 : v->dims[2];
 }
 
 /* Rows of the box to the front, one after the other; what is not between first and last of its row becomes air. */

@@ -2,8 +2,9 @@
 #include "unit.h"
 
 #include "ctsplat/volume.h"
-#include "volume/bits.h"
 #include "table/block_change.h"
+#include "table/morphology.h"
+#include "volume/bits.h"
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -149,11 +150,73 @@ static void test_block_change(void **state)
             check_change(sizes[s], kind);
 }
 
+/* Whether a voxel lies within reach of one that is set: voxel by voxel. */
+static bool reached(const CtsBits *in, CtsReach reach, int i, int j, bool set)
+{
+    const int r = reach.diamond;
+    for (int dj = -r; dj <= r; dj++)
+        for (int di = abs(dj) - r; di <= r - abs(dj); di++)
+            for (int bj = -reach.box[1]; bj <= reach.box[1]; bj++)
+                for (int bi = -reach.box[0]; bi <= reach.box[0]; bi++) {
+                    const int x = i + di + bi, y = j + dj + bj;
+                    if (x >= 0 && y >= 0 && x < in->dims[0] && y < in->dims[1] && cts_bits_get(in, x, y, 0) == set)
+                        return true;
+                }
+    return false;
+}
+
+static void check_morphology(int nx, int ny, CtsReach reach, uint32_t seed)
+{
+    CtsBits in, wide, open, narrow, thin;
+    CtsMorphology m;
+    CtsError err;
+    const int dims[3] = {nx, ny, 1};
+    assert_int_equal(cts_bits_new(&in, dims, &err) || cts_bits_new(&wide, dims, &err) ||
+                         cts_bits_new(&open, dims, &err) || cts_bits_new(&narrow, dims, &err) ||
+                         cts_bits_new(&thin, dims, &err) || cts_morphology_new(&m, &in, &err),
+                     CTS_OK);
+    for (int j = 0; j < ny; j++)
+        for (int i = 0; i < nx; i++)
+            if (random_next(&seed) % 40 && (i / 7 + j / 5) % 3)
+                cts_bits_set(&in, i, j, 0);
+    cts_dilate_section(&m, in.words, reach, wide.words);
+    cts_open_section(&m, in.words, reach, open.words);
+    cts_thin_section(&m, in.words, reach, thin.words);
+    for (int j = 0; j < ny; j++)
+        for (int i = 0; i < nx; i++)
+            if (!reached(&in, reach, i, j, false))
+                cts_bits_set(&narrow, i, j, 0);
+    for (int j = 0; j < ny; j++)
+        for (int i = 0; i < nx; i++) {
+            assert_int_equal(cts_bits_get(&wide, i, j, 0), reached(&in, reach, i, j, true));
+            assert_int_equal(cts_bits_get(&open, i, j, 0), reached(&narrow, reach, i, j, true));
+            assert_int_equal(cts_bits_get(&thin, i, j, 0),
+                             cts_bits_get(&in, i, j, 0) && !reached(&open, (CtsReach){.diamond = 1}, i, j, true));
+        }
+    CtsBits *all[] = {&in, &wide, &open, &narrow, &thin};
+    for (int n = 0; n < 5; n++)
+        cts_bits_free(all[n]);
+    cts_morphology_free(&m);
+}
+
+static void test_morphology(void **state)
+{
+    (void)state;
+    const CtsReach reaches[] = {{1, {0, 0}}, {1, {1, 0}}, {2, {0, 3}}, {3, {2, 2}}};
+    for (int n = 0; n < 4; n++)
+        for (int s = 0; s < N_SIZES; s++)
+            check_morphology(sizes[s][0], sizes[s][1], reaches[n], (uint32_t)s);
+    const double spacing_mm[2] = {0.5, 2};
+    const CtsReach disk = cts_reach_mm(8, spacing_mm);
+    assert_true(disk.diamond + disk.box[0] == 16 && disk.diamond + disk.box[1] == 4);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_threshold),
         cmocka_unit_test(test_block_change),
+        cmocka_unit_test(test_morphology),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,38 @@
+/* Table removal: table, mattress, head holder, blankets and tubes become air, the patient stays whole. */
+#ifndef CTSPLAT_TABLE_H
+#define CTSPLAT_TABLE_H
+
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Set to grey 0 what lies outside the patient. Two ideas tell the table from the patient, on what is denser than
+ * -350 HU in sections across the scanner's axis:
+ *
+ * - Tables, mattresses and head holders are drawn along the scanner's axis: what is less than some 12 mm thick and
+ *   stands at the same place over 60 mm of it is no patient, even where it touches one. It goes.
+ * - Of the connected parts that are then left, the largest is the patient; others stay if at least half of them is
+ *   thicker than 6 mm, as limbs and fingers are and blankets, tubes and plates are not.
+ *
+ * Kept to the bit: the patient, whatever is attached to it or enclosed by it within a section (lungs, bowel gas), and a
+ * rim of 3 mm around it, at least 2 voxels within a section and one section beyond, which holds the partial-volume
+ * ramp. Air at the border of the field of view counts as enclosed when it is a lung by its density.
+ *
+ * The sections lie across the volume axis nearest to z, so axial, tilted, coronal and sagittal stacks, supine and
+ * prone, head or feet first are all one.
+ *
+ * The report gets one of: a skip "table removal" with the reason when nothing lies outside the body, and the volume is
+ * left as it was; a note `table_removed` with the number of voxels. When thin parts that hang on the body make up more
+ * than 5 % of it, they stay, with the warning `table_removal_uncertain`. The time counts as stage classify. Memory:
+ * about an eighth of the volume. n_threads 0: all cores; threads never change the result. Fails with CTS_ERR_MEMORY
+ * only. */
+CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,244 @@
+#include "table/body.h"
+
+#include "base/mem.h"
+#include "table/morphology.h"
+#include "table/parts.h"
+#include <math.h>
+#include <omp.h>
+#include <string.h>
+
+/* Fingers and the tips of ears are twice as thick, blankets, tubes and plates are not. */
+static const double THICK_RADIUS_MM = 3;
+/* Parts smaller than this are noise; they stay only in the rim around the patient. */
+static const double NOISE_MM3 = 500;
+/* Air is -1000 HU, a lung, even an emphysematous one, is mostly denser. */
+static const double LUNG_HU = -930;
+/* Of the air at the border one voxel in so many is looked at, along rows and across. */
+enum { SAMPLE_COLUMNS = 32, SAMPLE_ROWS = 16 };
+static const CtsReach ONE = {.diamond = 1};
+
+/* For each part, how many of its voxels are set in bits. */
+static CtsStatus count_in(const CtsParts *p, const CtsBits *bits, uint64_t **count, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_zeroed(count, p->n_parts, err);
+    for (int k = 0; !st && k < bits->dims[2]; k++)
+        for (int j = 0; j < bits->dims[1]; j++) {
+            const uint64_t *row = cts_bits_row(bits, j, k);
+            const size_t at = (size_t)k * (size_t)bits->dims[1] + (size_t)j;
+            for (uint32_t r = p->row_start[at]; r < p->row_start[at + 1]; r++)
+                (*count)[p->runs[r].part] += cts_bits_count_run(row, (int)p->runs[r].first, (int)p->runs[r].end);
+        }
+    return st;
+}
+
+/* flags[]: the largest part, and of the others of some size those that are mostly thick; sized[]: these others. */
+static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, CtsMorphology *workers, int n_threads,
+                                uint8_t *flags, uint8_t *sized, CtsError *err)
+{
+    CtsStatus st;
+    CtsBits others = {0};
+    uint64_t *thick = NULL;
+    uint32_t largest = 0, n_sized = 0;
+    for (uint32_t n = 1; n < p->n_parts; n++)
+        largest = p->parts[n].n_voxels > p->parts[largest].n_voxels ? n : largest;
+    for (uint32_t n = 0; n < p->n_parts; n++) {
+        flags[n] = n == largest;
+        sized[n] = n != largest && (double)p->parts[n].n_voxels * plan->voxel_mm3 >= NOISE_MM3;
+        n_sized += sized[n];
+    }
+    if (!n_sized)
+        return CTS_OK;
+    const CtsReach reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm);
+    if ((st = cts_bits_new(&others, plan->dims, err)))
+        goto end;
+    cts_parts_paint(p, sized, &others, n_threads);
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
+    for (int k = 0; k < plan->dims[2]; k++) {
+        uint64_t *words = cts_bits_row(&others, 0, k);
+        if (cts_bits_count_slice(&others, k))
+            cts_open_section(&workers[omp_get_thread_num()], words, reach, words);
+    }
+    if ((st = count_in(p, &others, &thick, err)))
+        goto end;
+    for (uint32_t n = 0; n < p->n_parts; n++)
+        if (sized[n] && 2 * thick[n] >= p->parts[n].n_voxels) {
+            flags[n] = 1;
+            sized[n] = 0;
+        }
+end:
+    cts_bits_free(&others);
+    cts_free(&thick);
+    return st;
+}
+
+static void extend_by_voxel(CtsMorphology *workers, const CtsBits *sections, const CtsBits *extruded, int n_threads,
+                            CtsBits *dense)
+{
+    const size_t n_words = dense->row_words * (size_t)dense->dims[1];
+#pragma omp parallel for schedule(static) num_threads(n_threads)
+    for (int k = 0; k < dense->dims[2]; k++) {
+        uint64_t *words = cts_bits_row(dense, 0, k);
+        const uint64_t *there = cts_bits_row(sections, 0, k), *table = cts_bits_row(extruded, 0, k);
+        if (!cts_bits_count_slice(extruded, k))
+            continue;
+        cts_dilate_section(&workers[omp_get_thread_num()], words, ONE, words);
+        for (size_t w = 0; w < n_words; w++)
+            words[w] &= there[w] & ~table[w];
+    }
+}
+
+/* The patient's dense bits: what hangs together once the extruded is taken away with the voxel next to it, which then
+ * comes back. */
+static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections, const CtsBits *extruded,
+                            CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
+{
+    CtsStatus st;
+    CtsParts parts = {0};
+    uint8_t *flags = NULL, *sized = NULL;
+    CtsBits *const rest = &body->foreign; /* first what is no plate, then what is foreign */
+    const size_t n_words = sections->row_words * (size_t)sections->dims[1];
+    if ((st = cts_bits_new(rest, plan->dims, err)) || (st = cts_bits_new(&body->dense, plan->dims, err)))
+        return st;
+#pragma omp parallel for schedule(static) num_threads(n_threads)
+    for (int k = 0; k < plan->dims[2]; k++) {
+        uint64_t *words = cts_bits_row(rest, 0, k);
+        const uint64_t *there = cts_bits_row(sections, 0, k);
+        cts_dilate_section(&workers[omp_get_thread_num()], cts_bits_row(extruded, 0, k), ONE, words);
+        for (size_t w = 0; w < n_words; w++)
+            words[w] = there[w] & ~words[w];
+    }
+    if ((st = cts_parts_find(&parts, rest, n_threads, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
+        (st = cts_alloc_array(&sized, parts.n_parts, err)) ||
+        (st = choose_patient(plan, &parts, workers, n_threads, flags, sized, err)))
+        goto end;
+    cts_parts_paint(&parts, flags, &body->dense, n_threads);
+    cts_bits_combine(rest, CTS_BITS_COPY, extruded);
+    cts_parts_paint(&parts, sized, rest, n_threads);
+    extend_by_voxel(workers, sections, extruded, n_threads, &body->dense);
+    for (uint32_t n = 0; n < parts.n_parts; n++)
+        body->mm3 += flags[n] ? (double)parts.parts[n].n_voxels * plan->voxel_mm3 : 0;
+end:
+    cts_parts_free(&parts);
+    cts_free(&flags);
+    cts_free(&sized);
+    return st;
+}
+
+/* Voxels of an air part that were looked at, and how many of them are as dense as a lung. */
+typedef struct Sample {
+    uint32_t n, n_lung;
+} Sample;
+
+/* A field of view is round, and beyond it lies padding. */
+static bool in_view(const int dims[3], int i, int j)
+{
+    const double x = (2.0 * i + 1) / dims[0] - 1, y = (2.0 * j + 1) / dims[1] - 1;
+    return x * x + y * y < 1;
+}
+
+static void sample_run(const CtsSectionPlan *plan, const CtsVolume *v, const CtsRun *run, int j, int k, Sample *sample)
+{
+    const size_t stride[3] = {1, (size_t)v->dims[0], (size_t)v->dims[0] * (size_t)v->dims[1]};
+    const uint16_t *row =
+        v->grey + (size_t)j * stride[plan->axis[1]] + (size_t)k * (size_t)plan->n_slices * stride[plan->axis[2]];
+    for (uint32_t i = (run->first + SAMPLE_COLUMNS - 1) / SAMPLE_COLUMNS * SAMPLE_COLUMNS; i < run->end;
+         i += SAMPLE_COLUMNS) {
+        const bool seen = in_view(plan->dims, (int)i, j);
+        sample->n += seen;
+        sample->n_lung += seen && cts_volume_hu(v, row[i * stride[plan->axis[0]]]) > LUNG_HU;
+    }
+}
+
+/* outside[]: the parts of the air that reach the border of a section and are no lung. */
+static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *air, uint8_t *outside,
+                              CtsError *err)
+{
+    Sample *samples;
+    const CtsStatus st = cts_alloc_zeroed(&samples, air->n_parts, err);
+    if (st)
+        return st;
+    for (uint32_t n = 0; n < air->n_parts; n++) {
+        const CtsPart *p = &air->parts[n];
+        outside[n] = p->lo[0] == 0 || p->lo[1] == 0 || p->hi[0] == air->dims[0] - 1 || p->hi[1] == air->dims[1] - 1;
+    }
+    for (int k = 0; k < air->dims[2]; k++)
+        for (int j = 0; j < air->dims[1]; j += SAMPLE_ROWS) {
+            const size_t row = (size_t)k * (size_t)air->dims[1] + (size_t)j;
+            for (uint32_t r = air->row_start[row]; r < air->row_start[row + 1]; r++)
+                if (outside[air->runs[r].part])
+                    sample_run(plan, v, &air->runs[r], j, k, &samples[air->runs[r].part]);
+        }
+    for (uint32_t n = 0; n < air->n_parts; n++)
+        if (2 * samples[n].n_lung > samples[n].n)
+            outside[n] = 0;
+    cts_free(&samples);
+    return st;
+}
+
+static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, int n_threads, CtsBody *body, CtsError *err)
+{
+    CtsStatus st;
+    CtsBits air = {0};
+    CtsParts parts = {0};
+    uint8_t *outside = NULL;
+    if ((st = cts_bits_new(&air, plan->dims, err)))
+        return st;
+    cts_bits_combine(&air, CTS_BITS_NOT, &body->dense);
+    if ((st = cts_parts_find_in_slices(&parts, &air, n_threads, err)) ||
+        (st = cts_alloc_array(&outside, parts.n_parts, err)) || (st = tell_outside(plan, v, &parts, outside, err)) ||
+        (st = cts_bits_new(&body->whole, plan->dims, err)))
+        goto end;
+    cts_parts_paint(&parts, outside, &body->whole, n_threads);
+    cts_bits_combine(&body->foreign, CTS_BITS_AND, &body->whole);
+    cts_bits_combine(&air, CTS_BITS_COPY, &body->whole);
+    cts_bits_combine(&body->whole, CTS_BITS_NOT, &air);
+end:
+    cts_bits_free(&air);
+    cts_parts_free(&parts);
+    cts_free(&outside);
+    return st;
+}
+
+static void measure_thin(const CtsSectionPlan *plan, CtsMorphology *workers, CtsBits *scratch, int n_threads,
+                         CtsBody *body)
+{
+    const CtsReach reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm);
+    const size_t n_words = body->whole.row_words * (size_t)body->whole.dims[1];
+    uint64_t n_thin = 0;
+#pragma omp parallel for schedule(dynamic) num_threads(n_threads) reduction(+ : n_thin)
+    for (int k = 0; k < plan->dims[2]; k++) {
+        uint64_t *thin = cts_bits_row(scratch, 0, k);
+        const uint64_t *dense = cts_bits_row(&body->dense, 0, k);
+        cts_thin_section(&workers[omp_get_thread_num()], cts_bits_row(&body->whole, 0, k), reach, thin);
+        for (size_t w = 0; w < n_words; w++)
+            n_thin += (uint64_t)cts_popcount(thin[w] & dense[w]);
+    }
+    body->thin_mm3 = (double)n_thin * plan->voxel_mm3;
+}
+
+CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections,
+                        const CtsBits *extruded, int n_threads, CtsBody *body, CtsError *err)
+{
+    CtsBits scratch = {0};
+    CtsMorphology *workers;
+    CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
+    for (int t = 0; !st && t < n_threads; t++)
+        st = cts_morphology_new(&workers[t], sections, err);
+    if (st || (st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) ||
+        (st = find_whole(plan, v, n_threads, body, err)) || (st = cts_bits_new(&scratch, plan->dims, err)))
+        goto end;
+    measure_thin(plan, workers, &scratch, n_threads, body);
+end:
+    for (int t = 0; workers && t < n_threads; t++)
+        cts_morphology_free(&workers[t]);
+    cts_free(&workers);
+    cts_bits_free(&scratch);
+    return st;
+}
+
+void cts_body_free(CtsBody *body)
+{
+    cts_bits_free(&body->dense);
+    cts_bits_free(&body->whole);
+    cts_bits_free(&body->foreign);
+}

@@ -1,0 +1,209 @@
+#include "table/extruded.h"
+
+#include "base/mem.h"
+#include "table/contact.h"
+#include "table/morphology.h"
+#include "table/parts.h"
+#include <math.h>
+#include <omp.h>
+#include <string.h>
+
+/* Longer than an ear, a nose or a fold of skin is straight. */
+static const double EXTRUDED_MM = 60;
+/* Half the thickness up to which a thing is a plate or a rail, with the voxel that is added on either side. */
+static const double PLATE_RADIUS_MM = 7;
+/* Up to here it may be one. */
+static const double DOUBT_RADIUS_MM = 16;
+/* A smaller cross-section is noise; from the second on it counts though most of the part moves, as where an ear leans
+ * on a wall. */
+static const double LEAST_MM2 = 40, SURE_MM2 = 100;
+
+/* Sections first to end of the stack, seen together. */
+typedef struct Window {
+    int first, end;
+} Window;
+
+typedef struct Search {
+    const CtsSectionPlan *plan;
+    CtsBits wide;             /* the sections, a voxel wider: what wavers by a voxel stands still */
+    CtsBits plates, doubtful; /* by window */
+    int length, step, n_windows;
+    CtsReach reach, doubt_reach;
+    double least_voxels, sure_voxels;
+} Search;
+
+static Window window_at(const Search *s, int n)
+{
+    const int last = s->plan->dims[2] - s->length, first = n * s->step < last ? n * s->step : last;
+    return (Window){first, first + s->length};
+}
+
+/* What one thread works with: sections of one slice. */
+typedef struct Worker {
+    CtsMorphology morphology;
+    CtsBits always, ever, thin;
+    CtsParts parts;
+} Worker;
+
+static CtsStatus worker_new(Worker *w, const int dims[3], CtsError *err)
+{
+    CtsStatus st;
+    const int one[3] = {dims[0], dims[1], 1};
+    (void)((st = cts_bits_new(&w->always, one, err)) || (st = cts_bits_new(&w->ever, one, err)) ||
+           (st = cts_bits_new(&w->thin, one, err)) || (st = cts_morphology_new(&w->morphology, &w->always, err)));
+    return st;
+}
+
+static void worker_free(Worker *w)
+{
+    cts_bits_free(&w->always);
+    cts_bits_free(&w->ever);
+    cts_bits_free(&w->thin);
+    cts_morphology_free(&w->morphology);
+    cts_parts_free(&w->parts);
+}
+
+/* What is there in every section of the window, but for single ones that noise has broken; and in any. */
+static void look_along(const Search *s, Window window, Worker *w)
+{
+    const size_t n = w->morphology.n_words;
+    const int last = s->plan->dims[2] - 1;
+    memset(w->always.words, 0xff, n * sizeof *w->always.words);
+    memset(w->ever.words, 0, n * sizeof *w->ever.words);
+    for (int k = window.first; k < window.end; k++) {
+        const uint64_t *own = cts_bits_row(&s->wide, 0, k), *before = cts_bits_row(&s->wide, 0, k ? k - 1 : 0);
+        const uint64_t *behind = cts_bits_row(&s->wide, 0, k < last ? k + 1 : last);
+        for (size_t i = 0; i < n; i++) {
+            w->always.words[i] &= own[i] | (before[i] & behind[i]);
+            w->ever.words[i] |= own[i];
+        }
+    }
+}
+
+/* Of the thin parts, those that are always there, as far as they are. */
+static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts, CtsError *err)
+{
+    uint64_t *count = NULL;
+    uint8_t *chosen = NULL;
+    CtsParts *const p = &w->parts;
+    CtsStatus st = cts_parts_find(p, &w->thin, 1, err);
+    if (st || (st = cts_alloc_zeroed(&count, p->n_parts, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
+        goto end;
+    for (int j = 0; j < w->always.dims[1]; j++)
+        for (uint32_t r = p->row_start[j]; r < p->row_start[j + 1]; r++)
+            count[p->runs[r].part] +=
+                cts_bits_count_run(cts_bits_row(&w->always, j, 0), (int)p->runs[r].first, (int)p->runs[r].end);
+    for (uint32_t n = 0; n < p->n_parts; n++)
+        chosen[n] = (double)count[n] >= s->sure_voxels ||
+                    ((double)count[n] >= s->least_voxels && 2 * count[n] >= p->parts[n].n_voxels);
+    cts_parts_paint_slice(p, chosen, chosen_parts, 0);
+end:
+    cts_free(&count);
+    cts_free(&chosen);
+    return st;
+}
+
+static CtsBits section_of(const CtsBits *bits, int k)
+{
+    return (CtsBits){
+        .dims = {bits->dims[0], bits->dims[1], 1}, .row_words = bits->row_words, .words = cts_bits_row(bits, 0, k)};
+}
+
+/* A plate is thin in all sections together and always there: that tells it from the patient's ears, skin and walls,
+ * which move from section to section. Where a back lies on it, it is thin on both sides alone. */
+static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err)
+{
+    CtsStatus st;
+    CtsBits plates = section_of(&s->plates, n), doubtful = section_of(&s->doubtful, n);
+    look_along(s, window_at(s, n), w);
+    cts_thin_section(&w->morphology, w->ever.words, s->reach, w->thin.words);
+    if ((st = choose_parts(s, w, &plates, err)))
+        return st;
+    cts_bits_combine(&plates, CTS_BITS_AND, &w->always);
+    cts_contact_add(&w->always, &w->ever, &plates);
+    cts_thin_section(&w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
+    if ((st = choose_parts(s, w, &doubtful, err)))
+        return st;
+    cts_bits_combine(&doubtful, CTS_BITS_AND, &w->always);
+    return st;
+}
+
+/* Each section has what was found in the windows over it. */
+static void gather(const Search *s, const CtsBits *sections, int k, const CtsBits *found, CtsBits *to)
+{
+    CtsBits own = section_of(to, k), there = section_of(sections, k);
+    for (int n = 0; n < s->n_windows; n++) {
+        const Window window = window_at(s, n);
+        const CtsBits from = section_of(found, n);
+        if (k >= window.first && k < window.end)
+            cts_bits_combine(&own, CTS_BITS_OR, &from);
+    }
+    cts_bits_combine(&own, CTS_BITS_AND, &there);
+}
+
+static CtsStatus search(Search *s, const CtsBits *sections, int n_threads, CtsError *err)
+{
+    Worker *workers;
+    const CtsReach one = {.diamond = 1};
+    int n_failed = 0;
+    CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
+    for (int t = 0; !st && t < n_threads; t++)
+        st = worker_new(&workers[t], sections->dims, err);
+    if (st)
+        goto end;
+#pragma omp parallel num_threads(n_threads) reduction(+ : n_failed)
+    {
+        Worker *const w = &workers[omp_get_thread_num()];
+#pragma omp for schedule(static)
+        for (int k = 0; k < sections->dims[2]; k++)
+            cts_dilate_section(&w->morphology, cts_bits_row(sections, 0, k), one, cts_bits_row(&s->wide, 0, k));
+#pragma omp for schedule(dynamic)
+        for (int n = 0; n < s->n_windows; n++)
+            n_failed += look_at_window(s, n, w, NULL) != CTS_OK;
+    }
+    if (n_failed)
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+end:
+    for (int t = 0; workers && t < n_threads; t++)
+        worker_free(&workers[t]);
+    cts_free(&workers);
+    return st;
+}
+
+CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, int n_threads, CtsExtruded *extruded,
+                            CtsError *err)
+{
+    CtsStatus st;
+    Search s = {.plan = plan,
+                .reach = cts_reach_mm(PLATE_RADIUS_MM, plan->spacing_mm),
+                .doubt_reach = cts_reach_mm(DOUBT_RADIUS_MM, plan->spacing_mm)};
+    const double mm2 = plan->spacing_mm[0] * plan->spacing_mm[1];
+    s.least_voxels = LEAST_MM2 / mm2;
+    s.sure_voxels = SURE_MM2 / mm2;
+    s.length = (int)ceil(EXTRUDED_MM / plan->spacing_mm[2]);
+    s.step = s.length > 8 ? s.length / 8 : 1;
+    if ((st = cts_bits_new(&extruded->plates, plan->dims, err)) ||
+        (st = cts_bits_new(&extruded->doubtful, plan->dims, err)) || plan->dims[2] < s.length)
+        return st;
+    s.n_windows = (plan->dims[2] - s.length + s.step - 1) / s.step + 1;
+    const int by_window[3] = {plan->dims[0], plan->dims[1], s.n_windows};
+    if ((st = cts_bits_new(&s.wide, plan->dims, err)) || (st = cts_bits_new(&s.plates, by_window, err)) ||
+        (st = cts_bits_new(&s.doubtful, by_window, err)) || (st = search(&s, sections, n_threads, err)))
+        goto end;
+#pragma omp parallel for schedule(static) num_threads(n_threads)
+    for (int k = 0; k < plan->dims[2]; k++) {
+        gather(&s, sections, k, &s.plates, &extruded->plates);
+        gather(&s, sections, k, &s.doubtful, &extruded->doubtful);
+    }
+end:
+    cts_bits_free(&s.wide);
+    cts_bits_free(&s.plates);
+    cts_bits_free(&s.doubtful);
+    return st;
+}
+
+void cts_extruded_free(CtsExtruded *extruded)
+{
+    cts_bits_free(&extruded->plates);
+    cts_bits_free(&extruded->doubtful);
+}
