@@ -120,9 +120,7 @@ function times(s, open) {
 /* A rotation's frames stand side by side in one picture, which slides behind a window of one frame. */
 function strip(turn) {
   const box = make('div', {class: 'strip'}, make('img', {src: url(turn.path), alt: '', draggable: 'false'}));
-  const wide = turn.width >= turn.height;
-  box.style.aspectRatio = `${turn.width} / ${turn.height}`;
-  box.style[wide ? 'width' : 'height'] = '100%';
+  box.style.setProperty('--ratio', turn.width / turn.height || 1);
   box.style.setProperty('--frames', turn.frames);
   box.style.setProperty('--seconds', `${Math.max(2, turn.frames / 9)}s`);
   return box;
@@ -158,11 +156,19 @@ function playCard(card, s) {
 }
 
 function shell(s) {
-  const state = STATES[s.state], title = `title-${s.index}`;
-  const card = make('article', {class: `card ${s.state}`, tabindex: '-1', 'aria-labelledby': title,
+  const state = STATES[s.state];
+  const card = make('article', {class: `card ${s.state}`, tabindex: '-1', 'aria-label': `${state.word}, series ${s.uid}`,
     'data-index': s.index}, make('header', {}, make('span', {class: 'state'}, `${state.mark} ${state.word}`),
-    make('h2', {id: title, class: 'mono', title: s.uid}, shortUid(s.uid))));
+    make('h2', {class: 'mono', title: s.uid}, shortUid(s.uid))));
   return card;
+}
+
+/* Rows of previews are equally full: four stand two by two where there is room for three. */
+function spread(s) {
+  const previews = $('.previews', s.card), n = s.pictures.length;
+  if (!previews || !previews.clientWidth) return;
+  const room = Math.max(1, Math.floor((previews.clientWidth + 4) / (size.value * 15 + 4)));
+  previews.style.gridTemplateColumns = `repeat(${Math.ceil(n / Math.ceil(n / room))}, 1fr)`;
 }
 
 function fill(s) {
@@ -172,6 +178,7 @@ function fill(s) {
     s.reason && make('p', {class: 'reason'}, s.reason),
     s.pictures.length && make('div', {class: 'previews'}, s.pictures.map((p, place) => preview(s, p, place))),
     facts(s), s.findings.length && findings(s), times(s)].filter(Boolean));
+  spread(s);
 }
 
 /* ---- which series, in what order ---- */
@@ -196,7 +203,7 @@ function matches(s, terms) {
     (!(state.preset || state.view) || hasPicture(s));
 }
 
-const sheet = $('#sheet');
+const sheet = $('#sheet'), size = $('#size');
 const watcher = new IntersectionObserver(entries => {
   for (const entry of entries)
     if (entry.isIntersecting) {
@@ -322,15 +329,18 @@ $('#theme').addEventListener('click', () => {
 });
 dark.addEventListener('change', paint);
 
-const size = $('#size');
-function resize() { document.documentElement.style.setProperty('--preview', `${size.value}rem`); }
+function resize() {
+  document.documentElement.style.setProperty('--preview', `${size.value}rem`);
+  series.forEach(s => s.filled && spread(s));
+}
+new ResizeObserver(resize).observe(sheet);
 size.value = kept('size') ?? 8;
 size.addEventListener('input', () => { kept('size', size.value); resize(); });
 
 /* ---- the viewer ---- */
 
 const viewer = $('#viewer'), picture = $('.picture', viewer), slider = $('#frame');
-const image = $('img', picture);
+const image = $('img', picture); /* the full picture; a strip stands beside it */
 const open = {s: null, place: 0, frame: 0, timer: 0};
 const fullFile = p => p.files?.png;
 const openPicture = () => open.s.pictures[open.place];
@@ -439,7 +449,7 @@ viewer.addEventListener('close', () => {
   image.removeAttribute('src');
   state.open = '';
   remember();
-  focusable(current, true);
+  focusable(Math.max(0, shown.indexOf(open.s)), true); /* the browser went back to where the viewer was opened from */
 });
 picture.addEventListener('pointerdown', event => {
   if (!openPicture() || frames(openPicture()) < 2 || event.button) return;

@@ -1,0 +1,231 @@
+#!/usr/bin/env python3
+"""The contact sheet in a headless Chromium: page.py CTSPLAT TESTDATA [PICTURES]
+
+One series is rendered by `ctsplat batch`; its line in the journal stands for 3,000, one in twenty of them bad, with names
+and reasons that would like to be markup. With PICTURES, screenshots are left in that folder."""
+import json
+import os
+import random
+import subprocess
+import sys
+import tempfile
+import time
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import webdriver  # noqa: E402
+
+N = 3000
+EVIL = '</script><img src=x onerror="window.evil=1"><script>window.evil=1</script>\u202e'
+REASONS = [('refused', 'its slices name different patients'), ('failed', 'killed by signal 9'), ('refused', EVIL)]
+FINDINGS = [('gap', 'warning', 'one slice is missing & was <b>interpolated</b>'), ('tilt', 'note', 'gantry tilt kept')]
+
+
+def check(condition, *what):
+    if not condition:
+        print('FAIL:', *what)
+        sys.exit(1)
+
+
+def make_batch(ctsplat, testdata, folder):
+    """A batch of one real series, whose line then stands for many; returns the lines."""
+    subprocess.run([ctsplat, 'batch', os.path.join(testdata, 'phantom'), '-O', folder, '--presets', 'bone,skin', '--views',
+                    'anterior,left', '--size', '256x256', '--rotation', '6'], check=True, stderr=subprocess.DEVNULL)
+    journal = os.path.join(folder, 'batch.jsonl')
+    with open(journal, encoding='utf-8') as f:
+        line = json.loads(f.readline())
+    check(line['status'] == 'done' and line['thumbnails'], 'batch did not render the phantom')
+    r = random.Random(12)
+    lines = []
+    for i in range(N):
+        series = json.loads(json.dumps(line))
+        series['series_uid'] = f'1.2.826.0.1.3680043.{r.randrange(10**9)}.{i}'
+        series['ended'] = f'2026-11-22T{i // 3600:02}:{i // 60 % 60:02}:{i % 60:02}Z'
+        series['geometry']['slices'] = r.randrange(20, 900)
+        series['findings'] = [dict(zip(('code', 'severity', 'text'), f)) for f in FINDINGS if r.random() < .2]
+        if i % 20 == 19:
+            series['status'], series['reason'] = REASONS[i // 20 % len(REASONS)]
+            series['outputs'] = series['thumbnails'] = []
+        lines.append(series)
+    lines[-1]['series_uid'] = EVIL
+    with open(journal, 'w', encoding='utf-8') as f:
+        f.writelines(json.dumps(s) + '\n' for s in lines)
+    subprocess.run([ctsplat, 'batch', '--merge', folder], check=True)
+    return lines
+
+
+def until(browser, script, what, *arguments):
+    for _ in range(100):
+        if browser.run(f'return {script}', *arguments):
+            return
+        time.sleep(.1)
+    check(False, 'waited in vain:', what, browser.run('return document.activeElement.outerHTML')[:200])
+
+
+def shown(browser):
+    return browser.run('return document.querySelectorAll("#sheet article").length')
+
+
+def choose(browser, name, value):
+    browser.run('const s = document.getElementById(arguments[0]); s.value = arguments[1];'
+                's.dispatchEvent(new Event("input"))', name, value)
+
+
+def check_opens(browser, page):
+    browser.open(page)
+    until(browser, 'document.documentElement.dataset.ready', 'the page is ready')
+    check(shown(browser) == N, shown(browser), 'cards')
+    until(browser, '[...document.querySelectorAll("#sheet img")].filter(i => i.naturalWidth === 240).length > 3',
+          'thumbnails come')
+    asked = browser.requests()
+    away = [url for url in asked if not url.startswith(('file:', 'data:', 'chrome:'))]
+    check(not away, 'the page asks the network for', away[:3])
+    thumbnails = sum(url.endswith('.webp') for url in asked)
+    check(thumbnails < 400, thumbnails, 'thumbnails are loaded before they come into sight')
+    check(not browser.messages(), 'the browser complains')
+
+
+def check_search(browser, lines):
+    uid = lines[1234]['series_uid']
+    browser.type('#search', uid[-9:])
+    check(shown(browser) == 1, shown(browser), 'series have this UID')
+    check(browser.run('return document.querySelector("#sheet h2").title') == uid, 'another series was found')
+    check('1 of 3,000' in browser.run('return document.getElementById("count").textContent'), 'the count is not told')
+    browser.run('document.getElementById("search").value = ""')
+    browser.type('#search', 'SIGNAL killed')
+    check(shown(browser) == sum('signal' in s['reason'] for s in lines), 'the search for a reason finds others')
+    browser.run('document.getElementById("search").value = ""')
+    browser.type('#search', 'nothing has this')
+    check(shown(browser) == 0 and not browser.run('return document.getElementById("empty").hidden'), 'nothing is not told')
+    browser.click('#clear')
+    check(shown(browser) == N, 'all series do not come back')
+
+
+def check_filter_and_sort(browser, lines):
+    for status in ('done', 'refused', 'failed', 'all'):
+        browser.click(f'#status [value={status}]')
+        check(shown(browser) == sum(status in ('all', s['status']) for s in lines), status, shown(browser))
+    choose(browser, 'finding', 'gap')
+    check(shown(browser) == sum(any(f['code'] == 'gap' for f in s['findings']) for s in lines), 'finding gap')
+    choose(browser, 'preset', 'skin')
+    check(shown(browser) == sum(any(f['code'] == 'gap' for f in s['findings']) and s['status'] == 'done' for s in lines),
+          'finding gap with preset skin')
+    choose(browser, 'finding', '')
+    choose(browser, 'preset', '')
+    order = ('return [...document.querySelectorAll("#sheet article")].slice(0, 50)'
+             '.map(a => a.querySelector("h2").title)')
+    by_uid = {s['series_uid']: s['geometry']['slices'] for s in lines}
+    for reverse in (True, False):
+        choose(browser, 'sort', 'slices')
+        found = [by_uid.get(uid) for uid in browser.run(order)]
+        check(None not in found and found == sorted(found, reverse=reverse), 'sorted by slices:', found)
+        browser.click('#direction')
+    choose(browser, 'sort', 'ended')
+
+
+def check_viewer(browser):
+    picture = 'document.querySelector(".picture img")'
+    browser.click('#status [value=done]')
+    browser.click('#sheet article:nth-child(2) [data-picture="1"]')
+    until(browser, f'document.getElementById("viewer").open && {picture}.naturalWidth === 256', 'the full picture opens')
+    check(browser.run(f'return {picture}.src').endswith('/bone-left-000.png'), browser.run(f'return {picture}.src'))
+    for key, ending in (('.', 'bone-left-001'), (',', 'bone-left-000'), (',', 'bone-left-005'), ('Right', 'skin-anterior-000'),
+                        ('Left', 'bone-left-000'), ('z', 'bone-left-000')):
+        browser.press(key)
+        until(browser, f'{picture}.src.endsWith(arguments[0])', f'{key} shows {ending}', f'/{ending}.png')
+    check(browser.run('return document.querySelector(".picture").classList.contains("exact")'), 'z does not zoom')
+    title = browser.run('return document.getElementById("viewer-title").textContent')
+    browser.press('Down')
+    check(browser.run('return document.getElementById("viewer-title").textContent') != title, 'the next series')
+    browser.click('#play')
+    until(browser, f'!{picture}.src.endsWith("-000.png")', 'the rotation plays')
+    browser.press('Escape')
+    check(not browser.run('return document.getElementById("viewer").open'), 'Esc does not close')
+    until(browser, 'document.activeElement.ariaPosInSet === "3"', 'the card last seen has the focus')
+
+
+def check_keys(browser):
+    browser.press('Right')
+    check(browser.run('return document.activeElement.ariaPosInSet') == '4', 'arrows do not go from card to card')
+    browser.press('Space')
+    until(browser, 'document.activeElement.querySelectorAll(".strip img").length === 4', 'Space plays all rotations')
+    browser.press('Space')
+    check(not browser.run('return document.querySelector(".strip")'), 'Space does not stop them')
+    browser.press('Enter')
+    check(browser.run('return document.getElementById("viewer").open'), 'Enter does not open')
+    browser.press('Escape', '/')
+    check(browser.run('return document.activeElement.id') == 'search', '/ does not search')
+    browser.hover('#sheet article:nth-child(1) [data-picture="0"]')
+    until(browser, 'document.querySelector(".strip img")?.naturalWidth === 6 * 240', 'a rotation plays under the mouse')
+    browser.press('End')
+    browser.run('document.querySelector("#sheet article").focus()')
+    browser.press('End')
+    until(browser, 'document.querySelector("#sheet article:last-child .facts")', 'the last card is filled')
+
+
+def check_hostile(browser):
+    browser.click('#status [value=all]')
+    browser.type('#search', 'onerror')
+    check(shown(browser) > 10, 'hostile series are not found')
+    check(not browser.run('return window.evil'), 'a script from the journal has run')
+    check(not browser.run('return document.querySelector("#sheet script, #sheet [onerror]")'), 'text became markup')
+    text = browser.run('return document.getElementById("sheet").textContent')
+    check('<img src=x' in text and '\u202e' not in text, 'what is shown is not what was written')
+    browser.press('Escape')
+
+
+def check_names(browser):
+    """Whatever can be pressed or seen has a name for those who do not see."""
+    nodes = browser.devtools('Accessibility.getFullAXTree', {})['nodes']
+    roles = {'button', 'link', 'combobox', 'slider', 'searchbox', 'article', 'image', 'feed', 'listbox'}
+    for node in nodes:
+        role = node.get('role', {}).get('value')
+        if role in roles and not node.get('ignored'):
+            check(node.get('name', {}).get('value', '').strip(), 'without a name:', role, node.get('properties'))
+
+
+def check_width(browser, what):
+    wide = browser.run('return document.scrollingElement.scrollWidth - innerWidth')
+    check(wide <= 0, what, 'scrolls sideways by', wide)
+
+
+def main():
+    ctsplat, testdata = map(os.path.abspath, sys.argv[1:3])
+    pictures = sys.argv[3] if len(sys.argv) > 3 else None
+    if webdriver.missing():
+        print('skip: no', webdriver.missing(), '(packages chromium and chromium-driver)')
+        sys.exit(77)
+
+    def look(browser, name):
+        if pictures:
+            time.sleep(1)
+            browser.screenshot(os.path.join(pictures, name + '.png'))
+
+    with tempfile.TemporaryDirectory() as folder:
+        lines = make_batch(ctsplat, testdata, folder)
+        page = 'file://' + os.path.join(folder, 'index.html')
+        with webdriver.Browser(1400, 900) as browser:
+            check_opens(browser, page)
+            check_names(browser)
+            look(browser, 'light')
+            check_search(browser, lines)
+            check_filter_and_sort(browser, lines)
+            check_viewer(browser)
+            check_keys(browser)
+            check_hostile(browser)
+            check_width(browser, 'the window')
+            check(not browser.messages(), 'the browser complains')
+            light = browser.run('return getComputedStyle(document.body).backgroundColor')
+        with webdriver.Browser(390, 844, dark=True, touch=True) as browser:
+            check_opens(browser, page)
+            check_width(browser, 'the phone')
+            look(browser, 'phone-dark')
+            check(browser.run('return getComputedStyle(document.body).backgroundColor') != light, 'dark is light')
+            browser.click('#more')
+            check_width(browser, 'the phone with filters')
+            browser.run('document.querySelector("[data-picture]").click()')
+            until(browser, 'document.querySelector(".picture img").naturalWidth === 256', 'the full picture on a phone')
+            look(browser, 'phone-viewer')
+    print('the contact sheet of', N, 'series')
+
+
+main()

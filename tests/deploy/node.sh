@@ -1,0 +1,133 @@
+#!/bin/bash
+# ctsplat-node between a scanner and a PACS, on the loopback: node.sh SOURCE_ROOT CTSPLAT LOOPBACK_LIBRARY STUDIES
+# Of STUDIES one is broken and one has a study UID that tries to leave the folder; the node is killed half way.
+set -u
+root=$(realpath "$1") ctsplat=$(realpath "$2") library=$(realpath "$3") studies=$4
+for program in storescp dcmsend dcmodify dcmdump setpriv flock; do
+    command -v $program >/dev/null || { echo "skip: no $program"; exit 77; }
+done
+"$ctsplat" batch --help >/dev/null 2>&1 || { echo "skip: no batch in this build"; exit 77; }
+
+work=$(mktemp -d)
+cd "$work" || exit 1
+node='' pacs=''
+trap 'kill -9 $node $pacs 2>/dev/null; rm -rf "$work"' EXIT
+fail()
+{
+    echo "FAIL: $*"
+    tail -n 30 node.log
+    exit 1
+}
+mkdir bin archive sent
+ln -s "$ctsplat" bin/ctsplat
+sed "s#@DATADIR@#$root/src/deploy#" "$root/src/deploy/ctsplat-node" >bin/ctsplat-node
+chmod +x bin/ctsplat-node
+export PATH=$work/bin:$PATH LD_PRELOAD=$library OMP_WAIT_POLICY=PASSIVE
+
+free_port()
+{
+    python3 -c 'import socket; s = socket.socket(); s.bind(("127.0.0.1", 0)); print(s.getsockname()[1])'
+}
+port=$(free_port) pacs_port=$(free_port)
+cat >node.conf <<CONF
+# A comment, a value with blanks, and one that must not be run.
+CTSPLAT_NODE_DIR=$work/node
+CTSPLAT_NODE_PORT=$port
+CTSPLAT_NODE_PACS="ARCHIVE@127.0.0.1:$pacs_port"
+CTSPLAT_NODE_OPTIONS=--presets bone --formats dcm --size 48x48 --threads 1
+CTSPLAT_NODE_QUIET=2
+CTSPLAT_NODE_RETRY=2
+CTSPLAT_NODE_FREE=0
+CTSPLAT_NODE_AET=\$(touch $work/evil)
+CONF
+
+# study NUMBER FOLDER: its slices with UIDs of their own, in sent/NUMBER
+study()
+{
+    cp -r "$2" "sent/$1"
+    dcmodify -q -nb -gin -m "(0020,000D)=1.2.826.0.1.$1" -m "(0020,000E)=1.2.826.0.1.$1.1" "sent/$1"/*.dcm
+}
+for ((i = 1; i <= studies; i++)); do
+    case $i in
+    2) study $i "$root/testdata/geometry/mixed-patients" ;;
+    *) study $i "$root/testdata/geometry/feet-first" ;;
+    esac
+done
+dcmodify -q -nb -m '(0020,000D)=../../../evil;touch evil' -m '(0010,0010)=$(touch evil)^`id`' sent/3/*.dcm
+
+send()
+{
+    dcmsend -nuc 127.0.0.1 "$port" "sent/$1"/*.dcm || fail "study $1 was not taken"
+}
+start_node()
+{
+    bin/ctsplat-node node.conf >>node.log 2>&1 &
+    node=$!
+    for _ in $(seq 100); do
+        grep -q 'listens on port' node.log && echoscu -q 127.0.0.1 "$port" && return
+        sleep 0.2
+    done
+    fail "the node does not listen"
+}
+captures()
+{
+    find archive -type f | wc -l
+}
+# wait_for SECONDS COMMAND...
+wait_for()
+{
+    local left=$1
+    shift
+    until "$@"; do
+        ((left-- > 0)) || fail "waited in vain for: $*"
+        kill -0 "$node" || fail "the node ended"
+        sleep 1
+    done
+}
+some_came() { [ "$(captures)" -ge 1 ]; }
+all_done() { [ "$(find node/state -name 'ST_*' ! -name '*.again' | wc -l)" = "$studies" ]; }
+
+# The PACS is not up yet: what is rendered waits for it.
+start_node
+half=$((studies / 2))
+for ((i = 1; i <= half; i++)); do send $i; done
+wait_for 120 grep -q 'tried again in' node.log
+storescp --aetitle ARCHIVE --accept-all --output-directory archive "$pacs_port" >pacs.log 2>&1 &
+pacs=$!
+wait_for 120 some_came
+send $((half + 1))
+kill -9 $node
+wait $node 2>/dev/null
+start_node
+for ((i = half + 2; i <= studies; i++)); do send $i; done
+wait_for $((120 + 10 * studies)) all_done
+[ "$(captures)" = $((studies - 1)) ] || fail "$(captures) captures came, not $((studies - 1))"
+
+# Captures join their studies; the broken one is told.
+for ((i = 1; i <= studies; i++)); do
+    case $i in
+    2) grep -q '"status": *"refused"' node/out/ST_1.2.826.0.1.2/batch.jsonl || fail "the broken study is not refused" ;;
+    3) ;;
+    *) grep -rlqa "1\.2\.826\.0\.1\.$i[^0-9.]" archive || fail "nothing came of study $i" ;;
+    esac
+done
+[ -s node/out/index.html ] || fail "no contact sheet of all studies"
+
+# A study that comes again, with another series, is done again, and only what is new is sent.
+before=$(captures)
+dcmodify -q -nb -gin -m '(0020,000E)=1.2.826.0.1.1.2' sent/1/*.dcm
+send 1
+more_came() { [ "$(captures)" -gt "$before" ]; }
+wait_for 120 more_came
+sleep 3
+[ "$(captures)" = $((before + 1)) ] || fail "more than the new capture came"
+
+# Nothing left the folder, nothing was run; a second node says so and leaves; TERM ends the node and its listener.
+[ -z "$(find . -name evil)" ] || fail "a name from outside was run or followed"
+bin/ctsplat-node node.conf 2>second.log && fail "a second node runs in the same folder"
+grep -q 'another ctsplat-node' second.log || fail "a second node does not say why it leaves"
+kill -TERM $node
+wait $node || fail "TERM: exit status $?"
+echoscu -q 127.0.0.1 "$port" && fail "the listener outlives the node"
+node=''
+echo "$studies studies, $(captures) captures"
