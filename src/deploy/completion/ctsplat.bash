@@ -6,10 +6,10 @@ _ctsplat_offer()
     local word head='' words=''
     for word; do
         case $word in
-        files) mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -f -- "$current") && compopt -o filenames ;;
-        folders) mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -d -- "$current") && compopt -o filenames ;;
-        presets) words+=" $(ctsplat presets 2>/dev/null | awk 'NR > 1 { print $1 }')" ;;
-        nothing) ;;
+        @files) mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -f -- "$current") && compopt -o filenames ;;
+        @folders) mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -d -- "$current") && compopt -o filenames ;;
+        @presets) words+=" $(ctsplat presets 2>/dev/null | awk 'NR > 1 { print $1 }')" ;;
+        @nothing) ;;
         *) words+=" $word" ;;
         esac
     done
@@ -44,7 +44,7 @@ _ctsplat()
     if [[ $current == -* ]]; then
         _ctsplat_offer "${words[@]}"
     else
-        _ctsplat_offer files $([ "$command" != presets ] || echo presets)
+        _ctsplat_offer @files $([ "$command" != presets ] || echo @presets)
     fi
 }
 complete -F _ctsplat ctsplat

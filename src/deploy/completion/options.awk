@@ -1,12 +1,13 @@
 # What `ctsplat COMMAND --help` lists, for the completions: one line an option, with tabs between
 #     -o,--output     what its argument may be     the help text
-# The second field is empty for a flag; else words, or "files", "folders", "presets", or "nothing" where none can be offered.
+# The second field is empty for a flag; else words, or @files, @folders, @presets, or @nothing where
+# none can be offered.
 function kind(name, argument, help)
 {
     if (name == "--preset")
-        return "presets files"
+        return "@presets @files"
     if (name == "--presets")
-        return "presets"
+        return "@presets"
     if (name ~ /^--views?$/)
         return "anterior posterior left right head feet"
     if (name == "--annotate")
@@ -14,9 +15,9 @@ function kind(name, argument, help)
     if (name == "--formats")
         return "png exr dcm"
     if (argument ~ /FILE/)
-        return "files"
+        return "@files"
     if (argument ~ /DIR|PATH/)
-        return "folders"
+        return "@folders"
     if (argument ~ /^NAME/ && match(help, /^[a-z]+( [a-z-]+)*[;,]/))
         return substr(help, 1, RLENGTH - 1)
     if (argument ~ / or / && argument !~ /[A-Z]/) {
@@ -24,7 +25,7 @@ function kind(name, argument, help)
         gsub(/  +/, " ", argument)
         return argument
     }
-    return argument == "" ? "" : "nothing"
+    return argument == "" ? "" : "@nothing"
 }
 
 function put()
@@ -34,12 +35,12 @@ function put()
     names = ""
 }
 
-/^ +(-[a-zA-Z], +)?--/ {
+/^  (-[a-zA-Z], |    )--/ {
     put()
     match($0, /--[a-z-]+/)
     names = name = substr($0, RSTART, RLENGTH)
-    if (match($0, /^ +-[a-zA-Z],/))
-        names = substr($0, RLENGTH - 2, 2) "," name
+    if ($0 ~ /^  -[a-zA-Z],/)
+        names = substr($0, 3, 2) "," name
     rest = substr($0, index($0, name) + length(name))
     # The help begins after two blanks, or on the next line.
     at = match(rest, /  +/)
