@@ -7,7 +7,8 @@ texts()
 {
     (cd "$1" && find . \( -name '.git' -o -name 'build*' -o -path './out' -o -path './testdata' \) -prune -o \
         -type f \( -name '*.c' -o -name '*.cc' -o -name '*.h' -o -name '*.py' -o -name '*.sh' -o -name '*.md' -o \
-        -name '*.build' -o -name '*.1' -o -name '*.5' -o -name '*.txt' -o -name '*.json' -o -name '*.in' -o \
+        -name '*.build' -o -name '*.1' -o -name '*.5' -o -name '*.txt' -o -name '*.json' -o -name '*.in' -o -name '*.js' -o \
+        -name '*.css' -o -name '*.awk' -o -name '*.bash' -o -name '*.sbatch' -o -name ctsplat-node -o \
         -name dev -o -name run \) -print | LC_ALL=C sort)
 }
 

@@ -1,8 +1,9 @@
 #!/bin/bash
-# ctsplat-node between a scanner and a PACS, on the loopback: node.sh SOURCE_ROOT CTSPLAT LOOPBACK_LIBRARY STUDIES
-# Of STUDIES one is broken and one has a study UID that tries to leave the folder; the node is killed half way.
+# ctsplat-node between a scanner and a PACS, on the loopback: node.sh SOURCE_ROOT CTSPLAT LOOPBACK_LIBRARY
+# Of its six studies, fifty with CTS_SOAK set, one is broken and one has a study UID that tries to leave the folder; the node is killed half way.
 set -u
-root=$(realpath "$1") ctsplat=$(realpath "$2") library=$(realpath "$3") studies=$4
+root=$(realpath "$1") ctsplat=$(realpath "$2") library=$(realpath "$3") studies=6
+[ -z "${CTS_SOAK-}" ] || studies=50
 for program in storescp dcmsend dcmodify dcmdump setpriv flock; do
     command -v $program >/dev/null || { echo "skip: no $program"; exit 77; }
 done
@@ -22,7 +23,9 @@ mkdir bin archive sent
 ln -s "$ctsplat" bin/ctsplat
 sed "s#@DATADIR@#$root/src/deploy#" "$root/src/deploy/ctsplat-node" >bin/ctsplat-node
 chmod +x bin/ctsplat-node
-export PATH=$work/bin:$PATH LD_PRELOAD=$library OMP_WAIT_POLICY=PASSIVE
+printf '#!/bin/sh\nLD_PRELOAD=%s exec %s "$@"\n' "$library" "$(command -v storescp)" >bin/storescp
+chmod +x bin/storescp
+export PATH=$work/bin:$PATH OMP_WAIT_POLICY=PASSIVE
 
 free_port()
 {

@@ -4,6 +4,7 @@
 # one machine. Needs root: each node is a process namespace, so that its tasks die with it.
 set -u
 export PATH=$PATH:/usr/sbin:/sbin
+[ -n "${CTS_SOAK-}" ] || { echo "skip: takes minutes; ./dev soak runs it"; exit 77; }
 root=$(realpath "$1") ctsplat=$(realpath "$2")
 for program in slurmctld slurmd sbatch munged unshare dcmodify; do
     command -v $program >/dev/null || { echo "skip: no $program (packages slurmctld slurmd slurm-client munge)"; exit 77; }

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""The contact sheet in a headless Chromium: page.py CTSPLAT TESTDATA [PICTURES]
+"""The contact sheet in a headless Chromium: contact_page.py CTSPLAT TESTDATA [PICTURES]
 
 One series is rendered by `ctsplat batch`; its line in the journal stands for 3,000, one in twenty of them bad, with names
 and reasons that would like to be markup. With PICTURES, screenshots are left in that folder."""
@@ -193,6 +193,9 @@ def main():
     pictures = sys.argv[3] if len(sys.argv) > 3 else None
     if webdriver.missing():
         print('skip: no', webdriver.missing(), '(packages chromium and chromium-driver)')
+        sys.exit(77)
+    if subprocess.run([ctsplat, 'batch', '--help'], capture_output=True).returncode:
+        print('skip: no batch in this build')
         sys.exit(77)
 
     def look(browser, name):
