@@ -1,6 +1,7 @@
 /* DCMTK data set -> slice record. */
 #include <dcmtk/config/osconfig.h>
 
+#include "dicom/dcm_attributes.hpp"
 #include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 
@@ -21,76 +22,9 @@ const char enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.1";
 const char legacy_enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.2";
 const char directory_class[] = "1.2.840.10008.1.3.10";
 
-/* The top-level attributes of one data set. */
-class Attributes
-{
-  public:
-    virtual ~Attributes() = default;
-    virtual bool has(const DcmTagKey &tag) = 0;
-    /* As text, empty when missing or of a binary VR. */
-    virtual std::string_view text(const DcmTagKey &tag) = 0;
-    /* A single US value. */
-    virtual bool unsigned_short(const DcmTagKey &tag, int *value) = 0;
-    /* The 16 bits of a padding value: its VR (US or SS) is often the wrong one. */
-    virtual bool bit_pattern(const DcmTagKey &tag, unsigned *pattern) = 0;
-};
-
-/* What DCMTK has parsed. */
-class ParsedAttributes final : public Attributes
-{
-  public:
-    explicit ParsedAttributes(DcmItem &parsed) : item(parsed)
-    {
-    }
-    bool has(const DcmTagKey &tag) override
-    {
-        return item.tagExists(tag);
-    }
-    std::string_view text(const DcmTagKey &tag) override
-    {
-        DcmElement *element = nullptr;
-        char *text = nullptr;
-        Uint32 n = 0;
-        if (item.findAndGetElement(tag, element).bad() || element->getString(text, n).bad() || !text)
-            return {};
-        return std::string_view(text, n);
-    }
-    bool unsigned_short(const DcmTagKey &tag, int *value) override
-    {
-        DcmElement *element = nullptr;
-        Uint16 v = 0;
-        if (item.findAndGetElement(tag, element).bad() || element->ident() != EVR_US || element->getVM() != 1 ||
-            element->getUint16(v).bad())
-            return false;
-        *value = v;
-        return true;
-    }
-    bool bit_pattern(const DcmTagKey &tag, unsigned *pattern) override
-    {
-        DcmElement *element = nullptr;
-        Uint16 u = 0;
-        Sint16 s = 0;
-        Uint8 *bytes = nullptr;
-        if (item.findAndGetElement(tag, element).bad() || element->getLength() != 2)
-            return false;
-        if (element->getUint16(u).good())
-            *pattern = u;
-        else if (element->getSint16(s).good())
-            *pattern = static_cast<Uint16>(s);
-        else if (element->getUint8Array(bytes).good() && bytes)
-            *pattern = static_cast<unsigned>(bytes[0] | bytes[1] << 8);
-        else
-            return false;
-        return true;
-    }
-
-  private:
-    DcmItem &item;
-};
-
 /* The values that the tag scan has found, where nothing about them is odd: a plain header needs no parser, nor the half
  * of a small run's time that loading DCMTK's dictionary takes. */
-class ScannedAttributes final : public Attributes
+class ScannedAttributes final : public CtsAttributes
 {
   public:
     ScannedAttributes(const uint8_t *data_set, const CtsDataScan &found) : bytes(data_set), scan(found)
@@ -184,17 +118,6 @@ class ScannedAttributes final : public Attributes
     const CtsDataScan &scan;
 };
 
-/* Without the padding. */
-std::string_view text_of(Attributes &item, const DcmTagKey &tag)
-{
-    std::string_view view = item.text(tag);
-    while (!view.empty() && (view.back() == ' ' || view.back() == '\0'))
-        view.remove_suffix(1);
-    while (!view.empty() && view.front() == ' ')
-        view.remove_prefix(1);
-    return view;
-}
-
 template <size_t N> void copy_text(char (&out)[N], std::string_view text)
 {
     out[text.copy(out, N - 1)] = 0;
@@ -227,15 +150,15 @@ std::string_view part_of(std::string_view text, int n)
     return text;
 }
 
-bool numbers(Attributes &item, const DcmTagKey &tag, double *values, int n)
+bool numbers(CtsAttributes &item, const DcmTagKey &tag, double *values, int n)
 {
-    const std::string_view text = text_of(item, tag);
+    const std::string_view text = cts_text_of(item, tag);
     return cts_dcm_parse_ds(text.data(), text.size(), values, n);
 }
 
-bool integer(Attributes &item, const DcmTagKey &tag, int *value)
+bool integer(CtsAttributes &item, const DcmTagKey &tag, int *value)
 {
-    const std::string_view text = text_of(item, tag);
+    const std::string_view text = cts_text_of(item, tag);
     return !text.empty() && cts_dcm_parse_is(text.data(), text.size(), value);
 }
 
@@ -258,9 +181,9 @@ double seconds_of_day(std::string_view text)
     return hours * 3600 + minutes * 60 + std::fmod(t, 100);
 }
 
-CtsObjectKind kind_of(Attributes &item, const char *media_class)
+CtsObjectKind kind_of(CtsAttributes &item, const char *media_class)
 {
-    std::string_view sop_class = text_of(item, DCM_SOPClassUID);
+    std::string_view sop_class = cts_text_of(item, DCM_SOPClassUID);
     if (sop_class.empty())
         sop_class = media_class;
     if (sop_class == ct_class)
@@ -269,36 +192,36 @@ CtsObjectKind kind_of(Attributes &item, const char *media_class)
         return CTS_OBJECT_ENHANCED;
     if (sop_class == directory_class || item.has(DCM_DirectoryRecordSequence))
         return CTS_OBJECT_DIRECTORY;
-    if (sop_class.empty() && text_of(item, DCM_Modality) == "CT" && item.has(DCM_ImagePositionPatient))
+    if (sop_class.empty() && cts_text_of(item, DCM_Modality) == "CT" && item.has(DCM_ImagePositionPatient))
         return CTS_OBJECT_CT;
     return CTS_OBJECT_OTHER;
 }
 
-void read_identity(Attributes &item, CtsSlice *s)
+void read_identity(CtsAttributes &item, CtsSlice *s)
 {
-    copy_text(s->sop_uid, text_of(item, DCM_SOPInstanceUID));
-    copy_text(s->series_uid, text_of(item, DCM_SeriesInstanceUID));
-    copy_text(s->frame_uid, text_of(item, DCM_FrameOfReferenceUID));
-    copy_text(s->modality, text_of(item, DCM_Modality));
-    s->description = dup_text(text_of(item, DCM_SeriesDescription));
-    s->charset = dup_text(text_of(item, DCM_SpecificCharacterSet));
-    s->patient_key = text_hash(text_of(item, DCM_PatientID));
+    copy_text(s->sop_uid, cts_text_of(item, DCM_SOPInstanceUID));
+    copy_text(s->series_uid, cts_text_of(item, DCM_SeriesInstanceUID));
+    copy_text(s->frame_uid, cts_text_of(item, DCM_FrameOfReferenceUID));
+    copy_text(s->modality, cts_text_of(item, DCM_Modality));
+    s->description = dup_text(cts_text_of(item, DCM_SeriesDescription));
+    s->charset = dup_text(cts_text_of(item, DCM_SpecificCharacterSet));
+    s->patient_key = text_hash(cts_text_of(item, DCM_PatientID));
     s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);
     integer(item, DCM_InstanceNumber, &s->instance_number);
     s->has_temporal = integer(item, DCM_TemporalPositionIdentifier, &s->temporal_index);
-    s->time_s = seconds_of_day(text_of(item, DCM_AcquisitionTime));
+    s->time_s = seconds_of_day(cts_text_of(item, DCM_AcquisitionTime));
     if (s->time_s < 0)
-        s->time_s = seconds_of_day(text_of(item, DCM_ContentTime));
-    const std::string_view image_type = text_of(item, DCM_ImageType);
+        s->time_s = seconds_of_day(cts_text_of(item, DCM_ContentTime));
+    const std::string_view image_type = cts_text_of(item, DCM_ImageType);
     for (int i = 2; i < 8; i++)
         s->localizer |= part_of(image_type, i) == "LOCALIZER";
-    const std::string_view lossy = text_of(item, DCM_LossyImageCompression);
+    const std::string_view lossy = cts_text_of(item, DCM_LossyImageCompression);
     if (lossy == "01")
         s->odd |= CTS_ODD_LOSSY;
     s->told_lossless = lossy == "00";
 }
 
-bool read_shape(Attributes &item, CtsSlice *s)
+bool read_shape(CtsAttributes &item, CtsSlice *s)
 {
     const struct {
         DcmTagKey tag;
@@ -336,22 +259,22 @@ bool read_shape(Attributes &item, CtsSlice *s)
     return true;
 }
 
-void read_image_kind(Attributes &item, CtsSlice *s)
+void read_image_kind(CtsAttributes &item, CtsSlice *s)
 {
     int samples = 1, frames = 1;
     if (item.has(DCM_SamplesPerPixel) && (!item.unsigned_short(DCM_SamplesPerPixel, &samples) || samples != 1))
         cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no CT slice");
-    const std::string_view photometric = text_of(item, DCM_PhotometricInterpretation);
+    const std::string_view photometric = cts_text_of(item, DCM_PhotometricInterpretation);
     if (photometric == "MONOCHROME1")
         s->odd |= CTS_ODD_MONOCHROME1;
     else if (!photometric.empty() && photometric != "MONOCHROME2")
         cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no CT slice");
-    if (item.has(DCM_NumberOfFrames) && !text_of(item, DCM_NumberOfFrames).empty() &&
+    if (item.has(DCM_NumberOfFrames) && !cts_text_of(item, DCM_NumberOfFrames).empty() &&
         (!integer(item, DCM_NumberOfFrames, &frames) || frames != 1))
         cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: CT Image Storage holds one frame");
 }
 
-void read_rescale(Attributes &item, CtsSlice *s)
+void read_rescale(CtsAttributes &item, CtsSlice *s)
 {
     if (item.has(DCM_ModalityLUTSequence)) {
         cts_slice_fault(s, CTS_ERR_PIXELS, "a Modality LUT (0028,3000) stands in for the rescale slope; not supported");
@@ -366,8 +289,10 @@ void read_rescale(Attributes &item, CtsSlice *s)
     if (s->slope == 0 || std::fabs(s->slope) * 65535 + std::fabs(s->intercept) > 1e7)
         cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no Hounsfield units", s->slope,
                         s->intercept);
-    const std::string_view type = text_of(item, DCM_RescaleType);
-    if (!type.empty() && type != "HU")
+    const std::string_view type = cts_text_of(item, DCM_RescaleType);
+    if (type == "US")
+        s->odd |= CTS_ODD_UNSPECIFIED;
+    else if (!type.empty() && type != "HU")
         cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleType (0028,1054) is %.*s, not HU",
                         static_cast<int>(type.size() < 16 ? type.size() : 16), type.data());
 }
@@ -383,7 +308,7 @@ bool stored_value(unsigned pattern, const CtsSlice *s, int *value)
     return true;
 }
 
-void read_padding(Attributes &item, CtsSlice *s)
+void read_padding(CtsAttributes &item, CtsSlice *s)
 {
     unsigned value = 0, limit = 0;
     s->padding_word = -1;
@@ -407,7 +332,7 @@ double dot(const double *a, const double *b)
 }
 
 /* (0020,0037), made orthonormal; off by more than 0.001 is odd, by more than 0.01 no reading is right. */
-void read_orientation(Attributes &item, CtsSlice *s)
+void read_orientation(CtsAttributes &item, CtsSlice *s)
 {
     double v[6];
     if (!numbers(item, DCM_ImageOrientationPatient, v, 6)) {
@@ -439,7 +364,7 @@ void read_orientation(Attributes &item, CtsSlice *s)
     }
 }
 
-void read_geometry(Attributes &item, CtsSlice *s)
+void read_geometry(CtsAttributes &item, CtsSlice *s)
 {
     read_orientation(item, s);
     if (!numbers(item, DCM_ImagePositionPatient, s->position_lps, 3))
@@ -455,14 +380,11 @@ void read_geometry(Attributes &item, CtsSlice *s)
     s->column_spacing_mm = spacing[1];
 }
 
-void read_slice(Attributes &item, CtsSlice *s)
+} // namespace
+
+void cts_dcm_read_slice(CtsAttributes &item, CtsSlice *s)
 {
     read_identity(item, s);
-    if (s->kind != CTS_OBJECT_CT) {
-        item.unsigned_short(DCM_Rows, &s->rows);
-        item.unsigned_short(DCM_Columns, &s->columns);
-        return;
-    }
     read_geometry(item, s);
     read_image_kind(item, s);
     if (read_shape(item, s))
@@ -470,14 +392,12 @@ void read_slice(Attributes &item, CtsSlice *s)
     read_rescale(item, s);
 }
 
-void read_attributes(Attributes &item, const char *media_class, CtsSlice *slice)
+static void read_attributes(CtsAttributes &item, const char *media_class, CtsSlice *slice)
 {
     slice->kind = kind_of(item, media_class);
-    if (slice->kind == CTS_OBJECT_CT || slice->kind == CTS_OBJECT_ENHANCED)
-        read_slice(item, slice);
+    if (slice->kind == CTS_OBJECT_CT)
+        cts_dcm_read_slice(item, slice);
 }
-
-} // namespace
 
 CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
                               const char *media_class, CtsSlice *slice, CtsError *err)
@@ -495,7 +415,7 @@ try {
     const OFCondition result = cts_dcm_parse(data_set, bytes, n, native);
     if (result.bad())
         return cts_fail(err, CTS_ERR_READ, "cannot be parsed as DICOM: %s", result.text());
-    ParsedAttributes parsed(data_set);
+    CtsParsedAttributes parsed(data_set);
     read_attributes(parsed, media_class, slice);
     return CTS_OK;
 } catch (const std::bad_alloc &) {

@@ -25,9 +25,16 @@ pid_t cts_dcm_fork(void);
  * slice: all but path, file facts, syntax, odd syntax flags and the place of the pixels, which the caller knows.
  * media_class stands in for a missing SOP class UID. scan is what cts_scan_data() found; where that says all, DCMTK is
  * not asked. Fails with CTS_ERR_READ when DCMTK cannot parse it; a CT slice
- * whose values cannot be used is a success with slice->fault set. */
+ * whose values cannot be used is a success with slice->fault set. Of an object with many frames only its kind is told;
+ * its slices come from cts_dcm_read_frames(). */
 CtsStatus cts_dcm_read_header(const uint8_t *data_set, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
                               const char *media_class, CtsSlice *slice, CtsError *err);
+
+/* The frames of an Enhanced CT or Legacy Converted Enhanced CT object: slices by their functional groups, each frame's
+ * own before the shared ones. As cts_dcm_read_header(), one slice a frame, in the order of the pixels; free each and
+ * the array with cts_slice_clear() and free(). What cannot be used at all is one slice with a fault. */
+CtsStatus cts_dcm_read_frames(const uint8_t *data_set, size_t n, const CtsSyntax *native, CtsSlice ***frames,
+                              int *n_frames, CtsError *err);
 
 /* The files a DICOMDIR's records name, relative to its folder, '/' between the parts; only names made of plain parts
  * (no "..", no slash). Free each and the array with free(). */

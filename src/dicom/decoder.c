@@ -22,6 +22,8 @@ enum {
     BASE_CPU_S = 10,
     PIXELS_PER_CPU_S = 200000, /* a fiftieth of what the slowest codec does */
     QUIET_S = 60,              /* without any progress: a lock that nobody will open */
+    START_QUIET_S = 5,
+    START_TRIES = 4, /* another fork may well meet other locks */
     ROOM_STEP = 1 << 20
 };
 
@@ -109,12 +111,37 @@ void cts_decoder_stop(CtsDecoder *d)
     *d = cts_decoder_make(d->decode);
 }
 
-static CtsStatus start_child(CtsDecoder *d, size_t n_memory, CtsError *err)
+static double cpu_seconds(pid_t pid)
+{
+    clockid_t clock;
+    struct timespec t = {0};
+    return clock_getcpuclockid(pid, &clock) || clock_gettime(clock, &t) ? 0
+                                                                        : (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* Whether an answer came; not when the child has gone, or (*still) has done nothing for quiet_s. */
+static bool await(const CtsDecoder *d, Answer *a, int quiet_s, bool *still)
+{
+    double before = -1;
+    *still = false;
+    for (int quiet = 0; quiet < quiet_s;) {
+        struct pollfd wait = {.fd = d->socket, .events = POLLIN};
+        const int n = poll(&wait, 1, 1000);
+        if (n > 0)
+            return receive(d->socket, a, sizeof *a);
+        if (n < 0 && errno != EINTR)
+            return false;
+        const double now = cpu_seconds(d->pid);
+        quiet = n == 0 && now <= before ? quiet + 1 : 0;
+        before = now;
+    }
+    *still = true;
+    return false;
+}
+
+static CtsStatus fork_child(CtsDecoder *d, size_t n_memory, CtsError *err)
 {
     int ends[2];
-    CtsStatus st = cts_dcm_start_decoders(err);
-    if (st)
-        return st;
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends))
         return cts_fail(err, CTS_ERR_MEMORY, "a decoder process cannot be reached: %s", strerror(errno));
     const pid_t pid = cts_dcm_fork();
@@ -128,15 +155,26 @@ static CtsStatus start_child(CtsDecoder *d, size_t n_memory, CtsError *err)
     }
     d->pid = pid;
     d->socket = ends[0];
+    return CTS_OK;
+}
+
+static CtsStatus start_child(CtsDecoder *d, size_t n_memory, CtsError *err)
+{
+    CtsStatus st = cts_dcm_start_decoders(err);
     Answer a = {CTS_ERR_INTERNAL, "it ended at once"};
-    if (!receive(d->socket, &a, sizeof a) || a.status) {
+    bool still = true;
+    for (int tries = 0; !st && still && tries < START_TRIES; tries++) {
+        if ((st = fork_child(d, n_memory, err)))
+            return st;
+        if (await(d, &a, START_QUIET_S, &still) && !a.status)
+            return CTS_OK;
         end_child(d, true);
-        st = cts_fail(err, CTS_ERR_INTERNAL,
-                      "compressed pixels are not decoded, for a decoder process cannot be shut in: %.*s (convert them "
-                      "with dcmdjpeg or gdcmconv --raw)",
-                      (int)sizeof a.text, a.text);
     }
-    return st;
+    return st ? st
+              : cts_fail(err, CTS_ERR_INTERNAL,
+                         "compressed pixels are not decoded, for a decoder process cannot be shut in: %.*s (convert "
+                         "them with dcmdjpeg or gdcmconv --raw)",
+                         (int)sizeof a.text, still ? "it stands still" : a.text);
 }
 
 static size_t round_up(size_t n, size_t step)
@@ -164,14 +202,6 @@ CtsStatus cts_decoder_room(CtsDecoder *d, const CtsFrameFormat *format, size_t n
     return d->pid ? CTS_OK : start_child(d, n_memory, err);
 }
 
-static double cpu_seconds(pid_t pid)
-{
-    clockid_t clock;
-    struct timespec t = {0};
-    return clock_getcpuclockid(pid, &clock) || clock_gettime(clock, &t) ? 0
-                                                                        : (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
-}
-
 /* The child dies of SIGXCPU when this frame takes longer. CPU time, for a busy machine is no fault of the file's. */
 static int limit_cpu(const CtsDecoder *d, const CtsFrameFormat *format)
 {
@@ -180,26 +210,6 @@ static int limit_cpu(const CtsDecoder *d, const CtsFrameFormat *format)
     const struct rlimit limit = {(rlim_t)cpu_seconds(d->pid) + (rlim_t)limit_s + 1, RLIM_INFINITY};
     prlimit(d->pid, RLIMIT_CPU, &limit, NULL); /* fails only when the child is gone, which the answer tells */
     return limit_s;
-}
-
-/* Whether an answer came; not when the child has gone, or (*still) has done nothing for a minute. */
-static bool await(const CtsDecoder *d, Answer *a, bool *still)
-{
-    double before = -1;
-    *still = false;
-    for (int quiet = 0; quiet < QUIET_S;) {
-        struct pollfd wait = {.fd = d->socket, .events = POLLIN};
-        const int n = poll(&wait, 1, 1000);
-        if (n > 0)
-            return receive(d->socket, a, sizeof *a);
-        if (n < 0 && errno != EINTR)
-            return false;
-        const double now = cpu_seconds(d->pid);
-        quiet = n == 0 && now <= before ? quiet + 1 : 0;
-        before = now;
-    }
-    *still = true;
-    return false;
 }
 
 static CtsStatus tell_death(int status, int limit_s, CtsError *err)
@@ -228,7 +238,7 @@ CtsStatus cts_decoder_run(CtsDecoder *d, const CtsFrameFormat *format, const uin
     bool still = false;
     const int limit_s = limit_cpu(d, format);
     *pixels = pixels_of(d);
-    if (!transmit(d->socket, &r, sizeof r) || !await(d, &a, &still)) {
+    if (!transmit(d->socket, &r, sizeof r) || !await(d, &a, QUIET_S, &still)) {
         const int status = end_child(d, true);
         return still ? cts_fail(err, CTS_ERR_PIXELS, "its decoder stood still for %d s", QUIET_S)
                      : tell_death(status, limit_s, err);

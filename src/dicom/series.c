@@ -35,9 +35,8 @@ void cts_series_list_free(CtsSeriesList **list)
 /* What became of one file; in order of the file list, so that the number of threads changes nothing. */
 typedef struct Header {
     CtsFileKind file;
-    CtsObjectKind object;
-    CtsSlice *slice; /* for CT and enhanced CT */
-    char *why;       /* it could not be read */
+    CtsObject object;
+    char *why; /* it could not be read */
 } Header;
 
 typedef struct Search {
@@ -51,21 +50,10 @@ typedef struct Search {
 static bool read_one(const CtsFile *file, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
 {
     CtsError why = {0};
-    CtsSlice slice = {0};
-    header->file = cts_slice_read_header(file->path, scratch, &slice, bytes_read, &why);
-    header->object = slice.kind;
-    if (header->file == CTS_FILE_DICOM && (slice.kind == CTS_OBJECT_CT || slice.kind == CTS_OBJECT_ENHANCED)) {
-        header->slice = malloc(sizeof slice);
-        if (header->slice) {
-            *header->slice = slice;
-            return true;
-        }
-    }
-    cts_slice_clear(&slice);
+    header->file = cts_slice_read_header(file->path, scratch, &header->object, bytes_read, &why);
     if (header->file == CTS_FILE_UNREADABLE)
         header->why = strdup(why.text);
-    return why.status != CTS_ERR_MEMORY && (header->file != CTS_FILE_DICOM || header->object == CTS_OBJECT_OTHER ||
-                                            header->object == CTS_OBJECT_DIRECTORY);
+    return why.status != CTS_ERR_MEMORY;
 }
 
 /* Headers of the files that have none yet. */
@@ -120,7 +108,7 @@ static CtsStatus follow_directories(Search *s, int n_threads, CtsError *err)
     CtsStatus st = CTS_OK;
     const size_t n = s->n_headers;
     for (size_t i = 0; !st && i < n; i++)
-        if (s->files.items[i].named && s->headers[i].object == CTS_OBJECT_DIRECTORY)
+        if (s->files.items[i].named && s->headers[i].object.kind == CTS_OBJECT_DIRECTORY)
             st = follow_directory(s, s->files.items[i].path, err);
     return !st && s->files.n > n ? read_headers(s, n_threads, err) : st;
 }
@@ -135,21 +123,30 @@ static int by_series(const void *a, const void *b)
         if (!order)
             order = (nx > ny) - (nx < ny);
     }
-    return order ? order : (int)x->kind - (int)y->kind;
+    if (!order)
+        order = (int)x->kind - (int)y->kind;
+    /* A stack is a volume of its own (PS3.3 C.7.6.16.2.2.2). */
+    return order ? order : strcmp(x->stack_id, y->stack_id);
 }
 
 static int by_series_and_path(const void *a, const void *b)
 {
-    const int order = by_series(a, b);
-    return order ? order : strcmp((*(CtsSlice *const *)a)->path, (*(CtsSlice *const *)b)->path);
+    const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
+    int order = by_series(a, b);
+    if (!order)
+        order = strcmp(x->path, y->path);
+    return order ? order : x->frame - y->frame;
 }
 
 /* Counts and findings of what is no slice; the slices themselves go to *slices. */
 static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
 {
     CtsSeriesList *list = s->list;
+    size_t n = 0;
+    for (size_t i = 0; i < s->n_headers; i++)
+        n += (size_t)s->headers[i].object.n_slices;
     *n_slices = 0;
-    *slices = malloc((s->n_headers + 1) * sizeof **slices);
+    *slices = malloc((n + 1) * sizeof **slices);
     if (!*slices)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     list->n_files = (int)s->n_headers + s->files.n_special;
@@ -157,9 +154,10 @@ static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsErr
     list->n_unreadable = s->files.n_unreadable;
     for (size_t i = 0; i < s->n_headers; i++) {
         Header *h = &s->headers[i];
-        if (h->slice) {
-            (*slices)[(*n_slices)++] = h->slice;
-            h->slice = NULL;
+        for (int k = 0; k < h->object.n_slices; k++)
+            (*slices)[(*n_slices)++] = h->object.slices[k];
+        if (h->object.n_slices) {
+            h->object.n_slices = 0; /* moved */
         } else if (h->file == CTS_FILE_UNREADABLE) {
             list->n_unreadable++;
             cts_findings_add(&list->findings, "unreadable_file", CTS_WARNING, "%s: %s", s->files.items[i].path,
@@ -184,6 +182,23 @@ static CtsStatus add_series(CtsSeriesList *list, CtsSliceSet *set, CtsError *err
     const CtsStatus st = cts_series_judge(set, items + list->n, &n, err);
     list->n += st ? CTS_MAX_PARTS : (size_t)n;
     return st;
+}
+
+/* Volumes of one UID get numbers: stacks, phases, single slices beside frames. */
+static void number_parts(CtsSeriesList *list)
+{
+    for (size_t first = 0, end; first < list->n; first = end) {
+        for (end = first + 1; end < list->n && strcmp(list->items[first].uid, list->items[end].uid) == 0;)
+            end++;
+        const int n = list->items[first].uid[0] ? (int)(end - first) : 1;
+        for (int p = 0; n > 1 && p < n; p++) {
+            CtsSeries *s = &list->items[first + (size_t)p];
+            s->part = p + 1;
+            cts_findings_add(&s->findings, "several_volumes", CTS_WARNING,
+                             "the series holds %d volumes; this is volume %d (--series UID#%d picks another)", n, p + 1,
+                             p == 0 ? 2 : 1);
+        }
+    }
 }
 
 static int by_size(const void *a, const void *b)
@@ -219,6 +234,8 @@ static CtsStatus group(CtsSlice **slices, size_t n, CtsSeriesList *list, CtsErro
         else
             free(set.items);
     }
+    if (!st)
+        number_parts(list);
     if (!st && list->n)
         qsort(list->items, list->n, sizeof *list->items, by_size);
     return st;
@@ -240,9 +257,7 @@ static CtsStatus nothing_found(const Search *s, CtsError *err)
 static void free_search(Search *s)
 {
     for (size_t i = 0; i < s->n_headers; i++) {
-        if (s->headers[i].slice)
-            cts_slice_clear(s->headers[i].slice);
-        free(s->headers[i].slice);
+        cts_object_free(&s->headers[i].object);
         free(s->headers[i].why);
     }
     free(s->headers);

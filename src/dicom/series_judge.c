@@ -83,10 +83,11 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
     if (first->fault == CTS_ERR_SYNTAX)
         refuse(series, CTS_ERR_SYNTAX, "%s", text);
     else if (n * 10 > set->n || set->n - n < 2)
-        refuse(series, first->fault, "%s: %s%s", cts_slice_name(first), text, n > 1 ? ", and others like it" : "");
+        refuse(series, first->fault, "%s: %s%s", cts_slice_label(first).text, text,
+               n > 1 ? ", and others like it" : "");
     else
         cts_findings_add(&series->findings, "bad_slices", CTS_WARNING, "%d slice%s left out: %s: %s", n, plural(n),
-                         cts_slice_name(first), text);
+                         cts_slice_label(first).text, text);
     return CTS_OK;
 }
 
@@ -193,6 +194,9 @@ static void describe_odd(CtsSeries *series)
          "have an orientation that is off by more than 0.001; made orthonormal"},
         {CTS_ODD_MONOCHROME1, "monochrome1", "are MONOCHROME1; Hounsfield units are taken as they are"},
         {CTS_ODD_LOSSY, "lossy", "hold lossy compressed pixels (0028,2110)"},
+        {CTS_ODD_LONG_PIXELS, "long_pixels", "have more PixelData (7FE0,0010) than they need; the rest is not read"},
+        {CTS_ODD_UNSPECIFIED, "rescale_unspecified",
+         "have the RescaleType (0028,1054) US, unspecified; taken for Hounsfield units"},
     };
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
         int n = 0;
@@ -306,9 +310,6 @@ static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
     CtsStatus st = CTS_OK;
     if (set->n > MAX_SLICES)
         refuse(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
-    if (set->items[0]->kind == CTS_OBJECT_ENHANCED)
-        refuse(series, CTS_ERR_PIXELS,
-               "Enhanced CT Image Storage (multi-frame) is not read (convert it to single-frame CT Image Storage)");
     for (size_t i = 0; !st && !series->refusal && i < sizeof picks / sizeof *picks; i++)
         st = filter(set, series, picks[i], err);
     if (!st && !series->refusal)
@@ -375,17 +376,8 @@ CtsStatus cts_series_judge(CtsSliceSet *set, CtsSeries series[CTS_MAX_PARTS], in
     }
     for (int p = 1; !st && p < n_parts; p++)
         copy_findings(&series[p].findings, &series[0].findings);
-    for (int p = 0; !st && p < n_parts; p++) {
-        if (n_parts > 1) {
-            series[p].part = p + 1;
-            cts_findings_add(
-                &series[p].findings, "several_volumes", CTS_WARNING,
-                "the series holds %d volumes at the same positions; this is volume %d (--series UID#%d picks "
-                "another)",
-                n_parts, p + 1, p == 0 ? 2 : 1);
-        }
+    for (int p = 0; !st && p < n_parts; p++)
         st = finish(&series[p], &parts[p], err);
-    }
     if (!st)
         *n_series = n_parts;
     for (int p = 0; p < n_parts; p++)

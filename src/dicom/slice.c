@@ -32,3 +32,23 @@ const char *cts_slice_name(const CtsSlice *slice)
     const char *slash = strrchr(slice->path, '/');
     return slash ? slash + 1 : slice->path;
 }
+
+CtsSliceLabel cts_slice_label(const CtsSlice *slice)
+{
+    CtsSliceLabel label;
+    if (slice->n_frames)
+        snprintf(label.text, sizeof label.text, "%.255s, frame %d", cts_slice_name(slice), slice->frame + 1);
+    else
+        snprintf(label.text, sizeof label.text, "%.255s", cts_slice_name(slice));
+    return label;
+}
+
+void cts_object_free(CtsObject *object)
+{
+    for (int i = 0; i < object->n_slices; i++) {
+        cts_slice_clear(object->slices[i]);
+        free(object->slices[i]);
+    }
+    free(object->slices);
+    *object = (CtsObject){0};
+}

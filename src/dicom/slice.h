@@ -21,11 +21,13 @@ typedef enum CtsObjectKind {
 
 /* Odd but usable; the series turns each into one warning. */
 enum {
-    CTS_ODD_NO_PREAMBLE = 1, /* no preamble or meta header: a bare data set */
-    CTS_ODD_NO_SYNTAX = 2,   /* no transfer syntax UID; found by looking */
-    CTS_ODD_ORIENTATION = 4, /* direction cosines off by more than 0.001 */
-    CTS_ODD_MONOCHROME1 = 8, /* display polarity only; HU do not change */
-    CTS_ODD_LOSSY = 16       /* (0028,2110) is 01, or a lossy transfer syntax */
+    CTS_ODD_NO_PREAMBLE = 1,  /* no preamble or meta header: a bare data set */
+    CTS_ODD_NO_SYNTAX = 2,    /* no transfer syntax UID; found by looking */
+    CTS_ODD_ORIENTATION = 4,  /* direction cosines off by more than 0.001 */
+    CTS_ODD_MONOCHROME1 = 8,  /* display polarity only; HU do not change */
+    CTS_ODD_LOSSY = 16,       /* (0028,2110) is 01, or a lossy transfer syntax */
+    CTS_ODD_LONG_PIXELS = 32, /* more bytes than the frames need; the rest is not read */
+    CTS_ODD_UNSPECIFIED = 64  /* RescaleType is US, "unspecified", not HU */
 };
 
 typedef struct CtsSlice {
@@ -43,8 +45,10 @@ typedef struct CtsSlice {
     uint64_t patient_key;        /* hash of PatientID and its issuer: tells patients apart and names none */
     bool has_acquisition, has_temporal;
     int acquisition_number, instance_number, temporal_index;
-    double time_s; /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
+    double time_s;                 /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
     bool localizer, told_lossless; /* (0028,2110) is 00 */
+    int frame, n_frames;           /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
+    char stack_id[17];             /* (0020,9056), of a frame */
 
     int rows, columns, bits_allocated, bits_stored, high_bit;
     bool is_signed;
@@ -76,6 +80,12 @@ void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...)
 /* The path without its folders. */
 const char *cts_slice_name(const CtsSlice *slice);
 
+/* The same with the number of the frame, from 1, where there are several; text is cut to its size. */
+typedef struct CtsSliceLabel {
+    char text[320];
+} CtsSliceLabel;
+CtsSliceLabel cts_slice_label(const CtsSlice *slice);
+
 /* Working memory of one thread, grown as needed. Zero-initialise; free with cts_scratch_free(). */
 typedef struct CtsScratch {
     uint8_t *file, *inflated;
@@ -87,10 +97,18 @@ void cts_scratch_free(CtsScratch *scratch);
 
 typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_UNREADABLE } CtsFileKind;
 
-/* Read one file's header, and none of its pixels, into a zeroed slice (whose path is set only for CT and enhanced CT).
- * CTS_FILE_NOT_DICOM: plainly something else, or no regular file. CTS_FILE_UNREADABLE: err says why, without the
- * path. bytes_read is added to. */
-CtsFileKind cts_slice_read_header(const char *path, CtsScratch *scratch, CtsSlice *slice, uint64_t *bytes_read,
+/* What one file holds: a slice, or the frames of an object with many. */
+typedef struct CtsObject {
+    CtsObjectKind kind;
+    CtsSlice **slices; /* n_slices of them, owned; none unless kind is CT or enhanced CT */
+    int n_slices;
+} CtsObject;
+
+void cts_object_free(CtsObject *object);
+
+/* Read one file's header, and none of its pixels, into a zeroed object. CTS_FILE_NOT_DICOM: plainly something else, or
+ * no regular file. CTS_FILE_UNREADABLE: err says why, without the path. bytes_read is added to. */
+CtsFileKind cts_slice_read_header(const char *path, CtsScratch *scratch, CtsObject *object, uint64_t *bytes_read,
                                   CtsError *err);
 
 /* Words first <= n < end of a slice are there; what is told of them last is still in the cache. */

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "dicom/dcm_read.h"
 #include "dicom/file_bytes.h"
+#include "dicom/pixel_places.h"
 #include "dicom/slice.h"
 #include "dicom/tag_scan.h"
 
@@ -116,56 +117,6 @@ static CtsStatus find_syntax(const Head *h, Framing *f, CtsSlice *slice, CtsErro
     return CTS_OK;
 }
 
-/* Walk the fragments by their lengths: the last one must be followed by the delimiter. The first item is the offset
- * table, which is often wrong and never needed. */
-static void check_fragments(const Head *h, CtsSlice *slice)
-{
-    uint64_t pos = slice->pixel_offset, first = 0;
-    for (int n = 0;; n++) {
-        uint8_t item[8];
-        if (h->file.n_bytes < 8 || pos > h->file.n_bytes - 8 || cts_file_bytes_read(&h->file, item, 8, pos, NULL)) {
-            cts_slice_fault(slice, CTS_ERR_PIXELS, "truncated: its compressed pixels have no end");
-            return;
-        }
-        const uint32_t length = item[4] | (uint32_t)item[5] << 8 | (uint32_t)item[6] << 16 | (uint32_t)item[7] << 24;
-        if (n == 1)
-            first = pos;
-        if (memcmp(item, "\xfe\xff\xdd\xe0", 4) == 0)
-            break;
-        pos += 8;
-        if (memcmp(item, "\xfe\xff\x00\xe0", 4) != 0 || length > h->file.n_bytes - pos) {
-            cts_slice_fault(slice, CTS_ERR_PIXELS,
-                            "truncated or damaged: a fragment of its compressed pixels does not fit");
-            return;
-        }
-        pos += length;
-    }
-    if (!first || first == pos)
-        cts_slice_fault(slice, CTS_ERR_PIXELS, "its compressed pixels hold no fragment");
-    slice->pixel_offset = first;
-    slice->pixel_bytes = pos - first;
-}
-
-static void check_native_size(const Head *h, CtsSlice *slice)
-{
-    const uint64_t row = (uint64_t)slice->columns * (uint64_t)(slice->bits_allocated / 8);
-    const uint64_t frame = row * (uint64_t)slice->rows, have = slice->pixel_bytes;
-    if (have < frame)
-        cts_slice_fault(slice, CTS_ERR_PIXELS, "PixelData needs %llu bytes, and holds %llu", (unsigned long long)frame,
-                        (unsigned long long)have);
-    else if (have > frame + row && have % frame == 0)
-        cts_slice_fault(slice, CTS_ERR_PIXELS, "PixelData holds %llu frames, not one",
-                        (unsigned long long)(have / frame));
-    else if (have > frame + row)
-        cts_slice_fault(slice, CTS_ERR_PIXELS, "PixelData needs %llu bytes, and holds %llu", (unsigned long long)frame,
-                        (unsigned long long)have);
-    const uint64_t end = h->file.n_bytes - slice->pixel_offset;
-    if (!slice->syntax->deflated && (slice->pixel_offset > h->file.n_bytes || end < frame))
-        cts_slice_fault(slice, CTS_ERR_PIXELS, "truncated: PixelData needs %llu bytes, %llu left",
-                        (unsigned long long)frame,
-                        (unsigned long long)(slice->pixel_offset > h->file.n_bytes ? 0 : end));
-}
-
 static void check_pixels(const Head *h, const Framing *f, CtsSlice *slice)
 {
     const CtsSyntax *syntax = slice->syntax;
@@ -173,6 +124,8 @@ static void check_pixels(const Head *h, const Framing *f, CtsSlice *slice)
     slice->pixel_offset = f->data.pixel_offset;
     slice->pixel_bytes = f->data.pixel_bytes;
     slice->pixel_words = f->data.pixel_words;
+    slice->file_bytes = h->file.n_bytes;
+    slice->mtime_ns = h->file.mtime_ns;
     if (syntax && (syntax->loss == CTS_LOSSY || (syntax->loss == CTS_MAYBE_LOSSY && !slice->told_lossless)))
         slice->odd |= CTS_ODD_LOSSY;
     if (!syntax)
@@ -191,10 +144,32 @@ static void check_pixels(const Head *h, const Framing *f, CtsSlice *slice)
     else if (f->data.encapsulated != cts_syntax_encapsulated(syntax))
         cts_slice_fault(slice, CTS_ERR_PIXELS, "PixelData is %scompressed, but its transfer syntax is %s",
                         f->data.encapsulated ? "" : "not ", syntax->name);
-    else if (f->data.encapsulated)
-        check_fragments(h, slice);
-    else
-        check_native_size(h, slice);
+}
+
+/* What the file says of all its slices alike. */
+static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *common, const char *path, CtsObject *object,
+                          CtsError *err)
+{
+    bool usable = object->n_slices > 0;
+    for (int i = 0; i < object->n_slices; i++) {
+        CtsSlice *s = object->slices[i];
+        s->syntax = common->syntax;
+        memcpy(s->syntax_uid, common->syntax_uid, sizeof s->syntax_uid);
+        s->odd |= common->odd;
+        if (!(s->path = strdup(path)))
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        /* What a frame's own values are worth is its own matter; without a size nothing can be placed. */
+        const bool sized = s->rows > 0 && s->columns > 0 && (s->bits_allocated == 8 || s->bits_allocated == 16);
+        const bool sound = !s->fault || (s->n_frames && sized);
+        check_pixels(h, f, s);
+        usable &= sound && s->syntax && s->syntax->codec != CTS_CODEC_NONE && f->data.has_pixels &&
+                  f->data.encapsulated == cts_syntax_encapsulated(s->syntax);
+    }
+    if (usable && f->data.encapsulated)
+        cts_place_fragments(&h->file, object->slices, object->n_slices);
+    else if (usable)
+        cts_place_native(&h->file, object->slices, object->n_slices);
+    return CTS_OK;
 }
 
 /* Open, recognise and scan; *kind is CTS_FILE_DICOM when f is filled. */
@@ -225,25 +200,44 @@ static CtsStatus open_and_scan(Head *h, const char *path, Framing *f, CtsSlice *
     return CTS_OK;
 }
 
-CtsFileKind cts_slice_read_header(const char *path, CtsScratch *scratch, CtsSlice *slice, uint64_t *bytes_read,
+/* The slices of a data set that has been scanned, as DCMTK or the scan tells them. */
+static CtsStatus read_slices(const Framing *f, CtsSlice *common, CtsObject *object, CtsError *err)
+{
+    CtsStatus st =
+        cts_dcm_read_header(f->data_set, f->n_data_set, &f->data, f->native, f->meta.sop_class_uid, common, err);
+    object->kind = common->kind;
+    if (!st && common->kind == CTS_OBJECT_ENHANCED)
+        return cts_dcm_read_frames(f->data_set, f->n_data_set, f->native, &object->slices, &object->n_slices, err);
+    if (st || common->kind != CTS_OBJECT_CT)
+        return st;
+    object->slices = malloc(sizeof *object->slices);
+    CtsSlice *slice = malloc(sizeof *slice);
+    if (!object->slices || !slice) {
+        free(slice);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    *slice = *common;
+    object->slices[object->n_slices++] = slice;
+    common->description = common->charset = common->fault_text = NULL; /* moved */
+    return CTS_OK;
+}
+
+CtsFileKind cts_slice_read_header(const char *path, CtsScratch *scratch, CtsObject *object, uint64_t *bytes_read,
                                   CtsError *err)
 {
     Head h = {.file = {.fd = -1}, .scratch = scratch, .bytes_read = bytes_read};
     Framing f;
     CtsFileKind kind;
-    CtsStatus st = open_and_scan(&h, path, &f, slice, &kind, err);
-    if (!st && kind == CTS_FILE_DICOM)
-        st = cts_dcm_read_header(f.data_set, f.n_data_set, &f.data, f.native, f.meta.sop_class_uid, slice, err);
-    if (!st && kind == CTS_FILE_DICOM && (slice->kind == CTS_OBJECT_CT || slice->kind == CTS_OBJECT_ENHANCED)) {
-        slice->file_bytes = h.file.n_bytes;
-        slice->mtime_ns = h.file.mtime_ns;
-        if (!(slice->path = strdup(path)))
-            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        if (!st && slice->kind == CTS_OBJECT_CT)
-            check_pixels(&h, &f, slice);
-    }
+    CtsSlice common = {0};
+    CtsStatus st = open_and_scan(&h, path, &f, &common, &kind, err);
+    if (!st && kind == CTS_FILE_DICOM && !(st = read_slices(&f, &common, object, err)))
+        st = complete(&h, &f, &common, path, object, err);
+    cts_slice_clear(&common);
     cts_file_bytes_close(&h.file);
-    return st ? CTS_FILE_UNREADABLE : kind;
+    if (!st)
+        return kind;
+    cts_object_free(object);
+    return CTS_FILE_UNREADABLE;
 }
 
 /* folder of `directory` + '/' + file; where that is missing, the lower-case name that some CD drives show. */

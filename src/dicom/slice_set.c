@@ -48,7 +48,9 @@ static int by_position(const void *a, const void *b, void *reference)
         order = compare_numbers(x->time_s, y->time_s);
     if (!order)
         order = compare_numbers(x->instance_number, y->instance_number);
-    return order ? order : strcmp(x->path, y->path);
+    if (!order)
+        order = strcmp(x->path, y->path);
+    return order ? order : x->frame - y->frame;
 }
 
 void cts_slice_set_sort(CtsSliceSet *set, const CtsSlice *reference)
@@ -117,6 +119,8 @@ static uint64_t sample_of(const CtsSlice *s)
 /* Two files that give the same voxels: one of them may go. */
 static bool same_picture(const CtsSlice *a, const CtsSlice *b)
 {
+    if (a->syntax->deflated && a->pixel_offset != b->pixel_offset)
+        return false; /* frames of one data set, which is compared whole */
     return a->syntax == b->syntax && a->rows == b->rows && a->columns == b->columns &&
            a->bits_allocated == b->bits_allocated && a->bits_stored == b->bits_stored && a->high_bit == b->high_bit &&
            a->is_signed == b->is_signed && a->slope == b->slope && a->intercept == b->intercept &&
@@ -162,7 +166,7 @@ static bool is_whole(const CtsSliceSet *part, double same_mm)
     return even;
 }
 
-enum { BY_ACQUISITION, BY_TEMPORAL_POSITION, BY_TIME, N_WAYS };
+enum { BY_ACQUISITION, BY_TEMPORAL_POSITION, BY_OBJECT, BY_TIME, N_WAYS };
 
 /* part[i] for each slice; false when this way tells nothing. */
 static bool label(const CtsSliceSet *set, int way, double same_mm, int *part)
@@ -178,6 +182,13 @@ static bool label(const CtsSliceSet *set, int way, double same_mm, int *part)
             if (!s->has_temporal)
                 return false;
             part[i] = s->temporal_index;
+        } else if (way == BY_OBJECT) {
+            if (!s->n_frames)
+                return false;
+            part[i] = i;
+            for (int j = 0; j < i && part[i] == i; j++)
+                if (strcmp(set->items[j]->path, s->path) == 0)
+                    part[i] = part[j];
         } else {
             part[i] = repeats ? part[i - 1] + 1 : 0;
             if (s->time_s < 0 || (repeats && !(s->time_s > set->items[i - 1]->time_s)))

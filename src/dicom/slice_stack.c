@@ -15,9 +15,12 @@ double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *sl
     return cts_dot3(reference->normal_lps, slice->position_lps);
 }
 
+/* What positions are written to; less is no news. */
+#define JITTER_MM 0.02
+
 double cts_slice_stack_tolerance_mm(double median_gap_mm)
 {
-    return fmin(fmax(0.02, 0.01 * median_gap_mm), 0.25 * median_gap_mm);
+    return fmin(fmax(JITTER_MM, 0.01 * median_gap_mm), 0.25 * median_gap_mm);
 }
 
 void cts_slice_stack_free(CtsSliceStack *stack)
@@ -204,11 +207,12 @@ void cts_slice_stack_findings(const CtsSliceStack *s, const CtsSlice *const *sli
                          s->smallest_gap_mm, s->largest_gap_mm, s->spacing_mm, n, s->n_layers,
                          cts_dot3(s->step_lps, middle->normal_lps));
     }
-    if (s->tilt_deg > 0.1)
+    const double height_mm = fabs(cts_dot3(s->step_lps, middle->normal_lps)) * (s->n_layers - 1);
+    if (s->tilt_deg > 0.1 && height_mm * tan(s->tilt_deg * (3.14159265358979323846 / 180)) > JITTER_MM)
         cts_findings_add(findings, "gantry_tilt", CTS_WARNING,
                          "the stack is sheared by %.2f degrees (gantry tilt); the picture keeps its true shape",
                          s->tilt_deg);
-    if (s->sideways_mm > 0.1 * fmin(middle->row_spacing_mm, middle->column_spacing_mm))
+    if (s->sideways_mm > fmax(JITTER_MM, 0.1 * fmin(middle->row_spacing_mm, middle->column_spacing_mm)))
         cts_findings_add(findings, "sideways_shift", CTS_WARNING,
                          "slice positions stand up to %.3f mm beside the line they should follow", s->sideways_mm);
 }

@@ -95,7 +95,7 @@ static CtsStatus read_slice(Assembly *a, int k, CtsScratch *scratch, cts_grey_wh
     a->ranges[k] = (CtsStoredRange){INT32_MAX, INT32_MIN};
     const CtsStatus st = cts_slice_read_pixels(s, scratch, layer_of(a, k), take_words, &in, err);
     if (st) {
-        cts_context(err, "%s", cts_slice_name(s));
+        cts_context(err, "%s", cts_slice_label(s).text);
         return st;
     }
     busy[CTS_STAGE_DECODE] += cts_wall_ms() - start - in.grey_ms;

@@ -76,6 +76,7 @@ typedef struct Slice {
         *description;
     int rows, columns, allocated, stored, high, is_signed, padding, samples;
     int base;           /* of the pixels: base + column + 10 * row */
+    int n_more;         /* bytes after the pixels, still in PixelData */
     const Bytes *extra; /* elements between group 0008 and 0010 */
     const Bytes *after; /* after the pixels */
 } Slice;
@@ -167,7 +168,7 @@ static inline void put_pixels(Bytes *b, const Slice *s)
                 put(&pixels, (uint8_t[]){(uint8_t)slice_word(s, i, j)}, 1);
             else
                 put16(&pixels, (unsigned)slice_word(s, i, j) & 0xFFFF);
-    if (pixels.n % 2)
+    for (int i = 0; i < s->n_more || pixels.n % 2; i++)
         put(&pixels, "", 1);
     put_element(b, 0x7FE00010, "OW", pixels.data, (uint32_t)pixels.n);
     free(pixels.data);

@@ -163,7 +163,8 @@ CHANGE(no_slope, s->slope = NULL)
 CHANGE(comma_slope, s->slope = "1,0")
 CHANGE(zero_slope, s->slope = "0")
 CHANGE(huge_intercept, s->intercept = "1e9")
-CHANGE(not_hu, s->rescale_type = "US")
+CHANGE(not_hu, s->rescale_type = "OD")
+CHANGE(unspecified, s->rescale_type = "US")
 CHANGE(is_hu, s->rescale_type = "HU")
 CHANGE(no_spacing, s->spacing = NULL)
 CHANGE(zero_spacing, s->spacing = "0\\0.5")
@@ -200,6 +201,10 @@ CHANGE(unknown_syntax, s->syntax = "1.2.3.4.5")
 CHANGE(jpeg_xl, s->syntax = "1.2.840.10008.1.2.4.110")
 CHANGE(jpeg_xl_lossy, s->syntax = "1.2.840.10008.1.2.4.112")
 CHANGE(not_native, s->syntax = "1.2.840.10008.1.2.4.70")
+CHANGE(longer, s->n_more = 10)
+CHANGE(much_longer, s->n_more = 50)
+CHANGE(two_in_one, s->n_more = 60)
+CHANGE(odd_bytes, (s->allocated = s->stored = 8, s->high = 7, s->rows = s->columns = 5, s->base = 0))
 CHANGE(no_uid, s->series = NULL)
 CHANGE(one_instance_uid, s->sop = "1.2.3.1")
 CHANGE(times, s->instance = "14.5")
@@ -210,7 +215,8 @@ static const Case cases[] = {
     {"slope with a comma", comma_slope, CTS_ERR_PIXELS, NULL, "(0028,1053)", 20},
     {"slope 0", zero_slope, CTS_ERR_PIXELS, NULL, "RescaleSlope 0", 20},
     {"intercept huge", huge_intercept, CTS_ERR_PIXELS, NULL, "no Hounsfield", 20},
-    {"not HU", not_hu, CTS_ERR_PIXELS, NULL, "(0028,1054) is US", 20},
+    {"not HU", not_hu, CTS_ERR_PIXELS, NULL, "(0028,1054) is OD", 20},
+    {"unspecified", unspecified, CTS_OK, "rescale_unspecified", NULL, 20},
     {"HU", is_hu, CTS_OK, NULL, NULL, 20},
     {"no spacing", no_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
     {"spacing 0", zero_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
@@ -247,6 +253,10 @@ static const Case cases[] = {
     {"JPEG XL", jpeg_xl, CTS_ERR_SYNTAX, NULL, "1.2.840.10008.1.2.4.110", 20},
     {"JPEG XL, lossy", jpeg_xl_lossy, CTS_ERR_SYNTAX, "lossy", "gdcmconv --raw", 20},
     {"compressed that is not", not_native, CTS_ERR_PIXELS, NULL, "not compressed", 20},
+    {"pixels 10 bytes long", longer, CTS_OK, "long_pixels", NULL, 20},
+    {"pixels 50 bytes long", much_longer, CTS_OK, "long_pixels", NULL, 20},
+    {"pixels twice as long", two_in_one, CTS_ERR_PIXELS, NULL, "holds 2 frames", 20},
+    {"an odd number of bytes", odd_bytes, CTS_OK, NULL, NULL, 20},
     {"no series UID", no_uid, CTS_OK, NULL, NULL, 20},
     {"one SOP instance UID for all", one_instance_uid, CTS_OK, NULL, NULL, 20},
     {"instance number 14.5", times, CTS_OK, NULL, NULL, 20},
@@ -321,7 +331,7 @@ static void test_no_volume(void **state)
     Slice s = sound_slice();
     s.sop_class = "1.2.840.10008.5.1.4.1.1.2.1";
     write_slice(f.folder, "enhanced", &s);
-    expect_refused(&f, CTS_ERR_PIXELS, "Enhanced CT");
+    expect_refused(&f, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008)");
     make_folder(f.folder);
     find(&f);
     assert_int_equal(f.status, CTS_ERR_NO_SERIES);

@@ -202,6 +202,31 @@ static void test_tilt(void **state)
     done(f);
 }
 
+/* Positions written to a hundredth of a millimetre are no news, however few or thin the slices. */
+static void test_written_jitter(void **state)
+{
+    (void)state;
+    static const double spacings_mm[] = {0.5, 1, 3};
+    unsigned random = 1;
+    for (int n = 2; n <= 40; n++)
+        for (int s = 0; s < 3; s++) {
+            Fake *f = fake_new();
+            for (int i = 0; i < n; i++) {
+                double off_mm[3];
+                for (int c = 0; c < 3; c++) {
+                    random = random * 1664525u + 1013904223u;
+                    off_mm[c] = 0.01 * ((random >> 8) / 8388608.0 - 1) / 2;
+                }
+                add(f, off_mm[0], off_mm[1], i * spacings_mm[s] + off_mm[2]);
+            }
+            assert_int_equal(plan(f), CTS_OK);
+            CtsFindings findings = {0};
+            cts_slice_stack_findings(&f->stack, f->order, f->n, &findings);
+            assert_int_equal(findings.n, 0);
+            done(f);
+        }
+}
+
 static void test_sideways(void **state)
 {
     (void)state;
@@ -238,7 +263,7 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_even),     cmocka_unit_test(test_jitter),       cmocka_unit_test(test_drift),
         cmocka_unit_test(test_missing),  cmocka_unit_test(test_unequal),      cmocka_unit_test(test_tilt),
-        cmocka_unit_test(test_sideways), cmocka_unit_test(test_two_and_none),
+        cmocka_unit_test(test_sideways), cmocka_unit_test(test_two_and_none), cmocka_unit_test(test_written_jitter),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
