@@ -13,7 +13,7 @@ warn 'tilt' "$data/geometry/tilted"
 warn '1 of 10 slices missing and interpolated' "$data/geometry/missing-slice"
 warn 'IM0005.dcm: truncated' "$data/broken/truncated"
 warn 'varies' "$data/geometry/uneven"
-warn '2 volumes at the same positions' "$data/geometry/two-phases"
+warn 'holds 2 volumes; this is volume 1' "$data/geometry/two-phases"
 warn 'only 2 slices' "$data/geometry/two-slices"
 ok render "$data/broken/strangers" --size 64x64 -o out.png --force
 [ ! -s err ] || fail "strangers in a folder are worth a line: $(cat err)"
