@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/parallel.h"
 #include "dicom/dcm_read.h"
 #include "dicom/scan.h"
 #include "dicom/series_judge.h"
@@ -56,6 +57,28 @@ static bool read_one(const CtsFile *file, CtsScratch *scratch, Header *header, u
     return why.status != CTS_ERR_MEMORY;
 }
 
+/* One thread's. */
+typedef struct Reader {
+    CtsScratch scratch;
+    uint64_t bytes_read;
+    bool failed;
+} Reader;
+
+typedef struct Reading {
+    Search *search;
+    size_t first_file;
+    Reader *readers;
+} Reading;
+
+static void read_some(void *context, int worker, size_t first, size_t end)
+{
+    const Reading *const r = context;
+    Reader *const reader = &r->readers[worker];
+    for (size_t i = r->first_file + first; i < r->first_file + end; i++)
+        reader->failed |=
+            !read_one(&r->search->files.items[i], &reader->scratch, &r->search->headers[i], &reader->bytes_read);
+}
+
 /* Headers of the files that have none yet. */
 static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
 {
@@ -66,18 +89,19 @@ static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
     memset(headers + first, 0, (n - first) * sizeof *headers);
     s->headers = headers;
     s->n_headers = n;
-    uint64_t bytes_read = 0;
-    bool ok = true;
-#pragma omp parallel num_threads(n_threads) reduction(+ : bytes_read) reduction(&& : ok)
-    {
-        CtsScratch scratch = {0};
-#pragma omp for schedule(dynamic, 8)
-        for (size_t i = first; i < n; i++)
-            ok = read_one(&s->files.items[i], &scratch, &headers[i], &bytes_read) && ok;
-        cts_scratch_free(&scratch);
+    Reader *readers = calloc((size_t)n_threads, sizeof *readers);
+    if (!readers)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    Reading reading = {s, first, readers};
+    cts_parallel(n_threads, n - first, 8, read_some, &reading);
+    bool failed = false;
+    for (int t = 0; t < n_threads; t++) {
+        s->bytes_read += readers[t].bytes_read;
+        failed |= readers[t].failed;
+        cts_scratch_free(&readers[t].scratch);
     }
-    s->bytes_read += bytes_read;
-    return ok ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory while headers were read");
+    free(readers);
+    return failed ? cts_fail(err, CTS_ERR_MEMORY, "out of memory while headers were read") : CTS_OK;
 }
 
 /* Add the files that one DICOMDIR names. */

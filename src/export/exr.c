@@ -4,12 +4,13 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "base/vec3.h"
 #include "export/date.h"
 #include "image/describe.h"
 #include "image/srgb.h"
-#include <omp.h>
 #include <openexr.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,6 +26,7 @@ typedef struct ExrWriter {
     struct ExrEncoder *encoders; /* one a thread */
     CtsError *err;               /* of the call under way */
     CtsStatus status;            /* the first failure of any thread */
+    pthread_mutex_t lock;        /* of err and status */
 } ExrWriter;
 
 /* One thread's share: a chunk of pixels made linear, and the library's buffers. */
@@ -36,9 +38,10 @@ typedef struct ExrEncoder {
 
 static void note_failure(ExrWriter *w, const char *message)
 {
-#pragma omp critical(cts_exr_write)
+    pthread_mutex_lock(&w->lock);
     if (!w->status)
         w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: OpenEXR: %s", w->job->path, message);
+    pthread_mutex_unlock(&w->lock);
 }
 
 static void on_error(exr_const_context_t file, exr_result_t code, const char *message)
@@ -58,12 +61,13 @@ static int64_t on_write(exr_const_context_t file, void *user_data, const void *b
     (void)error;
     if (cts_temp_write_at(w->job->temp, bytes, n, offset, &err) == CTS_OK)
         return (int64_t)n;
-#pragma omp critical(cts_exr_write)
+    pthread_mutex_lock(&w->lock);
     if (!w->status) {
         w->status = err.status;
         if (w->err)
             *w->err = err;
     }
+    pthread_mutex_unlock(&w->lock);
     return -1;
 }
 
@@ -228,9 +232,9 @@ static exr_result_t encode_chunk(ExrWriter *w, ExrEncoder *e, const CtsPicture *
 
 static bool stopped(ExrWriter *w)
 {
-    CtsStatus status;
-#pragma omp critical(cts_exr_write)
-    status = w->status;
+    pthread_mutex_lock(&w->lock);
+    const CtsStatus status = w->status;
+    pthread_mutex_unlock(&w->lock);
     return status != CTS_OK;
 }
 
@@ -251,6 +255,21 @@ static void keep_chunk(ExrWriter *w, ExrEncoder *e, const CtsPicture *band, int 
         memcpy(chunk->bytes, e->pipe.compressed_buffer, chunk->n_bytes);
 }
 
+typedef struct Keeping {
+    ExrWriter *writer;
+    const CtsPicture *band;
+    int first; /* chunk of the band */
+    ExrChunk *chunks;
+} Keeping;
+
+static void keep_some(void *context, int worker, size_t first, size_t end)
+{
+    const Keeping *const k = context;
+    ExrWriter *const w = k->writer;
+    for (size_t i = first; i < end; i++)
+        keep_chunk(w, &w->encoders[worker], k->band, (k->first + (int)i) * w->lines_per_chunk, &k->chunks[i]);
+}
+
 /* Up to BATCH chunks are compressed side by side, then written in order, and so on: what is held is bounded. */
 static void write_chunks(ExrWriter *w, const CtsPicture *band)
 {
@@ -258,9 +277,8 @@ static void write_chunks(ExrWriter *w, const CtsPicture *band)
     for (int first = 0; first < n_chunks && !stopped(w); first += BATCH) {
         ExrChunk chunks[BATCH] = {0};
         const int n = n_chunks - first < BATCH ? n_chunks - first : BATCH;
-#pragma omp parallel for num_threads(w->n_threads) schedule(dynamic, 1)
-        for (int k = 0; k < n; k++)
-            keep_chunk(w, &w->encoders[omp_get_thread_num()], band, (first + k) * lines, &chunks[k]);
+        Keeping keeping = {w, band, first, chunks};
+        cts_parallel(w->n_threads, (size_t)n, 1, keep_some, &keeping);
         for (int k = 0; k < n; k++) {
             const int y = band->first_row + (first + k) * lines;
             if (!stopped(w))
@@ -277,6 +295,7 @@ CtsStatus cts_exr_begin(CtsExportJob *job, CtsError *err)
     if (!w)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     *w = (ExrWriter){.job = job, .err = err, .n_threads = cts_threads(job->settings.n_threads)};
+    pthread_mutex_init(&w->lock, NULL);
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = on_error;
     setup.user_data = w;
@@ -325,5 +344,6 @@ void cts_exr_close(CtsExportJob *job)
     if (w->file)
         exr_finish(&w->file);
     cts_free(&w->encoders);
+    pthread_mutex_destroy(&w->lock);
     free(w);
 }

@@ -3,6 +3,7 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "export/idat.h"
 #include "image/describe.h"
 #include "image/samples.h"
@@ -155,6 +156,24 @@ static CtsStatus write_finish(PngWriter *w)
     return CTS_OK;
 }
 
+typedef struct Packing {
+    const PngWriter *writer;
+    CtsIdatStrip *strips;
+    CtsError *errors;
+    CtsStatus *found;
+} Packing;
+
+static void pack_strips(void *context, int worker, size_t first, size_t end)
+{
+    const Packing *const p = context;
+    const PngWriter *w = p->writer;
+    (void)worker;
+    for (size_t i = first; i < end; i++)
+        p->found[i] = cts_idat_strip(&w->idat, w->next_strip + (int)i,
+                                     w->rows + (1 + i * (size_t)w->idat.rows_per_strip) * w->idat.row_bytes,
+                                     &p->strips[i], &p->errors[i]);
+}
+
 /* All rows that wait: compressed strip by strip in parallel, written in order. */
 static CtsStatus flush_rows(PngWriter *w)
 {
@@ -163,10 +182,8 @@ static CtsStatus flush_rows(PngWriter *w)
     CtsStatus found[BATCH], st = CTS_OK;
     const size_t row_bytes = w->idat.row_bytes;
     const int per_strip = w->idat.rows_per_strip, n = (w->n_waiting + per_strip - 1) / per_strip;
-#pragma omp parallel for num_threads(cts_threads(w->job->settings.n_threads)) schedule(dynamic, 1)
-    for (int i = 0; i < n; i++)
-        found[i] = cts_idat_strip(&w->idat, w->next_strip + i,
-                                  w->rows + (1 + (size_t)i * (size_t)per_strip) * row_bytes, &strips[i], &errors[i]);
+    Packing packing = {w, strips, errors, found};
+    cts_parallel(cts_threads(w->job->settings.n_threads), (size_t)n, 1, pack_strips, &packing);
     for (int i = 0; i < n && !st; i++)
         if (found[i])
             st = cts_fail(w->err, found[i], "%s: %s", w->job->path, errors[i].text);
@@ -179,17 +196,31 @@ static CtsStatus flush_rows(PngWriter *w)
     return st;
 }
 
-/* Rows y to y + n - 1 join those that wait. */
-static void add_rows(PngWriter *w, const CtsPicture *band, int y, int n)
+typedef struct Adding {
+    PngWriter *writer;
+    const CtsPicture *band;
+    int first_row; /* of the band */
+} Adding;
+
+static void convert_rows(void *context, int worker, size_t first, size_t end)
 {
-    const size_t n_samples = w->idat.row_bytes / 2;
-#pragma omp parallel for num_threads(cts_threads(w->job->settings.n_threads)) schedule(static)
-    for (int i = 0; i < n; i++) {
-        uint16_t *row = (uint16_t *)(void *)w->rows + (size_t)(1 + w->n_waiting + i) * n_samples;
-        cts_samples_row16(band, y + i, w->idat.n_samples, row);
+    const Adding *const a = context;
+    const CtsIdat *idat = &a->writer->idat;
+    const size_t n_samples = idat->row_bytes / 2;
+    (void)worker;
+    for (size_t i = first; i < end; i++) {
+        uint16_t *row = (uint16_t *)(void *)a->writer->rows + (1 + (size_t)a->writer->n_waiting + i) * n_samples;
+        cts_samples_row16(a->band, a->first_row + (int)i, idat->n_samples, row);
         for (size_t k = 0; k < n_samples; k++)
             row[k] = htobe16(row[k]);
     }
+}
+
+/* Rows y to y + n - 1 join those that wait. */
+static void add_rows(PngWriter *w, const CtsPicture *band, int y, int n)
+{
+    Adding adding = {w, band, y};
+    cts_parallel(cts_threads(w->job->settings.n_threads), (size_t)n, 0, convert_rows, &adding);
     w->n_waiting += n;
 }
 

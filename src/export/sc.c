@@ -4,6 +4,7 @@
 #include "base/cpu.h"
 #include "base/hash.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "dicom/dcm_sc.h"
 #include "export/date.h"
 #include "export/uid.h"
@@ -259,6 +260,27 @@ CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
     return cts_temp_open(&w->pixels, job->path, err);
 }
 
+typedef struct Samples {
+    const CtsPicture *band;
+    int first_row; /* of the band */
+    bool grey;
+    uint8_t *rows;
+    size_t row_bytes;
+} Samples;
+
+static void sample_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Samples *const s = context;
+    (void)worker;
+    for (size_t i = first; i < end; i++) {
+        uint8_t *to = s->rows + i * s->row_bytes;
+        if (s->grey)
+            cts_samples_row16(s->band, s->first_row + (int)i, 1, (uint16_t *)(void *)to);
+        else
+            cts_samples_row8(s->band, s->first_row + (int)i, to);
+    }
+}
+
 CtsStatus cts_sc_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
     ScWriter *w = job->state;
@@ -272,14 +294,8 @@ CtsStatus cts_sc_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
     }
     for (int y = 0; y < band->height && !st; y += w->max_rows) {
         const int left = band->height - y, n = left < w->max_rows ? left : w->max_rows;
-#pragma omp parallel for num_threads(cts_threads(job->settings.n_threads)) schedule(static)
-        for (int i = 0; i < n; i++) {
-            uint8_t *to = w->rows + (size_t)i * row_bytes;
-            if (grey)
-                cts_samples_row16(band, y + i, 1, (uint16_t *)(void *)to);
-            else
-                cts_samples_row8(band, y + i, to);
-        }
+        Samples samples = {band, y, grey, w->rows, row_bytes};
+        cts_parallel(cts_threads(job->settings.n_threads), (size_t)n, 0, sample_rows, &samples);
         cts_hash_bytes(w->hash, w->rows, (size_t)n * row_bytes);
         st = cts_temp_write(w->pixels, w->rows, (size_t)n * row_bytes, err);
         w->pixel_bytes += (uint64_t)n * row_bytes;

@@ -4,6 +4,7 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include <math.h>
 #include <stdint.h>
 #include <string.h>
@@ -186,6 +187,24 @@ static double row_similarity(const Windows *across, const double *columns)
     return sum;
 }
 
+typedef struct Rows {
+    const CtsPicture *a, *b;
+    const Windows *across, *rows;
+    int n_channels;
+    double *columns, *sums; /* of each worker; of each row */
+} Rows;
+
+static void compare_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Rows *const r = context;
+    double *mine = r->columns + (size_t)worker * r->a->width * N_MOMENTS;
+    for (size_t k = first; k < end; k++)
+        for (int c = 0; c < r->n_channels; c++) {
+            column_moments(r->a, r->b, c, r->rows, r->rows->first + (int)k, mine);
+            r->sums[k] += row_similarity(r->across, mine);
+        }
+}
+
 static CtsStatus structural_similarity(const CtsPicture *a, const CtsPicture *b, double *ssim, CtsError *err)
 {
     const Windows across = windows_of(a->width), rows = windows_of(a->height);
@@ -195,15 +214,8 @@ static CtsStatus structural_similarity(const CtsPicture *a, const CtsPicture *b,
     CtsStatus st = cts_alloc_array(&columns, (size_t)n_threads * a->width * N_MOMENTS, err);
     if (st || (st = cts_alloc_zeroed(&row_sums, (size_t)n_rows, err)))
         goto end;
-#pragma omp parallel for num_threads(n_threads) schedule(static, 1)
-    for (int part = 0; part < n_threads; part++) {
-        double *mine = columns + (size_t)part * a->width * N_MOMENTS;
-        for (int k = part; k < n_rows; k += n_threads)
-            for (int c = 0; c < n_channels; c++) {
-                column_moments(a, b, c, &rows, rows.first + k, mine);
-                row_sums[k] += row_similarity(&across, mine);
-            }
-    }
+    Rows job = {a, b, &across, &rows, n_channels, columns, row_sums};
+    cts_parallel(n_threads, (size_t)n_rows, 0, compare_rows, &job);
     double sum = 0; /* in the order of the rows, for any number of threads */
     for (int k = 0; k < n_rows; k++)
         sum += row_sums[k];

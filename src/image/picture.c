@@ -2,6 +2,7 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include <stdlib.h>
 
 enum { MAX_SIDE = 32768 };
@@ -39,20 +40,29 @@ void cts_picture_free(CtsPicture **picture)
     *picture = NULL;
 }
 
+typedef struct Over {
+    float *pixels;
+    float background[3];
+} Over;
+
+static void over_pixels(void *context, int worker, size_t first, size_t end)
+{
+    const Over *const o = context;
+    (void)worker;
+    for (float *p = o->pixels + 4 * first; p < o->pixels + 4 * end; p += 4) {
+        const float through = 1.0f - p[3];
+        for (int c = 0; c < 3; c++)
+            p[c] += through * o->background[c];
+        p[3] = 1.0f;
+    }
+}
+
 void cts_picture_over(CtsPicture *picture, const double background[3], int n_threads)
 {
     if (picture->n_channels != 4)
         return;
-    const float b[3] = {(float)background[0], (float)background[1], (float)background[2]};
-    const size_t n = (size_t)picture->width * picture->height;
-#pragma omp parallel for schedule(static) num_threads(cts_threads(n_threads))
-    for (size_t i = 0; i < n; i++) {
-        float *p = picture->pixels + 4 * i;
-        const float through = 1.0f - p[3];
-        for (int c = 0; c < 3; c++)
-            p[c] += through * b[c];
-        p[3] = 1.0f;
-    }
+    Over over = {picture->pixels, {(float)background[0], (float)background[1], (float)background[2]}};
+    cts_parallel(cts_threads(n_threads), (size_t)picture->width * picture->height, 0, over_pixels, &over);
     picture->has_alpha = false;
     picture->info.grey &= background[0] == background[1] && background[1] == background[2];
 }

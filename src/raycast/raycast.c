@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "base/levels.h"
+#include "base/parallel.h"
 #include "base/vec3.h"
 #include "raycast/raycaster.h"
 #include <math.h>
@@ -100,17 +101,29 @@ void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba
         *depth_mm = surface_mm + caster->camera_mm;
 }
 
+typedef struct Rays {
+    const CtsScene *scene;
+    const CtsRaycaster *caster;
+    const int (*xy)[2];
+    double (*rgba)[4];
+} Rays;
+
+static void cast_rays(void *context, int worker, size_t first, size_t end)
+{
+    const Rays *const r = context;
+    (void)worker;
+    for (size_t i = first; i < end && !cts_scene_stopped(r->scene); i++)
+        cts_raycast_ray(r->caster, r->xy[i][0], r->xy[i][1], r->rgba[i], NULL);
+}
+
 CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err)
 {
     CtsRaycaster *caster;
     const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, n, err);
     if (st)
         return st;
-    const long n_blocks = (long)((n + 15) / 16);
-#pragma omp parallel for schedule(dynamic) num_threads(scene->settings->n_threads)
-    for (long block = 0; block < n_blocks; block++)
-        for (size_t i = (size_t)block * 16; i < n && i < (size_t)block * 16 + 16 && !cts_scene_stopped(scene); i++)
-            cts_raycast_ray(caster, xy[i][0], xy[i][1], rgba[i], NULL);
+    Rays rays = {scene, caster, xy, rgba};
+    cts_parallel(scene->settings->n_threads, n, 16, cast_rays, &rays);
     cts_raycaster_free(&caster);
     return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }
@@ -137,6 +150,20 @@ static void render_row(const CtsRaycaster *caster, CtsPicture *picture, int y)
     }
 }
 
+typedef struct Rows {
+    const CtsScene *scene;
+    const CtsRaycaster *caster;
+    CtsPicture *picture;
+} Rows;
+
+static void render_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Rows *const r = context;
+    (void)worker;
+    for (size_t y = first; y < end && !cts_scene_stopped(r->scene); y++)
+        render_row(r->caster, r->picture, (int)y);
+}
+
 static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
 {
     plan(scene, report);
@@ -148,10 +175,8 @@ static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsReport *r
     const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, n, err);
     if (st)
         return st;
-#pragma omp parallel for schedule(dynamic) num_threads(scene->settings->n_threads)
-    for (int y = 0; y < picture->height; y++)
-        if (!cts_scene_stopped(scene))
-            render_row(caster, picture, y);
+    Rows rows = {scene, caster, picture};
+    cts_parallel(scene->settings->n_threads, (size_t)picture->height, 1, render_rows, &rows);
     cts_raycaster_free(&caster);
     cts_report_skip(report, "footprint, splat, warp", "each pixel is integrated along its own ray");
     cts_report_stage(report, CTS_STAGE_COMPOSITE, cts_wall_ms() - wall, cts_cpu_ms() - cpu, n, 0);

@@ -3,9 +3,9 @@
 #include "base/clock.h"
 #include "base/mem.h"
 #include "base/mutation.h"
+#include "base/parallel.h"
 #include "splat/paper_plan.h"
 #include "volume/bits.h"
-#include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -14,8 +14,7 @@ typedef struct Worker {
     CtsCompositor compositor;
     uint64_t *marks, *changed; /* a bit for each voxel of a row */
     uint64_t *needed, *row;    /* bits for each tile of the rows that a band meets, and for one */
-    int open_until;            /* the step up to which the plan's open tiles hold */
-    int band;                  /* by bands: which one */
+    int band, open_until;      /* by bands: which one, and the step up to which its open tiles hold */
     bool stopped;
     int beside[2];             /* voxels beside a tile, along u and v, that its samples depend on */
     CtsPaperStore *store, own; /* own: by bands */
@@ -133,7 +132,14 @@ static bool splat_band(CtsPaperPlan *p, Worker *w, int s, int band)
     return needed;
 }
 
-static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, const CtsEntries *entries)
+/* The first plane and the last stand for half a length of ray. */
+static bool at_end(const CtsPaperPlan *p, int s, int sub)
+{
+    const int last = p->stack.n_layers - 1;
+    return (sub == 0 && s == 1) || (sub == p->samples && (s == 0 || s == last));
+}
+
+static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, int y0, int y1)
 {
     /* Sub-plane 0 is the layer before; sub-plane `samples` (the only one where there is one) is this layer. */
     const int front = sub < p->samples ? s - 1 : s;
@@ -151,26 +157,14 @@ static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, co
                                        .second = part > 0 ? w->store->sheet[behind].origin : NULL,
                                        .stride = w->store->sheet[slot].stride,
                                        .weight = (float)part},
-                            .entries = entries,
+                            .entries = &p->entries[at_end(p, s, sub) && !CTS_MUTATED(END_PLANES)],
                             .light = p->lit ? &light : NULL,
                             .runs = p->reuse || p->skip_void ? &p->runs : NULL};
-    const int height = p->raster.height, n_bands = (height + CTS_BLOCK_HEIGHT - 1) / CTS_BLOCK_HEIGHT;
-    const int n_threads = omp_get_num_threads();
-    if (p->by_bands) {
-        int y0, y1;
-        cts_paper_picture_rows(p, w->band, &y0, &y1);
-        cts_composite_rows(&w->compositor, &plane, y0, y1);
-        return;
-    }
-    for (int band = omp_get_thread_num(); band < n_bands; band += n_threads) {
-        const int y0 = band * CTS_BLOCK_HEIGHT, y1 = y0 + CTS_BLOCK_HEIGHT;
-        cts_composite_rows(&w->compositor, &plane, y0, y1 < height ? y1 : height);
-    }
+    cts_composite_rows(&w->compositor, &plane, y0, y1);
 }
 
-/* The planes that step s completes, front to back; each thread keeps to its own rows of the picture, so that planes
- * need no barrier between them. */
-static void composite_step(const CtsPaperPlan *p, Worker *w, int s)
+/* The planes that step s completes, front to back, in rows y0 to y1 - 1 of the picture. */
+static void composite_step(const CtsPaperPlan *p, Worker *w, int s, int y0, int y1)
 {
     const int last = p->stack.n_layers - 1;
     const int first_sub = p->samples == 1 || s == 0 ? p->samples : 0;
@@ -178,8 +172,7 @@ static void composite_step(const CtsPaperPlan *p, Worker *w, int s)
         /* This layer itself, unless it will be sub-plane 0 of the next step. */
         if (sub == p->samples && p->samples > 1 && s < last)
             continue;
-        const bool end = (sub == 0 && s == 1) || (sub == p->samples && (s == 0 || s == last));
-        composite_plane(p, w, s, sub, &p->entries[end && !CTS_MUTATED(END_PLANES)]);
+        composite_plane(p, w, s, sub, y0, y1);
     }
 }
 
@@ -217,38 +210,57 @@ static void load_row(const CtsPaperPlan *p, Worker *w, int chunk, int v)
 }
 
 /* The chunk to load before a step's neighbour can be read, or -1. */
-static int chunk_missing(const CtsPaperPlan *p, const Worker *w, int step)
+static int chunk_missing(const CtsPaperPlan *p, const CtsPaperStore *store, int step)
 {
-    return step < 0 || step >= p->stack.n_layers ? -1 : cts_stack_missing(&w->store->stack, cts_paper_layer(p, step));
+    return step < 0 || step >= p->stack.n_layers ? -1 : cts_stack_missing(&store->stack, cts_paper_layer(p, step));
 }
 
-/* The layers before and behind can be read after this too; all threads come here together. */
-static void load_chunks(CtsPaperPlan *p, Worker *w, int s)
+/* What all workers share while a layer is worked on. */
+typedef struct Step {
+    CtsPaperPlan *plan;
+    Worker *workers;
+    int s, chunk;
+} Step;
+
+static void find_wanted(void *context, int worker, size_t first, size_t end)
 {
-    for (int step = s - 1; step <= s + 1; step++) {
-        const int chunk = chunk_missing(p, w, step);
-        if (chunk < 0)
+    const Step *const step = context;
+    (void)worker;
+    for (size_t row = first; row < end; row++)
+        cts_paper_find_wanted(step->plan, &step->plan->store, step->chunk, (int)row);
+}
+
+static void load_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Step *const step = context;
+    Worker *const w = &step->workers[worker];
+    const double start_ms = cts_thread_cpu_ms();
+    for (size_t v = first; v < end; v++)
+        load_row(step->plan, w, step->chunk, (int)v);
+    w->busy_ms[CTS_STAGE_SPLAT] += cts_thread_cpu_ms() - start_ms;
+}
+
+/* The layers before and behind can be read after this too. */
+static void load_chunks(Step *step)
+{
+    CtsPaperPlan *const p = step->plan;
+    for (int s = step->s - 1; s <= step->s + 1; s++) {
+        step->chunk = chunk_missing(p, &p->store, s);
+        if (step->chunk < 0)
             continue;
-#pragma omp for schedule(static)
-        for (int row = 0; row < (loads_partly(p) ? p->tiles.n[1] : 0); row++)
-            cts_paper_find_wanted(p, w->store, chunk, row);
-#pragma omp for schedule(dynamic, 4)
-        for (int v = 0; v < p->stack.n[1]; v++)
-            load_row(p, w, chunk, v);
-#pragma omp single
-        cts_stack_set_loaded(&w->store->stack, chunk);
+        if (loads_partly(p))
+            cts_parallel(p->n_threads, (size_t)p->tiles.n[1], 0, find_wanted, step);
+        cts_parallel(p->n_threads, (size_t)p->stack.n[1], 0, load_rows, step);
+        cts_stack_set_loaded(&p->store.stack, step->chunk);
     }
 }
 
-/* What open pixels look at, when it is time to find out anew. */
-static void find_open(CtsPaperPlan *p, Worker *w, int s)
+static void find_open(void *context, int worker, size_t first, size_t end)
 {
-    if (!p->skip_void || s < w->open_until)
-        return;
-    w->open_until = s + CTS_PAPER_OPEN_STEPS;
-#pragma omp for schedule(static)
-    for (int band = 0; band < p->tiles.n_bands; band++)
-        cts_paper_find_open(p, s, band);
+    const Step *const step = context;
+    (void)worker;
+    for (size_t band = first; band < end; band++)
+        cts_paper_find_open(step->plan, step->s, (int)band);
 }
 
 /* A row as it is splatted, where that is not as it is. */
@@ -260,47 +272,62 @@ static void settle_row(const CtsPaperPlan *p, const CtsPaperStore *store, int s,
                       store->settled[s % 3] + at);
 }
 
-static void splat_step(CtsPaperPlan *p, Worker *w, int s)
+static void settle_rows(void *context, int worker, size_t first, size_t end)
 {
+    const Step *const step = context;
+    (void)worker;
+    for (size_t v = first; v < end; v++)
+        settle_row(step->plan, &step->plan->store, step->s, (int)v);
+}
+
+static void splat_bands(void *context, int worker, size_t first, size_t end)
+{
+    const Step *const step = context;
+    Worker *const w = &step->workers[worker];
     const double start_ms = cts_thread_cpu_ms(), shade_ms = w->busy_ms[CTS_STAGE_SHADE];
-    load_chunks(p, w, s);
-    if (p->tolerance > 0) {
-#pragma omp for schedule(static)
-        for (int v = 0; v < p->stack.n[1]; v++)
-            settle_row(p, w->store, s, v);
-    }
-    if (cts_paper_step_needed(p, s)) {
-        find_open(p, w, s);
-#pragma omp for schedule(dynamic, 1) nowait
-        for (int band = 0; band < p->tiles.n_bands; band++)
-            splat_band(p, w, s, band);
-    }
+    for (size_t band = first; band < end; band++)
+        splat_band(step->plan, w, step->s, (int)band);
     const double busy_ms = cts_thread_cpu_ms() - start_ms - (w->busy_ms[CTS_STAGE_SHADE] - shade_ms);
     w->busy_ms[CTS_STAGE_SPLAT] += busy_ms > 0 ? busy_ms : 0;
 }
 
-/* All threads, layer after layer. */
-static void run_layers(CtsPaperPlan *p, Worker *w)
+/* Blocks of picture rows; planes need not wait for each other. */
+static void composite_blocks(void *context, int worker, size_t first, size_t end)
 {
-    for (int s = 0; s < p->stack.n_layers - CTS_MUTATED(LAST_LAYER); s++) {
+    const Step *const step = context;
+    Worker *const w = &step->workers[worker];
+    const int height = step->plan->raster.height, y1 = (int)end * CTS_BLOCK_HEIGHT;
+    const double start_ms = cts_thread_cpu_ms();
+    composite_step(step->plan, w, step->s, (int)first * CTS_BLOCK_HEIGHT, y1 < height ? y1 : height);
+    w->busy_ms[CTS_STAGE_COMPOSITE] += cts_thread_cpu_ms() - start_ms;
+}
+
+/* All threads, layer after layer. */
+static void run_layers(CtsPaperPlan *p, Worker *workers)
+{
+    Step step = {.plan = p, .workers = workers};
+    int open_until = 0; /* the step up to which the plan's open tiles hold */
+    for (int s = 0; s < p->stack.n_layers - CTS_MUTATED(LAST_LAYER) && !p->stopped; s++) {
         const bool needed = cts_paper_step_needed(p, s);
         /* A dead band must see every layer, needed or not. */
         if (!needed && p->tolerance == 0)
             continue;
-        splat_step(p, w, s);
+        step.s = s;
+        load_chunks(&step);
+        if (p->tolerance > 0)
+            cts_parallel(p->n_threads, (size_t)p->stack.n[1], 0, settle_rows, &step);
         if (!needed)
             continue;
-#pragma omp master
+        if (p->skip_void && s >= open_until) {
+            open_until = s + CTS_PAPER_OPEN_STEPS;
+            cts_parallel(p->n_threads, (size_t)p->tiles.n_bands, 0, find_open, &step);
+        }
+        cts_parallel(p->n_threads, (size_t)p->tiles.n_bands, 1, splat_bands, &step);
         p->stopped = cts_scene_stopped(p->scene);
-#pragma omp barrier
-        if (p->stopped)
-            return;
-        const double start_ms = cts_thread_cpu_ms();
-        composite_step(p, w, s);
-        w->busy_ms[CTS_STAGE_COMPOSITE] += cts_thread_cpu_ms() - start_ms;
-#pragma omp master
-        w->store->sheet[s % p->n_sheets].step = s;
-#pragma omp barrier
+        if (!p->stopped)
+            cts_parallel(p->n_threads, (size_t)(p->raster.height + CTS_BLOCK_HEIGHT - 1) / CTS_BLOCK_HEIGHT, 0,
+                         composite_blocks, &step);
+        p->store.sheet[s % p->n_sheets].step = s;
     }
 }
 
@@ -309,7 +336,7 @@ static void load_band_chunks(CtsPaperPlan *p, Worker *w, int s)
     int first, past;
     cts_paper_voxel_rows(p, w->band, &first, &past);
     for (int step = s - 1; step <= s + 1; step++) {
-        const int chunk = chunk_missing(p, w, step), n_rows = p->tiles.n[1];
+        const int chunk = chunk_missing(p, w->store, step), n_rows = p->tiles.n[1];
         if (chunk < 0)
             continue;
         for (int r = w->band * CTS_BAND; r < (w->band + 1) * CTS_BAND && r < n_rows && loads_partly(p); r++)
@@ -337,8 +364,10 @@ static void step_band(CtsPaperPlan *p, Worker *w, int s)
     const bool needed = splat_band(p, w, s, w->band);
     const double splat_ms = cts_wall_ms();
     w->busy_ms[CTS_STAGE_SPLAT] += splat_ms - start_ms - (w->busy_ms[CTS_STAGE_SHADE] - shade_ms);
+    int y0, y1;
+    cts_paper_picture_rows(p, w->band, &y0, &y1);
     if (needed)
-        composite_step(p, w, s);
+        composite_step(p, w, s, y0, y1);
     w->busy_ms[CTS_STAGE_COMPOSITE] += cts_wall_ms() - splat_ms;
     w->store->sheet[s % p->n_sheets].step = s;
 }
@@ -371,23 +400,30 @@ static void run_band(CtsPaperPlan *p, Worker *w, int band)
     flip_alpha(p->picture, y0, y1);
 }
 
-static void run_thread(CtsPaperPlan *p, Worker *w)
+static void flip_rows(void *context, int worker, size_t first, size_t end)
 {
-    w->store = p->by_bands ? &w->own : &p->store;
-    if (!p->by_bands) {
-        const int height = p->picture->height;
-#pragma omp for schedule(static)
-        for (int y = 0; y < height; y++)
-            flip_alpha(p->picture, y, y + 1);
-        run_layers(p, w);
-#pragma omp for schedule(static)
-        for (int y = 0; y < height; y++)
-            flip_alpha(p->picture, y, y + 1);
+    (void)worker;
+    flip_alpha(context, (int)first, (int)end);
+}
+
+static void run_bands(void *context, int worker, size_t first, size_t end)
+{
+    const Step *const step = context;
+    for (size_t band = first; band < end; band++)
+        run_band(step->plan, &step->workers[worker], (int)band);
+}
+
+static void run_all(CtsPaperPlan *p, Worker *workers)
+{
+    Step all = {.plan = p, .workers = workers};
+    const size_t height = (size_t)p->picture->height;
+    if (p->by_bands) {
+        cts_parallel(p->n_threads, (size_t)p->tiles.n_bands, 1, run_bands, &all);
         return;
     }
-#pragma omp for schedule(dynamic, 1)
-    for (int band = 0; band < p->tiles.n_bands; band++)
-        run_band(p, w, band);
+    cts_parallel(p->n_threads, height, 0, flip_rows, p->picture);
+    run_layers(p, workers);
+    cts_parallel(p->n_threads, height, 0, flip_rows, p->picture);
 }
 
 static void report_run(const CtsPaperPlan *p, const Worker *workers, double wall_ms, double cpu_ms, CtsReport *report)
@@ -431,6 +467,7 @@ static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
         (st = cts_alloc_array(&w->needed, n_words * CTS_NEEDED_ROWS, err)) ||
         (p->by_bands && (st = cts_paper_store_init(&w->own, p, err))))
         return st;
+    w->store = p->by_bands ? &w->own : &p->store;
     w->compositor.hidden = p->skip_void ? &p->hidden : NULL;
     for (int c = 0; c < 2; c++) {
         w->beside[c] = p->footprint.reach[c] / p->footprint.density[c];
@@ -459,10 +496,7 @@ static CtsStatus run(CtsPaperPlan *p, CtsReport *report, CtsError *err)
     for (int t = 0; t < p->n_threads; t++)
         if ((st = worker_init(&workers[t], p, err)))
             goto end;
-            /* Threads may be fewer than asked for; each takes its worker by number, and bands go round whoever is
-             * there. */
-#pragma omp parallel num_threads(p->n_threads)
-    run_thread(p, &workers[omp_get_thread_num()]);
+    run_all(p, workers);
     for (int t = 0; t < p->n_threads; t++)
         p->stopped |= workers[t].stopped;
     report_run(p, workers, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, report);

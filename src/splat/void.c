@@ -2,7 +2,8 @@
 
 #include "base/mem.h"
 #include "base/mutation.h"
-#include <omp.h>
+#include "base/parallel.h"
+#include <stdatomic.h>
 #include <string.h>
 
 static uint16_t sample_low(const CtsRangeRule *rule, uint16_t low)
@@ -137,9 +138,9 @@ static uint64_t *shows_row(const CtsVoidMap *map, int block, int tile_v)
 }
 
 /* Set the bits of one line; returns how many. */
-static uint64_t map_line(const CtsVoidMap *map, const Lines *l, int k, int tile_v, int tile_u)
+static uint64_t map_line(const CtsVoidMap *map, const Lines *l, int worker, int k, int tile_v, int tile_u)
 {
-    const size_t scratch = (size_t)omp_get_thread_num() * (size_t)l->n;
+    const size_t scratch = (size_t)worker * (size_t)l->n;
     const CtsRange *range = line_ranges(map, l, k, tile_v, tile_u, l->row + scratch, l->wide + scratch);
     uint64_t n_shown = 0;
     for (int i = 0; i < l->n; i++) {
@@ -190,6 +191,23 @@ static void find_active(CtsVoidMap *map)
     }
 }
 
+typedef struct Mapping {
+    const CtsVoidMap *map;
+    const Lines *lines;
+    int n_other;
+    _Atomic uint64_t n_shown;
+} Mapping;
+
+/* Lines of one row of tiles share words of bits, so they are one thread's. */
+static void map_rows(void *context, int worker, size_t first, size_t end)
+{
+    Mapping *const m = context;
+    const bool across = m->lines->across;
+    for (size_t v = first; v < end; v++)
+        for (int i = 0; i < m->n_other; i++)
+            atomic_fetch_add(&m->n_shown, map_line(m->map, m->lines, worker, across ? 0 : i, (int)v, across ? i : 0));
+}
+
 CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsTiles *tiles, const CtsRangeRule *rule,
                            const CtsBlocks *blocks, int n_threads, CtsError *err)
 {
@@ -211,14 +229,9 @@ CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsTile
         (st = cts_alloc_array(&lines.row, (size_t)lines.n * (size_t)n_threads, err)) ||
         (st = cts_alloc_array(&lines.wide, (size_t)lines.n * (size_t)n_threads, err)))
         goto end;
-    uint64_t n_shown = 0;
-    /* Lines of one row of tiles share words of bits, so they are one thread's. */
-    const int n_other = lines.across ? tiles->n[0] : n_blocks;
-#pragma omp parallel for schedule(dynamic) num_threads(n_threads) reduction(+ : n_shown)
-    for (int v = 0; v < n_v; v++)
-        for (int i = 0; i < n_other; i++)
-            n_shown += map_line(map, &lines, lines.across ? 0 : i, v, lines.across ? i : 0);
-    map->n_shown = n_shown;
+    Mapping mapping = {.map = map, .lines = &lines, .n_other = lines.across ? tiles->n[0] : n_blocks};
+    cts_parallel(n_threads, (size_t)n_v, 1, map_rows, &mapping);
+    map->n_shown = atomic_load(&mapping.n_shown);
     map->n_tiles = n_rows * (size_t)tiles->n[0];
     find_active(map);
 end:

@@ -1,6 +1,7 @@
 #include "table/block_change.h"
 
 #include "base/cpu.h"
+#include "base/parallel.h"
 #include "volume/fold.h"
 #include <stdbool.h>
 #include <string.h>
@@ -133,15 +134,26 @@ static void change_row(const CtsBlockChange *c, const CtsVolume *v, cts_fold_fn 
     }
 }
 
+typedef struct Changing {
+    const CtsBlockChange *change;
+    const CtsVolume *volume;
+    cts_fold_fn fold;
+} Changing;
+
+static void change_layers(void *context, int worker, size_t first, size_t end)
+{
+    const Changing *const c = context;
+    (void)worker;
+    for (size_t bk = first; bk < end; bk++)
+        for (int bj = 0; bj < c->change->blocks->n_fine[1]; bj++)
+            change_row(c->change, c->volume, c->fold, bj, (int)bk);
+}
+
 void cts_block_change_apply(const CtsBlockChange *c, const CtsVolume *volume, int n_threads)
 {
     if (!c->blocks)
         return;
-    const cts_fold_fn fold = cts_fold(cts_cpu_flags());
-    const int n_rows = c->blocks->n_fine[1];
-#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
-    for (int bk = 0; bk < c->blocks->n_fine[2]; bk++)
-        for (int bj = 0; bj < n_rows; bj++)
-            change_row(c, volume, fold, bj, bk);
+    Changing changing = {c, volume, cts_fold(cts_cpu_flags())};
+    cts_parallel(n_threads, (size_t)c->blocks->n_fine[2], 1, change_layers, &changing);
     cts_blocks_sum(c->blocks, n_threads);
 }

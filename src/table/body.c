@@ -1,10 +1,11 @@
 #include "table/body.h"
 
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "table/morphology.h"
 #include "table/parts.h"
 #include <math.h>
-#include <omp.h>
+#include <stdatomic.h>
 #include <string.h>
 
 /* Fingers and the tips of ears are twice as thick, blankets, tubes and plates are not. */
@@ -32,6 +33,22 @@ static CtsStatus count_in(const CtsParts *p, const CtsBits *bits, uint64_t **cou
 }
 
 /* flags[]: the largest part, and of the others of some size those that are mostly thick; sized[]: these others. */
+typedef struct Opening {
+    CtsBits *bits;
+    CtsReach reach;
+    CtsMorphology *workers;
+} Opening;
+
+static void open_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Opening *const o = context;
+    for (int k = (int)first; k < (int)end; k++) {
+        uint64_t *words = cts_bits_row(o->bits, 0, k);
+        if (cts_bits_count_slice(o->bits, k))
+            cts_open_section(&o->workers[worker], words, o->reach, words);
+    }
+}
+
 static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, CtsMorphology *workers, int n_threads,
                                 uint8_t *flags, uint8_t *sized, CtsError *err)
 {
@@ -52,12 +69,8 @@ static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, C
     if ((st = cts_bits_new(&others, plan->dims, err)))
         goto end;
     cts_parts_paint(p, sized, &others, n_threads);
-#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
-    for (int k = 0; k < plan->dims[2]; k++) {
-        uint64_t *words = cts_bits_row(&others, 0, k);
-        if (cts_bits_count_slice(&others, k))
-            cts_open_section(&workers[omp_get_thread_num()], words, reach, words);
-    }
+    Opening opening = {&others, reach, workers};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 1, open_sections, &opening);
     if ((st = count_in(p, &others, &thick, err)))
         goto end;
     for (uint32_t n = 0; n < p->n_parts; n++)
@@ -71,19 +84,39 @@ end:
     return st;
 }
 
-static void extend_by_voxel(CtsMorphology *workers, const CtsBits *sections, const CtsBits *extruded, int n_threads,
-                            CtsBits *dense)
+/* Loops over sections that may change bits. */
+typedef struct Sections {
+    const CtsBits *sections, *extruded;
+    CtsBits *bits;
+    CtsMorphology *workers;
+} Sections;
+
+static void extend_by_voxel(void *context, int worker, size_t first, size_t end)
 {
-    const size_t n_words = dense->row_words * (size_t)dense->dims[1];
-#pragma omp parallel for schedule(static) num_threads(n_threads)
-    for (int k = 0; k < dense->dims[2]; k++) {
-        uint64_t *words = cts_bits_row(dense, 0, k);
-        const uint64_t *there = cts_bits_row(sections, 0, k), *table = cts_bits_row(extruded, 0, k);
-        if (!cts_bits_count_slice(extruded, k))
+    const Sections *const s = context;
+    const size_t n_words = s->bits->row_words * (size_t)s->bits->dims[1];
+    for (int k = (int)first; k < (int)end; k++) {
+        uint64_t *words = cts_bits_row(s->bits, 0, k);
+        const uint64_t *there = cts_bits_row(s->sections, 0, k), *table = cts_bits_row(s->extruded, 0, k);
+        if (!cts_bits_count_slice(s->extruded, k))
             continue;
-        cts_dilate_section(&workers[omp_get_thread_num()], words, ONE, words);
+        cts_dilate_section(&s->workers[worker], words, ONE, words);
         for (size_t w = 0; w < n_words; w++)
             words[w] &= there[w] & ~table[w];
+    }
+}
+
+/* What stands without the extruded and the voxel next to it. */
+static void take_extruded(void *context, int worker, size_t first, size_t end)
+{
+    const Sections *const s = context;
+    const size_t n_words = s->bits->row_words * (size_t)s->bits->dims[1];
+    for (int k = (int)first; k < (int)end; k++) {
+        uint64_t *words = cts_bits_row(s->bits, 0, k);
+        const uint64_t *there = cts_bits_row(s->sections, 0, k);
+        cts_dilate_section(&s->workers[worker], cts_bits_row(s->extruded, 0, k), ONE, words);
+        for (size_t w = 0; w < n_words; w++)
+            words[w] = there[w] & ~words[w];
     }
 }
 
@@ -96,17 +129,10 @@ static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections,
     CtsParts parts = {0};
     uint8_t *flags = NULL, *sized = NULL;
     CtsBits *const rest = &body->foreign; /* first what is no plate, then what is foreign */
-    const size_t n_words = sections->row_words * (size_t)sections->dims[1];
     if ((st = cts_bits_new(rest, plan->dims, err)) || (st = cts_bits_new(&body->dense, plan->dims, err)))
         return st;
-#pragma omp parallel for schedule(static) num_threads(n_threads)
-    for (int k = 0; k < plan->dims[2]; k++) {
-        uint64_t *words = cts_bits_row(rest, 0, k);
-        const uint64_t *there = cts_bits_row(sections, 0, k);
-        cts_dilate_section(&workers[omp_get_thread_num()], cts_bits_row(extruded, 0, k), ONE, words);
-        for (size_t w = 0; w < n_words; w++)
-            words[w] = there[w] & ~words[w];
-    }
+    Sections taking = {sections, extruded, rest, workers}, extending = {sections, extruded, &body->dense, workers};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, take_extruded, &taking);
     if ((st = cts_parts_find(&parts, rest, n_threads, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
         (st = cts_alloc_array(&sized, parts.n_parts, err)) ||
         (st = choose_patient(plan, &parts, workers, n_threads, flags, sized, err)))
@@ -114,7 +140,7 @@ static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections,
     cts_parts_paint(&parts, flags, &body->dense, n_threads);
     cts_bits_combine(rest, CTS_BITS_COPY, extruded);
     cts_parts_paint(&parts, sized, rest, n_threads);
-    extend_by_voxel(workers, sections, extruded, n_threads, &body->dense);
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, extend_by_voxel, &extending);
     for (uint32_t n = 0; n < parts.n_parts; n++)
         body->mm3 += flags[n] ? (double)parts.parts[n].n_voxels * plan->voxel_mm3 : 0;
 end:
@@ -199,21 +225,36 @@ end:
     return st;
 }
 
+typedef struct Measuring {
+    const CtsBody *body;
+    CtsReach reach;
+    CtsMorphology *workers;
+    CtsBits *scratch;
+    _Atomic uint64_t n_thin;
+} Measuring;
+
+static void measure_sections(void *context, int worker, size_t first, size_t end)
+{
+    Measuring *const m = context;
+    const CtsBody *body = m->body;
+    const size_t n_words = body->whole.row_words * (size_t)body->whole.dims[1];
+    for (int k = (int)first; k < (int)end; k++) {
+        uint64_t *thin = cts_bits_row(m->scratch, 0, k), n_thin = 0;
+        const uint64_t *dense = cts_bits_row(&body->dense, 0, k);
+        cts_thin_section(&m->workers[worker], cts_bits_row(&body->whole, 0, k), m->reach, thin);
+        for (size_t w = 0; w < n_words; w++)
+            n_thin += (uint64_t)cts_popcount(thin[w] & dense[w]);
+        atomic_fetch_add(&m->n_thin, n_thin);
+    }
+}
+
 static void measure_thin(const CtsSectionPlan *plan, CtsMorphology *workers, CtsBits *scratch, int n_threads,
                          CtsBody *body)
 {
-    const CtsReach reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm);
-    const size_t n_words = body->whole.row_words * (size_t)body->whole.dims[1];
-    uint64_t n_thin = 0;
-#pragma omp parallel for schedule(dynamic) num_threads(n_threads) reduction(+ : n_thin)
-    for (int k = 0; k < plan->dims[2]; k++) {
-        uint64_t *thin = cts_bits_row(scratch, 0, k);
-        const uint64_t *dense = cts_bits_row(&body->dense, 0, k);
-        cts_thin_section(&workers[omp_get_thread_num()], cts_bits_row(&body->whole, 0, k), reach, thin);
-        for (size_t w = 0; w < n_words; w++)
-            n_thin += (uint64_t)cts_popcount(thin[w] & dense[w]);
-    }
-    body->thin_mm3 = (double)n_thin * plan->voxel_mm3;
+    Measuring m = {
+        .body = body, .reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm), .workers = workers, .scratch = scratch};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 1, measure_sections, &m);
+    body->thin_mm3 = (double)atomic_load(&m.n_thin) * plan->voxel_mm3;
 }
 
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections,

@@ -1,11 +1,12 @@
 #include "table/extruded.h"
 
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "table/contact.h"
 #include "table/morphology.h"
 #include "table/parts.h"
 #include <math.h>
-#include <omp.h>
+#include <stdatomic.h>
 #include <string.h>
 
 /* Longer than an ear, a nose or a fold of skin is straight. */
@@ -141,33 +142,64 @@ static void gather(const Search *s, const CtsBits *sections, int k, const CtsBit
     cts_bits_combine(&own, CTS_BITS_AND, &there);
 }
 
+typedef struct Looking {
+    Search *search;
+    const CtsBits *sections;
+    Worker *workers;
+    atomic_int n_failed;
+} Looking;
+
+static void widen_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Looking *const l = context;
+    const CtsReach one = {.diamond = 1};
+    for (int k = (int)first; k < (int)end; k++)
+        cts_dilate_section(&l->workers[worker].morphology, cts_bits_row(l->sections, 0, k), one,
+                           cts_bits_row(&l->search->wide, 0, k));
+}
+
+static void look_at_windows(void *context, int worker, size_t first, size_t end)
+{
+    Looking *const l = context;
+    for (int n = (int)first; n < (int)end; n++)
+        if (look_at_window(l->search, n, &l->workers[worker], NULL))
+            atomic_fetch_add(&l->n_failed, 1);
+}
+
 static CtsStatus search(Search *s, const CtsBits *sections, int n_threads, CtsError *err)
 {
     Worker *workers;
-    const CtsReach one = {.diamond = 1};
-    int n_failed = 0;
     CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
         st = worker_new(&workers[t], sections->dims, err);
     if (st)
         goto end;
-#pragma omp parallel num_threads(n_threads) reduction(+ : n_failed)
-    {
-        Worker *const w = &workers[omp_get_thread_num()];
-#pragma omp for schedule(static)
-        for (int k = 0; k < sections->dims[2]; k++)
-            cts_dilate_section(&w->morphology, cts_bits_row(sections, 0, k), one, cts_bits_row(&s->wide, 0, k));
-#pragma omp for schedule(dynamic)
-        for (int n = 0; n < s->n_windows; n++)
-            n_failed += look_at_window(s, n, w, NULL) != CTS_OK;
-    }
-    if (n_failed)
+    Looking looking = {.search = s, .sections = sections, .workers = workers};
+    cts_parallel(n_threads, (size_t)sections->dims[2], 0, widen_sections, &looking);
+    cts_parallel(n_threads, (size_t)s->n_windows, 1, look_at_windows, &looking);
+    if (atomic_load(&looking.n_failed))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 end:
     for (int t = 0; workers && t < n_threads; t++)
         worker_free(&workers[t]);
     cts_free(&workers);
     return st;
+}
+
+typedef struct Gathering {
+    const Search *search;
+    const CtsBits *sections;
+    CtsExtruded *extruded;
+} Gathering;
+
+static void gather_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Gathering *const g = context;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++) {
+        gather(g->search, g->sections, k, &g->search->plates, &g->extruded->plates);
+        gather(g->search, g->sections, k, &g->search->doubtful, &g->extruded->doubtful);
+    }
 }
 
 CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, int n_threads, CtsExtruded *extruded,
@@ -190,11 +222,8 @@ CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections,
     if ((st = cts_bits_new(&s.wide, plan->dims, err)) || (st = cts_bits_new(&s.plates, by_window, err)) ||
         (st = cts_bits_new(&s.doubtful, by_window, err)) || (st = search(&s, sections, n_threads, err)))
         goto end;
-#pragma omp parallel for schedule(static) num_threads(n_threads)
-    for (int k = 0; k < plan->dims[2]; k++) {
-        gather(&s, sections, k, &s.plates, &extruded->plates);
-        gather(&s, sections, k, &s.doubtful, &extruded->doubtful);
-    }
+    Gathering gathering = {&s, sections, extruded};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, gather_sections, &gathering);
 end:
     cts_bits_free(&s.wide);
     cts_bits_free(&s.plates);

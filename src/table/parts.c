@@ -1,6 +1,7 @@
 #include "table/parts.h"
 
 #include "base/mem.h"
+#include "base/parallel.h"
 
 /* Slices joined by one thread before the bands are joined in order; fixed, so that threads change nothing. */
 enum { BAND = 16 };
@@ -64,18 +65,30 @@ static void join_slices(CtsParts *p, int k)
         join_rows(p, ((size_t)k - 1) * ny + j, (size_t)k * ny + j);
 }
 
-static void join_bands(CtsParts *p, bool across_slices, bool is_large, int n_threads)
+typedef struct Joining {
+    CtsParts *parts;
+    bool across_slices;
+} Joining;
+
+static void join_band(void *context, int worker, size_t first, size_t end)
 {
+    const Joining *const joining = context;
+    CtsParts *p = joining->parts;
     const size_t ny = (size_t)p->dims[1];
+    (void)worker;
+    for (size_t k = first; k < end; k++) {
+        for (size_t j = 1; j < ny; j++)
+            join_rows(p, k * ny + j - 1, k * ny + j);
+        if (joining->across_slices && k % BAND)
+            join_slices(p, (int)k);
+    }
+}
+
+static void join_bands(CtsParts *p, bool across_slices, int n_threads)
+{
     const int n_bands = (p->dims[2] + BAND - 1) / BAND;
-#pragma omp parallel for schedule(dynamic) num_threads(n_threads) if (is_large)
-    for (int band = 0; band < n_bands; band++)
-        for (int k = band * BAND; k < (band + 1) * BAND && k < p->dims[2]; k++) {
-            for (size_t j = 1; j < ny; j++)
-                join_rows(p, (size_t)k * ny + j - 1, (size_t)k * ny + j);
-            if (across_slices && k > band * BAND)
-                join_slices(p, k);
-        }
+    Joining joining = {p, across_slices};
+    cts_parallel(n_threads, (size_t)p->dims[2], BAND, join_band, &joining);
     for (int band = 1; across_slices && band < n_bands; band++)
         join_slices(p, band * BAND);
 }
@@ -132,15 +145,48 @@ void cts_parts_counted(CtsParts *p)
     p->counted = true;
 }
 
+/* A mask and its runs. */
+typedef struct Rows {
+    CtsParts *parts;
+    const CtsBits *bits;
+} Rows;
+
+static void count_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Rows *const r = context;
+    const size_t n_words = r->bits->row_words;
+    (void)worker;
+    for (size_t row = first; row < end; row++)
+        r->parts->row_start[row + 1] = cts_bits_count_runs(r->bits->words + row * n_words, n_words);
+}
+
+static void list_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Rows *const r = context;
+    const CtsParts *p = r->parts;
+    const size_t n_words = r->bits->row_words;
+    (void)worker;
+    for (size_t row = first; row < end; row++) {
+        list_row(r->bits->words + row * n_words, n_words, r->bits->dims[0], p->runs + p->row_start[row]);
+        for (uint32_t run = p->row_start[row]; run < p->row_start[row + 1]; run++)
+            p->runs[run].part = run;
+    }
+}
+
+/* A small mask is not worth waking anybody. */
+static int threads_for(const CtsBits *bits, int n_threads)
+{
+    return cts_bits_is_large(bits) ? n_threads : 1;
+}
+
 static CtsStatus count(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
 {
     const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
     const CtsStatus st = cts_parts_begin(p, bits->dims, err);
     if (st)
         return st;
-#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
-    for (size_t row = 0; row < n_rows; row++)
-        p->row_start[row + 1] = cts_bits_count_runs(bits->words + row * bits->row_words, bits->row_words);
+    Rows rows = {p, bits};
+    cts_parallel(threads_for(bits, n_threads), n_rows, 0, count_rows, &rows);
     cts_parts_counted(p);
     return CTS_OK;
 }
@@ -158,13 +204,9 @@ static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int 
     }
     if ((st = cts_alloc_array(&p->runs, p->n_runs, err)))
         goto end;
-#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
-    for (size_t row = 0; row < n_rows; row++) {
-        list_row(bits->words + row * bits->row_words, bits->row_words, bits->dims[0], p->runs + p->row_start[row]);
-        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
-            p->runs[r].part = r;
-    }
-    join_bands(p, across_slices, cts_bits_is_large(bits), n_threads);
+    Rows rows = {p, bits};
+    cts_parallel(threads_for(bits, n_threads), n_rows, 0, list_rows, &rows);
+    join_bands(p, across_slices, threads_for(bits, n_threads));
     st = label(p, err);
 end:
     if (st)
@@ -201,9 +243,22 @@ void cts_parts_paint_slice(const CtsParts *p, const uint8_t *flags, CtsBits *bit
     }
 }
 
+typedef struct Painting {
+    const CtsParts *parts;
+    const uint8_t *flags;
+    CtsBits *bits;
+} Painting;
+
+static void paint_slices(void *context, int worker, size_t first, size_t end)
+{
+    const Painting *const p = context;
+    (void)worker;
+    for (size_t k = first; k < end; k++)
+        cts_parts_paint_slice(p->parts, p->flags, p->bits, (int)k);
+}
+
 void cts_parts_paint(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int n_threads)
 {
-#pragma omp parallel for schedule(static) num_threads(n_threads) if (cts_bits_is_large(bits))
-    for (int k = 0; k < p->dims[2]; k++)
-        cts_parts_paint_slice(p, flags, bits, k);
+    Painting painting = {p, flags, bits};
+    cts_parallel(threads_for(bits, n_threads), (size_t)p->dims[2], 0, paint_slices, &painting);
 }

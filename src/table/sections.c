@@ -1,5 +1,6 @@
 #include "table/sections.h"
 
+#include "base/parallel.h"
 #include "base/vec3.h"
 #include <math.h>
 #include <string.h>
@@ -46,17 +47,30 @@ static void join_row(const CtsSectionPlan *plan, const CtsBits *dense, int j, in
         to[w] |= from[w];
 }
 
+typedef struct Joining {
+    const CtsSectionPlan *plan;
+    const CtsBits *dense;
+    CtsBits *sections;
+} Joining;
+
+static void join_slices(void *context, int worker, size_t first, size_t end)
+{
+    const Joining *const joining = context;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++)
+        for (int j = 0; j < joining->dense->dims[1]; j++)
+            join_row(joining->plan, joining->dense, j, k, joining->sections);
+}
+
 CtsStatus cts_sections_new(const CtsSectionPlan *plan, const CtsBits *dense, int n_threads, CtsBits *sections,
                            CtsError *err)
 {
     const CtsStatus st = cts_bits_new(sections, plan->dims, err);
+    Joining joining = {plan, dense, sections};
     /* Slices that one thread takes together never meet those of another in a row. */
-    const int step = plan->axis[2] == 2 ? plan->n_slices : 1;
-#pragma omp parallel for schedule(static) num_threads(n_threads)
-    for (int first = 0; first < (st ? 0 : dense->dims[2]); first += step)
-        for (int k = first; k < first + step && k < dense->dims[2]; k++)
-            for (int j = 0; j < dense->dims[1]; j++)
-                join_row(plan, dense, j, k, sections);
+    if (!st)
+        cts_parallel(n_threads, (size_t)dense->dims[2], plan->axis[2] == 2 ? (size_t)plan->n_slices : 1, join_slices,
+                     &joining);
     return st;
 }
 

@@ -3,13 +3,14 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "table/block_change.h"
 #include "table/body.h"
 #include "table/extruded.h"
 #include "table/morphology.h"
 #include "table/parts.h"
 #include <math.h>
-#include <omp.h>
+#include <stdatomic.h>
 #include <string.h>
 
 /* Below fat and skin, above foam, paper and most cloth. */
@@ -110,6 +111,20 @@ static void find_gone(Removal *r, int k, CtsMorphology *m, uint64_t *scratch)
         gone[w] |= foreign[w] | (scratch[w] & ~near[w]);
 }
 
+typedef struct Finding {
+    Removal *removal;
+    CtsMorphology *workers;
+    uint64_t *scratch;
+    size_t n_scratch; /* of each worker */
+} Finding;
+
+static void find_some_gone(void *context, int worker, size_t first, size_t end)
+{
+    const Finding *const f = context;
+    for (int k = (int)first; k < (int)end; k++)
+        find_gone(f->removal, k, &f->workers[worker], f->scratch + f->n_scratch * (size_t)worker);
+}
+
 static CtsStatus find_all_gone(Removal *r, CtsError *err)
 {
     CtsMorphology *workers = NULL;
@@ -122,9 +137,8 @@ static CtsStatus find_all_gone(Removal *r, CtsError *err)
     for (int t = 0; t < r->n_threads; t++)
         if ((st = cts_morphology_new(&workers[t], &r->sections, err)))
             goto end;
-#pragma omp parallel for schedule(dynamic) num_threads(r->n_threads)
-    for (int k = 0; k < r->plan.dims[2]; k++)
-        find_gone(r, k, &workers[omp_get_thread_num()], scratch + 2 * n_words * (size_t)omp_get_thread_num());
+    Finding finding = {r, workers, scratch, 2 * n_words};
+    cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, find_some_gone, &finding);
 end:
     for (int t = 0; workers && t < r->n_threads; t++)
         cts_morphology_free(&workers[t]);
@@ -154,24 +168,40 @@ static uint64_t clear_row(const Removal *r, CtsVolume *v, int j, int k, const ui
     return n_dense;
 }
 
+typedef struct Clearing {
+    const Removal *removal;
+    CtsVolume *volume;
+    CtsBlockChange *change;
+    _Atomic uint64_t n_dense;
+} Clearing;
+
+static void clear_slices(void *context, int worker, size_t first, size_t end)
+{
+    Clearing *const c = context;
+    const Removal *r = c->removal;
+    uint64_t n_dense = 0;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++) {
+        CtsBlockRows rows;
+        uint64_t gone[CTS_BITS_ROW_WORDS];
+        for (int j = 0; j < c->volume->dims[1]; j++) {
+            cts_sections_row(&r->plan, &r->gone, c->volume->dims[0], j, k, gone);
+            n_dense += clear_row(r, c->volume, j, k, gone);
+            cts_block_change_row(c->change, &rows, gone, j, k);
+        }
+    }
+    atomic_fetch_add(&c->n_dense, n_dense);
+}
+
 static CtsStatus clear(Removal *r, CtsVolume *v, CtsError *err)
 {
-    uint64_t n_dense = 0;
     CtsBlockChange change;
     CtsStatus st = cts_block_change_new(&change, v->blocks, err);
     if (st)
         goto end;
-#pragma omp parallel for schedule(dynamic, CTS_FINE_BLOCK) num_threads(r->n_threads) reduction(+ : n_dense)
-    for (int k = 0; k < v->dims[2]; k++) {
-        CtsBlockRows rows;
-        uint64_t gone[CTS_BITS_ROW_WORDS];
-        for (int j = 0; j < v->dims[1]; j++) {
-            cts_sections_row(&r->plan, &r->gone, v->dims[0], j, k, gone);
-            n_dense += clear_row(r, v, j, k, gone);
-            cts_block_change_row(&change, &rows, gone, j, k);
-        }
-    }
-    r->n_dense_gone = n_dense;
+    Clearing clearing = {.removal = r, .volume = v, .change = &change};
+    cts_parallel(r->n_threads, (size_t)v->dims[2], CTS_FINE_BLOCK, clear_slices, &clearing);
+    r->n_dense_gone = atomic_load(&clearing.n_dense);
     cts_block_change_apply(&change, v, r->n_threads);
 end:
     cts_block_change_free(&change);

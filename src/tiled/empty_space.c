@@ -2,7 +2,9 @@
 
 #include "base/mem.h"
 #include "base/mutation.h"
+#include "base/parallel.h"
 #include "tiled/block_distance.h"
+#include <stdatomic.h>
 
 /* The fine blocks in the layout's order of axes. */
 typedef struct Fine {
@@ -39,6 +41,35 @@ static uint8_t fine_bits(const Fine *f, const CtsLut *lut, int u, int v, int k)
     return (uint8_t)bits;
 }
 
+typedef struct Look {
+    CtsEmptySpace *empty;
+    const CtsRange *range;
+    ptrdiff_t stride[3];
+    const Fine *fine;
+    const CtsLut *lut;
+    _Atomic int64_t n_visible;
+} Look;
+
+static void look_at_rows(void *context, int worker, size_t first, size_t end)
+{
+    Look *const l = context;
+    const int nu = l->empty->nu, nv = l->empty->nv;
+    int64_t n_visible = 0;
+    (void)worker;
+    for (size_t row = first; row < end; row++) {
+        const int v = (int)row % nv, k = (int)row / nv;
+        uint8_t *d = l->empty->distance + row * (size_t)nu, *fine = l->empty->fine + row * (size_t)nu;
+        for (int u = 0; u < nu; u++) {
+            const CtsRange r = l->range[u * l->stride[0] + v * l->stride[1] + k * l->stride[2]];
+            const bool visible = cts_lut_visible(l->lut, r.low, r.high);
+            d[u] = visible ? 0 : CTS_BLOCK_FAR;
+            fine[u] = visible ? fine_bits(l->fine, l->lut, u, v, k) : 0;
+            n_visible += visible;
+        }
+    }
+    atomic_fetch_add(&l->n_visible, n_visible);
+}
+
 CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsBlocks *blocks, const CtsLayout *layout,
                                const CtsLut *lut, int n_threads, CtsError *err)
 {
@@ -51,21 +82,13 @@ CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsBlocks *blocks, co
         goto end;
     const ptrdiff_t from[3] = {1, blocks->n[0], (ptrdiff_t)blocks->n[0] * blocks->n[1]};
     const Fine all_fine = fine_of(blocks, layout);
-    int64_t n_visible = 0;
-#pragma omp parallel for schedule(dynamic, 64) num_threads(n_threads) reduction(+ : n_visible)
-    for (int row = 0; row < empty->nk * empty->nv; row++) {
-        const int v = row % empty->nv, k = row / empty->nv;
-        uint8_t *d = empty->distance + (size_t)row * (size_t)empty->nu, *fine = empty->fine + (d - empty->distance);
-        for (int u = 0; u < empty->nu; u++) {
-            const CtsRange r =
-                blocks->range[u * from[layout->axis_u] + v * from[layout->axis_v] + k * from[layout->axis_k]];
-            const bool visible = cts_lut_visible(lut, r.low, r.high);
-            d[u] = visible ? 0 : CTS_BLOCK_FAR;
-            fine[u] = visible ? fine_bits(&all_fine, lut, u, v, k) : 0;
-            n_visible += visible;
-        }
-    }
-    empty->n_visible = n_visible;
+    Look look = {.empty = empty,
+                 .range = blocks->range,
+                 .stride = {from[layout->axis_u], from[layout->axis_v], from[layout->axis_k]},
+                 .fine = &all_fine,
+                 .lut = lut};
+    cts_parallel(n_threads, (size_t)empty->nk * (size_t)empty->nv, 64, look_at_rows, &look);
+    empty->n_visible = atomic_load(&look.n_visible);
     st = cts_block_distance(empty->distance, empty->nu, empty->nv, empty->nk, err);
 end:
     if (st)

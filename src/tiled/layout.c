@@ -1,9 +1,11 @@
 #include "tiled/layout.h"
 
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "scene/transpose.h"
 #include "volume/blocks.h"
 #include <math.h>
+#include <stdatomic.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -71,23 +73,44 @@ CtsStatus cts_layout_make(CtsLayout *l, CtsError *err)
     return st;
 }
 
-int64_t cts_layout_copy(const CtsLayout *l, const CtsVolume *volume, const CtsLayoutBlocks *blocks, int n_threads)
+typedef struct Copy {
+    const CtsLayout *layout;
+    const CtsVolume *volume;
+    const CtsLayoutBlocks *blocks;
+    _Atomic int64_t n;
+} Copy;
+
+/* A row of blocks; returns how many were copied. */
+static int copy_blocks(const Copy *c, int bv, int bk)
 {
-    int64_t n = 0;
-#pragma omp parallel for schedule(dynamic) num_threads(n_threads) reduction(+ : n)
-    for (int row = 0; row < blocks->nk * blocks->nv; row++) {
-        const uint8_t *distance = blocks->distance + (size_t)row * (size_t)blocks->nu;
-        const int bv = row % blocks->nv, bk = row / blocks->nv;
-        for (int bu = 0; bu < blocks->nu; bu++) {
-            if (distance[bu] <= blocks->above || distance[bu] > blocks->reach)
-                continue;
-            for (int v = bv * CTS_BLOCK; v < block_end(bv, blocks->nv, l->nv); v++)
-                copy_row(l, volume, bu * CTS_BLOCK, block_end(bu, blocks->nu, l->nu), v, bk * CTS_BLOCK,
-                         block_end(bk, blocks->nk, l->nk));
-            n++;
-        }
+    const CtsLayout *l = c->layout;
+    const CtsLayoutBlocks *blocks = c->blocks;
+    const uint8_t *distance = blocks->distance + ((size_t)bk * (size_t)blocks->nv + (size_t)bv) * (size_t)blocks->nu;
+    int n = 0;
+    for (int bu = 0; bu < blocks->nu; bu++) {
+        if (distance[bu] <= blocks->above || distance[bu] > blocks->reach)
+            continue;
+        for (int v = bv * CTS_BLOCK; v < block_end(bv, blocks->nv, l->nv); v++)
+            copy_row(l, c->volume, bu * CTS_BLOCK, block_end(bu, blocks->nu, l->nu), v, bk * CTS_BLOCK,
+                     block_end(bk, blocks->nk, l->nk));
+        n++;
     }
     return n;
+}
+
+static void copy_rows(void *context, int worker, size_t first, size_t end)
+{
+    Copy *const c = context;
+    (void)worker;
+    for (size_t row = first; row < end; row++)
+        atomic_fetch_add(&c->n, copy_blocks(c, (int)row % c->blocks->nv, (int)row / c->blocks->nv));
+}
+
+int64_t cts_layout_copy(const CtsLayout *l, const CtsVolume *volume, const CtsLayoutBlocks *blocks, int n_threads)
+{
+    Copy copy = {.layout = l, .volume = volume, .blocks = blocks};
+    cts_parallel(n_threads, (size_t)blocks->nk * (size_t)blocks->nv, 1, copy_rows, &copy);
+    return atomic_load(&copy.n);
 }
 
 void cts_layout_free(CtsLayout *layout)

@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/levels.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include <math.h>
 
 /* A ray in voxel coordinates: start + t * step, t in mm, inside the box from t0 to t1. */
@@ -11,6 +12,7 @@ typedef struct Ray {
 } Ray;
 
 typedef struct Projector {
+    const CtsScene *scene;
     const CtsVolume *volume;
     const CtsBlocks *blocks;
     const CtsView *view;
@@ -206,8 +208,9 @@ static double mean(const Projector *p, const Ray *ray)
     return sum / (ray->t1 - ray->t0);
 }
 
-static void project_row(const Projector *p, const CtsPreset *preset, CtsPicture *picture, int y)
+static void project_row(const Projector *p, CtsPicture *picture, int y)
 {
+    const CtsPreset *preset = p->scene->preset;
     const double width_hu = preset->window_high_hu - preset->window_low_hu;
     for (int x = 0; x < picture->width; x++) {
         Ray ray;
@@ -223,11 +226,25 @@ static void project_row(const Projector *p, const CtsPreset *preset, CtsPicture 
     }
 }
 
+typedef struct Rows {
+    const Projector *projector;
+    CtsPicture *picture;
+} Rows;
+
+static void project_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Rows *const r = context;
+    (void)worker;
+    for (size_t y = first; y < end && !cts_scene_stopped(r->projector->scene); y++)
+        project_row(r->projector, r->picture, (int)y);
+}
+
 CtsStatus cts_project(const CtsScene *scene, const CtsBlocks *blocks, CtsPicture *picture, CtsReport *report,
                       CtsError *err)
 {
     const CtsVolume *v = scene->volume;
-    const Projector p = {.volume = v,
+    const Projector p = {.scene = scene,
+                         .volume = v,
                          .blocks = blocks,
                          .view = &scene->view,
                          .mode = scene->preset->mode,
@@ -240,10 +257,8 @@ CtsStatus cts_project(const CtsScene *scene, const CtsBlocks *blocks, CtsPicture
     if (!picture)
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-#pragma omp parallel for schedule(dynamic) num_threads(scene->settings->n_threads)
-    for (int y = 0; y < picture->height; y++)
-        if (!cts_scene_stopped(scene))
-            project_row(&p, scene->preset, picture, y);
+    Rows rows = {&p, picture};
+    cts_parallel(scene->settings->n_threads, (size_t)picture->height, 1, project_rows, &rows);
     if (cts_scene_stopped(scene))
         return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     cts_report_stage(report, CTS_STAGE_COMPOSITE, cts_wall_ms() - wall, cts_cpu_ms() - cpu,

@@ -1,6 +1,7 @@
 #include "tiled/slab.h"
 
 #include "base/mem.h"
+#include "base/parallel.h"
 #include <math.h>
 #include <string.h>
 
@@ -22,6 +23,21 @@ static void step_integral(const CtsPreset *preset, double extinction_scale, doub
             out[c] += t * rgb[c];
         out[3] += t;
     }
+}
+
+typedef struct Steps {
+    const CtsScene *scene;
+    double low_hu, width_hu;
+    double (*integral)[4];
+} Steps;
+
+static void integrate_steps(void *context, int worker, size_t first, size_t end)
+{
+    const Steps *const s = context;
+    (void)worker;
+    for (size_t i = first; i < end; i++)
+        step_integral(s->scene->preset, s->scene->extinction_scale, s->low_hu + (int)i * s->width_hu, s->width_hu,
+                      s->integral[i]);
 }
 
 CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRange range, CtsError *err)
@@ -56,10 +72,8 @@ CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRan
         (st = cts_alloc_array(&step, (size_t)table->n, err)))
         goto end;
     const double width_hu = scene->volume->hu_step / per_grey;
-#pragma omp parallel for schedule(static) num_threads(scene->settings->n_threads)
-    for (int i = 0; i < table->n; i++)
-        step_integral(scene->preset, scene->extinction_scale,
-                      scene->volume->hu_offset + scene->volume->hu_step * low + i * width_hu, width_hu, step[i]);
+    Steps steps = {scene, scene->volume->hu_offset + scene->volume->hu_step * low, width_hu, step};
+    cts_parallel(scene->settings->n_threads, (size_t)table->n, 0, integrate_steps, &steps);
     double total[4] = {0, 0, 0, 0};
     for (int i = 0; i < table->n; i++)
         for (int c = 0; c < 4; c++)

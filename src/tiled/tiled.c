@@ -7,12 +7,12 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/mutation.h"
+#include "base/parallel.h"
 #include "tiled/kept.h"
 #include "tiled/march_plan.h"
 #include "tiled/project.h"
 #include "tiled/tile.h"
 #include <math.h>
-#include <omp.h>
 
 /* at[0] + at[1] x + at[2] y + at[3] q is the coordinate along `axis` at which the ray of pixel (x, y) meets layer q;
  * for axis -1 its distance from the camera plane in mm. */
@@ -114,27 +114,35 @@ static TiledPath choose_path(const TiledJob *j)
     return (TiledPath){"plain C", cts_tiled_packets_c, cts_tiled_packets_c, 1};
 }
 
+typedef struct Tiles {
+    const TiledJob *job;
+    const TiledPath *path;
+    const CtsScene *scene;
+    TiledWorkspace *workspaces; /* of each worker */
+} Tiles;
+
+static void run_some_tiles(void *context, int worker, size_t first, size_t end)
+{
+    const Tiles *const t = context;
+    for (size_t tile = first; tile < end && !cts_scene_stopped(t->scene); tile++)
+        cts_tiled_run_tile(t->job, t->path, &t->workspaces[worker], (int)tile);
+}
+
 static CtsStatus run_tiles(const TiledJob *j, const TiledPath *path, const CtsScene *scene, TiledCounts *total,
                            CtsError *err)
 {
     const int n_threads = scene->settings->n_threads;
     const size_t n_runs = cts_tiled_n_runs(j);
-    const int n_tiles = cts_tiled_n_tiles(j);
     TiledRun *runs = NULL;
     TiledWorkspace *workspaces = NULL;
     CtsStatus st;
     if ((st = cts_alloc_array(&runs, n_runs * (size_t)n_threads, err)) ||
         (st = cts_alloc_zeroed(&workspaces, (size_t)n_threads, err)))
         goto end;
-#pragma omp parallel num_threads(n_threads)
-    {
-        TiledWorkspace *workspace = &workspaces[omp_get_thread_num()];
-        workspace->runs = runs + n_runs * (size_t)omp_get_thread_num();
-#pragma omp for schedule(dynamic)
-        for (int tile = 0; tile < n_tiles; tile++)
-            if (!cts_scene_stopped(scene))
-                cts_tiled_run_tile(j, path, workspace, tile);
-    }
+    for (int t = 0; t < n_threads; t++)
+        workspaces[t].runs = runs + n_runs * (size_t)t;
+    Tiles tiles = {j, path, scene, workspaces};
+    cts_parallel(n_threads, (size_t)cts_tiled_n_tiles(j), 1, run_some_tiles, &tiles);
     *total = (TiledCounts){0};
     for (int t = 0; t < n_threads; t++) {
         total->samples += workspaces[t].counts.samples;

@@ -1,6 +1,7 @@
 #include "transfer/lut.h"
 
 #include "base/mem.h"
+#include "base/parallel.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,10 +33,36 @@ static int settled_level(const CtsPreset *preset, const CtsVolume *volume)
     return past;
 }
 
+enum { MOST_WORKERS = 64 };
+
+typedef struct Fill {
+    CtsLut *lut;
+    const CtsPreset *preset;
+    const CtsVolume *volume;
+    double extinction_scale;
+    double *most; /* the largest extinction that each worker met */
+} Fill;
+
+static void fill_levels(void *context, int worker, size_t first, size_t end)
+{
+    const Fill *const f = context;
+    for (size_t g = first; g < end; g++) {
+        const double hu = cts_volume_hu(f->volume, (uint16_t)g);
+        double rgb[3];
+        cts_preset_colour(f->preset, hu, rgb);
+        for (int c = 0; c < 3; c++)
+            f->lut->rgb[g][c] = (float)rgb[c];
+        const double extinction = cts_preset_extinction_per_mm(f->preset, hu) * f->extinction_scale;
+        f->lut->extinction_per_mm[g] = (float)extinction;
+        f->most[worker] = fmax(f->most[worker], extinction);
+    }
+}
+
 CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, double extinction_scale,
                       int n_threads, CtsError *err)
 {
     CtsStatus st;
+    double most[MOST_WORKERS] = {0};
     CtsLut *l = *lut = calloc(1, sizeof *l);
     if (!l)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -46,23 +73,14 @@ CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *vo
         return st;
     }
     const int settled = settled_level(preset, volume);
-    double most = 0;
-#pragma omp parallel for schedule(static) num_threads(n_threads) reduction(max : most)
-    for (int g = 0; g <= settled; g++) {
-        const double hu = cts_volume_hu(volume, (uint16_t)g);
-        double rgb[3];
-        cts_preset_colour(preset, hu, rgb);
-        for (int c = 0; c < 3; c++)
-            l->rgb[g][c] = (float)rgb[c];
-        const double extinction = cts_preset_extinction_per_mm(preset, hu) * extinction_scale;
-        l->extinction_per_mm[g] = (float)extinction;
-        most = extinction > most ? extinction : most;
-    }
+    Fill fill = {l, preset, volume, extinction_scale, most};
+    cts_parallel(n_threads < MOST_WORKERS ? n_threads : MOST_WORKERS, (size_t)settled + 1, 0, fill_levels, &fill);
+    for (int w = 0; w < MOST_WORKERS; w++)
+        l->max_extinction_per_mm = fmax(l->max_extinction_per_mm, most[w]);
     for (int g = settled + 1; g < CTS_N_GREY; g++) {
         memcpy(l->rgb[g], l->rgb[settled], sizeof l->rgb[g]);
         l->extinction_per_mm[g] = l->extinction_per_mm[settled];
     }
-    l->max_extinction_per_mm = most;
     count_visible(l);
     return CTS_OK;
 }

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "dicom/slice.h"
 #include "dicom/slice_stack.h"
 #include "volume/blocks.h"
@@ -11,6 +12,8 @@
 #include "volume/resample.h"
 #include "volume/volume_new.h"
 #include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -31,7 +34,7 @@ typedef struct Assembly {
     bool *bad; /* slices whose pixels are damaged; the caller's, n_slices of them */
     int n_bad;
     int first_bad, first_lost; /* damaged, and failed for any other reason; or n_slices */
-    int stop;                  /* slices after this one do not matter any more */
+    atomic_int stop;           /* slices after this one do not matter any more */
     CtsError why_bad, why_lost;
 } Assembly;
 
@@ -124,47 +127,72 @@ static void note_failure(Assembly *a, int k, const CtsError *why)
     int stop = a->first_lost;
     if (too_many_bad(a->n_bad, a->n_slices) && a->first_bad < stop)
         stop = a->first_bad;
-#pragma omp atomic write
-    a->stop = stop;
+    atomic_store(&a->stop, stop);
 }
 
-static void read_each(Assembly *a, double *decode_ms, double *grey_ms)
+/* One thread's. */
+typedef struct Reader {
+    CtsScratch scratch;
+    double busy[CTS_N_STAGES];
+} Reader;
+
+typedef struct Reading {
+    Assembly *assembly;
+    cts_grey_whole_fn to_grey;
+    Reader *readers;
+    pthread_mutex_t lock; /* of the assembly's failures */
+} Reading;
+
+/* The slices of one layer of blocks are one worker's. */
+static void read_some(void *context, int worker, size_t first, size_t end)
 {
-    const cts_grey_whole_fn to_grey = cts_grey_whole(cts_cpu_flags());
-    double busy_decode = 0, busy_grey = 0;
-#pragma omp parallel num_threads(a->n_threads) reduction(+ : busy_decode, busy_grey)
-    {
-        CtsScratch scratch = {0};
-        double busy[CTS_N_STAGES] = {0};
-#pragma omp for schedule(dynamic, CTS_FINE_BLOCK)
-        for (int k = 0; k < a->n_slices; k++) {
-            CtsError why = {0};
-            int stop;
-#pragma omp atomic read
-            stop = a->stop;
-            if (k > stop)
-                continue;
-            if (k + 1 < a->n_slices)
-                cts_slice_read_ahead(&a->slices[k + 1]);
-            if (!read_slice(a, k, &scratch, to_grey, busy, &why))
-                continue;
-#pragma omp critical(cts_slice_failure)
-            note_failure(a, k, &why);
-        }
-        busy_decode += busy[CTS_STAGE_DECODE];
-        busy_grey += busy[CTS_STAGE_GREY];
-        cts_scratch_free(&scratch);
+    Reading *const r = context;
+    Assembly *const a = r->assembly;
+    Reader *const reader = &r->readers[worker];
+    for (int k = (int)first; k < (int)end; k++) {
+        CtsError why = {0};
+        if (k > atomic_load(&a->stop))
+            continue;
+        if (k + 1 < a->n_slices)
+            cts_slice_read_ahead(&a->slices[k + 1]);
+        if (!read_slice(a, k, &reader->scratch, r->to_grey, reader->busy, &why))
+            continue;
+        pthread_mutex_lock(&r->lock);
+        note_failure(a, k, &why);
+        pthread_mutex_unlock(&r->lock);
     }
-    *decode_ms = busy_decode;
-    *grey_ms = busy_grey;
+}
+
+static CtsStatus read_each(Assembly *a, CtsError *err)
+{
+    Reader *readers = calloc((size_t)a->n_threads, sizeof *readers);
+    if (!readers)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    Reading reading = {.assembly = a,
+                       .to_grey = cts_grey_whole(cts_cpu_flags()),
+                       .readers = readers,
+                       .lock = PTHREAD_MUTEX_INITIALIZER};
+    cts_parallel(a->n_threads, (size_t)a->n_slices, CTS_FINE_BLOCK, read_some, &reading);
+    pthread_mutex_destroy(&reading.lock);
+    a->busy[CTS_STAGE_DECODE] = a->busy[CTS_STAGE_GREY] = 0;
+    for (int t = 0; t < a->n_threads; t++) {
+        a->busy[CTS_STAGE_DECODE] += readers[t].busy[CTS_STAGE_DECODE];
+        a->busy[CTS_STAGE_GREY] += readers[t].busy[CTS_STAGE_GREY];
+        cts_scratch_free(&readers[t].scratch);
+    }
+    free(readers);
+    return CTS_OK;
 }
 
 /* CTS_ERR_PIXELS: some slices are bad, and a->bad says which. */
 static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    a->first_bad = a->first_lost = a->stop = a->n_slices;
-    read_each(a, &a->busy[CTS_STAGE_DECODE], &a->busy[CTS_STAGE_GREY]);
+    a->first_bad = a->first_lost = a->n_slices;
+    atomic_store(&a->stop, a->n_slices);
+    const CtsStatus st = read_each(a, err);
+    if (st)
+        return st;
     a->items[CTS_STAGE_DECODE] = (uint64_t)a->n_slices;
     a->items[CTS_STAGE_GREY] = (uint64_t)a->n_slices * a->layer_voxels;
     a->bytes[CTS_STAGE_GREY] = a->items[CTS_STAGE_GREY] * sizeof(uint16_t);
@@ -213,29 +241,44 @@ static bool same_table(const CtsSlice *a, const CtsSlice *b)
            x.padding_word == y.padding_word;
 }
 
+/* One thread's table, and the slice it was made for. */
+typedef struct Converter {
+    const CtsSlice *made_for;
+    uint16_t table[65536];
+} Converter;
+
+typedef struct Converting {
+    const Assembly *assembly;
+    double hu_step;
+    Converter *converters;
+} Converting;
+
+static void convert_some(void *context, int worker, size_t first, size_t end)
+{
+    const Converting *const c = context;
+    const Assembly *a = c->assembly;
+    Converter *const mine = &c->converters[worker];
+    for (int k = (int)first; k < (int)end; k++) {
+        const CtsSlice *s = &a->slices[k];
+        if (!mine->made_for || !same_table(mine->made_for, s)) {
+            const CtsStored stored = stored_of(s);
+            cts_grey_table(mine->table, &stored, s->slope, s->intercept, HU_OFFSET, c->hu_step);
+            mine->made_for = s;
+        }
+        cts_grey_look_up(layer_of(a, k), a->layer_voxels, mine->table);
+    }
+}
+
 static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsError *err)
 {
-    bool ok = true;
-#pragma omp parallel num_threads(a->n_threads) reduction(&& : ok)
-    {
-        uint16_t *table = malloc(65536 * sizeof *table);
-        const CtsSlice *made_for = NULL;
-        ok = table != NULL;
-#pragma omp for schedule(static)
-        for (int k = 0; k < a->n_slices; k++) {
-            if (!table)
-                continue;
-            const CtsSlice *s = &a->slices[k];
-            if (!made_for || !same_table(made_for, s)) {
-                const CtsStored stored = stored_of(s);
-                cts_grey_table(table, &stored, s->slope, s->intercept, HU_OFFSET, hu_step);
-                made_for = s;
-            }
-            cts_grey_look_up(layer_of(a, k), a->layer_voxels, table);
-        }
-        free(table);
+    Converter *converters = NULL;
+    const CtsStatus st = cts_alloc_zeroed(&converters, (size_t)a->n_threads, err);
+    if (!st) {
+        Converting converting = {a, hu_step, converters};
+        cts_parallel(a->n_threads, (size_t)a->n_slices, 0, convert_some, &converting);
     }
-    return ok ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    cts_free(&converters);
+    return st;
 }
 
 /* Beyond any scanner's extended scale: a rescale slope that belongs to something else. */

@@ -2,6 +2,7 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include <string.h>
 #if defined(__SSE2__)
 #include <emmintrin.h>
@@ -165,6 +166,7 @@ static void ask_for_open(const CtsBits *bits, const uint16_t *grey, const Beam *
 typedef struct Threshold {
     CtsBits *bits;
     const uint16_t *grey;
+    const CtsBlocks *blocks;
     uint16_t min;
     uint32_t *n_runs;
 } Threshold;
@@ -183,8 +185,9 @@ static void threshold_row(const Threshold *t, int j, int k, const Known *known)
         t->n_runs[row] = cts_bits_count_runs(words, t->bits->row_words);
 }
 
-static void threshold_layer(const Threshold *t, const CtsBlocks *blocks, int bk)
+static void threshold_layer(const Threshold *t, int bk)
 {
+    const CtsBlocks *blocks = t->blocks;
     const int *n = blocks->n_fine;
     Known known[2][CTS_BITS_ROW_WORDS];
     Beam beam[2] = {{0}};
@@ -203,20 +206,30 @@ static void threshold_layer(const Threshold *t, const CtsBlocks *blocks, int bk)
     }
 }
 
+static void threshold_layers(void *context, int worker, size_t first, size_t end)
+{
+    (void)worker;
+    for (size_t bk = first; bk < end; bk++)
+        threshold_layer(context, (int)bk);
+}
+
+static void threshold_slices(void *context, int worker, size_t first, size_t end)
+{
+    const Threshold *const t = context;
+    (void)worker;
+    for (size_t k = first; k < end; k++)
+        for (int j = 0; j < t->bits->dims[1]; j++)
+            threshold_row(t, j, (int)k, NULL);
+}
+
 void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min,
                         uint32_t *n_runs, int n_threads)
 {
-    const Threshold t = {bits, grey, grey_min, n_runs};
-    if (!blocks) {
-#pragma omp parallel for schedule(static) num_threads(n_threads)
-        for (int k = 0; k < bits->dims[2]; k++)
-            for (int j = 0; j < bits->dims[1]; j++)
-                threshold_row(&t, j, k, NULL);
-        return;
-    }
-#pragma omp parallel for schedule(dynamic) num_threads(n_threads)
-    for (int bk = 0; bk < blocks->n_fine[2]; bk++)
-        threshold_layer(&t, blocks, bk);
+    Threshold t = {bits, grey, blocks, grey_min, n_runs};
+    if (blocks)
+        cts_parallel(n_threads, (size_t)blocks->n_fine[2], 1, threshold_layers, &t);
+    else
+        cts_parallel(n_threads, (size_t)bits->dims[2], 0, threshold_slices, &t);
 }
 
 void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)

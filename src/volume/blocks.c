@@ -2,6 +2,7 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "volume/fold.h"
 #include <stdlib.h>
 #include <string.h>
@@ -125,24 +126,36 @@ static void sum_row(CtsBlocks *b, int bj, int bk)
     }
 }
 
+static void sum_layers(void *context, int worker, size_t first, size_t end)
+{
+    CtsBlocks *const b = context;
+    (void)worker;
+    for (size_t bk = first; bk < end; bk++)
+        for (int bj = 0; bj < b->n[1]; bj++)
+            sum_row(b, bj, (int)bk);
+}
+
 void cts_blocks_sum(CtsBlocks *b, int n_threads)
 {
-#pragma omp parallel for schedule(static) num_threads(n_threads)
-    for (int bk = 0; bk < b->n[2]; bk++)
-        for (int bj = 0; bj < b->n[1]; bj++)
-            sum_row(b, bj, bk);
+    cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, b);
     b->all = (CtsRange){65535, 0};
     for (size_t i = 0; i < product(b->n); i++)
         widen(&b->all, b->range[i]);
 }
 
+static void add_shared(void *context, int worker, size_t first, size_t end)
+{
+    CtsBlocks *const b = context;
+    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
+    (void)worker;
+    for (size_t bk = first; bk < end; bk++)
+        if (((int)bk + 1) * CTS_FINE_BLOCK < b->dims[2])
+            widen_row(b->fine + bk * layer, b->shared + (bk + 1) * layer, (int)layer);
+}
+
 void cts_blocks_end(CtsBlocks *b, int n_threads)
 {
-    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
-#pragma omp parallel for schedule(static) num_threads(n_threads)
-    for (int bk = 0; bk < b->n_fine[2]; bk++)
-        if ((bk + 1) * CTS_FINE_BLOCK < b->dims[2])
-            widen_row(b->fine + (size_t)bk * layer, b->shared + (size_t)(bk + 1) * layer, (int)layer);
+    cts_parallel(n_threads, (size_t)b->n_fine[2], 0, add_shared, b);
     cts_blocks_sum(b, n_threads);
     cts_free(&b->shared);
 }
@@ -160,17 +173,29 @@ void cts_blocks_keep_slices(CtsBlocks *b, int first, int n_slices, const uint16_
     cts_blocks_sum(b, 1);
 }
 
+typedef struct Adding {
+    CtsBlocks *blocks;
+    const CtsVolume *volume;
+} Adding;
+
+/* The slices of one layer of blocks are one worker's. */
+static void add_slices(void *context, int worker, size_t first, size_t end)
+{
+    const Adding *const a = context;
+    const CtsVolume *v = a->volume;
+    (void)worker;
+    for (size_t k = first; k < end; k++)
+        cts_blocks_add(a->blocks, (int)k, v->grey + k * (size_t)v->dims[0] * (size_t)v->dims[1], 0, v->dims[1]);
+}
+
 CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_threads, CtsError *err)
 {
     const CtsStatus st = cts_blocks_begin(blocks, volume->dims, err);
     if (st)
         return st;
-    CtsBlocks *b = *blocks;
-    const size_t slice = (size_t)volume->dims[0] * (size_t)volume->dims[1];
-#pragma omp parallel for schedule(static, CTS_FINE_BLOCK) num_threads(n_threads)
-    for (int k = 0; k < volume->dims[2]; k++)
-        cts_blocks_add(b, k, volume->grey + (size_t)k * slice, 0, volume->dims[1]);
-    cts_blocks_end(b, n_threads);
+    Adding adding = {*blocks, volume};
+    cts_parallel(n_threads, (size_t)volume->dims[2], CTS_FINE_BLOCK, add_slices, &adding);
+    cts_blocks_end(*blocks, n_threads);
     return CTS_OK;
 }
 

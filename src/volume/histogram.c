@@ -2,9 +2,24 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 
 /* Neighbours are often equal: each of four takes a table of its own, so that none waits for the other's sum. */
 enum { N_GREY = 65536, TABLES = 4, MOST_PARTS = 64 };
+
+typedef struct Count {
+    const uint16_t *grey;
+    uint64_t *tables; /* TABLES for each worker */
+} Count;
+
+static void count_voxels(void *context, int worker, size_t first, size_t end)
+{
+    const Count *const c = context;
+    uint64_t *mine = c->tables + (size_t)worker * TABLES * N_GREY;
+    for (size_t i = first * TABLES; i < end * TABLES; i += TABLES)
+        for (int t = 0; t < TABLES; t++)
+            mine[(size_t)t * N_GREY + c->grey[i + (size_t)t]]++;
+}
 
 CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t **count, CtsError *err)
 {
@@ -17,14 +32,8 @@ CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t 
     if ((st = cts_alloc_zeroed(&tables, (size_t)parts * TABLES * N_GREY, err)) ||
         (st = cts_alloc_zeroed(count, N_GREY, err)))
         goto end;
-#pragma omp parallel for num_threads(parts) schedule(static, 1)
-    for (int part = 0; part < parts; part++) {
-        uint64_t *mine = tables + (size_t)part * TABLES * N_GREY;
-        const size_t first = whole * (size_t)part / (size_t)parts, past = whole * ((size_t)part + 1) / (size_t)parts;
-        for (size_t i = first * TABLES; i < past * TABLES; i += TABLES)
-            for (int t = 0; t < TABLES; t++)
-                mine[(size_t)t * N_GREY + grey[i + (size_t)t]]++;
-    }
+    Count job = {grey, tables};
+    cts_parallel(parts, whole, 0, count_voxels, &job);
     for (size_t i = whole * TABLES; i < n; i++)
         tables[grey[i]]++;
     for (size_t t = 0; t < (size_t)parts * TABLES; t++)

@@ -2,9 +2,23 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "volume/blocks.h"
 #include "volume/volume_new.h"
 #include <math.h>
+
+typedef struct Mapping {
+    const uint16_t *from, *level;
+    uint16_t *to;
+} Mapping;
+
+static void map_voxels(void *context, int worker, size_t first, size_t end)
+{
+    const Mapping *const m = context;
+    (void)worker;
+    for (size_t i = first; i < end; i++)
+        m->to[i] = m->level[m->from[i]];
+}
 
 CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, double high_hu, int n_threads,
                               CtsVolume **quantised, CtsError *err)
@@ -33,10 +47,8 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
     q->hu_step = (high_hu - low_hu) / top;
     q->hu_min = volume->hu_min;
     q->hu_max = volume->hu_max;
-    const size_t n = cts_volume_n_voxels(volume);
-#pragma omp parallel for num_threads(cts_threads(n_threads))
-    for (size_t i = 0; i < n; i++)
-        q->grey[i] = level[volume->grey[i]];
+    Mapping mapping = {volume->grey, level, q->grey};
+    cts_parallel(cts_threads(n_threads), cts_volume_n_voxels(volume), 0, map_voxels, &mapping);
     if (volume->blocks)
         st = cts_blocks_map(&q->blocks, volume->blocks, level, err);
 end:

@@ -1,0 +1,159 @@
+#define _GNU_SOURCE
+#include "base/parallel.h"
+
+#include <pthread.h>
+#include <signal.h>
+#include <stdatomic.h>
+#include <stdbool.h>
+
+/* A loop under way, on its caller's stack. */
+typedef struct Loop {
+    cts_work_fn work;
+    void *context;
+    size_t n, chunk;
+    atomic_size_t taken;  /* items that workers have taken, counted past n too */
+    int n_wanted;         /* helpers that may still join */
+    int n_joined, n_busy; /* helpers so far, and those that have not left */
+    pthread_cond_t left;  /* the last helper did */
+    struct Loop *next;
+} Loop;
+
+/* The one state of this file: helpers serve whichever loop has work, so that many callers need no more threads than
+ * one. */
+static struct {
+    pthread_mutex_t lock;
+    pthread_cond_t work; /* there are loops that want helpers */
+    Loop *loops;
+    int n_helpers, n_idle;
+} pool = {.lock = PTHREAD_MUTEX_INITIALIZER, .work = PTHREAD_COND_INITIALIZER};
+
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+
+static void before_fork(void)
+{
+    pthread_mutex_lock(&pool.lock);
+}
+
+static void after_fork(void)
+{
+    pthread_mutex_unlock(&pool.lock);
+}
+
+/* Threads do not pass through a fork. */
+static void in_child(void)
+{
+    pthread_mutex_init(&pool.lock, NULL);
+    pthread_cond_init(&pool.work, NULL);
+    pool.loops = NULL;
+    pool.n_helpers = pool.n_idle = 0;
+}
+
+static void prepare_forks(void)
+{
+    pthread_atfork(before_fork, after_fork, in_child);
+}
+
+static void take_items(Loop *loop, int worker)
+{
+    for (;;) {
+        const size_t first = atomic_fetch_add_explicit(&loop->taken, loop->chunk, memory_order_relaxed);
+        if (first >= loop->n)
+            return;
+        loop->work(loop->context, worker, first, loop->n - first < loop->chunk ? loop->n : first + loop->chunk);
+    }
+}
+
+static Loop *find_loop(void)
+{
+    Loop *loop = pool.loops;
+    while (loop && (!loop->n_wanted || atomic_load_explicit(&loop->taken, memory_order_relaxed) >= loop->n))
+        loop = loop->next;
+    return loop;
+}
+
+static void *help(void *unused)
+{
+    pthread_mutex_lock(&pool.lock);
+    for (;;) {
+        Loop *const loop = find_loop();
+        if (!loop) {
+            pool.n_idle++;
+            pthread_cond_wait(&pool.work, &pool.lock);
+            pool.n_idle--;
+            continue;
+        }
+        const int worker = ++loop->n_joined;
+        loop->n_wanted--;
+        loop->n_busy++;
+        pthread_mutex_unlock(&pool.lock);
+        take_items(loop, worker);
+        pthread_mutex_lock(&pool.lock);
+        if (--loop->n_busy == 0)
+            pthread_cond_signal(&loop->left);
+    }
+    return unused;
+}
+
+static bool add_helper(void)
+{
+    pthread_t thread;
+    pthread_attr_t attr;
+    sigset_t all, before;
+    if (pthread_attr_init(&attr))
+        return false;
+    sigfillset(&all);
+    pthread_attr_setdetachstate(&attr, PTHREAD_CREATE_DETACHED);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    const bool added = !pthread_create(&thread, &attr, help, NULL);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    pthread_attr_destroy(&attr);
+    pool.n_helpers += added;
+    return added;
+}
+
+static void begin(Loop *loop)
+{
+    pthread_once(&once, prepare_forks);
+    pthread_mutex_lock(&pool.lock);
+    while (pool.n_helpers < loop->n_wanted && add_helper())
+        ;
+    loop->next = pool.loops;
+    pool.loops = loop;
+    for (int i = 0; i < loop->n_wanted && i < pool.n_idle; i++)
+        pthread_cond_signal(&pool.work);
+    pthread_mutex_unlock(&pool.lock);
+}
+
+static void end(Loop *loop)
+{
+    pthread_mutex_lock(&pool.lock);
+    Loop **link = &pool.loops;
+    while (*link != loop)
+        link = &(*link)->next;
+    *link = loop->next;
+    while (loop->n_busy)
+        pthread_cond_wait(&loop->left, &pool.lock);
+    pthread_mutex_unlock(&pool.lock);
+}
+
+void cts_parallel(int n_threads, size_t n, size_t chunk, cts_work_fn work, void *context)
+{
+    if (!chunk)
+        chunk = n_threads > 1 ? n / (8 * (size_t)n_threads) + 1 : n + 1;
+    const size_t n_chunks = n / chunk + (n % chunk > 0);
+    Loop loop = {.work = work,
+                 .context = context,
+                 .n = n,
+                 .chunk = chunk,
+                 .n_wanted = n_threads <= 1 || n_chunks <= 1 ? 0
+                             : (size_t)n_threads < n_chunks  ? n_threads - 1
+                                                             : (int)n_chunks - 1,
+                 .left = PTHREAD_COND_INITIALIZER};
+    const bool alone = loop.n_wanted == 0;
+    if (!alone)
+        begin(&loop);
+    take_items(&loop, 0);
+    if (!alone)
+        end(&loop);
+    pthread_cond_destroy(&loop.left);
+}
