@@ -1,9 +1,13 @@
 #define _GNU_SOURCE
 #include "base/cpu.h"
 
+#include <math.h>
 #include <sched.h>
 #include <stdatomic.h>
 #include <stdbool.h>
+#include <stdlib.h>
+
+enum { MOST_THREADS = 1024 };
 
 static atomic_uint cpu_mask = ~0u;
 
@@ -34,9 +38,36 @@ int cts_cpu_cores(void)
     return 1;
 }
 
+/* OMP_NUM_THREADS as programs with OpenMP read it: the first number of a list; 0 where there is none. */
+static int environment_limit(void)
+{
+    const char *text = getenv("OMP_NUM_THREADS");
+    const long n = text ? strtol(text, NULL, 10) : 0;
+    return n > 0 ? (int)(n < MOST_THREADS ? n : MOST_THREADS) : 0;
+}
+
+int cts_threads_why(int n, const char **why)
+{
+    *why = "as asked for";
+    if (n <= 0) {
+        *why = "cores this process may run on";
+        n = cts_cpu_cores();
+        const double quota = ceil(cts_cpu_quota("/proc/self/cgroup", "/proc/self/mountinfo"));
+        if (quota < n) {
+            *why = "processor quota of the control group";
+            n = (int)quota;
+        }
+        const int limit = environment_limit();
+        if (limit > 0 && limit < n) {
+            *why = "OMP_NUM_THREADS";
+            n = limit;
+        }
+    }
+    return n > MOST_THREADS ? MOST_THREADS : n;
+}
+
 int cts_threads(int n)
 {
-    if (n <= 0)
-        n = cts_cpu_cores();
-    return n > 1024 ? 1024 : n;
+    const char *why;
+    return cts_threads_why(n, &why);
 }

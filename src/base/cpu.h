@@ -17,7 +17,12 @@ unsigned cts_cpu_flags(void);
 void cts_cpu_set_mask(unsigned mask);
 /* Cores in this process's affinity mask, at least 1. */
 int cts_cpu_cores(void);
-/* n when n > 0, else the cores this process may use; at most 1024. */
+/* Processors' worth of time that control groups leave to this process, not always a whole number; INFINITY without a
+ * quota. The paths are /proc/self/cgroup and /proc/self/mountinfo. */
+double cts_cpu_quota(const char *groups_path, const char *mounts_path);
+/* n when n > 0, else as many as this process may use: the cores of its affinity mask, no more than its quota rounded up
+ * and no more than OMP_NUM_THREADS; at most 1024. *why is a static text on what decided. */
+int cts_threads_why(int n, const char **why);
 int cts_threads(int n);
 
 #ifdef __cplusplus

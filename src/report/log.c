@@ -1,6 +1,7 @@
 #include "report/log.h"
 
 #include "base/clock.h"
+#include "base/cpu.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <jansson.h>
@@ -215,7 +216,9 @@ void cts_log_done(CtsLog *log, int n_threads)
     json_object_set_new(event, "wall_ms", new_ms(cts_wall_ms() - log->start_ms));
     json_object_set_new(event, "cpu_ms", new_ms(cts_cpu_ms()));
     set_integer(event, "peak_rss_bytes", cts_peak_rss_bytes());
-    json_object_set_new(event, "threads", json_integer(n_threads));
+    const char *why;
+    json_object_set_new(event, "threads", json_integer(cts_threads_why(n_threads, &why)));
+    json_object_set_new(event, "threads_why", json_string(why));
     add_line(log, event);
 }
 

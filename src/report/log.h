@@ -16,7 +16,7 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes);
 /* Stages, skipped work, voxel counts and measured error. */
 void cts_log_report(CtsLog *log, const CtsReport *report);
-/* The last line of a run that came to its end. */
+/* The last line of a run that came to its end. n_threads as asked for, 0: as many as there are. */
 void cts_log_done(CtsLog *log, int n_threads);
 /* Append all lines and close. */
 CtsStatus cts_log_close(CtsLog **log, CtsError *err);

@@ -1,0 +1,204 @@
+/* Work shared out among threads, and how many there are to be. */
+#define _GNU_SOURCE
+#include "base/cpu.h"
+#include "base/parallel.h"
+#include "folder.h"
+#include "unit.h"
+#include <math.h>
+#include <pthread.h>
+#include <sched.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+enum { MOST = 3000, MOST_THREADS = 9 };
+
+typedef struct Tally {
+    atomic_int times[MOST];      /* that an item was worked on */
+    atomic_int at[MOST_THREADS]; /* calls of a worker under way */
+    atomic_int wrong;            /* two calls of one worker at once, or a range that is none */
+    size_t n, chunk;
+} Tally;
+
+static void count(void *context, int worker, size_t first, size_t end)
+{
+    Tally *const t = context;
+    t->wrong += worker < 0 || worker >= MOST_THREADS || first >= end || end > t->n;
+    t->wrong += t->chunk > 0 && (first % t->chunk || end - first > t->chunk);
+    t->wrong += atomic_fetch_add(&t->at[worker], 1) > 0;
+    for (size_t i = first; i < end; i++)
+        t->times[i]++;
+    if (first % 7 == 0)
+        sched_yield();
+    t->at[worker]--;
+}
+
+static void check_loop(int n_threads, size_t n, size_t chunk)
+{
+    Tally *t = calloc(1, sizeof *t);
+    assert_non_null(t);
+    t->n = n;
+    t->chunk = chunk;
+    cts_parallel(n_threads, n, chunk, count, t);
+    for (size_t i = 0; i < MOST; i++)
+        assert_int_equal(t->times[i], i < n);
+    assert_int_equal(t->wrong, 0);
+    free(t);
+}
+
+static void test_each_item_once(void **state)
+{
+    (void)state;
+    const size_t n[] = {0, 1, 2, 8, 100, 2999, MOST}, chunks[] = {0, 1, 3, 64, 5000};
+    for (int n_threads = 0; n_threads <= MOST_THREADS; n_threads++)
+        for (size_t i = 0; i < sizeof n / sizeof *n; i++)
+            for (size_t c = 0; c < sizeof chunks / sizeof *chunks; c++)
+                check_loop(n_threads, n[i], chunks[c]);
+}
+
+/* An inner loop for each item of an outer one. */
+static void nest(void *context, int worker, size_t first, size_t end)
+{
+    (void)worker;
+    for (size_t i = first; i < end; i++) {
+        check_loop(3, 100 + i, 1);
+        atomic_fetch_add((atomic_int *)context, 1);
+    }
+}
+
+static void test_nested(void **state)
+{
+    (void)state;
+    atomic_int n = 0;
+    cts_parallel(4, 50, 1, nest, &n);
+    assert_int_equal(n, 50);
+}
+
+static void *loop_often(void *unused)
+{
+    for (size_t i = 0; i < 200; i++)
+        check_loop(2 + (int)i % 3, 10 + i, 1);
+    return unused;
+}
+
+static void test_many_callers(void **state)
+{
+    (void)state;
+    pthread_t threads[4];
+    for (int i = 0; i < 4; i++)
+        assert_int_equal(pthread_create(&threads[i], NULL, loop_often, NULL), 0);
+    for (int i = 0; i < 4; i++)
+        pthread_join(threads[i], NULL);
+}
+
+static void test_after_fork(void **state)
+{
+    (void)state;
+    check_loop(4, 1000, 1);
+    for (int i = 0; i < 20; i++) {
+        const pid_t child = fork();
+        assert_true(child >= 0);
+        if (!child) {
+            for (int k = 0; k < 20; k++)
+                check_loop(4, 1000, 1);
+            _exit(0);
+        }
+        check_loop(4, 1000, 1);
+        int status = -1;
+        assert_int_equal(waitpid(child, &status, 0), child);
+        assert_int_equal(status, 0);
+    }
+}
+
+static void write_text(const char *folder, const char *name, const char *text, char path[400])
+{
+    snprintf(path, 400, "%s/%s", folder, name);
+    FILE *file = fopen(path, "w");
+    assert_non_null(file);
+    fputs(text, file);
+    fclose(file);
+}
+
+/* A hierarchy that is mounted at `mount`, whose own group's files say what is expected. */
+static void check_quota(const char *groups, const char *mount_line, const char *const files[][2], double expected)
+{
+    char folder[64], path[400], groups_path[400], mounts[400], line[600];
+    make_folder(folder);
+    for (int i = 0; files[i][0]; i++)
+        write_text(folder, files[i][0], files[i][1], path);
+    snprintf(line, sizeof line, mount_line, folder);
+    write_text(folder, "groups", groups, groups_path);
+    write_text(folder, "mounts", line, mounts);
+    const double found = cts_cpu_quota(groups_path, mounts);
+    if (isinf(expected))
+        assert_true(isinf(found));
+    else
+        assert_true(fabs(found - expected) < 1e-12);
+    remove_folder(folder);
+}
+
+static void test_quota(void **state)
+{
+    (void)state;
+    const char *v2 = "35 24 0:30 / %s rw,nosuid - cgroup2 cgroup2 rw\n";
+    const char *v1 = "33 24 0:29 / %s rw - cgroup cgroup rw,cpuacct,cpu\n";
+    const char *const none[][2] = {{NULL, NULL}};
+    const char *const max[][2] = {{"cpu.max", "max 100000\n"}, {NULL, NULL}};
+    const char *const half[][2] = {{"cpu.max", "150000 100000\n"}, {NULL, NULL}};
+    const char *const cfs[][2] = {{"cpu.cfs_quota_us", "300000\n"}, {"cpu.cfs_period_us", "100000\n"}, {NULL, NULL}};
+    const char *const free_cfs[][2] = {{"cpu.cfs_quota_us", "-1\n"}, {"cpu.cfs_period_us", "100000\n"}, {NULL, NULL}};
+    const char *const bad[][2] = {{"cpu.max", ""}, {"cpu.cfs_quota_us", "1"}, {"cpu.cfs_period_us", "0"}, {NULL, NULL}};
+    check_quota("0::/\n", v2, none, INFINITY);
+    check_quota("0::/\n", v2, max, INFINITY);
+    check_quota("0::/\n", v2, half, 1.5);
+    /* The group lies deeper than the one with the quota; or the folder shown is the group itself. */
+    check_quota("4:memory:/x\n0::/a/b\n", v2, half, 1.5);
+    check_quota("0::/pod/a\n", "35 24 0:30 /pod/a %s rw - cgroup2 cgroup2 rw\n", half, 1.5);
+    check_quota("5:cpu,cpuacct:/\n0::/\n", v1, cfs, 3);
+    check_quota("5:cpu,cpuacct:/job\n0::/\n", v1, cfs, 3);
+    check_quota("5:cpu,cpuacct:/\n", v1, free_cfs, INFINITY);
+    /* Another hierarchy's files mean nothing. */
+    check_quota("5:cpu,cpuacct:/\n", "33 24 0:29 / %s rw - cgroup cgroup rw,cpuset\n", cfs, INFINITY);
+    check_quota("5:cpu:/\n0::/\n", v1, bad, INFINITY);
+    check_quota("0::/\n", v2, bad, INFINITY);
+    check_quota("0::/\n", "nonsense %s\n", half, INFINITY);
+    assert_true(isinf(cts_cpu_quota("absent", "absent")));
+}
+
+static void test_environment(void **state)
+{
+    (void)state;
+    const char *why;
+    cpu_set_t before, one;
+    unsetenv("OMP_NUM_THREADS");
+    const int all = cts_threads(0);
+    assert_true(all >= 1 && all <= cts_cpu_cores());
+    setenv("OMP_NUM_THREADS", "1,4", 1);
+    assert_int_equal(cts_threads_why(0, &why), 1);
+    assert_true(all == 1 || !strcmp(why, "OMP_NUM_THREADS"));
+    assert_int_equal(cts_threads_why(5, &why), 5);
+    assert_string_equal(why, "as asked for");
+    setenv("OMP_NUM_THREADS", "100000", 1);
+    assert_int_equal(cts_threads(0), all);
+    setenv("OMP_NUM_THREADS", "many", 1);
+    assert_int_equal(cts_threads(0), all);
+    unsetenv("OMP_NUM_THREADS");
+    assert_int_equal(sched_getaffinity(0, sizeof before, &before), 0);
+    CPU_ZERO(&one);
+    for (int cpu = 0; cpu < CPU_SETSIZE && !CPU_COUNT(&one); cpu++)
+        if (CPU_ISSET(cpu, &before))
+            CPU_SET(cpu, &one);
+    assert_int_equal(sched_setaffinity(0, sizeof one, &one), 0);
+    assert_int_equal(cts_threads(0), 1);
+    sched_setaffinity(0, sizeof before, &before);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_each_item_once), cmocka_unit_test(test_nested), cmocka_unit_test(test_many_callers),
+        cmocka_unit_test(test_after_fork),     cmocka_unit_test(test_quota),  cmocka_unit_test(test_environment),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
