@@ -46,7 +46,7 @@ violations()
                 own[folder] = part[2]
                 library[folder] = part[3]
             }
-            # What counts as a library; all else in <> is the C library, POSIX, OpenMP or C++.
+            # What counts as a library; all else in <> is the C library, POSIX or C++.
             libraries = "^(dcmtk/|png|openexr|ImfC|jansson|expat|cairo|zlib|libdeflate|immintrin|openssl/|openjpeg|seccomp|webp/)"
         }
         function listed(list, header,    n, i, words) {

@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
-#include <pthread.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -93,13 +92,6 @@ static CtsStatus render_runs(Child *c)
     return CTS_OK;
 }
 
-static void *child_thread(void *context)
-{
-    Child *c = context;
-    c->status = render_runs(c);
-    return NULL;
-}
-
 static bool write_all(int file, const void *data, size_t n)
 {
     for (const char *p = data; n > 0;) {
@@ -138,16 +130,11 @@ static bool read_all(int file, pid_t pid, const volatile sig_atomic_t *stop, voi
     return true;
 }
 
-/* Never returns. The work is done on a thread of its own: OpenMP's team of the parent's thread did not come along
- * through the fork, and the new thread gets a new one. */
+/* Never returns. */
 static void run_child(Child *c, int file)
 {
-    pthread_t thread;
     prctl(PR_SET_PDEATHSIG, SIGKILL);
-    if (pthread_create(&thread, NULL, child_thread, c) == 0)
-        pthread_join(thread, NULL);
-    else
-        c->status = cts_fail(&c->err, CTS_ERR_MEMORY, "no thread for the measurement");
+    c->status = render_runs(c);
     c->row->measured = !c->status;
     if (c->status)
         snprintf(c->row->why, sizeof c->row->why, "%s", c->err.text);

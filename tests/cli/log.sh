@@ -22,7 +22,8 @@ fields = {
     "voxels": {"total", "void", "reused", "splatted"},
     "error": {"pixels", "rmse", "rmse_low", "rmse_high", "psnr_db", "p999", "max", "share", "cpu_ms", "picture_cpu_ms",
               "cost"},
-    "output": {"path", "format", "bytes"}, "done": {"wall_ms", "cpu_ms", "peak_rss_bytes", "threads"}}
+    "output": {"path", "format", "bytes"}, "done": {"wall_ms", "cpu_ms", "peak_rss_bytes", "threads",
+    "threads_why"}}
 stages = "scan decode grey classify footprint splat composite shade warp export".split()
 for run in runs:
     for event in run:

@@ -17,8 +17,6 @@ trap 'rm -rf "$work"' EXIT
 cd "$work" || exit 1
 export XDG_CONFIG_HOME="$work/config" HOME="$work"
 unset SOURCE_DATE_EPOCH
-# Tests share the machine: threads that wait should sleep.
-export OMP_WAIT_POLICY=PASSIVE
 
 fail()
 {
