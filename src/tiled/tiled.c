@@ -205,7 +205,7 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBloc
     CtsLayout layout;
     CtsShade shade = {0};
     TiledJob job = {0};
-    TiledCounts counts;
+    TiledCounts counts = {0};
     layout = cts_layout_plan(scene->volume, &scene->view);
     double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const int axes[3] = {layout.axis_u, layout.axis_v, layout.axis_k};
