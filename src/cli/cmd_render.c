@@ -1,6 +1,5 @@
 /* ctsplat render: the command line as a job, its progress, its log and what it prints. */
 #include "base/clock.h"
-#include "base/cpu.h"
 #include "cli/job_options.h"
 #include "cli/message.h"
 #include "cli/options.h"
@@ -70,7 +69,7 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
 end:
     cts_log_report(log, &report);
     if (!st)
-        cts_log_done(log, cts_threads(options->render.n_threads));
+        cts_log_done(log, options->render.n_threads);
     CtsError log_err;
     const CtsStatus log_st = cts_log_close(&log, &log_err);
     if (log_st && !st) {
