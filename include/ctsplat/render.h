@@ -78,7 +78,7 @@ CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const Cts
                      CtsPicture **picture, CtsReport *report, CtsError *err);
 
 /* Several pictures of one volume with one preset from different sides, as a rotation: what does not change from frame
- * to frame (the transfer function's tables, block ranges, distances to what is visible, the transposed copy of the
+ * to frame (the transfer function's tables, the macro-cells, distances to what is visible, the transposed copy of the
  * volume) is made once, and the report says what a frame did not need to make. Each frame is the picture that
  * cts_render() makes, bit by bit. */
 typedef struct CtsRenderer CtsRenderer;

@@ -10,7 +10,7 @@
 extern "C" {
 #endif
 
-struct CtsBlocks; /* src/volume/blocks.h */
+struct CtsMacrocells; /* src/volume/macrocells.h */
 
 /* Plain data; made by cts_volume_new() or cts_series_load(), freed by cts_volume_free().
  * Voxel (i, j, k) stands at grey[(k * dims[1] + j) * dims[0] + i]; its centre lies at
@@ -25,16 +25,16 @@ typedef struct CtsVolume {
      * rescale slope. Grey 0 is air or padding, the paper's invalid data. */
     double hu_offset, hu_step;
     double hu_min, hu_max; /* of the pixels as stored, padding left out, before anything was clamped */
-    /* Ranges of grey levels by block, for engines that skip what is void; NULL where nobody has made them. Whoever
+    /* Ranges of grey levels by macro-cell, for engines that skip what is void; NULL where nobody has made them. Whoever
      * changes grey calls cts_volume_changed(). */
-    struct CtsBlocks *blocks;
+    struct CtsMacrocells *macrocells;
 } CtsVolume;
 
 /* A volume of zeros with unit spacing, HU = grey - 1024. Refuses sizes below 1 and products past SIZE_MAX. */
 CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *err);
 void cts_volume_free(CtsVolume **volume);
 
-/* Make the blocks once, before several pictures of one volume; n_threads 0: all cores. */
+/* Make the macro-cells once, before several pictures of one volume; n_threads 0: all cores. */
 CtsStatus cts_volume_prepare(CtsVolume *volume, int n_threads, CtsError *err);
 /* Forget what was derived from the grey levels. */
 void cts_volume_changed(CtsVolume *volume);

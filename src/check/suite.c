@@ -49,12 +49,11 @@ void cts_check_worst(CtsCheckWorst *worst, double expected, double found)
         *worst = (CtsCheckWorst){expected, found, error};
 }
 
-CtsStatus cts_check_picture(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
-                            const CtsRenderSettings *settings, CtsPixelTruth truth, const void *data, double bound,
-                            CtsError *err)
+CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, double bound, CtsError *err)
 {
+    const CtsRenderSettings *settings = asked->settings;
     CtsPicture *picture = NULL;
-    const CtsStatus st = cts_render(volume, preset, settings, &picture, NULL, err);
+    const CtsStatus st = cts_render(asked->volume, asked->preset, settings, &picture, NULL, err);
     if (st)
         return st;
     const CtsTruthCamera camera = {settings->azimuth_deg, settings->elevation_deg, settings->mm_per_pixel,
@@ -64,8 +63,8 @@ CtsStatus cts_check_picture(CtsCheckRun *run, const CtsVolume *volume, const Cts
         for (int x = 0; x < picture->width; x++) {
             CtsTruthRay ray;
             double rgba[4] = {0};
-            const bool hit = cts_truth_ray(volume, &camera, x, y, &ray);
-            truth(hit ? &ray : NULL, data, rgba);
+            const bool hit = cts_truth_ray(asked->volume, &camera, x, y, &ray);
+            asked->truth(hit ? &ray : NULL, asked->data, rgba);
             const float *found = picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
             for (int c = 0; c < 4; c++)
                 cts_check_worst(&worst, rgba[c], (double)found[c]);

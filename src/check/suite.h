@@ -60,10 +60,17 @@ void cts_check_worst(CtsCheckWorst *worst, double expected, double found);
 /* Truth of one pixel; ray is NULL where it misses the box. */
 typedef void (*CtsPixelTruth)(const CtsTruthRay *ray, const void *data, double rgba[4]);
 
+/* A picture and what it should be. */
+typedef struct CtsCheckPicture {
+    const CtsVolume *volume;
+    const CtsPreset *preset;
+    const CtsRenderSettings *settings;
+    CtsPixelTruth truth;
+    const void *data; /* handed to truth */
+} CtsCheckPicture;
+
 /* Renders and states the worst of all pixels and channels against truth. */
-CtsStatus cts_check_picture(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
-                            const CtsRenderSettings *settings, CtsPixelTruth truth, const void *data, double bound,
-                            CtsError *err);
+CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, double bound, CtsError *err);
 
 /* Number of float values in which two pictures of one size differ by a bit. */
 double cts_check_differing(const CtsPicture *a, const CtsPicture *b);

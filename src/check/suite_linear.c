@@ -115,7 +115,7 @@ CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *data, CtsError *e
     if (l->per_voxel)
         scene.scale = voxels_per_mm(volume, &camera);
     find_gradient(&scene);
-    st = cts_check_picture(run, volume, &preset, &settings, truth, &scene, bound, err);
+    st = cts_check_picture(run, &(CtsCheckPicture){volume, &preset, &settings, truth, &scene}, bound, err);
     cts_volume_free(&volume);
     return st;
 }

@@ -126,7 +126,8 @@ static CtsStatus checkers(CtsCheckRun *run, const void *data, CtsError *err)
     s.mm_per_pixel = 1;
     CtsStatus st = cube_volume(&volume, 11, 1, hu_checkers, NULL, err);
     if (!st)
-        st = cts_check_picture(run, volume, &preset, &s, checkers_truth, &preset, bound_of(run, data), err);
+        st = cts_check_picture(run, &(CtsCheckPicture){volume, &preset, &s, checkers_truth, &preset},
+                               bound_of(run, data), err);
     cts_volume_free(&volume);
     return st;
 }
@@ -374,7 +375,7 @@ static CtsStatus one_cell(CtsCheckRun *run, CtsMode mode, double bound, CtsError
                                     cell_range, err);
     const CellTruth truth = {volume, &preset};
     if (!st)
-        st = cts_check_picture(run, volume, &preset, &s, cell_truth, &truth, bound, err);
+        st = cts_check_picture(run, &(CtsCheckPicture){volume, &preset, &s, cell_truth, &truth}, bound, err);
     cts_volume_free(&volume);
     return st;
 }
@@ -413,7 +414,8 @@ static CtsStatus haze(CtsCheckRun *run, const void *data, CtsError *err)
     CtsStatus st =
         cts_check_volume(&volume, (const int[3]){5, 206, 5}, (const double[3]){1, 1, 1}, 1, hu_haze, NULL, err);
     if (!st)
-        st = cts_check_picture(run, volume, &preset, &s, haze_truth, &preset, bound_of(run, data), err);
+        st = cts_check_picture(run, &(CtsCheckPicture){volume, &preset, &s, haze_truth, &preset}, bound_of(run, data),
+                               err);
     cts_volume_free(&volume);
     return st;
 }

@@ -90,7 +90,7 @@ static CtsStatus thin(CtsCheckRun *run, const void *data, CtsError *err)
     if (st)
         return st;
     const Scene scene = {t, volume, &preset};
-    st = cts_check_picture(run, volume, &preset, &settings, truth, &scene, bound, err);
+    st = cts_check_picture(run, &(CtsCheckPicture){volume, &preset, &settings, truth, &scene}, bound, err);
     cts_volume_free(&volume);
     return st;
 }

@@ -64,8 +64,8 @@ struct CtsField {
  * without thickness: rays within its plane see it, others cross it in a point. */
 bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray);
 
-/* Trilinear between voxel centres. With n_rays large it uses or makes the volume's blocks, so that rays can leap over
- * what is not wanted. volume must outlive the field. */
+/* Trilinear between voxel centres. With n_rays large it uses or makes the volume's macro-cells, so that rays can leap
+ * over what is not wanted. volume must outlive the field. */
 CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, size_t n_rays, int n_threads, CtsError *err);
 /* Any kernel: the layers across the view's principal axis are sheets, each voxel's kernel spread within its layer,
  * weights normalised at every position (cone-paper apart) and voxels beyond the border counted as grey 0; between two

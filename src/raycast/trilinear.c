@@ -1,20 +1,21 @@
-/* The trilinear field: cell by cell along the ray, leaping over blocks of cells that hold nothing wanted. */
+/* The trilinear field: cell by cell along the ray, leaping over macro-cells that hold nothing wanted. */
 #include "base/mutation.h"
 #include "raycast/field.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 #include <math.h>
 #include <stdlib.h>
 
-/* A few rays do without blocks: making them costs more, and a sample that judges an engine should not share them. */
-enum { RAYS_WORTH_BLOCKS = 20000 };
+/* A few rays do without macro-cells: making them costs more, and a sample that judges an engine should not share them.
+ */
+enum { RAYS_WORTH_MACROCELLS = 20000 };
 
 typedef struct Trilinear {
     CtsField field;
     const CtsVolume *volume;
-    int n_cells[3];          /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
-    size_t stride[3];        /* to the next voxel; 0 along an axis of one voxel */
-    const CtsBlocks *blocks; /* NULL where rays are few */
-    CtsBlocks *own_blocks;   /* where the volume came without */
+    int n_cells[3];   /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
+    size_t stride[3]; /* to the next voxel; 0 along an axis of one voxel */
+    const CtsMacrocells *macrocells; /* NULL where rays are few */
+    CtsMacrocells *own_macrocells;   /* where the volume came without */
 } Trilinear;
 
 static double hu_of(const Trilinear *t, double grey)
@@ -110,19 +111,19 @@ static void step_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int ce
     }
 }
 
-/* True, and the walk at the block's end, when the block of the current cell holds nothing wanted. */
+/* True, and the walk at the macro-cell's end, when the macro-cell of the current cell holds nothing wanted. */
 static bool leap(const Trilinear *t, CtsRayWalk *walk)
 {
-    const CtsBlocks *blocks = t->blocks;
+    const CtsMacrocells *macrocells = t->macrocells;
     int low[3], high[3];
     size_t at[3];
     for (int axis = 0; axis < 3; axis++) {
-        at[axis] = (size_t)(walk->cell[axis] / CTS_BLOCK);
-        low[axis] = (int)at[axis] * CTS_BLOCK;
-        high[axis] = low[axis] + CTS_BLOCK < t->n_cells[axis] ? low[axis] + CTS_BLOCK : t->n_cells[axis];
+        at[axis] = (size_t)(walk->cell[axis] / CTS_MACROCELL);
+        low[axis] = (int)at[axis] * CTS_MACROCELL;
+        high[axis] = low[axis] + CTS_MACROCELL < t->n_cells[axis] ? low[axis] + CTS_MACROCELL : t->n_cells[axis];
     }
-    const size_t nx = (size_t)blocks->n[0], ny = (size_t)blocks->n[1];
-    if (wanted(t, walk->wanted, blocks->range[(at[2] * ny + at[1]) * nx + at[0]]))
+    const size_t nx = (size_t)macrocells->n[0], ny = (size_t)macrocells->n[1];
+    if (wanted(t, walk->wanted, macrocells->range[(at[2] * ny + at[1]) * nx + at[0]]))
         return false;
     walk->t_mm = fmax(walk->t_mm, leave_mm(walk->ray, low, high));
     return true;
@@ -138,7 +139,7 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
         else
             step_cell(t, ray, walk->t_mm, walk->cell);
         walk->started = true;
-        if (t->blocks && leap(t, walk)) {
+        if (t->macrocells && leap(t, walk)) {
             find_cell(t, ray, walk->t_mm, walk->cell);
             continue;
         }
@@ -213,7 +214,7 @@ static double value(const CtsField *field, const CtsRay *ray, double t_mm)
 static void trilinear_free(CtsField **field)
 {
     Trilinear *t = (Trilinear *)*field;
-    cts_blocks_free(&t->own_blocks);
+    cts_macrocells_free(&t->own_macrocells);
     free(t);
     *field = NULL;
 }
@@ -234,10 +235,10 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, size_t 
         stride *= (size_t)dim;
     }
     *field = &t->field;
-    if (n_rays < RAYS_WORTH_BLOCKS)
+    if (n_rays < RAYS_WORTH_MACROCELLS)
         return CTS_OK;
-    const CtsStatus st = volume->blocks ? CTS_OK : cts_blocks_new(&t->own_blocks, volume, n_threads, err);
-    t->blocks = volume->blocks ? volume->blocks : t->own_blocks;
+    const CtsStatus st = volume->macrocells ? CTS_OK : cts_macrocells_new(&t->own_macrocells, volume, n_threads, err);
+    t->macrocells = volume->macrocells ? volume->macrocells : t->own_macrocells;
     if (st)
         cts_field_free(field);
     return st;

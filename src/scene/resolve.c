@@ -50,8 +50,7 @@ CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const Ct
     CtsScene *scene = &store->scene;
     *scene = (CtsScene){.volume = volume, .preset = p, .settings = s, .extinction_scale = 1};
     scene->plan = (CtsPlan){.samples = s->samples, .max_error = s->max_error};
-    if ((st = cts_view_init(&scene->view, volume, s->azimuth_deg, s->elevation_deg, s->width, s->height,
-                            s->mm_per_pixel, err)))
+    if ((st = cts_view_init(&scene->view, volume, s, err)))
         return st;
     /* Slicer's GPU path hands its mapper voxels of unit spacing: a unit is then a voxel's length along the ray. */
     if (s->opacity_per_voxel)

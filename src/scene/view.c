@@ -27,22 +27,21 @@ static void clean(double v[3])
         v[c] = fabs(v[c]) < 1e-15 * cts_norm3(v) ? 0 : v[c];
 }
 
-CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, double azimuth_deg, double elevation_deg, int width,
-                        int height, double mm_per_pixel, CtsError *err)
+CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderSettings *asked, CtsError *err)
 {
     double inverse[3][3], sa, ca, se, ce;
     if (!cts_volume_inverse(volume, inverse))
         return cts_fail(err, CTS_ERR_GEOMETRY, "the volume's steps do not span space (is one spacing zero?)");
     const double diagonal_mm = cts_volume_diagonal_mm(volume);
-    if (mm_per_pixel <= 0)
-        mm_per_pixel = (diagonal_mm > 0 ? diagonal_mm : 1) / (0.95 * (width < height ? width : height));
-    *view = (CtsView){.width = width,
-                      .height = height,
-                      .mm_per_pixel = mm_per_pixel,
-                      .azimuth_deg = azimuth_deg,
-                      .elevation_deg = elevation_deg};
-    sincos_deg(azimuth_deg, &sa, &ca);
-    sincos_deg(elevation_deg, &se, &ce);
+    const int side = asked->width < asked->height ? asked->width : asked->height;
+    const double fitting_mm = (diagonal_mm > 0 ? diagonal_mm : 1) / (0.95 * side);
+    *view = (CtsView){.width = asked->width,
+                      .height = asked->height,
+                      .mm_per_pixel = asked->mm_per_pixel > 0 ? asked->mm_per_pixel : fitting_mm,
+                      .azimuth_deg = asked->azimuth_deg,
+                      .elevation_deg = asked->elevation_deg};
+    sincos_deg(asked->azimuth_deg, &sa, &ca);
+    sincos_deg(asked->elevation_deg, &se, &ce);
     /* The camera stands at sin(az) cos(el) to the left, cos(az) cos(el) to the front, sin(el) to the head. */
     const double forward[3] = {-sa * ce, ca * ce, -se}, right[3] = {ca, sa, 0};
     for (int c = 0; c < 3; c++) {

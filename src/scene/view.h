@@ -3,6 +3,7 @@
 #ifndef CTS_SCENE_VIEW_H
 #define CTS_SCENE_VIEW_H
 
+#include "ctsplat/render.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
 
@@ -21,9 +22,9 @@ typedef struct CtsView {
     double layer_mm; /* length of a ray between two layers */
 } CtsView;
 
-/* mm_per_pixel 0: the whole bounding box fits. CTS_ERR_GEOMETRY when the voxel steps do not span space. */
-CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, double azimuth_deg, double elevation_deg, int width,
-                        int height, double mm_per_pixel, CtsError *err);
+/* The camera that the settings ask for: width, height, mm_per_pixel (0: the whole bounding box fits), azimuth_deg and
+ * elevation_deg. CTS_ERR_GEOMETRY when the voxel steps do not span space. */
+CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderSettings *asked, CtsError *err);
 
 /* Position in voxel coordinates of pixel (x, y)'s ray where it crosses the plane through the volume's centre across
  * the viewing direction; the ray goes on by forward_vox for each mm. Pixel centres, x from the left, y from the top. */

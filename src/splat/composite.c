@@ -26,13 +26,13 @@ void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut,
     }
 }
 
-CtsStatus cts_runs_init(CtsRuns *runs, const CtsTiles *tiles, CtsError *err)
+CtsStatus cts_runs_init(CtsRuns *runs, const CtsPatches *patches, CtsError *err)
 {
     CtsStatus st;
-    *runs = (CtsRuns){.capacity = tiles->n[0] / 2 + 1};
-    if ((st = cts_alloc_zeroed(&runs->n, (size_t)tiles->n[1], err)))
+    *runs = (CtsRuns){.capacity = patches->n[0] / 2 + 1};
+    if ((st = cts_alloc_zeroed(&runs->n, (size_t)patches->n[1], err)))
         return st;
-    return cts_alloc_array(&runs->run, (size_t)tiles->n[1] * (size_t)runs->capacity, err);
+    return cts_alloc_array(&runs->run, (size_t)patches->n[1] * (size_t)runs->capacity, err);
 }
 
 void cts_runs_free(CtsRuns *runs)
@@ -41,33 +41,33 @@ void cts_runs_free(CtsRuns *runs)
     cts_free(&runs->run);
 }
 
-void cts_runs_set(CtsRuns *runs, int tile_row, const uint64_t *shown, int n)
+void cts_runs_set(CtsRuns *runs, int patch_row, const uint64_t *shown, int n)
 {
-    int(*run)[2] = runs->run + (size_t)tile_row * (size_t)runs->capacity;
+    int(*run)[2] = runs->run + (size_t)patch_row * (size_t)runs->capacity;
     int n_runs = 0;
     for (int t = 0, past; cts_next_run(shown, n, &t, &past); t = past) {
         run[n_runs][0] = t;
         run[n_runs++][1] = past;
     }
-    runs->n[tile_row] = n_runs;
+    runs->n[patch_row] = n_runs;
 }
 
-CtsStatus cts_compositor_init(CtsCompositor *c, const CtsKernels *kernels, const CtsTiles *tiles,
-                              const CtsRaster *raster, const CtsView *view, const CtsVolume *volume,
-                              CtsPicture *picture, CtsError *err)
+CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPatches *patches, const CtsRaster *raster,
+                              const CtsScene *scene, CtsPicture *picture, CtsError *err)
 {
+    const CtsView *view = &scene->view;
     CtsStatus st;
-    *c = (CtsCompositor){.kernels = kernels, .tiles = *tiles, .picture = picture};
-    if ((st = cts_raster_row_init(&c->row, raster, kernels, err)) ||
+    *c = (CtsCompositor){.simd = simd, .patches = *patches, .picture = picture};
+    if ((st = cts_raster_row_init(&c->row, raster, simd, err)) ||
         (st = cts_alloc_array(&c->grey, (size_t)raster->width + 16, err)) ||
-        (st = cts_alloc_array(&c->border, (size_t)tiles->n[0] + 1, err)))
+        (st = cts_alloc_array(&c->border, (size_t)patches->n[0] + 1, err)))
         return st;
     c->border_base = NAN;
     /* Rays start in the plane through the centre, half a diagonal behind the camera plane. */
     const double mm_per_layer = 1 / view->forward_vox[view->axis], mm = view->mm_per_pixel;
     double start[3];
     cts_view_ray(view, 0, 0, start);
-    c->depth_mm[0] = cts_volume_diagonal_mm(volume) / 2 - start[view->axis] * mm_per_layer;
+    c->depth_mm[0] = cts_volume_diagonal_mm(scene->volume) / 2 - start[view->axis] * mm_per_layer;
     c->depth_mm[1] = -mm * view->right_vox[view->axis] * mm_per_layer;
     c->depth_mm[2] = mm * view->up_vox[view->axis] * mm_per_layer;
     c->depth_mm[3] = mm_per_layer;
@@ -108,57 +108,57 @@ static void composite_open(CtsCompositor *c, const CtsPlane *plane, int y, int x
     if (!c->row.raster->filled)
         cts_raster_fill(&c->row, xa, xb);
     cts_raster_places(&c->row, xa, &places);
-    c->kernels->sample(&plane->sheets, &places, n, c->grey);
+    c->simd->sample(&plane->sheets, &places, n, c->grey);
     c->samples += (uint64_t)n;
     if (c->picture->depth_mm)
         note_depth(c, plane, y, xa, n);
     float *pixels = c->picture->pixels + 4 * ((size_t)y * (size_t)c->picture->width + (size_t)xa);
     const bool timed = is_timed(plane, y);
     const double start_ms = timed ? cts_wall_ms() : 0;
-    const bool closed = plane->light ? c->kernels->light(pixels, c->grey, n, plane->entries, &places, plane->light)
-                                     : c->kernels->blend(pixels, c->grey, n, plane->entries);
-    if (closed && c->hidden)
-        cts_hidden_update(c->hidden, c->picture->pixels, y, xa, xb);
+    const bool closed = plane->light ? c->simd->light(pixels, c->grey, n, plane->entries, &places, plane->light)
+                                     : c->simd->blend(pixels, c->grey, n, plane->entries);
+    if (closed && c->occlusion)
+        cts_occlusion_update(c->occlusion, c->picture->pixels, y, xa, xb);
     if (timed)
         c->timed_blend_ms += cts_wall_ms() - start_ms;
 }
 
 static void composite_span(CtsCompositor *c, const CtsPlane *plane, int y, int xa, int xb)
 {
-    if (!c->hidden) {
+    if (!c->occlusion) {
         if (xa < xb)
             composite_open(c, plane, y, xa, xb);
         return;
     }
-    for (int past; (xa = cts_hidden_next(c->hidden, y, xa, xb, false)) < xb; xa = past) {
-        past = cts_hidden_next(c->hidden, y, xa, xb, true);
+    for (int past; (xa = cts_occlusion_next(c->occlusion, y, xa, xb, false)) < xb; xa = past) {
+        past = cts_occlusion_next(c->occlusion, y, xa, xb, true);
         composite_open(c, plane, y, xa, past);
     }
 }
 
-/* Lattice points a tile, as a power of two. */
-static int tile_shift(const CtsCompositor *c, int axis)
+/* Lattice points a patch, as a power of two. */
+static int patch_shift(const CtsCompositor *c, int axis)
 {
-    return __builtin_ctz((unsigned)(CTS_TILE * c->tiles.density[axis]));
+    return __builtin_ctz((unsigned)(CTS_PATCH * c->patches.density[axis]));
 }
 
-/* The tile that a pixel's cell lies in. */
-static int tile_at(const CtsCompositor *c, int axis, int x)
+/* The patch that a pixel's cell lies in. */
+static int patch_at(const CtsCompositor *c, int axis, int x)
 {
     const double at = c->row.base[axis] + c->row.raster->by_x[axis] * (double)x;
-    const int tile = at > 0 ? (int)at >> tile_shift(c, axis) : 0;
-    return tile < c->tiles.n[axis] ? tile : c->tiles.n[axis] - 1;
+    const int patch = at > 0 ? (int)at >> patch_shift(c, axis) : 0;
+    return patch < c->patches.n[axis] ? patch : c->patches.n[axis] - 1;
 }
 
-/* Where pixels xa..xb-1, which run through tiles from the side `rising` says, pass the border below tile t. */
+/* Where pixels xa..xb-1, which run through patches from the side `rising` says, pass the border below patch t. */
 static int find_border(const CtsCompositor *c, int axis, int t, int xa, int xb)
 {
     const bool rising = c->row.raster->by_x[axis] > 0;
     if (t <= 0)
         return rising ? xa : xb;
-    if (t >= c->tiles.n[axis])
+    if (t >= c->patches.n[axis])
         return rising ? xb : xa;
-    return cts_raster_passes(&c->row, axis, (double)(t << tile_shift(c, axis)), xa, xb);
+    return cts_raster_passes(&c->row, axis, (double)(t << patch_shift(c, axis)), xa, xb);
 }
 
 static bool has_borders(const CtsCompositor *c)
@@ -166,13 +166,13 @@ static bool has_borders(const CtsCompositor *c)
     return c->row.raster->column_tables && c->row.raster->moves[0];
 }
 
-/* All rows of a plane pass tiles at the same pixels when the picture's rows run along the lattice's. */
+/* All rows of a plane pass patches at the same pixels when the picture's rows run along the lattice's. */
 static void set_borders(CtsCompositor *c)
 {
     if (!has_borders(c) || c->border_base == c->row.layer_base[0])
         return;
     c->border_base = c->row.base[0] = c->row.layer_base[0];
-    for (int t = 0; t <= c->tiles.n[0]; t++)
+    for (int t = 0; t <= c->patches.n[0]; t++)
         c->border[t] = find_border(c, 0, t, c->row.columns[0].first, c->row.columns[0].past);
 }
 
@@ -183,16 +183,16 @@ static int border(const CtsCompositor *c, int axis, int t, int xa, int xb)
     return c->border[t] < xa ? xa : c->border[t] > xb ? xb : c->border[t];
 }
 
-/* Pixels xa..xb-1, all within one row of tiles. */
-static void composite_tile_row(CtsCompositor *c, const CtsPlane *plane, int y, int tile_row, int xa, int xb)
+/* Pixels xa..xb-1, all within one row of patches. */
+static void composite_patch_row(CtsCompositor *c, const CtsPlane *plane, int y, int patch_row, int xa, int xb)
 {
     const CtsRuns *runs = plane->runs;
-    const int(*run)[2] = (const int(*)[2])(runs->run + (size_t)tile_row * (size_t)runs->capacity);
-    const int n = runs->n[tile_row];
+    const int(*run)[2] = (const int(*)[2])(runs->run + (size_t)patch_row * (size_t)runs->capacity);
+    const int n = runs->n[patch_row];
     if (!c->row.raster->moves[0]) {
-        const int tile = n > 0 ? tile_at(c, 0, xa) : 0;
+        const int patch = n > 0 ? patch_at(c, 0, xa) : 0;
         for (int i = 0; i < n; i++)
-            if (tile >= run[i][0] && tile < run[i][1])
+            if (patch >= run[i][0] && patch < run[i][1])
                 composite_span(c, plane, y, xa, xb);
         return;
     }
@@ -214,13 +214,13 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
         return;
     }
     if (!moves) {
-        composite_tile_row(c, plane, y, tile_at(c, 1, 0), c->row.x0, c->row.x1);
+        composite_patch_row(c, plane, y, patch_at(c, 1, 0), c->row.x0, c->row.x1);
         return;
     }
     for (int x = c->row.x0; x < c->row.x1;) {
-        const int tile_row = tile_at(c, 1, x);
-        const int past = border(c, 1, rising ? tile_row + 1 : tile_row, x, c->row.x1);
-        composite_tile_row(c, plane, y, tile_row, x, past);
+        const int patch_row = patch_at(c, 1, x);
+        const int past = border(c, 1, rising ? patch_row + 1 : patch_row, x, c->row.x1);
+        composite_patch_row(c, plane, y, patch_row, x, past);
         x = past;
     }
 }

@@ -53,7 +53,7 @@ typedef struct Phase {
     double sum;
 } Phase;
 
-static void gather_phase(CtsFootprint *f, CtsKernelId kernel, double radius, int phase_u, int phase_v, Phase *phase)
+static void collect_phase(CtsFootprint *f, CtsKernelId kernel, double radius, int phase_u, int phase_v, Phase *phase)
 {
     const int mu = f->density[0], mv = f->density[1];
     *phase = (Phase){0};
@@ -103,7 +103,7 @@ CtsStatus cts_footprint_init(CtsFootprint *f, CtsKernelId kernel, double radius,
         for (int pu = 0; pu < density[0]; pu++) {
             Phase phase;
             uint32_t sum = 0;
-            gather_phase(f, kernel, radius, pu, pv, &phase);
+            collect_phase(f, kernel, radius, pu, pv, &phase);
             if (kernel != CTS_KERNEL_CONE_PAPER && !CTS_MUTATED(FOOTPRINT_SUM))
                 normalise_phase(&phase);
             for (int i = 0; i < phase.n; i++) {

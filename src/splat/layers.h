@@ -1,4 +1,5 @@
-/* Inter-layer similarity: whether it pays, which tiles did not change, and the dead band that --tolerance asks for. */
+/* Inter-layer similarity: whether it pays, which patches did not change, and the dead band that --tolerance asks for.
+ */
 #ifndef CTS_SPLAT_LAYERS_H
 #define CTS_SPLAT_LAYERS_H
 
@@ -9,7 +10,7 @@ typedef struct CtsChangeSample {
     uint64_t voxels, changed;
 } CtsChangeSample;
 
-/* Compare a few rows of a few layers with the layer `distance` before them. Where map is not NULL only in tiles that
+/* Compare a few rows of a few layers with the layer `distance` before them. Where map is not NULL only in patches that
  * may show something. */
 CtsStatus cts_layers_sample(const CtsStack *stack, const CtsVoidMap *map, int tolerance, int distance, int axis_sign,
                             CtsChangeSample *sample, CtsError *err);
@@ -21,22 +22,22 @@ bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool 
  * is splatted is never further off than that, however long it goes on. */
 void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, int tolerance, int n, uint16_t *kept);
 
-/* What is known of a sheet's tiles, taken together by bands, from the layers before: the range of one that did not
+/* What is known of a sheet's patches, taken together by swaths, from the layers before: the range of one that did not
  * change need not be looked at again, and if nothing of it can be seen its samples need not be taken. */
 typedef struct CtsQuiet {
-    CtsTiles tiles;
-    uint64_t *known; /* by band, a bit for each column of tiles */
+    CtsPatches patches;
+    uint64_t *known; /* by swath, a bit for each column of patches */
     uint64_t *empty; /* likewise: known to show nothing */
-    CtsRange *range; /* by band and column, where known */
+    CtsRange *range; /* by swath and column, where known */
 } CtsQuiet;
 
-CtsStatus cts_quiet_init(CtsQuiet *quiet, const CtsTiles *tiles, CtsError *err);
+CtsStatus cts_quiet_init(CtsQuiet *quiet, const CtsPatches *patches, CtsError *err);
 void cts_quiet_free(CtsQuiet *quiet);
 
-/* Bring a band up to date: rows against old_rows (NULL: nothing is known of the past). marks and changed are scratch of
- * a bit for each voxel of a row. */
+/* Bring a swath up to date: rows against old_rows (NULL: nothing is known of the past). marks and changed are scratch
+ * of a bit for each voxel of a row. */
 typedef struct CtsQuietJob {
-    const CtsKernels *kernels;
+    const CtsSimd *simd;
     const CtsRangeRule *rule;
     CtsRowOf row_of;
     const void *rows, *old_rows;
@@ -44,9 +45,9 @@ typedef struct CtsQuietJob {
     int n[2];
 } CtsQuietJob;
 
-void cts_quiet_band(CtsQuiet *quiet, const CtsQuietJob *job, int band);
+void cts_quiet_swath(CtsQuiet *quiet, const CtsQuietJob *job, int swath);
 
-/* Clear the bits of tiles that show nothing on either sheet, or between the two. */
-void cts_quiet_drop(const CtsQuiet *here, const CtsQuiet *before, const CtsRangeRule *rule, int band, uint64_t *row);
+/* Clear the bits of patches that show nothing on either sheet, or between the two. */
+void cts_quiet_drop(const CtsQuiet *here, const CtsQuiet *before, const CtsRangeRule *rule, int swath, uint64_t *row);
 
 #endif

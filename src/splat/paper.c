@@ -13,11 +13,11 @@
 typedef struct Worker {
     CtsCompositor compositor;
     uint64_t *marks, *changed; /* a bit for each voxel of a row */
-    uint64_t *needed, *row;    /* bits for each tile of the rows that a band meets, and for one */
-    int band, open_until;      /* by bands: which one, and the step up to which its open tiles hold */
+    uint64_t *needed, *row;    /* bits for each patch of the rows that a swath meets, and for one */
+    int swath, open_until;     /* by swaths: which one, and the step up to which its open patches hold */
     bool stopped;
-    int beside[2];             /* voxels beside a tile, along u and v, that its samples depend on */
-    CtsPaperStore *store, own; /* own: by bands */
+    int beside[2];             /* voxels beside a patch, along u and v, that its samples depend on */
+    CtsPaperStore *store, own; /* own: by swaths */
     double busy_ms[CTS_N_STAGES];
     uint64_t splatted, reused;
 } Worker;
@@ -27,33 +27,34 @@ static void gradient_row(const CtsPaperPlan *p, const CtsStack *s, int k, int v,
 {
     const int v_low = v > 0 ? v - 1 : v, v_high = v < s->n[1] - 1 ? v + 1 : v;
     const int k_low = k > 0 ? k - 1 : k, k_high = k < s->n_layers - 1 ? k + 1 : k;
-    const uint16_t *const before[2] = {cts_stack_row(s, k, v_low), cts_stack_row(s, k_low, v)};
-    const uint16_t *const after[2] = {cts_stack_row(s, k, v_high), cts_stack_row(s, k_high, v)};
-    const float scale[2] = {v_high - v_low == 1 ? 2 : 1, k_high - k_low == 1 ? 2 : 1};
-    p->kernels.gradient(cts_stack_row(s, k, v), before, after, scale, s->n[0], u0, u1,
-                        field + (size_t)v * p->gradient_stride);
+    const CtsGradientRows rows = {.row = cts_stack_row(s, k, v),
+                                  .before = {cts_stack_row(s, k, v_low), cts_stack_row(s, k_low, v)},
+                                  .after = {cts_stack_row(s, k, v_high), cts_stack_row(s, k_high, v)},
+                                  .scale = {v_high - v_low == 1 ? 2 : 1, k_high - k_low == 1 ? 2 : 1},
+                                  .n = s->n[0]};
+    p->simd.gradient(&rows, u0, u1, field + (size_t)v * p->gradient_stride);
 }
 
-/* Gradients of a band's rows, at the voxels of needed tiles. */
-static void gradient_band(const CtsPaperPlan *p, const Worker *w, int s, int band)
+/* Gradients of a swath's rows, at the voxels of needed patches. */
+static void gradient_swath(const CtsPaperPlan *p, const Worker *w, int s, int swath)
 {
-    const bool far_edge = p->by_bands && band < p->tiles.n_bands - 1;
-    const int past = cts_band_start(&p->tiles, band + 1, 1) + far_edge, n = p->tiles.n[0];
-    for (int v = cts_band_start(&p->tiles, band, 1); v < past; v++) {
+    const bool far_edge = p->by_swaths && swath < p->patches.n_swaths - 1;
+    const int past = cts_swath_start(&p->patches, swath + 1, 1) + far_edge, n = p->patches.n[0];
+    for (int v = cts_swath_start(&p->patches, swath, 1); v < past; v++) {
         int first, last;
-        cts_tile_rows(&p->tiles, v, 1, &first, &last);
-        cts_needed_rows(&p->tiles, w->needed, band, first, last, w->row);
+        cts_patch_rows(&p->patches, v, 1, &first, &last);
+        cts_needed_rows(&p->patches, w->needed, swath, first, last, w->row);
         for (int t = 0, end; cts_next_run(w->row, n, &t, &end); t = end) {
-            const int u1 = end * CTS_TILE < p->stack.n[0] ? end * CTS_TILE + 1 : p->stack.n[0];
-            gradient_row(p, &w->store->stack, cts_paper_layer(p, s), v, t * CTS_TILE, u1,
+            const int u1 = end * CTS_PATCH < p->stack.n[0] ? end * CTS_PATCH + 1 : p->stack.n[0];
+            gradient_row(p, &w->store->stack, cts_paper_layer(p, s), v, t * CTS_PATCH, u1,
                          w->store->gradient[s % p->n_sheets]);
         }
     }
 }
 
-static void quiet_band(CtsPaperPlan *p, Worker *w, int band, const CtsPaperRows *rows, const CtsPaperRows *old)
+static void quiet_swath(CtsPaperPlan *p, Worker *w, int swath, const CtsPaperRows *rows, const CtsPaperRows *old)
 {
-    const CtsQuietJob job = {.kernels = &p->kernels,
+    const CtsQuietJob job = {.simd = &p->simd,
                              .rule = &p->rule,
                              .row_of = cts_paper_row,
                              .rows = rows,
@@ -61,23 +62,23 @@ static void quiet_band(CtsPaperPlan *p, Worker *w, int band, const CtsPaperRows 
                              .marks = w->marks,
                              .changed = w->changed,
                              .n = {p->stack.n[0], p->stack.n[1]}};
-    cts_quiet_band(&p->quiet[rows->step % p->n_sheets], &job, band);
+    cts_quiet_swath(&p->quiet[rows->step % p->n_sheets], &job, swath);
 }
 
-/* The tiles that the sheet must hold, of the band's rows and, where another band has their edge, of the row before;
+/* The patches that the sheet must hold, of the swath's rows and, where another swath has their edge, of the row before;
  * true when there are any. */
-static bool find_needed(const CtsPaperPlan *p, Worker *w, int s, int band)
+static bool find_needed(const CtsPaperPlan *p, Worker *w, int s, int swath)
 {
-    const int n_words = p->tiles.n_words, first = p->by_bands ? 1 : 0;
+    const int n_words = p->patches.n_words, first = p->by_swaths ? 1 : 0;
     uint64_t any = 0;
     memset(w->needed, 0, (size_t)CTS_NEEDED_ROWS * (size_t)n_words * sizeof *w->needed);
-    for (int r = first; r <= CTS_BAND; r++)
-        cts_paper_needed(p, s, band * CTS_BAND - 1 + r, w->needed + (size_t)r * (size_t)n_words);
+    for (int r = first; r <= CTS_SWATH; r++)
+        cts_paper_needed(p, s, swath * CTS_SWATH - 1 + r, w->needed + (size_t)r * (size_t)n_words);
     for (int i = 0; i < n_words; i++) {
         uint64_t all = 0;
         for (int r = 0; r < CTS_NEEDED_ROWS; r++)
             all |= w->needed[r * n_words + i];
-        /* What a sheet holds is known by bands. */
+        /* What a sheet holds is known by swaths. */
         for (int r = 0; r < CTS_NEEDED_ROWS && p->reuse; r++)
             w->needed[r * n_words + i] = all;
         any |= all;
@@ -85,25 +86,25 @@ static bool find_needed(const CtsPaperPlan *p, Worker *w, int s, int band)
     return any != 0;
 }
 
-static void find_runs(CtsPaperPlan *p, Worker *w, int s, int band)
+static void find_runs(CtsPaperPlan *p, Worker *w, int s, int swath)
 {
-    for (int r = band * CTS_BAND; r < (band + 1) * CTS_BAND && r < p->tiles.n[1]; r++) {
+    for (int r = swath * CTS_SWATH; r < (swath + 1) * CTS_SWATH && r < p->patches.n[1]; r++) {
         cts_paper_shown(p, s, r, w->row);
-        cts_runs_set(&p->runs, r, w->row, p->tiles.n[0]);
+        cts_runs_set(&p->runs, r, w->row, p->patches.n[0]);
     }
 }
 
-/* Returns false when nothing of the band is needed. */
-static bool splat_band(CtsPaperPlan *p, Worker *w, int s, int band)
+/* Returns false when nothing of the swath is needed. */
+static bool splat_swath(CtsPaperPlan *p, Worker *w, int s, int swath)
 {
     const CtsSheet *sheet = &w->store->sheet[s % p->n_sheets];
     const CtsPaperRows rows = {p, w->store, s}, old_rows = {p, w->store, s - p->n_sheets};
     const CtsPaperRows next_rows = {p, w->store, s + 1};
     const bool from_old = p->reuse && sheet->step == old_rows.step && old_rows.step >= 0;
-    const CtsSplat splat = {.kernels = &p->kernels,
+    const CtsSplat splat = {.simd = &p->simd,
                             .footprint = &p->footprint,
                             .sheet = sheet,
-                            .tiles = &p->tiles,
+                            .patches = &p->patches,
                             .rows = &rows,
                             .old_rows = from_old ? &old_rows : NULL,
                             .next_rows = p->skip_void && s + 1 < p->stack.n_layers ? &next_rows : NULL,
@@ -114,21 +115,21 @@ static bool splat_band(CtsPaperPlan *p, Worker *w, int s, int band)
                             .needed = w->needed,
                             .row = w->row,
                             .marks = w->marks};
-    const bool needed = find_needed(p, w, s, band);
+    const bool needed = find_needed(p, w, s, swath);
     if (needed || p->reuse) {
-        const CtsSplatCount count = cts_splat_band(&splat, band, p->by_bands);
+        const CtsSplatCount count = cts_splat_swath(&splat, swath, p->by_swaths);
         w->splatted += count.splatted;
         w->reused += count.reused;
     }
     if (p->lit && needed) {
         const double start_ms = cts_wall_ms();
-        gradient_band(p, w, s, band);
+        gradient_swath(p, w, s, swath);
         w->busy_ms[CTS_STAGE_SHADE] += cts_wall_ms() - start_ms;
     }
     if (p->reuse && !p->skip_void)
-        quiet_band(p, w, band, &rows, from_old ? &old_rows : NULL);
+        quiet_swath(p, w, swath, &rows, from_old ? &old_rows : NULL);
     if (p->reuse || p->skip_void)
-        find_runs(p, w, s, band);
+        find_runs(p, w, s, swath);
     return needed;
 }
 
@@ -151,7 +152,7 @@ static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, in
         .second = part > 0 ? (const float(*)[4])w->store->gradient[behind] : NULL,
         .stride = p->gradient_stride,
         .weight = (float)part,
-        .shift = {__builtin_ctz((unsigned)p->tiles.density[0]), __builtin_ctz((unsigned)p->tiles.density[1])}};
+        .shift = {__builtin_ctz((unsigned)p->patches.density[0]), __builtin_ctz((unsigned)p->patches.density[1])}};
     const CtsPlane plane = {.layer = cts_paper_layer(p, front) + p->scene->view.axis_sign * part,
                             .sheets = {.first = w->store->sheet[slot].origin,
                                        .second = part > 0 ? w->store->sheet[behind].origin : NULL,
@@ -176,22 +177,22 @@ static void composite_step(const CtsPaperPlan *p, Worker *w, int s, int y0, int 
     }
 }
 
-/* The eights of voxels of row v that a chunk is loaded for: those that reach into wanted tiles, and for gradients their
- * neighbours. */
+/* The eights of voxels of row v that a chunk is loaded for: those that reach into wanted patches, and for gradients
+ * their neighbours. */
 static void find_eights(const CtsPaperPlan *p, Worker *w, int v)
 {
-    const int n = p->tiles.n[0], n_words = p->tiles.n_words, last = p->tiles.n[1] - 1;
+    const int n = p->patches.n[0], n_words = p->patches.n_words, last = p->patches.n[1] - 1;
     const int above = v > w->beside[1] ? v - w->beside[1] : 0, below = v + w->beside[1];
     int first, unused, past;
-    cts_tile_rows(&p->tiles, above, 1, &first, &unused);
-    cts_tile_rows(&p->tiles, below, 1, &unused, &past);
+    cts_patch_rows(&p->patches, above, 1, &first, &unused);
+    cts_patch_rows(&p->patches, below, 1, &unused, &past);
     memset(w->row, 0, (size_t)n_words * sizeof *w->row);
     memset(w->marks, 0, ((size_t)p->stack.n[0] / 64 + 1) * sizeof *w->marks);
     for (int r = first; r <= past && r <= last; r++)
         for (int i = 0; i < n_words; i++)
             w->row[i] |= w->store->wanted[(size_t)r * (size_t)n_words + (size_t)i];
     for (int t = 0, end; cts_next_run(w->row, n, &t, &end); t = end) {
-        const int low = t * CTS_TILE - w->beside[0], high = (end * CTS_TILE + w->beside[0]) / 8;
+        const int low = t * CTS_PATCH - w->beside[0], high = (end * CTS_PATCH + w->beside[0]) / 8;
         cts_bits_fill(w->marks, low > 0 ? low / 8 : 0, (high < p->stack.n[0] / 8 ? high : p->stack.n[0] / 8) + 1);
     }
 }
@@ -249,7 +250,7 @@ static void load_chunks(Step *step)
         if (step->chunk < 0)
             continue;
         if (loads_partly(p))
-            cts_parallel(p->n_threads, (size_t)p->tiles.n[1], 0, find_wanted, step);
+            cts_parallel(p->n_threads, (size_t)p->patches.n[1], 0, find_wanted, step);
         cts_parallel(p->n_threads, (size_t)p->stack.n[1], 0, load_rows, step);
         cts_stack_set_loaded(&p->store.stack, step->chunk);
     }
@@ -259,8 +260,8 @@ static void find_open(void *context, int worker, size_t first, size_t end)
 {
     const Step *const step = context;
     (void)worker;
-    for (size_t band = first; band < end; band++)
-        cts_paper_find_open(step->plan, step->s, (int)band);
+    for (size_t swath = first; swath < end; swath++)
+        cts_paper_find_open(step->plan, step->s, (int)swath);
 }
 
 /* A row as it is splatted, where that is not as it is. */
@@ -280,13 +281,13 @@ static void settle_rows(void *context, int worker, size_t first, size_t end)
         settle_row(step->plan, &step->plan->store, step->s, (int)v);
 }
 
-static void splat_bands(void *context, int worker, size_t first, size_t end)
+static void splat_swaths(void *context, int worker, size_t first, size_t end)
 {
     const Step *const step = context;
     Worker *const w = &step->workers[worker];
     const double start_ms = cts_thread_cpu_ms(), shade_ms = w->busy_ms[CTS_STAGE_SHADE];
-    for (size_t band = first; band < end; band++)
-        splat_band(step->plan, w, step->s, (int)band);
+    for (size_t swath = first; swath < end; swath++)
+        splat_swath(step->plan, w, step->s, (int)swath);
     const double busy_ms = cts_thread_cpu_ms() - start_ms - (w->busy_ms[CTS_STAGE_SHADE] - shade_ms);
     w->busy_ms[CTS_STAGE_SPLAT] += busy_ms > 0 ? busy_ms : 0;
 }
@@ -296,9 +297,9 @@ static void composite_blocks(void *context, int worker, size_t first, size_t end
 {
     const Step *const step = context;
     Worker *const w = &step->workers[worker];
-    const int height = step->plan->raster.height, y1 = (int)end * CTS_BLOCK_HEIGHT;
+    const int height = step->plan->raster.height, y1 = (int)end * CTS_ZONE_HEIGHT;
     const double start_ms = cts_thread_cpu_ms();
-    composite_step(step->plan, w, step->s, (int)first * CTS_BLOCK_HEIGHT, y1 < height ? y1 : height);
+    composite_step(step->plan, w, step->s, (int)first * CTS_ZONE_HEIGHT, y1 < height ? y1 : height);
     w->busy_ms[CTS_STAGE_COMPOSITE] += cts_thread_cpu_ms() - start_ms;
 }
 
@@ -306,7 +307,7 @@ static void composite_blocks(void *context, int worker, size_t first, size_t end
 static void run_layers(CtsPaperPlan *p, Worker *workers)
 {
     Step step = {.plan = p, .workers = workers};
-    int open_until = 0; /* the step up to which the plan's open tiles hold */
+    int open_until = 0; /* the step up to which the plan's open patches hold */
     for (int s = 0; s < p->stack.n_layers - CTS_MUTATED(LAST_LAYER) && !p->stopped; s++) {
         const bool needed = cts_paper_step_needed(p, s);
         /* A dead band must see every layer, needed or not. */
@@ -320,26 +321,26 @@ static void run_layers(CtsPaperPlan *p, Worker *workers)
             continue;
         if (p->skip_void && s >= open_until) {
             open_until = s + CTS_PAPER_OPEN_STEPS;
-            cts_parallel(p->n_threads, (size_t)p->tiles.n_bands, 0, find_open, &step);
+            cts_parallel(p->n_threads, (size_t)p->patches.n_swaths, 0, find_open, &step);
         }
-        cts_parallel(p->n_threads, (size_t)p->tiles.n_bands, 1, splat_bands, &step);
+        cts_parallel(p->n_threads, (size_t)p->patches.n_swaths, 1, splat_swaths, &step);
         p->stopped = cts_scene_stopped(p->scene);
         if (!p->stopped)
-            cts_parallel(p->n_threads, (size_t)(p->raster.height + CTS_BLOCK_HEIGHT - 1) / CTS_BLOCK_HEIGHT, 0,
+            cts_parallel(p->n_threads, (size_t)(p->raster.height + CTS_ZONE_HEIGHT - 1) / CTS_ZONE_HEIGHT, 0,
                          composite_blocks, &step);
         p->store.sheet[s % p->n_sheets].step = s;
     }
 }
 
-static void load_band_chunks(CtsPaperPlan *p, Worker *w, int s)
+static void load_swath_chunks(CtsPaperPlan *p, Worker *w, int s)
 {
     int first, past;
-    cts_paper_voxel_rows(p, w->band, &first, &past);
+    cts_paper_voxel_rows(p, w->swath, &first, &past);
     for (int step = s - 1; step <= s + 1; step++) {
-        const int chunk = chunk_missing(p, w->store, step), n_rows = p->tiles.n[1];
+        const int chunk = chunk_missing(p, w->store, step), n_rows = p->patches.n[1];
         if (chunk < 0)
             continue;
-        for (int r = w->band * CTS_BAND; r < (w->band + 1) * CTS_BAND && r < n_rows && loads_partly(p); r++)
+        for (int r = w->swath * CTS_SWATH; r < (w->swath + 1) * CTS_SWATH && r < n_rows && loads_partly(p); r++)
             cts_paper_find_wanted(p, w->store, chunk, r);
         for (int v = first; v < past; v++)
             load_row(p, w, chunk, v);
@@ -347,25 +348,25 @@ static void load_band_chunks(CtsPaperPlan *p, Worker *w, int s)
     }
 }
 
-static void step_band(CtsPaperPlan *p, Worker *w, int s)
+static void step_swath(CtsPaperPlan *p, Worker *w, int s)
 {
     const double start_ms = cts_wall_ms(), shade_ms = w->busy_ms[CTS_STAGE_SHADE];
     int first, past;
-    load_band_chunks(p, w, s);
-    cts_paper_voxel_rows(p, w->band, &first, &past);
+    load_swath_chunks(p, w, s);
+    cts_paper_voxel_rows(p, w->swath, &first, &past);
     for (int v = first; v < past && p->tolerance > 0; v++)
         settle_row(p, w->store, s, v);
     if (!cts_paper_step_needed(p, s))
         return;
     if (p->skip_void && s >= w->open_until) {
         w->open_until = s + CTS_PAPER_OPEN_STEPS;
-        cts_paper_find_open(p, s, w->band);
+        cts_paper_find_open(p, s, w->swath);
     }
-    const bool needed = splat_band(p, w, s, w->band);
+    const bool needed = splat_swath(p, w, s, w->swath);
     const double splat_ms = cts_wall_ms();
     w->busy_ms[CTS_STAGE_SPLAT] += splat_ms - start_ms - (w->busy_ms[CTS_STAGE_SHADE] - shade_ms);
     int y0, y1;
-    cts_paper_picture_rows(p, w->band, &y0, &y1);
+    cts_paper_picture_rows(p, w->swath, &y0, &y1);
     if (needed)
         composite_step(p, w, s, y0, y1);
     w->busy_ms[CTS_STAGE_COMPOSITE] += cts_wall_ms() - splat_ms;
@@ -380,22 +381,22 @@ static void flip_alpha(CtsPicture *picture, int y0, int y1)
         picture->pixels[4 * i + 3] = 1 - picture->pixels[4 * i + 3];
 }
 
-/* One thread takes a band through all layers. */
-static void run_band(CtsPaperPlan *p, Worker *w, int band)
+/* One thread takes a swath through all layers. */
+static void run_swath(CtsPaperPlan *p, Worker *w, int swath)
 {
     int first, past, y0, y1;
-    w->band = band;
+    w->swath = swath;
     w->open_until = 0;
-    cts_paper_voxel_rows(p, band, &first, &past);
+    cts_paper_voxel_rows(p, swath, &first, &past);
     cts_stack_begin(&w->store->stack, first);
-    cts_paper_picture_rows(p, band, &y0, &y1);
+    cts_paper_picture_rows(p, swath, &y0, &y1);
     flip_alpha(p->picture, y0, y1);
     for (int i = 0; i < p->n_sheets; i++)
         w->store->sheet[i].step = -1;
     for (int s = 0; s < p->stack.n_layers - CTS_MUTATED(LAST_LAYER) && !w->stopped; s++) {
         w->stopped = cts_scene_stopped(p->scene);
         if (!w->stopped && (cts_paper_step_needed(p, s) || p->tolerance > 0))
-            step_band(p, w, s);
+            step_swath(p, w, s);
     }
     flip_alpha(p->picture, y0, y1);
 }
@@ -406,19 +407,19 @@ static void flip_rows(void *context, int worker, size_t first, size_t end)
     flip_alpha(context, (int)first, (int)end);
 }
 
-static void run_bands(void *context, int worker, size_t first, size_t end)
+static void run_swaths(void *context, int worker, size_t first, size_t end)
 {
     const Step *const step = context;
-    for (size_t band = first; band < end; band++)
-        run_band(step->plan, &step->workers[worker], (int)band);
+    for (size_t swath = first; swath < end; swath++)
+        run_swath(step->plan, &step->workers[worker], (int)swath);
 }
 
 static void run_all(CtsPaperPlan *p, Worker *workers)
 {
     Step all = {.plan = p, .workers = workers};
     const size_t height = (size_t)p->picture->height;
-    if (p->by_bands) {
-        cts_parallel(p->n_threads, (size_t)p->tiles.n_bands, 1, run_bands, &all);
+    if (p->by_swaths) {
+        cts_parallel(p->n_threads, (size_t)p->patches.n_swaths, 1, run_swaths, &all);
         return;
     }
     cts_parallel(p->n_threads, height, 0, flip_rows, p->picture);
@@ -459,16 +460,15 @@ static void report_run(const CtsPaperPlan *p, const Worker *workers, double wall
 
 static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
 {
-    const size_t n_marks = (size_t)p->stack.n[0] / 64 + 1, n_words = (size_t)p->tiles.n_words;
+    const size_t n_marks = (size_t)p->stack.n[0] / 64 + 1, n_words = (size_t)p->patches.n_words;
     CtsStatus st;
-    if ((st = cts_compositor_init(&w->compositor, &p->kernels, &p->tiles, &p->raster, &p->scene->view, p->scene->volume,
-                                  p->picture, err)) ||
+    if ((st = cts_compositor_init(&w->compositor, &p->simd, &p->patches, &p->raster, p->scene, p->picture, err)) ||
         (st = cts_alloc_array(&w->marks, n_marks, err)) || (st = cts_alloc_array(&w->changed, n_marks, err)) ||
         (st = cts_alloc_array(&w->needed, n_words * CTS_NEEDED_ROWS, err)) ||
-        (p->by_bands && (st = cts_paper_store_init(&w->own, p, err))))
+        (p->by_swaths && (st = cts_paper_store_init(&w->own, p, err))))
         return st;
-    w->store = p->by_bands ? &w->own : &p->store;
-    w->compositor.hidden = p->skip_void ? &p->hidden : NULL;
+    w->store = p->by_swaths ? &w->own : &p->store;
+    w->compositor.occlusion = p->skip_void ? &p->occlusion : NULL;
     for (int c = 0; c < 2; c++) {
         w->beside[c] = p->footprint.reach[c] / p->footprint.density[c];
         w->beside[c] += p->lit && w->beside[c] == 0;

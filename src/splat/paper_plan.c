@@ -3,11 +3,11 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "scene/scene_blocks.h"
+#include "scene/scene_macrocells.h"
 #include <math.h>
 #include <string.h>
 
-enum { BANDS_A_THREAD = 3 }; /* with fewer, some threads would wait for others */
+enum { SWATHS_A_THREAD = 3 }; /* with fewer, some threads would wait for others */
 
 /* About one lattice point a pixel, and a power of two. */
 static int choose_density(double voxels_per_pixel)
@@ -33,12 +33,13 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
         p->raster.height = p->picture->height;
         p->raster.first_row = p->picture->first_row;
     }
-    p->tiles = cts_tiles(&p->stack, density);
+    p->patches = cts_patches(&p->stack, density);
     p->samples = p->scene->plan.samples > 0 ? p->scene->plan.samples : 1;
     p->n_sheets = p->samples > 1 ? 2 : 1;
     p->n_threads = settings->n_threads;
-    p->by_bands = p->raster.filled && p->raster.by_layer[1] == 0 && p->tiles.n_bands >= BANDS_A_THREAD * p->n_threads;
-    cts_kernels_init(&p->kernels, cts_cpu_flags());
+    p->by_swaths =
+        p->raster.filled && p->raster.by_layer[1] == 0 && p->patches.n_swaths >= SWATHS_A_THREAD * p->n_threads;
+    cts_simd_init(&p->simd, cts_cpu_flags());
     if ((st = cts_footprint_init(&p->footprint, settings->kernel, settings->kernel_radius, density, err)))
         return st;
     const uint64_t n_taps = (uint64_t)(2 * p->footprint.reach[0] + 1) * (uint64_t)(2 * p->footprint.reach[1] + 1);
@@ -64,22 +65,23 @@ static CtsStatus plan_look(CtsPaperPlan *p, CtsError *err)
     return cts_shade_init(&p->shade, scene->preset, &scene->view, axes, err);
 }
 
-static CtsStatus plan_void(CtsPaperPlan *p, const CtsBlocks *blocks, CtsReport *report, CtsError *err)
+static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     if (!p->skip_void) {
         cts_report_skip(report, "void skipping", "engine %s splats every voxel", p->reuse ? "layers" : "classic");
         return CTS_OK;
     }
-    if ((st = cts_void_map_new(&p->map, &p->stack, &p->tiles, &p->rule, blocks, p->n_threads, err)))
+    if ((st = cts_void_map_new(&p->map, &p->stack, &p->patches, &p->rule, macrocells, p->n_threads, err)))
         return st;
     int n_empty = 0;
     for (int k = 0; k < p->stack.n_layers; k++)
         n_empty += !p->map.active[k];
-    cts_report_plan(report,
-                    "void: blocks of %d^3 cells whose grey levels show nothing are left out, %.1f %% of all; %d of %d "
-                    "layers show nothing at all",
-                    CTS_TILE, 100 * (1 - (double)p->map.n_shown / (double)p->map.n_tiles), n_empty, p->stack.n_layers);
+    cts_report_plan(
+        report,
+        "void: macro-cells of %d^3 cells whose grey levels show nothing are left out, %.1f %% of all; %d of %d "
+        "layers show nothing at all",
+        CTS_PATCH, 100 * (1 - (double)p->map.n_shown / (double)p->map.n_patches), n_empty, p->stack.n_layers);
     if (n_empty > 0)
         cts_report_skip(report, "layers", "%d of %d show nothing", n_empty, p->stack.n_layers);
     return CTS_OK;
@@ -110,7 +112,7 @@ static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus plan_savings(CtsPaperPlan *p, const CtsBlocks *blocks, CtsReport *report, CtsError *err)
+static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, CtsReport *report, CtsError *err)
 {
     const CtsScene *scene = p->scene;
     CtsStatus st;
@@ -124,7 +126,7 @@ static CtsStatus plan_savings(CtsPaperPlan *p, const CtsBlocks *blocks, CtsRepor
                              .slack = (uint16_t)p->tolerance,
                              .sum_low = p->footprint.sum_low,
                              .sum_high = p->footprint.sum_high};
-    if ((st = plan_void(p, blocks, report, err)))
+    if ((st = plan_void(p, macrocells, report, err)))
         return st;
     return plan_reuse(p, report, err);
 }
@@ -141,28 +143,28 @@ static bool sees_volume(const CtsRaster *r, int y)
     return level_at(r, y) >= -1 && level_at(r, y) <= r->last[1] + 1;
 }
 
-/* Where the bands of a picture whose rows run along the lattice's begin: each row lies in one row of tiles, but for
+/* Where the swaths of a picture whose rows run along the lattice's begin: each row lies in one row of patches, but for
  * those that see nothing of the volume, above and below. */
-static CtsStatus plan_band_rows(CtsPaperPlan *p, CtsError *err)
+static CtsStatus plan_swath_rows(CtsPaperPlan *p, CtsError *err)
 {
-    const CtsStatus st = cts_alloc_array(&p->band_row, (size_t)p->tiles.n_bands + 1, err);
+    const CtsStatus st = cts_alloc_array(&p->swath_row, (size_t)p->patches.n_swaths + 1, err);
     if (st)
         return st;
     const CtsRaster *r = &p->raster;
     const bool rising = r->by_y[1] > 0;
-    const double lattice = CTS_BAND * CTS_TILE * p->tiles.density[1];
+    const double lattice = CTS_SWATH * CTS_PATCH * p->patches.density[1];
     int y = 0, past = r->height;
     while (y < past && !sees_volume(r, y))
         y++;
     while (past > y && !sees_volume(r, past - 1))
         past--;
-    for (int i = 0; i <= p->tiles.n_bands; i++) {
-        /* The i-th band as rows go down the picture, and where it ends. */
-        p->band_row[i] = y;
-        const int band = rising ? i : p->tiles.n_bands - 1 - i;
+    for (int i = 0; i <= p->patches.n_swaths; i++) {
+        /* The i-th swath as rows go down the picture, and where it ends. */
+        p->swath_row[i] = y;
+        const int swath = rising ? i : p->patches.n_swaths - 1 - i;
         for (; y < past; y++) {
             const double at = level_at(r, y);
-            if (rising ? i < p->tiles.n_bands - 1 && at >= (band + 1) * lattice : band > 0 && at < band * lattice)
+            if (rising ? i < p->patches.n_swaths - 1 && at >= (swath + 1) * lattice : swath > 0 && at < swath * lattice)
                 break;
         }
     }
@@ -174,10 +176,10 @@ CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *p, CtsE
     const size_t n_layer = (size_t)p->stack.n[0] * (size_t)p->stack.n[1];
     CtsStatus st;
     store->stack = p->stack;
-    if ((st = cts_stack_init(&store->stack, p->by_bands ? (CTS_BAND + 2) * CTS_TILE + 1 : p->stack.n[1], err)))
+    if ((st = cts_stack_init(&store->stack, p->by_swaths ? (CTS_SWATH + 2) * CTS_PATCH + 1 : p->stack.n[1], err)))
         return st;
     for (int i = 0; i < p->n_sheets; i++) {
-        if ((st = cts_sheet_init(&store->sheet[i], &p->tiles, err)))
+        if ((st = cts_sheet_init(&store->sheet[i], &p->patches, err)))
             return st;
         /* A row and a voxel more than the layer has, so that bilinear reads at its end stay inside. */
         const size_t n = p->gradient_stride * ((size_t)p->stack.n[1] + 1) + 1;
@@ -187,7 +189,7 @@ CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *p, CtsE
     for (int i = 0; i < 3 && p->tolerance > 0; i++)
         if ((st = cts_alloc_zeroed(&store->settled[i], n_layer, err)))
             return st;
-    return p->skip_void ? cts_alloc_zeroed(&store->wanted, (size_t)p->tiles.n[1] * (size_t)p->tiles.n_words, err)
+    return p->skip_void ? cts_alloc_zeroed(&store->wanted, (size_t)p->patches.n[1] * (size_t)p->patches.n_words, err)
                         : CTS_OK;
 }
 
@@ -206,16 +208,17 @@ void cts_paper_store_free(CtsPaperStore *store)
 static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
 {
     CtsStatus st;
-    if (p->by_bands ? (st = plan_band_rows(p, err)) : (st = cts_paper_store_init(&p->store, p, err)))
+    if (p->by_swaths ? (st = plan_swath_rows(p, err)) : (st = cts_paper_store_init(&p->store, p, err)))
         return st;
     for (int i = 0; i < p->n_sheets && p->reuse && !p->skip_void; i++)
-        if ((st = cts_quiet_init(&p->quiet[i], &p->tiles, err)))
+        if ((st = cts_quiet_init(&p->quiet[i], &p->patches, err)))
             return st;
     if (p->skip_void &&
-        ((st = cts_hidden_init(&p->hidden, &p->raster, p->band_row, p->by_bands ? p->tiles.n_bands : 0, err)) ||
-         (st = cts_alloc_zeroed(&p->open, (size_t)p->tiles.n_bands * (size_t)p->tiles.n_words, err))))
+        ((st = cts_occlusion_init(&p->occlusion, &p->raster, p->swath_row, p->by_swaths ? p->patches.n_swaths : 0,
+                                  err)) ||
+         (st = cts_alloc_zeroed(&p->open, (size_t)p->patches.n_swaths * (size_t)p->patches.n_words, err))))
         return st;
-    return p->reuse || p->skip_void ? cts_runs_init(&p->runs, &p->tiles, err) : CTS_OK;
+    return p->reuse || p->skip_void ? cts_runs_init(&p->runs, &p->patches, err) : CTS_OK;
 }
 
 static void explain(const CtsPaperPlan *p, CtsReport *report)
@@ -227,7 +230,7 @@ static void explain(const CtsPaperPlan *p, CtsReport *report)
                     p->samples > 1 ? "s" : "");
     cts_report_plan(report, "sheet: %d x %d samples a voxel; footprint: %d x %d taps", p->footprint.density[0],
                     p->footprint.density[1], 2 * p->footprint.reach[0] + 1, 2 * p->footprint.reach[1] + 1);
-    cts_report_plan(report, "order: %s", p->by_bands ? "bands of rows, each through all layers" : "layer by layer");
+    cts_report_plan(report, "order: %s", p->by_swaths ? "swaths of rows, each through all layers" : "layer by layer");
     cts_report_plan(report, "lighting: %s; threads: %d", p->scene->preset->shade ? "on" : "off", p->n_threads);
 }
 
@@ -240,11 +243,11 @@ CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, CtsPaperFe
     if ((st = plan_geometry(p, report, err)))
         return st;
     explain(p, report);
-    const CtsBlocks *blocks = NULL;
-    if (p->skip_void && (st = cts_scene_blocks(scene, &p->own_blocks, &blocks, report, err)))
+    const CtsMacrocells *macrocells = NULL;
+    if (p->skip_void && (st = cts_scene_macrocells(scene, &p->own_macrocells, &macrocells, report, err)))
         return st;
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
-    if ((st = plan_look(p, err)) || (st = plan_savings(p, blocks, report, err)))
+    if ((st = plan_look(p, err)) || (st = plan_savings(p, macrocells, report, err)))
         return st;
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, 0, 0);
     return picture ? plan_memory(p, err) : CTS_OK;
@@ -257,66 +260,65 @@ void cts_paper_plan_free(CtsPaperPlan *p)
         cts_quiet_free(&p->quiet[i]);
     }
     cts_paper_store_free(&p->store);
-    cts_free(&p->band_row);
-    cts_hidden_free(&p->hidden);
+    cts_free(&p->swath_row);
+    cts_occlusion_free(&p->occlusion);
     cts_free(&p->open);
-    cts_blocks_free(&p->own_blocks);
+    cts_macrocells_free(&p->own_macrocells);
     cts_runs_free(&p->runs);
     cts_void_map_free(&p->map);
     cts_shade_free(&p->shade);
 }
 
-/* Add the tiles that open pixels look at on a step's plane, and where there are planes between from there to another's.
+/* Add the patches that open pixels look at on a step's plane, and where there are planes between from there to
+ * another's.
  */
-static void open_tiles(const CtsPaperPlan *p, int step, int other_step, int tile_v, uint64_t *row)
+static void open_patches(const CtsPaperPlan *p, int step, int other_step, int patch_v, uint64_t *row)
 {
     const int here = cts_paper_layer(p, step), last = p->stack.n_layers - 1;
     const bool between = p->samples > 1 && other_step >= 0 && other_step <= last;
-    const uint64_t *open = p->open + (size_t)(tile_v / CTS_BAND) * (size_t)p->tiles.n_words;
-    cts_void_add_row(&p->map, here, between ? cts_paper_layer(p, other_step) : here, tile_v, row);
-    for (int w = 0; w < p->tiles.n_words; w++)
+    const uint64_t *open = p->open + (size_t)(patch_v / CTS_SWATH) * (size_t)p->patches.n_words;
+    cts_void_add_row(&p->map, here, between ? cts_paper_layer(p, other_step) : here, patch_v, row);
+    for (int w = 0; w < p->patches.n_words; w++)
         row[w] &= open[w];
 }
 
-void cts_paper_needed(const CtsPaperPlan *p, int step, int tile_v, uint64_t *row)
+void cts_paper_needed(const CtsPaperPlan *p, int step, int patch_v, uint64_t *row)
 {
-    const bool inside = tile_v >= 0 && tile_v < p->tiles.n[1];
-    memset(row, inside && !p->skip_void ? 255 : 0, (size_t)p->tiles.n_words * sizeof *row);
+    const bool inside = patch_v >= 0 && patch_v < p->patches.n[1];
+    memset(row, inside && !p->skip_void ? 255 : 0, (size_t)p->patches.n_words * sizeof *row);
     if (!p->skip_void || !inside)
         return;
-    open_tiles(p, step, step - 1, tile_v, row);
+    open_patches(p, step, step - 1, patch_v, row);
     if (p->samples > 1)
-        open_tiles(p, step, step + 1, tile_v, row);
+        open_patches(p, step, step + 1, patch_v, row);
 }
 
-void cts_paper_shown(const CtsPaperPlan *p, int step, int tile_v, uint64_t *row)
+void cts_paper_shown(const CtsPaperPlan *p, int step, int patch_v, uint64_t *row)
 {
-    memset(row, p->skip_void ? 0 : 255, (size_t)p->tiles.n_words * sizeof *row);
+    memset(row, p->skip_void ? 0 : 255, (size_t)p->patches.n_words * sizeof *row);
     if (p->skip_void)
-        open_tiles(p, step, step - 1, tile_v, row);
+        open_patches(p, step, step - 1, patch_v, row);
     else
         cts_quiet_drop(&p->quiet[step % p->n_sheets], &p->quiet[(step + p->n_sheets - 1) % p->n_sheets], &p->rule,
-                       tile_v / CTS_BAND, row);
+                       patch_v / CTS_SWATH, row);
 }
 
-void cts_paper_find_open(const CtsPaperPlan *p, int step, int band)
+void cts_paper_find_open(const CtsPaperPlan *p, int step, int swath)
 {
     /* The planes of these steps, of the one before and of the one behind. */
     const double half = 0.5 * (CTS_PAPER_OPEN_STEPS - 1);
-    int y0, y1;
-    cts_paper_picture_rows(p, band, &y0, &y1);
-    const double middle = cts_paper_layer(p, step) + p->scene->view.axis_sign * half;
-    cts_hidden_open_row(&p->hidden, &p->raster, &p->tiles, middle, half + 1, band, y0, y1,
-                        p->open + (size_t)band * (size_t)p->tiles.n_words);
+    CtsOcclusionQuery query = {.layer = cts_paper_layer(p, step) + p->scene->view.axis_sign * half, .spread = half + 1};
+    cts_paper_picture_rows(p, swath, &query.y0, &query.y1);
+    cts_occlusion_open_row(&p->occlusion, &p->raster, &p->patches, &query, swath,
+                           p->open + (size_t)swath * (size_t)p->patches.n_words);
 }
 
-void cts_paper_find_wanted(const CtsPaperPlan *p, const CtsPaperStore *store, int chunk, int tile_v)
+void cts_paper_find_wanted(const CtsPaperPlan *p, const CtsPaperStore *store, int chunk, int patch_v)
 {
     const int k0 = chunk * CTS_STACK_CHUNK, k1 = k0 + CTS_STACK_CHUNK, last = p->stack.n_layers - 1;
-    uint64_t *row = store->wanted + (size_t)tile_v * (size_t)p->tiles.n_words;
-    int y0, y1;
-    cts_paper_picture_rows(p, tile_v / CTS_BAND, &y0, &y1);
-    cts_hidden_open_row(&p->hidden, &p->raster, &p->tiles, 0.5 * (k0 + k1 - 1), 0.5 * (k1 - k0 + 1), tile_v / CTS_BAND,
-                        y0, y1, row);
-    cts_void_keep_rows(&p->map, k0 > 0 ? k0 - 1 : 0, k1 < last ? k1 : last, tile_v, row);
+    uint64_t *row = store->wanted + (size_t)patch_v * (size_t)p->patches.n_words;
+    CtsOcclusionQuery query = {.layer = 0.5 * (k0 + k1 - 1), .spread = 0.5 * (k1 - k0 + 1)};
+    cts_paper_picture_rows(p, patch_v / CTS_SWATH, &query.y0, &query.y1);
+    cts_occlusion_open_row(&p->occlusion, &p->raster, &p->patches, &query, patch_v / CTS_SWATH, row);
+    cts_void_keep_rows(&p->map, k0 > 0 ? k0 - 1 : 0, k1 < last ? k1 : last, patch_v, row);
 }

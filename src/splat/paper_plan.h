@@ -14,21 +14,21 @@ typedef struct CtsPaperStore {
     CtsSheet sheet[2];
     float (*gradient[2])[4]; /* at the voxels of the sheets' layers */
     uint16_t *settled[3];    /* rows as they are splatted, where they differ from the volume's; step s in s % 3 */
-    uint64_t *wanted;        /* with void skipping: by row of tiles, what of a chunk of layers is to be loaded */
+    uint64_t *wanted;        /* with void skipping: by row of patches, what of a chunk of layers is to be loaded */
 } CtsPaperStore;
 
-/* Threads only read it, but for the store, runs, and bits by band, whose parts they own in turn. Layers are counted in
+/* Threads only read it, but for the store, runs, and bits by swath, whose parts they own in turn. Layers are counted in
  * the order in which rays cross them ("step"), not as in the volume.
  *
- * Where all layers of a band of tiles fall on the same rows of the picture, one thread takes the band through all
+ * Where all layers of a swath of patches fall on the same rows of the picture, one thread takes the swath through all
  * layers, with a store of its own; else all threads work on one layer at a time. */
 typedef struct CtsPaperPlan {
     const CtsScene *scene;
     CtsPicture *picture;
-    CtsKernels kernels;
+    CtsSimd simd;
     CtsFootprint footprint;
     CtsStack stack;
-    CtsTiles tiles;
+    CtsPatches patches;
     CtsRaster raster;
     int samples;  /* planes of samples a layer */
     int n_sheets; /* 1, or 2 where planes lie between layers: sheet s % n_sheets is step s's */
@@ -41,19 +41,19 @@ typedef struct CtsPaperPlan {
 
     bool skip_void, reuse; /* the paper's two savings */
     CtsRangeRule rule;
-    CtsVoidMap map;        /* with skip_void */
-    CtsBlocks *own_blocks; /* where the volume has none */
-    CtsHidden hidden;      /* with skip_void */
-    uint64_t *open;        /* with skip_void: by band, tiles that open pixels look at within some steps */
-    CtsQuiet quiet[2];     /* reuse without skip_void: of each sheet */
-    CtsRuns runs;          /* with either: what to composite */
+    CtsVoidMap map;                /* with skip_void */
+    CtsMacrocells *own_macrocells; /* where the volume has none */
+    CtsOcclusion occlusion;        /* with skip_void */
+    uint64_t *open;                /* with skip_void: by swath, patches that open pixels look at within some steps */
+    CtsQuiet quiet[2];             /* reuse without skip_void: of each sheet */
+    CtsRuns runs;                  /* with either: what to composite */
 
     uint16_t base; /* the grey level that sheets start from */
     int tolerance; /* dead band, in grey levels */
 
-    bool by_bands;
-    int *band_row;       /* by_bands: the first picture row of each band, from the top down, and the end */
-    CtsPaperStore store; /* unless by_bands */
+    bool by_swaths;
+    int *swath_row;      /* by_swaths: the first picture row of each swath, from the top down, and the end */
+    CtsPaperStore store; /* unless by_swaths */
     size_t gradient_stride;
     bool stopped;
 } CtsPaperPlan;
@@ -73,20 +73,21 @@ static inline int cts_paper_layer(const CtsPaperPlan *p, int step)
 CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *plan, CtsError *err);
 void cts_paper_store_free(CtsPaperStore *store);
 
-/* The picture rows that a band of tiles is seen in, as far as that is known: y0..y1-1. */
-static inline void cts_paper_picture_rows(const CtsPaperPlan *p, int band, int *y0, int *y1)
+/* The picture rows that a swath of patches is seen in, as far as that is known: y0..y1-1. */
+static inline void cts_paper_picture_rows(const CtsPaperPlan *p, int swath, int *y0, int *y1)
 {
-    const int i = p->raster.by_y[1] > 0 ? band : p->tiles.n_bands - 1 - band;
-    *y0 = p->by_bands ? p->band_row[i] : 0;
-    *y1 = p->by_bands ? p->band_row[i + 1] : p->raster.height;
+    const int i = p->raster.by_y[1] > 0 ? swath : p->patches.n_swaths - 1 - swath;
+    *y0 = p->by_swaths ? p->swath_row[i] : 0;
+    *y1 = p->by_swaths ? p->swath_row[i + 1] : p->raster.height;
 }
 
-/* The rows of voxels, first..past-1, that a band's thread reads. */
-static inline void cts_paper_voxel_rows(const CtsPaperPlan *p, int band, int *first, int *past)
+/* The rows of voxels, first..past-1, that a swath's thread reads. */
+static inline void cts_paper_voxel_rows(const CtsPaperPlan *p, int swath, int *first, int *past)
 {
-    const int low = cts_band_start(&p->tiles, band, 1) - CTS_TILE, high = cts_band_start(&p->tiles, band + 1, 1);
+    const int low = cts_swath_start(&p->patches, swath, 1) - CTS_PATCH,
+              high = cts_swath_start(&p->patches, swath + 1, 1);
     *first = low > 0 ? low : 0;
-    *past = high + CTS_TILE + 1 < p->stack.n[1] ? high + CTS_TILE + 1 : p->stack.n[1];
+    *past = high + CTS_PATCH + 1 < p->stack.n[1] ? high + CTS_PATCH + 1 : p->stack.n[1];
 }
 
 /* Rows of a step as they are splatted: a CtsRowOf with a CtsPaperRows as context. */
@@ -105,16 +106,16 @@ static inline const uint16_t *cts_paper_row(const void *context, int v)
     return cts_stack_row(&rows->store->stack, cts_paper_layer(p, rows->step), v);
 }
 
-/* Which of a row of tiles the sheet of a step must hold, and which the planes that the step completes look at. Rows
+/* Which of a row of patches the sheet of a step must hold, and which the planes that the step completes look at. Rows
  * outside the layer have none. */
-void cts_paper_needed(const CtsPaperPlan *plan, int step, int tile_v, uint64_t *row);
-void cts_paper_shown(const CtsPaperPlan *plan, int step, int tile_v, uint64_t *row);
+void cts_paper_needed(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
+void cts_paper_shown(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
 
-/* With skip_void: what open pixels look at is found anew every CTS_PAPER_OPEN_STEPS steps, one band at a time; and what
- * of a chunk of layers is worth loading, one row of tiles at a time. */
+/* With skip_void: what open pixels look at is found anew every CTS_PAPER_OPEN_STEPS steps, one swath at a time; and
+ * what of a chunk of layers is worth loading, one row of patches at a time. */
 enum { CTS_PAPER_OPEN_STEPS = 8 };
-void cts_paper_find_open(const CtsPaperPlan *plan, int step, int band);
-void cts_paper_find_wanted(const CtsPaperPlan *plan, const CtsPaperStore *store, int chunk, int tile_v);
+void cts_paper_find_open(const CtsPaperPlan *plan, int step, int swath);
+void cts_paper_find_wanted(const CtsPaperPlan *plan, const CtsPaperStore *store, int chunk, int patch_v);
 
 /* False: no sheet of this step is needed at all. */
 static inline bool cts_paper_step_needed(const CtsPaperPlan *p, int step)

@@ -39,10 +39,10 @@ static void table_free(CtsRasterTable *table)
     cts_free(&table->frac);
 }
 
-CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const CtsKernels *kernels, CtsError *err)
+CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const CtsSimd *simd, CtsError *err)
 {
     CtsStatus st;
-    *row = (CtsRasterRow){.raster = raster, .kernels = kernels};
+    *row = (CtsRasterRow){.raster = raster, .simd = simd};
     for (int c = 0; c < 2; c++)
         if ((st = table_init(&row->columns[c], raster->width, err)) ||
             (st = table_init(&row->rows[c], raster->height, err)))
@@ -101,8 +101,8 @@ static void set_table(const CtsRasterRow *row, CtsRasterTable *table, int axis, 
     clip(row->raster, axis, base, step, &first, &past);
     table->first = first - offset;
     table->past = past - offset;
-    row->kernels->place(base, step, row->raster->last[axis], first, past - first, table->cell + table->first,
-                        table->frac + table->first);
+    row->simd->place(base, step, row->raster->last[axis], first, past - first, table->cell + table->first,
+                     table->frac + table->first);
 }
 
 void cts_raster_begin_plane(CtsRasterRow *row, double layer)
@@ -144,7 +144,7 @@ bool cts_raster_begin_row(CtsRasterRow *row, int y)
     } else if (!r->moves[1]) {
         int32_t cell[8];
         float frac[8];
-        row->kernels->place(row->base[1], 0, r->last[1], 0, 1, cell, frac);
+        row->simd->place(row->base[1], 0, r->last[1], 0, 1, cell, frac);
         row->level_cell = cell[0];
         row->level_frac = frac[0];
     }
@@ -157,7 +157,7 @@ void cts_raster_fill(CtsRasterRow *row, int xa, int xb)
     for (int c = 0; c < 2; c++) {
         if ((r->column_tables && r->moves[c]) || (c == 1 && !r->moves[1]))
             continue;
-        row->kernels->place(row->base[c], r->by_x[c], r->last[c], xa, xb - xa, row->columns[c].cell + xa,
-                            row->columns[c].frac + xa);
+        row->simd->place(row->base[c], r->by_x[c], r->last[c], xa, xb - xa, row->columns[c].cell + xa,
+                         row->columns[c].frac + xa);
     }
 }

@@ -6,7 +6,7 @@
 #define CTS_SPLAT_RASTER_H
 
 #include "scene/view.h"
-#include "splat/kernels.h"
+#include "splat/simd.h"
 #include "splat/stack.h"
 
 typedef struct CtsRaster {
@@ -34,7 +34,7 @@ void cts_raster_init(CtsRaster *raster, const CtsView *view, const CtsStack *sta
 /* One thread's rows. */
 typedef struct CtsRasterRow {
     const CtsRaster *raster;
-    const CtsKernels *kernels;
+    const CtsSimd *simd;
     double layer_base[2]; /* of the plane begun last */
     double base[2];       /* of the row begun last */
     int x0, x1;           /* pixels of the row whose rays cross the plane inside the box */
@@ -43,7 +43,7 @@ typedef struct CtsRasterRow {
     float level_frac;
 } CtsRasterRow;
 
-CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const CtsKernels *kernels, CtsError *err);
+CtsStatus cts_raster_row_init(CtsRasterRow *row, const CtsRaster *raster, const CtsSimd *simd, CtsError *err);
 void cts_raster_row_free(CtsRasterRow *row);
 
 /* The plane at a layer coordinate (whole on a layer), then a picture row of it; false: nothing of the row is inside. */

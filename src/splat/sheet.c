@@ -7,12 +7,12 @@
 
 enum { LEFT_MARGIN = 16, MARGINS = 64 };
 
-CtsStatus cts_sheet_init(CtsSheet *s, const CtsTiles *tiles, CtsError *err)
+CtsStatus cts_sheet_init(CtsSheet *s, const CtsPatches *patches, CtsError *err)
 {
     CtsStatus st;
     *s = (CtsSheet){.step = -1};
     for (int c = 0; c < 2; c++)
-        s->last[c] = tiles->last_voxel[c] * tiles->density[c];
+        s->last[c] = patches->last_voxel[c] * patches->density[c];
     s->stride = ((size_t)s->last[0] + 1 + MARGINS + 15) / 16 * 16;
     /* Rows a large power of two apart would fall on the same cache lines. */
     if (s->stride % 512 == 0)
@@ -20,15 +20,15 @@ CtsStatus cts_sheet_init(CtsSheet *s, const CtsTiles *tiles, CtsError *err)
     size_t n;
     if (cts_mul_overflows(s->stride, (size_t)s->last[1] + 2, &n))
         return cts_fail(err, CTS_ERR_MEMORY, "a layer's sheet is too large");
-    if ((st = cts_alloc_zeroed(&s->block, n, err)))
+    if ((st = cts_alloc_zeroed(&s->memory, n, err)))
         return st;
-    s->origin = s->block + LEFT_MARGIN;
-    return cts_alloc_zeroed(&s->holds, (size_t)tiles->n_bands * (size_t)tiles->n_words, err);
+    s->origin = s->memory + LEFT_MARGIN;
+    return cts_alloc_zeroed(&s->holds, (size_t)patches->n_swaths * (size_t)patches->n_words, err);
 }
 
 void cts_sheet_free(CtsSheet *s)
 {
-    cts_free(&s->block);
+    cts_free(&s->memory);
     cts_free(&s->holds);
 }
 
@@ -62,10 +62,10 @@ static void scatter_clipped(const CtsScatter *job, int i, int u0, int u1)
             to[u] += change * f->weight[v][u];
 }
 
-/* A band's lattice rows v0..v1-1, columns u0..u1-1 of them. */
-typedef struct Patch {
+/* A swath's lattice rows v0..v1-1, columns u0..u1-1 of them. */
+typedef struct LatticeRect {
     int u0, u1, v0, v1;
-} Patch;
+} LatticeRect;
 
 /* The rows of a footprint that voxel row j has in lattice rows v0..v1-1; sheet at that of tap row tap0. */
 static CtsScatter scatter_row(const CtsSplat *s, int j, int v0, int v1)
@@ -92,9 +92,9 @@ static void clear(const CtsSplat *s, int v, int u0, int u1)
         row[u] = start;
 }
 
-static bool stands_in(const CtsSplat *s, int band, int j)
+static bool stands_in(const CtsSplat *s, int swath, int j)
 {
-    return j >= cts_band_start(s->tiles, band, 1) && j < cts_band_start(s->tiles, band + 1, 1);
+    return j >= cts_swath_start(s->patches, swath, 1) && j < cts_swath_start(s->patches, swath + 1, 1);
 }
 
 /* Columns of voxels: those that touch the patch, those whose footprint lies inside it, those that stand in it. */
@@ -103,7 +103,7 @@ typedef struct Columns {
     int u0, u1; /* lattice columns that may be written */
 } Columns;
 
-static Columns columns_of(const CtsSplat *s, const Patch *p)
+static Columns columns_of(const CtsSplat *s, const LatticeRect *p)
 {
     const CtsFootprint *f = s->footprint;
     const int reach = f->reach[0];
@@ -126,10 +126,10 @@ static uint64_t splat_columns(const CtsSplat *s, const Columns *c, const CtsScat
         scatter_clipped(job, i, c->u0, c->u1);
     if (job->old) {
         const int word0 = c->touch0 / 64, i0 = word0 * 64;
-        s->kernels->mark(job->value + i0, job->old + i0, 0, c->touch1 - i0, s->marks + word0);
-        s->kernels->scatter_marked(job, s->marks, c->inner0, c->inner1);
+        s->simd->mark(job->value + i0, job->old + i0, 0, c->touch1 - i0, s->marks + word0);
+        s->simd->scatter_marked(job, s->marks, c->inner0, c->inner1);
     } else {
-        s->kernels->scatter(job, c->inner0, c->inner1);
+        s->simd->scatter(job, c->inner0, c->inner1);
     }
     for (int i = c->inner1; i < c->touch1; i++)
         scatter_clipped(job, i, c->u0, c->u1);
@@ -139,7 +139,7 @@ static uint64_t splat_columns(const CtsSplat *s, const Columns *c, const CtsScat
 }
 
 /* One patch: changes of what the sheet holds, or all of it anew. */
-static CtsSplatCount splat_patch(const CtsSplat *s, int band, const Patch *p, bool from_old)
+static CtsSplatCount splat_rect(const CtsSplat *s, int swath, const LatticeRect *p, bool from_old)
 {
     const CtsFootprint *f = s->footprint;
     const int reach = f->reach[1], density = f->density[1];
@@ -153,7 +153,7 @@ static CtsSplatCount splat_patch(const CtsSplat *s, int band, const Patch *p, bo
         CtsScatter job = scatter_row(s, j, p->v0, p->v1);
         job.old = from_old ? s->row_of(s->old_rows, j) : NULL;
         const uint64_t splatted = splat_columns(s, &columns, &job);
-        if (stands_in(s, band, j)) {
+        if (stands_in(s, swath, j)) {
             count.splatted += splatted;
             count.reused += (uint64_t)(columns.own1 - columns.own0) - splatted;
         }
@@ -166,48 +166,49 @@ static CtsSplatCount splat_patch(const CtsSplat *s, int band, const Patch *p, bo
     return count;
 }
 
-/* The needed tiles in runs that start from the same state; of two runs side by side the one that the sheet holds has
+/* The needed patches in runs that start from the same state; of two runs side by side the one that the sheet holds has
  * their edge. */
-static CtsSplatCount splat_changes(const CtsSplat *s, int band, int v0, int v1)
+static CtsSplatCount splat_changes(const CtsSplat *s, int swath, int v0, int v1)
 {
-    const int n = s->tiles->n[0], lattice = CTS_TILE * s->tiles->density[0], last = s->sheet->last[0];
-    uint64_t *holds = s->sheet->holds + (size_t)band * (size_t)s->tiles->n_words;
+    const int n = s->patches->n[0], lattice = CTS_PATCH * s->patches->density[0], last = s->sheet->last[0];
+    uint64_t *holds = s->sheet->holds + (size_t)swath * (size_t)s->patches->n_words;
     CtsSplatCount count = {0};
     for (int a = 0, past; cts_next_run(s->needed, n, &a, &past); a = past)
         for (int from = a, to; from < past; from = to) {
             const bool held = s->old_rows && cts_next_bit(holds, from, n, true) == from;
             to = s->old_rows ? cts_next_bit(holds, from, past, !held) : past;
             const int end = to * lattice < last ? to * lattice : last;
-            const Patch p = {
+            const LatticeRect p = {
                 .u0 = from * lattice + (from > a && !held), .u1 = end + (to == past || held), .v0 = v0, .v1 = v1};
             if (p.u0 >= p.u1)
                 continue;
-            const CtsSplatCount one = splat_patch(s, band, &p, held);
+            const CtsSplatCount one = splat_rect(s, swath, &p, held);
             count.splatted += one.splatted;
             count.reused += one.reused;
         }
-    for (int w = 0; w < s->tiles->n_words; w++)
+    for (int w = 0; w < s->patches->n_words; w++)
         holds[w] = s->needed[w];
     return count;
 }
 
-/* The tiles that any row of lattice rows v0..v1-1 within `reach` of row `at` belongs to: first to last row of them. */
+/* The patches that any row of lattice rows v0..v1-1 within `reach` of row `at` belongs to: first to last row of them.
+ */
 static void rows_around(const CtsSplat *s, int at, int reach, int v0, int v1, int rows[2])
 {
     const int density = s->footprint->density[1];
     int unused;
-    cts_tile_rows(s->tiles, at - reach > v0 ? at - reach : v0, density, &rows[0], &unused);
-    cts_tile_rows(s->tiles, at + reach < v1 - 1 ? at + reach : v1 - 1, density, &unused, &rows[1]);
+    cts_patch_rows(s->patches, at - reach > v0 ? at - reach : v0, density, &rows[0], &unused);
+    cts_patch_rows(s->patches, at + reach < v1 - 1 ? at + reach : v1 - 1, density, &unused, &rows[1]);
 }
 
-/* Mark the voxels that reach into a needed tile of rows[0]..rows[1]; returns how many. */
-static uint64_t mark_needed(const CtsSplat *s, int band, const int rows[2])
+/* Mark the voxels that reach into a needed patch of rows[0]..rows[1]; returns how many. */
+static uint64_t mark_needed(const CtsSplat *s, int swath, const int rows[2])
 {
-    const int n = s->tiles->n[0], beside = s->footprint->reach[0] / s->footprint->density[0];
-    cts_needed_rows(s->tiles, s->needed, band, rows[0], rows[1], s->row);
+    const int n = s->patches->n[0], beside = s->footprint->reach[0] / s->footprint->density[0];
+    cts_needed_rows(s->patches, s->needed, swath, rows[0], rows[1], s->row);
     memset(s->marks, 0, ((size_t)s->n[0] / 64 + 1) * sizeof *s->marks);
     for (int t = 0, past; cts_next_run(s->row, n, &t, &past); t = past) {
-        const int i0 = t * CTS_TILE - beside, i1 = past * CTS_TILE + beside + 1;
+        const int i0 = t * CTS_PATCH - beside, i1 = past * CTS_PATCH + beside + 1;
         cts_bits_fill(s->marks, i0 > 0 ? i0 : 0, i1 < s->n[0] ? i1 : s->n[0]);
     }
     return cts_bits_count_run(s->marks, 0, s->n[0]);
@@ -227,55 +228,55 @@ static void ask_for_row(const CtsSplat *s, int j)
     }
 }
 
-static void clear_needed(const CtsSplat *s, int band, int v0, int v1)
+static void clear_needed(const CtsSplat *s, int swath, int v0, int v1)
 {
-    const CtsTiles *tiles = s->tiles;
-    const int n = tiles->n[0], lattice = CTS_TILE * tiles->density[0], end = s->sheet->last[0];
+    const CtsPatches *patches = s->patches;
+    const int n = patches->n[0], lattice = CTS_PATCH * patches->density[0], end = s->sheet->last[0];
     for (int from = v0, to; from < v1; from = to) {
         int first, last;
-        cts_tile_rows(tiles, from, tiles->density[1], &first, &last);
-        /* An edge between two rows of tiles, or all up to the next one. */
-        const int edge = (last + 1) * CTS_TILE * tiles->density[1];
-        to = first < last ? from + 1 : last < tiles->n[1] - 1 && edge < v1 ? edge : v1;
-        cts_needed_rows(tiles, s->needed, band, first, last, s->row);
+        cts_patch_rows(patches, from, patches->density[1], &first, &last);
+        /* An edge between two rows of patches, or all up to the next one. */
+        const int edge = (last + 1) * CTS_PATCH * patches->density[1];
+        to = first < last ? from + 1 : last < patches->n[1] - 1 && edge < v1 ? edge : v1;
+        cts_needed_rows(patches, s->needed, swath, first, last, s->row);
         for (int t = 0, past; cts_next_run(s->row, n, &t, &past); t = past)
             for (int v = from; v < to; v++)
                 clear(s, v, t * lattice, (past * lattice < end ? past * lattice : end) + 1);
     }
 }
 
-/* Whole footprints of every voxel that reaches into a needed tile: what falls beside needed points does no harm, as
+/* Whole footprints of every voxel that reaches into a needed patch: what falls beside needed points does no harm, as
  * nobody reads it. */
-static CtsSplatCount splat_anew(const CtsSplat *s, int band, int v0, int v1)
+static CtsSplatCount splat_anew(const CtsSplat *s, int swath, int v0, int v1)
 {
     const int reach = s->footprint->reach[1], density = s->footprint->density[1];
     CtsSplatCount count = {0};
     uint64_t n_marked = 0;
     int j0, j1, marked[2] = {-1, -1};
-    clear_needed(s, band, v0, v1);
+    clear_needed(s, swath, v0, v1);
     voxels_on(v0 - reach, v1 - 1 + reach, density, s->n[1], &j0, &j1);
     for (int j = j0; j < j1; j++) {
         int rows[2];
         rows_around(s, j * density, reach, v0, v1, rows);
         if (rows[0] != marked[0] || rows[1] != marked[1])
-            n_marked = mark_needed(s, band, rows);
+            n_marked = mark_needed(s, swath, rows);
         memcpy(marked, rows, sizeof marked);
         if (n_marked == 0)
             continue;
         if (s->next_rows)
             ask_for_row(s, j);
         const CtsScatter job = scatter_row(s, j, v0, v1);
-        s->kernels->scatter_marked(&job, s->marks, 0, s->n[0]);
-        if (stands_in(s, band, j))
+        s->simd->scatter_marked(&job, s->marks, 0, s->n[0]);
+        if (stands_in(s, swath, j))
             count.splatted += n_marked;
     }
     return count;
 }
 
-CtsSplatCount cts_splat_band(const CtsSplat *s, int band, bool far_edge)
+CtsSplatCount cts_splat_swath(const CtsSplat *s, int swath, bool far_edge)
 {
     const int density = s->footprint->density[1];
-    const int v0 = cts_band_start(s->tiles, band, density);
-    const int v1 = cts_band_start(s->tiles, band + 1, density) + (far_edge && band < s->tiles->n_bands - 1);
-    return s->reuse ? splat_changes(s, band, v0, v1) : splat_anew(s, band, v0, v1);
+    const int v0 = cts_swath_start(s->patches, swath, density);
+    const int v1 = cts_swath_start(s->patches, swath + 1, density) + (far_edge && swath < s->patches->n_swaths - 1);
+    return s->reuse ? splat_changes(s, swath, v0, v1) : splat_anew(s, swath, v0, v1);
 }

@@ -6,9 +6,9 @@
 #include <stdbool.h>
 #include <string.h>
 
-enum { PER_WORD = 64 / CTS_FINE_BLOCK, REACH = CTS_FINE_BLOCK + 1 };
+enum { PER_WORD = 64 / CTS_FINE_MACROCELL, REACH = CTS_FINE_MACROCELL + 1 };
 
-CtsStatus cts_block_change_new(CtsBlockChange *change, CtsBlocks *blocks, CtsError *err)
+CtsStatus cts_block_change_new(CtsBlockChange *change, CtsMacrocells *blocks, CtsError *err)
 {
     CtsStatus st;
     *change = (CtsBlockChange){.blocks = blocks};
@@ -42,9 +42,9 @@ static uint64_t by_block(uint64_t word, uint64_t next)
 /* Add blocks of word w of a row of voxels; those behind the last block are its last voxel alone, which it has. */
 static void add_blocks(const CtsBits *bits, int bj, int k, size_t w, uint64_t blocks)
 {
-    const size_t at = w / CTS_FINE_BLOCK;
+    const size_t at = w / CTS_FINE_MACROCELL;
     if (at < bits->row_words)
-        cts_bits_row(bits, bj, k)[at] |= (blocks << (w % CTS_FINE_BLOCK * PER_WORD)) & cts_bits_mask(bits, at);
+        cts_bits_row(bits, bj, k)[at] |= (blocks << (w % CTS_FINE_MACROCELL * PER_WORD)) & cts_bits_mask(bits, at);
 }
 
 /* The blocks (., bj) over slice k, from the voxels of their rows that are gone in some row and in all of them. */
@@ -78,17 +78,17 @@ void cts_block_change_row(CtsBlockChange *c, CtsBlockRows *rows, const uint64_t 
         return;
     const size_t n_words = (size_t)c->blocks->dims[0] / 64 + 1;
     /* The first row of a block is the last of the one before. */
-    const bool first = j % CTS_FINE_BLOCK == 0, last = j == c->blocks->dims[1] - 1;
+    const bool first = j % CTS_FINE_MACROCELL == 0, last = j == c->blocks->dims[1] - 1;
     if (j)
         join_row(rows, gone, n_words);
     if (j && (first || last))
-        add_row(c, (j - 1) / CTS_FINE_BLOCK, k, rows->some, rows->all);
+        add_row(c, (j - 1) / CTS_FINE_MACROCELL, k, rows->some, rows->all);
     if (first) {
         memcpy(rows->some, gone, n_words * sizeof *gone);
         memcpy(rows->all, gone, n_words * sizeof *gone);
     }
     if (first && last)
-        add_row(c, j / CTS_FINE_BLOCK, k, rows->some, rows->all);
+        add_row(c, j / CTS_FINE_MACROCELL, k, rows->some, rows->all);
 }
 
 /* The largest level of the n_blocks fine blocks from (bi, bj, bk) on, one after the other along a row. */
@@ -96,7 +96,7 @@ static void find_highest(const CtsVolume *v, cts_fold_fn fold, int bi, int bj, i
 {
     enum { MOST = 64 + 3 }; /* blocks come from one word */
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1];
-    const int k0 = bk * CTS_FINE_BLOCK, j0 = bj * CTS_FINE_BLOCK, i0 = bi * CTS_FINE_BLOCK;
+    const int k0 = bk * CTS_FINE_MACROCELL, j0 = bj * CTS_FINE_MACROCELL, i0 = bi * CTS_FINE_MACROCELL;
     const int k1 = k0 + REACH < v->dims[2] ? k0 + REACH : v->dims[2];
     const int n_rows = j0 + REACH < v->dims[1] ? REACH : v->dims[1] - j0, n = v->dims[0] - i0;
     /* Whole vectors of blocks where the row has them; what is found too much is not used. */
@@ -113,7 +113,7 @@ static void find_highest(const CtsVolume *v, cts_fold_fn fold, int bi, int bj, i
 /* One row of fine blocks: as it was, all air, or air and something. */
 static void change_row(const CtsBlockChange *c, const CtsVolume *v, cts_fold_fn fold, int bj, int bk)
 {
-    const int *n = c->blocks->n_fine, k0 = bk * CTS_FINE_BLOCK;
+    const int *n = c->blocks->n_fine, k0 = bk * CTS_FINE_MACROCELL;
     CtsRange *range = c->blocks->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0];
     for (size_t w = 0; w < c->lost.row_words; w++) {
         uint64_t lost = 0, kept = 0;
@@ -155,5 +155,5 @@ void cts_block_change_apply(const CtsBlockChange *c, const CtsVolume *volume, in
         return;
     Changing changing = {c, volume, cts_fold(cts_cpu_flags())};
     cts_parallel(n_threads, (size_t)c->blocks->n_fine[2], 1, change_layers, &changing);
-    cts_blocks_sum(c->blocks, n_threads);
+    cts_macrocells_sum(c->blocks, n_threads);
 }

@@ -7,12 +7,12 @@
 /* For each slice, which fine blocks over it have lost a voxel there, and which have kept one; a block's voxels as
  * blocks.h has them, those it shares with its neighbours included. */
 typedef struct CtsBlockChange {
-    CtsBlocks *blocks; /* NULL: nothing to do */
+    CtsMacrocells *blocks; /* NULL: nothing to do */
     CtsBits lost, kept;
 } CtsBlockChange;
 
 /* blocks may be NULL, and all of the following then do nothing. A zero-initialised one may be freed. */
-CtsStatus cts_block_change_new(CtsBlockChange *change, CtsBlocks *blocks, CtsError *err);
+CtsStatus cts_block_change_new(CtsBlockChange *change, CtsMacrocells *blocks, CtsError *err);
 void cts_block_change_free(CtsBlockChange *change);
 
 /* What is gone of the rows of the block at hand, in some row and in all. */

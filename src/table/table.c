@@ -61,7 +61,7 @@ static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
     CtsParts runs = {0};
     if ((st = cts_bits_new(&r->dense, v->dims, err)) || (st = cts_parts_begin(&runs, v->dims, err)))
         return st;
-    cts_bits_threshold(&r->dense, v->grey, v->blocks, dense_grey(v), runs.row_start + 1, r->n_threads);
+    cts_bits_threshold(&r->dense, v->grey, v->macrocells, dense_grey(v), runs.row_start + 1, r->n_threads);
     cts_parts_counted(&runs);
     r->n_runs = runs.n_runs;
     cts_parts_free(&runs);
@@ -196,11 +196,11 @@ static void clear_slices(void *context, int worker, size_t first, size_t end)
 static CtsStatus clear(Removal *r, CtsVolume *v, CtsError *err)
 {
     CtsBlockChange change;
-    CtsStatus st = cts_block_change_new(&change, v->blocks, err);
+    CtsStatus st = cts_block_change_new(&change, v->macrocells, err);
     if (st)
         goto end;
     Clearing clearing = {.removal = r, .volume = v, .change = &change};
-    cts_parallel(r->n_threads, (size_t)v->dims[2], CTS_FINE_BLOCK, clear_slices, &clearing);
+    cts_parallel(r->n_threads, (size_t)v->dims[2], CTS_FINE_MACROCELL, clear_slices, &clearing);
     r->n_dense_gone = atomic_load(&clearing.n_dense);
     cts_block_change_apply(&change, v, r->n_threads);
 end:

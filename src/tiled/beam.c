@@ -39,15 +39,15 @@ void cts_tiled_clip(const TiledJob *j, double u, double v, double *enter, double
 static double room(const double at[2], double step, int b0, int b1, int n, int n_blocks)
 {
     if (step > 0)
-        return b1 + n >= n_blocks ? INFINITY : ((b1 + n) * CTS_BLOCK - at[1]) / step;
+        return b1 + n >= n_blocks ? INFINITY : ((b1 + n) * CTS_MACROCELL - at[1]) / step;
     if (step < 0)
-        return b0 - (n - 1) <= 0 ? INFINITY : (at[0] - (b0 - (n - 1)) * CTS_BLOCK) / -step;
+        return b0 - (n - 1) <= 0 ? INFINITY : (at[0] - (b0 - (n - 1)) * CTS_MACROCELL) / -step;
     return INFINITY;
 }
 
 static int block_of(double at, int n_blocks)
 {
-    const int b = at > 0 ? (int)(at * (1.0 / CTS_BLOCK)) : 0;
+    const int b = at > 0 ? (int)(at * (1.0 / CTS_MACROCELL)) : 0;
     return b < n_blocks ? b : n_blocks - 1;
 }
 
@@ -59,8 +59,8 @@ static int skip_from(const TiledJob *j, const double u[2], const double v[2], in
     const int bu0 = block_of(u[0], empty->nu), bu1 = block_of(u[1], empty->nu);
     const int bv0 = block_of(v[0], empty->nv), bv1 = block_of(v[1], empty->nv);
     const unsigned cell = (unsigned)(j->rising ? q : j->nk - 2 - q);
-    const int rest = (int)(j->rising ? CTS_BLOCK - cell % CTS_BLOCK : cell % CTS_BLOCK + 1);
-    const uint8_t *d = empty->distance + (ptrdiff_t)(cell / CTS_BLOCK) * empty->nu * empty->nv;
+    const int rest = (int)(j->rising ? CTS_MACROCELL - cell % CTS_MACROCELL : cell % CTS_MACROCELL + 1);
+    const uint8_t *d = empty->distance + (ptrdiff_t)(cell / CTS_MACROCELL) * empty->nu * empty->nv;
     int n = 255;
     for (int bv = bv0; bv <= bv1; bv++)
         for (int bu = bu0; bu <= bu1; bu++) {
@@ -70,8 +70,8 @@ static int skip_from(const TiledJob *j, const double u[2], const double v[2], in
     *until = q + rest;
     if (n == 0)
         return 0;
-    const double most = smaller(rest + CTS_BLOCK * (n - 1), smaller(room(u, j->u_at[3], bu0, bu1, n, empty->nu),
-                                                                    room(v, j->v_at[3], bv0, bv1, n, empty->nv)));
+    const double most = smaller(rest + CTS_MACROCELL * (n - 1), smaller(room(u, j->u_at[3], bu0, bu1, n, empty->nu),
+                                                                        room(v, j->v_at[3], bv0, bv1, n, empty->nv)));
     if (most < 1) {
         *until = q + 1;
         return 0;
@@ -141,7 +141,7 @@ static bool is_inner(const TiledJob *j, const TiledBeam *beam, int q)
 static int fine_of(double at, int n_cells)
 {
     const int cell = at > 0 ? (int)at : 0;
-    return (cell < n_cells ? cell : n_cells - 1) / CTS_FINE_BLOCK;
+    return (cell < n_cells ? cell : n_cells - 1) / CTS_FINE_MACROCELL;
 }
 
 /* Whether something may be visible to the beam in slabs from..to - 1, which lie in one layer of fine blocks. */
@@ -153,7 +153,7 @@ static bool fine_visible(const TiledJob *j, const TiledBeam *beam, int from, int
               u1 = fine_of(beam->u[1] + larger(u_a, u_b), j->nu - 1);
     const int v0 = fine_of(beam->v[0] + smaller(v_a, v_b), j->nv - 1),
               v1 = fine_of(beam->v[1] + larger(v_a, v_b), j->nv - 1);
-    const int k = (j->rising ? from : j->nk - 2 - from) / CTS_FINE_BLOCK;
+    const int k = (j->rising ? from : j->nk - 2 - from) / CTS_FINE_MACROCELL;
     const uint8_t *layer = empty->fine + (ptrdiff_t)(k / 2) * empty->nu * empty->nv;
     for (int v = v0; v <= v1; v++)
         for (int u = u0; u <= u1; u++)
@@ -166,7 +166,7 @@ static bool fine_visible(const TiledJob *j, const TiledBeam *beam, int from, int
 static int fine_end(const TiledJob *j, const TiledBeam *beam, int q)
 {
     const int cell = j->rising ? q : j->nk - 2 - q;
-    const int end = q + (j->rising ? CTS_FINE_BLOCK - cell % CTS_FINE_BLOCK : cell % CTS_FINE_BLOCK + 1);
+    const int end = q + (j->rising ? CTS_FINE_MACROCELL - cell % CTS_FINE_MACROCELL : cell % CTS_FINE_MACROCELL + 1);
     return end < beam->last ? end : beam->last;
 }
 

@@ -13,7 +13,7 @@ typedef struct Fine {
     ptrdiff_t stride[3];
 } Fine;
 
-static Fine fine_of(const CtsBlocks *blocks, const CtsLayout *layout)
+static Fine fine_of(const CtsMacrocells *blocks, const CtsLayout *layout)
 {
     const int axis[3] = {layout->axis_u, layout->axis_v, layout->axis_k};
     const ptrdiff_t stride[3] = {1, blocks->n_fine[0], (ptrdiff_t)blocks->n_fine[0] * blocks->n_fine[1]};
@@ -70,7 +70,7 @@ static void look_at_rows(void *context, int worker, size_t first, size_t end)
     atomic_fetch_add(&l->n_visible, n_visible);
 }
 
-CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsBlocks *blocks, const CtsLayout *layout,
+CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsMacrocells *blocks, const CtsLayout *layout,
                                const CtsLut *lut, int n_threads, CtsError *err)
 {
     CtsStatus st;

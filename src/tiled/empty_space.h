@@ -6,7 +6,7 @@
 #include "ctsplat/status.h"
 #include "tiled/layout.h"
 #include "transfer/lut.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 #include <stdint.h>
 
 /* distance[(bk * nv + bv) * nu + bu], blocks in the layout's axes: 0 for a visible block, else the Chebyshev distance
@@ -19,7 +19,7 @@ typedef struct CtsEmptySpace {
     int64_t n_visible, n_blocks;
 } CtsEmptySpace;
 
-CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsBlocks *blocks, const CtsLayout *layout,
+CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsMacrocells *blocks, const CtsLayout *layout,
                                const CtsLut *lut, int n_threads, CtsError *err);
 void cts_empty_space_free(CtsEmptySpace *empty);
 

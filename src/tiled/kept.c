@@ -1,7 +1,7 @@
 #include "tiled/kept.h"
 
 #include "base/clock.h"
-#include "scene/scene_blocks.h"
+#include "scene/scene_macrocells.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -28,7 +28,7 @@ void cts_tiled_kept_free(void *kept)
     TiledKept *k = kept;
     if (!k)
         return;
-    cts_blocks_free(&k->own_blocks);
+    cts_macrocells_free(&k->own_blocks);
     cts_layout_free(&k->copied);
     cts_slab_table_free(&k->table);
     cts_empty_space_free(&k->empty);
@@ -40,13 +40,13 @@ static bool same_axes(const CtsLayout *a, const CtsLayout *b)
     return a->axis_u == b->axis_u && a->axis_v == b->axis_v && a->axis_k == b->axis_k;
 }
 
-CtsStatus cts_tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlocks **blocks, CtsReport *report,
+CtsStatus cts_tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsMacrocells **blocks, CtsReport *report,
                                 CtsError *err)
 {
-    return cts_scene_blocks(scene, &kept->own_blocks, blocks, report, err);
+    return cts_scene_macrocells(scene, &kept->own_blocks, blocks, report, err);
 }
 
-CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlocks *blocks,
+CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsMacrocells *blocks,
                                 const CtsLayout *layout, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -90,7 +90,7 @@ CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reac
     const CtsEmptySpace *empty = &kept->empty;
     const CtsLayoutBlocks wanted = {empty->distance, empty->nu, empty->nv, empty->nk, kept->copied_reach, reach};
     const int64_t n = cts_layout_copy(layout, scene->volume, &wanted, scene->settings->n_threads);
-    const uint64_t voxels = (uint64_t)n * CTS_BLOCK * CTS_BLOCK * CTS_BLOCK;
+    const uint64_t voxels = (uint64_t)n * CTS_MACROCELL * CTS_MACROCELL * CTS_MACROCELL;
     kept->copied_reach = reach;
     cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, voxels, 2 * voxels);
     return CTS_OK;

@@ -7,12 +7,12 @@
 #include "tiled/empty_space.h"
 #include "tiled/layout.h"
 #include "tiled/slab.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 
 typedef struct TiledKept {
-    CtsBlocks *own_blocks; /* where the volume has none */
-    CtsLayout copied;      /* the last layout that needed a copy; one at a time, so memory stays bounded */
-    int copied_reach;      /* it holds the blocks up to this far from a visible one */
+    CtsMacrocells *own_blocks; /* where the volume has none */
+    CtsLayout copied;          /* the last layout that needed a copy; one at a time, so memory stays bounded */
+    int copied_reach;          /* it holds the blocks up to this far from a visible one */
     CtsSlabTable table;
     double table_scale; /* extinction_scale of table, 0 before it is made */
     CtsEmptySpace empty;
@@ -25,10 +25,10 @@ void cts_tiled_kept_close(const CtsScene *scene, TiledKept *kept);
 void cts_tiled_kept_free(void *kept);
 
 /* Block ranges, which stay the keeper's. The report says what was there already, here and below. */
-CtsStatus cts_tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsBlocks **blocks, CtsReport *report,
+CtsStatus cts_tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsMacrocells **blocks, CtsReport *report,
                                 CtsError *err);
 /* kept->table and kept->empty for this view. */
-CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsBlocks *blocks,
+CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsMacrocells *blocks,
                                 const CtsLayout *layout, CtsReport *report, CtsError *err);
 /* Give the view's layout its voxels, those at least that lie up to `reach` blocks from a visible one; they stay the
  * keeper's. After cts_tiled_kept_tables(). */

@@ -3,7 +3,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "scene/transpose.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 #include <math.h>
 #include <stdatomic.h>
 #include <stdbool.h>
@@ -20,7 +20,7 @@ static double per_pixel(const CtsView *view, int axis)
 /* Voxels of block b of n along an axis: blocks are of cells, so the last one holds a voxel more than its cells. */
 static inline int block_end(int b, int n, int n_voxels)
 {
-    return b == n - 1 ? n_voxels : (b + 1) * CTS_BLOCK;
+    return b == n - 1 ? n_voxels : (b + 1) * CTS_MACROCELL;
 }
 
 /* Voxels u0..u1 - 1 of row v of layers k0..k1 - 1; in squares of 8 x 8 where the layers' axis is the one along which
@@ -31,11 +31,11 @@ static void copy_row(const CtsLayout *l, const CtsVolume *volume, int u0, int u1
     const size_t su = stride[l->axis_u], sv = stride[l->axis_v], sk = stride[l->axis_k];
     const uint16_t *in = volume->grey + (size_t)u0 * su + (size_t)v * sv + (size_t)k0 * sk;
     uint16_t *out = l->copy + (ptrdiff_t)k0 * l->layer_stride + (ptrdiff_t)v * l->row_stride + u0;
-    const bool square = sk == 1 && u1 - u0 >= CTS_BLOCK && k1 - k0 >= CTS_BLOCK;
+    const bool square = sk == 1 && u1 - u0 >= CTS_MACROCELL && k1 - k0 >= CTS_MACROCELL;
     if (square)
         cts_transpose_8(in, su, out, (size_t)l->layer_stride);
     for (int u = 0; u < u1 - u0; u++)
-        for (int k = square && u < CTS_BLOCK ? CTS_BLOCK : 0; k < k1 - k0; k++)
+        for (int k = square && u < CTS_MACROCELL ? CTS_MACROCELL : 0; k < k1 - k0; k++)
             out[(ptrdiff_t)k * l->layer_stride + u] = in[(size_t)u * su + (size_t)k * sk];
 }
 
@@ -90,8 +90,8 @@ static int copy_blocks(const Copy *c, int bv, int bk)
     for (int bu = 0; bu < blocks->nu; bu++) {
         if (distance[bu] <= blocks->above || distance[bu] > blocks->reach)
             continue;
-        for (int v = bv * CTS_BLOCK; v < block_end(bv, blocks->nv, l->nv); v++)
-            copy_row(l, c->volume, bu * CTS_BLOCK, block_end(bu, blocks->nu, l->nu), v, bk * CTS_BLOCK,
+        for (int v = bv * CTS_MACROCELL; v < block_end(bv, blocks->nv, l->nv); v++)
+            copy_row(l, c->volume, bu * CTS_MACROCELL, block_end(bu, blocks->nu, l->nu), v, bk * CTS_MACROCELL,
                      block_end(bk, blocks->nk, l->nk));
         n++;
     }

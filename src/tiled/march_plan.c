@@ -94,7 +94,7 @@ void cts_tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLa
     const double active = 100.0 * (double)j->empty.n_visible / (double)j->empty.n_blocks, step = scene->volume->hu_step;
     cts_report_plan(report, "engine tiled: %d layers across the volume's %s, %s, %.4g mm of ray from layer to layer",
                     j->nk, axes[layout->axis_k], j->rising ? "rising" : "falling", scene->view.layer_mm);
-    cts_report_plan(report, "blocks of %d^3 cells: %lld of %lld may be visible (%.1f %%)", CTS_BLOCK,
+    cts_report_plan(report, "blocks of %d^3 cells: %lld of %lld may be visible (%.1f %%)", CTS_MACROCELL,
                     (long long)j->empty.n_visible, (long long)j->empty.n_blocks, active);
     cts_report_plan(report,
                     "slab integral: cumulative tables of %d entries, %g to a grey level; split into 2 to 16 parts "

@@ -14,7 +14,7 @@ typedef struct Ray {
 typedef struct Projector {
     const CtsScene *scene;
     const CtsVolume *volume;
-    const CtsBlocks *blocks;
+    const CtsMacrocells *blocks;
     const CtsView *view;
     CtsMode mode;
     ptrdiff_t stride[3];
@@ -165,7 +165,7 @@ static CtsRange block_range(const Projector *p, const int block[3])
 static double extreme(const Projector *p, const Ray *ray, double sign)
 {
     double best = -INFINITY; /* times sign */
-    Walk blocks = begin(p, ray, CTS_FINE_BLOCK, ray->t0, ray->t1);
+    Walk blocks = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
     do {
         const CtsRange r = block_range(p, blocks.box);
         if ((sign > 0 ? r.high : -r.low) <= best)
@@ -189,7 +189,7 @@ static double mean(const Projector *p, const Ray *ray)
     if (!(ray->t1 > ray->t0))
         return extreme(p, ray, 1);
     double sum = 0;
-    Walk blocks = begin(p, ray, CTS_FINE_BLOCK, ray->t0, ray->t1);
+    Walk blocks = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
     do {
         const CtsRange r = block_range(p, blocks.box);
         if (r.low == r.high) {
@@ -239,7 +239,7 @@ static void project_rows(void *context, int worker, size_t first, size_t end)
         project_row(r->projector, r->picture, (int)y);
 }
 
-CtsStatus cts_project(const CtsScene *scene, const CtsBlocks *blocks, CtsPicture *picture, CtsReport *report,
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *blocks, CtsPicture *picture, CtsReport *report,
                       CtsError *err)
 {
     const CtsVolume *v = scene->volume;

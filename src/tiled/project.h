@@ -4,10 +4,10 @@
 #define CTS_TILED_PROJECT_H
 
 #include "scene/engine.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 
 /* picture NULL: only make the plan. */
-CtsStatus cts_project(const CtsScene *scene, const CtsBlocks *blocks, CtsPicture *picture, CtsReport *report,
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *blocks, CtsPicture *picture, CtsReport *report,
                       CtsError *err);
 
 #endif

@@ -6,7 +6,7 @@
 
 #include "ctsplat/status.h"
 #include "scene/engine.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 #include <stdint.h>
 
 /* Entry i holds the integrals from the table's first level up to grey = grey_low + i / per_grey of

@@ -99,9 +99,9 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
  * layer of fine blocks; two voxels more for interpolation and slopes. */
 static int sampled_reach(const TiledJob *j)
 {
-    const double u = 7 * (fabs(j->u_at[1]) + fabs(j->u_at[2])) + CTS_FINE_BLOCK * fabs(j->u_at[3]);
-    const double v = 7 * (fabs(j->v_at[1]) + fabs(j->v_at[2])) + CTS_FINE_BLOCK * fabs(j->v_at[3]);
-    return (int)fmin(ceil((fmax(fmax(u, v), CTS_FINE_BLOCK) + 2) / CTS_BLOCK), 255);
+    const double u = 7 * (fabs(j->u_at[1]) + fabs(j->u_at[2])) + CTS_FINE_MACROCELL * fabs(j->u_at[3]);
+    const double v = 7 * (fabs(j->v_at[1]) + fabs(j->v_at[2])) + CTS_FINE_MACROCELL * fabs(j->v_at[3]);
+    return (int)fmin(ceil((fmax(fmax(u, v), CTS_FINE_MACROCELL) + 2) / CTS_MACROCELL), 255);
 }
 
 static TiledPath choose_path(const TiledJob *j)
@@ -198,7 +198,7 @@ static void report_counts(const TiledCounts *counts, const CtsScene *scene, cons
     }
 }
 
-static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsBlocks *blocks, CtsPicture *picture,
+static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacrocells *blocks, CtsPicture *picture,
                            CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -249,7 +249,7 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsRep
 {
     CtsStatus st;
     TiledKept *kept = NULL;
-    const CtsBlocks *blocks;
+    const CtsMacrocells *blocks;
     if ((st = cts_tiled_kept_open(scene, &kept, err)) ||
         (st = cts_tiled_kept_blocks(kept, scene, &blocks, report, err)))
         goto end;

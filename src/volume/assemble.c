@@ -7,8 +7,8 @@
 #include "base/parallel.h"
 #include "dicom/slice.h"
 #include "dicom/slice_stack.h"
-#include "volume/blocks.h"
 #include "volume/grey.h"
+#include "volume/macrocells.h"
 #include "volume/resample.h"
 #include "volume/volume_new.h"
 #include <math.h>
@@ -26,9 +26,9 @@ typedef struct Assembly {
     int n_slices, n_threads;
     uint16_t *first; /* where slice 0 goes; slice k lies layer_voxels further for each k */
     size_t layer_voxels;
-    bool whole_numbers;     /* every slope and intercept is one */
-    CtsStoredRange *ranges; /* of each slice */
-    CtsBlocks *blocks;      /* made on the way while a slice is in the cache; NULL: not now */
+    bool whole_numbers;        /* every slope and intercept is one */
+    CtsStoredRange *ranges;    /* of each slice */
+    CtsMacrocells *macrocells; /* made on the way while a slice is in the cache; NULL: not now */
     double busy[CTS_N_STAGES];
     uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
     bool *bad; /* slices whose pixels are damaged; the caller's, n_slices of them */
@@ -68,7 +68,7 @@ typedef struct Arrival {
     double grey_ms;
 } Arrival;
 
-/* Words first <= n < end become grey levels and part of their blocks while they are in the cache. */
+/* Words first <= n < end become grey levels and part of their macro-cells while they are in the cache. */
 static void take_words(void *context, size_t first, size_t end)
 {
     Arrival *const in = context;
@@ -83,8 +83,8 @@ static void take_words(void *context, size_t first, size_t end)
     all->low = r.low < all->low ? r.low : all->low;
     all->high = r.high > all->high ? r.high : all->high;
     const int n_rows = (int)(end / (size_t)s->columns);
-    if (a->blocks)
-        cts_blocks_add(a->blocks, in->k, layer, in->n_rows, n_rows);
+    if (a->macrocells)
+        cts_macrocells_add(a->macrocells, in->k, layer, in->n_rows, n_rows);
     in->n_rows = n_rows;
     in->grey_ms += cts_wall_ms() - start;
 }
@@ -143,7 +143,7 @@ typedef struct Reading {
     pthread_mutex_t lock; /* of the assembly's failures */
 } Reading;
 
-/* The slices of one layer of blocks are one worker's. */
+/* The slices of one layer of macro-cells are one worker's. */
 static void read_some(void *context, int worker, size_t first, size_t end)
 {
     Reading *const r = context;
@@ -172,7 +172,7 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
                        .to_grey = cts_grey_whole(cts_cpu_flags()),
                        .readers = readers,
                        .lock = PTHREAD_MUTEX_INITIALIZER};
-    cts_parallel(a->n_threads, (size_t)a->n_slices, CTS_FINE_BLOCK, read_some, &reading);
+    cts_parallel(a->n_threads, (size_t)a->n_slices, CTS_FINE_MACROCELL, read_some, &reading);
     pthread_mutex_destroy(&reading.lock);
     a->busy[CTS_STAGE_DECODE] = a->busy[CTS_STAGE_GREY] = 0;
     for (int t = 0; t < a->n_threads; t++) {
@@ -387,18 +387,18 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
     for (int k = 0; k < a.n_slices; k++)
         a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
-    /* What is converted or resampled later gets its blocks when they are wanted. */
+    /* What is converted or resampled later gets its macro-cells when they are wanted. */
     if (!st && a.whole_numbers && stack->kind == CTS_STACK_EVEN)
-        st = cts_blocks_begin(&a.blocks, v->dims, err);
+        st = cts_macrocells_begin(&a.macrocells, v->dims, err);
     const size_t n_bytes = (size_t)a.n_slices * a.layer_voxels * sizeof *a.first;
     cts_hide_from_children(a.first, n_bytes, 1);
     if (!st)
         st = read_slices(&a, report, err);
     cts_hide_from_children(a.first, n_bytes, 0);
-    if (!st && a.blocks) {
-        cts_blocks_end(a.blocks, n_threads);
-        v->blocks = a.blocks;
-        a.blocks = NULL;
+    if (!st && a.macrocells) {
+        cts_macrocells_end(a.macrocells, n_threads);
+        v->macrocells = a.macrocells;
+        a.macrocells = NULL;
     }
     if (!st) {
         find_hu_range(&a, v);
@@ -412,7 +412,7 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
         cts_resample_stack(v->grey, a.layer_voxels, stack->layer, a.n_slices, stack->n_layers, offset, n_threads);
     if (!st)
         tell_range(v, a.whole_numbers, report);
-    cts_blocks_free(&a.blocks);
+    cts_macrocells_free(&a.macrocells);
     cts_free(&a.ranges);
     return st;
 }
@@ -495,7 +495,7 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
     const CtsStatus st = load(series, cts_threads(n_threads), volume, report, err);
     if (report)
         stage_times(report, &wall_after, &cpu_after);
-    /* What is not reading slices is making grey levels of them: memory, fractions, resampling, block ranges. */
+    /* What is not reading slices is making grey levels of them: memory, fractions, resampling, macro-cell ranges. */
     wall = cts_wall_ms() - wall - (wall_after - wall_before);
     cpu = cts_cpu_ms() - cpu - (cpu_after - cpu_before);
     cts_report_stage(report, CTS_STAGE_GREY, fmax(wall, 0), fmax(cpu, 0), 0, 0);

@@ -90,17 +90,17 @@ void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16
     }
 }
 
-/* Bits of one word that the blocks over it decide, and those of them that are set. */
+/* Bits of one word that the macro-cells over it decide, and those of them that are set. */
 typedef struct Known {
     uint64_t bits, set;
 } Known;
 
-enum { PER_WORD = 64 / CTS_FINE_BLOCK, ROW_BLOCKS = CTS_BITS_ROW_WORDS * PER_WORD };
+enum { PER_WORD = 64 / CTS_FINE_MACROCELL, ROW_CELLS = CTS_BITS_ROW_WORDS * PER_WORD };
 
-/* What the n fine blocks of a row say, word by word; a voxel behind the last block belongs to it. */
-static void look_at_blocks(const CtsRange *range, int n, uint16_t min, Known *known, size_t n_words)
+/* What the n fine macro-cells of a row say, word by word; a voxel behind the last macro-cell belongs to it. */
+static void look_at_macrocells(const CtsRange *range, int n, uint16_t min, Known *known, size_t n_words)
 {
-    uint8_t all[ROW_BLOCKS], some[ROW_BLOCKS];
+    uint8_t all[ROW_CELLS], some[ROW_CELLS];
     for (int b = 0; b < n; b++) {
         all[b] = range[b].low >= min;
         some[b] = range[b].high >= min;
@@ -109,15 +109,15 @@ static void look_at_blocks(const CtsRange *range, int n, uint16_t min, Known *kn
         all[b] = all[n - 1];
         some[b] = some[n - 1];
     }
-    const uint64_t block = (UINT64_C(1) << CTS_FINE_BLOCK) - 1;
+    const uint64_t macrocell = (UINT64_C(1) << CTS_FINE_MACROCELL) - 1;
     for (size_t w = 0; w < n_words; w++) {
         uint64_t set = 0, open = 0;
         for (int b = 0; b < PER_WORD; b++) {
             const size_t at = w * PER_WORD + (size_t)b;
-            set |= (uint64_t)all[at] << (b * CTS_FINE_BLOCK);
-            open |= (uint64_t)(some[at] & !all[at]) << (b * CTS_FINE_BLOCK);
+            set |= (uint64_t)all[at] << (b * CTS_FINE_MACROCELL);
+            open |= (uint64_t)(some[at] & !all[at]) << (b * CTS_FINE_MACROCELL);
         }
-        known[w] = (Known){~(open * block), set * block};
+        known[w] = (Known){~(open * macrocell), set * macrocell};
     }
 }
 
@@ -138,18 +138,18 @@ static void threshold_open(uint64_t *row, const uint16_t *levels, int n, uint16_
         cts_bits_threshold_row(row + n / 64, levels + n / 64 * 64, n % 64, min);
 }
 
-/* Rows j0 <= j < j1 of slices k0 <= k < k1: those of one row of fine blocks. */
+/* Rows j0 <= j < j1 of slices k0 <= k < k1: those of one row of fine macro-cells. */
 typedef struct Beam {
     int j0, j1, k0, k1;
 } Beam;
 
-/* The last block of an axis has the voxel behind it, too. */
-static int block_end(int block, int n_blocks, int n)
+/* The last macro-cell of an axis has the voxel behind it, too. */
+static int macrocell_end(int macrocell, int n_macrocells, int n)
 {
-    return block + 1 < n_blocks ? (block + 1) * CTS_FINE_BLOCK : n;
+    return macrocell + 1 < n_macrocells ? (macrocell + 1) * CTS_FINE_MACROCELL : n;
 }
 
-/* What is read is scattered; asking for it one row of blocks ahead hides the time that memory takes. */
+/* What is read is scattered; asking for it one row of macro-cells ahead hides the time that memory takes. */
 static void ask_for_open(const CtsBits *bits, const uint16_t *grey, const Beam *beam, const Known *known)
 {
     const size_t nx = (size_t)bits->dims[0], ny = (size_t)bits->dims[1];
@@ -166,7 +166,7 @@ static void ask_for_open(const CtsBits *bits, const uint16_t *grey, const Beam *
 typedef struct Threshold {
     CtsBits *bits;
     const uint16_t *grey;
-    const CtsBlocks *blocks;
+    const CtsMacrocells *macrocells;
     uint16_t min;
     uint32_t *n_runs;
 } Threshold;
@@ -187,17 +187,17 @@ static void threshold_row(const Threshold *t, int j, int k, const Known *known)
 
 static void threshold_layer(const Threshold *t, int bk)
 {
-    const CtsBlocks *blocks = t->blocks;
-    const int *n = blocks->n_fine;
+    const CtsMacrocells *macrocells = t->macrocells;
+    const int *n = macrocells->n_fine;
     Known known[2][CTS_BITS_ROW_WORDS];
     Beam beam[2] = {{0}};
     for (int bj = 0; bj <= n[1]; bj++) {
         const int ahead = bj % 2, now = !ahead;
         if (bj < n[1]) {
-            beam[ahead] = (Beam){bj * CTS_FINE_BLOCK, block_end(bj, n[1], t->bits->dims[1]), bk * CTS_FINE_BLOCK,
-                                 block_end(bk, n[2], t->bits->dims[2])};
-            look_at_blocks(blocks->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0], n[0], t->min,
-                           known[ahead], t->bits->row_words);
+            beam[ahead] = (Beam){bj * CTS_FINE_MACROCELL, macrocell_end(bj, n[1], t->bits->dims[1]),
+                                 bk * CTS_FINE_MACROCELL, macrocell_end(bk, n[2], t->bits->dims[2])};
+            look_at_macrocells(macrocells->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0], n[0], t->min,
+                               known[ahead], t->bits->row_words);
             ask_for_open(t->bits, t->grey, &beam[ahead], known[ahead]);
         }
         for (int k = beam[now].k0; bj && k < beam[now].k1; k++)
@@ -222,12 +222,12 @@ static void threshold_slices(void *context, int worker, size_t first, size_t end
             threshold_row(t, j, (int)k, NULL);
 }
 
-void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min,
+void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsMacrocells *macrocells, uint16_t grey_min,
                         uint32_t *n_runs, int n_threads)
 {
-    Threshold t = {bits, grey, blocks, grey_min, n_runs};
-    if (blocks)
-        cts_parallel(n_threads, (size_t)blocks->n_fine[2], 1, threshold_layers, &t);
+    Threshold t = {bits, grey, macrocells, grey_min, n_runs};
+    if (macrocells)
+        cts_parallel(n_threads, (size_t)macrocells->n_fine[2], 1, threshold_layers, &t);
     else
         cts_parallel(n_threads, (size_t)bits->dims[2], 0, threshold_slices, &t);
 }

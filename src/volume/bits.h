@@ -2,7 +2,7 @@
 #ifndef CTS_VOLUME_BITS_H
 #define CTS_VOLUME_BITS_H
 
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -83,9 +83,9 @@ static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
     return n;
 }
 
-/* The voxels whose level is at least grey_min; grey has the dimensions of bits. With the volume's blocks (NULL: none),
- * only what their ranges leave open is read. n_runs[], if not NULL, is how many runs each row has. */
-void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsBlocks *blocks, uint16_t grey_min,
+/* The voxels whose level is at least grey_min; grey has the dimensions of bits. With the volume's macro-cells (NULL:
+ * none), only what their ranges leave open is read. n_runs[], if not NULL, is how many runs each row has. */
+void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsMacrocells *macrocells, uint16_t grey_min,
                         uint32_t *n_runs, int n_threads);
 
 typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_COPY, CTS_BITS_NOT } CtsBitsOp;

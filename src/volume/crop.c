@@ -2,7 +2,7 @@
 
 #include "base/mem.h"
 #include "base/vec3.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <string.h>
@@ -135,8 +135,8 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
         for (int axis = 0; axis < 3; axis++)
             v->origin_lps[c] += box.lo[axis] * v->step_lps[axis][c];
     memcpy(v->dims, n, sizeof n);
-    if (v->blocks && whole_slices && box.lo[2] % CTS_FINE_BLOCK == 0)
-        cts_blocks_keep_slices(v->blocks, box.lo[2], n[2], v->grey);
+    if (v->macrocells && whole_slices && box.lo[2] % CTS_FINE_MACROCELL == 0)
+        cts_macrocells_keep_slices(v->macrocells, box.lo[2], n[2], v->grey);
     else
         cts_volume_changed(v);
     return CTS_OK;

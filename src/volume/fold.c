@@ -5,14 +5,14 @@
 #include <immintrin.h>
 #endif
 
-/* A fine block reaches over so many columns and rows. */
-enum { REACH = CTS_FINE_BLOCK + 1 };
+/* A fine macro-cell reaches over so many columns and rows. */
+enum { REACH = CTS_FINE_MACROCELL + 1 };
 
-void cts_fold_plain(const uint16_t *row, size_t row_stride, int n_rows, int n, CtsRange *range, int n_blocks)
+void cts_fold_plain(const uint16_t *row, size_t row_stride, int n_rows, int n, CtsRange *range, int n_macrocells)
 {
     for (int r = 0; r < n_rows; r++, row += row_stride)
-        for (int b = 0; b < n_blocks; b++) {
-            const int first = b * CTS_FINE_BLOCK, end = first + REACH < n ? first + REACH : n;
+        for (int b = 0; b < n_macrocells; b++) {
+            const int first = b * CTS_FINE_MACROCELL, end = first + REACH < n ? first + REACH : n;
             CtsRange *to = &range[b];
             for (int i = first; i < end; i++) {
                 to->low = row[i] < to->low ? row[i] : to->low;
@@ -46,9 +46,9 @@ __attribute__((target("avx2"), always_inline)) static inline __m256i four_on(__m
     return _mm256_alignr_epi8(_mm256_permute2x128_si256(v, next, 0x21), v, 8);
 }
 
-/* Each 64 bits hold the four columns of a block; the fifth is the first of the block behind. */
-__attribute__((target("avx2"), always_inline)) static inline void fold_blocks(const Columns *c, const Columns *next,
-                                                                              CtsRange *range)
+/* Each 64 bits hold the four columns of a macro-cell; the fifth is the first of the macro-cell behind. */
+__attribute__((target("avx2"), always_inline)) static inline void fold_macrocells(const Columns *c, const Columns *next,
+                                                                                  CtsRange *range)
 {
     __m256i low = _mm256_min_epu16(c->low, _mm256_srli_epi64(c->low, 16));
     __m256i high = _mm256_max_epu16(c->high, _mm256_srli_epi64(c->high, 16));
@@ -63,36 +63,36 @@ __attribute__((target("avx2"), always_inline)) static inline void fold_blocks(co
 }
 
 __attribute__((target("avx2"), always_inline)) static inline int
-fold_rows(const uint16_t *row, size_t row_stride, int n_rows, int n, CtsRange *range, int n_blocks)
+fold_rows(const uint16_t *row, size_t row_stride, int n_rows, int n, CtsRange *range, int n_macrocells)
 {
-    enum { COLUMNS = 16, BLOCKS = COLUMNS / CTS_FINE_BLOCK };
+    enum { COLUMNS = 16, MACROCELLS = COLUMNS / CTS_FINE_MACROCELL };
     int done = 0;
     if (n < COLUMNS)
         return done;
     Columns c = fold_columns(row, row_stride, n_rows);
-    for (; done + BLOCKS <= n_blocks && CTS_FINE_BLOCK * done + 2 * COLUMNS <= n; done += BLOCKS) {
-        const Columns next = fold_columns(row + CTS_FINE_BLOCK * done + COLUMNS, row_stride, n_rows);
-        fold_blocks(&c, &next, range + done);
+    for (; done + MACROCELLS <= n_macrocells && CTS_FINE_MACROCELL * done + 2 * COLUMNS <= n; done += MACROCELLS) {
+        const Columns next = fold_columns(row + CTS_FINE_MACROCELL * done + COLUMNS, row_stride, n_rows);
+        fold_macrocells(&c, &next, range + done);
         c = next;
     }
     /* A row of whole vectors, as most are, ends here: there is no next column to change anything. */
-    if (done + BLOCKS == n_blocks && CTS_FINE_BLOCK * done + COLUMNS == n) {
+    if (done + MACROCELLS == n_macrocells && CTS_FINE_MACROCELL * done + COLUMNS == n) {
         const Columns nothing = {_mm256_set1_epi16(-1), _mm256_setzero_si256()};
-        fold_blocks(&c, &nothing, range + done);
-        done = n_blocks;
+        fold_macrocells(&c, &nothing, range + done);
+        done = n_macrocells;
     }
     return done;
 }
 
 __attribute__((target("avx2"))) static void fold_avx2(const uint16_t *row, size_t row_stride, int n_rows, int n,
-                                                      CtsRange *range, int n_blocks)
+                                                      CtsRange *range, int n_macrocells)
 {
     /* Nearly all have five rows, for which the loop over them is written out. */
-    const int done = n_rows == REACH ? fold_rows(row, row_stride, REACH, n, range, n_blocks)
-                                     : fold_rows(row, row_stride, n_rows, n, range, n_blocks);
-    const int columns = done * CTS_FINE_BLOCK;
-    if (done < n_blocks)
-        cts_fold_plain(row + columns, row_stride, n_rows, n - columns, range + done, n_blocks - done);
+    const int done = n_rows == REACH ? fold_rows(row, row_stride, REACH, n, range, n_macrocells)
+                                     : fold_rows(row, row_stride, n_rows, n, range, n_macrocells);
+    const int columns = done * CTS_FINE_MACROCELL;
+    if (done < n_macrocells)
+        cts_fold_plain(row + columns, row_stride, n_rows, n - columns, range + done, n_macrocells - done);
 }
 #endif
 

@@ -3,7 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 #include "volume/volume_new.h"
 #include <math.h>
 
@@ -49,8 +49,8 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
     q->hu_max = volume->hu_max;
     Mapping mapping = {volume->grey, level, q->grey};
     cts_parallel(cts_threads(n_threads), cts_volume_n_voxels(volume), 0, map_voxels, &mapping);
-    if (volume->blocks)
-        st = cts_blocks_map(&q->blocks, volume->blocks, level, err);
+    if (volume->macrocells)
+        st = cts_macrocells_map(&q->macrocells, volume->macrocells, level, err);
 end:
     if (st)
         cts_volume_free(&q);

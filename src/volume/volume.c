@@ -2,7 +2,7 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 #include "volume/volume_new.h"
 #include <stdlib.h>
 #include <string.h>
@@ -60,10 +60,10 @@ size_t cts_volume_n_voxels(const CtsVolume *volume)
 
 CtsStatus cts_volume_prepare(CtsVolume *volume, int n_threads, CtsError *err)
 {
-    return volume->blocks ? CTS_OK : cts_blocks_new(&volume->blocks, volume, cts_threads(n_threads), err);
+    return volume->macrocells ? CTS_OK : cts_macrocells_new(&volume->macrocells, volume, cts_threads(n_threads), err);
 }
 
 void cts_volume_changed(CtsVolume *volume)
 {
-    cts_blocks_free(&volume->blocks);
+    cts_macrocells_free(&volume->macrocells);
 }

@@ -12,7 +12,7 @@ double bench_median(double *values, int n);
 /* Rounds asked for as text, or by_default where that is NULL; 1 to BENCH_MOST_ROUNDS. */
 int bench_rounds(const char *text, int by_default);
 
-/* The CT series in a folder, block ranges made. Free with cts_volume_free(). */
+/* The CT series in a folder, macro-cells made. Free with cts_volume_free(). */
 CtsStatus bench_load(const char *folder, CtsVolume **volume, CtsError *err);
 
 #endif

@@ -2,7 +2,7 @@
  *
  * Renders a CT series with the presets bone and skin, lit and unlit, from the front and from 30,20, by one thread and
  * by all, rounds interleaved with the classic engine. Prints medians: time relative to classic; ns for sampling the
- * field, and for all that is done for a sample that shows something; the bytes of the blocks that may be visible
+ * field, and for all that is done for a sample that shows something; the bytes of the macro-cells that may be visible
  * against the volume's, those that samples read (often the same ones again) against these, and the time against what
  * one pass over them takes at the speed at which this machine reads memory; the share of each stage. Never a timed
  * test. */

@@ -1,7 +1,7 @@
 /* Splatting's hot loops on ugly input: every SIMD path against plain C, to the bit, what lies around the output
  * included. A failure prints the parameters that show it again. */
 #include "base/cpu.h"
-#include "splat/kernels.h"
+#include "splat/simd.h"
 #include "unit.h"
 #include <stdio.h>
 #include <string.h>
@@ -49,9 +49,9 @@ static void same(const char *loop, const void *plain, const void *fast, size_t b
                  i1);
 }
 
-typedef void (*Loop)(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed);
+typedef void (*Loop)(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed);
 
-static void scatter(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed)
+static void scatter(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)
 {
     static uint32_t a[CTS_MAX_TAPS][WIDTH], b[CTS_MAX_TAPS][WIDTH];
     static const CtsKernelId kernels[] = {CTS_KERNEL_TENT, CTS_KERNEL_GAUSSIAN, CTS_KERNEL_CONE, CTS_KERNEL_BSPLINE};
@@ -91,7 +91,7 @@ static void scatter(const CtsKernels *plain, const CtsKernels *fast, unsigned ma
     same(marked ? "scatter_marked" : "scatter", a, b, sizeof a, mask, seed, i0, i1);
 }
 
-static void mark_and_widen(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed)
+static void mark_and_widen(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)
 {
     uint16_t value[N], old[N], low[2][N], high[2][N];
     uint64_t marks[2][(N + 63) / 64 + 1] = {{0}};
@@ -123,7 +123,7 @@ typedef struct Pixels {
     int changed;
 } Pixels;
 
-static void place_all(const CtsKernels *k, uint64_t seed, int n, int last, Pixels *p)
+static void place_all(const CtsSimd *k, uint64_t seed, int n, int last, Pixels *p)
 {
     state = seed;
     for (int axis = 0; axis < 2; axis++) {
@@ -133,7 +133,7 @@ static void place_all(const CtsKernels *k, uint64_t seed, int n, int last, Pixel
     }
 }
 
-static void pixels(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed)
+static void pixels(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)
 {
     static uint32_t sheets[2][ROWS + 2][N + 2 * EDGE];
     static float entry[65536][4], field[2][ROWS + 2][N + EDGE][4];
@@ -171,7 +171,7 @@ static void pixels(const CtsKernels *plain, const CtsKernels *fast, unsigned mas
             p[0].rgbt[i][3] = p[1].rgbt[i][3] = CTS_OPAQUE_BELOW;
     const uint64_t places_seed = state;
     for (int path = 0; path < 2; path++) {
-        const CtsKernels *k = path ? fast : plain;
+        const CtsSimd *k = path ? fast : plain;
         Pixels *to = &p[path];
         place_all(k, places_seed, n, last, to);
         const CtsPlaces places = {{to->cell[0], to->cell[1]}, {to->frac[0], to->frac[1]}, false};
@@ -188,29 +188,32 @@ static void pixels(const CtsKernels *plain, const CtsKernels *fast, unsigned mas
     same(lit ? "light, changed" : "blend, changed", &p[0].changed, &p[1].changed, sizeof(int), mask, seed, 0, n);
 }
 
-static void gradient(const CtsKernels *plain, const CtsKernels *fast, unsigned mask, uint64_t seed)
+static void gradient(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)
 {
     uint16_t rows[5][N];
     float g[2][N][4];
     for (int r = 0; r < 5; r++)
         fill_grey(rows[r], N);
     memset(g, 0, sizeof g);
-    const uint16_t *const before[2] = {rows[1], rows[2]}, *const after[2] = {rows[3], rows[4]};
-    const float scale[2] = {(float)below(3), (float)below(3)};
-    const int n_row = 1 + below(N), i0 = below(n_row), i1 = i0 + below(n_row - i0 + 1);
-    plain->gradient(rows[0], before, after, scale, n_row, i0, i1, g[0]);
-    fast->gradient(rows[0], before, after, scale, n_row, i0, i1, g[1]);
+    const int n = 1 + below(N), i0 = below(n), i1 = i0 + below(n - i0 + 1);
+    const CtsGradientRows job = {.row = rows[0],
+                                 .before = {rows[1], rows[2]},
+                                 .after = {rows[3], rows[4]},
+                                 .scale = {(float)below(3), (float)below(3)},
+                                 .n = n};
+    plain->gradient(&job, i0, i1, g[0]);
+    fast->gradient(&job, i0, i1, g[1]);
     same("gradient", g[0], g[1], sizeof g[0], mask, seed, i0, i1);
 }
 
 static void each_path(Loop loop)
 {
     static const unsigned masks[] = {0, CTS_CPU_AVX2, CTS_CPU_AVX2 | CTS_CPU_AVX512};
-    CtsKernels plain, fast;
-    cts_kernels_init(&plain, 0);
+    CtsSimd plain, fast;
+    cts_simd_init(&plain, 0);
     for (size_t m = 0; m < sizeof masks / sizeof *masks; m++) {
         cts_cpu_set_mask(masks[m]);
-        cts_kernels_init(&fast, cts_cpu_flags());
+        cts_simd_init(&fast, cts_cpu_flags());
         for (uint64_t trial = 0; trial < TRIALS; trial++) {
             state = trial;
             loop(&plain, &fast, masks[m], trial);

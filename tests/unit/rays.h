@@ -30,8 +30,7 @@ static inline void rays_aim(Rays *r, double azimuth_deg, double elevation_deg, d
     r->settings.elevation_deg = elevation_deg;
     r->settings.mm_per_pixel = mm_per_pixel;
     r->scene = (CtsScene){.volume = r->volume, .preset = &r->preset, .settings = &r->settings, .extinction_scale = 1};
-    assert_int_equal(cts_view_init(&r->scene.view, r->volume, azimuth_deg, elevation_deg, 64, 64, mm_per_pixel, &err),
-                     CTS_OK);
+    assert_int_equal(cts_view_init(&r->scene.view, r->volume, &r->settings, &err), CTS_OK);
     assert_int_equal(cts_raycaster_new(&r->caster, &r->scene, field, n_rays, &err), CTS_OK);
 }
 

@@ -1,4 +1,4 @@
-/* Bit masks and block ranges that follow a change: what is not read must not be missed. */
+/* Bit masks and macro-cells that follow a change: what is not read must not be missed. */
 #include "unit.h"
 
 #include "ctsplat/volume.h"
@@ -19,7 +19,7 @@ static uint32_t random_next(uint32_t *state)
     return *state >> 8;
 }
 
-/* Air, something dense and boxes of either, so that blocks come all empty, all full and mixed. */
+/* Air, something dense and boxes of either, so that macro-cells come all empty, all full and mixed. */
 static CtsVolume *make(const int dims[3], uint32_t seed)
 {
     CtsVolume *v;
@@ -59,7 +59,7 @@ static void test_threshold(void **state)
         for (int threads = 1; threads <= 3; threads += 2) {
             assert_int_equal(cts_bits_new(&fast, v->dims, &err), CTS_OK);
             cts_bits_threshold(&plain, v->grey, NULL, MIN, NULL, threads);
-            cts_bits_threshold(&fast, v->grey, v->blocks, MIN, runs, threads);
+            cts_bits_threshold(&fast, v->grey, v->macrocells, MIN, runs, threads);
             assert_memory_equal(plain.words, fast.words, cts_bits_n_words(&plain) * sizeof *plain.words);
             for (size_t row = 0; row < n_rows; row++) {
                 const uint16_t *level = v->grey + row * (size_t)v->dims[0];
@@ -118,7 +118,7 @@ static void check_change(const int dims[3], int kind)
     CtsVolume *v = make(dims, (uint32_t)dims[0]);
     CtsBits gone;
     CtsBlockChange change;
-    CtsBlocks *fresh;
+    CtsMacrocells *fresh;
     CtsError err;
     assert_int_equal(cts_bits_new(&gone, dims, &err), CTS_OK);
     int at[3];
@@ -127,16 +127,16 @@ static void check_change(const int dims[3], int kind)
             for (at[0] = 0; at[0] < dims[0]; at[0]++)
                 if (goes(kind, at, &seed))
                     cts_bits_set(&gone, at[0], at[1], at[2]);
-    assert_int_equal(cts_block_change_new(&change, v->blocks, &err), CTS_OK);
+    assert_int_equal(cts_block_change_new(&change, v->macrocells, &err), CTS_OK);
     clear(v, &gone, &change);
     cts_block_change_apply(&change, v, 2);
-    assert_int_equal(cts_blocks_new(&fresh, v, 1, &err), CTS_OK);
+    assert_int_equal(cts_macrocells_new(&fresh, v, 1, &err), CTS_OK);
     const size_t n = (size_t)fresh->n[0] * (size_t)fresh->n[1] * (size_t)fresh->n[2];
     const size_t n_fine = (size_t)fresh->n_fine[0] * (size_t)fresh->n_fine[1] * (size_t)fresh->n_fine[2];
-    assert_memory_equal(fresh->fine, v->blocks->fine, n_fine * sizeof *fresh->fine);
-    assert_memory_equal(fresh->range, v->blocks->range, n * sizeof *fresh->range);
-    assert_memory_equal(&fresh->all, &v->blocks->all, sizeof fresh->all);
-    cts_blocks_free(&fresh);
+    assert_memory_equal(fresh->fine, v->macrocells->fine, n_fine * sizeof *fresh->fine);
+    assert_memory_equal(fresh->range, v->macrocells->range, n * sizeof *fresh->range);
+    assert_memory_equal(&fresh->all, &v->macrocells->all, sizeof fresh->all);
+    cts_macrocells_free(&fresh);
     cts_block_change_free(&change);
     cts_bits_free(&gone);
     cts_volume_free(&v);

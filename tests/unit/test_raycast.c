@@ -463,8 +463,8 @@ static void test_noise_midpoint(void **state)
     rays_free(&r);
 }
 
-/* Leaping over blocks may not change a picture; nor may the number of threads. */
-static void test_blocks_and_threads(void **state)
+/* Leaping over macro-cells may not change a picture; nor may the number of threads. */
+static void test_leaps_and_threads(void **state)
 {
     (void)state;
     uint64_t seed = 5;
@@ -789,7 +789,7 @@ int main(void)
         cmocka_unit_test(test_sphere_voxels),
         cmocka_unit_test(test_modes_cubic),
         cmocka_unit_test(test_noise_midpoint),
-        cmocka_unit_test(test_blocks_and_threads),
+        cmocka_unit_test(test_leaps_and_threads),
         cmocka_unit_test(test_thin),
         cmocka_unit_test(test_nearly_on_axis),
         cmocka_unit_test(test_rotated_together),

@@ -55,7 +55,7 @@ static void test_same_pictures(void **state)
             s.opacity_per_voxel = n;
             check_frames(v, &preset, &s);
         }
-    /* With block ranges of the volume's own. */
+    /* With macro-cells of the volume's own. */
     assert_int_equal(cts_volume_prepare(v, 1, &err), CTS_OK);
     const CtsPreset bone = preset_named("bone");
     CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 48, 0, 0);
@@ -227,7 +227,7 @@ static void test_report(void **state)
         assert_int_equal(has_skip(&report, "distances to what is visible", earlier), frames[n].distances);
         assert_int_equal(has_skip(&report, "transposed copy", earlier), frames[n].copy);
         assert_int_equal(
-            has_skip(&report, "block ranges", "made while the slices were decoded, or for an earlier picture"),
+            has_skip(&report, "macro-cells", "made while the slices were decoded, or for an earlier picture"),
             frames[n].tables);
         cts_report_free(&report);
         cts_picture_free(&frame);

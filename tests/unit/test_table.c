@@ -2,7 +2,7 @@
 #include "unit.h"
 
 #include "ctsplat/table.h"
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -126,7 +126,7 @@ static CtsVolume *copy(const CtsVolume *v)
     uint16_t *grey = w->grey;
     *w = *v;
     w->grey = grey;
-    w->blocks = NULL;
+    w->macrocells = NULL;
     memcpy(grey, v->grey, cts_volume_n_voxels(v) * sizeof *grey);
     return w;
 }
@@ -194,15 +194,15 @@ static void remove_table(CtsVolume *v, int n_threads, CtsReport *report)
 /* Blocks made before the removal tell what is there after it. */
 static void check_blocks(CtsVolume *v)
 {
-    CtsBlocks *fresh;
+    CtsMacrocells *fresh;
     CtsError err;
-    assert_non_null(v->blocks);
-    assert_int_equal(cts_blocks_new(&fresh, v, 1, &err), CTS_OK);
+    assert_non_null(v->macrocells);
+    assert_int_equal(cts_macrocells_new(&fresh, v, 1, &err), CTS_OK);
     const size_t n = (size_t)fresh->n[0] * (size_t)fresh->n[1] * (size_t)fresh->n[2];
     const size_t n_fine = (size_t)fresh->n_fine[0] * (size_t)fresh->n_fine[1] * (size_t)fresh->n_fine[2];
-    assert_memory_equal(fresh->range, v->blocks->range, n * sizeof *fresh->range);
-    assert_memory_equal(fresh->fine, v->blocks->fine, n_fine * sizeof *fresh->fine);
-    cts_blocks_free(&fresh);
+    assert_memory_equal(fresh->range, v->macrocells->range, n * sizeof *fresh->range);
+    assert_memory_equal(fresh->fine, v->macrocells->fine, n_fine * sizeof *fresh->fine);
+    cts_macrocells_free(&fresh);
 }
 
 /* The table goes, the patient stays to the bit, and any number of threads gives the same bytes. */

@@ -1,6 +1,6 @@
 /* Verification: which pixels are chosen, and whether its interval holds the error of the whole picture. */
-#include "scene/resolve.h"
 #include "render/verify.h"
+#include "scene/resolve.h"
 #include "scenes.h"
 
 enum { SIZE = 130, PIXELS = 1000, TRIALS = 100 };

@@ -14,7 +14,9 @@ static CtsView view_of(const CtsVolume *v, double azimuth, double elevation, int
 {
     CtsView view;
     CtsError err;
-    assert_int_equal(cts_view_init(&view, v, azimuth, elevation, width, height, mm, &err), CTS_OK);
+    const CtsRenderSettings asked = {
+        .azimuth_deg = azimuth, .elevation_deg = elevation, .width = width, .height = height, .mm_per_pixel = mm};
+    assert_int_equal(cts_view_init(&view, v, &asked, &err), CTS_OK);
     return view;
 }
 
@@ -174,7 +176,7 @@ static void test_flat_volume(void **state)
     CtsView view;
     CtsError err;
     memset(v.step_lps[2], 0, sizeof v.step_lps[2]);
-    assert_int_equal(cts_view_init(&view, &v, 0, 0, 64, 64, 0, &err), CTS_ERR_GEOMETRY);
+    assert_int_equal(cts_view_init(&view, &v, &(CtsRenderSettings){.width = 64, .height = 64}, &err), CTS_ERR_GEOMETRY);
 }
 
 int main(void)

@@ -3,8 +3,8 @@
 #include "base/vec3.h"
 #include "ctsplat/volume.h"
 #include "unit.h"
-#include "volume/blocks.h"
 #include "volume/fold.h"
+#include "volume/macrocells.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -204,22 +204,22 @@ static void test_crop_borders(void **state)
     cts_volume_free(&v);
 }
 
-static void check_blocks(const CtsVolume *v)
+static void check_macrocells(const CtsVolume *v)
 {
-    CtsBlocks *fresh;
-    assert_int_equal(cts_blocks_new(&fresh, v, 1, NULL), CTS_OK);
+    CtsMacrocells *fresh;
+    assert_int_equal(cts_macrocells_new(&fresh, v, 1, NULL), CTS_OK);
     const size_t n = (size_t)fresh->n[0] * (size_t)fresh->n[1] * (size_t)fresh->n[2];
     const size_t n_fine = (size_t)fresh->n_fine[0] * (size_t)fresh->n_fine[1] * (size_t)fresh->n_fine[2];
-    assert_memory_equal(fresh->n, v->blocks->n, sizeof fresh->n);
-    assert_memory_equal(fresh->n_fine, v->blocks->n_fine, sizeof fresh->n_fine);
-    assert_memory_equal(fresh->range, v->blocks->range, n * sizeof *fresh->range);
-    assert_memory_equal(fresh->fine, v->blocks->fine, n_fine * sizeof *fresh->fine);
-    assert_memory_equal(&fresh->all, &v->blocks->all, sizeof fresh->all);
-    cts_blocks_free(&fresh);
+    assert_memory_equal(fresh->n, v->macrocells->n, sizeof fresh->n);
+    assert_memory_equal(fresh->n_fine, v->macrocells->n_fine, sizeof fresh->n_fine);
+    assert_memory_equal(fresh->range, v->macrocells->range, n * sizeof *fresh->range);
+    assert_memory_equal(fresh->fine, v->macrocells->fine, n_fine * sizeof *fresh->fine);
+    assert_memory_equal(&fresh->all, &v->macrocells->all, sizeof fresh->all);
+    cts_macrocells_free(&fresh);
 }
 
-/* Rows of blocks: the fast version against the plain one, for every width up to a few vectors; what lies around the
- * ranges stays. */
+/* Rows of macro-cells: the fast version against the plain one, for every width up to a few vectors; what lies around
+ * the ranges stays. */
 static void test_fold(void **state)
 {
     (void)state;
@@ -231,7 +231,7 @@ static void test_fold(void **state)
     for (int n = 1; n <= MOST; n++)
         for (int n_rows = 1; n_rows <= 5; n_rows++)
             for (int m = 0; m < 2; m++) {
-                const int n_blocks = n > 1 ? (n - 2) / CTS_FINE_BLOCK + 1 : 1;
+                const int n_macrocells = n > 1 ? (n - 2) / CTS_FINE_MACROCELL + 1 : 1;
                 /* A block of its own size, so that reading behind the last voxel is seen. */
                 const size_t n_voxels = (size_t)(n_rows - 1) * STRIDE + (size_t)n;
                 uint16_t *rows = malloc(n_voxels * sizeof *rows);
@@ -240,10 +240,10 @@ static void test_fold(void **state)
                 memcpy(rows, grey, n_voxels * sizeof *rows);
                 for (int i = 0; i < MOST / 4 + 2 * EDGE; i++)
                     plain[i] = fast[i] = (CtsRange){(uint16_t)(30000 + 500 * i), (uint16_t)(30000 - 400 * i)};
-                cts_fold_plain(rows, STRIDE, n_rows, n, plain + EDGE, n_blocks);
-                cts_fold(masks[m])(rows, STRIDE, n_rows, n, fast + EDGE, n_blocks);
+                cts_fold_plain(rows, STRIDE, n_rows, n, plain + EDGE, n_macrocells);
+                cts_fold(masks[m])(rows, STRIDE, n_rows, n, fast + EDGE, n_macrocells);
                 assert_memory_equal(plain, fast, sizeof plain);
-                for (int b = 0; b < n_blocks; b++) {
+                for (int b = 0; b < n_macrocells; b++) {
                     uint16_t low = (uint16_t)(30000 + 500 * (b + EDGE)), high = (uint16_t)(30000 - 400 * (b + EDGE));
                     for (int j = 0; j < n_rows; j++)
                         for (int i = 4 * b; i <= 4 * b + 4 && i < n; i++) {
@@ -257,7 +257,7 @@ static void test_fold(void **state)
 }
 
 /* Blocks from rows that come in parts of any size. */
-static void test_blocks_in_parts(void **state)
+static void test_macrocells_in_parts(void **state)
 {
     (void)state;
     const int nx = 21, ny = 19, nz = 10;
@@ -266,13 +266,14 @@ static void test_blocks_in_parts(void **state)
     for (uint32_t i = 0; i < (uint32_t)(nx * ny * nz); i++)
         v->grey[i] = (uint16_t)(i * 2654435761u >> 11);
     for (int part = 1; part <= ny; part++) {
-        assert_int_equal(cts_blocks_begin(&v->blocks, v->dims, NULL), CTS_OK);
+        assert_int_equal(cts_macrocells_begin(&v->macrocells, v->dims, NULL), CTS_OK);
         for (int k = 0; k < nz; k++)
             for (int first = 0; first < ny; first += part)
-                cts_blocks_add(v->blocks, k, v->grey + k * nx * ny, first, first + part < ny ? first + part : ny);
-        cts_blocks_end(v->blocks, 1);
-        check_blocks(v);
-        cts_blocks_free(&v->blocks);
+                cts_macrocells_add(v->macrocells, k, v->grey + k * nx * ny, first,
+                                   first + part < ny ? first + part : ny);
+        cts_macrocells_end(v->macrocells, 1);
+        check_macrocells(v);
+        cts_macrocells_free(&v->macrocells);
     }
     cts_volume_free(&v);
 }
@@ -292,9 +293,9 @@ static void test_crop_slices(void **state)
             assert_int_equal(cts_volume_prepare(v, 1, NULL), CTS_OK);
             const double lo[3] = {-1, -1, first - 0.5}, hi[3] = {20, 20, 7};
             assert_int_equal(cts_volume_crop(v, lo, hi, NULL), CTS_OK);
-            assert_int_equal(v->blocks != NULL, first % CTS_FINE_BLOCK == 0);
-            if (v->blocks)
-                check_blocks(v);
+            assert_int_equal(v->macrocells != NULL, first % CTS_FINE_MACROCELL == 0);
+            if (v->macrocells)
+                check_macrocells(v);
             assert_true(v->dims[0] == 8 && v->dims[1] == rows[n] && v->dims[2] == 8 - first);
             assert_true(v->origin_lps[2] == first);
             for (int i = 0; i < (8 - first) * slice; i++)
@@ -332,12 +333,12 @@ static void quantised(void **state)
     cts_volume_free(&v);
 }
 
-/* A quantised volume's block ranges follow from the volume's own. */
-static void quantised_blocks(void **state)
+/* A quantised volume's macro-cells follow from the volume's own. */
+static void quantised_macrocells(void **state)
 {
     (void)state;
     CtsVolume *v = NULL, *q = NULL;
-    CtsBlocks *expected = NULL;
+    CtsMacrocells *expected = NULL;
     CtsError err;
     uint32_t random = 1;
     assert_int_equal(cts_volume_new(&v, 19, 10, 13, &err), CTS_OK);
@@ -345,14 +346,14 @@ static void quantised_blocks(void **state)
         v->grey[i] = (uint16_t)((random = random * 1664525 + 1013904223) >> 20);
     assert_int_equal(cts_volume_prepare(v, 1, &err), CTS_OK);
     assert_int_equal(cts_volume_quantise(v, 8, 100, 2100, 1, &q, &err), CTS_OK);
-    assert_non_null(q->blocks);
-    assert_int_equal(cts_blocks_new(&expected, q, 1, &err), CTS_OK);
+    assert_non_null(q->macrocells);
+    assert_int_equal(cts_macrocells_new(&expected, q, 1, &err), CTS_OK);
     const int *n = expected->n, *n_fine = expected->n_fine;
-    assert_memory_equal(q->blocks->range, expected->range, sizeof(CtsRange) * (size_t)(n[0] * n[1] * n[2]));
-    assert_memory_equal(q->blocks->fine, expected->fine,
+    assert_memory_equal(q->macrocells->range, expected->range, sizeof(CtsRange) * (size_t)(n[0] * n[1] * n[2]));
+    assert_memory_equal(q->macrocells->fine, expected->fine,
                         sizeof(CtsRange) * (size_t)(n_fine[0] * n_fine[1] * n_fine[2]));
-    assert_memory_equal(&q->blocks->all, &expected->all, sizeof(CtsRange));
-    cts_blocks_free(&expected);
+    assert_memory_equal(&q->macrocells->all, &expected->all, sizeof(CtsRange));
+    cts_macrocells_free(&expected);
     cts_volume_free(&q);
     cts_volume_free(&v);
 }
@@ -360,11 +361,11 @@ static void quantised_blocks(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantised),         cmocka_unit_test(quantised_blocks),
+        cmocka_unit_test(quantised),         cmocka_unit_test(quantised_macrocells),
         cmocka_unit_test(test_new),          cmocka_unit_test(test_geometry),
         cmocka_unit_test(test_inverse),      cmocka_unit_test(test_crop),
         cmocka_unit_test(test_crop_borders), cmocka_unit_test(test_crop_slices),
-        cmocka_unit_test(test_fold),         cmocka_unit_test(test_blocks_in_parts),
+        cmocka_unit_test(test_fold),         cmocka_unit_test(test_macrocells_in_parts),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,7 +1,8 @@
-/* The hot loops, each as plain C and, where the processor has it, as vector code. Every pair is exact: integers, or
- * float32 in one fixed order without fused operations, so that the choice never changes a bit of a picture. */
-#ifndef CTS_SPLAT_KERNELS_H
-#define CTS_SPLAT_KERNELS_H
+/* The hot loops of the paper's engines, one SIMD path a struct: each loop as plain C and, where the processor has it,
+ * as vector code. Every pair is exact: integers, or float32 in one fixed order without fused operations, so that the
+ * choice never changes a bit of a picture. */
+#ifndef CTS_SPLAT_SIMD_H
+#define CTS_SPLAT_SIMD_H
 
 #include "scene/shade.h"
 #include "splat/footprint.h"
@@ -9,7 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { CTS_SHEET_MARGIN = 2 * CTS_MAX_TAPS }; /* lattice points beside a sheet row that kernels may touch */
+enum { CTS_SHEET_MARGIN = 2 * CTS_MAX_TAPS }; /* lattice points beside a sheet row that the loops may touch */
 
 /* Below this a ray's transmittance counts as 0: what is left is an eighth of a step of a 16-bit picture. */
 #define CTS_OPAQUE_BELOW 0x1p-19f
@@ -56,7 +57,16 @@ typedef struct CtsLight {
     int shift[2];  /* log2 of the lattice's density */
 } CtsLight;
 
-typedef struct CtsKernels {
+/* What the gradients of a row of voxels are made of: the row itself, n long, and the rows before and after it along v
+ * [0] and across the layers [1]. scale makes all differences alike: 1 where before and after lie two voxels apart, 2 at
+ * a border, where they lie one apart (and where there is one layer, both are the row itself). */
+typedef struct CtsGradientRows {
+    const uint16_t *row, *before[2], *after[2];
+    float scale[2];
+    int n;
+} CtsGradientRows;
+
+typedef struct CtsSimd {
     /* Add the footprints of voxels i0..i1-1. Touches up to CTS_MAX_TAPS columns right of a footprint, unchanged. */
     void (*scatter)(const CtsScatter *job, int i0, int i1);
     /* The same for those whose bit in marks is set (bit i & 63 of word i / 64). */
@@ -76,15 +86,14 @@ typedef struct CtsKernels {
     /* The same, lit. */
     bool (*light)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
                   const CtsLight *light);
-    /* Differences at n voxels of a row, doubled: u from the row itself (one-sided at its ends), v and k as rows
-     * after - before times their scale (1 inside, 2 at a border, 0 where there is one layer). */
-    void (*gradient)(const uint16_t *row, const uint16_t *const before[2], const uint16_t *const after[2],
-                     const float scale[2], int n_row, int i0, int i1, float (*gradient)[4]);
-} CtsKernels;
+    /* Gradients of voxels i0..i1-1: differences along the row (one-sided and doubled at its ends), along v and across
+     * the layers, and 0. */
+    void (*gradient)(const CtsGradientRows *rows, int i0, int i1, float (*gradient)[4]);
+} CtsSimd;
 
 /* cpu: CPU flags that may be used. */
-void cts_kernels_init(CtsKernels *kernels, unsigned cpu);
-/* Replaces kernels by vector code; does nothing where that was not built. */
-void cts_kernels_init_avx2(CtsKernels *kernels);
+void cts_simd_init(CtsSimd *simd, unsigned cpu);
+/* Replaces loops by vector code; does nothing where that was not built. */
+void cts_simd_init_avx2(CtsSimd *simd);
 
 #endif

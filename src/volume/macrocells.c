@@ -1,4 +1,4 @@
-#include "volume/blocks.h"
+#include "volume/macrocells.h"
 
 #include "base/cpu.h"
 #include "base/mem.h"
@@ -7,8 +7,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* A fine block reaches over so many voxels. */
-enum { REACH = CTS_FINE_BLOCK + 1 };
+/* A fine macro-cell reaches over so many voxels. */
+enum { REACH = CTS_FINE_MACROCELL + 1 };
 
 static inline uint16_t min16(uint16_t a, uint16_t b)
 {
@@ -26,13 +26,13 @@ static inline void widen(CtsRange *r, CtsRange other)
     r->high = max16(r->high, other.high);
 }
 
-/* Rows first <= bj < end of a slice's fine blocks, widened in range[bj * n_fine[0] + bi]. */
-static void fold_slice(const CtsBlocks *b, const uint16_t *slice, int first, int end, CtsRange *range)
+/* Rows first <= bj < end of a slice's fine macro-cells, widened in range[bj * n_fine[0] + bi]. */
+static void fold_slice(const CtsMacrocells *b, const uint16_t *slice, int first, int end, CtsRange *range)
 {
     const cts_fold_fn fold = cts_fold(cts_cpu_flags());
     const int nx = b->dims[0], ny = b->dims[1];
     for (int bj = first; bj < end; bj++) {
-        const int j0 = bj * CTS_FINE_BLOCK, n_rows = ny - j0 < REACH ? ny - j0 : REACH;
+        const int j0 = bj * CTS_FINE_MACROCELL, n_rows = ny - j0 < REACH ? ny - j0 : REACH;
         fold(slice + (size_t)j0 * (size_t)nx, (size_t)nx, n_rows, nx, range + (size_t)bj * (size_t)b->n_fine[0],
              b->n_fine[0]);
     }
@@ -55,49 +55,49 @@ static void clear(CtsRange *range, size_t n)
         range[i] = (CtsRange){65535, 0};
 }
 
-static void count_blocks(CtsBlocks *b, int axis, int n)
+static void count_macrocells(CtsMacrocells *b, int axis, int n)
 {
     const int cells = n > 1 ? n - 1 : 1;
     b->dims[axis] = n;
-    b->n[axis] = (cells - 1) / CTS_BLOCK + 1;
-    b->n_fine[axis] = (cells - 1) / CTS_FINE_BLOCK + 1;
+    b->n[axis] = (cells - 1) / CTS_MACROCELL + 1;
+    b->n_fine[axis] = (cells - 1) / CTS_FINE_MACROCELL + 1;
 }
 
-CtsStatus cts_blocks_begin(CtsBlocks **blocks, const int dims[3], CtsError *err)
+CtsStatus cts_macrocells_begin(CtsMacrocells **macrocells, const int dims[3], CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    CtsBlocks *b = *blocks = calloc(1, sizeof *b);
+    CtsMacrocells *b = *macrocells = calloc(1, sizeof *b);
     if (!b)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int axis = 0; axis < 3; axis++)
-        count_blocks(b, axis, dims[axis]);
+        count_macrocells(b, axis, dims[axis]);
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
     if ((st = cts_alloc_array(&b->range, product(b->n), err)) ||
         (st = cts_alloc_array(&b->fine, product(b->n_fine), err)) ||
         (st = cts_alloc_array(&b->shared, layer * ((size_t)b->n_fine[2] + 1), err))) {
-        cts_blocks_free(blocks);
+        cts_macrocells_free(macrocells);
         return st;
     }
     clear(b->fine, product(b->n_fine));
     return CTS_OK;
 }
 
-/* How many rows of fine blocks the first n_rows rows of a slice complete. */
-static int complete_rows(const CtsBlocks *b, int n_rows)
+/* How many rows of fine macro-cells the first n_rows rows of a slice complete. */
+static int complete_rows(const CtsMacrocells *b, int n_rows)
 {
-    return n_rows == b->dims[1] ? b->n_fine[1] : n_rows > 0 ? (n_rows - 1) / CTS_FINE_BLOCK : 0;
+    return n_rows == b->dims[1] ? b->n_fine[1] : n_rows > 0 ? (n_rows - 1) / CTS_FINE_MACROCELL : 0;
 }
 
-void cts_blocks_add(CtsBlocks *b, int k, const uint16_t *slice, int first, int end)
+void cts_macrocells_add(CtsMacrocells *b, int k, const uint16_t *slice, int first, int end)
 {
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
-    const int bk = k / CTS_FINE_BLOCK, bj0 = complete_rows(b, first), bj1 = complete_rows(b, end);
+    const int bk = k / CTS_FINE_MACROCELL, bj0 = complete_rows(b, first), bj1 = complete_rows(b, end);
     CtsRange *own = b->fine + (size_t)bk * layer;
-    if (k % CTS_FINE_BLOCK > 0) {
+    if (k % CTS_FINE_MACROCELL > 0) {
         fold_slice(b, slice, bj0, bj1, own);
         return;
     }
-    /* The slice on which two blocks meet: kept apart, since the block before may be another thread's. */
+    /* The slice on which two macro-cells meet: kept apart, since the macro-cell before may be another thread's. */
     CtsRange *shared = b->shared + (size_t)bk * layer;
     const size_t at = (size_t)bj0 * (size_t)b->n_fine[0], n = (size_t)(bj1 - bj0) * (size_t)b->n_fine[0];
     clear(shared + at, n);
@@ -106,8 +106,8 @@ void cts_blocks_add(CtsBlocks *b, int k, const uint16_t *slice, int first, int e
         widen_row(own + at, shared + at, (int)n);
 }
 
-/* One row of coarse blocks from the up to four rows of fine ones that it covers. */
-static void sum_row(CtsBlocks *b, int bj, int bk)
+/* One row of coarse macro-cells from the up to four rows of fine ones that it covers. */
+static void sum_row(CtsMacrocells *b, int bj, int bk)
 {
     enum { PART = 256 };
     const int *n = b->n, *nf = b->n_fine;
@@ -128,14 +128,14 @@ static void sum_row(CtsBlocks *b, int bj, int bk)
 
 static void sum_layers(void *context, int worker, size_t first, size_t end)
 {
-    CtsBlocks *const b = context;
+    CtsMacrocells *const b = context;
     (void)worker;
     for (size_t bk = first; bk < end; bk++)
         for (int bj = 0; bj < b->n[1]; bj++)
             sum_row(b, bj, (int)bk);
 }
 
-void cts_blocks_sum(CtsBlocks *b, int n_threads)
+void cts_macrocells_sum(CtsMacrocells *b, int n_threads)
 {
     cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, b);
     b->all = (CtsRange){65535, 0};
@@ -145,57 +145,57 @@ void cts_blocks_sum(CtsBlocks *b, int n_threads)
 
 static void add_shared(void *context, int worker, size_t first, size_t end)
 {
-    CtsBlocks *const b = context;
+    CtsMacrocells *const b = context;
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
     (void)worker;
     for (size_t bk = first; bk < end; bk++)
-        if (((int)bk + 1) * CTS_FINE_BLOCK < b->dims[2])
+        if (((int)bk + 1) * CTS_FINE_MACROCELL < b->dims[2])
             widen_row(b->fine + bk * layer, b->shared + (bk + 1) * layer, (int)layer);
 }
 
-void cts_blocks_end(CtsBlocks *b, int n_threads)
+void cts_macrocells_end(CtsMacrocells *b, int n_threads)
 {
     cts_parallel(n_threads, (size_t)b->n_fine[2], 0, add_shared, b);
-    cts_blocks_sum(b, n_threads);
+    cts_macrocells_sum(b, n_threads);
     cts_free(&b->shared);
 }
 
-void cts_blocks_keep_slices(CtsBlocks *b, int first, int n_slices, const uint16_t *grey)
+void cts_macrocells_keep_slices(CtsMacrocells *b, int first, int n_slices, const uint16_t *grey)
 {
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1], slice = (size_t)b->dims[0] * (size_t)b->dims[1];
-    count_blocks(b, 2, n_slices);
+    count_macrocells(b, 2, n_slices);
     const int last = b->n_fine[2] - 1;
-    memmove(b->fine, b->fine + (size_t)(first / CTS_FINE_BLOCK) * layer, (size_t)last * layer * sizeof *b->fine);
+    memmove(b->fine, b->fine + (size_t)(first / CTS_FINE_MACROCELL) * layer, (size_t)last * layer * sizeof *b->fine);
     /* The last layer knows slices that are gone. */
     clear(b->fine + (size_t)last * layer, layer);
-    for (int k = last * CTS_FINE_BLOCK; k < n_slices; k++)
+    for (int k = last * CTS_FINE_MACROCELL; k < n_slices; k++)
         fold_slice(b, grey + (size_t)k * slice, 0, b->n_fine[1], b->fine + (size_t)last * layer);
-    cts_blocks_sum(b, 1);
+    cts_macrocells_sum(b, 1);
 }
 
 typedef struct Adding {
-    CtsBlocks *blocks;
+    CtsMacrocells *macrocells;
     const CtsVolume *volume;
 } Adding;
 
-/* The slices of one layer of blocks are one worker's. */
+/* The slices of one layer of macro-cells are one worker's. */
 static void add_slices(void *context, int worker, size_t first, size_t end)
 {
     const Adding *const a = context;
     const CtsVolume *v = a->volume;
     (void)worker;
     for (size_t k = first; k < end; k++)
-        cts_blocks_add(a->blocks, (int)k, v->grey + k * (size_t)v->dims[0] * (size_t)v->dims[1], 0, v->dims[1]);
+        cts_macrocells_add(a->macrocells, (int)k, v->grey + k * (size_t)v->dims[0] * (size_t)v->dims[1], 0, v->dims[1]);
 }
 
-CtsStatus cts_blocks_new(CtsBlocks **blocks, const CtsVolume *volume, int n_threads, CtsError *err)
+CtsStatus cts_macrocells_new(CtsMacrocells **macrocells, const CtsVolume *volume, int n_threads, CtsError *err)
 {
-    const CtsStatus st = cts_blocks_begin(blocks, volume->dims, err);
+    const CtsStatus st = cts_macrocells_begin(macrocells, volume->dims, err);
     if (st)
         return st;
-    Adding adding = {*blocks, volume};
-    cts_parallel(n_threads, (size_t)volume->dims[2], CTS_FINE_BLOCK, add_slices, &adding);
-    cts_blocks_end(*blocks, n_threads);
+    Adding adding = {*macrocells, volume};
+    cts_parallel(n_threads, (size_t)volume->dims[2], CTS_FINE_MACROCELL, add_slices, &adding);
+    cts_macrocells_end(*macrocells, n_threads);
     return CTS_OK;
 }
 
@@ -205,26 +205,27 @@ static void map_ranges(CtsRange *to, const CtsRange *from, size_t n, const uint1
         to[i] = (CtsRange){level[from[i].low], level[from[i].high]};
 }
 
-CtsStatus cts_blocks_map(CtsBlocks **mapped, const CtsBlocks *blocks, const uint16_t *level, CtsError *err)
+CtsStatus cts_macrocells_map(CtsMacrocells **mapped, const CtsMacrocells *macrocells, const uint16_t *level,
+                             CtsError *err)
 {
-    const CtsStatus st = cts_blocks_begin(mapped, blocks->dims, err);
+    const CtsStatus st = cts_macrocells_begin(mapped, macrocells->dims, err);
     if (st)
         return st;
-    CtsBlocks *m = *mapped;
-    map_ranges(m->range, blocks->range, product(m->n), level);
-    map_ranges(m->fine, blocks->fine, product(m->n_fine), level);
-    map_ranges(&m->all, &blocks->all, 1, level);
+    CtsMacrocells *m = *mapped;
+    map_ranges(m->range, macrocells->range, product(m->n), level);
+    map_ranges(m->fine, macrocells->fine, product(m->n_fine), level);
+    map_ranges(&m->all, &macrocells->all, 1, level);
     cts_free(&m->shared);
     return CTS_OK;
 }
 
-void cts_blocks_free(CtsBlocks **blocks)
+void cts_macrocells_free(CtsMacrocells **macrocells)
 {
-    if (!*blocks)
+    if (!*macrocells)
         return;
-    cts_free(&(*blocks)->range);
-    cts_free(&(*blocks)->fine);
-    cts_free(&(*blocks)->shared);
-    free(*blocks);
-    *blocks = NULL;
+    cts_free(&(*macrocells)->range);
+    cts_free(&(*macrocells)->fine);
+    cts_free(&(*macrocells)->shared);
+    free(*macrocells);
+    *macrocells = NULL;
 }

@@ -1,10 +1,10 @@
-/* AVX2 kernels. Compiled with -mavx2 and without fused multiply-add; called only where the processor has it. */
-#include "splat/kernels.h"
+/* The AVX2 path. Compiled with -mavx2 and without fused multiply-add; called only where the processor has it. */
+#include "splat/simd.h"
 
 #if defined(__AVX2__)
 
 #include "base/mutation.h"
-#include "splat/kernels_one.h"
+#include "splat/simd_one.h"
 #include <immintrin.h>
 #include <stdbool.h>
 #include <string.h>
@@ -412,7 +412,8 @@ INLINE bool light_some(float *pixels, const uint16_t *grey, const CtsEntries *en
     return closed;
 }
 
-/* Few of a row's samples are seen and not yet hidden: those are picked out first, so that eight of them fill a vector.
+/* Few of a row's samples are seen and not yet hidden: those are picked out first, so that eight of them fill a
+ * vector.
  */
 static bool light_avx2(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
                        const CtsLight *light)
@@ -446,13 +447,14 @@ INLINE __m256 difference_8(const uint16_t *after, const uint16_t *before)
     return _mm256_cvtepi32_ps(_mm256_sub_epi32(a, b));
 }
 
-static void gradient_avx2(const uint16_t *row, const uint16_t *const before[2], const uint16_t *const after[2],
-                          const float scale[2], int n_row, int i0, int i1, float (*gradient)[4])
+static void gradient_avx2(const CtsGradientRows *rows, int i0, int i1, float (*gradient)[4])
 {
+    const uint16_t *const row = rows->row, *const *const before = rows->before, *const *const after = rows->after;
+    const float *const scale = rows->scale;
     int i = i0;
     for (; i < i1 && i < 1; i++)
-        cts_one_gradient(row, before, after, scale, n_row, i, gradient);
-    for (; i + 8 <= i1 && i + 8 < n_row; i += 8) {
+        cts_one_gradient(rows, i, gradient);
+    for (; i + 8 <= i1 && i + 8 < rows->n; i += 8) {
         const __m256 u = difference_8(row + i + 1, row + i - 1);
         const __m256 v = mul(difference_8(after[0] + i, before[0] + i), _mm256_set1_ps(scale[0]));
         const __m256 k = mul(difference_8(after[1] + i, before[1] + i), _mm256_set1_ps(scale[1]));
@@ -468,12 +470,12 @@ static void gradient_avx2(const uint16_t *row, const uint16_t *const before[2], 
         _mm256_storeu_ps(to + 24, _mm256_permute2f128_ps(c, d, 0x31));
     }
     for (; i < i1; i++)
-        cts_one_gradient(row, before, after, scale, n_row, i, gradient);
+        cts_one_gradient(rows, i, gradient);
 }
 
-void cts_kernels_init_avx2(CtsKernels *kernels)
+void cts_simd_init_avx2(CtsSimd *simd)
 {
-    *kernels = (CtsKernels){
+    *simd = (CtsSimd){
         .scatter = scatter_avx2,
         .scatter_marked = scatter_marked_avx2,
         .mark = mark_avx2,
@@ -488,9 +490,9 @@ void cts_kernels_init_avx2(CtsKernels *kernels)
 
 #else
 
-void cts_kernels_init_avx2(CtsKernels *kernels)
+void cts_simd_init_avx2(CtsSimd *simd)
 {
-    (void)kernels;
+    (void)simd;
 }
 
 #endif

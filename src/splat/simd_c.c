@@ -1,8 +1,8 @@
-/* The plain kernels: readable truth, and what runs where there is no vector unit. */
-#include "splat/kernels.h"
+/* The plain C path: readable truth, and what runs where there is no vector unit. */
+#include "splat/simd.h"
 
 #include "base/cpu.h"
-#include "splat/kernels_one.h"
+#include "splat/simd_one.h"
 
 static void scatter_c(const CtsScatter *job, int i0, int i1)
 {
@@ -64,16 +64,15 @@ static bool light_c(float *pixels, const uint16_t *grey, int n, const CtsEntries
     return closed;
 }
 
-static void gradient_c(const uint16_t *row, const uint16_t *const before[2], const uint16_t *const after[2],
-                       const float scale[2], int n_row, int i0, int i1, float (*gradient)[4])
+static void gradient_c(const CtsGradientRows *rows, int i0, int i1, float (*gradient)[4])
 {
     for (int i = i0; i < i1; i++)
-        cts_one_gradient(row, before, after, scale, n_row, i, gradient);
+        cts_one_gradient(rows, i, gradient);
 }
 
-void cts_kernels_init(CtsKernels *kernels, unsigned cpu)
+void cts_simd_init(CtsSimd *simd, unsigned cpu)
 {
-    *kernels = (CtsKernels){
+    *simd = (CtsSimd){
         .scatter = scatter_c,
         .scatter_marked = scatter_marked_c,
         .mark = mark_c,
@@ -85,5 +84,5 @@ void cts_kernels_init(CtsKernels *kernels, unsigned cpu)
         .gradient = gradient_c,
     };
     if (cpu & CTS_CPU_AVX2)
-        cts_kernels_init_avx2(kernels);
+        cts_simd_init_avx2(simd);
 }

@@ -1,9 +1,9 @@
-/* What each kernel does to one voxel or pixel: all of the plain kernels, and the ends of rows of the vector ones. */
-#ifndef CTS_SPLAT_KERNELS_ONE_H
-#define CTS_SPLAT_KERNELS_ONE_H
+/* What each hot loop does to one voxel or pixel: all of the plain C path, and the ends of rows of the vector ones. */
+#ifndef CTS_SPLAT_SIMD_ONE_H
+#define CTS_SPLAT_SIMD_ONE_H
 
 #include "base/mutation.h"
-#include "splat/kernels.h"
+#include "splat/simd.h"
 #include <math.h>
 
 static inline void cts_one_footprint(const CtsScatter *job, int i)
@@ -115,15 +115,13 @@ static inline bool cts_one_light(float *pixels, const uint16_t *grey, int i, con
     return blend_pixel(pixel, lit);
 }
 
-static inline void cts_one_gradient(const uint16_t *row, const uint16_t *const before[2],
-                                    const uint16_t *const after[2], const float scale[2], int n_row, int i,
-                                    float (*gradient)[4])
+static inline void cts_one_gradient(const CtsGradientRows *rows, int i, float (*gradient)[4])
 {
-    const int left = i > 0 ? i - 1 : i, right = i < n_row - 1 ? i + 1 : i;
+    const int left = i > 0 ? i - 1 : i, right = i < rows->n - 1 ? i + 1 : i;
     const int doubled = right - left == 1 ? 2 : 1;
-    gradient[i][0] = (float)(doubled * (row[right] - row[left]));
-    gradient[i][1] = (float)(after[0][i] - before[0][i]) * scale[0];
-    gradient[i][2] = (float)(after[1][i] - before[1][i]) * scale[1];
+    gradient[i][0] = (float)(doubled * (rows->row[right] - rows->row[left]));
+    gradient[i][1] = (float)(rows->after[0][i] - rows->before[0][i]) * rows->scale[0];
+    gradient[i][2] = (float)(rows->after[1][i] - rows->before[1][i]) * rows->scale[1];
     gradient[i][3] = 0;
 }
 
