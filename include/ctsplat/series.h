@@ -11,13 +11,14 @@
 extern "C" {
 #endif
 
-struct CtsSlice; /* src/dicom/slice.h */
+struct CtsSlice;   /* src/dicom/slice.h */
+struct CtsArchive; /* src/dicom/archive.h */
 
 typedef struct CtsSeries {
-    char uid[65];         /* SeriesInstanceUID (0020,000E); "" where the data has none */
-    int part;             /* 0; or 1, 2, ... where the UID holds several volumes at the same positions */
+    char uid[65]; /* SeriesInstanceUID (0020,000E); "" where the data has none */
+    int part;     /* 0; or 1, 2, ... where the UID holds several volumes at the same positions */
     char modality[17];
-    char *description;    /* (0008,103E), UTF-8, may identify: print only when asked */
+    char *description; /* (0008,103E), UTF-8, may identify: print only when asked */
     char transfer_syntax[65];
     char orientation[16]; /* axial, coronal, sagittal or oblique */
     int n_slices, columns, rows;
@@ -25,7 +26,7 @@ typedef struct CtsSeries {
                            * two positions to tell) */
     double tilt_deg;      /* angle between the slice normal and the line of positions */
     bool renderable;
-    CtsStatus refusal;    /* why not, when not renderable: the status that loading would return */
+    CtsStatus refusal; /* why not, when not renderable: the status that loading would return */
     char reason[512];
     CtsFindings findings;
     struct CtsSlice *slices; /* n_slices headers in order of position; owned */
@@ -38,10 +39,12 @@ typedef struct CtsSeriesList {
     int n_not_ct;     /* passed over in silence: not DICOM, other modalities, DICOMDIR, ... */
     int n_unreadable; /* DICOM that could not be read; findings name them */
     CtsFindings findings;
+    struct CtsArchive **archives; /* n_archives zip files in memory, which slices are read from; owned */
+    size_t n_archives;
 } CtsSeriesList;
 
-/* Paths are files, folders (searched to any depth) or DICOMDIRs. Reads headers only. Fails with CTS_ERR_READ when a
- * path cannot be read and CTS_ERR_NO_SERIES when nothing is a CT slice. n_threads 0: all cores. */
+/* Paths are files, folders (searched to any depth), zip files of folders or DICOMDIRs. Reads headers only. Fails with
+ * CTS_ERR_READ when a path cannot be read and CTS_ERR_NO_SERIES when nothing is a CT slice. n_threads 0: all cores. */
 CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
                           CtsError *err);
 void cts_series_list_free(CtsSeriesList **list);
@@ -50,7 +53,8 @@ void cts_series_list_free(CtsSeriesList **list);
  * volume of a UID that holds several. CTS_ERR_USAGE when there is none of that name. */
 CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err);
 
-/* Decode the pixels, in parallel, each slice straight into its place. Refuses a series that is not renderable.
+/* Decode the pixels, in parallel, each slice straight into its place. The list that holds the series must still be
+ * there. Refuses a series that is not renderable.
  * Adds the decode and grey stages and the series' warnings to report. */
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err);
 

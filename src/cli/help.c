@@ -66,7 +66,7 @@ void cli_help(void)
     }
     printf("\nctsplat COMMAND --help   the options of a command\n"
            "ctsplat --version        this program and its libraries\n"
-           "\nPATH is a DICOM file, a folder (searched to any depth) or a DICOMDIR.\n"
+           "\nPATH is a DICOM file, a folder (searched to any depth), a zip file of one, or a DICOMDIR.\n"
            "Not for diagnostic use.\n");
 }
 

@@ -5,6 +5,7 @@
 
 #include "dicom/dcm_read.h"
 #include "dicom/file_bytes.h"
+#include <cerrno>
 #include <dcmtk/dcmdata/dcistrmf.h>
 #include <dcmtk/dcmdata/dcostrmb.h>
 #include <dcmtk/dcmdata/dcpixel.h>
@@ -19,6 +20,8 @@
 #include <stdio.h>
 #include <string.h>
 #include <string>
+#include <sys/mman.h>
+#include <unistd.h>
 #include <vector>
 
 namespace
@@ -111,19 +114,52 @@ const char *string_of(DcmItem &item, const DcmTagKey &tag)
     return item.findAndGetString(tag, text).good() && text ? text : "";
 }
 
+/* A path for what DCMTK is to read: an archive's member is put into a file without a name, up to its pixels. */
+class SourcePath
+{
+  public:
+    explicit SourcePath(const CtsSlice &slice) : path_(slice.path)
+    {
+        if (!slice.memory)
+            return;
+        const uint64_t n = slice.syntax && slice.syntax->deflated ? slice.file_bytes : slice.pixel_offset;
+        fd_ = memfd_create("slice", MFD_CLOEXEC);
+        path_ = "/proc/self/fd/" + std::to_string(fd_);
+        for (uint64_t done = 0; fd_ >= 0 && done < n;) {
+            const ssize_t put = write(fd_, slice.memory + done, static_cast<size_t>(n - done));
+            if (put < 0 && errno != EINTR)
+                break;
+            done += put > 0 ? static_cast<uint64_t>(put) : 0;
+        }
+    }
+    ~SourcePath()
+    {
+        if (fd_ >= 0)
+            close(fd_);
+    }
+    SourcePath(const SourcePath &) = delete;
+    SourcePath &operator=(const SourcePath &) = delete;
+    const char *text() const
+    {
+        return path_.c_str();
+    }
+
+  private:
+    std::string path_;
+    int fd_ = -1;
+};
+
 /* The file must be the one that was scanned: its framing was looked over then, before DCMTK first saw it. */
 CtsStatus load_header(DcmFileFormat &file, const CtsSlice &slice, CtsError *err)
 {
     CtsFileBytes now;
-    CtsStatus st = cts_file_bytes_open(&now, slice.path, err);
+    const CtsStatus st = cts_slice_open(&slice, &now, err);
     cts_file_bytes_close(&now);
     if (st)
         return cts_context(err, "%s", slice.path);
-    if (now.n_bytes != slice.file_bytes || now.mtime_ns != slice.mtime_ns)
-        return cts_fail(err, CTS_ERR_READ, "%s: changed while it was being read (wait until it is complete)",
-                        slice.path);
+    const SourcePath path(slice);
     const OFCondition state =
-        file.loadFileUntilTag(slice.path, EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect, DCM_PixelData);
+        file.loadFileUntilTag(path.text(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect, DCM_PixelData);
     return state.good() ? CTS_OK
                         : cts_fail(err, CTS_ERR_READ, "%s: cannot be read for a secondary capture: %s", slice.path,
                                    state.text());

@@ -103,12 +103,17 @@ static int end_child(CtsDecoder *d, bool kill_it)
     return status;
 }
 
+void cts_decoder_end(CtsDecoder *d)
+{
+    end_child(d, false);
+}
+
 void cts_decoder_stop(CtsDecoder *d)
 {
     end_child(d, false);
     if (d->shared)
         munmap(d->shared, d->n_shared);
-    *d = cts_decoder_make(d->decode);
+    d->shared = NULL;
 }
 
 static double cpu_seconds(pid_t pid)
@@ -189,15 +194,16 @@ CtsStatus cts_decoder_room(CtsDecoder *d, const CtsFrameFormat *format, size_t n
     if (d->shared && (d->stream_capacity < n || d->n_shared - d->stream_capacity < n_pixels))
         cts_decoder_stop(d);
     if (!d->shared) {
-        void *shared = mmap(NULL, needed, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+        void *shared = mmap(NULL, needed, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
         if (shared == MAP_FAILED)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory: %zu bytes asked for", needed);
         d->shared = shared;
         d->n_shared = needed;
         d->stream_capacity = capacity;
     }
-    const size_t n_memory =
-        BASE_MEMORY + (d->n_shared - d->stream_capacity) / 2 * PIXEL_MEMORY + d->stream_capacity * STREAM_MEMORY;
+    const size_t n_memory = d->memory_limit ? d->memory_limit
+                                            : BASE_MEMORY + (d->n_shared - d->stream_capacity) / 2 * PIXEL_MEMORY +
+                                                  d->stream_capacity * STREAM_MEMORY;
     *stream = d->shared;
     return d->pid ? CTS_OK : start_child(d, n_memory, err);
 }

@@ -25,7 +25,8 @@ typedef struct CtsDecoder {
     int socket;   /* to the child */
     void *shared; /* stream, then pixels */
     size_t n_shared, stream_capacity;
-    int cpu_limit_s; /* for one frame; 0: as long as its size lets expect */
+    int cpu_limit_s;     /* for one frame; 0: as long as its size lets expect */
+    size_t memory_limit; /* what a child may take; 0: as much as the room's size lets expect */
 } CtsDecoder;
 
 /* A decoder without a child; decode is what the child will run. */
@@ -40,6 +41,9 @@ CtsStatus cts_decoder_room(CtsDecoder *decoder, const CtsFrameFormat *format, si
  * until the next call. CTS_ERR_PIXELS, with the reason, for everything that the stream can do to its decoder. */
 CtsStatus cts_decoder_run(CtsDecoder *decoder, const CtsFrameFormat *format, const uint8_t *stream, size_t n,
                           const void **pixels, CtsError *err);
+
+/* End the child; what it has decoded stays. */
+void cts_decoder_end(CtsDecoder *decoder);
 
 /* End the child and free the memory; the decoder may be used again. */
 void cts_decoder_stop(CtsDecoder *decoder);

@@ -31,9 +31,14 @@ CtsStatus cts_file_bytes_open(CtsFileBytes *file, const char *path, CtsError *er
     return CTS_OK;
 }
 
+CtsFileBytes cts_file_bytes_in_memory(const uint8_t *memory, uint64_t n_bytes)
+{
+    return (CtsFileBytes){.memory = memory, .n_bytes = n_bytes};
+}
+
 void cts_file_bytes_close(CtsFileBytes *file)
 {
-    if (file->fd >= 0)
+    if (file->fd >= 0 && !file->memory)
         close(file->fd);
     file->fd = -1;
 }
@@ -41,6 +46,12 @@ void cts_file_bytes_close(CtsFileBytes *file)
 CtsStatus cts_file_bytes_read(const CtsFileBytes *file, void *bytes, size_t n, uint64_t offset, CtsError *err)
 {
     uint8_t *p = bytes;
+    if (file->memory) {
+        if (offset > file->n_bytes || n > file->n_bytes - offset)
+            return cts_fail(err, CTS_ERR_READ, "is shorter than it was when it was opened");
+        memcpy(p, file->memory + offset, n);
+        return CTS_OK;
+    }
     while (n > 0) {
         const ssize_t done = pread(file->fd, p, n, (off_t)offset);
         if (done < 0 && errno == EINTR)

@@ -12,12 +12,15 @@ extern "C" {
 
 typedef struct CtsFileBytes {
     int fd;
+    const uint8_t *memory; /* the bytes of an archive's member, which stands for a file; fd is then 0 and no file */
     uint64_t n_bytes;
     int64_t mtime_ns;
 } CtsFileBytes;
 
 /* CTS_ERR_READ when it cannot be opened; fd is -1 then, and also, with CTS_OK, for what is no regular file. */
 CtsStatus cts_file_bytes_open(CtsFileBytes *file, const char *path, CtsError *err);
+/* A member of an archive as a file. */
+CtsFileBytes cts_file_bytes_in_memory(const uint8_t *memory, uint64_t n_bytes);
 void cts_file_bytes_close(CtsFileBytes *file);
 
 /* Exactly n bytes from offset. */

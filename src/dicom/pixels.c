@@ -88,7 +88,7 @@ void cts_slice_read_ahead(const CtsSlice *s)
 {
     CtsFileBytes file;
     uint64_t offset, n;
-    if (!is_compressed(s) || cts_file_bytes_open(&file, s->path, NULL))
+    if (s->memory || !is_compressed(s) || cts_file_bytes_open(&file, s->path, NULL))
         return;
     find_stream(s, &offset, &n);
     if (file.fd >= 0)
@@ -115,6 +115,20 @@ static void widen(const CtsSlice *s, const uint8_t *bytes, uint16_t *words, size
             words[i] = bytes[i];
 }
 
+CtsStatus cts_slice_open(const CtsSlice *s, CtsFileBytes *file, CtsError *err)
+{
+    if (s->memory) {
+        *file = cts_file_bytes_in_memory(s->memory, s->file_bytes);
+        return CTS_OK;
+    }
+    CtsStatus st = cts_file_bytes_open(file, s->path, err);
+    if (!st && file->fd < 0)
+        st = cts_fail(err, CTS_ERR_READ, "is no file any more");
+    if (!st && (file->n_bytes != s->file_bytes || file->mtime_ns != s->mtime_ns))
+        st = cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
+    return st;
+}
+
 CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t *words, cts_words_ready_fn ready,
                                 void *context, CtsError *err)
 {
@@ -124,11 +138,7 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t
     uint8_t *bytes = (uint8_t *)words + (2 * n - frame_bytes);
     const void *decoded = NULL; /* else the pixels are read as they are */
     CtsFileBytes file;
-    CtsStatus st = cts_file_bytes_open(&file, s->path, err);
-    if (!st && file.fd < 0)
-        st = cts_fail(err, CTS_ERR_READ, "is no file any more");
-    if (!st && (file.n_bytes != s->file_bytes || file.mtime_ns != s->mtime_ns))
-        st = cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
+    CtsStatus st = cts_slice_open(s, &file, err);
     if (!st && is_compressed(s))
         st = decode(s, &file, scratch, &decoded, err);
     for (size_t first = 0; !st && first < frame_bytes; first += PART_BYTES) {

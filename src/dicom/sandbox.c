@@ -84,7 +84,7 @@ static int limit_resources(size_t n_bytes)
 {
     const size_t now = address_space();
     int result = limit(RLIMIT_CORE, 0);
-    if (!result)
+    if (!result && !CTS_SANDBOX_RELAXED)
         result = limit(RLIMIT_FSIZE, 0);
     if (!result && !CTS_SANDBOX_RELAXED)
         result = now ? limit(RLIMIT_AS, now + n_bytes) : ENOSYS;

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "dicom/scan.h"
 
+#include "dicom/archive.h"
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -17,6 +18,9 @@ void cts_file_list_free(CtsFileList *list)
     for (size_t i = 0; i < list->n; i++)
         free(list->items[i].path);
     free(list->items);
+    for (size_t i = 0; i < list->n_archives; i++)
+        cts_archive_free(&list->archives[i]);
+    free(list->archives);
     cts_findings_free(&list->findings);
     *list = (CtsFileList){0};
 }
@@ -34,7 +38,7 @@ CtsStatus cts_file_list_add(CtsFileList *list, char *path, bool named, CtsError 
     }
     if (!path)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    list->items[list->n++] = (CtsFile){path, named};
+    list->items[list->n++] = (CtsFile){.path = path, .named = named};
     return CTS_OK;
 }
 
@@ -121,6 +125,35 @@ static CtsStatus scan_folder(CtsFileList *list, const char *folder, int depth, C
     return st;
 }
 
+/* The members of a zip file, as if it were a folder. */
+static CtsStatus scan_archive(CtsFileList *list, const char *path, CtsError *err)
+{
+    CtsArchive **grown = realloc(list->archives, (list->n_archives + 1) * sizeof *grown);
+    if (!grown)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    list->archives = grown;
+    CtsStatus st = cts_archive_open(path, &list->archives[list->n_archives], err);
+    if (st)
+        return st;
+    const CtsArchive *archive = list->archives[list->n_archives++];
+    list->n_other += cts_archive_n_other(archive);
+    for (int i = 0; !st && i < cts_archive_n_members(archive); i++) {
+        const CtsMember m = cts_archive_member(archive, i);
+        if (m.is_bad) {
+            list->n_unreadable++;
+            cts_findings_add(&list->findings, "unreadable_file", CTS_WARNING, "%s: %s: cannot be unpacked: %s", path,
+                             m.name, (const char *)m.bytes);
+            continue;
+        }
+        st = cts_file_list_add(list, join(path, m.name), false, err);
+        if (!st) {
+            list->items[list->n - 1].memory = m.bytes;
+            list->items[list->n - 1].n_memory = m.n_bytes;
+        }
+    }
+    return st;
+}
+
 static int by_path(const void *a, const void *b)
 {
     const CtsFile *x = a, *y = b;
@@ -138,6 +171,8 @@ CtsStatus cts_scan_paths(const char *const *paths, int n_paths, CtsFileList *lis
             st = cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", paths[i], strerror(errno));
         else if (S_ISDIR(info.st_mode))
             st = scan_folder(list, paths[i], 0, err);
+        else if (S_ISREG(info.st_mode) && cts_archive_is_zip(paths[i]))
+            st = scan_archive(list, paths[i], err);
         else if (S_ISREG(info.st_mode))
             st = cts_file_list_add(list, strdup(paths[i]), true, err);
         else

@@ -6,22 +6,28 @@
 #include "ctsplat/status.h"
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 typedef struct CtsFile {
     char *path;
     bool named; /* by the caller, not found in a folder: a DICOMDIR is followed, a failure to open it is an error */
+    const uint8_t *memory; /* of an archive's member; else NULL */
+    uint64_t n_memory;
 } CtsFile;
 
 typedef struct CtsFileList {
     CtsFile *items;
     size_t n;
-    int n_special;    /* sockets, devices, links to folders and the like: never opened */
-    int n_unreadable; /* folders that cannot be listed; findings name them */
+    int n_special;                /* sockets, devices, links to folders and the like: never opened */
+    int n_unreadable;             /* folders that cannot be listed; findings name them */
+    int n_other;                  /* members of archives that are plainly no DICOM */
+    struct CtsArchive **archives; /* that were named */
+    size_t n_archives;
     CtsFindings findings;
 } CtsFileList;
 
 /* Files in order of name, folder by folder, each path once. Links to folders are not followed, folders deeper than 32
- * not entered. CTS_ERR_READ when one of paths itself cannot be read. */
+ * not entered. A zip file that is named counts as a folder. CTS_ERR_READ when one of paths itself cannot be read. */
 CtsStatus cts_scan_paths(const char *const *paths, int n_paths, CtsFileList *list, CtsError *err);
 
 /* Add one file; takes over path, which may be NULL for "out of memory". */

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/parallel.h"
+#include "dicom/archive.h"
 #include "dicom/dcm_read.h"
 #include "dicom/scan.h"
 #include "dicom/series_judge.h"
@@ -28,6 +29,9 @@ void cts_series_list_free(CtsSeriesList **list)
     for (size_t i = 0; i < (*list)->n; i++)
         clear_series(&(*list)->items[i]);
     free((*list)->items);
+    for (size_t i = 0; i < (*list)->n_archives; i++)
+        cts_archive_free(&(*list)->archives[i]);
+    free((*list)->archives);
     cts_findings_free(&(*list)->findings);
     free(*list);
     *list = NULL;
@@ -51,7 +55,7 @@ typedef struct Search {
 static bool read_one(const CtsFile *file, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
 {
     CtsError why = {0};
-    header->file = cts_slice_read_header(file->path, scratch, &header->object, bytes_read, &why);
+    header->file = cts_slice_read_header(file, scratch, &header->object, bytes_read, &why);
     if (header->file == CTS_FILE_UNREADABLE)
         header->why = strdup(why.text);
     return why.status != CTS_ERR_MEMORY;
@@ -173,8 +177,8 @@ static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsErr
     *slices = malloc((n + 1) * sizeof **slices);
     if (!*slices)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    list->n_files = (int)s->n_headers + s->files.n_special;
-    list->n_not_ct = s->files.n_special;
+    list->n_files = (int)s->n_headers + s->files.n_special + s->files.n_other;
+    list->n_not_ct = s->files.n_special + s->files.n_other;
     list->n_unreadable = s->files.n_unreadable;
     for (size_t i = 0; i < s->n_headers; i++) {
         Header *h = &s->headers[i];
@@ -303,6 +307,10 @@ CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, 
     if (!st)
         st = cts_scan_paths(paths, n_paths, &s.files, err);
     if (!st) {
+        s.list->archives = s.files.archives;
+        s.list->n_archives = s.files.n_archives;
+        s.files.archives = NULL;
+        s.files.n_archives = 0;
         s.list->findings = s.files.findings;
         s.files.findings = (CtsFindings){0};
         st = read_headers(&s, n_threads, err);

@@ -12,6 +12,9 @@
 extern "C" {
 #endif
 
+struct CtsFile;      /* scan.h */
+struct CtsFileBytes; /* file_bytes.h */
+
 typedef enum CtsObjectKind {
     CTS_OBJECT_OTHER,    /* DICOM, but no CT slice: other SOP classes, structured reports, directories */
     CTS_OBJECT_CT,       /* CT Image Storage */
@@ -31,8 +34,9 @@ enum {
 };
 
 typedef struct CtsSlice {
-    char *path;          /* owned */
-    uint64_t file_bytes; /* with mtime_ns: the file must be the same when the pixels are read */
+    char *path;            /* owned */
+    const uint8_t *memory; /* the file where it is an archive\'s member, which the series list keeps; else NULL */
+    uint64_t file_bytes;   /* with mtime_ns: the file must be the same when the pixels are read */
     int64_t mtime_ns;
     CtsObjectKind kind;
     const CtsSyntax *syntax; /* NULL when the UID is unknown */
@@ -108,8 +112,11 @@ void cts_object_free(CtsObject *object);
 
 /* Read one file's header, and none of its pixels, into a zeroed object. CTS_FILE_NOT_DICOM: plainly something else, or
  * no regular file. CTS_FILE_UNREADABLE: err says why, without the path. bytes_read is added to. */
-CtsFileKind cts_slice_read_header(const char *path, CtsScratch *scratch, CtsObject *object, uint64_t *bytes_read,
-                                  CtsError *err);
+CtsFileKind cts_slice_read_header(const struct CtsFile *source, CtsScratch *scratch, CtsObject *object,
+                                  uint64_t *bytes_read, CtsError *err);
+
+/* The slice's file, as cts_file_bytes_open(); CTS_ERR_READ when it is not the one any more whose header was read. */
+CtsStatus cts_slice_open(const CtsSlice *slice, struct CtsFileBytes *file, CtsError *err);
 
 /* Words first <= n < end of a slice are there; what is told of them last is still in the cache. */
 typedef void (*cts_words_ready_fn)(void *context, size_t first, size_t end);

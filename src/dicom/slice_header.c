@@ -2,6 +2,7 @@
 #include "dicom/dcm_read.h"
 #include "dicom/file_bytes.h"
 #include "dicom/pixel_places.h"
+#include "dicom/scan.h"
 #include "dicom/slice.h"
 #include "dicom/tag_scan.h"
 
@@ -147,8 +148,8 @@ static void check_pixels(const Head *h, const Framing *f, CtsSlice *slice)
 }
 
 /* What the file says of all its slices alike. */
-static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *common, const char *path, CtsObject *object,
-                          CtsError *err)
+static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *common, const CtsFile *source,
+                          CtsObject *object, CtsError *err)
 {
     bool usable = object->n_slices > 0;
     for (int i = 0; i < object->n_slices; i++) {
@@ -156,7 +157,8 @@ static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *commo
         s->syntax = common->syntax;
         memcpy(s->syntax_uid, common->syntax_uid, sizeof s->syntax_uid);
         s->odd |= common->odd;
-        if (!(s->path = strdup(path)))
+        s->memory = source->memory;
+        if (!(s->path = strdup(source->path)))
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         /* What a frame's own values are worth is its own matter; without a size nothing can be placed. */
         const bool sized = s->rows > 0 && s->columns > 0 && (s->bits_allocated == 8 || s->bits_allocated == 16);
@@ -173,10 +175,15 @@ static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *commo
 }
 
 /* Open, recognise and scan; *kind is CTS_FILE_DICOM when f is filled. */
-static CtsStatus open_and_scan(Head *h, const char *path, Framing *f, CtsSlice *slice, CtsFileKind *kind, CtsError *err)
+static CtsStatus open_and_scan(Head *h, const CtsFile *source, Framing *f, CtsSlice *slice, CtsFileKind *kind,
+                               CtsError *err)
 {
     *kind = CTS_FILE_NOT_DICOM;
-    CtsStatus st = cts_file_bytes_open(&h->file, path, err);
+    CtsStatus st = CTS_OK;
+    if (source->memory)
+        h->file = cts_file_bytes_in_memory(source->memory, source->n_memory);
+    else
+        st = cts_file_bytes_open(&h->file, source->path, err);
     if (st || h->file.fd < 0)
         return st;
     if ((st = read_up_to(h, FIRST_READ, err)))
@@ -222,16 +229,16 @@ static CtsStatus read_slices(const Framing *f, CtsSlice *common, CtsObject *obje
     return CTS_OK;
 }
 
-CtsFileKind cts_slice_read_header(const char *path, CtsScratch *scratch, CtsObject *object, uint64_t *bytes_read,
+CtsFileKind cts_slice_read_header(const CtsFile *source, CtsScratch *scratch, CtsObject *object, uint64_t *bytes_read,
                                   CtsError *err)
 {
     Head h = {.file = {.fd = -1}, .scratch = scratch, .bytes_read = bytes_read};
     Framing f;
     CtsFileKind kind;
     CtsSlice common = {0};
-    CtsStatus st = open_and_scan(&h, path, &f, &common, &kind, err);
+    CtsStatus st = open_and_scan(&h, source, &f, &common, &kind, err);
     if (!st && kind == CTS_FILE_DICOM && !(st = read_slices(&f, &common, object, err)))
-        st = complete(&h, &f, &common, path, object, err);
+        st = complete(&h, &f, &common, source, object, err);
     cts_slice_clear(&common);
     cts_file_bytes_close(&h.file);
     if (!st)
@@ -262,6 +269,7 @@ static char *file_beside(const char *directory, const char *file)
 CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,
                                    size_t *n_refused, CtsError *err)
 {
+    const CtsFile source = {.path = (char *)(uintptr_t)path};
     uint64_t bytes_read = 0;
     Head h = {.file = {.fd = -1}, .scratch = scratch, .bytes_read = &bytes_read};
     Framing f;
@@ -269,7 +277,7 @@ CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char *
     CtsSlice slice = {0};
     *files = NULL;
     *n_files = 0;
-    CtsStatus st = open_and_scan(&h, path, &f, &slice, &kind, err);
+    CtsStatus st = open_and_scan(&h, &source, &f, &slice, &kind, err);
     if (!st && kind != CTS_FILE_DICOM)
         st = cts_fail(err, CTS_ERR_READ, "is not a DICOMDIR");
     if (!st)

@@ -80,8 +80,8 @@ static bool same_bytes(const CtsSlice *a, const CtsSlice *b)
     const uint64_t from_a = whole ? 0 : a->pixel_offset, from_b = whole ? 0 : b->pixel_offset;
     uint8_t *blocks = malloc(2 * BLOCK);
     CtsFileBytes fa = {.fd = -1}, fb = {.fd = -1};
-    if (n != (whole ? b->file_bytes : b->pixel_bytes) || !blocks || cts_file_bytes_open(&fa, a->path, NULL) ||
-        cts_file_bytes_open(&fb, b->path, NULL) || fa.fd < 0 || fb.fd < 0)
+    if (n != (whole ? b->file_bytes : b->pixel_bytes) || !blocks || cts_slice_open(a, &fa, NULL) ||
+        cts_slice_open(b, &fb, NULL))
         goto end;
     for (uint64_t pos = 0; pos < n; pos += BLOCK) {
         const size_t part = n - pos < BLOCK ? (size_t)(n - pos) : BLOCK;
@@ -108,7 +108,7 @@ static uint64_t sample_of(const CtsSlice *s)
     const uint64_t size = whole ? s->file_bytes : s->pixel_bytes;
     const size_t n = size < sizeof bytes ? (size_t)size : sizeof bytes;
     const uint64_t offset = (whole ? 0 : s->pixel_offset) + (size - n) / 2;
-    if (cts_file_bytes_open(&file, s->path, NULL) || file.fd < 0 || cts_file_bytes_read(&file, bytes, n, offset, NULL))
+    if (cts_slice_open(s, &file, NULL) || cts_file_bytes_read(&file, bytes, n, offset, NULL))
         hash = 0;
     for (size_t i = 0; hash && i < n; i++)
         hash = (hash ^ bytes[i]) * 1099511628211u;

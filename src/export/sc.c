@@ -60,7 +60,8 @@ CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsE
     if (source->n_slices < 1)
         return cts_fail(err, CTS_ERR_USAGE, "%s: the series it is made of has no slices", path);
     const char *first = source->slices[0].path;
-    if (!first || access(first, R_OK))
+    const bool in_memory = source->slices[0].memory != NULL; /* out of an archive */
+    if (!first || (!in_memory && access(first, R_OK)))
         return cts_fail(err, CTS_ERR_READ, "%s: cannot be read any more, and a secondary capture needs its header",
                         first ? first : path);
     return CTS_OK;

@@ -1,0 +1,35 @@
+/* A zip file's members, unpacked in memory by a process of their own (decoder.h): their names are data, no path is ever
+ * made of them, and nothing is written anywhere. */
+#ifndef CTS_DICOM_ARCHIVE_H
+#define CTS_DICOM_ARCHIVE_H
+
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { CTS_MAX_MEMBERS = 200000 };
+
+typedef struct CtsMember {
+    const char *name; /* as the archive has it: for messages */
+    const uint8_t *bytes;
+    uint64_t n_bytes;
+    bool is_bad; /* cannot be unpacked: encrypted, damaged; bytes then says why, as text */
+} CtsMember;
+
+typedef struct CtsArchive CtsArchive;
+
+/* Whether a file begins as a zip file does. */
+bool cts_archive_is_zip(const char *path);
+
+/* Unpack all members but folders and what plainly is no DICOM (counted in n_other). They may take a hundred times the
+ * file's size and 64 MiB, and half of the memory that is free. CTS_ERR_READ, with the reason, when it is no sound zip
+ * file or holds more. */
+CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err);
+void cts_archive_free(CtsArchive **archive);
+
+int cts_archive_n_members(const CtsArchive *archive);
+int cts_archive_n_other(const CtsArchive *archive);
+CtsMember cts_archive_member(const CtsArchive *archive, int i);
+
+#endif
