@@ -16,6 +16,8 @@ texts()
 marks='TO''DO|FIX''ME|(^|[^X])XX''X([^X]|$)|not built ''yet|place''holder|for ''now'
 paths='(^|[^a-zA-Z0-9_.])/(wo''rk|fa''rm|ro''ot|ho''me)/'
 fast='fast''-math|O''fast'
+# Documents that are not in the tree: what they say stands in ctsplat(1).
+outside='(^|[^A-Za-z_])(INTER''FACE|ALGO''RITHMS|CONVEN''TIONS|FAU''LTS)([^A-Za-z_]|$)'
 
 violations()
 {
@@ -35,6 +37,14 @@ violations()
         look 'path of a machine' -E "$paths"
         look 'mark of unfinished work' -iE "$marks"
         look 'unsafe floating point' -E -e "-f($fast)|-$fast" | grep -v -e '-fno-' || true
+        look 'a document that is not in the tree' -E "$outside"
+        # A Markdown file that is named must be there.
+        tr '\n' '\0' <"$work/list" | xargs -0 grep -onHE '[A-Za-z0-9_-]+\.md\b' /dev/null | while IFS=: read -r f n name; do
+            grep -qxE ".*/$name" "$work/list" || echo "$f:$n: $name <- a document that is not in the tree"
+        done
+        # One name, one file, so that a name says where to look.
+        grep -E '^\./(src|include|tests)/' "$work/list" | grep -v '/meson\.build$' | sed 's|.*/||' | sort | uniq -d |
+            sed 's|$| <- the name of several files|'
         while read -r f; do
             [ -z "$(tail -c 1 "$f")" ] || echo "$f: no newline at the end"
         done <"$work/list"
@@ -61,8 +71,19 @@ breach 'int a;'
 breach '/* see /ro''ot/x */\n'
 breach '/* TO''DO */\n'
 breach '/* -ffast''-math */\n'
+breach '/* as ALGO''RITHMS section 7 has it */\n'
+breach '/* see no-such''.md */\n'
 breach '/* -O''fast */\n'
 breach "/* $(printf '%0120d' 0) */\\n"
+
+mkdir -p "$work/src/x" "$work/src/y"
+printf 'int a;\n' >"$work/a.c"
+touch "$work/src/x/same.c" "$work/src/y/same.c"
+[ -n "$(violations "$work")" ] || {
+    echo 'style.sh is blind to: two files of one name'
+    exit 1
+}
+rm -r "$work/src"
 
 found=$(violations "$1")
 [ -z "$found" ] || {

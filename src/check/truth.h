@@ -20,7 +20,8 @@ void cts_truth_stretches(const CtsPreset *preset, double extinction_scale, const
 /* Integral of f over a..b by tanh-sinh quadrature; f may be steep or singular at the ends. */
 double cts_truth_integral(double (*f)(double x, const void *data), const void *data, double a, double b);
 
-/* The ray of a picture position by INTERFACE's geometry: a point on the central plane and the viewing direction. */
+/* The ray of a picture position by the geometry of ctsplat(1), PICTURES: a point on the central plane and the viewing
+ * direction. */
 typedef struct CtsTruthCamera {
     double azimuth_deg, elevation_deg, mm_per_pixel; /* mm_per_pixel 0: the default scale */
     int width, height;

@@ -5,8 +5,8 @@
 #include "cli/message.h"
 #include "cli/options.h"
 #include "cli/progress.h"
-#include "cli/watch.h"
-#include "report/table.h"
+#include "cli/terminal_watch.h"
+#include "report/text_table.h"
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -5,8 +5,8 @@
 #include "cli/options.h"
 #include "cli/print_json.h"
 #include "cli/progress.h"
-#include "cli/watch.h"
-#include "report/table.h"
+#include "cli/terminal_watch.h"
+#include "report/text_table.h"
 #include "report/tissues.h"
 #include <stdio.h>
 #include <stdlib.h>

@@ -4,7 +4,7 @@
 #include "cli/message.h"
 #include "cli/options.h"
 #include "cli/progress.h"
-#include "cli/watch.h"
+#include "cli/terminal_watch.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 #include "report/tissues.h"
 
-#include "report/table.h"
+#include "report/text_table.h"
 #include <jansson.h>
 #include <math.h>
 #include <stdlib.h>

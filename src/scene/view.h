@@ -1,4 +1,4 @@
-/* The camera: where each pixel's ray runs, in patient and in voxel coordinates (INTERFACE: picture geometry).
+/* The camera: where each pixel's ray runs, in patient and in voxel coordinates (ctsplat(1), PICTURES).
  * Shared with the reference ray caster, so it holds geometry only. */
 #ifndef CTS_SCENE_VIEW_H
 #define CTS_SCENE_VIEW_H

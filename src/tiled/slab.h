@@ -1,6 +1,6 @@
 /* Slab integration: the transfer function summed up over grey levels once, so that a slab in which the field runs
  * straight from one level to another has its exact optical depth and colour from two table entries
- * (ALGORITHMS section 7, slab integral level 2; Engel, Kraus, Ertl 2001; Lum, Wilson, Ma 2004). */
+ * (pre-integration: Engel, Kraus, Ertl 2001; its tables as sums: Lum, Wilson, Ma 2004). */
 #ifndef CTS_TILED_SLAB_H
 #define CTS_TILED_SLAB_H
 

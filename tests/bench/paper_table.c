@@ -4,7 +4,7 @@
  * with the presets bone and skin, at raw grey levels and at 8 bits as the paper's pictures have. Prints classic's time
  * and the others' relative to it (medians of interleaved rounds; wall time, or with one thread CPU time, which other
  * programs disturb less), what the log says of layer reuse, and the means beside the paper's. Never a timed test. */
-#include "bench.h"
+#include "bench_series.h"
 
 #include "base/clock.h"
 #include "base/cpu.h"

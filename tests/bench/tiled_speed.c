@@ -6,7 +6,7 @@
  * against the volume's, those that samples read (often the same ones again) against these, and the time against what
  * one pass over them takes at the speed at which this machine reads memory; the share of each stage. Never a timed
  * test. */
-#include "bench.h"
+#include "bench_series.h"
 
 #include "base/clock.h"
 #include "base/cpu.h"

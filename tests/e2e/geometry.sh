@@ -1,4 +1,4 @@
-# --size, --mm-per-pixel and --crop place the phantom where INTERFACE section 3 puts it.
+# --size, --mm-per-pixel and --crop place the phantom where ctsplat(1), PICTURES, puts it.
 cat >window.json <<'JSON'
 { "name": "window", "window": [0, 2000], "mode": "mip", "remove_table": false,
   "points": [ {"hu": 0, "rgb": [1, 1, 1], "opacity": 0}, {"hu": 2000, "rgb": [1, 1, 1], "opacity": 1} ] }

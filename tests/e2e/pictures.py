@@ -66,7 +66,7 @@ def check(condition, text):
 
 
 class View:
-    """Where patient coordinates (LPS, mm, about the volume's centre) fall in a picture (INTERFACE, section 3)."""
+    """Where patient coordinates (LPS, mm, about the volume's centre) fall in a picture (ctsplat(1), PICTURES)."""
 
     def __init__(self, picture, azimuth, elevation, mm_per_pixel):
         a, e = np.radians(azimuth), np.radians(elevation)

@@ -1,4 +1,4 @@
-"""stages.py LOG ENGINE VERIFIED OUTPUT...: the log of one render as INTERFACE section 5 has it."""
+"""stages.py LOG ENGINE VERIFIED OUTPUT...: the log of one render as ctsplat(1), TIMING LOG, has it."""
 import json
 import os
 import sys

@@ -1,4 +1,4 @@
-/* INTERFACE section 3, to the last half pixel: where a voxel stands in the picture. */
+/* The geometry of ctsplat(1), PICTURES, to the last half pixel: where a voxel stands in the picture. */
 #include "base/vec3.h"
 #include "scene/view.h"
 #include "unit.h"

@@ -1,6 +1,6 @@
 /* Tables of text for stdout: columns as wide as their widest cell. */
-#ifndef CTS_REPORT_TABLE_H
-#define CTS_REPORT_TABLE_H
+#ifndef CTS_REPORT_TEXT_TABLE_H
+#define CTS_REPORT_TEXT_TABLE_H
 
 #include <stdio.h>
 

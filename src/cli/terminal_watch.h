@@ -1,6 +1,6 @@
 /* A job seen from the terminal: a progress bar, warnings as they come, outputs into the log. */
-#ifndef CTS_CLI_WATCH_H
-#define CTS_CLI_WATCH_H
+#ifndef CTS_CLI_TERMINAL_WATCH_H
+#define CTS_CLI_TERMINAL_WATCH_H
 
 #include "job/watch.h"
 #include "report/log.h"

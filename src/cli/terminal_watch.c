@@ -1,4 +1,4 @@
-#include "cli/watch.h"
+#include "cli/terminal_watch.h"
 
 #include "cli/interrupt.h"
 #include "cli/message.h"

@@ -1,4 +1,4 @@
-#include "bench.h"
+#include "bench_series.h"
 
 #include <stdlib.h>
 

@@ -1,0 +1,29 @@
+#!/bin/sh
+# What the linker sees begins with cts_, and with cli_ in the program's own files: symbols.sh LIBRARY PROGRAM
+# C++ names are judged by the function's own name; what only C++ can emit (tables, templates) has none of ours.
+set -eu
+
+# outside PREFIX FILE...: external symbols defined in these files whose names begin with something else
+outside()
+{
+    prefix=$1
+    shift
+    nm -g --defined-only -P "$@" 2>/dev/null | awk -v prefix="$prefix" '
+        NF < 3 || $2 !~ /^[TDBRGSC]$/ || $1 == "main" || $1 ~ /^(DW\.ref\.|\.gomp_critical_user_cts_)/ { next }
+        { own = $1; sub(/^_Z[0-9]+/, "", own) }
+        index(own, prefix) != 1 { print $1 }'
+}
+
+for file in "$1" "$2".p; do
+    [ -e "$file" ] || { echo "symbols.sh: no $file"; exit 1; }
+done
+found=$(outside cts_ "$1"; outside cli_ "$2".p/*.o)
+[ -z "$found" ] || {
+    printf 'external symbols that do not begin with cts_ (cli_ in src/cli):\n%s\n' "$found"
+    exit 1
+}
+# It must see something.
+[ -n "$(outside no_such_prefix "$1")" ] && [ -n "$(outside no_such_prefix "$2".p/*.o)" ] || {
+    echo 'symbols.sh is blind'
+    exit 1
+}
