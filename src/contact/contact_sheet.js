@@ -65,6 +65,7 @@ const series = list(data.series).map((line, index) => {
 });
 
 const byUid = new Intl.Collator('en', {numeric: true}).compare;
+[...series].sort((a, b) => byUid(a.uid, b.uid)).forEach((s, rank) => { s.rank = rank; });
 const later = (a, b) => a.ended < b.ended ? 1 : a.ended > b.ended ? -1 : 0;
 const SORTS = {
   trouble: ['What is not done', (a, b) => STATES[a.state].rank - STATES[b.state].rank ||
@@ -212,18 +213,38 @@ const watcher = new IntersectionObserver(entries => {
     }
 }, {rootMargin: '1200px'});
 
+/* The first cards at once, the others while the browser has nothing else to do; flush() when they are needed. */
+const FIRST = 200, STEP = 500;
+const idle = window.requestIdleCallback ?? (run => setTimeout(run, 20));
+let waiting = [];
+function flush(n = waiting.length) {
+  sheet.append(...waiting.splice(0, n));
+  sheet.ariaBusy = waiting.length > 0;
+}
+function place(cards) {
+  sheet.replaceChildren(...cards.slice(0, FIRST));
+  const mine = waiting = cards.slice(FIRST);
+  sheet.ariaBusy = mine.length > 0;
+  const step = () => {
+    if (mine !== waiting) return;
+    flush(STEP);
+    if (mine.length) idle(step);
+  };
+  if (mine.length) idle(step);
+}
+
 function apply() {
   const terms = state.q.toLowerCase().split(/\s+/).filter(Boolean), compare = SORTS[state.sort][1];
   const held = shown[current];
   shown = series.filter(s => matches(s, terms));
-  shown.sort((a, b) => (compare(a, b) || byUid(a.uid, b.uid)) * (state.reverse ? -1 : 1));
+  shown.sort((a, b) => (compare(a, b) || a.rank - b.rank) * (state.reverse ? -1 : 1));
   const cards = shown.map((s, place) => {
     if (!s.card) watcher.observe(s.card = shell(s));
     s.card.setAttribute('aria-posinset', place + 1);
     s.card.setAttribute('aria-setsize', shown.length);
     return s.card;
   });
-  sheet.replaceChildren(...cards);
+  place(cards);
   $('#empty').hidden = shown.length > 0;
   $('#count').textContent = (shown.length < series.length ? `${count(shown.length)} of ` : '') +
     `${count(series.length)} series`;
@@ -242,6 +263,7 @@ function focusable(place, move) {
   }
   current = place;
   if (move && shown[place]) {
+    if (!shown[place].card.isConnected) flush();
     shown[place].card.focus({preventScroll: true});
     shown[place].card.scrollIntoView({block: 'nearest'});
   }

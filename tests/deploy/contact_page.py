@@ -62,6 +62,7 @@ def until(browser, script, what, *arguments):
 
 
 def shown(browser):
+    until(browser, 'document.getElementById("sheet").ariaBusy === "false"', 'all cards are there')
     return browser.run('return document.querySelectorAll("#sheet article").length')
 
 

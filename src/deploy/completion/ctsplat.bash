@@ -9,7 +9,7 @@ _ctsplat_offer()
         @files) mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -f -- "$current") && compopt -o filenames ;;
         @folders) mapfile -t -O ${#COMPREPLY[@]} COMPREPLY < <(compgen -d -- "$current") && compopt -o filenames ;;
         @presets) words+=" $(ctsplat presets 2>/dev/null | awk 'NR > 1 { print $1 }')" ;;
-        @nothing) ;;
+        @nothing | @list) ;;
         *) words+=" $word" ;;
         esac
     done

@@ -1,19 +1,20 @@
 # What `ctsplat COMMAND --help` lists, for the completions: one line an option, with tabs between
 #     -o,--output     what its argument may be     the help text
-# The second field is empty for a flag; else words, or @files, @folders, @presets, or @nothing where
+# The second field is empty for a flag; else words, with @list before them
+# where several may be given with commas, or @files, @folders, @presets, or @nothing where
 # none can be offered.
 function kind(name, argument, help)
 {
     if (name == "--preset")
         return "@presets @files"
     if (name == "--presets")
-        return "@presets"
+        return "@list @presets"
     if (name ~ /^--views?$/)
-        return "anterior posterior left right head feet"
+        return (name == "--views" ? "@list " : "") "anterior posterior left right head feet"
     if (name == "--annotate")
-        return "orientation scale"
+        return "@list orientation scale"
     if (name == "--formats")
-        return "png exr dcm"
+        return "@list png exr dcm"
     if (argument ~ /FILE/)
         return "@files"
     if (argument ~ /DIR|PATH/)
