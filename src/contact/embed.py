@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Puts the page into C: embed.py OUTPUT page.html page.css page.js
+"""Puts the page into C: embed.py OUTPUT PAGE.html STYLE.css SCRIPT.js...
 
 Style and script go into the page, and their hashes into its Content-Security-Policy, so that no other script runs
-whatever the data holds. The page is cut where the data goes."""
+whatever the data holds. The scripts become one. The page is cut where the data goes."""
 import base64
 import hashlib
 import sys
 
-output, page, style, script = sys.argv[1:]
+output, page, style, *scripts = sys.argv[1:]
 
 
 def text_of(path):
@@ -22,10 +22,11 @@ def source(text):
 def array(name, text):
     data = text.encode()
     rows = (','.join(map(str, data[i:i + 32])) for i in range(0, len(data), 32))
-    return (f'const unsigned char {name}[] = {{\n' + ',\n'.join(rows) + f'}};\nconst size_t {name}_bytes = {len(data)};\n')
+    rows = ',\n'.join(rows)
+    return f'const unsigned char {name}[] = {{\n{rows}}};\nconst size_t {name}_bytes = {len(data)};\n'
 
 
-style, script = text_of(style), text_of(script)
+style, script = text_of(style), "'use strict';\n{\n" + '\n'.join(map(text_of, scripts)) + '}\n'
 # Pictures come from the page's own folder; on disk some browsers do not call that 'self'.
 policy = ("default-src 'none'; img-src 'self' file: data:; base-uri 'none'; form-action 'none'; "
           f"style-src {source(style)}; script-src {source(script)}")

@@ -67,7 +67,7 @@ start_node()
     bin/ctsplat-node node.conf >>node.log 2>&1 &
     node=$!
     for _ in $(seq 100); do
-        grep -q 'listens on port' node.log && echoscu -q 127.0.0.1 "$port" && return
+        grep -q 'listens on port' node.log && echoscu -q 127.0.0.1 "$port" 2>/dev/null && return
         sleep 0.2
     done
     fail "the node does not listen"
@@ -97,6 +97,7 @@ for ((i = 1; i <= half; i++)); do send $i; done
 wait_for 120 grep -q 'tried again in' node.log
 storescp --aetitle ARCHIVE --accept-all --output-directory archive "$pacs_port" >pacs.log 2>&1 &
 pacs=$!
+disown
 wait_for 120 some_came
 send $((half + 1))
 kill -9 $node
@@ -131,6 +132,6 @@ bin/ctsplat-node node.conf 2>second.log && fail "a second node runs in the same 
 grep -q 'another ctsplat-node' second.log || fail "a second node does not say why it leaves"
 kill -TERM $node
 wait $node || fail "TERM: exit status $?"
-echoscu -q 127.0.0.1 "$port" && fail "the listener outlives the node"
+echoscu -q 127.0.0.1 "$port" 2>/dev/null && fail "the listener outlives the node"
 node=''
 echo "$studies studies, $(captures) captures"

@@ -1,0 +1,193 @@
+/* Words, numbers, and the card of one series. The three scripts of the page stand in one, in this order. */
+const data = JSON.parse(document.getElementById('data').textContent);
+const $ = (selector, root = document) => root.querySelector(selector);
+const $$ = (selector, root = document) => [...root.querySelectorAll(selector)];
+
+/* ---- words and numbers ---- */
+
+const STATES = {
+  done: {word: 'Done', mark: '✓', rank: 2}, refused: {word: 'Refused', mark: '⊘', rank: 1},
+  failed: {word: 'Failed', mark: '✕', rank: 0}
+};
+const MARKS = {warning: ['⚠', 'refused'], refusal: ['⊘', 'failed'], note: ['ℹ', '']};
+const COLOURS = {
+  scan: '#7a8793', decode: '#3f7fbf', grey: '#5fb3d9', classify: '#8e6bbf', footprint: '#c06ba8', splat: '#d97b34',
+  composite: '#e0b13c', shade: '#7cae3a', warp: '#3a9d8f', export: '#4f5fc4'
+};
+const SYNTAXES = {
+  '1.2.840.10008.1.2': 'Implicit VR', '1.2.840.10008.1.2.1': 'Explicit VR', '1.2.840.10008.1.2.2': 'Big Endian',
+  '1.2.840.10008.1.2.1.99': 'Deflated', '1.2.840.10008.1.2.5': 'RLE', '1.2.840.10008.1.2.4.50': 'JPEG Baseline',
+  '1.2.840.10008.1.2.4.51': 'JPEG Extended', '1.2.840.10008.1.2.4.57': 'JPEG Lossless',
+  '1.2.840.10008.1.2.4.70': 'JPEG Lossless', '1.2.840.10008.1.2.4.80': 'JPEG-LS',
+  '1.2.840.10008.1.2.4.81': 'JPEG-LS near-lossless', '1.2.840.10008.1.2.4.90': 'JPEG 2000 Lossless',
+  '1.2.840.10008.1.2.4.91': 'JPEG 2000', '1.2.840.10008.1.2.4.201': 'HTJ2K Lossless', '1.2.840.10008.1.2.4.203': 'HTJ2K'
+};
+const count = n => n.toLocaleString('en');
+const plural = (n, word) => `${count(n)} ${word}${n === 1 ? '' : 's'}`;
+const number = x => typeof x === 'number' ? String(+x.toPrecision(4)).replace('-', '−') : '?';
+const time = ms => ms < 1 ? '< 1 ms' : ms < 1000 ? `${Math.round(ms)} ms`
+  : ms < 60e3 ? `${(ms / 1e3).toFixed(ms < 1e4 ? 2 : 1)} s`
+  : ms < 3600e3 ? `${Math.floor(ms / 60e3)} min ${Math.round(ms % 60e3 / 1e3)} s`
+  : `${(ms / 3600e3).toFixed(1)} h`;
+const megabytes = bytes => bytes < 1e9 ? `${Math.round(bytes / 1e6)} MB` : `${(bytes / 1e9).toFixed(2)} GB`;
+/* Text from outside: marks that are not to be seen, or turn the text round, are shown as such. */
+const clean = text => String(text ?? '').replace(
+  /[\u0000-\u001f\u007f-\u009f\u061c\u200b-\u200f\u2028-\u202e\u2060-\u2069\ufeff]/g, '\ufffd');
+/* Where there is no room for a UID, its middle goes: its end tells series apart. */
+const uidParts = uid => [make('span', {class: 'head'}, uid ? uid.slice(0, -14) : '(without UID)'),
+  make('span', {}, uid.slice(-14))];
+const viewName = view => !/^-?[\d.]+,-?[\d.]+$/.test(view) ? view
+  : view.split(',').map(angle => `${number(+angle)}°`).join(' / ');
+const pictureName = p => `${clean(p.preset)} · ${viewName(clean(p.view))}`;
+const url = path => path.split('/').map(encodeURIComponent).join('/');
+const framePath = (file, k) => file.frames < 2 ? file.first
+  : file.first.replace(/-(\d+)(\.[^./]*)$/, (all, digits, ending) =>
+    `-${String(k).padStart(digits.length, '0')}${ending}`);
+
+/* An element with attributes and children; strings become text, never markup. */
+function make(name, attributes = {}, ...children) {
+  const element = document.createElement(name);
+  for (const [key, value] of Object.entries(attributes))
+    if (value === true) element.setAttribute(key, '');
+    else if (value !== false && value != null) element.setAttribute(key, value);
+  element.append(...children.flat().filter(child => child != null && child !== false));
+  return element;
+}
+
+/* ---- the series ---- */
+
+const list = value => Array.isArray(value) ? value : [];
+const series = list(data.series).map((line, index) => {
+  const s = {index, line, uid: clean(line.series_uid), state: STATES[line.status] ? line.status : 'failed',
+    reason: clean(line.reason), geometry: line.geometry ?? {}, pictures: list(line.pictures),
+    findings: list(line.findings).filter(f => clean(f.text) !== clean(line.reason)),
+    stages: Object.entries(line.stages ?? {}).map(([name, t]) => [clean(name), +t.wall_ms || 0]),
+    wall_ms: +line.wall_ms || 0, memory: +line.peak_rss_bytes || 0, ended: clean(line.ended)};
+  s.text = [s.uid, s.state, s.reason, clean(s.geometry.description), clean(s.geometry.orientation),
+    clean(s.geometry.transfer_syntax), SYNTAXES[s.geometry.transfer_syntax] ?? '',
+    ...s.findings.map(f => `${clean(f.code)} ${clean(f.text)}`),
+    ...s.pictures.map(pictureName)].join('\n').toLowerCase();
+  return s;
+});
+
+const byUid = new Intl.Collator('en', {numeric: true}).compare;
+[...series].sort((a, b) => byUid(a.uid, b.uid)).forEach((s, rank) => { s.rank = rank; });
+const later = (a, b) => a.ended < b.ended ? 1 : a.ended > b.ended ? -1 : 0;
+const SORTS = {
+  trouble: ['What is not done', (a, b) => STATES[a.state].rank - STATES[b.state].rank ||
+    b.findings.length - a.findings.length],
+  ended: ['Latest', later],
+  uid: ['Series UID', () => 0],
+  slices: ['Slices', (a, b) => (b.geometry.slices || 0) - (a.geometry.slices || 0)],
+  time: ['Time taken', (a, b) => b.wall_ms - a.wall_ms],
+  memory: ['Peak memory', (a, b) => b.memory - a.memory]
+};
+
+/* ---- one card ---- */
+
+function facts(s) {
+  const g = s.geometry, dl = make('dl', {class: 'facts'});
+  const add = (term, value) => value && dl.append(make('div', {}, make('dt', {}, term), ' ', make('dd', {}, value)));
+  add('Slices', g.slices ? count(g.slices) : '');
+  add('Matrix', list(g.dims).length === 3 ? g.dims.slice(0, 2).map(number).join(' × ') : '');
+  add('Spacing', list(g.spacing_mm).length ? `${g.spacing_mm.map(number).join(' × ')} mm` : '');
+  add('HU', typeof g.hu_min === 'number' ? `${number(g.hu_min)} … ${number(g.hu_max)}` : '');
+  add('Tilt', g.tilt_deg ? `${number(g.tilt_deg)}°` : '');
+  add('Orientation', clean(g.orientation));
+  add('Syntax', SYNTAXES[g.transfer_syntax] ?? clean(g.transfer_syntax));
+  return dl;
+}
+
+function findings(s) {
+  return make('ul', {class: 'findings'}, s.findings.map(f => {
+    const [mark, kind] = MARKS[f.severity] ?? MARKS.note;
+    return make('li', {}, make('span', {class: `mark ${kind}`, role: 'img', 'aria-label': clean(f.severity)}, mark),
+      clean(f.text), ' ', make('code', {}, clean(f.code)));
+  }));
+}
+
+function bar(name, share, among) {
+  const i = make('i', {title: name});
+  i.style.background = COLOURS[name] ?? '#9a8f7d';
+  i.style[among ? 'flexGrow' : 'width'] = among ? 1000 * share : `${100 * share}%`;
+  return i;
+}
+
+function times(s, open) {
+  if (!s.wall_ms && !s.stages.length) return null;
+  const stack = make('div', {class: 'stack', 'aria-hidden': 'true'}, s.stages.map(([name, ms]) => bar(name, ms, true)));
+  const largest = Math.max(...s.stages.map(stage => stage[1]), 1e-9);
+  return make('details', {class: 'times', open},
+    make('summary', {}, make('span', {class: 'line'},
+      `${time(s.wall_ms)}${s.memory ? ` · peak ${megabytes(s.memory)}` : ''}`,
+      s.ended && make('time', {datetime: s.ended}, s.ended.slice(0, 16).replace('T', ' '))), stack),
+    make('div', {class: 'stages'}, s.stages.flatMap(([name, ms]) => [make('span', {}, name),
+      make('span', {}, bar(name, ms / largest)), make('span', {}, time(ms))])));
+}
+
+/* A rotation's frames stand side by side in one picture, which slides behind a window of one frame. */
+function strip(turn) {
+  const box = make('div', {class: 'strip'}, make('img', {src: url(turn.path), alt: '', draggable: 'false'}));
+  box.style.setProperty('--ratio', turn.width / turn.height || 1);
+  box.style.setProperty('--frames', turn.frames);
+  box.style.setProperty('--seconds', `${Math.max(2, turn.frames / 9)}s`);
+  return box;
+}
+
+function preview(s, p, place) {
+  const file = fullFile(p) ?? Object.values(p.files ?? {})[0], small = p.thumb ?? fullFile(p)?.first;
+  const link = make('a', {href: file ? url(file.first) : '#', tabindex: '-1',
+    'data-picture': place, class: p.turn ? 'turns' : null});
+  const still = make('img', {src: url(small ?? ''), loading: 'lazy', decoding: 'async',
+    alt: `${pictureName(p)}${p.turn ? ', a rotation' : ''}`});
+  still.addEventListener('error', () => still.replaceWith('no preview'));
+  const frame = make('div', {class: 'frame'}, small ? still : 'no preview');
+  link.append(frame, make('figcaption', {}, pictureName(p)));
+  const stays_still = matchMedia('(prefers-reduced-motion: reduce)');
+  link.addEventListener('mouseenter', () => stays_still.matches || play(link, p, true));
+  link.addEventListener('mouseleave', () => play(link, p, false));
+  return make('figure', {}, link);
+}
+
+function play(link, p, on) {
+  const frame = $('.frame', link), playing = $('.strip', frame);
+  if (!p.turn || on === !!playing) return;
+  if (playing) { playing.remove(); frame.firstChild.hidden = false; return; }
+  const box = strip(p.turn), image = $('img', box);
+  frame.append(box);
+  box.hidden = true;
+  image.decode().then(() => { box.hidden = false; frame.firstChild.hidden = true; }, () => box.remove());
+}
+
+function playCard(card, s) {
+  const on = !$('.strip', card);
+  $$('[data-picture]', card).forEach(link => play(link, s.pictures[link.dataset.picture], on));
+}
+
+function shell(s) {
+  const state = STATES[s.state];
+  const label = `${state.word}, series ${s.uid}`;
+  const card = make('article', {class: `card ${s.state}`, tabindex: '-1', 'aria-label': label, 'data-index': s.index},
+    make('header', {}, make('span', {class: 'state'}, `${state.mark} ${state.word}`),
+    make('h2', {class: 'mono uid-line', title: s.uid}, uidParts(s.uid))));
+  return card;
+}
+
+/* Rows of previews are equally full: four stand two by two where there is room for three. */
+function spread(s) {
+  const previews = $('.previews', s.card), n = s.pictures.length;
+  if (!previews || !previews.clientWidth) return;
+  const room = Math.max(1, Math.floor((previews.clientWidth + 4) / (size.value * 15 + 4)));
+  previews.style.gridTemplateColumns = `repeat(${Math.ceil(n / Math.ceil(n / room))}, 1fr)`;
+}
+
+function fill(s) {
+  if (s.filled) return;
+  s.filled = true;
+  const description = clean(s.geometry.description);
+  s.card.append(...[description && make('p', {class: 'description'}, make('bdi', {}, description)),
+    s.reason && make('p', {class: 'reason'}, s.reason),
+    s.pictures.length && make('div', {class: 'previews'}, s.pictures.map((p, place) => preview(s, p, place))),
+    facts(s), s.findings.length && findings(s), times(s)].filter(Boolean));
+  spread(s);
+}
