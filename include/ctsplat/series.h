@@ -5,6 +5,7 @@
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
+#include <signal.h>
 #include <stdbool.h>
 
 #ifdef __cplusplus
@@ -48,6 +49,33 @@ typedef struct CtsSeriesList {
 CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
                           CtsError *err);
 void cts_series_list_free(CtsSeriesList **list);
+
+/* A file of an archive, for as long as the call lasts. */
+typedef struct CtsArchiveFile {
+    const char *path;
+    const char *why; /* it cannot be read, or NULL; then the rest is empty */
+    const char *series_uid, *sop_uid;
+    uint64_t bytes;
+    int64_t mtime_ns;
+    uint64_t n_voxels; /* of all its frames that the header tells of */
+} CtsArchiveFile;
+
+typedef struct CtsArchiveCounts {
+    uint64_t n_files, n_not_ct, n_unreadable;
+} CtsArchiveCounts;
+
+/* Reads the header of each file below paths once, in the folders' own order, and calls found for each CT slice and for
+ * each file that cannot be read; what is no CT is only counted. Memory does not grow with the number of files. found's
+ * status, when not CTS_OK, ends the search. *stop, unless stop is NULL, ends it with CTS_ERR_INTERRUPTED. */
+typedef CtsStatus (*CtsArchiveSink)(void *context, const CtsArchiveFile *file, CtsError *err);
+typedef struct CtsArchiveSearch {
+    const char *const *paths;
+    int n_paths, n_threads;
+    CtsArchiveSink found;
+    void *context;
+    const volatile sig_atomic_t *stop;
+} CtsArchiveSearch;
+CtsStatus cts_archive_search(const CtsArchiveSearch *search, CtsArchiveCounts *counts, CtsError *err);
 
 /* The series named by uid (NULL: the renderable one with the most slices, or the first). "UID#2" names the second
  * volume of a UID that holds several. CTS_ERR_USAGE when there is none of that name. */

@@ -32,8 +32,10 @@ void cli_interrupt_init(void)
         if (!sigaction(numbers[i], NULL, &before) && before.sa_handler != SIG_IGN)
             sigaction(numbers[i], &action, NULL);
     }
-    /* A reader that goes away shows as a failed write; the signal would leave temporary files. */
+    /* A reader that goes away and a file that may not grow show as failed writes; signals would leave temporary
+     * files. */
     signal(SIGPIPE, SIG_IGN);
+    signal(SIGXFSZ, SIG_IGN);
 }
 
 CtsStatus cli_interrupted(CtsError *err)

@@ -15,6 +15,8 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
      cli_info},
     {"render", "PATH... -o FILE [-o FILE]... [options]", "Render a series as PNG, OpenEXR or DICOM.", 1, INT_MAX,
      "PATH", cli_render},
+    {"batch", "PATH... -O DIR [options]", "Render every series with every preset and view; can be stopped and resumed.",
+     0, INT_MAX, "PATH", cli_batch},
     {"bench", "PATH... -O DIR [options]", "Measure error against run time for each engine and setting on a series.", 1,
      INT_MAX, "PATH", cli_bench},
     {"check", "[--json]", "Run the numerical stability suite.", 0, 0, "", cli_check},

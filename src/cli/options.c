@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define ON(command) (1u << (command))
-#define RENDERING ON(CLI_RENDER)
+#define RENDERING (ON(CLI_RENDER) | ON(CLI_BATCH))
 #define PICTURES (RENDERING | ON(CLI_BENCH))
 #define FIELD(name) offsetof(CliOptions, name)
 #define CHOICES(names, n) .kind = CLI_CHOICE, .choices = (names), .n_choices = (n)
@@ -28,9 +28,10 @@ const CliOption cli_options[] = {
         .letter = 'O',
         .name = "output-dir",
         .argument = "DIR",
-        .commands = ON(CLI_BENCH),
+        .commands = ON(CLI_BATCH) | ON(CLI_BENCH),
         .kind = CLI_TEXT,
         .field = FIELD(output_dir),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "write into this folder; it is made where it does not exist",
     },
     {
@@ -40,6 +41,7 @@ const CliOption cli_options[] = {
         .commands = PICTURES,
         .kind = CLI_TEXT,
         .field = FIELD(preset),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "a built-in preset, one of your own, or a preset file",
         .fallback = "bone",
     },
@@ -48,8 +50,39 @@ const CliOption cli_options[] = {
         .argument = "NAME or AZ,EL",
         .commands = PICTURES,
         PARSED(cli_parse_view),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "anterior posterior left right head feet, or azimuth and elevation in degrees",
         .fallback = "anterior",
+    },
+    {
+        .name = "presets",
+        .argument = "LIST",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_TEXT,
+        .field = FIELD(presets),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "presets, names or files with commas between them: each with every view",
+        .fallback = "--preset",
+    },
+    {
+        .name = "views",
+        .argument = "LIST",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_TEXT,
+        .field = FIELD(views),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "views with commas between them, such as anterior,left,30,-20",
+        .fallback = "--view",
+    },
+    {
+        .name = "formats",
+        .argument = "LIST",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_TEXT,
+        .field = FIELD(formats),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "of png, exr and dcm, with commas between them",
+        .fallback = "png",
     },
     {
         .name = "rotation",
@@ -86,6 +119,7 @@ const CliOption cli_options[] = {
         .commands = PICTURES | ON(CLI_PRESETS),
         .kind = CLI_TEXT,
         .field = FIELD(series_uid),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "which series, when PATH holds several",
         .fallback = "the one with the most slices",
     },
@@ -220,6 +254,7 @@ const CliOption cli_options[] = {
         .kind = CLI_INT,
         .field = FIELD(render.verify),
         RANGE(0, 1000000000),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "render N random pixels again with the float64 ray caster; the log and stderr tell the error",
         .fallback = "0",
     },
@@ -229,6 +264,7 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         CHOICES(compressions, 3),
         .field = FIELD(compression),
+        .touches = CLI_TOUCHES_DCM,
         .help = "compression of .dcm outputs",
         .fallback = "none",
     },
@@ -236,12 +272,14 @@ const CliOption cli_options[] = {
         .name = "new-uids",
         .commands = RENDERING,
         .field = FIELD(new_uids),
+        .touches = CLI_TOUCHES_DCM,
         .help = "fresh UIDs in .dcm outputs, other ones in each run",
     },
     {
         .name = "deidentify",
         .commands = RENDERING,
         .field = FIELD(deidentify),
+        .touches = CLI_TOUCHES_DCM,
         .help = "leave the patient's identity out of .dcm outputs",
     },
     {
@@ -268,8 +306,74 @@ const CliOption cli_options[] = {
         .kind = CLI_INT,
         .field = FIELD(render.n_threads),
         RANGE(1, 1024),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "threads at work",
         .fallback = "the cores this process may use",
+    },
+    {
+        .name = "jobs",
+        .argument = "N",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_INT,
+        .field = FIELD(jobs),
+        RANGE(1, 256),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "series rendered at once, which share the threads; one more is read ahead",
+        .fallback = "as many as threads",
+    },
+    {
+        .name = "shard",
+        .argument = "I/N",
+        .commands = ON(CLI_BATCH),
+        PARSED(cli_parse_shard),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "take the I-th of N parts of the series, I from 0; shards may share DIR",
+        .fallback = "0/1",
+    },
+    {
+        .name = "resume",
+        .commands = ON(CLI_BATCH),
+        .field = FIELD(resume),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "go on where an earlier run was stopped, as a batch does anyway",
+    },
+    {
+        .name = "fresh",
+        .commands = ON(CLI_BATCH),
+        .field = FIELD(fresh),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "start over: make every output anew",
+    },
+    {
+        .name = "merge",
+        .argument = "DIR",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_TEXT,
+        .field = FIELD(merge),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "make one contact sheet of all shards in DIR, and render nothing",
+    },
+    {
+        .name = "series-timeout",
+        .argument = "SECONDS",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_NUMBER,
+        .field = FIELD(series_timeout_s),
+        RANGE(0, 1e7),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "give up a series that takes longer to read, or to render; 0: never",
+        .fallback = "3600",
+    },
+    {
+        .name = "series-memory",
+        .argument = "MIB",
+        .commands = ON(CLI_BATCH),
+        .kind = CLI_NUMBER,
+        .field = FIELD(series_mib),
+        RANGE(0, 1e9),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "give up a series that needs more memory; 0: what the machine can spare",
+        .fallback = "0",
     },
     {
         .name = "explain",
@@ -281,6 +385,7 @@ const CliOption cli_options[] = {
         .name = "force",
         .commands = PICTURES | ON(CLI_CHECK),
         .field = FIELD(force),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "overwrite outputs that exist",
     },
     {
@@ -289,6 +394,7 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         .kind = CLI_TEXT,
         .field = FIELD(log),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "append a timing log, JSON Lines; - is stderr",
         .fallback = "none",
     },
@@ -300,8 +406,9 @@ const CliOption cli_options[] = {
     },
     {
         .name = "show-patient",
-        .commands = ON(CLI_INFO),
+        .commands = ON(CLI_INFO) | ON(CLI_BATCH),
         .field = FIELD(show_patient),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "print series descriptions too, which may identify the patient",
     },
     {
@@ -309,10 +416,12 @@ const CliOption cli_options[] = {
         .name = "help",
         .commands = ON(CLI_N_COMMANDS) - 1,
         .field = FIELD(help),
+        .touches = CLI_TOUCHES_NOTHING,
         .help = "print this and stop",
     },
     {.name = NULL},
 };
+_Static_assert(sizeof cli_options / sizeof *cli_options <= CLI_MOST_OPTIONS, "room for what is given");
 
 static const CliOption *find_long(const char *name, size_t length)
 {
@@ -410,6 +519,7 @@ static CtsStatus parse_option(CliOptions *options, int command, const char *cons
             return cts_fail(err, CTS_ERR_USAGE, "%s: its argument is missing (%s)", word, o->argument);
         argument = *(*argv)++;
     }
+    options->given[o - cli_options] = argument ? argument : "";
     return take(options, o, argument, err);
 }
 
@@ -426,7 +536,7 @@ static CtsStatus check_operands(const CliOptions *options, const CliCommand *com
 
 CtsStatus cli_options_parse(CliOptions *options, int command, int argc, const char *const *argv, CtsError *err)
 {
-    *options = (CliOptions){.preset = "bone"};
+    *options = (CliOptions){.preset = "bone", .n_shards = 1, .series_timeout_s = 3600};
     cts_render_defaults(&options->render);
     const char **operands = calloc((size_t)argc + 1, sizeof *operands);
     options->operands = operands;

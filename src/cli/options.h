@@ -6,6 +6,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+enum { CLI_MOST_OPTIONS = 80 };
+
 /* What the user asked for, defaults where nothing was said. Strings point into argv. */
 typedef struct CliOptions {
     const char *const *operands; /* PATH..., A B, NAME */
@@ -34,6 +36,14 @@ typedef struct CliOptions {
     const char *propose; /* presets: the volume to propose a key for; NULL when not given */
 
     bool json, show_patient;
+
+    const char *presets, *views, *formats; /* batch: lists, as given; NULL when not */
+    int jobs, shard, n_shards;             /* 0: as many as threads; 0 of 1 */
+    double series_timeout_s, series_mib;   /* 0: no limit of its own */
+    bool resume, fresh;
+    const char *merge;
+
+    const char *given[CLI_MOST_OPTIONS]; /* by place in cli_options: the argument that counts, "" for a flag */
 } CliOptions;
 
 /* A command: what --help prints and what runs. *exit_code is 0 on entry; a status other than CTS_OK becomes the one
@@ -48,9 +58,10 @@ typedef struct CliCommand {
 } CliCommand;
 
 /* Bits of the commands that an option belongs to; the order of cli_commands. */
-enum { CLI_INFO, CLI_RENDER, CLI_BENCH, CLI_CHECK, CLI_COMPARE, CLI_PRESETS, CLI_N_COMMANDS };
+enum { CLI_INFO, CLI_RENDER, CLI_BATCH, CLI_BENCH, CLI_CHECK, CLI_COMPARE, CLI_PRESETS, CLI_N_COMMANDS };
 extern const CliCommand cli_commands[CLI_N_COMMANDS];
 
+CtsStatus cli_batch(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_info(const CliOptions *options, int *exit_code, CtsError *err);
@@ -75,6 +86,9 @@ typedef enum CliKind {
     CLI_CUSTOM  /* parse() */
 } CliKind;
 
+/* What has to be made anew where a batch goes on with another value of the option. */
+typedef enum CliTouches { CLI_TOUCHES_PICTURES, CLI_TOUCHES_DCM, CLI_TOUCHES_NOTHING } CliTouches;
+
 typedef struct CliOption {
     char letter; /* 0: none */
     const char *name;
@@ -86,6 +100,7 @@ typedef struct CliOption {
     const char *const *choices;
     int n_choices;
     CtsStatus (*parse)(CliOptions *options, const char *text, CtsError *err); /* text: the argument */
+    CliTouches touches;
     const char *help;
     const char *fallback; /* the default as --help prints it; NULL: none to tell */
 } CliOption;

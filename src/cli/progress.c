@@ -8,7 +8,7 @@
 
 enum { BAR_WIDTH = 24 };
 
-static bool on_terminal(void)
+bool cli_progress_shows(void)
 {
     const char *term = getenv("TERM");
     return isatty(STDERR_FILENO) && term && strcmp(term, "dumb");
@@ -16,7 +16,7 @@ static bool on_terminal(void)
 
 void cli_progress(int done, int all, const char *what)
 {
-    if (!on_terminal())
+    if (!cli_progress_shows())
         return;
     const int filled = all > 0 ? BAR_WIDTH * done / all : 0;
     char bar[BAR_WIDTH + 1];
@@ -29,7 +29,7 @@ void cli_progress(int done, int all, const char *what)
 
 void cli_progress_clear(void)
 {
-    if (!on_terminal())
+    if (!cli_progress_shows())
         return;
     fputs("\r\033[K", stderr);
     fflush(stderr);

@@ -3,6 +3,7 @@
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -62,6 +63,20 @@ static CtsStatus parse_on_off(const char *option, const char *text, CtsSwitch *v
         *value = CTS_OFF;
     else
         return cts_fail(err, CTS_ERR_USAGE, "%s %s: not one of: on off", option, text);
+    return CTS_OK;
+}
+
+CtsStatus cli_parse_shard(CliOptions *options, const char *text, CtsError *err)
+{
+    char shard[16];
+    const size_t n = strcspn(text, "/");
+    int i, n_shards;
+    snprintf(shard, sizeof shard, "%.*s", n < sizeof shard ? (int)n : 0, text);
+    if (!text[n] || !cli_integer(shard, &i) || !cli_integer(text + n + 1, &n_shards) || n_shards < 1 ||
+        n_shards > 100000 || i < 0 || i >= n_shards)
+        return cts_fail(err, CTS_ERR_USAGE, "--shard %s: not I/N with I from 0 to N - 1 (such as 0/8)", text);
+    options->shard = i;
+    options->n_shards = n_shards;
     return CTS_OK;
 }
 

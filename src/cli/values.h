@@ -10,6 +10,7 @@ bool cli_integer(const char *text, int *value);
 /* n numbers with commas between them, no more and no fewer. */
 bool cli_numbers(const char *text, double *values, int n);
 
+CtsStatus cli_parse_shard(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_view(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_size(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_kernel(CliOptions *options, const char *text, CtsError *err);

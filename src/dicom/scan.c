@@ -63,9 +63,9 @@ static unsigned char entry_type(int folder_fd, const struct dirent *entry)
     return S_ISREG(info.st_mode) ? DT_REG : S_ISDIR(info.st_mode) ? DT_DIR : DT_SOCK;
 }
 
-static CtsStatus scan_folder(CtsFileList *list, const char *folder, int depth, CtsError *err);
+static CtsStatus scan_folder(CtsScan *scan, const char *folder, int depth, CtsError *err);
 
-static CtsStatus scan_entries(CtsFileList *list, const char *folder, DIR *dir, int depth, CtsError *err)
+static CtsStatus scan_entries(CtsScan *scan, const char *folder, DIR *dir, int depth, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     char **subfolders = NULL;
@@ -76,12 +76,14 @@ static CtsStatus scan_entries(CtsFileList *list, const char *folder, DIR *dir, i
             continue;
         const unsigned char type = entry_type(dirfd(dir), entry);
         if (type != DT_REG && type != DT_DIR) {
-            list->n_special++;
+            scan->n_special++;
             continue;
         }
         char *path = join(folder, entry->d_name);
         if (type == DT_REG) {
-            st = cts_file_list_add(list, path, false, err);
+            const CtsFile file = {.path = path};
+            st = path ? scan->found(scan->context, &file, NULL, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+            free(path);
             continue;
         }
         char **grown = path ? realloc(subfolders, (n_subfolders + 1) * sizeof *grown) : NULL;
@@ -95,18 +97,18 @@ static CtsStatus scan_entries(CtsFileList *list, const char *folder, DIR *dir, i
     }
     for (size_t i = 0; i < n_subfolders; i++) {
         if (!st)
-            st = scan_folder(list, subfolders[i], depth + 1, err);
+            st = scan_folder(scan, subfolders[i], depth + 1, err);
         free(subfolders[i]);
     }
     free(subfolders);
     return st;
 }
 
-static CtsStatus scan_folder(CtsFileList *list, const char *folder, int depth, CtsError *err)
+static CtsStatus scan_folder(CtsScan *scan, const char *folder, int depth, CtsError *err)
 {
     if (depth > MAX_DEPTH) {
-        list->n_unreadable++;
-        cts_findings_add(&list->findings, "folder_too_deep", CTS_WARNING, "%s: not searched, more than %d folders deep",
+        scan->n_unreadable++;
+        cts_findings_add(&scan->findings, "folder_too_deep", CTS_WARNING, "%s: not searched, more than %d folders deep",
                          folder, MAX_DEPTH);
         return CTS_OK;
     }
@@ -115,43 +117,39 @@ static CtsStatus scan_folder(CtsFileList *list, const char *folder, int depth, C
         const int e = errno;
         if (depth == 0)
             return cts_fail(err, CTS_ERR_READ, "%s: the folder cannot be listed: %s", folder, strerror(e));
-        list->n_unreadable++;
-        cts_findings_add(&list->findings, "unreadable_folder", CTS_WARNING, "%s: the folder cannot be listed: %s",
+        scan->n_unreadable++;
+        cts_findings_add(&scan->findings, "unreadable_folder", CTS_WARNING, "%s: the folder cannot be listed: %s",
                          folder, strerror(e));
         return CTS_OK;
     }
-    const CtsStatus st = scan_entries(list, folder, dir, depth, err);
+    const CtsStatus st = scan_entries(scan, folder, dir, depth, err);
     closedir(dir);
     return st;
 }
 
 /* The members of a zip file, as if it were a folder. */
-static CtsStatus scan_archive(CtsFileList *list, const char *path, CtsError *err)
+static CtsStatus scan_archive(CtsScan *scan, const char *path, CtsError *err)
 {
-    CtsArchive **grown = realloc(list->archives, (list->n_archives + 1) * sizeof *grown);
-    if (!grown)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    list->archives = grown;
-    CtsStatus st = cts_archive_open(path, &list->archives[list->n_archives], err);
+    CtsArchive *archive;
+    CtsStatus st = cts_archive_open(path, &archive, err);
     if (st)
         return st;
-    const CtsArchive *archive = list->archives[list->n_archives++];
-    list->n_other += cts_archive_n_other(archive);
+    scan->n_other += cts_archive_n_other(archive);
     for (int i = 0; !st && i < cts_archive_n_members(archive); i++) {
         const CtsMember m = cts_archive_member(archive, i);
         if (m.is_bad) {
-            list->n_unreadable++;
-            cts_findings_add(&list->findings, "unreadable_file", CTS_WARNING, "%s: %s: cannot be unpacked: %s", path,
+            scan->n_unreadable++;
+            cts_findings_add(&scan->findings, "unreadable_file", CTS_WARNING, "%s: %s: cannot be unpacked: %s", path,
                              m.name, (const char *)m.bytes);
             continue;
         }
-        st = cts_file_list_add(list, join(path, m.name), false, err);
-        if (!st) {
-            list->items[list->n - 1].memory = m.bytes;
-            list->items[list->n - 1].n_memory = m.n_bytes;
-        }
+        char *name = join(path, m.name);
+        const CtsFile file = {.path = name, .memory = m.bytes, .n_memory = m.n_bytes};
+        st = name ? scan->found(scan->context, &file, path, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        free(name);
     }
-    return st;
+    const CtsStatus kept = scan->take_archive(scan->context, archive, err);
+    return st ? st : kept;
 }
 
 static int by_path(const void *a, const void *b)
@@ -161,23 +159,59 @@ static int by_path(const void *a, const void *b)
     return order ? order : (int)y->named - (int)x->named;
 }
 
-CtsStatus cts_scan_paths(const char *const *paths, int n_paths, CtsFileList *list, CtsError *err)
+CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    *list = (CtsFileList){0};
     for (int i = 0; !st && i < n_paths; i++) {
         struct stat info;
         if (stat(paths[i], &info))
             st = cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", paths[i], strerror(errno));
         else if (S_ISDIR(info.st_mode))
-            st = scan_folder(list, paths[i], 0, err);
+            st = scan_folder(scan, paths[i], 0, err);
         else if (S_ISREG(info.st_mode) && cts_archive_is_zip(paths[i]))
-            st = scan_archive(list, paths[i], err);
+            st = scan_archive(scan, paths[i], err);
         else if (S_ISREG(info.st_mode))
-            st = cts_file_list_add(list, strdup(paths[i]), true, err);
+            st = scan->found(scan->context, &(CtsFile){.path = (char *)paths[i], .named = true}, NULL, err);
         else
             st = cts_fail(err, CTS_ERR_READ, "%s: is neither a file nor a folder", paths[i]);
     }
+    return st;
+}
+
+static CtsStatus add_to_list(void *context, const CtsFile *file, const char *archive, CtsError *err)
+{
+    CtsFileList *const list = context;
+    (void)archive;
+    const CtsStatus st = cts_file_list_add(list, strdup(file->path), file->named, err);
+    if (!st) {
+        list->items[list->n - 1].memory = file->memory;
+        list->items[list->n - 1].n_memory = file->n_memory;
+    }
+    return st;
+}
+
+static CtsStatus add_archive(void *context, CtsArchive *archive, CtsError *err)
+{
+    CtsFileList *const list = context;
+    CtsArchive **grown = realloc(list->archives, (list->n_archives + 1) * sizeof *grown);
+    if (!grown) {
+        cts_archive_free(&archive);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    list->archives = grown;
+    list->archives[list->n_archives++] = archive;
+    return CTS_OK;
+}
+
+CtsStatus cts_scan_paths(const char *const *paths, int n_paths, CtsFileList *list, CtsError *err)
+{
+    *list = (CtsFileList){0};
+    CtsScan scan = {.found = add_to_list, .take_archive = add_archive, .context = list};
+    const CtsStatus st = cts_scan_each(&scan, paths, n_paths, err);
+    list->findings = scan.findings;
+    list->n_special = scan.n_special;
+    list->n_unreadable = scan.n_unreadable;
+    list->n_other = scan.n_other;
     if (st) {
         cts_file_list_free(list);
         return st;

@@ -26,6 +26,22 @@ typedef struct CtsFileList {
     CtsFindings findings;
 } CtsFileList;
 
+/* What a search does with each file, and what it counts on the way. Zero-initialise; free the findings. */
+typedef struct CtsScan {
+    /* The file is there for as long as the call; archive is the path of the zip file that it is a member of, or NULL.
+     */
+    CtsStatus (*found)(void *context, const CtsFile *file, const char *archive, CtsError *err);
+    /* All members of an archive were found; their bytes are its own. Takes the archive over. */
+    CtsStatus (*take_archive)(void *context, struct CtsArchive *archive, CtsError *err);
+    void *context;
+    int n_special, n_unreadable, n_other;
+    CtsFindings findings;
+} CtsScan;
+
+/* Calls found for each file as it is met, in the folders' own order; a path may come twice. Memory is that of one
+ * folder's list of subfolders. Otherwise as cts_scan_paths(). */
+CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, CtsError *err);
+
 /* Files in order of name, folder by folder, each path once. Links to folders are not followed, folders deeper than 32
  * not entered. A zip file that is named counts as a folder. CTS_ERR_READ when one of paths itself cannot be read. */
 CtsStatus cts_scan_paths(const char *const *paths, int n_paths, CtsFileList *list, CtsError *err);

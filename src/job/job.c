@@ -81,7 +81,9 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     CtsStatus st;
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background, job->render.n_threads);
-    if (!(st = annotate(frame, band, err)) && !(st = stopped(job, err)))
+    if (!(st = annotate(frame, band, err)) && frame->files->watch->band)
+        frame->files->watch->band(frame->files->watch->context, frame->number, band);
+    if (!st && !(st = stopped(job, err)))
         st = cts_files_rows(frame->files, frame->number, band, frame->report, err);
     cts_meter_stop(meter, frame->report, CTS_STAGE_EXPORT);
     return st;

@@ -19,8 +19,7 @@ static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *rep
     return CTS_OK;
 }
 
-/* The patient alone, and of it the part that is asked for. */
-static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err)
+CtsStatus cts_source_cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     /* The table is told from the patient by the whole, so it goes before the crop. */
@@ -51,7 +50,7 @@ CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_
     if (st)
         return st;
     meter = cts_meter_start(report);
-    st = cut(source, loaded->volume, report, err);
+    st = cts_source_cut(source, loaded->volume, report, err);
     cts_meter_stop(meter, report, CTS_STAGE_GREY);
     cts_watch_findings(watch, report);
     return st;

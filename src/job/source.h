@@ -25,6 +25,9 @@ typedef struct CtsLoaded {
     CtsVolume *volume;
 } CtsLoaded;
 
+/* The patient alone, and of it the part that is asked for. */
+CtsStatus cts_source_cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err);
+
 /* Finds the series, decodes it and cuts it to what is asked for. Tells watch the first two of
  * n_steps. Free with cts_loaded_free(), also after a failure. */
 CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,

@@ -2,6 +2,7 @@
 #ifndef CTS_JOB_WATCH_H
 #define CTS_JOB_WATCH_H
 
+#include "ctsplat/picture.h"
 #include "ctsplat/report.h"
 #include <stdint.h>
 
@@ -13,6 +14,8 @@ typedef struct CtsWatch {
     void (*findings)(void *context, const CtsReport *report);
     /* The volume is read: from here on the job looks at its settings' stop flag. */
     void (*loaded)(void *context);
+    /* Rows of a frame as they go into the files. */
+    void (*band)(void *context, int frame, const CtsPicture *band);
     /* A file stands, whole. */
     void (*output)(void *context, const char *path, const char *format, uint64_t bytes);
 } CtsWatch;

@@ -85,7 +85,7 @@ static void append_findings(json_t *list, const CtsFindings *findings)
                                               new_text(findings->items[i].text)));
 }
 
-static json_t *new_series(const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
+json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
 {
     json_t *object = json_object(), *findings = json_array();
     json_object_set_new(object, "series_uid", new_text(s->uid));
@@ -116,7 +116,7 @@ CtsStatus cts_info_print_json(FILE *file, const CtsSeriesList *list, const CtsPi
 {
     json_t *root = json_object(), *series = json_array(), *findings = json_array();
     for (size_t i = 0; i < list->n; i++)
-        json_array_append_new(series, new_series(&list->items[i], &facts[i], show_patient));
+        json_array_append_new(series, cts_info_json(&list->items[i], &facts[i], show_patient));
     append_findings(findings, &list->findings);
     json_object_set_new(root, "series", series);
     json_object_set_new(

@@ -15,6 +15,9 @@ typedef struct CtsPixelFacts {
     CtsFindings findings; /* of reading them, the series' own left out; owned */
 } CtsPixelFacts;
 
+/* One series as in info's JSON, with its findings; the caller's to release. */
+struct json_t *cts_info_json(const CtsSeries *series, const CtsPixelFacts *facts, bool show_patient);
+
 /* facts: one for each series of the list. */
 void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient);
 CtsStatus cts_info_print_json(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient,

@@ -1,0 +1,49 @@
+/* What there is to do: the series of an archive, found in one search and kept out of memory. */
+#ifndef CTS_BATCH_PLAN_H
+#define CTS_BATCH_PLAN_H
+
+#include "base/hash.h"
+#include "ctsplat/series.h"
+#include <signal.h>
+
+typedef struct CtsPlan CtsPlan;
+
+typedef struct CtsPlanInput {
+    const char *const *paths;
+    int n_paths, n_threads;
+    const char *folder;     /* where the list of files is kept, in a file without a name */
+    const char *series_uid; /* this one alone; NULL: all */
+    int shard, n_shards;    /* 0 of 1: all */
+    void (*warn)(void *context, const char *text);
+    void *context;
+    const volatile sig_atomic_t *stop;
+} CtsPlanInput;
+
+/* Files of one SeriesInstanceUID, or of one folder where files have none. */
+typedef struct CtsPlanSeries {
+    char uid[80];       /* as in the files; "uid-" and 16 hex digits where they have none */
+    char folder[80];    /* the UID where it is a valid one, else "uid-" and 16 hex digits */
+    const char **paths; /* in order */
+    int n_paths;
+    char input_sha256[65]; /* of the files' SOP UIDs, sizes and times */
+    uint64_t n_voxels;
+    char *text; /* what paths points into */
+} CtsPlanSeries;
+
+/* Memory: 24 bytes a file and 24 a series. Files that cannot be read go with the series in their folder, or are one of
+ * their own where there is none. Each folder that cannot be searched is a warning, up to a dozen. */
+CtsStatus cts_plan_new(CtsPlan **plan, const CtsPlanInput *input, CtsError *err);
+void cts_plan_free(CtsPlan **plan);
+
+size_t cts_plan_n_series(const CtsPlan *plan);
+CtsArchiveCounts cts_plan_counts(const CtsPlan *plan);
+/* Series i in the order in which their first files were met. Free with cts_plan_series_free(). */
+CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, CtsError *err);
+void cts_plan_series_free(CtsPlanSeries *series);
+
+/* The first 64 bits of SHA-256 of a UID: what shards are dealt by, and the 16 hex digits above. */
+CtsStatus cts_plan_key(const char *uid, uint64_t *key, CtsError *err);
+/* 64 hex digits and a 0 of a finished hash. */
+CtsStatus cts_plan_hex(CtsHash **hash, char hex[65], CtsError *err);
+
+#endif

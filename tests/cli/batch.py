@@ -1,0 +1,388 @@
+#!/usr/bin/env python3
+"""Batches that are resumed, killed, sharded, starved and fed with bad series: batch.py CTSPLAT TESTDATA FOLDER WHAT...
+[--series N] [--kills N] [--seed N]. WHAT are names of the tests below, without test_."""
+import argparse
+import glob
+import hashlib
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import subprocess
+import sys
+import time
+
+OPTIONS = ["--size", "48x48", "--presets", "bone,skin", "--views", "anterior,30,-20", "--formats", "png,dcm"]
+N_OUTPUTS = 8
+
+
+def check(condition, *words):
+    if not condition:
+        raise SystemExit("FAIL: " + " ".join(str(w) for w in words))
+
+
+class Batch:
+    def __init__(self, args):
+        self.args = args
+        self.uid = json.loads(self.run("info", self.small(), "--json").stdout)["series"][0]["series_uid"].encode()
+        self.env = dict(os.environ, SOURCE_DATE_EPOCH="1000000000")
+
+    def small(self):
+        return os.path.join(self.args.testdata, "syntax", "explicit")
+
+    def run(self, *words, **more):
+        return subprocess.run([self.args.ctsplat, *words], stdin=subprocess.DEVNULL, capture_output=True, text=True,
+                              env=getattr(self, "env", None), **more)
+
+    def start(self, *words, **more):
+        return subprocess.Popen([self.args.ctsplat, *words], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
+                                stderr=subprocess.PIPE, text=True, env=self.env, **more)
+
+    def name(self, i):
+        """Another UID of the same length."""
+        tail = b"%06d" % i
+        return self.uid[:-7] + b"7" + tail
+
+    def add(self, archive, i, change=None):
+        """Series i, whose files change(bytes, slice) may damage; None leaves a file out."""
+        folder = os.path.join(archive, "series%d" % i)
+        os.makedirs(folder)
+        for k, path in enumerate(sorted(glob.glob(os.path.join(self.small(), "*")))):
+            with open(path, "rb") as f:
+                data = f.read().replace(self.uid, self.name(i))
+            if change:
+                data = change(data, k)
+            if data is not None:
+                with open(os.path.join(folder, "%03d.dcm" % k), "wb") as f:
+                    f.write(data)
+        return self.name(i).decode()
+
+    def archive(self, name, n, bad=0):
+        """n series, of which the first `bad` cannot be rendered."""
+        for i in range(n):
+            spacing = lambda data, k: data.replace(b"8\\9", b"0\\9").replace(b"9\\8", b"0\\8")
+            self.add(name, i, spacing if i < bad else None)
+        return name
+
+    def lines(self, folder):
+        found = {}
+        for path in glob.glob(os.path.join(folder, "batch*.jsonl")):
+            with open(path) as f:
+                for text in f:
+                    line = json.loads(text)
+                    found[line["series_uid"]] = line
+        return found
+
+    def outputs(self, folder):
+        """What is there, by hash; what a run leaves beside it is a fault."""
+        found = {}
+        for root, _, names in os.walk(folder):
+            for name in names:
+                path = os.path.join(root, name)
+                check(not name.endswith(".tmp"), "left behind:", path)
+                if root != folder:
+                    with open(path, "rb") as f:
+                        found[os.path.relpath(path, folder)] = hashlib.sha256(f.read()).hexdigest()
+        return found
+
+    def ok(self, code, *words):
+        done = self.run("batch", *words)
+        check(done.returncode == code, "exit code", done.returncode, "not", code, words, done.stderr[-2000:])
+        check(done.stdout == "", "prints", done.stdout[:200])
+        return done
+
+
+def times(folder):
+    return {path: os.stat(path).st_mtime_ns for path in glob.glob(folder + "/*/*") if os.path.isfile(path)}
+
+
+def children(pid):
+    with open("/proc/%d/task/%d/children" % (pid, pid)) as f:
+        return [int(word) for word in f.read().split()]
+
+
+def test_plain(b):
+    """Pictures as `render` makes them; bad series are written down."""
+    archive = b.archive("plain", 5, bad=1)
+    b.add(archive, 77, lambda data, k: None if 2 <= k < 7 else data)
+    with open(archive + "/notes.txt", "w") as f:
+        f.write("not DICOM")
+    # A file that cannot be read is told with the series beside it; where there is none, it stands for itself.
+    b.add(archive, 88, lambda data, k: data[:160] + b"\xff" * 40 if k == 9 else data)
+    b.add(archive, 99, lambda data, k: data[:160] + b"\xff" * 40 if k < 3 else None)
+    b.ok(8, archive, "-O", "o", *OPTIONS)
+    lines = b.lines("o")
+    check(len(lines) == 8, "lines:", list(lines))
+    beside = lines[b.name(88).decode()]
+    check(beside["status"] == "done" and "unreadable_file" in [f["code"] for f in beside["findings"]], beside)
+    alone = [line for uid, line in lines.items() if uid.startswith("uid-")]
+    check(len(alone) == 1 and alone[0]["status"] == "refused" and alone[0]["exit_code"] == 3, alone)
+    outputs = b.outputs("o")
+    for i in range(5):
+        line = lines[b.name(i).decode()]
+        check(line["status"] == ("refused" if i < 1 else "done"), line)
+        check(bool(line["reason"]) == (i < 1) and line["exit_code"] == (4 if i < 1 else 0), line)
+        check(len(line["outputs"]) == (0 if i < 1 else N_OUTPUTS), line)
+        for output in line["outputs"]:
+            check(outputs[output["path"]] == output["sha256"], output)
+            check(os.path.getsize("o/" + output["path"]) == output["bytes"], output)
+        check(len(line["thumbnails"]) == (0 if i < 1 else 4), line)
+        check(i < 1 or line["geometry"]["dims"] == [28, 24, 10] and "description" not in line["geometry"], line)
+        check(i < 1 or set(line["stages"]) > {"scan", "decode", "export"}, line)
+    check(lines[b.name(77).decode()]["status"] in ("refused", "failed"), lines[b.name(77).decode()])
+    uid = b.name(3).decode()
+    done = b.run("render", archive + "/series3", "--size", "48x48", "-p", "skin", "--view", "30,-20", "-o", "r.png",
+                 "-o", "r.dcm")
+    check(done.returncode == 0, done.stderr)
+    for ending in "png", "dcm":
+        with open("r." + ending, "rb") as f, open("o/%s/skin-30,-20.%s" % (uid, ending), "rb") as g:
+            check(f.read() == g.read(), "not what render makes:", ending)
+    check(os.path.isfile("o/index.html"), "no contact sheet")
+
+
+def test_resume(b):
+    """Nothing that stands is made again; what changed is, and nothing else."""
+    archive = b.archive("resume", 4)
+    words = [archive, "-O", "o", *OPTIONS]
+    b.ok(0, *words)
+    first, hashes = times("o"), b.outputs("o")
+    check(len(first) == 4 * N_OUTPUTS, len(first))
+    b.ok(0, *words)
+    check(times("o") == first, "made again")
+    # Files that are gone or damaged.
+    gone, damaged = sorted(first)[3], sorted(first)[10]
+    os.remove(gone)
+    with open(damaged, "r+b") as f:
+        f.seek(100)
+        f.write(b"\0\1\2")
+    b.ok(0, *words)
+    second = times("o")
+    check({p for p in first if second[p] != first[p]} == {gone, damaged}, "other files were made")
+    check(b.outputs("o") == hashes, "not the same bytes")
+    # An option that touches .dcm files alone, another preset, another view.
+    b.ok(0, *words, "--compress", "rle")
+    third = times("o")
+    check({p for p in first if third[p] != second[p]} == {p for p in first if p.endswith(".dcm")}, "--compress")
+    more = [w.replace("bone,skin", "bone,muscle,skin") for w in words] + ["--compress", "rle"]
+    b.ok(0, *more)
+    fourth = times("o")
+    check(len(fourth) == 4 * N_OUTPUTS * 3 // 2 and all(fourth[p] == third[p] for p in third), "another preset")
+    # Another size touches all.
+    b.ok(0, *[w.replace("48x48", "40x40") for w in more])
+    check(all(times("o")[p] != fourth[p] for p in fourth), "another size")
+    b.ok(0, *words)
+    fifth = times("o")
+    # One input, a new series, and one that is gone.
+    os.utime(archive + "/series2/004.dcm")
+    b.add(archive, 9)
+    shutil.rmtree(archive + "/series0")
+    b.ok(0, *words)
+    sixth, lines = times("o"), b.lines("o")
+    touched = {p.split("/")[1] for p in sixth if sixth[p] != fifth.get(p)}
+    check(touched == {b.name(2).decode(), b.name(9).decode()}, touched)
+    check(len(lines) == 5 and all(line["status"] == "done" for line in lines.values()), "lines")
+    b.ok(0, *words, "--fresh")
+    seventh = times("o")
+    check(all(seventh[p] != sixth[p] for p in sixth if b.name(0).decode() not in p and "muscle" not in p), "--fresh")
+
+
+def test_kill(b):
+    """kill -9 at any moment, and the outputs of the next run are those of an undisturbed one."""
+    r = random.Random(b.args.seed)
+    archive = b.archive("kill", b.args.series, bad=1)
+    words = [archive, "-O", "o", *OPTIONS]
+    start = time.time()
+    b.ok(8, archive, "-O", "good", *OPTIONS)
+    took = time.time() - start
+    expected = b.outputs("good")
+    for i in range(b.args.kills):
+        if i % 10 == 0:
+            shutil.rmtree("o", ignore_errors=True)
+        run = b.start("batch", *words)
+        time.sleep(r.uniform(0, took * r.choice([0.2, 1.1])))
+        run.kill()
+        run.communicate()
+        known = {}
+        for uid, line in b.lines_torn("o").items():
+            if line["status"] == "done":
+                known.update({o["path"]: o["sha256"] for o in line["outputs"]})
+        there = {p: h for p, h in b.hashes("o").items()}
+        for path, digest in known.items():
+            check(there.get(path) == digest, "the journal tells what is not there:", path)
+        for path, digest in there.items():
+            check("/." in path or digest == expected[path], "half a file:", path)
+        if i % 10 in (3, 9) or i == b.args.kills - 1:
+            stood = {p: os.stat("o/" + p).st_mtime_ns for p in known}
+            b.ok(8, *words)
+            check(b.outputs("o") == expected, "other outputs after kill", i)
+            check(all(os.stat("o/" + p).st_mtime_ns == t for p, t in stood.items()), "done twice after kill", i)
+            check(all(line["status"] == "done" for uid, line in b.lines("o").items() if uid != b.name(0).decode()), i)
+
+
+def test_lock(b):
+    """A second batch on one DIR says so and leaves."""
+    archive = b.archive("lock", 20)
+    first = b.start("batch", archive, "-O", "o", *OPTIONS)
+    while not os.path.exists("o/batch.jsonl"):
+        time.sleep(0.01)
+    first.send_signal(signal.SIGSTOP)
+    second = b.run("batch", archive, "-O", "o", *OPTIONS)
+    check(second.returncode == 1 and "another batch is at work" in second.stderr, second.stderr)
+    third = b.run("batch", archive, "-O", "o", "--shard", "0/2", *OPTIONS)
+    check(third.returncode == 1 and "at work" in third.stderr, third.stderr)
+    first.send_signal(signal.SIGCONT)
+    check(first.wait() == 0, first.stderr.read())
+    check(len(b.outputs("o")) == 20 * (N_OUTPUTS + 4), "outputs")
+
+
+def test_shards(b):
+    """Shards share DIR, each series is one's, and their union is the whole."""
+    archive = b.archive("shards", 9, bad=1)
+    b.ok(8, archive, "-O", "whole", *OPTIONS)
+    runs = [b.start("batch", archive, "-O", "o", "--shard", "%d/3" % i, *OPTIONS) for i in range(3)]
+    codes = [run.wait() for run in runs]
+    check(sorted(codes) == [0, 0, 8], codes)
+    check(b.outputs("o") == b.outputs("whole"), "not the same as without shards")
+    seen = []
+    for path in glob.glob("o/batch-*-of-3.jsonl"):
+        with open(path) as f:
+            seen += [json.loads(line)["series_uid"] for line in f]
+    check(sorted(seen) == sorted(b.name(i).decode() for i in range(9)), seen)
+    check(not os.path.exists("o/index.html"), "a shard made the page")
+    b.ok(0, "--merge", "o")
+    check(os.path.isfile("o/index.html"), "no page")
+    # Another number of shards, and none, go on from there.
+    before = times("o")
+    codes = [b.run("batch", archive, "-O", "o", "--shard", "%d/2" % i, *OPTIONS).returncode for i in range(2)]
+    check(sorted(codes) == [0, 8], codes)
+    b.ok(8, archive, "-O", "o", *OPTIONS)
+    check(times("o") == before, "made again")
+
+
+def test_bad(b):
+    """Too slow, too large, crashed, gone: each with its reason, and the batch goes on."""
+    archive = b.archive("bad", 3)
+    b.ok(8, archive, "-O", "slow", "--series-timeout", "0.001", *OPTIONS)
+    for line in b.lines("slow").values():
+        check(line["status"] == "failed" and "--series-timeout" in line["reason"], line)
+    b.outputs("slow")
+    b.ok(0, archive, "-O", "slow", *OPTIONS)
+    if b.run("batch", archive, "-O", "large", "--series-memory", "1", *OPTIONS).returncode == 8: # not under sanitizers
+        for line in b.lines("large").values():
+            check(line["status"] == "failed" and "memory" in line["reason"], line)
+    # A process that crashes.
+    many = b.archive("many", 30)
+    run = b.start("batch", many, "-O", "o", "--jobs", "1", *OPTIONS)
+    crashed = 0
+    while run.poll() is None and not crashed:
+        for pid in children(run.pid):
+            try:
+                os.kill(pid, signal.SIGSEGV)
+                crashed += 1
+            except ProcessLookupError:
+                pass
+    shutil.rmtree(many + "/series29", ignore_errors=True) # gone, or late
+    messages = run.communicate()[1]
+    check(run.returncode == 8, run.returncode, messages)
+    failed = [line for line in b.lines("o").values() if line["status"] == "failed"]
+    check(any("crashed" in line["reason"] for line in failed), failed, messages)
+    check(len(b.lines("o")) == 30, len(b.lines("o")))
+    b.outputs("o")
+
+
+def test_signals(b):
+    """SIGTERM and SIGINT: 130 within moments, nothing half-written, and the next run goes on."""
+    archive = b.archive("signals", 20)
+    for i, name in enumerate((signal.SIGTERM, signal.SIGINT)):
+        run = b.start("batch", archive, "-O", "o%d" % i, *OPTIONS,
+                      preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
+        while run.poll() is None and not glob.glob("o%d/*/*.png" % i):
+            time.sleep(0.01)
+        run.send_signal(name)
+        messages = run.communicate()[1]
+        if run.returncode:
+            check(run.returncode == 130, run.returncode, messages)
+            check(messages.count("error: interrupted") == 1, messages)
+        b.outputs("o%d" % i)
+        b.ok(0, archive, "-O", "o%d" % i, *OPTIONS)
+        check(len(b.outputs("o%d" % i)) == 20 * (N_OUTPUTS + 4), "outputs")
+
+
+def test_outputs(b):
+    """A folder that takes no files ends the batch with 5 before any series, or as soon as it is full."""
+    archive = b.archive("outputs", 3)
+    with open("file", "w"):
+        pass
+    for folder in "file", "file/below", "missing/below":
+        done = b.run("batch", archive, "-O", folder, *OPTIONS)
+        check(done.returncode == 5 and done.stderr.count("error:") == 1, done.returncode, done.stderr)
+    check(b.run("batch", archive, "-O", archive, *OPTIONS).returncode == 2, "into the archive")
+    done = subprocess.run([b.args.ctsplat, "batch", archive, "-O", "o", *OPTIONS], capture_output=True, text=True,
+                          env=b.env, preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)))
+    check(done.returncode == 5 and done.stderr.count("error:") == 1, done.returncode, done.stderr)
+    b.outputs("o")
+    b.ok(0, archive, "-O", "o", *OPTIONS)
+    os.mkdir("empty")
+    check(b.run("batch", "empty", "-O", "none").returncode == 3, "no series")
+    check(b.run("batch", "absent", "-O", "none").returncode == 3, "no input")
+
+
+def test_odd_names(b):
+    """A UID from outside never leaves DIR."""
+    for i, odd in enumerate((b"../../x", b"/etc/x\\y", b"..", b"1.2.3 $(x)")):
+        b.add("odd", i, lambda data, k: data.replace(b.name(i), odd + b" " * (len(b.uid) - len(odd))))
+    done = b.run("batch", "odd", "-O", "o", *OPTIONS)
+    check(done.returncode in (0, 8), done.returncode, done.stderr)
+    names = set(os.listdir("o"))
+    check(all(n.startswith("uid-") or n[0] in ".bi" for n in names), names)
+    check(len(b.lines("o")) == 4, list(b.lines("o")))
+
+
+def hashes(b, folder):
+    found = {}
+    for root, _, names in os.walk(folder):
+        for name in names:
+            if root != folder:
+                with open(os.path.join(root, name), "rb") as f:
+                    found[os.path.relpath(os.path.join(root, name), folder)] = hashlib.sha256(f.read()).hexdigest()
+    return found
+
+
+def lines_torn(b, folder):
+    """The journal of a run that was killed: only its last line may be torn."""
+    found = {}
+    try:
+        with open(folder + "/batch.jsonl") as f:
+            text = f.read().split("\n")
+    except FileNotFoundError:
+        return found
+    for line in text[:-1]:
+        line = json.loads(line)
+        found[line["series_uid"]] = line
+    return found
+
+
+def main():
+    parser = argparse.ArgumentParser()
+    parser.add_argument("ctsplat", type=os.path.abspath)
+    parser.add_argument("testdata", type=os.path.abspath)
+    parser.add_argument("folder")
+    parser.add_argument("what", nargs="*")
+    parser.add_argument("--series", type=int, default=6)
+    parser.add_argument("--kills", type=int, default=4)
+    parser.add_argument("--seed", type=int, default=1)
+    args = parser.parse_args()
+    Batch.hashes, Batch.lines_torn = hashes, lines_torn
+    for what in args.what:
+        folder = os.path.join(args.folder, what)
+        os.makedirs(folder)
+        os.chdir(folder)
+        start = time.time()
+        globals()["test_" + what](Batch(args))
+        print("%s: ok, %.1f s" % (what, time.time() - start), flush=True)
+        shutil.rmtree(folder)
+
+
+main()
