@@ -392,11 +392,6 @@ typedef struct File {
     const char *path, *name, *sop_uid;
 } File;
 
-static int by_path(const void *a, const void *b)
-{
-    return strcmp(((const File *)a)->path, ((const File *)b)->path);
-}
-
 static int by_content(const void *a, const void *b)
 {
     const File *x = a, *y = b;
@@ -406,6 +401,13 @@ static int by_content(const void *a, const void *b)
     if (x->record.bytes != y->record.bytes)
         return x->record.bytes < y->record.bytes ? -1 : 1;
     return x->record.mtime_ns < y->record.mtime_ns ? -1 : x->record.mtime_ns > y->record.mtime_ns;
+}
+
+/* Members of one archive have one path: the first by content stands for them. */
+static int by_path(const void *a, const void *b)
+{
+    const int order = strcmp(((const File *)a)->path, ((const File *)b)->path);
+    return order ? order : by_content(a, b);
 }
 
 /* All records of a unit, which lie in order of offset, into text. */
