@@ -5,7 +5,7 @@
 #     with report, job, check, bench and cli on top
 #
 # A row: folder | headers of the tree it may include (a folder/ means all of it) | library headers.
-# Every folder may include its own headers, base/, and what `everywhere` lists: the C library, POSIX, OpenMP and, in C++,
+# Every folder may include its own headers, base/, and what `everywhere` lists: the C library, POSIX and, in C++,
 # the C++ library. A header that stands in neither is refused, known or not.
 set -eu
 
@@ -28,10 +28,11 @@ src/job      | ctsplat/ report/ |
 src/check    | ctsplat/ report/ |
 src/bench    | ctsplat/ report/ |
 src/contact  | ctsplat/ image/ | jansson.h webp/
-src/cli      | ctsplat/ report/ job/ check/ bench/ contact/ | jansson.h png.h openexr_base.h expat.h
+src/batch    | ctsplat/ report/ job/ contact/ | jansson.h
+src/cli      | ctsplat/ report/ job/ check/ bench/ batch/ contact/ | jansson.h png.h openexr_base.h expat.h
 '
 
-everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw inttypes libgen limits locale math omp
+everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw inttypes libgen limits locale math
  poll pthread sched semaphore setjmp signal spawn stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib string
  strings sys/file sys/mman sys/prctl sys/random sys/resource sys/socket sys/stat sys/syscall sys/time sys/types
  sys/wait time unistd wchar '

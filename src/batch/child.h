@@ -4,7 +4,7 @@
 
 #include "batch/batch.h"
 #include "batch/journal.h"
-#include "batch/plan.h"
+#include "batch/batch_plan.h"
 #include <sys/types.h>
 
 /* Messages to the parent, each a line: */

@@ -2,7 +2,7 @@
 #include "batch/journal.h"
 
 #include "base/file.h"
-#include "batch/plan.h"
+#include "batch/batch_plan.h"
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>

@@ -1,7 +1,7 @@
 #define _GNU_SOURCE
 #include "batch/line.h"
 
-#include "batch/plan.h"
+#include "batch/batch_plan.h"
 #include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>

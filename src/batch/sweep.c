@@ -1,7 +1,7 @@
 #define _GNU_SOURCE
 #include "batch/sweep.h"
 
-#include "batch/plan.h"
+#include "batch/batch_plan.h"
 #include <dirent.h>
 #include <limits.h>
 #include <stdbool.h>

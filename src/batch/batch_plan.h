@@ -1,6 +1,6 @@
 /* What there is to do: the series of an archive, found in one search and kept out of memory. */
-#ifndef CTS_BATCH_PLAN_H
-#define CTS_BATCH_PLAN_H
+#ifndef CTS_BATCH_BATCH_PLAN_H
+#define CTS_BATCH_BATCH_PLAN_H
 
 #include "base/hash.h"
 #include "ctsplat/series.h"

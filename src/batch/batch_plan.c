@@ -1,5 +1,5 @@
 #define _GNU_SOURCE
-#include "batch/plan.h"
+#include "batch/batch_plan.h"
 
 #include <errno.h>
 #include <fcntl.h>
