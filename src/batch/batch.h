@@ -78,7 +78,7 @@ typedef struct CtsBatchSettings {
     const char *options_text;     /* of all options that act on a picture, and */
     const char *dcm_options_text; /* those that act on .dcm files alone: a change makes the files anew */
     int shard, n_shards;          /* 0 of 1: all */
-    int n_jobs;                   /* series rendered at once; 0: as many as there are threads */
+    int n_jobs;                   /* series rendered at once; 0: one more than there are threads */
     int n_threads;                /* of all together; 0: the cores this process may use */
     double series_timeout_s;      /* 0: none */
     uint64_t series_bytes;        /* memory of one series; 0: what the machine has */

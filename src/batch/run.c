@@ -281,6 +281,13 @@ static bool stands(Run *r, const CtsPlanSeries *series)
     return settled;
 }
 
+/* A thread more than a fair share: it works while other series wait for the disk, and sleeps otherwise. */
+static int threads_of_one(const Run *r, int at_once)
+{
+    const int share = (r->n_threads + at_once - 1) / at_once + 1;
+    return share < r->n_threads ? share : r->n_threads;
+}
+
 /* Starts the next series that has something to be made, if there is room for one. */
 static bool start_next(Run *r)
 {
@@ -307,8 +314,8 @@ static bool start_next(Run *r)
         }
         const size_t left = cts_plan_n_series(r->plan) - r->next + (size_t)n_busy;
         const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
-        st = cts_child_start(r->settings, r->journal, &w->series, (r->n_threads + at_once - 1) / at_once, &w->pid,
-                             &w->socket, &err);
+        st =
+            cts_child_start(r->settings, r->journal, &w->series, threads_of_one(r, at_once), &w->pid, &w->socket, &err);
         if (st) {
             w->pid = 0;
             cts_plan_series_free(&w->series);
@@ -483,7 +490,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     Run r = {.settings = settings, .result = result, .start_ms = cts_wall_ms(), .err = err};
     *result = (CtsBatchResult){0};
     r.n_threads = cts_threads(settings->n_threads);
-    r.n_jobs = settings->n_jobs ? settings->n_jobs : r.n_threads;
+    r.n_jobs = settings->n_jobs ? settings->n_jobs : r.n_threads + 1; /* one of them may wait for the disk */
     r.n_jobs = r.n_jobs < CTS_BATCH_MOST_JOBS ? r.n_jobs : CTS_BATCH_MOST_JOBS;
     r.n_workers = r.n_jobs + 1;
     r.free_bytes = 0.9 * (double)cts_memory_available();

@@ -319,7 +319,7 @@ const CliOption cli_options[] = {
         RANGE(1, 256),
         .touches = CLI_TOUCHES_NOTHING,
         .help = "series rendered at once, which share the threads; one more is read ahead",
-        .fallback = "as many as threads",
+        .fallback = "one more than threads",
     },
     {
         .name = "shard",
