@@ -168,6 +168,9 @@ static CtsStatus make_folders(struct CtsBatchChild *c, CtsError *err)
             return cts_fail(err, CTS_ERR_OUTPUT, "%s: the path is too long", c->settings->folder);
         if (mkdir(path, 0777) && errno != EEXIST)
             return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", path, strerror(errno));
+        struct stat info;
+        if (lstat(path, &info) || !S_ISDIR(info.st_mode))
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: is no folder (a link is not followed out of -O)", path);
         cts_sweep(path, 0);
     }
     return CTS_OK;
