@@ -360,7 +360,7 @@ static void grant(Run *r)
 
 static void ask_to_stop(Worker *w, double now_ms)
 {
-    if (!w->stop_ms) {
+    if (w->stop_ms <= 0) {
         w->stop_ms = now_ms;
         kill(w->pid, SIGTERM);
     } else if (now_ms - w->stop_ms > GRACE_MS) {
