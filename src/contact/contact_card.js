@@ -57,11 +57,12 @@ function make(name, attributes = {}, ...children) {
 /* ---- the series ---- */
 
 const list = value => Array.isArray(value) ? value : [];
-const series = list(data.series).map((line, index) => {
+const object = value => value && typeof value === 'object' ? value : {};
+const series = list(data.series).map(object).map((line, index) => {
   const s = {index, line, uid: clean(line.series_uid), state: STATES[line.status] ? line.status : 'failed',
-    reason: clean(line.reason), geometry: line.geometry ?? {}, pictures: list(line.pictures),
-    findings: list(line.findings).filter(f => clean(f.text) !== clean(line.reason)),
-    stages: Object.entries(line.stages ?? {}).map(([name, t]) => [clean(name), +t.wall_ms || 0]),
+    reason: clean(line.reason), geometry: object(line.geometry), pictures: list(line.pictures),
+    findings: list(line.findings).map(object).filter(f => clean(f.text) !== clean(line.reason)),
+    stages: Object.entries(object(line.stages)).map(([name, t]) => [clean(name), +object(t).wall_ms || 0]),
     wall_ms: +line.wall_ms || 0, memory: +line.peak_rss_bytes || 0, ended: clean(line.ended)};
   s.text = [s.uid, s.state, s.reason, clean(s.geometry.description), clean(s.geometry.orientation),
     clean(s.geometry.transfer_syntax), SYNTAXES[s.geometry.transfer_syntax] ?? '',
@@ -101,7 +102,8 @@ function facts(s) {
 function findings(s) {
   return make('ul', {class: 'findings'}, s.findings.map(f => {
     const [mark, kind] = MARKS[f.severity] ?? MARKS.note;
-    return make('li', {}, make('span', {class: `mark ${kind}`, role: 'img', 'aria-label': clean(f.severity)}, mark),
+    const label = clean(f.severity) || 'note';
+    return make('li', {}, make('span', {class: `mark ${kind}`, role: 'img', 'aria-label': label}, mark),
       clean(f.text), ' ', make('code', {}, clean(f.code)));
   }));
 }

@@ -41,8 +41,9 @@ function showPicture(place) {
   else if (!fullFile(p)) image.src = url(p.thumb ?? '');
   slider.max = frames(p) - 1;
   showFrame(0);
+  const many = file => file.frames > 1 ? `, ${file.frames} files` : '';
   const links = Object.entries(p.files ?? {}).map(([format, file]) => make('a', {href: url(file.first),
-    target: '_blank', rel: 'noopener'}, clean(format).toUpperCase() + (file.frames > 1 ? `, ${file.frames} files` : '')));
+    target: '_blank', rel: 'noopener'}, clean(format).toUpperCase() + many(file)));
   $('aside', viewer).prepend(make('p', {class: 'links'}, links));
 }
 

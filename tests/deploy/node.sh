@@ -1,6 +1,7 @@
 #!/bin/bash
 # ctsplat-node between a scanner and a PACS, on the loopback: node.sh SOURCE_ROOT CTSPLAT LOOPBACK_LIBRARY
-# Of its six studies, fifty with CTS_SOAK set, one is broken and one has a study UID that tries to leave the folder; the node is killed half way.
+# Of its six studies, fifty with CTS_SOAK set, one is broken, and one has a study UID that tries to leave the folder.
+# The PACS comes late, and the node is killed half way.
 set -u
 root=$(realpath "$1") ctsplat=$(realpath "$2") library=$(realpath "$3") studies=6
 [ -z "${CTS_SOAK-}" ] || studies=50

@@ -1,13 +1,16 @@
 #!/bin/bash
 # ctsplat.sbatch on a real Slurm, one slurmctld and two nodes on the loopback: slurm.sh SOURCE_ROOT CTSPLAT
-# Eight array tasks; one node loses its power while it works. All series are done once, and the same bytes come out as on
-# one machine. Needs root: each node is a process namespace, so that its tasks die with it.
+# Eight array tasks; one node loses its power while it works. All series are done once, and the same bytes come out as
+# on one machine. Needs root: each node is a process namespace, so that its tasks die with it.
 set -u
 export PATH=$PATH:/usr/sbin:/sbin
 [ -n "${CTS_SOAK-}" ] || { echo "skip: takes minutes; ./dev soak runs it"; exit 77; }
 root=$(realpath "$1") ctsplat=$(realpath "$2")
 for program in slurmctld slurmd sbatch munged unshare dcmodify; do
-    command -v $program >/dev/null || { echo "skip: no $program (packages slurmctld slurmd slurm-client munge)"; exit 77; }
+    command -v $program >/dev/null || {
+        echo "skip: no $program (packages slurmctld slurmd slurm-client munge)"
+        exit 77
+    }
 done
 [ "$(id -u)" = 0 ] || { echo "skip: not root"; exit 77; }
 unshare --pid --fork --mount-proc true 2>/dev/null || { echo "skip: no process namespaces here"; exit 77; }
@@ -149,10 +152,14 @@ for folder in sys.argv[1:]:
 assert runs[0] == runs[1], 'journals differ'
 assert sum(status == 'done' for status, reason, outputs in runs[0].values()) == 23
 PY
-(cd alone && find . -type f ! -name 'batch*' ! -name index.html ! -name '.*' | LC_ALL=C sort | xargs sha256sum) >alone.sums
+# files FOLDER: what was rendered there
+files()
+{
+    (cd "$1" && find . -type f ! -name 'batch*' ! -name index.html ! -name '.*' | LC_ALL=C sort)
+}
+(cd alone && files . | xargs sha256sum) >alone.sums
 (cd together && sha256sum --quiet -c ../alone.sums) || fail "files differ"
-[ "$(find alone -type f ! -name 'batch*' ! -name '.*' | wc -l)" = \
-    "$(find together -type f ! -name 'batch*' ! -name '.*' | wc -l)" ] || fail "there are more files than on one machine"
+[ "$(files alone)" = "$(files together)" ] || fail "there are other files than on one machine"
 [ -z "$(find together -name '*.tmp')" ] || fail "temporary files were left"
 
 # Near its time limit a task goes back into the queue, and then has nothing left to do.

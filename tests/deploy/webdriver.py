@@ -37,7 +37,8 @@ class Browser:
         self.base = f'http://127.0.0.1:{found[1]}'
         arguments = ['--headless=new', '--no-sandbox', '--disable-gpu', '--disable-dev-shm-usage', '--hide-scrollbars',
                      f'--user-data-dir={self.folder}/profile', f'--window-size={width},{height}',
-                     '--host-resolver-rules=MAP * ~NOTFOUND', '--disable-background-networking', '--force-device-scale-factor=1']
+                     '--host-resolver-rules=MAP * ~NOTFOUND', '--disable-background-networking',
+                     '--force-device-scale-factor=1']
         options = {'args': arguments, 'binary': shutil.which('chromium')}
         options['perfLoggingPrefs'] = {'enableNetwork': True}
         answer = self.call('POST', '/session', {'capabilities': {'alwaysMatch': {
@@ -84,7 +85,8 @@ class Browser:
     def hover(self, selector):
         place = {ELEMENT: self.find(selector)}
         move = {'type': 'pointerMove', 'duration': 0, 'x': 0, 'y': 0, 'origin': place}
-        self.call('POST', f'{self.session}/actions', {'actions': [{'type': 'pointer', 'id': 'mouse', 'actions': [move]}]})
+        mouse = {'type': 'pointer', 'id': 'mouse', 'actions': [move]}
+        self.call('POST', f'{self.session}/actions', {'actions': [mouse]})
 
     def messages(self):
         """What the page complained about since the last call."""
