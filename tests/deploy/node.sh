@@ -89,7 +89,7 @@ wait_for()
     done
 }
 some_came() { [ "$(captures)" -ge 1 ]; }
-all_done() { [ "$(find node/state -name 'ST_*' ! -name '*.again' | wc -l)" = "$studies" ]; }
+all_done() { [ "$(find node/state -name 'ST_*' | wc -l)" = "$studies" ]; }
 
 # The PACS is not up yet: what is rendered waits for it.
 start_node
