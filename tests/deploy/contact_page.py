@@ -59,7 +59,7 @@ def make_batch(ctsplat, testdata, folder):
 
 
 def until(browser, script, what, *arguments):
-    for _ in range(100):
+    for _ in range(600):
         if browser.run(f'return {script}', *arguments):
             return
         time.sleep(.1)
