@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "base/json.h"
+#include "base/mem.h"
 #include "batch/line.h"
 #include "batch/sweep.h"
 #include "report/info.h"
@@ -336,6 +337,23 @@ static const char *status_word(CtsStatus status)
     return !code ? "done" : code == 3 || code == 4 ? "refused" : "failed";
 }
 
+/* Files in the order of their names, whichever of them were made anew. */
+static void sort_outputs(json_t *line)
+{
+    json_t *list = json_object_get(line, "outputs");
+    for (size_t i = 1; i < json_array_size(list); i++)
+        for (size_t k = i; k > 0; k--) {
+            json_t *a = json_array_get(list, k - 1), *b = json_array_get(list, k);
+            const char *path_a = json_string_value(json_object_get(a, "path"));
+            const char *path_b = json_string_value(json_object_get(b, "path"));
+            if (!path_a || !path_b || strcmp(path_a, path_b) <= 0)
+                break;
+            json_incref(a);
+            json_array_set(list, k - 1, b);
+            json_array_set_new(list, k, a);
+        }
+}
+
 CtsStatus cts_batch_end(struct CtsBatchChild *c, const CtsReport *report, CtsStatus status, const CtsError *why)
 {
     CtsError err;
@@ -344,6 +362,7 @@ CtsStatus cts_batch_end(struct CtsBatchChild *c, const CtsReport *report, CtsSta
     if (status != CTS_ERR_INTERRUPTED) {
         tell_findings(c, &report->findings);
         tell_times(c, report);
+        sort_outputs(c->line);
         json_object_set_new(c->line, "status", json_string(status_word(status)));
         json_object_set_new(c->line, "reason", cts_line_text(status ? why->text : ""));
         json_object_set_new(c->line, "exit_code", json_integer(cts_exit_code(status)));
@@ -363,10 +382,10 @@ static void limit(const CtsBatchSettings *s)
     const struct rlimit no_core = {0, 0};
     setrlimit(RLIMIT_CORE, &no_core);
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
-    if (s->series_bytes) {
-        const struct rlimit data = {s->series_bytes, s->series_bytes};
+    const uint64_t bytes = s->series_bytes ? s->series_bytes : cts_memory_available() / 10 * 9;
+    const struct rlimit data = {bytes, bytes};
+    if (bytes)
         setrlimit(RLIMIT_DATA, &data);
-    }
 #endif
     const int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
     if (fd >= 0) {
