@@ -62,6 +62,8 @@ typedef struct CtsRenderSettings {
     int grey_bits;            /* 8 to 16; 16: grey levels as they are */
     bool opacity_per_voxel;   /* --opacity-unit voxel */
     int mode;                 /* CtsMode, or -1: as the preset says */
+    double slab_mm;           /* thickness of the slab across the view that is seen; 0: all */
+    double slab_at_mm;        /* how far the slab's middle lies in front of the volume's centre */
     CtsSwitch shade;
     int verify;               /* pixels to render again with raycast */
     int n_threads;            /* 0: the cores this process may use */

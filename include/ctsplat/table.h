@@ -22,6 +22,8 @@ extern "C" {
  * rim of 3 mm around it, at least 2 voxels within a section and one section beyond, which holds the partial-volume
  * ramp. Air at the border of the field of view counts as enclosed when it is a lung by its density.
  *
+ * volume->body becomes the inside of the patient, 3 mm under the skin, with the air that it encloses.
+ *
  * The sections lie across the volume axis nearest to z, so axial, tilted, coronal and sagittal stacks, supine and
  * prone, head or feet first are all one.
  *

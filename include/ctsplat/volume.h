@@ -11,6 +11,7 @@ extern "C" {
 #endif
 
 struct CtsMacrocells; /* src/volume/macrocells.h */
+struct CtsBodyMask;   /* src/volume/body_mask.h */
 
 /* Plain data; made by cts_volume_new() or cts_series_load(), freed by cts_volume_free().
  * Voxel (i, j, k) stands at grey[(k * dims[1] + j) * dims[0] + i]; its centre lies at
@@ -28,6 +29,9 @@ typedef struct CtsVolume {
     /* Ranges of grey levels by macro-cell, for engines that skip what is void; NULL where nobody has made them. Whoever
      * changes grey calls cts_volume_changed(). */
     struct CtsMacrocells *macrocells;
+    /* The inside of the patient's body, which minip and average look at; NULL: everything. Made by
+     * cts_volume_remove_table(). */
+    struct CtsBodyMask *body;
 } CtsVolume;
 
 /* A volume of zeros with unit spacing, HU = grey - 1024. Refuses sizes below 1 and products past SIZE_MAX. */

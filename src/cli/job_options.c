@@ -30,6 +30,10 @@ CtsStatus cli_job(const CliOptions *options, CtsPreset *preset, CtsJob *job, Cts
         preset->background_none = options->background_none;
         memcpy(preset->background, options->background, sizeof options->background);
     }
+    if (options->window_given) {
+        preset->window_low_hu = options->window_low_hu;
+        preset->window_high_hu = options->window_high_hu;
+    }
     *job = (CtsJob){
         .source = cli_source(options, preset),
         .preset = preset,

@@ -194,6 +194,17 @@ CtsStatus cli_parse_crop(CliOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+CtsStatus cli_parse_window(CliOptions *options, const char *text, CtsError *err)
+{
+    double window[2];
+    if (!cli_numbers(text, window, 2) || !(window[0] < window[1]) || fabs(window[0]) > 1e6 || fabs(window[1]) > 1e6)
+        return cts_fail(err, CTS_ERR_USAGE, "--window %s: not LOW,HIGH in HU, the lower first", text);
+    options->window_given = true;
+    options->window_low_hu = window[0];
+    options->window_high_hu = window[1];
+    return CTS_OK;
+}
+
 CtsStatus cli_parse_annotate(CliOptions *options, const char *text, CtsError *err)
 {
     static const char *const names[] = {"orientation", "scale"};

@@ -24,7 +24,7 @@ bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray)
     }
     if (t1 < t0 && (t0 - t1) * fastest <= slack_vox)
         t0 = t1 = 0.5 * (t0 + t1);
-    ray->t0_mm = t0;
-    ray->t1_mm = t1;
-    return t1 >= t0;
+    ray->t0_mm = fmax(t0, view->near_mm);
+    ray->t1_mm = fmin(t1, view->far_mm);
+    return ray->t1_mm >= ray->t0_mm;
 }

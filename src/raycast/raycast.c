@@ -26,6 +26,7 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     r->preset = scene->preset;
     r->view = scene->view;
+    r->body = cts_scene_body(scene);
     r->field = field;
     cts_gauss_init(&r->coarse, CTS_GAUSS_COARSE);
     cts_gauss_init(&r->fine, CTS_GAUSS_FINE);
@@ -79,7 +80,10 @@ static void composite_ray(const CtsRaycaster *caster, const CtsRay *ray, double 
 static void window_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4])
 {
     const CtsPreset *p = caster->preset;
-    const double hu = cts_raycast_extreme(caster, ray), width = p->window_high_hu - p->window_low_hu;
+    const double width = p->window_high_hu - p->window_low_hu;
+    double hu;
+    if (!cts_raycast_extreme(caster, ray, &hu))
+        return;
     const double shown = width > 0 ? (hu - p->window_low_hu) / width : hu >= p->window_low_hu;
     rgba[0] = rgba[1] = rgba[2] = fmin(fmax(shown, 0), 1);
     rgba[3] = 1;
@@ -167,6 +171,7 @@ static void render_rows(void *context, int worker, size_t first, size_t end)
 static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
 {
     plan(scene, report);
+    cts_scene_tell_parts(scene, report);
     if (!picture)
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -187,6 +192,7 @@ const CtsEngine cts_engine_raycast = {
     .name = "raycast",
     .render = render,
     .exact = true,
+    .cuts_slabs = true,
     .modes = 1u << CTS_MODE_COMPOSITE | 1u << CTS_MODE_MIP | 1u << CTS_MODE_MINIP | 1u << CTS_MODE_AVERAGE,
     .kernels = (1u << CTS_N_KERNELS) - 1,
 };

@@ -14,6 +14,7 @@ typedef struct CtsRaycaster {
     CtsField *own_field;  /* NULL where the caller gave one */
     CtsTransfer transfer; /* composite only */
     CtsGauss coarse, fine;
+    const struct CtsBodyMask *body; /* what minip and average look at; NULL: all */
     double metric[3][3];    /* squared length in HU/mm of a gradient in HU/voxel: g' metric g */
     double camera_mm;       /* from the camera plane to t = 0 of every ray */
     double least_gradient2; /* below this square (HU/voxel) there is no gradient but rounding */
@@ -32,8 +33,8 @@ typedef struct CtsRayLight {
 bool cts_raycast_piece(const CtsRaycaster *caster, const CtsRayPiece *piece, const double (*gradient)[4],
                        CtsRayLight *light);
 
-/* HU that mip, minip or average shows for a ray inside the box. */
-double cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray);
+/* HU that mip, minip or average shows for a ray inside the box; false where it meets nothing that counts. */
+bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *hu);
 
 /* Colour of a sample, lit by its gradient in HU/voxel. */
 void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], double rgb[3]);

@@ -30,6 +30,8 @@ static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const C
                         cts_mode_names[mode]);
     if (!(e->kernels >> s->kernel & 1))
         return cts_fail(err, CTS_ERR_USAGE, "engine %s has no kernel %s", e->name, cts_kernel_names[s->kernel]);
+    if (s->slab_mm > 0 && !e->cuts_slabs)
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s cuts no slab (tiled and raycast do)", e->name);
     *engine = e;
     return CTS_OK;
 }

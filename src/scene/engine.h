@@ -40,12 +40,18 @@ typedef struct CtsEngine {
     bool plans_by_error;        /* makes its own plan of plan.max_error; others know plan.samples alone */
     bool repeats_layers;        /* goes through all layers for each band of rows */
     bool skips_void;            /* leaves out what is provably invisible */
+    bool cuts_slabs;            /* sees a part of each ray, as --slab asks */
     bool takes_key;             /* skips what counts as void by the scene's lut, so that --void key has a use */
     void (*forget)(void *kept); /* frees what render left in *scene->kept; NULL for an engine that keeps nothing */
 } CtsEngine;
 
 extern const CtsEngine cts_engine_classic, cts_engine_layers, cts_engine_void, cts_engine_combined, cts_engine_tiled,
     cts_engine_raycast;
+
+/* What minip and average look at: the inside of the body; NULL: all that there is. */
+const struct CtsBodyMask *cts_scene_body(const CtsScene *scene);
+/* The plan's lines about it and about the slab that is seen. */
+void cts_scene_tell_parts(const CtsScene *scene, CtsReport *report);
 
 /* True when the caller asked to stop; engines look once a layer or tile. */
 static inline bool cts_scene_stopped(const CtsScene *scene)

@@ -39,7 +39,9 @@ CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderS
                       .height = asked->height,
                       .mm_per_pixel = asked->mm_per_pixel > 0 ? asked->mm_per_pixel : fitting_mm,
                       .azimuth_deg = asked->azimuth_deg,
-                      .elevation_deg = asked->elevation_deg};
+                      .elevation_deg = asked->elevation_deg,
+                      .near_mm = -INFINITY,
+                      .far_mm = INFINITY};
     sincos_deg(asked->azimuth_deg, &sa, &ca);
     sincos_deg(asked->elevation_deg, &se, &ce);
     /* The camera stands at sin(az) cos(el) to the left, cos(az) cos(el) to the front, sin(el) to the head. */
@@ -70,6 +72,17 @@ CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderS
     view->axis_sign = view->forward_vox[view->axis] > 0 ? 1 : -1;
     view->layer_mm = 1 / fabs(view->forward_vox[view->axis]);
     return CTS_OK;
+}
+
+void cts_view_set_slab(CtsView *view, const CtsVolume *volume, double thickness_mm, double at_mm)
+{
+    double centre[3];
+    cts_volume_centre_lps(volume, centre);
+    for (int c = 0; c < 3; c++)
+        centre[c] -= view->centre_lps[c];
+    const double middle_mm = cts_dot3(centre, view->forward_lps) - at_mm;
+    view->near_mm = middle_mm - thickness_mm / 2;
+    view->far_mm = middle_mm + thickness_mm / 2;
 }
 
 void cts_view_ray(const CtsView *view, double x, double y, double start_vox[3])

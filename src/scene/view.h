@@ -20,11 +20,16 @@ typedef struct CtsView {
     int axis;        /* principal axis: the volume axis nearest to the viewing direction, in voxel coordinates */
     int axis_sign;   /* +1: layers are crossed front to back in rising order */
     double layer_mm; /* length of a ray between two layers */
+    /* What is seen of a ray: from here to there, beyond the plane through the centre across the viewing direction. */
+    double near_mm, far_mm;
 } CtsView;
 
 /* The camera that the settings ask for: width, height, mm_per_pixel (0: the whole bounding box fits), azimuth_deg and
  * elevation_deg. CTS_ERR_GEOMETRY when the voxel steps do not span space. */
 CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderSettings *asked, CtsError *err);
+
+/* Only a slab across the view is seen, thickness_mm thick, its middle at_mm in front of the volume's centre. */
+void cts_view_set_slab(CtsView *view, const CtsVolume *volume, double thickness_mm, double at_mm);
 
 /* Position in voxel coordinates of pixel (x, y)'s ray where it crosses the plane through the volume's centre across
  * the viewing direction; the ray goes on by forward_vox for each mm. Pixel centres, x from the left, y from the top. */

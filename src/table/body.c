@@ -16,6 +16,8 @@ static const double NOISE_MM3 = 500;
 static const double LUNG_HU = -930;
 /* Of the air at the border one voxel in so many is looked at, along rows and across. */
 enum { SAMPLE_COLUMNS = 32, SAMPLE_ROWS = 16 };
+/* The skin's soft edge. */
+static const double SKIN_MM = 3;
 static const CtsReach ONE = {.diamond = 1};
 
 /* For each part, how many of its voxels are set in bits. */
@@ -282,4 +284,69 @@ void cts_body_free(CtsBody *body)
     cts_bits_free(&body->dense);
     cts_bits_free(&body->whole);
     cts_bits_free(&body->foreign);
+}
+
+/* Squares all of whose corners are set; in a section of one row or column it is its own neighbour. */
+static void find_squares(const CtsBits *voxels, int k, CtsBits *squares)
+{
+    const int last_row = voxels->dims[1] - 1;
+    for (int j = 0; j < voxels->dims[1]; j++) {
+        const uint64_t *row = cts_bits_row(voxels, j, k), *next = cts_bits_row(voxels, j < last_row ? j + 1 : j, k);
+        uint64_t *to = cts_bits_row(squares, j, k);
+        for (size_t w = 0; w < voxels->row_words; w++) {
+            const uint64_t both = row[w] & next[w];
+            const uint64_t beyond = w + 1 < voxels->row_words ? row[w + 1] & next[w + 1] : 0;
+            to[w] = voxels->dims[0] > 1 ? both & (both >> 1 | beyond << 63) : both;
+        }
+    }
+}
+
+/* A section that is body with both its neighbours, narrowed: what is not, widened and turned round. */
+static void narrow_section(const CtsBits *whole, int k, CtsReach reach, CtsMorphology *m, uint64_t *to)
+{
+    const int last = whole->dims[2] - 1;
+    const uint64_t *own = cts_bits_row(whole, 0, k), *before = cts_bits_row(whole, 0, k ? k - 1 : 0);
+    const uint64_t *behind = cts_bits_row(whole, 0, k < last ? k + 1 : last);
+    for (size_t w = 0; w < m->n_words; w++) {
+        const uint64_t mask = w % m->row_words + 1 == m->row_words ? m->last_word : ~UINT64_C(0);
+        to[w] = ~(own[w] & before[w] & behind[w]) & mask;
+    }
+    cts_dilate_section(m, to, reach, to);
+    for (size_t w = 0; w < m->n_words; w++) {
+        const uint64_t mask = w % m->row_words + 1 == m->row_words ? m->last_word : ~UINT64_C(0);
+        to[w] = ~to[w] & mask;
+    }
+}
+
+CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, int n_threads, CtsBodyMask **mask,
+                            CtsError *err)
+{
+    CtsBits narrow = {0};
+    CtsMorphology *workers = NULL;
+    const CtsReach reach = cts_reach_mm(SKIN_MM, plan->spacing_mm);
+    CtsStatus st = cts_alloc_zeroed(mask, 1, err);
+    if (st)
+        return st;
+    CtsBodyMask *const body = *mask;
+    body->n_slices = plan->n_slices;
+    memcpy(body->axis, plan->axis, sizeof body->axis);
+    if ((st = cts_bits_new(&body->squares, plan->dims, err)) || (st = cts_bits_new(&narrow, plan->dims, err)) ||
+        (st = cts_alloc_zeroed(&workers, (size_t)n_threads, err)))
+        goto end;
+    for (int t = 0; t < n_threads; t++)
+        if ((st = cts_morphology_new(&workers[t], whole, err)))
+            goto end;
+#pragma omp parallel for schedule(static) num_threads(n_threads)
+    for (int k = 0; k < plan->dims[2]; k++) {
+        narrow_section(whole, k, reach, &workers[omp_get_thread_num()], cts_bits_row(&narrow, 0, k));
+        find_squares(&narrow, k, &body->squares);
+    }
+end:
+    for (int t = 0; workers && t < n_threads; t++)
+        cts_morphology_free(&workers[t]);
+    cts_free(&workers);
+    cts_bits_free(&narrow);
+    if (st)
+        cts_body_mask_free(mask);
+    return st;
 }

@@ -4,6 +4,7 @@
 
 #include "ctsplat/volume.h"
 #include "table/sections.h"
+#include "volume/body_mask.h"
 
 typedef struct CtsBody {
     CtsBits dense;   /* the patient where it is denser than air */
@@ -17,5 +18,10 @@ typedef struct CtsBody {
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsBits *sections,
                         const CtsBits *extruded, int n_threads, CtsBody *body, CtsError *err);
 void cts_body_free(CtsBody *body);
+
+/* What minip and average look at: the whole body but for its outermost 3 mm and sections, which hold the soft edge of
+ * the skin. */
+CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, int n_threads, CtsBodyMask **mask,
+                            CtsError *err);
 
 #endif

@@ -231,6 +231,8 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, CtsReport *report, CtsEr
         (st = cts_body_find(&r->plan, v, &r->sections, &r->extruded.plates, r->n_threads, &r->body, err)) ||
         (st = find_all_gone(r, err)))
         return st;
+    if ((st = cts_body_mask_new(&r->plan, &r->body.whole, r->n_threads, &v->body, err)))
+        return st;
     report_uncertain(r, report);
     cts_bits_combine(&r->sections, CTS_BITS_AND, &r->gone);
     if ((double)cts_bits_count(&r->sections) * r->plan.voxel_mm3 < NOTHING_MM3) {

@@ -15,11 +15,16 @@ static inline double larger(double a, double b)
     return a > b ? a : b;
 }
 
+static double slab_face(const double at[3], double u, double v)
+{
+    return at[0] + at[1] * u + at[2] * v;
+}
+
 void cts_tiled_clip(const TiledJob *j, double u, double v, double *enter, double *leave)
 {
     const double at[2] = {u, v}, step[2] = {j->u_at[3], j->v_at[3]}, size[2] = {j->nu - 1, j->nv - 1};
-    *enter = 0;
-    *leave = j->nk - 1;
+    *enter = larger(0, slab_face(j->near_at, u, v));
+    *leave = smaller(j->nk - 1, slab_face(j->far_at, u, v));
     for (int c = 0; c < 2; c++) {
         if (step[c] == 0) {
             /* A hair's breadth of rounding must not lose a face that a ray runs along. */
@@ -110,10 +115,28 @@ static bool bound(const TiledJob *j, const double at[4], double size, const int 
     return range[1] >= -hair && range[0] <= size + hair;
 }
 
+/* The slab's part of the bounds. */
+static void bound_slab(const TiledJob *j, const int corner[4][2], double in_out[4])
+{
+    double in_min = INFINITY, out_max = -INFINITY;
+    for (int i = 0; i < 4; i++) {
+        const double u = j->u_at[0] + j->u_at[1] * corner[i][0] + j->u_at[2] * corner[i][1];
+        const double v = j->v_at[0] + j->v_at[1] * corner[i][0] + j->v_at[2] * corner[i][1];
+        const double in = slab_face(j->near_at, u, v), out = slab_face(j->far_at, u, v);
+        in_min = smaller(in_min, in);
+        out_max = larger(out_max, out);
+        in_out[2] = larger(in_out[2], in);
+        in_out[3] = smaller(in_out[3], out);
+    }
+    in_out[0] = larger(in_out[0], in_min);
+    in_out[1] = smaller(in_out[1], out_max);
+}
+
 bool cts_tiled_beam_init(const TiledJob *j, TiledBeam *beam, int x0, int y0, int x1, int y1, int first)
 {
     const int corner[4][2] = {{x0, y0}, {x1 - 1, y0}, {x0, y1 - 1}, {x1 - 1, y1 - 1}};
     double in_out[4] = {0, j->nk - 1, 0, j->nk - 1}; /* some ray is inside from..to, all are from..to */
+    bound_slab(j, corner, in_out);
     if (!bound(j, j->u_at, j->nu - 1, corner, beam->u, in_out) ||
         !bound(j, j->v_at, j->nv - 1, corner, beam->v, in_out) || !(in_out[0] < in_out[1]))
         return false;

@@ -25,6 +25,10 @@ typedef struct TiledJob {
     bool rising; /* layer q is volume layer q; else nk - 1 - q */
     /* Where the ray of pixel (x, y) meets layer q: u = u_at[0] + u_at[1] x + u_at[2] y + u_at[3] q, v alike. */
     double u_at[4], v_at[4];
+    /* The ray that meets layer 0 at (u, v) is seen from q = near_at[0] + near_at[1] u + near_at[2] v on, and up to
+     * far_at alike: the slab that is asked for. */
+    double near_at[3], far_at[3];
+    bool slab; /* one is asked for */
     int64_t u_step, v_step; /* voxels from sheet to sheet, in 2^-32 */
     /* A packet's pixels against its first one, in 2^-16 voxels, and the smallest of each half packet. */
     int32_t lane_u[CTS_PACKET], lane_v[CTS_PACKET], half_u[CTS_PACKET], half_v[CTS_PACKET];

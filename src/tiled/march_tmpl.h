@@ -130,6 +130,27 @@ INLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, vf nf, vf hid
                   .even = true};
 }
 
+/* The part of a stretch from f0 to f1 that the faces of a slab leave, with the field where they cut it. */
+OUTLINE void cut_part(const TiledJob *j, Packet *pk, const Stretch *way, vf f0, vf f1, Entry *before, Entry *after)
+{
+    if (!pk->clipped)
+        clip_packet(j, pk);
+    vf in, out;
+    for (int l = 0; l < LANES; l++) {
+        const double enter = (pk->enter[l] - way->q - (double)way->from) / (double)way->share;
+        const double leave = (pk->leave[l] - way->q - (double)way->from) / (double)way->share;
+        in[l] = enter > 0 ? (float)enter : 0;
+        out[l] = leave < 1 ? (float)leave : 1;
+    }
+    look_up(j, field_at(way, vf_min(vf_max(f0, in), f1)), before);
+    look_up(j, field_at(way, vf_max(vf_min(f1, out), f0)), after);
+}
+
+INLINE bool is_cut(const TiledJob *j, const TiledBeam *beam, int q)
+{
+    return __builtin_expect(j->slab, 0) && (q < beam->full_from || q >= beam->full_to);
+}
+
 /* Part by part. even: all of a packet are equally long. */
 INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
                     const Cuts *cuts, bool even, unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
@@ -148,7 +169,10 @@ INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light 
             look_up(j, select_f(at_end, way->end, field_at(way, f1)), &after);
         const vf t_before = light->t, from = way->from + way->share * f0, to = way->from + way->share * f1;
         const vf length_mm = slab_length(j, beam, pk, way->q, from, to, even ? even_mm : (f1 - f0) * whole_mm);
-        add_slab(j, light, mask_and(marches, vf_le(count, cuts->parts)), &before, &after, length_mm);
+        Entry first = before, last = after;
+        if (is_cut(j, beam, way->q))
+            cut_part(j, pk, way, f0, f1, &first, &last);
+        add_slab(j, light, mask_and(marches, vf_le(count, cuts->parts)), &first, &last, length_mm);
         if (moment)
             *moment += (t_before - light->t) * (0.5f * (f0 + f1));
         note_depth(j, light, t_before, (float)way->q + from, to - from);
@@ -162,7 +186,10 @@ INLINE void add_whole(const TiledJob *j, const TiledBeam *beam, Packet *pk, Ligh
 {
     const vf t_before = light->t, from = vf_of(way->from), to = vf_of(way->from + way->share);
     const vf length_mm = slab_length(j, beam, pk, way->q, from, to, vf_of(way->share * j->layer_mm));
-    add_slab(j, light, mask_packets(marching), e0, e1, length_mm);
+    Entry first = *e0, last = *e1;
+    if (is_cut(j, beam, way->q))
+        cut_part(j, pk, way, vf_of(0), vf_of(1), &first, &last);
+    add_slab(j, light, mask_packets(marching), &first, &last, length_mm);
     if (moment)
         *moment += (t_before - light->t) * 0.5f;
     note_depth(j, light, t_before, (float)way->q + from, to - from);

@@ -4,6 +4,7 @@
 #include "base/levels.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "volume/body_mask.h"
 #include <math.h>
 
 /* A ray in voxel coordinates: start + t * step, t in mm, inside the box from t0 to t1. */
@@ -17,6 +18,7 @@ typedef struct Projector {
     const CtsMacrocells *blocks;
     const CtsView *view;
     CtsMode mode;
+    const CtsBodyMask *body; /* what alone is seen; NULL: all */
     ptrdiff_t stride[3];
 } Projector;
 
@@ -50,6 +52,8 @@ static bool clip(const CtsView *view, double x, double y, Ray *ray)
     }
     if (ray->t1 < ray->t0 && (ray->t0 - ray->t1) * fastest <= hair_vox)
         ray->t1 = ray->t0;
+    ray->t0 = fmax(ray->t0, view->near_mm);
+    ray->t1 = fmin(ray->t1, view->far_mm);
     return ray->t1 >= ray->t0;
 }
 
@@ -160,8 +164,13 @@ static CtsRange block_range(const Projector *p, const int block[3])
     return p->blocks->fine[((size_t)block[2] * (size_t)n[1] + (size_t)block[1]) * (size_t)n[0] + (size_t)block[0]];
 }
 
-/* sign 1: the largest, -1: the smallest grey level. Blocks and cells that cannot beat what was found are passed over.
- */
+static inline bool is_seen(const Projector *p, const int cell[3])
+{
+    return !p->body || cts_body_mask_has(p->body, cell);
+}
+
+/* sign 1: the largest, -1: the smallest grey level; -INFINITY times sign where nothing is seen. Blocks and cells that
+ * cannot beat what was found are passed over. */
 static double extreme(const Projector *p, const Ray *ray, double sign)
 {
     double best = -INFINITY; /* times sign */
@@ -173,6 +182,8 @@ static double extreme(const Projector *p, const Ray *ray, double sign)
         Walk cells = begin(p, ray, 1, blocks.t, blocks.next);
         do {
             double v[8], bound = -INFINITY;
+            if (!is_seen(p, cells.box))
+                continue;
             corners(p, cells.box, v);
             for (int c = 0; c < 8; c++)
                 bound = sign * v[c] > bound ? sign * v[c] : bound;
@@ -183,29 +194,33 @@ static double extreme(const Projector *p, const Ray *ray, double sign)
     return sign * best;
 }
 
-/* The mean grey level: Simpson's rule is exact for a cubic. */
+/* The mean grey level, INFINITY where nothing is seen: Simpson's rule is exact for a cubic. */
 static double mean(const Projector *p, const Ray *ray)
 {
     if (!(ray->t1 > ray->t0))
         return extreme(p, ray, 1);
-    double sum = 0;
+    double sum = 0, length = 0;
     Walk blocks = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
     do {
         const CtsRange r = block_range(p, blocks.box);
-        if (r.low == r.high) {
+        if (r.low == r.high && !p->body) {
             sum += r.low * (blocks.next - blocks.t);
+            length += blocks.next - blocks.t;
             continue;
         }
         Walk cells = begin(p, ray, 1, blocks.t, blocks.next);
         do {
             double v[8];
+            if (!is_seen(p, cells.box))
+                continue;
             corners(p, cells.box, v);
+            length += cells.next - cells.t;
             sum += (cells.next - cells.t) / 6 *
                    (field_at(ray, cells.box, v, cells.t) + 4 * field_at(ray, cells.box, v, (cells.t + cells.next) / 2) +
                     field_at(ray, cells.box, v, cells.next));
         } while (advance(&cells));
     } while (advance(&blocks));
-    return sum / (ray->t1 - ray->t0);
+    return length > 0 ? sum / length : INFINITY;
 }
 
 static void project_row(const Projector *p, CtsPicture *picture, int y)
@@ -218,6 +233,8 @@ static void project_row(const Projector *p, CtsPicture *picture, int y)
             continue;
         const double grey =
             p->mode == CTS_MODE_AVERAGE ? mean(p, &ray) : extreme(p, &ray, p->mode == CTS_MODE_MIP ? 1 : -1);
+        if (isinf(grey))
+            continue;
         const double hu = p->volume->hu_offset + p->volume->hu_step * grey;
         const double shown = width_hu > 0 ? (hu - preset->window_low_hu) / width_hu : hu >= preset->window_low_hu;
         float *out = picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
@@ -248,12 +265,14 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *blocks, CtsPic
                          .blocks = blocks,
                          .view = &scene->view,
                          .mode = scene->preset->mode,
+                         .body = cts_scene_body(scene),
                          .stride = {1, v->dims[0], (ptrdiff_t)v->dims[0] * v->dims[1]}};
     cts_report_plan(report, "mode %s: each ray through the cells it crosses, extremes and means of the cubic in each",
                     cts_mode_names[p.mode]);
     cts_report_plan(report, p.mode == CTS_MODE_AVERAGE
                                 ? "blocks of 4^3 cells of one grey level are taken whole"
                                 : "blocks of 4^3 cells that cannot beat what was found are skipped");
+    cts_scene_tell_parts(scene, report);
     if (!picture)
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();

@@ -33,6 +33,22 @@ static void plane_map(const CtsView *view, int axis, double camera_mm, double at
     at[3] = slope * view->axis_sign + 0.0;
 }
 
+/* Layer q lies mm[0] + mm[1] x + mm[2] y + mm[3] q behind the plane through the view's centre; x and y follow from
+ * where the ray meets layer 0. */
+static void slab_map(const TiledJob *j, const double mm[4], double face_mm, double at[3])
+{
+    at[0] = face_mm;
+    at[1] = at[2] = 0;
+    if (!isfinite(face_mm))
+        return;
+    const double area = j->u_at[1] * j->v_at[2] - j->u_at[2] * j->v_at[1];
+    const double by_u = (mm[1] * j->v_at[2] - mm[2] * j->v_at[1]) / area;
+    const double by_v = (mm[2] * j->u_at[1] - mm[1] * j->u_at[2]) / area;
+    at[0] = (face_mm - mm[0] + by_u * j->u_at[0] + by_v * j->v_at[0]) / mm[3];
+    at[1] = -by_u / mm[3];
+    at[2] = -by_v / mm[3];
+}
+
 /* A packet's pixels and sheets as exact steps of 2^-16 and 2^-32 voxels. */
 static void init_steps(TiledJob *j)
 {
@@ -81,6 +97,11 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     plane_map(view, layout->axis_u, 0, j->u_at);
     plane_map(view, layout->axis_v, 0, j->v_at);
     plane_map(view, -1, cts_volume_diagonal_mm(scene->volume) / 2, j->depth_at);
+    double behind_mm[4];
+    plane_map(view, -1, 0, behind_mm);
+    slab_map(j, behind_mm, view->near_mm, j->near_at);
+    slab_map(j, behind_mm, view->far_mm, j->far_at);
+    j->slab = isfinite(view->near_mm);
     j->nu = layout->nu;
     j->nv = layout->nv;
     j->nk = layout->nk - (CTS_MUTATED(LAST_SLAB) && layout->nk > 2);
@@ -223,6 +244,7 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacr
         init_frame(&job);
     job.narrow = blocks->all.high - blocks->all.low < 32768;
     const TiledPath path = choose_path(&job);
+    cts_scene_tell_parts(scene, report);
     cts_tiled_plan_report(&job, scene, &layout, sampled_reach(&job), path.name, report);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)job.empty.n_blocks,
                      0);
@@ -265,6 +287,7 @@ const CtsEngine cts_engine_tiled = {
     .render = render_tiled,
     .plans_by_error = true,
     .skips_void = true,
+    .cuts_slabs = true,
     .modes = (1u << CTS_N_MODES) - 1,
     .kernels = 1u << CTS_KERNEL_TENT,
     .forget = cts_tiled_kept_free,

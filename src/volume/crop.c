@@ -3,6 +3,7 @@
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "volume/macrocells.h"
+#include "volume/body_mask.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <string.h>
@@ -134,6 +135,8 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
     for (int c = 0; c < 3; c++)
         for (int axis = 0; axis < 3; axis++)
             v->origin_lps[c] += box.lo[axis] * v->step_lps[axis][c];
+    for (int axis = 0; v->body && axis < 3; axis++)
+        v->body->first[axis] += box.lo[axis];
     memcpy(v->dims, n, sizeof n);
     if (v->macrocells && whole_slices && box.lo[2] % CTS_FINE_MACROCELL == 0)
         cts_macrocells_keep_slices(v->macrocells, box.lo[2], n[2], v->grey);

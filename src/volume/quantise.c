@@ -4,6 +4,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "volume/macrocells.h"
+#include "volume/body_mask.h"
 #include "volume/volume_new.h"
 #include <math.h>
 
@@ -49,7 +50,9 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
     q->hu_max = volume->hu_max;
     Mapping mapping = {volume->grey, level, q->grey};
     cts_parallel(cts_threads(n_threads), cts_volume_n_voxels(volume), 0, map_voxels, &mapping);
-    if (volume->macrocells)
+    if (volume->body)
+        st = cts_body_mask_copy(&q->body, volume->body, err);
+    if (!st && volume->macrocells)
         st = cts_macrocells_map(&q->macrocells, volume->macrocells, level, err);
 end:
     if (st)

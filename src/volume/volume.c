@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "volume/macrocells.h"
+#include "volume/body_mask.h"
 #include "volume/volume_new.h"
 #include <stdlib.h>
 #include <string.h>
@@ -48,6 +49,7 @@ void cts_volume_free(CtsVolume **volume)
     if (!*volume)
         return;
     cts_volume_changed(*volume);
+    cts_body_mask_free(&(*volume)->body);
     cts_free(&(*volume)->grey);
     free(*volume);
     *volume = NULL;

@@ -127,6 +127,7 @@ static CtsVolume *copy(const CtsVolume *v)
     *w = *v;
     w->grey = grey;
     w->macrocells = NULL;
+    w->body = NULL;
     memcpy(grey, v->grey, cts_volume_n_voxels(v) * sizeof *grey);
     return w;
 }
