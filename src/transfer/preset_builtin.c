@@ -36,12 +36,14 @@ static const CtsPreset looks[] = {
                       {180, {0.86, 0.62, 0.50}}, {400, {0.95, 0.88, 0.77}}, {3071, {1, 0.99, 0.95}}),
     },
     {
+        /* What lies between lung and soft tissue: vessels, and the lung's own surface, thin as it is. Below -620 HU the
+         * noise of a low dose shows the lung as felt, above -300 HU fat and muscle hide it. */
         OWN("lung"),
         PRESET_WINDOW(-1350, 150),
-        PRESET_LIGHT(0.25, 0.75, 0.1, 10),
-        PRESET_OPACITY({-950, 0}, {-880, 0.03}, {-750, 0.06}, {-550, 0.05}, {-350, 0}),
-        PRESET_COLOUR({-950, {0.55, 0.72, 0.85}}, {-880, {0.70, 0.78, 0.84}}, {-750, {0.92, 0.74, 0.68}},
-                      {-550, {0.88, 0.52, 0.45}}, {-350, {0.70, 0.28, 0.22}}),
+        PRESET_LIGHT(0.3, 0.7, 0.2, 12),
+        PRESET_OPACITY({-620, 0}, {-520, 0.2}, {-420, 0.25}, {-300, 0}),
+        PRESET_COLOUR({-620, {0.70, 0.35, 0.30}}, {-520, {0.85, 0.50, 0.42}}, {-420, {0.97, 0.62, 0.50}},
+                      {-300, {1, 0.80, 0.70}}),
     },
     {
         OWN("vessel"),
@@ -55,19 +57,17 @@ static const CtsPreset looks[] = {
         OWN("metal"),
         PRESET_WINDOW(1500, 8000),
         PRESET_LIGHT(0.2, 0.7, 0.6, 40),
-        PRESET_OPACITY({300, 0}, {1200, 0.01}, {1900, 0.02}, {2300, 0.7}, {3071, 1}),
-        PRESET_COLOUR({300, {0.80, 0.72, 0.60}}, {1900, {0.86, 0.80, 0.70}}, {2300, {0.66, 0.72, 0.80}},
-                      {3071, {0.88, 0.92, 0.97}}),
+        PRESET_OPACITY({1900, 0}, {2300, 0.7}, {3071, 1}),
+        PRESET_COLOUR({1900, {0.60, 0.65, 0.72}}, {2300, {0.66, 0.72, 0.80}}, {3071, {0.88, 0.92, 0.97}}),
     },
 };
 
+/* Each with the mode that shows something of a whole head, chest or belly: the largest value for what is denser than
+ * the rest, the smallest for air ways, the mean for what lies in between (brain: in a slab). */
 static const CtsPreset windows[] = {
-    GREY_WINDOW("brain", CTS_MODE_MIP, 0, 80),
-    GREY_WINDOW("soft", CTS_MODE_MIP, -160, 240),
-    GREY_WINDOW("lung-window", CTS_MODE_MINIP, -1350, 150),
-    GREY_WINDOW("bone-window", CTS_MODE_MIP, -700, 1300),
-    GREY_WINDOW("abdomen", CTS_MODE_MIP, -125, 225),
-    GREY_WINDOW("mediastinum", CTS_MODE_MIP, -125, 225),
+    GREY_WINDOW("brain", CTS_MODE_AVERAGE, 0, 80),          GREY_WINDOW("soft", CTS_MODE_AVERAGE, -160, 240),
+    GREY_WINDOW("lung-window", CTS_MODE_MINIP, -1350, 150), GREY_WINDOW("bone-window", CTS_MODE_MIP, -700, 1300),
+    GREY_WINDOW("abdomen", CTS_MODE_AVERAGE, -125, 225),    GREY_WINDOW("mediastinum", CTS_MODE_AVERAGE, -125, 225),
     GREY_WINDOW("vessel-window", CTS_MODE_MIP, -165, 485),
 };
 
