@@ -38,6 +38,10 @@ typedef struct CtsMixture {
  * one order, so the same counts give the same mixture to the bit. CTS_ERR_USAGE when there are no voxels. */
 CtsStatus cts_mixture_fit(const uint64_t *count, double hu_offset, double hu_step, CtsMixture *mixture, CtsError *err);
 
+/* Whether blood carries contrast agent: more than a tenth as many voxels as of soft tissue are as dense as spongy bone
+ * or enhanced blood. Few vessels in much soft tissue do not tell. */
+bool cts_mixture_has_contrast(const CtsMixture *mixture);
+
 /* The probability that what is at a voxel of this HU is void tissue: is_void tells which tissues are. Between two means
  * a voxel is of one of the two tissues or mixes them, and mixed voxels count by their shares; beyond the first and the
  * last mean it is as at that mean. */

@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/meter.h"
 #include "ctsplat/annotate.h"
+#include "job/contrast.h"
 #include "job/files.h"
 #include "job/pooled.h"
 
@@ -125,14 +126,16 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
 {
     CtsExportSettings settings = job->export;
     CtsRenderSettings render = job->render;
+    CtsPreset preset = *job->preset;
     CtsRenderer *renderer = NULL;
     CtsFiles files = {.outputs = &job->outputs, .settings = &settings, .watch = watch};
     CtsStatus st;
     settings.source = loaded->series;
     settings.n_threads = cts_threads(job->render.n_threads);
     render.want_depth = cts_outputs_hold_depth(&job->outputs);
-    if (!(st = cts_files_begin(&files, err)) &&
-        !(st = cts_render_begin(&renderer, loaded->volume, job->preset, &render, err)))
+    if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)) &&
+        !(st = cts_files_begin(&files, err)) &&
+        !(st = cts_render_begin(&renderer, loaded->volume, &preset, &render, err)))
         st = render_frames(job, renderer, &files, report, err);
     const CtsMeter meter = cts_meter_start(report);
     cts_files_end(&files);

@@ -34,7 +34,6 @@ static CtsStatus count_in(const CtsParts *p, const CtsBits *bits, uint64_t **cou
     return st;
 }
 
-/* flags[]: the largest part, and of the others of some size those that are mostly thick; sized[]: these others. */
 typedef struct Opening {
     CtsBits *bits;
     CtsReach reach;
@@ -51,6 +50,7 @@ static void open_sections(void *context, int worker, size_t first, size_t end)
     }
 }
 
+/* flags[]: the largest part, and of the others of some size those that are mostly thick; sized[]: these others. */
 static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, CtsMorphology *workers, int n_threads,
                                 uint8_t *flags, uint8_t *sized, CtsError *err)
 {
@@ -318,6 +318,23 @@ static void narrow_section(const CtsBits *whole, int k, CtsReach reach, CtsMorph
     }
 }
 
+/* Body masks of sections, each by itself. */
+typedef struct Narrowing {
+    const CtsBits *whole;
+    CtsBits *narrow, *squares;
+    CtsReach reach;
+    CtsMorphology *workers;
+} Narrowing;
+
+static void narrow_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Narrowing *const n = context;
+    for (int k = (int)first; k < (int)end; k++) {
+        narrow_section(n->whole, k, n->reach, &n->workers[worker], cts_bits_row(n->narrow, 0, k));
+        find_squares(n->narrow, k, n->squares);
+    }
+}
+
 CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, int n_threads, CtsBodyMask **mask,
                             CtsError *err)
 {
@@ -336,11 +353,8 @@ CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, in
     for (int t = 0; t < n_threads; t++)
         if ((st = cts_morphology_new(&workers[t], whole, err)))
             goto end;
-#pragma omp parallel for schedule(static) num_threads(n_threads)
-    for (int k = 0; k < plan->dims[2]; k++) {
-        narrow_section(whole, k, reach, &workers[omp_get_thread_num()], cts_bits_row(&narrow, 0, k));
-        find_squares(&narrow, k, &body->squares);
-    }
+    Narrowing narrowing = {whole, &narrow, &body->squares, reach, workers};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, narrow_sections, &narrowing);
 end:
     for (int t = 0; workers && t < n_threads; t++)
         cts_morphology_free(&workers[t]);

@@ -2,8 +2,8 @@
 
 #include "base/mem.h"
 #include "base/vec3.h"
-#include "volume/macrocells.h"
 #include "volume/body_mask.h"
+#include "volume/macrocells.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <string.h>

@@ -3,8 +3,8 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "volume/macrocells.h"
 #include "volume/body_mask.h"
+#include "volume/macrocells.h"
 #include "volume/volume_new.h"
 #include <math.h>
 

@@ -2,8 +2,8 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "volume/macrocells.h"
 #include "volume/body_mask.h"
+#include "volume/macrocells.h"
 #include "volume/volume_new.h"
 #include <stdlib.h>
 #include <string.h>

@@ -212,6 +212,25 @@ static void test_degenerate(void **state)
     free(count);
 }
 
+/* Blood with contrast agent adds to what is as dense as spongy bone. */
+static void test_contrast(void **state)
+{
+    (void)state;
+    for (int contrast = 0; contrast < 2; contrast++) {
+        uint64_t *count = new_counts();
+        add_normal(count, 4e5, -1000, 15);
+        add_normal(count, 2e5, 40, 20);
+        add_normal(count, 6e3, 320, 80);
+        add_normal(count, 4e3, 900, 250);
+        add_normal(count, contrast ? 4e4 : 0, 300, 40);
+        const CtsMixture m = fit(count);
+        assert_int_equal(cts_mixture_has_contrast(&m), contrast);
+        free(count);
+    }
+    const CtsMixture none = {0};
+    assert_false(cts_mixture_has_contrast(&none));
+}
+
 /* A pin of a few voxels, and metal that the scanner clips at its largest value. */
 static void test_metal(void **state)
 {
@@ -453,8 +472,8 @@ int main(void)
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_head),        cmocka_unit_test(test_lung),       cmocka_unit_test(test_noise),
         cmocka_unit_test(test_clipped_air), cmocka_unit_test(test_degenerate), cmocka_unit_test(test_metal),
-        cmocka_unit_test(test_histogram),   cmocka_unit_test(test_key),        cmocka_unit_test(test_key_forms),
-        cmocka_unit_test(test_picture),     cmocka_unit_test(test_frames),
+        cmocka_unit_test(test_contrast),    cmocka_unit_test(test_histogram),  cmocka_unit_test(test_key),
+        cmocka_unit_test(test_key_forms),   cmocka_unit_test(test_picture),    cmocka_unit_test(test_frames),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -209,6 +209,14 @@ static void own_looks(void **state)
     near(cts_preset_opacity(named("skin"), -500), 0, 0);
     assert_true(cts_preset_opacity(named("skin"), -200) >= 0.9);
     assert_true(named("skin")->remove_table && named("bone")->remove_table);
+    /* The lung's own density is not seen, nor what lies around it; metal has no bone about it. */
+    near(cts_preset_opacity(named("lung"), -800), 0, 0);
+    near(cts_preset_opacity(named("lung"), -250), 0, 0);
+    assert_true(cts_preset_opacity(named("lung"), -450) > 0.1);
+    near(cts_preset_opacity(named("metal"), 1800), 0, 0);
+    assert_int_equal(named("soft")->mode, CTS_MODE_AVERAGE);
+    assert_int_equal(named("lung-window")->mode, CTS_MODE_MINIP);
+    assert_int_equal(named("bone-window")->mode, CTS_MODE_MIP);
 }
 
 int main(void)

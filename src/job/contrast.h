@@ -1,0 +1,15 @@
+/* A preset for vessels needs contrast agent to tell them by. */
+#ifndef CTS_JOB_CONTRAST_H
+#define CTS_JOB_CONTRAST_H
+
+#include "ctsplat/preset.h"
+#include "ctsplat/report.h"
+#include "ctsplat/volume.h"
+
+/* For the built-in preset `vessel` and a volume whose blood carries no contrast agent, by the mixture model: the
+ * warning `no_contrast`, and the preset gets the colours of `bone`, as bone is what it shows then. All else is left
+ * alone. */
+CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *preset, CtsReport *report,
+                             CtsError *err);
+
+#endif
