@@ -12,12 +12,21 @@
 extern "C" {
 #endif
 
-typedef enum CtsScCompression { CTS_SC_NONE, CTS_SC_RLE, CTS_SC_JPEG_LOSSLESS } CtsScCompression;
+typedef enum CtsScCompression {
+    CTS_SC_NONE,
+    CTS_SC_RLE,
+    CTS_SC_JPEG_LOSSLESS,
+    CTS_SC_JPEG_2000,
+    CTS_SC_N_COMPRESSIONS
+} CtsScCompression;
+extern const char *const cts_sc_compression_names[CTS_SC_N_COMPRESSIONS];
 
 typedef struct CtsExportSettings {
     const CtsSeries *source;      /* whose study a secondary capture joins; NULL where no .dcm is written */
     CtsScCompression compression; /* for .dcm */
     bool new_uids, deidentify;    /* for .dcm */
+    int series_number;            /* of .dcm; 0: one that preset, kind and view have for themselves */
+    const char *series_description; /* of .dcm, ASCII, at most 64 characters; NULL: chosen likewise */
     bool force;                   /* overwrite a file that exists; else CTS_ERR_OUTPUT */
     int n_threads;
 } CtsExportSettings;
@@ -35,7 +44,7 @@ CtsStatus cts_export_check_size(const char *path, int width, int height, int n_f
                                 const CtsExportSettings *settings, CtsError *err);
 
 /* A file that is written while its rows come: all bands of the first frame from the top, then the next frame's. What
- * is held meanwhile does not grow with the picture or the number of frames (but DCMTK compresses .dcm in memory).
+ * is held meanwhile does not grow with the picture (but a compressed .dcm holds a frame) or the number of frames.
  * Written whole or not at all: temporary file in the same folder, fsync, rename. Adds to the export stage. */
 typedef struct CtsExport CtsExport;
 
@@ -44,7 +53,8 @@ typedef struct CtsExport CtsExport;
 CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPicture *first, int n_frames,
                            const CtsExportSettings *settings, CtsReport *report, CtsError *err);
 CtsStatus cts_export_rows(CtsExport *output, const CtsPicture *band, CtsError *err);
-/* Makes *output NULL, whatever comes of it; bytes (may be NULL) is the file's size. */
+/* report->verified as it stands now is the error that a .dcm tells of. Makes *output NULL, whatever comes of it; bytes
+ * (may be NULL) is the file's size. */
 CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err);
 /* Gives up; does nothing when *output is NULL. */
 void cts_export_discard(CtsExport **output);

@@ -23,6 +23,7 @@ typedef struct CtsPictureInfo {
     double right_lps[3], up_lps[3], forward_lps[3], centre_lps[3];
     bool grey;        /* grey whatever the volume: a projection, or a preset without colours, over grey or nothing */
     bool shows_skin;  /* a composite that lets skin be seen: a face may be recognised */
+    bool annotated;   /* marks are drawn on it */
     double camera_mm; /* how far before centre_lps the camera plane stands, where depth is 0 */
 } CtsPictureInfo;
 

@@ -1,9 +1,11 @@
 /* ctsplat render: the command line as a job, its progress, its log and what it prints. */
 #include "base/clock.h"
+#include "cli/interrupt.h"
 #include "cli/job_options.h"
 #include "cli/message.h"
 #include "cli/options.h"
 #include "cli/progress.h"
+#include "cli/remote.h"
 #include "cli/terminal_watch.h"
 #include <math.h>
 #include <stdio.h>
@@ -58,14 +60,18 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if ((st = cli_job(options, preset, &job, err)) || (st = cts_log_open(&log, options->log, start_ms, err)))
         goto end;
+    if (options->from_given)
+        cli_interrupt_asks(); /* from now on there is a folder to clear away */
     CliWatch seen = {.log = log};
     const CtsWatch watch = cli_watch(&seen);
     st = cts_job_run(&job, &watch, &report, err);
     cli_progress_clear();
     if (!st && options->render.explain)
         print_plan(&job, &report);
-    else if (!st)
+    else if (!st) {
         print_verified(&report);
+        st = cli_send(options, err);
+    }
 end:
     cts_log_report(log, &report);
     if (!st)

@@ -1,6 +1,7 @@
 #include "cli/job_options.h"
 
 #include "cli/interrupt.h"
+#include "cli/remote.h"
 #include <string.h>
 
 CtsSource cli_source(const CliOptions *options, const CtsPreset *preset)
@@ -8,6 +9,10 @@ CtsSource cli_source(const CliOptions *options, const CtsPreset *preset)
     CtsSource source = {
         .paths = options->operands,
         .n_paths = options->n_operands,
+        .from = options->from_given ? &options->from : NULL,
+        .net = &options->net,
+        .study_uid = options->study_uid,
+        .peer_series_uid = options->peer_series_uid,
         .series_uid = options->series_uid,
         .n_threads = options->render.n_threads,
         .remove_table = options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON,
@@ -24,7 +29,11 @@ CtsStatus cli_job(const CliOptions *options, CtsPreset *preset, CtsJob *job, Cts
     CtsStatus st;
     if (!options->n_outputs && !options->render.explain)
         return cts_fail(err, CTS_ERR_USAGE, "render: no output (give -o FILE, ending in .png, .exr or .dcm)");
-    if ((st = cts_preset_load(options->preset, preset, err)))
+    if ((st = cli_remote_check(options, err)))
+        return st;
+    if (options->state && options->state->preset.name[0])
+        *preset = options->state->preset;
+    else if ((st = cts_preset_load(options->preset, preset, err)))
         return st;
     if (options->background_given) {
         preset->background_none = options->background_none;
@@ -41,8 +50,15 @@ CtsStatus cli_job(const CliOptions *options, CtsPreset *preset, CtsJob *job, Cts
         .export = {.compression = (CtsScCompression)options->compression,
                    .new_uids = options->new_uids,
                    .deidentify = options->deidentify,
+                   .series_number = options->series_number,
+                   .series_description = options->series_description,
                    .force = options->force},
-        .outputs = {.paths = options->outputs, .n = options->n_outputs, .rotation = options->rotation},
+        .outputs = {.paths = options->outputs,
+                    .n = options->n_outputs,
+                    .state = options->write_state,
+                    .rotation = options->rotation},
+        .options = options->recipe,
+        .n_options = options->n_recipe,
         .annotate_orientation = options->annotate_orientation,
         .annotate_scale = options->annotate_scale,
     };

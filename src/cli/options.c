@@ -1,5 +1,6 @@
 #include "cli/options.h"
 
+#include "cli/interrupt.h"
 #include "cli/values.h"
 #include <stdlib.h>
 #include <string.h>
@@ -12,13 +13,11 @@
 #define RANGE(lowest, highest) .low = (lowest), .high = (highest)
 #define PARSED(parser) .kind = CLI_CUSTOM, .parse = (parser)
 
-static const char *const compressions[] = {
-    [CTS_SC_NONE] = "none", [CTS_SC_RLE] = "rle", [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless"};
-
 const CliOption cli_options[] = {
     {
         .letter = 'o',
         .name = "output",
+        .touches = CLI_TOUCHES_NOTHING,
         .argument = "FILE",
         .commands = ON(CLI_RENDER),
         PARSED(cli_parse_output),
@@ -289,13 +288,34 @@ const CliOption cli_options[] = {
     },
     {
         .name = "compress",
-        .argument = "none, rle or jpeg-lossless",
+        .argument = "none, rle, jpeg-lossless or jpeg-2000",
         .commands = RENDERING,
-        CHOICES(compressions, 3),
+        CHOICES(cts_sc_compression_names, CTS_SC_N_COMPRESSIONS),
         .field = FIELD(compression),
         .touches = CLI_TOUCHES_DCM,
         .help = "compression of .dcm outputs",
         .fallback = "none",
+    },
+    {
+        .name = "series-number",
+        .touches = CLI_TOUCHES_DCM,
+        .argument = "N",
+        .commands = RENDERING,
+        .kind = CLI_INT,
+        .field = FIELD(series_number),
+        RANGE(1, 2147483647),
+        .help = "SeriesNumber of .dcm outputs",
+        .fallback = "one for each series, preset, mode and view",
+    },
+    {
+        .name = "series-description",
+        .touches = CLI_TOUCHES_DCM,
+        .argument = "TEXT",
+        .commands = RENDERING,
+        .kind = CLI_TEXT,
+        .field = FIELD(series_description),
+        .help = "SeriesDescription of .dcm outputs, at most 64 ASCII characters",
+        .fallback = "mode, preset and view",
     },
     {
         .name = "new-uids",
@@ -312,7 +332,133 @@ const CliOption cli_options[] = {
         .help = "leave the patient's identity out of .dcm outputs",
     },
     {
+        .name = "state",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "FILE",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_TEXT,
+        .field = FIELD(state_path),
+        .help = "make the picture that a presentation state of ctsplat's describes; options beside it win",
+    },
+    {
+        .name = "write-state",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "FILE",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_TEXT,
+        .field = FIELD(write_state),
+        .help = "write how the picture was made as a Volume Rendering Volumetric Presentation State",
+    },
+    {
+        .name = "send",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "PEER",
+        .commands = ON(CLI_RENDER),
+        PARSED(cli_parse_send),
+        .help = "store the DICOM outputs to a PACS: AET@HOST:PORT (C-STORE) or the URL of a DICOMweb service (STOW-RS)",
+    },
+    {
+        .name = "from",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "PEER",
+        .commands = ON(CLI_RENDER),
+        PARSED(cli_parse_from),
+        .help = "fetch the series from a PACS instead of PATH: AET@HOST:PORT (C-GET) or the URL of a DICOMweb service "
+                "(WADO-RS)",
+    },
+    {
+        .name = "study-uid",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "UID",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_TEXT,
+        .field = FIELD(study_uid),
+        .help = "the study to fetch",
+    },
+    {
+        .name = "series-uid",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "UID",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_TEXT,
+        .field = FIELD(peer_series_uid),
+        .help = "the one series of it to fetch",
+        .fallback = "all",
+    },
+    {
+        .name = "aet",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "AET",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_TEXT,
+        .field = FIELD(net.own_aet),
+        .help = "ctsplat's own AE title",
+        .fallback = "CTSPLAT",
+    },
+    {
+        .name = "move-port",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "PORT",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_INT,
+        .field = FIELD(net.move_port),
+        RANGE(1, 65535),
+        .help = "fetch by C-MOVE to this port, for peers that do not know C-GET",
+        .fallback = "C-GET",
+    },
+    {
+        .name = "tls-ca",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "FILE",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_TEXT,
+        .field = FIELD(net.tls_ca),
+        .help = "talk to the peer over TLS, and trust the certificates in this PEM file",
+    },
+    {
+        .name = "tls-key",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "FILE",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_TEXT,
+        .field = FIELD(net.tls_key),
+        .help = "private key (PEM) that ctsplat shows itself with over TLS",
+        .fallback = "none",
+    },
+    {
+        .name = "tls-cert",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "FILE",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_TEXT,
+        .field = FIELD(net.tls_certificate),
+        .help = "its certificate (PEM)",
+        .fallback = "none",
+    },
+    {
+        .name = "credentials",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "FILE",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_TEXT,
+        .field = FIELD(net.credentials),
+        .help = "file with user:password, or Bearer and a token, for DICOMweb",
+        .fallback = "$CTSPLAT_CREDENTIALS",
+    },
+    {
+        .name = "peer-timeout",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "SECONDS",
+        .commands = ON(CLI_RENDER),
+        .kind = CLI_INT,
+        .field = FIELD(net.timeout_s),
+        RANGE(1, 3600),
+        .help = "how long a silent peer is waited for",
+        .fallback = "30",
+    },
+    {
         .name = "plot",
+        .touches = CLI_TOUCHES_NOTHING,
         .argument = "FILE",
         .commands = ON(CLI_CHECK),
         .kind = CLI_TEXT,
@@ -321,6 +467,7 @@ const CliOption cli_options[] = {
     },
     {
         .name = "propose",
+        .touches = CLI_TOUCHES_NOTHING,
         .argument = "PATH",
         .commands = ON(CLI_PRESETS),
         .kind = CLI_TEXT,
@@ -552,9 +699,43 @@ static CtsStatus parse_option(CliOptions *options, int command, const char *cons
     return take(options, o, argument, err);
 }
 
+/* What a presentation state holds: how the picture looks, and from where. */
+static bool is_of_recipe(const CliOption *o)
+{
+    return o->touches == CLI_TOUCHES_PICTURES || strcmp(o->name, "view") == 0;
+}
+
+/* What the presentation state says, where the command line does not say otherwise. */
+static CtsStatus take_state(CliOptions *options, int command, CtsError *err)
+{
+    CtsStatus st = cts_state_read(options->state_path, &options->state, err);
+    if (st)
+        return st;
+    for (int i = 0; i < options->state->n_options && !st; i++) {
+        const CtsStateOption *said = &options->state->options[i];
+        const CliOption *o = find_long(said->name, strlen(said->name));
+        if (!o || !is_of_recipe(o) || !(o->commands >> command & 1))
+            st = cts_fail(err, CTS_ERR_READ, "%s: holds an option that this build does not have: %.60s",
+                          options->state_path, said->name);
+        else if (!options->given[o - cli_options]) {
+            options->given[o - cli_options] = said->value;
+            if ((st = take(options, o, o->kind == CLI_FLAG ? NULL : said->value, err)))
+                cts_context(err, "%s", options->state_path);
+        }
+    }
+    return st;
+}
+
+static void write_recipe(CliOptions *options)
+{
+    for (int i = 0; cli_options[i].name; i++)
+        if (options->given[i] && is_of_recipe(&cli_options[i]))
+            options->recipe[options->n_recipe++] = (CtsStateOption){cli_options[i].name, options->given[i]};
+}
+
 static CtsStatus check_operands(const CliOptions *options, const CliCommand *command, CtsError *err)
 {
-    if (options->n_operands < command->min_operands)
+    if (options->n_operands < command->min_operands && !options->from_given)
         return cts_fail(err, CTS_ERR_USAGE, "%s: %s is missing (see ctsplat %s --help)", command->name,
                         command->operand, command->name);
     if (options->n_operands > command->max_operands)
@@ -565,7 +746,7 @@ static CtsStatus check_operands(const CliOptions *options, const CliCommand *com
 
 CtsStatus cli_options_parse(CliOptions *options, int command, int argc, const char *const *argv, CtsError *err)
 {
-    *options = (CliOptions){.preset = "bone", .n_shards = 1, .series_timeout_s = 3600};
+    *options = (CliOptions){.n_shards = 1, .series_timeout_s = 3600, .net.stop = &cli_stop};
     cts_render_defaults(&options->render);
     const char **operands = calloc((size_t)argc + 1, sizeof *operands);
     options->operands = operands;
@@ -589,14 +770,21 @@ CtsStatus cli_options_parse(CliOptions *options, int command, int argc, const ch
             argv++;
         }
     }
-    if (options->help)
-        return CTS_OK;
-    return check_operands(options, &cli_commands[command], err);
+    CtsStatus st = CTS_OK;
+    if (!options->help && options->state_path)
+        st = take_state(options, command, err);
+    write_recipe(options);
+    if (!options->preset)
+        options->preset = options->state ? options->state->preset.name : "bone";
+    else if (options->state)
+        options->state->preset.name[0] = 0; /* another one is asked for */
+    return st || options->help ? st : check_operands(options, &cli_commands[command], err);
 }
 
 void cli_options_free(CliOptions *options)
 {
     free((void *)options->operands);
     free(options->outputs);
+    cts_state_free(&options->state);
     *options = (CliOptions){0};
 }

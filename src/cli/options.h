@@ -6,7 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-enum { CLI_MOST_OPTIONS = 80 };
+enum { CLI_MOST_OPTIONS = 100 };
 
 /* What the user asked for, defaults where nothing was said. Strings point into argv. */
 typedef struct CliOptions {
@@ -29,7 +29,15 @@ typedef struct CliOptions {
     bool window_given;
     double window_low_hu, window_high_hu;
     bool annotate_orientation, annotate_scale;
-    int compression; /* CtsScCompression */
+    int compression;   /* CtsScCompression */
+    int series_number; /* 0: chosen by ctsplat */
+    const char *series_description;
+    bool send_given, from_given;
+    CtsPeer send, from;
+    CtsNet net;
+    const char *study_uid, *peer_series_uid; /* what to fetch */
+    const char *state_path, *write_state;
+    CtsState *state; /* of state_path; its preset holds where --preset is not given */
     bool new_uids, deidentify, force;
     const char *log;
 
@@ -45,6 +53,8 @@ typedef struct CliOptions {
     bool resume, fresh;
     const char *merge;
 
+    CtsStateOption recipe[CLI_MOST_OPTIONS]; /* what a presentation state holds of them */
+    int n_recipe;
     const char *given[CLI_MOST_OPTIONS]; /* by place in cli_options: the argument that counts, "" for a flag */
 } CliOptions;
 

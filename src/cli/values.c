@@ -230,3 +230,15 @@ CtsStatus cli_parse_output(CliOptions *options, const char *text, CtsError *err)
     options->outputs[options->n_outputs++] = text;
     return CTS_OK;
 }
+
+CtsStatus cli_parse_send(CliOptions *options, const char *text, CtsError *err)
+{
+    options->send_given = true;
+    return cts_peer_parse(text, &options->send, err) ? cts_context(err, "--send") : CTS_OK;
+}
+
+CtsStatus cli_parse_from(CliOptions *options, const char *text, CtsError *err)
+{
+    options->from_given = true;
+    return cts_peer_parse(text, &options->from, err) ? cts_context(err, "--from") : CTS_OK;
+}

@@ -22,6 +22,8 @@ CtsStatus cli_parse_crop(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_table(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_window(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_annotate(CliOptions *options, const char *text, CtsError *err);
+CtsStatus cli_parse_send(CliOptions *options, const char *text, CtsError *err);
+CtsStatus cli_parse_from(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_output(CliOptions *options, const char *text, CtsError *err);
 
 #endif

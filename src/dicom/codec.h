@@ -12,9 +12,10 @@
 extern "C" {
 #endif
 
-/* What the header says of one frame of grey pixels. */
+/* What the header says of one frame of grey pixels, or of a picture's colours where OpenJPEG decodes it. */
 typedef struct CtsFrameFormat {
     const CtsSyntax *syntax;
+    int n_colours; /* samples a pixel, side by side; 0: grey */
     int columns, rows, bits_allocated, bits_stored, high_bit;
     bool is_signed;
     int padding_word;  /* as in CtsSlice */
@@ -23,7 +24,8 @@ typedef struct CtsFrameFormat {
 
 static inline size_t cts_frame_bytes(const CtsFrameFormat *format)
 {
-    return (size_t)format->columns * (size_t)format->rows * (size_t)(format->bits_allocated / 8);
+    const size_t n_samples = format->n_colours > 0 ? (size_t)format->n_colours : 1;
+    return (size_t)format->columns * (size_t)format->rows * n_samples * (size_t)(format->bits_allocated / 8);
 }
 
 /* stream: the frame's fragments, joined; for a deflated data set all of it. Writes rows * columns words of

@@ -1,239 +1,48 @@
 /* Secondary captures written with DCMTK (PS3.3 A.8.1, A.8.4 and A.8.5). */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/dcm_sc.h"
+#include "dicom/dcm_put.hpp"
 
 #include "dicom/dcm_read.h"
-#include "dicom/file_bytes.h"
-#include <cerrno>
-#include <dcmtk/dcmdata/dcistrmf.h>
-#include <dcmtk/dcmdata/dcostrmb.h>
-#include <dcmtk/dcmdata/dcpixel.h>
-#include <dcmtk/dcmdata/dcrleerg.h>
-#include <dcmtk/dcmdata/dcrlerp.h>
-#include <dcmtk/dcmdata/dctk.h>
-#include <dcmtk/dcmjpeg/djencode.h>
-#include <dcmtk/dcmjpeg/djrplol.h>
 #include <memory>
-#include <mutex>
 #include <new>
 #include <stdio.h>
 #include <string.h>
 #include <string>
-#include <sys/mman.h>
-#include <unistd.h>
-#include <vector>
 
 namespace
 {
 
-/* Names this implementation of DICOM writing (PS3.7 D.3.3.2); made once, like any UID. */
-const char *const implementation_uid = "2.25.67028870792169200667320284542246776385";
-const size_t piece_bytes = 1 << 20;
 const int frame_ms = 100;
 
-/* Puts values into an item; the first failure is kept and ends all further work. */
-class Put
-{
-  public:
-    explicit Put(DcmItem &item) : item_(item)
-    {
-    }
-
-    Put &text(const DcmTagKey &tag, const char *value)
-    {
-        if (state_.good())
-            state_ = item_.putAndInsertString(DcmTag(tag), value);
-        return *this;
-    }
-
-    Put &number(const DcmTagKey &tag, long value)
-    {
-        char digits[24];
-        snprintf(digits, sizeof digits, "%ld", value);
-        return text(tag, digits);
-    }
-
-    Put &word(const DcmTagKey &tag, int value)
-    {
-        if (state_.good())
-            state_ = item_.putAndInsertUint16(DcmTag(tag), static_cast<Uint16>(value));
-        return *this;
-    }
-
-    /* Takes the element over. */
-    Put &element(DcmElement *element)
-    {
-        if (state_.good())
-            state_ = element ? item_.insert(element) : EC_MemoryExhausted;
-        if (state_.bad())
-            delete element;
-        return *this;
-    }
-
-    /* A new item at the end of a sequence; NULL after a failure. */
-    DcmItem *item(const DcmTagKey &sequence)
-    {
-        DcmItem *made = nullptr;
-        if (state_.good())
-            state_ = item_.findOrCreateSequenceItem(DcmTag(sequence), made, -2);
-        return state_.good() ? made : nullptr;
-    }
-
-    Put &keep(const OFCondition &state)
-    {
-        if (state_.good())
-            state_ = state;
-        return *this;
-    }
-
-    Put &code(const DcmTagKey &sequence, const char *value, const char *meaning)
-    {
-        if (DcmItem *made = item(sequence))
-            keep(Put(*made)
-                     .text(DCM_CodeValue, value)
-                     .text(DCM_CodingSchemeDesignator, "DCM")
-                     .text(DCM_CodeMeaning, meaning)
-                     .state());
-        return *this;
-    }
-
-    const OFCondition &state() const
-    {
-        return state_;
-    }
-
-  private:
-    DcmItem &item_;
-    OFCondition state_ = EC_Normal;
-};
-
-const char *string_of(DcmItem &item, const DcmTagKey &tag)
-{
-    const char *text = nullptr;
-    return item.findAndGetString(tag, text).good() && text ? text : "";
-}
-
-/* A path for what DCMTK is to read: an archive's member is put into a file without a name, up to its pixels. */
-class SourcePath
-{
-  public:
-    explicit SourcePath(const CtsSlice &slice) : path_(slice.path)
-    {
-        if (!slice.memory)
-            return;
-        const uint64_t n = slice.syntax && slice.syntax->deflated ? slice.file_bytes : slice.pixel_offset;
-        fd_ = memfd_create("slice", MFD_CLOEXEC);
-        path_ = "/proc/self/fd/" + std::to_string(fd_);
-        for (uint64_t done = 0; fd_ >= 0 && done < n;) {
-            const ssize_t put = write(fd_, slice.memory + done, static_cast<size_t>(n - done));
-            if (put < 0 && errno != EINTR)
-                break;
-            done += put > 0 ? static_cast<uint64_t>(put) : 0;
-        }
-    }
-    ~SourcePath()
-    {
-        if (fd_ >= 0)
-            close(fd_);
-    }
-    SourcePath(const SourcePath &) = delete;
-    SourcePath &operator=(const SourcePath &) = delete;
-    const char *text() const
-    {
-        return path_.c_str();
-    }
-
-  private:
-    std::string path_;
-    int fd_ = -1;
-};
-
-/* The file must be the one that was scanned: its framing was looked over then, before DCMTK first saw it. */
-CtsStatus load_header(DcmFileFormat &file, const CtsSlice &slice, CtsError *err)
-{
-    CtsFileBytes now;
-    const CtsStatus st = cts_slice_open(&slice, &now, err);
-    cts_file_bytes_close(&now);
-    if (st)
-        return cts_context(err, "%s", slice.path);
-    const SourcePath path(slice);
-    const OFCondition state =
-        file.loadFileUntilTag(path.text(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect, DCM_PixelData);
-    return state.good() ? CTS_OK
-                        : cts_fail(err, CTS_ERR_READ, "%s: cannot be read for a secondary capture: %s", slice.path,
-                                   state.text());
-}
-
-/* An element as it stands in the source, value bytes and all. */
-void copy_element(Put &put, DcmItem &from, const DcmTagKey &tag)
-{
-    DcmElement *found = nullptr;
-    if (from.findAndGetElement(tag, found).good() && found)
-        put.element(dynamic_cast<DcmElement *>(found->clone()));
-}
-
-/* The same, but empty where the source has none: type 2. */
-void copy_or_empty(Put &put, DcmItem &from, const DcmTagKey &tag)
-{
-    if (from.tagExists(tag))
-        copy_element(put, from, tag);
-    else
-        put.text(tag, "");
-}
-
-const DcmTagKey identity_type2[] = {DCM_PatientName,    DCM_PatientID, DCM_PatientBirthDate,       DCM_PatientSex,
-                                    DCM_StudyDate,      DCM_StudyTime, DCM_ReferringPhysicianName, DCM_StudyID,
-                                    DCM_AccessionNumber};
-const DcmTagKey identity_type3[] = {DCM_SpecificCharacterSet,
-                                    DCM_IssuerOfPatientID,
-                                    DCM_IssuerOfPatientIDQualifiersSequence,
-                                    DCM_OtherPatientIDsSequence,
-                                    DCM_PatientAge,
-                                    DCM_PatientSize,
-                                    DCM_PatientWeight,
-                                    DCM_PatientSpeciesDescription,
-                                    DCM_PatientSpeciesCodeSequence,
-                                    DCM_StudyDescription,
-                                    DCM_IssuerOfAccessionNumberSequence,
-                                    DCM_PatientIdentityRemoved,
-                                    DCM_DeidentificationMethod,
-                                    DCM_DeidentificationMethodCodeSequence,
-                                    DCM_LongitudinalTemporalInformationModified};
-
-/* Body parts of PS3.16 Annex L of which there is one. */
-bool is_unpaired(const char *part)
+/* Body parts of PS3.16 Annex L that come in pairs, or are parts of a limb. */
+bool is_paired(const char *part)
 {
     static const char parts[] =
-        " ABDOMEN ABDOMENPELVIS AORTA BACK BLADDER BRAIN CHEST CHESTABDOMEN CHESTABDPELVIS CIRCLEOFWILLIS "
-        "COCCYX COLON CORONARYARTERY CSPINE CTSPINE DUODENUM ESOPHAGUS FACE GALLBLADDER HEAD HEADNECK "
-        "HEART JAW LARYNX LIVER LSPINE LSSPINE MAXILLA MEDIASTINUM MOUTH NECK NECKCHEST NECKCHESTABDOMEN "
-        "NECKCHESTABDPELV NOSE PANCREAS PELVIS PHARYNX PROSTATE RECTUM SKULL SPINE SPLEEN SSPINE STERNUM "
-        "STOMACH THYMUS THYROID TLSPINE TONGUE TRACHEA TSPINE UTERUS WHOLEBODY ";
+        " ACJOINT ADRENAL ANKLE ARM AXILLA CALCANEUS CALF CAROTID CLAVICLE CLAVICLE_ACROMION EAR ELBOW EXTREMITY EYE "
+        "EYELID FEMUR FINGER FOOT FOREARM FOREFOOT HAND HINDFOOT HIP HUMERUS IAC ILIUM INNEREAR IPJOINT KIDNEY KNEE "
+        "LEG LOWERARM LOWERLEG LOWERLIMB LUNG MASTOID OPTICCANAL ORBIT OVARY PAROTID PATELLA RADIUS RADIUSULNA RIB "
+        "SCAPULA SCJOINT SHOULDER SIJOINT SUBCLAVIAN TESTIS THIGH THUMB TIBFIB TIBIA TMJ TOE ULNA UPPERARM UPPERLIMB "
+        "WRIST ZYGOMA ";
     const std::string word = std::string(" ") + part + " ";
     return *part && strstr(parts, word.c_str());
 }
 
-void put_identity(Put &put, const CtsScObject &object, DcmItem &source)
+/* Which side is meant must be said of parts that come in pairs, or left empty where it is not known (C.7.3.1.1.1); of
+ * all others it is said that there is one. */
+void put_side(Put &put, DcmItem &source)
 {
-    if (object.pseudonym) {
-        for (const DcmTagKey &tag : identity_type2)
-            put.text(tag, "");
-        put.text(DCM_PatientName, (std::string("Anonymous^") + object.pseudonym).c_str());
-        put.text(DCM_PatientID, object.pseudonym);
-        put.text(DCM_PatientIdentityRemoved, "YES").text(DCM_LongitudinalTemporalInformationModified, "REMOVED");
-        put.text(DCM_DeidentificationMethod, "ctsplat: identity and dates replaced, new UIDs, pixels unchanged");
-    } else {
-        for (const DcmTagKey &tag : identity_type2)
-            copy_or_empty(put, source, tag);
-        for (const DcmTagKey &tag : identity_type3)
-            copy_element(put, source, tag);
-    }
-    /* Which side is meant must be said, or left empty where nobody knows, unless there is only one of it. */
-    const char *part = string_of(source, DCM_BodyPartExamined);
-    copy_element(put, source, DCM_BodyPartExamined);
-    if (!is_unpaired(part))
-        put.text(DCM_Laterality, string_of(source, DCM_Laterality));
+    const char *part = cts_dcm_text(source, DCM_BodyPartExamined);
+    if (*part)
+        cts_dcm_copy(put, source, DCM_BodyPartExamined);
+    if (source.tagExistsWithValue(DCM_Laterality))
+        cts_dcm_copy(put, source, DCM_Laterality);
+    else if (source.tagExistsWithValue(DCM_ImageLaterality))
+        cts_dcm_copy(put, source, DCM_ImageLaterality);
+    else if (is_paired(part))
+        put.text(DCM_Laterality, "");
+    else /* an axial slice goes through both breasts */
+        put.text(DCM_ImageLaterality, strcmp(part, "BREAST") == 0 ? "B" : "U");
 }
 
 const char *class_uid(const CtsScObject &object)
@@ -252,9 +61,11 @@ void put_series_and_equipment(Put &put, const CtsScObject &object)
     put.number(DCM_SeriesNumber, object.series_number).number(DCM_InstanceNumber, object.instance_number);
     put.text(DCM_SeriesDescription, object.series_description).text(DCM_ConversionType, "WSD");
     for (const DcmTagKey &tag : {DCM_InstanceCreationDate, DCM_SeriesDate, DCM_ContentDate, DCM_DateOfSecondaryCapture})
-        put.text(tag, object.date);
+        if (object.date)
+            put.text(tag, object.date);
     for (const DcmTagKey &tag : {DCM_InstanceCreationTime, DCM_SeriesTime, DCM_ContentTime, DCM_TimeOfSecondaryCapture})
-        put.text(tag, object.time);
+        if (object.time)
+            put.text(tag, object.time);
     for (const DcmTagKey &tag : {DCM_Manufacturer, DCM_ManufacturerModelName, DCM_SecondaryCaptureDeviceManufacturer,
                                  DCM_SecondaryCaptureDeviceManufacturerModelName})
         put.text(tag, "ctsplat");
@@ -269,11 +80,11 @@ CtsStatus put_lossy(Put &put, const CtsScObject &object, CtsError *err)
     if (!object.lossy)
         return CTS_OK;
     DcmFileFormat lossy;
-    const CtsStatus st = load_header(lossy, *object.lossy, err);
+    const CtsStatus st = cts_dcm_load_slice(lossy, *object.lossy, err);
     if (st)
         return st;
-    copy_element(put, *lossy.getDataset(), DCM_LossyImageCompressionRatio);
-    copy_element(put, *lossy.getDataset(), DCM_LossyImageCompressionMethod);
+    cts_dcm_copy(put, *lossy.getDataset(), DCM_LossyImageCompressionRatio);
+    cts_dcm_copy(put, *lossy.getDataset(), DCM_LossyImageCompressionMethod);
     return CTS_OK;
 }
 
@@ -283,7 +94,14 @@ void put_image(Put &put, const CtsScObject &object)
     snprintf(image_type, sizeof image_type, "DERIVED\\SECONDARY\\%s", object.image_type);
     put.text(DCM_ImageType, image_type).text(DCM_PatientOrientation, object.patient_orientation);
     put.text(DCM_DerivationDescription, object.derivation);
-    put.code(DCM_DerivationCodeSequence, object.derivation_code, object.derivation_meaning);
+    for (int i = 0; i < object.n_derivation_codes; i++)
+        put.code(DCM_DerivationCodeSequence, object.derivation_codes[i]);
+    put.code(DCM_ViewCodeSequence, object.view);
+    if (object.mm_per_pixel > 0) {
+        const double spacing_mm[2] = {object.mm_per_pixel, object.mm_per_pixel};
+        put.decimals(DCM_PixelSpacing, spacing_mm, 2).text(DCM_PixelSpacingCalibrationType, "GEOMETRY");
+        put.text(DCM_PixelSpacingCalibrationDescription, "orthographic projection, one scale at all depths");
+    }
     put.text(DCM_BurnedInAnnotation, object.burned_in ? "YES" : "NO");
     put.text(DCM_RecognizableVisualFeatures, object.recognizable ? "YES" : "NO");
 }
@@ -305,6 +123,7 @@ void put_references(Put &put, const CtsScObject &object)
         return;
     Put in_series(*series);
     in_series.text(DCM_SeriesInstanceUID, source.uid);
+    const CtsScCode purpose = {"121322", "DCM", "Source image for image processing operation"};
     const char *last = "";
     for (int i = 0; i < source.n_slices; i++) {
         const char *uid = source.slices[i].sop_uid;
@@ -320,21 +139,28 @@ void put_references(Put &put, const CtsScObject &object)
             Put to(*image);
             to.text(DCM_ReferencedSOPClassUID, object.source_class_uid).text(DCM_ReferencedSOPInstanceUID, uid);
             to.text(DCM_SpatialLocationsPreserved, "NO");
-            to.code(DCM_PurposeOfReferenceCodeSequence, "121322", "Source image for image processing operation");
+            to.code(DCM_PurposeOfReferenceCodeSequence, purpose);
             put.keep(to.state());
         }
     }
     put.keep(in_series.state());
 }
 
-/* Only FrameTime steps the frames: viewers stumble over vectors of angles or labels. */
+/* FrameTime steps the frames, and comes first: some viewers know nothing else. The angles are vectors of their own,
+ * which must be named beside it (C.8.6.4). A value of text is shorter than 64 KiB. */
 void put_frames(Put &put, const CtsScObject &object)
 {
+    const bool angles_fit = object.n_frames <= 0xFFFE / 17;
+    const Uint16 steps[] = {0x0018, 0x1063, 0x0018, 0x2003, 0x0018, 0x2004};
     put.number(DCM_StartTrim, 1).number(DCM_StopTrim, object.n_frames);
     put.number(DCM_RecommendedDisplayFrameRate, 1000 / frame_ms).number(DCM_CineRate, 1000 / frame_ms);
     put.number(DCM_FrameTime, frame_ms).number(DCM_NumberOfFrames, object.n_frames);
+    if (angles_fit) {
+        put.decimals(DCM_FramePrimaryAngleVector, object.azimuth_deg, object.n_frames);
+        put.decimals(DCM_FrameSecondaryAngleVector, object.elevation_deg, object.n_frames);
+    }
     std::unique_ptr<DcmAttributeTag> pointer(new DcmAttributeTag(DcmTag(DCM_FrameIncrementPointer)));
-    put.keep(pointer->putTagVal(DCM_FrameTime));
+    put.keep(pointer->putUint16Array(steps, angles_fit ? 3 : 1));
     put.element(pointer.release());
 }
 
@@ -342,7 +168,7 @@ void put_pixels(Put &put, const CtsScObject &object)
 {
     const int bits = object.grey ? 16 : 8;
     put.word(DCM_SamplesPerPixel, object.grey ? 1 : 3);
-    put.text(DCM_PhotometricInterpretation, object.grey ? "MONOCHROME2" : "RGB");
+    put.text(DCM_PhotometricInterpretation, object.grey ? "MONOCHROME2" : object.reversible_ycc ? "YBR_RCT" : "RGB");
     if (!object.grey)
         put.word(DCM_PlanarConfiguration, 0);
     put.word(DCM_Rows, object.height).word(DCM_Columns, object.width).word(DCM_BitsAllocated, bits);
@@ -353,84 +179,19 @@ void put_pixels(Put &put, const CtsScObject &object)
         put.text(DCM_RescaleIntercept, "0").text(DCM_RescaleSlope, "1").text(DCM_RescaleType, "US");
         put.text(DCM_PresentationLUTShape, "IDENTITY");
     }
-    /* The value stays in its file and is read piece by piece. */
-    std::unique_ptr<DcmPixelData> pixels(new DcmPixelData(DcmTag(DCM_PixelData)));
-    put.keep(pixels->createValueFromTempFile(new DcmInputFileStreamFactory(object.pixel_path, 0),
-                                             static_cast<Uint32>(object.pixel_bytes), gLocalByteOrder));
-    put.keep(pixels->setVR(object.grey ? EVR_OW : EVR_OB));
-    put.element(pixels.release());
-}
-
-/* The encoders are registered once and stay: DCMTK's list of codecs is the process's. */
-void register_encoders()
-{
-    static std::once_flag once;
-    std::call_once(once, [] {
-        DcmRLEEncoderRegistration::registerCodecs();
-        DJEncoderRegistration::registerCodecs();
-    });
-}
-
-OFCondition compress(DcmDataset &data, E_TransferSyntax syntax)
-{
-    register_encoders();
-    const DcmRLERepresentationParameter rle;
-    const DJ_RPLossless jpeg;
-    OFCondition state = EC_Normal;
-    if (syntax == EXS_RLELossless)
-        state = data.chooseRepresentation(syntax, &rle);
-    else if (syntax == EXS_JPEGProcess14SV1)
-        state = data.chooseRepresentation(syntax, &jpeg);
-    return state.good() && !data.canWriteXfer(syntax) ? EC_UnsupportedEncoding : state;
-}
-
-/* DCMTK fills the meta header with names of its own; these are ours. */
-OFCondition put_meta(DcmFileFormat &file, E_TransferSyntax syntax)
-{
-    char version[17];
-    snprintf(version, sizeof version, "CTSPLAT_%.8s", CTS_VERSION);
-    for (char *c = version; *c; c++)
-        *c = *c == '.' ? '_' : *c;
-    const OFCondition state = file.validateMetaInfo(syntax);
-    DcmMetaInfo *meta = file.getMetaInfo();
-    Put put(*meta);
-    put.keep(state).text(DCM_ImplementationClassUID, implementation_uid).text(DCM_ImplementationVersionName, version);
-    return put
-        .keep(meta->computeGroupLengthAndPadding(EGL_recalcGL, EPD_noChange, EXS_LittleEndianExplicit,
-                                                 EET_ExplicitLength))
-        .state();
-}
-
-/* Hands the encoded file to the sink piece by piece, so that it never stands in memory as a whole a second time. */
-CtsStatus stream(DcmFileFormat &file, E_TransferSyntax syntax, CtsScSink sink, void *context, OFCondition &state,
-                 CtsError *err)
-{
-    std::vector<char> buffer(piece_bytes);
-    DcmOutputBufferStream out(buffer.data(), static_cast<offile_off_t>(buffer.size()));
-    CtsStatus st = CTS_OK;
-    file.transferInit();
-    do {
-        void *piece = nullptr;
-        offile_off_t n = 0;
-        state = file.write(out, syntax, EET_ExplicitLength, nullptr, EGL_withoutGL, EPD_withoutPadding, 0, 0, 0,
-                           EWM_dontUpdateMeta);
-        out.flushBuffer(piece, n);
-        if (n > 0)
-            st = sink(context, piece, static_cast<size_t>(n), err);
-    } while (st == CTS_OK && state == EC_StreamNotifyClient);
-    file.transferEnd();
-    return st;
+    if (!object.grey)
+        put.bytes(DCM_ICCProfile, object.icc_profile, object.n_icc_profile).text(DCM_ColorSpace, "SRGB");
 }
 
 CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context, CtsError *err)
 {
     DcmFileFormat source, file;
     CtsStatus st = cts_dcm_start(err);
-    if (st || (st = load_header(source, object.source->slices[0], err)))
+    if (st || (st = cts_dcm_load_slice(source, object.source->slices[0], err)))
         return st;
-    DcmDataset &data = *file.getDataset();
-    Put put(data);
-    put_identity(put, object, *source.getDataset());
+    Put put(*file.getDataset());
+    cts_dcm_put_study(put, *source.getDataset(), object.pseudonym);
+    put_side(put, *source.getDataset());
     put_series_and_equipment(put, object);
     if ((st = put_lossy(put, object, err)))
         return st;
@@ -440,19 +201,9 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
     if (object.n_frames > 1)
         put_frames(put, object);
     put_pixels(put, object);
-    const E_TransferSyntax syntax = DcmXfer(object.syntax_uid).getXfer();
-    OFCondition state = put.state();
-    if (state.good())
-        state = compress(data, syntax);
-    if (state.good()) /* the JPEG encoder writes its own story in front */
-        state = Put(data).text(DCM_DerivationDescription, object.derivation).state();
-    if (state.good())
-        state = put_meta(file, syntax);
-    if (state.good())
-        st = stream(file, syntax, sink, context, state, err);
-    if (!st && state.bad())
-        st = cts_fail(err, CTS_ERR_OUTPUT, "the secondary capture cannot be encoded: %s", state.text());
-    return st;
+    if (put.state().bad())
+        return cts_fail(err, CTS_ERR_OUTPUT, "the secondary capture cannot be encoded: %s", put.state().text());
+    return cts_dcm_stream(file, DcmXfer(object.syntax_uid).getXfer(), sink, context, err);
 }
 
 void copy_text(char *to, size_t size, const char *text)
@@ -464,14 +215,14 @@ CtsStatus read_source(const CtsSlice &slice, CtsScSource *source, CtsError *err)
 {
     DcmFileFormat file;
     CtsStatus st = cts_dcm_start(err);
-    if (st || (st = load_header(file, slice, err)))
+    if (st || (st = cts_dcm_load_slice(file, slice, err)))
         return st;
     DcmDataset &data = *file.getDataset();
-    copy_text(source->study_uid, sizeof source->study_uid, string_of(data, DCM_StudyInstanceUID));
-    copy_text(source->sop_class_uid, sizeof source->sop_class_uid, string_of(data, DCM_SOPClassUID));
-    cts_dcm_parse_is(string_of(data, DCM_SeriesNumber), strlen(string_of(data, DCM_SeriesNumber)),
+    copy_text(source->study_uid, sizeof source->study_uid, cts_dcm_text(data, DCM_StudyInstanceUID));
+    copy_text(source->sop_class_uid, sizeof source->sop_class_uid, cts_dcm_text(data, DCM_SOPClassUID));
+    cts_dcm_parse_is(cts_dcm_text(data, DCM_SeriesNumber), strlen(cts_dcm_text(data, DCM_SeriesNumber)),
                      &source->series_number);
-    source->burned_in = strcmp(string_of(data, DCM_BurnedInAnnotation), "YES") == 0;
+    source->burned_in = strcmp(cts_dcm_text(data, DCM_BurnedInAnnotation), "YES") == 0;
     return CTS_OK;
 }
 

@@ -23,25 +23,38 @@ typedef struct CtsScSource {
 
 CtsStatus cts_dcm_sc_source(const CtsSlice *slice, CtsScSource *source, CtsError *err);
 
+/* A coded term; without a scheme, value is a URN. */
+typedef struct CtsScCode {
+    const char *value, *scheme, *meaning;
+} CtsScCode;
+
+enum { CTS_SC_MAX_CODES = 4 };
+
 /* All texts are ASCII and fit their attribute. */
 typedef struct CtsScObject {
     int width, height, n_frames; /* more than one frame makes a multi-frame object */
-    bool grey;                   /* pixels are 16-bit words (MONOCHROME2), else 8-bit red, green, blue */
-    const char *pixel_path;      /* a file of the pixels alone, frame after frame, words in this machine's order */
-    uint64_t pixel_bytes;        /* even, at most 4 GiB - 2 */
-    const char *syntax_uid;      /* Explicit VR Little Endian, RLE Lossless, or JPEG Lossless SV1 */
+    bool grey;                   /* 16-bit words (MONOCHROME2), else 8-bit red, green, blue */
+    const char *syntax_uid;      /* that the pixels come in */
+    bool reversible_ycc;         /* colours are stored as JPEG 2000's reversible transform of RGB */
 
     const char *study_uid, *series_uid, *sop_uid;
     int series_number, instance_number;
-    const char *date, *time; /* of the making: YYYYMMDD and HHMMSS */
+    const char *date, *time; /* of the making: YYYYMMDD and HHMMSS; NULL: not told */
     const char *version;
     const char *image_type; /* value 3 of (0008,0008) */
     const char *series_description;
-    const char *derivation, *derivation_code, *derivation_meaning;
-    const char *patient_orientation; /* (0020,0020), "" for several frames */
+    const char *derivation;
+    CtsScCode derivation_codes[CTS_SC_MAX_CODES];
+    int n_derivation_codes;
+    CtsScCode view;
+    const double *azimuth_deg, *elevation_deg; /* of each frame */
+    double mm_per_pixel;                       /* 0: not known */
+    const char *patient_orientation;           /* (0020,0020), "" for several frames */
     bool burned_in, recognizable;
+    const uint8_t *icc_profile; /* of the colours; not used where grey */
+    size_t n_icc_profile;
 
-    /* Patient, study and equipment-free attributes are copied from the first slice's file, byte for byte. */
+    /* Patient and study are copied from the first slice's file, byte for byte. */
     const CtsSeries *source;
     const char *source_class_uid;
     const CtsSlice *lossy; /* a slice whose pixels went through lossy compression; NULL when there is none */
@@ -53,7 +66,24 @@ typedef struct CtsScObject {
 /* Takes the encoded file piece by piece. */
 typedef CtsStatus (*CtsScSink)(void *context, const void *bytes, size_t n, CtsError *err);
 
+/* The file up to PixelData (7FE0,0010), which is the last element and the caller's to write: Explicit VR Little Endian,
+ * as all compressed syntaxes have it. */
 CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink, void *context, CtsError *err);
+
+/* One frame on its way into a compressed file. */
+typedef struct CtsScFrame {
+    int width, height;
+    bool grey;     /* as in CtsScObject */
+    void *samples; /* words in this machine's order */
+    size_t n_samples_bytes;
+    int n_threads;
+} CtsScFrame;
+
+/* Lossless codecs by their transfer syntax: RLE Lossless, JPEG Lossless SV1 (DCMTK), JPEG 2000 Lossless (OpenJPEG). The
+ * sink gets the fragments of the frame, one call each, of even length. */
+CtsStatus cts_dcm_sc_encode(const char *syntax_uid, const CtsScFrame *frame, CtsScSink sink, void *context,
+                            CtsError *err);
+CtsStatus cts_j2k_encode(const CtsScFrame *frame, CtsScSink sink, void *context, CtsError *err);
 
 /* The first frame of a secondary capture (8-bit RGB or MONOCHROME2 of 8 or 16 bits), as 16-bit words, n_samples a
  * pixel: 8-bit values come as they are. Free samples with cts_free(). */

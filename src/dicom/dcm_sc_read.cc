@@ -42,7 +42,8 @@ CtsStatus read_header(DcmDataset &data, CtsScHeader *h, CtsError *err)
                      colours == "MONOCHROME1"};
     if (h->width < 1 || h->height < 1 || h->width > max_side || h->height > max_side || n_frames < 1)
         return refuse(err, "its size is not within 1 to 32768 pixels");
-    const bool colour = h->n_samples == 3 && h->bits_allocated == 8 && h->bits_stored == 8 && colours == "RGB";
+    const bool colour = h->n_samples == 3 && h->bits_allocated == 8 && h->bits_stored == 8 &&
+                        (colours == "RGB" || colours == "YBR_RCT");
     const bool grey = h->n_samples == 1 && (h->bits_allocated == 8 || h->bits_allocated == 16) && h->bits_stored >= 1 &&
                       h->bits_stored <= h->bits_allocated && (colours == "MONOCHROME1" || colours == "MONOCHROME2");
     if ((!colour && !grey) || word_of(data, DCM_PixelRepresentation, 0) != 0 ||

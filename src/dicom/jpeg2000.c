@@ -55,12 +55,9 @@ static void note(const char *text, void *context)
     }
 }
 
-/* The stream's own shape, before anything is allocated by it. */
-static CtsStatus check_shape(const CtsFrameFormat *f, const opj_image_t *image, CtsError *err)
+static CtsStatus check_component(const CtsFrameFormat *f, const opj_image_t *image, const opj_image_comp_t *c,
+                                 CtsError *err)
 {
-    if (image->numcomps != 1)
-        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream has %u components, not one", image->numcomps);
-    const opj_image_comp_t *c = &image->comps[0];
     if (image->x0 || image->y0 || c->x0 || c->y0 || c->dx != 1 || c->dy != 1 || c->w != (OPJ_UINT32)f->columns ||
         c->h != (OPJ_UINT32)f->rows || image->x1 != c->w || image->y1 != c->h)
         return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream is %u x %u, the header says %d x %d", c->w, c->h,
@@ -71,11 +68,25 @@ static CtsStatus check_shape(const CtsFrameFormat *f, const opj_image_t *image, 
     return CTS_OK;
 }
 
+/* The stream's own shape, before anything is allocated by it. */
+static CtsStatus check_shape(const CtsFrameFormat *f, const opj_image_t *image, CtsError *err)
+{
+    const OPJ_UINT32 n_components = f->n_colours > 0 ? (OPJ_UINT32)f->n_colours : 1;
+    if (image->numcomps != n_components)
+        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream has %u components, not %u", image->numcomps,
+                        n_components);
+    CtsStatus st = CTS_OK;
+    for (OPJ_UINT32 i = 0; i < n_components && !st; i++)
+        st = check_component(f, image, &image->comps[i], err);
+    return st;
+}
+
 /* The stream has a sign and a precision of its own, and writers get them wrong. Where the header's bits and sign read
  * another number than the stream holds, no reading is the right one. Left-justified words have no such test. */
 static CtsStatus take_samples(const CtsFrameFormat *f, const opj_image_comp_t *c, void *pixels, CtsError *err)
 {
     const size_t n = (size_t)f->columns * (size_t)f->rows;
+    const size_t step = f->n_colours > 0 ? (size_t)f->n_colours : 1;
     const bool justified = f->high_bit != f->bits_stored - 1;
     const int32_t low = f->is_signed ? -(1 << (f->bits_stored - 1)) : 0;
     const int32_t high = low + (1 << f->bits_stored) - 1;
@@ -90,9 +101,9 @@ static CtsStatus take_samples(const CtsFrameFormat *f, const opj_image_comp_t *c
                             "reads as another number",
                             c->prec, c->sgnd ? "" : "un", v, f->bits_stored, f->is_signed ? "" : "un");
         if (f->bits_allocated == 8)
-            ((uint8_t *)pixels)[i] = (uint8_t)v;
+            ((uint8_t *)pixels)[i * step] = (uint8_t)v;
         else
-            ((uint16_t *)pixels)[i] = (uint16_t)v;
+            ((uint16_t *)pixels)[i * step] = (uint16_t)v;
     }
     return CTS_OK;
 }
@@ -123,8 +134,10 @@ static CtsStatus run(const CtsFrameFormat *f, opj_codec_t *codec, opj_stream_t *
     const CtsStatus st = check_shape(f, *image, err);
     if (st)
         return st;
-    if (!opj_decode(codec, stream, *image) || !opj_end_decompress(codec, stream) || complaint->n ||
-        !(*image)->comps[0].data)
+    bool whole = opj_decode(codec, stream, *image) && opj_end_decompress(codec, stream) && complaint->n == 0;
+    for (OPJ_UINT32 i = 0; i < (*image)->numcomps; i++)
+        whole = whole && (*image)->comps[i].data;
+    if (!whole)
         return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream is damaged: %s",
                         complaint->n ? complaint->first : "no reason given");
     return CTS_OK;
@@ -142,8 +155,8 @@ CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *f, const uint8_t *bytes, siz
     opj_codec_t *codec = opj_create_decompress(is_jp2 ? OPJ_CODEC_JP2 : OPJ_CODEC_J2K);
     CtsStatus st = stream && codec ? run(f, codec, stream, &image, &complaint, err)
                                    : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st)
-        st = take_samples(f, &image->comps[0], pixels, err);
+    for (OPJ_UINT32 c = 0; !st && c < image->numcomps; c++)
+        st = take_samples(f, &image->comps[c], (uint8_t *)pixels + c * (size_t)(f->bits_allocated / 8), err);
     opj_image_destroy(image);
     opj_destroy_codec(codec);
     opj_stream_destroy(stream);

@@ -4,8 +4,10 @@
 #include "base/mem.h"
 #include "dicom/codec_check.h"
 #include "dicom/dcm_sc_read.h"
+#include "dicom/decoder.h"
 #include "dicom/file_bytes.h"
 #include "dicom/tag_scan.h"
+#include <string.h>
 
 /* PixelData of 4 GiB and the largest header. */
 static const uint64_t max_file_bytes = (1ULL << 32) + CTS_MAX_HEADER_BYTES;
@@ -59,6 +61,40 @@ static CtsStatus scan(ScFile *f, CtsError *err)
     return CTS_OK;
 }
 
+static uint32_t little32(const uint8_t *p)
+{
+    return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+}
+
+/* The first frame, which is the first fragment behind the table of offsets, in a process of its own. */
+static CtsStatus decode_jpeg2000(ScFile *f, const uint8_t *value, size_t n, CtsError *err)
+{
+    const CtsScHeader *h = &f->header;
+    const CtsFrameFormat format = {.syntax = f->syntax,
+                                   .n_colours = h->n_samples == 3 ? 3 : 0,
+                                   .columns = h->width,
+                                   .rows = h->height,
+                                   .bits_allocated = h->bits_allocated,
+                                   .bits_stored = h->bits_stored,
+                                   .high_bit = h->bits_stored - 1,
+                                   .padding_word = -1};
+    const uint64_t table = n < 8 ? UINT64_MAX : (uint64_t)little32(value + 4) + 8;
+    if (table + 16 > n || table > n || little32(value + table + 4) > n - table - 8)
+        return cts_fail(err, CTS_ERR_READ, "its compressed pixels hold no whole fragment");
+    const size_t n_stream = little32(value + table + 4);
+    CtsDecoder decoder = cts_decoder_make(cts_jpeg2000_decode);
+    uint8_t *stream;
+    const void *pixels;
+    CtsStatus st = cts_alloc_array(&f->frame, f->frame_bytes, err);
+    if (!st && !(st = cts_decoder_room(&decoder, &format, n_stream, &stream, err))) {
+        memcpy(stream, value + table + 8, n_stream);
+        if (!(st = cts_decoder_run(&decoder, &format, stream, n_stream, &pixels, err)))
+            memcpy(f->frame, pixels, f->frame_bytes);
+    }
+    cts_decoder_stop(&decoder);
+    return st;
+}
+
 static CtsStatus find_frame(ScFile *f, CtsError *err)
 {
     const CtsScHeader *h = &f->header;
@@ -72,6 +108,8 @@ static CtsStatus find_frame(ScFile *f, CtsError *err)
                               f->frame_bytes,
                               (unsigned long long)(left < f->data.pixel_bytes ? left : f->data.pixel_bytes));
     }
+    if (f->syntax->codec == CTS_CODEC_JPEG_2000)
+        return decode_jpeg2000(f, f->bytes + f->data.pixel_offset, (size_t)left, err);
     const CtsCodecFrame frame = {f->syntax->codec, h->width, h->height, h->bits_allocated, h->n_samples, h->n_frames};
     const size_t padded_bytes = f->frame_bytes + f->frame_bytes % 2; /* DCMTK decodes into even lengths only */
     CtsStatus st = cts_codec_check(&frame, f->bytes + f->data.pixel_offset, (size_t)left, err);

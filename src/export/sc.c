@@ -5,13 +5,12 @@
 #include "base/hash.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "dicom/dcm_sc.h"
 #include "export/date.h"
-#include "export/uid.h"
+#include "export/icc.h"
+#include "export/sc_spool.h"
+#include "export/sc_words.h"
 #include "image/describe.h"
 #include "image/samples.h"
-#include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -19,42 +18,47 @@
 /* Lengths are 32 bits in DICOM, and the largest value means "undefined". */
 static const uint64_t max_pixel_bytes = 0xfffffffe;
 
-/* How each mode is called: value 3 of ImageType, the series' name, and a code of CID 7203. */
 static const struct {
-    const char *image_type, *short_name, *long_name, *code, *meaning;
-} mode_terms[CTS_N_MODES] = {
-    [CTS_MODE_COMPOSITE] = {"VOLUME_RENDER", "VR", "Volume rendering by splatting", "113074", "Volume rendering"},
-    [CTS_MODE_MIP] = {"MAX_IP", "MIP", "Maximum intensity projection", "113078", "Maximum intensity projection"},
-    [CTS_MODE_MINIP] = {"MIN_IP", "MinIP", "Minimum intensity projection", "113079", "Minimum intensity projection"},
-    [CTS_MODE_AVERAGE] = {"AVERAGE_IP", "Average", "Average intensity projection", "113074", "Volume rendering"},
+    const char *syntax_uid; /* NULL: Explicit VR Little Endian, pixels as they are */
+    int memory;             /* that compressing a frame takes, in bytes for each of its bytes */
+} compressions[] = {
+    [CTS_SC_NONE] = {NULL, 0},
+    [CTS_SC_RLE] = {"1.2.840.10008.1.2.5", 4},
+    [CTS_SC_JPEG_LOSSLESS] = {"1.2.840.10008.1.2.4.70", 4},
+    [CTS_SC_JPEG_2000] = {"1.2.840.10008.1.2.4.90", 12},
 };
+static const char native_uid[] = "1.2.840.10008.1.2.1";
 
-static const char *const syntax_uids[] = {
-    [CTS_SC_NONE] = "1.2.840.10008.1.2.1",
-    [CTS_SC_RLE] = "1.2.840.10008.1.2.5",
-    [CTS_SC_JPEG_LOSSLESS] = "1.2.840.10008.1.2.4.70",
-};
-
-/* Pixels wait in a file of their own until the last has come: what the header says depends on them. */
 typedef struct ScWriter {
     CtsScSource facts;
-    CtsTempFile *pixels; /* frame after frame, as the object will hold them */
-    uint64_t pixel_bytes;
-    CtsHash *hash; /* of the frames' views and pixels */
-    uint8_t *rows; /* samples on their way to the file */
-    int max_rows;  /* that rows has room for */
+    CtsScSpool spool;
+    CtsHash *hash;                       /* of the frames' views and pixels */
+    uint8_t *rows;                       /* samples on their way to the spool */
+    int max_rows;                        /* that rows has room for */
+    double *azimuth_deg, *elevation_deg; /* of each frame */
+    int n_frames;                        /* begun */
 } ScWriter;
 
-/* The texts and names that the object points to. */
-typedef struct ScTexts {
-    char study_uid[65], series_uid[65], sop_uid[65], pseudonym[65];
-    char date[9], time[7];
-    char series_description[65], derivation[400], patient_orientation[17];
-} ScTexts;
+/* What the user says of the series must fit its attribute (LO), in whatever character set the source has. */
+static CtsStatus check_description(const char *path, const char *text, CtsError *err)
+{
+    enum { MAX = 64 };
+    for (const char *c = text; *c; c++)
+        if ((unsigned char)*c < 0x20 || (unsigned char)*c > 0x7e || *c == '\\')
+            return cts_fail(err, CTS_ERR_USAGE, "%s: a series description is ASCII without backslash", path);
+    return strlen(text) <= MAX
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_USAGE, "%s: a series description has at most %d characters", path, MAX);
+}
 
 CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsError *err)
 {
     const CtsSeries *source = settings->source;
+    if (settings->series_description) {
+        const CtsStatus st = check_description(path, settings->series_description, err);
+        if (st)
+            return st;
+    }
     if (!source) /* not known yet: outputs are checked before the input is read */
         return CTS_OK;
     if (source->n_slices < 1)
@@ -65,134 +69,6 @@ CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsE
         return cts_fail(err, CTS_ERR_READ, "%s: cannot be read any more, and a secondary capture needs its header",
                         first ? first : path);
     return CTS_OK;
-}
-
-/* Own texts stay ASCII, whatever character set the source's attributes have, and a backslash would part values. */
-static void ascii_copy(char *to, size_t size, const char *from)
-{
-    size_t n = 0;
-    for (; *from && n + 1 < size; from++)
-        if ((*from & 0xc0) != 0x80) /* one mark for a UTF-8 character, not one a byte */
-            to[n++] = (unsigned char)*from < 0x20 || (unsigned char)*from > 0x7e || *from == '\\' ? '_' : *from;
-    to[n] = 0;
-}
-
-static void describe(const CtsExportJob *job, ScTexts *texts)
-{
-    const CtsPictureInfo *info = &job->head.info;
-    char preset[sizeof info->preset], view[80], scale[32], step[80] = "";
-    ascii_copy(preset, sizeof preset, info->preset);
-    cts_describe_view(info, view, sizeof view);
-    cts_describe_number(info->mm_per_pixel, 6, scale, sizeof scale);
-    if (job->head.n_frames > 1) {
-        char degrees[32];
-        cts_describe_number(360.0 / job->head.n_frames, 6, degrees, sizeof degrees);
-        snprintf(step, sizeof step, "%d views %s degrees apart from ", job->head.n_frames, degrees);
-    }
-    snprintf(texts->series_description, sizeof texts->series_description, "%s %.40s (ctsplat)",
-             mode_terms[info->mode].short_name, preset);
-    snprintf(texts->derivation, sizeof texts->derivation,
-             "%s, preset %s, orthographic, %sview %s, %s mm per pixel, ctsplat %s, not for diagnostic use",
-             mode_terms[info->mode].long_name, preset, step, view, scale, CTS_VERSION);
-    if (job->head.n_frames == 1) {
-        char right[4], down[4];
-        const double to_feet[3] = {-info->up_lps[0], -info->up_lps[1], -info->up_lps[2]};
-        cts_describe_direction(info->right_lps, right);
-        cts_describe_direction(to_feet, down);
-        snprintf(texts->patient_orientation, sizeof texts->patient_orientation, "%s\\%s", right, down);
-    }
-}
-
-/* Views of one preset share a series, in an order that does not depend on which of them are made. */
-static int instance_number(const CtsExportJob *job)
-{
-    static const char *const names[] = {"anterior", "left", "posterior", "right", "head", "feet"};
-    const CtsPictureInfo *info = &job->head.info;
-    char view[80];
-    cts_describe_view(info, view, sizeof view);
-    for (int i = 0; i < 6; i++)
-        if (strcmp(view, names[i]) == 0)
-            return i + 1;
-    double azimuth_deg = fmod(info->azimuth_deg, 360);
-    if (azimuth_deg < 0)
-        azimuth_deg += 360;
-    return 10 + (int)((info->elevation_deg + 90) * 10 + 0.5) * 3600 + (int)(azimuth_deg * 10 + 0.5);
-}
-
-static CtsStatus start_hash(CtsHash **hash, const char *purpose, const CtsSeries *source, CtsError *err)
-{
-    const CtsStatus st = cts_hash_start(hash, err);
-    if (st)
-        return st;
-    cts_hash_text(*hash, "ctsplat");
-    cts_hash_text(*hash, purpose);
-    cts_hash_text(*hash, source ? source->uid : "");
-    for (int i = 0; source && i < source->n_slices; i++)
-        cts_hash_text(*hash, source->slices[i].sop_uid);
-    return CTS_OK;
-}
-
-static CtsStatus finish_uid(CtsHash **hash, char uid[65], CtsError *err)
-{
-    uint8_t digest[CTS_DIGEST_BYTES];
-    const CtsStatus st = cts_hash_finish(hash, digest, err);
-    if (!st)
-        cts_uid_from_digest(digest, uid);
-    return st;
-}
-
-/* The study the picture joins: the source's, or another one for all pictures of that study when identity goes. */
-static CtsStatus choose_study(const CtsExportJob *job, const CtsScSource *facts, ScTexts *texts, CtsError *err)
-{
-    CtsHash *hash;
-    uint8_t digest[CTS_DIGEST_BYTES];
-    const bool known = facts->study_uid[0];
-    snprintf(texts->study_uid, sizeof texts->study_uid, "%s", facts->study_uid);
-    if (known && !job->settings.deidentify)
-        return CTS_OK;
-    CtsStatus st = start_hash(&hash, "study", known ? NULL : job->settings.source, err);
-    if (st)
-        return st;
-    cts_hash_text(hash, facts->study_uid);
-    if ((st = finish_uid(&hash, texts->study_uid, err)) || !job->settings.deidentify ||
-        (st = start_hash(&hash, "patient", NULL, err)))
-        return st;
-    cts_hash_text(hash, texts->study_uid);
-    if ((st = cts_hash_finish(&hash, digest, err)))
-        return st;
-    snprintf(texts->pseudonym, sizeof texts->pseudonym, "ANON-");
-    for (int i = 0; i < 8; i++)
-        snprintf(texts->pseudonym + 5 + 2 * i, 3, "%02X", digest[i]);
-    return CTS_OK;
-}
-
-/* UIDs from all that makes the object what it is: the same input gives the same UIDs, another picture another one. */
-static CtsStatus choose_uids(CtsExportJob *job, const CtsScObject *object, ScTexts *texts, CtsError *err)
-{
-    ScWriter *w = job->state;
-    CtsHash *hash;
-    char text[160];
-    uint8_t digest[CTS_DIGEST_BYTES];
-    CtsStatus st = cts_hash_finish(&w->hash, digest, err);
-    if (st)
-        return st;
-    if (job->settings.new_uids)
-        return (st = cts_uid_random(texts->series_uid, err)) ? st : cts_uid_random(texts->sop_uid, err);
-    if ((st = start_hash(&hash, "series", job->settings.source, err)))
-        return st;
-    snprintf(text, sizeof text, "%d %d", job->settings.deidentify, job->head.n_frames);
-    cts_hash_text(hash, text);
-    cts_hash_text(hash, texts->series_description);
-    cts_hash_text(hash, CTS_VERSION);
-    if ((st = finish_uid(&hash, texts->series_uid, err)) ||
-        (st = start_hash(&hash, "instance", job->settings.source, err)))
-        return st;
-    cts_hash_text(hash, texts->series_uid);
-    cts_hash_text(hash, texts->derivation);
-    snprintf(text, sizeof text, "%dx%d %d", object->width, object->height, object->grey);
-    cts_hash_text(hash, text);
-    cts_hash_bytes(hash, digest, sizeof digest);
-    return finish_uid(&hash, texts->sop_uid, err);
 }
 
 static const CtsSlice *lossy_slice(const CtsSeries *source)
@@ -226,19 +102,18 @@ static size_t row_bytes_of(int width, bool grey)
 CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frames, bool grey,
                             const CtsExportSettings *settings, CtsError *err)
 {
-    const uint64_t bytes = (uint64_t)row_bytes_of(width, grey) * (uint64_t)height * (uint64_t)n_frames;
-    if (bytes > max_pixel_bytes)
+    const uint64_t frame_bytes = (uint64_t)row_bytes_of(width, grey) * (uint64_t)height;
+    const uint64_t memory = cts_memory_available(), needed = frame_bytes * compressions[settings->compression].memory;
+    if (settings->compression == CTS_SC_NONE && frame_bytes * (uint64_t)n_frames > max_pixel_bytes)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "%s: %d pictures of %dx%d are more than a DICOM object can hold, 4 GiB (fewer views or a "
-                        "smaller --size)",
+                        "%s: %d pictures of %dx%d are more than a DICOM object can hold, 4 GiB (fewer views, a smaller "
+                        "--size, or --compress)",
                         path, n_frames, width, height);
-    /* DCMTK encodes in memory, all frames at a time: what goes in, what comes out, and as much again at times. */
-    const uint64_t memory = cts_memory_available();
-    if (settings->compression != CTS_SC_NONE && memory > 0 && 3 * bytes > memory)
+    if (memory > 0 && needed > memory)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "%s: to compress %d pictures of %dx%d takes %.1f GB of memory, more than there is (--compress "
+                        "%s: to compress a picture of %dx%d takes %.1f GB of memory, more than there is (--compress "
                         "none needs little)",
-                        path, n_frames, width, height, 3 * (double)bytes / 1e9);
+                        path, width, height, (double)needed / 1e9);
     return CTS_OK;
 }
 
@@ -254,11 +129,15 @@ CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
     if (!w)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     w->max_rows = ROWS_BYTES / row_bytes > 0 ? (int)(ROWS_BYTES / row_bytes) : 1;
+    const CtsScFrame frame = {
+        .width = head->width, .height = head->height, .grey = head->grey, .n_threads = job->settings.n_threads};
     if ((st = cts_dcm_sc_source(&job->settings.source->slices[0], &w->facts, err)) ||
         (st = cts_alloc_array(&w->rows, (size_t)w->max_rows * row_bytes, err)) ||
-        (st = start_hash(&w->hash, "pixels", NULL, err)))
+        (st = cts_alloc_array(&w->azimuth_deg, (size_t)head->n_frames, err)) ||
+        (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)) || (st = cts_hash_start(&w->hash, err)))
         return st;
-    return cts_temp_open(&w->pixels, job->path, err);
+    return cts_sc_spool_open(&w->spool, job->path, compressions[job->settings.compression].syntax_uid, &frame,
+                             head->n_frames, err);
 }
 
 typedef struct Samples {
@@ -292,70 +171,85 @@ CtsStatus cts_sc_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
         char view[80];
         cts_describe_view(&band->info, view, sizeof view);
         cts_hash_text(w->hash, view);
+        w->azimuth_deg[w->n_frames] = band->info.azimuth_deg;
+        w->elevation_deg[w->n_frames] = band->info.elevation_deg;
+        w->n_frames++;
     }
     for (int y = 0; y < band->height && !st; y += w->max_rows) {
         const int left = band->height - y, n = left < w->max_rows ? left : w->max_rows;
         Samples samples = {band, y, grey, w->rows, row_bytes};
         cts_parallel(cts_threads(job->settings.n_threads), (size_t)n, 0, sample_rows, &samples);
         cts_hash_bytes(w->hash, w->rows, (size_t)n * row_bytes);
-        st = cts_temp_write(w->pixels, w->rows, (size_t)n * row_bytes, err);
-        w->pixel_bytes += (uint64_t)n * row_bytes;
+        st = cts_sc_spool_write(&w->spool, w->rows, (size_t)n * row_bytes, err);
     }
     return st;
 }
 
-/* Values are of even length. */
-static CtsStatus pad(ScWriter *w, CtsError *err)
+/* What the object says besides what it copies. */
+static void fill(const CtsExportJob *job, const CtsScWords *words, const CtsScNames *names, CtsScObject *object)
 {
-    const CtsStatus st = w->pixel_bytes % 2 ? cts_temp_write(w->pixels, "", 1, err) : CTS_OK;
-    w->pixel_bytes += w->pixel_bytes % 2;
-    return st;
+    const ScWriter *w = job->state;
+    const CtsExportHead *head = &job->head;
+    const CtsSeries *source = job->settings.source;
+    *object = (CtsScObject){
+        .width = head->width,
+        .height = head->height,
+        .n_frames = head->n_frames,
+        .grey = head->grey,
+        .syntax_uid = w->spool.syntax_uid ? w->spool.syntax_uid : native_uid,
+        .reversible_ycc = job->settings.compression == CTS_SC_JPEG_2000 && !head->grey,
+        .study_uid = names->study_uid,
+        .series_uid = names->series_uid,
+        .sop_uid = names->sop_uid,
+        .series_number = names->series_number,
+        .instance_number = names->instance_number,
+        .version = CTS_VERSION,
+        .image_type = words->image_type,
+        .series_description = words->series_description,
+        .derivation = words->derivation,
+        .n_derivation_codes = words->n_codes,
+        .view = words->view,
+        .azimuth_deg = w->azimuth_deg,
+        .elevation_deg = w->elevation_deg,
+        .mm_per_pixel = head->info.mm_per_pixel,
+        .patient_orientation = words->patient_orientation,
+        .burned_in = w->facts.burned_in || head->info.annotated,
+        .recognizable = head->info.shows_skin,
+        .source = source,
+        .source_class_uid = w->facts.sop_class_uid,
+        .lossy = lossy_slice(source),
+        .pseudonym = names->pseudonym[0] ? names->pseudonym : NULL,
+    };
+    memcpy(object->derivation_codes, words->codes, sizeof words->codes);
 }
 
 CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err)
 {
     ScWriter *w = job->state;
-    const CtsExportHead *head = &job->head;
-    const CtsSeries *source = job->settings.source;
-    const CtsMode mode = head->info.mode;
-    ScTexts texts = {0};
-    struct tm date;
-    CtsStatus st = pad(w, err);
-    if (st)
+    CtsScWords words;
+    CtsScNames names;
+    CtsScObject object;
+    struct tm now;
+    char date[9], time[7];
+    uint8_t pixels[CTS_DIGEST_BYTES], profile[CTS_ICC_BYTES];
+    CtsStatus st;
+    if ((st = cts_hash_finish(&w->hash, pixels, err)) || (st = cts_sc_words(job, &words, err)) ||
+        (st = cts_sc_names(job, &w->facts, &words, pixels, &names, err)))
         return st;
-    CtsScObject object = {.width = head->width, .height = head->height, .n_frames = head->n_frames, .grey = head->grey};
-    object.pixel_path = cts_temp_path(w->pixels);
-    object.pixel_bytes = w->pixel_bytes;
-    describe(job, &texts);
-    if ((st = choose_study(job, &w->facts, &texts, err)) || (st = choose_uids(job, &object, &texts, err)))
-        return st;
-    cts_date_now(&date);
-    strftime(texts.date, sizeof texts.date, "%Y%m%d", &date);
-    strftime(texts.time, sizeof texts.time, "%H%M%S", &date);
-    object.syntax_uid = syntax_uids[job->settings.compression];
-    object.study_uid = texts.study_uid;
-    object.series_uid = texts.series_uid;
-    object.sop_uid = texts.sop_uid;
-    object.series_number =
-        w->facts.series_number > 0 && w->facts.series_number < 1000000 ? 9000 + w->facts.series_number : 9000;
-    object.instance_number = job->head.n_frames > 1 ? 1 : instance_number(job);
-    object.date = texts.date;
-    object.time = texts.time;
-    object.version = CTS_VERSION;
-    object.image_type = mode_terms[mode].image_type;
-    object.series_description = texts.series_description;
-    object.derivation = texts.derivation;
-    object.derivation_code = mode_terms[mode].code;
-    object.derivation_meaning = mode_terms[mode].meaning;
-    object.patient_orientation = texts.patient_orientation;
-    object.burned_in = w->facts.burned_in;
-    object.recognizable = job->head.info.shows_skin;
-    object.source = source;
-    object.source_class_uid = w->facts.sop_class_uid;
-    object.lossy = lossy_slice(source);
-    object.pseudonym = texts.pseudonym[0] ? texts.pseudonym : NULL;
+    fill(job, &words, &names, &object);
+    cts_date_now(&now);
+    strftime(date, sizeof date, "%Y%m%d", &now);
+    strftime(time, sizeof time, "%H%M%S", &now);
+    if (!job->settings.deidentify) {
+        object.date = date;
+        object.time = time;
+    }
+    object.icc_profile = profile;
+    object.n_icc_profile = cts_icc_srgb(profile);
     warn(job, &w->facts, object.recognizable);
-    return cts_dcm_sc_write(&object, sink, job->temp, err);
+    if ((st = cts_dcm_sc_write(&object, sink, job->temp, err)))
+        return st;
+    return cts_sc_spool_copy(&w->spool, job->temp, err);
 }
 
 void cts_sc_close(CtsExportJob *job)
@@ -366,8 +260,10 @@ void cts_sc_close(CtsExportJob *job)
         return;
     if (w->hash)
         cts_hash_finish(&w->hash, digest, NULL);
-    cts_temp_discard(&w->pixels);
+    cts_sc_spool_close(&w->spool);
     cts_free(&w->rows);
+    cts_free(&w->azimuth_deg);
+    cts_free(&w->elevation_deg);
     free(w);
 }
 

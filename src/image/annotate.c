@@ -220,6 +220,7 @@ CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n
         place_scale(&layout, mm_per_pixel, font_px, margin_px);
     for (int i = 0; i < layout.n && !st; i++)
         st = put(picture, &layout.placed[i], err);
+    picture->info.annotated |= layout.n > 0;
     if (n_left_out)
         *n_left_out = layout.n_left_out;
     return st;

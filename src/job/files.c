@@ -1,5 +1,6 @@
 #include "job/files.h"
 
+#include "base/meter.h"
 #include <stdlib.h>
 
 CtsStatus cts_files_begin(CtsFiles *files, CtsError *err)
@@ -12,21 +13,15 @@ static CtsStatus write_rows(CtsFiles *files, int output, int frame, const CtsPic
                             CtsError *err)
 {
     CtsExport **export = &files->exports[output];
-    const int n_frames = cts_output_n_frames(files->outputs, output);
-    const bool last = band->first_row + band->height == band->whole_height;
     CtsStatus st = CTS_OK;
     char *name = cts_output_name(files->outputs, output, frame);
     if (!name)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!*export)
-        st = cts_export_begin(export, name, band, n_frames, files->settings, report, err);
+        st = cts_export_begin(export, name, band, cts_output_n_frames(files->outputs, output), files->settings, report,
+                              err);
     if (!st)
         st = cts_export_rows(*export, band, err);
-    if (!st && last && (n_frames == 1 || frame == n_frames - 1)) {
-        uint64_t bytes;
-        if (!(st = cts_export_end(export, &bytes, err)) && files->watch->output)
-            files->watch->output(files->watch->context, name, cts_export_format(name), bytes);
-    }
     free(name);
     return st;
 }
@@ -34,8 +29,29 @@ static CtsStatus write_rows(CtsFiles *files, int output, int frame, const CtsPic
 CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
+    if (frame == 0 && band->first_row == 0)
+        files->first = band->info;
     for (int i = 0; i < files->outputs->n && !st; i++)
         st = write_rows(files, i, frame, band, report, err);
+    return st;
+}
+
+CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, CtsError *err)
+{
+    const CtsMeter meter = cts_meter_start(report);
+    CtsStatus st = CTS_OK;
+    for (int i = 0; i < files->outputs->n && !st; i++) {
+        const int n_frames = cts_output_n_frames(files->outputs, i);
+        uint64_t bytes;
+        if (!files->exports[i] || (n_frames > 1 && frame < n_frames - 1))
+            continue;
+        char *name = cts_output_name(files->outputs, i, frame);
+        st = name ? cts_export_end(&files->exports[i], &bytes, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        if (!st && files->watch->output)
+            files->watch->output(files->watch->context, name, cts_export_format(name), bytes);
+        free(name);
+    }
+    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }
 

@@ -10,12 +10,15 @@ typedef struct CtsFiles {
     const CtsOutputs *outputs;
     const CtsExportSettings *settings;
     const CtsWatch *watch;
-    CtsExport **exports; /* by output: the file being written, or NULL */
+    CtsExport **exports;  /* by output: the file being written, or NULL */
+    CtsPictureInfo first; /* how the first frame was made */
 } CtsFiles;
 
 CtsStatus cts_files_begin(CtsFiles *files, CtsError *err);
-/* One band of frame: a file begins with the first band it holds and ends with its last. */
+/* One band of frame: a file begins with the first band it holds. */
 CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, CtsReport *report, CtsError *err);
+/* Ends the files that are whole with this frame; the report knows what its verification found. */
+CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, CtsError *err);
 /* What is not whole by now is given up. */
 void cts_files_end(CtsFiles *files);
 

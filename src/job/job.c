@@ -6,6 +6,7 @@
 #include "job/contrast.h"
 #include "job/files.h"
 #include "job/pooled.h"
+#include <string.h>
 
 static int n_frames_of(const CtsJob *job)
 {
@@ -115,10 +116,37 @@ static CtsStatus render_frames(const CtsJob *job, CtsRenderer *renderer, CtsFile
     /* The plan of one view stands for all of a rotation. */
     const int n_frames = job->render.explain ? 1 : n_frames_of(job);
     for (; frame.number < n_frames && !st; frame.number++)
-        if (!(st = render_frame(renderer, &frame, files->watch, err)))
+        if (!(st = render_frame(renderer, &frame, files->watch, err))) {
             cts_verified_add(&pooled, &report->verified);
+            if (frame.number == n_frames - 1)
+                report->verified = pooled;
+            st = cts_files_frame_done(files, frame.number, report, err);
+        }
     report->verified = pooled;
     return st;
+}
+
+/* The recipe beside the pictures. */
+static CtsStatus write_state(const CtsJob *job, const CtsLoaded *loaded, const CtsPictureInfo *first, CtsError *err)
+{
+    const CtsSwitch shade = job->render.shade;
+    CtsStateScene scene = {
+        .preset = job->preset,
+        .info = first,
+        .width = job->render.width,
+        .height = job->render.height,
+        .shaded = shade == CTS_AS_PRESET ? job->preset->shade : shade == CTS_ON,
+        .cropped = job->source.crop,
+        .source = loaded->series,
+        .options = job->options,
+        .n_options = job->n_options,
+    };
+    memcpy(scene.crop_low_lps, job->source.crop_low_lps, sizeof scene.crop_low_lps);
+    memcpy(scene.crop_high_lps, job->source.crop_high_lps, sizeof scene.crop_high_lps);
+    for (int i = job->outputs.n - 1; i >= 0; i--)
+        if (cts_output_is_dicom(&job->outputs, i))
+            scene.capture = job->outputs.paths[i];
+    return cts_state_write(job->outputs.state, &scene, job->export.force, err);
 }
 
 CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
@@ -137,6 +165,8 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
         !(st = cts_files_begin(&files, err)) &&
         !(st = cts_render_begin(&renderer, loaded->volume, &preset, &render, err)))
         st = render_frames(job, renderer, &files, report, err);
+    if (!st && job->outputs.state && !job->render.explain)
+        st = write_state(job, loaded, &files.first, err);
     const CtsMeter meter = cts_meter_start(report);
     cts_files_end(&files);
     cts_render_end(&renderer);

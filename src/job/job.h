@@ -6,6 +6,7 @@
 #include "ctsplat/export.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
+#include "ctsplat/state.h"
 #include "job/outputs.h"
 #include "job/source.h"
 #include "job/watch.h"
@@ -18,6 +19,8 @@ typedef struct CtsJob {
     CtsExportSettings export; /* its source is filled in by the job */
     CtsOutputs outputs;
     bool annotate_orientation, annotate_scale;
+    const CtsStateOption *options; /* what outputs.state is to hold beside the preset */
+    int n_options;
 } CtsJob;
 
 /* All that can be refused before any file is read. */

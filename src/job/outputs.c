@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "job/outputs.h"
 
+#include "base/file.h"
 #include <libgen.h>
 #include <limits.h>
 #include <stdio.h>
@@ -12,6 +13,11 @@ static bool holds_frames(const char *path)
 {
     const char *format = cts_export_format(path);
     return format && !strcmp(format, "dcm");
+}
+
+bool cts_output_is_dicom(const CtsOutputs *outputs, int output)
+{
+    return holds_frames(outputs->paths[output]);
 }
 
 int cts_output_n_frames(const CtsOutputs *outputs, int output)
@@ -96,6 +102,18 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
             if (st)
                 return st;
         }
+    }
+    if (outputs->state) {
+        if (settings->deidentify)
+            return cts_fail(
+                err, CTS_ERR_USAGE,
+                "--write-state: a presentation state names the slices it is of, which --deidentify forbids");
+        for (int i = 0; i < outputs->n; i++)
+            if (same_file(outputs->paths[i], outputs->state))
+                return cts_fail(err, CTS_ERR_USAGE, "%s: given for -o and --write-state", outputs->state);
+        if ((st = cts_file_check_writable(outputs->state, settings->force, err)) ||
+            (settings->force && (st = refuse_ct_slice(outputs->state, err))))
+            return st;
     }
     if (!any_dcm && (settings->compression != CTS_SC_NONE || settings->new_uids || settings->deidentify))
         cts_report_finding(report, "no_dcm_output", CTS_WARNING,

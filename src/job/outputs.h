@@ -8,7 +8,8 @@
 typedef struct CtsOutputs {
     const char *const *paths; /* the endings pick the formats */
     int n;
-    int rotation; /* frames, or 0: one picture, and paths as they are */
+    const char *state; /* a presentation state beside them, or NULL */
+    int rotation;      /* frames, or 0: one picture, and paths as they are */
 } CtsOutputs;
 
 /* Frame 7 of 36 of "a/head.png" is "a/head-007.png"; a file that holds all frames has its path as it is. Free with
@@ -17,6 +18,9 @@ char *cts_output_name(const CtsOutputs *outputs, int output, int frame);
 
 /* How many frames this output's file holds: all, where its format holds several. */
 int cts_output_n_frames(const CtsOutputs *outputs, int output);
+
+/* Its format is DICOM. */
+bool cts_output_is_dicom(const CtsOutputs *outputs, int output);
 
 /* Some output has a place for depth. */
 bool cts_outputs_hold_depth(const CtsOutputs *outputs);

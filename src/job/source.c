@@ -6,7 +6,12 @@
 static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    if ((st = cts_series_find(source->paths, source->n_paths, source->n_threads, &loaded->list, report, err)) ||
+    const char *const *paths = source->from ? (const char *const *)&loaded->fetched : source->paths;
+    const int n_paths = source->from ? 1 : source->n_paths;
+    if (source->from && (st = cts_net_fetch(source->from, source->net, source->study_uid, source->peer_series_uid,
+                                            &loaded->fetched, report, err)))
+        return cts_context(err, "--from");
+    if ((st = cts_series_find(paths, n_paths, source->n_threads, &loaded->list, report, err)) ||
         (st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
         return st;
     const CtsFindings *found = &loaded->list->findings;
@@ -36,7 +41,7 @@ CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_
                           CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    cts_watch_step(watch, 0, n_steps, "searching");
+    cts_watch_step(watch, 0, n_steps, source->from ? "fetching" : "searching");
     CtsMeter meter = cts_meter_start(report);
     if ((st = find(source, loaded, report, err)))
         return st;
@@ -60,5 +65,6 @@ void cts_loaded_free(CtsLoaded *loaded)
 {
     cts_volume_free(&loaded->volume);
     cts_series_list_free(&loaded->list);
+    cts_net_forget(&loaded->fetched);
     loaded->series = NULL;
 }

@@ -2,6 +2,7 @@
 #ifndef CTS_JOB_SOURCE_H
 #define CTS_JOB_SOURCE_H
 
+#include "ctsplat/net.h"
 #include "ctsplat/series.h"
 #include "ctsplat/volume.h"
 #include "job/watch.h"
@@ -11,8 +12,11 @@
 typedef struct CtsSource {
     const char *const *paths;
     int n_paths;
-    const char *series_uid; /* NULL: the one with the most slices */
-    int n_threads;          /* 0: the cores this process may use */
+    const CtsPeer *from;                     /* fetch instead of looking at paths; NULL: no */
+    const CtsNet *net;                       /* how */
+    const char *study_uid, *peer_series_uid; /* what; peer_series_uid NULL: all of the study */
+    const char *series_uid;                  /* NULL: the one with the most slices */
+    int n_threads;                           /* 0: the cores this process may use */
     bool remove_table;
     const char *table_kept_by; /* why not, as the report tells it: "the preset" */
     bool crop;
@@ -23,6 +27,7 @@ typedef struct CtsLoaded {
     CtsSeriesList *list;
     const CtsSeries *series; /* of the list */
     CtsVolume *volume;
+    char *fetched; /* a folder that goes with it, or NULL */
 } CtsLoaded;
 
 /* The patient alone, and of it the part that is asked for. */

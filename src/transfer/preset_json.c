@@ -302,7 +302,14 @@ char *cts_preset_to_json(const CtsPreset *preset)
                                            (unsigned)lround(preset->background[1] * 255),
                                            (unsigned)lround(preset->background[2] * 255)));
     json_object_set_new(root, "remove_table", json_boolean(preset->remove_table));
+    /* 15 digits read well, and nearly always say it all. */
     char *text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(15));
+    json_t *again = text ? json_loads(text, 0, NULL) : NULL;
+    if (again && !json_equal(again, root)) {
+        free(text);
+        text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(17));
+    }
+    json_decref(again);
     json_decref(root);
     return text;
 }

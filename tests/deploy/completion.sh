@@ -50,7 +50,7 @@ for command in $commands; do
     typed=("$command" -)
     expect $(cat options)
     # What an option of several words may be is in its help; none of them may be lost.
-    grep -oE -e '--[a-z-]+ [a-z, -]+ or [a-z-]+' help | sed 's/,//g; s/ or / /' >choices
+    grep -oE -e '--[a-z-]+ [a-z0-9, -]+ or [a-z0-9-]+' help | sed 's/,//g; s/ or / /' >choices
     while read -r option words; do
         typed=("$command" "$option" '')
         expect $words

@@ -1,6 +1,8 @@
 /* Secondary captures: what stands in the file, what is copied, what repeats, what comes back. */
 #define _GNU_SOURCE
 #include "ctsplat/export.h"
+#include "export/icc.h"
+#include "export/sc_words.h"
 #include "image/samples.h"
 #include "pictures.h"
 #include <math.h>
@@ -156,11 +158,13 @@ static void test_single(void **state)
         {0x0008, 0x0060, "CS", "CT"},
         {0x0008, 0x0064, "CS", "WSD"},
         {0x0008, 0x0070, "LO", "ctsplat"},
-        {0x0008, 0x103e, "LO", "VR bone (ctsplat)"},
+        {0x0008, 0x103e, "LO", "VR bone anterior"},
         {0x0010, 0x0010, "PN", "M\xfcller^Anna"},
         {0x0010, 0x0020, "LO", "PHANTOM"},
         {0x0018, 0x0015, "CS", "HEAD"},
-        {0x0020, 0x0011, "IS", "9001"},
+        {0x0028, 0x0030, "DS", "0.5\\0.5"},
+        {0x0028, 0x0a02, "CS", "GEOMETRY"},
+        {0x0028, 0x2002, "CS", "SRGB"},
         {0x0020, 0x0013, "IS", "1"},
         {0x0020, 0x0020, "CS", "L\\F"},
         {0x0028, 0x0004, "CS", "RGB"},
@@ -170,7 +174,6 @@ static void test_single(void **state)
         /* what a projection has none of */
         {0x0020, 0x0032, "DS", ""},
         {0x0020, 0x0052, "UI", ""},
-        {0x0028, 0x0030, "DS", ""},
         {0x0028, 0x1050, "DS", ""},
         {0x0018, 0x0060, "DS", ""},
     };
@@ -256,7 +259,7 @@ static void test_round_trip(void **state)
 {
     const Source *source = *state;
     const int sizes[][2] = {{33, 21}, {1, 1}, {64, 40}, {3, 300}};
-    for (int compression = CTS_SC_NONE; compression <= CTS_SC_JPEG_LOSSLESS; compression++)
+    for (int compression = CTS_SC_NONE; compression < CTS_SC_N_COMPRESSIONS; compression++)
         for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
             for (int kind = 0; kind < 3; kind++) {
                 const CtsExportSettings settings = {.source = source->series,
@@ -323,11 +326,23 @@ static void test_uids(void **state)
     uids_of("b.dcm", study[1], series[1], instance[1]);
     assert_string_equal(series[0], series[1]);
     assert_string_equal(instance[0], instance[1]);
-    write_sc(q, "b.dcm", &settings); /* another view: the same series */
+    write_sc(q, "b.dcm", &settings); /* another view: another series of the same study */
     uids_of("b.dcm", study[1], series[1], instance[1]);
     assert_string_equal(study[0], study[1]);
-    assert_string_equal(series[0], series[1]);
+    assert_string_not_equal(series[0], series[1]);
     assert_string_not_equal(instance[0], instance[1]);
+    /* Under a number and a name of the user's the views share a series. */
+    CtsExportSettings named = settings;
+    named.series_number = 77;
+    named.series_description = "for the meeting";
+    write_sc(p, "b.dcm", &named);
+    uids_of("b.dcm", study[1], series[1], instance[1]);
+    write_sc(q, "b.dcm", &named);
+    uids_of("b.dcm", study[2], series[2], instance[2]);
+    assert_string_equal(series[1], series[2]);
+    assert_string_not_equal(instance[1], instance[2]);
+    const Attribute names[] = {{0x0020, 0x0011, "IS", "77"}, {0x0008, 0x103e, "LO", "for the meeting"}};
+    check_attributes("b.dcm", names, sizeof names / sizeof *names);
     p->pixels[0] += 0.1f; /* another picture */
     write_sc(p, "b.dcm", &settings);
     uids_of("b.dcm", study[2], series[2], instance[2]);
@@ -400,6 +415,65 @@ static void test_deidentify(void **state)
     cts_picture_free(&q);
 }
 
+/* No two of the built-in presets, and no two views of one, share a SeriesNumber. */
+static void test_series_numbers(void **state)
+{
+    const Source *source = *state;
+    const CtsScSource facts = {.series_number = 3};
+    int numbers[500], n = 0;
+    CtsError err;
+    for (size_t k = 0; cts_preset_builtin(k); k++)
+        for (int view = 0; view < 2; view++) {
+            CtsExportJob job = {.settings.source = source->series, .head.n_frames = 1};
+            CtsScWords words;
+            CtsScNames names;
+            const uint8_t pixels[CTS_DIGEST_BYTES] = {0};
+            snprintf(job.head.info.preset, sizeof job.head.info.preset, "%s", cts_preset_builtin(k)->name);
+            job.head.info.azimuth_deg = 90 * view;
+            assert_int_equal(cts_sc_words(&job, &words, &err), CTS_OK);
+            assert_int_equal(cts_sc_names(&job, &facts, &words, pixels, &names, &err), CTS_OK);
+            assert_int_equal(names.series_number / 1000000, 3);
+            assert_true(n < 500);
+            for (int i = 0; i < n; i++)
+                assert_int_not_equal(numbers[i], names.series_number);
+            numbers[n++] = names.series_number;
+        }
+    assert_true(n > 20);
+}
+
+static uint32_t big32(const uint8_t *p)
+{
+    return (uint32_t)p[0] << 24 | (uint32_t)p[1] << 16 | (uint32_t)p[2] << 8 | p[3];
+}
+
+/* The profile is framed as ICC.1:2010 has it, and its white is D50: the primaries add up to it. */
+static void test_icc(void **state)
+{
+    (void)state;
+    uint8_t profile[CTS_ICC_BYTES];
+    const size_t n = cts_icc_srgb(profile);
+    double white[3] = {0};
+    assert_int_equal(big32(profile), n);
+    assert_memory_equal(profile + 12, "scnrRGB XYZ ", 12);
+    assert_memory_equal(profile + 36, "acsp", 4);
+    assert_true(n % 4 == 0 && n <= CTS_ICC_BYTES);
+    for (uint32_t i = 0; i < big32(profile + 128); i++) {
+        const uint8_t *tag = profile + 132 + 12 * i, *data = profile + big32(tag + 4);
+        assert_true(big32(tag + 4) % 4 == 0 && big32(tag + 4) + big32(tag + 8) <= n);
+        for (int c = 0; c < 3 && memcmp(tag + 1, "XYZ", 3) == 0; c++)
+            white[c] += (int32_t)big32(data + 8 + 4 * c) / 65536.0;
+        if (memcmp(tag + 1, "TRC", 3) == 0) { /* the curve's parts meet where the lower one ends */
+            double v[5];
+            for (int k = 0; k < 5; k++)
+                v[k] = (int32_t)big32(data + 12 + 4 * k) / 65536.0;
+            assert_true(fabs(pow(v[1] * v[4] + v[2], v[0]) - v[3] * v[4]) < 1e-4);
+            assert_true(fabs(pow(v[1] + v[2], v[0]) - 1) < 1e-4);
+        }
+    }
+    for (int c = 0; c < 3; c++)
+        assert_true(fabs(white[c] - (int32_t)big32(profile + 68 + 4 * c) / 65536.0) < 5e-4);
+}
+
 /* dciodvfy, another maker's judge of DICOM objects, finds nothing to say but the object's name. */
 static void test_dciodvfy(void **state)
 {
@@ -413,7 +487,7 @@ static void test_dciodvfy(void **state)
     snprintf(folder, sizeof folder, "%s/phantom", getenv("CTS_TESTDATA"));
     assert_int_equal(cts_series_find(&path, 1, 1, &list, NULL, &found), CTS_OK);
     for (int kind = 0; kind < 4; kind++)
-        for (int compression = CTS_SC_NONE; compression <= CTS_SC_JPEG_LOSSLESS; compression++) {
+        for (int compression = CTS_SC_NONE; compression < CTS_SC_N_COMPRESSIONS; compression++) {
             const CtsExportSettings settings = {.source = &list->items[0],
                                                 .compression = (CtsScCompression)compression};
             CtsPicture *frames[2] = {view_of(33, 21, kind % 2 ? 1 : 4, 0), view_of(33, 21, kind % 2 ? 1 : 4, 180)};
@@ -517,9 +591,10 @@ int main(void)
         return 77;
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_single),       cmocka_unit_test(test_frames),     cmocka_unit_test(test_round_trip),
-        cmocka_unit_test(test_uids),         cmocka_unit_test(test_deidentify), cmocka_unit_test(test_dciodvfy),
-        cmocka_unit_test(test_full_and_cut), cmocka_unit_test(test_refusals),
+        cmocka_unit_test(test_single),         cmocka_unit_test(test_frames),     cmocka_unit_test(test_round_trip),
+        cmocka_unit_test(test_uids),           cmocka_unit_test(test_deidentify), cmocka_unit_test(test_dciodvfy),
+        cmocka_unit_test(test_full_and_cut),   cmocka_unit_test(test_refusals),   cmocka_unit_test(test_icc),
+        cmocka_unit_test(test_series_numbers),
     };
     return cmocka_run_group_tests_name("sc", tests, setup, teardown);
 }

@@ -1,0 +1,54 @@
+/* Series from a PACS, pictures to one: DIMSE (C-GET, C-MOVE, C-STORE) or DICOMweb (WADO-RS, STOW-RS). */
+#ifndef CTSPLAT_NET_H
+#define CTSPLAT_NET_H
+
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include <signal.h>
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* AET@HOST:PORT, or the root of a DICOMweb service: http://... or https://... */
+typedef struct CtsPeer {
+    bool web;
+    char aet[17], host[256];
+    int port;
+    char url[1024]; /* without a slash at the end */
+} CtsPeer;
+
+/* CTS_ERR_USAGE for what is neither; a URL must not hold a password. */
+CtsStatus cts_peer_parse(const char *text, CtsPeer *peer, CtsError *err);
+
+/* Strings stay the caller's. */
+typedef struct CtsNet {
+    const char *own_aet; /* calling AE title; NULL: CTSPLAT */
+    const char *tls_ca;  /* PEM file of certificates to trust. With any of the three, DIMSE goes over TLS; */
+    const char *tls_key, *tls_certificate; /* PEM files that name this side; NULL: anonymous */
+    const char *credentials; /* DICOMweb: file with "user:password" or "Bearer token"; NULL: $CTSPLAT_CREDENTIALS */
+    int timeout_s;           /* that a silent peer is waited for; 0: 30 */
+    int n_tries;             /* to send, with pauses that double between them; 0: 4 */
+    int move_port;           /* fetch by C-MOVE to this port of ours; 0: by C-GET */
+    const volatile sig_atomic_t *stop; /* give up with CTS_ERR_INTERRUPTED; may be NULL */
+} CtsNet;
+
+/* Send DICOM files. A peer that is down, refuses or dies costs no file: CTS_ERR_OUTPUT names the first that is not
+ * there and how to send it again. *n_sent counts those that the peer has confirmed (may be NULL). */
+CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *net, const char *const *paths, int n_paths, int *n_sent,
+                       CtsError *err);
+
+/* The CT images of a study, or of one of its series (series_uid not NULL), as files in a folder that only this user can
+ * read. Names are ctsplat's own, whatever the peer says. CTS_ERR_READ when nothing comes or more than the limits allow.
+ * Remove the folder with cts_net_forget(), in any case. */
+CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *study_uid, const char *series_uid,
+                        char **folder, CtsReport *report, CtsError *err);
+
+/* Removes the folder and what is in it; does nothing when *folder is NULL. */
+void cts_net_forget(char **folder);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

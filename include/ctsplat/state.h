@@ -1,0 +1,53 @@
+/* How a picture was made, as a DICOM object beside it: Volume Rendering Volumetric Presentation State (PS3.3 A.80.2).
+ */
+#ifndef CTSPLAT_STATE_H
+#define CTSPLAT_STATE_H
+
+#include "ctsplat/picture.h"
+#include "ctsplat/preset.h"
+#include "ctsplat/series.h"
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What ctsplat was told besides the preset, in its own words: an option's name and its argument. */
+typedef struct CtsStateOption {
+    const char *name, *value; /* value is "" for an option without an argument */
+} CtsStateOption;
+
+/* A picture as it was made. The standard's attributes say what they can say of it; preset and options stand beside them
+ * in private ones, to the last bit. */
+typedef struct CtsStateScene {
+    const CtsPreset *preset;
+    const CtsPictureInfo *info;
+    int width, height;
+    bool shaded, cropped;
+    double crop_low_lps[3], crop_high_lps[3];
+    const CtsSeries *source;
+    const char *capture; /* the .dcm of the picture, or NULL */
+    const CtsStateOption *options;
+    int n_options;
+} CtsStateScene;
+
+/* Written whole or not at all. CTS_ERR_OUTPUT where path exists, without force. The UIDs follow from the scene. */
+CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool force, CtsError *err);
+
+typedef struct CtsState {
+    CtsPreset preset;
+    CtsStateOption *options;
+    int n_options;
+    char *text; /* what the options point into */
+} CtsState;
+
+/* CTS_ERR_READ for what is no such object, or none that ctsplat wrote. */
+CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err);
+void cts_state_free(CtsState **state);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

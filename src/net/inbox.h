@@ -1,0 +1,39 @@
+/* The folder that fetched files go to: private, with names of our own, under limits. */
+#ifndef CTS_NET_INBOX_H
+#define CTS_NET_INBOX_H
+
+#include "ctsplat/status.h"
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    CTS_INBOX_MAX_FILES = 50000,
+    CTS_INBOX_MAX_FILE_MIB = 4096, /* an enhanced object holds all slices */
+    CTS_INBOX_MAX_MIB = 65536
+};
+
+typedef struct CtsInbox {
+    char *folder; /* owned */
+    int n_files;
+    uint64_t n_bytes; /* of the files that are complete */
+} CtsInbox;
+
+/* In $TMPDIR or /tmp, mode 0700. */
+CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err);
+/* The next file's path, to be freed with free(); it does not exist. CTS_ERR_READ past the limits, the disk's free space
+ * (of which a tenth is left) among them. */
+CtsStatus cts_inbox_next(CtsInbox *inbox, char **path, CtsError *err);
+/* The file being received has n_bytes by now. CTS_ERR_READ when that is too much for a file, the inbox or the disk. */
+CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err);
+/* That file is complete. CTS_ERR_READ when it made the inbox too large. */
+CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err);
+/* Folder and files. */
+void cts_inbox_remove(char **folder);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

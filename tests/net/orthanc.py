@@ -1,0 +1,97 @@
+"""There and back: a CT series in Orthanc, fetched in each way, its pictures sent back in each way, found by DICOMweb;
+and nothing lost or doubled when the PACS is killed in between."""
+import glob
+import os
+import sys
+
+import peers
+
+ctsplat, loopback, data = os.path.abspath(sys.argv[1]), sys.argv[2], sys.argv[3]
+peers.need('Orthanc')
+if not glob.glob('/usr/share/orthanc/plugins/*DicomWeb*') + glob.glob('/usr/lib/orthanc/plugins/*DicomWeb*'):
+    peers.skip("no DICOMweb plugin of Orthanc's")
+try:
+    import pydicom
+except ImportError:
+    peers.skip('no pydicom')
+
+run = peers.Ctsplat(ctsplat).run
+pacs = peers.Orthanc(os.path.abspath('pacs'), loopback)
+look = ['--size', '90x70', '--preset', 'bone']
+try:
+    slices = sorted(glob.glob(data + '/*.dcm'))
+    for path in slices:
+        pacs.put(path)
+    source = pydicom.dcmread(slices[0], stop_before_pixels=True)
+    study, series = source.StudyInstanceUID, source.SeriesInstanceUID
+    dimse, web = 'ORTHANC@127.0.0.1:%d' % pacs.dicom, pacs.url + '/dicom-web'
+
+    # Fetched in each way, the series gives the picture that its files give.
+    run(data, *look, '-o', 'files.png', '-o', 'files.dcm')
+    truth = open('files.png', 'rb').read()
+    ways = {'get': ['--from', dimse, '--study-uid', study, '--series-uid', series],
+            'study': ['--from', dimse, '--study-uid', study],
+            'move': ['--from', dimse, '--study-uid', study, '--move-port', str(pacs.listener)],
+            'wado': ['--from', web, '--study-uid', study, '--series-uid', series]}
+    for name, way in ways.items():
+        run(*way, *look, '-o', name + '.png', '-o', name + '.dcm')
+        assert open(name + '.png', 'rb').read() == truth, name
+
+    # Sent back in each way, they are in the same study, once.
+    run(data, *look, '--compress', 'rle', '-o', 'still.dcm', '--send', dimse)
+    run(*ways['wado'], *look, '--view', 'left', '-o', 'left.dcm', '--send', web)
+    run(data, *look, '--rotation', '3', '-o', 'turn.dcm', '--write-state', 'state.dcm', '--send', dimse)
+    assert pacs.instances() == len(slices) + 4
+    run(data, *look, '--rotation', '3', '-o', 'turn.dcm', '--write-state', 'state.dcm', '--send', dimse, '--force')
+    assert pacs.instances() == len(slices) + 4, 'sent twice, stored twice'
+    assert len(pacs.json('/studies')) == 1 and len(pacs.json('/patients')) == 1
+    found = {s['0020000E']['Value'][0]: s for s in pacs.json('/dicom-web/studies/%s/series' % study)}
+    for name in ('still', 'left', 'turn', 'state'):
+        mine = pydicom.dcmread(name + '.dcm')
+        assert mine.SeriesInstanceUID in found, name
+        where = '/dicom-web/studies/%s/series/%s/instances' % (study, mine.SeriesInstanceUID)
+        assert [i['00080018']['Value'][0] for i in pacs.json(where)] == [mine.SOPInstanceUID], name
+        if name in ('still', 'left'):
+            preview = pacs.get('%s/%s/rendered' % (where, mine.SOPInstanceUID), 'image/png')
+            assert preview[:8] == b'\x89PNG\r\n\x1a\n', name
+            open(name + '-preview.png', 'wb').write(preview)
+            assert run.__self__.compare(name + '-preview.png', name + '.dcm'), name + ': another preview'
+
+    # Study wide the captures are there too, and the picture is still the series'.
+    run(*ways['study'], *look, '-o', 'again.png')
+    assert open('again.png', 'rb').read() == truth
+
+    # The PACS dies in mid-transfer and comes back while ctsplat waits.
+    def die():
+        pacs.kill()
+        pacs.start()
+
+    before = pacs.instances()
+    proxy = peers.Proxy(pacs.dicom, 400000, die)
+    run(data, '--size', '600x600', '--view', 'head', '-o', 'head.dcm', '--send',
+        'ORTHANC@127.0.0.1:%d' % proxy.port)
+    assert proxy.connections >= 2 and pacs.instances() == before + 1
+    proxy = peers.Proxy(pacs.http, 400000, die)
+    run(data, '--size', '600x600', '--view', 'feet', '-o', 'feet.dcm', '--send',
+        'http://127.0.0.1:%d/dicom-web' % proxy.port)
+    assert proxy.connections >= 2 and pacs.instances() == before + 2
+
+    # Interrupted in mid-fetch: nothing is left.
+    slow = peers.Proxy(pacs.dicom, None, None, pause=0.2)
+    run('--from', 'ORTHANC@127.0.0.1:%d' % slow.port, '--study-uid', study, '--series-uid', series, '-o', 'no.png',
+        code=130, interrupt_after=2)
+    assert not os.path.exists('no.png')
+
+    # It refuses, or stays away: the file stays, and the message says how to send it.
+    said = run(data, *look, '-o', 'refused.dcm', '--send', 'NOBODY@127.0.0.1:%d' % pacs.dicom, code=5)
+    assert 'refused.dcm' in said and 'storescu' in said and os.path.exists('refused.dcm'), said
+    pacs.kill()
+    for peer, words in ((dimse, 'storescu'), (web, '--force')):
+        said = run(data, *look, '-o', 'kept.dcm', '--force', '--send', peer, code=5)
+        assert words in said and said.count('\n') == 1, said
+        pydicom.dcmread('kept.dcm').pixel_array
+    for way in ways.values():
+        run(*way, *look, '-o', 'none.png', code=3)
+        assert not os.path.exists('none.png')
+finally:
+    pacs.kill()

@@ -1,0 +1,193 @@
+"""Peers for tests: Orthanc, storescp, a proxy that breaks a connection, a small DICOMweb server. Loopback only."""
+import http.server
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.request
+
+
+def skip(why):
+    print('skipped: ' + why)
+    sys.exit(77)
+
+
+def need(*programs):
+    for program in programs:
+        if not shutil.which(program):
+            skip('no ' + program)
+
+
+def free_port():
+    with socket.socket() as s:
+        s.bind(('127.0.0.1', 0))
+        return s.getsockname()[1]
+
+
+def wait_for_port(port, process, seconds=60):
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        try:
+            socket.create_connection(('127.0.0.1', port), 1).close()
+            return
+        except OSError:
+            assert process.poll() is None, 'the peer ended with %s' % process.returncode
+            time.sleep(0.05)
+    raise AssertionError('the peer does not come up')
+
+
+class Orthanc:
+    """A PACS with DICOM and DICOMweb; killed and started again it still has what it confirmed."""
+
+    def __init__(self, folder, loopback, user=None):
+        self.folder, self.loopback, self.user = folder, loopback, user
+        self.http, self.dicom, self.listener = free_port(), free_port(), free_port()
+        self.url = 'http://127.0.0.1:%d' % self.http
+        plugins = [p for p in ('/usr/share/orthanc/plugins', '/usr/lib/orthanc/plugins') if os.path.isdir(p)]
+        os.makedirs(folder)
+        config = {
+            'Name': 'test', 'StorageDirectory': folder, 'IndexDirectory': folder, 'HttpPort': self.http,
+            'RemoteAccessAllowed': False, 'AuthenticationEnabled': bool(user),
+            'RegisteredUsers': dict([user]) if user else {}, 'DicomAet': 'ORTHANC', 'DicomPort': self.dicom,
+            'DicomCheckCalledAet': True, 'DicomAlwaysAllowStore': False, 'Plugins': plugins,
+            'DicomModalities': {'ctsplat': {'AET': 'CTSPLAT', 'Host': '127.0.0.1', 'Port': self.listener,
+                                            'AllowGet': True, 'AllowMove': True, 'AllowFind': True}},
+            'DicomWeb': {'Enable': True, 'Root': '/dicom-web/'}}
+        with open(folder + '.json', 'w') as f:
+            json.dump(config, f)
+        self.start()
+
+    def start(self):
+        log = open(self.folder + '.log', 'ab')
+        self.process = subprocess.Popen(['Orthanc', self.folder + '.json'], stdin=subprocess.DEVNULL, stdout=log,
+                                        stderr=log, env=dict(os.environ, LD_PRELOAD=self.loopback))
+        wait_for_port(self.http, self.process)
+        wait_for_port(self.dicom, self.process)
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()
+
+    def get(self, path, accept=None):
+        request = urllib.request.Request(self.url + path, headers={'Accept': accept} if accept else {})
+        return urllib.request.urlopen(request, timeout=30).read()
+
+    def json(self, path):
+        return json.loads(self.get(path, 'application/json'))
+
+    def put(self, path):
+        with open(path, 'rb') as f:
+            request = urllib.request.Request(self.url + '/instances', data=f.read())
+        urllib.request.urlopen(request, timeout=30).read()
+
+    def instances(self):
+        return self.json('/statistics')['CountInstances']
+
+
+class Proxy:
+    """Passes connections on; calls broken() and cuts the first one after so many bytes."""
+
+    def __init__(self, to, cut_after, broken, pause=0):
+        self.to, self.cut_after, self.broken, self.pause = to, cut_after, broken, pause
+        self.connections = 0
+        self.socket = socket.create_server(('127.0.0.1', 0))
+        self.port = self.socket.getsockname()[1]
+        threading.Thread(target=self.accept, daemon=True).start()
+
+    def accept(self):
+        while True:
+            client, _ = self.socket.accept()
+            self.connections += 1
+            cut = self.cut_after if self.connections == 1 else None
+            threading.Thread(target=self.serve, args=(client, cut), daemon=True).start()
+
+    def serve(self, client, cut):
+        try:
+            server = socket.create_connection(('127.0.0.1', self.to), 30)
+        except OSError:
+            client.close()
+            return
+        threading.Thread(target=self.pump, args=(server, client, None), daemon=True).start()
+        if self.pump(client, server, cut):
+            self.broken()
+        for s in (client, server):
+            try:
+                s.shutdown(socket.SHUT_RDWR)
+            except OSError:
+                pass
+            s.close()
+
+    def pump(self, a, b, cut):
+        passed = 0
+        while True:
+            try:
+                data = a.recv(16384)
+                if not data:
+                    b.shutdown(socket.SHUT_WR)
+                    return False
+                b.sendall(data)
+                time.sleep(self.pause)
+            except OSError:
+                return False
+            passed += len(data)
+            if cut and passed > cut:
+                return True
+
+
+class Web(http.server.ThreadingHTTPServer):
+    """Answers every GET with status, headers and body as it is told, and keeps what it was asked."""
+    daemon_threads = True
+
+    def __init__(self):
+        self.asked, self.answer = [], (200, {}, b'')
+        server = self
+
+        class Handler(http.server.BaseHTTPRequestHandler):
+            def do_GET(self):
+                server.asked.append((self.path, dict(self.headers)))
+                status, headers, body = server.answer
+                self.send_response(status)
+                for name, value in headers.items():
+                    self.send_header(name, value)
+                self.end_headers()
+                self.wfile.write(body)
+
+            def do_POST(self):
+                self.rfile.read(int(self.headers['Content-Length']))
+                self.do_GET()
+
+            def log_message(self, *_):
+                pass
+
+        super().__init__(('127.0.0.1', 0), Handler)
+        self.url = 'http://127.0.0.1:%d/rs' % self.server_address[1]
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+
+class Ctsplat:
+    def __init__(self, program):
+        self.program = program
+        os.makedirs('tmp', exist_ok=True)
+
+    def compare(self, a, b):
+        """Equal to the last bit of what the two files can hold."""
+        done = subprocess.run([self.program, 'compare', a, b, '--json'], capture_output=True, text=True)
+        return json.loads(done.stdout)['max'] < 1 / 255 / 2
+
+    def run(self, *args, code=0, env=None, interrupt_after=None):
+        full = dict(os.environ, TMPDIR=os.path.abspath('tmp'), **(env or {}))
+        process = subprocess.Popen([self.program, 'render'] + list(args), stdin=subprocess.DEVNULL,
+                                   stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=full)
+        if interrupt_after:
+            time.sleep(interrupt_after)
+            assert process.poll() is None, 'it ended before it could be interrupted'
+            process.send_signal(signal.SIGINT)
+        said = process.communicate()[1]
+        assert process.returncode == code, (args, process.returncode, said)
+        assert not os.listdir('tmp'), 'a folder is left: %s' % os.listdir('tmp')
+        return said
