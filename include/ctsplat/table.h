@@ -15,6 +15,7 @@ extern "C" {
  *
  * - Tables, mattresses and head holders are drawn along the scanner's axis: what is less than some 12 mm thick and
  *   stands at the same place over 60 mm of it is no patient, even where it touches one. It goes.
+ *   Where an ear or a back lies against such a plate, it is followed along its far face.
  * - Of the connected parts that are then left, the largest is the patient; others stay if at least half of them is
  *   thicker than 6 mm, as limbs and fingers are and blankets, tubes and plates are not.
  *

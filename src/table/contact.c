@@ -1,7 +1,7 @@
 #include "table/contact.h"
 
 /* The far face wavers by so many voxels, no more, and behind it nothing may lie. */
-enum { WAVER = 3, TAPER = 12 };
+enum { WAVER = 3, TAPER = 40 };
 
 /* One way to look at a section: plates run along `axis`, and their far face looks to larger (side 1) or smaller (-1)
  * places across; they are followed to larger (way 1) or smaller (-1) places along. */
@@ -34,11 +34,12 @@ static bool follow(const Face *f, int along, int *across)
     return false;
 }
 
-/* The plate's thickness near its end at (along, across), where it may taper: the largest some steps away from there. */
+/* The plate's thickness near its end at (along, across), where it may taper: the largest some steps away from there. 0
+ * where it is no longer along than across, as a plate is that runs the other way. */
 static int thickness(const Face *f, int along, int across, int step)
 {
-    int most = 0;
-    for (int s = 0; s <= TAPER && get(f, f->plates, along, across); s++) {
+    int most = 0, s = 0;
+    for (; s <= TAPER && get(f, f->plates, along, across); s++) {
         int n = 1;
         while (get(f, f->plates, along, across - n * f->side))
             n++;
@@ -47,7 +48,7 @@ static int thickness(const Face *f, int along, int across, int step)
         if (!follow(f, along, &across))
             break;
     }
-    return most;
+    return s > most ? most : 0;
 }
 
 /* How much is always there from the face on, n_most at most. */
@@ -73,6 +74,8 @@ static void bridge(const Face *f, int along, int across)
 {
     const int left = thickness(f, along, across, -f->way);
     int end = along, at = across, thick = left;
+    if (!left)
+        return;
     do {
         end += f->way;
         if (!follow(f, end, &at))
@@ -80,7 +83,7 @@ static void bridge(const Face *f, int along, int across)
     } while (!get(f, f->plates, end, at) && depth(f, end, at, left + 2) > left + 1);
     if (get(f, f->plates, end, at)) {
         const int right = thickness(f, end, at, f->way);
-        thick = left < right ? left : right;
+        thick = right && right < left ? right : left;
     }
     /* The voxel that was added on the near side is the patient's. */
     for (int a = along + f->way; a != end; a += f->way) {

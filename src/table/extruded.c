@@ -11,6 +11,8 @@
 
 /* Longer than an ear, a nose or a fold of skin is straight. */
 static const double EXTRUDED_MM = 60;
+/* Where something touches it, a plate that was found is followed by what stands still over so much. */
+static const double FOLLOWED_MM = 24;
 /* Half the thickness up to which a thing is a plate or a rail, with the voxel that is added on either side. */
 static const double PLATE_RADIUS_MM = 7;
 /* Up to here it may be one. */
@@ -24,19 +26,34 @@ typedef struct Window {
     int first, end;
 } Window;
 
+/* Windows of one length, each a step behind the one before, over the whole stack. */
+typedef struct Windows {
+    int length, step, n, last; /* the last one begins here */
+} Windows;
+
 typedef struct Search {
     const CtsSectionPlan *plan;
-    CtsBits wide;             /* the sections, a voxel wider: what wavers by a voxel stands still */
+    CtsBits wide; /* the sections, a voxel wider: what wavers by a voxel stands still */
+    Windows windows, shorter;
     CtsBits plates, doubtful; /* by window */
-    int length, step, n_windows;
+    CtsBits followed;         /* by shorter window */
     CtsReach reach, doubt_reach;
     double least_voxels, sure_voxels;
 } Search;
 
-static Window window_at(const Search *s, int n)
+static Windows windows_of(const CtsSectionPlan *plan, double length_mm)
 {
-    const int last = s->plan->dims[2] - s->length, first = n * s->step < last ? n * s->step : last;
-    return (Window){first, first + s->length};
+    Windows w = {.length = (int)ceil(length_mm / plan->spacing_mm[2])};
+    w.step = w.length > 8 ? w.length / 8 : 1;
+    w.last = plan->dims[2] - w.length;
+    w.n = w.last < 0 ? 0 : (w.last + w.step - 1) / w.step + 1;
+    return w;
+}
+
+static Window window_at(const Windows *w, int n)
+{
+    const int first = n * w->step < w->last ? n * w->step : w->last;
+    return (Window){first, first + w->length};
 }
 
 /* What one thread works with: sections of one slice. */
@@ -116,7 +133,7 @@ static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err
 {
     CtsStatus st;
     CtsBits plates = section_of(&s->plates, n), doubtful = section_of(&s->doubtful, n);
-    look_along(s, window_at(s, n), w);
+    look_along(s, window_at(&s->windows, n), w);
     cts_thin_section(&w->morphology, w->ever.words, s->reach, w->thin.words);
     if ((st = choose_parts(s, w, &plates, err)))
         return st;
@@ -129,12 +146,35 @@ static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err
     return st;
 }
 
+/* A plate's end moves where the plate is cut askew, so that it ends before what touches it does; over a shorter way it
+ * stands still for longer. Nothing new is found here, only what goes on from a plate along its face. */
+static void follow_plates(const Search *s, int n, Worker *w)
+{
+    const Window window = window_at(&s->shorter, n);
+    const CtsReach waver = {.diamond = 1, .box = {1, 1}};
+    CtsBits followed = section_of(&s->followed, n);
+    for (int l = 0; l < s->windows.n; l++) {
+        const Window longer = window_at(&s->windows, l);
+        const CtsBits plates = section_of(&s->plates, l);
+        if (longer.first <= window.first && longer.end >= window.end)
+            cts_bits_combine(&followed, CTS_BITS_OR, &plates);
+    }
+    look_along(s, window, w);
+    /* Over the longer way the plate has wavered: up to the faces that it has here. */
+    cts_thin_section(&w->morphology, w->ever.words, s->reach, w->thin.words);
+    cts_bits_combine(&w->thin, CTS_BITS_OR, &followed);
+    cts_dilate_section(&w->morphology, followed.words, waver, followed.words);
+    cts_bits_combine(&followed, CTS_BITS_AND, &w->thin);
+    cts_bits_combine(&followed, CTS_BITS_AND, &w->always);
+    cts_contact_add(&w->always, &w->ever, &followed);
+}
+
 /* Each section has what was found in the windows over it. */
-static void gather(const Search *s, const CtsBits *sections, int k, const CtsBits *found, CtsBits *to)
+static void gather(const CtsBits *sections, int k, const Windows *windows, const CtsBits *found, CtsBits *to)
 {
     CtsBits own = section_of(to, k), there = section_of(sections, k);
-    for (int n = 0; n < s->n_windows; n++) {
-        const Window window = window_at(s, n);
+    for (int n = 0; n < windows->n; n++) {
+        const Window window = window_at(windows, n);
         const CtsBits from = section_of(found, n);
         if (k >= window.first && k < window.end)
             cts_bits_combine(&own, CTS_BITS_OR, &from);
@@ -166,6 +206,13 @@ static void look_at_windows(void *context, int worker, size_t first, size_t end)
             atomic_fetch_add(&l->n_failed, 1);
 }
 
+static void follow_in_windows(void *context, int worker, size_t first, size_t end)
+{
+    Looking *const l = context;
+    for (int n = (int)first; n < (int)end; n++)
+        follow_plates(l->search, n, &l->workers[worker]);
+}
+
 static CtsStatus search(Search *s, const CtsBits *sections, int n_threads, CtsError *err)
 {
     Worker *workers;
@@ -176,7 +223,8 @@ static CtsStatus search(Search *s, const CtsBits *sections, int n_threads, CtsEr
         goto end;
     Looking looking = {.search = s, .sections = sections, .workers = workers};
     cts_parallel(n_threads, (size_t)sections->dims[2], 0, widen_sections, &looking);
-    cts_parallel(n_threads, (size_t)s->n_windows, 1, look_at_windows, &looking);
+    cts_parallel(n_threads, (size_t)s->windows.n, 1, look_at_windows, &looking);
+    cts_parallel(n_threads, (size_t)s->shorter.n, 1, follow_in_windows, &looking);
     if (atomic_load(&looking.n_failed))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 end:
@@ -197,8 +245,10 @@ static void gather_sections(void *context, int worker, size_t first, size_t end)
     const Gathering *const g = context;
     (void)worker;
     for (int k = (int)first; k < (int)end; k++) {
-        gather(g->search, g->sections, k, &g->search->plates, &g->extruded->plates);
-        gather(g->search, g->sections, k, &g->search->doubtful, &g->extruded->doubtful);
+        const Search *const s = g->search;
+        gather(g->sections, k, &s->windows, &s->plates, &g->extruded->plates);
+        gather(g->sections, k, &s->shorter, &s->followed, &g->extruded->plates);
+        gather(g->sections, k, &s->windows, &s->doubtful, &g->extruded->doubtful);
     }
 }
 
@@ -212,15 +262,16 @@ CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections,
     const double mm2 = plan->spacing_mm[0] * plan->spacing_mm[1];
     s.least_voxels = LEAST_MM2 / mm2;
     s.sure_voxels = SURE_MM2 / mm2;
-    s.length = (int)ceil(EXTRUDED_MM / plan->spacing_mm[2]);
-    s.step = s.length > 8 ? s.length / 8 : 1;
+    s.windows = windows_of(plan, EXTRUDED_MM);
+    s.shorter = windows_of(plan, FOLLOWED_MM);
     if ((st = cts_bits_new(&extruded->plates, plan->dims, err)) ||
-        (st = cts_bits_new(&extruded->doubtful, plan->dims, err)) || plan->dims[2] < s.length)
+        (st = cts_bits_new(&extruded->doubtful, plan->dims, err)) || s.windows.n == 0)
         return st;
-    s.n_windows = (plan->dims[2] - s.length + s.step - 1) / s.step + 1;
-    const int by_window[3] = {plan->dims[0], plan->dims[1], s.n_windows};
+    const int by_window[3] = {plan->dims[0], plan->dims[1], s.windows.n};
+    const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
     if ((st = cts_bits_new(&s.wide, plan->dims, err)) || (st = cts_bits_new(&s.plates, by_window, err)) ||
-        (st = cts_bits_new(&s.doubtful, by_window, err)) || (st = search(&s, sections, n_threads, err)))
+        (st = cts_bits_new(&s.doubtful, by_window, err)) || (st = cts_bits_new(&s.followed, by_shorter, err)) ||
+        (st = search(&s, sections, n_threads, err)))
         goto end;
     Gathering gathering = {&s, sections, extruded};
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, gather_sections, &gathering);
@@ -228,6 +279,7 @@ end:
     cts_bits_free(&s.wide);
     cts_bits_free(&s.plates);
     cts_bits_free(&s.doubtful);
+    cts_bits_free(&s.followed);
     return st;
 }
 

@@ -20,4 +20,4 @@ goes()
 # The GE table, its cradle and the mattress's cover are 950 cm3, by hand; the skull's tray is 180, the holder's shells 75.
 goes chest-ge 900 980
 goes head-phantom/S2020 170 190
-goes head-tilt-ge 55 80
+goes head-tilt-ge 70 80
