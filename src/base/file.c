@@ -13,6 +13,7 @@ struct CtsTempFile {
     int fd;
     char *target; /* the final name */
     char *path;   /* the temporary one */
+    bool loose;   /* a power cut may take it */
 };
 
 /* The folder part of path, "." when it has none; NULL without memory. */
@@ -125,7 +126,7 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
     CtsTempFile *t = *temp;
     CtsStatus st = CTS_OK;
     struct stat info;
-    if (fstat(t->fd, &info) || fchmod(t->fd, 0666 & ~current_umask()) || fsync(t->fd))
+    if (fstat(t->fd, &info) || fchmod(t->fd, 0666 & ~current_umask()) || (!t->loose && fsync(t->fd)))
         st = fail_errno(err, t->target, "cannot be written");
     const int closed = close(t->fd);
     t->fd = -1;
@@ -143,7 +144,7 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
     if (!st) {
         if (bytes)
             *bytes = (uint64_t)info.st_size;
-        st = sync_folder(t->target, err);
+        st = t->loose ? CTS_OK : sync_folder(t->target, err);
         free(t->target);
         free(t->path);
         free(t);
@@ -152,6 +153,11 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
     }
     cts_temp_discard(temp);
     return st;
+}
+
+void cts_temp_do_not_sync(CtsTempFile *temp)
+{
+    temp->loose = true;
 }
 
 void cts_temp_discard(CtsTempFile **temp)

@@ -25,6 +25,8 @@ int cts_temp_fd(const CtsTempFile *temp);
 /* fsync, close, mode 0666 less the umask, rename, fsync of the folder. Without force an existing path is
  * CTS_ERR_OUTPUT. Frees temp. bytes may be NULL. */
 CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsError *err);
+/* A commit does not wait for the disk: for what is made again where a power cut took it. */
+void cts_temp_do_not_sync(CtsTempFile *temp);
 /* Removes the temporary file; does nothing when *temp is NULL, as after a commit. */
 void cts_temp_discard(CtsTempFile **temp);
 

@@ -285,7 +285,7 @@ static CtsStatus write_all(int fd, const char *data, size_t n)
 
 static CtsStatus append(CtsJournal *j, const char *text, size_t n, CtsError *err)
 {
-    if (!write_all(j->files[0], text, n) && !fdatasync(j->files[0]))
+    if (!write_all(j->files[0], text, n))
         return CTS_OK;
     const CtsStatus st = fail_errno(err, j->path, "cannot be written");
     if (ftruncate(j->files[0], (off_t)j->end))
@@ -308,6 +308,11 @@ CtsStatus cts_journal_add(CtsJournal *journal, const json_t *line, CtsError *err
         free(text);
     free(object);
     return st;
+}
+
+CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err)
+{
+    return fdatasync(journal->files[0]) ? fail_errno(err, journal->path, "cannot be written") : CTS_OK;
 }
 
 typedef struct Line {

@@ -1,8 +1,8 @@
 /* The batch's memory: one line of JSON a series in DIR/batch.jsonl, or DIR/batch-I-of-N.jsonl of a shard.
  *
- * Lines are appended and synced as work ends, and of several lines of a series the last one holds: a run that is killed
- * leaves at worst half a line at the end, which the next one cuts off. cts_journal_finish() leaves one line a series.
- */
+ * Lines are appended as work ends and synced now and then, and of several lines of a series the last one holds: a run
+ * that is killed leaves at worst half a line at the end, which the next one cuts off. cts_journal_finish() leaves one
+ * line a series. */
 #ifndef CTS_BATCH_JOURNAL_H
 #define CTS_BATCH_JOURNAL_H
 
@@ -21,8 +21,10 @@ CtsStatus cts_journal_open(CtsJournal **journal, const char *folder, int shard, 
 json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid);
 /* Whether that line stands in this shard's own journal. */
 bool cts_journal_holds(const CtsJournal *journal, const char *series_uid);
-/* Appends and syncs; does not take line over. CTS_ERR_OUTPUT leaves the journal as it was. */
+/* Appends; does not take line over. CTS_ERR_OUTPUT leaves the journal as it was. */
 CtsStatus cts_journal_add(CtsJournal *journal, const json_t *line, CtsError *err);
+/* Lines so far outlast a power cut too. */
+CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err);
 /* One line a series, in order of UID, in a new file that takes the old one's place. change, unless it is NULL, may
  * change each line. */
 CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(json_t *line), CtsError *err);

@@ -21,7 +21,7 @@
 #include <unistd.h>
 
 /* How long a child that was asked to stop may take, and how often the clock is looked at. */
-enum { GRACE_MS = 2000, TICK_MS = 200, MOST_MESSAGE = 64 << 20 };
+enum { GRACE_MS = 2000, TICK_MS = 200, SYNC_MS = 2000, MOST_MESSAGE = 64 << 20 };
 /* A volume of 16-bit voxels, its copies while it is worked on, and what a picture takes. */
 static const double BYTES_PER_VOXEL = 5, BYTES_PER_SERIES = 200e6;
 
@@ -49,7 +49,7 @@ typedef struct Run {
     int n_workers; /* as many as render, and one that reads ahead */
     int n_jobs, n_threads;
     size_t next, n_ended;
-    double start_ms, free_bytes, told_ms;
+    double start_ms, free_bytes, told_ms, synced_ms;
     uint64_t voxels_done, voxels_left;
     CtsStatus status; /* why no more series are started */
     CtsError *err;
@@ -385,6 +385,13 @@ static void watch_clock(Run *r)
     }
     if (now_ms - r->told_ms > 1000)
         tell_progress(r);
+    if (now_ms - r->synced_ms > SYNC_MS) {
+        CtsError err;
+        const CtsStatus st = cts_journal_sync(r->journal, &err);
+        r->synced_ms = now_ms;
+        if (st)
+            give_up(r, st, &err);
+    }
 }
 
 /* Waits for a word from any child, or for a while. */

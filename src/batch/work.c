@@ -3,8 +3,8 @@
 
 #include "base/clock.h"
 #include "base/meter.h"
-#include "report/log.h"
 #include "contact/thumbnail.h"
+#include "report/log.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -184,8 +184,10 @@ static CtsStatus write_file(const CtsThumbnail *t, CtsThumbnailFile *file, int q
     const size_t n = WebPEncodeRGBA(pixels, width, t->height, stride, (float)quality, &bytes);
     if (!n || asprintf(&path, "%s%s", t->stem, file->suffix) < 0)
         st = cts_fail(err, CTS_ERR_MEMORY, "%s%s: out of memory", t->stem, file->suffix);
-    else if (!(st = cts_temp_open(&temp, path, err)) && !(st = cts_temp_write(temp, bytes, n, err)))
+    else if (!(st = cts_temp_open(&temp, path, err)) && !(st = cts_temp_write(temp, bytes, n, err))) {
+        cts_temp_do_not_sync(temp);
         st = cts_temp_commit(&temp, true, &file->bytes, err);
+    }
     cts_temp_discard(&temp);
     free(path);
     WebPFree(bytes);
