@@ -45,6 +45,11 @@ violations()
         # One name, one file, so that a name says where to look.
         grep -E '^\./(src|include|tests)/' "$work/list" | grep -v '/meson\.build$' | sed 's|.*/||' | sort | uniq -d |
             sed 's|$| <- the name of several files|'
+        # The map knows every room.
+        for room in src/*/; do
+            room=${room#src/}
+            [ ! -e src/README.md ] || grep -q "^| .${room%/}. |" src/README.md || echo "src/README.md: no room ${room%/}"
+        done
         while read -r f; do
             [ -z "$(tail -c 1 "$f")" ] || echo "$f: no newline at the end"
         done <"$work/list"

@@ -17,12 +17,12 @@
         fault(ROUNDING)          /* paper engines: levels cut off, not rounded */                                      \
         fault(FLOAT_DRIFT)       /* layers: sums of changes kept in float */                                           \
         fault(FOOTPRINT_SUM)     /* paper engines: weights not normalised */                                           \
-        fault(VOID_EDGES)        /* void: tiles at the edge of what shows left out */                                  \
+        fault(VOID_EDGES)        /* void: patches at the edge of what shows left out */                                \
         fault(GRADIENT_STEPS)    /* lighting: spacing and shear forgotten */                                           \
         fault(ONE_SIDED_LIGHT)   /* tiled: surfaces turned away are dark */                                            \
         fault(LAYER_LENGTH)      /* tiled: a layer is 1 mm */                                                          \
         fault(LAST_SLAB)         /* tiled: last layer lost */                                                          \
-        fault(LEAP_RANGE)        /* tiled: a block judged by its lowest level */                                       \
+        fault(LEAP_RANGE)        /* tiled: a macro-cell judged by its lowest level */                                  \
         fault(STOP_EARLY)        /* tiled: stops with a quarter of the light left */                                   \
         fault(ATTENUATION)       /* tiled: no attenuation within a slab */                                             \
         fault(BLIND_FILL)        /* tiled: rows between filled whatever is around them */                              \

@@ -1,7 +1,10 @@
 /* Which settings are measured: each engine with each of its kernels, and what each can be tuned by. */
 #include "bench/bench_parts.h"
 
+#include <assert.h>
 #include <stdlib.h>
+
+enum { MOST_TUNED = 8 }; /* settings of an engine beside its kernels */
 
 typedef struct Plan {
     CtsBenchRow *rows;
@@ -10,9 +13,9 @@ typedef struct Plan {
 
 static void add(Plan *p, CtsEngineId engine, CtsKernelId kernel, int samples, double tolerance_hu, bool void_key)
 {
-    if (p->n < p->capacity)
-        p->rows[p->n++] = (CtsBenchRow){
-            .engine = engine, .kernel = kernel, .samples = samples, .tolerance_hu = tolerance_hu, .void_key = void_key};
+    assert(p->n < p->capacity);
+    p->rows[p->n++] = (CtsBenchRow){
+        .engine = engine, .kernel = kernel, .samples = samples, .tolerance_hu = tolerance_hu, .void_key = void_key};
 }
 
 static void add_paper(Plan *p, CtsEngineId engine, bool reuses_layers, bool skips_void)
@@ -27,19 +30,47 @@ static void add_paper(Plan *p, CtsEngineId engine, bool reuses_layers, bool skip
         add(p, engine, CTS_KERNEL_TENT, 1, 0, true);
 }
 
+static void add_tiled(Plan *p)
+{
+    add(p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, 0, 0, false);
+    for (int samples = 1; samples <= 8; samples *= 2)
+        add(p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, samples, 0, false);
+}
+
+/* A switch without default: the compiler asks for the engine that is missing. */
+static void add_engine(Plan *p, CtsEngineId engine)
+{
+    switch (engine) {
+    case CTS_ENGINE_TILED:
+        add_tiled(p);
+        break;
+    case CTS_ENGINE_COMBINED:
+        add_paper(p, engine, true, true);
+        break;
+    case CTS_ENGINE_VOID:
+        add_paper(p, engine, false, true);
+        break;
+    case CTS_ENGINE_LAYERS:
+        add_paper(p, engine, true, false);
+        break;
+    case CTS_ENGINE_CLASSIC:
+        add_paper(p, engine, false, false);
+        break;
+    case CTS_ENGINE_RAYCAST:
+        add(p, engine, CTS_KERNEL_TENT, 1, 0, false);
+        break;
+    case CTS_N_ENGINES:
+        break;
+    }
+}
+
 CtsStatus cts_bench_plan(CtsBenchRow **rows, int *n, CtsError *err)
 {
-    Plan p = {.capacity = 64};
+    Plan p = {.capacity = CTS_N_ENGINES * (CTS_N_KERNELS + MOST_TUNED)};
     if (!(p.rows = calloc((size_t)p.capacity, sizeof *p.rows)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    add(&p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, 0, 0, false);
-    for (int samples = 1; samples <= 8; samples *= 2)
-        add(&p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, samples, 0, false);
-    add_paper(&p, CTS_ENGINE_COMBINED, true, true);
-    add_paper(&p, CTS_ENGINE_VOID, false, true);
-    add_paper(&p, CTS_ENGINE_LAYERS, true, false);
-    add_paper(&p, CTS_ENGINE_CLASSIC, false, false);
-    add(&p, CTS_ENGINE_RAYCAST, CTS_KERNEL_TENT, 1, 0, false);
+    for (int engine = 0; engine < CTS_N_ENGINES; engine++)
+        add_engine(&p, (CtsEngineId)engine);
     *rows = p.rows;
     *n = p.n;
     return CTS_OK;

@@ -81,7 +81,7 @@ void cts_compositor_free(CtsCompositor *c)
     cts_free(&c->border);
 }
 
-/* The first visible sample, or better the first where half of the light is taken. */
+/* Set depth_mm: the first sample that takes light, and from then on the first by which half of the light is taken. */
 static void note_depth(const CtsCompositor *c, const CtsPlane *plane, int y, int xa, int n)
 {
     const float *pixels = c->picture->pixels + 4 * ((size_t)y * (size_t)c->picture->width + (size_t)xa);
@@ -95,7 +95,7 @@ static void note_depth(const CtsCompositor *c, const CtsPlane *plane, int y, int
     }
 }
 
-/* What lighting costs is told from a few rows. */
+/* Lighting is timed on every sixteenth row, as a clock on each would cost more than it tells. */
 static bool is_timed(const CtsPlane *plane, int y)
 {
     return plane->light && (y & 15) == 0;

@@ -22,8 +22,9 @@ bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool 
  * is splatted is never further off than that, however long it goes on. */
 void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, int tolerance, int n, uint16_t *kept);
 
-/* What is known of a sheet's patches, taken together by swaths, from the layers before: the range of one that did not
- * change need not be looked at again, and if nothing of it can be seen its samples need not be taken. */
+/* What earlier layers tell of a sheet's patches, one column of a swath taken together: a column that did not change
+ * since then has the range of grey levels it had, so it need not be looked at again; and where nothing of that range
+ * can be seen, its samples need not be taken. */
 typedef struct CtsQuiet {
     CtsPatches patches;
     uint64_t *known; /* by swath, a bit for each column of patches */

@@ -1,5 +1,6 @@
-/* What lies behind opaque pixels: a ray whose transmittance is 0 takes nothing more, so its samples can be left out,
- * and patches that only such rays cross need no sheet. Exact, as all void skipping is. */
+/* Occlusion culling: a pixel whose transmittance is 0 is closed. Its ray takes nothing more, so its samples can be left
+ * out, and patches that only closed pixels look at need no sheet. Exact: the picture keeps its bytes. The map of what
+ * is open is kept by zones of the picture (FastSplats, Huang and others 2000, keep an occlusion map likewise). */
 #ifndef CTS_SPLAT_OCCLUSION_H
 #define CTS_SPLAT_OCCLUSION_H
 

@@ -78,7 +78,7 @@ static bool find_needed(const CtsPaperPlan *p, Worker *w, int s, int swath)
         uint64_t all = 0;
         for (int r = 0; r < CTS_NEEDED_ROWS; r++)
             all |= w->needed[r * n_words + i];
-        /* What a sheet holds is known by swaths. */
+        /* With reuse a sheet keeps account by whole swaths, so all rows of the swath need what any of them needs. */
         for (int r = 0; r < CTS_NEEDED_ROWS && p->reuse; r++)
             w->needed[r * n_words + i] = all;
         any |= all;
@@ -164,7 +164,7 @@ static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, in
     cts_composite_rows(&w->compositor, &plane, y0, y1);
 }
 
-/* The planes that step s completes, front to back, in rows y0 to y1 - 1 of the picture. */
+/* The planes that can be sampled once step s has its sheet, front to back, in rows y0 to y1 - 1 of the picture. */
 static void composite_step(const CtsPaperPlan *p, Worker *w, int s, int y0, int y1)
 {
     const int last = p->stack.n_layers - 1;
@@ -197,7 +197,8 @@ static void find_eights(const CtsPaperPlan *p, Worker *w, int v)
     }
 }
 
-/* A dead band looks at every voxel of every layer; so does what skips nothing. */
+/* Whether chunks are loaded only where something may show. With a dead band (--tolerance) every voxel of every layer is
+ * looked at, and without void skipping every voxel is splatted: both need whole chunks. */
 static bool loads_partly(const CtsPaperPlan *p)
 {
     return p->skip_void && p->tolerance == 0;
@@ -241,7 +242,7 @@ static void load_rows(void *context, int worker, size_t first, size_t end)
     w->busy_ms[CTS_STAGE_SPLAT] += cts_thread_cpu_ms() - start_ms;
 }
 
-/* The layers before and behind can be read after this too. */
+/* Load the chunks that the layers of steps s - 1 to s + 1 lie in. */
 static void load_chunks(Step *step)
 {
     CtsPaperPlan *const p = step->plan;
@@ -264,7 +265,8 @@ static void find_open(void *context, int worker, size_t first, size_t end)
         cts_paper_find_open(step->plan, step->s, (int)swath);
 }
 
-/* A row as it is splatted, where that is not as it is. */
+/* Row v of step s as it is splatted under a tolerance: voxels that changed too little since the step before keep its
+ * value. */
 static void settle_row(const CtsPaperPlan *p, const CtsPaperStore *store, int s, int v)
 {
     const size_t at = (size_t)v * (size_t)p->stack.n[0];
@@ -292,7 +294,7 @@ static void splat_swaths(void *context, int worker, size_t first, size_t end)
     w->busy_ms[CTS_STAGE_SPLAT] += busy_ms > 0 ? busy_ms : 0;
 }
 
-/* Blocks of picture rows; planes need not wait for each other. */
+/* Rows of zones of the picture, each through all planes of the step, so that planes need not wait for each other. */
 static void composite_blocks(void *context, int worker, size_t first, size_t end)
 {
     const Step *const step = context;
@@ -310,7 +312,7 @@ static void run_layers(CtsPaperPlan *p, Worker *workers)
     int open_until = 0; /* the step up to which the plan's open patches hold */
     for (int s = 0; s < p->stack.n_layers - CTS_MUTATED(LAST_LAYER) && !p->stopped; s++) {
         const bool needed = cts_paper_step_needed(p, s);
-        /* A dead band must see every layer, needed or not. */
+        /* The dead band compares with the layer before, so it must see every layer, needed or not. */
         if (!needed && p->tolerance == 0)
             continue;
         step.s = s;

@@ -9,7 +9,7 @@
 
 enum { SWATHS_A_THREAD = 3 }; /* with fewer, some threads would wait for others */
 
-/* About one lattice point a pixel, and a power of two. */
+/* Lattice points a voxel along one axis: about one a pixel, and a power of two. */
 static int choose_density(double voxels_per_pixel)
 {
     int density = 1;
@@ -87,7 +87,7 @@ static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, Cts
     return CTS_OK;
 }
 
-/* A sample of the layers decides; the picture is the same either way. */
+/* Whether reusing layers pays, told from a sample of them; the picture is the same with and without. */
 static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
 {
     CtsChangeSample sample;
@@ -100,7 +100,7 @@ static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
     if (st)
         return st;
     const double percent = sample.voxels > 0 ? 100.0 * (double)sample.changed / (double)sample.voxels : 0;
-    /* Where a tolerance is asked for, the picture must not depend on what pays. */
+    /* A tolerance changes the picture, so it is not dropped where reuse does not pay. */
     p->reuse = p->tolerance > 0 || cts_layers_pay(sample, &p->footprint, p->skip_void);
     if (p->reuse)
         cts_report_plan(report, "layer reuse: %.0f %% of voxels change between layers, so only changes are splatted",
@@ -131,13 +131,13 @@ static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, 
     return plan_reuse(p, report, err);
 }
 
-/* Where a picture row lies that runs along the lattice's. */
+/* The place along v of picture row y, in a view whose picture rows run along the lattice's rows. */
 static double level_at(const CtsRaster *r, int y)
 {
     return r->origin[1] + r->by_y[1] * (double)(r->first_row + y);
 }
 
-/* False for rows that certainly do not. */
+/* Whether picture row y may see the volume; false only where it certainly does not. */
 static bool sees_volume(const CtsRaster *r, int y)
 {
     return level_at(r, y) >= -1 && level_at(r, y) <= r->last[1] + 1;

@@ -8,7 +8,8 @@
 #include "splat/sheet.h"
 #include "splat/void.h"
 
-/* What is at hand of the layers: one for all threads, or each thread's own. */
+/* The layers that can be read and sampled at the moment, and their sheets: one store for all threads, or one for each.
+ */
 typedef struct CtsPaperStore {
     CtsStack stack;
     CtsSheet sheet[2];
@@ -69,7 +70,7 @@ static inline int cts_paper_layer(const CtsPaperPlan *p, int step)
     return p->scene->view.axis_sign > 0 ? step : p->stack.n_layers - 1 - step;
 }
 
-/* Room for what of the layers is at hand; a store set to zero may be freed. */
+/* Allocate a store; one that is all zeros may be freed. */
 CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *plan, CtsError *err);
 void cts_paper_store_free(CtsPaperStore *store);
 

@@ -14,7 +14,7 @@ typedef struct CtsRaster {
     int last[2];                  /* lattice index of the last voxel along u and v */
     double origin[2], by_x[2], by_y[2], by_layer[2];
     bool moves[2];      /* along a picture row */
-    bool column_tables; /* one axis moves along rows only, the other from row to row only */
+    bool column_tables; /* one lattice axis changes along picture rows only, the other from row to row only */
     bool filled;        /* nothing is left for cts_raster_fill() */
 } CtsRaster;
 
@@ -50,7 +50,7 @@ void cts_raster_row_free(CtsRasterRow *row);
 void cts_raster_begin_plane(CtsRasterRow *row, double layer);
 bool cts_raster_begin_row(CtsRasterRow *row, int y);
 
-/* Make cells and fractions hold for pixels xa..xb-1, where tables do not. */
+/* Fill in cells and fractions of pixels xa..xb-1 of the row, as far as they do not come from the plane's tables. */
 void cts_raster_fill(CtsRasterRow *row, int xa, int xb);
 
 /* Where pixels from xa on fall. */

@@ -51,8 +51,8 @@ CtsRange cts_patch_range(const CtsPatches *patches, const CtsRangeRule *rule, in
     return range;
 }
 
-/* Levels that settle most ranges by two comparisons: one whose high is below the first, or whose low is above the
- * second, shows nothing. */
+/* Two grey levels that settle most ranges by a comparison each: a range whose high lies below high_from, or whose low
+ * lies above low_to, shows nothing. */
 typedef struct Limits {
     int high_from, low_to;
 } Limits;
