@@ -295,7 +295,7 @@ static void splat_swaths(void *context, int worker, size_t first, size_t end)
 }
 
 /* Rows of zones of the picture, each through all planes of the step, so that planes need not wait for each other. */
-static void composite_blocks(void *context, int worker, size_t first, size_t end)
+static void composite_zones(void *context, int worker, size_t first, size_t end)
 {
     const Step *const step = context;
     Worker *const w = &step->workers[worker];
@@ -329,7 +329,7 @@ static void run_layers(CtsPaperPlan *p, Worker *workers)
         p->stopped = cts_scene_stopped(p->scene);
         if (!p->stopped)
             cts_parallel(p->n_threads, (size_t)(p->raster.height + CTS_ZONE_HEIGHT - 1) / CTS_ZONE_HEIGHT, 0,
-                         composite_blocks, &step);
+                         composite_zones, &step);
         p->store.sheet[s % p->n_sheets].step = s;
     }
 }

@@ -4,8 +4,8 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "table/block_change.h"
 #include "table/body.h"
+#include "table/cell_change.h"
 #include "table/extruded.h"
 #include "table/morphology.h"
 #include "table/parts.h"
@@ -171,7 +171,7 @@ static uint64_t clear_row(const Removal *r, CtsVolume *v, int j, int k, const ui
 typedef struct Clearing {
     const Removal *removal;
     CtsVolume *volume;
-    CtsBlockChange *change;
+    CtsCellChange *change;
     _Atomic uint64_t n_dense;
 } Clearing;
 
@@ -182,12 +182,12 @@ static void clear_slices(void *context, int worker, size_t first, size_t end)
     uint64_t n_dense = 0;
     (void)worker;
     for (int k = (int)first; k < (int)end; k++) {
-        CtsBlockRows rows;
+        CtsCellRows rows;
         uint64_t gone[CTS_BITS_ROW_WORDS];
         for (int j = 0; j < c->volume->dims[1]; j++) {
             cts_sections_row(&r->plan, &r->gone, c->volume->dims[0], j, k, gone);
             n_dense += clear_row(r, c->volume, j, k, gone);
-            cts_block_change_row(c->change, &rows, gone, j, k);
+            cts_cell_change_row(c->change, &rows, gone, j, k);
         }
     }
     atomic_fetch_add(&c->n_dense, n_dense);
@@ -195,16 +195,16 @@ static void clear_slices(void *context, int worker, size_t first, size_t end)
 
 static CtsStatus clear(Removal *r, CtsVolume *v, CtsError *err)
 {
-    CtsBlockChange change;
-    CtsStatus st = cts_block_change_new(&change, v->macrocells, err);
+    CtsCellChange change;
+    CtsStatus st = cts_cell_change_new(&change, v->macrocells, err);
     if (st)
         goto end;
     Clearing clearing = {.removal = r, .volume = v, .change = &change};
     cts_parallel(r->n_threads, (size_t)v->dims[2], CTS_FINE_MACROCELL, clear_slices, &clearing);
     r->n_dense_gone = atomic_load(&clearing.n_dense);
-    cts_block_change_apply(&change, v, r->n_threads);
+    cts_cell_change_apply(&change, v, r->n_threads);
 end:
-    cts_block_change_free(&change);
+    cts_cell_change_free(&change);
     return st;
 }
 

@@ -39,30 +39,30 @@ void cts_tiled_clip(const TiledJob *j, double u, double v, double *enter, double
     }
 }
 
-/* Layers for which [low, high] + step * q, one coordinate of a beam, stays inside the blocks b0 - (n - 1) to
+/* Layers for which [low, high] + step * q, one coordinate of a beam, stays inside the macro-cells b0 - (n - 1) to
  * b1 + (n - 1); beyond the volume's ends there is nothing to stay inside of. */
-static double room(const double at[2], double step, int b0, int b1, int n, int n_blocks)
+static double room(const double at[2], double step, int b0, int b1, int n, int n_macrocells)
 {
     if (step > 0)
-        return b1 + n >= n_blocks ? INFINITY : ((b1 + n) * CTS_MACROCELL - at[1]) / step;
+        return b1 + n >= n_macrocells ? INFINITY : ((b1 + n) * CTS_MACROCELL - at[1]) / step;
     if (step < 0)
         return b0 - (n - 1) <= 0 ? INFINITY : (at[0] - (b0 - (n - 1)) * CTS_MACROCELL) / -step;
     return INFINITY;
 }
 
-static int block_of(double at, int n_blocks)
+static int macrocell_of(double at, int n_macrocells)
 {
     const int b = at > 0 ? (int)(at * (1.0 / CTS_MACROCELL)) : 0;
-    return b < n_blocks ? b : n_blocks - 1;
+    return b < n_macrocells ? b : n_macrocells - 1;
 }
 
 /* How many layers rays that meet layer q between (u[0], v[0]) and (u[1], v[1]) may skip. 0: something may be visible,
- * or the next block is too near; *until is then the layer up to which to march before asking again. */
+ * or the next macro-cell is too near; *until is then the layer up to which to march before asking again. */
 static int skip_from(const TiledJob *j, const double u[2], const double v[2], int q, int *until)
 {
     const CtsEmptySpace *empty = &j->empty;
-    const int bu0 = block_of(u[0], empty->nu), bu1 = block_of(u[1], empty->nu);
-    const int bv0 = block_of(v[0], empty->nv), bv1 = block_of(v[1], empty->nv);
+    const int bu0 = macrocell_of(u[0], empty->nu), bu1 = macrocell_of(u[1], empty->nu);
+    const int bv0 = macrocell_of(v[0], empty->nv), bv1 = macrocell_of(v[1], empty->nv);
     const unsigned cell = (unsigned)(j->rising ? q : j->nk - 2 - q);
     const int rest = (int)(j->rising ? CTS_MACROCELL - cell % CTS_MACROCELL : cell % CTS_MACROCELL + 1);
     const uint8_t *d = empty->distance + (ptrdiff_t)(cell / CTS_MACROCELL) * empty->nu * empty->nv;
@@ -167,7 +167,7 @@ static int fine_of(double at, int n_cells)
     return (cell < n_cells ? cell : n_cells - 1) / CTS_FINE_MACROCELL;
 }
 
-/* Whether something may be visible to the beam in slabs from..to - 1, which lie in one layer of fine blocks. */
+/* Whether something may be visible to the beam in slabs from..to - 1, which lie in one layer of fine macro-cells. */
 static bool fine_visible(const TiledJob *j, const TiledBeam *beam, int from, int to)
 {
     const CtsEmptySpace *empty = &j->empty;
@@ -185,7 +185,7 @@ static bool fine_visible(const TiledJob *j, const TiledBeam *beam, int from, int
     return false;
 }
 
-/* Where the layer of fine blocks that holds slab q ends. */
+/* Where the layer of fine macro-cells that holds slab q ends. */
 static int fine_end(const TiledJob *j, const TiledBeam *beam, int q)
 {
     const int cell = j->rising ? q : j->nk - 2 - q;
@@ -222,7 +222,7 @@ bool cts_tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
             beam->next += skip;
             continue;
         }
-        /* A closer look: up to where the next layer of fine blocks begins. */
+        /* A closer look: up to where the next layer of fine macro-cells begins. */
         const int end = fine_end(j, beam, q);
         beam->next = end < until ? end : until;
         if (!fine_visible(j, beam, q, beam->next))

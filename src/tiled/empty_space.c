@@ -3,29 +3,29 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
-#include "tiled/block_distance.h"
+#include "tiled/cell_distance.h"
 #include <stdatomic.h>
 
-/* The fine blocks in the layout's order of axes. */
+/* The fine macro-cells in the layout's order of axes. */
 typedef struct Fine {
     const CtsRange *range;
     int n[3];
     ptrdiff_t stride[3];
 } Fine;
 
-static Fine fine_of(const CtsMacrocells *blocks, const CtsLayout *layout)
+static Fine fine_of(const CtsMacrocells *macrocells, const CtsLayout *layout)
 {
     const int axis[3] = {layout->axis_u, layout->axis_v, layout->axis_k};
-    const ptrdiff_t stride[3] = {1, blocks->n_fine[0], (ptrdiff_t)blocks->n_fine[0] * blocks->n_fine[1]};
-    Fine f = {.range = blocks->fine};
+    const ptrdiff_t stride[3] = {1, macrocells->n_fine[0], (ptrdiff_t)macrocells->n_fine[0] * macrocells->n_fine[1]};
+    Fine f = {.range = macrocells->fine};
     for (int c = 0; c < 3; c++) {
-        f.n[c] = blocks->n_fine[axis[c]];
+        f.n[c] = macrocells->n_fine[axis[c]];
         f.stride[c] = stride[axis[c]];
     }
     return f;
 }
 
-/* Bits of the fine blocks in block (u, v, k) that may be visible; at the far ends some do not exist. */
+/* Bits of the fine macro-cells in macro-cell (u, v, k) that may be visible; at the far ends some do not exist. */
 static uint8_t fine_bits(const Fine *f, const CtsLut *lut, int u, int v, int k)
 {
     const CtsRange *first = f->range + 2 * (u * f->stride[0] + v * f->stride[1] + k * f->stride[2]);
@@ -62,7 +62,7 @@ static void look_at_rows(void *context, int worker, size_t first, size_t end)
         for (int u = 0; u < nu; u++) {
             const CtsRange r = l->range[u * l->stride[0] + v * l->stride[1] + k * l->stride[2]];
             const bool visible = cts_lut_visible(l->lut, r.low, r.high);
-            d[u] = visible ? 0 : CTS_BLOCK_FAR;
+            d[u] = visible ? 0 : CTS_CELL_FAR;
             fine[u] = visible ? fine_bits(l->fine, l->lut, u, v, k) : 0;
             n_visible += visible;
         }
@@ -70,26 +70,26 @@ static void look_at_rows(void *context, int worker, size_t first, size_t end)
     atomic_fetch_add(&l->n_visible, n_visible);
 }
 
-CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsMacrocells *blocks, const CtsLayout *layout,
+CtsStatus cts_empty_space_init(CtsEmptySpace *empty, const CtsMacrocells *macrocells, const CtsLayout *layout,
                                const CtsLut *lut, int n_threads, CtsError *err)
 {
     CtsStatus st;
     *empty = (CtsEmptySpace){
-        .nu = blocks->n[layout->axis_u], .nv = blocks->n[layout->axis_v], .nk = blocks->n[layout->axis_k]};
-    empty->n_blocks = (int64_t)empty->nu * empty->nv * empty->nk;
-    if ((st = cts_alloc_array(&empty->distance, (size_t)empty->n_blocks, err)) ||
-        (st = cts_alloc_array(&empty->fine, (size_t)empty->n_blocks, err)))
+        .nu = macrocells->n[layout->axis_u], .nv = macrocells->n[layout->axis_v], .nk = macrocells->n[layout->axis_k]};
+    empty->n_macrocells = (int64_t)empty->nu * empty->nv * empty->nk;
+    if ((st = cts_alloc_array(&empty->distance, (size_t)empty->n_macrocells, err)) ||
+        (st = cts_alloc_array(&empty->fine, (size_t)empty->n_macrocells, err)))
         goto end;
-    const ptrdiff_t from[3] = {1, blocks->n[0], (ptrdiff_t)blocks->n[0] * blocks->n[1]};
-    const Fine all_fine = fine_of(blocks, layout);
+    const ptrdiff_t from[3] = {1, macrocells->n[0], (ptrdiff_t)macrocells->n[0] * macrocells->n[1]};
+    const Fine all_fine = fine_of(macrocells, layout);
     Look look = {.empty = empty,
-                 .range = blocks->range,
+                 .range = macrocells->range,
                  .stride = {from[layout->axis_u], from[layout->axis_v], from[layout->axis_k]},
                  .fine = &all_fine,
                  .lut = lut};
     cts_parallel(n_threads, (size_t)empty->nk * (size_t)empty->nv, 64, look_at_rows, &look);
     empty->n_visible = atomic_load(&look.n_visible);
-    st = cts_block_distance(empty->distance, empty->nu, empty->nv, empty->nk, err);
+    st = cts_cell_distance(empty->distance, empty->nu, empty->nv, empty->nk, err);
 end:
     if (st)
         cts_empty_space_free(empty);

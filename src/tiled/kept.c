@@ -28,7 +28,7 @@ void cts_tiled_kept_free(void *kept)
     TiledKept *k = kept;
     if (!k)
         return;
-    cts_macrocells_free(&k->own_blocks);
+    cts_macrocells_free(&k->own_macrocells);
     cts_layout_free(&k->copied);
     cts_slab_table_free(&k->table);
     cts_empty_space_free(&k->empty);
@@ -40,13 +40,13 @@ static bool same_axes(const CtsLayout *a, const CtsLayout *b)
     return a->axis_u == b->axis_u && a->axis_v == b->axis_v && a->axis_k == b->axis_k;
 }
 
-CtsStatus cts_tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsMacrocells **blocks, CtsReport *report,
-                                CtsError *err)
+CtsStatus cts_tiled_kept_macrocells(TiledKept *kept, const CtsScene *scene, const CtsMacrocells **macrocells,
+                                    CtsReport *report, CtsError *err)
 {
-    return cts_scene_macrocells(scene, &kept->own_blocks, blocks, report, err);
+    return cts_scene_macrocells(scene, &kept->own_macrocells, macrocells, report, err);
 }
 
-CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsMacrocells *blocks,
+CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsMacrocells *macrocells,
                                 const CtsLayout *layout, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -55,7 +55,7 @@ CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const Ct
         cts_report_skip(report, "slab integrals", "%s", EARLIER);
     } else {
         cts_slab_table_free(&kept->table);
-        if ((st = cts_slab_table_init(&kept->table, scene, blocks->all, err)))
+        if ((st = cts_slab_table_init(&kept->table, scene, macrocells->all, err)))
             return st;
         kept->table_scale = scene->extinction_scale;
     }
@@ -65,7 +65,7 @@ CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const Ct
     }
     cts_empty_space_free(&kept->empty);
     memcpy(kept->empty_axes, axes, sizeof axes);
-    return cts_empty_space_init(&kept->empty, blocks, layout, scene->lut, scene->settings->n_threads, err);
+    return cts_empty_space_init(&kept->empty, macrocells, layout, scene->lut, scene->settings->n_threads, err);
 }
 
 CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,
@@ -88,7 +88,7 @@ CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reac
         return CTS_OK;
     }
     const CtsEmptySpace *empty = &kept->empty;
-    const CtsLayoutBlocks wanted = {empty->distance, empty->nu, empty->nv, empty->nk, kept->copied_reach, reach};
+    const CtsLayoutCells wanted = {empty->distance, empty->nu, empty->nv, empty->nk, kept->copied_reach, reach};
     const int64_t n = cts_layout_copy(layout, scene->volume, &wanted, scene->settings->n_threads);
     const uint64_t voxels = (uint64_t)n * CTS_MACROCELL * CTS_MACROCELL * CTS_MACROCELL;
     kept->copied_reach = reach;

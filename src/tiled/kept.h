@@ -10,9 +10,9 @@
 #include "volume/macrocells.h"
 
 typedef struct TiledKept {
-    CtsMacrocells *own_blocks; /* where the volume has none */
-    CtsLayout copied;          /* the last layout that needed a copy; one at a time, so memory stays bounded */
-    int copied_reach;          /* it holds the blocks up to this far from a visible one */
+    CtsMacrocells *own_macrocells; /* where the volume has none */
+    CtsLayout copied;              /* the last layout that needed a copy; one at a time, so memory stays bounded */
+    int copied_reach;              /* it holds the macro-cells up to this far from a visible one */
     CtsSlabTable table;
     double table_scale; /* extinction_scale of table, 0 before it is made */
     CtsEmptySpace empty;
@@ -24,14 +24,14 @@ CtsStatus cts_tiled_kept_open(const CtsScene *scene, TiledKept **kept, CtsError 
 void cts_tiled_kept_close(const CtsScene *scene, TiledKept *kept);
 void cts_tiled_kept_free(void *kept);
 
-/* Block ranges, which stay the keeper's. The report says what was there already, here and below. */
-CtsStatus cts_tiled_kept_blocks(TiledKept *kept, const CtsScene *scene, const CtsMacrocells **blocks, CtsReport *report,
-                                CtsError *err);
+/* Macro-cell ranges, which stay the keeper's. The report says what was there already, here and below. */
+CtsStatus cts_tiled_kept_macrocells(TiledKept *kept, const CtsScene *scene, const CtsMacrocells **macrocells,
+                                    CtsReport *report, CtsError *err);
 /* kept->table and kept->empty for this view. */
-CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsMacrocells *blocks,
+CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsMacrocells *macrocells,
                                 const CtsLayout *layout, CtsReport *report, CtsError *err);
-/* Give the view's layout its voxels, those at least that lie up to `reach` blocks from a visible one; they stay the
- * keeper's. After cts_tiled_kept_tables(). */
+/* Give the view's layout its voxels, those at least that lie up to `reach` macro-cells from a visible one; they stay
+ * the keeper's. After cts_tiled_kept_tables(). */
 CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,
                                 CtsError *err);
 

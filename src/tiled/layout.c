@@ -17,8 +17,9 @@ static double per_pixel(const CtsView *view, int axis)
     return fabs(view->right_vox[axis] + t * view->forward_vox[axis]);
 }
 
-/* Voxels of block b of n along an axis: blocks are of cells, so the last one holds a voxel more than its cells. */
-static inline int block_end(int b, int n, int n_voxels)
+/* Voxels of macro-cell b of n along an axis: macro-cells are of cells, so the last one holds a voxel more than its
+ * cells. */
+static inline int macrocell_end(int b, int n, int n_voxels)
 {
     return b == n - 1 ? n_voxels : (b + 1) * CTS_MACROCELL;
 }
@@ -76,23 +77,24 @@ CtsStatus cts_layout_make(CtsLayout *l, CtsError *err)
 typedef struct Copy {
     const CtsLayout *layout;
     const CtsVolume *volume;
-    const CtsLayoutBlocks *blocks;
+    const CtsLayoutCells *macrocells;
     _Atomic int64_t n;
 } Copy;
 
-/* A row of blocks; returns how many were copied. */
-static int copy_blocks(const Copy *c, int bv, int bk)
+/* A row of macro-cells; returns how many were copied. */
+static int copy_macrocells(const Copy *c, int bv, int bk)
 {
     const CtsLayout *l = c->layout;
-    const CtsLayoutBlocks *blocks = c->blocks;
-    const uint8_t *distance = blocks->distance + ((size_t)bk * (size_t)blocks->nv + (size_t)bv) * (size_t)blocks->nu;
+    const CtsLayoutCells *macrocells = c->macrocells;
+    const uint8_t *distance =
+        macrocells->distance + ((size_t)bk * (size_t)macrocells->nv + (size_t)bv) * (size_t)macrocells->nu;
     int n = 0;
-    for (int bu = 0; bu < blocks->nu; bu++) {
-        if (distance[bu] <= blocks->above || distance[bu] > blocks->reach)
+    for (int bu = 0; bu < macrocells->nu; bu++) {
+        if (distance[bu] <= macrocells->above || distance[bu] > macrocells->reach)
             continue;
-        for (int v = bv * CTS_MACROCELL; v < block_end(bv, blocks->nv, l->nv); v++)
-            copy_row(l, c->volume, bu * CTS_MACROCELL, block_end(bu, blocks->nu, l->nu), v, bk * CTS_MACROCELL,
-                     block_end(bk, blocks->nk, l->nk));
+        for (int v = bv * CTS_MACROCELL; v < macrocell_end(bv, macrocells->nv, l->nv); v++)
+            copy_row(l, c->volume, bu * CTS_MACROCELL, macrocell_end(bu, macrocells->nu, l->nu), v, bk * CTS_MACROCELL,
+                     macrocell_end(bk, macrocells->nk, l->nk));
         n++;
     }
     return n;
@@ -103,13 +105,13 @@ static void copy_rows(void *context, int worker, size_t first, size_t end)
     Copy *const c = context;
     (void)worker;
     for (size_t row = first; row < end; row++)
-        atomic_fetch_add(&c->n, copy_blocks(c, (int)row % c->blocks->nv, (int)row / c->blocks->nv));
+        atomic_fetch_add(&c->n, copy_macrocells(c, (int)row % c->macrocells->nv, (int)row / c->macrocells->nv));
 }
 
-int64_t cts_layout_copy(const CtsLayout *l, const CtsVolume *volume, const CtsLayoutBlocks *blocks, int n_threads)
+int64_t cts_layout_copy(const CtsLayout *l, const CtsVolume *volume, const CtsLayoutCells *macrocells, int n_threads)
 {
-    Copy copy = {.layout = l, .volume = volume, .blocks = blocks};
-    cts_parallel(n_threads, (size_t)blocks->nk * (size_t)blocks->nv, 1, copy_rows, &copy);
+    Copy copy = {.layout = l, .volume = volume, .macrocells = macrocells};
+    cts_parallel(n_threads, (size_t)macrocells->nk * (size_t)macrocells->nv, 1, copy_rows, &copy);
     return atomic_load(&copy.n);
 }
 

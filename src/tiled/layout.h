@@ -21,18 +21,19 @@ typedef struct CtsLayout {
 
 /* What the layout of this view is like, without its copy: grey is NULL where one must be made. */
 CtsLayout cts_layout_plan(const CtsVolume *volume, const CtsView *view);
-/* Which blocks of 8 x 8 x 8 voxels a copy needs: in the layout's axes, those whose distance is above `above` and at
- * most `reach`. */
-typedef struct CtsLayoutBlocks {
+/* Which macro-cells of 8 x 8 x 8 voxels a copy needs: in the layout's axes, those whose distance is above `above` and
+ * at most `reach`. */
+typedef struct CtsLayoutCells {
     const uint8_t *distance;
-    int nu, nv, nk; /* blocks along each axis */
+    int nu, nv, nk; /* macro-cells along each axis */
     int above, reach;
-} CtsLayoutBlocks;
+} CtsLayoutCells;
 
 /* Make room for the copy, if the plan needs one: layout->copy and layout->grey. */
 CtsStatus cts_layout_make(CtsLayout *layout, CtsError *err);
-/* Copy these blocks; what is not copied is undefined. Returns how many they are. */
-int64_t cts_layout_copy(const CtsLayout *layout, const CtsVolume *volume, const CtsLayoutBlocks *blocks, int n_threads);
+/* Copy these macro-cells; what is not copied is undefined. Returns how many they are. */
+int64_t cts_layout_copy(const CtsLayout *layout, const CtsVolume *volume, const CtsLayoutCells *macrocells,
+                        int n_threads);
 void cts_layout_free(CtsLayout *layout);
 
 #endif

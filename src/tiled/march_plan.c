@@ -91,11 +91,12 @@ void cts_tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLa
 {
     static const char *const axes[3] = {"columns", "rows", "slices"};
     const CtsRenderSettings *s = scene->settings;
-    const double active = 100.0 * (double)j->empty.n_visible / (double)j->empty.n_blocks, step = scene->volume->hu_step;
+    const double active = 100.0 * (double)j->empty.n_visible / (double)j->empty.n_macrocells,
+                 step = scene->volume->hu_step;
     cts_report_plan(report, "engine tiled: %d layers across the volume's %s, %s, %.4g mm of ray from layer to layer",
                     j->nk, axes[layout->axis_k], j->rising ? "rising" : "falling", scene->view.layer_mm);
-    cts_report_plan(report, "blocks of %d^3 cells: %lld of %lld may be visible (%.1f %%)", CTS_MACROCELL,
-                    (long long)j->empty.n_visible, (long long)j->empty.n_blocks, active);
+    cts_report_plan(report, "macro-cells of %d^3 cells: %lld of %lld may be visible (%.1f %%)", CTS_MACROCELL,
+                    (long long)j->empty.n_visible, (long long)j->empty.n_macrocells, active);
     cts_report_plan(report,
                     "slab integral: cumulative tables of %d entries, %g to a grey level; split into 2 to 16 parts "
                     "where depth^2 times change exceeds %.3g HU, past depth %g where the light is lost",
@@ -134,9 +135,9 @@ void cts_tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLa
     if (layout->grey)
         cts_report_skip(report, "transposed copy", "rows already lie along the %s", axes[layout->axis_u]);
     else
-        cts_report_plan(report, "transposed copy: blocks up to %d from one that may be visible", reach);
-    if (j->empty.n_visible == j->empty.n_blocks)
-        cts_report_skip(report, "void skipping", "every block may be visible");
+        cts_report_plan(report, "transposed copy: macro-cells up to %d from one that may be visible", reach);
+    if (j->empty.n_visible == j->empty.n_macrocells)
+        cts_report_skip(report, "void skipping", "every macro-cell may be visible");
     if (s->tolerance_hu > 0)
         cts_report_skip(report, "tolerance", "the engine compares no layers");
 }

@@ -8,7 +8,7 @@
  * geometry and its table. */
 void cts_tiled_plan(TiledJob *job, const CtsScene *scene);
 
-/* reach: how far, in blocks, from a visible one voxels are copied. simd_path: its name. */
+/* reach: how far, in macro-cells, from a visible one voxels are copied. simd_path: its name. */
 void cts_tiled_plan_report(const TiledJob *job, const CtsScene *scene, const CtsLayout *layout, int reach,
                            const char *simd_path, CtsReport *report);
 

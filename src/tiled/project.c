@@ -15,7 +15,7 @@ typedef struct Ray {
 typedef struct Projector {
     const CtsScene *scene;
     const CtsVolume *volume;
-    const CtsMacrocells *blocks;
+    const CtsMacrocells *macrocells;
     const CtsView *view;
     CtsMode mode;
     const CtsBodyMask *body; /* what alone is seen; NULL: all */
@@ -158,10 +158,11 @@ static double cell_extreme(const Ray *ray, const int cell[3], const double v[8],
     return best;
 }
 
-static CtsRange block_range(const Projector *p, const int block[3])
+static CtsRange macrocell_range(const Projector *p, const int macrocell[3])
 {
-    const int *n = p->blocks->n_fine;
-    return p->blocks->fine[((size_t)block[2] * (size_t)n[1] + (size_t)block[1]) * (size_t)n[0] + (size_t)block[0]];
+    const int *n = p->macrocells->n_fine;
+    return p->macrocells
+        ->fine[((size_t)macrocell[2] * (size_t)n[1] + (size_t)macrocell[1]) * (size_t)n[0] + (size_t)macrocell[0]];
 }
 
 static inline bool is_seen(const Projector *p, const int cell[3])
@@ -169,17 +170,17 @@ static inline bool is_seen(const Projector *p, const int cell[3])
     return !p->body || cts_body_mask_has(p->body, cell);
 }
 
-/* sign 1: the largest, -1: the smallest grey level; -INFINITY times sign where nothing is seen. Blocks and cells that
- * cannot beat what was found are passed over. */
+/* sign 1: the largest, -1: the smallest grey level; -INFINITY times sign where nothing is seen. Macro-cells and cells
+ * that cannot beat what was found are passed over. */
 static double extreme(const Projector *p, const Ray *ray, double sign)
 {
     double best = -INFINITY; /* times sign */
-    Walk blocks = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
+    Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
     do {
-        const CtsRange r = block_range(p, blocks.box);
+        const CtsRange r = macrocell_range(p, macrocells.box);
         if ((sign > 0 ? r.high : -r.low) <= best)
             continue;
-        Walk cells = begin(p, ray, 1, blocks.t, blocks.next);
+        Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
         do {
             double v[8], bound = -INFINITY;
             if (!is_seen(p, cells.box))
@@ -190,7 +191,7 @@ static double extreme(const Projector *p, const Ray *ray, double sign)
             if (bound > best)
                 best = fmax(best, sign * cell_extreme(ray, cells.box, v, cells.t, cells.next, sign));
         } while (advance(&cells));
-    } while (advance(&blocks));
+    } while (advance(&macrocells));
     return sign * best;
 }
 
@@ -200,15 +201,15 @@ static double mean(const Projector *p, const Ray *ray)
     if (!(ray->t1 > ray->t0))
         return extreme(p, ray, 1);
     double sum = 0, length = 0;
-    Walk blocks = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
+    Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
     do {
-        const CtsRange r = block_range(p, blocks.box);
+        const CtsRange r = block_range(p, macrocells.box);
         if (r.low == r.high && !p->body) {
-            sum += r.low * (blocks.next - blocks.t);
-            length += blocks.next - blocks.t;
+            sum += r.low * (macrocells.next - macrocells.t);
+            length += macrocells.next - macrocells.t;
             continue;
         }
-        Walk cells = begin(p, ray, 1, blocks.t, blocks.next);
+        Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
         do {
             double v[8];
             if (!is_seen(p, cells.box))
@@ -219,7 +220,7 @@ static double mean(const Projector *p, const Ray *ray)
                    (field_at(ray, cells.box, v, cells.t) + 4 * field_at(ray, cells.box, v, (cells.t + cells.next) / 2) +
                     field_at(ray, cells.box, v, cells.next));
         } while (advance(&cells));
-    } while (advance(&blocks));
+    } while (advance(&macrocells));
     return length > 0 ? sum / length : INFINITY;
 }
 
@@ -256,13 +257,13 @@ static void project_rows(void *context, int worker, size_t first, size_t end)
         project_row(r->projector, r->picture, (int)y);
 }
 
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *blocks, CtsPicture *picture, CtsReport *report,
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsPicture *picture, CtsReport *report,
                       CtsError *err)
 {
     const CtsVolume *v = scene->volume;
     const Projector p = {.scene = scene,
                          .volume = v,
-                         .blocks = blocks,
+                         .macrocells = macrocells,
                          .view = &scene->view,
                          .mode = scene->preset->mode,
                          .body = cts_scene_body(scene),
@@ -270,8 +271,8 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *blocks, CtsPic
     cts_report_plan(report, "mode %s: each ray through the cells it crosses, extremes and means of the cubic in each",
                     cts_mode_names[p.mode]);
     cts_report_plan(report, p.mode == CTS_MODE_AVERAGE
-                                ? "blocks of 4^3 cells of one grey level are taken whole"
-                                : "blocks of 4^3 cells that cannot beat what was found are skipped");
+                                ? "macrocells of 4^3 cells of one grey level are taken whole"
+                                : "macrocells of 4^3 cells that cannot beat what was found are skipped");
     cts_scene_tell_parts(scene, report);
     if (!picture)
         return CTS_OK;

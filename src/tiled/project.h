@@ -1,5 +1,5 @@
-/* The modes mip, minip and average: extremes and means of the trilinear field along each ray, exactly, with blocks that
- * cannot change them passed over. */
+/* The modes mip, minip and average: extremes and means of the trilinear field along each ray, exactly, with macro-cells
+ * that cannot change them passed over. */
 #ifndef CTS_TILED_PROJECT_H
 #define CTS_TILED_PROJECT_H
 
@@ -7,7 +7,7 @@
 #include "volume/macrocells.h"
 
 /* picture NULL: only make the plan. */
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *blocks, CtsPicture *picture, CtsReport *report,
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsPicture *picture, CtsReport *report,
                       CtsError *err);
 
 #endif

@@ -1,6 +1,6 @@
 /* The tiled engine: the paper's idea taken to its limit. Sheets are sampled only where the final pixels' rays cross
- * them (so no warp), blocks that cannot be seen are skipped, the slab between two sheets is integrated exactly, and
- * a packet of pixels ends when it is opaque. ctsplat(1), METHODS, has the mathematics. */
+ * them (so no warp), macro-cells that cannot be seen are skipped, the slab between two sheets is integrated exactly,
+ * and a packet of pixels ends when it is opaque. ctsplat(1), METHODS, has the mathematics. */
 #include "scene/engine.h"
 
 #include "base/clock.h"
@@ -116,8 +116,8 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     init_steps(j);
 }
 
-/* How far, in blocks, from a visible one lies what a beam may sample: beams are sampled as a whole, up to the next
- * layer of fine blocks; two voxels more for interpolation and slopes. */
+/* How far, in macro-cells, from a visible one lies what a beam may sample: beams are sampled as a whole, up to the next
+ * layer of fine macro-cells; two voxels more for interpolation and slopes. */
 static int sampled_reach(const TiledJob *j)
 {
     const double u = 7 * (fabs(j->u_at[1]) + fabs(j->u_at[2])) + CTS_FINE_MACROCELL * fabs(j->u_at[3]);
@@ -213,13 +213,13 @@ static void report_counts(const TiledCounts *counts, const CtsScene *scene, cons
         CtsVoxelCounts *v = &report->voxels;
         v->known = true;
         v->total = cts_volume_n_voxels(scene->volume);
-        v->splatted = (uint64_t)((double)v->total * (double)empty->n_visible / (double)empty->n_blocks);
+        v->splatted = (uint64_t)((double)v->total * (double)empty->n_visible / (double)empty->n_macrocells);
         v->void_voxels = v->total - v->splatted;
         v->reused = 0;
     }
 }
 
-static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacrocells *blocks, CtsPicture *picture,
+static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacrocells *macrocells, CtsPicture *picture,
                            CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -230,7 +230,7 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacr
     layout = cts_layout_plan(scene->volume, &scene->view);
     double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const int axes[3] = {layout.axis_u, layout.axis_v, layout.axis_k};
-    if ((st = cts_tiled_kept_tables(kept, scene, blocks, &layout, report, err)))
+    if ((st = cts_tiled_kept_tables(kept, scene, macrocells, &layout, report, err)))
         goto end;
     job.table = kept->table;
     job.empty = kept->empty;
@@ -242,12 +242,12 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacr
     init_job(&job, scene, &layout);
     if (job.shade)
         init_frame(&job);
-    job.narrow = blocks->all.high - blocks->all.low < 32768;
+    job.narrow = macrocells->all.high - macrocells->all.low < 32768;
     const TiledPath path = choose_path(&job);
     cts_scene_tell_parts(scene, report);
     cts_tiled_plan_report(&job, scene, &layout, sampled_reach(&job), path.name, report);
-    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)job.empty.n_blocks,
-                     0);
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
+                     (uint64_t)job.empty.n_macrocells, 0);
     if (!picture)
         goto end;
     if ((st = cts_tiled_kept_layout(kept, scene, sampled_reach(&job), &layout, report, err)))
@@ -271,12 +271,12 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsRep
 {
     CtsStatus st;
     TiledKept *kept = NULL;
-    const CtsMacrocells *blocks;
+    const CtsMacrocells *macrocells;
     if ((st = cts_tiled_kept_open(scene, &kept, err)) ||
-        (st = cts_tiled_kept_blocks(kept, scene, &blocks, report, err)))
+        (st = cts_tiled_kept_macrocells(kept, scene, &macrocells, report, err)))
         goto end;
-    st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, blocks, picture, report, err)
-                                                   : cts_project(scene, blocks, picture, report, err);
+    st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, macrocells, picture, report, err)
+                                                   : cts_project(scene, macrocells, picture, report, err);
 end:
     cts_tiled_kept_close(scene, kept);
     return st;

@@ -2,7 +2,7 @@
 #include "unit.h"
 
 #include "ctsplat/volume.h"
-#include "table/block_change.h"
+#include "table/cell_change.h"
 #include "table/morphology.h"
 #include "volume/bits.h"
 #include <stdbool.h>
@@ -82,15 +82,15 @@ static void test_threshold(void **state)
 }
 
 /* Make air of the voxels whose bit is set, row by row, as table removal does. */
-static void clear(CtsVolume *v, const CtsBits *gone, CtsBlockChange *change)
+static void clear(CtsVolume *v, const CtsBits *gone, CtsCellChange *change)
 {
     for (int k = 0; k < v->dims[2]; k++) {
-        CtsBlockRows rows;
+        CtsCellRows rows;
         for (int j = 0; j < v->dims[1]; j++) {
             for (int i = 0; i < v->dims[0]; i++)
                 if (cts_bits_get(gone, i, j, k))
                     v->grey[(k * v->dims[1] + j) * v->dims[0] + i] = 0;
-            cts_block_change_row(change, &rows, cts_bits_row(gone, j, k), j, k);
+            cts_cell_change_row(change, &rows, cts_bits_row(gone, j, k), j, k);
         }
     }
 }
@@ -117,7 +117,7 @@ static void check_change(const int dims[3], int kind)
     uint32_t seed = (uint32_t)kind;
     CtsVolume *v = make(dims, (uint32_t)dims[0]);
     CtsBits gone;
-    CtsBlockChange change;
+    CtsCellChange change;
     CtsMacrocells *fresh;
     CtsError err;
     assert_int_equal(cts_bits_new(&gone, dims, &err), CTS_OK);
@@ -127,9 +127,9 @@ static void check_change(const int dims[3], int kind)
             for (at[0] = 0; at[0] < dims[0]; at[0]++)
                 if (goes(kind, at, &seed))
                     cts_bits_set(&gone, at[0], at[1], at[2]);
-    assert_int_equal(cts_block_change_new(&change, v->macrocells, &err), CTS_OK);
+    assert_int_equal(cts_cell_change_new(&change, v->macrocells, &err), CTS_OK);
     clear(v, &gone, &change);
-    cts_block_change_apply(&change, v, 2);
+    cts_cell_change_apply(&change, v, 2);
     assert_int_equal(cts_macrocells_new(&fresh, v, 1, &err), CTS_OK);
     const size_t n = (size_t)fresh->n[0] * (size_t)fresh->n[1] * (size_t)fresh->n[2];
     const size_t n_fine = (size_t)fresh->n_fine[0] * (size_t)fresh->n_fine[1] * (size_t)fresh->n_fine[2];
@@ -137,7 +137,7 @@ static void check_change(const int dims[3], int kind)
     assert_memory_equal(fresh->range, v->macrocells->range, n * sizeof *fresh->range);
     assert_memory_equal(&fresh->all, &v->macrocells->all, sizeof fresh->all);
     cts_macrocells_free(&fresh);
-    cts_block_change_free(&change);
+    cts_cell_change_free(&change);
     cts_bits_free(&gone);
     cts_volume_free(&v);
 }

@@ -1,10 +1,10 @@
-/* Distances between blocks against the definition, on grids whose rows end inside, at and past a machine word. */
+/* Distances between macro-cells against the definition, on grids whose rows end inside, at and past a machine word. */
 #include "scenes.h"
-#include "tiled/block_distance.h"
+#include "tiled/cell_distance.h"
 
 static int by_definition(const uint8_t *marked, const int n[3], const int at[3])
 {
-    int least = CTS_BLOCK_FAR;
+    int least = CTS_CELL_FAR;
     for (int k = 0, i = 0; k < n[2]; k++)
         for (int v = 0; v < n[1]; v++)
             for (int u = 0; u < n[0]; u++, i++) {
@@ -29,7 +29,7 @@ static void against_definition(void **state)
             for (int i = 0; i < total; i++)
                 found[i] = marked[i] = scene_random(&seed) % one_in != 0 ? (uint8_t)(1 + scene_random(&seed) % 255) : 0;
             CtsError err;
-            assert_int_equal(cts_block_distance(found, n[0], n[1], n[2], &err), CTS_OK);
+            assert_int_equal(cts_cell_distance(found, n[0], n[1], n[2], &err), CTS_OK);
             for (int k = 0, i = 0; k < n[2]; k++)
                 for (int v = 0; v < n[1]; v++)
                     for (int u = 0; u < n[0]; u++, i++)

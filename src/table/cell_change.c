@@ -1,4 +1,4 @@
-#include "table/block_change.h"
+#include "table/cell_change.h"
 
 #include "base/cpu.h"
 #include "base/parallel.h"
@@ -8,26 +8,26 @@
 
 enum { PER_WORD = 64 / CTS_FINE_MACROCELL, REACH = CTS_FINE_MACROCELL + 1 };
 
-CtsStatus cts_block_change_new(CtsBlockChange *change, CtsMacrocells *blocks, CtsError *err)
+CtsStatus cts_cell_change_new(CtsCellChange *change, CtsMacrocells *macrocells, CtsError *err)
 {
     CtsStatus st;
-    *change = (CtsBlockChange){.blocks = blocks};
-    if (!blocks)
+    *change = (CtsCellChange){.macrocells = macrocells};
+    if (!macrocells)
         return CTS_OK;
-    const int dims[3] = {blocks->n_fine[0], blocks->n_fine[1], blocks->dims[2]};
+    const int dims[3] = {macrocells->n_fine[0], macrocells->n_fine[1], macrocells->dims[2]};
     if ((st = cts_bits_new(&change->lost, dims, err)) || (st = cts_bits_new(&change->kept, dims, err)))
         return st;
     return CTS_OK;
 }
 
-void cts_block_change_free(CtsBlockChange *change)
+void cts_cell_change_free(CtsCellChange *change)
 {
     cts_bits_free(&change->lost);
     cts_bits_free(&change->kept);
 }
 
 /* Bit b: whether one of the voxels 4 b to 4 b + 4 is set; next is the word that follows. */
-static uint64_t by_block(uint64_t word, uint64_t next)
+static uint64_t by_macrocell(uint64_t word, uint64_t next)
 {
     if (word == ~UINT64_C(0))
         return 0xFFFF;
@@ -39,32 +39,33 @@ static uint64_t by_block(uint64_t word, uint64_t next)
     return (x | x >> 24) & 0xFFFF;
 }
 
-/* Add blocks of word w of a row of voxels; those behind the last block are its last voxel alone, which it has. */
-static void add_blocks(const CtsBits *bits, int bj, int k, size_t w, uint64_t blocks)
+/* Add macro-cells of word w of a row of voxels; those behind the last macro-cell are its last voxel alone, which it
+ * has. */
+static void add_macrocells(const CtsBits *bits, int bj, int k, size_t w, uint64_t macrocells)
 {
     const size_t at = w / CTS_FINE_MACROCELL;
     if (at < bits->row_words)
-        cts_bits_row(bits, bj, k)[at] |= (blocks << (w % CTS_FINE_MACROCELL * PER_WORD)) & cts_bits_mask(bits, at);
+        cts_bits_row(bits, bj, k)[at] |= (macrocells << (w % CTS_FINE_MACROCELL * PER_WORD)) & cts_bits_mask(bits, at);
 }
 
-/* The blocks (., bj) over slice k, from the voxels of their rows that are gone in some row and in all of them. */
-static void add_row(CtsBlockChange *c, int bj, int k, const uint64_t *some, const uint64_t *all)
+/* The macro-cells (., bj) over slice k, from the voxels of their rows that are gone in some row and in all of them. */
+static void add_row(CtsCellChange *c, int bj, int k, const uint64_t *some, const uint64_t *all)
 {
-    const int nx = c->blocks->dims[0];
+    const int nx = c->macrocells->dims[0];
     const size_t n_words = ((size_t)nx + 63) / 64;
-    if (bj >= c->blocks->n_fine[1])
+    if (bj >= c->macrocells->n_fine[1])
         return;
     for (size_t w = 0; w < n_words; w++) {
         const bool last = w + 1 == n_words;
         const uint64_t in_row = last && nx % 64 ? ~(~UINT64_C(0) << nx % 64) : ~UINT64_C(0);
         if (some[w] || (!last && some[w + 1]))
-            add_blocks(&c->lost, bj, k, w, by_block(some[w], last ? 0 : some[w + 1]));
+            add_macrocells(&c->lost, bj, k, w, by_macrocell(some[w], last ? 0 : some[w + 1]));
         if (all[w] != in_row || (!last && ~all[w + 1]))
-            add_blocks(&c->kept, bj, k, w, by_block(~all[w] & in_row, last ? 0 : ~all[w + 1]));
+            add_macrocells(&c->kept, bj, k, w, by_macrocell(~all[w] & in_row, last ? 0 : ~all[w + 1]));
     }
 }
 
-static void join_row(CtsBlockRows *rows, const uint64_t *restrict gone, size_t n_words)
+static void join_row(CtsCellRows *rows, const uint64_t *restrict gone, size_t n_words)
 {
     for (size_t w = 0; w < n_words; w++) {
         rows->some[w] |= gone[w];
@@ -72,13 +73,13 @@ static void join_row(CtsBlockRows *rows, const uint64_t *restrict gone, size_t n
     }
 }
 
-void cts_block_change_row(CtsBlockChange *c, CtsBlockRows *rows, const uint64_t *gone, int j, int k)
+void cts_cell_change_row(CtsCellChange *c, CtsCellRows *rows, const uint64_t *gone, int j, int k)
 {
-    if (!c->blocks)
+    if (!c->macrocells)
         return;
-    const size_t n_words = (size_t)c->blocks->dims[0] / 64 + 1;
-    /* The first row of a block is the last of the one before. */
-    const bool first = j % CTS_FINE_MACROCELL == 0, last = j == c->blocks->dims[1] - 1;
+    const size_t n_words = (size_t)c->macrocells->dims[0] / 64 + 1;
+    /* The first row of a macro-cell is the last of the one before. */
+    const bool first = j % CTS_FINE_MACROCELL == 0, last = j == c->macrocells->dims[1] - 1;
     if (j)
         join_row(rows, gone, n_words);
     if (j && (first || last))
@@ -91,30 +92,31 @@ void cts_block_change_row(CtsBlockChange *c, CtsBlockRows *rows, const uint64_t 
         add_row(c, j / CTS_FINE_MACROCELL, k, rows->some, rows->all);
 }
 
-/* The largest level of the n_blocks fine blocks from (bi, bj, bk) on, one after the other along a row. */
-static void find_highest(const CtsVolume *v, cts_fold_fn fold, int bi, int bj, int bk, int n_blocks, CtsRange *range)
+/* The largest level of the n_macrocells fine macro-cells from (bi, bj, bk) on, one after the other along a row. */
+static void find_highest(const CtsVolume *v, cts_fold_fn fold, int bi, int bj, int bk, int n_macrocells,
+                         CtsRange *range)
 {
-    enum { MOST = 64 + 3 }; /* blocks come from one word */
+    enum { MOST = 64 + 3 }; /* macro-cells come from one word */
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1];
     const int k0 = bk * CTS_FINE_MACROCELL, j0 = bj * CTS_FINE_MACROCELL, i0 = bi * CTS_FINE_MACROCELL;
     const int k1 = k0 + REACH < v->dims[2] ? k0 + REACH : v->dims[2];
     const int n_rows = j0 + REACH < v->dims[1] ? REACH : v->dims[1] - j0, n = v->dims[0] - i0;
-    /* Whole vectors of blocks where the row has them; what is found too much is not used. */
-    const int whole = (n_blocks + 3) / 4 * 4, n_found = 4 * whole < n ? whole : n_blocks;
+    /* Whole vectors of macro-cells where the row has them; what is found too much is not used. */
+    const int whole = (n_macrocells + 3) / 4 * 4, n_found = 4 * whole < n ? whole : n_macrocells;
     CtsRange found[MOST];
     for (int b = 0; b < n_found; b++)
         found[b] = (CtsRange){65535, 0};
     for (int k = k0; k < k1; k++)
         fold(v->grey + ((size_t)k * ny + (size_t)j0) * nx + i0, nx, n_rows, n, found, n_found);
-    for (int b = 0; b < n_blocks; b++)
+    for (int b = 0; b < n_macrocells; b++)
         range[b] = (CtsRange){0, found[b].high};
 }
 
-/* One row of fine blocks: as it was, all air, or air and something. */
-static void change_row(const CtsBlockChange *c, const CtsVolume *v, cts_fold_fn fold, int bj, int bk)
+/* One row of fine macro-cells: as it was, all air, or air and something. */
+static void change_row(const CtsCellChange *c, const CtsVolume *v, cts_fold_fn fold, int bj, int bk)
 {
-    const int *n = c->blocks->n_fine, k0 = bk * CTS_FINE_MACROCELL;
-    CtsRange *range = c->blocks->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0];
+    const int *n = c->macrocells->n_fine, k0 = bk * CTS_FINE_MACROCELL;
+    CtsRange *range = c->macrocells->fine + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0];
     for (size_t w = 0; w < c->lost.row_words; w++) {
         uint64_t lost = 0, kept = 0;
         for (int k = k0; k < k0 + REACH && k < v->dims[2]; k++) {
@@ -135,7 +137,7 @@ static void change_row(const CtsBlockChange *c, const CtsVolume *v, cts_fold_fn 
 }
 
 typedef struct Changing {
-    const CtsBlockChange *change;
+    const CtsCellChange *change;
     const CtsVolume *volume;
     cts_fold_fn fold;
 } Changing;
@@ -145,15 +147,15 @@ static void change_layers(void *context, int worker, size_t first, size_t end)
     const Changing *const c = context;
     (void)worker;
     for (size_t bk = first; bk < end; bk++)
-        for (int bj = 0; bj < c->change->blocks->n_fine[1]; bj++)
+        for (int bj = 0; bj < c->change->macrocells->n_fine[1]; bj++)
             change_row(c->change, c->volume, c->fold, bj, (int)bk);
 }
 
-void cts_block_change_apply(const CtsBlockChange *c, const CtsVolume *volume, int n_threads)
+void cts_cell_change_apply(const CtsCellChange *c, const CtsVolume *volume, int n_threads)
 {
-    if (!c->blocks)
+    if (!c->macrocells)
         return;
     Changing changing = {c, volume, cts_fold(cts_cpu_flags())};
-    cts_parallel(n_threads, (size_t)c->blocks->n_fine[2], 1, change_layers, &changing);
-    cts_macrocells_sum(c->blocks, n_threads);
+    cts_parallel(n_threads, (size_t)c->macrocells->n_fine[2], 1, change_layers, &changing);
+    cts_macrocells_sum(c->macrocells, n_threads);
 }

@@ -1,6 +1,6 @@
-/* What is within distance n + 1 is what is within n, spread by one block to all 26 neighbours: along one axis after the
- * other, on rows of bits. */
-#include "tiled/block_distance.h"
+/* What is within distance n + 1 is what is within n, spread by one macro-cell to all 26 neighbours: along one axis
+ * after the other, on rows of bits. */
+#include "tiled/cell_distance.h"
 
 #include "base/mem.h"
 #include <stdbool.h>
@@ -9,7 +9,7 @@
 typedef struct Grid {
     int nu, nv, nk;
     size_t words;  /* of a row of nu bits */
-    uint64_t last; /* bits of a row's last word that are blocks */
+    uint64_t last; /* bits of a row's last word that are macro-cells */
 } Grid;
 
 static size_t n_words(const Grid *g)
@@ -46,7 +46,7 @@ static void spread_u(const Grid *g, const uint64_t *from, uint64_t *to)
         }
 }
 
-/* Along an axis of n steps of `stride` words, in each of n_outer blocks of n * stride. */
+/* Along an axis of n steps of `stride` words, in each of n_outer groups of n * stride. */
 static void spread_rows(const uint64_t *from, uint64_t *to, int n_outer, int n, size_t stride)
 {
     for (int outer = 0; outer < n_outer; outer++)
@@ -73,7 +73,7 @@ static bool note_new(const Grid *g, const uint64_t *before, const uint64_t *afte
     return any != 0;
 }
 
-CtsStatus cts_block_distance(uint8_t *distance, int nu, int nv, int nk, CtsError *err)
+CtsStatus cts_cell_distance(uint8_t *distance, int nu, int nv, int nk, CtsError *err)
 {
     const Grid g = {nu, nv, nk, ((size_t)nu + 63) / 64, nu % 64 ? (UINT64_C(1) << nu % 64) - 1 : ~UINT64_C(0)};
     const size_t n = n_words(&g);
@@ -84,8 +84,8 @@ CtsStatus cts_block_distance(uint8_t *distance, int nu, int nv, int nk, CtsError
     uint64_t *now = bits, *next = bits + n, *between = bits + 2 * n;
     set_bits(&g, distance, now);
     for (size_t i = 0; i < (size_t)nu * (size_t)nv * (size_t)nk; i++)
-        distance[i] = distance[i] ? CTS_BLOCK_FAR : 0;
-    for (int level = 1; level < CTS_BLOCK_FAR; level++) {
+        distance[i] = distance[i] ? CTS_CELL_FAR : 0;
+    for (int level = 1; level < CTS_CELL_FAR; level++) {
         spread_u(&g, now, next);
         spread_rows(next, between, nk, nv, g.words);
         spread_rows(between, next, 1, nk, g.words * (size_t)nv);

@@ -1,0 +1,14 @@
+/* Distances between macro-cells of a volume. */
+#ifndef CTS_TILED_CELL_DISTANCE_H
+#define CTS_TILED_CELL_DISTANCE_H
+
+#include "ctsplat/status.h"
+#include <stdint.h>
+
+enum { CTS_CELL_FAR = 255 };
+
+/* distance[(k * nv + v) * nu + u]: where it is 0 it stays, elsewhere it becomes the Chebyshev distance to the nearest
+ * 0, at most CTS_CELL_FAR, which is also what stands where there is no 0. */
+CtsStatus cts_cell_distance(uint8_t *distance, int nu, int nv, int nk, CtsError *err);
+
+#endif
