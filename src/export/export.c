@@ -105,7 +105,7 @@ struct CtsExport {
     int frame, row; /* that come next */
 };
 
-/* What a step took; the file's own numbers come with the last one. */
+/* Add the time of one step to the export stage; items and bytes are those of the file, and come with its last step. */
 static void report_step(const CtsExport *e, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes)
 {
     cts_report_stage(e->job.report, CTS_STAGE_EXPORT, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, items, bytes);

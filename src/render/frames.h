@@ -18,7 +18,7 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
 void cts_frames_free(CtsFrames **frames);
 
 const CtsEngine *cts_frames_engine(const CtsFrames *frames);
-/* As they were given. */
+/* Settings, preset and volume as cts_frames_new() was given them. */
 const CtsRenderSettings *cts_frames_settings(const CtsFrames *frames);
 const CtsPreset *cts_frames_preset(const CtsFrames *frames);
 const CtsVolume *cts_frames_volume(const CtsFrames *frames);

@@ -6,8 +6,9 @@
 
 enum { RAYS = 4096, MOST_SAMPLES = 64, MOST_PLANS = 10, BANDS = 6, BAND_ROWS = CTS_BAND_ROWS / 2 };
 
-/* An error on trial stands for one so much larger in the picture; bands of it and the upper end of an interval leave
- * less to chance. */
+/* What is found on trial must stay below the error asked for by this factor, since the whole picture may err more than
+ * the part that was tried. Less is left to chance where bands of the picture itself are tried and the upper end of the
+ * error's interval is taken. */
 #define MARGIN 1.25
 #define BANDS_MARGIN 1.1
 

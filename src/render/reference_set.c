@@ -33,7 +33,7 @@ typedef struct Placing {
     double *weight;
 } Placing;
 
-/* One or two pixels, never the same twice. */
+/* Place n pixels, one or two different ones, at random in a box. */
 static void place_in(Placing *p, const int box[4], size_t n)
 {
     const uint64_t width = (uint64_t)box[2], area = width * (uint64_t)box[3];
@@ -157,7 +157,7 @@ static double difference2(const CtsReference *r, size_t i, const float pixel[4],
     return sum / 3;
 }
 
-/* Student's t for 95 % and that many degrees of freedom, of which there are at least 2, by its series about the normal
+/* Student's t for 95 % and so many degrees of freedom, 2 or more, by its series about the normal
  * distribution (3 % low at 2, 0.7 % at 3). */
 static double student_t(double freedom)
 {
@@ -185,7 +185,7 @@ static void weigh(const CtsReference *r, const double *square, double *mean, dou
     *margin = student_t(fmax(freedom, 2)) * sqrt(variance);
 }
 
-/* The value that all but a thousandth of the picture stays below. */
+/* A pixel's largest difference, and the share of the picture that it stands for. */
 typedef struct Weighed {
     double value, weight;
 } Weighed;
@@ -196,6 +196,7 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* The value that all but a thousandth of the picture stays below. */
 static double all_but_a_thousandth(Weighed *of, size_t n)
 {
     double rest = 0;

@@ -97,7 +97,7 @@ void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t 
     add_line(log, event);
 }
 
-/* Each frame of a rotation leaves out the same. */
+/* Whether an earlier entry says the same: each frame of a rotation leaves out the same things. */
 static bool told_before(const CtsReport *report, size_t index)
 {
     const CtsSkip *skips = report->skips;
@@ -129,7 +129,7 @@ static void log_verified(CtsLog *log, const CtsReport *report)
     add_line(log, event);
 }
 
-/* Each once, however many frames met it. */
+/* Each finding once, however many frames met it. */
 static void log_findings(CtsLog *log, const CtsFindings *findings)
 {
     for (size_t i = 0; i < findings->n; i++) {

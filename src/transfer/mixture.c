@@ -68,7 +68,7 @@ static double pure_density(const CtsTissue *t, double hu)
     return fabs(z) > REACH ? 0 : exp(-0.5 * z * z) / (t->sd_hu * sqrt(2 * M_PI));
 }
 
-/* Every share of b from 0 to 1, under noise. */
+/* Density of voxels that mix two tissues a and b, every share of b from 0 to 1 equally likely, with noise on top. */
 static double mixed_density(const CtsTissue *a, const CtsTissue *b, double hu)
 {
     const double sd = fmin(a->sd_hu, b->sd_hu), from_a = (hu - a->mean_hu) / sd, from_b = (hu - b->mean_hu) / sd;
@@ -149,7 +149,7 @@ static void maximise(const Fit *f, const Sums *s)
     }
 }
 
-/* Tissue that stands no higher than what its neighbours' mixtures would be without it. */
+/* Whether a tissue is not there: its peak stands no higher than the mixture of its two neighbours would without it. */
 static bool lacks_peak(const CtsMixture *m, int i)
 {
     const CtsTissue *t = &m->tissue[i];
@@ -170,7 +170,8 @@ static void drop(Fit *f, int i)
     memmove(t + i, t + i + 1, (size_t)after * sizeof *t);
     memmove(f->start + i, f->start + i + 1, (size_t)after * sizeof *f->start);
     m->n--;
-    /* What it had goes to the mixture of its neighbours, or to the last one; the next round sorts it out. */
+    /* The voxels of a tissue that is dropped go to the mixture of its neighbours, or to the last tissue; the next round
+     * sorts them out. */
     if (i == 0) {
         t[0].weight += weight;
     } else if (i < m->n) {
@@ -218,7 +219,7 @@ static void run(Fit *f, double converged)
         expect(f, &sums);
         maximise(f, &sums);
         m->n_rounds++;
-        /* The starting values' pull can hold it still for a round. */
+        /* The pull of the starting values can hold the likelihood still for a round, so it takes three to end. */
         n_still = fabs(sums.log_likelihood - before) <= converged * f->n_voxels ? n_still + 1 : 0;
         const bool still = n_still == 3;
         before = sums.log_likelihood;
@@ -229,7 +230,7 @@ static void run(Fit *f, double converged)
     }
 }
 
-/* Levels of a few HU as one, at their mean. */
+/* Bins of a few HU, each at the mean of its grey levels. */
 static void run_coarse(Fit *f, Bin *coarse)
 {
     const Bin *bins = f->bins;
@@ -251,7 +252,7 @@ static void run_coarse(Fit *f, Bin *coarse)
     f->n_bins = n_bins;
 }
 
-/* Rounds that were cut short, or weights too small to keep, leave a rest. */
+/* Scale weights to add up to 1: rounds that were cut short, and tissues that were dropped, leave a rest. */
 static void normalise(CtsMixture *m)
 {
     double sum = 0;
@@ -314,7 +315,7 @@ double cts_mixture_void(const CtsMixture *m, const bool is_void[CTS_MAX_TISSUES]
     const double sum = below + mixed + above;
     if (is_void[i] == is_void[i + 1])
         return is_void[i];
-    /* Where neither reaches, the middle decides. */
+    /* Where the densities of both tissues are 0, the place between their means decides. */
     const double of_a = sum > 0 ? (below + mixed * (1 - share)) / sum : 1 - share;
     return is_void[i] ? of_a : 1 - of_a;
 }

@@ -24,7 +24,8 @@ static double hu_of(const Levels *levels, int g)
     return levels->hu_offset + levels->hu_step * g;
 }
 
-/* What lies about its mean stands for a tissue; its tails are noise, and the neighbours' voxels. */
+/* Whether the preset shows a tissue: only HU within a standard deviation of its mean count, as the tails of its
+ * distribution are noise and voxels of its neighbours. */
 static bool shows(const Levels *levels, const CtsTissue *t)
 {
     const double low = (t->mean_hu - t->sd_hu - levels->hu_offset) / levels->hu_step;
@@ -36,7 +37,7 @@ static bool shows(const Levels *levels, const CtsTissue *t)
     return false;
 }
 
-/* Share of all opacity that tissue which shows is to be expected to lose. */
+/* The share of all opacity that belongs to tissue which shows, and would be expected to be skipped with this key. */
 static double loss(const Levels *levels, double probability)
 {
     double lost = 0;

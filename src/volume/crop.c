@@ -127,7 +127,7 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
     if (whole_slices && n[2] == v->dims[2])
         return CTS_OK;
     const size_t slice = (size_t)v->dims[0] * (size_t)v->dims[1];
-    /* What is kept of whole slices may stay where it is. */
+    /* Whole slices may stay where they are, if the memory before them can be dropped. */
     if (!whole_slices)
         move_rows(v, &box, straight, lo_lps, hi_lps);
     else if (!cts_drop_front(&v->grey, (size_t)box.lo[2] * slice * sizeof *v->grey))

@@ -70,7 +70,8 @@ static inline __attribute__((always_inline)) CtsStoredRange slope_one_padded(uin
     return low > high ? (CtsStoredRange){INT32_MAX, INT32_MIN} : (CtsStoredRange){low + smallest, high + smallest};
 }
 
-/* And without any padding, which is half the work. shift is a constant where it is 0: then all stays in 16 bits. */
+/* The same again for slices without padding, which is half the work. shift is a constant where it is 0: then all stays
+ * in 16 bits. */
 static inline __attribute__((always_inline)) CtsStoredRange slope_one_bare(uint16_t *restrict words, size_t n,
                                                                            const CtsStored *s, int32_t rise, int shift)
 {
