@@ -92,13 +92,19 @@ CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, cons
 CtsStatus cts_render_frame(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, CtsPicture **picture,
                            CtsReport *report, CtsError *err);
 
-/* The same picture in bands of rows from the top, each handed to sink as soon as it is made; sink may change it and
- * must not keep it. max_rows: the most rows of a band, rounded down to a multiple of CTS_BAND_ROWS (but not below); 0:
- * as many as 128 MiB hold, so that memory does not grow with the picture. What --void key loses is measured, asked for
- * or not: without settings->verify with 256 pixels. */
-typedef CtsStatus (*CtsBandSink)(void *context, CtsPicture *band, CtsError *err);
-CtsStatus cts_render_bands(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, int max_rows,
-                           CtsBandSink sink, void *context, CtsReport *report, CtsError *err);
+/* Where bands of a picture go. take may change a band and must not keep it. max_rows: the most rows of a band, rounded
+ * down to a multiple of CTS_BAND_ROWS (but not below); 0: as many as 128 MiB hold, so that memory does not grow with
+ * the picture. */
+typedef struct CtsBandSink {
+    CtsStatus (*take)(void *context, CtsPicture *band, CtsError *err);
+    void *context;
+    int max_rows;
+} CtsBandSink;
+
+/* The same picture in bands of rows from the top, each handed to sink as soon as it is made. What --void key loses is
+ * measured, asked for or not: without settings->verify with 256 pixels. */
+CtsStatus cts_render_bands(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, const CtsBandSink *sink,
+                           CtsReport *report, CtsError *err);
 void cts_render_end(CtsRenderer **renderer);
 
 #ifdef __cplusplus

@@ -97,8 +97,8 @@ static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatc
     const double azimuth_deg = job->render.azimuth_deg + 360.0 * frame->number / n_frames_of(job);
     cts_watch_step(watch, 2 + frame->number, n_steps_of(job), "rendering");
     const CtsMeter meter = cts_meter_start(frame->report);
-    const CtsStatus st =
-        cts_render_bands(renderer, azimuth_deg, job->render.elevation_deg, 0, finish_band, frame, frame->report, err);
+    const CtsStatus st = cts_render_bands(renderer, azimuth_deg, job->render.elevation_deg,
+                                          &(CtsBandSink){.take = finish_band, .context = frame}, frame->report, err);
     cts_meter_stop(meter, frame->report, CTS_STAGE_COMPOSITE);
     cts_watch_findings(watch, frame->report);
     return st ? st : stopped(job, err);

@@ -91,12 +91,8 @@ static int choose_rows(const CtsRenderSettings *s, int max_rows)
     return n < (size_t)s->height ? (int)n : s->height;
 }
 
-typedef struct Sink {
-    CtsBandSink take;
-    void *context;
-} Sink;
-
-static CtsStatus render_band(CtsFrame *frame, int first_row, int n_rows, Sink sink, CtsReport *report, CtsError *err)
+static CtsStatus render_band(CtsFrame *frame, int first_row, int n_rows, const CtsBandSink *sink, CtsReport *report,
+                             CtsError *err)
 {
     CtsPicture *band = NULL;
     const CtsVoxelCounts before = report ? report->voxels : (CtsVoxelCounts){0};
@@ -105,13 +101,13 @@ static CtsStatus render_band(CtsFrame *frame, int first_row, int n_rows, Sink si
     if (report && first_row > 0 && before.splatted > report->voxels.splatted)
         report->voxels = before;
     if (!st)
-        st = sink.take(sink.context, band, err);
+        st = sink->take(sink->context, band, err);
     cts_picture_free(&band);
     return st;
 }
 
-CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_deg, int max_rows, CtsBandSink sink,
-                           void *context, CtsReport *report, CtsError *err)
+CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_deg, const CtsBandSink *sink,
+                           CtsReport *report, CtsError *err)
 {
     enum { KEY_PIXELS = 256 };
     const CtsRenderSettings *s = cts_frames_settings(r->frames);
@@ -119,13 +115,12 @@ CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_
     CtsStatus st = begin(r, (double[]){azimuth_deg, elevation_deg}, KEY_PIXELS, &frame, report, err);
     if (!st && s->explain)
         st = cts_frame_explain(&frame, report, err);
-    const int height = s->explain ? 0 : s->height, n_rows = choose_rows(s, max_rows);
+    const int height = s->explain ? 0 : s->height, n_rows = choose_rows(s, sink->max_rows);
     if (n_rows < height)
         cts_report_skip(report, "whole picture", "made and written in bands of %d rows, to bound memory%s", n_rows,
                         cts_frames_engine(r->frames)->repeats_layers ? "; sheets are made again for each" : "");
     for (int row = 0; row < height && !st; row += n_rows)
-        st =
-            render_band(&frame, row, height - row < n_rows ? height - row : n_rows, (Sink){sink, context}, report, err);
+        st = render_band(&frame, row, height - row < n_rows ? height - row : n_rows, sink, report, err);
     return cts_frame_end(&frame, st, report, err);
 }
 

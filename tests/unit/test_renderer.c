@@ -153,8 +153,8 @@ static void check_bands(const CtsVolume *volume, const CtsPreset *preset, const 
     assert_int_equal(cts_render_begin(&renderer, volume, preset, settings, &err), CTS_OK);
     assert_int_equal(cts_render_frame(renderer, settings->azimuth_deg, settings->elevation_deg, &frame, &at_once, &err),
                      CTS_OK);
-    assert_int_equal(cts_render_bands(renderer, settings->azimuth_deg, settings->elevation_deg, 64, take_band, &whole,
-                                      &in_bands, &err),
+    assert_int_equal(cts_render_bands(renderer, settings->azimuth_deg, settings->elevation_deg,
+                                      &(CtsBandSink){take_band, &whole, .max_rows = 64}, &in_bands, &err),
                      CTS_OK);
     assert_int_equal(whole.n_bands, (settings->height + 63) / 64);
     const size_t n = (size_t)frame->width * (size_t)frame->height;
