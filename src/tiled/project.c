@@ -271,8 +271,8 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
     cts_report_plan(report, "mode %s: each ray through the cells it crosses, extremes and means of the cubic in each",
                     cts_mode_names[p.mode]);
     cts_report_plan(report, p.mode == CTS_MODE_AVERAGE
-                                ? "macrocells of 4^3 cells of one grey level are taken whole"
-                                : "macrocells of 4^3 cells that cannot beat what was found are skipped");
+                                ? "macro-cells of 4^3 cells of one grey level are taken whole"
+                                : "macro-cells of 4^3 cells that cannot beat what was found are skipped");
     cts_scene_tell_parts(scene, report);
     if (!picture)
         return CTS_OK;
