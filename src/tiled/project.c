@@ -203,7 +203,7 @@ static double mean(const Projector *p, const Ray *ray)
     double sum = 0, length = 0;
     Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
     do {
-        const CtsRange r = block_range(p, macrocells.box);
+        const CtsRange r = macrocell_range(p, macrocells.box);
         if (r.low == r.high && !p->body) {
             sum += r.low * (macrocells.next - macrocells.t);
             length += macrocells.next - macrocells.t;
