@@ -190,6 +190,8 @@ static CtsJob base_job(const CliOptions *options)
         .export = {.compression = (CtsScCompression)options->compression,
                    .new_uids = options->new_uids,
                    .deidentify = options->deidentify,
+                   .series_number = options->series_number,
+                   .series_description = options->series_description,
                    .force = true},
         .outputs = {.rotation = options->rotation},
         .annotate_orientation = options->annotate_orientation,
