@@ -100,15 +100,8 @@ static bool unpack(Writer *w, zip_t *zip, zip_uint64_t index, const char *name)
     return true;
 }
 
-static CtsStatus unpack_all(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *room, CtsError *err)
+static CtsStatus unpack_members(Writer *w, zip_t *zip, CtsError *err)
 {
-    Writer w = {room, cts_frame_bytes(format) - sizeof(Record) - ALIGNMENT, 0};
-    zip_error_t why;
-    zip_error_init(&why);
-    zip_source_t *source = zip_source_buffer_create(stream, n, 0, &why);
-    zip_t *zip = source ? zip_open_from_source(source, ZIP_RDONLY | ZIP_CHECKCONS, &why) : NULL;
-    if (!zip)
-        return cts_fail(err, CTS_ERR_PIXELS, "is no sound zip file: %s", zip_error_strerror(&why));
     const zip_int64_t n_members = zip_get_num_entries(zip, 0);
     if (n_members > CTS_MAX_MEMBERS)
         return cts_fail(err, CTS_ERR_PIXELS, "holds more than %d files", CTS_MAX_MEMBERS);
@@ -116,13 +109,36 @@ static CtsStatus unpack_all(const CtsFrameFormat *format, const uint8_t *stream,
         const char *name = zip_get_name(zip, (zip_uint64_t)i, ZIP_FL_ENC_RAW);
         if (!name || !*name || name[strlen(name) - 1] == '/')
             continue;
-        if (!unpack(&w, zip, (zip_uint64_t)i, name))
-            return cts_fail(err, CTS_ERR_PIXELS, "holds more than %zu MiB (unpack it, and name the folder)", w.n >> 20);
+        if (!unpack(w, zip, (zip_uint64_t)i, name))
+            return cts_fail(err, CTS_ERR_PIXELS, "holds more than %zu MiB (unpack it, and name the folder)",
+                            w->n >> 20);
     }
     const Record end = {0};
-    memcpy(w.bytes + w.pos, &end, sizeof end);
-    zip_discard(zip); /* the child lives for this alone */
+    memcpy(w->bytes + w->pos, &end, sizeof end);
     return CTS_OK;
+}
+
+CtsStatus cts_archive_unpack(const uint8_t *stream, size_t n, uint8_t *room, size_t n_room, CtsError *err)
+{
+    Writer w = {room, n_room - sizeof(Record) - ALIGNMENT, 0};
+    zip_error_t why;
+    zip_error_init(&why);
+    zip_source_t *source = zip_source_buffer_create(stream, n, 0, &why);
+    zip_t *zip = source ? zip_open_from_source(source, ZIP_RDONLY | ZIP_CHECKCONS, &why) : NULL;
+    if (!zip) {
+        cts_fail(err, CTS_ERR_PIXELS, "is no sound zip file: %s", zip_error_strerror(&why));
+        zip_source_free(source);
+        zip_error_fini(&why);
+        return CTS_ERR_PIXELS;
+    }
+    const CtsStatus st = unpack_members(&w, zip, err);
+    zip_discard(zip);
+    return st;
+}
+
+static CtsStatus unpack_frame(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *room, CtsError *err)
+{
+    return cts_archive_unpack(stream, n, room, cts_frame_bytes(format), err);
 }
 
 /* What the child has written is as foreign as the file: every length is checked. */
@@ -160,6 +176,17 @@ static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, Cts
     return cts_fail(err, CTS_ERR_READ, "cannot be unpacked");
 }
 
+CtsStatus cts_archive_list(const uint8_t *bytes, size_t n, CtsArchive **archive, CtsError *err)
+{
+    if (!(*archive = calloc(1, sizeof **archive)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    (*archive)->unpacker = cts_decoder_make(unpack_frame);
+    const CtsStatus st = list_members(*archive, bytes, n, err);
+    if (st)
+        cts_archive_free(archive);
+    return st;
+}
+
 static CtsStatus run(CtsArchive *a, const CtsFileBytes *file, CtsError *err)
 {
     const uint64_t free_bytes = cts_memory_available();
@@ -173,7 +200,7 @@ static CtsStatus run(CtsArchive *a, const CtsFileBytes *file, CtsError *err)
     const CtsFrameFormat room = {.columns = UNIT, .rows = (int)(limit / UNIT), .bits_allocated = 8};
     uint8_t *stream;
     const void *bytes;
-    a->unpacker = cts_decoder_make(unpack_all);
+    a->unpacker = cts_decoder_make(unpack_frame);
     a->unpacker.memory_limit = UNPACKING_MEMORY;
     a->unpacker.cpu_limit_s = UNPACKING_CPU_S + (int)(n >> 22);
     CtsStatus st = cts_decoder_room(&a->unpacker, &room, (size_t)n, &stream, err);

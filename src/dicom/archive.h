@@ -28,6 +28,11 @@ bool cts_archive_is_zip(const char *path);
 CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err);
 void cts_archive_free(CtsArchive **archive);
 
+/* The two halves of opening one, on a room of n_room bytes (4096 or more): what the child does, and what the program
+ * makes of it, trusting none of it. */
+CtsStatus cts_archive_unpack(const uint8_t *zip, size_t n, uint8_t *room, size_t n_room, CtsError *err);
+CtsStatus cts_archive_list(const uint8_t *room, size_t n_room, CtsArchive **archive, CtsError *err);
+
 int cts_archive_n_members(const CtsArchive *archive);
 int cts_archive_n_other(const CtsArchive *archive);
 CtsMember cts_archive_member(const CtsArchive *archive, int i);

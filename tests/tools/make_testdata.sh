@@ -1,9 +1,9 @@
 #!/bin/sh
-# Makes everything in testdata/ but its README: make_testdata.sh PHANTOM RAW2CT FOLDER
-# PHANTOM and RAW2CT are the two programs built from this folder. The same bytes come out every time.
+# Makes everything in testdata/ but its README: make_testdata.sh PHANTOM RAW2CT MAKE_ZIP FOLDER
+# PHANTOM, RAW2CT and MAKE_ZIP are programs built from this folder. The same bytes come out every time.
 set -eu
 
-phantom=$1 raw2ct=$2 out=$3
+phantom=$1 raw2ct=$2 make_zip=$3 out=$4
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 mkdir -p "$out"
@@ -91,3 +91,45 @@ printf 'Not an image.\n' >"$out/broken/strangers/notes.txt"
 head -c 100 "$out/broken/strangers/IM0001.dcm" >"$out/broken/strangers/stub.dcm"
 mkdir -p "$out/broken/none"
 printf 'No image in this folder.\n' >"$out/broken/none/notes.txt"
+
+# Where fuzzing starts: the smallest files of each kind.
+fuzz=$out/fuzz
+mkdir -p "$fuzz/slice" "$fuzz/scan" "$fuzz/sort" "$fuzz/preset" "$fuzz/zip"
+$phantom --size 6,5,2 --spacing 30,40,60 "$work/tiny.raw"
+for syntax in implicit explicit big deflated rle jpeg-lossless jpeg-ls jpeg-2000; do
+    $raw2ct --size 6,5,2 --spacing 30,40,60 --syntax $syntax --description tiny "$work/tiny.raw" "$work/$syntax"
+    cp "$work/$syntax/IM0001.dcm" "$fuzz/slice/$syntax"
+done
+for syntax in implicit explicit big; do
+    cp "$fuzz/slice/$syntax" "$fuzz/scan/$syntax"
+done
+$make_zip "$fuzz/zip/two" "$work/explicit/IM0001.dcm" "$work/explicit/IM0002.dcm" "$work/tiny.raw"
+head -c 480 "$work/small.raw" >"$fuzz/sort/heads"
+: >"$work/rows"
+for k in 0 1 2 3 4 5 6 7; do # eight slices 1 mm apart: byte 6 is the position, byte 7 the step
+    printf "\\0\\0\\0\\0\\0\\0\\20$k\\5\\200\\1\\0\\0\\0\\0\\0\\0" >>"$work/rows"
+done
+cp "$work/rows" "$fuzz/sort/even"
+cat >"$fuzz/preset/json" <<'END'
+{ "name": "bone", "window": [100, 2100], "mode": "composite", "unit_distance_mm": 1, "background": "#102030",
+  "points": [ {"hu": 150, "rgb": [0.9, 0.6, 0.4], "opacity": 0.0}, {"hu": 900, "rgb": [1, 1, 1], "opacity": 0.7} ],
+  "colour_points": [ {"hu": 0, "rgb": [0, 0, 0]}, {"hu": 1000, "rgb": [1, 1, 1]} ],
+  "shade": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "power": 20}, "remove_table": true }
+END
+cat >"$fuzz/preset/vp" <<'END'
+1
+1
+0.9
+0.1
+0.2
+10
+4 100 0 1000 1
+4 0 1 255 1
+8 100 0 0 0 1000 1 1 1
+END
+cat >"$fuzz/preset/xml" <<'END'
+<?xml version="1.0"?>
+<MRML><VolumeProperty name="tiny" gradientOpacity="4 0 1 255 1" scalarOpacity="4 100 0 1000 1" specular="0.2"
+  interpolation="1" shade="1" ambient="0.1" diffuse="0.9" colorTransfer="8 100 0 0 0 1000 1 1 1" specularPower="10"/>
+</MRML>
+END

@@ -1,0 +1,48 @@
+/* One DICOM file -> slices and their pixels; compressed ones up to their codec, which has a process of its own. */
+#include "dicom/scan.h"
+#include "dicom/slice.h"
+#include "fuzz.h"
+#include <stdlib.h>
+
+enum { MAX_PIXELS = 1 << 18, MAX_READ = 8 };
+
+static void nothing(void *context, size_t first, size_t end)
+{
+    (void)context;
+    assert(first < end);
+}
+
+static void read_pixels(const CtsSlice *s, CtsScratch *scratch)
+{
+    const size_t n = (size_t)s->rows * (size_t)s->columns;
+    assert(s->rows >= 1 && s->columns >= 1 && (s->bits_allocated == 8 || s->bits_allocated == 16));
+    assert(s->slope != 0 && s->row_spacing_mm > 0 && s->column_spacing_mm > 0);
+    if (n > MAX_PIXELS || cts_syntax_encapsulated(s->syntax) || s->syntax->deflated)
+        return;
+    uint16_t *words = malloc(n * sizeof *words);
+    CtsError err = {0};
+    if (words && cts_slice_read_pixels(s, scratch, words, nothing, NULL, &err))
+        assert(err.text[0]);
+    free(words);
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
+{
+    static char name[] = "fuzz";
+    const CtsFile file = {.path = name, .memory = data, .n_memory = n};
+    CtsScratch scratch = {0};
+    CtsObject object = {0};
+    CtsError err = {0};
+    uint64_t bytes_read = 0;
+    const CtsFileKind kind = cts_slice_read_header(&file, &scratch, &object, &bytes_read, &err);
+    assert((kind == CTS_FILE_UNREADABLE) == (err.text[0] != 0));
+    for (int i = 0; i < object.n_slices; i++) {
+        const CtsSlice *s = object.slices[i];
+        assert(!s->fault == !s->fault_text);
+        if (!s->fault && i < MAX_READ)
+            read_pixels(s, &scratch);
+    }
+    cts_object_free(&object);
+    cts_scratch_free(&scratch);
+    return 0;
+}

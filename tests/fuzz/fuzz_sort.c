@@ -1,0 +1,83 @@
+/* Series sorting on invented headers: 16 bytes a slice, positions, times and numbers all mixed up. */
+#include "dicom/series_judge.h"
+#include "fuzz.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { BYTES = 16, MAX_SLICES = 60, PIXEL_BYTES = 2 * 4 * 4 };
+
+/* Two pictures to tell apart. */
+static const uint8_t pixels[2][PIXEL_BYTES] = {{1}, {2}};
+
+static CtsSlice *invent(const uint8_t *b, int k)
+{
+    static const double steps_mm[] = {0, 0.001, 0.01, 0.1, 0.5, 1, 1, 2.5};
+    char path[32];
+    CtsSlice *s = calloc(1, sizeof *s);
+    if (!s)
+        abort();
+    snprintf(path, sizeof path, "IM%d", k);
+    s->path = strdup(path);
+    s->kind = CTS_OBJECT_CT;
+    s->syntax = cts_syntax_native(true, false);
+    s->rows = 4 + (b[0] == 255);
+    s->columns = 4;
+    s->bits_allocated = s->bits_stored = 16;
+    s->high_bit = 15;
+    s->padding_word = -1;
+    s->slope = 1;
+    s->row_spacing_mm = s->column_spacing_mm = b[1] == 255 ? 0.7 : 0.5;
+    s->row_lps[0] = s->column_lps[1] = s->normal_lps[2] = 1;
+    s->position_lps[0] = b[2] == 255 ? b[3] * 0.01 : 0;
+    s->position_lps[1] = b[4] * steps_mm[b[5] % 4] * 0.1;
+    s->position_lps[2] = (b[6] - 128) * steps_mm[b[7] % 8] + (b[8] - 128) * 1e-3;
+    s->has_acquisition = b[9] & 1;
+    s->acquisition_number = b[9] >> 1 & 3;
+    s->has_temporal = b[9] >> 3 & 1;
+    s->temporal_index = b[9] >> 4 & 3;
+    s->time_s = b[10] == 0 ? -1 : b[10] + 256 * (b[11] & 3);
+    s->instance_number = b[12];
+    s->localizer = b[13] > 250;
+    if (b[14] > 250)
+        cts_slice_fault(s, b[14] & 1 ? CTS_ERR_PIXELS : CTS_ERR_SYNTAX, "invented");
+    s->memory = pixels[b[15] & 1];
+    s->file_bytes = s->pixel_bytes = PIXEL_BYTES;
+    return s;
+}
+
+static int check(const CtsSeries *s)
+{
+    assert(s->renderable == !s->refusal && (!s->refusal || s->reason[0]));
+    for (int k = 1; s->renderable && k < s->n_slices; k++)
+        assert(s->slices[k].position_lps[2] > s->slices[k - 1].position_lps[2]);
+    assert(!s->renderable || s->n_slices >= 2);
+    return s->n_slices;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
+{
+    const int n_slices = n / BYTES < MAX_SLICES ? (int)(n / BYTES) : MAX_SLICES;
+    static CtsSeries series[CTS_MAX_PARTS];
+    int n_series = 0, kept = 0;
+    if (n_slices == 0)
+        return 0;
+    CtsSliceSet set = {malloc((size_t)n_slices * sizeof *set.items), n_slices};
+    for (int k = 0; k < n_slices; k++)
+        set.items[k] = invent(data + (size_t)k * BYTES, k);
+    memset(series, 0, sizeof series);
+    CtsError err = {0};
+    assert(cts_series_judge(&set, series, &n_series, &err) == CTS_OK);
+    assert(n_series >= 1 && n_series <= CTS_MAX_PARTS);
+    for (int i = 0; i < n_series; i++) {
+        kept += check(&series[i]);
+        for (int k = 0; k < series[i].n_slices; k++)
+            cts_slice_clear(&series[i].slices[k]);
+        free(series[i].slices);
+        free(series[i].description);
+        cts_findings_free(&series[i].findings);
+    }
+    assert(kept <= n_slices);
+    return 0;
+}

@@ -1,0 +1,28 @@
+/* A zip file through the unpacker and the list of its members, both in this process. */
+#include "dicom/archive.h"
+#include "fuzz.h"
+#include <stdlib.h>
+#include <string.h>
+
+enum { ROOM = 1 << 20 };
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
+{
+    uint8_t *room = calloc(1, ROOM);
+    CtsArchive *archive = NULL;
+    CtsError err = {0};
+    if (room && !cts_archive_unpack(data, n, room, ROOM, &err) && !cts_archive_list(room, ROOM, &archive, &err))
+        for (int i = 0; i < cts_archive_n_members(archive); i++) {
+            const CtsMember m = cts_archive_member(archive, i);
+            assert(m.name[0] && m.n_bytes > 0 && m.bytes >= room && m.n_bytes <= (uint64_t)(room + ROOM - m.bytes));
+        }
+    cts_archive_free(&archive);
+    /* The list alone: a child that was taken over may write anything. */
+    if (room && n <= ROOM) {
+        memcpy(room, data, n);
+        cts_archive_list(room, ROOM, &archive, &err);
+        cts_archive_free(&archive);
+    }
+    free(room);
+    return 0;
+}

@@ -1,0 +1,190 @@
+/* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
+ * write, fsync, rename, fork, mmap) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail too.
+ * Calls are counted over all threads; a child does not fail. When the call was reached, a line is put at the end of the
+ * file CTS_FAIL_TOLD. */
+#undef _FILE_OFFSET_BITS /* both names of a call are wanted: open() and open64() */
+#define _GNU_SOURCE
+#include <dlfcn.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdarg.h>
+#include <stdatomic.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sys/syscall.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, MMAP, N_CALLS };
+static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync", "rename", "fork", "mmap"};
+static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO, ENOSPC, EIO, EACCES, EAGAIN, ENOMEM};
+
+static int chosen = -1;
+static long fail_at;
+static int fail_on;
+static pid_t self;
+static const char *told;
+static atomic_long seen;
+
+/* Calls fail inside main() alone: what the loader and the libraries do before and after it is not under test. */
+static void choose(void)
+{
+    const char *call = getenv("CTS_FAIL"), *at = getenv("CTS_FAIL_AT");
+    self = getpid();
+    told = getenv("CTS_FAIL_TOLD");
+    fail_on = getenv("CTS_FAIL_ON") != NULL;
+    fail_at = at ? atol(at) : 0;
+    for (int c = 0; call && c < N_CALLS; c++)
+        if (strcmp(names[c], call) == 0)
+            chosen = c;
+}
+
+static int (*real_main)(int, char **, char **);
+
+static int watched_main(int argc, char **argv, char **environment)
+{
+    choose();
+    const int code = real_main(argc, argv, environment);
+    chosen = -1;
+    return code;
+}
+
+typedef int (*start_fn)(int (*)(int, char **, char **), int, char **, void (*)(void), void (*)(void), void (*)(void),
+                        void *);
+int __libc_start_main(int (*main)(int, char **, char **), int argc, char **argv, void (*init)(void), void (*fini)(void),
+                      void (*end)(void), void *stack);
+
+int __libc_start_main(int (*main)(int, char **, char **), int argc, char **argv, void (*init)(void), void (*fini)(void),
+                      void (*end)(void), void *stack)
+{
+    real_main = main;
+    return ((start_fn)dlsym(RTLD_NEXT, "__libc_start_main"))(watched_main, argc, argv, init, fini, end, stack);
+}
+
+static int fails(enum Call call)
+{
+    if ((int)call != chosen || (long)syscall(SYS_getpid) != (long)self)
+        return 0;
+    const long n = atomic_fetch_add(&seen, 1) + 1;
+    if (n != fail_at && !(fail_on && n > fail_at))
+        return 0;
+    if (n == fail_at && told) {
+        const int fd = (int)syscall(SYS_open, told, O_WRONLY | O_CREAT | O_APPEND, 0600);
+        syscall(SYS_write, fd, "reached\n", (size_t)8);
+        syscall(SYS_close, fd);
+    }
+    errno = errors[call];
+    return 1;
+}
+
+#define NEXT(type, name) ((type)dlsym(RTLD_NEXT, name))
+
+extern void *__libc_malloc(size_t n);
+extern void *__libc_calloc(size_t n, size_t size);
+extern void *__libc_realloc(void *p, size_t n);
+
+void *malloc(size_t n)
+{
+    return fails(MALLOC) ? NULL : __libc_malloc(n);
+}
+
+void *calloc(size_t n, size_t size)
+{
+    return fails(MALLOC) ? NULL : __libc_calloc(n, size);
+}
+
+void *realloc(void *p, size_t n)
+{
+    return fails(MALLOC) ? NULL : __libc_realloc(p, n);
+}
+
+static int open_with(int folder, const char *path, int flags, mode_t mode)
+{
+    typedef int (*open_fn)(int, const char *, int, ...);
+    return fails(OPEN) ? -1 : NEXT(open_fn, "openat")(folder, path, flags, mode);
+}
+
+int open(const char *path, int flags, ...)
+{
+    va_list args;
+    va_start(args, flags);
+    const mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(args, mode_t) : 0;
+    va_end(args);
+    return open_with(AT_FDCWD, path, flags, mode);
+}
+
+int open64(const char *path, int flags, ...)
+{
+    va_list args;
+    va_start(args, flags);
+    const mode_t mode = flags & (O_CREAT | O_TMPFILE) ? va_arg(args, mode_t) : 0;
+    va_end(args);
+    return open_with(AT_FDCWD, path, flags, mode);
+}
+
+ssize_t read(int fd, void *bytes, size_t n)
+{
+    typedef ssize_t (*read_fn)(int, void *, size_t);
+    return fails(READ) ? -1 : NEXT(read_fn, "read")(fd, bytes, n);
+}
+
+ssize_t pread(int fd, void *bytes, size_t n, off_t at)
+{
+    typedef ssize_t (*pread_fn)(int, void *, size_t, off_t);
+    return fails(READ) ? -1 : NEXT(pread_fn, "pread")(fd, bytes, n, at);
+}
+
+ssize_t pread64(int fd, void *bytes, size_t n, off64_t at)
+{
+    typedef ssize_t (*pread_fn)(int, void *, size_t, off64_t);
+    return fails(READ) ? -1 : NEXT(pread_fn, "pread64")(fd, bytes, n, at);
+}
+
+ssize_t write(int fd, const void *bytes, size_t n)
+{
+    typedef ssize_t (*write_fn)(int, const void *, size_t);
+    return fd > 2 && fails(WRITE) ? -1 : NEXT(write_fn, "write")(fd, bytes, n);
+}
+
+ssize_t pwrite64(int fd, const void *bytes, size_t n, off64_t at)
+{
+    typedef ssize_t (*pwrite_fn)(int, const void *, size_t, off64_t);
+    return fails(WRITE) ? -1 : NEXT(pwrite_fn, "pwrite64")(fd, bytes, n, at);
+}
+
+int fsync(int fd)
+{
+    typedef int (*fsync_fn)(int);
+    return fails(FSYNC) ? -1 : NEXT(fsync_fn, "fsync")(fd);
+}
+
+int rename(const char *from, const char *to)
+{
+    typedef int (*rename_fn)(const char *, const char *);
+    return fails(RENAME) ? -1 : NEXT(rename_fn, "rename")(from, to);
+}
+
+int renameat2(int from_fd, const char *from, int to_fd, const char *to, unsigned flags)
+{
+    typedef int (*rename_fn)(int, const char *, int, const char *, unsigned);
+    return fails(RENAME) ? -1 : NEXT(rename_fn, "renameat2")(from_fd, from, to_fd, to, flags);
+}
+
+pid_t fork(void)
+{
+    typedef pid_t (*fork_fn)(void);
+    return fails(FORK) ? -1 : NEXT(fork_fn, "fork")();
+}
+
+void *mmap(void *at, size_t n, int protection, int flags, int fd, off_t offset)
+{
+    return fails(MMAP) ? MAP_FAILED : (void *)syscall(SYS_mmap, at, n, protection, flags, fd, offset);
+}
+
+void *mmap64(void *at, size_t n, int protection, int flags, int fd, off64_t offset)
+{
+    return fails(MMAP) ? MAP_FAILED : (void *)syscall(SYS_mmap, at, n, protection, flags, fd, offset);
+}
