@@ -103,7 +103,8 @@ done
 for syntax in implicit explicit big; do
     cp "$fuzz/slice/$syntax" "$fuzz/scan/$syntax"
 done
-$make_zip "$fuzz/zip/two" "$work/explicit/IM0001.dcm" "$work/explicit/IM0002.dcm" "$work/tiny.raw"
+cp "$work/tiny.raw" "$work/explicit/"
+$make_zip "$fuzz/zip/two" "$work/explicit/IM0001.dcm" "$work/explicit/IM0002.dcm" "$work/explicit/tiny.raw"
 head -c 480 "$work/small.raw" >"$fuzz/sort/heads"
 : >"$work/rows"
 for k in 0 1 2 3 4 5 6 7; do # eight slices 1 mm apart: byte 6 is the position, byte 7 the step
