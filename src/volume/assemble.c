@@ -286,6 +286,12 @@ static CtsStatus check_range(const CtsVolume *v, CtsError *err)
 {
     if (v->hu_min < -65536 || v->hu_max > 131072)
         return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", v->hu_min, v->hu_max);
+    /* Air as a huge number: below 0 read without a sign. No scan holds such numbers and no air. */
+    if (v->hu_max > 32767 && v->hu_min > -200)
+        return cts_fail(err, CTS_ERR_PIXELS,
+                        "its values from %g to %g look like signed pixels that PixelRepresentation (0028,0103) calls "
+                        "unsigned (set it to 1 with dcmodify)",
+                        v->hu_min, v->hu_max);
     return CTS_OK;
 }
 

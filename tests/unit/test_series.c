@@ -185,6 +185,7 @@ CHANGE(one_frame, s->frames = "1")
 CHANGE(odd_frames, s->frames = "abc")
 CHANGE(no_rows, s->rows = 0)
 CHANGE(wide, s->columns = 4097)
+CHANGE(widest, s->columns = 4096)
 CHANGE(bits_32, s->allocated = 32)
 CHANGE(bits_17, s->stored = 17)
 CHANGE(high_low, s->high = 10)
@@ -236,6 +237,7 @@ static const Case cases[] = {
     {"one frame", one_frame, CTS_OK, NULL, NULL, 20},
     {"frames of letters", odd_frames, CTS_ERR_PIXELS, NULL, "(0028,0008)", 20},
     {"no rows", no_rows, CTS_ERR_PIXELS, NULL, "Rows (0028,0010) is 0", 20},
+    {"4096 columns", widest, CTS_OK, NULL, NULL, 20},
     {"4097 columns", wide, CTS_ERR_PIXELS, NULL, "Columns (0028,0011) is 4097", 20},
     {"32 bits", bits_32, CTS_ERR_PIXELS, NULL, "(0028,0100) is 32", 20},
     {"17 bits stored", bits_17, CTS_ERR_PIXELS, NULL, "(0028,0101) is 17", 20},
@@ -299,6 +301,59 @@ static void test_cases(void **state)
         }
         cts_volume_free(&v);
         done(&f);
+    }
+}
+
+/* Pixels below 0 that the header calls unsigned: air would be the brightest of all. */
+static void test_wrong_sign(void **state)
+{
+    (void)state;
+    for (int is_signed = 0; is_signed < 2; is_signed++) {
+        Found f;
+        make_folder(f.folder);
+        for (int k = 0; k < 4; k++) {
+            StackTexts t;
+            char name[16];
+            Slice s = stack_slice(&t, k, 0, 0, 2 * k);
+            s.base = 65500;
+            s.intercept = "0";
+            s.is_signed = is_signed;
+            snprintf(name, sizeof name, "IM%02d", k);
+            write_slice(f.folder, name, &s);
+        }
+        find(&f);
+        CtsVolume *v = NULL;
+        CtsError err = {0};
+        assert_int_equal(cts_series_load(&f.list->items[0], 1, &v, NULL, &err), is_signed ? CTS_OK : CTS_ERR_PIXELS);
+        assert_true(is_signed || strstr(err.text, "(0028,0103)"));
+        cts_volume_free(&v);
+        done(&f);
+    }
+}
+
+/* Folders are searched to a depth of 32. */
+static void test_deep_folders(void **state)
+{
+    (void)state;
+    for (int depth = 32; depth <= 33; depth++) {
+        Found f;
+        char path[400];
+        make_folder(f.folder);
+        snprintf(path, sizeof path, "%s", f.folder);
+        for (int d = 0; d < depth; d++) {
+            strcat(path, "/d");
+            assert_int_equal(mkdir(path, 0700), 0);
+        }
+        write_stack(path, five, 5);
+        find(&f);
+        assert_int_equal(f.status, depth <= 32 ? CTS_OK : CTS_ERR_READ);
+        assert_true(depth <= 32 || strstr(f.err.text, "32 folders deep"));
+        cts_series_list_free(&f.list);
+        for (int d = depth; d >= 0; d--) {
+            remove_folder(path);
+            if (d)
+                *strrchr(path, '/') = 0;
+        }
     }
 }
 
@@ -547,10 +602,11 @@ static void test_description(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_sorted),      cmocka_unit_test(test_normal_down), cmocka_unit_test(test_resampled),
-        cmocka_unit_test(test_cases),       cmocka_unit_test(test_no_volume),   cmocka_unit_test(test_copies),
-        cmocka_unit_test(test_phases),      cmocka_unit_test(test_choose),      cmocka_unit_test(test_folders),
-        cmocka_unit_test(test_any_threads), cmocka_unit_test(test_description),
+        cmocka_unit_test(test_sorted),       cmocka_unit_test(test_normal_down), cmocka_unit_test(test_resampled),
+        cmocka_unit_test(test_cases),        cmocka_unit_test(test_no_volume),   cmocka_unit_test(test_wrong_sign),
+        cmocka_unit_test(test_deep_folders), cmocka_unit_test(test_copies),      cmocka_unit_test(test_phases),
+        cmocka_unit_test(test_choose),       cmocka_unit_test(test_folders),     cmocka_unit_test(test_any_threads),
+        cmocka_unit_test(test_description),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
