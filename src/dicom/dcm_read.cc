@@ -83,6 +83,11 @@ class ScannedAttributes final : public CtsAttributes
     {
         return std::string_view(reinterpret_cast<const char *>(bytes + value.offset), value.n_bytes);
     }
+    /* DCMTK takes all else out of a UID. */
+    static bool uid_character(char c)
+    {
+        return (c >= '0' && c <= '9') || c == '.';
+    }
     bool plain_value(const CtsTagValue &value) const
     {
         if (value.is_sequence)
@@ -101,7 +106,7 @@ class ScannedAttributes final : public CtsAttributes
         const std::string_view text = text_value(value);
         const bool is_uid = std::memcmp(value.vr, "UI", 2) == 0;
         for (size_t i = 0; i < text.size(); i++)
-            if (text[i] == '\0' ? !is_uid || i + 1 < text.size() : is_uid && text[i] == ' ')
+            if (text[i] == '\0' ? !is_uid || i + 1 < text.size() : is_uid && !uid_character(text[i]))
                 return false;
         return true;
     }

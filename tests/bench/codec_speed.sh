@@ -1,12 +1,12 @@
 #!/bin/bash
-# Compressed series of 120 slices beside their codecs' own time, and beside gdcm and dcm2niix where those are installed:
-# codec_speed.sh PHANTOM RAW2CT CODEC_SPEED CTSPLAT
+# Compressed series of 120 slices (or SLICES) beside their codecs' own time, and beside gdcm and dcm2niix where those
+# are installed: codec_speed.sh PHANTOM RAW2CT CODEC_SPEED CTSPLAT [SLICES]
 set -eu
 
-phantom=$1 raw2ct=$2 codec_speed=$3 ctsplat=$4
+phantom=$1 raw2ct=$2 codec_speed=$3 ctsplat=$4 n_slices=${5:-120}
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-size=512,512,120 spacing=0.45,0.45,1.8
+size=512,512,$n_slices spacing=0.45,0.45,1.8
 "$phantom" --size $size --spacing $spacing "$work/head.raw"
 
 # wall NAME COMMAND...: the best of three
