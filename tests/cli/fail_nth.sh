@@ -37,12 +37,12 @@ run()
     while :; do
         rm -rf "$work/out" "$work/told"
         mkdir "$work/out"
-        timeout 120 env "LD_PRELOAD=$shim" "CTS_FAIL=$call" "CTS_FAIL_AT=$n" "CTS_FAIL_TOLD=$work/told" "$@" \
+        timeout -k 5 60 env "LD_PRELOAD=$shim" "CTS_FAIL=$call" "CTS_FAIL_AT=$n" "CTS_FAIL_TOLD=$work/told" "$@" \
             >"$work/said.out" 2>"$work/said"
         code=$?
         [ -e "$work/told" ] || break
         errors=$(grep -c '^ctsplat: error: ' "$work/said")
-        if [ $code -gt 130 ] || [ $code -eq 124 ]; then
+        if [ $code -gt 130 ] || [ $code -eq 124 ]; then # a signal, or no end
             fail "exit $code"
         elif [ "$errors" -ne $((code != 0)) ]; then
             fail "exit $code with $errors error lines"
