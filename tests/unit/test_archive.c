@@ -154,7 +154,8 @@ static void test_no_zip(void **state)
     char folder[64], path[80];
     make_folder(folder);
     snprintf(path, sizeof path, "%s/in.zip", folder);
-    write_bytes(folder, "in.zip", "PK\3\4 and no more than that", 28);
+    static const char start[] = "PK\3\4 and no more than that";
+    write_bytes(folder, "in.zip", start, sizeof start);
     expect_refused(path, CTS_ERR_READ, "no sound zip file");
     write_bytes(folder, "in.zip", "PK\5\6\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0\0", 22);
     expect_refused(path, CTS_ERR_NO_SERIES, "no CT slice");
