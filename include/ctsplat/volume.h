@@ -62,6 +62,20 @@ int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3]);
  * CTS_ERR_USAGE when nothing is left. */
 CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const double hi_lps[3], CtsError *err);
 
+/* How many layers each slice distance is worth, so that voxels come near to cubes: 1 where slices lie no further apart
+ * than one and a half pixels, at most 8. */
+int cts_volume_thickness(const CtsVolume *volume);
+
+/* Puts n_parts - 1 layers between any two slices, by monotone cubics along the slice axis (Fritsch and Carlson 1980):
+ * grey levels at the slices stay what they were, and between two slices nothing passes their values. n_parts 1 changes
+ * nothing. n_threads 0: all cores; threads never change the result. On CTS_ERR_MEMORY the volume is as it was. */
+CtsStatus cts_volume_refine(CtsVolume *volume, int n_parts, int n_threads, CtsError *err);
+
+/* Smooths the grey levels with a Gaussian of this standard deviation, 0 to CTS_MAX_SMOOTH_MM, along all three axes;
+ * each axis rounds to whole grey levels. Beyond the border the last voxel goes on. Threads never change the result. */
+enum { CTS_MAX_SMOOTH_MM = 20 };
+CtsStatus cts_volume_smooth(CtsVolume *volume, double sd_mm, int n_threads, CtsError *err);
+
 /* A copy with the window's HU mapped to 2^bits grey levels, as the paper's pictures of 8 bits have it: below the window
  * 0, above it the largest. CTS_ERR_USAGE for an empty window. Free with cts_volume_free(). */
 CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, double high_hu, int n_threads,

@@ -346,6 +346,7 @@ CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, in
         return st;
     CtsBodyMask *const body = *mask;
     body->n_slices = plan->n_slices;
+    body->parts = 1;
     memcpy(body->axis, plan->axis, sizeof body->axis);
     if ((st = cts_bits_new(&body->squares, plan->dims, err)) || (st = cts_bits_new(&narrow, plan->dims, err)) ||
         (st = cts_alloc_zeroed(&workers, (size_t)n_threads, err)))

@@ -12,6 +12,7 @@ typedef struct CtsBodyMask {
     CtsBits squares;
     int axis[3], n_slices;
     int first[3];
+    int parts; /* the volume's layers of one slice distance, as cts_volume_refine() makes them; at first 1 */
 } CtsBodyMask;
 
 CtsStatus cts_body_mask_copy(CtsBodyMask **copy, const CtsBodyMask *mask, CtsError *err);
@@ -22,7 +23,7 @@ static inline bool cts_body_mask_has(const CtsBodyMask *mask, const int cell[3])
 {
     int at[3];
     for (int n = 0; n < 3; n++)
-        at[n] = cell[mask->axis[n]] + mask->first[mask->axis[n]];
+        at[n] = (mask->axis[n] == 2 ? cell[2] / mask->parts : cell[mask->axis[n]]) + mask->first[mask->axis[n]];
     const int low = at[2] / mask->n_slices, last = mask->squares.dims[2] - 1;
     const int high = (at[2] + 1) / mask->n_slices < last ? (at[2] + 1) / mask->n_slices : last;
     return cts_bits_get(&mask->squares, at[0], at[1], low) &&

@@ -1,0 +1,118 @@
+#include "volume/refine.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "ctsplat/volume.h"
+#include "volume/body_mask.h"
+#include <math.h>
+#include <string.h>
+
+CtsRefineWeights cts_refine_weights(int part, int n_parts)
+{
+    const double t = (double)part / n_parts, s = 1 - t;
+    return (CtsRefineWeights){
+        .b = (float)((1 + 2 * t) * s * s),
+        .c = (float)((1 + 2 * s) * t * t),
+        .slope_b = (float)(t * s * s),
+        .slope_c = (float)(-s * t * t),
+    };
+}
+
+/* 0 where the differences differ in sign: the slice between them is then the highest or the lowest of the three. */
+static inline float harmonic(float before, float behind)
+{
+    const float product = before * behind, sum = before + behind;
+    return product > 0 ? 2 * product / sum : 0;
+}
+
+void cts_refine_row(uint16_t *to, const uint16_t *const slices[4], int n, const CtsRefineWeights *w)
+{
+    const uint16_t *const pa = slices[0], *const pb = slices[1], *const pc = slices[2], *const pd = slices[3];
+    for (int i = 0; i < n; i++) {
+        const float b = pb[i], c = pc[i], rise = c - b;
+        /* Where the stack ends, the cubic ends in its last difference. */
+        const float before = pa == pb ? rise : b - (float)pa[i], behind = pd == pc ? rise : (float)pd[i] - c;
+        const float y = w->b * b + w->c * c + w->slope_b * harmonic(before, rise) + w->slope_c * harmonic(rise, behind);
+        const float low = b < c ? b : c, high = b < c ? c : b;
+        to[i] = (uint16_t)(int32_t)((y < low ? low : y > high ? high : y) + 0.5f);
+    }
+}
+
+enum { CHUNK = 16384 }; /* voxels of one slice that a thread takes at a time */
+
+typedef struct Refining {
+    const uint16_t *from;
+    uint16_t *to;
+    size_t layer_voxels, n_chunks;
+    int n_slices, n_parts;
+} Refining;
+
+/* Item: a slice, and a chunk of its voxels; with the slice go the layers up to the next one. */
+static void refine_some(void *context, int worker, size_t first, size_t end)
+{
+    const Refining *const r = context;
+    (void)worker;
+    for (size_t item = first; item < end; item++) {
+        const int k = (int)(item / r->n_chunks);
+        const size_t at = item % r->n_chunks * CHUNK;
+        const int n = (int)(r->layer_voxels - at < CHUNK ? r->layer_voxels - at : CHUNK);
+        const uint16_t *const b = r->from + (size_t)k * r->layer_voxels + at;
+        uint16_t *to = r->to + (size_t)k * (size_t)r->n_parts * r->layer_voxels + at;
+        memcpy(to, b, (size_t)n * sizeof *to);
+        if (k + 1 == r->n_slices)
+            continue;
+        const uint16_t *const c = b + r->layer_voxels;
+        const uint16_t *const slices[4] = {k > 0 ? b - r->layer_voxels : b, b, c,
+                                           k + 2 < r->n_slices ? c + r->layer_voxels : c};
+        for (int part = 1; part < r->n_parts; part++) {
+            const CtsRefineWeights weights = cts_refine_weights(part, r->n_parts);
+            cts_refine_row(to + (size_t)part * r->layer_voxels, slices, n, &weights);
+        }
+    }
+}
+
+int cts_volume_thickness(const CtsVolume *volume)
+{
+    enum { MOST_PARTS = 8 }; /* a cubic in eight straight pieces is off it by 1 % of its rise */
+    const double pixel_mm = fmin(cts_volume_spacing_mm(volume, 0), cts_volume_spacing_mm(volume, 1));
+    const double ratio = cts_volume_spacing_mm(volume, 2) / pixel_mm;
+    if (volume->dims[2] < 2 || !(ratio > 1.5))
+        return 1;
+    return (int)fmin(floor(ratio + 0.5), MOST_PARTS);
+}
+
+CtsStatus cts_volume_refine(CtsVolume *v, int n_parts, int n_threads, CtsError *err)
+{
+    const size_t layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
+    const int64_t n_layers = (int64_t)(v->dims[2] - 1) * n_parts + 1;
+    size_t n;
+    uint16_t *grey = NULL;
+    if (n_parts <= 1)
+        return CTS_OK;
+    if (n_layers > INT32_MAX || cts_mul_overflows(layer_voxels, (size_t)n_layers, &n))
+        return cts_fail(err, CTS_ERR_MEMORY, "%d layers for each of %d slices are too many", n_parts, v->dims[2]);
+    const double need = (double)n * sizeof *grey, free_bytes = (double)cts_memory_available();
+    if (free_bytes > 0 && need > 0.6 * free_bytes)
+        return cts_fail(err, CTS_ERR_MEMORY, "layers between the slices need %.0f MiB of memory, and %.0f MiB are free",
+                        need / 1048576, free_bytes / 1048576);
+    const CtsStatus st = cts_alloc_array(&grey, n, err);
+    if (st)
+        return st;
+    Refining refining = {.from = v->grey,
+                         .to = grey,
+                         .layer_voxels = layer_voxels,
+                         .n_chunks = (layer_voxels + CHUNK - 1) / CHUNK,
+                         .n_slices = v->dims[2],
+                         .n_parts = n_parts};
+    cts_parallel(cts_threads(n_threads), (size_t)v->dims[2] * refining.n_chunks, 0, refine_some, &refining);
+    cts_free(&v->grey);
+    v->grey = grey;
+    v->dims[2] = (int)n_layers;
+    for (int c = 0; c < 3; c++)
+        v->step_lps[2][c] /= n_parts;
+    if (v->body)
+        v->body->parts *= n_parts;
+    cts_volume_changed(v);
+    return CTS_OK;
+}

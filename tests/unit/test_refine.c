@@ -1,0 +1,148 @@
+/* Layers between slices, and smoothing: against formulas. */
+#include "unit.h"
+
+#include "ctsplat/volume.h"
+#include "volume/refine.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static CtsVolume *make(int nx, int ny, int nz, double slice_mm)
+{
+    CtsVolume *v;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, nx, ny, nz, &err), CTS_OK);
+    v->step_lps[2][2] = slice_mm;
+    v->step_lps[2][1] = 0.3 * slice_mm; /* a tilted gantry */
+    return v;
+}
+
+static uint32_t next(uint32_t *state)
+{
+    return *state = *state * 1664525u + 1013904223u;
+}
+
+/* Slices keep their values, nothing passes its two slices, a straight line stays one, and places stay. */
+static void test_layers(void **state)
+{
+    (void)state;
+    CtsError err;
+    for (int parts = 2; parts <= 8; parts++) {
+        CtsVolume *v = make(37, 5, 9, 3.1);
+        uint16_t before[9][37 * 5];
+        uint32_t random = 7;
+        for (int k = 0; k < 9; k++)
+            for (int i = 0; i < 37 * 5; i++)
+                before[k][i] = v->grey[k * 37 * 5 + i] = i == 3   ? (uint16_t)(1000 + 80 * k)
+                                                         : i == 4 ? (uint16_t)((k & 1) * 65535)
+                                                                  : (uint16_t)(next(&random) >> 16);
+        double end_lps[3];
+        for (int c = 0; c < 3; c++)
+            end_lps[c] = v->origin_lps[c] + 8 * v->step_lps[2][c];
+        assert_int_equal(cts_volume_refine(v, parts, 1 + parts % 3, &err), CTS_OK);
+        assert_int_equal(v->dims[2], 8 * parts + 1);
+        for (int c = 0; c < 3; c++)
+            assert_true(fabs(v->origin_lps[c] + 8 * parts * v->step_lps[2][c] - end_lps[c]) < 1e-9);
+        for (int k = 0; k <= 8 * parts; k++)
+            for (int i = 0; i < 37 * 5; i++) {
+                const int y = v->grey[k * 37 * 5 + i], b = before[k / parts][i];
+                const int c = before[k / parts + (k % parts > 0)][i];
+                assert_in_range(y, b < c ? b : c, b < c ? c : b);
+                if (i == 3)
+                    assert_true(abs(y * parts - (1000 * parts + 80 * k)) <= parts);
+            }
+        cts_volume_free(&v);
+    }
+}
+
+/* Of a parabola the cubic is nearer to the truth than the line; the bound is that of harmonic slopes. */
+static void test_nearer_than_lines(void **state)
+{
+    (void)state;
+    CtsError err;
+    CtsVolume *v = make(1, 1, 12, 4);
+    for (int k = 0; k < 12; k++)
+        v->grey[k] = (uint16_t)(400 * (k + 1) * (k + 1));
+    assert_int_equal(cts_volume_refine(v, 4, 1, &err), CTS_OK);
+    double cubic = 0, line = 0;
+    for (int k = 4; k <= 40; k++) {
+        const double x = k / 4.0 + 1, truth = 400 * x * x, low = floor(x);
+        cubic = fmax(cubic, fabs(v->grey[k] - truth));
+        line = fmax(line, fabs(400 * (low * low + (x - low) * (2 * low + 1)) - truth));
+    }
+    assert_true(line > 99 && cubic < 0.35 * line);
+    cts_volume_free(&v);
+}
+
+static void test_when(void **state)
+{
+    (void)state;
+    static const struct {
+        double slice_mm;
+        int layers;
+    } cases[] = {{0.5, 1}, {1.4, 1}, {1.6, 2}, {2.5, 3}, {7, 7}, {70, 8}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        CtsVolume *v = make(4, 4, 4, cases[i].slice_mm);
+        v->step_lps[2][1] = 0;
+        assert_int_equal(cts_volume_thickness(v), cases[i].layers);
+        cts_volume_free(&v);
+    }
+    CtsVolume *flat = make(4, 4, 1, 5);
+    assert_int_equal(cts_volume_thickness(flat), 1);
+    cts_volume_free(&flat);
+}
+
+/* A point becomes the Gaussian, whatever the spacing; a constant stays one; the sum stays. */
+static void test_smooth(void **state)
+{
+    (void)state;
+    CtsError err;
+    CtsVolume *v = make(41, 39, 21, 2);
+    v->step_lps[2][1] = 0;
+    const double sd_mm = 2.5;
+    const size_t centre = (10 * 39 + 19) * 41 + 20;
+    v->grey[centre] = 60000;
+    assert_int_equal(cts_volume_smooth(v, sd_mm, 3, &err), CTS_OK);
+    for (int k = 0; k < 21; k++)
+        for (int j = 0; j < 39; j++)
+            for (int i = 0; i < 41; i++) {
+                const double r2 = pow(i - 20, 2) + pow(j - 19, 2) + pow(2 * (k - 10), 2);
+                const double expected = 60000 * 2 / pow(sd_mm * sqrt(2 * M_PI), 3) * exp(-r2 / (2 * sd_mm * sd_mm));
+                /* Cut at three deviations, and three roundings, each smoothed again. */
+                assert_true(fabs(v->grey[(k * 39 + j) * 41 + i] - expected) < 0.015 * 60000 / 122 + 2);
+            }
+    for (size_t i = 0; i < cts_volume_n_voxels(v); i++)
+        v->grey[i] = 65535;
+    assert_int_equal(cts_volume_smooth(v, 0.7, 2, &err), CTS_OK);
+    for (size_t i = 0; i < cts_volume_n_voxels(v); i++)
+        assert_int_equal(v->grey[i], 65535);
+    assert_int_equal(cts_volume_smooth(v, 21, 2, &err), CTS_ERR_USAGE);
+    assert_int_equal(cts_volume_smooth(v, NAN, 2, &err), CTS_ERR_USAGE);
+    cts_volume_free(&v);
+}
+
+static void test_threads(void **state)
+{
+    (void)state;
+    CtsError err;
+    CtsVolume *a = make(50, 33, 17, 2.2), *b = make(50, 33, 17, 2.2);
+    uint32_t random = 11;
+    for (size_t i = 0; i < cts_volume_n_voxels(a); i++)
+        a->grey[i] = b->grey[i] = (uint16_t)(next(&random) >> 16);
+    assert_int_equal(cts_volume_smooth(a, 1.3, 1, &err), CTS_OK);
+    assert_int_equal(cts_volume_smooth(b, 1.3, 7, &err), CTS_OK);
+    assert_int_equal(cts_volume_refine(a, 3, 1, &err), CTS_OK);
+    assert_int_equal(cts_volume_refine(b, 3, 7, &err), CTS_OK);
+    assert_memory_equal(a->grey, b->grey, cts_volume_n_voxels(a) * sizeof *a->grey);
+    cts_volume_free(&a);
+    cts_volume_free(&b);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_layers), cmocka_unit_test(test_nearer_than_lines), cmocka_unit_test(test_when),
+        cmocka_unit_test(test_smooth), cmocka_unit_test(test_threads),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
