@@ -86,6 +86,11 @@ CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const Ct
  * Adds the decode and grey stages and the series' warnings to report. */
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err);
 
+/* The same, but where slices are unevenly spaced the even layers made of them come from monotone cubics instead of
+ * straight lines (cts_volume_refine() says which). */
+CtsStatus cts_series_load_cubic(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
+                                CtsError *err);
+
 #ifdef __cplusplus
 }
 #endif

@@ -86,7 +86,8 @@ CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
         goto end;
     CliWatch seen = {0};
     const CtsWatch watch = cli_watch(&seen);
-    const CtsSource source = cli_source(options, preset);
+    CtsSource source = cli_source(options, preset);
+    source.linear = true; /* what is measured is the engines on the voxels as they are */
     st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_interrupt_asks();
     if (st)

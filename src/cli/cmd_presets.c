@@ -102,6 +102,7 @@ static CtsStatus propose(const CliOptions *options, const CtsPreset *preset, Cts
     CtsSource source = cli_source(options, preset);
     source.paths = &options->propose;
     source.n_paths = 1;
+    source.linear = true;
     st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_progress_clear();
     cli_interrupt_asks();

@@ -19,6 +19,8 @@ typedef struct CtsSource {
     int n_threads;                           /* 0: the cores this process may use */
     bool remove_table;
     const char *table_kept_by; /* why not, as the report tells it: "the preset" */
+    bool linear;      /* straight between slices, however far apart they lie; else by cubics where they are thick */
+    double smooth_mm; /* standard deviation of a Gaussian on the volume; 0: none */
     bool crop;
     double crop_low_lps[3], crop_high_lps[3]; /* mm */
 } CtsSource;
@@ -30,7 +32,10 @@ typedef struct CtsLoaded {
     char *fetched; /* a folder that goes with it, or NULL */
 } CtsLoaded;
 
-/* The patient alone, and of it the part that is asked for. */
+/* The slices of one series, as source->linear says. */
+CtsStatus cts_source_read(const CtsSource *source, const CtsSeries *series, CtsVolume **volume, CtsReport *report,
+                          CtsError *err);
+/* The patient alone, and of it the part that is asked for, smoothed, and with layers between thick slices. */
 CtsStatus cts_source_cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err);
 
 /* Finds the series, decodes it and cuts it to what is asked for. Tells watch the first two of

@@ -333,7 +333,7 @@ typedef struct Loading {
     CtsSlice *slices;
     bool *bad; /* found damaged while they were read */
     int n_slices, n_threads;
-    bool some_dropped;
+    bool some_dropped, linear;
 } Loading;
 
 static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threads, CtsError *err)
@@ -415,7 +415,14 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
         st = convert_fractions(&a, v->hu_step, err);
     }
     if (!st && stack->kind != CTS_STACK_EVEN)
-        cts_resample_stack(v->grey, a.layer_voxels, stack->layer, a.n_slices, stack->n_layers, offset, n_threads);
+        cts_resample_stack(v->grey,
+                           &(CtsResampling){.layer_voxels = a.layer_voxels,
+                                            .layer = stack->layer,
+                                            .n_slices = a.n_slices,
+                                            .n_layers = stack->n_layers,
+                                            .offset = offset,
+                                            .linear = in->linear},
+                           n_threads);
     if (!st)
         tell_range(v, a.whole_numbers, report);
     cts_macrocells_free(&a.macrocells);
@@ -463,9 +470,10 @@ end:
 }
 
 /* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
-static CtsStatus load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+static CtsStatus load(const CtsSeries *series, bool linear, int n_threads, CtsVolume **volume, CtsReport *report,
+                      CtsError *err)
 {
-    Loading in = {0};
+    Loading in = {.linear = linear};
     CtsError why = {0};
     CtsStatus st = begin_loading(&in, series, n_threads, &why);
     int n_bad = 0;
@@ -487,7 +495,8 @@ static CtsStatus load(const CtsSeries *series, int n_threads, CtsVolume **volume
     return st;
 }
 
-CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+static CtsStatus load_timed(const CtsSeries *series, bool linear, int n_threads, CtsVolume **volume, CtsReport *report,
+                            CtsError *err)
 {
     double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
     *volume = NULL;
@@ -498,7 +507,7 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
     }
     if (report)
         stage_times(report, &wall_before, &cpu_before);
-    const CtsStatus st = load(series, cts_threads(n_threads), volume, report, err);
+    const CtsStatus st = load(series, linear, cts_threads(n_threads), volume, report, err);
     if (report)
         stage_times(report, &wall_after, &cpu_after);
     /* What is not reading slices is making grey levels of them: memory, fractions, resampling, macro-cell ranges. */
@@ -511,4 +520,15 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
     if (st)
         in_series(series, err);
     return st;
+}
+
+CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+{
+    return load_timed(series, true, n_threads, volume, report, err);
+}
+
+CtsStatus cts_series_load_cubic(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
+                                CtsError *err)
+{
+    return load_timed(series, false, n_threads, volume, report, err);
 }

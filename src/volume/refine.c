@@ -8,22 +8,27 @@
 #include <math.h>
 #include <string.h>
 
-CtsRefineWeights cts_refine_weights(int part, int n_parts)
+CtsRefineWeights cts_refine_weights(double t, const double distance[3])
 {
-    const double t = (double)part / n_parts, s = 1 - t;
+    const double s = 1 - t, before = distance[0], here = distance[1], behind = distance[2];
     return (CtsRefineWeights){
         .b = (float)((1 + 2 * t) * s * s),
         .c = (float)((1 + 2 * s) * t * t),
         .slope_b = (float)(t * s * s),
         .slope_c = (float)(-s * t * t),
+        .per_before = (float)(here / before),
+        .per_behind = (float)(here / behind),
+        .share_before = (float)((2 * here + before) / (3 * (here + before))),
+        .share_behind = (float)((2 * behind + here) / (3 * (behind + here))),
     };
 }
 
-/* 0 where the differences differ in sign: the slice between them is then the highest or the lowest of the three. */
-static inline float harmonic(float before, float behind)
+/* The slope between two differences. Where they differ in sign, the slice between them is the highest or the lowest of
+ * the three, and the slope 0. */
+static inline float harmonic(float first, float second, float share)
 {
-    const float product = before * behind, sum = before + behind;
-    return product > 0 ? 2 * product / sum : 0;
+    const float product = first * second;
+    return product > 0 ? product / (share * second + (1 - share) * first) : 0;
 }
 
 void cts_refine_row(uint16_t *to, const uint16_t *const slices[4], int n, const CtsRefineWeights *w)
@@ -32,8 +37,10 @@ void cts_refine_row(uint16_t *to, const uint16_t *const slices[4], int n, const 
     for (int i = 0; i < n; i++) {
         const float b = pb[i], c = pc[i], rise = c - b;
         /* Where the stack ends, the cubic ends in its last difference. */
-        const float before = pa == pb ? rise : b - (float)pa[i], behind = pd == pc ? rise : (float)pd[i] - c;
-        const float y = w->b * b + w->c * c + w->slope_b * harmonic(before, rise) + w->slope_c * harmonic(rise, behind);
+        const float before = pa == pb ? rise : (b - (float)pa[i]) * w->per_before;
+        const float behind = pd == pc ? rise : ((float)pd[i] - c) * w->per_behind;
+        const float y = w->b * b + w->c * c + w->slope_b * harmonic(before, rise, w->share_before) +
+                        w->slope_c * harmonic(rise, behind, w->share_behind);
         const float low = b < c ? b : c, high = b < c ? c : b;
         to[i] = (uint16_t)(int32_t)((y < low ? low : y > high ? high : y) + 0.5f);
     }
@@ -66,7 +73,7 @@ static void refine_some(void *context, int worker, size_t first, size_t end)
         const uint16_t *const slices[4] = {k > 0 ? b - r->layer_voxels : b, b, c,
                                            k + 2 < r->n_slices ? c + r->layer_voxels : c};
         for (int part = 1; part < r->n_parts; part++) {
-            const CtsRefineWeights weights = cts_refine_weights(part, r->n_parts);
+            const CtsRefineWeights weights = cts_refine_weights((double)part / r->n_parts, (const double[]){1, 1, 1});
             cts_refine_row(to + (size_t)part * r->layer_voxels, slices, n, &weights);
         }
     }

@@ -13,7 +13,7 @@ static double field(double layer, size_t voxel)
     return 100 + 40 * layer + (double)(voxel % 97) * 3;
 }
 
-static void check_stack(const double *layer, int n_slices, int n_layers, size_t voxels, int threads)
+static void check_stack_by(const double *layer, int n_slices, int n_layers, size_t voxels, int threads, bool linear)
 {
     const int offset = cts_resample_offset(layer, n_slices, n_layers);
     const int slots = offset + n_slices > n_layers ? offset + n_slices : n_layers;
@@ -23,14 +23,22 @@ static void check_stack(const double *layer, int n_slices, int n_layers, size_t 
     for (int i = 0; i < n_slices; i++)
         for (size_t v = 0; v < voxels; v++)
             grey[(size_t)(offset + i) * voxels + v] = (uint16_t)lround(field(layer[i], v));
-    cts_resample_stack(grey, voxels, layer, n_slices, n_layers, offset, threads);
+    const CtsResampling resampling = {voxels, layer, n_slices, n_layers, offset, linear};
+    cts_resample_stack(grey, &resampling, threads);
     for (int j = 0; j < n_layers; j++)
         for (size_t v = 0; v < voxels; v++)
             if (fabs(grey[(size_t)j * voxels + v] - field(j, v)) > 1.01)
                 fail_msg("layer %d of %d, voxel %zu: %d, not %g", j, n_layers, v, grey[(size_t)j * voxels + v],
                          field(j, v));
-    assert_true(slots <= n_layers + n_slices);
+    assert_true(slots <= n_layers + n_slices + 1);
     free(grey);
+}
+
+/* A straight line is one for cubics too. */
+static void check_stack(const double *layer, int n_slices, int n_layers, size_t voxels, int threads)
+{
+    check_stack_by(layer, n_slices, n_layers, voxels, threads, true);
+    check_stack_by(layer, n_slices, n_layers, voxels, threads, false);
 }
 
 static void test_linear_field(void **state)
@@ -50,6 +58,31 @@ static void test_linear_field(void **state)
     }
 }
 
+/* Of any values, cubics stay between those of the two slices around a layer. */
+static void check_range(const double *layer, int n_slices, int n_layers)
+{
+    enum { VOXELS = 33 };
+    const int offset = cts_resample_offset(layer, n_slices, n_layers);
+    uint16_t *grey = malloc((size_t)(offset + n_slices + n_layers) * VOXELS * sizeof *grey);
+    uint16_t *slices = malloc((size_t)n_slices * VOXELS * sizeof *slices);
+    assert_true(grey && slices);
+    for (int i = 0; i < n_slices * VOXELS; i++)
+        slices[i] = (uint16_t)(rand() % 4 ? rand() & 0xffff : 65535 * (rand() & 1));
+    memcpy(grey + offset * VOXELS, slices, (size_t)n_slices * VOXELS * sizeof *grey);
+    const CtsResampling resampling = {VOXELS, layer, n_slices, n_layers, offset, false};
+    cts_resample_stack(grey, &resampling, 1);
+    for (int j = 0, below = 0; j < n_layers; j++) {
+        while (below + 2 < n_slices && layer[below + 1] <= j)
+            below++;
+        for (int v = 0; v < VOXELS; v++) {
+            const int a = slices[below * VOXELS + v], b = slices[(below + 1) * VOXELS + v];
+            assert_in_range(grey[j * VOXELS + v], a < b ? a : b, a < b ? b : a);
+        }
+    }
+    free(grey);
+    free(slices);
+}
+
 static void test_random_stacks(void **state)
 {
     (void)state;
@@ -63,7 +96,8 @@ static void test_random_stacks(void **state)
         for (int i = 1; i < n; i++)
             layer[i] *= (n_layers - 1) / layer[n - 1];
         layer[n - 1] = n_layers - 1;
-        check_stack(layer, n, n_layers, 40, 1);
+        check_stack_by(layer, n, n_layers, 40, 1, true);
+        check_range(layer, n, n_layers);
     }
 }
 
@@ -72,12 +106,13 @@ static void test_kept_slices(void **state)
 {
     (void)state;
     const double layer[] = {0, 1, 3};
-    uint16_t grey[5 * 3];
+    uint16_t grey[6 * 3];
     const int offset = cts_resample_offset(layer, 3, 4);
-    assert_int_equal(offset, 1);
+    assert_int_equal(offset, 2);
     const uint16_t slices[3][3] = {{1, 65535, 0}, {7, 8, 9}, {11, 65535, 4}};
     memcpy(grey + 3 * offset, slices, sizeof slices);
-    cts_resample_stack(grey, 3, layer, 3, 4, offset, 1);
+    const CtsResampling resampling = {3, layer, 3, 4, offset, true};
+    cts_resample_stack(grey, &resampling, 1);
     const uint16_t wanted[4][3] = {{1, 65535, 0}, {7, 8, 9}, {9, 32772, 7}, {11, 65535, 4}};
     assert_memory_equal(grey, wanted, sizeof wanted);
 }
