@@ -35,12 +35,13 @@ static CtsStatus refuse(ExrReader *r, const char *why)
     return r->status;
 }
 
+/* The library may call this with its context locked, so nothing can be asked of that here (exr_get_user_data() would
+ * wait for ever); the code that the failing call returns says what was wrong. */
 static void on_error(exr_const_context_t file, exr_result_t code, const char *message)
 {
-    void *reader = NULL;
+    (void)file;
     (void)code;
-    if (file && exr_get_user_data(file, &reader) == EXR_ERR_SUCCESS && reader)
-        refuse(reader, message);
+    (void)message;
 }
 
 static CtsStatus check(ExrReader *r, exr_result_t code)
