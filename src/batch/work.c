@@ -126,7 +126,7 @@ static CtsStatus load(Work *w, const CtsSource *source, CtsError *err)
         cts_volume_free(&w->volume);
     if (!w->volume) {
         const CtsMeter meter = cts_meter_start(&w->report);
-        st = cts_series_load(w->series, source->n_threads, &w->volume, &w->report, err);
+        st = cts_source_read(source, w->series, &w->volume, &w->report, err);
         cts_meter_stop(meter, &w->report, CTS_STAGE_DECODE);
         w->cut = false;
         if (!st && !w->told) {
@@ -139,7 +139,7 @@ static CtsStatus load(Work *w, const CtsSource *source, CtsError *err)
     const CtsMeter meter = cts_meter_start(&w->report);
     st = cts_source_cut(source, w->volume, &w->report, err);
     cts_meter_stop(meter, &w->report, CTS_STAGE_GREY);
-    w->cut = source->remove_table || source->crop;
+    w->cut = true;
     return st;
 }
 

@@ -17,6 +17,8 @@ CtsSource cli_source(const CliOptions *options, const CtsPreset *preset)
         .n_threads = options->render.n_threads,
         .remove_table = options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON,
         .table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset",
+        .linear = options->interpolation == 1,
+        .smooth_mm = options->smooth_mm,
         .crop = options->crop_given,
     };
     memcpy(source.crop_low_lps, options->crop_low_lps, sizeof source.crop_low_lps);

@@ -13,6 +13,8 @@
 #define RANGE(lowest, highest) .low = (lowest), .high = (highest)
 #define PARSED(parser) .kind = CLI_CUSTOM, .parse = (parser)
 
+static const char *const interpolations[] = {"cubic", "linear"};
+
 const CliOption cli_options[] = {
     {
         .letter = 'o',
@@ -206,6 +208,24 @@ const CliOption cli_options[] = {
         .help = "how values along a ray become a pixel; minip and average look at the body alone, with --remove-table "
                 "off at everything",
         .fallback = "as the preset says",
+    },
+    {
+        .name = "interpolation",
+        .argument = "cubic or linear",
+        .commands = RENDERING,
+        CHOICES(interpolations, 2),
+        .field = FIELD(interpolation),
+        .help = "along the slice axis, where slices lie further apart than 1.5 pixels: monotone cubics, or straight "
+                "lines",
+        .fallback = "cubic",
+    },
+    {
+        .name = "smooth",
+        .argument = "MM",
+        .commands = RENDERING,
+        PARSED(cli_parse_smooth),
+        .help = "smooth the volume first, with a Gaussian of this standard deviation",
+        .fallback = "off",
     },
     {
         .name = "slab",

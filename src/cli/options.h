@@ -26,6 +26,8 @@ typedef struct CliOptions {
     bool crop_given;
     double crop_low_lps[3], crop_high_lps[3];
     CtsSwitch remove_table;
+    int interpolation; /* 0 cubic, 1 linear */
+    double smooth_mm;
     bool window_given;
     double window_low_hu, window_high_hu;
     bool annotate_orientation, annotate_scale;

@@ -194,6 +194,14 @@ CtsStatus cli_parse_crop(CliOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+CtsStatus cli_parse_smooth(CliOptions *options, const char *text, CtsError *err)
+{
+    if (!cli_number(text, &options->smooth_mm) || !(options->smooth_mm >= 0 && options->smooth_mm <= CTS_MAX_SMOOTH_MM))
+        return cts_fail(err, CTS_ERR_USAGE, "--smooth %s: not a standard deviation of 0 to %d mm", text,
+                        CTS_MAX_SMOOTH_MM);
+    return CTS_OK;
+}
+
 CtsStatus cli_parse_window(CliOptions *options, const char *text, CtsError *err)
 {
     double window[2];

@@ -20,6 +20,7 @@ CtsStatus cli_parse_shade(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_background(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_crop(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_table(CliOptions *options, const char *text, CtsError *err);
+CtsStatus cli_parse_smooth(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_window(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_annotate(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_send(CliOptions *options, const char *text, CtsError *err);
