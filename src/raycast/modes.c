@@ -83,7 +83,7 @@ bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *
 {
     const CtsMode mode = caster->preset->mode;
     const bool average = mode == CTS_MODE_AVERAGE && ray->t1_mm > ray->t0_mm;
-    double best = mode == CTS_MODE_MINIP ? INFINITY : -INFINITY, sum = 0, length = 0;
+    double best = mode == CTS_MODE_MIP ? -INFINITY : INFINITY, sum = 0, length = 0;
     CtsRay stretch = *ray;
     bool any = !caster->body || next_in_body(caster, ray, ray->t0_mm, &stretch);
     if (!any)
