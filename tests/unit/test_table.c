@@ -104,7 +104,7 @@ static CtsVolume *make(const Scene *s)
     assert_int_equal(cts_volume_new(&v, s->dims[0], s->dims[1], s->dims[2], &err), CTS_OK);
     memcpy(v->step_lps, s->step_lps, sizeof v->step_lps);
     voxel_lps(s, 0, 0, 0, v->origin_lps);
-    v->hu_step = s->hu_step ? s->hu_step : 1;
+    v->hu_step = s->hu_step > 0 ? s->hu_step : 1;
     uint16_t *grey = v->grey;
     for (int k = 0; k < s->dims[2]; k++)
         for (int j = 0; j < s->dims[1]; j++)
