@@ -9,6 +9,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 /* orientation: which way of the patient each edge points, as A P L R H F and pairs like LA.
  * scale: a bar of a round length (1, 2 or 5 times a power of ten) near a fifth of the width, with its length in mm.
@@ -18,6 +19,7 @@ extern "C" {
  * them. CTS_ERR_USAGE when a scale is asked for and the picture's mm_per_pixel is not known. */
 CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n_left_out, CtsError *err);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -1,4 +1,4 @@
-/* Pictures to and from files. The file name's ending picks the format: .png, .exr, .dcm. */
+/* Pictures to and from files. The file name's ending picks the format. */
 #ifndef CTSPLAT_EXPORT_H
 #define CTSPLAT_EXPORT_H
 
@@ -11,6 +11,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 typedef enum CtsScCompression {
     CTS_SC_NONE,
@@ -22,30 +23,49 @@ typedef enum CtsScCompression {
 extern const char *const cts_sc_compression_names[CTS_SC_N_COMPRESSIONS];
 
 typedef struct CtsExportSettings {
-    const CtsSeries *source;      /* whose study a secondary capture joins; NULL where no .dcm is written */
-    CtsScCompression compression; /* for .dcm */
-    bool new_uids, deidentify;    /* for .dcm */
-    int series_number;            /* of .dcm; 0: one that preset, kind and view have for themselves */
-    const char *series_description; /* of .dcm, ASCII, at most 64 characters; NULL: chosen likewise */
-    bool force;                   /* overwrite a file that exists; else CTS_ERR_OUTPUT */
+    const CtsSeries *source;        /* whose study a secondary capture joins; NULL where none is written */
+    CtsScCompression compression;   /* of secondary captures */
+    bool new_uids, deidentify;      /* of secondary captures */
+    int series_number;              /* of secondary captures; 0: one that preset, kind and view have for themselves */
+    const char *series_description; /* of secondary captures, ASCII, at most 64 characters; NULL: chosen likewise */
+    bool force;                     /* overwrite a file that exists; else CTS_ERR_OUTPUT */
     int n_threads;
 } CtsExportSettings;
 
-/* The format a path's ending names ("png", "exr", "dcm"), or NULL. */
-const char *cts_export_format(const char *path);
+/* What there is to know of a format. */
+typedef struct CtsFormatInfo {
+    const char *name;  /* also the ending, without the dot */
+    const char *about; /* for people */
+    bool many_frames;  /* one file holds all pictures of a rotation */
+    bool has_depth;    /* writes depth_mm where the picture has it */
+    bool has_alpha;    /* else a picture over nothing is written over black */
+    bool is_object;    /* a secondary capture: joins the study of its source, takes compression, new_uids and
+                          deidentify */
+    bool read_back;    /* cts_picture_read() reads it */
+} CtsFormatInfo;
+
+/* The formats by index; NULL past the last. */
+const CtsFormatInfo *cts_format(size_t index);
+
+/* Endings of the formats that are wanted (NULL: of all) in text, as ".png, .exr or .dcm"; returns text. */
+enum { CTS_ENDINGS_MAX = 128 };
+const char *cts_format_endings(bool (*wanted)(const CtsFormatInfo *format), char text[CTS_ENDINGS_MAX]);
+
+/* The format a path's ending names, or NULL. */
+const CtsFormatInfo *cts_export_format(const char *path);
 
 /* Before any work: the ending is known, the folder exists and can be written, the file may be (over)written. The source
  * may still be NULL. */
 CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, CtsError *err);
 
-/* Likewise: the format can hold as many pictures of this size, all grey or not. n_frames > 1 only for .dcm, one
- * multi-frame object. */
+/* Likewise: the format can hold as many pictures of this size, all grey or not. n_frames > 1 only where
+ * one file holds many_frames. */
 CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames, bool grey,
                                 const CtsExportSettings *settings, CtsError *err);
 
 /* A file that is written while its rows come: all bands of the first frame from the top, then the next frame's. What
- * is held meanwhile does not grow with the picture (but a compressed .dcm holds a frame) or the number of frames.
- * Written whole or not at all: temporary file in the same folder, fsync, rename. Adds to the export stage. */
+ * is held meanwhile does not grow with the picture (but a compressed secondary capture holds a frame) or the number of
+ * frames. Written whole or not at all: temporary file in the same folder, fsync, rename. Adds to the export stage. */
 typedef struct CtsExport CtsExport;
 
 /* first: the first band, of which no row is taken yet; its info.grey says whether all frames are grey. settings are
@@ -66,6 +86,7 @@ CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *
 /* Read a PNG, EXR or secondary capture (its first frame) back as display values. */
 CtsStatus cts_picture_read(const char *path, CtsPicture **picture, CtsError *err);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -10,6 +10,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 enum { CTS_MAX_TISSUES = 7, CTS_MAX_KEY_RANGES = 16 };
 
@@ -75,6 +76,7 @@ bool cts_void_key_drops(const CtsVoidKey *key, double hu);
 enum { CTS_KEY_TEXT = 160 };
 void cts_void_key_text(const CtsVoidKey *key, char text[CTS_KEY_TEXT]);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

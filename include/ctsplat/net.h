@@ -10,6 +10,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 /* AET@HOST:PORT, or the root of a DICOMweb service: http://... or https://... */
 typedef struct CtsPeer {
@@ -48,6 +49,7 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *stud
 /* Removes the folder and what is in it; does nothing when *folder is NULL. */
 void cts_net_forget(char **folder);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -10,6 +10,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 /* How a picture was made: what exporters write beside the pixels. Holds no patient data. */
 typedef struct CtsPictureInfo {
@@ -63,6 +64,7 @@ typedef struct CtsDifference {
 /* Over display values 0..1 (clamped) of red, green and blue. CTS_ERR_USAGE when the sizes differ. */
 CtsStatus cts_picture_compare(const CtsPicture *a, const CtsPicture *b, CtsDifference *difference, CtsError *err);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -9,6 +9,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 enum { CTS_MAX_POINTS = 256 };
 
@@ -73,6 +74,7 @@ bool cts_preset_is_grey(const CtsPreset *preset, CtsMode mode);
 /* JSON text as in a preset file, to be freed by the caller with free(). */
 char *cts_preset_to_json(const CtsPreset *preset);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -13,6 +13,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 /* Pixels of one scene with their true values; made once, to judge any number of pictures of that scene. */
 typedef struct CtsReference CtsReference;
@@ -34,6 +35,7 @@ CtsStatus cts_reference_compare(const CtsReference *reference, const CtsPicture 
 CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
                                const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

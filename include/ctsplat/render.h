@@ -13,6 +13,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 typedef enum CtsEngineId {
     CTS_ENGINE_CLASSIC,
@@ -35,7 +36,7 @@ typedef enum CtsKernelId {
 } CtsKernelId;
 extern const char *const cts_kernel_names[CTS_N_KERNELS];
 
-/* The views that --view knows by name. */
+/* Views that have a name. */
 typedef struct CtsNamedView {
     const char *name;
     double azimuth_deg, elevation_deg;
@@ -43,32 +44,42 @@ typedef struct CtsNamedView {
 enum { CTS_N_VIEWS = 6 };
 extern const CtsNamedView cts_views[CTS_N_VIEWS];
 
+/* What the frame holds where mm_per_pixel is 0: the whole volume at any view of one elevation; or all that the preset
+ * can show in this view, or in all frames of a rotation. */
+typedef enum CtsFit { CTS_FIT_VOLUME, CTS_FIT_VISIBLE, CTS_N_FITS } CtsFit;
+extern const char *const cts_fit_names[CTS_N_FITS];
+
 typedef enum CtsSwitch { CTS_AS_PRESET, CTS_ON, CTS_OFF } CtsSwitch;
 
 /* Plain data, filled by cts_render_defaults(); 0 or AS_PRESET means "chosen by ctsplat". */
 typedef struct CtsRenderSettings {
-    int width, height;        /* pixels, 1 to 32768; default 1024 */
-    double mm_per_pixel;      /* 0: the whole bounding box fits */
-    double azimuth_deg;       /* 0 anterior, 90 left */
-    double elevation_deg;     /* 90 head; -90..90 */
+    int width, height;    /* pixels, 1 to 32768; default 1024 */
+    double mm_per_pixel;  /* 0: as fit says */
+    double azimuth_deg;   /* 0 anterior, 90 left */
+    double elevation_deg; /* 90 head; -90..90 */
+    CtsFit fit;
+    int rotation_frames;  /* views about the head-foot axis that share one scale and centre; 0 or 1: none */
+    bool centre_given;    /* centre_lps is seen in the middle of the picture; else the centre of the volume, or as fit
+                             says */
+    double centre_lps[3]; /* mm */
     CtsEngineId engine;
     CtsKernelId kernel;
-    double kernel_radius;     /* voxels; 0: the kernel's own */
-    int samples;              /* sub-sheets per layer; 0: chosen by the engine */
-    double max_error;         /* in 1/255 rms, kept by trial on some rays; 0: the engine's default */
-    bool void_key;            /* --void key: engines void and combined take improbable voxels for void (lossy; the
-                               * report tells what is lost); the others warn that they have no use for it */
-    double tolerance_hu;      /* largest change taken for none */
-    int grey_bits;            /* 8 to 16; 16: grey levels as they are */
-    bool opacity_per_voxel;   /* --opacity-unit voxel */
-    int mode;                 /* CtsMode, or -1: as the preset says */
-    double slab_mm;           /* thickness of the slab across the view that is seen; 0: all */
-    double slab_at_mm;        /* how far the slab's middle lies in front of the volume's centre */
+    double kernel_radius;   /* voxels; 0: the kernel's own */
+    int samples;            /* sub-sheets per layer; 0: chosen by the engine */
+    double max_error;       /* in 1/255 rms, kept by trial on some rays; 0: the engine's default */
+    bool void_key;          /* engines void and combined take improbable voxels for void (lossy; the
+                             * report tells what is lost); the others warn that they have no use for it */
+    double tolerance_hu;    /* largest change taken for none */
+    int grey_bits;          /* 8 to 16; 16: grey levels as they are */
+    bool opacity_per_voxel; /* opacity counts per voxel along the ray instead of per mm */
+    int mode;               /* CtsMode, or -1: as the preset says */
+    double slab_mm;         /* thickness of the slab across the view that is seen; 0: all */
+    double slab_at_mm;      /* how far the slab's middle lies in front of the volume's centre */
     CtsSwitch shade;
-    int verify;               /* pixels to render again with raycast */
-    int n_threads;            /* 0: the cores this process may use */
-    bool explain;             /* make the plan, then stop without a picture */
-    bool want_depth;          /* fill the picture's depth_mm (mode composite alone has surfaces) */
+    int verify;                        /* pixels to render again with raycast */
+    int n_threads;                     /* 0: the cores this process may use */
+    bool explain;                      /* make the plan, then stop without a picture */
+    bool want_depth;                   /* fill the picture's depth_mm (mode composite alone has surfaces) */
     const volatile sig_atomic_t *stop; /* set by a signal handler: give up with CTS_ERR_INTERRUPTED; may be NULL */
 } CtsRenderSettings;
 
@@ -101,12 +112,13 @@ typedef struct CtsBandSink {
     int max_rows;
 } CtsBandSink;
 
-/* The same picture in bands of rows from the top, each handed to sink as soon as it is made. What --void key loses is
+/* The same picture in bands of rows from the top, each handed to sink as soon as it is made. What void_key loses is
  * measured, asked for or not: without settings->verify with 256 pixels. */
 CtsStatus cts_render_bands(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, const CtsBandSink *sink,
                            CtsReport *report, CtsError *err);
 void cts_render_end(CtsRenderer **renderer);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

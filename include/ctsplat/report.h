@@ -12,6 +12,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 typedef enum CtsStage {
     CTS_STAGE_SCAN,
@@ -45,7 +46,7 @@ typedef struct CtsSkip {
 typedef enum CtsSeverity { CTS_NOTE, CTS_WARNING, CTS_REFUSAL } CtsSeverity;
 extern const char *const cts_severity_names[3];
 
-/* Something odd but usable (or the reason of a refusal). code is a stable snake_case word, as in `info --json`. */
+/* Something odd but usable (or the reason of a refusal). code is a stable snake_case word, for programs. */
 typedef struct CtsFinding {
     char code[40];
     CtsSeverity severity;
@@ -73,14 +74,15 @@ typedef struct CtsVerified {
 } CtsVerified;
 
 typedef struct CtsReport {
+    char series_uid[65]; /* the series that was loaded; "" before */
     CtsStageTime stages[CTS_N_STAGES];
     CtsSkip *skips;
     size_t n_skips;
     CtsFindings findings;
     CtsVoxelCounts voxels;
     CtsVerified verified;
-    double key_loss; /* share of the volume's opacity that --void key left out; 0 without it */
-    char *plan; /* what --explain prints: lines of text; NULL until a plan is made */
+    double key_loss; /* share of the volume's opacity that void_key left out; 0 without it */
+    char *plan; /* for people: lines of text; NULL until a plan is made */
 } CtsReport;
 
 /* Zero-initialise a CtsReport before use; this frees what it owns and zeroes it again. */
@@ -107,6 +109,7 @@ void cts_findings_add(CtsFindings *findings, const char *code, CtsSeverity sever
     __attribute__((format(printf, 4, 5)));
 void cts_findings_free(CtsFindings *findings);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

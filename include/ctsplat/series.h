@@ -11,6 +11,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 struct CtsSlice;   /* src/dicom/slice.h */
 struct CtsArchive; /* src/dicom/archive.h */
@@ -91,6 +92,7 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
 CtsStatus cts_series_load_cubic(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
                                 CtsError *err);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -13,6 +13,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 /* What ctsplat was told besides the preset, in its own words: an option's name and its argument. */
 typedef struct CtsStateOption {
@@ -47,6 +48,7 @@ typedef struct CtsState {
 CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err);
 void cts_state_free(CtsState **state);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -5,8 +5,9 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
-/* Groups leave gaps so that they can grow; cts_exit_code() maps them to the program's exit codes. */
+/* Groups leave gaps so that they can grow. */
 typedef enum CtsStatus {
     CTS_OK = 0,
     CTS_ERR_MEMORY = 10,
@@ -34,9 +35,7 @@ CtsStatus cts_fail(CtsError *err, CtsStatus status, const char *format, ...) __a
 /* Put what the caller was doing in front of the message: "reading IM3: ..."; returns err's status. */
 CtsStatus cts_context(CtsError *err, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-/* The program's exit code for a status: 0, 1, 2, 3, 4, 5 or 130. */
-int cts_exit_code(CtsStatus status);
-
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

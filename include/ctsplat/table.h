@@ -9,6 +9,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 /* Set to grey 0 what lies outside the patient. Two ideas tell the table from the patient, on what is denser than
  * -350 HU in sections across the scanner's axis:
@@ -35,6 +36,7 @@ extern "C" {
  * only. */
 CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -9,6 +9,7 @@
 #ifdef __cplusplus
 extern "C" {
 #endif
+#pragma GCC visibility push(default)
 
 struct CtsMacrocells; /* src/volume/macrocells.h */
 struct CtsBodyMask;   /* src/volume/body_mask.h */
@@ -54,6 +55,8 @@ double cts_volume_spacing_mm(const CtsVolume *volume, int axis);
 /* Centre of the box that holds the outermost voxel centres, and its longest diagonal. */
 void cts_volume_centre_lps(const CtsVolume *volume, double centre_lps[3]);
 double cts_volume_diagonal_mm(const CtsVolume *volume);
+/* The box along the patient's axes that holds all voxel centres: what cts_volume_crop() takes. */
+void cts_volume_box_lps(const CtsVolume *volume, double low_lps[3], double high_lps[3]);
 /* Continuous voxel coordinates of a point, and the inverse of the step matrix: vox[a] = sum_c inverse[a][c] * lps[c].
  * False when the steps do not span space. */
 int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3]);
@@ -86,6 +89,7 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
 CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t **count, CtsError *err);
 void cts_volume_histogram_free(uint64_t **count);
 
+#pragma GCC visibility pop
 #ifdef __cplusplus
 }
 #endif

@@ -137,7 +137,7 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
         if (!force && errno == EINVAL && link(t->path, t->target) == 0)
             unlink(t->path);
         else if (errno == EEXIST)
-            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: exists (--force overwrites it)", t->target);
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: exists (`force` overwrites it)", t->target);
         else
             st = fail_errno(err, t->target, "cannot be renamed into place");
     }
@@ -186,7 +186,7 @@ CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err)
     else if (access(folder, W_OK | X_OK))
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: its folder cannot be written (%s)", path, strerror(errno));
     else if (lstat(path, &info) == 0 && !force)
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: exists (--force overwrites it)", path);
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: exists (`force` overwrites it)", path);
     else if (stat(path, &info) == 0 && !S_ISREG(info.st_mode))
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is not a regular file", path);
     free(folder);

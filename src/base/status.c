@@ -1,5 +1,6 @@
 #include "ctsplat/status.h"
 
+#include "base/exit_code.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>

@@ -2,6 +2,7 @@
 #include "batch/child.h"
 
 #include "base/clock.h"
+#include "base/exit_code.h"
 #include "base/json.h"
 #include "base/mem.h"
 #include "batch/line.h"

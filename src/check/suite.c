@@ -6,7 +6,20 @@
 
 CtsCheckFamily cts_check_family(CtsEngineId engine)
 {
-    return engine == CTS_ENGINE_RAYCAST ? CHECK_RAYCAST : engine == CTS_ENGINE_TILED ? CHECK_TILED : CHECK_PAPER;
+    switch (engine) {
+    case CTS_ENGINE_CLASSIC:
+    case CTS_ENGINE_LAYERS:
+    case CTS_ENGINE_VOID:
+    case CTS_ENGINE_COMBINED:
+        return CHECK_PAPER;
+    case CTS_ENGINE_TILED:
+        return CHECK_TILED;
+    case CTS_ENGINE_RAYCAST:
+        return CHECK_RAYCAST;
+    case CTS_N_ENGINES:
+        break;
+    }
+    return CHECK_N_FAMILIES;
 }
 
 static void state(CtsCheckRun *run, double expected, double found, double error, double bound, const char *why)

@@ -19,6 +19,7 @@ enum {
     CHECK_OF_RAYCAST = 1u << CTS_ENGINE_RAYCAST,
     CHECK_OF_ALL = CHECK_OF_PAPER | CHECK_OF_TILED | CHECK_OF_RAYCAST
 };
+_Static_assert(CHECK_OF_ALL == (1u << CTS_N_ENGINES) - 1, "an engine belongs to no family");
 
 /* A bound where a case does not apply to a family. */
 #define CHECK_NONE (-1.0)

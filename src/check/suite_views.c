@@ -1,6 +1,8 @@
 /* Slabs and linear ramps from every side, near every switch, at every shape of voxel and picture. */
 #include "check/suite_linear.h"
 
+#include "ctsplat/bounds.h"
+
 static const CtsCheckPoint even_3[] = {{0, 0.03, {0.2, 0.5, 0.9}}};
 static const CtsCheckPoint even_50[] = {{0, 0.5, {0.2, 0.5, 0.9}}};
 static const CtsCheckPoint even_ramp[] = {{0, 0, {1, 0, 0}}, {1000, 0.06, {0, 1, 1}}};
@@ -43,9 +45,9 @@ static const CtsCheckCase cases[] = {
                  .bound = {2e-5, CHECK_NONE, 2e-7}),
     CHECK_LINEAR("slab: picture of 1 x 1", PLATE, CHECK_POINTS(even_3), .width = 1, .height = 1, MIDDLE,
                  .bound = {2e-6, 2e-6, 2e-7}),
-    CHECK_LINEAR("slab: picture of 32768 x 1", PLATE, CHECK_POINTS(even_3), .width = 32768, .height = 1,
+    CHECK_LINEAR("slab: picture of 32768 x 1", PLATE, CHECK_POINTS(even_3), .width = CTS_MAX_SIDE, .height = 1,
                  .mm_per_pixel = 0.001, .bound = {2e-6, 2e-6, 2e-7}),
-    CHECK_LINEAR("slab: picture of 1 x 32768", PLATE, CHECK_POINTS(even_3), .width = 1, .height = 32768,
+    CHECK_LINEAR("slab: picture of 1 x 32768", PLATE, CHECK_POINTS(even_3), .width = 1, .height = CTS_MAX_SIDE,
                  .mm_per_pixel = 0.001, .bound = {2e-6, 2e-6, 2e-7}),
     CHECK_LINEAR("slab: 1000 mm a pixel", PLATE, CHECK_POINTS(even_3), .width = 3, .height = 3, .mm_per_pixel = 1000,
                  .bound = {2e-6, 2e-6, 2e-7}),

@@ -8,6 +8,8 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+#include <strings.h>
 
 typedef struct Results {
     bool print;
@@ -61,6 +63,9 @@ CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err)
     const CtsCheckSettings settings = {
         .n_threads = options->render.n_threads, .stop = &cli_stop, .sink = add, .context = &results};
     cli_interrupt_asks();
+    const char *dot = options->plot ? strrchr(options->plot, '.') : NULL;
+    if (options->plot && (!dot || strcasecmp(dot, ".svg")))
+        return cts_fail(err, CTS_ERR_USAGE, "--plot %s: its name must end in .svg", options->plot);
     if (options->plot && (st = cts_file_check_writable(options->plot, options->force, err)))
         return st;
     if ((st = cts_check_run(&settings, &n_cases, &n_failed, err)))

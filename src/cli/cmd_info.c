@@ -25,6 +25,7 @@ static CtsStatus read_pixels(const CtsSeries *series, int n_threads, CtsPixelFac
         facts->known = true;
         facts->hu_min = volume->hu_min;
         facts->hu_max = volume->hu_max;
+        cts_volume_box_lps(volume, facts->box_low_lps, facts->box_high_lps);
     } else if (st == CTS_ERR_MEMORY || st == CTS_ERR_INTERRUPTED || st == CTS_ERR_INTERNAL) {
         *err = why;
     } else {

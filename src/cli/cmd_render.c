@@ -1,5 +1,6 @@
 /* ctsplat render: the command line as a job, its progress, its log and what it prints. */
 #include "base/clock.h"
+#include "base/exit_code.h"
 #include "cli/interrupt.h"
 #include "cli/job_options.h"
 #include "cli/message.h"
@@ -7,6 +8,7 @@
 #include "cli/progress.h"
 #include "cli/remote.h"
 #include "cli/terminal_watch.h"
+#include "cli/words.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,6 +16,7 @@
 /* What --explain tells: the task, the engine's plan, and what is left out with its reason. */
 static void print_plan(const CtsJob *job, const CtsReport *report)
 {
+    char line[sizeof report->findings.items->text + 64];
     const CtsRenderSettings *s = &job->render;
     const CtsMode mode = s->mode >= 0 ? (CtsMode)s->mode : job->preset->mode;
     printf("preset %s, mode %s, engine %s, kernel %s\n", job->preset->name, cts_mode_names[mode],
@@ -24,7 +27,7 @@ static void print_plan(const CtsJob *job, const CtsReport *report)
     printf("\n%s", report->plan ? report->plan : "");
     for (size_t i = 0; i < report->findings.n; i++)
         if (report->findings.items[i].severity == CTS_NOTE)
-            printf("note: %s\n", report->findings.items[i].text);
+            printf("note: %s\n", cli_with_options(report->findings.items[i].text, line, sizeof line));
     for (size_t i = 0; i < report->n_skips; i++)
         printf("left out: %s: %s\n", report->skips[i].what, report->skips[i].why);
 }
@@ -54,6 +57,9 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
     CtsJob job;
     CtsReport report = {0};
     CtsLog *log = NULL;
+    int fd;
+    const char *words;
+    size_t n;
     const double start_ms = cts_wall_ms();
     CtsPreset *preset = malloc(sizeof *preset);
     if (!preset)
@@ -62,6 +68,9 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
         goto end;
     if (options->from_given)
         cli_interrupt_asks(); /* from now on there is a folder to clear away */
+    cts_log_run(log, options->command, NULL);
+    if (cts_log_last_words(log, &fd, &words, &n))
+        cli_interrupt_says(fd, words, n);
     CliWatch seen = {.log = log};
     const CtsWatch watch = cli_watch(&seen);
     st = cts_job_run(&job, &watch, &report, err);
@@ -74,7 +83,11 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
     }
 end:
     cts_log_report(log, &report);
-    if (!st)
+    cli_interrupt_says(0, NULL, 0);
+    cts_log_run(log, NULL, report.series_uid[0] ? report.series_uid : NULL);
+    if (st)
+        cts_log_failed(log, cts_exit_code(st), err->text);
+    else
         cts_log_done(log, options->render.n_threads);
     CtsError log_err;
     const CtsStatus log_st = cts_log_close(&log, &log_err);

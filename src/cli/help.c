@@ -1,5 +1,6 @@
 /* --help, printed from the tables. */
 #include "cli/options.h"
+#include "cli/words.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -37,20 +38,30 @@ static void print_entry(const char *left, const char *right)
     print_wrapped(right, HELP_COLUMN);
 }
 
+/* The range, where a setting has one, and the default. */
+static void append_range(const CliOption *o, char *text, size_t size)
+{
+    const CtsBounds *b = cli_bounds(o);
+    size_t n = strlen(text);
+    if (b)
+        n +=
+            (size_t)snprintf(text + n, size - n, " (%.10g to %.10g%s%s", b->low, b->high, *b->unit ? " " : "", b->unit);
+    if (o->fallback && n < size)
+        n += (size_t)snprintf(text + n, size - n, "%sdefault: %s", b ? "; " : " (", o->fallback);
+    if ((b || o->fallback) && n < size)
+        snprintf(text + n, size - n, ")");
+}
+
 static void print_option(const CliOption *o)
 {
-    char left[128], right[512] = "";
+    char left[128], right[2 * CLI_WORDS_MAX] = "", help[CLI_WORDS_MAX];
     snprintf(left, sizeof left, "  %c%c%s--%s%s%s", o->letter ? '-' : ' ', o->letter ? o->letter : ' ',
              o->letter ? ", " : "  ", o->name, o->argument ? " " : "", o->argument ? o->argument : "");
-    if (o->kind == CLI_CHOICE && o->argument && !strcmp(o->argument, "NAME")) {
-        size_t n = 0;
-        for (int i = 0; i < o->n_choices; i++)
-            n +=
-                (size_t)snprintf(right + n, sizeof right - n, "%s%s", o->choices[i], i + 1 < o->n_choices ? " " : "; ");
-    }
-    const size_t n = strlen(right);
-    snprintf(right + n, sizeof right - n, "%s%s%s%s", o->help, o->fallback ? " (default: " : "",
-             o->fallback ? o->fallback : "", o->fallback ? ")" : "");
+    size_t n = 0;
+    for (int i = 0; o->kind == CLI_CHOICE && i < o->n_choices; i++)
+        n += (size_t)snprintf(right + n, sizeof right - n, "%s%s", o->choices[i], i + 1 < o->n_choices ? " " : "; ");
+    snprintf(right + n, sizeof right - n, "%s", cli_words(o->help, help));
+    append_range(o, right, sizeof right);
     print_entry(left, right);
 }
 

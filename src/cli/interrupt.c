@@ -6,13 +6,19 @@
 volatile sig_atomic_t cli_stop;
 static volatile sig_atomic_t may_exit = 1;
 
+static int words_fd;
+static size_t words_size;
+static const char *volatile words; /* set last, cleared first */
+
 static const char message[] = "ctsplat: error: interrupted\n";
 
 static void on_signal(int number)
 {
     (void)number;
     if (may_exit) {
-        const ssize_t written = write(STDERR_FILENO, message, sizeof message - 1);
+        ssize_t written = write(STDERR_FILENO, message, sizeof message - 1);
+        if (words)
+            written = write(words_fd, words, words_size);
         (void)written;
         _exit(130);
     }
@@ -36,6 +42,14 @@ void cli_interrupt_init(void)
      * files. */
     signal(SIGPIPE, SIG_IGN);
     signal(SIGXFSZ, SIG_IGN);
+}
+
+void cli_interrupt_says(int fd, const char *text, size_t size)
+{
+    words = NULL;
+    words_fd = fd;
+    words_size = size;
+    words = text;
 }
 
 CtsStatus cli_interrupted(CtsError *err)

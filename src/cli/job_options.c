@@ -2,6 +2,7 @@
 
 #include "cli/interrupt.h"
 #include "cli/remote.h"
+#include "cli/words.h"
 #include <string.h>
 
 CtsSource cli_source(const CliOptions *options, const CtsPreset *preset)
@@ -29,8 +30,10 @@ CtsSource cli_source(const CliOptions *options, const CtsPreset *preset)
 CtsStatus cli_job(const CliOptions *options, CtsPreset *preset, CtsJob *job, CtsError *err)
 {
     CtsStatus st;
+    char words[CLI_WORDS_MAX];
     if (!options->n_outputs && !options->render.explain)
-        return cts_fail(err, CTS_ERR_USAGE, "render: no output (give -o FILE, ending in .png, .exr or .dcm)");
+        return cts_fail(err, CTS_ERR_USAGE, "render: no output (give -o FILE, ending in %s)",
+                        cli_words("{outputs}", words));
     if ((st = cli_remote_check(options, err)))
         return st;
     if (options->state && options->state->preset.name[0])

@@ -1,4 +1,5 @@
 /* ctsplat: looks up the command, runs it, turns its status into an exit code and at most one error line. */
+#include "base/exit_code.h"
 #include "cli/interrupt.h"
 #include "cli/message.h"
 #include "cli/options.h"

@@ -1,6 +1,7 @@
 #include "cli/message.h"
 
 #include "cli/progress.h"
+#include "cli/words.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -8,8 +9,9 @@
 /* One message is one line, whatever stands in a header or a file name. */
 __attribute__((format(printf, 2, 0))) static void print_line(const char *prefix, const char *format, va_list args)
 {
-    char line[1200];
-    vsnprintf(line, sizeof line, format, args);
+    char text[1200], line[sizeof text];
+    vsnprintf(text, sizeof text, format, args);
+    cli_with_options(text, line, sizeof line);
     for (char *c = line; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
             *c = '?';

@@ -2,6 +2,7 @@
 
 #include "cli/interrupt.h"
 #include "cli/values.h"
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -10,7 +11,8 @@
 #define PICTURES (RENDERING | ON(CLI_BENCH))
 #define FIELD(name) offsetof(CliOptions, name)
 #define CHOICES(names, n) .kind = CLI_CHOICE, .choices = (names), .n_choices = (n)
-#define RANGE(lowest, highest) .low = (lowest), .high = (highest)
+#define RANGE(lowest, highest) .own = {.unit = "", .low = (lowest), .high = (highest)}
+#define BOUNDED(which) .setting = CTS_SETTING_##which
 #define PARSED(parser) .kind = CLI_CUSTOM, .parse = (parser)
 
 static const char *const interpolations[] = {"cubic", "linear"};
@@ -23,7 +25,7 @@ const CliOption cli_options[] = {
         .argument = "FILE",
         .commands = ON(CLI_RENDER),
         PARSED(cli_parse_output),
-        .help = "write FILE.png (16 bits), FILE.exr or FILE.dcm; may be repeated",
+        .help = "write this file, whose name ends in {outputs}; may be repeated",
     },
     {
         .letter = 'O',
@@ -52,7 +54,7 @@ const CliOption cli_options[] = {
         .commands = PICTURES,
         PARSED(cli_parse_view),
         .touches = CLI_TOUCHES_NOTHING,
-        .help = "anterior posterior left right head feet, or azimuth and elevation in degrees",
+        .help = "{views}, or azimuth and elevation in degrees",
         .fallback = "anterior",
     },
     {
@@ -91,9 +93,10 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         .kind = CLI_INT,
         .field = FIELD(rotation),
-        RANGE(1, 9999),
-        .help = "N views over 360 degrees about the head-foot axis, from --view on: head.png becomes head-000.png "
-                "and so on, head.dcm one multi-frame object",
+        BOUNDED(FRAMES),
+        .help =
+            "N views over 360 degrees about the head-foot axis, from --view on: FILE becomes FILE-000 and so on, but "
+            "{stacks} one file of N frames",
         .fallback = "off",
     },
     {
@@ -101,8 +104,18 @@ const CliOption cli_options[] = {
         .argument = "WxH",
         .commands = PICTURES,
         PARSED(cli_parse_size),
+        BOUNDED(WIDTH),
         .help = "picture size in pixels",
         .fallback = "1024x1024",
+    },
+    {
+        .name = "fit",
+        .argument = "NAME",
+        .commands = PICTURES,
+        CHOICES(cts_fit_names, CTS_N_FITS),
+        .field = FIELD(render.fit),
+        .help = "what the frame shows: the whole volume, or all that the preset can show",
+        .fallback = "visible",
     },
     {
         .name = "mm-per-pixel",
@@ -110,9 +123,9 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         .kind = CLI_NUMBER,
         .field = FIELD(render.mm_per_pixel),
-        RANGE(1e-4, 1000),
-        .help = "scale",
-        .fallback = "the whole volume fits",
+        BOUNDED(MM_PER_PIXEL),
+        .help = "scale, about the centre of the volume",
+        .fallback = "as --fit says",
     },
     {
         .name = "series",
@@ -138,8 +151,9 @@ const CliOption cli_options[] = {
         .argument = "NAME[:RADIUS]",
         .commands = RENDERING,
         PARSED(cli_parse_kernel),
-        .help = "tent gaussian cone bspline, with normalised weights, or cone-paper as the paper has it; the radius "
-                "in voxels",
+        BOUNDED(KERNEL_RADIUS),
+        .help = "{kernels}: what a voxel is reconstructed with (cone-paper without normalised weights, as the paper "
+                "has it), and how far it reaches",
         .fallback = "tent",
     },
     {
@@ -148,7 +162,7 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         .kind = CLI_INT,
         .field = FIELD(render.samples),
-        RANGE(1, 64),
+        BOUNDED(SAMPLES),
         .help = "sub-sheets per layer",
         .fallback = "chosen by the engine",
     },
@@ -158,7 +172,7 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         .kind = CLI_NUMBER,
         .field = FIELD(render.max_error),
-        RANGE(1e-6, 255),
+        BOUNDED(MAX_ERROR),
         .help = "choose the cheapest plan whose error stays below E/255 rms",
         .fallback = "chosen by the engine",
     },
@@ -177,8 +191,8 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         .kind = CLI_INT,
         .field = FIELD(render.grey_bits),
-        RANGE(8, 16),
-        .help = "quantise grey levels as the paper does, 8 to 16 bits",
+        BOUNDED(GREY_BITS),
+        .help = "quantise grey levels over the preset's window, as the paper does",
         .fallback = "16",
     },
     {
@@ -195,7 +209,7 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         .kind = CLI_NUMBER,
         .field = FIELD(render.tolerance_hu),
-        RANGE(0, 65535),
+        BOUNDED(TOLERANCE),
         .help = "layer similarity: the largest change taken for none",
         .fallback = "0",
     },
@@ -301,19 +315,19 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         .kind = CLI_INT,
         .field = FIELD(render.verify),
-        RANGE(0, 1000000000),
         .touches = CLI_TOUCHES_NOTHING,
+        BOUNDED(VERIFY),
         .help = "render N random pixels again with the float64 ray caster; the log and stderr tell the error",
         .fallback = "0",
     },
     {
         .name = "compress",
-        .argument = "none, rle, jpeg-lossless or jpeg-2000",
+        .argument = "NAME",
         .commands = RENDERING,
         CHOICES(cts_sc_compression_names, CTS_SC_N_COMPRESSIONS),
         .field = FIELD(compression),
         .touches = CLI_TOUCHES_DCM,
-        .help = "compression of .dcm outputs",
+        .help = "compression of {objects} outputs",
         .fallback = "none",
     },
     {
@@ -342,14 +356,14 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         .field = FIELD(new_uids),
         .touches = CLI_TOUCHES_DCM,
-        .help = "fresh UIDs in .dcm outputs, other ones in each run",
+        .help = "fresh UIDs in {objects} outputs, other ones in each run",
     },
     {
         .name = "deidentify",
         .commands = RENDERING,
         .field = FIELD(deidentify),
         .touches = CLI_TOUCHES_DCM,
-        .help = "leave the patient's identity out of .dcm outputs",
+        .help = "leave the patient's identity out of {objects} outputs",
     },
     {
         .name = "state",
@@ -501,8 +515,8 @@ const CliOption cli_options[] = {
         .commands = PICTURES | ON(CLI_INFO) | ON(CLI_CHECK) | ON(CLI_PRESETS),
         .kind = CLI_INT,
         .field = FIELD(render.n_threads),
-        RANGE(1, 1024),
         .touches = CLI_TOUCHES_NOTHING,
+        BOUNDED(THREADS),
         .help = "threads at work",
         .fallback = "the cores this process may use",
     },
@@ -619,6 +633,11 @@ const CliOption cli_options[] = {
 };
 _Static_assert(sizeof cli_options / sizeof *cli_options <= CLI_MOST_OPTIONS, "room for what is given");
 
+const CtsBounds *cli_bounds(const CliOption *option)
+{
+    return option->own.low < option->own.high ? &option->own : cts_setting_bounds(option->setting);
+}
+
 static const CliOption *find_long(const char *name, size_t length)
 {
     for (const CliOption *o = cli_options; o->name; o++)
@@ -649,11 +668,27 @@ static CtsStatus choose(const CliOption *o, int *field, const char *text, CtsErr
     return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not one of:%s", o->name, text, names);
 }
 
+/* What the argument says may stand in a log where it can name no file and no patient. */
+static void note_command(CliOptions *options, const CliOption *o, const char *text)
+{
+    const size_t n = strlen(options->command);
+    const CtsFormatInfo *format = text ? cts_export_format(text) : NULL;
+    if (n + 2 > sizeof options->command)
+        return;
+    if (o->parse == cli_parse_output)
+        snprintf(options->command + n, sizeof options->command - n, " -o .%s", format ? format->name : "?");
+    else if (o->kind == CLI_FLAG || o->kind == CLI_TEXT)
+        snprintf(options->command + n, sizeof options->command - n, " --%s", o->name);
+    else
+        snprintf(options->command + n, sizeof options->command - n, " --%s %s", o->name, text);
+}
+
 /* Store one option; text is its argument, NULL for a flag. */
 static CtsStatus take(CliOptions *options, const CliOption *o, const char *text, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     void *field = (char *)options + o->field;
+    const CtsBounds *b = cli_bounds(o);
     switch (o->kind) {
     case CLI_FLAG:
         *(bool *)field = true;
@@ -665,16 +700,16 @@ static CtsStatus take(CliOptions *options, const CliOption *o, const char *text,
         break;
     case CLI_INT: {
         int n;
-        if (!cli_integer(text, &n) || n < o->low || n > o->high)
-            return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not a whole number from %.0f to %.0f", o->name, text, o->low,
-                            o->high);
+        if (!cli_integer(text, &n) || n < b->low || n > b->high)
+            return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not a whole number from %.0f to %.0f", o->name, text, b->low,
+                            b->high);
         *(int *)field = n;
         break;
     }
     case CLI_NUMBER: {
         double x;
-        if (!cli_number(text, &x) || x < o->low || x > o->high)
-            return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not a number from %g to %g", o->name, text, o->low, o->high);
+        if (!cli_number(text, &x) || x < b->low || x > b->high)
+            return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not a number from %g to %g", o->name, text, b->low, b->high);
         *(double *)field = x;
         break;
     }
@@ -685,6 +720,8 @@ static CtsStatus take(CliOptions *options, const CliOption *o, const char *text,
         st = o->parse(options, text, err);
         break;
     }
+    if (!st)
+        note_command(options, o, text);
     return st;
 }
 
@@ -768,6 +805,8 @@ CtsStatus cli_options_parse(CliOptions *options, int command, int argc, const ch
 {
     *options = (CliOptions){.n_shards = 1, .series_timeout_s = 3600, .net.stop = &cli_stop};
     cts_render_defaults(&options->render);
+    options->render.fit = CTS_FIT_VISIBLE;
+    snprintf(options->command, sizeof options->command, "%s", cli_commands[command].name);
     const char **operands = calloc((size_t)argc + 1, sizeof *operands);
     options->operands = operands;
     options->outputs = calloc((size_t)argc + 1, sizeof *options->outputs);

@@ -42,6 +42,7 @@ typedef struct CliOptions {
     CtsState *state; /* of state_path; its preset holds where --preset is not given */
     bool new_uids, deidentify, force;
     const char *log;
+    char command[512]; /* the options, without names of files: what a log may tell */
 
     const char *plot; /* check: NULL when not given */
 
@@ -94,8 +95,8 @@ void cli_help_command(int command);
 typedef enum CliKind {
     CLI_FLAG,   /* bool: true when given */
     CLI_TEXT,   /* const char * */
-    CLI_INT,    /* int in low..high */
-    CLI_NUMBER, /* double in low..high */
+    CLI_INT,    /* int within the setting's bounds */
+    CLI_NUMBER, /* double within the setting's bounds */
     CLI_CHOICE, /* int: place among choices */
     CLI_CUSTOM  /* parse() */
 } CliKind;
@@ -109,8 +110,9 @@ typedef struct CliOption {
     const char *argument; /* as --help prints it; NULL for a flag */
     unsigned commands;    /* bit 1 << command */
     CliKind kind;
-    size_t field; /* offset in CliOptions */
-    double low, high;
+    size_t field;       /* offset in CliOptions */
+    CtsSetting setting; /* of the library, whose bounds hold; 0: none */
+    CtsBounds own;      /* the bounds of what is no setting of the library */
     const char *const *choices;
     int n_choices;
     CtsStatus (*parse)(CliOptions *options, const char *text, CtsError *err); /* text: the argument */
@@ -121,5 +123,8 @@ typedef struct CliOption {
 
 /* The table; name is NULL in its last row. */
 extern const CliOption cli_options[];
+
+/* The bounds of an option's number, NULL where it has none. */
+const CtsBounds *cli_bounds(const CliOption *option);
 
 #endif

@@ -1,5 +1,6 @@
 #include "cli/values.h"
 
+#include "cli/words.h"
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
@@ -89,14 +90,17 @@ CtsStatus cli_parse_view(CliOptions *options, const char *text, CtsError *err)
             return CTS_OK;
         }
     double angles[2];
+    char names[CLI_WORDS_MAX];
     if (!cli_numbers(text, angles, 2))
         return cts_fail(err, CTS_ERR_USAGE,
-                        "--view %s: not one of: anterior posterior left right head feet, nor AZIMUTH,ELEVATION in "
-                        "degrees (such as -30,20)",
-                        text);
-    if (fabs(angles[0]) > 36000 || fabs(angles[1]) > 90)
-        return cts_fail(err, CTS_ERR_USAGE,
-                        "--view %s: the azimuth goes from -36000 to 36000, the elevation from -90 to 90", text);
+                        "--view %s: not one of: %s, nor AZIMUTH,ELEVATION in degrees (such as -30,20)", text,
+                        cli_words("{views}", names));
+    const CtsBounds *azimuth = cts_setting_bounds(CTS_SETTING_AZIMUTH);
+    const CtsBounds *elevation = cts_setting_bounds(CTS_SETTING_ELEVATION);
+    if (cts_setting_check(CTS_SETTING_AZIMUTH, angles[0], NULL) ||
+        cts_setting_check(CTS_SETTING_ELEVATION, angles[1], NULL))
+        return cts_fail(err, CTS_ERR_USAGE, "--view %s: the azimuth goes from %g to %g, the elevation from %g to %g",
+                        text, azimuth->low, azimuth->high, elevation->low, elevation->high);
     options->render.azimuth_deg = angles[0];
     options->render.elevation_deg = angles[1];
     return CTS_OK;
@@ -111,28 +115,33 @@ CtsStatus cli_parse_size(CliOptions *options, const char *text, CtsError *err)
         goto bad;
     memcpy(width, text, n);
     width[n] = 0;
-    if (!cli_integer(width, &w) || !cli_integer(text + n + 1, &h) || w < 1 || h < 1 || w > 32768 || h > 32768)
+    if (!cli_integer(width, &w) || !cli_integer(text + n + 1, &h) || cts_setting_check(CTS_SETTING_WIDTH, w, NULL) ||
+        cts_setting_check(CTS_SETTING_HEIGHT, h, NULL))
         goto bad;
     options->render.width = w;
     options->render.height = h;
     return CTS_OK;
 bad:
-    return cts_fail(err, CTS_ERR_USAGE, "--size %s: not WxH in pixels, 1 to 32768 each (such as 1024x1024)", text);
+    return cts_fail(err, CTS_ERR_USAGE, "--size %s: not WxH in pixels, 1 to %d each (such as 1024x1024)", text,
+                    CTS_MAX_SIDE);
 }
 
 CtsStatus cli_parse_kernel(CliOptions *options, const char *text, CtsError *err)
 {
     const size_t n = strcspn(text, ":");
+    char names[CLI_WORDS_MAX];
     const int kernel = find_name(text, n, cts_kernel_names, CTS_N_KERNELS);
     if (kernel < 0)
-        return cts_fail(err, CTS_ERR_USAGE, "--kernel %s: not one of: tent gaussian cone bspline cone-paper", text);
+        return cts_fail(err, CTS_ERR_USAGE, "--kernel %s: not one of: %s", text, cli_words("{kernels}", names));
     options->render.kernel = (CtsKernelId)kernel;
     options->render.kernel_radius = 0;
     if (!text[n])
         return CTS_OK;
     double radius;
-    if (!cli_number(text + n + 1, &radius) || radius < 0.5 || radius > 4)
-        return cts_fail(err, CTS_ERR_USAGE, "--kernel %s: the radius is a number of voxels, 0.5 to 4", text);
+    const CtsBounds *b = cts_setting_bounds(CTS_SETTING_KERNEL_RADIUS);
+    if (!cli_number(text + n + 1, &radius) || radius < b->low || radius > b->high)
+        return cts_fail(err, CTS_ERR_USAGE, "--kernel %s: the radius is a number of voxels, %g to %g", text, b->low,
+                        b->high);
     options->render.kernel_radius = radius;
     return CTS_OK;
 }

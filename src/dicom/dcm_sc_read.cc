@@ -3,6 +3,7 @@
 
 #include "dicom/dcm_sc_read.h"
 
+#include "ctsplat/bounds.h"
 #include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 #include <dcmtk/dcmdata/dctk.h>
@@ -11,8 +12,6 @@
 
 namespace
 {
-
-const int max_side = 32768;
 
 int word_of(DcmItem &item, const DcmTagKey &tag, int missing)
 {
@@ -40,8 +39,8 @@ CtsStatus read_header(DcmDataset &data, CtsScHeader *h, CtsError *err)
                      word_of(data, DCM_BitsStored, 0),
                      word_of(data, DCM_PlanarConfiguration, 0) == 1,
                      colours == "MONOCHROME1"};
-    if (h->width < 1 || h->height < 1 || h->width > max_side || h->height > max_side || n_frames < 1)
-        return refuse(err, "its size is not within 1 to 32768 pixels");
+    if (h->width < 1 || h->height < 1 || h->width > CTS_MAX_SIDE || h->height > CTS_MAX_SIDE || n_frames < 1)
+        return refuse(err, "its size is not within what a picture can have");
     const bool colour = h->n_samples == 3 && h->bits_allocated == 8 && h->bits_stored == 8 &&
                         (colours == "RGB" || colours == "YBR_RCT");
     const bool grey = h->n_samples == 1 && (h->bits_allocated == 8 || h->bits_allocated == 16) && h->bits_stored >= 1 &&

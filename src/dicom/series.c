@@ -223,7 +223,7 @@ static void number_parts(CtsSeriesList *list)
             CtsSeries *s = &list->items[first + (size_t)p];
             s->part = p + 1;
             cts_findings_add(&s->findings, "several_volumes", CTS_WARNING,
-                             "the series holds %d volumes; this is volume %d (--series UID#%d picks another)", n, p + 1,
+                             "the series holds %d volumes; this is volume %d (`series` UID#%d picks another)", n, p + 1,
                              p == 0 ? 2 : 1);
         }
     }

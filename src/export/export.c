@@ -20,7 +20,7 @@ enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
 
 static const CtsFormat formats[] = {
     {
-        .name = "png",
+        .info = {"png", "PNG, 16 bits a channel", .has_alpha = true, .read_back = true},
         .magic = "\x89PNG",
         .begin = cts_png_begin,
         .rows = cts_png_rows,
@@ -29,7 +29,7 @@ static const CtsFormat formats[] = {
         .read = cts_png_read,
     },
     {
-        .name = "exr",
+        .info = {"exr", "OpenEXR", .has_depth = true, .has_alpha = true, .read_back = true},
         .magic = "\x76\x2f\x31\x01",
         .begin = cts_exr_begin,
         .rows = cts_exr_rows,
@@ -38,8 +38,7 @@ static const CtsFormat formats[] = {
         .read = cts_exr_read,
     },
     {
-        .name = "dcm",
-        .many_frames = true,
+        .info = {"dcm", "DICOM secondary capture", .many_frames = true, .is_object = true, .read_back = true},
         .magic_offset = 128,
         .magic = "DICM",
         .check = cts_sc_check,
@@ -58,23 +57,43 @@ static const CtsFormat *format_of(const char *path)
     const char *slash = strrchr(path, '/');
     const char *dot = strrchr(slash ? slash : path, '.');
     for (int i = 0; dot && i < N_FORMATS; i++)
-        if (strcasecmp(dot + 1, formats[i].name) == 0)
+        if (strcasecmp(dot + 1, formats[i].info.name) == 0)
             return &formats[i];
     return NULL;
 }
 
-const char *cts_export_format(const char *path)
+const CtsFormatInfo *cts_format(size_t index)
+{
+    return index < N_FORMATS ? &formats[index].info : NULL;
+}
+
+const char *cts_format_endings(bool (*wanted)(const CtsFormatInfo *format), char text[CTS_ENDINGS_MAX])
+{
+    const char *names[N_FORMATS];
+    int n = 0;
+    for (int i = 0; i < N_FORMATS; i++)
+        if (!wanted || wanted(&formats[i].info))
+            names[n++] = formats[i].info.name;
+    text[0] = 0;
+    for (int i = 0; i < n; i++)
+        snprintf(text + strlen(text), CTS_ENDINGS_MAX - strlen(text), "%s.%s",
+                 i == 0       ? ""
+                 : i == n - 1 ? " or "
+                              : ", ",
+                 names[i]);
+    return text;
+}
+
+const CtsFormatInfo *cts_export_format(const char *path)
 {
     const CtsFormat *format = format_of(path);
-    return format ? format->name : NULL;
+    return format ? &format->info : NULL;
 }
 
 static CtsStatus fail_unknown(const char *path, CtsStatus status, const char *what, CtsError *err)
 {
-    char names[64] = "";
-    for (int i = 0; i < N_FORMATS; i++)
-        snprintf(names + strlen(names), sizeof names - strlen(names), "%s.%s", i ? " " : "", formats[i].name);
-    return cts_fail(err, status, "%s: %s (one of: %s)", path, what, names);
+    char names[CTS_ENDINGS_MAX];
+    return cts_fail(err, status, "%s: %s (%s)", path, what, cts_format_endings(NULL, names));
 }
 
 CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, CtsError *err)
@@ -94,8 +113,9 @@ CtsStatus cts_export_check_size(const char *path, int width, int height, int n_f
     const CtsFormat *format = format_of(path);
     if (!format)
         return fail_unknown(path, CTS_ERR_USAGE, "its ending names no picture format", err);
-    if (n_frames < 1 || (n_frames > 1 && !format->many_frames))
-        return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s file holds one picture, not %d", path, format->name, n_frames);
+    if (n_frames < 1 || (n_frames > 1 && !format->info.many_frames))
+        return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s file holds one picture, not %d", path, format->info.name,
+                        n_frames);
     return format->check_size ? format->check_size(path, width, height, n_frames, grey, settings, err) : CTS_OK;
 }
 
@@ -227,7 +247,7 @@ CtsStatus cts_picture_read(const char *path, CtsPicture **picture, CtsError *err
     if (failed)
         return cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", path, strerror(failed));
     for (int i = 0; i < N_FORMATS; i++)
-        if (n >= formats[i].magic_offset + MAGIC_BYTES &&
+        if (formats[i].info.read_back && n >= formats[i].magic_offset + MAGIC_BYTES &&
             memcmp(head + formats[i].magic_offset, formats[i].magic, MAGIC_BYTES) == 0)
             return formats[i].read(path, picture, err);
     return fail_unknown(path, CTS_ERR_READ, "is no picture that can be read", err);

@@ -2,6 +2,7 @@
 #include "export/format.h"
 
 #include "base/mem.h"
+#include "ctsplat/bounds.h"
 #include "image/srgb.h"
 #include <math.h>
 #include <openexr.h>
@@ -9,7 +10,7 @@
 #include <sys/stat.h>
 
 /* No compression of OpenEXR's shrinks more: a file that promises more pixels is cut short or a trap. */
-enum { MAX_SIDE = 32768, MAX_RATIO = 65536, N_CHANNELS = 6 };
+enum { MAX_RATIO = 65536, N_CHANNELS = 6 };
 
 /* In the order of the places in a chunk's buffer. */
 static const char channel_names[N_CHANNELS] = "RGBAZY";
@@ -81,8 +82,8 @@ static CtsStatus read_header(ExrReader *r)
     if (memcmp(&data, &display, sizeof data) != 0)
         return refuse(r, "its data window is not its display window");
     const int64_t width = (int64_t)data.max.x - data.min.x + 1, height = (int64_t)data.max.y - data.min.y + 1;
-    if (width < 1 || height < 1 || width > MAX_SIDE || height > MAX_SIDE)
-        return refuse(r, "its size is beyond 32768 pixels");
+    if (width < 1 || height < 1 || width > CTS_MAX_SIDE || height > CTS_MAX_SIDE)
+        return refuse(r, "its size is beyond what a picture can have");
     r->width = (int)width;
     r->height = (int)height;
     r->y0 = data.min.y;
@@ -172,7 +173,7 @@ static CtsStatus read_all(ExrReader *r)
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = on_error;
     setup.user_data = r;
-    setup.max_image_width = setup.max_image_height = MAX_SIDE;
+    setup.max_image_width = setup.max_image_height = CTS_MAX_SIDE;
     setup.flags = EXR_CONTEXT_FLAG_DISABLE_CHUNK_RECONSTRUCTION;
     if (check(r, exr_start_read(&r->file, r->path, &setup)) || read_header(r) || allocate(r))
         return r->status;

@@ -23,8 +23,7 @@ typedef struct CtsExportJob {
 } CtsExportJob;
 
 typedef struct CtsFormat {
-    const char *name; /* also the ending, without the dot */
-    bool many_frames; /* one file can hold several pictures */
+    CtsFormatInfo info;
     /* How a file of this format starts. */
     size_t magic_offset;
     const char *magic; /* 4 bytes */
@@ -38,7 +37,7 @@ typedef struct CtsFormat {
     CtsStatus (*rows)(CtsExportJob *job, const CtsPicture *band, CtsError *err);
     CtsStatus (*finish)(CtsExportJob *job, CtsError *err);
     void (*close)(CtsExportJob *job);
-    CtsStatus (*read)(const char *path, CtsPicture **picture, CtsError *err);
+    CtsStatus (*read)(const char *path, CtsPicture **picture, CtsError *err); /* NULL: not read_back */
 } CtsFormat;
 
 CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err);

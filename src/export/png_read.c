@@ -2,13 +2,14 @@
 #include "export/format.h"
 
 #include "base/mem.h"
+#include "ctsplat/bounds.h"
 #include <errno.h>
 #include <png.h>
 #include <string.h>
 #include <sys/stat.h>
 
 /* Deflate cannot shrink more than 1032 times: a file that promises more is cut short or a trap. */
-enum { MAX_SIDE = 32768, MAX_CHUNK_BYTES = 16 << 20, MAX_RATIO = 1040 };
+enum { MAX_CHUNK_BYTES = 16 << 20, MAX_RATIO = 1040 };
 
 typedef struct PngReader {
     const char *path;
@@ -65,7 +66,7 @@ static void read_all(png_structp png, png_infop info, PngReader *r)
     if (setjmp(png_jmpbuf(png)))
         return;
     png_init_io(png, r->file);
-    png_set_user_limits(png, MAX_SIDE, MAX_SIDE);
+    png_set_user_limits(png, CTS_MAX_SIDE, CTS_MAX_SIDE);
     png_set_chunk_malloc_max(png, MAX_CHUNK_BYTES);
     png_read_info(png, info);
     const int width = (int)png_get_image_width(png, info), height = (int)png_get_image_height(png, info);

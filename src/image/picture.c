@@ -3,16 +3,15 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "ctsplat/bounds.h"
 #include <stdlib.h>
-
-enum { MAX_SIDE = 32768 };
 
 CtsStatus cts_picture_new(CtsPicture **picture, int width, int height, int n_channels, CtsError *err)
 {
     *picture = NULL;
-    if (width < 1 || height < 1 || width > MAX_SIDE || height > MAX_SIDE)
+    if (width < 1 || height < 1 || width > CTS_MAX_SIDE || height > CTS_MAX_SIDE)
         return cts_fail(err, CTS_ERR_USAGE, "a picture of %dx%d pixels is not possible (1 to %d each way)", width,
-                        height, MAX_SIDE);
+                        height, CTS_MAX_SIDE);
     if (n_channels != 1 && n_channels != 4)
         return cts_fail(err, CTS_ERR_INTERNAL, "a picture has 1 or 4 channels, not %d", n_channels);
     CtsPicture *p = calloc(1, sizeof *p);

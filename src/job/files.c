@@ -48,7 +48,7 @@ CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, Ct
         char *name = cts_output_name(files->outputs, i, frame);
         st = name ? cts_export_end(&files->exports[i], &bytes, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         if (!st && files->watch->output)
-            files->watch->output(files->watch->context, name, cts_export_format(name), bytes);
+            files->watch->output(files->watch->context, name, cts_export_format(name)->name, bytes);
         free(name);
     }
     cts_meter_stop(meter, report, CTS_STAGE_EXPORT);

@@ -69,7 +69,7 @@ static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
     const CtsStatus st = cts_annotate(band, orientation, scale, &n_left_out, err);
     if (n_left_out > 0 && frame->number == 0 && band->first_row == 0)
         cts_report_finding(frame->report, "marks_left_out", CTS_WARNING,
-                           "--annotate: %d of %d marks left out, for which the picture has no room (a larger --size)",
+                           "`annotate`: %d of %d marks left out, for which the picture has no room (a larger `size`)",
                            n_left_out, 4 * orientation + scale);
     return st;
 }
@@ -161,6 +161,7 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
     settings.source = loaded->series;
     settings.n_threads = cts_threads(job->render.n_threads);
     render.want_depth = cts_outputs_hold_depth(&job->outputs);
+    render.rotation_frames = n_frames_of(job);
     if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)) &&
         !(st = cts_files_begin(&files, err)) &&
         !(st = cts_render_begin(&renderer, loaded->volume, &preset, &render, err)))

@@ -9,15 +9,21 @@
 #include <string.h>
 #include <unistd.h>
 
+static bool is_object(const CtsFormatInfo *format)
+{
+    return format->is_object;
+}
+
 static bool holds_frames(const char *path)
 {
-    const char *format = cts_export_format(path);
-    return format && !strcmp(format, "dcm");
+    const CtsFormatInfo *format = cts_export_format(path);
+    return format && format->many_frames;
 }
 
 bool cts_output_is_dicom(const CtsOutputs *outputs, int output)
 {
-    return holds_frames(outputs->paths[output]);
+    const CtsFormatInfo *format = cts_export_format(outputs->paths[output]);
+    return format && format->is_object;
 }
 
 int cts_output_n_frames(const CtsOutputs *outputs, int output)
@@ -41,8 +47,8 @@ char *cts_output_name(const CtsOutputs *outputs, int output, int frame)
 bool cts_outputs_hold_depth(const CtsOutputs *outputs)
 {
     for (int i = 0; i < outputs->n; i++) {
-        const char *format = cts_export_format(outputs->paths[i]);
-        if (format && !strcmp(format, "exr"))
+        const CtsFormatInfo *format = cts_export_format(outputs->paths[i]);
+        if (format && format->has_depth)
             return true;
     }
     return false;
@@ -56,7 +62,7 @@ static CtsStatus refuse_ct_slice(const char *path, CtsError *err)
     if (access(path, F_OK) || cts_series_find(&path, 1, 1, &list, NULL, &why))
         return CTS_OK;
     cts_series_list_free(&list);
-    return cts_fail(err, CTS_ERR_OUTPUT, "%s: is a CT slice, which --force does not overwrite (choose another name)",
+    return cts_fail(err, CTS_ERR_OUTPUT, "%s: is a CT slice, which `force` does not overwrite (choose another name)",
                     path);
 }
 
@@ -85,12 +91,15 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
                             CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    bool any_dcm = false;
+    bool any_object = false;
+    char endings[CTS_ENDINGS_MAX];
     for (int i = 0; i < outputs->n; i++) {
         const char *path = outputs->paths[i];
-        if (!cts_export_format(path))
-            return cts_fail(err, CTS_ERR_USAGE, "%s: the ending names no format (.png, .exr or .dcm)", path);
-        any_dcm |= holds_frames(path);
+        const CtsFormatInfo *format = cts_export_format(path);
+        if (!format)
+            return cts_fail(err, CTS_ERR_USAGE, "%s: the ending names no format (%s)", path,
+                            cts_format_endings(NULL, endings));
+        any_object |= format->is_object;
         for (int before = 0; before < i; before++)
             if (same_file(outputs->paths[before], path))
                 return cts_fail(err, CTS_ERR_USAGE, "%s: given twice with -o", path);
@@ -107,16 +116,17 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
         if (settings->deidentify)
             return cts_fail(
                 err, CTS_ERR_USAGE,
-                "--write-state: a presentation state names the slices it is of, which --deidentify forbids");
+                "`write_state`: a presentation state names the slices it is of, which `deidentify` forbids");
         for (int i = 0; i < outputs->n; i++)
             if (same_file(outputs->paths[i], outputs->state))
-                return cts_fail(err, CTS_ERR_USAGE, "%s: given for -o and --write-state", outputs->state);
+                return cts_fail(err, CTS_ERR_USAGE, "%s: given for -o and `write_state`", outputs->state);
         if ((st = cts_file_check_writable(outputs->state, settings->force, err)) ||
             (settings->force && (st = refuse_ct_slice(outputs->state, err))))
             return st;
     }
-    if (!any_dcm && (settings->compression != CTS_SC_NONE || settings->new_uids || settings->deidentify))
-        cts_report_finding(report, "no_dcm_output", CTS_WARNING,
-                           "--compress, --new-uids and --deidentify act on .dcm outputs, and there is none");
+    if (!any_object && (settings->compression != CTS_SC_NONE || settings->new_uids || settings->deidentify))
+        cts_report_finding(report, "no_object_output", CTS_WARNING,
+                           "`compression`, `new_uids` and `deidentify` act on %s outputs, and there is none",
+                           cts_format_endings(is_object, endings));
     return CTS_OK;
 }

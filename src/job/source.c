@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/meter.h"
 #include "ctsplat/table.h"
+#include <string.h>
 
 static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
@@ -15,12 +16,14 @@ static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *rep
     if ((st = cts_series_find(paths, n_paths, source->n_threads, &loaded->list, report, err)) ||
         (st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
         return st;
+    if (report)
+        memcpy(report->series_uid, loaded->series->uid, sizeof report->series_uid);
     const CtsFindings *found = &loaded->list->findings;
     for (size_t i = 0; i < found->n; i++)
         cts_report_finding(report, found->items[i].code, found->items[i].severity, "%s", found->items[i].text);
     if (loaded->list->n > 1 && !source->series_uid)
         cts_report_finding(report, "several_series", CTS_WARNING,
-                           "%zu series found; taking %s, the one with the most slices (%d); --series takes another",
+                           "%zu series found; taking %s, the one with the most slices (%d); `series` takes another",
                            loaded->list->n, loaded->series->uid, loaded->series->n_slices);
     return CTS_OK;
 }
@@ -63,6 +66,10 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *r
 CtsStatus cts_source_cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
+    double low[3], high[3];
+    cts_volume_box_lps(volume, low, high);
+    cts_report_plan(report, "volume: %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm, as a crop takes it", low[0], high[0], low[1],
+                    high[1], low[2], high[2]);
     /* The table is told from the patient by the whole, so it goes before the crop. */
     if (source->remove_table)
         st = cts_volume_remove_table(volume, source->n_threads, report, err);

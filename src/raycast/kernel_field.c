@@ -1,4 +1,5 @@
 /* Fields of kernels other than the trilinear one: no polynomials, so cubics are fitted to them piece by piece. */
+#include "ctsplat/bounds.h"
 #include "raycast/cubic.h"
 #include "raycast/field.h"
 #include <math.h>
@@ -40,9 +41,12 @@ static double kernel_at(CtsKernelId kernel, double u, double v, double radius)
         return r < 1 ? exp(-r * r / (2 * 0.3 * 0.3)) : 0;
     case CTS_KERNEL_CONE_PAPER:
         return fmax(1 - r, 0) * 3 / (M_PI * radius * radius);
-    default:
+    case CTS_KERNEL_CONE:
         return fmax(1 - r, 0);
+    case CTS_N_KERNELS:
+        break;
     }
+    return NAN;
 }
 
 static double inner_clamp(double x, double last)
@@ -66,7 +70,7 @@ static double voxel_at(const KernelField *f, const int voxel[3], int difference_
     return ((double)g[after] - (double)g[before]) / ((i < last) + (i > 0));
 }
 
-enum { MAX_SIDE = 10 };
+enum { MAX_SIDE = 2 * CTS_MAX_KERNEL_RADIUS + 2 };
 
 /* The voxels that reach a place within a layer, and their weights, normalised. */
 typedef struct Taps {
@@ -269,9 +273,9 @@ CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsV
                            double radius, bool lit, CtsError *err)
 {
     *field = NULL;
-    if (!(radius >= 0.75 && 2 * radius + 1 < MAX_SIDE))
-        return cts_fail(err, CTS_ERR_USAGE, "kernel %s: a radius of %g voxels (0.75 to 4)", cts_kernel_names[kernel],
-                        radius);
+    const CtsStatus st = cts_setting_check(CTS_SETTING_KERNEL_RADIUS, radius, err);
+    if (st)
+        return st;
     KernelField *f = calloc(1, sizeof *f);
     if (!f)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");

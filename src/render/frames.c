@@ -1,10 +1,14 @@
 #include "render/frames.h"
 
 #include "base/clock.h"
+#include "base/cpu.h"
 #include "base/mem.h"
 #include "render/engines.h"
 #include "render/key.h"
+#include "scene/framing.h"
 #include <math.h>
+#include <stddef.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -19,17 +23,42 @@ struct CtsFrames {
     double lut_scale; /* extinction_scale that lut was made for */
     CtsFoundKey key;
     bool key_found, key_told;
-    void *kept; /* the engine's */
+    void *kept;               /* the engine's */
+    CtsVisible *visible;      /* made when a frame is fitted to it */
+    CtsRenderSettings fitted; /* of the last view that was fitted, where is_fitted says so */
+    bool is_fitted;
 };
+
+/* "a, b and c": the engines that have this bit in that column of their row. */
+static const char *with_bit(size_t column, int bit, char names[128])
+{
+    const char *have[CTS_N_ENGINES];
+    int n = 0;
+    for (int i = 0; i < CTS_N_ENGINES; i++) {
+        const CtsEngine *e = cts_engine((CtsEngineId)i);
+        if (*(const unsigned *)((const char *)e + column) >> bit & 1)
+            have[n++] = e->name;
+    }
+    names[0] = 0;
+    for (int i = 0; i < n; i++)
+        snprintf(names + strlen(names), 128 - strlen(names), "%s%s",
+                 i == 0       ? ""
+                 : i == n - 1 ? " and "
+                              : ", ",
+                 have[i]);
+    return names;
+}
 
 static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const CtsEngine **engine, CtsError *err)
 {
+    char names[128];
     const CtsEngine *e = cts_engine(s->engine);
     if (!(e->modes >> mode & 1))
-        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no mode %s (tiled and raycast have)", e->name,
-                        cts_mode_names[mode]);
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no mode %s (%s have)", e->name, cts_mode_names[mode],
+                        with_bit(offsetof(CtsEngine, modes), (int)mode, names));
     if (!(e->kernels >> s->kernel & 1))
-        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no kernel %s", e->name, cts_kernel_names[s->kernel]);
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no kernel %s (%s have)", e->name,
+                        cts_kernel_names[s->kernel], with_bit(offsetof(CtsEngine, kernels), (int)s->kernel, names));
     if (s->slab_mm > 0 && !e->cuts_slabs)
         return cts_fail(err, CTS_ERR_USAGE, "engine %s cuts no slab (tiled and raycast do)", e->name);
     *engine = e;
@@ -69,6 +98,7 @@ void cts_frames_free(CtsFrames **frames)
     if (f->kept && f->engine->forget)
         f->engine->forget(f->kept);
     cts_lut_free(&f->lut);
+    cts_visible_free(&f->visible);
     cts_volume_free(&f->quantised);
     free(f);
     *frames = NULL;
@@ -142,7 +172,7 @@ static void tell_no_key(const CtsEngine *engine, CtsReport *report)
     const char *const why = engine->skips_void ? "skips only what is provably invisible" : "skips no void";
     cts_report_skip(report, "void key", "engine %s %s", engine->name, why);
     cts_report_finding(report, "void_key_unused", CTS_WARNING,
-                       "--void key: engine %s %s, so nothing is lost (void and combined take the key)", engine->name,
+                       "`void_key`: engine %s %s, so nothing is lost (void and combined take the key)", engine->name,
                        why);
 }
 
@@ -185,16 +215,66 @@ static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsE
     return CTS_OK;
 }
 
+static void tell_framing(const CtsRenderSettings *s, const CtsVisible *visible, CtsReport *report)
+{
+    if (!cts_visible_any(visible))
+        cts_report_finding(report, "nothing_visible", CTS_WARNING,
+                           "nothing of this volume is visible with this preset (see what HU it shows, the range of the "
+                           "series' HU, and what a crop leaves)");
+    else
+        cts_report_plan(report,
+                        "frame: %.4g x %.4g mm about %.1f,%.1f,%.1f, %.4g mm a pixel, around all that is visible",
+                        s->width * s->mm_per_pixel, s->height * s->mm_per_pixel, s->centre_lps[0], s->centre_lps[1],
+                        s->centre_lps[2], s->mm_per_pixel);
+}
+
+/* A rotation is framed once for all its views, a view by itself each time. */
+static bool framed_already(const CtsFrames *f, const CtsRenderSettings *s)
+{
+    return f->is_fitted && (s->rotation_frames > 1 ||
+                            (f->fitted.azimuth_deg == s->azimuth_deg && f->fitted.elevation_deg == s->elevation_deg));
+}
+
+CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSettings *settings, CtsReport *report,
+                          CtsError *err)
+{
+    CtsRenderSettings *s = settings;
+    *s = f->settings;
+    s->azimuth_deg = view_deg[0];
+    s->elevation_deg = view_deg[1];
+    if (s->fit != CTS_FIT_VISIBLE || s->mm_per_pixel > 0)
+        return CTS_OK;
+    if (!framed_already(f, s)) {
+        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+        CtsPreset preset = f->preset;
+        if (s->mode >= 0)
+            preset.mode = (CtsMode)s->mode;
+        const CtsStatus st =
+            f->visible ? CTS_OK : cts_visible_new(&f->visible, f->original, &preset, cts_threads(s->n_threads), err);
+        if (st)
+            return st;
+        f->fitted = *s;
+        f->is_fitted = true;
+        cts_framing_find(f->visible, &f->fitted);
+        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
+        tell_framing(&f->fitted, f->visible, report);
+    }
+    s->mm_per_pixel = f->fitted.mm_per_pixel;
+    s->centre_given = f->fitted.centre_given;
+    memcpy(s->centre_lps, f->fitted.centre_lps, sizeof s->centre_lps);
+    return CTS_OK;
+}
+
 static void tell_left_out(const CtsFrame *frame, CtsReport *report)
 {
     const CtsPreset *p = &frame->store.preset;
     if (!p->shade)
         cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p->mode],
                         p->mode != CTS_MODE_COMPOSITE            ? "its nature"
-                        : frame->store.settings.shade == CTS_OFF ? "--shade off"
+                        : frame->store.settings.shade == CTS_OFF ? "the settings"
                                                                  : "the preset");
     if (!frame->want_depth)
-        cts_report_skip(report, "depth", "not asked for (an .exr output holds it)");
+        cts_report_skip(report, "depth", "not asked for");
     else if (p->mode != CTS_MODE_COMPOSITE)
         cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
 }
@@ -202,11 +282,10 @@ static void tell_left_out(const CtsFrame *frame, CtsReport *report)
 CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *task, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    CtsRenderSettings settings = f->settings;
+    CtsRenderSettings settings;
     *frame = (CtsFrame){.frames = f, .want_depth = task->want_depth, .explain = task->explain};
-    settings.azimuth_deg = task->azimuth_deg;
-    settings.elevation_deg = task->elevation_deg;
-    if ((st = cts_scene_init(&frame->store, f->volume, &f->preset, &settings, err)))
+    if ((st = cts_frames_view(f, (const double[]){task->azimuth_deg, task->elevation_deg}, &settings, report, err)) ||
+        (st = cts_scene_init(&frame->store, f->volume, &f->preset, &settings, err)))
         return st;
     frame->store.scene.plan = task->plan;
     frame->store.scene.kept = &f->kept;

@@ -23,6 +23,10 @@ const CtsRenderSettings *cts_frames_settings(const CtsFrames *frames);
 const CtsPreset *cts_frames_preset(const CtsFrames *frames);
 const CtsVolume *cts_frames_volume(const CtsFrames *frames);
 
+/* The settings of one view: its angles, and the scale and centre that the fit gives it. */
+CtsStatus cts_frames_view(CtsFrames *frames, const double view_deg[2], CtsRenderSettings *settings, CtsReport *report,
+                          CtsError *err);
+
 /* What is wanted of one frame. */
 typedef struct CtsFrameTask {
     double azimuth_deg, elevation_deg;

@@ -53,12 +53,12 @@ static void tell_samples(const CtsRenderSettings *small, double asked, int sampl
     if (samples > 0)
         snprintf(sheets, sizeof sheets, "%d sheets a layer err", samples);
     if (best <= asked)
-        cts_report_finding(report, "max_error", CTS_NOTE, "--max-error %g: %s by %.3g/255 rms on %d trial rays", asked,
+        cts_report_finding(report, "max_error", CTS_NOTE, "`max_error` %g: %s by %.3g/255 rms on %d trial rays", asked,
                            sheets, best / MARGIN, small->width * small->height);
     else
         cts_report_finding(
             report, "max_error_missed", CTS_WARNING,
-            "--max-error %g is not reached: %s by %.3g/255 rms on %d trial rays (engine raycast is exact)", asked,
+            "`max_error` %g is not reached: %s by %.3g/255 rms on %d trial rays (engine raycast is exact)", asked,
             sheets, best / MARGIN, small->width * small->height);
 }
 
@@ -130,7 +130,7 @@ static void tell_plan(double asked, double plan, const CtsVerified *best, CtsRep
 {
     const bool kept = 255 * BANDS_MARGIN * best->rmse_high <= asked;
     cts_report_finding(report, kept ? "max_error" : "max_error_missed", kept ? CTS_NOTE : CTS_WARNING,
-                       "--max-error %g%s: the plan for %.3g/255 errs by %.3g/255 rms (95 %%: up to %.3g) on %d trial "
+                       "`max_error` %g%s: the plan for %.3g/255 errs by %.3g/255 rms (95 %%: up to %.3g) on %d trial "
                        "rays%s",
                        asked, kept ? "" : " is not reached", plan, 255 * best->rmse, 255 * best->rmse_high,
                        (int)best->pixels, kept ? "" : " (engine raycast is exact)");
@@ -171,11 +171,11 @@ static CtsStatus plan_by_error(CtsFrames *frames, const CtsScene *scene, CtsPlan
 CtsStatus cts_pilot_plan(CtsFrames *frames, const double view_deg[2], CtsPlan *plan, CtsReport *report, CtsError *err)
 {
     const CtsEngine *engine = cts_frames_engine(frames);
-    CtsRenderSettings asked = *cts_frames_settings(frames);
+    CtsRenderSettings asked;
     CtsSceneStore store;
-    CtsStatus st;
-    asked.azimuth_deg = view_deg[0];
-    asked.elevation_deg = view_deg[1];
+    CtsStatus st = cts_frames_view(frames, view_deg, &asked, report, err);
+    if (st)
+        return st;
     *plan = (CtsPlan){.samples = asked.samples, .max_error = asked.max_error};
     if (!(asked.max_error > 0) || asked.samples > 0 || engine->exact)
         return CTS_OK;

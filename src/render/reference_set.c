@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/mem.h"
 #include "raycast/raycast.h"
+#include "scene/framing.h"
 #include "scene/resolve.h"
 #include <math.h>
 #include <stdlib.h>
@@ -279,9 +280,11 @@ CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, c
                             const CtsRenderSettings *settings, size_t n, CtsError *err)
 {
     CtsSceneStore store;
+    CtsRenderSettings framed = *settings;
     *reference = NULL;
     CtsStatus st;
-    if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
+    if ((st = cts_framing_settle(volume, preset, &framed, err)) ||
+        (st = cts_scene_init(&store, volume, preset, &framed, err)) ||
         (st = place_most(reference, &store.scene, n, err)) || (st = cts_reference_cast(*reference, &store.scene, err)))
         cts_reference_free(reference);
     return st;
@@ -291,6 +294,9 @@ CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset,
                                const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err)
 {
     CtsSceneStore store;
-    const CtsStatus st = cts_scene_init(&store, volume, preset, settings, err);
+    CtsRenderSettings framed = *settings;
+    CtsStatus st = cts_framing_settle(volume, preset, &framed, err);
+    if (!st)
+        st = cts_scene_init(&store, volume, preset, &framed, err);
     return st ? st : cts_raycast_pixels(&store.scene, xy, n, rgba, err);
 }

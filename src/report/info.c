@@ -12,9 +12,12 @@ static void print_clean(FILE *file, const char *text)
         fputc((unsigned char)*c < 0x20 || *c == 0x7f ? '?' : *c, file);
 }
 
-static void print_findings(FILE *file, const CtsFindings *findings, const char *indent)
+/* told: what stands above already; NULL: nothing. */
+static void print_findings(FILE *file, const CtsFindings *findings, const char *indent, const char *told)
 {
     for (size_t i = 0; i < findings->n; i++) {
+        if (told && !strcmp(findings->items[i].text, told))
+            continue;
         fprintf(file, "%s%s: ", indent, cts_severity_names[findings->items[i].severity]);
         print_clean(file, findings->items[i].text);
         fputc('\n', file);
@@ -36,8 +39,11 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
         fprintf(file, " x %.4g", s->spacing_mm[2]);
     fprintf(file, " mm\n");
     fprintf(file, "  tilt             %.2f degrees\n", s->tilt_deg);
-    if (f->known)
+    if (f->known) {
         fprintf(file, "  range            %.6g to %.6g HU\n", f->hu_min, f->hu_max);
+        fprintf(file, "  box              %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm (as a crop takes it)\n", f->box_low_lps[0],
+                f->box_high_lps[0], f->box_low_lps[1], f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2]);
+    }
     fprintf(file, "  transfer syntax  %s\n", s->transfer_syntax);
     fprintf(file, "  renderable       ");
     if (s->renderable && !f->refused) {
@@ -47,15 +53,16 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
         print_clean(file, s->renderable ? f->reason : s->reason);
         fputc('\n', file);
     }
-    print_findings(file, &s->findings, "  ");
-    print_findings(file, &f->findings, "  ");
+    const char *told = s->renderable && !f->refused ? NULL : s->renderable ? f->reason : s->reason;
+    print_findings(file, &s->findings, "  ", told);
+    print_findings(file, &f->findings, "  ", told);
 }
 
 void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient)
 {
     fprintf(file, "%d files: %zu CT series, %d files passed over, %d not readable\n", list->n_files, list->n,
             list->n_not_ct, list->n_unreadable);
-    print_findings(file, &list->findings, "");
+    print_findings(file, &list->findings, "", NULL);
     for (size_t i = 0; i < list->n; i++) {
         fputc('\n', file);
         print_series(file, &list->items[i], &facts[i], show_patient);
@@ -102,6 +109,10 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
     json_object_set_new(object, "tilt_deg", cts_json_new_number(s->tilt_deg));
     json_object_set_new(object, "hu_min", f->known ? cts_json_new_number(f->hu_min) : json_null());
     json_object_set_new(object, "hu_max", f->known ? cts_json_new_number(f->hu_max) : json_null());
+    json_object_set_new(object, "box_mm",
+                        f->known ? json_pack("[f,f,f,f,f,f]", f->box_low_lps[0], f->box_high_lps[0], f->box_low_lps[1],
+                                             f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2])
+                                 : json_null());
     json_object_set_new(object, "transfer_syntax", new_text(s->transfer_syntax));
     json_object_set_new(object, "orientation", new_text(s->orientation));
     json_object_set_new(object, "renderable", json_boolean(s->renderable && !f->refused));

@@ -10,7 +10,8 @@
 typedef struct CtsPixelFacts {
     bool known; /* the pixels were read: */
     double hu_min, hu_max;
-    bool refused; /* reading them failed: */
+    double box_low_lps[3], box_high_lps[3]; /* mm: what a crop takes */
+    bool refused;                           /* reading them failed: */
     char reason[1024];
     CtsFindings findings; /* of reading them, the series' own left out; owned */
 } CtsPixelFacts;

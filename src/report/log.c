@@ -1,13 +1,18 @@
+#define _GNU_SOURCE
 #include "report/log.h"
 
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/hash.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <jansson.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
+#include <time.h>
 #include <unistd.h>
 
 struct CtsLog {
@@ -16,7 +21,23 @@ struct CtsLog {
     double start_ms;
     char *text;
     size_t size;
+    char run_id[17], time[32];
+    char *command, *series_hash; /* NULL: not known */
+    char *last_words;
 };
+
+/* A random number, so that runs of many machines can stand in one file; and when it began. */
+static void name_run(CtsLog *log)
+{
+    uint64_t id = 0;
+    struct tm utc;
+    const time_t now = time(NULL);
+    if (getrandom(&id, sizeof id, 0) != (ssize_t)sizeof id)
+        id = (uint64_t)now << 20 ^ (uint64_t)getpid();
+    snprintf(log->run_id, sizeof log->run_id, "%016llx", (unsigned long long)id);
+    if (gmtime_r(&now, &utc))
+        strftime(log->time, sizeof log->time, "%Y-%m-%dT%H:%M:%SZ", &utc);
+}
 
 CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError *err)
 {
@@ -28,6 +49,7 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     l->path = path;
     l->start_ms = start_ms;
+    name_run(l);
     l->fd = strcmp(path, "-") ? open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666) : STDERR_FILENO;
     if (l->fd < 0) {
         free(l);
@@ -208,6 +230,85 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         log_verified(log, report);
 }
 
+/* The UID itself would lead to the patient in the archive. */
+static char *hash_of(const char *series_uid)
+{
+    uint8_t digest[CTS_DIGEST_BYTES];
+    CtsHash *hash;
+    char *text = malloc(17);
+    if (!text || cts_hash_start(&hash, NULL)) {
+        free(text);
+        return NULL;
+    }
+    cts_hash_text(hash, series_uid);
+    if (cts_hash_finish(&hash, digest, NULL)) {
+        free(text);
+        return NULL;
+    }
+    for (int i = 0; i < 8; i++)
+        snprintf(text + 2 * i, 3, "%02x", digest[i]);
+    return text;
+}
+
+static char *new_line(json_t *object)
+{
+    char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(12)) : NULL;
+    json_decref(object);
+    return line;
+}
+
+static char *run_line(const CtsLog *log)
+{
+    return new_line(json_pack("{s:s,s:f,s:s,s:s,s:s,s:o,s:o}", "event", "run", "t_ms", 0.0, "run_id", log->run_id,
+                              "version", CTS_VERSION, "time", log->time, "command",
+                              log->command ? new_path(log->command) : json_null(), "series_uid_hash",
+                              log->series_hash ? json_string(log->series_hash) : json_null()));
+}
+
+static void prepare_last_words(CtsLog *log)
+{
+    char *run = run_line(log), *failed = new_line(json_pack("{s:s,s:f,s:i,s:s}", "event", "failed", "t_ms", 0.0,
+                                                            "exit_code", 130, "message", "interrupted"));
+    char *text = NULL;
+    if (run && failed && asprintf(&text, "%s\n%s\n", run, failed) > 0) {
+        free(log->last_words);
+        log->last_words = text;
+    }
+    free(run);
+    free(failed);
+}
+
+void cts_log_run(CtsLog *log, const char *command, const char *series_uid)
+{
+    if (!log)
+        return;
+    if (command && !log->command)
+        log->command = strdup(command);
+    if (series_uid && !log->series_hash)
+        log->series_hash = hash_of(series_uid);
+    prepare_last_words(log);
+}
+
+bool cts_log_last_words(const CtsLog *log, int *fd, const char **text, size_t *size)
+{
+    if (!log || !log->last_words)
+        return false;
+    *fd = log->fd;
+    *text = log->last_words;
+    *size = strlen(log->last_words);
+    return true;
+}
+
+void cts_log_failed(CtsLog *log, int exit_code, const char *message)
+{
+    if (!log)
+        return;
+    json_t *event = new_event(log, "failed");
+    json_object_set_new(event, "exit_code", json_integer(exit_code));
+    json_object_set_new(event, "message", new_path(message));
+    add_line(log, event);
+}
+
 void cts_log_done(CtsLog *log, int n_threads)
 {
     if (!log)
@@ -222,12 +323,25 @@ void cts_log_done(CtsLog *log, int n_threads)
     add_line(log, event);
 }
 
+/* What the first line tells is known last. */
+static void put_run_first(CtsLog *log)
+{
+    char *run = run_line(log), *text = NULL;
+    if (run && asprintf(&text, "%s\n%.*s", run, (int)log->size, log->text ? log->text : "") > 0) {
+        free(log->text);
+        log->text = text;
+        log->size = strlen(text);
+    }
+    free(run);
+}
+
 CtsStatus cts_log_close(CtsLog **log, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     CtsLog *l = *log;
     if (!l)
         return CTS_OK;
+    put_run_first(l);
     for (size_t done = 0; done < l->size && !st;) {
         const ssize_t n = write(l->fd, l->text + done, l->size - done);
         if (n < 0 && errno != EINTR)
@@ -237,6 +351,9 @@ CtsStatus cts_log_close(CtsLog **log, CtsError *err)
     if (l->fd != STDERR_FILENO && close(l->fd) && !st)
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
     free(l->text);
+    free(l->command);
+    free(l->series_hash);
+    free(l->last_words);
     free(l);
     *log = NULL;
     return st;

@@ -4,6 +4,7 @@
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
+#include <stdbool.h>
 
 typedef struct CtsLog CtsLog;
 
@@ -16,8 +17,15 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes);
 /* Stages, skipped work, voxel counts and measured error. */
 void cts_log_report(CtsLog *log, const CtsReport *report);
-/* The last line of a run that came to its end. n_threads as asked for, 0: as many as there are. */
+/* What the first line, run, tells of it; texts are copied, and may be NULL. command: without patient data. */
+void cts_log_run(CtsLog *log, const char *command, const char *series_uid);
+/* The last line of a run that came to its end (n_threads as asked for, 0: as many as there are), and of one that did
+ * not. */
 void cts_log_done(CtsLog *log, int n_threads);
+void cts_log_failed(CtsLog *log, int exit_code, const char *message);
+/* The text and file of a log of a run that is broken off here and now: for a signal handler, which can do no more than
+ * write it. Valid until the log is closed; false when there is no log. */
+bool cts_log_last_words(const CtsLog *log, int *fd, const char **text, size_t *size);
 /* Append all lines and close. */
 CtsStatus cts_log_close(CtsLog **log, CtsError *err);
 

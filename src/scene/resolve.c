@@ -2,36 +2,47 @@
 
 #include "base/cpu.h"
 #include "base/vec3.h"
+#include "ctsplat/bounds.h"
 #include "scene/kernel.h"
 #include <math.h>
+#include <stddef.h>
+
+#define FIELD(setting, field)                                                                                          \
+    {                                                                                                                  \
+        CTS_SETTING_##setting, offsetof(CtsRenderSettings, field)                                                      \
+    }
+
+/* Where the settings that have bounds stand: an int where they are whole numbers, else a double. */
+static const struct {
+    CtsSetting setting;
+    size_t at;
+} fields[] = {
+    FIELD(WIDTH, width),         FIELD(HEIGHT, height),           FIELD(MM_PER_PIXEL, mm_per_pixel),
+    FIELD(AZIMUTH, azimuth_deg), FIELD(ELEVATION, elevation_deg), FIELD(KERNEL_RADIUS, kernel_radius),
+    FIELD(SAMPLES, samples),     FIELD(MAX_ERROR, max_error),     FIELD(TOLERANCE, tolerance_hu),
+    FIELD(GREY_BITS, grey_bits), FIELD(VERIFY, verify),           FIELD(THREADS, n_threads),
+};
+_Static_assert(sizeof fields / sizeof *fields == CTS_SETTING_FRAMES - CTS_SETTING_WIDTH,
+               "a setting of CtsRenderSettings has no row here");
 
 static CtsStatus check_settings(const CtsRenderSettings *s, CtsError *err)
 {
-    if (s->width < 1 || s->width > 32768 || s->height < 1 || s->height > 32768)
-        return cts_fail(err, CTS_ERR_USAGE, "a picture of %d x %d pixels (1 to 32768 each)", s->width, s->height);
-    if (!isfinite(s->mm_per_pixel) || s->mm_per_pixel < 0)
-        return cts_fail(err, CTS_ERR_USAGE, "%g mm per pixel (a positive number)", s->mm_per_pixel);
-    if (!isfinite(s->azimuth_deg) || fabs(s->azimuth_deg) > 36000 || !(fabs(s->elevation_deg) <= 90))
-        return cts_fail(err, CTS_ERR_USAGE, "view %g,%g (azimuth in degrees, elevation -90 to 90)", s->azimuth_deg,
-                        s->elevation_deg);
-    if ((unsigned)s->engine >= CTS_N_ENGINES || (unsigned)s->kernel >= CTS_N_KERNELS)
-        return cts_fail(err, CTS_ERR_USAGE, "no such engine or kernel");
-    if (!(s->kernel_radius >= 0 && s->kernel_radius <= 4))
-        return cts_fail(err, CTS_ERR_USAGE, "kernel radius %g (at most 4 voxels)", s->kernel_radius);
-    if (s->samples < 0 || s->samples > 64)
-        return cts_fail(err, CTS_ERR_USAGE, "%d samples per layer (1 to 64)", s->samples);
-    if (!(s->max_error >= 0) || !(s->tolerance_hu >= 0) || !isfinite(s->max_error) || !isfinite(s->tolerance_hu))
-        return cts_fail(err, CTS_ERR_USAGE, "an error or tolerance below 0");
-    if (s->grey_bits < 8 || s->grey_bits > 16)
-        return cts_fail(err, CTS_ERR_USAGE, "%d bits of grey (8 to 16)", s->grey_bits);
-    if (!(s->slab_mm >= 0) || !isfinite(s->slab_mm) || !isfinite(s->slab_at_mm))
-        return cts_fail(err, CTS_ERR_USAGE, "a slab of %g mm at %g mm (a positive thickness, a place in mm)",
-                        s->slab_mm, s->slab_at_mm);
-    if (s->slab_at_mm != 0 && s->slab_mm == 0)
-        return cts_fail(err, CTS_ERR_USAGE, "a place for a slab that has no thickness (give --slab MM as well)");
-    if (s->mode < -1 || s->mode >= CTS_N_MODES || s->verify < 0)
-        return cts_fail(err, CTS_ERR_USAGE, "no such mode, or fewer than 0 pixels to verify");
-    return CTS_OK;
+    CtsStatus st = CTS_OK;
+    for (size_t i = 0; i < sizeof fields / sizeof *fields && !st; i++) {
+        const void *field = (const char *)s + fields[i].at;
+        const bool whole = cts_setting_bounds(fields[i].setting)->whole;
+        st = cts_setting_check(fields[i].setting, whole ? *(const int *)field : *(const double *)field, err);
+    }
+    if (!st && ((unsigned)s->engine >= CTS_N_ENGINES || (unsigned)s->kernel >= CTS_N_KERNELS))
+        st = cts_fail(err, CTS_ERR_USAGE, "no such engine or kernel");
+    if (!st && (!(s->slab_mm >= 0) || !isfinite(s->slab_mm) || !isfinite(s->slab_at_mm)))
+        st = cts_fail(err, CTS_ERR_USAGE, "a slab of %g mm at %g mm (a positive thickness, a place in mm)", s->slab_mm,
+                      s->slab_at_mm);
+    if (!st && s->slab_at_mm != 0 && s->slab_mm == 0)
+        st = cts_fail(err, CTS_ERR_USAGE, "a place for a slab that has no thickness (give `slab` MM as well)");
+    if (!st && (s->mode < -1 || s->mode >= CTS_N_MODES))
+        st = cts_fail(err, CTS_ERR_USAGE, "no such mode");
+    return st;
 }
 
 CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const CtsPreset *preset,
@@ -59,6 +70,8 @@ CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const Ct
         return st;
     if (s->slab_mm > 0)
         cts_view_set_slab(&scene->view, volume, s->slab_mm, s->slab_at_mm);
+    if (s->centre_given)
+        cts_view_aim(&scene->view, s->centre_lps);
     /* Slicer's GPU path hands its mapper voxels of unit spacing: a unit is then a voxel's length along the ray. */
     if (s->opacity_per_voxel)
         scene->extinction_scale = cts_norm3(scene->view.forward_vox);

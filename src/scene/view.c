@@ -3,6 +3,7 @@
 #include "base/mutation.h"
 #include "base/vec3.h"
 #include <math.h>
+#include <string.h>
 
 /* sin and cos in degrees, exact at multiples of 90, so that axis views are axis-aligned to the last bit. */
 static void sincos_deg(double deg, double *s, double *c)
@@ -27,9 +28,25 @@ static void clean(double v[3])
         v[c] = fabs(v[c]) < 1e-15 * cts_norm3(v) ? 0 : v[c];
 }
 
+void cts_view_axes(CtsViewAxes *axes, double azimuth_deg, double elevation_deg)
+{
+    double sa, ca, se, ce;
+    sincos_deg(azimuth_deg, &sa, &ca);
+    sincos_deg(elevation_deg, &se, &ce);
+    /* The camera stands at sin(az) cos(el) to the left, cos(az) cos(el) to the front, sin(el) to the head. */
+    const double forward[3] = {-sa * ce, ca * ce, -se}, right[3] = {ca, sa, 0};
+    for (int c = 0; c < 3; c++) {
+        axes->forward_lps[c] = forward[c] + 0.0;
+        axes->right_lps[c] = right[c] + 0.0;
+    }
+    cts_cross3(axes->right_lps, axes->forward_lps, axes->up_lps);
+    clean(axes->up_lps);
+}
+
 CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderSettings *asked, CtsError *err)
 {
-    double inverse[3][3], sa, ca, se, ce;
+    double inverse[3][3];
+    CtsViewAxes axes;
     if (!cts_volume_inverse(volume, inverse))
         return cts_fail(err, CTS_ERR_GEOMETRY, "the volume's steps do not span space (is one spacing zero?)");
     const double diagonal_mm = cts_volume_diagonal_mm(volume);
@@ -42,16 +59,10 @@ CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderS
                       .elevation_deg = asked->elevation_deg,
                       .near_mm = -INFINITY,
                       .far_mm = INFINITY};
-    sincos_deg(asked->azimuth_deg, &sa, &ca);
-    sincos_deg(asked->elevation_deg, &se, &ce);
-    /* The camera stands at sin(az) cos(el) to the left, cos(az) cos(el) to the front, sin(el) to the head. */
-    const double forward[3] = {-sa * ce, ca * ce, -se}, right[3] = {ca, sa, 0};
-    for (int c = 0; c < 3; c++) {
-        view->forward_lps[c] = forward[c] + 0.0;
-        view->right_lps[c] = right[c] + 0.0;
-    }
-    cts_cross3(view->right_lps, view->forward_lps, view->up_lps);
-    clean(view->up_lps);
+    cts_view_axes(&axes, asked->azimuth_deg, asked->elevation_deg);
+    memcpy(view->right_lps, axes.right_lps, sizeof view->right_lps);
+    memcpy(view->up_lps, axes.up_lps, sizeof view->up_lps);
+    memcpy(view->forward_lps, axes.forward_lps, sizeof view->forward_lps);
     for (int c = 0; c < 3 && CTS_MUTATED(MIRRORED); c++)
         view->right_lps[c] = -view->right_lps[c];
     cts_volume_centre_lps(volume, view->centre_lps);
@@ -83,6 +94,18 @@ void cts_view_set_slab(CtsView *view, const CtsVolume *volume, double thickness_
     const double middle_mm = cts_dot3(centre, view->forward_lps) - at_mm;
     view->near_mm = middle_mm - thickness_mm / 2;
     view->far_mm = middle_mm + thickness_mm / 2;
+}
+
+void cts_view_aim(CtsView *view, const double centre_lps[3])
+{
+    double offset[3];
+    for (int c = 0; c < 3; c++)
+        offset[c] = centre_lps[c] - view->centre_lps[c];
+    const double u_mm = cts_dot3(offset, view->right_lps), v_mm = cts_dot3(offset, view->up_lps);
+    for (int c = 0; c < 3; c++) {
+        view->centre_lps[c] += u_mm * view->right_lps[c] + v_mm * view->up_lps[c];
+        view->centre_vox[c] += u_mm * view->right_vox[c] + v_mm * view->up_vox[c];
+    }
 }
 
 void cts_view_ray(const CtsView *view, double x, double y, double start_vox[3])

@@ -7,6 +7,12 @@
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
 
+/* Unit vectors of a view, patient coordinates; forward is the viewing direction. */
+typedef struct CtsViewAxes {
+    double right_lps[3], up_lps[3], forward_lps[3];
+} CtsViewAxes;
+void cts_view_axes(CtsViewAxes *axes, double azimuth_deg, double elevation_deg);
+
 typedef struct CtsView {
     int width, height; /* pixels */
     double mm_per_pixel;
@@ -30,6 +36,9 @@ CtsStatus cts_view_init(CtsView *view, const CtsVolume *volume, const CtsRenderS
 
 /* Only a slab across the view is seen, thickness_mm thick, its middle at_mm in front of the volume's centre. */
 void cts_view_set_slab(CtsView *view, const CtsVolume *volume, double thickness_mm, double at_mm);
+
+/* Moves the picture's centre, within its plane, to where this point is seen. */
+void cts_view_aim(CtsView *view, const double centre_lps[3]);
 
 /* Position in voxel coordinates of pixel (x, y)'s ray where it crosses the plane through the volume's centre across
  * the viewing direction; the ray goes on by forward_vox for each mm. Pixel centres, x from the left, y from the top. */

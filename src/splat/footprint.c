@@ -48,8 +48,8 @@ static double (*const weights[CTS_N_KERNELS])(double u, double v, double radius)
 
 typedef struct Phase {
     int n;
-    uint32_t *weight[(2 * CTS_MAX_RADIUS) * (2 * CTS_MAX_RADIUS)];
-    double exact[(2 * CTS_MAX_RADIUS) * (2 * CTS_MAX_RADIUS)];
+    uint32_t *weight[(2 * CTS_MAX_KERNEL_RADIUS) * (2 * CTS_MAX_KERNEL_RADIUS)];
+    double exact[(2 * CTS_MAX_KERNEL_RADIUS) * (2 * CTS_MAX_KERNEL_RADIUS)];
     double sum;
 } Phase;
 
@@ -92,9 +92,9 @@ static void normalise_phase(Phase *p)
 CtsStatus cts_footprint_init(CtsFootprint *f, CtsKernelId kernel, double radius, const int density[2], CtsError *err)
 {
     radius = cts_kernel_radius(kernel, radius);
-    if (!(radius >= 0.75 && radius <= CTS_MAX_RADIUS))
-        return cts_fail(err, CTS_ERR_USAGE, "kernel %s: radius %g voxels (0.75 to %d)", cts_kernel_names[kernel],
-                        radius, CTS_MAX_RADIUS);
+    const CtsStatus st = cts_setting_check(CTS_SETTING_KERNEL_RADIUS, radius, err);
+    if (st)
+        return st;
     *f = (CtsFootprint){.density = {density[0], density[1]}, .apron = (int)ceil(radius) - 1};
     for (int c = 0; c < 2; c++)
         f->reach[c] = (int)ceil(radius * density[c]) - 1;

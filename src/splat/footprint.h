@@ -7,6 +7,7 @@
 #ifndef CTS_SPLAT_FOOTPRINT_H
 #define CTS_SPLAT_FOOTPRINT_H
 
+#include "ctsplat/bounds.h"
 #include "ctsplat/render.h"
 #include "ctsplat/status.h"
 #include <stdint.h>
@@ -15,7 +16,6 @@ enum {
     CTS_WEIGHT_BITS = 15,
     CTS_WEIGHT_ONE = 1 << CTS_WEIGHT_BITS,
     CTS_MAX_DENSITY = 4,
-    CTS_MAX_RADIUS = 4, /* voxels */
     CTS_MAX_TAPS = 32   /* a row of taps, padded for vector code */
 };
 
@@ -27,7 +27,7 @@ typedef struct CtsFootprint {
     uint32_t sum_low, sum_high; /* smallest and largest sum of a phase: CTS_WEIGHT_ONE unless cone-paper */
 } CtsFootprint;
 
-/* CTS_ERR_USAGE when the radius leaves some lattice point without a tap, or passes CTS_MAX_RADIUS. */
+/* CTS_ERR_USAGE when the radius leaves some lattice point without a tap, or is out of bounds. */
 CtsStatus cts_footprint_init(CtsFootprint *footprint, CtsKernelId kernel, double radius, const int density[2],
                              CtsError *err);
 

@@ -218,7 +218,7 @@ static void report_uncertain(Removal *r, CtsReport *report)
     if (kept_mm3 > UNCERTAIN_SHARE * r->body.mm3)
         cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
                            "%.1f cm3 (%.1f %% of the body) may be table or patient and stay in the picture (take them "
-                           "out with --crop if they are table)",
+                           "out by a crop if they are table)",
                            kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
 }
 

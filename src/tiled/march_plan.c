@@ -117,7 +117,7 @@ void cts_tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLa
     else
         cts_report_skip(report, "sub-sheets",
                         j->straight ? "the view runs along an axis: between layers the field is linear"
-                                    : "--samples says how many sheets there are");
+                                    : "as many sheets were asked for");
     if (j->fill_levels > 0)
         cts_report_plan(
             report,

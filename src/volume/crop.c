@@ -119,9 +119,14 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
     const bool straight = straight_box(v, lo_lps, hi_lps, &box);
     if (!straight)
         box = find_box(v, lo_lps, hi_lps);
-    if (box.hi[0] < 0)
+    if (box.hi[0] < 0) {
+        double low[3], high[3];
+        cts_volume_box_lps(v, low, high);
         return cts_fail(err, CTS_ERR_USAGE,
-                        "the crop box holds no voxel centre (the box is millimetres in patient coordinates, LPS)");
+                        "the crop box holds no voxel centre (the volume's box in mm, patient coordinates: "
+                        "%.1f,%.1f,%.1f,%.1f,%.1f,%.1f)",
+                        low[0], high[0], low[1], high[1], low[2], high[2]);
+    }
     const int n[3] = {box.hi[0] - box.lo[0] + 1, box.hi[1] - box.lo[1] + 1, box.hi[2] - box.lo[2] + 1};
     const bool whole_slices = straight && n[0] == v->dims[0] && n[1] == v->dims[1];
     if (whole_slices && n[2] == v->dims[2])

@@ -48,3 +48,14 @@ int cts_volume_inverse(const CtsVolume *volume, double inverse[3][3])
     }
     return 1;
 }
+
+void cts_volume_box_lps(const CtsVolume *volume, double low_lps[3], double high_lps[3])
+{
+    for (int c = 0; c < 3; c++) {
+        low_lps[c] = high_lps[c] = volume->origin_lps[c];
+        for (int axis = 0; axis < 3; axis++) {
+            const double along = (volume->dims[axis] - 1) * volume->step_lps[axis][c];
+            *(along < 0 ? &low_lps[c] : &high_lps[c]) += along;
+        }
+    }
+}

@@ -11,7 +11,7 @@ cp out shown.json
 import json
 info = json.load(open("info.json"))
 keys = {"series_uid", "modality", "slices", "dims", "spacing_mm", "tilt_deg", "hu_min", "hu_max", "transfer_syntax",
-        "orientation", "renderable", "findings"}
+        "orientation", "renderable", "findings", "box_mm"}
 for s in info["series"]:
     assert set(s) == keys, set(s) ^ keys
     assert isinstance(s["slices"], int) and isinstance(s["tilt_deg"], (int, float)) and isinstance(s["renderable"], bool)
@@ -30,6 +30,7 @@ phantom = phantom[0]
 assert [round(x, 6) for x in phantom["spacing_mm"]] == [3.5, 3.5, 4.5], phantom["spacing_mm"]
 assert phantom["slices"] == 48 and phantom["modality"] == "CT" and phantom["orientation"] == "axial"
 assert abs(phantom["tilt_deg"]) < 1e-6
+assert [round(phantom["box_mm"][2 * a + 1] - phantom["box_mm"][2 * a], 6) for a in range(3)] == [220.5, 220.5, 211.5]
 assert any(abs(s["tilt_deg"] - 20) < 0.01 for s in info["series"])
 assert any(not s["renderable"] for s in info["series"])
 shown = json.load(open("shown.json"))

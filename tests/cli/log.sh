@@ -17,6 +17,7 @@ for name in sys.argv[1:]:
             run = []
 assert len(runs) == 3 and not run
 fields = {
+    "run": {"run_id", "version", "time", "command", "series_uid_hash"},
     "stage": {"stage", "wall_ms", "cpu_ms", "items", "bytes"}, "skipped": {"what", "why"},
     "plan": {"text"}, "finding": {"code", "severity", "text"},
     "voxels": {"total", "void", "reused", "splatted"},
@@ -28,6 +29,9 @@ stages = "scan decode grey classify footprint splat composite shade warp export"
 for run in runs:
     for event in run:
         assert set(event) == fields[event["event"]] | {"event", "t_ms"}, event
+    assert [e["event"] for e in run].count("run") == 1 and run[0]["event"] == "run", run[0]
+    assert len(run[0]["run_id"]) == 16 and len(run[0]["series_uid_hash"]) == 16, run[0]
+    assert run[0]["command"].startswith("render --size ") and ".png" in run[0]["command"], run[0]
     names = [e["stage"] for e in run if e["event"] == "stage"]
     assert len(set(names)) == len(names) and set(names) <= set(stages), names
     for needed in ("scan", "decode", "grey", "classify", "splat", "composite", "export"):
@@ -42,6 +46,7 @@ for run in runs:
     assert len(outputs) == 1 and outputs[0]["format"] == "png" and outputs[0]["bytes"] > 100
     voxels = [e for e in run if e["event"] == "voxels"]
     assert len(voxels) == 1 and voxels[0]["total"] == 64 * 64 * 48, voxels
+assert len({run[0]["run_id"] for run in runs}) == 3 and len({run[0]["series_uid_hash"] for run in runs}) == 1
 assert "shade" in [e.get("stage") for e in runs[1]]
 assert runs[0][-1]["threads"] == 2 and runs[1][-1]["threads"] == 1
 errors = [[e for e in run if e["event"] == "error"] for run in runs]
@@ -55,5 +60,17 @@ ok render "$data/pixels/fractional-slope" --size 20x20 -o d.png --log found
 has found '"event":"finding".*"code":"fractional_rescale","severity":"note","text":"the rescale slope'
 ok render "$data/pixels/fractional-slope" --explain
 has out '^note: the rescale slope'
+# A run that fails, and one that is stopped while it reads: first run, last failed.
+refused 3 'no-such' render no-such -o e.png --log failed
+mkfifo pipe
+"$ctsplat" render pipe -o f.png --log stopped 2>err &
+sleep 1
+kill -TERM $!
+wait $! || true
+for name in failed stopped; do
+    [ "$(sed -n 1p $name | grep -c '"event":"run"')$(tail -1 $name | grep -c '"event":"failed"')" = 11 ] ||
+        fail "$name: $(cat $name)"
+done
+has failed '"event":"failed".*"exit_code":3'
 grep -iE 'phantom|patient' log log2 && fail "the log names the patient or the input"
 exit 0

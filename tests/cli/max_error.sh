@@ -6,10 +6,10 @@ for engine in tiled combined; do
     ok render "$data/phantom" -p hard.json --view 30,15 --size 150x150 --engine $engine --max-error 0.5 --verify 22500 \
         -o $engine.png --log log
     [ ! -s err ] || ! grep warning err || fail "0.5/255 is within reach"
-    has log '"code":"max_error".*--max-error 0.5: .* err'
+    has log '"code":"max_error".*`max_error` 0.5: .* err'
     grep -o '"rmse":[0-9.e-]*' log | awk -F: '{ exit !($2 * 255 <= 0.5) }' || fail "$engine errs by more than was asked"
 done
-sheets=$(sed -n 's/.*max-error 0.5: \([0-9]*\) sheets.*/\1/p' log)
+sheets=$(sed -n 's/.*max_error` 0.5: \([0-9]*\) sheets.*/\1/p' log)
 [ -n "$sheets" ] || fail "a hard preset needs more sheets than one"
 ok render "$data/phantom" -p hard.json --view 30,15 --size 150x150 --engine combined --samples "$sheets" -o same.png
 ok compare combined.png same.png

@@ -1,5 +1,5 @@
 # --rotation N: frames from --view on, in even steps of azimuth.
-small="--size 40x30 -p ct-bone"
+small="--size 40x30 -p ct-bone --fit volume"
 ok render "$data/phantom" $small --rotation 4 --view 10,20 -o head.png
 [ "$(ls head*)" = "$(printf 'head-000.png\nhead-001.png\nhead-002.png\nhead-003.png')" ] || fail "wrong names: $(ls head*)"
 i=0

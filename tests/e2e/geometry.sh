@@ -9,5 +9,5 @@ for size in 160x140 161x141; do
         -o crop-$size.png
 done
 ok render "$data/phantom" -p window.json --engine raycast --size 320x280 --mm-per-pixel 1 -o fine.png
-ok render "$data/phantom" -p window.json --engine raycast --size 200x100 -o fit.png
+ok render "$data/phantom" -p window.json --engine raycast --size 200x100 --fit volume -o fit.png
 py geometry.py

@@ -2,6 +2,7 @@
  * as lines of "key value", for tests that compare it with other readers and for the reading benchmark. */
 #define _GNU_SOURCE
 #include "base/clock.h"
+#include "base/exit_code.h"
 #include "base/mem.h"
 #include "ctsplat/ctsplat.h"
 

@@ -1,6 +1,7 @@
 /* Status, memory, cores and reports. */
 #include "base/cpu.h"
 #include "base/levels.h"
+#include "base/exit_code.h"
 #include "base/mem.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"

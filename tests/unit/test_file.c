@@ -89,7 +89,7 @@ static void test_no_overwrite(void **state)
     assert_int_equal(cts_file_check_writable(path, false, &err), CTS_ERR_OUTPUT);
     assert_int_equal(write_file("second", false, NULL, &err), CTS_ERR_OUTPUT);
     assert_non_null(strstr(err.text, path));
-    assert_non_null(strstr(err.text, "--force"));
+    assert_non_null(strstr(err.text, "`force`"));
     assert_content("first");
     assert_int_equal(count_files(folder), 1);
     assert_int_equal(cts_file_check_writable(path, true, &err), CTS_OK);

@@ -1,0 +1,54 @@
+/* What settings may be: the one source of their ranges, for callers, for options, help and messages. */
+#ifndef CTSPLAT_BOUNDS_H
+#define CTSPLAT_BOUNDS_H
+
+#include "ctsplat/status.h"
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+#pragma GCC visibility push(default)
+
+enum {
+    CTS_MAX_SIDE = 32768,     /* pixels of a picture, each way */
+    CTS_MAX_KERNEL_RADIUS = 4 /* voxels */
+};
+
+/* From 1 on, so that 0 can stand for none. */
+typedef enum CtsSetting {
+    CTS_SETTING_WIDTH = 1,
+    CTS_SETTING_HEIGHT,
+    CTS_SETTING_MM_PER_PIXEL,
+    CTS_SETTING_AZIMUTH,
+    CTS_SETTING_ELEVATION,
+    CTS_SETTING_KERNEL_RADIUS,
+    CTS_SETTING_SAMPLES,
+    CTS_SETTING_MAX_ERROR,
+    CTS_SETTING_TOLERANCE,
+    CTS_SETTING_GREY_BITS,
+    CTS_SETTING_VERIFY,
+    CTS_SETTING_THREADS,
+    CTS_SETTING_FRAMES, /* of a rotation; a caller's own loop over cts_render_bands() */
+    CTS_N_SETTINGS
+} CtsSetting;
+
+typedef struct CtsBounds {
+    const char *name; /* the setting's, as messages and struct fields have it */
+    const char *unit; /* "" where it has none */
+    double low, high; /* both belong to the range */
+    bool whole;       /* whole numbers only */
+    bool automatic;   /* 0 is taken too, and means: chosen by ctsplat */
+} CtsBounds;
+
+/* NULL for what is no setting. */
+const CtsBounds *cts_setting_bounds(CtsSetting setting);
+
+/* CTS_ERR_USAGE with the setting's name and range when value lies outside. */
+CtsStatus cts_setting_check(CtsSetting setting, double value, CtsError *err);
+
+#pragma GCC visibility pop
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,53 @@
+#!/bin/sh
+# What `meson install` gives to C callers: library.sh SOURCE_ROOT BUILD_ROOT CTSPLAT CC
+# The example is built and run against the installed tree alone, and makes the picture that the program makes.
+set -eu
+
+root=$1 build=$2 ctsplat=$3 cc=$4
+case $ctsplat in /*) ;; *) ctsplat=$PWD/$ctsplat ;; esac
+command -v pkg-config >/dev/null || exit 77
+
+fail()
+{
+    echo "FAIL: $*" >&2
+    exit 1
+}
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+DESTDIR=$work/tree meson install -C "$build" --no-rebuild --quiet
+cd "$work"
+pc=$(find tree -name ctsplat.pc)
+[ -n "$pc" ] || fail "no pkg-config file is installed"
+export PKG_CONFIG_LIBDIR="${pc%/*}" PKG_CONFIG_SYSROOT_DIR="$work/tree"
+flags=$(pkg-config --cflags --libs ctsplat)
+library=$(find tree -name libctsplat.so)
+[ -n "$library" ] || fail "no shared library is installed"
+[ -z "$(find tree -name '*.a')" ] || fail "a static library is installed"
+
+# A C caller sees cts_ alone, all that the headers declare, and nothing that they do not.
+nm -D --defined-only "$library" | awk '{ print $NF }' | sed 's/@.*//' | grep -v '^_init$\|^_fini$' | LC_ALL=C sort -u >exported
+cat tree/*/*/include/ctsplat/*.h tree/*/include/ctsplat/*.h 2>/dev/null | sed 's|/\*.*\*/||' |
+    grep -v 'static inline' | grep -oE '(^|[ *])cts_[a-z0-9_]+(\(|\[)' | tr -d ' *([' | LC_ALL=C sort -u >declared
+[ -s declared ] || fail "no headers are installed"
+LC_ALL=C comm -23 exported declared >surplus
+[ ! -s surplus ] || fail "exported, but no header declares it: $(head -5 surplus | tr '\n' ' ')"
+grep -vE '^cts_volume_hu$' declared | while read -r name; do
+    grep -qx "$name" exported || echo "$name"
+done >missing
+[ ! -s missing ] || fail "declared, but not exported: $(tr '\n' ' ' <missing)"
+! grep -rnE -e '--[a-z]' -e 'exit code' tree/*/*/include/ctsplat tree/*/include/ctsplat 2>/dev/null ||
+    fail "a public header speaks of the command line"
+
+# Users of the library may be strict, and may write C++.
+# shellcheck disable=SC2086
+$cc -std=c11 -Wall -Wextra -Wpedantic -Werror "$root/man/example.c" -o example $flags
+[ "$(sed '1,/^int main/d' "$root/man/example.c" | wc -l)" -le 35 ] || fail "the example grows"
+export LD_LIBRARY_PATH="${library%/*}"
+./example "$root/testdata/phantom" mine.png
+"$ctsplat" render "$root/testdata/phantom" -o theirs.png
+cmp mine.png theirs.png || fail "the library's picture is not the program's"
+if ./example no-such-folder x.png 2>err; then
+    fail "a folder that is not there is rendered"
+fi
+grep -q no-such-folder err || fail "the example tells nothing of its error"

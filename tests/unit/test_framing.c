@@ -1,0 +1,196 @@
+/* The frame around what is visible: how far it reaches, by formula; what the picture then holds. */
+#include "base/vec3.h"
+#include "scene/framing.h"
+#include "scene/view.h"
+#include "scenes.h"
+
+enum { SIDE = 61 };
+static const double middle_vox[3] = {21.5, 33, 38}, radius_vox = 14;
+
+/* A ball of 500 HU away from the volume's middle, in air, on a sheared lattice; its border is as sharp as it gets. */
+static CtsVolume *make_ball(void)
+{
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, SIDE, SIDE, SIDE, &err), CTS_OK);
+    for (int k = 0; k < SIDE; k++)
+        for (int j = 0; j < SIDE; j++)
+            for (int i = 0; i < SIDE; i++) {
+                const double d[3] = {i - middle_vox[0], j - middle_vox[1], k - middle_vox[2]};
+                v->grey[(k * SIDE + j) * SIDE + i] = cts_norm3(d) <= radius_vox ? 1524 : 0;
+            }
+    return v;
+}
+
+static CtsPreset preset_above(double hu)
+{
+    CtsPreset p = *cts_preset_builtin(0);
+    p.mode = CTS_MODE_COMPOSITE;
+    p.shade = false;
+    p.n_opacity = 2;
+    p.opacity[0] = (CtsOpacityPoint){hu, 0};
+    p.opacity[1] = (CtsOpacityPoint){hu, 0.5};
+    return p;
+}
+
+static CtsVisible *visible_of(const CtsVolume *v, const CtsPreset *p)
+{
+    CtsVisible *visible = NULL;
+    CtsError err;
+    assert_int_equal(cts_visible_new(&visible, v, p, 2, &err), CTS_OK);
+    return visible;
+}
+
+static void test_reach(void **state)
+{
+    (void)state;
+    CtsVolume *v = make_ball();
+    v->step_lps[1][2] = 0.3;
+    v->step_lps[2][2] = 2;
+    v->origin_lps[0] = -50;
+    const CtsPreset p = preset_above(200);
+    CtsVisible *visible = visible_of(v, &p);
+    assert_true(cts_visible_any(visible));
+    for (int i = 0; i < 200; i++) {
+        const double a = 0.7 * i, z = 1 - i / 100.0, r = sqrt(1 - z * z);
+        const double direction[3] = {r * cos(a), r * sin(a), z};
+        /* Brute force: every cell between voxels that has a voxel of the ball at a corner. */
+        double truth = -INFINITY;
+        for (int n = 0; n < SIDE * SIDE * SIDE; n++)
+            for (int corner = 0; corner < 27 && v->grey[n]; corner++) {
+                const int vox[3] = {n % SIDE + corner % 3 - 1, n / SIDE % SIDE + corner / 3 % 3 - 1,
+                                    n / SIDE / SIDE + corner / 9 - 1};
+                double at = cts_dot3(v->origin_lps, direction);
+                for (int axis = 0; axis < 3; axis++)
+                    at += vox[axis] * cts_dot3(v->step_lps[axis], direction);
+                truth = fmax(truth, at);
+            }
+        assert_true(fabs(cts_visible_reach(visible, direction) - truth) < 1e-9);
+    }
+    cts_visible_free(&visible);
+    cts_volume_free(&v);
+}
+
+/* The rows and columns of a picture that are not empty. */
+static void bounds_of(const CtsPicture *p, int box[4])
+{
+    memcpy(box, (int[]){p->width, -1, p->height, -1}, 4 * sizeof *box);
+    for (int y = 0; y < p->height; y++)
+        for (int x = 0; x < p->width; x++)
+            if (p->pixels[4 * (y * p->width + x) + 3] > 0.002f) {
+                box[0] = x < box[0] ? x : box[0];
+                box[1] = x > box[1] ? x : box[1];
+                box[2] = y < box[2] ? y : box[2];
+                box[3] = y > box[3] ? y : box[3];
+            }
+}
+
+static CtsRenderSettings settings_of(CtsEngineId engine, double azimuth_deg, double elevation_deg)
+{
+    CtsRenderSettings s;
+    cts_render_defaults(&s);
+    s.width = 200;
+    s.height = 260;
+    s.fit = CTS_FIT_VISIBLE;
+    s.engine = engine;
+    s.azimuth_deg = azimuth_deg;
+    s.elevation_deg = elevation_deg;
+    return s;
+}
+
+/* In every engine the ball fills 90 % of the width, in the middle; the reference and the depth mean the same place. */
+static void test_pictures(void **state)
+{
+    (void)state;
+    CtsVolume *v = make_ball();
+    const CtsPreset p = preset_above(200);
+    const CtsEngineId engines[] = {CTS_ENGINE_TILED, CTS_ENGINE_COMBINED, CTS_ENGINE_RAYCAST};
+    for (int i = 0; i < 6; i++) {
+        CtsRenderSettings s = settings_of(engines[i % 3], i < 3 ? 0 : 35, i < 3 ? 0 : 20);
+        CtsPicture *picture = NULL;
+        CtsError err;
+        int box[4];
+        s.verify = 40;
+        CtsReport report = {0};
+        assert_int_equal(cts_render(v, &p, &s, &picture, &report, &err), CTS_OK);
+        bounds_of(picture, box);
+        assert_in_range(box[1] - box[0] + 1, 160, 182);
+        assert_in_range(box[0] + box[1], 195, 203);
+        assert_in_range(box[2] + box[3], 255, 263);
+        assert_true(report.verified.pixels > 0 && report.verified.rmse < 0.03);
+        cts_report_free(&report);
+        cts_picture_free(&picture);
+    }
+    cts_volume_free(&v);
+}
+
+/* One scale for all frames, none cut, and the ball stands still: it is round, and on the axis. */
+static void test_rotation(void **state)
+{
+    (void)state;
+    CtsVolume *v = make_ball();
+    const CtsPreset p = preset_above(200);
+    CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 10, 15);
+    CtsRenderer *renderer = NULL;
+    CtsError err;
+    double mm_per_pixel = 0;
+    s.rotation_frames = 5;
+    assert_int_equal(cts_render_begin(&renderer, v, &p, &s, &err), CTS_OK);
+    for (int i = 0; i < 5; i++) {
+        CtsPicture *picture = NULL;
+        int box[4];
+        assert_int_equal(cts_render_frame(renderer, 10 + 72 * i, 15, &picture, NULL, &err), CTS_OK);
+        bounds_of(picture, box);
+        assert_in_range(box[1] - box[0] + 1, 160, 182);
+        assert_in_range(box[0] + box[1], 195, 203);
+        assert_in_range(box[2] + box[3], 255, 263);
+        assert_true(mm_per_pixel == 0 || mm_per_pixel == picture->info.mm_per_pixel);
+        mm_per_pixel = picture->info.mm_per_pixel;
+        cts_picture_free(&picture);
+    }
+    cts_render_end(&renderer);
+    cts_volume_free(&v);
+}
+
+static double scale_of(const CtsVolume *v, const CtsPreset *p, const CtsRenderSettings *s, CtsReport *report)
+{
+    CtsPicture *picture = NULL;
+    CtsError err;
+    assert_int_equal(cts_render(v, p, s, &picture, report, &err), CTS_OK);
+    const double mm = picture->info.mm_per_pixel;
+    cts_picture_free(&picture);
+    return mm;
+}
+
+/* Where nothing is visible the whole volume is framed, and a warning says so; a scale that is given is kept. */
+static void test_otherwise(void **state)
+{
+    (void)state;
+    CtsVolume *v = make_ball();
+    const CtsPreset nothing = preset_above(2000), p = preset_above(200);
+    CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0), whole = s;
+    CtsReport report = {0};
+    whole.fit = CTS_FIT_VOLUME;
+    assert_true(scale_of(v, &nothing, &s, &report) == scale_of(v, &p, &whole, NULL));
+    assert_int_equal(report.findings.n, 1);
+    assert_string_equal(report.findings.items[0].code, "nothing_visible");
+    cts_report_free(&report);
+    for (int mode = CTS_MODE_COMPOSITE; mode < CTS_N_MODES; mode++) {
+        s.mode = mode;
+        assert_true(scale_of(v, &p, &s, NULL) < 0.6 * scale_of(v, &p, &whole, NULL));
+    }
+    s.mm_per_pixel = 0.5;
+    assert_true(scale_of(v, &p, &s, NULL) == 0.5);
+    cts_volume_free(&v);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(test_reach),
+        cmocka_unit_test(test_pictures),
+        cmocka_unit_test(test_rotation),
+        cmocka_unit_test(test_otherwise),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
