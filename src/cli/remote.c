@@ -5,8 +5,8 @@
 
 static bool is_dicom(const char *path)
 {
-    const char *format = cts_export_format(path);
-    return format && strcmp(format, "dcm") == 0;
+    const CtsFormatInfo *format = cts_export_format(path);
+    return format && format->is_object;
 }
 
 CtsStatus cli_remote_check(const CliOptions *options, CtsError *err)
