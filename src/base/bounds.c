@@ -6,19 +6,20 @@
 /* A kernel of less than 0.75 voxels would leave places of a sheet's lattice without any voxel; the largest tolerance
  * is the range of 16-bit grey levels. */
 static const CtsBounds bounds[CTS_N_SETTINGS] = {
-    [CTS_SETTING_WIDTH] = {"width", "pixels", 1, CTS_MAX_SIDE, .whole = true},
-    [CTS_SETTING_HEIGHT] = {"height", "pixels", 1, CTS_MAX_SIDE, .whole = true},
-    [CTS_SETTING_MM_PER_PIXEL] = {"mm_per_pixel", "mm", 1e-6, 1e6, .automatic = true},
-    [CTS_SETTING_AZIMUTH] = {"azimuth_deg", "degrees", -36000, 36000},
-    [CTS_SETTING_ELEVATION] = {"elevation_deg", "degrees", -90, 90},
-    [CTS_SETTING_KERNEL_RADIUS] = {"kernel_radius", "voxels", 0.75, CTS_MAX_KERNEL_RADIUS, .automatic = true},
-    [CTS_SETTING_SAMPLES] = {"samples", "", 1, 64, .whole = true, .automatic = true},
-    [CTS_SETTING_MAX_ERROR] = {"max_error", "", 1e-6, 255, .automatic = true},
-    [CTS_SETTING_TOLERANCE] = {"tolerance_hu", "HU", 0, 65535},
-    [CTS_SETTING_GREY_BITS] = {"grey_bits", "bits", 8, 16, .whole = true},
-    [CTS_SETTING_VERIFY] = {"verify", "pixels", 0, 1e9, .whole = true},
-    [CTS_SETTING_THREADS] = {"n_threads", "", 1, 1024, .whole = true, .automatic = true},
-    [CTS_SETTING_FRAMES] = {"frames", "", 1, 9999, .whole = true},
+    [CTS_SETTING_WIDTH] = {.name = "width", .unit = "pixels", .low = 1, .high = CTS_MAX_SIDE, .whole = true},
+    [CTS_SETTING_HEIGHT] = {.name = "height", .unit = "pixels", .low = 1, .high = CTS_MAX_SIDE, .whole = true},
+    [CTS_SETTING_MM_PER_PIXEL] = {.name = "mm_per_pixel", .unit = "mm", .low = 1e-6, .high = 1e6, .automatic = true},
+    [CTS_SETTING_AZIMUTH] = {.name = "azimuth_deg", .unit = "degrees", .low = -36000, .high = 36000},
+    [CTS_SETTING_ELEVATION] = {.name = "elevation_deg", .unit = "degrees", .low = -90, .high = 90},
+    [CTS_SETTING_KERNEL_RADIUS] =
+        {.name = "kernel_radius", .unit = "voxels", .low = 0.75, .high = CTS_MAX_KERNEL_RADIUS, .automatic = true},
+    [CTS_SETTING_SAMPLES] = {.name = "samples", .unit = "", .low = 1, .high = 64, .whole = true, .automatic = true},
+    [CTS_SETTING_MAX_ERROR] = {.name = "max_error", .unit = "", .low = 1e-6, .high = 255, .automatic = true},
+    [CTS_SETTING_TOLERANCE] = {.name = "tolerance_hu", .unit = "HU", .low = 0, .high = 65535},
+    [CTS_SETTING_GREY_BITS] = {.name = "grey_bits", .unit = "bits", .low = 8, .high = 16, .whole = true},
+    [CTS_SETTING_VERIFY] = {.name = "verify", .unit = "pixels", .low = 0, .high = 1e9, .whole = true},
+    [CTS_SETTING_THREADS] = {.name = "n_threads", .unit = "", .low = 1, .high = 1024, .whole = true, .automatic = true},
+    [CTS_SETTING_FRAMES] = {.name = "frames", .unit = "", .low = 1, .high = 9999, .whole = true},
 };
 
 const CtsBounds *cts_setting_bounds(CtsSetting setting)
