@@ -197,6 +197,9 @@ def check_width(browser, what):
 
 
 def main():
+    if not os.environ.get('CTS_SOAK'):
+        print('skip: takes minutes; ./dev soak runs it')
+        sys.exit(77)
     ctsplat, testdata = map(os.path.abspath, sys.argv[1:3])
     pictures = sys.argv[3] if len(sys.argv) > 3 else None
     if webdriver.missing():
