@@ -18,7 +18,7 @@ CtsSource cli_source(const CliOptions *options, const CtsPreset *preset)
         .n_threads = options->render.n_threads,
         .remove_table = options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON,
         .table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset",
-        .linear = options->interpolation == 1,
+        .linear = options->interpolation == 0,
         .smooth_mm = options->smooth_mm,
         .crop = options->crop_given,
     };

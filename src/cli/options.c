@@ -15,7 +15,7 @@
 #define BOUNDED(which) .setting = CTS_SETTING_##which
 #define PARSED(parser) .kind = CLI_CUSTOM, .parse = (parser)
 
-static const char *const interpolations[] = {"cubic", "linear"};
+static const char *const interpolations[] = {"linear", "cubic"};
 
 const CliOption cli_options[] = {
     {
@@ -231,7 +231,7 @@ const CliOption cli_options[] = {
         .field = FIELD(interpolation),
         .help = "along the slice axis, where slices lie further apart than 1.5 pixels: monotone cubics, or straight "
                 "lines",
-        .fallback = "cubic",
+        .fallback = "linear",
     },
     {
         .name = "smooth",

@@ -26,7 +26,7 @@ typedef struct CliOptions {
     bool crop_given;
     double crop_low_lps[3], crop_high_lps[3];
     CtsSwitch remove_table;
-    int interpolation; /* 0 cubic, 1 linear */
+    int interpolation; /* 0 linear, 1 cubic */
     double smooth_mm;
     bool window_given;
     double window_low_hu, window_high_hu;

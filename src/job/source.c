@@ -41,7 +41,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *r
     if (source->linear || n_parts == 1) {
         cts_report_skip(report, "cubic interpolation",
                         n_parts == 1 ? "slices lie no further apart than 1.5 pixels"
-                                     : "linear interpolation between slices was asked for");
+                                     : "straight lines join the slices");
         return CTS_OK;
     }
     CtsError why = {0};
