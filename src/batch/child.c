@@ -5,6 +5,7 @@
 #include "base/exit_code.h"
 #include "base/json.h"
 #include "base/mem.h"
+#include "base/sanitized.h"
 #include "batch/line.h"
 #include "batch/sweep.h"
 #include "report/info.h"
@@ -382,12 +383,11 @@ static void limit(const CtsBatchSettings *s)
 {
     const struct rlimit no_core = {0, 0};
     setrlimit(RLIMIT_CORE, &no_core);
-#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
     const uint64_t bytes = s->series_bytes ? s->series_bytes : cts_memory_available() / 10 * 9;
     const struct rlimit data = {bytes, bytes};
-    if (bytes)
+    /* A sanitizer's own memory counts as data. */
+    if (bytes && !CTS_SANITIZED)
         setrlimit(RLIMIT_DATA, &data);
-#endif
     const int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
     if (fd >= 0) {
         const ssize_t n = write(fd, "1000", 4);

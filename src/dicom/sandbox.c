@@ -44,9 +44,9 @@ static int allow_data_memory(scmp_filter_ctx filter)
 
 static int load_filter(void)
 {
-    scmp_filter_ctx filter = seccomp_init(CTS_SANDBOX_RELAXED ? SCMP_ACT_ALLOW : SCMP_ACT_KILL_PROCESS);
+    scmp_filter_ctx filter = seccomp_init(CTS_SANITIZED ? SCMP_ACT_ALLOW : SCMP_ACT_KILL_PROCESS);
     int result = filter ? 0 : -ENOMEM;
-    if (CTS_SANDBOX_RELAXED) {
+    if (CTS_SANITIZED) {
         for (size_t i = 0; !result && i < sizeof denied / sizeof *denied; i++)
             result = seccomp_rule_add(filter, SCMP_ACT_KILL_PROCESS, denied[i], 0);
     } else {
@@ -84,11 +84,11 @@ static int limit_resources(size_t n_bytes)
 {
     const size_t now = address_space();
     int result = limit(RLIMIT_CORE, 0);
-    if (!result && !CTS_SANDBOX_RELAXED)
+    if (!result && !CTS_SANITIZED)
         result = limit(RLIMIT_FSIZE, 0);
-    if (!result && !CTS_SANDBOX_RELAXED)
+    if (!result && !CTS_SANITIZED)
         result = now ? limit(RLIMIT_AS, now + n_bytes) : ENOSYS;
-    if (!result && !CTS_SANDBOX_RELAXED)
+    if (!result && !CTS_SANITIZED)
         result = limit(RLIMIT_NOFILE, 0);
     return result;
 }
@@ -100,7 +100,7 @@ static void leave_signals(void)
     sigset_t none;
     for (size_t i = 0; i < sizeof ignored / sizeof *ignored; i++)
         signal(ignored[i], SIG_IGN);
-    for (size_t i = 0; i < sizeof ending / sizeof *ending && !CTS_SANDBOX_RELAXED; i++)
+    for (size_t i = 0; i < sizeof ending / sizeof *ending && !CTS_SANITIZED; i++)
         signal(ending[i], SIG_DFL);
     signal(SIGXCPU, SIG_DFL);
     sigemptyset(&none);
@@ -109,7 +109,7 @@ static void leave_signals(void)
 
 static int close_others(int keep_fd)
 {
-    const unsigned keep = (unsigned)keep_fd, first = CTS_SANDBOX_RELAXED ? 3 : 0;
+    const unsigned keep = (unsigned)keep_fd, first = CTS_SANITIZED ? 3 : 0;
     if (keep > first && close_range(first, keep - 1, 0))
         return errno;
     return close_range(keep + 1, ~0u, 0) ? errno : 0;

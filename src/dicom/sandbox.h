@@ -2,24 +2,14 @@
 #ifndef CTS_DICOM_SANDBOX_H
 #define CTS_DICOM_SANDBOX_H
 
+#include "base/sanitized.h"
 #include <stddef.h>
 
 /* Shut the calling process in for good: of its files only keep_fd stays open, its memory may grow by n_bytes, and of
  * the system calls only those are left that ask for memory, move bytes over keep_fd and end the process; a file cannot
  * be opened, and any other call ends it with SIGSYS. Signals sent to the program's group leave it alone. 0, or an
  * errno. Builds with sanitizers, which map and open what they like, keep the limits on processes, programs and the
- * network alone (CTS_SANDBOX_RELAXED). */
+ * network alone (CTS_SANITIZED). */
 int cts_sandbox_enter(int keep_fd, size_t n_bytes);
-
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define CTS_SANDBOX_RELAXED 1
-#elif defined(__has_feature)
-#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
-#define CTS_SANDBOX_RELAXED 1
-#endif
-#endif
-#ifndef CTS_SANDBOX_RELAXED
-#define CTS_SANDBOX_RELAXED 0
-#endif
 
 #endif

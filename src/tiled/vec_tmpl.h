@@ -13,6 +13,7 @@
 #ifndef CTS_TILED_VEC_TMPL_H
 #define CTS_TILED_VEC_TMPL_H
 
+#include "base/sanitized.h"
 #include "tiled/march.h"
 #include <stdint.h>
 
@@ -23,13 +24,6 @@ typedef int32_t vi __attribute__((vector_size(4 * LANES)));
 
 /* Fast paths want their small functions inlined whatever the compiler thinks; plain ones, and builds with sanitizers,
  * whose code is several times as long, do not. */
-#ifdef __has_feature
-#define CTS_SANITIZED (__has_feature(address_sanitizer) || __has_feature(thread_sanitizer))
-#elif defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
-#define CTS_SANITIZED 1
-#else
-#define CTS_SANITIZED 0
-#endif
 #if defined(__FMA__) && !CTS_SANITIZED
 #define INLINE static inline __attribute__((always_inline))
 #else

@@ -120,7 +120,7 @@ static void test_deaths(void **state)
     const int files = open_files();
     CtsDecoder d = cts_decoder_make(act);
     for (size_t i = 0; i < sizeof deaths / sizeof *deaths; i++) {
-        const char *reason = CTS_SANDBOX_RELAXED ? deaths[i].relaxed : deaths[i].reason;
+        const char *reason = CTS_SANITIZED ? deaths[i].relaxed : deaths[i].reason;
         const void *pixels;
         CtsError err;
         if (!reason[0])
@@ -234,7 +234,7 @@ static void test_many_threads(void **state)
 {
     (void)state;
     /* A sanitizer's malloc is not made whole after a fork. */
-    const int n_busy = CTS_SANDBOX_RELAXED ? 0 : 1;
+    const int n_busy = CTS_SANITIZED ? 0 : 1;
     pthread_t starters[4], busy;
     int failed[4] = {0}, stop = 0;
     if (n_busy)

@@ -1,0 +1,16 @@
+/* Whether a sanitizer watches this build: gcc and clang say so in different ways. */
+#ifndef CTS_BASE_SANITIZED_H
+#define CTS_BASE_SANITIZED_H
+
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__)
+#define CTS_SANITIZED 1
+#elif defined(__has_feature)
+#if __has_feature(address_sanitizer) || __has_feature(thread_sanitizer) || __has_feature(memory_sanitizer)
+#define CTS_SANITIZED 1
+#endif
+#endif
+#ifndef CTS_SANITIZED
+#define CTS_SANITIZED 0
+#endif
+
+#endif
