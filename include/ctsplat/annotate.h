@@ -13,7 +13,8 @@ extern "C" {
 
 /* orientation: which way of the patient each edge points, as A P L R H F and pairs like LA.
  * scale: a bar of a round length (1, 2 or 5 times a power of ten) near a fifth of the width, with its length in mm.
- * Light with a dark rim, so that any background lets it be read; blended over the pixels, so that a grey picture
+ * Light with a dark rim, over a light background (info.light_behind) dark with a light one, so that marks stand out
+ * from it and can be read over the patient too; blended over the pixels, so that a grey picture
  * stays grey and transparent places become opaque where something is drawn. Depth is left alone. Of a band what falls
  * into its rows is drawn. A mark that a small picture has no room for is left out; n_left_out (may be NULL) counts
  * them. CTS_ERR_USAGE when a scale is asked for and the picture's mm_per_pixel is not known. */

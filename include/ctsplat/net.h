@@ -32,8 +32,13 @@ typedef struct CtsNet {
     int timeout_s;           /* that a silent peer is waited for; 0: 30 */
     int n_tries;             /* to send, with pauses that double between them; 0: 4 */
     int move_port;           /* fetch by C-MOVE to this port of ours; 0: by C-GET */
-    const volatile sig_atomic_t *stop; /* give up with CTS_ERR_INTERRUPTED; may be NULL */
+    const volatile sig_atomic_t *stop;             /* give up with CTS_ERR_INTERRUPTED; may be NULL */
+    void (*sent)(void *context, const char *path); /* a file that the peer has confirmed; may be NULL */
+    void *context;                                 /* for sent */
 } CtsNet;
+
+/* What can be refused before any work. */
+CtsStatus cts_net_check(const CtsNet *net, CtsError *err);
 
 /* Send DICOM files. A peer that is down, refuses or dies costs no file: CTS_ERR_OUTPUT names the first that is not
  * there and how to send it again. *n_sent counts those that the peer has confirmed (may be NULL). */

@@ -22,10 +22,11 @@ typedef struct CtsPictureInfo {
     double window_low_hu, window_high_hu; /* grey pictures: HU shown as black and white */
     /* The camera: unit vectors and the picture's centre, patient coordinates (LPS, mm). */
     double right_lps[3], up_lps[3], forward_lps[3], centre_lps[3];
-    bool grey;        /* grey whatever the volume: a projection, or a preset without colours, over grey or nothing */
-    bool shows_skin;  /* a composite that lets skin be seen: a face may be recognised */
-    bool annotated;   /* marks are drawn on it */
-    double camera_mm; /* how far before centre_lps the camera plane stands, where depth is 0 */
+    bool grey;         /* grey whatever the volume: a projection, or a preset without colours, over grey or nothing */
+    bool light_behind; /* behind what is visible it is nearer to white than to black */
+    bool shows_skin;   /* a composite that lets skin be seen: a face may be recognised */
+    bool annotated;    /* marks are drawn on it */
+    double camera_mm;  /* how far before centre_lps the camera plane stands, where depth is 0 */
 } CtsPictureInfo;
 
 /* n_channels 4: premultiplied red, green, blue and alpha; 1: grey without alpha (mip, minip, average).
@@ -40,6 +41,8 @@ typedef struct CtsPicture {
     float *pixels;
     float *depth_mm; /* distance of the first visible surface from the camera plane (the plane through the nearest
                         corner of the volume's bounding sphere) along the view; +inf where empty; may be NULL */
+    float *bound;    /* what each pixel's error, rms over red, green and blue, does not exceed as far as the engine
+                        knows; NULL: it does not tell */
     bool has_alpha;  /* false once blended over a background: alpha is then 1 everywhere */
     CtsPictureInfo info;
 } CtsPicture;

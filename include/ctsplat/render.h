@@ -85,6 +85,9 @@ typedef struct CtsRenderSettings {
 
 void cts_render_defaults(CtsRenderSettings *settings);
 
+/* What can be refused before there is a volume: a setting out of its bounds, an engine that lacks what is asked for. */
+CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *settings, CtsError *err);
+
 /* One picture, premultiplied, not yet blended over a background. Threads never change a bit of it.
  * With settings->explain *picture stays NULL and report->plan holds the plan. */
 CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
@@ -104,8 +107,8 @@ CtsStatus cts_render_frame(CtsRenderer *renderer, double azimuth_deg, double ele
                            CtsReport *report, CtsError *err);
 
 /* Where bands of a picture go. take may change a band and must not keep it. max_rows: the most rows of a band, rounded
- * down to a multiple of CTS_BAND_ROWS (but not below); 0: as many as 128 MiB hold, so that memory does not grow with
- * the picture. */
+ * down to a multiple of CTS_BAND_ROWS (but not below), and never more than 128 MiB hold, so that memory does not grow
+ * with the picture; 0: as many as those. */
 typedef struct CtsBandSink {
     CtsStatus (*take)(void *context, CtsPicture *band, CtsError *err);
     void *context;

@@ -63,15 +63,28 @@ typedef struct CtsVoxelCounts {
     uint64_t total, void_voxels, reused, splatted;
 } CtsVoxelCounts;
 
+enum { CTS_ERROR_CAPS = 16 };
+
 typedef struct CtsVerified {
-    uint64_t pixels;     /* 0: not verified */
-    double rmse;         /* over display values 0..1 of red, green and blue */
+    uint64_t pixels;            /* 0: not verified */
+    double rmse;                /* over display values 0..1 of red, green and blue */
     double rmse_low, rmse_high; /* 95 % confidence interval */
     double p999, max;
-    double share_above;  /* share of pixels off by more than 1/255 */
-    double wall_ms, cpu_ms; /* the verification's own; not the picture's, though in its composite stage */
+    double share_above;            /* share of pixels off by more than 1/255 */
+    double share_high;             /* 97.5 % limit of that; with CtsRenderSettings.verify alone */
+    double unit;                   /* the largest share of the picture that a sampled pixel stands for; 0: all were */
+    double capped[CTS_ERROR_CAPS]; /* mean square error, no pixel's square counted as more than 4^-k */
+    double wall_ms, cpu_ms;        /* the verification's own; not the picture's, though in its composite stage */
     int worst_x, worst_y;
 } CtsVerified;
+
+/* What a picture's error against the integral does not exceed, over display values 0..1 before rounding to a file's
+ * bits; of several pictures the largest. */
+typedef struct CtsErrorBound {
+    bool known;
+    double rmse, max;
+    uint64_t cast; /* pixels that were cast one by one to keep it */
+} CtsErrorBound;
 
 typedef struct CtsReport {
     char series_uid[65]; /* the series that was loaded; "" before */
@@ -81,8 +94,9 @@ typedef struct CtsReport {
     CtsFindings findings;
     CtsVoxelCounts voxels;
     CtsVerified verified;
+    CtsErrorBound bound;
     double key_loss; /* share of the volume's opacity that void_key left out; 0 without it */
-    char *plan; /* for people: lines of text; NULL until a plan is made */
+    char *plan;      /* for people: lines of text; NULL until a plan is made */
 } CtsReport;
 
 /* Zero-initialise a CtsReport before use; this frees what it owns and zeroes it again. */

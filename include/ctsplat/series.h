@@ -34,12 +34,20 @@ typedef struct CtsSeries {
     struct CtsSlice *slices; /* n_slices headers in order of position; owned */
 } CtsSeries;
 
+/* n files of one kind: "MR Image", "not DICOM". */
+typedef struct CtsFileCount {
+    char what[64];
+    int n;
+} CtsFileCount;
+
 typedef struct CtsSeriesList {
     CtsSeries *items; /* most slices first, then by uid and part */
     size_t n;
-    int n_files;      /* looked at */
-    int n_not_ct;     /* passed over in silence: not DICOM, other modalities, DICOMDIR, ... */
-    int n_unreadable; /* DICOM that could not be read; findings name them */
+    int n_files;          /* looked at */
+    int n_not_ct;         /* passed over in silence: not DICOM, other modalities, DICOMDIR, ... */
+    int n_unreadable;     /* DICOM that could not be read; findings name them */
+    CtsFileCount *others; /* what the n_not_ct files are, most frequent first; n_others, owned */
+    size_t n_others;
     CtsFindings findings;
     struct CtsArchive **archives; /* n_archives zip files in memory, which slices are read from; owned */
     size_t n_archives;
@@ -50,6 +58,15 @@ typedef struct CtsSeriesList {
 CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
                           CtsError *err);
 void cts_series_list_free(CtsSeriesList **list);
+
+/* Zip files that stay unpacked in memory from one search to the next, and for processes that are forked between. */
+typedef struct CtsArchives CtsArchives;
+void cts_archives_free(CtsArchives **archives);
+/* The same, where paths may name members too: "FILE.zip/MEMBER". archives may be NULL, and must outlast the list. */
+CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *paths, int n_paths, int n_threads,
+                                CtsSeriesList **list, CtsReport *report, CtsError *err);
+/* What was passed over, as text: "3 MR Image, 1 not DICOM"; "" for nothing. Cut to its size. */
+void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size);
 
 /* A file of an archive, for as long as the call lasts. */
 typedef struct CtsArchiveFile {
@@ -74,6 +91,7 @@ typedef struct CtsArchiveSearch {
     int n_paths, n_threads;
     CtsArchiveSink found;
     void *context;
+    CtsArchives **archives; /* takes the zip files that are named in, whose members have paths of their own */
     const volatile sig_atomic_t *stop;
 } CtsArchiveSearch;
 CtsStatus cts_archive_search(const CtsArchiveSearch *search, CtsArchiveCounts *counts, CtsError *err);
@@ -87,7 +105,7 @@ CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const Ct
  * Adds the decode and grey stages and the series' warnings to report. */
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err);
 
-/* The same, but where slices are unevenly spaced the even layers made of them come from monotone cubics instead of
+/* The same, but where slices are unevenly spaced the even layers made of them come from cubics instead of
  * straight lines (cts_volume_refine() says which). */
 CtsStatus cts_series_load_cubic(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
                                 CtsError *err);

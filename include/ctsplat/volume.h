@@ -26,6 +26,10 @@ typedef struct CtsVolume {
     /* HU = hu_offset + hu_step * grey. Usually -1024 and 1; hu_step is a negative power of two for a fractional
      * rescale slope. Grey 0 is air or padding, the paper's invalid data. */
     double hu_offset, hu_step;
+    /* How many layers go from one slice as it was scanned to the next: 1, or more where layers were put between them.
+     * Over that distance gradients are taken along the slice axis, since what lies between two slices was never
+     * measured. */
+    int slice_layers;
     double hu_min, hu_max; /* of the pixels as stored, padding left out, before anything was clamped */
     /* Ranges of grey levels by macro-cell, for engines that skip what is void; NULL where nobody has made them. Whoever
      * changes grey calls cts_volume_changed(). */
@@ -69,8 +73,8 @@ CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const doubl
  * than one and a half pixels, at most 8. */
 int cts_volume_thickness(const CtsVolume *volume);
 
-/* Puts n_parts - 1 layers between any two slices, by monotone cubics along the slice axis (Fritsch and Carlson 1980):
- * grey levels at the slices stay what they were, and between two slices nothing passes their values. n_parts 1 changes
+/* Puts n_parts - 1 layers between any two slices, by cubics along the slice axis (Catmull and Rom 1974): grey levels at
+ * the slices stay what they were, and between two slices nothing passes their values. n_parts 1 changes
  * nothing. n_threads 0: all cores; threads never change the result. On CTS_ERR_MEMORY the volume is as it was. */
 CtsStatus cts_volume_refine(CtsVolume *volume, int n_parts, int n_threads, CtsError *err);
 

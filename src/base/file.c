@@ -13,6 +13,7 @@ struct CtsTempFile {
     int fd;
     char *target; /* the final name */
     char *path;   /* the temporary one */
+    char *folder; /* of both */
     bool loose;   /* a power cut may take it */
 };
 
@@ -32,30 +33,35 @@ static CtsStatus fail_errno(CtsError *err, const char *path, const char *what)
                     e == ENOSPC || e == EDQUOT ? " (free some space, or choose another folder)" : "");
 }
 
+static void free_temp(CtsTempFile **temp)
+{
+    CtsTempFile *t = *temp;
+    if (t) {
+        free(t->target);
+        free(t->path);
+        free(t->folder);
+    }
+    free(t);
+    *temp = NULL;
+}
+
 CtsStatus cts_temp_open(CtsTempFile **temp, const char *path, CtsError *err)
 {
-    *temp = NULL;
-    CtsTempFile *t = calloc(1, sizeof *t);
-    char *folder = folder_of(path);
     const char *base = strrchr(path, '/') ? strrchr(path, '/') + 1 : path;
-    if (!t || !folder || !(t->target = strdup(path)) ||
-        asprintf(&t->path, "%s/.%.100s.%ld.XXXXXX.tmp", folder, base, (long)getpid()) < 0) {
+    CtsTempFile *t = *temp = calloc(1, sizeof *t);
+    if (!t || !(t->folder = folder_of(path)) || !(t->target = strdup(path)) ||
+        asprintf(&t->path, "%s/.%.100s.%ld.XXXXXX.tmp", t->folder, base, (long)getpid()) < 0) {
         if (t)
-            free(t->target);
-        free(t);
-        free(folder);
+            t->path = NULL; /* what asprintf() leaves there is not said */
+        free_temp(temp);
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     }
-    free(folder);
     t->fd = mkostemps(t->path, 4, O_CLOEXEC);
     if (t->fd < 0) {
         const CtsStatus st = fail_errno(err, path, "cannot be created");
-        free(t->target);
-        free(t->path);
-        free(t);
+        free_temp(temp);
         return st;
     }
-    *temp = t;
     return CTS_OK;
 }
 
@@ -107,18 +113,13 @@ static mode_t current_umask(void)
     return mask;
 }
 
-static CtsStatus sync_folder(const char *path, CtsError *err)
+static void sync_folder(const char *folder)
 {
-    char *folder = folder_of(path);
-    if (!folder)
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     const int fd = open(folder, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-    free(folder);
     if (fd >= 0) {
         fsync(fd); /* some file systems cannot; the rename has happened all the same */
         close(fd);
     }
-    return CTS_OK;
 }
 
 CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsError *err)
@@ -144,12 +145,10 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
     if (!st) {
         if (bytes)
             *bytes = (uint64_t)info.st_size;
-        st = t->loose ? CTS_OK : sync_folder(t->target, err);
-        free(t->target);
-        free(t->path);
-        free(t);
-        *temp = NULL;
-        return st;
+        if (!t->loose)
+            sync_folder(t->folder);
+        free_temp(temp);
+        return CTS_OK;
     }
     cts_temp_discard(temp);
     return st;
@@ -168,10 +167,7 @@ void cts_temp_discard(CtsTempFile **temp)
     if (t->fd >= 0)
         close(t->fd);
     unlink(t->path);
-    free(t->target);
-    free(t->path);
-    free(t);
-    *temp = NULL;
+    free_temp(temp);
 }
 
 CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err)

@@ -1,9 +1,12 @@
+#define _GNU_SOURCE
 #include "base/json.h"
 
+#include <ctype.h>
 #include <limits.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 CtsStatus cts_json_open(CtsJson *json, CtsError *err)
@@ -186,6 +189,20 @@ CtsStatus cts_json_string(const CtsJsonAt *at, const char **value, CtsError *err
         return cts_json_fail(at, err, "%s is not a text in quotes", what);
     *value = json_string_value(at->value);
     return CTS_OK;
+}
+
+json_t *cts_json_new_text(const char *text)
+{
+    json_t *value = json_string(text);
+    if (value)
+        return value;
+    char *copy = strdup(text);
+    for (char *c = copy; c && *c; c++)
+        if (!isascii((unsigned char)*c))
+            *c = '?';
+    value = copy ? json_string(copy) : json_null();
+    free(copy);
+    return value;
 }
 
 json_t *cts_json_new_number(double value)

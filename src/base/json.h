@@ -48,6 +48,8 @@ CtsStatus cts_json_bool(const CtsJsonAt *at, bool *value, CtsError *err);
 /* Stays the document's. */
 CtsStatus cts_json_string(const CtsJsonAt *at, const char **value, CtsError *err);
 
+/* Text from outside; what is not UTF-8 becomes question marks. */
+json_t *cts_json_new_text(const char *text);
 /* A number as people write it: without a point when it is whole. */
 json_t *cts_json_new_number(double value);
 

@@ -25,11 +25,12 @@
         fault(LEAP_RANGE)        /* tiled: a macro-cell judged by its lowest level */                                  \
         fault(STOP_EARLY)        /* tiled: stops with a quarter of the light left */                                   \
         fault(ATTENUATION)       /* tiled: no attenuation within a slab */                                             \
-        fault(BLIND_FILL)        /* tiled: rows between filled whatever is around them */                              \
         fault(KNOTS)             /* raycast: not cut at the transfer function's points */                              \
         fault(TURNS)             /* raycast: not cut where HU turns */                                                 \
-        fault(BORDER_DIFFERENCE) /* raycast: one-sided differences over two voxels */                                  \
-        fault(MODE_EXTREMES)     /* raycast: extremes looked for at cell faces alone */
+        fault(BORDER_DIFFERENCE) /* raycast: no air beyond the border */                                               \
+        fault(MODE_EXTREMES)     /* raycast: extremes looked for at cell faces alone */                                \
+        fault(VOXEL_LENGTH)      /* opacity per voxel: by the largest step along the ray, not its length */            \
+        fault(TOLERANCE_LESS)    /* layers: a change of exactly the tolerance counts as one */
 
 #define CTS_MUTATION_ENTRY(name) CTS_MUTATION_##name,
 enum CtsMutation { CTS_MUTATION_NONE, CTS_MUTATIONS(CTS_MUTATION_ENTRY) CTS_N_MUTATIONS };

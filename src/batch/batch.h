@@ -7,6 +7,7 @@
 #include "ctsplat/preset.h"
 #include "ctsplat/report.h"
 #include "ctsplat/series.h"
+#include "report/info.h"
 #include <signal.h>
 
 /* More series at once are not started, whatever is asked for. */
@@ -29,6 +30,7 @@ typedef struct CtsBatchTask {
     const char *uid; /* "" stands for files without one */
     const char *const *paths;
     int n_paths, n_threads;
+    const CtsArchives *archives; /* that hold some of them */
     struct CtsBatchChild *child; /* for the calls below */
 } CtsBatchTask;
 
@@ -41,17 +43,26 @@ typedef CtsStatus (*CtsBatchWork)(void *context, const CtsBatchTask *task, CtsEr
  * cts_batch_end() comes next. */
 CtsStatus cts_batch_begin(struct CtsBatchChild *child, const CtsSeries *series, const CtsBatchPicture **pictures,
                           int *n, CtsError *err);
-/* The volume is in memory: waits until it is this process's turn to render. hu_min and hu_max are its own. */
-CtsStatus cts_batch_loaded(struct CtsBatchChild *child, double hu_min, double hu_max, CtsError *err);
+/* The volume is in memory: waits until it is this process's turn to render. */
+CtsStatus cts_batch_loaded(struct CtsBatchChild *child, const CtsPixelFacts *facts, CtsError *err);
+/* The last picture is rendered, though not all of it is written: another series may render. */
+CtsStatus cts_batch_rendered(struct CtsBatchChild *child, CtsError *err);
 /* A file of a picture that is whole, or one of its thumbnails. frame: of a rotation, else -1. */
 CtsStatus cts_batch_output(struct CtsBatchChild *child, const CtsBatchPicture *picture, const char *path, int frame,
                            uint64_t bytes, CtsError *err);
 CtsStatus cts_batch_thumbnail(struct CtsBatchChild *child, const CtsBatchPicture *picture, const char *path,
                               int n_frames, const int size[2], uint64_t bytes, CtsError *err);
-/* All files of a picture are whole: they are the batch's from here on. */
-CtsStatus cts_batch_picture_done(struct CtsBatchChild *child, const CtsBatchPicture *picture, CtsError *err);
+/* All files of a picture are whole: they are the batch's from here on. The report knows what its verification found,
+ * and its findings from first_finding on are the picture's. */
+CtsStatus cts_batch_picture_done(struct CtsBatchChild *child, const CtsBatchPicture *picture, const CtsReport *report,
+                                 size_t first_finding, CtsError *err);
 /* A series came to its end: status and why are what its rendering ended with. */
 CtsStatus cts_batch_end(struct CtsBatchChild *child, const CtsReport *report, CtsStatus status, const CtsError *why);
+
+/* Runs in a process of its own: stores files to the PACS and calls sent for each that it has. */
+typedef CtsStatus (*CtsBatchSend)(void *context, const char *const *paths, int n,
+                                  void (*sent)(void *sent_context, const char *path), void *sent_context,
+                                  CtsError *err);
 
 /* For people: lines and a forecast. Any may be NULL. */
 typedef struct CtsBatchTold {
@@ -84,13 +95,16 @@ typedef struct CtsBatchSettings {
     uint64_t series_bytes;        /* memory of one series; 0: what the machine has */
     bool fresh, show_patient;
     CtsBatchWork work;
+    const char *send_to; /* the PACS that .dcm files go to, as the journal names it; NULL: none */
+    CtsBatchSend send;
     void *context;
     CtsBatchTold told;
     const volatile sig_atomic_t *stop;
 } CtsBatchSettings;
 
 typedef struct CtsBatchResult {
-    size_t n_series, n_done, n_stood, n_refused, n_failed; /* n_stood of n_done needed nothing */
+    size_t n_series;                             /* the files of one UID may hold several */
+    size_t n_done, n_stood, n_refused, n_failed; /* n_stood of n_done needed nothing */
 } CtsBatchResult;
 
 /* Makes -O where it is missing; refuses one that cannot be written, or that is itself searched for series. */

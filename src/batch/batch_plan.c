@@ -36,6 +36,7 @@ struct CtsPlan {
     Unit *units;
     size_t n_entries, n_units;
     CtsArchiveCounts counts;
+    CtsArchives *archives;
     char last_uid[80];
     uint64_t last_key;
     Entry *lost; /* files that cannot be read, by their folder's key */
@@ -343,6 +344,7 @@ CtsStatus cts_plan_new(CtsPlan **plan, const CtsPlanInput *input, CtsError *err)
                                      .n_threads = input->n_threads,
                                      .found = take_file,
                                      .context = p,
+                                     .archives = &p->archives,
                                      .stop = input->stop};
     if ((st = cts_archive_search(&search, &p->counts, err)))
         goto end;
@@ -372,8 +374,14 @@ void cts_plan_free(CtsPlan **plan)
     free(p->lost);
     free(p->folders.items);
     free(p->units);
+    cts_archives_free(&p->archives);
     free(p);
     *plan = NULL;
+}
+
+const CtsArchives *cts_plan_archives(const CtsPlan *plan)
+{
+    return plan->archives;
 }
 
 size_t cts_plan_n_series(const CtsPlan *plan)
@@ -403,7 +411,7 @@ static int by_content(const void *a, const void *b)
     return x->record.mtime_ns < y->record.mtime_ns ? -1 : x->record.mtime_ns > y->record.mtime_ns;
 }
 
-/* Members of one archive have one path: the first by content stands for them. */
+/* PATHs may hold one another. */
 static int by_path(const void *a, const void *b)
 {
     const int order = strcmp(((const File *)a)->path, ((const File *)b)->path);
@@ -471,7 +479,7 @@ CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, 
     for (size_t k = 0; k < unit->n; k++) {
         series->n_voxels += files[k].record.n_voxels;
         if (series->n_paths && !strcmp(series->paths[series->n_paths - 1], files[k].path))
-            continue; /* PATHs that hold one another, or members of one archive */
+            continue;
         series->paths[series->n_paths] = files[k].path;
         files[series->n_paths++] = files[k];
     }

@@ -35,6 +35,8 @@ typedef struct CtsPlanSeries {
 CtsStatus cts_plan_new(CtsPlan **plan, const CtsPlanInput *input, CtsError *err);
 void cts_plan_free(CtsPlan **plan);
 
+/* The zip files among the paths, unpacked; NULL when there are none. The plan's. */
+const CtsArchives *cts_plan_archives(const CtsPlan *plan);
 size_t cts_plan_n_series(const CtsPlan *plan);
 CtsArchiveCounts cts_plan_counts(const CtsPlan *plan);
 /* Series i in the order in which their first files were met. Free with cts_plan_series_free(). */

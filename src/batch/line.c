@@ -62,20 +62,6 @@ CtsStatus cts_line_options_hash(const CtsBatchSettings *s, char hex[65], CtsErro
     return st ? st : finished;
 }
 
-json_t *cts_line_text(const char *text)
-{
-    json_t *value = json_string(text);
-    if (value)
-        return value;
-    char *copy = strdup(text);
-    for (char *c = copy; c && *c; c++)
-        if (!isascii((unsigned char)*c))
-            *c = '?';
-    value = copy ? json_string(copy) : json_null();
-    free(copy);
-    return value;
-}
-
 void cts_line_stem(const CtsBatchSettings *s, const CtsBatchPicture *picture, char stem[CTS_LINE_STEM])
 {
     snprintf(stem, CTS_LINE_STEM, "%s-%s", s->presets[picture->preset].name, s->views[picture->view].name);
@@ -98,9 +84,11 @@ static bool is_below(const char *path)
     return path[0] && path[0] != '/' && !strstr(path, "..");
 }
 
-static bool full_path(const CtsBatchSettings *s, const char *path, char full[PATH_MAX])
+bool cts_line_path(const CtsBatchSettings *s, const json_t *entry, char *path, size_t size)
 {
-    return is_below(path) && snprintf(full, PATH_MAX, "%s/%s", s->folder, path) < PATH_MAX;
+    const char *name = text_of(entry, "path");
+    const int n = is_below(name) ? snprintf(path, size, "%s/%s", s->folder, name) : -1;
+    return n > 0 && (size_t)n < size;
 }
 
 static CtsStatus hash_file(const char *path, char hex[65], CtsError *err)
@@ -137,13 +125,13 @@ static json_int_t mtime_of(const struct stat *info)
     return (json_int_t)info->st_mtim.tv_sec * 1000000000 + info->st_mtim.tv_nsec;
 }
 
-CtsStatus cts_line_file_facts(const CtsBatchSettings *s, const char *path, json_t *entry, CtsError *err)
+CtsStatus cts_line_file_facts(const CtsBatchSettings *s, json_t *entry, CtsError *err)
 {
     char full[PATH_MAX], hex[65];
     struct stat info;
     CtsStatus st;
-    if (!full_path(s, path, full) || stat(full, &info))
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: is gone again", path);
+    if (!cts_line_path(s, entry, full, sizeof full) || stat(full, &info))
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: is gone again", text_of(entry, "path"));
     if ((st = hash_file(full, hex, err)))
         return st;
     json_object_set_new(entry, "bytes", json_integer((json_int_t)info.st_size));
@@ -157,7 +145,7 @@ static bool file_stands(const CtsBatchSettings *s, const json_t *entry, bool by_
 {
     char full[PATH_MAX], hex[65];
     struct stat info;
-    if (!full_path(s, text_of(entry, "path"), full) || lstat(full, &info) || !S_ISREG(info.st_mode) ||
+    if (!cts_line_path(s, entry, full, sizeof full) || lstat(full, &info) || !S_ISREG(info.st_mode) ||
         info.st_size != json_integer_value(json_object_get(entry, "bytes")))
         return false;
     if (!by_hash || mtime_of(&info) == json_integer_value(json_object_get(entry, "mtime_ns")))
@@ -194,6 +182,31 @@ bool cts_line_stands(const CtsBatchSettings *s, const json_t *line, const CtsBat
     return n_found == n_wanted;
 }
 
+bool cts_line_waits(const CtsBatchSettings *s, const json_t *entry)
+{
+    const json_t *sent_to = json_object_get(entry, "sent_to");
+    bool asked_for = false;
+    for (int p = 0; s->send_to && p < s->n_presets; p++)
+        for (int v = 0; v < s->n_views; v++) {
+            const CtsBatchPicture picture = {.preset = p, .view = v};
+            asked_for |= is_of(entry, s, &picture, "dcm");
+        }
+    for (size_t i = 0; i < json_array_size(sent_to) && asked_for; i++) {
+        const char *peer = json_string_value(json_array_get(sent_to, i));
+        asked_for = !peer || strcmp(peer, s->send_to);
+    }
+    return asked_for;
+}
+
+int cts_line_n_waiting(const CtsBatchSettings *s, const json_t *line)
+{
+    int n = 0;
+    size_t i;
+    json_t *entry;
+    json_array_foreach(json_object_get(line, "outputs"), i, entry) n += cts_line_waits(s, entry);
+    return n;
+}
+
 bool cts_line_settled(const CtsBatchSettings *s, const json_t *line, const char *input_sha256)
 {
     const char *status = text_of(line, "status");
@@ -204,7 +217,8 @@ bool cts_line_settled(const CtsBatchSettings *s, const json_t *line, const char 
     if (!strcmp(status, "refused"))
         return json_integer_value(json_object_get(line, "exit_code")) == 4 && !cts_line_options_hash(s, hex, NULL) &&
                !strcmp(hex, text_of(line, "options_sha256"));
-    if (strcmp(status, "done"))
+    /* All but sending it went well. */
+    if (strcmp(status, "done") && !json_object_get(line, "unsent"))
         return false;
     for (int p = 0; p < s->n_presets; p++)
         for (int v = 0; v < s->n_views; v++) {
@@ -227,7 +241,7 @@ static void drop(json_t *line, const char *list, const CtsBatchSettings *s, cons
         char full[PATH_MAX];
         if (picture && !is_of(entry, s, picture, format))
             continue;
-        if (full_path(s, text_of(entry, "path"), full))
+        if (cts_line_path(s, entry, full, sizeof full))
             unlink(full);
         json_array_remove(entries, i);
     }
@@ -236,6 +250,11 @@ static void drop(json_t *line, const char *list, const CtsBatchSettings *s, cons
 void cts_line_drop(json_t *line, const CtsBatchSettings *s, const CtsBatchPicture *picture, const char *format)
 {
     drop(line, format ? "outputs" : "thumbnails", s, picture, format);
+}
+
+void cts_line_drop_error(json_t *line, const CtsBatchSettings *s, const CtsBatchPicture *picture)
+{
+    drop(line, "errors", s, picture, NULL);
 }
 
 void cts_line_drop_all(json_t *line, const CtsBatchSettings *s)

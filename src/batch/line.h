@@ -13,9 +13,6 @@ CtsStatus cts_line_settings_hash(const CtsBatchSettings *settings, int preset, i
 /* Of all options together. */
 CtsStatus cts_line_options_hash(const CtsBatchSettings *settings, char hex[65], CtsError *err);
 
-/* Text from outside as JSON; what is not UTF-8 becomes question marks. */
-json_t *cts_line_text(const char *text);
-
 /* PRESET-VIEW as a file name may have it. */
 void cts_line_stem(const CtsBatchSettings *settings, const CtsBatchPicture *picture, char stem[CTS_LINE_STEM]);
 
@@ -27,12 +24,21 @@ bool cts_line_stands(const CtsBatchSettings *settings, const json_t *line, const
  * good. */
 bool cts_line_settled(const CtsBatchSettings *settings, const json_t *line, const char *input_sha256);
 
+/* Whether the entry is a capture that this batch is to send and that the PACS does not have. */
+bool cts_line_waits(const CtsBatchSettings *settings, const json_t *entry);
+/* How many there are of them. */
+int cts_line_n_waiting(const CtsBatchSettings *settings, const json_t *line);
+/* The full path of an entry's file; false where it is none of -O. */
+bool cts_line_path(const CtsBatchSettings *settings, const json_t *entry, char *path, size_t size);
+
 /* This picture's files of a format (NULL: its thumbnails) do not stand: they leave the line and the disk. */
 void cts_line_drop(json_t *line, const CtsBatchSettings *settings, const CtsBatchPicture *picture, const char *format);
+/* What was measured of this picture's error leaves the line. */
+void cts_line_drop_error(json_t *line, const CtsBatchSettings *settings, const CtsBatchPicture *picture);
 /* All files that the line tells of leave the line and the disk: their input has changed. */
 void cts_line_drop_all(json_t *line, const CtsBatchSettings *settings);
 
-/* Size, time and SHA-256 of a file of -O. */
-CtsStatus cts_line_file_facts(const CtsBatchSettings *settings, const char *path, json_t *entry, CtsError *err);
+/* Size, time and SHA-256 of the entry's file. */
+CtsStatus cts_line_file_facts(const CtsBatchSettings *settings, json_t *entry, CtsError *err);
 
 #endif

@@ -2,11 +2,12 @@
 #define _GNU_SOURCE
 #include "base/clock.h"
 #include "base/cpu.h"
-#include "base/file.h"
 #include "base/mem.h"
 #include "batch/child.h"
 #include "batch/line.h"
+#include "batch/out_folder.h"
 #include "batch/sweep.h"
+#include "batch/worker.h"
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
@@ -16,39 +17,26 @@
 #include <string.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
-#include <sys/stat.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
-/* How long a child that was asked to stop may take, and how often the clock is looked at. */
-enum { GRACE_MS = 2000, TICK_MS = 200, SYNC_MS = 2000, MOST_MESSAGE = 64 << 20 };
+/* How often the clock is looked at; and how many series in a row may fail to be sent before a PACS is left alone. */
+enum { TICK_MS = 200, SYNC_MS = 2000, MOST_UNSENT = 3 };
+/* As many as render, as many again that write what they have rendered, one that reads ahead, and the sender. */
+#define N_WORKERS(n_jobs) (2 * (n_jobs) + 2)
 /* A volume of 16-bit voxels, its copies while it is worked on, and what a picture takes. */
 static const double BYTES_PER_VOXEL = 5, BYTES_PER_SERIES = 200e6;
-
-/* A series that is under way. */
-typedef struct Worker {
-    pid_t pid; /* 0: none */
-    int socket;
-    CtsPlanSeries series;
-    bool granted, loaded; /* may render; is ready to */
-    bool ended;           /* its last line came */
-    double deadline_ms;   /* INFINITY while it waits */
-    double stop_ms;       /* it was asked to end; 0: not yet */
-    const char *killed;   /* why, or NULL */
-    double bytes;         /* what it may take, guessed */
-    char *text;           /* of messages, as far as they came */
-    size_t n_text, capacity;
-} Worker;
 
 typedef struct Run {
     const CtsBatchSettings *settings;
     CtsBatchResult *result;
     CtsPlan *plan;
     CtsJournal *journal;
-    Worker *workers;
-    int n_workers; /* as many as render, and one that reads ahead */
-    int n_jobs, n_threads;
-    size_t next, n_ended;
+    CtsWorker *workers; /* the first one sends */
+    int n_workers, n_jobs, n_threads;
+    size_t next;
+    char **to_send; /* UIDs of series that wait to be sent */
+    size_t n_to_send, next_to_send;
+    int n_unsent; /* series in a row that could not be */
     double start_ms, free_bytes, told_ms, synced_ms;
     uint64_t voxels_done, voxels_left;
     CtsStatus status; /* why no more series are started */
@@ -66,13 +54,18 @@ static const char *text_of(const json_t *object, const char *key)
     return text ? text : "";
 }
 
+static size_t n_counted(const CtsBatchResult *result)
+{
+    return result->n_done + result->n_refused + result->n_failed;
+}
+
 static void tell_progress(Run *r)
 {
     const CtsBatchTold *told = &r->settings->told;
     const double spent_s = (cts_wall_ms() - r->start_ms) / 1000;
     r->told_ms = cts_wall_ms();
     if (told->progress)
-        told->progress(told->context, r->n_ended, r->result->n_series,
+        told->progress(told->context, n_counted(r->result), r->result->n_series,
                        r->voxels_done ? spent_s * (double)r->voxels_left / (double)r->voxels_done : -1);
 }
 
@@ -92,13 +85,16 @@ static void tell_series(Run *r, const json_t *line)
         told->series(told->context, text, !done);
 }
 
-/* A line that is the last of a series in this run. */
-static void count(Run *r, const json_t *line)
+/* A line that is the last of a series in this run; stood: nothing was made. */
+static void count(Run *r, const json_t *line, bool stood)
 {
     const char *status = text_of(line, "status");
+    r->result->n_stood += stood && !strcmp(status, "done");
     r->result->n_done += !strcmp(status, "done");
     r->result->n_refused += !strcmp(status, "refused");
     r->result->n_failed += !strcmp(status, "failed");
+    if (!stood)
+        tell_series(r, line);
 }
 
 /* The batch cannot go on; what is under way is asked to stop. */
@@ -119,111 +115,106 @@ static void add_line(Run *r, const json_t *line)
         give_up(r, st, &err);
 }
 
-/* Whether -O takes a file at all: else a failure to write is not the series' own. */
-static CtsStatus probe_folder(const Run *r, CtsError *err)
+static void queue_to_send(Run *r, const json_t *line)
 {
-    enum { PROBE = 1 << 20 };
-    char path[PATH_MAX];
-    CtsTempFile *temp = NULL;
-    char *bytes = calloc(1, PROBE);
-    if (!bytes || snprintf(path, sizeof path, "%s/probe", r->settings->folder) >= PATH_MAX) {
-        free(bytes);
-        return CTS_OK;
-    }
-    CtsStatus st = cts_temp_open(&temp, path, err);
-    if (!st && !(st = cts_temp_write(temp, bytes, PROBE, err)) && fsync(cts_temp_fd(temp)))
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be written: %s", r->settings->folder, strerror(errno));
-    cts_temp_discard(&temp);
-    free(bytes);
-    return st;
-}
-
-static void take_message(Run *r, Worker *w, char *text)
-{
-    const bool last = !strncmp(text, CTS_CHILD_LAST, strlen(CTS_CHILD_LAST));
-    if (!strcmp(text, CTS_CHILD_LOADED)) {
-        w->loaded = true;
-        w->deadline_ms = INFINITY;
+    char *uid = strdup(text_of(line, "series_uid"));
+    char **grown = uid && (r->n_to_send & (r->n_to_send - 1)) == 0
+                       ? realloc(r->to_send, (r->n_to_send ? 2 * r->n_to_send : 1) * sizeof *grown)
+                       : r->to_send;
+    if (!uid || !grown) {
+        CtsError err;
+        free(uid);
+        give_up(r, cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent"), &err);
         return;
     }
-    json_t *line = last || !strncmp(text, CTS_CHILD_LINE, strlen(CTS_CHILD_LINE))
-                       ? json_loads(strchr(text, ' ') + 1, 0, NULL)
-                       : NULL;
+    r->to_send = grown;
+    r->to_send[r->n_to_send++] = uid;
+}
+
+/* All of a series that was to be made is, or never will be. */
+static void end_series(Run *r, json_t *line, bool stood)
+{
+    const int n_waiting = strcmp(text_of(line, "status"), "done") ? 0 : cts_line_n_waiting(r->settings, line);
+    if (n_waiting > 0) {
+        json_object_set_new(line, "unsent", json_integer(n_waiting));
+        cts_child_set_status(line, 5, "not sent yet");
+        queue_to_send(r, line);
+    }
+    add_line(r, line);
+    if (n_waiting == 0)
+        count(r, line, stood);
+}
+
+static void end_sending(Run *r, const json_t *line)
+{
+    r->n_unsent = strcmp(text_of(line, "status"), "done") ? r->n_unsent + 1 : 0;
+    add_line(r, line);
+    count(r, line, false);
+}
+
+static void take_last(Run *r, CtsWorker *w, bool stood)
+{
+    CtsError err;
+    w->n_ended++;
+    if (w->n_ended > 1)
+        r->result->n_series++;
+    if (w->phase == CTS_WORKER_SENDS)
+        end_sending(r, w->line);
+    else
+        end_series(r, w->line, stood);
+    if (w->phase != CTS_WORKER_SENDS && json_integer_value(json_object_get(w->line, "exit_code")) == 5 &&
+        !json_object_get(w->line, "unsent") && cts_folder_probe(r->settings, &err))
+        give_up(r, CTS_ERR_OUTPUT, &err);
+    json_decref(w->line);
+    w->line = NULL;
+}
+
+static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
+{
+    const double limit_ms = 1000 * r->settings->series_timeout_s;
+    w->phase = phase;
+    if (phase != CTS_WORKER_WRITES)
+        w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
+}
+
+static void take_message(void *context, CtsWorker *w, const char *message)
+{
+    static const char *const words[] = {CTS_CHILD_BEGUN, CTS_CHILD_LINE, CTS_CHILD_LAST, CTS_CHILD_STANDS};
+    Run *const r = context;
+    size_t which = 0;
+    if (!strcmp(message, CTS_CHILD_LOADED) || !strcmp(message, CTS_CHILD_RENDERED)) {
+        set_phase(r, w, *message == *CTS_CHILD_LOADED ? CTS_WORKER_WAITS : CTS_WORKER_WRITES);
+        return;
+    }
+    while (which < 4 && strncmp(message, words[which], strlen(words[which])))
+        which++;
+    json_t *line = which < 4 ? json_loads(message + strlen(words[which]), 0, NULL) : NULL;
     if (!line || !text_of(line, "series_uid")[0]) {
         json_decref(line);
         return;
     }
-    add_line(r, line);
-    if (last) {
-        CtsError err;
-        w->ended = true;
-        count(r, line);
-        tell_series(r, line);
-        if (json_integer_value(json_object_get(line, "exit_code")) == 5 && probe_folder(r, &err))
-            give_up(r, CTS_ERR_OUTPUT, &err);
-    }
-    json_decref(line);
-}
-
-/* What came; false at its end. */
-static bool read_messages(Run *r, Worker *w)
-{
-    for (;;) {
-        if (w->capacity - w->n_text < 4096) {
-            const size_t capacity = w->capacity ? 2 * w->capacity : 1 << 16;
-            char *grown = capacity > MOST_MESSAGE ? NULL : realloc(w->text, capacity);
-            if (!grown)
-                return false;
-            w->text = grown;
-            w->capacity = capacity;
-        }
-        const ssize_t n = recv(w->socket, w->text + w->n_text, w->capacity - w->n_text - 1, 0);
-        if (n < 0 && errno == EINTR)
-            continue;
-        if (n <= 0)
-            return n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
-        w->n_text += (size_t)n;
-        w->text[w->n_text] = 0;
-        char *start = w->text;
-        for (char *end; (end = memchr(start, '\n', (size_t)(w->text + w->n_text - start))); start = end + 1) {
-            *end = 0;
-            take_message(r, w, start);
-        }
-        w->n_text -= (size_t)(start - w->text);
-        memmove(w->text, start, w->n_text);
-    }
+    json_decref(w->line);
+    w->line = line;
+    if (which == 1)
+        add_line(r, line);
+    else if (which > 1)
+        take_last(r, w, which == 3);
 }
 
 /* A series that ended without a word: what is known of it, with the reason. */
-static void tell_death(Run *r, const Worker *w, int how, const struct rusage *usage)
+static void tell_death(Run *r, CtsWorker *w, int how, const struct rusage *usage)
 {
     char reason[300];
-    if (w->killed)
-        snprintf(reason, sizeof reason, "%s", w->killed);
-    else if (WIFSIGNALED(how) && WTERMSIG(how) == SIGKILL)
-        snprintf(reason, sizeof reason, "its process was killed, as happens when memory runs out");
-    else if (WIFSIGNALED(how))
-        snprintf(reason, sizeof reason, "its process crashed: signal %d (%s)", WTERMSIG(how), strsignal(WTERMSIG(how)));
-    else
-        snprintf(reason, sizeof reason, "its process ended with status %d and told nothing", WEXITSTATUS(how));
-    json_t *line = cts_journal_find(r->journal, w->series.uid);
-    /* What it had finished is in the line that it told last, if that is of this input. */
-    if (!line || strcmp(text_of(line, "input_sha256"), w->series.input_sha256)) {
-        json_decref(line);
-        line = cts_child_failed_line(r->settings, &w->series, reason, 1);
-    }
-    json_object_set_new(line, "status", json_string("failed"));
-    json_object_set_new(line, "reason", json_string(reason));
-    json_object_set_new(line, "exit_code", json_integer(1));
-    json_object_set_new(line, "ended", cts_child_now());
-    json_object_set_new(line, "peak_rss_bytes", json_integer((json_int_t)usage->ru_maxrss * 1024));
-    add_line(r, line);
-    count(r, line);
-    tell_series(r, line);
-    json_decref(line);
+    cts_worker_reason(w, how, reason, sizeof reason);
+    if (!w->line)
+        w->line = cts_child_failed_line(r->settings, &w->series, reason, 1);
+    cts_child_set_status(w->line, 1, reason);
+    if (w->phase != CTS_WORKER_SENDS)
+        json_object_set_new(w->line, "peak_rss_bytes", json_integer((json_int_t)usage->ru_maxrss * 1024));
+    take_last(r, w, false);
 }
 
-static void sweep_series(const Run *r, const Worker *w)
+static void sweep_series(const Run *r, const CtsWorker *w)
 {
     char path[PATH_MAX];
     for (int deep = 0; deep < 2; deep++)
@@ -232,36 +223,41 @@ static void sweep_series(const Run *r, const Worker *w)
             cts_sweep(path, w->pid);
 }
 
-static void end_worker(Run *r, Worker *w, int how, const struct rusage *usage)
+static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage)
 {
-    read_messages(r, w);
+    cts_worker_read(w, take_message, r);
     const bool stopped = w->stop_ms > 0 && !w->killed;
-    if (!w->ended && !stopped)
+    if (!stopped && (w->line || !w->n_ended))
         tell_death(r, w, how, usage);
-    if (WIFSIGNALED(how) || WEXITSTATUS(how))
+    if (w->phase != CTS_WORKER_SENDS && (WIFSIGNALED(how) || WEXITSTATUS(how)))
         sweep_series(r, w);
-    r->n_ended++;
     r->free_bytes += w->bytes;
     r->voxels_done += w->series.n_voxels;
     r->voxels_left -= w->series.n_voxels;
-    close(w->socket);
-    cts_plan_series_free(&w->series);
-    free(w->text);
-    *w = (Worker){0};
+    cts_worker_free(w);
     tell_progress(r);
 }
 
-static Worker *free_worker(Run *r, int *n_busy)
+/* One that has no process; how many read, wait or render. */
+static CtsWorker *free_worker(const Run *r, int *n_at_work)
 {
-    Worker *found = NULL;
-    *n_busy = 0;
-    for (int i = 0; i < r->n_workers; i++) {
-        if (r->workers[i].pid)
-            ++*n_busy;
-        else if (!found)
+    CtsWorker *found = NULL;
+    *n_at_work = 0;
+    for (int i = 1; i < r->n_workers; i++) {
+        if (!r->workers[i].pid)
             found = &r->workers[i];
+        else
+            *n_at_work += r->workers[i].phase < CTS_WORKER_WRITES;
     }
     return found;
+}
+
+static bool any_worker(const Run *r)
+{
+    bool any = false;
+    for (int i = 0; i < r->n_workers; i++)
+        any |= r->workers[i].pid;
+    return any;
 }
 
 /* What an earlier run made of a series stands; says so in this shard's own journal. */
@@ -270,11 +266,15 @@ static bool stands(Run *r, const CtsPlanSeries *series)
     json_t *line = r->settings->fresh ? NULL : cts_journal_find(r->journal, series->uid);
     const bool settled = line && cts_line_settled(r->settings, line, series->input_sha256);
     if (settled) {
-        if (!cts_journal_holds(r->journal, series->uid))
-            add_line(r, line);
-        count(r, line);
-        r->result->n_stood += !strcmp(text_of(line, "status"), "done");
-        r->n_ended++;
+        if (json_object_get(line, "unsent")) {
+            json_object_del(line, "unsent");
+            cts_child_set_status(line, 0, "");
+            end_series(r, line, true);
+        } else if (cts_line_n_waiting(r->settings, line) || !cts_journal_holds(r->journal, series->uid)) {
+            end_series(r, line, true);
+        } else {
+            count(r, line, true);
+        }
         r->voxels_left -= series->n_voxels;
     }
     json_decref(line);
@@ -291,10 +291,10 @@ static int threads_of_one(const Run *r, int at_once)
 /* Starts the next series that has something to be made, if there is room for one. */
 static bool start_next(Run *r)
 {
-    int n_busy;
+    int n_at_work;
     CtsError err = {0};
-    Worker *w = free_worker(r, &n_busy);
-    while (w && r->next < cts_plan_n_series(r->plan) && !r->status && !interrupted(r)) {
+    CtsWorker *w = free_worker(r, &n_at_work);
+    while (w && n_at_work <= r->n_jobs && r->next < cts_plan_n_series(r->plan) && !r->status && !interrupted(r)) {
         CtsStatus st = cts_plan_series(r->plan, r->next, &w->series, &err);
         if (st) {
             give_up(r, st, &err);
@@ -308,14 +308,14 @@ static bool start_next(Run *r)
             continue;
         }
         const double bytes = BYTES_PER_SERIES + BYTES_PER_VOXEL * (double)w->series.n_voxels;
-        if (n_busy && bytes > r->free_bytes) {
+        if (any_worker(r) && bytes > r->free_bytes) {
             cts_plan_series_free(&w->series);
             return false;
         }
-        const size_t left = cts_plan_n_series(r->plan) - r->next + (size_t)n_busy;
+        const size_t left = cts_plan_n_series(r->plan) - r->next + (size_t)n_at_work;
         const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
-        st =
-            cts_child_start(r->settings, r->journal, &w->series, threads_of_one(r, at_once), &w->pid, &w->socket, &err);
+        st = cts_child_start(r->settings, r->journal, cts_plan_archives(r->plan), &w->series,
+                             threads_of_one(r, at_once), &w->pid, &w->socket, &err);
         if (st) {
             w->pid = 0;
             cts_plan_series_free(&w->series);
@@ -324,47 +324,65 @@ static bool start_next(Run *r)
         }
         w->bytes = bytes;
         r->free_bytes -= bytes;
-        w->deadline_ms =
-            r->settings->series_timeout_s > 0 ? cts_wall_ms() + 1000 * r->settings->series_timeout_s : INFINITY;
+        set_phase(r, w, CTS_WORKER_READS);
         r->next++;
         return true;
     }
     return false;
 }
 
-/* As many as n_jobs at a time may render; whoever is ready first goes first. */
-static void grant(Run *r)
+/* One series after the other goes to the PACS, which renders nothing and is not to be overrun. */
+static void start_sender(Run *r)
 {
-    int n_granted = 0;
-    for (int i = 0; i < r->n_workers; i++)
-        n_granted += r->workers[i].pid && r->workers[i].granted;
-    for (int loaded = 1; loaded >= 0; loaded--)
-        for (int i = 0; i < r->n_workers && n_granted < r->n_jobs; i++) {
-            Worker *w = &r->workers[i];
-            if (!w->pid || w->granted || w->loaded != loaded)
-                continue;
-            w->granted = true;
-            n_granted++;
-        }
-    for (int i = 0; i < r->n_workers; i++) {
-        Worker *w = &r->workers[i];
-        if (!w->pid || !w->granted || !w->loaded)
-            continue;
-        w->loaded = false; /* the files of one UID may hold several series, each of which asks */
-        if (send(w->socket, "g", 1, MSG_NOSIGNAL) < 0)
-            continue;
-        w->deadline_ms =
-            r->settings->series_timeout_s > 0 ? cts_wall_ms() + 1000 * r->settings->series_timeout_s : INFINITY;
+    CtsWorker *w = &r->workers[0];
+    CtsError err;
+    if (w->pid || r->next_to_send == r->n_to_send || r->n_unsent == MOST_UNSENT || r->status || interrupted(r))
+        return;
+    char *uid = r->to_send[r->next_to_send];
+    r->to_send[r->next_to_send++] = NULL;
+    json_t *line = cts_journal_find(r->journal, uid);
+    const CtsStatus st = line ? cts_sender_start(r->settings, r->journal, line, &w->pid, &w->socket, &err)
+                              : cts_fail(&err, CTS_ERR_OUTPUT, "%s: its line in the journal is gone", uid);
+    free(uid);
+    if (st) {
+        w->pid = 0;
+        json_decref(line);
+        give_up(r, st, &err);
+        return;
     }
+    w->line = line;
+    set_phase(r, w, CTS_WORKER_SENDS);
 }
 
-static void ask_to_stop(Worker *w, double now_ms)
+/* What still waits when all else is over. */
+static void leave_unsent(Run *r)
 {
-    if (w->stop_ms <= 0) {
-        w->stop_ms = now_ms;
-        kill(w->pid, SIGTERM);
-    } else if (now_ms - w->stop_ms > GRACE_MS) {
-        kill(w->pid, SIGKILL);
+    const size_t n = r->n_to_send - r->next_to_send;
+    char text[160];
+    for (size_t i = r->next_to_send; i < r->n_to_send; i++)
+        free(r->to_send[i]);
+    free(r->to_send);
+    if (n == 0 || r->status || interrupted(r))
+        return;
+    r->result->n_failed += n;
+    snprintf(text, sizeof text, "%zu more series are not sent, as %d before them could not be (run the batch again)", n,
+             MOST_UNSENT);
+    r->settings->told.warning(r->settings->told.context, text);
+}
+
+/* As many as n_jobs at a time may render. */
+static void grant(Run *r)
+{
+    int n_render = 0;
+    for (int i = 1; i < r->n_workers; i++)
+        n_render += r->workers[i].pid && r->workers[i].phase == CTS_WORKER_RENDERS;
+    for (int i = 1; i < r->n_workers && n_render < r->n_jobs; i++) {
+        CtsWorker *w = &r->workers[i];
+        if (!w->pid || w->phase != CTS_WORKER_WAITS)
+            continue;
+        n_render++;
+        set_phase(r, w, CTS_WORKER_RENDERS);
+        send(w->socket, "g", 1, MSG_NOSIGNAL); /* one that is gone is seen to be when it is waited for */
     }
 }
 
@@ -373,15 +391,13 @@ static void watch_clock(Run *r)
     const double now_ms = cts_wall_ms();
     const bool all = interrupted(r) || r->status;
     for (int i = 0; i < r->n_workers; i++) {
-        Worker *w = &r->workers[i];
+        CtsWorker *w = &r->workers[i];
         if (!w->pid)
             continue;
         if (all)
-            ask_to_stop(w, now_ms);
-        if (!w->killed && !all && now_ms > w->deadline_ms) {
-            w->killed = "it took longer than --series-timeout allows";
-            kill(w->pid, SIGKILL);
-        }
+            cts_worker_stop(w, now_ms);
+        else if (!w->killed && now_ms > w->deadline_ms)
+            cts_worker_kill(w, "it took longer than --series-timeout allows");
     }
     if (now_ms - r->told_ms > 1000)
         tell_progress(r);
@@ -397,8 +413,8 @@ static void watch_clock(Run *r)
 /* Waits for a word from any child, or for a while. */
 static void wait_for_any(Run *r)
 {
-    struct pollfd fds[1 + CTS_BATCH_MOST_JOBS];
-    Worker *of[1 + CTS_BATCH_MOST_JOBS];
+    struct pollfd fds[N_WORKERS(CTS_BATCH_MOST_JOBS)];
+    CtsWorker *of[N_WORKERS(CTS_BATCH_MOST_JOBS)];
     int n = 0;
     double wait_ms = TICK_MS;
     for (int i = 0; i < r->n_workers; i++)
@@ -410,10 +426,10 @@ static void wait_for_any(Run *r)
     if (poll(fds, (nfds_t)n, (int)ceil(wait_ms)) < 0)
         return;
     for (int i = 0; i < n; i++) {
-        Worker *w = of[i];
+        CtsWorker *w = of[i];
         struct rusage usage;
         int how;
-        const bool open = !fds[i].revents || read_messages(r, w);
+        const bool open = !fds[i].revents || cts_worker_read(w, take_message, r);
         const pid_t pid = wait4(w->pid, &how, open ? WNOHANG : 0, &usage);
         if (pid == w->pid)
             end_worker(r, w, how, &usage);
@@ -423,16 +439,16 @@ static void wait_for_any(Run *r)
 static CtsStatus run_series(Run *r)
 {
     for (;;) {
-        int n_busy;
         while (start_next(r))
             ;
-        free_worker(r, &n_busy);
-        if (!n_busy)
+        start_sender(r);
+        if (!any_worker(r))
             break;
         grant(r);
         wait_for_any(r);
         watch_clock(r);
     }
+    leave_unsent(r);
     if (interrupted(r))
         return cts_fail(r->err, CTS_ERR_INTERRUPTED, "interrupted");
     return r->status;
@@ -441,23 +457,6 @@ static CtsStatus run_series(Run *r)
 static void forget_patient(json_t *line)
 {
     json_object_del(json_object_get(line, "geometry"), "description");
-}
-
-CtsStatus cts_batch_open_folder(const CtsBatchSettings *s, CtsError *err)
-{
-    char folder[PATH_MAX], path[PATH_MAX];
-    if (mkdir(s->folder, 0777) && errno != EEXIST)
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", s->folder, strerror(errno));
-    if (!realpath(s->folder, folder))
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", s->folder, strerror(errno));
-    for (int i = 0; i < s->n_paths; i++)
-        if (realpath(s->paths[i], path) && !strcmp(path, folder))
-            return cts_fail(err, CTS_ERR_USAGE,
-                            "%s: is searched for series, and nothing is written there "
-                            "(choose another folder for -O)",
-                            s->folder);
-    snprintf(path, sizeof path, "%.4000s/batch.jsonl", s->folder);
-    return cts_file_check_writable(path, true, err);
 }
 
 static CtsStatus search(Run *r, CtsError *err)
@@ -478,6 +477,8 @@ static CtsStatus search(Run *r, CtsError *err)
         return st;
     const CtsArchiveCounts counts = cts_plan_counts(r->plan);
     r->result->n_series = cts_plan_n_series(r->plan);
+    if (!r->result->n_series && s->n_shards == 1 && s->series_uid)
+        return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", s->series_uid);
     if (!r->result->n_series && s->n_shards == 1)
         return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %llu files, %llu of them unreadable",
                         (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable);
@@ -499,8 +500,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     r.n_threads = cts_threads(settings->n_threads);
     r.n_jobs = settings->n_jobs ? settings->n_jobs : r.n_threads + 1; /* one of them may wait for the disk */
     r.n_jobs = r.n_jobs < CTS_BATCH_MOST_JOBS ? r.n_jobs : CTS_BATCH_MOST_JOBS;
-    r.n_workers = r.n_jobs + 1;
-    r.free_bytes = 0.9 * (double)cts_memory_available();
+    r.n_workers = N_WORKERS(r.n_jobs);
     if (!(r.workers = calloc((size_t)r.n_workers, sizeof *r.workers)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if ((st =
@@ -509,6 +509,7 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     cts_sweep_all(settings->folder, settings->shard, settings->n_shards);
     if ((st = search(&r, err)))
         goto end;
+    r.free_bytes = 0.9 * (double)cts_memory_available();
     st = run_series(&r);
     CtsError finish_err;
     const CtsStatus finished =

@@ -2,6 +2,7 @@
 #include "batch/work.h"
 
 #include "base/clock.h"
+#include "base/exit_code.h"
 #include "base/meter.h"
 #include "contact/thumbnail.h"
 #include "report/log.h"
@@ -15,14 +16,14 @@ typedef struct Work {
     const CtsBatchTask *task;
     const CtsSeries *series;
     CtsVolume *volume;
-    bool cut;  /* the volume is no longer as it was read */
-    bool told; /* the batch knows that it is read */
+    bool cut;   /* the volume is no longer as it was read */
+    bool told;  /* the batch knows that it is read */
+    int n_left; /* pictures that are not made yet */
     CtsReport report;
     CtsLog *log;
     /* One picture: */
     const CtsBatchPicture *picture;
     CtsThumbnail *thumb;
-    int n_written; /* files of frames, by which their number is known */
     CtsStatus status;
     CtsError err; /* of what the job must not know of */
 } Work;
@@ -34,8 +35,7 @@ static CtsJob job_of(const CtsBatchJob *batch, const CtsBatchPicture *picture)
     job.preset = &s->presets[picture->preset];
     job.render.azimuth_deg = s->views[picture->view].azimuth_deg;
     job.render.elevation_deg = s->views[picture->view].elevation_deg;
-    job.source.remove_table =
-        batch->remove_table == CTS_AS_PRESET ? job.preset->remove_table : batch->remove_table == CTS_ON;
+    job.source.remove_table = job.preset->remove_table;
     job.outputs.paths = (const char *const *)picture->paths;
     job.outputs.n = 0;
     while (picture->paths && picture->paths[job.outputs.n])
@@ -46,7 +46,7 @@ static CtsJob job_of(const CtsBatchJob *batch, const CtsBatchPicture *picture)
 CtsStatus cts_batch_check(const CtsBatchJob *batch, CtsReport *report, CtsError *err)
 {
     const CtsBatchSettings *s = batch->settings;
-    CtsStatus st = CTS_OK;
+    CtsStatus st = cts_log_check(batch->log, err);
     for (int p = 0; p < s->n_presets && !st; p++)
         for (int f = 0; f < s->n_formats && !st; f++) {
             char *path;
@@ -81,6 +81,8 @@ static void on_band(void *context, int frame, const CtsPicture *band)
         st = cts_thumbnail_begin(&w->thumb, w->picture->thumb_stem, band, n_frames, &err);
     if (!st)
         st = cts_thumbnail_rows(w->thumb, band, &err);
+    if (!st && w->n_left == 1 && frame == n_frames - 1 && band->first_row + band->height == w->batch->job.render.height)
+        st = cts_batch_rendered(w->task->child, &err);
     keep(w, st, &err);
 }
 
@@ -130,8 +132,10 @@ static CtsStatus load(Work *w, const CtsSource *source, CtsError *err)
         cts_meter_stop(meter, &w->report, CTS_STAGE_DECODE);
         w->cut = false;
         if (!st && !w->told) {
+            CtsPixelFacts facts = {0};
+            cts_pixel_facts(&facts, w->volume);
             w->told = true;
-            st = cts_batch_loaded(w->task->child, w->volume->hu_min, w->volume->hu_max, err);
+            st = cts_batch_loaded(w->task->child, &facts, err);
         }
         if (st)
             return st;
@@ -147,14 +151,16 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
 {
     const CtsWatch watch = {.context = w, .band = on_band, .output = on_output};
     const CtsLoaded loaded = {.series = w->series, .volume = w->volume};
+    const size_t first_finding = w->report.findings.n;
     w->status = CTS_OK;
+    w->report.verified = (CtsVerified){0};
     CtsStatus st = cts_job_render(job, &loaded, &watch, &w->report, err);
     if (!st && w->status) {
         *err = w->err;
         st = w->status;
     }
     if (!st && !(st = end_thumb(w, err)))
-        st = cts_batch_picture_done(w->task->child, w->picture, err);
+        st = cts_batch_picture_done(w->task->child, w->picture, &w->report, first_finding, err);
     cts_thumbnail_discard(&w->thumb);
     return st;
 }
@@ -175,6 +181,7 @@ static CtsStatus render_pictures(Work *w, const CtsBatchPicture *pictures, int n
                 break;
             loaded = true;
             st = render_picture(w, &job, err);
+            w->n_left--;
         }
     }
     return st;
@@ -189,13 +196,19 @@ static CtsStatus render_series(Work *w)
     CtsStatus st = cts_batch_begin(w->task->child, w->series, &pictures, &n, &err);
     if (!st && !w->series->renderable)
         st = cts_fail(&err, w->series->refusal, "%s", w->series->reason);
-    if (!st && !(st = cts_log_open(&w->log, w->batch->log, start_ms, &err)))
+    if (!st && !(st = cts_log_open(&w->log, w->batch->log, start_ms, &err))) {
+        cts_log_run(w->log, w->batch->command, w->series->uid);
+        w->n_left = n;
         st = render_pictures(w, pictures, n, &err);
+    }
     cts_volume_free(&w->volume);
     cts_log_report(w->log, &w->report);
-    if (!st)
+    if (st)
+        cts_log_failed(w->log, cts_exit_code(st), err.text);
+    else
         cts_log_done(w->log, w->task->n_threads);
-    cts_log_close(&w->log, &log_err);
+    if (cts_log_close(&w->log, &log_err))
+        cts_report_finding(&w->report, "log_lost", CTS_WARNING, "the log is not whole: %s", log_err.text);
     const CtsStatus told = cts_batch_end(w->task->child, &w->report, st, &err);
     cts_report_free(&w->report);
     return st == CTS_ERR_INTERRUPTED || told ? CTS_ERR_INTERRUPTED : CTS_OK;
@@ -206,19 +219,30 @@ CtsStatus cts_batch_render(void *context, const CtsBatchTask *task, CtsError *er
     const CtsBatchJob *batch = context;
     CtsSeriesList *list = NULL;
     CtsReport scan = {0};
-    if (batch->begin)
-        batch->begin();
-    CtsStatus st = cts_series_find(task->paths, task->n_paths, task->n_threads, &list, &scan, err);
+    CtsStatus st =
+        cts_series_find_among(task->archives, task->paths, task->n_paths, task->n_threads, &list, &scan, err);
     for (size_t i = 0; !st && i < list->n; i++) {
         Work work = {.batch = batch, .task = task, .series = &list->items[i]};
-        work.report.stages[CTS_STAGE_SCAN] = scan.stages[CTS_STAGE_SCAN];
         for (size_t f = 0; f < list->findings.n; f++)
             cts_report_finding(&work.report, list->findings.items[f].code, list->findings.items[f].severity, "%s",
                                list->findings.items[f].text);
-        if (!strcmp(work.series->uid, task->uid) || !work.series->uid[0])
-            st = render_series(&work);
+        if (strcmp(work.series->uid, task->uid) && work.series->uid[0])
+            continue;
+        work.report.stages[CTS_STAGE_SCAN] = scan.stages[CTS_STAGE_SCAN];
+        scan.stages[CTS_STAGE_SCAN] = (CtsStageTime){0}; /* the first one's */
+        st = render_series(&work);
     }
     cts_report_free(&scan);
     cts_series_list_free(&list);
     return st;
+}
+
+CtsStatus cts_batch_send(void *context, const char *const *paths, int n,
+                         void (*sent)(void *sent_context, const char *path), void *sent_context, CtsError *err)
+{
+    const CtsBatchJob *batch = context;
+    CtsNet net = *batch->net;
+    net.sent = sent;
+    net.context = sent_context;
+    return cts_net_send(batch->peer, &net, paths, n, NULL, err);
 }

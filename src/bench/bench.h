@@ -12,7 +12,7 @@ typedef struct CtsBenchSettings {
     const CtsPreset *preset;
     CtsRenderSettings render; /* size, view, threads, stop; engine, kernel and what is varied are set here */
     /* Before each setting, done of all; NULL: silent. */
-    void (*progress)(int done, int all, const char *what);
+    void (*progress)(double done, int all, const char *what);
 } CtsBenchSettings;
 
 /* Every setting is measured in a process of its own: at least 3 renders, more while they are quick. rows is filled

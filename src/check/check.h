@@ -7,17 +7,26 @@
 #include <signal.h>
 #include <stdbool.h>
 
+/* What was rendered last for a result, so that it can be looked at. */
+typedef struct CtsCheckScene {
+    int width, height; /* 0: nothing */
+    int x, y;          /* the pixel that expected and found are of; -1: they are of no single pixel */
+    double azimuth_deg, elevation_deg, mm_per_pixel;
+    char preset[160]; /* its points as HU:opacity */
+} CtsCheckScene;
+
 typedef struct CtsCheckResult {
     const char *name;   /* of the case, unique together with engine */
     const char *engine; /* or "-" where the case needs none */
     double expected, found, error, bound;
-    bool pass;       /* error <= bound */
+    bool pass; /* error <= bound */
+    CtsCheckScene scene;
     const char *why; /* why it could not be rendered, during the call of sink alone; or NULL */
 } CtsCheckResult;
 
 typedef struct CtsCheckSettings {
     int n_threads;    /* 0: the cores this process may use */
-    const char *only; /* run the cases whose name holds this; NULL: all */
+    const char *only; /* run the case of this name, or else the cases whose name holds this; NULL: all */
     const volatile sig_atomic_t *stop;
     /* Called once a result, in the order of the table, on the calling thread. */
     void (*sink)(const CtsCheckResult *result, void *context);
@@ -25,7 +34,7 @@ typedef struct CtsCheckSettings {
 } CtsCheckSettings;
 
 /* Counts may be NULL. A case that cannot be rendered at all is a failure of the case (found NAN), not of the suite;
- * CTS_ERR_INTERRUPTED when asked to stop. */
+ * CTS_ERR_USAGE when no case has such a name; CTS_ERR_INTERRUPTED when asked to stop. */
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err);
 
 #endif

@@ -1,6 +1,7 @@
 #include "check/suite.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -30,7 +31,8 @@ static void state(CtsCheckRun *run, double expected, double found, double error,
                                    .found = found,
                                    .error = isnan(error) ? INFINITY : error,
                                    .bound = bound,
-                                   .pass = error <= bound,
+                                   .pass = error <= bound && !why,
+                                   .scene = run->scene,
                                    .why = why};
     run->n_cases++;
     run->n_failed += !result.pass;
@@ -39,7 +41,33 @@ static void state(CtsCheckRun *run, double expected, double found, double error,
 
 void cts_check_value(CtsCheckRun *run, double expected, double found, double bound)
 {
+    run->scene.x = run->scene.y = -1;
     state(run, expected, found, expected == found ? 0 : fabs(found - expected), bound, NULL);
+}
+
+static void name_points(const CtsPreset *p, char *text, size_t size)
+{
+    size_t at = 0;
+    text[0] = 0;
+    for (int i = 0; i < p->n_opacity && at < size; i++)
+        at += (size_t)snprintf(text + at, size - at, "%s%.10g:%.6g", i ? " " : "", p->opacity[i].hu,
+                               p->opacity[i].opacity);
+    if (p->shade && at < size)
+        snprintf(text + at, size - at, " lit");
+}
+
+CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
+                           const CtsRenderSettings *settings, CtsPicture **picture, CtsError *err)
+{
+    run->scene = (CtsCheckScene){.width = settings->width, .height = settings->height, .x = -1, .y = -1};
+    name_points(preset, run->scene.preset, sizeof run->scene.preset);
+    run->scene.azimuth_deg = settings->azimuth_deg;
+    run->scene.elevation_deg = settings->elevation_deg;
+    run->scene.mm_per_pixel = settings->mm_per_pixel;
+    const CtsStatus st = cts_render(volume, preset, settings, picture, NULL, err);
+    if (!st)
+        run->scene.mm_per_pixel = (*picture)->info.mm_per_pixel;
+    return st;
 }
 
 CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int height)
@@ -55,23 +83,31 @@ CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int heig
     return s;
 }
 
-void cts_check_worst(CtsCheckWorst *worst, double expected, double found)
+void cts_check_worst(CtsCheckWorst *worst, int x, int y, double expected, double found)
 {
     const double error = isnan(found) ? INFINITY : fabs(found - expected);
     if (error >= worst->error)
-        *worst = (CtsCheckWorst){expected, found, error};
+        *worst = (CtsCheckWorst){expected, found, error, x, y};
+}
+
+void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double bound)
+{
+    run->scene.x = worst->x;
+    run->scene.y = worst->y;
+    state(run, worst->expected, worst->found, worst->error, bound, NULL);
 }
 
 CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, double bound, CtsError *err)
 {
     const CtsRenderSettings *settings = asked->settings;
     CtsPicture *picture = NULL;
-    const CtsStatus st = cts_render(asked->volume, asked->preset, settings, &picture, NULL, err);
+    const CtsStatus st = cts_check_render(run, asked->volume, asked->preset, settings, &picture, err);
     if (st)
         return st;
     const CtsTruthCamera camera = {settings->azimuth_deg, settings->elevation_deg, settings->mm_per_pixel,
                                    settings->width, settings->height};
     CtsCheckWorst worst = {0};
+    double brightest = 0;
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
             CtsTruthRay ray;
@@ -79,11 +115,16 @@ CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, doub
             const bool hit = cts_truth_ray(asked->volume, &camera, x, y, &ray);
             asked->truth(hit ? &ray : NULL, asked->data, rgba);
             const float *found = picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
-            for (int c = 0; c < 4; c++)
-                cts_check_worst(&worst, rgba[c], (double)found[c]);
+            for (int c = 0; c < 4; c++) {
+                cts_check_worst(&worst, x, y, rgba[c], (double)found[c]);
+                brightest = fmax(brightest, rgba[c]);
+            }
         }
     cts_picture_free(&picture);
-    state(run, worst.expected, worst.found, worst.error, bound, NULL);
+    run->scene.x = worst.x;
+    run->scene.y = worst.y;
+    state(run, worst.expected, worst.found, worst.error, bound,
+          brightest > 0 && 2 * bound > brightest ? "the bound would let half of the light be missing" : NULL);
     return CTS_OK;
 }
 
@@ -111,6 +152,7 @@ static CtsStatus run_case(CtsCheckRun *run, const CtsCheckCase *c, CtsEngineId e
 {
     CtsError why = {0};
     run->name = c->name;
+    run->scene = (CtsCheckScene){.x = -1, .y = -1};
     run->engine = engine;
     const CtsStatus st = c->run(run, c->data, &why);
     if (st == CTS_ERR_INTERRUPTED || st == CTS_ERR_MEMORY) {
@@ -123,17 +165,28 @@ static CtsStatus run_case(CtsCheckRun *run, const CtsCheckCase *c, CtsEngineId e
     return CTS_OK;
 }
 
+static bool is_asked(const char *only, bool alone, const char *name)
+{
+    return !only || (alone ? !strcmp(name, only) : strstr(name, only) != NULL);
+}
+
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err)
 {
-    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff, &cts_check_shapes,
-                                           &cts_check_orders, &cts_check_equal, &cts_check_thin};
+    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff, &cts_check_shapes, &cts_check_orders,
+                                           &cts_check_equal,  &cts_check_thin,  &cts_check_faces,  &cts_check_voxels};
     CtsCheckRun run = {.settings = settings};
+    const size_t n_tables = sizeof tables / sizeof *tables;
     CtsStatus st = CTS_OK;
-    for (size_t t = 0; t < sizeof tables / sizeof *tables; t++)
+    bool alone = false, any = !settings->only;
+    for (size_t t = 0; t < n_tables && settings->only; t++)
+        for (size_t i = 0; i < tables[t]->n; i++)
+            alone = alone || !strcmp(tables[t]->cases[i].name, settings->only);
+    for (size_t t = 0; t < n_tables; t++)
         for (size_t i = 0; i < tables[t]->n; i++) {
             const CtsCheckCase *c = &tables[t]->cases[i];
-            if (settings->only && !strstr(c->name, settings->only))
+            if (!is_asked(settings->only, alone, c->name))
                 continue;
+            any = true;
             for (int engine = 0; engine < CTS_N_ENGINES && !st; engine++) {
                 if (settings->stop && *settings->stop)
                     st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
@@ -141,6 +194,9 @@ CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_f
                     st = run_case(&run, c, (CtsEngineId)engine, err);
             }
         }
+    if (!st && !any)
+        st = cts_fail(err, CTS_ERR_USAGE, "no case has a name with \"%s\" in it (ctsplat check lists them)",
+                      settings->only);
     if (n_cases)
         *n_cases = run.n_cases;
     if (n_failed)

@@ -21,6 +21,9 @@ enum {
 };
 _Static_assert(CHECK_OF_ALL == (1u << CTS_N_ENGINES) - 1, "an engine belongs to no family");
 
+/* What tiled promises of a picture's rms: the default of --max-error. */
+#define CHECK_PROMISED (0.5 / 255)
+
 /* A bound where a case does not apply to a family. */
 #define CHECK_NONE (-1.0)
 
@@ -29,6 +32,7 @@ typedef struct CtsCheckRun {
     const char *name;
     CtsEngineId engine;
     int n_cases, n_failed;
+    CtsCheckScene scene;
 } CtsCheckRun;
 
 typedef struct CtsCheckCase {
@@ -44,7 +48,7 @@ typedef struct CtsCheckTable {
 } CtsCheckTable;
 
 extern const CtsCheckTable cts_check_linear, cts_check_stiff, cts_check_shapes, cts_check_orders, cts_check_equal,
-    cts_check_thin;
+    cts_check_thin, cts_check_faces, cts_check_voxels;
 
 /* One result; error is |found - expected|, or INFINITY where it is no number. */
 void cts_check_value(CtsCheckRun *run, double expected, double found, double bound);
@@ -52,11 +56,17 @@ void cts_check_value(CtsCheckRun *run, double expected, double found, double bou
 /* Defaults with the run's engine and threads, and a picture of width x height. */
 CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int height);
 
+/* cts_render(), noted for the result. */
+CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
+                           const CtsRenderSettings *settings, CtsPicture **picture, CtsError *err);
+
 /* The value of pixels that is furthest from the truth. */
 typedef struct CtsCheckWorst {
     double expected, found, error;
+    int x, y;
 } CtsCheckWorst;
-void cts_check_worst(CtsCheckWorst *worst, double expected, double found);
+void cts_check_worst(CtsCheckWorst *worst, int x, int y, double expected, double found);
+void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double bound);
 
 /* Truth of one pixel; ray is NULL where it misses the box. */
 typedef void (*CtsPixelTruth)(const CtsTruthRay *ray, const void *data, double rgba[4]);
@@ -70,7 +80,8 @@ typedef struct CtsCheckPicture {
     const void *data; /* handed to truth */
 } CtsCheckPicture;
 
-/* Renders and states the worst of all pixels and channels against truth. */
+/* Renders and states the worst of all pixels and channels against truth. Fails too where the bound is so wide that
+ * half of the brightest pixel's light might be missing. */
 CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, double bound, CtsError *err);
 
 /* Number of float values in which two pictures of one size differ by a bit. */

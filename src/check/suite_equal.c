@@ -35,8 +35,14 @@ static double hu_repeats(const double vox[3], const void *data)
     return cts_hu_noise((const double[3]){vox[0], floor(vox[1] / 12), vox[2]}, data);
 }
 
-static CtsStatus render_scene(const EqualScene *e, const CtsRenderSettings *settings, CtsPicture **picture,
-                              CtsError *err)
+/* Every layer 2 HU beside the one before it. */
+static double hu_in_turns(const double vox[3], const void *data)
+{
+    return cts_hu_noise((const double[3]){vox[0], 0, vox[2]}, data) + 2 * fmod(vox[1], 2);
+}
+
+static CtsStatus render_scene(CtsCheckRun *run, const EqualScene *e, const CtsRenderSettings *settings,
+                              CtsPicture **picture, CtsError *err)
 {
     CtsPreset preset = cts_check_preset(
         (const CtsCheckPoint[]){{100, 0, {0.9, 0.4, 0.3}}, {700, 0.2, {1, 0.9, 0.6}}, {1100, 0.6, {1, 1, 1}}}, 3);
@@ -55,7 +61,7 @@ static CtsStatus render_scene(const EqualScene *e, const CtsRenderSettings *sett
     CtsStatus st =
         cts_check_volume(&volume, (const int[3]){45, 38, 41}, (const double[3]){1, 1, 1}, 1, e->hu, e->range, err);
     if (!st)
-        st = cts_render(volume, &preset, &s, picture, NULL, err);
+        st = cts_check_render(run, volume, &preset, &s, picture, err);
     cts_volume_free(&volume);
     return st;
 }
@@ -65,7 +71,7 @@ static CtsStatus compare(CtsCheckRun *run, const EqualScene *e, const CtsRenderS
 {
     CtsPicture *pa = NULL, *pb = NULL;
     CtsStatus st;
-    if (!(st = render_scene(e, a, &pa, err)) && !(st = render_scene(e, b, &pb, err)))
+    if (!(st = render_scene(run, e, a, &pa, err)) && !(st = render_scene(run, e, b, &pb, err)))
         cts_check_value(run, 0, cts_check_differing(pa, pb), 0);
     cts_picture_free(&pa);
     cts_picture_free(&pb);
@@ -85,9 +91,9 @@ static CtsStatus cpu_features(CtsCheckRun *run, const void *data, CtsError *err)
     const CtsRenderSettings s = cts_check_settings(run, 70, 61);
     CtsPicture *plain = NULL, *fast = NULL;
     cts_cpu_set_mask(0);
-    CtsStatus st = render_scene(data, &s, &plain, err);
+    CtsStatus st = render_scene(run, data, &s, &plain, err);
     cts_cpu_set_mask(~0u);
-    if (!st && !(st = render_scene(data, &s, &fast, err)))
+    if (!st && !(st = render_scene(run, data, &s, &fast, err)))
         cts_check_value(run, 0, cts_check_differing(plain, fast), 0);
     cts_picture_free(&plain);
     cts_picture_free(&fast);
@@ -101,6 +107,15 @@ static CtsStatus savings(CtsCheckRun *run, const void *data, CtsError *err)
     return compare(run, data, &a, &b, err);
 }
 
+/* A change of exactly the tolerance is none, so that a wider one makes no difference. */
+static CtsStatus tolerance(CtsCheckRun *run, const void *data, CtsError *err)
+{
+    CtsRenderSettings a = cts_check_settings(run, 70, 61), b = a;
+    a.tolerance_hu = 2;
+    b.tolerance_hu = 3;
+    return compare(run, data, &a, &b, err);
+}
+
 static const EqualScene noise = {cts_hu_noise, {-200, 1200, 1}, false, 20, 10, CTS_KERNEL_TENT, false};
 static const EqualScene lit_noise = {cts_hu_noise, {-200, 1200, 2}, true, -50, 25, CTS_KERNEL_TENT, false};
 static const EqualScene checkers = {hu_checkers, {0, 0, 0}, false, 5, 70, CTS_KERNEL_TENT, false};
@@ -109,7 +124,9 @@ static const EqualScene blocks = {hu_blocks, {-300, 1200, 4}, false, 0, 0, CTS_K
 static const EqualScene blocks_oblique = {hu_blocks, {-300, 1200, 4}, true, 33, -21, CTS_KERNEL_BSPLINE, false};
 static const EqualScene blocks_cone = {hu_blocks, {-300, 1200, 4}, false, 90, 10, CTS_KERNEL_CONE_PAPER, false};
 static const EqualScene repeats = {hu_repeats, {-1024, 64511, 6}, false, 7, 3, CTS_KERNEL_GAUSSIAN, true};
+static const EqualScene in_turns = {hu_in_turns, {200, 1100, 5}, false, 0, 0, CTS_KERNEL_TENT, false};
 
+enum { REUSING = 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_COMBINED };
 enum { SAVING = 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_VOID | 1u << CTS_ENGINE_COMBINED };
 
 static const CtsCheckCase cases[] = {
@@ -118,6 +135,7 @@ static const CtsCheckCase cases[] = {
     {"equal: with and without CPU features", CHECK_OF_PAPER | CHECK_OF_TILED, cpu_features, &noise},
     {"equal: with and without CPU features, lit", CHECK_OF_PAPER | CHECK_OF_TILED, cpu_features, &lit_noise},
     {"equal: with and without CPU features, extremes", CHECK_OF_PAPER | CHECK_OF_TILED, cpu_features, &checkers},
+    {"equal: changes of exactly the tolerance", REUSING, tolerance, &in_turns},
     {"equal: savings on noise", SAVING, savings, &noise},
     {"equal: savings on lit noise", SAVING, savings, &lit_noise},
     {"equal: savings on 16-bit extremes", SAVING, savings, &checkers},

@@ -7,16 +7,16 @@ static const CtsCheckPoint even_3[] = {{0, 0.03, {0.2, 0.5, 0.9}}};
 static const CtsCheckPoint even_50[] = {{0, 0.5, {0.2, 0.5, 0.9}}};
 static const CtsCheckPoint even_ramp[] = {{0, 0, {1, 0, 0}}, {1000, 0.06, {0, 1, 1}}};
 static const CtsCheckPoint soft[] = {{100, 0, {0.9, 0.5, 0.2}}, {900, 0.08, {0.3, 0.8, 1}}};
+/* In RAMP, seen near its middle, what lies a voxel and more from the faces: there the gradient knows no border. */
+static const CtsCheckPoint inner[] = {{400, 0, {0.9, 0.5, 0.2}}, {550, 0.08, {0.3, 0.8, 1}}, {690, 0, {0.3, 0.8, 1}}};
 static const CtsCheckPoint hidden[] = {{2000, 0, {1, 1, 1}}, {2001, 1, {1, 1, 1}}};
-
-/* tiled goes no further when less than this share of the light is left. */
-#define STOP (1 / 256.0)
 
 /* 500 HU everywhere; a wide plate of 12 voxels, and a cube. */
 #define PLATE .dims = {49, 13, 49}, .hu = {500}
 #define CUBE .dims = {17, 17, 17}, .hu = {500}
 /* Rises towards the back and a little to the left and the head. */
-#define RAMP .dims = {41, 15, 41}, .hu = {100, 5, 40, 3}, CHECK_POINTS(soft)
+#define RAMP_OF(POINTS) .dims = {41, 15, 41}, .hu = {100, 5, 40, 3}, CHECK_POINTS(POINTS)
+#define RAMP RAMP_OF(soft)
 #define VIEW(AZ, EL) .azimuth_deg = AZ, .elevation_deg = EL
 #define MIDDLE .mm_per_pixel = 0.61
 
@@ -31,12 +31,15 @@ static const CtsCheckCase cases[] = {
     CHECK_LINEAR("slab: cube at exactly 45 degrees", CUBE, CHECK_POINTS(even_3), VIEW(45, 0),
                  .bound = {2e-2, 2e-6, 2e-7}),
     CHECK_LINEAR("slab: cube at 45,35.26", CUBE, CHECK_POINTS(even_3), VIEW(45, 35.26), .bound = {6e-2, 2e-6, 2e-7}),
-    CHECK_LINEAR("slab: opacity 0.5", PLATE, CHECK_POINTS(even_50), VIEW(0, 0), MIDDLE, .bound = {2e-6, STOP, 2e-7}),
+    CHECK_LINEAR("slab: opacity 0.5", PLATE, CHECK_POINTS(even_50), VIEW(0, 0), MIDDLE,
+                 .bound = {2e-6, CHECK_PROMISED, 2e-7}),
     CHECK_LINEAR("slab: invisible is exactly nothing", PLATE, CHECK_POINTS(hidden), VIEW(10, 5), .bound = {0, 0, 0}),
     CHECK_LINEAR("slab: unit distance 7 mm", PLATE, CHECK_POINTS(even_50), .unit_mm = 7, MIDDLE,
                  .bound = {2e-6, 2e-6, 2e-7}),
     CHECK_LINEAR("slab: opacity per voxel", PLATE, .spacing_mm = {1, 2.5, 1}, CHECK_POINTS(even_3), .per_voxel = true,
                  MIDDLE, .bound = {2e-6, 2e-6, 2e-7}),
+    CHECK_LINEAR("slab: opacity per voxel, oblique", PLATE, .spacing_mm = {1, 2.5, 1}, CHECK_POINTS(even_3),
+                 .per_voxel = true, VIEW(20, 15), MIDDLE, .bound = {2e-6, 2e-6, 2e-7}),
     CHECK_LINEAR("slab: leaning slices", PLATE, .lean = 0.33, CHECK_POINTS(even_3), VIEW(0, 0), MIDDLE,
                  .bound = {2e-6, 2e-6, 2e-7}),
     CHECK_LINEAR("slab: gaussian kernel", PLATE, CHECK_POINTS(even_ramp), .kernel = CTS_KERNEL_GAUSSIAN, VIEW(20, 15),
@@ -79,10 +82,11 @@ static const CtsCheckCase cases[] = {
         "ramp: HU steps of 2^-20", .dims = {41, 15, 41}, .hu_step = 0x1p-20, .hu = {-1024, 0x1p-14, 0x1p-11, 0x1p-15},
         .points = (const CtsCheckPoint[]){{-1024 + 0x1p-10, 0, {0.9, 0.5, 0.2}}, {-1024 + 0x1p-7, 0.1, {0.3, 0.8, 1}}},
         .n_points = 2, VIEW(-20, 12), MIDDLE, .bound = {1e-3, 1e-3, 2e-7}),
-    CHECK_LINEAR("ramp: lit", RAMP, .lit = true, VIEW(25, 10), MIDDLE, .bound = {1e-3, 2e-3, 2e-7}),
-    CHECK_LINEAR("ramp: lit, leaning, spacing 1:2:3", RAMP, .lit = true, .lean = 0.3, .spacing_mm = {1, 2, 3},
-                 VIEW(-15, 18), MIDDLE, .bound = {2e-3, 2e-3, 2e-7}),
-    CHECK_LINEAR("ramp: lit from behind", RAMP, .lit = true, VIEW(-160, 10), MIDDLE, .bound = {1e-3, 2e-3, 2e-7}),
+    CHECK_LINEAR("ramp: lit", RAMP_OF(inner), .lit = true, VIEW(25, 10), MIDDLE, .bound = {5e-3, 2e-3, 2e-7}),
+    CHECK_LINEAR("ramp: lit, leaning, spacing 1:2:3", RAMP_OF(inner), .lit = true, .lean = 0.3, .spacing_mm = {1, 2, 3},
+                 VIEW(-15, 18), MIDDLE, .bound = {1.2e-2, 2e-3, 2e-7}),
+    CHECK_LINEAR("ramp: lit from behind", RAMP_OF(inner), .lit = true, VIEW(-160, 10), MIDDLE,
+                 .bound = {5e-3, 2e-3, 2e-7}),
     CHECK_LINEAR("slab: lit without a gradient is ambient", PLATE, CHECK_POINTS(even_3), .lit = true, MIDDLE,
                  .bound = {2e-6, 2e-6, 2e-7}),
     CHECK_LINEAR("ramp: mip", RAMP, .mode = CTS_MODE_MIP, VIEW(25, 10), .bound = {CHECK_NONE, 1e-3, 2e-7}),

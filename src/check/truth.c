@@ -92,10 +92,6 @@ static double colour_beside(const CtsPreset *p, int c, double hu, double inside)
     return p->colour[n - 1].rgb[c];
 }
 
-typedef struct Gathered {
-    double rgb[3], depth;
-} Gathered;
-
 static double lit(const CtsPreset *p, double facing, double colour)
 {
     if (facing < 0)
@@ -105,7 +101,8 @@ static double lit(const CtsPreset *p, double facing, double colour)
 
 /* A stretch without a knot inside; c(t) changes in a straight line: integral of c dA = c(end) A(end) - c' integral of
  * A. */
-static void add_line(const CtsPreset *p, double scale, double hu0, double hu1, double mm, double facing, Gathered *sum)
+static void add_line(const CtsPreset *p, double scale, double hu0, double hu1, double mm, double facing,
+                     CtsTruthLight *sum)
 {
     const double middle = 0.5 * (hu0 + hu1);
     const double a0 = opacity_beside(p, hu0, middle), a1 = opacity_beside(p, hu1, middle);
@@ -155,22 +152,30 @@ static int cuts_between(const CtsPreset *p, double hu0, double hu1, double cut[M
     return n;
 }
 
+void cts_truth_add(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *s, CtsTruthLight *light)
+{
+    double cut[MAX_CUTS];
+    const int n_cuts = cuts_between(preset, s->hu0, s->hu1, cut);
+    for (int k = 0; k < n_cuts; k++) {
+        const double share = s->hu0 == s->hu1 ? 1 : (cut[k + 1] - cut[k]) / (s->hu1 - s->hu0);
+        add_line(preset, extinction_scale, cut[k], cut[k + 1], share * s->length_mm, s->facing, light);
+    }
+}
+
+void cts_truth_seen(const CtsTruthLight *light, double rgba[4])
+{
+    for (int c = 0; c < 3; c++)
+        rgba[c] = light->rgb[c];
+    rgba[3] = -expm1(-light->depth);
+}
+
 void cts_truth_stretches(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *stretches, int n,
                          double rgba[4])
 {
-    Gathered sum = {{0, 0, 0}, 0};
-    for (int i = 0; i < n; i++) {
-        const CtsTruthStretch *s = &stretches[i];
-        double cut[MAX_CUTS];
-        const int n_cuts = cuts_between(preset, s->hu0, s->hu1, cut);
-        for (int k = 0; k < n_cuts; k++) {
-            const double share = s->hu0 == s->hu1 ? 1 : (cut[k + 1] - cut[k]) / (s->hu1 - s->hu0);
-            add_line(preset, extinction_scale, cut[k], cut[k + 1], share * s->length_mm, s->facing, &sum);
-        }
-    }
-    for (int c = 0; c < 3; c++)
-        rgba[c] = sum.rgb[c];
-    rgba[3] = -expm1(-sum.depth);
+    CtsTruthLight light = {{0, 0, 0}, 0};
+    for (int i = 0; i < n; i++)
+        cts_truth_add(preset, extinction_scale, &stretches[i], &light);
+    cts_truth_seen(&light, rgba);
 }
 
 static double dot(const double a[3], const double b[3])

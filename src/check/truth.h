@@ -17,6 +17,14 @@ typedef struct CtsTruthStretch {
 void cts_truth_stretches(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *stretches, int n,
                          double rgba[4]);
 
+/* The same bit by bit: light starts zeroed. */
+typedef struct CtsTruthLight {
+    double rgb[3], depth;
+} CtsTruthLight;
+void cts_truth_add(const CtsPreset *preset, double extinction_scale, const CtsTruthStretch *stretch,
+                   CtsTruthLight *light);
+void cts_truth_seen(const CtsTruthLight *light, double rgba[4]);
+
 /* Integral of f over a..b by tanh-sinh quadrature; f may be steep or singular at the ends. */
 double cts_truth_integral(double (*f)(double x, const void *data), const void *data, double a, double b);
 
@@ -34,6 +42,11 @@ typedef struct CtsTruthRay {
 
 /* False when the ray misses the box. */
 bool cts_truth_ray(const CtsVolume *volume, const CtsTruthCamera *camera, double x, double y, CtsTruthRay *ray);
+/* What a ray shows of a volume, trilinear between its voxels, by short straight stretches in every cell: good to 1e-4
+ * where opacity steps, unless the ray grazes the step, elsewhere to 1e-6. Composite; the volume has 2 voxels or more
+ * along each axis. Lit, what can be seen must not touch the volume's sides. */
+void cts_truth_volume(const CtsVolume *volume, const CtsPreset *preset, const CtsTruthRay *ray, double rgba[4]);
+
 /* Voxel coordinates of a point in patient millimetres. */
 void cts_truth_voxel(const CtsVolume *volume, const double point_lps[3], double vox[3]);
 void cts_truth_ray_point(const CtsTruthRay *ray, double t_mm, double point_lps[3]);

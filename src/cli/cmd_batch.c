@@ -19,6 +19,7 @@ typedef struct Lists {
     CtsBatchView *views;
     int n_presets, n_views, n_formats;
     char *options, *dcm_options;
+    char send_to[1100]; /* "": nothing is sent */
 } Lists;
 
 static void lists_free(Lists *l)
@@ -65,10 +66,7 @@ static CtsStatus take_presets(const CliOptions *options, Lists *l, CtsError *err
     for (int i = 0; i < l->n_presets && !st; i++) {
         if ((st = cts_preset_load(l->preset_names[i], &l->presets[i], err)))
             break;
-        if (options->background_given) {
-            l->presets[i].background_none = options->background_none;
-            memcpy(l->presets[i].background, options->background, sizeof options->background);
-        }
+        cli_settle_preset(options, &l->presets[i], true);
         for (int k = 0; k < i && !st; k++)
             if (!strcmp(l->presets[k].name, l->presets[i].name))
                 st = cts_fail(err, CTS_ERR_USAGE, "--presets: two are called %s (give one of them another name)",
@@ -124,28 +122,31 @@ static CtsStatus take_formats(const CliOptions *options, Lists *l, CtsError *err
     return st;
 }
 
-/* The options that were given and touch what is asked for, in the order of the table: NAME=ARGUMENT, a line each. */
-static char *given_text(const CliOptions *options, CliTouches touches)
+static CtsStatus take_peer(const CliOptions *options, Lists *l, CtsError *err)
 {
-    char *text = NULL;
-    size_t size = 0;
-    FILE *file = open_memstream(&text, &size);
-    for (int i = 0; file && cli_options[i].name; i++)
-        if (options->given[i] && cli_options[i].touches == touches)
-            fprintf(file, "%s=%s\n", cli_options[i].name, options->given[i]);
-    if (file)
-        fclose(file);
-    return text;
+    const CtsPeer *p = &options->send;
+    bool any = false;
+    if (!options->send_given)
+        return CTS_OK;
+    for (int i = 0; i < l->n_formats; i++)
+        any |= !strcmp(l->formats[i], "dcm");
+    if (!any)
+        return cts_fail(err, CTS_ERR_USAGE, "--send: there is no DICOM output to send (give --formats dcm)");
+    if (p->web)
+        snprintf(l->send_to, sizeof l->send_to, "%s", p->url);
+    else
+        snprintf(l->send_to, sizeof l->send_to, "%s@%s:%d", p->aet, p->host, p->port);
+    return cts_net_check(&options->net, err);
 }
 
 static CtsStatus take_lists(const CliOptions *options, Lists *l, CtsError *err)
 {
     CtsStatus st;
     if ((st = take_presets(options, l, err)) || (st = take_views(options, l, err)) ||
-        (st = take_formats(options, l, err)))
+        (st = take_formats(options, l, err)) || (st = take_peer(options, l, err)))
         return st;
-    l->options = given_text(options, CLI_TOUCHES_PICTURES);
-    l->dcm_options = given_text(options, CLI_TOUCHES_DCM);
+    l->options = cli_options_text(options, CLI_TOUCHES_PICTURES);
+    l->dcm_options = cli_options_text(options, CLI_TOUCHES_DCM);
     return l->options && l->dcm_options ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
@@ -197,6 +198,9 @@ static CtsJob base_job(const CliOptions *options)
         .annotate_orientation = options->annotate_orientation,
         .annotate_scale = options->annotate_scale,
     };
+    /* The presets have them. */
+    job.render.mode = -1;
+    job.render.shade = CTS_AS_PRESET;
     job.render.stop = &cli_stop;
     return job;
 }
@@ -204,7 +208,11 @@ static CtsJob base_job(const CliOptions *options)
 static CtsStatus run(const CliOptions *options, Lists *lists, CtsBatchResult *result, CtsError *err)
 {
     CtsReport report = {0};
-    CtsBatchJob job = {.job = base_job(options), .remove_table = options->remove_table, .log = options->log};
+    CtsBatchJob job = {.job = base_job(options),
+                       .log = options->log,
+                       .command = options->command,
+                       .peer = &options->send,
+                       .net = &options->net};
     const CtsBatchSettings settings = {
         .paths = options->operands,
         .n_paths = options->n_operands,
@@ -228,6 +236,8 @@ static CtsStatus run(const CliOptions *options, Lists *lists, CtsBatchResult *re
         .fresh = options->fresh,
         .show_patient = options->show_patient,
         .work = cts_batch_render,
+        .send_to = lists->send_to[0] ? lists->send_to : NULL,
+        .send = cts_batch_send,
         .context = &job,
         .told = {.warning = on_warning, .series = on_series, .progress = on_progress},
         .stop = &cli_stop,

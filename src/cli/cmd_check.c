@@ -18,6 +18,18 @@ typedef struct Results {
     bool lost; /* memory ran out */
 } Results;
 
+static void print_scene(const CtsCheckScene *s)
+{
+    if (s->width == 0)
+        return;
+    if (s->x >= 0)
+        printf("  pixel %d,%d of %dx%d", s->x, s->y, s->width, s->height);
+    else
+        printf("  %dx%d", s->width, s->height);
+    printf("  view %.10g,%.10g  %.6g mm a pixel  preset %s", s->azimuth_deg, s->elevation_deg, s->mm_per_pixel,
+           s->preset);
+}
+
 static void add(const CtsCheckResult *result, void *context)
 {
     Results *results = context;
@@ -31,9 +43,11 @@ static void add(const CtsCheckResult *result, void *context)
     }
     if (!results->print)
         return;
-    printf("%s  %-48s  %-8s  expected %-13.8g  found %-13.8g  error %-9.3g  bound %.3g%s%s\n",
+    printf("%s  %-48s  %-8s  expected %-13.8g  found %-13.8g  error %-9.3g  bound %-9.3g",
            result->pass ? "pass" : "FAIL", result->name, result->engine, result->expected, result->found, result->error,
-           result->bound, result->why ? ": " : "", result->why ? result->why : "");
+           result->bound);
+    print_scene(&result->scene);
+    printf("  --only '%s'%s%s\n", result->name, result->why ? ": " : "", result->why ? result->why : "");
     fflush(stdout);
 }
 
@@ -43,14 +57,26 @@ static json_t *number(double x)
     return isfinite(x) ? json_real(x) : json_null();
 }
 
+static json_t *scene_json(const CtsCheckScene *s)
+{
+    json_t *scene = json_pack("{s:[f,f], s:[i,i], s:f, s:s}", "view", s->azimuth_deg, s->elevation_deg, "size",
+                              s->width, s->height, "mm_per_pixel", s->mm_per_pixel, "preset", s->preset);
+    if (s->x >= 0)
+        json_object_set_new(scene, "pixel", json_pack("[i,i]", s->x, s->y));
+    return scene;
+}
+
 static CtsStatus print_json(const Results *results, CtsError *err)
 {
     json_t *cases = json_array();
     for (size_t i = 0; cases && i < results->n; i++) {
         const CtsCheckResult *r = &results->items[i];
-        json_array_append_new(cases, json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:b}", "name", r->name, "engine",
-                                               r->engine, "expected", number(r->expected), "found", number(r->found),
-                                               "error", number(r->error), "bound", number(r->bound), "pass", r->pass));
+        json_t *item = json_pack("{s:s, s:s, s:o, s:o, s:o, s:o, s:b}", "name", r->name, "engine", r->engine,
+                                 "expected", number(r->expected), "found", number(r->found), "error", number(r->error),
+                                 "bound", number(r->bound), "pass", r->pass);
+        if (r->scene.width > 0)
+            json_object_update_new(item, scene_json(&r->scene));
+        json_array_append_new(cases, item);
     }
     return cli_print_json(json_pack("{s:o}", "cases", cases), err);
 }
@@ -61,7 +87,12 @@ CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err)
     int n_cases, n_failed;
     Results results = {.print = !options->json};
     const CtsCheckSettings settings = {
-        .n_threads = options->render.n_threads, .stop = &cli_stop, .sink = add, .context = &results};
+        .n_threads = options->render.n_threads,
+        .only = options->only,
+        .stop = &cli_stop,
+        .sink = add,
+        .context = &results,
+    };
     cli_interrupt_asks();
     const char *dot = options->plot ? strrchr(options->plot, '.') : NULL;
     if (options->plot && (!dot || strcasecmp(dot, ".svg")))

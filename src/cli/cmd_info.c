@@ -22,10 +22,7 @@ static CtsStatus read_pixels(const CtsSeries *series, int n_threads, CtsPixelFac
     CtsVolume *volume = NULL;
     CtsStatus st = cts_series_load(series, n_threads, &volume, &report, &why);
     if (!st) {
-        facts->known = true;
-        facts->hu_min = volume->hu_min;
-        facts->hu_max = volume->hu_max;
-        cts_volume_box_lps(volume, facts->box_low_lps, facts->box_high_lps);
+        cts_pixel_facts(facts, volume);
     } else if (st == CTS_ERR_MEMORY || st == CTS_ERR_INTERRUPTED || st == CTS_ERR_INTERNAL) {
         *err = why;
     } else {

@@ -10,6 +10,7 @@
 #include "report/tissues.h"
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 static void add_row(CtsTable *table, const CtsPreset *p, bool own)
 {
@@ -32,8 +33,17 @@ static CtsStatus append(json_t *list, const CtsPreset *preset, CtsError *err)
     return CTS_OK;
 }
 
-/* All presets, into a table or a JSON list, whichever is there. A broken preset of the user's is a warning: the
- * others can be used. */
+static bool is_builtin(const char *name)
+{
+    const CtsPreset *preset;
+    for (size_t i = 0; (preset = cts_preset_builtin(i)); i++)
+        if (!strcmp(preset->name, name))
+            return true;
+    return false;
+}
+
+/* All presets, into a table or a JSON list, whichever is there. A preset of the user's that is broken, or that a
+ * built-in one hides, is a warning: the others can be used. */
 static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -47,6 +57,12 @@ static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
     CtsPreset *own = malloc(sizeof *own);
     for (size_t i = 0; own && names && names[i] && !st; i++) {
         CtsError why;
+        if (is_builtin(names[i])) {
+            cli_warning("your preset %s.json: a built-in preset has its name and comes first (give the file another "
+                        "name, or its path)",
+                        names[i]);
+            continue;
+        }
         if (cts_preset_load(names[i], own, &why)) {
             cli_warning("%s", why.text);
             continue;

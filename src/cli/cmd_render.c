@@ -1,17 +1,31 @@
 /* ctsplat render: the command line as a job, its progress, its log and what it prints. */
-#include "base/clock.h"
 #include "base/exit_code.h"
+#include "base/meter.h"
 #include "cli/interrupt.h"
 #include "cli/job_options.h"
 #include "cli/message.h"
 #include "cli/options.h"
 #include "cli/progress.h"
 #include "cli/remote.h"
+#include "cli/standard_output.h"
 #include "cli/terminal_watch.h"
 #include "cli/words.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
+
+static void print_plan_lines(const char *plan)
+{
+    char line[700];
+    while (plan && *plan) {
+        char text[512];
+        const size_t n = strcspn(plan, "\n");
+        snprintf(text, sizeof text, "%.*s", (int)n, plan);
+        printf("%s\n", cli_with_options(text, line, sizeof line));
+        plan += n + (plan[n] != 0);
+    }
+}
 
 /* What --explain tells: the task, the engine's plan, and what is left out with its reason. */
 static void print_plan(const CtsJob *job, const CtsReport *report)
@@ -24,7 +38,8 @@ static void print_plan(const CtsJob *job, const CtsReport *report)
     printf("%d x %d pixels, azimuth %g, elevation %g degrees", s->width, s->height, s->azimuth_deg, s->elevation_deg);
     if (job->outputs.rotation > 1)
         printf(", and %d more views of a rotation", job->outputs.rotation - 1);
-    printf("\n%s", report->plan ? report->plan : "");
+    putchar('\n');
+    print_plan_lines(report->plan);
     for (size_t i = 0; i < report->findings.n; i++)
         if (report->findings.items[i].severity == CTS_NOTE)
             printf("note: %s\n", cli_with_options(report->findings.items[i].text, line, sizeof line));
@@ -42,59 +57,98 @@ static void print_verified(const CtsReport *report)
     if (v->rmse > 0)
         snprintf(psnr, sizeof psnr, " (%.1f dB)", -20 * log10(v->rmse));
     cli_note("verified %llu pixels: rmse %.3g%s, 95 %% interval %.3g to %.3g; 99.9 %% of them within %.3g; "
-             "%.3g %% of the picture off by more than 1/255; largest %.3g at pixel %d,%d",
+             "%.3g %% of the picture off by more than 1/255 (as far as so many pixels tell: at most %.3g %%); largest "
+             "%.3g at pixel "
+             "%d,%d",
              (unsigned long long)v->pixels, v->rmse, psnr, v->rmse_low, v->rmse_high, v->p999, 100 * v->share_above,
-             v->max, v->worst_x, v->worst_y);
+             100 * v->share_high, v->max, v->worst_x, v->worst_y);
     if (v->cpu_ms >= picture_cpu_ms)
         cli_note("verification took %.2f s of processor time, more than the picture's %.2f s", v->cpu_ms / 1000,
                  picture_cpu_ms / 1000);
 }
 
-CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
+/* All that comes before the job: what happens from here on, the log tells. */
+static CtsStatus begin(const CliOptions *options, CtsLog **log, CtsPreset *preset, CtsJob *job,
+                       CliStandardOutput *standard_output, CtsError *err)
 {
-    (void)exit_code;
     CtsStatus st;
-    CtsJob job;
-    CtsReport report = {0};
-    CtsLog *log = NULL;
     int fd;
     const char *words;
     size_t n;
-    const double start_ms = cts_wall_ms();
-    CtsPreset *preset = malloc(sizeof *preset);
-    if (!preset)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if ((st = cli_job(options, preset, &job, err)) || (st = cts_log_open(&log, options->log, start_ms, err)))
-        goto end;
+    if ((st = cts_log_open(log, options->log, options->start_ms, err)))
+        return st;
+    cts_log_run(*log, options->command, NULL);
+    if (cts_log_last_words(*log, &fd, &words, &n))
+        cli_interrupt_says(fd, words, n);
+    if ((st = cli_job(options, preset, job, err)) ||
+        (st = cli_standard_output_begin(standard_output, options, job, err)))
+        return st;
     if (options->from_given)
         cli_interrupt_asks(); /* from now on there is a folder to clear away */
-    cts_log_run(log, options->command, NULL);
-    if (cts_log_last_words(log, &fd, &words, &n))
-        cli_interrupt_says(fd, words, n);
-    CliWatch seen = {.log = log};
-    const CtsWatch watch = cli_watch(&seen);
-    st = cts_job_run(&job, &watch, &report, err);
-    cli_progress_clear();
-    if (!st && options->render.explain)
-        print_plan(&job, &report);
-    else if (!st) {
-        print_verified(&report);
-        st = cli_send(options, err);
+    return CTS_OK;
+}
+
+/* All that comes after it: what stdout and a peer are given, and what is told. */
+static CtsStatus hand_over(const CliOptions *options, CtsLog *log, const CtsJob *job,
+                           const CliStandardOutput *standard_output, const CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    uint64_t bytes;
+    if (options->render.explain) {
+        print_plan(job, report);
+        return CTS_OK;
     }
-end:
-    cts_log_report(log, &report);
-    cli_interrupt_says(0, NULL, 0);
-    cts_log_run(log, NULL, report.series_uid[0] ? report.series_uid : NULL);
+    print_verified(report);
+    if (standard_output->path) {
+        if ((st = cli_standard_output_write(standard_output, &bytes, err)))
+            return st;
+        cts_log_output(log, "-", standard_output->format, bytes);
+    }
+    return cli_send(options, err);
+}
+
+static CtsStatus end_log(const CliOptions *options, CtsLog *log, const CtsReport *report, CtsStatus st, CtsError *err)
+{
+    CtsError log_err;
+    cts_log_report(log, report);
     if (st)
         cts_log_failed(log, cts_exit_code(st), err->text);
     else
         cts_log_done(log, options->render.n_threads);
-    CtsError log_err;
     const CtsStatus log_st = cts_log_close(&log, &log_err);
-    if (log_st && !st) {
-        *err = log_err;
-        st = log_st;
+    if (st || !log_st)
+        return st;
+    *err = log_err;
+    return log_st;
+}
+
+CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
+{
+    (void)exit_code;
+    CtsJob job;
+    CtsReport report = {0};
+    CtsLog *log = NULL;
+    CliStandardOutput standard_output = {0};
+    CtsPreset *preset = malloc(sizeof *preset);
+    if (!preset)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    /* From the first to the last: what is no stage's own is the last one's. */
+    const CtsMeter whole = {.wall_ms = options->start_ms};
+    CtsStatus st = begin(options, &log, preset, &job, &standard_output, err);
+    cts_meter_stop(whole, &report, CTS_STAGE_SCAN);
+    if (!st) {
+        CliWatch seen = {.log = log, .told_later = standard_output.path};
+        const CtsWatch watch = cli_watch(&seen);
+        st = cts_job_run(&job, &watch, &report, err);
+        cli_progress_clear();
     }
+    if (!st)
+        st = hand_over(options, log, &job, &standard_output, &report, err);
+    cli_standard_output_end(&standard_output);
+    cli_interrupt_says(0, NULL, 0);
+    cts_log_run(log, NULL, report.series_uid[0] ? report.series_uid : NULL);
+    cts_meter_stop(whole, &report, CTS_STAGE_EXPORT);
+    st = end_log(options, log, &report, st, err);
     cts_report_free(&report);
     free(preset);
     return st;

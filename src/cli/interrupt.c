@@ -9,6 +9,7 @@ static volatile sig_atomic_t may_exit = 1;
 static int words_fd;
 static size_t words_size;
 static const char *volatile words; /* set last, cleared first */
+static const char *volatile empty_folder;
 
 static const char message[] = "ctsplat: error: interrupted\n";
 
@@ -20,6 +21,8 @@ static void on_signal(int number)
         if (words)
             written = write(words_fd, words, words_size);
         (void)written;
+        if (empty_folder)
+            rmdir(empty_folder);
         _exit(130);
     }
     cli_stop = 1;
@@ -50,6 +53,11 @@ void cli_interrupt_says(int fd, const char *text, size_t size)
     words_fd = fd;
     words_size = size;
     words = text;
+}
+
+void cli_interrupt_removes(const char *folder)
+{
+    empty_folder = folder;
 }
 
 CtsStatus cli_interrupted(CtsError *err)

@@ -18,5 +18,7 @@ void cli_interrupt_asks(void);
 
 /* What a signal that ends the program at once writes before, to this file; text must stay. NULL: nothing. */
 void cli_interrupt_says(int fd, const char *text, size_t size);
+/* An empty folder that it removes then; must stay. NULL: none. */
+void cli_interrupt_removes(const char *folder);
 
 #endif

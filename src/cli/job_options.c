@@ -1,6 +1,7 @@
 #include "cli/job_options.h"
 
 #include "cli/interrupt.h"
+#include "cli/message.h"
 #include "cli/remote.h"
 #include "cli/words.h"
 #include <string.h>
@@ -18,13 +19,36 @@ CtsSource cli_source(const CliOptions *options, const CtsPreset *preset)
         .n_threads = options->render.n_threads,
         .remove_table = options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON,
         .table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset",
-        .linear = options->interpolation == 0,
+        .linear = options->interpolation == 1,
         .smooth_mm = options->smooth_mm,
         .crop = options->crop_given,
     };
     memcpy(source.crop_low_lps, options->crop_low_lps, sizeof source.crop_low_lps);
     memcpy(source.crop_high_lps, options->crop_high_lps, sizeof source.crop_high_lps);
     return source;
+}
+
+void cli_settle_preset(const CliOptions *options, CtsPreset *preset, bool everything)
+{
+    if (options->background_given) {
+        preset->background_none = options->background_none;
+        memcpy(preset->background, options->background, sizeof options->background);
+    }
+    if (options->window_given) {
+        preset->window_low_hu = options->window_low_hu;
+        preset->window_high_hu = options->window_high_hu;
+    }
+    const CtsMode mode = options->render.mode >= 0 ? (CtsMode)options->render.mode : preset->mode;
+    if (options->window_given && mode == CTS_MODE_COMPOSITE && options->render.grey_bits == 16)
+        cli_warning("preset %s: --window changes nothing in mode composite, where the preset says what each HU looks "
+                    "like (--mode mip, minip or average shows HU by the window)",
+                    preset->name);
+    if (everything && options->render.mode >= 0)
+        preset->mode = (CtsMode)options->render.mode;
+    if (everything && options->render.shade != CTS_AS_PRESET)
+        preset->shade = options->render.shade == CTS_ON;
+    if (everything && options->remove_table != CTS_AS_PRESET)
+        preset->remove_table = options->remove_table == CTS_ON;
 }
 
 CtsStatus cli_job(const CliOptions *options, CtsPreset *preset, CtsJob *job, CtsError *err)
@@ -40,14 +64,7 @@ CtsStatus cli_job(const CliOptions *options, CtsPreset *preset, CtsJob *job, Cts
         *preset = options->state->preset;
     else if ((st = cts_preset_load(options->preset, preset, err)))
         return st;
-    if (options->background_given) {
-        preset->background_none = options->background_none;
-        memcpy(preset->background, options->background, sizeof options->background);
-    }
-    if (options->window_given) {
-        preset->window_low_hu = options->window_low_hu;
-        preset->window_high_hu = options->window_high_hu;
-    }
+    cli_settle_preset(options, preset, false);
     *job = (CtsJob){
         .source = cli_source(options, preset),
         .preset = preset,

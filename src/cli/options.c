@@ -1,10 +1,7 @@
+/* All options of all commands, in one table. */
 #include "cli/options.h"
 
-#include "cli/interrupt.h"
 #include "cli/values.h"
-#include <stdio.h>
-#include <stdlib.h>
-#include <string.h>
 
 #define ON(command) (1u << (command))
 #define RENDERING (ON(CLI_RENDER) | ON(CLI_BATCH))
@@ -14,8 +11,9 @@
 #define RANGE(lowest, highest) .own = {.unit = "", .low = (lowest), .high = (highest)}
 #define BOUNDED(which) .setting = CTS_SETTING_##which
 #define PARSED(parser) .kind = CLI_CUSTOM, .parse = (parser)
+#define PRINTED(name) PARSED(cli_parse_##name), .print = cli_print_##name
 
-static const char *const interpolations[] = {"linear", "cubic"};
+static const char *const interpolations[] = {"cubic", "linear"};
 
 const CliOption cli_options[] = {
     {
@@ -25,7 +23,15 @@ const CliOption cli_options[] = {
         .argument = "FILE",
         .commands = ON(CLI_RENDER),
         PARSED(cli_parse_output),
-        .help = "write this file, whose name ends in {outputs}; may be repeated",
+        .help = "write this file, whose name ends in {outputs}; may be repeated; - is standard output",
+    },
+    {
+        .name = "format",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "NAME",
+        .commands = ON(CLI_RENDER),
+        PARSED(cli_parse_format),
+        .help = "{formats}: what -o - writes",
     },
     {
         .letter = 'O',
@@ -103,7 +109,7 @@ const CliOption cli_options[] = {
         .name = "size",
         .argument = "WxH",
         .commands = PICTURES,
-        PARSED(cli_parse_size),
+        PRINTED(size),
         BOUNDED(WIDTH),
         .help = "picture size in pixels",
         .fallback = "1024x1024",
@@ -150,7 +156,7 @@ const CliOption cli_options[] = {
         .name = "kernel",
         .argument = "NAME[:RADIUS]",
         .commands = RENDERING,
-        PARSED(cli_parse_kernel),
+        PRINTED(kernel),
         BOUNDED(KERNEL_RADIUS),
         .help = "{kernels}: what a voxel is reconstructed with (cone-paper without normalised weights, as the paper "
                 "has it), and how far it reaches",
@@ -180,7 +186,7 @@ const CliOption cli_options[] = {
         .name = "void",
         .argument = "strict or key",
         .commands = RENDERING,
-        PARSED(cli_parse_void),
+        PRINTED(void),
         .help = "what counts as a void voxel: provably invisible, or improbable by the mixture model (engines void "
                 "and combined; lossy: what is lost is told, and measured as by --verify)",
         .fallback = "strict",
@@ -199,7 +205,7 @@ const CliOption cli_options[] = {
         .name = "opacity-unit",
         .argument = "mm or voxel",
         .commands = RENDERING,
-        PARSED(cli_parse_unit),
+        PRINTED(unit),
         .help = "opacity per millimetre, or per voxel along the ray as in Slicer's GPU rendering",
         .fallback = "mm",
     },
@@ -219,6 +225,7 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         CHOICES(cts_mode_names, CTS_N_MODES),
         .field = FIELD(render.mode),
+        .touches = CLI_TOUCHES_PRESET,
         .help = "how values along a ray become a pixel; minip and average look at the body alone, with --remove-table "
                 "off at everything",
         .fallback = "as the preset says",
@@ -229,15 +236,14 @@ const CliOption cli_options[] = {
         .commands = RENDERING,
         CHOICES(interpolations, 2),
         .field = FIELD(interpolation),
-        .help = "along the slice axis, where slices lie further apart than 1.5 pixels: monotone cubics, or straight "
-                "lines",
-        .fallback = "linear",
+        .help = "along the slice axis, where slices lie further apart than 1.5 pixels: cubics, or straight lines",
+        .fallback = "cubic",
     },
     {
         .name = "smooth",
         .argument = "MM",
         .commands = RENDERING,
-        PARSED(cli_parse_smooth),
+        PRINTED(smooth),
         .help = "smooth the volume first, with a Gaussian of this standard deviation",
         .fallback = "off",
     },
@@ -266,6 +272,7 @@ const CliOption cli_options[] = {
         .argument = "LOW,HIGH",
         .commands = RENDERING,
         PARSED(cli_parse_window),
+        .touches = CLI_TOUCHES_PRESET,
         .help = "the HU that mip, minip and average show black and white",
         .fallback = "as the preset says",
     },
@@ -274,6 +281,7 @@ const CliOption cli_options[] = {
         .argument = "on or off",
         .commands = RENDERING,
         PARSED(cli_parse_shade),
+        .touches = CLI_TOUCHES_PRESET,
         .help = "gradient lighting",
         .fallback = "as the preset says",
     },
@@ -282,6 +290,7 @@ const CliOption cli_options[] = {
         .argument = "#RRGGBB or none",
         .commands = RENDERING,
         PARSED(cli_parse_background),
+        .touches = CLI_TOUCHES_PRESET,
         .help = "colour behind the volume; none writes alpha",
         .fallback = "as the preset says",
     },
@@ -289,7 +298,7 @@ const CliOption cli_options[] = {
         .name = "crop",
         .argument = "X0,X1,Y0,Y1,Z0,Z1",
         .commands = PICTURES | ON(CLI_PRESETS),
-        PARSED(cli_parse_crop),
+        PRINTED(crop),
         .help = "keep this box, millimetres in patient coordinates (LPS)",
         .fallback = "all",
     },
@@ -298,6 +307,7 @@ const CliOption cli_options[] = {
         .argument = "on or off",
         .commands = RENDERING | ON(CLI_PRESETS),
         PARSED(cli_parse_table),
+        .touches = CLI_TOUCHES_PRESET,
         .help = "drop what is not the patient",
         .fallback = "as the preset says",
     },
@@ -305,7 +315,7 @@ const CliOption cli_options[] = {
         .name = "annotate",
         .argument = "LIST",
         .commands = RENDERING,
-        PARSED(cli_parse_annotate),
+        PRINTED(annotate),
         .help = "orientation,scale drawn on the picture",
         .fallback = "none",
     },
@@ -387,7 +397,7 @@ const CliOption cli_options[] = {
         .name = "send",
         .touches = CLI_TOUCHES_NOTHING,
         .argument = "PEER",
-        .commands = ON(CLI_RENDER),
+        .commands = RENDERING,
         PARSED(cli_parse_send),
         .help = "store the DICOM outputs to a PACS: AET@HOST:PORT (C-STORE) or the URL of a DICOMweb service (STOW-RS)",
     },
@@ -423,7 +433,7 @@ const CliOption cli_options[] = {
         .name = "aet",
         .touches = CLI_TOUCHES_NOTHING,
         .argument = "AET",
-        .commands = ON(CLI_RENDER),
+        .commands = RENDERING,
         .kind = CLI_TEXT,
         .field = FIELD(net.own_aet),
         .help = "ctsplat's own AE title",
@@ -444,7 +454,7 @@ const CliOption cli_options[] = {
         .name = "tls-ca",
         .touches = CLI_TOUCHES_NOTHING,
         .argument = "FILE",
-        .commands = ON(CLI_RENDER),
+        .commands = RENDERING,
         .kind = CLI_TEXT,
         .field = FIELD(net.tls_ca),
         .help = "talk to the peer over TLS, and trust the certificates in this PEM file",
@@ -453,7 +463,7 @@ const CliOption cli_options[] = {
         .name = "tls-key",
         .touches = CLI_TOUCHES_NOTHING,
         .argument = "FILE",
-        .commands = ON(CLI_RENDER),
+        .commands = RENDERING,
         .kind = CLI_TEXT,
         .field = FIELD(net.tls_key),
         .help = "private key (PEM) that ctsplat shows itself with over TLS",
@@ -463,7 +473,7 @@ const CliOption cli_options[] = {
         .name = "tls-cert",
         .touches = CLI_TOUCHES_NOTHING,
         .argument = "FILE",
-        .commands = ON(CLI_RENDER),
+        .commands = RENDERING,
         .kind = CLI_TEXT,
         .field = FIELD(net.tls_certificate),
         .help = "its certificate (PEM)",
@@ -473,7 +483,7 @@ const CliOption cli_options[] = {
         .name = "credentials",
         .touches = CLI_TOUCHES_NOTHING,
         .argument = "FILE",
-        .commands = ON(CLI_RENDER),
+        .commands = RENDERING,
         .kind = CLI_TEXT,
         .field = FIELD(net.credentials),
         .help = "file with user:password, or Bearer and a token, for DICOMweb",
@@ -483,12 +493,21 @@ const CliOption cli_options[] = {
         .name = "peer-timeout",
         .touches = CLI_TOUCHES_NOTHING,
         .argument = "SECONDS",
-        .commands = ON(CLI_RENDER),
+        .commands = RENDERING,
         .kind = CLI_INT,
         .field = FIELD(net.timeout_s),
         RANGE(1, 3600),
         .help = "how long a silent peer is waited for",
         .fallback = "30",
+    },
+    {
+        .name = "only",
+        .touches = CLI_TOUCHES_NOTHING,
+        .argument = "NAME",
+        .commands = ON(CLI_CHECK),
+        .kind = CLI_TEXT,
+        .field = FIELD(only),
+        .help = "run the case of this name alone, or those with this in their name",
     },
     {
         .name = "plot",
@@ -636,214 +655,4 @@ _Static_assert(sizeof cli_options / sizeof *cli_options <= CLI_MOST_OPTIONS, "ro
 const CtsBounds *cli_bounds(const CliOption *option)
 {
     return option->own.low < option->own.high ? &option->own : cts_setting_bounds(option->setting);
-}
-
-static const CliOption *find_long(const char *name, size_t length)
-{
-    for (const CliOption *o = cli_options; o->name; o++)
-        if (strlen(o->name) == length && !strncmp(o->name, name, length))
-            return o;
-    return NULL;
-}
-
-static const CliOption *find_letter(char letter)
-{
-    for (const CliOption *o = cli_options; o->name; o++)
-        if (o->letter && o->letter == letter)
-            return o;
-    return NULL;
-}
-
-static CtsStatus choose(const CliOption *o, int *field, const char *text, CtsError *err)
-{
-    char names[256] = "";
-    for (int i = 0; i < o->n_choices; i++) {
-        if (!strcmp(text, o->choices[i])) {
-            *field = i;
-            return CTS_OK;
-        }
-        strncat(names, " ", sizeof names - strlen(names) - 1);
-        strncat(names, o->choices[i], sizeof names - strlen(names) - 1);
-    }
-    return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not one of:%s", o->name, text, names);
-}
-
-/* What the argument says may stand in a log where it can name no file and no patient. */
-static void note_command(CliOptions *options, const CliOption *o, const char *text)
-{
-    const size_t n = strlen(options->command);
-    const CtsFormatInfo *format = text ? cts_export_format(text) : NULL;
-    if (n + 2 > sizeof options->command)
-        return;
-    if (o->parse == cli_parse_output)
-        snprintf(options->command + n, sizeof options->command - n, " -o .%s", format ? format->name : "?");
-    else if (o->kind == CLI_FLAG || o->kind == CLI_TEXT)
-        snprintf(options->command + n, sizeof options->command - n, " --%s", o->name);
-    else
-        snprintf(options->command + n, sizeof options->command - n, " --%s %s", o->name, text);
-}
-
-/* Store one option; text is its argument, NULL for a flag. */
-static CtsStatus take(CliOptions *options, const CliOption *o, const char *text, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    void *field = (char *)options + o->field;
-    const CtsBounds *b = cli_bounds(o);
-    switch (o->kind) {
-    case CLI_FLAG:
-        *(bool *)field = true;
-        break;
-    case CLI_TEXT:
-        if (!*text)
-            return cts_fail(err, CTS_ERR_USAGE, "--%s: an empty argument (%s)", o->name, o->argument);
-        *(const char **)field = text;
-        break;
-    case CLI_INT: {
-        int n;
-        if (!cli_integer(text, &n) || n < b->low || n > b->high)
-            return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not a whole number from %.0f to %.0f", o->name, text, b->low,
-                            b->high);
-        *(int *)field = n;
-        break;
-    }
-    case CLI_NUMBER: {
-        double x;
-        if (!cli_number(text, &x) || x < b->low || x > b->high)
-            return cts_fail(err, CTS_ERR_USAGE, "--%s %s: not a number from %g to %g", o->name, text, b->low, b->high);
-        *(double *)field = x;
-        break;
-    }
-    case CLI_CHOICE:
-        st = choose(o, field, text, err);
-        break;
-    case CLI_CUSTOM:
-        st = o->parse(options, text, err);
-        break;
-    }
-    if (!st)
-        note_command(options, o, text);
-    return st;
-}
-
-/* One word of the command line that starts with a dash; *argv moves past it and its argument. */
-static CtsStatus parse_option(CliOptions *options, int command, const char *const **argv, const char *const *end,
-                              CtsError *err)
-{
-    const char *word = *(*argv)++, *argument = NULL;
-    const bool is_long = word[1] == '-';
-    const size_t length = is_long ? strcspn(word + 2, "=") : 1;
-    const CliOption *o = is_long ? find_long(word + 2, length) : find_letter(word[1]);
-    const char *its_name = cli_commands[command].name;
-    if (!o)
-        return cts_fail(err, CTS_ERR_USAGE, "%.*s: no such option (see ctsplat %s --help)",
-                        (int)(is_long ? length + 2 : 2), word, its_name);
-    if (!(o->commands >> command & 1))
-        return cts_fail(err, CTS_ERR_USAGE, "--%s: not an option of %s (see ctsplat %s --help)", o->name, its_name,
-                        its_name);
-    if (is_long && word[2 + length] == '=')
-        argument = word + 2 + length + 1;
-    else if (!is_long && word[2])
-        argument = word + 2;
-    if (o->kind == CLI_FLAG) {
-        if (argument)
-            return cts_fail(err, CTS_ERR_USAGE, "%s: --%s takes no argument", word, o->name);
-    } else if (!argument) {
-        if (*argv == end)
-            return cts_fail(err, CTS_ERR_USAGE, "%s: its argument is missing (%s)", word, o->argument);
-        argument = *(*argv)++;
-    }
-    options->given[o - cli_options] = argument ? argument : "";
-    return take(options, o, argument, err);
-}
-
-/* What a presentation state holds: how the picture looks, and from where. */
-static bool is_of_recipe(const CliOption *o)
-{
-    return o->touches == CLI_TOUCHES_PICTURES || strcmp(o->name, "view") == 0;
-}
-
-/* What the presentation state says, where the command line does not say otherwise. */
-static CtsStatus take_state(CliOptions *options, int command, CtsError *err)
-{
-    CtsStatus st = cts_state_read(options->state_path, &options->state, err);
-    if (st)
-        return st;
-    for (int i = 0; i < options->state->n_options && !st; i++) {
-        const CtsStateOption *said = &options->state->options[i];
-        const CliOption *o = find_long(said->name, strlen(said->name));
-        if (!o || !is_of_recipe(o) || !(o->commands >> command & 1))
-            st = cts_fail(err, CTS_ERR_READ, "%s: holds an option that this build does not have: %.60s",
-                          options->state_path, said->name);
-        else if (!options->given[o - cli_options]) {
-            options->given[o - cli_options] = said->value;
-            if ((st = take(options, o, o->kind == CLI_FLAG ? NULL : said->value, err)))
-                cts_context(err, "%s", options->state_path);
-        }
-    }
-    return st;
-}
-
-static void write_recipe(CliOptions *options)
-{
-    for (int i = 0; cli_options[i].name; i++)
-        if (options->given[i] && is_of_recipe(&cli_options[i]))
-            options->recipe[options->n_recipe++] = (CtsStateOption){cli_options[i].name, options->given[i]};
-}
-
-static CtsStatus check_operands(const CliOptions *options, const CliCommand *command, CtsError *err)
-{
-    if (options->n_operands < command->min_operands && !options->from_given)
-        return cts_fail(err, CTS_ERR_USAGE, "%s: %s is missing (see ctsplat %s --help)", command->name,
-                        command->operand, command->name);
-    if (options->n_operands > command->max_operands)
-        return cts_fail(err, CTS_ERR_USAGE, "%s: one argument too many: %s (see ctsplat %s --help)", command->name,
-                        options->operands[command->max_operands], command->name);
-    return CTS_OK;
-}
-
-CtsStatus cli_options_parse(CliOptions *options, int command, int argc, const char *const *argv, CtsError *err)
-{
-    *options = (CliOptions){.n_shards = 1, .series_timeout_s = 3600, .net.stop = &cli_stop};
-    cts_render_defaults(&options->render);
-    options->render.fit = CTS_FIT_VISIBLE;
-    snprintf(options->command, sizeof options->command, "%s", cli_commands[command].name);
-    const char **operands = calloc((size_t)argc + 1, sizeof *operands);
-    options->operands = operands;
-    options->outputs = calloc((size_t)argc + 1, sizeof *options->outputs);
-    if (!operands || !options->outputs)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-
-    const char *const *end = argv + argc;
-    bool only_operands = false;
-    for (argv++; argv < end;) {
-        const char *word = *argv;
-        if (!only_operands && !strcmp(word, "--")) {
-            only_operands = true;
-            argv++;
-        } else if (!only_operands && word[0] == '-' && word[1]) {
-            const CtsStatus st = parse_option(options, command, &argv, end, err);
-            if (st)
-                return st;
-        } else {
-            operands[options->n_operands++] = word;
-            argv++;
-        }
-    }
-    CtsStatus st = CTS_OK;
-    if (!options->help && options->state_path)
-        st = take_state(options, command, err);
-    write_recipe(options);
-    if (!options->preset)
-        options->preset = options->state ? options->state->preset.name : "bone";
-    else if (options->state)
-        options->state->preset.name[0] = 0; /* another one is asked for */
-    return st || options->help ? st : check_operands(options, &cli_commands[command], err);
-}
-
-void cli_options_free(CliOptions *options)
-{
-    free((void *)options->operands);
-    free(options->outputs);
-    cts_state_free(&options->state);
-    *options = (CliOptions){0};
 }

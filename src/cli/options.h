@@ -5,6 +5,7 @@
 #include "ctsplat/ctsplat.h"
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
 
 enum { CLI_MOST_OPTIONS = 100 };
 
@@ -14,8 +15,10 @@ typedef struct CliOptions {
     int n_operands;
     const char **outputs; /* every -o, in order */
     int n_outputs;
-    const char *output_dir; /* NULL when not given */
+    const CtsFormatInfo *format; /* of standard output; NULL when not given */
+    const char *output_dir;      /* NULL when not given */
     bool help;
+    double start_ms; /* when the run began */
 
     const char *preset;
     CtsRenderSettings render;
@@ -26,7 +29,7 @@ typedef struct CliOptions {
     bool crop_given;
     double crop_low_lps[3], crop_high_lps[3];
     CtsSwitch remove_table;
-    int interpolation; /* 0 linear, 1 cubic */
+    int interpolation; /* 0 cubic, 1 linear */
     double smooth_mm;
     bool window_given;
     double window_low_hu, window_high_hu;
@@ -44,6 +47,7 @@ typedef struct CliOptions {
     const char *log;
     char command[512]; /* the options, without names of files: what a log may tell */
 
+    const char *only; /* check: NULL when not given */
     const char *plot; /* check: NULL when not given */
 
     const char *propose; /* presets: the volume to propose a key for; NULL when not given */
@@ -102,7 +106,12 @@ typedef enum CliKind {
 } CliKind;
 
 /* What has to be made anew where a batch goes on with another value of the option. */
-typedef enum CliTouches { CLI_TOUCHES_PICTURES, CLI_TOUCHES_DCM, CLI_TOUCHES_NOTHING } CliTouches;
+typedef enum CliTouches {
+    CLI_TOUCHES_PICTURES,
+    CLI_TOUCHES_PRESET, /* pictures too: the option stands in for what the preset says */
+    CLI_TOUCHES_DCM,
+    CLI_TOUCHES_NOTHING
+} CliTouches;
 
 typedef struct CliOption {
     char letter; /* 0: none */
@@ -116,6 +125,7 @@ typedef struct CliOption {
     const char *const *choices;
     int n_choices;
     CtsStatus (*parse)(CliOptions *options, const char *text, CtsError *err); /* text: the argument */
+    void (*print)(const CliOptions *options, FILE *file); /* what parse understood; where pictures are touched */
     CliTouches touches;
     const char *help;
     const char *fallback; /* the default as --help prints it; NULL: none to tell */
@@ -123,6 +133,10 @@ typedef struct CliOption {
 
 /* The table; name is NULL in its last row. */
 extern const CliOption cli_options[];
+
+/* The values of all options that touch this, given or not, each in one way of writing it: NAME=VALUE, a line each. Free
+ * with free(); NULL without memory. */
+char *cli_options_text(const CliOptions *options, CliTouches touches);
 
 /* The bounds of an option's number, NULL where it has none. */
 const CtsBounds *cli_bounds(const CliOption *option);

@@ -14,11 +14,11 @@ bool cli_progress_shows(void)
     return isatty(STDERR_FILENO) && term && strcmp(term, "dumb");
 }
 
-void cli_progress(int done, int all, const char *what)
+void cli_progress(double done, int all, const char *what)
 {
     if (!cli_progress_shows())
         return;
-    const int filled = all > 0 ? BAR_WIDTH * done / all : 0;
+    const int filled = all > 0 ? (int)(BAR_WIDTH * done / all) : 0;
     char bar[BAR_WIDTH + 1];
     memset(bar, ' ', BAR_WIDTH);
     memset(bar, '#', (size_t)filled);

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 
 /* Step done of all is at hand: what says what happens in it. */
-void cli_progress(int done, int all, const char *what);
+void cli_progress(double done, int all, const char *what);
 /* Whether there is a terminal to draw it on. */
 bool cli_progress_shows(void);
 /* Take the bar off the line, before a message and at the end. */

@@ -26,7 +26,7 @@ CtsStatus cli_remote_check(const CliOptions *options, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE,
                         "--from: what to fetch is not said (give --study-uid, and --series-uid for "
                         "one of its series)");
-    return CTS_OK;
+    return options->send_given || options->from_given ? cts_net_check(&options->net, err) : CTS_OK;
 }
 
 CtsStatus cli_send(const CliOptions *options, CtsError *err)

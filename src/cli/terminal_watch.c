@@ -3,8 +3,9 @@
 #include "cli/interrupt.h"
 #include "cli/message.h"
 #include "cli/progress.h"
+#include <string.h>
 
-static void step(void *context, int done, int all, const char *what)
+static void step(void *context, double done, int all, const char *what)
 {
     (void)context;
     cli_progress(done, all, what);
@@ -25,10 +26,16 @@ static void loaded(void *context)
 
 static void output(void *context, const char *path, const char *format, uint64_t bytes)
 {
-    cts_log_output(((CliWatch *)context)->log, path, format, bytes);
+    const CliWatch *seen = context;
+    if (!seen->told_later || strcmp(path, seen->told_later))
+        cts_log_output(seen->log, path, format, bytes);
 }
 
 CtsWatch cli_watch(CliWatch *seen)
 {
-    return (CtsWatch){.context = seen, .step = step, .findings = findings, .loaded = loaded, .output = output};
+    return (CtsWatch){.context = seen,
+                      .step = cli_progress_shows() ? step : NULL,
+                      .findings = findings,
+                      .loaded = loaded,
+                      .output = output};
 }

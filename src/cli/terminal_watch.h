@@ -6,8 +6,9 @@
 #include "report/log.h"
 
 typedef struct CliWatch {
-    CtsLog *log;       /* NULL: none */
-    size_t n_findings; /* of the report, printed so far */
+    CtsLog *log;            /* NULL: none */
+    const char *told_later; /* an output that is not told yet, or NULL */
+    size_t n_findings;      /* of the report, printed so far */
 } CliWatch;
 
 /* From its loading on, a job is asked to stop by signals (cli/interrupt.h). */

@@ -126,6 +126,11 @@ bad:
                     CTS_MAX_SIDE);
 }
 
+void cli_print_size(const CliOptions *options, FILE *file)
+{
+    fprintf(file, "%dx%d", options->render.width, options->render.height);
+}
+
 CtsStatus cli_parse_kernel(CliOptions *options, const char *text, CtsError *err)
 {
     const size_t n = strcspn(text, ":");
@@ -146,6 +151,11 @@ CtsStatus cli_parse_kernel(CliOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+void cli_print_kernel(const CliOptions *options, FILE *file)
+{
+    fprintf(file, "%s:%.17g", cts_kernel_names[options->render.kernel], options->render.kernel_radius);
+}
+
 CtsStatus cli_parse_void(CliOptions *options, const char *text, CtsError *err)
 {
     if (strcmp(text, "strict") && strcmp(text, "key"))
@@ -154,12 +164,22 @@ CtsStatus cli_parse_void(CliOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+void cli_print_void(const CliOptions *options, FILE *file)
+{
+    fprintf(file, "%d", options->render.void_key);
+}
+
 CtsStatus cli_parse_unit(CliOptions *options, const char *text, CtsError *err)
 {
     if (strcmp(text, "mm") && strcmp(text, "voxel"))
         return cts_fail(err, CTS_ERR_USAGE, "--opacity-unit %s: not one of: mm voxel", text);
     options->render.opacity_per_voxel = !strcmp(text, "voxel");
     return CTS_OK;
+}
+
+void cli_print_unit(const CliOptions *options, FILE *file)
+{
+    fprintf(file, "%d", options->render.opacity_per_voxel);
 }
 
 CtsStatus cli_parse_shade(CliOptions *options, const char *text, CtsError *err)
@@ -203,12 +223,23 @@ CtsStatus cli_parse_crop(CliOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+void cli_print_crop(const CliOptions *options, FILE *file)
+{
+    for (int a = 0; a < 3 && options->crop_given; a++)
+        fprintf(file, "%.17g,%.17g,", options->crop_low_lps[a], options->crop_high_lps[a]);
+}
+
 CtsStatus cli_parse_smooth(CliOptions *options, const char *text, CtsError *err)
 {
     if (!cli_number(text, &options->smooth_mm) || !(options->smooth_mm >= 0 && options->smooth_mm <= CTS_MAX_SMOOTH_MM))
         return cts_fail(err, CTS_ERR_USAGE, "--smooth %s: not a standard deviation of 0 to %d mm", text,
                         CTS_MAX_SMOOTH_MM);
     return CTS_OK;
+}
+
+void cli_print_smooth(const CliOptions *options, FILE *file)
+{
+    fprintf(file, "%.17g", options->smooth_mm);
 }
 
 CtsStatus cli_parse_window(CliOptions *options, const char *text, CtsError *err)
@@ -240,12 +271,32 @@ CtsStatus cli_parse_annotate(CliOptions *options, const char *text, CtsError *er
     }
 }
 
+void cli_print_annotate(const CliOptions *options, FILE *file)
+{
+    fprintf(file, "%d,%d", options->annotate_orientation, options->annotate_scale);
+}
+
 CtsStatus cli_parse_output(CliOptions *options, const char *text, CtsError *err)
 {
     if (!*text)
         return cts_fail(err, CTS_ERR_USAGE, "-o: an empty file name");
     options->outputs[options->n_outputs++] = text;
     return CTS_OK;
+}
+
+CtsStatus cli_parse_format(CliOptions *options, const char *text, CtsError *err)
+{
+    const CtsFormatInfo *format;
+    char names[128] = "";
+    for (size_t i = 0; (format = cts_format(i)); i++) {
+        if (!strcmp(text, format->name)) {
+            options->format = format;
+            return CTS_OK;
+        }
+        strncat(names, " ", sizeof names - strlen(names) - 1);
+        strncat(names, format->name, sizeof names - strlen(names) - 1);
+    }
+    return cts_fail(err, CTS_ERR_USAGE, "--format %s: not one of:%s", text, names);
 }
 
 CtsStatus cli_parse_send(CliOptions *options, const char *text, CtsError *err)

@@ -25,6 +25,16 @@ CtsStatus cli_parse_window(CliOptions *options, const char *text, CtsError *err)
 CtsStatus cli_parse_annotate(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_send(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_from(CliOptions *options, const char *text, CtsError *err);
+CtsStatus cli_parse_format(CliOptions *options, const char *text, CtsError *err);
 CtsStatus cli_parse_output(CliOptions *options, const char *text, CtsError *err);
+
+/* What was parsed, as cli_options_text() has it. */
+void cli_print_size(const CliOptions *options, FILE *file);
+void cli_print_kernel(const CliOptions *options, FILE *file);
+void cli_print_void(const CliOptions *options, FILE *file);
+void cli_print_unit(const CliOptions *options, FILE *file);
+void cli_print_smooth(const CliOptions *options, FILE *file);
+void cli_print_crop(const CliOptions *options, FILE *file);
+void cli_print_annotate(const CliOptions *options, FILE *file);
 
 #endif

@@ -17,6 +17,13 @@ static void put_kernels(FILE *out)
         fprintf(out, "%s%s", i ? " " : "", cts_kernel_names[i]);
 }
 
+static void put_formats(FILE *out)
+{
+    const CtsFormatInfo *format;
+    for (size_t i = 0; (format = cts_format(i)); i++)
+        fprintf(out, "%s%s", i ? " " : "", format->name);
+}
+
 static bool is_object(const CtsFormatInfo *format)
 {
     return format->is_object;
@@ -53,7 +60,7 @@ static const struct {
     void (*put)(FILE *out);
 } words[] = {
     {"{views}", put_views},     {"{kernels}", put_kernels}, {"{outputs}", put_outputs},
-    {"{objects}", put_objects}, {"{stacks}", put_stacks},
+    {"{formats}", put_formats}, {"{objects}", put_objects}, {"{stacks}", put_stacks},
 };
 
 /* Writes the word that text begins with; returns its length, 0 where there is none. */

@@ -104,7 +104,7 @@ function findings(s) {
     const [mark, kind] = MARKS[f.severity] ?? MARKS.note;
     const label = clean(f.severity) || 'note';
     return make('li', {}, make('span', {class: `mark ${kind}`, role: 'img', 'aria-label': label}, mark),
-      clean(f.text), ' ', make('code', {}, clean(f.code)));
+      f.preset ? `${clean(f.preset)}: ` : '', clean(f.text), ' ', make('code', {}, clean(f.code)));
   }));
 }
 

@@ -2,6 +2,7 @@
 
 #include "dicom/codec_check.h"
 #include "dicom/file_bytes.h"
+#include <string.h>
 
 static CtsStatus inflate_pixels(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
 {
@@ -9,6 +10,15 @@ static CtsStatus inflate_pixels(const CtsFrameFormat *f, const uint8_t *stream, 
     const CtsStatus st = cts_inflate(stream, n, f->n_before, pixels, cts_frame_bytes(f), &got, err);
     if (!st && got < cts_frame_bytes(f))
         return cts_fail(err, CTS_ERR_PIXELS, "truncated: PixelData needs %zu bytes, %zu left", cts_frame_bytes(f), got);
+    return st;
+}
+
+CtsStatus cts_inflate_head(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *head, CtsError *err)
+{
+    size_t got = 0;
+    const CtsStatus st =
+        cts_inflate(stream, n, 0, (uint8_t *)head + sizeof got, cts_frame_bytes(f) - sizeof got, &got, err);
+    memcpy(head, &got, sizeof got);
     return st;
 }
 
@@ -27,7 +37,7 @@ static const struct {
 CtsStatus cts_codec_decode(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
 {
     const CtsCodec codec = f->syntax->codec;
-    const CtsCodecFrame frame = {codec, f->columns, f->rows, f->bits_allocated, 1, 1};
+    const CtsCodecFrame frame = {f->columns, f->rows, f->bits_allocated, f->n_colours > 0 ? f->n_colours : 1};
     if (!codecs[codec].decode)
         return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s cannot be decoded by this build", f->syntax->uid);
     const CtsStatus st = codecs[codec].check ? codecs[codec].check(&frame, stream, n, err) : CTS_OK;

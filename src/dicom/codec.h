@@ -12,7 +12,7 @@
 extern "C" {
 #endif
 
-/* What the header says of one frame of grey pixels, or of a picture's colours where OpenJPEG decodes it. */
+/* What the header says of one frame of grey pixels, or of a picture's colours: red, green, blue. */
 typedef struct CtsFrameFormat {
     const CtsSyntax *syntax;
     int n_colours; /* samples a pixel, side by side; 0: grey */
@@ -41,6 +41,10 @@ CtsStatus cts_codec_decode(const CtsFrameFormat *format, const uint8_t *stream, 
 CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
                               CtsError *err);
+
+/* How a deflated data set begins: a size_t, then so many bytes of it, as many as there are or find room in a frame. The
+ * format's syntax is not looked at. */
+CtsStatus cts_inflate_head(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *head, CtsError *err);
 
 #ifdef __cplusplus
 }

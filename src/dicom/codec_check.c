@@ -1,6 +1,6 @@
 #include "dicom/codec_check.h"
 
-#include <string.h>
+#include <stdbool.h>
 
 static uint32_t little32(const uint8_t *p)
 {
@@ -58,23 +58,4 @@ CtsStatus cts_codec_check_rle(const CtsCodecFrame *f, const uint8_t *p, size_t n
         last = offset;
     }
     return CTS_OK;
-}
-
-CtsStatus cts_codec_check(const CtsCodecFrame *f, const uint8_t *pixels, size_t n, CtsError *err)
-{
-    if (f->codec != CTS_CODEC_RLE && f->codec != CTS_CODEC_JPEG && f->codec != CTS_CODEC_JPEG_LS)
-        return cts_fail(err, CTS_ERR_SYNTAX, "its transfer syntax is neither RLE nor JPEG nor JPEG-LS");
-    /* The first item is the offset table, which decoders must not need; then one or more fragments. */
-    const uint64_t table = n < 8 ? UINT64_MAX : (uint64_t)little32(pixels + 4) + 8;
-    if (table + 16 > n || table > n || memcmp(pixels + table, "\xfe\xff\x00\xe0", 4) != 0)
-        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels hold no fragment");
-    const uint8_t *fragment = pixels + table + 8;
-    const size_t n_fragment = little32(pixels + table + 4), left = n - (size_t)table - 8;
-    if (n_fragment > left)
-        return cts_fail(err, CTS_ERR_PIXELS, "a fragment of its compressed pixels does not fit");
-    if (f->codec != CTS_CODEC_RLE)
-        return cts_codec_check_jpeg(f, fragment, n_fragment, err);
-    if (f->n_frames == 1 && (left < n_fragment + 8 || memcmp(fragment + n_fragment, "\xfe\xff\xdd\xe0", 4) != 0))
-        return cts_fail(err, CTS_ERR_PIXELS, "its RLE frame is spread over several fragments");
-    return cts_codec_check_rle(f, fragment, n_fragment, err);
 }

@@ -3,21 +3,16 @@
 #define CTS_DICOM_CODEC_CHECK_H
 
 #include "ctsplat/status.h"
-#include "dicom/syntax.h"
 #include <stddef.h>
 #include <stdint.h>
 
-/* What the header says of the frames. */
+/* What the header says of the frame. */
 typedef struct CtsCodecFrame {
-    CtsCodec codec;
-    int columns, rows, bits_allocated, n_samples, n_frames;
+    int columns, rows, bits_allocated, n_samples;
 } CtsCodecFrame;
 
-/* pixels: the value of PixelData, fragments and delimiter. CTS_ERR_PIXELS when the first frame's own size and precision
- * are not the header's, or its markers or offsets are damaged. */
-CtsStatus cts_codec_check(const CtsCodecFrame *frame, const uint8_t *pixels, size_t n, CtsError *err);
-
-/* One frame's joined fragments, looked over as a JPEG or JPEG-LS stream, or as an RLE one. */
+/* One frame's joined fragments, looked over as a JPEG or JPEG-LS stream, or as an RLE one. CTS_ERR_PIXELS when its size
+ * and precision are not the header's, or its markers or offsets are damaged. */
 CtsStatus cts_codec_check_jpeg(const CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
 CtsStatus cts_codec_check_rle(const CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
 

@@ -26,7 +26,8 @@ OFCondition describe(DcmDataset &data_set, const CtsFrameFormat &f)
         DcmTagKey key;
         int value;
     } numbers[] = {
-        {DCM_SamplesPerPixel, 1},
+        {DCM_SamplesPerPixel, f.n_colours > 0 ? f.n_colours : 1},
+        {DCM_PlanarConfiguration, 0},
         {DCM_Rows, f.rows},
         {DCM_Columns, f.columns},
         {DCM_BitsAllocated, f.bits_allocated},
@@ -34,7 +35,8 @@ OFCondition describe(DcmDataset &data_set, const CtsFrameFormat &f)
         {DCM_HighBit, f.high_bit},
         {DCM_PixelRepresentation, f.is_signed ? 1 : 0},
     };
-    OFCondition result = data_set.putAndInsertString(DcmTag(DCM_PhotometricInterpretation, EVR_CS), "MONOCHROME2");
+    OFCondition result = data_set.putAndInsertString(DcmTag(DCM_PhotometricInterpretation, EVR_CS),
+                                                     f.n_colours > 0 ? "RGB" : "MONOCHROME2");
     for (const auto &number : numbers)
         if (result.good())
             result = put(data_set, number.key, number.value);
@@ -86,7 +88,10 @@ try {
     result = pixel_data.getUncompressedFrame(&data_set, 0, fragment, pixels, static_cast<Uint32>(n_bytes + n_bytes % 2),
                                              colour_model);
     if (result.bad())
-        return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels cannot be decoded: %s", result.text());
+        return cts_fail(err, cts_dcm_status(result, CTS_ERR_PIXELS), "its compressed pixels cannot be decoded: %s",
+                        result.text());
+    if (format->n_colours > 0 && colour_model != "RGB")
+        return cts_fail(err, CTS_ERR_PIXELS, "its pixels decode to %s, not to RGB", colour_model.c_str());
     if (cts_dcm_log().n > 0)
         return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are damaged: %s", cts_dcm_log().first);
     return CTS_OK;

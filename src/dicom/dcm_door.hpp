@@ -2,6 +2,7 @@
 #ifndef CTS_DICOM_DCM_DOOR_HPP
 #define CTS_DICOM_DCM_DOOR_HPP
 
+#include "ctsplat/status.h"
 #include "dicom/syntax.h"
 
 #include <cstddef>
@@ -24,6 +25,12 @@ void cts_dcm_log_reset();
 /* Held for as long as a thread is inside DCMTK, so that a fork finds none of its locks taken (decoder.h). */
 std::shared_mutex &cts_dcm_in_use();
 using CtsDcmUse = std::shared_lock<std::shared_mutex>;
+
+/* Before anything looks up a tag; once, by one thread. */
+CtsStatus cts_dcm_load_dictionary(CtsError *err);
+
+/* What to answer when DCMTK says no. */
+CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise);
 
 /* Parse a data set that is whole in memory. */
 OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax);

@@ -110,12 +110,13 @@ class FrameAttributes final : public CtsAttributes
 
 CtsSlice *new_slice(std::vector<CtsSlice *> &slices)
 {
-    slices.reserve(slices.size() + 1);
-    CtsSlice *slice = static_cast<CtsSlice *>(std::calloc(1, sizeof *slice));
-    if (!slice)
+    slices.push_back(nullptr);
+    CtsSlice *slice = slices.back() = static_cast<CtsSlice *>(std::calloc(1, sizeof *slice));
+    if (!slice) {
+        slices.pop_back();
         throw std::bad_alloc();
+    }
     slice->kind = CTS_OBJECT_ENHANCED;
-    slices.push_back(slice);
     return slice;
 }
 
@@ -164,7 +165,7 @@ CtsStatus cts_dcm_read_frames(const uint8_t *bytes, size_t n, const CtsSyntax *n
         DcmDataset data_set;
         const OFCondition result = st ? EC_Normal : cts_dcm_parse(data_set, bytes, n, native);
         if (result.bad())
-            st = cts_fail(err, CTS_ERR_READ, "cannot be parsed as DICOM: %s", result.text());
+            st = cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
         else if (!st)
             read_frames(data_set, slices);
     } catch (const std::bad_alloc &) {

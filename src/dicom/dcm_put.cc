@@ -1,5 +1,6 @@
 #include <dcmtk/config/osconfig.h>
 
+#include "dicom/dcm_door.hpp"
 #include "dicom/dcm_put.hpp"
 
 #include "dicom/dcm_read.h"
@@ -31,6 +32,31 @@ void drop_private(DcmItem &item)
             for (unsigned long k = 0; k < sequence->card(); k++)
                 drop_private(*sequence->getItem(k));
     }
+}
+
+/* Without memory for a value, DCMTK may leave it out and say that all is well. */
+bool whole(DcmItem &item)
+{
+    for (unsigned long i = 0; i < item.card(); i++) {
+        DcmElement *element = item.getElement(i);
+        if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(element)) {
+            for (unsigned long k = 0; k < sequence->card(); k++)
+                if (!whole(*sequence->getItem(k)))
+                    return false;
+        } else if (element->loadAllDataIntoMemory().bad() || !element->valueLoaded())
+            return false;
+    }
+    return true;
+}
+
+bool has_meta(DcmMetaInfo &meta)
+{
+    for (const DcmTagKey &tag :
+         {DCM_FileMetaInformationGroupLength, DCM_FileMetaInformationVersion, DCM_MediaStorageSOPClassUID,
+          DCM_MediaStorageSOPInstanceUID, DCM_TransferSyntaxUID, DCM_ImplementationClassUID})
+        if (!meta.tagExistsWithValue(tag))
+            return false;
+    return true;
 }
 
 /* DCMTK fills the meta header with names of its own; these are ours. */
@@ -103,11 +129,15 @@ void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag)
     DcmElement *found = nullptr;
     if (from.findAndGetElement(tag, found).bad() || !found)
         return;
-    std::unique_ptr<DcmObject> copy(found->clone());
+    std::unique_ptr<DcmElement> copy(dynamic_cast<DcmElement *>(found->clone()));
+    if (!copy || copy->compare(*found) != 0) { /* without memory for it, a copy's value is left empty in silence */
+        put.keep(EC_MemoryExhausted);
+        return;
+    }
     if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(copy.get()))
         for (unsigned long k = 0; k < sequence->card(); k++)
             drop_private(*sequence->getItem(k));
-    put.element(dynamic_cast<DcmElement *>(copy.release()));
+    put.element(copy.release());
 }
 
 const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag)
@@ -126,9 +156,9 @@ CtsStatus cts_dcm_load_slice(DcmFileFormat &file, const CtsSlice &slice, CtsErro
     const SourcePath path(slice);
     const OFCondition state =
         file.loadFileUntilTag(path.text(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect, DCM_PixelData);
-    return state.good()
-               ? CTS_OK
-               : cts_fail(err, CTS_ERR_READ, "%s: cannot be read for a DICOM output: %s", slice.path, state.text());
+    return state.good() ? CTS_OK
+                        : cts_fail(err, cts_dcm_status(state, CTS_ERR_READ),
+                                   "%s: cannot be read for a DICOM output: %s", slice.path, state.text());
 }
 
 CtsStatus cts_dcm_stream(DcmFileFormat &file, E_TransferSyntax syntax, CtsScSink sink, void *context, CtsError *err)
@@ -137,6 +167,8 @@ CtsStatus cts_dcm_stream(DcmFileFormat &file, E_TransferSyntax syntax, CtsScSink
     DcmOutputBufferStream out(buffer.data(), static_cast<offile_off_t>(buffer.size()));
     CtsStatus st = CTS_OK;
     OFCondition state = put_meta(file, syntax);
+    if (state.good() && !(has_meta(*file.getMetaInfo()) && whole(*file.getMetaInfo()) && whole(*file.getDataset())))
+        state = EC_MemoryExhausted;
     if (state.good())
         file.transferInit();
     while (state.good() && st == CTS_OK) {
@@ -154,5 +186,6 @@ CtsStatus cts_dcm_stream(DcmFileFormat &file, E_TransferSyntax syntax, CtsScSink
     }
     file.transferEnd();
     return st || state.good() ? st
-                              : cts_fail(err, CTS_ERR_OUTPUT, "the DICOM object cannot be encoded: %s", state.text());
+                              : cts_fail(err, cts_dcm_status(state, CTS_ERR_OUTPUT),
+                                         "the DICOM object cannot be encoded: %s", state.text());
 }

@@ -186,11 +186,8 @@ double seconds_of_day(std::string_view text)
     return hours * 3600 + minutes * 60 + std::fmod(t, 100);
 }
 
-CtsObjectKind kind_of(CtsAttributes &item, const char *media_class)
+CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
 {
-    std::string_view sop_class = cts_text_of(item, DCM_SOPClassUID);
-    if (sop_class.empty())
-        sop_class = media_class;
     if (sop_class == ct_class)
         return CTS_OBJECT_CT;
     if (sop_class == enhanced_class || sop_class == legacy_enhanced_class)
@@ -397,19 +394,24 @@ void cts_dcm_read_slice(CtsAttributes &item, CtsSlice *s)
     read_rescale(item, s);
 }
 
-static void read_attributes(CtsAttributes &item, const char *media_class, CtsSlice *slice)
+static void read_attributes(CtsAttributes &item, char class_uid[65], CtsSlice *slice)
 {
-    slice->kind = kind_of(item, media_class);
+    const std::string_view own_class = cts_text_of(item, DCM_SOPClassUID);
+    if (!own_class.empty())
+        class_uid[own_class.copy(class_uid, 64)] = 0;
+    slice->kind = kind_of(item, own_class.empty() ? std::string_view(class_uid) : own_class);
+    if (slice->kind == CTS_OBJECT_DIRECTORY)
+        std::memcpy(class_uid, directory_class, sizeof directory_class);
     if (slice->kind == CTS_OBJECT_CT)
         cts_dcm_read_slice(item, slice);
 }
 
 CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
-                              const char *media_class, CtsSlice *slice, CtsError *err)
+                              char class_uid[65], CtsSlice *slice, CtsError *err)
 try {
     ScannedAttributes scanned(bytes, *scan);
     if (scanned.plain(*native)) {
-        read_attributes(scanned, media_class, slice);
+        read_attributes(scanned, class_uid, slice);
         return CTS_OK;
     }
     const CtsStatus st = cts_dcm_start(err);
@@ -419,9 +421,9 @@ try {
     DcmDataset data_set;
     const OFCondition result = cts_dcm_parse(data_set, bytes, n, native);
     if (result.bad())
-        return cts_fail(err, CTS_ERR_READ, "cannot be parsed as DICOM: %s", result.text());
+        return cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
     CtsParsedAttributes parsed(data_set);
-    read_attributes(parsed, media_class, slice);
+    read_attributes(parsed, class_uid, slice);
     return CTS_OK;
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");

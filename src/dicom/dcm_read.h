@@ -23,12 +23,12 @@ pid_t cts_dcm_fork(void);
 
 /* Read the attributes of a data set that ends before its pixels, encoded as `native` (an uncompressed syntax), into
  * slice: all but path, file facts, syntax, odd syntax flags and the place of the pixels, which the caller knows.
- * media_class stands in for a missing SOP class UID. scan is what cts_scan_data() found; where that says all, DCMTK is
- * not asked. Fails with CTS_ERR_READ when DCMTK cannot parse it; a CT slice
- * whose values cannot be used is a success with slice->fault set. Of an object with many frames only its kind is told;
- * its slices come from cts_dcm_read_frames(). */
+ * class_uid is the SOP class that the meta header tells, and becomes the data set's own where that has one. scan is
+ * what cts_scan_data() found; where that says all, DCMTK is not asked. Fails with CTS_ERR_READ when DCMTK cannot parse
+ * it; a CT slice whose values cannot be used is a success with slice->fault set. Of an object with many frames only its
+ * kind is told; its slices come from cts_dcm_read_frames(). */
 CtsStatus cts_dcm_read_header(const uint8_t *data_set, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
-                              const char *media_class, CtsSlice *slice, CtsError *err);
+                              char class_uid[65], CtsSlice *slice, CtsError *err);
 
 /* The frames of an Enhanced CT or Legacy Converted Enhanced CT object: slices by their functional groups, each frame's
  * own before the shared ones. As cts_dcm_read_header(), one slice a frame, in the order of the pixels; free each and
@@ -40,6 +40,9 @@ CtsStatus cts_dcm_read_frames(const uint8_t *data_set, size_t n, const CtsSyntax
  * (no "..", no slash). Free each and the array with free(). */
 CtsStatus cts_dcm_directory(const uint8_t *data_set, size_t n, const CtsSyntax *native, char ***files, size_t *n_files,
                             size_t *n_refused, CtsError *err);
+
+/* The SOP class by a name that people know, such as "MR Image". Cut to its size. */
+void cts_dcm_class_name(const char *class_uid, char *text, size_t size);
 
 /* Text in a DICOM character set (0008,0005; NULL: ASCII) as UTF-8, at most 64 characters, controls replaced by '?'.
  * What cannot be converted becomes '?' too. NULL without memory. */

@@ -1,6 +1,7 @@
 /* Secondary captures written with DCMTK (PS3.3 A.8.1, A.8.4 and A.8.5). */
 #include <dcmtk/config/osconfig.h>
 
+#include "dicom/dcm_door.hpp"
 #include "dicom/dcm_put.hpp"
 
 #include "dicom/dcm_read.h"
@@ -202,7 +203,8 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
         put_frames(put, object);
     put_pixels(put, object);
     if (put.state().bad())
-        return cts_fail(err, CTS_ERR_OUTPUT, "the secondary capture cannot be encoded: %s", put.state().text());
+        return cts_fail(err, cts_dcm_status(put.state(), CTS_ERR_OUTPUT), "the secondary capture cannot be encoded: %s",
+                        put.state().text());
     return cts_dcm_stream(file, DcmXfer(object.syntax_uid).getXfer(), sink, context, err);
 }
 
@@ -231,6 +233,7 @@ CtsStatus read_source(const CtsSlice &slice, CtsScSource *source, CtsError *err)
 extern "C" CtsStatus cts_dcm_sc_source(const CtsSlice *slice, CtsScSource *source, CtsError *err)
 try {
     *source = CtsScSource{};
+    const CtsDcmUse use(cts_dcm_in_use());
     return read_source(*slice, source, err);
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", slice->path);
@@ -240,6 +243,7 @@ try {
 
 extern "C" CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink, void *context, CtsError *err)
 try {
+    const CtsDcmUse use(cts_dcm_in_use());
     return write_object(*object, sink, context, err);
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory while a secondary capture is encoded");

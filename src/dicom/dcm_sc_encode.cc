@@ -3,6 +3,7 @@
 
 #include "dicom/dcm_sc.h"
 
+#include "dicom/dcm_door.hpp"
 #include "dicom/dcm_put.hpp"
 #include "dicom/dcm_read.h"
 #include <dcmtk/dcmdata/dcpixel.h>
@@ -48,6 +49,8 @@ OFCondition describe(DcmDataset &data, const CtsScFrame &frame)
     else
         put.keep(pixels->putUint8Array(static_cast<const Uint8 *>(frame.samples),
                                        static_cast<unsigned long>(frame.n_samples_bytes)));
+    if (!pixels->valueLoaded())
+        put.keep(EC_MemoryExhausted);
     return put.element(pixels.release()).state();
 }
 
@@ -100,6 +103,7 @@ extern "C" CtsStatus cts_dcm_sc_encode(const char *syntax_uid, const CtsScFrame 
 try {
     if (strcmp(syntax_uid, UID_JPEG2000LosslessOnlyTransferSyntax) == 0)
         return cts_j2k_encode(frame, sink, context, err);
+    const CtsDcmUse use(cts_dcm_in_use());
     return encode(syntax_uid, *frame, sink, context, err);
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory while a frame is compressed");

@@ -60,41 +60,13 @@ try {
     const CtsStatus st = cts_dcm_start(err);
     if (st)
         return st;
+    const CtsDcmUse use(cts_dcm_in_use());
     const OFCondition result = cts_dcm_parse(data, data_set, n, native);
     if (result.bad())
-        return cts_fail(err, CTS_ERR_READ, "cannot be parsed as DICOM: %s", result.text());
+        return cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
     return read_header(data, header, err);
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
     return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
-}
-
-extern "C" CtsStatus cts_dcm_sc_decode(const uint8_t *data_set, size_t n, const CtsSyntax *syntax, CtsScHeader *header,
-                                       void *frame, size_t frame_bytes, CtsError *err)
-try {
-    DcmDataset data;
-    DcmElement *element = nullptr;
-    OFCondition result = cts_dcm_parse(data, data_set, n, syntax);
-    if (result.good())
-        result = data.findAndGetElement(DCM_PixelData, element);
-    DcmPixelData *pixels = dynamic_cast<DcmPixelData *>(element);
-    if (result.bad() || !pixels)
-        return cts_fail(err, CTS_ERR_READ, "its compressed pixels cannot be read: %s",
-                        result.bad() ? result.text() : "no pixel data");
-    Uint32 fragment = 0;
-    OFString colours;
-    cts_dcm_log_reset();
-    result = pixels->getUncompressedFrame(&data, 0, fragment, frame, static_cast<Uint32>(frame_bytes), colours);
-    if (result.bad() || cts_dcm_log().n > 0)
-        return cts_fail(err, CTS_ERR_READ, "its compressed pixels cannot be decoded: %s",
-                        result.bad() ? result.text() : cts_dcm_log().first);
-    if (header->n_samples == 3 && colours != "RGB")
-        return cts_fail(err, CTS_ERR_READ, "its pixels decode to %s, not to RGB", colours.c_str());
-    header->planar = header->n_samples == 3 && word_of(data, DCM_PlanarConfiguration, 0) == 1;
-    return CTS_OK;
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-} catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK's decoder");
 }

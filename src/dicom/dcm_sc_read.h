@@ -26,10 +26,6 @@ typedef struct CtsScHeader {
 CtsStatus cts_dcm_sc_header(const uint8_t *data_set, size_t n, const CtsSyntax *native, CtsScHeader *header,
                             CtsError *err);
 
-/* Decode the first frame of a compressed data set that runs to the end of PixelData. */
-CtsStatus cts_dcm_sc_decode(const uint8_t *data_set, size_t n, const CtsSyntax *syntax, CtsScHeader *header,
-                            void *frame, size_t frame_bytes, CtsError *err);
-
 #ifdef __cplusplus
 }
 #endif

@@ -5,7 +5,6 @@
 #include "dicom/dcm_read.h"
 
 #include <cstdio>
-#include <dcmtk/dcmdata/dcdict.h>
 #include <dcmtk/dcmdata/dcistrmb.h>
 #include <dcmtk/dcmdata/dcrledrg.h>
 #include <dcmtk/dcmdata/dctk.h>
@@ -28,6 +27,11 @@ CtsDcmLog &cts_dcm_log()
 void cts_dcm_log_reset()
 {
     cts_dcm_log() = CtsDcmLog();
+}
+
+CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise)
+{
+    return why == EC_MemoryExhausted ? CTS_ERR_MEMORY : otherwise;
 }
 
 OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax)
@@ -105,14 +109,16 @@ try {
 
 CtsStatus cts_dcm_start(CtsError *err)
 try {
-    const CtsStatus st = cts_dcm_start_decoders(err);
+    CtsStatus st = cts_dcm_start_decoders(err);
     if (st)
         return st;
-    static const bool loaded = dcmDataDict.isDictionaryLoaded();
-    return loaded ? CTS_OK
-                  : cts_fail(
-                        err, CTS_ERR_INTERNAL,
-                        "DCMTK's data dictionary cannot be loaded (unset DCMDICTPATH, or install DCMTK's data files)");
+    static std::mutex mutex;
+    static bool loaded;
+    const std::lock_guard<std::mutex> alone(mutex);
+    if (!loaded && (st = cts_dcm_load_dictionary(err)))
+        return st;
+    loaded = true;
+    return CTS_OK;
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory while DCMTK starts");
 } catch (...) {

@@ -172,7 +172,8 @@ CtsStatus write_state(const CtsDcmState &s, CtsScSink sink, void *context, CtsEr
     put_private(put, private_preset, s.preset);
     put_private(put, private_options, s.options);
     if (put.state().bad())
-        return cts_fail(err, CTS_ERR_OUTPUT, "the presentation state cannot be encoded: %s", put.state().text());
+        return cts_fail(err, cts_dcm_status(put.state(), CTS_ERR_OUTPUT),
+                        "the presentation state cannot be encoded: %s", put.state().text());
     return cts_dcm_stream(file, EXS_LittleEndianExplicit, sink, context, err);
 }
 
@@ -204,7 +205,7 @@ CtsStatus load(const char *path, DcmDataset &data, CtsDcmIds &ids, CtsError *err
     const OFCondition result =
         cts_dcm_parse(data, bytes.data() + meta.data_offset, scan.header_end - meta.data_offset, syntax);
     if (result.bad())
-        return cts_fail(err, CTS_ERR_READ, "cannot be parsed as DICOM: %s", result.text());
+        return cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
     snprintf(ids.class_uid, sizeof ids.class_uid, "%s", cts_dcm_text(data, DCM_SOPClassUID));
     snprintf(ids.sop_uid, sizeof ids.sop_uid, "%s", cts_dcm_text(data, DCM_SOPInstanceUID));
     snprintf(ids.syntax_uid, sizeof ids.syntax_uid, "%s", meta.syntax_uid);
@@ -248,7 +249,7 @@ CtsStatus read_ids(const char *path, CtsDcmIds &ids, CtsError *err)
     const OFCondition state =
         file.loadFileUntilTag(path, EXS_Unknown, EGL_noChange, 4096, ERM_autoDetect, DCM_StudyDate);
     if (state.bad())
-        return cts_fail(err, CTS_ERR_READ, "cannot be read as DICOM: %s", state.text());
+        return cts_fail(err, cts_dcm_status(state, CTS_ERR_READ), "cannot be read as DICOM: %s", state.text());
     snprintf(ids.class_uid, sizeof ids.class_uid, "%s", cts_dcm_text(*file.getDataset(), DCM_SOPClassUID));
     snprintf(ids.sop_uid, sizeof ids.sop_uid, "%s", cts_dcm_text(*file.getDataset(), DCM_SOPInstanceUID));
     snprintf(ids.syntax_uid, sizeof ids.syntax_uid, "%s", cts_dcm_text(*file.getMetaInfo(), DCM_TransferSyntaxUID));
@@ -259,6 +260,7 @@ CtsStatus read_ids(const char *path, CtsDcmIds &ids, CtsError *err)
 
 extern "C" CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *context, CtsError *err)
 try {
+    const CtsDcmUse use(cts_dcm_in_use());
     return write_state(*state, sink, context, err);
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory while a presentation state is encoded");
@@ -269,6 +271,7 @@ try {
 extern "C" CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, CtsError *err)
 try {
     *preset = *options = nullptr;
+    const CtsDcmUse use(cts_dcm_in_use());
     const CtsStatus st = read_state(path, preset, options, err);
     return st ? cts_context(err, "%s", path) : st;
 } catch (const std::bad_alloc &) {
@@ -280,6 +283,7 @@ try {
 extern "C" CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err)
 try {
     *ids = CtsDcmIds{};
+    const CtsDcmUse use(cts_dcm_in_use());
     const CtsStatus st = read_ids(path, *ids, err);
     return st ? cts_context(err, "%s", path) : st;
 } catch (const std::bad_alloc &) {

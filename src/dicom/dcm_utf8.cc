@@ -1,6 +1,7 @@
 /* Text of any DICOM character set, safe to show. */
 #include <dcmtk/config/osconfig.h>
 
+#include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 
 #include <cstdlib>
@@ -70,6 +71,7 @@ std::string converted(const char *text, const char *charset)
 {
     if (!charset || is_same_in_utf8(text, charset) || cts_dcm_start(nullptr))
         return text;
+    const CtsDcmUse use(cts_dcm_in_use());
     OFString out;
     DcmSpecificCharacterSet converter;
     if (charset[0] && DcmSpecificCharacterSet::isConversionAvailable() &&

@@ -7,6 +7,7 @@
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
 #include <sys/resource.h>
@@ -21,7 +22,7 @@ enum {
     STREAM_MEMORY = 4,       /* and for each byte of the stream */
     BASE_CPU_S = 10,
     PIXELS_PER_CPU_S = 200000, /* a fiftieth of what the slowest codec does */
-    QUIET_S = 60,              /* without any progress: a lock that nobody will open */
+    QUIET_S = 60,
     START_QUIET_S = 5,
     START_TRIES = 4, /* another fork may well meet other locks */
     ROOM_STEP = 1 << 20
@@ -40,6 +41,16 @@ typedef struct Answer {
 CtsDecoder cts_decoder_make(cts_decode_fn decode)
 {
     return (CtsDecoder){.decode = decode, .socket = -1};
+}
+
+CtsStatus cts_decoder_new(CtsDecoder **decoder, cts_decode_fn decode, CtsError *err)
+{
+    if (*decoder)
+        return CTS_OK;
+    if (!(*decoder = malloc(sizeof **decoder)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    **decoder = cts_decoder_make(decode);
+    return CTS_OK;
 }
 
 static uint8_t *pixels_of(const CtsDecoder *d)
@@ -116,6 +127,14 @@ void cts_decoder_stop(CtsDecoder *d)
     d->shared = NULL;
 }
 
+void cts_decoder_free(CtsDecoder **decoder)
+{
+    if (*decoder)
+        cts_decoder_stop(*decoder);
+    free(*decoder);
+    *decoder = NULL;
+}
+
 static double cpu_seconds(pid_t pid)
 {
     clockid_t clock;
@@ -163,13 +182,21 @@ static CtsStatus fork_child(CtsDecoder *d, size_t n_memory, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus start_child(CtsDecoder *d, size_t n_memory, CtsError *err)
+/* What a child may take. */
+static size_t memory_limit(const CtsDecoder *d)
+{
+    return d->memory_limit ? d->memory_limit
+                           : BASE_MEMORY + (d->n_shared - d->stream_capacity) / 2 * PIXEL_MEMORY +
+                                 d->stream_capacity * STREAM_MEMORY;
+}
+
+static CtsStatus start_child(CtsDecoder *d, CtsError *err)
 {
     CtsStatus st = cts_dcm_start_decoders(err);
     Answer a = {CTS_ERR_INTERNAL, "it ended at once"};
     bool still = true;
     for (int tries = 0; !st && still && tries < START_TRIES; tries++) {
-        if ((st = fork_child(d, n_memory, err)))
+        if ((st = fork_child(d, memory_limit(d), err)))
             return st;
         if (await(d, &a, START_QUIET_S, &still) && !a.status)
             return CTS_OK;
@@ -201,11 +228,8 @@ CtsStatus cts_decoder_room(CtsDecoder *d, const CtsFrameFormat *format, size_t n
         d->n_shared = needed;
         d->stream_capacity = capacity;
     }
-    const size_t n_memory = d->memory_limit ? d->memory_limit
-                                            : BASE_MEMORY + (d->n_shared - d->stream_capacity) / 2 * PIXEL_MEMORY +
-                                                  d->stream_capacity * STREAM_MEMORY;
     *stream = d->shared;
-    return d->pid ? CTS_OK : start_child(d, n_memory, err);
+    return d->pid ? CTS_OK : start_child(d, err);
 }
 
 /* The child dies of SIGXCPU when this frame takes longer. CPU time, for a busy machine is no fault of the file's. */
@@ -236,23 +260,36 @@ static CtsStatus tell_death(int status, int limit_s, CtsError *err)
     }
 }
 
-CtsStatus cts_decoder_run(CtsDecoder *d, const CtsFrameFormat *format, const uint8_t *stream, size_t n,
-                          const void **pixels, CtsError *err)
+/* One frame through the child that is there. *killed: by somebody or a system without memory, and hardly by what the
+ * stream made of it: codecs do not send SIGKILL. */
+static CtsStatus run_once(CtsDecoder *d, const Request *r, bool *killed, CtsError *err)
 {
-    const Request r = {*format, (size_t)(stream - (const uint8_t *)d->shared), n};
     Answer a;
     bool still = false;
-    const int limit_s = limit_cpu(d, format);
-    *pixels = pixels_of(d);
-    if (!transmit(d->socket, &r, sizeof r) || !await(d, &a, QUIET_S, &still)) {
+    const int limit_s = limit_cpu(d, &r->format), quiet_s = d->quiet_limit_s ? d->quiet_limit_s : QUIET_S;
+    *killed = false;
+    if (!transmit(d->socket, r, sizeof *r) || !await(d, &a, quiet_s, &still)) {
         const int status = end_child(d, true);
-        return still ? cts_fail(err, CTS_ERR_PIXELS, "its decoder stood still for %d s", QUIET_S)
+        *killed = !still && status != -1 && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
+        return still ? cts_fail(err, CTS_ERR_PIXELS, "its decoder stood still for %d s", quiet_s)
                      : tell_death(status, limit_s, err);
     }
     if (a.status == CTS_ERR_MEMORY)
         return cts_fail(err, CTS_ERR_PIXELS, "its decoder asks for more memory than a picture of %d x %d needs",
-                        format->columns, format->rows);
+                        r->format.columns, r->format.rows);
     return a.status ? cts_fail(err, a.status == CTS_ERR_SYNTAX ? CTS_ERR_SYNTAX : CTS_ERR_PIXELS, "%.*s",
                                (int)sizeof a.text - 1, a.text)
                     : CTS_OK;
+}
+
+CtsStatus cts_decoder_run(CtsDecoder *d, const CtsFrameFormat *format, const uint8_t *stream, size_t n,
+                          const void **pixels, CtsError *err)
+{
+    const Request r = {*format, (size_t)(stream - (const uint8_t *)d->shared), n};
+    bool killed;
+    *pixels = pixels_of(d);
+    CtsStatus st = run_once(d, &r, &killed, err);
+    if (killed && !(st = start_child(d, err)))
+        st = run_once(d, &r, &killed, err);
+    return st;
 }

@@ -2,7 +2,8 @@
  *
  * A decoder is one child process, for one thread: it gets a compressed stream in memory that both share, and answers
  * with pixels there or with a reason. When it dies, asks for too much memory, computes too long or makes a forbidden
- * system call, that frame is refused and the next one starts another child. It sees the pixels of one series and no
+ * system call, that frame is refused and the next one starts another child; one that is killed from outside gets a
+ * second chance. It sees the pixels of one series and no
  * file, and can be taken over by a damaged stream without harm to the program.
  *
  * The child is a fork, for a library cannot know a program to run instead. Its caller may have any number of threads,
@@ -26,11 +27,16 @@ typedef struct CtsDecoder {
     void *shared; /* stream, then pixels */
     size_t n_shared, stream_capacity;
     int cpu_limit_s;     /* for one frame; 0: as long as its size lets expect */
+    int quiet_limit_s;   /* without any computing, a lock that nobody will open; 0: a minute */
     size_t memory_limit; /* what a child may take; 0: as much as the room's size lets expect */
 } CtsDecoder;
 
 /* A decoder without a child; decode is what the child will run. */
 CtsDecoder cts_decoder_make(cts_decode_fn decode);
+
+/* The same on the heap, where *decoder is NULL; and gone again. */
+CtsStatus cts_decoder_new(CtsDecoder **decoder, cts_decode_fn decode, CtsError *err);
+void cts_decoder_free(CtsDecoder **decoder);
 
 /* Make room for a stream of n bytes and its pixels, starting a child when there is none or its room is too small. The
  * caller puts the bytes at *stream. */

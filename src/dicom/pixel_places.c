@@ -19,43 +19,44 @@ static uint32_t little32(const uint8_t *p)
     return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
 }
 
-static bool add_fragment(Fragments *f, uint64_t at)
+static CtsStatus add_fragment(Fragments *f, uint64_t at, CtsError *err)
 {
     if ((f->n & (f->n - 1)) == 0) {
         uint64_t *grown = realloc(f->at, (size_t)(f->n ? 2 * f->n : 1) * sizeof *grown);
         if (!grown)
-            return false;
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         f->at = grown;
     }
     f->at[f->n++] = at;
-    return true;
+    return CTS_OK;
 }
 
-/* By their lengths, never by a search: the last one must be followed by the delimiter. Why not, or NULL. */
-static const char *walk(const CtsFileBytes *file, uint64_t pos, Fragments *f)
+/* By their lengths, never by a search: the last one must be followed by the delimiter. */
+static CtsStatus walk(const CtsFileBytes *file, uint64_t pos, Fragments *f, CtsError *err)
 {
     for (int n = 0;; n++) {
         uint8_t item[ITEM_BYTES];
         if (file->n_bytes < ITEM_BYTES || pos > file->n_bytes - ITEM_BYTES ||
             cts_file_bytes_read(file, item, ITEM_BYTES, pos, NULL))
-            return "truncated: its compressed pixels have no end";
+            return cts_fail(err, CTS_ERR_PIXELS, "truncated: its compressed pixels have no end");
         if (memcmp(item, "\xfe\xff\xdd\xe0", 4) == 0)
             break;
         const uint32_t length = little32(item + 4);
         if (memcmp(item, "\xfe\xff\x00\xe0", 4) != 0 || length > file->n_bytes - pos - ITEM_BYTES)
-            return "truncated or damaged: a fragment of its compressed pixels does not fit";
+            return cts_fail(err, CTS_ERR_PIXELS,
+                            "truncated or damaged: a fragment of its compressed pixels does not fit");
         if (n > MAX_FRAGMENTS)
-            return "its compressed pixels are in more than a million fragments";
+            return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are in more than a million fragments");
         if (n == 0) {
             f->table_at = pos + ITEM_BYTES;
             f->table_bytes = length;
-        } else if (!add_fragment(f, pos)) {
-            return "out of memory";
+        } else if (add_fragment(f, pos, err)) {
+            return CTS_ERR_MEMORY;
         }
         pos += ITEM_BYTES + length;
     }
     f->end = pos;
-    return f->n ? NULL : "its compressed pixels hold no fragment";
+    return f->n ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels hold no fragment");
 }
 
 /* The fragments that begin frames, by the offset table: one entry a frame, rising, each the start of a fragment. */
@@ -112,28 +113,26 @@ static bool find_firsts(const CtsFileBytes *file, const Fragments *f, int *first
     return by_table(file, f, first, n) || by_start(file, f, first, n);
 }
 
-static void fault_all(CtsSlice *const *frames, int n, const char *why)
-{
-    for (int k = 0; k < n; k++)
-        cts_slice_fault(frames[k], CTS_ERR_PIXELS, "%s", why);
-}
-
-void cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames, int n)
+CtsStatus cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames, int n, CtsError *err)
 {
     Fragments f = {0};
+    CtsError why = {0};
     int *first = malloc((size_t)n * sizeof *first);
-    const char *why = first ? walk(file, frames[0]->pixel_offset, &f) : "out of memory";
-    if (!why && !find_firsts(file, &f, first, n))
-        why = "its compressed frames cannot be told apart: fragments, offset table and NumberOfFrames (0028,0008) "
-              "disagree";
-    if (why)
-        fault_all(frames, n, why);
-    for (int k = 0; !why && k < n; k++) {
+    CtsStatus st =
+        first ? walk(file, frames[0]->pixel_offset, &f, &why) : cts_fail(&why, CTS_ERR_MEMORY, "out of memory");
+    if (!st && !find_firsts(file, &f, first, n))
+        st = cts_fail(&why, CTS_ERR_PIXELS,
+                      "its compressed frames cannot be told apart: fragments, offset table and NumberOfFrames "
+                      "(0028,0008) disagree");
+    for (int k = 0; st == CTS_ERR_PIXELS && k < n; k++)
+        cts_slice_fault(frames[k], st, "%s", why.text);
+    for (int k = 0; !st && k < n; k++) {
         frames[k]->pixel_offset = f.at[first[k]];
         frames[k]->pixel_bytes = (k + 1 < n ? f.at[first[k + 1]] : f.end) - f.at[first[k]];
     }
     free(first);
     free(f.at);
+    return st == CTS_ERR_MEMORY ? cts_fail(err, st, "%s", why.text) : CTS_OK;
 }
 
 void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n)
@@ -156,6 +155,9 @@ void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n)
         if (!deflated && left < end)
             cts_slice_fault(frames[k], CTS_ERR_PIXELS, "truncated: PixelData needs %llu bytes, %llu left",
                             (unsigned long long)need, (unsigned long long)left);
+        else if (!deflated && n == 1 && have > left + 1) /* the byte that makes it even is missed by nobody */
+            cts_slice_fault(frames[k], CTS_ERR_PIXELS, "truncated: PixelData is %llu bytes long, and %llu are left",
+                            (unsigned long long)have, (unsigned long long)left);
         frames[k]->pixel_offset = start + frame * (uint64_t)k;
         frames[k]->pixel_bytes = frame;
     }

@@ -13,9 +13,8 @@ void cts_scratch_free(CtsScratch *scratch)
 {
     free(scratch->file);
     free(scratch->inflated);
-    if (scratch->decoder)
-        cts_decoder_stop(scratch->decoder);
-    free(scratch->decoder);
+    cts_decoder_free(&scratch->decoder);
+    cts_decoder_free(&scratch->inflater);
     *scratch = (CtsScratch){0};
 }
 
@@ -67,12 +66,8 @@ static CtsStatus decode(const CtsSlice *s, const CtsFileBytes *file, CtsScratch 
     uint8_t *stream;
     find_stream(s, &offset, &n_bytes);
     size_t n = (size_t)n_bytes;
-    if (!scratch->decoder && !(scratch->decoder = calloc(1, sizeof *scratch->decoder)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!scratch->decoder->decode)
-        *scratch->decoder = cts_decoder_make(cts_codec_decode);
-    CtsStatus st = cts_decoder_room(scratch->decoder, &format, n, &stream, err);
-    if (!st)
+    CtsStatus st = cts_decoder_new(&scratch->decoder, cts_codec_decode, err);
+    if (!st && !(st = cts_decoder_room(scratch->decoder, &format, n, &stream, err)))
         st = cts_file_bytes_read(file, stream, n, offset, err);
     if (!st && !s->syntax->deflated)
         st = join_fragments(&stream, &n, err);

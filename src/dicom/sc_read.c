@@ -2,7 +2,6 @@
 #include "dicom/dcm_sc.h"
 
 #include "base/mem.h"
-#include "dicom/codec_check.h"
 #include "dicom/dcm_sc_read.h"
 #include "dicom/decoder.h"
 #include "dicom/file_bytes.h"
@@ -11,6 +10,8 @@
 
 /* PixelData of 4 GiB and the largest header. */
 static const uint64_t max_file_bytes = (1ULL << 32) + CTS_MAX_HEADER_BYTES;
+
+enum { ITEM_BYTES = 8 };
 
 typedef struct ScFile {
     uint8_t *bytes;
@@ -66,8 +67,19 @@ static uint32_t little32(const uint8_t *p)
     return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
 }
 
-/* The first frame, which is the first fragment behind the table of offsets, in a process of its own. */
-static CtsStatus decode_jpeg2000(ScFile *f, const uint8_t *value, size_t n, CtsError *err)
+/* The item at pos of an encapsulated value: its fragment's place and length, or why not. */
+static CtsStatus item_at(const uint8_t *value, size_t n, size_t pos, size_t *n_item, CtsError *err)
+{
+    if (pos > n || n - pos < ITEM_BYTES || memcmp(value + pos, "\xfe\xff\x00\xe0", 4) != 0 ||
+        little32(value + pos + 4) > n - pos - ITEM_BYTES)
+        return cts_fail(err, CTS_ERR_READ, "its compressed pixels hold no whole fragment");
+    *n_item = little32(value + pos + 4);
+    return CTS_OK;
+}
+
+/* The first frame: the first fragment behind the table of offsets or, where there is one frame, all of them. Nothing is
+ * taken apart here: a process of its own does. */
+static CtsStatus decode(ScFile *f, const uint8_t *value, size_t n, CtsError *err)
 {
     const CtsScHeader *h = &f->header;
     const CtsFrameFormat format = {.syntax = f->syntax,
@@ -78,19 +90,26 @@ static CtsStatus decode_jpeg2000(ScFile *f, const uint8_t *value, size_t n, CtsE
                                    .bits_stored = h->bits_stored,
                                    .high_bit = h->bits_stored - 1,
                                    .padding_word = -1};
-    const uint64_t table = n < 8 ? UINT64_MAX : (uint64_t)little32(value + 4) + 8;
-    if (table + 16 > n || table > n || little32(value + table + 4) > n - table - 8)
-        return cts_fail(err, CTS_ERR_READ, "its compressed pixels hold no whole fragment");
-    const size_t n_stream = little32(value + table + 4);
-    CtsDecoder decoder = cts_decoder_make(cts_jpeg2000_decode);
+    CtsDecoder decoder = cts_decoder_make(cts_codec_decode);
+    size_t n_item = 0, n_stream = 0;
     uint8_t *stream;
     const void *pixels;
-    CtsStatus st = cts_alloc_array(&f->frame, f->frame_bytes, err);
-    if (!st && !(st = cts_decoder_room(&decoder, &format, n_stream, &stream, err))) {
-        memcpy(stream, value + table + 8, n_stream);
-        if (!(st = cts_decoder_run(&decoder, &format, stream, n_stream, &pixels, err)))
-            memcpy(f->frame, pixels, f->frame_bytes);
-    }
+    CtsStatus st;
+    if ((st = item_at(value, n, 0, &n_item, err)) || (st = cts_alloc_array(&f->frame, f->frame_bytes, err)) ||
+        (st = cts_decoder_room(&decoder, &format, n, &stream, err)))
+        goto end;
+    size_t pos = ITEM_BYTES + n_item;
+    do {
+        if ((st = item_at(value, n, pos, &n_item, err)))
+            goto end;
+        memcpy(stream + n_stream, value + pos + ITEM_BYTES, n_item);
+        n_stream += n_item;
+        pos += ITEM_BYTES + n_item;
+    } while (h->n_frames == 1 && n - pos >= 4 && memcmp(value + pos, "\xfe\xff\xdd\xe0", 4) != 0);
+    if (!(st = cts_decoder_run(&decoder, &format, stream, n_stream, &pixels, err)))
+        memcpy(f->frame, pixels, f->frame_bytes);
+    f->header.planar = false;
+end:
     cts_decoder_stop(&decoder);
     return st;
 }
@@ -100,23 +119,13 @@ static CtsStatus find_frame(ScFile *f, CtsError *err)
     const CtsScHeader *h = &f->header;
     const uint64_t left = f->n - f->data.pixel_offset;
     f->frame_bytes = (size_t)h->width * h->height * h->n_samples * (h->bits_allocated / 8);
-    if (!f->data.encapsulated) {
-        f->frame = f->bytes + f->data.pixel_offset;
-        return f->data.pixel_bytes >= f->frame_bytes && left >= f->frame_bytes
-                   ? CTS_OK
-                   : cts_fail(err, CTS_ERR_READ, "truncated: a frame needs %zu bytes, PixelData has %llu",
-                              f->frame_bytes,
-                              (unsigned long long)(left < f->data.pixel_bytes ? left : f->data.pixel_bytes));
-    }
-    if (f->syntax->codec == CTS_CODEC_JPEG_2000)
-        return decode_jpeg2000(f, f->bytes + f->data.pixel_offset, (size_t)left, err);
-    const CtsCodecFrame frame = {f->syntax->codec, h->width, h->height, h->bits_allocated, h->n_samples, h->n_frames};
-    const size_t padded_bytes = f->frame_bytes + f->frame_bytes % 2; /* DCMTK decodes into even lengths only */
-    CtsStatus st = cts_codec_check(&frame, f->bytes + f->data.pixel_offset, (size_t)left, err);
-    if (st || (st = cts_alloc_array(&f->frame, padded_bytes, err)))
-        return st;
-    return cts_dcm_sc_decode(f->bytes + f->meta.data_offset, f->n - f->meta.data_offset, f->syntax, &f->header,
-                             f->frame, padded_bytes, err);
+    if (f->data.encapsulated)
+        return decode(f, f->bytes + f->data.pixel_offset, (size_t)left, err);
+    f->frame = f->bytes + f->data.pixel_offset;
+    return f->data.pixel_bytes >= f->frame_bytes && left >= f->frame_bytes
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_READ, "truncated: a frame needs %zu bytes, PixelData has %llu", f->frame_bytes,
+                          (unsigned long long)(left < f->data.pixel_bytes ? left : f->data.pixel_bytes));
 }
 
 static void widen(const ScFile *f, CtsScPixels *pixels)

@@ -1,7 +1,7 @@
 #define _GNU_SOURCE
 #include "dicom/scan.h"
 
-#include "dicom/archive.h"
+#include "dicom/archives.h"
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -148,7 +148,7 @@ static CtsStatus scan_archive(CtsScan *scan, const char *path, CtsError *err)
         st = name ? scan->found(scan->context, &file, path, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         free(name);
     }
-    const CtsStatus kept = scan->take_archive(scan->context, archive, err);
+    const CtsStatus kept = scan->take_archive(scan->context, path, archive, err);
     return st ? st : kept;
 }
 
@@ -164,7 +164,10 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
     CtsStatus st = CTS_OK;
     for (int i = 0; !st && i < n_paths; i++) {
         struct stat info;
-        if (stat(paths[i], &info))
+        CtsFile member;
+        if (cts_archives_find(scan->archives, paths[i], &member))
+            st = scan->found(scan->context, &member, NULL, err);
+        else if (stat(paths[i], &info))
             st = cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", paths[i], strerror(errno));
         else if (S_ISDIR(info.st_mode))
             st = scan_folder(scan, paths[i], 0, err);
@@ -190,9 +193,10 @@ static CtsStatus add_to_list(void *context, const CtsFile *file, const char *arc
     return st;
 }
 
-static CtsStatus add_archive(void *context, CtsArchive *archive, CtsError *err)
+static CtsStatus add_archive(void *context, const char *path, CtsArchive *archive, CtsError *err)
 {
     CtsFileList *const list = context;
+    (void)path;
     CtsArchive **grown = realloc(list->archives, (list->n_archives + 1) * sizeof *grown);
     if (!grown) {
         cts_archive_free(&archive);
@@ -203,10 +207,11 @@ static CtsStatus add_archive(void *context, CtsArchive *archive, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_scan_paths(const char *const *paths, int n_paths, CtsFileList *list, CtsError *err)
+CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
+                         CtsError *err)
 {
     *list = (CtsFileList){0};
-    CtsScan scan = {.found = add_to_list, .take_archive = add_archive, .context = list};
+    CtsScan scan = {.found = add_to_list, .take_archive = add_archive, .context = list, .archives = archives};
     const CtsStatus st = cts_scan_each(&scan, paths, n_paths, err);
     list->findings = scan.findings;
     list->n_special = scan.n_special;

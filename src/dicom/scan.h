@@ -32,8 +32,9 @@ typedef struct CtsScan {
      */
     CtsStatus (*found)(void *context, const CtsFile *file, const char *archive, CtsError *err);
     /* All members of an archive were found; their bytes are its own. Takes the archive over. */
-    CtsStatus (*take_archive)(void *context, struct CtsArchive *archive, CtsError *err);
+    CtsStatus (*take_archive)(void *context, const char *path, struct CtsArchive *archive, CtsError *err);
     void *context;
+    const struct CtsArchives *archives; /* unpacked before, whose members may be named; or NULL */
     int n_special, n_unreadable, n_other;
     CtsFindings findings;
 } CtsScan;
@@ -44,7 +45,8 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
 
 /* Files in order of name, folder by folder, each path once. Links to folders are not followed, folders deeper than 32
  * not entered. A zip file that is named counts as a folder. CTS_ERR_READ when one of paths itself cannot be read. */
-CtsStatus cts_scan_paths(const char *const *paths, int n_paths, CtsFileList *list, CtsError *err);
+CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
+                         CtsError *err);
 
 /* Add one file; takes over path, which may be NULL for "out of memory". */
 CtsStatus cts_file_list_add(CtsFileList *list, char *path, bool named, CtsError *err);

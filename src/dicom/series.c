@@ -6,6 +6,7 @@
 #include "base/parallel.h"
 #include "dicom/archive.h"
 #include "dicom/dcm_read.h"
+#include "dicom/others.h"
 #include "dicom/scan.h"
 #include "dicom/series_judge.h"
 #include <stdio.h>
@@ -32,6 +33,7 @@ void cts_series_list_free(CtsSeriesList **list)
     for (size_t i = 0; i < (*list)->n_archives; i++)
         cts_archive_free(&(*list)->archives[i]);
     free((*list)->archives);
+    free((*list)->others);
     cts_findings_free(&(*list)->findings);
     free(*list);
     *list = NULL;
@@ -166,10 +168,35 @@ static int by_series_and_path(const void *a, const void *b)
     return order ? order : x->frame - y->frame;
 }
 
-/* Counts and findings of what is no slice; the slices themselves go to *slices. */
-static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
+/* What is no slice: counted, and named where it cannot be read. */
+static CtsStatus count_others(const Search *s, CtsError *err)
 {
     CtsSeriesList *list = s->list;
+    list->n_files = (int)s->n_headers + s->files.n_special + s->files.n_other;
+    list->n_not_ct = s->files.n_special + s->files.n_other;
+    list->n_unreadable = s->files.n_unreadable;
+    CtsStatus st = cts_others_add_files(list, list->n_not_ct, err);
+    for (size_t i = 0; !st && i < s->n_headers; i++) {
+        const Header *h = &s->headers[i];
+        if (h->object.n_slices)
+            continue;
+        if (h->file == CTS_FILE_UNREADABLE) {
+            list->n_unreadable++;
+            cts_findings_add(&list->findings, "unreadable_file", CTS_WARNING, "%s: %s", s->files.items[i].path,
+                             h->why ? h->why : "cannot be read");
+            continue;
+        }
+        list->n_not_ct++;
+        st = h->file == CTS_FILE_DICOM ? cts_others_add_object(list, h->object.class_uid, err)
+                                       : cts_others_add_files(list, 1, err);
+    }
+    cts_others_sort(list);
+    return st;
+}
+
+/* The slices of all objects move to *slices. */
+static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
+{
     size_t n = 0;
     for (size_t i = 0; i < s->n_headers; i++)
         n += (size_t)s->headers[i].object.n_slices;
@@ -177,22 +204,11 @@ static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsErr
     *slices = malloc((n + 1) * sizeof **slices);
     if (!*slices)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    list->n_files = (int)s->n_headers + s->files.n_special + s->files.n_other;
-    list->n_not_ct = s->files.n_special + s->files.n_other;
-    list->n_unreadable = s->files.n_unreadable;
     for (size_t i = 0; i < s->n_headers; i++) {
-        Header *h = &s->headers[i];
-        for (int k = 0; k < h->object.n_slices; k++)
-            (*slices)[(*n_slices)++] = h->object.slices[k];
-        if (h->object.n_slices) {
-            h->object.n_slices = 0; /* moved */
-        } else if (h->file == CTS_FILE_UNREADABLE) {
-            list->n_unreadable++;
-            cts_findings_add(&list->findings, "unreadable_file", CTS_WARNING, "%s: %s", s->files.items[i].path,
-                             h->why ? h->why : "cannot be read");
-        } else {
-            list->n_not_ct++;
-        }
+        CtsObject *object = &s->headers[i].object;
+        for (int k = 0; k < object->n_slices; k++)
+            (*slices)[(*n_slices)++] = object->slices[k];
+        object->n_slices = 0;
     }
     return CTS_OK;
 }
@@ -273,13 +289,15 @@ static CtsStatus nothing_found(const Search *s, CtsError *err)
 {
     const CtsSeriesList *list = s->list;
     const char *first = "";
+    char others[400];
+    cts_series_list_others(list, others, sizeof others);
     for (size_t i = 0; !first[0] && i < list->findings.n; i++)
         first = list->findings.items[i].text;
     if (list->n_unreadable)
-        return cts_fail(err, CTS_ERR_READ, "%s (no CT slice among %d files, %d of them unreadable)", first,
-                        list->n_files, list->n_unreadable);
-    return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %d file%s (CT Image Storage is needed)", list->n_files,
-                    list->n_files == 1 ? "" : "s");
+        return cts_fail(err, CTS_ERR_READ, "%s (no CT slice among %d files: %d unreadable%s%s)", first, list->n_files,
+                        list->n_unreadable, others[0] ? ", " : "", others);
+    return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %d file%s%s%s (CT Image Storage is needed)",
+                    list->n_files, list->n_files == 1 ? "" : "s", others[0] ? ": " : "", others);
 }
 
 static void free_search(Search *s)
@@ -295,6 +313,12 @@ static void free_search(Search *s)
 CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
                           CtsError *err)
 {
+    return cts_series_find_among(NULL, paths, n_paths, n_threads, list, report, err);
+}
+
+CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *paths, int n_paths, int n_threads,
+                                CtsSeriesList **list, CtsReport *report, CtsError *err)
+{
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     Search s = {0};
     CtsSlice **slices = NULL;
@@ -305,7 +329,7 @@ CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, 
     if (!st && !(s.list = calloc(1, sizeof *s.list)))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st)
-        st = cts_scan_paths(paths, n_paths, &s.files, err);
+        st = cts_scan_paths(archives, paths, n_paths, &s.files, err);
     if (!st) {
         s.list->archives = s.files.archives;
         s.list->n_archives = s.files.n_archives;
@@ -317,6 +341,8 @@ CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, 
     }
     if (!st)
         st = follow_directories(&s, n_threads, err);
+    if (!st)
+        st = count_others(&s, err);
     if (!st)
         st = collect(&s, &slices, &n_slices, err);
     if (!st)
@@ -348,12 +374,11 @@ CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const Ct
             *series = &list->items[0];
         return *series ? CTS_OK : cts_fail(err, CTS_ERR_NO_SERIES, "no CT series");
     }
-    const char *hash = strchr(uid, '#');
-    const size_t n = hash ? (size_t)(hash - uid) : strlen(uid);
-    const int part = hash ? atoi(hash + 1) : 0;
     for (size_t i = 0; i < list->n; i++) {
         const CtsSeries *s = &list->items[i];
-        if (strlen(s->uid) == n && memcmp(s->uid, uid, n) == 0 && (hash ? s->part == part : s->part <= 1)) {
+        char numbered[sizeof s->uid + 16];
+        snprintf(numbered, sizeof numbered, "%s#%d", s->uid, s->part);
+        if ((s->part > 0 && strcmp(numbered, uid) == 0) || (s->part <= 1 && strcmp(s->uid, uid) == 0)) {
             *series = s;
             return CTS_OK;
         }

@@ -86,8 +86,11 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
         refuse(series, first->fault, "%s: %s%s", cts_slice_label(first).text, text,
                n > 1 ? ", and others like it" : "");
     else
-        cts_findings_add(&series->findings, "bad_slices", CTS_WARNING, "%d slice%s left out: %s: %s", n, plural(n),
-                         cts_slice_label(first).text, text);
+        for (int i = 0; i < set->n; i++)
+            if (!keep[i])
+                cts_findings_add(&series->findings, "bad_slices", CTS_WARNING, "%s: %s (left out)",
+                                 cts_slice_label(set->items[i]).text,
+                                 set->items[i]->fault_text ? set->items[i]->fault_text : "cannot be used");
     return CTS_OK;
 }
 
@@ -162,24 +165,23 @@ static int by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
-/* Positions nearer than this are one position; negative when all are. */
-static double same_position_mm(const CtsSliceSet *set)
+/* Positions nearer than *same_mm are one position; negative when all are. */
+static CtsStatus same_position(const CtsSliceSet *set, double *same_mm, CtsError *err)
 {
     double *gaps = malloc((size_t)set->n * sizeof *gaps);
     int n = 0;
-    double same_mm = -1;
-    for (int i = 1; gaps && i < set->n; i++) {
+    if (!gaps)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 1; i < set->n; i++) {
         const double gap = cts_slice_stack_position_mm(set->items[0], set->items[i]) -
                            cts_slice_stack_position_mm(set->items[0], set->items[i - 1]);
         if (gap > 1e-3)
             gaps[n++] = gap;
     }
-    if (n) {
-        qsort(gaps, (size_t)n, sizeof *gaps, by_value);
-        same_mm = cts_slice_stack_tolerance_mm(gaps[(n - 1) / 2]);
-    }
+    qsort(gaps, (size_t)n, sizeof *gaps, by_value);
+    *same_mm = n ? cts_slice_stack_tolerance_mm(gaps[(n - 1) / 2]) : -1;
     free(gaps);
-    return same_mm;
+    return CTS_OK;
 }
 
 static void describe_odd(CtsSeries *series)
@@ -324,12 +326,11 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
                           CtsError *err)
 {
     int n_dropped = 0;
-    CtsStatus st = CTS_OK;
+    double same_mm = -1;
     *n_parts = 0;
     cts_slice_set_sort(set, set->items[0]);
-    double same_mm = same_position_mm(set);
-    const double any_mm = same_mm < 0 ? 1e-3 : same_mm;
-    if ((st = cts_slice_set_drop_copies(set, any_mm, &n_dropped, err)))
+    CtsStatus st = same_position(set, &same_mm, err);
+    if (st || (st = cts_slice_set_drop_copies(set, same_mm < 0 ? 1e-3 : same_mm, &n_dropped, err)))
         return st;
     if (n_dropped)
         cts_findings_add(&series->findings, "copies_dropped", CTS_WARNING,

@@ -94,7 +94,8 @@ CtsSliceLabel cts_slice_label(const CtsSlice *slice);
 typedef struct CtsScratch {
     uint8_t *file, *inflated;
     size_t file_capacity, inflated_capacity;
-    struct CtsDecoder *decoder; /* a process for compressed pixels, started when the first come */
+    struct CtsDecoder *decoder;  /* a process for compressed pixels, started when the first come */
+    struct CtsDecoder *inflater; /* another for deflated headers */
 } CtsScratch;
 
 void cts_scratch_free(CtsScratch *scratch);
@@ -104,7 +105,8 @@ typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_UNREADAB
 /* What one file holds: a slice, or the frames of an object with many. */
 typedef struct CtsObject {
     CtsObjectKind kind;
-    CtsSlice **slices; /* n_slices of them, owned; none unless kind is CT or enhanced CT */
+    char class_uid[65]; /* "" where it names none */
+    CtsSlice **slices;  /* n_slices of them, owned; none unless kind is CT or enhanced CT */
     int n_slices;
 } CtsObject;
 

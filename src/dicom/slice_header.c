@@ -1,5 +1,6 @@
 #define _GNU_SOURCE
 #include "dicom/dcm_read.h"
+#include "dicom/decoder.h"
 #include "dicom/file_bytes.h"
 #include "dicom/pixel_places.h"
 #include "dicom/scan.h"
@@ -70,6 +71,29 @@ static CtsStatus scan_plain(Head *h, Framing *f, CtsError *err)
     return CTS_OK;
 }
 
+/* The data set's first `want` bytes, inflated by a process of its own and copied: they stay as they are when they are
+ * looked at. */
+static CtsStatus inflate_head(Head *h, const Framing *f, size_t want, size_t *got, CtsError *err)
+{
+    CtsScratch *s = h->scratch;
+    const CtsFrameFormat room = {
+        .columns = FIRST_INFLATE, .rows = (int)(want / FIRST_INFLATE) + 1, .bits_allocated = 8};
+    const size_t n = h->n - f->meta.data_offset;
+    uint8_t *stream;
+    const void *head;
+    CtsStatus st = cts_decoder_new(&s->inflater, cts_inflate_head, err);
+    if (st || (st = cts_decoder_room(s->inflater, &room, n, &stream, err)))
+        return st;
+    memcpy(stream, s->file + f->meta.data_offset, n);
+    if ((st = cts_decoder_run(s->inflater, &room, stream, n, &head, err)))
+        return st;
+    memcpy(got, head, sizeof *got);
+    *got = *got < want ? *got : want;
+    if (!(st = cts_bytes_reserve(&s->inflated, &s->inflated_capacity, *got, err)))
+        memcpy(s->inflated, (const uint8_t *)head + sizeof *got, *got);
+    return st;
+}
+
 /* A deflated data set is inflated only as far as its pixels, and never past the header limit. */
 static CtsStatus scan_deflated(Head *h, Framing *f, CtsError *err)
 {
@@ -81,9 +105,7 @@ static CtsStatus scan_deflated(Head *h, Framing *f, CtsError *err)
         size_t got = 0;
         if (want > CTS_MAX_HEADER_BYTES)
             return cts_fail(err, CTS_ERR_READ, "more than 64 MiB stand before the pixels");
-        if ((st = cts_bytes_reserve(&s->inflated, &s->inflated_capacity, want, err)) ||
-            (st = cts_inflate(s->file + f->meta.data_offset, h->n - f->meta.data_offset, 0, s->inflated, want, &got,
-                              err)))
+        if ((st = inflate_head(h, f, want, &got, err)))
             break;
         const CtsScanResult result =
             cts_scan_data(s->inflated, got, got < want ? got : UINT64_MAX, 0, f->native, &f->data);
@@ -168,8 +190,8 @@ static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *commo
                   f->data.encapsulated == cts_syntax_encapsulated(s->syntax);
     }
     if (usable && f->data.encapsulated)
-        cts_place_fragments(&h->file, object->slices, object->n_slices);
-    else if (usable)
+        return cts_place_fragments(&h->file, object->slices, object->n_slices, err);
+    if (usable)
         cts_place_native(&h->file, object->slices, object->n_slices);
     return CTS_OK;
 }
@@ -210,8 +232,8 @@ static CtsStatus open_and_scan(Head *h, const CtsFile *source, Framing *f, CtsSl
 /* The slices of a data set that has been scanned, as DCMTK or the scan tells them. */
 static CtsStatus read_slices(const Framing *f, CtsSlice *common, CtsObject *object, CtsError *err)
 {
-    CtsStatus st =
-        cts_dcm_read_header(f->data_set, f->n_data_set, &f->data, f->native, f->meta.sop_class_uid, common, err);
+    memcpy(object->class_uid, f->meta.sop_class_uid, sizeof object->class_uid);
+    CtsStatus st = cts_dcm_read_header(f->data_set, f->n_data_set, &f->data, f->native, object->class_uid, common, err);
     object->kind = common->kind;
     if (!st && common->kind == CTS_OBJECT_ENHANCED)
         return cts_dcm_read_frames(f->data_set, f->n_data_set, f->native, &object->slices, &object->n_slices, err);

@@ -64,7 +64,7 @@ static void classify(CtsSliceStack *s, const double *gaps, int n)
     bool even = true, whole = true;
     s->first_gap = -1;
     for (int i = 0; i < n_gaps; i++) {
-        even &= fabs(gaps[i] - s->spacing_mm) <= tolerance;
+        even &= fabs(gaps[i] - even_mm) <= tolerance;
         drift = fmax(drift, fabs(s->layer[i] - s->layer[0] - i * even_mm));
         const int k = multiple_of(gaps[i], s->spacing_mm);
         whole &= k > 0;

@@ -3,7 +3,7 @@
 
 #include "base/cpu.h"
 #include "base/parallel.h"
-#include "dicom/archive.h"
+#include "dicom/archives.h"
 #include "dicom/scan.h"
 #include "dicom/slice.h"
 #include <stdlib.h>
@@ -57,11 +57,10 @@ static CtsStatus add_file(void *context, const CtsFile *file, const char *archiv
     return s->n == GROUP ? flush(s, err) : CTS_OK;
 }
 
-static CtsStatus take_archive(void *context, CtsArchive *archive, CtsError *err)
+static CtsStatus take_archive(void *context, const char *path, CtsArchive *archive, CtsError *err)
 {
-    const CtsStatus st = flush(context, err);
-    cts_archive_free(&archive);
-    return st;
+    Search *const s = context;
+    return cts_archives_add(s->asked->archives, path, archive, err);
 }
 
 static void free_found(Found *f)
@@ -71,14 +70,11 @@ static void free_found(Found *f)
     free(f->archive);
 }
 
-/* A member of an archive is known by the archive, which changes as a whole. */
+/* An archive changes as a whole. */
 static void tell_archive(const Found *f, CtsArchiveFile *file)
 {
     struct stat info;
-    if (!f->archive)
-        return;
-    file->path = f->archive;
-    if (!stat(f->archive, &info))
+    if (f->archive && !stat(f->archive, &info))
         file->mtime_ns = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
 }
 

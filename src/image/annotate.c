@@ -38,13 +38,14 @@ static void set_font(cairo_t *cr, double font_px)
     cairo_set_font_size(cr, font_px);
 }
 
-static void rim_and_fill(cairo_t *cr, double rim)
+static void rim_and_fill(cairo_t *cr, double rim, double ink)
 {
+    const double around = light + dark - ink;
     cairo_set_line_join(cr, CAIRO_LINE_JOIN_ROUND);
     cairo_set_line_width(cr, 2 * rim);
-    cairo_set_source_rgb(cr, dark, dark, dark);
+    cairo_set_source_rgb(cr, around, around, around);
     cairo_stroke_preserve(cr);
-    cairo_set_source_rgb(cr, light, light, light);
+    cairo_set_source_rgb(cr, ink, ink, ink);
     cairo_fill(cr);
 }
 
@@ -67,17 +68,17 @@ static Box measure(const Mark *mark)
     return box;
 }
 
-static void draw(cairo_surface_t *surface, const Mark *mark, const Box *box)
+static void draw(cairo_surface_t *surface, const Mark *mark, const Box *box, double ink)
 {
     cairo_t *cr = cairo_create(surface);
     set_font(cr, mark->font_px);
     cairo_move_to(cr, (box->width - box->text_width) / 2, 2 * box->rim + box->text_height);
     cairo_text_path(cr, mark->text);
-    rim_and_fill(cr, box->rim);
+    rim_and_fill(cr, box->rim, ink);
     if (mark->bar_px > 0) {
         cairo_rectangle(cr, (box->width - mark->bar_px) / 2, box->height - 2 * box->rim - box->bar_height, mark->bar_px,
                         box->bar_height);
-        rim_and_fill(cr, box->rim);
+        rim_and_fill(cr, box->rim, ink);
     }
     cairo_destroy(cr);
     cairo_surface_flush(surface);
@@ -152,7 +153,7 @@ static CtsStatus put(CtsPicture *picture, const Placed *p, CtsError *err)
     if (p->top >= picture->first_row + picture->height || p->top + p->box.height <= picture->first_row)
         return CTS_OK;
     cairo_surface_t *overlay = cairo_image_surface_create(CAIRO_FORMAT_ARGB32, p->box.width, p->box.height);
-    draw(overlay, &mark, &p->box);
+    draw(overlay, &mark, &p->box, picture->info.light_behind ? dark : light);
     if (cairo_surface_status(overlay) == CAIRO_STATUS_SUCCESS)
         blend(picture, overlay, p->left, p->top);
     else

@@ -35,6 +35,7 @@ void cts_picture_free(CtsPicture **picture)
         return;
     cts_free(&p->pixels);
     cts_free(&p->depth_mm);
+    cts_free(&p->bound);
     free(p);
     *picture = NULL;
 }

@@ -6,7 +6,11 @@
 #include "job/contrast.h"
 #include "job/files.h"
 #include "job/pooled.h"
+#include "job/saturation.h"
 #include <string.h>
+
+/* Bands of a picture that somebody watches: few enough to cost nothing, enough of them to see it go on. */
+enum { WATCHED_ROWS = 4 * CTS_BAND_ROWS };
 
 static int n_frames_of(const CtsJob *job)
 {
@@ -40,8 +44,8 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
     if (job->preset->note[0])
         cts_report_finding(report, "preset_left_out", CTS_WARNING, "preset %s: left out: %s", job->preset->name,
                            job->preset->note);
-    if (job->render.explain)
-        return CTS_OK;
+    if ((st = cts_render_check(job->preset, &job->render, err)) || job->render.explain)
+        return st;
     if ((st = cts_outputs_check(&job->outputs, &job->export, report, err)))
         return st;
     return check_sizes(job, err);
@@ -53,6 +57,7 @@ typedef struct Frame {
     CtsFiles *files;
     CtsReport *report;
     int number;
+    CtsSaturation saturation;
 } Frame;
 
 static CtsStatus stopped(const CtsJob *job, CtsError *err)
@@ -77,16 +82,19 @@ static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
 /* A band as the engine made it: over the background, marked, into all files. */
 static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
 {
-    const Frame *frame = context;
+    Frame *frame = context;
     const CtsJob *job = frame->job;
     const CtsMeter meter = cts_meter_start(frame->report);
     CtsStatus st;
+    cts_saturation_add(&frame->saturation, band);
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background, job->render.n_threads);
     if (!(st = annotate(frame, band, err)) && frame->files->watch->band)
         frame->files->watch->band(frame->files->watch->context, frame->number, band);
     if (!st && !(st = stopped(job, err)))
         st = cts_files_rows(frame->files, frame->number, band, frame->report, err);
+    const double done = (double)(band->first_row + band->height) / band->whole_height;
+    cts_watch_step(frame->files->watch, 2 + frame->number + done, n_steps_of(job), "rendering");
     cts_meter_stop(meter, frame->report, CTS_STAGE_EXPORT);
     return st;
 }
@@ -95,12 +103,12 @@ static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatc
 {
     const CtsJob *job = frame->job;
     const double azimuth_deg = job->render.azimuth_deg + 360.0 * frame->number / n_frames_of(job);
-    cts_watch_step(watch, 2 + frame->number, n_steps_of(job), "rendering");
+    const CtsBandSink sink = {.take = finish_band, .context = frame, .max_rows = watch->step ? WATCHED_ROWS : 0};
     const CtsMeter meter = cts_meter_start(frame->report);
-    const CtsStatus st = cts_render_bands(renderer, azimuth_deg, job->render.elevation_deg,
-                                          &(CtsBandSink){.take = finish_band, .context = frame}, frame->report, err);
-    cts_meter_stop(meter, frame->report, CTS_STAGE_COMPOSITE);
+    cts_watch_step(watch, 2 + frame->number, n_steps_of(job), "rendering");
+    const CtsStatus st = cts_render_bands(renderer, azimuth_deg, job->render.elevation_deg, &sink, frame->report, err);
     cts_watch_findings(watch, frame->report);
+    cts_meter_stop(meter, frame->report, CTS_STAGE_COMPOSITE);
     return st ? st : stopped(job, err);
 }
 
@@ -123,6 +131,9 @@ static CtsStatus render_frames(const CtsJob *job, CtsRenderer *renderer, CtsFile
             st = cts_files_frame_done(files, frame.number, report, err);
         }
     report->verified = pooled;
+    if (!st)
+        cts_saturation_tell(&frame.saturation, &files->first, report);
+    cts_watch_findings(files->watch, report);
     return st;
 }
 
@@ -152,6 +163,7 @@ static CtsStatus write_state(const CtsJob *job, const CtsLoaded *loaded, const C
 CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
                          CtsError *err)
 {
+    CtsMeter meter = cts_meter_start(report);
     CtsExportSettings settings = job->export;
     CtsRenderSettings render = job->render;
     CtsPreset preset = *job->preset;
@@ -163,12 +175,14 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
     render.want_depth = cts_outputs_hold_depth(&job->outputs);
     render.rotation_frames = n_frames_of(job);
     if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)) &&
-        !(st = cts_files_begin(&files, err)) &&
-        !(st = cts_render_begin(&renderer, loaded->volume, &preset, &render, err)))
+        !(st = cts_files_begin(&files, err)))
+        st = cts_render_begin(&renderer, loaded->volume, &preset, &render, err);
+    cts_meter_stop(meter, report, CTS_STAGE_CLASSIFY);
+    if (!st)
         st = render_frames(job, renderer, &files, report, err);
+    meter = cts_meter_start(report);
     if (!st && job->outputs.state && !job->render.explain)
         st = write_state(job, loaded, &files.first, err);
-    const CtsMeter meter = cts_meter_start(report);
     cts_files_end(&files);
     cts_render_end(&renderer);
     cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
@@ -181,8 +195,8 @@ CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *repor
     CtsStatus st;
     CtsMeter meter = cts_meter_start(report);
     st = cts_job_check(job, report, err);
-    cts_meter_stop(meter, report, CTS_STAGE_SCAN);
     cts_watch_findings(watch, report);
+    cts_meter_stop(meter, report, CTS_STAGE_SCAN);
     if (st)
         return st;
     st = cts_source_load(&job->source, watch, n_steps_of(job), &loaded, report, err);

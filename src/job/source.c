@@ -3,7 +3,48 @@
 #include "base/clock.h"
 #include "base/meter.h"
 #include "ctsplat/table.h"
+#include <stdio.h>
 #include <string.h>
+
+typedef struct SeriesName {
+    char text[80];
+} SeriesName;
+
+/* As `series` takes it. */
+static SeriesName name_of(const CtsSeries *s)
+{
+    SeriesName name;
+    snprintf(name.text, sizeof name.text, s->part > 1 ? "%s#%d" : "%s", s->uid[0] ? s->uid : "(without UID)", s->part);
+    return name;
+}
+
+/* Which series was taken where there are several, and each that was not, with its reason. */
+static void tell_choice(const CtsLoaded *loaded, CtsReport *report)
+{
+    const CtsSeriesList *list = loaded->list;
+    const CtsSeries *taken = loaded->series;
+    if (list->n < 2)
+        return;
+    if (taken->renderable)
+        cts_report_finding(report, "several_series", CTS_WARNING,
+                           "%zu series found; taking %s (%d slices), the one with the most slices%s; `series` takes "
+                           "another",
+                           list->n, name_of(taken).text, taken->n_slices,
+                           taken == list->items ? "" : " of those that can be rendered");
+    else
+        cts_report_finding(report, "several_series", CTS_WARNING, "%zu series found, and none can be rendered",
+                           list->n);
+    for (size_t i = 0; i < list->n; i++) {
+        const CtsSeries *s = &list->items[i];
+        if (s == taken)
+            continue;
+        const char *why = !s->renderable                  ? s->reason
+                          : s->n_slices < taken->n_slices ? "fewer slices"
+                                                          : "as many slices";
+        cts_report_finding(report, "series_not_taken", CTS_WARNING, "not taken: %s (%d slice%s): %s", name_of(s).text,
+                           s->n_slices, s->n_slices == 1 ? "" : "s", why);
+    }
+}
 
 static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
@@ -12,7 +53,7 @@ static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *rep
     const int n_paths = source->from ? 1 : source->n_paths;
     if (source->from && (st = cts_net_fetch(source->from, source->net, source->study_uid, source->peer_series_uid,
                                             &loaded->fetched, report, err)))
-        return cts_context(err, "--from");
+        return cts_context(err, "`from`");
     if ((st = cts_series_find(paths, n_paths, source->n_threads, &loaded->list, report, err)) ||
         (st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
         return st;
@@ -21,10 +62,8 @@ static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *rep
     const CtsFindings *found = &loaded->list->findings;
     for (size_t i = 0; i < found->n; i++)
         cts_report_finding(report, found->items[i].code, found->items[i].severity, "%s", found->items[i].text);
-    if (loaded->list->n > 1 && !source->series_uid)
-        cts_report_finding(report, "several_series", CTS_WARNING,
-                           "%zu series found; taking %s, the one with the most slices (%d); `series` takes another",
-                           loaded->list->n, loaded->series->uid, loaded->series->n_slices);
+    if (!source->series_uid)
+        tell_choice(loaded, report);
     return CTS_OK;
 }
 
@@ -41,7 +80,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *r
     if (source->linear || n_parts == 1) {
         cts_report_skip(report, "cubic interpolation",
                         n_parts == 1 ? "slices lie no further apart than 1.5 pixels"
-                                     : "straight lines join the slices");
+                                     : "linear interpolation between slices was asked for");
         return CTS_OK;
     }
     CtsError why = {0};
@@ -56,7 +95,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *r
         *err = why;
         return st;
     }
-    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by monotone cubics, %d layers in all",
+    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubics, %d layers in all",
                     slice_mm, n_parts - 1, v->dims[2]);
     cts_report_finding(report, "slices_cubic", CTS_NOTE, "%d slices became %d layers by cubic interpolation in %.0f ms",
                        n_slices, v->dims[2], cts_wall_ms() - start_ms);
@@ -91,23 +130,24 @@ CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_
                           CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    cts_watch_step(watch, 0, n_steps, source->from ? "fetching" : "searching");
     CtsMeter meter = cts_meter_start(report);
-    if ((st = find(source, loaded, report, err)))
-        return st;
+    cts_watch_step(watch, 0, n_steps, source->from ? "fetching" : "searching");
+    st = find(source, loaded, report, err);
+    cts_watch_findings(watch, report);
     cts_meter_stop(meter, report, CTS_STAGE_SCAN);
-    cts_watch_findings(watch, report);
-    cts_watch_step(watch, 1, n_steps, "reading");
+    if (st)
+        return st;
     meter = cts_meter_start(report);
+    cts_watch_step(watch, 1, n_steps, "reading");
     st = cts_source_read(source, loaded->series, &loaded->volume, report, err);
-    cts_meter_stop(meter, report, CTS_STAGE_DECODE);
     cts_watch_findings(watch, report);
+    cts_meter_stop(meter, report, CTS_STAGE_DECODE);
     if (st)
         return st;
     meter = cts_meter_start(report);
     st = cts_source_cut(source, loaded->volume, report, err);
-    cts_meter_stop(meter, report, CTS_STAGE_GREY);
     cts_watch_findings(watch, report);
+    cts_meter_stop(meter, report, CTS_STAGE_GREY);
     return st;
 }
 

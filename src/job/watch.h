@@ -8,8 +8,9 @@
 
 typedef struct CtsWatch {
     void *context;
-    /* Step done of all is at hand: what says what happens in it. */
-    void (*step)(void *context, int done, int all, const char *what);
+    /* Step done of all is at hand, or a part of it behind: what says what happens in it. A picture is then made in
+     * bands low enough to tell how far it is. */
+    void (*step)(void *context, double done, int all, const char *what);
     /* The report may hold findings that it did not hold before. */
     void (*findings)(void *context, const CtsReport *report);
     /* The volume is read: from here on the job looks at its settings' stop flag. */
@@ -20,7 +21,7 @@ typedef struct CtsWatch {
     void (*output)(void *context, const char *path, const char *format, uint64_t bytes);
 } CtsWatch;
 
-static inline void cts_watch_step(const CtsWatch *watch, int done, int all, const char *what)
+static inline void cts_watch_step(const CtsWatch *watch, double done, int all, const char *what)
 {
     if (watch->step)
         watch->step(watch->context, done, all, what);

@@ -158,7 +158,7 @@ bool is_native(const char *syntax_uid)
 }
 
 /* One file over a connection that stands. */
-void store(DcmSCU &scu, CtsParcel &parcel, CtsTry &result)
+void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
 {
     const T_ASC_PresentationContextID context =
         is_native(parcel.syntax_uid) ? scu.findAnyPresentationContextID(parcel.class_uid, parcel.syntax_uid)
@@ -174,7 +174,7 @@ void store(DcmSCU &scu, CtsParcel &parcel, CtsTry &result)
         result.again = true;
         cts_fail(&result.error, CTS_ERR_OUTPUT, "the connection broke: %s", one_line(state).c_str());
     } else if (status == STATUS_Success || (status & 0xF000) == 0xB000) {
-        parcel.sent = true;
+        cts_parcel_is_sent(&parcel, &net);
     } else { /* A7xx: out of resources, which may pass */
         result.again = (status & 0xFF00) == 0xA700;
         cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer refuses it with status %04X", static_cast<unsigned>(status));
@@ -205,7 +205,7 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int 
     }
     for (int i = 0; i < n && !result.error.status && !cts_net_stopped(&net); i++)
         if (!parcels[i].sent)
-            store(scu, parcels[i], result);
+            store(scu, net, parcels[i], result);
     hang_up(scu, !result.again);
 }
 

@@ -11,6 +11,13 @@ bool cts_net_stopped(const CtsNet *net)
     return net->stop && *net->stop;
 }
 
+void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net)
+{
+    parcel->sent = true;
+    if (net->sent)
+        net->sent(net->context, parcel->path);
+}
+
 static CtsNet with_defaults(const CtsNet *net)
 {
     CtsNet full = *net;
@@ -20,11 +27,12 @@ static CtsNet with_defaults(const CtsNet *net)
     return full;
 }
 
-static CtsStatus check(const CtsNet *net, CtsError *err)
+CtsStatus cts_net_check(const CtsNet *given, CtsError *err)
 {
-    if (!cts_aet_is_valid(net->own_aet, strlen(net->own_aet)))
-        return cts_fail(err, CTS_ERR_USAGE, "%.40s: is no AE title of 1 to 16 characters", net->own_aet);
-    if (!net->tls_key != !net->tls_certificate)
+    const CtsNet net = with_defaults(given);
+    if (!cts_aet_is_valid(net.own_aet, strlen(net.own_aet)))
+        return cts_fail(err, CTS_ERR_USAGE, "%.40s: is no AE title of 1 to 16 characters", net.own_aet);
+    if (!net.tls_key != !net.tls_certificate)
         return cts_fail(err, CTS_ERR_USAGE, "a TLS key and its certificate must be given together");
     return CTS_OK;
 }
@@ -85,7 +93,7 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
     const CtsWay *way = peer->web ? &cts_way_web : &cts_way_dimse;
     CtsTry result = {0};
     CtsParcel *parcels = calloc((size_t)n_paths + 1, sizeof *parcels);
-    CtsStatus st = parcels ? check(&net, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = parcels ? cts_net_check(given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st && !(st = pack(paths, n_paths, parcels, err))) {
         int sent = 0, pause_ms = 1000;
         for (int k = 0; sent < n_paths && k < net.n_tries; k++, pause_ms *= 2) {
@@ -125,7 +133,7 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
     CtsInbox inbox = {0};
     const CtsRequest request = {study_uid, series_uid, &inbox, report};
     *folder = NULL;
-    CtsStatus st = check(&net, err);
+    CtsStatus st = cts_net_check(given, err);
     if (st)
         return st;
     if (!study_uid)

@@ -41,6 +41,8 @@ typedef struct CtsWay {
 extern const CtsWay cts_way_dimse, cts_way_web;
 
 bool cts_net_stopped(const CtsNet *net);
+/* The peer has confirmed it. */
+void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net);
 
 #ifdef __cplusplus
 }

@@ -217,14 +217,15 @@ static bool passes(CURLcode code)
 }
 
 static void judge_upload(const Web *web, CURLcode code, long status, const Answer *answer, CtsParcel *parcel,
-                         CtsTry *result)
+                         const CtsNet *net, CtsTry *result)
 {
     if (code) {
         result->again = passes(code);
         cts_fail(&result->error, CTS_ERR_OUTPUT, "%s", *web->why ? web->why : curl_easy_strerror(code));
     } else if (status == 200 || status == 201) {
-        parcel->sent = is_confirmed(answer, parcel->sop_uid);
-        if (!parcel->sent)
+        if (is_confirmed(answer, parcel->sop_uid))
+            cts_parcel_is_sent(parcel, net);
+        else
             cts_fail(&result->error, CTS_ERR_OUTPUT, "the peer did not store it, though it answers with status %ld",
                      status);
     } else {
@@ -271,7 +272,7 @@ static void store(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcel, Cts
     curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, keep_answer);
     curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, answer);
     const CURLcode code = perform(&web, &status);
-    judge_upload(&web, code, status, answer, parcel, result);
+    judge_upload(&web, code, status, answer, parcel, net, result);
 end:
     if (upload.file)
         fclose(upload.file);

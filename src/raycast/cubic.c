@@ -84,6 +84,15 @@ int cts_cubic_sign_changes(const double c[4], double u[3])
     return n;
 }
 
+void cts_cubic_bezier(const double c[4], double a, double b, double point[4])
+{
+    const double h = b - a, first = h * ((3 * c[3] * a + 2 * c[2]) * a + c[1]), second = h * h * (3 * c[3] * a + c[2]);
+    point[0] = cts_cubic_at(c, a);
+    point[1] = point[0] + first / 3;
+    point[2] = point[1] + (first + second) / 3;
+    point[3] = point[0] + first + second + h * h * h * c[3];
+}
+
 void cts_cubic_through(const double at[4], const double value[4], double c[4])
 {
     /* Newton's divided differences, then multiplied out from the innermost bracket. */

@@ -26,6 +26,9 @@ double cts_cubic_solve(const double c[4], double value, double a, double b);
 /* Zeros strictly inside 0..1 at which the sign changes, in rising order; returns how many (0 to 3). */
 int cts_cubic_sign_changes(const double c[4], double u[3]);
 
+/* The four Bezier points of the polynomial on a..b: it stays within their hull. */
+void cts_cubic_bezier(const double c[4], double a, double b, double point[4]);
+
 /* The cubic through value[i] at u = at[i]. */
 void cts_cubic_through(const double at[4], const double value[4], double c[4]);
 

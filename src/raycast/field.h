@@ -3,6 +3,7 @@
 #ifndef CTS_RAYCAST_FIELD_H
 #define CTS_RAYCAST_FIELD_H
 
+#include "ctsplat/preset.h"
 #include "ctsplat/render.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
@@ -64,15 +65,16 @@ struct CtsField {
  * without thickness: rays within its plane see it, others cross it in a point. */
 bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray);
 
-/* Trilinear between voxel centres. With n_rays large it uses or makes the volume's macro-cells, so that rays can leap
- * over what is not wanted. volume must outlive the field. */
-CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, size_t n_rays, int n_threads, CtsError *err);
+/* Trilinear between voxel centres. The preset says what gradients at the border are taken to. With n_rays large it uses
+ * or makes the volume's macro-cells, so that rays can leap over what is not wanted. volume must outlive the field. */
+CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, size_t n_rays,
+                              int n_threads, CtsError *err);
 /* Any kernel: the layers across the view's principal axis are sheets, each voxel's kernel spread within its layer,
  * weights normalised at every position (cone-paper apart) and voxels beyond the border counted as grey 0; between two
  * layers HU runs straight. What the splatting engines tend to with ever finer tables and sub-sheets. The pieces are
  * cubics fitted to 1e-3 HU (lit: the gradient's too). radius is in voxels; CTS_ERR_USAGE below 0.75. */
 CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsView *view, CtsKernelId kernel,
-                           double radius, bool lit, CtsError *err);
+                           double radius, const CtsPreset *preset, CtsError *err);
 
 static inline void cts_field_free(CtsField **field)
 {

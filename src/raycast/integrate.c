@@ -1,5 +1,6 @@
 /* Emission and absorption along one cubic piece of a ray: C = integral of c t exp(-integral of t). */
 #include "base/mutation.h"
+#include "base/vec3.h"
 #include "raycast/cubic.h"
 #include "raycast/raycaster.h"
 #include <math.h>
@@ -14,8 +15,9 @@
 typedef struct Stretch {
     const CtsRaycaster *caster;
     const CtsRayPiece *piece;
-    const double (*gradient)[4];
-    const CtsSpan *span; /* HU stays within it */
+    const double (*gradient)[4]; /* NULL unlit */
+    double framed[3][4];         /* the gradient in the caster's frame */
+    const CtsSpan *span;         /* HU stays within it */
     CtsRayLight *light;
 } Stretch;
 
@@ -98,6 +100,16 @@ static bool add_even(const Stretch *s, double a, double b)
     return add(s, a, b, rgb, depth);
 }
 
+/* Two rules that agree may both have passed over a highlight between their nodes, or over a normal that turns on the
+ * spot where the gradient all but vanishes: not where the normal turns little, or where all that could shine is less
+ * than counts. */
+static bool sees_all_light(const Stretch *s, double a, double b, double depth)
+{
+    const CtsPreset *p = s->caster->preset;
+    return !s->gradient || depth * s->light->transmittance * (p->ambient + p->diffuse + p->specular) <= TOLERANCE ||
+           cts_raycast_turns_little(s->caster, s->framed, a, b);
+}
+
 /* a..b of the piece, halved until two rules agree. False when the light has ended. */
 static bool add_stretch(const Stretch *s, double a, double b)
 {
@@ -114,7 +126,7 @@ static bool add_stretch(const Stretch *s, double a, double b)
         double change = fabs(fine.depth - coarse.depth);
         for (int c = 0; c < 3; c++)
             change = fmax(change, fabs(fine.rgb[c] - coarse.rgb[c]));
-        if (change * left <= TOLERANCE || !halve)
+        if ((change * left <= TOLERANCE && sees_all_light(s, a, b, fine.depth)) || !halve)
             return add(s, a, b, fine.rgb, fine.depth);
     }
     const double middle = 0.5 * (a + b);
@@ -155,17 +167,13 @@ static bool add_monotone(Stretch *s, double a, double b)
 }
 
 /* Places at which the piece is cut: turning points of HU, and where the lit side changes. */
-static int find_cuts(const CtsRaycaster *caster, const CtsRayPiece *piece, const double (*gradient)[4], double cut[8])
+static int find_cuts(const Stretch *s, double cut[8])
 {
     int n = 0;
     cut[n++] = 0;
-    n += CTS_MUTATED(TURNS) ? 0 : cts_cubic_turns(piece->hu, cut + n);
-    if (gradient) {
-        double slope[4] = {0};
-        for (int axis = 0; axis < 3; axis++)
-            for (int i = 0; i < 4; i++)
-                slope[i] += caster->view.forward_vox[axis] * gradient[axis][i];
-        n += cts_cubic_sign_changes(slope, cut + n);
+    n += CTS_MUTATED(TURNS) ? 0 : cts_cubic_turns(s->piece->hu, cut + n);
+    if (s->gradient) {
+        n += cts_cubic_sign_changes(s->framed[2], cut + n);
         for (int i = 1; i < n; i++)
             for (int k = i; k > 1 && cut[k] < cut[k - 1]; k--) {
                 const double swap = cut[k];
@@ -182,7 +190,12 @@ bool cts_raycast_piece(const CtsRaycaster *caster, const CtsRayPiece *piece, con
 {
     Stretch s = {.caster = caster, .piece = piece, .gradient = gradient, .light = light};
     double cut[8];
-    const int n = find_cuts(caster, piece, gradient, cut);
+    for (int i = 0; i < 4 && gradient; i++) {
+        const double g[3] = {gradient[0][i], gradient[1][i], gradient[2][i]};
+        for (int axis = 0; axis < 3; axis++)
+            s.framed[axis][i] = cts_dot3(caster->frame[axis], g);
+    }
+    const int n = find_cuts(&s, cut);
     for (int i = 0; i < n; i++)
         if (!add_monotone(&s, cut[i], cut[i + 1]))
             return false;

@@ -2,6 +2,7 @@
 #include "ctsplat/bounds.h"
 #include "raycast/cubic.h"
 #include "raycast/field.h"
+#include "scene/shade.h"
 #include <math.h>
 #include <stdlib.h>
 
@@ -17,7 +18,7 @@ typedef struct KernelField {
     CtsKernelId kernel;
     double radius;
     double shortest_mm; /* of a piece */
-    bool lit;
+    bool lit, air_beyond;
 } KernelField;
 
 static double cubic_bspline(double x)
@@ -54,7 +55,7 @@ static double inner_clamp(double x, double last)
     return x < 0 ? 0 : x > last ? last : x;
 }
 
-/* Grey level of a voxel, or its central difference along a volume axis (one-sided at the border). */
+/* Grey level of a voxel, or its central difference along a volume axis (at the border to air, or one-sided). */
 static double voxel_at(const KernelField *f, const int voxel[3], int difference_axis)
 {
     const uint16_t *g = f->volume->grey;
@@ -62,12 +63,15 @@ static double voxel_at(const KernelField *f, const int voxel[3], int difference_
         (size_t)voxel[0] * f->stride[0] + (size_t)voxel[1] * f->stride[1] + (size_t)voxel[2] * f->stride[2];
     if (difference_axis < 0)
         return g[at];
-    const int last = f->volume->dims[difference_axis] - 1, i = voxel[difference_axis];
-    if (last == 0)
+    const int n = f->volume->dims[difference_axis], i = voxel[difference_axis];
+    if (n == 1)
         return 0;
-    const size_t after = i < last ? at + f->stride[difference_axis] : at;
-    const size_t before = i > 0 ? at - f->stride[difference_axis] : at;
-    return ((double)g[after] - (double)g[before]) / ((i < last) + (i > 0));
+    const int step = cts_shade_step(f->volume, difference_axis);
+    const size_t stride = f->stride[difference_axis] * (size_t)step;
+    const bool before = i >= step, after = i < n - step;
+    const double beyond = f->air_beyond ? 0 : g[at];
+    const double rise = (after ? g[at + stride] : beyond) - (before ? g[at - stride] : beyond);
+    return rise / ((f->air_beyond || (before && after) ? 2 : 1) * step);
 }
 
 enum { MAX_SIDE = 2 * CTS_MAX_KERNEL_RADIUS + 2 };
@@ -270,7 +274,7 @@ static void kernel_field_free(CtsField **field)
 }
 
 CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsView *view, CtsKernelId kernel,
-                           double radius, bool lit, CtsError *err)
+                           double radius, const CtsPreset *preset, CtsError *err)
 {
     *field = NULL;
     const CtsStatus st = cts_setting_check(CTS_SETTING_KERNEL_RADIUS, radius, err);
@@ -287,7 +291,8 @@ CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsV
                        .stride = {1, (size_t)volume->dims[0], (size_t)volume->dims[0] * (size_t)volume->dims[1]},
                        .kernel = kernel,
                        .shortest_mm = 1e-6 / fabs(view->forward_vox[view->axis]),
-                       .lit = lit,
+                       .lit = preset->shade,
+                       .air_beyond = cts_shade_air_beyond(preset),
                        .radius = radius};
     *field = &f->field;
     return CTS_OK;

@@ -4,17 +4,17 @@
 #include "base/clock.h"
 #include "base/levels.h"
 #include "base/parallel.h"
-#include "base/vec3.h"
 #include "raycast/raycaster.h"
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 static CtsStatus make_field(CtsField **field, const CtsScene *scene, size_t n_rays, CtsError *err)
 {
     const CtsRenderSettings *s = scene->settings;
     if (s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1)
-        return cts_field_trilinear(field, scene->volume, n_rays, s->n_threads, err);
-    return cts_field_kernel(field, scene->volume, &scene->view, s->kernel, s->kernel_radius, scene->preset->shade, err);
+        return cts_field_trilinear(field, scene->volume, scene->preset, n_rays, s->n_threads, err);
+    return cts_field_kernel(field, scene->volume, &scene->view, s->kernel, s->kernel_radius, scene->preset, err);
 }
 
 CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, size_t n_rays,
@@ -32,12 +32,9 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
     cts_gauss_init(&r->fine, CTS_GAUSS_FINE);
     if (scene->preset->mode == CTS_MODE_COMPOSITE)
         cts_transfer_init(&r->transfer, scene->preset, scene->extinction_scale);
-    double inverse[3][3];
-    if (!cts_volume_inverse(scene->volume, inverse))
-        st = cts_fail(err, CTS_ERR_GEOMETRY, "the volume's steps do not span space");
-    for (int a = 0; a < 3; a++)
-        for (int b = 0; b < 3; b++)
-            r->metric[a][b] = cts_dot3(inverse[a], inverse[b]);
+    memcpy(r->frame[0], r->view.right_vox, sizeof r->frame[0]);
+    memcpy(r->frame[1], r->view.up_vox, sizeof r->frame[1]);
+    memcpy(r->frame[2], r->view.forward_vox, sizeof r->frame[2]);
     r->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
     r->least_gradient2 = 1e-18 * scene->volume->hu_step * scene->volume->hu_step;
     if (!st && !field)

@@ -15,7 +15,7 @@ typedef struct CtsRaycaster {
     CtsTransfer transfer; /* composite only */
     CtsGauss coarse, fine;
     const struct CtsBodyMask *body; /* what minip and average look at; NULL: all */
-    double metric[3][3];    /* squared length in HU/mm of a gradient in HU/voxel: g' metric g */
+    double frame[3][3];     /* a gradient in HU/voxel to HU/mm to the right, up and along the viewing direction */
     double camera_mm;       /* from the camera plane to t = 0 of every ray */
     double least_gradient2; /* below this square (HU/voxel) there is no gradient but rounding */
 } CtsRaycaster;
@@ -38,6 +38,10 @@ bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *
 
 /* Colour of a sample, lit by its gradient in HU/voxel. */
 void cts_raycast_shade(const CtsRaycaster *caster, const double gradient[3], double rgb[3]);
+
+/* True when the normal turns so little on a..b of a piece that a quadrature rule cannot pass over the highlight.
+ * framed: the gradient's cubics in the caster's frame. */
+bool cts_raycast_turns_little(const CtsRaycaster *caster, const double (*framed)[4], double a, double b);
 
 /* Premultiplied red, green, blue and alpha of the ray of position (x, y) in pixels; 0 where it misses the box. depth_mm
  * (may be NULL) is as in CtsPicture. */

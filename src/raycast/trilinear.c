@@ -1,6 +1,7 @@
 /* The trilinear field: cell by cell along the ray, leaping over macro-cells that hold nothing wanted. */
 #include "base/mutation.h"
 #include "raycast/field.h"
+#include "scene/shade.h"
 #include "volume/macrocells.h"
 #include <math.h>
 #include <stdlib.h>
@@ -16,6 +17,7 @@ typedef struct Trilinear {
     size_t stride[3]; /* to the next voxel; 0 along an axis of one voxel */
     const CtsMacrocells *macrocells; /* NULL where rays are few */
     CtsMacrocells *own_macrocells;   /* where the volume came without */
+    bool air_beyond;
 } Trilinear;
 
 static double hu_of(const Trilinear *t, double grey)
@@ -167,16 +169,19 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
     return false;
 }
 
-/* Central differences at the voxels, one-sided at the border, in HU per voxel. */
+/* Central differences at the voxels, in HU per voxel; at the border to air, or one-sided. */
 static double difference(const Trilinear *t, const int voxel[3], int axis)
 {
     if (t->volume->dims[axis] == 1)
         return 0;
-    const size_t stride = t->stride[axis];
+    const int step = cts_shade_step(t->volume, axis);
+    const size_t stride = t->stride[axis] * (size_t)step;
     const uint16_t *v = cell_voxel(t, voxel);
-    const int before = voxel[axis] > 0, after = voxel[axis] < t->volume->dims[axis] - 1;
-    const double rise = (double)v[after ? stride : 0] - (double)*(v - (before ? stride : 0));
-    return rise * t->volume->hu_step / (CTS_MUTATED(BORDER_DIFFERENCE) ? 2 : before + after);
+    const bool before = voxel[axis] >= step, after = voxel[axis] < t->volume->dims[axis] - step;
+    const double beyond = t->air_beyond ? 0 : *v;
+    const double rise = (after ? (double)v[stride] : beyond) - (before ? (double)*(v - stride) : beyond);
+    const int sides = t->air_beyond || (before && after) ? 2 : 1;
+    return rise * t->volume->hu_step / (sides * step);
 }
 
 static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double g[3][4])
@@ -219,7 +224,8 @@ static void trilinear_free(CtsField **field)
     *field = NULL;
 }
 
-CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, size_t n_rays, int n_threads, CtsError *err)
+CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, size_t n_rays,
+                              int n_threads, CtsError *err)
 {
     *field = NULL;
     Trilinear *t = calloc(1, sizeof *t);
@@ -227,6 +233,7 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, size_t 
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     t->field = (CtsField){.next = next, .gradient = gradient, .value = value, .free = trilinear_free};
     t->volume = volume;
+    t->air_beyond = cts_shade_air_beyond(preset) && !CTS_MUTATED(BORDER_DIFFERENCE);
     size_t stride = 1;
     for (int axis = 0; axis < 3; axis++) {
         const int dim = volume->dims[axis];

@@ -65,6 +65,14 @@ static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const C
     return CTS_OK;
 }
 
+CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *settings, CtsError *err)
+{
+    const CtsEngine *engine;
+    const CtsStatus st = cts_scene_check(settings, err);
+    return st ? st
+              : choose_engine(settings, settings->mode >= 0 ? (CtsMode)settings->mode : preset->mode, &engine, err);
+}
+
 CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsPreset *preset,
                          const CtsRenderSettings *settings, CtsError *err)
 {
@@ -133,6 +141,14 @@ static bool shows_skin(const CtsPreset *preset)
     return seen;
 }
 
+/* What most of the picture's edges show. Of a projection that is the air in the box. */
+static bool is_light_behind(const CtsPreset *preset)
+{
+    const double *rgb = preset->background;
+    return preset->mode == CTS_MODE_COMPOSITE && !preset->background_none &&
+           0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2] > 0.5;
+}
+
 static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *engine_name)
 {
     const CtsView *view = &scene->view;
@@ -148,6 +164,7 @@ static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *e
     memcpy(info->up_lps, view->up_lps, sizeof info->up_lps);
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
+    info->light_behind = is_light_behind(scene->preset);
     info->shows_skin = shows_skin(scene->preset);
     info->grey = cts_preset_is_grey(scene->preset, scene->preset->mode);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
@@ -163,8 +180,7 @@ static CtsStatus hide_void(CtsFrames *f, const CtsScene *scene, CtsReport *repor
         (st = cts_key_find(f->original, scene->preset, scene->settings->n_threads, &f->key, report, err)))
         return st;
     f->key_found = true;
-    cts_lut_hide(f->lut, &f->key.key, f->volume);
-    return CTS_OK;
+    return cts_lut_hide(f->lut, &f->key.key, scene->preset, f->volume, err);
 }
 
 static void tell_no_key(const CtsEngine *engine, CtsReport *report)
@@ -221,6 +237,9 @@ static void tell_framing(const CtsRenderSettings *s, const CtsVisible *visible, 
         cts_report_finding(report, "nothing_visible", CTS_WARNING,
                            "nothing of this volume is visible with this preset (see what HU it shows, the range of the "
                            "series' HU, and what a crop leaves)");
+    else if (!s->centre_given)
+        cts_report_finding(report, "nothing_visible", CTS_WARNING,
+                           "nothing that this preset shows lies in the slab (see `slab_at`)");
     else
         cts_report_plan(report,
                         "frame: %.4g x %.4g mm about %.1f,%.1f,%.1f, %.4g mm a pixel, around all that is visible",
@@ -312,10 +331,14 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
         return st;
     (*picture)->first_row = first_row;
     (*picture)->whole_height = s->height;
-    fill_info(&(*picture)->info, scene, frame->frames->engine->name);
-    if (!frame->want_depth || scene->preset->mode != CTS_MODE_COMPOSITE)
-        return CTS_OK;
     const size_t n = (size_t)s->width * (size_t)n_rows;
+    fill_info(&(*picture)->info, scene, frame->frames->engine->name);
+    if (scene->preset->mode != CTS_MODE_COMPOSITE)
+        return CTS_OK;
+    if (frame->frames->engine->bounds_error && (st = cts_alloc_zeroed(&(*picture)->bound, n, err)))
+        return st;
+    if (!frame->want_depth)
+        return CTS_OK;
     if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
         return st;
     for (size_t i = 0; i < n; i++)
@@ -335,10 +358,12 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     CtsStatus st = new_band(frame, first_row, n_rows, band, err);
     if (!st)
         st = frame->frames->engine->render(&frame->store.scene, *band, report, err);
+    if (!st && (*band)->bound)
+        st = cts_bound_keep(&frame->bound, &frame->store.scene, *band, err);
     if (st)
         cts_picture_free(band);
     else
-        cts_verify_take(&frame->verify, *band);
+        cts_verify_take_bounded(&frame->verify, *band, (*band)->bound);
     return st;
 }
 
@@ -346,6 +371,9 @@ CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsErr
 {
     if (!st && !frame->explain)
         st = cts_verify_end(&frame->verify, report, err);
+    if (!st)
+        cts_bound_tell(&frame->bound, &frame->store.scene, report);
+    cts_bound_free(&frame->bound);
     cts_verify_free(&frame->verify);
     return st;
 }

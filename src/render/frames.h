@@ -6,6 +6,7 @@
 
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
+#include "render/bound.h"
 #include "render/verify.h"
 #include "scene/engine.h"
 #include "scene/resolve.h"
@@ -43,6 +44,7 @@ typedef struct CtsFrame {
     CtsSceneStore store;
     CtsScene original; /* store's scene of the volume before quantising: what that loses is part of the error */
     CtsVerify verify;
+    CtsFrameBound bound;
 } CtsFrame;
 
 CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *frames, const CtsFrameTask *task, CtsReport *report,

@@ -4,10 +4,9 @@
 
 #include "render/frames.h"
 
-/* The plan for frames' settings, tried out on this view (azimuth and elevation): for an engine that plans by error the
- * largest, and so the cheapest, max_error that keeps what was asked on some bands of the picture itself; for others the
- * fewest samples a layer that do on a small picture. What the settings ask where nothing is to be tried. The report
- * tells the error found, and warns where no plan keeps it small enough. */
+/* The plan for frames' settings. An engine that bounds its error gets what is asked; for others it is tried out on this
+ * view (azimuth and elevation): the fewest samples a layer that keep the error on a small picture. The report tells the
+ * error found, and warns where no plan keeps it small enough. */
 CtsStatus cts_pilot_plan(CtsFrames *frames, const double view_deg[2], CtsPlan *plan, CtsReport *report, CtsError *err);
 
 #endif

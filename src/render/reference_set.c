@@ -216,7 +216,7 @@ CtsStatus cts_reference_judge(const CtsReference *r, const float (*found)[4], Ct
     double *square = NULL;
     Weighed *largest = NULL;
     CtsStatus st;
-    *v = (CtsVerified){.pixels = r->n};
+    *v = (CtsVerified){.pixels = r->n, .unit = r->unit};
     if (r->n == 0)
         return CTS_OK;
     if ((st = cts_alloc_array(&square, r->n, err)) || (st = cts_alloc_array(&largest, r->n, err)))
@@ -233,6 +233,9 @@ CtsStatus cts_reference_judge(const CtsReference *r, const float (*found)[4], Ct
         largest[i] = (Weighed){most, r->weight[i]};
         whole += r->weight[i];
         above += most > 1.0 / 255 ? r->weight[i] : 0;
+        double cap = 1;
+        for (int k = 0; k < CTS_ERROR_CAPS; k++, cap /= 4)
+            v->capped[k] += r->weight[i] * fmin(square[i], cap);
     }
     v->share_above = above / whole;
     double mean, margin;

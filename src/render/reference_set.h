@@ -16,6 +16,7 @@ struct CtsReference {
     double *weight;
     double *variance; /* of the mean square error for a pixel's squared error of 1; NULL: pixels 2 i and 2 i + 1 share a
                        * part of the picture, and their difference tells */
+    double unit;      /* the largest weight of pixels that stand for others too; 0: there are none */
     double (*rgba)[4]; /* premultiplied, before blending over the background */
 };
 

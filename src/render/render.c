@@ -85,7 +85,9 @@ static int choose_rows(const CtsRenderSettings *s, int max_rows)
 {
     enum { BAND_BYTES = 128 << 20 };
     const size_t row_bytes = (size_t)s->width * (s->want_depth ? 5 : 4) * sizeof(float);
-    size_t n = max_rows > 0 ? (size_t)max_rows : BAND_BYTES / row_bytes;
+    size_t n = BAND_BYTES / row_bytes;
+    if (max_rows > 0 && (size_t)max_rows < n)
+        n = (size_t)max_rows;
     n = n / CTS_BAND_ROWS * CTS_BAND_ROWS;
     n = n > 0 ? n : CTS_BAND_ROWS;
     return n < (size_t)s->height ? (int)n : s->height;
@@ -117,7 +119,8 @@ CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_
         st = cts_frame_explain(&frame, report, err);
     const int height = s->explain ? 0 : s->height, n_rows = choose_rows(s, sink->max_rows);
     if (n_rows < height)
-        cts_report_skip(report, "whole picture", "made and written in bands of %d rows, to bound memory%s", n_rows,
+        cts_report_skip(report, "whole picture",
+                        "made and written in bands of %d rows, to bound memory or tell how far it is%s", n_rows,
                         cts_frames_engine(r->frames)->repeats_layers ? "; sheets are made again for each" : "");
     for (int row = 0; row < height && !st; row += n_rows)
         st = render_band(&frame, row, height - row < n_rows ? height - row : n_rows, sink, report, err);

@@ -1,7 +1,6 @@
 #include "report/info.h"
 
 #include "base/json.h"
-#include <ctype.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -60,8 +59,10 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
 
 void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient)
 {
-    fprintf(file, "%d files: %zu CT series, %d files passed over, %d not readable\n", list->n_files, list->n,
-            list->n_not_ct, list->n_unreadable);
+    char others[1000];
+    cts_series_list_others(list, others, sizeof others);
+    fprintf(file, "%d files: %zu CT series, %d files passed over%s%s%s, %d not readable\n", list->n_files, list->n,
+            list->n_not_ct, others[0] ? " (" : "", others, others[0] ? ")" : "", list->n_unreadable);
     print_findings(file, &list->findings, "", NULL);
     for (size_t i = 0; i < list->n; i++) {
         fputc('\n', file);
@@ -69,36 +70,33 @@ void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *
     }
 }
 
-/* Header text as JSON; what is not UTF-8 is shown as question marks. */
-static json_t *new_text(const char *text)
+void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume)
 {
-    json_t *value = json_string(text);
-    if (value)
-        return value;
-    char *copy = strdup(text);
-    for (char *c = copy; c && *c; c++)
-        if (!isascii((unsigned char)*c))
-            *c = '?';
-    value = copy ? json_string(copy) : json_null();
-    free(copy);
-    return value;
+    facts->known = true;
+    facts->hu_min = volume->hu_min;
+    facts->hu_max = volume->hu_max;
+    cts_volume_box_lps(volume, facts->box_low_lps, facts->box_high_lps);
+}
+
+json_t *cts_finding_json(const CtsFinding *finding)
+{
+    return json_pack("{s:o,s:s,s:o}", "code", cts_json_new_text(finding->code), "severity",
+                     cts_severity_names[finding->severity], "text", cts_json_new_text(finding->text));
 }
 
 static void append_findings(json_t *list, const CtsFindings *findings)
 {
     for (size_t i = 0; i < findings->n; i++)
-        json_array_append_new(list, json_pack("{s:o,s:s,s:o}", "code", new_text(findings->items[i].code), "severity",
-                                              cts_severity_names[findings->items[i].severity], "text",
-                                              new_text(findings->items[i].text)));
+        json_array_append_new(list, cts_finding_json(&findings->items[i]));
 }
 
 json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
 {
     json_t *object = json_object(), *findings = json_array();
-    json_object_set_new(object, "series_uid", new_text(s->uid));
-    json_object_set_new(object, "modality", new_text(s->modality));
+    json_object_set_new(object, "series_uid", cts_json_new_text(s->uid));
+    json_object_set_new(object, "modality", cts_json_new_text(s->modality));
     if (show_patient)
-        json_object_set_new(object, "description", s->description ? new_text(s->description) : json_null());
+        json_object_set_new(object, "description", s->description ? cts_json_new_text(s->description) : json_null());
     json_object_set_new(object, "slices", json_integer(s->n_slices));
     json_object_set_new(object, "dims", json_pack("[i,i,i]", s->columns, s->rows, s->n_slices));
     json_t *spacing_mm = json_array();
@@ -113,8 +111,8 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
                         f->known ? json_pack("[f,f,f,f,f,f]", f->box_low_lps[0], f->box_high_lps[0], f->box_low_lps[1],
                                              f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2])
                                  : json_null());
-    json_object_set_new(object, "transfer_syntax", new_text(s->transfer_syntax));
-    json_object_set_new(object, "orientation", new_text(s->orientation));
+    json_object_set_new(object, "transfer_syntax", cts_json_new_text(s->transfer_syntax));
+    json_object_set_new(object, "orientation", cts_json_new_text(s->orientation));
     json_object_set_new(object, "renderable", json_boolean(s->renderable && !f->refused));
     append_findings(findings, &s->findings);
     append_findings(findings, &f->findings);
@@ -130,9 +128,12 @@ CtsStatus cts_info_print_json(FILE *file, const CtsSeriesList *list, const CtsPi
         json_array_append_new(series, cts_info_json(&list->items[i], &facts[i], show_patient));
     append_findings(findings, &list->findings);
     json_object_set_new(root, "series", series);
-    json_object_set_new(
-        root, "files",
-        json_pack("{s:i,s:i,s:i}", "seen", list->n_files, "not_ct", list->n_not_ct, "unreadable", list->n_unreadable));
+    json_t *others = json_object();
+    for (size_t i = 0; i < list->n_others; i++)
+        json_object_set_new(others, list->others[i].what, json_integer(list->others[i].n));
+    json_object_set_new(root, "files",
+                        json_pack("{s:i,s:i,s:i,s:o}", "seen", list->n_files, "not_ct", list->n_not_ct, "unreadable",
+                                  list->n_unreadable, "others", others));
     json_object_set_new(root, "findings", findings);
     char *text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
     json_decref(root);

@@ -3,6 +3,7 @@
 #define CTS_REPORT_INFO_H
 
 #include "ctsplat/series.h"
+#include "ctsplat/volume.h"
 #include <stdbool.h>
 #include <stdio.h>
 
@@ -16,6 +17,10 @@ typedef struct CtsPixelFacts {
     CtsFindings findings; /* of reading them, the series' own left out; owned */
 } CtsPixelFacts;
 
+/* What the volume tells. */
+void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume);
+
+struct json_t *cts_finding_json(const CtsFinding *finding);
 /* One series as in info's JSON, with its findings; the caller's to release. */
 struct json_t *cts_info_json(const CtsSeries *series, const CtsPixelFacts *facts, bool show_patient);
 

@@ -3,10 +3,10 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
-#include "base/hash.h"
+#include "base/json.h"
+#include "report/masked.h"
 #include <errno.h>
 #include <fcntl.h>
-#include <jansson.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,7 +18,7 @@
 struct CtsLog {
     const char *path;
     int fd;
-    double start_ms;
+    double start_ms, end_ms, cpu_ms; /* the end: when the report was given, as writing it is not the run's */
     char *text;
     size_t size;
     char run_id[17], time[32];
@@ -39,6 +39,21 @@ static void name_run(CtsLog *log)
         strftime(log->time, sizeof log->time, "%Y-%m-%dT%H:%M:%SZ", &utc);
 }
 
+static CtsStatus open_file(const char *path, int *fd, CtsError *err)
+{
+    *fd = strcmp(path, "-") ? open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666) : STDERR_FILENO;
+    return *fd < 0 ? cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", path, strerror(errno)) : CTS_OK;
+}
+
+CtsStatus cts_log_check(const char *path, CtsError *err)
+{
+    int fd;
+    const CtsStatus st = path ? open_file(path, &fd, err) : CTS_OK;
+    if (path && !st && fd != STDERR_FILENO)
+        close(fd);
+    return st;
+}
+
 CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError *err)
 {
     *log = NULL;
@@ -50,10 +65,10 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError
     l->path = path;
     l->start_ms = start_ms;
     name_run(l);
-    l->fd = strcmp(path, "-") ? open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC, 0666) : STDERR_FILENO;
-    if (l->fd < 0) {
+    const CtsStatus st = open_file(path, &l->fd, err);
+    if (st) {
         free(l);
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", path, strerror(errno));
+        return st;
     }
     *log = l;
     return CTS_OK;
@@ -93,19 +108,13 @@ static void set_integer(json_t *object, const char *key, uint64_t value)
     json_object_set_new(object, key, json_integer((json_int_t)value));
 }
 
-/* A file name may be any bytes; JSON is UTF-8. */
-static json_t *new_path(const char *path)
+/* A message names series by their UIDs. */
+static json_t *new_message(const char *text)
 {
-    json_t *text = json_string(path);
-    if (text)
-        return text;
-    char *copy = strdup(path);
-    for (char *c = copy; c && *c; c++)
-        if ((unsigned char)*c >= 0x80)
-            *c = '?';
-    text = copy ? json_string(copy) : json_null();
-    free(copy);
-    return text;
+    char *masked = cts_without_uids(text);
+    json_t *value = masked ? cts_json_new_text(masked) : json_null();
+    free(masked);
+    return value;
 }
 
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes)
@@ -113,7 +122,7 @@ void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t 
     if (!log)
         return;
     json_t *event = new_event(log, "output");
-    json_object_set_new(event, "path", new_path(path));
+    json_object_set_new(event, "path", cts_json_new_text(path));
     json_object_set_new(event, "format", json_string(format));
     set_integer(event, "bytes", bytes);
     add_line(log, event);
@@ -130,24 +139,33 @@ static bool told_before(const CtsReport *report, size_t index)
 }
 
 /* Verification counts as compositing in the stages, which add up to the whole; here stands what it took of that. */
-static void log_verified(CtsLog *log, const CtsReport *report)
+json_t *cts_error_json(const CtsReport *report)
 {
     const CtsVerified *v = &report->verified;
     const double picture_cpu_ms = cts_report_picture_cpu_ms(report);
-    json_t *event = new_event(log, "error");
-    set_integer(event, "pixels", v->pixels);
-    json_object_set_new(event, "rmse", json_real(v->rmse));
-    json_object_set_new(event, "rmse_low", json_real(v->rmse_low));
-    json_object_set_new(event, "rmse_high", json_real(v->rmse_high));
+    json_t *error = json_object();
+    set_integer(error, "pixels", v->pixels);
+    json_object_set_new(error, "rmse", json_real(v->rmse));
+    json_object_set_new(error, "rmse_low", json_real(v->rmse_low));
+    json_object_set_new(error, "rmse_high", json_real(v->rmse_high));
     /* JSON has no infinity: no error at all has no psnr_db. */
-    json_object_set_new(event, "psnr_db", v->rmse > 0 ? json_real(-20 * log10(v->rmse)) : json_null());
-    json_object_set_new(event, "p999", json_real(v->p999));
-    json_object_set_new(event, "max", json_real(v->max));
-    json_object_set_new(event, "share", json_real(v->share_above));
-    json_object_set_new(event, "cpu_ms", new_ms(v->cpu_ms));
-    json_object_set_new(event, "picture_cpu_ms", new_ms(picture_cpu_ms));
-    json_object_set_new(event, "cost",
+    json_object_set_new(error, "psnr_db", v->rmse > 0 ? json_real(-20 * log10(v->rmse)) : json_null());
+    json_object_set_new(error, "p999", json_real(v->p999));
+    json_object_set_new(error, "max", json_real(v->max));
+    json_object_set_new(error, "share", json_real(v->share_above));
+    json_object_set_new(error, "share_high", json_real(v->share_high));
+    json_object_set_new(error, "cpu_ms", new_ms(v->cpu_ms));
+    json_object_set_new(error, "picture_cpu_ms", new_ms(picture_cpu_ms));
+    json_object_set_new(error, "cost",
                         json_string(v->cpu_ms < picture_cpu_ms ? "less than the picture" : "more than the picture"));
+    return error;
+}
+
+static void log_verified(CtsLog *log, const CtsReport *report)
+{
+    json_t *event = new_event(log, "error"), *error = cts_error_json(report);
+    json_object_update(event, error);
+    json_decref(error);
     add_line(log, event);
 }
 
@@ -164,7 +182,7 @@ static void log_findings(CtsLog *log, const CtsFindings *findings)
         json_t *event = new_event(log, "finding");
         json_object_set_new(event, "code", json_string(f->code));
         json_object_set_new(event, "severity", json_string(cts_severity_names[f->severity]));
-        json_object_set_new(event, "text", json_string(f->text));
+        json_object_set_new(event, "text", new_message(f->text));
         add_line(log, event);
     }
 }
@@ -196,6 +214,8 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
 {
     if (!log)
         return;
+    log->end_ms = cts_wall_ms();
+    log->cpu_ms = cts_cpu_ms();
     log_plan(log, report->plan);
     for (int s = 0; s < CTS_N_STAGES; s++) {
         const CtsStageTime *stage = &report->stages[s];
@@ -226,28 +246,16 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         set_integer(event, "splatted", report->voxels.splatted);
         add_line(log, event);
     }
+    if (report->bound.known) {
+        json_t *event = new_event(log, "bound");
+        json_object_set_new(event, "rmse", json_real(report->bound.rmse));
+        json_object_set_new(event, "max", json_real(report->bound.max));
+        json_object_set_new(event, "kind", json_string("estimated"));
+        set_integer(event, "cast", report->bound.cast);
+        add_line(log, event);
+    }
     if (report->verified.pixels)
         log_verified(log, report);
-}
-
-/* The UID itself would lead to the patient in the archive. */
-static char *hash_of(const char *series_uid)
-{
-    uint8_t digest[CTS_DIGEST_BYTES];
-    CtsHash *hash;
-    char *text = malloc(17);
-    if (!text || cts_hash_start(&hash, NULL)) {
-        free(text);
-        return NULL;
-    }
-    cts_hash_text(hash, series_uid);
-    if (cts_hash_finish(&hash, digest, NULL)) {
-        free(text);
-        return NULL;
-    }
-    for (int i = 0; i < 8; i++)
-        snprintf(text + 2 * i, 3, "%02x", digest[i]);
-    return text;
 }
 
 static char *new_line(json_t *object)
@@ -261,7 +269,7 @@ static char *run_line(const CtsLog *log)
 {
     return new_line(json_pack("{s:s,s:f,s:s,s:s,s:s,s:o,s:o}", "event", "run", "t_ms", 0.0, "run_id", log->run_id,
                               "version", CTS_VERSION, "time", log->time, "command",
-                              log->command ? new_path(log->command) : json_null(), "series_uid_hash",
+                              log->command ? cts_json_new_text(log->command) : json_null(), "series_uid_hash",
                               log->series_hash ? json_string(log->series_hash) : json_null()));
 }
 
@@ -285,7 +293,7 @@ void cts_log_run(CtsLog *log, const char *command, const char *series_uid)
     if (command && !log->command)
         log->command = strdup(command);
     if (series_uid && !log->series_hash)
-        log->series_hash = hash_of(series_uid);
+        log->series_hash = cts_uid_hash(series_uid);
     prepare_last_words(log);
 }
 
@@ -305,7 +313,7 @@ void cts_log_failed(CtsLog *log, int exit_code, const char *message)
         return;
     json_t *event = new_event(log, "failed");
     json_object_set_new(event, "exit_code", json_integer(exit_code));
-    json_object_set_new(event, "message", new_path(message));
+    json_object_set_new(event, "message", new_message(message));
     add_line(log, event);
 }
 
@@ -314,8 +322,8 @@ void cts_log_done(CtsLog *log, int n_threads)
     if (!log)
         return;
     json_t *event = new_event(log, "done");
-    json_object_set_new(event, "wall_ms", new_ms(cts_wall_ms() - log->start_ms));
-    json_object_set_new(event, "cpu_ms", new_ms(cts_cpu_ms()));
+    json_object_set_new(event, "wall_ms", new_ms(log->end_ms - log->start_ms));
+    json_object_set_new(event, "cpu_ms", new_ms(log->cpu_ms));
     set_integer(event, "peak_rss_bytes", cts_peak_rss_bytes());
     const char *why;
     json_object_set_new(event, "threads", json_integer(cts_threads_why(n_threads, &why)));

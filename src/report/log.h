@@ -13,14 +13,19 @@ typedef struct CtsLog CtsLog;
  * before any work. */
 CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError *err);
 
+/* Whether it could be opened. */
+CtsStatus cts_log_check(const char *path, CtsError *err);
+
 /* An output that is written. */
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes);
-/* Stages, skipped work, voxel counts and measured error. */
+/* Stages, skipped work, voxel counts and measured error. Here the run's time ends. */
 void cts_log_report(CtsLog *log, const CtsReport *report);
+/* What the log's event error tells, of report->verified; the caller's to release. */
+struct json_t *cts_error_json(const CtsReport *report);
 /* What the first line, run, tells of it; texts are copied, and may be NULL. command: without patient data. */
 void cts_log_run(CtsLog *log, const char *command, const char *series_uid);
-/* The last line of a run that came to its end (n_threads as asked for, 0: as many as there are), and of one that did
- * not. */
+/* The last line of a run that came to its end and was reported (n_threads as asked for, 0: as many as there are), and
+ * of one that did not. */
 void cts_log_done(CtsLog *log, int n_threads);
 void cts_log_failed(CtsLog *log, int exit_code, const char *message);
 /* The text and file of a log of a run that is broken off here and now: for a signal handler, which can do no more than

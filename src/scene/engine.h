@@ -29,6 +29,12 @@ typedef struct CtsScene {
     void **kept;
 } CtsScene;
 
+/* Half a level of an 8-bit display, which no eye sees; as a share of the display's range. */
+static inline double cts_scene_error_asked(const CtsScene *scene)
+{
+    return (scene->plan.max_error > 0 ? scene->plan.max_error : 0.5) / 255;
+}
+
 typedef struct CtsEngine {
     const char *name; /* as in --engine */
     /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over
@@ -37,7 +43,7 @@ typedef struct CtsEngine {
     unsigned modes;             /* bit 1 << CtsMode for each it can do */
     unsigned kernels;           /* bit 1 << CtsKernelId */
     bool exact;                 /* nothing is left to plan: every pixel is what the scene says */
-    bool plans_by_error;        /* makes its own plan of plan.max_error; others know plan.samples alone */
+    bool bounds_error;          /* keeps plan.max_error, and fills picture->bound; others know plan.samples alone */
     bool repeats_layers;        /* goes through all layers for each band of rows */
     bool skips_void;            /* leaves out what is provably invisible */
     bool cuts_slabs;            /* sees a part of each ray, as --slab asks */

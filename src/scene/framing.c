@@ -18,8 +18,8 @@ struct CtsVisible {
     CtsMacrocells *own; /* where the volume has none */
     uint32_t *below;    /* prefix sums: levels below g that show, g up to n_levels */
     size_t n_levels;
-    int (*cell)[3]; /* macro-cells on the rim of what is visible */
-    size_t n_cells;
+    int (*cell)[3]; /* macro-cells that show something: those on the rim of it first */
+    size_t n_rim, n_cells;
 };
 
 static bool level_shows(const CtsPreset *p, const CtsVolume *volume, uint16_t grey)
@@ -57,13 +57,13 @@ static bool is_rim(const CtsVisible *v, const int cell[3])
     return false;
 }
 
-static void collect_rim(CtsVisible *v)
+static void collect(CtsVisible *v, bool rim)
 {
     const int *n = v->macrocells->n;
     for (int k = 0; k < n[2]; k++)
         for (int j = 0; j < n[1]; j++)
             for (int i = 0; i < n[0]; i++)
-                if (cell_shows(v, i, j, k) && is_rim(v, (const int[]){i, j, k})) {
+                if (cell_shows(v, i, j, k) && is_rim(v, (const int[]){i, j, k}) == rim) {
                     int *cell = v->cell[v->n_cells++];
                     cell[0] = i;
                     cell[1] = j;
@@ -92,7 +92,9 @@ CtsStatus cts_visible_new(CtsVisible **visible, const CtsVolume *volume, const C
     v->below[0] = 0;
     for (size_t g = 0; g < v->n_levels; g++)
         v->below[g + 1] = v->below[g] + level_shows(preset, volume, (uint16_t)g);
-    collect_rim(v);
+    collect(v, true);
+    v->n_rim = v->n_cells;
+    collect(v, false);
 end:
     if (st)
         cts_visible_free(visible);
@@ -130,6 +132,23 @@ static double form_top(const Form *f, const int low[3], const int high[3])
     return top;
 }
 
+static double form_bottom(const Form *f, const int low[3], const int high[3])
+{
+    return form_top(f, high, low);
+}
+
+/* A slab across a view: what lies outside is not seen. */
+typedef struct Cut {
+    Form depth;
+    double near_mm, far_mm; /* of the form's values */
+} Cut;
+
+static bool is_cut_off(const Cut *cut, const int low[3], const int high[3])
+{
+    return cut &&
+           (form_top(&cut->depth, low, high) < cut->near_mm || form_bottom(&cut->depth, low, high) > cut->far_mm);
+}
+
 /* Of a box of size cells between voxels: from low to high, no further than the volume. */
 static void box_of(const CtsVisible *v, const int cell[3], int size, int low[3], int high[3])
 {
@@ -156,7 +175,8 @@ static CtsRange range_between(const CtsVisible *v, const int low[3], const int h
 }
 
 /* Raises *best to the top of every visible cell between voxels of a box that is above it. */
-static void search_box(const CtsVisible *v, const Form *f, const int low[3], const int high[3], double *best)
+static void search_box(const CtsVisible *v, const Form *f, const Cut *cut, const int low[3], const int high[3],
+                       double *best)
 {
     int a[3], b[3];
     for (a[2] = low[2]; a[2] == low[2] || a[2] < high[2]; a[2]++)
@@ -164,13 +184,13 @@ static void search_box(const CtsVisible *v, const Form *f, const int low[3], con
             for (a[0] = low[0]; a[0] == low[0] || a[0] < high[0]; a[0]++) {
                 box_of(v, a, 1, a, b);
                 const double top = form_top(f, a, b);
-                if (top > *best && range_shows(v, range_between(v, a, b)))
+                if (top > *best && !is_cut_off(cut, a, b) && range_shows(v, range_between(v, a, b)))
                     *best = top;
             }
 }
 
 /* The same for a macro-cell, by its fine cells. */
-static void search_cell(const CtsVisible *v, const Form *f, const int cell[3], double *best)
+static void search_cell(const CtsVisible *v, const Form *f, const Cut *cut, const int cell[3], double *best)
 {
     enum { PARTS = CTS_MACROCELL / CTS_FINE_MACROCELL };
     const int *n = v->macrocells->n_fine;
@@ -183,35 +203,64 @@ static void search_cell(const CtsVisible *v, const Form *f, const int cell[3], d
                                                 (size_t)fine[0]]))
             continue;
         box_of(v, fine, CTS_FINE_MACROCELL, low, high);
-        if (form_top(f, low, high) > *best)
-            search_box(v, f, low, high, best);
+        if (form_top(f, low, high) > *best && !is_cut_off(cut, low, high))
+            search_box(v, f, cut, low, high, best);
     }
 }
 
-double cts_visible_reach(const CtsVisible *v, const double direction_lps[3])
+static Form form_of(const CtsVolume *volume, const double direction_lps[3])
 {
     Form f;
+    for (int axis = 0; axis < 3; axis++)
+        f.per_voxel[axis] = cts_dot3(volume->step_lps[axis], direction_lps);
+    return f;
+}
+
+/* Where a slab cuts, what was deep inside becomes the rim. */
+static double reach(const CtsVisible *v, const double direction_lps[3], const Cut *cut)
+{
+    const Form f = form_of(v->volume, direction_lps);
+    const size_t n_cells = cut ? v->n_cells : v->n_rim;
     double best = -INFINITY, first_top = -INFINITY;
     size_t first = 0;
-    for (int axis = 0; axis < 3; axis++)
-        f.per_voxel[axis] = cts_dot3(v->volume->step_lps[axis], direction_lps);
     /* The most promising macro-cell first, so that few others need a closer look. */
     for (int pass = 0; pass < 2; pass++) {
-        for (size_t i = 0; i < v->n_cells; i++) {
+        for (size_t i = 0; i < n_cells; i++) {
             int low[3], high[3];
             box_of(v, v->cell[i], CTS_MACROCELL, low, high);
+            if (is_cut_off(cut, low, high))
+                continue;
             const double top = form_top(&f, low, high);
             if (pass == 0 && top > first_top) {
                 first_top = top;
                 first = i;
             } else if (pass == 1 && top > best) {
-                search_cell(v, &f, v->cell[i], &best);
+                search_cell(v, &f, cut, v->cell[i], &best);
             }
         }
-        if (pass == 0 && v->n_cells > 0)
-            search_cell(v, &f, v->cell[first], &best);
+        if (pass == 0 && first_top > -INFINITY)
+            search_cell(v, &f, cut, v->cell[first], &best);
     }
     return best + cts_dot3(v->volume->origin_lps, direction_lps);
+}
+
+double cts_visible_reach(const CtsVisible *visible, const double direction_lps[3])
+{
+    return reach(visible, direction_lps, NULL);
+}
+
+/* The settings' slab across a view; NULL where there is none. */
+static const Cut *cut_of(const CtsVisible *v, const CtsRenderSettings *s, const double forward_lps[3], Cut *cut)
+{
+    double from_origin[3];
+    if (!(s->slab_mm > 0))
+        return NULL;
+    cts_volume_centre_lps(v->volume, from_origin);
+    for (int c = 0; c < 3; c++)
+        from_origin[c] -= v->volume->origin_lps[c];
+    const double middle_mm = cts_dot3(from_origin, forward_lps) - s->slab_at_mm;
+    *cut = (Cut){form_of(v->volume, forward_lps), middle_mm - s->slab_mm / 2, middle_mm + s->slab_mm / 2};
+    return cut;
 }
 
 /* What is visible between its ends along a direction. */
@@ -219,10 +268,10 @@ typedef struct Span {
     double low_mm, high_mm;
 } Span;
 
-static Span span_along(const CtsVisible *v, const double direction[3])
+static Span span_along(const CtsVisible *v, const double direction[3], const Cut *cut)
 {
     const double back[3] = {-direction[0], -direction[1], -direction[2]};
-    return (Span){-cts_visible_reach(v, back), cts_visible_reach(v, direction)};
+    return (Span){-reach(v, back, cut), reach(v, direction, cut)};
 }
 
 /* The farther end, from a point. */
@@ -242,13 +291,16 @@ static void frame_rotation(const CtsVisible *v, CtsRenderSettings *s, double hal
 {
     for (int axis = 0; axis < 3; axis++) {
         const double direction[3] = {axis == 0, axis == 1, axis == 2};
-        s->centre_lps[axis] = middle(span_along(v, direction));
+        s->centre_lps[axis] = middle(span_along(v, direction, NULL));
     }
     for (int i = 0; i < s->rotation_frames; i++) {
         CtsViewAxes axes;
         cts_view_axes(&axes, s->azimuth_deg + 360.0 * i / s->rotation_frames, s->elevation_deg);
-        half[0] = fmax(half[0], half_width(span_along(v, axes.right_lps), cts_dot3(s->centre_lps, axes.right_lps)));
-        half[1] = fmax(half[1], half_width(span_along(v, axes.up_lps), cts_dot3(s->centre_lps, axes.up_lps)));
+        Cut store;
+        const Cut *cut = cut_of(v, s, axes.forward_lps, &store);
+        const Span right = span_along(v, axes.right_lps, cut), up = span_along(v, axes.up_lps, cut);
+        half[0] = fmax(half[0], half_width(right, cts_dot3(s->centre_lps, axes.right_lps)));
+        half[1] = fmax(half[1], half_width(up, cts_dot3(s->centre_lps, axes.up_lps)));
     }
 }
 
@@ -256,7 +308,9 @@ static void frame_view(const CtsVisible *v, CtsRenderSettings *s, double half[2]
 {
     CtsViewAxes axes;
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
-    const Span right = span_along(v, axes.right_lps), up = span_along(v, axes.up_lps);
+    Cut store;
+    const Cut *cut = cut_of(v, s, axes.forward_lps, &store);
+    const Span right = span_along(v, axes.right_lps, cut), up = span_along(v, axes.up_lps, cut);
     for (int c = 0; c < 3; c++)
         s->centre_lps[c] = middle(right) * axes.right_lps[c] + middle(up) * axes.up_lps[c];
     half[0] = half_width(right, middle(right));
@@ -275,7 +329,7 @@ void cts_framing_find(const CtsVisible *v, CtsRenderSettings *settings)
         frame_view(v, &s, half);
     s.mm_per_pixel = fmax(2 * half[0] / (FILLED * s.width), 2 * half[1] / (FILLED * s.height));
     s.centre_given = true;
-    if (s.mm_per_pixel > 0)
+    if (s.mm_per_pixel > 0 && isfinite(s.mm_per_pixel))
         *settings = s;
 }
 

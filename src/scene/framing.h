@@ -6,7 +6,7 @@
 #include "ctsplat/render.h"
 #include "ctsplat/volume.h"
 
-/* The macro-cells of a volume that can show something, but for those deep inside. */
+/* The macro-cells of a volume that can show something. */
 typedef struct CtsVisible CtsVisible;
 
 /* preset: its mode as it is rendered. In mode composite a level shows when 1 cm of it takes away 1/255 of the light; in
@@ -23,7 +23,7 @@ bool cts_visible_any(const CtsVisible *visible);
 double cts_visible_reach(const CtsVisible *visible, const double direction_lps[3]);
 
 /* Sets mm_per_pixel and centre_lps so that what is visible fills the frame: in the settings' view, or in all
- * rotation_frames from there on. Leaves settings as they are when nothing is visible. */
+ * rotation_frames from there on. Of a slab, what it cuts out. Leaves settings as they are when nothing is visible. */
 void cts_framing_find(const CtsVisible *visible, CtsRenderSettings *settings);
 
 /* The same for a picture by itself, where the settings ask for it and say no scale. */

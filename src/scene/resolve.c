@@ -1,6 +1,7 @@
 #include "scene/resolve.h"
 
 #include "base/cpu.h"
+#include "base/mutation.h"
 #include "base/vec3.h"
 #include "ctsplat/bounds.h"
 #include "scene/kernel.h"
@@ -25,7 +26,7 @@ static const struct {
 _Static_assert(sizeof fields / sizeof *fields == CTS_SETTING_FRAMES - CTS_SETTING_WIDTH,
                "a setting of CtsRenderSettings has no row here");
 
-static CtsStatus check_settings(const CtsRenderSettings *s, CtsError *err)
+CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (size_t i = 0; i < sizeof fields / sizeof *fields && !st; i++) {
@@ -53,7 +54,7 @@ CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const Ct
     CtsRenderSettings *s = &store->settings;
     *p = *preset;
     *s = *asked;
-    if ((st = check_settings(s, err)))
+    if ((st = cts_scene_check(s, err)))
         return st;
     s->n_threads = cts_threads(s->n_threads);
     s->kernel_radius = cts_kernel_radius(s->kernel, s->kernel_radius);
@@ -74,7 +75,8 @@ CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const Ct
         cts_view_aim(&scene->view, s->centre_lps);
     /* Slicer's GPU path hands its mapper voxels of unit spacing: a unit is then a voxel's length along the ray. */
     if (s->opacity_per_voxel)
-        scene->extinction_scale = cts_norm3(scene->view.forward_vox);
+        scene->extinction_scale = CTS_MUTATED(VOXEL_LENGTH) ? fabs(scene->view.forward_vox[scene->view.axis])
+                                                            : cts_norm3(scene->view.forward_vox);
     return CTS_OK;
 }
 
@@ -92,7 +94,7 @@ void cts_scene_tell_parts(const CtsScene *scene, CtsReport *report)
         cts_report_plan(report, "a slab of %g mm across the view, its middle %g mm in front of the volume's centre",
                         s->slab_mm, s->slab_at_mm);
     if (cts_scene_body(scene))
-        cts_report_plan(report, "mode %s: the inside of the body alone, 3 mm under the skin (--remove-table off: all)",
+        cts_report_plan(report, "mode %s: the inside of the body, 3 mm under the skin (`remove_table` off: everything)",
                         cts_mode_names[mode]);
     else if (mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE)
         cts_report_plan(report, "mode %s: everything in the volume, air around the body too", cts_mode_names[mode]);

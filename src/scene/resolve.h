@@ -11,6 +11,9 @@ typedef struct CtsSceneStore {
     CtsScene scene;
 } CtsSceneStore;
 
+/* All that can be said of settings by themselves. */
+CtsStatus cts_scene_check(const CtsRenderSettings *settings, CtsError *err);
+
 /* Checks and resolves the settings. The scene has no lut yet. */
 CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const CtsPreset *preset,
                          const CtsRenderSettings *asked, CtsError *err);

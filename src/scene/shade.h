@@ -1,30 +1,40 @@
 /* Gradient lighting: colour * (ambient + diffuse * |n.v|) + specular * |n.v|^power, n the normalised gradient of HU in
  * mm, v the viewing direction. Shared by the splatting engines; float32, the same bits on every path.
  *
- * Gradients come as grey level differences along the three voxel axes, in any one scale (twice the derivative here:
- * grey[i + 1] - grey[i - 1], at a border twice the one-sided difference). Steps of the volume may be sheared and of
- * different length: what the gradient in mm is along the picture's right, its up and the viewing direction, are dot
- * products with the voxels per mm that each of these runs. */
+ * Gradients come as grey level differences along the three voxel axes, in one scale: grey[i + step] - grey[i - step],
+ * where a one-sided difference counts twice. The step is a voxel, along the slice axis the distance of two slices as
+ * they were scanned: layers between them know no finer detail, only the interpolation's own. Steps of the volume may be
+ * sheared and of different length: what the gradient in mm is along the picture's right, its up and the viewing
+ * direction, are dot products with the voxels per mm that each of these runs. */
 #ifndef CTS_SCENE_SHADE_H
 #define CTS_SCENE_SHADE_H
 
 #include "ctsplat/preset.h"
 #include "ctsplat/status.h"
+#include "ctsplat/volume.h"
 #include "scene/view.h"
 #include <math.h>
 
 typedef struct CtsShade {
     float frame[3][3]; /* to the right, up and along the viewing direction; axes as the caller orders them */
+    int step[3];       /* voxels along each axis from which differences are taken, either way */
     float ambient, diffuse, specular;
     int n_power; /* power has n_power + 1 entries over |n.v| = 0..1, joined by lines */
     float *power;
     int whole_power;   /* the power where it is a whole number that few multiplications make, else 0 */
     float least_power; /* |n.v| below which its power counts as that of this: no denormal numbers on the way */
+    bool air_beyond;   /* cts_shade_air_beyond() */
 } CtsShade;
 
+/* What differences at the volume's border are taken to: air, grey level 0; or, for a preset that shows air, whose faces
+ * would shine as if they were a body's, nothing: one-sided. */
+bool cts_shade_air_beyond(const CtsPreset *preset);
+/* Voxels along a volume axis from which differences are taken, either way. */
+int cts_shade_step(const CtsVolume *volume, int axis);
+
 /* axes[i] is the volume axis that the caller's i-th difference runs along. Free with cts_shade_free(). */
-CtsStatus cts_shade_init(CtsShade *shade, const CtsPreset *preset, const CtsView *view, const int axes[3],
-                         CtsError *err);
+CtsStatus cts_shade_init(CtsShade *shade, const CtsPreset *preset, const CtsVolume *volume, const CtsView *view,
+                         const int axes[3], CtsError *err);
 void cts_shade_free(CtsShade *shade);
 
 /* |n.v| in 0..1; 0 without a gradient. */

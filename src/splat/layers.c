@@ -1,6 +1,7 @@
 #include "splat/layers.h"
 
 #include "base/mem.h"
+#include "base/mutation.h"
 #include <math.h>
 #include <string.h>
 
@@ -78,7 +79,8 @@ void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, int tolera
 {
     for (int i = 0; i < n; i++) {
         const int change = before ? fresh[i] - before[i] : 0;
-        kept[i] = before && change <= tolerance && change >= -tolerance ? before[i] : fresh[i];
+        kept[i] =
+            before && change <= tolerance - CTS_MUTATED(TOLERANCE_LESS) && change >= -tolerance ? before[i] : fresh[i];
     }
 }
 

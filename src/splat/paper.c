@@ -25,13 +25,16 @@ typedef struct Worker {
 /* Gradients at voxels u0..u1-1 of row v of layer k. */
 static void gradient_row(const CtsPaperPlan *p, const CtsStack *s, int k, int v, int u0, int u1, float (*field)[4])
 {
-    const int v_low = v > 0 ? v - 1 : v, v_high = v < s->n[1] - 1 ? v + 1 : v;
-    const int k_low = k > 0 ? k - 1 : k, k_high = k < s->n_layers - 1 ? k + 1 : k;
-    const CtsGradientRows rows = {.row = cts_stack_row(s, k, v),
-                                  .before = {cts_stack_row(s, k, v_low), cts_stack_row(s, k_low, v)},
-                                  .after = {cts_stack_row(s, k, v_high), cts_stack_row(s, k_high, v)},
-                                  .scale = {v_high - v_low == 1 ? 2 : 1, k_high - k_low == 1 ? 2 : 1},
-                                  .n = s->n[0]};
+    const int dv = p->shade.step[1], dk = p->shade.step[2];
+    const bool ends[2][2] = {{v < dv, v >= s->n[1] - dv}, {k < dk, k >= s->n_layers - dk}};
+    CtsGradientRows rows = {.row = cts_stack_row(s, k, v), .n = s->n[0], .air_beyond = p->shade.air_beyond};
+    const uint16_t *const beyond = p->air ? p->air : rows.row;
+    for (int i = 0; i < 2; i++) {
+        const int u = i == 0 ? dv : 0, q = i == 0 ? 0 : dk;
+        rows.before[i] = ends[i][0] ? beyond : cts_stack_row(s, k - q, v - u);
+        rows.after[i] = ends[i][1] ? beyond : cts_stack_row(s, k + q, v + u);
+        rows.scale[i] = !p->air && (ends[i][0] || ends[i][1]) ? 2 : 1;
+    }
     p->simd.gradient(&rows, u0, u1, field + (size_t)v * p->gradient_stride);
 }
 
@@ -473,7 +476,8 @@ static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
     w->compositor.occlusion = p->skip_void ? &p->occlusion : NULL;
     for (int c = 0; c < 2; c++) {
         w->beside[c] = p->footprint.reach[c] / p->footprint.density[c];
-        w->beside[c] += p->lit && w->beside[c] == 0;
+        if (p->lit && w->beside[c] < p->shade.step[c])
+            w->beside[c] = p->shade.step[c];
     }
     return cts_alloc_array(&w->row, n_words, err);
 }

@@ -62,7 +62,9 @@ static CtsStatus plan_look(CtsPaperPlan *p, CtsError *err)
     if (!p->lit)
         return CTS_OK;
     const int axes[3] = {p->stack.u_axis, p->stack.v_axis, p->stack.axis};
-    return cts_shade_init(&p->shade, scene->preset, &scene->view, axes, err);
+    if ((st = cts_shade_init(&p->shade, scene->preset, scene->volume, &scene->view, axes, err)) || !p->shade.air_beyond)
+        return st;
+    return cts_alloc_zeroed(&p->air, (size_t)p->stack.n[0], err);
 }
 
 static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, CtsReport *report, CtsError *err)
@@ -176,7 +178,8 @@ CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *p, CtsE
     const size_t n_layer = (size_t)p->stack.n[0] * (size_t)p->stack.n[1];
     CtsStatus st;
     store->stack = p->stack;
-    if ((st = cts_stack_init(&store->stack, p->by_swaths ? (CTS_SWATH + 2) * CTS_PATCH + 1 : p->stack.n[1], err)))
+    const int swath_rows = CTS_SWATH * CTS_PATCH + 2 * cts_paper_rows_beside(p) + 1;
+    if ((st = cts_stack_init(&store->stack, p->by_swaths ? swath_rows : p->stack.n[1], err)))
         return st;
     for (int i = 0; i < p->n_sheets; i++) {
         if ((st = cts_sheet_init(&store->sheet[i], &p->patches, err)))
@@ -266,6 +269,7 @@ void cts_paper_plan_free(CtsPaperPlan *p)
     cts_macrocells_free(&p->own_macrocells);
     cts_runs_free(&p->runs);
     cts_void_map_free(&p->map);
+    cts_free(&p->air);
     cts_shade_free(&p->shade);
 }
 

@@ -56,6 +56,7 @@ typedef struct CtsPaperPlan {
     int *swath_row;      /* by_swaths: the first picture row of each swath, from the top down, and the end */
     CtsPaperStore store; /* unless by_swaths */
     size_t gradient_stride;
+    uint16_t *air; /* a row of it, where lighting takes it for what is beyond the border; else NULL */
     bool stopped;
 } CtsPaperPlan;
 
@@ -82,13 +83,19 @@ static inline void cts_paper_picture_rows(const CtsPaperPlan *p, int swath, int 
     *y1 = p->by_swaths ? p->swath_row[i + 1] : p->raster.height;
 }
 
+/* Rows of voxels that are read beside a swath's own, on either side. */
+static inline int cts_paper_rows_beside(const CtsPaperPlan *p)
+{
+    return p->shade.step[1] > CTS_PATCH ? p->shade.step[1] : CTS_PATCH;
+}
+
 /* The rows of voxels, first..past-1, that a swath's thread reads. */
 static inline void cts_paper_voxel_rows(const CtsPaperPlan *p, int swath, int *first, int *past)
 {
-    const int low = cts_swath_start(&p->patches, swath, 1) - CTS_PATCH,
-              high = cts_swath_start(&p->patches, swath + 1, 1);
+    const int beside = cts_paper_rows_beside(p), low = cts_swath_start(&p->patches, swath, 1) - beside,
+              high = cts_swath_start(&p->patches, swath + 1, 1) + beside + 1;
     *first = low > 0 ? low : 0;
-    *past = high + CTS_PATCH + 1 < p->stack.n[1] ? high + CTS_PATCH + 1 : p->stack.n[1];
+    *past = high < p->stack.n[1] ? high : p->stack.n[1];
 }
 
 /* Rows of a step as they are splatted: a CtsRowOf with a CtsPaperRows as context. */

@@ -58,12 +58,14 @@ typedef struct CtsLight {
 } CtsLight;
 
 /* What the gradients of a row of voxels are made of: the row itself, n long, and the rows before and after it along v
- * [0] and across the layers [1]. scale makes all differences alike: 1 where before and after lie two voxels apart, 2 at
- * a border, where they lie one apart (and where there is one layer, both are the row itself). */
+ * [0] and across the layers [1]. scale makes all differences alike: 1 where before and after lie two voxels apart, 2
+ * where they lie one apart, at a border beyond which is no air (and where there is one layer, both are the row itself).
+ */
 typedef struct CtsGradientRows {
     const uint16_t *row, *before[2], *after[2];
     float scale[2];
     int n;
+    bool air_beyond; /* before and behind the row is air; else its ends have one-sided differences, doubled */
 } CtsGradientRows;
 
 typedef struct CtsSimd {
@@ -86,8 +88,7 @@ typedef struct CtsSimd {
     /* The same, lit. */
     bool (*light)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
                   const CtsLight *light);
-    /* Gradients of voxels i0..i1-1: differences along the row (one-sided and doubled at its ends), along v and across
-     * the layers, and 0. */
+    /* Gradients of voxels i0..i1-1: differences along the row, along v and across the layers, and 0. */
     void (*gradient)(const CtsGradientRows *rows, int i0, int i1, float (*gradient)[4]);
 } CtsSimd;
 

@@ -117,9 +117,10 @@ static inline bool cts_one_light(float *pixels, const uint16_t *grey, int i, con
 
 static inline void cts_one_gradient(const CtsGradientRows *rows, int i, float (*gradient)[4])
 {
-    const int left = i > 0 ? i - 1 : i, right = i < rows->n - 1 ? i + 1 : i;
-    const int doubled = right - left == 1 ? 2 : 1;
-    gradient[i][0] = (float)(doubled * (rows->row[right] - rows->row[left]));
+    const int beyond = rows->air_beyond ? 0 : rows->row[i];
+    const int left = i > 0 ? rows->row[i - 1] : beyond, right = i < rows->n - 1 ? rows->row[i + 1] : beyond;
+    const bool one_sided = !rows->air_beyond && (i == 0 || i == rows->n - 1);
+    gradient[i][0] = (float)((one_sided ? 2 : 1) * (right - left));
     gradient[i][1] = (float)(rows->after[0][i] - rows->before[0][i]) * rows->scale[0];
     gradient[i][2] = (float)(rows->after[1][i] - rows->before[1][i]) * rows->scale[1];
     gradient[i][3] = 0;

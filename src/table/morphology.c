@@ -1,5 +1,6 @@
 #include "table/morphology.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
 #include <math.h>
 #include <string.h>
@@ -16,15 +17,22 @@ CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2])
     return (CtsReach){diamond, {r[0] - diamond, r[1] - diamond}};
 }
 
+/* How far leaps may take a voxel out of the section before it comes back: rows that something may stand in on either
+ * side, and as many beyond that stay empty. */
+enum { MARGIN = 32, EMPTY = MARGIN };
+
 CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err)
 {
     *m = (CtsMorphology){.row_words = like->row_words, .n_words = like->row_words * (size_t)like->dims[1]};
     m->last_word = cts_bits_mask(like, like->row_words - 1);
-    /* A row and a word of nothing before, between and behind the two copies. */
-    const size_t margin = m->row_words + 1;
-    const CtsStatus st = cts_alloc_zeroed(&m->buffer, 2 * m->n_words + 3 * margin, err);
-    m->a = m->buffer + margin;
-    m->b = m->a + m->n_words + margin;
+    /* Between two rows at least a word: half of it is the one's margin, half the other's. */
+    m->stride = like->row_words + (like->dims[0] % 64 != 0);
+    m->n_rows = (size_t)like->dims[1];
+    m->avx2 = cts_cpu_flags() & CTS_CPU_AVX2;
+    m->n_copy = m->stride * (m->n_rows + 2 * (MARGIN + EMPTY)) + 2;
+    const CtsStatus st = cts_alloc_zeroed(&m->buffer, 2 * m->n_copy, err);
+    m->a = m->buffer + 1 + (MARGIN + EMPTY) * m->stride;
+    m->b = m->a + m->n_copy;
     return st;
 }
 
@@ -33,59 +41,139 @@ void cts_morphology_free(CtsMorphology *m)
     cts_free(&m->buffer);
 }
 
-/* One step: along the rows (side 1), across them (stride of a row), or both. The spare bit at the end of each row is 0,
- * so nothing comes in from the row before. */
-static void step(const uint64_t *restrict in, uint64_t *restrict out, size_t n, bool along, ptrdiff_t row)
+static void read_section(CtsMorphology *m, const uint64_t *in)
 {
-    if (along)
-        for (size_t i = 0; i < n; i++) {
-            const uint64_t *x = in + i;
-            out[i] = x[0] | x[0] << 1 | x[-1] >> 63 | x[0] >> 1 | x[1] << 63 | x[-row] | x[row];
-        }
-    else
-        for (size_t i = 0; i < n; i++)
-            out[i] = in[i] | in[(ptrdiff_t)i - row] | in[(ptrdiff_t)i + row];
+    for (size_t j = 0; j < m->n_rows; j++)
+        memcpy(m->a + j * m->stride, in + j * m->row_words, m->row_words * sizeof *in);
 }
 
-/* m->a one step further. */
-static void spread(CtsMorphology *m, bool along, bool across)
+static void write_section(const CtsMorphology *m, uint64_t *out)
 {
-    step(m->a, m->b, m->n_words, along, across ? (ptrdiff_t)m->row_words : 0);
-    for (size_t w = m->row_words - 1; w < m->n_words; w += m->row_words)
-        m->b[w] &= m->last_word;
+    for (size_t j = 0; j < m->n_rows; j++)
+        memcpy(out + j * m->row_words, m->a + j * m->stride, m->row_words * sizeof *out);
+}
+
+typedef enum Way { ALL_WAYS, ALONG, ACROSS } Way;
+
+/* One leap of n voxels, 1 to MARGIN: each stays, and goes to all four sides, or to two. Every variant below is this
+ * one, compiled for its processors. */
+__attribute__((always_inline)) static inline void
+leap_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, size_t n_words, int n, ptrdiff_t rows)
+{
+    const int back = 64 - n;
+    if (way == ALL_WAYS)
+        for (size_t i = 0; i < n_words; i++) {
+            const uint64_t *x = in + i;
+            out[i] = x[0] | x[0] << n | x[-1] >> back | x[0] >> n | x[1] << back | x[-rows] | x[rows];
+        }
+    else if (way == ALONG)
+        for (size_t i = 0; i < n_words; i++) {
+            const uint64_t *x = in + i;
+            out[i] = x[0] | x[0] << n | x[-1] >> back | x[0] >> n | x[1] << back;
+        }
+    else
+        for (size_t i = 0; i < n_words; i++)
+            out[i] = in[i] | in[(ptrdiff_t)i - rows] | in[(ptrdiff_t)i + rows];
+}
+
+static void leap_plain(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
+{
+    leap_words(way, in, out, n_words, n, rows);
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static void leap_avx2(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n,
+                                                      ptrdiff_t rows)
+{
+    leap_words(way, in, out, n_words, n, rows);
+}
+#else
+#define leap_avx2 leap_plain
+#endif
+
+/* m->a a leap further; `reach` rows outside the section on either side may then hold something. */
+static void leap(CtsMorphology *m, Way way, int n, int reach)
+{
+    const ptrdiff_t row = (ptrdiff_t)m->stride, from = -reach * row;
+    const size_t n_words = m->stride * (m->n_rows + 2 * (size_t)reach);
+    (m->avx2 ? leap_avx2 : leap_plain)(way, m->a + from, m->b + from, n_words, n, n * row);
     uint64_t *const t = m->a;
     m->a = m->b;
     m->b = t;
 }
 
+/* Nothing outside the section, in either copy, where something may stand in so many rows on either side. */
+static void clip(CtsMorphology *m, int rows)
+{
+    const size_t margin = (size_t)rows * m->stride, n = m->stride * m->n_rows;
+    for (int copy = 0; copy < 2 && rows; copy++) {
+        uint64_t *const words = copy ? m->b : m->a;
+        memset(words - margin - 1, 0, (margin + 1) * sizeof *words);
+        memset(words + n, 0, margin * sizeof *words);
+    }
+    for (size_t w = m->row_words - 1; w < n; w += m->stride) {
+        m->a[w] &= m->last_word;
+        if (m->stride > m->row_words)
+            m->a[w + 1] = 0;
+    }
+}
+
+/* A diamond of n steps becomes one of n + leap by one leap along the axes, if that is no longer than n: so it doubles
+ * (van den Boomgaard and van Balen). */
+static void grow_diamond(CtsMorphology *m, int steps)
+{
+    while (steps > 0) {
+        const int most = steps < MARGIN ? steps : MARGIN;
+        for (int n = 0; n < most;) {
+            const int further = n == 0 ? 1 : most - n < n ? most - n : n;
+            n += further;
+            leap(m, ALL_WAYS, further, n);
+        }
+        clip(m, most);
+        steps -= most;
+    }
+}
+
+/* A line of n voxels to either side, set three times with no gap between, is a longer one; on the way from a voxel to
+ * another none lies outside. */
+static void grow_line(CtsMorphology *m, Way way, int steps)
+{
+    while (steps > 0) {
+        const int most = steps < MARGIN ? steps : MARGIN;
+        for (int n = 0; n < most;) {
+            const int further = most - n < n + 1 ? most - n : n + 1;
+            n += further;
+            leap(m, way, further, 0);
+        }
+        clip(m, 0);
+        steps -= most;
+    }
+}
+
 static void dilate(CtsMorphology *m, CtsReach reach)
 {
-    for (int n = 0; n < reach.diamond; n++)
-        spread(m, true, true);
-    for (int n = 0; n < reach.box[0]; n++)
-        spread(m, true, false);
-    for (int n = 0; n < reach.box[1]; n++)
-        spread(m, false, true);
+    grow_diamond(m, reach.diamond);
+    grow_line(m, ALONG, reach.box[0]);
+    grow_line(m, ACROSS, reach.box[1]);
 }
 
 static void invert(CtsMorphology *m)
 {
-    for (size_t w = 0; w < m->n_words; w++)
+    for (size_t w = 0; w < m->stride * m->n_rows; w++)
         m->a[w] = ~m->a[w];
-    for (size_t w = m->row_words - 1; w < m->n_words; w += m->row_words)
-        m->a[w] &= m->last_word;
+    clip(m, 0);
 }
 
 void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
-    memcpy(m->a, in, m->n_words * sizeof *in);
+    read_section(m, in);
     dilate(m, reach);
-    memcpy(out, m->a, m->n_words * sizeof *out);
+    write_section(m, out);
 }
 
 static void open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach)
 {
-    memcpy(m->a, in, m->n_words * sizeof *in);
+    read_section(m, in);
     invert(m);
     dilate(m, reach);
     invert(m);
@@ -95,13 +183,14 @@ static void open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach)
 void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
     open_section(m, in, reach);
-    memcpy(out, m->a, m->n_words * sizeof *out);
+    write_section(m, out);
 }
 
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
     open_section(m, in, reach);
     dilate(m, ONE);
-    for (size_t w = 0; w < m->n_words; w++)
-        out[w] = in[w] & ~m->a[w];
+    for (size_t j = 0; j < m->n_rows; j++)
+        for (size_t w = 0; w < m->row_words; w++)
+            out[j * m->row_words + w] = in[j * m->row_words + w] & ~m->a[j * m->stride + w];
 }

@@ -153,12 +153,13 @@ bool cts_tiled_beam_init(const TiledJob *j, TiledBeam *beam, int x0, int y0, int
     return true;
 }
 
-/* Whether windows around [u, v] + step * q need no clamping. */
+/* Whether windows around [u, v] + step * q, and those that slopes are taken from, need no clamping. */
 static bool is_inner(const TiledJob *j, const TiledBeam *beam, int q)
 {
+    const int beside_u = j->shade ? j->shade->step[0] : 1, beside_v = j->shade ? j->shade->step[1] : 1;
     const double du = j->u_at[3] * q, dv = j->v_at[3] * q;
-    return beam->u[0] + du >= 1 && beam->v[0] + dv >= 1 && beam->u[1] + du + 1 < j->window_u &&
-           beam->v[1] + dv + 1 < j->window_v;
+    return beam->u[0] + du >= beside_u && beam->v[0] + dv >= beside_v && beam->u[1] + du + beside_u < j->window_u &&
+           beam->v[1] + dv + beside_v < j->window_v;
 }
 
 static int fine_of(double at, int n_cells)

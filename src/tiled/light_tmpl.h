@@ -1,5 +1,5 @@
 /* Lighting, part of march_tmpl.h: how slopes shine, and when slabs are lit. */
-#include "tiled/slab_tmpl.h"
+#include "tiled/doubt_tmpl.h"
 
 enum { TURN_POINTS = 6 };
 
@@ -116,7 +116,7 @@ typedef struct Lit {
 
 /* What a march carries from stretch to stretch. */
 typedef struct Course {
-    vf before; /* the field as far in front of the stretch as its end lies behind its beginning */
+    vf near; /* how far the field bent on the last stretch, in each packet at most */
     Slope slope;
     int slope_sheet; /* that slope belongs to, as q * samples + part */
     bool timed;
@@ -136,7 +136,7 @@ INLINE Lit no_light(void)
 INLINE Course start_course(bool timed)
 {
     Course course;
-    course.before = course.slope.right = course.slope.up = course.slope.along = vf_of(0);
+    course.near = course.slope.right = course.slope.up = course.slope.along = vf_of(0);
     course.slope_sheet = -1;
     course.timed = timed;
     course.ticks = 0;
@@ -153,10 +153,26 @@ OUTLINE Slope find_slope_bend(const TiledJob *j, const Packet *pk, Way way, int 
                    select_f(bent, 2 * (from->along + to->along) - 4 * mid.along, vf_of(0))};
 }
 
+/* What lighting a stretch as it is at f may be off by, where it is as told at f, at its beginning, at its end and at f
+ * without the gradient's bend: by how much it does not run straight in between, by part of what the bend changes, and
+ * for what was due before, by what it has changed since. */
+INLINE vf light_doubt(const TiledJob *j, const vf facings[4], const vf powers[4], vf f, vf due)
+{
+    const CtsShade *shade = j->shade;
+    const vf waited = vf_min(due, vf_of(j->most_due));
+    const vf uneven = shade->diffuse * vf_abs(facings[1] + (facings[2] - facings[1]) * f - facings[0]) +
+                      shade->specular * vf_abs(powers[1] + (powers[2] - powers[1]) * f - powers[0]);
+    const vf turned =
+        shade->diffuse * vf_abs(facings[1] - facings[0]) + shade->specular * vf_abs(powers[1] - powers[0]);
+    const vf bent = shade->diffuse * vf_abs(facings[3] - facings[0]) + shade->specular * vf_abs(powers[3] - powers[0]);
+    return due * (uneven + 0.5f * bent) + waited * turned;
+}
+
 /* Light what is due of these packets as the stretch of `span` sheets from `part` of those behind layer q on, the middle
- * of the light that is lost a fraction f of the way. bends: the packets in which the field is far from straight. */
-INLINE void light_packets(const TiledJob *j, const Packet *pk, Way way, unsigned packets, int q, int part, int span,
-                          bool inner, vf f, unsigned bends, Light *light, Lit *lit, Course *course)
+ * of the light that is lost a fraction f of the way. Returns those it
+ * should be told of more finely. */
+INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, unsigned packets, int q, int part, int span,
+                              bool inner, vf f, Light *light, Lit *lit, Course *course)
 {
     const CtsShade *shade = j->shade;
     const int sheet = q * j->samples + part, whole = part + span == j->samples;
@@ -174,16 +190,27 @@ INLINE void light_packets(const TiledJob *j, const Packet *pk, Way way, unsigned
     turn.rise = less(&to, &from);
     turn.bend = (Slope){vf_of(0), vf_of(0), vf_of(0)};
     const vmask worth = vf_lt(vf_of(5 * j->most_due), lit->due);
+    const bool may_bend = way != WAY_STRAIGHT;
+    const vf straight = facing_at(&turn, false, f);
     /* Along an axis the gradient runs straight between layers. */
-    const unsigned bent = way == WAY_STRAIGHT ? 0 : bends & any_in(worth);
+    const unsigned bent = may_bend ? packets & any_in(worth) : 0;
     if (bent) {
         const Slope a = from, b = to; /* what a function is given the address of, is kept in memory everywhere */
         turn.bend = find_slope_bend(j, pk, way, q, part + span / 2, inner, mask_packets(bent), &a, &b);
         turn.rise = less(&turn.rise, &turn.bend);
     }
-    vf facing = facing_at(&turn, way != WAY_STRAIGHT, f), power;
-    specular_powers(shade, &facing, &power, 1);
-    const unsigned turning = bent | any_in(mask_and(vf_lt(dot(&from, &to), vf_of(0)), worth));
+    vf facings[4] = {facing_at(&turn, may_bend, f), facing_at(&turn, may_bend, vf_of(0)),
+                     facing_at(&turn, may_bend, vf_of(1)), straight};
+    vf powers[4], facing, power;
+    specular_powers(shade, facings, powers, may_bend ? 4 : 3);
+    facing = facings[0];
+    power = powers[0];
+    if (!may_bend)
+        powers[3] = power;
+    vf glow_doubt = light_doubt(j, facings, powers, f, lit->due);
+    const vmask now = mask_packets(packets);
+    const unsigned uneven = packets & any_in(vf_lt(vf_of(j->may_mix), glow_doubt));
+    const unsigned turning = bent | uneven | any_in(mask_and(vf_lt(dot(&from, &to), vf_of(0)), worth));
     if (turning) {
         const Turn copy = turn;
         vf mean = facing, mean_power = power;
@@ -191,9 +218,10 @@ INLINE void light_packets(const TiledJob *j, const Packet *pk, Way way, unsigned
                                                                           &mean_power);
         facing = mean;
         power = mean_power;
+        glow_doubt = select_f(mask_packets(turning), 0.5f * glow_doubt, glow_doubt);
     }
+    light->doubt.colour += select_f(now, 4 * glow_doubt * glow_doubt, vf_of(0)); /* two standard deviations */
     const Glow glow = {shade->ambient + shade->diffuse * facing, shade->specular * power};
-    const vmask now = mask_packets(packets);
     lit->glow.colour = select_f(now, glow.colour, lit->glow.colour);
     lit->glow.white = select_f(now, glow.white, lit->glow.white);
     const vf colour = select_f(now, glow.colour, vf_of(0)), white = select_f(now, lit->due * glow.white, vf_of(0));
@@ -205,22 +233,26 @@ INLINE void light_packets(const TiledJob *j, const Packet *pk, Way way, unsigned
     light->g = select_f(now, vf_of(0), light->g);
     light->b = select_f(now, vf_of(0), light->b);
     lit->had |= packets;
+    return packets & any_in(vf_lt(vf_of(j->may_change), glow_doubt));
 }
 
-/* A stretch has taken `lost` of the light; moment is the sum of that, each time how far on. */
-INLINE void light_stretch(const TiledJob *j, const Packet *pk, Way way, int q, int part, int span, bool inner, vf lost,
-                          vf moment, unsigned bends, Light *light, Lit *lit, Course *course)
+/* A stretch has taken `lost` of the light; moment is the sum of that, each time how far on. Returns the packets whose
+ * light changes too much on the stretch to be told at one place. */
+INLINE unsigned light_stretch(const TiledJob *j, const Packet *pk, Way way, int q, int part, int span, bool inner,
+                              vf lost, vf moment, Light *light, Lit *lit, Course *course)
 {
     const uint64_t before = course->timed ? cts_tiled_ticks() : 0;
     lit->due += lost;
     lit->last = select_i(vf_lt(vf_of(0), lost), vi_of(q * j->samples + part), lit->last);
     const unsigned packets = any_in(vf_lt(vf_of(j->most_due), lit->due));
+    unsigned uneven = 0;
     if (packets) {
         const vf some = vf_of(1e-12f), f = moment / vf_max(lost, some);
-        light_packets(j, pk, way, packets, q, part, span, inner, select_f(vf_lt(some, lost), f, vf_of(0.5f)), bends,
-                      light, lit, course);
+        uneven = light_packets(j, pk, way, packets, q, part, span, inner, select_f(vf_lt(some, lost), f, vf_of(0.5f)),
+                               light, lit, course);
     }
     course->ticks += course->timed ? cts_tiled_ticks() - before : 0;
+    return uneven;
 }
 
 /* Colours that never were worth a slope get the lighting of their packet's last stretch. */
@@ -233,7 +265,7 @@ OUTLINE void light_at_last(const TiledJob *j, const Packet *pk, Way way, unsigne
             last = lit->last[h * CTS_PACKET + l] > last ? lit->last[h * CTS_PACKET + l] : last;
         if (packets >> h & 1)
             light_packets(j, pk, way, 1u << h, last / j->samples, last % j->samples, j->samples / j->sheets, false,
-                          vf_of(0.5f), 0, light, lit, &course);
+                          vf_of(0.5f), light, lit, &course);
     }
 }
 

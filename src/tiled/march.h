@@ -2,7 +2,39 @@
  *
  * One template (march_tmpl.h) is compiled three times: march_c.c with plain C primitives, the readable truth,
  * march_avx2.c with AVX2 ones, and march_avx512.c, where two packets march together. All do the same operations in the
- * same order for a pixel, so their pictures are the same bytes. */
+ * same order for a pixel, so their pictures are the same bytes.
+ *
+ * WHAT A RAY MAY BE WRONG BY. Between two sheets, on a stretch of length L, the field x(s) is taken for the parabola
+ * y(s) through the two ends and the middle. Along an axis x is a straight line and so is y; else x has a kink at each
+ * voxel face that the ray crosses and bends in between.
+ *
+ * off. Where the middle lies d beside the straight line, a single kink leaves |x - y| <= 2 d at its worst place and, on
+ * average over places, less than d / 2. A voxel that only a face's far side touches can raise the field by a sixteenth
+ * of its height where the three places see nothing of it; neighbouring rays and the stretch before see the kink itself,
+ * a quarter of that height: hence half of the largest d among the packet's rays, now and a stretch ago. The table's
+ * rounding comes on top.
+ *
+ * depth. Let V(g) be the total variation of the extinction k up to grey level g (CtsSlabTable.change). k(x) and k(y)
+ * differ only where k changes between x and y, so that with |x - y| <= a, and y running evenly from low to high,
+ *
+ *     |integral of k(x) - k(y)| <= L min(1, 2 a / (high - low)) (V(high + a) - V(low - a))
+ *
+ * with off / 2 for a, the mean of |x - y|. It holds for ramps, for peaks between two levels and for jumps, and is 0
+ * where k does not change within a of the field. The same with colours in place of k gives `tint`.
+ *
+ * effect. If a stretch is deeper by e than found, e of the light T that reaches it shows its colour c instead of what
+ * is behind. Let X = C' + T c be what the pixel would be if all ended there, C' what was gathered before it: the pixel
+ * C moves by e (X - C). Stretches err independently of one another, so the squares add up, and sums of e^2, e^2 X and
+ * e^2 X.X give them at the end of the ray, when C is known: bodies that are met early cost nothing, a wire before a
+ * bright background costs all. A stretch that is taken for opaque and may not be shows something unknown.
+ *
+ * The rest: a quarter of depth^2 times how far colours lie apart, for colours mixed within a slab (its series in the
+ * depth); the light left when a ray ends; for lighting, by how much it does not run straight along the stretch, half of
+ * what the gradient's bend changes, and what waits for its lighting (light_tmpl.h).
+ *
+ * So the bound is estimated, not proven: d is what three places tell. Ranges of macro-cells alone decide what is leapt,
+ * and those are exact (cts_lut_visible). A stretch that may change a pixel by four times the error asked for is halved,
+ * down to a sixteenth of a layer; what is left above the error is cast (render/bound.h). */
 #ifndef CTS_TILED_MARCH_H
 #define CTS_TILED_MARCH_H
 
@@ -28,7 +60,7 @@ typedef struct TiledJob {
     /* The ray that meets layer 0 at (u, v) is seen from q = near_at[0] + near_at[1] u + near_at[2] v on, and up to
      * far_at alike: the slab that is asked for. */
     double near_at[3], far_at[3];
-    bool slab; /* one is asked for */
+    bool slab;              /* one is asked for */
     int64_t u_step, v_step; /* voxels from sheet to sheet, in 2^-32 */
     /* A packet's pixels against its first one, in 2^-16 voxels, and the smallest of each half packet. */
     int32_t lane_u[CTS_PACKET], lane_v[CTS_PACKET], half_u[CTS_PACKET], half_v[CTS_PACKET];
@@ -38,24 +70,23 @@ typedef struct TiledJob {
     int one_window_rows;    /* two packets at most so many rows apart fit one of 16 x 4; 0: no two do */
     bool straight;          /* u_at[3] and v_at[3] are 0: every layer is met at the same place */
     int sheets;             /* a layer: each is sampled, and what lies between two sheets is a stretch */
-    int samples;            /* how finely sheets may be placed, to a layer: 4 to a stretch */
-    /* What a stretch needs beyond its two sheets. Grey levels are those of a stretch that all light reaches. */
-    float quiet_low, quiet_high; /* nothing between them shows, even if the field bends a little */
-    float refine_grey;           /* a field that changes less, and its rise too, is taken for straight */
-    float bend_grey;             /* a field that bends less is taken for straight in either half */
-    float halve_grey;            /* a field that bends more is looked at again in either half */
-    float hiding;                /* 1 over what self_hiding() may leave, in table entries */
-    float faint_depth;           /* a stretch of less optical depth is cut into 2, if at all */
-    float stiff_depth;           /* a stretch of more optical depth is cut where its light is lost */
-    float full_depth;            /* what lies deeper gets no light worth cutting for */
-    float layer_mm;              /* ray length from layer to layer */
-    float stop_transmittance;    /* a packet ends when all of its pixels have less than this left */
+    int samples;            /* how finely sheets may be placed, to a layer: 16 to a stretch */
+    /* What may go wrong, see above. Grey levels, and shares of the display's range. */
+    float rounding;           /* the field is known to so many grey levels */
+    float may_change;         /* a stretch may change a pixel by so much before it is halved */
+    float let_pass;           /* what changes a pixel by less is not looked at more closely */
+    float may_mix;            /* a slab's mixed colours may be off by so much before it is cut */
+    bool hard_tint;           /* colours turn so fast that their steepest change says nothing of the others */
+    float tint;               /* by how much colours lie apart from one entry of the table to the next, at most */
+    float grey_range;         /* between the volume's smallest and largest grey level */
+    float stiff_depth;        /* a stretch of more optical depth is cut where its light is lost */
+    float full_depth;         /* what lies deeper gets no light worth cutting for */
+    float layer_mm;           /* ray length from layer to layer */
+    float stop_transmittance; /* a packet ends when all of its pixels have less than this left */
+    float range;              /* by how much what is behind may differ from what is seen, lit or not */
+    float background[3];
     CtsSlabTable table;
     CtsEmptySpace empty;
-    /* Of 2^fill_levels rows one is marched; the others are filled where that can be trusted: where colours change and
-     * bend from row to row by no more than fill_step. */
-    int fill_levels;
-    float fill_step;
     const CtsShade *shade;          /* NULL: unlit */
     float frame[3][3];              /* as shade's, for differences along u, v and from q to q + 1, times 16384 */
     float most_due;                 /* opacity that may wait for its lighting */
@@ -64,6 +95,7 @@ typedef struct TiledJob {
     int width, first_row, past_row; /* of the view's rows the picture holds these */
     float *rgba;                    /* the picture: pixel (0, first_row) on */
     float *depth_mm;                /* NULL: not wanted */
+    float *bound;                   /* of each pixel's error; NULL: not wanted */
 } TiledJob;
 
 /* Slabs from..to - 1 in which something may be visible. */
@@ -84,10 +116,9 @@ typedef struct TiledBeam {
 } TiledBeam;
 
 typedef struct TiledCounts {
-    uint64_t samples;         /* field values, one a pixel and sheet */
-    uint64_t slabs;           /* pixel slabs in which something could be seen */
-    uint64_t marches;         /* packets, or pairs of them, that met something */
-    uint64_t between, filled; /* packets of rows between; of them filled without a march */
+    uint64_t samples; /* field values, one a pixel and sheet */
+    uint64_t slabs;   /* pixel slabs in which something could be seen */
+    uint64_t marches; /* packets, or pairs of them, that met something */
     /* Every so many marches the clock is read around what is sampled, composited and shaded. */
     uint64_t splat_ticks, composite_ticks, shade_ticks;
 } TiledCounts;
@@ -115,11 +146,6 @@ void cts_tiled_packets_c(const TiledJob *job, TiledBeam *beam, const TiledSpan *
 void cts_tiled_packets_avx2(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
 /* Takes two; only for windowed or gathers jobs. */
 void cts_tiled_packets_avx512(const TiledJob *job, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts);
-
-typedef enum TiledFill { TILED_FILL_NONE, TILED_FILL_COLOUR, TILED_FILL_ALL } TiledFill;
-/* A packet's colours and depths from those `away` and 3 times that many rows above and below; the tile has so many rows
- * above and below the packet. NONE: that cannot be trusted; COLOUR: only the depth cannot. */
-TiledFill cts_tiled_fill(const TiledJob *job, const TiledSpan *span, int away, int above, int below);
 
 /* Bounds for the rays of pixels x0..x1 - 1 by y0..y1 - 1; false when they miss everything that may be visible. */
 bool cts_tiled_beam_init(const TiledJob *job, TiledBeam *beam, int x0, int y0, int x1, int y1, int first);

@@ -55,26 +55,64 @@ INLINE unsigned all_in(vmask mask)
     return _mm256_movemask_ps((__m256)mask) == 255;
 }
 
-INLINE __m256i two_entries(const int32_t (*rows)[4], int low, int high)
+INLINE vi clamped(vi index, int last)
 {
-    const __m256i one = _mm256_castsi128_si256(_mm_load_si128((const __m128i *)rows[low]));
-    return _mm256_inserti128_si256(one, _mm_load_si128((const __m128i *)rows[high]), 1);
+    return vi_min(vi_max(index, vi_of(0)), vi_of(last));
 }
 
-/* Rows index, clamped to 0..last: one 128-bit load a pixel, then a transpose. */
-INLINE void look_up_entries(const int32_t (*rows)[4], int last, vi index, vi *r, vi *g, vi *b, vi *k)
+/* Of eight rows of four floats, each two side by side, the columns. */
+INLINE void transpose_rows(__m256 e04, __m256 e15, __m256 e26, __m256 e37, vf column[4])
 {
-    const __m256i most = _mm256_set1_epi32(last);
-    const __m256i clamped = _mm256_min_epi32(_mm256_max_epi32((__m256i)index, _mm256_setzero_si256()), most);
-    const vi i = (vi)clamped;
-    const __m256i e04 = two_entries(rows, i[0], i[4]), e15 = two_entries(rows, i[1], i[5]);
-    const __m256i e26 = two_entries(rows, i[2], i[6]), e37 = two_entries(rows, i[3], i[7]);
-    const __m256i rg01 = _mm256_unpacklo_epi32(e04, e15), bk01 = _mm256_unpackhi_epi32(e04, e15);
-    const __m256i rg23 = _mm256_unpacklo_epi32(e26, e37), bk23 = _mm256_unpackhi_epi32(e26, e37);
-    *r = (vi)_mm256_unpacklo_epi64(rg01, rg23);
-    *g = (vi)_mm256_unpackhi_epi64(rg01, rg23);
-    *b = (vi)_mm256_unpacklo_epi64(bk01, bk23);
-    *k = (vi)_mm256_unpackhi_epi64(bk01, bk23);
+    const __m256d rg01 = _mm256_castps_pd(_mm256_unpacklo_ps(e04, e15)),
+                  bk01 = _mm256_castps_pd(_mm256_unpackhi_ps(e04, e15));
+    const __m256d rg23 = _mm256_castps_pd(_mm256_unpacklo_ps(e26, e37)),
+                  bk23 = _mm256_castps_pd(_mm256_unpackhi_ps(e26, e37));
+    column[0] = (vf)_mm256_unpacklo_pd(rg01, rg23);
+    column[1] = (vf)_mm256_unpackhi_pd(rg01, rg23);
+    column[2] = (vf)_mm256_unpacklo_pd(bk01, bk23);
+    column[3] = (vf)_mm256_unpackhi_pd(bk01, bk23);
+}
+
+INLINE __m128 row_difference_of(const double *from, const double *to)
+{
+    return _mm256_cvtpd_ps(_mm256_sub_pd(_mm256_load_pd(to), _mm256_load_pd(from)));
+}
+
+INLINE __m256 two_differences(const double (*rows)[4], const int32_t *from, const int32_t *to, int lane)
+{
+    const __m256 one = _mm256_castps128_ps256(row_difference_of(rows[from[lane]], rows[to[lane]]));
+    return _mm256_insertf128_ps(one, row_difference_of(rows[from[lane + 4]], rows[to[lane + 4]]), 1);
+}
+
+/* Rows `to` less rows `from`, both clamped to 0..last, subtracted as doubles. */
+INLINE void look_up_difference(const double (*rows)[4], int last, vi from, vi to, vf d[4])
+{
+    int32_t a[LANES] __attribute__((aligned(32))), b[LANES] __attribute__((aligned(32)));
+    _mm256_store_si256((__m256i *)a, (__m256i)clamped(from, last));
+    _mm256_store_si256((__m256i *)b, (__m256i)clamped(to, last));
+    transpose_rows(two_differences(rows, a, b, 0), two_differences(rows, a, b, 1), two_differences(rows, a, b, 2),
+                   two_differences(rows, a, b, 3), d);
+}
+
+INLINE __m256 two_rows(const float (*rows)[4], const int32_t *at, int lane)
+{
+    return _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(rows[at[lane]])), _mm_load_ps(rows[at[lane + 4]]),
+                                1);
+}
+
+/* Rows index, clamped to 0..last. */
+INLINE void look_up_rows(const float (*rows)[4], int last, vi index, vf row[4])
+{
+    int32_t at[LANES] __attribute__((aligned(32)));
+    _mm256_store_si256((__m256i *)at, (__m256i)clamped(index, last));
+    transpose_rows(two_rows(rows, at, 0), two_rows(rows, at, 1), two_rows(rows, at, 2), two_rows(rows, at, 3), row);
+}
+
+INLINE void look_up_pairs(const float (*rows)[2], int last, vi index, vf pair[2])
+{
+    const __m256i at = (__m256i)clamped(index, last);
+    pair[0] = (vf)_mm256_i32gather_ps(&rows[0][0], at, 8);
+    pair[1] = (vf)_mm256_i32gather_ps(&rows[0][1], at, 8);
 }
 
 /* facing to the power of the preset, from shade's table. */
@@ -164,6 +202,15 @@ INLINE vf wide_difference(const Taps *t, ptrdiff_t minus, ptrdiff_t plus, ptrdif
     weigh_window(t, plus, row_stride, &upper, &lower);
     weigh_window(t, minus, row_stride, &upper_minus, &lower_minus);
     return of_rows(t, _mm256_sub_epi32(upper, upper_minus), _mm256_sub_epi32(lower, lower_minus));
+}
+
+/* As in march_c.c. */
+INLINE vf load_level(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
+{
+    const __m256i bias = _mm256_set1_epi32(BIAS);
+    __m256i upper, lower;
+    weigh_window(t, offset, row_stride, &upper, &lower);
+    return of_rows(t, _mm256_add_epi32(upper, bias), _mm256_add_epi32(lower, bias));
 }
 
 /* As in march_c.c. */

@@ -98,30 +98,73 @@ INLINE vmask mask_packets(unsigned packets)
     return (vmask)((packets & 1) * 0xff | (packets >> 1) * 0xff00);
 }
 
-/* Entries at byte offsets at[first], at[first + 4], ... side by side. */
-INLINE __m512i four_entries(const int32_t (*rows)[4], const uint32_t *at, int first)
+INLINE vi clamped(vi index, int last)
 {
-    const char *bytes = (const char *)rows;
-    __m512i e = _mm512_castsi128_si512(_mm_load_si128((const __m128i *)(bytes + at[first])));
-    e = _mm512_inserti32x4(e, _mm_load_si128((const __m128i *)(bytes + at[first + 4])), 1);
-    e = _mm512_inserti32x4(e, _mm_load_si128((const __m128i *)(bytes + at[first + 8])), 2);
-    return _mm512_inserti32x4(e, _mm_load_si128((const __m128i *)(bytes + at[first + 12])), 3);
+    return vi_min(vi_max(index, vi_of(0)), vi_of(last));
 }
 
-/* Rows index, clamped to 0..last: one 128-bit load a pixel, then a transpose. */
-INLINE void look_up_entries(const int32_t (*rows)[4], int last, vi index, vi *r, vi *g, vi *b, vi *k)
+/* Of sixteen rows of four floats, each four side by side, the columns. */
+INLINE void transpose_rows(__m512 e0, __m512 e1, __m512 e2, __m512 e3, vf column[4])
 {
-    uint32_t i[LANES] __attribute__((aligned(64)));
-    _mm512_store_si512(i, (__m512i)(vi_min(vi_max(index, vi_of(0)), vi_of(last)) << 4));
-    __asm__("" : "+m"(i)); /* loads of offsets cost less than taking the vector apart */
-    const __m512i e0 = four_entries(rows, i, 0), e1 = four_entries(rows, i, 1);
-    const __m512i e2 = four_entries(rows, i, 2), e3 = four_entries(rows, i, 3);
-    const __m512i rg01 = _mm512_unpacklo_epi32(e0, e1), bk01 = _mm512_unpackhi_epi32(e0, e1);
-    const __m512i rg23 = _mm512_unpacklo_epi32(e2, e3), bk23 = _mm512_unpackhi_epi32(e2, e3);
-    *r = (vi)_mm512_unpacklo_epi64(rg01, rg23);
-    *g = (vi)_mm512_unpackhi_epi64(rg01, rg23);
-    *b = (vi)_mm512_unpacklo_epi64(bk01, bk23);
-    *k = (vi)_mm512_unpackhi_epi64(bk01, bk23);
+    const __m512d rg01 = _mm512_castps_pd(_mm512_unpacklo_ps(e0, e1)),
+                  bk01 = _mm512_castps_pd(_mm512_unpackhi_ps(e0, e1));
+    const __m512d rg23 = _mm512_castps_pd(_mm512_unpacklo_ps(e2, e3)),
+                  bk23 = _mm512_castps_pd(_mm512_unpackhi_ps(e2, e3));
+    column[0] = (vf)_mm512_unpacklo_pd(rg01, rg23);
+    column[1] = (vf)_mm512_unpackhi_pd(rg01, rg23);
+    column[2] = (vf)_mm512_unpacklo_pd(bk01, bk23);
+    column[3] = (vf)_mm512_unpackhi_pd(bk01, bk23);
+}
+
+INLINE __m128 row_difference_of(const double (*rows)[4], const int32_t *from, const int32_t *to, int lane)
+{
+    const double *a = rows[from[lane]], *b = rows[to[lane]];
+    return _mm256_cvtpd_ps(_mm256_sub_pd(_mm256_load_pd(b), _mm256_load_pd(a)));
+}
+
+/* Of lanes first, first + 4, ... side by side. */
+INLINE __m512 four_differences(const double (*rows)[4], const int32_t *from, const int32_t *to, int first)
+{
+    __m512 e = _mm512_castps128_ps512(row_difference_of(rows, from, to, first));
+    e = _mm512_insertf32x4(e, row_difference_of(rows, from, to, first + 4), 1);
+    e = _mm512_insertf32x4(e, row_difference_of(rows, from, to, first + 8), 2);
+    return _mm512_insertf32x4(e, row_difference_of(rows, from, to, first + 12), 3);
+}
+
+/* Rows `to` less rows `from`, both clamped to 0..last, subtracted as doubles. */
+INLINE void look_up_difference(const double (*rows)[4], int last, vi from, vi to, vf d[4])
+{
+    int32_t a[LANES] __attribute__((aligned(64))), b[LANES] __attribute__((aligned(64)));
+    _mm512_store_si512(a, (__m512i)clamped(from, last));
+    _mm512_store_si512(b, (__m512i)clamped(to, last));
+    __asm__("" : "+m"(a), "+m"(b)); /* loads of offsets cost less than taking the vectors apart */
+    transpose_rows(four_differences(rows, a, b, 0), four_differences(rows, a, b, 1), four_differences(rows, a, b, 2),
+                   four_differences(rows, a, b, 3), d);
+}
+
+INLINE __m512 four_table_rows(const float (*rows)[4], const int32_t *at, int first)
+{
+    __m512 e = _mm512_castps128_ps512(_mm_load_ps(rows[at[first]]));
+    e = _mm512_insertf32x4(e, _mm_load_ps(rows[at[first + 4]]), 1);
+    e = _mm512_insertf32x4(e, _mm_load_ps(rows[at[first + 8]]), 2);
+    return _mm512_insertf32x4(e, _mm_load_ps(rows[at[first + 12]]), 3);
+}
+
+/* Rows index, clamped to 0..last. */
+INLINE void look_up_rows(const float (*rows)[4], int last, vi index, vf row[4])
+{
+    int32_t at[LANES] __attribute__((aligned(64)));
+    _mm512_store_si512(at, (__m512i)clamped(index, last));
+    __asm__("" : "+m"(at));
+    transpose_rows(four_table_rows(rows, at, 0), four_table_rows(rows, at, 1), four_table_rows(rows, at, 2),
+                   four_table_rows(rows, at, 3), row);
+}
+
+INLINE void look_up_pairs(const float (*rows)[2], int last, vi index, vf pair[2])
+{
+    const __m512i at = (__m512i)clamped(index, last);
+    pair[0] = (vf)_mm512_i32gather_ps(at, &rows[0][0], 8);
+    pair[1] = (vf)_mm512_i32gather_ps(at, &rows[0][1], 8);
 }
 
 /* facing to the power of the preset, from shade's table. */
@@ -310,6 +353,15 @@ INLINE vf wide_difference(const Taps *t, ptrdiff_t minus, ptrdiff_t plus, ptrdif
     weigh_window(t, plus, row_stride, &upper, &lower);
     weigh_window(t, minus, row_stride, &upper_minus, &lower_minus);
     return of_rows(t, _mm512_sub_epi32(upper, upper_minus), _mm512_sub_epi32(lower, lower_minus));
+}
+
+/* As in march_c.c. */
+INLINE vf load_level(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
+{
+    const __m512i bias = _mm512_set1_epi32(BIAS);
+    __m512i upper, lower;
+    weigh_window(t, offset, row_stride, &upper, &lower);
+    return of_rows(t, _mm512_add_epi32(upper, bias), _mm512_add_epi32(lower, bias));
 }
 
 /* As in march_c.c. */

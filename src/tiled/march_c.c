@@ -72,16 +72,34 @@ INLINE unsigned all_in(vmask mask)
     return all != 0;
 }
 
-/* Rows index, clamped to 0..last. */
-INLINE void look_up_entries(const int32_t (*rows)[4], int last, vi index, vi *r, vi *g, vi *b, vi *k)
+INLINE int clamped(int32_t index, int last)
+{
+    return index < 0 ? 0 : index > last ? last : index;
+}
+
+/* Rows `to` less rows `from`, both clamped to 0..last, subtracted as doubles. */
+INLINE void look_up_difference(const double (*rows)[4], int last, vi from, vi to, vf d[4])
 {
     for (int l = 0; l < 8; l++) {
-        const int i = index[l] < 0 ? 0 : index[l] > last ? last : index[l];
-        (*r)[l] = rows[i][0];
-        (*g)[l] = rows[i][1];
-        (*b)[l] = rows[i][2];
-        (*k)[l] = rows[i][3];
+        const double *a = rows[clamped(from[l], last)], *b = rows[clamped(to[l], last)];
+        for (int c = 0; c < 4; c++)
+            d[c][l] = (float)(b[c] - a[c]);
     }
+}
+
+/* Rows index, clamped to 0..last. */
+INLINE void look_up_rows(const float (*rows)[4], int last, vi index, vf row[4])
+{
+    for (int l = 0; l < 8; l++)
+        for (int c = 0; c < 4; c++)
+            row[c][l] = rows[clamped(index[l], last)][c];
+}
+
+INLINE void look_up_pairs(const float (*rows)[2], int last, vi index, vf pair[2])
+{
+    for (int l = 0; l < 8; l++)
+        for (int c = 0; c < 2; c++)
+            pair[c][l] = rows[clamped(index[l], last)][c];
 }
 
 /* facing to the power of the preset, from shade's table. */
@@ -125,6 +143,19 @@ INLINE vf load_window(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
         b[l] = (float)((p[row_stride] - 32768) * w0 + (p[row_stride + 1] - 32768) * w1);
     }
     return vf_fma(vf_fma(t->fy, b - a, a), vf_of(1.0f / 16384), vf_of(32768));
+}
+
+/* load_window() times 16384: as load_differences() would tell of the difference to a layer of zeros. */
+INLINE vf load_level(const Taps *t, ptrdiff_t offset, ptrdiff_t row_stride)
+{
+    vf a, b;
+    for (int l = 0; l < 8; l++) {
+        const uint16_t *p = t->at[l / 4] + offset + (t->row1[l] ? row_stride : 0) + t->pick[l];
+        const int w1 = t->weights[l] >> 16, w0 = t->weights[l] & 0xffff;
+        a[l] = (float)(p[0] * w0 + p[1] * w1);
+        b[l] = (float)(p[row_stride] * w0 + p[row_stride + 1] * w1);
+    }
+    return a + t->fy * (b - a);
 }
 
 /* What load_window() would tell of the differences between layers that start at plus[axis] and at minus[axis], times

@@ -5,20 +5,6 @@
 #include "tiled/light_tmpl.h"
 #include <string.h>
 
-/* Packets in which nothing shows between a and b, if the field runs straight. */
-INLINE unsigned quiet_packets(const CtsSlabTable *t, vf a, vf b)
-{
-    return all_in(mask_or(vf_le(vf_max(a, b), vf_of(t->quiet_low)), vf_le(vf_of(t->quiet_high), vf_min(a, b))));
-}
-
-/* Which packets march through a slab from a to b, a bit each: those that are not opaque and in which something may
- * show. */
-INLINE unsigned marching_packets(const TiledJob *j, const Light *light, vf a, vf b)
-{
-    const vmask quiet = mask_or(vf_le(vf_max(a, b), vf_of(j->quiet_low)), vf_le(vf_of(j->quiet_high), vf_min(a, b)));
-    return ~(light->opaque | all_in(quiet)) & ALL_PACKETS;
-}
-
 /* The way of the rays from one sheet to another: from `part` of the `samples` to a layer on, over `span` of them. The
  * field runs on it as a parabola: s0 + (rise + bend f) f, f from 0 to 1. */
 typedef struct Stretch {
@@ -45,32 +31,17 @@ INLINE vf field_at(const Stretch *way, vf f)
     return vf_fma(vf_fma(way->bend, f, way->rise), f, way->s0);
 }
 
-/* Optical depth of a stretch between two entries, times the nf entries between them. */
-INLINE vf depth_times(const TiledJob *j, const Entry *e0, const Entry *e1, float length_mm)
-{
-    return vf_abs(to_float(e1->k - e0->k)) * (j->table.depth_scale * length_mm);
-}
-
-/* A slab's integral mixes its colours as if none hid another. What that errs by grows with the light that comes, with
- * the square of the depth, and with how far the field, and so the colour, runs: nf table entries. By how much it
- * exceeds what may stay, times nf. */
-INLINE vf self_hiding(const TiledJob *j, vf t, vf nf, const Entry *e0, const Entry *e1, float length_mm)
-{
-    const vf d = vf_min(depth_times(j, e0, e1, length_mm), nf * j->full_depth);
-    return t * d * d * j->hiding;
-}
-
 /* Halves the stretch until it is known where the table's sum is `target` away from that of e0. */
-OUTLINE void find_depth(const TiledJob *j, const Stretch *way, const Entry *e0, vf target, vf *low, vf *high)
+OUTLINE void find_depth(const TiledJob *j, const Stretch *way, vi e0, vf target, vf *low, vf *high)
 {
     enum { HALVINGS = 6 };
     *low = vf_of(0);
     *high = vf_of(1);
     for (int i = 0; i < HALVINGS; i++) {
-        Entry e;
         const vf mid = (*low + *high) * 0.5f;
-        look_up(j, field_at(way, mid), &e);
-        const vmask short_of = vf_lt(vf_abs(to_float(e.k - e0->k)), target);
+        vf sum[4];
+        look_up_difference(j->table.sum, j->table.n, e0, entry_of(j, field_at(way, mid)), sum);
+        const vmask short_of = vf_lt(vf_abs(sum[3]), target);
         *low = select_f(short_of, mid, *low);
         *high = select_f(short_of, *high, mid);
     }
@@ -79,22 +50,22 @@ OUTLINE void find_depth(const TiledJob *j, const Stretch *way, const Entry *e0, 
 /* The cuts of a stretch that takes much of the light. n parts leave 1 / n^2 of the error; of a stiff stretch, which
  * takes all of the light, only what light reaches is cut finely. */
 OUTLINE Cuts cut_finely(const TiledJob *j, const Stretch way, vf nf, vf hiding, vmask stiff, unsigned cut,
-                        unsigned bent, const Entry e0)
+                        unsigned bent, vi e0)
 {
     enum { DOUBLINGS = 4 };
     Cuts c = {.most = 1};
     vf low = vf_of(0), high = vf_of(1);
     const unsigned some_stiff = any_in(stiff);
     if (some_stiff) {
-        const vf per_depth = nf * (1 / (j->table.depth_scale * j->layer_mm * way.share));
+        const vf per_depth = nf * (1 / (j->layer_mm * way.share));
         vf unused;
-        find_depth(j, &way, &e0, per_depth * (0.02f * j->full_depth), &low, &unused);
-        find_depth(j, &way, &e0, per_depth * j->full_depth, &unused, &high);
+        find_depth(j, &way, e0, per_depth * (0.02f * j->full_depth), &low, &unused);
+        find_depth(j, &way, e0, per_depth * j->full_depth, &unused, &high);
         hiding = select_f(stiff, hiding * (high - low), hiding);
     }
     unsigned doubled[DOUBLINGS];
     for (int i = 0; i < DOUBLINGS; i++)
-        doubled[i] = ~all_in(vf_le(hiding, nf * (float)(1 << 2 * i)));
+        doubled[i] = ~all_in(vf_le(hiding, vf_of((float)(1 << 2 * i))));
     float parts[PACKETS], shares[PACKETS], inner_shares[PACKETS];
     for (int h = 0; h < PACKETS; h++) {
         int n = !(cut >> h & 1) ? 1 : some_stiff >> h & 1 ? 8 : bent >> h & 1 ? 4 : 2;
@@ -113,15 +84,13 @@ OUTLINE Cuts cut_finely(const TiledJob *j, const Stretch way, vf nf, vf hiding, 
     return c;
 }
 
-/* Parts cost table entries, no voxels. hiding: self_hiding of the stretch. */
-INLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, vf nf, vf hiding, unsigned cut, unsigned bent,
-                      const Entry *e0, const Entry *e1)
+/* Parts cost table entries, no voxels. */
+INLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, vf nf, vf depth, vf hiding, unsigned cut,
+                      unsigned bent, vi e0)
 {
-    const vf depth = depth_times(j, e0, e1, j->layer_mm * way->share);
-    const vmask stiff = vf_lt(nf * j->stiff_depth, depth * t);
-    bent &= cut & ~all_in(vf_lt(depth, nf * j->faint_depth)); /* a bend of what hardly shows shows less */
-    if (__builtin_expect((cut & (any_in(stiff) | ~all_in(vf_le(hiding, nf * 4.0f)))) != 0, 0))
-        return cut_finely(j, *way, nf, hiding, stiff, cut, bent, *e0);
+    const vmask stiff = vf_lt(vf_of(j->stiff_depth), depth * t);
+    if (__builtin_expect((cut & (any_in(stiff) | ~all_in(vf_le(hiding, vf_of(4))))) != 0, 0))
+        return cut_finely(j, *way, nf, hiding, stiff, cut, bent, e0);
     const vmask in_two = mask_packets(cut), in_four = mask_packets(bent);
     return (Cuts){.parts = select_f(in_four, vf_of(4), select_f(in_two, vf_of(2), vf_of(1))),
                   .step = select_f(in_four, vf_of(0.25f), select_f(in_two, vf_of(0.5f), vf_of(1))),
@@ -130,8 +99,8 @@ INLINE Cuts find_cuts(const TiledJob *j, const Stretch *way, vf t, vf nf, vf hid
                   .even = true};
 }
 
-/* The part of a stretch from f0 to f1 that the faces of a slab leave, with the field where they cut it. */
-OUTLINE void cut_part(const TiledJob *j, Packet *pk, const Stretch *way, vf f0, vf f1, Entry *before, Entry *after)
+/* The part of a stretch from f0 to f1 that the volume's faces, or a slab's, leave, with the field where they cut it. */
+OUTLINE void cut_part(const TiledJob *j, Packet *pk, const Stretch *way, vf f0, vf f1, vi *before, vi *after)
 {
     if (!pk->clipped)
         clip_packet(j, pk);
@@ -142,37 +111,38 @@ OUTLINE void cut_part(const TiledJob *j, Packet *pk, const Stretch *way, vf f0, 
         in[l] = enter > 0 ? (float)enter : 0;
         out[l] = leave < 1 ? (float)leave : 1;
     }
-    look_up(j, field_at(way, vf_min(vf_max(f0, in), f1)), before);
-    look_up(j, field_at(way, vf_max(vf_min(f1, out), f0)), after);
+    *before = entry_of(j, field_at(way, vf_min(vf_max(f0, in), f1)));
+    *after = entry_of(j, field_at(way, vf_max(vf_min(f1, out), f0)));
 }
 
-INLINE bool is_cut(const TiledJob *j, const TiledBeam *beam, int q)
+INLINE bool is_cut(const TiledBeam *beam, int q)
 {
-    return __builtin_expect(j->slab, 0) && (q < beam->full_from || q >= beam->full_to);
+    return __builtin_expect(q < beam->full_from || q >= beam->full_to, 0);
 }
 
 /* Part by part. even: all of a packet are equally long. */
 INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
-                    const Cuts *cuts, bool even, unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
+                    const Cuts *cuts, bool even, unsigned marching, vi e0, vi e1, vf *moment)
 {
     const vmask marches = mask_packets(marching);
     const float whole_mm = way->share * j->layer_mm;
     const vf even_mm = cuts->step * whole_mm;
-    Entry before = *e0;
+    vi before = e0;
     vf f0 = vf_of(0);
     for (int p = 1; p <= cuts->most; p++) {
         const vf count = vf_of((float)p);
         const vmask at_end = vf_le(cuts->parts, count);
         vf f1 = even ? count * cuts->step : select_f(at_end, vf_of(1), cuts->lead + count * cuts->step);
-        Entry after = *e1;
+        vi after = e1;
         if (p < cuts->most)
-            look_up(j, select_f(at_end, way->end, field_at(way, f1)), &after);
+            after = entry_of(j, select_f(at_end, way->end, field_at(way, f1)));
         const vf t_before = light->t, from = way->from + way->share * f0, to = way->from + way->share * f1;
         const vf length_mm = slab_length(j, beam, pk, way->q, from, to, even ? even_mm : (f1 - f0) * whole_mm);
-        Entry first = before, last = after;
-        if (is_cut(j, beam, way->q))
+        vi first = before, last = after;
+        if (is_cut(beam, way->q))
             cut_part(j, pk, way, f0, f1, &first, &last);
-        add_slab(j, light, mask_and(marches, vf_le(count, cuts->parts)), &first, &last, length_mm);
+        const Slab slab = slab_of(j, first, last);
+        add_slab(light, mask_and(marches, vf_le(count, cuts->parts)), &slab, length_mm);
         if (moment)
             *moment += (t_before - light->t) * (0.5f * (f0 + f1));
         note_depth(j, light, t_before, (float)way->q + from, to - from);
@@ -182,106 +152,221 @@ INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light 
 }
 
 INLINE void add_whole(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
-                      unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
+                      unsigned marching, const Slab *whole, vf *moment)
 {
     const vf t_before = light->t, from = vf_of(way->from), to = vf_of(way->from + way->share);
     const vf length_mm = slab_length(j, beam, pk, way->q, from, to, vf_of(way->share * j->layer_mm));
-    Entry first = *e0, last = *e1;
-    if (is_cut(j, beam, way->q))
+    Slab slab = *whole;
+    if (is_cut(beam, way->q)) {
+        vi first, last;
         cut_part(j, pk, way, vf_of(0), vf_of(1), &first, &last);
-    add_slab(j, light, mask_packets(marching), &first, &last, length_mm);
+        slab = slab_of(j, first, last);
+    }
+    add_slab(light, mask_packets(marching), &slab, length_mm);
     if (moment)
         *moment += (t_before - light->t) * 0.5f;
     note_depth(j, light, t_before, (float)way->q + from, to - from);
 }
 
-/* A stretch from entry e0 to e1, at once or in as many parts as it asks for. What it takes of the light, each time how
- * far on, is added to moment. */
+/* A stretch at once or in as many parts as it asks for: two where its bend may matter, four in `bent`. What it takes of
+ * the light, each time how far on, is added to moment. */
 INLINE void add_parts(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light *light, const Stretch *way,
-                      unsigned looked, unsigned bent, unsigned marching, const Entry *e0, const Entry *e1, vf *moment)
+                      unsigned matters, unsigned bent, unsigned marching, vi e0, vi e1, vf *moment)
 {
-    const vf nf = vf_abs(to_float(e1->index - e0->index));
-    const vf hiding = self_hiding(j, light->t, nf, e0, e1, j->layer_mm * way->share);
-    const unsigned cut = marching & (looked | bent | ~all_in(vf_le(hiding, nf)));
+    const Slab whole = slab_of(j, e0, e1);
+    const vf t = light->t, nf = whole.n, depth = whole.sum[3] * (j->layer_mm * way->share) / nf;
+    const vf shown = vf_min(depth, vf_of(j->full_depth));
+    /* The slab's integral mixes its colours as if none hid another, which is wrong by a quarter of depth^2 at most and
+     * by how far the colours lie apart. */
+    const vf apart = vf_min(nf * j->tint, vf_of(j->table.colour_range));
+    const vf mixing = t * shown * shown * apart * 0.25f, hiding = mixing * (1 / j->may_mix);
+    const unsigned cut = marching & (matters | ~all_in(vf_le(hiding, vf_of(1))));
+    const vmask now = mask_packets(marching);
     if (!cut) {
-        add_whole(j, beam, pk, light, way, marching, e0, e1, moment);
+        light->doubt.colour += select_f(now, mixing * mixing, vf_of(0));
+        add_whole(j, beam, pk, light, way, marching, &whole, moment);
         return;
     }
-    const Cuts cuts = find_cuts(j, way, light->t, nf, hiding, cut, bent, e0, e1);
+    const Cuts cuts = find_cuts(j, way, t, nf, depth, hiding, cut, cut & bent, e0);
+    const vf mixed = mixing / (cuts.parts * cuts.parts);
+    light->doubt.colour += select_f(now, mixed * mixed, vf_of(0));
     if (cuts.even)
         add_cut(j, beam, pk, light, way, &cuts, true, marching, e0, e1, moment);
     else
         add_cut(j, beam, pk, light, way, &cuts, false, marching, e0, e1, moment);
 }
 
-/* Gives a stretch the field half way, for the packets in look; returns which of them it bends for. */
-INLINE unsigned bend_stretch(const TiledJob *j, Stretch *way, vf mid, vf t, unsigned look)
-{
-    way->bend = select_f(mask_packets(look), 2 * (way->s0 + way->end) - 4 * mid, vf_of(0));
-    way->rise = way->end - way->s0 - way->bend;
-    return ~all_in(vf_lt(vf_abs(way->bend) * t, vf_of(j->bend_grey)));
-}
+OUTLINE void add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light,
+                        const Stretch *whole, vf mid, bool inner, unsigned marching, Lit *lit, Course *course);
 
-/* A stretch that bends much, as two with a sheet half way through each. */
-OUTLINE Light add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light own_light,
-                         const Stretch whole, vf mid, vf t, bool inner, unsigned marching, const Entry e0,
-                         const Entry e1, vf *moment)
+/* What the stretch, of which t_before was left, may be wrong by. */
+OUTLINE void note_doubt(const TiledJob *j, Light *light, const Lit *lit, const Colour *colour, vf t_before, vf depth,
+                        unsigned packets)
 {
-    const int span = whole.span / 2;
-    Light *light = &own_light;
-    Entry half;
-    look_up(j, mid, &half);
-    for (int side = 0; side < 2; side++) {
-        const int part = whole.part + side * span;
-        Stretch stretch = stretch_of(j, whole.q, part, span, side ? mid : whole.s0, side ? whole.end : mid);
-        const vf quarter = sample_sheet(j, pk, way, whole.q, part + span / 2, inner);
-        const unsigned bent = bend_stretch(j, &stretch, quarter, t, ALL_PACKETS);
-        const vf t_before = light->t;
-        vf own = vf_of(0);
-        add_parts(j, beam, pk, light, &stretch, ALL_PACKETS, bent, marching, side ? &half : &e0, side ? &e1 : &half,
-                  moment ? &own : NULL);
-        if (moment)
-            *moment += 0.5f * ((float)side * (t_before - light->t) + own);
+    const vmask now = mask_packets(packets);
+    depth = select_f(now, depth, vf_of(0));
+    Colour c = *colour, sum = {light->r, light->g, light->b};
+    if (lit) {
+        const vf glow = lit->glow.colour, white = lit->glow.white, due = lit->due * white;
+        c = (Colour){vf_fma(c.r, glow, white), vf_fma(c.g, glow, white), vf_fma(c.b, glow, white)};
+        sum = (Colour){vf_fma(sum.r, glow, lit->r + due), vf_fma(sum.g, glow, lit->g + due),
+                       vf_fma(sum.b, glow, lit->b + due)};
     }
-    return own_light;
+    note_depth_doubt(&light->doubt, depth, vf_fma(light->t, c.r, sum.r), vf_fma(light->t, c.g, sum.g),
+                     vf_fma(light->t, c.b, sum.b));
+    const vf stop = vf_of(j->stop_transmittance);
+    const vmask ends = mask_and(mask_and(vf_lt(light->t, stop), vf_le(stop, t_before)), vf_lt(vf_of(1e-3f), depth));
+    if (any_in(ends)) {
+        const vf shown = unknown_behind(t_before, light->t, depth);
+        light->doubt.colour += select_f(ends, shown * shown, vf_of(0));
+    }
 }
 
-/* A stretch from entry e0 to e1 that nothing is known of but its ends. */
-INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, Stretch *stretch,
-                        bool inner, unsigned marching, const Entry *e0, const Entry *e1, Lit *lit, Course *course)
+/* Makes undone what a stretch did to these packets. */
+OUTLINE void take_back(unsigned packets, const Light *light_before, const Lit *lit_before, Light *light, Lit *lit)
 {
-    const int q = stretch->q, middle = stretch->part + stretch->span / 2;
+    const vmask now = mask_packets(packets);
+    const Doubt *d = &light_before->doubt;
+    light->r = select_f(now, light_before->r, light->r);
+    light->g = select_f(now, light_before->g, light->g);
+    light->b = select_f(now, light_before->b, light->b);
+    light->a = select_f(now, light_before->a, light->a);
+    light->t = select_f(now, light_before->t, light->t);
+    light->depth = select_f(now, light_before->depth, light->depth);
+    light->doubt =
+        (Doubt){select_f(now, d->depth, light->doubt.depth),   select_f(now, d->r, light->doubt.r),
+                select_f(now, d->g, light->doubt.g),           select_f(now, d->b, light->doubt.b),
+                select_f(now, d->square, light->doubt.square), select_f(now, d->colour, light->doubt.colour)};
+    lit->r = select_f(now, lit_before->r, lit->r);
+    lit->g = select_f(now, lit_before->g, lit->g);
+    lit->b = select_f(now, lit_before->b, lit->b);
+    lit->due = select_f(now, lit_before->due, lit->due);
+    lit->glow.colour = select_f(now, lit_before->glow.colour, lit->glow.colour);
+    lit->glow.white = select_f(now, lit_before->glow.white, lit->glow.white);
+    lit->last = select_i(now, lit_before->last, lit->last);
+    lit->had = (lit->had & ~packets) | (lit_before->had & packets);
+}
+
+/* A stretch that nothing is known of but its ends, from entry e0 to e1. */
+INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, Stretch *stretch,
+                        bool inner, unsigned marching, vi e0, vi e1, Lit *lit, Course *course)
+{
+    const float length_mm = j->layer_mm * stretch->share;
     const vf s0 = stretch->s0, end = stretch->end;
-    unsigned bent = 0, halved = 0, looked = 0;
-    vf mid;
-    const vf t_before = light->t, t = vf_min(4.0f * t_before, vf_of(1)); /* what gets some light counts as if all */
+    vf low = vf_min(s0, end), high = vf_max(s0, end), off = vf_of(j->rounding), mid = s0;
     if (way != WAY_STRAIGHT) {
-        /* Where it runs far, or its rise is not that of the way before, the field bends somewhere; and where it is
-         * nearly visible, it may become so. Only a sheet half way tells. */
-        const vf rise = end - s0, turn = vf_max(vf_abs(rise), vf_abs(rise - (s0 - course->before)));
-        const unsigned quiet = quiet_packets(&j->table, s0, end);
-        const unsigned look = marching & (quiet | ~all_in(vf_lt(turn * t, vf_of(j->refine_grey))));
-        looked = look;
-        if (look) {
-            mid = sample_sheet(j, pk, way, q, middle, inner);
-            marching &= ~(quiet & quiet_packets(&j->table, mid, mid));
+        mid = sample_sheet(j, pk, way, stretch->q, stretch->part + stretch->span / 2, inner);
+        stretch->bend = 2 * (s0 + end) - 4 * mid;
+        stretch->rise = end - s0 - stretch->bend;
+        low = vf_min(low, mid);
+        high = vf_max(high, mid);
+        const vf size = vf_abs(stretch->bend);
+        const vf near = packet_max(size);
+        off += 0.25f * size + 0.125f * vf_max(near, course->near);
+        course->near = near;
+    }
+    const vmask quiet =
+        mask_or(vf_le(high + off, vf_of(j->table.quiet_low)), vf_le(vf_of(j->table.quiet_high), low - off));
+    marching &= ~(light->opaque | all_in(quiet));
+    if (!marching)
+        return;
+    vf depth = off * (0.5f * length_mm * j->table.steepest[0]), risk = light->t * depth * j->range;
+    vf tint = vf_min(off * (0.5f * j->table.steepest[1]), vf_of(j->table.colour_range));
+    const unsigned closely =
+        marching & (any_in(vf_lt(vf_of(j->let_pass), risk)) | (j->hard_tint ? any_in(vf_lt(vf_of(0), tint)) : 0));
+    unsigned bent = 0;
+    if (closely) {
+        const vmask now = mask_packets(closely);
+        vf found = depth, found_tint = tint;
+        look_up_doubt(j, low, high, 0.5f * off, length_mm, &found, &found_tint);
+        depth = select_f(now, found, depth);
+        tint = select_f(now, found_tint, tint);
+        risk = light->t * depth * j->range;
+        bent = closely & any_in(vf_lt(vf_of(j->let_pass), risk));
+        const unsigned deep =
+            way != WAY_STRAIGHT && stretch->span > 2 ? closely & any_in(vf_lt(vf_of(j->may_change), risk)) : 0;
+        if (__builtin_expect(deep != 0, 0)) {
+            /* Copies: what a function is given the address of, is kept in memory everywhere. */
+            Light halves = *light;
+            Course halves_course = *course;
+            Stretch whole = *stretch;
+            if (lit) {
+                Lit halves_lit = *lit;
+                add_halves(j, beam, pk, way, &halves, &whole, mid, inner, deep, &halves_lit, &halves_course);
+                *lit = halves_lit;
+            } else {
+                add_halves(j, beam, pk, way, &halves, &whole, mid, inner, deep, NULL, &halves_course);
+            }
+            *light = halves;
+            *course = halves_course;
+            marching &= ~deep;
             if (!marching)
                 return;
-            bent = bend_stretch(j, stretch, mid, t, look);
-            halved = look & marching & ~all_in(vf_lt(vf_abs(stretch->bend) * t, vf_of(j->halve_grey)));
         }
     }
-    vf moment = vf_of(0);
-    if (__builtin_expect(halved != 0, 0)) {
-        vf halves = vf_of(0); /* copies: what a function is given the address of, is kept in memory everywhere */
-        *light = add_halves(j, beam, pk, way, *light, *stretch, mid, t, inner, halved, *e0, *e1, lit ? &halves : NULL);
-        moment = halves;
+    const Colour before = {light->r, light->g, light->b};
+    const vf t_before = light->t;
+    const bool may_redo = lit && stretch->span > 2;
+    Light light_before;
+    Lit lit_before;
+    if (may_redo) {
+        light_before = *light;
+        lit_before = *lit;
     }
-    if (marching & ~halved)
-        add_parts(j, beam, pk, light, stretch, looked, bent, marching & ~halved, e0, e1, lit ? &moment : NULL);
-    if (lit)
-        light_stretch(j, pk, way, q, stretch->part, stretch->span, inner, t_before - light->t, moment, bent | halved,
-                      light, lit, course);
+    vf moment = vf_of(0);
+    add_parts(j, beam, pk, light, stretch, closely, bent, marching, e0, e1, lit ? &moment : NULL);
+    const vf lost = t_before - light->t;
+    Colour colour = before;
+    if (marching & closely)
+        colour = colour_of(j, light, &before, lost);
+    if (lit) {
+        const unsigned uneven = marching & light_stretch(j, pk, way, stretch->q, stretch->part, stretch->span, inner,
+                                                         lost, moment, light, lit, course);
+        if (may_redo && uneven) {
+            Light redone = *light;
+            Lit redone_lit = *lit;
+            Course redone_course = *course;
+            Stretch whole = *stretch;
+            take_back(uneven, &light_before, &lit_before, &redone, &redone_lit);
+            add_halves(j, beam, pk, way, &redone, &whole, way == WAY_STRAIGHT ? 0.5f * (s0 + end) : mid, inner, uneven,
+                       &redone_lit, &redone_course);
+            *light = redone;
+            *lit = redone_lit;
+            *course = redone_course;
+            marching &= ~uneven;
+        }
+    }
+    const unsigned noted = marching & closely;
+    vf other = lost * tint;
+    other *= other;
+    if (noted) {
+        Light copy = *light;
+        if (lit) {
+            const Lit lit_copy = *lit;
+            note_doubt(j, &copy, &lit_copy, &colour, t_before, depth, noted);
+        } else {
+            note_doubt(j, &copy, NULL, &colour, t_before, depth, noted);
+        }
+        *light = copy;
+    }
+    other += select_f(mask_packets(noted), vf_of(0), risk * risk);
+    light->doubt.colour += select_f(mask_packets(marching), other, vf_of(0));
+}
+
+/* A stretch whose bend may change the pixel by more than is allowed, as two. */
+OUTLINE void add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light,
+                        const Stretch *whole, vf mid, bool inner, unsigned marching, Lit *lit, Course *course)
+{
+    const int span = whole->span / 2;
+    const vf near = course->near;
+    course->near = vf_of(0); /* a half bends less than the whole did */
+    for (int side = 0; side < 2; side++) {
+        Stretch half =
+            stretch_of(j, whole->q, whole->part + side * span, span, side ? mid : whole->s0, side ? whole->end : mid);
+        const vi e0 = entry_of(j, half.s0), e1 = entry_of(j, half.end);
+        add_stretch(j, beam, pk, way, light, &half, inner, marching, e0, e1, lit, course);
+    }
+    course->near = near;
 }
 
 /* The slab behind layer q with several sheets in it. */
@@ -289,23 +374,14 @@ OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
                         vf end, bool inner, Lit *lit, Course *course)
 {
     const int span = j->samples / j->sheets;
-    Entry e0, e1;
-    bool have_entry = false;
-    course->before = s0 - (s0 - course->before) * (1 / (float)j->sheets);
+    vi e0 = entry_of(j, s0);
     for (int part = 0; part < j->samples; part += span) {
         const vf s1 = part + span == j->samples ? end : sample_sheet(j, pk, way, q, part + span, inner);
-        const unsigned marching = marching_packets(j, light, s0, s1);
-        if (marching) {
-            if (!have_entry)
-                look_up(j, s0, &e0);
-            look_up(j, s1, &e1);
-            Stretch stretch = stretch_of(j, q, part, span, s0, s1);
-            add_stretch(j, beam, pk, way, light, &stretch, inner, marching, &e0, &e1, lit, course);
-            e0 = e1;
-        }
-        have_entry = marching != 0;
-        course->before = s0;
+        const vi e1 = entry_of(j, s1);
+        Stretch stretch = stretch_of(j, q, part, span, s0, s1);
+        add_stretch(j, beam, pk, way, light, &stretch, inner, ALL_PACKETS, e0, e1, lit, course);
         s0 = s1;
+        e0 = e1;
     }
 }
 
@@ -322,52 +398,44 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
     Lit own_lit = no_light();
     vf s0 = vf_of(0);
     Course course = start_course(counts->marches % TILED_TIMED_MARCHES == 0);
-    Entry entry; /* of s0, on layer entry_layer */
-    entry.index = entry.r = entry.g = entry.b = entry.k = vi_of(0);
-    int entry_layer = -1;
-    int reached = -1; /* s0 is the field on this layer */
+    vi entry = vi_of(0); /* of s0 */
+    int reached = -1;    /* s0 is the field on this layer */
     uint64_t samples = 0, slabs = 0;
     bool opaque = false;
     const bool timed = course.timed;
     uint64_t start = timed ? cts_tiled_ticks() : 0, composite = 0;
     for (int r = 0; !opaque && (r < beam->n_runs || cts_tiled_beam_extend(j, beam)); r++) {
         const TiledRun run = beam->runs[r];
-        if (run.from != reached)
-            course.before = s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
+        if (run.from != reached) {
+            s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
+            course.near = vf_of(0);
+        }
+        entry = entry_of(j, s0);
         reached = run.to;
         for (int q = run.from; q < run.to && !opaque; q++) {
             const vf end = sample_sheet(j, pk, way, q + 1, 0, run.inner);
+            const vi next = entry_of(j, end);
+            const uint64_t before = timed ? cts_tiled_ticks() : 0;
             samples++;
-            const unsigned marching = j->sheets == 1 ? marching_packets(j, light, s0, end) : ALL_PACKETS;
-            if (marching) {
-                const uint64_t before = timed ? cts_tiled_ticks() : 0;
-                slabs++;
-                if (j->sheets == 1) {
-                    Stretch slab = {q, 0, 4, 0, 1, s0, end, end - s0, vf_of(0)};
-                    Entry next;
-                    if (entry_layer != q)
-                        look_up(j, s0, &entry);
-                    look_up(j, end, &next);
-                    add_stretch(j, beam, pk, way, light, &slab, run.inner, marching, &entry, &next,
-                                lit ? &own_lit : NULL, &course);
-                    entry = next;
-                    entry_layer = q + 1;
-                } else {
-                    /* Copies: what a function is given the address of, is kept in memory everywhere. */
-                    Light sheets = *light;
-                    Lit sheets_lit = own_lit;
-                    Course sheets_course = course;
-                    add_sheets(j, beam, pk, way, &sheets, q, s0, end, run.inner, lit ? &sheets_lit : NULL,
-                               &sheets_course);
-                    *light = sheets;
-                    own_lit = sheets_lit;
-                    course = sheets_course;
-                }
-                opaque = all_opaque(j, light);
-                composite += timed ? cts_tiled_ticks() - before : 0;
+            slabs++;
+            if (j->sheets == 1) {
+                Stretch slab = stretch_of(j, q, 0, j->samples, s0, end);
+                add_stretch(j, beam, pk, way, light, &slab, run.inner, ALL_PACKETS, entry, next, lit ? &own_lit : NULL,
+                            &course);
+            } else {
+                /* Copies: what a function is given the address of, is kept in memory everywhere. */
+                Light sheets = *light;
+                Lit sheets_lit = own_lit;
+                Course sheets_course = course;
+                add_sheets(j, beam, pk, way, &sheets, q, s0, end, run.inner, lit ? &sheets_lit : NULL, &sheets_course);
+                *light = sheets;
+                own_lit = sheets_lit;
+                course = sheets_course;
             }
-            course.before = s0;
+            opaque = all_opaque(j, light);
+            composite += timed ? cts_tiled_ticks() - before : 0;
             s0 = end;
+            entry = next;
         }
     }
     if (lit)
@@ -416,10 +484,24 @@ INLINE void complete(const TiledJob *j, Light *light)
 {
     const vmask dark = mask_and(vf_lt(light->t, vf_of(j->stop_transmittance)), mask_packets(light->opaque));
     const vf scale = select_f(dark, 1.0f / light->a, vf_of(1));
+    const vf unseen = light->t * j->range;
+    light->doubt.colour += select_f(dark, unseen * unseen, vf_of(0));
     light->r *= scale;
     light->g *= scale;
     light->b *= scale;
     light->a = select_f(dark, vf_of(1), light->a);
+}
+
+/* The bound that march.h derives, rms over the channels. */
+INLINE float bound_of(const TiledJob *j, const Light *light, int l)
+{
+    const Doubt *d = &light->doubt;
+    const float behind = 1 - light->a[l] > 0 ? 1 - light->a[l] : 0;
+    const float r = light->r[l] + behind * j->background[0], g = light->g[l] + behind * j->background[1];
+    const float b = light->b[l] + behind * j->background[2];
+    const float spread =
+        d->square[l] - 2 * (d->r[l] * r + d->g[l] * g + d->b[l] * b) + d->depth[l] * (r * r + g * g + b * b);
+    return sqrtf((spread > 0 ? spread : 0) * (1.0f / 3) + d->colour[l]);
 }
 
 static void run_packets(const TiledJob *j, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
@@ -430,6 +512,7 @@ static void run_packets(const TiledJob *j, TiledBeam *beam, const TiledSpan *spa
     light.t = vf_of(1);
     light.depth = vf_of(-1);
     light.opaque = 0;
+    light.doubt = (Doubt){vf_of(0), vf_of(0), vf_of(0), vf_of(0), vf_of(0), vf_of(0)};
     init_packet(j, &pk, spans);
     march_any(j, beam, &pk, &light, counts);
     complete(j, &light);
@@ -445,6 +528,8 @@ static void run_packets(const TiledJob *j, TiledBeam *beam, const TiledSpan *spa
         for (int i = 0; i < n; i++)
             for (int c = 0; c < 4; c++)
                 j->rgba[4 * (at + (size_t)i) + (size_t)c] = lanes[c][from + i];
+        for (int i = 0; j->bound && i < n; i++)
+            j->bound[at + (size_t)i] = bound_of(j, &light, from + i);
         for (int i = 0; j->depth_mm && i < n; i++)
             if (depth[from + i] >= 0)
                 j->depth_mm[at + (size_t)i] = cts_tiled_depth_mm(j, x + i, y, depth[from + i]);

@@ -145,11 +145,11 @@ OUTLINE void clip_packet(const TiledJob *j, Packet *pk)
 /* Whether windows at the lanes' positions, and the voxels around them, are inside the volume. */
 INLINE bool differences_inner(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS])
 {
-    const int32_t u7 = j->lane_u[7], v7 = j->lane_v[7];
+    const int32_t u7 = j->lane_u[7], v7 = j->lane_v[7], du = j->shade->step[0], dv = j->shade->step[1];
     bool inner = true;
     for (int h = 0; h < PACKETS; h++)
-        inner &= pu[h] + (u7 < 0 ? u7 : 0) >= 1 << 16 && pu[h] + (u7 > 0 ? u7 : 0) < (j->window_u - 1) * 65536 &&
-                 pv[h] + (v7 < 0 ? v7 : 0) >= 1 << 16 && pv[h] + (v7 > 0 ? v7 : 0) < (j->window_v - 1) * 65536;
+        inner &= pu[h] + (u7 < 0 ? u7 : 0) >= du * 65536 && pu[h] + (u7 > 0 ? u7 : 0) < (j->window_u - du) * 65536 &&
+                 pv[h] + (v7 < 0 ? v7 : 0) >= dv * 65536 && pv[h] + (v7 > 0 ? v7 : 0) < (j->window_v - dv) * 65536;
     return inner;
 }
 
@@ -167,15 +167,15 @@ INLINE void init_packet(const TiledJob *j, Packet *pk, const TiledSpan spans[PAC
         int32_t pu[PACKETS], pv[PACKETS];
         sheet_start(j, pk, 0, pu, pv);
         pk->straight = make_taps(j, pu, pv, pk->near, false);
-        pk->straight_inner = differences_inner(j, pu, pv);
+        pk->straight_inner = j->shade && differences_inner(j, pu, pv);
     }
 }
 
-/* One lane's differences as load_differences() has them, from u and v in 2^-16 voxels, with one-sided ones at the
- * volume's faces. */
+/* One lane's differences as load_differences() has them, from u and v in 2^-16 voxels; at the volume's faces to air, or
+ * one-sided. */
 OUTLINE void lane_difference(const TiledJob *j, int64_t u, int64_t v, int q, float g[3])
 {
-    const int n[3] = {j->nu, j->nv, j->nk};
+    const int n[3] = {j->nu, j->nv, j->nk}, *const step = j->shade->step;
     const ptrdiff_t stride[3] = {1, j->row_stride, j->layer_stride};
     const int64_t far_u = (int64_t)(j->nu - 1) << 16, far_v = (int64_t)(j->nv - 1) << 16;
     u = u < 0 ? 0 : u > far_u ? far_u : u;
@@ -189,8 +189,10 @@ OUTLINE void lane_difference(const TiledJob *j, int64_t u, int64_t v, int q, flo
         for (int corner = 0; corner < 4; corner++) {
             const int at[3] = {column + (j->nu > 1 ? corner & 1 : 0), row + (j->nv > 1 ? corner >> 1 : 0), q};
             const uint16_t *p = j->layer0 + at[0] + at[1] * stride[1] + at[2] * stride[2];
-            const int back = at[axis] > 0, on = at[axis] < n[axis] - 1;
-            d[corner] = (p[on * stride[axis]] - p[-back * stride[axis]]) * (back && on ? 1 : 2);
+            const bool back = at[axis] >= step[axis], on = at[axis] < n[axis] - step[axis], air = j->shade->air_beyond;
+            const ptrdiff_t away = step[axis] * stride[axis];
+            const int before = back ? p[-away] : air ? 0 : p[0], after = on ? p[away] : air ? 0 : p[0];
+            d[corner] = (after - before) * ((back && on) || air ? 1 : 2);
         }
         const float upper = (float)(d[0] * w0 + d[1] * w1), lower = (float)(d[2] * w0 + d[3] * w1);
         g[axis] = upper + fy * (lower - upper);
@@ -231,20 +233,35 @@ INLINE vf gather_difference(const TiledJob *j, const Gather *s, const uint16_t *
     return a + s->fy * (b - a);
 }
 
+INLINE vf gather_level(const TiledJob *j, const Gather *s, const uint16_t *layer)
+{
+    const vf a = to_float(weigh_pairs(layer, s->at, s->weights) + BIAS);
+    const vf b = to_float(weigh_pairs(layer + j->row_stride, s->at, s->weights) + BIAS);
+    return a + s->fy * (b - a);
+}
+
 /* The same through windows or, where there are none, from gather, which must be inner. */
 INLINE Differences differences(const TiledJob *j, const Taps *t, const Gather *gather, int q)
 {
+    const int *const step = j->shade->step;
+    const bool back = q >= step[2], on = q < j->nk - step[2];
     const ptrdiff_t at = q * j->layer_stride, row = j->row_stride;
-    const ptrdiff_t minus[3] = {at - 1, at - row, q > 0 ? at - j->layer_stride : at};
-    const ptrdiff_t plus[3] = {at + 1, at + row, q < j->nk - 1 ? at + j->layer_stride : at};
+    const ptrdiff_t away[3] = {step[0], step[1] * row, step[2] * j->layer_stride};
+    const ptrdiff_t minus[3] = {at - away[0], at - away[1], back ? at - away[2] : at};
+    const ptrdiff_t plus[3] = {at + away[0], at + away[1], on ? at + away[2] : at};
     vf d[3];
     if (gather)
         for (int axis = 0; axis < 3; axis++)
             d[axis] = gather_difference(j, gather, j->layer0 + minus[axis], j->layer0 + plus[axis]);
     else
         load_differences(t, minus, plus, row, j->narrow, d);
-    if ((q > 0) + (q < j->nk - 1) == 1)
+    if (back != on && !j->shade->air_beyond) {
         d[2] = 2 * d[2];
+    } else if (back != on) {
+        const ptrdiff_t beside = back ? minus[2] : plus[2];
+        d[2] =
+            (back ? -1.0f : 1.0f) * (gather ? gather_level(j, gather, j->layer0 + beside) : load_level(t, beside, row));
+    }
     return (Differences){d[0], d[1], d[2]};
 }
 

@@ -5,58 +5,151 @@
 #include <math.h>
 #include <string.h>
 
-enum { MAX_PER_GREY = 32, TARGET_ENTRIES = 8192 /* about what a first-level cache holds */ };
+enum { MAX_PER_GREY = 32, TARGET_ENTRIES = 8192 /* what a second-level cache holds beside the volume's rows */ };
 
-/* Integrals over one step of the table, from hu to hu + width: Gauss-Legendre with 3 points, exact enough between
- * knots; a knot inside a step costs no more than the step's own width. */
-static void step_integral(const CtsPreset *preset, double extinction_scale, double hu, double width, double out[4])
+typedef struct Steps {
+    const CtsPreset *preset;
+    double extinction_scale, low_hu, width_hu;
+    const double *knots; /* HU at which the preset's lines meet, rising */
+    int n_knots;
+    double (*integral)[4], (*change)[2];
+    float (*here)[4]; /* the table's */
+} Steps;
+
+static double extinction_at(const Steps *s, double hu)
+{
+    return cts_preset_extinction_per_mm(s->preset, hu) * s->extinction_scale;
+}
+
+/* From a to b, between which no knot lies: Gauss-Legendre with 3 points. The ends are taken a hair inside, where a jump
+ * at them does not count. */
+static void add_smooth(const Steps *s, double a, double b, double integral[4], double change[2])
 {
     static const double node[3] = {0.1127016653792583, 0.5, 0.8872983346207417};
     static const double weight[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
-    out[0] = out[1] = out[2] = out[3] = 0;
+    double rgb[3], first[3], last[3];
     for (int i = 0; i < 3; i++) {
-        double rgb[3];
-        const double at = hu + node[i] * width;
-        const double t = weight[i] * cts_preset_extinction_per_mm(preset, at) * extinction_scale;
-        cts_preset_colour(preset, at, rgb);
+        const double at = a + node[i] * (b - a), t = weight[i] * (b - a) / s->width_hu * extinction_at(s, at);
+        cts_preset_colour(s->preset, at, rgb);
         for (int c = 0; c < 3; c++)
-            out[c] += t * rgb[c];
-        out[3] += t;
+            integral[c] += t * rgb[c];
+        integral[3] += t;
+    }
+    const double hair = 1e-6 * (b - a), in = extinction_at(s, a + hair), out = extinction_at(s, b - hair);
+    change[0] += fabs(out - in);
+    if (in <= 0 && out <= 0)
+        return;
+    cts_preset_colour(s->preset, a + hair, first);
+    cts_preset_colour(s->preset, b - hair, last);
+    double most = 0;
+    for (int c = 0; c < 3; c++)
+        most = fmax(most, fabs(last[c] - first[c]));
+    change[1] += most;
+}
+
+/* What happens at a knot itself. */
+static void add_jump(const Steps *s, double at, double change[2])
+{
+    const double before = nextafter(at, -INFINITY);
+    double first[3], last[3], most = 0;
+    change[0] += fabs(extinction_at(s, at) - extinction_at(s, before));
+    cts_preset_colour(s->preset, before, first);
+    cts_preset_colour(s->preset, at, last);
+    for (int c = 0; c < 3; c++)
+        most = fmax(most, fabs(last[c] - first[c]));
+    change[1] += most;
+}
+
+static void take_steps(void *context, int worker, size_t first, size_t end)
+{
+    const Steps *const s = context;
+    int k = 0;
+    (void)worker;
+    for (size_t i = first; i < end; i++) {
+        const double low = s->low_hu + (double)i * s->width_hu, high = low + s->width_hu, t = extinction_at(s, low);
+        double from = low, rgb[3];
+        cts_preset_colour(s->preset, low, rgb);
+        for (int c = 0; c < 4; c++)
+            s->here[i][c] = (float)(c < 3 ? t * rgb[c] : t);
+        while (k < s->n_knots && s->knots[k] < low)
+            k++;
+        for (; k < s->n_knots && s->knots[k] < high; k++) {
+            if (s->knots[k] > from)
+                add_smooth(s, from, s->knots[k], s->integral[i], s->change[i]);
+            add_jump(s, s->knots[k], s->change[i]);
+            from = s->knots[k];
+        }
+        add_smooth(s, from, high, s->integral[i], s->change[i]);
     }
 }
 
-typedef struct Steps {
-    const CtsScene *scene;
-    double low_hu, width_hu;
-    double (*integral)[4];
-} Steps;
-
-static void integrate_steps(void *context, int worker, size_t first, size_t end)
+static int find_knots(const CtsPreset *p, double *knots)
 {
-    const Steps *const s = context;
-    (void)worker;
-    for (size_t i = first; i < end; i++)
-        step_integral(s->scene->preset, s->scene->extinction_scale, s->low_hu + (int)i * s->width_hu, s->width_hu,
-                      s->integral[i]);
+    int n = 0;
+    for (int i = 0; i < p->n_opacity; i++)
+        knots[n++] = p->opacity[i].hu;
+    for (int i = 0; i < p->n_colour; i++)
+        knots[n++] = p->colour[i].hu;
+    for (int i = 1; i < n; i++)
+        for (int k = i; k > 0 && knots[k] < knots[k - 1]; k--) {
+            const double swap = knots[k];
+            knots[k] = knots[k - 1];
+            knots[k - 1] = swap;
+        }
+    int kept = 0;
+    for (int i = 0; i < n; i++)
+        if (kept == 0 || knots[i] > knots[kept - 1])
+            knots[kept++] = knots[i];
+    return kept;
+}
+
+static void find_colours(CtsSlabTable *table)
+{
+    float low[3] = {0, 0, 0}, high[3] = {0, 0, 0};
+    bool any = false;
+    for (int i = 0; i < table->n; i++) {
+        const float *step = table->here[i];
+        for (int c = 0; c < 3 && step[3] > 0; c++) {
+            const float shown = step[c] / step[3];
+            if (!any)
+                table->first_rgb[c] = shown;
+            low[c] = shown < low[c] ? shown : low[c];
+            high[c] = shown > high[c] ? shown : high[c];
+        }
+        any = any || step[3] > 0;
+    }
+    for (int c = 0; c < 3; c++)
+        table->colour_range = fmaxf(table->colour_range, high[c] - low[c]);
+}
+
+static void sum_up(CtsSlabTable *table, double (*integral)[4], double (*change)[2])
+{
+    const int n = table->n;
+    double sum[4] = {0, 0, 0, 0}, changed[2] = {0, 0};
+    for (int i = 0; i <= n; i++) {
+        memcpy(table->sum[i], sum, sizeof sum);
+        for (int c = 0; c < 2; c++)
+            table->change[i][c] = (float)changed[c];
+        for (int c = 0; c < 4 && i < n; c++)
+            sum[c] += integral[i][c];
+        for (int c = 0; c < 2 && i < n; c++) {
+            changed[c] += change[i][c];
+            table->steepest[c] = fmaxf(table->steepest[c], (float)change[i][c] * table->per_grey);
+        }
+    }
 }
 
 CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRange range, CtsError *err)
 {
-    const CtsLut *lut = scene->lut;
     CtsStatus st;
-    double(*step)[4] = NULL;
-    int first = 0, last = CTS_N_GREY - 1;
-    while (first < CTS_N_GREY - 1 && !cts_lut_visible(lut, (uint16_t)first, (uint16_t)first))
-        first++;
-    while (last > first && !cts_lut_visible(lut, (uint16_t)last, (uint16_t)last))
-        last--;
+    double knots[2 * CTS_MAX_POINTS], (*integral)[4] = NULL, (*change)[2] = NULL;
+    int low, high;
+    cts_lut_visible_levels(scene->lut, &low, &high);
     *table = (CtsSlabTable){0};
-    /* The table starts where visibility may start between two levels, or where the data does, and ends alike. */
-    int low = first > 0 ? first - 1 : 0, high = last < CTS_N_GREY - 1 ? last + 1 : last;
-    if (low < range.low)
-        low = range.low;
-    if (high > range.high)
-        high = range.high;
+    table->quiet_low = (float)(low > 0 ? low : -1);
+    table->quiet_high = high < CTS_N_GREY - 1 ? (float)high : INFINITY;
+    low = low > range.low ? low : range.low;
+    high = high < range.high ? high : range.high;
     if (high <= low)
         high = low + 1;
     int per_grey = MAX_PER_GREY;
@@ -65,39 +158,28 @@ CtsStatus cts_slab_table_init(CtsSlabTable *table, const CtsScene *scene, CtsRan
     table->n = (high - low) * per_grey + 1;
     table->grey_low = (float)low;
     table->per_grey = (float)per_grey;
-    table->quiet_low = (float)(first > 0 ? first - 1 : -1);
-    table->quiet_high = last < CTS_N_GREY - 1 ? (float)(last + 1) : INFINITY;
     if ((st = cts_alloc_array(&table->sum, (size_t)table->n + 1, err)) ||
-        (st = cts_alloc_zeroed(&table->step, (size_t)table->n + 1, err)) ||
-        (st = cts_alloc_array(&step, (size_t)table->n, err)))
+        (st = cts_alloc_zeroed(&table->here, (size_t)table->n + 1, err)) ||
+        (st = cts_alloc_array(&table->change, (size_t)table->n + 1, err)) ||
+        (st = cts_alloc_zeroed(&integral, (size_t)table->n, err)) ||
+        (st = cts_alloc_zeroed(&change, (size_t)table->n, err)))
         goto end;
-    const double width_hu = scene->volume->hu_step / per_grey;
-    Steps steps = {scene, scene->volume->hu_offset + scene->volume->hu_step * low, width_hu, step};
-    cts_parallel(scene->settings->n_threads, (size_t)table->n, 0, integrate_steps, &steps);
-    double total[4] = {0, 0, 0, 0};
-    for (int i = 0; i < table->n; i++)
-        for (int c = 0; c < 4; c++)
-            total[c] += step[i][c];
-    /* One scale for the colours and one for the depth; sums stay below 2^30 even with rounding. */
-    const double most = fmax(total[0], fmax(total[1], total[2])), top = 1 << 30;
-    const double colour_unit = most > 0 ? most / top : 1, depth_unit = total[3] > 0 ? total[3] / top : 1;
-    double sum[4] = {0, 0, 0, 0};
-    for (int i = 0; i <= table->n; i++) {
-        for (int c = 0; c < 4; c++) {
-            const double unit = c < 3 ? colour_unit : depth_unit;
-            table->sum[i][c] = (int32_t)nearbyint(sum[c] / unit);
-            if (i == table->n)
-                continue;
-            sum[c] += step[i][c];
-            const float alone = (float)(step[i][c] / unit);
-            memcpy(&table->step[i + 1][c], &alone, sizeof alone);
-        }
-    }
-    table->depth_scale = (float)depth_unit;
-    table->halving_scale = (float)(depth_unit / log(2));
-    table->colour_per_depth = (float)(colour_unit / depth_unit);
+    Steps steps = {.preset = scene->preset,
+                   .extinction_scale = scene->extinction_scale,
+                   .low_hu = scene->volume->hu_offset + scene->volume->hu_step * low,
+                   .width_hu = scene->volume->hu_step / per_grey,
+                   .knots = knots,
+                   .n_knots = find_knots(scene->preset, knots),
+                   .integral = integral,
+                   .here = table->here,
+                   .change = change};
+    cts_parallel(scene->settings->n_threads, (size_t)table->n, 0, take_steps, &steps);
+    memcpy(table->here[table->n], table->here[table->n - 1], sizeof *table->here);
+    sum_up(table, integral, change);
+    find_colours(table);
 end:
-    cts_free(&step);
+    cts_free(&integral);
+    cts_free(&change);
     if (st)
         cts_slab_table_free(table);
     return st;
@@ -106,5 +188,6 @@ end:
 void cts_slab_table_free(CtsSlabTable *table)
 {
     cts_free(&table->sum);
-    cts_free(&table->step);
+    cts_free(&table->here);
+    cts_free(&table->change);
 }

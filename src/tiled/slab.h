@@ -9,20 +9,21 @@
 #include "volume/macrocells.h"
 #include <stdint.h>
 
-/* Entry i holds the integrals from the table's first level up to grey = grey_low + i / per_grey of
- * extinction * (red, green, blue, 1), in units of 1 / scale. Integers, so that differences are exact: neither small
- * depths behind large ones nor long plateaus lose digits. Entry n - 1 is the last; one more stands behind it. */
+/* Entry i stands for grey level grey_low + i / per_grey. Entry n - 1 is the last; one more stands behind it. */
 typedef struct CtsSlabTable {
-    int32_t (*sum)[4];
-    /* Floats, bit by bit: the integrals over one step alone, in the same units. Entry i is the step before entry i of
-     * sum; entry 0 is nothing. A sum has lost what is far smaller than all that the table holds, and where the field
-     * stands still nothing else evens that out. */
-    int32_t (*step)[4];
+    /* Integrals from the table's first level on of extinction per mm * (red, green, blue, 1), over entries. Doubles, so
+     * that a difference keeps the haze beside metal. */
+    double (*sum)[4];
+    /* The integrand at the entry, for where the field stands still. */
+    float (*here)[4];
+    /* By how much extinction per mm, and colour where there is any (the channel that changes most), go up and down from
+     * the table's first level to here: their total variations. */
+    float (*change)[2];
     int n;
     float grey_low, per_grey;
-    float halving_scale;    /* the same in halvings of the light: optical depth / ln 2 */
-    float depth_scale;      /* difference of entries * depth_scale = sum of extinctions per mm, one for each entry */
-    float colour_per_depth; /* what a colour's unit is worth in units of depth */
+    float steepest[2];  /* the most of `change` in one step, for a whole grey level */
+    float colour_range; /* the most by which two visible colours differ in a channel, black among them */
+    float first_rgb[3]; /* the colour that shows first */
     /* Below quiet_low and from quiet_high on nothing is visible (quiet_high may be +inf). */
     float quiet_low, quiet_high;
 } CtsSlabTable;

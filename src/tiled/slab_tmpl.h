@@ -16,10 +16,19 @@ INLINE vf one_minus_exp2(vf d)
     return vf_fma(power, p * f, 1.0f - power);
 }
 
+/* What a ray's colour may be off by; march.h derives it. */
+typedef struct Doubt {
+    vf depth;   /* the sum of what optical depths may be off by, */
+    vf r, g, b; /* each times the colour the pixel had if all the rest of the light ended there, */
+    vf square;  /* and times its squares */
+    vf colour;  /* what colours themselves may be off by, times the light they get */
+} Doubt;
+
 typedef struct Light {
     vf r, g, b, a, t; /* premultiplied colour and opacity gathered, transmittance left: 1 - a loses small a */
     vf depth;         /* q of the first visible surface, -1: none */
-    unsigned opaque;  /* bit h: packet h */
+    Doubt doubt;
+    unsigned opaque; /* bit h: packet h */
 } Light;
 
 /* The first visible surface: where half of the light is lost, or the middle of the first slab that is seen at all. The
@@ -35,55 +44,59 @@ INLINE void note_depth(const TiledJob *j, Light *light, vf t_before, vf from, vf
     light->depth = select_f(mask_or(first, half), from + part * length, light->depth);
 }
 
-typedef struct Entry {
-    vi index;      /* of the table; not clamped below */
-    vi r, g, b, k; /* the table's sums there */
-} Entry;
+enum { SHIFT = 1 << 20 /* more than any entry is below 0 */ };
 
-enum { SHIFT = 1 << 20 /* more than any index is below 0 */ };
-
-INLINE void look_up(const TiledJob *j, vf s, Entry *e)
+/* The table's entry of a grey level, not clamped to those there are. */
+INLINE vi entry_of(const TiledJob *j, vf s)
 {
     const CtsSlabTable *t = &j->table;
     /* The shift keeps the conversion's truncation away from negative numbers. */
     const vf x = vf_fma(s - t->grey_low, vf_of(t->per_grey), vf_of(SHIFT + 0.5f));
-    e->index = to_int(x) - SHIFT;
-    look_up_entries(t->sum, t->n, e->index, &e->r, &e->g, &e->b, &e->k);
+    return to_int(x) - SHIFT;
 }
 
-/* One slab from entry a to entry b, length_mm long for each lane, for the packets in `marching`. With d levels between
- * the entries and an integral of k over them, depth = length * k / d, and the colour integral weighs alpha / depth: one
- * division serves both. */
-INLINE void add_slab(const TiledJob *j, Light *light, vmask marching, const Entry *a, const Entry *b, vf length_mm)
+/* What the table knows of a slab: so many entries lie between its ends, with such an integral over them. */
+typedef struct Slab {
+    vf n, sum[4];
+} Slab;
+
+INLINE Slab slab_of(const TiledJob *j, vi a, vi b)
 {
     const CtsSlabTable *t = &j->table;
-    const vi n = b->index - a->index;
+    const vi n = b - a;
     const vmask flat = vi_eq(n, vi_of(0));
-    /* All have the sign of the field's change. */
-    vf nf = vf_abs(to_float(n)), k = vf_abs(to_float(b->k - a->k));
-    vf r = vf_abs(to_float(b->r - a->r)), g = vf_abs(to_float(b->g - a->g)), b8 = vf_abs(to_float(b->b - a->b));
+    Slab slab;
+    slab.n = vf_abs(to_float(n));
+    look_up_difference(t->sum, t->n, a, b, slab.sum);
+    for (int c = 0; c < 4; c++)
+        slab.sum[c] = vf_abs(slab.sum[c]); /* all have the sign of the field's change */
     if (__builtin_expect(any_in(flat) != 0, 0)) {
-        /* The field does not change: the integrand itself, over one step of the table. */
-        Entry here;
-        look_up_entries(t->step, t->n, a->index + 1, &here.r, &here.g, &here.b, &here.k);
-        nf = select_f(flat, vf_of(1), nf);
-        r = select_f(flat, (vf)here.r, r);
-        g = select_f(flat, (vf)here.g, g);
-        b8 = select_f(flat, (vf)here.b, b8);
-        k = select_f(flat, (vf)here.k, k);
+        /* The field does not change: the integrand itself. */
+        vf here[4];
+        look_up_rows(t->here, t->n, a, here);
+        slab.n = select_f(flat, vf_of(1), slab.n);
+        for (int c = 0; c < 4; c++)
+            slab.sum[c] = select_f(flat, here[c], slab.sum[c]);
     }
+    return slab;
+}
+
+/* A slab that is length_mm long in each lane, for the packets in `marching`. With an integral of k over n entries depth
+ * = length * k / n, and the colour integral weighs alpha / k: one division serves both. */
+INLINE void add_slab(Light *light, vmask marching, const Slab *slab, vf length_mm)
+{
     /* Without depth there is no colour either. */
-    const vf kf = vf_max(k, vf_of(1e-12f));
-    const vf inverse = 1.0f / (nf * kf);
-    const vf halvings = (k * kf) * inverse * (t->halving_scale * length_mm);
+    const vf k = slab->sum[3], kf = vf_max(k, vf_of(1e-25f));
+    const vf inverse = 1.0f / (slab->n * kf);
+    const vf halvings = (k * kf) * inverse * ((float)M_LOG2E * length_mm);
     vf alpha = CTS_MUTATED(ATTENUATION) ? vf_min(halvings, vf_of(1)) : one_minus_exp2(halvings);
     if (PACKETS > 1)
         alpha = select_f(marching, alpha, vf_of(0));
     const vf lost = light->t * alpha;
-    const vf weight = lost * (nf * inverse) * t->colour_per_depth;
-    light->r = vf_fma(r, weight, light->r);
-    light->g = vf_fma(g, weight, light->g);
-    light->b = vf_fma(b8, weight, light->b);
+    const vf weight = lost * (slab->n * inverse);
+    light->r = vf_fma(slab->sum[0], weight, light->r);
+    light->g = vf_fma(slab->sum[1], weight, light->g);
+    light->b = vf_fma(slab->sum[2], weight, light->b);
     light->a += lost;
     light->t -= lost;
 }

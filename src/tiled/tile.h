@@ -4,8 +4,6 @@
 
 #include "tiled/march.h"
 
-enum { TILED_BEAMS_DOWN = 8, TILED_BEAMS_ACROSS = 8, TILED_MOST_LEVELS = 3 };
-
 /* The SIMD path of a picture: the fastest, which takes `at_once` ray packets, and the one for what is left over. */
 typedef struct TiledPath {
     const char *name;
@@ -13,11 +11,9 @@ typedef struct TiledPath {
     int at_once;
 } TiledPath;
 
-/* What a thread works with: a tile's beams, and what it counts. */
+/* What a thread works with: room for its beams' runs, and what it counts. */
 typedef struct TiledWorkspace {
-    TiledBeam beams[TILED_BEAMS_DOWN][TILED_BEAMS_ACROSS];
-    bool met[TILED_BEAMS_DOWN][TILED_BEAMS_ACROSS]; /* whether the beam may meet something */
-    TiledRun *runs;                                 /* cts_tiled_n_runs of them; the caller's */
+    TiledRun *runs; /* cts_tiled_n_runs of them; the caller's */
     TiledCounts counts;
 } TiledWorkspace;
 

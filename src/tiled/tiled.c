@@ -117,12 +117,15 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
 }
 
 /* How far, in macro-cells, from a visible one lies what a beam may sample: beams are sampled as a whole, up to the next
- * layer of fine macro-cells; two voxels more for interpolation and slopes. */
+ * layer of fine macro-cells; a voxel more for interpolation, and for slopes as far as these look. */
 static int sampled_reach(const TiledJob *j)
 {
     const double u = 7 * (fabs(j->u_at[1]) + fabs(j->u_at[2])) + CTS_FINE_MACROCELL * fabs(j->u_at[3]);
     const double v = 7 * (fabs(j->v_at[1]) + fabs(j->v_at[2])) + CTS_FINE_MACROCELL * fabs(j->v_at[3]);
-    return (int)fmin(ceil((fmax(fmax(u, v), CTS_FINE_MACROCELL) + 2) / CTS_MACROCELL), 255);
+    int slopes = 1;
+    for (int axis = 0; axis < 3 && j->shade; axis++)
+        slopes = j->shade->step[axis] > slopes ? j->shade->step[axis] : slopes;
+    return (int)fmin(ceil((fmax(fmax(u, v), CTS_FINE_MACROCELL) + 1 + slopes) / CTS_MACROCELL), 255);
 }
 
 static TiledPath choose_path(const TiledJob *j)
@@ -169,8 +172,6 @@ static CtsStatus run_tiles(const TiledJob *j, const TiledPath *path, const CtsSc
         total->samples += workspaces[t].counts.samples;
         total->slabs += workspaces[t].counts.slabs;
         total->marches += workspaces[t].counts.marches;
-        total->between += workspaces[t].counts.between;
-        total->filled += workspaces[t].counts.filled;
         total->splat_ticks += workspaces[t].counts.splat_ticks;
         total->composite_ticks += workspaces[t].counts.composite_ticks;
         total->shade_ticks += workspaces[t].counts.shade_ticks;
@@ -181,18 +182,6 @@ end:
     cts_free(&workspaces);
     cts_free(&runs);
     return st;
-}
-
-/* whole: all rows of the picture are counted. */
-static void report_fill(const TiledCounts *counts, bool whole, CtsReport *report)
-{
-    if (counts->between == 0)
-        return;
-    const double filled = 100 * (double)counts->filled / (double)counts->between;
-    if (whole)
-        cts_report_skip(report, "rays", "%.0f %% of the rows between marched ones filled from those around", filled);
-    else
-        cts_report_skip(report, "rays", "rows between marched ones are filled from those around");
 }
 
 static void report_counts(const TiledCounts *counts, const CtsScene *scene, const CtsEmptySpace *empty, double wall_ms,
@@ -235,14 +224,15 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacr
     job.table = kept->table;
     job.empty = kept->empty;
     if (scene->preset->shade) {
-        if ((st = cts_shade_init(&shade, scene->preset, &scene->view, axes, err)))
+        if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, axes, err)))
             goto end;
         job.shade = &shade;
     }
+    job.grey_range = (float)(macrocells->all.high - macrocells->all.low);
+    job.narrow = job.grey_range < 32768;
     init_job(&job, scene, &layout);
     if (job.shade)
         init_frame(&job);
-    job.narrow = macrocells->all.high - macrocells->all.low < 32768;
     const TiledPath path = choose_path(&job);
     cts_scene_tell_parts(scene, report);
     cts_tiled_plan_report(&job, scene, &layout, sampled_reach(&job), path.name, report);
@@ -257,10 +247,10 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacr
     job.first_row = picture->first_row;
     job.past_row = picture->first_row + picture->height;
     job.depth_mm = picture->depth_mm;
+    job.bound = picture->bound;
     wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if ((st = run_tiles(&job, &path, scene, &counts, err)))
         goto end;
-    report_fill(&counts, picture->height == scene->view.height, report);
     report_counts(&counts, scene, &job.empty, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_shade_free(&shade);
@@ -285,7 +275,7 @@ end:
 const CtsEngine cts_engine_tiled = {
     .name = "tiled",
     .render = render_tiled,
-    .plans_by_error = true,
+    .bounds_error = true,
     .skips_void = true,
     .cuts_slabs = true,
     .modes = (1u << CTS_N_MODES) - 1,

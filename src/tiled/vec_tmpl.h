@@ -6,9 +6,10 @@
  *   vmask with vf_lt, vf_le, vi_eq, mask_and, mask_or; select_f and select_i(mask, yes, no)
  *   any_in(mask), all_in(mask): bit h tells of the lanes of packet h
  *   vf_packets(const float[PACKETS]), mask_packets(unsigned): a value, or a bit, for each packet
- *   lane_positions, Taps, make_taps, load_window, load_differences: the field at the lanes' positions on a layer
+ *   lane_positions, Taps, make_taps: the lanes' positions on a layer
+ *   load_window, load_level, load_differences: the field there
  *   weigh_pairs: the same lane by lane, where windows cannot hold them
- *   look_up_entries, shade_power: tables
+ *   look_up_difference, look_up_rows, look_up_pairs, shade_power: tables
  * All of them give the same bits on every path. */
 #ifndef CTS_TILED_VEC_TMPL_H
 #define CTS_TILED_VEC_TMPL_H
@@ -18,6 +19,7 @@
 #include <stdint.h>
 
 enum { PACKETS = LANES / CTS_PACKET, ALL_PACKETS = (1 << PACKETS) - 1 };
+enum { BIAS = 32768 * 16384 }; /* what a weighted sum of grey levels less 32768 lacks */
 
 typedef float vf __attribute__((vector_size(4 * LANES)));
 typedef int32_t vi __attribute__((vector_size(4 * LANES)));

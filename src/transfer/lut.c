@@ -6,12 +6,53 @@
 #include <stdlib.h>
 #include <string.h>
 
-static void count_visible(CtsLut *l)
+/* Whether a point of the preset shows something between two levels; key may be NULL. */
+static void mark_points(uint8_t *between, const CtsPreset *preset, const CtsVolume *volume, const CtsVoidKey *key)
 {
-    l->visible_below[0] = 0;
-    for (int g = 0; g < CTS_N_GREY; g++)
-        l->visible_below[g + 1] = l->visible_below[g] + (l->extinction_per_mm[g] > 0);
-    l->any_visible = l->visible_below[CTS_N_GREY] > 0;
+    for (int i = 0; i < preset->n_opacity; i++) {
+        const double hu = preset->opacity[i].hu, level = floor((hu - volume->hu_offset) / volume->hu_step);
+        if (preset->opacity[i].opacity > 0 && level >= 0 && level < CTS_N_GREY - 1 &&
+            !(key && cts_void_key_drops(key, hu)))
+            between[(int)level] = 1;
+    }
+}
+
+static void count_visible(CtsLut *l, const uint8_t *between)
+{
+    const float *e = l->extinction_per_mm;
+    uint32_t n = 0;
+    for (int g = 0; g < CTS_N_GREY; g++) {
+        l->visible_below[2 * g] = n;
+        n += e[g] > 0;
+        l->visible_below[2 * g + 1] = n;
+        n += g + 1 < CTS_N_GREY && (e[g] > 0 || e[g + 1] > 0 || between[g]);
+    }
+    l->any_visible = n > 0;
+}
+
+static CtsStatus find_visible(CtsLut *l, const CtsPreset *preset, const CtsVolume *volume, const CtsVoidKey *key,
+                              CtsError *err)
+{
+    uint8_t *between;
+    const CtsStatus st = cts_alloc_zeroed(&between, CTS_N_GREY, err);
+    if (st)
+        return st;
+    mark_points(between, preset, volume, key);
+    count_visible(l, between);
+    cts_free(&between);
+    return CTS_OK;
+}
+
+void cts_lut_visible_levels(const CtsLut *lut, int *low, int *high)
+{
+    const uint32_t *below = lut->visible_below, all = below[2 * CTS_N_GREY - 1];
+    int first = 0, last = 2 * CTS_N_GREY - 2; /* half levels */
+    while (first < last && below[first + 1] == 0)
+        first++;
+    while (last > first && below[last] == all)
+        last--;
+    *low = first > 0 ? (first - 1) / 2 : 0;
+    *high = last < 2 * CTS_N_GREY - 2 ? last / 2 + 1 : CTS_N_GREY - 1;
 }
 
 /* The first grey level past all of the preset's points, or the last: from there on nothing changes. */
@@ -68,7 +109,7 @@ CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *vo
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if ((st = cts_alloc_array(&l->rgb, CTS_N_GREY, err)) ||
         (st = cts_alloc_array(&l->extinction_per_mm, CTS_N_GREY, err)) ||
-        (st = cts_alloc_array(&l->visible_below, CTS_N_GREY + 1, err))) {
+        (st = cts_alloc_array(&l->visible_below, 2 * CTS_N_GREY, err))) {
         cts_lut_free(lut);
         return st;
     }
@@ -81,11 +122,13 @@ CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *vo
         memcpy(l->rgb[g], l->rgb[settled], sizeof l->rgb[g]);
         l->extinction_per_mm[g] = l->extinction_per_mm[settled];
     }
-    count_visible(l);
-    return CTS_OK;
+    if ((st = find_visible(l, preset, volume, NULL, err)))
+        cts_lut_free(lut);
+    return st;
 }
 
-void cts_lut_hide(CtsLut *lut, const CtsVoidKey *key, const CtsVolume *volume)
+CtsStatus cts_lut_hide(CtsLut *lut, const CtsVoidKey *key, const CtsPreset *preset, const CtsVolume *volume,
+                       CtsError *err)
 {
     lut->max_extinction_per_mm = 0;
     for (int g = 0; g < CTS_N_GREY; g++) {
@@ -94,7 +137,7 @@ void cts_lut_hide(CtsLut *lut, const CtsVoidKey *key, const CtsVolume *volume)
         if ((double)lut->extinction_per_mm[g] > lut->max_extinction_per_mm)
             lut->max_extinction_per_mm = (double)lut->extinction_per_mm[g];
     }
-    count_visible(lut);
+    return find_visible(lut, preset, volume, key, err);
 }
 
 void cts_lut_free(CtsLut **lut)

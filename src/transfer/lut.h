@@ -14,7 +14,9 @@ enum { CTS_N_GREY = 65536 };
 typedef struct CtsLut {
     float (*rgb)[3];          /* display values by grey level */
     float *extinction_per_mm; /* by grey level; times unit_scale where opacity is per voxel */
-    uint32_t *visible_below;  /* CTS_N_GREY + 1 prefix sums: number of levels below g with extinction > 0 */
+    /* Sums over levels and what lies between them: entry 2 g + 1 less entry 2 g is 1 where level g has an extinction,
+     * entry 2 g + 2 less entry 2 g + 1 where some HU between levels g and g + 1 may have one. */
+    uint32_t *visible_below;
     double max_extinction_per_mm;
     bool any_visible;
 } CtsLut;
@@ -24,13 +26,19 @@ typedef struct CtsLut {
 CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, double extinction_scale,
                       int n_threads, CtsError *err);
 /* Takes the levels that the key drops for invisible. */
-void cts_lut_hide(CtsLut *lut, const CtsVoidKey *key, const CtsVolume *volume);
+CtsStatus cts_lut_hide(CtsLut *lut, const CtsVoidKey *key, const CtsPreset *preset, const CtsVolume *volume,
+                       CtsError *err);
 void cts_lut_free(CtsLut **lut);
 
-/* False when no grey level of low..high has any extinction: exact, however the levels in between are mixed. */
+/* False when nothing from level low to level high has any extinction, between levels either: exact, however the voxels
+ * are mixed. */
 static inline bool cts_lut_visible(const CtsLut *lut, uint16_t low, uint16_t high)
 {
-    return lut->visible_below[(uint32_t)high + 1] > lut->visible_below[low];
+    return lut->visible_below[2 * (uint32_t)high + 1] > lut->visible_below[2 * (uint32_t)low];
 }
+
+/* The levels between which all that is visible lies, as far as there is any: nothing shows at low or below, unless low
+ * is 0, nor at high or above, unless high is the last level. */
+void cts_lut_visible_levels(const CtsLut *lut, int *low, int *high);
 
 #endif

@@ -170,14 +170,14 @@ static bool exists(const char *path)
 
 CtsStatus cts_preset_load(const char *name, CtsPreset *preset, CtsError *err)
 {
-    const bool is_file = strpbrk(name, "/.");
+    const bool has_folder = strchr(name, '/'), is_file = has_folder || strchr(name, '.');
     const CtsPreset *builtin = find_builtin(name);
     char path[4096];
     if (builtin) {
         *preset = *builtin;
         return CTS_OK;
     }
-    if (!is_file && *name && user_folder(path, sizeof path)) {
+    if (!has_folder && *name && user_folder(path, sizeof path)) {
         const size_t n = strlen(path);
         if (snprintf(path + n, sizeof path - n, "/%s.json", name) < (int)(sizeof path - n) && exists(path))
             return load_file(path, NULL, preset, err);

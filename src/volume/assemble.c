@@ -31,7 +31,7 @@ typedef struct Assembly {
     CtsMacrocells *macrocells; /* made on the way while a slice is in the cache; NULL: not now */
     double busy[CTS_N_STAGES];
     uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
-    bool *bad; /* slices whose pixels are damaged; the caller's, n_slices of them */
+    char **faults; /* of slices whose pixels are damaged, else NULL; the caller's, n_slices of them */
     int n_bad;
     int first_bad, first_lost; /* damaged, and failed for any other reason; or n_slices */
     atomic_int stop;           /* slices after this one do not matter any more */
@@ -116,9 +116,8 @@ static bool too_many_bad(int n_bad, int n_slices)
  * anything else, or too much of it, ends the reading. */
 static void note_failure(Assembly *a, int k, const CtsError *why)
 {
-    const bool damaged = why->status == CTS_ERR_PIXELS;
+    const bool damaged = why->status == CTS_ERR_PIXELS && (a->faults[k] = strdup(why->text)) != NULL;
     int *const first = damaged ? &a->first_bad : &a->first_lost;
-    a->bad[k] = damaged;
     a->n_bad += damaged;
     if (k < *first) {
         *first = k;
@@ -184,7 +183,7 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
     return CTS_OK;
 }
 
-/* CTS_ERR_PIXELS: some slices are bad, and a->bad says which. */
+/* CTS_ERR_PIXELS: some slices are bad, and a->faults says which and why. */
 static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -331,7 +330,7 @@ static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsS
 /* The slices of a series that are to become a volume: copies of its records, which own nothing. */
 typedef struct Loading {
     CtsSlice *slices;
-    bool *bad; /* found damaged while they were read */
+    char **faults; /* what was found of damaged ones while they were read; owned */
     int n_slices, n_threads;
     bool some_dropped, linear;
 } Loading;
@@ -341,7 +340,7 @@ static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threa
     const size_t n = (size_t)series->n_slices;
     CtsStatus st = cts_alloc_array(&in->slices, n, err);
     if (!st)
-        st = cts_alloc_zeroed(&in->bad, n, err);
+        st = cts_alloc_zeroed(&in->faults, n, err);
     if (!st)
         memcpy(in->slices, series->slices, n * sizeof *in->slices);
     in->n_slices = series->n_slices;
@@ -351,17 +350,25 @@ static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threa
 
 static void end_loading(Loading *in)
 {
+    for (int k = 0; in->faults && k < in->n_slices; k++)
+        free(in->faults[k]);
     cts_free(&in->slices);
-    cts_free(&in->bad);
+    cts_free(&in->faults);
 }
 
-static void drop_bad(Loading *in)
+/* Leaves the damaged slices out, and names each. */
+static void drop_bad(Loading *in, CtsReport *report)
 {
     int kept = 0;
-    for (int k = 0; k < in->n_slices; k++)
-        if (!in->bad[k])
+    for (int k = 0; k < in->n_slices; k++) {
+        if (!in->faults[k]) {
             in->slices[kept++] = in->slices[k];
-    memset(in->bad, 0, (size_t)in->n_slices * sizeof *in->bad);
+            continue;
+        }
+        cts_report_finding(report, "bad_slices", CTS_WARNING, "%s (left out)", in->faults[k]);
+        free(in->faults[k]);
+        in->faults[k] = NULL;
+    }
     in->n_slices = kept;
     in->some_dropped = true;
 }
@@ -386,8 +393,11 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
                       CtsError *err)
 {
     const int n_threads = in->n_threads;
-    Assembly a = {
-        .slices = in->slices, .n_slices = in->n_slices, .n_threads = n_threads, .bad = in->bad, .whole_numbers = true};
+    Assembly a = {.slices = in->slices,
+                  .n_slices = in->n_slices,
+                  .n_threads = n_threads,
+                  .faults = in->faults,
+                  .whole_numbers = true};
     a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
     a.first = v->grey + (size_t)offset * a.layer_voxels;
     for (int k = 0; k < a.n_slices; k++)
@@ -460,6 +470,8 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsVolu
         (st = cts_volume_new_unset(volume, series->columns, series->rows, n_slots, err)))
         goto end;
     (*volume)->dims[2] = stack.n_layers;
+    if (!even) /* on average */
+        (*volume)->slice_layers = (int)fmax(floor((stack.n_layers - 1.0) / fmax(in->n_slices - 1, 1) + 0.5), 1);
     place_volume(*volume, in->slices, in->n_slices, &stack);
     st = fill(in, &stack, offset, *volume, report, err);
 end:
@@ -480,13 +492,11 @@ static CtsStatus load(const CtsSeries *series, bool linear, int n_threads, CtsVo
     while (!st && (st = load_slices(series, &in, volume, report, &why)) == CTS_ERR_PIXELS) {
         int n = 0;
         for (int k = 0; k < in.n_slices; k++)
-            n += in.bad[k];
+            n += in.faults[k] != NULL;
         n_bad += n;
         if (n == 0 || too_many_bad(n_bad, series->n_slices))
             break;
-        cts_report_finding(report, "bad_slices", CTS_WARNING, "%d slice%s left out: %s", n, n == 1 ? "" : "s",
-                           why.text);
-        drop_bad(&in);
+        drop_bad(&in, report);
         st = CTS_OK;
     }
     end_loading(&in);

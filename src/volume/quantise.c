@@ -44,6 +44,7 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
         for (int axis = 0; axis < 3; axis++)
             q->step_lps[axis][c] = volume->step_lps[axis][c];
     }
+    q->slice_layers = volume->slice_layers;
     q->hu_offset = low_hu;
     q->hu_step = (high_hu - low_hu) / top;
     q->hu_min = volume->hu_min;

@@ -11,36 +11,27 @@
 CtsRefineWeights cts_refine_weights(double t, const double distance[3])
 {
     const double s = 1 - t, before = distance[0], here = distance[1], behind = distance[2];
-    return (CtsRefineWeights){
-        .b = (float)((1 + 2 * t) * s * s),
-        .c = (float)((1 + 2 * s) * t * t),
-        .slope_b = (float)(t * s * s),
-        .slope_c = (float)(-s * t * t),
-        .per_before = (float)(here / before),
-        .per_behind = (float)(here / behind),
-        .share_before = (float)((2 * here + before) / (3 * (here + before))),
-        .share_behind = (float)((2 * behind + here) / (3 * (behind + here))),
-    };
-}
-
-/* The slope between two differences. Where they differ in sign, the slice between them is the highest or the lowest of
- * the three, and the slope 0. */
-static inline float harmonic(float first, float second, float share)
-{
-    const float product = first * second;
-    return product > 0 ? product / (share * second + (1 - share) * first) : 0;
+    /* Hermite's basis, slopes over the distance of b and c. */
+    const double at_b = (1 + 2 * t) * s * s, at_c = (1 + 2 * s) * t * t, slope_b = t * s * s, slope_c = -s * t * t;
+    /* A slope is the mean of the differences on both sides, the nearer one counting more. */
+    const double rise_ab = slope_b * here / (before + here) * here / before,
+                 rise_b = slope_b * before / (before + here);
+    const double rise_cd = slope_c * here / (here + behind) * here / behind,
+                 rise_c = slope_c * behind / (here + behind);
+    return (CtsRefineWeights){.a = (float)-rise_ab,
+                              .b = (float)(at_b + rise_ab - rise_b - rise_c),
+                              .c = (float)(at_c + rise_b + rise_c - rise_cd),
+                              .d = (float)rise_cd};
 }
 
 void cts_refine_row(uint16_t *to, const uint16_t *const slices[4], int n, const CtsRefineWeights *w)
 {
     const uint16_t *const pa = slices[0], *const pb = slices[1], *const pc = slices[2], *const pd = slices[3];
     for (int i = 0; i < n; i++) {
-        const float b = pb[i], c = pc[i], rise = c - b;
-        /* Where the stack ends, the cubic ends in its last difference. */
-        const float before = pa == pb ? rise : (b - (float)pa[i]) * w->per_before;
-        const float behind = pd == pc ? rise : ((float)pd[i] - c) * w->per_behind;
-        const float y = w->b * b + w->c * c + w->slope_b * harmonic(before, rise, w->share_before) +
-                        w->slope_c * harmonic(rise, behind, w->share_behind);
+        const float b = pb[i], c = pc[i];
+        /* Where the stack ends, it goes on as it was. */
+        const float a = pa == pb ? 2 * b - c : (float)pa[i], d = pd == pc ? 2 * c - b : (float)pd[i];
+        const float y = w->a * a + w->b * b + w->c * c + w->d * d;
         const float low = b < c ? b : c, high = b < c ? c : b;
         to[i] = (uint16_t)(int32_t)((y < low ? low : y > high ? high : y) + 0.5f);
     }
@@ -118,6 +109,7 @@ CtsStatus cts_volume_refine(CtsVolume *v, int n_parts, int n_threads, CtsError *
     v->dims[2] = (int)n_layers;
     for (int c = 0; c < 3; c++)
         v->step_lps[2][c] /= n_parts;
+    v->slice_layers *= n_parts;
     if (v->body)
         v->body->parts *= n_parts;
     cts_volume_changed(v);

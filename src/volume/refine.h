@@ -1,16 +1,13 @@
-/* Layers between slices by monotone cubics: Hermite's, with slopes that are weighted harmonic means of the differences
- * on both sides, and 0 where these differ in sign (Fritsch and Butland 1984). No value leaves the range of its two
- * slices. */
+/* Layers between slices by cubics through the slices: Catmull and Rom's (1974), their slopes those of the parabola
+ * through a slice and its neighbours, cut off where they would leave the range of the two slices they lie between. */
 #ifndef CTS_VOLUME_REFINE_H
 #define CTS_VOLUME_REFINE_H
 
 #include <stdint.h>
 
-/* One place between slices b and c, of four neighbours a b c d. */
+/* Of four neighbours a b c d, at one place between b and c. */
 typedef struct CtsRefineWeights {
-    float b, c, slope_b, slope_c;     /* of Hermite's basis; b + c = 1 */
-    float per_before, per_behind;     /* the distance of b and c in distances of a and b, and of c and d */
-    float share_before, share_behind; /* of the first difference in the mean at b, and at c */
+    float a, b, c, d;
 } CtsRefineWeights;
 
 /* t: 0 at b, 1 at c. distance: from a to b, b to c, c to d, in any unit. */

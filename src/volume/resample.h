@@ -1,4 +1,4 @@
-/* An unevenly spaced stack becomes an evenly spaced one in its own memory, by monotone cubics along the stack
+/* An unevenly spaced stack becomes an evenly spaced one in its own memory, by cubics along the stack
  * (volume/refine.h) or by straight lines. */
 #ifndef CTS_VOLUME_RESAMPLE_H
 #define CTS_VOLUME_RESAMPLE_H

@@ -29,6 +29,7 @@ CtsStatus cts_volume_new_unset(CtsVolume **volume, int nx, int ny, int nz, CtsEr
     v->dims[2] = nz;
     for (int axis = 0; axis < 3; axis++)
         v->step_lps[axis][axis] = 1;
+    v->slice_layers = 1;
     v->hu_offset = -1024;
     v->hu_step = 1;
     v->hu_min = v->hu_max = -1024;

@@ -7,12 +7,14 @@ import hashlib
 import json
 import os
 import random
+import re
 import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
+import zipfile
 
 OPTIONS = ["--size", "48x48", "--presets", "bone,skin", "--views", "anterior,30,-20", "--formats", "png,dcm"]
 N_OUTPUTS = 8
@@ -169,6 +171,23 @@ def test_resume(b):
     b.ok(0, *more)
     fourth = times("o")
     check(len(fourth) == 4 * N_OUTPUTS * 3 // 2 and all(fourth[p] == third[p] for p in third), "another preset")
+    # What is said in other words, in another order, or by default anyway is no change.
+    same = more[:more.index("--compress")] + ["--compress=rle", "--fit", "visible", "--engine", "tiled", "--kernel",
+                                              "tent", "--mode", "composite", "--background", "#000000", "--shade", "on",
+                                              "--remove-table=on", "--slab-at", "0.0", "--annotate", "none"]
+    at = same.index("--size")
+    b.ok(0, *(same[:at] + same[at + 2:] + ["--size", "48x48"]))
+    check(times("o") == fourth, "made again for the same options")
+    window = b.run("batch", *more, "--window", "0,900")
+    check(window.returncode == 0 and all(times("o")[p] != fourth[p] for p in fourth), "--window")
+    b.ok(0, *more)
+    fourth = times("o")
+    # Another format is written beside what stands.
+    exr = [w.replace("png,dcm", "png,dcm,exr") for w in more]
+    b.ok(0, *exr)
+    check(len(times("o")) == len(fourth) * 3 // 2 and all(times("o")[p] == fourth[p] for p in fourth), "another format")
+    for path in glob.glob("o/*/*.exr"):
+        os.remove(path)
     # Another size touches all.
     b.ok(0, *[w.replace("48x48", "40x40") for w in more])
     check(all(times("o")[p] != fourth[p] for p in fourth), "another size")
@@ -186,6 +205,64 @@ def test_resume(b):
     b.ok(0, *words, "--fresh")
     seventh = times("o")
     check(all(seventh[p] != sixth[p] for p in sixth if b.name(0).decode() not in p and "muscle" not in p), "--fresh")
+
+
+def phases(b):
+    return os.path.join(b.args.testdata, "geometry", "two-phases")
+
+
+def test_journal(b):
+    """What a line tells of a series: errors, times and memory, as the log has them; and the sums add up."""
+    archive = b.archive("journal", 3, bad=1)
+    b.ok(8, archive, "-O", "o", *OPTIONS, "--verify", "50", "--log", "log")
+    lines = b.lines("o")
+    with open("log") as f:
+        log = [json.loads(text) for text in f]
+    check(sum(e["event"] == "run" for e in log) == 2 and sum(e["event"] == "done" for e in log) == 2, "log")
+    for i in range(1, 3):
+        line = lines[b.name(i).decode()]
+        check(len(line["errors"]) == 4, line)
+        for error in line["errors"]:
+            check(error["pixels"] == 50 and 0 <= error["rmse"] <= error["max"] <= 1, error)
+        check({(e["preset"], e["view"]) for e in line["errors"]} ==
+              {(p, v) for p in ("bone", "skin") for v in ("anterior", "30,-20")}, line["errors"])
+        check(line["peak_rss_bytes"] > 1 << 20 and line["cpu_ms"] >= 0 and line["waited_ms"] >= 0, line)
+        check(line["geometry"]["hu_max"] > line["geometry"]["hu_min"] and len(line["geometry"]["box_mm"]) == 6, line)
+    # Of what is made anew without --verify nothing is known; of what stands it is.
+    known = {uid: line.get("errors") for uid, line in lines.items()}
+    b.ok(8, archive, "-O", "o", *OPTIONS)
+    check({uid: line.get("errors") for uid, line in b.lines("o").items()} == known, "errors of what stands")
+    b.ok(8, archive, "-O", "o", *[w.replace("png,dcm", "png,exr,dcm") for w in OPTIONS])
+    check(not any(line.get("errors") for line in b.lines("o").values()), "errors of what was made anew")
+    # What is found in the pictures of a preset is told of it, for as long as they stand.
+    for presets in "bone", "bone,skin", "skin":
+        b.ok(0, phases(b), "-O", "f", "--size", "48x48", "--window", "0,1", "--presets", presets, "--crop", "-9,9,-9,9,-9,9")
+        for line in b.lines("f").values():
+            found = [f.get("preset") for f in line["findings"] if f["code"] == "nothing_visible"]
+            check(found == ["bone"], presets, line["findings"])
+    # The files of one UID may be several series, each of which counts.
+    for before in 0, 3:
+        said = b.ok(8, phases(b), archive, "-O", "s", *OPTIONS).stderr.strip().split("\n")[-1]
+        numbers = [int(word) for word in re.findall(r"\b[0-9]+\b", said)]
+        expected = [4, 5] + ([4] if before else []) + [1, 0]
+        check(numbers == expected and len(b.lines("s")) == 5, said)
+
+
+def test_zip(b):
+    """A zip file of many series gives what its folder gives, beside a folder too, and nothing is made twice."""
+    archive = b.archive("zipped", 5, bad=1)
+    with zipfile.ZipFile("a.zip", "w", zipfile.ZIP_DEFLATED) as z:
+        for path in glob.glob(archive + "/*/*"):
+            z.write(path)
+    b.add("beside", 7)
+    b.ok(8, "a.zip", "beside", "-O", "z", *OPTIONS)
+    first = times("z")
+    b.ok(8, archive, "beside", "-O", "o", *OPTIONS)
+    check(b.outputs("z") == b.outputs("o") and len(b.lines("z")) == 6, "zip and folder differ")
+    reason = b.lines("z")[b.name(0).decode()]["reason"]
+    check(reason == b.lines("o")[b.name(0).decode()]["reason"], reason)
+    b.ok(8, "a.zip", "beside", "-O", "z", *OPTIONS)
+    check(times("z") == first, "made again")
 
 
 def test_kill(b):
@@ -324,6 +401,15 @@ def test_outputs(b):
     check(done.returncode == 5 and done.stderr.count("error:") == 1, done.returncode, done.stderr)
     b.outputs("o")
     b.ok(0, archive, "-O", "o", *OPTIONS)
+    # What cannot go well with any series is refused before what stands is touched.
+    before = times("o")
+    for words, code, said in ((["--engine", "classic", "--slab", "10"], 2, "slab"), (["--log", "none/log"], 5, "none/log"),
+                              (["--series", "1.2.3"], 2, "1.2.3")):
+        done = b.run("batch", archive, "-O", "o", *OPTIONS, *words)
+        check(done.returncode == code and said in done.stderr and done.stderr.count("error:") == 1, words, done.stderr)
+    check(times("o") == before, "touched")
+    b.ok(0, archive, "-O", "o", *OPTIONS, "--fresh", "--log", "/dev/full")
+    check(all("log_lost" in [f["code"] for f in line["findings"]] for line in b.lines("o").values()), "log_lost")
     os.mkdir("empty")
     check(b.run("batch", "empty", "-O", "none").returncode == 3, "no series")
     check(b.run("batch", "absent", "-O", "none").returncode == 3, "no input")

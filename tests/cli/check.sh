@@ -7,9 +7,20 @@ cases = json.load(open(sys.argv[1]))["cases"]
 assert len({c["name"] for c in cases}) >= 60, len(cases)
 assert {c["engine"] for c in cases} >= set("classic layers void combined tiled raycast".split())
 for c in cases:
-    assert set(c) == {"name", "engine", "expected", "found", "error", "bound", "pass"}, c
+    assert set(c) - {"view", "size", "mm_per_pixel", "preset", "pixel"} == {
+        "name", "engine", "expected", "found", "error", "bound", "pass"}, c
+    assert "pixel" not in c or 0 <= c["pixel"][0] < c["size"][0] and 0 <= c["pixel"][1] < c["size"][1], c
     assert c["pass"] is True and c["error"] <= c["bound"], c
 PY
+# A case alone, by its name; and nothing is not all.
+ok check --only 'slab: anterior'
+has out "^pass  slab: anterior .*tiled .*pixel [0-9]*,[0-9]* of 24x24  view 0,0 .*preset 0:0.03  --only 'slab: anterior'"
+[ "$(grep -c '^pass' out)" = 6 ] || fail "--only ran more than the case of this name"
+ok check --only 'ramp: lit'
+[ "$(grep -c '^pass' out)" = 6 ] || fail "--only ran more than the case of this name"
+ok check --only 'marker: '
+[ "$(grep -c '^pass' out)" = 36 ] || fail "--only did not run all that hold these words"
+refused 2 'no case .*no such case' check --only 'no such case'
 command -v gnuplot >/dev/null || exit 0
 ok check --plot p.svg
 has out '^[0-9]* cases, 0 failed'

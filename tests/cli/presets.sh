@@ -43,6 +43,17 @@ has out '^mine .*yours'
 has err 'warning: .*broken.json: line 2'
 ok presets mine
 ok render "$data/phantom" $small -p mine -o mine.png
+# A built-in preset hides one of its name: it is not listed as if it could be used so, and its path is a way to it.
+cp config/ctsplat/presets/mine.json config/ctsplat/presets/bone.json
+cp config/ctsplat/presets/mine.json config/ctsplat/presets/mine.v2.json
+ok presets
+[ "$(grep -c '^bone ' out)" = 1 ] || fail "two presets of one name are listed"
+has out '^mine\.v2 .*yours'
+has err 'warning: your preset bone\.json: a built-in preset has its name'
+ok presets mine.v2
+ok render "$data/phantom" $small -p config/ctsplat/presets/bone.json -o hidden.png
+cmp mine.png hidden.png || fail "the path of a hidden preset is no way to it"
+rm config/ctsplat/presets/bone.json
 refused 2 'broken.json: line 2: points has 0 entries' render "$data/phantom" $small -p broken -o x.png
 refused 2 'there are: .* mine' presets nope
 refused 2 './nope.json: No such file' presets ./nope.json

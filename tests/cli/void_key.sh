@@ -27,7 +27,7 @@ PY
 ok presets lung --propose "$data/phantom"
 has out 'void key of preset lung: none'
 ok presets brain --propose "$data/phantom"
-has err 'warning: .*mode (mip|average)'
+has err 'warning: preset brain: mode average shows HU'
 ok presets --propose "$data/series/two" --series 2.25.2005
 refused 2 'go with --propose' presets bone --threads 2
 refused 2 'go with --propose' presets --series 2.25.2005

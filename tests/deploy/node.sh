@@ -42,7 +42,7 @@ CTSPLAT_NODE_OPTIONS=--presets bone --formats dcm --size 48x48 --threads 1
 CTSPLAT_NODE_QUIET=2
 CTSPLAT_NODE_RETRY=2
 CTSPLAT_NODE_FREE=0
-CTSPLAT_NODE_AET=\$(touch $work/evil)
+CTSPLAT_NODE_AET=\$(touch evil)
 CONF
 
 # study NUMBER FOLDER: its slices with UIDs of their own, in sent/NUMBER

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 /* Files cut short, changed and lying: test_damage TESTDATA. A loaded volume is the right one or there is none; whatever
  * the bytes, the reader ends and stays in its memory (the sanitizer build watches). */
+#include "base/sanitized.h"
 #include "ctsplat/series.h"
 #include "dicom_files.h"
 #include <sys/stat.h>
@@ -104,7 +105,8 @@ static void test_cut_short(void **state)
     for (int e = 0; e < N_ENCODINGS; e++) {
         Series s = {0};
         copy_series(&s, encodings[e]);
-        for (size_t n = 0; n < s.victim.n; n += n < 200 || n + 40 > s.victim.n ? 1 : 11) {
+        for (size_t n = 0; n < s.victim.n;
+             n += n < 200 || n + 40 > s.victim.n ? 1 + 4 * CTS_SANITIZED : 11 + 60 * CTS_SANITIZED) {
             CtsVolume *v;
             CtsError err;
             bool told;
@@ -126,7 +128,7 @@ static void test_wrong_bytes(void **state)
     for (int e = 0; e < N_ENCODINGS; e++) {
         Series s = {0};
         copy_series(&s, encodings[e]);
-        for (int round = 0; round < 400; round++) {
+        for (int round = 0; round < (CTS_SANITIZED ? 80 : 400); round++) {
             CtsVolume *v;
             CtsError err;
             uint8_t *bytes = malloc(s.victim.n);

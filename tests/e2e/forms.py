@@ -38,7 +38,8 @@ def judge(form, background, png_path, dcm_path):
     if grey:
         pixels = pixels[..., None].repeat(3, 2)
     step = 1 / 65535 if grey else 1 / 255
-    bound = (0.501 if not grey else 1.01 if clear else 0) * step
+    # colour, alpha and the product are each rounded to half a step
+    bound = (0.501 if not grey else 1.51 if clear else 0) * step
     check(np.abs(png[..., :3] * alpha - pixels).max() <= bound, dcm_path + ': another picture than the .png')
 
 

@@ -38,8 +38,9 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     CtsStatus st[2];
     memset(slices, 0, sizeof slices);
     for (int way = 0; way < 2; way++) {
+        char class_uid[65] = "";
         scan.repeats |= way == 1; /* leaves all to DCMTK */
-        st[way] = cts_dcm_read_header(header, n_header, &scan, native, "", &slices[way], NULL);
+        st[way] = cts_dcm_read_header(header, n_header, &scan, native, class_uid, &slices[way], NULL);
     }
     /* DCMTK also looks at elements that nobody asks for, and may refuse one. */
     if (!st[0] && !st[1])

@@ -200,7 +200,8 @@ static void gradient(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, u
                                  .before = {rows[1], rows[2]},
                                  .after = {rows[3], rows[4]},
                                  .scale = {(float)below(3), (float)below(3)},
-                                 .n = n};
+                                 .n = n,
+                                 .air_beyond = below(2)};
     plain->gradient(&job, i0, i1, g[0]);
     fast->gradient(&job, i0, i1, g[1]);
     same("gradient", g[0], g[1], sizeof g[0], mask, seed, i0, i1);

@@ -89,6 +89,26 @@ class Orthanc:
         return self.json('/statistics')['CountInstances']
 
 
+class Storescp:
+    """DCMTK's storescp; a file for each object that it was sent, however often."""
+
+    def __init__(self, folder, loopback, port=None):
+        self.folder, self.port = folder, port or free_port()
+        os.makedirs(folder, exist_ok=True)
+        self.process = subprocess.Popen(['storescp', '--aetitle', 'ARCHIVE', '--accept-all', '--unique-filenames',
+                                         '--output-directory', folder, str(self.port)], stdin=subprocess.DEVNULL,
+                                        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+                                        env=dict(os.environ, LD_PRELOAD=loopback))
+        wait_for_port(self.port, self.process)
+
+    def count(self):
+        return len(os.listdir(self.folder))
+
+    def end(self):
+        self.process.kill()
+        self.process.wait()
+
+
 class Proxy:
     """Passes connections on; calls broken() and cuts the first one after so many bytes."""
 
@@ -140,7 +160,7 @@ class Proxy:
 
 
 class Web(http.server.ThreadingHTTPServer):
-    """Answers every GET with status, headers and body as it is told, and keeps what it was asked."""
+    """Answers with status, headers and body as it is told, or as a function tells, and keeps what it was asked."""
     daemon_threads = True
 
     def __init__(self):
@@ -150,7 +170,7 @@ class Web(http.server.ThreadingHTTPServer):
         class Handler(http.server.BaseHTTPRequestHandler):
             def do_GET(self):
                 server.asked.append((self.path, dict(self.headers)))
-                status, headers, body = server.answer
+                status, headers, body = server.answer() if callable(server.answer) else server.answer
                 self.send_response(status)
                 for name, value in headers.items():
                     self.send_header(name, value)

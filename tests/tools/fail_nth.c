@@ -1,26 +1,29 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
- * write, fsync, rename, fork, mmap) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail too.
- * Calls are counted over all threads; a child does not fail. When the call was reached, a line is put at the end of the
- * file CTS_FAIL_TOLD. */
+ * write, fsync, rename, fork, mmap; kill: the process that was forked last is killed when it is sent something) and
+ * CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail too. Calls are counted over all threads; a
+ * child does not fail. When the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
 #undef _FILE_OFFSET_BITS /* both names of a call are wanted: open() and open64() */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <signal.h>
 #include <stdarg.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/types.h>
 #include <unistd.h>
 
-enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, MMAP, N_CALLS };
-static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync", "rename", "fork", "mmap"};
-static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO, ENOSPC, EIO, EACCES, EAGAIN, ENOMEM};
+enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, MMAP, KILL, N_CALLS };
+static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync",
+                                           "rename", "fork", "mmap", "kill"};
+static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO, ENOSPC, EIO, EACCES, EAGAIN, ENOMEM, 0};
 
 static int chosen = -1;
 static long fail_at;
@@ -28,6 +31,7 @@ static int fail_on;
 static pid_t self;
 static const char *told;
 static atomic_long seen;
+static pid_t child; /* forked last */
 
 /* Calls fail inside main() alone: what the loader and the libraries do before and after it is not under test. */
 static void choose(void)
@@ -176,7 +180,16 @@ int renameat2(int from_fd, const char *from, int to_fd, const char *to, unsigned
 pid_t fork(void)
 {
     typedef pid_t (*fork_fn)(void);
-    return fails(FORK) ? -1 : NEXT(fork_fn, "fork")();
+    return fails(FORK) ? -1 : (child = NEXT(fork_fn, "fork")());
+}
+
+ssize_t send(int socket, const void *bytes, size_t n, int flags)
+{
+    typedef ssize_t (*send_fn)(int, const void *, size_t, int);
+    const ssize_t sent = NEXT(send_fn, "send")(socket, bytes, n, flags);
+    if (fails(KILL))
+        kill(child, SIGKILL);
+    return sent;
 }
 
 void *mmap(void *at, size_t n, int protection, int flags, int fd, off_t offset)

@@ -77,6 +77,7 @@ typedef struct Slice {
     int rows, columns, allocated, stored, high, is_signed, padding, samples;
     int base;           /* of the pixels: base + column + 10 * row */
     int n_more;         /* bytes after the pixels, still in PixelData */
+    int n_cut;          /* bytes missing at the end of the file */
     const Bytes *extra; /* elements between group 0008 and 0010 */
     const Bytes *after; /* after the pixels */
 } Slice;
@@ -182,6 +183,7 @@ static inline Bytes slice_bytes(const Slice *s)
     put_pixels(&b, s);
     if (s->after)
         put(&b, s->after->data, s->after->n);
+    b.n -= (size_t)s->n_cut;
     return b;
 }
 

@@ -12,6 +12,7 @@ static CtsPicture *flat(int width, int height, int n_channels, float v, double m
     for (size_t i = 0; n_channels == 4 && i < (size_t)width * height; i++)
         p->pixels[4 * i + 3] = 1;
     p->info.mm_per_pixel = mm_per_pixel;
+    p->info.light_behind = v > 0.5f;
     return p;
 }
 
@@ -60,6 +61,20 @@ static void test_letters(void **state)
         assert_true(cts_picture_is_grey(p));
         cts_picture_free(&p);
     }
+}
+
+/* Marks on white are those on black, turned round: neither is the fainter. */
+static void test_white(void **state)
+{
+    (void)state;
+    CtsError err;
+    CtsPicture *black = flat(600, 400, 1, 0, 0.5), *white = flat(600, 400, 1, 1, 0.5);
+    assert_int_equal(cts_annotate(black, true, true, NULL, &err), CTS_OK);
+    assert_int_equal(cts_annotate(white, true, true, NULL, &err), CTS_OK);
+    for (int i = 0; i < 600 * 400; i++)
+        assert_true(fabsf(black->pixels[i] + white->pixels[i] - 1) < 0.02f); /* 8 bits of cairo's */
+    cts_picture_free(&black);
+    cts_picture_free(&white);
 }
 
 /* The bar is as long as its text says, a round number near a fifth of the width. */
@@ -160,8 +175,9 @@ static void test_no_room(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_directions), cmocka_unit_test(test_letters), cmocka_unit_test(test_scale),
-        cmocka_unit_test(test_edges),      cmocka_unit_test(test_bands),   cmocka_unit_test(test_no_room),
+        cmocka_unit_test(test_directions), cmocka_unit_test(test_letters), cmocka_unit_test(test_white),
+        cmocka_unit_test(test_scale),      cmocka_unit_test(test_edges),   cmocka_unit_test(test_bands),
+        cmocka_unit_test(test_no_room),
     };
     return cmocka_run_group_tests_name("annotate", tests, NULL, NULL);
 }

@@ -1,6 +1,7 @@
 /* Bit masks and macro-cells that follow a change: what is not read must not be missed. */
 #include "unit.h"
 
+#include "base/cpu.h"
 #include "ctsplat/volume.h"
 #include "table/cell_change.h"
 #include "table/morphology.h"
@@ -199,11 +200,55 @@ static void check_morphology(int nx, int ny, CtsReach reach, uint32_t seed)
     cts_morphology_free(&m);
 }
 
+/* Some voxels far apart, made wider by up to more than a row of words: by the octagon's formula. */
+static void test_far_reach(void **state)
+{
+    (void)state;
+    static const int shapes[][2] = {{100, 70}, {128, 64}, {64, 1}, {3, 130}, {191, 40}, {1, 1}};
+    uint32_t seed = 7;
+    for (int n = 0; n < 240; n++) {
+        const int dims[3] = {shapes[n % 6][0], shapes[n % 6][1], 1};
+        const int most = n < 120 ? 12 : 75;
+        const CtsReach reach = {
+            (int)(random_next(&seed) % (unsigned)most),
+            {(int)(random_next(&seed) % (unsigned)most), (int)(random_next(&seed) % (unsigned)most)}};
+        cts_cpu_set_mask(n % 5 < 2 ? 0 : ~0u); /* plain C, and what the processor has */
+        int at[3][2];
+        CtsBits in, wide;
+        CtsMorphology m;
+        CtsError err;
+        assert_int_equal(cts_bits_new(&in, dims, &err) || cts_bits_new(&wide, dims, &err) ||
+                             cts_morphology_new(&m, &in, &err),
+                         CTS_OK);
+        for (int k = 0; k < 3; k++) {
+            for (int c = 0; c < 2; c++)
+                at[k][c] = n % 4 ? (int)(random_next(&seed) % (unsigned)dims[c]) : k % 2 * (dims[c] - 1); /* corners */
+            cts_bits_set(&in, at[k][0], at[k][1], 0);
+        }
+        for (int again = 0; again < 2; again++) { /* nothing is left of the first time */
+            cts_dilate_section(&m, in.words, reach, wide.words);
+            for (int j = 0; j < dims[1]; j++)
+                for (int i = 0; i < dims[0]; i++) {
+                    bool reached_it = false;
+                    for (int k = 0; k < 3; k++) {
+                        const int dx = abs(i - at[k][0]) - reach.box[0], dy = abs(j - at[k][1]) - reach.box[1];
+                        reached_it |= (dx > 0 ? dx : 0) + (dy > 0 ? dy : 0) <= reach.diamond;
+                    }
+                    assert_int_equal(cts_bits_get(&wide, i, j, 0), reached_it);
+                }
+        }
+        cts_bits_free(&in);
+        cts_bits_free(&wide);
+        cts_morphology_free(&m);
+    }
+    cts_cpu_set_mask(~0u);
+}
+
 static void test_morphology(void **state)
 {
     (void)state;
-    const CtsReach reaches[] = {{1, {0, 0}}, {1, {1, 0}}, {2, {0, 3}}, {3, {2, 2}}};
-    for (int n = 0; n < 4; n++)
+    const CtsReach reaches[] = {{1, {0, 0}}, {1, {1, 0}}, {2, {0, 3}}, {3, {2, 2}}, {7, {1, 5}}};
+    for (int n = 0; n < 5; n++)
         for (int s = 0; s < N_SIZES; s++)
             check_morphology(sizes[s][0], sizes[s][1], reaches[n], (uint32_t)s);
     const double spacing_mm[2] = {0.5, 2};
@@ -217,6 +262,7 @@ int main(void)
         cmocka_unit_test(test_threshold),
         cmocka_unit_test(test_block_change),
         cmocka_unit_test(test_morphology),
+        cmocka_unit_test(test_far_reach),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -250,6 +250,9 @@ static void test_stacks(void **state)
     const CtsSeries *second = NULL;
     assert_int_equal(cts_series_choose(f.list, "1.2.3#2", &second, &f.err), CTS_OK);
     assert_int_equal(second->n_slices, 6);
+    static const char *const none[] = {"1.2.3#0", "1.2.3#3", "1.2.3#", "1.2.3#2x", "1.2.3#02", "1.2.3# 2"};
+    for (size_t i = 0; i < sizeof none / sizeof *none; i++)
+        assert_int_equal(cts_series_choose(f.list, none[i], &second, &f.err), CTS_ERR_USAGE);
     done(&f);
 }
 

@@ -45,14 +45,16 @@ static void expect_same(CtsSlice *a, CtsSlice *b)
 static bool compare(const uint8_t *bytes, CtsDataScan *scan, const CtsSyntax *syntax)
 {
     CtsSlice by_scan, by_dcmtk, blind;
+    char class_by_scan[65] = "", class_by_dcmtk[65] = "", no_class[65] = "";
     memset(&by_scan, 0, sizeof by_scan);
     memset(&by_dcmtk, 0, sizeof by_dcmtk);
     memset(&blind, 0, sizeof blind);
-    const CtsStatus st = cts_dcm_read_header(bytes, scan->header_end, scan, syntax, "", &by_scan, NULL);
+    const CtsStatus st = cts_dcm_read_header(bytes, scan->header_end, scan, syntax, class_by_scan, &by_scan, NULL);
     /* Without the data set's length DCMTK would find nothing. */
-    cts_dcm_read_header(bytes, 0, scan, syntax, "", &blind, NULL);
+    cts_dcm_read_header(bytes, 0, scan, syntax, no_class, &blind, NULL);
     scan->repeats = true;
-    assert_int_equal(st, cts_dcm_read_header(bytes, scan->header_end, scan, syntax, "", &by_dcmtk, NULL));
+    assert_int_equal(st, cts_dcm_read_header(bytes, scan->header_end, scan, syntax, class_by_dcmtk, &by_dcmtk, NULL));
+    assert_string_equal(class_by_scan, class_by_dcmtk);
     const bool scanned = blind.sop_uid[0] != 0;
     cts_slice_clear(&blind);
     expect_same(&by_scan, &by_dcmtk);

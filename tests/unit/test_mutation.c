@@ -39,11 +39,12 @@ static const Proof proofs[] = {
     PROOF(LEAP_RANGE, "ball: chords"),
     PROOF(STOP_EARLY, "what shows behind"),
     PROOF(ATTENUATION, "slab: anterior"),
-    PROOF(BLIND_FILL, "two halves"),
     PROOF(KNOTS, "steep: step"),
     PROOF(TURNS, "cell: HU turns inside"),
-    PROOF(BORDER_DIFFERENCE, "ramp: lit"),
+    PROOF(BORDER_DIFFERENCE, "cut faces: anterior"),
     PROOF(MODE_EXTREMES, "turns inside, mip"),
+    PROOF(VOXEL_LENGTH, "opacity per voxel, oblique"),
+    PROOF(TOLERANCE_LESS, "exactly the tolerance"),
 };
 
 static void count(const CtsCheckResult *result, void *context)

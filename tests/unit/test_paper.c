@@ -77,6 +77,7 @@ static void test_raycast(void **state)
     const double black[3] = {0, 0, 0};
     for (int shade = 0; shade < 2; shade++)
         for (int view = 0; view < 6; view++) {
+            v->slice_layers = 1 + view % 3;
             const CtsPreset preset = preset_named("skin");
             CtsRenderSettings s = settings_for(CTS_ENGINE_RAYCAST, 72, views[view][0], views[view][1]);
             s.shade = shade ? CTS_ON : CTS_OFF;

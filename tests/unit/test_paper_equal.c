@@ -96,6 +96,7 @@ static void test_noisy_phantom(void **state)
 {
     (void)state;
     CtsVolume *v = phantom_head(35, 45, 26, 12);
+    v->slice_layers = 6;
     all_settings("noisy phantom", v, 48);
     cts_volume_free(&v);
 }
@@ -138,6 +139,7 @@ static void test_many_bands(void **state)
     static const int threads[] = {1, 2, 7};
     static const double level[][2] = {{0, 0}, {90, 0}, {-90, 0}, {180, 0}, {30, 0}, {-75, 0}, {20, 10}};
     CtsVolume *volumes[] = {phantom_head(14, 40, 190, 6), random_volume(39, 12, 181, 4)};
+    volumes[0]->slice_layers = 8;
     for (int i = 0; i < 2; i++)
         for (int view = 0; view < 7; view++) {
             Case c = {.name = i ? "many bands, random" : "many bands", .volume = volumes[i], .preset = shell_preset()};

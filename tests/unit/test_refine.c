@@ -55,8 +55,8 @@ static void test_layers(void **state)
     }
 }
 
-/* Of a parabola the cubic is nearer to the truth than the line; the bound is that of harmonic slopes. */
-static void test_nearer_than_lines(void **state)
+/* A parabola is met, where the slices on both sides are its own. */
+static void test_parabola(void **state)
 {
     (void)state;
     CtsError err;
@@ -64,14 +64,40 @@ static void test_nearer_than_lines(void **state)
     for (int k = 0; k < 12; k++)
         v->grey[k] = (uint16_t)(400 * (k + 1) * (k + 1));
     assert_int_equal(cts_volume_refine(v, 4, 1, &err), CTS_OK);
-    double cubic = 0, line = 0;
-    for (int k = 4; k <= 40; k++) {
-        const double x = k / 4.0 + 1, truth = 400 * x * x, low = floor(x);
-        cubic = fmax(cubic, fabs(v->grey[k] - truth));
-        line = fmax(line, fabs(400 * (low * low + (x - low) * (2 * low + 1)) - truth));
-    }
-    assert_true(line > 99 && cubic < 0.35 * line);
+    for (int k = 4; k <= 40; k++)
+        assert_true(fabs(v->grey[k] - 400 * pow(k / 4.0 + 1, 2)) <= 0.51);
     cts_volume_free(&v);
+}
+
+/* The same where slices lie at uneven distances. */
+static void test_uneven_parabola(void **state)
+{
+    (void)state;
+    static const double at[4] = {0, 2, 5, 6};
+    uint16_t slice[4], made;
+    const uint16_t *const slices[4] = {&slice[0], &slice[1], &slice[2], &slice[3]};
+    for (int i = 0; i < 4; i++)
+        slice[i] = (uint16_t)(1000 + 100 * at[i] * at[i]);
+    for (double t = 0; t < 1; t += 0.125) {
+        const CtsRefineWeights w = cts_refine_weights(t, (const double[]){2, 3, 1});
+        cts_refine_row(&made, slices, 1, &w);
+        assert_true(fabs(made - (1000 + 100 * pow(2 + 3 * t, 2))) <= 0.51);
+    }
+}
+
+/* What lies between slices is known to whoever takes gradients, also of a copy with fewer grey levels. */
+static void test_slice_layers(void **state)
+{
+    (void)state;
+    CtsError err;
+    CtsVolume *v = make(4, 4, 5, 3), *q = NULL;
+    assert_int_equal(v->slice_layers, 1);
+    assert_int_equal(cts_volume_refine(v, 3, 1, &err), CTS_OK);
+    assert_int_equal(v->slice_layers, 3);
+    assert_int_equal(cts_volume_quantise(v, 8, 0, 100, 1, &q, &err), CTS_OK);
+    assert_int_equal(q->slice_layers, 3);
+    cts_volume_free(&v);
+    cts_volume_free(&q);
 }
 
 static void test_when(void **state)
@@ -141,8 +167,9 @@ static void test_threads(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_layers), cmocka_unit_test(test_nearer_than_lines), cmocka_unit_test(test_when),
-        cmocka_unit_test(test_smooth), cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_layers),       cmocka_unit_test(test_parabola), cmocka_unit_test(test_uneven_parabola),
+        cmocka_unit_test(test_slice_layers), cmocka_unit_test(test_when),     cmocka_unit_test(test_smooth),
+        cmocka_unit_test(test_threads),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -204,6 +204,8 @@ CHANGE(jpeg_xl_lossy, s->syntax = "1.2.840.10008.1.2.4.112")
 CHANGE(not_native, s->syntax = "1.2.840.10008.1.2.4.70")
 CHANGE(longer, s->n_more = 10)
 CHANGE(much_longer, s->n_more = 50)
+CHANGE(longer_than_file, (s->n_more = 10, s->n_cut = 2))
+CHANGE(unpadded, (s->allocated = s->stored = 8, s->high = 7, s->rows = s->columns = 5, s->base = 0, s->n_cut = 1))
 CHANGE(two_in_one, s->n_more = 60)
 CHANGE(odd_bytes, (s->allocated = s->stored = 8, s->high = 7, s->rows = s->columns = 5, s->base = 0))
 CHANGE(no_uid, s->series = NULL)
@@ -257,6 +259,8 @@ static const Case cases[] = {
     {"compressed that is not", not_native, CTS_ERR_PIXELS, NULL, "not compressed", 20},
     {"pixels 10 bytes long", longer, CTS_OK, "long_pixels", NULL, 20},
     {"pixels 50 bytes long", much_longer, CTS_OK, "long_pixels", NULL, 20},
+    {"pixels longer than the file", longer_than_file, CTS_ERR_PIXELS, NULL, "70 bytes long, and 68 are left", 20},
+    {"the padding byte missing", unpadded, CTS_OK, NULL, NULL, 20},
     {"pixels twice as long", two_in_one, CTS_ERR_PIXELS, NULL, "holds 2 frames", 20},
     {"an odd number of bytes", odd_bytes, CTS_OK, NULL, NULL, 20},
     {"no series UID", no_uid, CTS_OK, NULL, NULL, 20},

@@ -90,8 +90,13 @@ static void test_even(void **state)
 static void test_jitter(void **state)
 {
     (void)state;
+    const double zigzag[] = {0, 1.01, 2, 3.01, 4, 5.01}; /* its median gap is one of the wide ones */
     const double fine[] = {0, 1.009, 2, 3.009, 4}, rough[] = {0, 1.03, 2, 3.03, 4}, thick[] = {0, 5.02, 10, 15.02, 20};
     Fake *f = at(fine, 5);
+    assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_EVEN);
+    expect_findings(f, NULL);
+    done(f);
+    f = at(zigzag, 6);
     assert_true(plan(f) == CTS_OK && f->stack.kind == CTS_STACK_EVEN);
     expect_findings(f, NULL);
     done(f);

@@ -1,0 +1,59 @@
+/* Let T be a mean of many numbers of 0..1, t its estimate from numbers drawn at random, none of which stands for more
+ * than a share u of T. Of all numbers of one mean, zeros and ones spread an estimate most (their moment generating
+ * function is the largest; without replacement it is smaller: Hoeffding 1963, theorem 4), so Chernoff's bound for
+ * counts holds: with c = t / u, m = T / u, an estimate as far off on its side has a chance of at most
+ * exp(-(c ln(c / m) - c + m)). T may be anything for which that is not below the chance allowed. Nothing found, c = 0,
+ * leaves m up to ln(1 / chance): the rule of three. */
+#include "base/limits.h"
+
+#include <math.h>
+
+/* Chance of an error beyond either limit. */
+#define BEYOND 0.025
+
+static double rarity(double count, double mean)
+{
+    return (count > 0 ? count * log(count / mean) - count : 0) + mean;
+}
+
+/* The mean, between `near` count and `far`, at which count has this rarity. */
+static double solve(double count, double rare, double near, double far)
+{
+    for (int i = 0; i < 200 && near != far; i++) {
+        const double middle = 0.5 * (near + far);
+        if (middle == near || middle == far)
+            break;
+        if (rarity(count, middle) < rare)
+            near = middle;
+        else
+            far = middle;
+    }
+    return far;
+}
+
+static double upper(double estimate, double unit)
+{
+    const double count = estimate / unit, rare = -log(BEYOND);
+    return unit * solve(count, rare, count, count + rare + sqrt(rare * (rare + 2 * count)));
+}
+
+static double lower(double estimate, double unit, double chance)
+{
+    return estimate > 0 ? unit * solve(estimate / unit, -log(chance), estimate / unit, 0) : 0;
+}
+
+void cts_error_limits(CtsVerified *v)
+{
+    v->rmse_low = v->rmse_high = v->rmse;
+    v->share_high = v->share_above;
+    if (!(v->unit > 0)) /* all was sampled */
+        return;
+    v->rmse_high = sqrt(fmin(upper(v->rmse * v->rmse, v->unit), 1));
+    v->share_high = fmin(upper(v->share_above, v->unit), 1);
+    /* Errors cut at a cap have a mean no larger, and small caps let many small errors count: the best of all caps, each
+     * with its part of the chance. */
+    double low = 0, cap = 1;
+    for (int k = 0; k < CTS_ERROR_CAPS; k++, cap /= 4)
+        low = fmax(low, lower(v->capped[k], v->unit * cap, BEYOND / CTS_ERROR_CAPS));
+    v->rmse_low = sqrt(low);
+}

@@ -1,0 +1,11 @@
+/* Between what limits a picture's error lies, whatever its errors are like. */
+#ifndef CTS_BASE_LIMITS_H
+#define CTS_BASE_LIMITS_H
+
+#include "ctsplat/report.h"
+
+/* rmse_low and rmse_high (together 95 %) and share_high (97.5 %) from rmse, share_above, unit and capped: limits that
+ * hold for any picture, as they assume nothing of pixels that were not sampled. A pixel's squared error is 0..1. */
+void cts_error_limits(CtsVerified *verified);
+
+#endif

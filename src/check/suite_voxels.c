@@ -1,0 +1,218 @@
+/* Things of a voxel's size, steps, and haze beside metal, from all sides and at all scales, against rays through their
+ * voxels. What is thinner than a voxel once opacity has cut it is lost first where an engine looks too rarely. */
+#include "check/suite.h"
+
+#include <math.h>
+
+/* A pixel may be off by this many times what the picture may be off by, rms. */
+#define PIXELWISE 25
+
+typedef struct View {
+    double azimuth_deg, elevation_deg, mm_per_pixel;
+} View;
+
+typedef struct VoxelScene {
+    int dims[3];
+    CtsHuFormula hu;
+    double numbers[4]; /* handed to hu */
+    const CtsCheckPoint *points;
+    int n_points;
+    View view;
+    int width, height;
+    bool lit;
+} VoxelScene;
+
+static double shown(double value)
+{
+    return fmin(fmax(value, 0), 1);
+}
+
+/* Found is the rms over the picture's colours, or a PIXELWISE-th of the largest difference where that is more: the
+ * pixel named is the one furthest off. A scene so dark that a black picture would pass, fails. */
+static void judge(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *s,
+                  const CtsPicture *picture, double bound)
+{
+    const CtsTruthCamera camera = {s->azimuth_deg, s->elevation_deg, s->mm_per_pixel, s->width, s->height};
+    CtsCheckWorst worst = {0};
+    double sum = 0, light = 0;
+    for (int y = 0; y < s->height; y++)
+        for (int x = 0; x < s->width; x++) {
+            const float *found = picture->pixels + 4 * ((size_t)y * (size_t)s->width + (size_t)x);
+            CtsTruthRay ray;
+            double rgba[4] = {0};
+            if (cts_truth_ray(volume, &camera, x, y, &ray))
+                cts_truth_volume(volume, preset, &ray, rgba);
+            for (int c = 0; c < 3; c++) {
+                const double d = shown((double)found[c]) - shown(rgba[c]);
+                sum += d * d;
+                light += shown(rgba[c]) * shown(rgba[c]);
+                cts_check_worst(&worst, x, y, shown(rgba[c]), shown((double)found[c]));
+            }
+        }
+    const double n = 3.0 * s->width * s->height;
+    worst.found = worst.error = fmax(sqrt(sum / n), worst.error / PIXELWISE);
+    worst.expected = 0;
+    cts_check_worst_value(run, &worst, sqrt(light / n) > 4 * bound ? bound : -1);
+}
+
+static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
+{
+    const VoxelScene *v = data;
+    /* The truth's own error at steps that a ray grazes. */
+    const double bound = cts_check_family(run->engine) == CHECK_RAYCAST ? 3e-4 : CHECK_PROMISED;
+    CtsVolume *volume = NULL;
+    CtsPicture *picture = NULL;
+    CtsStatus st = cts_check_volume(&volume, v->dims, (const double[3]){1, 1, 1}, 1, v->hu, v->numbers, err);
+    if (st)
+        return st;
+    CtsPreset preset = cts_check_preset(v->points, v->n_points);
+    preset.shade = v->lit;
+    preset.ambient = 0.2;
+    preset.diffuse = 0.8;
+    preset.specular = 0.3;
+    preset.power = 20;
+    CtsRenderSettings s = cts_check_settings(run, v->width, v->height);
+    s.azimuth_deg = v->view.azimuth_deg;
+    s.elevation_deg = v->view.elevation_deg;
+    s.mm_per_pixel = v->view.mm_per_pixel;
+    if (!(st = cts_check_render(run, volume, &preset, &s, &picture, err)))
+        judge(run, volume, &preset, &s, picture, bound);
+    cts_picture_free(&picture);
+    cts_volume_free(&volume);
+    return st;
+}
+
+enum { SIDE = 24 };
+static const double soft_hu = 40, metal_hu = 2500;
+
+static double every(double at, double step)
+{
+    return fmod(at, step) == 3;
+}
+
+/* numbers: what there is of 1 plates, 2 wires, 3 dots. One voxel each. */
+static double hu_thin(const double vox[3], const void *data)
+{
+    const double *kind = data;
+    const bool z = every(vox[2], 6) != 0, y = every(vox[1], 6) != 0, x = every(vox[0], 6) != 0;
+    return z && (y || kind[0] < 2) && (x || kind[0] < 3) ? metal_hu : soft_hu;
+}
+
+/* A stent: one wire wound about the volume's axis. */
+static double hu_helix(const double vox[3], const void *data)
+{
+    const double radius = 7, pitch = 6, x = vox[0] - 11.5, y = vox[1] - 11.5;
+    const double off = remainder(vox[2] - pitch * atan2(y, x) / (2 * M_PI), pitch);
+    (void)data;
+    return fabs(hypot(x, y) - radius) < 0.6 && fabs(off) < 0.7 ? metal_hu : soft_hu;
+}
+
+/* Two neighbouring grey levels, at random. */
+static double hu_two_levels(const double vox[3], const void *data)
+{
+    const double *low_and_seed = data;
+    const double unit[3] = {0, 1, low_and_seed[1]};
+    return low_and_seed[0] + (cts_hu_noise(vox, unit) > 0.5);
+}
+
+/* Haze with grain for 500 mm, metal of numbers[0] HU to the right of it. */
+static double hu_haze(const double vox[3], const void *data)
+{
+    const double *metal = data;
+    return vox[0] > 7 ? metal[0] : soft_hu + cts_hu_noise(vox, (const double[3]){-20, 20, 7});
+}
+
+/* A lump with grain, in air. */
+static double hu_lump(const double vox[3], const void *data)
+{
+    const double x = (vox[0] - 11) / 8, y = (vox[1] - 12) / 9, z = (vox[2] - 11.4) / 7;
+    return -1000 + 2600 * exp(-(x * x + y * y + z * z + 0.4 * x * y - 0.3 * y * z)) + cts_hu_noise(vox, data);
+}
+
+static const CtsCheckPoint from_1800[] = {{1800, 0, {1, 0.9, 0.7}}, {2500, 0.9, {1, 0.9, 0.7}}};
+static const CtsCheckPoint step_1800[] = {{1800, 0, {1, 0.9, 0.7}}, {1800, 0.9, {1, 1, 1}}};
+static const CtsCheckPoint between_levels[] = {
+    {500.02, 0, {1, 0.7, 0.3}}, {500.5, 1, {1, 0.7, 0.3}}, {500.98, 0, {1, 0.7, 0.3}}};
+static const CtsCheckPoint within_levels[] = {
+    {500.02, 0, {1, 1, 1}}, {500.02, 0.8, {1, 1, 1}}, {500.98, 0.8, {1, 1, 1}}, {500.98, 0, {1, 1, 1}}};
+static const CtsCheckPoint thin_shell[] = {
+    {300.02, 0, {1, 0.7, 0.3}}, {300.5, 1, {1, 0.7, 0.3}}, {300.98, 0, {1, 0.7, 0.3}}};
+static const CtsCheckPoint haze_and_metal[] = {
+    {-500, 0, {1, 1, 1}}, {-500, 3e-5, {1, 1, 1}}, {1500, 3e-5, {1, 1, 1}}, {3000, 1, {1, 1, 1}}};
+static const CtsCheckPoint haze_to_metal[] = {{-500, 0, {1, 1, 1}},
+                                              {-500, 3e-5, {1, 1, 1}},
+                                              {1500, 3e-5, {1, 1, 1}},
+                                              {1600, 1, {1, 1, 1}},
+                                              {20000, 1, {1, 1, 1}}};
+static const CtsCheckPoint step_300[] = {{300, 0, {1, 1, 1}}, {300, 0.9, {1, 1, 1}}};
+static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}},    {400, 0.1, {1, 0.5, 0}},
+                                      {400, 0.02, {0, 1, 1}}, {900, 0.02, {0, 1, 1}}, {900, 1, {1, 1, 1}}};
+
+#define CUBE .dims = {SIDE, SIDE, SIDE}
+#define PLATES CUBE, .hu = hu_thin, .numbers = {1}
+#define WIRES CUBE, .hu = hu_thin, .numbers = {2}
+#define DOTS CUBE, .hu = hu_thin, .numbers = {3}
+#define HELIX CUBE, .hu = hu_helix
+#define LEVELS .dims = {12, 12, 12}, .hu = hu_two_levels, .numbers = {500, 8}
+#define LUMP CUBE, .hu = hu_lump, .numbers = {-30, 30, 4}
+#define HAZE(METAL, POINTS) .dims = {12, 502, 12}, .hu = hu_haze, .numbers = {METAL}, CHECK_POINTS(POINTS)
+#define CHECK_POINTS(ARRAY) .points = (ARRAY), .n_points = (int)(sizeof(ARRAY) / sizeof *(ARRAY))
+/* Magnified: rows lie closer than voxels; reduced: pixels miss voxels. */
+#define QUARTER(AZ, EL) .view = {AZ, EL, 0.25}, .width = 48, .height = 64
+#define HALF(AZ, EL) .view = {AZ, EL, 0.5}, .width = 44, .height = 44
+#define WHOLE(AZ, EL) .view = {AZ, EL, 1}, .width = 32, .height = 32
+#define DOUBLE(AZ, EL) .view = {AZ, EL, 2}, .width = 18, .height = 18
+
+#define VOXELS(NAME, ...)                                                                                              \
+    {                                                                                                                  \
+        NAME, CHECK_OF_TILED | CHECK_OF_RAYCAST, voxels, &(const VoxelScene)                                           \
+        {                                                                                                              \
+            __VA_ARGS__                                                                                                \
+        }                                                                                                              \
+    }
+
+/* What tiled does not keep yet. */
+#define EXACT(NAME, ...)                                                                                               \
+    {                                                                                                                  \
+        NAME, CHECK_OF_RAYCAST, voxels, &(const VoxelScene)                                                            \
+        {                                                                                                              \
+            __VA_ARGS__                                                                                                \
+        }                                                                                                              \
+    }
+
+static const CtsCheckCase cases[] = {
+    EXACT("voxels: plates, magnified", PLATES, CHECK_POINTS(from_1800), QUARTER(0, 0)),
+    EXACT("voxels: plates, magnified, oblique", PLATES, CHECK_POINTS(from_1800), QUARTER(30, 20)),
+    EXACT("voxels: plates, oblique", PLATES, CHECK_POINTS(from_1800), WHOLE(-50, 35)),
+    EXACT("voxels: plates, reduced", PLATES, CHECK_POINTS(from_1800), DOUBLE(120, -65)),
+    VOXELS("voxels: plates by a step, magnified", PLATES, CHECK_POINTS(step_1800), QUARTER(5, 2)),
+    EXACT("voxels: wires, magnified", WIRES, CHECK_POINTS(from_1800), QUARTER(0, 0)),
+    EXACT("voxels: wires, magnified, oblique", WIRES, CHECK_POINTS(from_1800), HALF(-35, 25)),
+    EXACT("voxels: wires, oblique", WIRES, CHECK_POINTS(from_1800), WHOLE(70, 50)),
+    VOXELS("voxels: wires, reduced", WIRES, CHECK_POINTS(from_1800), DOUBLE(200, 10)),
+    EXACT("voxels: dots, magnified", DOTS, CHECK_POINTS(step_1800), QUARTER(0, 0)),
+    EXACT("voxels: dots, magnified, oblique", DOTS, CHECK_POINTS(from_1800), HALF(45, 35.26)),
+    VOXELS("voxels: dots, oblique", DOTS, CHECK_POINTS(step_1800), WHOLE(-20, 70)),
+    EXACT("voxels: dots, reduced", DOTS, CHECK_POINTS(from_1800), DOUBLE(33, 57)),
+    EXACT("voxels: a stent, magnified", HELIX, CHECK_POINTS(from_1800), QUARTER(0, 0)),
+    EXACT("voxels: a stent, magnified, oblique", HELIX, CHECK_POINTS(from_1800), HALF(30, 20)),
+    VOXELS("voxels: a stent from the head", HELIX, CHECK_POINTS(from_1800), WHOLE(10, 85)),
+    EXACT("voxels: a stent, reduced", HELIX, CHECK_POINTS(from_1800), DOUBLE(-110, -15)),
+    EXACT("voxels: a peak between two levels", LEVELS, CHECK_POINTS(between_levels), QUARTER(0, 0)),
+    EXACT("voxels: a peak between two levels, oblique", LEVELS, CHECK_POINTS(between_levels), HALF(25, -40)),
+    EXACT("voxels: a plateau between two levels, oblique", LEVELS, CHECK_POINTS(within_levels), WHOLE(-60, 15)),
+    EXACT("voxels: a shell between two levels", LUMP, CHECK_POINTS(thin_shell), HALF(30, 20)),
+    VOXELS("voxels: haze beside metal of 3000 HU", HAZE(3000, haze_and_metal), HALF(0, 0)),
+    VOXELS("voxels: haze beside metal of 3000 HU, oblique", HAZE(3000, haze_and_metal), QUARTER(0.4, 0.3)),
+    EXACT("voxels: haze beside metal of 20000 HU", HAZE(20000, haze_to_metal), HALF(0, 0)),
+    EXACT("voxels: haze beside metal of 20000 HU, oblique", HAZE(20000, haze_to_metal), WHOLE(0.5, -0.2)),
+    VOXELS("voxels: a step, magnified", LUMP, CHECK_POINTS(step_300), QUARTER(0, 0)),
+    VOXELS("voxels: a step, magnified, oblique", LUMP, CHECK_POINTS(step_300), HALF(30, 20)),
+    VOXELS("voxels: a step, oblique", LUMP, CHECK_POINTS(step_300), WHOLE(-125, 40)),
+    VOXELS("voxels: a step, lit, oblique", LUMP, CHECK_POINTS(step_300), HALF(-30, 15), .lit = true),
+    VOXELS("voxels: a step, lit, reduced", LUMP, CHECK_POINTS(step_300), DOUBLE(60, -25), .lit = true),
+    EXACT("voxels: steps of colour, oblique", LUMP, CHECK_POINTS(steps), HALF(80, 30)),
+    VOXELS("voxels: steps of colour, lit, oblique", LUMP, CHECK_POINTS(steps), WHOLE(155, 5), .lit = true),
+};
+
+const CtsCheckTable cts_check_voxels = {cases, sizeof cases / sizeof *cases};

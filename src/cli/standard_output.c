@@ -1,0 +1,117 @@
+#include "cli/standard_output.h"
+
+#include "cli/interrupt.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static bool is_standard_output(const char *output)
+{
+    return !strcmp(output, "-");
+}
+
+static CtsStatus check(const CliOptions *options, int n, CtsError *err)
+{
+    if (n == 0 && options->format)
+        return cts_fail(err, CTS_ERR_USAGE, "--format %s: says what -o - writes, and no output is -",
+                        options->format->name);
+    if (n == 0)
+        return CTS_OK;
+    if (n > 1)
+        return cts_fail(err, CTS_ERR_USAGE, "-: given twice with -o");
+    if (!options->format)
+        return cts_fail(err, CTS_ERR_USAGE, "-o -: has no ending that names a format (give --format)");
+    if (options->rotation > 1 && !options->format->many_frames)
+        return cts_fail(err, CTS_ERR_USAGE, "-o -: one .%s holds one picture, not the %d of a rotation",
+                        options->format->name, options->rotation);
+    if (isatty(STDOUT_FILENO))
+        return cts_fail(err, CTS_ERR_USAGE, "-o -: standard output is a terminal (send it into a file or a program)");
+    return CTS_OK;
+}
+
+static CtsStatus make_folder(CliStandardOutput *to, CtsError *err)
+{
+    const char *root = getenv("TMPDIR");
+    char *folder;
+    if (asprintf(&folder, "%s/ctsplat-XXXXXX", root && *root == '/' ? root : "/tmp") < 0)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!mkdtemp(folder)) {
+        const CtsStatus st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s (set TMPDIR to a folder with room)",
+                                      folder, strerror(errno));
+        free(folder);
+        return st;
+    }
+    to->folder = folder;
+    cli_interrupt_removes(folder);
+    return CTS_OK;
+}
+
+CtsStatus cli_standard_output_begin(CliStandardOutput *to, const CliOptions *options, CtsJob *job, CtsError *err)
+{
+    int n = 0;
+    for (int i = 0; i < options->n_outputs; i++)
+        n += is_standard_output(options->outputs[i]);
+    CtsStatus st = check(options, n, err);
+    if (st || n == 0 || options->render.explain)
+        return st;
+    if ((st = make_folder(to, err)))
+        return st;
+    to->format = options->format->name;
+    to->outputs = calloc((size_t)options->n_outputs, sizeof *to->outputs);
+    if (!to->outputs || asprintf(&to->path, "%s/picture.%s", to->folder, to->format) < 0) {
+        to->path = NULL;
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    for (int i = 0; i < options->n_outputs; i++)
+        to->outputs[i] = is_standard_output(options->outputs[i]) ? to->path : options->outputs[i];
+    job->outputs.paths = to->outputs;
+    return CTS_OK;
+}
+
+static CtsStatus write_all(const char *data, size_t n, CtsError *err)
+{
+    while (n > 0) {
+        const ssize_t written = write(STDOUT_FILENO, data, n);
+        if (written < 0 && errno == EINTR)
+            continue;
+        if (written < 0)
+            return cts_fail(err, CTS_ERR_OUTPUT, "standard output: %s", strerror(errno));
+        data += written;
+        n -= (size_t)written;
+    }
+    return CTS_OK;
+}
+
+CtsStatus cli_standard_output_write(const CliStandardOutput *to, uint64_t *bytes, CtsError *err)
+{
+    char piece[1 << 16];
+    CtsStatus st = CTS_OK;
+    ssize_t n = 0;
+    *bytes = 0;
+    const int fd = open(to->path, O_RDONLY | O_CLOEXEC);
+    while (fd >= 0 && !st && (n = read(fd, piece, sizeof piece)) > 0) {
+        st = write_all(piece, (size_t)n, err);
+        *bytes += (uint64_t)n;
+    }
+    if (!st && (fd < 0 || n < 0))
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read back: %s", to->path, strerror(errno));
+    if (fd >= 0)
+        close(fd);
+    return st;
+}
+
+void cli_standard_output_end(CliStandardOutput *to)
+{
+    cli_interrupt_removes(NULL);
+    if (to->path)
+        unlink(to->path);
+    if (to->folder)
+        rmdir(to->folder);
+    free(to->path);
+    free(to->folder);
+    free(to->outputs);
+    *to = (CliStandardOutput){0};
+}

@@ -1,0 +1,17 @@
+# A progress bar shows on a terminal alone, and moves inside one picture, whose bytes it does not change.
+command -v script >/dev/null || exit 77
+unset XDG_CONFIG_HOME
+small="-p skin --size 200x900"
+ok render "$data/phantom" $small -o piped.png
+[ ! -s err ] || fail "words where nobody watches"
+TERM=xterm script -qec "'$ctsplat' render '$data/phantom' $small -o watched.png" /dev/null </dev/null >terminal
+cmp piped.png watched.png || fail "watching changes the picture"
+# Searching, reading, and the picture in bands of 256 rows: from 2 to 3 of 3 steps, 24 marks wide.
+bars=$(tr '\r' '\n' <terminal | grep -c '] rendering')
+[ "$bars" -ge 5 ] || fail "the bar stands still while a picture is made: $(tr '\r' '\n' <terminal)"
+tr '\r' '\n' <terminal | grep -q '\[################        \] rendering' || fail "no beginning"
+tr '\r' '\n' <terminal | grep -q '\[##################      \] rendering' || fail "no step in between"
+tr '\r' '\n' <terminal | grep -q '\[########################\] rendering' || fail "no end"
+TERM=dumb script -qec "'$ctsplat' render '$data/phantom' $small -o dumb.png" /dev/null </dev/null >terminal
+grep -q rendering terminal && fail "a bar on a dumb terminal"
+cmp piped.png dumb.png

@@ -1,0 +1,72 @@
+# What stderr says of the input: the series that was taken and those that were not, files left out, files that are no CT.
+small="--size 16x16 --engine classic"
+
+# IN OUT FROM TO: a copy in which one UID stands for another of the same length.
+with_uid()
+{
+    LC_ALL=C sed "s/$(printf %s "$3" | sed 's/\./\\./g')/$4/g" "$1" >"$2"
+    cmp -s "$1" "$2" && fail "$1 does not hold $3"
+}
+
+# The series with the most slices cannot be decoded: it is named with its reason, and so is the smaller one.
+mkdir -p many/larger
+cp "$data"/series/two/* many
+n=0
+for file in "$data"/phantom/IM000?.dcm "$data"/phantom/IM001?.dcm; do
+    n=$((n + 1))
+    with_uid "$file" many/larger/$n.dcm 1.2.840.10008.1.2.1 1.2.840.10008.1.2.9
+done
+ok render many $small -o taken.png --log log
+larger=$("$ctsplat" info many/larger | sed -n 's/^series //p')
+has err "^ctsplat: warning: 3 series found; taking 2\.25\.2004 \([0-9]+ slices\), .*can be rendered; --series takes another$"
+has err "^ctsplat: warning: not taken: $larger \(19 slices\): transfer syntax 1\.2\.840\.10008\.1\.2\.9 "
+has err '^ctsplat: warning: not taken: 2\.25\.2005 \([0-9]+ slices\): fewer slices$'
+[ "$(wc -l <err)" = 3 ] || fail "more than the three series are told of"
+ok render many $small --series 2.25.2004 -o named.png
+[ ! -s err ] || fail "a choice was told that the user made"
+cmp taken.png named.png || fail "another series was taken than was said"
+# In the log series go by their hashes.
+has log '"code":"series_not_taken".*uid:[0-9a-f]{16} .*1\.2\.840\.10008\.1\.2\.9'
+grep -qF -e "$larger" -e 2.25.2005 log && fail "the log names a series"
+run render many/larger $small -o none.png --log failed
+[ $code = 3 ] || fail "exit code $code"
+has failed '"failed".*series uid:[0-9a-f]{16}: transfer syntax 1\.2\.840\.10008\.1\.2\.9 '
+
+# Damaged files are named, each: one whose header ends too early, one without all of its pixels, two left out alike.
+mkdir damaged
+cp "$data"/phantom/* damaged
+for file in IM0007 IM0021; do
+    head -c 5000 "$data/phantom/$file.dcm" >damaged/$file.dcm
+done
+head -c 300 "$data/phantom/IM0030.dcm" >damaged/IM0030.dcm
+ok render damaged $small -o damaged.png
+for file in IM0007 IM0021 IM0030; do
+    [ "$(grep -c "warning: .*$file.dcm: " err)" = 1 ] || fail "$file is not named once"
+done
+
+# What is no CT is told by what it is, and where nothing else is there the refusal says so.
+mkdir other
+with_uid "$data/phantom/IM0001.dcm" other/mr.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.840.10008.5.1.4.1.1.4
+cp other/mr.dcm other/mr-2.dcm
+with_uid "$data/phantom/IM0001.dcm" other/odd.dcm 1.2.840.10008.5.1.4.1.1.2 1.2.826.0.1.99999.5.1.4.2
+echo text >other/notes.txt
+ok info "$data/phantom" other
+has out '4 files passed over \(2 MR Image, 1 not DICOM, 1 of SOP class 1\.2\.826\.0\.1\.99999\.5\.1\.4\.2\), 0 not readable$'
+ok info "$data/phantom" other --json
+grep -A4 '"others"' out | tr -d ' \n' | grep -qF '{"MRImage":2,"notDICOM":1,"ofSOPclass1.2.826.0.1.99999.5.1.4.2":1}' ||
+    fail "the JSON counts other files otherwise: $(grep -A4 others out)"
+refused 3 'other: no CT slice among 4 files: 2 MR Image, 1 not DICOM, 1 of SOP class [0-9.]* \(' render other -o x.png
+refused 3 'mr.dcm: no CT slice among 1 file: 1 MR Image \(' info other/mr.dcm
+
+# A reason is told once.
+for folder in "$data"/geometry/many-missing "$data"/geometry/one-slice many/larger; do
+    ok info "$folder"
+    has out '^  renderable +no: '
+    why=$(sed -n 's/^  renderable  *no: //p' out)
+    [ "$(grep -cF "$why" out)" = 1 ] || fail "the reason of $folder stands there twice"
+done
+
+# What an engine lacks is told with the engines that have it; a plot is what its name says.
+refused 2 'engine tiled has no kernel bspline \(classic, layers, void, combined and raycast have\)' \
+    render "$data/phantom" --size 16x16 --kernel bspline -o x.png
+refused 2 'x.png: its name must end in .svg' check --plot x.png
