@@ -25,13 +25,26 @@ static struct {
     pthread_cond_t work; /* there are loops that want helpers */
     Loop *loops;
     int n_helpers, n_idle;
-} pool = {.lock = PTHREAD_MUTEX_INITIALIZER, .work = PTHREAD_COND_INITIALIZER};
+    bool stopping, has_ended; /* helpers that find no work end; one did */
+    pthread_t ended;          /* the last that did, which joins the one before */
+    pthread_cond_t gone;      /* a helper ends */
+} pool = {.lock = PTHREAD_MUTEX_INITIALIZER, .work = PTHREAD_COND_INITIALIZER, .gone = PTHREAD_COND_INITIALIZER};
 
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 
+/* Idle helpers end before a fork. A thread that has just begun, or ends, may hold a lock of the C library or of a
+ * sanitizer, which the child would find locked for ever. */
 static void before_fork(void)
 {
     pthread_mutex_lock(&pool.lock);
+    pool.stopping = true;
+    pthread_cond_broadcast(&pool.work);
+    while (pool.n_helpers && !pool.loops)
+        pthread_cond_wait(&pool.gone, &pool.lock);
+    pool.stopping = false;
+    if (pool.has_ended)
+        pthread_join(pool.ended, NULL);
+    pool.has_ended = false;
 }
 
 static void after_fork(void)
@@ -44,6 +57,7 @@ static void in_child(void)
 {
     pthread_mutex_init(&pool.lock, NULL);
     pthread_cond_init(&pool.work, NULL);
+    pthread_cond_init(&pool.gone, NULL);
     pool.loops = NULL;
     pool.n_helpers = pool.n_idle = 0;
 }
@@ -76,6 +90,8 @@ static void *help(void *unused)
     pthread_mutex_lock(&pool.lock);
     for (;;) {
         Loop *const loop = find_loop();
+        if (!loop && pool.stopping)
+            break;
         if (!loop) {
             pool.n_idle++;
             pthread_cond_wait(&pool.work, &pool.lock);
@@ -91,22 +107,26 @@ static void *help(void *unused)
         if (--loop->n_busy == 0)
             pthread_cond_signal(&loop->left);
     }
+    const bool is_first = !pool.has_ended;
+    const pthread_t before = pool.ended;
+    pool.ended = pthread_self();
+    pool.has_ended = true;
+    pool.n_helpers--;
+    pthread_cond_signal(&pool.gone);
+    pthread_mutex_unlock(&pool.lock);
+    if (!is_first)
+        pthread_join(before, NULL);
     return unused;
 }
 
 static bool add_helper(void)
 {
     pthread_t thread;
-    pthread_attr_t attr;
     sigset_t all, before;
-    if (pthread_attr_init(&attr))
-        return false;
     sigfillset(&all);
-    pthread_attr_setdetachstate(&attr, PTHREAD_CREATE_DETACHED);
     pthread_sigmask(SIG_SETMASK, &all, &before);
-    const bool added = !pthread_create(&thread, &attr, help, NULL);
+    const bool added = !pthread_create(&thread, NULL, help, NULL);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
-    pthread_attr_destroy(&attr);
     pool.n_helpers += added;
     return added;
 }

@@ -4,6 +4,7 @@
 #include "base/parallel.h"
 #include "folder.h"
 #include "unit.h"
+#include <dirent.h>
 #include <math.h>
 #include <pthread.h>
 #include <sched.h>
@@ -90,6 +91,34 @@ static void test_many_callers(void **state)
         assert_int_equal(pthread_create(&threads[i], NULL, loop_often, NULL), 0);
     for (int i = 0; i < 4; i++)
         pthread_join(threads[i], NULL);
+}
+
+static atomic_int most_threads;
+
+/* Registered before the pool's own, so it runs after that. */
+static void count_threads(void)
+{
+    int n = 0;
+    DIR *const tasks = opendir("/proc/self/task");
+    assert_non_null(tasks);
+    for (const struct dirent *task; (task = readdir(tasks));)
+        n += task->d_name[0] != '.';
+    closedir(tasks);
+    most_threads = n > most_threads ? n : most_threads;
+}
+
+static void test_alone_at_fork(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 200; i++) {
+        check_loop(4, 8, 1);
+        const pid_t child = fork();
+        assert_true(child >= 0);
+        if (!child)
+            _exit(0);
+        assert_int_equal(waitpid(child, NULL, 0), child);
+    }
+    assert_int_equal(most_threads, 1);
 }
 
 static void test_after_fork(void **state)
@@ -197,8 +226,11 @@ static void test_environment(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_each_item_once), cmocka_unit_test(test_nested), cmocka_unit_test(test_many_callers),
-        cmocka_unit_test(test_after_fork),     cmocka_unit_test(test_quota),  cmocka_unit_test(test_environment),
+        cmocka_unit_test(test_each_item_once), cmocka_unit_test(test_nested),     cmocka_unit_test(test_many_callers),
+        cmocka_unit_test(test_alone_at_fork),  cmocka_unit_test(test_after_fork), cmocka_unit_test(test_quota),
+        cmocka_unit_test(test_environment),
     };
+    if (pthread_atfork(count_threads, NULL, NULL))
+        return 1;
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
