@@ -180,7 +180,6 @@ static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsReport *r
     Rows rows = {scene, caster, picture};
     cts_parallel(scene->settings->n_threads, (size_t)picture->height, 1, render_rows, &rows);
     cts_raycaster_free(&caster);
-    cts_report_skip(report, "footprint, splat, warp", "each pixel is integrated along its own ray");
     cts_report_stage(report, CTS_STAGE_COMPOSITE, cts_wall_ms() - wall, cts_cpu_ms() - cpu, n, 0);
     return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }

@@ -24,6 +24,7 @@ struct CtsFrames {
     CtsFoundKey key;
     bool key_found, key_told;
     void *kept;               /* the engine's */
+    int n_begun;              /* frames */
     CtsVisible *visible;      /* made when a frame is fitted to it */
     CtsRenderSettings fitted; /* of the last view that was fitted, where is_fitted says so */
     bool is_fitted;
@@ -308,6 +309,7 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
         return st;
     frame->store.scene.plan = task->plan;
     frame->store.scene.kept = &f->kept;
+    frame->store.scene.frame = f->n_begun++;
     if ((st = find_lut(f, &frame->store.scene, report, err)))
         return st;
     tell_key(f, report);

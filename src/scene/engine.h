@@ -27,6 +27,7 @@ typedef struct CtsScene {
     /* What the engine keeps from frame to frame of one volume and one preset: *kept is NULL for the first frame, then
      * what the engine left there. NULL for a picture by itself. */
     void **kept;
+    int frame; /* its number among those; bands of one picture have the same */
 } CtsScene;
 
 /* Half a level of an 8-bit display, which no eye sees; as a share of the display's range. */

@@ -70,10 +70,8 @@ static CtsStatus plan_look(CtsPaperPlan *p, CtsError *err)
 static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    if (!p->skip_void) {
-        cts_report_skip(report, "void skipping", "engine %s splats every voxel", p->reuse ? "layers" : "classic");
+    if (!p->skip_void)
         return CTS_OK;
-    }
     if ((st = cts_void_map_new(&p->map, &p->stack, &p->patches, &p->rule, macrocells, p->n_threads, err)))
         return st;
     int n_empty = 0;
@@ -93,10 +91,8 @@ static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, Cts
 static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
 {
     CtsChangeSample sample;
-    if (!p->reuse) {
-        cts_report_skip(report, "layer reuse", "engine %s splats each layer anew", p->skip_void ? "void" : "classic");
+    if (!p->reuse)
         return CTS_OK;
-    }
     const CtsStatus st = cts_layers_sample(&p->stack, p->skip_void ? &p->map : NULL, p->tolerance, p->n_sheets,
                                            p->scene->view.axis_sign, &sample, err);
     if (st)

@@ -5,7 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-static const char *const EARLIER = "made for an earlier frame";
+static void tell(const CtsScene *scene, const char *what, int made_for, CtsReport *report)
+{
+    if (made_for != scene->frame)
+        cts_report_skip(report, what, "made for an earlier frame");
+}
 
 CtsStatus cts_tiled_kept_open(const CtsScene *scene, TiledKept **kept, CtsError *err)
 {
@@ -43,6 +47,10 @@ static bool same_axes(const CtsLayout *a, const CtsLayout *b)
 CtsStatus cts_tiled_kept_macrocells(TiledKept *kept, const CtsScene *scene, const CtsMacrocells **macrocells,
                                     CtsReport *report, CtsError *err)
 {
+    if (kept->own_macrocells)
+        tell(scene, "macro-cells", kept->macrocells_frame, report);
+    else
+        kept->macrocells_frame = scene->frame;
     return cts_scene_macrocells(scene, &kept->own_macrocells, macrocells, report, err);
 }
 
@@ -52,19 +60,21 @@ CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const Ct
     CtsStatus st;
     const int axes[3] = {layout->axis_u, layout->axis_v, layout->axis_k};
     if (kept->table.sum && kept->table_scale == scene->extinction_scale) {
-        cts_report_skip(report, "slab integrals", "%s", EARLIER);
+        tell(scene, "slab integrals", kept->table_frame, report);
     } else {
         cts_slab_table_free(&kept->table);
         if ((st = cts_slab_table_init(&kept->table, scene, macrocells->all, err)))
             return st;
         kept->table_scale = scene->extinction_scale;
+        kept->table_frame = scene->frame;
     }
     if (kept->empty.distance && !memcmp(kept->empty_axes, axes, sizeof axes)) {
-        cts_report_skip(report, "distances to what is visible", "%s", EARLIER);
+        tell(scene, "distances to what is visible", kept->empty_frame, report);
         return CTS_OK;
     }
     cts_empty_space_free(&kept->empty);
     memcpy(kept->empty_axes, axes, sizeof axes);
+    kept->empty_frame = scene->frame;
     return cts_empty_space_init(&kept->empty, macrocells, layout, scene->lut, scene->settings->n_threads, err);
 }
 
@@ -84,7 +94,7 @@ CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reac
     }
     *layout = kept->copied;
     if (reach <= kept->copied_reach) {
-        cts_report_skip(report, "transposed copy", "%s", EARLIER);
+        tell(scene, "transposed copy", kept->copied_frame, report);
         return CTS_OK;
     }
     const CtsEmptySpace *empty = &kept->empty;
@@ -92,6 +102,7 @@ CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reac
     const int64_t n = cts_layout_copy(layout, scene->volume, &wanted, scene->settings->n_threads);
     const uint64_t voxels = (uint64_t)n * CTS_MACROCELL * CTS_MACROCELL * CTS_MACROCELL;
     kept->copied_reach = reach;
+    kept->copied_frame = scene->frame;
     cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, voxels, 2 * voxels);
     return CTS_OK;
 }

@@ -9,14 +9,19 @@
 #include "tiled/slab.h"
 #include "volume/macrocells.h"
 
+/* Each with the frame that it was made for: only to a later one it is something that was there already. */
 typedef struct TiledKept {
     CtsMacrocells *own_macrocells; /* where the volume has none */
-    CtsLayout copied;              /* the last layout that needed a copy; one at a time, so memory stays bounded */
-    int copied_reach;              /* it holds the macro-cells up to this far from a visible one */
+    int macrocells_frame;
+    CtsLayout copied; /* the last layout that needed a copy; one at a time, so memory stays bounded */
+    int copied_reach; /* it holds the macro-cells up to this far from a visible one */
+    int copied_frame;
     CtsSlabTable table;
     double table_scale; /* extinction_scale of table, 0 before it is made */
+    int table_frame;
     CtsEmptySpace empty;
     int empty_axes[3];
+    int empty_frame;
 } TiledKept;
 
 /* The scene's own, or one for this picture alone. Pair with cts_tiled_kept_close(). */

@@ -51,9 +51,6 @@ void cts_tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLa
                         255 * (double)j->may_change);
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
                     (double)j->stop_transmittance, j->shade ? "on" : "off", simd_path, s->n_threads);
-    cts_report_skip(report, "point samples", "two table entries integrate a whole slab");
-    cts_report_skip(report, "warp", "sheets are sampled where the final pixels' rays cross them");
-    cts_report_skip(report, "layer reuse", "a 2 x 2 stencil costs less than comparing layers");
     if (layout->grey)
         cts_report_skip(report, "transposed copy", "rows already lie along the %s", axes[layout->axis_u]);
     else
