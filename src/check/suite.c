@@ -5,6 +5,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* An error that nobody asks for is not told either. */
+#define UNTOLD (0.01 / 255)
+/* Twice the error that a single pixel may have where pictures keep what is promised of them. */
+#define CHECK_BRIGHT (50 * CHECK_PROMISED)
+
 CtsCheckFamily cts_check_family(CtsEngineId engine)
 {
     switch (engine) {
@@ -64,9 +69,12 @@ CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsP
     run->scene.azimuth_deg = settings->azimuth_deg;
     run->scene.elevation_deg = settings->elevation_deg;
     run->scene.mm_per_pixel = settings->mm_per_pixel;
-    const CtsStatus st = cts_render(volume, preset, settings, picture, NULL, err);
+    CtsReport report = {0};
+    const CtsStatus st = cts_render(volume, preset, settings, picture, &report, err);
     if (!st)
         run->scene.mm_per_pixel = (*picture)->info.mm_per_pixel;
+    run->told = report.bound;
+    cts_report_free(&report);
     return st;
 }
 
@@ -86,15 +94,25 @@ CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int heig
 void cts_check_worst(CtsCheckWorst *worst, int x, int y, double expected, double found)
 {
     const double error = isnan(found) ? INFINITY : fabs(found - expected);
-    if (error >= worst->error)
-        *worst = (CtsCheckWorst){expected, found, error, x, y};
+    worst->dark = worst->dark || (expected > CHECK_BRIGHT && found < expected / 2);
+    if (error < worst->error)
+        return;
+    worst->expected = expected;
+    worst->found = found;
+    worst->error = error;
+    worst->x = x;
+    worst->y = y;
 }
 
 void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double bound)
 {
     run->scene.x = worst->x;
     run->scene.y = worst->y;
-    state(run, worst->expected, worst->found, worst->error, bound, NULL);
+    const bool above = run->told.known && worst->rms > run->told.rmse + UNTOLD;
+    state(run, worst->expected, worst->found, worst->error, bound,
+          worst->dark ? "a pixel has lost half of its light"
+          : above     ? "the error is above what the report tells"
+                      : NULL);
 }
 
 CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, double bound, CtsError *err)
@@ -107,7 +125,7 @@ CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, doub
     const CtsTruthCamera camera = {settings->azimuth_deg, settings->elevation_deg, settings->mm_per_pixel,
                                    settings->width, settings->height};
     CtsCheckWorst worst = {0};
-    double brightest = 0;
+    double brightest = 0, sum = 0;
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
             CtsTruthRay ray;
@@ -118,13 +136,14 @@ CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, doub
             for (int c = 0; c < 4; c++) {
                 cts_check_worst(&worst, x, y, rgba[c], (double)found[c]);
                 brightest = fmax(brightest, rgba[c]);
+                sum += c < 3 ? (rgba[c] - (double)found[c]) * (rgba[c] - (double)found[c]) : 0;
             }
         }
+    worst.rms = sqrt(sum / (3.0 * settings->width * settings->height));
     cts_picture_free(&picture);
-    run->scene.x = worst.x;
-    run->scene.y = worst.y;
-    state(run, worst.expected, worst.found, worst.error, bound,
-          brightest > 0 && 2 * bound > brightest ? "the bound would let half of the light be missing" : NULL);
+    if (brightest > 0 && 2 * bound > brightest)
+        bound = -1; /* half of the light might be missing */
+    cts_check_worst_value(run, &worst, bound);
     return CTS_OK;
 }
 

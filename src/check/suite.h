@@ -6,6 +6,7 @@
 #include "check/check_scene.h"
 #include "check/truth.h"
 #include "ctsplat/render.h"
+#include "ctsplat/report.h"
 #include <stddef.h>
 
 /* Engines that share their numerics share their bounds. */
@@ -33,6 +34,7 @@ typedef struct CtsCheckRun {
     CtsEngineId engine;
     int n_cases, n_failed;
     CtsCheckScene scene;
+    CtsErrorBound told; /* of the picture that was rendered last */
 } CtsCheckRun;
 
 typedef struct CtsCheckCase {
@@ -64,8 +66,11 @@ CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsP
 typedef struct CtsCheckWorst {
     double expected, found, error;
     int x, y;
+    bool dark;  /* a value that should be bright has lost half of its light */
+    double rms; /* of the picture's colours; 0: not known */
 } CtsCheckWorst;
 void cts_check_worst(CtsCheckWorst *worst, int x, int y, double expected, double found);
+/* Fails whatever the bound where a pixel is dark, or rms is above what the picture's report tells. */
 void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double bound);
 
 /* Truth of one pixel; ray is NULL where it misses the box. */
