@@ -1,0 +1,289 @@
+#!/usr/bin/env python3
+"""Holds tiled's error bound to the ray caster on random scenes: sweep.py CTSPLAT RAW2CT [DATA]
+
+Volumes (noise, plates, wires, dots, a helix, balls, metal and haze, levels side by side; one series of DATA in four
+where it is there), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lights at random.
+Every picture by engine tiled is compared with the one by engine raycast. Faults are: a picture whose error is above the
+bound that its log tells, rms or largest; one above what was asked for, 0.5/255 rms by default, without a warning; one
+that is not made. Each is printed with the commands that show it, and its series is kept in soak-failures/. The same
+--seed repeats the same scenes; --only N makes round N alone."""
+import argparse
+import json
+import math
+import os
+import random
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+
+import numpy as np
+
+BUILT_IN = [
+    'bone', 'skin', 'muscle', 'lung', 'vessel', 'metal', 'ct-aaa', 'ct-air', 'ct-bone', 'ct-bones', 'ct-cardiac3',
+    'ct-chest-vessels', 'ct-coronary-arteries', 'ct-cropped-volume-bone', 'ct-fat', 'ct-liver-vasculature', 'ct-lung',
+    'ct-mip', 'ct-muscle', 'ct-pulmonary-arteries', 'ct-soft-tissue', 'ct-x-ray',
+]
+# 16-bit pictures of both engines are rounded, each by less than this rms and by half a level at most.
+ROUNDED, ROUNDED_MOST = 0.003 / 255, 1.1 / 65535
+
+
+def grid(dims):
+    """z, y, x of each voxel, as the raw volume lies."""
+    return np.meshgrid(*(np.arange(n, dtype=float) for n in reversed(dims)), indexing='ij')
+
+
+def thin(r, rng, dims, kinds):
+    z, y, x = grid(dims)
+    step, at = r.choice([4, 5, 6, 8, 11]), 2
+    hu = np.full(z.shape, r.choice([-1000.0, 0, 40]))
+    axes = r.sample([z, y, x], 3)
+    mask = axes[0] % step == at
+    for axis in axes[1:kinds]:
+        mask &= axis % step == at
+    hu[mask] = r.choice([300, 1500, 2500, 12000, 20000])
+    return hu
+
+
+def helix(r, rng, dims):
+    z, y, x = grid(dims)
+    x, y = x - dims[0] / 2, y - dims[1] / 2
+    pitch, radius = r.choice([5, 8]), 0.3 * min(dims[:2])
+    off = np.abs((z - pitch * np.arctan2(y, x) / (2 * math.pi) + pitch / 2) % pitch - pitch / 2)
+    return np.where((np.abs(np.hypot(x, y) - radius) < 0.6) & (off < 0.7), r.choice([2500, 20000]), 40.0)
+
+
+def balls(r, rng, dims):
+    z, y, x = grid(dims)
+    hu = np.full(z.shape, -1000.0)
+    for _ in range(r.choice([1, 3, 12])):
+        c = [r.uniform(0, n) for n in dims]
+        d = np.sqrt((x - c[0]) ** 2 + (y - c[1]) ** 2 + (z - c[2]) ** 2)
+        size, edge = r.uniform(1, 0.4 * min(dims)), r.choice([0.3, 1, 4])
+        hu = np.maximum(hu, -1000 + r.choice([1040, 1300, 2000, 4000]) * np.clip((size - d) / edge + 0.5, 0, 1))
+    return hu + rng.normal(0, r.choice([0, 0, 15]), hu.shape)
+
+
+def waves(r, rng, dims):
+    z, y, x = grid(dims)
+    k = [r.uniform(0.05, 1.2) for _ in range(3)]
+    return 300 + r.choice([200, 1000]) * np.sin(k[0] * x) * np.cos(k[1] * y + 0.3) * np.cos(k[2] * z)
+
+
+def haze(r, rng, dims):
+    z, y, x = grid(dims)
+    hu = 40 + rng.uniform(-20, 20, z.shape)
+    hu[r.choice([x, y, z]) > 0.7 * min(dims)] = r.choice([3000, 20000])
+    return hu
+
+
+VOLUMES = {
+    'noise': lambda r, rng, d: rng.normal(r.choice([0, 300]), r.choice([30, 300, 1500]), tuple(reversed(d))),
+    'plates': lambda r, rng, d: thin(r, rng, d, 1),
+    'wires': lambda r, rng, d: thin(r, rng, d, 2),
+    'dots': lambda r, rng, d: thin(r, rng, d, 3),
+    'helix': helix,
+    'balls': balls,
+    'waves': waves,
+    'haze': haze,
+    'levels': lambda r, rng, d: 500.0 + rng.integers(0, 2, tuple(reversed(d))),
+}
+
+
+def make_volume(r, kind, raw2ct, folder):
+    """Writes a series; its HU's range and how far apart voxels lie."""
+    dims = [r.randint(12, 44) for _ in range(3)]
+    spacing = r.choice([[1, 1, 1], [0.5, 0.5, 0.5], [0.7, 0.7, 1], [1, 1, 3], [0.9, 0.9, 0.3]])
+    hu = VOLUMES[kind](r, np.random.default_rng(r.getrandbits(32)), dims)
+    hu = np.clip(np.rint(hu), -1024, 30000).astype('<i2')
+    raw = os.path.join(folder, 'raw')
+    hu.tofile(raw)
+    subprocess.run([raw2ct, '--size', ','.join(map(str, dims)), '--spacing', ','.join(map(str, spacing)), raw,
+                    os.path.join(folder, 'series')], check=True, stdout=subprocess.DEVNULL)
+    os.remove(raw)
+    return float(hu.min()), float(hu.max()), min(spacing), max(n * s for n, s in zip(dims, spacing))
+
+
+def rgb(r):
+    return [round(r.random(), 2) for _ in range(3)]
+
+
+def make_preset(r, low, high, path):
+    """A preset for HU from low to high; its kind."""
+    kind = r.choice(['step', 'step', 'ramp', 'peaks', 'stripes', 'between'])
+    at = r.uniform(low + 0.05 * (high - low), high - 0.05 * (high - low))
+    a = r.choice([1, 0.9, 0.5, 0.1, 0.01])
+    if kind == 'step':
+        points = [(at, 0, rgb(r)), (at, a, rgb(r)), (high + 1, a, rgb(r))]
+    elif kind == 'ramp':
+        points = [(at, 0, rgb(r)), (at + r.choice([1, 30, 300]), a, rgb(r))]
+    elif kind == 'between':
+        level = math.floor(at)
+        points = [(level + 0.02, 0, rgb(r)), (level + 0.5, 1, rgb(r)), (level + 0.98, 0, rgb(r))]
+    elif kind == 'peaks':
+        width, points = r.choice([2, 20, 200]), []
+        for k in range(r.randint(1, 4)):
+            c = at + 3 * k * width
+            colour = rgb(r)
+            points += [(c - width / 2, 0, colour), (c, a, colour), (c + width / 2, 0, colour)]
+    else:
+        n, points = r.randint(2, 8), []
+        for k in range(n):
+            hu, colour, b = low + (high - low) * (k + r.random()) / n, rgb(r), r.choice([0, 0.02, 0.3, 1])
+            points += [(hu, points[-1][1] if points else 0, points[-1][2] if points else colour), (hu, b, colour)]
+    shade = None
+    if r.random() < 0.4:
+        shade = {'ambient': round(r.random(), 2), 'diffuse': round(r.random(), 2),
+                 'specular': r.choice([0, 0.2, 0.8]), 'power': r.choice([1, 10, 100, 1000])}
+    with open(path, 'w') as f:
+        json.dump({'name': kind, 'shade': shade, 'remove_table': False,
+                   'points': [{'hu': h, 'opacity': o, 'rgb': c} for h, o, c in points]}, f)
+    return kind + (' lit' if shade else '')
+
+
+def make_view(r):
+    if r.random() < 0.2:
+        return '%g,%g' % (r.choice([0, 90, 180, 270]), r.choice([0, 0, 0, 90, -90]))
+    if r.random() < 0.2:
+        return '%.3f,%.3f' % (r.choice([0, 45, 90]) + r.gauss(0, 2), r.gauss(0, 2))
+    return '%.2f,%.2f' % (r.uniform(-180, 180), math.degrees(math.asin(r.uniform(-1, 1))))
+
+
+def read_log(path):
+    """The bound told, and the codes of warnings."""
+    with open(path) as f:
+        events = [json.loads(line) for line in f]
+    bounds = [e for e in events if e['event'] == 'bound']
+    return bounds[-1] if bounds else None, [e['code'] for e in events if e['event'] == 'finding' and
+                                            e['severity'] == 'warning']
+
+
+class Sweep:
+    def __init__(self, args):
+        self.args = args
+        self.ratios, self.errors, self.faults, self.pictures, self.warned, self.series = [], [], 0, 0, 0, []
+        for root, _, files in os.walk(args.data or os.devnull):
+            if sum(name != 'DIRFILE' for name in files) >= 20:
+                self.series.append(root)
+        self.series.sort()
+
+    def run(self, *words):
+        return subprocess.run([os.path.abspath(self.args.ctsplat), *words], stdin=subprocess.DEVNULL,
+                              capture_output=True, text=True, timeout=1200)
+
+    def judge(self, folder, common, asked, what):
+        """None or a fault's words."""
+        log, mine, exact = (os.path.join(folder, n) for n in ('log', 'tiled.png', 'raycast.png'))
+        if os.path.exists(log):
+            os.remove(log)
+        one = common + (['--max-error', '%g' % asked] if asked else []) + ['-o', mine, '--force', '--log', log]
+        two = common + ['--engine', 'raycast', '-o', exact, '--force']
+        for words in (one, two):
+            done = self.run(*words)
+            if done.returncode:
+                return 'exit %d: %s' % (done.returncode, done.stderr.strip()), [words]
+        found = json.loads(self.run('compare', mine, exact, '--json').stdout)
+        bound, warnings = read_log(log)
+        self.pictures += 1
+        self.warned += 'error_bound' in warnings
+        rms, most, limit = found['rmse'], found['max'], (asked or 0.5) / 255
+        if not bound:
+            return 'no bound in the log', [one]
+        if rms > 1e-4 / 255 and bound['rmse'] > 0:
+            self.ratios.append((bound['rmse'] / max(rms, ROUNDED), what))
+        self.errors.append((rms, what, asked))
+        says = '%.3f/255 rms, told %.3f; largest %.2f/255, told %.2f; asked %s' % (
+            255 * rms, 255 * bound['rmse'], 255 * most, 255 * bound['max'], asked or 'nothing')
+        faults = []
+        if rms > bound['rmse'] + ROUNDED:
+            faults.append('above its bound')
+        if most > bound['max'] + ROUNDED_MOST:
+            faults.append('a pixel above the largest told')
+        if rms > limit + ROUNDED and 'error_bound' not in warnings:
+            faults.append('above %g/255 without a warning' % (asked or 0.5))
+        if rms < 0.25 * limit and 'error_bound' in warnings and self.args.cautious:
+            faults.append('warned in vain')
+        return ('; '.join(faults) + ': ' + says if faults else None), [one, two, ['compare', mine, exact]]
+
+    def round(self, number):
+        r = random.Random(self.args.seed * 1000003 + number)
+        with tempfile.TemporaryDirectory() as folder:
+            if self.series and r.random() < 0.25:
+                source, kind = r.choice(self.series), 'ct'
+                low, high, pitch, side = -1000, 1500, 0.8, 300
+            else:
+                kind = r.choice(sorted(VOLUMES))
+                low, high, pitch, side = make_volume(r, kind, self.args.raw2ct, folder)
+                source = os.path.join(folder, 'series')
+            for n in range(2 if kind == 'ct' else 4):
+                preset = r.choice(BUILT_IN) if r.random() < (0.7 if kind == 'ct' else 0.2) else None
+                path = os.path.join(folder, 'preset-%d.json' % n)
+                name = preset or make_preset(r, low, high, path)
+                asked = r.choice([None, None, None, 8, 2, 1, 0.5, 0.25, 0.1])
+                mm = pitch * r.choice([0.1, 0.25, 0.5, 1, 2, 4]) if kind != 'ct' else r.choice([0.4, 1, 2])
+                width = min(max(int(side / mm * r.uniform(0.3, 1.4)), 20), 160)
+                common = ['render', source, '-p', preset or path, '--view', make_view(r), '--mm-per-pixel', '%g' % mm,
+                          '--fit', 'volume', '--size', '%dx%d' % (width, max(16, int(width * r.uniform(0.5, 1.2)))),
+                          '--remove-table', 'off']
+                if preset and r.random() < 0.3:
+                    common += ['--shade', 'off']
+                if r.random() < 0.1:
+                    common += ['--opacity-unit', 'voxel']
+                if r.random() < 0.1:
+                    common += ['--slab', '%.2f' % (side * r.uniform(0.02, 0.5))]
+                if r.random() < 0.1:
+                    common += ['--background', '#%06x' % r.getrandbits(24)]
+                if self.args.threads:
+                    common += ['--threads', '%d' % self.args.threads]
+                what = '%s by %s' % (kind, name)
+                fault, commands = self.judge(folder, common, asked, what)
+                if fault:
+                    self.keep(folder, '%d-%d-%d' % (self.args.seed, number, n), what, fault, commands)
+
+    def keep(self, folder, name, what, fault, commands):
+        kept = os.path.abspath(os.path.join(self.args.failures, 'sweep-' + name))
+        self.faults += 1
+        shutil.rmtree(kept, ignore_errors=True)
+        shutil.copytree(folder, kept)
+        print('FAULT %s: %s: %s' % (name, what, fault))
+        for words in commands:
+            print('  ' + shlex.join([self.args.ctsplat] + [w.replace(folder, kept) for w in words]))
+        sys.stdout.flush()
+
+    def tell(self, rounds):
+        ratios = sorted(ratio for ratio, _ in self.ratios)
+        if ratios:
+            print('bound over error: %.2g at least, median %.3g, 95 %% below %.3g' % (
+                ratios[0], ratios[len(ratios) // 2], ratios[len(ratios) * 95 // 100]))
+        for rms, what, asked in sorted(self.errors, reverse=True, key=lambda e: e[0])[:10]:
+            print('%8.3f/255 rms, asked %s: %s' % (255 * rms, asked or 'nothing', what))
+        print('sweep: %d rounds, %d pictures, %d warnings, %d faults' % (
+            rounds, self.pictures, self.warned, self.faults))
+
+
+def main():
+    p = argparse.ArgumentParser(description=__doc__)
+    p.add_argument('ctsplat')
+    p.add_argument('raw2ct')
+    p.add_argument('data', nargs='?', help='a folder of CT series')
+    p.add_argument('--minutes', type=float, default=10)
+    p.add_argument('--rounds', type=int, default=0, help='stop after so many rounds')
+    p.add_argument('--only', type=int, default=0)
+    p.add_argument('--seed', type=int, default=1)
+    p.add_argument('--threads', type=int, default=0)
+    p.add_argument('--failures', default='soak-failures')
+    p.add_argument('--cautious', action='store_true', help='a warning of an error four times too large is a fault too')
+    args = p.parse_args()
+    sweep, rounds, end = Sweep(args), 0, time.monotonic() + 60 * args.minutes
+    while time.monotonic() < end and (not args.rounds or rounds < args.rounds):
+        rounds += 1
+        sweep.round(args.only or rounds)
+        if args.only:
+            break
+    sweep.tell(rounds)
+    sys.exit(1 if sweep.faults or not sweep.pictures else 0)
+
+
+main()
