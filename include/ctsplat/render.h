@@ -106,7 +106,8 @@ CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, cons
 CtsStatus cts_render_frame(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, CtsPicture **picture,
                            CtsReport *report, CtsError *err);
 
-/* Where bands of a picture go. take may change a band and must not keep it. max_rows: the most rows of a band, rounded
+/* Where bands of a picture go. take may change a band and take its arrays, leaving
+ * NULL, but must not keep the band itself. max_rows: the most rows of a band, rounded
  * down to a multiple of CTS_BAND_ROWS (but not below), and never more than 128 MiB hold, so that memory does not grow
  * with the picture; 0: as many as those. */
 typedef struct CtsBandSink {

@@ -95,8 +95,8 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *r
         *err = why;
         return st;
     }
-    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubics, %d layers in all",
-                    slice_mm, n_parts - 1, v->dims[2]);
+    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubics, %d layers in all", slice_mm,
+                    n_parts - 1, v->dims[2]);
     cts_report_finding(report, "slices_cubic", CTS_NOTE, "%d slices became %d layers by cubic interpolation in %.0f ms",
                        n_slices, v->dims[2], cts_wall_ms() - start_ms);
     return CTS_OK;

@@ -27,3 +27,23 @@ fi
 refused 2 'big.dcm: 9999 pictures of 8000x8000 are more than' render "$data/phantom" --size 8000x8000 --rotation 9999 -o big.dcm
 refused 2 'big.dcm: 6 pictures' render "$data/phantom" --size 16384x16384 --rotation 6 -o big.dcm
 refused 2 'big.dcm: 8 pictures' render "$data/phantom" --size 16384x16384 --rotation 8 --mode mip -o big.dcm
+
+# Written one frame behind where there are threads for it: the same files, told in order, and the stages add up.
+for threads in 1 3; do
+    mkdir by-$threads
+    ok render "$data/phantom" --size 300x200 --rotation 5 --verify 20 --threads $threads --log by-$threads/log \
+        -o by-$threads/r.png -o by-$threads/r.dcm
+done
+for name in $(cd by-1 && ls r*.png); do
+    cmp by-1/$name by-3/$name || fail "$name depends on the number of threads"
+done
+if command -v dcmdump >/dev/null; then
+    [ "$(dcmdump by-1/r.dcm | grep -v 'Time\|Date')" = "$(dcmdump by-3/r.dcm | grep -v 'Time\|Date')" ] ||
+        fail "r.dcm depends on the number of threads"
+fi
+for threads in 1 3; do
+    [ "$(grep -o '/r[-0-9]*\.[a-z]*' by-$threads/log)" = "$(printf '/r-00%d.png\n' 0 1 2 3 4; echo /r.dcm)" ] ||
+        fail "outputs are not told in order: $(cat by-$threads/log)"
+    awk -F'[:,]' '/"stage"/ { sum += $8 } /"done"/ { ok = sum > 0.95 * $6 && sum < 1.05 * $6 } END { exit !ok }' \
+        by-$threads/log || fail "stages do not add up: $(cat by-$threads/log)"
+done
