@@ -28,11 +28,6 @@ enum {
     ROOM_STEP = 1 << 20
 };
 
-typedef struct Request {
-    CtsFrameFormat format; /* syntax points to a constant, which a fork has at the same place */
-    size_t offset, n;
-} Request;
-
 typedef struct Answer {
     CtsStatus status;
     char text[240];
@@ -40,22 +35,23 @@ typedef struct Answer {
 
 CtsDecoder cts_decoder_make(cts_decode_fn decode)
 {
-    return (CtsDecoder){.decode = decode, .socket = -1};
+    return (CtsDecoder){.decode = decode, .n_slots = 1, .socket = -1};
 }
 
-CtsStatus cts_decoder_new(CtsDecoder **decoder, cts_decode_fn decode, CtsError *err)
+CtsStatus cts_decoder_new(CtsDecoder **decoder, cts_decode_fn decode, int n_slots, CtsError *err)
 {
     if (*decoder)
         return CTS_OK;
     if (!(*decoder = malloc(sizeof **decoder)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     **decoder = cts_decoder_make(decode);
+    (*decoder)->n_slots = n_slots;
     return CTS_OK;
 }
 
-static uint8_t *pixels_of(const CtsDecoder *d)
+static size_t slot_bytes(const CtsDecoder *d)
 {
-    return (uint8_t *)d->shared + d->stream_capacity;
+    return d->stream_capacity + d->pixel_capacity;
 }
 
 static bool receive(int socket, void *message, size_t n)
@@ -79,16 +75,17 @@ static bool transmit(int socket, const void *message, size_t n)
 /* The child's whole life. The first answer says whether the walls stand. */
 static _Noreturn void serve(const CtsDecoder *d, int socket, size_t n_memory)
 {
-    Request r;
+    CtsDecoderJob job;
     Answer a = {CTS_OK, ""};
     const int wall = cts_sandbox_enter(socket, n_memory);
     if (wall) {
         a.status = CTS_ERR_INTERNAL;
         snprintf(a.text, sizeof a.text, "%s", strerror(wall));
     }
-    while (transmit(socket, &a, sizeof a) && !wall && receive(socket, &r, sizeof r)) {
+    while (transmit(socket, &a, sizeof a) && !wall && receive(socket, &job, sizeof job)) {
         CtsError why = {0};
-        a.status = d->decode(&r.format, (const uint8_t *)d->shared + r.offset, r.n, pixels_of(d), &why);
+        a.status = d->decode(&job.format, (const uint8_t *)d->shared + job.stream, job.n,
+                             (uint8_t *)d->shared + job.pixels, &why);
         snprintf(a.text, sizeof a.text, "%.*s", (int)sizeof a.text - 1, why.text);
     }
     _exit(wall ? 1 : 0);
@@ -116,14 +113,15 @@ static int end_child(CtsDecoder *d, bool kill_it)
 
 void cts_decoder_end(CtsDecoder *d)
 {
-    end_child(d, false);
+    end_child(d, d->n_jobs > 0);
+    d->n_jobs = 0;
 }
 
 void cts_decoder_stop(CtsDecoder *d)
 {
-    end_child(d, false);
+    cts_decoder_end(d);
     if (d->shared)
-        munmap(d->shared, d->n_shared);
+        munmap(d->shared, (size_t)d->n_slots * slot_bytes(d));
     d->shared = NULL;
 }
 
@@ -186,8 +184,7 @@ static CtsStatus fork_child(CtsDecoder *d, size_t n_memory, CtsError *err)
 static size_t memory_limit(const CtsDecoder *d)
 {
     return d->memory_limit ? d->memory_limit
-                           : BASE_MEMORY + (d->n_shared - d->stream_capacity) / 2 * PIXEL_MEMORY +
-                                 d->stream_capacity * STREAM_MEMORY;
+                           : BASE_MEMORY + d->pixel_capacity / 2 * PIXEL_MEMORY + d->stream_capacity * STREAM_MEMORY;
 }
 
 static CtsStatus start_child(CtsDecoder *d, CtsError *err)
@@ -214,25 +211,42 @@ static size_t round_up(size_t n, size_t step)
     return (n + step - 1) / step * step;
 }
 
+/* DCMTK asks for an even number of bytes. */
+static size_t pixel_bytes(const CtsFrameFormat *format)
+{
+    return cts_frame_bytes(format) + 1;
+}
+
+static bool slots_hold(const CtsDecoder *d, const CtsFrameFormat *format, size_t n)
+{
+    return d->shared && n <= d->stream_capacity && pixel_bytes(format) <= d->pixel_capacity;
+}
+
+bool cts_decoder_fits(const CtsDecoder *d, const CtsFrameFormat *format, size_t n)
+{
+    return d->n_jobs == 0 || (d->pid && d->n_jobs < d->n_slots && slots_hold(d, format, n));
+}
+
 CtsStatus cts_decoder_room(CtsDecoder *d, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err)
 {
-    const size_t n_pixels = cts_frame_bytes(format) + 1; /* DCMTK asks for an even number of bytes */
-    const size_t capacity = round_up(n, ROOM_STEP), needed = capacity + round_up(n_pixels, ROOM_STEP);
-    if (d->shared && (d->stream_capacity < n || d->n_shared - d->stream_capacity < n_pixels))
+    if (!slots_hold(d, format, n))
         cts_decoder_stop(d);
     if (!d->shared) {
+        d->stream_capacity = round_up(n, ROOM_STEP);
+        d->pixel_capacity = round_up(pixel_bytes(format), ROOM_STEP);
+        const size_t needed = (size_t)d->n_slots * slot_bytes(d);
         void *shared = mmap(NULL, needed, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
         if (shared == MAP_FAILED)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory: %zu bytes asked for", needed);
         d->shared = shared;
-        d->n_shared = needed;
-        d->stream_capacity = capacity;
+        d->next_slot = 0;
     }
-    *stream = d->shared;
+    *stream = (uint8_t *)d->shared + (size_t)d->next_slot * slot_bytes(d);
     return d->pid ? CTS_OK : start_child(d, err);
 }
 
-/* The child dies of SIGXCPU when this frame takes longer. CPU time, for a busy machine is no fault of the file's. */
+/* The child dies of SIGXCPU when the oldest frame takes longer. CPU time, for a busy machine is no fault of the file's.
+ */
 static int limit_cpu(const CtsDecoder *d, const CtsFrameFormat *format)
 {
     const int pixels_s = (int)((size_t)format->columns * (size_t)format->rows / PIXELS_PER_CPU_S);
@@ -260,15 +274,16 @@ static CtsStatus tell_death(int status, int limit_s, CtsError *err)
     }
 }
 
-/* One frame through the child that is there. *killed: by somebody or a system without memory, and hardly by what the
- * stream made of it: codecs do not send SIGKILL. */
-static CtsStatus run_once(CtsDecoder *d, const Request *r, bool *killed, CtsError *err)
+/* The oldest frame's answer. *killed: by somebody or a system without memory, and hardly by what the stream made of it:
+ * codecs do not send SIGKILL. */
+static CtsStatus await_oldest(CtsDecoder *d, bool *killed, CtsError *err)
 {
     Answer a;
     bool still = false;
-    const int limit_s = limit_cpu(d, &r->format), quiet_s = d->quiet_limit_s ? d->quiet_limit_s : QUIET_S;
+    const CtsFrameFormat *format = &d->jobs[0].format;
+    const int limit_s = limit_cpu(d, format), quiet_s = d->quiet_limit_s ? d->quiet_limit_s : QUIET_S;
     *killed = false;
-    if (!transmit(d->socket, r, sizeof *r) || !await(d, &a, quiet_s, &still)) {
+    if (!await(d, &a, quiet_s, &still)) {
         const int status = end_child(d, true);
         *killed = !still && status != -1 && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
         return still ? cts_fail(err, CTS_ERR_PIXELS, "its decoder stood still for %d s", quiet_s)
@@ -276,20 +291,56 @@ static CtsStatus run_once(CtsDecoder *d, const Request *r, bool *killed, CtsErro
     }
     if (a.status == CTS_ERR_MEMORY)
         return cts_fail(err, CTS_ERR_PIXELS, "its decoder asks for more memory than a picture of %d x %d needs",
-                        r->format.columns, r->format.rows);
+                        format->columns, format->rows);
     return a.status ? cts_fail(err, a.status == CTS_ERR_SYNTAX ? CTS_ERR_SYNTAX : CTS_ERR_PIXELS, "%.*s",
                                (int)sizeof a.text - 1, a.text)
                     : CTS_OK;
 }
 
+/* A child that is gone is found out when its answer is waited for. */
+static void send_job(const CtsDecoder *d, const CtsDecoderJob *job)
+{
+    transmit(d->socket, job, sizeof *job);
+}
+
+void cts_decoder_send(CtsDecoder *d, const CtsFrameFormat *format, const uint8_t *stream, size_t n)
+{
+    CtsDecoderJob *job = &d->jobs[d->n_jobs++];
+    *job = (CtsDecoderJob){*format, (size_t)(stream - (const uint8_t *)d->shared), n,
+                           (size_t)d->next_slot * slot_bytes(d) + d->stream_capacity};
+    d->next_slot = (d->next_slot + 1) % d->n_slots;
+    if (d->n_jobs == 1)
+        limit_cpu(d, format);
+    send_job(d, job);
+}
+
+/* Another child for all that is under way. */
+static CtsStatus send_again(CtsDecoder *d, CtsError *err)
+{
+    const CtsStatus st = start_child(d, err);
+    for (int i = 0; !st && i < d->n_jobs; i++)
+        send_job(d, &d->jobs[i]);
+    return st;
+}
+
+CtsStatus cts_decoder_take(CtsDecoder *d, const void **pixels, CtsError *err)
+{
+    bool killed = false;
+    CtsStatus st = d->pid ? CTS_OK : send_again(d, err);
+    if (!st)
+        st = await_oldest(d, &killed, err);
+    if (killed && !(st = send_again(d, err)))
+        st = await_oldest(d, &killed, err);
+    *pixels = (const uint8_t *)d->shared + d->jobs[0].pixels;
+    d->n_jobs--;
+    for (int i = 0; i < d->n_jobs; i++)
+        d->jobs[i] = d->jobs[i + 1];
+    return st;
+}
+
 CtsStatus cts_decoder_run(CtsDecoder *d, const CtsFrameFormat *format, const uint8_t *stream, size_t n,
                           const void **pixels, CtsError *err)
 {
-    const Request r = {*format, (size_t)(stream - (const uint8_t *)d->shared), n};
-    bool killed;
-    *pixels = pixels_of(d);
-    CtsStatus st = run_once(d, &r, &killed, err);
-    if (killed && !(st = start_child(d, err)))
-        st = run_once(d, &r, &killed, err);
-    return st;
+    cts_decoder_send(d, format, stream, n);
+    return cts_decoder_take(d, pixels, err);
 }

@@ -6,6 +6,9 @@
  * second chance. It sees the pixels of one series and no
  * file, and can be taken over by a damaged stream without harm to the program.
  *
+ * With two slots the next stream is handed over while the child decodes: it goes on at once when it has answered, and
+ * need not wait until its caller has been woken.
+ *
  * The child is a fork, for a library cannot know a program to run instead. Its caller may have any number of threads,
  * so the child must not wait for a lock that one of them held: the C library makes its own (malloc, stdio) whole again
  * after a fork; DCMTK's decoders are registered before it, and a fork waits until no thread of ours is inside DCMTK
@@ -20,12 +23,23 @@
 #include "dicom/codec.h"
 #include <sys/types.h>
 
+enum { CTS_DECODER_SLOTS = 2 };
+
+/* One frame; places are offsets into the shared memory. */
+typedef struct CtsDecoderJob {
+    CtsFrameFormat format; /* syntax points to a constant, which a fork has at the same place */
+    size_t stream, n, pixels;
+} CtsDecoderJob;
+
 typedef struct CtsDecoder {
     cts_decode_fn decode;
+    int n_slots;  /* frames at a time, 1 to CTS_DECODER_SLOTS */
     pid_t pid;    /* 0: no child now */
     int socket;   /* to the child */
-    void *shared; /* stream, then pixels */
-    size_t n_shared, stream_capacity;
+    void *shared; /* slots, each of a stream, then pixels */
+    size_t stream_capacity, pixel_capacity;
+    CtsDecoderJob jobs[CTS_DECODER_SLOTS]; /* handed over and not taken yet, the oldest first */
+    int n_jobs, next_slot;
     int cpu_limit_s;     /* for one frame; 0: as long as its size lets expect */
     int quiet_limit_s;   /* without any computing, a lock that nobody will open; 0: a minute */
     size_t memory_limit; /* what a child may take; 0: as much as the room's size lets expect */
@@ -34,21 +48,30 @@ typedef struct CtsDecoder {
 /* A decoder without a child; decode is what the child will run. */
 CtsDecoder cts_decoder_make(cts_decode_fn decode);
 
-/* The same on the heap, where *decoder is NULL; and gone again. */
-CtsStatus cts_decoder_new(CtsDecoder **decoder, cts_decode_fn decode, CtsError *err);
+/* The same on the heap and with n_slots, where *decoder is NULL; and gone again. */
+CtsStatus cts_decoder_new(CtsDecoder **decoder, cts_decode_fn decode, int n_slots, CtsError *err);
 void cts_decoder_free(CtsDecoder **decoder);
 
+/* Whether another frame has room beside those that have been handed over. */
+bool cts_decoder_fits(const CtsDecoder *decoder, const CtsFrameFormat *format, size_t n);
+
 /* Make room for a stream of n bytes and its pixels, starting a child when there is none or its room is too small. The
- * caller puts the bytes at *stream. */
+ * caller puts the bytes at *stream. While frames are under way only where the next fits. */
 CtsStatus cts_decoder_room(CtsDecoder *decoder, const CtsFrameFormat *format, size_t n, uint8_t **stream,
                            CtsError *err);
 
-/* Decode the n bytes at stream, which lies inside the room, and wait for it. *pixels lies in shared memory and is valid
- * until the next call. CTS_ERR_PIXELS, with the reason, for everything that the stream can do to its decoder. */
+/* Hand over the n bytes at stream, which lies inside the room. */
+void cts_decoder_send(CtsDecoder *decoder, const CtsFrameFormat *format, const uint8_t *stream, size_t n);
+
+/* Wait for the oldest frame that was handed over. *pixels lies in shared memory and is valid until the next is made
+ * room for. CTS_ERR_PIXELS, with the reason, for everything that the stream can do to its decoder. */
+CtsStatus cts_decoder_take(CtsDecoder *decoder, const void **pixels, CtsError *err);
+
+/* Both, where none is under way. */
 CtsStatus cts_decoder_run(CtsDecoder *decoder, const CtsFrameFormat *format, const uint8_t *stream, size_t n,
                           const void **pixels, CtsError *err);
 
-/* End the child; what it has decoded stays. */
+/* End the child; what it has decoded stays, what is under way is dropped. */
 void cts_decoder_end(CtsDecoder *decoder);
 
 /* End the child and free the memory; the decoder may be used again. */

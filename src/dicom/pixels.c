@@ -50,28 +50,36 @@ static void find_stream(const CtsSlice *s, uint64_t *offset, uint64_t *n)
     *n = s->syntax->deflated ? s->file_bytes - s->data_offset : s->pixel_bytes;
 }
 
-static CtsStatus decode(const CtsSlice *s, const CtsFileBytes *file, CtsScratch *scratch, const void **pixels,
-                        CtsError *err)
+/* Hand the slice to its decoder. Only where it fits. */
+static CtsStatus submit(const CtsSlice *s, const CtsFrameFormat *format, CtsDecoder *decoder, CtsError *err)
 {
-    const CtsFrameFormat format = {.syntax = s->syntax,
-                                   .columns = s->columns,
-                                   .rows = s->rows,
-                                   .bits_allocated = s->bits_allocated,
-                                   .bits_stored = s->bits_stored,
-                                   .high_bit = s->high_bit,
-                                   .is_signed = s->is_signed,
-                                   .padding_word = s->padding_word,
-                                   .n_before = s->pixel_offset};
     uint64_t offset, n_bytes;
     uint8_t *stream;
+    CtsFileBytes file;
     find_stream(s, &offset, &n_bytes);
     size_t n = (size_t)n_bytes;
-    CtsStatus st = cts_decoder_new(&scratch->decoder, cts_codec_decode, err);
-    if (!st && !(st = cts_decoder_room(scratch->decoder, &format, n, &stream, err)))
-        st = cts_file_bytes_read(file, stream, n, offset, err);
+    CtsStatus st = cts_slice_open(s, &file, err);
+    if (!st && !(st = cts_decoder_room(decoder, format, n, &stream, err)))
+        st = cts_file_bytes_read(&file, stream, n, offset, err);
+    cts_file_bytes_close(&file);
     if (!st && !s->syntax->deflated)
         st = join_fragments(&stream, &n, err);
-    return st ? st : cts_decoder_run(scratch->decoder, &format, stream, n, pixels, err);
+    if (!st)
+        cts_decoder_send(decoder, format, stream, n);
+    return st;
+}
+
+static CtsFrameFormat format_of(const CtsSlice *s)
+{
+    return (CtsFrameFormat){.syntax = s->syntax,
+                            .columns = s->columns,
+                            .rows = s->rows,
+                            .bits_allocated = s->bits_allocated,
+                            .bits_stored = s->bits_stored,
+                            .high_bit = s->high_bit,
+                            .is_signed = s->is_signed,
+                            .padding_word = s->padding_word,
+                            .n_before = s->pixel_offset};
 }
 
 static bool is_compressed(const CtsSlice *s)
@@ -79,16 +87,22 @@ static bool is_compressed(const CtsSlice *s)
     return cts_syntax_encapsulated(s->syntax) || s->syntax->deflated;
 }
 
-void cts_slice_read_ahead(const CtsSlice *s)
+bool cts_slice_begin(const CtsSlice *s, CtsScratch *scratch)
 {
-    CtsFileBytes file;
     uint64_t offset, n;
-    if (s->memory || !is_compressed(s) || cts_file_bytes_open(&file, s->path, NULL))
-        return;
+    const CtsFrameFormat format = format_of(s);
     find_stream(s, &offset, &n);
-    if (file.fd >= 0)
-        posix_fadvise(file.fd, (off_t)offset, (off_t)n, POSIX_FADV_WILLNEED);
-    cts_file_bytes_close(&file);
+    return is_compressed(s) && !cts_decoder_new(&scratch->decoder, cts_codec_decode, CTS_DECODER_SLOTS, NULL) &&
+           cts_decoder_fits(scratch->decoder, &format, (size_t)n) && !submit(s, &format, scratch->decoder, NULL);
+}
+
+static CtsStatus decode(const CtsSlice *s, CtsScratch *scratch, const void **pixels, CtsError *err)
+{
+    const CtsFrameFormat format = format_of(s);
+    CtsStatus st = cts_decoder_new(&scratch->decoder, cts_codec_decode, CTS_DECODER_SLOTS, err);
+    if (!st && scratch->decoder->n_jobs == 0)
+        st = submit(s, &format, scratch->decoder, err);
+    return st ? st : cts_decoder_take(scratch->decoder, pixels, err);
 }
 
 static void swap_pairs(uint8_t *bytes, size_t n)
@@ -132,10 +146,8 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t
     /* 8-bit pixels are read into the upper half of their place and widened forwards. */
     uint8_t *bytes = (uint8_t *)words + (2 * n - frame_bytes);
     const void *decoded = NULL; /* else the pixels are read as they are */
-    CtsFileBytes file;
-    CtsStatus st = cts_slice_open(s, &file, err);
-    if (!st && is_compressed(s))
-        st = decode(s, &file, scratch, &decoded, err);
+    CtsFileBytes file = {.fd = -1};
+    CtsStatus st = is_compressed(s) ? decode(s, scratch, &decoded, err) : cts_slice_open(s, &file, err);
     for (size_t first = 0; !st && first < frame_bytes; first += PART_BYTES) {
         const size_t end = frame_bytes - first < PART_BYTES ? frame_bytes : first + PART_BYTES;
         if (decoded)

@@ -129,8 +129,10 @@ typedef void (*cts_words_ready_fn)(void *context, size_t first, size_t end);
 CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsScratch *scratch, uint16_t *words, cts_words_ready_fn ready,
                                 void *context, CtsError *err);
 
-/* Have the system fetch a compressed slice while another is decoded. Advice alone: nothing fails. */
-void cts_slice_read_ahead(const CtsSlice *slice);
+/* Read a compressed slice and hand it to the thread's decoder, which may still be at work at the one before. Whether
+ * that was done; if so, its pixels are to be read before those of any other slice that is not under way already. What
+ * fails here fails again, and says why, when they are. */
+bool cts_slice_begin(const CtsSlice *slice, CtsScratch *scratch);
 
 /* The file names in a DICOMDIR, with its own folder in front; free each and the array with free(). */
 CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,

@@ -81,7 +81,7 @@ static CtsStatus inflate_head(Head *h, const Framing *f, size_t want, size_t *go
     const size_t n = h->n - f->meta.data_offset;
     uint8_t *stream;
     const void *head;
-    CtsStatus st = cts_decoder_new(&s->inflater, cts_inflate_head, err);
+    CtsStatus st = cts_decoder_new(&s->inflater, cts_inflate_head, 1, err);
     if (st || (st = cts_decoder_room(s->inflater, &room, n, &stream, err)))
         return st;
     memcpy(stream, s->file + f->meta.data_offset, n);

@@ -133,6 +133,7 @@ static void note_failure(Assembly *a, int k, const CtsError *why)
 typedef struct Reader {
     CtsScratch scratch;
     double busy[CTS_N_STAGES];
+    int held; /* a slice that is being decoded, or -1 */
 } Reader;
 
 typedef struct Reading {
@@ -142,23 +143,37 @@ typedef struct Reading {
     pthread_mutex_t lock; /* of the assembly's failures */
 } Reading;
 
-/* The slices of one layer of macro-cells are one worker's. */
+static void read_one(Reading *r, Reader *reader, int k)
+{
+    CtsError why = {0};
+    if (k > atomic_load(&r->assembly->stop) ||
+        !read_slice(r->assembly, k, &reader->scratch, r->to_grey, reader->busy, &why))
+        return;
+    pthread_mutex_lock(&r->lock);
+    note_failure(r->assembly, k, &why);
+    pthread_mutex_unlock(&r->lock);
+}
+
+static void read_held(Reading *r, Reader *reader)
+{
+    if (reader->held >= 0)
+        read_one(r, reader, reader->held);
+    reader->held = -1;
+}
+
+/* The slices of one layer of macro-cells are one worker's. While it takes one from its decoder, the next is decoded. */
 static void read_some(void *context, int worker, size_t first, size_t end)
 {
     Reading *const r = context;
-    Assembly *const a = r->assembly;
+    const Assembly *const a = r->assembly;
     Reader *const reader = &r->readers[worker];
     for (int k = (int)first; k < (int)end; k++) {
-        CtsError why = {0};
-        if (k > atomic_load(&a->stop))
-            continue;
-        if (k + 1 < a->n_slices)
-            cts_slice_read_ahead(&a->slices[k + 1]);
-        if (!read_slice(a, k, &reader->scratch, r->to_grey, reader->busy, &why))
-            continue;
-        pthread_mutex_lock(&r->lock);
-        note_failure(a, k, &why);
-        pthread_mutex_unlock(&r->lock);
+        const bool begun = k <= atomic_load(&a->stop) && cts_slice_begin(&a->slices[k], &reader->scratch);
+        read_held(r, reader);
+        if (begun)
+            reader->held = k;
+        else
+            read_one(r, reader, k);
     }
 }
 
@@ -171,7 +186,11 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
                        .to_grey = cts_grey_whole(cts_cpu_flags()),
                        .readers = readers,
                        .lock = PTHREAD_MUTEX_INITIALIZER};
+    for (int t = 0; t < a->n_threads; t++)
+        readers[t].held = -1;
     cts_parallel(a->n_threads, (size_t)a->n_slices, CTS_FINE_MACROCELL, read_some, &reading);
+    for (int t = 0; t < a->n_threads; t++)
+        read_held(&reading, &readers[t]);
     pthread_mutex_destroy(&reading.lock);
     a->busy[CTS_STAGE_DECODE] = a->busy[CTS_STAGE_GREY] = 0;
     for (int t = 0; t < a->n_threads; t++) {

@@ -185,6 +185,76 @@ static void test_killed(void **state)
     cts_decoder_stop(&d);
 }
 
+static void hand_over(CtsDecoder *d, const char *what)
+{
+    const CtsFrameFormat format = format_16(20, 10);
+    const size_t n = strlen(what);
+    uint8_t *stream;
+    CtsError err;
+    assert_true(cts_decoder_fits(d, &format, n));
+    if (cts_decoder_room(d, &format, n, &stream, &err))
+        fail_msg("%s", err.text);
+    memcpy(stream, what, n);
+    cts_decoder_send(d, &format, stream, n);
+}
+
+/* reason: NULL for pixels that begin with the stream. */
+static void take(CtsDecoder *d, const char *stream, const char *reason)
+{
+    const void *pixels;
+    CtsError err = {0};
+    const CtsStatus st = cts_decoder_take(d, &pixels, &err);
+    if ((reason != NULL) != (st == CTS_ERR_PIXELS) || (reason && !strstr(err.text, reason)))
+        fail_msg("%s: %d %s, wanted %s", stream, st, err.text, reason ? reason : "pixels");
+    if (!reason)
+        assert_memory_equal(pixels, stream, strlen(stream));
+}
+
+/* Two under way: each has its own answer, whatever becomes of the other. */
+static void test_two_frames(void **state)
+{
+    (void)state;
+    const CtsFrameFormat small = format_16(20, 10), large = format_16(1200, 1000);
+    CtsError err;
+    CtsDecoder *d = NULL;
+    assert_int_equal(cts_decoder_new(&d, act, 2, &err), CTS_OK);
+    hand_over(d, "d1");
+    for (int i = 0; i < 3; i++) {
+        hand_over(d, "d23");
+        assert_false(cts_decoder_fits(d, &small, 1));
+        take(d, "d1", NULL);
+        assert_true(cts_decoder_fits(d, &small, 1));
+        assert_false(cts_decoder_fits(d, &large, 1));
+        hand_over(d, "d1");
+        take(d, "d23", NULL);
+    }
+    take(d, "d1", NULL);
+    hand_over(d, "e");
+    hand_over(d, "d45");
+    take(d, "e", "exit code 7");
+    take(d, "d45", NULL);
+    hand_over(d, "d67");
+    hand_over(d, "e");
+    take(d, "d67", NULL);
+    take(d, "e", "exit code 7");
+    hand_over(d, "K");
+    hand_over(d, "d89");
+    take(d, "K", "killed");
+    take(d, "d89", NULL);
+    hand_over(d, "d10");
+    hand_over(d, "d11");
+    kill(d->pid, SIGKILL);
+    take(d, "d10", NULL);
+    take(d, "d11", NULL);
+    hand_over(d, "?");
+    hand_over(d, "d12");
+    take(d, "?", "byte 63");
+    take(d, "d12", NULL);
+    hand_over(d, "h"); /* nobody waits for it to end */
+    cts_decoder_free(&d);
+    assert_int_equal(waitpid(-1, NULL, WNOHANG), -1);
+}
+
 /* The program's own handling of SIGCHLD and of children takes nothing but the cause of a death. */
 static void test_children_taken(void **state)
 {
@@ -356,10 +426,10 @@ static void test_jpeg2000_damage(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_deaths),          cmocka_unit_test(test_killed),
-        cmocka_unit_test(test_children_taken),  cmocka_unit_test(test_room),
-        cmocka_unit_test(test_many_threads),    cmocka_unit_test(test_jpeg2000),
-        cmocka_unit_test(test_jpeg2000_damage),
+        cmocka_unit_test(test_deaths),     cmocka_unit_test(test_killed),
+        cmocka_unit_test(test_two_frames), cmocka_unit_test(test_children_taken),
+        cmocka_unit_test(test_room),       cmocka_unit_test(test_many_threads),
+        cmocka_unit_test(test_jpeg2000),   cmocka_unit_test(test_jpeg2000_damage),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
