@@ -35,7 +35,7 @@ typedef struct Answer {
 
 CtsDecoder cts_decoder_make(cts_decode_fn decode)
 {
-    return (CtsDecoder){.decode = decode, .n_slots = 1, .socket = -1};
+    return (CtsDecoder){.decode = decode, .name = "decoder", .n_slots = 1, .socket = -1};
 }
 
 CtsStatus cts_decoder_new(CtsDecoder **decoder, cts_decode_fn decode, int n_slots, CtsError *err)
@@ -77,7 +77,7 @@ static _Noreturn void serve(const CtsDecoder *d, int socket, size_t n_memory)
 {
     CtsDecoderJob job;
     Answer a = {CTS_OK, ""};
-    const int wall = cts_sandbox_enter(socket, n_memory);
+    const int wall = d->own_bytes ? cts_sandbox_leave_all(socket) : cts_sandbox_enter(socket, n_memory);
     if (wall) {
         a.status = CTS_ERR_INTERNAL;
         snprintf(a.text, sizeof a.text, "%s", strerror(wall));
@@ -256,21 +256,22 @@ static int limit_cpu(const CtsDecoder *d, const CtsFrameFormat *format)
     return limit_s;
 }
 
-static CtsStatus tell_death(int status, int limit_s, CtsError *err)
+static CtsStatus tell_death(const char *name, int status, int limit_s, CtsError *err)
 {
     if (status == -1)
-        return cts_fail(err, CTS_ERR_PIXELS, "its decoder ended without an answer");
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer", name);
     if (!WIFSIGNALED(status))
-        return cts_fail(err, CTS_ERR_PIXELS, "its decoder ended without an answer (exit code %d)", WEXITSTATUS(status));
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer (exit code %d)", name,
+                        WEXITSTATUS(status));
     switch (WTERMSIG(status)) {
     case SIGXCPU:
-        return cts_fail(err, CTS_ERR_PIXELS, "its decoder was stopped after %d s of computing", limit_s);
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s was stopped after %d s of computing", name, limit_s);
     case SIGSYS:
-        return cts_fail(err, CTS_ERR_PIXELS, "its decoder was stopped at a system call that no decoder needs");
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s was stopped at a system call that no decoder needs", name);
     case SIGKILL:
-        return cts_fail(err, CTS_ERR_PIXELS, "its decoder was killed");
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s was killed", name);
     default:
-        return cts_fail(err, CTS_ERR_PIXELS, "its decoder crashed (signal %d)", WTERMSIG(status));
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s crashed (signal %d)", name, WTERMSIG(status));
     }
 }
 
@@ -286,11 +287,11 @@ static CtsStatus await_oldest(CtsDecoder *d, bool *killed, CtsError *err)
     if (!await(d, &a, quiet_s, &still)) {
         const int status = end_child(d, true);
         *killed = !still && status != -1 && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
-        return still ? cts_fail(err, CTS_ERR_PIXELS, "its decoder stood still for %d s", quiet_s)
-                     : tell_death(status, limit_s, err);
+        return still ? cts_fail(err, CTS_ERR_PIXELS, "its %s stood still for %d s", d->name, quiet_s)
+                     : tell_death(d->name, status, limit_s, err);
     }
     if (a.status == CTS_ERR_MEMORY)
-        return cts_fail(err, CTS_ERR_PIXELS, "its decoder asks for more memory than a picture of %d x %d needs",
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s asks for more memory than a picture of %d x %d needs", d->name,
                         format->columns, format->rows);
     return a.status ? cts_fail(err, a.status == CTS_ERR_SYNTAX ? CTS_ERR_SYNTAX : CTS_ERR_PIXELS, "%.*s",
                                (int)sizeof a.text - 1, a.text)

@@ -33,10 +33,12 @@ typedef struct CtsDecoderJob {
 
 typedef struct CtsDecoder {
     cts_decode_fn decode;
-    int n_slots;  /* frames at a time, 1 to CTS_DECODER_SLOTS */
-    pid_t pid;    /* 0: no child now */
-    int socket;   /* to the child */
-    void *shared; /* slots, each of a stream, then pixels */
+    const char *name; /* for messages: "decoder" */
+    bool own_bytes;   /* what it reads comes from this program: no walls, and it may have threads */
+    int n_slots;      /* frames at a time, 1 to CTS_DECODER_SLOTS */
+    pid_t pid;        /* 0: no child now */
+    int socket;       /* to the child */
+    void *shared;     /* slots, each of a stream, then pixels */
     size_t stream_capacity, pixel_capacity;
     CtsDecoderJob jobs[CTS_DECODER_SLOTS]; /* handed over and not taken yet, the oldest first */
     int n_jobs, next_slot;
@@ -45,7 +47,7 @@ typedef struct CtsDecoder {
     size_t memory_limit; /* what a child may take; 0: as much as the room's size lets expect */
 } CtsDecoder;
 
-/* A decoder without a child; decode is what the child will run. */
+/* A decoder without a child, for foreign bytes; decode is what the child will run. */
 CtsDecoder cts_decoder_make(cts_decode_fn decode);
 
 /* The same on the heap and with n_slots, where *decoder is NULL; and gone again. */

@@ -1,37 +1,25 @@
-/* One frame as a JPEG 2000 code stream without loss, by OpenJPEG. */
+/* One frame as a JPEG 2000 code stream without loss, by OpenJPEG, in a process of its own: it crashes where memory is
+ * short. */
 #include "dicom/dcm_sc.h"
 
-#include "base/mem.h"
+#include "dicom/decoder.h"
 #include <openjpeg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-/* The code stream grows here: an encoder may go back in it. */
+enum { UNIT = 1 << 16, SAMPLES_PER_CPU_S = 100000 };
+
+/* The code stream; an encoder may go back in it. */
 typedef struct Stream {
     uint8_t *bytes;
     size_t n, at, capacity;
 } Stream;
 
-static bool make_room(Stream *s, size_t end)
-{
-    if (end <= s->capacity)
-        return true;
-    size_t capacity = s->capacity ? s->capacity : 1 << 16;
-    while (capacity < end)
-        capacity *= 2;
-    uint8_t *bytes = realloc(s->bytes, capacity);
-    if (!bytes)
-        return false;
-    s->bytes = bytes;
-    s->capacity = capacity;
-    return true;
-}
-
 static OPJ_SIZE_T stream_write(void *bytes, OPJ_SIZE_T n, void *context)
 {
     Stream *s = context;
-    if (!make_room(s, s->at + n))
+    if (n > s->capacity - s->at)
         return (OPJ_SIZE_T)-1;
     memcpy(s->bytes + s->at, bytes, n);
     s->at += n;
@@ -122,22 +110,50 @@ static bool encode(const CtsScFrame *frame, opj_image_t *image, Stream *s, char 
     return done;
 }
 
+/* What goes through the decoder's room: the frame, then its samples; back come the code stream's length, then it. */
+static CtsStatus encode_apart(const CtsFrameFormat *room, const uint8_t *request, size_t n, void *answer, CtsError *err)
+{
+    CtsScFrame frame;
+    char why[120] = "";
+    Stream s = {.bytes = (uint8_t *)answer + sizeof s.n, .capacity = cts_frame_bytes(room) - sizeof s.n};
+    memcpy(&frame, request, sizeof frame);
+    frame.samples = (void *)(uintptr_t)(request + sizeof frame);
+    opj_image_t *image = n == sizeof frame + frame.n_samples_bytes ? image_of(&frame) : NULL;
+    if (!image)
+        return cts_fail(err, CTS_ERR_OUTPUT, "out of memory");
+    const bool done = encode(&frame, image, &s, why);
+    opj_image_destroy(image);
+    memcpy(answer, &s.n, sizeof s.n);
+    return done ? CTS_OK : cts_fail(err, CTS_ERR_OUTPUT, "%s", *why ? why : "OpenJPEG does not say why");
+}
+
 CtsStatus cts_j2k_encode(const CtsScFrame *frame, CtsScSink sink, void *context, CtsError *err)
 {
-    Stream s = {0};
-    char why[120] = "";
-    CtsStatus st;
-    opj_image_t *image = image_of(frame);
-    if (!image)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory while a frame is compressed");
-    if (!encode(frame, image, &s, why) || !make_room(&s, s.n + 1))
-        st = cts_fail(err, CTS_ERR_OUTPUT, "a frame of %d x %d pixels cannot be compressed: %s", frame->width,
-                      frame->height, *why ? why : "OpenJPEG does not say why");
-    else {
-        s.bytes[s.n] = 0; /* fragments are of even length */
-        st = sink(context, s.bytes, s.n + s.n % 2, err);
+    /* Noise may take more than its samples do. */
+    const CtsFrameFormat room = {
+        .columns = UNIT, .rows = (int)(2 * frame->n_samples_bytes / UNIT) + 2, .bits_allocated = 8};
+    const size_t n = sizeof *frame + frame->n_samples_bytes;
+    CtsDecoder encoder = cts_decoder_make(encode_apart);
+    CtsError why = {0};
+    uint8_t *request;
+    const void *answer;
+    encoder.name = "encoder";
+    encoder.own_bytes = true;
+    encoder.cpu_limit_s = 60 + (int)(frame->n_samples_bytes / SAMPLES_PER_CPU_S);
+    CtsStatus st = cts_decoder_room(&encoder, &room, n, &request, &why);
+    if (!st) {
+        memcpy(request, frame, sizeof *frame);
+        memcpy(request + sizeof *frame, frame->samples, frame->n_samples_bytes);
+        st = cts_decoder_run(&encoder, &room, request, n, &answer, &why);
     }
-    opj_image_destroy(image);
-    free(s.bytes);
+    if (st) {
+        st = cts_fail(err, CTS_ERR_OUTPUT, "a frame of %d x %d pixels cannot be compressed: %s", frame->width,
+                      frame->height, why.text);
+    } else {
+        size_t n_stream;
+        memcpy(&n_stream, answer, sizeof n_stream); /* an odd end is followed by a zero: fragments are of even length */
+        st = sink(context, (const uint8_t *)answer + sizeof n_stream, n_stream + n_stream % 2, err);
+    }
+    cts_decoder_stop(&encoder);
     return st;
 }

@@ -83,9 +83,7 @@ static int limit(int resource, size_t value)
 static int limit_resources(size_t n_bytes)
 {
     const size_t now = address_space();
-    int result = limit(RLIMIT_CORE, 0);
-    if (!result && !CTS_SANITIZED)
-        result = limit(RLIMIT_FSIZE, 0);
+    int result = CTS_SANITIZED ? 0 : limit(RLIMIT_FSIZE, 0);
     if (!result && !CTS_SANITIZED)
         result = now ? limit(RLIMIT_AS, now + n_bytes) : ENOSYS;
     if (!result && !CTS_SANITIZED)
@@ -115,14 +113,20 @@ static int close_others(int keep_fd)
     return close_range(keep + 1, ~0u, 0) ? errno : 0;
 }
 
-int cts_sandbox_enter(int keep_fd, size_t n_bytes)
+int cts_sandbox_leave_all(int keep_fd)
 {
     leave_signals();
+    prctl(PR_SET_DUMPABLE, 0); /* a core would hold the patient; where that fails, the limit on cores still stands */
+    const int result = limit(RLIMIT_CORE, 0);
+    return result ? result : close_others(keep_fd);
+}
+
+int cts_sandbox_enter(int keep_fd, size_t n_bytes)
+{
     mallopt(M_ARENA_MAX, 1); /* else malloc counts the processors, in a file, when a thread asks it first */
     free(malloc(1));
-    prctl(PR_SET_DUMPABLE, 0); /* a core would hold the patient; where that fails, the limit on cores still stands */
-    int result = limit_resources(n_bytes);
+    int result = limit_resources(n_bytes); /* reads a file */
     if (!result)
-        result = close_others(keep_fd);
+        result = cts_sandbox_leave_all(keep_fd);
     return result ? result : load_filter();
 }

@@ -12,4 +12,7 @@
  * network alone (CTS_SANITIZED). */
 int cts_sandbox_enter(int keep_fd, size_t n_bytes);
 
+/* Of that only what keeps a child apart from its parent: signals, files, no core. */
+int cts_sandbox_leave_all(int keep_fd);
+
 #endif

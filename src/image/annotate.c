@@ -1,15 +1,11 @@
 #include "ctsplat/annotate.h"
 
 #include "image/describe.h"
-#include <cairo.h>
 #include <math.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <string.h>
 
-/* cairo's own stroke font: no font file, no cache of fonts on disk, the same pixels on every machine. */
-static const char *const font_family = "@cairo:";
-static const double light = 242 / 255.0, dark = 13 / 255.0; /* as the overlay's 8 bits hold them */
+static const double light = 242 / 255.0, dark = 13 / 255.0;
 
 enum { MIN_FONT_PX = 10 };
 
@@ -21,87 +17,138 @@ typedef struct Mark {
     double margin_px;
 } Mark;
 
-/* A mark's box in pixels: ink and rim. */
+/* A mark's box in pixels: ink and rim. pen: half the width of a letter's strokes. */
 typedef struct Box {
-    double text_width, text_height, bar_height, rim;
+    double text_width, text_height, bar_height, pen, rim;
     int width, height;
 } Box;
 
-static void set_font(cairo_t *cr, double font_px)
+/* Letters as a pen draws them: a pair of hexadecimal-like digits (0 to 9, a to g) is a point, right and down, and a
+ * blank lifts the pen. Capitals are 16 high. */
+typedef struct Glyph {
+    char letter;
+    int width;
+    const char *strokes;
+} Glyph;
+
+enum { CAPITAL = 16, GAP = 6 };
+
+static const Glyph glyphs[] = {
+    {'0', 10, "307092a5ab9e7g3g1e0b051230"},
+    {'1', 5, "03505g"},
+    {'2', 10, "0411307091a3a5970gag"},
+    {'3', 10, "13307091a3a5977838 7899abad9f7g3g0e"},
+    {'4', 10, "8g800bab"},
+    {'5', 10, "901008366698abac9f7g3g0e"},
+    {'6', 10, "92704012060b1e3g7g9eacab987636180b"},
+    {'7', 10, "00a04g"},
+    {'8', 10, "3816123070929678380a0d2g8gadaa78"},
+    {'9', 10, "1e3g6g9eaaa5927030120405183a7a98a5"},
+    {'.', 1, "0g0g"},
+    {'-', 10, "1a9a"},
+    {'+', 10, "1a9a 565e"},
+    {'e', 10, "0baba98626090d2g7g9f"},
+    {'m', 14, "060g 092656787g 7896c6e8eg"},
+    {'A', 11, "0g50ag 2b8b"},
+    {'F', 9, "90000g 0878"},
+    {'H', 10, "000g a0ag 08a8"},
+    {'L', 9, "000g9g"},
+    {'P', 9, "0g0060819396886909"},
+    {'R', 10, "0g0060819396886909 599g"},
+};
+
+static const Glyph *glyph_of(char letter)
 {
-    cairo_font_options_t *options = cairo_font_options_create();
-    cairo_font_options_set_hint_style(options, CAIRO_HINT_STYLE_NONE);
-    cairo_font_options_set_hint_metrics(options, CAIRO_HINT_METRICS_OFF);
-    cairo_set_font_options(cr, options);
-    cairo_font_options_destroy(options);
-    cairo_select_font_face(cr, font_family, CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_BOLD);
-    cairo_set_font_size(cr, font_px);
+    for (size_t i = 0; i < sizeof glyphs / sizeof *glyphs; i++)
+        if (glyphs[i].letter == letter)
+            return &glyphs[i];
+    return NULL;
 }
 
-static void rim_and_fill(cairo_t *cr, double rim, double ink)
+static int advance_of(const Glyph *glyph)
 {
-    const double around = light + dark - ink;
-    cairo_set_line_join(cr, CAIRO_LINE_JOIN_ROUND);
-    cairo_set_line_width(cr, 2 * rim);
-    cairo_set_source_rgb(cr, around, around, around);
-    cairo_stroke_preserve(cr);
-    cairo_set_source_rgb(cr, ink, ink, ink);
-    cairo_fill(cr);
+    return (glyph ? glyph->width : GAP) + GAP;
+}
+
+static int digit(char c)
+{
+    return c <= '9' ? c - '0' : c - 'a' + 10;
+}
+
+static double to_segment(double x, double y, const double a[2], const double b[2])
+{
+    const double dx = b[0] - a[0], dy = b[1] - a[1], length = dx * dx + dy * dy;
+    const double along = length > 0 ? ((x - a[0]) * dx + (y - a[1]) * dy) / length : 0;
+    const double t = fmin(1, fmax(0, along));
+    return hypot(x - a[0] - t * dx, y - a[1] - t * dy);
+}
+
+/* From a point to the pen's way through a letter that stands at 0, in its own units. */
+static double to_glyph(const Glyph *glyph, double x, double y)
+{
+    double nearest = INFINITY, before[2] = {0};
+    bool down = false;
+    for (const char *s = glyph->strokes; *s; s += *s == ' ' ? 1 : 2) {
+        if (*s != ' ') {
+            const double point[2] = {digit(s[0]), digit(s[1])};
+            nearest = down ? fmin(nearest, to_segment(x, y, before, point)) : nearest;
+            memcpy(before, point, sizeof before);
+        }
+        down = *s != ' ';
+    }
+    return nearest;
+}
+
+static double to_text(const char *text, double x, double y)
+{
+    double nearest = INFINITY;
+    for (; *text; text++) {
+        const Glyph *glyph = glyph_of(*text);
+        if (glyph)
+            nearest = fmin(nearest, to_glyph(glyph, x, y));
+        x -= advance_of(glyph);
+    }
+    return nearest;
+}
+
+/* Negative inside. */
+static double to_bar(double x, double y, double width, double height)
+{
+    const double dx = fabs(x - width / 2) - width / 2, dy = fabs(y - height / 2) - height / 2;
+    return dx > 0 && dy > 0 ? hypot(dx, dy) : fmax(dx, dy);
 }
 
 static Box measure(const Mark *mark)
 {
-    Box box = {.rim = fmax(1, mark->font_px / 10)};
-    cairo_surface_t *none = cairo_recording_surface_create(CAIRO_CONTENT_ALPHA, NULL);
-    cairo_t *cr = cairo_create(none);
-    cairo_text_extents_t extents;
-    set_font(cr, mark->font_px);
-    cairo_text_extents(cr, mark->text, &extents);
-    cairo_destroy(cr);
-    cairo_surface_destroy(none);
-    box.text_width = extents.x_advance;
-    box.text_height = 0.8 * mark->font_px; /* one height for all letters, so that edges line up */
+    Box box = {.pen = mark->font_px / 18, .rim = fmax(1, mark->font_px / 10)};
+    int advance = -GAP;
+    for (const char *c = mark->text; *c; c++)
+        advance += advance_of(glyph_of(*c));
+    box.text_height = 0.7 * mark->font_px;
+    box.text_width = fmax(0, advance * box.text_height / CAPITAL);
     box.bar_height = mark->bar_px > 0 ? fmax(2, mark->font_px / 5) : 0;
     const double gap = mark->bar_px > 0 ? 3 * box.rim : 0;
-    box.width = (int)ceil(fmax(box.text_width, mark->bar_px) + 4 * box.rim) + 1;
-    box.height = (int)ceil(box.text_height + gap + box.bar_height + 4 * box.rim) + 1;
+    box.width = (int)ceil(fmax(box.text_width + 2 * box.pen, mark->bar_px) + 4 * box.rim) + 1;
+    box.height = (int)ceil(box.text_height + 2 * box.pen + gap + box.bar_height + 4 * box.rim) + 1;
     return box;
 }
 
-static void draw(cairo_surface_t *surface, const Mark *mark, const Box *box, double ink)
+/* How far the box's point lies from the mark's ink; negative inside. */
+static double to_ink(const Mark *mark, const Box *box, double x, double y)
 {
-    cairo_t *cr = cairo_create(surface);
-    set_font(cr, mark->font_px);
-    cairo_move_to(cr, (box->width - box->text_width) / 2, 2 * box->rim + box->text_height);
-    cairo_text_path(cr, mark->text);
-    rim_and_fill(cr, box->rim, ink);
-    if (mark->bar_px > 0) {
-        cairo_rectangle(cr, (box->width - mark->bar_px) / 2, box->height - 2 * box->rim - box->bar_height, mark->bar_px,
-                        box->bar_height);
-        rim_and_fill(cr, box->rim, ink);
-    }
-    cairo_destroy(cr);
-    cairo_surface_flush(surface);
+    const double unit = box->text_height / CAPITAL;
+    const double left = (box->width - box->text_width) / 2, top = 2 * box->rim + box->pen;
+    const double text = to_text(mark->text, (x - left) / unit, (y - top) / unit) * unit - box->pen;
+    return mark->bar_px > 0
+               ? fmin(text, to_bar(x - (box->width - mark->bar_px) / 2,
+                                   y - (box->height - 2 * box->rim - box->bar_height), mark->bar_px, box->bar_height))
+               : text;
 }
 
-/* The overlay's grey and alpha over the picture; premultiplied, as both are. */
-static void blend(CtsPicture *picture, cairo_surface_t *overlay, int left, int top)
+/* Of a pixel whose centre lies so far outside an edge. */
+static double covered(double distance_px)
 {
-    const int width = cairo_image_surface_get_width(overlay), height = cairo_image_surface_get_height(overlay);
-    const unsigned char *bytes = cairo_image_surface_get_data(overlay);
-    const int stride = cairo_image_surface_get_stride(overlay), channels = picture->n_channels;
-    for (int j = 0; j < height; j++)
-        for (int i = 0; i < width; i++) {
-            const int x = left + i, y = top + j - picture->first_row;
-            uint32_t argb;
-            memcpy(&argb, bytes + (size_t)j * stride + 4 * (size_t)i, sizeof argb);
-            const float alpha = (float)(argb >> 24) / 255, grey = (float)(argb & 255) / 255;
-            if (alpha <= 0 || x < 0 || y < 0 || x >= picture->width || y >= picture->height)
-                continue;
-            float *p = picture->pixels + ((size_t)y * picture->width + x) * channels;
-            for (int c = 0; c < channels; c++)
-                p[c] = (c == 3 ? alpha : grey) + (1 - alpha) * p[c];
-        }
+    return fmin(1, fmax(0, 0.5 - distance_px));
 }
 
 /* A mark and where its box stands in the whole picture. */
@@ -145,22 +192,25 @@ static void place(Layout *layout, const Mark *mark)
     layout->n++;
 }
 
-static CtsStatus put(CtsPicture *picture, const Placed *p, CtsError *err)
+/* Ink within a rim, over the picture; premultiplied, as the picture is. */
+static void put(CtsPicture *picture, const Placed *p)
 {
+    const double ink = picture->info.light_behind ? dark : light, around = light + dark - ink;
+    const int channels = picture->n_channels, end = p->top + p->box.height - picture->first_row;
+    const int first = p->top > picture->first_row ? p->top - picture->first_row : 0;
     Mark mark = p->mark;
-    CtsStatus st = CTS_OK;
     mark.text = p->text;
-    if (p->top >= picture->first_row + picture->height || p->top + p->box.height <= picture->first_row)
-        return CTS_OK;
-    cairo_surface_t *overlay = cairo_image_surface_create(CAIRO_FORMAT_ARGB32, p->box.width, p->box.height);
-    draw(overlay, &mark, &p->box, picture->info.light_behind ? dark : light);
-    if (cairo_surface_status(overlay) == CAIRO_STATUS_SUCCESS)
-        blend(picture, overlay, p->left, p->top);
-    else
-        st = cts_fail(err, CTS_ERR_MEMORY, "the annotation cannot be drawn: %s",
-                      cairo_status_to_string(cairo_surface_status(overlay)));
-    cairo_surface_destroy(overlay);
-    return st;
+    for (int y = first; y < end && y < picture->height; y++)
+        for (int x = p->left; x < p->left + p->box.width; x++) {
+            const double out = to_ink(&mark, &p->box, x - p->left + 0.5, y + picture->first_row - p->top + 0.5);
+            const double alpha = covered(out - p->box.rim), inner = covered(out);
+            if (alpha <= 0 || x < 0 || x >= picture->width)
+                continue;
+            const double grey = inner * ink + (alpha - inner) * around;
+            float *v = picture->pixels + ((size_t)y * picture->width + x) * channels;
+            for (int c = 0; c < channels; c++)
+                v[c] = (float)((c == 3 ? alpha : grey) + (1 - alpha) * v[c]);
+        }
 }
 
 /* The 1, 2 or 5 times a power of ten nearest to length_mm by ratio. */
@@ -212,17 +262,16 @@ CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n
     const int side = layout.width < layout.height ? layout.width : layout.height;
     const double font_px = fmax(MIN_FONT_PX, side / 30.0), margin_px = font_px / 4;
     const double mm_per_pixel = info->mm_per_pixel;
-    CtsStatus st = CTS_OK;
     if (scale && !(mm_per_pixel > 0 && isfinite(mm_per_pixel)))
         return cts_fail(err, CTS_ERR_USAGE, "a scale cannot be drawn: the picture's mm per pixel are not known");
     if (orientation)
         place_letters(&layout, info, font_px, margin_px);
     if (scale)
         place_scale(&layout, mm_per_pixel, font_px, margin_px);
-    for (int i = 0; i < layout.n && !st; i++)
-        st = put(picture, &layout.placed[i], err);
+    for (int i = 0; i < layout.n; i++)
+        put(picture, &layout.placed[i]);
     picture->info.annotated |= layout.n > 0;
     if (n_left_out)
         *n_left_out = layout.n_left_out;
-    return st;
+    return CTS_OK;
 }

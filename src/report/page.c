@@ -1,6 +1,7 @@
 #include "report/page.h"
 
-#include <cairo.h>
+#include "base/mem.h"
+#include <png.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -25,56 +26,34 @@ void cts_page_text(FILE *file, const char *text)
         }
 }
 
-typedef struct Base64 {
-    FILE *file;
-    unsigned held, bits;
-} Base64;
-
 static const char base64_digits[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
 
-static cairo_status_t write_base64(void *context, const unsigned char *data, unsigned n)
+static void write_base64(FILE *file, const uint8_t *data, size_t n)
 {
-    Base64 *b = context;
-    for (unsigned i = 0; i < n; i++) {
-        b->held = b->held << 8 | data[i];
-        b->bits += 8;
-        while (b->bits >= 6) {
-            b->bits -= 6;
-            fputc(base64_digits[b->held >> b->bits & 63], b->file);
-        }
-        b->held &= (1u << b->bits) - 1;
+    for (size_t i = 0; i < n; i += 3) {
+        const unsigned n_bytes = n - i < 3 ? (unsigned)(n - i) : 3;
+        const unsigned bits = (unsigned)data[i] << 16 | (n_bytes > 1 ? (unsigned)data[i + 1] << 8 : 0) |
+                              (n_bytes > 2 ? (unsigned)data[i + 2] : 0);
+        for (unsigned k = 0; k < 4; k++)
+            fputc(k <= n_bytes ? base64_digits[bits >> (18 - 6 * k) & 63] : '=', file);
     }
-    return CAIRO_STATUS_SUCCESS;
-}
-
-static void end_base64(Base64 *b)
-{
-    if (b->bits)
-        fputc(base64_digits[b->held << (6 - b->bits) & 63], b->file);
-    fputs(b->bits == 2 ? "==" : b->bits == 4 ? "=" : "", b->file);
 }
 
 CtsStatus cts_page_image(FILE *file, const uint8_t *rgb, int width, int height, CtsError *err)
 {
-    Base64 base64 = {.file = file};
-    cairo_surface_t *surface = cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height);
-    cairo_status_t status = cairo_surface_status(surface);
-    if (status == CAIRO_STATUS_SUCCESS) {
-        unsigned char *data = cairo_image_surface_get_data(surface);
-        const int stride = cairo_image_surface_get_stride(surface);
-        for (int y = 0; y < height; y++)
-            for (int x = 0; x < width; x++) {
-                const uint8_t *p = rgb + 3 * ((size_t)y * (size_t)width + (size_t)x);
-                const uint32_t pixel = (uint32_t)p[0] << 16 | (uint32_t)p[1] << 8 | p[2];
-                memcpy(data + (size_t)y * (size_t)stride + 4 * (size_t)x, &pixel, sizeof pixel);
-            }
-        cairo_surface_mark_dirty(surface);
+    png_image image = {.version = PNG_IMAGE_VERSION,
+                       .width = (png_uint_32)width,
+                       .height = (png_uint_32)height,
+                       .format = PNG_FORMAT_RGB};
+    png_alloc_size_t n = PNG_IMAGE_PNG_SIZE_MAX(image);
+    uint8_t *bytes = NULL;
+    CtsStatus st = cts_alloc_array(&bytes, n, err);
+    if (!st && !png_image_write_to_memory(&image, bytes, &n, 0, rgb, 0, NULL))
+        st = cts_fail(err, CTS_ERR_MEMORY, "a picture for a page: %s", image.message);
+    if (!st) {
         fputs("data:image/png;base64,", file);
-        status = cairo_surface_write_to_png_stream(surface, write_base64, &base64);
-        end_base64(&base64);
+        write_base64(file, bytes, n);
     }
-    cairo_surface_destroy(surface);
-    if (status != CAIRO_STATUS_SUCCESS)
-        return cts_fail(err, CTS_ERR_MEMORY, "a picture for a page: %s", cairo_status_to_string(status));
-    return CTS_OK;
+    cts_free(&bytes);
+    return st;
 }

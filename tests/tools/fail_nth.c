@@ -1,7 +1,7 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
  * write, fsync, rename, fork, mmap; kill: the process that was forked last is killed when it is sent something) and
  * CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail too. Calls are counted over all threads; a
- * child does not fail. When the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
+ * child does not fail, or with CTS_FAIL_CHILD=1 children alone do. When the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
 #undef _FILE_OFFSET_BITS /* both names of a call are wanted: open() and open64() */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -27,7 +27,7 @@ static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO, ENOSPC, EIO, EACCES, EA
 
 static int chosen = -1;
 static long fail_at;
-static int fail_on;
+static int fail_on, fail_child;
 static pid_t self;
 static const char *told;
 static atomic_long seen;
@@ -40,6 +40,7 @@ static void choose(void)
     self = getpid();
     told = getenv("CTS_FAIL_TOLD");
     fail_on = getenv("CTS_FAIL_ON") != NULL;
+    fail_child = getenv("CTS_FAIL_CHILD") != NULL;
     fail_at = at ? atol(at) : 0;
     for (int c = 0; call && c < N_CALLS; c++)
         if (strcmp(names[c], call) == 0)
@@ -70,7 +71,7 @@ int __libc_start_main(int (*main)(int, char **, char **), int argc, char **argv,
 
 static int fails(enum Call call)
 {
-    if ((int)call != chosen || (long)syscall(SYS_getpid) != (long)self)
+    if ((int)call != chosen || ((long)syscall(SYS_getpid) != (long)self) != fail_child)
         return 0;
     const long n = atomic_fetch_add(&seen, 1) + 1;
     if (n != fail_at && !(fail_on && n > fail_at))
