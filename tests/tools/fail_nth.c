@@ -1,7 +1,8 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
  * write, fsync, rename, fork, mmap; kill: the process that was forked last is killed when it is sent something) and
  * CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail too. Calls are counted over all threads; a
- * child does not fail, or with CTS_FAIL_CHILD=1 children alone do. When the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
+ * child does not fail, or with CTS_FAIL_CHILD=1 children alone do. When the call was reached, a line is put at the end
+ * of the file CTS_FAIL_TOLD. */
 #undef _FILE_OFFSET_BITS /* both names of a call are wanted: open() and open64() */
 #define _GNU_SOURCE
 #include <dlfcn.h>
