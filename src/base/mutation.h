@@ -30,7 +30,18 @@
         fault(BORDER_DIFFERENCE) /* raycast: no air beyond the border */                                               \
         fault(MODE_EXTREMES)     /* raycast: extremes looked for at cell faces alone */                                \
         fault(VOXEL_LENGTH)      /* opacity per voxel: by the largest step along the ray, not its length */            \
-        fault(TOLERANCE_LESS)    /* layers: a change of exactly the tolerance counts as one */
+        fault(TOLERANCE_LESS)    /* layers: a change of exactly the tolerance counts as one */                         \
+        fault(QUIET_RANGE)       /* layers: the levels of a patch that stays the same end one too low */               \
+        fault(QUIET_HIGH)        /* tiled: what shows ends one level too low */                                        \
+        fault(SUB_SHEETS)        /* tiled: no second sheet where the field bends */                                    \
+        fault(LOOKS)             /* tiled: no stretch is looked at closely */                                          \
+        fault(WHOLE_LEVELS)      /* what shows between two levels is not seen */                                       \
+        fault(LEAP_FAR)          /* tiled: leaps a macro-cell too far */                                               \
+        fault(GRADIENT_SIGN)     /* tiled: the gradient along the layers turned round */                               \
+        fault(AVERAGE_BLOCK)     /* average: blocks of one grey level 2 % low */                                       \
+        fault(DEPTH_SLAB)        /* tiled: depth a layer too far */                                                    \
+        fault(BOUND_LOW)         /* tiled: tells a quarter of its error bound */                                       \
+        fault(UNCAST)            /* tiled: rays that are cast again stay as they were */
 
 #define CTS_MUTATION_ENTRY(name) CTS_MUTATION_##name,
 enum CtsMutation { CTS_MUTATION_NONE, CTS_MUTATIONS(CTS_MUTATION_ENTRY) CTS_N_MUTATIONS };

@@ -92,6 +92,8 @@ static const CtsCheckCase cases[] = {
     CHECK_LINEAR("ramp: mip", RAMP, .mode = CTS_MODE_MIP, VIEW(25, 10), .bound = {CHECK_NONE, 1e-6, 2e-7}),
     CHECK_LINEAR("ramp: minip", RAMP, .mode = CTS_MODE_MINIP, VIEW(25, 10), .bound = {CHECK_NONE, 1e-6, 2e-7}),
     CHECK_LINEAR("ramp: average", RAMP, .mode = CTS_MODE_AVERAGE, VIEW(25, 10), .bound = {CHECK_NONE, 1e-6, 2e-7}),
+    CHECK_LINEAR("slab: average of one grey level", CUBE, CHECK_POINTS(even_3), .mode = CTS_MODE_AVERAGE, VIEW(25, 10),
+                 .bound = {CHECK_NONE, 1e-6, 2e-7}),
     CHECK_LINEAR("ramp: B-spline kernel", .dims = {61, 15, 61}, .hu = {100, 5, 40, 3}, CHECK_POINTS(soft),
                  .kernel = CTS_KERNEL_BSPLINE, VIEW(-10, 8), MIDDLE, .bound = {1e-3, CHECK_NONE, 2e-6}),
 

@@ -20,6 +20,7 @@ typedef struct VoxelScene {
     View view;
     int width, height;
     bool lit;
+    double max_error; /* asked for; 0: nothing */
 } VoxelScene;
 
 static double shown(double value)
@@ -53,14 +54,15 @@ static void judge(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *pr
     worst.found = worst.error = fmax(sqrt(sum / n), worst.error / PIXELWISE);
     worst.expected = 0;
     worst.rms = sqrt(sum / n);
-    cts_check_worst_value(run, &worst, fmin(bound, sqrt(light / n) / 8));
+    cts_check_worst_value(run, &worst, light > 0 ? fmin(bound, sqrt(light / n) / 8) : -1);
 }
 
 static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const VoxelScene *v = data;
     /* The truth's own error at steps that a ray grazes. */
-    const double bound = cts_check_family(run->engine) == CHECK_RAYCAST ? 3e-4 : CHECK_PROMISED;
+    const bool exact = cts_check_family(run->engine) == CHECK_RAYCAST;
+    const double bound = exact ? 3e-4 : v->max_error > 0 ? v->max_error / 255 : CHECK_PROMISED;
     CtsVolume *volume = NULL;
     CtsPicture *picture = NULL;
     CtsStatus st = cts_check_volume(&volume, v->dims, (const double[3]){1, 1, 1}, 1, v->hu, v->numbers, err);
@@ -76,6 +78,7 @@ static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
     s.azimuth_deg = v->view.azimuth_deg;
     s.elevation_deg = v->view.elevation_deg;
     s.mm_per_pixel = v->view.mm_per_pixel;
+    s.max_error = v->max_error;
     if (!(st = cts_check_render(run, volume, &preset, &s, &picture, err)))
         judge(run, volume, &preset, &s, picture, bound);
     cts_picture_free(&picture);
@@ -91,11 +94,13 @@ static double every(double at, double step)
     return fmod(at, step) == 3;
 }
 
-/* numbers: what there is of 1 plates, 2 wires, 3 dots. One voxel each. */
+/* numbers: what there is of 1 plates, 2 wires, 3 dots; 4 a single dot. One voxel each. */
 static double hu_thin(const double vox[3], const void *data)
 {
     const double *kind = data;
     const bool z = every(vox[2], 6) != 0, y = every(vox[1], 6) != 0, x = every(vox[0], 6) != 0;
+    if (kind[0] > 3)
+        return vox[0] == 12 && vox[1] == 9 && vox[2] == 13 ? metal_hu : soft_hu;
     return z && (y || kind[0] < 2) && (x || kind[0] < 3) ? metal_hu : soft_hu;
 }
 
@@ -153,6 +158,7 @@ static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}
 #define PLATES CUBE, .hu = hu_thin, .numbers = {1}
 #define WIRES CUBE, .hu = hu_thin, .numbers = {2}
 #define DOTS CUBE, .hu = hu_thin, .numbers = {3}
+#define DOT CUBE, .hu = hu_thin, .numbers = {4}
 #define HELIX CUBE, .hu = hu_helix
 #define LEVELS .dims = {12, 12, 12}, .hu = hu_two_levels, .numbers = {500, 8}
 #define LUMP CUBE, .hu = hu_lump, .numbers = {-30, 30, 4}
@@ -203,6 +209,20 @@ static const CtsCheckCase cases[] = {
     EXACT("voxels: a peak between two levels, oblique", LEVELS, CHECK_POINTS(between_levels), HALF(25, -40)),
     EXACT("voxels: a plateau between two levels, oblique", LEVELS, CHECK_POINTS(within_levels), WHOLE(-60, 15)),
     VOXELS("voxels: a shell between two levels", LUMP, CHECK_POINTS(thin_shell), HALF(30, 20)),
+    VOXELS("voxels: plates, magnified, 0.1 asked", PLATES, CHECK_POINTS(from_1800), QUARTER(0, 0), .max_error = 0.1),
+    VOXELS("voxels: plates, reduced, 0.1 asked", PLATES, CHECK_POINTS(from_1800), DOUBLE(120, -65), .max_error = 0.1),
+    VOXELS("voxels: wires, oblique, 0.25 asked", WIRES, CHECK_POINTS(from_1800), WHOLE(70, 50), .max_error = 0.25),
+    VOXELS("voxels: dots, magnified, oblique, 0.25 asked", DOTS, CHECK_POINTS(from_1800), HALF(45, 35.26),
+           .max_error = 0.25),
+    VOXELS("voxels: one dot, oblique, 0.1 asked", DOT, CHECK_POINTS(step_300), QUARTER(45, 35.26), .max_error = 0.1),
+    VOXELS("voxels: a stent from the head, 0.1 asked", HELIX, CHECK_POINTS(from_1800), WHOLE(10, 85), .max_error = 0.1),
+    VOXELS("voxels: a peak between two levels, 0.5 asked", LEVELS, CHECK_POINTS(between_levels), QUARTER(0, 0),
+           .max_error = 0.5),
+    VOXELS("voxels: a step, magnified, 0.1 asked", LUMP, CHECK_POINTS(step_300), QUARTER(0, 0), .max_error = 0.1),
+    VOXELS("voxels: a step, oblique, 0.1 asked", LUMP, CHECK_POINTS(step_300), WHOLE(-125, 40), .max_error = 0.1),
+    VOXELS("voxels: a step, lit, oblique, 0.25 asked", LUMP, CHECK_POINTS(step_300), HALF(-30, 15), .lit = true,
+           .max_error = 0.25),
+    VOXELS("voxels: steps of colour, oblique, 0.5 asked", LUMP, CHECK_POINTS(steps), HALF(80, 30), .max_error = 0.5),
     VOXELS("voxels: haze beside metal of 3000 HU", HAZE(3000, haze_and_metal), HALF(0, 0)),
     VOXELS("voxels: haze beside metal of 3000 HU, oblique", HAZE(3000, haze_and_metal), QUARTER(0.4, 0.3)),
     VOXELS("voxels: haze beside metal of 20000 HU", HAZE(20000, haze_to_metal), HALF(0, 0)),

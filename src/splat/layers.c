@@ -138,6 +138,7 @@ static void find_range(CtsQuiet *q, const CtsQuietJob *job, int swath, int t, in
 {
     CtsRange *range = range_of(q, swath, t);
     *range = cts_patch_range(&q->patches, job->rule, t, row0, row1, job->row_of, job->rows);
+    range->high = (uint16_t)(range->high - CTS_MUTATED(QUIET_RANGE));
     if (!cts_range_visible(job->rule, *range))
         bits_row(q, q->empty, swath)[t / 64] |= UINT64_C(1) << (t & 63);
 }

@@ -14,9 +14,10 @@ void cts_tiled_plan(TiledJob *j, const CtsScene *scene)
     j->rounding = 0.5f / j->table.per_grey + j->grey_range / 16384;
     j->hard_tint = 16 * j->table.steepest[1] > j->table.colour_range;
     j->may_mix = (float)asked;
-    j->may_change =
-        scene->plan.samples > 0 ? INFINITY : 4 * j->may_mix; /* sheets that were asked for are all there is */
-    j->let_pass = j->may_mix / 8;
+    j->may_change = scene->plan.samples > 0 || CTS_MUTATED(SUB_SHEETS)
+                        ? INFINITY
+                        : 4 * j->may_mix; /* sheets that were asked for are all there is */
+    j->let_pass = CTS_MUTATED(LOOKS) ? INFINITY : j->may_mix / 8;
     j->tint = j->table.steepest[1] / j->table.per_grey;
     j->most_due = 0.5f * j->may_mix;
     j->stiff_depth = 3;

@@ -88,7 +88,8 @@ static void init_frame(TiledJob *j)
 {
     for (int i = 0; i < 3; i++)
         for (int c = 0; c < 3; c++)
-            j->frame[i][c] = j->shade->frame[i][c] * (c == 2 && !j->rising ? -1 : 1) / 16384;
+            j->frame[i][c] =
+                j->shade->frame[i][c] * (c == 2 && j->rising == CTS_MUTATED(GRADIENT_SIGN) ? -1 : 1) / 16384;
 }
 
 static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout)
@@ -96,7 +97,8 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
     const CtsView *view = &scene->view;
     plane_map(view, layout->axis_u, 0, j->u_at);
     plane_map(view, layout->axis_v, 0, j->v_at);
-    plane_map(view, -1, cts_volume_diagonal_mm(scene->volume) / 2, j->depth_at);
+    const double too_far_mm = CTS_MUTATED(DEPTH_SLAB) ? view->layer_mm : 0;
+    plane_map(view, -1, cts_volume_diagonal_mm(scene->volume) / 2 + too_far_mm, j->depth_at);
     double behind_mm[4];
     plane_map(view, -1, 0, behind_mm);
     slab_map(j, behind_mm, view->near_mm, j->near_at);
@@ -222,6 +224,7 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacr
     if ((st = cts_tiled_kept_tables(kept, scene, macrocells, &layout, report, err)))
         goto end;
     job.table = kept->table;
+    job.table.quiet_high -= CTS_MUTATED(QUIET_HIGH);
     job.empty = kept->empty;
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, axes, err)))

@@ -1,6 +1,7 @@
 #include "transfer/lut.h"
 
 #include "base/mem.h"
+#include "base/mutation.h"
 #include "base/parallel.h"
 #include <math.h>
 #include <stdlib.h>
@@ -25,7 +26,7 @@ static void count_visible(CtsLut *l, const uint8_t *between)
         l->visible_below[2 * g] = n;
         n += e[g] > 0;
         l->visible_below[2 * g + 1] = n;
-        n += g + 1 < CTS_N_GREY && (e[g] > 0 || e[g + 1] > 0 || between[g]);
+        n += g + 1 < CTS_N_GREY && (e[g] > 0 || e[g + 1] > 0 || between[g]) && !CTS_MUTATED(WHOLE_LEVELS);
     }
     l->any_visible = n > 0;
 }

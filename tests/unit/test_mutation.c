@@ -45,6 +45,17 @@ static const Proof proofs[] = {
     PROOF(MODE_EXTREMES, "turns inside, mip"),
     PROOF(VOXEL_LENGTH, "opacity per voxel, oblique"),
     PROOF(TOLERANCE_LESS, "exactly the tolerance"),
+    PROOF(QUIET_RANGE, "equal: savings where one level shows"),
+    PROOF(QUIET_HIGH, "peak: one HU wide, slow field"),
+    PROOF(SUB_SHEETS, "voxels: dots, magnified, oblique"),
+    PROOF(LOOKS, "a step, oblique, 0.1 asked"),
+    PROOF(WHOLE_LEVELS, "a peak between two levels, 0.5 asked"),
+    PROOF(LEAP_FAR, "ball: chords"),
+    PROOF(GRADIENT_SIGN, "lit from behind"),
+    PROOF(AVERAGE_BLOCK, "average of one grey level"),
+    PROOF(DEPTH_SLAB, "depth: an opaque plane"),
+    PROOF(BOUND_LOW, "dots, reduced"),
+    PROOF(UNCAST, "one dot, oblique, 0.1 asked"),
 };
 
 static void count(const CtsCheckResult *result, void *context)
