@@ -25,7 +25,7 @@ static void describe(const CtsBenchSettings *settings, CtsBenchRows *rows)
 
 static void tell(const CtsBenchSettings *settings, int done, int all, const CtsBenchRow *row)
 {
-    char what[128], samples[16];
+    char what[128], samples[24];
     if (!settings->progress)
         return;
     if (!row) {

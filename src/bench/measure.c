@@ -38,6 +38,7 @@ static CtsStatus judge(Child *c, const CtsPicture *picture, const CtsReport *rep
         return st;
     cts_bench_thumbs(c->truth, c->settings->preset, picture, c->row);
     c->row->voxels = report->voxels;
+    c->row->bound = report->bound;
     return CTS_OK;
 }
 
@@ -62,6 +63,7 @@ static CtsStatus render_runs(Child *c)
     s.engine = row->engine;
     s.kernel = row->kernel;
     s.samples = row->samples;
+    s.max_error = row->max_error;
     s.tolerance_hu = row->tolerance_hu;
     s.void_key = row->void_key;
     reset_peak();

@@ -21,12 +21,22 @@ void cts_bench_mark_pareto(CtsBenchRows *rows)
     }
 }
 
-void cts_bench_samples_text(const CtsBenchRow *row, char text[16])
+void cts_bench_samples_text(const CtsBenchRow *row, char text[24])
 {
-    if (row->samples > 0)
-        snprintf(text, 16, "%d", row->samples);
+    if (row->max_error > 0)
+        snprintf(text, 24, "to %g/255", row->max_error);
+    else if (row->samples > 0)
+        snprintf(text, 24, "%d", row->samples);
     else
         strcpy(text, "auto");
+}
+
+void cts_bench_bound_text(const CtsBenchRow *row, char text[24])
+{
+    if (row->bound.known)
+        snprintf(text, 24, "%.3g", row->bound.rmse);
+    else
+        strcpy(text, "-");
 }
 
 static json_t *psnr(double rmse)
@@ -44,11 +54,12 @@ CtsStatus cts_bench_lines(const CtsBenchRows *rows, char **text, CtsError *err)
         if (!r->measured)
             continue;
         json_t *object =
-            json_pack("{s:s, s:s, s:i, s:f, s:s, s:f, s:f, s:I, s:f, s:f, s:o}", "engine", cts_engine_names[r->engine],
-                      "kernel", cts_kernel_names[r->kernel], "samples", r->samples, "tolerance", r->tolerance_hu,
-                      "void", r->void_key ? "key" : "strict", "wall_ms", r->wall_ms, "wall_ms_spread",
-                      r->wall_ms_spread, "peak_rss_bytes", (json_int_t)r->peak_rss_bytes, "rmse", r->own.rmse,
-                      "rmse_trilinear", r->trilinear.rmse, "psnr_db", psnr(r->own.rmse));
+            json_pack("{s:s, s:s, s:i, s:f, s:f, s:s, s:f, s:f, s:I, s:f, s:f, s:o, s:o}", "engine",
+                      cts_engine_names[r->engine], "kernel", cts_kernel_names[r->kernel], "samples", r->samples,
+                      "max_error", r->max_error, "tolerance", r->tolerance_hu, "void", r->void_key ? "key" : "strict",
+                      "wall_ms", r->wall_ms, "wall_ms_spread", r->wall_ms_spread, "peak_rss_bytes",
+                      (json_int_t)r->peak_rss_bytes, "rmse", r->own.rmse, "rmse_trilinear", r->trilinear.rmse,
+                      "psnr_db", psnr(r->own.rmse), "bound", r->bound.known ? json_real(r->bound.rmse) : json_null());
         char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
         good = line && fprintf(f, "%s\n", line) > 0;
         json_decref(object);
@@ -100,6 +111,20 @@ static void plot_engine(FILE *f, const CtsBenchRow *const *list, int n, int engi
     fputs("END\n", f);
 }
 
+/* What was told of errors; false when there is nothing. */
+static bool plot_bounds(FILE *f, const CtsBenchRow *const *list, int n)
+{
+    bool any = false;
+    fputs("$bounds << END\n", f);
+    for (int i = 0; i < n; i++)
+        if (list[i]->bound.known && list[i]->bound.rmse > 0) {
+            fprintf(f, "%.6g %.6g\n", list[i]->wall_ms, list[i]->bound.rmse);
+            any = true;
+        }
+    fputs("END\n", f);
+    return any;
+}
+
 /* The front, and what its rows are: names in turn above and below it, on white, so that no line crosses them. A row
  * below the axis is an arrow at its foot. */
 static void plot_front(FILE *f, const CtsBenchRow *const *list, int n, double least)
@@ -114,7 +139,7 @@ static void plot_front(FILE *f, const CtsBenchRow *const *list, int n, double le
         if (!list[i]->pareto)
             continue;
         const bool is_below = list[i]->trilinear.rmse < least;
-        char samples[16], tolerance[40] = "", off[40] = "";
+        char samples[24], tolerance[40] = "", off[40] = "";
         cts_bench_samples_text(list[i], samples);
         if (list[i]->tolerance_hu > 0)
             snprintf(tolerance, sizeof tolerance, ", %g HU", list[i]->tolerance_hu);
@@ -145,6 +170,8 @@ static void plot_range(const CtsBenchRow *const *list, int n, double *least, dou
         if (list[i]->engine != CTS_ENGINE_RAYCAST && list[i]->trilinear.rmse > 0)
             *least = fmin(*least, list[i]->trilinear.rmse);
         *most = fmax(*most, list[i]->trilinear.rmse);
+        if (list[i]->bound.known)
+            *most = fmax(*most, fmin(list[i]->bound.rmse, 1));
     }
     *least = isinf(*least) ? 1e-9 : *least / 3;
 }
@@ -168,6 +195,7 @@ static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
     for (int e = 0; e < CTS_N_ENGINES; e++)
         plot_engine(f, list, n, e, least);
     plot_front(f, list, n, least);
+    const bool told = plot_bounds(f, list, n);
     for (int e = 0; e < CTS_N_ENGINES; e++) {
         bool any = false;
         for (int i = 0; i < n; i++)
@@ -180,6 +208,8 @@ static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
                 plot, e, colour[e], e, colour[e], cts_engine_names[e]);
         plot = ",";
     }
+    if (told)
+        fputs(", $bounds using 1:2 with points pt 2 ps 0.7 lc rgb '#b3123f' title 'the error told, at most'", f);
     if (n)
         fprintf(f,
                 "%s $front using 1:2 with linespoints pt 6 ps 1.7 lw 2.5 dt 2 lc rgb '#000000' title 'Pareto front',"
@@ -207,15 +237,18 @@ CtsStatus cts_bench_plot_script(const CtsBenchRows *rows, char **script, CtsErro
 
 static void write_row(FILE *f, const CtsBenchRow *r, CtsStatus *st, CtsError *err)
 {
-    char samples[16];
+    char samples[24], bound[24];
     cts_bench_samples_text(r, samples);
+    cts_bench_bound_text(r, bound);
     fprintf(f,
             "<tr%s><td>%s</td><td>%s</td><td>%s</td><td>%g</td><td>%s</td><td>%.1f</td><td>%.1f</td><td>%.0f</td>"
-            "<td>%.3g<br><small>%.2g to %.2g</small></td><td>%.3g<br><small>%.2g to %.2g</small></td><td>%.1f</td>",
+            "<td>%.3g<br><small>%.2g to %.2g</small></td><td>%.3g<br><small>%.2g to "
+            "%.2g</small></td><td>%s</td><td>%.1f</td>",
             r->pareto ? " class=front" : "", cts_engine_names[r->engine], cts_kernel_names[r->kernel], samples,
             r->tolerance_hu, r->void_key ? "key" : "strict", r->wall_ms, r->wall_ms_spread,
             (double)r->peak_rss_bytes / 1048576, r->own.rmse, r->own.rmse_low, r->own.rmse_high, r->trilinear.rmse,
-            r->trilinear.rmse_low, r->trilinear.rmse_high, r->own.rmse > 0 ? -20 * log10(r->own.rmse) : INFINITY);
+            r->trilinear.rmse_low, r->trilinear.rmse_high, bound,
+            r->own.rmse > 0 ? -20 * log10(r->own.rmse) : INFINITY);
     if (r->voxels.known)
         fprintf(f, "<td>%.1f %%</td>", 100 * (double)r->voxels.splatted / (double)r->voxels.total);
     else
@@ -255,7 +288,8 @@ static void write_head(FILE *f, const CtsBenchRows *rows, const char *svg)
             "smallest; memory is that process's peak, the volume included. Errors are over red, green and blue as "
             "display values 0..1, at %llu random pixels (%llu for the trilinear integral), with 95 %% intervals: "
             "<i>own</i> against the converged float64 integral of the same kernel (PSNR goes with it), "
-            "<i>trilinear</i> against that of the trilinear field. Rows in green lie on the Pareto front. "
+            "<i>trilinear</i> against that of the trilinear field; <i>told</i> is the bound of the latter that the "
+            "render itself gives. Rows in green lie on the Pareto front. "
             "Difference pictures are against the trilinear integral, %g times too large.</p>\n",
             (unsigned long long)(some ? some->own.pixels : 0), (unsigned long long)(some ? some->trilinear.pixels : 0),
             rows->amplified);
@@ -274,7 +308,7 @@ CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html,
     }
     write_head(f, rows, svg);
     fputs("<table><tr><th>engine<th>kernel<th>samples<th>tolerance, HU<th>void<th>wall, ms<th>spread, ms<th>peak, MiB"
-          "<th>rmse, own<th>rmse, trilinear<th>PSNR, dB<th>voxels splatted<th>picture<th>difference</tr>\n",
+          "<th>rmse, own<th>rmse, trilinear<th>told<th>PSNR, dB<th>voxels splatted<th>picture<th>difference</tr>\n",
           f);
     for (int i = 0; i < n && !st; i++)
         write_row(f, list[i], &st, err);

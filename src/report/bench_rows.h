@@ -20,7 +20,8 @@ typedef struct CtsThumb {
 typedef struct CtsBenchRow {
     CtsEngineId engine;
     CtsKernelId kernel;
-    int samples; /* 0: chosen by the engine */
+    int samples;      /* 0: chosen by the engine */
+    double max_error; /* asked for, in 1/255 rms; 0: nothing */
     double tolerance_hu;
     bool void_key;
     bool measured; /* false: why says why not, and nothing else holds */
@@ -29,6 +30,7 @@ typedef struct CtsBenchRow {
     double wall_ms, wall_ms_spread; /* median; largest less smallest */
     uint64_t peak_rss_bytes;        /* of a process of its own, the volume included */
     CtsVerified own, trilinear;     /* against the converged integral of the same kernel, and of the trilinear field */
+    CtsErrorBound bound;            /* of the picture's error against the trilinear integral, as it was told */
     CtsVoxelCounts voxels;
     bool pareto;                  /* no other row is both faster and nearer to the trilinear integral */
     CtsThumb picture, difference; /* the difference from the trilinear integral, amplified */
@@ -47,8 +49,10 @@ typedef struct CtsBenchRows {
 /* Marks the rows that no other row beats in both time and rmse_trilinear. */
 void cts_bench_mark_pareto(CtsBenchRows *rows);
 
-/* "12.3", "1.24e-05", "-": for the table and the page. */
-void cts_bench_samples_text(const CtsBenchRow *row, char text[16]);
+/* "4", "auto", or "to 0.25/255" where an error was asked for: for the table, the plot and the page. */
+void cts_bench_samples_text(const CtsBenchRow *row, char text[24]);
+/* "0.00124", or "-" where none was told. */
+void cts_bench_bound_text(const CtsBenchRow *row, char text[24]);
 
 /* One object a line, to be freed with free(). */
 CtsStatus cts_bench_lines(const CtsBenchRows *rows, char **text, CtsError *err);

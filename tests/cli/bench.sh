@@ -9,7 +9,8 @@ for engine in void combined; do
     has b/bench.jsonl "\"engine\":\"$engine\".*\"void\":\"key\""
 done
 has out 'Pictures of 24 x 24 pixels'
-for key in engine kernel samples tolerance void wall_ms wall_ms_spread peak_rss_bytes rmse rmse_trilinear psnr_db; do
+for key in engine kernel samples tolerance void wall_ms wall_ms_spread peak_rss_bytes rmse rmse_trilinear psnr_db \
+    max_error bound; do
     [ "$(grep -c "\"$key\":" b/bench.jsonl)" = "$(grep -c . b/bench.jsonl)" ] || fail "not every line has $key"
 done
 # A row, with two pictures of its own, for each line; nothing is fetched from anywhere.
@@ -24,6 +25,19 @@ for engine in classic layers void combined tiled raycast 'Pareto front'; do
 done
 # The reference is what errors are measured against.
 grep '"engine":"raycast"' b/bench.jsonl | grep -qE '"rmse":[0-9.]*e-' || fail "the reference differs from itself"
+
+# What --max-error asks for, and a bound above what was measured.
+python3 - b/bench.jsonl <<'PY' || fail "errors asked for and told"
+import json, sys
+rows = [json.loads(line) for line in open(sys.argv[1])]
+asked = sorted(r["max_error"] for r in rows if r["max_error"])
+assert asked == [0.1, 0.25, 0.5, 1, 2, 4, 8], asked
+for r in rows:
+    assert (r["bound"] is not None) == (r["engine"] == "tiled"), r
+    assert r["bound"] is None or r["rmse_trilinear"] <= r["bound"] + 2e-6, r
+PY
+has out '^tiled *tent *to 0.25/255 '
+has b/error-vs-time.svg '<text>the error told, at most</text>'
 
 refused 5 'bench.jsonl: .*--force' bench "$data/phantom" -O b --size 24x24
 refused 2 'bench: -O DIR is needed' bench "$data/phantom"
