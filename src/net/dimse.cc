@@ -3,7 +3,6 @@
 
 #include "net/peer.h"
 
-#include "dicom/dcm_read.h"
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
@@ -185,7 +184,7 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int 
 {
     std::unique_ptr<DcmTLSTransportLayer> tls;
     Scu scu;
-    if (cts_dcm_start(&result.error) || make_tls(net, tls, &result.error))
+    if (make_tls(net, tls, &result.error))
         return;
     set_up(scu, peer, net);
     for (int i = 0; i < n; i++) {
@@ -480,9 +479,6 @@ try {
 
 static CtsStatus dimse_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
 try {
-    const CtsStatus st = cts_dcm_start(err);
-    if (st)
-        return st;
     return net->move_port ? move(*peer, *net, *request, err) : get(*peer, *net, *request, err);
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");

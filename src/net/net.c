@@ -6,18 +6,6 @@
 #include <string.h>
 #include <time.h>
 
-bool cts_net_stopped(const CtsNet *net)
-{
-    return net->stop && *net->stop;
-}
-
-void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net)
-{
-    parcel->sent = true;
-    if (net->sent)
-        net->sent(net->context, parcel->path);
-}
-
 static CtsNet with_defaults(const CtsNet *net)
 {
     CtsNet full = *net;
@@ -90,11 +78,11 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
                        CtsError *err)
 {
     const CtsNet net = with_defaults(given);
-    const CtsWay *way = peer->web ? &cts_way_web : &cts_way_dimse;
+    const CtsWay *way = NULL;
     CtsTry result = {0};
     CtsParcel *parcels = calloc((size_t)n_paths + 1, sizeof *parcels);
     CtsStatus st = parcels ? cts_net_check(given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !(st = pack(paths, n_paths, parcels, err))) {
+    if (!st && !(st = pack(paths, n_paths, parcels, err)) && !(st = cts_way_find(peer, &way, err))) {
         int sent = 0, pause_ms = 1000;
         for (int k = 0; sent < n_paths && k < net.n_tries; k++, pause_ms *= 2) {
             if (k > 0)
@@ -129,7 +117,7 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
                         char **folder, CtsReport *report, CtsError *err)
 {
     const CtsNet net = with_defaults(given);
-    const CtsWay *way = peer->web ? &cts_way_web : &cts_way_dimse;
+    const CtsWay *way;
     CtsInbox inbox = {0};
     const CtsRequest request = {study_uid, series_uid, &inbox, report};
     *folder = NULL;
@@ -142,7 +130,7 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
                         "its series)");
     if (!cts_uid_is_valid(study_uid) || (series_uid && !cts_uid_is_valid(series_uid)))
         return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", !cts_uid_is_valid(study_uid) ? study_uid : series_uid);
-    if ((st = cts_inbox_make(&inbox, err)))
+    if ((st = cts_way_find(peer, &way, err)) || (st = cts_inbox_make(&inbox, err)))
         return st;
     *folder = inbox.folder;
     st = way->fetch(peer, &net, &request, err);

@@ -75,3 +75,15 @@ CtsStatus cts_peer_parse(const char *text, CtsPeer *peer, CtsError *err)
     peer->port = (int)port;
     return CTS_OK;
 }
+
+bool cts_net_stopped(const CtsNet *net)
+{
+    return net->stop && *net->stop;
+}
+
+void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net)
+{
+    parcel->sent = true;
+    if (net->sent)
+        net->sent(net->context, parcel->path);
+}

@@ -38,7 +38,14 @@ typedef struct CtsWay {
     CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
 } CtsWay;
 
+/* The ways stand in a library of their own, CTS_NET_PART, with all that only the network needs: loading it takes
+ * longer than starting the rest of the program. It shows cts_net_way() alone; the ways use none of the program's state.
+ */
 extern const CtsWay cts_way_dimse, cts_way_web;
+typedef const CtsWay *(*cts_net_way_fn)(bool web);
+const CtsWay *cts_net_way(bool web);
+/* Loads the library when first called, and makes DCMTK ready. */
+CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err);
 
 bool cts_net_stopped(const CtsNet *net);
 /* The peer has confirmed it. */

@@ -52,3 +52,18 @@ if ./example no-such-folder x.png 2>err; then
     fail "a folder that is not there is rendered"
 fi
 grep -q no-such-folder err || fail "the example tells nothing of its error"
+
+# The program starts without what only the network needs, and finds it where it is installed: port 9 answers nobody.
+program=$(find tree -name ctsplat -path '*/bin/*')
+if command -v readelf >/dev/null; then
+    ! readelf -d "$program" "$library" | grep -E 'NEEDED.*lib(curl|dcmnet|dcmtls)' || fail "the network is loaded at the start"
+fi
+for peer in http://127.0.0.1:9 NOBODY@127.0.0.1:9; do
+    if "$program" render --from $peer --study-uid 1.2.3 -o x.png 2>err; then
+        fail "$peer is no PACS"
+    fi
+    grep -qE 'cannot be read from|no association' err || fail "$peer: $(cat err)"
+done
+rm "$(find tree -name libctsplat-net.so)"
+"$program" render --from http://127.0.0.1:9 --study-uid 1.2.3 -o x.png 2>err || [ $? = 1 ] || fail "exit code without it"
+grep -q 'libctsplat-net.so' err || fail "without it: $(cat err)"
