@@ -88,7 +88,6 @@ void cts_reference_free(CtsReference **reference)
         return;
     cts_free(&(*reference)->xy);
     cts_free(&(*reference)->weight);
-    cts_free(&(*reference)->variance);
     cts_free(&(*reference)->rgba);
     free(*reference);
     *reference = NULL;
@@ -169,20 +168,19 @@ static double student_t(double freedom)
 
 /* Mean of squares, and how far it may be off (95 %). Where a part gave one pixel alone, its neighbour in order stands
  * in for the other. Where a few pixels make most of the error, there are as few degrees of freedom (Satterthwaite
- * 1946); and half of that where pixels were chosen, as the largest errors are the likeliest to be missed. */
+ * 1946). */
 static void weigh(const CtsReference *r, const double *square, double *mean, double *margin)
 {
     double variance = 0, fourth = 0;
     *mean = 0;
     for (size_t i = 0; i < r->n; i++)
         *mean += r->weight[i] * square[i];
-    for (size_t i = 0; r->variance ? i < r->n : i + 1 < r->n; i += r->variance ? 1 : 2) {
-        const double d = r->variance ? square[i] : square[i] - square[i + 1];
-        const double w2 = r->variance ? r->variance[i] : 0.25 * pow(r->weight[i] + r->weight[i + 1], 2);
-        variance += w2 * d * d;
-        fourth += w2 * d * d * w2 * d * d;
+    for (size_t i = 0; i + 1 < r->n; i += 2) {
+        const double d = 0.5 * (r->weight[i] + r->weight[i + 1]) * (square[i] - square[i + 1]);
+        variance += d * d;
+        fourth += d * d * d * d;
     }
-    const double freedom = variance > 0 ? variance * variance / fourth * (r->variance ? 0.5 : 1) : 2;
+    const double freedom = variance > 0 ? variance * variance / fourth : 2;
     *margin = student_t(fmax(freedom, 2)) * sqrt(variance);
 }
 

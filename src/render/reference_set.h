@@ -14,9 +14,7 @@ struct CtsReference {
     size_t n;
     int (*xy)[2];
     double *weight;
-    double *variance; /* of the mean square error for a pixel's squared error of 1; NULL: pixels 2 i and 2 i + 1 share a
-                       * part of the picture, and their difference tells */
-    double unit;      /* the largest weight of pixels that stand for others too; 0: there are none */
+    double unit;       /* the largest weight of pixels that stand for others too; 0: there are none */
     double (*rgba)[4]; /* premultiplied, before blending over the background */
 };
 
@@ -28,7 +26,8 @@ CtsStatus cts_reference_place(CtsReference **reference, const CtsScene *scene, s
 
 /* The true values of the pixels. */
 CtsStatus cts_reference_cast(CtsReference *reference, const CtsScene *scene, CtsError *err);
-/* How far the values found at the pixels are from the true ones. */
+/* How far the values found at the pixels are from the true ones. The interval takes pixels 2 i and 2 i + 1 to share a
+ * part of the picture, as they do where they were placed; else see base/limits.h. */
 CtsStatus cts_reference_judge(const CtsReference *reference, const float (*found)[4], CtsVerified *verified,
                               CtsError *err);
 /* Where pixel i stands in a band of the picture; false when it does not. */

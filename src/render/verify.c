@@ -300,7 +300,6 @@ static CtsStatus choose_in(CtsVerify *v, const Stratum *s, double whole, size_t 
         r->xy[*at][0] = all[i].x;
         r->xy[*at][1] = all[i].y;
         r->weight[*at] = weight;
-        r->variance[*at] = weight * weight * (1 - (double)s->n / (double)s->area);
         memcpy(v->found[*at], all[i].rgba, sizeof all[i].rgba);
     }
     cts_free(&all);
@@ -327,8 +326,7 @@ CtsStatus cts_verify_choose(CtsVerify *v, CtsError *err)
         area += stratum[i].area;
     const size_t n = v->n < area ? v->n : area;
     share_out(stratum, n_strata, n);
-    if ((st = cts_reference_empty(&v->reference, v->scene, n, err)) || (st = cts_alloc_zeroed(&v->found, n, err)) ||
-        (st = cts_alloc_array(&v->reference->variance, n, err)))
+    if ((st = cts_reference_empty(&v->reference, v->scene, n, err)) || (st = cts_alloc_zeroed(&v->found, n, err)))
         return st;
     for (int i = 0; i < n_strata && !st; i++)
         st = choose_in(v, &stratum[i], (double)area, &at, err);
@@ -342,11 +340,6 @@ CtsStatus cts_verify_cast(CtsVerify *v, CtsError *err)
     return cts_reference_cast(v->reference, v->scene, err);
 }
 
-CtsStatus cts_verify_judge(const CtsVerify *v, CtsVerified *verified, CtsError *err)
-{
-    return cts_reference_judge(v->reference, (const float(*)[4])v->found, verified, err);
-}
-
 CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
 {
     const double start = cts_wall_ms(), cpu = cts_cpu_ms();
@@ -355,7 +348,7 @@ CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
     if (!v->choosing)
         return CTS_OK;
     if ((st = cts_verify_choose(v, err)) || (st = cts_verify_cast(v, err)) ||
-        (st = cts_verify_judge(v, &verified, err)))
+        (st = cts_reference_judge(v->reference, (const float(*)[4])v->found, &verified, err)))
         return st;
     cts_error_limits(&verified);
     verified.wall_ms = cts_wall_ms() - start;

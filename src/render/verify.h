@@ -35,8 +35,6 @@ void cts_verify_take_bounded(CtsVerify *verify, const CtsPicture *band, const fl
 CtsStatus cts_verify_choose(CtsVerify *verify, CtsError *err);
 /* Does the pixels again. */
 CtsStatus cts_verify_cast(CtsVerify *verify, CtsError *err);
-/* The interval is from the spread of the errors that were found: a guess where large errors are rare. */
-CtsStatus cts_verify_judge(const CtsVerify *verify, CtsVerified *verified, CtsError *err);
 /* Chooses, casts, judges and fills report->verified, with an interval that holds for any picture. */
 CtsStatus cts_verify_end(CtsVerify *verify, CtsReport *report, CtsError *err);
 void cts_verify_free(CtsVerify *verify);

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Holds tiled's error bound to the ray caster on random scenes: sweep.py CTSPLAT RAW2CT [DATA]
 
-Volumes (noise, plates, wires, dots, a helix, balls, metal and haze, levels side by side; one series of DATA in four
-where it is there), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lights at random.
+Volumes (noise, plates, wires, dots, a helix, balls, metal and haze, levels side by side; a series of DATA in every
+fourth round), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lights at random.
 Every picture by engine tiled is compared with the one by engine raycast. Faults are: a picture whose error is above the
 bound that its log tells, rms or largest; one above what was asked for, 0.5/255 rms by default, without a warning; one
 that is not made. Each is printed with the commands that show it, and its series is kept in soak-failures/. The same
@@ -210,7 +210,7 @@ class Sweep:
     def round(self, number):
         r = random.Random(self.args.seed * 1000003 + number)
         with tempfile.TemporaryDirectory() as folder:
-            if self.series and r.random() < 0.25:
+            if self.series and r.random() < self.args.real:
                 source, kind = r.choice(self.series), 'ct'
                 low, high, pitch, side = -1000, 1500, 0.8, 300
             else:
@@ -272,6 +272,7 @@ def main():
     p.add_argument('--rounds', type=int, default=0, help='stop after so many rounds')
     p.add_argument('--only', type=int, default=0)
     p.add_argument('--seed', type=int, default=1)
+    p.add_argument('--real', type=float, default=0.25, help='share of the rounds on DATA')
     p.add_argument('--threads', type=int, default=0)
     p.add_argument('--failures', default='soak-failures')
     p.add_argument('--cautious', action='store_true', help='a warning of an error four times too large is a fault too')

@@ -54,6 +54,9 @@ static void test_same_pictures(void **state)
             s.shade = n ? CTS_ON : CTS_OFF;
             s.opacity_per_voxel = n;
             check_frames(v, &preset, &s);
+            s.max_error = 0.25;
+            if (engines[e] == CTS_ENGINE_TILED)
+                check_frames(v, &preset, &s);
         }
     /* With macro-cells of the volume's own. */
     assert_int_equal(cts_volume_prepare(v, 1, &err), CTS_OK);
@@ -105,7 +108,7 @@ static void test_sparse_copy(void **state)
             seen += (double)exact->pixels[n];
         }
         assert_true(seen > 100);
-        if (sqrt(square / (100 * 100 * 4)) > 2.0 / 255)
+        if (sqrt(square / (100 * 100 * 4)) > 0.5 / 255)
             fail_msg("view %g,%g: rmse %g of 255", sides[i][0], sides[i][1], 255 * sqrt(square / (100 * 100 * 4)));
         cts_picture_free(&frame);
         cts_picture_free(&exact);
@@ -187,6 +190,8 @@ static void test_bands(void **state)
             s.want_depth = true;
             s.verify = 30;
             s.samples = n && engine != CTS_ENGINE_RAYCAST ? 2 : 0;
+            if (engine == CTS_ENGINE_TILED && !n)
+                s.max_error = 0.1;
             check_bands(v, &preset, &s);
         }
     static const CtsEngineId projecting[] = {CTS_ENGINE_TILED, CTS_ENGINE_RAYCAST};

@@ -91,7 +91,7 @@ static void constant_slab(void **state)
         CtsPicture *p = render(v, &preset, &s, NULL);
         const float *centre = p->pixels + 4 * (32 * 64 + 32);
         const double opacity = -expm1(-extinctions[e] * 23 * 0.7);
-        const double stopped = opacity > 1 - 1.0 / 128 ? 1.0 / 128 : 0; /* rays may end that early */
+        const double stopped = opacity > 0.999 ? 0.001 : 0; /* rays may end with half of the error asked for left */
         assert_true(fabs(centre[3] - opacity) <= 1e-6 * opacity + stopped + 1e-9);
         assert_true(fabs(centre[0] - 0.2 * opacity) <= 2e-6 * opacity + stopped + 1e-9);
         assert_true(p->pixels[3] == 0);
@@ -100,11 +100,11 @@ static void constant_slab(void **state)
         /* Oblique: from the ray's own way through the box. */
         s.azimuth_deg = 45;
         p = render(v, &preset, &s, NULL);
-        const double way = 19 * sqrt(2) < 23 * 0.7 * sqrt(2) ? 19 * sqrt(2) : 23 * 0.7 * sqrt(2);
-        const double mm = p->info.mm_per_pixel / 2; /* the middle pixels lie half a pixel off the centre */
-        const double expected = -expm1(-extinctions[e] * way);
+        /* Rays near the middle all pass through the two nearer faces. */
+        assert_true(p->info.mm_per_pixel < 19 - 23 * 0.7);
+        const double expected = -expm1(-extinctions[e] * 23 * 0.7 * sqrt(2));
         centre = p->pixels + 4 * (32 * 64 + 32);
-        assert_true(fabs(centre[3] - expected) <= extinctions[e] * 2 * mm + stopped + 1e-9);
+        assert_true(fabs(centre[3] - expected) <= 2e-6 * expected + stopped + 1e-9);
         cts_picture_free(&p);
         cts_volume_free(&v);
     }
@@ -130,7 +130,8 @@ static double hold_to_bound(const CtsVolume *v, const CtsPreset *preset, CtsRend
     const double rms = rms_between(reference, p), asked = (s.max_error > 0 ? s.max_error : 0.5) / 255;
     bool warned = false;
     for (size_t i = 0; i < report.findings.n; i++)
-        warned = warned || !strcmp(report.findings.items[i].code, "error_bound");
+        warned = warned || (!strcmp(report.findings.items[i].code, "error_bound") &&
+                            report.findings.items[i].severity == CTS_WARNING);
     assert_true(report.bound.known);
     if (!(rms <= report.bound.rmse + 2e-6) || !(rms <= asked + 2e-6 || warned))
         fail_msg("%s, %s%s at %g,%g, %g mm a pixel, asked %g: %.3f/255 rms, told %.3f%s", what, preset->name,
@@ -155,7 +156,7 @@ static void near_reference(void **state)
                 CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 96, views[view][0], views[view][1]);
                 s.shade = lit ? CTS_ON : CTS_OFF;
                 s.n_threads = 0;
-                hold_to_bound(v, &preset, s, "phantom");
+                assert_true(hold_to_bound(v, &preset, s, "phantom") <= 0.5 / 255);
                 s.max_error = 0.1;
                 if (view % 3 == name && !CTS_SANITIZED)
                     hold_to_bound(v, &preset, s, "phantom");
@@ -313,6 +314,7 @@ static void degenerate(void **state)
                 for (int at = 0; at < 17 * 17 * 4; at++)
                     assert_true(isfinite(p->pixels[at]) && p->pixels[at] >= 0);
                 cts_picture_free(&p);
+                hold_to_bound(v, &preset, s, "few voxels");
                 cts_volume_free(&v);
             }
 }
