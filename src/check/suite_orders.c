@@ -141,6 +141,8 @@ static const CtsCheckCase cases[] = {
      &(const OrderScene){hu_saddle, 17, 0.06, POINTS(step), {2}, 0, 0.01 / 255}},
     {"order: step, 1 to 64 sheets", CHECK_OF_TILED, floor_of,
      &(const OrderScene){hu_saddle, 17, 0.06, POINTS(step), SHEETS, 0, 0}},
+    {"order: step and kinks, 1 to 64 sheets", CHECK_OF_TILED, floor_of,
+     &(const OrderScene){hu_hill, 33, 0.6, POINTS(step), SHEETS, 0, 0}},
     {"order: ramp, 1 to 64 sheets", CHECK_OF_TILED, floor_of,
      &(const OrderScene){hu_hill, 33, 0.6, POINTS(ramp), SHEETS, 0, 0}},
 };
