@@ -1,10 +1,13 @@
 #define _GNU_SOURCE
 #include "base/parallel.h"
 
+#include "base/clock.h"
+
 #include <pthread.h>
 #include <signal.h>
 #include <stdatomic.h>
 #include <stdbool.h>
+#include <stdint.h>
 
 /* A loop under way, on its caller's stack. */
 typedef struct Loop {
@@ -18,7 +21,7 @@ typedef struct Loop {
     struct Loop *next;
 } Loop;
 
-/* The one state of this file: helpers serve whichever loop has work, so that many callers need no more threads than
+/* The state of this file: helpers serve whichever loop has work, so that many callers need no more threads than
  * one. */
 static struct {
     pthread_mutex_t lock;
@@ -29,6 +32,10 @@ static struct {
     pthread_t ended;          /* the last that did, which joins the one before */
     pthread_cond_t gone;      /* a helper ends */
 } pool = {.lock = PTHREAD_MUTEX_INITIALIZER, .work = PTHREAD_COND_INITIALIZER, .gone = PTHREAD_COND_INITIALIZER};
+
+/* The other: see cts_parallel_ms(). */
+static _Atomic uint64_t shared_ns;
+static _Thread_local bool inside_shared;
 
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 
@@ -87,6 +94,7 @@ static Loop *find_loop(void)
 
 static void *help(void *unused)
 {
+    inside_shared = true;
     pthread_mutex_lock(&pool.lock);
     for (;;) {
         Loop *const loop = find_loop();
@@ -158,6 +166,7 @@ static void end(Loop *loop)
 
 void cts_parallel(int n_threads, size_t n, size_t chunk, cts_work_fn work, void *context)
 {
+    const bool can_share = n > (chunk ? chunk : 1);
     if (!chunk)
         chunk = n_threads > 1 ? n / (8 * (size_t)n_threads) + 1 : n + 1;
     const size_t n_chunks = n / chunk + (n % chunk > 0);
@@ -169,11 +178,22 @@ void cts_parallel(int n_threads, size_t n, size_t chunk, cts_work_fn work, void 
                              : (size_t)n_threads < n_chunks  ? n_threads - 1
                                                              : (int)n_chunks - 1,
                  .left = PTHREAD_COND_INITIALIZER};
-    const bool alone = loop.n_wanted == 0;
+    const bool alone = loop.n_wanted == 0, counts = can_share && !inside_shared;
+    const double start_ms = counts ? cts_wall_ms() : 0;
+    inside_shared |= counts;
     if (!alone)
         begin(&loop);
     take_items(&loop, 0);
     if (!alone)
         end(&loop);
     pthread_cond_destroy(&loop.left);
+    if (counts) {
+        inside_shared = false;
+        atomic_fetch_add(&shared_ns, (uint64_t)((cts_wall_ms() - start_ms) * 1e6));
+    }
+}
+
+double cts_parallel_ms(void)
+{
+    return (double)atomic_load(&shared_ns) * 1e-6;
 }

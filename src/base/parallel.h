@@ -21,6 +21,10 @@ typedef void (*cts_work_fn)(void *context, int worker, size_t first, size_t end)
  * The threads are made when first needed, sleep between loops, take no signals, and are made anew after a fork. */
 void cts_parallel(int n_threads, size_t n, size_t chunk, cts_work_fn work, void *context);
 
+/* How long the callers of loops have been inside those that more than one thread can work on, whether or not one did;
+ * a loop inside a loop is part of that one. What a process takes besides is its serial part. */
+double cts_parallel_ms(void);
+
 #ifdef __cplusplus
 }
 #endif

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/json.h"
+#include "base/parallel.h"
 #include "report/masked.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -18,7 +19,9 @@
 struct CtsLog {
     const char *path;
     int fd;
-    double start_ms, end_ms, cpu_ms; /* the end: when the report was given, as writing it is not the run's */
+    double parallel_before_ms;
+    double start_ms, end_ms, cpu_ms,
+        parallel_ms; /* the end: when the report was given, as writing it is not the run's */
     char *text;
     size_t size;
     char run_id[17], time[32];
@@ -64,6 +67,7 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     l->path = path;
     l->start_ms = start_ms;
+    l->parallel_before_ms = cts_parallel_ms();
     name_run(l);
     const CtsStatus st = open_file(path, &l->fd, err);
     if (st) {
@@ -216,6 +220,7 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         return;
     log->end_ms = cts_wall_ms();
     log->cpu_ms = cts_cpu_ms();
+    log->parallel_ms = cts_parallel_ms() - log->parallel_before_ms;
     log_plan(log, report->plan);
     for (int s = 0; s < CTS_N_STAGES; s++) {
         const CtsStageTime *stage = &report->stages[s];
@@ -324,6 +329,7 @@ void cts_log_done(CtsLog *log, int n_threads)
     json_t *event = new_event(log, "done");
     json_object_set_new(event, "wall_ms", new_ms(log->end_ms - log->start_ms));
     json_object_set_new(event, "cpu_ms", new_ms(log->cpu_ms));
+    json_object_set_new(event, "serial_ms", new_ms(fmax(log->end_ms - log->start_ms - log->parallel_ms, 0)));
     set_integer(event, "peak_rss_bytes", cts_peak_rss_bytes());
     const char *why;
     json_object_set_new(event, "threads", json_integer(cts_threads_why(n_threads, &why)));

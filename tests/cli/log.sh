@@ -23,7 +23,7 @@ fields = {
     "voxels": {"total", "void", "reused", "splatted"},
     "error": {"pixels", "rmse", "rmse_low", "rmse_high", "psnr_db", "p999", "max", "share", "share_high", "cpu_ms", "picture_cpu_ms",
               "cost"},
-    "output": {"path", "format", "bytes"}, "done": {"wall_ms", "cpu_ms", "peak_rss_bytes", "threads",
+    "output": {"path", "format", "bytes"}, "done": {"wall_ms", "cpu_ms", "serial_ms", "peak_rss_bytes", "threads",
     "threads_why"}}
 stages = "scan decode grey classify footprint splat composite shade warp export".split()
 for run in runs:
@@ -37,6 +37,7 @@ for run in runs:
     for needed in ("scan", "decode", "grey", "classify", "splat", "composite", "export"):
         assert needed in names, needed
     whole = run[-1]["wall_ms"]
+    assert 0 < run[-1]["serial_ms"] < whole, run[-1]
     total = sum(e["wall_ms"] for e in run if e["event"] == "stage")
     assert abs(total - whole) <= 0.05 * whole, (total, whole)
     assert run[-1]["peak_rss_bytes"] > 1e6

@@ -1,5 +1,6 @@
 /* Work shared out among threads, and how many there are to be. */
 #define _GNU_SOURCE
+#include "base/clock.h"
 #include "base/cpu.h"
 #include "base/parallel.h"
 #include "folder.h"
@@ -74,6 +75,38 @@ static void test_nested(void **state)
     atomic_int n = 0;
     cts_parallel(4, 50, 1, nest, &n);
     assert_int_equal(n, 50);
+}
+
+/* Time counts once, in loops that can be shared, with one thread as with many. */
+static void doze(void *context, int worker, size_t first, size_t end)
+{
+    const size_t *inner = context;
+    (void)worker;
+    for (size_t i = first; i < end; i++) {
+        usleep(3000);
+        if (inner)
+            cts_parallel(2, *inner, 1, doze, NULL);
+    }
+}
+
+static void test_shared_time(void **state)
+{
+    size_t inner = 2;
+    (void)state;
+    double before = cts_parallel_ms();
+    cts_parallel(2, 1, 0, doze, NULL);
+    cts_parallel(1, 3, 3, doze, NULL);
+    assert_true(cts_parallel_ms() == before);
+    for (int n_threads = 1; n_threads <= 3; n_threads++) {
+        before = cts_parallel_ms();
+        const double start = cts_wall_ms();
+        cts_parallel(n_threads, 4, 0, doze, &inner);
+        const double took = cts_wall_ms() - start, counted = cts_parallel_ms() - before;
+        assert_true(counted > 3 && counted <= took);
+    }
+    before = cts_parallel_ms();
+    cts_parallel(1, 1, 1, doze, &inner); /* which holds one that can */
+    assert_true(cts_parallel_ms() - before > 3);
 }
 
 static void *loop_often(void *unused)
@@ -226,9 +259,9 @@ static void test_environment(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_each_item_once), cmocka_unit_test(test_nested),     cmocka_unit_test(test_many_callers),
-        cmocka_unit_test(test_alone_at_fork),  cmocka_unit_test(test_after_fork), cmocka_unit_test(test_quota),
-        cmocka_unit_test(test_environment),
+        cmocka_unit_test(test_each_item_once), cmocka_unit_test(test_nested),      cmocka_unit_test(test_many_callers),
+        cmocka_unit_test(test_alone_at_fork),  cmocka_unit_test(test_after_fork),  cmocka_unit_test(test_quota),
+        cmocka_unit_test(test_environment),    cmocka_unit_test(test_shared_time),
     };
     if (pthread_atfork(count_threads, NULL, NULL))
         return 1;
