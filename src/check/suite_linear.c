@@ -83,7 +83,7 @@ static CtsPreset make_preset(const CtsLinearScene *l)
     p.ambient = 0.2;
     p.diffuse = 0.7;
     p.specular = 0.3;
-    p.power = 12;
+    p.power = l->power > 0 ? l->power : 12;
     return p;
 }
 

@@ -15,6 +15,7 @@ typedef struct CtsLinearScene {
     double azimuth_deg, elevation_deg, mm_per_pixel; /* mm 0: all fits */
     int width, height;                               /* 0: 24 */
     double unit_mm;                                  /* 0: 1 */
+    double power;                                    /* of the highlight; 0: 12 */
     bool per_voxel, lit;
     int mode; /* CtsMode */
     int samples;

@@ -89,19 +89,27 @@ static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
 enum { SIDE = 24 };
 static const double soft_hu = 40, metal_hu = 2500;
 
+/* A ball in air, its edge a third of a voxel wide. */
+static double hu_ball(const double vox[3], const void *data)
+{
+    const double *radius = data;
+    const double r = sqrt(pow(vox[0] - 11.2, 2) + pow(vox[1] - 12.1, 2) + pow(vox[2] - 11.6, 2));
+    return -1000 + 4000 * fmin(fmax((radius[0] - r) / 0.3 + 0.5, 0), 1);
+}
+
 static double every(double at, double step)
 {
     return fmod(at, step) == 3;
 }
 
-/* numbers: what there is of 1 plates, 2 wires, 3 dots; 4 a single dot. One voxel each. */
+/* numbers: what there is of 1 plates, 2 wires, 3 dots; 4 a single dot; one voxel each. Then their HU, 0: metal's. */
 static double hu_thin(const double vox[3], const void *data)
 {
     const double *kind = data;
     const bool z = every(vox[2], 6) != 0, y = every(vox[1], 6) != 0, x = every(vox[0], 6) != 0;
     if (kind[0] > 3)
         return vox[0] == 12 && vox[1] == 9 && vox[2] == 13 ? metal_hu : soft_hu;
-    return z && (y || kind[0] < 2) && (x || kind[0] < 3) ? metal_hu : soft_hu;
+    return z && (y || kind[0] < 2) && (x || kind[0] < 3) ? kind[1] > 0 ? kind[1] : metal_hu : soft_hu;
 }
 
 /* A stent: one wire wound about the volume's axis. */
@@ -150,6 +158,9 @@ static const CtsCheckPoint haze_to_metal[] = {{-500, 0, {1, 1, 1}},
                                               {1500, 3e-5, {1, 1, 1}},
                                               {1600, 1, {1, 1, 1}},
                                               {20000, 1, {1, 1, 1}}};
+static const CtsCheckPoint about_metal[] = {
+    {103, 0, {0.2, 0.7, 0.9}}, {103, 1, {0.2, 0.7, 0.9}}, {9500, 1, {0.2, 0.7, 0.9}}, {9500, 0, {0.2, 0.7, 0.9}}};
+static const CtsCheckPoint faint_ramp[] = {{1116, 0, {0.7, 0.3, 0.9}}, {1416, 0.1, {0.8, 0.3, 0.6}}};
 static const CtsCheckPoint step_300[] = {{300, 0, {1, 1, 1}}, {300, 0.9, {1, 1, 1}}};
 static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}},    {400, 0.1, {1, 0.5, 0}},
                                       {400, 0.02, {0, 1, 1}}, {900, 0.02, {0, 1, 1}}, {900, 1, {1, 1, 1}}};
@@ -158,6 +169,8 @@ static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}
 #define PLATES CUBE, .hu = hu_thin, .numbers = {1}
 #define WIRES CUBE, .hu = hu_thin, .numbers = {2}
 #define DOTS CUBE, .hu = hu_thin, .numbers = {3}
+#define BRIGHT(KIND) CUBE, .hu = hu_thin, .numbers = {KIND, 20000}
+#define BALL CUBE, .hu = hu_ball, .numbers = {8}
 #define DOT CUBE, .hu = hu_thin, .numbers = {4}
 #define HELIX CUBE, .hu = hu_helix
 #define LEVELS .dims = {12, 12, 12}, .hu = hu_two_levels, .numbers = {500, 8}
@@ -223,6 +236,17 @@ static const CtsCheckCase cases[] = {
     VOXELS("voxels: a step, lit, oblique, 0.25 asked", LUMP, CHECK_POINTS(step_300), HALF(-30, 15), .lit = true,
            .max_error = 0.25),
     VOXELS("voxels: steps of colour, oblique, 0.5 asked", LUMP, CHECK_POINTS(steps), HALF(80, 30), .max_error = 0.5),
+    EXACT("voxels: shells about bright wires", BRIGHT(2), CHECK_POINTS(about_metal), HALF(47, 27.85)),
+    EXACT("voxels: shells about bright wires, magnified", BRIGHT(2), CHECK_POINTS(about_metal), QUARTER(10, -47)),
+    EXACT("voxels: shells about bright dots", BRIGHT(3), CHECK_POINTS(about_metal), HALF(10, -47)),
+    EXACT("voxels: shells about bright dots, 0.5 asked", BRIGHT(3), CHECK_POINTS(about_metal), QUARTER(47, 28),
+          .max_error = 0.5),
+    EXACT("voxels: a sharp ball at 44 degrees, magnified", BALL, CHECK_POINTS(faint_ramp),
+          .view = {43.999, -0.516, 0.1}, .width = 160, .height = 40),
+    EXACT("voxels: a sharp ball at 44 degrees, 0.1 asked", BALL, CHECK_POINTS(faint_ramp),
+          .view = {43.999, -0.516, 0.1}, .width = 160, .height = 40, .max_error = 0.1),
+    EXACT("voxels: a sharp ball at 45 degrees, 0.1 asked", BALL, CHECK_POINTS(faint_ramp), .view = {45, 0.3, 0.2},
+          .width = 80, .height = 40, .max_error = 0.1),
     VOXELS("voxels: haze beside metal of 3000 HU", HAZE(3000, haze_and_metal), HALF(0, 0)),
     VOXELS("voxels: haze beside metal of 3000 HU, oblique", HAZE(3000, haze_and_metal), QUARTER(0.4, 0.3)),
     VOXELS("voxels: haze beside metal of 20000 HU", HAZE(20000, haze_to_metal), HALF(0, 0)),
