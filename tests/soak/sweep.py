@@ -112,11 +112,14 @@ def rgb(r):
 
 def make_preset(r, low, high, path):
     """A preset for HU from low to high; its kind."""
-    kind = r.choice(['step', 'step', 'ramp', 'peaks', 'stripes', 'between'])
-    at = r.uniform(low + 0.05 * (high - low), high - 0.05 * (high - low))
+    kind = r.choice(['step', 'step', 'shell', 'ramp', 'peaks', 'stripes', 'between'])
+    at = low + (high - low) * (r.uniform(0.05, 0.95) if r.random() < 0.7 else r.choice([0.001, 0.01, 0.99, 0.999]))
     a = r.choice([1, 0.9, 0.5, 0.1, 0.01])
     if kind == 'step':
         points = [(at, 0, rgb(r)), (at, a, rgb(r)), (high + 1, a, rgb(r))]
+    elif kind == 'shell':
+        points = [(at, 0, rgb(r)), (at, a, rgb(r)), (at + r.choice([5, 0.02, 0.5]) * (high - at), a, rgb(r))]
+        points += [(points[-1][0], 0, points[-1][2])]
     elif kind == 'ramp':
         points = [(at, 0, rgb(r)), (at + r.choice([1, 30, 300]), a, rgb(r))]
     elif kind == 'between':
@@ -148,6 +151,8 @@ def make_view(r):
         return '%g,%g' % (r.choice([0, 90, 180, 270]), r.choice([0, 0, 0, 90, -90]))
     if r.random() < 0.2:
         return '%.3f,%.3f' % (r.choice([0, 45, 90]) + r.gauss(0, 2), r.gauss(0, 2))
+    if r.random() < 0.2: # layers lie along the picture's rows
+        return '%g,%.2f' % (r.choice([0, 90, 180, 10]), r.uniform(-89, 89))
     return '%.2f,%.2f' % (r.uniform(-180, 180), math.degrees(math.asin(r.uniform(-1, 1))))
 
 
