@@ -76,8 +76,9 @@ static int skip_from(const TiledJob *j, const double u[2], const double v[2], in
     *until = q + rest;
     if (n == 0)
         return 0;
-    const double most = smaller(rest + CTS_MACROCELL * (n - !CTS_MUTATED(LEAP_FAR)), smaller(room(u, j->u_at[3], bu0, bu1, n, empty->nu),
-                                                                        room(v, j->v_at[3], bv0, bv1, n, empty->nv)));
+    const double most =
+        smaller(rest + CTS_MACROCELL * (n - !CTS_MUTATED(LEAP_FAR)),
+                smaller(room(u, j->u_at[3], bu0, bu1, n, empty->nu), room(v, j->v_at[3], bv0, bv1, n, empty->nv)));
     if (most < 1) {
         *until = q + 1;
         return 0;
