@@ -149,6 +149,10 @@ static const CtsCheckPoint between_levels[] = {
     {500.02, 0, {1, 0.7, 0.3}}, {500.5, 1, {1, 0.7, 0.3}}, {500.98, 0, {1, 0.7, 0.3}}};
 static const CtsCheckPoint within_levels[] = {
     {500.02, 0, {1, 1, 1}}, {500.02, 0.8, {1, 1, 1}}, {500.98, 0.8, {1, 1, 1}}, {500.98, 0, {1, 1, 1}}};
+static const CtsCheckPoint hundredth[] = {{500.22, 0, {1, 0.7, 0.3}},
+                                          {500.22, 0.9, {1, 0.7, 0.3}},
+                                          {500.235, 0.9, {1, 0.7, 0.3}},
+                                          {500.235, 0, {1, 0.7, 0.3}}};
 static const CtsCheckPoint thin_shell[] = {
     {300.02, 0, {1, 0.7, 0.3}}, {300.5, 1, {1, 0.7, 0.3}}, {300.98, 0, {1, 0.7, 0.3}}};
 static const CtsCheckPoint haze_and_metal[] = {
@@ -220,6 +224,7 @@ static const CtsCheckCase cases[] = {
     VOXELS("voxels: a stent, reduced", HELIX, CHECK_POINTS(from_1800), DOUBLE(-110, -15)),
     VOXELS("voxels: a peak between two levels", LEVELS, CHECK_POINTS(between_levels), QUARTER(0, 0)),
     EXACT("voxels: a peak between two levels, oblique", LEVELS, CHECK_POINTS(between_levels), HALF(25, -40)),
+    EXACT("voxels: a shell of a hundredth of a level", LEVELS, CHECK_POINTS(hundredth), QUARTER(46.69, 0.445)),
     EXACT("voxels: a plateau between two levels, oblique", LEVELS, CHECK_POINTS(within_levels), WHOLE(-60, 15)),
     VOXELS("voxels: a shell between two levels", LUMP, CHECK_POINTS(thin_shell), HALF(30, 20)),
     VOXELS("voxels: plates, magnified, 0.1 asked", PLATES, CHECK_POINTS(from_1800), QUARTER(0, 0), .max_error = 0.1),
