@@ -1,5 +1,6 @@
 #include "ctsplat/report.h"
 
+#include "base/text.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -92,6 +93,7 @@ __attribute__((format(printf, 4, 0))) static void add_finding(CtsFindings *findi
     snprintf(finding->code, sizeof finding->code, "%s", code);
     finding->severity = severity;
     vsnprintf(finding->text, sizeof finding->text, format, args);
+    cts_text_clean(finding->text);
 }
 
 void cts_report_finding(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)

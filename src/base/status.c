@@ -1,17 +1,10 @@
 #include "ctsplat/status.h"
 
 #include "base/exit_code.h"
+#include "base/text.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
-
-/* One message is one line: a file name or a header text must not be able to break it or to drive a terminal. */
-static void escape_controls(char *text)
-{
-    for (unsigned char *c = (unsigned char *)text; *c; c++)
-        if (*c < 0x20 || *c == 0x7f)
-            *c = '?';
-}
 
 CtsStatus cts_fail(CtsError *err, CtsStatus status, const char *format, ...)
 {
@@ -20,7 +13,7 @@ CtsStatus cts_fail(CtsError *err, CtsStatus status, const char *format, ...)
         va_start(args, format);
         vsnprintf(err->text, sizeof err->text, format, args);
         va_end(args);
-        escape_controls(err->text);
+        cts_text_clean(err->text); /* one message is one line, and drives no terminal */
         err->status = status;
     }
     return status;
@@ -35,7 +28,7 @@ CtsStatus cts_context(CtsError *err, const char *format, ...)
     va_start(args, format);
     vsnprintf(what.text, sizeof what.text, format, args);
     va_end(args);
-    escape_controls(what.text);
+    cts_text_clean(what.text);
     const size_t n = strlen(what.text);
     if (n + 3 < sizeof what.text) {
         snprintf(what.text + n, sizeof what.text - n, ": %.*s", (int)(sizeof what.text - n - 3), err->text);

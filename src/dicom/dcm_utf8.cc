@@ -1,6 +1,7 @@
 /* Text of any DICOM character set, safe to show. */
 #include <dcmtk/config/osconfig.h>
 
+#include "base/text.h"
 #include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 
@@ -12,46 +13,16 @@
 namespace
 {
 
-/* Bytes of the UTF-8 character at p and its code, 0 when it is none (PS3.5 has no use for overlong forms either). */
-size_t utf8_length(const unsigned char *p, size_t n, unsigned *code)
-{
-    const size_t length = p[0] < 0x80                   ? 1
-                          : p[0] >= 0xC2 && p[0] < 0xE0 ? 2
-                          : p[0] >= 0xE0 && p[0] < 0xF0 ? 3
-                          : p[0] >= 0xF0 && p[0] < 0xF5 ? 4
-                                                        : 0;
-    if (length == 0 || length > n)
-        return 0;
-    *code = length == 1 ? p[0] : p[0] & (0xFFu >> (length + 1));
-    for (size_t i = 1; i < length; i++) {
-        if ((p[i] & 0xC0) != 0x80)
-            return 0;
-        *code = *code << 6 | (p[i] & 0x3F);
-    }
-    const bool overlong = (length == 3 && *code < 0x800) || (length == 4 && *code < 0x10000);
-    return overlong || *code > 0x10FFFF || (*code >= 0xD800 && *code < 0xE000) ? 0 : length;
-}
-
-/* Controls, and marks that turn the writing direction or break a line. */
-bool unsafe(unsigned code)
-{
-    return code < 0x20 || (code >= 0x7F && code < 0xA0) || (code >= 0x200E && code <= 0x200F) ||
-           (code >= 0x2028 && code <= 0x202E) || (code >= 0x2066 && code <= 0x2069);
-}
-
 std::string safe_text(const std::string &text)
 {
     enum { MAX_CHARACTERS = 64 };
     std::string out;
-    const unsigned char *p = reinterpret_cast<const unsigned char *>(text.data());
+    const char *p = text.data();
     size_t n = text.size();
     for (int i = 0; i < MAX_CHARACTERS && n > 0; i++) {
-        unsigned code = 0;
-        const size_t length = utf8_length(p, n, &code), used = length ? length : 1;
-        if (length && !unsafe(code))
-            out.append(reinterpret_cast<const char *>(p), length);
-        else
-            out += '?';
+        bool safe = false;
+        const size_t used = cts_text_step(p, n, &safe);
+        out.append(safe ? p : "?", safe ? used : 1);
         p += used;
         n -= used;
     }

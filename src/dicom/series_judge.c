@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "dicom/series_judge.h"
 
+#include "base/text.h"
 #include "base/vec3.h"
 #include "dicom/dcm_read.h"
 #include "dicom/slice_stack.h"
@@ -20,6 +21,7 @@ static void refuse(CtsSeries *series, CtsStatus status, const char *format, ...)
     va_list args;
     va_start(args, format);
     vsnprintf(series->reason, sizeof series->reason, format, args);
+    cts_text_clean(series->reason);
     va_end(args);
     series->refusal = status;
     cts_findings_add(&series->findings, "refused", CTS_REFUSAL, "%s", series->reason);
@@ -224,6 +226,9 @@ static void describe(CtsSeries *series, const CtsSlice *s)
     memcpy(series->uid, s->series_uid, sizeof series->uid);
     memcpy(series->modality, s->modality, sizeof series->modality);
     memcpy(series->transfer_syntax, s->syntax_uid, sizeof series->transfer_syntax);
+    cts_text_clean(series->uid); /* shown as they are */
+    cts_text_clean(series->modality);
+    cts_text_clean(series->transfer_syntax);
     snprintf(series->orientation, sizeof series->orientation, "%s", orientation_of(s->normal_lps));
     series->rows = s->rows;
     series->columns = s->columns;

@@ -4,22 +4,13 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Text from a header must not drive a terminal. */
-static void print_clean(FILE *file, const char *text)
-{
-    for (const char *c = text; *c; c++)
-        fputc((unsigned char)*c < 0x20 || *c == 0x7f ? '?' : *c, file);
-}
-
 /* told: what stands above already; NULL: nothing. */
 static void print_findings(FILE *file, const CtsFindings *findings, const char *indent, const char *told)
 {
     for (size_t i = 0; i < findings->n; i++) {
         if (told && !strcmp(findings->items[i].text, told))
             continue;
-        fprintf(file, "%s%s: ", indent, cts_severity_names[findings->items[i].severity]);
-        print_clean(file, findings->items[i].text);
-        fputc('\n', file);
+        fprintf(file, "%s%s: %s\n", indent, cts_severity_names[findings->items[i].severity], findings->items[i].text);
     }
 }
 
@@ -27,11 +18,8 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
 {
     fprintf(file, "series %s\n", s->uid[0] ? s->uid : "(without UID)");
     fprintf(file, "  modality         %s\n", s->modality);
-    if (show_patient && s->description) {
-        fprintf(file, "  description      ");
-        print_clean(file, s->description);
-        fputc('\n', file);
-    }
+    if (show_patient && s->description)
+        fprintf(file, "  description      %s\n", s->description);
     fprintf(file, "  slices           %d of %d x %d pixels, %s\n", s->n_slices, s->columns, s->rows, s->orientation);
     fprintf(file, "  spacing          %.4g x %.4g", s->spacing_mm[0], s->spacing_mm[1]);
     if (s->spacing_mm[2] > 0)
@@ -44,15 +32,8 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
                 f->box_high_lps[0], f->box_low_lps[1], f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2]);
     }
     fprintf(file, "  transfer syntax  %s\n", s->transfer_syntax);
-    fprintf(file, "  renderable       ");
-    if (s->renderable && !f->refused) {
-        fprintf(file, "yes\n");
-    } else {
-        fprintf(file, "no: ");
-        print_clean(file, s->renderable ? f->reason : s->reason);
-        fputc('\n', file);
-    }
     const char *told = s->renderable && !f->refused ? NULL : s->renderable ? f->reason : s->reason;
+    fprintf(file, "  renderable       %s%s\n", told ? "no: " : "yes", told ? told : "");
     print_findings(file, &s->findings, "  ", told);
     print_findings(file, &f->findings, "  ", told);
 }

@@ -1,7 +1,7 @@
 /* Status, memory, cores and reports. */
 #include "base/cpu.h"
-#include "base/levels.h"
 #include "base/exit_code.h"
+#include "base/levels.h"
 #include "base/mem.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
@@ -48,6 +48,10 @@ static void test_fail_escapes(void **state)
     cts_fail(&err, CTS_ERR_READ, "inner");
     cts_context(&err, "%s", "x\ny");
     assert_string_equal(err.text, "x?y: inner");
+    cts_fail(&err, CTS_ERR_READ, "%s",
+             "\xc3\xa9 \xe2\x80\xaegnp.a \xc2\x9b"
+             "2J \xff\xc3 \xc0\x80 \xe2\x80\xa9");
+    assert_string_equal(err.text, "\xc3\xa9 ?gnp.a ?2J ?? ?? ?"); /* turned writing, C1, no UTF-8, a line's end */
 }
 
 static void test_fail_long(void **state)

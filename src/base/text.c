@@ -1,0 +1,50 @@
+#include "base/text.h"
+
+#include <string.h>
+
+/* 0 when it is no character: PS3.5 has no use for overlong forms either. */
+static size_t utf8_length(const unsigned char *p, size_t n, unsigned *code)
+{
+    const size_t length = p[0] < 0x80                   ? 1
+                          : p[0] >= 0xC2 && p[0] < 0xE0 ? 2
+                          : p[0] >= 0xE0 && p[0] < 0xF0 ? 3
+                          : p[0] >= 0xF0 && p[0] < 0xF5 ? 4
+                                                        : 0;
+    if (length == 0 || length > n)
+        return 0;
+    *code = length == 1 ? p[0] : p[0] & (0xFFu >> (length + 1));
+    for (size_t i = 1; i < length; i++) {
+        if ((p[i] & 0xC0) != 0x80)
+            return 0;
+        *code = *code << 6 | (p[i] & 0x3F);
+    }
+    const bool overlong = (length == 3 && *code < 0x800) || (length == 4 && *code < 0x10000);
+    return overlong || *code > 0x10FFFF || (*code >= 0xD800 && *code < 0xE000) ? 0 : length;
+}
+
+static bool unsafe(unsigned code)
+{
+    return code < 0x20 || (code >= 0x7F && code < 0xA0) || (code >= 0x200E && code <= 0x200F) ||
+           (code >= 0x2028 && code <= 0x202E) || (code >= 0x2066 && code <= 0x2069);
+}
+
+size_t cts_text_step(const char *p, size_t n, bool *safe)
+{
+    unsigned code = 0;
+    const size_t length = utf8_length((const unsigned char *)p, n, &code);
+    *safe = length && !unsafe(code);
+    return length ? length : 1;
+}
+
+void cts_text_clean(char *text)
+{
+    size_t n = strlen(text), used;
+    char *out = text;
+    for (const char *p = text; n > 0; p += used, n -= used) {
+        bool safe;
+        used = cts_text_step(p, n, &safe);
+        memmove(out, safe ? p : "?", safe ? used : 1);
+        out += safe ? used : 1;
+    }
+    *out = 0;
+}

@@ -1,0 +1,22 @@
+/* Text from headers and file names, safe to show. */
+#ifndef CTS_BASE_TEXT_H
+#define CTS_BASE_TEXT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* Bytes of the UTF-8 character at p, of which n > 0 are there; 1 where there is none. *safe: it is one, and may be
+ * shown, unlike controls and marks that turn the writing direction or break a line. */
+size_t cts_text_step(const char *p, size_t n, bool *safe);
+
+/* What is not safe becomes a question mark. */
+void cts_text_clean(char *text);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
