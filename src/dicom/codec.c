@@ -24,7 +24,7 @@ CtsStatus cts_inflate_head(const CtsFrameFormat *f, const uint8_t *stream, size_
 
 /* By CtsCodec. What the check refuses never reaches the decoder. */
 static const struct {
-    CtsStatus (*check)(const CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
+    CtsStatus (*check)(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
     cts_decode_fn decode;
 } codecs[CTS_N_CODECS] = {
     [CTS_CODEC_NATIVE] = {NULL, inflate_pixels}, /* compressed only as a part of a deflated data set */
@@ -34,12 +34,30 @@ static const struct {
     [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode}, /* OpenJPEG tells the stream's shape before it decodes */
 };
 
+/* Bits that the stream has and the header does not know belong to the number, where the stream's precision is no round
+ * one: the header would read another number. With all 16 they may be an overlay. */
+static CtsStatus check_words(const CtsFrameFormat *f, int precision, const uint16_t *words, CtsError *err)
+{
+    const size_t n = (size_t)f->columns * (size_t)f->rows;
+    if (f->bits_allocated != 16 || f->is_signed || precision <= f->bits_stored || precision == 16 ||
+        f->high_bit != f->bits_stored - 1)
+        return CTS_OK;
+    for (size_t i = 0; i < n; i++)
+        if (words[i] >> f->bits_stored && words[i] != f->padding_word)
+            return cts_fail(err, CTS_ERR_PIXELS,
+                            "its JPEG stream (%d bits) holds %d, which the header (%d bits) reads as another number",
+                            precision, words[i], f->bits_stored);
+    return CTS_OK;
+}
+
 CtsStatus cts_codec_decode(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
 {
     const CtsCodec codec = f->syntax->codec;
-    const CtsCodecFrame frame = {f->columns, f->rows, f->bits_allocated, f->n_colours > 0 ? f->n_colours : 1};
+    CtsCodecFrame frame = {f->columns, f->rows, f->bits_allocated, f->n_colours > 0 ? f->n_colours : 1, 0};
     if (!codecs[codec].decode)
         return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s cannot be decoded by this build", f->syntax->uid);
-    const CtsStatus st = codecs[codec].check ? codecs[codec].check(&frame, stream, n, err) : CTS_OK;
-    return st ? st : codecs[codec].decode(f, stream, n, pixels, err);
+    CtsStatus st = codecs[codec].check ? codecs[codec].check(&frame, stream, n, err) : CTS_OK;
+    if (!st)
+        st = codecs[codec].decode(f, stream, n, pixels, err);
+    return st ? st : check_words(f, frame.precision, pixels, err);
 }

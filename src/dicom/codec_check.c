@@ -13,7 +13,7 @@ static unsigned big16(const uint8_t *p)
 }
 
 /* Start of frame: DCMTK searches it by segment lengths too, but never gets past FF 01 (TEM). */
-CtsStatus cts_codec_check_jpeg(const CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
+CtsStatus cts_codec_check_jpeg(CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
 {
     size_t pos = 2;
     if (n < 4 || p[0] != 0xFF || p[1] != 0xD8)
@@ -42,10 +42,23 @@ CtsStatus cts_codec_check_jpeg(const CtsCodecFrame *f, const uint8_t *p, size_t 
     if (precision < 2 || precision > 16 || (precision > 8) != (f->bits_allocated == 16))
         return cts_fail(err, CTS_ERR_PIXELS, "its JPEG stream has %d bits, the header allocates %d", precision,
                         f->bits_allocated);
+    f->precision = precision;
     return CTS_OK;
 }
 
-CtsStatus cts_codec_check_rle(const CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
+/* Bytes that a segment unpacks to; a run that is cut off counts for nothing (writers pad with zeros). */
+static size_t unpacked(const uint8_t *p, size_t n)
+{
+    size_t total = 0;
+    for (size_t pos = 0; pos + 1 < n;) {
+        const size_t run = p[pos] < 128 ? p[pos] + 1u : p[pos] > 128 ? 257u - p[pos] : 0;
+        pos += p[pos] < 128 ? run + 1 : p[pos] > 128 ? 2 : 1;
+        total += pos <= n ? run : 0;
+    }
+    return total;
+}
+
+CtsStatus cts_codec_check_rle(CtsCodecFrame *f, const uint8_t *p, size_t n, CtsError *err)
 {
     const uint32_t segments = (uint32_t)(f->n_samples * f->bits_allocated / 8);
     if (n < 64 || little32(p) != segments)
@@ -56,6 +69,15 @@ CtsStatus cts_codec_check_rle(const CtsCodecFrame *f, const uint8_t *p, size_t n
         if (offset <= last || offset >= n)
             return cts_fail(err, CTS_ERR_PIXELS, "its RLE header has offsets that do not fit the stream");
         last = offset;
+    }
+    /* Too few bytes are the decoder's to find; it takes no notice of a row too many. */
+    const size_t wanted = (size_t)f->columns * (size_t)f->rows;
+    for (uint32_t i = 0; i < segments; i++) {
+        const uint32_t offset = little32(p + 4 + 4 * i), end = i + 1 < segments ? little32(p + 8 + 4 * i) : (uint32_t)n;
+        const size_t got = unpacked(p + offset, end - offset);
+        if (got >= wanted + (size_t)f->columns)
+            return cts_fail(err, CTS_ERR_PIXELS, "its RLE stream holds %zu pixels, the header says %d x %d", got,
+                            f->columns, f->rows);
     }
     return CTS_OK;
 }

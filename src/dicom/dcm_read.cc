@@ -288,7 +288,7 @@ void read_rescale(CtsAttributes &item, CtsSlice *s)
                         "pixels are not Hounsfield units (set the right ones with dcmodify)");
         return;
     }
-    if (s->slope == 0 || std::fabs(s->slope) * 65535 + std::fabs(s->intercept) > 1e7)
+    if (std::fabs(s->slope) < 1e-6 || std::fabs(s->slope) * 65535 + std::fabs(s->intercept) > 1e7)
         cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no Hounsfield units", s->slope,
                         s->intercept);
     const std::string_view type = cts_text_of(item, DCM_RescaleType);

@@ -22,9 +22,11 @@ static CtsStatus add(CtsSeriesList *list, const char *what, int n, CtsError *err
     return CTS_OK;
 }
 
-CtsStatus cts_others_add_files(CtsSeriesList *list, int n, CtsError *err)
+CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, CtsError *err)
 {
-    return n ? add(list, "not DICOM", n, err) : CTS_OK;
+    char what[40];
+    snprintf(what, sizeof what, packed ? "not DICOM (packed with %s?)" : "not DICOM", packed);
+    return n ? add(list, what, n, err) : CTS_OK;
 }
 
 CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err)

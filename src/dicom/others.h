@@ -4,8 +4,8 @@
 
 #include "ctsplat/series.h"
 
-/* n files that are no DICOM. */
-CtsStatus cts_others_add_files(CtsSeriesList *list, int n, CtsError *err);
+/* n files that are no DICOM; packed: NULL, or what they seem to be packed with. */
+CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, CtsError *err);
 /* A DICOM object of this SOP class; "" where it names none. */
 CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err);
 /* Once all are there: most frequent first, then by name. */

@@ -175,7 +175,7 @@ static CtsStatus count_others(const Search *s, CtsError *err)
     list->n_files = (int)s->n_headers + s->files.n_special + s->files.n_other;
     list->n_not_ct = s->files.n_special + s->files.n_other;
     list->n_unreadable = s->files.n_unreadable;
-    CtsStatus st = cts_others_add_files(list, list->n_not_ct, err);
+    CtsStatus st = cts_others_add_files(list, list->n_not_ct, NULL, err);
     for (size_t i = 0; !st && i < s->n_headers; i++) {
         const Header *h = &s->headers[i];
         if (h->object.n_slices)
@@ -188,7 +188,7 @@ static CtsStatus count_others(const Search *s, CtsError *err)
         }
         list->n_not_ct++;
         st = h->file == CTS_FILE_DICOM ? cts_others_add_object(list, h->object.class_uid, err)
-                                       : cts_others_add_files(list, 1, err);
+                                       : cts_others_add_files(list, 1, h->object.packed, err);
     }
     cts_others_sort(list);
     return st;

@@ -108,6 +108,7 @@ typedef struct CtsObject {
     char class_uid[65]; /* "" where it names none */
     CtsSlice **slices;  /* n_slices of them, owned; none unless kind is CT or enhanced CT */
     int n_slices;
+    const char *packed; /* no DICOM, but looks like this packer's: "gzip"; else NULL */
 } CtsObject;
 
 void cts_object_free(CtsObject *object);

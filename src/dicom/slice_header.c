@@ -161,7 +161,8 @@ static void check_pixels(const Head *h, const Framing *f, CtsSlice *slice)
     if (slice->fault)
         return;
     if (f->data.float_pixels)
-        cts_slice_fault(slice, CTS_ERR_PIXELS, "Float Pixel Data (7FE0,0008) is no CT Image Storage pixel data");
+        cts_slice_fault(slice, CTS_ERR_PIXELS, "%sFloat Pixel Data (7FE0,%04X) is no CT Image Storage pixel data",
+                        f->data.float_pixels == 0x7FE00009 ? "Double " : "", f->data.float_pixels & 0xFFFF);
     else if (!f->data.has_pixels)
         cts_slice_fault(slice, CTS_ERR_PIXELS, "PixelData (7FE0,0010) is missing");
     else if (f->data.encapsulated != cts_syntax_encapsulated(syntax))
@@ -194,6 +195,23 @@ static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *commo
     if (usable)
         cts_place_native(&h->file, object->slices, object->n_slices);
     return CTS_OK;
+}
+
+/* What a file that is no DICOM was packed with, by its first bytes. */
+static const char *packer_of(const uint8_t *bytes, size_t n)
+{
+    static const struct {
+        const char *name, *magic;
+    } packers[] = {{"gzip", "\x1f\x8b"},
+                   {"bzip2", "BZh"},
+                   {"xz", "\xfd"
+                          "7zXZ"},
+                   {"zstd", "\x28\xb5\x2f\xfd"},
+                   {"zip", "PK\3\4"}};
+    for (size_t i = 0; i < sizeof packers / sizeof *packers; i++)
+        if (n >= strlen(packers[i].magic) && memcmp(bytes, packers[i].magic, strlen(packers[i].magic)) == 0)
+            return packers[i].name;
+    return NULL;
 }
 
 /* Open, recognise and scan; *kind is CTS_FILE_DICOM when f is filled. */
@@ -261,6 +279,8 @@ CtsFileKind cts_slice_read_header(const CtsFile *source, CtsScratch *scratch, Ct
     CtsStatus st = open_and_scan(&h, source, &f, &common, &kind, err);
     if (!st && kind == CTS_FILE_DICOM && !(st = read_slices(&f, &common, object, err)))
         st = complete(&h, &f, &common, source, object, err);
+    if (!st && kind == CTS_FILE_NOT_DICOM && h.n)
+        object->packed = packer_of(scratch->file, h.n);
     cts_slice_clear(&common);
     cts_file_bytes_close(&h.file);
     if (!st)

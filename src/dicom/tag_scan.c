@@ -331,7 +331,7 @@ static CtsScanResult top_step(Walk *w, const Element *e, bool *stop)
         return CTS_SCAN_DONE;
     }
     if (e->tag == 0x7FE00008 || e->tag == 0x7FE00009) {
-        w->scan->float_pixels = true;
+        w->scan->float_pixels = e->tag;
         *stop = true;
         return CTS_SCAN_DONE;
     }

@@ -61,9 +61,10 @@ typedef struct CtsDataScan {
     int n_values;
     bool repeats;      /* one of them stands twice, or they are out of order */
     size_t header_end; /* offset of PixelData's tag, or the end of the data set */
-    bool has_pixels, float_pixels, pixel_words, encapsulated;
+    bool has_pixels, pixel_words, encapsulated;
     uint64_t pixel_offset, pixel_bytes; /* of the value; pixel_bytes 0 when encapsulated */
-    int depth;                          /* deepest nesting met */
+    uint32_t float_pixels; /* the tag of Float or Double Float Pixel Data, where they stand instead; else 0 */
+    int depth;             /* deepest nesting met */
 } CtsDataScan;
 
 /* The data set from `start` on. `total` is the number of bytes there really are (n or more). */

@@ -299,9 +299,26 @@ static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsError *
     return st;
 }
 
-/* Beyond any scanner's extended scale: a rescale slope that belongs to something else. */
-static CtsStatus check_range(const CtsVolume *v, CtsError *err)
+/* Bone as far below air: half of the numbers read with a sign that they do not have. A header that leaves no room for
+ * bone above is no scanner's. */
+static bool lost_bone(const Assembly *a, int k)
 {
+    const CtsSlice *s = &a->slices[k];
+    const double top = s->slope * ((1 << (s->bits_stored - 1)) - 1) + s->intercept;
+    return s->is_signed && s->slope > 0 && top < 1100 && s->slope * a->ranges[k].low + s->intercept < -1100;
+}
+
+/* Beyond any scanner's extended scale: a rescale slope that belongs to something else. */
+static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *err)
+{
+    int n_lost = 0;
+    for (int k = 0; k < a->n_slices; k++)
+        n_lost += lost_bone(a, k);
+    if (n_lost)
+        return cts_fail(err, CTS_ERR_PIXELS,
+                        "its values from %g to %g look like unsigned pixels that PixelRepresentation (0028,0103) calls "
+                        "signed (set it to 0 with dcmodify)",
+                        v->hu_min, v->hu_max);
     if (v->hu_min < -65536 || v->hu_max > 131072)
         return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", v->hu_min, v->hu_max);
     /* Air as a huge number: below 0 read without a sign. No scan holds such numbers and no air. */
@@ -437,7 +454,7 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
     }
     if (!st) {
         find_hu_range(&a, v);
-        st = check_range(v, err);
+        st = check_range(&a, v, err);
     }
     if (!st && !a.whole_numbers) {
         v->hu_step = finest_step(v->hu_max);

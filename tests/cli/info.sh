@@ -50,3 +50,35 @@ assert len(found) == 1 and found[0]["spacing_mm"][2] is None, found' || fail "th
 done
 refused 3 'nowhere' info nowhere
 refused 3 '' info "$data/broken/none"
+# Packed files are told as what they seem to be.
+mkdir packed
+gzip -c "$data/phantom/IM0001.dcm" >packed/IM0001.dcm
+refused 3 'packed: no CT slice among 1 file: 1 not DICOM \(packed with gzip\?\)' info packed
+# Header text drives no terminal; twelve unsigned bits that are called signed, and Double Float Pixel Data, are refused.
+"$python" - "$data" <<'PY' || fail "the damaged headers"
+import os, shutil, sys
+
+def change(source, name, what, by, last=False):
+    os.mkdir(name)
+    for f in os.listdir(os.path.join(sys.argv[1], source)):
+        data = open(os.path.join(sys.argv[1], source, f), "rb").read()
+        at = data.rfind(what) if last else data.find(what)
+        assert at >= 0, (source, what)
+        open(os.path.join(name, f), "wb").write(data[:at] + by + data[at + len(what):])
+
+change("pixels/unsigned-12", "signed", b"\x28\0\x03\x01US\2\0\0\0", b"\x28\0\x03\x01US\2\0\1\0")
+change("pixels/unsigned-12", "double", b"\xe0\x7f\x10\0OW", b"\xe0\x7f\x09\0OD", last=True)
+change("pixels/unsigned-12", "escape", b"\x20\0\x0e\0UI", b"\x20\0\x0e\0UI", last=True)
+for f in os.listdir("escape"):
+    with open(os.path.join("escape", f), "r+b") as file:
+        data = file.read()
+        file.seek(data.find(b"\x20\0\x0e\0UI") + 10)
+        file.write(b"\x1b\xff")
+PY
+ok info signed
+has out 'renderable +no: .*its values from -[0-9]+ to [0-9]+ look like unsigned pixels'
+refused 4 'look like unsigned pixels' render signed -o x.png
+ok info double
+has out 'no: .*Double Float Pixel Data \(7FE0,0009\)'
+ok info escape
+has out '^series 2\.\?\?[0-9]+$'

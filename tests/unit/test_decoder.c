@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 /* Codecs in a process of their own: what they do to themselves stays there. */
 #include "../tools/jpeg2000_stream.h"
+#include "dicom/codec_check.h"
 #include "dicom/decoder.h"
 #include "dicom/sandbox.h"
 #include "unit.h"
@@ -336,6 +337,22 @@ static void test_many_threads(void **state)
         pthread_join(busy, NULL);
 }
 
+/* Three runs for each of two segments; a row more than the header says is another picture. */
+static void test_rle_length(void **state)
+{
+    (void)state;
+    uint8_t stream[64 + 2 * 8] = {2, 0, 0, 0, 64, 0, 0, 0, 72};
+    static const uint8_t segment[8] = {3, 1, 2, 3, 4, 0xFD, 7, 0}; /* 4 bytes, 4 times 7, padding */
+    CtsError err;
+    memcpy(stream + 64, segment, 8);
+    memcpy(stream + 72, segment, 8);
+    CtsCodecFrame right = {4, 2, 16, 1, 0}, less = {4, 1, 16, 1, 0}, wide = {7, 1, 16, 1, 0};
+    assert_int_equal(cts_codec_check_rle(&right, stream, sizeof stream, &err), CTS_OK);
+    assert_int_equal(cts_codec_check_rle(&wide, stream, sizeof stream, &err), CTS_OK); /* a byte of padding */
+    assert_int_equal(cts_codec_check_rle(&less, stream, sizeof stream, &err), CTS_ERR_PIXELS);
+    assert_non_null(strstr(err.text, "holds 8 pixels"));
+}
+
 enum { COLUMNS = 37, ROWS = 23, N = COLUMNS * ROWS };
 
 static CtsStatus decode_2000(const Jpeg2000 *stream, const int32_t *samples, const CtsFrameFormat *format,
@@ -426,10 +443,9 @@ static void test_jpeg2000_damage(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_deaths),     cmocka_unit_test(test_killed),
-        cmocka_unit_test(test_two_frames), cmocka_unit_test(test_children_taken),
-        cmocka_unit_test(test_room),       cmocka_unit_test(test_many_threads),
-        cmocka_unit_test(test_jpeg2000),   cmocka_unit_test(test_jpeg2000_damage),
+        cmocka_unit_test(test_deaths),         cmocka_unit_test(test_killed),   cmocka_unit_test(test_two_frames),
+        cmocka_unit_test(test_children_taken), cmocka_unit_test(test_room),     cmocka_unit_test(test_many_threads),
+        cmocka_unit_test(test_rle_length),     cmocka_unit_test(test_jpeg2000), cmocka_unit_test(test_jpeg2000_damage),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

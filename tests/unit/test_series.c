@@ -162,6 +162,7 @@ CHANGE(nothing, (void)s)
 CHANGE(no_slope, s->slope = NULL)
 CHANGE(comma_slope, s->slope = "1,0")
 CHANGE(zero_slope, s->slope = "0")
+CHANGE(tiny_slope, s->slope = "1e-7")
 CHANGE(huge_intercept, s->intercept = "1e9")
 CHANGE(not_hu, s->rescale_type = "OD")
 CHANGE(unspecified, s->rescale_type = "US")
@@ -217,6 +218,7 @@ static const Case cases[] = {
     {"slope missing", no_slope, CTS_ERR_PIXELS, NULL, "(0028,1053)", 20},
     {"slope with a comma", comma_slope, CTS_ERR_PIXELS, NULL, "(0028,1053)", 20},
     {"slope 0", zero_slope, CTS_ERR_PIXELS, NULL, "RescaleSlope 0", 20},
+    {"slope 1e-7", tiny_slope, CTS_ERR_PIXELS, NULL, "RescaleSlope 1e-07", 20},
     {"intercept huge", huge_intercept, CTS_ERR_PIXELS, NULL, "no Hounsfield", 20},
     {"not HU", not_hu, CTS_ERR_PIXELS, NULL, "(0028,1054) is OD", 20},
     {"unspecified", unspecified, CTS_OK, "rescale_unspecified", NULL, 20},
