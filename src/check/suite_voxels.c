@@ -89,6 +89,15 @@ static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
 enum { SIDE = 24 };
 static const double soft_hu = 40, metal_hu = 2500;
 
+/* A cube of grain, in air. */
+static double hu_grain(const double vox[3], const void *data)
+{
+    bool inside = true;
+    for (int a = 0; a < 3; a++)
+        inside = inside && vox[a] > 1 && vox[a] < SIDE - 2;
+    return inside ? cts_hu_noise(vox, data) : -1000;
+}
+
 /* A ball in air, its edge a third of a voxel wide. */
 static double hu_ball(const double vox[3], const void *data)
 {
@@ -149,6 +158,7 @@ static const CtsCheckPoint between_levels[] = {
     {500.02, 0, {1, 0.7, 0.3}}, {500.5, 1, {1, 0.7, 0.3}}, {500.98, 0, {1, 0.7, 0.3}}};
 static const CtsCheckPoint within_levels[] = {
     {500.02, 0, {1, 1, 1}}, {500.02, 0.8, {1, 1, 1}}, {500.98, 0.8, {1, 1, 1}}, {500.98, 0, {1, 1, 1}}};
+static const CtsCheckPoint soft[] = {{-165, 0, {0.8, 0.3, 0.2}}, {40, 0.03, {1, 0.6, 0.5}}, {485, 0.5, {1, 1, 1}}};
 static const CtsCheckPoint hundredth[] = {{500.22, 0, {1, 0.7, 0.3}},
                                           {500.22, 0.9, {1, 0.7, 0.3}},
                                           {500.235, 0.9, {1, 0.7, 0.3}},
@@ -175,6 +185,7 @@ static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}
 #define DOTS CUBE, .hu = hu_thin, .numbers = {3}
 #define BRIGHT(KIND) CUBE, .hu = hu_thin, .numbers = {KIND, 20000}
 #define BALL CUBE, .hu = hu_ball, .numbers = {8}
+#define GRAIN CUBE, .hu = hu_grain, .numbers = {20, 60, 5}
 #define DOT CUBE, .hu = hu_thin, .numbers = {4}
 #define HELIX CUBE, .hu = hu_helix
 #define LEVELS .dims = {12, 12, 12}, .hu = hu_two_levels, .numbers = {500, 8}
@@ -252,6 +263,11 @@ static const CtsCheckCase cases[] = {
           .view = {43.999, -0.516, 0.1}, .width = 160, .height = 40, .max_error = 0.1),
     EXACT("voxels: a sharp ball at 45 degrees, 0.1 asked", BALL, CHECK_POINTS(faint_ramp), .view = {45, 0.3, 0.2},
           .width = 80, .height = 40, .max_error = 0.1),
+    VOXELS("voxels: grain, lit", GRAIN, CHECK_POINTS(soft), HALF(158.58, 35.56), .lit = true),
+    VOXELS("voxels: grain, lit, reduced", GRAIN, CHECK_POINTS(soft), DOUBLE(20, -70), .lit = true),
+    VOXELS("voxels: grain, lit, 2 asked", GRAIN, CHECK_POINTS(soft), QUARTER(158.58, 35.56), .lit = true,
+           .max_error = 2),
+    VOXELS("voxels: grain, lit, 0.25 asked", GRAIN, CHECK_POINTS(soft), WHOLE(-50, 20), .lit = true, .max_error = 0.25),
     VOXELS("voxels: haze beside metal of 3000 HU", HAZE(3000, haze_and_metal), HALF(0, 0)),
     VOXELS("voxels: haze beside metal of 3000 HU, oblique", HAZE(3000, haze_and_metal), QUARTER(0.4, 0.3)),
     VOXELS("voxels: haze beside metal of 20000 HU", HAZE(20000, haze_to_metal), HALF(0, 0)),
