@@ -92,6 +92,15 @@ void cts_cell_change_row(CtsCellChange *c, CtsCellRows *rows, const uint64_t *go
         add_row(c, j / CTS_FINE_MACROCELL, k, rows->some, rows->all);
 }
 
+void cts_cell_change_same(CtsCellChange *c, int k)
+{
+    const size_t n_bytes = c->lost.row_words * (size_t)c->lost.dims[1] * sizeof *c->lost.words;
+    if (!c->macrocells)
+        return;
+    memcpy(cts_bits_row(&c->lost, 0, k), cts_bits_row(&c->lost, 0, k - 1), n_bytes);
+    memcpy(cts_bits_row(&c->kept, 0, k), cts_bits_row(&c->kept, 0, k - 1), n_bytes);
+}
+
 /* The largest level of the n_macrocells fine macro-cells from (bi, bj, bk) on, one after the other along a row. */
 static void find_highest(const CtsVolume *v, cts_fold_fn fold, int bi, int bj, int bk, int n_macrocells,
                          CtsRange *range)

@@ -24,6 +24,9 @@ typedef struct CtsCellRows {
  * in order, all of them, and from one thread. */
 void cts_cell_change_row(CtsCellChange *change, CtsCellRows *rows, const uint64_t *gone, int j, int k);
 
+/* The same for all rows of slice k, which loses what slice k - 1 does; that one's rows have come. */
+void cts_cell_change_same(CtsCellChange *change, int k);
+
 /* The macro-cells' new ranges, once all voxels are air that become it. */
 void cts_cell_change_apply(const CtsCellChange *change, const CtsVolume *volume, int n_threads);
 

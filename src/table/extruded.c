@@ -159,6 +159,8 @@ static void follow_plates(const Search *s, int n, Worker *w)
         if (longer.first <= window.first && longer.end >= window.end)
             cts_bits_combine(&followed, CTS_BITS_OR, &plates);
     }
+    if (!cts_bits_count(&followed))
+        return;
     look_along(s, window, w);
     /* Over the longer way the plate has wavered: up to the faces that it has here. */
     cts_thin_section(&w->morphology, w->ever.words, s->reach, w->thin.words);

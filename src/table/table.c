@@ -156,7 +156,8 @@ static uint64_t clear_row(const Removal *r, CtsVolume *v, int j, int k, const ui
     uint64_t n_dense = 0;
     int first = -1;
     for (int w = 0; w < n_words; w++) {
-        n_dense += (uint64_t)cts_popcount(gone[w] & dense[w]);
+        if (gone[w] & dense[w])
+            n_dense += (uint64_t)cts_popcount(gone[w] & dense[w]);
         uint64_t edges = gone[w] ^ (gone[w] << 1 | (w ? gone[w - 1] >> 63 : 0));
         for (; edges; edges &= edges - 1) {
             const int at = 64 * w + __builtin_ctzll(edges);
@@ -184,11 +185,15 @@ static void clear_slices(void *context, int worker, size_t first, size_t end)
     for (int k = (int)first; k < (int)end; k++) {
         CtsCellRows rows;
         uint64_t gone[CTS_BITS_ROW_WORDS];
+        const bool same = k > (int)first && r->plan.axis[2] == 2 && k % r->plan.n_slices > 0;
         for (int j = 0; j < c->volume->dims[1]; j++) {
             cts_sections_row(&r->plan, &r->gone, c->volume->dims[0], j, k, gone);
             n_dense += clear_row(r, c->volume, j, k, gone);
-            cts_cell_change_row(c->change, &rows, gone, j, k);
+            if (!same)
+                cts_cell_change_row(c->change, &rows, gone, j, k);
         }
+        if (same)
+            cts_cell_change_same(c->change, k);
     }
     atomic_fetch_add(&c->n_dense, n_dense);
 }
