@@ -81,4 +81,4 @@ refused 4 'look like unsigned pixels' render signed -o x.png
 ok info double
 has out 'no: .*Double Float Pixel Data \(7FE0,0009\)'
 ok info escape
-has out '^series 2\.\?\?[0-9]+$'
+has out '^series 2\.[?][?]\.[0-9]+$'
