@@ -27,10 +27,10 @@ static struct {
     pthread_mutex_t lock;
     pthread_cond_t work; /* there are loops that want helpers */
     Loop *loops;
-    int n_helpers, n_idle;
-    bool stopping, has_ended; /* helpers that find no work end; one did */
-    pthread_t ended;          /* the last that did, which joins the one before */
-    pthread_cond_t gone;      /* a helper ends */
+    int n_helpers, n_idle, n_busy; /* busy: in a loop, listed or already over for its caller */
+    bool stopping, has_ended;      /* helpers that find no work end; one did */
+    pthread_t ended;               /* the last that did, which joins the one before */
+    pthread_cond_t gone;           /* a helper ends */
 } pool = {.lock = PTHREAD_MUTEX_INITIALIZER, .work = PTHREAD_COND_INITIALIZER, .gone = PTHREAD_COND_INITIALIZER};
 
 /* The other: see cts_parallel_ms(). */
@@ -46,7 +46,7 @@ static void before_fork(void)
     pthread_mutex_lock(&pool.lock);
     pool.stopping = true;
     pthread_cond_broadcast(&pool.work);
-    while (pool.n_helpers && !pool.loops)
+    while (pool.n_helpers > pool.n_busy && !pool.loops) /* one that is busy may be the one that forks */
         pthread_cond_wait(&pool.gone, &pool.lock);
     pool.stopping = false;
     if (pool.has_ended)
@@ -66,7 +66,7 @@ static void in_child(void)
     pthread_cond_init(&pool.work, NULL);
     pthread_cond_init(&pool.gone, NULL);
     pool.loops = NULL;
-    pool.n_helpers = pool.n_idle = 0;
+    pool.n_helpers = pool.n_idle = pool.n_busy = 0;
 }
 
 static void prepare_forks(void)
@@ -109,9 +109,11 @@ static void *help(void *unused)
         const int worker = ++loop->n_joined;
         loop->n_wanted--;
         loop->n_busy++;
+        pool.n_busy++;
         pthread_mutex_unlock(&pool.lock);
         take_items(loop, worker);
         pthread_mutex_lock(&pool.lock);
+        pool.n_busy--;
         if (--loop->n_busy == 0)
             pthread_cond_signal(&loop->left);
     }

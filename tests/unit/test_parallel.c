@@ -200,6 +200,35 @@ static void check_quota(const char *groups, const char *mount_line, const char *
     remove_folder(folder);
 }
 
+/* A helper forks in its last items, when the loop has nothing left for others and its caller waits. */
+static void fork_late(void *context, int worker, size_t first, size_t end)
+{
+    atomic_int *const begun = context;
+    (void)first;
+    (void)end;
+    if (worker == 0) {
+        while (!atomic_load(begun))
+            sched_yield();
+        return;
+    }
+    atomic_store(begun, 1);
+    usleep(20000);
+    const pid_t child = fork();
+    if (child == 0)
+        _exit(0);
+    waitpid(child, NULL, 0);
+}
+
+static void test_fork_by_helper(void **state)
+{
+    (void)state;
+    for (int i = 0; i < 5; i++) {
+        atomic_int begun = 0;
+        cts_parallel(2, 2, 1, fork_late, &begun);
+        assert_int_equal(begun, 1);
+    }
+}
+
 static void test_quota(void **state)
 {
     (void)state;
@@ -259,9 +288,11 @@ static void test_environment(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_each_item_once), cmocka_unit_test(test_nested),      cmocka_unit_test(test_many_callers),
-        cmocka_unit_test(test_alone_at_fork),  cmocka_unit_test(test_after_fork),  cmocka_unit_test(test_quota),
-        cmocka_unit_test(test_environment),    cmocka_unit_test(test_shared_time),
+        cmocka_unit_test(test_each_item_once), cmocka_unit_test(test_nested),
+        cmocka_unit_test(test_many_callers),   cmocka_unit_test(test_alone_at_fork),
+        cmocka_unit_test(test_after_fork),     cmocka_unit_test(test_fork_by_helper),
+        cmocka_unit_test(test_quota),          cmocka_unit_test(test_environment),
+        cmocka_unit_test(test_shared_time),
     };
     if (pthread_atfork(count_threads, NULL, NULL))
         return 1;
