@@ -89,13 +89,14 @@ static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
 enum { SIDE = 24 };
 static const double soft_hu = 40, metal_hu = 2500;
 
-/* A cube of grain, in air. */
+/* A cube of grain, in air; the half of it is metal of numbers[3] HU, if of any. */
 static double hu_grain(const double vox[3], const void *data)
 {
     bool inside = true;
     for (int a = 0; a < 3; a++)
         inside = inside && vox[a] > 1 && vox[a] < SIDE - 2;
-    return inside ? cts_hu_noise(vox, data) : -1000;
+    const double *metal = (const double *)data + 3;
+    return !inside ? -1000 : *metal > 0 && vox[0] > 12 ? *metal : cts_hu_noise(vox, data);
 }
 
 /* A ball in air, its edge a third of a voxel wide. */
@@ -159,6 +160,7 @@ static const CtsCheckPoint between_levels[] = {
 static const CtsCheckPoint within_levels[] = {
     {500.02, 0, {1, 1, 1}}, {500.02, 0.8, {1, 1, 1}}, {500.98, 0.8, {1, 1, 1}}, {500.98, 0, {1, 1, 1}}};
 static const CtsCheckPoint soft[] = {{-165, 0, {0.8, 0.3, 0.2}}, {40, 0.03, {1, 0.6, 0.5}}, {485, 0.5, {1, 1, 1}}};
+static const CtsCheckPoint metal[] = {{1500, 0, {0.8, 0.8, 0.9}}, {2500, 0.4, {0.9, 0.9, 1}}, {8000, 0.95, {1, 1, 1}}};
 static const CtsCheckPoint hundredth[] = {{500.22, 0, {1, 0.7, 0.3}},
                                           {500.22, 0.9, {1, 0.7, 0.3}},
                                           {500.235, 0.9, {1, 0.7, 0.3}},
@@ -186,6 +188,7 @@ static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}
 #define BRIGHT(KIND) CUBE, .hu = hu_thin, .numbers = {KIND, 20000}
 #define BALL CUBE, .hu = hu_ball, .numbers = {8}
 #define GRAIN CUBE, .hu = hu_grain, .numbers = {20, 60, 5}
+#define GRAIN_AND_METAL CUBE, .hu = hu_grain, .numbers = {20, 60, 5, 20000}
 #define DOT CUBE, .hu = hu_thin, .numbers = {4}
 #define HELIX CUBE, .hu = hu_helix
 #define LEVELS .dims = {12, 12, 12}, .hu = hu_two_levels, .numbers = {500, 8}
@@ -265,9 +268,10 @@ static const CtsCheckCase cases[] = {
           .width = 80, .height = 40, .max_error = 0.1),
     VOXELS("voxels: grain, lit", GRAIN, CHECK_POINTS(soft), HALF(158.58, 35.56), .lit = true),
     VOXELS("voxels: grain, lit, reduced", GRAIN, CHECK_POINTS(soft), DOUBLE(20, -70), .lit = true),
-    VOXELS("voxels: grain, lit, 2 asked", GRAIN, CHECK_POINTS(soft), QUARTER(158.58, 35.56), .lit = true,
-           .max_error = 2),
     VOXELS("voxels: grain, lit, 0.25 asked", GRAIN, CHECK_POINTS(soft), WHOLE(-50, 20), .lit = true, .max_error = 0.25),
+    VOXELS("voxels: metal in grain, lit, magnified", GRAIN_AND_METAL, CHECK_POINTS(metal), .view = {43.376, 1.848, 0.2},
+           .width = 70, .height = 20, .lit = true),
+    VOXELS("voxels: metal in grain, lit, oblique", GRAIN_AND_METAL, CHECK_POINTS(metal), WHOLE(63, -25), .lit = true),
     VOXELS("voxels: haze beside metal of 3000 HU", HAZE(3000, haze_and_metal), HALF(0, 0)),
     VOXELS("voxels: haze beside metal of 3000 HU, oblique", HAZE(3000, haze_and_metal), QUARTER(0.4, 0.3)),
     VOXELS("voxels: haze beside metal of 20000 HU", HAZE(20000, haze_to_metal), HALF(0, 0)),

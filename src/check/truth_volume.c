@@ -3,7 +3,7 @@
 
 #include <math.h>
 
-/* Stretches in a cell: many where opacity is steep in it. */
+/* Stretches in a cell: many where opacity is steep in it; lit, the gradient may turn where HU stands still. */
 enum { FEW = 16, MANY = 128 };
 
 typedef struct Cell {
@@ -117,7 +117,7 @@ static void add_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *
     load(&cell, v, first, p->shade);
     if (!shows(p, cell.low, cell.high))
         return;
-    const int n = cell.low == cell.high ? 1 : steep_in(p, &cell) ? MANY : FEW;
+    const int n = steep_in(p, &cell) ? MANY : p->shade || cell.low < cell.high ? FEW : 1;
     const double step = (to_mm - from_mm) / n;
     double hu = hu_at(&cell, line, first, from_mm, part);
     for (int i = 0; i < n; i++) {
