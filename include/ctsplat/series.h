@@ -31,7 +31,7 @@ typedef struct CtsSeries {
     CtsStatus refusal; /* why not, when not renderable: the status that loading would return */
     char reason[512];
     CtsFindings findings;
-    struct CtsSlice *slices; /* n_slices headers in order of position; owned */
+    struct CtsSlice **slices; /* n_slices headers in order of position; owned */
 } CtsSeries;
 
 /* n files of one kind: "MR Image", "not DICOM". */

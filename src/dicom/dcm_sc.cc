@@ -110,7 +110,7 @@ void put_image(Put &put, const CtsScObject &object)
 bool has_instance_uids(const CtsSeries &series)
 {
     for (int i = 0; i < series.n_slices; i++)
-        if (*series.slices[i].sop_uid)
+        if (*series.slices[i]->sop_uid)
             return true;
     return false;
 }
@@ -127,7 +127,7 @@ void put_references(Put &put, const CtsScObject &object)
     const CtsScCode purpose = {"121322", "DCM", "Source image for image processing operation"};
     const char *last = "";
     for (int i = 0; i < source.n_slices; i++) {
-        const char *uid = source.slices[i].sop_uid;
+        const char *uid = source.slices[i]->sop_uid;
         if (!*uid || strcmp(uid, last) == 0)
             continue;
         last = uid;
@@ -188,7 +188,7 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
 {
     DcmFileFormat source, file;
     CtsStatus st = cts_dcm_start(err);
-    if (st || (st = cts_dcm_load_slice(source, object.source->slices[0], err)))
+    if (st || (st = cts_dcm_load_slice(source, *object.source->slices[0], err)))
         return st;
     Put put(*file.getDataset());
     cts_dcm_put_study(put, *source.getDataset(), object.pseudonym);

@@ -27,7 +27,7 @@ template <typename Add> void each_instance(const CtsSeries &source, Add add)
 {
     const char *last = "";
     for (int i = 0; i < source.n_slices; i++) {
-        const char *uid = source.slices[i].sop_uid;
+        const char *uid = source.slices[i]->sop_uid;
         if (*uid && strcmp(uid, last) != 0)
             add(uid);
         last = uid;
@@ -160,7 +160,7 @@ CtsStatus write_state(const CtsDcmState &s, CtsScSink sink, void *context, CtsEr
 {
     DcmFileFormat source, file;
     CtsStatus st = cts_dcm_start(err);
-    if (st || (st = cts_dcm_load_slice(source, s.source->slices[0], err)))
+    if (st || (st = cts_dcm_load_slice(source, *s.source->slices[0], err)))
         return st;
     Put put(*file.getDataset());
     cts_dcm_put_study(put, *source.getDataset(), nullptr);

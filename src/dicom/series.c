@@ -15,8 +15,10 @@
 
 static void clear_series(CtsSeries *series)
 {
-    for (int i = 0; i < series->n_slices; i++)
-        cts_slice_clear(&series->slices[i]);
+    for (int i = 0; i < series->n_slices; i++) {
+        cts_slice_clear(series->slices[i]);
+        free(series->slices[i]);
+    }
     free(series->slices);
     free(series->description);
     cts_findings_free(&series->findings);
@@ -307,6 +309,8 @@ static void free_search(Search *s)
         free(s->headers[i].why);
     }
     free(s->headers);
+    s->headers = NULL;
+    s->n_headers = 0;
     cts_file_list_free(&s->files);
 }
 
@@ -345,6 +349,8 @@ CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *
         st = count_others(&s, err);
     if (!st)
         st = collect(&s, &slices, &n_slices, err);
+    const size_t n_headers = s.n_headers;
+    free_search(&s);
     if (!st)
         st = group(slices, n_slices, s.list, err);
     if (!st && s.list->n == 0) {
@@ -356,10 +362,9 @@ CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *
         *list = s.list;
         s.list = NULL;
     }
-    cts_report_stage(report, CTS_STAGE_SCAN, cts_wall_ms() - wall, cts_cpu_ms() - cpu, s.n_headers, s.bytes_read);
+    cts_report_stage(report, CTS_STAGE_SCAN, cts_wall_ms() - wall, cts_cpu_ms() - cpu, n_headers, s.bytes_read);
     free(slices);
     cts_series_list_free(&s.list);
-    free_search(&s);
     return st;
 }
 

@@ -205,7 +205,7 @@ static void describe_odd(CtsSeries *series)
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
         int n = 0;
         for (int i = 0; i < series->n_slices; i++)
-            n += (series->slices[i].odd & kinds[k].odd) != 0;
+            n += (series->slices[i]->odd & kinds[k].odd) != 0;
         if (n)
             cts_findings_add(&series->findings, kinds[k].code, CTS_WARNING, "%d of %d slices %s", n, series->n_slices,
                              kinds[k].text);
@@ -237,19 +237,11 @@ static void describe(CtsSeries *series, const CtsSlice *s)
 }
 
 /* The slices move into the series, in order, whether it is refused or not. */
-static CtsStatus take_slices(CtsSeries *series, CtsSliceSet *set, CtsError *err)
+static void take_slices(CtsSeries *series, CtsSliceSet *set)
 {
-    series->slices = calloc((size_t)set->n + 1, sizeof *series->slices);
-    if (!series->slices)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int i = 0; i < set->n; i++) {
-        series->slices[i] = *set->items[i];
-        free(set->items[i]);
-    }
+    series->slices = set->items;
     series->n_slices = set->n;
-    free(set->items);
     *set = (CtsSliceSet){0};
-    return CTS_OK;
 }
 
 static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
@@ -304,7 +296,7 @@ static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, CtsError *err)
     else if (!st)
         st = judge_stack(set, series, err);
     if (!st)
-        st = take_slices(series, set, err);
+        take_slices(series, set);
     describe_odd(series);
     series->renderable = !series->refusal;
     return st;

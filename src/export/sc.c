@@ -63,8 +63,8 @@ CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsE
         return CTS_OK;
     if (source->n_slices < 1)
         return cts_fail(err, CTS_ERR_USAGE, "%s: the series it is made of has no slices", path);
-    const char *first = source->slices[0].path;
-    const bool in_memory = source->slices[0].memory != NULL; /* out of an archive */
+    const char *first = source->slices[0]->path;
+    const bool in_memory = source->slices[0]->memory != NULL; /* out of an archive */
     if (!first || (!in_memory && access(first, R_OK)))
         return cts_fail(err, CTS_ERR_READ, "%s: cannot be read any more, and a secondary capture needs its header",
                         first ? first : path);
@@ -74,8 +74,8 @@ CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsE
 static const CtsSlice *lossy_slice(const CtsSeries *source)
 {
     for (int i = 0; i < source->n_slices; i++)
-        if (source->slices[i].odd & CTS_ODD_LOSSY)
-            return &source->slices[i];
+        if (source->slices[i]->odd & CTS_ODD_LOSSY)
+            return source->slices[i];
     return NULL;
 }
 
@@ -131,7 +131,7 @@ CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
     w->max_rows = ROWS_BYTES / row_bytes > 0 ? (int)(ROWS_BYTES / row_bytes) : 1;
     const CtsScFrame frame = {
         .width = head->width, .height = head->height, .grey = head->grey, .n_threads = job->settings.n_threads};
-    if ((st = cts_dcm_sc_source(&job->settings.source->slices[0], &w->facts, err)) ||
+    if ((st = cts_dcm_sc_source(job->settings.source->slices[0], &w->facts, err)) ||
         (st = cts_alloc_array(&w->rows, (size_t)w->max_rows * row_bytes, err)) ||
         (st = cts_alloc_array(&w->azimuth_deg, (size_t)head->n_frames, err)) ||
         (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)) || (st = cts_hash_start(&w->hash, err)))

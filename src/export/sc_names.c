@@ -15,7 +15,7 @@ static CtsStatus start_hash(CtsHash **hash, const char *purpose, const CtsSeries
     cts_hash_text(*hash, purpose);
     cts_hash_text(*hash, source ? source->uid : "");
     for (int i = 0; source && i < source->n_slices; i++)
-        cts_hash_text(*hash, source->slices[i].sop_uid);
+        cts_hash_text(*hash, source->slices[i]->sop_uid);
     return CTS_OK;
 }
 

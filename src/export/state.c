@@ -87,7 +87,7 @@ static CtsStatus uid_of(const char *purpose, const CtsStateScene *scene, const c
     cts_hash_text(hash, purpose);
     cts_hash_text(hash, scene->source->uid);
     for (int i = 0; i < scene->source->n_slices; i++)
-        cts_hash_text(hash, scene->source->slices[i].sop_uid);
+        cts_hash_text(hash, scene->source->slices[i]->sop_uid);
     cts_hash_text(hash, text);
     cts_hash_text(hash, CTS_VERSION);
     if (!(st = cts_hash_finish(&hash, digest, err)))
@@ -130,7 +130,7 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
     CtsHash *hash;
     uint8_t digest[CTS_DIGEST_BYTES];
     char all[2 * CTS_DIGEST_BYTES + 1] = "";
-    CtsStatus st = cts_dcm_sc_source(&scene->source->slices[0], &names->facts, err);
+    CtsStatus st = cts_dcm_sc_source(scene->source->slices[0], &names->facts, err);
     if (st || (st = cts_hash_start(&hash, err)))
         return st;
     cts_describe_view(scene->info, view, sizeof view);
@@ -143,7 +143,7 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
     for (int i = 0; i < CTS_DIGEST_BYTES; i++)
         snprintf(all + 2 * i, 3, "%02x", digest[i]);
     snprintf(names->study_uid, sizeof names->study_uid, "%s", names->facts.study_uid);
-    snprintf(names->frame_uid, sizeof names->frame_uid, "%s", scene->source->slices[0].frame_uid);
+    snprintf(names->frame_uid, sizeof names->frame_uid, "%s", scene->source->slices[0]->frame_uid);
     if ((!names->study_uid[0] && (st = uid_of("study", scene, "", names->study_uid, err))) ||
         (!names->frame_uid[0] && (st = uid_of("frame of reference", scene, "", names->frame_uid, err))) ||
         (st = uid_of("states", scene, "", names->series_uid, err)) ||

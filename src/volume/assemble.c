@@ -377,8 +377,8 @@ static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threa
     CtsStatus st = cts_alloc_array(&in->slices, n, err);
     if (!st)
         st = cts_alloc_zeroed(&in->faults, n, err);
-    if (!st)
-        memcpy(in->slices, series->slices, n * sizeof *in->slices);
+    for (size_t k = 0; !st && k < n; k++)
+        in->slices[k] = *series->slices[k];
     in->n_slices = series->n_slices;
     in->n_threads = n_threads;
     return st;
@@ -486,7 +486,7 @@ static void stage_times(const CtsReport *report, double *wall_ms, double *cpu_ms
 /* "series UID: " in front of a failure; by its folder where the data has no UID. */
 static CtsStatus in_series(const CtsSeries *series, CtsError *err)
 {
-    const CtsSlice *first = series->slices;
+    const CtsSlice *first = series->slices[0];
     const int n = (int)(cts_slice_name(first) - first->path);
     return series->uid[0] ? cts_context(err, "series %s", series->uid)
                           : cts_context(err, "series without UID in %.*s", n > 1 ? n - 1 : 1, n ? first->path : ".");

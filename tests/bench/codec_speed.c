@@ -46,7 +46,7 @@ static double codec_ms(const CtsSeries *series)
     double total = 0;
     CtsError err = {0};
     for (int k = 0; k < series->n_slices; k++) {
-        const CtsSlice *s = &series->slices[k];
+        const CtsSlice *s = series->slices[k];
         const CtsFrameFormat format = {.syntax = s->syntax,
                                        .columns = s->columns,
                                        .rows = s->rows,

@@ -51,7 +51,7 @@ static int check(const CtsSeries *s)
 {
     assert(s->renderable == !s->refusal && (!s->refusal || s->reason[0]));
     for (int k = 1; s->renderable && k < s->n_slices; k++)
-        assert(s->slices[k].position_lps[2] > s->slices[k - 1].position_lps[2]);
+        assert(s->slices[k]->position_lps[2] > s->slices[k - 1]->position_lps[2]);
     assert(!s->renderable || s->n_slices >= 2);
     return s->n_slices;
 }
@@ -72,8 +72,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     assert(n_series >= 1 && n_series <= CTS_MAX_PARTS);
     for (int i = 0; i < n_series; i++) {
         kept += check(&series[i]);
-        for (int k = 0; k < series[i].n_slices; k++)
-            cts_slice_clear(&series[i].slices[k]);
+        for (int k = 0; k < series[i].n_slices; k++) {
+            cts_slice_clear(series[i].slices[k]);
+            free(series[i].slices[k]);
+        }
         free(series[i].slices);
         free(series[i].description);
         cts_findings_free(&series[i].findings);

@@ -35,8 +35,10 @@ static CtsSliceSet stack_of(int n, int side)
 
 static void clear(CtsSeries *series)
 {
-    for (int k = 0; k < series->n_slices; k++)
-        cts_slice_clear(&series->slices[k]);
+    for (int k = 0; k < series->n_slices; k++) {
+        cts_slice_clear(series->slices[k]);
+        free(series->slices[k]);
+    }
     free(series->slices);
     free(series->description);
     cts_findings_free(&series->findings);
