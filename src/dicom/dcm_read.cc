@@ -371,6 +371,9 @@ void read_geometry(CtsAttributes &item, CtsSlice *s)
     read_orientation(item, s);
     if (!numbers(item, DCM_ImagePositionPatient, s->position_lps, 3))
         cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImagePositionPatient (0020,0032) is missing or not three numbers");
+    for (const double p : s->position_lps)
+        if (std::fabs(p) > 1e5) /* a hundred metres */
+            cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImagePositionPatient (0020,0032) is %g mm away", std::fabs(p));
     double spacing[2] = {0, 0};
     if (!numbers(item, DCM_PixelSpacing, spacing, 2))
         cts_slice_fault(s, CTS_ERR_GEOMETRY, "PixelSpacing (0028,0030) is missing or not two numbers");

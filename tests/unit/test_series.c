@@ -172,6 +172,7 @@ CHANGE(zero_spacing, s->spacing = "0\\0.5")
 CHANGE(one_spacing, s->spacing = "0.5")
 CHANGE(wide_spacing, s->spacing = "0.5\\10.5")
 CHANGE(no_position, s->position = NULL)
+CHANGE(far_position, s->position = "-1\\-100001\\3")
 CHANGE(two_positions, s->position = "1\\2")
 CHANGE(one_without_position, s->position = k == 5 ? NULL : s->position)
 CHANGE(no_orientation, s->orientation = NULL)
@@ -228,6 +229,7 @@ static const Case cases[] = {
     {"one spacing", one_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
     {"spacing 10.5", wide_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
     {"no position", no_position, CTS_ERR_GEOMETRY, NULL, "(0020,0032)", 20},
+    {"position far away", far_position, CTS_ERR_GEOMETRY, NULL, "100001 mm away", 20},
     {"two numbers of position", two_positions, CTS_ERR_GEOMETRY, NULL, "(0020,0032)", 20},
     {"one slice without position", one_without_position, CTS_OK, "bad_slices", NULL, 19},
     {"no orientation", no_orientation, CTS_ERR_GEOMETRY, NULL, "(0020,0037)", 20},
