@@ -57,3 +57,18 @@ void cts_error_limits(CtsVerified *v)
         low = fmax(low, lower(v->capped[k], v->unit * cap, BEYOND / CTS_ERROR_CAPS));
     v->rmse_low = sqrt(low);
 }
+
+double cts_expectation_limit(double sum)
+{
+    /* A sum with expectation m comes out at s < m or lower with a probability of exp(s - m - s log(s / m)) at most. */
+    const double odds = log(1000);
+    double low = sum, high = sum + 3 * odds + 2 * sqrt(odds * sum);
+    for (int i = 0; i < 60; i++) {
+        const double middle = 0.5 * (low + high);
+        if (middle - sum - (sum > 0 ? sum * log(middle / sum) : 0) < odds)
+            low = middle;
+        else
+            high = middle;
+    }
+    return high;
+}

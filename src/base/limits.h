@@ -8,4 +8,8 @@
  * hold for any picture, as they assume nothing of pixels that were not sampled. A pixel's squared error is 0..1. */
 void cts_error_limits(CtsVerified *verified);
 
+/* What the expectation of a sum of independent terms, each 0..1, does not exceed with a probability of 99.9 %, when the
+ * sum came out like this (Chernoff's bound). */
+double cts_expectation_limit(double sum);
+
 #endif

@@ -5,10 +5,6 @@
 #include "raycast/raycaster.h"
 #include <math.h>
 
-/* Largest change, in display values, that refining a stretch may still make. Many stretches add up along a ray, and the
- * finer rule, which is the one used, errs far less than the two rules differ. */
-#define TOLERANCE 1e-9
-
 /* A stretch deeper than this is halved before it is looked at, so that light ends near its front. */
 #define DEEP 8.0
 
@@ -86,7 +82,7 @@ static bool add(const Stretch *s, double a, double b, const double rgb[3], doubl
         light->rgb[c] += light->transmittance * rgb[c];
     light->depth += depth;
     light->transmittance = exp(-light->depth);
-    return light->transmittance >= CTS_RAY_DARK;
+    return light->transmittance >= s->caster->dark;
 }
 
 /* One colour and one extinction: the closed form. */
@@ -106,7 +102,8 @@ static bool add_even(const Stretch *s, double a, double b)
 static bool sees_all_light(const Stretch *s, double a, double b, double depth)
 {
     const CtsPreset *p = s->caster->preset;
-    return !s->gradient || depth * s->light->transmittance * (p->ambient + p->diffuse + p->specular) <= TOLERANCE ||
+    return !s->gradient ||
+           depth * s->light->transmittance * (p->ambient + p->diffuse + p->specular) <= s->caster->tolerance ||
            cts_raycast_turns_little(s->caster, s->framed, a, b);
 }
 
@@ -126,7 +123,7 @@ static bool add_stretch(const Stretch *s, double a, double b)
         double change = fabs(fine.depth - coarse.depth);
         for (int c = 0; c < 3; c++)
             change = fmax(change, fabs(fine.rgb[c] - coarse.rgb[c]));
-        if ((change * left <= TOLERANCE && sees_all_light(s, a, b, fine.depth)) || !halve)
+        if ((change * left <= s->caster->tolerance && sees_all_light(s, a, b, fine.depth)) || !halve)
             return add(s, a, b, fine.rgb, fine.depth);
     }
     const double middle = 0.5 * (a + b);

@@ -1,6 +1,7 @@
 #include "render/bound.h"
 
 #include "base/clock.h"
+#include "base/limits.h"
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
@@ -9,6 +10,12 @@
 #include <string.h>
 
 enum { SHARE_ASKED = 32, SHARE_BY_DEFAULT = 512 };
+
+/* What tables and weights of 14 bits leave, rms, where nothing else errs. */
+#define ROUNDED 5e-5
+
+/* Of the error asked for, a ray that is cast may be off by this. */
+#define CAST_WITHIN 0.02
 
 /* A pixel's bound and its place in the band as one number: the larger, the worse; of equals the upper left one. The
  * bits of floats that are not negative have the order of the floats. */
@@ -65,75 +72,185 @@ static void select_worst(Pixel *p, size_t n, size_t k)
 
 /* What came of CTS_BAND_ROWS rows. */
 typedef struct Strip {
-    size_t n_cast;
-    double square, most; /* of the bounds that are left */
+    size_t first, end; /* its pixels in the band */
+    bool judged;       /* in this round */
+    double chance;     /* of a pixel to be cast is this times b^2 + f^2 */
+    double square;     /* of the bounds, floor included */
+    size_t first_ray, n_rays;
+    double found;      /* sum of e^2 / p of the rays that judge */
+    double beyond;     /* the largest e^2 / (b^2 + f^2) */
+    size_t n_bad;      /* pixels to be cast in any case */
+    double rest, most; /* squares of the bounds that are left, and the largest bound */
 } Strip;
+
+typedef struct Ray {
+    size_t at;     /* in the band */
+    double square; /* of the error that it shows, rms over the channels */
+    double limit;  /* of that, by the engine's bound and the floor */
+} Ray;
 
 typedef struct Keeping {
     const CtsScene *scene;
     CtsPicture *band;
-    size_t n_pixels, strip_pixels, n_strips;
-    size_t limit; /* of pixels that a strip may have cast */
+    double floor; /* f^2 */
+    size_t n_strips, strip_pixels;
     Strip *strips;
-    Pixel *cast;    /* room for limit of each strip */
+    int round;
+    Ray *rays;      /* that judge in this round, strip by strip */
     Pixel *scratch; /* of each worker, room for a strip */
+    Pixel *bad;     /* room for limit_of() of each strip */
+    size_t bad_room;
     const CtsRaycaster *caster;
 } Keeping;
 
-/* Pixels of the strip that are to be cast. */
-static size_t choose(const Keeping *k, const float *bound, size_t first, size_t n, Pixel *bad, Pixel *cast)
+/* Even over 0..1, and its own for each pixel of the view and each round (the finaliser of MurmurHash3). */
+static double chance_of(const Keeping *k, size_t at)
 {
-    const double asked = cts_scene_error_asked(k->scene), most = asked * asked * (double)n;
-    double square = 0;
-    size_t n_bad = 0, n_cast = 0;
-    for (size_t i = first; i < first + n; i++) {
-        square += (double)bound[i] * (double)bound[i];
-        if ((double)bound[i] > asked)
-            bad[n_bad++] = pixel_of(bound[i], i);
-    }
-    if (square <= most)
-        return 0;
-    const size_t limit = limit_of(k->scene, n);
-    select_worst(bad, n_bad, limit);
-    n_bad = n_bad < limit ? n_bad : limit;
-    qsort(bad, n_bad, sizeof *bad, worst_first);
-    while (n_cast < n_bad && square > most) {
-        const double largest = (double)bound[place_of(bad[n_cast])];
-        square -= largest * largest;
-        cast[n_cast] = bad[n_cast];
-        n_cast++;
-    }
-    return n_cast;
+    uint64_t h = (uint64_t)k->band->first_row * (uint64_t)k->band->width + at + ((uint64_t)k->round << 62) + 1;
+    h = (h ^ h >> 33) * 0xff51afd7ed558ccdu;
+    h = (h ^ h >> 33) * 0xc4ceb9fe1a85ec53u;
+    return (double)(h >> 11) * 0x1p-53;
 }
 
-static size_t strip_end(const Keeping *k, size_t strip)
+static double square_at(const Keeping *k, size_t at)
 {
-    const size_t end = (strip + 1) * k->strip_pixels;
-    return end < k->n_pixels ? end : k->n_pixels;
+    const double bound = (double)k->band->bound[at];
+    return bound * bound + k->floor;
 }
 
-static void choose_some(void *context, int worker, size_t first, size_t end)
+static bool judges(const Keeping *k, const Strip *s, size_t at)
+{
+    return chance_of(k, at) < s->chance * square_at(k, at);
+}
+
+/* How many rays judge each strip. */
+static void count_some(void *context, int worker, size_t first, size_t end)
 {
     const Keeping *const k = context;
-    Pixel *const scratch = k->scratch + (size_t)worker * k->strip_pixels;
+    const double pixels = (double)k->scene->view.width * k->scene->view.height;
+    const double aimed = cts_scene_bound_aimed(k->scene), rays = cts_scene_rays_judged(k->scene);
+    (void)worker;
     for (size_t strip = first; strip < end; strip++) {
-        const size_t at = strip * k->strip_pixels;
-        k->strips[strip].n_cast =
-            choose(k, k->band->bound, at, strip_end(k, strip) - at, scratch, k->cast + strip * k->limit);
+        Strip *const s = &k->strips[strip];
+        s->square = 0;
+        s->n_rays = 0;
+        if (!s->judged)
+            continue;
+        for (size_t i = s->first; i < s->end; i++)
+            s->square += square_at(k, i);
+        /* Where bounds are far above what is aimed at, more rays would tell little more. */
+        const double even = rays * (double)(s->end - s->first) / pixels, most = 4 * even;
+        s->chance = rays / (pixels * aimed * aimed);
+        if (s->chance * s->square > most)
+            s->chance = most / s->square;
+        for (size_t i = s->first; i < s->end; i++)
+            s->n_rays += judges(k, s, i);
     }
 }
 
-static void cast_some(void *context, int worker, size_t first, size_t end)
+static void list_some(void *context, int worker, size_t first, size_t end)
+{
+    const Keeping *const k = context;
+    (void)worker;
+    for (size_t strip = first; strip < end; strip++) {
+        const Strip *const s = &k->strips[strip];
+        Ray *ray = k->rays + s->first_ray;
+        for (size_t i = s->first; i < s->end && s->n_rays > 0; i++)
+            if (judges(k, s, i))
+                *ray++ = (Ray){.at = i, .limit = square_at(k, i)};
+    }
+}
+
+/* What the pixel is off by, squared. */
+static double square_of_error(const CtsPreset *preset, const float *pixel, const double rgba[4])
+{
+    double square = 0;
+    for (int c = 0; c < 3; c++) {
+        const double behind = preset->background_none ? 0 : preset->background[c];
+        const double off = (double)pixel[c] - rgba[c] + (rgba[3] - (double)pixel[3]) * behind;
+        square += off * off / 3;
+    }
+    return square;
+}
+
+static void cast_pixel(const Keeping *k, size_t at, double rgba[4])
+{
+    const size_t width = (size_t)k->band->width;
+    cts_raycast_ray(k->caster, (double)(at % width), (double)(at / width) + k->band->first_row, rgba, NULL);
+}
+
+static void cast_judging(void *context, int worker, size_t first, size_t end)
 {
     const Keeping *const k = context;
     (void)worker;
     for (size_t i = first; i < end && !cts_scene_stopped(k->scene); i++) {
-        const uint32_t at = place_of(k->cast[i]), width = (uint32_t)k->band->width;
         double rgba[4];
-        cts_raycast_ray(k->caster, at % width, (double)(at / width) + k->band->first_row, rgba, NULL);
+        const size_t at = k->rays[i].at;
+        cast_pixel(k, at, rgba);
+        k->rays[i].square = square_of_error(k->scene->preset, k->band->pixels + 4 * at, rgba);
+    }
+}
+
+/* What the strips' rays show. */
+static void judge_some(void *context, int worker, size_t first, size_t end)
+{
+    const Keeping *const k = context;
+    (void)worker;
+    for (size_t strip = first; strip < end; strip++) {
+        Strip *const s = &k->strips[strip];
+        if (!s->judged)
+            continue;
+        s->found = s->beyond = 0;
+        for (size_t i = s->first_ray; i < s->first_ray + s->n_rays; i++) {
+            const Ray *const ray = &k->rays[i];
+            s->found += ray->square / fmin(s->chance * ray->limit, 1);
+            s->beyond = fmax(s->beyond, ray->square / ray->limit);
+        }
+    }
+}
+
+/* The worst pixels of strips whose rays say that they err too much, in proportion to their bounds; where an error was
+ * asked for, also of those whose bounds are too large for so few rays to show that it is kept. */
+static void choose_bad(void *context, int worker, size_t first, size_t end)
+{
+    const Keeping *const k = context;
+    const double asked = 0.5 * cts_scene_error_asked(k->scene);
+    Pixel *const scratch = k->scratch + (size_t)worker * k->strip_pixels;
+    for (size_t strip = first; strip < end; strip++) {
+        Strip *const s = &k->strips[strip];
+        const double n_pixels = (double)(s->end - s->first), aimed = cts_scene_bound_aimed(k->scene);
+        const double by_rays = s->found > 0 ? asked * asked * n_pixels * s->square / s->found : INFINITY;
+        const double by_bounds = k->scene->plan.max_error > 0 ? (aimed * aimed + k->floor) * n_pixels : INFINITY;
+        const double most = fmin(by_rays, by_bounds);
+        const size_t limit = limit_of(k->scene, s->end - s->first);
+        if (s->square <= most)
+            continue;
+        size_t n = 0;
+        for (size_t i = s->first; i < s->end; i++)
+            if ((double)k->band->bound[i] > asked)
+                scratch[n++] = pixel_of(k->band->bound[i], i);
+        select_worst(scratch, n, limit);
+        n = n < limit ? n : limit;
+        qsort(scratch, n, sizeof *scratch, worst_first);
+        double rest = s->square;
+        for (size_t i = 0; i < n && rest > most; i++) {
+            rest -= square_at(k, place_of(scratch[i])) - k->floor;
+            k->bad[strip * k->bad_room + s->n_bad++] = scratch[i];
+        }
+    }
+}
+
+static void cast_bad(void *context, int worker, size_t first, size_t end)
+{
+    const Keeping *const k = context;
+    (void)worker;
+    for (size_t i = first; i < end && !cts_scene_stopped(k->scene); i++) {
+        double rgba[4];
+        const size_t at = place_of(k->bad[i]);
+        cast_pixel(k, at, rgba);
         for (int c = 0; c < 4 && !CTS_MUTATED(UNCAST); c++)
-            k->band->pixels[4 * (size_t)at + (size_t)c] = (float)rgba[c];
-        k->band->bound[at] = 1e-6f; /* what the ray caster and single precision leave */
+            k->band->pixels[4 * at + (size_t)c] = (float)rgba[c];
+        k->band->bound[at] = (float)(cts_scene_error_asked(k->scene) * CAST_WITHIN);
     }
 }
 
@@ -143,89 +260,151 @@ static void sum_some(void *context, int worker, size_t first, size_t end)
     (void)worker;
     for (size_t strip = first; strip < end; strip++) {
         Strip *const s = &k->strips[strip];
-        for (size_t i = strip * k->strip_pixels; i < strip_end(k, strip); i++) {
+        for (size_t i = s->first; i < s->end; i++) {
             const double bound = (double)k->band->bound[i];
-            s->square += bound * bound;
+            s->rest += bound * bound;
             s->most = bound > s->most ? bound : s->most;
         }
     }
 }
 
-/* The strips' pixels one behind the other. */
-static size_t gather(const Keeping *k)
+static CtsStatus cast(Keeping *k, CtsFrameBound *bound, size_t n, cts_work_fn work, CtsError *err)
 {
-    size_t n = 0;
-    for (size_t strip = 0; strip < k->n_strips; strip++) {
-        memmove(k->cast + n, k->cast + strip * k->limit, k->strips[strip].n_cast * sizeof *k->cast);
-        n += k->strips[strip].n_cast;
+    CtsStatus st;
+    if (n == 0)
+        return CTS_OK;
+    if (!bound->caster) {
+        if ((st = cts_raycaster_new(&bound->caster, k->scene, NULL, SIZE_MAX, err)))
+            return st;
+        cts_raycaster_loosen(bound->caster, cts_scene_error_asked(k->scene) * CAST_WITHIN);
     }
-    return n;
+    k->caster = bound->caster;
+    cts_parallel(k->scene->settings->n_threads, n, 16, work, k);
+    bound->cast += n;
+    return cts_scene_stopped(k->scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+}
+
+/* Casts rays that judge the strips marked so. */
+static CtsStatus judge(Keeping *k, CtsFrameBound *bound, CtsError *err)
+{
+    const int n_threads = k->scene->settings->n_threads;
+    CtsStatus st;
+    size_t n = 0;
+    cts_parallel(n_threads, k->n_strips, 1, count_some, k);
+    for (size_t strip = 0; strip < k->n_strips; strip++) {
+        k->strips[strip].first_ray = n;
+        n += k->strips[strip].n_rays;
+    }
+    cts_free(&k->rays);
+    if ((st = cts_alloc_array(&k->rays, n, err)))
+        return st;
+    cts_parallel(n_threads, k->n_strips, 1, list_some, k);
+    if ((st = cast(k, bound, n, cast_judging, err)))
+        return st;
+    cts_parallel(n_threads, k->n_strips, 1, judge_some, k);
+    return CTS_OK;
+}
+
+/* Casts the worst pixels of strips that need it, which are then to be judged anew by rays of their own: those that told
+ * which pixels to cast would speak too well of the rest. */
+static CtsStatus mend(Keeping *k, CtsFrameBound *bound, CtsError *err)
+{
+    const int n_threads = k->scene->settings->n_threads;
+    size_t n_bad = 0;
+    cts_parallel(n_threads, k->n_strips, 1, choose_bad, k);
+    for (size_t strip = 0; strip < k->n_strips; strip++) {
+        Strip *const s = &k->strips[strip];
+        memmove(k->bad + n_bad, k->bad + strip * k->bad_room, s->n_bad * sizeof *k->bad);
+        n_bad += s->n_bad;
+        s->judged = s->n_bad > 0;
+    }
+    return cast(k, bound, n_bad, cast_bad, err);
+}
+
+static void add_strips(CtsFrameBound *bound, const Keeping *k)
+{
+    for (size_t strip = 0; strip < k->n_strips; strip++) {
+        const Strip *const s = &k->strips[strip];
+        bound->square += s->rest;
+        bound->most = fmax(bound->most, s->most);
+        bound->found += s->found;
+        bound->weight = fmax(bound->weight, 1 / s->chance);
+        bound->beyond = fmax(bound->beyond, s->beyond);
+    }
 }
 
 CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture *band, CtsError *err)
 {
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), floor = 0.5 * cts_scene_bound_aimed(scene);
     const int n_threads = scene->settings->n_threads;
     const size_t strip_pixels = (size_t)band->width * CTS_BAND_ROWS, n_pixels = (size_t)band->width * band->height;
     Keeping k = {.scene = scene,
                  .band = band,
-                 .n_pixels = n_pixels,
-                 .strip_pixels = strip_pixels,
+                 .floor = floor * floor,
                  .n_strips = (n_pixels + strip_pixels - 1) / strip_pixels,
-                 .limit = limit_of(scene, strip_pixels)};
+                 .strip_pixels = strip_pixels,
+                 .bad_room = limit_of(scene, strip_pixels)};
     CtsStatus st;
     if ((st = cts_alloc_zeroed(&k.strips, k.n_strips, err)) ||
-        (st = cts_alloc_array(&k.cast, k.n_strips * k.limit, err)) ||
-        (st = cts_alloc_array(&k.scratch, (size_t)n_threads * strip_pixels, err)))
+        (st = cts_alloc_array(&k.scratch, (size_t)n_threads * strip_pixels, err)) ||
+        (st = cts_alloc_array(&k.bad, k.n_strips * k.bad_room, err)))
         goto end;
-    cts_parallel(n_threads, k.n_strips, 1, choose_some, &k);
-    const size_t n_cast = gather(&k);
-    if (n_cast > 0 && !bound->caster && (st = cts_raycaster_new(&bound->caster, scene, NULL, SIZE_MAX, err)))
-        goto end;
-    k.caster = bound->caster;
-    cts_parallel(n_threads, n_cast, 16, cast_some, &k);
-    if (cts_scene_stopped(scene)) {
-        st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-        goto end;
-    }
-    cts_parallel(n_threads, k.n_strips, 1, sum_some, &k);
     for (size_t strip = 0; strip < k.n_strips; strip++) {
-        bound->square += k.strips[strip].square;
-        bound->most = fmax(bound->most, k.strips[strip].most);
+        const size_t end = (strip + 1) * strip_pixels;
+        k.strips[strip] =
+            (Strip){.first = strip * strip_pixels, .end = end < n_pixels ? end : n_pixels, .judged = true};
     }
+    if ((st = judge(&k, bound, err)) || (st = mend(&k, bound, err)))
+        goto end;
+    k.round = 1;
+    if ((st = judge(&k, bound, err)))
+        goto end;
+    cts_parallel(n_threads, k.n_strips, 1, sum_some, &k);
+    add_strips(bound, &k);
     bound->pixels += n_pixels;
-    bound->cast += n_cast;
     bound->wall_ms += cts_wall_ms() - wall;
     bound->cpu_ms += cts_cpu_ms() - cpu;
 end:
     cts_free(&k.strips);
-    cts_free(&k.cast);
+    cts_free(&k.rays);
     cts_free(&k.scratch);
+    cts_free(&k.bad);
     return st;
+}
+
+/* By the rays that were cast. Unlit along an axis nothing of the engine's bounds is an estimate, and they may say less.
+ */
+static double rmse_of(const CtsFrameBound *bound, const CtsScene *scene)
+{
+    const double pixels = (double)bound->pixels, weight = bound->weight * fmax(bound->beyond, 1);
+    const double judged = sqrt(weight * cts_expectation_limit(bound->found / weight) / pixels);
+    const double *along = scene->view.forward_vox;
+    const bool straight = (along[0] != 0) + (along[1] != 0) + (along[2] != 0) == 1;
+    const bool known = straight && !scene->preset->shade && bound->beyond <= 1;
+    return ROUNDED + (known ? fmin(judged, sqrt(bound->square / pixels)) : judged);
 }
 
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report)
 {
     if (!report || bound->pixels == 0)
         return;
-    const double rmse = sqrt(bound->square / (double)bound->pixels) * (CTS_MUTATED(BOUND_LOW) ? 0.25 : 1);
+    const double rmse = rmse_of(bound, scene) * (CTS_MUTATED(BOUND_LOW) ? 0.05 : 1),
+                 asked = cts_scene_error_asked(scene);
     CtsErrorBound *told = &report->bound;
     /* Of a rotation the worst frame stands for all. */
     told->known = true;
     told->rmse = fmax(told->rmse, rmse);
-    told->max = fmax(told->max, fmin(bound->most * sqrt(3), 1));
+    /* One channel may have all of a pixel's error, and stretches whose errors add up as if by chance stray: the largest
+     * of so many pixels by so much. */
+    told->max = fmax(told->max, fmin(bound->most * sqrt(3 * 2 * log(fmax((double)bound->pixels, 2))), 1));
     told->cast += bound->cast;
     cts_report_stage(report, CTS_STAGE_COMPOSITE, bound->wall_ms, bound->cpu_ms, bound->cast, 0);
     if (bound->cast > 0)
-        cts_report_plan(report, "%llu of %llu rays cast again one by one, whose error might be large",
+        cts_report_plan(report, "%llu of %llu rays cast one by one, to judge the others and in place of the worst",
                         (unsigned long long)bound->cast, (unsigned long long)bound->pixels);
-    /* Asked for, an error is kept or warned of. The default is what plans aim at, and a bound lies up to four times
-     * above the error it bounds: up to there it is a note. */
-    const double asked = cts_scene_error_asked(scene);
     const bool kept = rmse <= 1.005 * asked, by_default = !(scene->plan.max_error > 0);
     if (!kept || !by_default)
-        cts_report_finding(report, kept ? "max_error" : "error_bound",
-                           kept || (by_default && rmse <= 4 * asked) ? CTS_NOTE : CTS_WARNING,
+        cts_report_finding(report, kept ? "max_error" : "error_bound", kept ? CTS_NOTE : CTS_WARNING,
                            "the picture's error is at most about %.2g/255 rms, %s %.2g%s", 255 * rmse,
                            by_default ? "aimed at" : "asked for", 255 * asked,
                            kept         ? ""

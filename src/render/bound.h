@@ -1,4 +1,16 @@
-/* What a frame's pixels may be off by: the worst of them are cast, so that the rest keeps what was asked. */
+/* What a frame's pixels may be off by: what the engine's bounds are worth, from rays that are cast, and the worst
+ * pixels put right.
+ *
+ * The engine's bound b of a pixel is cheap and lies some ten times above its error e. What the picture's error is, a
+ * sample tells, whatever the ratios e / b are like: a pixel is cast with a chance p that grows with b^2 + f^2, f a
+ * floor that lets every pixel have its chance. Then e^2 / p, summed over those cast, has the sum of all e^2 for its
+ * expectation, and each term is at most a weight that is known, as long as e^2 <= b^2 + f^2: Chernoff's bound makes an
+ * upper limit of that, which holds in 999 of 1000 pictures (cts_expectation_limit()). It asks of b only to be a bound,
+ * not to be a good one; where a ray shows that it is none, the weight grows by as much.
+ *
+ * Strips of CTS_BAND_ROWS rows are judged one by one, so that a picture is the same in bands of any size. Where a
+ * strip's own rays say that it errs by more than half of what is asked for, the pixels with the largest bounds are cast
+ * too, until what is left should be below that. */
 #ifndef CTS_RENDER_BOUND_H
 #define CTS_RENDER_BOUND_H
 
@@ -9,16 +21,17 @@
 typedef struct CtsFrameBound {
     CtsRaycaster *caster; /* made when a pixel has to be cast */
     uint64_t pixels, cast;
-    double square, most; /* sum of the squares of what is left, and the largest */
+    double square, most;  /* sum of the squares of the engine's bounds that are left, and the largest */
+    double found, weight; /* sum of e^2 / p of the rays that judge, and the largest that a term may have */
+    double beyond;        /* the largest e^2 / (b^2 + f^2) that a ray has shown */
     double wall_ms, cpu_ms;
 } CtsFrameBound;
 
-/* Takes a band whose bounds the engine gave, casts the rays of its worst pixels until the rest of each strip of
- * CTS_BAND_ROWS rows stays below the error that scene->plan asks for, and puts what they are into the band. A ray costs
- * some hundred times a pixel of the march, and the few worst are not to cost more than a part of the picture: one pixel
- * in 512 by default, one in 32 where an error was asked for. */
+/* Takes a band whose bounds the engine gave, and puts its worst pixels right. A ray costs some hundred times
+ * a pixel of the march: of a strip whose rays say that it errs too much, one pixel in 512 is cast by default, one in 32
+ * where an error was asked for. */
 CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture *band, CtsError *err);
-/* The report's bound, and a warning where the error is larger than it should be. */
+/* The report's bound, and a warning where the error may be larger than it should be. */
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report);
 void cts_bound_free(CtsFrameBound *bound);
 

@@ -9,6 +9,7 @@
 #include "ctsplat/volume.h"
 #include "scene/view.h"
 #include "transfer/lut.h"
+#include <math.h>
 
 /* How finely an engine is to work: as the settings ask, or as it was found that their error is kept. */
 typedef struct CtsPlan {
@@ -34,6 +35,20 @@ typedef struct CtsScene {
 static inline double cts_scene_error_asked(const CtsScene *scene)
 {
     return (scene->plan.max_error > 0 ? scene->plan.max_error : 0.5) / 255;
+}
+
+/* Rays of a picture that are cast to judge what its bounds are worth, where these are as large as they may be. */
+static inline double cts_scene_rays_judged(const CtsScene *scene)
+{
+    const double pixels = (double)scene->view.width * scene->view.height / 1024;
+    return pixels < 64 ? 64 : pixels > 256 ? 256 : pixels;
+}
+
+/* The bounds that an engine gives its pixels may be so large, rms: errors lie about ten times below them, and so many
+ * rays can show that they lie below what is asked for (render/bound.h). */
+static inline double cts_scene_bound_aimed(const CtsScene *scene)
+{
+    return cts_scene_error_asked(scene) * sqrt(cts_scene_rays_judged(scene)) / 5;
 }
 
 typedef struct CtsEngine {

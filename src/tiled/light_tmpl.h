@@ -169,8 +169,7 @@ INLINE vf light_doubt(const TiledJob *j, const vf facings[4], const vf powers[4]
 }
 
 /* Light what is due of these packets as the stretch of `span` sheets from `part` of those behind layer q on, the middle
- * of the light that is lost a fraction f of the way. Returns those it
- * should be told of more finely. */
+ * of the light that is lost a fraction f of the way. Returns those it should be told of more finely. */
 INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, unsigned packets, int q, int part, int span,
                               bool inner, vf f, Light *light, Lit *lit, Course *course)
 {
@@ -209,7 +208,7 @@ INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, unsi
         powers[3] = power;
     vf glow_doubt = light_doubt(j, facings, powers, f, lit->due);
     const vmask now = mask_packets(packets);
-    const unsigned uneven = packets & any_in(vf_lt(vf_of(j->may_mix), glow_doubt));
+    const unsigned uneven = packets & any_in(vf_lt(vf_of(j->may_turn), glow_doubt));
     const unsigned turning = bent | uneven | any_in(mask_and(vf_lt(dot(&from, &to), vf_of(0)), worth));
     if (turning) {
         const Turn copy = turn;
@@ -233,7 +232,7 @@ INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, unsi
     light->g = select_f(now, vf_of(0), light->g);
     light->b = select_f(now, vf_of(0), light->b);
     lit->had |= packets;
-    return packets & any_in(vf_lt(vf_of(j->may_change), glow_doubt));
+    return packets & any_in(vf_lt(vf_of(j->may_shine), glow_doubt));
 }
 
 /* A stretch has taken `lost` of the light; moment is the sum of that, each time how far on. Returns the packets whose

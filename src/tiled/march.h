@@ -33,8 +33,12 @@
  * what the gradient's bend changes, and what waits for its lighting (light_tmpl.h).
  *
  * So the bound is estimated, not proven: d is what three places tell. Ranges of macro-cells alone decide what is leapt,
- * and those are exact (cts_lut_visible). A stretch that may change a pixel by four times the error asked for is halved,
- * down to a sixteenth of a layer; what is left above the error is cast (render/bound.h). */
+ * and those are exact (cts_lut_visible). A stretch that may change a pixel by four times what the plan aims at is
+ * halved, down to a sixteenth of a layer; lighting is told more finely already at that, as more of its bound comes
+ * true.
+ *
+ * Errors lie some ten times below such bounds, which take the worst of everything. The plan therefore aims above the
+ * error asked for (cts_scene_bound_aimed), and render/bound.h casts rays that show what the bounds are worth. */
 #ifndef CTS_TILED_MARCH_H
 #define CTS_TILED_MARCH_H
 
@@ -74,6 +78,8 @@ typedef struct TiledJob {
     /* What may go wrong, see above. Grey levels, and shares of the display's range. */
     float rounding;           /* the field is known to so many grey levels */
     float may_change;         /* a stretch may change a pixel by so much before it is halved */
+    float may_shine;          /* the same for its lighting; */
+    float may_turn;           /* and this before its normal's turning is averaged */
     float let_pass;           /* what changes a pixel by less is not looked at more closely */
     float may_mix;            /* a slab's mixed colours may be off by so much before it is cut */
     bool hard_tint;           /* colours turn so fast that their steepest change says nothing of the others */

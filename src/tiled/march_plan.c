@@ -6,20 +6,21 @@
 
 void cts_tiled_plan(TiledJob *j, const CtsScene *scene)
 {
-    /* The bound lies some times above the error: whoever asks for one is to get the bound below it. */
-    const double asked = cts_scene_error_asked(scene) / (scene->plan.max_error > 0 ? 2 : 1);
+    const double asked = cts_scene_error_asked(scene), aimed = cts_scene_bound_aimed(scene);
     j->sheets = scene->plan.samples > 0 ? scene->plan.samples : 1;
     j->samples = 16 * j->sheets;
     /* Half an entry of the table, and what 14-bit weights leave of the largest difference between two voxels. */
     j->rounding = 0.5f / j->table.per_grey + j->grey_range / 16384;
     j->hard_tint = 16 * j->table.steepest[1] > j->table.colour_range;
-    j->may_mix = (float)asked;
+    j->may_mix = (float)aimed;
     j->may_change = scene->plan.samples > 0 || CTS_MUTATED(SUB_SHEETS)
                         ? INFINITY
                         : 4 * j->may_mix; /* sheets that were asked for are all there is */
+    j->may_shine = 0.25f * j->may_change;
+    j->may_turn = 0.125f * j->may_mix;
     j->let_pass = CTS_MUTATED(LOOKS) ? INFINITY : j->may_mix / 8;
     j->tint = j->table.steepest[1] / j->table.per_grey;
-    j->most_due = 0.5f * j->may_mix;
+    j->most_due = 0.5f * (float)asked;
     j->stiff_depth = 3;
     j->full_depth = 5;
     j->stop_transmittance = CTS_MUTATED(STOP_EARLY) ? 0.25f : (float)fmin(0.5 * asked, 1.0 / 64);

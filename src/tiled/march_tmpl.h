@@ -282,7 +282,7 @@ INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
         depth = select_f(now, found, depth);
         tint = select_f(now, found_tint, tint);
         risk = light->t * depth * j->range;
-        bent = closely & any_in(vf_lt(vf_of(j->let_pass), risk));
+        bent = closely & any_in(vf_lt(vf_of(j->may_mix), risk));
         const unsigned deep =
             way != WAY_STRAIGHT && stretch->span > 2 ? closely & any_in(vf_lt(vf_of(j->may_change), risk)) : 0;
         if (__builtin_expect(deep != 0, 0)) {
@@ -501,7 +501,8 @@ INLINE float bound_of(const TiledJob *j, const Light *light, int l)
     const float b = light->b[l] + behind * j->background[2];
     const float spread =
         d->square[l] - 2 * (d->r[l] * r + d->g[l] * g + d->b[l] * b) + d->depth[l] * (r * r + g * g + b * b);
-    return sqrtf((spread > 0 ? spread : 0) * (1.0f / 3) + d->colour[l]);
+    const float bound = sqrtf((spread > 0 ? spread : 0) * (1.0f / 3) + d->colour[l]);
+    return bound < 1 ? bound : 1;
 }
 
 static void run_packets(const TiledJob *j, TiledBeam *beam, const TiledSpan *spans, TiledCounts *counts)
