@@ -200,7 +200,7 @@ static void judge_some(void *context, int worker, size_t first, size_t end)
         Strip *const s = &k->strips[strip];
         if (!s->judged)
             continue;
-        s->found = s->beyond = 0;
+        s->found = 0; /* beyond stays: what a ray has shown of the bounds, mending others does not undo */
         for (size_t i = s->first_ray; i < s->first_ray + s->n_rays; i++) {
             const Ray *const ray = &k->rays[i];
             s->found += ray->square / fmin(s->chance * ray->limit, 1);
