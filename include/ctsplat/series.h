@@ -110,6 +110,11 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
 CtsStatus cts_series_load_cubic(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
                                 CtsError *err);
 
+/* As cts_series_load(), for who wants its refusals and findings, and of the volume its place and range of HU alone:
+ * where all pixels came with the headers, which small files' do, no file is read again, and grey is NULL. */
+CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
+                             CtsError *err);
+
 #pragma GCC visibility pop
 #ifdef __cplusplus
 }

@@ -20,7 +20,7 @@ static CtsStatus read_pixels(const CtsSeries *series, int n_threads, CtsPixelFac
     CtsReport report = {0};
     CtsError why = {0};
     CtsVolume *volume = NULL;
-    CtsStatus st = cts_series_load(series, n_threads, &volume, &report, &why);
+    CtsStatus st = cts_series_measure(series, n_threads, &volume, &report, &why);
     if (!st) {
         cts_pixel_facts(facts, volume);
     } else if (st == CTS_ERR_MEMORY || st == CTS_ERR_INTERRUPTED || st == CTS_ERR_INTERNAL) {

@@ -124,6 +124,23 @@ static void widen(const CtsSlice *s, const uint8_t *bytes, uint16_t *words, size
             words[i] = bytes[i];
 }
 
+void cts_slice_see_pixels(CtsSlice *s, const uint8_t *pixels)
+{
+    enum { BLOCK = 1024 };
+    const CtsStored stored = cts_slice_stored(s);
+    const size_t n = (size_t)s->rows * (size_t)s->columns, word_bytes = (size_t)(s->bits_allocated / 8);
+    s->range = (CtsStoredRange){INT32_MAX, INT32_MIN};
+    for (size_t first = 0; first < n; first += BLOCK) {
+        const size_t part = n - first < BLOCK ? n - first : BLOCK;
+        uint16_t words[BLOCK];
+        uint8_t bytes[2 * BLOCK];
+        memcpy(word_bytes == 1 ? bytes : (uint8_t *)words, pixels + first * word_bytes, part * word_bytes);
+        widen(s, word_bytes == 1 ? bytes : (uint8_t *)words, words, 0, part * word_bytes);
+        s->range = cts_stored_range_join(s->range, cts_stored_range(words, part, &stored));
+    }
+    s->range_known = true;
+}
+
 CtsStatus cts_slice_open(const CtsSlice *s, CtsFileBytes *file, CtsError *err)
 {
     if (s->memory) {

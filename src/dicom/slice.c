@@ -27,6 +27,16 @@ void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...)
     slice->fault_text = strdup(text); /* NULL without memory: the status still refuses the slice */
 }
 
+CtsStored cts_slice_stored(const CtsSlice *s)
+{
+    return (CtsStored){.shift = s->high_bit + 1 - s->bits_stored,
+                       .bits = s->bits_stored,
+                       .is_signed = s->is_signed,
+                       .padding_low = s->has_padding ? s->padding_low : 1,
+                       .padding_high = s->has_padding ? s->padding_high : 0,
+                       .padding_word = s->padding_word};
+}
+
 const char *cts_slice_name(const CtsSlice *slice)
 {
     const char *slash = strrchr(slice->path, '/');

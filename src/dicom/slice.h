@@ -3,6 +3,7 @@
 #define CTS_DICOM_SLICE_H
 
 #include "ctsplat/status.h"
+#include "dicom/stored.h"
 #include "dicom/syntax.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -70,6 +71,8 @@ typedef struct CtsSlice {
     uint64_t pixel_offset, pixel_bytes;
     uint64_t data_offset; /* where the data set begins in the file */
     bool pixel_words;     /* VR OW: big-endian files swap 8-bit pixels in pairs */
+    bool range_known;     /* the pixels of a small file, which came with its header, are these: */
+    CtsStoredRange range;
 
     CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
     char *fault_text; /* owned; without the path */
@@ -117,6 +120,12 @@ void cts_object_free(CtsObject *object);
  * no regular file. CTS_FILE_UNREADABLE: err says why, without the path. bytes_read is added to. */
 CtsFileKind cts_slice_read_header(const struct CtsFile *source, CtsScratch *scratch, CtsObject *object,
                                   uint64_t *bytes_read, CtsError *err);
+
+/* How its stored words are read. */
+CtsStored cts_slice_stored(const CtsSlice *slice);
+
+/* The range of an uncompressed slice without fault whose pixel_bytes are at hand. */
+void cts_slice_see_pixels(CtsSlice *slice, const uint8_t *pixels);
 
 /* The slice's file, as cts_file_bytes_open(); CTS_ERR_READ when it is not the one any more whose header was read. */
 CtsStatus cts_slice_open(const CtsSlice *slice, struct CtsFileBytes *file, CtsError *err);

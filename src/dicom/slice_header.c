@@ -192,8 +192,14 @@ static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *commo
     }
     if (usable && f->data.encapsulated)
         return cts_place_fragments(&h->file, object->slices, object->n_slices, err);
-    if (usable)
-        cts_place_native(&h->file, object->slices, object->n_slices);
+    if (!usable)
+        return CTS_OK;
+    cts_place_native(&h->file, object->slices, object->n_slices);
+    for (int i = 0; i < object->n_slices && !common->syntax->deflated; i++) {
+        CtsSlice *s = object->slices[i];
+        if (!s->fault && s->pixel_offset + s->pixel_bytes <= h->n)
+            cts_slice_see_pixels(s, h->scratch->file + s->pixel_offset);
+    }
     return CTS_OK;
 }
 

@@ -38,16 +38,6 @@ typedef struct Assembly {
     CtsError why_bad, why_lost;
 } Assembly;
 
-static CtsStored stored_of(const CtsSlice *s)
-{
-    return (CtsStored){.shift = s->high_bit + 1 - s->bits_stored,
-                       .bits = s->bits_stored,
-                       .is_signed = s->is_signed,
-                       .padding_low = s->has_padding ? s->padding_low : 1,
-                       .padding_high = s->has_padding ? s->padding_high : 0,
-                       .padding_word = s->padding_word};
-}
-
 static bool whole_number(double x)
 {
     return x == floor(x);
@@ -80,8 +70,7 @@ static void take_words(void *context, size_t first, size_t end)
                                                             (int32_t)(s->intercept - HU_OFFSET))
                                               : cts_stored_range(layer + first, end - first, &in->stored);
     CtsStoredRange *const all = &a->ranges[in->k];
-    all->low = r.low < all->low ? r.low : all->low;
-    all->high = r.high > all->high ? r.high : all->high;
+    *all = cts_stored_range_join(*all, r);
     const int n_rows = (int)(end / (size_t)s->columns);
     if (a->macrocells)
         cts_macrocells_add(a->macrocells, in->k, layer, in->n_rows, n_rows);
@@ -93,7 +82,7 @@ static CtsStatus read_slice(Assembly *a, int k, CtsScratch *scratch, cts_grey_wh
                             double busy[CTS_N_STAGES], CtsError *err)
 {
     const CtsSlice *s = &a->slices[k];
-    Arrival in = {.assembly = a, .k = k, .stored = stored_of(s), .to_grey = to_grey};
+    Arrival in = {.assembly = a, .k = k, .stored = cts_slice_stored(s), .to_grey = to_grey};
     const double start = cts_wall_ms();
     a->ranges[k] = (CtsStoredRange){INT32_MAX, INT32_MIN};
     const CtsStatus st = cts_slice_read_pixels(s, scratch, layer_of(a, k), take_words, &in, err);
@@ -253,7 +242,7 @@ static double finest_step(double hu_max)
 
 static bool same_table(const CtsSlice *a, const CtsSlice *b)
 {
-    const CtsStored x = stored_of(a), y = stored_of(b);
+    const CtsStored x = cts_slice_stored(a), y = cts_slice_stored(b);
     return a->slope == b->slope && a->intercept == b->intercept && x.shift == y.shift && x.bits == y.bits &&
            x.is_signed == y.is_signed && x.padding_low == y.padding_low && x.padding_high == y.padding_high &&
            x.padding_word == y.padding_word;
@@ -279,7 +268,7 @@ static void convert_some(void *context, int worker, size_t first, size_t end)
     for (int k = (int)first; k < (int)end; k++) {
         const CtsSlice *s = &a->slices[k];
         if (!mine->made_for || !same_table(mine->made_for, s)) {
-            const CtsStored stored = stored_of(s);
+            const CtsStored stored = cts_slice_stored(s);
             cts_grey_table(mine->table, &stored, s->slope, s->intercept, HU_OFFSET, c->hu_step);
             mine->made_for = s;
         }
@@ -369,6 +358,7 @@ typedef struct Loading {
     char **faults; /* what was found of damaged ones while they were read; owned */
     int n_slices, n_threads;
     bool some_dropped, linear;
+    bool range_alone; /* no voxels: the headers' reading has seen every pixel */
 } Loading;
 
 static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threads, CtsError *err)
@@ -425,42 +415,54 @@ static CtsStatus plan_stack(const Loading *in, CtsSliceStack *stack, CtsReport *
     return st;
 }
 
+/* Grey levels and range of every slice; macro-cells of what is not converted or resampled later. */
+static CtsStatus read_layers(Assembly *a, bool even, CtsVolume *v, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (a->whole_numbers && even)
+        st = cts_macrocells_begin(&a->macrocells, v->dims, err);
+    const size_t n_bytes = (size_t)a->n_slices * a->layer_voxels * sizeof *a->first;
+    cts_hide_from_children(a->first, n_bytes, 1);
+    if (!st)
+        st = read_slices(a, report, err);
+    cts_hide_from_children(a->first, n_bytes, 0);
+    if (!st && a->macrocells) {
+        cts_macrocells_end(a->macrocells, a->n_threads);
+        v->macrocells = a->macrocells;
+        a->macrocells = NULL;
+    }
+    cts_macrocells_free(&a->macrocells);
+    return st;
+}
+
 static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset, CtsVolume *v, CtsReport *report,
                       CtsError *err)
 {
     const int n_threads = in->n_threads;
+    const bool even = stack->kind == CTS_STACK_EVEN;
     Assembly a = {.slices = in->slices,
                   .n_slices = in->n_slices,
                   .n_threads = n_threads,
                   .faults = in->faults,
                   .whole_numbers = true};
     a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
-    a.first = v->grey + (size_t)offset * a.layer_voxels;
+    a.first = in->range_alone ? NULL : v->grey + (size_t)offset * a.layer_voxels;
     for (int k = 0; k < a.n_slices; k++)
         a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
-    /* What is converted or resampled later gets its macro-cells when they are wanted. */
-    if (!st && a.whole_numbers && stack->kind == CTS_STACK_EVEN)
-        st = cts_macrocells_begin(&a.macrocells, v->dims, err);
-    const size_t n_bytes = (size_t)a.n_slices * a.layer_voxels * sizeof *a.first;
-    cts_hide_from_children(a.first, n_bytes, 1);
-    if (!st)
-        st = read_slices(&a, report, err);
-    cts_hide_from_children(a.first, n_bytes, 0);
-    if (!st && a.macrocells) {
-        cts_macrocells_end(a.macrocells, n_threads);
-        v->macrocells = a.macrocells;
-        a.macrocells = NULL;
-    }
+    for (int k = 0; !st && in->range_alone && k < a.n_slices; k++)
+        a.ranges[k] = a.slices[k].range;
+    if (!st && !in->range_alone)
+        st = read_layers(&a, even, v, report, err);
     if (!st) {
         find_hu_range(&a, v);
         st = check_range(&a, v, err);
     }
-    if (!st && !a.whole_numbers) {
+    if (!st && !a.whole_numbers)
         v->hu_step = finest_step(v->hu_max);
+    if (!st && !a.whole_numbers && !in->range_alone)
         st = convert_fractions(&a, v->hu_step, err);
-    }
-    if (!st && stack->kind != CTS_STACK_EVEN)
+    if (!st && !even && !in->range_alone)
         cts_resample_stack(v->grey,
                            &(CtsResampling){.layer_voxels = a.layer_voxels,
                                             .layer = stack->layer,
@@ -471,7 +473,6 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
                            n_threads);
     if (!st)
         tell_range(v, a.whole_numbers, report);
-    cts_macrocells_free(&a.macrocells);
     cts_free(&a.ranges);
     return st;
 }
@@ -503,7 +504,8 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsVolu
     const int offset = even ? 0 : cts_resample_offset(stack.layer, in->n_slices, stack.n_layers);
     const int n_slots = even || offset + in->n_slices < stack.n_layers ? stack.n_layers : offset + in->n_slices;
     if ((st = check_memory(series->columns, series->rows, n_slots, err)) ||
-        (st = cts_volume_new_unset(volume, series->columns, series->rows, n_slots, err)))
+        (st = (in->range_alone ? cts_volume_new_empty : cts_volume_new_unset)(volume, series->columns, series->rows,
+                                                                              n_slots, err)))
         goto end;
     (*volume)->dims[2] = stack.n_layers;
     if (!even) /* on average */
@@ -517,11 +519,21 @@ end:
     return st;
 }
 
+typedef enum Want { LINEAR, CUBIC, RANGE } Want;
+
+static bool all_seen(const CtsSeries *series)
+{
+    for (int k = 0; k < series->n_slices; k++)
+        if (!series->slices[k]->range_known)
+            return false;
+    return true;
+}
+
 /* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
-static CtsStatus load(const CtsSeries *series, bool linear, int n_threads, CtsVolume **volume, CtsReport *report,
+static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsVolume **volume, CtsReport *report,
                       CtsError *err)
 {
-    Loading in = {.linear = linear};
+    Loading in = {.linear = want != CUBIC, .range_alone = want == RANGE && all_seen(series)};
     CtsError why = {0};
     CtsStatus st = begin_loading(&in, series, n_threads, &why);
     int n_bad = 0;
@@ -541,7 +553,7 @@ static CtsStatus load(const CtsSeries *series, bool linear, int n_threads, CtsVo
     return st;
 }
 
-static CtsStatus load_timed(const CtsSeries *series, bool linear, int n_threads, CtsVolume **volume, CtsReport *report,
+static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, CtsVolume **volume, CtsReport *report,
                             CtsError *err)
 {
     double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
@@ -553,7 +565,7 @@ static CtsStatus load_timed(const CtsSeries *series, bool linear, int n_threads,
     }
     if (report)
         stage_times(report, &wall_before, &cpu_before);
-    const CtsStatus st = load(series, linear, cts_threads(n_threads), volume, report, err);
+    const CtsStatus st = load(series, want, cts_threads(n_threads), volume, report, err);
     if (report)
         stage_times(report, &wall_after, &cpu_after);
     /* What is not reading slices is making grey levels of them: memory, fractions, resampling, macro-cell ranges. */
@@ -570,11 +582,17 @@ static CtsStatus load_timed(const CtsSeries *series, bool linear, int n_threads,
 
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
 {
-    return load_timed(series, true, n_threads, volume, report, err);
+    return load_timed(series, LINEAR, n_threads, volume, report, err);
 }
 
 CtsStatus cts_series_load_cubic(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
                                 CtsError *err)
 {
-    return load_timed(series, false, n_threads, volume, report, err);
+    return load_timed(series, CUBIC, n_threads, volume, report, err);
+}
+
+CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
+                             CtsError *err)
+{
+    return load_timed(series, RANGE, n_threads, volume, report, err);
 }

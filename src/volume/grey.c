@@ -3,17 +3,6 @@
 #include "base/cpu.h"
 #include <math.h>
 
-static inline int32_t stored_value(uint16_t word, const CtsStored *s)
-{
-    const int32_t sign = s->is_signed ? 1 << (s->bits - 1) : 0, mask = (int32_t)((1u << s->bits) - 1);
-    return ((((int32_t)word >> s->shift) & mask) ^ sign) - sign;
-}
-
-static inline bool is_padding(uint16_t word, int32_t value, const CtsStored *s)
-{
-    return (value >= s->padding_low && value <= s->padding_high) || word == s->padding_word;
-}
-
 /* Integers alone, so that every compilation of it gives the same bytes. */
 static inline __attribute__((always_inline)) CtsStoredRange
 whole_body(uint16_t *restrict words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
@@ -108,8 +97,8 @@ CtsStoredRange cts_grey_whole_plain(uint16_t *words, size_t n, const CtsStored *
 {
     CtsStoredRange range = {INT32_MAX, INT32_MIN};
     for (size_t i = 0; i < n; i++) {
-        const int32_t value = stored_value(words[i], stored), grey = slope * value + offset;
-        if (is_padding(words[i], value, stored)) {
+        const int32_t value = cts_stored_value(words[i], stored), grey = slope * value + offset;
+        if (cts_stored_is_padding(words[i], value, stored)) {
             words[i] = 0;
             continue;
         }
@@ -143,26 +132,13 @@ cts_grey_whole_fn cts_grey_whole(unsigned cpu)
     return whole_vector;
 }
 
-CtsStoredRange cts_stored_range(const uint16_t *words, size_t n, const CtsStored *stored)
-{
-    CtsStoredRange range = {INT32_MAX, INT32_MIN};
-    for (size_t i = 0; i < n; i++) {
-        const int32_t value = stored_value(words[i], stored);
-        if (is_padding(words[i], value, stored))
-            continue;
-        range.low = value < range.low ? value : range.low;
-        range.high = value > range.high ? value : range.high;
-    }
-    return range;
-}
-
 void cts_grey_table(uint16_t table[65536], const CtsStored *stored, double slope, double intercept, double hu_offset,
                     double hu_step)
 {
     for (int word = 0; word < 65536; word++) {
-        const int32_t value = stored_value((uint16_t)word, stored);
+        const int32_t value = cts_stored_value((uint16_t)word, stored);
         const double grey = floor((slope * value + intercept - hu_offset) / hu_step + 0.5);
-        table[word] = (uint16_t)(is_padding((uint16_t)word, value, stored) ? 0 : fmin(fmax(grey, 0), 65535));
+        table[word] = (uint16_t)(cts_stored_is_padding((uint16_t)word, value, stored) ? 0 : fmin(fmax(grey, 0), 65535));
     }
 }
 

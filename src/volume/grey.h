@@ -2,22 +2,7 @@
 #ifndef CTS_VOLUME_GREY_H
 #define CTS_VOLUME_GREY_H
 
-#include <stdbool.h>
-#include <stddef.h>
-#include <stdint.h>
-
-/* How one slice's words are read: shifted right, masked, sign-extended, then padding told from pixels. */
-typedef struct CtsStored {
-    int shift, bits; /* the stored value is `bits` wide and begins at bit `shift` */
-    bool is_signed;
-    int32_t padding_low, padding_high; /* stored values, inclusive; low > high: none */
-    int32_t padding_word;              /* a whole word that is padding; -1: none */
-} CtsStored;
-
-/* Smallest and largest stored value that is not padding; low > high when all is padding. */
-typedef struct CtsStoredRange {
-    int32_t low, high;
-} CtsStoredRange;
+#include "dicom/stored.h"
 
 /* grey = clamp(slope * stored + offset, 0, 65535), padding 0. |slope| * 65535 + |offset| must fit 31 bits.
  * The plain version is the truth; the fast one gives the same bytes. */
@@ -27,9 +12,8 @@ CtsStoredRange cts_grey_whole_plain(uint16_t *words, size_t n, const CtsStored *
 /* The fastest version for these processor flags (base/cpu.h). */
 cts_grey_whole_fn cts_grey_whole(unsigned cpu);
 
-/* For a fractional rescale, the range alone first ... */
-CtsStoredRange cts_stored_range(const uint16_t *words, size_t n, const CtsStored *stored);
-/* ... then grey = floor((slope * stored + intercept - hu_offset) / hu_step + 0.5), clamped, as a table of all words. */
+/* For a fractional rescale, cts_stored_range() alone first; then
+ * grey = floor((slope * stored + intercept - hu_offset) / hu_step + 0.5), clamped, as a table of all words. */
 void cts_grey_table(uint16_t table[65536], const CtsStored *stored, double slope, double intercept, double hu_offset,
                     double hu_step);
 void cts_grey_look_up(uint16_t *words, size_t n, const uint16_t table[65536]);

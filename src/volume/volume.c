@@ -10,6 +10,14 @@
 
 CtsStatus cts_volume_new_unset(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
 {
+    CtsStatus st = cts_volume_new_empty(volume, nx, ny, nz, err);
+    if (!st && (st = cts_alloc_array(&(*volume)->grey, cts_volume_n_voxels(*volume), err)))
+        cts_volume_free(volume);
+    return st;
+}
+
+CtsStatus cts_volume_new_empty(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
+{
     *volume = NULL;
     if (nx < 1 || ny < 1 || nz < 1)
         return cts_fail(err, CTS_ERR_GEOMETRY, "a volume of %d x %d x %d voxels is empty", nx, ny, nz);
@@ -19,11 +27,6 @@ CtsStatus cts_volume_new_unset(CtsVolume **volume, int nx, int ny, int nz, CtsEr
     CtsVolume *v = calloc(1, sizeof *v);
     if (!v)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    const CtsStatus st = cts_alloc_array(&v->grey, n, err);
-    if (st) {
-        free(v);
-        return st;
-    }
     v->dims[0] = nx;
     v->dims[1] = ny;
     v->dims[2] = nz;

@@ -1,4 +1,4 @@
-/* A volume whose grey levels the caller writes, every one: saves a pass over memory. */
+/* Volumes whose grey levels the caller writes, every one: saves a pass over memory. */
 #ifndef CTS_VOLUME_VOLUME_NEW_H
 #define CTS_VOLUME_VOLUME_NEW_H
 
@@ -6,5 +6,7 @@
 
 /* As cts_volume_new(), but the grey levels are not set. */
 CtsStatus cts_volume_new_unset(CtsVolume **volume, int nx, int ny, int nz, CtsError *err);
+/* Without grey levels, which stay NULL: a volume's place and range alone. */
+CtsStatus cts_volume_new_empty(CtsVolume **volume, int nx, int ny, int nz, CtsError *err);
 
 #endif

@@ -22,7 +22,12 @@ static void read_pixels(const CtsSlice *s, CtsScratch *scratch)
     uint16_t *words = malloc(n * sizeof *words);
     CtsError err = {0};
     if (words && cts_slice_read_pixels(s, scratch, words, nothing, NULL, &err))
-        assert(err.text[0]);
+        assert(err.text[0] && !s->range_known);
+    else if (words && s->range_known) {
+        const CtsStored stored = cts_slice_stored(s);
+        const CtsStoredRange range = cts_stored_range(words, n, &stored);
+        assert(range.low == s->range.low && range.high == s->range.high);
+    }
     free(words);
 }
 
