@@ -15,6 +15,7 @@ extern "C" {
 
 struct CtsSlice;   /* src/dicom/slice.h */
 struct CtsArchive; /* src/dicom/archive.h */
+struct CtsTexts;   /* src/dicom/texts.h */
 
 typedef struct CtsSeries {
     char uid[65]; /* SeriesInstanceUID (0020,000E); "" where the data has none */
@@ -51,6 +52,8 @@ typedef struct CtsSeriesList {
     CtsFindings findings;
     struct CtsArchive **archives; /* n_archives zip files in memory, which slices are read from; owned */
     size_t n_archives;
+    struct CtsTexts *texts; /* n_texts, which the slices share; owned */
+    size_t n_texts;
 } CtsSeriesList;
 
 /* Paths are files, folders (searched to any depth), zip files of folders or DICOMDIRs. Reads headers only. Fails with

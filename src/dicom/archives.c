@@ -61,7 +61,7 @@ bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *f
         const CtsMember *member = bsearch(&wanted, kept->members, kept->n_members, sizeof wanted, by_name);
         if (!member)
             continue;
-        *file = (CtsFile){.path = (char *)path, .memory = member->bytes, .n_memory = member->n_bytes};
+        *file = (CtsFile){.path = path, .memory = member->bytes, .n_memory = member->n_bytes};
         return true;
     }
     return false;

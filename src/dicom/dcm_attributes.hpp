@@ -85,6 +85,9 @@ inline std::string_view cts_text_of(CtsAttributes &item, const DcmTagKey &tag)
 }
 
 /* All of a slice but its place in the file. */
-void cts_dcm_read_slice(CtsAttributes &item, CtsSlice *slice);
+void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *slice);
+
+/* At most `longest` characters of a text, shared. Throws std::bad_alloc. */
+const char *cts_dcm_share(CtsTexts &texts, std::string_view text, size_t longest);
 
 #endif

@@ -121,24 +121,24 @@ CtsSlice *new_slice(std::vector<CtsSlice *> &slices)
 }
 
 /* One slice that stands for an object of which no frame can be used. */
-void refuse(DcmItem &object, std::vector<CtsSlice *> &slices, const char *why)
+void refuse(DcmItem &object, CtsTexts &texts, std::vector<CtsSlice *> &slices, const char *why)
 {
     FrameAttributes attributes(object, nullptr, nullptr);
     CtsSlice *slice = new_slice(slices);
     cts_slice_fault(slice, CTS_ERR_PIXELS, "%s", why);
-    cts_dcm_read_slice(attributes, slice);
+    cts_dcm_read_slice(attributes, texts, slice);
 }
 
-void read_frames(DcmItem &object, std::vector<CtsSlice *> &slices)
+void read_frames(DcmItem &object, CtsTexts &texts, std::vector<CtsSlice *> &slices)
 {
     Sint32 n_frames = 0;
     DcmItem *shared = nullptr;
     DcmSequenceOfItems *frames = nullptr;
     if (object.findAndGetSint32(DCM_NumberOfFrames, n_frames).bad() || n_frames < 1 || n_frames > max_frames)
-        return refuse(object, slices, "NumberOfFrames (0028,0008) is missing or not within 1 to 20000");
+        return refuse(object, texts, slices, "NumberOfFrames (0028,0008) is missing or not within 1 to 20000");
     if (object.findAndGetSequence(DCM_PerFrameFunctionalGroupsSequence, frames).bad() ||
         frames->card() != static_cast<unsigned long>(n_frames))
-        return refuse(object, slices,
+        return refuse(object, texts, slices,
                       "Per-frame Functional Groups (5200,9230) are missing, or not as many as there are frames");
     object.findAndGetSequenceItem(DCM_SharedFunctionalGroupsSequence, shared); /* without it, each frame says all */
     int k = 0;
@@ -147,16 +147,15 @@ void read_frames(DcmItem &object, std::vector<CtsSlice *> &slices)
         CtsSlice *slice = new_slice(slices);
         slice->n_frames = n_frames;
         slice->frame = k++;
-        cts_dcm_read_slice(attributes, slice);
-        const std::string_view stack = cts_text_of(attributes, DCM_StackID);
-        slice->stack_id[stack.copy(slice->stack_id, sizeof slice->stack_id - 1)] = 0;
+        cts_dcm_read_slice(attributes, texts, slice);
+        slice->stack_id = cts_dcm_share(texts, cts_text_of(attributes, DCM_StackID), 16);
     }
 }
 
 } // namespace
 
-CtsStatus cts_dcm_read_frames(const uint8_t *bytes, size_t n, const CtsSyntax *native, CtsSlice ***frames,
-                              int *n_frames, CtsError *err)
+CtsStatus cts_dcm_read_frames(const uint8_t *bytes, size_t n, const CtsSyntax *native, CtsTexts *texts,
+                              CtsSlice ***frames, int *n_frames, CtsError *err)
 {
     std::vector<CtsSlice *> slices;
     CtsStatus st = cts_dcm_start(err);
@@ -167,7 +166,7 @@ CtsStatus cts_dcm_read_frames(const uint8_t *bytes, size_t n, const CtsSyntax *n
         if (result.bad())
             st = cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
         else if (!st)
-            read_frames(data_set, slices);
+            read_frames(data_set, *texts, slices);
     } catch (const std::bad_alloc &) {
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     } catch (...) {

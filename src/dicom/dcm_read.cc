@@ -5,6 +5,7 @@
 #include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
@@ -123,23 +124,6 @@ class ScannedAttributes final : public CtsAttributes
     const CtsDataScan &scan;
 };
 
-template <size_t N> void copy_text(char (&out)[N], std::string_view text)
-{
-    out[text.copy(out, N - 1)] = 0;
-}
-
-char *dup_text(std::string_view text)
-{
-    if (text.empty())
-        return nullptr;
-    char *copy = static_cast<char *>(std::malloc(text.size() + 1));
-    if (!copy)
-        throw std::bad_alloc();
-    std::memcpy(copy, text.data(), text.size());
-    copy[text.size()] = 0;
-    return copy;
-}
-
 /* The n-th part of a multi-valued text. */
 std::string_view part_of(std::string_view text, int n)
 {
@@ -199,14 +183,30 @@ CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
     return CTS_OBJECT_OTHER;
 }
 
-void read_identity(CtsAttributes &item, CtsSlice *s)
+/* Not shared: no two slices have the same. */
+const char *keep_uid(CtsTexts &texts, std::string_view uid)
 {
-    copy_text(s->sop_uid, cts_text_of(item, DCM_SOPInstanceUID));
-    copy_text(s->series_uid, cts_text_of(item, DCM_SeriesInstanceUID));
-    copy_text(s->frame_uid, cts_text_of(item, DCM_FrameOfReferenceUID));
-    copy_text(s->modality, cts_text_of(item, DCM_Modality));
-    s->description = dup_text(cts_text_of(item, DCM_SeriesDescription));
-    s->charset = dup_text(cts_text_of(item, DCM_SpecificCharacterSet));
+    uid = uid.substr(0, 64);
+    const char *kept = cts_texts_keep(&texts, uid.data(), uid.size());
+    if (!kept)
+        throw std::bad_alloc();
+    return kept;
+}
+
+const char *share_some(CtsTexts &texts, std::string_view text)
+{
+    return text.empty() ? nullptr : cts_dcm_share(texts, text, text.size());
+}
+
+void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
+{
+    s->sop_uid = keep_uid(texts, cts_text_of(item, DCM_SOPInstanceUID));
+    s->series_uid = cts_dcm_share(texts, cts_text_of(item, DCM_SeriesInstanceUID), 64);
+    s->frame_uid = cts_dcm_share(texts, cts_text_of(item, DCM_FrameOfReferenceUID), 64);
+    s->modality = cts_dcm_share(texts, cts_text_of(item, DCM_Modality), 16);
+    s->stack_id = "";
+    s->description = share_some(texts, cts_text_of(item, DCM_SeriesDescription));
+    s->charset = share_some(texts, cts_text_of(item, DCM_SpecificCharacterSet));
     s->patient_key = text_hash(cts_text_of(item, DCM_PatientID));
     s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);
     integer(item, DCM_InstanceNumber, &s->instance_number);
@@ -387,9 +387,17 @@ void read_geometry(CtsAttributes &item, CtsSlice *s)
 
 } // namespace
 
-void cts_dcm_read_slice(CtsAttributes &item, CtsSlice *s)
+const char *cts_dcm_share(CtsTexts &texts, std::string_view text, size_t longest)
 {
-    read_identity(item, s);
+    const char *shared = cts_texts_share(&texts, text.data() ? text.data() : "", std::min(text.size(), longest));
+    if (!shared)
+        throw std::bad_alloc();
+    return shared;
+}
+
+void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
+{
+    read_identity(item, texts, s);
     read_geometry(item, s);
     read_image_kind(item, s);
     if (read_shape(item, s))
@@ -397,7 +405,7 @@ void cts_dcm_read_slice(CtsAttributes &item, CtsSlice *s)
     read_rescale(item, s);
 }
 
-static void read_attributes(CtsAttributes &item, char class_uid[65], CtsSlice *slice)
+static void read_attributes(CtsAttributes &item, CtsTexts &texts, char class_uid[65], CtsSlice *slice)
 {
     const std::string_view own_class = cts_text_of(item, DCM_SOPClassUID);
     if (!own_class.empty())
@@ -406,15 +414,15 @@ static void read_attributes(CtsAttributes &item, char class_uid[65], CtsSlice *s
     if (slice->kind == CTS_OBJECT_DIRECTORY)
         std::memcpy(class_uid, directory_class, sizeof directory_class);
     if (slice->kind == CTS_OBJECT_CT)
-        cts_dcm_read_slice(item, slice);
+        cts_dcm_read_slice(item, texts, slice);
 }
 
 CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
-                              char class_uid[65], CtsSlice *slice, CtsError *err)
+                              CtsTexts *texts, char class_uid[65], CtsSlice *slice, CtsError *err)
 try {
     ScannedAttributes scanned(bytes, *scan);
     if (scanned.plain(*native)) {
-        read_attributes(scanned, class_uid, slice);
+        read_attributes(scanned, *texts, class_uid, slice);
         return CTS_OK;
     }
     const CtsStatus st = cts_dcm_start(err);
@@ -426,7 +434,7 @@ try {
     if (result.bad())
         return cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
     CtsParsedAttributes parsed(data_set);
-    read_attributes(parsed, class_uid, slice);
+    read_attributes(parsed, *texts, class_uid, slice);
     return CTS_OK;
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");

@@ -22,19 +22,19 @@ CtsStatus cts_dcm_start_decoders(CtsError *err);
 pid_t cts_dcm_fork(void);
 
 /* Read the attributes of a data set that ends before its pixels, encoded as `native` (an uncompressed syntax), into
- * slice: all but path, file facts, syntax, odd syntax flags and the place of the pixels, which the caller knows.
- * class_uid is the SOP class that the meta header tells, and becomes the data set's own where that has one. scan is
- * what cts_scan_data() found; where that says all, DCMTK is not asked. Fails with CTS_ERR_READ when DCMTK cannot parse
- * it; a CT slice whose values cannot be used is a success with slice->fault set. Of an object with many frames only its
- * kind is told; its slices come from cts_dcm_read_frames(). */
+ * slice, its texts into texts: all but path, file facts, syntax, odd syntax flags and the place of the pixels, which
+ * the caller knows. class_uid is the SOP class that the meta header tells, and becomes the data set's own where that
+ * has one. scan is what cts_scan_data() found; where that says all, DCMTK is not asked. Fails with CTS_ERR_READ when
+ * DCMTK cannot parse it; a CT slice whose values cannot be used is a success with slice->fault set. Of an object with
+ * many frames only its kind is told; its slices come from cts_dcm_read_frames(). */
 CtsStatus cts_dcm_read_header(const uint8_t *data_set, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
-                              char class_uid[65], CtsSlice *slice, CtsError *err);
+                              CtsTexts *texts, char class_uid[65], CtsSlice *slice, CtsError *err);
 
 /* The frames of an Enhanced CT or Legacy Converted Enhanced CT object: slices by their functional groups, each frame's
  * own before the shared ones. As cts_dcm_read_header(), one slice a frame, in the order of the pixels; free each and
  * the array with cts_slice_clear() and free(). What cannot be used at all is one slice with a fault. */
-CtsStatus cts_dcm_read_frames(const uint8_t *data_set, size_t n, const CtsSyntax *native, CtsSlice ***frames,
-                              int *n_frames, CtsError *err);
+CtsStatus cts_dcm_read_frames(const uint8_t *data_set, size_t n, const CtsSyntax *native, CtsTexts *texts,
+                              CtsSlice ***frames, int *n_frames, CtsError *err);
 
 /* The files a DICOMDIR's records name, relative to its folder, '/' between the parts; only names made of plain parts
  * (no "..", no slash). Free each and the array with free(). */

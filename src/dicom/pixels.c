@@ -13,6 +13,7 @@ void cts_scratch_free(CtsScratch *scratch)
 {
     free(scratch->file);
     free(scratch->inflated);
+    cts_texts_free(&scratch->texts);
     cts_decoder_free(&scratch->decoder);
     cts_decoder_free(&scratch->inflater);
     *scratch = (CtsScratch){0};

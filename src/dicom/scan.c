@@ -15,9 +15,8 @@ enum { MAX_DEPTH = 32 };
 
 void cts_file_list_free(CtsFileList *list)
 {
-    for (size_t i = 0; i < list->n; i++)
-        free(list->items[i].path);
     free(list->items);
+    cts_texts_free(&list->texts);
     for (size_t i = 0; i < list->n_archives; i++)
         cts_archive_free(&list->archives[i]);
     free(list->archives);
@@ -25,20 +24,17 @@ void cts_file_list_free(CtsFileList *list)
     *list = (CtsFileList){0};
 }
 
-CtsStatus cts_file_list_add(CtsFileList *list, char *path, bool named, CtsError *err)
+CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err)
 {
-    if (path && (list->n & (list->n - 1)) == 0) {
+    const char *kept = cts_texts_keep(&list->texts, path, strlen(path));
+    if (kept && (list->n & (list->n - 1)) == 0) {
         CtsFile *items = realloc(list->items, (list->n ? 2 * list->n : 1) * sizeof *items);
-        if (!items) {
-            free(path);
-            path = NULL;
-        } else {
-            list->items = items;
-        }
+        list->items = items ? items : list->items;
+        kept = items ? kept : NULL;
     }
-    if (!path)
+    if (!kept)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    list->items[list->n++] = (CtsFile){.path = path, .named = named};
+    list->items[list->n++] = (CtsFile){.path = kept, .named = named};
     return CTS_OK;
 }
 
@@ -174,7 +170,7 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
         else if (S_ISREG(info.st_mode) && cts_archive_is_zip(paths[i]))
             st = scan_archive(scan, paths[i], err);
         else if (S_ISREG(info.st_mode))
-            st = scan->found(scan->context, &(CtsFile){.path = (char *)paths[i], .named = true}, NULL, err);
+            st = scan->found(scan->context, &(CtsFile){.path = paths[i], .named = true}, NULL, err);
         else
             st = cts_fail(err, CTS_ERR_READ, "%s: is neither a file nor a folder", paths[i]);
     }
@@ -185,7 +181,7 @@ static CtsStatus add_to_list(void *context, const CtsFile *file, const char *arc
 {
     CtsFileList *const list = context;
     (void)archive;
-    const CtsStatus st = cts_file_list_add(list, strdup(file->path), file->named, err);
+    const CtsStatus st = cts_file_list_add(list, file->path, file->named, err);
     if (!st) {
         list->items[list->n - 1].memory = file->memory;
         list->items[list->n - 1].n_memory = file->n_memory;
@@ -224,12 +220,9 @@ CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *
     if (list->n)
         qsort(list->items, list->n, sizeof *list->items, by_path);
     size_t kept = 0;
-    for (size_t i = 0; i < list->n; i++) {
-        if (kept && strcmp(list->items[kept - 1].path, list->items[i].path) == 0)
-            free(list->items[i].path);
-        else
+    for (size_t i = 0; i < list->n; i++)
+        if (!kept || strcmp(list->items[kept - 1].path, list->items[i].path) != 0)
             list->items[kept++] = list->items[i];
-    }
     list->n = kept;
     return CTS_OK;
 }

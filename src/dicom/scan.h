@@ -4,19 +4,21 @@
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
+#include "dicom/texts.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 typedef struct CtsFile {
-    char *path;
+    const char *path;
     bool named; /* by the caller, not found in a folder: a DICOMDIR is followed, a failure to open it is an error */
     const uint8_t *memory; /* of an archive's member; else NULL */
     uint64_t n_memory;
 } CtsFile;
 
 typedef struct CtsFileList {
-    CtsFile *items;
+    CtsFile *items; /* whose paths are among the texts */
+    CtsTexts texts;
     size_t n;
     int n_special;                /* sockets, devices, links to folders and the like: never opened */
     int n_unreadable;             /* folders that cannot be listed; findings name them */
@@ -48,8 +50,8 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
 CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
                          CtsError *err);
 
-/* Add one file; takes over path, which may be NULL for "out of memory". */
-CtsStatus cts_file_list_add(CtsFileList *list, char *path, bool named, CtsError *err);
+/* Add one file. */
+CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err);
 void cts_file_list_free(CtsFileList *list);
 
 #endif

@@ -9,6 +9,7 @@
 #include "dicom/others.h"
 #include "dicom/scan.h"
 #include "dicom/series_judge.h"
+#include "dicom/texts.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,6 +36,9 @@ void cts_series_list_free(CtsSeriesList **list)
     for (size_t i = 0; i < (*list)->n_archives; i++)
         cts_archive_free(&(*list)->archives[i]);
     free((*list)->archives);
+    for (size_t i = 0; i < (*list)->n_texts; i++)
+        cts_texts_free(&(*list)->texts[i]);
+    free((*list)->texts);
     free((*list)->others);
     cts_findings_free(&(*list)->findings);
     free(*list);
@@ -87,6 +91,18 @@ static void read_some(void *context, int worker, size_t first, size_t end)
             !read_one(&r->search->files.items[i], &reader->scratch, &r->search->headers[i], &reader->bytes_read);
 }
 
+/* The slices need their texts for as long as the list is there. */
+static bool take_texts(CtsSeriesList *list, CtsTexts *texts)
+{
+    CtsTexts *grown = realloc(list->texts, (list->n_texts + 1) * sizeof *grown);
+    if (!grown)
+        return false;
+    list->texts = grown;
+    list->texts[list->n_texts++] = *texts;
+    *texts = (CtsTexts){0};
+    return true;
+}
+
 /* Headers of the files that have none yet. */
 static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
 {
@@ -105,7 +121,7 @@ static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
     bool failed = false;
     for (int t = 0; t < n_threads; t++) {
         s->bytes_read += readers[t].bytes_read;
-        failed |= readers[t].failed;
+        failed |= readers[t].failed || !take_texts(s->list, &readers[t].scratch.texts);
         cts_scratch_free(&readers[t].scratch);
     }
     free(readers);
@@ -124,8 +140,7 @@ static CtsStatus follow_directory(Search *s, const char *path, CtsError *err)
     for (size_t i = 0; i < n_files; i++) {
         if (!st)
             st = cts_file_list_add(&s->files, files[i], false, err);
-        else
-            free(files[i]);
+        free(files[i]);
     }
     free(files);
     cts_scratch_free(&scratch);
@@ -349,6 +364,8 @@ CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *
         st = count_others(&s, err);
     if (!st)
         st = collect(&s, &slices, &n_slices, err);
+    if (!st && !take_texts(s.list, &s.files.texts)) /* the slices' paths */
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     const size_t n_headers = s.n_headers;
     free_search(&s);
     if (!st)

@@ -223,9 +223,9 @@ static const char *orientation_of(const double normal[3])
 
 static void describe(CtsSeries *series, const CtsSlice *s)
 {
-    memcpy(series->uid, s->series_uid, sizeof series->uid);
-    memcpy(series->modality, s->modality, sizeof series->modality);
-    memcpy(series->transfer_syntax, s->syntax_uid, sizeof series->transfer_syntax);
+    snprintf(series->uid, sizeof series->uid, "%s", s->series_uid);
+    snprintf(series->modality, sizeof series->modality, "%s", s->modality);
+    snprintf(series->transfer_syntax, sizeof series->transfer_syntax, "%s", s->syntax_uid);
     cts_text_clean(series->uid); /* shown as they are */
     cts_text_clean(series->modality);
     cts_text_clean(series->transfer_syntax);

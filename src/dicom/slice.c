@@ -7,9 +7,6 @@
 
 void cts_slice_clear(CtsSlice *slice)
 {
-    free(slice->path);
-    free(slice->description);
-    free(slice->charset);
     free(slice->fault_text);
     *slice = (CtsSlice){0};
 }

@@ -5,6 +5,7 @@
 #include "ctsplat/status.h"
 #include "dicom/stored.h"
 #include "dicom/syntax.h"
+#include "dicom/texts.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -34,26 +35,27 @@ enum {
     CTS_ODD_UNSPECIFIED = 64  /* RescaleType is US, "unspecified", not HU */
 };
 
+/* Its texts are the reader's (CtsScratch), shared by the slices it has read. */
 typedef struct CtsSlice {
-    char *path;            /* owned */
+    const char *path;      /* the file's (CtsFile) */
     const uint8_t *memory; /* the file where it is an archive\'s member, which the series list keeps; else NULL */
     uint64_t file_bytes;   /* with mtime_ns: the file must be the same when the pixels are read */
     int64_t mtime_ns;
     CtsObjectKind kind;
     const CtsSyntax *syntax; /* NULL when the UID is unknown */
-    char syntax_uid[65];
+    const char *syntax_uid;
     unsigned odd; /* CTS_ODD_... */
 
-    char sop_uid[65], series_uid[65], frame_uid[65]; /* "" where missing */
-    char modality[17];
-    char *description, *charset; /* (0008,103E) and (0008,0005) as stored; owned, may be NULL */
-    uint64_t patient_key;        /* hash of PatientID and its issuer: tells patients apart and names none */
+    const char *sop_uid, *series_uid, *frame_uid; /* "" where missing; at most 64 characters */
+    const char *modality;                         /* at most 16 */
+    const char *description, *charset;            /* (0008,103E) and (0008,0005) as stored; may be NULL */
+    uint64_t patient_key; /* hash of PatientID and its issuer: tells patients apart and names none */
     bool has_acquisition, has_temporal;
     int acquisition_number, instance_number, temporal_index;
     double time_s;                 /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
     bool localizer, told_lossless; /* (0028,2110) is 00 */
     int frame, n_frames;           /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
-    char stack_id[17];             /* (0020,9056), of a frame */
+    const char *stack_id;          /* (0020,9056), of a frame; at most 16 characters */
 
     int rows, columns, bits_allocated, bits_stored, high_bit;
     bool is_signed;
@@ -99,6 +101,7 @@ typedef struct CtsScratch {
     size_t file_capacity, inflated_capacity;
     struct CtsDecoder *decoder;  /* a process for compressed pixels, started when the first come */
     struct CtsDecoder *inflater; /* another for deflated headers */
+    CtsTexts texts;              /* of the slices whose headers were read; may be taken out */
 } CtsScratch;
 
 void cts_scratch_free(CtsScratch *scratch);
@@ -108,16 +111,17 @@ typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_UNREADAB
 /* What one file holds: a slice, or the frames of an object with many. */
 typedef struct CtsObject {
     CtsObjectKind kind;
-    char class_uid[65]; /* "" where it names none */
-    CtsSlice **slices;  /* n_slices of them, owned; none unless kind is CT or enhanced CT */
+    const char *class_uid; /* of DICOM; "" where it names none */
+    CtsSlice **slices;     /* n_slices of them, owned; none unless kind is CT or enhanced CT */
     int n_slices;
     const char *packed; /* no DICOM, but looks like this packer's: "gzip"; else NULL */
 } CtsObject;
 
 void cts_object_free(CtsObject *object);
 
-/* Read one file's header, and none of its pixels, into a zeroed object. CTS_FILE_NOT_DICOM: plainly something else, or
- * no regular file. CTS_FILE_UNREADABLE: err says why, without the path. bytes_read is added to. */
+/* Read one file's header into a zeroed object that ends before source's path and scratch's texts do.
+ * CTS_FILE_NOT_DICOM: plainly something else, or no regular file. CTS_FILE_UNREADABLE: err says why, without the path.
+ * bytes_read is added to. */
 CtsFileKind cts_slice_read_header(const struct CtsFile *source, CtsScratch *scratch, CtsObject *object,
                                   uint64_t *bytes_read, CtsError *err);
 

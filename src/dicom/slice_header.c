@@ -126,15 +126,17 @@ static CtsStatus find_syntax(const Head *h, Framing *f, CtsSlice *slice, CtsErro
 {
     if (!f->meta.has_preamble)
         slice->odd |= CTS_ODD_NO_PREAMBLE;
-    memcpy(slice->syntax_uid, f->meta.syntax_uid, sizeof slice->syntax_uid);
+    const char *uid = f->meta.syntax_uid;
     slice->syntax = cts_syntax_find(f->meta.syntax_uid);
     if (!f->meta.syntax_uid[0]) {
         slice->odd |= CTS_ODD_NO_SYNTAX;
         slice->syntax = cts_scan_guess(h->scratch->file + f->meta.data_offset, h->n - f->meta.data_offset);
         if (!slice->syntax)
             return cts_fail(err, CTS_ERR_READ, "has no transfer syntax, and its data set fits none");
-        memcpy(slice->syntax_uid, slice->syntax->uid, strlen(slice->syntax->uid) + 1);
+        uid = slice->syntax->uid;
     }
+    if (!(slice->syntax_uid = cts_texts_share(&h->scratch->texts, uid, 64)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     f->native = slice->syntax ? cts_syntax_native(slice->syntax->explicit_vr, slice->syntax->big_endian)
                               : cts_syntax_native(true, false);
     return CTS_OK;
@@ -178,11 +180,10 @@ static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *commo
     for (int i = 0; i < object->n_slices; i++) {
         CtsSlice *s = object->slices[i];
         s->syntax = common->syntax;
-        memcpy(s->syntax_uid, common->syntax_uid, sizeof s->syntax_uid);
+        s->syntax_uid = common->syntax_uid;
         s->odd |= common->odd;
         s->memory = source->memory;
-        if (!(s->path = strdup(source->path)))
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        s->path = source->path;
         /* What a frame's own values are worth is its own matter; without a size nothing can be placed. */
         const bool sized = s->rows > 0 && s->columns > 0 && (s->bits_allocated == 8 || s->bits_allocated == 16);
         const bool sound = !s->fault || (s->n_frames && sized);
@@ -254,13 +255,17 @@ static CtsStatus open_and_scan(Head *h, const CtsFile *source, Framing *f, CtsSl
 }
 
 /* The slices of a data set that has been scanned, as DCMTK or the scan tells them. */
-static CtsStatus read_slices(const Framing *f, CtsSlice *common, CtsObject *object, CtsError *err)
+static CtsStatus read_slices(const Framing *f, CtsTexts *texts, CtsSlice *common, CtsObject *object, CtsError *err)
 {
-    memcpy(object->class_uid, f->meta.sop_class_uid, sizeof object->class_uid);
-    CtsStatus st = cts_dcm_read_header(f->data_set, f->n_data_set, &f->data, f->native, object->class_uid, common, err);
+    char class_uid[65];
+    memcpy(class_uid, f->meta.sop_class_uid, sizeof class_uid);
+    CtsStatus st = cts_dcm_read_header(f->data_set, f->n_data_set, &f->data, f->native, texts, class_uid, common, err);
     object->kind = common->kind;
+    if (!st && !(object->class_uid = cts_texts_share(texts, class_uid, sizeof class_uid)))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st && common->kind == CTS_OBJECT_ENHANCED)
-        return cts_dcm_read_frames(f->data_set, f->n_data_set, f->native, &object->slices, &object->n_slices, err);
+        return cts_dcm_read_frames(f->data_set, f->n_data_set, f->native, texts, &object->slices, &object->n_slices,
+                                   err);
     if (st || common->kind != CTS_OBJECT_CT)
         return st;
     object->slices = malloc(sizeof *object->slices);
@@ -271,7 +276,7 @@ static CtsStatus read_slices(const Framing *f, CtsSlice *common, CtsObject *obje
     }
     *slice = *common;
     object->slices[object->n_slices++] = slice;
-    common->description = common->charset = common->fault_text = NULL; /* moved */
+    common->fault_text = NULL; /* moved */
     return CTS_OK;
 }
 
@@ -283,7 +288,7 @@ CtsFileKind cts_slice_read_header(const CtsFile *source, CtsScratch *scratch, Ct
     CtsFileKind kind;
     CtsSlice common = {0};
     CtsStatus st = open_and_scan(&h, source, &f, &common, &kind, err);
-    if (!st && kind == CTS_FILE_DICOM && !(st = read_slices(&f, &common, object, err)))
+    if (!st && kind == CTS_FILE_DICOM && !(st = read_slices(&f, &scratch->texts, &common, object, err)))
         st = complete(&h, &f, &common, source, object, err);
     if (!st && kind == CTS_FILE_NOT_DICOM && h.n)
         object->packed = packer_of(scratch->file, h.n);
@@ -317,7 +322,7 @@ static char *file_beside(const char *directory, const char *file)
 CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,
                                    size_t *n_refused, CtsError *err)
 {
-    const CtsFile source = {.path = (char *)(uintptr_t)path};
+    const CtsFile source = {.path = path};
     uint64_t bytes_read = 0;
     Head h = {.file = {.fd = -1}, .scratch = scratch, .bytes_read = &bytes_read};
     Framing f;

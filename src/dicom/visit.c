@@ -15,6 +15,7 @@ enum { GROUP = 256 };
 
 typedef struct Found {
     CtsFile file;
+    char *path;
     char *archive; /* path of the zip file that it is a member of, or NULL */
     CtsFileKind kind;
     CtsObject object;
@@ -50,9 +51,9 @@ static CtsStatus add_file(void *context, const CtsFile *file, const char *archiv
     Found *const f = &s->group[s->n];
     *f = (Found){.file = *file, .archive = archive ? strdup(archive) : NULL};
     f->file.named &= !s->in_directory;
-    f->file.path = strdup(file->path);
+    f->file.path = f->path = strdup(file->path);
     s->n++;
-    if (!f->file.path || (archive && !f->archive))
+    if (!f->path || (archive && !f->archive))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     return s->n == GROUP ? flush(s, err) : CTS_OK;
 }
@@ -66,7 +67,7 @@ static CtsStatus take_archive(void *context, const char *path, CtsArchive *archi
 static void free_found(Found *f)
 {
     cts_object_free(&f->object);
-    free(f->file.path);
+    free(f->path);
     free(f->archive);
 }
 
@@ -143,6 +144,8 @@ static CtsStatus flush(Search *s, CtsError *err)
             st = hand_on(s, &s->group[i], &directory, err);
         free_found(&s->group[i]);
     }
+    for (int t = 0; t < s->n_threads; t++)
+        cts_texts_free(&s->scratch[t].texts);
     if (!st && directory)
         st = follow(s, directory, err);
     free(directory);

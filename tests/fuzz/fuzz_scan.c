@@ -12,10 +12,10 @@ static void same_text(const char *a, const char *b)
 static void same_slice(const CtsSlice *a, const CtsSlice *b)
 {
     CtsSlice x = *a, y = *b;
-    same_text(a->description, b->description);
-    same_text(a->charset, b->charset);
     same_text(a->fault_text, b->fault_text);
-    x.description = y.description = x.charset = y.charset = x.fault_text = y.fault_text = NULL;
+    same_text(a->sop_uid, b->sop_uid);
+    x.sop_uid = y.sop_uid = NULL; /* other texts are shared */
+    x.fault_text = y.fault_text = NULL;
     assert(memcmp(&x, &y, sizeof x) == 0);
 }
 
@@ -34,18 +34,20 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     assert(scan.header_end >= meta.data_offset && scan.header_end <= n);
     const uint8_t *header = data + meta.data_offset;
     const size_t n_header = scan.header_end - meta.data_offset;
+    CtsTexts texts = {0};
     CtsSlice slices[2];
     CtsStatus st[2];
     memset(slices, 0, sizeof slices);
     for (int way = 0; way < 2; way++) {
         char class_uid[65] = "";
         scan.repeats |= way == 1; /* leaves all to DCMTK */
-        st[way] = cts_dcm_read_header(header, n_header, &scan, native, class_uid, &slices[way], NULL);
+        st[way] = cts_dcm_read_header(header, n_header, &scan, native, &texts, class_uid, &slices[way], NULL);
     }
     /* DCMTK also looks at elements that nobody asks for, and may refuse one. */
     if (!st[0] && !st[1])
         same_slice(&slices[0], &slices[1]);
     cts_slice_clear(&slices[0]);
     cts_slice_clear(&slices[1]);
+    cts_texts_free(&texts);
     return 0;
 }

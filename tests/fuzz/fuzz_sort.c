@@ -14,12 +14,13 @@ static const uint8_t pixels[2][PIXEL_BYTES] = {{1}, {2}};
 static CtsSlice *invent(const uint8_t *b, int k)
 {
     static const double steps_mm[] = {0, 0.001, 0.01, 0.1, 0.5, 1, 1, 2.5};
-    char path[32];
+    static char paths[MAX_SLICES][16];
     CtsSlice *s = calloc(1, sizeof *s);
     if (!s)
         abort();
-    snprintf(path, sizeof path, "IM%d", k);
-    s->path = strdup(path);
+    snprintf(paths[k], sizeof paths[k], "IM%d", k);
+    s->path = paths[k];
+    s->syntax_uid = s->sop_uid = s->series_uid = s->frame_uid = s->modality = s->stack_id = "";
     s->kind = CTS_OBJECT_CT;
     s->syntax = cts_syntax_native(true, false);
     s->rows = 4 + (b[0] == 255);

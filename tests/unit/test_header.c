@@ -31,33 +31,36 @@ static void expect_text(const char *a, const char *b)
 
 static void expect_same(CtsSlice *a, CtsSlice *b)
 {
-    expect_text(a->description, b->description);
-    expect_text(a->charset, b->charset);
+    expect_text(a->sop_uid, b->sop_uid);
     expect_text(a->fault_text, b->fault_text);
-    char *const texts[] = {a->description, a->charset, a->fault_text, b->description, b->charset, b->fault_text};
-    for (size_t i = 0; i < sizeof texts / sizeof *texts; i++)
-        free(texts[i]);
-    a->description = a->charset = a->fault_text = b->description = b->charset = b->fault_text = NULL;
+    free(a->fault_text);
+    free(b->fault_text);
+    a->sop_uid = b->sop_uid = NULL; /* other texts are shared */
+    a->fault_text = b->fault_text = NULL;
     assert_memory_equal(a, b, sizeof *a);
 }
 
 /* Both ways on one data set; returns whether the scan alone was enough. */
 static bool compare(const uint8_t *bytes, CtsDataScan *scan, const CtsSyntax *syntax)
 {
+    CtsTexts texts = {0};
     CtsSlice by_scan, by_dcmtk, blind;
     char class_by_scan[65] = "", class_by_dcmtk[65] = "", no_class[65] = "";
     memset(&by_scan, 0, sizeof by_scan);
     memset(&by_dcmtk, 0, sizeof by_dcmtk);
     memset(&blind, 0, sizeof blind);
-    const CtsStatus st = cts_dcm_read_header(bytes, scan->header_end, scan, syntax, class_by_scan, &by_scan, NULL);
+    const CtsStatus st =
+        cts_dcm_read_header(bytes, scan->header_end, scan, syntax, &texts, class_by_scan, &by_scan, NULL);
     /* Without the data set's length DCMTK would find nothing. */
-    cts_dcm_read_header(bytes, 0, scan, syntax, no_class, &blind, NULL);
+    cts_dcm_read_header(bytes, 0, scan, syntax, &texts, no_class, &blind, NULL);
     scan->repeats = true;
-    assert_int_equal(st, cts_dcm_read_header(bytes, scan->header_end, scan, syntax, class_by_dcmtk, &by_dcmtk, NULL));
+    assert_int_equal(
+        st, cts_dcm_read_header(bytes, scan->header_end, scan, syntax, &texts, class_by_dcmtk, &by_dcmtk, NULL));
     assert_string_equal(class_by_scan, class_by_dcmtk);
-    const bool scanned = blind.sop_uid[0] != 0;
+    const bool scanned = blind.sop_uid && blind.sop_uid[0];
     cts_slice_clear(&blind);
     expect_same(&by_scan, &by_dcmtk);
+    cts_texts_free(&texts);
     return scanned;
 }
 

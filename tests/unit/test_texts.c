@@ -1,0 +1,66 @@
+/* Texts that are kept and shared stay what they were, however many follow. */
+#include "dicom/texts.h"
+#include "unit.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { N = 20000 };
+
+static void test_many(void **state)
+{
+    (void)state;
+    static const char *kept[N], *shared[N];
+    CtsTexts t = {0};
+    char text[32];
+    for (int round = 0; round < 2; round++)
+        for (int i = 0; i < N; i++) {
+            const size_t n = (size_t)snprintf(text, sizeof text, "1.2.%d", i);
+            const char *s = cts_texts_share(&t, text, n);
+            assert_true(round == 0 || s == shared[i]);
+            shared[i] = s;
+            kept[i] = cts_texts_keep(&t, text, n);
+            assert_ptr_not_equal(kept[i], s);
+        }
+    assert_int_equal(t.n_shared, N);
+    for (int i = 0; i < N; i++) {
+        snprintf(text, sizeof text, "1.2.%d", i);
+        assert_string_equal(shared[i], text);
+        assert_string_equal(kept[i], text);
+    }
+    cts_texts_free(&t);
+    assert_true(!t.blocks && !t.shared && !t.n_shared);
+}
+
+static void test_odd(void **state)
+{
+    (void)state;
+    CtsTexts t = {0};
+    const char *empty = cts_texts_share(&t, "", 0);
+    assert_string_equal(empty, "");
+    assert_ptr_equal(cts_texts_share(&t, "\0x", 2), empty);
+    assert_string_equal(cts_texts_keep(&t, "abc", 2), "ab");
+    /* One is the start of another. */
+    const char *longer = cts_texts_share(&t, "1.2.3", 5), *shorter = cts_texts_share(&t, "1.2.3", 4);
+    assert_string_equal(longer, "1.2.3");
+    assert_string_equal(shorter, "1.2.");
+    assert_ptr_equal(cts_texts_share(&t, "1.2.", 5), shorter);
+    /* Sizes about that of a block, and above. */
+    for (size_t n = (64 << 10) - 3; n < (64 << 10) + 3; n++) {
+        char *large = malloc(n);
+        assert_non_null(large);
+        memset(large, 'a', n);
+        const char *copy = cts_texts_keep(&t, large, n);
+        assert_true(strlen(copy) == n && memcmp(copy, large, n) == 0);
+        free(large);
+    }
+    assert_string_equal(longer, "1.2.3");
+    cts_texts_free(&t);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {cmocka_unit_test(test_many), cmocka_unit_test(test_odd)};
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
