@@ -83,7 +83,7 @@ static CtsFrameFormat format_of(const CtsSlice *s)
                             .n_before = s->pixel_offset};
 }
 
-static bool is_compressed(const CtsSlice *s)
+bool cts_slice_is_compressed(const CtsSlice *s)
 {
     return cts_syntax_encapsulated(s->syntax) || s->syntax->deflated;
 }
@@ -93,7 +93,8 @@ bool cts_slice_begin(const CtsSlice *s, CtsScratch *scratch)
     uint64_t offset, n;
     const CtsFrameFormat format = format_of(s);
     find_stream(s, &offset, &n);
-    return is_compressed(s) && !cts_decoder_new(&scratch->decoder, cts_codec_decode, CTS_DECODER_SLOTS, NULL) &&
+    return cts_slice_is_compressed(s) &&
+           !cts_decoder_new(&scratch->decoder, cts_codec_decode, CTS_DECODER_SLOTS, NULL) &&
            cts_decoder_fits(scratch->decoder, &format, (size_t)n) && !submit(s, &format, scratch->decoder, NULL);
 }
 
@@ -165,7 +166,7 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t
     uint8_t *bytes = (uint8_t *)words + (2 * n - frame_bytes);
     const void *decoded = NULL; /* else the pixels are read as they are */
     CtsFileBytes file = {.fd = -1};
-    CtsStatus st = is_compressed(s) ? decode(s, scratch, &decoded, err) : cts_slice_open(s, &file, err);
+    CtsStatus st = cts_slice_is_compressed(s) ? decode(s, scratch, &decoded, err) : cts_slice_open(s, &file, err);
     for (size_t first = 0; !st && first < frame_bytes; first += PART_BYTES) {
         const size_t end = frame_bytes - first < PART_BYTES ? frame_bytes : first + PART_BYTES;
         if (decoded)

@@ -128,6 +128,9 @@ CtsFileKind cts_slice_read_header(const struct CtsFile *source, CtsScratch *scra
 /* How its stored words are read. */
 CtsStored cts_slice_stored(const CtsSlice *slice);
 
+/* Its pixels come from a codec or are deflated. */
+bool cts_slice_is_compressed(const CtsSlice *slice);
+
 /* The range of an uncompressed slice without fault whose pixel_bytes are at hand. */
 void cts_slice_see_pixels(CtsSlice *slice, const uint8_t *pixels);
 

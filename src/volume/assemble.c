@@ -18,7 +18,7 @@
 #include <string.h>
 
 #define HU_OFFSET (-1024.0)
-enum { GREY_MAX = 65535, FINEST_STEP_BITS = 16 };
+enum { GREY_MAX = 65535, FINEST_STEP_BITS = 16, CELL_LOCKS = 16 };
 
 /* What the threads share while slices become layers. */
 typedef struct Assembly {
@@ -29,6 +29,8 @@ typedef struct Assembly {
     bool whole_numbers;        /* every slope and intercept is one */
     CtsStoredRange *ranges;    /* of each slice */
     CtsMacrocells *macrocells; /* made on the way while a slice is in the cache; NULL: not now */
+    pthread_mutex_t cell_locks[CELL_LOCKS]; /* each of some layers of them */
+    bool compressed;
     double busy[CTS_N_STAGES];
     uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
     char **faults; /* of slices whose pixels are damaged, else NULL; the caller's, n_slices of them */
@@ -72,8 +74,12 @@ static void take_words(void *context, size_t first, size_t end)
     CtsStoredRange *const all = &a->ranges[in->k];
     *all = cts_stored_range_join(*all, r);
     const int n_rows = (int)(end / (size_t)s->columns);
-    if (a->macrocells)
+    if (a->macrocells) {
+        pthread_mutex_t *const lock = &a->cell_locks[in->k / CTS_FINE_MACROCELL % CELL_LOCKS];
+        pthread_mutex_lock(lock);
         cts_macrocells_add(a->macrocells, in->k, layer, in->n_rows, n_rows);
+        pthread_mutex_unlock(lock);
+    }
     in->n_rows = n_rows;
     in->grey_ms += cts_wall_ms() - start;
 }
@@ -130,6 +136,7 @@ typedef struct Reading {
     cts_grey_whole_fn to_grey;
     Reader *readers;
     pthread_mutex_t lock; /* of the assembly's failures */
+    int n_groups;         /* units of several slices; further ones are single slices */
 } Reading;
 
 static void read_one(Reading *r, Reader *reader, int k)
@@ -150,19 +157,31 @@ static void read_held(Reading *r, Reader *reader)
     reader->held = -1;
 }
 
-/* The slices of one layer of macro-cells are one worker's. While it takes one from its decoder, the next is decoded. */
-static void read_some(void *context, int worker, size_t first, size_t end)
+/* While a worker takes a slice from its decoder, the next is decoded. */
+static void read_some(Reading *r, Reader *reader, int first, int end)
 {
-    Reading *const r = context;
     const Assembly *const a = r->assembly;
-    Reader *const reader = &r->readers[worker];
-    for (int k = (int)first; k < (int)end; k++) {
+    for (int k = first; k < end && k < a->n_slices; k++) {
         const bool begun = k <= atomic_load(&a->stop) && cts_slice_begin(&a->slices[k], &reader->scratch);
         read_held(r, reader);
         if (begun)
             reader->held = k;
         else
             read_one(r, reader, k);
+    }
+}
+
+/* A unit is the slices of one layer of macro-cells, which no other worker then waits for, nor for their memory; towards
+ * the end of a compressed series one slice, so that all workers end at once. */
+static void read_units(void *context, int worker, size_t first, size_t end)
+{
+    Reading *const r = context;
+    for (int u = (int)first; u < (int)end; u++) {
+        const int single = u - r->n_groups, k = r->n_groups * CTS_FINE_MACROCELL + single;
+        if (single < 0)
+            read_some(r, &r->readers[worker], u * CTS_FINE_MACROCELL, (u + 1) * CTS_FINE_MACROCELL);
+        else
+            read_some(r, &r->readers[worker], k, k + 1);
     }
 }
 
@@ -177,10 +196,18 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
                        .lock = PTHREAD_MUTEX_INITIALIZER};
     for (int t = 0; t < a->n_threads; t++)
         readers[t].held = -1;
-    cts_parallel(a->n_threads, (size_t)a->n_slices, CTS_FINE_MACROCELL, read_some, &reading);
+    for (int i = 0; i < CELL_LOCKS; i++)
+        pthread_mutex_init(&a->cell_locks[i], NULL);
+    const int n_tail = a->compressed ? CTS_FINE_MACROCELL * a->n_threads : 0;
+    reading.n_groups = n_tail < a->n_slices ? (a->n_slices - n_tail + CTS_FINE_MACROCELL - 1) / CTS_FINE_MACROCELL : 0;
+    const int n_grouped = reading.n_groups * CTS_FINE_MACROCELL;
+    const int n_single = n_grouped < a->n_slices ? a->n_slices - n_grouped : 0;
+    cts_parallel(a->n_threads, (size_t)(reading.n_groups + n_single), 1, read_units, &reading);
     for (int t = 0; t < a->n_threads; t++)
         read_held(&reading, &readers[t]);
     pthread_mutex_destroy(&reading.lock);
+    for (int i = 0; i < CELL_LOCKS; i++)
+        pthread_mutex_destroy(&a->cell_locks[i]);
     a->busy[CTS_STAGE_DECODE] = a->busy[CTS_STAGE_GREY] = 0;
     for (int t = 0; t < a->n_threads; t++) {
         a->busy[CTS_STAGE_DECODE] += readers[t].busy[CTS_STAGE_DECODE];
@@ -447,8 +474,10 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
                   .whole_numbers = true};
     a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
     a.first = in->range_alone ? NULL : v->grey + (size_t)offset * a.layer_voxels;
-    for (int k = 0; k < a.n_slices; k++)
+    for (int k = 0; k < a.n_slices; k++) {
         a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
+        a.compressed |= cts_slice_is_compressed(&a.slices[k]);
+    }
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
     for (int k = 0; !st && in->range_alone && k < a.n_slices; k++)
         a.ranges[k] = a.slices[k].range;

@@ -1,5 +1,6 @@
 #define _GNU_SOURCE
-/* Reads the first 4 KiB of each file named on standard input, a line each: what looking at many files costs at least. */
+/* Reads the first 4 KiB of each file named on standard input, a line each: what looking at many files costs at least.
+ */
 #include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
