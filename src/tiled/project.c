@@ -1,285 +1,205 @@
 #include "tiled/project.h"
 
 #include "base/clock.h"
+#include "base/cpu.h"
 #include "base/levels.h"
 #include "base/mem.h"
-#include "base/mutation.h"
 #include "base/parallel.h"
-#include "volume/body_mask.h"
+#include "tiled/project_packets.h"
 #include <math.h>
+#include <string.h>
 
-/* A ray in voxel coordinates: start + t * step, t in mm, inside the box from t0 to t1. */
-typedef struct Ray {
-    double start[3], step[3], per_step[3], t0, t1;
-} Ray;
-
-typedef struct Projector {
+/* A picture under way. */
+typedef struct Projecting {
     const CtsScene *scene;
-    const CtsVolume *volume;
-    const CtsMacrocells *macrocells;
-    const CtsView *view;
-    CtsMode mode;
-    const CtsBodyMask *body; /* what alone is seen; NULL: all */
-    ptrdiff_t stride[3];
-} Projector;
-
-/* A walk through boxes of `size` cells along a ray: the box that holds the ray from t to next (Amanatides and Woo). */
-typedef struct Walk {
-    const Ray *ray;
-    int size, box[3], last[3];
-    double face[3]; /* t at which the ray leaves the box by each axis */
-    double t, next, end;
-} Walk;
-
-static bool clip(const CtsView *view, double x, double y, Ray *ray)
-{
-    const double hair_vox = 1e-9; /* rounding must not lose a ray that runs along a face */
-    cts_view_ray(view, x, y, ray->start);
-    ray->t0 = -INFINITY;
-    ray->t1 = INFINITY;
-    double fastest = 0;
-    for (int a = 0; a < 3; a++) {
-        const double last = view->dims[a] - 1, step = ray->step[a] = view->forward_vox[a];
-        if (step == 0) {
-            if (ray->start[a] < -hair_vox || ray->start[a] > last + hair_vox)
-                return false;
-            continue;
-        }
-        ray->per_step[a] = 1 / step;
-        const double in = (0 - ray->start[a]) / step, out = (last - ray->start[a]) / step;
-        ray->t0 = fmax(ray->t0, fmin(in, out));
-        ray->t1 = fmin(ray->t1, fmax(in, out));
-        fastest = fmax(fastest, fabs(step));
-    }
-    if (ray->t1 < ray->t0 && (ray->t0 - ray->t1) * fastest <= hair_vox)
-        ray->t1 = ray->t0;
-    ray->t0 = fmax(ray->t0, view->near_mm);
-    ray->t1 = fmin(ray->t1, view->far_mm);
-    return ray->t1 >= ray->t0;
-}
-
-static double face_t(const Walk *w, int a)
-{
-    const double step = w->ray->step[a];
-    return step == 0 ? INFINITY : ((w->box[a] + (step > 0)) * w->size - w->ray->start[a]) * w->ray->per_step[a];
-}
-
-static void find_next(Walk *w)
-{
-    double next = w->face[0] < w->face[1] ? w->face[0] : w->face[1];
-    next = w->face[2] < next ? w->face[2] : next;
-    w->next = next < w->end ? next : w->end;
-}
-
-static Walk begin(const Projector *p, const Ray *ray, int size, double from, double to)
-{
-    Walk w = {.ray = ray, .size = size, .t = from, .end = to};
-    const double middle = from + 1e-9 * (to - from); /* just behind a face, in the box that the ray enters */
-    for (int a = 0; a < 3; a++) {
-        const int cells = p->view->dims[a] > 1 ? p->view->dims[a] - 1 : 1;
-        w.last[a] = (cells - 1) / size;
-        const double at = ray->start[a] + middle * ray->step[a];
-        const int box = at > 0 ? (int)at / size : 0;
-        w.box[a] = box < w.last[a] ? box : w.last[a];
-        w.face[a] = face_t(&w, a);
-    }
-    find_next(&w);
-    return w;
-}
-
-/* Into the next box; false at the end. Boxes passed in no time (a ray through an edge) are passed at once. */
-static bool advance(Walk *w)
-{
-    do {
-        w->t = w->next > w->t ? w->next : w->t;
-        if (!(w->t < w->end))
-            return false;
-        for (int a = 0; a < 3; a++)
-            if (w->face[a] <= w->t) {
-                const int box = w->box[a] + (w->ray->step[a] > 0 ? 1 : -1);
-                if (box < 0 || box > w->last[a]) {
-                    w->face[a] = INFINITY; /* a rounding behind the volume's face */
-                    continue;
-                }
-                w->box[a] = box;
-                w->face[a] = face_t(w, a);
-            }
-        find_next(w);
-    } while (!(w->next > w->t));
-    return true;
-}
-
-/* The eight corners of a cell; an axis of one voxel repeats it. */
-static void corners(const Projector *p, const int cell[3], double value[8])
-{
-    const uint16_t *base = p->volume->grey + cell[0] + cell[1] * p->stride[1] + cell[2] * p->stride[2];
-    for (int c = 0; c < 8; c++) {
-        ptrdiff_t at = 0;
-        for (int a = 0; a < 3; a++)
-            at += (c >> a & 1) && p->view->dims[a] > 1 ? p->stride[a] : 0;
-        value[c] = base[at];
-    }
-}
-
-static inline double clamp01(double x)
-{
-    x = x > 0 ? x : 0;
-    return x < 1 ? x : 1;
-}
-
-static double field_at(const Ray *ray, const int cell[3], const double v[8], double t)
-{
-    double f[3];
-    for (int a = 0; a < 3; a++)
-        f[a] = clamp01(ray->start[a] + t * ray->step[a] - cell[a]);
-    const double y0 = (v[0] + f[0] * (v[1] - v[0])) * (1 - f[1]) + (v[2] + f[0] * (v[3] - v[2])) * f[1];
-    const double y1 = (v[4] + f[0] * (v[5] - v[4])) * (1 - f[1]) + (v[6] + f[0] * (v[7] - v[6])) * f[1];
-    return y0 + f[2] * (y1 - y0);
-}
-
-/* Inside a cell the field is a cubic in t: its ends and, where its derivative vanishes, its turning points. */
-static double cell_extreme(const Ray *ray, const int cell[3], const double v[8], double from, double to, double sign)
-{
-    const double d = to - from;
-    const double a = field_at(ray, cell, v, from), b = field_at(ray, cell, v, from + d / 3);
-    const double c = field_at(ray, cell, v, to - d / 3), e = field_at(ray, cell, v, to);
-    double best = sign > 0 ? fmax(a, e) : fmin(a, e);
-    /* c0 + c1 s + c2 s^2 + c3 s^3 through the four. */
-    const double c1 = (-11 * a + 18 * b - 9 * c + 2 * e) / 2, c2 = (18 * a - 45 * b + 36 * c - 9 * e) / 2;
-    const double c3 = (-9 * a + 27 * b - 27 * c + 9 * e) / 2;
-    const double half = c2 * c2 - 3 * c1 * c3;
-    if (half < 0)
-        return best;
-    const double q = -(c2 + copysign(sqrt(half), c2)), turn[2] = {q / (3 * c3), c1 / q};
-    for (int i = 0; i < 2; i++)
-        if (turn[i] > 0 && turn[i] < 1) {
-            const double at = field_at(ray, cell, v, from + turn[i] * d);
-            best = sign > 0 ? fmax(best, at) : fmin(best, at);
-        }
-    return best;
-}
-
-static CtsRange macrocell_range(const Projector *p, const int macrocell[3])
-{
-    const int *n = p->macrocells->n_fine;
-    return p->macrocells
-        ->fine[((size_t)macrocell[2] * (size_t)n[1] + (size_t)macrocell[1]) * (size_t)n[0] + (size_t)macrocell[0]];
-}
-
-static inline bool is_seen(const Projector *p, const int cell[3])
-{
-    return !p->body || cts_body_mask_has(p->body, cell);
-}
-
-/* sign 1: the largest, -1: the smallest grey level; -INFINITY times sign where nothing is seen. Macro-cells and cells
- * that cannot beat what was found are passed over. */
-static double extreme(const Projector *p, const Ray *ray, double sign)
-{
-    double best = -INFINITY; /* times sign */
-    Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
-    do {
-        const CtsRange r = macrocell_range(p, macrocells.box);
-        if ((sign > 0 ? r.high : -r.low) <= best)
-            continue;
-        Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
-        do {
-            double v[8], bound = -INFINITY;
-            if (!is_seen(p, cells.box))
-                continue;
-            corners(p, cells.box, v);
-            for (int c = 0; c < 8; c++)
-                bound = sign * v[c] > bound ? sign * v[c] : bound;
-            if (bound > best)
-                best = fmax(best, sign * cell_extreme(ray, cells.box, v, cells.t, cells.next, sign));
-        } while (advance(&cells));
-    } while (advance(&macrocells));
-    return sign * best;
-}
-
-/* The mean grey level, INFINITY where nothing is seen: Simpson's rule is exact for a cubic. */
-static double mean(const Projector *p, const Ray *ray)
-{
-    if (!(ray->t1 > ray->t0))
-        return extreme(p, ray, 1);
-    double sum = 0, length = 0;
-    Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
-    do {
-        const CtsRange r = macrocell_range(p, macrocells.box);
-        if (r.low == r.high && !p->body) {
-            sum += r.low * (macrocells.next - macrocells.t) * (CTS_MUTATED(AVERAGE_BLOCK) ? 0.98 : 1);
-            length += macrocells.next - macrocells.t;
-            continue;
-        }
-        Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
-        do {
-            double v[8];
-            if (!is_seen(p, cells.box))
-                continue;
-            corners(p, cells.box, v);
-            length += cells.next - cells.t;
-            sum += (cells.next - cells.t) / 6 *
-                   (field_at(ray, cells.box, v, cells.t) + 4 * field_at(ray, cells.box, v, (cells.t + cells.next) / 2) +
-                    field_at(ray, cells.box, v, cells.next));
-        } while (advance(&cells));
-    } while (advance(&macrocells));
-    return length > 0 ? sum / length : INFINITY;
-}
-
-static void project_row(const Projector *p, CtsPicture *picture, int y)
-{
-    const CtsPreset *preset = p->scene->preset;
-    const double width_hu = preset->window_high_hu - preset->window_low_hu;
-    for (int x = 0; x < picture->width; x++) {
-        Ray ray;
-        if (!clip(p->view, x, picture->first_row + y, &ray))
-            continue;
-        const double grey =
-            p->mode == CTS_MODE_AVERAGE ? mean(p, &ray) : extreme(p, &ray, p->mode == CTS_MODE_MIP ? 1 : -1);
-        if (isinf(grey))
-            continue;
-        const double hu = p->volume->hu_offset + p->volume->hu_step * grey;
-        const double shown = width_hu > 0 ? (hu - preset->window_low_hu) / width_hu : hu >= preset->window_low_hu;
-        float *out = picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
-        out[0] = out[1] = out[2] = cts_level_float(shown);
-        out[3] = 1;
-    }
-}
-
-typedef struct Rows {
-    const Projector *projector;
+    CtsProjection projection;
+    cts_project_tile_fn tile; /* NULL: ray by ray, the plain way */
+    CtsProjectScratch *scratch;
     CtsPicture *picture;
-} Rows;
+} Projecting;
 
-static void project_rows(void *context, int worker, size_t first, size_t end)
+static void show(const Projecting *pr, double grey, float out[4])
 {
-    const Rows *const r = context;
+    const CtsPreset *preset = pr->scene->preset;
+    const CtsVolume *v = pr->scene->volume;
+    const double width_hu = preset->window_high_hu - preset->window_low_hu;
+    if (isinf(grey))
+        return;
+    const double hu = v->hu_offset + v->hu_step * grey;
+    const double shown = width_hu > 0 ? (hu - preset->window_low_hu) / width_hu : hu >= preset->window_low_hu;
+    out[0] = out[1] = out[2] = cts_level_float(shown);
+    out[3] = 1;
+}
+
+static float *pixel_of(const CtsPicture *picture, int x, int y)
+{
+    return picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
+}
+
+static void project_row(const Projecting *pr, int y)
+{
+    const CtsProjector *p = &pr->projection.projector;
+    for (int x = 0; x < pr->picture->width; x++) {
+        CtsProjectedRay ray;
+        if (cts_project_clip(p->view, x, pr->picture->first_row + y, &ray))
+            show(pr, cts_project_along(p, &ray), pixel_of(pr->picture, x, y));
+    }
+}
+
+static void project_tiles(const Projecting *pr, int worker, int y)
+{
+    const CtsPicture *picture = pr->picture;
+    const int left = picture->height - y, height = left < CTS_PROJECT_TILE ? left : CTS_PROJECT_TILE;
+    for (int x = 0; x < picture->width; x += CTS_PROJECT_TILE) {
+        const int n = picture->width - x, width = n < CTS_PROJECT_TILE ? n : CTS_PROJECT_TILE;
+        double grey[CTS_PROJECT_TILE * CTS_PROJECT_TILE];
+        pr->tile(&pr->projection, &pr->scratch[worker], x, picture->first_row + y, width, height, grey);
+        for (int j = 0; j < height; j++)
+            for (int i = 0; i < width; i++)
+                show(pr, grey[CTS_PROJECT_TILE * j + i], pixel_of(picture, x + i, y + j));
+    }
+}
+
+static void project_some(void *context, int worker, size_t first, size_t end)
+{
+    const Projecting *const pr = context;
+    for (size_t i = first; i < end && !cts_scene_stopped(pr->scene); i++)
+        if (pr->tile)
+            project_tiles(pr, worker, (int)i * CTS_PROJECT_TILE);
+        else
+            project_row(pr, (int)i);
+}
+
+/* Levels that the window shows as black or white need not be told apart. */
+static void set_window(const CtsScene *scene, CtsProjection *p)
+{
+    const CtsPreset *preset = scene->preset;
+    const CtsVolume *v = scene->volume;
+    p->sign = preset->mode == CTS_MODE_MINIP ? -1 : 1;
+    p->least = -INFINITY;
+    p->enough = INFINITY;
+    if (!(preset->window_high_hu > preset->window_low_hu) || !(v->hu_step > 0))
+        return;
+    const double low = (preset->window_low_hu - v->hu_offset) / v->hu_step - 1;
+    const double high = (preset->window_high_hu - v->hu_offset) / v->hu_step + 1;
+    p->least = p->sign > 0 ? low : -high;
+    p->enough = p->sign > 0 ? high : -low;
+}
+
+/* Which of the cells of each fine macro-cell are seen. */
+typedef struct Seeing {
+    const CtsProjector *projector;
+    uint8_t *sees;
+} Seeing;
+
+static void look_into_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Seeing *const s = context;
+    const CtsProjector *p = s->projector;
+    const int *n = p->macrocells->n_fine;
+    const int cells[3] = {p->view->dims[0] - 1, p->view->dims[1] - 1, p->view->dims[2] - 1};
+    const int n_words = (cells[0] + 63) / 64;
     (void)worker;
-    for (size_t y = first; y < end && !cts_scene_stopped(r->projector->scene); y++)
-        project_row(r->projector, r->picture, (int)y);
+    for (size_t row = first; row < end; row++) {
+        const int j0 = (int)(row % (size_t)n[1]) * CTS_FINE_MACROCELL,
+                  k0 = (int)(row / (size_t)n[1]) * CTS_FINE_MACROCELL;
+        uint64_t some[CTS_BITS_ROW_WORDS] = {0}, all[CTS_BITS_ROW_WORDS], own[CTS_BITS_ROW_WORDS];
+        memset(all, 0xff, (size_t)n_words * sizeof *all);
+        for (int k = k0; k < k0 + CTS_FINE_MACROCELL && k < cells[2]; k++)
+            for (int j = j0; j < j0 + CTS_FINE_MACROCELL && j < cells[1]; j++) {
+                cts_body_mask_row(p->body, j, k, cells[0], own);
+                for (int w = 0; w < n_words; w++) {
+                    some[w] |= own[w];
+                    all[w] &= own[w];
+                }
+            }
+        for (int bi = 0; bi < n[0]; bi++) {
+            const int at = bi * CTS_FINE_MACROCELL, left = cells[0] - at;
+            const uint64_t mask = (UINT64_C(1) << (left < CTS_FINE_MACROCELL ? left : CTS_FINE_MACROCELL)) - 1;
+            s->sees[row * (size_t)n[0] + (size_t)bi] = !(some[at / 64] >> at % 64 & mask)       ? CTS_SEES_NONE
+                                                       : (~all[at / 64] >> at % 64 & mask) == 0 ? CTS_SEES_ALL
+                                                                                                : CTS_SEES_SOME;
+        }
+    }
+}
+
+static CtsStatus prepare(Projecting *pr, int n_threads, uint8_t **sees, CtsError *err)
+{
+    CtsStatus st;
+    CtsProjection *p = &pr->projection;
+    const CtsProjector *projector = &p->projector;
+    const int *dims = projector->view->dims, *n = projector->macrocells->n_fine;
+    const double *forward = projector->view->forward_vox;
+    const unsigned cpu = cts_cpu_flags();
+    if (dims[0] < 2 || dims[1] < 2 || dims[2] < 2)
+        return CTS_OK;
+    for (int a = 0; a < 3; a++)
+        p->axes[2] = fabs(forward[a]) > fabs(forward[p->axes[2]]) ? a : p->axes[2];
+    p->axes[0] = p->axes[2] == 0;
+    p->axes[1] = 3 - p->axes[0] - p->axes[2];
+    const size_t n_layers = (size_t)n[p->axes[2]];
+    if ((st = cts_alloc_zeroed(&pr->scratch, (size_t)n_threads, err)))
+        return st;
+    for (int t = 0; t < n_threads; t++)
+        if ((st = cts_alloc_array(&pr->scratch[t].bound, n_layers, err)) ||
+            (st = cts_alloc_array(&pr->scratch[t].order, n_layers, err)))
+            return st;
+    if (projector->body) {
+        if ((st = cts_alloc_array(sees, (size_t)n[0] * (size_t)n[1] * (size_t)n[2], err)))
+            return st;
+        Seeing seeing = {projector, *sees};
+        cts_parallel(n_threads, (size_t)n[1] * (size_t)n[2], 0, look_into_rows, &seeing);
+    }
+    p->sees = *sees;
+    pr->tile = cpu & CTS_CPU_AVX512 ? cts_project_tile_avx512
+               : cpu & CTS_CPU_AVX2 ? cts_project_tile_avx2
+                                    : cts_project_tile_c;
+    return CTS_OK;
+}
+
+static void free_scratch(Projecting *pr, int n_threads)
+{
+    for (int t = 0; pr->scratch && t < n_threads; t++) {
+        cts_free(&pr->scratch[t].bound);
+        cts_free(&pr->scratch[t].order);
+    }
+    cts_free(&pr->scratch);
 }
 
 CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsPicture *picture, CtsReport *report,
                       CtsError *err)
 {
     const CtsVolume *v = scene->volume;
-    const Projector p = {.scene = scene,
-                         .volume = v,
-                         .macrocells = macrocells,
-                         .view = &scene->view,
-                         .mode = scene->preset->mode,
-                         .body = cts_scene_body(scene),
-                         .stride = {1, v->dims[0], (ptrdiff_t)v->dims[0] * v->dims[1]}};
+    const int n_threads = scene->settings->n_threads;
+    Projecting pr = {.scene = scene,
+                     .picture = picture,
+                     .projection.projector = {.volume = v,
+                                              .macrocells = macrocells,
+                                              .view = &scene->view,
+                                              .mode = scene->preset->mode,
+                                              .body = cts_scene_body(scene),
+                                              .stride = {1, v->dims[0], (ptrdiff_t)v->dims[0] * v->dims[1]}}};
+    const CtsMode mode = scene->preset->mode;
+    uint8_t *sees = NULL;
     cts_report_plan(report, "mode %s: each ray through the cells it crosses, extremes and means of the cubic in each",
-                    cts_mode_names[p.mode]);
-    cts_report_plan(report, p.mode == CTS_MODE_AVERAGE
+                    cts_mode_names[mode]);
+    cts_report_plan(report, mode == CTS_MODE_AVERAGE
                                 ? "macro-cells of 4^3 cells of one grey level are taken whole"
-                                : "macro-cells of 4^3 cells that cannot beat what was found are skipped");
+                                : "macro-cells of 4^3 cells that cannot beat what was found, or leave the window, are "
+                                  "skipped; those of most promise come first");
     cts_scene_tell_parts(scene, report);
     if (!picture)
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    Rows rows = {&p, picture};
-    cts_parallel(scene->settings->n_threads, (size_t)picture->height, 1, project_rows, &rows);
+    set_window(scene, &pr.projection);
+    CtsStatus st = prepare(&pr, n_threads, &sees, err);
+    const int step = pr.tile ? CTS_PROJECT_TILE : 1;
+    if (!st)
+        cts_parallel(n_threads, (size_t)((picture->height + step - 1) / step), 1, project_some, &pr);
+    free_scratch(&pr, n_threads);
+    cts_free(&sees);
+    if (st)
+        return st;
     if (cts_scene_stopped(scene))
         return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     cts_report_stage(report, CTS_STAGE_COMPOSITE, cts_wall_ms() - wall, cts_cpu_ms() - cpu,

@@ -30,4 +30,7 @@ static inline bool cts_body_mask_has(const CtsBodyMask *mask, const int cell[3])
            (high == low || cts_bits_get(&mask->squares, at[0], at[1], high));
 }
 
+/* Cells (0, j, k) to (n_cells - 1, j, k) as bits of (n_cells + 63) / 64 words. */
+void cts_body_mask_row(const CtsBodyMask *mask, int j, int k, int n_cells, uint64_t *row);
+
 #endif

@@ -1,8 +1,10 @@
 /* The tiled engine: the same bytes on every path, close to the float64 reference, exact where formulas are known. */
 #include "base/cpu.h"
+#include "base/mem.h"
 #include "base/sanitized.h"
 #include "ctsplat/reference.h"
 #include "scenes.h"
+#include "tiled/project_ray.h"
 
 static const double views[][2] = {
     {0, 0},      {90, 0},      {180, 0}, {-90, 0}, {0, 90}, {0, -90}, {30, 20}, {45, 0}, {45, 35.26438968275466},
@@ -347,12 +349,93 @@ static void modes_exact(void **state)
     }
 }
 
+/* A body of random squares, in sections across each axis, that begins before the volume. */
+static void give_body(CtsVolume *v, int across, unsigned seed)
+{
+    assert_int_equal(cts_alloc_zeroed(&v->body, 1, NULL), CTS_OK);
+    CtsBodyMask *const body = v->body;
+    *body = (CtsBodyMask){.axis = {across == 0, across == 2 ? 1 : 2, across}, .n_slices = 3, .parts = 1 + across / 2};
+    int dims[3];
+    for (int n = 0; n < 3; n++) {
+        const int axis = body->axis[n];
+        body->first[axis] = 2 + axis;
+        dims[n] = (axis == 2 ? v->dims[2] / body->parts + 1 : v->dims[axis]) + body->first[axis];
+    }
+    dims[2] = dims[2] / body->n_slices + 1;
+    assert_int_equal(cts_bits_new(&body->squares, dims, NULL), CTS_OK);
+    for (int k = 0; k < dims[2]; k++)
+        for (int j = 0; j < dims[1]; j++)
+            for (int i = 0; i < dims[0]; i++) {
+                seed = seed * 1664525 + 1013904223;
+                /* Whole stretches with and without, and a ragged one between. */
+                if (i > 3 * dims[0] / 5 || (i > dims[0] / 4 && seed >> 30))
+                    cts_bits_set(&body->squares, i, j, k);
+            }
+}
+
+/* mip, minip and average by packets: the same bytes on every path, and what each ray by itself gives. */
+static void modes_by_packets(void **state)
+{
+    (void)state;
+    CtsPreset preset = preset_named("bone");
+    for (int i = 0; i < 8; i++) {
+        CtsVolume *v = i % 4 == 0 ? random_volume(37, 19, 26, 5 + i) : phantom_head(70, 36, 30, 30 * i);
+        if (i % 4)
+            give_body(v, i % 4 - 1, (unsigned)i);
+        preset.window_low_hu = i < 4 ? -1024 : 100;
+        preset.window_high_hu = i < 4 ? 64511 : 900;
+        for (int view = i % 2; view < N_VIEWS; view += CTS_SANITIZED ? 5 : 2)
+            for (int mode = CTS_MODE_MIP; mode < CTS_N_MODES; mode++) {
+                CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 61, views[view][0], views[view][1]);
+                s.mode = mode;
+                s.mm_per_pixel = 0.7;
+                s.slab_mm = i == 5 ? 9 : 0;
+                CtsPicture *pictures[3];
+                static const unsigned cpu[3] = {0, CTS_CPU_AVX2, ~0u};
+                for (int run = 0; run < 3; run++) {
+                    cts_cpu_set_mask(cpu[run]);
+                    s.n_threads = 1 + run;
+                    pictures[run] = render(v, &preset, &s, NULL);
+                    assert_memory_equal(pictures[run]->pixels, pictures[0]->pixels, 4 * 61 * 61 * sizeof(float));
+                }
+                CtsView seen;
+                CtsMacrocells *macrocells = NULL;
+                assert_int_equal(cts_view_init(&seen, v, &s, NULL), CTS_OK);
+                if (s.slab_mm > 0)
+                    cts_view_set_slab(&seen, v, s.slab_mm, s.slab_at_mm);
+                assert_int_equal(cts_macrocells_new(&macrocells, v, 1, NULL), CTS_OK);
+                const CtsProjector p = {.volume = v,
+                                        .macrocells = macrocells,
+                                        .view = &seen,
+                                        .mode = (CtsMode)mode,
+                                        .body = mode == CTS_MODE_MIP ? NULL : v->body,
+                                        .stride = {1, v->dims[0], (ptrdiff_t)v->dims[0] * v->dims[1]}};
+                for (int at = 0; at < 61 * 61; at++) {
+                    CtsProjectedRay ray;
+                    const bool hits = cts_project_clip(&seen, at % 61, at / 61, &ray);
+                    const double grey = hits ? cts_project_along(&p, &ray) : INFINITY;
+                    const double shown = (v->hu_offset + v->hu_step * grey - preset.window_low_hu) /
+                                         (preset.window_high_hu - preset.window_low_hu);
+                    const float *pixel = pictures[0]->pixels + 4 * at;
+                    assert_true(pixel[3] == !isinf(grey));
+                    if (!isinf(grey))
+                        assert_true(fabs(pixel[0] - fmin(fmax(shown, 0), 1)) < 1e-5);
+                }
+                cts_macrocells_free(&macrocells);
+                for (int run = 0; run < 3; run++)
+                    cts_picture_free(&pictures[run]);
+            }
+        cts_volume_free(&v);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_bytes),     cmocka_unit_test(constant_slab),  cmocka_unit_test(near_reference),
-        cmocka_unit_test(thin_and_hard),  cmocka_unit_test(between_levels), cmocka_unit_test(hard_presets),
-        cmocka_unit_test(falls_as_asked), cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),
+        cmocka_unit_test(same_bytes),       cmocka_unit_test(constant_slab),  cmocka_unit_test(near_reference),
+        cmocka_unit_test(thin_and_hard),    cmocka_unit_test(between_levels), cmocka_unit_test(hard_presets),
+        cmocka_unit_test(falls_as_asked),   cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),
+        cmocka_unit_test(modes_by_packets),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
