@@ -12,7 +12,7 @@ set -eu
 table='
 include/ctsplat | ctsplat/ |
 src/base     | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h | openssl/ jansson.h
-src/dicom    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h openjpeg.h seccomp.h malloc.h zip.h
+src/dicom    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h openjpeg.h openjph/ seccomp.h malloc.h zip.h
 src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/slice_stack.h dicom/stored.h | immintrin.h emmintrin.h
 src/table    | ctsplat/status.h ctsplat/report.h ctsplat/table.h ctsplat/volume.h volume/ |
 src/transfer | ctsplat/status.h ctsplat/mixture.h ctsplat/preset.h ctsplat/volume.h | expat.h
@@ -37,8 +37,8 @@ everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw inttypes l
  poll pthread sched semaphore setjmp signal spawn stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib string
  strings sys/file sys/mman sys/prctl sys/random sys/resource sys/socket sys/stat sys/statvfs sys/syscall sys/time sys/types
  sys/wait time unistd wchar '
-cxx=' algorithm array atomic cctype charconv cerrno climits cmath cstddef cstdint cstdio cstdlib cstring exception functional
- limits map memory mutex new optional set shared_mutex string string_view thread utility vector '
+cxx=' algorithm array atomic cctype charconv cerrno climits cmath cstdarg cstddef cstdint cstdio cstdlib cstring exception functional
+ limits map memory mutex new optional set shared_mutex stdexcept string string_view thread utility vector '
 
 # Prints every include that the table does not allow; silent when all is well.
 violations()

@@ -32,6 +32,7 @@ static const struct {
     [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, cts_dcm_decode},
     [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, cts_dcm_decode},
     [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode}, /* OpenJPEG tells the stream's shape before it decodes */
+    [CTS_CODEC_HTJ2K] = {NULL, cts_htj2k_decode},        /* OpenJPH too */
 };
 
 /* Bits that the stream has and the header does not know belong to the number, where the stream's precision is no round

@@ -37,10 +37,12 @@ typedef CtsStatus (*cts_decode_fn)(const CtsFrameFormat *format, const uint8_t *
 /* By the codec of format->syntax. */
 CtsStatus cts_codec_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 
-/* The codecs, each for its own syntaxes: DCMTK's (RLE, JPEG, JPEG-LS; start DCMTK's decoders first) and OpenJPEG. */
+/* The codecs, each for its own syntaxes: DCMTK's (RLE, JPEG, JPEG-LS; start DCMTK's decoders first), OpenJPEG and
+ * OpenJPH. */
 CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
                               CtsError *err);
+CtsStatus cts_htj2k_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 
 /* How a deflated data set begins: a size_t, then so many bytes of it, as many as there are or find room in a frame. The
  * format's syntax is not looked at. */

@@ -1,8 +1,9 @@
 #define _GNU_SOURCE
 /* Codecs in a process of their own: what they do to themselves stays there. */
-#include "../tools/jpeg2000_stream.h"
+#include "../tools/htj2k_stream.h"
 #include "dicom/codec_check.h"
 #include "dicom/decoder.h"
+#include "dicom/jpeg2000.h"
 #include "dicom/sandbox.h"
 #include "unit.h"
 #include <dirent.h>
@@ -355,13 +356,28 @@ static void test_rle_length(void **state)
 
 enum { COLUMNS = 37, ROWS = 23, N = COLUMNS * ROWS };
 
-static CtsStatus decode_2000(const Jpeg2000 *stream, const int32_t *samples, const CtsFrameFormat *format,
+/* Streams of both kinds, each to both decoders: OpenJPEG reads high-throughput ones too, and gets what OpenJPH cannot
+ * read. */
+static const struct {
+    bool high_throughput;
+    cts_decode_fn decode;
+} ways[] = {
+    {false, cts_jpeg2000_decode}, {false, cts_htj2k_decode}, {true, cts_jpeg2000_decode}, {true, cts_htj2k_decode}};
+enum { N_WAYS = sizeof ways / sizeof *ways };
+
+static Jpeg2000Bytes stream_of(const Jpeg2000 *p, bool high_throughput, const int32_t *samples)
+{
+    Jpeg2000Bytes bytes = high_throughput ? htj2k_stream(p, false, samples) : jpeg2000_stream(p, samples);
+    assert_true(bytes.n > 0);
+    return bytes;
+}
+
+static CtsStatus decode_2000(const Jpeg2000 *stream, int way, const int32_t *samples, const CtsFrameFormat *format,
                              uint16_t *pixels, CtsError *err)
 {
     *err = (CtsError){0};
-    Jpeg2000Bytes bytes = jpeg2000_stream(stream, samples);
-    assert_true(bytes.n > 0);
-    const CtsStatus st = cts_jpeg2000_decode(format, bytes.data, bytes.n, pixels, err);
+    Jpeg2000Bytes bytes = stream_of(stream, ways[way].high_throughput, samples);
+    const CtsStatus st = ways[way].decode(format, bytes.data, bytes.n, pixels, err);
     free(bytes.data);
     return st;
 }
@@ -392,9 +408,11 @@ static void test_jpeg2000(void **state)
     };
     static int32_t samples[COLUMNS * (ROWS + 1)];
     static uint16_t pixels[N];
-    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+    for (size_t n = 0; n < N_WAYS * sizeof cases / sizeof *cases; n++) {
         CtsFrameFormat f = format_16(COLUMNS, ROWS);
         CtsError err;
+        const size_t c = n / N_WAYS;
+        const int way = (int)(n % N_WAYS);
         f.bits_stored = cases[c].stored;
         f.high_bit = cases[c].stored - 1;
         f.is_signed = cases[c].is_signed;
@@ -402,18 +420,71 @@ static void test_jpeg2000(void **state)
             samples[i] = i == 0   ? cases[c].low
                          : i == 1 ? cases[c].high
                                   : cases[c].low + i % (cases[c].high - cases[c].low);
-        const CtsStatus st = decode_2000(&cases[c].stream, samples, &f, pixels, &err);
+        const CtsStatus st = decode_2000(&cases[c].stream, way, samples, &f, pixels, &err);
         if (st != (cases[c].reason ? CTS_ERR_PIXELS : CTS_OK) || (st && !strstr(err.text, cases[c].reason)))
-            fail_msg("case %zu: %d %s", c, st, err.text);
+            fail_msg("case %zu, way %d: %d %s", c, way, st, err.text);
         for (int i = 0; !st && i < N; i++)
             assert_int_equal(pixels[i], (uint16_t)samples[i]);
     }
 }
 
-/* Cut at any byte, or with one changed: the right samples or a reason, never a hang or a crash. */
-static void test_jpeg2000_damage(void **state)
+/* The same through the walls, by any of the three syntaxes. */
+static void expect_decoder_takes(const CtsFrameFormat *format, const Jpeg2000Bytes *bytes, const uint16_t *pixels)
+{
+    static const char *const uids[] = {"1.2.840.10008.1.2.4.201", "1.2.840.10008.1.2.4.202", "1.2.840.10008.1.2.4.203"};
+    CtsDecoder d = cts_decoder_make(cts_codec_decode);
+    for (int i = 0; i < 3; i++) {
+        CtsFrameFormat f = *format;
+        CtsError err = {0};
+        uint8_t *stream;
+        const void *out;
+        f.syntax = cts_syntax_find(uids[i]);
+        assert_int_equal(cts_decoder_room(&d, &f, bytes->n, &stream, &err), CTS_OK);
+        memcpy(stream, bytes->data, bytes->n);
+        if (cts_decoder_run(&d, &f, stream, bytes->n, &out, &err))
+            fail_msg("%s", err.text);
+        assert_memory_equal(out, pixels, cts_frame_bytes(&f));
+    }
+    cts_decoder_stop(&d);
+}
+
+/* Larger pictures, several blocks and levels, noise and edges; lossy ones as OpenJPEG reads them, but for rounding. */
+static void test_htj2k(void **state)
 {
     (void)state;
+    enum { SIDE = 201 };
+    static int32_t samples[SIDE * SIDE];
+    static uint16_t pixels[2][SIDE * SIDE];
+    uint32_t random = 1;
+    for (int lossy = 0; lossy < 2; lossy++)
+        for (int bits = 10; bits <= 16; bits += 3) {
+            const Jpeg2000 shape = {SIDE, SIDE, bits, 1, false, false};
+            CtsFrameFormat f = format_16(SIDE, SIDE);
+            CtsError err = {0};
+            f.is_signed = false;
+            f.bits_stored = bits;
+            f.high_bit = bits - 1;
+            for (int i = 0; i < SIDE * SIDE; i++) {
+                random = random * 1664525u + 1013904223u;
+                const uint32_t noise = random >> (32 - bits);
+                samples[i] = i % SIDE < 70 ? (int32_t)noise : i / SIDE > 100 ? (1 << bits) - 1 : 0;
+            }
+            Jpeg2000Bytes bytes = htj2k_stream(&shape, lossy, samples);
+            assert_true(bytes.n > 0);
+            assert_int_equal(cts_htj2k_decode(&f, bytes.data, bytes.n, pixels[0], &err), CTS_OK);
+            assert_int_equal(cts_jpeg2000_decode(&f, bytes.data, bytes.n, pixels[1], &err), CTS_OK);
+            expect_decoder_takes(&f, &bytes, pixels[0]);
+            for (int i = 0; i < SIDE * SIDE; i++)
+                assert_true(lossy ? abs(pixels[0][i] - pixels[1][i]) <= 1 + (1 << bits >> 14) &&
+                                        abs(pixels[0][i] - samples[i]) <= 1 << bits >> 5
+                                  : pixels[0][i] == samples[i]);
+            free(bytes.data);
+        }
+}
+
+/* Cut at any byte, or with one changed: the right samples or a reason, never a hang or a crash. */
+static void damage_2000(bool high_throughput, cts_decode_fn decode)
+{
     static int32_t samples[N];
     static uint16_t pixels[N + 1];
     const Jpeg2000 shape = {COLUMNS, ROWS, 16, 1, false, false};
@@ -421,10 +492,10 @@ static void test_jpeg2000_damage(void **state)
     CtsError err;
     for (int i = 0; i < N; i++)
         samples[i] = (i * 7919) & 0xFFF;
-    Jpeg2000Bytes bytes = jpeg2000_stream(&shape, samples);
+    Jpeg2000Bytes bytes = stream_of(&shape, high_throughput, samples);
     for (size_t n = 0; n + 3 < bytes.n; n += n < 150 ? 1 : 13)
-        assert_int_equal(cts_jpeg2000_decode(&f, bytes.data, n, pixels, &err), CTS_ERR_PIXELS);
-    CtsDecoder d = cts_decoder_make(cts_codec_decode);
+        assert_int_equal(decode(&f, bytes.data, n, pixels, &err), CTS_ERR_PIXELS);
+    CtsDecoder d = cts_decoder_make(decode);
     uint32_t random = 1;
     pixels[N] = 12345;
     for (int round = 0; round < 300; round++) {
@@ -440,12 +511,20 @@ static void test_jpeg2000_damage(void **state)
     free(bytes.data);
 }
 
+static void test_jpeg2000_damage(void **state)
+{
+    (void)state;
+    for (int way = 0; way < N_WAYS; way++)
+        damage_2000(ways[way].high_throughput, ways[way].decode);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_deaths),         cmocka_unit_test(test_killed),   cmocka_unit_test(test_two_frames),
         cmocka_unit_test(test_children_taken), cmocka_unit_test(test_room),     cmocka_unit_test(test_many_threads),
         cmocka_unit_test(test_rle_length),     cmocka_unit_test(test_jpeg2000), cmocka_unit_test(test_jpeg2000_damage),
+        cmocka_unit_test(test_htj2k),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
