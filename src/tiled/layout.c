@@ -9,6 +9,9 @@
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
 
 /* Voxels along volume axis `axis` that the in-layer position moves for one pixel to the right. */
 static double per_pixel(const CtsView *view, int axis)
@@ -22,22 +25,6 @@ static double per_pixel(const CtsView *view, int axis)
 static inline int macrocell_end(int b, int n, int n_voxels)
 {
     return b == n - 1 ? n_voxels : (b + 1) * CTS_MACROCELL;
-}
-
-/* Voxels u0..u1 - 1 of row v of layers k0..k1 - 1; in squares of 8 x 8 where the layers' axis is the one along which
- * memory runs. */
-static void copy_row(const CtsLayout *l, const CtsVolume *volume, int u0, int u1, int v, int k0, int k1)
-{
-    const size_t stride[3] = {1, (size_t)volume->dims[0], (size_t)volume->dims[0] * (size_t)volume->dims[1]};
-    const size_t su = stride[l->axis_u], sv = stride[l->axis_v], sk = stride[l->axis_k];
-    const uint16_t *in = volume->grey + (size_t)u0 * su + (size_t)v * sv + (size_t)k0 * sk;
-    uint16_t *out = l->copy + (ptrdiff_t)k0 * l->layer_stride + (ptrdiff_t)v * l->row_stride + u0;
-    const bool square = sk == 1 && u1 - u0 >= CTS_MACROCELL && k1 - k0 >= CTS_MACROCELL;
-    if (square)
-        cts_transpose_8(in, su, out, (size_t)l->layer_stride);
-    for (int u = 0; u < u1 - u0; u++)
-        for (int k = square && u < CTS_MACROCELL ? CTS_MACROCELL : 0; k < k1 - k0; k++)
-            out[(ptrdiff_t)k * l->layer_stride + u] = in[(size_t)u * su + (size_t)k * sk];
 }
 
 CtsLayout cts_layout_plan(const CtsVolume *volume, const CtsView *view)
@@ -78,40 +65,143 @@ typedef struct Copy {
     const CtsLayout *layout;
     const CtsVolume *volume;
     const CtsLayoutCells *macrocells;
+    size_t stride[3]; /* of the volume, along the layout's axes */
     _Atomic int64_t n;
 } Copy;
 
-/* A row of macro-cells; returns how many were copied. */
-static int copy_macrocells(const Copy *c, int bv, int bk)
+/* Macro-cells each way that are turned round together: a line of memory's worth of voxels. What stands in it is written
+ * at once; lines of neighbouring layers would drive one another out of the cache. */
+enum { TOGETHER = 4, LINE = TOGETHER * CTS_MACROCELL };
+
+/* Voxels u0..u1 - 1 of row v of layers k0..k1 - 1. */
+typedef struct Block {
+    int u0, u1, v, k0, k1;
+} Block;
+
+static Block block_of(const Copy *c, int bu, int v, int bk)
 {
-    const CtsLayout *l = c->layout;
-    const CtsLayoutCells *macrocells = c->macrocells;
-    const uint8_t *distance =
-        macrocells->distance + ((size_t)bk * (size_t)macrocells->nv + (size_t)bv) * (size_t)macrocells->nu;
+    const CtsLayoutCells *m = c->macrocells;
+    return (Block){bu * CTS_MACROCELL, macrocell_end(bu, m->nu, c->layout->nu), v, bk * CTS_MACROCELL,
+                   macrocell_end(bk, m->nk, c->layout->nk)};
+}
+
+static const uint16_t *voxel_of(const Copy *c, const Block *b)
+{
+    return c->volume->grey + (size_t)b->u0 * c->stride[0] + (size_t)b->v * c->stride[1] + (size_t)b->k0 * c->stride[2];
+}
+
+static uint16_t *place_of(const Copy *c, const Block *b)
+{
+    return c->layout->copy + (ptrdiff_t)b->k0 * c->layout->layer_stride + (ptrdiff_t)b->v * c->layout->row_stride +
+           b->u0;
+}
+
+/* Where the layers' axis is the one along which memory runs. */
+static bool is_square(const Copy *c, const Block *b)
+{
+    return c->stride[2] == 1 && b->u1 - b->u0 == CTS_MACROCELL && b->k1 - b->k0 == CTS_MACROCELL;
+}
+
+static void copy_block(const Copy *c, const Block *b)
+{
+    const uint16_t *in = voxel_of(c, b);
+    uint16_t *out = place_of(c, b);
+    for (int u = 0; u < b->u1 - b->u0; u++)
+        for (int k = 0; k < b->k1 - b->k0; k++)
+            out[(ptrdiff_t)k * c->layout->layer_stride + u] = in[(size_t)u * c->stride[0] + (size_t)k * c->stride[2]];
+}
+
+static bool is_wanted(const CtsLayoutCells *c, int bu, int bv, int bk)
+{
+    if (bu >= c->nu || bk >= c->nk)
+        return false;
+    const uint8_t distance = c->distance[((size_t)bk * (size_t)c->nv + (size_t)bv) * (size_t)c->nu + (size_t)bu];
+    return distance > c->above && distance <= c->reach;
+}
+
+/* A whole line goes past the cache, which need not read what is written over. SSE2 is part of every x86-64. */
+static void write_line(uint16_t *out, const uint16_t line[LINE])
+{
+#if defined(__SSE2__)
+    if ((uintptr_t)out % 16 == 0) {
+        for (int i = 0; i < LINE; i += 8)
+            _mm_stream_si128((void *)(out + i), _mm_loadu_si128((const void *)(line + i)));
+        return;
+    }
+#endif
+    memcpy(out, line, LINE * sizeof *line);
+}
+
+/* Other threads see what has gone past the cache. */
+static void end_lines(void)
+{
+#if defined(__SSE2__)
+    _mm_sfence();
+#endif
+}
+
+/* Row v of TOGETHER x TOGETHER macro-cells; returns how many of them were copied. */
+static int copy_together(const Copy *c, int first_bu, int v, int bv, int first_bk)
+{
+    uint16_t turned[CTS_MACROCELL][LINE];
     int n = 0;
-    for (int bu = 0; bu < macrocells->nu; bu++) {
-        if (distance[bu] <= macrocells->above || distance[bu] > macrocells->reach)
+    for (int bk = first_bk; bk < first_bk + TOGETHER; bk++) {
+        unsigned squares = 0;
+        Block b = {0};
+        for (int i = 0; i < TOGETHER; i++) {
+            if (!is_wanted(c->macrocells, first_bu + i, bv, bk))
+                continue;
+            b = block_of(c, first_bu + i, v, bk);
+            n++;
+            if (!is_square(c, &b)) {
+                copy_block(c, &b);
+                continue;
+            }
+            squares |= 1u << i;
+            cts_transpose_8(voxel_of(c, &b), c->stride[0], &turned[0][i * CTS_MACROCELL], LINE);
+        }
+        if (!squares)
             continue;
-        for (int v = bv * CTS_MACROCELL; v < macrocell_end(bv, macrocells->nv, l->nv); v++)
-            copy_row(l, c->volume, bu * CTS_MACROCELL, macrocell_end(bu, macrocells->nu, l->nu), v, bk * CTS_MACROCELL,
-                     macrocell_end(bk, macrocells->nk, l->nk));
-        n++;
+        b = block_of(c, first_bu, v, bk);
+        uint16_t *out = place_of(c, &b);
+        for (int k = 0; k < CTS_MACROCELL; k++, out += c->layout->layer_stride)
+            if (squares == (1 << TOGETHER) - 1)
+                write_line(out, turned[k]);
+            else
+                for (int i = 0; i < TOGETHER; i++)
+                    if (squares >> i & 1)
+                        memcpy(out + i * CTS_MACROCELL, &turned[k][i * CTS_MACROCELL], CTS_MACROCELL * sizeof *out);
     }
     return n;
 }
 
-static void copy_rows(void *context, int worker, size_t first, size_t end)
+static void copy_some(void *context, int worker, size_t first, size_t end)
 {
     Copy *const c = context;
+    const CtsLayoutCells *m = c->macrocells;
     (void)worker;
-    for (size_t row = first; row < end; row++)
-        atomic_fetch_add(&c->n, copy_macrocells(c, (int)row % c->macrocells->nv, (int)row / c->macrocells->nv));
+    for (size_t item = first; item < end; item++) {
+        const int bv = (int)item % m->nv, bk = (int)item / m->nv * TOGETHER;
+        int n = 0;
+        for (int v = bv * CTS_MACROCELL; v < macrocell_end(bv, m->nv, c->layout->nv); v++) {
+            n = 0;
+            for (int bu = 0; bu < m->nu; bu += TOGETHER)
+                n += copy_together(c, bu, v, bv, bk);
+        }
+        atomic_fetch_add(&c->n, n);
+    }
+    end_lines();
 }
 
 int64_t cts_layout_copy(const CtsLayout *l, const CtsVolume *volume, const CtsLayoutCells *macrocells, int n_threads)
 {
-    Copy copy = {.layout = l, .volume = volume, .macrocells = macrocells};
-    cts_parallel(n_threads, (size_t)macrocells->nk * (size_t)macrocells->nv, 1, copy_rows, &copy);
+    const size_t stride[3] = {1, (size_t)volume->dims[0], (size_t)volume->dims[0] * (size_t)volume->dims[1]};
+    Copy copy = {.layout = l,
+                 .volume = volume,
+                 .macrocells = macrocells,
+                 .stride = {stride[l->axis_u], stride[l->axis_v], stride[l->axis_k]}};
+    const size_t n_groups = ((size_t)macrocells->nk + TOGETHER - 1) / TOGETHER;
+    cts_parallel(n_threads, n_groups * (size_t)macrocells->nv, 1, copy_some, &copy);
     return atomic_load(&copy.n);
 }
 
