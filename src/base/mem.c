@@ -94,3 +94,8 @@ uint64_t cts_memory_available(void)
         fclose(file);
     return (uint64_t)kib * 1024;
 }
+
+int cts_memory_allows(double n_bytes, uint64_t free_bytes)
+{
+    return free_bytes == 0 || n_bytes <= 0.6 * (double)free_bytes;
+}

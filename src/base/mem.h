@@ -35,6 +35,9 @@ void cts_hide_from_children(void *block, size_t n_bytes, int hide);
 
 /* Bytes that could be had without swapping, 0 when the system does not tell. */
 uint64_t cts_memory_available(void);
+/* Whether a volume may take so many: 60 % of what is free (0: nobody knows), so that a batch does not drive its machine
+ * into swap. */
+int cts_memory_allows(double n_bytes, uint64_t free_bytes);
 
 /* *product = a * b; nonzero when it does not fit. */
 static inline int cts_mul_overflows(size_t a, size_t b, size_t *product)

@@ -147,7 +147,7 @@ void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n)
         if (have < end)
             cts_slice_fault(frames[k], CTS_ERR_PIXELS, "PixelData needs %llu bytes, and holds %llu",
                             (unsigned long long)need, (unsigned long long)have);
-        else if (n == 1 && have > need && have % frame == 0)
+        else if (n == 1 && have > need + 1 && have % frame == 0)
             cts_slice_fault(frames[k], CTS_ERR_PIXELS, "PixelData holds %llu frames, not one",
                             (unsigned long long)(have / frame));
         else if (have > need + 1) /* more than the byte that makes its length even */

@@ -357,13 +357,13 @@ static void tell_range(const CtsVolume *v, bool whole_numbers, CtsReport *report
                            "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
 }
 
-/* A volume may take 60 % of what is free, so that a batch does not drive its machine into swap. */
 static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
 {
-    const double need = (double)nx * ny * n_layers * sizeof(uint16_t), free_bytes = (double)cts_memory_available();
-    if (free_bytes > 0 && need > 0.6 * free_bytes)
+    const double need = (double)nx * ny * n_layers * sizeof(uint16_t);
+    const uint64_t free_bytes = cts_memory_available();
+    if (!cts_memory_allows(need, free_bytes))
         return cts_fail(err, CTS_ERR_MEMORY, "the volume needs %.0f MiB of memory, and this machine has %.0f MiB free",
-                        need / 1048576, free_bytes / 1048576);
+                        need / 1048576, (double)free_bytes / 1048576);
     return CTS_OK;
 }
 

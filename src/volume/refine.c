@@ -90,10 +90,11 @@ CtsStatus cts_volume_refine(CtsVolume *v, int n_parts, int n_threads, CtsError *
         return CTS_OK;
     if (n_layers > INT32_MAX || cts_mul_overflows(layer_voxels, (size_t)n_layers, &n))
         return cts_fail(err, CTS_ERR_MEMORY, "%d layers for each of %d slices are too many", n_parts, v->dims[2]);
-    const double need = (double)n * sizeof *grey, free_bytes = (double)cts_memory_available();
-    if (free_bytes > 0 && need > 0.6 * free_bytes)
+    const double need = (double)n * sizeof *grey;
+    const uint64_t free_bytes = cts_memory_available();
+    if (!cts_memory_allows(need, free_bytes))
         return cts_fail(err, CTS_ERR_MEMORY, "layers between the slices need %.0f MiB of memory, and %.0f MiB are free",
-                        need / 1048576, free_bytes / 1048576);
+                        need / 1048576, (double)free_bytes / 1048576);
     const CtsStatus st = cts_alloc_array(&grey, n, err);
     if (st)
         return st;

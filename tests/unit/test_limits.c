@@ -1,6 +1,10 @@
 #define _GNU_SOURCE
 /* Limits on what is read: at each of them, and one beyond. */
 #include "base/mem.h"
+#include "dicom/codec_check.h"
+#include "dicom/dcm_read.h"
+#include "dicom/file_bytes.h"
+#include "dicom/pixel_places.h"
 #include "dicom/scan.h"
 #include "dicom/series_judge.h"
 #include "dicom/tag_scan.h"
@@ -59,6 +63,16 @@ static void test_slices(void **state)
         assert_true(n <= 20000 || strstr(series[0].reason, "has 20001 slices, more than 20000"));
         clear(&series[0]);
     }
+}
+
+static void test_share(void **state)
+{
+    (void)state;
+    const uint64_t free_bytes = 1000 * (uint64_t)(1 << 30);
+    const double limit = 600.0 * (1 << 30);
+    assert_true(cts_memory_allows(limit, free_bytes));
+    assert_false(cts_memory_allows(limit + 1, free_bytes));
+    assert_true(cts_memory_allows(1e18, 0)); /* a system that does not tell */
 }
 
 /* More than there is: said by the headers, before a pixel is read (there are none). */
@@ -146,13 +160,208 @@ static void test_deflated(void **state)
     free(plain.data);
 }
 
+/* The header of one slice; why: of its fault, or "". */
+static CtsStatus read_header(Bytes bytes, char why[200])
+{
+    static char name[] = "IM";
+    const CtsFile source = {.path = name, .memory = bytes.data, .n_memory = bytes.n};
+    CtsScratch scratch = {0};
+    CtsObject object = {0};
+    CtsError err = {0};
+    uint64_t bytes_read = 0;
+    assert_int_equal(cts_slice_read_header(&source, &scratch, &object, &bytes_read, &err), CTS_FILE_DICOM);
+    assert_true(object.n_slices >= 1);
+    const CtsStatus st = object.slices[0]->fault;
+    snprintf(why, 200, "%s", st ? object.slices[0]->fault_text : "");
+    cts_object_free(&object);
+    cts_scratch_free(&scratch);
+    free(bytes.data);
+    return st;
+}
+
+/* Numbers of the header: within their bounds, at them, and one beyond. */
+static void test_numbers(void **state)
+{
+    (void)state;
+    static const struct {
+        int rows, columns, allocated, stored, high, samples;
+        const char *frames, *reason;
+    } cases[] = {
+        {1, 1, 16, 16, 15, 1, "1", NULL},
+        {0, 1, 16, 16, 15, 1, NULL, "Rows (0028,0010) is 0"},
+        {1, 0, 16, 16, 15, 1, NULL, "Columns (0028,0011) is 0"},
+        {4096, 1, 16, 16, 15, 1, NULL, NULL},
+        {4097, 1, 16, 16, 15, 1, NULL, "Rows (0028,0010) is 4097"},
+        {1, 4096, 16, 16, 15, 1, NULL, NULL},
+        {1, 4097, 16, 16, 15, 1, NULL, "Columns (0028,0011) is 4097"},
+        {1, 1, 17, 16, 15, 1, NULL, "BitsAllocated (0028,0100) is 17"},
+        {1, 1, 8, 8, 7, 1, NULL, NULL},
+        {1, 1, 7, 7, 6, 1, NULL, "BitsAllocated (0028,0100) is 7"},
+        {1, 1, 8, 9, 8, 1, NULL, "fit no CT pixel"},
+        {1, 1, 16, 1, 0, 1, NULL, NULL},
+        {1, 1, 16, 0, 0, 1, NULL, "BitsStored (0028,0101) is 0"},
+        {1, 1, 16, 17, 15, 1, NULL, "BitsStored (0028,0101) is 17"},
+        {1, 1, 16, 12, 10, 1, NULL, "fit no CT pixel"},
+        {1, 1, 16, 12, 15, 1, NULL, NULL},
+        {1, 1, 16, 12, 16, 1, NULL, "HighBit (0028,0102) is 16"},
+        {1, 1, 16, 16, 15, 2, NULL, "SamplesPerPixel (0028,0002) is not 1"},
+        {1, 1, 16, 16, 15, 1, "2", "NumberOfFrames (0028,0008) is not 1"},
+        {1, 1, 16, 16, 15, 1, "0", "NumberOfFrames (0028,0008) is not 1"},
+    };
+    for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
+        char why[200];
+        Slice s = sound_slice();
+        s.rows = cases[c].rows;
+        s.columns = cases[c].columns;
+        s.allocated = cases[c].allocated;
+        s.stored = cases[c].stored;
+        s.high = cases[c].high;
+        s.samples = cases[c].samples;
+        s.frames = cases[c].frames;
+        const CtsStatus st = read_header(slice_bytes(&s), why);
+        if (st != (cases[c].reason ? CTS_ERR_PIXELS : CTS_OK) || (st && !strstr(why, cases[c].reason)))
+            fail_msg("case %zu: %d %s", c, st, why);
+    }
+}
+
+/* An Enhanced CT object of 20000 frames, empty groups for each, and one more; its frames lack all else. */
+static void test_frames(void **state)
+{
+    (void)state;
+    for (int n = 20000; n <= 20001; n++) {
+        Bytes b = {0}, items = {0};
+        char count[16], why[200];
+        Slice s = sound_slice();
+        s.sop_class = "1.2.840.10008.5.1.4.1.1.2.1";
+        snprintf(count, sizeof count, "%d", n);
+        s.frames = count;
+        put_meta(&b, &s);
+        put_header(&b, &s);
+        for (int k = 0; k < n; k++) {
+            put_tag(&items, 0xFFFEE000);
+            put32(&items, 0);
+        }
+        put_element(&b, 0x52009230, "SQ", items.data, (uint32_t)items.n);
+        put_pixels(&b, &s);
+        free(items.data);
+        read_header(b, why);
+        assert_non_null(strstr(why, n <= 20000 ? "ImageOrientationPatient" : "not within 1 to 20000"));
+    }
+}
+
+/* The offset table and 2^20 fragments, and one more. */
+static void test_fragments(void **state)
+{
+    (void)state;
+    enum { LIMIT = 1 << 20, ITEM = 8 };
+    static const uint8_t item[ITEM] = {0xFE, 0xFF, 0, 0xE0}, end[ITEM] = {0xFE, 0xFF, 0xDD, 0xE0};
+    uint8_t *bytes = malloc((size_t)ITEM * (LIMIT + 3));
+    assert_non_null(bytes);
+    for (size_t n = LIMIT; n <= LIMIT + 1; n++) {
+        CtsSlice slice = {.pixel_offset = 0};
+        CtsSlice *frames[1] = {&slice};
+        CtsError err = {0};
+        for (size_t i = 0; i <= n; i++)
+            memcpy(bytes + ITEM * i, item, ITEM);
+        memcpy(bytes + ITEM * (n + 1), end, ITEM);
+        const CtsFileBytes file = cts_file_bytes_in_memory(bytes, ITEM * (n + 2));
+        assert_int_equal(cts_place_fragments(&file, frames, 1, &err), CTS_OK);
+        assert_int_equal(slice.fault, n <= LIMIT ? CTS_OK : CTS_ERR_PIXELS);
+        assert_true(n > LIMIT ? strstr(slice.fault_text, "a million fragments") != NULL
+                              : slice.pixel_bytes == ITEM * n);
+        cts_slice_clear(&slice);
+    }
+    free(bytes);
+}
+
+/* RLE: 64 bytes of header, rising offsets inside the stream. JPEG: size, components, precision; no FF 01. */
+static void test_streams(void **state)
+{
+    (void)state;
+    enum { RLE_BYTES = 64 + 8, COLUMNS = 4, ROWS = 1 };
+    static const struct {
+        uint32_t n_segments, first, second;
+        bool sound;
+    } rle[] = {{2, 64, 68, true},         {1, 64, 68, false},        {3, 64, 68, false}, {2, 63, 68, false},
+               {2, 64, 64, false},        {2, 64, 65, true},         {2, 68, 64, false}, {2, 64, RLE_BYTES - 1, true},
+               {2, 64, RLE_BYTES, false}, {2, 64, UINT32_MAX, false}};
+    CtsError err;
+    for (size_t c = 0; c < sizeof rle / sizeof *rle; c++) {
+        uint8_t stream[RLE_BYTES] = {0};
+        const uint32_t numbers[3] = {rle[c].n_segments, rle[c].first, rle[c].second};
+        for (size_t i = 0; i < sizeof numbers; i++)
+            stream[i] = (uint8_t)(numbers[i / 4] >> 8 * (i % 4));
+        CtsCodecFrame f = {COLUMNS, ROWS, 16, 1, 0};
+        if (cts_codec_check_rle(&f, stream, sizeof stream, &err) != (rle[c].sound ? CTS_OK : CTS_ERR_PIXELS))
+            fail_msg("RLE %zu", c);
+    }
+    CtsCodecFrame f = {COLUMNS, ROWS, 16, 1, 0};
+    const uint8_t none[64] = {2, 0, 0, 0, 64};
+    assert_int_equal(cts_codec_check_rle(&f, none, sizeof none - 1, &err), CTS_ERR_PIXELS);
+
+    static const struct {
+        int precision, rows, columns, components, marker, allocated;
+        bool sound;
+    } jpeg[] = {
+        {16, 1, 4, 1, 0xFE, 16, true},  {17, 1, 4, 1, 0xFE, 16, false}, {9, 1, 4, 1, 0xFE, 16, true},
+        {8, 1, 4, 1, 0xFE, 16, false},  {8, 1, 4, 1, 0xFE, 8, true},    {9, 1, 4, 1, 0xFE, 8, false},
+        {2, 1, 4, 1, 0xFE, 8, true},    {1, 1, 4, 1, 0xFE, 8, false},   {16, 0, 4, 1, 0xFE, 16, false},
+        {16, 2, 4, 1, 0xFE, 16, false}, {16, 1, 3, 1, 0xFE, 16, false}, {16, 1, 5, 1, 0xFE, 16, false},
+        {16, 1, 4, 2, 0xFE, 16, false}, {16, 1, 4, 0, 0xFE, 16, false}, {16, 1, 4, 1, 0x01, 16, false},
+        {16, 1, 4, 1, 0x02, 16, true},
+    };
+    for (size_t c = 0; c < sizeof jpeg / sizeof *jpeg; c++) {
+        /* Start, a segment of the marker, a lossless frame header. */
+        const uint8_t stream[] = {0xFF,
+                                  0xD8,
+                                  0xFF,
+                                  (uint8_t)jpeg[c].marker,
+                                  0,
+                                  2,
+                                  0xFF,
+                                  0xC3,
+                                  0,
+                                  11,
+                                  (uint8_t)jpeg[c].precision,
+                                  0,
+                                  (uint8_t)jpeg[c].rows,
+                                  0,
+                                  (uint8_t)jpeg[c].columns,
+                                  (uint8_t)jpeg[c].components,
+                                  1,
+                                  0x11,
+                                  0};
+        CtsCodecFrame frame = {COLUMNS, ROWS, jpeg[c].allocated, 1, 0};
+        if (cts_codec_check_jpeg(&frame, stream, sizeof stream, &err) != (jpeg[c].sound ? CTS_OK : CTS_ERR_PIXELS))
+            fail_msg("JPEG %zu: %s", c, err.text);
+        assert_true(!jpeg[c].sound || frame.precision == jpeg[c].precision);
+    }
+}
+
+/* Texts that are shown: 64 characters, whatever bytes each takes. */
+static void test_texts(void **state)
+{
+    (void)state;
+    assert_int_equal(cts_dcm_start(NULL), CTS_OK);
+    for (size_t n = 63; n <= 65; n++)
+        for (size_t wide = 1; wide <= 2; wide++) {
+            char text[200] = "";
+            for (size_t i = 0; i < n; i++)
+                strcat(text, wide == 1 ? "x" : "\xc3\xa4");
+            char *got = cts_dcm_utf8(text, "ISO_IR 192");
+            assert_int_equal(strlen(got), wide * (n < 64 ? n : 64));
+            assert_int_equal(strncmp(got, text, strlen(got)), 0);
+            free(got);
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_slices),
-        cmocka_unit_test(test_volume),
-        cmocka_unit_test(test_header),
-        cmocka_unit_test(test_deflated),
+        cmocka_unit_test(test_slices),   cmocka_unit_test(test_volume),    cmocka_unit_test(test_header),
+        cmocka_unit_test(test_deflated), cmocka_unit_test(test_share),     cmocka_unit_test(test_numbers),
+        cmocka_unit_test(test_frames),   cmocka_unit_test(test_fragments), cmocka_unit_test(test_streams),
+        cmocka_unit_test(test_texts),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
