@@ -44,7 +44,7 @@ CtsStatus cts_bench_run(const CtsBenchSettings *settings, CtsBenchRows *rows, Ct
     CtsBenchTruth truth;
     CtsBenchRow *plan = NULL;
     int n = 0;
-    *rows = (CtsBenchRows){.n = 0};
+    *rows = (CtsBenchRows){.peers = rows->peers};
     describe(settings, rows);
     if ((st = cts_bench_plan(&plan, &n, err)))
         return st;
@@ -67,6 +67,7 @@ CtsStatus cts_bench_run(const CtsBenchSettings *settings, CtsBenchRows *rows, Ct
 void cts_bench_free(CtsBenchRows *rows)
 {
     free(rows->rows);
+    cts_bench_peers_free(&rows->peers);
     *rows = (CtsBenchRows){.n = 0};
 }
 

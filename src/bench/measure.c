@@ -1,8 +1,10 @@
 /* One setting in a process of its own, so that its peak of memory is its own, and a crash costs one row. */
 #include "base/clock.h"
+#include "base/parallel.h"
 #include "bench/bench_parts.h"
 #include <errno.h>
 #include <fcntl.h>
+#include <math.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>
@@ -28,6 +30,13 @@ static int by_value(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
+}
+
+/* Sorts them. */
+static double median(double *values, int n)
+{
+    qsort(values, (size_t)n, sizeof *values, by_value);
+    return n % 2 ? values[n / 2] : 0.5 * (values[n / 2 - 1] + values[n / 2]);
 }
 
 static CtsStatus judge(Child *c, const CtsPicture *picture, const CtsReport *report)
@@ -57,7 +66,7 @@ static CtsStatus render_runs(Child *c)
 {
     CtsRenderSettings s = c->settings->render;
     CtsBenchRow *row = c->row;
-    double wall_ms[MOST_RUNS], spent_ms = 0;
+    double wall_ms[MOST_RUNS], serial_ms[MOST_RUNS], spent_ms = 0;
     CtsStatus st = CTS_OK;
     struct rusage usage;
     s.engine = row->engine;
@@ -72,9 +81,10 @@ static CtsStatus render_runs(Child *c)
             break;
         CtsPicture *picture = NULL;
         CtsReport report = {0};
-        const double start_ms = cts_wall_ms();
+        const double start_ms = cts_wall_ms(), parallel_ms = cts_parallel_ms();
         st = cts_render(c->settings->volume, c->settings->preset, &s, &picture, &report, &c->err);
         wall_ms[row->runs] = cts_wall_ms() - start_ms;
+        serial_ms[row->runs] = fmax(wall_ms[row->runs] - (cts_parallel_ms() - parallel_ms), 0);
         spent_ms += wall_ms[row->runs];
         if (!st && row->runs == 0) {
             getrusage(RUSAGE_SELF, &usage);
@@ -86,9 +96,8 @@ static CtsStatus render_runs(Child *c)
     }
     if (st)
         return st;
-    qsort(wall_ms, (size_t)row->runs, sizeof *wall_ms, by_value);
-    const int middle = row->runs / 2;
-    row->wall_ms = row->runs % 2 ? wall_ms[middle] : 0.5 * (wall_ms[middle - 1] + wall_ms[middle]);
+    row->wall_ms = median(wall_ms, row->runs);
+    row->serial_ms = median(serial_ms, row->runs);
     row->wall_ms_spread = wall_ms[row->runs - 1] - wall_ms[0];
     row->measured = true;
     return CTS_OK;

@@ -35,6 +35,7 @@ static void add_row(CtsTable *table, const CtsBenchRow *r)
     cts_table_cell(table, "%s", r->void_key ? "key" : "strict");
     cts_table_cell(table, "%.1f", r->wall_ms);
     cts_table_cell(table, "%.1f", r->wall_ms_spread);
+    cts_table_cell(table, "%.1f %%", 100 * r->serial_ms / r->wall_ms);
     cts_table_cell(table, "%.0f", (double)r->peak_rss_bytes / 1048576);
     cts_table_cell(table, "%.3g", r->own.rmse);
     cts_table_cell(table, "%.3g", r->trilinear.rmse);
@@ -49,10 +50,10 @@ static void add_row(CtsTable *table, const CtsBenchRow *r)
 
 static void print_table(const CtsBenchRows *rows)
 {
-    CtsTable *table =
-        cts_table_new((const char *const[]){"engine", "kernel", ">samples", ">tolerance", "void", ">ms", ">spread",
-                                            ">MiB", ">rmse", ">trilinear", ">told", ">psnr dB", ">splatted", ""},
-                      14);
+    CtsTable *table = cts_table_new((const char *const[]){"engine", "kernel", ">samples", ">tolerance", "void", ">ms",
+                                                          ">spread", ">serial", ">MiB", ">rmse", ">trilinear", ">told",
+                                                          ">psnr dB", ">splatted", ""},
+                                    15);
     const CtsBenchRow *some = NULL;
     for (int i = 0; i < rows->n; i++)
         if (rows->rows[i].measured) {
@@ -85,7 +86,8 @@ CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
     CtsPreset *preset = malloc(sizeof *preset);
     if (!preset)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if ((st = cts_preset_load(options->preset, preset, err)) || (st = make_folder(options, err)))
+    if ((st = cts_preset_load(options->preset, preset, err)) || (st = make_folder(options, err)) ||
+        (options->peers && (st = cts_bench_peers_read(options->peers, &rows.peers, err))))
         goto end;
     CliWatch seen = {0};
     const CtsWatch watch = cli_watch(&seen);

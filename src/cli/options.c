@@ -44,6 +44,15 @@ const CliOption cli_options[] = {
         .help = "write into this folder; it is made where it does not exist",
     },
     {
+        .name = "peers",
+        .argument = "FILE",
+        .commands = ON(CLI_BENCH),
+        .kind = CLI_TEXT,
+        .field = FIELD(peers),
+        .touches = CLI_TOUCHES_NOTHING,
+        .help = "other renderers' times and errors on this scene, a JSON object a line, for plot and page",
+    },
+    {
         .letter = 'p',
         .name = "preset",
         .argument = "NAME or FILE",

@@ -17,6 +17,7 @@ typedef struct CliOptions {
     int n_outputs;
     const CtsFormatInfo *format; /* of standard output; NULL when not given */
     const char *output_dir;      /* NULL when not given */
+    const char *peers;           /* bench: NULL when not given */
     bool help;
     double start_ms; /* when the run began */
 

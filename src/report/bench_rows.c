@@ -53,13 +53,13 @@ CtsStatus cts_bench_lines(const CtsBenchRows *rows, char **text, CtsError *err)
         const CtsBenchRow *r = &rows->rows[i];
         if (!r->measured)
             continue;
-        json_t *object =
-            json_pack("{s:s, s:s, s:i, s:f, s:f, s:s, s:f, s:f, s:I, s:f, s:f, s:o, s:o}", "engine",
-                      cts_engine_names[r->engine], "kernel", cts_kernel_names[r->kernel], "samples", r->samples,
-                      "max_error", r->max_error, "tolerance", r->tolerance_hu, "void", r->void_key ? "key" : "strict",
-                      "wall_ms", r->wall_ms, "wall_ms_spread", r->wall_ms_spread, "peak_rss_bytes",
-                      (json_int_t)r->peak_rss_bytes, "rmse", r->own.rmse, "rmse_trilinear", r->trilinear.rmse,
-                      "psnr_db", psnr(r->own.rmse), "bound", r->bound.known ? json_real(r->bound.rmse) : json_null());
+        json_t *object = json_pack(
+            "{s:s, s:s, s:i, s:f, s:f, s:s, s:f, s:f, s:f, s:I, s:f, s:f, s:o, s:o}", "engine",
+            cts_engine_names[r->engine], "kernel", cts_kernel_names[r->kernel], "samples", r->samples, "max_error",
+            r->max_error, "tolerance", r->tolerance_hu, "void", r->void_key ? "key" : "strict", "wall_ms", r->wall_ms,
+            "wall_ms_spread", r->wall_ms_spread, "serial_ms", r->serial_ms, "peak_rss_bytes",
+            (json_int_t)r->peak_rss_bytes, "rmse", r->own.rmse, "rmse_trilinear", r->trilinear.rmse, "psnr_db",
+            psnr(r->own.rmse), "bound", r->bound.known ? json_real(r->bound.rmse) : json_null());
         char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(9)) : NULL;
         good = line && fprintf(f, "%s\n", line) > 0;
         json_decref(object);
@@ -176,12 +176,61 @@ static void plot_range(const CtsBenchRow *const *list, int n, double *least, dou
     *least = isinf(*least) ? 1e-9 : *least / 3;
 }
 
-static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
+/* The first of a peer's points stands for it in the key. */
+static bool is_first(const CtsBenchPeers *peers, int i)
+{
+    for (int k = 0; k < i; k++)
+        if (!strcmp(peers->peers[k].name, peers->peers[i].name))
+            return false;
+    return true;
+}
+
+/* The points of each peer, in shapes of their own. */
+static void plot_peers(FILE *f, const CtsBenchPeers *peers)
+{
+    for (int i = 0; i < peers->n; i++) {
+        if (!is_first(peers, i))
+            continue;
+        fprintf(f, "$peer%d << END\n", i);
+        for (int k = i; k < peers->n; k++)
+            if (!strcmp(peers->peers[k].name, peers->peers[i].name))
+                fprintf(f, "%.6g %.6g \"%s\"\n", peers->peers[k].wall_ms, peers->peers[k].rmse,
+                        peers->peers[k].setting);
+        fputs("END\n", f);
+    }
+}
+
+static void draw_peers(FILE *f, const CtsBenchPeers *peers)
+{
+    static const int shapes[] = {4, 8, 10, 12, 14, 1, 3};
+    enum { N_SHAPES = sizeof shapes / sizeof *shapes };
+    int n = 0;
+    for (int i = 0; i < peers->n; i++)
+        if (is_first(peers, i))
+            fprintf(f,
+                    ", $peer%d using 1:2 with points pt %d ps 1.1 lw 1.5 lc rgb '#8a6d00' title '%s',"
+                    " $peer%d using 1:2:3 with labels left offset 0.8,-0.4 font ',8' textcolor rgb '#8a6d00' notitle",
+                    i, shapes[n++ % N_SHAPES], peers->peers[i].name, i);
+}
+
+/* The axes hold the peers too. */
+static void widen_for_peers(const CtsBenchPeers *peers, double *least, double *most, double *first, double *last)
+{
+    for (int i = 0; i < peers->n; i++) {
+        *least = fmin(*least, peers->peers[i].rmse / 1.5);
+        *most = fmax(*most, peers->peers[i].rmse);
+        *first = fmin(*first, peers->peers[i].wall_ms / 2);
+        *last = fmax(*last, peers->peers[i].wall_ms * 2);
+    }
+}
+
+static void write_script(FILE *f, const CtsBenchRow *const *list, int n, const CtsBenchPeers *peers)
 {
     static const char *const colour[CTS_N_ENGINES] = {"#7a3db8", "#1a8f6c", "#2f7fc1", "#c25a00", "#b3123f", "#333333"};
-    double least, most;
+    double least, most, first = n ? list[0]->wall_ms / 2 : 1, last = n ? list[n - 1]->wall_ms * 2 : 10;
     const char *plot = "plot";
     plot_range(list, n, &least, &most);
+    widen_for_peers(peers, &least, &most, &first, &last);
     fprintf(f,
             "set terminal svg noenhanced size 1000,640 font 'sans,12' background 'white'\n"
             "set logscale xy\nset format x '%%g'\nset format y '%%.0e'\nset grid\nset yrange [%g:%g]\n"
@@ -190,12 +239,12 @@ static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
             "set key outside right top\nset xrange [%g:%g]\n"
             "set arrow from graph 0,first %g to graph 1,first %g nohead dt 3 lc rgb '#999999'\n"
             "set label '1/255' at graph 0.005,first %g offset 0,0.5 font ',9' textcolor rgb '#777777'\n",
-            least * 0.7, most * 1.5, n ? list[0]->wall_ms / 2 : 1, n ? list[n - 1]->wall_ms * 2 : 10, 1 / 255.0,
-            1 / 255.0, 1 / 255.0);
+            least * 0.7, most * 1.5, first, last, 1 / 255.0, 1 / 255.0, 1 / 255.0);
     for (int e = 0; e < CTS_N_ENGINES; e++)
         plot_engine(f, list, n, e, least);
     plot_front(f, list, n, least);
     const bool told = plot_bounds(f, list, n);
+    plot_peers(f, peers);
     for (int e = 0; e < CTS_N_ENGINES; e++) {
         bool any = false;
         for (int i = 0; i < n; i++)
@@ -211,6 +260,8 @@ static void write_script(FILE *f, const CtsBenchRow *const *list, int n)
     if (told)
         fputs(", $bounds using 1:2 with points pt 2 ps 0.7 lc rgb '#b3123f' title 'the error told, at most'", f);
     if (n)
+        draw_peers(f, peers);
+    if (n)
         fprintf(f,
                 "%s $front using 1:2 with linespoints pt 6 ps 1.7 lw 2.5 dt 2 lc rgb '#000000' title 'Pareto front',"
                 " NaN with points pt 6 ps 0.6 lc rgb '#777777' title 'its engine does better'\n",
@@ -224,7 +275,7 @@ CtsStatus cts_bench_plot_script(const CtsBenchRows *rows, char **script, CtsErro
     const CtsBenchRow **list = sorted(rows, &n);
     FILE *f = open_memstream(script, &size);
     if (list && f)
-        write_script(f, list, n);
+        write_script(f, list, n, &rows->peers);
     const bool good = f && fclose(f) == 0 && list;
     free(list);
     if (good)
@@ -241,13 +292,14 @@ static void write_row(FILE *f, const CtsBenchRow *r, CtsStatus *st, CtsError *er
     cts_bench_samples_text(r, samples);
     cts_bench_bound_text(r, bound);
     fprintf(f,
-            "<tr%s><td>%s</td><td>%s</td><td>%s</td><td>%g</td><td>%s</td><td>%.1f</td><td>%.1f</td><td>%.0f</td>"
+            "<tr%s><td>%s</td><td>%s</td><td>%s</td><td>%g</td><td>%s</td><td>%.1f</td><td>%.1f</td><td>%.1f "
+            "%%</td><td>%.0f</td>"
             "<td>%.3g<br><small>%.2g to %.2g</small></td><td>%.3g<br><small>%.2g to "
             "%.2g</small></td><td>%s</td><td>%.1f</td>",
             r->pareto ? " class=front" : "", cts_engine_names[r->engine], cts_kernel_names[r->kernel], samples,
             r->tolerance_hu, r->void_key ? "key" : "strict", r->wall_ms, r->wall_ms_spread,
-            (double)r->peak_rss_bytes / 1048576, r->own.rmse, r->own.rmse_low, r->own.rmse_high, r->trilinear.rmse,
-            r->trilinear.rmse_low, r->trilinear.rmse_high, bound,
+            100 * r->serial_ms / r->wall_ms, (double)r->peak_rss_bytes / 1048576, r->own.rmse, r->own.rmse_low,
+            r->own.rmse_high, r->trilinear.rmse, r->trilinear.rmse_low, r->trilinear.rmse_high, bound,
             r->own.rmse > 0 ? -20 * log10(r->own.rmse) : INFINITY);
     if (r->voxels.known)
         fprintf(f, "<td>%.1f %%</td>", 100 * (double)r->voxels.splatted / (double)r->voxels.total);
@@ -285,7 +337,8 @@ static void write_head(FILE *f, const CtsBenchRows *rows, const char *svg)
     }
     fprintf(f,
             "<p>Times are medians of several renders in a process of their own, the spread is the largest less the "
-            "smallest; memory is that process's peak, the volume included. Errors are over red, green and blue as "
+            "smallest; <i>serial</i> is the share of the time in which one thread at most could work; memory is that "
+            "process's peak, the volume included. Errors are over red, green and blue as "
             "display values 0..1, at %llu random pixels (%llu for the trilinear integral), with 95 %% intervals: "
             "<i>own</i> against the converged float64 integral of the same kernel (PSNR goes with it), "
             "<i>trilinear</i> against that of the trilinear field; <i>told</i> is the bound of the latter that the "
@@ -293,6 +346,24 @@ static void write_head(FILE *f, const CtsBenchRows *rows, const char *svg)
             "Difference pictures are against the trilinear integral, %g times too large.</p>\n",
             (unsigned long long)(some ? some->own.pixels : 0), (unsigned long long)(some ? some->trilinear.pixels : 0),
             rows->amplified);
+}
+
+static void write_peers(FILE *f, const CtsBenchPeers *peers)
+{
+    if (!peers->n)
+        return;
+    fputs("<h2>Other renderers</h2><p>Measured elsewhere, as they were given.</p>\n"
+          "<table><tr><th>peer<th>setting<th>wall, ms<th>rmse, trilinear<th>PSNR, dB</tr>\n",
+          f);
+    for (int i = 0; i < peers->n; i++) {
+        const CtsBenchPeer *p = &peers->peers[i];
+        fputs("<tr class=peer><td>", f);
+        cts_page_text(f, p->name);
+        fputs("</td><td>", f);
+        cts_page_text(f, p->setting);
+        fprintf(f, "</td><td>%.1f</td><td>%.3g</td><td>%.1f</td></tr>\n", p->wall_ms, p->rmse, -20 * log10(p->rmse));
+    }
+    fputs("</table>\n", f);
 }
 
 CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html, CtsError *err)
@@ -307,12 +378,14 @@ CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html,
         goto end;
     }
     write_head(f, rows, svg);
-    fputs("<table><tr><th>engine<th>kernel<th>samples<th>tolerance, HU<th>void<th>wall, ms<th>spread, ms<th>peak, MiB"
+    fputs("<table><tr><th>engine<th>kernel<th>samples<th>tolerance, HU<th>void<th>wall, ms<th>spread, "
+          "ms<th>serial<th>peak, MiB"
           "<th>rmse, own<th>rmse, trilinear<th>told<th>PSNR, dB<th>voxels splatted<th>picture<th>difference</tr>\n",
           f);
     for (int i = 0; i < n && !st; i++)
         write_row(f, list[i], &st, err);
     fputs("</table>\n", f);
+    write_peers(f, &rows->peers);
     bool titled = false;
     for (int i = 0; i < rows->n; i++) {
         const CtsBenchRow *r = &rows->rows[i];

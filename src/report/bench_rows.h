@@ -5,6 +5,7 @@
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
+#include "report/bench_peers.h"
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -28,6 +29,7 @@ typedef struct CtsBenchRow {
     char why[1024];
     int runs;
     double wall_ms, wall_ms_spread; /* median; largest less smallest */
+    double serial_ms;               /* of it, median: when one thread at most could work */
     uint64_t peak_rss_bytes;        /* of a process of its own, the volume included */
     CtsVerified own, trilinear;     /* against the converged integral of the same kernel, and of the trilinear field */
     CtsErrorBound bound;            /* of the picture's error against the trilinear integral, as it was told */
@@ -39,7 +41,8 @@ typedef struct CtsBenchRow {
 typedef struct CtsBenchRows {
     CtsBenchRow *rows;
     int n;
-    bool complete; /* false: interrupted */
+    bool complete;       /* false: interrupted */
+    CtsBenchPeers peers; /* what else the plot and the page show */
     /* What was measured, for the pages; no patient data. */
     char scene[256];
     int width, height, n_threads;
