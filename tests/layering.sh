@@ -11,7 +11,7 @@ set -eu
 
 table='
 include/ctsplat | ctsplat/ |
-src/base     | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h | openssl/ jansson.h
+src/base     | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h | openssl/ jansson.h dlfcn.h link.h
 src/dicom    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h openjpeg.h openjph/ seccomp.h malloc.h zip.h
 src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/slice_stack.h dicom/stored.h | immintrin.h emmintrin.h
 src/table    | ctsplat/status.h ctsplat/report.h ctsplat/table.h ctsplat/volume.h volume/ |
@@ -23,7 +23,7 @@ src/raycast  | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/volume
 src/render   | ctsplat/status.h ctsplat/mixture.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h ctsplat/reference.h volume/ transfer/ scene/ raycast/ |
 src/image    | ctsplat/status.h ctsplat/bounds.h ctsplat/annotate.h ctsplat/picture.h ctsplat/preset.h |
 src/export   | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/picture.h ctsplat/export.h ctsplat/series.h ctsplat/state.h ctsplat/preset.h image/ dicom/dcm_sc.h dicom/dcm_state.h | png.h openexr.h zlib.h
-src/net      | ctsplat/status.h ctsplat/report.h ctsplat/net.h dicom/dcm_ids.h dicom/dcm_read.h | curl/ jansson.h dlfcn.h link.h
+src/net      | ctsplat/status.h ctsplat/report.h ctsplat/net.h dicom/dcm_ids.h dicom/dcm_read.h | curl/ jansson.h
 src/report   | ctsplat/ | jansson.h png.h
 src/job      | ctsplat/ report/ |
 src/check    | ctsplat/ report/ |

@@ -242,6 +242,8 @@ CtsStatus cts_decoder_room(CtsDecoder *d, const CtsFrameFormat *format, size_t n
         d->next_slot = 0;
     }
     *stream = (uint8_t *)d->shared + (size_t)d->next_slot * slot_bytes(d);
+    if (!d->pid && format->syntax && format->syntax->codec == CTS_CODEC_HTJ2K)
+        cts_htj2k_prepare();
     return d->pid ? CTS_OK : start_child(d, err);
 }
 

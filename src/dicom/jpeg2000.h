@@ -3,6 +3,7 @@
 #define CTS_DICOM_JPEG2000_H
 
 #include "dicom/codec.h"
+#include "dicom/htj2k.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -24,6 +25,10 @@ typedef struct CtsJpeg2000Samples {
 /* pixels: where the component's first sample goes. */
 CtsStatus cts_jpeg2000_take_samples(const CtsFrameFormat *format, const CtsJpeg2000Samples *samples, void *pixels,
                                     CtsError *err);
+
+/* cts_htj2k_decode() by this library; NULL: by OpenJPEG alone, which also reads, or refuses, what OpenJPH cannot. */
+CtsStatus cts_htj2k_decode_by(cts_htj2k_fn run, const CtsFrameFormat *format, const uint8_t *stream, size_t n,
+                              void *pixels, CtsError *err);
 
 #ifdef __cplusplus
 }

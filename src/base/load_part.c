@@ -1,0 +1,56 @@
+#define _GNU_SOURCE
+#include "base/load_part.h"
+
+#include <dlfcn.h>
+#include <errno.h>
+#include <limits.h>
+#include <link.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static const char *const PLACES[] = {"", "ctsplat/", "../" CTS_LIBDIR "/ctsplat/"};
+enum { N_PLACES = sizeof PLACES / sizeof *PLACES };
+
+/* The folder of the program, or of the shared library, with a slash behind it. */
+static bool find_folder(char folder[PATH_MAX])
+{
+    Dl_info info;
+    struct link_map *here;
+    if (!dladdr1(PLACES, &info, (void **)&here, RTLD_DL_LINKMAP) ||
+        !realpath(*here->l_name ? here->l_name : "/proc/self/exe", folder))
+        return false;
+    strrchr(folder, '/')[1] = 0;
+    return true;
+}
+
+static CtsStatus open_part(const char *file, void **part, CtsError *err)
+{
+    char folder[PATH_MAX];
+    *part = NULL;
+    if (!find_folder(folder))
+        return cts_fail(err, CTS_ERR_INTERNAL, "%s: where it should be is not known: %s", file, strerror(errno));
+    for (int i = 0; i < N_PLACES; i++) {
+        char *path;
+        if (asprintf(&path, "%s%s%s", folder, PLACES[i], file) < 0)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        const bool exists = !access(path, F_OK);
+        *part = exists ? dlopen(path, RTLD_NOW | RTLD_LOCAL) : NULL;
+        free(path);
+        if (exists)
+            return *part ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "%s cannot be loaded: %s", file, dlerror());
+    }
+    return cts_fail(err, CTS_ERR_INTERNAL, "%s is not where it was installed", file);
+}
+
+CtsStatus cts_part_load(const char *file, const char *name, void **symbol, CtsError *err)
+{
+    void *part;
+    const CtsStatus st = open_part(file, &part, err);
+    if (st)
+        return st;
+    *symbol = dlsym(part, name);
+    return *symbol ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "%s is of another program (install it anew)", file);
+}
