@@ -89,7 +89,7 @@ static CtsStatus inflate_head(Head *h, const Framing *f, size_t want, size_t *go
         return st;
     memcpy(got, head, sizeof *got);
     *got = *got < want ? *got : want;
-    if (!(st = cts_bytes_reserve(&s->inflated, &s->inflated_capacity, *got, err)))
+    if (!(st = cts_bytes_reserve(&s->inflated, &s->inflated_capacity, *got, err)) && *got)
         memcpy(s->inflated, (const uint8_t *)head + sizeof *got, *got);
     return st;
 }

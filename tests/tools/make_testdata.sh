@@ -100,6 +100,12 @@ for syntax in implicit explicit big deflated rle jpeg-lossless jpeg-ls jpeg-2000
     $raw2ct --size 6,5,2 --spacing 30,40,60 --syntax $syntax --description tiny "$work/tiny.raw" "$work/$syntax"
     cp "$work/$syntax/IM0001.dcm" "$fuzz/slice/$syntax"
 done
+# a deflated data set of no bytes
+meta=$(od -An -t u4 -j 140 -N 4 "$fuzz/slice/deflated" | tr -d ' ')
+{
+    head -c "$((144 + meta))" "$fuzz/slice/deflated"
+    printf '\003\000'
+} >"$fuzz/slice/deflated-nothing"
 for syntax in implicit explicit big; do
     cp "$fuzz/slice/$syntax" "$fuzz/scan/$syntax"
 done
