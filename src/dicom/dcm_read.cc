@@ -113,11 +113,12 @@ class ScannedAttributes final : public CtsAttributes
     }
     const CtsTagValue *find(const DcmTagKey &tag) const
     {
+        /* In order, for a plain header repeats nothing. */
         const uint32_t wanted = static_cast<uint32_t>(tag.getGroup()) << 16 | tag.getElement();
-        for (int i = 0; i < scan.n_values; i++)
-            if (scan.values[i].tag == wanted)
-                return &scan.values[i];
-        return nullptr;
+        const CtsTagValue *const end = scan.values + scan.n_values;
+        const CtsTagValue *const found = std::lower_bound(
+            scan.values, end, wanted, [](const CtsTagValue &value, uint32_t key) { return value.tag < key; });
+        return found != end && found->tag == wanted ? found : nullptr;
     }
 
     const uint8_t *bytes;

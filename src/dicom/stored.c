@@ -1,6 +1,10 @@
 #include "dicom/stored.h"
 
-CtsStoredRange cts_stored_range(const uint16_t *words, size_t n, const CtsStored *stored)
+#include "base/cpu.h"
+
+/* Integers alone, so that every compilation of it gives the same numbers. */
+static inline __attribute__((always_inline)) CtsStoredRange range_of(const uint16_t *words, size_t n,
+                                                                     const CtsStored *stored)
 {
     const CtsStored s = *stored;
     const int32_t sign = s.is_signed ? 1 << (s.bits - 1) : 0, mask = (int32_t)((1u << s.bits) - 1);
@@ -15,6 +19,23 @@ CtsStoredRange cts_stored_range(const uint16_t *words, size_t n, const CtsStored
         high = for_high > high ? for_high : high;
     }
     return (CtsStoredRange){low, high};
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static CtsStoredRange range_avx2(const uint16_t *words, size_t n,
+                                                                 const CtsStored *stored)
+{
+    return range_of(words, n, stored);
+}
+#endif
+
+CtsStoredRange cts_stored_range(const uint16_t *words, size_t n, const CtsStored *stored)
+{
+#if defined(__x86_64__)
+    if (cts_cpu_flags() & CTS_CPU_AVX2)
+        return range_avx2(words, n, stored);
+#endif
+    return range_of(words, n, stored);
 }
 
 CtsStoredRange cts_stored_range_join(CtsStoredRange a, CtsStoredRange b)

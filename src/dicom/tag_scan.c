@@ -26,17 +26,50 @@ static uint32_t read_tag(const uint8_t *p, bool big)
  * for one of the future, which are all long; anything else for a broken writer that uses the short form. */
 static bool long_vr(const uint8_t vr[2], bool *known)
 {
-    static const char short_vrs[] = "AEASATCSDADSDTFDFLISLOLTPNSHSLSSSTTMUIULUS";
-    static const char long_vrs[] = "OBODOFOLOVOWSQSVUCUNURUTUV";
+#define VR(a, b) (a) << 8 | (b)
     *known = true;
-    for (size_t i = 0; i + 1 < sizeof short_vrs; i += 2)
-        if (memcmp(short_vrs + i, vr, 2) == 0)
-            return false;
-    for (size_t i = 0; i + 1 < sizeof long_vrs; i += 2)
-        if (memcmp(long_vrs + i, vr, 2) == 0)
-            return true;
-    *known = false;
-    return vr[0] >= 'A' && vr[0] <= 'Z' && vr[1] >= 'A' && vr[1] <= 'Z';
+    switch (VR(vr[0], vr[1])) {
+    case VR('A', 'E'):
+    case VR('A', 'S'):
+    case VR('A', 'T'):
+    case VR('C', 'S'):
+    case VR('D', 'A'):
+    case VR('D', 'S'):
+    case VR('D', 'T'):
+    case VR('F', 'D'):
+    case VR('F', 'L'):
+    case VR('I', 'S'):
+    case VR('L', 'O'):
+    case VR('L', 'T'):
+    case VR('P', 'N'):
+    case VR('S', 'H'):
+    case VR('S', 'L'):
+    case VR('S', 'S'):
+    case VR('S', 'T'):
+    case VR('T', 'M'):
+    case VR('U', 'I'):
+    case VR('U', 'L'):
+    case VR('U', 'S'):
+        return false;
+    case VR('O', 'B'):
+    case VR('O', 'D'):
+    case VR('O', 'F'):
+    case VR('O', 'L'):
+    case VR('O', 'V'):
+    case VR('O', 'W'):
+    case VR('S', 'Q'):
+    case VR('S', 'V'):
+    case VR('U', 'C'):
+    case VR('U', 'N'):
+    case VR('U', 'R'):
+    case VR('U', 'T'):
+    case VR('U', 'V'):
+        return true;
+    default:
+        *known = false;
+        return vr[0] >= 'A' && vr[0] <= 'Z' && vr[1] >= 'A' && vr[1] <= 'Z';
+    }
+#undef VR
 }
 
 static bool known_vr(const uint8_t vr[2])
@@ -175,6 +208,7 @@ typedef struct Walk {
     int maybe_height;
     uint64_t maybe_end;
     size_t start;
+    int next_tag; /* of header_tags, the first that is not below the last element's */
     CtsDataScan *scan;
 } Walk;
 
@@ -245,10 +279,12 @@ static const CtsTagValue *find_value(const CtsDataScan *scan, uint32_t tag)
 /* Keep the place of a header's value; it has to be there, for a second one to be compared with it. */
 static CtsScanResult note_value(Walk *w, const Element *e)
 {
-    int at = 0;
-    while (at < CTS_N_HEADER_TAGS && header_tags[at].tag != e->tag)
-        at++;
-    if (at == CTS_N_HEADER_TAGS || !e->tag)
+    while (w->next_tag > 0 && header_tags[w->next_tag - 1].tag >= e->tag)
+        w->next_tag--;
+    while (w->next_tag < CTS_N_HEADER_TAGS && header_tags[w->next_tag].tag < e->tag)
+        w->next_tag++;
+    const int at = w->next_tag;
+    if (at == CTS_N_HEADER_TAGS || header_tags[at].tag != e->tag)
         return CTS_SCAN_DONE;
     CtsDataScan *scan = w->scan;
     const bool no_value = e->length == UINT32_MAX;

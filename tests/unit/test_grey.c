@@ -40,6 +40,10 @@ static void check_one(const CtsStored *s, int32_t slope, int32_t offset, size_t 
             low = value < low ? value : low;
             high = value > high ? value : high;
         }
+        cts_cpu_set_mask(masks[m]);
+        const CtsStoredRange alone = cts_stored_range(plain + EDGE, n, s);
+        cts_cpu_set_mask(~0u);
+        assert_true(alone.low == low && alone.high == high);
         const CtsStoredRange a = cts_grey_whole_plain(plain + EDGE, n, s, slope, offset);
         const CtsStoredRange b = cts_grey_whole(masks[m])(fast + EDGE, n, s, slope, offset);
         assert_memory_equal(plain + EDGE, wanted, n * 2);
