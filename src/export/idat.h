@@ -18,18 +18,26 @@ typedef struct CtsIdat {
 
 /* One strip: what goes into one IDAT chunk. */
 typedef struct CtsIdatStrip {
-    uint8_t *bytes; /* free with cts_free() */
+    uint8_t *bytes; /* the caller's, cts_idat_bound() of them */
     size_t n_bytes;
+    uint32_t crc;   /* of the chunk's name and these bytes */
     uint32_t adler; /* of the strip's filtered rows, and how many bytes these are */
     size_t n_filtered;
 } CtsIdatStrip;
 
 CtsIdat cts_idat_plan(int width, int height, int n_samples);
 
+/* What one thread packs strips with, one after the other. */
+typedef struct CtsIdatPacker CtsIdatPacker;
+CtsStatus cts_idat_packer_new(CtsIdatPacker **packer, const CtsIdat *idat, CtsError *err);
+void cts_idat_packer_free(CtsIdatPacker **packer);
+/* What a strip takes at most. */
+size_t cts_idat_bound(CtsIdatPacker *packer);
+
 /* rows: the strip's rows, samples big-endian, with the row above the first right before them (zeros above the picture's
  * first row). The first strip begins with the zlib header; the last one lacks the stream's check value, which
- * cts_idat_checksum() makes when all strips are there. Thread-safe. */
-CtsStatus cts_idat_strip(const CtsIdat *idat, int index, const uint8_t *rows, CtsIdatStrip *strip, CtsError *err);
+ * cts_idat_checksum() makes when all strips are there. */
+CtsStatus cts_idat_strip(CtsIdatPacker *packer, int index, const uint8_t *rows, CtsIdatStrip *strip, CtsError *err);
 
 /* Carry the check value over one more strip; begin with 1. */
 uint32_t cts_idat_checksum(uint32_t adler, const CtsIdatStrip *strip);

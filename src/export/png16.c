@@ -12,9 +12,17 @@
 #include <png.h>
 #include <stdlib.h>
 #include <string.h>
+#include <zlib.h>
 
-/* Strips that are compressed side by side, and so how much waits: 16 MiB. */
-enum { BATCH = 64 };
+/* Strips of a thread that are compressed before any is written: few, so that their memory is used again and writing
+ * begins early. */
+enum { STRIPS_EACH = 4, MOST_STRIPS = 64 };
+
+/* One thread's. */
+typedef struct Packer {
+    CtsIdatPacker *idat;
+    uint8_t *rows; /* a strip's, with the row above */
+} Packer;
 
 /* Where libpng's callbacks find what belongs to this file. */
 typedef struct PngWriter {
@@ -24,8 +32,12 @@ typedef struct PngWriter {
     CtsError *err; /* of the call under way */
     CtsStatus status;
     CtsIdat idat;
-    uint8_t *rows; /* the last row written, then the rows that wait, samples big-endian */
-    int n_waiting, capacity;
+    int n_threads, n_batch;
+    Packer *packers;
+    uint8_t *bytes; /* of the strips of a batch */
+    size_t strip_bound;
+    uint8_t *rows; /* the last row written, then the rows that wait for a strip to be whole, samples big-endian */
+    int n_waiting;
     int next_strip;
     uint32_t adler; /* of the strips written */
 } PngWriter;
@@ -110,25 +122,29 @@ static void put_header(png_structp png, png_infop info, const PngWriter *w)
     put_texts(png, info, &head->info);
 }
 
-/* Serial on purpose: libpng leaves by longjmp, which must not cross a parallel region. */
-static void write_strips(PngWriter *w, const CtsIdatStrip *strips, int n)
+/* IDAT chunks past libpng, which would take their check sums one after the other. */
+static CtsStatus write_strips(PngWriter *w, const CtsIdatStrip *strips, int n)
 {
-    for (int i = 0; i < n; i++) {
+    CtsStatus st = CTS_OK;
+    for (int i = 0; i < n && !st; i++) {
         const bool last = w->next_strip == w->idat.n_strips - 1;
+        png_byte head[8], check[4], crc[4];
         w->adler = cts_idat_checksum(w->adler, &strips[i]);
-        png_write_chunk_start(w->png, (png_const_bytep) "IDAT", (png_uint_32)(strips[i].n_bytes + (last ? 4 : 0)));
-        png_write_chunk_data(w->png, strips[i].bytes, strips[i].n_bytes);
-        if (last) {
-            png_byte check[4];
-            png_save_uint_32(check, w->adler);
-            png_write_chunk_data(w->png, check, sizeof check);
-        }
-        png_write_chunk_end(w->png);
+        png_save_uint_32(check, w->adler);
+        png_save_uint_32(crc, last ? (uint32_t)crc32(strips[i].crc, check, sizeof check) : strips[i].crc);
+        png_save_uint_32(head, (png_uint_32)(strips[i].n_bytes + (last ? sizeof check : 0)));
+        memcpy(head + 4, "IDAT", 4);
+        if ((st = cts_temp_write(w->job->temp, head, sizeof head, w->err)) ||
+            (st = cts_temp_write(w->job->temp, strips[i].bytes, strips[i].n_bytes, w->err)) ||
+            (last && (st = cts_temp_write(w->job->temp, check, sizeof check, w->err))))
+            break;
+        st = cts_temp_write(w->job->temp, crc, sizeof crc, w->err);
         w->next_strip++;
     }
+    return st;
 }
 
-/* The three steps that talk to libpng; kept apart so that nothing local changes between setjmp and a longjmp back. */
+/* The two steps that talk to libpng; kept apart so that nothing local changes between setjmp and a longjmp back. */
 static CtsStatus write_start(PngWriter *w)
 {
     if (setjmp(png_jmpbuf(w->png)))
@@ -140,14 +156,6 @@ static CtsStatus write_start(PngWriter *w)
     return CTS_OK;
 }
 
-static CtsStatus write_batch(PngWriter *w, const CtsIdatStrip *strips, int n)
-{
-    if (setjmp(png_jmpbuf(w->png)))
-        return w->status;
-    write_strips(w, strips, n);
-    return CTS_OK;
-}
-
 static CtsStatus write_finish(PngWriter *w)
 {
     if (setjmp(png_jmpbuf(w->png)))
@@ -156,72 +164,105 @@ static CtsStatus write_finish(PngWriter *w)
     return CTS_OK;
 }
 
+/* Rows that wait, then those of a band (NULL: none), counted on from the first that waits. */
 typedef struct Packing {
     const PngWriter *writer;
+    const CtsPicture *band;
+    int first_strip; /* of the batch, counted from the first row that waits */
     CtsIdatStrip *strips;
     CtsError *errors;
     CtsStatus *found;
 } Packing;
 
+static void convert_row(const PngWriter *w, const CtsPicture *band, int y, uint8_t *to)
+{
+    const size_t n = w->idat.row_bytes / 2;
+    uint16_t *row = (uint16_t *)(void *)to;
+    cts_samples_row16(band, y, w->idat.n_samples, row);
+    for (size_t k = 0; k < n; k++)
+        row[k] = htobe16(row[k]);
+}
+
+/* Rows first <= r < end; row -1 is the last that was written. */
+static void collect_rows(const PngWriter *w, const CtsPicture *band, int first, int end, uint8_t *to)
+{
+    for (int r = first; r < end; r++, to += w->idat.row_bytes)
+        if (r < w->n_waiting)
+            memcpy(to, w->rows + (size_t)(r + 1) * w->idat.row_bytes, w->idat.row_bytes);
+        else
+            convert_row(w, band, r - w->n_waiting, to);
+}
+
 static void pack_strips(void *context, int worker, size_t first, size_t end)
 {
     const Packing *const p = context;
     const PngWriter *w = p->writer;
-    (void)worker;
-    for (size_t i = first; i < end; i++)
-        p->found[i] = cts_idat_strip(&w->idat, w->next_strip + (int)i,
-                                     w->rows + (1 + i * (size_t)w->idat.rows_per_strip) * w->idat.row_bytes,
-                                     &p->strips[i], &p->errors[i]);
-}
-
-/* All rows that wait: compressed strip by strip in parallel, written in order. */
-static CtsStatus flush_rows(PngWriter *w)
-{
-    CtsIdatStrip strips[BATCH] = {0};
-    CtsError errors[BATCH];
-    CtsStatus found[BATCH], st = CTS_OK;
-    const size_t row_bytes = w->idat.row_bytes;
-    const int per_strip = w->idat.rows_per_strip, n = (w->n_waiting + per_strip - 1) / per_strip;
-    Packing packing = {w, strips, errors, found};
-    cts_parallel(cts_threads(w->job->settings.n_threads), (size_t)n, 1, pack_strips, &packing);
-    for (int i = 0; i < n && !st; i++)
-        if (found[i])
-            st = cts_fail(w->err, found[i], "%s: %s", w->job->path, errors[i].text);
-    if (!st)
-        st = write_batch(w, strips, n);
-    for (int i = 0; i < n; i++)
-        cts_free(&strips[i].bytes);
-    memcpy(w->rows, w->rows + (size_t)w->n_waiting * row_bytes, row_bytes);
-    w->n_waiting = 0;
-    return st;
-}
-
-typedef struct Adding {
-    PngWriter *writer;
-    const CtsPicture *band;
-    int first_row; /* of the band */
-} Adding;
-
-static void convert_rows(void *context, int worker, size_t first, size_t end)
-{
-    const Adding *const a = context;
-    const CtsIdat *idat = &a->writer->idat;
-    const size_t n_samples = idat->row_bytes / 2;
-    (void)worker;
+    const Packer *packer = &w->packers[worker];
+    const int n_rows = w->n_waiting + (p->band ? p->band->height : 0), per_strip = w->idat.rows_per_strip;
     for (size_t i = first; i < end; i++) {
-        uint16_t *row = (uint16_t *)(void *)a->writer->rows + (1 + (size_t)a->writer->n_waiting + i) * n_samples;
-        cts_samples_row16(a->band, a->first_row + (int)i, idat->n_samples, row);
-        for (size_t k = 0; k < n_samples; k++)
-            row[k] = htobe16(row[k]);
+        const int from = (p->first_strip + (int)i) * per_strip, to = from + per_strip;
+        collect_rows(w, p->band, from - 1, to < n_rows ? to : n_rows, packer->rows);
+        p->found[i] = cts_idat_strip(packer->idat, w->next_strip + (int)i, packer->rows + w->idat.row_bytes,
+                                     &p->strips[i], &p->errors[i]);
     }
 }
 
-/* Rows y to y + n - 1 join those that wait. */
-static void add_rows(PngWriter *w, const CtsPicture *band, int y, int n)
+/* n strips, compressed in parallel, written in order. */
+static CtsStatus write_batch(PngWriter *w, const CtsPicture *band, int first, int n)
 {
-    Adding adding = {w, band, y};
-    cts_parallel(cts_threads(w->job->settings.n_threads), (size_t)n, 0, convert_rows, &adding);
-    w->n_waiting += n;
+    CtsIdatStrip strips[MOST_STRIPS];
+    CtsError errors[MOST_STRIPS];
+    CtsStatus found[MOST_STRIPS];
+    Packing packing = {w, band, first, strips, errors, found};
+    for (int i = 0; i < n; i++)
+        strips[i] = (CtsIdatStrip){.bytes = w->bytes + (size_t)i * w->strip_bound};
+    cts_parallel(w->n_threads, (size_t)n, 1, pack_strips, &packing);
+    for (int i = 0; i < n; i++)
+        if (found[i])
+            return cts_fail(w->err, found[i], "%s: %s", w->job->path, errors[i].text);
+    return write_strips(w, strips, n);
+}
+
+/* All whole strips of the rows that wait and the band's, then the rows that are left wait; without a band, those too.
+ */
+static CtsStatus add_rows(PngWriter *w, const CtsPicture *band)
+{
+    const int per_strip = w->idat.rows_per_strip, n_rows = w->n_waiting + (band ? band->height : 0);
+    const int n_strips = band ? n_rows / per_strip : (n_rows + per_strip - 1) / per_strip;
+    CtsStatus st = CTS_OK;
+    for (int strip = 0; strip < n_strips && !st; strip += w->n_batch)
+        st = write_batch(w, band, strip, n_strips - strip < w->n_batch ? n_strips - strip : w->n_batch);
+    if (st || !band)
+        return st;
+    /* What is left is less than a strip. */
+    const int first = n_strips * per_strip;
+    if (n_strips)
+        collect_rows(w, band, first - 1, n_rows, w->packers[0].rows);
+    else
+        collect_rows(w, band, -1, n_rows, w->packers[0].rows);
+    memcpy(w->rows, w->packers[0].rows, (size_t)(n_rows - first + 1) * w->idat.row_bytes);
+    w->n_waiting = n_rows - first;
+    return CTS_OK;
+}
+
+static CtsStatus begin_packing(PngWriter *w, CtsError *err)
+{
+    CtsStatus st;
+    const size_t n_rows = (size_t)w->idat.rows_per_strip + 1;
+    const int n_threads = cts_threads(w->job->settings.n_threads);
+    w->n_threads = n_threads < w->idat.n_strips ? n_threads : w->idat.n_strips;
+    w->n_batch = STRIPS_EACH * w->n_threads < w->idat.n_strips ? STRIPS_EACH * w->n_threads : w->idat.n_strips;
+    w->n_batch = w->n_batch < MOST_STRIPS ? w->n_batch : MOST_STRIPS;
+    if ((st = cts_alloc_zeroed(&w->packers, (size_t)w->n_threads, err)))
+        return st;
+    for (int t = 0; t < w->n_threads; t++)
+        if ((st = cts_idat_packer_new(&w->packers[t].idat, &w->idat, err)) ||
+            (st = cts_alloc_array(&w->packers[t].rows, n_rows * w->idat.row_bytes, err)))
+            return st;
+    w->strip_bound = cts_idat_bound(w->packers[0].idat);
+    if ((st = cts_alloc_array(&w->bytes, (size_t)w->n_batch * w->strip_bound, err)))
+        return st;
+    return cts_alloc_zeroed(&w->rows, n_rows * w->idat.row_bytes, err);
 }
 
 CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
@@ -233,11 +274,8 @@ CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     *w = (PngWriter){.job = job, .err = err, .adler = 1};
     w->idat = cts_idat_plan(head->width, head->height, head->has_alpha ? 4 : head->grey ? 1 : 3);
-    const int batch = w->idat.n_strips < BATCH ? w->idat.n_strips : BATCH;
-    w->capacity = batch * w->idat.rows_per_strip;
-    if ((st = cts_alloc_array(&w->rows, ((size_t)w->capacity + 1) * w->idat.row_bytes, err)))
+    if ((st = begin_packing(w, err)))
         return st;
-    memset(w->rows, 0, w->idat.row_bytes);
     w->png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w, on_write_error, on_warning);
     if (!w->png || !(w->info = png_create_info_struct(w->png)))
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
@@ -247,23 +285,15 @@ CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
 CtsStatus cts_png_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
     PngWriter *w = job->state;
-    CtsStatus st = CTS_OK;
     w->err = err;
-    for (int y = 0; y < band->height && !st;) {
-        const int room = w->capacity - w->n_waiting, left = band->height - y, n = left < room ? left : room;
-        add_rows(w, band, y, n);
-        y += n;
-        if (w->n_waiting == w->capacity)
-            st = flush_rows(w);
-    }
-    return st;
+    return add_rows(w, band);
 }
 
 CtsStatus cts_png_finish(CtsExportJob *job, CtsError *err)
 {
     PngWriter *w = job->state;
     w->err = err;
-    const CtsStatus st = w->n_waiting > 0 ? flush_rows(w) : CTS_OK;
+    const CtsStatus st = w->n_waiting > 0 ? add_rows(w, NULL) : CTS_OK;
     return st ? st : write_finish(w);
 }
 
@@ -274,6 +304,12 @@ void cts_png_close(CtsExportJob *job)
         return;
     if (w->png)
         png_destroy_write_struct(&w->png, &w->info);
+    for (int t = 0; w->packers && t < w->n_threads; t++) {
+        cts_idat_packer_free(&w->packers[t].idat);
+        cts_free(&w->packers[t].rows);
+    }
+    cts_free(&w->packers);
+    cts_free(&w->bytes);
     cts_free(&w->rows);
     free(w);
 }
