@@ -169,6 +169,10 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t
     CtsStatus st = cts_slice_is_compressed(s) ? decode(s, scratch, &decoded, err) : cts_slice_open(s, &file, err);
     for (size_t first = 0; !st && first < frame_bytes; first += PART_BYTES) {
         const size_t end = frame_bytes - first < PART_BYTES ? frame_bytes : first + PART_BYTES;
+        if (decoded && word_bytes == sizeof *words && !s->syntax->big_endian) {
+            ready(context, (const uint16_t *)decoded + first / word_bytes, first / word_bytes, end / word_bytes);
+            continue;
+        }
         if (decoded)
             memcpy(bytes + first, (const uint8_t *)decoded + first, end - first);
         else
@@ -176,7 +180,7 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *s, CtsScratch *scratch, uint16_t
         if (st)
             break;
         widen(s, bytes, words, first, end);
-        ready(context, first / word_bytes, end / word_bytes);
+        ready(context, words + first / word_bytes, first / word_bytes, end / word_bytes);
     }
     cts_file_bytes_close(&file);
     return st;

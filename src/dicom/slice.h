@@ -137,12 +137,13 @@ void cts_slice_see_pixels(CtsSlice *slice, const uint8_t *pixels);
 /* The slice's file, as cts_file_bytes_open(); CTS_ERR_READ when it is not the one any more whose header was read. */
 CtsStatus cts_slice_open(const CtsSlice *slice, struct CtsFileBytes *file, CtsError *err);
 
-/* Words first <= n < end of a slice are there; what is told of them last is still in the cache. */
-typedef void (*cts_words_ready_fn)(void *context, size_t first, size_t end);
+/* Words first <= n < end of a slice are there, from `at` on: in their own place, or with a decoder, in reach of this
+ * call alone. They are in the cache. */
+typedef void (*cts_words_ready_fn)(void *context, const uint16_t *at, size_t first, size_t end);
 
 /* The stored words of a slice without fault, as the file has them but in this machine's byte order and widened to 16
  * bits: rows * columns words, not yet masked or rescaled. They come in parts, in order; ready() is called after each
- * and may change them. Fails with a message that has no path in it. */
+ * and writes into their place what it makes of them. Fails with a message that has no path in it. */
 CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsScratch *scratch, uint16_t *words, cts_words_ready_fn ready,
                                 void *context, CtsError *err);
 

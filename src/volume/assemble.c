@@ -26,9 +26,9 @@ typedef struct Assembly {
     int n_slices, n_threads;
     uint16_t *first; /* where slice 0 goes; slice k lies layer_voxels further for each k */
     size_t layer_voxels;
-    bool whole_numbers;        /* every slope and intercept is one */
-    CtsStoredRange *ranges;    /* of each slice */
-    CtsMacrocells *macrocells; /* made on the way while a slice is in the cache; NULL: not now */
+    bool whole_numbers;                     /* every slope and intercept is one */
+    CtsStoredRange *ranges;                 /* of each slice */
+    CtsMacrocells *macrocells;              /* made on the way while a slice is in the cache; NULL: not now */
     pthread_mutex_t cell_locks[CELL_LOCKS]; /* each of some layers of them */
     bool compressed;
     double busy[CTS_N_STAGES];
@@ -61,16 +61,18 @@ typedef struct Arrival {
 } Arrival;
 
 /* Words first <= n < end become grey levels and part of their macro-cells while they are in the cache. */
-static void take_words(void *context, size_t first, size_t end)
+static void take_words(void *context, const uint16_t *at, size_t first, size_t end)
 {
     Arrival *const in = context;
     Assembly *const a = in->assembly;
     const CtsSlice *s = &a->slices[in->k];
     uint16_t *layer = layer_of(a, in->k);
     const double start = cts_wall_ms();
-    const CtsStoredRange r = a->whole_numbers ? in->to_grey(layer + first, end - first, &in->stored, (int32_t)s->slope,
-                                                            (int32_t)(s->intercept - HU_OFFSET))
-                                              : cts_stored_range(layer + first, end - first, &in->stored);
+    const CtsStoredRange r = a->whole_numbers ? in->to_grey(layer + first, at, end - first, &in->stored,
+                                                            (int32_t)s->slope, (int32_t)(s->intercept - HU_OFFSET))
+                                              : cts_stored_range(at, end - first, &in->stored);
+    if (!a->whole_numbers && at != layer + first)
+        memcpy(layer + first, at, (end - first) * sizeof *at);
     CtsStoredRange *const all = &a->ranges[in->k];
     *all = cts_stored_range_join(*all, r);
     const int n_rows = (int)(end / (size_t)s->columns);

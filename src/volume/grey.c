@@ -5,7 +5,7 @@
 
 /* Integers alone, so that every compilation of it gives the same bytes. */
 static inline __attribute__((always_inline)) CtsStoredRange
-whole_body(uint16_t *restrict words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+whole_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
 {
     const CtsStored s = *stored;
     const int32_t sign = s.is_signed ? 1 << (s.bits - 1) : 0, mask = (int32_t)((1u << s.bits) - 1);
@@ -18,7 +18,7 @@ whole_body(uint16_t *restrict words, size_t n, const CtsStored *stored, int32_t 
         int32_t grey = slope * value + offset;
         grey = grey < 0 ? 0 : grey;
         grey = grey > 65535 ? 65535 : grey;
-        words[i] = (uint16_t)(grey & ~padding);
+        to[i] = (uint16_t)(grey & ~padding);
         const int32_t for_low = (value & ~padding) | (INT32_MAX & padding);
         const int32_t for_high = (value & ~padding) | (INT32_MIN & padding);
         low = for_low < low ? for_low : low;
@@ -29,8 +29,8 @@ whole_body(uint16_t *restrict words, size_t n, const CtsStored *stored, int32_t 
 
 /* The same for slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so
  * grey = u + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. */
-static inline __attribute__((always_inline)) CtsStoredRange slope_one_padded(uint16_t *restrict words, size_t n,
-                                                                             const CtsStored *s, int32_t rise)
+static inline __attribute__((always_inline)) CtsStoredRange slope_one_padded(uint16_t *to, const uint16_t *words,
+                                                                             size_t n, const CtsStored *s, int32_t rise)
 {
     const int32_t smallest = s->is_signed ? -(1 << (s->bits - 1)) : 0, last = (int32_t)((1u << s->bits) - 1);
     const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)last, shift = (uint16_t)s->shift;
@@ -50,7 +50,7 @@ static inline __attribute__((always_inline)) CtsStoredRange slope_one_padded(uin
         const uint16_t padding = in_range | is_word;
         uint16_t clamped = u < floor_u ? floor_u : u;
         clamped = clamped > ceil_u ? ceil_u : clamped;
-        words[i] = (uint16_t)((uint16_t)(clamped + rise) & ~padding);
+        to[i] = (uint16_t)((uint16_t)(clamped + rise) & ~padding);
         const uint16_t for_low = u | padding, for_high = (uint16_t)(u & ~padding);
         low = for_low < low ? for_low : low;
         high = for_high > high ? for_high : high;
@@ -61,8 +61,8 @@ static inline __attribute__((always_inline)) CtsStoredRange slope_one_padded(uin
 
 /* The same again for slices without padding, which is half the work. shift is a constant where it is 0: then all stays
  * in 16 bits. */
-static inline __attribute__((always_inline)) CtsStoredRange slope_one_bare(uint16_t *restrict words, size_t n,
-                                                                           const CtsStored *s, int32_t rise, int shift)
+static inline __attribute__((always_inline)) CtsStoredRange
+slope_one_bare(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *s, int32_t rise, int shift)
 {
     const int32_t smallest = s->is_signed ? -(1 << (s->bits - 1)) : 0;
     const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)((1u << s->bits) - 1);
@@ -72,7 +72,7 @@ static inline __attribute__((always_inline)) CtsStoredRange slope_one_bare(uint1
         const uint16_t u = (uint16_t)(((words[i] >> shift) & mask) ^ sign);
         uint16_t clamped = u < floor_u ? floor_u : u;
         clamped = clamped > ceil_u ? ceil_u : clamped;
-        words[i] = (uint16_t)(clamped + rise);
+        to[i] = (uint16_t)(clamped + rise);
         low = u < low ? u : low;
         high = u > high ? u : high;
     }
@@ -80,45 +80,54 @@ static inline __attribute__((always_inline)) CtsStoredRange slope_one_bare(uint1
 }
 
 static inline __attribute__((always_inline)) CtsStoredRange
-fast_body(uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+any_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
 {
     const int32_t rise = offset - (stored->is_signed ? 1 << (stored->bits - 1) : 0);
     const bool bare = stored->padding_low > stored->padding_high && stored->padding_word < 0;
     if (slope == 1 && rise >= -65535 && rise <= 65535) {
         if (!bare)
-            return slope_one_padded(words, n, stored, rise);
-        return stored->shift ? slope_one_bare(words, n, stored, rise, stored->shift)
-                             : slope_one_bare(words, n, stored, rise, 0);
+            return slope_one_padded(to, words, n, stored, rise);
+        return stored->shift ? slope_one_bare(to, words, n, stored, rise, stored->shift)
+                             : slope_one_bare(to, words, n, stored, rise, 0);
     }
-    return whole_body(words, n, stored, slope, offset);
+    return whole_body(to, words, n, stored, slope, offset);
 }
 
-CtsStoredRange cts_grey_whole_plain(uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+/* In place is a case of its own: compilers see that nothing overlaps. */
+static inline __attribute__((always_inline)) CtsStoredRange
+fast_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+{
+    return to == words ? any_body(to, to, n, stored, slope, offset) : any_body(to, words, n, stored, slope, offset);
+}
+
+CtsStoredRange cts_grey_whole_plain(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
+                                    int32_t slope, int32_t offset)
 {
     CtsStoredRange range = {INT32_MAX, INT32_MIN};
     for (size_t i = 0; i < n; i++) {
         const int32_t value = cts_stored_value(words[i], stored), grey = slope * value + offset;
         if (cts_stored_is_padding(words[i], value, stored)) {
-            words[i] = 0;
+            to[i] = 0;
             continue;
         }
-        words[i] = (uint16_t)(grey < 0 ? 0 : grey > 65535 ? 65535 : grey);
+        to[i] = (uint16_t)(grey < 0 ? 0 : grey > 65535 ? 65535 : grey);
         range.low = value < range.low ? value : range.low;
         range.high = value > range.high ? value : range.high;
     }
     return range;
 }
 
-static CtsStoredRange whole_vector(uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+static CtsStoredRange whole_vector(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
+                                   int32_t slope, int32_t offset)
 {
-    return fast_body(words, n, stored, slope, offset);
+    return fast_body(to, words, n, stored, slope, offset);
 }
 
 #if defined(__x86_64__)
-__attribute__((target("avx2"))) static CtsStoredRange whole_avx2(uint16_t *words, size_t n, const CtsStored *stored,
-                                                                 int32_t slope, int32_t offset)
+__attribute__((target("avx2"))) static CtsStoredRange whole_avx2(uint16_t *to, const uint16_t *words, size_t n,
+                                                                 const CtsStored *stored, int32_t slope, int32_t offset)
 {
-    return fast_body(words, n, stored, slope, offset);
+    return fast_body(to, words, n, stored, slope, offset);
 }
 #endif
 

@@ -1,14 +1,15 @@
-/* Stored words to grey levels, in place (PS3.3 C.7.6.3, C.11.1; PS3.5 8.1.1). */
+/* Stored words to grey levels (PS3.3 C.7.6.3, C.11.1; PS3.5 8.1.1). */
 #ifndef CTS_VOLUME_GREY_H
 #define CTS_VOLUME_GREY_H
 
 #include "dicom/stored.h"
 
 /* grey = clamp(slope * stored + offset, 0, 65535), padding 0. |slope| * 65535 + |offset| must fit 31 bits.
- * The plain version is the truth; the fast one gives the same bytes. */
-typedef CtsStoredRange (*cts_grey_whole_fn)(uint16_t *words, size_t n, const CtsStored *stored, int32_t slope,
-                                            int32_t offset);
-CtsStoredRange cts_grey_whole_plain(uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset);
+ * In place, or from elsewhere. The plain version is the truth; the fast one gives the same bytes. */
+typedef CtsStoredRange (*cts_grey_whole_fn)(uint16_t *grey, const uint16_t *words, size_t n, const CtsStored *stored,
+                                            int32_t slope, int32_t offset);
+CtsStoredRange cts_grey_whole_plain(uint16_t *grey, const uint16_t *words, size_t n, const CtsStored *stored,
+                                    int32_t slope, int32_t offset);
 /* The fastest version for these processor flags (base/cpu.h). */
 cts_grey_whole_fn cts_grey_whole(unsigned cpu);
 
