@@ -369,6 +369,29 @@ static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
     return CTS_OK;
 }
 
+/* A slice of one value, or of padding, between others that hold more: lost on its way, or wiped out. */
+static void tell_blank(const Assembly *a, CtsReport *report)
+{
+    int first = -1, last = -1, blank = -1, n = 0;
+    for (int k = 0; k < a->n_slices; k++)
+        if (a->ranges[k].low < a->ranges[k].high) {
+            first = first < 0 ? k : first;
+            last = k;
+        }
+    for (int k = first + 1; k < last; k++)
+        if (a->ranges[k].low >= a->ranges[k].high) {
+            blank = blank < 0 ? k : blank;
+            n++;
+        }
+    if (n == 1)
+        cts_report_finding(report, "blank_slices", CTS_WARNING, "%s: one value in all pixels, between slices with more",
+                           cts_slice_label(&a->slices[blank]).text);
+    else if (n)
+        cts_report_finding(report, "blank_slices", CTS_WARNING,
+                           "%s and %d more: one value in all pixels, between slices with more",
+                           cts_slice_label(&a->slices[blank]).text, n - 1);
+}
+
 /* Origin and steps: rows and columns from the middle slice, layers from the line of positions. */
 static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsSliceStack *stack)
 {
@@ -502,8 +525,10 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
                                             .offset = offset,
                                             .linear = in->linear},
                            n_threads);
-    if (!st)
+    if (!st) {
         tell_range(v, a.whole_numbers, report);
+        tell_blank(&a, report);
+    }
     cts_free(&a.ranges);
     return st;
 }

@@ -374,6 +374,50 @@ static void test_wrong_sign(void **state)
     }
 }
 
+/* Slices of zeros between others are told, at the ends they may be air. */
+static void test_blank(void **state)
+{
+    (void)state;
+    static const struct {
+        unsigned blank; /* a bit for each slice */
+        const char *told;
+    } blanks[] = {{0, NULL},
+                  {1, NULL},
+                  {1 << 5 | 1 << 4, NULL},
+                  {63, NULL},
+                  {4, "IM2: one value"},
+                  {4 | 8, "IM2 and 1 more: one value"},
+                  {1 | 2 | 8, "IM3: one value"}};
+    for (size_t c = 0; c < sizeof blanks / sizeof *blanks; c++) {
+        Found f;
+        make_folder(f.folder);
+        for (int k = 0; k < 6; k++) {
+            StackTexts t;
+            char name[16];
+            const Slice s = stack_slice(&t, k, 0, 0, 2 * k);
+            Bytes b = slice_bytes(&s);
+            const size_t n = 2 * SLICE_ROWS * SLICE_COLUMNS;
+            if (blanks[c].blank >> k & 1)
+                memset(b.data + b.n - n, 0, n);
+            snprintf(name, sizeof name, "IM%d", k);
+            write_bytes(f.folder, name, b.data, b.n);
+            free(b.data);
+        }
+        find(&f);
+        CtsReport report = {0};
+        CtsVolume *v = NULL;
+        assert_int_equal(cts_series_load(&f.list->items[0], 2, &v, &report, &f.err), CTS_OK);
+        const CtsFinding *told = finding(&report.findings, "blank_slices");
+        if (!told != !blanks[c].told || (told && !strstr(told->text, blanks[c].told)))
+            fail_msg("case %zu: %s", c, told ? told->text : "nothing");
+        cts_volume_free(&v);
+        v = load(&f.list->items[0], 1);
+        cts_volume_free(&v);
+        cts_report_free(&report);
+        done(&f);
+    }
+}
+
 /* Folders are searched to a depth of 32. */
 static void test_deep_folders(void **state)
 {
@@ -649,7 +693,7 @@ int main(void)
         cmocka_unit_test(test_cases),        cmocka_unit_test(test_no_volume),   cmocka_unit_test(test_wrong_sign),
         cmocka_unit_test(test_deep_folders), cmocka_unit_test(test_copies),      cmocka_unit_test(test_phases),
         cmocka_unit_test(test_choose),       cmocka_unit_test(test_folders),     cmocka_unit_test(test_any_threads),
-        cmocka_unit_test(test_description),
+        cmocka_unit_test(test_description),  cmocka_unit_test(test_blank),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
