@@ -23,6 +23,8 @@ typedef uint64_t Pixel;
 
 static size_t limit_of(const CtsScene *scene, size_t n_pixels)
 {
+    if (cts_scene_drafts(scene))
+        return 0; /* strips are rendered anew */
     return n_pixels / (scene->plan.max_error > 0 ? SHARE_ASKED : SHARE_BY_DEFAULT);
 }
 
@@ -101,6 +103,7 @@ typedef struct Keeping {
     Pixel *bad;     /* room for limit_of() of each strip */
     size_t bad_room;
     const CtsRaycaster *caster;
+    uint64_t refined; /* pixels rendered anew */
 } Keeping;
 
 /* Even over 0..1, and its own for each pixel of the view and each round (the finaliser of MurmurHash3). */
@@ -305,6 +308,36 @@ static CtsStatus judge(Keeping *k, CtsFrameBound *bound, CtsError *err)
     return CTS_OK;
 }
 
+/* Renders strips of a draft anew where their rays say that they err too much. */
+static CtsStatus refine(Keeping *k, const CtsEngine *engine, CtsError *err)
+{
+    const double asked = 0.5 * cts_scene_error_asked(k->scene);
+    CtsScene scene = *k->scene;
+    CtsStatus st = CTS_OK;
+    scene.plan = cts_scene_finer(&scene);
+    for (size_t strip = 0; strip < k->n_strips && !st; strip++) {
+        Strip *const s = &k->strips[strip];
+        const size_t n = s->end - s->first;
+        s->judged = s->found > asked * asked * (double)n;
+        if (!s->judged)
+            continue;
+        CtsPicture rows = *k->band;
+        rows.first_row += (int)(s->first / (size_t)rows.width);
+        rows.height = (int)(n / (size_t)rows.width);
+        rows.pixels += 4 * s->first;
+        rows.bound += s->first;
+        if (rows.depth_mm)
+            rows.depth_mm += s->first;
+        memset(rows.pixels, 0, 4 * n * sizeof *rows.pixels);
+        memset(rows.bound, 0, n * sizeof *rows.bound);
+        for (size_t i = 0; i < n && rows.depth_mm; i++)
+            rows.depth_mm[i] = INFINITY;
+        st = engine->render(&scene, &rows, NULL, err);
+        k->refined += n;
+    }
+    return st;
+}
+
 /* Casts the worst pixels of strips that need it, which are then to be judged anew by rays of their own: those that told
  * which pixels to cast would speak too well of the rest. */
 static CtsStatus mend(Keeping *k, CtsFrameBound *bound, CtsError *err)
@@ -333,7 +366,8 @@ static void add_strips(CtsFrameBound *bound, const Keeping *k)
     }
 }
 
-CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture *band, CtsError *err)
+CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
+                         CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), floor = 0.5 * cts_scene_bound_aimed(scene);
     const int n_threads = scene->settings->n_threads;
@@ -354,7 +388,7 @@ CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture
         k.strips[strip] =
             (Strip){.first = strip * strip_pixels, .end = end < n_pixels ? end : n_pixels, .judged = true};
     }
-    if ((st = judge(&k, bound, err)) || (st = mend(&k, bound, err)))
+    if ((st = judge(&k, bound, err)) || (st = cts_scene_drafts(scene) ? refine(&k, engine, err) : mend(&k, bound, err)))
         goto end;
     k.round = 1;
     if ((st = judge(&k, bound, err)))
@@ -362,6 +396,7 @@ CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture
     cts_parallel(n_threads, k.n_strips, 1, sum_some, &k);
     add_strips(bound, &k);
     bound->pixels += n_pixels;
+    bound->refined += k.refined;
     bound->wall_ms += cts_wall_ms() - wall;
     bound->cpu_ms += cts_cpu_ms() - cpu;
 end:
@@ -380,7 +415,7 @@ static double rmse_of(const CtsFrameBound *bound, const CtsScene *scene)
     const double judged = sqrt(weight * cts_expectation_limit(bound->found / weight) / pixels);
     const double *along = scene->view.forward_vox;
     const bool straight = (along[0] != 0) + (along[1] != 0) + (along[2] != 0) == 1;
-    const bool known = straight && !scene->preset->shade && bound->beyond <= 1;
+    const bool known = straight && !scene->preset->shade && !cts_scene_drafts(scene) && bound->beyond <= 1;
     return ROUNDED + (known ? fmin(judged, sqrt(bound->square / pixels)) : judged);
 }
 
@@ -396,12 +431,17 @@ void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport
     told->rmse = fmax(told->rmse, rmse);
     /* One channel may have all of a pixel's error, and stretches whose errors add up as if by chance stray: the largest
      * of so many pixels by so much. */
-    told->max = fmax(told->max, fmin(bound->most * sqrt(3 * 2 * log(fmax((double)bound->pixels, 2))), 1));
+    const double most = bound->most * sqrt(3 * 2 * log(fmax((double)bound->pixels, 2)));
+    told->max =
+        fmax(told->max, cts_scene_drafts(scene) ? 1 : fmin(most, 1)); /* a draft knows nothing of single pixels */
     told->cast += bound->cast;
     cts_report_stage(report, CTS_STAGE_COMPOSITE, bound->wall_ms, bound->cpu_ms, bound->cast, 0);
     if (bound->cast > 0)
         cts_report_plan(report, "%llu of %llu rays cast one by one, to judge the others and in place of the worst",
                         (unsigned long long)bound->cast, (unsigned long long)bound->pixels);
+    if (bound->refined > 0)
+        cts_report_plan(report, "%llu of %llu pixels of the draft rendered anew, where its rays erred too much",
+                        (unsigned long long)bound->refined, (unsigned long long)bound->pixels);
     const bool kept = rmse <= 1.005 * asked, by_default = !(scene->plan.max_error > 0);
     if (!kept || !by_default)
         cts_report_finding(report, kept ? "max_error" : "error_bound", kept ? CTS_NOTE : CTS_WARNING,

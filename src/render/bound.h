@@ -20,7 +20,7 @@
 /* Zeroed, it is a frame of which nothing is known. */
 typedef struct CtsFrameBound {
     CtsRaycaster *caster; /* made when a pixel has to be cast */
-    uint64_t pixels, cast;
+    uint64_t pixels, cast, refined;
     double square, most;  /* sum of the squares of the engine's bounds that are left, and the largest */
     double found, weight; /* sum of e^2 / p of the rays that judge, and the largest that a term may have */
     double beyond;        /* the largest e^2 / (b^2 + f^2) that a ray has shown */
@@ -29,8 +29,9 @@ typedef struct CtsFrameBound {
 
 /* Takes a band whose bounds the engine gave, and puts its worst pixels right. A ray costs some hundred times
  * a pixel of the march: of a strip whose rays say that it errs too much, one pixel in 512 is cast by default, one in 32
- * where an error was asked for. */
-CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture *band, CtsError *err);
+ * where an error was asked for. Of a draft, such strips are rendered anew by `engine`, as no draft. */
+CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
+                         CtsError *err);
 /* The report's bound, and a warning where the error may be larger than it should be. */
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report);
 void cts_bound_free(CtsFrameBound *bound);

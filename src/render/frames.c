@@ -361,7 +361,7 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     if (!st)
         st = frame->frames->engine->render(&frame->store.scene, *band, report, err);
     if (!st && (*band)->bound)
-        st = cts_bound_keep(&frame->bound, &frame->store.scene, *band, err);
+        st = cts_bound_keep(&frame->bound, frame->frames->engine, &frame->store.scene, *band, err);
     if (st)
         cts_picture_free(band);
     else

@@ -35,6 +35,7 @@ void cts_tiled_kept_free(void *kept)
     cts_macrocells_free(&k->own_macrocells);
     cts_layout_free(&k->copied);
     cts_slab_table_free(&k->table);
+    cts_draft_table_free(&k->draft);
     cts_empty_space_free(&k->empty);
     free(k);
 }
@@ -63,11 +64,15 @@ CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const Ct
         tell(scene, "slab integrals", kept->table_frame, report);
     } else {
         cts_slab_table_free(&kept->table);
+        cts_draft_table_free(&kept->draft);
         if ((st = cts_slab_table_init(&kept->table, scene, macrocells->all, err)))
             return st;
         kept->table_scale = scene->extinction_scale;
         kept->table_frame = scene->frame;
     }
+    if (cts_scene_drafts(scene) && !kept->draft.mean &&
+        (st = cts_draft_table_init(&kept->draft, &kept->table, macrocells->all, scene->settings->n_threads, err)))
+        return st;
     if (kept->empty.distance && !memcmp(kept->empty_axes, axes, sizeof axes)) {
         tell(scene, "distances to what is visible", kept->empty_frame, report);
         return CTS_OK;

@@ -4,6 +4,7 @@
 #define CTS_TILED_KEPT_H
 
 #include "scene/engine.h"
+#include "tiled/draft_table.h"
 #include "tiled/empty_space.h"
 #include "tiled/layout.h"
 #include "tiled/slab.h"
@@ -19,6 +20,7 @@ typedef struct TiledKept {
     CtsSlabTable table;
     double table_scale; /* extinction_scale of table, 0 before it is made */
     int table_frame;
+    CtsDraftTable draft; /* of table, once a draft has been asked for */
     CtsEmptySpace empty;
     int empty_axes[3];
     int empty_frame;

@@ -114,6 +114,15 @@ typedef struct Lit {
     vi last;      /* the sheet before the last stretch that took light */
 } Lit;
 
+/* A colour, and what has been gathered, as they show by the last lighting there was. */
+INLINE void show_lit(const Lit *lit, Colour *c, Colour *sum)
+{
+    const vf glow = lit->glow.colour, white = lit->glow.white, due = lit->due * white;
+    *c = (Colour){vf_fma(c->r, glow, white), vf_fma(c->g, glow, white), vf_fma(c->b, glow, white)};
+    *sum = (Colour){vf_fma(sum->r, glow, lit->r + due), vf_fma(sum->g, glow, lit->g + due),
+                    vf_fma(sum->b, glow, lit->b + due)};
+}
+
 /* What a march carries from stretch to stretch. */
 typedef struct Course {
     vf near; /* how far the field bent on the last stretch, in each packet at most */
@@ -170,8 +179,8 @@ INLINE vf light_doubt(const TiledJob *j, const vf facings[4], const vf powers[4]
 
 /* Light what is due of these packets as the stretch of `span` sheets from `part` of those behind layer q on, the middle
  * of the light that is lost a fraction f of the way. Returns those it should be told of more finely. */
-INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, unsigned packets, int q, int part, int span,
-                              bool inner, vf f, Light *light, Lit *lit, Course *course)
+INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, bool draft, unsigned packets, int q,
+                              int part, int span, bool inner, vf f, Light *light, Lit *lit, Course *course)
 {
     const CtsShade *shade = j->shade;
     const int sheet = q * j->samples + part, whole = part + span == j->samples;
@@ -219,7 +228,8 @@ INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, unsi
         power = mean_power;
         glow_doubt = select_f(mask_packets(turning), 0.5f * glow_doubt, glow_doubt);
     }
-    light->doubt.colour += select_f(now, 4 * glow_doubt * glow_doubt, vf_of(0)); /* two standard deviations */
+    /* Two standard deviations; of a draft one, as no proof stands on it. */
+    light->doubt.colour += select_f(now, (draft ? 1.0f : 4.0f) * glow_doubt * glow_doubt, vf_of(0));
     const Glow glow = {shade->ambient + shade->diffuse * facing, shade->specular * power};
     lit->glow.colour = select_f(now, glow.colour, lit->glow.colour);
     lit->glow.white = select_f(now, glow.white, lit->glow.white);
@@ -237,8 +247,8 @@ INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, unsi
 
 /* A stretch has taken `lost` of the light; moment is the sum of that, each time how far on. Returns the packets whose
  * light changes too much on the stretch to be told at one place. */
-INLINE unsigned light_stretch(const TiledJob *j, const Packet *pk, Way way, int q, int part, int span, bool inner,
-                              vf lost, vf moment, Light *light, Lit *lit, Course *course)
+INLINE unsigned light_stretch(const TiledJob *j, const Packet *pk, Way way, bool draft, int q, int part, int span,
+                              bool inner, vf lost, vf moment, Light *light, Lit *lit, Course *course)
 {
     const uint64_t before = course->timed ? cts_tiled_ticks() : 0;
     lit->due += lost;
@@ -247,8 +257,8 @@ INLINE unsigned light_stretch(const TiledJob *j, const Packet *pk, Way way, int 
     unsigned uneven = 0;
     if (packets) {
         const vf some = vf_of(1e-12f), f = moment / vf_max(lost, some);
-        uneven = light_packets(j, pk, way, packets, q, part, span, inner, select_f(vf_lt(some, lost), f, vf_of(0.5f)),
-                               light, lit, course);
+        uneven = light_packets(j, pk, way, draft, packets, q, part, span, inner,
+                               select_f(vf_lt(some, lost), f, vf_of(0.5f)), light, lit, course);
     }
     course->ticks += course->timed ? cts_tiled_ticks() - before : 0;
     return uneven;
@@ -263,8 +273,8 @@ OUTLINE void light_at_last(const TiledJob *j, const Packet *pk, Way way, unsigne
         for (int l = 0; l < CTS_PACKET; l++)
             last = lit->last[h * CTS_PACKET + l] > last ? lit->last[h * CTS_PACKET + l] : last;
         if (packets >> h & 1)
-            light_packets(j, pk, way, 1u << h, last / j->samples, last % j->samples, j->samples / j->sheets, false,
-                          vf_of(0.5f), light, lit, &course);
+            light_packets(j, pk, way, false, 1u << h, last / j->samples, last % j->samples, j->samples / j->sheets,
+                          false, vf_of(0.5f), light, lit, &course);
     }
 }
 

@@ -38,12 +38,15 @@
  * true.
  *
  * Errors lie some ten times below such bounds, which take the worst of everything. The plan therefore aims above the
- * error asked for (cts_scene_bound_aimed), and render/bound.h casts rays that show what the bounds are worth. */
+ * error asked for (cts_scene_bound_aimed), and render/bound.h casts rays that show what the bounds are worth.
+ *
+ * DRAFTS, where an error that the eye may see is asked for, are marched by draft_tmpl.h and derive nothing. */
 #ifndef CTS_TILED_MARCH_H
 #define CTS_TILED_MARCH_H
 
 #include "base/clock.h"
 #include "scene/shade.h"
+#include "tiled/draft_table.h"
 #include "tiled/empty_space.h"
 #include "tiled/layout.h"
 #include "tiled/slab.h"
@@ -92,6 +95,7 @@ typedef struct TiledJob {
     float range;              /* by how much what is behind may differ from what is seen, lit or not */
     float background[3];
     CtsSlabTable table;
+    CtsDraftTable draft; /* with mean: slabs are looked up whole in this, as the plan allows */
     CtsEmptySpace empty;
     const CtsShade *shade;          /* NULL: unlit */
     float frame[3][3];              /* as shade's, for differences along u, v and from q to q + 1, times 16384 */

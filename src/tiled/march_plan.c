@@ -53,6 +53,9 @@ void cts_tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLa
                         255 * (double)j->may_change);
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
                     (double)j->stop_transmittance, j->shade ? "on" : "off", simd_path, s->n_threads);
+    if (j->draft.mean)
+        cts_report_plan(report, "draft: slabs looked up whole, in a table of means between %d grey levels",
+                        CTS_DRAFT_LEVELS);
     if (layout->grey)
         cts_report_skip(report, "transposed copy", "rows already lie along the %s", axes[layout->axis_u]);
     else

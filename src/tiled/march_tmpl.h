@@ -206,12 +206,8 @@ OUTLINE void note_doubt(const TiledJob *j, Light *light, const Lit *lit, const C
     const vmask now = mask_packets(packets);
     depth = select_f(now, depth, vf_of(0));
     Colour c = *colour, sum = {light->r, light->g, light->b};
-    if (lit) {
-        const vf glow = lit->glow.colour, white = lit->glow.white, due = lit->due * white;
-        c = (Colour){vf_fma(c.r, glow, white), vf_fma(c.g, glow, white), vf_fma(c.b, glow, white)};
-        sum = (Colour){vf_fma(sum.r, glow, lit->r + due), vf_fma(sum.g, glow, lit->g + due),
-                       vf_fma(sum.b, glow, lit->b + due)};
-    }
+    if (lit)
+        show_lit(lit, &c, &sum);
     note_depth_doubt(&light->doubt, depth, vf_fma(light->t, c.r, sum.r), vf_fma(light->t, c.g, sum.g),
                      vf_fma(light->t, c.b, sum.b));
     const vf stop = vf_of(j->stop_transmittance);
@@ -320,8 +316,8 @@ INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
     if (marching & closely)
         colour = colour_of(j, light, &before, lost);
     if (lit) {
-        const unsigned uneven = marching & light_stretch(j, pk, way, stretch->q, stretch->part, stretch->span, inner,
-                                                         lost, moment, light, lit, course);
+        const unsigned uneven = marching & light_stretch(j, pk, way, false, stretch->q, stretch->part, stretch->span,
+                                                         inner, lost, moment, light, lit, course);
         if (may_redo && uneven) {
             Light redone = *light;
             Lit redone_lit = *lit;
@@ -451,32 +447,40 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
     *result = own;
 }
 
+#include "tiled/draft_tmpl.h"
+
 /* Each way of marching is a function of its own: the compiler keeps more of it in registers. */
-#define MARCH(name, way, lit)                                                                                          \
+#define MARCH(name, march, way, lit)                                                                                   \
     OUTLINE void name(const TiledJob *j, TiledBeam *beam, Packet *pk, Light *light, TiledCounts *counts)               \
     {                                                                                                                  \
         march(j, beam, pk, way, lit, light, counts);                                                                   \
     }
-MARCH(march_straight, WAY_STRAIGHT, false)
-MARCH(march_oblique, WAY_OBLIQUE, false)
-MARCH(march_near, WAY_NEAR, false)
-MARCH(march_wide, WAY_WIDE, false)
-MARCH(march_straight_lit, WAY_STRAIGHT, true)
-MARCH(march_oblique_lit, WAY_OBLIQUE, true)
-MARCH(march_near_lit, WAY_NEAR, true)
-MARCH(march_wide_lit, WAY_WIDE, true)
+#define MARCHES(name, way)                                                                                             \
+    MARCH(march_##name, march, way, false)                                                                             \
+    MARCH(march_##name##_lit, march, way, true)                                                                        \
+    MARCH(draft_##name, march_draft, way, false)                                                                       \
+    MARCH(draft_##name##_lit, march_draft, way, true)
+MARCHES(straight, WAY_STRAIGHT)
+MARCHES(oblique, WAY_OBLIQUE)
+MARCHES(near, WAY_NEAR)
+MARCHES(wide, WAY_WIDE)
+#undef MARCHES
 #undef MARCH
 
 static void march_any(const TiledJob *j, TiledBeam *beam, Packet *pk, Light *light, TiledCounts *counts)
 {
-    if (!j->windowed)
-        (j->shade ? march_wide_lit : march_wide)(j, beam, pk, light, counts);
-    else if (j->straight)
-        (j->shade ? march_straight_lit : march_straight)(j, beam, pk, light, counts);
-    else if (PACKETS > 1 && pk->near)
-        (j->shade ? march_near_lit : march_near)(j, beam, pk, light, counts);
-    else
-        (j->shade ? march_oblique_lit : march_oblique)(j, beam, pk, light, counts);
+    typedef void (*march_fn)(const TiledJob *, TiledBeam *, Packet *, Light *, TiledCounts *);
+    static const march_fn marches[][2][2] = {
+        [WAY_STRAIGHT] = {{march_straight, march_straight_lit}, {draft_straight, draft_straight_lit}},
+        [WAY_OBLIQUE] = {{march_oblique, march_oblique_lit}, {draft_oblique, draft_oblique_lit}},
+        [WAY_NEAR] = {{march_near, march_near_lit}, {draft_near, draft_near_lit}},
+        [WAY_WIDE] = {{march_wide, march_wide_lit}, {draft_wide, draft_wide_lit}},
+    };
+    const Way way = !j->windowed              ? WAY_WIDE
+                    : j->straight             ? WAY_STRAIGHT
+                    : PACKETS > 1 && pk->near ? WAY_NEAR
+                                              : WAY_OBLIQUE;
+    marches[way][j->draft.mean != NULL][j->shade != NULL](j, beam, pk, light, counts);
 }
 
 /* What is left of the light in front of an opaque packet is taken to see the same colour as the rest did. */

@@ -226,6 +226,8 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacr
     job.table = kept->table;
     job.table.quiet_high -= CTS_MUTATED(QUIET_HIGH);
     job.empty = kept->empty;
+    if (cts_scene_drafts(scene))
+        job.draft = kept->draft;
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, axes, err)))
             goto end;

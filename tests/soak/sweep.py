@@ -227,6 +227,8 @@ class Sweep:
                 path = os.path.join(folder, 'preset-%d.json' % n)
                 name = preset or make_preset(r, low, high, path)
                 asked = r.choice([None, None, None, 8, 2, 1, 0.5, 0.25, 0.1])
+                if self.args.drafts:
+                    asked = r.choice([1, 2, 3, 5, 8, 12])
                 mm = pitch * r.choice([0.1, 0.25, 0.5, 1, 2, 4]) if kind != 'ct' else r.choice([0.4, 1, 2])
                 width = min(max(int(side / mm * r.uniform(0.3, 1.4)), 20), 160)
                 common = ['render', source, '-p', preset or path, '--view', make_view(r), '--mm-per-pixel', '%g' % mm,
@@ -280,6 +282,7 @@ def main():
     p.add_argument('--real', type=float, default=0.25, help='share of the rounds on DATA')
     p.add_argument('--threads', type=int, default=0)
     p.add_argument('--failures', default='soak-failures')
+    p.add_argument('--drafts', action='store_true', help='errors asked for are all 1/255 or more')
     p.add_argument('--cautious', action='store_true', help='a warning of an error four times too large is a fault too')
     args = p.parse_args()
     sweep, rounds, end = Sweep(args), 0, time.monotonic() + 60 * args.minutes

@@ -41,7 +41,7 @@ static void same_bytes(void **state)
     for (size_t v = 0; v < 4; v++) {
         volumes[v]->slice_layers = 1 + (int)v; /* gradients over as many layers */
         for (int view = 0; view < N_VIEWS; view++)
-            for (int variant = 0; variant < 7; variant++) {
+            for (int variant = 0; variant < 10; variant++) {
                 if ((view + variant + (int)v) % (CTS_SANITIZED ? 24 : 4)) /* each often enough, not all with all */
                     continue;
                 CtsPreset preset = preset_named(presets[variant & 1]);
@@ -55,6 +55,11 @@ static void same_bytes(void **state)
                     preset.opacity[0].opacity = 0.01;
                 if (variant == 4)
                     s.mm_per_pixel = v == 1 ? 0.4 : 0.2; /* near: several rows to a voxel */
+                if (variant >= 7) {                      /* drafts, with a depth and without */
+                    s.max_error = variant;
+                    s.want_depth = variant == 9;
+                    s.mm_per_pixel = variant == 8 ? 0.2 : 0; /* several rows to a voxel */
+                }
                 CtsPicture *reference = NULL;
                 for (int run = 0; run < 4; run++) {
                     static const int threads[4] = {1, 7, 2, 1};

@@ -1,0 +1,143 @@
+/* Drafts: the table of means by formulas, slabs whose opacity is known, and pictures held to what is told of them. */
+#include "base/mem.h"
+#include "scenes.h"
+#include "tiled/draft_table.h"
+
+/* Extinction (s - 100) / 1000 per grey level from 100 to 300 on, nothing below, 0.2 above; one colour. */
+static const double ramp_from = 100, ramp_to = 300, ramp_per_grey = 1e-3;
+
+static double ramp_integral(double s)
+{
+    const double x = fmin(fmax(s - ramp_from, 0), ramp_to - ramp_from), beyond = fmax(s - ramp_to, 0);
+    return ramp_per_grey * (0.5 * x * x + (ramp_to - ramp_from) * beyond);
+}
+
+/* Levels are near where the ramp is, and between any two the mean is that of the integral. */
+static void table_of_a_ramp(void **state)
+{
+    (void)state;
+    enum { N = 1001, LEVELS = CTS_DRAFT_LEVELS };
+    CtsSlabTable table = {.n = N - 1, .grey_low = 0, .per_grey = 1};
+    CtsDraftTable draft;
+    CtsError err;
+    assert_int_equal(cts_alloc_array(&table.sum, N, &err), CTS_OK);
+    assert_int_equal(cts_alloc_zeroed(&table.here, N, &err), CTS_OK);
+    assert_int_equal(cts_alloc_zeroed(&table.change, N, &err), CTS_OK);
+    for (int i = 0; i < N; i++) {
+        for (int c = 0; c < 4; c++)
+            table.sum[i][c] = ramp_integral(i) * (c < 3 ? 0.25 * (c + 1) : 1);
+        table.change[i][0] = (float)(ramp_per_grey * fmin(fmax(i - ramp_from, 0), ramp_to - ramp_from));
+    }
+    assert_int_equal(cts_draft_table_init(&draft, &table, (CtsRange){0, N - 1}, 2, &err), CTS_OK);
+    double level[LEVELS], at = 0;
+    int n = 0;
+    for (int i = 0; i < CTS_DRAFT_RANGES; i++) {
+        assert_true(fabs((double)draft.start[i] - at) < 1.01);
+        at += (double)draft.length[i];
+        const int inside = (int)floor((double)draft.length[i] * (double)draft.per_grey[i] + 0.5);
+        for (int k = 0; k < inside; k++)
+            level[n++] = (double)draft.start[i] + k / (double)draft.per_grey[i];
+    }
+    assert_int_equal(n, LEVELS - 1);
+    level[n++] = N - 1;
+    int near = 0;
+    for (int i = 0; i < LEVELS; i++)
+        near += level[i] >= ramp_from && level[i] <= ramp_to;
+    assert_true(near > LEVELS / 2);
+    for (int a = 0; a < LEVELS; a++)
+        for (int b = 0; b < LEVELS; b++) {
+            const float *mean = draft.mean[a * LEVELS + b];
+            if (a == b)
+                continue;
+            const double expected = (ramp_integral(level[b]) - ramp_integral(level[a])) / (level[b] - level[a]);
+            /* Sums are straight between entries: off by an eighth of an entry's slope at either level. */
+            assert_true(fabs((double)mean[3] - expected) <=
+                        1e-5 * expected + 0.25 * ramp_per_grey / fabs(level[b] - level[a]));
+            for (int c = 0; c < 3 && expected > 1e-4; c++)
+                assert_true(fabs((double)mean[c] - 0.25 * (c + 1)) < 1e-5);
+        }
+    /* A level by itself stands for what is nearest to it. */
+    for (int a = 1; a < LEVELS - 1; a++) {
+        const double here = ramp_per_grey * fmin(fmax(level[a] - ramp_from, 0), ramp_to - ramp_from);
+        const double apart = fmax(level[a + 1] - level[a], level[a] - level[a - 1]);
+        assert_true(fabs((double)draft.mean[a * LEVELS + a][3] - here) <= ramp_per_grey * apart);
+    }
+    cts_draft_table_free(&draft);
+    cts_free(&table.sum);
+    cts_free(&table.here);
+    cts_free(&table.change);
+}
+
+/* A haze and a wall, in layers along the view and askew: opacity 1 - exp(-extinction * length). */
+static void slab_of_one_level(void **state)
+{
+    (void)state;
+    static const double extinctions[] = {1e-7, 0.01, 0.3, 4};
+    enum { SIZE = 40, N = 24 };
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, N, N, N, &err), CTS_OK);
+    for (size_t i = 0; i < cts_volume_n_voxels(v); i++)
+        v->grey[i] = 1024;
+    for (size_t e = 0; e < sizeof extinctions / sizeof *extinctions; e++)
+        for (int view = 0; view < 2; view++) {
+            CtsPreset preset = {.name = "slab", .unit_distance_mm = 1, .n_opacity = 2, .n_colour = 2};
+            for (int i = 0; i < 2; i++) {
+                preset.opacity[i] = (CtsOpacityPoint){-1000 + 2000 * i, -expm1(-extinctions[e])};
+                preset.colour[i] = (CtsColourPoint){-1000 + 2000 * i, {0.2, 0.4, 0.6}};
+            }
+            CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, view ? 45 : 0, 0);
+            s.max_error = 4;
+            CtsPicture *p = render(v, &preset, &s, NULL);
+            const float *centre = p->pixels + 4 * (SIZE / 2 * SIZE + SIZE / 2);
+            /* The centre pixel's ray lies half a pixel beside the middle, where the way askew is shorter. */
+            const double mm = p->info.mm_per_pixel, length = view ? (N - 1) * sqrt(2) - mm : N - 1;
+            const double opacity = -expm1(-extinctions[e] * length), stops = 0.5 * 4 / 255;
+            assert_true(fabs((double)centre[3] - opacity) <= 1e-4 * opacity + (opacity > 1 - stops ? stops : 0));
+            assert_true(fabs((double)centre[1] - 0.4 * opacity) <= 1e-4 * opacity + (opacity > 1 - stops ? stops : 0));
+            cts_picture_free(&p);
+        }
+    cts_volume_free(&v);
+}
+
+/* What a draft tells is true, and kept or warned of; it is a draft from the error on from which it is one. */
+static void told_of_drafts(void **state)
+{
+    (void)state;
+    static const double views[][2] = {{0, 0}, {30, 20}, {-120, -50}}, asked[] = {1.9, 2, 5, 12};
+    enum { SIZE = 80 };
+    CtsVolume *volumes[] = {phantom_head(48, 44, 40, 0), phantom_head(40, 44, 36, 60)};
+    for (int n = 0; n < 2; n++)
+        for (int view = 0; view < 3; view++)
+            for (int lit = 0; lit < 2; lit++)
+                for (int a = 0; a < 4; a++) {
+                    const CtsPreset preset = preset_named(n ? "skin" : "bone");
+                    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, views[view][0], views[view][1]);
+                    CtsReport report = {0};
+                    s.shade = lit ? CTS_ON : CTS_OFF;
+                    s.max_error = asked[a];
+                    s.verify = SIZE * SIZE;
+                    CtsPicture *p = render(volumes[n], &preset, &s, &report);
+                    assert_int_equal(strstr(report.plan, "draft: ") != NULL, asked[a] >= (lit ? 4 : 2));
+                    assert_true(report.verified.rmse <= report.bound.rmse);
+                    assert_true(report.verified.max <= report.bound.max);
+                    bool warned = false;
+                    for (size_t i = 0; i < report.findings.n; i++)
+                        warned = warned || !strcmp(report.findings.items[i].code, "error_bound");
+                    assert_true(warned || 255 * report.verified.rmse <= asked[a]);
+                    cts_picture_free(&p);
+                    cts_report_free(&report);
+                }
+    for (int n = 0; n < 2; n++)
+        cts_volume_free(&volumes[n]);
+}
+
+int main(void)
+{
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(table_of_a_ramp),
+        cmocka_unit_test(slab_of_one_level),
+        cmocka_unit_test(told_of_drafts),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
