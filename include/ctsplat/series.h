@@ -109,9 +109,10 @@ CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const Ct
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err);
 
 /* The same, but where slices are unevenly spaced the even layers made of them come from cubics instead of
- * straight lines (cts_volume_refine() says which). */
-CtsStatus cts_series_load_cubic(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
-                                CtsError *err);
+ * straight lines (cts_volume_refine() says which). table_goes: cts_volume_remove_table() comes next, and what it looks
+ * for first is marked while slices are read. */
+CtsStatus cts_series_load_cubic(const CtsSeries *series, bool table_goes, int n_threads, CtsVolume **volume,
+                                CtsReport *report, CtsError *err);
 
 /* As cts_series_load(), for who wants its refusals and findings, and of the volume its place and range of HU alone:
  * where all pixels came with the headers, which small files' do, no file is read again, and grey is NULL. */

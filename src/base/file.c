@@ -9,12 +9,15 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+enum { WRITE_BEHIND = 256 << 10 };
+
 struct CtsTempFile {
     int fd;
-    char *target; /* the final name */
-    char *path;   /* the temporary one */
-    char *folder; /* of both */
-    bool loose;   /* a power cut may take it */
+    char *target;     /* the final name */
+    char *path;       /* the temporary one */
+    char *folder;     /* of both */
+    bool loose;       /* a power cut may take it */
+    size_t n_waiting; /* bytes that the disk was not asked for */
 };
 
 /* The folder part of path, "." when it has none; NULL without memory. */
@@ -76,6 +79,12 @@ CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError
             return fail_errno(err, temp->target, "cannot be written");
         p += done;
         n -= (size_t)done;
+        temp->n_waiting += (size_t)done;
+    }
+    /* The disk begins while the rest is made, so that the sync at the end finds little to do; advice. */
+    if (temp->n_waiting >= WRITE_BEHIND && !temp->loose) {
+        sync_file_range(temp->fd, 0, 0, SYNC_FILE_RANGE_WRITE);
+        temp->n_waiting = 0;
     }
     return CTS_OK;
 }

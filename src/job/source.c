@@ -123,7 +123,7 @@ CtsStatus cts_source_read(const CtsSource *source, const CtsSeries *series, CtsV
                           CtsError *err)
 {
     return source->linear ? cts_series_load(series, source->n_threads, volume, report, err)
-                          : cts_series_load_cubic(series, source->n_threads, volume, report, err);
+                          : cts_series_load_cubic(series, source->remove_table, source->n_threads, volume, report, err);
 }
 
 CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,

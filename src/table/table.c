@@ -13,8 +13,6 @@
 #include <stdatomic.h>
 #include <string.h>
 
-/* Below fat and skin, above foam, paper and most cloth. */
-static const double DENSE_HU = -350;
 /* As fine along the scanner as tables need it; finer slices are joined. */
 static const double SECTION_MM = 3.5;
 /* What stays around the body. */
@@ -49,19 +47,15 @@ static void removal_free(Removal *r)
     cts_bits_free(&r->gone);
 }
 
-static uint16_t dense_grey(const CtsVolume *v)
-{
-    const double grey = ceil((DENSE_HU - v->hu_offset) / v->hu_step);
-    return (uint16_t)fmin(fmax(grey, 1), UINT16_MAX);
-}
-
 static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
 {
     CtsStatus st;
     CtsParts runs = {0};
+    if (v->macrocells && cts_macrocells_take_marks(v->macrocells, cts_dense_grey(v), &r->dense, &r->n_runs))
+        return CTS_OK; /* as slices were read */
     if ((st = cts_bits_new(&r->dense, v->dims, err)) || (st = cts_parts_begin(&runs, v->dims, err)))
         return st;
-    cts_bits_threshold(&r->dense, v->grey, v->macrocells, dense_grey(v), runs.row_start + 1, r->n_threads);
+    cts_bits_threshold(&r->dense, v->grey, v->macrocells, cts_dense_grey(v), runs.row_start + 1, r->n_threads);
     cts_parts_counted(&runs);
     r->n_runs = runs.n_runs;
     cts_parts_free(&runs);
@@ -72,12 +66,12 @@ static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
 static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
 {
     if (!r->n_runs)
-        cts_report_skip(report, WHAT, "no voxel lies above %g HU", DENSE_HU);
+        cts_report_skip(report, WHAT, "no voxel lies above %g HU", CTS_DENSE_HU);
     else if (r->n_runs <= cts_volume_n_voxels(v) / VOXELS_PER_RUN + RUNS_ANYWAY)
         return true;
     else
         cts_report_skip(report, WHAT, "too noisy to tell a body from a table: %llu runs of voxels above %g HU",
-                        (unsigned long long)r->n_runs, DENSE_HU);
+                        (unsigned long long)r->n_runs, CTS_DENSE_HU);
     return false;
 }
 
@@ -241,7 +235,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, CtsReport *report, CtsEr
     report_uncertain(r, report);
     cts_bits_combine(&r->sections, CTS_BITS_AND, &r->gone);
     if ((double)cts_bits_count(&r->sections) * r->plan.voxel_mm3 < NOTHING_MM3) {
-        cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", DENSE_HU);
+        cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);
         return st;
     }
     if ((st = clear(r, v, err)))
@@ -249,7 +243,8 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, CtsReport *report, CtsEr
     const double gone_mm3 = (double)r->n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
     cts_report_finding(report, "table_removed", CTS_NOTE,
                        "table removal: %llu voxels above %g HU went (%.1f cm3, %.1f %% of the body)",
-                       (unsigned long long)r->n_dense_gone, DENSE_HU, gone_mm3 / 1000, 100 * gone_mm3 / r->body.mm3);
+                       (unsigned long long)r->n_dense_gone, CTS_DENSE_HU, gone_mm3 / 1000,
+                       100 * gone_mm3 / r->body.mm3);
     return st;
 }
 

@@ -7,6 +7,7 @@
 #include "base/parallel.h"
 #include "dicom/slice.h"
 #include "dicom/slice_stack.h"
+#include "volume/bits.h"
 #include "volume/grey.h"
 #include "volume/macrocells.h"
 #include "volume/resample.h"
@@ -410,6 +411,7 @@ typedef struct Loading {
     char **faults; /* what was found of damaged ones while they were read; owned */
     int n_slices, n_threads;
     bool some_dropped, linear;
+    bool marks_dense; /* for who removes the table */
     bool range_alone; /* no voxels: the headers' reading has seen every pixel */
 } Loading;
 
@@ -468,11 +470,13 @@ static CtsStatus plan_stack(const Loading *in, CtsSliceStack *stack, CtsReport *
 }
 
 /* Grey levels and range of every slice; macro-cells of what is not converted or resampled later. */
-static CtsStatus read_layers(Assembly *a, bool even, CtsVolume *v, CtsReport *report, CtsError *err)
+static CtsStatus read_layers(Assembly *a, bool even, bool marks_dense, CtsVolume *v, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (a->whole_numbers && even)
         st = cts_macrocells_begin(&a->macrocells, v->dims, err);
+    if (!st && a->macrocells && marks_dense)
+        st = cts_macrocells_mark(a->macrocells, cts_dense_grey(v), err);
     const size_t n_bytes = (size_t)a->n_slices * a->layer_voxels * sizeof *a->first;
     cts_hide_from_children(a->first, n_bytes, 1);
     if (!st)
@@ -507,7 +511,7 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
     for (int k = 0; !st && in->range_alone && k < a.n_slices; k++)
         a.ranges[k] = a.slices[k].range;
     if (!st && !in->range_alone)
-        st = read_layers(&a, even, v, report, err);
+        st = read_layers(&a, even, in->marks_dense, v, report, err);
     if (!st) {
         find_hu_range(&a, v);
         st = check_range(&a, v, err);
@@ -575,7 +579,7 @@ end:
     return st;
 }
 
-typedef enum Want { LINEAR, CUBIC, RANGE } Want;
+typedef enum Want { LINEAR, CUBIC, CUBIC_MARKED, RANGE } Want;
 
 static bool all_seen(const CtsSeries *series)
 {
@@ -589,7 +593,9 @@ static bool all_seen(const CtsSeries *series)
 static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsVolume **volume, CtsReport *report,
                       CtsError *err)
 {
-    Loading in = {.linear = want != CUBIC, .range_alone = want == RANGE && all_seen(series)};
+    Loading in = {.linear = want != CUBIC && want != CUBIC_MARKED,
+                  .marks_dense = want == CUBIC_MARKED,
+                  .range_alone = want == RANGE && all_seen(series)};
     CtsError why = {0};
     CtsStatus st = begin_loading(&in, series, n_threads, &why);
     int n_bad = 0;
@@ -641,10 +647,10 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
     return load_timed(series, LINEAR, n_threads, volume, report, err);
 }
 
-CtsStatus cts_series_load_cubic(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
-                                CtsError *err)
+CtsStatus cts_series_load_cubic(const CtsSeries *series, bool table_goes, int n_threads, CtsVolume **volume,
+                                CtsReport *report, CtsError *err)
 {
-    return load_timed(series, CUBIC, n_threads, volume, report, err);
+    return load_timed(series, table_goes ? CUBIC_MARKED : CUBIC, n_threads, volume, report, err);
 }
 
 CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,

@@ -3,6 +3,7 @@
 #define CTS_VOLUME_BITS_H
 
 #include "volume/macrocells.h"
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -67,6 +68,16 @@ void cts_bits_fill(uint64_t *row, int first, int end);
 
 /* How many of the bits first <= i < end of one row are set; first < end. */
 uint64_t cts_bits_count_run(const uint64_t *row, int first, int end);
+
+/* What counts as dense: below fat and skin, above foam, paper and most cloth. */
+static const double CTS_DENSE_HU = -350;
+
+/* The first grey level that does. */
+static inline uint16_t cts_dense_grey(const CtsVolume *v)
+{
+    const double grey = ceil((CTS_DENSE_HU - v->hu_offset) / v->hu_step);
+    return (uint16_t)fmin(fmax(grey, 1), UINT16_MAX);
+}
 
 /* One row: bit i tells whether level i of n is at least min. */
 void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);

@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "volume/bits.h"
 #include "volume/fold.h"
 #include <stdlib.h>
 #include <string.h>
@@ -63,6 +64,14 @@ static void count_macrocells(CtsMacrocells *b, int axis, int n)
     b->n_fine[axis] = (cells - 1) / CTS_FINE_MACROCELL + 1;
 }
 
+static void forget_marks(CtsMacrocells *b)
+{
+    if (b->dense)
+        cts_bits_free(b->dense);
+    cts_free(&b->dense);
+    cts_free(&b->dense_runs);
+}
+
 CtsStatus cts_macrocells_begin(CtsMacrocells **macrocells, const int dims[3], CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -82,6 +91,40 @@ CtsStatus cts_macrocells_begin(CtsMacrocells **macrocells, const int dims[3], Ct
     return CTS_OK;
 }
 
+CtsStatus cts_macrocells_mark(CtsMacrocells *b, uint16_t dense_min, CtsError *err)
+{
+    CtsStatus st = cts_alloc_zeroed(&b->dense, 1, err);
+    if (st || (st = cts_bits_new(b->dense, b->dims, err)) ||
+        (st = cts_alloc_zeroed(&b->dense_runs, (size_t)b->dims[2], err)))
+        forget_marks(b);
+    b->dense_min = dense_min;
+    return st;
+}
+
+bool cts_macrocells_take_marks(CtsMacrocells *b, uint16_t dense_min, CtsBits *dense, uint64_t *n_runs)
+{
+    const bool has = b->dense && b->dense_min == dense_min;
+    *n_runs = 0;
+    for (int k = 0; has && k < b->dims[2]; k++)
+        *n_runs += b->dense_runs[k];
+    if (has) {
+        *dense = *b->dense;
+        b->dense->words = NULL;
+    }
+    forget_marks(b);
+    return has;
+}
+
+static void mark_rows(CtsMacrocells *b, int k, const uint16_t *slice, int first, int end)
+{
+    const int nx = b->dims[0];
+    for (int j = first; j < end; j++) {
+        uint64_t *row = cts_bits_row(b->dense, j, k);
+        cts_bits_threshold_row(row, slice + (size_t)j * (size_t)nx, nx, b->dense_min);
+        b->dense_runs[k] += cts_bits_count_runs(row, b->dense->row_words);
+    }
+}
+
 /* How many rows of fine macro-cells the first n_rows rows of a slice complete. */
 static int complete_rows(const CtsMacrocells *b, int n_rows)
 {
@@ -92,6 +135,8 @@ void cts_macrocells_add(CtsMacrocells *b, int k, const uint16_t *slice, int firs
 {
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
     const int bk = k / CTS_FINE_MACROCELL, bj0 = complete_rows(b, first), bj1 = complete_rows(b, end);
+    if (b->dense)
+        mark_rows(b, k, slice, first, end);
     CtsRange *own = b->fine + (size_t)bk * layer;
     if (k % CTS_FINE_MACROCELL > 0) {
         fold_slice(b, slice, bj0, bj1, own);
@@ -164,6 +209,7 @@ void cts_macrocells_keep_slices(CtsMacrocells *b, int first, int n_slices, const
 {
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1], slice = (size_t)b->dims[0] * (size_t)b->dims[1];
     count_macrocells(b, 2, n_slices);
+    forget_marks(b);
     const int last = b->n_fine[2] - 1;
     memmove(b->fine, b->fine + (size_t)(first / CTS_FINE_MACROCELL) * layer, (size_t)last * layer * sizeof *b->fine);
     /* The last layer knows slices that are gone. */
@@ -226,6 +272,7 @@ void cts_macrocells_free(CtsMacrocells **macrocells)
     cts_free(&(*macrocells)->range);
     cts_free(&(*macrocells)->fine);
     cts_free(&(*macrocells)->shared);
+    forget_marks(*macrocells);
     free(*macrocells);
     *macrocells = NULL;
 }

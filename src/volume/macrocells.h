@@ -7,6 +7,7 @@
 
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
+#include <stdbool.h>
 #include <stdint.h>
 
 enum { CTS_MACROCELL = 8, CTS_FINE_MACROCELL = 4 };
@@ -22,11 +23,18 @@ typedef struct CtsMacrocells {
     CtsRange *range, *fine;
     CtsRange all;
     int dims[3];
-    CtsRange *shared; /* while slices are added: ranges of the slices on which two fine macro-cells meet */
+    struct CtsBits *dense; /* voxels of at least dense_min, where they were marked on the way; NULL: not */
+    uint16_t dense_min;
+    uint32_t *dense_runs; /* how many runs of them each slice has */
+    CtsRange *shared;     /* while slices are added: ranges of the slices on which two fine macro-cells meet */
 } CtsMacrocells;
 
 /* Empty macro-cells for a volume of these dimensions. */
 CtsStatus cts_macrocells_begin(CtsMacrocells **macrocells, const int dims[3], CtsError *err);
+/* The voxels of at least this level are to be marked as slices are added: right after cts_macrocells_begin(). */
+CtsStatus cts_macrocells_mark(CtsMacrocells *macrocells, uint16_t dense_min, CtsError *err);
+/* Hands the marks over, with how many runs they are; false where there are none for this level. */
+bool cts_macrocells_take_marks(CtsMacrocells *macrocells, uint16_t dense_min, struct CtsBits *dense, uint64_t *n_runs);
 /* Rows first <= j < end of slice k, dims[0] * dims[1] voxels: the rows of a slice in order, in as many parts as one
  * likes; slices each once, in any order, but slices of the same k / CTS_FINE_MACROCELL from one thread at a time. */
 void cts_macrocells_add(CtsMacrocells *macrocells, int k, const uint16_t *slice, int first, int end);
