@@ -222,9 +222,15 @@ static bool slots_hold(const CtsDecoder *d, const CtsFrameFormat *format, size_t
     return d->shared && n <= d->stream_capacity && pixel_bytes(format) <= d->pixel_capacity;
 }
 
+/* A child that was forked for other syntaxes: what decodes a slice must not depend on what came before. */
+static bool lacks_htj2k(const CtsDecoder *d, const CtsFrameFormat *format)
+{
+    return !d->with_htj2k && format->syntax && format->syntax->codec == CTS_CODEC_HTJ2K;
+}
+
 bool cts_decoder_fits(const CtsDecoder *d, const CtsFrameFormat *format, size_t n)
 {
-    return d->n_jobs == 0 || (d->pid && d->n_jobs < d->n_slots && slots_hold(d, format, n));
+    return d->n_jobs == 0 || (d->pid && d->n_jobs < d->n_slots && slots_hold(d, format, n) && !lacks_htj2k(d, format));
 }
 
 CtsStatus cts_decoder_room(CtsDecoder *d, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err)
@@ -242,8 +248,11 @@ CtsStatus cts_decoder_room(CtsDecoder *d, const CtsFrameFormat *format, size_t n
         d->next_slot = 0;
     }
     *stream = (uint8_t *)d->shared + (size_t)d->next_slot * slot_bytes(d);
-    if (!d->pid && format->syntax && format->syntax->codec == CTS_CODEC_HTJ2K)
+    if (lacks_htj2k(d, format)) {
+        cts_decoder_end(d);
         cts_htj2k_prepare();
+        d->with_htj2k = true;
+    }
     return d->pid ? CTS_OK : start_child(d, err);
 }
 

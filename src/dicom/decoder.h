@@ -37,6 +37,7 @@ typedef struct CtsDecoder {
     bool own_bytes;   /* what it reads comes from this program: no walls, and it may have threads */
     int n_slots;      /* frames at a time, 1 to CTS_DECODER_SLOTS */
     pid_t pid;        /* 0: no child now */
+    bool with_htj2k;  /* the child has cts_htj2k_prepare() behind it */
     int socket;       /* to the child */
     void *shared;     /* slots, each of a stream, then pixels */
     size_t stream_capacity, pixel_capacity;

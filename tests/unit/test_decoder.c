@@ -468,6 +468,34 @@ static void expect_decoder_takes(const CtsFrameFormat *format, const Jpeg2000Byt
     cts_decoder_stop(&anew);
 }
 
+/* One that was forked for other syntaxes is replaced, once there is nothing under way. */
+static void test_htj2k_later(void **state)
+{
+    (void)state;
+    CtsFrameFormat f = format_16(20, 10);
+    CtsError err = {0};
+    CtsDecoder *d = NULL;
+    assert_int_equal(cts_decoder_new(&d, act, 2, &err), CTS_OK);
+    hand_over(d, "d1");
+    const pid_t before = d->pid;
+    f.syntax = cts_syntax_find("1.2.840.10008.1.2.4.201");
+    assert_false(cts_decoder_fits(d, &f, 2));
+    take(d, "d1", NULL);
+    assert_true(cts_decoder_fits(d, &f, 2));
+    uint8_t *stream;
+    assert_int_equal(cts_decoder_room(d, &f, 2, &stream, &err), CTS_OK);
+    const pid_t after = d->pid;
+    assert_true(after && after != before);
+    memcpy(stream, "d2", 2);
+    cts_decoder_send(d, &f, stream, 2);
+    assert_true(cts_decoder_fits(d, &f, 2));
+    hand_over(d, "d3");
+    take(d, "d2", NULL);
+    take(d, "d3", NULL);
+    assert_int_equal(d->pid, after);
+    cts_decoder_free(&d);
+}
+
 /* Larger pictures, several blocks and levels, noise and edges; lossy ones as OpenJPEG reads them, but for rounding. */
 static void test_htj2k(void **state)
 {
@@ -541,10 +569,17 @@ static void test_jpeg2000_damage(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_deaths),         cmocka_unit_test(test_killed),   cmocka_unit_test(test_two_frames),
-        cmocka_unit_test(test_children_taken), cmocka_unit_test(test_room),     cmocka_unit_test(test_many_threads),
-        cmocka_unit_test(test_rle_length),     cmocka_unit_test(test_jpeg2000), cmocka_unit_test(test_jpeg2000_damage),
+        cmocka_unit_test(test_deaths),
+        cmocka_unit_test(test_killed),
+        cmocka_unit_test(test_two_frames),
+        cmocka_unit_test(test_children_taken),
+        cmocka_unit_test(test_room),
+        cmocka_unit_test(test_many_threads),
+        cmocka_unit_test(test_rle_length),
+        cmocka_unit_test(test_jpeg2000),
+        cmocka_unit_test(test_jpeg2000_damage),
         cmocka_unit_test(test_htj2k),
+        cmocka_unit_test(test_htj2k_later),
     };
     return cmocka_run_group_tests(tests, load_openjph, NULL);
 }
