@@ -292,6 +292,8 @@ void read_rescale(CtsAttributes &item, CtsSlice *s)
     if (std::fabs(s->slope) < 1e-6 || std::fabs(s->slope) * 65535 + std::fabs(s->intercept) > 1e7)
         cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no Hounsfield units", s->slope,
                         s->intercept);
+    if (s->slope < 0)
+        s->odd |= CTS_ODD_FALLING;
     const std::string_view type = cts_text_of(item, DCM_RescaleType);
     if (type == "US")
         s->odd |= CTS_ODD_UNSPECIFIED;

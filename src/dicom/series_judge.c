@@ -201,6 +201,8 @@ static void describe_odd(CtsSeries *series)
         {CTS_ODD_LONG_PIXELS, "long_pixels", "have more PixelData (7FE0,0010) than they need; the rest is not read"},
         {CTS_ODD_UNSPECIFIED, "rescale_unspecified",
          "have the RescaleType (0028,1054) US, unspecified; taken for Hounsfield units"},
+        {CTS_ODD_FALLING, "negative_slope",
+         "have a negative RescaleSlope (0028,1053), so that their largest stored values are the least dense"},
     };
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
         int n = 0;

@@ -32,7 +32,8 @@ enum {
     CTS_ODD_MONOCHROME1 = 8,  /* display polarity only; HU do not change */
     CTS_ODD_LOSSY = 16,       /* (0028,2110) is 01, or a lossy transfer syntax */
     CTS_ODD_LONG_PIXELS = 32, /* more bytes than the frames need; the rest is not read */
-    CTS_ODD_UNSPECIFIED = 64  /* RescaleType is US, "unspecified", not HU */
+    CTS_ODD_UNSPECIFIED = 64, /* RescaleType is US, "unspecified", not HU */
+    CTS_ODD_FALLING = 128     /* RescaleSlope is negative, which no scanner writes */
 };
 
 /* Its texts are the reader's (CtsScratch), shared by the slices it has read. */

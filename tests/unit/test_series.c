@@ -198,6 +198,7 @@ CHANGE(no_slope, s->slope = NULL)
 CHANGE(comma_slope, s->slope = "1,0")
 CHANGE(zero_slope, s->slope = "0")
 CHANGE(tiny_slope, s->slope = "1e-7")
+CHANGE(falling, (s->slope = "-1", s->intercept = "3000"))
 CHANGE(huge_intercept, s->intercept = "1e9")
 CHANGE(not_hu, s->rescale_type = "OD")
 CHANGE(unspecified, s->rescale_type = "US")
@@ -257,6 +258,7 @@ static const Case cases[] = {
     {"slope 1e-7", tiny_slope, CTS_ERR_PIXELS, NULL, "RescaleSlope 1e-07", 20},
     {"intercept huge", huge_intercept, CTS_ERR_PIXELS, NULL, "no Hounsfield", 20},
     {"not HU", not_hu, CTS_ERR_PIXELS, NULL, "(0028,1054) is OD", 20},
+    {"slope -1", falling, CTS_OK, "negative_slope", NULL, 20},
     {"unspecified", unspecified, CTS_OK, "rescale_unspecified", NULL, 20},
     {"HU", is_hu, CTS_OK, NULL, NULL, 20},
     {"no spacing", no_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
