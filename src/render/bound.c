@@ -5,6 +5,7 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
+#include "render/draft.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -81,6 +82,7 @@ typedef struct Strip {
     size_t first_ray, n_rays;
     double found;      /* sum of e^2 / p of the rays that judge */
     double beyond;     /* the largest e^2 / (b^2 + f^2) */
+    double by_rows;    /* of a draft that stays, the sum of e^2 by its rows */
     size_t n_bad;      /* pixels to be cast in any case */
     double rest, most; /* squares of the bounds that are left, and the largest bound */
 } Strip;
@@ -164,18 +166,6 @@ static void list_some(void *context, int worker, size_t first, size_t end)
     }
 }
 
-/* What the pixel is off by, squared. */
-static double square_of_error(const CtsPreset *preset, const float *pixel, const double rgba[4])
-{
-    double square = 0;
-    for (int c = 0; c < 3; c++) {
-        const double behind = preset->background_none ? 0 : preset->background[c];
-        const double off = (double)pixel[c] - rgba[c] + (rgba[3] - (double)pixel[3]) * behind;
-        square += off * off / 3;
-    }
-    return square;
-}
-
 static void cast_pixel(const Keeping *k, size_t at, double rgba[4])
 {
     const size_t width = (size_t)k->band->width;
@@ -190,7 +180,7 @@ static void cast_judging(void *context, int worker, size_t first, size_t end)
         double rgba[4];
         const size_t at = k->rays[i].at;
         cast_pixel(k, at, rgba);
-        k->rays[i].square = square_of_error(k->scene->preset, k->band->pixels + 4 * at, rgba);
+        k->rays[i].square = cts_square_of_error(k->scene->preset, k->band->pixels + 4 * at, rgba);
     }
 }
 
@@ -308,32 +298,32 @@ static CtsStatus judge(Keeping *k, CtsFrameBound *bound, CtsError *err)
     return CTS_OK;
 }
 
-/* Renders strips of a draft anew where their rays say that they err too much. */
+/* Whether a strip's rows or rays say that it errs too much, or its bounds are too bad for so few rays to tell. */
+static bool fails(const Keeping *k, const Strip *s)
+{
+    const double asked = cts_scene_error_asked(k->scene), n = (double)(s->end - s->first);
+    const double pixels = (double)k->scene->view.width * k->scene->view.height;
+    return fmax(s->found, s->by_rows) > 0.25 * asked * asked * n ||
+           fmax(s->beyond, 1) / s->chance * cts_expectation_limit(0) > asked * asked * pixels;
+}
+
+/* Renders strips of a draft anew that fail, with bounds of which the rays so far have shown nothing. */
 static CtsStatus refine(Keeping *k, const CtsEngine *engine, CtsError *err)
 {
-    const double asked = 0.5 * cts_scene_error_asked(k->scene);
-    CtsScene scene = *k->scene;
+    const size_t width = (size_t)k->band->width;
     CtsStatus st = CTS_OK;
-    scene.plan = cts_scene_finer(&scene);
     for (size_t strip = 0; strip < k->n_strips && !st; strip++) {
         Strip *const s = &k->strips[strip];
-        const size_t n = s->end - s->first;
-        s->judged = s->found > asked * asked * (double)n;
+        const int first = (int)(s->first / width), end = (int)(s->end / width);
+        if ((st = cts_draft_try(engine, k->scene, k->band, first, end, &s->by_rows, err)))
+            return st;
+        s->by_rows *= (double)(s->end - s->first);
+        s->judged = fails(k, s);
         if (!s->judged)
             continue;
-        CtsPicture rows = *k->band;
-        rows.first_row += (int)(s->first / (size_t)rows.width);
-        rows.height = (int)(n / (size_t)rows.width);
-        rows.pixels += 4 * s->first;
-        rows.bound += s->first;
-        if (rows.depth_mm)
-            rows.depth_mm += s->first;
-        memset(rows.pixels, 0, 4 * n * sizeof *rows.pixels);
-        memset(rows.bound, 0, n * sizeof *rows.bound);
-        for (size_t i = 0; i < n && rows.depth_mm; i++)
-            rows.depth_mm[i] = INFINITY;
-        st = engine->render(&scene, &rows, NULL, err);
-        k->refined += n;
+        s->beyond = s->by_rows = 0;
+        st = cts_draft_redraw(engine, k->scene, k->band, first, end, err);
+        k->refined += s->end - s->first;
     }
     return st;
 }
@@ -361,6 +351,7 @@ static void add_strips(CtsFrameBound *bound, const Keeping *k)
         bound->square += s->rest;
         bound->most = fmax(bound->most, s->most);
         bound->found += s->found;
+        bound->by_rows += s->by_rows;
         bound->weight = fmax(bound->weight, 1 / s->chance);
         bound->beyond = fmax(bound->beyond, s->beyond);
     }
@@ -415,7 +406,9 @@ static double rmse_of(const CtsFrameBound *bound, const CtsScene *scene)
     const double judged = sqrt(weight * cts_expectation_limit(bound->found / weight) / pixels);
     const double *along = scene->view.forward_vox;
     const bool straight = (along[0] != 0) + (along[1] != 0) + (along[2] != 0) == 1;
-    const bool known = straight && !scene->preset->shade && !cts_scene_drafts(scene) && bound->beyond <= 1;
+    const bool known = straight && !scene->preset->shade && bound->beyond <= 1;
+    if (cts_scene_drafts(scene))
+        return ROUNDED + fmax(judged, sqrt(bound->by_rows / pixels));
     return ROUNDED + (known ? fmin(judged, sqrt(bound->square / pixels)) : judged);
 }
 
