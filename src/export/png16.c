@@ -24,6 +24,18 @@ typedef struct Packer {
     uint8_t *rows; /* a strip's, with the row above */
 } Packer;
 
+enum {
+    CHUNK_HEAD = 8,
+    CHUNK_TAIL = 8
+}; /* length and name; the stream's check value, in the last one, and the chunk's */
+
+/* Strips as they come out of their packers, in chunks that have room for what stands around them. */
+typedef struct Batch {
+    CtsIdatStrip strips[MOST_STRIPS];
+    int n;
+    uint8_t *bytes;
+} Batch;
+
 /* Where libpng's callbacks find what belongs to this file. */
 typedef struct PngWriter {
     const CtsExportJob *job;
@@ -34,12 +46,12 @@ typedef struct PngWriter {
     CtsIdat idat;
     int n_threads, n_batch;
     Packer *packers;
-    uint8_t *bytes; /* of the strips of a batch */
-    size_t strip_bound;
-    uint8_t *rows; /* the last row written, then the rows that wait for a strip to be whole, samples big-endian */
+    Batch batches[2]; /* one is compressed while the other is written */
+    int batch;        /* the one that comes next */
+    uint8_t *rows;    /* the last row written, then the rows that wait for a strip to be whole, samples big-endian */
     int n_waiting;
-    int next_strip;
-    uint32_t adler; /* of the strips written */
+    int n_packed, n_written; /* strips */
+    uint32_t adler;          /* of those written */
 } PngWriter;
 
 static void on_write(png_structp png, png_bytep data, size_t n)
@@ -123,24 +135,24 @@ static void put_header(png_structp png, png_infop info, const PngWriter *w)
 }
 
 /* IDAT chunks past libpng, which would take their check sums one after the other. */
-static CtsStatus write_strips(PngWriter *w, const CtsIdatStrip *strips, int n)
+static CtsStatus write_strips(PngWriter *w, Batch *batch, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    for (int i = 0; i < n && !st; i++) {
-        const bool last = w->next_strip == w->idat.n_strips - 1;
-        png_byte head[8], check[4], crc[4];
-        w->adler = cts_idat_checksum(w->adler, &strips[i]);
-        png_save_uint_32(check, w->adler);
-        png_save_uint_32(crc, last ? (uint32_t)crc32(strips[i].crc, check, sizeof check) : strips[i].crc);
-        png_save_uint_32(head, (png_uint_32)(strips[i].n_bytes + (last ? sizeof check : 0)));
-        memcpy(head + 4, "IDAT", 4);
-        if ((st = cts_temp_write(w->job->temp, head, sizeof head, w->err)) ||
-            (st = cts_temp_write(w->job->temp, strips[i].bytes, strips[i].n_bytes, w->err)) ||
-            (last && (st = cts_temp_write(w->job->temp, check, sizeof check, w->err))))
-            break;
-        st = cts_temp_write(w->job->temp, crc, sizeof crc, w->err);
-        w->next_strip++;
+    for (int i = 0; i < batch->n && !st; i++) {
+        CtsIdatStrip *const strip = &batch->strips[i];
+        uint8_t *const chunk = strip->bytes - CHUNK_HEAD;
+        w->adler = cts_idat_checksum(w->adler, strip);
+        if (++w->n_written == w->idat.n_strips) {
+            png_save_uint_32(strip->bytes + strip->n_bytes, w->adler);
+            strip->crc = (uint32_t)crc32(strip->crc, strip->bytes + strip->n_bytes, 4);
+            strip->n_bytes += 4;
+        }
+        png_save_uint_32(chunk, (png_uint_32)strip->n_bytes);
+        memcpy(chunk + 4, "IDAT", 4);
+        png_save_uint_32(strip->bytes + strip->n_bytes, strip->crc);
+        st = cts_temp_write(w->job->temp, chunk, CHUNK_HEAD + strip->n_bytes + 4, err);
     }
+    batch->n = 0;
     return st;
 }
 
@@ -166,12 +178,12 @@ static CtsStatus write_finish(PngWriter *w)
 
 /* Rows that wait, then those of a band (NULL: none), counted on from the first that waits. */
 typedef struct Packing {
-    const PngWriter *writer;
+    PngWriter *writer;
     const CtsPicture *band;
     int first_strip; /* of the batch, counted from the first row that waits */
-    CtsIdatStrip *strips;
-    CtsError *errors;
-    CtsStatus *found;
+    Batch *now, *before;
+    CtsError errors[MOST_STRIPS + 1]; /* of writing, then of each strip */
+    CtsStatus found[MOST_STRIPS + 1];
 } Packing;
 
 static void convert_row(const PngWriter *w, const CtsPicture *band, int y, uint8_t *to)
@@ -193,34 +205,48 @@ static void collect_rows(const PngWriter *w, const CtsPicture *band, int first, 
             convert_row(w, band, r - w->n_waiting, to);
 }
 
-static void pack_strips(void *context, int worker, size_t first, size_t end)
+static CtsStatus pack_strip(const Packing *p, int worker, int i, CtsError *err)
 {
-    const Packing *const p = context;
     const PngWriter *w = p->writer;
     const Packer *packer = &w->packers[worker];
     const int n_rows = w->n_waiting + (p->band ? p->band->height : 0), per_strip = w->idat.rows_per_strip;
-    for (size_t i = first; i < end; i++) {
-        const int from = (p->first_strip + (int)i) * per_strip, to = from + per_strip;
-        collect_rows(w, p->band, from - 1, to < n_rows ? to : n_rows, packer->rows);
-        p->found[i] = cts_idat_strip(packer->idat, w->next_strip + (int)i, packer->rows + w->idat.row_bytes,
-                                     &p->strips[i], &p->errors[i]);
-    }
+    const int from = (p->first_strip + i) * per_strip, to = from + per_strip;
+    collect_rows(w, p->band, from - 1, to < n_rows ? to : n_rows, packer->rows);
+    return cts_idat_strip(packer->idat, w->n_packed + i, packer->rows + w->idat.row_bytes, &p->now->strips[i], err);
 }
 
-/* n strips, compressed in parallel, written in order. */
-static CtsStatus write_batch(PngWriter *w, const CtsPicture *band, int first, int n)
+/* Item 0 writes the batch before, the others are strips. */
+static void pack_and_write(void *context, int worker, size_t first, size_t end)
 {
-    CtsIdatStrip strips[MOST_STRIPS];
-    CtsError errors[MOST_STRIPS];
-    CtsStatus found[MOST_STRIPS];
-    Packing packing = {w, band, first, strips, errors, found};
+    Packing *const p = context;
+    for (size_t i = first; i < end; i++)
+        p->found[i] =
+            i ? pack_strip(p, worker, (int)i - 1, &p->errors[i]) : write_strips(p->writer, p->before, &p->errors[i]);
+}
+
+/* n strips are compressed in parallel; they are written, in order, beside the next ones. */
+static CtsStatus pack_batch(PngWriter *w, const CtsPicture *band, int first, int n)
+{
+    Packing packing = {.writer = w,
+                       .band = band,
+                       .first_strip = first,
+                       .now = &w->batches[w->batch],
+                       .before = &w->batches[!w->batch]};
+    const size_t room = CHUNK_HEAD + cts_idat_bound(w->packers[0].idat) + CHUNK_TAIL;
     for (int i = 0; i < n; i++)
-        strips[i] = (CtsIdatStrip){.bytes = w->bytes + (size_t)i * w->strip_bound};
-    cts_parallel(w->n_threads, (size_t)n, 1, pack_strips, &packing);
-    for (int i = 0; i < n; i++)
-        if (found[i])
-            return cts_fail(w->err, found[i], "%s: %s", w->job->path, errors[i].text);
-    return write_strips(w, strips, n);
+        packing.now->strips[i] = (CtsIdatStrip){.bytes = packing.now->bytes + (size_t)i * room + CHUNK_HEAD};
+    cts_parallel(w->n_threads, (size_t)n + 1, 1, pack_and_write, &packing);
+    if (packing.found[0]) {
+        *w->err = packing.errors[0];
+        return packing.found[0];
+    }
+    for (int i = 1; i <= n; i++)
+        if (packing.found[i])
+            return cts_fail(w->err, packing.found[i], "%s: %s", w->job->path, packing.errors[i].text);
+    packing.now->n = n;
+    w->n_packed += n;
+    w->batch = !w->batch;
+    return CTS_OK;
 }
 
 /* All whole strips of the rows that wait and the band's, then the rows that are left wait; without a band, those too.
@@ -231,7 +257,7 @@ static CtsStatus add_rows(PngWriter *w, const CtsPicture *band)
     const int n_strips = band ? n_rows / per_strip : (n_rows + per_strip - 1) / per_strip;
     CtsStatus st = CTS_OK;
     for (int strip = 0; strip < n_strips && !st; strip += w->n_batch)
-        st = write_batch(w, band, strip, n_strips - strip < w->n_batch ? n_strips - strip : w->n_batch);
+        st = pack_batch(w, band, strip, n_strips - strip < w->n_batch ? n_strips - strip : w->n_batch);
     if (st || !band)
         return st;
     /* What is left is less than a strip. */
@@ -259,9 +285,10 @@ static CtsStatus begin_packing(PngWriter *w, CtsError *err)
         if ((st = cts_idat_packer_new(&w->packers[t].idat, &w->idat, err)) ||
             (st = cts_alloc_array(&w->packers[t].rows, n_rows * w->idat.row_bytes, err)))
             return st;
-    w->strip_bound = cts_idat_bound(w->packers[0].idat);
-    if ((st = cts_alloc_array(&w->bytes, (size_t)w->n_batch * w->strip_bound, err)))
-        return st;
+    const size_t room = CHUNK_HEAD + cts_idat_bound(w->packers[0].idat) + CHUNK_TAIL;
+    for (int i = 0; i < 2; i++)
+        if ((st = cts_alloc_array(&w->batches[i].bytes, (size_t)w->n_batch * room, err)))
+            return st;
     return cts_alloc_zeroed(&w->rows, n_rows * w->idat.row_bytes, err);
 }
 
@@ -293,7 +320,9 @@ CtsStatus cts_png_finish(CtsExportJob *job, CtsError *err)
 {
     PngWriter *w = job->state;
     w->err = err;
-    const CtsStatus st = w->n_waiting > 0 ? add_rows(w, NULL) : CTS_OK;
+    CtsStatus st = w->n_waiting > 0 ? add_rows(w, NULL) : CTS_OK;
+    if (!st)
+        st = write_strips(w, &w->batches[!w->batch], err);
     return st ? st : write_finish(w);
 }
 
@@ -309,7 +338,8 @@ void cts_png_close(CtsExportJob *job)
         cts_free(&w->packers[t].rows);
     }
     cts_free(&w->packers);
-    cts_free(&w->bytes);
+    for (int i = 0; i < 2; i++)
+        cts_free(&w->batches[i].bytes);
     cts_free(&w->rows);
     free(w);
 }
