@@ -269,6 +269,23 @@ static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
     return CTS_OK;
 }
 
+/* Slices that are missing at an end leave no gap. Where instance numbers rise by one from slice to slice they tell the
+ * first ones; they need not begin at 1, so that is no warning. */
+static void note_first_number(const CtsSliceSet *set, CtsSeries *series)
+{
+    const int a = set->items[0]->instance_number, b = set->items[set->n - 1]->instance_number;
+    const int step = a < b ? 1 : -1, least = a < b ? a : b;
+    for (int i = 0; i < set->n; i++)
+        if (set->items[i]->n_frames || set->items[i]->instance_number != a + step * i)
+            return;
+    if (least > 1)
+        cts_findings_add(
+            &series->findings, "late_first_number", CTS_NOTE,
+            "the instance numbers (0020,0013) of its slices begin at %d: up to %d slices may be missing at "
+            "one end",
+            least, least - 1);
+}
+
 /* A series refused for its pixels still has a place in space. */
 static void describe_refused(CtsSliceSet *set, CtsSeries *series)
 {
@@ -286,7 +303,7 @@ static void describe_refused(CtsSliceSet *set, CtsSeries *series)
     cts_slice_stack_free(&stack);
 }
 
-static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, CtsError *err)
+static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, bool whole, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const CtsSlice *middle = set->items[set->n / 2];
@@ -297,6 +314,8 @@ static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, CtsError *err)
         describe_refused(set, series);
     else if (!st)
         st = judge_stack(set, series, err);
+    if (!st && whole && !series->refusal)
+        note_first_number(set, series);
     if (!st)
         take_slices(series, set);
     describe_odd(series);
@@ -377,7 +396,7 @@ CtsStatus cts_series_judge(CtsSliceSet *set, CtsSeries series[CTS_MAX_PARTS], in
     for (int p = 1; !st && p < n_parts; p++)
         copy_findings(&series[p].findings, &series[0].findings);
     for (int p = 0; !st && p < n_parts; p++)
-        st = finish(&series[p], &parts[p], err);
+        st = finish(&series[p], &parts[p], n_parts == 1, err);
     if (!st)
         *n_series = n_parts;
     for (int p = 0; p < n_parts; p++)

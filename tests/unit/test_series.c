@@ -376,6 +376,43 @@ static void test_wrong_sign(void **state)
     }
 }
 
+/* Numbers by slice that do not begin at 1 are noted, whatever way they rise; other numbers tell nothing. */
+static void test_first_number(void **state)
+{
+    (void)state;
+    static const struct {
+        int first, step, odd; /* odd: added to slice 2 */
+        const char *told;
+    } numberings[] = {{1, 1, 0, NULL},
+                      {5, -1, 0, NULL},
+                      {2, 1, 0, "begin at 2: up to 1 slices"},
+                      {9, -1, 0, "begin at 5: up to 4 slices"},
+                      {7, 2, 0, NULL},
+                      {7, 1, 1, NULL},
+                      {7, 0, 0, NULL},
+                      {0, 1, 0, NULL}};
+    for (size_t c = 0; c < sizeof numberings / sizeof *numberings; c++) {
+        Found f;
+        make_folder(f.folder);
+        for (int k = 0; k < 5; k++) {
+            StackTexts t;
+            char name[16], instance[16];
+            Slice s = stack_slice(&t, k, 0, 0, 2 * k);
+            snprintf(instance, sizeof instance, "%d",
+                     numberings[c].first + k * numberings[c].step + (k == 2 ? numberings[c].odd : 0));
+            s.instance = instance;
+            snprintf(name, sizeof name, "IM%d", k);
+            write_slice(f.folder, name, &s);
+        }
+        find(&f);
+        const CtsFinding *told = finding(&f.list->items[0].findings, "late_first_number");
+        if (!told != !numberings[c].told || (told && !strstr(told->text, numberings[c].told)))
+            fail_msg("case %zu: %s", c, told ? told->text : "nothing");
+        assert_true(!told || told->severity == CTS_NOTE);
+        done(&f);
+    }
+}
+
 /* Slices of zeros between others are told, at the ends they may be air. */
 static void test_blank(void **state)
 {
@@ -695,7 +732,7 @@ int main(void)
         cmocka_unit_test(test_cases),        cmocka_unit_test(test_no_volume),   cmocka_unit_test(test_wrong_sign),
         cmocka_unit_test(test_deep_folders), cmocka_unit_test(test_copies),      cmocka_unit_test(test_phases),
         cmocka_unit_test(test_choose),       cmocka_unit_test(test_folders),     cmocka_unit_test(test_any_threads),
-        cmocka_unit_test(test_description),  cmocka_unit_test(test_blank),
+        cmocka_unit_test(test_description),  cmocka_unit_test(test_blank),       cmocka_unit_test(test_first_number),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
