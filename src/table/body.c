@@ -131,7 +131,7 @@ static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections,
     CtsParts parts = {0};
     uint8_t *flags = NULL, *sized = NULL;
     CtsBits *const rest = &body->foreign; /* first what is no plate, then what is foreign */
-    if ((st = cts_bits_new(rest, plan->dims, err)) || (st = cts_bits_new(&body->dense, plan->dims, err)))
+    if ((st = cts_bits_new_unset(rest, plan->dims, err)) || (st = cts_bits_new(&body->dense, plan->dims, err)))
         return st;
     Sections taking = {sections, extruded, rest, workers}, extending = {sections, extruded, &body->dense, workers};
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, take_extruded, &taking);
@@ -203,23 +203,54 @@ static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, co
     return st;
 }
 
+/* Loops over sections that turn them round. */
+typedef struct Turning {
+    CtsBody *body;
+    CtsBits *air;
+} Turning;
+
+static CtsBits sections_of(const CtsBits *bits, size_t first, size_t end)
+{
+    return (CtsBits){.dims = {bits->dims[0], bits->dims[1], (int)(end - first)},
+                     .row_words = bits->row_words,
+                     .words = cts_bits_row(bits, 0, (int)first)};
+}
+
+static void find_air(void *context, int worker, size_t first, size_t end)
+{
+    const Turning *const t = context;
+    CtsBits air = sections_of(t->air, first, end);
+    const CtsBits dense = sections_of(&t->body->dense, first, end);
+    (void)worker;
+    cts_bits_combine(&air, CTS_BITS_NOT, &dense);
+}
+
+/* What was painted is outside: of the foreign that alone stays, and the whole is the rest. */
+static void turn_outside(void *context, int worker, size_t first, size_t end)
+{
+    const Turning *const t = context;
+    CtsBits whole = sections_of(&t->body->whole, first, end), foreign = sections_of(&t->body->foreign, first, end);
+    (void)worker;
+    cts_bits_combine(&foreign, CTS_BITS_AND, &whole);
+    cts_bits_combine(&whole, CTS_BITS_NOT, &whole);
+}
+
 static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, int n_threads, CtsBody *body, CtsError *err)
 {
     CtsStatus st;
     CtsBits air = {0};
     CtsParts parts = {0};
     uint8_t *outside = NULL;
-    if ((st = cts_bits_new(&air, plan->dims, err)))
+    if ((st = cts_bits_new_unset(&air, plan->dims, err)))
         return st;
-    cts_bits_combine(&air, CTS_BITS_NOT, &body->dense);
+    Turning turning = {body, &air};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, find_air, &turning);
     if ((st = cts_parts_find_in_slices(&parts, &air, n_threads, err)) ||
         (st = cts_alloc_array(&outside, parts.n_parts, err)) || (st = tell_outside(plan, v, &parts, outside, err)) ||
         (st = cts_bits_new(&body->whole, plan->dims, err)))
         goto end;
     cts_parts_paint(&parts, outside, &body->whole, n_threads);
-    cts_bits_combine(&body->foreign, CTS_BITS_AND, &body->whole);
-    cts_bits_combine(&air, CTS_BITS_COPY, &body->whole);
-    cts_bits_combine(&body->whole, CTS_BITS_NOT, &air);
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, turn_outside, &turning);
 end:
     cts_bits_free(&air);
     cts_parts_free(&parts);
@@ -268,7 +299,7 @@ CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const Ct
     for (int t = 0; !st && t < n_threads; t++)
         st = cts_morphology_new(&workers[t], sections, err);
     if (st || (st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) ||
-        (st = find_whole(plan, v, n_threads, body, err)) || (st = cts_bits_new(&scratch, plan->dims, err)))
+        (st = find_whole(plan, v, n_threads, body, err)) || (st = cts_bits_new_unset(&scratch, plan->dims, err)))
         goto end;
     measure_thin(plan, workers, &scratch, n_threads, body);
 end:
@@ -348,7 +379,8 @@ CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, in
     body->n_slices = plan->n_slices;
     body->parts = 1;
     memcpy(body->axis, plan->axis, sizeof body->axis);
-    if ((st = cts_bits_new(&body->squares, plan->dims, err)) || (st = cts_bits_new(&narrow, plan->dims, err)) ||
+    if ((st = cts_bits_new_unset(&body->squares, plan->dims, err)) ||
+        (st = cts_bits_new_unset(&narrow, plan->dims, err)) ||
         (st = cts_alloc_zeroed(&workers, (size_t)n_threads, err)))
         goto end;
     for (int t = 0; t < n_threads; t++)

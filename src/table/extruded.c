@@ -271,7 +271,7 @@ CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections,
         return st;
     const int by_window[3] = {plan->dims[0], plan->dims[1], s.windows.n};
     const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
-    if ((st = cts_bits_new(&s.wide, plan->dims, err)) || (st = cts_bits_new(&s.plates, by_window, err)) ||
+    if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new(&s.plates, by_window, err)) ||
         (st = cts_bits_new(&s.doubtful, by_window, err)) || (st = cts_bits_new(&s.followed, by_shorter, err)) ||
         (st = search(&s, sections, n_threads, err)))
         goto end;

@@ -124,7 +124,7 @@ static CtsStatus find_all_gone(Removal *r, CtsError *err)
     CtsMorphology *workers = NULL;
     uint64_t *scratch = NULL;
     const size_t n_words = r->sections.row_words * (size_t)r->sections.dims[1];
-    CtsStatus st = cts_bits_new(&r->gone, r->plan.dims, err);
+    CtsStatus st = cts_bits_new_unset(&r->gone, r->plan.dims, err);
     if (st || (st = cts_alloc_array(&scratch, 2 * n_words * (size_t)r->n_threads, err)) ||
         (st = cts_alloc_zeroed(&workers, (size_t)r->n_threads, err)))
         goto end;

@@ -8,15 +8,28 @@
 #include <emmintrin.h>
 #endif
 
-CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err)
+static CtsStatus plan(CtsBits *bits, const int dims[3], size_t *n_words, CtsError *err)
 {
     *bits = (CtsBits){.dims = {dims[0], dims[1], dims[2]}, .row_words = (size_t)dims[0] / 64 + 1};
-    size_t n;
     if (bits->row_words > CTS_BITS_ROW_WORDS)
         return cts_fail(err, CTS_ERR_MEMORY, "rows of %d voxels are too long for a mask", dims[0]);
-    if (cts_mul_overflows((size_t)dims[1] * (size_t)dims[2], bits->row_words, &n))
+    if (cts_mul_overflows((size_t)dims[1] * (size_t)dims[2], bits->row_words, n_words))
         return cts_fail(err, CTS_ERR_MEMORY, "a mask of %d x %d x %d voxels is too large", dims[0], dims[1], dims[2]);
-    return cts_alloc_zeroed(&bits->words, n, err);
+    return CTS_OK;
+}
+
+CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err)
+{
+    size_t n_words = 0;
+    const CtsStatus st = plan(bits, dims, &n_words, err);
+    return st ? st : cts_alloc_zeroed(&bits->words, n_words, err);
+}
+
+CtsStatus cts_bits_new_unset(CtsBits *bits, const int dims[3], CtsError *err)
+{
+    size_t n_words = 0;
+    const CtsStatus st = plan(bits, dims, &n_words, err);
+    return st ? st : cts_alloc_array(&bits->words, n_words, err);
 }
 
 void cts_bits_free(CtsBits *bits)

@@ -20,6 +20,8 @@ enum { CTS_BITS_ROW_WORDS = 1025 }; /* at most, 65599 voxels a row */
 
 /* All bits 0. A zero-initialised CtsBits may be freed. */
 CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err);
+/* The same, but for who writes every word before any is read. */
+CtsStatus cts_bits_new_unset(CtsBits *bits, const int dims[3], CtsError *err);
 void cts_bits_free(CtsBits *bits);
 
 static inline size_t cts_bits_n_words(const CtsBits *bits)
