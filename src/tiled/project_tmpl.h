@@ -184,6 +184,9 @@ INLINE void cut_layer(const CtsProjection *p, const Way *w, const Packet *r, int
     vd cut[2];
     for (int n = 0; n < 2; n++) {
         const int a = p->axes[n];
+        cut[n] = t[3];
+        if (w->step[a] == 0) /* straight along the volume's axes, as many views are */
+            continue;
         const vi from = cell_at(p, a, r->start[a] + t[0] * w->step[a]);
         const vi to = cell_at(p, a, r->start[a] + t[3] * w->step[a]);
         const vd face = vd_max(to_double(from), to_double(to));
