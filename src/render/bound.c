@@ -82,7 +82,7 @@ typedef struct Strip {
     size_t first_ray, n_rays;
     double found;      /* sum of e^2 / p of the rays that judge */
     double beyond;     /* the largest e^2 / (b^2 + f^2) */
-    double by_rows;    /* of a draft that stays, the sum of e^2 by its rows */
+    double by_pieces;  /* of a draft that stays, the sum of e^2 by its pieces */
     size_t n_bad;      /* pixels to be cast in any case */
     double rest, most; /* squares of the bounds that are left, and the largest bound */
 } Strip;
@@ -298,12 +298,12 @@ static CtsStatus judge(Keeping *k, CtsFrameBound *bound, CtsError *err)
     return CTS_OK;
 }
 
-/* Whether a strip's rows or rays say that it errs too much, or its bounds are too bad for so few rays to tell. */
+/* Whether a strip's pieces or rays say that it errs too much, or its bounds are too bad for so few rays to tell. */
 static bool fails(const Keeping *k, const Strip *s)
 {
     const double asked = cts_scene_error_asked(k->scene), n = (double)(s->end - s->first);
     const double pixels = (double)k->scene->view.width * k->scene->view.height;
-    return fmax(s->found, s->by_rows) > 0.25 * asked * asked * n ||
+    return fmax(s->found, s->by_pieces) > 0.25 * asked * asked * n ||
            fmax(s->beyond, 1) / s->chance * cts_expectation_limit(0) > asked * asked * pixels;
 }
 
@@ -315,13 +315,13 @@ static CtsStatus refine(Keeping *k, const CtsEngine *engine, CtsError *err)
     for (size_t strip = 0; strip < k->n_strips && !st; strip++) {
         Strip *const s = &k->strips[strip];
         const int first = (int)(s->first / width), end = (int)(s->end / width);
-        if ((st = cts_draft_try(engine, k->scene, k->band, first, end, &s->by_rows, err)))
+        if ((st = cts_draft_try(engine, k->scene, k->band, first, end, &s->by_pieces, err)))
             return st;
-        s->by_rows *= (double)(s->end - s->first);
+        s->by_pieces *= (double)(s->end - s->first);
         s->judged = fails(k, s);
         if (!s->judged)
             continue;
-        s->beyond = s->by_rows = 0;
+        s->beyond = s->by_pieces = 0;
         st = cts_draft_redraw(engine, k->scene, k->band, first, end, err);
         k->refined += s->end - s->first;
     }
@@ -351,7 +351,7 @@ static void add_strips(CtsFrameBound *bound, const Keeping *k)
         bound->square += s->rest;
         bound->most = fmax(bound->most, s->most);
         bound->found += s->found;
-        bound->by_rows += s->by_rows;
+        bound->by_pieces += s->by_pieces;
         bound->weight = fmax(bound->weight, 1 / s->chance);
         bound->beyond = fmax(bound->beyond, s->beyond);
     }
@@ -408,7 +408,7 @@ static double rmse_of(const CtsFrameBound *bound, const CtsScene *scene)
     const bool straight = (along[0] != 0) + (along[1] != 0) + (along[2] != 0) == 1;
     const bool known = straight && !scene->preset->shade && bound->beyond <= 1;
     if (cts_scene_drafts(scene))
-        return ROUNDED + fmax(judged, sqrt(bound->by_rows / pixels));
+        return ROUNDED + fmax(judged, sqrt(bound->by_pieces / pixels));
     return ROUNDED + (known ? fmin(judged, sqrt(bound->square / pixels)) : judged);
 }
 

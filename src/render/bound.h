@@ -24,13 +24,13 @@ typedef struct CtsFrameBound {
     double square, most;  /* sum of the squares of the engine's bounds that are left, and the largest */
     double found, weight; /* sum of e^2 / p of the rays that judge, and the largest that a term may have */
     double beyond;        /* the largest e^2 / (b^2 + f^2) that a ray has shown */
-    double by_rows;       /* of what stays of a draft, the sum of e^2 that its rows show */
+    double by_pieces;     /* of what stays of a draft, the sum of e^2 that pieces of it show */
     double wall_ms, cpu_ms;
 } CtsFrameBound;
 
 /* Takes a band whose bounds the engine gave, and puts its worst pixels right. A ray costs some hundred times
  * a pixel of the march: of a strip whose rays say that it errs too much, one pixel in 512 is cast by default, one in 32
- * where an error was asked for. Of a draft, such strips, and those that rows of it show to err too much, are rendered
+ * where an error was asked for. Of a draft, such strips, and those that pieces of it show to err too much, are rendered
  * anew by `engine`, as no draft (render/draft.h). */
 CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
                          CtsError *err);

@@ -22,55 +22,40 @@ static CtsScene finer(const CtsScene *scene)
     return s;
 }
 
-/* A row of its view, the same for bands of any size (the finaliser of MurmurHash3). */
-static int draw_row(int first, int end, int number)
+static int one_in(const CtsScene *scene)
 {
-    uint32_t h = (uint32_t)first * 64 + (uint32_t)number + 1;
-    h = (h ^ h >> 16) * 0x85ebca6bu;
-    h = (h ^ h >> 13) * 0xc2b2ae35u;
-    return first + (int)((h ^ h >> 16) % (uint32_t)(end - first));
-}
-
-static int n_tried(const CtsScene *scene, int n_rows)
-{
-    enum { MOST = 8 };
-    const int strips = (scene->view.height + CTS_BAND_ROWS - 1) / CTS_BAND_ROWS;
-    const int n = (CTS_DRAFT_ROWS + strips - 1) / strips, most = n < MOST ? n : MOST;
-    return most < n_rows ? most : n_rows;
+    const double pieces = (double)scene->view.width * scene->view.height / CTS_DRAWN_PIXELS;
+    return (int)fmin(pieces / CTS_DRAFT_PIECES, CTS_DRAFT_ONE_IN);
 }
 
 CtsStatus cts_draft_try(const CtsEngine *engine, const CtsScene *scene, const CtsPicture *band, int first, int end,
                         double *mean_square, CtsError *err)
 {
-    const CtsScene fine = finer(scene);
-    const size_t width = (size_t)band->width;
-    const int n = n_tried(scene, end - first);
-    float *pixels = NULL, *bound = NULL;
+    const size_t width = (size_t)band->width, n = width * (size_t)(end - first);
+    CtsScene fine = finer(scene);
+    CtsPicture drawn = *band;
     double sum = 0;
+    size_t n_drawn = 0;
     CtsStatus st;
-    if ((st = cts_alloc_array(&pixels, 4 * width, err)) || (st = cts_alloc_array(&bound, width, err)))
+    fine.plan.one_in = one_in(scene);
+    drawn.first_row += first;
+    drawn.height = end - first;
+    drawn.pixels = drawn.bound = drawn.depth_mm = NULL;
+    if ((st = cts_alloc_zeroed(&drawn.pixels, 4 * n, err)) || (st = cts_alloc_array(&drawn.bound, n, err)) ||
+        (st = engine->render(&fine, &drawn, NULL, err)))
         goto end;
-    for (int i = 0; i < n && !st; i++) {
-        const int row = draw_row(first + band->first_row, end + band->first_row, i) - band->first_row;
-        const float *drawn = band->pixels + 4 * (size_t)row * width;
-        CtsPicture one = *band;
-        one.first_row += row;
-        one.height = 1;
-        one.pixels = pixels;
-        one.bound = bound;
-        one.depth_mm = NULL;
-        memset(pixels, 0, 4 * width * sizeof *pixels);
-        st = engine->render(&fine, &one, NULL, err);
-        for (size_t x = 0; x < width && !st; x++) {
-            const float *p = pixels + 4 * x;
-            const double rgba[4] = {(double)p[0], (double)p[1], (double)p[2], (double)p[3]};
-            sum += cts_square_of_error(scene->preset, drawn + 4 * x, rgba);
-        }
+    for (size_t i = 0; i < n; i++) {
+        if (!cts_plan_draws(&fine.plan, (int)(i % width), drawn.first_row + (int)(i / width)))
+            continue;
+        const float *p = drawn.pixels + 4 * i;
+        const double rgba[4] = {(double)p[0], (double)p[1], (double)p[2], (double)p[3]};
+        sum += cts_square_of_error(scene->preset, band->pixels + 4 * ((size_t)first * width + i), rgba);
+        n_drawn++;
     }
-    *mean_square = sum / ((double)n * (double)width);
+    *mean_square = n_drawn > 0 ? sum / (double)n_drawn : 0;
 end:
-    cts_free(&pixels);
-    cts_free(&bound);
+    cts_free(&drawn.pixels);
+    cts_free(&drawn.bound);
     return st;
 }
 

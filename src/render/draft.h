@@ -1,14 +1,15 @@
-/* Rows of a draft rendered as no draft: some to show what it errs by, others in its place.
+/* Pieces of a draft rendered as no draft: some to show what it errs by, whole rows in its place.
  *
- * A draft looks once a layer and may miss what is smaller, and few rays of a large picture would meet it. Whole rows
- * do: of every CTS_BAND_ROWS one row or more, drawn by chance, together at least CTS_DRAFT_ROWS where the picture has
- * as many strips or eight a strip. They cost a sixty-fourth of the picture that was not wanted. */
+ * A draft looks once a layer and may miss what is smaller, and few of the rays that are cast would meet it. So pieces
+ * of eight pixels, drawn by chance from all over the picture, are rendered without a draft as well: one in
+ * CTS_DRAFT_ONE_IN, or CTS_DRAFT_PIECES where that is more. What none of them meets stays unknown: some pixels in a
+ * thousand, each by itself. */
 #ifndef CTS_RENDER_DRAFT_H
 #define CTS_RENDER_DRAFT_H
 
 #include "scene/engine.h"
 
-enum { CTS_DRAFT_ROWS = 16 };
+enum { CTS_DRAFT_ONE_IN = 64, CTS_DRAFT_PIECES = 1024 };
 
 /* What a pixel, as it shows on the preset's background, is off by against rgba: its square, the mean of the channels.
  */

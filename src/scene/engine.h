@@ -15,7 +15,21 @@
 typedef struct CtsPlan {
     int samples;      /* sub-sheets per layer; 0: chosen by the engine */
     double max_error; /* in 1/255 rms; 0: the engine's default */
+    int one_in;       /* of so many pieces of a row one is rendered, where cts_plan_draws(); 0: all are */
 } CtsPlan;
+
+/* Rows are drawn from in pieces of so many pixels. */
+enum { CTS_DRAWN_PIXELS = 8 };
+
+/* Whether the piece of row y that pixel x lies in is rendered: by chance, the same in every picture (the finaliser of
+ * MurmurHash3). */
+static inline bool cts_plan_draws(const CtsPlan *plan, int x, int y)
+{
+    uint32_t h = (uint32_t)(x / CTS_DRAWN_PIXELS) * 0x9e3779b1u + (uint32_t)y * 0x85ebca77u;
+    h = (h ^ h >> 16) * 0x85ebca6bu;
+    h = (h ^ h >> 13) * 0xc2b2ae35u;
+    return plan->one_in <= 1 || (h ^ h >> 16) % (uint32_t)plan->one_in == 0;
+}
 
 typedef struct CtsScene {
     const CtsVolume *volume;
@@ -43,9 +57,13 @@ static inline double cts_scene_draft_from(const CtsScene *scene)
     return scene->preset->shade ? 4 : 2;
 }
 
+/* A draft is judged by a sample, which says little of fewer pixels than these; they take little time besides. */
+enum { CTS_DRAFT_PIXELS = 1 << 17 };
+
 static inline bool cts_scene_drafts(const CtsScene *scene)
 {
-    return scene->plan.samples == 0 && scene->plan.max_error >= cts_scene_draft_from(scene);
+    return scene->plan.samples == 0 && scene->plan.max_error >= cts_scene_draft_from(scene) &&
+           (double)scene->view.width * scene->view.height >= CTS_DRAFT_PIXELS;
 }
 
 /* The plan where a draft won't do. */

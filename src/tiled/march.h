@@ -102,6 +102,7 @@ typedef struct TiledJob {
     float most_due;                 /* opacity that may wait for its lighting */
     bool narrow;                    /* voxels differ by less than 32768 grey levels */
     double depth_at[4];             /* depth_mm of pixel (x, y) at layer q, as u_at */
+    CtsPlan plan;                   /* says which packets are marched */
     int width, first_row, past_row; /* of the view's rows the picture holds these */
     float *rgba;                    /* the picture: pixel (0, first_row) on */
     float *depth_mm;                /* NULL: not wanted */

@@ -7,6 +7,7 @@
 void cts_tiled_plan(TiledJob *j, const CtsScene *scene)
 {
     const double asked = cts_scene_error_asked(scene), aimed = cts_scene_bound_aimed(scene);
+    j->plan = scene->plan;
     j->sheets = scene->plan.samples > 0 ? scene->plan.samples : 1;
     j->samples = 16 * j->sheets;
     /* Half an entry of the table, and what 14-bit weights leave of the largest difference between two voxels. */

@@ -3,6 +3,7 @@
 
 /* Beams are a packet wide and so high; tiles hold several, which a wider beam looks ahead for. */
 enum { BEAM_HEIGHT = 8, TILE_WIDTH = 64, TILE_HEIGHT = 64 };
+_Static_assert((int)CTS_DRAWN_PIXELS == (int)CTS_PACKET, "packets are drawn as a whole");
 _Static_assert(CTS_BAND_ROWS % TILE_HEIGHT == 0, "a band of rows is whole tiles, or the picture would depend on it");
 
 typedef struct Tile {
@@ -52,11 +53,12 @@ static void march_beams(const Tile *t, int y0)
         return;
     for (int x = t->x0; x < t->x1; x += CTS_PACKET) {
         TiledSpan spans[BEAM_HEIGHT];
-        if (!cts_tiled_beam_init(j, &beam, x, y0, x + CTS_PACKET, y1, wide.first))
-            continue;
+        int n = 0;
         for (int y = y0; y < y1; y++)
-            spans[y - y0] = (TiledSpan){x, y, smaller(t->x1 - x, CTS_PACKET)};
-        march_spans(t, &beam, spans, y1 - y0);
+            if (cts_plan_draws(&j->plan, x, y))
+                spans[n++] = (TiledSpan){x, y, smaller(t->x1 - x, CTS_PACKET)};
+        if (n > 0 && cts_tiled_beam_init(j, &beam, x, y0, x + CTS_PACKET, y1, wide.first))
+            march_spans(t, &beam, spans, n);
     }
 }
 
