@@ -181,12 +181,12 @@ INLINE void cut_layer(const CtsProjection *p, const Way *w, const Packet *r, int
     const vd out = (vd_of(k + 1) - r->start[axis]) * w->per_step[axis];
     t[0] = vd_max(vd_min(in, out), r->t0);
     t[3] = vd_min(vd_max(in, out), r->t1);
+    t[1] = t[2] = t[3];
+    if (w->slope[0] == 0 && w->slope[1] == 0) /* straight along an axis, as many views are */
+        return;
     vd cut[2];
     for (int n = 0; n < 2; n++) {
         const int a = p->axes[n];
-        cut[n] = t[3];
-        if (w->step[a] == 0) /* straight along the volume's axes, as many views are */
-            continue;
         const vi from = cell_at(p, a, r->start[a] + t[0] * w->step[a]);
         const vi to = cell_at(p, a, r->start[a] + t[3] * w->step[a]);
         const vd face = vd_max(to_double(from), to_double(to));
