@@ -1,7 +1,6 @@
 #include "export/idat.h"
 
 #include "base/mem.h"
-#include "export/runs_deflate.h"
 #include <stdbool.h>
 #include <string.h>
 #include <zlib.h>
@@ -58,6 +57,8 @@ static size_t most_filtered(const CtsIdat *idat)
     return (idat->row_bytes + 1) * (size_t)idat->rows_per_strip;
 }
 
+/* Strips are raw deflate: all but the last end on a byte with a block that is not final, so that the next can follow.
+ */
 CtsStatus cts_idat_packer_new(CtsIdatPacker **packer, const CtsIdat *idat, CtsError *err)
 {
     CtsStatus st = cts_alloc_zeroed(packer, 1, err);
@@ -65,7 +66,7 @@ CtsStatus cts_idat_packer_new(CtsIdatPacker **packer, const CtsIdat *idat, CtsEr
         return st;
     CtsIdatPacker *const p = *packer;
     p->idat = *idat;
-    p->ready = deflateInit2(&p->z, LEVEL, Z_DEFLATED, -MAX_WBITS, MEM_LEVEL, Z_DEFAULT_STRATEGY) == Z_OK;
+    p->ready = deflateInit2(&p->z, LEVEL, Z_DEFLATED, -MAX_WBITS, MEM_LEVEL, Z_RLE) == Z_OK;
     if (!p->ready)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     return cts_alloc_array(&p->filtered, most_filtered(idat), err);
@@ -84,18 +85,16 @@ void cts_idat_packer_free(CtsIdatPacker **packer)
 
 size_t cts_idat_bound(CtsIdatPacker *p)
 {
-    const size_t n = most_filtered(&p->idat), runs = cts_runs_deflate_bound(n);
-    const size_t zlib = deflateBound(&p->z, (uLong)n) + 16; /* the flush adds an empty block */
-    return HEADER_BYTES + (runs > zlib ? runs : zlib);
+    return HEADER_BYTES + deflateBound(&p->z, (uLong)most_filtered(&p->idat)) + 16; /* the flush adds an empty block */
 }
 
-/* Raw deflate: all but the last end on a byte with a block that is not final, so that the next can follow. */
-static CtsStatus zip_strip(CtsIdatPacker *p, size_t n, bool last, CtsIdatStrip *strip, CtsError *err)
+/* Runs and Huffman codes alone, unless the same bytes come again within a pixel: grey in three channels. */
+static CtsStatus deflate_strip(CtsIdatPacker *p, size_t n, bool repeats, bool last, CtsIdatStrip *strip, CtsError *err)
 {
     z_stream *const z = &p->z;
-    const size_t room = cts_idat_bound(p) - strip->n_bytes;
-    if (deflateReset(z) != Z_OK)
+    if (deflateReset(z) != Z_OK || deflateParams(z, LEVEL, repeats ? Z_DEFAULT_STRATEGY : Z_RLE) != Z_OK)
         return cts_fail(err, CTS_ERR_INTERNAL, "zlib gave up before a strip");
+    const size_t room = cts_idat_bound(p) - strip->n_bytes;
     z->next_in = p->filtered;
     z->avail_in = (uInt)n;
     z->next_out = strip->bytes + strip->n_bytes;
@@ -117,13 +116,9 @@ CtsStatus cts_idat_strip(CtsIdatPacker *p, int index, const uint8_t *rows, CtsId
     strip->n_filtered = n;
     strip->n_bytes = index == 0 ? HEADER_BYTES : 0;
     filter_rows(idat, rows, n_rows, p->filtered, &repeats);
-    /* Runs and Huffman codes alone, unless the same bytes come again within a pixel: grey in three channels. */
-    const bool last = index == idat->n_strips - 1;
-    const CtsStatus st = repeats ? zip_strip(p, n, last, strip, err) : CTS_OK;
+    const CtsStatus st = deflate_strip(p, n, repeats, index == idat->n_strips - 1, strip, err);
     if (st)
         return st;
-    if (!repeats)
-        strip->n_bytes += cts_runs_deflate(p->filtered, n, last, strip->bytes + strip->n_bytes);
     strip->adler = (uint32_t)adler32_z(1, p->filtered, n);
     if (index == 0)
         memcpy(strip->bytes, "\x78\x01", HEADER_BYTES); /* deflate, window of 32 KiB, fastest */

@@ -3,7 +3,6 @@
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "ctsplat/export.h"
-#include "export/runs_deflate.h"
 #include "image/samples.h"
 #include "image/srgb.h"
 #include "pictures.h"
@@ -541,97 +540,16 @@ static void test_no_picture(void **state)
     remove_folder(folder);
 }
 
-/* Bytes of one kind: what codes are long, short, alone or missing for. */
-static size_t fill(uint8_t *bytes, int kind, size_t n)
-{
-    uint32_t seed = (uint32_t)kind * 77 + 1;
-    size_t at = 0;
-    for (int run = 1; at < n; run++) {
-        seed = seed * 1664525 + 1013904223;
-        switch (kind) {
-        case 0: /* noise */
-            bytes[at++] = (uint8_t)(seed >> 24);
-            break;
-        case 1: /* one run */
-            bytes[at++] = 7;
-            break;
-        case 2: /* no run, every byte as often */
-            bytes[at] = (uint8_t)at;
-            at++;
-            break;
-        case 3: /* runs of every length about those of the codes' pieces */
-            for (int k = 0; k < run % 600 && at < n; k++)
-                bytes[at++] = (uint8_t)run;
-            break;
-        case 4: /* each byte half as often as the one before: codes longer than there are */
-            bytes[at++] = (uint8_t)(seed ? __builtin_clz(seed) * 3 : 255);
-            break;
-        case 5: { /* Fibonacci's counts: the deepest tree that there is */
-            static const uint32_t counts[] = {1,   1,   2,   3,   5,   8,    13,   21,   34,   55,   89,
-                                              144, 233, 377, 610, 987, 1597, 2584, 4181, 6765, 10946};
-            for (int s = 0; s < 21 && at < n; s++)
-                for (uint32_t k = 0; k < counts[s] && at < n; k++, at++)
-                    bytes[at] = (uint8_t)(k % 2 ? s : s + 100);
-            break;
-        }
-        default: /* short runs among noise */
-            bytes[at] = seed >> 30 && at ? bytes[at - 1] : (uint8_t)(seed >> 20);
-            at++;
-        }
-    }
-    return at;
-}
-
-/* Any bytes come back from zlib as they were: alone, and as a stream of two parts, within the room that is told. */
-static void runs_come_back(void **state)
-{
-    (void)state;
-    static const size_t sizes[] = {1, 2, 3, 4, 5, 258, 259, 260, 263, 1000, 65535, 65536, 65537, 200000};
-    enum { MOST = 200000 };
-    uint8_t *bytes = malloc(MOST), *back = malloc(2 * MOST + 1),
-            *packed = malloc(2 * cts_runs_deflate_bound(MOST) + 16);
-    assert_true(bytes && back && packed);
-    for (int kind = 0; kind < 7; kind++)
-        for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-            const size_t n = fill(bytes, kind, sizes[i]), bound = cts_runs_deflate_bound(n);
-            memset(packed, 0xAA, 2 * bound + 16);
-            const size_t first = cts_runs_deflate(bytes, n, false, packed);
-            assert_true(first + 8 <= bound && packed[bound] == 0xAA);
-            const size_t both = first + cts_runs_deflate(bytes, n, true, packed + first);
-            z_stream z = {.next_in = packed, .avail_in = (uInt)both, .next_out = back, .avail_out = 2 * MOST + 1};
-            assert_int_equal(inflateInit2(&z, -MAX_WBITS), Z_OK);
-            assert_int_equal(inflate(&z, Z_FINISH), Z_STREAM_END);
-            assert_true(z.avail_in == 0 && z.total_out == 2 * n);
-            assert_memory_equal(back, bytes, n);
-            assert_memory_equal(back + n, bytes, n);
-            inflateEnd(&z);
-        }
-    /* And small, where there is something to find. */
-    assert_true(cts_runs_deflate(bytes, fill(bytes, 1, MOST), true, packed) < 400);
-    assert_true(cts_runs_deflate(bytes, fill(bytes, 4, MOST), true, packed) < MOST / 3);
-    free(bytes);
-    free(back);
-    free(packed);
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(runs_come_back),
-        cmocka_unit_test(test_png_round_trip),
-        cmocka_unit_test(test_bands),
-        cmocka_unit_test(test_png_metadata),
-        cmocka_unit_test(test_png_foreign),
-        cmocka_unit_test(test_png_cut),
-        cmocka_unit_test(test_png_promises_too_much),
-        cmocka_unit_test(test_check),
-        cmocka_unit_test(test_png_full),
-        cmocka_unit_test(test_exr_round_trip),
-        cmocka_unit_test(test_exr_camera),
-        cmocka_unit_test(test_exrheader),
-        cmocka_unit_test(test_exr_cut),
-        cmocka_unit_test(test_exr_full),
-        cmocka_unit_test(test_no_picture),
+        cmocka_unit_test(test_png_round_trip), cmocka_unit_test(test_bands),
+        cmocka_unit_test(test_png_metadata),   cmocka_unit_test(test_png_foreign),
+        cmocka_unit_test(test_png_cut),        cmocka_unit_test(test_png_promises_too_much),
+        cmocka_unit_test(test_check),          cmocka_unit_test(test_png_full),
+        cmocka_unit_test(test_exr_round_trip), cmocka_unit_test(test_exr_camera),
+        cmocka_unit_test(test_exrheader),      cmocka_unit_test(test_exr_cut),
+        cmocka_unit_test(test_exr_full),       cmocka_unit_test(test_no_picture),
     };
     return cmocka_run_group_tests_name("export", tests, NULL, NULL);
 }
