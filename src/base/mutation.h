@@ -35,6 +35,7 @@
         fault(QUIET_HIGH)        /* tiled: what shows ends one level too low */                                        \
         fault(SUB_SHEETS)        /* tiled: no second sheet where the field bends */                                    \
         fault(LOOKS)             /* tiled: no stretch is looked at closely */                                          \
+        fault(HIDDEN)            /* tiled: what three places do not show is not looked for */                          \
         fault(WHOLE_LEVELS)      /* what shows between two levels is not seen */                                       \
         fault(LEAP_FAR)          /* tiled: leaps a macro-cell too far */                                               \
         fault(GRADIENT_SIGN)     /* tiled: the gradient along the layers turned round */                               \

@@ -5,6 +5,7 @@
 #include <math.h>
 
 enum { MOST_AT_ONCE = 3 };
+_Static_assert((1 + MOST_AT_ONCE) * CTS_FINE_MACROCELL <= CTS_RUN_SLABS, "a run holds that many slabs");
 
 static inline double smaller(double a, double b)
 {
@@ -199,7 +200,11 @@ static int fine_end(const TiledJob *j, const TiledBeam *beam, int q)
 /* The run from q to end, with what follows it without a gap; rays may end soon, so that is not much. */
 static TiledRun run_from(const TiledJob *j, TiledBeam *beam, int q, int end)
 {
-    TiledRun run = {q, end, is_inner(j, beam, q) && is_inner(j, beam, end)};
+    TiledRun run;
+    run.from = q;
+    run.to = end;
+    run.inner = is_inner(j, beam, q) && is_inner(j, beam, end);
+    run.bend_known = 0;
     beam->next = end;
     for (int more = 0; more < MOST_AT_ONCE && beam->next < beam->last; more++) {
         end = fine_end(j, beam, run.to);

@@ -1,36 +1,23 @@
 /* What a stretch may be wrong by, part of march_tmpl.h; march.h derives it. */
 #include "tiled/slab_tmpl.h"
 
-/* In all lanes of a packet the largest of them. */
-INLINE vf packet_max(vf a)
-{
-#if LANES == 8
-    vf b = __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3);
-    a = vf_max(a, b);
-    b = __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5);
-    a = vf_max(a, b);
-    b = __builtin_shufflevector(a, a, 1, 0, 3, 2, 5, 4, 7, 6);
-#else
-    vf b = __builtin_shufflevector(a, a, 4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8, 9, 10, 11);
-    a = vf_max(a, b);
-    b = __builtin_shufflevector(a, a, 2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14, 15, 12, 13);
-    a = vf_max(a, b);
-    b = __builtin_shufflevector(a, a, 1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10, 13, 12, 15, 14);
-#endif
-    return vf_max(a, b);
-}
-
 /* What the table says of a way on which the field is taken to run from low to high and may run up to `off` grey levels
- * beside that: what its depth, and its colour, may be off by. */
-OUTLINE void look_up_doubt(const TiledJob *j, vf low, vf high, vf off, float length_mm, vf *depth, vf *tint)
+ * beside that, in `share` of the way across each level in between: what its depth, and its colour, may be off by. */
+OUTLINE void look_up_doubt(const TiledJob *j, vf low, vf high, vf off, vf share, float length_mm, vf *depth, vf *tint)
 {
     const CtsSlabTable *t = &j->table;
     vf below[2], above[2];
     look_up_pairs(t->change, t->n, entry_of(j, low - off) - 1, below);
     look_up_pairs(t->change, t->n, entry_of(j, high + off) + 1, above);
-    const vf share = vf_min(2 * off / vf_max(high - low, vf_of(1e-6f)), vf_of(1));
     *depth = vf_min(share * (above[0] - below[0]) * length_mm, vf_of(1));
     *tint = vf_min(share * (above[1] - below[1]), *tint);
+}
+
+/* In how much of a way that runs evenly from low to high the field may be on the other side of a level, where it is at
+ * most `off` away. */
+INLINE vf even_share(vf low, vf high, vf off)
+{
+    return vf_min(2 * off / vf_max(high - low, vf_of(1e-6f)), vf_of(1));
 }
 
 /* What is taken for opaque may not be, if it is less deep than found: what shows then is not known. */

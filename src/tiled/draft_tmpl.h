@@ -72,9 +72,9 @@ INLINE void add_draft_slab(const TiledJob *j, const Packet *pk, Way way, Light *
 
 /* A slab that the volume's faces, or those of the slab that is asked for, cut. */
 OUTLINE void add_cut_slab(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0,
-                          vf end, bool inner, Lit *lit, Course *course)
+                          vf end, TiledBend most, bool inner, Lit *lit, Course *course)
 {
-    Stretch slab = stretch_of(j, q, 0, j->samples, s0, end);
+    Stretch slab = stretch_of(j, q, 0, j->samples, s0, end, most);
     const vi e0 = entry_of(j, s0), e1 = entry_of(j, end);
     add_stretch(j, beam, pk, way, light, &slab, inner, ALL_PACKETS, e0, e1, lit, course);
 }
@@ -93,15 +93,17 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
     bool opaque = false;
     const uint64_t start = course.timed ? cts_tiled_ticks() : 0;
     for (int r = 0; !opaque && (r < beam->n_runs || cts_tiled_beam_extend(j, beam)); r++) {
-        const TiledRun run = beam->runs[r];
-        if (run.from != reached) {
-            s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
+        TiledRun *const run = &beam->runs[r];
+        const int last = run->to;
+        const bool inner = run->inner;
+        if (run->from != reached) {
+            s0 = sample_sheet(j, pk, way, run->from, 0, inner);
             from = draft_level(j, s0);
             draft.alpha = vf_of(0);
         }
-        reached = run.to;
-        for (int q = run.from; q < run.to && !opaque; q++) {
-            const vf end = sample_sheet(j, pk, way, q + 1, 0, run.inner);
+        reached = last;
+        for (int q = run->from; q < last && !opaque; q++) {
+            const vf end = sample_sheet(j, pk, way, q + 1, 0, inner);
             const vi to = draft_level(j, end);
             const vmask quiet = mask_or(vf_le(vf_max(s0, end), vf_of(j->table.quiet_low)),
                                         vf_le(vf_of(j->table.quiet_high), vf_min(s0, end)));
@@ -111,17 +113,18 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
                 Light cut = *light;
                 Lit cut_lit = own_lit;
                 Course cut_course = course;
-                add_cut_slab(j, beam, pk, way, &cut, q, s0, end, run.inner, lit ? &cut_lit : NULL, &cut_course);
+                const TiledBend most = way == WAY_STRAIGHT ? (TiledBend){0} : bend_of(j, beam, run, q);
+                add_cut_slab(j, beam, pk, way, &cut, q, s0, end, most, inner, lit ? &cut_lit : NULL, &cut_course);
                 *light = cut;
                 own_lit = cut_lit;
                 course = cut_course;
             } else if (marching) {
                 const vf t_before = light->t;
                 draft.moment = vf_of(0);
-                add_draft_slab(j, pk, way, light, lit ? &own_lit : NULL, q, run.inner, marching, from, to, &draft);
+                add_draft_slab(j, pk, way, light, lit ? &own_lit : NULL, q, inner, marching, from, to, &draft);
                 if (lit)
-                    light_stretch(j, pk, way, true, q, 0, j->samples, run.inner, t_before - light->t, draft.moment,
-                                  light, &own_lit, &course);
+                    light_stretch(j, pk, way, true, q, 0, j->samples, inner, t_before - light->t, draft.moment, light,
+                                  &own_lit, &course);
             }
             opaque = all_opaque(j, light);
             s0 = end;

@@ -125,7 +125,6 @@ INLINE void show_lit(const Lit *lit, Colour *c, Colour *sum)
 
 /* What a march carries from stretch to stretch. */
 typedef struct Course {
-    vf near; /* how far the field bent on the last stretch, in each packet at most */
     Slope slope;
     int slope_sheet; /* that slope belongs to, as q * samples + part */
     bool timed;
@@ -145,7 +144,7 @@ INLINE Lit no_light(void)
 INLINE Course start_course(bool timed)
 {
     Course course;
-    course.near = course.slope.right = course.slope.up = course.slope.along = vf_of(0);
+    course.slope.right = course.slope.up = course.slope.along = vf_of(0);
     course.slope_sheet = -1;
     course.timed = timed;
     course.ticks = 0;

@@ -8,19 +8,32 @@
  * y(s) through the two ends and the middle. Along an axis x is a straight line and so is y; else x has a kink at each
  * voxel face that the ray crosses and bends in between.
  *
- * off. Where the middle lies d beside the straight line, a single kink leaves |x - y| <= 2 d at its worst place and, on
- * average over places, less than d / 2. A voxel that only a face's far side touches can raise the field by a sixteenth
- * of its height where the three places see nothing of it; neighbouring rays and the stretch before see the kink itself,
- * a quarter of that height: hence half of the largest d among the packet's rays, now and a stretch ago. The table's
- * rounding comes on top.
+ * off, what is possible. With e = x - y and f from 0 to 1 along the stretch, e vanishes at 0, 1/2 and 1, so that it is
+ * the integral of x'' with Peano's kernel K of interpolation at these places: at most 0.0963 for a kink in which x
+ * turns by 1, and, as the integral of |K| is at most 0.0377, as much for what bends by 1 in between. A kink at a face
+ * across u turns the field by |du| times the second difference of voxels along u; in a cell |x''| is at most 2 (|du dv|
+ * |uv| + |du| |uk| + |dv| |vk|) with the mixed differences of its corners (du, dv: voxels along the stretch). Of all
+ * voxels that a beam's rays touch between two layers the largest such differences are found (bend_tmpl.h); they shrink
+ * with the stretch, the former in proportion, the latter by its square. No voxel, however thin, hides from them.
+ *
+ * off, what is seen. Where the middle lies d beside the straight line, a single kink leaves |e| <= 2 d and, on average
+ * over places, less than d / 2. `off` is 3 d / 2, and half of that the mean. On CT it lies some ten times below what is
+ * possible, so that a bound takes an eighth of the one at least, or the other (BOUND_SHARE). Where the possible may
+ * change a pixel by more than `may_hide`, and by eight times what is seen, the field is looked at: at its kinks and
+ * half way between, which tells its quadratic part; then |e| is at most 5/4 of the largest e there, and of the cubic
+ * rest 0.0482 times the third difference. The halves of a stretch that has been looked at are off by 9/4 of that at
+ * most: the parabola through three places of a half is by 5/4 of it beside the whole's. Four straight lines stand for
+ * the parabola (1/64 of its bend), which turns up to 1/16 of it beside all three places. The table's rounding comes on
+ * top.
  *
  * depth. Let V(g) be the total variation of the extinction k up to grey level g (CtsSlabTable.change). k(x) and k(y)
  * differ only where k changes between x and y, so that with |x - y| <= a, and y running evenly from low to high,
  *
  *     |integral of k(x) - k(y)| <= L min(1, 2 a / (high - low)) (V(high + a) - V(low - a))
  *
- * with off / 2 for a, the mean of |x - y|. It holds for ramps, for peaks between two levels and for jumps, and is 0
- * where k does not change within a of the field. The same with colours in place of k gives `tint`.
+ * with off / 2 for a, the mean of |x - y|, or where the field has been looked at with all of off, and with the
+ * parabola's flattest place for its mean slope (worst_share()). It holds for ramps, for peaks between two levels and
+ * for jumps, and is 0 where k does not change within a of the field. The same with colours in place of k gives `tint`.
  *
  * effect. If a stretch is deeper by e than found, e of the light T that reaches it shows its colour c instead of what
  * is behind. Let X = C' + T c be what the pixel would be if all ended there, C' what was gathered before it: the pixel
@@ -32,10 +45,11 @@
  * depth); the light left when a ray ends; for lighting, by how much it does not run straight along the stretch, half of
  * what the gradient's bend changes, and what waits for its lighting (light_tmpl.h).
  *
- * So the bound is estimated, not proven: d is what three places tell. Ranges of macro-cells alone decide what is leapt,
- * and those are exact (cts_lut_visible). A stretch that may change a pixel by four times what the plan aims at is
- * halved, down to a sixteenth of a layer; lighting is told more finely already at that, as more of its bound comes
- * true.
+ * So nothing of the field is missed altogether: what may be hidden stands in the bound, an eighth of it at least. What
+ * a gradient does between two places is told by these alone. Ranges of macro-cells, or of a slab's voxels, alone decide
+ * what is leapt, and those are exact (cts_lut_visible). A stretch that may change a pixel by four times what the plan
+ * aims at is halved, down to a sixteenth of a layer; lighting is told more finely already at that, as more of its bound
+ * comes true.
  *
  * Errors lie some ten times below such bounds, which take the worst of everything. The plan therefore aims above the
  * error asked for (cts_scene_bound_aimed), and render/bound.h casts rays that show what the bounds are worth.
@@ -79,20 +93,21 @@ typedef struct TiledJob {
     int sheets;             /* a layer: each is sampled, and what lies between two sheets is a stretch */
     int samples;            /* how finely sheets may be placed, to a layer: 16 to a stretch */
     /* What may go wrong, see above. Grey levels, and shares of the display's range. */
-    float rounding;           /* the field is known to so many grey levels */
-    float may_change;         /* a stretch may change a pixel by so much before it is halved */
-    float may_shine;          /* the same for its lighting; */
-    float may_turn;           /* and this before its normal's turning is averaged */
-    float let_pass;           /* what changes a pixel by less is not looked at more closely */
-    float may_mix;            /* a slab's mixed colours may be off by so much before it is cut */
-    bool hard_tint;           /* colours turn so fast that their steepest change says nothing of the others */
-    float tint;               /* by how much colours lie apart from one entry of the table to the next, at most */
-    float grey_range;         /* between the volume's smallest and largest grey level */
-    float stiff_depth;        /* a stretch of more optical depth is cut where its light is lost */
-    float full_depth;         /* what lies deeper gets no light worth cutting for */
-    float layer_mm;           /* ray length from layer to layer */
-    float stop_transmittance; /* a packet ends when all of its pixels have less than this left */
-    float range;              /* by how much what is behind may differ from what is seen, lit or not */
+    float rounding;              /* the field is known to so many grey levels */
+    float may_change;            /* a stretch may change a pixel by so much before it is halved */
+    float may_hide;              /* what three places of a stretch may hide is looked for above this */
+    float may_shine;             /* the same for its lighting; */
+    float may_turn;              /* and this before its normal's turning is averaged */
+    float let_pass;              /* what changes a pixel by less is not looked at more closely */
+    float may_mix;               /* a slab's mixed colours may be off by so much before it is cut */
+    bool hard_tint;              /* colours turn so fast that their steepest change says nothing of the others */
+    float tint;                  /* by how much colours lie apart from one entry of the table to the next, at most */
+    float grey_least, grey_most; /* the volume's */
+    float stiff_depth;           /* a stretch of more optical depth is cut where its light is lost */
+    float full_depth;            /* what lies deeper gets no light worth cutting for */
+    float layer_mm;              /* ray length from layer to layer */
+    float stop_transmittance;    /* a packet ends when all of its pixels have less than this left */
+    float range;                 /* by how much what is behind may differ from what is seen, lit or not */
     float background[3];
     CtsSlabTable table;
     CtsDraftTable draft; /* with mean: slabs are looked up whole in this, as the plan allows */
@@ -109,10 +124,22 @@ typedef struct TiledJob {
     float *bound;                   /* of each pixel's error; NULL: not wanted */
 } TiledJob;
 
+/* How much the field may bend for any of a beam's rays on their way through a slab, in grey levels; see above. */
+typedef struct TiledBend {
+    float kink;  /* it turns by so much where rays cross faces of voxels, */
+    float twist; /* bends so much in between, */
+    float cubic; /* and a sixth of its third derivative is so large */
+    bool quiet;  /* none of the slab's voxels lets anything show */
+} TiledBend;
+
+enum { CTS_RUN_SLABS = 16 };
+
 /* Slabs from..to - 1 in which something may be visible. */
 typedef struct TiledRun {
     int from, to;
-    bool inner; /* no window of the beam's rays touches a face of the volume there */
+    bool inner;                    /* no window of the beam's rays touches a face of the volume there */
+    unsigned bend_known;           /* bit i: bend[i], */
+    TiledBend bend[CTS_RUN_SLABS]; /* of slab from + i */
 } TiledRun;
 
 /* A bundle of rays, one packet wide: bounds over all of them, and the runs of slabs that they must march through,

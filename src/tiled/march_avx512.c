@@ -33,6 +33,16 @@ INLINE vi vi_max(vi a, vi b)
     return (vi)_mm512_max_epi32((__m512i)a, (__m512i)b);
 }
 
+INLINE vs vs_min(vs a, vs b)
+{
+    return (vs)_mm_min_epi16((__m128i)a, (__m128i)b);
+}
+
+INLINE vs vs_max(vs a, vs b)
+{
+    return (vs)_mm_max_epi16((__m128i)a, (__m128i)b);
+}
+
 INLINE vf vf_fma(vf a, vf b, vf c)
 {
     return (vf)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c);
@@ -160,11 +170,29 @@ INLINE void look_up_rows(const float (*rows)[4], int last, vi index, vf row[4])
                    four_table_rows(rows, at, 3), row);
 }
 
+INLINE __m128 two_pairs(const float (*rows)[2], const int32_t *at)
+{
+    const __m128 one = _mm_castpd_ps(_mm_load_sd((const double *)(const void *)rows[at[0]]));
+    return _mm_loadh_pi(one, (const __m64 *)(const void *)rows[at[1]]);
+}
+
+/* Of lanes 0 and 1 of every four: a gather would take longer. */
+INLINE __m512 eight_pairs(const float (*rows)[2], const int32_t *at)
+{
+    __m512 e = _mm512_castps128_ps512(two_pairs(rows, at));
+    e = _mm512_insertf32x4(e, two_pairs(rows, at + 4), 1);
+    e = _mm512_insertf32x4(e, two_pairs(rows, at + 8), 2);
+    return _mm512_insertf32x4(e, two_pairs(rows, at + 12), 3);
+}
+
 INLINE void look_up_pairs(const float (*rows)[2], int last, vi index, vf pair[2])
 {
-    const __m512i at = (__m512i)clamped(index, last);
-    pair[0] = (vf)_mm512_i32gather_ps(at, &rows[0][0], 8);
-    pair[1] = (vf)_mm512_i32gather_ps(at, &rows[0][1], 8);
+    int32_t at[LANES] __attribute__((aligned(64)));
+    _mm512_store_si512(at, (__m512i)clamped(index, last));
+    __asm__("" : "+m"(at));
+    const __m512 left = eight_pairs(rows, at), right = eight_pairs(rows, at + 2);
+    pair[0] = (vf)_mm512_shuffle_ps(left, right, 0x88);
+    pair[1] = (vf)_mm512_shuffle_ps(left, right, 0xdd);
 }
 
 /* facing to the power of the preset, from shade's table. */

@@ -37,6 +37,22 @@ INLINE vi vi_max(vi a, vi b)
     return r;
 }
 
+INLINE vs vs_min(vs a, vs b)
+{
+    vs r;
+    for (int i = 0; i < 8; i++)
+        r[i] = a[i] < b[i] ? a[i] : b[i];
+    return r;
+}
+
+INLINE vs vs_max(vs a, vs b)
+{
+    vs r;
+    for (int i = 0; i < 8; i++)
+        r[i] = a[i] > b[i] ? a[i] : b[i];
+    return r;
+}
+
 /* a b + c, rounded once. */
 INLINE vf vf_fma(vf a, vf b, vf c)
 {

@@ -11,12 +11,13 @@ void cts_tiled_plan(TiledJob *j, const CtsScene *scene)
     j->sheets = scene->plan.samples > 0 ? scene->plan.samples : 1;
     j->samples = 16 * j->sheets;
     /* Half an entry of the table, and what 14-bit weights leave of the largest difference between two voxels. */
-    j->rounding = 0.5f / j->table.per_grey + j->grey_range / 16384;
+    j->rounding = 0.5f / j->table.per_grey + (j->grey_most - j->grey_least) / 16384;
     j->hard_tint = 16 * j->table.steepest[1] > j->table.colour_range;
     j->may_mix = (float)aimed;
     j->may_change = scene->plan.samples > 0 || CTS_MUTATED(SUB_SHEETS)
                         ? INFINITY
                         : 4 * j->may_mix; /* sheets that were asked for are all there is */
+    j->may_hide = fminf(16 * j->may_mix, 0.1f);
     j->may_shine = 0.25f * j->may_change;
     j->may_turn = 0.125f * j->may_mix;
     j->let_pass = CTS_MUTATED(LOOKS) ? INFINITY : j->may_mix / 8;
@@ -46,12 +47,15 @@ void cts_tiled_plan_report(const TiledJob *j, const CtsScene *scene, const CtsLa
                     "another, past depth %g where the light is lost",
                     j->table.n, (double)j->table.per_grey, (double)j->stiff_depth);
     cts_report_plan(report, "sheets: %d a layer%s", j->sheets, scene->plan.samples > 0 ? ", as asked" : "");
-    if (j->straight)
+    if (j->straight) {
         cts_report_skip(report, "sub-sheets", "the view runs along an axis: between layers the field is linear");
-    else
+    } else {
         cts_report_plan(report,
                         "sub-sheets: 1 between two, up to 15 where its bend may change a pixel by more than %.3g/255",
                         255 * (double)j->may_change);
+        cts_report_plan(report, "what may be hidden between two sheets is looked for above %.3g/255",
+                        255 * (double)j->may_hide);
+    }
     cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads",
                     (double)j->stop_transmittance, j->shade ? "on" : "off", simd_path, s->n_threads);
     if (j->draft.mean)

@@ -11,12 +11,15 @@ typedef struct Stretch {
     int q, part, span;
     float from, share; /* the same as fractions of a layer */
     vf s0, end, rise, bend;
+    TiledBend most; /* of its slab */
+    vf known;       /* the field is at most so far off the parabola: what a look at the whole says of its halves */
 } Stretch;
 
-INLINE Stretch stretch_of(const TiledJob *j, int q, int part, int span, vf s0, vf end)
+INLINE Stretch stretch_of(const TiledJob *j, int q, int part, int span, vf s0, vf end, TiledBend most)
 {
     const float samples = (float)j->samples;
-    return (Stretch){q, part, span, (float)part / samples, (float)span / samples, s0, end, end - s0, vf_of(0)};
+    return (Stretch){q,        part,     span, (float)part / samples, (float)span / samples, s0, end,
+                     end - s0, vf_of(0), most, vf_of(INFINITY)};
 }
 
 /* How it is cut: part p of a lane's `parts` ends at lead + p step, the last one at 1. */
@@ -26,9 +29,74 @@ typedef struct Cuts {
     bool even; /* lead is 0 */
 } Cuts;
 
-INLINE vf field_at(const Stretch *way, vf f)
+/* The parabola, which may overshoot what there is. */
+INLINE vf field_at(const TiledJob *j, const Stretch *way, vf f)
 {
-    return vf_fma(vf_fma(way->bend, f, way->rise), f, way->s0);
+    const vf x = vf_fma(vf_fma(way->bend, f, way->rise), f, way->s0);
+    return vf_min(vf_max(x, vf_of(j->grey_least)), vf_of(j->grey_most));
+}
+
+/* How far the field is off the parabola at most, from what the slab's voxels allow. */
+INLINE float off_by_bend(const Stretch *way)
+{
+    const float most = (0.0963f * way->most.kink + 0.0377f * way->most.twist * way->share) * way->share;
+    return CTS_MUTATED(HIDDEN) ? 0 : most;
+}
+
+/* even_share() of a parabola, which is nowhere flatter than its ends less its bend, and where it turns is soon away. */
+INLINE vf worst_share(const Stretch *way, vf off)
+{
+    const vf bend = vf_abs(way->bend), some = vf_of(1e-6f);
+    const vf flattest = vf_max(vf_abs(way->end - way->s0) - bend, some), turning = off / vf_max(bend, some);
+    return vf_min(vf_min(2 * off / flattest, 2.83f * (turning * inverse_sqrt(turning))), vf_of(1));
+}
+
+/* The way of each lane's ray on a stretch, in 2^-16 voxels. */
+typedef struct Line {
+    vi u, v;
+    vf du, dv;
+} Line;
+
+/* How far the field is off the parabola a fraction f of the way on. */
+INLINE vf off_at(const TiledJob *j, const Stretch *way, const Line *line, vf f)
+{
+    const Gather gather = gather_at(j, line->u + to_int(line->du * f), line->v + to_int(line->dv * f));
+    const uint16_t *layer = j->layer0 + way->q * j->layer_stride;
+    const vf here = load_gather(j, &gather, layer), next = load_gather(j, &gather, layer + j->layer_stride);
+    return vf_abs(here + (way->from + way->share * f) * (next - here) - field_at(j, way, f));
+}
+
+/* Where the way crosses a voxel face; where it crosses none, its beginning or its end. */
+INLINE vf kink_of(vi from, vi by)
+{
+    const vi face = vi_max(from, from + by) & ~0xffff;
+    const vf length = select_f(vi_eq(by, vi_of(0)), vf_of(1), to_float(by));
+    return vf_min(vf_max(to_float(face - from) / length, vf_of(0)), vf_of(1));
+}
+
+/* Whether lanes' positions fit what off_by_looks() reckons with. */
+INLINE bool can_look(const TiledJob *j, Way way)
+{
+    return way != WAY_STRAIGHT && (way != WAY_WIDE || j->gathers);
+}
+
+/* How far the field is off the parabola at most, from a look at its kinks and half way between them. */
+OUTLINE vf off_by_looks(const TiledJob *j, const Packet *pk, const Stretch *way)
+{
+    int32_t pu[PACKETS], pv[PACKETS];
+    const int sheet = way->q * j->samples + way->part;
+    sheet_start(j, pk, sheet, pu, pv);
+    const vi u = lane_positions(pu, j->lane_u), v = lane_positions(pv, j->lane_v);
+    sheet_start(j, pk, sheet + way->span, pu, pv);
+    const vi du = lane_positions(pu, j->lane_u) - u, dv = lane_positions(pv, j->lane_v) - v;
+    const Line line = {u, v, to_float(du), to_float(dv)};
+    const vf a = kink_of(u, du), b = kink_of(v, dv), first = vf_min(a, b), last = vf_max(a, b);
+    vf most = vf_max(off_at(j, way, &line, first), off_at(j, way, &line, last));
+    most = vf_max(most, off_at(j, way, &line, 0.5f * first));
+    most = vf_max(most, off_at(j, way, &line, 0.5f * (first + last)));
+    most = vf_max(most, off_at(j, way, &line, 0.5f * (1 + last)));
+    const vf apart = vf_max(vf_max(first, last - first), 1 - last) * way->share;
+    return 1.25f * most + 0.0482f * way->most.cubic * (apart * apart * apart);
 }
 
 /* Halves the stretch until it is known where the table's sum is `target` away from that of e0. */
@@ -40,7 +108,7 @@ OUTLINE void find_depth(const TiledJob *j, const Stretch *way, vi e0, vf target,
     for (int i = 0; i < HALVINGS; i++) {
         const vf mid = (*low + *high) * 0.5f;
         vf sum[4];
-        look_up_difference(j->table.sum, j->table.n, e0, entry_of(j, field_at(way, mid)), sum);
+        look_up_difference(j->table.sum, j->table.n, e0, entry_of(j, field_at(j, way, mid)), sum);
         const vmask short_of = vf_lt(vf_abs(sum[3]), target);
         *low = select_f(short_of, mid, *low);
         *high = select_f(short_of, *high, mid);
@@ -111,8 +179,8 @@ OUTLINE void cut_part(const TiledJob *j, Packet *pk, const Stretch *way, vf f0, 
         in[l] = enter > 0 ? (float)enter : 0;
         out[l] = leave < 1 ? (float)leave : 1;
     }
-    *before = entry_of(j, field_at(way, vf_min(vf_max(f0, in), f1)));
-    *after = entry_of(j, field_at(way, vf_max(vf_min(f1, out), f0)));
+    *before = entry_of(j, field_at(j, way, vf_min(vf_max(f0, in), f1)));
+    *after = entry_of(j, field_at(j, way, vf_max(vf_min(f1, out), f0)));
 }
 
 INLINE bool is_cut(const TiledBeam *beam, int q)
@@ -135,7 +203,7 @@ INLINE void add_cut(const TiledJob *j, const TiledBeam *beam, Packet *pk, Light 
         vf f1 = even ? count * cuts->step : select_f(at_end, vf_of(1), cuts->lead + count * cuts->step);
         vi after = e1;
         if (p < cuts->most)
-            after = entry_of(j, select_f(at_end, way->end, field_at(way, f1)));
+            after = entry_of(j, select_f(at_end, way->end, field_at(j, way, f1)));
         const vf t_before = light->t, from = way->from + way->share * f0, to = way->from + way->share * f1;
         const vf length_mm = slab_length(j, beam, pk, way->q, from, to, even ? even_mm : (f1 - f0) * whole_mm);
         vi first = before, last = after;
@@ -243,42 +311,84 @@ OUTLINE void take_back(unsigned packets, const Light *light_before, const Lit *l
     lit->had = (lit->had & ~packets) | (lit_before->had & packets);
 }
 
+/* Bounds are at least so much of what a stretch may be wrong by (march.h). */
+#define BOUND_SHARE 0.125f
+
 /* A stretch that nothing is known of but its ends, from entry e0 to e1. */
 INLINE void add_stretch(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, Stretch *stretch,
                         bool inner, unsigned marching, vi e0, vi e1, Lit *lit, Course *course)
 {
     const float length_mm = j->layer_mm * stretch->share;
     const vf s0 = stretch->s0, end = stretch->end;
-    vf low = vf_min(s0, end), high = vf_max(s0, end), off = vf_of(j->rounding), mid = s0;
+    vf low = vf_min(s0, end), high = vf_max(s0, end), off = vf_of(j->rounding), far = off, turn = off, mid = s0;
     if (way != WAY_STRAIGHT) {
         mid = sample_sheet(j, pk, way, stretch->q, stretch->part + stretch->span / 2, inner);
         stretch->bend = 2 * (s0 + end) - 4 * mid;
         stretch->rise = end - s0 - stretch->bend;
         low = vf_min(low, mid);
         high = vf_max(high, mid);
-        const vf size = vf_abs(stretch->bend);
-        const vf near = packet_max(size);
-        off += 0.25f * size + 0.125f * vf_max(near, course->near);
-        course->near = near;
+        /* Where the parabola turns it is up to a sixteenth of its bend beside all three. */
+        turn = vf_abs(stretch->bend) * (1.0f / 16);
+        far = off / BOUND_SHARE + vf_min(stretch->known, vf_of(off_by_bend(stretch))) + turn;
+        off += 6 * turn;
+        far = vf_max(far, off);
     }
     const vmask quiet =
-        mask_or(vf_le(high + off, vf_of(j->table.quiet_low)), vf_le(vf_of(j->table.quiet_high), low - off));
+        mask_or(vf_le(high + far, vf_of(j->table.quiet_low)), vf_le(vf_of(j->table.quiet_high), low - far));
     marching &= ~(light->opaque | all_in(quiet));
     if (!marching)
         return;
-    vf depth = off * (0.5f * length_mm * j->table.steepest[0]), risk = light->t * depth * j->range;
-    vf tint = vf_min(off * (0.5f * j->table.steepest[1]), vf_of(j->table.colour_range));
+    vf depth = far * (0.5f * length_mm * j->table.steepest[0]), risk = light->t * depth * j->range;
+    vf tint = vf_min(far * (0.5f * j->table.steepest[1]), vf_of(j->table.colour_range));
     const unsigned closely =
         marching & (any_in(vf_lt(vf_of(j->let_pass), risk)) | (j->hard_tint ? any_in(vf_lt(vf_of(0), tint)) : 0));
     unsigned bent = 0;
     if (closely) {
         const vmask now = mask_packets(closely);
         vf found = depth, found_tint = tint;
-        look_up_doubt(j, low, high, 0.5f * off, length_mm, &found, &found_tint);
+        vf most = 0.5f * off, share = even_share(low, high, most);
+        if (way != WAY_STRAIGHT) {
+            most = far;
+            share = even_share(low, high, far);
+        }
+        look_up_doubt(j, low, high, most, share, length_mm, &found, &found_tint);
+        unsigned seen = 0;
+        if (way != WAY_STRAIGHT) {
+            const vf possible = light->t * found * j->range;
+            const vmask much = vf_lt(vf_of(j->may_hide), possible);
+            const unsigned hides = closely & any_in(much);
+            found *= BOUND_SHARE;
+            found_tint *= BOUND_SHARE;
+            if (hides) {
+                vf told = found, told_tint = found_tint;
+                most = 0.5f * off;
+                look_up_doubt(j, low, high, most, even_share(low, high, most), length_mm, &told, &told_tint);
+                const vmask worse = mask_packets(hides);
+                seen = hides & any_in(mask_and(much, vf_lt(told, found)));
+                found = select_f(worse, vf_max(told, found), found);
+                found_tint = select_f(worse, vf_max(told_tint, found_tint), found_tint);
+            }
+            if (seen) {
+                /* Copies: what a function is given the address of, is kept in memory everywhere. */
+                const Stretch copy = *stretch;
+                const vmask looked = mask_packets(seen);
+                vf told, told_tint = tint;
+                most = vf_of(off_by_bend(&copy));
+                if (can_look(j, way))
+                    most = off_by_looks(j, pk, &copy);
+                /* A parabola through three places of the half is at most 5/4 of that off the whole's. */
+                stretch->known = select_f(looked, 2.25f * most, stretch->known);
+                most = j->rounding + vf_max(most, vf_min(0.5f * off, 2 * most));
+                most += 1.25f * turn; /* four straight lines stand for the parabola */
+                look_up_doubt(j, low, high, most, worst_share(&copy, most), length_mm, &told, &told_tint);
+                found = select_f(looked, told, found);
+                found_tint = select_f(looked, told_tint, found_tint);
+            }
+        }
         depth = select_f(now, found, depth);
         tint = select_f(now, found_tint, tint);
         risk = light->t * depth * j->range;
-        bent = closely & any_in(vf_lt(vf_of(j->may_mix), risk));
+        bent = seen | (closely & any_in(vf_lt(vf_of(j->may_mix), risk)));
         const unsigned deep =
             way != WAY_STRAIGHT && stretch->span > 2 ? closely & any_in(vf_lt(vf_of(j->may_change), risk)) : 0;
         if (__builtin_expect(deep != 0, 0)) {
@@ -354,27 +464,25 @@ OUTLINE void add_halves(const TiledJob *j, const TiledBeam *beam, Packet *pk, Wa
                         const Stretch *whole, vf mid, bool inner, unsigned marching, Lit *lit, Course *course)
 {
     const int span = whole->span / 2;
-    const vf near = course->near;
-    course->near = vf_of(0); /* a half bends less than the whole did */
     for (int side = 0; side < 2; side++) {
-        Stretch half =
-            stretch_of(j, whole->q, whole->part + side * span, span, side ? mid : whole->s0, side ? whole->end : mid);
+        Stretch half = stretch_of(j, whole->q, whole->part + side * span, span, side ? mid : whole->s0,
+                                  side ? whole->end : mid, whole->most);
+        half.known = whole->known;
         const vi e0 = entry_of(j, half.s0), e1 = entry_of(j, half.end);
         add_stretch(j, beam, pk, way, light, &half, inner, marching, e0, e1, lit, course);
     }
-    course->near = near;
 }
 
 /* The slab behind layer q with several sheets in it. */
 OUTLINE void add_sheets(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0,
-                        vf end, bool inner, Lit *lit, Course *course)
+                        vf end, TiledBend most, bool inner, Lit *lit, Course *course)
 {
     const int span = j->samples / j->sheets;
     vi e0 = entry_of(j, s0);
     for (int part = 0; part < j->samples; part += span) {
         const vf s1 = part + span == j->samples ? end : sample_sheet(j, pk, way, q, part + span, inner);
         const vi e1 = entry_of(j, s1);
-        Stretch stretch = stretch_of(j, q, part, span, s0, s1);
+        Stretch stretch = stretch_of(j, q, part, span, s0, s1, most);
         add_stretch(j, beam, pk, way, light, &stretch, inner, ALL_PACKETS, e0, e1, lit, course);
         s0 = s1;
         e0 = e1;
@@ -401,29 +509,37 @@ INLINE void march(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool 
     const bool timed = course.timed;
     uint64_t start = timed ? cts_tiled_ticks() : 0, composite = 0;
     for (int r = 0; !opaque && (r < beam->n_runs || cts_tiled_beam_extend(j, beam)); r++) {
-        const TiledRun run = beam->runs[r];
-        if (run.from != reached) {
-            s0 = sample_sheet(j, pk, way, run.from, 0, run.inner);
-            course.near = vf_of(0);
-        }
-        entry = entry_of(j, s0);
-        reached = run.to;
-        for (int q = run.from; q < run.to && !opaque; q++) {
-            const vf end = sample_sheet(j, pk, way, q + 1, 0, run.inner);
+        TiledRun *const run = &beam->runs[r];
+        const int to = run->to;
+        const bool inner = run->inner;
+        for (int q = run->from; q < to && !opaque; q++) {
+            TiledBend most = {0};
+            if (way != WAY_STRAIGHT) {
+                most = bend_of(j, beam, run, q);
+                if (most.quiet)
+                    continue;
+            }
+            if (reached != q) {
+                s0 = sample_sheet(j, pk, way, q, 0, inner);
+                entry = entry_of(j, s0);
+            }
+            reached = q + 1;
+            const vf end = sample_sheet(j, pk, way, q + 1, 0, inner);
             const vi next = entry_of(j, end);
             const uint64_t before = timed ? cts_tiled_ticks() : 0;
             samples++;
             slabs++;
             if (j->sheets == 1) {
-                Stretch slab = stretch_of(j, q, 0, j->samples, s0, end);
-                add_stretch(j, beam, pk, way, light, &slab, run.inner, ALL_PACKETS, entry, next, lit ? &own_lit : NULL,
+                Stretch slab = stretch_of(j, q, 0, j->samples, s0, end, most);
+                add_stretch(j, beam, pk, way, light, &slab, inner, ALL_PACKETS, entry, next, lit ? &own_lit : NULL,
                             &course);
             } else {
                 /* Copies: what a function is given the address of, is kept in memory everywhere. */
                 Light sheets = *light;
                 Lit sheets_lit = own_lit;
                 Course sheets_course = course;
-                add_sheets(j, beam, pk, way, &sheets, q, s0, end, run.inner, lit ? &sheets_lit : NULL, &sheets_course);
+                add_sheets(j, beam, pk, way, &sheets, q, s0, end, most, inner, lit ? &sheets_lit : NULL,
+                           &sheets_course);
                 *light = sheets;
                 own_lit = sheets_lit;
                 course = sheets_course;

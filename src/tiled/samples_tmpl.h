@@ -60,17 +60,22 @@ typedef struct Gather {
     vf fy;
 } Gather;
 
-INLINE Gather find_gather(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS])
+/* u and v: the lanes' positions, in 2^-16 voxels. */
+INLINE Gather gather_at(const TiledJob *j, vi u, vi v)
 {
-    const vi far_u = vi_of((j->nu - 1) << 16), far_v = vi_of((j->nv - 1) << 16);
-    const vi u = vi_min(vi_max(lane_positions(pu, j->lane_u), vi_of(0)), far_u);
-    const vi v = vi_min(vi_max(lane_positions(pv, j->lane_v), vi_of(0)), far_v);
+    u = vi_min(vi_max(u, vi_of(0)), vi_of((j->nu - 1) << 16));
+    v = vi_min(vi_max(v, vi_of(0)), vi_of((j->nv - 1) << 16));
     /* At the far faces u and v are whole: the voxel before, with full weight for the one behind. */
     const vi column = vi_min(u >> 16, vi_of(j->nu > 1 ? j->nu - 2 : 0));
     const vi row = vi_min(v >> 16, vi_of(j->nv > 1 ? j->nv - 2 : 0));
     const vi wx = (u - (column << 16)) >> 2;
     return (Gather){row * (int32_t)j->row_stride + column, (wx << 16) | (16384 - wx),
                     to_float(v - (row << 16)) * (1.0f / 65536)};
+}
+
+INLINE Gather find_gather(const TiledJob *j, const int32_t pu[PACKETS], const int32_t pv[PACKETS])
+{
+    return gather_at(j, lane_positions(pu, j->lane_u), lane_positions(pv, j->lane_v));
 }
 
 INLINE vf load_gather(const TiledJob *j, const Gather *s, const uint16_t *layer)

@@ -1,5 +1,5 @@
 /* One slab of the march, part of march_tmpl.h: the table's sums, lighting, and what is added to the pixels. */
-#include "tiled/samples_tmpl.h"
+#include "tiled/bend_tmpl.h"
 
 /* 1 - 2^-d for d >= 0, relative error below 1e-6 down to d = 0: with d = n + f it is (1 - 2^-n) + 2^-n (1 - 2^-f). */
 INLINE vf one_minus_exp2(vf d)

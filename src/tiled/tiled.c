@@ -233,8 +233,9 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacr
             goto end;
         job.shade = &shade;
     }
-    job.grey_range = (float)(macrocells->all.high - macrocells->all.low);
-    job.narrow = job.grey_range < 32768;
+    job.grey_least = (float)macrocells->all.low;
+    job.grey_most = (float)macrocells->all.high;
+    job.narrow = job.grey_most - job.grey_least < 32768;
     init_job(&job, scene, &layout);
     if (job.shade)
         init_frame(&job);

@@ -2,7 +2,7 @@
  *
  * A file that includes this first defines LANES, a multiple of 8, and includes march_tmpl.h last, in between defining
  * what is not element-wise or has an instruction of its own:
- *   vf_min, vf_max, vi_min, vi_max, vf_fma (rounded once)
+ *   vf_min, vf_max, vi_min, vi_max, vs_min, vs_max, vf_fma (rounded once)
  *   vmask with vf_lt, vf_le, vi_eq, mask_and, mask_or; select_f and select_i(mask, yes, no)
  *   any_in(mask), all_in(mask): bit h tells of the lanes of packet h
  *   vf_packets(const float[PACKETS]), mask_packets(unsigned): a value, or a bit, for each packet
@@ -23,6 +23,7 @@ enum { BIAS = 32768 * 16384 }; /* what a weighted sum of grey levels less 32768 
 
 typedef float vf __attribute__((vector_size(4 * LANES)));
 typedef int32_t vi __attribute__((vector_size(4 * LANES)));
+typedef int16_t vs __attribute__((vector_size(16))); /* eight voxels of a row, whatever LANES is */
 
 /* Fast paths want their small functions inlined whatever the compiler thinks; plain ones, and builds with sanitizers,
  * whose code is several times as long, do not. */

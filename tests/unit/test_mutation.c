@@ -49,12 +49,13 @@ static const Proof proofs[] = {
     PROOF(QUIET_HIGH, "peak: one HU wide, slow field"),
     PROOF(SUB_SHEETS, "voxels: dots, magnified, oblique"),
     PROOF(LOOKS, "a step, oblique, 0.1 asked"),
+    PROOF(HIDDEN, "voxels: grazing a dot"),
     PROOF(WHOLE_LEVELS, "a peak between two levels, 0.5 asked"),
     PROOF(LEAP_FAR, "ball: chords"),
     PROOF(GRADIENT_SIGN, "lit from behind"),
     PROOF(AVERAGE_BLOCK, "average of one grey level"),
     PROOF(DEPTH_SLAB, "depth: an opaque plane"),
-    PROOF(BOUND_LOW, "dots, reduced"),
+    PROOF(BOUND_LOW, "grazing bright dots"),
     PROOF(UNCAST, "one dot, oblique, 0.1 asked"),
 };
 
