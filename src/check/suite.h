@@ -66,11 +66,12 @@ CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsP
 typedef struct CtsCheckWorst {
     double expected, found, error;
     int x, y;
-    bool dark;  /* a value that should be bright has lost half of its light */
-    double rms; /* of the picture's colours; 0: not known */
+    bool dark;        /* a value that should be bright has lost half of its light */
+    double rms, most; /* of the picture's colours: error, and the largest; 0: not known */
 } CtsCheckWorst;
 void cts_check_worst(CtsCheckWorst *worst, int x, int y, double expected, double found);
-/* Fails whatever the bound where a pixel is dark, or rms is above what the picture's report tells. */
+/* Fails whatever the bound where a pixel is dark, or rms or the largest error is above what the picture's report tells.
+ */
 void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double bound);
 
 /* Truth of one pixel; ray is NULL where it misses the box. */

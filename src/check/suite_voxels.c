@@ -51,6 +51,7 @@ static void judge(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *pr
             }
         }
     const double n = 3.0 * s->width * s->height;
+    worst.most = worst.error;
     worst.found = worst.error = fmax(sqrt(sum / n), worst.error / PIXELWISE);
     worst.expected = 0;
     worst.rms = sqrt(sum / n);

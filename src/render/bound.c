@@ -422,9 +422,11 @@ void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport
     /* Of a rotation the worst frame stands for all. */
     told->known = true;
     told->rmse = fmax(told->rmse, rmse);
-    /* One channel may have all of a pixel's error, and stretches whose errors add up as if by chance stray: the largest
-     * of so many pixels by so much. */
-    const double most = bound->most * sqrt(3 * 2 * log(fmax((double)bound->pixels, 2)));
+    /* Bounds are worth what rays have shown, floor included. One channel may have all of a pixel's error, and stretches
+     * whose errors add up as if by chance stray: the largest of so many pixels by so much. */
+    const double floor = 0.5 * cts_scene_bound_aimed(scene);
+    const double largest = sqrt(fmax(bound->beyond, 1) * (bound->most * bound->most + floor * floor));
+    const double most = largest * sqrt(3 * 2 * log(fmax((double)bound->pixels, 2)));
     told->max =
         fmax(told->max, cts_scene_drafts(scene) ? 1 : fmin(most, 1)); /* a draft knows nothing of single pixels */
     told->cast += bound->cast;
