@@ -198,24 +198,23 @@ static int fine_end(const TiledJob *j, const TiledBeam *beam, int q)
 }
 
 /* The run from q to end, with what follows it without a gap; rays may end soon, so that is not much. */
-static TiledRun run_from(const TiledJob *j, TiledBeam *beam, int q, int end)
+static void add_run(const TiledJob *j, TiledBeam *beam, int q, int end)
 {
-    TiledRun run;
-    run.from = q;
-    run.to = end;
-    run.inner = is_inner(j, beam, q) && is_inner(j, beam, end);
-    run.bend_known = 0;
+    TiledRun *const run = &beam->runs[beam->n_runs++];
+    run->from = q;
+    run->to = end;
+    run->inner = is_inner(j, beam, q) && is_inner(j, beam, end);
+    run->bend_known = 0;
     beam->next = end;
     for (int more = 0; more < MOST_AT_ONCE && beam->next < beam->last; more++) {
-        end = fine_end(j, beam, run.to);
-        if (run.inner != (is_inner(j, beam, run.to) && is_inner(j, beam, end)))
+        end = fine_end(j, beam, run->to);
+        if (run->inner != (is_inner(j, beam, run->to) && is_inner(j, beam, end)))
             break;
         beam->next = end;
-        if (!fine_visible(j, beam, run.to, end))
+        if (!fine_visible(j, beam, run->to, end))
             break;
-        run.to = end;
+        run->to = end;
     }
-    return run;
 }
 
 bool cts_tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
@@ -235,7 +234,7 @@ bool cts_tiled_beam_extend(const TiledJob *j, TiledBeam *beam)
         beam->next = end < until ? end : until;
         if (!fine_visible(j, beam, q, beam->next))
             continue;
-        beam->runs[beam->n_runs++] = run_from(j, beam, q, beam->next);
+        add_run(j, beam, q, beam->next);
         return true;
     }
     return false;

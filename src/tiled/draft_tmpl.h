@@ -72,11 +72,11 @@ INLINE void add_draft_slab(const TiledJob *j, const Packet *pk, Way way, Light *
 
 /* A slab that the volume's faces, or those of the slab that is asked for, cut. */
 OUTLINE void add_cut_slab(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0,
-                          vf end, TiledBend most, bool inner, Lit *lit, Course *course)
+                          vf end, bool inner, unsigned marching, Lit *lit, Course *course)
 {
-    Stretch slab = stretch_of(j, q, 0, j->samples, s0, end, most);
+    Stretch slab = stretch_of(j, q, 0, j->samples, s0, end, (TiledBend){0});
     const vi e0 = entry_of(j, s0), e1 = entry_of(j, end);
-    add_stretch(j, beam, pk, way, light, &slab, inner, ALL_PACKETS, e0, e1, lit, course);
+    add_stretch(j, beam, pk, way, light, &slab, inner, marching, e0, e1, lit, course);
 }
 
 INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool lit, Light *result,
@@ -93,7 +93,7 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
     bool opaque = false;
     const uint64_t start = course.timed ? cts_tiled_ticks() : 0;
     for (int r = 0; !opaque && (r < beam->n_runs || cts_tiled_beam_extend(j, beam)); r++) {
-        TiledRun *const run = &beam->runs[r];
+        const TiledRun *const run = &beam->runs[r];
         const int last = run->to;
         const bool inner = run->inner;
         if (run->from != reached) {
@@ -109,12 +109,11 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
                                         vf_le(vf_of(j->table.quiet_high), vf_min(s0, end)));
             const unsigned marching = ALL_PACKETS & ~(light->opaque | all_in(quiet));
             samples++;
-            if (is_cut(beam, q)) {
+            if (marching && is_cut(beam, q)) {
                 Light cut = *light;
                 Lit cut_lit = own_lit;
                 Course cut_course = course;
-                const TiledBend most = way == WAY_STRAIGHT ? (TiledBend){0} : bend_of(j, beam, run, q);
-                add_cut_slab(j, beam, pk, way, &cut, q, s0, end, most, inner, lit ? &cut_lit : NULL, &cut_course);
+                add_cut_slab(j, beam, pk, way, &cut, q, s0, end, inner, marching, lit ? &cut_lit : NULL, &cut_course);
                 *light = cut;
                 own_lit = cut_lit;
                 course = cut_course;
