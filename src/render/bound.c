@@ -80,11 +80,11 @@ typedef struct Strip {
     double chance;     /* of a pixel to be cast is this times b^2 + f^2 */
     double square;     /* of the bounds, floor included */
     size_t first_ray, n_rays;
-    double found;      /* sum of e^2 / p of the rays that judge */
-    double beyond;     /* the largest e^2 / (b^2 + f^2) */
-    double by_pieces;  /* of a draft that stays, the sum of e^2 by its pieces */
-    size_t n_bad;      /* pixels to be cast in any case */
-    double rest, most; /* squares of the bounds that are left, and the largest bound */
+    double found;     /* sum of e^2 / p of the rays that judge */
+    double beyond;    /* the largest e^2 / (b^2 + f^2) */
+    double by_pieces; /* of a draft that stays, the sum of e^2 by its pieces */
+    size_t n_bad;     /* pixels to be cast in any case */
+    double most;      /* the largest bound that is left */
 } Strip;
 
 typedef struct Ray {
@@ -247,7 +247,7 @@ static void cast_bad(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static void sum_some(void *context, int worker, size_t first, size_t end)
+static void find_some_largest(void *context, int worker, size_t first, size_t end)
 {
     const Keeping *const k = context;
     (void)worker;
@@ -255,7 +255,6 @@ static void sum_some(void *context, int worker, size_t first, size_t end)
         Strip *const s = &k->strips[strip];
         for (size_t i = s->first; i < s->end; i++) {
             const double bound = (double)k->band->bound[i];
-            s->rest += bound * bound;
             s->most = bound > s->most ? bound : s->most;
         }
     }
@@ -348,7 +347,6 @@ static void add_strips(CtsFrameBound *bound, const Keeping *k)
 {
     for (size_t strip = 0; strip < k->n_strips; strip++) {
         const Strip *const s = &k->strips[strip];
-        bound->square += s->rest;
         bound->most = fmax(bound->most, s->most);
         bound->found += s->found;
         bound->by_pieces += s->by_pieces;
@@ -384,7 +382,7 @@ CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsEngine *engine, const Ct
     k.round = 1;
     if ((st = judge(&k, bound, err)))
         goto end;
-    cts_parallel(n_threads, k.n_strips, 1, sum_some, &k);
+    cts_parallel(n_threads, k.n_strips, 1, find_some_largest, &k);
     add_strips(bound, &k);
     bound->pixels += n_pixels;
     bound->refined += k.refined;
@@ -398,26 +396,19 @@ end:
     return st;
 }
 
-/* By the rays that were cast. Unlit along an axis nothing of the engine's bounds is an estimate, and they may say less.
- */
-static double rmse_of(const CtsFrameBound *bound, const CtsScene *scene)
+/* By the rays that were cast. */
+static double rmse_of(const CtsFrameBound *bound)
 {
     const double pixels = (double)bound->pixels, weight = bound->weight * fmax(bound->beyond, 1);
     const double judged = sqrt(weight * cts_expectation_limit(bound->found / weight) / pixels);
-    const double *along = scene->view.forward_vox;
-    const bool straight = (along[0] != 0) + (along[1] != 0) + (along[2] != 0) == 1;
-    const bool known = straight && !scene->preset->shade && bound->beyond <= 1;
-    if (cts_scene_drafts(scene))
-        return ROUNDED + fmax(judged, sqrt(bound->by_pieces / pixels));
-    return ROUNDED + (known ? fmin(judged, sqrt(bound->square / pixels)) : judged);
+    return ROUNDED + fmax(judged, sqrt(bound->by_pieces / pixels));
 }
 
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report)
 {
     if (!report || bound->pixels == 0)
         return;
-    const double rmse = rmse_of(bound, scene) * (CTS_MUTATED(BOUND_LOW) ? 0.05 : 1),
-                 asked = cts_scene_error_asked(scene);
+    const double rmse = rmse_of(bound) * (CTS_MUTATED(BOUND_LOW) ? 0.05 : 1), asked = cts_scene_error_asked(scene);
     CtsErrorBound *told = &report->bound;
     /* Of a rotation the worst frame stands for all. */
     told->known = true;

@@ -21,7 +21,7 @@
 typedef struct CtsFrameBound {
     CtsRaycaster *caster; /* made when a pixel has to be cast */
     uint64_t pixels, cast, refined;
-    double square, most;  /* sum of the squares of the engine's bounds that are left, and the largest */
+    double most;          /* the largest of the engine's bounds that are left */
     double found, weight; /* sum of e^2 / p of the rays that judge, and the largest that a term may have */
     double beyond;        /* the largest e^2 / (b^2 + f^2) that a ray has shown */
     double by_pieces;     /* of what stays of a draft, the sum of e^2 that pieces of it show */
