@@ -66,7 +66,7 @@ typedef struct CtsRenderSettings {
     CtsKernelId kernel;
     double kernel_radius;   /* voxels; 0: the kernel's own */
     int samples;            /* sub-sheets per layer; 0: chosen by the engine */
-    double max_error;       /* in 1/255 rms, kept by trial on some rays; 0: the engine's default */
+    double max_error;       /* in 1/255 rms, kept as far as rays that are cast tell; 0: the engine's default */
     bool void_key;          /* engines void and combined take improbable voxels for void (lossy; the
                              * report tells what is lost); the others warn that they have no use for it */
     double tolerance_hu;    /* largest change taken for none */
