@@ -5,7 +5,6 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
-#include "render/draft.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -24,9 +23,18 @@ typedef uint64_t Pixel;
 
 static size_t limit_of(const CtsScene *scene, size_t n_pixels)
 {
-    if (cts_scene_drafts(scene))
-        return 0; /* strips are rendered anew */
     return n_pixels / (scene->plan.max_error > 0 ? SHARE_ASKED : SHARE_BY_DEFAULT);
+}
+
+double cts_square_of_error(const CtsPreset *preset, const float *pixel, const double rgba[4])
+{
+    double square = 0;
+    for (int c = 0; c < 3; c++) {
+        const double behind = preset->background_none ? 0 : preset->background[c];
+        const double off = (double)pixel[c] - rgba[c] + (rgba[3] - (double)pixel[3]) * behind;
+        square += off * off / 3;
+    }
+    return square;
 }
 
 static Pixel pixel_of(float bound, size_t at)
@@ -73,30 +81,30 @@ static void select_worst(Pixel *p, size_t n, size_t k)
     }
 }
 
-/* What came of CTS_BAND_ROWS rows. */
+/* What came of CTS_BAND_ROWS rows, or of those of their pixels that are judged. */
 typedef struct Strip {
-    size_t first, end; /* its pixels in the band */
+    size_t first, end; /* its pixels */
     bool judged;       /* in this round */
     double chance;     /* of a pixel to be cast is this times b^2 + f^2 */
     double square;     /* of the bounds, floor included */
     size_t first_ray, n_rays;
-    double found;     /* sum of e^2 / p of the rays that judge */
-    double beyond;    /* the largest e^2 / (b^2 + f^2) */
-    double by_pieces; /* of a draft that stays, the sum of e^2 by its pieces */
-    size_t n_bad;     /* pixels to be cast in any case */
-    double most;      /* the largest bound that is left */
+    double found;  /* sum of e^2 / p of the rays that judge */
+    double beyond; /* the largest e^2 / (b^2 + f^2) */
+    size_t n_bad;  /* pixels to be cast in any case */
+    double most;   /* the largest bound that is left */
 } Strip;
 
 typedef struct Ray {
-    size_t at;     /* in the band */
+    size_t at;     /* among the pixels */
     double square; /* of the error that it shows, rms over the channels */
     double limit;  /* of that, by the engine's bound and the floor */
 } Ray;
 
 typedef struct Keeping {
     const CtsScene *scene;
-    CtsPicture *band;
-    double floor; /* f^2 */
+    CtsBoundPixels of;
+    double n_rays, n_pixels; /* of the whole view, those that are to judge and those that are judged */
+    double floor;            /* f^2 */
     size_t n_strips, strip_pixels;
     Strip *strips;
     int round;
@@ -105,13 +113,17 @@ typedef struct Keeping {
     Pixel *bad;     /* room for limit_of() of each strip */
     size_t bad_room;
     const CtsRaycaster *caster;
-    uint64_t refined; /* pixels rendered anew */
 } Keeping;
+
+static size_t place_in_view(const Keeping *k, size_t at)
+{
+    return k->of.first + (k->of.place ? k->of.place[at] : at);
+}
 
 /* Even over 0..1, and its own for each pixel of the view and each round (the finaliser of MurmurHash3). */
 static double chance_of(const Keeping *k, size_t at)
 {
-    uint64_t h = (uint64_t)k->band->first_row * (uint64_t)k->band->width + at + ((uint64_t)k->round << 62) + 1;
+    uint64_t h = (uint64_t)place_in_view(k, at) + ((uint64_t)k->round << 62) + 1;
     h = (h ^ h >> 33) * 0xff51afd7ed558ccdu;
     h = (h ^ h >> 33) * 0xc4ceb9fe1a85ec53u;
     return (double)(h >> 11) * 0x1p-53;
@@ -119,7 +131,7 @@ static double chance_of(const Keeping *k, size_t at)
 
 static double square_at(const Keeping *k, size_t at)
 {
-    const double bound = (double)k->band->bound[at];
+    const double bound = (double)k->of.bound[at];
     return bound * bound + k->floor;
 }
 
@@ -132,8 +144,7 @@ static bool judges(const Keeping *k, const Strip *s, size_t at)
 static void count_some(void *context, int worker, size_t first, size_t end)
 {
     const Keeping *const k = context;
-    const double pixels = (double)k->scene->view.width * k->scene->view.height;
-    const double aimed = cts_scene_bound_aimed(k->scene), rays = cts_scene_rays_judged(k->scene);
+    const double pixels = k->n_pixels, aimed = cts_scene_bound_aimed(k->scene), rays = k->n_rays;
     (void)worker;
     for (size_t strip = first; strip < end; strip++) {
         Strip *const s = &k->strips[strip];
@@ -168,8 +179,8 @@ static void list_some(void *context, int worker, size_t first, size_t end)
 
 static void cast_pixel(const Keeping *k, size_t at, double rgba[4])
 {
-    const size_t width = (size_t)k->band->width;
-    cts_raycast_ray(k->caster, (double)(at % width), (double)(at / width) + k->band->first_row, rgba, NULL);
+    const size_t width = (size_t)k->scene->view.width, place = place_in_view(k, at);
+    cts_raycast_ray(k->caster, (double)(place % width), (double)(place / width), rgba, NULL);
 }
 
 static void cast_judging(void *context, int worker, size_t first, size_t end)
@@ -180,7 +191,7 @@ static void cast_judging(void *context, int worker, size_t first, size_t end)
         double rgba[4];
         const size_t at = k->rays[i].at;
         cast_pixel(k, at, rgba);
-        k->rays[i].square = cts_square_of_error(k->scene->preset, k->band->pixels + 4 * at, rgba);
+        k->rays[i].square = cts_square_of_error(k->scene->preset, k->of.pixels + 4 * at, rgba);
     }
 }
 
@@ -220,8 +231,8 @@ static void choose_bad(void *context, int worker, size_t first, size_t end)
             continue;
         size_t n = 0;
         for (size_t i = s->first; i < s->end; i++)
-            if ((double)k->band->bound[i] > asked)
-                scratch[n++] = pixel_of(k->band->bound[i], i);
+            if ((double)k->of.bound[i] > asked)
+                scratch[n++] = pixel_of(k->of.bound[i], i);
         select_worst(scratch, n, limit);
         n = n < limit ? n : limit;
         qsort(scratch, n, sizeof *scratch, worst_first);
@@ -242,8 +253,8 @@ static void cast_bad(void *context, int worker, size_t first, size_t end)
         const size_t at = place_of(k->bad[i]);
         cast_pixel(k, at, rgba);
         for (int c = 0; c < 4 && !CTS_MUTATED(UNCAST); c++)
-            k->band->pixels[4 * at + (size_t)c] = (float)rgba[c];
-        k->band->bound[at] = (float)(cts_scene_error_asked(k->scene) * CAST_WITHIN);
+            k->of.pixels[4 * at + (size_t)c] = (float)rgba[c];
+        k->of.bound[at] = (float)(cts_scene_error_asked(k->scene) * CAST_WITHIN);
     }
 }
 
@@ -254,7 +265,7 @@ static void find_some_largest(void *context, int worker, size_t first, size_t en
     for (size_t strip = first; strip < end; strip++) {
         Strip *const s = &k->strips[strip];
         for (size_t i = s->first; i < s->end; i++) {
-            const double bound = (double)k->band->bound[i];
+            const double bound = (double)k->of.bound[i];
             s->most = bound > s->most ? bound : s->most;
         }
     }
@@ -297,36 +308,6 @@ static CtsStatus judge(Keeping *k, CtsFrameBound *bound, CtsError *err)
     return CTS_OK;
 }
 
-/* Whether a strip's pieces or rays say that it errs too much, or its bounds are too bad for so few rays to tell. */
-static bool fails(const Keeping *k, const Strip *s)
-{
-    const double asked = cts_scene_error_asked(k->scene), n = (double)(s->end - s->first);
-    const double pixels = (double)k->scene->view.width * k->scene->view.height;
-    return fmax(s->found, s->by_pieces) > 0.25 * asked * asked * n ||
-           fmax(s->beyond, 1) / s->chance * cts_expectation_limit(0) > asked * asked * pixels;
-}
-
-/* Renders strips of a draft anew that fail, with bounds of which the rays so far have shown nothing. */
-static CtsStatus refine(Keeping *k, const CtsEngine *engine, CtsError *err)
-{
-    const size_t width = (size_t)k->band->width;
-    CtsStatus st = CTS_OK;
-    for (size_t strip = 0; strip < k->n_strips && !st; strip++) {
-        Strip *const s = &k->strips[strip];
-        const int first = (int)(s->first / width), end = (int)(s->end / width);
-        if ((st = cts_draft_try(engine, k->scene, k->band, first, end, &s->by_pieces, err)))
-            return st;
-        s->by_pieces *= (double)(s->end - s->first);
-        s->judged = fails(k, s);
-        if (!s->judged)
-            continue;
-        s->beyond = s->by_pieces = 0;
-        st = cts_draft_redraw(engine, k->scene, k->band, first, end, err);
-        k->refined += s->end - s->first;
-    }
-    return st;
-}
-
 /* Casts the worst pixels of strips that need it, which are then to be judged anew by rays of their own: those that told
  * which pixels to cast would speak too well of the rest. */
 static CtsStatus mend(Keeping *k, CtsFrameBound *bound, CtsError *err)
@@ -349,59 +330,98 @@ static void add_strips(CtsFrameBound *bound, const Keeping *k)
         const Strip *const s = &k->strips[strip];
         bound->most = fmax(bound->most, s->most);
         bound->found += s->found;
-        bound->by_pieces += s->by_pieces;
         bound->weight = fmax(bound->weight, 1 / s->chance);
         bound->beyond = fmax(bound->beyond, s->beyond);
     }
 }
 
-CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
-                         CtsError *err)
+/* Strips end where strip_end says. */
+static CtsStatus begin(Keeping *k, const size_t *strip_end, size_t n_strips, CtsError *err)
 {
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), floor = 0.5 * cts_scene_bound_aimed(scene);
-    const int n_threads = scene->settings->n_threads;
-    const size_t strip_pixels = (size_t)band->width * CTS_BAND_ROWS, n_pixels = (size_t)band->width * band->height;
+    const double floor = 0.5 * cts_scene_bound_aimed(k->scene);
+    CtsStatus st;
+    k->floor = floor * floor;
+    k->n_strips = n_strips;
+    if ((st = cts_alloc_zeroed(&k->strips, n_strips, err)))
+        return st;
+    for (size_t i = 0; i < n_strips; i++)
+        k->strips[i] = (Strip){.first = i > 0 ? strip_end[i - 1] : 0, .end = strip_end[i], .judged = true};
+    return CTS_OK;
+}
+
+static void end(Keeping *k, CtsFrameBound *bound, double wall, double cpu)
+{
+    bound->wall_ms += cts_wall_ms() - wall;
+    bound->cpu_ms += cts_cpu_ms() - cpu;
+    cts_free(&k->strips);
+    cts_free(&k->rays);
+    cts_free(&k->scratch);
+    cts_free(&k->bad);
+}
+
+static void add_judged(CtsFrameBound *bound, Keeping *k)
+{
+    cts_parallel(k->scene->settings->n_threads, k->n_strips, 1, find_some_largest, k);
+    add_strips(bound, k);
+}
+
+CtsStatus cts_bound_judge(CtsFrameBound *bound, const CtsScene *scene, const CtsBoundSample *sample, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    Keeping k = {.scene = scene, .of = sample->of, .n_rays = sample->n_rays, .n_pixels = sample->n_pixels};
+    CtsStatus st;
+    if ((st = begin(&k, sample->strip_end, sample->n_strips, err)) || (st = judge(&k, bound, err)))
+        goto end;
+    add_judged(bound, &k);
+    bound->judged += sample->n_strips > 0 ? sample->strip_end[sample->n_strips - 1] : 0;
+end:
+    end(&k, bound, wall, cpu);
+    return st;
+}
+
+CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture *band, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const size_t width = (size_t)band->width, n_pixels = width * (size_t)band->height;
+    const size_t strip_pixels = width * CTS_BAND_ROWS, n_strips = (n_pixels + strip_pixels - 1) / strip_pixels;
     Keeping k = {.scene = scene,
-                 .band = band,
-                 .floor = floor * floor,
-                 .n_strips = (n_pixels + strip_pixels - 1) / strip_pixels,
+                 .of = {.first = (size_t)band->first_row * width, .pixels = band->pixels, .bound = band->bound},
+                 .n_rays = cts_scene_rays_judged(scene),
+                 .n_pixels = (double)scene->view.width * scene->view.height,
                  .strip_pixels = strip_pixels,
                  .bad_room = limit_of(scene, strip_pixels)};
+    size_t *strip_end = NULL;
     CtsStatus st;
-    if ((st = cts_alloc_zeroed(&k.strips, k.n_strips, err)) ||
-        (st = cts_alloc_array(&k.scratch, (size_t)n_threads * strip_pixels, err)) ||
-        (st = cts_alloc_array(&k.bad, k.n_strips * k.bad_room, err)))
-        goto end;
-    for (size_t strip = 0; strip < k.n_strips; strip++) {
-        const size_t end = (strip + 1) * strip_pixels;
-        k.strips[strip] =
-            (Strip){.first = strip * strip_pixels, .end = end < n_pixels ? end : n_pixels, .judged = true};
-    }
-    if ((st = judge(&k, bound, err)) || (st = cts_scene_drafts(scene) ? refine(&k, engine, err) : mend(&k, bound, err)))
+    if ((st = cts_alloc_array(&strip_end, n_strips, err)))
+        return st;
+    for (size_t i = 0; i < n_strips; i++)
+        strip_end[i] = i + 1 < n_strips ? (i + 1) * strip_pixels : n_pixels;
+    if ((st = begin(&k, strip_end, n_strips, err)) ||
+        (st = cts_alloc_array(&k.scratch, (size_t)scene->settings->n_threads * strip_pixels, err)) ||
+        (st = cts_alloc_array(&k.bad, n_strips * k.bad_room, err)) || (st = judge(&k, bound, err)) ||
+        (st = mend(&k, bound, err)))
         goto end;
     k.round = 1;
     if ((st = judge(&k, bound, err)))
         goto end;
-    cts_parallel(n_threads, k.n_strips, 1, find_some_largest, &k);
-    add_strips(bound, &k);
+    add_judged(bound, &k);
     bound->pixels += n_pixels;
-    bound->refined += k.refined;
-    bound->wall_ms += cts_wall_ms() - wall;
-    bound->cpu_ms += cts_cpu_ms() - cpu;
+    bound->judged += n_pixels;
 end:
-    cts_free(&k.strips);
-    cts_free(&k.rays);
-    cts_free(&k.scratch);
-    cts_free(&k.bad);
+    end(&k, bound, wall, cpu);
+    cts_free(&strip_end);
     return st;
 }
 
-/* By the rays that were cast. */
+/* By the rays that were cast and, of a draft, by its pieces, which the rays have judged. */
 static double rmse_of(const CtsFrameBound *bound)
 {
-    const double pixels = (double)bound->pixels, weight = bound->weight * fmax(bound->beyond, 1);
-    const double judged = sqrt(weight * cts_expectation_limit(bound->found / weight) / pixels);
-    return ROUNDED + fmax(judged, sqrt(bound->by_pieces / pixels));
+    const double weight = bound->weight * fmax(bound->beyond, 1), most = bound->piece_most;
+    const double judged =
+        bound->judged > 0 ? sqrt(weight * cts_expectation_limit(bound->found / weight) / (double)bound->judged) : 0;
+    const double pieces =
+        most > 0 ? sqrt(most * cts_expectation_limit(bound->piece_squares / most) / (double)bound->pieces) : 0;
+    return ROUNDED + judged + pieces;
 }
 
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report)
@@ -426,7 +446,7 @@ void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport
         cts_report_plan(report, "%llu of %llu rays cast one by one, to judge the others and in place of the worst",
                         (unsigned long long)bound->cast, (unsigned long long)bound->pixels);
     if (bound->refined > 0)
-        cts_report_plan(report, "%llu of %llu pixels of the draft rendered anew, where its rays erred too much",
+        cts_report_plan(report, "%llu of %llu pixels of the draft rendered anew, where pieces of it erred too much",
                         (unsigned long long)bound->refined, (unsigned long long)bound->pixels);
     const bool kept = rmse <= 1.005 * asked, by_default = !(scene->plan.max_error > 0);
     if (!kept || !by_default)

@@ -20,20 +20,42 @@
 /* Zeroed, it is a frame of which nothing is known. */
 typedef struct CtsFrameBound {
     CtsRaycaster *caster; /* made when a pixel has to be cast */
-    uint64_t pixels, cast, refined;
-    double most;          /* the largest of the engine's bounds that are left */
-    double found, weight; /* sum of e^2 / p of the rays that judge, and the largest that a term may have */
-    double beyond;        /* the largest e^2 / (b^2 + f^2) that a ray has shown */
-    double by_pieces;     /* of what stays of a draft, the sum of e^2 that pieces of it show */
+    uint64_t pixels, judged, cast; /* judged: those that the rays stand for */
+    double most;                   /* the largest of the engine's bounds that are left */
+    double found, weight;          /* sum of e^2 / p of the rays that judge, and the largest that a term may have */
+    double beyond;                 /* the largest e^2 / (b^2 + f^2) that a ray has shown */
+    uint64_t pieces, refined;      /* of a draft: pieces that judge it, pixels that were rendered anew; */
+    double piece_squares;          /* the sum of the pieces' e^2, each the mean of its pixels, */
+    double piece_most;             /* and the largest */
     double wall_ms, cpu_ms;
 } CtsFrameBound;
 
-/* Takes a band whose bounds the engine gave, and puts its worst pixels right. A ray costs some hundred times
- * a pixel of the march: of a strip whose rays say that it errs too much, one pixel in 512 is cast by default, one in 32
- * where an error was asked for. Of a draft, such strips, and those that pieces of it show to err too much, are rendered
- * anew by `engine`, as no draft (render/draft.h). */
-CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
-                         CtsError *err);
+/* Pixels and the engine's bounds of them; the caller's. Pixel i is number first + place[i], or first + i, of the view,
+ * counted row by row. */
+typedef struct CtsBoundPixels {
+    size_t first;
+    const uint32_t *place;
+    float *pixels, *bound;
+} CtsBoundPixels;
+
+/* Pixels drawn by chance, in strips of which each ends before strip_end[]. */
+typedef struct CtsBoundSample {
+    CtsBoundPixels of;
+    const size_t *strip_end;
+    size_t n_strips;
+    double n_rays, n_pixels; /* of the whole view: how many rays are to judge how many such pixels */
+} CtsBoundSample;
+
+/* What a pixel, as it shows on the preset's background, is off by against rgba: its square, the mean of the channels.
+ */
+double cts_square_of_error(const CtsPreset *preset, const float *pixel, const double rgba[4]);
+
+/* Takes a band whose bounds the engine gave, and puts its worst pixels right. A ray costs some hundred times a pixel of
+ * the march: of a strip whose rays say that it errs too much, one pixel in 512 is cast by default, one in 32 where an
+ * error was asked for. */
+CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture *band, CtsError *err);
+/* Judges a sample by rays, and changes none of its pixels. */
+CtsStatus cts_bound_judge(CtsFrameBound *bound, const CtsScene *scene, const CtsBoundSample *sample, CtsError *err);
 /* The report's bound, and a warning where the error may be larger than it should be. */
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report);
 void cts_bound_free(CtsFrameBound *bound);

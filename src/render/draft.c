@@ -1,79 +1,221 @@
 #include "render/draft.h"
 
+#include "base/clock.h"
+#include "base/limits.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include <math.h>
 #include <string.h>
 
-double cts_square_of_error(const CtsPreset *preset, const float *pixel, const double rgba[4])
+/* The pieces of a band, strip by strip. */
+typedef struct Pieces {
+    const CtsScene *scene;
+    CtsScene fine; /* the same without a draft, of which only pieces are drawn */
+    const CtsPicture *band;
+    size_t width, n_strips, n; /* n: their pixels */
+    size_t *strip_end;
+    uint32_t *place; /* in the band */
+    float *pixels, *bound;
+} Pieces;
+
+static void free_pieces(Pieces *p)
 {
-    double square = 0;
-    for (int c = 0; c < 3; c++) {
-        const double behind = preset->background_none ? 0 : preset->background[c];
-        const double off = (double)pixel[c] - rgba[c] + (rgba[3] - (double)pixel[3]) * behind;
-        square += off * off / 3;
-    }
-    return square;
+    cts_free(&p->strip_end);
+    cts_free(&p->place);
+    cts_free(&p->pixels);
+    cts_free(&p->bound);
 }
 
-static CtsScene finer(const CtsScene *scene)
+static int first_row(size_t strip)
 {
-    CtsScene s = *scene;
-    s.plan = cts_scene_finer(scene);
-    return s;
+    return (int)strip * CTS_BAND_ROWS;
 }
 
-static int one_in(const CtsScene *scene)
+static int end_row(const Pieces *p, size_t strip)
 {
-    const double pieces = (double)scene->view.width * scene->view.height / CTS_DRAWN_PIXELS;
-    return (int)fmin(pieces / CTS_DRAFT_PIECES, CTS_DRAFT_ONE_IN);
+    const int end = first_row(strip) + CTS_BAND_ROWS;
+    return end < p->band->height ? end : p->band->height;
 }
 
-CtsStatus cts_draft_try(const CtsEngine *engine, const CtsScene *scene, const CtsPicture *band, int first, int end,
-                        double *mean_square, CtsError *err)
+/* The pixels drawn of a strip; listed where there is a place for them. */
+static size_t draw(const Pieces *p, size_t strip, uint32_t *place)
 {
-    const size_t width = (size_t)band->width, n = width * (size_t)(end - first);
-    CtsScene fine = finer(scene);
-    CtsPicture drawn = *band;
-    double sum = 0;
-    size_t n_drawn = 0;
+    size_t n = 0;
+    for (int y = first_row(strip); y < end_row(p, strip); y++)
+        for (size_t x = 0; x < p->width; x += CTS_DRAWN_PIXELS) {
+            if (!cts_plan_draws(&p->fine.plan, (int)x, p->band->first_row + y))
+                continue;
+            const size_t end = x + CTS_DRAWN_PIXELS < p->width ? x + CTS_DRAWN_PIXELS : p->width;
+            for (size_t i = x; place && i < end; i++)
+                place[n + i - x] = (uint32_t)((size_t)y * p->width + i);
+            n += end - x;
+        }
+    return n;
+}
+
+static void count_some(void *context, int worker, size_t first, size_t end)
+{
+    const Pieces *const p = context;
+    (void)worker;
+    for (size_t strip = first; strip < end; strip++)
+        p->strip_end[strip] = draw(p, strip, NULL);
+}
+
+static void list_some(void *context, int worker, size_t first, size_t end)
+{
+    const Pieces *const p = context;
+    (void)worker;
+    for (size_t strip = first; strip < end; strip++)
+        draw(p, strip, p->place + (strip > 0 ? p->strip_end[strip - 1] : 0));
+}
+
+static CtsStatus list_pieces(Pieces *p, CtsError *err)
+{
+    const int n_threads = p->scene->settings->n_threads;
     CtsStatus st;
-    fine.plan.one_in = one_in(scene);
-    drawn.first_row += first;
-    drawn.height = end - first;
-    drawn.pixels = drawn.bound = drawn.depth_mm = NULL;
-    if ((st = cts_alloc_zeroed(&drawn.pixels, 4 * n, err)) || (st = cts_alloc_array(&drawn.bound, n, err)) ||
-        (st = engine->render(&fine, &drawn, NULL, err)))
+    if ((st = cts_alloc_array(&p->strip_end, p->n_strips, err)))
+        return st;
+    cts_parallel(n_threads, p->n_strips, 1, count_some, p);
+    for (size_t strip = 0; strip < p->n_strips; strip++)
+        p->strip_end[strip] = p->n += p->strip_end[strip];
+    if ((st = cts_alloc_array(&p->place, p->n, err)) || (st = cts_alloc_array(&p->pixels, 4 * p->n, err)) ||
+        (st = cts_alloc_array(&p->bound, p->n, err)))
+        return st;
+    cts_parallel(n_threads, p->n_strips, 1, list_some, p);
+    return CTS_OK;
+}
+
+/* Renders the pieces, through strips of which only their pixels are ever looked at. */
+static CtsStatus render_pieces(Pieces *p, const CtsEngine *engine, CtsError *err)
+{
+    CtsPicture strip = *p->band;
+    CtsStatus st;
+    const size_t most = p->width * CTS_BAND_ROWS;
+    strip.pixels = strip.bound = strip.depth_mm = NULL;
+    if ((st = cts_alloc_array(&strip.pixels, 4 * most, err)) || (st = cts_alloc_array(&strip.bound, most, err)))
         goto end;
-    for (size_t i = 0; i < n; i++) {
-        if (!cts_plan_draws(&fine.plan, (int)(i % width), drawn.first_row + (int)(i / width)))
-            continue;
-        const float *p = drawn.pixels + 4 * i;
-        const double rgba[4] = {(double)p[0], (double)p[1], (double)p[2], (double)p[3]};
-        sum += cts_square_of_error(scene->preset, band->pixels + 4 * ((size_t)first * width + i), rgba);
-        n_drawn++;
+    for (size_t s = 0, i = 0; s < p->n_strips; s++) {
+        const size_t from = (size_t)first_row(s) * p->width, first = i;
+        strip.first_row = p->band->first_row + first_row(s);
+        strip.height = end_row(p, s) - first_row(s);
+        for (i = first; i < p->strip_end[s]; i++) {
+            memset(strip.pixels + 4 * (p->place[i] - from), 0, 4 * sizeof *strip.pixels);
+            strip.bound[p->place[i] - from] = 0;
+        }
+        if ((st = engine->render(&p->fine, &strip, NULL, err)))
+            goto end;
+        for (i = first; i < p->strip_end[s]; i++) {
+            memcpy(p->pixels + 4 * i, strip.pixels + 4 * (p->place[i] - from), 4 * sizeof *strip.pixels);
+            p->bound[i] = strip.bound[p->place[i] - from];
+        }
     }
-    *mean_square = n_drawn > 0 ? sum / (double)n_drawn : 0;
 end:
-    cts_free(&drawn.pixels);
-    cts_free(&drawn.bound);
+    cts_free(&strip.pixels);
+    cts_free(&strip.bound);
     return st;
 }
 
-CtsStatus cts_draft_redraw(const CtsEngine *engine, const CtsScene *scene, CtsPicture *band, int first, int end,
-                           CtsError *err)
+/* What the strip's pieces say of it: the sum of their squares, and the largest. */
+static double squares_of(const Pieces *p, size_t strip, size_t *n, double *most)
 {
-    const CtsScene fine = finer(scene);
-    const size_t from = (size_t)first * (size_t)band->width, n = (size_t)(end - first) * (size_t)band->width;
+    size_t i = strip > 0 ? p->strip_end[strip - 1] : 0;
+    double sum = 0;
+    *n = 0;
+    *most = 0;
+    while (i < p->strip_end[strip]) {
+        /* A piece ends with its row, or where the next begins. */
+        const size_t column = p->place[i] % p->width, rest = p->width - column;
+        const size_t length = rest < CTS_DRAWN_PIXELS ? rest : CTS_DRAWN_PIXELS;
+        double square = 0;
+        for (size_t k = i; k < i + length; k++) {
+            const float *f = p->pixels + 4 * k;
+            const double rgba[4] = {(double)f[0], (double)f[1], (double)f[2], (double)f[3]};
+            square += cts_square_of_error(p->scene->preset, p->band->pixels + 4 * (size_t)p->place[k], rgba);
+        }
+        square /= (double)length;
+        sum += square;
+        *most = fmax(*most, square);
+        ++*n;
+        i += length;
+    }
+    return sum;
+}
+
+/* Rows of the band, depths as well, without a draft. */
+static CtsStatus redraw(const Pieces *p, const CtsEngine *engine, CtsPicture *band, size_t strip, CtsError *err)
+{
+    CtsScene scene = p->fine;
+    const size_t from = (size_t)first_row(strip) * p->width;
     CtsPicture rows = *band;
-    rows.first_row += first;
-    rows.height = end - first;
+    scene.plan.one_in = 0;
+    rows.first_row += first_row(strip);
+    rows.height = end_row(p, strip) - first_row(strip);
     rows.pixels += 4 * from;
-    rows.bound += from;
+    const size_t n = (size_t)rows.height * p->width;
     memset(rows.pixels, 0, 4 * n * sizeof *rows.pixels);
-    memset(rows.bound, 0, n * sizeof *rows.bound);
     if (rows.depth_mm)
         rows.depth_mm += from;
     for (size_t i = 0; i < n && rows.depth_mm; i++)
         rows.depth_mm[i] = INFINITY;
-    return engine->render(&fine, &rows, NULL, err);
+    return engine->render(&scene, &rows, NULL, err);
+}
+
+static CtsStatus judge_strips(const Pieces *p, const CtsEngine *engine, CtsPicture *band, CtsFrameBound *bound,
+                              CtsError *err)
+{
+    const double asked = cts_scene_error_asked(p->scene);
+    CtsStatus st = CTS_OK;
+    for (size_t strip = 0; strip < p->n_strips && !st; strip++) {
+        size_t n;
+        double most;
+        const double sum = squares_of(p, strip, &n, &most);
+        bound->pieces += n;
+        if (sum > 0.25 * asked * asked * (double)n) {
+            st = redraw(p, engine, band, strip, err);
+            bound->refined += (uint64_t)(end_row(p, strip) - first_row(strip)) * p->width;
+            continue;
+        }
+        bound->piece_squares += sum;
+        bound->piece_most = fmax(bound->piece_most, most);
+    }
+    return st;
+}
+
+/* So many rays judge the pieces that these are shown to err by some half of what is asked of the draft. */
+static double rays_of(const CtsScene *scene, const CtsScene *fine)
+{
+    const double share = cts_scene_error_asked(fine) / cts_scene_error_asked(scene);
+    return fmax(cts_scene_rays_judged(fine) * share * share, cts_scene_rays_judged(scene));
+}
+
+CtsStatus cts_draft_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
+                         CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const double pixels = (double)scene->view.width * scene->view.height;
+    Pieces p = {.scene = scene,
+                .fine = *scene,
+                .band = band,
+                .width = (size_t)band->width,
+                .n_strips = ((size_t)band->height + CTS_BAND_ROWS - 1) / CTS_BAND_ROWS};
+    CtsStatus st;
+    p.fine.plan = cts_scene_finer(scene);
+    p.fine.plan.one_in = (int)fmin(pixels / CTS_DRAWN_PIXELS / CTS_DRAFT_PIECES, CTS_DRAFT_ONE_IN);
+    if ((st = list_pieces(&p, err)) || (st = render_pieces(&p, engine, err)) ||
+        (st = judge_strips(&p, engine, band, bound, err)))
+        goto end;
+    bound->wall_ms += cts_wall_ms() - wall;
+    bound->cpu_ms += cts_cpu_ms() - cpu;
+    const CtsBoundSample sample = {
+        .of = {(size_t)band->first_row * p.width, p.place, p.pixels, p.bound},
+        .strip_end = p.strip_end,
+        .n_strips = p.n_strips,
+        .n_rays = rays_of(scene, &p.fine),
+        .n_pixels = pixels / p.fine.plan.one_in,
+    };
+    st = cts_bound_judge(bound, &p.fine, &sample, err);
+    bound->pixels += p.width * (size_t)band->height;
+end:
+    free_pieces(&p);
+    return st;
 }

@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "render/draft.h"
 #include "render/engines.h"
 #include "render/key.h"
 #include "scene/framing.h"
@@ -337,7 +338,8 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     fill_info(&(*picture)->info, scene, frame->frames->engine->name);
     if (scene->preset->mode != CTS_MODE_COMPOSITE)
         return CTS_OK;
-    if (frame->frames->engine->bounds_error && (st = cts_alloc_zeroed(&(*picture)->bound, n, err)))
+    if (frame->frames->engine->bounds_error && !cts_scene_drafts(scene) &&
+        (st = cts_alloc_zeroed(&(*picture)->bound, n, err)))
         return st;
     if (!frame->want_depth)
         return CTS_OK;
@@ -353,6 +355,12 @@ CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err)
     return frame->frames->engine->render(&frame->store.scene, NULL, report, err);
 }
 
+static bool is_draft(const CtsFrame *frame)
+{
+    const CtsScene *scene = &frame->store.scene;
+    return frame->frames->engine->bounds_error && scene->preset->mode == CTS_MODE_COMPOSITE && cts_scene_drafts(scene);
+}
+
 CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
                          CtsError *err)
 {
@@ -361,7 +369,9 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     if (!st)
         st = frame->frames->engine->render(&frame->store.scene, *band, report, err);
     if (!st && (*band)->bound)
-        st = cts_bound_keep(&frame->bound, frame->frames->engine, &frame->store.scene, *band, err);
+        st = cts_bound_keep(&frame->bound, &frame->store.scene, *band, err);
+    else if (!st && is_draft(frame))
+        st = cts_draft_keep(&frame->bound, frame->frames->engine, &frame->store.scene, *band, err);
     if (st)
         cts_picture_free(band);
     else

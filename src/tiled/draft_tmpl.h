@@ -1,6 +1,6 @@
 /* The march of a draft, part of march_tmpl.h: layer by layer, slabs from a table of means, the field straight in
- * between or, where it changes much, in two straight pieces. What it errs by is not derived but guessed, from how
- * unevenly the light falls: rays that are cast judge it (render/bound.h). */
+ * between or, where it changes much, in two straight pieces. What it errs by is not derived: pieces of the picture that
+ * are marched without a draft tell it (render/draft.h). */
 
 /* The number of a grey level in the draft's table. */
 INLINE vi draft_level(const TiledJob *j, vf s)
@@ -12,71 +12,64 @@ INLINE vi draft_level(const TiledJob *j, vf s)
     return to_int(level);
 }
 
-/* What a slab takes of the light it gets may be off by this much of how far that is from what the slab before took:
- * three standard deviations in pictures of real CT. */
-#define DRAFT_DOUBT 0.1f
-
 /* Where the field runs over more than so many of the draft's levels from layer to layer, it is looked at half way. */
 enum { DRAFT_LEVELS_APART = 4 };
 
-/* What a march of a draft carries from slab to slab. */
-typedef struct Draft {
-    vf alpha;  /* opacity of the slab before */
-    vf moment; /* of what a slab takes of the light, each time how far on */
-} Draft;
-
-/* What lies between two levels of these packets, from `at` on over `share` of the slab behind layer q. */
-INLINE void add_draft_part(const TiledJob *j, Light *light, const Lit *lit, int q, float at, float share,
-                           unsigned packets, vi from, vi to, Draft *draft)
+/* What lies between two levels of these packets, from `at` on over `share` of the slab behind layer q. What it takes of
+ * the light, times how far on, is added to moment. */
+INLINE void add_draft_part(const TiledJob *j, Light *light, int q, vf at, vf share, unsigned packets, vi from,
+                           vi to, vf *moment)
 {
     vf mean[4];
     look_up_rows(j->draft.mean, CTS_DRAFT_LEVELS * CTS_DRAFT_LEVELS - 1, from * CTS_DRAFT_LEVELS + to, mean);
-    const vmask now = mask_packets(packets);
     const vf t_before = light->t;
-    vf alpha = one_minus_exp2(mean[3] * ((float)M_LOG2E * share * j->layer_mm));
+    vf alpha = one_minus_exp2(mean[3] * (share * ((float)M_LOG2E * j->layer_mm)));
     if (PACKETS > 1)
-        alpha = select_f(now, alpha, vf_of(0));
+        alpha = select_f(mask_packets(packets), alpha, vf_of(0));
     const vf lost = t_before * alpha;
     light->r = vf_fma(mean[0], lost, light->r);
     light->g = vf_fma(mean[1], lost, light->g);
     light->b = vf_fma(mean[2], lost, light->b);
     light->a += lost;
     light->t -= lost;
-    /* What this changes, march.h derives. */
-    const vf off = select_f(now, DRAFT_DOUBT * (alpha - draft->alpha), vf_of(0));
-    Colour c = {mean[0], mean[1], mean[2]}, sum = {light->r, light->g, light->b};
-    if (lit)
-        show_lit(lit, &c, &sum);
-    note_depth_doubt(&light->doubt, off, vf_fma(light->t, c.r, sum.r), vf_fma(light->t, c.g, sum.g),
-                     vf_fma(light->t, c.b, sum.b));
-    draft->alpha = select_f(now, alpha, draft->alpha);
-    draft->moment += lost * (at + 0.5f * share);
-    note_depth(j, light, t_before, vf_of((float)q + at), vf_of(share));
+    *moment += lost * (at + 0.5f * share);
+    note_depth(j, light, t_before, (float)q + at, share);
 }
 
 /* A slab that the box does not cut. */
-INLINE void add_draft_slab(const TiledJob *j, const Packet *pk, Way way, Light *light, const Lit *lit, int q,
-                           bool inner, unsigned marching, vi from, vi to, Draft *draft)
+INLINE void add_draft_slab(const TiledJob *j, const Packet *pk, Way way, Light *light, int q, bool inner,
+                           unsigned marching, vi from, vi to, vf *moment)
 {
     unsigned bent = 0;
     if (way != WAY_STRAIGHT)
         bent = marching & any_in(vf_lt(vf_of(DRAFT_LEVELS_APART), vf_abs(to_float(to - from))));
     if (bent) {
         const vi mid = draft_level(j, sample_sheet(j, pk, way, q, j->samples / 2, inner));
-        add_draft_part(j, light, lit, q, 0, 0.5f, bent, from, mid, draft);
-        add_draft_part(j, light, lit, q, 0.5f, 0.5f, bent, mid, to, draft);
+        add_draft_part(j, light, q, vf_of(0), vf_of(0.5f), bent, from, mid, moment);
+        add_draft_part(j, light, q, vf_of(0.5f), vf_of(0.5f), bent, mid, to, moment);
     }
     if (marching & ~bent)
-        add_draft_part(j, light, lit, q, 0, 1, marching & ~bent, from, to, draft);
+        add_draft_part(j, light, q, vf_of(0), vf_of(1), marching & ~bent, from, to, moment);
 }
 
-/* A slab that the volume's faces, or those of the slab that is asked for, cut. */
-OUTLINE void add_cut_slab(const TiledJob *j, const TiledBeam *beam, Packet *pk, Way way, Light *light, int q, vf s0,
-                          vf end, bool inner, unsigned marching, Lit *lit, Course *course)
+/* A slab that the volume's faces, or those of the slab that is asked for, cut: levels run evenly through it. */
+INLINE void add_cut_draft_slab(const TiledJob *j, Light *light, int q, const vf inside[2], unsigned marching, vi from,
+                               vi to, vf *moment)
 {
-    Stretch slab = stretch_of(j, q, 0, j->samples, s0, end, (TiledBend){0});
-    const vi e0 = entry_of(j, s0), e1 = entry_of(j, end);
-    add_stretch(j, beam, pk, way, light, &slab, inner, marching, e0, e1, lit, course);
+    const vf at = vf_min(vf_max(inside[0] - (float)q, vf_of(0)), vf_of(1));
+    const vf end = vf_max(vf_min(inside[1] - (float)q, vf_of(1)), at);
+    const vf start = to_float(from) + 0.5f, rise = to_float(to - from);
+    add_draft_part(j, light, q, at, end - at, marching, to_int(start + rise * at), to_int(start + rise * end), moment);
+}
+
+/* q from which, and up to which, each ray is inside the box. */
+OUTLINE void clip_draft(const TiledJob *j, Packet *pk, vf inside[2])
+{
+    clip_packet(j, pk);
+    for (int l = 0; l < LANES; l++) {
+        inside[0][l] = (float)pk->enter[l];
+        inside[1][l] = (float)pk->leave[l];
+    }
 }
 
 INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way, bool lit, Light *result,
@@ -86,7 +79,7 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
     Lit own_lit = no_light();
     Course course = start_course(counts->marches % TILED_TIMED_MARCHES == 0);
     vf s0 = vf_of(0);
-    Draft draft = {vf_of(0), vf_of(0)};
+    vf inside[2] = {vf_of(0), vf_of(0)};
     vi from = vi_of(0); /* of s0 */
     int reached = -1;   /* s0 is the field on this layer */
     uint64_t samples = 0;
@@ -99,7 +92,6 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
         if (run->from != reached) {
             s0 = sample_sheet(j, pk, way, run->from, 0, inner);
             from = draft_level(j, s0);
-            draft.alpha = vf_of(0);
         }
         reached = last;
         for (int q = run->from; q < last && !opaque; q++) {
@@ -109,20 +101,18 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
                                         vf_le(vf_of(j->table.quiet_high), vf_min(s0, end)));
             const unsigned marching = ALL_PACKETS & ~(light->opaque | all_in(quiet));
             samples++;
-            if (marching && is_cut(beam, q)) {
-                Light cut = *light;
-                Lit cut_lit = own_lit;
-                Course cut_course = course;
-                add_cut_slab(j, beam, pk, way, &cut, q, s0, end, inner, marching, lit ? &cut_lit : NULL, &cut_course);
-                *light = cut;
-                own_lit = cut_lit;
-                course = cut_course;
-            } else if (marching) {
+            if (marching) {
                 const vf t_before = light->t;
-                draft.moment = vf_of(0);
-                add_draft_slab(j, pk, way, light, lit ? &own_lit : NULL, q, inner, marching, from, to, &draft);
+                vf moment = vf_of(0);
+                if (is_cut(beam, q)) {
+                    if (!pk->clipped)
+                        clip_draft(j, pk, inside);
+                    add_cut_draft_slab(j, light, q, inside, marching, from, to, &moment);
+                } else {
+                    add_draft_slab(j, pk, way, light, q, inner, marching, from, to, &moment);
+                }
                 if (lit)
-                    light_stretch(j, pk, way, true, q, 0, j->samples, inner, t_before - light->t, draft.moment, light,
+                    light_stretch(j, pk, way, true, q, 0, j->samples, inner, t_before - light->t, moment, light,
                                   &own_lit, &course);
             }
             opaque = all_opaque(j, light);

@@ -227,8 +227,8 @@ INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, bool
         power = mean_power;
         glow_doubt = select_f(mask_packets(turning), 0.5f * glow_doubt, glow_doubt);
     }
-    /* Two standard deviations; of a draft one, as no proof stands on it. */
-    light->doubt.colour += select_f(now, (draft ? 1.0f : 4.0f) * glow_doubt * glow_doubt, vf_of(0));
+    if (!draft) /* two standard deviations */
+        light->doubt.colour += select_f(now, 4 * glow_doubt * glow_doubt, vf_of(0));
     const Glow glow = {shade->ambient + shade->diffuse * facing, shade->specular * power};
     lit->glow.colour = select_f(now, glow.colour, lit->glow.colour);
     lit->glow.white = select_f(now, glow.white, lit->glow.white);
