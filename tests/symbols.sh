@@ -1,5 +1,5 @@
 #!/bin/sh
-# What the linker sees begins with cts_, and with cli_ in the program's own files: symbols.sh LIBRARY PROGRAM
+# What the linker sees begins with cts_, and with cli_ in the program's own files: symbols.sh PROGRAM LIBRARY...
 # C++ names are judged by the function's own name; what only C++ can emit (tables, templates) has none of ours.
 set -eu
 
@@ -14,16 +14,18 @@ outside()
         index(own, prefix) != 1 { print $1 }'
 }
 
-for file in "$1" "$2".p; do
+program=$1
+shift
+for file in "$@" "$program".p; do
     [ -e "$file" ] || { echo "symbols.sh: no $file"; exit 1; }
 done
-found=$(outside cts_ "$1"; outside cli_ "$2".p/*.o)
+found=$(outside cts_ "$@"; outside cli_ "$program".p/*.o)
 [ -z "$found" ] || {
     printf 'external symbols that do not begin with cts_ (cli_ in src/cli):\n%s\n' "$found"
     exit 1
 }
 # It must see something.
-[ -n "$(outside no_such_prefix "$1")" ] && [ -n "$(outside no_such_prefix "$2".p/*.o)" ] || {
+[ -n "$(outside no_such_prefix "$1")" ] && [ -n "$(outside no_such_prefix "$program".p/*.o)" ] || {
     echo 'symbols.sh is blind'
     exit 1
 }

@@ -1,10 +1,12 @@
-/* One slice's or frame's attributes by tag, wherever they stand. */
+/* One slice's or frame's attributes by tag, wherever they stand. Of DCMTK only the tags' names. */
 #ifndef CTS_DICOM_DCM_ATTRIBUTES_HPP
 #define CTS_DICOM_DCM_ATTRIBUTES_HPP
 
 #include "dicom/slice.h"
 
-#include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/config/osconfig.h>
+#include <dcmtk/dcmdata/dcdeftag.h>
+#include <dcmtk/dcmdata/dctagkey.h>
 #include <string_view>
 
 class CtsAttributes
@@ -20,59 +22,6 @@ class CtsAttributes
     virtual bool bit_pattern(const DcmTagKey &tag, unsigned *pattern) = 0;
 };
 
-/* What DCMTK has parsed. */
-class CtsParsedAttributes final : public CtsAttributes
-{
-  public:
-    explicit CtsParsedAttributes(DcmItem &parsed) : item(parsed)
-    {
-    }
-    bool has(const DcmTagKey &tag) override
-    {
-        return item.tagExists(tag);
-    }
-    std::string_view text(const DcmTagKey &tag) override
-    {
-        DcmElement *element = nullptr;
-        char *text = nullptr;
-        Uint32 n = 0;
-        if (item.findAndGetElement(tag, element).bad() || element->getString(text, n).bad() || !text)
-            return {};
-        return std::string_view(text, n);
-    }
-    bool unsigned_short(const DcmTagKey &tag, int *value) override
-    {
-        DcmElement *element = nullptr;
-        Uint16 v = 0;
-        if (item.findAndGetElement(tag, element).bad() || element->ident() != EVR_US || element->getVM() != 1 ||
-            element->getUint16(v).bad())
-            return false;
-        *value = v;
-        return true;
-    }
-    bool bit_pattern(const DcmTagKey &tag, unsigned *pattern) override
-    {
-        DcmElement *element = nullptr;
-        Uint16 u = 0;
-        Sint16 s = 0;
-        Uint8 *bytes = nullptr;
-        if (item.findAndGetElement(tag, element).bad() || element->getLength() != 2)
-            return false;
-        if (element->getUint16(u).good())
-            *pattern = u;
-        else if (element->getSint16(s).good())
-            *pattern = static_cast<Uint16>(s);
-        else if (element->getUint8Array(bytes).good() && bytes)
-            *pattern = static_cast<unsigned>(bytes[0] | bytes[1] << 8);
-        else
-            return false;
-        return true;
-    }
-
-  private:
-    DcmItem &item;
-};
-
 /* Without the padding. */
 inline std::string_view cts_text_of(CtsAttributes &item, const DcmTagKey &tag)
 {
@@ -86,6 +35,8 @@ inline std::string_view cts_text_of(CtsAttributes &item, const DcmTagKey &tag)
 
 /* All of a slice but its place in the file. */
 void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *slice);
+/* The same for whatever a data set describes: its kind, and its class where it has one; a slice only if it is one. */
+void cts_dcm_read_object(CtsAttributes &item, CtsTexts &texts, char class_uid[65], CtsSlice *slice);
 
 /* At most `longest` characters of a text, shared. Throws std::bad_alloc. */
 const char *cts_dcm_share(CtsTexts &texts, std::string_view text, size_t longest);

@@ -1,8 +1,8 @@
 /* Functional groups (PS3.3 C.7.6.16) -> one slice record a frame. */
 #include <dcmtk/config/osconfig.h>
 
-#include "dicom/dcm_attributes.hpp"
 #include "dicom/dcm_door.hpp"
+#include "dicom/dcm_parsed.hpp"
 #include "dicom/dcm_read.h"
 
 #include <cstdio>

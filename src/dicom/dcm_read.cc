@@ -1,15 +1,11 @@
-/* DCMTK data set -> slice record. */
-#include <dcmtk/config/osconfig.h>
-
+/* Attributes -> slice record. Nothing here needs DCMTK loaded. */
 #include "dicom/dcm_attributes.hpp"
-#include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
-#include <dcmtk/dcmdata/dctk.h>
 #include <new>
 #include <string>
 #include <string_view>
@@ -408,7 +404,7 @@ void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
     read_rescale(item, s);
 }
 
-static void read_attributes(CtsAttributes &item, CtsTexts &texts, char class_uid[65], CtsSlice *slice)
+void cts_dcm_read_object(CtsAttributes &item, CtsTexts &texts, char class_uid[65], CtsSlice *slice)
 {
     const std::string_view own_class = cts_text_of(item, DCM_SOPClassUID);
     if (!own_class.empty())
@@ -424,23 +420,12 @@ CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsDataScan 
                               CtsTexts *texts, char class_uid[65], CtsSlice *slice, CtsError *err)
 try {
     ScannedAttributes scanned(bytes, *scan);
-    if (scanned.plain(*native)) {
-        read_attributes(scanned, *texts, class_uid, slice);
-        return CTS_OK;
-    }
-    const CtsStatus st = cts_dcm_start(err);
-    if (st)
-        return st;
-    const CtsDcmUse use(cts_dcm_in_use());
-    DcmDataset data_set;
-    const OFCondition result = cts_dcm_parse(data_set, bytes, n, native);
-    if (result.bad())
-        return cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
-    CtsParsedAttributes parsed(data_set);
-    read_attributes(parsed, *texts, class_uid, slice);
+    if (!scanned.plain(*native))
+        return cts_dcm_parse_header(bytes, n, native, texts, class_uid, slice, err);
+    cts_dcm_read_object(scanned, *texts, class_uid, slice);
     return CTS_OK;
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+    return cts_fail(err, CTS_ERR_READ, "unexpected failure");
 }

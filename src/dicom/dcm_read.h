@@ -30,6 +30,10 @@ pid_t cts_dcm_fork(void);
 CtsStatus cts_dcm_read_header(const uint8_t *data_set, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
                               CtsTexts *texts, char class_uid[65], CtsSlice *slice, CtsError *err);
 
+/* What cts_dcm_read_header() asks DCMTK. */
+CtsStatus cts_dcm_parse_header(const uint8_t *data_set, size_t n, const CtsSyntax *native, CtsTexts *texts,
+                               char class_uid[65], CtsSlice *slice, CtsError *err);
+
 /* The frames of an Enhanced CT or Legacy Converted Enhanced CT object: slices by their functional groups, each frame's
  * own before the shared ones. As cts_dcm_read_header(), one slice a frame, in the order of the pixels; free each and
  * the array with cts_slice_clear() and free(). What cannot be used at all is one slice with a fault. */
@@ -47,6 +51,8 @@ void cts_dcm_class_name(const char *class_uid, char *text, size_t size);
 /* Text in a DICOM character set (0008,0005; NULL: ASCII) as UTF-8, at most 64 characters, controls replaced by '?'.
  * What cannot be converted becomes '?' too. NULL without memory. */
 char *cts_dcm_utf8(const char *text, const char *charset);
+/* The same by DCMTK, of any length and with all that is in it; NULL when it cannot, too. Free with free(). */
+char *cts_dcm_convert(const char *text, const char *charset);
 
 /* A decimal string (DS, PS3.5 6.2) of exactly n_values numbers: whole text, finite, '.' as the decimal point whatever
  * the locale. More than 16 bytes a value, blanks around it and a sign are accepted. */

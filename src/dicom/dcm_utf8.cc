@@ -1,13 +1,10 @@
 /* Text of any DICOM character set, safe to show. */
-#include <dcmtk/config/osconfig.h>
-
 #include "base/text.h"
-#include "dicom/dcm_door.hpp"
 #include "dicom/dcm_read.h"
 
 #include <cstdlib>
 #include <cstring>
-#include <dcmtk/dcmdata/dcspchrs.h>
+#include <memory>
 #include <string>
 
 namespace
@@ -38,24 +35,14 @@ bool is_same_in_utf8(const char *text, const char *charset)
     return std::strncmp(charset, "ISO_IR 1", 8) == 0 && std::strlen(charset) == 10;
 }
 
-std::string converted(const char *text, const char *charset)
-{
-    if (!charset || is_same_in_utf8(text, charset) || cts_dcm_start(nullptr))
-        return text;
-    const CtsDcmUse use(cts_dcm_in_use());
-    OFString out;
-    DcmSpecificCharacterSet converter;
-    if (charset[0] && DcmSpecificCharacterSet::isConversionAvailable() &&
-        converter.selectCharacterSet(charset).good() && converter.convertString(text, out).good())
-        return std::string(out.c_str(), out.length());
-    return text;
-}
-
 } // namespace
 
 char *cts_dcm_utf8(const char *text, const char *charset)
 try {
-    const std::string out = safe_text(converted(text, charset));
+    const bool foreign = charset && charset[0] && !is_same_in_utf8(text, charset);
+    char *const converted = foreign ? cts_dcm_convert(text, charset) : nullptr;
+    const std::unique_ptr<char, void (*)(void *)> owner(converted, std::free);
+    const std::string out = safe_text(converted ? converted : text);
     return strdup(out.c_str());
 } catch (...) {
     return nullptr;

@@ -53,11 +53,11 @@ if ./example no-such-folder x.png 2>err; then
 fi
 grep -q no-such-folder err || fail "the example tells nothing of its error"
 
-# The program starts without what only the network needs, and finds it where it is installed: port 9 answers nobody.
+# The program starts without DCMTK and what only the network needs, and finds it where it is installed: port 9 answers nobody.
 program=$(find tree -name ctsplat -path '*/bin/*')
 if command -v readelf >/dev/null; then
-    ! readelf -d "$program" "$library" | grep -E 'NEEDED.*lib(curl|dcmnet|dcmtls|openjph)' ||
-        fail "the network or OpenJPH is loaded at the start"
+    ! readelf -d "$program" "$library" | grep -E 'NEEDED.*lib(curl|dcm|openjph)' ||
+        fail "the network, DCMTK or OpenJPH is loaded at the start"
     readelf -d "$(find tree -name libctsplat-htj2k.so)" | grep -q 'NEEDED.*libopenjph' || fail "OpenJPH is not installed"
 fi
 for peer in http://127.0.0.1:9 NOBODY@127.0.0.1:9; do
@@ -69,3 +69,10 @@ done
 rm "$(find tree -name libctsplat-net.so)"
 "$program" render --from http://127.0.0.1:9 --study-uid 1.2.3 -o x.png 2>err || [ $? = 1 ] || fail "exit code without it"
 grep -q 'libctsplat-net.so' err || fail "without it: $(cat err)"
+
+# A plain series needs no DCMTK; its own formats do.
+rm "$(find tree -name libctsplat-dcmtk.so)"
+"$program" render "$root/testdata/phantom" -o plain.png
+cmp plain.png theirs.png || fail "without DCMTK the picture is another"
+"$program" render "$root/testdata/phantom" -o x.dcm 2>err && fail "a capture without DCMTK"
+grep -q 'libctsplat-dcmtk.so' err || fail "without DCMTK: $(cat err)"

@@ -33,8 +33,10 @@ static pid_t self;
 static const char *told;
 static atomic_long seen;
 static pid_t child; /* forked last */
+static _Thread_local int loading;
 
-/* Calls fail inside main() alone: what the loader and the libraries do before and after it is not under test. */
+/* Calls fail inside main() alone: what the loader and the libraries do before and after it is not under test, nor what
+ * they do when main() loads one: an exception in the constructor of a library's static object ends the program. */
 static void choose(void)
 {
     const char *call = getenv("CTS_FAIL"), *at = getenv("CTS_FAIL_AT");
@@ -72,7 +74,7 @@ int __libc_start_main(int (*main)(int, char **, char **), int argc, char **argv,
 
 static int fails(enum Call call)
 {
-    if ((int)call != chosen || ((long)syscall(SYS_getpid) != (long)self) != fail_child)
+    if (loading || (int)call != chosen || ((long)syscall(SYS_getpid) != (long)self) != fail_child)
         return 0;
     const long n = atomic_fetch_add(&seen, 1) + 1;
     if (n != fail_at && !(fail_on && n > fail_at))
@@ -87,6 +89,15 @@ static int fails(enum Call call)
 }
 
 #define NEXT(type, name) ((type)dlsym(RTLD_NEXT, name))
+
+void *dlopen(const char *path, int flags)
+{
+    typedef void *(*dlopen_fn)(const char *, int);
+    loading = 1;
+    void *library = NEXT(dlopen_fn, "dlopen")(path, flags);
+    loading = 0;
+    return library;
+}
 
 extern void *__libc_malloc(size_t n);
 extern void *__libc_calloc(size_t n, size_t size);
