@@ -127,12 +127,19 @@ static CtsBits section_of(const CtsBits *bits, int k)
         .dims = {bits->dims[0], bits->dims[1], 1}, .row_words = bits->row_words, .words = cts_bits_row(bits, 0, k)};
 }
 
+static void clear_section(CtsBits *section)
+{
+    memset(section->words, 0, cts_bits_n_words(section) * sizeof *section->words);
+}
+
 /* A plate is thin in all sections together and always there: that tells it from the patient's ears, skin and walls,
  * which move from section to section. Where a back lies on it, it is thin on both sides alone. */
 static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err)
 {
     CtsStatus st;
     CtsBits plates = section_of(&s->plates, n), doubtful = section_of(&s->doubtful, n);
+    clear_section(&plates);
+    clear_section(&doubtful);
     look_along(s, window_at(&s->windows, n), w);
     cts_thin_section(&w->morphology, w->ever.words, s->reach, w->thin.words);
     if ((st = choose_parts(s, w, &plates, err)))
@@ -153,6 +160,7 @@ static void follow_plates(const Search *s, int n, Worker *w)
     const Window window = window_at(&s->shorter, n);
     const CtsReach waver = {.diamond = 1, .box = {1, 1}};
     CtsBits followed = section_of(&s->followed, n);
+    clear_section(&followed);
     for (int l = 0; l < s->windows.n; l++) {
         const Window longer = window_at(&s->windows, l);
         const CtsBits plates = section_of(&s->plates, l);
@@ -169,19 +177,6 @@ static void follow_plates(const Search *s, int n, Worker *w)
     cts_bits_combine(&followed, CTS_BITS_AND, &w->thin);
     cts_bits_combine(&followed, CTS_BITS_AND, &w->always);
     cts_contact_add(&w->always, &w->ever, &followed);
-}
-
-/* Each section has what was found in the windows over it. */
-static void gather(const CtsBits *sections, int k, const Windows *windows, const CtsBits *found, CtsBits *to)
-{
-    CtsBits own = section_of(to, k), there = section_of(sections, k);
-    for (int n = 0; n < windows->n; n++) {
-        const Window window = window_at(windows, n);
-        const CtsBits from = section_of(found, n);
-        if (k >= window.first && k < window.end)
-            cts_bits_combine(&own, CTS_BITS_OR, &from);
-    }
-    cts_bits_combine(&own, CTS_BITS_AND, &there);
 }
 
 typedef struct Looking {
@@ -242,16 +237,48 @@ typedef struct Gathering {
     CtsExtruded *extruded;
 } Gathering;
 
+/* Words first to first + n of what was found in the windows over section k. */
+static void add_found(const Windows *windows, const CtsBits *found, int k, size_t first, size_t n, uint64_t *to)
+{
+    for (int at = 0; at < windows->n; at++) {
+        const Window window = window_at(windows, at);
+        const uint64_t *from = cts_bits_row(found, 0, at) + first;
+        if (k < window.first || k >= window.end)
+            continue;
+        for (size_t w = 0; w < n; w++)
+            to[w] |= from[w];
+    }
+}
+
+/* Each section has what was found in the windows over it, piece by piece, so that a piece stays in the nearest cache.
+ */
+static void gather_section(const Gathering *g, int k)
+{
+    enum { PIECE = 512 };
+    const Search *const s = g->search;
+    const size_t n_words = g->sections->row_words * (size_t)g->sections->dims[1];
+    for (size_t first = 0; first < n_words; first += PIECE) {
+        const size_t n = n_words - first < PIECE ? n_words - first : PIECE;
+        const uint64_t *there = cts_bits_row(g->sections, 0, k) + first;
+        uint64_t *plates = cts_bits_row(&g->extruded->plates, 0, k) + first;
+        uint64_t *doubtful = cts_bits_row(&g->extruded->doubtful, 0, k) + first;
+        memset(plates, 0, n * sizeof *plates);
+        memset(doubtful, 0, n * sizeof *doubtful);
+        add_found(&s->windows, &s->plates, k, first, n, plates);
+        add_found(&s->shorter, &s->followed, k, first, n, plates);
+        add_found(&s->windows, &s->doubtful, k, first, n, doubtful);
+        for (size_t w = 0; w < n; w++) {
+            plates[w] &= there[w];
+            doubtful[w] &= there[w];
+        }
+    }
+}
+
 static void gather_sections(void *context, int worker, size_t first, size_t end)
 {
-    const Gathering *const g = context;
     (void)worker;
-    for (int k = (int)first; k < (int)end; k++) {
-        const Search *const s = g->search;
-        gather(g->sections, k, &s->windows, &s->plates, &g->extruded->plates);
-        gather(g->sections, k, &s->shorter, &s->followed, &g->extruded->plates);
-        gather(g->sections, k, &s->windows, &s->doubtful, &g->extruded->doubtful);
-    }
+    for (size_t k = first; k < end; k++)
+        gather_section(context, (int)k);
 }
 
 CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, int n_threads, CtsExtruded *extruded,
@@ -266,14 +293,15 @@ CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections,
     s.sure_voxels = SURE_MM2 / mm2;
     s.windows = windows_of(plan, EXTRUDED_MM);
     s.shorter = windows_of(plan, FOLLOWED_MM);
-    if ((st = cts_bits_new(&extruded->plates, plan->dims, err)) ||
-        (st = cts_bits_new(&extruded->doubtful, plan->dims, err)) || s.windows.n == 0)
+    CtsStatus (*const new_mask)(CtsBits *, const int *, CtsError *) = s.windows.n ? cts_bits_new_unset : cts_bits_new;
+    if ((st = new_mask(&extruded->plates, plan->dims, err)) || (st = new_mask(&extruded->doubtful, plan->dims, err)) ||
+        s.windows.n == 0)
         return st;
     const int by_window[3] = {plan->dims[0], plan->dims[1], s.windows.n};
     const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
-    if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new(&s.plates, by_window, err)) ||
-        (st = cts_bits_new(&s.doubtful, by_window, err)) || (st = cts_bits_new(&s.followed, by_shorter, err)) ||
-        (st = search(&s, sections, n_threads, err)))
+    if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new_unset(&s.plates, by_window, err)) ||
+        (st = cts_bits_new_unset(&s.doubtful, by_window, err)) ||
+        (st = cts_bits_new_unset(&s.followed, by_shorter, err)) || (st = search(&s, sections, n_threads, err)))
         goto end;
     Gathering gathering = {&s, sections, extruded};
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, gather_sections, &gathering);

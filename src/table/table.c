@@ -208,11 +208,10 @@ end:
 }
 
 /* What may be table, yet stays: thin parts, and what goes along the scanner's axis as a table does. */
-static void report_uncertain(Removal *r, CtsReport *report)
+static void report_uncertain(const Removal *r, CtsReport *report)
 {
-    CtsBits *const doubtful = &r->extruded.doubtful;
-    cts_bits_combine(doubtful, CTS_BITS_AND, &r->body.dense);
-    const double extruded_mm3 = (double)cts_bits_count(doubtful) * r->plan.voxel_mm3;
+    const uint64_t n_doubtful = cts_bits_count_common(&r->extruded.doubtful, &r->body.dense, r->n_threads);
+    const double extruded_mm3 = (double)n_doubtful * r->plan.voxel_mm3;
     const double kept_mm3 = fmax(r->body.thin_mm3, extruded_mm3);
     if (kept_mm3 > UNCERTAIN_SHARE * r->body.mm3)
         cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
@@ -233,8 +232,8 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, CtsReport *report, CtsEr
     if ((st = cts_body_mask_new(&r->plan, &r->body.whole, r->n_threads, &v->body, err)))
         return st;
     report_uncertain(r, report);
-    cts_bits_combine(&r->sections, CTS_BITS_AND, &r->gone);
-    if ((double)cts_bits_count(&r->sections) * r->plan.voxel_mm3 < NOTHING_MM3) {
+    const uint64_t n_gone = cts_bits_count_common(&r->sections, &r->gone, r->n_threads);
+    if ((double)n_gone * r->plan.voxel_mm3 < NOTHING_MM3) {
         cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);
         return st;
     }
