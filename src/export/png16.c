@@ -14,9 +14,9 @@
 #include <string.h>
 #include <zlib.h>
 
-/* Strips of a thread that are compressed before any is written: few, so that their memory is used again and writing
+/* Of a batch, which is compressed before any of it is written: few, so that their memory is used again and writing
  * begins early. */
-enum { STRIPS_EACH = 4, MOST_STRIPS = 64 };
+enum { LEAST_STRIPS = 8, MOST_STRIPS = 64 };
 
 /* One thread's. */
 typedef struct Packer {
@@ -176,7 +176,7 @@ static CtsStatus write_finish(PngWriter *w)
     return CTS_OK;
 }
 
-/* Rows that wait, then those of a band (NULL: none), counted on from the first that waits. */
+/* Rows that wait, then those of a band, counted on from the first that waits. */
 typedef struct Packing {
     PngWriter *writer;
     const CtsPicture *band;
@@ -205,11 +205,27 @@ static void collect_rows(const PngWriter *w, const CtsPicture *band, int first, 
             convert_row(w, band, r - w->n_waiting, to);
 }
 
+/* By the thread that it is for, with its first strip. */
+static CtsStatus packer_ready(const PngWriter *w, Packer *packer, CtsError *err)
+{
+    const size_t n_rows = (size_t)w->idat.rows_per_strip + 1;
+    CtsStatus st = CTS_OK;
+    if (!packer->rows && ((st = cts_alloc_array(&packer->rows, n_rows * w->idat.row_bytes, err)) ||
+                          (st = cts_idat_packer_new(&packer->idat, &w->idat, err)))) {
+        cts_idat_packer_free(&packer->idat);
+        cts_free(&packer->rows);
+    }
+    return st;
+}
+
 static CtsStatus pack_strip(const Packing *p, int worker, int i, CtsError *err)
 {
     const PngWriter *w = p->writer;
-    const Packer *packer = &w->packers[worker];
-    const int n_rows = w->n_waiting + (p->band ? p->band->height : 0), per_strip = w->idat.rows_per_strip;
+    Packer *const packer = &w->packers[worker];
+    const CtsStatus st = packer_ready(w, packer, err);
+    if (st)
+        return st;
+    const int n_rows = w->n_waiting + p->band->height, per_strip = w->idat.rows_per_strip;
     const int from = (p->first_strip + i) * per_strip, to = from + per_strip;
     collect_rows(w, p->band, from - 1, to < n_rows ? to : n_rows, packer->rows);
     return cts_idat_strip(packer->idat, w->n_packed + i, packer->rows + w->idat.row_bytes, &p->now->strips[i], err);
@@ -249,23 +265,24 @@ static CtsStatus pack_batch(PngWriter *w, const CtsPicture *band, int first, int
     return CTS_OK;
 }
 
-/* All whole strips of the rows that wait and the band's, then the rows that are left wait; without a band, those too.
- */
+/* All whole strips of the rows that wait and the band's, then the rows that are left wait; with the last band, those
+ * too. */
 static CtsStatus add_rows(PngWriter *w, const CtsPicture *band)
 {
-    const int per_strip = w->idat.rows_per_strip, n_rows = w->n_waiting + (band ? band->height : 0);
-    const int n_strips = band ? n_rows / per_strip : (n_rows + per_strip - 1) / per_strip;
+    const bool last = band->first_row + band->height == w->idat.height;
+    const int per_strip = w->idat.rows_per_strip, n_rows = w->n_waiting + band->height;
+    const int n_strips = last ? (n_rows + per_strip - 1) / per_strip : n_rows / per_strip;
+    const int n_batches = (n_strips + w->n_batch - 1) / w->n_batch;
     CtsStatus st = CTS_OK;
-    for (int strip = 0; strip < n_strips && !st; strip += w->n_batch)
-        st = pack_batch(w, band, strip, n_strips - strip < w->n_batch ? n_strips - strip : w->n_batch);
-    if (st || !band)
+    for (int b = 0; b < n_batches && !st; b++) {
+        const int strip = n_strips * b / n_batches;
+        st = pack_batch(w, band, strip, n_strips * (b + 1) / n_batches - strip);
+    }
+    if (st)
         return st;
     /* What is left is less than a strip. */
-    const int first = n_strips * per_strip;
-    if (n_strips)
-        collect_rows(w, band, first - 1, n_rows, w->packers[0].rows);
-    else
-        collect_rows(w, band, -1, n_rows, w->packers[0].rows);
+    const int first = last ? n_rows : n_strips * per_strip;
+    collect_rows(w, band, first - 1, n_rows, w->packers[0].rows);
     memcpy(w->rows, w->packers[0].rows, (size_t)(n_rows - first + 1) * w->idat.row_bytes);
     w->n_waiting = n_rows - first;
     return CTS_OK;
@@ -277,14 +294,10 @@ static CtsStatus begin_packing(PngWriter *w, CtsError *err)
     const size_t n_rows = (size_t)w->idat.rows_per_strip + 1;
     const int n_threads = cts_threads(w->job->settings.n_threads);
     w->n_threads = n_threads < w->idat.n_strips ? n_threads : w->idat.n_strips;
-    w->n_batch = STRIPS_EACH * w->n_threads < w->idat.n_strips ? STRIPS_EACH * w->n_threads : w->idat.n_strips;
-    w->n_batch = w->n_batch < MOST_STRIPS ? w->n_batch : MOST_STRIPS;
-    if ((st = cts_alloc_zeroed(&w->packers, (size_t)w->n_threads, err)))
+    w->n_batch = w->n_threads < LEAST_STRIPS ? LEAST_STRIPS : w->n_threads < MOST_STRIPS ? w->n_threads : MOST_STRIPS;
+    w->n_batch = w->n_batch < w->idat.n_strips ? w->n_batch : w->idat.n_strips;
+    if ((st = cts_alloc_zeroed(&w->packers, (size_t)w->n_threads, err)) || (st = packer_ready(w, &w->packers[0], err)))
         return st;
-    for (int t = 0; t < w->n_threads; t++)
-        if ((st = cts_idat_packer_new(&w->packers[t].idat, &w->idat, err)) ||
-            (st = cts_alloc_array(&w->packers[t].rows, n_rows * w->idat.row_bytes, err)))
-            return st;
     const size_t room = CHUNK_HEAD + cts_idat_bound(w->packers[0].idat) + CHUNK_TAIL;
     for (int i = 0; i < 2; i++)
         if ((st = cts_alloc_array(&w->batches[i].bytes, (size_t)w->n_batch * room, err)))
@@ -320,9 +333,7 @@ CtsStatus cts_png_finish(CtsExportJob *job, CtsError *err)
 {
     PngWriter *w = job->state;
     w->err = err;
-    CtsStatus st = w->n_waiting > 0 ? add_rows(w, NULL) : CTS_OK;
-    if (!st)
-        st = write_strips(w, &w->batches[!w->batch], err);
+    const CtsStatus st = write_strips(w, &w->batches[!w->batch], err);
     return st ? st : write_finish(w);
 }
 

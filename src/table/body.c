@@ -2,7 +2,6 @@
 
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "table/morphology.h"
 #include "table/parts.h"
 #include <math.h>
 #include <stdatomic.h>
@@ -310,21 +309,13 @@ static void measure_thin(const CtsSectionPlan *plan, CtsMorphology *workers, Cts
 }
 
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections,
-                        const CtsBits *extruded, int n_threads, CtsBody *body, CtsError *err)
+                        const CtsBits *extruded, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
 {
     CtsBits scratch = {0};
-    CtsMorphology *workers;
-    CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
-    for (int t = 0; !st && t < n_threads; t++)
-        st = cts_morphology_new(&workers[t], sections, err);
-    if (st || (st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) ||
-        (st = find_whole(plan, v, n_threads, body, err)) || (st = cts_bits_new_unset(&scratch, plan->dims, err)))
-        goto end;
-    measure_thin(plan, workers, &scratch, n_threads, body);
-end:
-    for (int t = 0; workers && t < n_threads; t++)
-        cts_morphology_free(&workers[t]);
-    cts_free(&workers);
+    CtsStatus st;
+    if (!(st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) &&
+        !(st = find_whole(plan, v, n_threads, body, err)) && !(st = cts_bits_new_unset(&scratch, plan->dims, err)))
+        measure_thin(plan, workers, &scratch, n_threads, body);
     cts_bits_free(&scratch);
     return st;
 }
@@ -385,11 +376,10 @@ static void narrow_sections(void *context, int worker, size_t first, size_t end)
     }
 }
 
-CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, int n_threads, CtsBodyMask **mask,
-                            CtsError *err)
+CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
+                            CtsBodyMask **mask, CtsError *err)
 {
     CtsBits narrow = {0};
-    CtsMorphology *workers = NULL;
     const CtsReach reach = cts_reach_mm(SKIN_MM, plan->spacing_mm);
     CtsStatus st = cts_alloc_zeroed(mask, 1, err);
     if (st)
@@ -398,19 +388,11 @@ CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, in
     body->n_slices = plan->n_slices;
     body->parts = 1;
     memcpy(body->axis, plan->axis, sizeof body->axis);
-    if ((st = cts_bits_new_unset(&body->squares, plan->dims, err)) ||
-        (st = cts_bits_new_unset(&narrow, plan->dims, err)) ||
-        (st = cts_alloc_zeroed(&workers, (size_t)n_threads, err)))
-        goto end;
-    for (int t = 0; t < n_threads; t++)
-        if ((st = cts_morphology_new(&workers[t], whole, err)))
-            goto end;
-    Narrowing narrowing = {whole, &narrow, &body->squares, reach, workers};
-    cts_parallel(n_threads, (size_t)plan->dims[2], 0, narrow_sections, &narrowing);
-end:
-    for (int t = 0; workers && t < n_threads; t++)
-        cts_morphology_free(&workers[t]);
-    cts_free(&workers);
+    if (!(st = cts_bits_new_unset(&body->squares, plan->dims, err)) &&
+        !(st = cts_bits_new_unset(&narrow, plan->dims, err))) {
+        Narrowing narrowing = {whole, &narrow, &body->squares, reach, workers};
+        cts_parallel(n_threads, (size_t)plan->dims[2], 0, narrow_sections, &narrowing);
+    }
     cts_bits_free(&narrow);
     if (st)
         cts_body_mask_free(mask);

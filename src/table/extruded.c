@@ -3,7 +3,6 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "table/contact.h"
-#include "table/morphology.h"
 #include "table/parts.h"
 #include <math.h>
 #include <stdatomic.h>
@@ -58,17 +57,18 @@ static Window window_at(const Windows *w, int n)
 
 /* What one thread works with: sections of one slice. */
 typedef struct Worker {
-    CtsMorphology morphology;
+    CtsMorphology *morphology;
     CtsBits always, ever, thin;
     CtsParts parts;
 } Worker;
 
-static CtsStatus worker_new(Worker *w, const int dims[3], CtsError *err)
+static CtsStatus worker_new(Worker *w, const int dims[3], CtsMorphology *morphology, CtsError *err)
 {
     CtsStatus st;
     const int one[3] = {dims[0], dims[1], 1};
-    (void)((st = cts_bits_new(&w->always, one, err)) || (st = cts_bits_new(&w->ever, one, err)) ||
-           (st = cts_bits_new(&w->thin, one, err)) || (st = cts_morphology_new(&w->morphology, &w->always, err)));
+    w->morphology = morphology;
+    (void)((st = cts_bits_new_unset(&w->always, one, err)) || (st = cts_bits_new_unset(&w->ever, one, err)) ||
+           (st = cts_bits_new_unset(&w->thin, one, err)));
     return st;
 }
 
@@ -77,14 +77,13 @@ static void worker_free(Worker *w)
     cts_bits_free(&w->always);
     cts_bits_free(&w->ever);
     cts_bits_free(&w->thin);
-    cts_morphology_free(&w->morphology);
     cts_parts_free(&w->parts);
 }
 
 /* What is there in every section of the window, but for single ones that noise has broken; and in any. */
 static void look_along(const Search *s, Window window, Worker *w)
 {
-    const size_t n = w->morphology.n_words;
+    const size_t n = w->morphology->n_words;
     const int last = s->plan->dims[2] - 1;
     memset(w->always.words, 0xff, n * sizeof *w->always.words);
     memset(w->ever.words, 0, n * sizeof *w->ever.words);
@@ -141,12 +140,12 @@ static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err
     clear_section(&plates);
     clear_section(&doubtful);
     look_along(s, window_at(&s->windows, n), w);
-    cts_thin_section(&w->morphology, w->ever.words, s->reach, w->thin.words);
+    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
     if ((st = choose_parts(s, w, &plates, err)))
         return st;
     cts_bits_combine(&plates, CTS_BITS_AND, &w->always);
     cts_contact_add(&w->always, &w->ever, &plates);
-    cts_thin_section(&w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
+    cts_thin_section(w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
     if ((st = choose_parts(s, w, &doubtful, err)))
         return st;
     cts_bits_combine(&doubtful, CTS_BITS_AND, &w->always);
@@ -171,9 +170,9 @@ static void follow_plates(const Search *s, int n, Worker *w)
         return;
     look_along(s, window, w);
     /* Over the longer way the plate has wavered: up to the faces that it has here. */
-    cts_thin_section(&w->morphology, w->ever.words, s->reach, w->thin.words);
+    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
     cts_bits_combine(&w->thin, CTS_BITS_OR, &followed);
-    cts_dilate_section(&w->morphology, followed.words, waver, followed.words);
+    cts_dilate_section(w->morphology, followed.words, waver, followed.words);
     cts_bits_combine(&followed, CTS_BITS_AND, &w->thin);
     cts_bits_combine(&followed, CTS_BITS_AND, &w->always);
     cts_contact_add(&w->always, &w->ever, &followed);
@@ -191,7 +190,7 @@ static void widen_sections(void *context, int worker, size_t first, size_t end)
     const Looking *const l = context;
     const CtsReach one = {.diamond = 1};
     for (int k = (int)first; k < (int)end; k++)
-        cts_dilate_section(&l->workers[worker].morphology, cts_bits_row(l->sections, 0, k), one,
+        cts_dilate_section(l->workers[worker].morphology, cts_bits_row(l->sections, 0, k), one,
                            cts_bits_row(&l->search->wide, 0, k));
 }
 
@@ -210,12 +209,12 @@ static void follow_in_windows(void *context, int worker, size_t first, size_t en
         follow_plates(l->search, n, &l->workers[worker]);
 }
 
-static CtsStatus search(Search *s, const CtsBits *sections, int n_threads, CtsError *err)
+static CtsStatus search(Search *s, const CtsBits *sections, CtsMorphology *morphology, int n_threads, CtsError *err)
 {
     Worker *workers;
     CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
-        st = worker_new(&workers[t], sections->dims, err);
+        st = worker_new(&workers[t], sections->dims, &morphology[t], err);
     if (st)
         goto end;
     Looking looking = {.search = s, .sections = sections, .workers = workers};
@@ -281,8 +280,8 @@ static void gather_sections(void *context, int worker, size_t first, size_t end)
         gather_section(context, (int)k);
 }
 
-CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, int n_threads, CtsExtruded *extruded,
-                            CtsError *err)
+CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
+                            CtsExtruded *extruded, CtsError *err)
 {
     CtsStatus st;
     Search s = {.plan = plan,
@@ -301,7 +300,7 @@ CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections,
     const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
     if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new_unset(&s.plates, by_window, err)) ||
         (st = cts_bits_new_unset(&s.doubtful, by_window, err)) ||
-        (st = cts_bits_new_unset(&s.followed, by_shorter, err)) || (st = search(&s, sections, n_threads, err)))
+        (st = cts_bits_new_unset(&s.followed, by_shorter, err)) || (st = search(&s, sections, workers, n_threads, err)))
         goto end;
     Gathering gathering = {&s, sections, extruded};
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, gather_sections, &gathering);
