@@ -72,3 +72,8 @@ double cts_expectation_limit(double sum)
     }
     return high;
 }
+
+double cts_mean_limit(double sum, double most, double n)
+{
+    return most > 0 ? most * cts_expectation_limit(sum / most) / n : 0;
+}

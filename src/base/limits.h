@@ -11,5 +11,7 @@ void cts_error_limits(CtsVerified *verified);
 /* What the expectation of a sum of independent terms, each 0..1, does not exceed with a probability of 99.9 %, when the
  * sum came out like this (Chernoff's bound). */
 double cts_expectation_limit(double sum);
+/* Likewise the mean of all, when n of them, drawn by chance, had this sum, and none is larger than `most`. */
+double cts_mean_limit(double sum, double most, double n);
 
 #endif

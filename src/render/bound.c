@@ -271,17 +271,25 @@ static void find_some_largest(void *context, int worker, size_t first, size_t en
     }
 }
 
+CtsStatus cts_bound_caster(CtsFrameBound *bound, const CtsScene *scene, const CtsRaycaster **caster, CtsError *err)
+{
+    CtsStatus st;
+    if (!bound->caster) {
+        if ((st = cts_raycaster_new(&bound->caster, scene, NULL, SIZE_MAX, err)))
+            return st;
+        cts_raycaster_loosen(bound->caster, cts_scene_error_asked(scene) * CAST_WITHIN);
+    }
+    *caster = bound->caster;
+    return CTS_OK;
+}
+
 static CtsStatus cast(Keeping *k, CtsFrameBound *bound, size_t n, cts_work_fn work, CtsError *err)
 {
     CtsStatus st;
     if (n == 0)
         return CTS_OK;
-    if (!bound->caster) {
-        if ((st = cts_raycaster_new(&bound->caster, k->scene, NULL, SIZE_MAX, err)))
-            return st;
-        cts_raycaster_loosen(bound->caster, cts_scene_error_asked(k->scene) * CAST_WITHIN);
-    }
-    k->caster = bound->caster;
+    if ((st = cts_bound_caster(bound, k->scene, &k->caster, err)))
+        return st;
     cts_parallel(k->scene->settings->n_threads, n, 16, work, k);
     bound->cast += n;
     return cts_scene_stopped(k->scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
@@ -416,12 +424,12 @@ end:
 /* By the rays that were cast and, of a draft, by its pieces, which the rays have judged. */
 static double rmse_of(const CtsFrameBound *bound)
 {
-    const double weight = bound->weight * fmax(bound->beyond, 1), most = bound->piece_most;
     const double judged =
-        bound->judged > 0 ? sqrt(weight * cts_expectation_limit(bound->found / weight) / (double)bound->judged) : 0;
-    const double pieces =
-        most > 0 ? sqrt(most * cts_expectation_limit(bound->piece_squares / most) / (double)bound->pieces) : 0;
-    return ROUNDED + judged + pieces;
+        sqrt(cts_mean_limit(bound->found, bound->weight * fmax(bound->beyond, 1), (double)bound->judged));
+    const double pieces = sqrt(cts_mean_limit(bound->piece_squares, bound->piece_most, (double)bound->pieces));
+    const double half = cts_mean_limit(bound->half_squares, bound->half_most, (double)bound->half_rays);
+    const double at_half = (double)bound->at_half / (double)bound->pixels, rest = judged + pieces;
+    return ROUNDED + sqrt(at_half * half + (1 - at_half) * rest * rest);
 }
 
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report)
@@ -448,6 +456,11 @@ void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport
     if (bound->refined > 0)
         cts_report_plan(report, "%llu of %llu pixels of the draft rendered anew, where pieces of it erred too much",
                         (unsigned long long)bound->refined, (unsigned long long)bound->pixels);
+    if (bound->half_rays > 0)
+        cts_report_plan(report,
+                        "%llu of %llu pixels of the draft at half the resolution, where %llu rays show that it will do",
+                        (unsigned long long)bound->at_half, (unsigned long long)bound->pixels,
+                        (unsigned long long)bound->half_rays);
     const bool kept = rmse <= 1.005 * asked, by_default = !(scene->plan.max_error > 0);
     if (!kept || !by_default)
         cts_report_finding(report, kept ? "max_error" : "error_bound", kept ? CTS_NOTE : CTS_WARNING,

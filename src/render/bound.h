@@ -19,14 +19,17 @@
 
 /* Zeroed, it is a frame of which nothing is known. */
 typedef struct CtsFrameBound {
-    CtsRaycaster *caster; /* made when a pixel has to be cast */
+    CtsRaycaster *caster;          /* made when a pixel has to be cast */
     uint64_t pixels, judged, cast; /* judged: those that the rays stand for */
     double most;                   /* the largest of the engine's bounds that are left */
     double found, weight;          /* sum of e^2 / p of the rays that judge, and the largest that a term may have */
     double beyond;                 /* the largest e^2 / (b^2 + f^2) that a ray has shown */
-    uint64_t pieces, refined;      /* of a draft: pieces that judge it, pixels that were rendered anew; */
+    uint64_t pieces, refined;      /* of a draft: pieces that judge it, pixels that were rendered without one, */
     double piece_squares;          /* the sum of the pieces' e^2, each the mean of its pixels, */
-    double piece_most;             /* and the largest */
+    double piece_most;             /* and the largest; */
+    uint64_t at_half, half_rays;   /* pixels of one at half the resolution (render/half.h), rays that judge them, */
+    double half_squares;           /* the sum of their e^2, */
+    double half_most;              /* and the largest */
     double wall_ms, cpu_ms;
 } CtsFrameBound;
 
@@ -56,6 +59,8 @@ double cts_square_of_error(const CtsPreset *preset, const float *pixel, const do
 CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture *band, CtsError *err);
 /* Judges a sample by rays, and changes none of its pixels. */
 CtsStatus cts_bound_judge(CtsFrameBound *bound, const CtsScene *scene, const CtsBoundSample *sample, CtsError *err);
+/* The frame's ray caster, which is made when it is first asked for and stays the bound's. */
+CtsStatus cts_bound_caster(CtsFrameBound *bound, const CtsScene *scene, const CtsRaycaster **caster, CtsError *err);
 /* The report's bound, and a warning where the error may be larger than it should be. */
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report);
 void cts_bound_free(CtsFrameBound *bound);

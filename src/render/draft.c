@@ -141,44 +141,39 @@ static double squares_of(const Pieces *p, size_t strip, size_t *n, double *most)
     return sum;
 }
 
-/* Rows of the band, depths as well, without a draft. */
-static CtsStatus redraw(const Pieces *p, const CtsEngine *engine, CtsPicture *band, size_t strip, CtsError *err)
+CtsStatus cts_draft_redraw(const CtsEngine *engine, const CtsScene *scene, CtsPicture *band, int first, int end,
+                           CtsError *err)
 {
-    CtsScene scene = p->fine;
-    const size_t from = (size_t)first_row(strip) * p->width;
+    const size_t width = (size_t)band->width, from = (size_t)first * width, n = (size_t)(end - first) * width;
     CtsPicture rows = *band;
-    scene.plan.one_in = 0;
-    rows.first_row += first_row(strip);
-    rows.height = end_row(p, strip) - first_row(strip);
+    rows.first_row += first;
+    rows.height = end - first;
     rows.pixels += 4 * from;
-    const size_t n = (size_t)rows.height * p->width;
     memset(rows.pixels, 0, 4 * n * sizeof *rows.pixels);
     if (rows.depth_mm)
         rows.depth_mm += from;
     for (size_t i = 0; i < n && rows.depth_mm; i++)
         rows.depth_mm[i] = INFINITY;
-    return engine->render(&scene, &rows, NULL, err);
+    return engine->render(scene, &rows, NULL, err);
 }
 
-static CtsStatus judge_strips(const Pieces *p, const CtsEngine *engine, CtsPicture *band, CtsFrameBound *bound,
-                              CtsError *err)
+static CtsStatus judge_strip(const Pieces *p, const CtsEngine *engine, CtsPicture *band, size_t strip,
+                             CtsFrameBound *bound, CtsError *err)
 {
     const double asked = cts_scene_error_asked(p->scene);
-    CtsStatus st = CTS_OK;
-    for (size_t strip = 0; strip < p->n_strips && !st; strip++) {
-        size_t n;
-        double most;
-        const double sum = squares_of(p, strip, &n, &most);
-        bound->pieces += n;
-        if (sum > 0.25 * asked * asked * (double)n) {
-            st = redraw(p, engine, band, strip, err);
-            bound->refined += (uint64_t)(end_row(p, strip) - first_row(strip)) * p->width;
-            continue;
-        }
-        bound->piece_squares += sum;
-        bound->piece_most = fmax(bound->piece_most, most);
+    CtsScene fine = p->fine;
+    size_t n;
+    double most;
+    const double sum = squares_of(p, strip, &n, &most);
+    fine.plan.one_in = 0;
+    bound->pieces += n;
+    if (sum > 0.25 * asked * asked * (double)n) { /* what is then left, is what the pieces err by themselves */
+        bound->refined += (uint64_t)(end_row(p, strip) - first_row(strip)) * p->width;
+        return cts_draft_redraw(engine, &fine, band, first_row(strip), end_row(p, strip), err);
     }
-    return st;
+    bound->piece_squares += sum;
+    bound->piece_most = fmax(bound->piece_most, most);
+    return CTS_OK;
 }
 
 /* So many rays judge the pieces that these are shown to err by some half of what is asked of the draft. */
@@ -201,9 +196,11 @@ CtsStatus cts_draft_keep(CtsFrameBound *bound, const CtsEngine *engine, const Ct
     CtsStatus st;
     p.fine.plan = cts_scene_finer(scene);
     p.fine.plan.one_in = (int)fmin(pixels / CTS_DRAWN_PIXELS / CTS_DRAFT_PIECES, CTS_DRAFT_ONE_IN);
-    if ((st = list_pieces(&p, err)) || (st = render_pieces(&p, engine, err)) ||
-        (st = judge_strips(&p, engine, band, bound, err)))
+    if ((st = list_pieces(&p, err)) || (st = render_pieces(&p, engine, err)))
         goto end;
+    for (size_t strip = 0; strip < p.n_strips; strip++)
+        if ((st = judge_strip(&p, engine, band, strip, bound, err)))
+            goto end;
     bound->wall_ms += cts_wall_ms() - wall;
     bound->cpu_ms += cts_cpu_ms() - cpu;
     const CtsBoundSample sample = {

@@ -11,10 +11,13 @@
 
 #include "render/bound.h"
 
-enum { CTS_DRAFT_ONE_IN = 128, CTS_DRAFT_PIECES = 1024 };
+enum { CTS_DRAFT_ONE_IN = 256, CTS_DRAFT_PIECES = 512 };
 
 /* Takes a band that the engine made as a draft of scene. */
 CtsStatus cts_draft_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
                          CtsError *err);
+/* Renders rows first to end - 1 of the band, depths as well, as this scene has them. */
+CtsStatus cts_draft_redraw(const CtsEngine *engine, const CtsScene *scene, CtsPicture *band, int first, int end,
+                           CtsError *err);
 
 #endif

@@ -24,7 +24,8 @@ struct CtsFrames {
     double lut_scale; /* extinction_scale that lut was made for */
     CtsFoundKey key;
     bool key_found, key_told;
-    void *kept;               /* the engine's */
+    void *kept; /* the engine's */
+    CtsHalf half;
     int n_begun;              /* frames */
     CtsVisible *visible;      /* made when a frame is fitted to it */
     CtsRenderSettings fitted; /* of the last view that was fitted, where is_fitted says so */
@@ -107,6 +108,7 @@ void cts_frames_free(CtsFrames **frames)
         return;
     if (f->kept && f->engine->forget)
         f->engine->forget(f->kept);
+    cts_half_free(&f->half, f->engine);
     cts_lut_free(&f->lut);
     cts_visible_free(&f->visible);
     cts_volume_free(&f->quantised);
@@ -315,6 +317,10 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
         return st;
     tell_key(f, report);
     tell_left_out(frame, report);
+    if (cts_half_serves(&f->half, f->engine, &frame->store.scene) &&
+        (st = cts_half_init(&f->half, f->engine, &frame->store.scene, &frame->half, report, err)))
+        return st;
+    frame->at_half = cts_half_serves(&f->half, f->engine, &frame->store.scene);
     const bool lossy = report && report->key_loss > 0;
     const int n = task->n_verified > 0 ? task->n_verified : lossy ? task->least_lossy : 0;
     if (n == 0 || task->explain)
@@ -350,9 +356,14 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     return CTS_OK;
 }
 
+static const CtsScene *seen(const CtsFrame *frame)
+{
+    return frame->at_half ? &frame->half.scene : &frame->store.scene;
+}
+
 CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err)
 {
-    return frame->frames->engine->render(&frame->store.scene, NULL, report, err);
+    return frame->frames->engine->render(seen(frame), NULL, report, err);
 }
 
 static bool is_draft(const CtsFrame *frame)
@@ -367,11 +378,12 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     *band = NULL;
     CtsStatus st = new_band(frame, first_row, n_rows, band, err);
     if (!st)
-        st = frame->frames->engine->render(&frame->store.scene, *band, report, err);
+        st = frame->frames->engine->render(seen(frame), *band, report, err);
     if (!st && (*band)->bound)
         st = cts_bound_keep(&frame->bound, &frame->store.scene, *band, err);
     else if (!st && is_draft(frame))
-        st = cts_draft_keep(&frame->bound, frame->frames->engine, &frame->store.scene, *band, err);
+        st = (frame->at_half ? cts_half_keep : cts_draft_keep)(&frame->bound, frame->frames->engine,
+                                                               &frame->store.scene, *band, err);
     if (st)
         cts_picture_free(band);
     else

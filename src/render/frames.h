@@ -7,6 +7,7 @@
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
 #include "render/bound.h"
+#include "render/half.h"
 #include "render/verify.h"
 #include "scene/engine.h"
 #include "scene/resolve.h"
@@ -41,7 +42,8 @@ typedef struct CtsFrameTask {
 typedef struct CtsFrame {
     CtsFrames *frames;
     bool want_depth, explain;
-    CtsSceneStore store;
+    CtsSceneStore store, half; /* the latter of the volume at half its resolution, where at_half */
+    bool at_half;
     CtsScene original; /* store's scene of the volume before quantising: what that loses is part of the error */
     CtsVerify verify;
     CtsFrameBound bound;

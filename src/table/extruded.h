@@ -2,7 +2,6 @@
 #ifndef CTS_TABLE_EXTRUDED_H
 #define CTS_TABLE_EXTRUDED_H
 
-#include "table/morphology.h"
 #include "table/sections.h"
 
 /* Bits of the sections, in their dimensions: thin things that stand at the same place over 60 mm of the scanner's axis;
@@ -11,9 +10,9 @@ typedef struct CtsExtruded {
     CtsBits plates, doubtful;
 } CtsExtruded;
 
-/* workers[]: one for each thread. A zero-initialised CtsExtruded may be freed. */
-CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
-                            CtsExtruded *extruded, CtsError *err);
+/* A zero-initialised one may be freed. */
+CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, int n_threads, CtsExtruded *extruded,
+                            CtsError *err);
 void cts_extruded_free(CtsExtruded *extruded);
 
 #endif

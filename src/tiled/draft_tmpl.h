@@ -17,8 +17,8 @@ enum { DRAFT_LEVELS_APART = 4 };
 
 /* What lies between two levels of these packets, from `at` on over `share` of the slab behind layer q. What it takes of
  * the light, times how far on, is added to moment. */
-INLINE void add_draft_part(const TiledJob *j, Light *light, int q, vf at, vf share, unsigned packets, vi from,
-                           vi to, vf *moment)
+INLINE void add_draft_part(const TiledJob *j, Light *light, int q, vf at, vf share, unsigned packets, vi from, vi to,
+                           vf *moment)
 {
     vf mean[4];
     look_up_rows(j->draft.mean, CTS_DRAFT_LEVELS * CTS_DRAFT_LEVELS - 1, from * CTS_DRAFT_LEVELS + to, mean);
@@ -82,7 +82,7 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
     vf inside[2] = {vf_of(0), vf_of(0)};
     vi from = vi_of(0); /* of s0 */
     int reached = -1;   /* s0 is the field on this layer */
-    uint64_t samples = 0;
+    uint64_t samples = 0, slabs = 0;
     bool opaque = false;
     const uint64_t start = course.timed ? cts_tiled_ticks() : 0;
     for (int r = 0; !opaque && (r < beam->n_runs || cts_tiled_beam_extend(j, beam)); r++) {
@@ -94,14 +94,18 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
             from = draft_level(j, s0);
         }
         reached = last;
+        /* Each layer is sampled a slab before it is needed, so that what is decided there is known when it is. */
+        vf end = sample_sheet(j, pk, way, run->from + 1, 0, inner);
+        vi to = draft_level(j, end);
         for (int q = run->from; q < last && !opaque; q++) {
-            const vf end = sample_sheet(j, pk, way, q + 1, 0, inner);
-            const vi to = draft_level(j, end);
+            const vf ahead = q + 1 < last ? sample_sheet(j, pk, way, q + 2, 0, inner) : end;
+            const vi after = draft_level(j, ahead);
             const vmask quiet = mask_or(vf_le(vf_max(s0, end), vf_of(j->table.quiet_low)),
                                         vf_le(vf_of(j->table.quiet_high), vf_min(s0, end)));
             const unsigned marching = ALL_PACKETS & ~(light->opaque | all_in(quiet));
             samples++;
             if (marching) {
+                slabs++;
                 const vf t_before = light->t;
                 vf moment = vf_of(0);
                 if (is_cut(beam, q)) {
@@ -117,7 +121,9 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
             }
             opaque = all_opaque(j, light);
             s0 = end;
+            end = ahead;
             from = to;
+            to = after;
         }
     }
     if (lit)
@@ -130,6 +136,6 @@ INLINE void march_draft(const TiledJob *j, TiledBeam *beam, Packet *pk, Way way,
     }
     counts->marches++;
     counts->samples += samples * LANES;
-    counts->slabs += samples * LANES;
+    counts->slabs += slabs * LANES;
     *result = own;
 }

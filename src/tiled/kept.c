@@ -1,6 +1,7 @@
 #include "tiled/kept.h"
 
 #include "base/clock.h"
+#include "base/mem.h"
 #include "scene/scene_macrocells.h"
 #include <stdlib.h>
 #include <string.h>
@@ -36,6 +37,7 @@ void cts_tiled_kept_free(void *kept)
     cts_layout_free(&k->copied);
     cts_slab_table_free(&k->table);
     cts_draft_table_free(&k->draft);
+    cts_free(&k->lattice);
     cts_empty_space_free(&k->empty);
     free(k);
 }
@@ -81,6 +83,21 @@ CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const Ct
     memcpy(kept->empty_axes, axes, sizeof axes);
     kept->empty_frame = scene->frame;
     return cts_empty_space_init(&kept->empty, macrocells, layout, scene->lut, scene->settings->n_threads, err);
+}
+
+CtsStatus cts_tiled_kept_lattice(TiledKept *kept, size_t n, float **rgba, CtsError *err)
+{
+    CtsStatus st;
+    if (kept->n_lattice != n) {
+        cts_free(&kept->lattice);
+        kept->n_lattice = 0;
+        if ((st = cts_alloc_array(&kept->lattice, 4 * n, err)))
+            return st;
+        kept->n_lattice = n;
+    }
+    memset(kept->lattice, 0, 4 * n * sizeof *kept->lattice);
+    *rgba = kept->lattice;
+    return CTS_OK;
 }
 
 CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,

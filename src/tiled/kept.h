@@ -21,6 +21,8 @@ typedef struct TiledKept {
     double table_scale; /* extinction_scale of table, 0 before it is made */
     int table_frame;
     CtsDraftTable draft; /* of table, once a draft has been asked for */
+    float *lattice;      /* of drafts; 4 n_lattice floats */
+    size_t n_lattice;
     CtsEmptySpace empty;
     int empty_axes[3];
     int empty_frame;
@@ -37,6 +39,8 @@ CtsStatus cts_tiled_kept_macrocells(TiledKept *kept, const CtsScene *scene, cons
 /* kept->table and kept->empty for this view. */
 CtsStatus cts_tiled_kept_tables(TiledKept *kept, const CtsScene *scene, const CtsMacrocells *macrocells,
                                 const CtsLayout *layout, CtsReport *report, CtsError *err);
+/* An empty lattice of n places, which stays the keeper's. */
+CtsStatus cts_tiled_kept_lattice(TiledKept *kept, size_t n, float **rgba, CtsError *err);
 /* Give the view's layout its voxels, those at least that lie up to `reach` macro-cells from a visible one; they stay
  * the keeper's. After cts_tiled_kept_tables(). */
 CtsStatus cts_tiled_kept_layout(TiledKept *kept, const CtsScene *scene, int reach, CtsLayout *layout, CtsReport *report,

@@ -54,7 +54,8 @@
  * Errors lie some ten times below such bounds, which take the worst of everything. The plan therefore aims above the
  * error asked for (cts_scene_bound_aimed), and render/bound.h casts rays that show what the bounds are worth.
  *
- * DRAFTS, where an error that the eye may see is asked for, are marched by draft_tmpl.h and derive nothing. */
+ * DRAFTS, where an error that the eye may see is asked for, are marched by draft_tmpl.h, on a lattice first (lattice.h),
+ * and derive nothing. */
 #ifndef CTS_TILED_MARCH_H
 #define CTS_TILED_MARCH_H
 
@@ -69,10 +70,18 @@
 
 enum { CTS_PACKET = 8 };
 
+/* Every second pixel of every second row of a draft (lattice.h), from row 2 first_row of the view on. */
+typedef struct TiledLattice {
+    const float *rgba; /* NULL: there is none */
+    int width, first_row;
+    float agree; /* what lies between pixels that are not further apart is filled in */
+} TiledLattice;
+
 /* Everything a thread needs, read-only. Layers are numbered q = 0, 1, ... in the order a ray meets them; sheets, of
  * which there are `samples` to a layer, t = 0, 1, ... in the same order. */
 typedef struct TiledJob {
     const uint16_t *layer0;             /* voxel (0, 0) of layer q = 0 */
+    ptrdiff_t fetch_ahead;              /* voxels from a ray's place on a layer to its place some layers on */
     ptrdiff_t row_stride, layer_stride; /* the latter from q to q + 1: negative where rays run against the axis */
     int nu, nv, nk;
     bool rising; /* layer q is volume layer q; else nk - 1 - q */
@@ -119,9 +128,10 @@ typedef struct TiledJob {
     double depth_at[4];             /* depth_mm of pixel (x, y) at layer q, as u_at */
     CtsPlan plan;                   /* says which packets are marched */
     int width, first_row, past_row; /* of the view's rows the picture holds these */
-    float *rgba;                    /* the picture: pixel (0, first_row) on */
-    float *depth_mm;                /* NULL: not wanted */
-    float *bound;                   /* of each pixel's error; NULL: not wanted */
+    TiledLattice lattice;
+    float *rgba;     /* the picture: pixel (0, first_row) on */
+    float *depth_mm; /* NULL: not wanted */
+    float *bound;    /* of each pixel's error; NULL: not wanted */
 } TiledJob;
 
 /* How much the field may bend for any of a beam's rays on their way through a slab, in grey levels; see above. */

@@ -104,12 +104,12 @@ OUTLINE vf sample_lanes(const TiledJob *j, const Packet *pk, const uint16_t *lay
     return s;
 }
 
-/* Layers lie farther apart than what processors fetch by themselves: asks for the voxels some layers ahead, which rays
- * meet about where they met this one. */
+/* Layers lie farther apart than what processors fetch by themselves: asks for the voxels that rays meet some layers
+ * ahead. */
 INLINE void fetch_ahead(const TiledJob *j, const Taps *t, ptrdiff_t offset)
 {
-    enum { LAYERS_AHEAD = 5, ROWS = 3 };
-    const uint16_t *p = t->at[0] + (offset + LAYERS_AHEAD * j->layer_stride);
+    enum { ROWS = 4 };
+    const uint16_t *p = t->at[0] + (offset + j->fetch_ahead);
     for (int row = 0; row < ROWS; row++)
         __builtin_prefetch(p + row * j->row_stride);
 }

@@ -1,6 +1,8 @@
 /* A tile of the picture: its beams, and the march of their packets. */
 #include "tiled/tile.h"
 
+#include "tiled/lattice.h"
+
 /* Beams are a packet wide and so high; tiles hold several, which a wider beam looks ahead for. */
 enum { BEAM_HEIGHT = 8, TILE_WIDTH = 64, TILE_HEIGHT = 64 };
 _Static_assert((int)CTS_DRAWN_PIXELS == (int)CTS_PACKET, "packets are drawn as a whole");
@@ -43,6 +45,21 @@ static void march_spans(const Tile *t, TiledBeam *beam, const TiledSpan *spans, 
             k->single(t->job, beam, spans + i, &t->workspace->counts);
 }
 
+/* The packets of a beam from column x on that are to be marched; what a lattice tells is filled in. */
+static int list_spans(const Tile *t, int x, int y0, int y1, TiledSpan spans[BEAM_HEIGHT])
+{
+    const TiledJob *j = t->job;
+    const int n_pixels = smaller(t->x1 - x, CTS_PACKET);
+    int n = 0;
+    for (int y = y0; y < y1; y++) {
+        if (j->lattice.rgba && y % 2 == 0 && cts_lattice_fill(j, x, y, n_pixels))
+            y++;
+        else if (cts_plan_draws(&j->plan, x, y))
+            spans[n++] = (TiledSpan){x, y, n_pixels};
+    }
+    return n;
+}
+
 /* A row of beams: first as a single wide beam, which finds most of what is empty, then one by one. */
 static void march_beams(const Tile *t, int y0)
 {
@@ -53,10 +70,7 @@ static void march_beams(const Tile *t, int y0)
         return;
     for (int x = t->x0; x < t->x1; x += CTS_PACKET) {
         TiledSpan spans[BEAM_HEIGHT];
-        int n = 0;
-        for (int y = y0; y < y1; y++)
-            if (cts_plan_draws(&j->plan, x, y))
-                spans[n++] = (TiledSpan){x, y, smaller(t->x1 - x, CTS_PACKET)};
+        const int n = list_spans(t, x, y0, y1, spans);
         if (n > 0 && cts_tiled_beam_init(j, &beam, x, y0, x + CTS_PACKET, y1, wide.first))
             march_spans(t, &beam, spans, n);
     }

@@ -9,6 +9,7 @@
 #include "base/mutation.h"
 #include "base/parallel.h"
 #include "tiled/kept.h"
+#include "tiled/lattice.h"
 #include "tiled/march_plan.h"
 #include "tiled/project.h"
 #include "tiled/tile.h"
@@ -54,6 +55,9 @@ static void init_steps(TiledJob *j)
 {
     j->u_step = (int64_t)floor(j->u_at[3] / j->samples * 4294967296.0 + 0.5);
     j->v_step = (int64_t)floor(j->v_at[3] / j->samples * 4294967296.0 + 0.5);
+    enum { LAYERS_AHEAD = 5 };
+    j->fetch_ahead = LAYERS_AHEAD * j->layer_stride + (ptrdiff_t)floor(LAYERS_AHEAD * j->v_at[3]) * j->row_stride +
+                     (ptrdiff_t)floor(LAYERS_AHEAD * j->u_at[3]);
     for (int l = 0; l < CTS_PACKET && (j->windowed || j->gathers); l++) {
         j->lane_u[l] = (int32_t)floor(l * j->u_at[1] * 65536 + 0.5);
         j->lane_v[l] = (int32_t)floor(l * j->v_at[1] * 65536 + 0.5);
@@ -79,6 +83,7 @@ static void init_windows(TiledJob *j, const CtsLayout *layout)
     j->gathers = !j->windowed && small && TILE_PIXELS * (u + fabs(j->u_at[2])) < 2000 &&
                  TILE_PIXELS * (v + fabs(j->v_at[2])) < 2000 && (double)layout->row_stride * layout->alloc_v < 2e9;
     const bool one = j->windowed && layout->alloc_u >= 16 && layout->alloc_v >= 4;
+    j->one_window_rows = 0;
     for (int rows = 1; one && rows < CTS_PACKET; rows++)
         if (7 * u + rows * fabs(j->u_at[2]) <= 13 && 7 * v + rows * fabs(j->v_at[2]) <= 1.99)
             j->one_window_rows = rows;
@@ -122,8 +127,9 @@ static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout
  * layer of fine macro-cells; a voxel more for interpolation, and for slopes as far as these look. */
 static int sampled_reach(const TiledJob *j)
 {
-    const double u = 7 * (fabs(j->u_at[1]) + fabs(j->u_at[2])) + CTS_FINE_MACROCELL * fabs(j->u_at[3]);
-    const double v = 7 * (fabs(j->v_at[1]) + fabs(j->v_at[2])) + CTS_FINE_MACROCELL * fabs(j->v_at[3]);
+    const int apart = j->draft.mean ? 2 : 1; /* on a lattice */
+    const double u = 7 * apart * (fabs(j->u_at[1]) + fabs(j->u_at[2])) + CTS_FINE_MACROCELL * fabs(j->u_at[3]);
+    const double v = 7 * apart * (fabs(j->v_at[1]) + fabs(j->v_at[2])) + CTS_FINE_MACROCELL * fabs(j->v_at[3]);
     int slopes = 1;
     for (int axis = 0; axis < 3 && j->shade; axis++)
         slopes = j->shade->step[axis] > slopes ? j->shade->step[axis] : slopes;
@@ -169,7 +175,6 @@ static CtsStatus run_tiles(const TiledJob *j, const TiledPath *path, const CtsSc
         workspaces[t].runs = runs + n_runs * (size_t)t;
     Tiles tiles = {j, path, scene, workspaces};
     cts_parallel(n_threads, (size_t)cts_tiled_n_tiles(j), 1, run_some_tiles, &tiles);
-    *total = (TiledCounts){0};
     for (int t = 0; t < n_threads; t++) {
         total->samples += workspaces[t].counts.samples;
         total->slabs += workspaces[t].counts.slabs;
@@ -208,6 +213,32 @@ static void report_counts(const TiledCounts *counts, const CtsScene *scene, cons
         v->void_voxels = v->total - v->splatted;
         v->reused = 0;
     }
+}
+
+/* Pixels further apart than this, times the error asked for, are not filled in between: what is filled in straight is
+ * off by a small part of that. Beyond an eighth of the range edges would show as steps. */
+#define AGREE_WITHIN 4
+#define AGREE_AT_MOST 0.125
+
+/* A draft's lattice first, where one pays, then the picture. */
+static CtsStatus run_picture(TiledJob *j, const TiledPath *path, const CtsScene *scene, const CtsLayout *layout,
+                             TiledKept *kept, TiledCounts *total, CtsError *err)
+{
+    CtsStatus st;
+    TiledJob lattice;
+    if (!cts_lattice_pays(j, scene))
+        return run_tiles(j, path, scene, total, err);
+    cts_lattice_spread(&lattice, j);
+    init_steps(&lattice);
+    init_windows(&lattice, layout);
+    const TiledPath spread_path = choose_path(&lattice);
+    const size_t n = (size_t)lattice.width * (size_t)(lattice.past_row - lattice.first_row);
+    if ((st = cts_tiled_kept_lattice(kept, n, &lattice.rgba, err)) ||
+        (st = run_tiles(&lattice, &spread_path, scene, total, err)))
+        return st;
+    j->lattice = (TiledLattice){lattice.rgba, lattice.width, lattice.first_row,
+                                (float)fmin(AGREE_WITHIN * cts_scene_error_asked(scene), AGREE_AT_MOST)};
+    return run_tiles(j, path, scene, total, err);
 }
 
 static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacrocells *macrocells, CtsPicture *picture,
@@ -255,7 +286,7 @@ static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacr
     job.depth_mm = picture->depth_mm;
     job.bound = picture->bound;
     wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if ((st = run_tiles(&job, &path, scene, &counts, err)))
+    if ((st = run_picture(&job, &path, scene, &layout, kept, &counts, err)))
         goto end;
     report_counts(&counts, scene, &job.empty, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:

@@ -105,6 +105,14 @@ static void slab_of_one_level(void **state)
     cts_volume_free(&v);
 }
 
+static bool warns(const CtsReport *report)
+{
+    bool warned = false;
+    for (size_t i = 0; i < report->findings.n; i++)
+        warned = warned || !strcmp(report->findings.items[i].code, "error_bound");
+    return warned;
+}
+
 /* What a draft tells is true, and kept or warned of; it is a draft from the error on from which it is one. */
 static void told_of_drafts(void **state)
 {
@@ -130,10 +138,7 @@ static void told_of_drafts(void **state)
                     }
                     assert_true(report.verified.rmse <= report.bound.rmse);
                     assert_true(report.verified.max <= report.bound.max);
-                    bool warned = false;
-                    for (size_t i = 0; i < report.findings.n; i++)
-                        warned = warned || !strcmp(report.findings.items[i].code, "error_bound");
-                    assert_true(warned || 255 * report.verified.rmse <= asked[a]);
+                    assert_true(warns(&report) || 255 * report.verified.rmse <= asked[a]);
                     cts_picture_free(&p);
                     cts_report_free(&report);
                 }
@@ -141,12 +146,136 @@ static void told_of_drafts(void **state)
         cts_volume_free(&volumes[n]);
 }
 
+/* A ball whose grey levels fall off evenly, with a bright core; lumps are as many voxels wide. */
+static CtsVolume *lumpy_ball(int n, double lump)
+{
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, n, n + 6, n - 5, &err), CTS_OK);
+    for (int k = 0; k < v->dims[2]; k++)
+        for (int j = 0; j < v->dims[1]; j++)
+            for (int i = 0; i < n; i++) {
+                const double r = hypot(hypot(i - n / 2.0, j - n / 2.0), k - n / 2.0) / (n / 2.0);
+                const double wave = sin(M_PI * i / lump) + sin(M_PI * j / lump) + sin(M_PI * k / lump);
+                const double hu = 700 - 1300 * r + 120 * wave;
+                v->grey[((size_t)k * (size_t)v->dims[1] + (size_t)j) * (size_t)n + (size_t)i] =
+                    (uint16_t)(fmax(hu, -1024) + 1024);
+            }
+    return v;
+}
+
+/* Every second pixel of every second row is marched, but for 2^-16 voxels where it is without a lattice, and what lies
+ * between pixels that agree lies between them. */
+static void lattice_of_a_draft(void **state)
+{
+    (void)state;
+    enum { WIDTH = 381, HEIGHT = 350 };
+    CtsVolume *v = lumpy_ball(40, 12);
+    const CtsPreset preset = preset_named("bone");
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, WIDTH, 25, 15);
+    s.height = HEIGHT;
+    s.mm_per_pixel = 0.15;
+    s.shade = CTS_OFF;
+    s.max_error = 8;
+    s.want_depth = true; /* depths are not filled in, so all is marched */
+    CtsPicture *marched = render(v, &preset, &s, NULL);
+    s.want_depth = false;
+    CtsReport report = {0};
+    CtsPicture *filled = render(v, &preset, &s, &report);
+    assert_null(strstr(report.plan, "rendered anew"));
+    cts_report_free(&report);
+    int n_filled = 0, n_seen = 0;
+    for (int y = 0; y < HEIGHT; y++)
+        for (int x = 0; x < WIDTH; x++) {
+            const float *a = marched->pixels + 4 * (y * WIDTH + x), *b = filled->pixels + 4 * (y * WIDTH + x);
+            double apart = 0;
+            for (int c = 0; c < 4; c++)
+                apart = fmax(apart, fabs((double)a[c] - (double)b[c]));
+            assert_true(apart < (x % 2 || y % 2 ? 4 * 8.0 / 255 : 1.0 / 255));
+            n_filled += apart > 1e-3;
+            n_seen += a[3] > 0;
+        }
+    assert_true(n_filled > n_seen / 10);
+    cts_picture_free(&marched);
+    cts_picture_free(&filled);
+    cts_volume_free(&v);
+}
+
+static bool skips_half(const CtsReport *report)
+{
+    for (size_t i = 0; i < report->n_skips; i++)
+        if (!strcmp(report->skips[i].what, "half the resolution"))
+            return true;
+    return false;
+}
+
+typedef struct Rows {
+    float *pixels;
+    size_t n;
+} Rows;
+
+static CtsStatus take_rows(void *context, CtsPicture *band, CtsError *err)
+{
+    Rows *rows = context;
+    const size_t n = 4 * (size_t)band->width * (size_t)band->height;
+    (void)err;
+    memcpy(rows->pixels + rows->n, band->pixels, n * sizeof *rows->pixels);
+    rows->n += n;
+    return CTS_OK;
+}
+
+/* Frames of a rotation come from half the resolution where that will do, tell what they err by, and are the same bytes
+ * for any number of threads and rows at a time. */
+static void half_of_a_rotation(void **state)
+{
+    (void)state;
+    enum { SIZE = 380, N_VIEWS = 3 };
+    static const double lumps[] = {14, 2.2};
+    for (int n = 0; n < 2; n++)
+        for (int lit = 0; lit < 2; lit++) {
+            CtsVolume *v = lumpy_ball(64, lumps[n]);
+            const CtsPreset preset = preset_named("bone");
+            CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 0, 10);
+            CtsRenderer *renderer, *banded;
+            CtsError err = {0};
+            Rows rows = {.pixels = malloc(sizeof(float) * 4 * SIZE * SIZE)};
+            assert_non_null(rows.pixels);
+            s.shade = lit ? CTS_ON : CTS_OFF;
+            s.max_error = 10;
+            s.rotation_frames = N_VIEWS;
+            s.verify = 1500;
+            assert_int_equal(cts_render_begin(&renderer, v, &preset, &s, &err), CTS_OK);
+            s.n_threads = 3;
+            s.verify = 0;
+            assert_int_equal(cts_render_begin(&banded, v, &preset, &s, &err), CTS_OK);
+            const CtsBandSink sink = {.take = take_rows, .context = &rows, .max_rows = 128};
+            for (int view = 0; view < N_VIEWS; view++) {
+                CtsReport report = {0};
+                CtsPicture *frame;
+                assert_int_equal(cts_render_frame(renderer, 120 * view, 10, &frame, &report, &err), CTS_OK);
+                assert_int_equal(strstr(report.plan, "at half the resolution, 33 x 36 x 30 voxels") != NULL, n == 0);
+                assert_int_equal(skips_half(&report), n == 1 && view == 0);
+                assert_true(report.verified.rmse <= report.bound.rmse);
+                assert_true(warns(&report) || 255 * report.verified.rmse <= 10);
+                rows.n = 0;
+                assert_int_equal(cts_render_bands(banded, 120 * view, 10, &sink, NULL, &err), CTS_OK);
+                assert_int_equal(rows.n, 4 * SIZE * SIZE);
+                assert_memory_equal(rows.pixels, frame->pixels, rows.n * sizeof(float));
+                cts_picture_free(&frame);
+                cts_report_free(&report);
+            }
+            cts_render_end(&renderer);
+            cts_render_end(&banded);
+            free(rows.pixels);
+            cts_volume_free(&v);
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(table_of_a_ramp),
-        cmocka_unit_test(slab_of_one_level),
-        cmocka_unit_test(told_of_drafts),
+        cmocka_unit_test(table_of_a_ramp),    cmocka_unit_test(slab_of_one_level),  cmocka_unit_test(told_of_drafts),
+        cmocka_unit_test(lattice_of_a_draft), cmocka_unit_test(half_of_a_rotation),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

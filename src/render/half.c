@@ -1,0 +1,264 @@
+#include "render/half.h"
+
+#include "base/clock.h"
+#include "base/limits.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "render/draft.h"
+#include "volume/halve.h"
+#include <math.h>
+
+/* From this error on, in 1/255 rms: on real CT half the resolution errs by 1 to 5. */
+enum { FROM_ERROR = 5 };
+
+/* Of the error asked for: what a small picture may tell, since some views err more than others. */
+#define TRIAL_SHARE 0.9
+
+bool cts_half_serves(const CtsHalf *half, const CtsEngine *engine, const CtsScene *scene)
+{
+    return !half->given_up && engine->bounds_error && scene->settings->rotation_frames > 1 &&
+           scene->preset->mode == CTS_MODE_COMPOSITE && cts_scene_drafts(scene) && scene->plan.max_error >= FROM_ERROR;
+}
+
+/* Of a picture, so many rays judge it at a time, and up to so many times where they show too little. */
+enum { RAYS = 256, LEAST_RAYS = 8 /* of a strip */, ROUNDS = 4 };
+
+typedef struct Rays {
+    const CtsScene *scene;
+    const CtsRaycaster *caster;
+    const CtsPicture *band;
+    const int *strip; /* those that are judged */
+    int n;            /* of each */
+    int round;
+    double *square;
+} Rays;
+
+/* Numbers 0 to 2^32 - 1, even and by chance (the finaliser of MurmurHash3). */
+static uint32_t drawn(uint64_t h)
+{
+    h = (h ^ h >> 33) * 0xff51afd7ed558ccdu;
+    h = (h ^ h >> 33) * 0xc4ceb9fe1a85ec53u;
+    return (uint32_t)(h >> 32);
+}
+
+static int first_row(int strip)
+{
+    return strip * CTS_BAND_ROWS;
+}
+
+static int end_row(const CtsPicture *band, int strip)
+{
+    const int end = first_row(strip) + CTS_BAND_ROWS;
+    return end < band->height ? end : band->height;
+}
+
+static void cast_some(void *context, int worker, size_t first, size_t end)
+{
+    const Rays *const r = context;
+    (void)worker;
+    for (size_t i = first; i < end && !cts_scene_stopped(r->scene); i++) {
+        const int strip = r->strip[i / (size_t)r->n], row = r->band->first_row + first_row(strip);
+        const uint64_t number = ((uint64_t)row * RAYS * ROUNDS + (uint64_t)r->round * RAYS + i % (size_t)r->n + 1) * 2;
+        const int n_rows = end_row(r->band, strip) - first_row(strip);
+        const int x = (int)((uint64_t)drawn(number) * (uint64_t)r->band->width >> 32);
+        const int y = (int)((uint64_t)drawn(number + 1) * (uint64_t)n_rows >> 32);
+        double rgba[4];
+        cts_raycast_ray(r->caster, x, row + y, rgba, NULL);
+        const size_t at = (size_t)(first_row(strip) + y) * (size_t)r->band->width + (size_t)x;
+        r->square[i] = cts_square_of_error(r->scene->preset, r->band->pixels + 4 * at, rgba);
+    }
+}
+
+static double sum_of(const Rays *r, int i, double *most)
+{
+    double sum = 0;
+    for (int k = 0; k < r->n; k++) {
+        const double square = r->square[(size_t)i * (size_t)r->n + (size_t)k];
+        sum += square;
+        *most = fmax(*most, square);
+    }
+    return sum;
+}
+
+static CtsStatus cast(Rays *r, int n_strips, CtsFrameBound *bound, CtsError *err)
+{
+    const size_t n = (size_t)n_strips * (size_t)r->n;
+    cts_parallel(r->scene->settings->n_threads, n, 4, cast_some, r);
+    bound->cast += n;
+    return cts_scene_stopped(r->scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+}
+
+/* A strip as a draft of all voxels, judged as such. */
+static CtsStatus make_anew(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
+                           int strip, CtsError *err)
+{
+    const int first = first_row(strip), end = end_row(band, strip);
+    const CtsStatus st = cts_draft_redraw(engine, scene, band, first, end, err);
+    if (st)
+        return st;
+    CtsPicture rows = *band;
+    rows.first_row += first;
+    rows.height = end - first;
+    rows.pixels += 4 * (size_t)first * (size_t)band->width;
+    if (rows.depth_mm)
+        rows.depth_mm += (size_t)first * (size_t)band->width;
+    return cts_draft_keep(bound, engine, scene, &rows, err);
+}
+
+CtsStatus cts_half_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
+                        CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const int n_strips = (band->height + CTS_BAND_ROWS - 1) / CTS_BAND_ROWS;
+    const int even = (int)ceil((double)RAYS * CTS_BAND_ROWS / scene->view.height);
+    const double allowed = cts_scene_error_asked(scene);
+    Rays r = {.scene = scene, .band = band, .n = even > LEAST_RAYS ? even < RAYS ? even : RAYS : LEAST_RAYS};
+    int *strip = NULL, kept = 0;
+    CtsStatus st;
+    if ((st = cts_alloc_array(&strip, (size_t)n_strips, err)) ||
+        (st = cts_alloc_array(&r.square, (size_t)n_strips * (size_t)r.n, err)) ||
+        (st = cts_bound_caster(bound, scene, &r.caster, err)))
+        goto end;
+    for (int i = 0; i < n_strips; i++)
+        strip[i] = i;
+    r.strip = strip;
+    if ((st = cast(&r, n_strips, bound, err)))
+        goto end;
+    double most = 0, sum = 0;
+    for (int i = 0; i < n_strips; i++) {
+        double strip_most = most;
+        const double strip_sum = sum_of(&r, i, &strip_most);
+        if (strip_sum > allowed * allowed * r.n)
+            continue;
+        strip[kept++] = i;
+        sum += strip_sum;
+        most = strip_most;
+    }
+    bound->wall_ms += cts_wall_ms() - wall;
+    bound->cpu_ms += cts_cpu_ms() - cpu;
+    for (int i = 0, k = 0; i < n_strips; i++) {
+        if (k < kept && strip[k] == i) {
+            k++;
+            const uint64_t pixels = (uint64_t)(end_row(band, i) - first_row(i)) * (uint64_t)band->width;
+            bound->at_half += pixels;
+            bound->pixels += pixels;
+        } else if ((st = make_anew(bound, engine, scene, band, i, err))) {
+            goto end;
+        }
+    }
+    uint64_t n_rays = (uint64_t)kept * (uint64_t)r.n;
+    if (kept < n_strips) /* rays that told which strips to make anew would speak too well of the others */
+        sum = (double)(n_rays = 0);
+    for (r.round = 1; r.round < ROUNDS && kept > 0; r.round++) {
+        if (n_rays > 0 && sqrt(cts_mean_limit(sum, most, (double)n_rays)) <= allowed)
+            break;
+        if ((st = cast(&r, kept, bound, err)))
+            goto end;
+        for (int i = 0; i < kept; i++)
+            sum += sum_of(&r, i, &most);
+        n_rays += (uint64_t)kept * (uint64_t)r.n;
+    }
+    bound->half_rays += n_rays;
+    bound->half_squares += sum;
+    bound->half_most = fmax(bound->half_most, most);
+end:
+    cts_free(&strip);
+    cts_free(&r.square);
+    return st;
+}
+
+/* scene with another volume, of which `kept` is what the engine keeps. */
+static CtsStatus init_store(CtsSceneStore *store, const CtsScene *scene, const CtsVolume *volume,
+                            const CtsRenderSettings *settings, void **kept, CtsError *err)
+{
+    const CtsStatus st = cts_scene_init(store, volume, scene->preset, settings, err);
+    store->scene.plan = scene->plan;
+    store->scene.lut = scene->lut;
+    store->scene.extinction_scale = scene->extinction_scale; /* whose unit may be a voxel */
+    store->scene.kept = kept;
+    store->scene.frame = scene->frame;
+    return st;
+}
+
+/* The same view, its pixels so large that TRIED of them cover it. */
+static CtsRenderSettings small_picture(const CtsScene *scene)
+{
+    enum { TRIED = 4096 };
+    CtsRenderSettings s = *scene->settings;
+    const double shrink = fmin(sqrt((double)TRIED / ((double)s.width * s.height)), 1);
+    s.mm_per_pixel = scene->view.mm_per_pixel / shrink;
+    s.width = (int)fmax(floor(s.width * shrink), 1);
+    s.height = (int)fmax(floor(s.height * shrink), 1);
+    return s;
+}
+
+/* What half the resolution errs by at most, rms, as a small picture tells. */
+static CtsStatus try_half(CtsHalf *half, const CtsEngine *engine, const CtsScene *scene, double *rmse, CtsError *err)
+{
+    const CtsRenderSettings settings = small_picture(scene);
+    CtsSceneStore whole, small;
+    CtsFrameBound bound = {0};
+    CtsPicture *picture = NULL;
+    Rays r = {.strip = (const int[]){0}, .n = RAYS, .scene = &whole.scene};
+    double most = 0;
+    CtsStatus st;
+    if ((st = init_store(&whole, scene, scene->volume, &settings, NULL, err)) ||
+        (st = init_store(&small, scene, half->volume, &settings, &half->kept, err)) ||
+        (st = cts_picture_new(&picture, settings.width, settings.height, 4, err)) ||
+        (st = engine->render(&small.scene, picture, NULL, err)) || (st = cts_alloc_array(&r.square, RAYS, err)) ||
+        (st = cts_bound_caster(&bound, &whole.scene, &r.caster, err)))
+        goto end;
+    r.band = picture;
+    if ((st = cast(&r, 1, &bound, err)))
+        goto end;
+    const double sum = sum_of(&r, 0, &most);
+    *rmse = sqrt(cts_mean_limit(sum, most, RAYS));
+end:
+    cts_free(&r.square);
+    cts_picture_free(&picture);
+    cts_bound_free(&bound);
+    return st;
+}
+
+static CtsStatus make(CtsHalf *half, const CtsEngine *engine, const CtsScene *scene, CtsReport *report, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    double rmse;
+    CtsStatus st = cts_volume_halve(scene->volume, scene->settings->n_threads, &half->volume, err);
+    if (st == CTS_ERR_MEMORY) {
+        half->given_up = true;
+        cts_report_skip(report, "half the resolution", "no memory for it");
+        return CTS_OK;
+    }
+    if (st || (st = try_half(half, engine, scene, &rmse, err)))
+        return st;
+    cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
+                     cts_volume_n_voxels(half->volume), 2 * cts_volume_n_voxels(scene->volume));
+    if (rmse <= TRIAL_SHARE * cts_scene_error_asked(scene))
+        return CTS_OK;
+    cts_half_free(half, engine);
+    half->given_up = true;
+    cts_report_skip(report, "half the resolution", "may err by %.2g/255 rms, as %d trial rays tell", 255 * rmse, RAYS);
+    return CTS_OK;
+}
+
+CtsStatus cts_half_init(CtsHalf *half, const CtsEngine *engine, const CtsScene *scene, CtsSceneStore *store,
+                        CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if (!half->volume && (st = make(half, engine, scene, report, err)))
+        return st;
+    if (half->given_up)
+        return CTS_OK;
+    const int *const n = half->volume->dims;
+    cts_report_plan(report, "draft: of a copy at half the resolution, %d x %d x %d voxels", n[0], n[1], n[2]);
+    return init_store(store, scene, half->volume, scene->settings, &half->kept, err);
+}
+
+void cts_half_free(CtsHalf *half, const CtsEngine *engine)
+{
+    if (half->kept && engine->forget)
+        engine->forget(half->kept);
+    half->kept = NULL;
+    cts_volume_free(&half->volume);
+}
