@@ -54,8 +54,8 @@
  * Errors lie some ten times below such bounds, which take the worst of everything. The plan therefore aims above the
  * error asked for (cts_scene_bound_aimed), and render/bound.h casts rays that show what the bounds are worth.
  *
- * DRAFTS, where an error that the eye may see is asked for, are marched by draft_tmpl.h, on a lattice first (lattice.h),
- * and derive nothing. */
+ * DRAFTS, where an error that the eye may see is asked for, are marched by draft_tmpl.h, on a lattice first
+ * (lattice.h), and derive nothing. */
 #ifndef CTS_TILED_MARCH_H
 #define CTS_TILED_MARCH_H
 
