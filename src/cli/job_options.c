@@ -1,5 +1,6 @@
 #include "cli/job_options.h"
 
+#include "base/cpu.h"
 #include "cli/interrupt.h"
 #include "cli/message.h"
 #include "cli/remote.h"
@@ -84,6 +85,8 @@ CtsStatus cli_job(const CliOptions *options, CtsPreset *preset, CtsJob *job, Cts
         .annotate_orientation = options->annotate_orientation,
         .annotate_scale = options->annotate_scale,
     };
+    /* Asked once: what the control groups say takes the system a while. */
+    job->source.n_threads = job->render.n_threads = cts_threads(options->render.n_threads);
     job->render.stop = &cli_stop;
     return CTS_OK;
 }
