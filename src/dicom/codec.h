@@ -42,8 +42,9 @@ CtsStatus cts_codec_decode(const CtsFrameFormat *format, const uint8_t *stream, 
 CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
                               CtsError *err);
-/* Before a process is forked that is to decode HTJ2K: without OpenJPH, OpenJPEG does it, in nearly twice the time. */
-void cts_htj2k_prepare(void);
+/* Before a process is forked that is to decode HTJ2K: without OpenJPH, OpenJPEG does it, in nearly twice the time. Why
+ * that is so, NULL where OpenJPH is there. */
+const char *cts_htj2k_prepare(void);
 CtsStatus cts_htj2k_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 
 /* How a deflated data set begins: a size_t, then so many bytes of it, as many as there are or find room in a frame. The

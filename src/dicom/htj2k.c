@@ -5,20 +5,22 @@
 #include <pthread.h>
 #include <string.h>
 
-/* The state of this file: the library, looked for once. */
+/* The state of this file: the library, looked for once, or why there is none. */
 static pthread_once_t once = PTHREAD_ONCE_INIT;
 static cts_htj2k_fn loaded;
+static CtsError why_not;
 
 static void load(void)
 {
     void *symbol = NULL;
-    if (!cts_part_load(CTS_HTJ2K_PART, "cts_htj2k_run", &symbol, NULL))
+    if (!cts_part_load(CTS_HTJ2K_PART, "cts_htj2k_run", &symbol, &why_not))
         memcpy(&loaded, &symbol, sizeof loaded);
 }
 
-void cts_htj2k_prepare(void)
+const char *cts_htj2k_prepare(void)
 {
     pthread_once(&once, load);
+    return loaded ? NULL : why_not.text;
 }
 
 static unsigned big16(const uint8_t *p)

@@ -88,6 +88,11 @@ bool cts_slice_is_compressed(const CtsSlice *s)
     return cts_syntax_encapsulated(s->syntax) || s->syntax->deflated;
 }
 
+const char *cts_slice_why_slow(const CtsSlice *s)
+{
+    return s->syntax && s->syntax->codec == CTS_CODEC_HTJ2K ? cts_htj2k_prepare() : NULL;
+}
+
 bool cts_slice_begin(const CtsSlice *s, CtsScratch *scratch)
 {
     uint64_t offset, n;

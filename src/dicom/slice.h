@@ -132,6 +132,9 @@ CtsStored cts_slice_stored(const CtsSlice *slice);
 /* Its pixels come from a codec or are deflated. */
 bool cts_slice_is_compressed(const CtsSlice *slice);
 
+/* Why its pixels take longer to decode than with all libraries in their places; NULL: they do not. */
+const char *cts_slice_why_slow(const CtsSlice *slice);
+
 /* The range of an uncompressed slice without fault whose pixel_bytes are at hand. */
 void cts_slice_see_pixels(CtsSlice *slice, const uint8_t *pixels);
 

@@ -10,12 +10,13 @@
 #include <endian.h>
 #include <math.h>
 #include <png.h>
+#include <pthread.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <zlib.h>
 
-/* Strips of a thread that are compressed before any is written: few, so that their memory is used again and writing
- * begins early. */
+/* Strips in memory for each thread: few, so that it is used again, and enough that nobody waits for who writes. */
 enum { STRIPS_EACH = 4, MOST_STRIPS = 64 };
 
 /* One thread's. */
@@ -29,12 +30,11 @@ enum {
     CHUNK_TAIL = 8
 }; /* length and name; the stream's check value, in the last one, and the chunk's */
 
-/* Strips as they come out of their packers, in chunks that have room for what stands around them. */
-typedef struct Batch {
-    CtsIdatStrip strips[MOST_STRIPS];
-    int n;
-    uint8_t *bytes;
-} Batch;
+/* A strip as it comes out of its packer, in a chunk that has room for what stands around it. */
+typedef struct Slot {
+    CtsIdatStrip strip;
+    bool packed; /* and not written yet */
+} Slot;
 
 /* Where libpng's callbacks find what belongs to this file. */
 typedef struct PngWriter {
@@ -44,14 +44,22 @@ typedef struct PngWriter {
     CtsError *err; /* of the call under way */
     CtsStatus status;
     CtsIdat idat;
-    int n_threads, n_batch;
+    int n_threads, n_slots;
     Packer *packers;
-    Batch batches[2]; /* one is compressed while the other is written */
-    int batch;        /* the one that comes next */
-    uint8_t *rows;    /* the last row written, then the rows that wait for a strip to be whole, samples big-endian */
+    uint8_t *rows; /* the last row written, then the rows that wait for a strip to be whole, samples big-endian */
     int n_waiting;
-    int n_packed, n_written; /* strips */
-    uint32_t adler;          /* of those written */
+    int n_before; /* strips of earlier bands */
+    /* Strips are compressed by all threads, and written in order by whoever finds the next one there. */
+    pthread_mutex_t lock;
+    pthread_cond_t slot_free;
+    Slot slots[MOST_STRIPS]; /* strip n is in slot n % n_slots */
+    uint8_t *slot_bytes;
+    size_t slot_room;
+    bool writing; /* somebody is */
+    int n_written;
+    uint32_t adler; /* of those written */
+    CtsStatus failed;
+    CtsError failure;
 } PngWriter;
 
 static void on_write(png_structp png, png_bytep data, size_t n)
@@ -134,26 +142,20 @@ static void put_header(png_structp png, png_infop info, const PngWriter *w)
     put_texts(png, info, &head->info);
 }
 
-/* IDAT chunks past libpng, which would take their check sums one after the other. */
-static CtsStatus write_strips(PngWriter *w, Batch *batch, CtsError *err)
+/* The next IDAT chunk, past libpng, which would take the check sums one after the other. */
+static CtsStatus write_strip(PngWriter *w, CtsIdatStrip *strip, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
-    for (int i = 0; i < batch->n && !st; i++) {
-        CtsIdatStrip *const strip = &batch->strips[i];
-        uint8_t *const chunk = strip->bytes - CHUNK_HEAD;
-        w->adler = cts_idat_checksum(w->adler, strip);
-        if (++w->n_written == w->idat.n_strips) {
-            png_save_uint_32(strip->bytes + strip->n_bytes, w->adler);
-            strip->crc = (uint32_t)crc32(strip->crc, strip->bytes + strip->n_bytes, 4);
-            strip->n_bytes += 4;
-        }
-        png_save_uint_32(chunk, (png_uint_32)strip->n_bytes);
-        memcpy(chunk + 4, "IDAT", 4);
-        png_save_uint_32(strip->bytes + strip->n_bytes, strip->crc);
-        st = cts_temp_write(w->job->temp, chunk, CHUNK_HEAD + strip->n_bytes + 4, err);
+    uint8_t *const chunk = strip->bytes - CHUNK_HEAD;
+    w->adler = cts_idat_checksum(w->adler, strip);
+    if (w->n_written + 1 == w->idat.n_strips) {
+        png_save_uint_32(strip->bytes + strip->n_bytes, w->adler);
+        strip->crc = (uint32_t)crc32(strip->crc, strip->bytes + strip->n_bytes, 4);
+        strip->n_bytes += 4;
     }
-    batch->n = 0;
-    return st;
+    png_save_uint_32(chunk, (png_uint_32)strip->n_bytes);
+    memcpy(chunk + 4, "IDAT", 4);
+    png_save_uint_32(strip->bytes + strip->n_bytes, strip->crc);
+    return cts_temp_write(w->job->temp, chunk, CHUNK_HEAD + strip->n_bytes + 4, err);
 }
 
 /* The two steps that talk to libpng; kept apart so that nothing local changes between setjmp and a longjmp back. */
@@ -176,14 +178,10 @@ static CtsStatus write_finish(PngWriter *w)
     return CTS_OK;
 }
 
-/* Rows that wait, then those of a band (NULL: none), counted on from the first that waits. */
+/* Rows that wait, then those of a band, counted on from the first that waits. */
 typedef struct Packing {
     PngWriter *writer;
     const CtsPicture *band;
-    int first_strip; /* of the batch, counted from the first row that waits */
-    Batch *now, *before;
-    CtsError errors[MOST_STRIPS + 1]; /* of writing, then of each strip */
-    CtsStatus found[MOST_STRIPS + 1];
 } Packing;
 
 static void convert_row(const PngWriter *w, const CtsPicture *band, int y, uint8_t *to)
@@ -205,67 +203,104 @@ static void collect_rows(const PngWriter *w, const CtsPicture *band, int first, 
             convert_row(w, band, r - w->n_waiting, to);
 }
 
-static CtsStatus pack_strip(const Packing *p, int worker, int i, CtsError *err)
+/* By the thread that it is for, with its first strip. */
+static CtsStatus packer_ready(const PngWriter *w, Packer *packer, CtsError *err)
+{
+    const size_t n_rows = (size_t)w->idat.rows_per_strip + 1;
+    CtsStatus st = CTS_OK;
+    if (!packer->rows && ((st = cts_alloc_array(&packer->rows, n_rows * w->idat.row_bytes, err)) ||
+                          (st = cts_idat_packer_new(&packer->idat, &w->idat, err)))) {
+        cts_idat_packer_free(&packer->idat);
+        cts_free(&packer->rows);
+    }
+    return st;
+}
+
+/* Strip i of the band, into its slot. */
+static CtsStatus pack_strip(const Packing *p, int worker, int i, CtsIdatStrip *strip, CtsError *err)
 {
     const PngWriter *w = p->writer;
-    const Packer *packer = &w->packers[worker];
-    const int n_rows = w->n_waiting + (p->band ? p->band->height : 0), per_strip = w->idat.rows_per_strip;
-    const int from = (p->first_strip + i) * per_strip, to = from + per_strip;
+    Packer *const packer = &w->packers[worker];
+    const CtsStatus st = packer_ready(w, packer, err);
+    if (st)
+        return st;
+    const int n_rows = w->n_waiting + p->band->height, per_strip = w->idat.rows_per_strip;
+    const int from = i * per_strip, to = from + per_strip;
     collect_rows(w, p->band, from - 1, to < n_rows ? to : n_rows, packer->rows);
-    return cts_idat_strip(packer->idat, w->n_packed + i, packer->rows + w->idat.row_bytes, &p->now->strips[i], err);
+    return cts_idat_strip(packer->idat, w->n_before + i, packer->rows + w->idat.row_bytes, strip, err);
 }
 
-/* Item 0 writes the batch before, the others are strips. */
-static void pack_and_write(void *context, int worker, size_t first, size_t end)
+static bool await_slot(PngWriter *w, int strip)
 {
-    Packing *const p = context;
-    for (size_t i = first; i < end; i++)
-        p->found[i] =
-            i ? pack_strip(p, worker, (int)i - 1, &p->errors[i]) : write_strips(p->writer, p->before, &p->errors[i]);
+    pthread_mutex_lock(&w->lock);
+    while (!w->failed && strip - w->n_written >= w->n_slots)
+        pthread_cond_wait(&w->slot_free, &w->lock);
+    const bool goes_on = !w->failed;
+    pthread_mutex_unlock(&w->lock);
+    return goes_on;
 }
 
-/* n strips are compressed in parallel; they are written, in order, beside the next ones. */
-static CtsStatus pack_batch(PngWriter *w, const CtsPicture *band, int first, int n)
+/* The lock is held. */
+static void fail(PngWriter *w, CtsStatus st, const CtsError *err)
 {
-    Packing packing = {.writer = w,
-                       .band = band,
-                       .first_strip = first,
-                       .now = &w->batches[w->batch],
-                       .before = &w->batches[!w->batch]};
-    const size_t room = CHUNK_HEAD + cts_idat_bound(w->packers[0].idat) + CHUNK_TAIL;
-    for (int i = 0; i < n; i++)
-        packing.now->strips[i] = (CtsIdatStrip){.bytes = packing.now->bytes + (size_t)i * room + CHUNK_HEAD};
-    cts_parallel(w->n_threads, (size_t)n + 1, 1, pack_and_write, &packing);
-    if (packing.found[0]) {
-        *w->err = packing.errors[0];
-        return packing.found[0];
+    w->failed = st;
+    w->failure = *err;
+}
+
+/* Writes all that is there, unless somebody is about it, who then goes on to this one. */
+static void hand_in(PngWriter *w, Slot *slot, CtsStatus st, CtsError *err)
+{
+    pthread_mutex_lock(&w->lock);
+    slot->packed = !st;
+    if (st) {
+        cts_context(err, "%s", w->job->path);
+        fail(w, st, err);
     }
-    for (int i = 1; i <= n; i++)
-        if (packing.found[i])
-            return cts_fail(w->err, packing.found[i], "%s: %s", w->job->path, packing.errors[i].text);
-    packing.now->n = n;
-    w->n_packed += n;
-    w->batch = !w->batch;
-    return CTS_OK;
+    for (Slot *next = NULL; !w->failed && !w->writing && (next = &w->slots[w->n_written % w->n_slots])->packed;) {
+        w->writing = true;
+        pthread_mutex_unlock(&w->lock);
+        st = write_strip(w, &next->strip, err);
+        pthread_mutex_lock(&w->lock);
+        w->writing = next->packed = false;
+        w->n_written++;
+        if (st)
+            fail(w, st, err);
+        pthread_cond_broadcast(&w->slot_free);
+    }
+    pthread_cond_broadcast(&w->slot_free);
+    pthread_mutex_unlock(&w->lock);
 }
 
-/* All whole strips of the rows that wait and the band's, then the rows that are left wait; without a band, those too.
- */
+static void pack_strips(void *context, int worker, size_t first, size_t end)
+{
+    const Packing *const p = context;
+    PngWriter *const w = p->writer;
+    for (int i = (int)first; i < (int)end; i++) {
+        CtsError err = {0};
+        const int strip = w->n_before + i, at = strip % w->n_slots;
+        if (!await_slot(w, strip))
+            return;
+        Slot *const slot = &w->slots[at];
+        slot->strip = (CtsIdatStrip){.bytes = w->slot_bytes + (size_t)at * w->slot_room + CHUNK_HEAD};
+        hand_in(w, slot, pack_strip(p, worker, i, &slot->strip, &err), &err);
+    }
+}
+
+/* All whole strips of the rows that wait and the band's, then the rows that are left wait; with the last band, those
+ * too. */
 static CtsStatus add_rows(PngWriter *w, const CtsPicture *band)
 {
-    const int per_strip = w->idat.rows_per_strip, n_rows = w->n_waiting + (band ? band->height : 0);
-    const int n_strips = band ? n_rows / per_strip : (n_rows + per_strip - 1) / per_strip;
-    CtsStatus st = CTS_OK;
-    for (int strip = 0; strip < n_strips && !st; strip += w->n_batch)
-        st = pack_batch(w, band, strip, n_strips - strip < w->n_batch ? n_strips - strip : w->n_batch);
-    if (st || !band)
-        return st;
+    const bool last = band->first_row + band->height == w->idat.height;
+    const int per_strip = w->idat.rows_per_strip, n_rows = w->n_waiting + band->height;
+    const int n_strips = last ? (n_rows + per_strip - 1) / per_strip : n_rows / per_strip;
+    Packing packing = {w, band};
+    cts_parallel(w->n_threads, (size_t)n_strips, 1, pack_strips, &packing);
+    if (w->failed)
+        return cts_fail(w->err, w->failed, "%s", w->failure.text);
+    w->n_before += n_strips;
     /* What is left is less than a strip. */
-    const int first = n_strips * per_strip;
-    if (n_strips)
-        collect_rows(w, band, first - 1, n_rows, w->packers[0].rows);
-    else
-        collect_rows(w, band, -1, n_rows, w->packers[0].rows);
+    const int first = last ? n_rows : n_strips * per_strip;
+    collect_rows(w, band, first - 1, n_rows, w->packers[0].rows);
     memcpy(w->rows, w->packers[0].rows, (size_t)(n_rows - first + 1) * w->idat.row_bytes);
     w->n_waiting = n_rows - first;
     return CTS_OK;
@@ -277,18 +312,13 @@ static CtsStatus begin_packing(PngWriter *w, CtsError *err)
     const size_t n_rows = (size_t)w->idat.rows_per_strip + 1;
     const int n_threads = cts_threads(w->job->settings.n_threads);
     w->n_threads = n_threads < w->idat.n_strips ? n_threads : w->idat.n_strips;
-    w->n_batch = STRIPS_EACH * w->n_threads < w->idat.n_strips ? STRIPS_EACH * w->n_threads : w->idat.n_strips;
-    w->n_batch = w->n_batch < MOST_STRIPS ? w->n_batch : MOST_STRIPS;
-    if ((st = cts_alloc_zeroed(&w->packers, (size_t)w->n_threads, err)))
+    w->n_slots = STRIPS_EACH * w->n_threads < MOST_STRIPS ? STRIPS_EACH * w->n_threads : MOST_STRIPS;
+    w->n_slots = w->n_slots < w->idat.n_strips ? w->n_slots : w->idat.n_strips;
+    if ((st = cts_alloc_zeroed(&w->packers, (size_t)w->n_threads, err)) || (st = packer_ready(w, &w->packers[0], err)))
         return st;
-    for (int t = 0; t < w->n_threads; t++)
-        if ((st = cts_idat_packer_new(&w->packers[t].idat, &w->idat, err)) ||
-            (st = cts_alloc_array(&w->packers[t].rows, n_rows * w->idat.row_bytes, err)))
-            return st;
-    const size_t room = CHUNK_HEAD + cts_idat_bound(w->packers[0].idat) + CHUNK_TAIL;
-    for (int i = 0; i < 2; i++)
-        if ((st = cts_alloc_array(&w->batches[i].bytes, (size_t)w->n_batch * room, err)))
-            return st;
+    w->slot_room = CHUNK_HEAD + cts_idat_bound(w->packers[0].idat) + CHUNK_TAIL;
+    if ((st = cts_alloc_array(&w->slot_bytes, (size_t)w->n_slots * w->slot_room, err)))
+        return st;
     return cts_alloc_zeroed(&w->rows, n_rows * w->idat.row_bytes, err);
 }
 
@@ -299,7 +329,8 @@ CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
     PngWriter *w = job->state = calloc(1, sizeof *w);
     if (!w)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
-    *w = (PngWriter){.job = job, .err = err, .adler = 1};
+    *w = (PngWriter){
+        .job = job, .err = err, .adler = 1, .lock = PTHREAD_MUTEX_INITIALIZER, .slot_free = PTHREAD_COND_INITIALIZER};
     w->idat = cts_idat_plan(head->width, head->height, head->has_alpha ? 4 : head->grey ? 1 : 3);
     if ((st = begin_packing(w, err)))
         return st;
@@ -320,10 +351,7 @@ CtsStatus cts_png_finish(CtsExportJob *job, CtsError *err)
 {
     PngWriter *w = job->state;
     w->err = err;
-    CtsStatus st = w->n_waiting > 0 ? add_rows(w, NULL) : CTS_OK;
-    if (!st)
-        st = write_strips(w, &w->batches[!w->batch], err);
-    return st ? st : write_finish(w);
+    return write_finish(w);
 }
 
 void cts_png_close(CtsExportJob *job)
@@ -338,8 +366,9 @@ void cts_png_close(CtsExportJob *job)
         cts_free(&w->packers[t].rows);
     }
     cts_free(&w->packers);
-    for (int i = 0; i < 2; i++)
-        cts_free(&w->batches[i].bytes);
+    cts_free(&w->slot_bytes);
     cts_free(&w->rows);
+    pthread_cond_destroy(&w->slot_free);
+    pthread_mutex_destroy(&w->lock);
     free(w);
 }

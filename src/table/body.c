@@ -2,7 +2,6 @@
 
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "table/morphology.h"
 #include "table/parts.h"
 #include <math.h>
 #include <stdatomic.h>
@@ -68,9 +67,9 @@ static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, C
     if (!n_sized)
         return CTS_OK;
     const CtsReach reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm);
-    if ((st = cts_bits_new(&others, plan->dims, err)))
+    if ((st = cts_bits_new_unset(&others, plan->dims, err)))
         goto end;
-    cts_parts_paint(p, sized, &others, n_threads);
+    cts_parts_paint(p, sized, NULL, &others, n_threads);
     Opening opening = {&others, reach, workers};
     cts_parallel(n_threads, (size_t)plan->dims[2], 1, open_sections, &opening);
     if ((st = count_in(p, &others, &thick, err)))
@@ -131,7 +130,7 @@ static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections,
     CtsParts parts = {0};
     uint8_t *flags = NULL, *sized = NULL;
     CtsBits *const rest = &body->foreign; /* first what is no plate, then what is foreign */
-    if ((st = cts_bits_new_unset(rest, plan->dims, err)) || (st = cts_bits_new(&body->dense, plan->dims, err)))
+    if ((st = cts_bits_new_unset(rest, plan->dims, err)) || (st = cts_bits_new_unset(&body->dense, plan->dims, err)))
         return st;
     Sections taking = {sections, extruded, rest, workers}, extending = {sections, extruded, &body->dense, workers};
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, take_extruded, &taking);
@@ -139,9 +138,8 @@ static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections,
         (st = cts_alloc_array(&sized, parts.n_parts, err)) ||
         (st = choose_patient(plan, &parts, workers, n_threads, flags, sized, err)))
         goto end;
-    cts_parts_paint(&parts, flags, &body->dense, n_threads);
-    cts_bits_combine(rest, CTS_BITS_COPY, extruded);
-    cts_parts_paint(&parts, sized, rest, n_threads);
+    cts_parts_paint(&parts, flags, NULL, &body->dense, n_threads);
+    cts_parts_paint(&parts, sized, extruded, rest, n_threads);
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, extend_by_voxel, &extending);
     for (uint32_t n = 0; n < parts.n_parts; n++)
         body->mm3 += flags[n] ? (double)parts.parts[n].n_voxels * plan->voxel_mm3 : 0;
@@ -177,9 +175,33 @@ static void sample_run(const CtsSectionPlan *plan, const CtsVolume *v, const Cts
     }
 }
 
+/* What of the air is looked at, part by part. */
+typedef struct Sampling {
+    const CtsSectionPlan *plan;
+    const CtsVolume *volume;
+    const CtsParts *air;
+    const uint8_t *outside;
+    Sample *samples;
+} Sampling;
+
+/* A part of the air lies in one section. */
+static void sample_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Sampling *const s = context;
+    const CtsParts *air = s->air;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++)
+        for (int j = 0; j < air->dims[1]; j += SAMPLE_ROWS) {
+            const size_t row = (size_t)k * (size_t)air->dims[1] + (size_t)j;
+            for (uint32_t r = air->row_start[row]; r < air->row_start[row + 1]; r++)
+                if (s->outside[air->runs[r].part])
+                    sample_run(s->plan, s->volume, &air->runs[r], j, k, &s->samples[air->runs[r].part]);
+        }
+}
+
 /* outside[]: the parts of the air that reach the border of a section and are no lung. */
-static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *air, uint8_t *outside,
-                              CtsError *err)
+static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *air, int n_threads,
+                              uint8_t *outside, CtsError *err)
 {
     Sample *samples;
     const CtsStatus st = cts_alloc_zeroed(&samples, air->n_parts, err);
@@ -189,13 +211,8 @@ static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, co
         const CtsPart *p = &air->parts[n];
         outside[n] = p->lo[0] == 0 || p->lo[1] == 0 || p->hi[0] == air->dims[0] - 1 || p->hi[1] == air->dims[1] - 1;
     }
-    for (int k = 0; k < air->dims[2]; k++)
-        for (int j = 0; j < air->dims[1]; j += SAMPLE_ROWS) {
-            const size_t row = (size_t)k * (size_t)air->dims[1] + (size_t)j;
-            for (uint32_t r = air->row_start[row]; r < air->row_start[row + 1]; r++)
-                if (outside[air->runs[r].part])
-                    sample_run(plan, v, &air->runs[r], j, k, &samples[air->runs[r].part]);
-        }
+    Sampling sampling = {plan, v, air, outside, samples};
+    cts_parallel(n_threads, (size_t)air->dims[2], 0, sample_sections, &sampling);
     for (uint32_t n = 0; n < air->n_parts; n++)
         if (2 * samples[n].n_lung > samples[n].n)
             outside[n] = 0;
@@ -246,10 +263,11 @@ static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, int 
     Turning turning = {body, &air};
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, find_air, &turning);
     if ((st = cts_parts_find_in_slices(&parts, &air, n_threads, err)) ||
-        (st = cts_alloc_array(&outside, parts.n_parts, err)) || (st = tell_outside(plan, v, &parts, outside, err)) ||
-        (st = cts_bits_new(&body->whole, plan->dims, err)))
+        (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
+        (st = tell_outside(plan, v, &parts, n_threads, outside, err)) ||
+        (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
         goto end;
-    cts_parts_paint(&parts, outside, &body->whole, n_threads);
+    cts_parts_paint(&parts, outside, NULL, &body->whole, n_threads);
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, turn_outside, &turning);
 end:
     cts_bits_free(&air);
@@ -291,21 +309,13 @@ static void measure_thin(const CtsSectionPlan *plan, CtsMorphology *workers, Cts
 }
 
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections,
-                        const CtsBits *extruded, int n_threads, CtsBody *body, CtsError *err)
+                        const CtsBits *extruded, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
 {
     CtsBits scratch = {0};
-    CtsMorphology *workers;
-    CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
-    for (int t = 0; !st && t < n_threads; t++)
-        st = cts_morphology_new(&workers[t], sections, err);
-    if (st || (st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) ||
-        (st = find_whole(plan, v, n_threads, body, err)) || (st = cts_bits_new_unset(&scratch, plan->dims, err)))
-        goto end;
-    measure_thin(plan, workers, &scratch, n_threads, body);
-end:
-    for (int t = 0; workers && t < n_threads; t++)
-        cts_morphology_free(&workers[t]);
-    cts_free(&workers);
+    CtsStatus st;
+    if (!(st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) &&
+        !(st = find_whole(plan, v, n_threads, body, err)) && !(st = cts_bits_new_unset(&scratch, plan->dims, err)))
+        measure_thin(plan, workers, &scratch, n_threads, body);
     cts_bits_free(&scratch);
     return st;
 }
@@ -366,11 +376,10 @@ static void narrow_sections(void *context, int worker, size_t first, size_t end)
     }
 }
 
-CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, int n_threads, CtsBodyMask **mask,
-                            CtsError *err)
+CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
+                            CtsBodyMask **mask, CtsError *err)
 {
     CtsBits narrow = {0};
-    CtsMorphology *workers = NULL;
     const CtsReach reach = cts_reach_mm(SKIN_MM, plan->spacing_mm);
     CtsStatus st = cts_alloc_zeroed(mask, 1, err);
     if (st)
@@ -379,19 +388,11 @@ CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, in
     body->n_slices = plan->n_slices;
     body->parts = 1;
     memcpy(body->axis, plan->axis, sizeof body->axis);
-    if ((st = cts_bits_new_unset(&body->squares, plan->dims, err)) ||
-        (st = cts_bits_new_unset(&narrow, plan->dims, err)) ||
-        (st = cts_alloc_zeroed(&workers, (size_t)n_threads, err)))
-        goto end;
-    for (int t = 0; t < n_threads; t++)
-        if ((st = cts_morphology_new(&workers[t], whole, err)))
-            goto end;
-    Narrowing narrowing = {whole, &narrow, &body->squares, reach, workers};
-    cts_parallel(n_threads, (size_t)plan->dims[2], 0, narrow_sections, &narrowing);
-end:
-    for (int t = 0; workers && t < n_threads; t++)
-        cts_morphology_free(&workers[t]);
-    cts_free(&workers);
+    if (!(st = cts_bits_new_unset(&body->squares, plan->dims, err)) &&
+        !(st = cts_bits_new_unset(&narrow, plan->dims, err))) {
+        Narrowing narrowing = {whole, &narrow, &body->squares, reach, workers};
+        cts_parallel(n_threads, (size_t)plan->dims[2], 0, narrow_sections, &narrowing);
+    }
     cts_bits_free(&narrow);
     if (st)
         cts_body_mask_free(mask);

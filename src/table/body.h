@@ -3,6 +3,7 @@
 #define CTS_TABLE_BODY_H
 
 #include "ctsplat/volume.h"
+#include "table/morphology.h"
 #include "table/sections.h"
 #include "volume/body_mask.h"
 
@@ -14,14 +15,15 @@ typedef struct CtsBody {
     double thin_mm3; /* of those that stand out thin from the whole */
 } CtsBody;
 
-/* sections without extruded is what there may be of the patient; both and the volume in memory as the plan has them. */
+/* sections without extruded is what there may be of the patient; both and the volume in memory as the plan has them.
+ * workers[]: one for each thread. */
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsBits *sections,
-                        const CtsBits *extruded, int n_threads, CtsBody *body, CtsError *err);
+                        const CtsBits *extruded, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err);
 void cts_body_free(CtsBody *body);
 
 /* What minip and average look at: the whole body but for its outermost 3 mm and sections, which hold the soft edge of
  * the skin. */
-CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, int n_threads, CtsBodyMask **mask,
-                            CtsError *err);
+CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
+                            CtsBodyMask **mask, CtsError *err);
 
 #endif

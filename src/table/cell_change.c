@@ -15,7 +15,7 @@ CtsStatus cts_cell_change_new(CtsCellChange *change, CtsMacrocells *macrocells, 
     if (!macrocells)
         return CTS_OK;
     const int dims[3] = {macrocells->n_fine[0], macrocells->n_fine[1], macrocells->dims[2]};
-    if ((st = cts_bits_new(&change->lost, dims, err)) || (st = cts_bits_new(&change->kept, dims, err)))
+    if ((st = cts_bits_new_unset(&change->lost, dims, err)) || (st = cts_bits_new_unset(&change->kept, dims, err)))
         return st;
     return CTS_OK;
 }
@@ -73,11 +73,20 @@ static void join_row(CtsCellRows *rows, const uint64_t *restrict gone, size_t n_
     }
 }
 
+static size_t slice_bytes(const CtsCellChange *c)
+{
+    return c->lost.row_words * (size_t)c->lost.dims[1] * sizeof *c->lost.words;
+}
+
 void cts_cell_change_row(CtsCellChange *c, CtsCellRows *rows, const uint64_t *gone, int j, int k)
 {
     if (!c->macrocells)
         return;
     const size_t n_words = (size_t)c->macrocells->dims[0] / 64 + 1;
+    if (j == 0) {
+        memset(cts_bits_row(&c->lost, 0, k), 0, slice_bytes(c));
+        memset(cts_bits_row(&c->kept, 0, k), 0, slice_bytes(c));
+    }
     /* The first row of a macro-cell is the last of the one before. */
     const bool first = j % CTS_FINE_MACROCELL == 0, last = j == c->macrocells->dims[1] - 1;
     if (j)
@@ -94,11 +103,10 @@ void cts_cell_change_row(CtsCellChange *c, CtsCellRows *rows, const uint64_t *go
 
 void cts_cell_change_same(CtsCellChange *c, int k)
 {
-    const size_t n_bytes = c->lost.row_words * (size_t)c->lost.dims[1] * sizeof *c->lost.words;
     if (!c->macrocells)
         return;
-    memcpy(cts_bits_row(&c->lost, 0, k), cts_bits_row(&c->lost, 0, k - 1), n_bytes);
-    memcpy(cts_bits_row(&c->kept, 0, k), cts_bits_row(&c->kept, 0, k - 1), n_bytes);
+    memcpy(cts_bits_row(&c->lost, 0, k), cts_bits_row(&c->lost, 0, k - 1), slice_bytes(c));
+    memcpy(cts_bits_row(&c->kept, 0, k), cts_bits_row(&c->kept, 0, k - 1), slice_bytes(c));
 }
 
 /* The largest level of the n_macrocells fine macro-cells from (bi, bj, bk) on, one after the other along a row. */

@@ -3,7 +3,6 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "table/contact.h"
-#include "table/morphology.h"
 #include "table/parts.h"
 #include <math.h>
 #include <stdatomic.h>
@@ -58,17 +57,18 @@ static Window window_at(const Windows *w, int n)
 
 /* What one thread works with: sections of one slice. */
 typedef struct Worker {
-    CtsMorphology morphology;
+    CtsMorphology *morphology;
     CtsBits always, ever, thin;
     CtsParts parts;
 } Worker;
 
-static CtsStatus worker_new(Worker *w, const int dims[3], CtsError *err)
+static CtsStatus worker_new(Worker *w, const int dims[3], CtsMorphology *morphology, CtsError *err)
 {
     CtsStatus st;
     const int one[3] = {dims[0], dims[1], 1};
-    (void)((st = cts_bits_new(&w->always, one, err)) || (st = cts_bits_new(&w->ever, one, err)) ||
-           (st = cts_bits_new(&w->thin, one, err)) || (st = cts_morphology_new(&w->morphology, &w->always, err)));
+    w->morphology = morphology;
+    (void)((st = cts_bits_new_unset(&w->always, one, err)) || (st = cts_bits_new_unset(&w->ever, one, err)) ||
+           (st = cts_bits_new_unset(&w->thin, one, err)));
     return st;
 }
 
@@ -77,14 +77,13 @@ static void worker_free(Worker *w)
     cts_bits_free(&w->always);
     cts_bits_free(&w->ever);
     cts_bits_free(&w->thin);
-    cts_morphology_free(&w->morphology);
     cts_parts_free(&w->parts);
 }
 
 /* What is there in every section of the window, but for single ones that noise has broken; and in any. */
 static void look_along(const Search *s, Window window, Worker *w)
 {
-    const size_t n = w->morphology.n_words;
+    const size_t n = w->morphology->n_words;
     const int last = s->plan->dims[2] - 1;
     memset(w->always.words, 0xff, n * sizeof *w->always.words);
     memset(w->ever.words, 0, n * sizeof *w->ever.words);
@@ -127,19 +126,26 @@ static CtsBits section_of(const CtsBits *bits, int k)
         .dims = {bits->dims[0], bits->dims[1], 1}, .row_words = bits->row_words, .words = cts_bits_row(bits, 0, k)};
 }
 
+static void clear_section(CtsBits *section)
+{
+    memset(section->words, 0, cts_bits_n_words(section) * sizeof *section->words);
+}
+
 /* A plate is thin in all sections together and always there: that tells it from the patient's ears, skin and walls,
  * which move from section to section. Where a back lies on it, it is thin on both sides alone. */
 static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err)
 {
     CtsStatus st;
     CtsBits plates = section_of(&s->plates, n), doubtful = section_of(&s->doubtful, n);
+    clear_section(&plates);
+    clear_section(&doubtful);
     look_along(s, window_at(&s->windows, n), w);
-    cts_thin_section(&w->morphology, w->ever.words, s->reach, w->thin.words);
+    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
     if ((st = choose_parts(s, w, &plates, err)))
         return st;
     cts_bits_combine(&plates, CTS_BITS_AND, &w->always);
     cts_contact_add(&w->always, &w->ever, &plates);
-    cts_thin_section(&w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
+    cts_thin_section(w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
     if ((st = choose_parts(s, w, &doubtful, err)))
         return st;
     cts_bits_combine(&doubtful, CTS_BITS_AND, &w->always);
@@ -153,6 +159,7 @@ static void follow_plates(const Search *s, int n, Worker *w)
     const Window window = window_at(&s->shorter, n);
     const CtsReach waver = {.diamond = 1, .box = {1, 1}};
     CtsBits followed = section_of(&s->followed, n);
+    clear_section(&followed);
     for (int l = 0; l < s->windows.n; l++) {
         const Window longer = window_at(&s->windows, l);
         const CtsBits plates = section_of(&s->plates, l);
@@ -163,25 +170,12 @@ static void follow_plates(const Search *s, int n, Worker *w)
         return;
     look_along(s, window, w);
     /* Over the longer way the plate has wavered: up to the faces that it has here. */
-    cts_thin_section(&w->morphology, w->ever.words, s->reach, w->thin.words);
+    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
     cts_bits_combine(&w->thin, CTS_BITS_OR, &followed);
-    cts_dilate_section(&w->morphology, followed.words, waver, followed.words);
+    cts_dilate_section(w->morphology, followed.words, waver, followed.words);
     cts_bits_combine(&followed, CTS_BITS_AND, &w->thin);
     cts_bits_combine(&followed, CTS_BITS_AND, &w->always);
     cts_contact_add(&w->always, &w->ever, &followed);
-}
-
-/* Each section has what was found in the windows over it. */
-static void gather(const CtsBits *sections, int k, const Windows *windows, const CtsBits *found, CtsBits *to)
-{
-    CtsBits own = section_of(to, k), there = section_of(sections, k);
-    for (int n = 0; n < windows->n; n++) {
-        const Window window = window_at(windows, n);
-        const CtsBits from = section_of(found, n);
-        if (k >= window.first && k < window.end)
-            cts_bits_combine(&own, CTS_BITS_OR, &from);
-    }
-    cts_bits_combine(&own, CTS_BITS_AND, &there);
 }
 
 typedef struct Looking {
@@ -196,7 +190,7 @@ static void widen_sections(void *context, int worker, size_t first, size_t end)
     const Looking *const l = context;
     const CtsReach one = {.diamond = 1};
     for (int k = (int)first; k < (int)end; k++)
-        cts_dilate_section(&l->workers[worker].morphology, cts_bits_row(l->sections, 0, k), one,
+        cts_dilate_section(l->workers[worker].morphology, cts_bits_row(l->sections, 0, k), one,
                            cts_bits_row(&l->search->wide, 0, k));
 }
 
@@ -215,12 +209,12 @@ static void follow_in_windows(void *context, int worker, size_t first, size_t en
         follow_plates(l->search, n, &l->workers[worker]);
 }
 
-static CtsStatus search(Search *s, const CtsBits *sections, int n_threads, CtsError *err)
+static CtsStatus search(Search *s, const CtsBits *sections, CtsMorphology *morphology, int n_threads, CtsError *err)
 {
     Worker *workers;
     CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
-        st = worker_new(&workers[t], sections->dims, err);
+        st = worker_new(&workers[t], sections->dims, &morphology[t], err);
     if (st)
         goto end;
     Looking looking = {.search = s, .sections = sections, .workers = workers};
@@ -242,20 +236,52 @@ typedef struct Gathering {
     CtsExtruded *extruded;
 } Gathering;
 
-static void gather_sections(void *context, int worker, size_t first, size_t end)
+/* Words first to first + n of what was found in the windows over section k. */
+static void add_found(const Windows *windows, const CtsBits *found, int k, size_t first, size_t n, uint64_t *to)
 {
-    const Gathering *const g = context;
-    (void)worker;
-    for (int k = (int)first; k < (int)end; k++) {
-        const Search *const s = g->search;
-        gather(g->sections, k, &s->windows, &s->plates, &g->extruded->plates);
-        gather(g->sections, k, &s->shorter, &s->followed, &g->extruded->plates);
-        gather(g->sections, k, &s->windows, &s->doubtful, &g->extruded->doubtful);
+    for (int at = 0; at < windows->n; at++) {
+        const Window window = window_at(windows, at);
+        const uint64_t *from = cts_bits_row(found, 0, at) + first;
+        if (k < window.first || k >= window.end)
+            continue;
+        for (size_t w = 0; w < n; w++)
+            to[w] |= from[w];
     }
 }
 
-CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, int n_threads, CtsExtruded *extruded,
-                            CtsError *err)
+/* Each section has what was found in the windows over it, piece by piece, so that a piece stays in the nearest cache.
+ */
+static void gather_section(const Gathering *g, int k)
+{
+    enum { PIECE = 512 };
+    const Search *const s = g->search;
+    const size_t n_words = g->sections->row_words * (size_t)g->sections->dims[1];
+    for (size_t first = 0; first < n_words; first += PIECE) {
+        const size_t n = n_words - first < PIECE ? n_words - first : PIECE;
+        const uint64_t *there = cts_bits_row(g->sections, 0, k) + first;
+        uint64_t *plates = cts_bits_row(&g->extruded->plates, 0, k) + first;
+        uint64_t *doubtful = cts_bits_row(&g->extruded->doubtful, 0, k) + first;
+        memset(plates, 0, n * sizeof *plates);
+        memset(doubtful, 0, n * sizeof *doubtful);
+        add_found(&s->windows, &s->plates, k, first, n, plates);
+        add_found(&s->shorter, &s->followed, k, first, n, plates);
+        add_found(&s->windows, &s->doubtful, k, first, n, doubtful);
+        for (size_t w = 0; w < n; w++) {
+            plates[w] &= there[w];
+            doubtful[w] &= there[w];
+        }
+    }
+}
+
+static void gather_sections(void *context, int worker, size_t first, size_t end)
+{
+    (void)worker;
+    for (size_t k = first; k < end; k++)
+        gather_section(context, (int)k);
+}
+
+CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
+                            CtsExtruded *extruded, CtsError *err)
 {
     CtsStatus st;
     Search s = {.plan = plan,
@@ -266,14 +292,15 @@ CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections,
     s.sure_voxels = SURE_MM2 / mm2;
     s.windows = windows_of(plan, EXTRUDED_MM);
     s.shorter = windows_of(plan, FOLLOWED_MM);
-    if ((st = cts_bits_new(&extruded->plates, plan->dims, err)) ||
-        (st = cts_bits_new(&extruded->doubtful, plan->dims, err)) || s.windows.n == 0)
+    CtsStatus (*const new_mask)(CtsBits *, const int *, CtsError *) = s.windows.n ? cts_bits_new_unset : cts_bits_new;
+    if ((st = new_mask(&extruded->plates, plan->dims, err)) || (st = new_mask(&extruded->doubtful, plan->dims, err)) ||
+        s.windows.n == 0)
         return st;
     const int by_window[3] = {plan->dims[0], plan->dims[1], s.windows.n};
     const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
-    if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new(&s.plates, by_window, err)) ||
-        (st = cts_bits_new(&s.doubtful, by_window, err)) || (st = cts_bits_new(&s.followed, by_shorter, err)) ||
-        (st = search(&s, sections, n_threads, err)))
+    if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new_unset(&s.plates, by_window, err)) ||
+        (st = cts_bits_new_unset(&s.doubtful, by_window, err)) ||
+        (st = cts_bits_new_unset(&s.followed, by_shorter, err)) || (st = search(&s, sections, workers, n_threads, err)))
         goto end;
     Gathering gathering = {&s, sections, extruded};
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, gather_sections, &gathering);

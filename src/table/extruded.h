@@ -2,6 +2,7 @@
 #ifndef CTS_TABLE_EXTRUDED_H
 #define CTS_TABLE_EXTRUDED_H
 
+#include "table/morphology.h"
 #include "table/sections.h"
 
 /* Bits of the sections, in their dimensions: thin things that stand at the same place over 60 mm of the scanner's axis;
@@ -10,9 +11,9 @@ typedef struct CtsExtruded {
     CtsBits plates, doubtful;
 } CtsExtruded;
 
-/* A zero-initialised one may be freed. */
-CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, int n_threads, CtsExtruded *extruded,
-                            CtsError *err);
+/* workers[]: one for each thread. A zero-initialised CtsExtruded may be freed. */
+CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
+                            CtsExtruded *extruded, CtsError *err);
 void cts_extruded_free(CtsExtruded *extruded);
 
 #endif

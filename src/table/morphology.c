@@ -2,7 +2,9 @@
 
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include <math.h>
+#include <stdatomic.h>
 #include <string.h>
 
 /* In a regular octagon the box has this share of the radius. */
@@ -39,6 +41,38 @@ CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *er
 void cts_morphology_free(CtsMorphology *m)
 {
     cts_free(&m->buffer);
+}
+
+typedef struct Making {
+    CtsMorphology *workers;
+    const CtsBits *like;
+    atomic_int n_failed;
+} Making;
+
+static void make_workers(void *context, int worker, size_t first, size_t end)
+{
+    Making *const m = context;
+    (void)worker;
+    for (size_t t = first; t < end; t++)
+        if (cts_morphology_new(&m->workers[t], m->like, NULL))
+            atomic_fetch_add(&m->n_failed, 1);
+}
+
+CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_zeroed(workers, (size_t)n_threads, err);
+    if (st)
+        return st;
+    Making making = {.workers = *workers, .like = like};
+    cts_parallel(n_threads, (size_t)n_threads, 1, make_workers, &making);
+    return atomic_load(&making.n_failed) ? cts_fail(err, CTS_ERR_MEMORY, "out of memory") : CTS_OK;
+}
+
+void cts_morphologies_free(CtsMorphology **workers, int n_threads)
+{
+    for (int t = 0; *workers && t < n_threads; t++)
+        cts_morphology_free(&(*workers)[t]);
+    cts_free(workers);
 }
 
 static void read_section(CtsMorphology *m, const uint64_t *in)

@@ -23,6 +23,9 @@ typedef struct CtsMorphology {
 
 CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err);
 void cts_morphology_free(CtsMorphology *m);
+/* An array of one for each thread, made by them all. */
+CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err);
+void cts_morphologies_free(CtsMorphology **workers, int n_threads);
 
 /* Sections of n_words words; in and out may be the same. Outside the section lies nothing for dilation, and for opening
  * whatever lies at its border goes on, as a patient does whom the field of view cuts off. */

@@ -2,6 +2,7 @@
 
 #include "base/mem.h"
 #include "base/parallel.h"
+#include <string.h>
 
 /* Slices joined by one thread before the bands are joined in order; fixed, so that threads change nothing. */
 enum { BAND = 16 };
@@ -107,24 +108,62 @@ static void add_run(CtsPart *part, const CtsRun *run, int j, int k)
     part->n_voxels += run->end - run->first;
 }
 
-/* Number the parts. Runs come in order and a parent before its children, so one pass is enough. */
-static CtsStatus label(CtsParts *p, CtsError *err)
+/* Groups of rows whose parts are numbered by themselves: slices, or all together. */
+typedef struct Labelling {
+    CtsParts *parts;
+    size_t group_rows;
+    uint32_t *first; /* of each group: how many parts it has, then the number of its first */
+} Labelling;
+
+static void count_parts(void *context, int worker, size_t first, size_t end)
 {
-    uint32_t n = 0;
-    for (uint32_t r = 0; r < p->n_runs; r++)
-        n += p->runs[r].part == r;
-    const CtsStatus st = cts_alloc_zeroed(&p->parts, n, err);
+    const Labelling *const l = context;
+    const CtsParts *p = l->parts;
+    (void)worker;
+    for (size_t g = first; g < end; g++) {
+        l->first[g] = 0;
+        for (uint32_t r = p->row_start[g * l->group_rows]; r < p->row_start[(g + 1) * l->group_rows]; r++)
+            l->first[g] += p->runs[r].part == r;
+    }
+}
+
+/* Runs come in order and a parent before its children, so one pass is enough. */
+static void number_parts(void *context, int worker, size_t first, size_t end)
+{
+    const Labelling *const l = context;
+    CtsParts *const p = l->parts;
+    const size_t ny = (size_t)p->dims[1];
+    (void)worker;
+    for (size_t g = first; g < end; g++) {
+        uint32_t next = l->first[g];
+        for (size_t row = g * l->group_rows; row < (g + 1) * l->group_rows; row++)
+            for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
+                CtsRun *run = &p->runs[r];
+                run->part = run->part == r ? next++ : p->runs[run->part].part;
+                add_run(&p->parts[run->part], run, (int)(row % ny), (int)(row / ny));
+            }
+    }
+}
+
+static CtsStatus label(CtsParts *p, bool across_slices, int n_threads, CtsError *err)
+{
+    const size_t n_rows = (size_t)p->dims[1] * (size_t)p->dims[2];
+    const size_t n_groups = across_slices ? 1 : (size_t)p->dims[2];
+    Labelling labelling = {.parts = p, .group_rows = n_rows / n_groups};
+    CtsStatus st = cts_alloc_array(&labelling.first, n_groups, err);
     if (st)
         return st;
+    cts_parallel(n_threads, n_groups, 0, count_parts, &labelling);
     p->n_parts = 0;
-    const size_t ny = (size_t)p->dims[1], n_rows = ny * (size_t)p->dims[2];
-    for (size_t row = 0; row < n_rows; row++)
-        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
-            CtsRun *run = &p->runs[r];
-            run->part = run->part == r ? p->n_parts++ : p->runs[run->part].part;
-            add_run(&p->parts[run->part], run, (int)(row % ny), (int)(row / ny));
-        }
-    return CTS_OK;
+    for (size_t g = 0; g < n_groups; g++) {
+        const uint32_t n = labelling.first[g];
+        labelling.first[g] = p->n_parts;
+        p->n_parts += n;
+    }
+    if (!(st = cts_alloc_zeroed(&p->parts, p->n_parts, err)))
+        cts_parallel(n_threads, n_groups, 0, number_parts, &labelling);
+    cts_free(&labelling.first);
+    return st;
 }
 
 CtsStatus cts_parts_begin(CtsParts *p, const int dims[3], CtsError *err)
@@ -207,7 +246,7 @@ static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int 
     Rows rows = {p, bits};
     cts_parallel(threads_for(bits, n_threads), n_rows, 0, list_rows, &rows);
     join_bands(p, across_slices, threads_for(bits, n_threads));
-    st = label(p, err);
+    st = label(p, across_slices, threads_for(bits, n_threads), err);
 end:
     if (st)
         cts_parts_free(p);
@@ -246,19 +285,26 @@ void cts_parts_paint_slice(const CtsParts *p, const uint8_t *flags, CtsBits *bit
 typedef struct Painting {
     const CtsParts *parts;
     const uint8_t *flags;
+    const CtsBits *under;
     CtsBits *bits;
 } Painting;
 
 static void paint_slices(void *context, int worker, size_t first, size_t end)
 {
     const Painting *const p = context;
+    const size_t n_bytes = p->bits->row_words * (size_t)p->bits->dims[1] * sizeof *p->bits->words;
     (void)worker;
-    for (size_t k = first; k < end; k++)
-        cts_parts_paint_slice(p->parts, p->flags, p->bits, (int)k);
+    for (int k = (int)first; k < (int)end; k++) {
+        if (p->under)
+            memcpy(cts_bits_row(p->bits, 0, k), cts_bits_row(p->under, 0, k), n_bytes);
+        else
+            memset(cts_bits_row(p->bits, 0, k), 0, n_bytes);
+        cts_parts_paint_slice(p->parts, p->flags, p->bits, k);
+    }
 }
 
-void cts_parts_paint(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int n_threads)
+void cts_parts_paint(const CtsParts *p, const uint8_t *flags, const CtsBits *under, CtsBits *bits, int n_threads)
 {
-    Painting painting = {p, flags, bits};
+    Painting painting = {p, flags, under, bits};
     cts_parallel(threads_for(bits, n_threads), (size_t)p->dims[2], 0, paint_slices, &painting);
 }

@@ -39,8 +39,9 @@ CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, int n_threads, Ct
 CtsStatus cts_parts_find_in_slices(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
 void cts_parts_free(CtsParts *parts);
 
-/* Set the bits of the parts whose flag is set, in one slice or in all; bits must hold zeros. */
+/* Set the bits of the parts whose flag is set, in one slice, whose other bits stay as they are. */
 void cts_parts_paint_slice(const CtsParts *parts, const uint8_t *flags, CtsBits *bits, int k);
-void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, CtsBits *bits, int n_threads);
+/* The same in all slices; all other bits become those of `under` (NULL: 0). */
+void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, const CtsBits *under, CtsBits *bits, int n_threads);
 
 #endif

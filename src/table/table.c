@@ -29,7 +29,8 @@ static const char *const WHAT = "table removal";
 typedef struct Removal {
     CtsSectionPlan plan;
     int n_threads;
-    CtsBits dense; /* of the volume's voxels */
+    CtsMorphology *workers; /* one for each thread */
+    CtsBits dense;          /* of the volume's voxels */
     uint64_t n_runs;
     CtsBits sections;
     CtsExtruded extruded;
@@ -40,6 +41,7 @@ typedef struct Removal {
 
 static void removal_free(Removal *r)
 {
+    cts_morphologies_free(&r->workers, r->n_threads);
     cts_bits_free(&r->dense);
     cts_bits_free(&r->sections);
     cts_extruded_free(&r->extruded);
@@ -121,22 +123,13 @@ static void find_some_gone(void *context, int worker, size_t first, size_t end)
 
 static CtsStatus find_all_gone(Removal *r, CtsError *err)
 {
-    CtsMorphology *workers = NULL;
     uint64_t *scratch = NULL;
     const size_t n_words = r->sections.row_words * (size_t)r->sections.dims[1];
     CtsStatus st = cts_bits_new_unset(&r->gone, r->plan.dims, err);
-    if (st || (st = cts_alloc_array(&scratch, 2 * n_words * (size_t)r->n_threads, err)) ||
-        (st = cts_alloc_zeroed(&workers, (size_t)r->n_threads, err)))
-        goto end;
-    for (int t = 0; t < r->n_threads; t++)
-        if ((st = cts_morphology_new(&workers[t], &r->sections, err)))
-            goto end;
-    Finding finding = {r, workers, scratch, 2 * n_words};
-    cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, find_some_gone, &finding);
-end:
-    for (int t = 0; workers && t < r->n_threads; t++)
-        cts_morphology_free(&workers[t]);
-    cts_free(&workers);
+    if (!st && !(st = cts_alloc_array(&scratch, 2 * n_words * (size_t)r->n_threads, err))) {
+        Finding finding = {r, r->workers, scratch, 2 * n_words};
+        cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, find_some_gone, &finding);
+    }
     cts_free(&scratch);
     return st;
 }
@@ -208,11 +201,10 @@ end:
 }
 
 /* What may be table, yet stays: thin parts, and what goes along the scanner's axis as a table does. */
-static void report_uncertain(Removal *r, CtsReport *report)
+static void report_uncertain(const Removal *r, CtsReport *report)
 {
-    CtsBits *const doubtful = &r->extruded.doubtful;
-    cts_bits_combine(doubtful, CTS_BITS_AND, &r->body.dense);
-    const double extruded_mm3 = (double)cts_bits_count(doubtful) * r->plan.voxel_mm3;
+    const uint64_t n_doubtful = cts_bits_count_common(&r->extruded.doubtful, &r->body.dense, r->n_threads);
+    const double extruded_mm3 = (double)n_doubtful * r->plan.voxel_mm3;
     const double kept_mm3 = fmax(r->body.thin_mm3, extruded_mm3);
     if (kept_mm3 > UNCERTAIN_SHARE * r->body.mm3)
         cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
@@ -226,15 +218,16 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, CtsReport *report, CtsEr
     CtsStatus st;
     if ((st = find_dense(r, v, err)) || !is_usable(r, v, report) ||
         (st = cts_sections_new(&r->plan, &r->dense, r->n_threads, &r->sections, err)) ||
-        (st = cts_extruded_find(&r->plan, &r->sections, r->n_threads, &r->extruded, err)) ||
-        (st = cts_body_find(&r->plan, v, &r->sections, &r->extruded.plates, r->n_threads, &r->body, err)) ||
+        (st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) ||
+        (st = cts_extruded_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->extruded, err)) ||
+        (st = cts_body_find(&r->plan, v, &r->sections, &r->extruded.plates, r->workers, r->n_threads, &r->body, err)) ||
         (st = find_all_gone(r, err)))
         return st;
-    if ((st = cts_body_mask_new(&r->plan, &r->body.whole, r->n_threads, &v->body, err)))
+    if ((st = cts_body_mask_new(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
         return st;
     report_uncertain(r, report);
-    cts_bits_combine(&r->sections, CTS_BITS_AND, &r->gone);
-    if ((double)cts_bits_count(&r->sections) * r->plan.voxel_mm3 < NOTHING_MM3) {
+    const uint64_t n_gone = cts_bits_count_common(&r->sections, &r->gone, r->n_threads);
+    if ((double)n_gone * r->plan.voxel_mm3 < NOTHING_MM3) {
         cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);
         return st;
     }

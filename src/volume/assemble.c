@@ -589,6 +589,16 @@ static bool all_seen(const CtsSeries *series)
     return true;
 }
 
+static void tell_slow(const CtsSeries *series, CtsReport *report)
+{
+    const char *why = NULL;
+    for (int k = 0; k < series->n_slices && !why; k++)
+        why = cts_slice_why_slow(series->slices[k]);
+    if (why)
+        cts_report_finding(report, "slow_decoder", CTS_NOTE,
+                           "HTJ2K is decoded by OpenJPEG, in nearly twice the time that OpenJPH takes: %s", why);
+}
+
 /* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
 static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsVolume **volume, CtsReport *report,
                       CtsError *err)
@@ -639,6 +649,8 @@ static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, C
                            series->findings.items[i].text);
     if (st)
         in_series(series, err);
+    else
+        tell_slow(series, report);
     return st;
 }
 

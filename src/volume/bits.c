@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include <stdatomic.h>
 #include <string.h>
 #if defined(__SSE2__)
 #include <emmintrin.h>
@@ -261,9 +262,6 @@ void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
         for (size_t w = 0; w < n; w++)
             a->words[w] |= b->words[w];
         break;
-    case CTS_BITS_COPY:
-        memcpy(a->words, b->words, n * sizeof *a->words);
-        break;
     case CTS_BITS_NOT:
         for (size_t w = 0; w < n; w++)
             a->words[w] = ~b->words[w];
@@ -289,4 +287,26 @@ uint64_t cts_bits_count_slice(const CtsBits *bits, int k)
 uint64_t cts_bits_count(const CtsBits *bits)
 {
     return count_words(bits->words, cts_bits_n_words(bits));
+}
+
+typedef struct Common {
+    const CtsBits *a, *b;
+    _Atomic uint64_t count;
+} Common;
+
+static void count_common(void *context, int worker, size_t first, size_t end)
+{
+    Common *const c = context;
+    uint64_t count = 0;
+    (void)worker;
+    for (size_t w = first; w < end; w++)
+        count += (uint64_t)cts_popcount(c->a->words[w] & c->b->words[w]);
+    atomic_fetch_add(&c->count, count);
+}
+
+uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads)
+{
+    Common common = {.a = a, .b = b};
+    cts_parallel(n_threads, cts_bits_n_words(a), 0, count_common, &common);
+    return atomic_load(&common.count);
 }

@@ -101,10 +101,12 @@ static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
 void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsMacrocells *macrocells, uint16_t grey_min,
                         uint32_t *n_runs, int n_threads);
 
-typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_COPY, CTS_BITS_NOT } CtsBitsOp;
-/* a = a op b, word by word; CTS_BITS_COPY and _NOT take b alone. */
+typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_NOT } CtsBitsOp;
+/* a = a op b, word by word; CTS_BITS_NOT takes b alone. */
 void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
 uint64_t cts_bits_count_slice(const CtsBits *bits, int k);
 uint64_t cts_bits_count(const CtsBits *bits);
+/* How many are set in both, which have the same dimensions. */
+uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads);
 
 #endif

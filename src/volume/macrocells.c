@@ -5,6 +5,7 @@
 #include "base/parallel.h"
 #include "volume/bits.h"
 #include "volume/fold.h"
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -83,12 +84,10 @@ CtsStatus cts_macrocells_begin(CtsMacrocells **macrocells, const int dims[3], Ct
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
     if ((st = cts_alloc_array(&b->range, product(b->n), err)) ||
         (st = cts_alloc_array(&b->fine, product(b->n_fine), err)) ||
-        (st = cts_alloc_array(&b->shared, layer * ((size_t)b->n_fine[2] + 1), err))) {
+        (st = cts_alloc_array(&b->shared, layer * ((size_t)b->n_fine[2] + 1), err)) ||
+        (st = cts_alloc_zeroed(&b->begun, (size_t)b->n_fine[2], err)))
         cts_macrocells_free(macrocells);
-        return st;
-    }
-    clear(b->fine, product(b->n_fine));
-    return CTS_OK;
+    return st;
 }
 
 CtsStatus cts_macrocells_mark(CtsMacrocells *b, uint16_t dense_min, CtsError *err)
@@ -131,13 +130,24 @@ static int complete_rows(const CtsMacrocells *b, int n_rows)
     return n_rows == b->dims[1] ? b->n_fine[1] : n_rows > 0 ? (n_rows - 1) / CTS_FINE_MACROCELL : 0;
 }
 
+/* By who adds its first slice, which takes the system's time to find memory off who began. */
+static CtsRange *begin_layer(CtsMacrocells *b, int bk)
+{
+    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
+    CtsRange *const own = b->fine + (size_t)bk * layer;
+    if (!b->begun[bk])
+        clear(own, layer);
+    b->begun[bk] = true;
+    return own;
+}
+
 void cts_macrocells_add(CtsMacrocells *b, int k, const uint16_t *slice, int first, int end)
 {
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
     const int bk = k / CTS_FINE_MACROCELL, bj0 = complete_rows(b, first), bj1 = complete_rows(b, end);
     if (b->dense)
         mark_rows(b, k, slice, first, end);
-    CtsRange *own = b->fine + (size_t)bk * layer;
+    CtsRange *const own = bk < b->n_fine[2] ? begin_layer(b, bk) : NULL;
     if (k % CTS_FINE_MACROCELL > 0) {
         fold_slice(b, slice, bj0, bj1, own);
         return;
@@ -147,7 +157,7 @@ void cts_macrocells_add(CtsMacrocells *b, int k, const uint16_t *slice, int firs
     const size_t at = (size_t)bj0 * (size_t)b->n_fine[0], n = (size_t)(bj1 - bj0) * (size_t)b->n_fine[0];
     clear(shared + at, n);
     fold_slice(b, slice, bj0, bj1, shared);
-    if (bk < b->n_fine[2])
+    if (own)
         widen_row(own + at, shared + at, (int)n);
 }
 
@@ -171,21 +181,36 @@ static void sum_row(CtsMacrocells *b, int bj, int bk)
     }
 }
 
+typedef struct Summing {
+    CtsMacrocells *macrocells;
+    _Atomic CtsRange all;
+} Summing;
+
 static void sum_layers(void *context, int worker, size_t first, size_t end)
 {
-    CtsMacrocells *const b = context;
+    Summing *const s = context;
+    CtsMacrocells *const b = s->macrocells;
+    const size_t layer = (size_t)b->n[0] * (size_t)b->n[1];
+    CtsRange sum = {65535, 0};
     (void)worker;
-    for (size_t bk = first; bk < end; bk++)
+    for (size_t bk = first; bk < end; bk++) {
         for (int bj = 0; bj < b->n[1]; bj++)
             sum_row(b, bj, (int)bk);
+        for (size_t i = bk * layer; i < (bk + 1) * layer; i++)
+            widen(&sum, b->range[i]);
+    }
+    CtsRange before = atomic_load(&s->all), after;
+    do {
+        after = before;
+        widen(&after, sum);
+    } while (!atomic_compare_exchange_weak(&s->all, &before, after));
 }
 
 void cts_macrocells_sum(CtsMacrocells *b, int n_threads)
 {
-    cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, b);
-    b->all = (CtsRange){65535, 0};
-    for (size_t i = 0; i < product(b->n); i++)
-        widen(&b->all, b->range[i]);
+    Summing summing = {b, {65535, 0}};
+    cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, &summing);
+    b->all = atomic_load(&summing.all);
 }
 
 static void add_shared(void *context, int worker, size_t first, size_t end)
@@ -193,9 +218,11 @@ static void add_shared(void *context, int worker, size_t first, size_t end)
     CtsMacrocells *const b = context;
     const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
     (void)worker;
-    for (size_t bk = first; bk < end; bk++)
+    for (size_t bk = first; bk < end; bk++) {
+        CtsRange *const own = begin_layer(b, (int)bk);
         if (((int)bk + 1) * CTS_FINE_MACROCELL < b->dims[2])
-            widen_row(b->fine + bk * layer, b->shared + (bk + 1) * layer, (int)layer);
+            widen_row(own, b->shared + (bk + 1) * layer, (int)layer);
+    }
 }
 
 void cts_macrocells_end(CtsMacrocells *b, int n_threads)
@@ -203,6 +230,7 @@ void cts_macrocells_end(CtsMacrocells *b, int n_threads)
     cts_parallel(n_threads, (size_t)b->n_fine[2], 0, add_shared, b);
     cts_macrocells_sum(b, n_threads);
     cts_free(&b->shared);
+    cts_free(&b->begun);
 }
 
 void cts_macrocells_keep_slices(CtsMacrocells *b, int first, int n_slices, const uint16_t *grey)
@@ -262,6 +290,7 @@ CtsStatus cts_macrocells_map(CtsMacrocells **mapped, const CtsMacrocells *macroc
     map_ranges(m->fine, macrocells->fine, product(m->n_fine), level);
     map_ranges(&m->all, &macrocells->all, 1, level);
     cts_free(&m->shared);
+    cts_free(&m->begun);
     return CTS_OK;
 }
 
@@ -272,6 +301,7 @@ void cts_macrocells_free(CtsMacrocells **macrocells)
     cts_free(&(*macrocells)->range);
     cts_free(&(*macrocells)->fine);
     cts_free(&(*macrocells)->shared);
+    cts_free(&(*macrocells)->begun);
     forget_marks(*macrocells);
     free(*macrocells);
     *macrocells = NULL;

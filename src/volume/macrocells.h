@@ -27,6 +27,7 @@ typedef struct CtsMacrocells {
     uint16_t dense_min;
     uint32_t *dense_runs; /* how many runs of them each slice has */
     CtsRange *shared;     /* while slices are added: ranges of the slices on which two fine macro-cells meet */
+    bool *begun;          /* then, too: whether a layer of fine macro-cells has had a slice */
 } CtsMacrocells;
 
 /* Empty macro-cells for a volume of these dimensions. */
