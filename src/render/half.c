@@ -21,7 +21,7 @@ bool cts_half_serves(const CtsHalf *half, const CtsEngine *engine, const CtsScen
 }
 
 /* Of a picture, so many rays judge it at a time, and up to so many times where they show too little. */
-enum { RAYS = 256, LEAST_RAYS = 8 /* of a strip */, ROUNDS = 4 };
+enum { RAYS = 128, LEAST_RAYS = 8 /* of a strip */, ROUNDS = 8 };
 
 typedef struct Rays {
     const CtsScene *scene;

@@ -637,18 +637,18 @@ static void run_packets(const TiledJob *j, TiledBeam *beam, const TiledSpan *spa
     init_packet(j, &pk, spans);
     march_any(j, beam, &pk, &light, counts);
     complete(j, &light);
-    float lanes[4][LANES], depth[LANES];
-    memcpy(lanes[0], &light.r, sizeof light.r);
-    memcpy(lanes[1], &light.g, sizeof light.g);
-    memcpy(lanes[2], &light.b, sizeof light.b);
-    memcpy(lanes[3], &light.a, sizeof light.a);
+    float rgba[LANES][4], depth[LANES];
+    for (int l = 0; l < LANES; l++) {
+        rgba[l][0] = light.r[l];
+        rgba[l][1] = light.g[l];
+        rgba[l][2] = light.b[l];
+        rgba[l][3] = light.a[l];
+    }
     memcpy(depth, &light.depth, sizeof depth);
     for (int h = 0; h < PACKETS; h++) {
         const int x = spans[h].x, y = spans[h].y, n = spans[h].n, from = h * CTS_PACKET;
         const size_t at = (size_t)(y - j->first_row) * (size_t)j->width + (size_t)x;
-        for (int i = 0; i < n; i++)
-            for (int c = 0; c < 4; c++)
-                j->rgba[4 * (at + (size_t)i) + (size_t)c] = lanes[c][from + i];
+        memcpy(j->rgba + 4 * at, rgba[from], (size_t)n * sizeof rgba[0]);
         for (int i = 0; j->bound && i < n; i++)
             j->bound[at + (size_t)i] = bound_of(j, &light, from + i);
         for (int i = 0; j->depth_mm && i < n; i++)
