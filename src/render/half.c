@@ -80,11 +80,17 @@ static double sum_of(const Rays *r, int i, double *most)
     return sum;
 }
 
-static CtsStatus cast(Rays *r, int n_strips, CtsFrameBound *bound, CtsError *err)
+/* Casts this round's rays through n strips. */
+static CtsStatus cast(Rays *r, const int *strip, int n, CtsFrameBound *bound, CtsError *err)
 {
-    const size_t n = (size_t)n_strips * (size_t)r->n;
-    cts_parallel(r->scene->settings->n_threads, n, 4, cast_some, r);
-    bound->cast += n;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const size_t n_rays = (size_t)n * (size_t)r->n;
+    r->strip = strip;
+    cts_parallel(r->scene->settings->n_threads, n_rays, 4, cast_some, r);
+    r->round++;
+    bound->cast += n_rays;
+    bound->wall_ms += cts_wall_ms() - wall;
+    bound->cpu_ms += cts_cpu_ms() - cpu;
     return cts_scene_stopped(r->scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }
 
@@ -105,62 +111,82 @@ static CtsStatus make_anew(CtsFrameBound *bound, const CtsEngine *engine, const 
     return cts_draft_keep(bound, engine, scene, &rows, err);
 }
 
-CtsStatus cts_half_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
-                        CtsError *err)
+/* Whether the rays through a strip, number i of those cast, show that it errs too much. */
+static bool fails(const Rays *r, int i)
 {
-    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    const int n_strips = (band->height + CTS_BAND_ROWS - 1) / CTS_BAND_ROWS;
-    const int even = (int)ceil((double)RAYS * CTS_BAND_ROWS / scene->view.height);
-    const double allowed = cts_scene_error_asked(scene);
-    Rays r = {.scene = scene, .band = band, .n = even > LEAST_RAYS ? even < RAYS ? even : RAYS : LEAST_RAYS};
-    int *strip = NULL, kept = 0;
+    const double asked = cts_scene_error_asked(r->scene);
+    double most = 0;
+    return sum_of(r, i, &most) > asked * asked * r->n;
+}
+
+/* Lists the strips that stay, and behind them those that fail, twice by rays of their own. */
+static CtsStatus choose(Rays *r, int *strip, int n_strips, int *n_kept, CtsFrameBound *bound, CtsError *err)
+{
+    int kept = 0, end = n_strips;
     CtsStatus st;
-    if ((st = cts_alloc_array(&strip, (size_t)n_strips, err)) ||
-        (st = cts_alloc_array(&r.square, (size_t)n_strips * (size_t)r.n, err)) ||
-        (st = cts_bound_caster(bound, scene, &r.caster, err)))
-        goto end;
+    int *const again = strip + n_strips; /* room for as many */
     for (int i = 0; i < n_strips; i++)
         strip[i] = i;
-    r.strip = strip;
-    if ((st = cast(&r, n_strips, bound, err)))
-        goto end;
-    double most = 0, sum = 0;
-    for (int i = 0; i < n_strips; i++) {
-        double strip_most = most;
-        const double strip_sum = sum_of(&r, i, &strip_most);
-        if (strip_sum > allowed * allowed * r.n)
-            continue;
-        strip[kept++] = i;
-        sum += strip_sum;
-        most = strip_most;
-    }
-    bound->wall_ms += cts_wall_ms() - wall;
-    bound->cpu_ms += cts_cpu_ms() - cpu;
-    for (int i = 0, k = 0; i < n_strips; i++) {
-        if (k < kept && strip[k] == i) {
-            k++;
-            const uint64_t pixels = (uint64_t)(end_row(band, i) - first_row(i)) * (uint64_t)band->width;
-            bound->at_half += pixels;
-            bound->pixels += pixels;
-        } else if ((st = make_anew(bound, engine, scene, band, i, err))) {
-            goto end;
-        }
-    }
-    uint64_t n_rays = (uint64_t)kept * (uint64_t)r.n;
-    if (kept < n_strips) /* rays that told which strips to make anew would speak too well of the others */
-        sum = (double)(n_rays = 0);
-    for (r.round = 1; r.round < ROUNDS && kept > 0; r.round++) {
-        if (n_rays > 0 && sqrt(cts_mean_limit(sum, most, (double)n_rays)) <= allowed)
-            break;
-        if ((st = cast(&r, kept, bound, err)))
-            goto end;
-        for (int i = 0; i < kept; i++)
-            sum += sum_of(&r, i, &most);
-        n_rays += (uint64_t)kept * (uint64_t)r.n;
+    if ((st = cast(r, strip, n_strips, bound, err)))
+        return st;
+    int n_again = 0;
+    for (int i = 0; i < n_strips; i++)
+        if (fails(r, i))
+            again[n_again++] = i;
+        else
+            strip[kept++] = i;
+    if (n_again > 0 && (st = cast(r, again, n_again, bound, err)))
+        return st;
+    for (int i = 0; i < n_again; i++)
+        if (fails(r, i))
+            strip[--end] = again[i];
+        else
+            strip[kept++] = again[i];
+    *n_kept = kept;
+    return CTS_OK;
+}
+
+/* Judges strips by rays of their own, more and more of them where they show too little: those that told which strips
+ * to make anew would speak too well of the others. */
+static CtsStatus judge(Rays *r, const int *strip, int n, CtsFrameBound *bound, CtsError *err)
+{
+    const double asked = cts_scene_error_asked(r->scene);
+    double sum = 0, most = 0;
+    uint64_t n_rays = 0;
+    CtsStatus st;
+    while (n > 0 && r->round < ROUNDS && (n_rays == 0 || sqrt(cts_mean_limit(sum, most, (double)n_rays)) > asked)) {
+        if ((st = cast(r, strip, n, bound, err)))
+            return st;
+        for (int i = 0; i < n; i++)
+            sum += sum_of(r, i, &most);
+        n_rays += (uint64_t)n * (uint64_t)r->n;
     }
     bound->half_rays += n_rays;
     bound->half_squares += sum;
     bound->half_most = fmax(bound->half_most, most);
+    return CTS_OK;
+}
+
+CtsStatus cts_half_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
+                        CtsError *err)
+{
+    const int n_strips = (band->height + CTS_BAND_ROWS - 1) / CTS_BAND_ROWS;
+    const int even = (int)ceil((double)RAYS * CTS_BAND_ROWS / scene->view.height);
+    Rays r = {.scene = scene, .band = band, .n = even > LEAST_RAYS ? even < RAYS ? even : RAYS : LEAST_RAYS};
+    int *strip = NULL, kept = 0;
+    CtsStatus st;
+    if ((st = cts_alloc_array(&strip, 2 * (size_t)n_strips, err)) ||
+        (st = cts_alloc_array(&r.square, (size_t)n_strips * (size_t)r.n, err)) ||
+        (st = cts_bound_caster(bound, scene, &r.caster, err)) ||
+        (st = choose(&r, strip, n_strips, &kept, bound, err)) || (st = judge(&r, strip, kept, bound, err)))
+        goto end;
+    for (int i = 0; i < kept; i++) {
+        const uint64_t pixels = (uint64_t)(end_row(band, strip[i]) - first_row(strip[i])) * (uint64_t)band->width;
+        bound->at_half += pixels;
+        bound->pixels += pixels;
+    }
+    for (int i = kept; i < n_strips && !st; i++)
+        st = make_anew(bound, engine, scene, band, strip[i], err);
 end:
     cts_free(&strip);
     cts_free(&r.square);
@@ -183,7 +209,7 @@ static CtsStatus init_store(CtsSceneStore *store, const CtsScene *scene, const C
 /* The same view, its pixels so large that TRIED of them cover it. */
 static CtsRenderSettings small_picture(const CtsScene *scene)
 {
-    enum { TRIED = 4096 };
+    enum { TRIED = 1024 };
     CtsRenderSettings s = *scene->settings;
     const double shrink = fmin(sqrt((double)TRIED / ((double)s.width * s.height)), 1);
     s.mm_per_pixel = scene->view.mm_per_pixel / shrink;
@@ -199,7 +225,7 @@ static CtsStatus try_half(CtsHalf *half, const CtsEngine *engine, const CtsScene
     CtsSceneStore whole, small;
     CtsFrameBound bound = {0};
     CtsPicture *picture = NULL;
-    Rays r = {.strip = (const int[]){0}, .n = RAYS, .scene = &whole.scene};
+    Rays r = {.n = RAYS, .scene = &whole.scene};
     double most = 0;
     CtsStatus st;
     if ((st = init_store(&whole, scene, scene->volume, &settings, NULL, err)) ||
@@ -209,7 +235,7 @@ static CtsStatus try_half(CtsHalf *half, const CtsEngine *engine, const CtsScene
         (st = cts_bound_caster(&bound, &whole.scene, &r.caster, err)))
         goto end;
     r.band = picture;
-    if ((st = cast(&r, 1, &bound, err)))
+    if ((st = cast(&r, (const int[]){0}, 1, &bound, err)))
         goto end;
     const double sum = sum_of(&r, 0, &most);
     *rmse = sqrt(cts_mean_limit(sum, most, RAYS));
