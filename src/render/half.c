@@ -11,7 +11,8 @@
 /* From this error on, in 1/255 rms: on real CT half the resolution errs by 1 to 5. */
 enum { FROM_ERROR = 5 };
 
-/* Of the error asked for: what a small picture may tell, since some views err more than others. */
+/* So many rays may tell of so much of the error asked for, since some views err more than others. */
+enum { TRIED = 256 };
 #define TRIAL_SHARE 0.9
 
 bool cts_half_serves(const CtsHalf *half, const CtsEngine *engine, const CtsScene *scene)
@@ -194,10 +195,10 @@ end:
 }
 
 /* scene with another volume, of which `kept` is what the engine keeps. */
-static CtsStatus init_store(CtsSceneStore *store, const CtsScene *scene, const CtsVolume *volume,
-                            const CtsRenderSettings *settings, void **kept, CtsError *err)
+static CtsStatus init_store(CtsSceneStore *store, const CtsScene *scene, const CtsVolume *volume, void **kept,
+                            CtsError *err)
 {
-    const CtsStatus st = cts_scene_init(store, volume, scene->preset, settings, err);
+    const CtsStatus st = cts_scene_init(store, volume, scene->preset, scene->settings, err);
     store->scene.plan = scene->plan;
     store->scene.lut = scene->lut;
     store->scene.extinction_scale = scene->extinction_scale; /* whose unit may be a voxel */
@@ -206,43 +207,54 @@ static CtsStatus init_store(CtsSceneStore *store, const CtsScene *scene, const C
     return st;
 }
 
-/* The same view, its pixels so large that TRIED of them cover it. */
-static CtsRenderSettings small_picture(const CtsScene *scene)
+/* Rays through both volumes. */
+typedef struct Trial {
+    const CtsScene *scene;
+    const CtsRaycaster *whole, *half;
+    double *square;
+} Trial;
+
+static void try_some(void *context, int worker, size_t first, size_t end)
 {
-    enum { TRIED = 1024 };
-    CtsRenderSettings s = *scene->settings;
-    const double shrink = fmin(sqrt((double)TRIED / ((double)s.width * s.height)), 1);
-    s.mm_per_pixel = scene->view.mm_per_pixel / shrink;
-    s.width = (int)fmax(floor(s.width * shrink), 1);
-    s.height = (int)fmax(floor(s.height * shrink), 1);
-    return s;
+    const Trial *const t = context;
+    const CtsView *view = &t->scene->view;
+    (void)worker;
+    for (size_t i = first; i < end && !cts_scene_stopped(t->scene); i++) {
+        double whole[4], half[4];
+        const int x = (int)((uint64_t)drawn(2 * i + 1) * (uint64_t)view->width >> 32);
+        const int y = (int)((uint64_t)drawn(2 * i + 2) * (uint64_t)view->height >> 32);
+        cts_raycast_ray(t->whole, x, y, whole, NULL);
+        cts_raycast_ray(t->half, x, y, half, NULL);
+        const float pixel[4] = {(float)half[0], (float)half[1], (float)half[2], (float)half[3]};
+        t->square[i] = cts_square_of_error(t->scene->preset, pixel, whole);
+    }
 }
 
-/* What half the resolution errs by at most, rms, as a small picture tells. */
-static CtsStatus try_half(CtsHalf *half, const CtsEngine *engine, const CtsScene *scene, double *rmse, CtsError *err)
+/* What half the resolution errs by at most, rms, as some rays tell. */
+static CtsStatus try_half(CtsHalf *half, const CtsScene *scene, double *rmse, CtsError *err)
 {
-    const CtsRenderSettings settings = small_picture(scene);
-    CtsSceneStore whole, small;
-    CtsFrameBound bound = {0};
-    CtsPicture *picture = NULL;
-    Rays r = {.n = RAYS, .scene = &whole.scene};
-    double most = 0;
+    CtsSceneStore store;
+    CtsFrameBound bounds[2] = {{0}};
+    Trial trial = {.scene = scene};
+    double sum = 0, most = 0;
     CtsStatus st;
-    if ((st = init_store(&whole, scene, scene->volume, &settings, NULL, err)) ||
-        (st = init_store(&small, scene, half->volume, &settings, &half->kept, err)) ||
-        (st = cts_picture_new(&picture, settings.width, settings.height, 4, err)) ||
-        (st = engine->render(&small.scene, picture, NULL, err)) || (st = cts_alloc_array(&r.square, RAYS, err)) ||
-        (st = cts_bound_caster(&bound, &whole.scene, &r.caster, err)))
+    if ((st = init_store(&store, scene, half->volume, &half->kept, err)) ||
+        (st = cts_alloc_zeroed(&trial.square, TRIED, err)) ||
+        (st = cts_bound_caster(&bounds[0], scene, &trial.whole, err)) ||
+        (st = cts_bound_caster(&bounds[1], &store.scene, &trial.half, err)))
         goto end;
-    r.band = picture;
-    if ((st = cast(&r, (const int[]){0}, 1, &bound, err)))
-        goto end;
-    const double sum = sum_of(&r, 0, &most);
-    *rmse = sqrt(cts_mean_limit(sum, most, RAYS));
+    cts_parallel(scene->settings->n_threads, TRIED, 4, try_some, &trial);
+    for (int i = 0; i < TRIED; i++) {
+        sum += trial.square[i];
+        most = fmax(most, trial.square[i]);
+    }
+    *rmse = sqrt(cts_mean_limit(sum, most, TRIED));
+    if (cts_scene_stopped(scene))
+        st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
 end:
-    cts_free(&r.square);
-    cts_picture_free(&picture);
-    cts_bound_free(&bound);
+    cts_free(&trial.square);
+    cts_bound_free(&bounds[0]);
+    cts_bound_free(&bounds[1]);
     return st;
 }
 
@@ -256,7 +268,8 @@ static CtsStatus make(CtsHalf *half, const CtsEngine *engine, const CtsScene *sc
         cts_report_skip(report, "half the resolution", "no memory for it");
         return CTS_OK;
     }
-    if (st || (st = try_half(half, engine, scene, &rmse, err)))
+    if (st || (st = cts_volume_prepare(half->volume, scene->settings->n_threads, err)) ||
+        (st = try_half(half, scene, &rmse, err)))
         return st;
     cts_report_stage(report, CTS_STAGE_GREY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
                      cts_volume_n_voxels(half->volume), 2 * cts_volume_n_voxels(scene->volume));
@@ -264,7 +277,7 @@ static CtsStatus make(CtsHalf *half, const CtsEngine *engine, const CtsScene *sc
         return CTS_OK;
     cts_half_free(half, engine);
     half->given_up = true;
-    cts_report_skip(report, "half the resolution", "may err by %.2g/255 rms, as %d trial rays tell", 255 * rmse, RAYS);
+    cts_report_skip(report, "half the resolution", "may err by %.2g/255 rms, as %d trial rays tell", 255 * rmse, TRIED);
     return CTS_OK;
 }
 
@@ -278,7 +291,7 @@ CtsStatus cts_half_init(CtsHalf *half, const CtsEngine *engine, const CtsScene *
         return CTS_OK;
     const int *const n = half->volume->dims;
     cts_report_plan(report, "draft: of a copy at half the resolution, %d x %d x %d voxels", n[0], n[1], n[2]);
-    return init_store(store, scene, half->volume, scene->settings, &half->kept, err);
+    return init_store(store, scene, half->volume, &half->kept, err);
 }
 
 void cts_half_free(CtsHalf *half, const CtsEngine *engine)
