@@ -14,21 +14,28 @@
 #include <dcmtk/dcmjpeg/djencode.h>
 #include <dcmtk/dcmjpeg/djrplol.h>
 #include <memory>
-#include <mutex>
 #include <new>
 
 namespace
 {
 
-/* The encoders are registered once and stay: DCMTK's list of codecs is the process's. */
-void register_encoders()
+/* As long as the program runs, like the decoders (dcm_start.cc). */
+class Encoders final
 {
-    static std::once_flag once;
-    std::call_once(once, [] {
+  public:
+    Encoders()
+    {
         DcmRLEEncoderRegistration::registerCodecs();
         DJEncoderRegistration::registerCodecs();
-    });
-}
+    }
+    ~Encoders()
+    {
+        DJEncoderRegistration::cleanup();
+        DcmRLEEncoderRegistration::cleanup();
+    }
+    Encoders(const Encoders &) = delete;
+    Encoders &operator=(const Encoders &) = delete;
+};
 
 /* The least that DCMTK's encoders want to know of a picture. */
 OFCondition describe(DcmDataset &data, const CtsScFrame &frame)
@@ -72,7 +79,7 @@ CtsStatus encode(const char *syntax_uid, const CtsScFrame &frame, CtsScSink sink
     const CtsStatus st = cts_dcm_start(err);
     if (st)
         return st;
-    register_encoders();
+    static const Encoders encoders;
     const E_TransferSyntax syntax = DcmXfer(syntax_uid).getXfer();
     const DcmRLERepresentationParameter rle;
     const DJ_RPLossless jpeg;

@@ -69,6 +69,26 @@ class CountingAppender : public log4cplus::Appender
     }
 };
 
+/* As long as the program runs, and no longer: DCMTK's list of codecs does not free them. */
+class Decoders final
+{
+  public:
+    Decoders()
+    {
+        DcmRLEDecoderRegistration::registerCodecs();
+        DJDecoderRegistration::registerCodecs();
+        DJLSDecoderRegistration::registerCodecs();
+    }
+    ~Decoders()
+    {
+        DJLSDecoderRegistration::cleanup();
+        DJDecoderRegistration::cleanup();
+        DcmRLEDecoderRegistration::cleanup();
+    }
+    Decoders(const Decoders &) = delete;
+    Decoders &operator=(const Decoders &) = delete;
+};
+
 bool start_decoders()
 {
     OFLog::configure(OFLogger::WARN_LOG_LEVEL);
@@ -77,9 +97,7 @@ bool start_decoders()
     for (const log4cplus::SharedAppenderPtr &appender : root.getAllAppenders())
         appender->setThreshold(log4cplus::OFF_LOG_LEVEL);
     root.addAppender(log4cplus::SharedAppenderPtr(new CountingAppender));
-    DcmRLEDecoderRegistration::registerCodecs();
-    DJDecoderRegistration::registerCodecs();
-    DJLSDecoderRegistration::registerCodecs();
+    static const Decoders decoders;
     return true;
 }
 
