@@ -2,9 +2,10 @@
  *
  * That takes an eighth of the memory, which is what a draft waits for, and half of the steps; making it takes about as
  * long as a frame saves. What it errs by depends on how fine the volume is and on the preset: rays that are cast
- * through all voxels tell, as Chernoff's bound has it, each being worth the largest error that was seen. Strips of
- * CTS_BAND_ROWS rows that err by more than what is asked for are made anew as a draft of all voxels, and those that
- * stay are judged by other rays. Rays through both volumes tell beforehand whether it is worth it. */
+ * through all voxels tell, as Chernoff's bound has it, each being worth the largest error that was seen, or twice what
+ * is asked for, which a few pixels may err by unseen. Half of the rays are drawn evenly, the others where the picture
+ * changes. Strips of CTS_BAND_ROWS rows that err by more than what is asked for are made anew as a draft of all voxels,
+ * and those that stay are judged by other rays. Rays through both volumes tell beforehand whether it is worth it. */
 #ifndef CTS_RENDER_HALF_H
 #define CTS_RENDER_HALF_H
 

@@ -6,8 +6,14 @@ fourth round), presets (hard steps, peaks between levels, ramps, built-ins), vie
 Every picture by engine tiled is compared with the one by engine raycast. Faults are: a picture whose error is above the
 bound that its log tells, rms or largest; one above what was asked for, 0.5/255 rms by default, without a warning; one
 that is not made. Each is printed with the commands that show it, and its series is kept in soak-failures/. The same
---seed repeats the same scenes; --only N makes round N alone."""
+--seed repeats the same scenes; --only N makes round N alone.
+
+With --drafts half of the pictures are large enough to be drafts, most of them rotations, which may be made at half the
+resolution. These are made by one thread and by three, whose files must be the same, and are verified by rays; where
+that leaves doubt, every frame is compared with the ray caster's, and the worst is held to the bound that was told."""
 import argparse
+import filecmp
+import glob
 import json
 import math
 import os
@@ -26,6 +32,7 @@ BUILT_IN = [
     'ct-chest-vessels', 'ct-coronary-arteries', 'ct-cropped-volume-bone', 'ct-fat', 'ct-liver-vasculature', 'ct-lung',
     'ct-mip', 'ct-muscle', 'ct-pulmonary-arteries', 'ct-soft-tissue', 'ct-x-ray',
 ]
+VERIFIED = 8192 # pixels of each frame
 # 16-bit pictures of both engines are rounded, each by less than this rms and by half a level at most.
 ROUNDED, ROUNDED_MOST = 0.003 / 255, 1.1 / 65535
 
@@ -92,9 +99,9 @@ VOLUMES = {
 }
 
 
-def make_volume(r, kind, raw2ct, folder):
-    """Writes a series; its HU's range and how far apart voxels lie."""
-    dims = [r.randint(12, 44) for _ in range(3)]
+def make_volume(r, kind, raw2ct, folder, most):
+    """Writes a series of at most so many voxels each way; its HU's range and how far apart voxels lie."""
+    dims = [r.randint(12, most) for _ in range(3)]
     spacing = r.choice([[1, 1, 1], [0.5, 0.5, 0.5], [0.7, 0.7, 1], [1, 1, 3], [0.9, 0.9, 0.3]])
     hu = VOLUMES[kind](r, np.random.default_rng(r.getrandbits(32)), dims)
     hu = np.clip(np.rint(hu), -1024, 30000).astype('<i2')
@@ -157,18 +164,20 @@ def make_view(r):
 
 
 def read_log(path):
-    """The bound told, and the codes of warnings."""
+    """The bound told, the error verified, the codes of warnings, and whether a copy at half the resolution served."""
     with open(path) as f:
         events = [json.loads(line) for line in f]
-    bounds = [e for e in events if e['event'] == 'bound']
-    return bounds[-1] if bounds else None, [e['code'] for e in events if e['event'] == 'finding' and
-                                            e['severity'] == 'warning']
+    last = {e['event']: e for e in events}
+    return (last.get('bound'), last.get('error'),
+            [e['code'] for e in events if e['event'] == 'finding' and e['severity'] == 'warning'],
+            any(e['event'] == 'plan' and 'rays show that it will do' in e['text'] for e in events))
 
 
 class Sweep:
     def __init__(self, args):
         self.args = args
         self.ratios, self.errors, self.faults, self.pictures, self.warned, self.series = [], [], 0, 0, 0, []
+        self.at_half = self.compared = 0
         for root, _, files in os.walk(args.data or os.devnull):
             if sum(name != 'DIRFILE' for name in files) >= 20:
                 self.series.append(root)
@@ -178,24 +187,11 @@ class Sweep:
         return subprocess.run([os.path.abspath(self.args.ctsplat), *words], stdin=subprocess.DEVNULL,
                               capture_output=True, text=True, timeout=1200)
 
-    def judge(self, folder, common, asked, what):
-        """None or a fault's words."""
-        log, mine, exact = (os.path.join(folder, n) for n in ('log', 'tiled.png', 'raycast.png'))
-        if os.path.exists(log):
-            os.remove(log)
-        one = common + (['--max-error', '%g' % asked] if asked else []) + ['-o', mine, '--force', '--log', log]
-        two = common + ['--engine', 'raycast', '-o', exact, '--force']
-        for words in (one, two):
-            done = self.run(*words)
-            if done.returncode:
-                return 'exit %d: %s' % (done.returncode, done.stderr.strip()), [words]
-        found = json.loads(self.run('compare', mine, exact, '--json').stdout)
-        bound, warnings = read_log(log)
-        self.pictures += 1
-        self.warned += 'error_bound' in warnings
-        rms, most, limit = found['rmse'], found['max'], (asked or 0.5) / 255
+    def held(self, bound, warnings, rms, most, asked, what):
+        """A fault's words, or None: an error held to what was told of it."""
+        limit = (asked or 0.5) / 255
         if not bound:
-            return 'no bound in the log', [one]
+            return 'no bound in the log'
         if rms > 1e-4 / 255 and bound['rmse'] > 0:
             self.ratios.append((bound['rmse'] / max(rms, ROUNDED), what))
         self.errors.append((rms, what, asked))
@@ -210,17 +206,76 @@ class Sweep:
             faults.append('above %g/255 without a warning' % (asked or 0.5))
         if rms < 0.25 * limit and 'error_bound' in warnings and self.args.cautious:
             faults.append('warned in vain')
-        return ('; '.join(faults) + ': ' + says if faults else None), [one, two, ['compare', mine, exact]]
+        return '; '.join(faults) + ': ' + says if faults else None
+
+    def judge(self, folder, common, asked, what):
+        """None or a fault's words."""
+        log, mine, exact = (os.path.join(folder, n) for n in ('log', 'tiled.png', 'raycast.png'))
+        if os.path.exists(log):
+            os.remove(log)
+        one = common + (['--max-error', '%g' % asked] if asked else []) + ['-o', mine, '--force', '--log', log]
+        two = common + ['--engine', 'raycast', '-o', exact, '--force']
+        for words in (one, two):
+            done = self.run(*words)
+            if done.returncode:
+                return 'exit %d: %s' % (done.returncode, done.stderr.strip()), [words]
+        found = json.loads(self.run('compare', mine, exact, '--json').stdout)
+        bound, _, warnings, _ = read_log(log)
+        self.pictures += 1
+        self.warned += 'error_bound' in warnings
+        return (self.held(bound, warnings, found['rmse'], found['max'], asked, what),
+                [one, two, ['compare', mine, exact]])
+
+    def judge_large(self, folder, common, asked, what, depth):
+        """The same of a draft: of each frame, and of all that threads make."""
+        for name in glob.glob(os.path.join(folder, 'large*')):
+            os.remove(name)
+        log, exact, frames = os.path.join(folder, 'large-log'), os.path.join(folder, 'large-exact.png'), []
+        commands = []
+        for threads in (1, 3):
+            made = [os.path.join(folder, 'large-%d.%s' % (threads, form)) for form in ['png'] + ['exr'] * depth]
+            commands.append(common + ['--max-error', '%g' % asked, '--threads', '%d' % threads, '--force'] +
+                            [word for path in made for word in ('-o', path)])
+        commands[0] += ['--verify', '%d' % VERIFIED, '--log', log]
+        for words in commands:
+            done = self.run(*words)
+            if done.returncode:
+                return 'exit %d: %s' % (done.returncode, done.stderr.strip()), [words]
+        frames = sorted(glob.glob(os.path.join(folder, 'large-1*.png')))
+        bound, verified, warnings, at_half = read_log(log)
+        self.pictures += len(frames)
+        self.at_half += len(frames) * at_half
+        self.warned += 'error_bound' in warnings
+        for path in glob.glob(os.path.join(folder, 'large-1*')):
+            if not filecmp.cmp(path, path.replace('large-1', 'large-3'), shallow=False):
+                return '%s differs by threads' % os.path.basename(path), commands
+        # One frame may have all of the error that is told of them together.
+        worst = verified['rmse'] * math.sqrt(len(frames))
+        if not bound or worst < 0.5 * bound['rmse']:
+            return self.held(bound, warnings, verified['rmse_low'], verified['max'], asked, what), commands
+        words = common + ['--engine', 'raycast', '-o', exact, '--force']
+        done = self.run(*words)
+        if done.returncode:
+            return 'exit %d: %s' % (done.returncode, done.stderr.strip()), [words]
+        self.compared += len(frames)
+        commands.append(words)
+        found = []
+        for frame in frames:
+            commands.append(['compare', frame, frame.replace('large-1', 'large-exact')])
+            found.append(json.loads(self.run(*commands[-1], '--json').stdout))
+        return (self.held(bound, warnings, max(f['rmse'] for f in found), max(f['max'] for f in found), asked, what),
+                commands)
 
     def round(self, number):
         r = random.Random(self.args.seed * 1000003 + number)
+        large = self.args.drafts and r.random() < 0.5
         with tempfile.TemporaryDirectory() as folder:
             if self.series and r.random() < self.args.real:
                 source, kind = r.choice(self.series), 'ct'
                 low, high, pitch, side = -1000, 1500, 0.8, 300
             else:
                 kind = r.choice(sorted(VOLUMES))
-                low, high, pitch, side = make_volume(r, kind, self.args.raw2ct, folder)
+                low, high, pitch, side = make_volume(r, kind, self.args.raw2ct, folder, 120 if large else 44)
                 source = os.path.join(folder, 'series')
             for n in range(2 if kind == 'ct' else 4):
                 preset = r.choice(BUILT_IN) if r.random() < (0.7 if kind == 'ct' else 0.2) else None
@@ -229,11 +284,19 @@ class Sweep:
                 asked = r.choice([None, None, None, 8, 2, 1, 0.5, 0.25, 0.1])
                 if self.args.drafts:
                     asked = r.choice([1, 2, 3, 5, 8, 12])
-                mm = pitch * r.choice([0.1, 0.25, 0.5, 1, 2, 4]) if kind != 'ct' else r.choice([0.4, 1, 2])
-                width = min(max(int(side / mm * r.uniform(0.3, 1.4)), 20), 160)
+                if large:
+                    asked = r.choice([5, 8, 12, 20])
+                    width, height = r.randint(362, 520), r.randint(362, 440)
+                    fits = side / min(width, height)
+                    mm = min(0.1 * pitch * (12 * fits / pitch) ** r.random(), 1.2 * fits)
+                else:
+                    mm = pitch * r.choice([0.1, 0.25, 0.5, 1, 2, 4]) if kind != 'ct' else r.choice([0.4, 1, 2])
+                    width = min(max(int(side / mm * r.uniform(0.3, 1.4)), 20), 160)
+                    height = max(16, int(width * r.uniform(0.5, 1.2)))
                 common = ['render', source, '-p', preset or path, '--view', make_view(r), '--mm-per-pixel', '%g' % mm,
-                          '--fit', 'volume', '--size', '%dx%d' % (width, max(16, int(width * r.uniform(0.5, 1.2)))),
-                          '--remove-table', 'off']
+                          '--fit', 'volume', '--size', '%dx%d' % (width, height), '--remove-table', 'off']
+                if large and r.random() < 0.8:
+                    common += ['--rotation', '%d' % r.randint(2, 4)]
                 if preset and r.random() < 0.3:
                     common += ['--shade', 'off']
                 if r.random() < 0.1:
@@ -242,10 +305,13 @@ class Sweep:
                     common += ['--slab', '%.2f' % (side * r.uniform(0.02, 0.5))]
                 if r.random() < 0.1:
                     common += ['--background', '#%06x' % r.getrandbits(24)]
-                if self.args.threads:
-                    common += ['--threads', '%d' % self.args.threads]
-                what = '%s by %s' % (kind, name)
-                fault, commands = self.judge(folder, common, asked, what)
+                what = '%s%s by %s' % ('large ' if large else '', kind, name)
+                if large:
+                    fault, commands = self.judge_large(folder, common, asked, what, r.random() < 0.2)
+                else:
+                    if self.args.threads:
+                        common += ['--threads', '%d' % self.args.threads]
+                    fault, commands = self.judge(folder, common, asked, what)
                 if fault:
                     self.keep(folder, '%d-%d-%d' % (self.args.seed, number, n), what, fault, commands)
 
@@ -266,6 +332,9 @@ class Sweep:
                 ratios[0], ratios[len(ratios) // 2], ratios[len(ratios) * 95 // 100]))
         for rms, what, asked in sorted(self.errors, reverse=True, key=lambda e: e[0])[:10]:
             print('%8.3f/255 rms, asked %s: %s' % (255 * rms, asked or 'nothing', what))
+        if self.at_half or self.compared:
+            print('of the large ones %d at half the resolution, %d compared pixel by pixel' % (
+                self.at_half, self.compared))
         print('sweep: %d rounds, %d pictures, %d warnings, %d faults' % (
             rounds, self.pictures, self.warned, self.faults))
 

@@ -271,11 +271,50 @@ static void half_of_a_rotation(void **state)
         }
 }
 
+/* A small thing in a wide frame errs at its edge alone, where rays spread evenly would hardly go. */
+static void half_of_a_small_thing(void **state)
+{
+    (void)state;
+    enum { N_VIEWS = 12 };
+    static const double mm[] = {0.4, 0.8};
+    CtsVolume *v = lumpy_ball(40, 1e6);
+    CtsPreset preset = preset_named("bone");
+    preset.n_opacity = 3;
+    preset.opacity[0] = (CtsOpacityPoint){400, 0};
+    preset.opacity[1] = (CtsOpacityPoint){400, 0.9};
+    preset.opacity[2] = (CtsOpacityPoint){3000, 0.9};
+    for (int n = 0; n < 2; n++) {
+        CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 380, 0, 20);
+        CtsRenderer *renderer;
+        CtsError err = {0};
+        int n_half = 0;
+        s.shade = CTS_OFF;
+        s.mm_per_pixel = mm[n];
+        s.max_error = 20;
+        s.rotation_frames = N_VIEWS;
+        s.verify = 4000;
+        assert_int_equal(cts_render_begin(&renderer, v, &preset, &s, &err), CTS_OK);
+        for (int view = 0; view < N_VIEWS; view++) {
+            CtsReport report = {0};
+            CtsPicture *frame;
+            assert_int_equal(cts_render_frame(renderer, 360.0 * view / N_VIEWS, 20, &frame, &report, &err), CTS_OK);
+            n_half += strstr(report.plan, "rays show that it will do") != NULL;
+            assert_true(report.verified.rmse > 0 && report.verified.rmse <= report.bound.rmse);
+            cts_picture_free(&frame);
+            cts_report_free(&report);
+        }
+        assert_int_equal(n_half, N_VIEWS);
+        cts_render_end(&renderer);
+    }
+    cts_volume_free(&v);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(table_of_a_ramp),    cmocka_unit_test(slab_of_one_level),  cmocka_unit_test(told_of_drafts),
         cmocka_unit_test(lattice_of_a_draft), cmocka_unit_test(half_of_a_rotation),
+        cmocka_unit_test(half_of_a_small_thing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
