@@ -124,6 +124,7 @@ typedef struct TiledJob {
     const CtsShade *shade;          /* NULL: unlit */
     float frame[3][3];              /* as shade's, for differences along u, v and from q to q + 1, times 16384 */
     float most_due;                 /* opacity that may wait for its lighting */
+    bool narrow_offsets;            /* positions, and offsets within a layer and slopes around it, fit 32 bits */
     bool narrow;                    /* voxels differ by less than 32768 grey levels */
     double depth_at[4];             /* depth_mm of pixel (x, y) at layer q, as u_at */
     CtsPlan plan;                   /* says which packets are marched */

@@ -242,6 +242,89 @@ OUTLINE Differences differences_by_lane(const TiledJob *j, const Packet *pk, int
     return d;
 }
 
+/* Two places on either side of others, for each lane, where there are such. */
+typedef struct Beside {
+    const uint16_t *before, *after; /* layers */
+    vi before_at, after_at;         /* offsets of pairs of voxels in them, */
+    vi before_weights, after_weights;
+    vmask back, on; /* where the place before is in the volume, and the one after */
+    vi none;        /* the weighted sum of air */
+} Beside;
+
+/* Between the weighted sums of the pairs; at a face to air, or one-sided and doubled. */
+INLINE vi change_between(const TiledJob *j, const Beside *b)
+{
+    const vi before = weigh_pairs(b->before, b->before_at, b->before_weights);
+    const vi after = weigh_pairs(b->after, b->after_at, b->after_weights);
+    if (j->shade->air_beyond)
+        return select_i(b->on, after, b->none) - select_i(b->back, before, b->none);
+    const vi d = after - before;
+    return d + select_i(mask_and(b->back, b->on), vi_of(0), d);
+}
+
+/* Of one column, c columns from the lanes' own, which has this weight. No pair reaches beyond its row. */
+INLINE vi change_across(const TiledJob *j, const uint16_t *layer, vi at, vi column, int c, vi weight)
+{
+    const int step = j->shade->step[0];
+    const vi low = weight, high = weight << 16, here = at + c;
+    const vf place = to_float(column + c);
+    Beside b = {.before = layer, .after = layer, .none = -32768 * weight};
+    b.back = vf_le(vf_of((float)step), place);
+    b.on = vf_lt(place, vf_of((float)(j->nu - step)));
+    /* Where nothing is beside it, the place itself. */
+    const vi own_at = at, own_weights = c ? high : low;
+    b.before_at = select_i(b.back, here - step, own_at);
+    b.before_weights = select_i(b.back, low, own_weights);
+    b.after_at = select_i(b.on, here + (step - 1), own_at);
+    b.after_weights = select_i(b.on, high, own_weights);
+    return change_between(j, &b);
+}
+
+/* differences_by_lane() for all lanes at once, where offsets and positions fit 32 bits. */
+OUTLINE Differences differences_at_faces(const TiledJob *j, const Packet *pk, int q, int from, int part)
+{
+    const int *const step = j->shade->step, row_stride = (int)j->row_stride;
+    int32_t pu[PACKETS], pv[PACKETS];
+    sheet_start(j, pk, from * j->samples + part, pu, pv);
+    const vi far_u = vi_of((j->nu - 1) << 16), far_v = vi_of((j->nv - 1) << 16);
+    const vi u = vi_min(vi_max(lane_positions(pu, j->lane_u), vi_of(0)), far_u);
+    const vi v = vi_min(vi_max(lane_positions(pv, j->lane_v), vi_of(0)), far_v);
+    const vi column = vi_min(u >> 16, vi_of(j->nu > 1 ? j->nu - 2 : 0));
+    const vi row = vi_min(v >> 16, vi_of(j->nv > 1 ? j->nv - 2 : 0));
+    const vi w1 = (u - (column << 16)) >> 2, w0 = 16384 - w1, weights = (w1 << 16) | w0;
+    const vf fy = to_float(v - (row << 16)) * (1.0f / 65536);
+    const uint16_t *const layer = j->layer0 + q * j->layer_stride;
+    const bool back = q >= step[2], on = q < j->nk - step[2];
+    const vmask all = vi_eq(u, u), no = vf_lt(fy, fy);
+    vf rows[3][2]; /* of each axis, of the two rows */
+    for (int r = 0; r < 2; r++) {
+        const vi line = row + (j->nv > 1 ? r : 0), at = line * row_stride + column;
+        const vf place = to_float(line);
+        rows[0][r] = to_float(change_across(j, layer, at, column, 0, w0) + change_across(j, layer, at, column, 1, w1));
+        Beside b = {.before = layer, .after = layer, .none = vi_of(-BIAS)};
+        b.before_weights = b.after_weights = weights;
+        b.back = vf_le(vf_of((float)step[1]), place);
+        b.on = vf_lt(place, vf_of((float)(j->nv - step[1])));
+        b.before_at = select_i(b.back, at - step[1] * row_stride, at);
+        b.after_at = select_i(b.on, at + step[1] * row_stride, at);
+        rows[1][r] = to_float(change_between(j, &b));
+        b.before_at = b.after_at = at;
+        b.before = back ? layer - step[2] * j->layer_stride : layer;
+        b.after = on ? layer + step[2] * j->layer_stride : layer;
+        b.back = back ? all : no;
+        b.on = on ? all : no;
+        rows[2][r] = to_float(change_between(j, &b));
+    }
+    return (Differences){rows[0][0] + fy * (rows[0][1] - rows[0][0]), rows[1][0] + fy * (rows[1][1] - rows[1][0]),
+                         rows[2][0] + fy * (rows[2][1] - rows[2][0])};
+}
+
+/* Anywhere. */
+INLINE Differences differences_outside(const TiledJob *j, const Packet *pk, int q, int from, int part)
+{
+    return j->narrow_offsets ? differences_at_faces(j, pk, q, from, part) : differences_by_lane(j, pk, q, from, part);
+}
+
 INLINE vf gather_difference(const TiledJob *j, const Gather *s, const uint16_t *minus, const uint16_t *plus)
 {
     const ptrdiff_t row = j->row_stride;
@@ -317,10 +400,10 @@ INLINE Slope slope_at(const TiledJob *j, const Packet *pk, Way way, int q, int p
     } else {
         inner = false;
     }
-    Differences d = inner ? differences(j, t, gather, q) : differences_by_lane(j, pk, q, q, part);
+    Differences d = inner ? differences(j, t, gather, q) : differences_outside(j, pk, q, q, part);
     if (part > 0) {
         const vf f = vf_of((float)part / (float)j->samples);
-        const Differences next = inner ? differences(j, t, gather, q + 1) : differences_by_lane(j, pk, q + 1, q, part);
+        const Differences next = inner ? differences(j, t, gather, q + 1) : differences_outside(j, pk, q + 1, q, part);
         d.u += (next.u - d.u) * f;
         d.v += (next.v - d.v) * f;
         d.k += (next.k - d.k) * f;

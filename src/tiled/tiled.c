@@ -82,6 +82,7 @@ static void init_windows(TiledJob *j, const CtsLayout *layout)
     j->windowed = small && 3 * u <= 6 && 3 * v <= 1;
     j->gathers = !j->windowed && small && TILE_PIXELS * (u + fabs(j->u_at[2])) < 2000 &&
                  TILE_PIXELS * (v + fabs(j->v_at[2])) < 2000 && (double)layout->row_stride * layout->alloc_v < 2e9;
+    j->narrow_offsets = (j->windowed || j->gathers) && (double)layout->row_stride * layout->alloc_v < 1e9;
     const bool one = j->windowed && layout->alloc_u >= 16 && layout->alloc_v >= 4;
     j->one_window_rows = 0;
     for (int rows = 1; one && rows < CTS_PACKET; rows++)
