@@ -1,11 +1,14 @@
 #include "scene/framing.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
+#include "base/parallel.h"
 #include "base/vec3.h"
 #include "scene/view.h"
 #include "volume/macrocells.h"
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* The share of the picture's tighter side that what is visible fills. */
 #define FILLED 0.9
@@ -57,18 +60,57 @@ static bool is_rim(const CtsVisible *v, const int cell[3])
     return false;
 }
 
-static void collect(CtsVisible *v, bool rim)
+/* What each macro-cell is. */
+typedef enum Kind { SHOWS_NOTHING, INNER, RIM } Kind;
+
+typedef struct Looking {
+    const CtsVisible *visible;
+    uint8_t *kind;
+} Looking;
+
+static void look_at_layers(void *context, int worker, size_t first, size_t end)
 {
+    const Looking *const l = context;
+    const CtsVisible *v = l->visible;
     const int *n = v->macrocells->n;
-    for (int k = 0; k < n[2]; k++)
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++) {
+        uint8_t *kind = l->kind + (size_t)k * (size_t)n[1] * (size_t)n[0];
         for (int j = 0; j < n[1]; j++)
             for (int i = 0; i < n[0]; i++)
-                if (cell_shows(v, i, j, k) && is_rim(v, (const int[]){i, j, k}) == rim) {
-                    int *cell = v->cell[v->n_cells++];
-                    cell[0] = i;
-                    cell[1] = j;
-                    cell[2] = k;
-                }
+                *kind++ = !cell_shows(v, i, j, k) ? SHOWS_NOTHING : is_rim(v, (const int[]){i, j, k}) ? RIM : INNER;
+    }
+}
+
+static void collect(CtsVisible *v, const uint8_t *kinds, Kind wanted)
+{
+    const int *n = v->macrocells->n;
+    const size_t n_all = (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
+    const uint8_t *const end = kinds + n_all;
+    for (const uint8_t *at = kinds; (at = memchr(at, (int)wanted, (size_t)(end - at))); at++) {
+        const int number = (int)(at - kinds), row = number / n[0];
+        int *cell = v->cell[v->n_cells++];
+        cell[0] = number % n[0];
+        cell[1] = row % n[1];
+        cell[2] = row / n[1];
+    }
+}
+
+static CtsStatus list_cells(CtsVisible *v, int n_threads, CtsError *err)
+{
+    const int *n = v->macrocells->n;
+    const size_t n_all = (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
+    uint8_t *kinds = NULL;
+    CtsStatus st;
+    if (!(st = cts_alloc_array(&v->cell, n_all, err)) && !(st = cts_alloc_array(&kinds, n_all, err))) {
+        Looking looking = {v, kinds};
+        cts_parallel(cts_threads(n_threads), (size_t)n[2], 1, look_at_layers, &looking);
+        collect(v, kinds, RIM);
+        v->n_rim = v->n_cells;
+        collect(v, kinds, INNER);
+    }
+    cts_free(&kinds);
+    return st;
 }
 
 CtsStatus cts_visible_new(CtsVisible **visible, const CtsVolume *volume, const CtsPreset *preset, int n_threads,
@@ -85,16 +127,12 @@ CtsStatus cts_visible_new(CtsVisible **visible, const CtsVolume *volume, const C
         goto end;
     v->macrocells = volume->macrocells ? volume->macrocells : v->own;
     v->n_levels = (size_t)v->macrocells->all.high + 1;
-    const int *n = v->macrocells->n;
-    if ((st = cts_alloc_array(&v->below, v->n_levels + 1, err)) ||
-        (st = cts_alloc_array(&v->cell, (size_t)n[0] * (size_t)n[1] * (size_t)n[2], err)))
+    if ((st = cts_alloc_array(&v->below, v->n_levels + 1, err)))
         goto end;
     v->below[0] = 0;
     for (size_t g = 0; g < v->n_levels; g++)
         v->below[g + 1] = v->below[g] + level_shows(preset, volume, (uint16_t)g);
-    collect(v, true);
-    v->n_rim = v->n_cells;
-    collect(v, false);
+    st = list_cells(v, n_threads, err);
 end:
     if (st)
         cts_visible_free(visible);
@@ -268,10 +306,31 @@ typedef struct Span {
     double low_mm, high_mm;
 } Span;
 
-static Span span_along(const CtsVisible *v, const double direction[3], const Cut *cut)
+/* The ends along two directions, each end by itself. */
+typedef struct Ends {
+    const CtsVisible *visible;
+    const Cut *cut;
+    const double *direction[2];
+    double reach_mm[4]; /* back and forth along the one, then along the other */
+} Ends;
+
+static void find_ends(void *context, int worker, size_t first, size_t end)
 {
-    const double back[3] = {-direction[0], -direction[1], -direction[2]};
-    return (Span){-reach(v, back, cut), reach(v, direction, cut)};
+    Ends *const e = context;
+    (void)worker;
+    for (size_t i = first; i < end; i++) {
+        const double *d = e->direction[i / 2], sign = i % 2 ? 1 : -1;
+        e->reach_mm[i] = sign * reach(e->visible, (const double[]){sign * d[0], sign * d[1], sign * d[2]}, e->cut);
+    }
+}
+
+static void spans_along(const CtsVisible *v, const double one[3], const double other[3], const Cut *cut, int n_threads,
+                        Span span[2])
+{
+    Ends ends = {.visible = v, .cut = cut, .direction = {one, other}};
+    cts_parallel(cts_threads(n_threads), 4, 1, find_ends, &ends);
+    for (int i = 0; i < 2; i++)
+        span[i] = (Span){ends.reach_mm[2 * i], ends.reach_mm[2 * i + 1]};
 }
 
 /* The farther end, from a point. */
@@ -289,18 +348,20 @@ static double middle(Span span)
  * the farthest that any frame needs, to the right and up. */
 static void frame_rotation(const CtsVisible *v, CtsRenderSettings *s, double half[2])
 {
-    for (int axis = 0; axis < 3; axis++) {
-        const double direction[3] = {axis == 0, axis == 1, axis == 2};
-        s->centre_lps[axis] = middle(span_along(v, direction, NULL));
-    }
+    static const double axes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    Span span[3];
+    spans_along(v, axes[0], axes[1], NULL, s->n_threads, span);
+    spans_along(v, axes[1], axes[2], NULL, s->n_threads, span + 1);
+    for (int axis = 0; axis < 3; axis++)
+        s->centre_lps[axis] = middle(span[axis]);
     for (int i = 0; i < s->rotation_frames; i++) {
-        CtsViewAxes axes;
-        cts_view_axes(&axes, s->azimuth_deg + 360.0 * i / s->rotation_frames, s->elevation_deg);
+        CtsViewAxes view;
+        cts_view_axes(&view, s->azimuth_deg + 360.0 * i / s->rotation_frames, s->elevation_deg);
         Cut store;
-        const Cut *cut = cut_of(v, s, axes.forward_lps, &store);
-        const Span right = span_along(v, axes.right_lps, cut), up = span_along(v, axes.up_lps, cut);
-        half[0] = fmax(half[0], half_width(right, cts_dot3(s->centre_lps, axes.right_lps)));
-        half[1] = fmax(half[1], half_width(up, cts_dot3(s->centre_lps, axes.up_lps)));
+        const Cut *cut = cut_of(v, s, view.forward_lps, &store);
+        spans_along(v, view.right_lps, view.up_lps, cut, s->n_threads, span);
+        half[0] = fmax(half[0], half_width(span[0], cts_dot3(s->centre_lps, view.right_lps)));
+        half[1] = fmax(half[1], half_width(span[1], cts_dot3(s->centre_lps, view.up_lps)));
     }
 }
 
@@ -310,11 +371,12 @@ static void frame_view(const CtsVisible *v, CtsRenderSettings *s, double half[2]
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
     Cut store;
     const Cut *cut = cut_of(v, s, axes.forward_lps, &store);
-    const Span right = span_along(v, axes.right_lps, cut), up = span_along(v, axes.up_lps, cut);
+    Span span[2];
+    spans_along(v, axes.right_lps, axes.up_lps, cut, s->n_threads, span);
     for (int c = 0; c < 3; c++)
-        s->centre_lps[c] = middle(right) * axes.right_lps[c] + middle(up) * axes.up_lps[c];
-    half[0] = half_width(right, middle(right));
-    half[1] = half_width(up, middle(up));
+        s->centre_lps[c] = middle(span[0]) * axes.right_lps[c] + middle(span[1]) * axes.up_lps[c];
+    for (int i = 0; i < 2; i++)
+        half[i] = half_width(span[i], middle(span[i]));
 }
 
 void cts_framing_find(const CtsVisible *v, CtsRenderSettings *settings)
