@@ -85,33 +85,23 @@ static CtsStatus list_pieces(Pieces *p, CtsError *err)
     return CTS_OK;
 }
 
-/* Renders the pieces, through strips of which only their pixels are ever looked at. */
+/* Renders the pieces, in a band of which nothing else is ever touched. */
 static CtsStatus render_pieces(Pieces *p, const CtsEngine *engine, CtsError *err)
 {
-    CtsPicture strip = *p->band;
+    CtsPicture drawn = *p->band;
+    const size_t n = p->width * (size_t)p->band->height;
     CtsStatus st;
-    const size_t most = p->width * CTS_BAND_ROWS;
-    strip.pixels = strip.bound = strip.depth_mm = NULL;
-    if ((st = cts_alloc_array(&strip.pixels, 4 * most, err)) || (st = cts_alloc_array(&strip.bound, most, err)))
+    drawn.pixels = drawn.bound = drawn.depth_mm = NULL;
+    if ((st = cts_alloc_sparse(&drawn.pixels, 4 * n, err)) || (st = cts_alloc_sparse(&drawn.bound, n, err)) ||
+        (st = engine->render(&p->fine, &drawn, NULL, err)))
         goto end;
-    for (size_t s = 0, i = 0; s < p->n_strips; s++) {
-        const size_t from = (size_t)first_row(s) * p->width, first = i;
-        strip.first_row = p->band->first_row + first_row(s);
-        strip.height = end_row(p, s) - first_row(s);
-        for (i = first; i < p->strip_end[s]; i++) {
-            memset(strip.pixels + 4 * (p->place[i] - from), 0, 4 * sizeof *strip.pixels);
-            strip.bound[p->place[i] - from] = 0;
-        }
-        if ((st = engine->render(&p->fine, &strip, NULL, err)))
-            goto end;
-        for (i = first; i < p->strip_end[s]; i++) {
-            memcpy(p->pixels + 4 * i, strip.pixels + 4 * (p->place[i] - from), 4 * sizeof *strip.pixels);
-            p->bound[i] = strip.bound[p->place[i] - from];
-        }
+    for (size_t i = 0; i < p->n; i++) {
+        memcpy(p->pixels + 4 * i, drawn.pixels + 4 * (size_t)p->place[i], 4 * sizeof *drawn.pixels);
+        p->bound[i] = drawn.bound[p->place[i]];
     }
 end:
-    cts_free(&strip.pixels);
-    cts_free(&strip.bound);
+    cts_free(&drawn.pixels);
+    cts_free(&drawn.bound);
     return st;
 }
 

@@ -208,7 +208,8 @@ static void sum_layers(void *context, int worker, size_t first, size_t end)
 
 void cts_macrocells_sum(CtsMacrocells *b, int n_threads)
 {
-    Summing summing = {b, {65535, 0}};
+    Summing summing = {.macrocells = b};
+    atomic_init(&summing.all, ((CtsRange){65535, 0}));
     cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, &summing);
     b->all = atomic_load(&summing.all);
 }
