@@ -302,6 +302,22 @@ static void tell_left_out(const CtsFrame *frame, CtsReport *report)
         cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
 }
 
+/* Whether the frame is made at half the resolution; an explanation makes nothing that would tell. */
+static CtsStatus begin_half(CtsFrame *frame, CtsReport *report, CtsError *err)
+{
+    CtsFrames *f = frame->frames;
+    const CtsScene *scene = &frame->store.scene;
+    CtsStatus st = CTS_OK;
+    if (!cts_half_serves(&f->half, f->engine, scene))
+        return CTS_OK;
+    if (frame->explain)
+        cts_report_plan(report, "draft: of a copy at half the resolution, where rays show that it will do");
+    else
+        st = cts_half_init(&f->half, f->engine, scene, &frame->half, report, err);
+    frame->at_half = !frame->explain && cts_half_serves(&f->half, f->engine, scene);
+    return st;
+}
+
 CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *task, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -317,10 +333,8 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
         return st;
     tell_key(f, report);
     tell_left_out(frame, report);
-    if (cts_half_serves(&f->half, f->engine, &frame->store.scene) &&
-        (st = cts_half_init(&f->half, f->engine, &frame->store.scene, &frame->half, report, err)))
+    if ((st = begin_half(frame, report, err)))
         return st;
-    frame->at_half = cts_half_serves(&f->half, f->engine, &frame->store.scene);
     const bool lossy = report && report->key_loss > 0;
     const int n = task->n_verified > 0 ? task->n_verified : lossy ? task->least_lossy : 0;
     if (n == 0 || task->explain)

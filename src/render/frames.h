@@ -1,6 +1,6 @@
 /* The renderer below the public calls: one volume with one preset, frame by frame, by a plan that its caller gives.
- * What does not change from frame to frame (the quantised copy, the transfer function's table, the void key, what the
- * engine keeps) is made once. */
+ * What does not change from frame to frame (the quantised copy, the one at half the resolution, the transfer function's
+ * table, the void key, what the engine keeps) is made once. */
 #ifndef CTS_RENDER_FRAMES_H
 #define CTS_RENDER_FRAMES_H
 
