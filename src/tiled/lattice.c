@@ -60,10 +60,8 @@ bool cts_lattice_fill(const TiledJob *j, int x, int y, int n)
         apart |= agree < most - least;
         seen |= most > 0;
     }
-    if (any(apart))
+    if (any(apart) || !any(seen))
         return false;
-    if (!any(seen))
-        return true; /* the picture is empty there already */
     Rgba *const here = (Rgba *)(void *)j->rgba + (ptrdiff_t)(y - j->first_row) * j->width + x, *below = here + j->width;
     const bool both = y + 1 < j->past_row;
     for (int i = 0; i < n; i++) {

@@ -11,7 +11,7 @@ bool cts_lattice_pays(const TiledJob *job, const CtsScene *scene);
 /* Maps, width and rows of the lattice, which covers all of job's pixels; its picture has room for 4 floats a place. */
 void cts_lattice_spread(TiledJob *lattice, const TiledJob *job);
 /* Fills n pixels of rows y and y + 1 from job->lattice, x, y and the lattice's first row being even; false where they
- * are to be marched. */
+ * are to be marched: also where all is empty, as something thin may lie between. */
 bool cts_lattice_fill(const TiledJob *job, int x, int y, int n);
 
 #endif
