@@ -1,5 +1,6 @@
 #include "render/bound.h"
 
+#include "base/chance.h"
 #include "base/clock.h"
 #include "base/limits.h"
 #include "base/mem.h"
@@ -120,13 +121,11 @@ static size_t place_in_view(const Keeping *k, size_t at)
     return k->of.first + (k->of.place ? k->of.place[at] : at);
 }
 
-/* Even over 0..1, and its own for each pixel of the view and each round (the finaliser of MurmurHash3). */
+/* Even over 0..1, and its own for each pixel of the view and each round. */
 static double chance_of(const Keeping *k, size_t at)
 {
-    uint64_t h = (uint64_t)place_in_view(k, at) + ((uint64_t)k->round << 62) + 1;
-    h = (h ^ h >> 33) * 0xff51afd7ed558ccdu;
-    h = (h ^ h >> 33) * 0xc4ceb9fe1a85ec53u;
-    return (double)(h >> 11) * 0x1p-53;
+    const uint64_t number = (uint64_t)place_in_view(k, at) + ((uint64_t)k->round << 62) + 1;
+    return (double)(cts_chance_bits(number) >> 11) * 0x1p-53;
 }
 
 static double square_at(const Keeping *k, size_t at)

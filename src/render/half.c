@@ -1,5 +1,6 @@
 #include "render/half.h"
 
+#include "base/chance.h"
 #include "base/clock.h"
 #include "base/limits.h"
 #include "base/mem.h"
@@ -48,12 +49,10 @@ typedef struct Block {
     int x, y, end_x, end_y; /* in the band */
 } Block;
 
-/* Numbers 0 to 2^32 - 1, even and by chance (the finaliser of MurmurHash3). */
-static uint32_t drawn(uint64_t h)
+/* Numbers 0 to 2^32 - 1. */
+static uint32_t drawn(uint64_t number)
 {
-    h = (h ^ h >> 33) * 0xff51afd7ed558ccdu;
-    h = (h ^ h >> 33) * 0xc4ceb9fe1a85ec53u;
-    return (uint32_t)(h >> 32);
+    return (uint32_t)(cts_chance_bits(number) >> 32);
 }
 
 static int drawn_between(uint64_t h, int first, int end)

@@ -1,0 +1,14 @@
+/* Chance that is the same each time, drawn by numbers that the caller counts. */
+#ifndef CTS_BASE_CHANCE_H
+#define CTS_BASE_CHANCE_H
+
+#include <stdint.h>
+
+/* 64 bits, the upper ones even and unlike those of the next number (the finaliser of MurmurHash3). */
+static inline uint64_t cts_chance_bits(uint64_t number)
+{
+    number = (number ^ number >> 33) * 0xff51afd7ed558ccdu;
+    return (number ^ number >> 33) * 0xc4ceb9fe1a85ec53u;
+}
+
+#endif
