@@ -201,6 +201,42 @@ static void lattice_of_a_draft(void **state)
     cts_volume_free(&v);
 }
 
+/* Plates edge on, of which a hard step shows less than a pixel's height, before nothing: some lie between the lattice's
+ * rows. */
+static void lines_between_lattice_rows(void **state)
+{
+    (void)state;
+    enum { SIZE = 400, N = 44, APART = 5 };
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, N, 12, N, &err), CTS_OK);
+    for (int k = 3; k < N; k += APART)
+        for (int i = 0; i < N * 12; i++)
+            v->grey[(size_t)k * N * 12 + (size_t)i] = 4024;
+    CtsPreset preset = {.name = "edge", .unit_distance_mm = 1, .n_opacity = 2, .n_colour = 2};
+    preset.opacity[0] = (CtsOpacityPoint){2700, 0};
+    preset.opacity[1] = (CtsOpacityPoint){2700.5, 0.9};
+    preset.colour[0] = (CtsColourPoint){-1000, {0.9, 0.8, 0.7}};
+    preset.colour[1] = (CtsColourPoint){3000, {0.9, 0.8, 0.7}};
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 0, 0);
+    s.mm_per_pixel = 0.11;
+    s.max_error = 100; /* so that no piece tells of them */
+    s.want_depth = true;
+    CtsPicture *marched = render(v, &preset, &s, NULL);
+    s.want_depth = false;
+    CtsPicture *filled = render(v, &preset, &s, NULL);
+    int n_odd = 0;
+    for (int y = 0; y < SIZE; y++) {
+        const size_t at = 4 * ((size_t)y * SIZE + SIZE / 2) + 3;
+        n_odd += y % 2 && marched->pixels[at] > 0.5f;
+        assert_true(fabsf(marched->pixels[at] - filled->pixels[at]) < 12.0f / 255);
+    }
+    assert_true(n_odd > 1);
+    cts_picture_free(&marched);
+    cts_picture_free(&filled);
+    cts_volume_free(&v);
+}
+
 static bool skips_half(const CtsReport *report)
 {
     for (size_t i = 0; i < report->n_skips; i++)
@@ -312,8 +348,12 @@ static void half_of_a_small_thing(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(table_of_a_ramp),    cmocka_unit_test(slab_of_one_level),  cmocka_unit_test(told_of_drafts),
-        cmocka_unit_test(lattice_of_a_draft), cmocka_unit_test(half_of_a_rotation),
+        cmocka_unit_test(table_of_a_ramp),
+        cmocka_unit_test(slab_of_one_level),
+        cmocka_unit_test(told_of_drafts),
+        cmocka_unit_test(lattice_of_a_draft),
+        cmocka_unit_test(lines_between_lattice_rows),
+        cmocka_unit_test(half_of_a_rotation),
         cmocka_unit_test(half_of_a_small_thing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
