@@ -426,7 +426,7 @@ static double rmse_of(const CtsFrameBound *bound)
     const double judged =
         sqrt(cts_mean_limit(bound->found, bound->weight * fmax(bound->beyond, 1), (double)bound->judged));
     const double pieces = sqrt(cts_mean_limit(bound->piece_squares, bound->piece_most, (double)bound->pieces));
-    const double half = cts_mean_limit(bound->half_squares, bound->half_most, (double)bound->half_rays);
+    const double half = cts_mean_limit(bound->half_squares, bound->half_most, bound->half_rays);
     const double at_half = (double)bound->at_half / (double)bound->pixels, rest = judged + pieces;
     return ROUNDED + sqrt(at_half * half + (1 - at_half) * rest * rest);
 }
@@ -457,9 +457,8 @@ void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport
                         (unsigned long long)bound->refined, (unsigned long long)bound->pixels);
     if (bound->half_rays > 0)
         cts_report_plan(report,
-                        "%llu of %llu pixels of the draft at half the resolution, where %llu rays show that it will do",
-                        (unsigned long long)bound->at_half, (unsigned long long)bound->pixels,
-                        (unsigned long long)bound->half_rays);
+                        "%llu of %llu pixels of the draft at half the resolution, where %.0f rays show that it will do",
+                        (unsigned long long)bound->at_half, (unsigned long long)bound->pixels, bound->half_rays);
     const bool kept = rmse <= 1.005 * asked, by_default = !(scene->plan.max_error > 0);
     if (!kept || !by_default)
         cts_report_finding(report, kept ? "max_error" : "error_bound", kept ? CTS_NOTE : CTS_WARNING,

@@ -27,7 +27,8 @@ typedef struct CtsFrameBound {
     uint64_t pieces, refined;      /* of a draft: pieces that judge it, pixels that were rendered without one, */
     double piece_squares;          /* the sum of the pieces' e^2, each the mean of its pixels, */
     double piece_most;             /* and the largest; */
-    uint64_t at_half, half_rays;   /* pixels of one at half the resolution (render/half.h), rays that judge them, */
+    uint64_t at_half;              /* pixels of one at half the resolution (render/half.h), */
+    double half_rays;              /* of how many evenly drawn rays those that judge them are worth, */
     double half_squares;           /* the sum of their e^2, */
     double half_most;              /* and the largest */
     double wall_ms, cpu_ms;

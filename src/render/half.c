@@ -292,7 +292,9 @@ static CtsStatus judge(Rays *r, const int *strip, int n, CtsFrameBound *bound, C
     const double asked = cts_scene_error_asked(r->scene);
     double sum = 0, most = UNSEEN * asked * UNSEEN * asked, worth = 0;
     CtsStatus st;
-    while (n > 0 && r->round < ROUNDS && (!(worth > 0) || sqrt(cts_mean_limit(sum, most, worth)) > asked)) {
+    if (n == 0)
+        return CTS_OK;
+    while (r->round < ROUNDS && (!(worth > 0) || sqrt(cts_mean_limit(sum, most, worth)) > asked)) {
         if ((st = cast(r, strip, n, bound, err)))
             return st;
         for (int i = 0; i < n; i++) {
@@ -300,7 +302,7 @@ static CtsStatus judge(Rays *r, const int *strip, int n, CtsFrameBound *bound, C
             worth += worth_of(r, strip[i]);
         }
     }
-    bound->half_rays += (uint64_t)worth;
+    bound->half_rays += worth;
     bound->half_squares += sum;
     bound->half_most = fmax(bound->half_most, most);
     return CTS_OK;
