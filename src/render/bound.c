@@ -421,7 +421,7 @@ end:
 }
 
 /* By the rays that were cast and, of a draft, by its pieces, which the rays have judged. */
-static double rmse_of(const CtsFrameBound *bound)
+double cts_bound_rmse(const CtsFrameBound *bound)
 {
     const double judged =
         sqrt(cts_mean_limit(bound->found, bound->weight * fmax(bound->beyond, 1), (double)bound->judged));
@@ -435,7 +435,8 @@ void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport
 {
     if (!report || bound->pixels == 0)
         return;
-    const double rmse = rmse_of(bound) * (CTS_MUTATED(BOUND_LOW) ? 0.05 : 1), asked = cts_scene_error_asked(scene);
+    const double rmse = cts_bound_rmse(bound) * (CTS_MUTATED(BOUND_LOW) ? 0.05 : 1),
+                 asked = cts_scene_error_asked(scene);
     CtsErrorBound *told = &report->bound;
     /* Of a rotation the worst frame stands for all. */
     told->known = true;

@@ -62,6 +62,8 @@ CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsScene *scene, CtsPicture
 CtsStatus cts_bound_judge(CtsFrameBound *bound, const CtsScene *scene, const CtsBoundSample *sample, CtsError *err);
 /* The frame's ray caster, which is made when it is first asked for and stays the bound's. */
 CtsStatus cts_bound_caster(CtsFrameBound *bound, const CtsScene *scene, const CtsRaycaster **caster, CtsError *err);
+/* What the frame's error is at most, rms. */
+double cts_bound_rmse(const CtsFrameBound *bound);
 /* The report's bound, and a warning where the error may be larger than it should be. */
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report);
 void cts_bound_free(CtsFrameBound *bound);

@@ -411,6 +411,8 @@ CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsErr
         st = cts_verify_end(&frame->verify, report, err);
     if (!st)
         cts_bound_tell(&frame->bound, &frame->store.scene, report);
+    if (!st && frame->at_half)
+        cts_half_end(&frame->frames->half, frame->frames->engine, &frame->store.scene, &frame->bound, report);
     cts_bound_free(&frame->bound);
     cts_verify_free(&frame->verify);
     return st;

@@ -432,6 +432,18 @@ CtsStatus cts_half_init(CtsHalf *half, const CtsEngine *engine, const CtsScene *
     return init_store(store, scene, half->volume, &half->kept, err);
 }
 
+void cts_half_end(CtsHalf *half, const CtsEngine *engine, const CtsScene *scene, const CtsFrameBound *bound,
+                  CtsReport *report)
+{
+    const double rmse = cts_bound_rmse(bound);
+    if (rmse <= cts_scene_error_asked(scene))
+        return;
+    cts_half_free(half, engine);
+    half->given_up = true;
+    cts_report_skip(report, "half the resolution", "may err by %.2g/255 rms: later frames are made from all voxels",
+                    255 * rmse);
+}
+
 void cts_half_free(CtsHalf *half, const CtsEngine *engine)
 {
     if (half->kept && engine->forget)

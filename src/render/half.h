@@ -28,6 +28,9 @@ CtsStatus cts_half_init(CtsHalf *half, const CtsEngine *engine, const CtsScene *
 /* Takes a band that the engine made of that, scene being the one of all voxels. */
 CtsStatus cts_half_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
                         CtsError *err);
+/* Gives it up where the frame cannot be shown to keep the error asked for. */
+void cts_half_end(CtsHalf *half, const CtsEngine *engine, const CtsScene *scene, const CtsFrameBound *bound,
+                  CtsReport *report);
 void cts_half_free(CtsHalf *half, const CtsEngine *engine);
 
 #endif
