@@ -13,17 +13,17 @@ table='
 include/ctsplat | ctsplat/ |
 src/base     | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h | openssl/ jansson.h dlfcn.h link.h
 src/dicom    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h openjpeg.h openjph/ seccomp.h malloc.h zip.h
-src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/series.h dicom/slice.h dicom/slice_stack.h dicom/stored.h | immintrin.h emmintrin.h
+src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/series.h input/header/slice.h input/series/slice_stack.h core/volume/stored.h | immintrin.h emmintrin.h
 src/table    | ctsplat/status.h ctsplat/report.h ctsplat/table.h ctsplat/volume.h volume/ |
 src/transfer | ctsplat/status.h ctsplat/mixture.h ctsplat/preset.h ctsplat/volume.h | expat.h
-src/scene    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/lut.h |
+src/scene    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ core/transfer/lut.h |
 src/splat    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ scene/ | immintrin.h
 src/tiled    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ scene/ | immintrin.h
 src/raycast  | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ scene/ |
 src/render   | ctsplat/status.h ctsplat/mixture.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h ctsplat/reference.h volume/ transfer/ scene/ raycast/ |
 src/image    | ctsplat/status.h ctsplat/bounds.h ctsplat/annotate.h ctsplat/picture.h ctsplat/preset.h |
-src/export   | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/picture.h ctsplat/export.h ctsplat/series.h ctsplat/state.h ctsplat/preset.h image/ dicom/dcm_sc.h dicom/dcm_state.h | png.h openexr.h zlib.h
-src/net      | ctsplat/status.h ctsplat/report.h ctsplat/net.h dicom/dcm_ids.h dicom/dcm_read.h | curl/ jansson.h
+src/export   | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/picture.h ctsplat/export.h ctsplat/series.h ctsplat/state.h ctsplat/preset.h image/ output/objects/dcm_sc.h output/objects/dcm_state.h | png.h openexr.h zlib.h
+src/net      | ctsplat/status.h ctsplat/report.h ctsplat/net.h input/header/dcm_ids.h input/header/dcm_read.h | curl/ jansson.h
 src/report   | ctsplat/ | jansson.h png.h
 src/job      | ctsplat/ report/ |
 src/check    | ctsplat/ report/ |
@@ -124,14 +124,14 @@ breach()
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-breach src/base/a.c '"scene/view.h"'
-breach src/splat/a.c '"dicom/slice.h"'
-breach src/raycast/a.c '"splat/sheet.h"'
-breach src/raycast/a.c '"transfer/lut.h"'
-breach src/cli/a.c '"scene/engine.h"'
-breach src/tiled/a.c '"splat/sheet.h"'
-breach src/splat/a.c '"tiled/slab.h"'
-breach src/volume/crop.c '"dicom/slice.h"'
+breach src/base/a.c '"core/scene/view.h"'
+breach src/splat/a.c '"input/header/slice.h"'
+breach src/raycast/a.c '"engine/splat/sheet.h"'
+breach src/raycast/a.c '"core/transfer/lut.h"'
+breach src/cli/a.c '"core/scene/engine.h"'
+breach src/tiled/a.c '"engine/splat/sheet.h"'
+breach src/splat/a.c '"engine/tiled/slab.h"'
+breach src/core/volume/crop.c '"input/header/slice.h"'
 breach src/export/a.c '<dcmtk/dcmdata/dctk.h>'
 breach src/dicom/a.c '<dcmtk/dcmdata/dctk.h>'
 breach src/splat/a.c '<png.h>'

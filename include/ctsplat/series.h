@@ -13,9 +13,9 @@ extern "C" {
 #endif
 #pragma GCC visibility push(default)
 
-struct CtsSlice;   /* src/dicom/slice.h */
-struct CtsArchive; /* src/dicom/archive.h */
-struct CtsTexts;   /* src/dicom/texts.h */
+struct CtsSlice;   /* src/input/header/slice.h */
+struct CtsArchive; /* src/input/files/archive.h */
+struct CtsTexts;   /* src/input/files/texts.h */
 
 typedef struct CtsSeries {
     char uid[65]; /* SeriesInstanceUID (0020,000E); "" where the data has none */

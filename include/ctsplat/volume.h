@@ -11,8 +11,8 @@ extern "C" {
 #endif
 #pragma GCC visibility push(default)
 
-struct CtsMacrocells; /* src/volume/macrocells.h */
-struct CtsBodyMask;   /* src/volume/body_mask.h */
+struct CtsMacrocells; /* src/core/volume/macrocells.h */
+struct CtsBodyMask;   /* src/core/volume/body_mask.h */
 
 /* Plain data; made by cts_volume_new() or cts_series_load(), freed by cts_volume_free().
  * Voxel (i, j, k) stands at grey[(k * dims[1] + j) * dims[0] + i]; its centre lies at

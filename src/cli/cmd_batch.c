@@ -1,12 +1,12 @@
 /* ctsplat batch: the command line as a batch, its progress, its contact sheet. */
-#include "batch/batch.h"
-#include "batch/work.h"
+#include "app/batch/batch.h"
+#include "app/batch/work.h"
 #include "cli/interrupt.h"
 #include "cli/job_options.h"
 #include "cli/message.h"
 #include "cli/progress.h"
 #include "cli/values.h"
-#include "contact/contact_sheet.h"
+#include "app/contact/contact_sheet.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

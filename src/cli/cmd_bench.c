@@ -1,12 +1,12 @@
 /* ctsplat bench: error against run time, for each engine and setting on one series. */
-#include "bench/bench.h"
+#include "lab/bench/bench.h"
 #include "cli/interrupt.h"
 #include "cli/job_options.h"
 #include "cli/message.h"
 #include "cli/options.h"
 #include "cli/progress.h"
 #include "cli/terminal_watch.h"
-#include "report/text_table.h"
+#include "output/report/text_table.h"
 #include <errno.h>
 #include <math.h>
 #include <stdio.h>

@@ -1,7 +1,7 @@
 /* ctsplat check: the numerical stability suite. */
 #include "base/file.h"
-#include "check/check.h"
-#include "check/plot.h"
+#include "lab/check/check.h"
+#include "lab/check/plot.h"
 #include "cli/interrupt.h"
 #include "cli/options.h"
 #include "cli/print_json.h"

@@ -1,7 +1,7 @@
 /* ctsplat info: headers of every series, and the HU range of those that can be rendered. */
 #include "cli/options.h"
 #include "cli/progress.h"
-#include "report/info.h"
+#include "output/report/info.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

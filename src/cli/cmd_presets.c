@@ -6,8 +6,8 @@
 #include "cli/print_json.h"
 #include "cli/progress.h"
 #include "cli/terminal_watch.h"
-#include "report/text_table.h"
-#include "report/tissues.h"
+#include "output/report/text_table.h"
+#include "output/report/tissues.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

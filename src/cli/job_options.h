@@ -3,7 +3,7 @@
 #define CTS_CLI_JOB_OPTIONS_H
 
 #include "cli/options.h"
-#include "job/job.h"
+#include "app/job/job.h"
 
 CtsSource cli_source(const CliOptions *options, const CtsPreset *preset);
 

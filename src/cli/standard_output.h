@@ -4,7 +4,7 @@
 #define CTS_CLI_STANDARD_OUTPUT_H
 
 #include "cli/options.h"
-#include "job/job.h"
+#include "app/job/job.h"
 
 typedef struct CliStandardOutput {
     char *folder, *path; /* NULL: nothing goes there */

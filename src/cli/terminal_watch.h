@@ -2,8 +2,8 @@
 #ifndef CTS_CLI_TERMINAL_WATCH_H
 #define CTS_CLI_TERMINAL_WATCH_H
 
-#include "job/watch.h"
-#include "report/log.h"
+#include "app/job/watch.h"
+#include "output/report/log.h"
 
 typedef struct CliWatch {
     CtsLog *log;            /* NULL: none */

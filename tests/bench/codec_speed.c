@@ -5,10 +5,10 @@
  */
 #include "base/clock.h"
 #include "ctsplat/series.h"
-#include "dicom/codec.h"
-#include "dicom/dcm_read.h"
-#include "dicom/file_bytes.h"
-#include "dicom/slice.h"
+#include "input/codec/codec.h"
+#include "input/header/dcm_read.h"
+#include "input/files/file_bytes.h"
+#include "input/header/slice.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -12,7 +12,7 @@ touch picture.png folder/x
 ln -s "$ctsplat" bin/ctsplat
 export PATH=$work/bin:$PATH HOME=$work XDG_CONFIG_HOME=$work/config
 for name in ctsplat.bash _ctsplat; do
-    sed "s#@DATADIR@#$root/src/deploy/completion#" "$root/src/deploy/completion/$name" >$name
+    sed "s#@DATADIR@#$root/src/app/deploy/completion#" "$root/src/app/deploy/completion/$name" >$name
 done
 bad=0
 fail()

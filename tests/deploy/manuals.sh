@@ -16,12 +16,12 @@ settings()
 {
     grep -oE 'CTSPLAT_NODE_[A-Z]+' "$1"
 }
-settings "$root/src/deploy/ctsplat-node" >"$work/a"
+settings "$root/src/app/deploy/ctsplat-node" >"$work/a"
 [ "$(sort -u "$work/a" | wc -l)" -ge 8 ]
 settings "$root/man/ctsplat-node.1" >"$work/b"
 same "settings of ctsplat-node (<) and of its manual (>) differ"
 # The unit sets the folder, and nobody needs another profile.
-settings "$root/src/deploy/node.conf" | cat - "$root/src/deploy/ctsplat-node.service" |
+settings "$root/src/app/deploy/node.conf" | cat - "$root/src/app/deploy/ctsplat-node.service" |
     grep -oE 'CTSPLAT_NODE_[A-Z]+' >"$work/b"
 echo CTSPLAT_NODE_PROFILE >>"$work/b"
 same "settings of ctsplat-node (<) and of node.conf with the unit (>) differ"

@@ -22,7 +22,7 @@ fail()
 }
 mkdir bin archive sent
 ln -s "$ctsplat" bin/ctsplat
-sed "s#@DATADIR@#$root/src/deploy#" "$root/src/deploy/ctsplat-node" >bin/ctsplat-node
+sed "s#@DATADIR@#$root/src/app/deploy#" "$root/src/app/deploy/ctsplat-node" >bin/ctsplat-node
 chmod +x bin/ctsplat-node
 printf '#!/bin/sh\nLD_PRELOAD=%s exec %s "$@"\n' "$library" "$(command -v storescp)" >bin/storescp
 chmod +x bin/storescp

@@ -1,5 +1,5 @@
 /* Our tag scanner against DCMTK on the same bytes: where a header is read from the scan alone, DCMTK says the same. */
-#include "dicom/dcm_read.h"
+#include "input/header/dcm_read.h"
 #include "fuzz.h"
 #include <stdlib.h>
 #include <string.h>

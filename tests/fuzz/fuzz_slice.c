@@ -1,6 +1,6 @@
 /* One DICOM file -> slices and their pixels; compressed ones up to their codec, which has a process of its own. */
-#include "dicom/scan.h"
-#include "dicom/slice.h"
+#include "input/files/scan.h"
+#include "input/header/slice.h"
 #include "fuzz.h"
 #include <stdlib.h>
 

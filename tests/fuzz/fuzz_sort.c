@@ -1,5 +1,5 @@
 /* Series sorting on invented headers: 16 bytes a slice, positions, times and numbers all mixed up. */
-#include "dicom/series_judge.h"
+#include "input/series/series_judge.h"
 #include "fuzz.h"
 #include <math.h>
 #include <stdio.h>

@@ -1,5 +1,5 @@
 /* A zip file through the unpacker and the list of its members, both in this process. */
-#include "dicom/archive.h"
+#include "input/files/archive.h"
 #include "fuzz.h"
 #include <stdlib.h>
 #include <string.h>

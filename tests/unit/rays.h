@@ -2,10 +2,10 @@
 #ifndef CTS_TESTS_RAYS_H
 #define CTS_TESTS_RAYS_H
 
-#include "check/check_scene.h"
-#include "check/truth.h"
-#include "raycast/raycast.h"
-#include "raycast/raycaster.h"
+#include "lab/check/check_scene.h"
+#include "lab/check/truth.h"
+#include "engine/raycast/raycast.h"
+#include "engine/raycast/raycaster.h"
 #include "unit.h"
 #include <math.h>
 

@@ -1,7 +1,7 @@
 /* Letters and scale bar: where they stand, how long the bar is, what they leave alone. */
 #include "ctsplat/annotate.h"
-#include "image/describe.h"
-#include "image/samples.h"
+#include "output/image/describe.h"
+#include "output/image/samples.h"
 #include "pictures.h"
 
 static CtsPicture *flat(int width, int height, int n_channels, float v, double mm_per_pixel)

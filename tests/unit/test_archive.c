@@ -1,6 +1,6 @@
 /* Zip files as input: the same volume as the folder, and nothing that a bad one can do. */
 #include "ctsplat/series.h"
-#include "dicom/archive.h"
+#include "input/files/archive.h"
 #include "dicom_files.h"
 #include <zip.h>
 

@@ -3,9 +3,9 @@
 
 #include "base/cpu.h"
 #include "ctsplat/volume.h"
-#include "table/cell_change.h"
-#include "table/morphology.h"
-#include "volume/bits.h"
+#include "core/table/cell_change.h"
+#include "core/table/morphology.h"
+#include "core/volume/bits.h"
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,8 +1,8 @@
 /* The suite's own machinery: it must count, filter, stop, and call a failure a failure. The cases themselves are run
  * by `ctsplat check`. */
-#include "check/check.h"
-#include "check/check_scene.h"
-#include "check/truth.h"
+#include "lab/check/check.h"
+#include "lab/check/check_scene.h"
+#include "lab/check/truth.h"
 #include "unit.h"
 #include <math.h>
 #include <signal.h>

@@ -1,6 +1,6 @@
 #define _GNU_SOURCE
 /* The contact sheet's data: which line of which journal counts, what is gathered, and what cannot break the page. */
-#include "contact/contact_sheet.h"
+#include "app/contact/contact_sheet.h"
 #include "folder.h"
 #include <jansson.h>
 #include <sys/stat.h>

@@ -1,10 +1,10 @@
 #define _GNU_SOURCE
 /* Codecs in a process of their own: what they do to themselves stays there. */
 #include "../tools/htj2k_stream.h"
-#include "dicom/codec_check.h"
-#include "dicom/decoder.h"
-#include "dicom/jpeg2000.h"
-#include "dicom/sandbox.h"
+#include "input/codec/codec_check.h"
+#include "input/codec/decoder.h"
+#include "input/codec/jpeg2000.h"
+#include "base/sandbox.h"
 #include "unit.h"
 #include <dirent.h>
 #include <dlfcn.h>

@@ -1,5 +1,5 @@
 /* Numbers and texts by DICOM's grammar. */
-#include "dicom/dcm_read.h"
+#include "input/header/dcm_read.h"
 #include "unit.h"
 #include <stdlib.h>
 #include <string.h>

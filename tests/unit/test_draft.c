@@ -1,7 +1,7 @@
 /* Drafts: the table of means by formulas, slabs whose opacity is known, and pictures held to what is told of them. */
 #include "base/mem.h"
 #include "scenes.h"
-#include "tiled/draft_table.h"
+#include "engine/tiled/draft_table.h"
 
 /* Extinction (s - 100) / 1000 per grey level from 100 to 300 on, nothing below, 0.2 above; one colour. */
 static const double ramp_from = 100, ramp_to = 300, ramp_per_grey = 1e-3;

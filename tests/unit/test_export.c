@@ -3,8 +3,8 @@
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "ctsplat/export.h"
-#include "image/samples.h"
-#include "image/srgb.h"
+#include "output/image/samples.h"
+#include "output/image/srgb.h"
 #include "pictures.h"
 #include <openexr.h>
 #include <png.h>

@@ -1,7 +1,7 @@
 /* The frame around what is visible: how far it reaches, by formula; what the picture then holds. */
 #include "base/vec3.h"
-#include "scene/framing.h"
-#include "scene/view.h"
+#include "core/scene/framing.h"
+#include "core/scene/view.h"
 #include "scenes.h"
 
 enum { SIDE = 61 };

@@ -1,7 +1,7 @@
 /* Stored words to grey levels: the fast version against the plain one, both against the formula. */
 #include "base/cpu.h"
 #include "unit.h"
-#include "volume/grey.h"
+#include "core/volume/grey.h"
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>

@@ -3,8 +3,8 @@
 
 #include "base/cpu.h"
 #include "base/sanitized.h"
-#include "volume/body_mask.h"
-#include "volume/halve.h"
+#include "core/volume/body_mask.h"
+#include "core/volume/halve.h"
 #include <limits.h>
 #include <math.h>
 #include <stdio.h>

@@ -2,7 +2,7 @@
 #define _GNU_SOURCE
 #include "unit.h"
 
-#include "dicom/dcm_read.h"
+#include "input/header/dcm_read.h"
 #include <ftw.h>
 #include <stdbool.h>
 #include <stdio.h>

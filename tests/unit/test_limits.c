@@ -1,13 +1,13 @@
 #define _GNU_SOURCE
 /* Limits on what is read: at each of them, and one beyond. */
 #include "base/mem.h"
-#include "dicom/codec_check.h"
-#include "dicom/dcm_read.h"
-#include "dicom/file_bytes.h"
-#include "dicom/pixel_places.h"
-#include "dicom/scan.h"
-#include "dicom/series_judge.h"
-#include "dicom/tag_scan.h"
+#include "input/codec/codec_check.h"
+#include "input/header/dcm_read.h"
+#include "input/files/file_bytes.h"
+#include "input/header/pixel_places.h"
+#include "input/files/scan.h"
+#include "input/series/series_judge.h"
+#include "input/header/tag_scan.h"
 #include "dicom_files.h"
 #include "folder.h"
 #include <zlib.h>

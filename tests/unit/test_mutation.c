@@ -1,7 +1,7 @@
 /* A check that cannot fail is worth nothing: each known fault is planted in turn, and the stability suite must see it.
  * Linked with the engines built a second time, so that faults can be switched while the test runs. */
 #include "base/mutation.h"
-#include "check/check.h"
+#include "lab/check/check.h"
 #include "unit.h"
 #include <stdio.h>
 #include <string.h>

@@ -1,5 +1,5 @@
 /* The paper's engines against formulas and the reference ray caster. */
-#include "check/check_scene.h"
+#include "lab/check/check_scene.h"
 #include "scenes.h"
 
 static const double *centre_pixel(const CtsPicture *p, double rgba[4])

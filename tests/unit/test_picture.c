@@ -1,7 +1,7 @@
 /* Pictures in memory: rounding, curves, blending, samples. */
-#include "image/describe.h"
-#include "image/samples.h"
-#include "image/srgb.h"
+#include "output/image/describe.h"
+#include "output/image/samples.h"
+#include "output/image/srgb.h"
 #include "pictures.h"
 #include <locale.h>
 

@@ -1,5 +1,5 @@
 /* The reference against closed forms: no other renderer is asked. */
-#include "raycast/cubic.h"
+#include "engine/raycast/cubic.h"
 #include "rays.h"
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,7 @@
 /* Sampled pixels: where they lie, what they say about a picture of known error. */
 #include "ctsplat/render.h"
 #include "rays.h"
-#include "render/reference_set.h"
+#include "render/error/reference_set.h"
 #include <stdlib.h>
 #include <string.h>
 

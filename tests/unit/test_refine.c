@@ -2,7 +2,7 @@
 #include "unit.h"
 
 #include "ctsplat/volume.h"
-#include "volume/refine.h"
+#include "core/volume/refine.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

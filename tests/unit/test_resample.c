@@ -1,6 +1,6 @@
 /* An uneven stack becomes an even one in its own memory. */
 #include "unit.h"
-#include "volume/resample.h"
+#include "input/load/resample.h"
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>

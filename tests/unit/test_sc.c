@@ -1,9 +1,9 @@
 /* Secondary captures: what stands in the file, what is copied, what repeats, what comes back. */
 #define _GNU_SOURCE
 #include "ctsplat/export.h"
-#include "export/icc.h"
-#include "export/sc_words.h"
-#include "image/samples.h"
+#include "output/export/icc.h"
+#include "output/export/sc_words.h"
+#include "output/image/samples.h"
 #include "pictures.h"
 #include <math.h>
 #include <signal.h>

@@ -1,6 +1,6 @@
 /* From files to a volume: what is found, sorted, refused, warned of and loaded. */
 #include "ctsplat/series.h"
-#include "dicom/slice.h"
+#include "input/header/slice.h"
 #include "dicom_files.h"
 #include <math.h>
 #include <sys/stat.h>

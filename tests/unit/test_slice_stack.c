@@ -1,5 +1,5 @@
 /* Positions to layers: even, jittered, tilted, with slices missing, unequal; on invented headers. */
-#include "dicom/slice_stack.h"
+#include "input/series/slice_stack.h"
 #include "unit.h"
 #include <math.h>
 #include <stdlib.h>

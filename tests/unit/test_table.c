@@ -2,7 +2,7 @@
 #include "unit.h"
 
 #include "ctsplat/table.h"
-#include "volume/macrocells.h"
+#include "core/volume/macrocells.h"
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>

@@ -1,6 +1,6 @@
 /* Thumbnails: means in linear light, frames in their slots, the same bytes however the bands come. */
 #include "base/mem.h"
-#include "contact/thumbnail.h"
+#include "app/contact/thumbnail.h"
 #include "pictures.h"
 #include <webp/decode.h>
 

@@ -4,7 +4,7 @@
 #include "base/sanitized.h"
 #include "ctsplat/reference.h"
 #include "scenes.h"
-#include "tiled/project_ray.h"
+#include "engine/project/project_ray.h"
 
 static const double views[][2] = {
     {0, 0},      {90, 0},      {180, 0}, {-90, 0}, {0, 90}, {0, -90}, {30, 20}, {45, 0}, {45, 35.26438968275466},

@@ -1,9 +1,9 @@
 /* Verification: which pixels are chosen, and whether its interval holds the error of the whole picture. */
-#include "render/verify.h"
+#include "render/error/verify.h"
 
 #include "base/limits.h"
-#include "check/check_scene.h"
-#include "scene/resolve.h"
+#include "lab/check/check_scene.h"
+#include "core/scene/resolve.h"
 #include "scenes.h"
 #include <math.h>
 #include <stdio.h>

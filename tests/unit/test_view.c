@@ -1,6 +1,6 @@
 /* The geometry of ctsplat(1), PICTURES, to the last half pixel: where a voxel stands in the picture. */
 #include "base/vec3.h"
-#include "scene/view.h"
+#include "core/scene/view.h"
 #include "unit.h"
 #include <string.h>
 

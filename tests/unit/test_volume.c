@@ -3,8 +3,8 @@
 #include "base/vec3.h"
 #include "ctsplat/volume.h"
 #include "unit.h"
-#include "volume/fold.h"
-#include "volume/macrocells.h"
+#include "core/volume/fold.h"
+#include "core/volume/macrocells.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <stdlib.h>

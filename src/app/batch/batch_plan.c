@@ -1,0 +1,500 @@
+#define _GNU_SOURCE
+#include "app/batch/batch_plan.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { MOST_WARNINGS = 12, LONGEST_RECORD = 1 << 16 };
+
+/* One file; its record in the list tells the rest. */
+typedef struct Entry {
+    uint64_t key, offset;
+    uint32_t size; /* of the record */
+} Entry;
+
+typedef struct Unit {
+    size_t first, n; /* entries */
+    uint64_t offset; /* of the record that was met first */
+} Unit;
+
+/* Keys of folders, in order once they are sorted. */
+typedef struct Keys {
+    uint64_t *items;
+    size_t n;
+} Keys;
+
+struct CtsPlan {
+    const CtsPlanInput *input;
+    FILE *list;
+    uint64_t list_bytes;
+    Entry *entries;
+    Unit *units;
+    size_t n_entries, n_units;
+    CtsArchiveCounts counts;
+    CtsArchives *archives;
+    char last_uid[80];
+    uint64_t last_key;
+    Entry *lost; /* files that cannot be read, by their folder's key */
+    size_t n_lost;
+    Keys folders; /* that hold slices */
+    int n_warnings;
+};
+
+/* A record: these numbers, then path, series UID and SOP UID with their zeros. */
+typedef struct Record {
+    uint64_t bytes, n_voxels;
+    int64_t mtime_ns;
+    bool lost; /* it cannot be read; its name is that of its folder */
+} Record;
+
+CtsStatus cts_plan_hex(CtsHash **hash, char hex[65], CtsError *err)
+{
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const CtsStatus st = cts_hash_finish(hash, digest, err);
+    for (int i = 0; !st && i < CTS_DIGEST_BYTES; i++)
+        snprintf(hex + 2 * i, 3, "%02x", digest[i]);
+    return st;
+}
+
+CtsStatus cts_plan_key(const char *uid, uint64_t *key, CtsError *err)
+{
+    CtsHash *hash;
+    char hex[65];
+    CtsStatus st = cts_hash_start(&hash, err);
+    if (st)
+        return st;
+    cts_hash_bytes(hash, uid, strlen(uid));
+    if ((st = cts_plan_hex(&hash, hex, err)))
+        return st;
+    hex[16] = 0;
+    *key = strtoull(hex, NULL, 16);
+    return CTS_OK;
+}
+
+static bool is_valid_uid(const char *uid)
+{
+    const size_t n = strlen(uid);
+    bool digit = false;
+    for (size_t i = 0; i < n; i++) {
+        if (uid[i] == '.' && !digit)
+            return false;
+        digit = uid[i] >= '0' && uid[i] <= '9';
+        if (!digit && uid[i] != '.')
+            return false;
+    }
+    return digit && n <= 64;
+}
+
+static const char *end_of_folder(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    return slash ? slash : path;
+}
+
+/* FNV-1a: for telling folders apart within one run. */
+static uint64_t folder_key(const char *path)
+{
+    uint64_t key = UINT64_C(14695981039346656037);
+    for (const char *c = path, *end = end_of_folder(path); c < end; c++)
+        key = (key ^ (unsigned char)*c) * UINT64_C(1099511628211);
+    return key;
+}
+
+/* Files without a series UID belong together by folder. */
+static CtsStatus name_series(const char *uid, const char *path, char name[80], uint64_t *key, CtsError *err)
+{
+    CtsStatus st;
+    if (uid[0]) {
+        snprintf(name, 80, "%s", uid);
+        return cts_plan_key(name, key, err);
+    }
+    const char *slash = strrchr(path, '/');
+    char *folder = slash ? strndup(path, (size_t)(slash - path)) : strdup(".");
+    uint64_t folder_key;
+    st = folder ? cts_plan_key(folder, &folder_key, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    free(folder);
+    if (st)
+        return st;
+    snprintf(name, 80, "uid-%016llx", (unsigned long long)folder_key);
+    return cts_plan_key(name, key, err);
+}
+
+static CtsStatus add_entry(Entry **entries, size_t *n, Entry entry, CtsError *err)
+{
+    if ((*n & (*n - 1)) == 0) {
+        Entry *grown = realloc(*entries, (*n ? 2 * *n : 1) * sizeof *grown);
+        if (!grown)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of files");
+        *entries = grown;
+    }
+    (*entries)[(*n)++] = entry;
+    return CTS_OK;
+}
+
+static CtsStatus keep_record(CtsPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
+{
+    const Record record = {file->bytes, file->n_voxels, file->mtime_ns, file->why};
+    const size_t n_path = strlen(file->path) + 1, n_name = strlen(name) + 1, n_sop = strlen(file->sop_uid) + 1;
+    const size_t size = sizeof record + n_path + n_name + n_sop;
+    if (size > LONGEST_RECORD)
+        return cts_fail(err, CTS_ERR_READ, "%.80s...: the path is too long", file->path);
+    if (fwrite(&record, sizeof record, 1, p->list) != 1 || fwrite(file->path, n_path, 1, p->list) != 1 ||
+        fwrite(name, n_name, 1, p->list) != 1 || fwrite(file->sop_uid, n_sop, 1, p->list) != 1)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", p->input->folder,
+                        strerror(errno));
+    const Entry entry = {key, p->list_bytes, (uint32_t)size};
+    p->list_bytes += size;
+    return file->why ? add_entry(&p->lost, &p->n_lost, entry, err) : add_entry(&p->entries, &p->n_entries, entry, err);
+}
+
+static CtsStatus add_folder(CtsPlan *p, const char *path, CtsError *err)
+{
+    Keys *k = &p->folders;
+    const uint64_t key = folder_key(path);
+    if (k->n && k->items[k->n - 1] == key)
+        return CTS_OK;
+    if ((k->n & (k->n - 1)) == 0) {
+        uint64_t *grown = realloc(k->items, (k->n ? 2 * k->n : 1) * sizeof *grown);
+        if (!grown)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of folders");
+        k->items = grown;
+    }
+    k->items[k->n++] = key;
+    return CTS_OK;
+}
+
+/* A file that cannot be read may be a slice of a series in its folder, which is to say so. */
+static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err)
+{
+    CtsArchiveFile lost = *file;
+    char name[80];
+    uint64_t unused;
+    struct stat info;
+    CtsStatus st;
+    if (!file->path[0]) {
+        if (p->n_warnings++ < MOST_WARNINGS)
+            p->input->warn(p->input->context, file->why);
+        return CTS_OK;
+    }
+    if (!lstat(file->path, &info)) {
+        lost.bytes = (uint64_t)info.st_size;
+        lost.mtime_ns = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
+    }
+    if ((st = name_series("", file->path, name, &unused, err)))
+        return st;
+    return keep_record(p, &lost, name, folder_key(file->path), err);
+}
+
+static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *err)
+{
+    CtsPlan *const p = context;
+    CtsStatus st = CTS_OK;
+    char name[80];
+    uint64_t key = p->last_key;
+    if (file->why)
+        return take_lost(p, file, err);
+    if ((st = add_folder(p, file->path, err)))
+        return st;
+    if (p->input->series_uid && strcmp(file->series_uid, p->input->series_uid))
+        return CTS_OK;
+    if (file->series_uid[0] && !strcmp(file->series_uid, p->last_uid))
+        snprintf(name, sizeof name, "%s", p->last_uid);
+    else if ((st = name_series(file->series_uid, file->path, name, &key, err)))
+        return st;
+    snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
+    p->last_key = key;
+    return key % (uint64_t)p->input->n_shards == (uint64_t)p->input->shard ? keep_record(p, file, name, key, err)
+                                                                           : CTS_OK;
+}
+
+static int by_key(const void *a, const void *b)
+{
+    const Entry *x = a, *y = b;
+    if (x->key != y->key)
+        return x->key < y->key ? -1 : 1;
+    return x->offset < y->offset ? -1 : x->offset > y->offset;
+}
+
+static int by_offset(const void *a, const void *b)
+{
+    const Unit *x = a, *y = b;
+    return x->offset < y->offset ? -1 : x->offset > y->offset;
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* A record's path, of which the folder counts. */
+static uint64_t folder_of_entry(const CtsPlan *p, const Entry *entry, char text[LONGEST_RECORD])
+{
+    if (pread(fileno(p->list), text, entry->size, (off_t)entry->offset) != (ssize_t)entry->size)
+        return 0;
+    return folder_key(text + sizeof(Record));
+}
+
+/* Where the lost files of a folder begin. */
+static size_t first_lost(const CtsPlan *p, uint64_t folder)
+{
+    size_t low = 0, past = p->n_lost;
+    while (low < past) {
+        const size_t middle = (low + past) / 2;
+        if (p->lost[middle].key < folder)
+            low = middle + 1;
+        else
+            past = middle;
+    }
+    return low;
+}
+
+/* Files that cannot be read go with each series that has slices in their folder; where no series has, they are one that
+ * cannot be read. */
+static CtsStatus place_lost(CtsPlan *p, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const size_t n_entries = p->n_entries;
+    uint64_t last[2] = {0, 0}; /* folder and series */
+    if (!p->n_lost)
+        return CTS_OK;
+    char *text = malloc(LONGEST_RECORD);
+    if (!text)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    qsort(p->lost, p->n_lost, sizeof *p->lost, by_key);
+    if (p->folders.n)
+        qsort(p->folders.items, p->folders.n, sizeof *p->folders.items, by_value);
+    for (size_t i = 0; i < n_entries && !st; i++) {
+        const uint64_t key = p->entries[i].key, folder = folder_of_entry(p, &p->entries[i], text);
+        if (folder == last[0] && key == last[1])
+            continue;
+        last[0] = folder;
+        last[1] = key;
+        for (size_t k = first_lost(p, folder); k < p->n_lost && p->lost[k].key == folder && !st; k++)
+            st = add_entry(&p->entries, &p->n_entries, (Entry){key, p->lost[k].offset, p->lost[k].size}, err);
+    }
+    for (size_t k = 0; k < p->n_lost && !st; k++) {
+        const Entry *lost = &p->lost[k];
+        uint64_t key;
+        if (p->folders.n && bsearch(&lost->key, p->folders.items, p->folders.n, sizeof *p->folders.items, by_value))
+            continue;
+        if (!folder_of_entry(p, lost, text) ||
+            (st = cts_plan_key(text + sizeof(Record) + strlen(text + sizeof(Record)) + 1, &key, err)))
+            continue;
+        if (!p->input->series_uid && key % (uint64_t)p->input->n_shards == (uint64_t)p->input->shard)
+            st = add_entry(&p->entries, &p->n_entries, (Entry){key, lost->offset, lost->size}, err);
+    }
+    free(text);
+    return st;
+}
+
+static CtsStatus make_units(CtsPlan *p, CtsError *err)
+{
+    size_t n = 0;
+    if (p->n_entries)
+        qsort(p->entries, p->n_entries, sizeof *p->entries, by_key);
+    for (size_t i = 0; i < p->n_entries; i++)
+        n += i == 0 || p->entries[i].key != p->entries[i - 1].key;
+    if (!(p->units = malloc((n + 1) * sizeof *p->units)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of series");
+    for (size_t i = 0; i < p->n_entries; i++) {
+        if (i == 0 || p->entries[i].key != p->entries[i - 1].key)
+            p->units[p->n_units++] = (Unit){i, 0, p->entries[i].offset};
+        p->units[p->n_units - 1].n++;
+    }
+    if (n)
+        qsort(p->units, n, sizeof *p->units, by_offset);
+    return CTS_OK;
+}
+
+/* A file that ends with this process, however that ends. */
+static FILE *nameless_file(const char *folder)
+{
+    int fd = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
+    if (fd < 0) {
+        char *path;
+        if (asprintf(&path, "%s/.files.%ld.XXXXXX.tmp", folder, (long)getpid()) < 0)
+            return NULL;
+        fd = mkostemps(path, 4, O_CLOEXEC);
+        if (fd >= 0)
+            unlink(path);
+        free(path);
+    }
+    return fd < 0 ? NULL : fdopen(fd, "w+");
+}
+
+CtsStatus cts_plan_new(CtsPlan **plan, const CtsPlanInput *input, CtsError *err)
+{
+    CtsStatus st;
+    CtsPlan *p = *plan = calloc(1, sizeof *p);
+    if (!p)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    p->input = input;
+    if (!(p->list = nameless_file(input->folder))) {
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: no file can be made there: %s", input->folder, strerror(errno));
+        goto end;
+    }
+    const CtsArchiveSearch search = {.paths = input->paths,
+                                     .n_paths = input->n_paths,
+                                     .n_threads = input->n_threads,
+                                     .found = take_file,
+                                     .context = p,
+                                     .archives = &p->archives,
+                                     .stop = input->stop};
+    if ((st = cts_archive_search(&search, &p->counts, err)))
+        goto end;
+    if (fflush(p->list))
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", input->folder, strerror(errno));
+    if (!st && !(st = place_lost(p, err)))
+        st = make_units(p, err);
+    if (p->n_warnings > MOST_WARNINGS) {
+        char text[80];
+        snprintf(text, sizeof text, "%d more folders cannot be searched", p->n_warnings - MOST_WARNINGS);
+        input->warn(input->context, text);
+    }
+end:
+    if (st)
+        cts_plan_free(plan);
+    return st;
+}
+
+void cts_plan_free(CtsPlan **plan)
+{
+    CtsPlan *p = *plan;
+    if (!p)
+        return;
+    if (p->list)
+        fclose(p->list);
+    free(p->entries);
+    free(p->lost);
+    free(p->folders.items);
+    free(p->units);
+    cts_archives_free(&p->archives);
+    free(p);
+    *plan = NULL;
+}
+
+const CtsArchives *cts_plan_archives(const CtsPlan *plan)
+{
+    return plan->archives;
+}
+
+size_t cts_plan_n_series(const CtsPlan *plan)
+{
+    return plan->n_units;
+}
+
+CtsArchiveCounts cts_plan_counts(const CtsPlan *plan)
+{
+    return plan->counts;
+}
+
+/* A record as it stands in memory. */
+typedef struct File {
+    Record record;
+    const char *path, *name, *sop_uid;
+} File;
+
+static int by_content(const void *a, const void *b)
+{
+    const File *x = a, *y = b;
+    const int order = strcmp(x->sop_uid, y->sop_uid);
+    if (order)
+        return order;
+    if (x->record.bytes != y->record.bytes)
+        return x->record.bytes < y->record.bytes ? -1 : 1;
+    return x->record.mtime_ns < y->record.mtime_ns ? -1 : x->record.mtime_ns > y->record.mtime_ns;
+}
+
+/* PATHs may hold one another. */
+static int by_path(const void *a, const void *b)
+{
+    const int order = strcmp(((const File *)a)->path, ((const File *)b)->path);
+    return order ? order : by_content(a, b);
+}
+
+/* All records of a unit, which lie in order of offset, into text. */
+static CtsStatus read_files(const CtsPlan *p, const Unit *unit, char *text, File *files, CtsError *err)
+{
+    for (size_t i = 0; i < unit->n; i++) {
+        const Entry *e = &p->entries[unit->first + i];
+        File *f = &files[i];
+        if (pread(fileno(p->list), text, e->size, (off_t)e->offset) != (ssize_t)e->size)
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->input->folder,
+                            strerror(errno));
+        memcpy(&f->record, text, sizeof f->record);
+        f->path = text + sizeof f->record;
+        f->name = f->path + strlen(f->path) + 1;
+        f->sop_uid = f->name + strlen(f->name) + 1;
+        text += e->size;
+    }
+    return CTS_OK;
+}
+
+static CtsStatus hash_files(File *files, int n, char hex[65], CtsError *err)
+{
+    CtsHash *hash;
+    const CtsStatus st = cts_hash_start(&hash, err);
+    if (st)
+        return st;
+    qsort(files, (size_t)n, sizeof *files, by_content);
+    for (int i = 0; i < n; i++) {
+        char numbers[64];
+        snprintf(numbers, sizeof numbers, "%llu %lld", (unsigned long long)files[i].record.bytes,
+                 (long long)files[i].record.mtime_ns);
+        cts_hash_text(hash, files[i].sop_uid);
+        cts_hash_text(hash, numbers);
+    }
+    return cts_plan_hex(&hash, hex, err);
+}
+
+CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, CtsError *err)
+{
+    const Unit *unit = &plan->units[i];
+    CtsStatus st = CTS_OK;
+    size_t size = 0;
+    for (size_t k = 0; k < unit->n; k++)
+        size += plan->entries[unit->first + k].size;
+    *series = (CtsPlanSeries){.text = malloc(size), .paths = malloc(unit->n * sizeof *series->paths)};
+    File *files = malloc(unit->n * sizeof *files);
+    if (!series->text || !series->paths || !files)
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory for the files of a series");
+    if (st || (st = read_files(plan, unit, series->text, files, err)))
+        goto end;
+    size_t own = 0;
+    while (own + 1 < unit->n && files[own].record.lost)
+        own++;
+    snprintf(series->uid, sizeof series->uid, "%s", files[own].name);
+    if (is_valid_uid(series->uid))
+        snprintf(series->folder, sizeof series->folder, "%s", series->uid);
+    else
+        snprintf(series->folder, sizeof series->folder, "uid-%016llx",
+                 (unsigned long long)plan->entries[unit->first].key);
+    qsort(files, unit->n, sizeof *files, by_path);
+    for (size_t k = 0; k < unit->n; k++) {
+        series->n_voxels += files[k].record.n_voxels;
+        if (series->n_paths && !strcmp(series->paths[series->n_paths - 1], files[k].path))
+            continue;
+        series->paths[series->n_paths] = files[k].path;
+        files[series->n_paths++] = files[k];
+    }
+    st = hash_files(files, series->n_paths, series->input_sha256, err);
+end:
+    free(files);
+    if (st)
+        cts_plan_series_free(series);
+    return st;
+}
+
+void cts_plan_series_free(CtsPlanSeries *series)
+{
+    free(series->text);
+    free(series->paths);
+    series->text = NULL;
+    series->paths = NULL;
+}

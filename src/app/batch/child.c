@@ -1,0 +1,172 @@
+#define _GNU_SOURCE
+#include "app/batch/child.h"
+
+#include "base/clock.h"
+#include "base/exit_code.h"
+#include "base/json.h"
+#include "base/mem.h"
+#include "base/sanitized.h"
+#include "app/batch/line.h"
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+static json_t *new_time(void)
+{
+    char text[32];
+    const time_t now = time(NULL);
+    struct tm utc;
+    gmtime_r(&now, &utc);
+    strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+    return json_string(text);
+}
+
+static const char *status_word(int exit_code)
+{
+    return !exit_code ? "done" : exit_code == 3 || exit_code == 4 ? "refused" : "failed";
+}
+
+void cts_child_set_status(json_t *line, int exit_code, const char *reason)
+{
+    json_object_set_new(line, "status", json_string(status_word(exit_code)));
+    json_object_set_new(line, "reason", cts_json_new_text(reason));
+    json_object_set_new(line, "exit_code", json_integer(exit_code));
+    json_object_set_new(line, "ended", new_time());
+}
+
+json_t *cts_child_new_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,
+                           const char *folder)
+{
+    char hex[65] = "";
+    json_t *line = json_object();
+    cts_line_options_hash(settings, hex, NULL);
+    json_object_set_new(line, "series_uid", cts_json_new_text(uid));
+    json_object_set_new(line, "folder", json_string(folder));
+    cts_child_set_status(line, 1, "not finished");
+    json_object_set_new(line, "input_sha256", json_string(series->input_sha256));
+    json_object_set_new(line, "options_sha256", json_string(hex));
+    json_object_set_new(line, "files", json_integer(series->n_paths));
+    json_object_set_new(line, "outputs", json_array());
+    json_object_set_new(line, "thumbnails", json_array());
+    json_object_set_new(line, "findings", json_array());
+    return line;
+}
+
+json_t *cts_child_failed_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *reason,
+                              int exit_code)
+{
+    json_t *line = cts_child_new_line(settings, series, series->uid, series->folder);
+    cts_child_set_status(line, exit_code, reason);
+    return line;
+}
+
+CtsStatus cts_child_send(const struct CtsBatchChild *child, const char *message, CtsError *err)
+{
+    for (size_t n = strlen(message); n > 0;) {
+        const ssize_t done = send(child->socket, message, n, MSG_NOSIGNAL);
+        if (done < 0 && errno == EINTR)
+            continue;
+        if (done < 0)
+            return cts_fail(err, CTS_ERR_INTERRUPTED, "the batch is gone: %s", strerror(errno));
+        message += done;
+        n -= (size_t)done;
+    }
+    return CTS_OK;
+}
+
+CtsStatus cts_child_send_line(const struct CtsBatchChild *child, const char *word, CtsError *err)
+{
+    char *object = json_dumps(child->line, JSON_COMPACT | JSON_REAL_PRECISION(12)), *message = NULL;
+    CtsStatus st = object && asprintf(&message, "%s%s\n", word, object) > 0
+                       ? CTS_OK
+                       : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st)
+        st = cts_child_send(child, message, err);
+    free(object);
+    free(message);
+    return st;
+}
+
+/* A picture is never worth the machine: this process goes first when memory runs out, and no further than it may. */
+static void limit(const CtsBatchSettings *s)
+{
+    const struct rlimit no_core = {0, 0};
+    setrlimit(RLIMIT_CORE, &no_core);
+    const uint64_t bytes = s->series_bytes ? s->series_bytes : cts_memory_available() / 10 * 9;
+    const struct rlimit data = {bytes, bytes};
+    /* A sanitizer's own memory counts as data. */
+    if (bytes && !CTS_SANITIZED)
+        setrlimit(RLIMIT_DATA, &data);
+    const int fd = open("/proc/self/oom_score_adj", O_WRONLY | O_CLOEXEC);
+    if (fd >= 0) {
+        const ssize_t n = write(fd, "1000", 4);
+        (void)n;
+        close(fd);
+    }
+}
+
+static void run_series(struct CtsBatchChild *c)
+{
+    CtsError err = {0};
+    const CtsBatchSettings *s = c->settings;
+    const CtsBatchTask task = {.uid = c->series->uid,
+                               .paths = c->series->paths,
+                               .n_paths = c->series->n_paths,
+                               .n_threads = c->n_threads,
+                               .archives = c->archives,
+                               .child = c};
+    const CtsStatus st = s->work(s->context, &task, &err);
+    if (st && st != CTS_ERR_INTERRUPTED && !c->told) {
+        c->line = cts_child_failed_line(s, c->series, err.text, cts_exit_code(st));
+        cts_child_send_line(c, CTS_CHILD_LAST, NULL);
+    }
+    fflush(NULL);
+    _exit(st == CTS_ERR_INTERRUPTED ? 130 : 0);
+}
+
+CtsStatus cts_child_fork(struct CtsBatchChild *child, void (*run)(struct CtsBatchChild *child), pid_t *pid, int *socket,
+                         CtsError *err)
+{
+    int ends[2];
+    const pid_t parent = getpid();
+    if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends))
+        return cts_fail(err, CTS_ERR_INTERNAL, "no socket: %s", strerror(errno));
+    fflush(NULL);
+    *pid = fork();
+    if (*pid < 0) {
+        close(ends[0]);
+        close(ends[1]);
+        return cts_fail(err, CTS_ERR_INTERNAL, "no process: %s", strerror(errno));
+    }
+    if (*pid == 0) {
+        child->socket = ends[1];
+        child->start_wall_ms = cts_wall_ms();
+        child->start_cpu_ms = cts_cpu_ms();
+        close(ends[0]);
+        prctl(PR_SET_PDEATHSIG, SIGKILL);
+        if (getppid() != parent)
+            _exit(1);
+        limit(child->settings);
+        cts_journal_leave(child->journal);
+        run(child);
+    }
+    close(ends[1]);
+    fcntl(ends[0], F_SETFL, O_NONBLOCK);
+    *socket = ends[0];
+    return CTS_OK;
+}
+
+CtsStatus cts_child_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
+                          const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err)
+{
+    struct CtsBatchChild child = {
+        .settings = settings, .journal = journal, .archives = archives, .series = series, .n_threads = n_threads};
+    return cts_child_fork(&child, run_series, pid, socket, err);
+}

@@ -1,0 +1,59 @@
+/* One series in a process of its own, and what it tells its parent. */
+#ifndef CTS_BATCH_CHILD_H
+#define CTS_BATCH_CHILD_H
+
+#include "app/batch/batch.h"
+#include "app/batch/batch_plan.h"
+#include "app/batch/journal.h"
+#include <sys/types.h>
+
+/* Messages to the parent, each a line. A line of the journal stands behind the last four: */
+#define CTS_CHILD_LOADED "loaded"     /* the volume is read: waits for a byte */
+#define CTS_CHILD_RENDERED "rendered" /* no more is rendered until the next "loaded" */
+#define CTS_CHILD_BEGUN "begun "      /* what is known of the series; not for the journal yet */
+#define CTS_CHILD_LINE "line "        /* not final: there is more to come of this series */
+#define CTS_CHILD_LAST "last "        /* final */
+#define CTS_CHILD_STANDS "stands "    /* final, and nothing had to be made */
+
+/* What the process knows. */
+struct CtsBatchChild {
+    const CtsBatchSettings *settings;
+    CtsJournal *journal;
+    const CtsArchives *archives;
+    const CtsPlanSeries *series; /* NULL where it only sends */
+    int socket, n_threads;
+    double start_wall_ms, start_cpu_ms, waited_ms;
+    /* Of the series under way, of which the files may hold several: */
+    const CtsSeries *now;
+    json_t *line, *known; /* known: what an earlier run told of the same files */
+    char folder[96];
+    CtsBatchPicture *pictures;
+    int n_pictures, n_left;
+    size_t n_findings; /* of the report that the line has */
+    bool told;         /* a last line was sent */
+};
+
+/* Starts a process for the series with this many threads. *socket is the parent's end; non-blocking. */
+CtsStatus cts_child_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
+                          const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err);
+/* The same for one that sends what the line's series has and the PACS has not. */
+CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *line, pid_t *pid,
+                           int *socket, CtsError *err);
+
+/* run is called in the new process, and does not return. */
+CtsStatus cts_child_fork(struct CtsBatchChild *child, void (*run)(struct CtsBatchChild *child), pid_t *pid, int *socket,
+                         CtsError *err);
+CtsStatus cts_child_send(const struct CtsBatchChild *child, const char *message, CtsError *err);
+/* The word and the line behind it. */
+CtsStatus cts_child_send_line(const struct CtsBatchChild *child, const char *word, CtsError *err);
+
+/* An empty line of a series. The caller's to release; NULL without memory. */
+json_t *cts_child_new_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,
+                           const char *folder);
+/* A line of a series of which nothing but its files and this is known. */
+json_t *cts_child_failed_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *reason,
+                              int exit_code);
+/* How a series ended, and when. */
+void cts_child_set_status(json_t *line, int exit_code, const char *reason);
+
+#endif

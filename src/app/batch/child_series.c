@@ -1,0 +1,334 @@
+/* A series as its own process makes it: what is missing of it, and what came of it. */
+#define _GNU_SOURCE
+#include "base/clock.h"
+#include "base/exit_code.h"
+#include "base/json.h"
+#include "base/mem.h"
+#include "app/batch/child.h"
+#include "app/batch/line.h"
+#include "app/batch/sweep.h"
+#include "output/report/log.h"
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+
+static void free_pictures(struct CtsBatchChild *c)
+{
+    for (int i = 0; i < c->n_pictures; i++) {
+        CtsBatchPicture *p = &c->pictures[i];
+        for (int f = 0; p->paths && p->paths[f]; f++)
+            free((char *)p->paths[f]);
+        free(p->paths);
+        free((char *)p->thumb_stem);
+    }
+    free(c->pictures);
+    c->pictures = NULL;
+    c->n_pictures = c->n_left = 0;
+}
+
+/* The line to go on from: what an earlier run made of the same files, or an empty one. */
+static void take_line(struct CtsBatchChild *c, const char *uid)
+{
+    const char *input;
+    c->known = cts_journal_find(c->journal, uid);
+    input = json_string_value(json_object_get(c->known, "input_sha256"));
+    c->line = cts_child_new_line(c->settings, c->series, uid, c->folder);
+    if (c->known && (!input || strcmp(input, c->series->input_sha256))) {
+        cts_line_drop_all(c->known, c->settings);
+        json_decref(c->known);
+        c->known = NULL;
+    }
+    static const char *const lists[] = {"outputs", "thumbnails", "errors"};
+    for (int i = 0; i < 3; i++)
+        if (json_is_array(json_object_get(c->known, lists[i])))
+            json_object_set(c->line, lists[i], json_object_get(c->known, lists[i]));
+}
+
+/* What of one picture is missing; nothing: its paths and stem stay NULL. */
+static CtsStatus find_missing(struct CtsBatchChild *c, CtsBatchPicture *p, CtsError *err)
+{
+    const CtsBatchSettings *s = c->settings;
+    char stem[CTS_LINE_STEM];
+    int n = 0;
+    cts_line_stem(s, p, stem);
+    if (!(p->paths = calloc((size_t)s->n_formats + 1, sizeof *p->paths)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int f = 0; f < s->n_formats; f++) {
+        char *path;
+        if (cts_line_stands(s, c->line, p, s->formats[f]))
+            continue;
+        cts_line_drop(c->line, s, p, s->formats[f]);
+        if (asprintf(&path, "%s/%s/%s.%s", s->folder, c->folder, stem, s->formats[f]) < 0)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        p->paths[n++] = path;
+    }
+    if (n)
+        cts_line_drop_error(c->line, s, p);
+    if (n || !cts_line_stands(s, c->line, p, NULL)) {
+        char *path;
+        cts_line_drop(c->line, s, p, NULL);
+        if (asprintf(&path, "%s/%s/thumbs/%s", s->folder, c->folder, stem) < 0)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        p->thumb_stem = path;
+    }
+    return CTS_OK;
+}
+
+static CtsStatus make_folders(struct CtsBatchChild *c, CtsError *err)
+{
+    char path[PATH_MAX];
+    for (int deep = 0; deep < 2; deep++) {
+        if (snprintf(path, sizeof path, "%s/%s%s", c->settings->folder, c->folder, deep ? "/thumbs" : "") >= PATH_MAX)
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the path is too long", c->settings->folder);
+        if (mkdir(path, 0777) && errno != EEXIST)
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", path, strerror(errno));
+        struct stat info;
+        if (lstat(path, &info) || !S_ISDIR(info.st_mode))
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: is no folder (a link is not followed out of -O)", path);
+        cts_sweep(path, 0);
+    }
+    return CTS_OK;
+}
+
+static void tell_geometry(struct CtsBatchChild *c, const CtsPixelFacts *facts)
+{
+    json_t *geometry = cts_info_json(c->now, facts, c->settings->show_patient);
+    json_object_set(c->line, "findings", json_object_get(geometry, "findings"));
+    json_object_del(geometry, "findings");
+    json_object_del(geometry, "series_uid");
+    json_object_set_new(c->line, "geometry", geometry);
+}
+
+static CtsStatus list_pictures(struct CtsBatchChild *c, CtsError *err)
+{
+    const CtsBatchSettings *s = c->settings;
+    CtsStatus st = CTS_OK;
+    if (!(c->pictures = calloc((size_t)s->n_presets * (size_t)s->n_views, sizeof *c->pictures)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int p = 0; p < s->n_presets && !st; p++)
+        for (int v = 0; v < s->n_views && !st; v++) {
+            CtsBatchPicture *picture = &c->pictures[c->n_pictures++];
+            *picture = (CtsBatchPicture){.preset = p, .view = v};
+            st = find_missing(c, picture, err);
+            if (!st && !picture->thumb_stem) {
+                free(picture->paths);
+                c->n_pictures--;
+            }
+        }
+    c->n_left = c->n_pictures;
+    return st;
+}
+
+CtsStatus cts_batch_begin(struct CtsBatchChild *c, const CtsSeries *series, const CtsBatchPicture **pictures, int *n,
+                          CtsError *err)
+{
+    char uid[96];
+    CtsStatus st;
+    snprintf(uid, sizeof uid, series->part ? "%s#%d" : "%s", c->series->uid, series->part);
+    snprintf(c->folder, sizeof c->folder, series->part ? "%s-%d" : "%s", c->series->folder, series->part);
+    *pictures = NULL;
+    *n = 0;
+    take_line(c, uid);
+    c->now = series;
+    tell_geometry(c, &(CtsPixelFacts){0});
+    if (series->renderable && ((st = list_pictures(c, err)) || (c->n_pictures && (st = make_folders(c, err)))))
+        return st;
+    if ((st = cts_child_send_line(c, CTS_CHILD_BEGUN, err)))
+        return st;
+    *pictures = c->pictures;
+    *n = c->n_pictures;
+    return CTS_OK;
+}
+
+CtsStatus cts_batch_loaded(struct CtsBatchChild *c, const CtsPixelFacts *facts, CtsError *err)
+{
+    char go;
+    const double start_ms = cts_wall_ms();
+    tell_geometry(c, facts);
+    CtsStatus st = cts_child_send(c, CTS_CHILD_LOADED "\n", err);
+    while (!st) {
+        const ssize_t n = recv(c->socket, &go, 1, 0);
+        if (n == 1)
+            break;
+        if (n == 0 || errno != EINTR || (c->settings->stop && *c->settings->stop))
+            st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+    }
+    c->waited_ms += cts_wall_ms() - start_ms;
+    return st;
+}
+
+CtsStatus cts_batch_rendered(struct CtsBatchChild *c, CtsError *err)
+{
+    return cts_child_send(c, CTS_CHILD_RENDERED "\n", err);
+}
+
+static json_t *new_entry(const struct CtsBatchChild *c, const CtsBatchPicture *picture, const char *path)
+{
+    const CtsBatchSettings *s = c->settings;
+    const size_t n = strlen(s->folder) + 1;
+    char hex[65] = "";
+    const char *dot = strrchr(path, '.');
+    cts_line_settings_hash(s, picture->preset, picture->view, dot && !strcmp(dot, ".dcm"), hex, NULL);
+    return json_pack("{s:s,s:s,s:s,s:s}", "path", strlen(path) > n ? path + n : path, "preset",
+                     s->presets[picture->preset].name, "view", s->views[picture->view].name, "settings_sha256", hex);
+}
+
+CtsStatus cts_batch_output(struct CtsBatchChild *c, const CtsBatchPicture *picture, const char *path, int frame,
+                           uint64_t bytes, CtsError *err)
+{
+    json_t *entry = new_entry(c, picture, path);
+    const char *dot = strrchr(path, '.');
+    (void)bytes;
+    if (frame >= 0)
+        json_object_set_new(entry, "frame", json_integer(frame));
+    json_object_set_new(entry, "format", json_string(dot ? dot + 1 : ""));
+    const CtsStatus st = cts_line_file_facts(c->settings, entry, err);
+    if (st)
+        json_decref(entry);
+    else
+        json_array_append_new(json_object_get(c->line, "outputs"), entry);
+    return st;
+}
+
+CtsStatus cts_batch_thumbnail(struct CtsBatchChild *c, const CtsBatchPicture *picture, const char *path, int n_frames,
+                              const int size[2], uint64_t bytes, CtsError *err)
+{
+    json_t *entry = new_entry(c, picture, path);
+    json_object_set_new(entry, "frames", json_integer(n_frames));
+    json_object_set_new(entry, "bytes", json_integer((json_int_t)bytes));
+    json_object_set_new(entry, "width", json_integer(size[0]));
+    json_object_set_new(entry, "height", json_integer(size[1]));
+    return json_array_append_new(json_object_get(c->line, "thumbnails"), entry)
+               ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
+               : CTS_OK;
+}
+
+/* The report's findings up to n that the line does not have yet; preset: whose they are, or NULL. */
+static void tell_findings(struct CtsBatchChild *c, const CtsFindings *findings, size_t n, const char *preset)
+{
+    json_t *list = json_object_get(c->line, "findings");
+    for (; c->n_findings < n; c->n_findings++) {
+        json_t *entry = cts_finding_json(&findings->items[c->n_findings]);
+        bool told = false;
+        if (preset)
+            json_object_set_new(entry, "preset", json_string(preset));
+        for (size_t k = 0; k < json_array_size(list) && !told; k++)
+            told = json_equal(json_array_get(list, k), entry);
+        if (!told)
+            json_array_append(list, entry);
+        json_decref(entry);
+    }
+}
+
+/* What stands and is told outlasts the process: pictures that were made stand even when the next ones never are. */
+CtsStatus cts_batch_picture_done(struct CtsBatchChild *c, const CtsBatchPicture *picture, const CtsReport *report,
+                                 size_t first_finding, CtsError *err)
+{
+    const CtsBatchSettings *s = c->settings;
+    const char *preset = s->presets[picture->preset].name;
+    tell_findings(c, &report->findings, first_finding, NULL);
+    tell_findings(c, &report->findings, report->findings.n, preset);
+    if (report->verified.pixels) {
+        json_t *entry = json_pack("{s:s,s:s}", "preset", preset, "view", s->views[picture->view].name);
+        json_t *error = cts_error_json(report);
+        json_object_update(entry, error);
+        json_decref(error);
+        if (!json_is_array(json_object_get(c->line, "errors")))
+            json_object_set_new(c->line, "errors", json_array());
+        json_array_append_new(json_object_get(c->line, "errors"), entry);
+    }
+    return --c->n_left > 0 ? cts_child_send_line(c, CTS_CHILD_LINE, err) : CTS_OK;
+}
+
+static void tell_times(struct CtsBatchChild *c, const CtsReport *report)
+{
+    json_t *stages = json_object();
+    for (int s = 0; s < CTS_N_STAGES; s++)
+        if (report->stages[s].ran)
+            json_object_set_new(stages, cts_stage_names[s],
+                                json_pack("{s:f,s:f}", "wall_ms", round(report->stages[s].wall_ms * 1000) / 1000,
+                                          "cpu_ms", round(report->stages[s].cpu_ms * 1000) / 1000));
+    json_object_set_new(c->line, "stages", stages);
+    json_object_set_new(c->line, "wall_ms", json_real(round(cts_wall_ms() - c->start_wall_ms - c->waited_ms)));
+    json_object_set_new(c->line, "waited_ms", json_real(round(c->waited_ms)));
+    json_object_set_new(c->line, "cpu_ms", json_real(round(cts_cpu_ms() - c->start_cpu_ms)));
+    json_object_set_new(c->line, "peak_rss_bytes", json_integer((json_int_t)cts_peak_rss_bytes()));
+    json_object_set_new(c->line, "threads", json_integer(c->n_threads));
+}
+
+/* Files in the order of their names, whichever of them were made anew. */
+static void sort_outputs(json_t *line)
+{
+    json_t *list = json_object_get(line, "outputs");
+    for (size_t i = 1; i < json_array_size(list); i++)
+        for (size_t k = i; k > 0; k--) {
+            json_t *a = json_array_get(list, k - 1), *b = json_array_get(list, k);
+            const char *path_a = json_string_value(json_object_get(a, "path"));
+            const char *path_b = json_string_value(json_object_get(b, "path"));
+            if (!path_a || !path_b || strcmp(path_a, path_b) <= 0)
+                break;
+            json_incref(a);
+            json_array_set(list, k - 1, b);
+            json_array_set_new(list, k, a);
+        }
+}
+
+/* What an earlier run found with presets that this one makes nothing with. */
+static void keep_findings(struct CtsBatchChild *c)
+{
+    size_t i;
+    json_t *entry;
+    json_array_foreach(json_object_get(c->known, "findings"), i, entry)
+    {
+        const char *preset = json_string_value(json_object_get(entry, "preset"));
+        bool kept = preset;
+        for (int k = 0; k < c->n_pictures && kept; k++)
+            kept = strcmp(c->settings->presets[c->pictures[k].preset].name, preset);
+        if (kept)
+            json_array_append(json_object_get(c->line, "findings"), entry);
+    }
+}
+
+/* Nothing had to be made: what the run told that made it stays. */
+static void keep_times(struct CtsBatchChild *c)
+{
+    static const char *const kept[] = {"geometry",  "findings", "stages",         "wall_ms",
+                                       "waited_ms", "cpu_ms",   "peak_rss_bytes", "threads"};
+    for (size_t i = 0; i < sizeof kept / sizeof *kept; i++)
+        if (json_object_get(c->known, kept[i]))
+            json_object_set(c->line, kept[i], json_object_get(c->known, kept[i]));
+}
+
+CtsStatus cts_batch_end(struct CtsBatchChild *c, const CtsReport *report, CtsStatus status, const CtsError *why)
+{
+    CtsError err;
+    CtsStatus st = CTS_OK;
+    const bool stands = !status && c->known && c->n_pictures == 0;
+    /* What is interrupted stays as it was told last. */
+    if (status != CTS_ERR_INTERRUPTED) {
+        tell_findings(c, &report->findings, report->findings.n, NULL);
+        tell_times(c, report);
+        if (stands)
+            keep_times(c);
+        else
+            keep_findings(c);
+        sort_outputs(c->line);
+        cts_child_set_status(c->line, cts_exit_code(status), status ? why->text : "");
+        st = cts_child_send_line(c, stands ? CTS_CHILD_STANDS : CTS_CHILD_LAST, &err);
+        c->told = true;
+    }
+    json_decref(c->line);
+    json_decref(c->known);
+    c->line = c->known = NULL;
+    free_pictures(c);
+    c->start_wall_ms = cts_wall_ms();
+    c->start_cpu_ms = cts_cpu_ms();
+    c->waited_ms = 0;
+    c->n_findings = 0;
+    return st;
+}

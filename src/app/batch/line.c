@@ -1,0 +1,264 @@
+#define _GNU_SOURCE
+#include "app/batch/line.h"
+
+#include "app/batch/batch_plan.h"
+#include <ctype.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+static CtsStatus hash_common(const CtsBatchSettings *s, CtsHash **hash, CtsError *err)
+{
+    const CtsStatus st = cts_hash_start(hash, err);
+    if (!st) {
+        cts_hash_text(*hash, CTS_VERSION);
+        cts_hash_text(*hash, s->options_text);
+    }
+    return st;
+}
+
+static CtsStatus hash_preset(const CtsBatchSettings *s, int preset, CtsHash *hash, CtsError *err)
+{
+    char *text = cts_preset_to_json(&s->presets[preset]);
+    cts_hash_text(hash, text ? text : "");
+    const bool made = text;
+    free(text);
+    return made ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+}
+
+CtsStatus cts_line_settings_hash(const CtsBatchSettings *s, int preset, int view, bool is_dcm, char hex[65],
+                                 CtsError *err)
+{
+    CtsHash *hash;
+    CtsStatus st = hash_common(s, &hash, err);
+    if (st)
+        return st;
+    st = hash_preset(s, preset, hash, err);
+    cts_hash_text(hash, s->views[view].name);
+    cts_hash_text(hash, is_dcm ? s->dcm_options_text : "");
+    const CtsStatus finished = cts_plan_hex(&hash, hex, err);
+    return st ? st : finished;
+}
+
+CtsStatus cts_line_options_hash(const CtsBatchSettings *s, char hex[65], CtsError *err)
+{
+    CtsHash *hash;
+    CtsStatus st = hash_common(s, &hash, err);
+    if (st)
+        return st;
+    for (int i = 0; i < s->n_presets && !st; i++)
+        st = hash_preset(s, i, hash, err);
+    for (int i = 0; i < s->n_views; i++)
+        cts_hash_text(hash, s->views[i].name);
+    for (int i = 0; i < s->n_formats; i++)
+        cts_hash_text(hash, s->formats[i]);
+    cts_hash_text(hash, s->dcm_options_text);
+    const CtsStatus finished = cts_plan_hex(&hash, hex, err);
+    return st ? st : finished;
+}
+
+void cts_line_stem(const CtsBatchSettings *s, const CtsBatchPicture *picture, char stem[CTS_LINE_STEM])
+{
+    snprintf(stem, CTS_LINE_STEM, "%s-%s", s->presets[picture->preset].name, s->views[picture->view].name);
+    if (stem[0] == '.' || stem[0] == '-')
+        stem[0] = '_';
+    for (char *c = stem; *c; c++)
+        if (!isascii((unsigned char)*c) || (!isalnum((unsigned char)*c) && !strchr("._-,", *c)))
+            *c = '_';
+}
+
+static const char *text_of(const json_t *object, const char *key)
+{
+    const char *text = json_string_value(json_object_get(object, key));
+    return text ? text : "";
+}
+
+/* Paths in the journal are ours, but anybody may have written there. */
+static bool is_below(const char *path)
+{
+    return path[0] && path[0] != '/' && !strstr(path, "..");
+}
+
+bool cts_line_path(const CtsBatchSettings *s, const json_t *entry, char *path, size_t size)
+{
+    const char *name = text_of(entry, "path");
+    const int n = is_below(name) ? snprintf(path, size, "%s/%s", s->folder, name) : -1;
+    return n > 0 && (size_t)n < size;
+}
+
+static CtsStatus hash_file(const char *path, char hex[65], CtsError *err)
+{
+    char *bytes = malloc(1 << 18);
+    CtsHash *hash = NULL;
+    CtsStatus st = CTS_OK;
+    const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
+    if (fd < 0 || !bytes)
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read again: %s", path, strerror(errno));
+    else
+        st = cts_hash_start(&hash, err);
+    for (ssize_t n = 1; !st && n > 0;) {
+        n = read(fd, bytes, 1 << 18);
+        if (n < 0 && errno == EINTR)
+            n = 1;
+        else if (n < 0)
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read again: %s", path, strerror(errno));
+        else
+            cts_hash_bytes(hash, bytes, (size_t)n);
+    }
+    if (hash) {
+        const CtsStatus finished = cts_plan_hex(&hash, hex, err);
+        st = st ? st : finished;
+    }
+    if (fd >= 0)
+        close(fd);
+    free(bytes);
+    return st;
+}
+
+static json_int_t mtime_of(const struct stat *info)
+{
+    return (json_int_t)info->st_mtim.tv_sec * 1000000000 + info->st_mtim.tv_nsec;
+}
+
+CtsStatus cts_line_file_facts(const CtsBatchSettings *s, json_t *entry, CtsError *err)
+{
+    char full[PATH_MAX], hex[65];
+    struct stat info;
+    CtsStatus st;
+    if (!cts_line_path(s, entry, full, sizeof full) || stat(full, &info))
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: is gone again", text_of(entry, "path"));
+    if ((st = hash_file(full, hex, err)))
+        return st;
+    json_object_set_new(entry, "bytes", json_integer((json_int_t)info.st_size));
+    json_object_set_new(entry, "sha256", json_string(hex));
+    json_object_set_new(entry, "mtime_ns", json_integer(mtime_of(&info)));
+    return CTS_OK;
+}
+
+/* A file of the same size and time is the same; one of another time may have been copied. */
+static bool file_stands(const CtsBatchSettings *s, const json_t *entry, bool by_hash)
+{
+    char full[PATH_MAX], hex[65];
+    struct stat info;
+    if (!cts_line_path(s, entry, full, sizeof full) || lstat(full, &info) || !S_ISREG(info.st_mode) ||
+        info.st_size != json_integer_value(json_object_get(entry, "bytes")))
+        return false;
+    if (!by_hash || mtime_of(&info) == json_integer_value(json_object_get(entry, "mtime_ns")))
+        return true;
+    return !hash_file(full, hex, NULL) && !strcmp(hex, text_of(entry, "sha256"));
+}
+
+static bool is_of(const json_t *entry, const CtsBatchSettings *s, const CtsBatchPicture *picture, const char *format)
+{
+    return !strcmp(text_of(entry, "preset"), s->presets[picture->preset].name) &&
+           !strcmp(text_of(entry, "view"), s->views[picture->view].name) &&
+           (!format || !strcmp(text_of(entry, "format"), format));
+}
+
+bool cts_line_stands(const CtsBatchSettings *s, const json_t *line, const CtsBatchPicture *picture, const char *format)
+{
+    const json_t *list = json_object_get(line, format ? "outputs" : "thumbnails");
+    const bool is_dcm = format && !strcmp(format, "dcm");
+    const int n_wanted = !format ? (s->rotation > 1 ? 2 : 1) : s->rotation && !is_dcm ? s->rotation : 1;
+    char hex[65];
+    int n_found = 0;
+    size_t i;
+    json_t *entry;
+    if (cts_line_settings_hash(s, picture->preset, picture->view, is_dcm, hex, NULL))
+        return false;
+    json_array_foreach(list, i, entry)
+    {
+        if (!is_of(entry, s, picture, format))
+            continue;
+        if (strcmp(text_of(entry, "settings_sha256"), hex) || !file_stands(s, entry, format))
+            return false;
+        n_found++;
+    }
+    return n_found == n_wanted;
+}
+
+bool cts_line_waits(const CtsBatchSettings *s, const json_t *entry)
+{
+    const json_t *sent_to = json_object_get(entry, "sent_to");
+    bool asked_for = false;
+    for (int p = 0; s->send_to && p < s->n_presets; p++)
+        for (int v = 0; v < s->n_views; v++) {
+            const CtsBatchPicture picture = {.preset = p, .view = v};
+            asked_for |= is_of(entry, s, &picture, "dcm");
+        }
+    for (size_t i = 0; i < json_array_size(sent_to) && asked_for; i++) {
+        const char *peer = json_string_value(json_array_get(sent_to, i));
+        asked_for = !peer || strcmp(peer, s->send_to);
+    }
+    return asked_for;
+}
+
+int cts_line_n_waiting(const CtsBatchSettings *s, const json_t *line)
+{
+    int n = 0;
+    size_t i;
+    json_t *entry;
+    json_array_foreach(json_object_get(line, "outputs"), i, entry) n += cts_line_waits(s, entry);
+    return n;
+}
+
+bool cts_line_settled(const CtsBatchSettings *s, const json_t *line, const char *input_sha256)
+{
+    const char *status = text_of(line, "status");
+    char hex[65];
+    if (strcmp(text_of(line, "input_sha256"), input_sha256))
+        return false;
+    /* What could not be read might be read now; geometry and pixels stay as they are. */
+    if (!strcmp(status, "refused"))
+        return json_integer_value(json_object_get(line, "exit_code")) == 4 && !cts_line_options_hash(s, hex, NULL) &&
+               !strcmp(hex, text_of(line, "options_sha256"));
+    /* All but sending it went well. */
+    if (strcmp(status, "done") && !json_object_get(line, "unsent"))
+        return false;
+    for (int p = 0; p < s->n_presets; p++)
+        for (int v = 0; v < s->n_views; v++) {
+            const CtsBatchPicture picture = {.preset = p, .view = v};
+            for (int f = 0; f < s->n_formats; f++)
+                if (!cts_line_stands(s, line, &picture, s->formats[f]))
+                    return false;
+            if (!cts_line_stands(s, line, &picture, NULL))
+                return false;
+        }
+    return true;
+}
+
+static void drop(json_t *line, const char *list, const CtsBatchSettings *s, const CtsBatchPicture *picture,
+                 const char *format)
+{
+    json_t *entries = json_object_get(line, list);
+    for (size_t i = json_array_size(entries); i-- > 0;) {
+        const json_t *entry = json_array_get(entries, i);
+        char full[PATH_MAX];
+        if (picture && !is_of(entry, s, picture, format))
+            continue;
+        if (cts_line_path(s, entry, full, sizeof full))
+            unlink(full);
+        json_array_remove(entries, i);
+    }
+}
+
+void cts_line_drop(json_t *line, const CtsBatchSettings *s, const CtsBatchPicture *picture, const char *format)
+{
+    drop(line, format ? "outputs" : "thumbnails", s, picture, format);
+}
+
+void cts_line_drop_error(json_t *line, const CtsBatchSettings *s, const CtsBatchPicture *picture)
+{
+    drop(line, "errors", s, picture, NULL);
+}
+
+void cts_line_drop_all(json_t *line, const CtsBatchSettings *s)
+{
+    drop(line, "outputs", s, NULL, NULL);
+    drop(line, "thumbnails", s, NULL, NULL);
+}

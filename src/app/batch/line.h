@@ -1,0 +1,44 @@
+/* A line of the journal as JSON, and what of it still stands on the disk. */
+#ifndef CTS_BATCH_LINE_H
+#define CTS_BATCH_LINE_H
+
+#include "app/batch/batch.h"
+#include <jansson.h>
+
+enum { CTS_LINE_STEM = 160 };
+
+/* What one picture's file depends on beside its series, as 64 hex digits and a 0. */
+CtsStatus cts_line_settings_hash(const CtsBatchSettings *settings, int preset, int view, bool is_dcm, char hex[65],
+                                 CtsError *err);
+/* Of all options together. */
+CtsStatus cts_line_options_hash(const CtsBatchSettings *settings, char hex[65], CtsError *err);
+
+/* PRESET-VIEW as a file name may have it. */
+void cts_line_stem(const CtsBatchSettings *settings, const CtsBatchPicture *picture, char stem[CTS_LINE_STEM]);
+
+/* Whether the line's list has each file that picture is to have in this format, made with these settings, and the disk
+ * has them as they were; with format NULL: its thumbnails. */
+bool cts_line_stands(const CtsBatchSettings *settings, const json_t *line, const CtsBatchPicture *picture,
+                     const char *format);
+/* Whether nothing has to be done for a series with these files: all that is asked for stands, or it was refused for
+ * good. */
+bool cts_line_settled(const CtsBatchSettings *settings, const json_t *line, const char *input_sha256);
+
+/* Whether the entry is a capture that this batch is to send and that the PACS does not have. */
+bool cts_line_waits(const CtsBatchSettings *settings, const json_t *entry);
+/* How many there are of them. */
+int cts_line_n_waiting(const CtsBatchSettings *settings, const json_t *line);
+/* The full path of an entry's file; false where it is none of -O. */
+bool cts_line_path(const CtsBatchSettings *settings, const json_t *entry, char *path, size_t size);
+
+/* This picture's files of a format (NULL: its thumbnails) do not stand: they leave the line and the disk. */
+void cts_line_drop(json_t *line, const CtsBatchSettings *settings, const CtsBatchPicture *picture, const char *format);
+/* What was measured of this picture's error leaves the line. */
+void cts_line_drop_error(json_t *line, const CtsBatchSettings *settings, const CtsBatchPicture *picture);
+/* All files that the line tells of leave the line and the disk: their input has changed. */
+void cts_line_drop_all(json_t *line, const CtsBatchSettings *settings);
+
+/* Size, time and SHA-256 of the entry's file. */
+CtsStatus cts_line_file_facts(const CtsBatchSettings *settings, json_t *entry, CtsError *err);
+
+#endif

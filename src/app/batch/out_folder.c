@@ -1,0 +1,52 @@
+#define _GNU_SOURCE
+#include "app/batch/out_folder.h"
+
+#include "base/file.h"
+#include <errno.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+CtsStatus cts_batch_open_folder(const CtsBatchSettings *s, CtsError *err)
+{
+    char folder[PATH_MAX], path[PATH_MAX];
+    if (mkdir(s->folder, 0777) && errno != EEXIST)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", s->folder, strerror(errno));
+    if (!realpath(s->folder, folder))
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", s->folder, strerror(errno));
+    for (int i = 0; i < s->n_paths; i++)
+        if (realpath(s->paths[i], path) && !strcmp(path, folder))
+            return cts_fail(err, CTS_ERR_USAGE,
+                            "%s: is searched for series, and nothing is written there "
+                            "(choose another folder for -O)",
+                            s->folder);
+    snprintf(path, sizeof path, "%.4000s/batch.jsonl", s->folder);
+    return cts_file_check_writable(path, true, err);
+}
+
+CtsStatus cts_folder_probe(const CtsBatchSettings *settings, CtsError *err)
+{
+    enum { PROBE = 1 << 20 };
+    char path[PATH_MAX];
+    CtsTempFile *temp = NULL;
+    char *bytes = calloc(1, PROBE);
+    if (!bytes || snprintf(path, sizeof path, "%s/probe", settings->folder) >= PATH_MAX) {
+        free(bytes);
+        return CTS_OK;
+    }
+    CtsStatus st = cts_temp_open(&temp, path, err);
+    if (!st && !(st = cts_temp_write(temp, bytes, PROBE, err)) && fsync(cts_temp_fd(temp)))
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be written: %s", path, strerror(errno));
+    if (st) {
+        const CtsError why = *err;
+        const size_t n = strlen(path);
+        cts_fail(err, st, "%s: takes no more files%s", settings->folder,
+                 strncmp(why.text, path, n) ? "" : why.text + n);
+    }
+    cts_temp_discard(&temp);
+    free(bytes);
+    return st;
+}

@@ -1,0 +1,526 @@
+/* The batch's own process: reads nothing but headers, hands out series, keeps the journal. */
+#define _GNU_SOURCE
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "app/batch/child.h"
+#include "app/batch/line.h"
+#include "app/batch/out_folder.h"
+#include "app/batch/sweep.h"
+#include "app/batch/worker.h"
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <poll.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+
+/* How often the clock is looked at; and how many series in a row may fail to be sent before a PACS is left alone. */
+enum { TICK_MS = 200, SYNC_MS = 2000, MOST_UNSENT = 3 };
+/* As many as render, as many again that write what they have rendered, one that reads ahead, and the sender. */
+#define N_WORKERS(n_jobs) (2 * (n_jobs) + 2)
+/* A volume of 16-bit voxels, its copies while it is worked on, and what a picture takes. */
+static const double BYTES_PER_VOXEL = 5, BYTES_PER_SERIES = 200e6;
+
+typedef struct Run {
+    const CtsBatchSettings *settings;
+    CtsBatchResult *result;
+    CtsPlan *plan;
+    CtsJournal *journal;
+    CtsWorker *workers; /* the first one sends */
+    int n_workers, n_jobs, n_threads;
+    size_t next;
+    char **to_send; /* UIDs of series that wait to be sent */
+    size_t n_to_send, next_to_send;
+    int n_unsent; /* series in a row that could not be */
+    double start_ms, free_bytes, told_ms, synced_ms;
+    uint64_t voxels_done, voxels_left;
+    CtsStatus status; /* why no more series are started */
+    CtsError *err;
+} Run;
+
+static bool interrupted(const Run *r)
+{
+    return r->settings->stop && *r->settings->stop;
+}
+
+static const char *text_of(const json_t *object, const char *key)
+{
+    const char *text = json_string_value(json_object_get(object, key));
+    return text ? text : "";
+}
+
+static size_t n_counted(const CtsBatchResult *result)
+{
+    return result->n_done + result->n_refused + result->n_failed;
+}
+
+static void tell_progress(Run *r)
+{
+    const CtsBatchTold *told = &r->settings->told;
+    const double spent_s = (cts_wall_ms() - r->start_ms) / 1000;
+    r->told_ms = cts_wall_ms();
+    if (told->progress)
+        told->progress(told->context, n_counted(r->result), r->result->n_series,
+                       r->voxels_done ? spent_s * (double)r->voxels_left / (double)r->voxels_done : -1);
+}
+
+static void tell_series(Run *r, const json_t *line)
+{
+    const CtsBatchTold *told = &r->settings->told;
+    const char *status = text_of(line, "status"), *uid = text_of(line, "series_uid");
+    const bool done = !strcmp(status, "done");
+    char text[1400];
+    if (done)
+        snprintf(text, sizeof text, "%.80s: done: %zu files, %.1f s", uid,
+                 json_array_size(json_object_get(line, "outputs")),
+                 json_number_value(json_object_get(line, "wall_ms")) / 1000);
+    else
+        snprintf(text, sizeof text, "%.80s: %s: %s", uid, status, text_of(line, "reason"));
+    if (told->series)
+        told->series(told->context, text, !done);
+}
+
+/* A line that is the last of a series in this run; stood: nothing was made. */
+static void count(Run *r, const json_t *line, bool stood)
+{
+    const char *status = text_of(line, "status");
+    r->result->n_stood += stood && !strcmp(status, "done");
+    r->result->n_done += !strcmp(status, "done");
+    r->result->n_refused += !strcmp(status, "refused");
+    r->result->n_failed += !strcmp(status, "failed");
+    if (!stood)
+        tell_series(r, line);
+}
+
+/* The batch cannot go on; what is under way is asked to stop. */
+static void give_up(Run *r, CtsStatus status, const CtsError *why)
+{
+    if (!r->status) {
+        r->status = status;
+        if (why)
+            *r->err = *why;
+    }
+}
+
+static void add_line(Run *r, const json_t *line)
+{
+    CtsError err = {0};
+    const CtsStatus st = cts_journal_add(r->journal, line, &err);
+    if (st)
+        give_up(r, st, &err);
+}
+
+static void queue_to_send(Run *r, const json_t *line)
+{
+    char *uid = strdup(text_of(line, "series_uid"));
+    char **grown = uid && (r->n_to_send & (r->n_to_send - 1)) == 0
+                       ? realloc(r->to_send, (r->n_to_send ? 2 * r->n_to_send : 1) * sizeof *grown)
+                       : r->to_send;
+    if (!uid || !grown) {
+        CtsError err;
+        free(uid);
+        give_up(r, cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent"), &err);
+        return;
+    }
+    r->to_send = grown;
+    r->to_send[r->n_to_send++] = uid;
+}
+
+/* All of a series that was to be made is, or never will be. */
+static void end_series(Run *r, json_t *line, bool stood)
+{
+    const int n_waiting = strcmp(text_of(line, "status"), "done") ? 0 : cts_line_n_waiting(r->settings, line);
+    if (n_waiting > 0) {
+        json_object_set_new(line, "unsent", json_integer(n_waiting));
+        cts_child_set_status(line, 5, "not sent yet");
+        queue_to_send(r, line);
+    }
+    add_line(r, line);
+    if (n_waiting == 0)
+        count(r, line, stood);
+}
+
+static void end_sending(Run *r, const json_t *line)
+{
+    r->n_unsent = strcmp(text_of(line, "status"), "done") ? r->n_unsent + 1 : 0;
+    add_line(r, line);
+    count(r, line, false);
+}
+
+static void take_last(Run *r, CtsWorker *w, bool stood)
+{
+    CtsError err;
+    w->n_ended++;
+    if (w->n_ended > 1)
+        r->result->n_series++;
+    if (w->phase == CTS_WORKER_SENDS)
+        end_sending(r, w->line);
+    else
+        end_series(r, w->line, stood);
+    if (w->phase != CTS_WORKER_SENDS && json_integer_value(json_object_get(w->line, "exit_code")) == 5 &&
+        !json_object_get(w->line, "unsent") && cts_folder_probe(r->settings, &err))
+        give_up(r, CTS_ERR_OUTPUT, &err);
+    json_decref(w->line);
+    w->line = NULL;
+}
+
+static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
+{
+    const double limit_ms = 1000 * r->settings->series_timeout_s;
+    w->phase = phase;
+    if (phase != CTS_WORKER_WRITES)
+        w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
+}
+
+static void take_message(void *context, CtsWorker *w, const char *message)
+{
+    static const char *const words[] = {CTS_CHILD_BEGUN, CTS_CHILD_LINE, CTS_CHILD_LAST, CTS_CHILD_STANDS};
+    Run *const r = context;
+    size_t which = 0;
+    if (!strcmp(message, CTS_CHILD_LOADED) || !strcmp(message, CTS_CHILD_RENDERED)) {
+        set_phase(r, w, *message == *CTS_CHILD_LOADED ? CTS_WORKER_WAITS : CTS_WORKER_WRITES);
+        return;
+    }
+    while (which < 4 && strncmp(message, words[which], strlen(words[which])))
+        which++;
+    json_t *line = which < 4 ? json_loads(message + strlen(words[which]), 0, NULL) : NULL;
+    if (!line || !text_of(line, "series_uid")[0]) {
+        json_decref(line);
+        return;
+    }
+    json_decref(w->line);
+    w->line = line;
+    if (which == 1)
+        add_line(r, line);
+    else if (which > 1)
+        take_last(r, w, which == 3);
+}
+
+/* A series that ended without a word: what is known of it, with the reason. */
+static void tell_death(Run *r, CtsWorker *w, int how, const struct rusage *usage)
+{
+    char reason[300];
+    cts_worker_reason(w, how, reason, sizeof reason);
+    if (!w->line)
+        w->line = cts_child_failed_line(r->settings, &w->series, reason, 1);
+    cts_child_set_status(w->line, 1, reason);
+    if (w->phase != CTS_WORKER_SENDS)
+        json_object_set_new(w->line, "peak_rss_bytes", json_integer((json_int_t)usage->ru_maxrss * 1024));
+    take_last(r, w, false);
+}
+
+static void sweep_series(const Run *r, const CtsWorker *w)
+{
+    char path[PATH_MAX];
+    for (int deep = 0; deep < 2; deep++)
+        if (snprintf(path, sizeof path, "%s/%s%s", r->settings->folder, w->series.folder, deep ? "/thumbs" : "") <
+            PATH_MAX)
+            cts_sweep(path, w->pid);
+}
+
+static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage)
+{
+    cts_worker_read(w, take_message, r);
+    const bool stopped = w->stop_ms > 0 && !w->killed;
+    if (!stopped && (w->line || !w->n_ended))
+        tell_death(r, w, how, usage);
+    if (w->phase != CTS_WORKER_SENDS && (WIFSIGNALED(how) || WEXITSTATUS(how)))
+        sweep_series(r, w);
+    r->free_bytes += w->bytes;
+    r->voxels_done += w->series.n_voxels;
+    r->voxels_left -= w->series.n_voxels;
+    cts_worker_free(w);
+    tell_progress(r);
+}
+
+/* One that has no process; how many read, wait or render. */
+static CtsWorker *free_worker(const Run *r, int *n_at_work)
+{
+    CtsWorker *found = NULL;
+    *n_at_work = 0;
+    for (int i = 1; i < r->n_workers; i++) {
+        if (!r->workers[i].pid)
+            found = &r->workers[i];
+        else
+            *n_at_work += r->workers[i].phase < CTS_WORKER_WRITES;
+    }
+    return found;
+}
+
+static bool any_worker(const Run *r)
+{
+    bool any = false;
+    for (int i = 0; i < r->n_workers; i++)
+        any |= r->workers[i].pid;
+    return any;
+}
+
+/* What an earlier run made of a series stands; says so in this shard's own journal. */
+static bool stands(Run *r, const CtsPlanSeries *series)
+{
+    json_t *line = r->settings->fresh ? NULL : cts_journal_find(r->journal, series->uid);
+    const bool settled = line && cts_line_settled(r->settings, line, series->input_sha256);
+    if (settled) {
+        if (json_object_get(line, "unsent")) {
+            json_object_del(line, "unsent");
+            cts_child_set_status(line, 0, "");
+            end_series(r, line, true);
+        } else if (cts_line_n_waiting(r->settings, line) || !cts_journal_holds(r->journal, series->uid)) {
+            end_series(r, line, true);
+        } else {
+            count(r, line, true);
+        }
+        r->voxels_left -= series->n_voxels;
+    }
+    json_decref(line);
+    return settled;
+}
+
+/* A thread more than a fair share: it works while other series wait for the disk, and sleeps otherwise. */
+static int threads_of_one(const Run *r, int at_once)
+{
+    const int share = (r->n_threads + at_once - 1) / at_once + 1;
+    return share < r->n_threads ? share : r->n_threads;
+}
+
+/* Starts the next series that has something to be made, if there is room for one. */
+static bool start_next(Run *r)
+{
+    int n_at_work;
+    CtsError err = {0};
+    CtsWorker *w = free_worker(r, &n_at_work);
+    while (w && n_at_work <= r->n_jobs && r->next < cts_plan_n_series(r->plan) && !r->status && !interrupted(r)) {
+        CtsStatus st = cts_plan_series(r->plan, r->next, &w->series, &err);
+        if (st) {
+            give_up(r, st, &err);
+            return false;
+        }
+        if (stands(r, &w->series)) {
+            cts_plan_series_free(&w->series);
+            r->next++;
+            if (cts_wall_ms() - r->told_ms > TICK_MS)
+                tell_progress(r);
+            continue;
+        }
+        const double bytes = BYTES_PER_SERIES + BYTES_PER_VOXEL * (double)w->series.n_voxels;
+        if (any_worker(r) && bytes > r->free_bytes) {
+            cts_plan_series_free(&w->series);
+            return false;
+        }
+        const size_t left = cts_plan_n_series(r->plan) - r->next + (size_t)n_at_work;
+        const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
+        st = cts_child_start(r->settings, r->journal, cts_plan_archives(r->plan), &w->series,
+                             threads_of_one(r, at_once), &w->pid, &w->socket, &err);
+        if (st) {
+            w->pid = 0;
+            cts_plan_series_free(&w->series);
+            give_up(r, st, &err);
+            return false;
+        }
+        w->bytes = bytes;
+        r->free_bytes -= bytes;
+        set_phase(r, w, CTS_WORKER_READS);
+        r->next++;
+        return true;
+    }
+    return false;
+}
+
+/* One series after the other goes to the PACS, which renders nothing and is not to be overrun. */
+static void start_sender(Run *r)
+{
+    CtsWorker *w = &r->workers[0];
+    CtsError err;
+    if (w->pid || r->next_to_send == r->n_to_send || r->n_unsent == MOST_UNSENT || r->status || interrupted(r))
+        return;
+    char *uid = r->to_send[r->next_to_send];
+    r->to_send[r->next_to_send++] = NULL;
+    json_t *line = cts_journal_find(r->journal, uid);
+    const CtsStatus st = line ? cts_sender_start(r->settings, r->journal, line, &w->pid, &w->socket, &err)
+                              : cts_fail(&err, CTS_ERR_OUTPUT, "%s: its line in the journal is gone", uid);
+    free(uid);
+    if (st) {
+        w->pid = 0;
+        json_decref(line);
+        give_up(r, st, &err);
+        return;
+    }
+    w->line = line;
+    set_phase(r, w, CTS_WORKER_SENDS);
+}
+
+/* What still waits when all else is over. */
+static void leave_unsent(Run *r)
+{
+    const size_t n = r->n_to_send - r->next_to_send;
+    char text[160];
+    for (size_t i = r->next_to_send; i < r->n_to_send; i++)
+        free(r->to_send[i]);
+    free(r->to_send);
+    if (n == 0 || r->status || interrupted(r))
+        return;
+    r->result->n_failed += n;
+    snprintf(text, sizeof text, "%zu more series are not sent, as %d before them could not be (run the batch again)", n,
+             MOST_UNSENT);
+    r->settings->told.warning(r->settings->told.context, text);
+}
+
+/* As many as n_jobs at a time may render. */
+static void grant(Run *r)
+{
+    int n_render = 0;
+    for (int i = 1; i < r->n_workers; i++)
+        n_render += r->workers[i].pid && r->workers[i].phase == CTS_WORKER_RENDERS;
+    for (int i = 1; i < r->n_workers && n_render < r->n_jobs; i++) {
+        CtsWorker *w = &r->workers[i];
+        if (!w->pid || w->phase != CTS_WORKER_WAITS)
+            continue;
+        n_render++;
+        set_phase(r, w, CTS_WORKER_RENDERS);
+        send(w->socket, "g", 1, MSG_NOSIGNAL); /* one that is gone is seen to be when it is waited for */
+    }
+}
+
+static void watch_clock(Run *r)
+{
+    const double now_ms = cts_wall_ms();
+    const bool all = interrupted(r) || r->status;
+    for (int i = 0; i < r->n_workers; i++) {
+        CtsWorker *w = &r->workers[i];
+        if (!w->pid)
+            continue;
+        if (all)
+            cts_worker_stop(w, now_ms);
+        else if (!w->killed && now_ms > w->deadline_ms)
+            cts_worker_kill(w, "it took longer than --series-timeout allows");
+    }
+    if (now_ms - r->told_ms > 1000)
+        tell_progress(r);
+    if (now_ms - r->synced_ms > SYNC_MS) {
+        CtsError err;
+        const CtsStatus st = cts_journal_sync(r->journal, &err);
+        r->synced_ms = now_ms;
+        if (st)
+            give_up(r, st, &err);
+    }
+}
+
+/* Waits for a word from any child, or for a while. */
+static void wait_for_any(Run *r)
+{
+    struct pollfd fds[N_WORKERS(CTS_BATCH_MOST_JOBS)];
+    CtsWorker *of[N_WORKERS(CTS_BATCH_MOST_JOBS)];
+    int n = 0;
+    double wait_ms = TICK_MS;
+    for (int i = 0; i < r->n_workers; i++)
+        if (r->workers[i].pid) {
+            wait_ms = fmin(wait_ms, fmax(1, r->workers[i].deadline_ms - cts_wall_ms()));
+            of[n] = &r->workers[i];
+            fds[n++] = (struct pollfd){.fd = r->workers[i].socket, .events = POLLIN};
+        }
+    if (poll(fds, (nfds_t)n, (int)ceil(wait_ms)) < 0)
+        return;
+    for (int i = 0; i < n; i++) {
+        CtsWorker *w = of[i];
+        struct rusage usage;
+        int how;
+        const bool open = !fds[i].revents || cts_worker_read(w, take_message, r);
+        const pid_t pid = wait4(w->pid, &how, open ? WNOHANG : 0, &usage);
+        if (pid == w->pid)
+            end_worker(r, w, how, &usage);
+    }
+}
+
+static CtsStatus run_series(Run *r)
+{
+    for (;;) {
+        while (start_next(r))
+            ;
+        start_sender(r);
+        if (!any_worker(r))
+            break;
+        grant(r);
+        wait_for_any(r);
+        watch_clock(r);
+    }
+    leave_unsent(r);
+    if (interrupted(r))
+        return cts_fail(r->err, CTS_ERR_INTERRUPTED, "interrupted");
+    return r->status;
+}
+
+static void forget_patient(json_t *line)
+{
+    json_object_del(json_object_get(line, "geometry"), "description");
+}
+
+static CtsStatus search(Run *r, CtsError *err)
+{
+    const CtsBatchSettings *s = r->settings;
+    const CtsPlanInput input = {.paths = s->paths,
+                                .n_paths = s->n_paths,
+                                .n_threads = s->n_threads,
+                                .folder = s->folder,
+                                .series_uid = s->series_uid,
+                                .shard = s->shard,
+                                .n_shards = s->n_shards,
+                                .warn = s->told.warning,
+                                .context = s->told.context,
+                                .stop = s->stop};
+    CtsStatus st = cts_plan_new(&r->plan, &input, err);
+    if (st)
+        return st;
+    const CtsArchiveCounts counts = cts_plan_counts(r->plan);
+    r->result->n_series = cts_plan_n_series(r->plan);
+    if (!r->result->n_series && s->n_shards == 1 && s->series_uid)
+        return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", s->series_uid);
+    if (!r->result->n_series && s->n_shards == 1)
+        return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %llu files, %llu of them unreadable",
+                        (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable);
+    for (size_t i = 0; i < r->result->n_series && !st; i++) {
+        CtsPlanSeries series;
+        if (!(st = cts_plan_series(r->plan, i, &series, err))) {
+            r->voxels_left += series.n_voxels;
+            cts_plan_series_free(&series);
+        }
+    }
+    return st;
+}
+
+CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err)
+{
+    CtsStatus st;
+    Run r = {.settings = settings, .result = result, .start_ms = cts_wall_ms(), .err = err};
+    *result = (CtsBatchResult){0};
+    r.n_threads = cts_threads(settings->n_threads);
+    r.n_jobs = settings->n_jobs ? settings->n_jobs : r.n_threads + 1; /* one of them may wait for the disk */
+    r.n_jobs = r.n_jobs < CTS_BATCH_MOST_JOBS ? r.n_jobs : CTS_BATCH_MOST_JOBS;
+    r.n_workers = N_WORKERS(r.n_jobs);
+    if (!(r.workers = calloc((size_t)r.n_workers, sizeof *r.workers)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if ((st =
+             cts_journal_open(&r.journal, settings->folder, settings->shard, settings->n_shards, settings->fresh, err)))
+        goto end;
+    cts_sweep_all(settings->folder, settings->shard, settings->n_shards);
+    if ((st = search(&r, err)))
+        goto end;
+    r.free_bytes = 0.9 * (double)cts_memory_available();
+    st = run_series(&r);
+    CtsError finish_err;
+    const CtsStatus finished =
+        cts_journal_finish(r.journal, settings->show_patient ? NULL : forget_patient, &finish_err);
+    if (finished && !st) {
+        *err = finish_err;
+        st = finished;
+    }
+end:
+    cts_plan_free(&r.plan);
+    cts_journal_close(&r.journal);
+    free(r.workers);
+    return st;
+}

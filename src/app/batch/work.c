@@ -1,0 +1,248 @@
+#define _GNU_SOURCE
+#include "app/batch/work.h"
+
+#include "base/clock.h"
+#include "base/exit_code.h"
+#include "base/meter.h"
+#include "app/contact/thumbnail.h"
+#include "output/report/log.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* One series under way. */
+typedef struct Work {
+    const CtsBatchJob *batch;
+    const CtsBatchTask *task;
+    const CtsSeries *series;
+    CtsVolume *volume;
+    bool cut;   /* the volume is no longer as it was read */
+    bool told;  /* the batch knows that it is read */
+    int n_left; /* pictures that are not made yet */
+    CtsReport report;
+    CtsLog *log;
+    /* One picture: */
+    const CtsBatchPicture *picture;
+    CtsThumbnail *thumb;
+    CtsStatus status;
+    CtsError err; /* of what the job must not know of */
+} Work;
+
+static CtsJob job_of(const CtsBatchJob *batch, const CtsBatchPicture *picture)
+{
+    CtsJob job = batch->job;
+    const CtsBatchSettings *s = batch->settings;
+    job.preset = &s->presets[picture->preset];
+    job.render.azimuth_deg = s->views[picture->view].azimuth_deg;
+    job.render.elevation_deg = s->views[picture->view].elevation_deg;
+    job.source.remove_table = job.preset->remove_table;
+    job.outputs.paths = (const char *const *)picture->paths;
+    job.outputs.n = 0;
+    while (picture->paths && picture->paths[job.outputs.n])
+        job.outputs.n++;
+    return job;
+}
+
+CtsStatus cts_batch_check(const CtsBatchJob *batch, CtsReport *report, CtsError *err)
+{
+    const CtsBatchSettings *s = batch->settings;
+    CtsStatus st = cts_log_check(batch->log, err);
+    for (int p = 0; p < s->n_presets && !st; p++)
+        for (int f = 0; f < s->n_formats && !st; f++) {
+            char *path;
+            if (asprintf(&path, "%s/%s.%s", s->folder, "check", s->formats[f]) < 0)
+                return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+            const char *paths[] = {path, NULL};
+            const CtsBatchPicture picture = {.preset = p, .paths = paths};
+            const CtsJob job = job_of(batch, &picture);
+            st = cts_job_check(&job, f == 0 ? report : NULL, err);
+            free(path);
+        }
+    return st;
+}
+
+static void keep(Work *w, CtsStatus status, const CtsError *why)
+{
+    if (status && !w->status) {
+        w->status = status;
+        w->err = *why;
+    }
+}
+
+static void on_band(void *context, int frame, const CtsPicture *band)
+{
+    Work *const w = context;
+    CtsError err = {0};
+    CtsStatus st = CTS_OK;
+    const int n_frames = w->batch->job.outputs.rotation ? w->batch->job.outputs.rotation : 1;
+    if (w->status)
+        return;
+    if (frame == 0 && band->first_row == 0)
+        st = cts_thumbnail_begin(&w->thumb, w->picture->thumb_stem, band, n_frames, &err);
+    if (!st)
+        st = cts_thumbnail_rows(w->thumb, band, &err);
+    if (!st && w->n_left == 1 && frame == n_frames - 1 && band->first_row + band->height == w->batch->job.render.height)
+        st = cts_batch_rendered(w->task->child, &err);
+    keep(w, st, &err);
+}
+
+/* Frames are told apart by their files' numbers. */
+static int frame_of(const char *path, int rotation)
+{
+    const char *dot = strrchr(path, '.'), *dash = strrchr(path, '-');
+    return rotation && dot && dash && strcmp(dot, ".dcm") ? atoi(dash + 1) : -1;
+}
+
+static void on_output(void *context, const char *path, const char *format, uint64_t bytes)
+{
+    Work *const w = context;
+    CtsError err = {0};
+    cts_log_output(w->log, path, format, bytes);
+    keep(
+        w,
+        cts_batch_output(w->task->child, w->picture, path, frame_of(path, w->batch->job.outputs.rotation), bytes, &err),
+        &err);
+}
+
+static CtsStatus end_thumb(Work *w, CtsError *err)
+{
+    CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
+    int n_files = 0;
+    CtsStatus st = w->thumb ? cts_thumbnail_end(&w->thumb, files, &n_files, err) : CTS_OK;
+    for (int i = 0; i < n_files && !st; i++) {
+        char *path;
+        const int size[2] = {files[i].width, files[i].height};
+        if (asprintf(&path, "%s%s", w->picture->thumb_stem, files[i].suffix) < 0)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        st = cts_batch_thumbnail(w->task->child, w->picture, path, files[i].n_frames, size, files[i].bytes, err);
+        free(path);
+    }
+    return st;
+}
+
+/* The volume as the picture wants it, read again where it was cut for another. */
+static CtsStatus load(Work *w, const CtsSource *source, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (w->volume && w->cut)
+        cts_volume_free(&w->volume);
+    if (!w->volume) {
+        const CtsMeter meter = cts_meter_start(&w->report);
+        st = cts_source_read(source, w->series, &w->volume, &w->report, err);
+        cts_meter_stop(meter, &w->report, CTS_STAGE_DECODE);
+        w->cut = false;
+        if (!st && !w->told) {
+            CtsPixelFacts facts = {0};
+            cts_pixel_facts(&facts, w->volume);
+            w->told = true;
+            st = cts_batch_loaded(w->task->child, &facts, err);
+        }
+        if (st)
+            return st;
+    }
+    const CtsMeter meter = cts_meter_start(&w->report);
+    st = cts_source_cut(source, w->volume, &w->report, err);
+    cts_meter_stop(meter, &w->report, CTS_STAGE_GREY);
+    w->cut = true;
+    return st;
+}
+
+static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
+{
+    const CtsWatch watch = {.context = w, .band = on_band, .output = on_output};
+    const CtsLoaded loaded = {.series = w->series, .volume = w->volume};
+    const size_t first_finding = w->report.findings.n;
+    w->status = CTS_OK;
+    w->report.verified = (CtsVerified){0};
+    CtsStatus st = cts_job_render(job, &loaded, &watch, &w->report, err);
+    if (!st && w->status) {
+        *err = w->err;
+        st = w->status;
+    }
+    if (!st && !(st = end_thumb(w, err)))
+        st = cts_batch_picture_done(w->task->child, w->picture, &w->report, first_finding, err);
+    cts_thumbnail_discard(&w->thumb);
+    return st;
+}
+
+/* Pictures with the table come first, since it cannot be put back. */
+static CtsStatus render_pictures(Work *w, const CtsBatchPicture *pictures, int n, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (int without_table = 0; without_table < 2; without_table++) {
+        bool loaded = false;
+        for (int i = 0; i < n && !st; i++) {
+            CtsJob job = job_of(w->batch, &pictures[i]);
+            if (job.source.remove_table != (bool)without_table)
+                continue;
+            job.source.n_threads = job.render.n_threads = w->task->n_threads;
+            w->picture = &pictures[i];
+            if (!loaded && (st = load(w, &job.source, err)))
+                break;
+            loaded = true;
+            st = render_picture(w, &job, err);
+            w->n_left--;
+        }
+    }
+    return st;
+}
+
+static CtsStatus render_series(Work *w)
+{
+    CtsError err = {0}, log_err;
+    const CtsBatchPicture *pictures;
+    int n;
+    const double start_ms = cts_wall_ms();
+    CtsStatus st = cts_batch_begin(w->task->child, w->series, &pictures, &n, &err);
+    if (!st && !w->series->renderable)
+        st = cts_fail(&err, w->series->refusal, "%s", w->series->reason);
+    if (!st && !(st = cts_log_open(&w->log, w->batch->log, start_ms, &err))) {
+        cts_log_run(w->log, w->batch->command, w->series->uid);
+        w->n_left = n;
+        st = render_pictures(w, pictures, n, &err);
+    }
+    cts_volume_free(&w->volume);
+    cts_log_report(w->log, &w->report);
+    if (st)
+        cts_log_failed(w->log, cts_exit_code(st), err.text);
+    else
+        cts_log_done(w->log, w->task->n_threads);
+    if (cts_log_close(&w->log, &log_err))
+        cts_report_finding(&w->report, "log_lost", CTS_WARNING, "the log is not whole: %s", log_err.text);
+    const CtsStatus told = cts_batch_end(w->task->child, &w->report, st, &err);
+    cts_report_free(&w->report);
+    return st == CTS_ERR_INTERRUPTED || told ? CTS_ERR_INTERRUPTED : CTS_OK;
+}
+
+CtsStatus cts_batch_render(void *context, const CtsBatchTask *task, CtsError *err)
+{
+    const CtsBatchJob *batch = context;
+    CtsSeriesList *list = NULL;
+    CtsReport scan = {0};
+    CtsStatus st =
+        cts_series_find_among(task->archives, task->paths, task->n_paths, task->n_threads, &list, &scan, err);
+    for (size_t i = 0; !st && i < list->n; i++) {
+        Work work = {.batch = batch, .task = task, .series = &list->items[i]};
+        for (size_t f = 0; f < list->findings.n; f++)
+            cts_report_finding(&work.report, list->findings.items[f].code, list->findings.items[f].severity, "%s",
+                               list->findings.items[f].text);
+        if (strcmp(work.series->uid, task->uid) && work.series->uid[0])
+            continue;
+        work.report.stages[CTS_STAGE_SCAN] = scan.stages[CTS_STAGE_SCAN];
+        scan.stages[CTS_STAGE_SCAN] = (CtsStageTime){0}; /* the first one's */
+        st = render_series(&work);
+    }
+    cts_report_free(&scan);
+    cts_series_list_free(&list);
+    return st;
+}
+
+CtsStatus cts_batch_send(void *context, const char *const *paths, int n,
+                         void (*sent)(void *sent_context, const char *path), void *sent_context, CtsError *err)
+{
+    const CtsBatchJob *batch = context;
+    CtsNet net = *batch->net;
+    net.sent = sent;
+    net.context = sent_context;
+    return cts_net_send(batch->peer, &net, paths, n, NULL, err);
+}

@@ -1,0 +1,92 @@
+#include "app/contact/contact_card.h"
+
+#include <stdbool.h>
+#include <string.h>
+
+static const char *const kept[] = {"series_uid", "status",   "reason", "exit_code", "ended",          "files",
+                                   "geometry",   "findings", "stages", "wall_ms",   "peak_rss_bytes", "threads"};
+
+/* A relative path that stays below where it starts. */
+static bool is_safe(const char *path)
+{
+    if (!path || !*path || *path == '/')
+        return false;
+    for (const char *part = path;; part++) {
+        const size_t n = strcspn(part, "/");
+        if (n == 0 || (n == 1 && *part == '.') || (n == 2 && !strncmp(part, "..", 2)))
+            return false;
+        part += n;
+        if (!*part)
+            return true;
+    }
+}
+
+static const char *text_of(const json_t *object, const char *key)
+{
+    const char *text = json_string_value(json_object_get(object, key));
+    return text ? text : "";
+}
+
+/* The picture of this preset and view, a new one where there is none; the array's. Neighbours are mostly the same. */
+static json_t *picture_of(json_t *pictures, const json_t *file)
+{
+    const char *preset = text_of(file, "preset"), *view = text_of(file, "view");
+    for (size_t i = json_array_size(pictures); i-- > 0;) {
+        json_t *picture = json_array_get(pictures, i);
+        if (!strcmp(text_of(picture, "preset"), preset) && !strcmp(text_of(picture, "view"), view))
+            return picture;
+    }
+    json_t *picture = json_pack("{s:s, s:s, s:{}}", "preset", preset, "view", view, "files");
+    json_array_append_new(pictures, picture);
+    return picture;
+}
+
+/* Frames of a rotation are one entry: the first one's path, and how many there are. */
+static void add_output(json_t *pictures, const json_t *output, const char *folder)
+{
+    const char *path = text_of(output, "path");
+    if (!is_safe(path))
+        return;
+    json_t *files = json_object_get(picture_of(pictures, output), "files");
+    json_t *entry = json_object_get(files, text_of(output, "format"));
+    if (entry)
+        json_object_set_new(entry, "frames", json_integer(json_integer_value(json_object_get(entry, "frames")) + 1));
+    else
+        json_object_set_new(files, text_of(output, "format"),
+                            json_pack("{s:s+, s:i}", "first", folder, path, "frames", 1));
+}
+
+static void add_thumbnail(json_t *pictures, const json_t *thumbnail, const char *folder)
+{
+    const char *path = text_of(thumbnail, "path");
+    if (!is_safe(path))
+        return;
+    json_t *picture = picture_of(pictures, thumbnail);
+    if (json_integer_value(json_object_get(thumbnail, "frames")) <= 1) {
+        json_object_set_new(picture, "thumb", json_pack("s+", folder, path));
+        return;
+    }
+    json_t *turn = json_pack("{s:s+}", "path", folder, path);
+    static const char *const numbers[] = {"frames", "width", "height"};
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        json_object_set(turn, numbers[i], json_object_get(thumbnail, numbers[i]));
+    json_object_set_new(picture, "turn", turn);
+}
+
+json_t *cts_contact_card(const json_t *line, const char *folder)
+{
+    json_t *card = json_object(), *pictures = json_array(), *file;
+    size_t i;
+    for (i = 0; i < sizeof kept / sizeof *kept; i++) {
+        json_t *value = json_object_get(line, kept[i]);
+        if (value)
+            json_object_set(card, kept[i], value);
+    }
+    json_array_foreach(json_object_get(line, "outputs"), i, file) add_output(pictures, file, folder);
+    json_array_foreach(json_object_get(line, "thumbnails"), i, file) add_thumbnail(pictures, file, folder);
+    if (json_object_set_new(card, "pictures", pictures)) {
+        json_decref(card);
+        return NULL;
+    }
+    return card;
+}

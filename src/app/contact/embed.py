@@ -1,0 +1,37 @@
+#!/usr/bin/env python3
+"""Puts the page into C: embed.py OUTPUT PAGE.html STYLE.css SCRIPT.js...
+
+Style and script go into the page, and their hashes into its Content-Security-Policy, so that no other script runs
+whatever the data holds. The scripts become one. The page is cut where the data goes."""
+import base64
+import hashlib
+import sys
+
+output, page, style, *scripts = sys.argv[1:]
+
+
+def text_of(path):
+    with open(path, encoding='utf-8') as f:
+        return f.read()
+
+
+def source(text):
+    return "'sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode() + "'"
+
+
+def array(name, text):
+    data = text.encode()
+    rows = (','.join(map(str, data[i:i + 32])) for i in range(0, len(data), 32))
+    rows = ',\n'.join(rows)
+    return f'const unsigned char {name}[] = {{\n{rows}}};\nconst size_t {name}_bytes = {len(data)};\n'
+
+
+style, script = text_of(style), "'use strict';\n{\n" + '\n'.join(map(text_of, scripts)) + '}\n'
+# Pictures come from the page's own folder; on disk some browsers do not call that 'self'.
+policy = ("default-src 'none'; img-src 'self' file: data:; base-uri 'none'; form-action 'none'; "
+          f"style-src {source(style)}; script-src {source(script)}")
+parts = text_of(page).split('@DATA@')
+assert len(parts) == 2, 'the page has one place for the data'
+head, tail = (part.replace('@POLICY@', policy).replace('@STYLE@', style).replace('@SCRIPT@', script) for part in parts)
+with open(output, 'w', encoding='ascii') as f:
+    f.write('#include "app/contact/contact_page.h"\n' + array('cts_contact_head', head) + array('cts_contact_tail', tail))

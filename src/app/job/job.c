@@ -1,0 +1,276 @@
+#include "app/job/job.h"
+
+#include "base/cpu.h"
+#include "base/meter.h"
+#include "base/parallel.h"
+#include "ctsplat/annotate.h"
+#include "app/job/contrast.h"
+#include "app/job/files.h"
+#include "app/job/held.h"
+#include "app/job/pooled.h"
+#include "app/job/saturation.h"
+#include <string.h>
+
+/* Bands of a picture that somebody watches: few enough to cost nothing, enough of them to see it go on. */
+enum { WATCHED_ROWS = 4 * CTS_BAND_ROWS };
+
+static int n_frames_of(const CtsJob *job)
+{
+    return job->outputs.rotation ? job->outputs.rotation : 1;
+}
+
+/* The first two steps are searching and reading. */
+static int n_steps_of(const CtsJob *job)
+{
+    return 2 + n_frames_of(job);
+}
+
+/* What one file is to hold must fit its format. */
+static CtsStatus check_sizes(const CtsJob *job, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const CtsPreset *p = job->preset;
+    const CtsMode mode = job->render.mode >= 0 ? (CtsMode)job->render.mode : p->mode;
+    const bool grey_behind =
+        p->background_none || (p->background[0] == p->background[1] && p->background[1] == p->background[2]);
+    const bool grey = cts_preset_is_grey(p, mode) && grey_behind;
+    for (int i = 0; i < job->outputs.n && !st; i++)
+        st = cts_export_check_size(job->outputs.paths[i], job->render.width, job->render.height,
+                                   cts_output_n_frames(&job->outputs, i), grey, &job->export, err);
+    return st;
+}
+
+CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if (job->preset->note[0])
+        cts_report_finding(report, "preset_left_out", CTS_WARNING, "preset %s: left out: %s", job->preset->name,
+                           job->preset->note);
+    if ((st = cts_render_check(job->preset, &job->render, err)) || job->render.explain)
+        return st;
+    if ((st = cts_outputs_check(&job->outputs, &job->export, report, err)))
+        return st;
+    return check_sizes(job, err);
+}
+
+/* One frame under way. */
+typedef struct Frame {
+    const CtsJob *job;
+    CtsFiles *files;
+    CtsReport *report;
+    int number;
+    CtsSaturation saturation;
+    CtsHeld *held; /* where it goes to be written later; NULL: into the files, band by band */
+} Frame;
+
+static CtsStatus stopped(const CtsJob *job, CtsError *err)
+{
+    return job->render.stop && *job->render.stop ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+}
+
+static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
+{
+    const bool orientation = frame->job->annotate_orientation, scale = frame->job->annotate_scale;
+    int n_left_out = 0;
+    if (!orientation && !scale)
+        return CTS_OK;
+    const CtsStatus st = cts_annotate(band, orientation, scale, &n_left_out, err);
+    if (n_left_out > 0 && frame->number == 0 && band->first_row == 0)
+        cts_report_finding(frame->report, "marks_left_out", CTS_WARNING,
+                           "`annotate`: %d of %d marks left out, for which the picture has no room (a larger `size`)",
+                           n_left_out, 4 * orientation + scale);
+    return st;
+}
+
+/* A band as the engine made it: over the background, marked, into all files. */
+static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
+{
+    Frame *frame = context;
+    const CtsJob *job = frame->job;
+    const CtsMeter meter = cts_meter_start(frame->report);
+    CtsStatus st;
+    cts_saturation_add(&frame->saturation, band);
+    if (!job->preset->background_none)
+        cts_picture_over(band, job->preset->background, job->render.n_threads);
+    if (!(st = annotate(frame, band, err)) && frame->files->watch->band)
+        frame->files->watch->band(frame->files->watch->context, frame->number, band);
+    if (!st && !(st = stopped(job, err))) {
+        if (frame->held && band->height == band->whole_height)
+            cts_held_take(frame->held, band, frame->number);
+        else
+            st = cts_files_rows(frame->files, frame->number, band, frame->report, err);
+    }
+    const double done = (double)(band->first_row + band->height) / band->whole_height;
+    cts_watch_step(frame->files->watch, 2 + frame->number + done, n_steps_of(job), "rendering");
+    cts_meter_stop(meter, frame->report, CTS_STAGE_EXPORT);
+    return st;
+}
+
+static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatch *watch, CtsError *err)
+{
+    const CtsJob *job = frame->job;
+    const double azimuth_deg = job->render.azimuth_deg + 360.0 * frame->number / n_frames_of(job);
+    const CtsBandSink sink = {
+        .take = finish_band, .context = frame, .max_rows = watch->step && !frame->held ? WATCHED_ROWS : 0};
+    const CtsMeter meter = cts_meter_start(frame->report);
+    cts_watch_step(watch, 2 + frame->number, n_steps_of(job), "rendering");
+    const CtsStatus st = cts_render_bands(renderer, azimuth_deg, job->render.elevation_deg, &sink, frame->report, err);
+    cts_watch_findings(watch, frame->report);
+    cts_meter_stop(meter, frame->report, CTS_STAGE_COMPOSITE);
+    return st ? st : stopped(job, err);
+}
+
+/* A frame is rendered while the one before goes into its files. */
+typedef struct Turn {
+    CtsRenderer *renderer;
+    Frame *frame;
+    CtsHeld *before;
+    enum { RENDERS, WRITES } first; /* without the one or the other, too */
+    CtsStatus status[2];
+    CtsError error[2];
+} Turn;
+
+static void take_turn(void *context, int worker, size_t first, size_t end)
+{
+    Turn *const t = context;
+    CtsFiles *files = t->frame->files;
+    (void)worker;
+    for (size_t i = t->first + first; i < t->first + end; i++)
+        t->status[i] = i == RENDERS ? render_frame(t->renderer, t->frame, files->watch, &t->error[i])
+                                    : cts_held_write(t->before, files, &t->error[i]);
+}
+
+static CtsStatus run_turn(Turn *t, bool renders, CtsError *err)
+{
+    CtsReport *report = t->frame->report;
+    CtsStageTime stages[CTS_N_STAGES];
+    const bool writes = t->before->picture.pixels;
+    memcpy(stages, report->stages, sizeof stages);
+    const CtsMeter meter = cts_meter_start(report);
+    t->first = renders ? RENDERS : WRITES;
+    cts_parallel(cts_threads(t->frame->job->render.n_threads), (size_t)renders + writes, 1, take_turn, t);
+    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    if (writes)
+        cts_held_tell(t->before, t->frame->files, stages, report);
+    for (int i = WRITES; i >= RENDERS; i--)
+        if (t->status[i]) {
+            *err = t->error[i];
+            return t->status[i];
+        }
+    return CTS_OK;
+}
+
+static CtsStatus render_frames(const CtsJob *job, CtsRenderer *renderer, CtsFiles *files, CtsReport *report,
+                               CtsError *err)
+{
+    CtsVerified pooled = {0};
+    CtsStatus st = CTS_OK;
+    CtsReport writing = {0};
+    CtsHeld held[2] = {{.writing = &writing}, {.writing = &writing}};
+    Frame frame = {.job = job, .files = files, .report = report};
+    if (n_frames_of(job) > 1)
+        cts_report_skip(report, "loading again", "%d frames share one volume, cropped and without its table once",
+                        n_frames_of(job));
+    /* The plan of one view stands for all of a rotation. */
+    const int n_frames = job->render.explain ? 1 : n_frames_of(job);
+    const bool holds = n_frames > 1 && cts_threads(job->render.n_threads) > 1;
+    for (; frame.number < n_frames && !st; frame.number++) {
+        Turn turn = {.renderer = renderer, .frame = &frame, .before = &held[(frame.number + 1) % 2]};
+        CtsHeld *const own = &held[frame.number % 2];
+        frame.held = holds ? own : NULL;
+        if ((st = run_turn(&turn, true, err)))
+            break;
+        cts_verified_add(&pooled, &report->verified);
+        if (frame.number == n_frames - 1)
+            report->verified = pooled;
+        own->verified = report->verified;
+        if (!own->picture.pixels)
+            st = cts_files_frame_done(files, frame.number, report, err);
+        cts_files_tell(files);
+    }
+    if (!st) {
+        Turn last = {.frame = &frame, .before = &held[(n_frames + 1) % 2]};
+        st = run_turn(&last, false, err);
+    }
+    for (int i = 0; i < 2; i++)
+        cts_held_free(&held[i]);
+    cts_report_free(&writing);
+    report->verified = pooled;
+    if (!st)
+        cts_saturation_tell(&frame.saturation, &files->first, report);
+    cts_watch_findings(files->watch, report);
+    return st;
+}
+
+/* The recipe beside the pictures. */
+static CtsStatus write_state(const CtsJob *job, const CtsLoaded *loaded, const CtsPictureInfo *first, CtsError *err)
+{
+    const CtsSwitch shade = job->render.shade;
+    CtsStateScene scene = {
+        .preset = job->preset,
+        .info = first,
+        .width = job->render.width,
+        .height = job->render.height,
+        .shaded = shade == CTS_AS_PRESET ? job->preset->shade : shade == CTS_ON,
+        .cropped = job->source.crop,
+        .source = loaded->series,
+        .options = job->options,
+        .n_options = job->n_options,
+    };
+    memcpy(scene.crop_low_lps, job->source.crop_low_lps, sizeof scene.crop_low_lps);
+    memcpy(scene.crop_high_lps, job->source.crop_high_lps, sizeof scene.crop_high_lps);
+    for (int i = job->outputs.n - 1; i >= 0; i--)
+        if (cts_output_is_dicom(&job->outputs, i))
+            scene.capture = job->outputs.paths[i];
+    return cts_state_write(job->outputs.state, &scene, job->export.force, err);
+}
+
+CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
+                         CtsError *err)
+{
+    CtsMeter meter = cts_meter_start(report);
+    CtsExportSettings settings = job->export;
+    CtsRenderSettings render = job->render;
+    CtsPreset preset = *job->preset;
+    CtsRenderer *renderer = NULL;
+    CtsFiles files = {.outputs = &job->outputs, .settings = &settings, .watch = watch};
+    CtsStatus st;
+    settings.source = loaded->series;
+    settings.n_threads = cts_threads(job->render.n_threads);
+    render.want_depth = cts_outputs_hold_depth(&job->outputs);
+    render.rotation_frames = n_frames_of(job);
+    if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)) &&
+        !(st = cts_files_begin(&files, err)))
+        st = cts_render_begin(&renderer, loaded->volume, &preset, &render, err);
+    cts_meter_stop(meter, report, CTS_STAGE_CLASSIFY);
+    if (!st)
+        st = render_frames(job, renderer, &files, report, err);
+    meter = cts_meter_start(report);
+    if (!st && job->outputs.state && !job->render.explain)
+        st = write_state(job, loaded, &files.first, err);
+    cts_files_end(&files);
+    cts_render_end(&renderer);
+    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    return st;
+}
+
+CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err)
+{
+    CtsLoaded loaded = {0};
+    CtsStatus st;
+    CtsMeter meter = cts_meter_start(report);
+    st = cts_job_check(job, report, err);
+    cts_watch_findings(watch, report);
+    cts_meter_stop(meter, report, CTS_STAGE_SCAN);
+    if (st)
+        return st;
+    st = cts_source_load(&job->source, watch, n_steps_of(job), &loaded, report, err);
+    if (watch->loaded)
+        watch->loaded(watch->context);
+    if (!st && !(st = stopped(job, err)))
+        st = cts_job_render(job, &loaded, watch, report, err);
+    meter = cts_meter_start(report);
+    cts_loaded_free(&loaded);
+    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    return st;
+}

@@ -1,0 +1,37 @@
+/* A render job: one series, one preset, one view or a rotation, any number of files. What `ctsplat render` runs, and
+ * what works through many series runs for each. Nothing here prints: warnings are findings of the report. */
+#ifndef CTS_JOB_JOB_H
+#define CTS_JOB_JOB_H
+
+#include "ctsplat/export.h"
+#include "ctsplat/preset.h"
+#include "ctsplat/render.h"
+#include "ctsplat/state.h"
+#include "app/job/outputs.h"
+#include "app/job/source.h"
+#include "app/job/watch.h"
+
+/* Plain data; what it points at is the caller's. */
+typedef struct CtsJob {
+    CtsSource source;
+    const CtsPreset *preset; /* its background and remove_table as they are to be */
+    CtsRenderSettings render;
+    CtsExportSettings export; /* its source is filled in by the job */
+    CtsOutputs outputs;
+    bool annotate_orientation, annotate_scale;
+    const CtsStateOption *options; /* what outputs.state is to hold beside the preset */
+    int n_options;
+} CtsJob;
+
+/* All that can be refused before any file is read. */
+CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err);
+
+/* Renders what was loaded into all outputs; with render.explain the report gets the plan of one view, and no file is
+ * written. report->verified stands for all frames. */
+CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
+                         CtsError *err);
+
+/* Check, load, render. */
+CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err);
+
+#endif

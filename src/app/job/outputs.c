@@ -1,0 +1,132 @@
+#define _GNU_SOURCE
+#include "app/job/outputs.h"
+
+#include "base/file.h"
+#include <libgen.h>
+#include <limits.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+static bool is_object(const CtsFormatInfo *format)
+{
+    return format->is_object;
+}
+
+static bool holds_frames(const char *path)
+{
+    const CtsFormatInfo *format = cts_export_format(path);
+    return format && format->many_frames;
+}
+
+bool cts_output_is_dicom(const CtsOutputs *outputs, int output)
+{
+    const CtsFormatInfo *format = cts_export_format(outputs->paths[output]);
+    return format && format->is_object;
+}
+
+int cts_output_n_frames(const CtsOutputs *outputs, int output)
+{
+    return outputs->rotation > 0 && holds_frames(outputs->paths[output]) ? outputs->rotation : 1;
+}
+
+char *cts_output_name(const CtsOutputs *outputs, int output, int frame)
+{
+    const char *path = outputs->paths[output];
+    if (!outputs->rotation || holds_frames(path))
+        return strdup(path);
+    int n_digits = 3;
+    for (int n = outputs->rotation - 1; n > 999; n /= 10)
+        n_digits++;
+    const char *dot = strrchr(path, '.');
+    char *name;
+    return asprintf(&name, "%.*s-%0*d%s", (int)(dot - path), path, n_digits, frame, dot) < 0 ? NULL : name;
+}
+
+bool cts_outputs_hold_depth(const CtsOutputs *outputs)
+{
+    for (int i = 0; i < outputs->n; i++) {
+        const CtsFormatInfo *format = cts_export_format(outputs->paths[i]);
+        if (format && format->has_depth)
+            return true;
+    }
+    return false;
+}
+
+/* With --force a slice of the series itself could be overwritten: a picture is worth less. */
+static CtsStatus refuse_ct_slice(const char *path, CtsError *err)
+{
+    CtsSeriesList *list = NULL;
+    CtsError why;
+    if (access(path, F_OK) || cts_series_find(&path, 1, 1, &list, NULL, &why))
+        return CTS_OK;
+    cts_series_list_free(&list);
+    return cts_fail(err, CTS_ERR_OUTPUT, "%s: is a CT slice, which `force` does not overwrite (choose another name)",
+                    path);
+}
+
+static CtsStatus check_one(const char *path, const CtsExportSettings *settings, CtsError *err)
+{
+    const CtsStatus st = cts_export_check(path, settings, err);
+    return st || !settings->force ? st : refuse_ct_slice(path, err);
+}
+
+/* Two names of one file: the same name in the same folder, however that is written. */
+static bool same_file(const char *a, const char *b)
+{
+    char folder_a[PATH_MAX], folder_b[PATH_MAX];
+    char *copy_a = strdup(a), *copy_b = strdup(b), *copy_c = strdup(a), *copy_d = strdup(b);
+    const bool same = copy_a && copy_b && copy_c && copy_d && !strcmp(basename(copy_a), basename(copy_b)) &&
+                      realpath(dirname(copy_c), folder_a) && realpath(dirname(copy_d), folder_b) &&
+                      !strcmp(folder_a, folder_b);
+    free(copy_a);
+    free(copy_b);
+    free(copy_c);
+    free(copy_d);
+    return same;
+}
+
+CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *settings, CtsReport *report,
+                            CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    bool any_object = false;
+    char endings[CTS_ENDINGS_MAX];
+    for (int i = 0; i < outputs->n; i++) {
+        const char *path = outputs->paths[i];
+        const CtsFormatInfo *format = cts_export_format(path);
+        if (!format)
+            return cts_fail(err, CTS_ERR_USAGE, "%s: the ending names no format (%s)", path,
+                            cts_format_endings(NULL, endings));
+        any_object |= format->is_object;
+        for (int before = 0; before < i; before++)
+            if (same_file(outputs->paths[before], path))
+                return cts_fail(err, CTS_ERR_USAGE, "%s: given twice with -o", path);
+        const int n_files = outputs->rotation && !holds_frames(path) ? outputs->rotation : 1;
+        for (int frame = 0; frame < n_files; frame++) {
+            char *name = cts_output_name(outputs, i, frame);
+            st = name ? check_one(name, settings, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+            free(name);
+            if (st)
+                return st;
+        }
+    }
+    if (outputs->state) {
+        if (settings->deidentify)
+            return cts_fail(
+                err, CTS_ERR_USAGE,
+                "`write_state`: a presentation state names the slices it is of, which `deidentify` forbids");
+        for (int i = 0; i < outputs->n; i++)
+            if (same_file(outputs->paths[i], outputs->state))
+                return cts_fail(err, CTS_ERR_USAGE, "%s: given for -o and `write_state`", outputs->state);
+        if ((st = cts_file_check_writable(outputs->state, settings->force, err)) ||
+            (settings->force && (st = refuse_ct_slice(outputs->state, err))))
+            return st;
+    }
+    if (!any_object && (settings->compression != CTS_SC_NONE || settings->new_uids || settings->deidentify))
+        cts_report_finding(report, "no_object_output", CTS_WARNING,
+                           "`compression`, `new_uids` and `deidentify` act on %s outputs, and there is none",
+                           cts_format_endings(is_object, endings));
+    return CTS_OK;
+}

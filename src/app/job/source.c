@@ -1,0 +1,160 @@
+#include "app/job/source.h"
+
+#include "base/clock.h"
+#include "base/meter.h"
+#include "ctsplat/table.h"
+#include <stdio.h>
+#include <string.h>
+
+typedef struct SeriesName {
+    char text[80];
+} SeriesName;
+
+/* As `series` takes it. */
+static SeriesName name_of(const CtsSeries *s)
+{
+    SeriesName name;
+    snprintf(name.text, sizeof name.text, s->part > 1 ? "%s#%d" : "%s", s->uid[0] ? s->uid : "(without UID)", s->part);
+    return name;
+}
+
+/* Which series was taken where there are several, and each that was not, with its reason. */
+static void tell_choice(const CtsLoaded *loaded, CtsReport *report)
+{
+    const CtsSeriesList *list = loaded->list;
+    const CtsSeries *taken = loaded->series;
+    if (list->n < 2)
+        return;
+    if (taken->renderable)
+        cts_report_finding(report, "several_series", CTS_WARNING,
+                           "%zu series found; taking %s (%d slices), the one with the most slices%s; `series` takes "
+                           "another",
+                           list->n, name_of(taken).text, taken->n_slices,
+                           taken == list->items ? "" : " of those that can be rendered");
+    else
+        cts_report_finding(report, "several_series", CTS_WARNING, "%zu series found, and none can be rendered",
+                           list->n);
+    for (size_t i = 0; i < list->n; i++) {
+        const CtsSeries *s = &list->items[i];
+        if (s == taken)
+            continue;
+        const char *why = !s->renderable                  ? s->reason
+                          : s->n_slices < taken->n_slices ? "fewer slices"
+                                                          : "as many slices";
+        cts_report_finding(report, "series_not_taken", CTS_WARNING, "not taken: %s (%d slice%s): %s", name_of(s).text,
+                           s->n_slices, s->n_slices == 1 ? "" : "s", why);
+    }
+}
+
+static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    const char *const *paths = source->from ? (const char *const *)&loaded->fetched : source->paths;
+    const int n_paths = source->from ? 1 : source->n_paths;
+    if (source->from && (st = cts_net_fetch(source->from, source->net, source->study_uid, source->peer_series_uid,
+                                            &loaded->fetched, report, err)))
+        return cts_context(err, "`from`");
+    if ((st = cts_series_find(paths, n_paths, source->n_threads, &loaded->list, report, err)) ||
+        (st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
+        return st;
+    if (report)
+        memcpy(report->series_uid, loaded->series->uid, sizeof report->series_uid);
+    const CtsFindings *found = &loaded->list->findings;
+    for (size_t i = 0; i < found->n; i++)
+        cts_report_finding(report, found->items[i].code, found->items[i].severity, "%s", found->items[i].text);
+    if (!source->series_uid)
+        tell_choice(loaded, report);
+    return CTS_OK;
+}
+
+/* The field between voxels: less noise, and no terraces between thick slices. */
+static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if (source->smooth_mm > 0 && (st = cts_volume_smooth(v, source->smooth_mm, source->n_threads, err)))
+        return st;
+    if (source->smooth_mm > 0)
+        cts_report_plan(report, "smoothing: a Gaussian of %g mm standard deviation", source->smooth_mm);
+    const double start_ms = cts_wall_ms(), slice_mm = cts_volume_spacing_mm(v, 2);
+    const int n_parts = cts_volume_thickness(v), n_slices = v->dims[2];
+    if (source->linear || n_parts == 1) {
+        cts_report_skip(report, "cubic interpolation",
+                        n_parts == 1 ? "slices lie no further apart than 1.5 pixels"
+                                     : "linear interpolation between slices was asked for");
+        return CTS_OK;
+    }
+    CtsError why = {0};
+    st = cts_volume_refine(v, n_parts, source->n_threads, &why);
+    if (st == CTS_ERR_MEMORY) {
+        cts_report_finding(report, "slices_linear", CTS_WARNING,
+                           "slices %.3g mm apart are joined by straight lines, so terraces may show: %s", slice_mm,
+                           why.text);
+        return CTS_OK;
+    }
+    if (st) {
+        *err = why;
+        return st;
+    }
+    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubics, %d layers in all", slice_mm,
+                    n_parts - 1, v->dims[2]);
+    cts_report_finding(report, "slices_cubic", CTS_NOTE, "%d slices became %d layers by cubic interpolation in %.0f ms",
+                       n_slices, v->dims[2], cts_wall_ms() - start_ms);
+    return CTS_OK;
+}
+
+CtsStatus cts_source_cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    double low[3], high[3];
+    cts_volume_box_lps(volume, low, high);
+    cts_report_plan(report, "volume: %.1f,%.1f,%.1f,%.1f,%.1f,%.1f mm, as a crop takes it", low[0], high[0], low[1],
+                    high[1], low[2], high[2]);
+    /* The table is told from the patient by the whole, so it goes before the crop. */
+    if (source->remove_table)
+        st = cts_volume_remove_table(volume, source->n_threads, report, err);
+    else
+        cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
+    if (!st && source->crop)
+        st = cts_volume_crop(volume, source->crop_low_lps, source->crop_high_lps, err);
+    return st ? st : interpolate(source, volume, report, err);
+}
+
+CtsStatus cts_source_read(const CtsSource *source, const CtsSeries *series, CtsVolume **volume, CtsReport *report,
+                          CtsError *err)
+{
+    return source->linear ? cts_series_load(series, source->n_threads, volume, report, err)
+                          : cts_series_load_cubic(series, source->remove_table, source->n_threads, volume, report, err);
+}
+
+CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    CtsMeter meter = cts_meter_start(report);
+    cts_watch_step(watch, 0, n_steps, source->from ? "fetching" : "searching");
+    st = find(source, loaded, report, err);
+    cts_watch_findings(watch, report);
+    cts_meter_stop(meter, report, CTS_STAGE_SCAN);
+    if (st)
+        return st;
+    meter = cts_meter_start(report);
+    cts_watch_step(watch, 1, n_steps, "reading");
+    st = cts_source_read(source, loaded->series, &loaded->volume, report, err);
+    cts_watch_findings(watch, report);
+    cts_meter_stop(meter, report, CTS_STAGE_DECODE);
+    if (st)
+        return st;
+    meter = cts_meter_start(report);
+    st = cts_source_cut(source, loaded->volume, report, err);
+    cts_watch_findings(watch, report);
+    cts_meter_stop(meter, report, CTS_STAGE_GREY);
+    return st;
+}
+
+void cts_loaded_free(CtsLoaded *loaded)
+{
+    cts_volume_free(&loaded->volume);
+    cts_series_list_free(&loaded->list);
+    cts_net_forget(&loaded->fetched);
+    loaded->series = NULL;
+}

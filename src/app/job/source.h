@@ -1,0 +1,47 @@
+/* From PATH... to the volume that pictures are made of. */
+#ifndef CTS_JOB_SOURCE_H
+#define CTS_JOB_SOURCE_H
+
+#include "ctsplat/net.h"
+#include "ctsplat/series.h"
+#include "ctsplat/volume.h"
+#include "app/job/watch.h"
+#include <stdbool.h>
+
+/* Which series, and what of it. Plain data; strings are the caller's. */
+typedef struct CtsSource {
+    const char *const *paths;
+    int n_paths;
+    const CtsPeer *from;                     /* fetch instead of looking at paths; NULL: no */
+    const CtsNet *net;                       /* how */
+    const char *study_uid, *peer_series_uid; /* what; peer_series_uid NULL: all of the study */
+    const char *series_uid;                  /* NULL: the one with the most slices */
+    int n_threads;                           /* 0: the cores this process may use */
+    bool remove_table;
+    const char *table_kept_by; /* why not, as the report tells it: "the preset" */
+    bool linear;      /* straight between slices, however far apart they lie; else by cubics where they are thick */
+    double smooth_mm; /* standard deviation of a Gaussian on the volume; 0: none */
+    bool crop;
+    double crop_low_lps[3], crop_high_lps[3]; /* mm */
+} CtsSource;
+
+typedef struct CtsLoaded {
+    CtsSeriesList *list;
+    const CtsSeries *series; /* of the list */
+    CtsVolume *volume;
+    char *fetched; /* a folder that goes with it, or NULL */
+} CtsLoaded;
+
+/* The slices of one series, as source->linear says. */
+CtsStatus cts_source_read(const CtsSource *source, const CtsSeries *series, CtsVolume **volume, CtsReport *report,
+                          CtsError *err);
+/* The patient alone, and of it the part that is asked for, smoothed, and with layers between thick slices. */
+CtsStatus cts_source_cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err);
+
+/* Finds the series, decodes it and cuts it to what is asked for. Tells watch the first two of
+ * n_steps. Free with cts_loaded_free(), also after a failure. */
+CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err);
+void cts_loaded_free(CtsLoaded *loaded);
+
+#endif

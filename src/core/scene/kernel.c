@@ -1,0 +1,16 @@
+#include "core/scene/kernel.h"
+
+const char *const cts_kernel_names[CTS_N_KERNELS] = {
+    [CTS_KERNEL_TENT] = "tent",       [CTS_KERNEL_GAUSSIAN] = "gaussian",     [CTS_KERNEL_CONE] = "cone",
+    [CTS_KERNEL_BSPLINE] = "bspline", [CTS_KERNEL_CONE_PAPER] = "cone-paper",
+};
+
+static const double own_radius[CTS_N_KERNELS] = {
+    [CTS_KERNEL_TENT] = 1,    [CTS_KERNEL_GAUSSIAN] = 2,     [CTS_KERNEL_CONE] = 1.5,
+    [CTS_KERNEL_BSPLINE] = 2, [CTS_KERNEL_CONE_PAPER] = 1.5,
+};
+
+double cts_kernel_radius(CtsKernelId kernel, double radius)
+{
+    return radius > 0 ? radius : own_radius[kernel];
+}

@@ -1,0 +1,101 @@
+#include "core/scene/resolve.h"
+
+#include "base/cpu.h"
+#include "base/mutation.h"
+#include "base/vec3.h"
+#include "ctsplat/bounds.h"
+#include "core/scene/kernel.h"
+#include <math.h>
+#include <stddef.h>
+
+#define FIELD(setting, field)                                                                                          \
+    {                                                                                                                  \
+        CTS_SETTING_##setting, offsetof(CtsRenderSettings, field)                                                      \
+    }
+
+/* Where the settings that have bounds stand: an int where they are whole numbers, else a double. */
+static const struct {
+    CtsSetting setting;
+    size_t at;
+} fields[] = {
+    FIELD(WIDTH, width),         FIELD(HEIGHT, height),           FIELD(MM_PER_PIXEL, mm_per_pixel),
+    FIELD(AZIMUTH, azimuth_deg), FIELD(ELEVATION, elevation_deg), FIELD(KERNEL_RADIUS, kernel_radius),
+    FIELD(SAMPLES, samples),     FIELD(MAX_ERROR, max_error),     FIELD(TOLERANCE, tolerance_hu),
+    FIELD(GREY_BITS, grey_bits), FIELD(VERIFY, verify),           FIELD(THREADS, n_threads),
+};
+_Static_assert(sizeof fields / sizeof *fields == CTS_SETTING_FRAMES - CTS_SETTING_WIDTH,
+               "a setting of CtsRenderSettings has no row here");
+
+CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (size_t i = 0; i < sizeof fields / sizeof *fields && !st; i++) {
+        const void *field = (const char *)s + fields[i].at;
+        const bool whole = cts_setting_bounds(fields[i].setting)->whole;
+        st = cts_setting_check(fields[i].setting, whole ? *(const int *)field : *(const double *)field, err);
+    }
+    if (!st && ((unsigned)s->engine >= CTS_N_ENGINES || (unsigned)s->kernel >= CTS_N_KERNELS))
+        st = cts_fail(err, CTS_ERR_USAGE, "no such engine or kernel");
+    if (!st && (!(s->slab_mm >= 0) || !isfinite(s->slab_mm) || !isfinite(s->slab_at_mm)))
+        st = cts_fail(err, CTS_ERR_USAGE, "a slab of %g mm at %g mm (a positive thickness, a place in mm)", s->slab_mm,
+                      s->slab_at_mm);
+    if (!st && s->slab_at_mm != 0 && s->slab_mm == 0)
+        st = cts_fail(err, CTS_ERR_USAGE, "a place for a slab that has no thickness (give `slab` MM as well)");
+    if (!st && (s->mode < -1 || s->mode >= CTS_N_MODES))
+        st = cts_fail(err, CTS_ERR_USAGE, "no such mode");
+    return st;
+}
+
+CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const CtsPreset *preset,
+                         const CtsRenderSettings *asked, CtsError *err)
+{
+    CtsStatus st;
+    CtsPreset *p = &store->preset;
+    CtsRenderSettings *s = &store->settings;
+    *p = *preset;
+    *s = *asked;
+    if ((st = cts_scene_check(s, err)))
+        return st;
+    s->n_threads = cts_threads(s->n_threads);
+    s->kernel_radius = cts_kernel_radius(s->kernel, s->kernel_radius);
+    if (s->mode >= 0)
+        p->mode = (CtsMode)s->mode;
+    if (s->shade != CTS_AS_PRESET)
+        p->shade = s->shade == CTS_ON;
+    if (p->mode != CTS_MODE_COMPOSITE)
+        p->shade = false;
+    CtsScene *scene = &store->scene;
+    *scene = (CtsScene){.volume = volume, .preset = p, .settings = s, .extinction_scale = 1};
+    scene->plan = (CtsPlan){.samples = s->samples, .max_error = s->max_error};
+    if ((st = cts_view_init(&scene->view, volume, s, err)))
+        return st;
+    if (s->slab_mm > 0)
+        cts_view_set_slab(&scene->view, volume, s->slab_mm, s->slab_at_mm);
+    if (s->centre_given)
+        cts_view_aim(&scene->view, s->centre_lps);
+    /* Slicer's GPU path hands its mapper voxels of unit spacing: a unit is then a voxel's length along the ray. */
+    if (s->opacity_per_voxel)
+        scene->extinction_scale = CTS_MUTATED(VOXEL_LENGTH) ? fabs(scene->view.forward_vox[scene->view.axis])
+                                                            : cts_norm3(scene->view.forward_vox);
+    return CTS_OK;
+}
+
+const struct CtsBodyMask *cts_scene_body(const CtsScene *scene)
+{
+    const CtsMode mode = scene->preset->mode;
+    return mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE ? scene->volume->body : NULL;
+}
+
+void cts_scene_tell_parts(const CtsScene *scene, CtsReport *report)
+{
+    const CtsMode mode = scene->preset->mode;
+    const CtsRenderSettings *s = scene->settings;
+    if (s->slab_mm > 0)
+        cts_report_plan(report, "a slab of %g mm across the view, its middle %g mm in front of the volume's centre",
+                        s->slab_mm, s->slab_at_mm);
+    if (cts_scene_body(scene))
+        cts_report_plan(report, "mode %s: the inside of the body, 3 mm under the skin (`remove_table` off: everything)",
+                        cts_mode_names[mode]);
+    else if (mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE)
+        cts_report_plan(report, "mode %s: everything in the volume, air around the body too", cts_mode_names[mode]);
+}

@@ -1,0 +1,400 @@
+#include "core/table/body.h"
+
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "core/table/parts.h"
+#include <math.h>
+#include <stdatomic.h>
+#include <string.h>
+
+/* Fingers and the tips of ears are twice as thick, blankets, tubes and plates are not. */
+static const double THICK_RADIUS_MM = 3;
+/* Parts smaller than this are noise; they stay only in the rim around the patient. */
+static const double NOISE_MM3 = 500;
+/* Air is -1000 HU, a lung, even an emphysematous one, is mostly denser. */
+static const double LUNG_HU = -930;
+/* Of the air at the border one voxel in so many is looked at, along rows and across. */
+enum { SAMPLE_COLUMNS = 32, SAMPLE_ROWS = 16 };
+/* The skin's soft edge. */
+static const double SKIN_MM = 3;
+static const CtsReach ONE = {.diamond = 1};
+
+/* For each part, how many of its voxels are set in bits. */
+static CtsStatus count_in(const CtsParts *p, const CtsBits *bits, uint64_t **count, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_zeroed(count, p->n_parts, err);
+    for (int k = 0; !st && k < bits->dims[2]; k++)
+        for (int j = 0; j < bits->dims[1]; j++) {
+            const uint64_t *row = cts_bits_row(bits, j, k);
+            const size_t at = (size_t)k * (size_t)bits->dims[1] + (size_t)j;
+            for (uint32_t r = p->row_start[at]; r < p->row_start[at + 1]; r++)
+                (*count)[p->runs[r].part] += cts_bits_count_run(row, (int)p->runs[r].first, (int)p->runs[r].end);
+        }
+    return st;
+}
+
+typedef struct Opening {
+    CtsBits *bits;
+    CtsReach reach;
+    CtsMorphology *workers;
+} Opening;
+
+static void open_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Opening *const o = context;
+    for (int k = (int)first; k < (int)end; k++) {
+        uint64_t *words = cts_bits_row(o->bits, 0, k);
+        if (cts_bits_count_slice(o->bits, k))
+            cts_open_section(&o->workers[worker], words, o->reach, words);
+    }
+}
+
+/* flags[]: the largest part, and of the others of some size those that are mostly thick; sized[]: these others. */
+static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, CtsMorphology *workers, int n_threads,
+                                uint8_t *flags, uint8_t *sized, CtsError *err)
+{
+    CtsStatus st;
+    CtsBits others = {0};
+    uint64_t *thick = NULL;
+    uint32_t largest = 0, n_sized = 0;
+    for (uint32_t n = 1; n < p->n_parts; n++)
+        largest = p->parts[n].n_voxels > p->parts[largest].n_voxels ? n : largest;
+    for (uint32_t n = 0; n < p->n_parts; n++) {
+        flags[n] = n == largest;
+        sized[n] = n != largest && (double)p->parts[n].n_voxels * plan->voxel_mm3 >= NOISE_MM3;
+        n_sized += sized[n];
+    }
+    if (!n_sized)
+        return CTS_OK;
+    const CtsReach reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm);
+    if ((st = cts_bits_new_unset(&others, plan->dims, err)))
+        goto end;
+    cts_parts_paint(p, sized, NULL, &others, n_threads);
+    Opening opening = {&others, reach, workers};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 1, open_sections, &opening);
+    if ((st = count_in(p, &others, &thick, err)))
+        goto end;
+    for (uint32_t n = 0; n < p->n_parts; n++)
+        if (sized[n] && 2 * thick[n] >= p->parts[n].n_voxels) {
+            flags[n] = 1;
+            sized[n] = 0;
+        }
+end:
+    cts_bits_free(&others);
+    cts_free(&thick);
+    return st;
+}
+
+/* Loops over sections that may change bits. */
+typedef struct Sections {
+    const CtsBits *sections, *extruded;
+    CtsBits *bits;
+    CtsMorphology *workers;
+} Sections;
+
+static void extend_by_voxel(void *context, int worker, size_t first, size_t end)
+{
+    const Sections *const s = context;
+    const size_t n_words = s->bits->row_words * (size_t)s->bits->dims[1];
+    for (int k = (int)first; k < (int)end; k++) {
+        uint64_t *words = cts_bits_row(s->bits, 0, k);
+        const uint64_t *there = cts_bits_row(s->sections, 0, k), *table = cts_bits_row(s->extruded, 0, k);
+        if (!cts_bits_count_slice(s->extruded, k))
+            continue;
+        cts_dilate_section(&s->workers[worker], words, ONE, words);
+        for (size_t w = 0; w < n_words; w++)
+            words[w] &= there[w] & ~table[w];
+    }
+}
+
+/* What stands without the extruded and the voxel next to it. */
+static void take_extruded(void *context, int worker, size_t first, size_t end)
+{
+    const Sections *const s = context;
+    const size_t n_words = s->bits->row_words * (size_t)s->bits->dims[1];
+    for (int k = (int)first; k < (int)end; k++) {
+        uint64_t *words = cts_bits_row(s->bits, 0, k);
+        const uint64_t *there = cts_bits_row(s->sections, 0, k);
+        cts_dilate_section(&s->workers[worker], cts_bits_row(s->extruded, 0, k), ONE, words);
+        for (size_t w = 0; w < n_words; w++)
+            words[w] = there[w] & ~words[w];
+    }
+}
+
+/* The patient's dense bits: what hangs together once the extruded is taken away with the voxel next to it, which then
+ * comes back. */
+static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections, const CtsBits *extruded,
+                            CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
+{
+    CtsStatus st;
+    CtsParts parts = {0};
+    uint8_t *flags = NULL, *sized = NULL;
+    CtsBits *const rest = &body->foreign; /* first what is no plate, then what is foreign */
+    if ((st = cts_bits_new_unset(rest, plan->dims, err)) || (st = cts_bits_new_unset(&body->dense, plan->dims, err)))
+        return st;
+    Sections taking = {sections, extruded, rest, workers}, extending = {sections, extruded, &body->dense, workers};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, take_extruded, &taking);
+    if ((st = cts_parts_find(&parts, rest, n_threads, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
+        (st = cts_alloc_array(&sized, parts.n_parts, err)) ||
+        (st = choose_patient(plan, &parts, workers, n_threads, flags, sized, err)))
+        goto end;
+    cts_parts_paint(&parts, flags, NULL, &body->dense, n_threads);
+    cts_parts_paint(&parts, sized, extruded, rest, n_threads);
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, extend_by_voxel, &extending);
+    for (uint32_t n = 0; n < parts.n_parts; n++)
+        body->mm3 += flags[n] ? (double)parts.parts[n].n_voxels * plan->voxel_mm3 : 0;
+end:
+    cts_parts_free(&parts);
+    cts_free(&flags);
+    cts_free(&sized);
+    return st;
+}
+
+/* Voxels of an air part that were looked at, and how many of them are as dense as a lung. */
+typedef struct Sample {
+    uint32_t n, n_lung;
+} Sample;
+
+/* A field of view is round, and beyond it lies padding. */
+static bool in_view(const int dims[3], int i, int j)
+{
+    const double x = (2.0 * i + 1) / dims[0] - 1, y = (2.0 * j + 1) / dims[1] - 1;
+    return x * x + y * y < 1;
+}
+
+static void sample_run(const CtsSectionPlan *plan, const CtsVolume *v, const CtsRun *run, int j, int k, Sample *sample)
+{
+    const size_t stride[3] = {1, (size_t)v->dims[0], (size_t)v->dims[0] * (size_t)v->dims[1]};
+    const uint16_t *row =
+        v->grey + (size_t)j * stride[plan->axis[1]] + (size_t)k * (size_t)plan->n_slices * stride[plan->axis[2]];
+    for (uint32_t i = (run->first + SAMPLE_COLUMNS - 1) / SAMPLE_COLUMNS * SAMPLE_COLUMNS; i < run->end;
+         i += SAMPLE_COLUMNS) {
+        const bool seen = in_view(plan->dims, (int)i, j);
+        sample->n += seen;
+        sample->n_lung += seen && cts_volume_hu(v, row[i * stride[plan->axis[0]]]) > LUNG_HU;
+    }
+}
+
+/* What of the air is looked at, part by part. */
+typedef struct Sampling {
+    const CtsSectionPlan *plan;
+    const CtsVolume *volume;
+    const CtsParts *air;
+    const uint8_t *outside;
+    Sample *samples;
+} Sampling;
+
+/* A part of the air lies in one section. */
+static void sample_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Sampling *const s = context;
+    const CtsParts *air = s->air;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++)
+        for (int j = 0; j < air->dims[1]; j += SAMPLE_ROWS) {
+            const size_t row = (size_t)k * (size_t)air->dims[1] + (size_t)j;
+            for (uint32_t r = air->row_start[row]; r < air->row_start[row + 1]; r++)
+                if (s->outside[air->runs[r].part])
+                    sample_run(s->plan, s->volume, &air->runs[r], j, k, &s->samples[air->runs[r].part]);
+        }
+}
+
+/* outside[]: the parts of the air that reach the border of a section and are no lung. */
+static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *air, int n_threads,
+                              uint8_t *outside, CtsError *err)
+{
+    Sample *samples;
+    const CtsStatus st = cts_alloc_zeroed(&samples, air->n_parts, err);
+    if (st)
+        return st;
+    for (uint32_t n = 0; n < air->n_parts; n++) {
+        const CtsPart *p = &air->parts[n];
+        outside[n] = p->lo[0] == 0 || p->lo[1] == 0 || p->hi[0] == air->dims[0] - 1 || p->hi[1] == air->dims[1] - 1;
+    }
+    Sampling sampling = {plan, v, air, outside, samples};
+    cts_parallel(n_threads, (size_t)air->dims[2], 0, sample_sections, &sampling);
+    for (uint32_t n = 0; n < air->n_parts; n++)
+        if (2 * samples[n].n_lung > samples[n].n)
+            outside[n] = 0;
+    cts_free(&samples);
+    return st;
+}
+
+/* Loops over sections that turn them round. */
+typedef struct Turning {
+    CtsBody *body;
+    CtsBits *air;
+} Turning;
+
+static CtsBits sections_of(const CtsBits *bits, size_t first, size_t end)
+{
+    return (CtsBits){.dims = {bits->dims[0], bits->dims[1], (int)(end - first)},
+                     .row_words = bits->row_words,
+                     .words = cts_bits_row(bits, 0, (int)first)};
+}
+
+static void find_air(void *context, int worker, size_t first, size_t end)
+{
+    const Turning *const t = context;
+    CtsBits air = sections_of(t->air, first, end);
+    const CtsBits dense = sections_of(&t->body->dense, first, end);
+    (void)worker;
+    cts_bits_combine(&air, CTS_BITS_NOT, &dense);
+}
+
+/* What was painted is outside: of the foreign that alone stays, and the whole is the rest. */
+static void turn_outside(void *context, int worker, size_t first, size_t end)
+{
+    const Turning *const t = context;
+    CtsBits whole = sections_of(&t->body->whole, first, end), foreign = sections_of(&t->body->foreign, first, end);
+    (void)worker;
+    cts_bits_combine(&foreign, CTS_BITS_AND, &whole);
+    cts_bits_combine(&whole, CTS_BITS_NOT, &whole);
+}
+
+static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, int n_threads, CtsBody *body, CtsError *err)
+{
+    CtsStatus st;
+    CtsBits air = {0};
+    CtsParts parts = {0};
+    uint8_t *outside = NULL;
+    if ((st = cts_bits_new_unset(&air, plan->dims, err)))
+        return st;
+    Turning turning = {body, &air};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, find_air, &turning);
+    if ((st = cts_parts_find_in_slices(&parts, &air, n_threads, err)) ||
+        (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
+        (st = tell_outside(plan, v, &parts, n_threads, outside, err)) ||
+        (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
+        goto end;
+    cts_parts_paint(&parts, outside, NULL, &body->whole, n_threads);
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, turn_outside, &turning);
+end:
+    cts_bits_free(&air);
+    cts_parts_free(&parts);
+    cts_free(&outside);
+    return st;
+}
+
+typedef struct Measuring {
+    const CtsBody *body;
+    CtsReach reach;
+    CtsMorphology *workers;
+    CtsBits *scratch;
+    _Atomic uint64_t n_thin;
+} Measuring;
+
+static void measure_sections(void *context, int worker, size_t first, size_t end)
+{
+    Measuring *const m = context;
+    const CtsBody *body = m->body;
+    const size_t n_words = body->whole.row_words * (size_t)body->whole.dims[1];
+    for (int k = (int)first; k < (int)end; k++) {
+        uint64_t *thin = cts_bits_row(m->scratch, 0, k), n_thin = 0;
+        const uint64_t *dense = cts_bits_row(&body->dense, 0, k);
+        cts_thin_section(&m->workers[worker], cts_bits_row(&body->whole, 0, k), m->reach, thin);
+        for (size_t w = 0; w < n_words; w++)
+            n_thin += (uint64_t)cts_popcount(thin[w] & dense[w]);
+        atomic_fetch_add(&m->n_thin, n_thin);
+    }
+}
+
+static void measure_thin(const CtsSectionPlan *plan, CtsMorphology *workers, CtsBits *scratch, int n_threads,
+                         CtsBody *body)
+{
+    Measuring m = {
+        .body = body, .reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm), .workers = workers, .scratch = scratch};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 1, measure_sections, &m);
+    body->thin_mm3 = (double)atomic_load(&m.n_thin) * plan->voxel_mm3;
+}
+
+CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections,
+                        const CtsBits *extruded, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
+{
+    CtsBits scratch = {0};
+    CtsStatus st;
+    if (!(st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) &&
+        !(st = find_whole(plan, v, n_threads, body, err)) && !(st = cts_bits_new_unset(&scratch, plan->dims, err)))
+        measure_thin(plan, workers, &scratch, n_threads, body);
+    cts_bits_free(&scratch);
+    return st;
+}
+
+void cts_body_free(CtsBody *body)
+{
+    cts_bits_free(&body->dense);
+    cts_bits_free(&body->whole);
+    cts_bits_free(&body->foreign);
+}
+
+/* Squares all of whose corners are set; in a section of one row or column it is its own neighbour. */
+static void find_squares(const CtsBits *voxels, int k, CtsBits *squares)
+{
+    const int last_row = voxels->dims[1] - 1;
+    for (int j = 0; j < voxels->dims[1]; j++) {
+        const uint64_t *row = cts_bits_row(voxels, j, k), *next = cts_bits_row(voxels, j < last_row ? j + 1 : j, k);
+        uint64_t *to = cts_bits_row(squares, j, k);
+        for (size_t w = 0; w < voxels->row_words; w++) {
+            const uint64_t both = row[w] & next[w];
+            const uint64_t beyond = w + 1 < voxels->row_words ? row[w + 1] & next[w + 1] : 0;
+            to[w] = voxels->dims[0] > 1 ? both & (both >> 1 | beyond << 63) : both;
+        }
+    }
+}
+
+/* A section that is body with both its neighbours, narrowed: what is not, widened and turned round. */
+static void narrow_section(const CtsBits *whole, int k, CtsReach reach, CtsMorphology *m, uint64_t *to)
+{
+    const int last = whole->dims[2] - 1;
+    const uint64_t *own = cts_bits_row(whole, 0, k), *before = cts_bits_row(whole, 0, k ? k - 1 : 0);
+    const uint64_t *behind = cts_bits_row(whole, 0, k < last ? k + 1 : last);
+    for (size_t w = 0; w < m->n_words; w++) {
+        const uint64_t mask = w % m->row_words + 1 == m->row_words ? m->last_word : ~UINT64_C(0);
+        to[w] = ~(own[w] & before[w] & behind[w]) & mask;
+    }
+    cts_dilate_section(m, to, reach, to);
+    for (size_t w = 0; w < m->n_words; w++) {
+        const uint64_t mask = w % m->row_words + 1 == m->row_words ? m->last_word : ~UINT64_C(0);
+        to[w] = ~to[w] & mask;
+    }
+}
+
+/* Body masks of sections, each by itself. */
+typedef struct Narrowing {
+    const CtsBits *whole;
+    CtsBits *narrow, *squares;
+    CtsReach reach;
+    CtsMorphology *workers;
+} Narrowing;
+
+static void narrow_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Narrowing *const n = context;
+    for (int k = (int)first; k < (int)end; k++) {
+        narrow_section(n->whole, k, n->reach, &n->workers[worker], cts_bits_row(n->narrow, 0, k));
+        find_squares(n->narrow, k, n->squares);
+    }
+}
+
+CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
+                            CtsBodyMask **mask, CtsError *err)
+{
+    CtsBits narrow = {0};
+    const CtsReach reach = cts_reach_mm(SKIN_MM, plan->spacing_mm);
+    CtsStatus st = cts_alloc_zeroed(mask, 1, err);
+    if (st)
+        return st;
+    CtsBodyMask *const body = *mask;
+    body->n_slices = plan->n_slices;
+    body->parts = 1;
+    memcpy(body->axis, plan->axis, sizeof body->axis);
+    if (!(st = cts_bits_new_unset(&body->squares, plan->dims, err)) &&
+        !(st = cts_bits_new_unset(&narrow, plan->dims, err))) {
+        Narrowing narrowing = {whole, &narrow, &body->squares, reach, workers};
+        cts_parallel(n_threads, (size_t)plan->dims[2], 0, narrow_sections, &narrowing);
+    }
+    cts_bits_free(&narrow);
+    if (st)
+        cts_body_mask_free(mask);
+    return st;
+}

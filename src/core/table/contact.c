@@ -1,0 +1,145 @@
+#include "core/table/contact.h"
+
+/* The far face wavers by so many voxels, no more, and behind it nothing may lie. */
+enum { WAVER = 3, TAPER = 40 };
+
+/* One way to look at a section: plates run along `axis`, and their far face looks to larger (side 1) or smaller (-1)
+ * places across; they are followed to larger (way 1) or smaller (-1) places along. */
+typedef struct Face {
+    const CtsBits *always, *ever;
+    CtsBits *plates;
+    int axis, side, way;
+} Face;
+
+static bool get(const Face *f, const CtsBits *bits, int along, int across)
+{
+    const int i = f->axis ? across : along, j = f->axis ? along : across;
+    return i >= 0 && j >= 0 && i < bits->dims[0] && j < bits->dims[1] && cts_bits_get(bits, i, j, 0);
+}
+
+static bool is_face(const Face *f, int along, int across)
+{
+    return get(f, f->always, along, across) && !get(f, f->always, along, across + f->side);
+}
+
+/* Follow the face one step on from *across; false where it ends or something lies behind it. */
+static bool follow(const Face *f, int along, int *across)
+{
+    const int at[3] = {*across, *across + f->side, *across - f->side};
+    for (int n = 0; n < 3; n++)
+        if (is_face(f, along, at[n])) {
+            *across = at[n];
+            return !get(f, f->ever, along, at[n] + WAVER * f->side);
+        }
+    return false;
+}
+
+/* The plate's thickness near its end at (along, across), where it may taper: the largest some steps away from there. 0
+ * where it is no longer along than across, as a plate is that runs the other way. */
+static int thickness(const Face *f, int along, int across, int step)
+{
+    int most = 0, s = 0;
+    for (; s <= TAPER && get(f, f->plates, along, across); s++) {
+        int n = 1;
+        while (get(f, f->plates, along, across - n * f->side))
+            n++;
+        most = n > most ? n : most;
+        along += step;
+        if (!follow(f, along, &across))
+            break;
+    }
+    return s > most ? most : 0;
+}
+
+/* How much is always there from the face on, n_most at most. */
+static int depth(const Face *f, int along, int across, int n_most)
+{
+    int n = 0;
+    while (n < n_most && get(f, f->always, along, across - n * f->side))
+        n++;
+    return n;
+}
+
+static void set_strip(const Face *f, int along, int across, int thick)
+{
+    for (int n = 0; n < depth(f, along, across, thick); n++) {
+        const int c = across - n * f->side;
+        cts_bits_set(f->plates, f->axis ? c : along, f->axis ? along : c, 0);
+    }
+}
+
+/* From the plate's end at (along, across) on, to where it comes out of what is thicker: at the next plate, or thin as
+ * it went in, and then on to its end. The strip is set. */
+static void bridge(const Face *f, int along, int across)
+{
+    const int left = thickness(f, along, across, -f->way);
+    int end = along, at = across, thick = left;
+    if (!left)
+        return;
+    do {
+        end += f->way;
+        if (!follow(f, end, &at))
+            return;
+    } while (!get(f, f->plates, end, at) && depth(f, end, at, left + 2) > left + 1);
+    if (get(f, f->plates, end, at)) {
+        const int right = thickness(f, end, at, f->way);
+        thick = right && right < left ? right : left;
+    }
+    /* The voxel that was added on the near side is the patient's. */
+    for (int a = along + f->way; a != end; a += f->way) {
+        follow(f, a, &across);
+        set_strip(f, a, across, thick - 1);
+    }
+    for (; !get(f, f->plates, end, at) && depth(f, end, at, left + 2) <= left + 1;) {
+        set_strip(f, end, at, left + 1);
+        end += f->way;
+        if (!follow(f, end, &at))
+            return;
+    }
+}
+
+static uint64_t word_at(const CtsBits *bits, int j, ptrdiff_t w)
+{
+    return j >= 0 && j < bits->dims[1] && w >= 0 && w < (ptrdiff_t)bits->row_words ? cts_bits_row(bits, j, 0)[w] : 0;
+}
+
+/* Word w of row j, where each bit tells of the columns one further to the left (by -1), or to the right (by 1). */
+static uint64_t beside(const CtsBits *bits, int j, ptrdiff_t w, int by)
+{
+    const uint64_t own = word_at(bits, j, w), next = word_at(bits, j, w + by);
+    return by < 0 ? own << 1 | next >> 63 : own >> 1 | next << 63;
+}
+
+/* Whether one of the three voxels that come next along the face is set. */
+static uint64_t next_set(const CtsBits *bits, int axis, int way, int j, ptrdiff_t w)
+{
+    if (axis)
+        return beside(bits, j + way, w, -1) | word_at(bits, j + way, w) | beside(bits, j + way, w, 1);
+    return beside(bits, j - 1, w, way) | beside(bits, j, w, way) | beside(bits, j + 1, w, way);
+}
+
+/* From all ends of plates beyond which something goes on. */
+static void add_from_ends(const CtsBits *always, const CtsBits *ever, CtsBits *plates, int axis, int way)
+{
+    for (int j = 0; j < plates->dims[1]; j++)
+        for (ptrdiff_t w = 0; w < (ptrdiff_t)plates->row_words; w++) {
+            uint64_t ends = word_at(plates, j, w);
+            if (ends)
+                ends &= ~next_set(plates, axis, way, j, w) & next_set(always, axis, way, j, w);
+            for (; ends; ends &= ends - 1) {
+                const int i = 64 * (int)w + __builtin_ctzll(ends), along = axis ? j : i, across = axis ? i : j;
+                for (int side = -1; side <= 1; side += 2) {
+                    const Face f = {always, ever, plates, axis, side, way};
+                    if (is_face(&f, along, across))
+                        bridge(&f, along, across);
+                }
+            }
+        }
+}
+
+void cts_contact_add(const CtsBits *always, const CtsBits *ever, CtsBits *plates)
+{
+    for (int axis = 0; axis < 2; axis++)
+        for (int way = -1; way <= 1; way += 2)
+            add_from_ends(always, ever, plates, axis, way);
+}

@@ -1,0 +1,319 @@
+#include "core/table/extruded.h"
+
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "core/table/contact.h"
+#include "core/table/parts.h"
+#include <math.h>
+#include <stdatomic.h>
+#include <string.h>
+
+/* Longer than an ear, a nose or a fold of skin is straight. */
+static const double EXTRUDED_MM = 60;
+/* Where something touches it, a plate that was found is followed by what stands still over so much. */
+static const double FOLLOWED_MM = 24;
+/* Half the thickness up to which a thing is a plate or a rail, with the voxel that is added on either side. */
+static const double PLATE_RADIUS_MM = 7;
+/* Up to here it may be one. */
+static const double DOUBT_RADIUS_MM = 16;
+/* A smaller cross-section is noise; from the second on it counts though most of the part moves, as where an ear leans
+ * on a wall. */
+static const double LEAST_MM2 = 40, SURE_MM2 = 100;
+
+/* Sections first to end of the stack, seen together. */
+typedef struct Window {
+    int first, end;
+} Window;
+
+/* Windows of one length, each a step behind the one before, over the whole stack. */
+typedef struct Windows {
+    int length, step, n, last; /* the last one begins here */
+} Windows;
+
+typedef struct Search {
+    const CtsSectionPlan *plan;
+    CtsBits wide; /* the sections, a voxel wider: what wavers by a voxel stands still */
+    Windows windows, shorter;
+    CtsBits plates, doubtful; /* by window */
+    CtsBits followed;         /* by shorter window */
+    CtsReach reach, doubt_reach;
+    double least_voxels, sure_voxels;
+} Search;
+
+static Windows windows_of(const CtsSectionPlan *plan, double length_mm)
+{
+    Windows w = {.length = (int)ceil(length_mm / plan->spacing_mm[2])};
+    w.step = w.length > 8 ? w.length / 8 : 1;
+    w.last = plan->dims[2] - w.length;
+    w.n = w.last < 0 ? 0 : (w.last + w.step - 1) / w.step + 1;
+    return w;
+}
+
+static Window window_at(const Windows *w, int n)
+{
+    const int first = n * w->step < w->last ? n * w->step : w->last;
+    return (Window){first, first + w->length};
+}
+
+/* What one thread works with: sections of one slice. */
+typedef struct Worker {
+    CtsMorphology *morphology;
+    CtsBits always, ever, thin;
+    CtsParts parts;
+} Worker;
+
+static CtsStatus worker_new(Worker *w, const int dims[3], CtsMorphology *morphology, CtsError *err)
+{
+    CtsStatus st;
+    const int one[3] = {dims[0], dims[1], 1};
+    w->morphology = morphology;
+    (void)((st = cts_bits_new_unset(&w->always, one, err)) || (st = cts_bits_new_unset(&w->ever, one, err)) ||
+           (st = cts_bits_new_unset(&w->thin, one, err)));
+    return st;
+}
+
+static void worker_free(Worker *w)
+{
+    cts_bits_free(&w->always);
+    cts_bits_free(&w->ever);
+    cts_bits_free(&w->thin);
+    cts_parts_free(&w->parts);
+}
+
+/* What is there in every section of the window, but for single ones that noise has broken; and in any. */
+static void look_along(const Search *s, Window window, Worker *w)
+{
+    const size_t n = w->morphology->n_words;
+    const int last = s->plan->dims[2] - 1;
+    memset(w->always.words, 0xff, n * sizeof *w->always.words);
+    memset(w->ever.words, 0, n * sizeof *w->ever.words);
+    for (int k = window.first; k < window.end; k++) {
+        const uint64_t *own = cts_bits_row(&s->wide, 0, k), *before = cts_bits_row(&s->wide, 0, k ? k - 1 : 0);
+        const uint64_t *behind = cts_bits_row(&s->wide, 0, k < last ? k + 1 : last);
+        for (size_t i = 0; i < n; i++) {
+            w->always.words[i] &= own[i] | (before[i] & behind[i]);
+            w->ever.words[i] |= own[i];
+        }
+    }
+}
+
+/* Of the thin parts, those that are always there, as far as they are. */
+static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts, CtsError *err)
+{
+    uint64_t *count = NULL;
+    uint8_t *chosen = NULL;
+    CtsParts *const p = &w->parts;
+    CtsStatus st = cts_parts_find(p, &w->thin, 1, err);
+    if (st || (st = cts_alloc_zeroed(&count, p->n_parts, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
+        goto end;
+    for (int j = 0; j < w->always.dims[1]; j++)
+        for (uint32_t r = p->row_start[j]; r < p->row_start[j + 1]; r++)
+            count[p->runs[r].part] +=
+                cts_bits_count_run(cts_bits_row(&w->always, j, 0), (int)p->runs[r].first, (int)p->runs[r].end);
+    for (uint32_t n = 0; n < p->n_parts; n++)
+        chosen[n] = (double)count[n] >= s->sure_voxels ||
+                    ((double)count[n] >= s->least_voxels && 2 * count[n] >= p->parts[n].n_voxels);
+    cts_parts_paint_slice(p, chosen, chosen_parts, 0);
+end:
+    cts_free(&count);
+    cts_free(&chosen);
+    return st;
+}
+
+static CtsBits section_of(const CtsBits *bits, int k)
+{
+    return (CtsBits){
+        .dims = {bits->dims[0], bits->dims[1], 1}, .row_words = bits->row_words, .words = cts_bits_row(bits, 0, k)};
+}
+
+static void clear_section(CtsBits *section)
+{
+    memset(section->words, 0, cts_bits_n_words(section) * sizeof *section->words);
+}
+
+/* A plate is thin in all sections together and always there: that tells it from the patient's ears, skin and walls,
+ * which move from section to section. Where a back lies on it, it is thin on both sides alone. */
+static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err)
+{
+    CtsStatus st;
+    CtsBits plates = section_of(&s->plates, n), doubtful = section_of(&s->doubtful, n);
+    clear_section(&plates);
+    clear_section(&doubtful);
+    look_along(s, window_at(&s->windows, n), w);
+    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
+    if ((st = choose_parts(s, w, &plates, err)))
+        return st;
+    cts_bits_combine(&plates, CTS_BITS_AND, &w->always);
+    cts_contact_add(&w->always, &w->ever, &plates);
+    cts_thin_section(w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
+    if ((st = choose_parts(s, w, &doubtful, err)))
+        return st;
+    cts_bits_combine(&doubtful, CTS_BITS_AND, &w->always);
+    return st;
+}
+
+/* A plate's end moves where the plate is cut askew, so that it ends before what touches it does; over a shorter way it
+ * stands still for longer. Nothing new is found here, only what goes on from a plate along its face. */
+static void follow_plates(const Search *s, int n, Worker *w)
+{
+    const Window window = window_at(&s->shorter, n);
+    const CtsReach waver = {.diamond = 1, .box = {1, 1}};
+    CtsBits followed = section_of(&s->followed, n);
+    clear_section(&followed);
+    for (int l = 0; l < s->windows.n; l++) {
+        const Window longer = window_at(&s->windows, l);
+        const CtsBits plates = section_of(&s->plates, l);
+        if (longer.first <= window.first && longer.end >= window.end)
+            cts_bits_combine(&followed, CTS_BITS_OR, &plates);
+    }
+    if (!cts_bits_count(&followed))
+        return;
+    look_along(s, window, w);
+    /* Over the longer way the plate has wavered: up to the faces that it has here. */
+    cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
+    cts_bits_combine(&w->thin, CTS_BITS_OR, &followed);
+    cts_dilate_section(w->morphology, followed.words, waver, followed.words);
+    cts_bits_combine(&followed, CTS_BITS_AND, &w->thin);
+    cts_bits_combine(&followed, CTS_BITS_AND, &w->always);
+    cts_contact_add(&w->always, &w->ever, &followed);
+}
+
+typedef struct Looking {
+    Search *search;
+    const CtsBits *sections;
+    Worker *workers;
+    atomic_int n_failed;
+} Looking;
+
+static void widen_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Looking *const l = context;
+    const CtsReach one = {.diamond = 1};
+    for (int k = (int)first; k < (int)end; k++)
+        cts_dilate_section(l->workers[worker].morphology, cts_bits_row(l->sections, 0, k), one,
+                           cts_bits_row(&l->search->wide, 0, k));
+}
+
+static void look_at_windows(void *context, int worker, size_t first, size_t end)
+{
+    Looking *const l = context;
+    for (int n = (int)first; n < (int)end; n++)
+        if (look_at_window(l->search, n, &l->workers[worker], NULL))
+            atomic_fetch_add(&l->n_failed, 1);
+}
+
+static void follow_in_windows(void *context, int worker, size_t first, size_t end)
+{
+    Looking *const l = context;
+    for (int n = (int)first; n < (int)end; n++)
+        follow_plates(l->search, n, &l->workers[worker]);
+}
+
+static CtsStatus search(Search *s, const CtsBits *sections, CtsMorphology *morphology, int n_threads, CtsError *err)
+{
+    Worker *workers;
+    CtsStatus st = cts_alloc_zeroed(&workers, (size_t)n_threads, err);
+    for (int t = 0; !st && t < n_threads; t++)
+        st = worker_new(&workers[t], sections->dims, &morphology[t], err);
+    if (st)
+        goto end;
+    Looking looking = {.search = s, .sections = sections, .workers = workers};
+    cts_parallel(n_threads, (size_t)sections->dims[2], 0, widen_sections, &looking);
+    cts_parallel(n_threads, (size_t)s->windows.n, 1, look_at_windows, &looking);
+    cts_parallel(n_threads, (size_t)s->shorter.n, 1, follow_in_windows, &looking);
+    if (atomic_load(&looking.n_failed))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+end:
+    for (int t = 0; workers && t < n_threads; t++)
+        worker_free(&workers[t]);
+    cts_free(&workers);
+    return st;
+}
+
+typedef struct Gathering {
+    const Search *search;
+    const CtsBits *sections;
+    CtsExtruded *extruded;
+} Gathering;
+
+/* Words first to first + n of what was found in the windows over section k. */
+static void add_found(const Windows *windows, const CtsBits *found, int k, size_t first, size_t n, uint64_t *to)
+{
+    for (int at = 0; at < windows->n; at++) {
+        const Window window = window_at(windows, at);
+        const uint64_t *from = cts_bits_row(found, 0, at) + first;
+        if (k < window.first || k >= window.end)
+            continue;
+        for (size_t w = 0; w < n; w++)
+            to[w] |= from[w];
+    }
+}
+
+/* Each section has what was found in the windows over it, piece by piece, so that a piece stays in the nearest cache.
+ */
+static void gather_section(const Gathering *g, int k)
+{
+    enum { PIECE = 512 };
+    const Search *const s = g->search;
+    const size_t n_words = g->sections->row_words * (size_t)g->sections->dims[1];
+    for (size_t first = 0; first < n_words; first += PIECE) {
+        const size_t n = n_words - first < PIECE ? n_words - first : PIECE;
+        const uint64_t *there = cts_bits_row(g->sections, 0, k) + first;
+        uint64_t *plates = cts_bits_row(&g->extruded->plates, 0, k) + first;
+        uint64_t *doubtful = cts_bits_row(&g->extruded->doubtful, 0, k) + first;
+        memset(plates, 0, n * sizeof *plates);
+        memset(doubtful, 0, n * sizeof *doubtful);
+        add_found(&s->windows, &s->plates, k, first, n, plates);
+        add_found(&s->shorter, &s->followed, k, first, n, plates);
+        add_found(&s->windows, &s->doubtful, k, first, n, doubtful);
+        for (size_t w = 0; w < n; w++) {
+            plates[w] &= there[w];
+            doubtful[w] &= there[w];
+        }
+    }
+}
+
+static void gather_sections(void *context, int worker, size_t first, size_t end)
+{
+    (void)worker;
+    for (size_t k = first; k < end; k++)
+        gather_section(context, (int)k);
+}
+
+CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
+                            CtsExtruded *extruded, CtsError *err)
+{
+    CtsStatus st;
+    Search s = {.plan = plan,
+                .reach = cts_reach_mm(PLATE_RADIUS_MM, plan->spacing_mm),
+                .doubt_reach = cts_reach_mm(DOUBT_RADIUS_MM, plan->spacing_mm)};
+    const double mm2 = plan->spacing_mm[0] * plan->spacing_mm[1];
+    s.least_voxels = LEAST_MM2 / mm2;
+    s.sure_voxels = SURE_MM2 / mm2;
+    s.windows = windows_of(plan, EXTRUDED_MM);
+    s.shorter = windows_of(plan, FOLLOWED_MM);
+    CtsStatus (*const new_mask)(CtsBits *, const int *, CtsError *) = s.windows.n ? cts_bits_new_unset : cts_bits_new;
+    if ((st = new_mask(&extruded->plates, plan->dims, err)) || (st = new_mask(&extruded->doubtful, plan->dims, err)) ||
+        s.windows.n == 0)
+        return st;
+    const int by_window[3] = {plan->dims[0], plan->dims[1], s.windows.n};
+    const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
+    if ((st = cts_bits_new_unset(&s.wide, plan->dims, err)) || (st = cts_bits_new_unset(&s.plates, by_window, err)) ||
+        (st = cts_bits_new_unset(&s.doubtful, by_window, err)) ||
+        (st = cts_bits_new_unset(&s.followed, by_shorter, err)) || (st = search(&s, sections, workers, n_threads, err)))
+        goto end;
+    Gathering gathering = {&s, sections, extruded};
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, gather_sections, &gathering);
+end:
+    cts_bits_free(&s.wide);
+    cts_bits_free(&s.plates);
+    cts_bits_free(&s.doubtful);
+    cts_bits_free(&s.followed);
+    return st;
+}
+
+void cts_extruded_free(CtsExtruded *extruded)
+{
+    cts_bits_free(&extruded->plates);
+    cts_bits_free(&extruded->doubtful);
+}

@@ -1,0 +1,230 @@
+#include "core/table/morphology.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include <math.h>
+#include <stdatomic.h>
+#include <string.h>
+
+/* In a regular octagon the box has this share of the radius. */
+static const double BOX_SHARE = 0.4142;
+static const CtsReach ONE = {.diamond = 1};
+
+CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2])
+{
+    const int r[2] = {(int)fmin(fmax(round(radius_mm / spacing_mm[0]), 1), 10000),
+                      (int)fmin(fmax(round(radius_mm / spacing_mm[1]), 1), 10000)};
+    const int least = r[0] < r[1] ? r[0] : r[1], diamond = least - (int)lround(BOX_SHARE * least);
+    return (CtsReach){diamond, {r[0] - diamond, r[1] - diamond}};
+}
+
+/* How far leaps may take a voxel out of the section before it comes back: rows that something may stand in on either
+ * side, and as many beyond that stay empty. */
+enum { MARGIN = 32, EMPTY = MARGIN };
+
+CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err)
+{
+    *m = (CtsMorphology){.row_words = like->row_words, .n_words = like->row_words * (size_t)like->dims[1]};
+    m->last_word = cts_bits_mask(like, like->row_words - 1);
+    /* Between two rows at least a word: half of it is the one's margin, half the other's. */
+    m->stride = like->row_words + (like->dims[0] % 64 != 0);
+    m->n_rows = (size_t)like->dims[1];
+    m->avx2 = cts_cpu_flags() & CTS_CPU_AVX2;
+    m->n_copy = m->stride * (m->n_rows + 2 * (MARGIN + EMPTY)) + 2;
+    const CtsStatus st = cts_alloc_zeroed(&m->buffer, 2 * m->n_copy, err);
+    m->a = m->buffer + 1 + (MARGIN + EMPTY) * m->stride;
+    m->b = m->a + m->n_copy;
+    return st;
+}
+
+void cts_morphology_free(CtsMorphology *m)
+{
+    cts_free(&m->buffer);
+}
+
+typedef struct Making {
+    CtsMorphology *workers;
+    const CtsBits *like;
+    atomic_int n_failed;
+} Making;
+
+static void make_workers(void *context, int worker, size_t first, size_t end)
+{
+    Making *const m = context;
+    (void)worker;
+    for (size_t t = first; t < end; t++)
+        if (cts_morphology_new(&m->workers[t], m->like, NULL))
+            atomic_fetch_add(&m->n_failed, 1);
+}
+
+CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_zeroed(workers, (size_t)n_threads, err);
+    if (st)
+        return st;
+    Making making = {.workers = *workers, .like = like};
+    cts_parallel(n_threads, (size_t)n_threads, 1, make_workers, &making);
+    return atomic_load(&making.n_failed) ? cts_fail(err, CTS_ERR_MEMORY, "out of memory") : CTS_OK;
+}
+
+void cts_morphologies_free(CtsMorphology **workers, int n_threads)
+{
+    for (int t = 0; *workers && t < n_threads; t++)
+        cts_morphology_free(&(*workers)[t]);
+    cts_free(workers);
+}
+
+static void read_section(CtsMorphology *m, const uint64_t *in)
+{
+    for (size_t j = 0; j < m->n_rows; j++)
+        memcpy(m->a + j * m->stride, in + j * m->row_words, m->row_words * sizeof *in);
+}
+
+static void write_section(const CtsMorphology *m, uint64_t *out)
+{
+    for (size_t j = 0; j < m->n_rows; j++)
+        memcpy(out + j * m->row_words, m->a + j * m->stride, m->row_words * sizeof *out);
+}
+
+typedef enum Way { ALL_WAYS, ALONG, ACROSS } Way;
+
+/* One leap of n voxels, 1 to MARGIN: each stays, and goes to all four sides, or to two. Every variant below is this
+ * one, compiled for its processors. */
+__attribute__((always_inline)) static inline void
+leap_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, size_t n_words, int n, ptrdiff_t rows)
+{
+    const int back = 64 - n;
+    if (way == ALL_WAYS)
+        for (size_t i = 0; i < n_words; i++) {
+            const uint64_t *x = in + i;
+            out[i] = x[0] | x[0] << n | x[-1] >> back | x[0] >> n | x[1] << back | x[-rows] | x[rows];
+        }
+    else if (way == ALONG)
+        for (size_t i = 0; i < n_words; i++) {
+            const uint64_t *x = in + i;
+            out[i] = x[0] | x[0] << n | x[-1] >> back | x[0] >> n | x[1] << back;
+        }
+    else
+        for (size_t i = 0; i < n_words; i++)
+            out[i] = in[i] | in[(ptrdiff_t)i - rows] | in[(ptrdiff_t)i + rows];
+}
+
+static void leap_plain(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
+{
+    leap_words(way, in, out, n_words, n, rows);
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static void leap_avx2(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n,
+                                                      ptrdiff_t rows)
+{
+    leap_words(way, in, out, n_words, n, rows);
+}
+#else
+#define leap_avx2 leap_plain
+#endif
+
+/* m->a a leap further; `reach` rows outside the section on either side may then hold something. */
+static void leap(CtsMorphology *m, Way way, int n, int reach)
+{
+    const ptrdiff_t row = (ptrdiff_t)m->stride, from = -reach * row;
+    const size_t n_words = m->stride * (m->n_rows + 2 * (size_t)reach);
+    (m->avx2 ? leap_avx2 : leap_plain)(way, m->a + from, m->b + from, n_words, n, n * row);
+    uint64_t *const t = m->a;
+    m->a = m->b;
+    m->b = t;
+}
+
+/* Nothing outside the section, in either copy, where something may stand in so many rows on either side. */
+static void clip(CtsMorphology *m, int rows)
+{
+    const size_t margin = (size_t)rows * m->stride, n = m->stride * m->n_rows;
+    for (int copy = 0; copy < 2 && rows; copy++) {
+        uint64_t *const words = copy ? m->b : m->a;
+        memset(words - margin - 1, 0, (margin + 1) * sizeof *words);
+        memset(words + n, 0, margin * sizeof *words);
+    }
+    for (size_t w = m->row_words - 1; w < n; w += m->stride) {
+        m->a[w] &= m->last_word;
+        if (m->stride > m->row_words)
+            m->a[w + 1] = 0;
+    }
+}
+
+/* A diamond of n steps becomes one of n + leap by one leap along the axes, if that is no longer than n: so it doubles
+ * (van den Boomgaard and van Balen). */
+static void grow_diamond(CtsMorphology *m, int steps)
+{
+    while (steps > 0) {
+        const int most = steps < MARGIN ? steps : MARGIN;
+        for (int n = 0; n < most;) {
+            const int further = n == 0 ? 1 : most - n < n ? most - n : n;
+            n += further;
+            leap(m, ALL_WAYS, further, n);
+        }
+        clip(m, most);
+        steps -= most;
+    }
+}
+
+/* A line of n voxels to either side, set three times with no gap between, is a longer one; on the way from a voxel to
+ * another none lies outside. */
+static void grow_line(CtsMorphology *m, Way way, int steps)
+{
+    while (steps > 0) {
+        const int most = steps < MARGIN ? steps : MARGIN;
+        for (int n = 0; n < most;) {
+            const int further = most - n < n + 1 ? most - n : n + 1;
+            n += further;
+            leap(m, way, further, 0);
+        }
+        clip(m, 0);
+        steps -= most;
+    }
+}
+
+static void dilate(CtsMorphology *m, CtsReach reach)
+{
+    grow_diamond(m, reach.diamond);
+    grow_line(m, ALONG, reach.box[0]);
+    grow_line(m, ACROSS, reach.box[1]);
+}
+
+static void invert(CtsMorphology *m)
+{
+    for (size_t w = 0; w < m->stride * m->n_rows; w++)
+        m->a[w] = ~m->a[w];
+    clip(m, 0);
+}
+
+void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
+{
+    read_section(m, in);
+    dilate(m, reach);
+    write_section(m, out);
+}
+
+static void open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach)
+{
+    read_section(m, in);
+    invert(m);
+    dilate(m, reach);
+    invert(m);
+    dilate(m, reach);
+}
+
+void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
+{
+    open_section(m, in, reach);
+    write_section(m, out);
+}
+
+void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
+{
+    open_section(m, in, reach);
+    dilate(m, ONE);
+    for (size_t j = 0; j < m->n_rows; j++)
+        for (size_t w = 0; w < m->row_words; w++)
+            out[j * m->row_words + w] = in[j * m->row_words + w] & ~m->a[j * m->stride + w];
+}

@@ -1,0 +1,47 @@
+/* The connected parts of a bit mask: voxels that share a face belong together. */
+#ifndef CTS_TABLE_PARTS_H
+#define CTS_TABLE_PARTS_H
+
+#include "core/volume/bits.h"
+
+/* Voxels first <= i < end of one row, all set, as long as possible. */
+typedef struct CtsRun {
+    uint32_t first, end;
+    uint32_t part; /* index into CtsParts.parts */
+} CtsRun;
+
+typedef struct CtsPart {
+    uint64_t n_voxels;
+    int lo[3], hi[3]; /* the box of its voxels, hi included */
+} CtsPart;
+
+/* Runs in order of rows, k * dims[1] + j; the runs of row r are row_start[r] <= n < row_start[r + 1]. Parts are in
+ * order of their first run, whatever the number of threads. */
+typedef struct CtsParts {
+    int dims[3];
+    CtsRun *runs;
+    uint32_t *row_start;
+    uint64_t n_runs; /* of which UINT32_MAX - 1 can be told apart */
+    bool counted;    /* and no more is known yet */
+    CtsPart *parts;
+    uint32_t n_parts;
+} CtsParts;
+
+/* For parts whose runs are counted as the mask is made: have row_start, put the number of runs of row r at r + 1, then
+ * cts_parts_counted() gives n_runs, before any memory is taken for them (12 to 48 bytes each). Finding the parts of
+ * that mask goes on from there. */
+CtsStatus cts_parts_begin(CtsParts *parts, const int dims[3], CtsError *err);
+void cts_parts_counted(CtsParts *parts);
+
+/* A zero-initialised CtsParts may be freed; finding frees what it held before. */
+CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
+/* The same, but voxels of different slices never belong together. */
+CtsStatus cts_parts_find_in_slices(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
+void cts_parts_free(CtsParts *parts);
+
+/* Set the bits of the parts whose flag is set, in one slice, whose other bits stay as they are. */
+void cts_parts_paint_slice(const CtsParts *parts, const uint8_t *flags, CtsBits *bits, int k);
+/* The same in all slices; all other bits become those of `under` (NULL: 0). */
+void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, const CtsBits *under, CtsBits *bits, int n_threads);
+
+#endif

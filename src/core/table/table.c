@@ -1,0 +1,258 @@
+#include "ctsplat/table.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "core/table/body.h"
+#include "core/table/cell_change.h"
+#include "core/table/extruded.h"
+#include "core/table/morphology.h"
+#include "core/table/parts.h"
+#include <math.h>
+#include <stdatomic.h>
+#include <string.h>
+
+/* As fine along the scanner as tables need it; finer slices are joined. */
+static const double SECTION_MM = 3.5;
+/* What stays around the body. */
+static const double RIM_MM = 3;
+/* Less than this outside the body is noise. */
+static const double NOTHING_MM3 = 30;
+/* Thin parts beyond this share of the body are named. */
+static const double UNCERTAIN_SHARE = 0.05;
+/* One run for so many voxels is noise, not anatomy; it bounds the memory. */
+enum { VOXELS_PER_RUN = 32, RUNS_ANYWAY = 1 << 16 };
+
+static const char *const WHAT = "table removal";
+
+typedef struct Removal {
+    CtsSectionPlan plan;
+    int n_threads;
+    CtsMorphology *workers; /* one for each thread */
+    CtsBits dense;          /* of the volume's voxels */
+    uint64_t n_runs;
+    CtsBits sections;
+    CtsExtruded extruded;
+    CtsBody body;
+    CtsBits gone; /* of the sections: what becomes air */
+    uint64_t n_dense_gone;
+} Removal;
+
+static void removal_free(Removal *r)
+{
+    cts_morphologies_free(&r->workers, r->n_threads);
+    cts_bits_free(&r->dense);
+    cts_bits_free(&r->sections);
+    cts_extruded_free(&r->extruded);
+    cts_body_free(&r->body);
+    cts_bits_free(&r->gone);
+}
+
+static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
+{
+    CtsStatus st;
+    CtsParts runs = {0};
+    if (v->macrocells && cts_macrocells_take_marks(v->macrocells, cts_dense_grey(v), &r->dense, &r->n_runs))
+        return CTS_OK; /* as slices were read */
+    if ((st = cts_bits_new(&r->dense, v->dims, err)) || (st = cts_parts_begin(&runs, v->dims, err)))
+        return st;
+    cts_bits_threshold(&r->dense, v->grey, v->macrocells, cts_dense_grey(v), runs.row_start + 1, r->n_threads);
+    cts_parts_counted(&runs);
+    r->n_runs = runs.n_runs;
+    cts_parts_free(&runs);
+    return st;
+}
+
+/* False, with the reason in the report, when there is nothing to work on. */
+static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
+{
+    if (!r->n_runs)
+        cts_report_skip(report, WHAT, "no voxel lies above %g HU", CTS_DENSE_HU);
+    else if (r->n_runs <= cts_volume_n_voxels(v) / VOXELS_PER_RUN + RUNS_ANYWAY)
+        return true;
+    else
+        cts_report_skip(report, WHAT, "too noisy to tell a body from a table: %llu runs of voxels above %g HU",
+                        (unsigned long long)r->n_runs, CTS_DENSE_HU);
+    return false;
+}
+
+/* Air are the voxels beyond the rim of the body, and in the rim the ramp of what is foreign, but for the voxels next to
+ * the body. */
+static void find_gone(Removal *r, int k, CtsMorphology *m, uint64_t *scratch)
+{
+    const CtsBits *whole = &r->body.whole;
+    const CtsReach one = {.diamond = 1}, two = {.diamond = 1, .box = {1, 1}};
+    CtsReach rim = cts_reach_mm(RIM_MM, r->plan.spacing_mm);
+    const int last = r->plan.dims[2] - 1;
+    const uint64_t *own = cts_bits_row(whole, 0, k), *before = cts_bits_row(whole, 0, k ? k - 1 : 0);
+    const uint64_t *behind = cts_bits_row(whole, 0, k < last ? k + 1 : last);
+    uint64_t *gone = cts_bits_row(&r->gone, 0, k);
+    for (int n = 0; n < 2; n++)
+        rim.box[n] = rim.diamond + rim.box[n] < 2 ? 2 - rim.diamond : rim.box[n];
+    for (size_t w = 0; w < m->n_words; w++)
+        scratch[w] = own[w] | before[w] | behind[w];
+    cts_dilate_section(m, scratch, rim, gone);
+    for (size_t w = 0; w < m->n_words; w++)
+        gone[w] = ~gone[w];
+    for (size_t w = m->row_words - 1; w < m->n_words; w += m->row_words)
+        gone[w] &= m->last_word;
+    if (!cts_bits_count_slice(&r->body.foreign, k))
+        return;
+    const uint64_t *foreign = cts_bits_row(&r->body.foreign, 0, k);
+    uint64_t *const near = scratch + m->n_words;
+    cts_dilate_section(m, foreign, two, scratch);
+    cts_dilate_section(m, own, one, near);
+    for (size_t w = 0; w < m->n_words; w++)
+        gone[w] |= foreign[w] | (scratch[w] & ~near[w]);
+}
+
+typedef struct Finding {
+    Removal *removal;
+    CtsMorphology *workers;
+    uint64_t *scratch;
+    size_t n_scratch; /* of each worker */
+} Finding;
+
+static void find_some_gone(void *context, int worker, size_t first, size_t end)
+{
+    const Finding *const f = context;
+    for (int k = (int)first; k < (int)end; k++)
+        find_gone(f->removal, k, &f->workers[worker], f->scratch + f->n_scratch * (size_t)worker);
+}
+
+static CtsStatus find_all_gone(Removal *r, CtsError *err)
+{
+    uint64_t *scratch = NULL;
+    const size_t n_words = r->sections.row_words * (size_t)r->sections.dims[1];
+    CtsStatus st = cts_bits_new_unset(&r->gone, r->plan.dims, err);
+    if (!st && !(st = cts_alloc_array(&scratch, 2 * n_words * (size_t)r->n_threads, err))) {
+        Finding finding = {r, r->workers, scratch, 2 * n_words};
+        cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, find_some_gone, &finding);
+    }
+    cts_free(&scratch);
+    return st;
+}
+
+/* Row (j, k) of the volume becomes air where it is gone; the number of its voxels that were dense. */
+static uint64_t clear_row(const Removal *r, CtsVolume *v, int j, int k, const uint64_t *gone)
+{
+    uint16_t *grey = v->grey + ((size_t)k * (size_t)v->dims[1] + (size_t)j) * (size_t)v->dims[0];
+    const uint64_t *dense = cts_bits_row(&r->dense, j, k);
+    const int n_words = (int)r->dense.row_words;
+    uint64_t n_dense = 0;
+    int first = -1;
+    for (int w = 0; w < n_words; w++) {
+        if (gone[w] & dense[w])
+            n_dense += (uint64_t)cts_popcount(gone[w] & dense[w]);
+        uint64_t edges = gone[w] ^ (gone[w] << 1 | (w ? gone[w - 1] >> 63 : 0));
+        for (; edges; edges &= edges - 1) {
+            const int at = 64 * w + __builtin_ctzll(edges);
+            if (first >= 0)
+                memset(grey + first, 0, (size_t)(at - first) * sizeof *grey);
+            first = first >= 0 ? -1 : at;
+        }
+    }
+    return n_dense;
+}
+
+typedef struct Clearing {
+    const Removal *removal;
+    CtsVolume *volume;
+    CtsCellChange *change;
+    _Atomic uint64_t n_dense;
+} Clearing;
+
+static void clear_slices(void *context, int worker, size_t first, size_t end)
+{
+    Clearing *const c = context;
+    const Removal *r = c->removal;
+    uint64_t n_dense = 0;
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++) {
+        CtsCellRows rows;
+        uint64_t gone[CTS_BITS_ROW_WORDS];
+        const bool same = k > (int)first && r->plan.axis[2] == 2 && k % r->plan.n_slices > 0;
+        for (int j = 0; j < c->volume->dims[1]; j++) {
+            cts_sections_row(&r->plan, &r->gone, c->volume->dims[0], j, k, gone);
+            n_dense += clear_row(r, c->volume, j, k, gone);
+            if (!same)
+                cts_cell_change_row(c->change, &rows, gone, j, k);
+        }
+        if (same)
+            cts_cell_change_same(c->change, k);
+    }
+    atomic_fetch_add(&c->n_dense, n_dense);
+}
+
+static CtsStatus clear(Removal *r, CtsVolume *v, CtsError *err)
+{
+    CtsCellChange change;
+    CtsStatus st = cts_cell_change_new(&change, v->macrocells, err);
+    if (st)
+        goto end;
+    Clearing clearing = {.removal = r, .volume = v, .change = &change};
+    cts_parallel(r->n_threads, (size_t)v->dims[2], CTS_FINE_MACROCELL, clear_slices, &clearing);
+    r->n_dense_gone = atomic_load(&clearing.n_dense);
+    cts_cell_change_apply(&change, v, r->n_threads);
+end:
+    cts_cell_change_free(&change);
+    return st;
+}
+
+/* What may be table, yet stays: thin parts, and what goes along the scanner's axis as a table does. */
+static void report_uncertain(const Removal *r, CtsReport *report)
+{
+    const uint64_t n_doubtful = cts_bits_count_common(&r->extruded.doubtful, &r->body.dense, r->n_threads);
+    const double extruded_mm3 = (double)n_doubtful * r->plan.voxel_mm3;
+    const double kept_mm3 = fmax(r->body.thin_mm3, extruded_mm3);
+    if (kept_mm3 > UNCERTAIN_SHARE * r->body.mm3)
+        cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
+                           "%.1f cm3 (%.1f %% of the body) may be table or patient and stay in the picture (take them "
+                           "out by a crop if they are table)",
+                           kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
+}
+
+static CtsStatus remove_table(Removal *r, CtsVolume *v, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if ((st = find_dense(r, v, err)) || !is_usable(r, v, report) ||
+        (st = cts_sections_new(&r->plan, &r->dense, r->n_threads, &r->sections, err)) ||
+        (st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) ||
+        (st = cts_extruded_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->extruded, err)) ||
+        (st = cts_body_find(&r->plan, v, &r->sections, &r->extruded.plates, r->workers, r->n_threads, &r->body, err)) ||
+        (st = find_all_gone(r, err)))
+        return st;
+    if ((st = cts_body_mask_new(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
+        return st;
+    report_uncertain(r, report);
+    const uint64_t n_gone = cts_bits_count_common(&r->sections, &r->gone, r->n_threads);
+    if ((double)n_gone * r->plan.voxel_mm3 < NOTHING_MM3) {
+        cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);
+        return st;
+    }
+    if ((st = clear(r, v, err)))
+        return st;
+    const double gone_mm3 = (double)r->n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
+    cts_report_finding(report, "table_removed", CTS_NOTE,
+                       "table removal: %llu voxels above %g HU went (%.1f cm3, %.1f %% of the body)",
+                       (unsigned long long)r->n_dense_gone, CTS_DENSE_HU, gone_mm3 / 1000,
+                       100 * gone_mm3 / r->body.mm3);
+    return st;
+}
+
+CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err)
+{
+    Removal r = {.n_threads = cts_threads(n_threads)};
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    if (!cts_section_plan(volume, SECTION_MM, &r.plan)) {
+        cts_report_skip(report, WHAT, "the voxel steps do not span space");
+        return CTS_OK;
+    }
+    const CtsStatus st = remove_table(&r, volume, report, err);
+    removal_free(&r);
+    const uint64_t n = cts_volume_n_voxels(volume);
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, n,
+                     n * sizeof *volume->grey);
+    return st;
+}

@@ -1,0 +1,112 @@
+/* One bit a voxel: the shapes that table removal reasons about, small enough to be swept many times. */
+#ifndef CTS_VOLUME_BITS_H
+#define CTS_VOLUME_BITS_H
+
+#include "core/volume/macrocells.h"
+#include <math.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* Voxel (i, j, k) is bit i % 64 of words[(k * dims[1] + j) * row_words + i / 64]. At least one bit of a row is spare;
+ * spare bits stay 0, so that nothing carries over from one row to the next. */
+typedef struct CtsBits {
+    int dims[3];
+    size_t row_words;
+    uint64_t *words;
+} CtsBits;
+
+enum { CTS_BITS_ROW_WORDS = 1025 }; /* at most, 65599 voxels a row */
+
+/* All bits 0. A zero-initialised CtsBits may be freed. */
+CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err);
+/* The same, but for who writes every word before any is read. */
+CtsStatus cts_bits_new_unset(CtsBits *bits, const int dims[3], CtsError *err);
+void cts_bits_free(CtsBits *bits);
+
+static inline size_t cts_bits_n_words(const CtsBits *bits)
+{
+    return bits->row_words * (size_t)bits->dims[1] * (size_t)bits->dims[2];
+}
+
+/* Smaller masks are done before a team of threads has gathered. */
+static inline bool cts_bits_is_large(const CtsBits *bits)
+{
+    return cts_bits_n_words(bits) > 1 << 16;
+}
+
+static inline uint64_t *cts_bits_row(const CtsBits *bits, int j, int k)
+{
+    return bits->words + ((size_t)k * (size_t)bits->dims[1] + (size_t)j) * bits->row_words;
+}
+
+static inline bool cts_bits_get(const CtsBits *bits, int i, int j, int k)
+{
+    return cts_bits_row(bits, j, k)[i >> 6] >> (i & 63) & 1;
+}
+
+static inline void cts_bits_set(const CtsBits *bits, int i, int j, int k)
+{
+    cts_bits_row(bits, j, k)[i >> 6] |= UINT64_C(1) << (i & 63);
+}
+
+/* The bits of word w of a row that lie inside the volume. */
+static inline uint64_t cts_bits_mask(const CtsBits *bits, size_t w)
+{
+    return w + 1 < bits->row_words ? ~UINT64_C(0) : (UINT64_C(1) << (bits->dims[0] & 63)) - 1;
+}
+
+/* Written out because the processor that this is compiled for may have no instruction for it. */
+static inline int cts_popcount(uint64_t x)
+{
+    x -= x >> 1 & UINT64_C(0x5555555555555555);
+    x = (x & UINT64_C(0x3333333333333333)) + (x >> 2 & UINT64_C(0x3333333333333333));
+    x = (x + (x >> 4)) & UINT64_C(0x0f0f0f0f0f0f0f0f);
+    return (int)(x * UINT64_C(0x0101010101010101) >> 56);
+}
+
+/* Set the bits first <= i < end of one row. */
+void cts_bits_fill(uint64_t *row, int first, int end);
+
+/* How many of the bits first <= i < end of one row are set; first < end. */
+uint64_t cts_bits_count_run(const uint64_t *row, int first, int end);
+
+/* What counts as dense: below fat and skin, above foam, paper and most cloth. */
+static const double CTS_DENSE_HU = -350;
+
+/* The first grey level that does. */
+static inline uint16_t cts_dense_grey(const CtsVolume *v)
+{
+    const double grey = ceil((CTS_DENSE_HU - v->hu_offset) / v->hu_step);
+    return (uint16_t)fmin(fmax(grey, 1), UINT16_MAX);
+}
+
+/* One row: bit i tells whether level i of n is at least min. */
+void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);
+
+/* How many runs of set bits a row of n_words has. */
+static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
+{
+    uint32_t n = 0;
+    for (size_t w = 0; w < n_words; w++) {
+        const uint64_t starts = row[w] & ~(row[w] << 1 | (w ? row[w - 1] >> 63 : 0));
+        if (starts) /* as few have */
+            n += (uint32_t)cts_popcount(starts);
+    }
+    return n;
+}
+
+/* The voxels whose level is at least grey_min; grey has the dimensions of bits. With the volume's macro-cells (NULL:
+ * none), only what their ranges leave open is read. n_runs[], if not NULL, is how many runs each row has. */
+void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsMacrocells *macrocells, uint16_t grey_min,
+                        uint32_t *n_runs, int n_threads);
+
+typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_NOT } CtsBitsOp;
+/* a = a op b, word by word; CTS_BITS_NOT takes b alone. */
+void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b);
+uint64_t cts_bits_count_slice(const CtsBits *bits, int k);
+uint64_t cts_bits_count(const CtsBits *bits);
+/* How many are set in both, which have the same dimensions. */
+uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads);
+
+#endif

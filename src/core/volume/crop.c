@@ -1,0 +1,151 @@
+#include "ctsplat/volume.h"
+
+#include "base/mem.h"
+#include "base/vec3.h"
+#include "core/volume/body_mask.h"
+#include "core/volume/macrocells.h"
+#include <limits.h>
+#include <stdbool.h>
+#include <string.h>
+
+static bool inside(const CtsVolume *v, int i, int j, int k, const double lo[3], const double hi[3])
+{
+    for (int c = 0; c < 3; c++) {
+        const double x = v->origin_lps[c] + i * v->step_lps[0][c] + j * v->step_lps[1][c] + k * v->step_lps[2][c];
+        if (!(x >= lo[c] - 1e-6 && x <= hi[c] + 1e-6))
+            return false;
+    }
+    return true;
+}
+
+/* The first and last i of a row inside the box; the box is convex, so the row is one run. Empty: first > last. */
+static void row_run(const CtsVolume *v, int j, int k, const double lo[3], const double hi[3], int *first, int *last)
+{
+    double t0 = 0, t1 = v->dims[0] - 1;
+    for (int c = 0; c < 3; c++) {
+        const double x = v->origin_lps[c] + j * v->step_lps[1][c] + k * v->step_lps[2][c], d = v->step_lps[0][c];
+        if (d == 0)
+            continue;
+        const double a = (lo[c] - x) / d, b = (hi[c] - x) / d;
+        t0 = fmax(t0, fmin(a, b));
+        t1 = fmin(t1, fmax(a, b));
+    }
+    *first = (int)fmin(fmax(ceil(t0) - 1, 0), v->dims[0]);
+    *last = (int)fmax(fmin(floor(t1) + 1, v->dims[0] - 1), -1);
+    while (*first <= *last && !inside(v, *first, j, k, lo, hi))
+        ++*first;
+    while (*first <= *last && !inside(v, *last, j, k, lo, hi))
+        --*last;
+}
+
+/* Voxels lo[] to hi[], both kept; lo > hi: none. */
+typedef struct Box {
+    int lo[3], hi[3];
+} Box;
+
+static const Box EMPTY = {{INT_MAX, INT_MAX, INT_MAX}, {-1, -1, -1}};
+
+/* Where each index axis runs along one patient axis, the box is the same for all rows; false where it is not so. */
+static bool straight_box(const CtsVolume *v, const double lo[3], const double hi[3], Box *box)
+{
+    bool taken[3] = {false, false, false};
+    *box = EMPTY;
+    for (int axis = 0; axis < 3; axis++) {
+        int along = 0;
+        for (int c = 0; c < 3; c++)
+            along = v->step_lps[axis][c] != 0 ? c : along;
+        for (int c = 0; c < 3; c++)
+            if ((c == along) != (v->step_lps[axis][c] != 0) || taken[along])
+                return false;
+        taken[along] = true;
+        for (int n = 0; n < v->dims[axis]; n++) {
+            const double x = v->origin_lps[along] + n * v->step_lps[axis][along];
+            if (!(x >= lo[along] - 1e-6 && x <= hi[along] + 1e-6))
+                continue;
+            box->lo[axis] = n < box->lo[axis] ? n : box->lo[axis];
+            box->hi[axis] = n;
+        }
+    }
+    for (int axis = 0; axis < 3; axis++)
+        if (box->hi[axis] < 0)
+            *box = EMPTY;
+    return true;
+}
+
+/* The box of what the rows keep. */
+static Box find_box(const CtsVolume *v, const double lo[3], const double hi[3])
+{
+    Box box = EMPTY;
+    for (int k = 0; k < v->dims[2]; k++)
+        for (int j = 0; j < v->dims[1]; j++) {
+            int first, last;
+            row_run(v, j, k, lo, hi, &first, &last);
+            if (first > last)
+                continue;
+            const int at[3][2] = {{first, last}, {j, j}, {k, k}};
+            for (int axis = 0; axis < 3; axis++) {
+                box.lo[axis] = at[axis][0] < box.lo[axis] ? at[axis][0] : box.lo[axis];
+                box.hi[axis] = at[axis][1] > box.hi[axis] ? at[axis][1] : box.hi[axis];
+            }
+        }
+    return box;
+}
+
+/* Rows of the box to the front, one after the other; what is not between first and last of its row becomes air. */
+static void move_rows(CtsVolume *v, const Box *box, bool straight, const double lo[3], const double hi[3])
+{
+    const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], n = (size_t)(box->hi[0] - box->lo[0] + 1);
+    uint16_t *to = v->grey;
+    for (int k = box->lo[2]; k <= box->hi[2]; k++)
+        for (int j = box->lo[1]; j <= box->hi[1]; j++, to += n) {
+            const uint16_t *row = v->grey + ((size_t)k * ny + (size_t)j) * nx;
+            int first = box->lo[0], last = box->hi[0];
+            if (!straight)
+                row_run(v, j, k, lo, hi, &first, &last);
+            if (first > last) {
+                memset(to, 0, n * sizeof *to);
+                continue;
+            }
+            const size_t before = (size_t)(first - box->lo[0]), kept = (size_t)(last - first + 1);
+            memmove(to + before, row + first, kept * sizeof *to);
+            memset(to, 0, before * sizeof *to);
+            memset(to + before + kept, 0, (n - before - kept) * sizeof *to);
+        }
+}
+
+CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], CtsError *err)
+{
+    Box box;
+    const bool straight = straight_box(v, lo_lps, hi_lps, &box);
+    if (!straight)
+        box = find_box(v, lo_lps, hi_lps);
+    if (box.hi[0] < 0) {
+        double low[3], high[3];
+        cts_volume_box_lps(v, low, high);
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "the crop box holds no voxel centre (the volume's box in mm, patient coordinates: "
+                        "%.1f,%.1f,%.1f,%.1f,%.1f,%.1f)",
+                        low[0], high[0], low[1], high[1], low[2], high[2]);
+    }
+    const int n[3] = {box.hi[0] - box.lo[0] + 1, box.hi[1] - box.lo[1] + 1, box.hi[2] - box.lo[2] + 1};
+    const bool whole_slices = straight && n[0] == v->dims[0] && n[1] == v->dims[1];
+    if (whole_slices && n[2] == v->dims[2])
+        return CTS_OK;
+    const size_t slice = (size_t)v->dims[0] * (size_t)v->dims[1];
+    /* Whole slices may stay where they are, if the memory before them can be dropped. */
+    if (!whole_slices)
+        move_rows(v, &box, straight, lo_lps, hi_lps);
+    else if (!cts_drop_front(&v->grey, (size_t)box.lo[2] * slice * sizeof *v->grey))
+        memmove(v->grey, v->grey + (size_t)box.lo[2] * slice, (size_t)n[2] * slice * sizeof *v->grey);
+    for (int c = 0; c < 3; c++)
+        for (int axis = 0; axis < 3; axis++)
+            v->origin_lps[c] += box.lo[axis] * v->step_lps[axis][c];
+    for (int axis = 0; v->body && axis < 3; axis++)
+        v->body->first[axis] += box.lo[axis];
+    memcpy(v->dims, n, sizeof n);
+    if (v->macrocells && whole_slices && box.lo[2] % CTS_FINE_MACROCELL == 0)
+        cts_macrocells_keep_slices(v->macrocells, box.lo[2], n[2], v->grey);
+    else
+        cts_volume_changed(v);
+    return CTS_OK;
+}

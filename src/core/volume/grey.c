@@ -1,0 +1,158 @@
+#include "core/volume/grey.h"
+
+#include "base/cpu.h"
+#include <math.h>
+
+/* Integers alone, so that every compilation of it gives the same bytes. */
+static inline __attribute__((always_inline)) CtsStoredRange
+whole_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+{
+    const CtsStored s = *stored;
+    const int32_t sign = s.is_signed ? 1 << (s.bits - 1) : 0, mask = (int32_t)((1u << s.bits) - 1);
+    int32_t low = INT32_MAX, high = INT32_MIN;
+    for (size_t i = 0; i < n; i++) {
+        const int32_t word = words[i];
+        const int32_t value = (((word >> s.shift) & mask) ^ sign) - sign;
+        /* All ones for padding: bit operations keep the loop free of branches, so that it becomes vector code. */
+        const int32_t padding = -(((value >= s.padding_low) & (value <= s.padding_high)) | (word == s.padding_word));
+        int32_t grey = slope * value + offset;
+        grey = grey < 0 ? 0 : grey;
+        grey = grey > 65535 ? 65535 : grey;
+        to[i] = (uint16_t)(grey & ~padding);
+        const int32_t for_low = (value & ~padding) | (INT32_MAX & padding);
+        const int32_t for_high = (value & ~padding) | (INT32_MIN & padding);
+        low = for_low < low ? for_low : low;
+        high = for_high > high ? for_high : high;
+    }
+    return (CtsStoredRange){low, high};
+}
+
+/* The same for slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so
+ * grey = u + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. */
+static inline __attribute__((always_inline)) CtsStoredRange slope_one_padded(uint16_t *to, const uint16_t *words,
+                                                                             size_t n, const CtsStored *s, int32_t rise)
+{
+    const int32_t smallest = s->is_signed ? -(1 << (s->bits - 1)) : 0, last = (int32_t)((1u << s->bits) - 1);
+    const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)last, shift = (uint16_t)s->shift;
+    const uint16_t floor_u = (uint16_t)(rise < 0 ? -rise : 0), ceil_u = (uint16_t)(rise > 0 ? 65535 - rise : 65535);
+    int32_t first_padding = s->padding_low - smallest, last_padding = s->padding_high - smallest;
+    first_padding = first_padding < 0 ? 0 : first_padding;
+    last_padding = last_padding > last ? last : last_padding;
+    const bool has_range = s->padding_low <= s->padding_high && first_padding <= last_padding;
+    const uint16_t range_start = (uint16_t)first_padding, range = (uint16_t)(last_padding - first_padding);
+    const uint16_t use_range = has_range ? 0xFFFF : 0, use_word = s->padding_word >= 0 ? 0xFFFF : 0;
+    const uint16_t padding_word = (uint16_t)s->padding_word;
+    uint16_t low = 0xFFFF, high = 0;
+    for (size_t i = 0; i < n; i++) {
+        const uint16_t word = words[i], u = (uint16_t)(((word >> shift) & mask) ^ sign);
+        const uint16_t in_range = (uint16_t)(u - range_start) <= range ? use_range : 0;
+        const uint16_t is_word = word == padding_word ? use_word : 0;
+        const uint16_t padding = in_range | is_word;
+        uint16_t clamped = u < floor_u ? floor_u : u;
+        clamped = clamped > ceil_u ? ceil_u : clamped;
+        to[i] = (uint16_t)((uint16_t)(clamped + rise) & ~padding);
+        const uint16_t for_low = u | padding, for_high = (uint16_t)(u & ~padding);
+        low = for_low < low ? for_low : low;
+        high = for_high > high ? for_high : high;
+    }
+    /* All padding leaves low at 65535 and high at 0. */
+    return low > high ? (CtsStoredRange){INT32_MAX, INT32_MIN} : (CtsStoredRange){low + smallest, high + smallest};
+}
+
+/* The same again for slices without padding, which is half the work. shift is a constant where it is 0: then all stays
+ * in 16 bits. */
+static inline __attribute__((always_inline)) CtsStoredRange
+slope_one_bare(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *s, int32_t rise, int shift)
+{
+    const int32_t smallest = s->is_signed ? -(1 << (s->bits - 1)) : 0;
+    const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)((1u << s->bits) - 1);
+    const uint16_t floor_u = (uint16_t)(rise < 0 ? -rise : 0), ceil_u = (uint16_t)(rise > 0 ? 65535 - rise : 65535);
+    uint16_t low = 0xFFFF, high = 0;
+    for (size_t i = 0; i < n; i++) {
+        const uint16_t u = (uint16_t)(((words[i] >> shift) & mask) ^ sign);
+        uint16_t clamped = u < floor_u ? floor_u : u;
+        clamped = clamped > ceil_u ? ceil_u : clamped;
+        to[i] = (uint16_t)(clamped + rise);
+        low = u < low ? u : low;
+        high = u > high ? u : high;
+    }
+    return low > high ? (CtsStoredRange){INT32_MAX, INT32_MIN} : (CtsStoredRange){low + smallest, high + smallest};
+}
+
+static inline __attribute__((always_inline)) CtsStoredRange
+any_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+{
+    const int32_t rise = offset - (stored->is_signed ? 1 << (stored->bits - 1) : 0);
+    const bool bare = stored->padding_low > stored->padding_high && stored->padding_word < 0;
+    if (slope == 1 && rise >= -65535 && rise <= 65535) {
+        if (!bare)
+            return slope_one_padded(to, words, n, stored, rise);
+        return stored->shift ? slope_one_bare(to, words, n, stored, rise, stored->shift)
+                             : slope_one_bare(to, words, n, stored, rise, 0);
+    }
+    return whole_body(to, words, n, stored, slope, offset);
+}
+
+/* In place is a case of its own: compilers see that nothing overlaps. */
+static inline __attribute__((always_inline)) CtsStoredRange
+fast_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+{
+    return to == words ? any_body(to, to, n, stored, slope, offset) : any_body(to, words, n, stored, slope, offset);
+}
+
+CtsStoredRange cts_grey_whole_plain(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
+                                    int32_t slope, int32_t offset)
+{
+    CtsStoredRange range = {INT32_MAX, INT32_MIN};
+    for (size_t i = 0; i < n; i++) {
+        const int32_t value = cts_stored_value(words[i], stored), grey = slope * value + offset;
+        if (cts_stored_is_padding(words[i], value, stored)) {
+            to[i] = 0;
+            continue;
+        }
+        to[i] = (uint16_t)(grey < 0 ? 0 : grey > 65535 ? 65535 : grey);
+        range.low = value < range.low ? value : range.low;
+        range.high = value > range.high ? value : range.high;
+    }
+    return range;
+}
+
+static CtsStoredRange whole_vector(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
+                                   int32_t slope, int32_t offset)
+{
+    return fast_body(to, words, n, stored, slope, offset);
+}
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static CtsStoredRange whole_avx2(uint16_t *to, const uint16_t *words, size_t n,
+                                                                 const CtsStored *stored, int32_t slope, int32_t offset)
+{
+    return fast_body(to, words, n, stored, slope, offset);
+}
+#endif
+
+cts_grey_whole_fn cts_grey_whole(unsigned cpu)
+{
+#if defined(__x86_64__)
+    if (cpu & CTS_CPU_AVX2)
+        return whole_avx2;
+#endif
+    (void)cpu;
+    return whole_vector;
+}
+
+void cts_grey_table(uint16_t table[65536], const CtsStored *stored, double slope, double intercept, double hu_offset,
+                    double hu_step)
+{
+    for (int word = 0; word < 65536; word++) {
+        const int32_t value = cts_stored_value((uint16_t)word, stored);
+        const double grey = floor((slope * value + intercept - hu_offset) / hu_step + 0.5);
+        table[word] = (uint16_t)(cts_stored_is_padding((uint16_t)word, value, stored) ? 0 : fmin(fmax(grey, 0), 65535));
+    }
+}
+
+void cts_grey_look_up(uint16_t *words, size_t n, const uint16_t table[65536])
+{
+    for (size_t i = 0; i < n; i++)
+        words[i] = table[words[i]];
+}

@@ -1,0 +1,22 @@
+/* Stored words to grey levels (PS3.3 C.7.6.3, C.11.1; PS3.5 8.1.1). */
+#ifndef CTS_VOLUME_GREY_H
+#define CTS_VOLUME_GREY_H
+
+#include "core/volume/stored.h"
+
+/* grey = clamp(slope * stored + offset, 0, 65535), padding 0. |slope| * 65535 + |offset| must fit 31 bits.
+ * In place, or from elsewhere. The plain version is the truth; the fast one gives the same bytes. */
+typedef CtsStoredRange (*cts_grey_whole_fn)(uint16_t *grey, const uint16_t *words, size_t n, const CtsStored *stored,
+                                            int32_t slope, int32_t offset);
+CtsStoredRange cts_grey_whole_plain(uint16_t *grey, const uint16_t *words, size_t n, const CtsStored *stored,
+                                    int32_t slope, int32_t offset);
+/* The fastest version for these processor flags (base/cpu.h). */
+cts_grey_whole_fn cts_grey_whole(unsigned cpu);
+
+/* For a fractional rescale, cts_stored_range() alone first; then
+ * grey = floor((slope * stored + intercept - hu_offset) / hu_step + 0.5), clamped, as a table of all words. */
+void cts_grey_table(uint16_t table[65536], const CtsStored *stored, double slope, double intercept, double hu_offset,
+                    double hu_step);
+void cts_grey_look_up(uint16_t *words, size_t n, const uint16_t table[65536]);
+
+#endif

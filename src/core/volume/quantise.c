@@ -1,0 +1,64 @@
+#include "ctsplat/volume.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "core/volume/body_mask.h"
+#include "core/volume/macrocells.h"
+#include "core/volume/volume_new.h"
+#include <math.h>
+
+typedef struct Mapping {
+    const uint16_t *from, *level;
+    uint16_t *to;
+} Mapping;
+
+static void map_voxels(void *context, int worker, size_t first, size_t end)
+{
+    const Mapping *const m = context;
+    (void)worker;
+    for (size_t i = first; i < end; i++)
+        m->to[i] = m->level[m->from[i]];
+}
+
+CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, double high_hu, int n_threads,
+                              CtsVolume **quantised, CtsError *err)
+{
+    enum { N_GREY = 65536 };
+    *quantised = NULL;
+    if (bits < 1 || bits > 16 || !(high_hu > low_hu))
+        return cts_fail(err, CTS_ERR_USAGE, "%d grey bits for a window of %g to %g HU (1 to 16 bits of a real window)",
+                        bits, low_hu, high_hu);
+    uint16_t *level = NULL;
+    CtsVolume *q = NULL;
+    const int top = (1 << bits) - 1;
+    CtsStatus st = cts_alloc_array(&level, N_GREY, err);
+    if (st || (st = cts_volume_new_unset(&q, volume->dims[0], volume->dims[1], volume->dims[2], err)))
+        goto end;
+    for (int g = 0; g < N_GREY; g++) {
+        const double at = (cts_volume_hu(volume, (uint16_t)g) - low_hu) / (high_hu - low_hu) * top;
+        level[g] = (uint16_t)floor(fmin(fmax(at, 0), top) + 0.5);
+    }
+    for (int c = 0; c < 3; c++) {
+        q->origin_lps[c] = volume->origin_lps[c];
+        for (int axis = 0; axis < 3; axis++)
+            q->step_lps[axis][c] = volume->step_lps[axis][c];
+    }
+    q->slice_layers = volume->slice_layers;
+    q->hu_offset = low_hu;
+    q->hu_step = (high_hu - low_hu) / top;
+    q->hu_min = volume->hu_min;
+    q->hu_max = volume->hu_max;
+    Mapping mapping = {volume->grey, level, q->grey};
+    cts_parallel(cts_threads(n_threads), cts_volume_n_voxels(volume), 0, map_voxels, &mapping);
+    if (volume->body)
+        st = cts_body_mask_copy(&q->body, volume->body, err);
+    if (!st && volume->macrocells)
+        st = cts_macrocells_map(&q->macrocells, volume->macrocells, level, err);
+end:
+    if (st)
+        cts_volume_free(&q);
+    *quantised = q;
+    cts_free(&level);
+    return st;
+}

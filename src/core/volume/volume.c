@@ -1,0 +1,75 @@
+#include "ctsplat/volume.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "core/volume/body_mask.h"
+#include "core/volume/macrocells.h"
+#include "core/volume/volume_new.h"
+#include <stdlib.h>
+#include <string.h>
+
+CtsStatus cts_volume_new_unset(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
+{
+    CtsStatus st = cts_volume_new_empty(volume, nx, ny, nz, err);
+    if (!st && (st = cts_alloc_array(&(*volume)->grey, cts_volume_n_voxels(*volume), err)))
+        cts_volume_free(volume);
+    return st;
+}
+
+CtsStatus cts_volume_new_empty(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
+{
+    *volume = NULL;
+    if (nx < 1 || ny < 1 || nz < 1)
+        return cts_fail(err, CTS_ERR_GEOMETRY, "a volume of %d x %d x %d voxels is empty", nx, ny, nz);
+    size_t n;
+    if (cts_mul_overflows((size_t)nx * (size_t)ny, (size_t)nz, &n))
+        return cts_fail(err, CTS_ERR_MEMORY, "a volume of %d x %d x %d voxels is too large", nx, ny, nz);
+    CtsVolume *v = calloc(1, sizeof *v);
+    if (!v)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    v->dims[0] = nx;
+    v->dims[1] = ny;
+    v->dims[2] = nz;
+    for (int axis = 0; axis < 3; axis++)
+        v->step_lps[axis][axis] = 1;
+    v->slice_layers = 1;
+    v->hu_offset = -1024;
+    v->hu_step = 1;
+    v->hu_min = v->hu_max = -1024;
+    *volume = v;
+    return CTS_OK;
+}
+
+CtsStatus cts_volume_new(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
+{
+    const CtsStatus st = cts_volume_new_unset(volume, nx, ny, nz, err);
+    if (!st)
+        memset((*volume)->grey, 0, cts_volume_n_voxels(*volume) * sizeof *(*volume)->grey);
+    return st;
+}
+
+void cts_volume_free(CtsVolume **volume)
+{
+    if (!*volume)
+        return;
+    cts_volume_changed(*volume);
+    cts_body_mask_free(&(*volume)->body);
+    cts_free(&(*volume)->grey);
+    free(*volume);
+    *volume = NULL;
+}
+
+size_t cts_volume_n_voxels(const CtsVolume *volume)
+{
+    return (size_t)volume->dims[0] * (size_t)volume->dims[1] * (size_t)volume->dims[2];
+}
+
+CtsStatus cts_volume_prepare(CtsVolume *volume, int n_threads, CtsError *err)
+{
+    return volume->macrocells ? CTS_OK : cts_macrocells_new(&volume->macrocells, volume, cts_threads(n_threads), err);
+}
+
+void cts_volume_changed(CtsVolume *volume)
+{
+    cts_macrocells_free(&volume->macrocells);
+}

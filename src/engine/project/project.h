@@ -1,0 +1,13 @@
+/* The modes mip, minip and average: extremes and means of the trilinear field along each ray, exactly, with macro-cells
+ * that cannot change them passed over. */
+#ifndef CTS_TILED_PROJECT_H
+#define CTS_TILED_PROJECT_H
+
+#include "core/scene/engine.h"
+#include "core/volume/macrocells.h"
+
+/* picture NULL: only make the plan. */
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsPicture *picture, CtsReport *report,
+                      CtsError *err);
+
+#endif

@@ -1,0 +1,42 @@
+/* The modes mip, minip and average by tiles: rows of eight pixels as packets of rays that go through the same layers of
+ * cells together, the layers of most promise first. */
+#ifndef CTS_TILED_PROJECT_PACKETS_H
+#define CTS_TILED_PROJECT_PACKETS_H
+
+#include "engine/project/project_ray.h"
+#include <stdint.h>
+
+enum { CTS_PROJECT_TILE = 8 }; /* pixels each way */
+
+/* Which cells of a fine macro-cell are seen. */
+enum { CTS_SEES_NONE, CTS_SEES_SOME, CTS_SEES_ALL };
+
+/* What all tiles of a picture share. Volumes of at least two voxels along each axis. */
+typedef struct CtsProjection {
+    CtsProjector projector;
+    int axes[3];          /* of the volume: axes[2] is crossed layer by layer, as the ray goes fastest along it */
+    const uint8_t *sees;  /* of each fine macro-cell; NULL: everything is seen */
+    double sign;          /* 1: the largest level is looked for, -1: the smallest */
+    double least, enough; /* levels times sign: what is below counts as `least`, and what is above need not be known */
+} CtsProjection;
+
+/* Of one thread, n_fine[axes[2]] each: levels times sign that no ray of the tile exceeds there, and layers in falling
+ * order of them. */
+typedef struct CtsProjectScratch {
+    int32_t *bound;
+    int *order;
+} CtsProjectScratch;
+
+/* grey[8 * row + column] of the tile that begins at (x, y) of the view, so many pixels wide and high: as
+ * cts_project_along() has it, infinite where the ray misses the box, but for levels below `least` and above `enough`.
+ * The same numbers on every path. */
+typedef void (*cts_project_tile_fn)(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y,
+                                    int width, int height, double *grey);
+void cts_project_tile_c(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
+                        int height, double *grey);
+void cts_project_tile_avx2(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
+                           int height, double *grey);
+void cts_project_tile_avx512(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
+                             int height, double *grey);
+
+#endif

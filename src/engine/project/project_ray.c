@@ -1,0 +1,208 @@
+#include "engine/project/project_ray.h"
+
+#include "base/mutation.h"
+#include <math.h>
+
+/* A walk through boxes of `size` cells along a ray: the box that holds the ray from t to next (Amanatides and Woo). */
+typedef struct Walk {
+    const CtsProjectedRay *ray;
+    int size, box[3], last[3];
+    double face[3]; /* t at which the ray leaves the box by each axis */
+    double t, next, end;
+} Walk;
+
+bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *ray)
+{
+    const double hair_vox = 1e-9; /* rounding must not lose a ray that runs along a face */
+    cts_view_ray(view, x, y, ray->start);
+    ray->t0 = -INFINITY;
+    ray->t1 = INFINITY;
+    double fastest = 0;
+    for (int a = 0; a < 3; a++) {
+        const double last = view->dims[a] - 1, step = ray->step[a] = view->forward_vox[a];
+        ray->per_step[a] = 0;
+        if (step == 0) {
+            if (ray->start[a] < -hair_vox || ray->start[a] > last + hair_vox)
+                return false;
+            continue;
+        }
+        ray->per_step[a] = 1 / step;
+        const double in = (0 - ray->start[a]) / step, out = (last - ray->start[a]) / step;
+        ray->t0 = fmax(ray->t0, fmin(in, out));
+        ray->t1 = fmin(ray->t1, fmax(in, out));
+        fastest = fmax(fastest, fabs(step));
+    }
+    if (ray->t1 < ray->t0 && (ray->t0 - ray->t1) * fastest <= hair_vox)
+        ray->t1 = ray->t0;
+    ray->t0 = fmax(ray->t0, view->near_mm);
+    ray->t1 = fmin(ray->t1, view->far_mm);
+    return ray->t1 >= ray->t0;
+}
+
+static double face_t(const Walk *w, int a)
+{
+    const double step = w->ray->step[a];
+    return step == 0 ? INFINITY : ((w->box[a] + (step > 0)) * w->size - w->ray->start[a]) * w->ray->per_step[a];
+}
+
+static void find_next(Walk *w)
+{
+    double next = w->face[0] < w->face[1] ? w->face[0] : w->face[1];
+    next = w->face[2] < next ? w->face[2] : next;
+    w->next = next < w->end ? next : w->end;
+}
+
+static Walk begin(const CtsProjector *p, const CtsProjectedRay *ray, int size, double from, double to)
+{
+    Walk w = {.ray = ray, .size = size, .t = from, .end = to};
+    const double middle = from + 1e-9 * (to - from); /* just behind a face, in the box that the ray enters */
+    for (int a = 0; a < 3; a++) {
+        const int cells = p->view->dims[a] > 1 ? p->view->dims[a] - 1 : 1;
+        w.last[a] = (cells - 1) / size;
+        const double at = ray->start[a] + middle * ray->step[a];
+        const int box = at > 0 ? (int)at / size : 0;
+        w.box[a] = box < w.last[a] ? box : w.last[a];
+        w.face[a] = face_t(&w, a);
+    }
+    find_next(&w);
+    return w;
+}
+
+/* Into the next box; false at the end. Boxes passed in no time (a ray through an edge) are passed at once. */
+static bool advance(Walk *w)
+{
+    do {
+        w->t = w->next > w->t ? w->next : w->t;
+        if (!(w->t < w->end))
+            return false;
+        for (int a = 0; a < 3; a++)
+            if (w->face[a] <= w->t) {
+                const int box = w->box[a] + (w->ray->step[a] > 0 ? 1 : -1);
+                if (box < 0 || box > w->last[a]) {
+                    w->face[a] = INFINITY; /* a rounding behind the volume's face */
+                    continue;
+                }
+                w->box[a] = box;
+                w->face[a] = face_t(w, a);
+            }
+        find_next(w);
+    } while (!(w->next > w->t));
+    return true;
+}
+
+/* The eight corners of a cell; an axis of one voxel repeats it. */
+static void corners(const CtsProjector *p, const int cell[3], double value[8])
+{
+    const uint16_t *base = p->volume->grey + cell[0] + cell[1] * p->stride[1] + cell[2] * p->stride[2];
+    for (int c = 0; c < 8; c++) {
+        ptrdiff_t at = 0;
+        for (int a = 0; a < 3; a++)
+            at += (c >> a & 1) && p->view->dims[a] > 1 ? p->stride[a] : 0;
+        value[c] = base[at];
+    }
+}
+
+static inline double clamp01(double x)
+{
+    x = x > 0 ? x : 0;
+    return x < 1 ? x : 1;
+}
+
+static double field_at(const CtsProjectedRay *ray, const int cell[3], const double v[8], double t)
+{
+    double f[3];
+    for (int a = 0; a < 3; a++)
+        f[a] = clamp01(ray->start[a] + t * ray->step[a] - cell[a]);
+    const double y0 = (v[0] + f[0] * (v[1] - v[0])) * (1 - f[1]) + (v[2] + f[0] * (v[3] - v[2])) * f[1];
+    const double y1 = (v[4] + f[0] * (v[5] - v[4])) * (1 - f[1]) + (v[6] + f[0] * (v[7] - v[6])) * f[1];
+    return y0 + f[2] * (y1 - y0);
+}
+
+/* Inside a cell the field is a cubic in t: its ends and, where its derivative vanishes, its turning points. */
+static double cell_extreme(const CtsProjectedRay *ray, const int cell[3], const double v[8], double from, double to,
+                           double sign)
+{
+    const double d = to - from;
+    const double a = field_at(ray, cell, v, from), b = field_at(ray, cell, v, from + d / 3);
+    const double c = field_at(ray, cell, v, to - d / 3), e = field_at(ray, cell, v, to);
+    double best = sign > 0 ? fmax(a, e) : fmin(a, e);
+    /* c0 + c1 s + c2 s^2 + c3 s^3 through the four. */
+    const double c1 = (-11 * a + 18 * b - 9 * c + 2 * e) / 2, c2 = (18 * a - 45 * b + 36 * c - 9 * e) / 2;
+    const double c3 = (-9 * a + 27 * b - 27 * c + 9 * e) / 2;
+    const double half = c2 * c2 - 3 * c1 * c3;
+    if (half < 0)
+        return best;
+    const double q = -(c2 + copysign(sqrt(half), c2)), turn[2] = {q / (3 * c3), c1 / q};
+    for (int i = 0; i < 2; i++)
+        if (turn[i] > 0 && turn[i] < 1) {
+            const double at = field_at(ray, cell, v, from + turn[i] * d);
+            best = sign > 0 ? fmax(best, at) : fmin(best, at);
+        }
+    return best;
+}
+
+static CtsRange macrocell_range(const CtsProjector *p, const int macrocell[3])
+{
+    const int *n = p->macrocells->n_fine;
+    return p->macrocells
+        ->fine[((size_t)macrocell[2] * (size_t)n[1] + (size_t)macrocell[1]) * (size_t)n[0] + (size_t)macrocell[0]];
+}
+
+/* sign 1: the largest, -1: the smallest grey level; -INFINITY times sign where nothing is seen. Macro-cells and cells
+ * that cannot beat what was found are passed over. */
+static double extreme(const CtsProjector *p, const CtsProjectedRay *ray, double sign)
+{
+    double best = -INFINITY; /* times sign */
+    Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
+    do {
+        const CtsRange r = macrocell_range(p, macrocells.box);
+        if ((sign > 0 ? r.high : -r.low) <= best)
+            continue;
+        Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
+        do {
+            double v[8], bound = -INFINITY;
+            if (!cts_project_sees(p, cells.box))
+                continue;
+            corners(p, cells.box, v);
+            for (int c = 0; c < 8; c++)
+                bound = sign * v[c] > bound ? sign * v[c] : bound;
+            if (bound > best)
+                best = fmax(best, sign * cell_extreme(ray, cells.box, v, cells.t, cells.next, sign));
+        } while (advance(&cells));
+    } while (advance(&macrocells));
+    return sign * best;
+}
+
+/* The mean grey level, INFINITY where nothing is seen: Simpson's rule is exact for a cubic. */
+static double mean(const CtsProjector *p, const CtsProjectedRay *ray)
+{
+    if (!(ray->t1 > ray->t0))
+        return extreme(p, ray, 1);
+    double sum = 0, length = 0;
+    Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
+    do {
+        const CtsRange r = macrocell_range(p, macrocells.box);
+        if (r.low == r.high && !p->body) {
+            sum += r.low * (macrocells.next - macrocells.t) * (CTS_MUTATED(AVERAGE_BLOCK) ? 0.98 : 1);
+            length += macrocells.next - macrocells.t;
+            continue;
+        }
+        Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
+        do {
+            double v[8];
+            if (!cts_project_sees(p, cells.box))
+                continue;
+            corners(p, cells.box, v);
+            length += cells.next - cells.t;
+            sum += (cells.next - cells.t) / 6 *
+                   (field_at(ray, cells.box, v, cells.t) + 4 * field_at(ray, cells.box, v, (cells.t + cells.next) / 2) +
+                    field_at(ray, cells.box, v, cells.next));
+        } while (advance(&cells));
+    } while (advance(&macrocells));
+    return length > 0 ? sum / length : INFINITY;
+}
+
+double cts_project_along(const CtsProjector *p, const CtsProjectedRay *ray)
+{
+    return p->mode == CTS_MODE_AVERAGE ? mean(p, ray) : extreme(p, ray, p->mode == CTS_MODE_MIP ? 1 : -1);
+}

@@ -1,0 +1,491 @@
+/* Packets of eight rays in double precision, as GCC vector types: element-wise C that compiles with and without vector
+ * instructions. A file that includes this defines before, after PROJECT_TMPL_TYPES:
+ *   vd_sqrt, and lanes_in(mask): bit l tells of lane l
+ * All paths give the same bits. */
+#ifdef PROJECT_TMPL_TYPES
+#undef PROJECT_TMPL_TYPES
+
+#include "base/sanitized.h"
+#include "engine/project/project_packets.h"
+#include <math.h>
+#include <string.h>
+
+enum { LANES = 8, ALL_LANES = 255 };
+
+typedef double vd __attribute__((vector_size(64)));
+typedef int64_t vm __attribute__((vector_size(64))); /* a mask of lanes, 0 or -1 each */
+typedef int32_t vi __attribute__((vector_size(32)));
+
+/* As in vec_tmpl.h. */
+#if defined(__FMA__) && !CTS_SANITIZED
+#define INLINE static inline __attribute__((always_inline))
+#else
+#define INLINE static inline
+#endif
+
+#else
+
+INLINE vd vd_of(double x)
+{
+    return (vd){x, x, x, x, x, x, x, x};
+}
+
+INLINE vi vi_of(int32_t x)
+{
+    return (vi){x, x, x, x, x, x, x, x};
+}
+
+INLINE vd pick(vm mask, vd yes, vd no)
+{
+    return (vd)((mask & (vm)yes) | (~mask & (vm)no));
+}
+
+INLINE vd vd_max(vd a, vd b)
+{
+    return pick(a > b, a, b);
+}
+
+INLINE vd vd_min(vd a, vd b)
+{
+    return pick(a < b, a, b);
+}
+
+INLINE vd to_double(vi a)
+{
+    return __builtin_convertvector(a, vd);
+}
+
+/* Eight neighbouring pixels of one row. */
+typedef struct Packet {
+    vd start[3], t0, t1;
+    vm inside;              /* rays with some length in the box */
+    int first, last;        /* macro-cells along axes[2] that they cross */
+    double low[2], high[2]; /* where the rays cross layer 0, along axes[0] and [1]: the lowest and the highest */
+} Packet;
+
+/* What is the same for all rays. */
+typedef struct Way {
+    double step[3], per_step[3];
+    double slope[2]; /* along axes[0] and [1] for a layer of axes[2] */
+} Way;
+
+static Way way_of(const CtsProjection *p)
+{
+    Way w;
+    const double *forward = p->projector.view->forward_vox;
+    for (int a = 0; a < 3; a++) {
+        w.step[a] = forward[a];
+        w.per_step[a] = forward[a] == 0 ? 0 : 1 / forward[a];
+    }
+    for (int n = 0; n < 2; n++)
+        w.slope[n] = forward[p->axes[n]] / forward[p->axes[2]];
+    return w;
+}
+
+static int clamp_macrocell(double at_vox, int n)
+{
+    const double at = floor(at_vox / CTS_FINE_MACROCELL);
+    return at < 0 ? 0 : at < n - 1 ? (int)at : n - 1;
+}
+
+/* Rays of no length are left to the plain way. */
+static Packet packet_of(const CtsProjection *p, const Way *w, int x, int y, int width, double *grey)
+{
+    Packet r = {.t0 = vd_of(1), .first = INT32_MAX, .last = -1};
+    const int k = p->axes[2], n = p->projector.macrocells->n_fine[k];
+    for (int l = 0; l < LANES; l++) {
+        CtsProjectedRay ray;
+        if (l >= width)
+            break;
+        grey[l] = INFINITY;
+        const bool hits = cts_project_clip(p->projector.view, x + l, y, &ray);
+        if (hits && !(ray.t1 > ray.t0))
+            grey[l] = cts_project_along(&p->projector, &ray);
+        for (int a = 0; a < 3; a++)
+            r.start[a][l] = ray.start[a];
+        for (int m = 0; m < 2; m++) {
+            const double at = ray.start[p->axes[m]] - ray.start[k] * w->slope[m];
+            r.low[m] = l == 0 || at < r.low[m] ? at : r.low[m];
+            r.high[m] = l == 0 || at > r.high[m] ? at : r.high[m];
+        }
+        if (!hits || !(ray.t1 > ray.t0))
+            continue;
+        r.inside[l] = -1;
+        r.t0[l] = ray.t0;
+        r.t1[l] = ray.t1;
+        const double from = ray.start[k] + ray.t0 * ray.step[k], to = ray.start[k] + ray.t1 * ray.step[k];
+        const int first = clamp_macrocell(fmin(from, to) - 1e-6, n), last = clamp_macrocell(fmax(from, to) + 1e-6, n);
+        r.first = first < r.first ? first : r.first;
+        r.last = last > r.last ? last : r.last;
+    }
+    return r;
+}
+
+/* The macro-cells of one layer of them that rays may touch: from low to high along axes[0] and [1]. */
+typedef struct Box {
+    int low[2], high[2];
+} Box;
+
+static Box box_of(const CtsProjection *p, const Way *w, const double low[2], const double high[2], int layer)
+{
+    Box box;
+    for (int n = 0; n < 2; n++) {
+        const double near = layer * CTS_FINE_MACROCELL * w->slope[n];
+        const double far = (layer + 1) * CTS_FINE_MACROCELL * w->slope[n];
+        const int n_fine = p->projector.macrocells->n_fine[p->axes[n]];
+        box.low[n] = clamp_macrocell(low[n] + (near < far ? near : far) - 1e-6, n_fine);
+        box.high[n] = clamp_macrocell(high[n] + (near > far ? near : far) + 1e-6, n_fine);
+    }
+    return box;
+}
+
+/* What the macro-cells of a box have in common. */
+typedef struct Common {
+    CtsRange range;
+    bool sees_some, sees_all;
+} Common;
+
+INLINE Common common_of(const CtsProjection *p, const Box *box, int layer)
+{
+    const CtsMacrocells *m = p->projector.macrocells;
+    const size_t stride[3] = {1, (size_t)m->n_fine[0], (size_t)m->n_fine[0] * (size_t)m->n_fine[1]};
+    const size_t su = stride[p->axes[0]], sv = stride[p->axes[1]], at = (size_t)layer * stride[p->axes[2]];
+    Common c = {{65535, 0}, false, true};
+    for (int v = box->low[1]; v <= box->high[1]; v++)
+        for (int u = box->low[0]; u <= box->high[0]; u++) {
+            const size_t i = at + (size_t)u * su + (size_t)v * sv;
+            const int sees = p->sees ? p->sees[i] : CTS_SEES_ALL;
+            c.sees_all &= sees == CTS_SEES_ALL;
+            if (sees == CTS_SEES_NONE)
+                continue;
+            c.sees_some = true;
+            c.range.low = m->fine[i].low < c.range.low ? m->fine[i].low : c.range.low;
+            c.range.high = m->fine[i].high > c.range.high ? m->fine[i].high : c.range.high;
+        }
+    return c;
+}
+
+/* The cell of axis a that holds this place, the nearest one for places outside. */
+INLINE vi cell_at(const CtsProjection *p, int a, vd place)
+{
+    const vd last = vd_of(p->projector.view->dims[a] - 2);
+    return __builtin_convertvector(vd_min(vd_max(place, vd_of(0)), last), vi);
+}
+
+/* The rays' way through layer k of cells is cut where they cross from cell to cell: t[0] to t[1] in the first, to t[2]
+ * in the second, to t[3] in the third. No ray moves by more than a cell along the other axes. */
+INLINE void cut_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, vd t[4])
+{
+    const int axis = p->axes[2];
+    const vd in = (vd_of(k) - r->start[axis]) * w->per_step[axis];
+    const vd out = (vd_of(k + 1) - r->start[axis]) * w->per_step[axis];
+    t[0] = vd_max(vd_min(in, out), r->t0);
+    t[3] = vd_min(vd_max(in, out), r->t1);
+    t[1] = t[2] = t[3];
+    if (w->slope[0] == 0 && w->slope[1] == 0) /* straight along an axis, as many views are */
+        return;
+    vd cut[2];
+    for (int n = 0; n < 2; n++) {
+        const int a = p->axes[n];
+        const vi from = cell_at(p, a, r->start[a] + t[0] * w->step[a]);
+        const vi to = cell_at(p, a, r->start[a] + t[3] * w->step[a]);
+        const vd face = vd_max(to_double(from), to_double(to));
+        const vd at = vd_min(vd_max((face - r->start[a]) * w->per_step[a], t[0]), t[3]);
+        cut[n] = pick(__builtin_convertvector(from != to, vm), at, t[3]);
+    }
+    t[1] = vd_min(cut[0], cut[1]);
+    t[2] = vd_max(cut[0], cut[1]);
+}
+
+/* The cells in which the rays are at time t, of layer k. */
+INLINE void cells_at(const CtsProjection *p, const Way *w, const Packet *r, vd t, int k, vi cell[3])
+{
+    for (int n = 0; n < 2; n++)
+        cell[p->axes[n]] = cell_at(p, p->axes[n], r->start[p->axes[n]] + t * w->step[p->axes[n]]);
+    cell[p->axes[2]] = vi_of(k);
+}
+
+/* Their eight corners, bit a of the index for axis a. */
+INLINE void load_corners(const CtsProjection *p, const vi cell[3], vd value[8])
+{
+    const uint16_t *grey = p->projector.volume->grey;
+    const ptrdiff_t row = p->projector.stride[1], slice = p->projector.stride[2];
+    uint32_t pair[4][LANES];
+    for (int l = 0; l < LANES; l++) {
+        const uint16_t *at = grey + cell[0][l] + cell[1][l] * row + cell[2][l] * slice;
+        memcpy(&pair[0][l], at, sizeof **pair);
+        memcpy(&pair[1][l], at + row, sizeof **pair);
+        memcpy(&pair[2][l], at + slice, sizeof **pair);
+        memcpy(&pair[3][l], at + row + slice, sizeof **pair);
+    }
+    for (int n = 0; n < 4; n++) {
+        vi words;
+        memcpy(&words, pair[n], sizeof words);
+        const vd even = to_double(words & 0xffff), odd = to_double((words >> 16) & 0xffff);
+        value[2 * n] = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ ? even : odd;
+        value[2 * n + 1] = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ ? odd : even;
+    }
+}
+
+INLINE vd field_at_vd(const Way *w, const Packet *r, const vi cell[3], const vd v[8], vd t)
+{
+    vd f[3];
+    for (int a = 0; a < 3; a++)
+        f[a] = vd_min(vd_max(r->start[a] + t * w->step[a] - to_double(cell[a]), vd_of(0)), vd_of(1));
+    const vd y0 = (v[0] + f[0] * (v[1] - v[0])) * (1 - f[1]) + (v[2] + f[0] * (v[3] - v[2])) * f[1];
+    const vd y1 = (v[4] + f[0] * (v[5] - v[4])) * (1 - f[1]) + (v[6] + f[0] * (v[7] - v[6])) * f[1];
+    return y0 + f[2] * (y1 - y0);
+}
+
+/* Of the lanes in the mask, those whose cell is seen. */
+static vm seen_of(const CtsProjector *p, vm mask, const vi cell[3])
+{
+    for (int l = 0; l < LANES; l++)
+        if (mask[l]) {
+            const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
+            mask[l] = cts_project_sees(p, at) ? -1 : 0;
+        }
+    return mask;
+}
+
+/* The largest of the cubic between two times, as in project_ray.c. */
+INLINE vd largest_between(const Way *w, const Packet *r, const vi cell[3], const vd v[8], vd from, vd to)
+{
+    const vd d = to - from;
+    const vd a = field_at_vd(w, r, cell, v, from), b = field_at_vd(w, r, cell, v, from + d / 3);
+    const vd c = field_at_vd(w, r, cell, v, to - d / 3), e = field_at_vd(w, r, cell, v, to);
+    vd best = vd_max(a, e);
+    const vd c1 = (-11 * a + 18 * b - 9 * c + 2 * e) / 2, c2 = (18 * a - 45 * b + 36 * c - 9 * e) / 2;
+    const vd c3 = (-9 * a + 27 * b - 27 * c + 9 * e) / 2;
+    const vd half = c2 * c2 - 3 * c1 * c3;
+    const vm turns = half >= 0;
+    const vd root = vd_sqrt(pick(turns, half, vd_of(0)));
+    const vd q = -(c2 + pick(c2 < 0, -root, root)), turn[2] = {q / (3 * c3), c1 / q};
+    for (int n = 0; n < 2; n++) {
+        const vm between = turns & (turn[n] > 0) & (turn[n] < 1);
+        if (!lanes_in(between))
+            continue;
+        const vd at = field_at_vd(w, r, cell, v, pick(between, from + turn[n] * d, from));
+        best = pick(between, vd_max(best, at), best);
+    }
+    return best;
+}
+
+/* What a packet has found. */
+typedef struct Found {
+    vd best; /* times sign */
+    vm seen;
+} Found;
+
+/* Some of the rays may find more in layer k of cells; those not seen yet need only be told whether they see. */
+static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Found *found)
+{
+    vd t[4];
+    cut_layer(p, w, r, k, t);
+    for (int n = 0; n < 3; n++) {
+        vm some = r->inside & (t[n] < t[n + 1]);
+        vi cell[3];
+        vd v[8];
+        if (!lanes_in(some))
+            continue;
+        cells_at(p, w, r, (t[n] + t[n + 1]) / 2, k, cell);
+        load_corners(p, cell, v);
+        for (int c = 0; c < 8; c++)
+            v[c] *= p->sign;
+        const vd most =
+            vd_max(vd_max(vd_max(v[0], v[1]), vd_max(v[2], v[3])), vd_max(vd_max(v[4], v[5]), vd_max(v[6], v[7])));
+        some &= (most > found->best) | ~found->seen;
+        if (!lanes_in(some))
+            continue;
+        if (!sees_all)
+            some = seen_of(&p->projector, some, cell);
+        found->seen |= some;
+        some &= most > found->best;
+        if (!lanes_in(some))
+            continue;
+        const vd largest = vd_min(largest_between(w, r, cell, v, t[n], t[n + 1]), most);
+        found->best = pick(some, vd_max(found->best, largest), found->best);
+    }
+}
+
+static int layer_end(const CtsProjection *p, int layer)
+{
+    const int n = p->projector.view->dims[p->axes[2]] - 1, end = (layer + 1) * CTS_FINE_MACROCELL;
+    return end < n ? end : n;
+}
+
+static void look_in_macrocells(const CtsProjection *p, const Way *w, const Packet *r, int layer, bool sees_all,
+                               Found *found)
+{
+    for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
+        look_in_layer(p, w, r, k, sees_all, found);
+}
+
+static int32_t bound_of(const CtsProjection *p, const Common *c)
+{
+    return !c->sees_some ? INT32_MIN : p->sign > 0 ? c->range.high : -(int32_t)c->range.low;
+}
+
+/* The least that a ray has found which might use more; infinite when none might. */
+INLINE double least_found(const CtsProjection *p, const Packet *r, const Found *found)
+{
+    const vd open = pick(r->inside & (found->best < p->enough), found->best, vd_of(INFINITY));
+    double least = INFINITY;
+    for (int l = 0; l < LANES; l++)
+        least = open[l] < least ? open[l] : least;
+    return least;
+}
+
+/* The layers of macro-cells that the tile's rays touch, in falling order of what they promise, as far as asked for. */
+typedef struct Layers {
+    const CtsProjectScratch *scratch;
+    int first, last, n_sorted;
+} Layers;
+
+static int layer_of_rank(Layers *layers, int rank)
+{
+    int *const order = layers->scratch->order;
+    const int32_t *bound = layers->scratch->bound;
+    for (; layers->n_sorted <= rank; layers->n_sorted++) {
+        int at = layers->n_sorted;
+        for (int i = at + 1; i <= layers->last - layers->first; i++)
+            at = bound[order[i]] > bound[order[at]] ? i : at;
+        const int best = order[at];
+        order[at] = order[layers->n_sorted];
+        order[layers->n_sorted] = best;
+    }
+    return order[rank];
+}
+
+/* Whether each ray sees anything, where what it has found does not tell. */
+static void look_whether_seen(const CtsProjection *p, const Way *w, const Packet *r, Found *found)
+{
+    for (int layer = r->first; layer <= r->last && lanes_in(r->inside & ~found->seen); layer++) {
+        const Box box = box_of(p, w, r->low, r->high, layer);
+        const Common c = common_of(p, &box, layer);
+        if (c.sees_some)
+            look_in_macrocells(p, w, r, layer, c.sees_all, found);
+    }
+}
+
+static void find_extremes(const CtsProjection *p, const Way *w, const Packet *r, Layers *layers, double *grey)
+{
+    Found found = {.best = vd_of(p->least), .seen = p->sees ? r->inside & 0 : r->inside};
+    for (int rank = 0; rank <= layers->last - layers->first; rank++) {
+        const int layer = layer_of_rank(layers, rank);
+        const double least = least_found(p, r, &found);
+        if (!(layers->scratch->bound[layer] > least))
+            break;
+        if (layer < r->first || layer > r->last)
+            continue;
+        const Box box = box_of(p, w, r->low, r->high, layer);
+        const Common c = common_of(p, &box, layer);
+        if (c.sees_some && bound_of(p, &c) > least)
+            look_in_macrocells(p, w, r, layer, c.sees_all, &found);
+    }
+    look_whether_seen(p, w, r, &found);
+    for (int l = 0; l < LANES; l++)
+        if (found.seen[l])
+            grey[l] = p->sign * found.best[l];
+}
+
+/* Sum and length of what a packet sees. */
+typedef struct Summed {
+    vd sum, length;
+} Summed;
+
+/* Two points of Gauss's rule are exact for a cubic. */
+INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Summed *s)
+{
+    const double apart = 0.57735026918962576451; /* 1 / sqrt(3) */
+    vd t[4];
+    cut_layer(p, w, r, k, t);
+    for (int n = 0; n < 3; n++) {
+        vm some = r->inside & (t[n] < t[n + 1]);
+        vi cell[3];
+        vd v[8];
+        if (!lanes_in(some))
+            continue;
+        const vd middle = (t[n] + t[n + 1]) / 2, half = (t[n + 1] - t[n]) / 2;
+        cells_at(p, w, r, middle, k, cell);
+        if (!sees_all && !lanes_in(some = seen_of(&p->projector, some, cell)))
+            continue;
+        load_corners(p, cell, v);
+        const vd one = field_at_vd(w, r, cell, v, middle - half * apart);
+        const vd two = field_at_vd(w, r, cell, v, middle + half * apart);
+        s->sum += pick(some, half * (one + two), vd_of(0));
+        s->length += pick(some, 2 * half, vd_of(0));
+    }
+}
+
+static void sum_even(const CtsProjection *p, const Way *w, const Packet *r, int layer, uint16_t level, Summed *s)
+{
+    const int axis = p->axes[2];
+    const vd in = (vd_of(layer * CTS_FINE_MACROCELL) - r->start[axis]) * w->per_step[axis];
+    const vd out = (vd_of(layer_end(p, layer)) - r->start[axis]) * w->per_step[axis];
+    const vd from = vd_max(vd_min(in, out), r->t0), to = vd_min(vd_max(in, out), r->t1);
+    const vd length = pick(r->inside & (from < to), to - from, vd_of(0));
+    s->sum += length * (level * (CTS_MUTATED(AVERAGE_BLOCK) ? 0.98 : 1));
+    s->length += length;
+}
+
+static void find_means(const CtsProjection *p, const Way *w, const Packet *r, double *grey)
+{
+    Summed s = {vd_of(0), vd_of(0)};
+    for (int layer = r->first; layer <= r->last; layer++) {
+        const Box box = box_of(p, w, r->low, r->high, layer);
+        const Common c = common_of(p, &box, layer);
+        if (!c.sees_some)
+            continue;
+        if (c.sees_all && c.range.low == c.range.high)
+            sum_even(p, w, r, layer, c.range.low, &s);
+        else
+            for (int k = layer * CTS_FINE_MACROCELL; k < layer_end(p, layer); k++)
+                sum_layer(p, w, r, k, c.sees_all, &s);
+    }
+    for (int l = 0; l < LANES; l++)
+        if (s.length[l] > 0)
+            grey[l] = s.sum[l] / s.length[l];
+}
+
+/* What no ray of the tile can exceed in each layer. */
+static Layers bound_layers(const CtsProjection *p, const Way *w, const Packet *packets, int n,
+                           const CtsProjectScratch *scratch)
+{
+    Layers layers = {.scratch = scratch, .first = INT32_MAX, .last = -1};
+    double low[2] = {INFINITY, INFINITY}, high[2] = {-INFINITY, -INFINITY};
+    for (int i = 0; i < n; i++) {
+        for (int a = 0; a < 2; a++) {
+            low[a] = fmin(low[a], packets[i].low[a]);
+            high[a] = fmax(high[a], packets[i].high[a]);
+        }
+        layers.first = packets[i].first < layers.first ? packets[i].first : layers.first;
+        layers.last = packets[i].last > layers.last ? packets[i].last : layers.last;
+    }
+    for (int layer = layers.first; layer <= layers.last; layer++) {
+        const Box box = box_of(p, w, low, high, layer);
+        const Common c = common_of(p, &box, layer);
+        scratch->bound[layer] = bound_of(p, &c);
+        scratch->order[layer - layers.first] = layer;
+    }
+    return layers;
+}
+
+static void project_tile(const CtsProjection *p, const CtsProjectScratch *scratch, int x, int y, int width, int height,
+                         double *grey)
+{
+    const Way w = way_of(p);
+    Packet packets[CTS_PROJECT_TILE];
+    for (int row = 0; row < height && row < CTS_PROJECT_TILE; row++)
+        packets[row] = packet_of(p, &w, x, y + row, width, grey + LANES * row);
+    if (p->projector.mode == CTS_MODE_AVERAGE) {
+        for (int row = 0; row < height; row++)
+            find_means(p, &w, &packets[row], grey + LANES * row);
+        return;
+    }
+    Layers layers = bound_layers(p, &w, packets, height, scratch);
+    for (int row = 0; row < height; row++)
+        find_extremes(p, &w, &packets[row], &layers, grey + LANES * row);
+}
+
+#endif

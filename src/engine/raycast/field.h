@@ -1,0 +1,85 @@
+/* What a ray meets: HU along it as a chain of cubic polynomials. The ray code knows nothing else of the data, so the
+ * same integration serves the trilinear volume, other kernels and formulas. */
+#ifndef CTS_RAYCAST_FIELD_H
+#define CTS_RAYCAST_FIELD_H
+
+#include "ctsplat/preset.h"
+#include "ctsplat/render.h"
+#include "ctsplat/status.h"
+#include "ctsplat/volume.h"
+#include "core/scene/view.h"
+#include <stdbool.h>
+
+typedef struct CtsRay {
+    double start_vox[3], step_vox[3]; /* voxel coordinates are start + t * step, t in mm */
+    double t0_mm, t1_mm;              /* inside the closed box of voxel centres; t0 == t1 where it only touches it */
+} CtsRay;
+
+/* HU from t0 to t1 is the cubic hu in u = (t - t0) / (t1 - t0). */
+typedef struct CtsRayPiece {
+    double t0_mm, t1_mm;
+    double hu[4];
+} CtsRayPiece;
+
+/* Sets of HU, each from low up to, not including, high; in rising order. */
+typedef struct CtsHuRanges {
+    int n;
+    struct {
+        double low, high;
+    } range[260];
+} CtsHuRanges;
+
+/* False only when no HU of low..high is in a range. */
+static inline bool cts_hu_wanted(const CtsHuRanges *wanted, double low, double high)
+{
+    for (int i = 0; i < wanted->n && high >= wanted->range[i].low; i++)
+        if (low < wanted->range[i].high)
+            return true;
+    return false;
+}
+
+/* A walk along one ray; the field keeps its place in it. Start with ray, wanted, t_mm = ray->t0_mm, the rest zero. */
+typedef struct CtsRayWalk {
+    const CtsRay *ray;
+    const CtsHuRanges *wanted; /* pieces that hold none of these may be left out; may change during the walk */
+    double t_mm;               /* end of what was handed out so far */
+    int cell[3];               /* of the piece handed out last */
+    double from[3], to[3];     /* the ends of that piece within the cell, 0..1 */
+    bool within;               /* a stretch that was found to be wanted goes on, where the field keeps such stretches */
+    bool started;
+} CtsRayWalk;
+
+typedef struct CtsField CtsField;
+struct CtsField {
+    /* The next piece, or false at the end of the ray. */
+    bool (*next)(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece);
+    /* Gradient of HU per voxel along each volume axis, on the piece handed out last. */
+    void (*gradient)(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double gradient[3][4]);
+    /* HU where the ray is at t_mm. */
+    double (*value)(const CtsField *field, const CtsRay *ray, double t_mm);
+    void (*free)(CtsField **field);
+};
+
+/* The ray of pixel (x, y) within the box; false when it misses it. A ray within 1e-9 voxels of the box's side counts
+ * as inside, so that a view along an axis does not lose its border to rounding. An axis of one voxel is a box
+ * without thickness: rays within its plane see it, others cross it in a point. */
+bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray);
+
+/* Trilinear between voxel centres. The preset says what gradients at the border are taken to. With n_rays large it uses
+ * or makes the volume's macro-cells, so that rays can leap over what is not wanted. volume must outlive the field. */
+CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, size_t n_rays,
+                              int n_threads, CtsError *err);
+/* Any kernel: the layers across the view's principal axis are sheets, each voxel's kernel spread within its layer,
+ * weights normalised at every position (cone-paper apart) and voxels beyond the border counted as grey 0; between two
+ * layers HU runs straight. What the splatting engines tend to with ever finer tables and sub-sheets. The pieces are
+ * cubics fitted to 1e-3 HU (lit: the gradient's too). radius is in voxels; CTS_ERR_USAGE below 0.75. */
+CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsView *view, CtsKernelId kernel,
+                           double radius, const CtsPreset *preset, CtsError *err);
+
+static inline void cts_field_free(CtsField **field)
+{
+    if (*field)
+        (*field)->free(field);
+}
+
+#endif

@@ -1,0 +1,200 @@
+/* Emission and absorption along one cubic piece of a ray: C = integral of c t exp(-integral of t). */
+#include "base/mutation.h"
+#include "base/vec3.h"
+#include "engine/raycast/cubic.h"
+#include "engine/raycast/raycaster.h"
+#include <math.h>
+
+/* A stretch deeper than this is halved before it is looked at, so that light ends near its front. */
+#define DEEP 8.0
+
+typedef struct Stretch {
+    const CtsRaycaster *caster;
+    const CtsRayPiece *piece;
+    const double (*gradient)[4]; /* NULL unlit */
+    double framed[3][4];         /* the gradient in the caster's frame */
+    const CtsSpan *span;         /* HU stays within it */
+    CtsRayLight *light;
+} Stretch;
+
+typedef struct Sum {
+    double rgb[3], depth;
+} Sum;
+
+static double extinction_at(const Stretch *s, double hu)
+{
+    const CtsSpan *span = s->span;
+    if (span->flat_extinction)
+        return span->extinction_per_mm;
+    return cts_transfer_extinction(&s->caster->transfer, span->opacity + (hu - span->at_hu) * span->opacity_slope);
+}
+
+static void colour_at(const Stretch *s, double u, double hu, double rgb[3])
+{
+    const CtsSpan *span = s->span;
+    for (int c = 0; c < 3; c++)
+        rgb[c] = span->rgb[c] + (hu - span->at_hu) * span->rgb_slope[c];
+    if (s->gradient) {
+        double g[3];
+        for (int axis = 0; axis < 3; axis++)
+            g[axis] = cts_cubic_at(s->gradient[axis], u);
+        cts_raycast_shade(s->caster, g, rgb);
+    }
+}
+
+/* Extinction times length at the rule's nodes on a..b; returns the optical depth. */
+static double depth_of(const Stretch *s, const CtsGauss *rule, double a, double b, double hu[], double density[])
+{
+    const double mm = (b - a) * (s->piece->t1_mm - s->piece->t0_mm);
+    double depth = 0;
+    for (int k = 0; k < rule->n; k++) {
+        hu[k] = cts_cubic_at(s->piece->hu, a + (b - a) * rule->node[k]);
+        density[k] = extinction_at(s, hu[k]) * mm;
+        depth += rule->weight[k] * density[k];
+    }
+    return depth;
+}
+
+static void sum_colour(const Stretch *s, const CtsGauss *rule, double a, double b, const double hu[],
+                       const double density[], Sum *sum)
+{
+    sum->rgb[0] = sum->rgb[1] = sum->rgb[2] = 0;
+    for (int k = 0; k < rule->n; k++) {
+        double before = 0, rgb[3];
+        for (int j = 0; j < rule->n; j++)
+            before += rule->upto[k][j] * density[j];
+        const double share = rule->weight[k] * density[k] * exp(-before);
+        colour_at(s, a + (b - a) * rule->node[k], hu[k], rgb);
+        for (int c = 0; c < 3; c++)
+            sum->rgb[c] += share * rgb[c];
+    }
+}
+
+/* Stretch a..b of the piece. Depth of the surface: where half of the light is taken, or else what is seen first. */
+static bool add(const Stretch *s, double a, double b, const double rgb[3], double depth)
+{
+    CtsRayLight *light = s->light;
+    if (light->depth < M_LN2 && light->depth + depth >= M_LN2) {
+        const double at = a + (b - a) * ((M_LN2 - light->depth) / depth);
+        light->surface_mm = s->piece->t0_mm + at * (s->piece->t1_mm - s->piece->t0_mm);
+    }
+    for (int c = 0; c < 3; c++)
+        light->rgb[c] += light->transmittance * rgb[c];
+    light->depth += depth;
+    light->transmittance = exp(-light->depth);
+    return light->transmittance >= s->caster->dark;
+}
+
+/* One colour and one extinction: the closed form. */
+static bool add_even(const Stretch *s, double a, double b)
+{
+    const double depth = s->span->extinction_per_mm * (b - a) * (s->piece->t1_mm - s->piece->t0_mm);
+    const double alpha = -expm1(-depth);
+    double rgb[3];
+    for (int c = 0; c < 3; c++)
+        rgb[c] = alpha * s->span->rgb[c];
+    return add(s, a, b, rgb, depth);
+}
+
+/* Two rules that agree may both have passed over a highlight between their nodes, or over a normal that turns on the
+ * spot where the gradient all but vanishes: not where the normal turns little, or where all that could shine is less
+ * than counts. */
+static bool sees_all_light(const Stretch *s, double a, double b, double depth)
+{
+    const CtsPreset *p = s->caster->preset;
+    return !s->gradient ||
+           depth * s->light->transmittance * (p->ambient + p->diffuse + p->specular) <= s->caster->tolerance ||
+           cts_raycast_turns_little(s->caster, s->framed, a, b);
+}
+
+/* a..b of the piece, halved until two rules agree. False when the light has ended. */
+static bool add_stretch(const Stretch *s, double a, double b)
+{
+    const CtsRaycaster *caster = s->caster;
+    double hu[CTS_GAUSS_FINE], density[CTS_GAUSS_FINE];
+    Sum coarse, fine;
+    const bool halve = b - a > 1e-14;
+    coarse.depth = depth_of(s, &caster->coarse, a, b, hu, density);
+    if (!(coarse.depth > DEEP && halve)) {
+        const double left = s->light->transmittance;
+        sum_colour(s, &caster->coarse, a, b, hu, density, &coarse);
+        fine.depth = depth_of(s, &caster->fine, a, b, hu, density);
+        sum_colour(s, &caster->fine, a, b, hu, density, &fine);
+        double change = fabs(fine.depth - coarse.depth);
+        for (int c = 0; c < 3; c++)
+            change = fmax(change, fabs(fine.rgb[c] - coarse.rgb[c]));
+        if ((change * left <= s->caster->tolerance && sees_all_light(s, a, b, fine.depth)) || !halve)
+            return add(s, a, b, fine.rgb, fine.depth);
+    }
+    const double middle = 0.5 * (a + b);
+    return add_stretch(s, a, middle) && add_stretch(s, middle, b);
+}
+
+static bool add_span(const Stretch *s, double a, double b)
+{
+    if (!(b > a) || !s->span->visible)
+        return true;
+    if (s->light->surface_mm == INFINITY)
+        s->light->surface_mm = s->piece->t0_mm + a * (s->piece->t1_mm - s->piece->t0_mm);
+    if (s->span->flat_extinction && s->span->flat_colour && !s->gradient)
+        return add_even(s, a, b);
+    return add_stretch(s, a, b);
+}
+
+/* a..b, on which HU only rises or only falls: from span to span. The next span is known by counting, not by looking up
+ * a rounded HU, so a step is crossed exactly once. */
+static bool add_monotone(Stretch *s, double a, double b)
+{
+    const CtsTransfer *transfer = &s->caster->transfer;
+    const double *hu = s->piece->hu;
+    const double from = cts_cubic_at(hu, a), to = cts_cubic_at(hu, b);
+    const bool falls = to < from;
+    int i = falls ? cts_transfer_find_below(transfer, from) : cts_transfer_find(transfer, from);
+    for (;;) {
+        s->span = &transfer->spans[i];
+        const double knot = falls ? s->span->low_hu : s->span->high_hu;
+        if (CTS_MUTATED(KNOTS) || (falls ? knot <= to : knot >= to))
+            return add_span(s, a, b);
+        const double cut = cts_cubic_solve(hu, knot, a, b);
+        if (!add_span(s, a, cut))
+            return false;
+        a = cut;
+        i += falls ? -1 : 1;
+    }
+}
+
+/* Places at which the piece is cut: turning points of HU, and where the lit side changes. */
+static int find_cuts(const Stretch *s, double cut[8])
+{
+    int n = 0;
+    cut[n++] = 0;
+    n += CTS_MUTATED(TURNS) ? 0 : cts_cubic_turns(s->piece->hu, cut + n);
+    if (s->gradient) {
+        n += cts_cubic_sign_changes(s->framed[2], cut + n);
+        for (int i = 1; i < n; i++)
+            for (int k = i; k > 1 && cut[k] < cut[k - 1]; k--) {
+                const double swap = cut[k];
+                cut[k] = cut[k - 1];
+                cut[k - 1] = swap;
+            }
+    }
+    cut[n] = 1;
+    return n;
+}
+
+bool cts_raycast_piece(const CtsRaycaster *caster, const CtsRayPiece *piece, const double (*gradient)[4],
+                       CtsRayLight *light)
+{
+    Stretch s = {.caster = caster, .piece = piece, .gradient = gradient, .light = light};
+    double cut[8];
+    for (int i = 0; i < 4 && gradient; i++) {
+        const double g[3] = {gradient[0][i], gradient[1][i], gradient[2][i]};
+        for (int axis = 0; axis < 3; axis++)
+            s.framed[axis][i] = cts_dot3(caster->frame[axis], g);
+    }
+    const int n = find_cuts(&s, cut);
+    for (int i = 0; i < n; i++)
+        if (!add_monotone(&s, cut[i], cut[i + 1]))
+            return false;
+    return true;
+}

@@ -1,0 +1,208 @@
+/* The reference engine: every ray by itself in float64. Shares geometry, preset and the engine's row with splatting. */
+#include "engine/raycast/raycast.h"
+
+#include "base/clock.h"
+#include "base/levels.h"
+#include "base/parallel.h"
+#include "engine/raycast/raycaster.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Many stretches add up along a ray to 1e-7 at most, and the finer rule, which is the one used, errs far less than the
+ * two rules differ. */
+#define TOLERANCE 1e-9
+#define DARK 1e-12
+
+static CtsStatus make_field(CtsField **field, const CtsScene *scene, size_t n_rays, CtsError *err)
+{
+    const CtsRenderSettings *s = scene->settings;
+    if (s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1)
+        return cts_field_trilinear(field, scene->volume, scene->preset, n_rays, s->n_threads, err);
+    return cts_field_kernel(field, scene->volume, &scene->view, s->kernel, s->kernel_radius, scene->preset, err);
+}
+
+CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, size_t n_rays,
+                            CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    CtsRaycaster *r = *caster = calloc(1, sizeof *r);
+    if (!r)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    r->preset = scene->preset;
+    r->view = scene->view;
+    r->body = cts_scene_body(scene);
+    r->field = field;
+    cts_gauss_init(&r->coarse, CTS_GAUSS_COARSE);
+    cts_gauss_init(&r->fine, CTS_GAUSS_FINE);
+    if (scene->preset->mode == CTS_MODE_COMPOSITE)
+        cts_transfer_init(&r->transfer, scene->preset, scene->extinction_scale);
+    memcpy(r->frame[0], r->view.right_vox, sizeof r->frame[0]);
+    memcpy(r->frame[1], r->view.up_vox, sizeof r->frame[1]);
+    memcpy(r->frame[2], r->view.forward_vox, sizeof r->frame[2]);
+    r->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
+    r->tolerance = TOLERANCE;
+    r->dark = DARK;
+    r->least_gradient2 = 1e-18 * scene->volume->hu_step * scene->volume->hu_step;
+    if (!st && !field)
+        st = make_field(&r->own_field, scene, n_rays, err);
+    if (r->own_field)
+        r->field = r->own_field;
+    if (st)
+        cts_raycaster_free(caster);
+    return st;
+}
+
+void cts_raycaster_free(CtsRaycaster **caster)
+{
+    if (!*caster)
+        return;
+    cts_field_free(&(*caster)->own_field);
+    free(*caster);
+    *caster = NULL;
+}
+
+void cts_raycaster_loosen(CtsRaycaster *caster, double error)
+{
+    /* Of the stretches of a ray a few take most of the light. */
+    caster->tolerance = fmax(caster->tolerance, 0.1 * error);
+    caster->dark = fmax(caster->dark, 0.1 * error);
+}
+
+static void composite_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4], double *surface_mm)
+{
+    const CtsField *field = caster->field;
+    CtsRayLight light = {.transmittance = 1, .surface_mm = INFINITY};
+    CtsRayWalk walk = {.ray = ray, .wanted = &caster->transfer.visible, .t_mm = ray->t0_mm};
+    CtsRayPiece piece;
+    bool lit = true;
+    while (lit && ray->t1_mm > ray->t0_mm && field->next(field, &walk, &piece)) {
+        double gradient[3][4];
+        if (caster->preset->shade)
+            field->gradient(field, &walk, &piece, gradient);
+        lit = cts_raycast_piece(caster, &piece, caster->preset->shade ? (const double(*)[4])gradient : NULL, &light);
+    }
+    for (int c = 0; c < 3; c++)
+        rgba[c] = light.rgb[c];
+    rgba[3] = -expm1(-light.depth);
+    *surface_mm = light.surface_mm;
+}
+
+static void window_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4])
+{
+    const CtsPreset *p = caster->preset;
+    const double width = p->window_high_hu - p->window_low_hu;
+    double hu;
+    if (!cts_raycast_extreme(caster, ray, &hu))
+        return;
+    const double shown = width > 0 ? (hu - p->window_low_hu) / width : hu >= p->window_low_hu;
+    rgba[0] = rgba[1] = rgba[2] = fmin(fmax(shown, 0), 1);
+    rgba[3] = 1;
+}
+
+void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba[4], double *depth_mm)
+{
+    CtsRay ray;
+    double surface_mm = INFINITY;
+    for (int c = 0; c < 4; c++)
+        rgba[c] = 0;
+    if (cts_ray_of_pixel(&caster->view, x, y, &ray)) {
+        if (caster->preset->mode == CTS_MODE_COMPOSITE)
+            composite_ray(caster, &ray, rgba, &surface_mm);
+        else
+            window_ray(caster, &ray, rgba);
+    }
+    if (depth_mm)
+        *depth_mm = surface_mm + caster->camera_mm;
+}
+
+typedef struct Rays {
+    const CtsScene *scene;
+    const CtsRaycaster *caster;
+    const int (*xy)[2];
+    double (*rgba)[4];
+} Rays;
+
+static void cast_rays(void *context, int worker, size_t first, size_t end)
+{
+    const Rays *const r = context;
+    (void)worker;
+    for (size_t i = first; i < end && !cts_scene_stopped(r->scene); i++)
+        cts_raycast_ray(r->caster, r->xy[i][0], r->xy[i][1], r->rgba[i], NULL);
+}
+
+CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err)
+{
+    CtsRaycaster *caster;
+    const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, n, err);
+    if (st)
+        return st;
+    Rays rays = {scene, caster, xy, rgba};
+    cts_parallel(scene->settings->n_threads, n, 16, cast_rays, &rays);
+    cts_raycaster_free(&caster);
+    return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+}
+
+static void plan(const CtsScene *scene, CtsReport *report)
+{
+    cts_report_plan(report, "every pixel by itself, in float64, cut at cell faces%s",
+                    scene->preset->mode == CTS_MODE_COMPOSITE
+                        ? " and at the preset's points, Gauss-Legendre in between until converged to 1e-7"
+                        : ", extremes and means of the cubic in each cell exactly");
+}
+
+static void render_row(const CtsRaycaster *caster, CtsPicture *picture, int y)
+{
+    const bool is_grey = caster->preset->mode != CTS_MODE_COMPOSITE;
+    for (int x = 0; x < picture->width; x++) {
+        const size_t at = (size_t)y * (size_t)picture->width + (size_t)x;
+        double rgba[4], depth_mm;
+        cts_raycast_ray(caster, x, picture->first_row + y, rgba, &depth_mm);
+        for (int c = 0; c < 4; c++)
+            picture->pixels[4 * at + (size_t)c] = is_grey ? cts_level_float(rgba[c]) : (float)rgba[c];
+        if (picture->depth_mm)
+            picture->depth_mm[at] = (float)depth_mm;
+    }
+}
+
+typedef struct Rows {
+    const CtsScene *scene;
+    const CtsRaycaster *caster;
+    CtsPicture *picture;
+} Rows;
+
+static void render_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Rows *const r = context;
+    (void)worker;
+    for (size_t y = first; y < end && !cts_scene_stopped(r->scene); y++)
+        render_row(r->caster, r->picture, (int)y);
+}
+
+static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
+{
+    plan(scene, report);
+    cts_scene_tell_parts(scene, report);
+    if (!picture)
+        return CTS_OK;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const size_t n = (size_t)picture->width * (size_t)picture->height;
+    CtsRaycaster *caster;
+    const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, n, err);
+    if (st)
+        return st;
+    Rows rows = {scene, caster, picture};
+    cts_parallel(scene->settings->n_threads, (size_t)picture->height, 1, render_rows, &rows);
+    cts_raycaster_free(&caster);
+    cts_report_stage(report, CTS_STAGE_COMPOSITE, cts_wall_ms() - wall, cts_cpu_ms() - cpu, n, 0);
+    return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+}
+
+const CtsEngine cts_engine_raycast = {
+    .name = "raycast",
+    .render = render,
+    .exact = true,
+    .cuts_slabs = true,
+    .modes = 1u << CTS_MODE_COMPOSITE | 1u << CTS_MODE_MIP | 1u << CTS_MODE_MINIP | 1u << CTS_MODE_AVERAGE,
+    .kernels = (1u << CTS_N_KERNELS) - 1,
+};

@@ -1,0 +1,252 @@
+/* The trilinear field: cell by cell along the ray, leaping over macro-cells that hold nothing wanted. */
+#include "base/mutation.h"
+#include "engine/raycast/field.h"
+#include "core/scene/shade.h"
+#include "core/volume/macrocells.h"
+#include <math.h>
+#include <stdlib.h>
+
+/* A few rays do without macro-cells: making them costs more, and a sample that judges an engine should not share them.
+ */
+enum { RAYS_WORTH_MACROCELLS = 20000 };
+
+typedef struct Trilinear {
+    CtsField field;
+    const CtsVolume *volume;
+    int n_cells[3];   /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
+    size_t stride[3]; /* to the next voxel; 0 along an axis of one voxel */
+    const CtsMacrocells *macrocells; /* NULL where rays are few */
+    CtsMacrocells *own_macrocells;   /* where the volume came without */
+    bool air_beyond;
+} Trilinear;
+
+static double hu_of(const Trilinear *t, double grey)
+{
+    return t->volume->hu_offset + t->volume->hu_step * grey;
+}
+
+static bool wanted(const Trilinear *t, const CtsHuRanges *ranges, CtsRange grey)
+{
+    return cts_hu_wanted(ranges, hu_of(t, grey.low), hu_of(t, grey.high));
+}
+
+static const uint16_t *cell_voxel(const Trilinear *t, const int cell[3])
+{
+    return t->volume->grey + (size_t)cell[0] * t->stride[0] + (size_t)cell[1] * t->stride[1] +
+           (size_t)cell[2] * t->stride[2];
+}
+
+static CtsRange load_corners(const Trilinear *t, const int cell[3], uint16_t corner[8])
+{
+    const uint16_t *v = cell_voxel(t, cell);
+    CtsRange r = {UINT16_MAX, 0};
+    for (int m = 0; m < 8; m++) {
+        const uint16_t g = v[(m & 1 ? t->stride[0] : 0) + (m & 2 ? t->stride[1] : 0) + (m & 4 ? t->stride[2] : 0)];
+        corner[m] = g;
+        r.low = g < r.low ? g : r.low;
+        r.high = g > r.high ? g : r.high;
+    }
+    return r;
+}
+
+/* Trilinear interpolation of the eight corners from -> to as a Taylor series at from: a cubic, exactly. */
+static void corners_to_cubic(const double corner[8], const double from[3], const double to[3], double c[4])
+{
+    const double x = from[0], y = from[1], z = from[2], dx = to[0] - x, dy = to[1] - y, dz = to[2] - z;
+    const double kx = corner[1] - corner[0], ky = corner[2] - corner[0], kz = corner[4] - corner[0];
+    const double kxy = corner[3] - corner[2] - kx, kxz = corner[5] - corner[4] - kx, kyz = corner[6] - corner[4] - ky;
+    const double kxyz = corner[7] - corner[6] - corner[5] + corner[4] - (corner[3] - corner[2] - corner[1] + corner[0]);
+    c[0] = corner[0] + kx * x + (ky + kxy * x) * y + (kz + kxz * x + (kyz + kxyz * x) * y) * z;
+    c[1] = (kx + kxy * y + kxz * z + kxyz * y * z) * dx + (ky + kxy * x + kyz * z + kxyz * x * z) * dy +
+           (kz + kxz * x + kyz * y + kxyz * x * y) * dz;
+    c[2] = (kxy + kxyz * z) * dx * dy + (kxz + kxyz * y) * dx * dz + (kyz + kxyz * x) * dy * dz;
+    c[3] = kxyz * dx * dy * dz;
+}
+
+static double clamp(double x, double low, double high)
+{
+    return x < low ? low : x > high ? high : x;
+}
+
+/* When the ray leaves box low..high (voxel coordinates) at the latest end of the ray. */
+static double leave_mm(const CtsRay *ray, const int low[3], const int high[3])
+{
+    double t = ray->t1_mm;
+    for (int axis = 0; axis < 3; axis++) {
+        const double step = ray->step_vox[axis];
+        if (step != 0) {
+            const double plane = step > 0 ? high[axis] : low[axis];
+            t = fmin(t, (plane - ray->start_vox[axis]) / step);
+        }
+    }
+    return t;
+}
+
+/* The cell the ray is in just after t; rounding may name the neighbour, of which at most a point is then missed. */
+static void find_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int cell[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        const double p = ray->start_vox[axis] + t_mm * ray->step_vox[axis];
+        const double near = nearbyint(p);
+        double at = floor(p);
+        if (fabs(p - near) < 1e-9)
+            at = ray->step_vox[axis] < 0 ? near - 1 : near;
+        cell[axis] = (int)clamp(at, 0, t->n_cells[axis] - 1);
+    }
+}
+
+/* The next cell: across the face at which the ray has just left. */
+static void step_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int cell[3])
+{
+    for (int axis = 0; axis < 3; axis++) {
+        const double step = ray->step_vox[axis];
+        if (step == 0)
+            continue;
+        const int way = step > 0 ? 1 : -1;
+        for (;;) {
+            const double plane = step > 0 ? cell[axis] + 1 : cell[axis];
+            if (!((plane - ray->start_vox[axis]) / step <= t_mm) || cell[axis] + way < 0 ||
+                cell[axis] + way >= t->n_cells[axis])
+                break;
+            cell[axis] += way;
+        }
+    }
+}
+
+/* True, and the walk at the macro-cell's end, when the macro-cell of the current cell holds nothing wanted. */
+static bool leap(const Trilinear *t, CtsRayWalk *walk)
+{
+    const CtsMacrocells *macrocells = t->macrocells;
+    int low[3], high[3];
+    size_t at[3];
+    for (int axis = 0; axis < 3; axis++) {
+        at[axis] = (size_t)(walk->cell[axis] / CTS_MACROCELL);
+        low[axis] = (int)at[axis] * CTS_MACROCELL;
+        high[axis] = low[axis] + CTS_MACROCELL < t->n_cells[axis] ? low[axis] + CTS_MACROCELL : t->n_cells[axis];
+    }
+    const size_t nx = (size_t)macrocells->n[0], ny = (size_t)macrocells->n[1];
+    if (wanted(t, walk->wanted, macrocells->range[(at[2] * ny + at[1]) * nx + at[0]]))
+        return false;
+    walk->t_mm = fmax(walk->t_mm, leave_mm(walk->ray, low, high));
+    return true;
+}
+
+static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
+{
+    const Trilinear *t = (const Trilinear *)field;
+    const CtsRay *ray = walk->ray;
+    while (!walk->started || walk->t_mm < ray->t1_mm) {
+        if (!walk->started)
+            find_cell(t, ray, walk->t_mm, walk->cell);
+        else
+            step_cell(t, ray, walk->t_mm, walk->cell);
+        walk->started = true;
+        if (t->macrocells && leap(t, walk)) {
+            find_cell(t, ray, walk->t_mm, walk->cell);
+            continue;
+        }
+        int end[3];
+        for (int axis = 0; axis < 3; axis++)
+            end[axis] = walk->cell[axis] + 1;
+        const double t0 = walk->t_mm, t1 = fmax(t0, leave_mm(ray, walk->cell, end));
+        walk->t_mm = t1;
+        uint16_t grey[8];
+        if (!wanted(t, walk->wanted, load_corners(t, walk->cell, grey)) || (t1 <= t0 && ray->t0_mm < ray->t1_mm))
+            continue;
+        double corner[8];
+        for (int m = 0; m < 8; m++)
+            corner[m] = hu_of(t, grey[m]);
+        for (int axis = 0; axis < 3; axis++) {
+            const double p = ray->start_vox[axis] - walk->cell[axis];
+            walk->from[axis] = clamp(p + t0 * ray->step_vox[axis], 0, 1);
+            walk->to[axis] = clamp(p + t1 * ray->step_vox[axis], 0, 1);
+        }
+        piece->t0_mm = t0;
+        piece->t1_mm = t1;
+        corners_to_cubic(corner, walk->from, walk->to, piece->hu);
+        return true;
+    }
+    return false;
+}
+
+/* Central differences at the voxels, in HU per voxel; at the border to air, or one-sided. */
+static double difference(const Trilinear *t, const int voxel[3], int axis)
+{
+    if (t->volume->dims[axis] == 1)
+        return 0;
+    const int step = cts_shade_step(t->volume, axis);
+    const size_t stride = t->stride[axis] * (size_t)step;
+    const uint16_t *v = cell_voxel(t, voxel);
+    const bool before = voxel[axis] >= step, after = voxel[axis] < t->volume->dims[axis] - step;
+    const double beyond = t->air_beyond ? 0 : *v;
+    const double rise = (after ? (double)v[stride] : beyond) - (before ? (double)*(v - stride) : beyond);
+    const int sides = t->air_beyond || (before && after) ? 2 : 1;
+    return rise * t->volume->hu_step / (sides * step);
+}
+
+static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double g[3][4])
+{
+    const Trilinear *t = (const Trilinear *)field;
+    (void)piece;
+    for (int axis = 0; axis < 3; axis++) {
+        double corner[8];
+        for (int m = 0; m < 8; m++) {
+            int voxel[3];
+            for (int a = 0; a < 3; a++)
+                voxel[a] = walk->cell[a] + ((m >> a & 1) && t->volume->dims[a] > 1);
+            corner[m] = difference(t, voxel, axis);
+        }
+        corners_to_cubic(corner, walk->from, walk->to, g[axis]);
+    }
+}
+
+static double value(const CtsField *field, const CtsRay *ray, double t_mm)
+{
+    const Trilinear *t = (const Trilinear *)field;
+    uint16_t grey[8];
+    int cell[3];
+    double at[3], corner[8], c[4];
+    find_cell(t, ray, t_mm, cell);
+    load_corners(t, cell, grey);
+    for (int m = 0; m < 8; m++)
+        corner[m] = hu_of(t, grey[m]);
+    for (int axis = 0; axis < 3; axis++)
+        at[axis] = clamp(ray->start_vox[axis] + t_mm * ray->step_vox[axis] - cell[axis], 0, 1);
+    corners_to_cubic(corner, at, at, c);
+    return c[0];
+}
+
+static void trilinear_free(CtsField **field)
+{
+    Trilinear *t = (Trilinear *)*field;
+    cts_macrocells_free(&t->own_macrocells);
+    free(t);
+    *field = NULL;
+}
+
+CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, size_t n_rays,
+                              int n_threads, CtsError *err)
+{
+    *field = NULL;
+    Trilinear *t = calloc(1, sizeof *t);
+    if (!t)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    t->field = (CtsField){.next = next, .gradient = gradient, .value = value, .free = trilinear_free};
+    t->volume = volume;
+    t->air_beyond = cts_shade_air_beyond(preset) && !CTS_MUTATED(BORDER_DIFFERENCE);
+    size_t stride = 1;
+    for (int axis = 0; axis < 3; axis++) {
+        const int dim = volume->dims[axis];
+        t->n_cells[axis] = dim > 1 ? dim - 1 : 1;
+        t->stride[axis] = dim > 1 ? stride : 0;
+        stride *= (size_t)dim;
+    }
+    *field = &t->field;
+    if (n_rays < RAYS_WORTH_MACROCELLS)
+        return CTS_OK;
+    const CtsStatus st = volume->macrocells ? CTS_OK : cts_macrocells_new(&t->own_macrocells, volume, n_threads, err);
+    t->macrocells = volume->macrocells ? volume->macrocells : t->own_macrocells;
+    if (st)
+        cts_field_free(field);
+    return st;
+}

@@ -1,0 +1,57 @@
+/* Classified after splatting and composited front to back: one plane of samples under the picture's pixels. */
+#ifndef CTS_SPLAT_COMPOSITE_H
+#define CTS_SPLAT_COMPOSITE_H
+
+#include "ctsplat/picture.h"
+#include "core/scene/engine.h"
+#include "engine/splat/occlusion.h"
+#include "engine/splat/patches.h"
+#include "engine/splat/raster.h"
+#include "core/transfer/lut.h"
+
+/* Transfer function for a length of ray; cts_entries_init() fills CTS_N_GREY rows of table, which the caller owns. */
+void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut, double length_mm);
+
+/* Runs of patches along u that may show something, for each patch row. */
+typedef struct CtsRuns {
+    int *n;        /* by patch row */
+    int (*run)[2]; /* first patch and one past the last; row t has its place at t * capacity */
+    int capacity;
+} CtsRuns;
+
+CtsStatus cts_runs_init(CtsRuns *runs, const CtsPatches *patches, CtsError *err);
+void cts_runs_free(CtsRuns *runs);
+/* Set the runs of one patch row from a bit for each of n patches. */
+void cts_runs_set(CtsRuns *runs, int patch_row, const uint64_t *shown, int n);
+
+typedef struct CtsPlane {
+    double layer; /* coordinate across the layers; between two, a fraction */
+    CtsSheetPair sheets;
+    const CtsEntries *entries;
+    const CtsLight *light; /* NULL: unlit */
+    const CtsRuns *runs;   /* NULL: every patch */
+} CtsPlane;
+
+/* One thread's state. */
+typedef struct CtsCompositor {
+    const CtsSimd *simd;
+    CtsPatches patches;
+    CtsPicture *picture;     /* red, green, blue and, until the end, transmittance */
+    CtsOcclusion *occlusion; /* NULL: look at all pixels, also behind opaque ones */
+    CtsRasterRow row;
+    uint16_t *grey;
+    int *border;        /* where one row of borders serves all of a plane: the first pixel behind that below a patch */
+    double border_base; /* of the plane that it is for */
+    double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */
+    uint64_t samples;
+    double timed_ms, timed_blend_ms; /* of the rows that are timed, one in sixteen: all of it, and blending */
+} CtsCompositor;
+
+CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPatches *patches, const CtsRaster *raster,
+                              const CtsScene *scene, CtsPicture *picture, CtsError *err);
+void cts_compositor_free(CtsCompositor *c);
+
+/* Rows y0..y1-1 of the picture. */
+void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1);
+
+#endif

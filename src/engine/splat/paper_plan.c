@@ -1,0 +1,324 @@
+#include "engine/splat/paper_plan.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "core/scene/scene_macrocells.h"
+#include <math.h>
+#include <string.h>
+
+enum { SWATHS_A_THREAD = 3 }; /* with fewer, some threads would wait for others */
+
+/* Lattice points a voxel along one axis: about one a pixel, and a power of two. */
+static int choose_density(double voxels_per_pixel)
+{
+    int density = 1;
+    while (density < CTS_MAX_DENSITY && density * voxels_per_pixel * M_SQRT2 < 1)
+        density *= 2;
+    return density;
+}
+
+static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err)
+{
+    const CtsRenderSettings *settings = p->scene->settings;
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    CtsStatus st;
+    int density[2] = {1, 1};
+    p->stack = cts_stack(p->scene->volume, p->scene->view.axis);
+    cts_raster_init(&p->raster, &p->scene->view, &p->stack, density);
+    for (int c = 0; c < 2; c++)
+        density[c] = choose_density(fmax(fabs(p->raster.by_x[c]), fabs(p->raster.by_y[c])));
+    cts_raster_init(&p->raster, &p->scene->view, &p->stack, density);
+    if (p->picture) {
+        p->raster.height = p->picture->height;
+        p->raster.first_row = p->picture->first_row;
+    }
+    p->patches = cts_patches(&p->stack, density);
+    p->samples = p->scene->plan.samples > 0 ? p->scene->plan.samples : 1;
+    p->n_sheets = p->samples > 1 ? 2 : 1;
+    p->n_threads = settings->n_threads;
+    p->by_swaths =
+        p->raster.filled && p->raster.by_layer[1] == 0 && p->patches.n_swaths >= SWATHS_A_THREAD * p->n_threads;
+    cts_simd_init(&p->simd, cts_cpu_flags());
+    if ((st = cts_footprint_init(&p->footprint, settings->kernel, settings->kernel_radius, density, err)))
+        return st;
+    const uint64_t n_taps = (uint64_t)(2 * p->footprint.reach[0] + 1) * (uint64_t)(2 * p->footprint.reach[1] + 1);
+    cts_report_stage(report, CTS_STAGE_FOOTPRINT, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, n_taps, 0);
+    return CTS_OK;
+}
+
+static CtsStatus plan_look(CtsPaperPlan *p, CtsError *err)
+{
+    const CtsScene *scene = p->scene;
+    const double length_mm = p->stack.n_layers > 1 ? scene->view.layer_mm / p->samples : 0;
+    CtsStatus st;
+    for (int i = 0; i < 2; i++) {
+        if ((st = cts_alloc_array(&p->table[i], CTS_N_GREY, err)))
+            return st;
+        cts_entries_init(&p->entries[i], p->table[i], scene->lut, i ? length_mm / 2 : length_mm);
+    }
+    p->lit = scene->preset->shade;
+    p->gradient_stride = (size_t)p->stack.n[0];
+    if (!p->lit)
+        return CTS_OK;
+    const int axes[3] = {p->stack.u_axis, p->stack.v_axis, p->stack.axis};
+    if ((st = cts_shade_init(&p->shade, scene->preset, scene->volume, &scene->view, axes, err)) || !p->shade.air_beyond)
+        return st;
+    return cts_alloc_zeroed(&p->air, (size_t)p->stack.n[0], err);
+}
+
+static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if (!p->skip_void)
+        return CTS_OK;
+    if ((st = cts_void_map_new(&p->map, &p->stack, &p->patches, &p->rule, macrocells, p->n_threads, err)))
+        return st;
+    int n_empty = 0;
+    for (int k = 0; k < p->stack.n_layers; k++)
+        n_empty += !p->map.active[k];
+    cts_report_plan(
+        report,
+        "void: macro-cells of %d^3 cells whose grey levels show nothing are left out, %.1f %% of all; %d of %d "
+        "layers show nothing at all",
+        CTS_PATCH, 100 * (1 - (double)p->map.n_shown / (double)p->map.n_patches), n_empty, p->stack.n_layers);
+    if (n_empty > 0)
+        cts_report_skip(report, "layers", "%d of %d show nothing", n_empty, p->stack.n_layers);
+    return CTS_OK;
+}
+
+/* Whether reusing layers pays, told from a sample of them; the picture is the same with and without. */
+static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
+{
+    CtsChangeSample sample;
+    if (!p->reuse)
+        return CTS_OK;
+    const CtsStatus st = cts_layers_sample(&p->stack, p->skip_void ? &p->map : NULL, p->tolerance, p->n_sheets,
+                                           p->scene->view.axis_sign, &sample, err);
+    if (st)
+        return st;
+    const double percent = sample.voxels > 0 ? 100.0 * (double)sample.changed / (double)sample.voxels : 0;
+    /* A tolerance changes the picture, so it is not dropped where reuse does not pay. */
+    p->reuse = p->tolerance > 0 || cts_layers_pay(sample, &p->footprint, p->skip_void);
+    if (p->reuse)
+        cts_report_plan(report, "layer reuse: %.0f %% of voxels change between layers, so only changes are splatted",
+                        percent);
+    else if (sample.voxels == 0)
+        cts_report_skip(report, "layer reuse", "no layer has a visible one before it");
+    else
+        cts_report_skip(report, "layer reuse", "it would not pay: %.0f %% of voxels change between layers", percent);
+    return CTS_OK;
+}
+
+static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, CtsReport *report, CtsError *err)
+{
+    const CtsScene *scene = p->scene;
+    CtsStatus st;
+    if (p->reuse)
+        p->tolerance = (int)fmin(floor(scene->settings->tolerance_hu / scene->volume->hu_step), 65535);
+    else if (scene->settings->tolerance_hu > 0)
+        cts_report_skip(report, "tolerance", "engine %s does not compare layers", p->skip_void ? "void" : "classic");
+    p->rule = (CtsRangeRule){.lut = scene->lut,
+                             .apron = p->footprint.apron,
+                             .outside = p->base,
+                             .slack = (uint16_t)p->tolerance,
+                             .sum_low = p->footprint.sum_low,
+                             .sum_high = p->footprint.sum_high};
+    if ((st = plan_void(p, macrocells, report, err)))
+        return st;
+    return plan_reuse(p, report, err);
+}
+
+/* The place along v of picture row y, in a view whose picture rows run along the lattice's rows. */
+static double level_at(const CtsRaster *r, int y)
+{
+    return r->origin[1] + r->by_y[1] * (double)(r->first_row + y);
+}
+
+/* Whether picture row y may see the volume; false only where it certainly does not. */
+static bool sees_volume(const CtsRaster *r, int y)
+{
+    return level_at(r, y) >= -1 && level_at(r, y) <= r->last[1] + 1;
+}
+
+/* Where the swaths of a picture whose rows run along the lattice's begin: each row lies in one row of patches, but for
+ * those that see nothing of the volume, above and below. */
+static CtsStatus plan_swath_rows(CtsPaperPlan *p, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_array(&p->swath_row, (size_t)p->patches.n_swaths + 1, err);
+    if (st)
+        return st;
+    const CtsRaster *r = &p->raster;
+    const bool rising = r->by_y[1] > 0;
+    const double lattice = CTS_SWATH * CTS_PATCH * p->patches.density[1];
+    int y = 0, past = r->height;
+    while (y < past && !sees_volume(r, y))
+        y++;
+    while (past > y && !sees_volume(r, past - 1))
+        past--;
+    for (int i = 0; i <= p->patches.n_swaths; i++) {
+        /* The i-th swath as rows go down the picture, and where it ends. */
+        p->swath_row[i] = y;
+        const int swath = rising ? i : p->patches.n_swaths - 1 - i;
+        for (; y < past; y++) {
+            const double at = level_at(r, y);
+            if (rising ? i < p->patches.n_swaths - 1 && at >= (swath + 1) * lattice : swath > 0 && at < swath * lattice)
+                break;
+        }
+    }
+    return CTS_OK;
+}
+
+CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *p, CtsError *err)
+{
+    const size_t n_layer = (size_t)p->stack.n[0] * (size_t)p->stack.n[1];
+    CtsStatus st;
+    store->stack = p->stack;
+    const int swath_rows = CTS_SWATH * CTS_PATCH + 2 * cts_paper_rows_beside(p) + 1;
+    if ((st = cts_stack_init(&store->stack, p->by_swaths ? swath_rows : p->stack.n[1], err)))
+        return st;
+    for (int i = 0; i < p->n_sheets; i++) {
+        if ((st = cts_sheet_init(&store->sheet[i], &p->patches, err)))
+            return st;
+        /* A row and a voxel more than the layer has, so that bilinear reads at its end stay inside. */
+        const size_t n = p->gradient_stride * ((size_t)p->stack.n[1] + 1) + 1;
+        if (p->lit && (st = cts_alloc_zeroed(&store->gradient[i], n, err)))
+            return st;
+    }
+    for (int i = 0; i < 3 && p->tolerance > 0; i++)
+        if ((st = cts_alloc_zeroed(&store->settled[i], n_layer, err)))
+            return st;
+    return p->skip_void ? cts_alloc_zeroed(&store->wanted, (size_t)p->patches.n[1] * (size_t)p->patches.n_words, err)
+                        : CTS_OK;
+}
+
+void cts_paper_store_free(CtsPaperStore *store)
+{
+    for (int i = 0; i < 2; i++) {
+        cts_free(&store->gradient[i]);
+        cts_sheet_free(&store->sheet[i]);
+    }
+    for (int i = 0; i < 3; i++)
+        cts_free(&store->settled[i]);
+    cts_free(&store->wanted);
+    cts_stack_free(&store->stack);
+}
+
+static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
+{
+    CtsStatus st;
+    if (p->by_swaths ? (st = plan_swath_rows(p, err)) : (st = cts_paper_store_init(&p->store, p, err)))
+        return st;
+    for (int i = 0; i < p->n_sheets && p->reuse && !p->skip_void; i++)
+        if ((st = cts_quiet_init(&p->quiet[i], &p->patches, err)))
+            return st;
+    if (p->skip_void &&
+        ((st = cts_occlusion_init(&p->occlusion, &p->raster, p->swath_row, p->by_swaths ? p->patches.n_swaths : 0,
+                                  err)) ||
+         (st = cts_alloc_zeroed(&p->open, (size_t)p->patches.n_swaths * (size_t)p->patches.n_words, err))))
+        return st;
+    return p->reuse || p->skip_void ? cts_runs_init(&p->runs, &p->patches, err) : CTS_OK;
+}
+
+static void explain(const CtsPaperPlan *p, CtsReport *report)
+{
+    static const char axis_name[3] = {'x', 'y', 'z'};
+    cts_report_plan(report,
+                    "layers: %d across the volume's %c axis, %d x %d voxels each, %d plane%s of samples a layer",
+                    p->stack.n_layers, axis_name[p->stack.axis], p->stack.n[0], p->stack.n[1], p->samples,
+                    p->samples > 1 ? "s" : "");
+    cts_report_plan(report, "sheet: %d x %d samples a voxel; footprint: %d x %d taps", p->footprint.density[0],
+                    p->footprint.density[1], 2 * p->footprint.reach[0] + 1, 2 * p->footprint.reach[1] + 1);
+    cts_report_plan(report, "order: %s", p->by_swaths ? "swaths of rows, each through all layers" : "layer by layer");
+    cts_report_plan(report, "lighting: %s; threads: %d", p->scene->preset->shade ? "on" : "off", p->n_threads);
+}
+
+CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, CtsPaperFeatures features, CtsPicture *picture,
+                              CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    *p = (CtsPaperPlan){
+        .scene = scene, .picture = picture, .skip_void = features.skip_void, .reuse = features.reuse_layers};
+    if ((st = plan_geometry(p, report, err)))
+        return st;
+    explain(p, report);
+    const CtsMacrocells *macrocells = NULL;
+    if (p->skip_void && (st = cts_scene_macrocells(scene, &p->own_macrocells, &macrocells, report, err)))
+        return st;
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    if ((st = plan_look(p, err)) || (st = plan_savings(p, macrocells, report, err)))
+        return st;
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, 0, 0);
+    return picture ? plan_memory(p, err) : CTS_OK;
+}
+
+void cts_paper_plan_free(CtsPaperPlan *p)
+{
+    for (int i = 0; i < 2; i++) {
+        cts_free(&p->table[i]);
+        cts_quiet_free(&p->quiet[i]);
+    }
+    cts_paper_store_free(&p->store);
+    cts_free(&p->swath_row);
+    cts_occlusion_free(&p->occlusion);
+    cts_free(&p->open);
+    cts_macrocells_free(&p->own_macrocells);
+    cts_runs_free(&p->runs);
+    cts_void_map_free(&p->map);
+    cts_free(&p->air);
+    cts_shade_free(&p->shade);
+}
+
+/* Add the patches that open pixels look at on a step's plane, and where there are planes between from there to
+ * another's.
+ */
+static void open_patches(const CtsPaperPlan *p, int step, int other_step, int patch_v, uint64_t *row)
+{
+    const int here = cts_paper_layer(p, step), last = p->stack.n_layers - 1;
+    const bool between = p->samples > 1 && other_step >= 0 && other_step <= last;
+    const uint64_t *open = p->open + (size_t)(patch_v / CTS_SWATH) * (size_t)p->patches.n_words;
+    cts_void_add_row(&p->map, here, between ? cts_paper_layer(p, other_step) : here, patch_v, row);
+    for (int w = 0; w < p->patches.n_words; w++)
+        row[w] &= open[w];
+}
+
+void cts_paper_needed(const CtsPaperPlan *p, int step, int patch_v, uint64_t *row)
+{
+    const bool inside = patch_v >= 0 && patch_v < p->patches.n[1];
+    memset(row, inside && !p->skip_void ? 255 : 0, (size_t)p->patches.n_words * sizeof *row);
+    if (!p->skip_void || !inside)
+        return;
+    open_patches(p, step, step - 1, patch_v, row);
+    if (p->samples > 1)
+        open_patches(p, step, step + 1, patch_v, row);
+}
+
+void cts_paper_shown(const CtsPaperPlan *p, int step, int patch_v, uint64_t *row)
+{
+    memset(row, p->skip_void ? 0 : 255, (size_t)p->patches.n_words * sizeof *row);
+    if (p->skip_void)
+        open_patches(p, step, step - 1, patch_v, row);
+    else
+        cts_quiet_drop(&p->quiet[step % p->n_sheets], &p->quiet[(step + p->n_sheets - 1) % p->n_sheets], &p->rule,
+                       patch_v / CTS_SWATH, row);
+}
+
+void cts_paper_find_open(const CtsPaperPlan *p, int step, int swath)
+{
+    /* The planes of these steps, of the one before and of the one behind. */
+    const double half = 0.5 * (CTS_PAPER_OPEN_STEPS - 1);
+    CtsOcclusionQuery query = {.layer = cts_paper_layer(p, step) + p->scene->view.axis_sign * half, .spread = half + 1};
+    cts_paper_picture_rows(p, swath, &query.y0, &query.y1);
+    cts_occlusion_open_row(&p->occlusion, &p->raster, &p->patches, &query, swath,
+                           p->open + (size_t)swath * (size_t)p->patches.n_words);
+}
+
+void cts_paper_find_wanted(const CtsPaperPlan *p, const CtsPaperStore *store, int chunk, int patch_v)
+{
+    const int k0 = chunk * CTS_STACK_CHUNK, k1 = k0 + CTS_STACK_CHUNK, last = p->stack.n_layers - 1;
+    uint64_t *row = store->wanted + (size_t)patch_v * (size_t)p->patches.n_words;
+    CtsOcclusionQuery query = {.layer = 0.5 * (k0 + k1 - 1), .spread = 0.5 * (k1 - k0 + 1)};
+    cts_paper_picture_rows(p, patch_v / CTS_SWATH, &query.y0, &query.y1);
+    cts_occlusion_open_row(&p->occlusion, &p->raster, &p->patches, &query, patch_v / CTS_SWATH, row);
+    cts_void_keep_rows(&p->map, k0 > 0 ? k0 - 1 : 0, k1 < last ? k1 : last, patch_v, row);
+}

@@ -1,0 +1,134 @@
+/* What the paper's engines derive once per picture. */
+#ifndef CTS_SPLAT_PAPER_PLAN_H
+#define CTS_SPLAT_PAPER_PLAN_H
+
+#include "engine/splat/composite.h"
+#include "engine/splat/layers.h"
+#include "engine/splat/paper.h"
+#include "engine/splat/sheet.h"
+#include "engine/splat/void.h"
+
+/* The layers that can be read and sampled at the moment, and their sheets: one store for all threads, or one for each.
+ */
+typedef struct CtsPaperStore {
+    CtsStack stack;
+    CtsSheet sheet[2];
+    float (*gradient[2])[4]; /* at the voxels of the sheets' layers */
+    uint16_t *settled[3];    /* rows as they are splatted, where they differ from the volume's; step s in s % 3 */
+    uint64_t *wanted;        /* with void skipping: by row of patches, what of a chunk of layers is to be loaded */
+} CtsPaperStore;
+
+/* Threads only read it, but for the store, runs, and bits by swath, whose parts they own in turn. Layers are counted in
+ * the order in which rays cross them ("step"), not as in the volume.
+ *
+ * Where all layers of a swath of patches fall on the same rows of the picture, one thread takes the swath through all
+ * layers, with a store of its own; else all threads work on one layer at a time. */
+typedef struct CtsPaperPlan {
+    const CtsScene *scene;
+    CtsPicture *picture;
+    CtsSimd simd;
+    CtsFootprint footprint;
+    CtsStack stack;
+    CtsPatches patches;
+    CtsRaster raster;
+    int samples;  /* planes of samples a layer */
+    int n_sheets; /* 1, or 2 where planes lie between layers: sheet s % n_sheets is step s's */
+    int n_threads;
+
+    CtsEntries entries[2]; /* for a plane's length of ray, and for half of it: the first and the last plane */
+    float (*table[2])[4];
+    bool lit;
+    CtsShade shade;
+
+    bool skip_void, reuse; /* the paper's two savings */
+    CtsRangeRule rule;
+    CtsVoidMap map;                /* with skip_void */
+    CtsMacrocells *own_macrocells; /* where the volume has none */
+    CtsOcclusion occlusion;        /* with skip_void */
+    uint64_t *open;                /* with skip_void: by swath, patches that open pixels look at within some steps */
+    CtsQuiet quiet[2];             /* reuse without skip_void: of each sheet */
+    CtsRuns runs;                  /* with either: what to composite */
+
+    uint16_t base; /* the grey level that sheets start from */
+    int tolerance; /* dead band, in grey levels */
+
+    bool by_swaths;
+    int *swath_row;      /* by_swaths: the first picture row of each swath, from the top down, and the end */
+    CtsPaperStore store; /* unless by_swaths */
+    size_t gradient_stride;
+    uint16_t *air; /* a row of it, where lighting takes it for what is beyond the border; else NULL */
+    bool stopped;
+} CtsPaperPlan;
+
+/* Derive everything but memory for pixels; with picture NULL no more than what --explain tells. */
+CtsStatus cts_paper_plan_init(CtsPaperPlan *plan, const CtsScene *scene, CtsPaperFeatures features, CtsPicture *picture,
+                              CtsReport *report, CtsError *err);
+void cts_paper_plan_free(CtsPaperPlan *plan);
+
+/* The volume's layer of a step. */
+static inline int cts_paper_layer(const CtsPaperPlan *p, int step)
+{
+    return p->scene->view.axis_sign > 0 ? step : p->stack.n_layers - 1 - step;
+}
+
+/* Allocate a store; one that is all zeros may be freed. */
+CtsStatus cts_paper_store_init(CtsPaperStore *store, const CtsPaperPlan *plan, CtsError *err);
+void cts_paper_store_free(CtsPaperStore *store);
+
+/* The picture rows that a swath of patches is seen in, as far as that is known: y0..y1-1. */
+static inline void cts_paper_picture_rows(const CtsPaperPlan *p, int swath, int *y0, int *y1)
+{
+    const int i = p->raster.by_y[1] > 0 ? swath : p->patches.n_swaths - 1 - swath;
+    *y0 = p->by_swaths ? p->swath_row[i] : 0;
+    *y1 = p->by_swaths ? p->swath_row[i + 1] : p->raster.height;
+}
+
+/* Rows of voxels that are read beside a swath's own, on either side. */
+static inline int cts_paper_rows_beside(const CtsPaperPlan *p)
+{
+    return p->shade.step[1] > CTS_PATCH ? p->shade.step[1] : CTS_PATCH;
+}
+
+/* The rows of voxels, first..past-1, that a swath's thread reads. */
+static inline void cts_paper_voxel_rows(const CtsPaperPlan *p, int swath, int *first, int *past)
+{
+    const int beside = cts_paper_rows_beside(p), low = cts_swath_start(&p->patches, swath, 1) - beside,
+              high = cts_swath_start(&p->patches, swath + 1, 1) + beside + 1;
+    *first = low > 0 ? low : 0;
+    *past = high < p->stack.n[1] ? high : p->stack.n[1];
+}
+
+/* Rows of a step as they are splatted: a CtsRowOf with a CtsPaperRows as context. */
+typedef struct CtsPaperRows {
+    const CtsPaperPlan *plan;
+    const CtsPaperStore *store;
+    int step;
+} CtsPaperRows;
+
+static inline const uint16_t *cts_paper_row(const void *context, int v)
+{
+    const CtsPaperRows *rows = context;
+    const CtsPaperPlan *p = rows->plan;
+    if (rows->store->settled[0])
+        return rows->store->settled[rows->step % 3] + (size_t)v * (size_t)p->stack.n[0];
+    return cts_stack_row(&rows->store->stack, cts_paper_layer(p, rows->step), v);
+}
+
+/* Which of a row of patches the sheet of a step must hold, and which the planes that the step completes look at. Rows
+ * outside the layer have none. */
+void cts_paper_needed(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
+void cts_paper_shown(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
+
+/* With skip_void: what open pixels look at is found anew every CTS_PAPER_OPEN_STEPS steps, one swath at a time; and
+ * what of a chunk of layers is worth loading, one row of patches at a time. */
+enum { CTS_PAPER_OPEN_STEPS = 8 };
+void cts_paper_find_open(const CtsPaperPlan *plan, int step, int swath);
+void cts_paper_find_wanted(const CtsPaperPlan *plan, const CtsPaperStore *store, int chunk, int patch_v);
+
+/* False: no sheet of this step is needed at all. */
+static inline bool cts_paper_step_needed(const CtsPaperPlan *p, int step)
+{
+    return !p->skip_void || p->map.active[cts_paper_layer(p, step)];
+}
+
+#endif

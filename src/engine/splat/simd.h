@@ -1,0 +1,100 @@
+/* The hot loops of the paper's engines, one SIMD path a struct: each loop as plain C and, where the processor has it,
+ * as vector code. Every pair is exact: integers, or float32 in one fixed order without fused operations, so that the
+ * choice never changes a bit of a picture. */
+#ifndef CTS_SPLAT_SIMD_H
+#define CTS_SPLAT_SIMD_H
+
+#include "core/scene/shade.h"
+#include "engine/splat/footprint.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { CTS_SHEET_MARGIN = 2 * CTS_MAX_TAPS }; /* lattice points beside a sheet row that the loops may touch */
+
+/* Below this a ray's transmittance counts as 0: what is left is an eighth of a step of a 16-bit picture. */
+#define CTS_OPAQUE_BELOW 0x1p-19f
+
+/* Where footprints go: sheet is the lattice row of tap row tap0 at the column of voxel 0's first tap. Arithmetic is
+ * modulo 2^32. Values added are value[i] - old[i], or value[i] - base where old is NULL. */
+typedef struct CtsScatter {
+    const CtsFootprint *footprint;
+    uint32_t *sheet;
+    size_t stride;
+    int tap0, tap1; /* rows of taps tap0..tap1-1 */
+    const uint16_t *value, *old;
+    uint32_t base;
+} CtsScatter;
+
+/* Where a picture row's samples fall on the lattice: cell and fraction along u and v, for each pixel. Cells never fall,
+ * or never rise, from pixel to pixel. level: all have the same place along v, given once. */
+typedef struct CtsPlaces {
+    const int32_t *cell[2];
+    const float *frac[2];
+    bool level;
+} CtsPlaces;
+
+/* One layer, or a plane between two: sheets at lattice point (0, 0); second is NULL on a layer. */
+typedef struct CtsSheetPair {
+    const uint32_t *first, *second;
+    size_t stride;
+    float weight; /* of the second */
+} CtsSheetPair;
+
+/* Transfer function for one layer's length of ray: entry[grey] is red, green, blue times alpha, and -alpha. Grey
+ * levels outside low..high have alpha 0. */
+typedef struct CtsEntries {
+    const float (*entry)[4];
+    uint16_t low, high;
+} CtsEntries;
+
+/* Gradients at the voxels of one layer or two, four floats a voxel (the fourth is 0). */
+typedef struct CtsLight {
+    const CtsShade *shade;
+    const float (*first)[4], (*second)[4];
+    size_t stride; /* voxels from row to row */
+    float weight;  /* of the second */
+    int shift[2];  /* log2 of the lattice's density */
+} CtsLight;
+
+/* What the gradients of a row of voxels are made of: the row itself, n long, and the rows before and after it along v
+ * [0] and across the layers [1]. scale makes all differences alike: 1 where before and after lie two voxels apart, 2
+ * where they lie one apart, at a border beyond which is no air (and where there is one layer, both are the row itself).
+ */
+typedef struct CtsGradientRows {
+    const uint16_t *row, *before[2], *after[2];
+    float scale[2];
+    int n;
+    bool air_beyond; /* before and behind the row is air; else its ends have one-sided differences, doubled */
+} CtsGradientRows;
+
+typedef struct CtsSimd {
+    /* Add the footprints of voxels i0..i1-1. Touches up to CTS_MAX_TAPS columns right of a footprint, unchanged. */
+    void (*scatter)(const CtsScatter *job, int i0, int i1);
+    /* The same for those whose bit in marks is set (bit i & 63 of word i / 64). */
+    void (*scatter_marked)(const CtsScatter *job, const uint64_t *marks, int i0, int i1);
+    /* Set bit i where value[i] differs from old[i] (base where old is NULL); whole words, bits past n are 0. */
+    void (*mark)(const uint16_t *value, const uint16_t *old, uint16_t base, int n, uint64_t *marks);
+    /* low[i], high[i] become the smallest and largest of themselves and value[i]. */
+    void (*widen)(const uint16_t *value, int n, uint16_t *low, uint16_t *high);
+    /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, held within 0..last. May write what
+     * it likes up to the next multiple of 8. */
+    void (*place)(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac);
+    /* Nearest grey levels of n samples, bilinear. May sample, and so must be able to, up to the next multiple of 8. */
+    void (*sample)(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey);
+    /* Blend n samples under n pixels of red, green, blue and transmittance, unlit. True when it may have changed any.
+     */
+    bool (*blend)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries);
+    /* The same, lit. */
+    bool (*light)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
+                  const CtsLight *light);
+    /* Gradients of voxels i0..i1-1: differences along the row, along v and across the layers, and 0. */
+    void (*gradient)(const CtsGradientRows *rows, int i0, int i1, float (*gradient)[4]);
+} CtsSimd;
+
+/* cpu: CPU flags that may be used. */
+void cts_simd_init(CtsSimd *simd, unsigned cpu);
+/* Replaces loops by vector code; does nothing where that was not built. */
+void cts_simd_init_avx2(CtsSimd *simd);
+
+#endif

@@ -1,0 +1,249 @@
+#include "engine/splat/void.h"
+
+#include "base/mem.h"
+#include "base/mutation.h"
+#include "base/parallel.h"
+#include <stdatomic.h>
+#include <string.h>
+
+static uint16_t sample_low(const CtsRangeRule *rule, uint16_t low)
+{
+    const uint64_t least = (uint64_t)(low > rule->slack ? low - rule->slack : 0) * rule->sum_low / CTS_WEIGHT_ONE;
+    return (uint16_t)(least < UINT16_MAX ? least : UINT16_MAX);
+}
+
+static uint16_t sample_high(const CtsRangeRule *rule, uint16_t high)
+{
+    const uint64_t most = (((uint64_t)high + rule->slack) * rule->sum_high + CTS_WEIGHT_ONE - 1) / CTS_WEIGHT_ONE;
+    return (uint16_t)(most < UINT16_MAX ? most : UINT16_MAX);
+}
+
+bool cts_range_visible(const CtsRangeRule *rule, CtsRange range)
+{
+    return cts_lut_visible(rule->lut, sample_low(rule, range.low), sample_high(rule, range.high));
+}
+
+static void widen(CtsRange *range, CtsRange other)
+{
+    *range = cts_range_union(*range, other);
+}
+
+CtsRange cts_patch_range(const CtsPatches *patches, const CtsRangeRule *rule, int patch_u, int row0, int row1,
+                         const uint16_t *(*row_of)(const void *context, int v), const void *rows)
+{
+    const int first[2] = {patch_u, row0}, past[2] = {patch_u + 1, row1 + 1};
+    CtsRange range = {UINT16_MAX, 0};
+    int low[2], high[2];
+    for (int c = 0; c < 2; c++) {
+        const int last = patches->last_voxel[c], end = past[c] * CTS_PATCH < last ? past[c] * CTS_PATCH : last;
+        low[c] = first[c] * CTS_PATCH - rule->apron;
+        high[c] = end + rule->apron;
+        if (low[c] < 0 || high[c] > last)
+            range = (CtsRange){rule->outside, rule->outside};
+        low[c] = low[c] > 0 ? low[c] : 0;
+        high[c] = high[c] < last ? high[c] : last;
+    }
+    for (int v = low[1]; v <= high[1]; v++) {
+        const uint16_t *row = row_of(rows, v);
+        for (int u = low[0]; u <= high[0]; u++)
+            widen(&range, (CtsRange){row[u], row[u]});
+    }
+    return range;
+}
+
+/* Two grey levels that settle most ranges by a comparison each: a range whose high lies below high_from, or whose low
+ * lies above low_to, shows nothing. */
+typedef struct Limits {
+    int high_from, low_to;
+} Limits;
+
+static Limits limits_of(const CtsRangeRule *rule)
+{
+    int low = 0, past = CTS_N_GREY;
+    Limits limits;
+    while (low < past) {
+        const int middle = (low + past) / 2;
+        if (cts_lut_visible(rule->lut, 0, sample_high(rule, (uint16_t)middle)))
+            past = middle;
+        else
+            low = middle + 1;
+    }
+    limits.high_from = low;
+    for (low = 0, past = CTS_N_GREY; low < past;) {
+        const int middle = (low + past) / 2;
+        if (cts_lut_visible(rule->lut, sample_low(rule, (uint16_t)middle), UINT16_MAX))
+            low = middle + 1;
+        else
+            past = middle;
+    }
+    limits.low_to = low - 1;
+    return limits;
+}
+
+/* The volume's fine macro-cells as the stack has them: a line of them runs along the volume's x axis, which is along u,
+ * or where the layers lie across x from layer to layer. */
+typedef struct Lines {
+    const CtsRange *fine;
+    const CtsRangeRule *rule;
+    Limits limits;
+    int n;       /* macro-cells in a line */
+    bool across; /* lines run from layer to layer */
+    size_t u_step, v_step, k_step;
+    CtsRange *wide, *row; /* scratch: lines of n + 2 macro-cells for each thread */
+} Lines;
+
+static void widen_line(CtsRange *line, const CtsRange *other, int n)
+{
+    for (int i = 0; i < n; i++)
+        widen(&line[i], other[i]);
+}
+
+/* Whether voxels outside the volume reach into a patch. */
+static bool reached_from_outside(const CtsPatches *patches, const CtsRangeRule *rule, int axis, int patch)
+{
+    return patch * CTS_PATCH - rule->apron < 0 || (patch + 1) * CTS_PATCH + rule->apron > patches->last_voxel[axis];
+}
+
+/* Ranges of a line's macro-cells and of those around them that reach in. */
+static const CtsRange *line_ranges(const CtsVoidMap *map, const Lines *l, int k, int patch_v, int patch_u,
+                                   CtsRange *row, CtsRange *wide)
+{
+    const CtsPatches *patches = &map->patches;
+    const CtsRange *line = l->fine + (size_t)k * l->k_step + (size_t)patch_v * l->v_step + (size_t)patch_u * l->u_step;
+    const CtsRange outside = {l->rule->outside, l->rule->outside};
+    if (l->rule->apron == 0)
+        return line;
+    memcpy(row, line, (size_t)l->n * sizeof *row);
+    for (int dv = -1; dv <= 1; dv++)
+        for (int du = l->across ? -1 : 0; du <= l->across; du++)
+            if (patch_v + dv >= 0 && patch_v + dv < patches->n[1] && patch_u + du >= 0 && patch_u + du < patches->n[0])
+                widen_line(row, line + (ptrdiff_t)l->v_step * dv + (ptrdiff_t)l->u_step * du, l->n);
+    const bool out = reached_from_outside(patches, l->rule, 1, patch_v) ||
+                     (l->across && reached_from_outside(patches, l->rule, 0, patch_u));
+    for (int i = 0; i < l->n; i++) {
+        wide[i] = row[i];
+        if (!l->across) {
+            widen(&wide[i], row[i > 0 ? i - 1 : i]);
+            widen(&wide[i], row[i < l->n - 1 ? i + 1 : i]);
+        }
+        if (out || (!l->across && reached_from_outside(patches, l->rule, 0, i)))
+            widen(&wide[i], outside);
+    }
+    return wide;
+}
+
+static uint64_t *shows_row(const CtsVoidMap *map, int macrocell, int patch_v)
+{
+    return map->shows +
+           ((size_t)macrocell * (size_t)map->patches.n[1] + (size_t)patch_v) * (size_t)map->patches.n_words;
+}
+
+/* Set the bits of one line; returns how many. */
+static uint64_t map_line(const CtsVoidMap *map, const Lines *l, int worker, int k, int patch_v, int patch_u)
+{
+    const size_t scratch = (size_t)worker * (size_t)l->n;
+    const CtsRange *range = line_ranges(map, l, k, patch_v, patch_u, l->row + scratch, l->wide + scratch);
+    uint64_t n_shown = 0;
+    for (int i = 0; i < l->n; i++) {
+        if (range[i].high < l->limits.high_from || range[i].low > l->limits.low_to ||
+            !cts_range_visible(l->rule, range[i]))
+            continue;
+        const int u = l->across ? patch_u : i;
+        shows_row(map, l->across ? i : k, patch_v)[u / 64] |= UINT64_C(1) << (u & 63);
+        n_shown++;
+    }
+    return n_shown;
+}
+
+void cts_void_add_row(const CtsVoidMap *map, int a, int b, int patch_v, uint64_t *row)
+{
+    const int layer = a < b ? a : b, last = map->n_macrocells - 1;
+    const int macrocell = layer / CTS_PATCH < last ? layer / CTS_PATCH : last;
+    const uint64_t *shows = shows_row(map, macrocell, patch_v), *also = shows;
+    /* Two macro-cells know the layer on which they meet. */
+    if (a == b && macrocell > 0 && macrocell * CTS_PATCH == layer)
+        also = shows_row(map, macrocell - 1, patch_v);
+    for (int w = 0; w < map->patches.n_words; w++)
+        row[w] |= CTS_MUTATED(VOID_EDGES) ? shows[w] & also[w] & shows[w] << 1 : shows[w] & also[w];
+}
+
+void cts_void_keep_rows(const CtsVoidMap *map, int first, int last, int patch_v, uint64_t *row)
+{
+    const int last_macrocell = last / CTS_PATCH < map->n_macrocells ? last / CTS_PATCH : map->n_macrocells - 1;
+    for (int w = 0; w < map->patches.n_words; w++) {
+        uint64_t any = 0;
+        for (int macrocell = first / CTS_PATCH; macrocell <= last_macrocell; macrocell++)
+            any |= shows_row(map, macrocell, patch_v)[w];
+        row[w] &= any;
+    }
+}
+
+/* Layers of the macro-cells that show something, and with slabs their neighbours. */
+static void find_active(CtsVoidMap *map)
+{
+    const size_t n_words = (size_t)map->patches.n[1] * (size_t)map->patches.n_words;
+    for (int macrocell = 0; macrocell < map->n_macrocells; macrocell++) {
+        bool any = false;
+        for (size_t w = 0; w < n_words; w++)
+            any |= map->shows[(size_t)macrocell * n_words + w] != 0;
+        if (any)
+            for (int k = macrocell * CTS_PATCH; k <= (macrocell + 1) * CTS_PATCH && k < map->n_layers; k++)
+                map->active[k] = 1;
+    }
+}
+
+typedef struct Mapping {
+    const CtsVoidMap *map;
+    const Lines *lines;
+    int n_other;
+    _Atomic uint64_t n_shown;
+} Mapping;
+
+/* Lines of one row of patches share words of bits, so they are one thread's. */
+static void map_rows(void *context, int worker, size_t first, size_t end)
+{
+    Mapping *const m = context;
+    const bool across = m->lines->across;
+    for (size_t v = first; v < end; v++)
+        for (int i = 0; i < m->n_other; i++)
+            atomic_fetch_add(&m->n_shown, map_line(m->map, m->lines, worker, across ? 0 : i, (int)v, across ? i : 0));
+}
+
+CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatches *patches, const CtsRangeRule *rule,
+                           const CtsMacrocells *macrocells, int n_threads, CtsError *err)
+{
+    const size_t step[3] = {1, (size_t)macrocells->n_fine[0],
+                            (size_t)macrocells->n_fine[0] * (size_t)macrocells->n_fine[1]};
+    const int n_macrocells = macrocells->n_fine[stack->axis], n_v = patches->n[1];
+    const size_t n_rows = (size_t)n_macrocells * (size_t)n_v;
+    Lines lines = {.fine = macrocells->fine,
+                   .rule = rule,
+                   .limits = limits_of(rule),
+                   .n = macrocells->n_fine[0],
+                   .across = stack->axis == 0,
+                   .u_step = step[stack->u_axis],
+                   .v_step = step[stack->v_axis],
+                   .k_step = step[stack->axis]};
+    CtsStatus st;
+    *map = (CtsVoidMap){.patches = *patches, .n_layers = stack->n_layers, .n_macrocells = n_macrocells};
+    if ((st = cts_alloc_zeroed(&map->shows, n_rows * (size_t)patches->n_words, err)) ||
+        (st = cts_alloc_zeroed(&map->active, (size_t)stack->n_layers, err)) ||
+        (st = cts_alloc_array(&lines.row, (size_t)lines.n * (size_t)n_threads, err)) ||
+        (st = cts_alloc_array(&lines.wide, (size_t)lines.n * (size_t)n_threads, err)))
+        goto end;
+    Mapping mapping = {.map = map, .lines = &lines, .n_other = lines.across ? patches->n[0] : n_macrocells};
+    cts_parallel(n_threads, (size_t)n_v, 1, map_rows, &mapping);
+    map->n_shown = atomic_load(&mapping.n_shown);
+    map->n_patches = n_rows * (size_t)patches->n[0];
+    find_active(map);
+end:
+    cts_free(&lines.row);
+    cts_free(&lines.wide);
+    return st;
+}
+
+void cts_void_map_free(CtsVoidMap *map)
+{
+    cts_free(&map->shows);
+    cts_free(&map->active);
+}

@@ -1,0 +1,64 @@
+#include "input/codec/codec.h"
+
+#include "input/codec/codec_check.h"
+#include "input/files/file_bytes.h"
+#include <string.h>
+
+static CtsStatus inflate_pixels(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    size_t got = 0;
+    const CtsStatus st = cts_inflate(stream, n, f->n_before, pixels, cts_frame_bytes(f), &got, err);
+    if (!st && got < cts_frame_bytes(f))
+        return cts_fail(err, CTS_ERR_PIXELS, "truncated: PixelData needs %zu bytes, %zu left", cts_frame_bytes(f), got);
+    return st;
+}
+
+CtsStatus cts_inflate_head(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *head, CtsError *err)
+{
+    size_t got = 0;
+    const CtsStatus st =
+        cts_inflate(stream, n, 0, (uint8_t *)head + sizeof got, cts_frame_bytes(f) - sizeof got, &got, err);
+    memcpy(head, &got, sizeof got);
+    return st;
+}
+
+/* By CtsCodec. What the check refuses never reaches the decoder. */
+static const struct {
+    CtsStatus (*check)(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
+    cts_decode_fn decode;
+} codecs[CTS_N_CODECS] = {
+    [CTS_CODEC_NATIVE] = {NULL, inflate_pixels}, /* compressed only as a part of a deflated data set */
+    [CTS_CODEC_RLE] = {cts_codec_check_rle, cts_dcm_decode},
+    [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, cts_dcm_decode},
+    [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, cts_dcm_decode},
+    [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode}, /* OpenJPEG tells the stream's shape before it decodes */
+    [CTS_CODEC_HTJ2K] = {NULL, cts_htj2k_decode},        /* OpenJPH too */
+};
+
+/* Bits that the stream has and the header does not know belong to the number, where the stream's precision is no round
+ * one: the header would read another number. With all 16 they may be an overlay. */
+static CtsStatus check_words(const CtsFrameFormat *f, int precision, const uint16_t *words, CtsError *err)
+{
+    const size_t n = (size_t)f->columns * (size_t)f->rows;
+    if (f->bits_allocated != 16 || f->is_signed || precision <= f->bits_stored || precision == 16 ||
+        f->high_bit != f->bits_stored - 1)
+        return CTS_OK;
+    for (size_t i = 0; i < n; i++)
+        if (words[i] >> f->bits_stored && words[i] != f->padding_word)
+            return cts_fail(err, CTS_ERR_PIXELS,
+                            "its JPEG stream (%d bits) holds %d, which the header (%d bits) reads as another number",
+                            precision, words[i], f->bits_stored);
+    return CTS_OK;
+}
+
+CtsStatus cts_codec_decode(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    const CtsCodec codec = f->syntax->codec;
+    CtsCodecFrame frame = {f->columns, f->rows, f->bits_allocated, f->n_colours > 0 ? f->n_colours : 1, 0};
+    if (!codecs[codec].decode)
+        return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s cannot be decoded by this build", f->syntax->uid);
+    CtsStatus st = codecs[codec].check ? codecs[codec].check(&frame, stream, n, err) : CTS_OK;
+    if (!st)
+        st = codecs[codec].decode(f, stream, n, pixels, err);
+    return st ? st : check_words(f, frame.precision, pixels, err);
+}

@@ -1,0 +1,57 @@
+/* One compressed frame -> stored words. Foreign bytes meet a codec only here, and only in a process of their own
+ * (decoder.h): codecs crash, hang and overrun on damaged streams. */
+#ifndef CTS_DICOM_CODEC_H
+#define CTS_DICOM_CODEC_H
+
+#include "ctsplat/status.h"
+#include "input/header/syntax.h"
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* What the header says of one frame of grey pixels, or of a picture's colours: red, green, blue. */
+typedef struct CtsFrameFormat {
+    const CtsSyntax *syntax;
+    int n_colours; /* samples a pixel, side by side; 0: grey */
+    int columns, rows, bits_allocated, bits_stored, high_bit;
+    bool is_signed;
+    int padding_word;  /* as in CtsSlice */
+    uint64_t n_before; /* deflated: bytes of the data set before the pixels */
+} CtsFrameFormat;
+
+static inline size_t cts_frame_bytes(const CtsFrameFormat *format)
+{
+    const size_t n_samples = format->n_colours > 0 ? (size_t)format->n_colours : 1;
+    return (size_t)format->columns * (size_t)format->rows * n_samples * (size_t)(format->bits_allocated / 8);
+}
+
+/* stream: the frame's fragments, joined; for a deflated data set all of it. Writes rows * columns words of
+ * bits_allocated bits, this machine's order. CTS_ERR_PIXELS when the stream is not what the header says, or the codec
+ * fails or as much as warns: its warnings are noise in the picture. */
+typedef CtsStatus (*cts_decode_fn)(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
+                                   CtsError *err);
+
+/* By the codec of format->syntax. */
+CtsStatus cts_codec_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
+
+/* The codecs, each for its own syntaxes: DCMTK's (RLE, JPEG, JPEG-LS; start DCMTK's decoders first), OpenJPEG and
+ * OpenJPH. */
+CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
+CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
+                              CtsError *err);
+/* Before a process is forked that is to decode HTJ2K: without OpenJPH, OpenJPEG does it, in nearly twice the time. Why
+ * that is so, NULL where OpenJPH is there. */
+const char *cts_htj2k_prepare(void);
+CtsStatus cts_htj2k_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
+
+/* How a deflated data set begins: a size_t, then so many bytes of it, as many as there are or find room in a frame. The
+ * format's syntax is not looked at. */
+CtsStatus cts_inflate_head(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *head, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

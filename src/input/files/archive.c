@@ -1,0 +1,259 @@
+#define _GNU_SOURCE
+#include "input/files/archive.h"
+
+#include "base/mem.h"
+#include "input/codec/decoder.h"
+#include "input/files/file_bytes.h"
+#include "input/header/tag_scan.h"
+#include <stdlib.h>
+#include <string.h>
+#include <zip.h>
+
+enum {
+    RATIO = 100, /* CT packs three to one, an empty phantom fifty to one */
+    EXTRA = 64 << 20,
+    LOOK = 4096, /* bytes that tell what a member is */
+    MAX_NAME = 1024,
+    UNIT = 1 << 16, /* the room is counted in rows of so many bytes */
+    UNPACKING_MEMORY = 256 << 20,
+    UNPACKING_CPU_S = 120,
+    ALIGNMENT = 16
+};
+
+/* What the child writes, one behind the other: this, the name with its NUL, the bytes. An end has no name. */
+typedef struct Record {
+    uint64_t n_bytes;
+    uint32_t n_name;
+    uint32_t is_bad;
+} Record;
+
+struct CtsArchive {
+    CtsDecoder unpacker; /* keeps the memory; its child is gone */
+    CtsMember *members;
+    int n, n_other;
+};
+
+bool cts_archive_is_zip(const char *path)
+{
+    uint8_t start[4];
+    CtsFileBytes file;
+    if (cts_file_bytes_open(&file, path, NULL) || file.fd < 0)
+        return false;
+    const bool is_zip = file.n_bytes >= 22 && !cts_file_bytes_read(&file, start, sizeof start, 0, NULL) &&
+                        (memcmp(start, "PK\3\4", 4) == 0 || memcmp(start, "PK\5\6", 4) == 0);
+    cts_file_bytes_close(&file);
+    return is_zip;
+}
+
+/* The child's side. */
+typedef struct Writer {
+    uint8_t *bytes;
+    size_t n, pos;
+} Writer;
+
+static size_t aligned(size_t n)
+{
+    return (n + ALIGNMENT - 1) / ALIGNMENT * ALIGNMENT;
+}
+
+/* Unpack one member behind its name; a text instead where that fails. False when there is no room. */
+static bool unpack(Writer *w, zip_t *zip, zip_uint64_t index, const char *name)
+{
+    const size_t n_name = strnlen(name, MAX_NAME), start = w->pos + sizeof(Record) + n_name + 1;
+    Record r = {0, (uint32_t)n_name, 0};
+    if (start + LOOK > w->n)
+        return false;
+    memcpy(w->bytes + w->pos + sizeof r, name, n_name);
+    w->bytes[start - 1] = 0;
+    size_t end = start;
+    zip_file_t *file = zip_fopen_index(zip, index, 0);
+    const char *why = file ? NULL : zip_strerror(zip);
+    while (file && !why) {
+        const size_t room = w->n - end;
+        const zip_int64_t got = zip_fread(file, w->bytes + end, room < EXTRA ? room : EXTRA);
+        if (got < 0)
+            why = zip_file_strerror(file);
+        if (got <= 0)
+            break;
+        const bool first = end == start;
+        end += (size_t)got;
+        if (end == w->n)
+            return false;
+        CtsMetaScan scan;
+        if (first && cts_scan_meta(w->bytes + start, end - start, UINT64_MAX, &scan) == CTS_SCAN_NOT_DICOM)
+            end = start;
+        if (first && end == start)
+            break;
+    }
+    if (why) {
+        const size_t n_why = strnlen(why, LOOK - 1);
+        memcpy(w->bytes + start, why, n_why);
+        w->bytes[start + n_why] = 0;
+        end = start + n_why + 1;
+        r.is_bad = 1;
+    }
+    if (file)
+        zip_fclose(file);
+    r.n_bytes = end - start;
+    memcpy(w->bytes + w->pos, &r, sizeof r);
+    w->pos = aligned(end);
+    return true;
+}
+
+static CtsStatus unpack_members(Writer *w, zip_t *zip, CtsError *err)
+{
+    const zip_int64_t n_members = zip_get_num_entries(zip, 0);
+    if (n_members > CTS_MAX_MEMBERS)
+        return cts_fail(err, CTS_ERR_PIXELS, "holds more than %d files", CTS_MAX_MEMBERS);
+    for (zip_int64_t i = 0; i < n_members; i++) {
+        const char *name = zip_get_name(zip, (zip_uint64_t)i, ZIP_FL_ENC_RAW);
+        if (!name || !*name || name[strlen(name) - 1] == '/')
+            continue;
+        if (!unpack(w, zip, (zip_uint64_t)i, name))
+            return cts_fail(err, CTS_ERR_PIXELS, "holds more than %zu MiB (unpack it, and name the folder)",
+                            w->n >> 20);
+    }
+    const Record end = {0};
+    memcpy(w->bytes + w->pos, &end, sizeof end);
+    return CTS_OK;
+}
+
+CtsStatus cts_archive_unpack(const uint8_t *stream, size_t n, uint8_t *room, size_t n_room, CtsError *err)
+{
+    Writer w = {room, n_room - sizeof(Record) - ALIGNMENT, 0};
+    zip_error_t why;
+    zip_error_init(&why);
+    zip_source_t *source = zip_source_buffer_create(stream, n, 0, &why);
+    zip_t *zip = source ? zip_open_from_source(source, ZIP_RDONLY | ZIP_CHECKCONS, &why) : NULL;
+    if (!zip) {
+        cts_fail(err, CTS_ERR_PIXELS, "is no sound zip file: %s", zip_error_strerror(&why));
+        zip_source_free(source);
+        zip_error_fini(&why);
+        return CTS_ERR_PIXELS;
+    }
+    const CtsStatus st = unpack_members(&w, zip, err);
+    zip_discard(zip);
+    return st;
+}
+
+static CtsStatus unpack_frame(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *room, CtsError *err)
+{
+    return cts_archive_unpack(stream, n, room, cts_frame_bytes(format), err);
+}
+
+/* What the child has written is as foreign as the file: every length is checked. */
+static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, CtsError *err)
+{
+    int capacity = 0;
+    for (size_t pos = 0;;) {
+        Record r;
+        if (pos > n || n - pos < sizeof r)
+            break;
+        memcpy(&r, bytes + pos, sizeof r);
+        pos += sizeof r;
+        if (r.n_name == 0)
+            return CTS_OK;
+        if (r.n_name > MAX_NAME || n - pos < (size_t)r.n_name + 1 || bytes[pos + r.n_name] ||
+            r.n_bytes > n - pos - r.n_name - 1 || a->n >= CTS_MAX_MEMBERS)
+            break;
+        const CtsMember m = {(const char *)bytes + pos, bytes + pos + r.n_name + 1, r.n_bytes, r.is_bad != 0};
+        if (m.is_bad && (m.n_bytes == 0 || m.bytes[m.n_bytes - 1]))
+            break;
+        pos = aligned(pos + r.n_name + 1 + r.n_bytes);
+        if (m.n_bytes == 0) {
+            a->n_other++;
+            continue;
+        }
+        if (a->n == capacity) {
+            capacity = capacity ? 2 * capacity : 64;
+            CtsMember *grown = realloc(a->members, (size_t)capacity * sizeof *grown);
+            if (!grown)
+                return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+            a->members = grown;
+        }
+        a->members[a->n++] = m;
+    }
+    return cts_fail(err, CTS_ERR_READ, "cannot be unpacked");
+}
+
+CtsStatus cts_archive_list(const uint8_t *bytes, size_t n, CtsArchive **archive, CtsError *err)
+{
+    if (!(*archive = calloc(1, sizeof **archive)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    (*archive)->unpacker = cts_decoder_make(unpack_frame);
+    const CtsStatus st = list_members(*archive, bytes, n, err);
+    if (st)
+        cts_archive_free(archive);
+    return st;
+}
+
+static CtsStatus run(CtsArchive *a, const CtsFileBytes *file, CtsError *err)
+{
+    const uint64_t free_bytes = cts_memory_available();
+    const uint64_t n = file->n_bytes;
+    uint64_t limit = n * RATIO + EXTRA;
+    if (free_bytes && (n > free_bytes / 2 || limit > free_bytes / 2 - n))
+        limit = n > free_bytes / 2 ? 0 : free_bytes / 2 - n;
+    if (limit < UNIT)
+        return cts_fail(err, CTS_ERR_MEMORY, "a zip file of %llu MiB cannot be held in memory (unpack it)",
+                        (unsigned long long)(n >> 20));
+    const CtsFrameFormat room = {.columns = UNIT, .rows = (int)(limit / UNIT), .bits_allocated = 8};
+    uint8_t *stream;
+    const void *bytes;
+    a->unpacker = cts_decoder_make(unpack_frame);
+    a->unpacker.memory_limit = UNPACKING_MEMORY;
+    a->unpacker.cpu_limit_s = UNPACKING_CPU_S + (int)(n >> 22);
+    CtsStatus st = cts_decoder_room(&a->unpacker, &room, (size_t)n, &stream, err);
+    if (!st)
+        st = cts_file_bytes_read(file, stream, (size_t)n, 0, err);
+    if (!st && (st = cts_decoder_run(&a->unpacker, &room, stream, (size_t)n, &bytes, err)) == CTS_ERR_PIXELS) {
+        err->status = CTS_ERR_READ;
+        st = CTS_ERR_READ;
+    }
+    cts_decoder_end(&a->unpacker);
+    return st ? st : list_members(a, bytes, cts_frame_bytes(&room), err);
+}
+
+CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err)
+{
+    CtsFileBytes file;
+    CtsError why = {0};
+    CtsStatus st = cts_file_bytes_open(&file, path, &why);
+    *archive = NULL;
+    if (!st && file.fd < 0)
+        st = cts_fail(&why, CTS_ERR_READ, "is no regular file");
+    if (!st && !(*archive = calloc(1, sizeof **archive)))
+        st = cts_fail(&why, CTS_ERR_MEMORY, "out of memory");
+    if (!st)
+        st = run(*archive, &file, &why);
+    cts_file_bytes_close(&file);
+    if (!st)
+        return CTS_OK;
+    cts_archive_free(archive);
+    return cts_fail(err, st, "%s: %s", path, why.text);
+}
+
+void cts_archive_free(CtsArchive **archive)
+{
+    if (!*archive)
+        return;
+    cts_decoder_stop(&(*archive)->unpacker);
+    free((*archive)->members);
+    free(*archive);
+    *archive = NULL;
+}
+
+int cts_archive_n_members(const CtsArchive *archive)
+{
+    return archive->n;
+}
+
+int cts_archive_n_other(const CtsArchive *archive)
+{
+    return archive->n_other;
+}
+
+CtsMember cts_archive_member(const CtsArchive *archive, int i)
+{
+    return archive->members[i];
+}

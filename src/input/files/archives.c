@@ -1,0 +1,83 @@
+#define _GNU_SOURCE
+#include "input/files/archives.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+typedef struct Kept {
+    char *path;
+    CtsArchive *archive;
+    CtsMember *members; /* that could be unpacked, in order of name */
+    size_t n_members;
+} Kept;
+
+struct CtsArchives {
+    Kept *items;
+    size_t n;
+};
+
+static int by_name(const void *a, const void *b)
+{
+    return strcmp(((const CtsMember *)a)->name, ((const CtsMember *)b)->name);
+}
+
+static CtsStatus sort_members(Kept *kept, CtsError *err)
+{
+    const int n = cts_archive_n_members(kept->archive);
+    if (!(kept->members = malloc(((size_t)n + 1) * sizeof *kept->members)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 0; i < n; i++) {
+        const CtsMember member = cts_archive_member(kept->archive, i);
+        if (!member.is_bad)
+            kept->members[kept->n_members++] = member;
+    }
+    qsort(kept->members, kept->n_members, sizeof *kept->members, by_name);
+    return CTS_OK;
+}
+
+CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive *archive, CtsError *err)
+{
+    CtsArchives *all = *archives ? *archives : calloc(1, sizeof *all);
+    Kept *grown = all ? realloc(all->items, (all->n + 1) * sizeof *grown) : NULL;
+    *archives = all;
+    if (!grown) {
+        cts_archive_free(&archive);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    Kept *kept = &grown[all->n++];
+    all->items = grown;
+    *kept = (Kept){.path = strdup(path), .archive = archive};
+    return kept->path ? sort_members(kept, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+}
+
+bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *file)
+{
+    for (size_t i = 0; archives && i < archives->n; i++) {
+        const Kept *kept = &archives->items[i];
+        const size_t n = strlen(kept->path);
+        if (strncmp(path, kept->path, n) || path[n] != '/')
+            continue;
+        const CtsMember wanted = {.name = path + n + 1};
+        const CtsMember *member = bsearch(&wanted, kept->members, kept->n_members, sizeof wanted, by_name);
+        if (!member)
+            continue;
+        *file = (CtsFile){.path = path, .memory = member->bytes, .n_memory = member->n_bytes};
+        return true;
+    }
+    return false;
+}
+
+void cts_archives_free(CtsArchives **archives)
+{
+    CtsArchives *all = *archives;
+    if (!all)
+        return;
+    for (size_t i = 0; i < all->n; i++) {
+        free(all->items[i].path);
+        free(all->items[i].members);
+        cts_archive_free(&all->items[i].archive);
+    }
+    free(all->items);
+    free(all);
+    *archives = NULL;
+}

@@ -1,0 +1,228 @@
+#define _GNU_SOURCE
+#include "input/files/scan.h"
+
+#include "input/files/archives.h"
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+enum { MAX_DEPTH = 32 };
+
+void cts_file_list_free(CtsFileList *list)
+{
+    free(list->items);
+    cts_texts_free(&list->texts);
+    for (size_t i = 0; i < list->n_archives; i++)
+        cts_archive_free(&list->archives[i]);
+    free(list->archives);
+    cts_findings_free(&list->findings);
+    *list = (CtsFileList){0};
+}
+
+CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err)
+{
+    const char *kept = cts_texts_keep(&list->texts, path, strlen(path));
+    if (kept && (list->n & (list->n - 1)) == 0) {
+        CtsFile *items = realloc(list->items, (list->n ? 2 * list->n : 1) * sizeof *items);
+        list->items = items ? items : list->items;
+        kept = items ? kept : NULL;
+    }
+    if (!kept)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    list->items[list->n++] = (CtsFile){.path = kept, .named = named};
+    return CTS_OK;
+}
+
+static char *join(const char *folder, const char *name)
+{
+    char *path;
+    const size_t n = strlen(folder);
+    return asprintf(&path, "%s%s%s", folder, n && folder[n - 1] == '/' ? "" : "/", name) < 0 ? NULL : path;
+}
+
+/* The kind of a directory entry without a stat where the file system tells; a link counts as what it leads to, but a
+ * link to a folder as special. */
+static unsigned char entry_type(int folder_fd, const struct dirent *entry)
+{
+    struct stat info;
+    if (entry->d_type != DT_UNKNOWN && entry->d_type != DT_LNK)
+        return entry->d_type;
+    if (fstatat(folder_fd, entry->d_name, &info, AT_SYMLINK_NOFOLLOW))
+        return DT_REG; /* opening it will say what is wrong */
+    if (S_ISLNK(info.st_mode))
+        return fstatat(folder_fd, entry->d_name, &info, 0) || S_ISREG(info.st_mode) ? DT_REG : DT_LNK;
+    return S_ISREG(info.st_mode) ? DT_REG : S_ISDIR(info.st_mode) ? DT_DIR : DT_SOCK;
+}
+
+static CtsStatus scan_folder(CtsScan *scan, const char *folder, int depth, CtsError *err);
+
+static CtsStatus scan_entries(CtsScan *scan, const char *folder, DIR *dir, int depth, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    char **subfolders = NULL;
+    size_t n_subfolders = 0;
+    const struct dirent *entry;
+    while (!st && (entry = readdir(dir))) {
+        if (strcmp(entry->d_name, ".") == 0 || strcmp(entry->d_name, "..") == 0)
+            continue;
+        const unsigned char type = entry_type(dirfd(dir), entry);
+        if (type != DT_REG && type != DT_DIR) {
+            scan->n_special++;
+            continue;
+        }
+        char *path = join(folder, entry->d_name);
+        if (type == DT_REG) {
+            const CtsFile file = {.path = path};
+            st = path ? scan->found(scan->context, &file, NULL, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+            free(path);
+            continue;
+        }
+        char **grown = path ? realloc(subfolders, (n_subfolders + 1) * sizeof *grown) : NULL;
+        if (grown) {
+            subfolders = grown;
+            subfolders[n_subfolders++] = path;
+        } else {
+            free(path);
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        }
+    }
+    for (size_t i = 0; i < n_subfolders; i++) {
+        if (!st)
+            st = scan_folder(scan, subfolders[i], depth + 1, err);
+        free(subfolders[i]);
+    }
+    free(subfolders);
+    return st;
+}
+
+static CtsStatus scan_folder(CtsScan *scan, const char *folder, int depth, CtsError *err)
+{
+    if (depth > MAX_DEPTH) {
+        scan->n_unreadable++;
+        cts_findings_add(&scan->findings, "folder_too_deep", CTS_WARNING, "%s: not searched, more than %d folders deep",
+                         folder, MAX_DEPTH);
+        return CTS_OK;
+    }
+    DIR *dir = opendir(folder);
+    if (!dir) {
+        const int e = errno;
+        if (depth == 0)
+            return cts_fail(err, CTS_ERR_READ, "%s: the folder cannot be listed: %s", folder, strerror(e));
+        scan->n_unreadable++;
+        cts_findings_add(&scan->findings, "unreadable_folder", CTS_WARNING, "%s: the folder cannot be listed: %s",
+                         folder, strerror(e));
+        return CTS_OK;
+    }
+    const CtsStatus st = scan_entries(scan, folder, dir, depth, err);
+    closedir(dir);
+    return st;
+}
+
+/* The members of a zip file, as if it were a folder. */
+static CtsStatus scan_archive(CtsScan *scan, const char *path, CtsError *err)
+{
+    CtsArchive *archive;
+    CtsStatus st = cts_archive_open(path, &archive, err);
+    if (st)
+        return st;
+    scan->n_other += cts_archive_n_other(archive);
+    for (int i = 0; !st && i < cts_archive_n_members(archive); i++) {
+        const CtsMember m = cts_archive_member(archive, i);
+        if (m.is_bad) {
+            scan->n_unreadable++;
+            cts_findings_add(&scan->findings, "unreadable_file", CTS_WARNING, "%s: %s: cannot be unpacked: %s", path,
+                             m.name, (const char *)m.bytes);
+            continue;
+        }
+        char *name = join(path, m.name);
+        const CtsFile file = {.path = name, .memory = m.bytes, .n_memory = m.n_bytes};
+        st = name ? scan->found(scan->context, &file, path, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        free(name);
+    }
+    const CtsStatus kept = scan->take_archive(scan->context, path, archive, err);
+    return st ? st : kept;
+}
+
+static int by_path(const void *a, const void *b)
+{
+    const CtsFile *x = a, *y = b;
+    const int order = strcmp(x->path, y->path);
+    return order ? order : (int)y->named - (int)x->named;
+}
+
+CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (int i = 0; !st && i < n_paths; i++) {
+        struct stat info;
+        CtsFile member;
+        if (cts_archives_find(scan->archives, paths[i], &member))
+            st = scan->found(scan->context, &member, NULL, err);
+        else if (stat(paths[i], &info))
+            st = cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", paths[i], strerror(errno));
+        else if (S_ISDIR(info.st_mode))
+            st = scan_folder(scan, paths[i], 0, err);
+        else if (S_ISREG(info.st_mode) && cts_archive_is_zip(paths[i]))
+            st = scan_archive(scan, paths[i], err);
+        else if (S_ISREG(info.st_mode))
+            st = scan->found(scan->context, &(CtsFile){.path = paths[i], .named = true}, NULL, err);
+        else
+            st = cts_fail(err, CTS_ERR_READ, "%s: is neither a file nor a folder", paths[i]);
+    }
+    return st;
+}
+
+static CtsStatus add_to_list(void *context, const CtsFile *file, const char *archive, CtsError *err)
+{
+    CtsFileList *const list = context;
+    (void)archive;
+    const CtsStatus st = cts_file_list_add(list, file->path, file->named, err);
+    if (!st) {
+        list->items[list->n - 1].memory = file->memory;
+        list->items[list->n - 1].n_memory = file->n_memory;
+    }
+    return st;
+}
+
+static CtsStatus add_archive(void *context, const char *path, CtsArchive *archive, CtsError *err)
+{
+    CtsFileList *const list = context;
+    (void)path;
+    CtsArchive **grown = realloc(list->archives, (list->n_archives + 1) * sizeof *grown);
+    if (!grown) {
+        cts_archive_free(&archive);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    list->archives = grown;
+    list->archives[list->n_archives++] = archive;
+    return CTS_OK;
+}
+
+CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
+                         CtsError *err)
+{
+    *list = (CtsFileList){0};
+    CtsScan scan = {.found = add_to_list, .take_archive = add_archive, .context = list, .archives = archives};
+    const CtsStatus st = cts_scan_each(&scan, paths, n_paths, err);
+    list->findings = scan.findings;
+    list->n_special = scan.n_special;
+    list->n_unreadable = scan.n_unreadable;
+    list->n_other = scan.n_other;
+    if (st) {
+        cts_file_list_free(list);
+        return st;
+    }
+    if (list->n)
+        qsort(list->items, list->n, sizeof *list->items, by_path);
+    size_t kept = 0;
+    for (size_t i = 0; i < list->n; i++)
+        if (!kept || strcmp(list->items[kept - 1].path, list->items[i].path) != 0)
+            list->items[kept++] = list->items[i];
+    list->n = kept;
+    return CTS_OK;
+}

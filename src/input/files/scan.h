@@ -1,0 +1,57 @@
+/* Paths and folders -> files that may be slices. */
+#ifndef CTS_DICOM_SCAN_H
+#define CTS_DICOM_SCAN_H
+
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include "input/files/texts.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+typedef struct CtsFile {
+    const char *path;
+    bool named; /* by the caller, not found in a folder: a DICOMDIR is followed, a failure to open it is an error */
+    const uint8_t *memory; /* of an archive's member; else NULL */
+    uint64_t n_memory;
+} CtsFile;
+
+typedef struct CtsFileList {
+    CtsFile *items; /* whose paths are among the texts */
+    CtsTexts texts;
+    size_t n;
+    int n_special;                /* sockets, devices, links to folders and the like: never opened */
+    int n_unreadable;             /* folders that cannot be listed; findings name them */
+    int n_other;                  /* members of archives that are plainly no DICOM */
+    struct CtsArchive **archives; /* that were named */
+    size_t n_archives;
+    CtsFindings findings;
+} CtsFileList;
+
+/* What a search does with each file, and what it counts on the way. Zero-initialise; free the findings. */
+typedef struct CtsScan {
+    /* The file is there for as long as the call; archive is the path of the zip file that it is a member of, or NULL.
+     */
+    CtsStatus (*found)(void *context, const CtsFile *file, const char *archive, CtsError *err);
+    /* All members of an archive were found; their bytes are its own. Takes the archive over. */
+    CtsStatus (*take_archive)(void *context, const char *path, struct CtsArchive *archive, CtsError *err);
+    void *context;
+    const struct CtsArchives *archives; /* unpacked before, whose members may be named; or NULL */
+    int n_special, n_unreadable, n_other;
+    CtsFindings findings;
+} CtsScan;
+
+/* Calls found for each file as it is met, in the folders' own order; a path may come twice. Memory is that of one
+ * folder's list of subfolders. Otherwise as cts_scan_paths(). */
+CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, CtsError *err);
+
+/* Files in order of name, folder by folder, each path once. Links to folders are not followed, folders deeper than 32
+ * not entered. A zip file that is named counts as a folder. CTS_ERR_READ when one of paths itself cannot be read. */
+CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
+                         CtsError *err);
+
+/* Add one file. */
+CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err);
+void cts_file_list_free(CtsFileList *list);
+
+#endif

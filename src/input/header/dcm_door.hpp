@@ -1,0 +1,38 @@
+/* What the C++ files of the door share. */
+#ifndef CTS_DICOM_DCM_DOOR_HPP
+#define CTS_DICOM_DCM_DOOR_HPP
+
+#include "ctsplat/status.h"
+#include "input/header/syntax.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <mutex>
+#include <shared_mutex>
+
+class DcmDataset;
+class OFCondition;
+
+/* Warnings and errors that DCMTK logged in this thread since the last reset, and the first one's text. */
+struct CtsDcmLog {
+    unsigned n;
+    char first[120];
+};
+
+CtsDcmLog &cts_dcm_log();
+void cts_dcm_log_reset();
+
+/* Held for as long as a thread is inside DCMTK, so that a fork finds none of its locks taken (decoder.h). */
+std::shared_mutex &cts_dcm_in_use();
+using CtsDcmUse = std::shared_lock<std::shared_mutex>;
+
+/* Before anything looks up a tag; once, by one thread. */
+CtsStatus cts_dcm_load_dictionary(CtsError *err);
+
+/* What to answer when DCMTK says no. */
+CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise);
+
+/* Parse a data set that is whole in memory. */
+OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax);
+
+#endif

@@ -1,0 +1,431 @@
+/* Attributes -> slice record. Nothing here needs DCMTK loaded. */
+#include "input/header/dcm_attributes.hpp"
+#include "input/header/dcm_read.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <cstring>
+#include <new>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace
+{
+
+const char ct_class[] = "1.2.840.10008.5.1.4.1.1.2";
+const char enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.1";
+const char legacy_enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.2";
+const char directory_class[] = "1.2.840.10008.1.3.10";
+
+/* The values that the tag scan has found, where nothing about them is odd: a plain header needs no parser, nor the half
+ * of a small run's time that loading DCMTK's dictionary takes. */
+class ScannedAttributes final : public CtsAttributes
+{
+  public:
+    ScannedAttributes(const uint8_t *data_set, const CtsDataScan &found) : bytes(data_set), scan(found)
+    {
+    }
+    /* Whether DCMTK would read the same: explicit little endian, every value of its own VR and an even length, texts
+     * without what DCMTK corrects. */
+    bool plain(const CtsSyntax &syntax) const
+    {
+        if (!syntax.explicit_vr || syntax.big_endian || scan.repeats)
+            return false;
+        for (int i = 0; i < scan.n_values; i++)
+            if (!plain_value(scan.values[i]))
+                return false;
+        return true;
+    }
+    bool has(const DcmTagKey &tag) override
+    {
+        return find(tag) != nullptr;
+    }
+    std::string_view text(const DcmTagKey &tag) override
+    {
+        const CtsTagValue *value = find(tag);
+        return value && is_text(*value) ? text_value(*value) : std::string_view();
+    }
+    bool unsigned_short(const DcmTagKey &tag, int *value) override
+    {
+        unsigned pattern = 0;
+        if (!bit_pattern(tag, &pattern))
+            return false;
+        *value = static_cast<int>(pattern);
+        return true;
+    }
+    bool bit_pattern(const DcmTagKey &tag, unsigned *pattern) override
+    {
+        const CtsTagValue *value = find(tag);
+        if (!value || value->n_bytes != 2)
+            return false;
+        *pattern = static_cast<unsigned>(bytes[value->offset] | bytes[value->offset + 1] << 8);
+        return true;
+    }
+
+  private:
+    static bool is_one_of(const CtsTagValue &value, std::string_view vrs)
+    {
+        for (size_t i = 0; i + 1 < vrs.size(); i += 2)
+            if (std::memcmp(vrs.data() + i, value.vr, 2) == 0)
+                return true;
+        return false;
+    }
+    static bool is_text(const CtsTagValue &value)
+    {
+        return is_one_of(value, "CSDSISLOPNSHTMUI");
+    }
+    std::string_view text_value(const CtsTagValue &value) const
+    {
+        return std::string_view(reinterpret_cast<const char *>(bytes + value.offset), value.n_bytes);
+    }
+    /* DCMTK takes all else out of a UID. */
+    static bool uid_character(char c)
+    {
+        return (c >= '0' && c <= '9') || c == '.';
+    }
+    bool plain_value(const CtsTagValue &value) const
+    {
+        if (value.is_sequence)
+            return value.tag == 0x00041220 || value.tag == 0x00283000;
+        if (value.n_bytes % 2)
+            return false;
+        if (value.tag == 0x00280120 || value.tag == 0x00280121)
+            return value.n_bytes == 2 && is_one_of(value, "USSS");
+        const bool is_number = value.tag >> 16 == 0x0028 && (value.tag & 0xFFFF) != 0x0004 &&
+                               (value.tag & 0xFFFF) != 0x0008 && (value.tag & 0xFFFF) != 0x0030 &&
+                               (value.tag & 0xFFFF) < 0x1000;
+        if (is_number)
+            return value.n_bytes == 2 && is_one_of(value, "US");
+        if (!is_text(value))
+            return false;
+        const std::string_view text = text_value(value);
+        const bool is_uid = std::memcmp(value.vr, "UI", 2) == 0;
+        for (size_t i = 0; i < text.size(); i++)
+            if (text[i] == '\0' ? !is_uid || i + 1 < text.size() : is_uid && !uid_character(text[i]))
+                return false;
+        return true;
+    }
+    const CtsTagValue *find(const DcmTagKey &tag) const
+    {
+        /* In order, for a plain header repeats nothing. */
+        const uint32_t wanted = static_cast<uint32_t>(tag.getGroup()) << 16 | tag.getElement();
+        const CtsTagValue *const end = scan.values + scan.n_values;
+        const CtsTagValue *const found = std::lower_bound(
+            scan.values, end, wanted, [](const CtsTagValue &value, uint32_t key) { return value.tag < key; });
+        return found != end && found->tag == wanted ? found : nullptr;
+    }
+
+    const uint8_t *bytes;
+    const CtsDataScan &scan;
+};
+
+/* The n-th part of a multi-valued text. */
+std::string_view part_of(std::string_view text, int n)
+{
+    for (; n > 0; n--) {
+        const size_t end = text.find('\\');
+        if (end == std::string_view::npos)
+            return {};
+        text.remove_prefix(end + 1);
+    }
+    text = text.substr(0, text.find('\\'));
+    while (!text.empty() && text.back() == ' ')
+        text.remove_suffix(1);
+    return text;
+}
+
+bool numbers(CtsAttributes &item, const DcmTagKey &tag, double *values, int n)
+{
+    const std::string_view text = cts_text_of(item, tag);
+    return cts_dcm_parse_ds(text.data(), text.size(), values, n);
+}
+
+bool integer(CtsAttributes &item, const DcmTagKey &tag, int *value)
+{
+    const std::string_view text = cts_text_of(item, tag);
+    return !text.empty() && cts_dcm_parse_is(text.data(), text.size(), value);
+}
+
+uint64_t text_hash(std::string_view text)
+{
+    uint64_t h = 14695981039346656037u;
+    for (const char c : text)
+        h = (h ^ static_cast<unsigned char>(c)) * 1099511628211u;
+    return h;
+}
+
+/* HHMMSS.FFFFFF as seconds of the day, -1 when it is anything else. */
+double seconds_of_day(std::string_view text)
+{
+    double t = 0;
+    if (text.size() < 6 || text.find('\\') != std::string_view::npos ||
+        !cts_dcm_parse_ds(text.data(), text.size(), &t, 1) || !(t >= 0 && t < 240000))
+        return -1;
+    const double hours = std::floor(t / 1e4), minutes = std::floor(std::fmod(t, 1e4) / 100);
+    return hours * 3600 + minutes * 60 + std::fmod(t, 100);
+}
+
+CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
+{
+    if (sop_class == ct_class)
+        return CTS_OBJECT_CT;
+    if (sop_class == enhanced_class || sop_class == legacy_enhanced_class)
+        return CTS_OBJECT_ENHANCED;
+    if (sop_class == directory_class || item.has(DCM_DirectoryRecordSequence))
+        return CTS_OBJECT_DIRECTORY;
+    if (sop_class.empty() && cts_text_of(item, DCM_Modality) == "CT" && item.has(DCM_ImagePositionPatient))
+        return CTS_OBJECT_CT;
+    return CTS_OBJECT_OTHER;
+}
+
+/* Not shared: no two slices have the same. */
+const char *keep_uid(CtsTexts &texts, std::string_view uid)
+{
+    uid = uid.substr(0, 64);
+    const char *kept = cts_texts_keep(&texts, uid.data(), uid.size());
+    if (!kept)
+        throw std::bad_alloc();
+    return kept;
+}
+
+const char *share_some(CtsTexts &texts, std::string_view text)
+{
+    return text.empty() ? nullptr : cts_dcm_share(texts, text, text.size());
+}
+
+void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
+{
+    s->sop_uid = keep_uid(texts, cts_text_of(item, DCM_SOPInstanceUID));
+    s->series_uid = cts_dcm_share(texts, cts_text_of(item, DCM_SeriesInstanceUID), 64);
+    s->frame_uid = cts_dcm_share(texts, cts_text_of(item, DCM_FrameOfReferenceUID), 64);
+    s->modality = cts_dcm_share(texts, cts_text_of(item, DCM_Modality), 16);
+    s->stack_id = "";
+    s->description = share_some(texts, cts_text_of(item, DCM_SeriesDescription));
+    s->charset = share_some(texts, cts_text_of(item, DCM_SpecificCharacterSet));
+    s->patient_key = text_hash(cts_text_of(item, DCM_PatientID));
+    s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);
+    integer(item, DCM_InstanceNumber, &s->instance_number);
+    s->has_temporal = integer(item, DCM_TemporalPositionIdentifier, &s->temporal_index);
+    s->time_s = seconds_of_day(cts_text_of(item, DCM_AcquisitionTime));
+    if (s->time_s < 0)
+        s->time_s = seconds_of_day(cts_text_of(item, DCM_ContentTime));
+    const std::string_view image_type = cts_text_of(item, DCM_ImageType);
+    for (int i = 2; i < 8; i++)
+        s->localizer |= part_of(image_type, i) == "LOCALIZER";
+    const std::string_view lossy = cts_text_of(item, DCM_LossyImageCompression);
+    if (lossy == "01")
+        s->odd |= CTS_ODD_LOSSY;
+    s->told_lossless = lossy == "00";
+}
+
+bool read_shape(CtsAttributes &item, CtsSlice *s)
+{
+    const struct {
+        DcmTagKey tag;
+        const char *name;
+        int *value, low, high;
+    } needed[] = {
+        {DCM_Rows, "Rows", &s->rows, 1, 4096},
+        {DCM_Columns, "Columns", &s->columns, 1, 4096},
+        {DCM_BitsAllocated, "BitsAllocated", &s->bits_allocated, 8, 16},
+        {DCM_BitsStored, "BitsStored", &s->bits_stored, 1, 16},
+        {DCM_HighBit, "HighBit", &s->high_bit, 0, 15},
+    };
+    for (const auto &n : needed) {
+        const unsigned group = n.tag.getGroup(), number = n.tag.getElement();
+        if (!item.unsigned_short(n.tag, n.value)) {
+            cts_slice_fault(s, CTS_ERR_PIXELS, "%s (%04x,%04x) is missing or not one number", n.name, group, number);
+            return false;
+        }
+        if (*n.value < n.low || *n.value > n.high) {
+            cts_slice_fault(s, CTS_ERR_PIXELS, "%s (%04x,%04x) is %d, and must be %d to %d", n.name, group, number,
+                            *n.value, n.low, n.high);
+            return false;
+        }
+    }
+    if ((s->bits_allocated != 8 && s->bits_allocated != 16) || s->bits_stored > s->bits_allocated ||
+        s->high_bit < s->bits_stored - 1 || s->high_bit >= s->bits_allocated) {
+        cts_slice_fault(s, CTS_ERR_PIXELS, "%d bits allocated, %d stored, high bit %d fit no CT pixel",
+                        s->bits_allocated, s->bits_stored, s->high_bit);
+        return false;
+    }
+    int value = 1;
+    if (!item.unsigned_short(DCM_PixelRepresentation, &value) || value > 1)
+        cts_slice_fault(s, CTS_ERR_PIXELS, "PixelRepresentation (0028,0103) is missing or neither 0 nor 1");
+    s->is_signed = value == 1;
+    return true;
+}
+
+void read_image_kind(CtsAttributes &item, CtsSlice *s)
+{
+    int samples = 1, frames = 1;
+    if (item.has(DCM_SamplesPerPixel) && (!item.unsigned_short(DCM_SamplesPerPixel, &samples) || samples != 1))
+        cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no CT slice");
+    const std::string_view photometric = cts_text_of(item, DCM_PhotometricInterpretation);
+    if (photometric == "MONOCHROME1")
+        s->odd |= CTS_ODD_MONOCHROME1;
+    else if (!photometric.empty() && photometric != "MONOCHROME2")
+        cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no CT slice");
+    if (item.has(DCM_NumberOfFrames) && !cts_text_of(item, DCM_NumberOfFrames).empty() &&
+        (!integer(item, DCM_NumberOfFrames, &frames) || frames != 1))
+        cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: CT Image Storage holds one frame");
+}
+
+void read_rescale(CtsAttributes &item, CtsSlice *s)
+{
+    if (item.has(DCM_ModalityLUTSequence)) {
+        cts_slice_fault(s, CTS_ERR_PIXELS, "a Modality LUT (0028,3000) stands in for the rescale slope; not supported");
+        return;
+    }
+    if (!numbers(item, DCM_RescaleSlope, &s->slope, 1) || !numbers(item, DCM_RescaleIntercept, &s->intercept, 1)) {
+        cts_slice_fault(s, CTS_ERR_PIXELS,
+                        "RescaleSlope (0028,1053) or RescaleIntercept (0028,1052) is missing or not a number, so its "
+                        "pixels are not Hounsfield units (set the right ones with dcmodify)");
+        return;
+    }
+    if (std::fabs(s->slope) < 1e-6 || std::fabs(s->slope) * 65535 + std::fabs(s->intercept) > 1e7)
+        cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleSlope %g and RescaleIntercept %g give no Hounsfield units", s->slope,
+                        s->intercept);
+    if (s->slope < 0)
+        s->odd |= CTS_ODD_FALLING;
+    const std::string_view type = cts_text_of(item, DCM_RescaleType);
+    if (type == "US")
+        s->odd |= CTS_ODD_UNSPECIFIED;
+    else if (!type.empty() && type != "HU")
+        cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleType (0028,1054) is %.*s, not HU",
+                        static_cast<int>(type.size() < 16 ? type.size() : 16), type.data());
+}
+
+/* A padding pattern as a stored value; false when no pixel of that many bits can hold it. */
+bool stored_value(unsigned pattern, const CtsSlice *s, int *value)
+{
+    const unsigned mask = (1u << s->bits_stored) - 1, high = pattern & ~mask & 0xFFFFu;
+    const bool negative = s->is_signed && (pattern >> (s->bits_stored - 1) & 1);
+    if (high != 0 && !(negative && high == (~mask & 0xFFFFu)))
+        return false;
+    *value = static_cast<int>(pattern & mask) - (negative ? 1 << s->bits_stored : 0);
+    return true;
+}
+
+void read_padding(CtsAttributes &item, CtsSlice *s)
+{
+    unsigned value = 0, limit = 0;
+    s->padding_word = -1;
+    if (!item.bit_pattern(DCM_PixelPaddingValue, &value))
+        return;
+    if (!item.bit_pattern(DCM_PixelPaddingRangeLimit, &limit))
+        limit = value;
+    int a = 0, b = 0;
+    if (stored_value(value, s, &a) && stored_value(limit, s, &b)) {
+        s->has_padding = true;
+        s->padding_low = a < b ? a : b;
+        s->padding_high = a < b ? b : a;
+    } else {
+        s->padding_word = static_cast<int>(value);
+    }
+}
+
+double dot(const double *a, const double *b)
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* (0020,0037), made orthonormal; off by more than 0.001 is odd, by more than 0.01 no reading is right. */
+void read_orientation(CtsAttributes &item, CtsSlice *s)
+{
+    double v[6];
+    if (!numbers(item, DCM_ImageOrientationPatient, v, 6)) {
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImageOrientationPatient (0020,0037) is missing or not six numbers");
+        return;
+    }
+    const double *row = v, *column = v + 3;
+    const double row_norm = std::sqrt(dot(row, row)), column_norm = std::sqrt(dot(column, column));
+    const double off =
+        std::fmax(std::fmax(std::fabs(row_norm - 1), std::fabs(column_norm - 1)), std::fabs(dot(row, column)));
+    if (!(off <= 1e-2)) {
+        cts_slice_fault(s, CTS_ERR_GEOMETRY,
+                        "ImageOrientationPatient (0020,0037) is not two unit vectors at right angles");
+        return;
+    }
+    if (off > 1e-3)
+        s->odd |= CTS_ODD_ORIENTATION;
+    for (int c = 0; c < 3; c++)
+        s->row_lps[c] = row[c] / row_norm;
+    const double along = dot(column, s->row_lps);
+    for (int c = 0; c < 3; c++)
+        s->column_lps[c] = column[c] - along * s->row_lps[c];
+    const double norm = std::sqrt(dot(s->column_lps, s->column_lps));
+    for (int c = 0; c < 3; c++)
+        s->column_lps[c] /= norm;
+    for (int c = 0; c < 3; c++) {
+        const int d = (c + 1) % 3, e = (c + 2) % 3;
+        s->normal_lps[c] = s->row_lps[d] * s->column_lps[e] - s->row_lps[e] * s->column_lps[d];
+    }
+}
+
+void read_geometry(CtsAttributes &item, CtsSlice *s)
+{
+    read_orientation(item, s);
+    if (!numbers(item, DCM_ImagePositionPatient, s->position_lps, 3))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImagePositionPatient (0020,0032) is missing or not three numbers");
+    for (const double p : s->position_lps)
+        if (std::fabs(p) > 1e5) /* a hundred metres */
+            cts_slice_fault(s, CTS_ERR_GEOMETRY, "ImagePositionPatient (0020,0032) is %g mm away", std::fabs(p));
+    double spacing[2] = {0, 0};
+    if (!numbers(item, DCM_PixelSpacing, spacing, 2))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY, "PixelSpacing (0028,0030) is missing or not two numbers");
+    else if (!(spacing[0] > 0 && spacing[0] <= 10 && spacing[1] > 0 && spacing[1] <= 10))
+        cts_slice_fault(s, CTS_ERR_GEOMETRY,
+                        "PixelSpacing (0028,0030) is %g, %g mm, and must be above 0 and at most 10", spacing[0],
+                        spacing[1]);
+    s->row_spacing_mm = spacing[0];
+    s->column_spacing_mm = spacing[1];
+}
+
+} // namespace
+
+const char *cts_dcm_share(CtsTexts &texts, std::string_view text, size_t longest)
+{
+    const char *shared = cts_texts_share(&texts, text.data() ? text.data() : "", std::min(text.size(), longest));
+    if (!shared)
+        throw std::bad_alloc();
+    return shared;
+}
+
+void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
+{
+    read_identity(item, texts, s);
+    read_geometry(item, s);
+    read_image_kind(item, s);
+    if (read_shape(item, s))
+        read_padding(item, s);
+    read_rescale(item, s);
+}
+
+void cts_dcm_read_object(CtsAttributes &item, CtsTexts &texts, char class_uid[65], CtsSlice *slice)
+{
+    const std::string_view own_class = cts_text_of(item, DCM_SOPClassUID);
+    if (!own_class.empty())
+        class_uid[own_class.copy(class_uid, 64)] = 0;
+    slice->kind = kind_of(item, own_class.empty() ? std::string_view(class_uid) : own_class);
+    if (slice->kind == CTS_OBJECT_DIRECTORY)
+        std::memcpy(class_uid, directory_class, sizeof directory_class);
+    if (slice->kind == CTS_OBJECT_CT)
+        cts_dcm_read_slice(item, texts, slice);
+}
+
+CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
+                              CtsTexts *texts, char class_uid[65], CtsSlice *slice, CtsError *err)
+try {
+    ScannedAttributes scanned(bytes, *scan);
+    if (!scanned.plain(*native))
+        return cts_dcm_parse_header(bytes, n, native, texts, class_uid, slice, err);
+    cts_dcm_read_object(scanned, *texts, class_uid, slice);
+    return CTS_OK;
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_READ, "unexpected failure");
+}

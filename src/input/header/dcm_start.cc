@@ -1,0 +1,144 @@
+/* DCMTK made ready: log, decoders, dictionary; and how it is handed bytes. */
+#include <dcmtk/config/osconfig.h>
+
+#include "input/header/dcm_door.hpp"
+#include "input/header/dcm_read.h"
+
+#include <cstdio>
+#include <dcmtk/dcmdata/dcistrmb.h>
+#include <dcmtk/dcmdata/dcrledrg.h>
+#include <dcmtk/dcmdata/dctk.h>
+#include <dcmtk/dcmjpeg/djdecode.h>
+#include <dcmtk/dcmjpls/djdecode.h>
+#include <dcmtk/oflog/oflog.h>
+#include <dcmtk/oflog/spi/logevent.h>
+#include <mutex>
+#include <new>
+#include <unistd.h>
+
+namespace log4cplus = dcmtk::log4cplus;
+
+CtsDcmLog &cts_dcm_log()
+{
+    static thread_local CtsDcmLog log;
+    return log;
+}
+
+void cts_dcm_log_reset()
+{
+    cts_dcm_log() = CtsDcmLog();
+}
+
+CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise)
+{
+    return why == EC_MemoryExhausted ? CTS_ERR_MEMORY : otherwise;
+}
+
+OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax)
+{
+    DcmInputBufferStream in;
+    in.setBuffer(bytes, static_cast<offile_off_t>(n));
+    in.setEos();
+    data_set.transferInit();
+    const OFCondition result = data_set.read(in, DcmXfer(syntax->uid).getXfer(), EGL_noChange);
+    data_set.transferEnd();
+    return result;
+}
+
+namespace
+{
+
+class CountingAppender : public log4cplus::Appender
+{
+  public:
+    ~CountingAppender() override
+    {
+        destructorImpl();
+    }
+    void close() override
+    {
+        closed = true;
+    }
+
+  protected:
+    void append(const log4cplus::spi::InternalLoggingEvent &event) override
+    {
+        CtsDcmLog &log = cts_dcm_log();
+        if (log.n++ == 0)
+            std::snprintf(log.first, sizeof log.first, "%s", event.getMessage().c_str());
+    }
+};
+
+/* As long as the program runs, and no longer: DCMTK's list of codecs does not free them. */
+class Decoders final
+{
+  public:
+    Decoders()
+    {
+        DcmRLEDecoderRegistration::registerCodecs();
+        DJDecoderRegistration::registerCodecs();
+        DJLSDecoderRegistration::registerCodecs();
+    }
+    ~Decoders()
+    {
+        DJLSDecoderRegistration::cleanup();
+        DJDecoderRegistration::cleanup();
+        DcmRLEDecoderRegistration::cleanup();
+    }
+    Decoders(const Decoders &) = delete;
+    Decoders &operator=(const Decoders &) = delete;
+};
+
+bool start_decoders()
+{
+    OFLog::configure(OFLogger::WARN_LOG_LEVEL);
+    log4cplus::Logger root = log4cplus::Logger::getRoot();
+    /* Silenced, not removed: an appender's destructor allocates, and without memory ends the program. */
+    for (const log4cplus::SharedAppenderPtr &appender : root.getAllAppenders())
+        appender->setThreshold(log4cplus::OFF_LOG_LEVEL);
+    root.addAppender(log4cplus::SharedAppenderPtr(new CountingAppender));
+    static const Decoders decoders;
+    return true;
+}
+
+} // namespace
+
+std::shared_mutex &cts_dcm_in_use()
+{
+    static std::shared_mutex mutex;
+    return mutex;
+}
+
+pid_t cts_dcm_fork(void)
+{
+    const std::unique_lock<std::shared_mutex> alone(cts_dcm_in_use());
+    return fork();
+}
+
+CtsStatus cts_dcm_start_decoders(CtsError *err)
+try {
+    static const bool started = start_decoders();
+    return started ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while DCMTK starts");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
+}
+
+CtsStatus cts_dcm_start(CtsError *err)
+try {
+    CtsStatus st = cts_dcm_start_decoders(err);
+    if (st)
+        return st;
+    static std::mutex mutex;
+    static bool loaded;
+    const std::lock_guard<std::mutex> alone(mutex);
+    if (!loaded && (st = cts_dcm_load_dictionary(err)))
+        return st;
+    loaded = true;
+    return CTS_OK;
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while DCMTK starts");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
+}

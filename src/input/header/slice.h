@@ -1,0 +1,166 @@
+/* One slice as its header describes it: tags as numbers, pixels as a place in a file. No DCMTK type. */
+#ifndef CTS_DICOM_SLICE_H
+#define CTS_DICOM_SLICE_H
+
+#include "ctsplat/status.h"
+#include "core/volume/stored.h"
+#include "input/header/syntax.h"
+#include "input/files/texts.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+struct CtsFile;      /* scan.h */
+struct CtsFileBytes; /* file_bytes.h */
+
+typedef enum CtsObjectKind {
+    CTS_OBJECT_OTHER,    /* DICOM, but no CT slice: other SOP classes, structured reports, directories */
+    CTS_OBJECT_CT,       /* CT Image Storage */
+    CTS_OBJECT_ENHANCED, /* Enhanced CT or Legacy Converted Enhanced CT: many frames in one object */
+    CTS_OBJECT_DIRECTORY /* a DICOMDIR */
+} CtsObjectKind;
+
+/* Odd but usable; the series turns each into one warning. */
+enum {
+    CTS_ODD_NO_PREAMBLE = 1,  /* no preamble or meta header: a bare data set */
+    CTS_ODD_NO_SYNTAX = 2,    /* no transfer syntax UID; found by looking */
+    CTS_ODD_ORIENTATION = 4,  /* direction cosines off by more than 0.001 */
+    CTS_ODD_MONOCHROME1 = 8,  /* display polarity only; HU do not change */
+    CTS_ODD_LOSSY = 16,       /* (0028,2110) is 01, or a lossy transfer syntax */
+    CTS_ODD_LONG_PIXELS = 32, /* more bytes than the frames need; the rest is not read */
+    CTS_ODD_UNSPECIFIED = 64, /* RescaleType is US, "unspecified", not HU */
+    CTS_ODD_FALLING = 128     /* RescaleSlope is negative, which no scanner writes */
+};
+
+/* Its texts are the reader's (CtsScratch), shared by the slices it has read. */
+typedef struct CtsSlice {
+    const char *path;      /* the file's (CtsFile) */
+    const uint8_t *memory; /* the file where it is an archive\'s member, which the series list keeps; else NULL */
+    uint64_t file_bytes;   /* with mtime_ns: the file must be the same when the pixels are read */
+    int64_t mtime_ns;
+    CtsObjectKind kind;
+    const CtsSyntax *syntax; /* NULL when the UID is unknown */
+    const char *syntax_uid;
+    unsigned odd; /* CTS_ODD_... */
+
+    const char *sop_uid, *series_uid, *frame_uid; /* "" where missing; at most 64 characters */
+    const char *modality;                         /* at most 16 */
+    const char *description, *charset;            /* (0008,103E) and (0008,0005) as stored; may be NULL */
+    uint64_t patient_key; /* hash of PatientID and its issuer: tells patients apart and names none */
+    bool has_acquisition, has_temporal;
+    int acquisition_number, instance_number, temporal_index;
+    double time_s;                 /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
+    bool localizer, told_lossless; /* (0028,2110) is 00 */
+    int frame, n_frames;           /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
+    const char *stack_id;          /* (0020,9056), of a frame; at most 16 characters */
+
+    int rows, columns, bits_allocated, bits_stored, high_bit;
+    bool is_signed;
+    bool has_padding;
+    int padding_low, padding_high;    /* stored values, both inclusive (0028,0120) and (0028,0121) */
+    int padding_word;                 /* a padding value too large for bits_stored: the whole 16-bit word; else -1 */
+    double slope, intercept;          /* HU = slope * stored + intercept */
+    double row_lps[3], column_lps[3]; /* unit directions in which the column and the row index rise */
+    double normal_lps[3];             /* row x column */
+    double position_lps[3];           /* centre of the first pixel, mm */
+    double column_spacing_mm, row_spacing_mm; /* along row_lps, along column_lps */
+
+    /* The value of PixelData (7FE0,0010): its place in the file, or in the inflated data set when deflated; the frame's
+     * fragments, each with its item's 8 bytes in front, when encapsulated. */
+    uint64_t pixel_offset, pixel_bytes;
+    uint64_t data_offset; /* where the data set begins in the file */
+    bool pixel_words;     /* VR OW: big-endian files swap 8-bit pixels in pairs */
+    bool range_known;     /* the pixels of a small file, which came with its header, are these: */
+    CtsStoredRange range;
+
+    CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
+    char *fault_text; /* owned; without the path */
+} CtsSlice;
+
+/* Frees what the slice owns and zeroes it. */
+void cts_slice_clear(CtsSlice *slice);
+
+/* Record why the slice cannot be used; the first reason stays. */
+void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+/* The path without its folders. */
+const char *cts_slice_name(const CtsSlice *slice);
+
+/* The same with the number of the frame, from 1, where there are several; text is cut to its size. */
+typedef struct CtsSliceLabel {
+    char text[320];
+} CtsSliceLabel;
+CtsSliceLabel cts_slice_label(const CtsSlice *slice);
+
+/* Working memory of one thread, grown as needed. Zero-initialise; free with cts_scratch_free(). */
+typedef struct CtsScratch {
+    uint8_t *file, *inflated;
+    size_t file_capacity, inflated_capacity;
+    struct CtsDecoder *decoder;  /* a process for compressed pixels, started when the first come */
+    struct CtsDecoder *inflater; /* another for deflated headers */
+    CtsTexts texts;              /* of the slices whose headers were read; may be taken out */
+} CtsScratch;
+
+void cts_scratch_free(CtsScratch *scratch);
+
+typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_UNREADABLE } CtsFileKind;
+
+/* What one file holds: a slice, or the frames of an object with many. */
+typedef struct CtsObject {
+    CtsObjectKind kind;
+    const char *class_uid; /* of DICOM; "" where it names none */
+    CtsSlice **slices;     /* n_slices of them, owned; none unless kind is CT or enhanced CT */
+    int n_slices;
+    const char *packed; /* no DICOM, but looks like this packer's: "gzip"; else NULL */
+} CtsObject;
+
+void cts_object_free(CtsObject *object);
+
+/* Read one file's header into a zeroed object that ends before source's path and scratch's texts do.
+ * CTS_FILE_NOT_DICOM: plainly something else, or no regular file. CTS_FILE_UNREADABLE: err says why, without the path.
+ * bytes_read is added to. */
+CtsFileKind cts_slice_read_header(const struct CtsFile *source, CtsScratch *scratch, CtsObject *object,
+                                  uint64_t *bytes_read, CtsError *err);
+
+/* How its stored words are read. */
+CtsStored cts_slice_stored(const CtsSlice *slice);
+
+/* Its pixels come from a codec or are deflated. */
+bool cts_slice_is_compressed(const CtsSlice *slice);
+
+/* Why its pixels take longer to decode than with all libraries in their places; NULL: they do not. */
+const char *cts_slice_why_slow(const CtsSlice *slice);
+
+/* The range of an uncompressed slice without fault whose pixel_bytes are at hand. */
+void cts_slice_see_pixels(CtsSlice *slice, const uint8_t *pixels);
+
+/* The slice's file, as cts_file_bytes_open(); CTS_ERR_READ when it is not the one any more whose header was read. */
+CtsStatus cts_slice_open(const CtsSlice *slice, struct CtsFileBytes *file, CtsError *err);
+
+/* Words first <= n < end of a slice are there, from `at` on: in their own place, or with a decoder, in reach of this
+ * call alone. They are in the cache. */
+typedef void (*cts_words_ready_fn)(void *context, const uint16_t *at, size_t first, size_t end);
+
+/* The stored words of a slice without fault, as the file has them but in this machine's byte order and widened to 16
+ * bits: rows * columns words, not yet masked or rescaled. They come in parts, in order; ready() is called after each
+ * and writes into their place what it makes of them. Fails with a message that has no path in it. */
+CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsScratch *scratch, uint16_t *words, cts_words_ready_fn ready,
+                                void *context, CtsError *err);
+
+/* Read a compressed slice and hand it to the thread's decoder, which may still be at work at the one before. Whether
+ * that was done; if so, its pixels are to be read before those of any other slice that is not under way already. What
+ * fails here fails again, and says why, when they are. */
+bool cts_slice_begin(const CtsSlice *slice, CtsScratch *scratch);
+
+/* The file names in a DICOMDIR, with its own folder in front; free each and the array with free(). */
+CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,
+                                   size_t *n_refused, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

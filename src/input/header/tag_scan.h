@@ -1,0 +1,77 @@
+/* A look at the framing of a DICOM file before DCMTK parses it: tags and lengths, no values.
+ *
+ * DCMTK 3.6.7 allocates whatever an element's length claims and recurses once for each nested sequence, so a file of a
+ * few hundred bytes can take gigabytes or the stack. This scanner walks the tags up to PixelData without recursion,
+ * compares every length with the bytes the file has, and says where the pixels lie, so that DCMTK is handed a buffer
+ * that ends before them and the pixels are never parsed. */
+#ifndef CTS_DICOM_TAG_SCAN_H
+#define CTS_DICOM_TAG_SCAN_H
+
+#include "input/header/syntax.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum {
+    CTS_MAX_NESTING = 64,           /* sequences inside sequences, as in DCMTK from 3.7.0 on */
+    CTS_MAX_HEADER_BYTES = 64 << 20 /* everything before PixelData */
+};
+
+typedef enum CtsScanResult {
+    CTS_SCAN_DONE,
+    CTS_SCAN_MORE,      /* call again with at least `need` bytes of the file */
+    CTS_SCAN_NOT_DICOM, /* from cts_scan_meta() alone */
+    CTS_SCAN_BAD        /* DICOM, but broken: see why */
+} CtsScanResult;
+
+/* Preamble and meta header (group 0002), read by tag: its group length is often wrong and never needed. */
+typedef struct CtsMetaScan {
+    size_t need;
+    char why[112];
+    bool has_preamble, has_meta;
+    char syntax_uid[65];    /* (0002,0010), "" where missing */
+    char sop_class_uid[65]; /* (0002,0002) */
+    size_t data_offset;     /* where the data set begins */
+} CtsMetaScan;
+
+CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes, CtsMetaScan *scan);
+
+/* How the data set at p is encoded, judged by its first element; NULL when it is neither. */
+const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n);
+
+enum { CTS_N_HEADER_TAGS = 35 }; /* what a CT slice's header is asked for */
+
+/* A top-level element with one of those tags. */
+typedef struct CtsTagValue {
+    uint32_t tag;     /* group << 16 | element */
+    uint8_t vr[2];    /* zeros where the data set has implicit VR */
+    bool is_sequence; /* or anything else of undefined length: no value here */
+    uint32_t n_bytes;
+    size_t offset; /* of the value, from the start of the data set */
+} CtsTagValue;
+
+typedef struct CtsDataScan {
+    uint64_t need;
+    char why[112];
+    CtsTagValue values[CTS_N_HEADER_TAGS]; /* in the order of the data set */
+    int n_values;
+    bool repeats;      /* one of them stands twice, or they are out of order */
+    size_t header_end; /* offset of PixelData's tag, or the end of the data set */
+    bool has_pixels, pixel_words, encapsulated;
+    uint64_t pixel_offset, pixel_bytes; /* of the value; pixel_bytes 0 when encapsulated */
+    uint32_t float_pixels; /* the tag of Float or Double Float Pixel Data, where they stand instead; else 0 */
+    int depth;             /* deepest nesting met */
+} CtsDataScan;
+
+/* The data set from `start` on. `total` is the number of bytes there really are (n or more). */
+CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
+                            CtsDataScan *scan);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,672 @@
+#define _GNU_SOURCE
+#include "ctsplat/series.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "input/header/slice.h"
+#include "input/series/slice_stack.h"
+#include "core/volume/bits.h"
+#include "core/volume/grey.h"
+#include "core/volume/macrocells.h"
+#include "input/load/resample.h"
+#include "core/volume/volume_new.h"
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define HU_OFFSET (-1024.0)
+enum { GREY_MAX = 65535, FINEST_STEP_BITS = 16, CELL_LOCKS = 16 };
+
+/* What the threads share while slices become layers. */
+typedef struct Assembly {
+    const CtsSlice *slices;
+    int n_slices, n_threads;
+    uint16_t *first; /* where slice 0 goes; slice k lies layer_voxels further for each k */
+    size_t layer_voxels;
+    bool whole_numbers;                     /* every slope and intercept is one */
+    CtsStoredRange *ranges;                 /* of each slice */
+    CtsMacrocells *macrocells;              /* made on the way while a slice is in the cache; NULL: not now */
+    pthread_mutex_t cell_locks[CELL_LOCKS]; /* each of some layers of them */
+    bool compressed;
+    double busy[CTS_N_STAGES];
+    uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
+    char **faults; /* of slices whose pixels are damaged, else NULL; the caller's, n_slices of them */
+    int n_bad;
+    int first_bad, first_lost; /* damaged, and failed for any other reason; or n_slices */
+    atomic_int stop;           /* slices after this one do not matter any more */
+    CtsError why_bad, why_lost;
+} Assembly;
+
+static bool whole_number(double x)
+{
+    return x == floor(x);
+}
+
+static uint16_t *layer_of(const Assembly *a, int k)
+{
+    return a->first + (size_t)k * a->layer_voxels;
+}
+
+/* One slice on its way from the file into the volume. */
+typedef struct Arrival {
+    Assembly *assembly;
+    int k;
+    CtsStored stored;
+    cts_grey_whole_fn to_grey;
+    int n_rows; /* whole ones so far */
+    double grey_ms;
+} Arrival;
+
+/* Words first <= n < end become grey levels and part of their macro-cells while they are in the cache. */
+static void take_words(void *context, const uint16_t *at, size_t first, size_t end)
+{
+    Arrival *const in = context;
+    Assembly *const a = in->assembly;
+    const CtsSlice *s = &a->slices[in->k];
+    uint16_t *layer = layer_of(a, in->k);
+    const double start = cts_wall_ms();
+    const CtsStoredRange r = a->whole_numbers ? in->to_grey(layer + first, at, end - first, &in->stored,
+                                                            (int32_t)s->slope, (int32_t)(s->intercept - HU_OFFSET))
+                                              : cts_stored_range(at, end - first, &in->stored);
+    if (!a->whole_numbers && at != layer + first)
+        memcpy(layer + first, at, (end - first) * sizeof *at);
+    CtsStoredRange *const all = &a->ranges[in->k];
+    *all = cts_stored_range_join(*all, r);
+    const int n_rows = (int)(end / (size_t)s->columns);
+    if (a->macrocells) {
+        pthread_mutex_t *const lock = &a->cell_locks[in->k / CTS_FINE_MACROCELL % CELL_LOCKS];
+        pthread_mutex_lock(lock);
+        cts_macrocells_add(a->macrocells, in->k, layer, in->n_rows, n_rows);
+        pthread_mutex_unlock(lock);
+    }
+    in->n_rows = n_rows;
+    in->grey_ms += cts_wall_ms() - start;
+}
+
+static CtsStatus read_slice(Assembly *a, int k, CtsScratch *scratch, cts_grey_whole_fn to_grey,
+                            double busy[CTS_N_STAGES], CtsError *err)
+{
+    const CtsSlice *s = &a->slices[k];
+    Arrival in = {.assembly = a, .k = k, .stored = cts_slice_stored(s), .to_grey = to_grey};
+    const double start = cts_wall_ms();
+    a->ranges[k] = (CtsStoredRange){INT32_MAX, INT32_MIN};
+    const CtsStatus st = cts_slice_read_pixels(s, scratch, layer_of(a, k), take_words, &in, err);
+    if (st) {
+        cts_context(err, "%s", cts_slice_label(s).text);
+        return st;
+    }
+    busy[CTS_STAGE_DECODE] += cts_wall_ms() - start - in.grey_ms;
+    busy[CTS_STAGE_GREY] += in.grey_ms;
+    return CTS_OK;
+}
+
+/* A tenth of a series may be damaged, as in cts_series_judge(). */
+static bool too_many_bad(int n_bad, int n_slices)
+{
+    return n_bad * 10 > n_slices || n_slices - n_bad < 2;
+}
+
+/* Of several failures the first slice's is told, whatever the number of threads. Damaged pixels are that slice's alone;
+ * anything else, or too much of it, ends the reading. */
+static void note_failure(Assembly *a, int k, const CtsError *why)
+{
+    const bool damaged = why->status == CTS_ERR_PIXELS && (a->faults[k] = strdup(why->text)) != NULL;
+    int *const first = damaged ? &a->first_bad : &a->first_lost;
+    a->n_bad += damaged;
+    if (k < *first) {
+        *first = k;
+        *(damaged ? &a->why_bad : &a->why_lost) = *why;
+    }
+    int stop = a->first_lost;
+    if (too_many_bad(a->n_bad, a->n_slices) && a->first_bad < stop)
+        stop = a->first_bad;
+    atomic_store(&a->stop, stop);
+}
+
+/* One thread's. */
+typedef struct Reader {
+    CtsScratch scratch;
+    double busy[CTS_N_STAGES];
+    int held; /* a slice that is being decoded, or -1 */
+} Reader;
+
+typedef struct Reading {
+    Assembly *assembly;
+    cts_grey_whole_fn to_grey;
+    Reader *readers;
+    pthread_mutex_t lock; /* of the assembly's failures */
+    int n_groups;         /* units of several slices; further ones are single slices */
+} Reading;
+
+static void read_one(Reading *r, Reader *reader, int k)
+{
+    CtsError why = {0};
+    if (k > atomic_load(&r->assembly->stop) ||
+        !read_slice(r->assembly, k, &reader->scratch, r->to_grey, reader->busy, &why))
+        return;
+    pthread_mutex_lock(&r->lock);
+    note_failure(r->assembly, k, &why);
+    pthread_mutex_unlock(&r->lock);
+}
+
+static void read_held(Reading *r, Reader *reader)
+{
+    if (reader->held >= 0)
+        read_one(r, reader, reader->held);
+    reader->held = -1;
+}
+
+/* While a worker takes a slice from its decoder, the next is decoded. */
+static void read_some(Reading *r, Reader *reader, int first, int end)
+{
+    const Assembly *const a = r->assembly;
+    for (int k = first; k < end && k < a->n_slices; k++) {
+        const bool begun = k <= atomic_load(&a->stop) && cts_slice_begin(&a->slices[k], &reader->scratch);
+        read_held(r, reader);
+        if (begun)
+            reader->held = k;
+        else
+            read_one(r, reader, k);
+    }
+}
+
+/* A unit is the slices of one layer of macro-cells, which no other worker then waits for, nor for their memory; towards
+ * the end of a compressed series one slice, so that all workers end at once. */
+static void read_units(void *context, int worker, size_t first, size_t end)
+{
+    Reading *const r = context;
+    for (int u = (int)first; u < (int)end; u++) {
+        const int single = u - r->n_groups, k = r->n_groups * CTS_FINE_MACROCELL + single;
+        if (single < 0)
+            read_some(r, &r->readers[worker], u * CTS_FINE_MACROCELL, (u + 1) * CTS_FINE_MACROCELL);
+        else
+            read_some(r, &r->readers[worker], k, k + 1);
+    }
+}
+
+static CtsStatus read_each(Assembly *a, CtsError *err)
+{
+    Reader *readers = calloc((size_t)a->n_threads, sizeof *readers);
+    if (!readers)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    Reading reading = {.assembly = a,
+                       .to_grey = cts_grey_whole(cts_cpu_flags()),
+                       .readers = readers,
+                       .lock = PTHREAD_MUTEX_INITIALIZER};
+    for (int t = 0; t < a->n_threads; t++)
+        readers[t].held = -1;
+    for (int i = 0; i < CELL_LOCKS; i++)
+        pthread_mutex_init(&a->cell_locks[i], NULL);
+    const int n_tail = a->compressed ? CTS_FINE_MACROCELL * a->n_threads : 0;
+    reading.n_groups = n_tail < a->n_slices ? (a->n_slices - n_tail + CTS_FINE_MACROCELL - 1) / CTS_FINE_MACROCELL : 0;
+    const int n_grouped = reading.n_groups * CTS_FINE_MACROCELL;
+    const int n_single = n_grouped < a->n_slices ? a->n_slices - n_grouped : 0;
+    cts_parallel(a->n_threads, (size_t)(reading.n_groups + n_single), 1, read_units, &reading);
+    for (int t = 0; t < a->n_threads; t++)
+        read_held(&reading, &readers[t]);
+    pthread_mutex_destroy(&reading.lock);
+    for (int i = 0; i < CELL_LOCKS; i++)
+        pthread_mutex_destroy(&a->cell_locks[i]);
+    a->busy[CTS_STAGE_DECODE] = a->busy[CTS_STAGE_GREY] = 0;
+    for (int t = 0; t < a->n_threads; t++) {
+        a->busy[CTS_STAGE_DECODE] += readers[t].busy[CTS_STAGE_DECODE];
+        a->busy[CTS_STAGE_GREY] += readers[t].busy[CTS_STAGE_GREY];
+        cts_scratch_free(&readers[t].scratch);
+    }
+    free(readers);
+    return CTS_OK;
+}
+
+/* CTS_ERR_PIXELS: some slices are bad, and a->faults says which and why. */
+static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    a->first_bad = a->first_lost = a->n_slices;
+    atomic_store(&a->stop, a->n_slices);
+    const CtsStatus st = read_each(a, err);
+    if (st)
+        return st;
+    a->items[CTS_STAGE_DECODE] = (uint64_t)a->n_slices;
+    a->items[CTS_STAGE_GREY] = (uint64_t)a->n_slices * a->layer_voxels;
+    a->bytes[CTS_STAGE_GREY] = a->items[CTS_STAGE_GREY] * sizeof(uint16_t);
+    for (int k = 0; k < a->n_slices; k++)
+        a->bytes[CTS_STAGE_DECODE] += a->slices[k].pixel_bytes;
+    cts_report_region(report, cts_wall_ms() - wall, cts_cpu_ms() - cpu, a->busy, a->items, a->bytes);
+    if (a->n_bad == 0 && a->first_lost == a->n_slices)
+        return CTS_OK;
+    const CtsError *why = a->first_lost < a->n_slices && a->stop == a->first_lost ? &a->why_lost : &a->why_bad;
+    if (err)
+        *err = *why;
+    return why->status;
+}
+
+static void find_hu_range(const Assembly *a, CtsVolume *v)
+{
+    v->hu_min = INFINITY;
+    v->hu_max = -INFINITY;
+    for (int k = 0; k < a->n_slices; k++) {
+        const CtsSlice *s = &a->slices[k];
+        const CtsStoredRange r = a->ranges[k];
+        if (r.low > r.high)
+            continue;
+        const double x = s->slope * r.low + s->intercept, y = s->slope * r.high + s->intercept;
+        v->hu_min = fmin(v->hu_min, fmin(x, y));
+        v->hu_max = fmax(v->hu_max, fmax(x, y));
+    }
+    if (!(v->hu_min <= v->hu_max))
+        v->hu_min = v->hu_max = HU_OFFSET; /* padding alone */
+}
+
+/* The finest power of two for which the series' maximum still fits 16 bits. */
+static double finest_step(double hu_max)
+{
+    double step = 1;
+    for (int bits = 0; bits < FINEST_STEP_BITS && (hu_max - HU_OFFSET) / (step / 2) <= GREY_MAX; bits++)
+        step /= 2;
+    return step;
+}
+
+static bool same_table(const CtsSlice *a, const CtsSlice *b)
+{
+    const CtsStored x = cts_slice_stored(a), y = cts_slice_stored(b);
+    return a->slope == b->slope && a->intercept == b->intercept && x.shift == y.shift && x.bits == y.bits &&
+           x.is_signed == y.is_signed && x.padding_low == y.padding_low && x.padding_high == y.padding_high &&
+           x.padding_word == y.padding_word;
+}
+
+/* One thread's table, and the slice it was made for. */
+typedef struct Converter {
+    const CtsSlice *made_for;
+    uint16_t table[65536];
+} Converter;
+
+typedef struct Converting {
+    const Assembly *assembly;
+    double hu_step;
+    Converter *converters;
+} Converting;
+
+static void convert_some(void *context, int worker, size_t first, size_t end)
+{
+    const Converting *const c = context;
+    const Assembly *a = c->assembly;
+    Converter *const mine = &c->converters[worker];
+    for (int k = (int)first; k < (int)end; k++) {
+        const CtsSlice *s = &a->slices[k];
+        if (!mine->made_for || !same_table(mine->made_for, s)) {
+            const CtsStored stored = cts_slice_stored(s);
+            cts_grey_table(mine->table, &stored, s->slope, s->intercept, HU_OFFSET, c->hu_step);
+            mine->made_for = s;
+        }
+        cts_grey_look_up(layer_of(a, k), a->layer_voxels, mine->table);
+    }
+}
+
+static CtsStatus convert_fractions(const Assembly *a, double hu_step, CtsError *err)
+{
+    Converter *converters = NULL;
+    const CtsStatus st = cts_alloc_zeroed(&converters, (size_t)a->n_threads, err);
+    if (!st) {
+        Converting converting = {a, hu_step, converters};
+        cts_parallel(a->n_threads, (size_t)a->n_slices, 0, convert_some, &converting);
+    }
+    cts_free(&converters);
+    return st;
+}
+
+/* Bone as far below air: half of the numbers read with a sign that they do not have. A header that leaves no room for
+ * bone above is no scanner's. */
+static bool lost_bone(const Assembly *a, int k)
+{
+    const CtsSlice *s = &a->slices[k];
+    const double top = s->slope * ((1 << (s->bits_stored - 1)) - 1) + s->intercept;
+    return s->is_signed && s->slope > 0 && top < 1100 && s->slope * a->ranges[k].low + s->intercept < -1100;
+}
+
+/* Beyond any scanner's extended scale: a rescale slope that belongs to something else. */
+static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *err)
+{
+    int n_lost = 0;
+    for (int k = 0; k < a->n_slices; k++)
+        n_lost += lost_bone(a, k);
+    if (n_lost)
+        return cts_fail(err, CTS_ERR_PIXELS,
+                        "its values from %g to %g look like unsigned pixels that PixelRepresentation (0028,0103) calls "
+                        "signed (set it to 0 with dcmodify)",
+                        v->hu_min, v->hu_max);
+    if (v->hu_min < -65536 || v->hu_max > 131072)
+        return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", v->hu_min, v->hu_max);
+    /* Air as a huge number: below 0 read without a sign. No scan holds such numbers and no air. */
+    if (v->hu_max > 32767 && v->hu_min > -200)
+        return cts_fail(err, CTS_ERR_PIXELS,
+                        "its values from %g to %g look like signed pixels that PixelRepresentation (0028,0103) calls "
+                        "unsigned (set it to 1 with dcmodify)",
+                        v->hu_min, v->hu_max);
+    return CTS_OK;
+}
+
+static void tell_range(const CtsVolume *v, bool whole_numbers, CtsReport *report)
+{
+    const double top = v->hu_offset + v->hu_step * GREY_MAX;
+    if (!whole_numbers)
+        cts_report_finding(report, "fractional_rescale", CTS_NOTE,
+                           "the rescale slope or intercept has a fraction; grey levels are steps of %g HU", v->hu_step);
+    if (v->hu_max > top)
+        cts_report_finding(report, "clamped_high", CTS_WARNING,
+                           "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
+}
+
+static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
+{
+    const double need = (double)nx * ny * n_layers * sizeof(uint16_t);
+    const uint64_t free_bytes = cts_memory_available();
+    if (!cts_memory_allows(need, free_bytes))
+        return cts_fail(err, CTS_ERR_MEMORY, "the volume needs %.0f MiB of memory, and this machine has %.0f MiB free",
+                        need / 1048576, (double)free_bytes / 1048576);
+    return CTS_OK;
+}
+
+/* A slice of one value, or of padding, between others that hold more: lost on its way, or wiped out. */
+static void tell_blank(const Assembly *a, CtsReport *report)
+{
+    int first = -1, last = -1, blank = -1, n = 0;
+    for (int k = 0; k < a->n_slices; k++)
+        if (a->ranges[k].low < a->ranges[k].high) {
+            first = first < 0 ? k : first;
+            last = k;
+        }
+    for (int k = first + 1; k < last; k++)
+        if (a->ranges[k].low >= a->ranges[k].high) {
+            blank = blank < 0 ? k : blank;
+            n++;
+        }
+    if (n == 1)
+        cts_report_finding(report, "blank_slices", CTS_WARNING, "%s: one value in all pixels, between slices with more",
+                           cts_slice_label(&a->slices[blank]).text);
+    else if (n)
+        cts_report_finding(report, "blank_slices", CTS_WARNING,
+                           "%s and %d more: one value in all pixels, between slices with more",
+                           cts_slice_label(&a->slices[blank]).text, n - 1);
+}
+
+/* Origin and steps: rows and columns from the middle slice, layers from the line of positions. */
+static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsSliceStack *stack)
+{
+    const CtsSlice *middle = &slices[n / 2];
+    for (int c = 0; c < 3; c++) {
+        v->origin_lps[c] = slices[0].position_lps[c];
+        v->step_lps[0][c] = middle->row_lps[c] * middle->column_spacing_mm;
+        v->step_lps[1][c] = middle->column_lps[c] * middle->row_spacing_mm;
+        v->step_lps[2][c] = stack->step_lps[c];
+    }
+}
+
+/* The slices of a series that are to become a volume: copies of its records, which own nothing. */
+typedef struct Loading {
+    CtsSlice *slices;
+    char **faults; /* what was found of damaged ones while they were read; owned */
+    int n_slices, n_threads;
+    bool some_dropped, linear;
+    bool marks_dense; /* for who removes the table */
+    bool range_alone; /* no voxels: the headers' reading has seen every pixel */
+} Loading;
+
+static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threads, CtsError *err)
+{
+    const size_t n = (size_t)series->n_slices;
+    CtsStatus st = cts_alloc_array(&in->slices, n, err);
+    if (!st)
+        st = cts_alloc_zeroed(&in->faults, n, err);
+    for (size_t k = 0; !st && k < n; k++)
+        in->slices[k] = *series->slices[k];
+    in->n_slices = series->n_slices;
+    in->n_threads = n_threads;
+    return st;
+}
+
+static void end_loading(Loading *in)
+{
+    for (int k = 0; in->faults && k < in->n_slices; k++)
+        free(in->faults[k]);
+    cts_free(&in->slices);
+    cts_free(&in->faults);
+}
+
+/* Leaves the damaged slices out, and names each. */
+static void drop_bad(Loading *in, CtsReport *report)
+{
+    int kept = 0;
+    for (int k = 0; k < in->n_slices; k++) {
+        if (!in->faults[k]) {
+            in->slices[kept++] = in->slices[k];
+            continue;
+        }
+        cts_report_finding(report, "bad_slices", CTS_WARNING, "%s (left out)", in->faults[k]);
+        free(in->faults[k]);
+        in->faults[k] = NULL;
+    }
+    in->n_slices = kept;
+    in->some_dropped = true;
+}
+
+/* Where the slices lie; what the loss of some has made of the stack is told here, for the series' own findings do not.
+ */
+static CtsStatus plan_stack(const Loading *in, CtsSliceStack *stack, CtsReport *report, CtsError *err)
+{
+    const CtsSlice **slices;
+    CtsStatus st = cts_alloc_bytes((void **)&slices, (size_t)in->n_slices, sizeof *slices, err);
+    for (int k = 0; !st && k < in->n_slices; k++)
+        slices[k] = &in->slices[k];
+    if (!st)
+        st = cts_slice_stack_plan(slices, in->n_slices, stack, err);
+    if (!st && in->some_dropped && report)
+        cts_slice_stack_findings(stack, slices, in->n_slices, &report->findings);
+    cts_free_bytes(slices);
+    return st;
+}
+
+/* Grey levels and range of every slice; macro-cells of what is not converted or resampled later. */
+static CtsStatus read_layers(Assembly *a, bool even, bool marks_dense, CtsVolume *v, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (a->whole_numbers && even)
+        st = cts_macrocells_begin(&a->macrocells, v->dims, err);
+    if (!st && a->macrocells && marks_dense)
+        st = cts_macrocells_mark(a->macrocells, cts_dense_grey(v), err);
+    const size_t n_bytes = (size_t)a->n_slices * a->layer_voxels * sizeof *a->first;
+    cts_hide_from_children(a->first, n_bytes, 1);
+    if (!st)
+        st = read_slices(a, report, err);
+    cts_hide_from_children(a->first, n_bytes, 0);
+    if (!st && a->macrocells) {
+        cts_macrocells_end(a->macrocells, a->n_threads);
+        v->macrocells = a->macrocells;
+        a->macrocells = NULL;
+    }
+    cts_macrocells_free(&a->macrocells);
+    return st;
+}
+
+static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset, CtsVolume *v, CtsReport *report,
+                      CtsError *err)
+{
+    const int n_threads = in->n_threads;
+    const bool even = stack->kind == CTS_STACK_EVEN;
+    Assembly a = {.slices = in->slices,
+                  .n_slices = in->n_slices,
+                  .n_threads = n_threads,
+                  .faults = in->faults,
+                  .whole_numbers = true};
+    a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
+    a.first = in->range_alone ? NULL : v->grey + (size_t)offset * a.layer_voxels;
+    for (int k = 0; k < a.n_slices; k++) {
+        a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
+        a.compressed |= cts_slice_is_compressed(&a.slices[k]);
+    }
+    CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
+    for (int k = 0; !st && in->range_alone && k < a.n_slices; k++)
+        a.ranges[k] = a.slices[k].range;
+    if (!st && !in->range_alone)
+        st = read_layers(&a, even, in->marks_dense, v, report, err);
+    if (!st) {
+        find_hu_range(&a, v);
+        st = check_range(&a, v, err);
+    }
+    if (!st && !a.whole_numbers)
+        v->hu_step = finest_step(v->hu_max);
+    if (!st && !a.whole_numbers && !in->range_alone)
+        st = convert_fractions(&a, v->hu_step, err);
+    if (!st && !even && !in->range_alone)
+        cts_resample_stack(v->grey,
+                           &(CtsResampling){.layer_voxels = a.layer_voxels,
+                                            .layer = stack->layer,
+                                            .n_slices = a.n_slices,
+                                            .n_layers = stack->n_layers,
+                                            .offset = offset,
+                                            .linear = in->linear},
+                           n_threads);
+    if (!st) {
+        tell_range(v, a.whole_numbers, report);
+        tell_blank(&a, report);
+    }
+    cts_free(&a.ranges);
+    return st;
+}
+
+/* Time of the stages of loading so far. */
+static void stage_times(const CtsReport *report, double *wall_ms, double *cpu_ms)
+{
+    *wall_ms = report->stages[CTS_STAGE_DECODE].wall_ms + report->stages[CTS_STAGE_GREY].wall_ms;
+    *cpu_ms = report->stages[CTS_STAGE_DECODE].cpu_ms + report->stages[CTS_STAGE_GREY].cpu_ms;
+}
+
+/* "series UID: " in front of a failure; by its folder where the data has no UID. */
+static CtsStatus in_series(const CtsSeries *series, CtsError *err)
+{
+    const CtsSlice *first = series->slices[0];
+    const int n = (int)(cts_slice_name(first) - first->path);
+    return series->uid[0] ? cts_context(err, "series %s", series->uid)
+                          : cts_context(err, "series without UID in %.*s", n > 1 ? n - 1 : 1, n ? first->path : ".");
+}
+
+static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsVolume **volume, CtsReport *report,
+                             CtsError *err)
+{
+    CtsSliceStack stack = {0};
+    CtsStatus st = plan_stack(in, &stack, report, err);
+    if (st)
+        goto end;
+    const bool even = stack.kind == CTS_STACK_EVEN;
+    const int offset = even ? 0 : cts_resample_offset(stack.layer, in->n_slices, stack.n_layers);
+    const int n_slots = even || offset + in->n_slices < stack.n_layers ? stack.n_layers : offset + in->n_slices;
+    if ((st = check_memory(series->columns, series->rows, n_slots, err)) ||
+        (st = (in->range_alone ? cts_volume_new_empty : cts_volume_new_unset)(volume, series->columns, series->rows,
+                                                                              n_slots, err)))
+        goto end;
+    (*volume)->dims[2] = stack.n_layers;
+    if (!even) /* on average */
+        (*volume)->slice_layers = (int)fmax(floor((stack.n_layers - 1.0) / fmax(in->n_slices - 1, 1) + 0.5), 1);
+    place_volume(*volume, in->slices, in->n_slices, &stack);
+    st = fill(in, &stack, offset, *volume, report, err);
+end:
+    if (st)
+        cts_volume_free(volume);
+    cts_slice_stack_free(&stack);
+    return st;
+}
+
+typedef enum Want { LINEAR, CUBIC, CUBIC_MARKED, RANGE } Want;
+
+static bool all_seen(const CtsSeries *series)
+{
+    for (int k = 0; k < series->n_slices; k++)
+        if (!series->slices[k]->range_known)
+            return false;
+    return true;
+}
+
+static void tell_slow(const CtsSeries *series, CtsReport *report)
+{
+    const char *why = NULL;
+    for (int k = 0; k < series->n_slices && !why; k++)
+        why = cts_slice_why_slow(series->slices[k]);
+    if (why)
+        cts_report_finding(report, "slow_decoder", CTS_NOTE,
+                           "HTJ2K is decoded by OpenJPEG, in nearly twice the time that OpenJPH takes: %s", why);
+}
+
+/* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
+static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsVolume **volume, CtsReport *report,
+                      CtsError *err)
+{
+    Loading in = {.linear = want != CUBIC && want != CUBIC_MARKED,
+                  .marks_dense = want == CUBIC_MARKED,
+                  .range_alone = want == RANGE && all_seen(series)};
+    CtsError why = {0};
+    CtsStatus st = begin_loading(&in, series, n_threads, &why);
+    int n_bad = 0;
+    while (!st && (st = load_slices(series, &in, volume, report, &why)) == CTS_ERR_PIXELS) {
+        int n = 0;
+        for (int k = 0; k < in.n_slices; k++)
+            n += in.faults[k] != NULL;
+        n_bad += n;
+        if (n == 0 || too_many_bad(n_bad, series->n_slices))
+            break;
+        drop_bad(&in, report);
+        st = CTS_OK;
+    }
+    end_loading(&in);
+    if (st && err)
+        *err = why;
+    return st;
+}
+
+static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, CtsVolume **volume, CtsReport *report,
+                            CtsError *err)
+{
+    double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
+    *volume = NULL;
+    if (!series->renderable) {
+        cts_fail(err, series->refusal, "%s", series->reason);
+        in_series(series, err);
+        return series->refusal;
+    }
+    if (report)
+        stage_times(report, &wall_before, &cpu_before);
+    const CtsStatus st = load(series, want, cts_threads(n_threads), volume, report, err);
+    if (report)
+        stage_times(report, &wall_after, &cpu_after);
+    /* What is not reading slices is making grey levels of them: memory, fractions, resampling, macro-cell ranges. */
+    wall = cts_wall_ms() - wall - (wall_after - wall_before);
+    cpu = cts_cpu_ms() - cpu - (cpu_after - cpu_before);
+    cts_report_stage(report, CTS_STAGE_GREY, fmax(wall, 0), fmax(cpu, 0), 0, 0);
+    for (size_t i = 0; !st && i < series->findings.n; i++)
+        cts_report_finding(report, series->findings.items[i].code, series->findings.items[i].severity, "%s",
+                           series->findings.items[i].text);
+    if (st)
+        in_series(series, err);
+    else
+        tell_slow(series, report);
+    return st;
+}
+
+CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+{
+    return load_timed(series, LINEAR, n_threads, volume, report, err);
+}
+
+CtsStatus cts_series_load_cubic(const CtsSeries *series, bool table_goes, int n_threads, CtsVolume **volume,
+                                CtsReport *report, CtsError *err)
+{
+    return load_timed(series, table_goes ? CUBIC_MARKED : CUBIC, n_threads, volume, report, err);
+}
+
+CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
+                             CtsError *err)
+{
+    return load_timed(series, RANGE, n_threads, volume, report, err);
+}

@@ -1,0 +1,57 @@
+#include "input/series/others.h"
+
+#include "input/header/dcm_read.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static CtsStatus add(CtsSeriesList *list, const char *what, int n, CtsError *err)
+{
+    for (size_t i = 0; i < list->n_others; i++)
+        if (!strcmp(list->others[i].what, what)) {
+            list->others[i].n += n;
+            return CTS_OK;
+        }
+    CtsFileCount *others = realloc(list->others, (list->n_others + 1) * sizeof *others);
+    if (!others)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    list->others = others;
+    CtsFileCount *added = &others[list->n_others++];
+    snprintf(added->what, sizeof added->what, "%s", what);
+    added->n = n;
+    return CTS_OK;
+}
+
+CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, CtsError *err)
+{
+    char what[40];
+    snprintf(what, sizeof what, packed ? "not DICOM (packed with %s?)" : "not DICOM", packed);
+    return n ? add(list, what, n, err) : CTS_OK;
+}
+
+CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err)
+{
+    char what[sizeof list->others->what];
+    cts_dcm_class_name(class_uid, what, sizeof what);
+    return add(list, what, 1, err);
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const CtsFileCount *x = a, *y = b;
+    return x->n != y->n ? (x->n < y->n) - (x->n > y->n) : strcmp(x->what, y->what);
+}
+
+void cts_others_sort(CtsSeriesList *list)
+{
+    if (list->n_others)
+        qsort(list->others, list->n_others, sizeof *list->others, by_number);
+}
+
+void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size)
+{
+    size_t n = 0;
+    text[0] = 0;
+    for (size_t i = 0; i < list->n_others && n < size; i++)
+        n += (size_t)snprintf(text + n, size - n, "%s%d %s", i ? ", " : "", list->others[i].n, list->others[i].what);
+}

@@ -1,0 +1,409 @@
+#define _GNU_SOURCE
+#include "ctsplat/series.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/parallel.h"
+#include "input/files/archive.h"
+#include "input/header/dcm_read.h"
+#include "input/series/others.h"
+#include "input/files/scan.h"
+#include "input/series/series_judge.h"
+#include "input/files/texts.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void clear_series(CtsSeries *series)
+{
+    for (int i = 0; i < series->n_slices; i++) {
+        cts_slice_clear(series->slices[i]);
+        free(series->slices[i]);
+    }
+    free(series->slices);
+    free(series->description);
+    cts_findings_free(&series->findings);
+    *series = (CtsSeries){0};
+}
+
+void cts_series_list_free(CtsSeriesList **list)
+{
+    if (!*list)
+        return;
+    for (size_t i = 0; i < (*list)->n; i++)
+        clear_series(&(*list)->items[i]);
+    free((*list)->items);
+    for (size_t i = 0; i < (*list)->n_archives; i++)
+        cts_archive_free(&(*list)->archives[i]);
+    free((*list)->archives);
+    for (size_t i = 0; i < (*list)->n_texts; i++)
+        cts_texts_free(&(*list)->texts[i]);
+    free((*list)->texts);
+    free((*list)->others);
+    cts_findings_free(&(*list)->findings);
+    free(*list);
+    *list = NULL;
+}
+
+/* What became of one file; in order of the file list, so that the number of threads changes nothing. */
+typedef struct Header {
+    CtsFileKind file;
+    CtsObject object;
+    char *why; /* it could not be read */
+} Header;
+
+typedef struct Search {
+    CtsFileList files;
+    Header *headers; /* files.n of them, once read */
+    size_t n_headers;
+    uint64_t bytes_read;
+    CtsSeriesList *list;
+} Search;
+
+static bool read_one(const CtsFile *file, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
+{
+    CtsError why = {0};
+    header->file = cts_slice_read_header(file, scratch, &header->object, bytes_read, &why);
+    if (header->file == CTS_FILE_UNREADABLE)
+        header->why = strdup(why.text);
+    return why.status != CTS_ERR_MEMORY;
+}
+
+/* One thread's. */
+typedef struct Reader {
+    CtsScratch scratch;
+    uint64_t bytes_read;
+    bool failed;
+} Reader;
+
+typedef struct Reading {
+    Search *search;
+    size_t first_file;
+    Reader *readers;
+} Reading;
+
+static void read_some(void *context, int worker, size_t first, size_t end)
+{
+    const Reading *const r = context;
+    Reader *const reader = &r->readers[worker];
+    for (size_t i = r->first_file + first; i < r->first_file + end; i++)
+        reader->failed |=
+            !read_one(&r->search->files.items[i], &reader->scratch, &r->search->headers[i], &reader->bytes_read);
+}
+
+/* The slices need their texts for as long as the list is there. */
+static bool take_texts(CtsSeriesList *list, CtsTexts *texts)
+{
+    CtsTexts *grown = realloc(list->texts, (list->n_texts + 1) * sizeof *grown);
+    if (!grown)
+        return false;
+    list->texts = grown;
+    list->texts[list->n_texts++] = *texts;
+    *texts = (CtsTexts){0};
+    return true;
+}
+
+/* Headers of the files that have none yet. */
+static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
+{
+    const size_t first = s->n_headers, n = s->files.n;
+    Header *headers = realloc(s->headers, (n ? n : 1) * sizeof *headers);
+    if (!headers)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    memset(headers + first, 0, (n - first) * sizeof *headers);
+    s->headers = headers;
+    s->n_headers = n;
+    Reader *readers = calloc((size_t)n_threads, sizeof *readers);
+    if (!readers)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    Reading reading = {s, first, readers};
+    cts_parallel(n_threads, n - first, 8, read_some, &reading);
+    bool failed = false;
+    for (int t = 0; t < n_threads; t++) {
+        s->bytes_read += readers[t].bytes_read;
+        failed |= readers[t].failed || !take_texts(s->list, &readers[t].scratch.texts);
+        cts_scratch_free(&readers[t].scratch);
+    }
+    free(readers);
+    return failed ? cts_fail(err, CTS_ERR_MEMORY, "out of memory while headers were read") : CTS_OK;
+}
+
+/* Add the files that one DICOMDIR names. */
+static CtsStatus follow_directory(Search *s, const char *path, CtsError *err)
+{
+    char **files = NULL;
+    size_t n_files = 0, n_refused = 0;
+    CtsScratch scratch = {0};
+    CtsStatus st = cts_slice_read_directory(path, &scratch, &files, &n_files, &n_refused, err);
+    if (st)
+        cts_context(err, "%s", path);
+    for (size_t i = 0; i < n_files; i++) {
+        if (!st)
+            st = cts_file_list_add(&s->files, files[i], false, err);
+        free(files[i]);
+    }
+    free(files);
+    cts_scratch_free(&scratch);
+    if (n_refused)
+        cts_findings_add(&s->list->findings, "directory_escapes", CTS_WARNING,
+                         "%s: %zu of its files do not lie in its folder; left out", path, n_refused);
+    return st;
+}
+
+static CtsStatus follow_directories(Search *s, int n_threads, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const size_t n = s->n_headers;
+    for (size_t i = 0; !st && i < n; i++)
+        if (s->files.items[i].named && s->headers[i].object.kind == CTS_OBJECT_DIRECTORY)
+            st = follow_directory(s, s->files.items[i].path, err);
+    return !st && s->files.n > n ? read_headers(s, n_threads, err) : st;
+}
+
+static int by_series(const void *a, const void *b)
+{
+    const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
+    int order = strcmp(x->series_uid, y->series_uid);
+    if (!order && !x->series_uid[0]) {
+        const size_t nx = (size_t)(cts_slice_name(x) - x->path), ny = (size_t)(cts_slice_name(y) - y->path);
+        order = memcmp(x->path, y->path, nx < ny ? nx : ny);
+        if (!order)
+            order = (nx > ny) - (nx < ny);
+    }
+    if (!order)
+        order = (int)x->kind - (int)y->kind;
+    /* A stack is a volume of its own (PS3.3 C.7.6.16.2.2.2). */
+    return order ? order : strcmp(x->stack_id, y->stack_id);
+}
+
+static int by_series_and_path(const void *a, const void *b)
+{
+    const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
+    int order = by_series(a, b);
+    if (!order)
+        order = strcmp(x->path, y->path);
+    return order ? order : x->frame - y->frame;
+}
+
+/* What is no slice: counted, and named where it cannot be read. */
+static CtsStatus count_others(const Search *s, CtsError *err)
+{
+    CtsSeriesList *list = s->list;
+    list->n_files = (int)s->n_headers + s->files.n_special + s->files.n_other;
+    list->n_not_ct = s->files.n_special + s->files.n_other;
+    list->n_unreadable = s->files.n_unreadable;
+    CtsStatus st = cts_others_add_files(list, list->n_not_ct, NULL, err);
+    for (size_t i = 0; !st && i < s->n_headers; i++) {
+        const Header *h = &s->headers[i];
+        if (h->object.n_slices)
+            continue;
+        if (h->file == CTS_FILE_UNREADABLE) {
+            list->n_unreadable++;
+            cts_findings_add(&list->findings, "unreadable_file", CTS_WARNING, "%s: %s", s->files.items[i].path,
+                             h->why ? h->why : "cannot be read");
+            continue;
+        }
+        list->n_not_ct++;
+        st = h->file == CTS_FILE_DICOM ? cts_others_add_object(list, h->object.class_uid, err)
+                                       : cts_others_add_files(list, 1, h->object.packed, err);
+    }
+    cts_others_sort(list);
+    return st;
+}
+
+/* The slices of all objects move to *slices. */
+static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < s->n_headers; i++)
+        n += (size_t)s->headers[i].object.n_slices;
+    *n_slices = 0;
+    *slices = malloc((n + 1) * sizeof **slices);
+    if (!*slices)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (size_t i = 0; i < s->n_headers; i++) {
+        CtsObject *object = &s->headers[i].object;
+        for (int k = 0; k < object->n_slices; k++)
+            (*slices)[(*n_slices)++] = object->slices[k];
+        object->n_slices = 0;
+    }
+    return CTS_OK;
+}
+
+static CtsStatus add_series(CtsSeriesList *list, CtsSliceSet *set, CtsError *err)
+{
+    int n = 0;
+    CtsSeries *items = realloc(list->items, (list->n + CTS_MAX_PARTS) * sizeof *items);
+    if (!items) {
+        cts_slice_set_free(set);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    list->items = items;
+    memset(items + list->n, 0, CTS_MAX_PARTS * sizeof *items);
+    const CtsStatus st = cts_series_judge(set, items + list->n, &n, err);
+    list->n += st ? CTS_MAX_PARTS : (size_t)n;
+    return st;
+}
+
+/* Volumes of one UID get numbers: stacks, phases, single slices beside frames. */
+static void number_parts(CtsSeriesList *list)
+{
+    for (size_t first = 0, end; first < list->n; first = end) {
+        for (end = first + 1; end < list->n && strcmp(list->items[first].uid, list->items[end].uid) == 0;)
+            end++;
+        const int n = list->items[first].uid[0] ? (int)(end - first) : 1;
+        for (int p = 0; n > 1 && p < n; p++) {
+            CtsSeries *s = &list->items[first + (size_t)p];
+            s->part = p + 1;
+            cts_findings_add(&s->findings, "several_volumes", CTS_WARNING,
+                             "the series holds %d volumes; this is volume %d (`series` UID#%d picks another)", n, p + 1,
+                             p == 0 ? 2 : 1);
+        }
+    }
+}
+
+static int by_size(const void *a, const void *b)
+{
+    const CtsSeries *x = a, *y = b;
+    if (x->n_slices != y->n_slices)
+        return x->n_slices < y->n_slices ? 1 : -1;
+    const int order = strcmp(x->uid, y->uid);
+    return order ? order : x->part - y->part;
+}
+
+static CtsStatus group(CtsSlice **slices, size_t n, CtsSeriesList *list, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (n)
+        qsort(slices, n, sizeof *slices, by_series_and_path);
+    for (size_t first = 0, end; first < n; first = end) {
+        for (end = first + 1; end < n && by_series(&slices[first], &slices[end]) == 0;)
+            end++;
+        CtsSliceSet set = {malloc((end - first) * sizeof *set.items), (int)(end - first)};
+        if (!set.items && !st)
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        for (size_t i = first; i < end; i++) {
+            if (!st) {
+                set.items[i - first] = slices[i];
+            } else {
+                cts_slice_clear(slices[i]);
+                free(slices[i]);
+            }
+        }
+        if (!st)
+            st = add_series(list, &set, err);
+        else
+            free(set.items);
+    }
+    if (!st)
+        number_parts(list);
+    if (!st && list->n)
+        qsort(list->items, list->n, sizeof *list->items, by_size);
+    return st;
+}
+
+static CtsStatus nothing_found(const Search *s, CtsError *err)
+{
+    const CtsSeriesList *list = s->list;
+    const char *first = "";
+    char others[400];
+    cts_series_list_others(list, others, sizeof others);
+    for (size_t i = 0; !first[0] && i < list->findings.n; i++)
+        first = list->findings.items[i].text;
+    if (list->n_unreadable)
+        return cts_fail(err, CTS_ERR_READ, "%s (no CT slice among %d files: %d unreadable%s%s)", first, list->n_files,
+                        list->n_unreadable, others[0] ? ", " : "", others);
+    return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %d file%s%s%s (CT Image Storage is needed)",
+                    list->n_files, list->n_files == 1 ? "" : "s", others[0] ? ": " : "", others);
+}
+
+static void free_search(Search *s)
+{
+    for (size_t i = 0; i < s->n_headers; i++) {
+        cts_object_free(&s->headers[i].object);
+        free(s->headers[i].why);
+    }
+    free(s->headers);
+    s->headers = NULL;
+    s->n_headers = 0;
+    cts_file_list_free(&s->files);
+}
+
+CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
+                          CtsError *err)
+{
+    return cts_series_find_among(NULL, paths, n_paths, n_threads, list, report, err);
+}
+
+CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *paths, int n_paths, int n_threads,
+                                CtsSeriesList **list, CtsReport *report, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    Search s = {0};
+    CtsSlice **slices = NULL;
+    size_t n_slices = 0;
+    CtsStatus st = CTS_OK;
+    n_threads = cts_threads(n_threads);
+    *list = NULL;
+    if (!st && !(s.list = calloc(1, sizeof *s.list)))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st)
+        st = cts_scan_paths(archives, paths, n_paths, &s.files, err);
+    if (!st) {
+        s.list->archives = s.files.archives;
+        s.list->n_archives = s.files.n_archives;
+        s.files.archives = NULL;
+        s.files.n_archives = 0;
+        s.list->findings = s.files.findings;
+        s.files.findings = (CtsFindings){0};
+        st = read_headers(&s, n_threads, err);
+    }
+    if (!st)
+        st = follow_directories(&s, n_threads, err);
+    if (!st)
+        st = count_others(&s, err);
+    if (!st)
+        st = collect(&s, &slices, &n_slices, err);
+    if (!st && !take_texts(s.list, &s.files.texts)) /* the slices' paths */
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const size_t n_headers = s.n_headers;
+    free_search(&s);
+    if (!st)
+        st = group(slices, n_slices, s.list, err);
+    if (!st && s.list->n == 0) {
+        st = nothing_found(&s, err);
+        if (n_paths == 1)
+            cts_context(err, "%s", paths[0]);
+    }
+    if (!st) {
+        *list = s.list;
+        s.list = NULL;
+    }
+    cts_report_stage(report, CTS_STAGE_SCAN, cts_wall_ms() - wall, cts_cpu_ms() - cpu, n_headers, s.bytes_read);
+    free(slices);
+    cts_series_list_free(&s.list);
+    return st;
+}
+
+CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err)
+{
+    *series = NULL;
+    if (!uid) {
+        for (size_t i = 0; i < list->n && !*series; i++)
+            if (list->items[i].renderable)
+                *series = &list->items[i];
+        if (!*series && list->n)
+            *series = &list->items[0];
+        return *series ? CTS_OK : cts_fail(err, CTS_ERR_NO_SERIES, "no CT series");
+    }
+    for (size_t i = 0; i < list->n; i++) {
+        const CtsSeries *s = &list->items[i];
+        char numbered[sizeof s->uid + 16];
+        snprintf(numbered, sizeof numbered, "%s#%d", s->uid, s->part);
+        if ((s->part > 0 && strcmp(numbered, uid) == 0) || (s->part <= 1 && strcmp(s->uid, uid) == 0)) {
+            *series = s;
+            return CTS_OK;
+        }
+    }
+    return cts_fail(err, CTS_ERR_USAGE, "no series %.80s among the %zu found (ctsplat info lists them)", uid, list->n);
+}

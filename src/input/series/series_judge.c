@@ -1,0 +1,406 @@
+#define _GNU_SOURCE
+#include "input/series/series_judge.h"
+
+#include "base/text.h"
+#include "base/vec3.h"
+#include "input/header/dcm_read.h"
+#include "input/series/slice_stack.h"
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MAX_SLICES = 20000, MIN_SHARE_PERCENT = 90 };
+
+static void refuse(CtsSeries *series, CtsStatus status, const char *format, ...) __attribute__((format(printf, 3, 4)));
+
+static void refuse(CtsSeries *series, CtsStatus status, const char *format, ...)
+{
+    if (series->refusal)
+        return;
+    va_list args;
+    va_start(args, format);
+    vsnprintf(series->reason, sizeof series->reason, format, args);
+    cts_text_clean(series->reason);
+    va_end(args);
+    series->refusal = status;
+    cts_findings_add(&series->findings, "refused", CTS_REFUSAL, "%s", series->reason);
+}
+
+static const char *plural(int n)
+{
+    return n == 1 ? "" : "s";
+}
+
+static bool same_direction(const double a[3], const double b[3])
+{
+    for (int c = 0; c < 3; c++)
+        if (fabs(a[c] - b[c]) > 1e-4)
+            return false;
+    return true;
+}
+
+static bool same_grid(const CtsSlice *a, const CtsSlice *b)
+{
+    return a->rows == b->rows && a->columns == b->columns && same_direction(a->row_lps, b->row_lps) &&
+           same_direction(a->column_lps, b->column_lps) &&
+           fabs(a->row_spacing_mm - b->row_spacing_mm) <= 1e-4 * b->row_spacing_mm &&
+           fabs(a->column_spacing_mm - b->column_spacing_mm) <= 1e-4 * b->column_spacing_mm;
+}
+
+typedef CtsStatus (*pick_fn)(const CtsSliceSet *set, CtsSeries *series, bool *keep);
+
+/* Scouts share the series UID of the scan they planned. */
+static CtsStatus pick_no_localizers(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+{
+    int n = 0;
+    for (int i = 0; i < set->n; i++) {
+        keep[i] = !set->items[i]->localizer;
+        n += !keep[i];
+    }
+    if (n == set->n)
+        refuse(series, CTS_ERR_GEOMETRY, "holds only localizer images (scouts), %d of them, and no volume", n);
+    else if (n)
+        cts_findings_add(&series->findings, "localizers_dropped", CTS_WARNING, "%d localizer image%s left out", n,
+                         plural(n));
+    return CTS_OK;
+}
+
+/* Slices that cannot be used are left out like missing ones; a series that is mostly such slices is refused. */
+static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+{
+    const CtsSlice *first = NULL;
+    int n = 0;
+    for (int i = 0; i < set->n; i++) {
+        const CtsSlice *s = set->items[i];
+        keep[i] = !s->fault;
+        n += !keep[i];
+        /* A syntax that cannot be decoded is no damage: the whole series waits for its conversion. */
+        if (s->fault && (!first || (s->fault == CTS_ERR_SYNTAX && first->fault != CTS_ERR_SYNTAX)))
+            first = s;
+    }
+    if (!n)
+        return CTS_OK;
+    const char *text = first->fault_text ? first->fault_text : "cannot be used";
+    if (first->fault == CTS_ERR_SYNTAX)
+        refuse(series, CTS_ERR_SYNTAX, "%s", text);
+    else if (n * 10 > set->n || set->n - n < 2)
+        refuse(series, first->fault, "%s: %s%s", cts_slice_label(first).text, text,
+               n > 1 ? ", and others like it" : "");
+    else
+        for (int i = 0; i < set->n; i++)
+            if (!keep[i])
+                cts_findings_add(&series->findings, "bad_slices", CTS_WARNING, "%s: %s (left out)",
+                                 cts_slice_label(set->items[i]).text,
+                                 set->items[i]->fault_text ? set->items[i]->fault_text : "cannot be used");
+    return CTS_OK;
+}
+
+/* One size, orientation and pixel spacing: the largest group, when it is nearly all. A few images at right angles to
+ * it are scouts that do not say so. */
+static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+{
+    const CtsSlice *best = NULL;
+    int n_best = 0, n_across = 0;
+    for (int i = 0; i < set->n && n_best * 2 <= set->n; i++) {
+        int n = 0;
+        for (int j = 0; j < set->n; j++)
+            n += same_grid(set->items[j], set->items[i]);
+        if (n > n_best) {
+            n_best = n;
+            best = set->items[i];
+        }
+    }
+    for (int i = 0; i < set->n; i++) {
+        keep[i] = same_grid(set->items[i], best);
+        n_across += fabs(cts_dot3(set->items[i]->normal_lps, best->normal_lps)) < 0.1;
+    }
+    const int n_left = set->n - n_best, n_other = n_left - n_across;
+    if (!n_left)
+        return CTS_OK;
+    if (n_across > 3 || (n_other > 0 && n_best * 100 < (set->n - n_across) * MIN_SHARE_PERCENT) || n_best < n_left)
+        refuse(
+            series, CTS_ERR_GEOMETRY,
+            "its %d slices differ in size, orientation or pixel spacing; the largest group has %d (split the series)",
+            set->n, n_best);
+    else
+        cts_findings_add(&series->findings, "other_slices_dropped", CTS_WARNING,
+                         "%d image%s of another size, orientation or pixel spacing left out", n_left, plural(n_left));
+    return CTS_OK;
+}
+
+static CtsStatus filter(CtsSliceSet *set, CtsSeries *series, pick_fn pick, CtsError *err)
+{
+    bool *keep = malloc((size_t)set->n);
+    if (!keep)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const CtsStatus st = pick(set, series, keep);
+    if (!st && !series->refusal)
+        cts_slice_set_filter(set, keep);
+    free(keep);
+    return st;
+}
+
+static void check_one_patient(const CtsSliceSet *set, CtsSeries *series)
+{
+    const char *frame = "";
+    for (int i = 0; i < set->n; i++) {
+        const CtsSlice *s = set->items[i];
+        if (s->patient_key != set->items[0]->patient_key) {
+            refuse(series, CTS_ERR_GEOMETRY, "its slices name different patients (PatientID (0010,0020))");
+            return;
+        }
+        if (frame[0] && s->frame_uid[0] && strcmp(frame, s->frame_uid) != 0) {
+            refuse(
+                series, CTS_ERR_GEOMETRY,
+                "its slices lie in different frames of reference (0020,0052), so their positions cannot be compared");
+            return;
+        }
+        if (!frame[0])
+            frame = s->frame_uid;
+    }
+}
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* Positions nearer than *same_mm are one position; negative when all are. */
+static CtsStatus same_position(const CtsSliceSet *set, double *same_mm, CtsError *err)
+{
+    double *gaps = malloc((size_t)set->n * sizeof *gaps);
+    int n = 0;
+    if (!gaps)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 1; i < set->n; i++) {
+        const double gap = cts_slice_stack_position_mm(set->items[0], set->items[i]) -
+                           cts_slice_stack_position_mm(set->items[0], set->items[i - 1]);
+        if (gap > 1e-3)
+            gaps[n++] = gap;
+    }
+    qsort(gaps, (size_t)n, sizeof *gaps, by_value);
+    *same_mm = n ? cts_slice_stack_tolerance_mm(gaps[(n - 1) / 2]) : -1;
+    free(gaps);
+    return CTS_OK;
+}
+
+static void describe_odd(CtsSeries *series)
+{
+    static const struct {
+        unsigned odd;
+        const char *code, *text;
+    } kinds[] = {
+        {CTS_ODD_NO_PREAMBLE, "no_preamble", "have no DICOM preamble; read as bare data sets"},
+        {CTS_ODD_NO_SYNTAX, "no_transfer_syntax", "name no transfer syntax; it was found by looking"},
+        {CTS_ODD_ORIENTATION, "rough_orientation",
+         "have an orientation that is off by more than 0.001; made orthonormal"},
+        {CTS_ODD_MONOCHROME1, "monochrome1", "are MONOCHROME1; Hounsfield units are taken as they are"},
+        {CTS_ODD_LOSSY, "lossy", "hold lossy compressed pixels (0028,2110)"},
+        {CTS_ODD_LONG_PIXELS, "long_pixels", "have more PixelData (7FE0,0010) than they need; the rest is not read"},
+        {CTS_ODD_UNSPECIFIED, "rescale_unspecified",
+         "have the RescaleType (0028,1054) US, unspecified; taken for Hounsfield units"},
+        {CTS_ODD_FALLING, "negative_slope",
+         "have a negative RescaleSlope (0028,1053), so that their largest stored values are the least dense"},
+    };
+    for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
+        int n = 0;
+        for (int i = 0; i < series->n_slices; i++)
+            n += (series->slices[i]->odd & kinds[k].odd) != 0;
+        if (n)
+            cts_findings_add(&series->findings, kinds[k].code, CTS_WARNING, "%d of %d slices %s", n, series->n_slices,
+                             kinds[k].text);
+    }
+}
+
+static const char *orientation_of(const double normal[3])
+{
+    static const char *const names[3] = {"sagittal", "coronal", "axial"};
+    for (int c = 0; c < 3; c++)
+        if (fabs(normal[c]) > 0.8)
+            return names[c];
+    return "oblique";
+}
+
+static void describe(CtsSeries *series, const CtsSlice *s)
+{
+    snprintf(series->uid, sizeof series->uid, "%s", s->series_uid);
+    snprintf(series->modality, sizeof series->modality, "%s", s->modality);
+    snprintf(series->transfer_syntax, sizeof series->transfer_syntax, "%s", s->syntax_uid);
+    cts_text_clean(series->uid); /* shown as they are */
+    cts_text_clean(series->modality);
+    cts_text_clean(series->transfer_syntax);
+    snprintf(series->orientation, sizeof series->orientation, "%s", orientation_of(s->normal_lps));
+    series->rows = s->rows;
+    series->columns = s->columns;
+    series->spacing_mm[0] = s->column_spacing_mm;
+    series->spacing_mm[1] = s->row_spacing_mm;
+}
+
+/* The slices move into the series, in order, whether it is refused or not. */
+static void take_slices(CtsSeries *series, CtsSliceSet *set)
+{
+    series->slices = set->items;
+    series->n_slices = set->n;
+    *set = (CtsSliceSet){0};
+}
+
+static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
+{
+    CtsSliceStack stack;
+    CtsError why = {0};
+    const CtsSlice *const *slices = (const CtsSlice *const *)set->items;
+    const CtsStatus st = cts_slice_stack_plan(slices, set->n, &stack, &why);
+    if (st == CTS_ERR_MEMORY) {
+        *err = why;
+        return st;
+    }
+    series->spacing_mm[2] = stack.spacing_mm;
+    series->tilt_deg = stack.tilt_deg;
+    if (st) {
+        refuse(series, st, "%s", why.text);
+        return CTS_OK;
+    }
+    if (set->n == 2)
+        cts_findings_add(&series->findings, "two_slices", CTS_WARNING, "only 2 slices: a very thin volume");
+    cts_slice_stack_findings(&stack, slices, set->n, &series->findings);
+    cts_slice_stack_free(&stack);
+    return CTS_OK;
+}
+
+/* Slices that are missing at an end leave no gap. Where instance numbers rise by one from slice to slice they tell the
+ * first ones; they need not begin at 1, so that is no warning. */
+static void note_first_number(const CtsSliceSet *set, CtsSeries *series)
+{
+    const int a = set->items[0]->instance_number, b = set->items[set->n - 1]->instance_number;
+    const int step = a < b ? 1 : -1, least = a < b ? a : b;
+    for (int i = 0; i < set->n; i++)
+        if (set->items[i]->n_frames || set->items[i]->instance_number != a + step * i)
+            return;
+    if (least > 1)
+        cts_findings_add(
+            &series->findings, "late_first_number", CTS_NOTE,
+            "the instance numbers (0020,0013) of its slices begin at %d: up to %d slices may be missing at "
+            "one end",
+            least, least - 1);
+}
+
+/* A series refused for its pixels still has a place in space. */
+static void describe_refused(CtsSliceSet *set, CtsSeries *series)
+{
+    CtsSliceStack stack;
+    for (int i = 0; i < set->n; i++)
+        if (set->items[i]->kind != CTS_OBJECT_CT || set->items[i]->fault == CTS_ERR_GEOMETRY ||
+            set->items[i]->localizer || !same_grid(set->items[i], set->items[0]))
+            return;
+    if (set->n < 2)
+        return;
+    cts_slice_set_sort(set, set->items[0]);
+    cts_slice_stack_plan((const CtsSlice *const *)set->items, set->n, &stack, NULL);
+    series->spacing_mm[2] = stack.spacing_mm;
+    series->tilt_deg = stack.tilt_deg;
+    cts_slice_stack_free(&stack);
+}
+
+static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, bool whole, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const CtsSlice *middle = set->items[set->n / 2];
+    describe(series, middle);
+    if (middle->description && !(series->description = cts_dcm_utf8(middle->description, middle->charset)))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (series->refusal)
+        describe_refused(set, series);
+    else if (!st)
+        st = judge_stack(set, series, err);
+    if (!st && whole && !series->refusal)
+        note_first_number(set, series);
+    if (!st)
+        take_slices(series, set);
+    describe_odd(series);
+    series->renderable = !series->refusal;
+    return st;
+}
+
+/* Everything that can be told before positions are compared. */
+static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
+{
+    static const pick_fn picks[] = {pick_no_localizers, pick_sound, pick_largest_grid};
+    CtsStatus st = CTS_OK;
+    if (set->n > MAX_SLICES)
+        refuse(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
+    for (size_t i = 0; !st && !series->refusal && i < sizeof picks / sizeof *picks; i++)
+        st = filter(set, series, picks[i], err);
+    if (!st && !series->refusal)
+        check_one_patient(set, series);
+    if (!st && !series->refusal && set->n == 1)
+        refuse(series, CTS_ERR_GEOMETRY, "has 1 slice; a volume needs 2 or more");
+    return st;
+}
+
+/* Copies dropped, phases told apart. The parts own the slices afterwards; one part when nothing had to be split. */
+static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts[CTS_MAX_PARTS], int *n_parts,
+                          CtsError *err)
+{
+    int n_dropped = 0;
+    double same_mm = -1;
+    *n_parts = 0;
+    cts_slice_set_sort(set, set->items[0]);
+    CtsStatus st = same_position(set, &same_mm, err);
+    if (st || (st = cts_slice_set_drop_copies(set, same_mm < 0 ? 1e-3 : same_mm, &n_dropped, err)))
+        return st;
+    if (n_dropped)
+        cts_findings_add(&series->findings, "copies_dropped", CTS_WARNING,
+                         "%d slice%s left out that stand%s there twice (same position, same pixels)", n_dropped,
+                         plural(n_dropped), n_dropped == 1 ? "s" : "");
+    if (set->n == 1)
+        refuse(series, CTS_ERR_GEOMETRY, "has 1 slice; a volume needs 2 or more");
+    else if (same_mm < 0)
+        refuse(series, CTS_ERR_GEOMETRY,
+               "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
+    else if (cts_slice_set_repeats(set, same_mm)) {
+        st = cts_slice_set_split(set, same_mm, parts, CTS_MAX_PARTS, n_parts, err);
+        if (!st && *n_parts == 0)
+            refuse(series, CTS_ERR_GEOMETRY,
+                   "several slices with different pixels lie at one position, and neither acquisition number nor time "
+                   "tells whole volumes apart (split the series)");
+    }
+    if (!st && *n_parts == 0) {
+        parts[0] = *set;
+        *set = (CtsSliceSet){0};
+        *n_parts = 1;
+    }
+    return st;
+}
+
+static void copy_findings(CtsFindings *to, const CtsFindings *from)
+{
+    for (size_t i = 0; i < from->n; i++)
+        cts_findings_add(to, from->items[i].code, from->items[i].severity, "%s", from->items[i].text);
+}
+
+CtsStatus cts_series_judge(CtsSliceSet *set, CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err)
+{
+    CtsSliceSet parts[CTS_MAX_PARTS] = {0};
+    int n_parts = 0;
+    *n_series = 1;
+    CtsStatus st = sort_out(set, &series[0], err);
+    if (!st && series[0].refusal) {
+        parts[0] = *set;
+        *set = (CtsSliceSet){0};
+        n_parts = 1;
+    } else if (!st) {
+        st = separate(set, &series[0], parts, &n_parts, err);
+    }
+    for (int p = 1; !st && p < n_parts; p++)
+        copy_findings(&series[p].findings, &series[0].findings);
+    for (int p = 0; !st && p < n_parts; p++)
+        st = finish(&series[p], &parts[p], n_parts == 1, err);
+    if (!st)
+        *n_series = n_parts;
+    for (int p = 0; p < n_parts; p++)
+        cts_slice_set_free(&parts[p]);
+    cts_slice_set_free(set);
+    return st;
+}

@@ -1,0 +1,38 @@
+/* From the slices of one SeriesInstanceUID to series that can be loaded, or that are refused with a reason. */
+#ifndef CTS_DICOM_SERIES_JUDGE_H
+#define CTS_DICOM_SERIES_JUDGE_H
+
+#include "ctsplat/series.h"
+#include "input/header/slice.h"
+
+/* Slices of one series while they are being sorted out; owns them. */
+enum { CTS_MAX_PARTS = 64 }; /* volumes in one series */
+
+typedef struct CtsSliceSet {
+    CtsSlice **items;
+    int n;
+} CtsSliceSet;
+
+void cts_slice_set_free(CtsSliceSet *set);
+/* Keep the slices for which keep[i] is set, free the others. */
+void cts_slice_set_filter(CtsSliceSet *set, const bool *keep);
+
+/* Judge a set, which is emptied; fills the first of CTS_MAX_PARTS zeroed series, or several where one series UID holds
+ * several volumes. Fails only for want of memory; the series are the caller's to free then too. */
+CtsStatus cts_series_judge(CtsSliceSet *set, CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err);
+
+/* Sort along the normal of `reference`; slices at one position by acquisition, time and name. */
+void cts_slice_set_sort(CtsSliceSet *set, const CtsSlice *reference);
+
+/* Drop slices that stand twice: same position, same pixels and rescale. *n_dropped counts them. */
+CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dropped, CtsError *err);
+
+/* Whether two neighbours of a sorted set lie at one position. */
+bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
+
+/* Split a set with several slices at some positions into parts that are whole each: by acquisition number, temporal
+ * position, or time. *n_parts is 0, and the set as it was, when no split gives whole parts. */
+CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
+                              CtsError *err);
+
+#endif

@@ -1,0 +1,280 @@
+#define _GNU_SOURCE
+#include "input/series/series_judge.h"
+
+#include "input/files/file_bytes.h"
+#include "input/series/slice_stack.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+void cts_slice_set_free(CtsSliceSet *set)
+{
+    for (int i = 0; i < set->n; i++) {
+        cts_slice_clear(set->items[i]);
+        free(set->items[i]);
+    }
+    free(set->items);
+    *set = (CtsSliceSet){0};
+}
+
+void cts_slice_set_filter(CtsSliceSet *set, const bool *keep)
+{
+    int kept = 0;
+    for (int i = 0; i < set->n; i++) {
+        if (keep[i]) {
+            set->items[kept++] = set->items[i];
+        } else {
+            cts_slice_clear(set->items[i]);
+            free(set->items[i]);
+        }
+    }
+    set->n = kept;
+}
+
+static int compare_numbers(double a, double b)
+{
+    return (a > b) - (a < b);
+}
+
+static int by_position(const void *a, const void *b, void *reference)
+{
+    const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
+    int order = compare_numbers(cts_slice_stack_position_mm(reference, x), cts_slice_stack_position_mm(reference, y));
+    if (!order)
+        order = compare_numbers(x->acquisition_number, y->acquisition_number);
+    if (!order)
+        order = compare_numbers(x->temporal_index, y->temporal_index);
+    if (!order)
+        order = compare_numbers(x->time_s, y->time_s);
+    if (!order)
+        order = compare_numbers(x->instance_number, y->instance_number);
+    if (!order)
+        order = strcmp(x->path, y->path);
+    return order ? order : x->frame - y->frame;
+}
+
+void cts_slice_set_sort(CtsSliceSet *set, const CtsSlice *reference)
+{
+    qsort_r(set->items, (size_t)set->n, sizeof(CtsSlice *), by_position, (void *)(uintptr_t)reference);
+}
+
+static bool same_place(const CtsSlice *a, const CtsSlice *b, double same_mm)
+{
+    return cts_slice_stack_position_mm(a, b) - cts_slice_stack_position_mm(a, a) <= same_mm;
+}
+
+bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm)
+{
+    for (int i = 1; i < set->n; i++)
+        if (same_place(set->items[i - 1], set->items[i], same_mm))
+            return true;
+    return false;
+}
+
+static bool same_bytes(const CtsSlice *a, const CtsSlice *b)
+{
+    enum { BLOCK = 64 << 10 };
+    bool same = false;
+    const bool whole = a->syntax->deflated;
+    const uint64_t n = whole ? a->file_bytes : a->pixel_bytes;
+    const uint64_t from_a = whole ? 0 : a->pixel_offset, from_b = whole ? 0 : b->pixel_offset;
+    uint8_t *blocks = malloc(2 * BLOCK);
+    CtsFileBytes fa = {.fd = -1}, fb = {.fd = -1};
+    if (n != (whole ? b->file_bytes : b->pixel_bytes) || !blocks || cts_slice_open(a, &fa, NULL) ||
+        cts_slice_open(b, &fb, NULL))
+        goto end;
+    for (uint64_t pos = 0; pos < n; pos += BLOCK) {
+        const size_t part = n - pos < BLOCK ? (size_t)(n - pos) : BLOCK;
+        if (cts_file_bytes_read(&fa, blocks, part, from_a + pos, NULL) ||
+            cts_file_bytes_read(&fb, blocks + BLOCK, part, from_b + pos, NULL) ||
+            memcmp(blocks, blocks + BLOCK, part) != 0)
+            goto end;
+    }
+    same = true;
+end:
+    cts_file_bytes_close(&fa);
+    cts_file_bytes_close(&fb);
+    free(blocks);
+    return same;
+}
+
+/* A few pixels from the middle, to tell most slices apart without reading them whole; 0 when they cannot be read. */
+static uint64_t sample_of(const CtsSlice *s)
+{
+    uint8_t bytes[4096];
+    uint64_t hash = 14695981039346656037u;
+    CtsFileBytes file = {.fd = -1};
+    const bool whole = !s->syntax || s->syntax->deflated;
+    const uint64_t size = whole ? s->file_bytes : s->pixel_bytes;
+    const size_t n = size < sizeof bytes ? (size_t)size : sizeof bytes;
+    const uint64_t offset = (whole ? 0 : s->pixel_offset) + (size - n) / 2;
+    if (cts_slice_open(s, &file, NULL) || cts_file_bytes_read(&file, bytes, n, offset, NULL))
+        hash = 0;
+    for (size_t i = 0; hash && i < n; i++)
+        hash = (hash ^ bytes[i]) * 1099511628211u;
+    cts_file_bytes_close(&file);
+    return hash;
+}
+
+/* Two files that give the same voxels: one of them may go. */
+static bool same_picture(const CtsSlice *a, const CtsSlice *b)
+{
+    if (a->syntax->deflated && a->pixel_offset != b->pixel_offset)
+        return false; /* frames of one data set, which is compared whole */
+    return a->syntax == b->syntax && a->rows == b->rows && a->columns == b->columns &&
+           a->bits_allocated == b->bits_allocated && a->bits_stored == b->bits_stored && a->high_bit == b->high_bit &&
+           a->is_signed == b->is_signed && a->slope == b->slope && a->intercept == b->intercept &&
+           a->has_padding == b->has_padding && a->padding_low == b->padding_low && a->padding_high == b->padding_high &&
+           a->padding_word == b->padding_word && same_bytes(a, b);
+}
+
+CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dropped, CtsError *err)
+{
+    *n_dropped = 0;
+    bool *keep = malloc((size_t)set->n + 1);
+    uint64_t *samples = calloc((size_t)set->n + 1, sizeof *samples);
+    if (!keep || !samples) {
+        free(keep);
+        free(samples);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    for (int i = 0; i < set->n; i++) {
+        keep[i] = true;
+        for (int j = i - 1; keep[i] && j >= 0 && same_place(set->items[j], set->items[i], same_mm); j--) {
+            for (int k = j; k <= i; k += i - j)
+                samples[k] = samples[k] ? samples[k] : sample_of(set->items[k]);
+            if (keep[j] && samples[i] == samples[j] && same_picture(set->items[j], set->items[i]))
+                keep[i] = false;
+        }
+        *n_dropped += !keep[i];
+    }
+    cts_slice_set_filter(set, keep);
+    free(keep);
+    free(samples);
+    return CTS_OK;
+}
+
+/* A part is whole when its slices alone make an even stack. */
+static bool is_whole(const CtsSliceSet *part, double same_mm)
+{
+    CtsSliceStack stack;
+    if (part->n < 2 || cts_slice_set_repeats(part, same_mm) ||
+        cts_slice_stack_plan((const CtsSlice *const *)part->items, part->n, &stack, NULL))
+        return false;
+    const bool even = stack.kind == CTS_STACK_EVEN;
+    cts_slice_stack_free(&stack);
+    return even;
+}
+
+enum { BY_ACQUISITION, BY_TEMPORAL_POSITION, BY_OBJECT, BY_TIME, N_WAYS };
+
+/* part[i] for each slice; false when this way tells nothing. */
+static bool label(const CtsSliceSet *set, int way, double same_mm, int *part)
+{
+    for (int i = 0; i < set->n; i++) {
+        const CtsSlice *s = set->items[i];
+        const bool repeats = i > 0 && same_place(set->items[i - 1], s, same_mm);
+        if (way == BY_ACQUISITION) {
+            if (!s->has_acquisition)
+                return false;
+            part[i] = s->acquisition_number;
+        } else if (way == BY_TEMPORAL_POSITION) {
+            if (!s->has_temporal)
+                return false;
+            part[i] = s->temporal_index;
+        } else if (way == BY_OBJECT) {
+            if (!s->n_frames)
+                return false;
+            part[i] = i;
+            for (int j = 0; j < i && part[i] == i; j++)
+                if (strcmp(set->items[j]->path, s->path) == 0)
+                    part[i] = part[j];
+        } else {
+            part[i] = repeats ? part[i - 1] + 1 : 0;
+            if (s->time_s < 0 || (repeats && !(s->time_s > set->items[i - 1]->time_s)))
+                return false;
+        }
+    }
+    return true;
+}
+
+/* Phases follow each other: a later part begins after the earlier one has ended. */
+static bool in_turn(const CtsSliceSet *parts, int n_parts)
+{
+    double end = -1;
+    for (int p = 0; p < n_parts; p++) {
+        double first = INFINITY, last = -1;
+        for (int i = 0; i < parts[p].n; i++) {
+            first = fmin(first, parts[p].items[i]->time_s);
+            last = fmax(last, parts[p].items[i]->time_s);
+        }
+        if (!(first > end))
+            return false;
+        end = last;
+    }
+    return true;
+}
+
+static int by_int(const void *a, const void *b)
+{
+    return compare_numbers(*(const int *)a, *(const int *)b);
+}
+
+/* The set's slices by rising label, into parts that only borrow them. *n_parts is 0 when there are too many. */
+static CtsStatus deal(const CtsSliceSet *set, const int *part, CtsSliceSet *parts, int max_parts, int *n_parts,
+                      CtsError *err)
+{
+    *n_parts = 0;
+    int n_labels = 0;
+    int *labels = malloc((size_t)set->n * sizeof *labels);
+    if (!labels)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    memcpy(labels, part, (size_t)set->n * sizeof *labels);
+    qsort(labels, (size_t)set->n, sizeof *labels, by_int);
+    for (int i = 0; i < set->n; i++)
+        if (i == 0 || labels[i] != labels[i - 1])
+            labels[n_labels++] = labels[i];
+    if (n_labels >= 2 && n_labels <= max_parts) {
+        for (int p = 0; p < n_labels; p++) {
+            parts[p] = (CtsSliceSet){.items = malloc((size_t)set->n * sizeof *parts[p].items)};
+            ++*n_parts;
+            for (int i = 0; parts[p].items && i < set->n; i++)
+                if (part[i] == labels[p])
+                    parts[p].items[parts[p].n++] = set->items[i];
+        }
+    }
+    free(labels);
+    return CTS_OK;
+}
+
+static void free_parts(CtsSliceSet *parts, int *n_parts)
+{
+    for (int p = 0; p < *n_parts; p++)
+        free(parts[p].items);
+    *n_parts = 0;
+}
+
+CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
+                              CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    *n_parts = 0;
+    int *part = malloc((size_t)set->n * sizeof *part);
+    if (!part)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int way = 0; !st && way < N_WAYS && *n_parts == 0; way++) {
+        if (!label(set, way, same_mm, part) || (st = deal(set, part, parts, max_parts, n_parts, err)))
+            continue;
+        bool whole = *n_parts > 0 && (way != BY_TIME || in_turn(parts, *n_parts));
+        for (int p = 0; whole && p < *n_parts; p++)
+            whole = is_whole(&parts[p], same_mm);
+        if (!whole)
+            free_parts(parts, n_parts);
+    }
+    if (*n_parts) {
+        free(set->items);
+        *set = (CtsSliceSet){0};
+    }
+    free(part);
+    return st;
+}

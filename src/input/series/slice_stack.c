@@ -1,0 +1,218 @@
+#include "input/series/slice_stack.h"
+
+#include "base/vec3.h"
+#include <stdlib.h>
+#include <string.h>
+
+static int by_value(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice)
+{
+    return cts_dot3(reference->normal_lps, slice->position_lps);
+}
+
+/* What positions are written to; less is no news. */
+#define JITTER_MM 0.02
+
+double cts_slice_stack_tolerance_mm(double median_gap_mm)
+{
+    return fmin(fmax(JITTER_MM, 0.01 * median_gap_mm), 0.25 * median_gap_mm);
+}
+
+void cts_slice_stack_free(CtsSliceStack *stack)
+{
+    free(stack->layer);
+    *stack = (CtsSliceStack){0};
+}
+
+/* How many times the median a gap is, when it is that within 5 % (but at least 0.02 mm); else 0. */
+static int multiple_of(double gap_mm, double median_mm)
+{
+    const double k = floor(gap_mm / median_mm + 0.5);
+    if (k < 1 || k > 20000 ||
+        fabs(gap_mm - k * median_mm) > fmax(cts_slice_stack_tolerance_mm(median_mm), 0.05 * median_mm))
+        return 0;
+    return (int)k;
+}
+
+/* Three equal wide gaps in a row are a change of protocol, not three accidents. */
+static bool changes_protocol(const double *gaps, int n_gaps, double median_mm)
+{
+    const double tolerance = cts_slice_stack_tolerance_mm(median_mm);
+    int run = 0;
+    for (int i = 0; i < n_gaps; i++) {
+        if (gaps[i] < 1.5 * median_mm)
+            run = 0;
+        else
+            run = run > 0 && fabs(gaps[i] - gaps[i - 1]) <= tolerance ? run + 1 : 1;
+        if (run >= 3)
+            return true;
+    }
+    return false;
+}
+
+static void classify(CtsSliceStack *s, const double *gaps, int n)
+{
+    const int n_gaps = n - 1;
+    const double tolerance = cts_slice_stack_tolerance_mm(s->spacing_mm);
+    const double even_mm = (s->layer[n - 1] - s->layer[0]) / n_gaps;
+    double drift = 0;
+    bool even = true, whole = true;
+    s->first_gap = -1;
+    for (int i = 0; i < n_gaps; i++) {
+        even &= fabs(gaps[i] - even_mm) <= tolerance;
+        drift = fmax(drift, fabs(s->layer[i] - s->layer[0] - i * even_mm));
+        const int k = multiple_of(gaps[i], s->spacing_mm);
+        whole &= k > 0;
+        s->n_missing += k > 1 ? k - 1 : 0;
+        if (k > 1 && s->first_gap < 0)
+            s->first_gap = i;
+    }
+    /* Gaps that all pass may still add up to a bend; a tenth of a layer is seen. */
+    if (even && drift <= 0.1 * s->spacing_mm)
+        s->kind = CTS_STACK_EVEN;
+    else if (whole && s->n_missing > 0 && !changes_protocol(gaps, n_gaps, s->spacing_mm))
+        s->kind = CTS_STACK_MISSING;
+    else
+        s->kind = CTS_STACK_UNEQUAL;
+    if (s->kind != CTS_STACK_MISSING)
+        s->n_missing = 0;
+}
+
+/* Positions in mm become layer numbers. */
+static void place(CtsSliceStack *s, const double *gaps, int n)
+{
+    if (s->kind == CTS_STACK_UNEQUAL) {
+        const double first = s->layer[0], span = s->layer[n - 1] - first;
+        const double wanted = ceil(span / s->smallest_gap_mm - 1e-3) + 1;
+        s->n_layers = (int)fmin(wanted, CTS_STACK_GROWTH * (double)n);
+        for (int i = 0; i < n; i++)
+            s->layer[i] = (s->layer[i] - first) / span * (s->n_layers - 1);
+        return;
+    }
+    int layer = 0;
+    for (int i = 0; i < n; i++) {
+        if (i > 0)
+            layer += s->kind == CTS_STACK_EVEN ? 1 : multiple_of(gaps[i - 1], s->spacing_mm);
+        s->layer[i] = layer;
+    }
+    s->n_layers = layer + 1;
+}
+
+/* The line from the first to the last position, its angle to the normal, and how far slices stand off it sideways. */
+static void follow_line(CtsSliceStack *s, const CtsSlice *const *slices, int n)
+{
+    const CtsSlice *first = slices[0], *last = slices[n - 1], *middle = slices[n / 2];
+    double line[3];
+    for (int c = 0; c < 3; c++) {
+        line[c] = last->position_lps[c] - first->position_lps[c];
+        s->step_lps[c] = line[c] / (s->n_layers - 1);
+    }
+    const double along = cts_dot3(line, middle->normal_lps);
+    double sideways[3];
+    for (int c = 0; c < 3; c++)
+        sideways[c] = line[c] - along * middle->normal_lps[c];
+    s->tilt_deg = atan2(cts_norm3(sideways), along) * (180 / 3.14159265358979323846);
+    for (int i = 0; i < n; i++) {
+        double off[3];
+        for (int c = 0; c < 3; c++)
+            off[c] = slices[i]->position_lps[c] - first->position_lps[c] - s->layer[i] * s->step_lps[c];
+        const double up = cts_dot3(off, middle->normal_lps);
+        for (int c = 0; c < 3; c++)
+            off[c] -= up * middle->normal_lps[c];
+        s->sideways_mm = fmax(s->sideways_mm, cts_norm3(off));
+    }
+}
+
+static CtsStatus judge(const CtsSliceStack *s, const CtsSlice *const *slices, int n, CtsError *err)
+{
+    const CtsSlice *middle = slices[n / 2];
+    const double pixel_mm = fmin(middle->row_spacing_mm, middle->column_spacing_mm);
+    if (s->n_missing * 10 > n + s->n_missing) {
+        const double at = cts_slice_stack_position_mm(middle, slices[s->first_gap]);
+        const double next = cts_slice_stack_position_mm(middle, slices[s->first_gap + 1]);
+        return cts_fail(
+            err, CTS_ERR_GEOMETRY,
+            "%d of %d slices missing: a gap of %.3f mm from position %.3f to %.3f mm along the slice normal, "
+            "elsewhere %.3f mm (fetch the whole series)",
+            s->n_missing, n + s->n_missing, next - at, at, next, s->spacing_mm);
+    }
+    if (s->tilt_deg > 60)
+        return cts_fail(err, CTS_ERR_GEOMETRY, "the line of slice positions is %.1f degrees off the slice normal",
+                        s->tilt_deg);
+    if (s->sideways_mm > 0.5 * pixel_mm)
+        return cts_fail(err, CTS_ERR_GEOMETRY,
+                        "the slice positions do not lie on a line: one is %.3f mm beside it, with pixels of %.3f mm",
+                        s->sideways_mm, pixel_mm);
+    return CTS_OK;
+}
+
+CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceStack *stack, CtsError *err)
+{
+    *stack = (CtsSliceStack){0};
+    double *gaps = malloc(2 * (size_t)n * sizeof *gaps);
+    stack->layer = malloc((size_t)n * sizeof *stack->layer);
+    if (!gaps || !stack->layer) {
+        free(gaps);
+        cts_slice_stack_free(stack);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    double *sorted = gaps + n;
+    for (int i = 0; i < n; i++) {
+        stack->layer[i] = cts_slice_stack_position_mm(slices[n / 2], slices[i]);
+        if (i > 0)
+            gaps[i - 1] = sorted[i - 1] = stack->layer[i] - stack->layer[i - 1];
+    }
+    qsort(sorted, (size_t)n - 1, sizeof *sorted, by_value);
+    stack->spacing_mm = sorted[(n - 2) / 2];
+    stack->smallest_gap_mm = sorted[0];
+    stack->largest_gap_mm = sorted[n - 2];
+    CtsStatus st = CTS_OK;
+    if (!(stack->smallest_gap_mm > 0)) {
+        st = cts_fail(err, CTS_ERR_GEOMETRY, "several slices lie at one position");
+    } else {
+        classify(stack, gaps, n);
+        place(stack, gaps, n);
+        follow_line(stack, slices, n);
+        st = judge(stack, slices, n, err);
+    }
+    free(gaps);
+    if (st) {
+        free(stack->layer);
+        stack->layer = NULL;
+        stack->n_layers = 0;
+    }
+    return st;
+}
+
+void cts_slice_stack_findings(const CtsSliceStack *s, const CtsSlice *const *slices, int n, CtsFindings *findings)
+{
+    const CtsSlice *middle = slices[n / 2];
+    if (s->kind == CTS_STACK_MISSING) {
+        const double at = cts_slice_stack_position_mm(middle, slices[s->first_gap]);
+        const double next = cts_slice_stack_position_mm(middle, slices[s->first_gap + 1]);
+        cts_findings_add(
+            findings, "missing_slices", CTS_WARNING,
+            "%d of %d slices missing and interpolated: the first gap is %.3f mm, from position %.3f to %.3f "
+            "mm along the slice normal, elsewhere %.3f mm",
+            s->n_missing, s->n_layers, next - at, at, next, s->spacing_mm);
+    } else if (s->kind == CTS_STACK_UNEQUAL) {
+        cts_findings_add(findings, "unequal_spacing", CTS_WARNING,
+                         "slice spacing varies from %.3f to %.3f mm (median %.3f): %d slices resampled to %d layers of "
+                         "%.3f mm",
+                         s->smallest_gap_mm, s->largest_gap_mm, s->spacing_mm, n, s->n_layers,
+                         cts_dot3(s->step_lps, middle->normal_lps));
+    }
+    const double height_mm = fabs(cts_dot3(s->step_lps, middle->normal_lps)) * (s->n_layers - 1);
+    if (s->tilt_deg > 0.1 && height_mm * tan(s->tilt_deg * (3.14159265358979323846 / 180)) > JITTER_MM)
+        cts_findings_add(findings, "gantry_tilt", CTS_WARNING,
+                         "the stack is sheared by %.2f degrees (gantry tilt); the picture keeps its true shape",
+                         s->tilt_deg);
+    if (s->sideways_mm > fmax(JITTER_MM, 0.1 * fmin(middle->row_spacing_mm, middle->column_spacing_mm)))
+        cts_findings_add(findings, "sideways_shift", CTS_WARNING,
+                         "slice positions stand up to %.3f mm beside the line they should follow", s->sideways_mm);
+}

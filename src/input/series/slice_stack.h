@@ -1,0 +1,52 @@
+/* Where the slices of a sorted stack lie, and the even grid of layers they become. */
+#ifndef CTS_DICOM_SLICE_STACK_H
+#define CTS_DICOM_SLICE_STACK_H
+
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include "input/header/slice.h"
+#include <stdbool.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef enum CtsStackKind {
+    CTS_STACK_EVEN,    /* slice k is layer k */
+    CTS_STACK_MISSING, /* slices lie on whole layers, and some layers have none */
+    CTS_STACK_UNEQUAL  /* slices lie between layers */
+} CtsStackKind;
+
+typedef struct CtsSliceStack {
+    CtsStackKind kind;
+    int n_layers;
+    double *layer;      /* of each slice: rises from 0 to n_layers - 1; owned */
+    double step_lps[3]; /* from layer to layer */
+    double spacing_mm;  /* median gap along the normal */
+    double smallest_gap_mm, largest_gap_mm;
+    double tilt_deg, sideways_mm; /* sideways: largest distance of a slice from the straight line of positions */
+    int n_missing;
+    int first_gap; /* the first missing slice would follow this one */
+} CtsSliceStack;
+
+enum { CTS_STACK_GROWTH = 4 }; /* an unequal stack becomes at most this many times its slices */
+
+/* Slices sorted along the normal, no two at one position, 2 or more. CTS_ERR_GEOMETRY when they make no volume: more
+ * than a tenth is missing, or they lie beside each other rather than on a line; the numbers found stay in stack then,
+ * but no layers, so that a refused series can still be described. */
+CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceStack *stack, CtsError *err);
+void cts_slice_stack_free(CtsSliceStack *stack);
+
+/* The stack's warnings. */
+void cts_slice_stack_findings(const CtsSliceStack *stack, const CtsSlice *const *slices, int n, CtsFindings *findings);
+
+/* Position along the normal of `reference`. */
+double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice);
+
+/* What two gaps may differ by and count as the same: 0.02 mm or 1 % of the median, but never a quarter of it. */
+double cts_slice_stack_tolerance_mm(double median_gap_mm);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

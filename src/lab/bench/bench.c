@@ -1,0 +1,126 @@
+#include "lab/bench/bench.h"
+
+#include "base/cpu.h"
+#include "base/file.h"
+#include "lab/bench/bench_parts.h"
+#include "output/report/gnuplot.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void describe(const CtsBenchSettings *settings, CtsBenchRows *rows)
+{
+    const CtsVolume *v = settings->volume;
+    const CtsRenderSettings *s = &settings->render;
+    snprintf(rows->scene, sizeof rows->scene,
+             "Volume of %d x %d x %d voxels, %.3g x %.3g x %.3g mm each; preset %s, mode %s, lighting %s; view %g,%g",
+             v->dims[0], v->dims[1], v->dims[2], cts_volume_spacing_mm(v, 0), cts_volume_spacing_mm(v, 1),
+             cts_volume_spacing_mm(v, 2), settings->preset->name, cts_mode_names[settings->preset->mode],
+             settings->preset->shade ? "on" : "off", s->azimuth_deg, s->elevation_deg);
+    rows->width = s->width;
+    rows->height = s->height;
+    rows->n_threads = cts_threads(s->n_threads);
+    rows->amplified = CTS_BENCH_AMPLIFIED;
+}
+
+static void tell(const CtsBenchSettings *settings, int done, int all, const CtsBenchRow *row)
+{
+    char what[128], samples[24];
+    if (!settings->progress)
+        return;
+    if (!row) {
+        settings->progress(done, all, "reference");
+        return;
+    }
+    cts_bench_samples_text(row, samples);
+    snprintf(what, sizeof what, "%s %s samples %s%s%s", cts_engine_names[row->engine], cts_kernel_names[row->kernel],
+             samples, row->tolerance_hu > 0 ? " tolerant" : "", row->void_key ? " key" : "");
+    settings->progress(done, all, what);
+}
+
+CtsStatus cts_bench_run(const CtsBenchSettings *settings, CtsBenchRows *rows, CtsError *err)
+{
+    CtsStatus st;
+    CtsBenchTruth truth;
+    CtsBenchRow *plan = NULL;
+    int n = 0;
+    *rows = (CtsBenchRows){.peers = rows->peers};
+    describe(settings, rows);
+    if ((st = cts_bench_plan(&plan, &n, err)))
+        return st;
+    rows->rows = plan;
+    tell(settings, 0, n + 1, NULL);
+    st = cts_bench_truth_init(&truth, settings, err);
+    for (int i = 0; i < n && !st; i++) {
+        tell(settings, i + 1, n + 1, &plan[i]);
+        if ((st = cts_bench_truth_of(&truth, settings, plan[i].kernel, err)) ||
+            (st = cts_bench_measure(settings, &truth, &plan[i], err)))
+            break;
+        rows->n = i + 1;
+    }
+    rows->complete = !st;
+    cts_bench_mark_pareto(rows);
+    cts_bench_truth_free(&truth);
+    return st;
+}
+
+void cts_bench_free(CtsBenchRows *rows)
+{
+    free(rows->rows);
+    cts_bench_peers_free(&rows->peers);
+    *rows = (CtsBenchRows){.n = 0};
+}
+
+static const char *const file_names[3] = {"bench.jsonl", "error-vs-time.svg", "report.html"};
+
+static void file_path(char path[4096], const char *folder, int i)
+{
+    snprintf(path, 4096, "%s/%s", folder, file_names[i]);
+}
+
+CtsStatus cts_bench_check_writable(const char *folder, bool force, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (strlen(folder) > 4000)
+        return cts_fail(err, CTS_ERR_OUTPUT, "the output folder's name is too long");
+    for (int i = 0; i < 3 && !st; i++) {
+        char path[4096];
+        file_path(path, folder, i);
+        st = cts_file_check_writable(path, force, err);
+    }
+    return st;
+}
+
+static CtsStatus write_file(const char *folder, int i, const char *text, bool force, CtsError *err)
+{
+    CtsStatus st;
+    CtsTempFile *temp = NULL;
+    char path[4096];
+    file_path(path, folder, i);
+    if (!(st = cts_temp_open(&temp, path, err)) && !(st = cts_temp_write(temp, text, strlen(text), err)))
+        st = cts_temp_commit(&temp, force, NULL, err);
+    cts_temp_discard(&temp);
+    return st;
+}
+
+CtsStatus cts_bench_write(const CtsBenchRows *rows, const char *folder, bool force, CtsError *err)
+{
+    CtsStatus st;
+    char *lines = NULL, *script = NULL, *svg = NULL, *html = NULL;
+    bool any = false;
+    for (int i = 0; i < rows->n; i++)
+        any = any || rows->rows[i].measured;
+    if ((st = cts_bench_lines(rows, &lines, err)) || (st = write_file(folder, 0, lines, force, err)))
+        goto end;
+    if (any && ((st = cts_bench_plot_script(rows, &script, err)) || (st = cts_gnuplot(script, &svg, err)) ||
+                (st = write_file(folder, 1, svg, force, err))))
+        goto end;
+    if (!(st = cts_bench_page(rows, svg, &html, err)))
+        st = write_file(folder, 2, html, force, err);
+end:
+    free(lines);
+    free(script);
+    free(svg);
+    free(html);
+    return st;
+}

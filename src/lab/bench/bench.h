@@ -1,0 +1,29 @@
+/* `ctsplat bench`: error against run time, for each engine and setting on one volume. */
+#ifndef CTS_BENCH_BENCH_H
+#define CTS_BENCH_BENCH_H
+
+#include "ctsplat/preset.h"
+#include "ctsplat/render.h"
+#include "ctsplat/volume.h"
+#include "output/report/bench_rows.h"
+
+typedef struct CtsBenchSettings {
+    const CtsVolume *volume;
+    const CtsPreset *preset;
+    CtsRenderSettings render; /* size, view, threads, stop; engine, kernel and what is varied are set here */
+    /* Before each setting, done of all; NULL: silent. */
+    void (*progress)(double done, int all, const char *what);
+} CtsBenchSettings;
+
+/* Every setting is measured in a process of its own: at least 3 renders, more while they are quick. rows, with the
+ * peers that it has, is filled as far as things went also when the call fails; after CTS_ERR_INTERRUPTED that is what
+ * was measured so far. Free with cts_bench_free(). */
+CtsStatus cts_bench_run(const CtsBenchSettings *settings, CtsBenchRows *rows, CtsError *err);
+void cts_bench_free(CtsBenchRows *rows);
+
+/* bench.jsonl, error-vs-time.svg and report.html into an existing folder. */
+CtsStatus cts_bench_write(const CtsBenchRows *rows, const char *folder, bool force, CtsError *err);
+/* Before any work: the folder and its three files could be written. */
+CtsStatus cts_bench_check_writable(const char *folder, bool force, CtsError *err);
+
+#endif

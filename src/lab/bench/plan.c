@@ -1,0 +1,82 @@
+/* Which settings are measured: each engine with each of its kernels, and what each can be tuned by. */
+#include "lab/bench/bench_parts.h"
+
+#include <assert.h>
+#include <stdlib.h>
+
+enum { MOST_TUNED = 12 }; /* settings of an engine beside its kernels */
+
+typedef struct Plan {
+    CtsBenchRow *rows;
+    int n, capacity;
+} Plan;
+
+static void add(Plan *p, CtsEngineId engine, CtsKernelId kernel, int samples, double tolerance_hu, bool void_key)
+{
+    assert(p->n < p->capacity);
+    p->rows[p->n++] = (CtsBenchRow){
+        .engine = engine, .kernel = kernel, .samples = samples, .tolerance_hu = tolerance_hu, .void_key = void_key};
+}
+
+static void add_paper(Plan *p, CtsEngineId engine, bool reuses_layers, bool skips_void)
+{
+    for (int kernel = 0; kernel < CTS_N_KERNELS; kernel++)
+        add(p, engine, (CtsKernelId)kernel, 1, 0, false);
+    for (int samples = 2; samples <= 4; samples *= 2)
+        add(p, engine, CTS_KERNEL_TENT, samples, 0, false);
+    for (double tolerance_hu = 5; tolerance_hu <= 20 && reuses_layers; tolerance_hu *= 4)
+        add(p, engine, CTS_KERNEL_TENT, 1, tolerance_hu, false);
+    if (skips_void)
+        add(p, engine, CTS_KERNEL_TENT, 1, 0, true);
+}
+
+static void add_tiled(Plan *p)
+{
+    add(p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, 0, 0, false);
+    for (int samples = 1; samples <= 8; samples *= 2)
+        add(p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, samples, 0, false);
+    static const double asked[] = {16, 12, 8, 5, 3, 2, 1, 0.5, 0.25, 0.1};
+    for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
+        add(p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, 0, 0, false);
+        p->rows[p->n - 1].max_error = asked[i];
+    }
+}
+
+/* A switch without default: the compiler asks for the engine that is missing. */
+static void add_engine(Plan *p, CtsEngineId engine)
+{
+    switch (engine) {
+    case CTS_ENGINE_TILED:
+        add_tiled(p);
+        break;
+    case CTS_ENGINE_COMBINED:
+        add_paper(p, engine, true, true);
+        break;
+    case CTS_ENGINE_VOID:
+        add_paper(p, engine, false, true);
+        break;
+    case CTS_ENGINE_LAYERS:
+        add_paper(p, engine, true, false);
+        break;
+    case CTS_ENGINE_CLASSIC:
+        add_paper(p, engine, false, false);
+        break;
+    case CTS_ENGINE_RAYCAST:
+        add(p, engine, CTS_KERNEL_TENT, 1, 0, false);
+        break;
+    case CTS_N_ENGINES:
+        break;
+    }
+}
+
+CtsStatus cts_bench_plan(CtsBenchRow **rows, int *n, CtsError *err)
+{
+    Plan p = {.capacity = CTS_N_ENGINES * (CTS_N_KERNELS + MOST_TUNED)};
+    if (!(p.rows = calloc((size_t)p.capacity, sizeof *p.rows)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int engine = 0; engine < CTS_N_ENGINES; engine++)
+        add_engine(&p, (CtsEngineId)engine);
+    *rows = p.rows;
+    *n = p.n;
+    return CTS_OK;
+}

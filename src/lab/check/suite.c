@@ -1,0 +1,225 @@
+#include "lab/check/suite.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* An error that nobody asks for is not told either. */
+#define UNTOLD (0.01 / 255)
+/* Twice the error that a single pixel may have where pictures keep what is promised of them. */
+#define CHECK_BRIGHT (50 * CHECK_PROMISED)
+
+CtsCheckFamily cts_check_family(CtsEngineId engine)
+{
+    switch (engine) {
+    case CTS_ENGINE_CLASSIC:
+    case CTS_ENGINE_LAYERS:
+    case CTS_ENGINE_VOID:
+    case CTS_ENGINE_COMBINED:
+        return CHECK_PAPER;
+    case CTS_ENGINE_TILED:
+        return CHECK_TILED;
+    case CTS_ENGINE_RAYCAST:
+        return CHECK_RAYCAST;
+    case CTS_N_ENGINES:
+        break;
+    }
+    return CHECK_N_FAMILIES;
+}
+
+static void state(CtsCheckRun *run, double expected, double found, double error, double bound, const char *why)
+{
+    const CtsCheckResult result = {.name = run->name,
+                                   .engine = run->engine < CTS_N_ENGINES ? cts_engine_names[run->engine] : "-",
+                                   .expected = expected,
+                                   .found = found,
+                                   .error = isnan(error) ? INFINITY : error,
+                                   .bound = bound,
+                                   .pass = error <= bound && !why,
+                                   .scene = run->scene,
+                                   .why = why};
+    run->n_cases++;
+    run->n_failed += !result.pass;
+    run->settings->sink(&result, run->settings->context);
+}
+
+void cts_check_value(CtsCheckRun *run, double expected, double found, double bound)
+{
+    run->scene.x = run->scene.y = -1;
+    state(run, expected, found, expected == found ? 0 : fabs(found - expected), bound, NULL);
+}
+
+static void name_points(const CtsPreset *p, char *text, size_t size)
+{
+    size_t at = 0;
+    text[0] = 0;
+    for (int i = 0; i < p->n_opacity && at < size; i++)
+        at += (size_t)snprintf(text + at, size - at, "%s%.10g:%.6g", i ? " " : "", p->opacity[i].hu,
+                               p->opacity[i].opacity);
+    if (p->shade && at < size)
+        snprintf(text + at, size - at, " lit");
+}
+
+CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
+                           const CtsRenderSettings *settings, CtsPicture **picture, CtsError *err)
+{
+    run->scene = (CtsCheckScene){.width = settings->width, .height = settings->height, .x = -1, .y = -1};
+    name_points(preset, run->scene.preset, sizeof run->scene.preset);
+    run->scene.azimuth_deg = settings->azimuth_deg;
+    run->scene.elevation_deg = settings->elevation_deg;
+    run->scene.mm_per_pixel = settings->mm_per_pixel;
+    CtsReport report = {0};
+    const CtsStatus st = cts_render(volume, preset, settings, picture, &report, err);
+    if (!st)
+        run->scene.mm_per_pixel = (*picture)->info.mm_per_pixel;
+    run->told = report.bound;
+    cts_report_free(&report);
+    return st;
+}
+
+CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int height)
+{
+    CtsRenderSettings s;
+    cts_render_defaults(&s);
+    s.width = width;
+    s.height = height;
+    s.engine = run->engine;
+    /* On a small picture threads would do little but wait for each other. */
+    s.n_threads = width * height < 16384 ? 1 : run->settings->n_threads;
+    s.stop = run->settings->stop;
+    return s;
+}
+
+void cts_check_worst(CtsCheckWorst *worst, int x, int y, double expected, double found)
+{
+    const double error = isnan(found) ? INFINITY : fabs(found - expected);
+    worst->dark = worst->dark || (expected > CHECK_BRIGHT && found < expected / 2);
+    if (error < worst->error)
+        return;
+    worst->expected = expected;
+    worst->found = found;
+    worst->error = error;
+    worst->x = x;
+    worst->y = y;
+}
+
+void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double bound)
+{
+    run->scene.x = worst->x;
+    run->scene.y = worst->y;
+    const bool above =
+        run->told.known && (worst->rms > run->told.rmse + UNTOLD || worst->most > run->told.max + UNTOLD);
+    state(run, worst->expected, worst->found, worst->error, bound,
+          worst->dark ? "a pixel has lost half of its light"
+          : above     ? "the error is above what the report tells"
+                      : NULL);
+}
+
+CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, double bound, CtsError *err)
+{
+    const CtsRenderSettings *settings = asked->settings;
+    CtsPicture *picture = NULL;
+    const CtsStatus st = cts_check_render(run, asked->volume, asked->preset, settings, &picture, err);
+    if (st)
+        return st;
+    const CtsTruthCamera camera = {settings->azimuth_deg, settings->elevation_deg, settings->mm_per_pixel,
+                                   settings->width, settings->height};
+    CtsCheckWorst worst = {0};
+    double brightest = 0, sum = 0;
+    for (int y = 0; y < picture->height; y++)
+        for (int x = 0; x < picture->width; x++) {
+            CtsTruthRay ray;
+            double rgba[4] = {0};
+            const bool hit = cts_truth_ray(asked->volume, &camera, x, y, &ray);
+            asked->truth(hit ? &ray : NULL, asked->data, rgba);
+            const float *found = picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
+            for (int c = 0; c < 4; c++) {
+                cts_check_worst(&worst, x, y, rgba[c], (double)found[c]);
+                brightest = fmax(brightest, rgba[c]);
+                sum += c < 3 ? (rgba[c] - (double)found[c]) * (rgba[c] - (double)found[c]) : 0;
+            }
+        }
+    worst.rms = sqrt(sum / (3.0 * settings->width * settings->height));
+    cts_picture_free(&picture);
+    if (brightest > 0 && 2 * bound > brightest)
+        bound = -1; /* half of the light might be missing */
+    cts_check_worst_value(run, &worst, bound);
+    return CTS_OK;
+}
+
+double cts_check_differing(const CtsPicture *a, const CtsPicture *b)
+{
+    const size_t n = (size_t)a->width * (size_t)a->height * (size_t)a->n_channels;
+    double differing = 0;
+    for (size_t i = 0; i < n; i++)
+        differing += memcmp(a->pixels + i, b->pixels + i, sizeof *a->pixels) != 0;
+    return differing;
+}
+
+double cts_hu_noise(const double vox[3], const void *data)
+{
+    const double *range = data;
+    uint64_t z = (uint64_t)range[2] + (uint64_t)vox[0] * 0x9e3779b97f4a7c15u + (uint64_t)vox[1] * 0xc2b2ae3d27d4eb4fu +
+                 (uint64_t)vox[2] * 0x165667b19e3779f9u;
+    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+    z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+    z ^= z >> 31;
+    return range[0] + (range[1] - range[0]) * (double)(z >> 11) / 9007199254740992.0;
+}
+
+static CtsStatus run_case(CtsCheckRun *run, const CtsCheckCase *c, CtsEngineId engine, CtsError *err)
+{
+    CtsError why = {0};
+    run->name = c->name;
+    run->scene = (CtsCheckScene){.x = -1, .y = -1};
+    run->engine = engine;
+    const CtsStatus st = c->run(run, c->data, &why);
+    if (st == CTS_ERR_INTERRUPTED || st == CTS_ERR_MEMORY) {
+        if (err)
+            *err = why;
+        return st;
+    }
+    if (st)
+        state(run, 0, NAN, INFINITY, 0, why.text);
+    return CTS_OK;
+}
+
+static bool is_asked(const char *only, bool alone, const char *name)
+{
+    return !only || (alone ? !strcmp(name, only) : strstr(name, only) != NULL);
+}
+
+CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err)
+{
+    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff, &cts_check_shapes, &cts_check_orders,
+                                           &cts_check_equal,  &cts_check_thin,  &cts_check_faces,  &cts_check_voxels};
+    CtsCheckRun run = {.settings = settings};
+    const size_t n_tables = sizeof tables / sizeof *tables;
+    CtsStatus st = CTS_OK;
+    bool alone = false, any = !settings->only;
+    for (size_t t = 0; t < n_tables && settings->only; t++)
+        for (size_t i = 0; i < tables[t]->n; i++)
+            alone = alone || !strcmp(tables[t]->cases[i].name, settings->only);
+    for (size_t t = 0; t < n_tables; t++)
+        for (size_t i = 0; i < tables[t]->n; i++) {
+            const CtsCheckCase *c = &tables[t]->cases[i];
+            if (!is_asked(settings->only, alone, c->name))
+                continue;
+            any = true;
+            for (int engine = 0; engine < CTS_N_ENGINES && !st; engine++) {
+                if (settings->stop && *settings->stop)
+                    st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+                else if (c->engines >> engine & 1)
+                    st = run_case(&run, c, (CtsEngineId)engine, err);
+            }
+        }
+    if (!st && !any)
+        st = cts_fail(err, CTS_ERR_USAGE, "no case has a name with \"%s\" in it (ctsplat check lists them)",
+                      settings->only);
+    if (n_cases)
+        *n_cases = run.n_cases;
+    if (n_failed)
+        *n_failed = run.n_failed;
+    return st;
+}

@@ -1,0 +1,162 @@
+/* Rays through voxels, the plain way. */
+#include "lab/check/truth.h"
+
+#include <math.h>
+
+/* Stretches in a cell: many where opacity is steep in it; lit, the gradient may turn where HU stands still. */
+enum { FEW = 16, MANY = 128 };
+
+typedef struct Cell {
+    double hu[8], gradient[8][3]; /* at its corners; the gradient in HU per voxel */
+    double low, high;
+} Cell;
+
+static double voxel_hu(const CtsVolume *v, const int at[3])
+{
+    return v->hu_offset +
+           v->hu_step *
+               v->grey[((size_t)at[2] * (size_t)v->dims[1] + (size_t)at[1]) * (size_t)v->dims[0] + (size_t)at[0]];
+}
+
+static double difference(const CtsVolume *v, const int at[3], int axis)
+{
+    int before[3] = {at[0], at[1], at[2]}, after[3] = {at[0], at[1], at[2]};
+    before[axis] -= at[axis] > 0;
+    after[axis] += at[axis] < v->dims[axis] - 1;
+    return (voxel_hu(v, after) - voxel_hu(v, before)) / (after[axis] - before[axis]);
+}
+
+static void load(Cell *cell, const CtsVolume *v, const int first[3], bool lit)
+{
+    cell->low = INFINITY;
+    cell->high = -INFINITY;
+    for (int m = 0; m < 8; m++) {
+        const int at[3] = {first[0] + (m & 1), first[1] + (m >> 1 & 1), first[2] + (m >> 2 & 1)};
+        cell->hu[m] = voxel_hu(v, at);
+        cell->low = fmin(cell->low, cell->hu[m]);
+        cell->high = fmax(cell->high, cell->hu[m]);
+        for (int axis = 0; axis < 3 && lit; axis++)
+            cell->gradient[m][axis] = difference(v, at, axis);
+    }
+}
+
+static double weight(int corner, const double part[3])
+{
+    double w = 1;
+    for (int a = 0; a < 3; a++)
+        w *= corner >> a & 1 ? part[a] : 1 - part[a];
+    return w;
+}
+
+/* Opacity above 0 somewhere on low..high: at a point of the preset, or beyond all of them. */
+static bool shows(const CtsPreset *p, double low, double high)
+{
+    const CtsOpacityPoint *point = p->opacity;
+    const int n = p->n_opacity;
+    if ((low < point[0].hu && point[0].opacity > 0) || (high >= point[n - 1].hu && point[n - 1].opacity > 0))
+        return true;
+    for (int i = 0; i + 1 < n; i++)
+        if (point[i].hu <= high && point[i + 1].hu >= low && (point[i].opacity > 0 || point[i + 1].opacity > 0))
+            return true;
+    return false;
+}
+
+/* Two points of the preset close to each other, as the cell's range goes. */
+static bool steep_in(const CtsPreset *p, const Cell *cell)
+{
+    for (int i = 0; i + 1 < p->n_opacity; i++)
+        if (p->opacity[i].hu <= cell->high && p->opacity[i + 1].hu >= cell->low &&
+            p->opacity[i + 1].hu - p->opacity[i].hu < 0.25 * (cell->high - cell->low))
+            return true;
+    return false;
+}
+
+/* |n.v|: the gradient in HU/mm solves gradient . step = difference for each of the volume's steps. */
+static double facing(const CtsVolume *v, const Cell *cell, const double part[3], const double forward_lps[3])
+{
+    double g[3] = {0, 0, 0}, mm[3] = {0, 0, 0}, determinant = 0, length2 = 0, along = 0;
+    for (int m = 0; m < 8; m++)
+        for (int a = 0; a < 3; a++)
+            g[a] += weight(m, part) * cell->gradient[m][a];
+    for (int a = 0; a < 3; a++) {
+        const double *p = v->step_lps[(a + 1) % 3], *q = v->step_lps[(a + 2) % 3];
+        const double normal[3] = {p[1] * q[2] - p[2] * q[1], p[2] * q[0] - p[0] * q[2], p[0] * q[1] - p[1] * q[0]};
+        for (int c = 0; c < 3; c++)
+            mm[c] += g[a] * normal[c];
+        if (a == 0)
+            for (int c = 0; c < 3; c++)
+                determinant += v->step_lps[0][c] * normal[c];
+    }
+    for (int c = 0; c < 3; c++) {
+        mm[c] /= determinant;
+        length2 += mm[c] * mm[c];
+        along += mm[c] * forward_lps[c];
+    }
+    return length2 > 0 ? fabs(along) / sqrt(length2) : 0;
+}
+
+typedef struct Line {
+    double vox[3], per_mm[3]; /* voxel coordinates at t = 0, and their change */
+} Line;
+
+static double hu_at(const Cell *cell, const Line *line, const int first[3], double t_mm, double part[3])
+{
+    double hu = 0;
+    for (int a = 0; a < 3; a++)
+        part[a] = fmin(fmax(line->vox[a] + t_mm * line->per_mm[a] - first[a], 0), 1);
+    for (int m = 0; m < 8; m++)
+        hu += weight(m, part) * cell->hu[m];
+    return hu;
+}
+
+static void add_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *ray, const Line *line,
+                     const int first[3], double from_mm, double to_mm, CtsTruthLight *light)
+{
+    Cell cell;
+    double part[3];
+    load(&cell, v, first, p->shade);
+    if (!shows(p, cell.low, cell.high))
+        return;
+    const int n = steep_in(p, &cell) ? MANY : p->shade || cell.low < cell.high ? FEW : 1;
+    const double step = (to_mm - from_mm) / n;
+    double hu = hu_at(&cell, line, first, from_mm, part);
+    for (int i = 0; i < n; i++) {
+        CtsTruthStretch s = {.hu0 = hu, .length_mm = step, .facing = -1};
+        if (p->shade) {
+            hu_at(&cell, line, first, from_mm + (i + 0.5) * step, part);
+            s.facing = facing(v, &cell, part, ray->direction_lps);
+        }
+        s.hu1 = hu = hu_at(&cell, line, first, from_mm + (i + 1) * step, part);
+        cts_truth_add(p, 1, &s, light);
+    }
+}
+
+void cts_truth_volume(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *ray, double rgba[4])
+{
+    const double opaque = 30;
+    CtsTruthLight light = {{0, 0, 0}, 0};
+    double a[3], b[3];
+    Line line;
+    cts_truth_ray_point(ray, 0, a);
+    cts_truth_ray_point(ray, 1, b);
+    cts_truth_voxel(v, a, line.vox);
+    cts_truth_voxel(v, b, line.per_mm);
+    for (int c = 0; c < 3; c++)
+        line.per_mm[c] -= line.vox[c];
+    for (double t = ray->from_mm; t < ray->to_mm && light.depth < opaque;) {
+        /* The cell just behind t, and where the ray leaves it. */
+        const double ahead = t + 1e-9;
+        double end = ray->to_mm;
+        int first[3];
+        for (int c = 0; c < 3; c++) {
+            const double at = line.vox[c] + ahead * line.per_mm[c];
+            first[c] = (int)fmin(fmax(floor(at), 0), v->dims[c] - 2);
+            if (fabs(line.per_mm[c]) > 1e-12)
+                end = fmin(end, (first[c] + (line.per_mm[c] > 0) - line.vox[c]) / line.per_mm[c]);
+        }
+        end = fmax(end, ahead);
+        add_cell(v, p, ray, &line, first, t, end, &light);
+        t = end;
+    }
+    cts_truth_seen(&light, rgba);
+}

@@ -1,0 +1,254 @@
+#include "ctsplat/export.h"
+
+#include "base/clock.h"
+#include "output/export/format.h"
+#include "output/image/samples.h"
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+const char *const cts_sc_compression_names[CTS_SC_N_COMPRESSIONS] = {
+    [CTS_SC_NONE] = "none",
+    [CTS_SC_RLE] = "rle",
+    [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless",
+    [CTS_SC_JPEG_2000] = "jpeg-2000",
+};
+
+enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
+
+static const CtsFormat formats[] = {
+    {
+        .info = {"png", "PNG, 16 bits a channel", .has_alpha = true, .read_back = true},
+        .magic = "\x89PNG",
+        .begin = cts_png_begin,
+        .rows = cts_png_rows,
+        .finish = cts_png_finish,
+        .close = cts_png_close,
+        .read = cts_png_read,
+    },
+    {
+        .info = {"exr", "OpenEXR", .has_depth = true, .has_alpha = true, .read_back = true},
+        .magic = "\x76\x2f\x31\x01",
+        .begin = cts_exr_begin,
+        .rows = cts_exr_rows,
+        .finish = cts_exr_finish,
+        .close = cts_exr_close,
+        .read = cts_exr_read,
+    },
+    {
+        .info = {"dcm", "DICOM secondary capture", .many_frames = true, .is_object = true, .read_back = true},
+        .magic_offset = 128,
+        .magic = "DICM",
+        .check = cts_sc_check,
+        .check_size = cts_sc_check_size,
+        .begin = cts_sc_begin,
+        .rows = cts_sc_rows,
+        .finish = cts_sc_finish,
+        .close = cts_sc_close,
+        .read = cts_sc_read,
+    },
+};
+enum { N_FORMATS = sizeof formats / sizeof *formats };
+
+static const CtsFormat *format_of(const char *path)
+{
+    const char *slash = strrchr(path, '/');
+    const char *dot = strrchr(slash ? slash : path, '.');
+    for (int i = 0; dot && i < N_FORMATS; i++)
+        if (strcasecmp(dot + 1, formats[i].info.name) == 0)
+            return &formats[i];
+    return NULL;
+}
+
+const CtsFormatInfo *cts_format(size_t index)
+{
+    return index < N_FORMATS ? &formats[index].info : NULL;
+}
+
+const char *cts_format_endings(bool (*wanted)(const CtsFormatInfo *format), char text[CTS_ENDINGS_MAX])
+{
+    const char *names[N_FORMATS];
+    int n = 0;
+    for (int i = 0; i < N_FORMATS; i++)
+        if (!wanted || wanted(&formats[i].info))
+            names[n++] = formats[i].info.name;
+    text[0] = 0;
+    for (int i = 0; i < n; i++)
+        snprintf(text + strlen(text), CTS_ENDINGS_MAX - strlen(text), "%s.%s",
+                 i == 0       ? ""
+                 : i == n - 1 ? " or "
+                              : ", ",
+                 names[i]);
+    return text;
+}
+
+const CtsFormatInfo *cts_export_format(const char *path)
+{
+    const CtsFormat *format = format_of(path);
+    return format ? &format->info : NULL;
+}
+
+static CtsStatus fail_unknown(const char *path, CtsStatus status, const char *what, CtsError *err)
+{
+    char names[CTS_ENDINGS_MAX];
+    return cts_fail(err, status, "%s: %s (%s)", path, what, cts_format_endings(NULL, names));
+}
+
+CtsStatus cts_export_check(const char *path, const CtsExportSettings *settings, CtsError *err)
+{
+    const CtsFormat *format = format_of(path);
+    if (!format)
+        return fail_unknown(path, CTS_ERR_USAGE, "its ending names no picture format", err);
+    const CtsStatus st = cts_file_check_writable(path, settings->force, err);
+    if (st || !format->check)
+        return st;
+    return format->check(path, settings, err);
+}
+
+CtsStatus cts_export_check_size(const char *path, int width, int height, int n_frames, bool grey,
+                                const CtsExportSettings *settings, CtsError *err)
+{
+    const CtsFormat *format = format_of(path);
+    if (!format)
+        return fail_unknown(path, CTS_ERR_USAGE, "its ending names no picture format", err);
+    if (n_frames < 1 || (n_frames > 1 && !format->info.many_frames))
+        return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s file holds one picture, not %d", path, format->info.name,
+                        n_frames);
+    return format->check_size ? format->check_size(path, width, height, n_frames, grey, settings, err) : CTS_OK;
+}
+
+struct CtsExport {
+    const CtsFormat *format;
+    CtsExportJob job;
+    int frame, row; /* that come next */
+};
+
+/* Add the time of one step to the export stage; items and bytes are those of the file, and come with its last step. */
+static void report_step(const CtsExport *e, double wall_ms, double cpu_ms, uint64_t items, uint64_t bytes)
+{
+    cts_report_stage(e->job.report, CTS_STAGE_EXPORT, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, items, bytes);
+}
+
+void cts_export_discard(CtsExport **output)
+{
+    CtsExport *e = *output;
+    if (!e)
+        return;
+    e->format->close(&e->job);
+    cts_temp_discard(&e->job.temp);
+    free(e->job.path);
+    free(e);
+    *output = NULL;
+}
+
+CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPicture *first, int n_frames,
+                           const CtsExportSettings *settings, CtsReport *report, CtsError *err)
+{
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    const bool grey = first->n_channels == 1 || first->info.grey;
+    CtsStatus st;
+    *output = NULL;
+    if ((st = cts_export_check(path, settings, err)) ||
+        (st = cts_export_check_size(path, first->width, first->whole_height, n_frames, grey, settings, err)))
+        return st;
+    CtsExport *e = *output = calloc(1, sizeof *e);
+    if (!e)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+    e->format = format_of(path);
+    e->job = (CtsExportJob){.path = strdup(path), .settings = *settings, .report = report};
+    e->job.head = (CtsExportHead){
+        .width = first->width,
+        .height = first->whole_height,
+        .n_frames = n_frames,
+        .grey = grey,
+        .has_alpha = first->n_channels == 4 && first->has_alpha,
+        .has_depth = first->depth_mm,
+        .info = first->info,
+    };
+    if (!e->job.path)
+        st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+    else if (!(st = cts_temp_open(&e->job.temp, path, err)))
+        st = e->format->begin(&e->job, err);
+    report_step(e, wall_ms, cpu_ms, 0, 0);
+    if (st)
+        cts_export_discard(output);
+    return st;
+}
+
+CtsStatus cts_export_rows(CtsExport *e, const CtsPicture *band, CtsError *err)
+{
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    const CtsExportHead *head = &e->job.head;
+    const bool last = band->first_row + band->height == head->height;
+    if (band->width != head->width || band->whole_height != head->height)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: picture %d is %dx%d, the first one %dx%d", e->job.path, e->frame + 1,
+                        band->width, band->whole_height, head->width, head->height);
+    if (e->frame >= head->n_frames || band->first_row != e->row || (!last && band->height % CTS_BAND_ROWS) ||
+        !band->depth_mm != !head->has_depth)
+        return cts_fail(err, CTS_ERR_INTERNAL, "%s: a band that does not follow the one before", e->job.path);
+    e->row = last ? 0 : band->first_row + band->height;
+    e->frame += last;
+    const CtsStatus st = e->format->rows(&e->job, band, err);
+    report_step(e, wall_ms, cpu_ms, 0, 0);
+    return st;
+}
+
+CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err)
+{
+    const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
+    CtsExport *e = *output;
+    const CtsExportHead *head = &e->job.head;
+    uint64_t size = 0;
+    CtsStatus st;
+    if (e->frame < head->n_frames)
+        st = cts_fail(err, CTS_ERR_INTERNAL, "%s: rows are missing", e->job.path);
+    else if (!(st = e->format->finish(&e->job, err)))
+        st = cts_temp_commit(&e->job.temp, e->job.settings.force, &size, err);
+    if (!st)
+        report_step(e, wall_ms, cpu_ms, (uint64_t)head->width * (uint64_t)head->height * (uint64_t)head->n_frames,
+                    size);
+    if (bytes && !st)
+        *bytes = size;
+    cts_export_discard(output);
+    return st;
+}
+
+CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *path, const CtsExportSettings *settings,
+                     uint64_t *bytes, CtsReport *report, CtsError *err)
+{
+    CtsExport *output = NULL;
+    if (n_frames < 1)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: no picture to write", path);
+    CtsPicture first = *frames[0];
+    first.info.grey = true;
+    for (int k = 0; k < n_frames; k++)
+        first.info.grey = first.info.grey && cts_picture_is_grey(frames[k]);
+    CtsStatus st = cts_export_begin(&output, path, &first, n_frames, settings, report, err);
+    for (int k = 0; k < n_frames && !st; k++)
+        st = cts_export_rows(output, frames[k], err);
+    if (!st)
+        st = cts_export_end(&output, bytes, err);
+    cts_export_discard(&output);
+    return st;
+}
+
+CtsStatus cts_picture_read(const char *path, CtsPicture **picture, CtsError *err)
+{
+    char head[HEAD_BYTES];
+    *picture = NULL;
+    FILE *file = fopen(path, "rbe");
+    if (!file)
+        return cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
+    const size_t n = fread(head, 1, sizeof head, file);
+    const int failed = ferror(file) ? errno : 0;
+    fclose(file);
+    if (failed)
+        return cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", path, strerror(failed));
+    for (int i = 0; i < N_FORMATS; i++)
+        if (formats[i].info.read_back && n >= formats[i].magic_offset + MAGIC_BYTES &&
+            memcmp(head + formats[i].magic_offset, formats[i].magic, MAGIC_BYTES) == 0)
+            return formats[i].read(path, picture, err);
+    return fail_unknown(path, CTS_ERR_READ, "is no picture that can be read", err);
+}

@@ -1,0 +1,287 @@
+/* Secondary captures: what the object says of itself. The encoding is dicom/dcm_sc's. */
+#include "output/export/format.h"
+
+#include "base/cpu.h"
+#include "base/hash.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "output/export/date.h"
+#include "output/export/icc.h"
+#include "output/export/sc_spool.h"
+#include "output/export/sc_words.h"
+#include "output/image/describe.h"
+#include "output/image/samples.h"
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* Lengths are 32 bits in DICOM, and the largest value means "undefined". */
+static const uint64_t max_pixel_bytes = 0xfffffffe;
+
+static const struct {
+    const char *syntax_uid; /* NULL: Explicit VR Little Endian, pixels as they are */
+    int memory;             /* that compressing a frame takes, in bytes for each of its bytes */
+} compressions[] = {
+    [CTS_SC_NONE] = {NULL, 0},
+    [CTS_SC_RLE] = {"1.2.840.10008.1.2.5", 4},
+    [CTS_SC_JPEG_LOSSLESS] = {"1.2.840.10008.1.2.4.70", 4},
+    [CTS_SC_JPEG_2000] = {"1.2.840.10008.1.2.4.90", 12},
+};
+static const char native_uid[] = "1.2.840.10008.1.2.1";
+
+typedef struct ScWriter {
+    CtsScSource facts;
+    CtsScSpool spool;
+    CtsHash *hash;                       /* of the frames' views and pixels */
+    uint8_t *rows;                       /* samples on their way to the spool */
+    int max_rows;                        /* that rows has room for */
+    double *azimuth_deg, *elevation_deg; /* of each frame */
+    int n_frames;                        /* begun */
+} ScWriter;
+
+/* What the user says of the series must fit its attribute (LO), in whatever character set the source has. */
+static CtsStatus check_description(const char *path, const char *text, CtsError *err)
+{
+    enum { MAX = 64 };
+    for (const char *c = text; *c; c++)
+        if ((unsigned char)*c < 0x20 || (unsigned char)*c > 0x7e || *c == '\\')
+            return cts_fail(err, CTS_ERR_USAGE, "%s: a series description is ASCII without backslash", path);
+    return strlen(text) <= MAX
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_USAGE, "%s: a series description has at most %d characters", path, MAX);
+}
+
+CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsError *err)
+{
+    const CtsSeries *source = settings->source;
+    if (settings->series_description) {
+        const CtsStatus st = check_description(path, settings->series_description, err);
+        if (st)
+            return st;
+    }
+    if (!source) /* not known yet: outputs are checked before the input is read */
+        return CTS_OK;
+    if (source->n_slices < 1)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: the series it is made of has no slices", path);
+    const char *first = source->slices[0]->path;
+    const bool in_memory = source->slices[0]->memory != NULL; /* out of an archive */
+    if (!first || (!in_memory && access(first, R_OK)))
+        return cts_fail(err, CTS_ERR_READ, "%s: cannot be read any more, and a secondary capture needs its header",
+                        first ? first : path);
+    return CTS_OK;
+}
+
+static const CtsSlice *lossy_slice(const CtsSeries *source)
+{
+    for (int i = 0; i < source->n_slices; i++)
+        if (source->slices[i]->odd & CTS_ODD_LOSSY)
+            return source->slices[i];
+    return NULL;
+}
+
+static void warn(const CtsExportJob *job, const CtsScSource *facts, bool recognizable)
+{
+    if (facts->burned_in)
+        cts_report_finding(job->report, "burned_in_annotation", CTS_WARNING,
+                           "the source says that text is burned into its pixels; it may show in the picture");
+    if (recognizable && job->settings.deidentify)
+        cts_report_finding(job->report, "recognizable_features", CTS_WARNING,
+                           "the preset shows skin: a face can tell who this is, whatever the header says");
+}
+
+static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
+{
+    return cts_temp_write(context, bytes, n, err);
+}
+
+static size_t row_bytes_of(int width, bool grey)
+{
+    return (size_t)width * (grey ? 2 : 3);
+}
+
+CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frames, bool grey,
+                            const CtsExportSettings *settings, CtsError *err)
+{
+    const uint64_t frame_bytes = (uint64_t)row_bytes_of(width, grey) * (uint64_t)height;
+    const uint64_t memory = cts_memory_available(), needed = frame_bytes * compressions[settings->compression].memory;
+    if (settings->compression == CTS_SC_NONE && frame_bytes * (uint64_t)n_frames > max_pixel_bytes)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "%s: %d pictures of %dx%d are more than a DICOM object can hold, 4 GiB (fewer views, a smaller "
+                        "picture, or `compression`)",
+                        path, n_frames, width, height);
+    if (memory > 0 && needed > memory)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "%s: to compress a picture of %dx%d takes %.1f GB of memory, more than there is (`compression` "
+                        "none needs little)",
+                        path, width, height, (double)needed / 1e9);
+    return CTS_OK;
+}
+
+CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
+{
+    enum { ROWS_BYTES = 4 << 20 };
+    const CtsExportHead *head = &job->head;
+    const size_t row_bytes = row_bytes_of(head->width, head->grey);
+    CtsStatus st;
+    if (!job->settings.source)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: a secondary capture needs the series it was made of", job->path);
+    ScWriter *w = job->state = calloc(1, sizeof *w);
+    if (!w)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    w->max_rows = ROWS_BYTES / row_bytes > 0 ? (int)(ROWS_BYTES / row_bytes) : 1;
+    const CtsScFrame frame = {
+        .width = head->width, .height = head->height, .grey = head->grey, .n_threads = job->settings.n_threads};
+    if ((st = cts_dcm_sc_source(job->settings.source->slices[0], &w->facts, err)) ||
+        (st = cts_alloc_array(&w->rows, (size_t)w->max_rows * row_bytes, err)) ||
+        (st = cts_alloc_array(&w->azimuth_deg, (size_t)head->n_frames, err)) ||
+        (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)) || (st = cts_hash_start(&w->hash, err)))
+        return st;
+    return cts_sc_spool_open(&w->spool, job->path, compressions[job->settings.compression].syntax_uid, &frame,
+                             head->n_frames, err);
+}
+
+typedef struct Samples {
+    const CtsPicture *band;
+    int first_row; /* of the band */
+    bool grey;
+    uint8_t *rows;
+    size_t row_bytes;
+} Samples;
+
+static void sample_rows(void *context, int worker, size_t first, size_t end)
+{
+    const Samples *const s = context;
+    (void)worker;
+    for (size_t i = first; i < end; i++) {
+        uint8_t *to = s->rows + i * s->row_bytes;
+        if (s->grey)
+            cts_samples_row16(s->band, s->first_row + (int)i, 1, (uint16_t *)(void *)to);
+        else
+            cts_samples_row8(s->band, s->first_row + (int)i, to);
+    }
+}
+
+CtsStatus cts_sc_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+{
+    ScWriter *w = job->state;
+    const bool grey = job->head.grey;
+    const size_t row_bytes = row_bytes_of(job->head.width, job->head.grey);
+    CtsStatus st = CTS_OK;
+    if (band->first_row == 0) {
+        char view[80];
+        cts_describe_view(&band->info, view, sizeof view);
+        cts_hash_text(w->hash, view);
+        w->azimuth_deg[w->n_frames] = band->info.azimuth_deg;
+        w->elevation_deg[w->n_frames] = band->info.elevation_deg;
+        w->n_frames++;
+    }
+    for (int y = 0; y < band->height && !st; y += w->max_rows) {
+        const int left = band->height - y, n = left < w->max_rows ? left : w->max_rows;
+        Samples samples = {band, y, grey, w->rows, row_bytes};
+        cts_parallel(cts_threads(job->settings.n_threads), (size_t)n, 0, sample_rows, &samples);
+        cts_hash_bytes(w->hash, w->rows, (size_t)n * row_bytes);
+        st = cts_sc_spool_write(&w->spool, w->rows, (size_t)n * row_bytes, err);
+    }
+    return st;
+}
+
+/* What the object says besides what it copies. */
+static void fill(const CtsExportJob *job, const CtsScWords *words, const CtsScNames *names, CtsScObject *object)
+{
+    const ScWriter *w = job->state;
+    const CtsExportHead *head = &job->head;
+    const CtsSeries *source = job->settings.source;
+    *object = (CtsScObject){
+        .width = head->width,
+        .height = head->height,
+        .n_frames = head->n_frames,
+        .grey = head->grey,
+        .syntax_uid = w->spool.syntax_uid ? w->spool.syntax_uid : native_uid,
+        .reversible_ycc = job->settings.compression == CTS_SC_JPEG_2000 && !head->grey,
+        .study_uid = names->study_uid,
+        .series_uid = names->series_uid,
+        .sop_uid = names->sop_uid,
+        .series_number = names->series_number,
+        .instance_number = names->instance_number,
+        .version = CTS_VERSION,
+        .image_type = words->image_type,
+        .series_description = words->series_description,
+        .derivation = words->derivation,
+        .n_derivation_codes = words->n_codes,
+        .view = words->view,
+        .azimuth_deg = w->azimuth_deg,
+        .elevation_deg = w->elevation_deg,
+        .mm_per_pixel = head->info.mm_per_pixel,
+        .patient_orientation = words->patient_orientation,
+        .burned_in = w->facts.burned_in || head->info.annotated,
+        .recognizable = head->info.shows_skin,
+        .source = source,
+        .source_class_uid = w->facts.sop_class_uid,
+        .lossy = lossy_slice(source),
+        .pseudonym = names->pseudonym[0] ? names->pseudonym : NULL,
+    };
+    memcpy(object->derivation_codes, words->codes, sizeof words->codes);
+}
+
+CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err)
+{
+    ScWriter *w = job->state;
+    CtsScWords words;
+    CtsScNames names;
+    CtsScObject object;
+    struct tm now;
+    char date[9], time[7];
+    uint8_t pixels[CTS_DIGEST_BYTES], profile[CTS_ICC_BYTES];
+    CtsStatus st;
+    if ((st = cts_hash_finish(&w->hash, pixels, err)) || (st = cts_sc_words(job, &words, err)) ||
+        (st = cts_sc_names(job, &w->facts, &words, pixels, &names, err)))
+        return st;
+    fill(job, &words, &names, &object);
+    cts_date_now(&now);
+    strftime(date, sizeof date, "%Y%m%d", &now);
+    strftime(time, sizeof time, "%H%M%S", &now);
+    if (!job->settings.deidentify) {
+        object.date = date;
+        object.time = time;
+    }
+    object.icc_profile = profile;
+    object.n_icc_profile = cts_icc_srgb(profile);
+    warn(job, &w->facts, object.recognizable);
+    if ((st = cts_dcm_sc_write(&object, sink, job->temp, err)))
+        return st;
+    return cts_sc_spool_copy(&w->spool, job->temp, err);
+}
+
+void cts_sc_close(CtsExportJob *job)
+{
+    ScWriter *w = job->state;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    if (!w)
+        return;
+    if (w->hash)
+        cts_hash_finish(&w->hash, digest, NULL);
+    cts_sc_spool_close(&w->spool);
+    cts_free(&w->rows);
+    cts_free(&w->azimuth_deg);
+    cts_free(&w->elevation_deg);
+    free(w);
+}
+
+CtsStatus cts_sc_read(const char *path, CtsPicture **picture, CtsError *err)
+{
+    CtsScPixels pixels = {0};
+    *picture = NULL;
+    CtsStatus st = cts_dcm_sc_read(path, &pixels, err);
+    if (st || (st = cts_picture_new(picture, pixels.width, pixels.height, pixels.n_samples == 1 ? 1 : 4, err)))
+        goto end;
+    CtsPicture *p = *picture;
+    const size_t n = (size_t)p->width * p->height;
+    p->has_alpha = false;
+    for (size_t i = 0; i < n; i++)
+        for (int c = 0; c < p->n_channels; c++)
+            p->pixels[i * p->n_channels + c] =
+                c == 3 ? 1 : (float)((double)pixels.samples[i * pixels.n_samples + c] / pixels.largest);
+end:
+    cts_free(&pixels.samples);
+    return st;
+}

@@ -1,0 +1,135 @@
+#include "output/export/sc_words.h"
+
+#include "output/export/uid.h"
+#include "output/image/describe.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+static CtsStatus start_hash(CtsHash **hash, const char *purpose, const CtsSeries *source, CtsError *err)
+{
+    const CtsStatus st = cts_hash_start(hash, err);
+    if (st)
+        return st;
+    cts_hash_text(*hash, "ctsplat");
+    cts_hash_text(*hash, purpose);
+    cts_hash_text(*hash, source ? source->uid : "");
+    for (int i = 0; source && i < source->n_slices; i++)
+        cts_hash_text(*hash, source->slices[i]->sop_uid);
+    return CTS_OK;
+}
+
+static CtsStatus finish_uid(CtsHash **hash, char uid[65], CtsError *err)
+{
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const CtsStatus st = cts_hash_finish(hash, digest, err);
+    if (!st)
+        cts_uid_from_digest(digest, uid);
+    return st;
+}
+
+/* The study the picture joins: the source's, or another one for all pictures of that study when identity goes. */
+static CtsStatus name_study(const CtsExportJob *job, const CtsScSource *facts, CtsScNames *names, CtsError *err)
+{
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const bool known = facts->study_uid[0];
+    snprintf(names->study_uid, sizeof names->study_uid, "%s", facts->study_uid);
+    if (known && !job->settings.deidentify)
+        return CTS_OK;
+    CtsStatus st = start_hash(&hash, "study", known ? NULL : job->settings.source, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, facts->study_uid);
+    if ((st = finish_uid(&hash, names->study_uid, err)) || !job->settings.deidentify ||
+        (st = start_hash(&hash, "patient", NULL, err)))
+        return st;
+    cts_hash_text(hash, names->study_uid);
+    if ((st = cts_hash_finish(&hash, digest, err)))
+        return st;
+    snprintf(names->pseudonym, sizeof names->pseudonym, "ANON-");
+    for (int i = 0; i < 8; i++)
+        snprintf(names->pseudonym + 5 + 2 * i, 3, "%02X", digest[i]);
+    return CTS_OK;
+}
+
+/* The source's number, then six digits that preset and kind (mode, view, number of views) have for themselves. */
+static CtsStatus number_series(const CtsExportJob *job, const CtsScSource *facts, CtsScNames *names, CtsError *err)
+{
+    enum { OWN = 1000000, MAX_SOURCE = 2146 };
+    const CtsPictureInfo *info = &job->head.info;
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    char view[80], kind[120];
+    cts_describe_view(info, view, sizeof view);
+    snprintf(kind, sizeof kind, "%d %d %s", info->mode, job->head.n_frames, view);
+    CtsStatus st = start_hash(&hash, "series number", NULL, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, info->preset);
+    cts_hash_text(hash, kind);
+    if ((st = cts_hash_finish(&hash, digest, err)))
+        return st;
+    const uint32_t own = (uint32_t)digest[0] << 24 | (uint32_t)digest[1] << 16 | (uint32_t)digest[2] << 8 | digest[3];
+    const int source = facts->series_number < 0 ? 0 : facts->series_number;
+    names->series_number = (source > MAX_SOURCE ? source % 2000 : source) * OWN + 1 + (int)(own % (OWN - 1));
+    if (job->settings.series_number > 0)
+        names->series_number = job->settings.series_number;
+    return CTS_OK;
+}
+
+/* Views that share a series, as they do under a number and a description of the user's, keep an order of their own. */
+static int instance_number(const CtsExportJob *job)
+{
+    static const char *const views[] = {"anterior", "left", "posterior", "right", "head", "feet"};
+    const CtsPictureInfo *info = &job->head.info;
+    char view[80];
+    if (job->head.n_frames > 1)
+        return 1;
+    cts_describe_view(info, view, sizeof view);
+    for (int i = 0; i < 6; i++)
+        if (strcmp(view, views[i]) == 0)
+            return i + 1;
+    double azimuth_deg = fmod(info->azimuth_deg, 360);
+    if (azimuth_deg < 0)
+        azimuth_deg += 360;
+    return 10 + (int)((info->elevation_deg + 90) * 10 + 0.5) * 3600 + (int)(azimuth_deg * 10 + 0.5);
+}
+
+/* UIDs from all that makes the object what it is: the same input gives the same UIDs, another picture another one. */
+static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsScWords *words,
+                                          const uint8_t pixels[CTS_DIGEST_BYTES], CtsScNames *names, CtsError *err)
+{
+    const CtsExportHead *head = &job->head;
+    CtsHash *hash;
+    CtsStatus st;
+    char text[160];
+    if (job->settings.new_uids)
+        return (st = cts_uid_random(names->series_uid, err)) ? st : cts_uid_random(names->sop_uid, err);
+    if ((st = start_hash(&hash, "series", job->settings.source, err)))
+        return st;
+    snprintf(text, sizeof text, "%d %d", job->settings.deidentify, names->series_number);
+    cts_hash_text(hash, text);
+    cts_hash_text(hash, words->series_description);
+    cts_hash_text(hash, CTS_VERSION);
+    if ((st = finish_uid(&hash, names->series_uid, err)) ||
+        (st = start_hash(&hash, "instance", job->settings.source, err)))
+        return st;
+    cts_hash_text(hash, names->series_uid);
+    cts_hash_text(hash, words->derivation);
+    snprintf(text, sizeof text, "%dx%d %d", head->width, head->height, head->grey);
+    cts_hash_text(hash, text);
+    cts_hash_bytes(hash, pixels, CTS_DIGEST_BYTES);
+    return finish_uid(&hash, names->sop_uid, err);
+}
+
+CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScSource *facts, const CtsScWords *words,
+                       const uint8_t pixels[CTS_DIGEST_BYTES], CtsScNames *names, CtsError *err)
+{
+    CtsStatus st;
+    memset(names, 0, sizeof *names);
+    names->instance_number = instance_number(job);
+    if ((st = name_study(job, facts, names, err)) || (st = number_series(job, facts, names, err)))
+        return st;
+    return name_series_and_instance(job, words, pixels, names, err);
+}

@@ -1,0 +1,281 @@
+/* Presentation states: what the standard's attributes say of a picture. Their encoding is dicom/dcm_state's. */
+#include "ctsplat/state.h"
+
+#include "base/file.h"
+#include "base/hash.h"
+#include "output/objects/dcm_state.h"
+#include "output/export/date.h"
+#include "output/export/icc.h"
+#include "output/export/sc_words.h"
+#include "output/export/uid.h"
+#include "output/image/describe.h"
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* The standard has no word for a mean along the ray. */
+static const char *const methods[CTS_N_MODES] = {
+    [CTS_MODE_COMPOSITE] = "VOLUME_RENDERED",
+    [CTS_MODE_MIP] = "MAXIMUM_IP",
+    [CTS_MODE_MINIP] = "MINIMUM_IP",
+    [CTS_MODE_AVERAGE] = "VOLUME_RENDERED",
+};
+
+/* Shininess is relative to what an implementation can do: here this power of the highlight. */
+static const double max_power = 128;
+
+static double clamp01(double x)
+{
+    return fmin(fmax(x, 0), 1);
+}
+
+static void fill_geometry(const CtsStateScene *scene, CtsDcmState *s)
+{
+    const CtsPictureInfo *info = scene->info;
+    const double half_width_mm = info->mm_per_pixel * scene->width / 2,
+                 half_height_mm = info->mm_per_pixel * scene->height / 2;
+    const double field_mm[6] = {-half_width_mm, half_width_mm, half_height_mm, -half_height_mm, 0, 2 * info->camera_mm};
+    for (int i = 0; i < 3; i++) {
+        s->look_at_lps[i] = info->centre_lps[i];
+        s->viewpoint_lps[i] = info->centre_lps[i] - info->forward_lps[i] * info->camera_mm;
+        s->up_lps[i] = info->up_lps[i];
+        s->forward_lps[i] = info->forward_lps[i];
+        s->crop_lps[i] = scene->crop_low_lps[i];
+        s->crop_lps[3 + i] = scene->crop_high_lps[i];
+    }
+    memcpy(s->field_mm, field_mm, sizeof field_mm);
+    s->cropped = scene->cropped;
+}
+
+/* The preset sampled from its first to its last point: opacity is that of its unit distance. */
+static void fill_transfer(const CtsStateScene *scene, CtsDcmState *s)
+{
+    const CtsPreset *p = scene->preset;
+    double low_hu = fmin(p->opacity[0].hu, p->colour[0].hu);
+    double high_hu = fmax(p->opacity[p->n_opacity - 1].hu, p->colour[p->n_colour - 1].hu);
+    const bool projection = scene->info->mode != CTS_MODE_COMPOSITE;
+    if (projection) {
+        low_hu = scene->info->window_low_hu;
+        high_hu = scene->info->window_high_hu;
+    }
+    if (!(high_hu > low_hu))
+        high_hu = low_hu + 1;
+    s->window_centre_hu = (low_hu + high_hu) / 2;
+    s->window_width_hu = high_hu - low_hu;
+    for (int i = 0; i < CTS_STATE_ENTRIES; i++) {
+        const double share = i / (CTS_STATE_ENTRIES - 1.0), hu = low_hu + share * (high_hu - low_hu);
+        double rgb[3] = {share, share, share}, opacity = 1;
+        if (!projection) {
+            cts_preset_colour(p, hu, rgb);
+            opacity = cts_preset_opacity(p, hu);
+        }
+        for (int c = 0; c < 3; c++)
+            s->tables[c][i] = (uint16_t)(clamp01(rgb[c]) * 65535 + 0.5);
+        s->tables[3][i] = (uint16_t)(clamp01(opacity) * 65535 + 0.5);
+    }
+}
+
+static CtsStatus uid_of(const char *purpose, const CtsStateScene *scene, const char *text, char uid[65], CtsError *err)
+{
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    CtsStatus st = cts_hash_start(&hash, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, "ctsplat");
+    cts_hash_text(hash, purpose);
+    cts_hash_text(hash, scene->source->uid);
+    for (int i = 0; i < scene->source->n_slices; i++)
+        cts_hash_text(hash, scene->source->slices[i]->sop_uid);
+    cts_hash_text(hash, text);
+    cts_hash_text(hash, CTS_VERSION);
+    if (!(st = cts_hash_finish(&hash, digest, err)))
+        cts_uid_from_digest(digest, uid);
+    return st;
+}
+
+/* One option a line, as on the command line. */
+static CtsStatus write_options(const CtsStateScene *scene, char **text, CtsError *err)
+{
+    size_t n = 1;
+    for (int i = 0; i < scene->n_options; i++) {
+        if (strchr(scene->options[i].value, '\n'))
+            return cts_fail(err, CTS_ERR_USAGE, "--%s: a line break cannot stand in a presentation state",
+                            scene->options[i].name);
+        n += strlen(scene->options[i].name) + strlen(scene->options[i].value) + 2;
+    }
+    char *at = *text = malloc(n);
+    if (!at)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    *at = 0;
+    for (int i = 0; i < scene->n_options; i++)
+        at += sprintf(at, "%s=%s\n", scene->options[i].name, scene->options[i].value);
+    return CTS_OK;
+}
+
+static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
+{
+    return cts_temp_write(context, bytes, n, err);
+}
+
+typedef struct Names {
+    CtsScSource facts;
+    char study_uid[65], series_uid[65], sop_uid[65], frame_uid[65], input_uid[65];
+} Names;
+
+static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, Names *names, CtsError *err)
+{
+    char view[80];
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    char all[2 * CTS_DIGEST_BYTES + 1] = "";
+    CtsStatus st = cts_dcm_sc_source(scene->source->slices[0], &names->facts, err);
+    if (st || (st = cts_hash_start(&hash, err)))
+        return st;
+    cts_describe_view(scene->info, view, sizeof view);
+    cts_hash_text(hash, s->preset);
+    cts_hash_text(hash, s->options);
+    cts_hash_text(hash, view);
+    cts_hash_text(hash, s->capture_uid);
+    if ((st = cts_hash_finish(&hash, digest, err)))
+        return st;
+    for (int i = 0; i < CTS_DIGEST_BYTES; i++)
+        snprintf(all + 2 * i, 3, "%02x", digest[i]);
+    snprintf(names->study_uid, sizeof names->study_uid, "%s", names->facts.study_uid);
+    snprintf(names->frame_uid, sizeof names->frame_uid, "%s", scene->source->slices[0]->frame_uid);
+    if ((!names->study_uid[0] && (st = uid_of("study", scene, "", names->study_uid, err))) ||
+        (!names->frame_uid[0] && (st = uid_of("frame of reference", scene, "", names->frame_uid, err))) ||
+        (st = uid_of("states", scene, "", names->series_uid, err)) ||
+        (st = uid_of("input", scene, all, names->input_uid, err)))
+        return st;
+    return uid_of("state", scene, all, names->sop_uid, err);
+}
+
+/* Everything but the names and the private texts. */
+static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState *s, CtsError *err)
+{
+    const CtsPreset *p = scene->preset;
+    const CtsExportJob job = {.head = {.n_frames = 1, .info = *scene->info}};
+    const CtsStatus st = cts_sc_words(&job, words, err);
+    if (st)
+        return st;
+    s->source = scene->source;
+    s->version = CTS_VERSION;
+    s->description = words->series_description;
+    s->view = words->view;
+    s->method = methods[scene->info->mode];
+    s->shaded = scene->shaded;
+    s->ambient = clamp01(p->ambient);
+    s->diffuse = clamp01(p->diffuse);
+    s->specular = clamp01(p->specular);
+    s->shininess = clamp01(p->power / max_power);
+    fill_geometry(scene, s);
+    fill_transfer(scene, s);
+    if (scene->capture) {
+        CtsDcmIds ids;
+        const CtsStatus found = cts_dcm_ids(scene->capture, &ids, err);
+        if (found)
+            return found;
+        memcpy(s->capture_class_uid, ids.class_uid, sizeof ids.class_uid);
+        memcpy(s->capture_uid, ids.sop_uid, sizeof ids.sop_uid);
+    }
+    return CTS_OK;
+}
+
+static CtsStatus write_file(const char *path, const CtsDcmState *s, bool force, CtsError *err)
+{
+    CtsTempFile *temp = NULL;
+    CtsStatus st = cts_temp_open(&temp, path, err);
+    if (!st && !(st = cts_dcm_state_write(s, sink, temp, err)))
+        st = cts_temp_commit(&temp, force, NULL, err);
+    cts_temp_discard(&temp);
+    return st;
+}
+
+CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool force, CtsError *err)
+{
+    enum { MAX_SOURCE = 2146, OWN = 1000000 };
+    CtsScWords words;
+    Names names = {0};
+    struct tm now;
+    char date[9], time[7], *options = NULL, *preset = cts_preset_to_json(scene->preset);
+    uint8_t profile[CTS_ICC_BYTES];
+    CtsDcmState *s = calloc(1, sizeof *s);
+    CtsStatus st = s && preset ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+    if (st || (st = fill(scene, &words, s, err)) || (st = write_options(scene, &options, err)))
+        goto end;
+    s->preset = preset;
+    s->options = options;
+    if ((st = choose_names(scene, s, &names, err)))
+        goto end;
+    cts_date_now(&now);
+    strftime(date, sizeof date, "%Y%m%d", &now);
+    strftime(time, sizeof time, "%H%M%S", &now);
+    s->date = date;
+    s->time = time;
+    s->study_uid = names.study_uid;
+    s->series_uid = names.series_uid;
+    s->sop_uid = names.sop_uid;
+    s->frame_uid = names.frame_uid;
+    s->input_uid = names.input_uid;
+    s->source_class_uid = names.facts.sop_class_uid;
+    const int number = names.facts.series_number < 0 ? 0 : names.facts.series_number;
+    s->series_number = (number > MAX_SOURCE ? number % 2000 : number) * OWN + OWN - 1;
+    s->icc_profile = profile;
+    s->n_icc_profile = cts_icc_srgb(profile);
+    st = write_file(path, s, force, err);
+end:
+    free(options);
+    free(preset);
+    free(s);
+    return st;
+}
+
+/* name=value lines in place. */
+static CtsStatus split_options(CtsState *state, CtsError *err)
+{
+    int n = 0;
+    for (const char *c = state->text; *c; c++)
+        n += *c == '\n';
+    if (!(state->options = calloc((size_t)n + 1, sizeof *state->options)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (char *line = state->text, *end; (end = strchr(line, '\n')); line = end + 1) {
+        *end = 0;
+        char *value = strchr(line, '=');
+        if (!*line)
+            continue; /* padding */
+        if (!value)
+            return cts_fail(err, CTS_ERR_READ, "damaged: an option without a value");
+        *value++ = 0;
+        state->options[state->n_options++] = (CtsStateOption){line, value};
+    }
+    return CTS_OK;
+}
+
+CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err)
+{
+    char *preset = NULL;
+    CtsState *s = *state = calloc(1, sizeof *s);
+    if (!s)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+    CtsStatus st = cts_dcm_state_read(path, &preset, &s->text, err);
+    if (!st && (st = split_options(s, err)))
+        cts_context(err, "%s", path);
+    if (!st)
+        st = cts_preset_parse(preset, strlen(preset), path, NULL, &s->preset, err);
+    free(preset);
+    if (st)
+        cts_state_free(state);
+    return st;
+}
+
+void cts_state_free(CtsState **state)
+{
+    if (!*state)
+        return;
+    free((*state)->text);
+    free((*state)->options);
+    free(*state);
+    *state = NULL;
+}

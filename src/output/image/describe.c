@@ -1,0 +1,76 @@
+#define _GNU_SOURCE
+#include "output/image/describe.h"
+
+#include "base/vec3.h"
+#include <locale.h>
+#include <math.h>
+#include <stdio.h>
+
+static const struct {
+    double azimuth_deg, elevation_deg;
+    const char *name;
+} views[] = {
+    {0, 0, "anterior"}, {180, 0, "posterior"}, {90, 0, "left"}, {270, 0, "right"}, {0, 90, "head"}, {0, -90, "feet"},
+};
+
+void cts_describe_number(double value, int n_digits, char *text, size_t size)
+{
+    const locale_t plain = newlocale(LC_NUMERIC_MASK, "C", (locale_t)0);
+    const locale_t before = plain ? uselocale(plain) : (locale_t)0;
+    snprintf(text, size, "%.*g", n_digits, value + 0.0); /* + 0.0: no "-0" */
+    if (plain) {
+        uselocale(before);
+        freelocale(plain);
+    }
+}
+
+static void number_pair(double a, double b, char *text, size_t size)
+{
+    char one[32], two[32];
+    cts_describe_number(a, 9, one, sizeof one);
+    cts_describe_number(b, 9, two, sizeof two);
+    snprintf(text, size, "%s,%s", one, two);
+}
+
+void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size)
+{
+    double azimuth_deg = fmod(info->azimuth_deg, 360);
+    if (azimuth_deg < 0)
+        azimuth_deg += 360;
+    for (size_t i = 0; i < sizeof views / sizeof *views; i++)
+        if (azimuth_deg == views[i].azimuth_deg && info->elevation_deg == views[i].elevation_deg) {
+            snprintf(text, size, "%s", views[i].name);
+            return;
+        }
+    number_pair(info->azimuth_deg, info->elevation_deg, text, size);
+}
+
+void cts_describe_direction(const double direction_lps[3], char text[4])
+{
+    static const char letters[3][2] = {{'L', 'R'}, {'P', 'A'}, {'H', 'F'}}; /* towards +, towards - */
+    static const double sin_15_deg = 0.25881904510252074;
+    const double length = cts_norm3(direction_lps);
+    bool used[3] = {false, false, false};
+    int n = 0;
+    for (; n < 3 && length > 0; n++) {
+        int best = -1;
+        for (int a = 0; a < 3; a++)
+            if (!used[a] && (best < 0 || fabs(direction_lps[a]) > fabs(direction_lps[best])))
+                best = a;
+        if (fabs(direction_lps[best]) <= sin_15_deg * length)
+            break;
+        used[best] = true;
+        text[n] = letters[best][direction_lps[best] < 0];
+    }
+    text[n] = 0;
+}
+
+bool cts_describe_window(const CtsPictureInfo *info, char *text, size_t size)
+{
+    if (size)
+        text[0] = 0;
+    if (info->mode == CTS_MODE_COMPOSITE || !(info->window_high_hu > info->window_low_hu))
+        return false;
+    number_pair(info->window_low_hu, info->window_high_hu, text, size);
+    return true;
+}

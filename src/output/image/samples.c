@@ -1,0 +1,54 @@
+#include "output/image/samples.h"
+
+#include "output/image/srgb.h"
+
+bool cts_picture_is_grey(const CtsPicture *picture)
+{
+    if (picture->n_channels == 1)
+        return true;
+    const size_t n = (size_t)picture->width * picture->height;
+    for (size_t i = 0; i < n; i++) {
+        const float *p = picture->pixels + 4 * i;
+        if (p[0] != p[1] || p[1] != p[2])
+            return false;
+    }
+    return true;
+}
+
+static void straight_pixel(const float *p, uint16_t *out)
+{
+    const uint16_t alpha = cts_round16(p[3]);
+    for (int c = 0; c < 3; c++)
+        out[c] = alpha ? cts_round16((double)p[c] / p[3]) : 0;
+    out[3] = alpha;
+}
+
+void cts_samples_row16(const CtsPicture *picture, int y, int n_samples, uint16_t *row)
+{
+    const int channels = picture->n_channels;
+    const float *p = picture->pixels + (size_t)y * picture->width * channels;
+    /* The picture of most files, written out: its loop has no branches but those of the rounding. */
+    if (n_samples == 3 && channels == 4) {
+        for (int x = 0; x < picture->width; x++)
+            for (int c = 0; c < 3; c++)
+                row[3 * x + c] = cts_round16(p[4 * x + c]);
+        return;
+    }
+    for (int x = 0; x < picture->width; x++, p += channels, row += n_samples) {
+        if (n_samples == 4 && channels == 4) {
+            straight_pixel(p, row);
+            continue;
+        }
+        for (int c = 0; c < n_samples; c++)
+            row[c] = c == 3 ? 65535 : cts_round16(channels == 4 ? p[c] : p[0]);
+    }
+}
+
+void cts_samples_row8(const CtsPicture *picture, int y, uint8_t *row)
+{
+    const int channels = picture->n_channels;
+    const float *p = picture->pixels + (size_t)y * picture->width * channels;
+    for (int x = 0; x < picture->width; x++, p += channels)
+        for (int c = 0; c < 3; c++)
+            *row++ = cts_round8(channels == 4 ? p[c] : p[0]);
+}

@@ -1,0 +1,490 @@
+/* DIMSE with DCMTK: C-STORE out, C-GET or C-MOVE in (PS3.4 B and C). */
+#include <dcmtk/config/osconfig.h>
+
+#include "output/net/peer.h"
+
+#include <atomic>
+#include <cstdlib>
+#include <cstring>
+#include <dcmtk/dcmnet/dstorscp.h>
+#include <dcmtk/dcmnet/scu.h>
+#include <dcmtk/dcmtls/tlslayer.h>
+#include <memory>
+#include <new>
+#include <string>
+#include <thread>
+#include <vector>
+
+namespace
+{
+
+/* What a CT series is made of, and every way that ctsplat reads it. Captures are of modality CT too: some peers fail at
+ * a series of theirs that they may not send, so they may, and are passed over when the files are read. */
+const char *const ct_classes[] = {UID_CTImageStorage,
+                                  UID_EnhancedCTImageStorage,
+                                  UID_LegacyConvertedEnhancedCTImageStorage,
+                                  UID_SecondaryCaptureImageStorage,
+                                  UID_MultiframeGrayscaleWordSecondaryCaptureImageStorage,
+                                  UID_MultiframeTrueColorSecondaryCaptureImageStorage};
+const char *const ct_syntaxes[] = {UID_LittleEndianExplicitTransferSyntax,
+                                   UID_LittleEndianImplicitTransferSyntax,
+                                   UID_JPEGProcess14SV1TransferSyntax,
+                                   UID_JPEG2000LosslessOnlyTransferSyntax,
+                                   UID_JPEGLSLosslessTransferSyntax,
+                                   UID_RLELosslessTransferSyntax,
+                                   UID_JPEGProcess14TransferSyntax,
+                                   UID_DeflatedExplicitVRLittleEndianTransferSyntax,
+                                   UID_JPEG2000TransferSyntax,
+                                   UID_JPEGLSLossyTransferSyntax,
+                                   UID_JPEGProcess2_4TransferSyntax,
+                                   UID_JPEGProcess1TransferSyntax};
+
+/* DCMTK's conditions, and what a peer wrote into them, on one line. */
+std::string one_line(const OFCondition &state)
+{
+    std::string text = state.text();
+    for (size_t at; (at = text.find('\n')) != std::string::npos;)
+        text.replace(at, 1, "; ");
+    return text;
+}
+
+/* PEM files in, a layer for the connection out; NULL without TLS. */
+CtsStatus make_tls(const CtsNet &net, std::unique_ptr<DcmTLSTransportLayer> &tls, CtsError *err)
+{
+    if (!net.tls_ca && !net.tls_key)
+        return CTS_OK;
+    DcmTLSTransportLayer::initializeOpenSSL();
+    tls.reset(new DcmTLSTransportLayer(NET_REQUESTOR, nullptr, OFFalse));
+    tls->setPrivateKeyPasswd("");
+    OFCondition state = tls->setTLSProfile(TSP_Profile_BCP195);
+    if (state.good())
+        state = tls->activateCipherSuites();
+    if (state.good() && net.tls_key && (state = tls->setPrivateKeyFile(net.tls_key, DCF_Filetype_PEM)).bad())
+        return cts_fail(err, CTS_ERR_READ, "%s: is no private key in PEM: %s", net.tls_key, one_line(state).c_str());
+    if (state.good() && net.tls_certificate &&
+        (state = tls->setCertificateFile(net.tls_certificate, DCF_Filetype_PEM)).bad())
+        return cts_fail(err, CTS_ERR_READ, "%s: is no certificate in PEM: %s", net.tls_certificate,
+                        one_line(state).c_str());
+    if (state.good() && net.tls_key && !tls->checkPrivateKeyMatchesCertificate())
+        return cts_fail(err, CTS_ERR_USAGE, "%s: is not the key of certificate %s", net.tls_key, net.tls_certificate);
+    if (state.good() && net.tls_ca && (state = tls->addTrustedCertificateFile(net.tls_ca, DCF_Filetype_PEM)).bad())
+        return cts_fail(err, CTS_ERR_READ, "%s: holds no certificates in PEM: %s", net.tls_ca, one_line(state).c_str());
+    tls->setCertificateVerification(DCV_requireCertificate);
+    return state.good() ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "TLS cannot be set up: %s", one_line(state).c_str());
+}
+
+class Scu : public DcmSCU
+{
+  public:
+    using DcmSCU::useSecureConnection;
+};
+
+/* Stores every incoming object under a name of ours. */
+class GetScu : public Scu
+{
+  public:
+    CtsInbox *inbox = nullptr;
+    const CtsNet *net = nullptr;
+    CtsError error = {};
+    CtsStatus status = CTS_OK;
+
+  protected:
+    struct GivenUp {
+    };
+
+    /* Called while a file comes, however long it is; there is no other way out than to throw. */
+    void notifyRECEIVEProgress(const unsigned long n_bytes) override
+    {
+        if (cts_net_stopped(net))
+            throw GivenUp();
+        if (!status && (status = cts_inbox_grows(inbox, n_bytes, &error)))
+            throw GivenUp();
+    }
+
+    OFCondition handleSTORERequestFile(T_ASC_PresentationContextID *context, const OFString &,
+                                       T_DIMSE_C_StoreRQ *request) override
+    {
+        char *path = nullptr;
+        if (cts_net_stopped(net))
+            return EC_IllegalCall;
+        status = cts_inbox_next(inbox, &path, &error);
+        OFCondition state = EC_IllegalCall;
+        if (!status) {
+            try {
+                state = DcmSCU::handleSTORERequestFile(context, path, request);
+            } catch (const GivenUp &) {
+                state = EC_IllegalCall;
+            }
+            if (state.good() && (status = cts_inbox_keep(inbox, path, &error)))
+                state = EC_IllegalCall;
+        }
+        free(path);
+        return state;
+    }
+};
+
+void set_up(DcmSCU &scu, const CtsPeer &peer, const CtsNet &net)
+{
+    scu.setAETitle(net.own_aet);
+    scu.setPeerAETitle(peer.aet);
+    scu.setPeerHostName(peer.host);
+    scu.setPeerPort(static_cast<Uint16>(peer.port));
+    scu.setConnectionTimeout(net.timeout_s);
+    scu.setACSETimeout(static_cast<Uint32>(net.timeout_s));
+    scu.setDIMSETimeout(static_cast<Uint32>(net.timeout_s));
+    scu.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
+}
+
+OFCondition connect(Scu &scu, DcmTLSTransportLayer *tls)
+{
+    OFCondition state = scu.initNetwork();
+    if (state.good() && tls)
+        state = scu.useSecureConnection(tls);
+    return state.good() ? scu.negotiateAssociation() : state;
+}
+
+void hang_up(DcmSCU &scu, bool in_peace)
+{
+    if (scu.isConnected() && in_peace)
+        scu.releaseAssociation();
+    else if (scu.isConnected())
+        scu.abortAssociation();
+}
+
+bool is_native(const char *syntax_uid)
+{
+    return strcmp(syntax_uid, UID_LittleEndianExplicitTransferSyntax) == 0;
+}
+
+/* One file over a connection that stands. */
+void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
+{
+    const T_ASC_PresentationContextID context =
+        is_native(parcel.syntax_uid) ? scu.findAnyPresentationContextID(parcel.class_uid, parcel.syntax_uid)
+                                     : scu.findPresentationContextID(parcel.class_uid, parcel.syntax_uid);
+    if (context == 0) {
+        cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer does not take this kind of object%s",
+                 is_native(parcel.syntax_uid) ? "" : " or its compression (--compress none)");
+        return;
+    }
+    Uint16 status = 0;
+    const OFCondition state = scu.sendSTORERequest(context, parcel.path, nullptr, status);
+    if (state.bad()) {
+        result.again = true;
+        cts_fail(&result.error, CTS_ERR_OUTPUT, "the connection broke: %s", one_line(state).c_str());
+    } else if (status == STATUS_Success || (status & 0xF000) == 0xB000) {
+        cts_parcel_is_sent(&parcel, &net);
+    } else { /* A7xx: out of resources, which may pass */
+        result.again = (status & 0xFF00) == 0xA700;
+        cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer refuses it with status %04X", static_cast<unsigned>(status));
+    }
+}
+
+void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int n, CtsTry &result)
+{
+    std::unique_ptr<DcmTLSTransportLayer> tls;
+    Scu scu;
+    if (make_tls(net, tls, &result.error))
+        return;
+    set_up(scu, peer, net);
+    for (int i = 0; i < n; i++) {
+        OFList<OFString> syntaxes;
+        syntaxes.push_back(parcels[i].syntax_uid);
+        if (is_native(parcels[i].syntax_uid))
+            syntaxes.push_back(UID_LittleEndianImplicitTransferSyntax);
+        if (!parcels[i].sent)
+            scu.addPresentationContext(parcels[i].class_uid, syntaxes);
+    }
+    const OFCondition state = connect(scu, tls.get());
+    if (state.bad()) {
+        result.again = state.module() != OFM_dcmtls && state != NET_EC_NoAcceptablePresentationContexts;
+        cts_fail(&result.error, CTS_ERR_OUTPUT, "no association with %s at %s port %d: %s", peer.aet, peer.host,
+                 peer.port, one_line(state).c_str());
+        return;
+    }
+    for (int i = 0; i < n && !result.error.status && !cts_net_stopped(&net); i++)
+        if (!parcels[i].sent)
+            store(scu, net, parcels[i], result);
+    hang_up(scu, !result.again);
+}
+
+void fill_query(DcmDataset &query, const CtsRequest &request, const char *series_uid)
+{
+    query.putAndInsertString(DCM_QueryRetrieveLevel, "SERIES");
+    query.putAndInsertString(DCM_StudyInstanceUID, request.study_uid);
+    query.putAndInsertString(DCM_SeriesInstanceUID, series_uid);
+}
+
+/* The study's CT series by C-FIND: a whole study holds objects that we have no use for, and some peers fail at them. */
+std::vector<std::string> find_series(Scu &scu, const CtsRequest &request)
+{
+    std::vector<std::string> uids;
+    OFList<QRResponse *> responses;
+    DcmDataset query;
+    const T_ASC_PresentationContextID context =
+        scu.findPresentationContextID(UID_FINDStudyRootQueryRetrieveInformationModel, "");
+    fill_query(query, request, "");
+    query.putAndInsertString(DCM_Modality, "CT");
+    if (context != 0)
+        scu.sendFINDRequest(context, &query, &responses);
+    for (OFListIterator(QRResponse *) i = responses.begin(); i != responses.end(); ++i) {
+        const char *uid = nullptr;
+        if ((*i)->m_dataset && (*i)->m_dataset->findAndGetString(DCM_SeriesInstanceUID, uid).good() && uid &&
+            cts_uid_is_valid(uid) && uids.size() < CTS_INBOX_MAX_FILES)
+            uids.push_back(uid);
+        delete *i;
+    }
+    return uids;
+}
+
+/* What the last response says. */
+CtsStatus judge(OFList<RetrieveResponse *> &responses, CtsError *err)
+{
+    CtsStatus st = responses.empty() ? cts_fail(err, CTS_ERR_READ, "the peer does not answer") : CTS_OK;
+    if (!responses.empty()) {
+        const RetrieveResponse &last = *responses.back();
+        const unsigned failed = last.m_numberOfFailedSubops;
+        if (last.m_status != STATUS_Success && (last.m_status & 0xF000) != 0xB000)
+            st = cts_fail(err, CTS_ERR_READ, "the peer refuses with status %04X", static_cast<unsigned>(last.m_status));
+        else if (failed > 0)
+            st = cts_fail(err, CTS_ERR_READ, "the peer could not send %u of the series' objects", failed);
+    }
+    for (OFListIterator(RetrieveResponse *) i = responses.begin(); i != responses.end(); ++i)
+        delete *i;
+    return st;
+}
+
+/* One series after the other over a connection that stands. Of a whole study, a series that does not come is told and
+ * left out. */
+template <typename Fetch>
+CtsStatus each_series(Scu &scu, const CtsNet &net, const CtsRequest &request, Fetch fetch, CtsError *err)
+{
+    std::vector<std::string> uids;
+    if (request.series_uid)
+        uids.push_back(request.series_uid);
+    else
+        uids = find_series(scu, request);
+    for (const std::string &uid : uids) {
+        DcmDataset query;
+        OFList<RetrieveResponse *> responses;
+        CtsError why = {};
+        if (cts_net_stopped(&net))
+            return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+        fill_query(query, request, uid.c_str());
+        const OFCondition state = fetch(query, responses);
+        const CtsStatus st = judge(responses, &why);
+        if (state.bad())
+            return cts_fail(err, CTS_ERR_READ, "the connection broke after %d files: %s", request.inbox->n_files,
+                            one_line(state).c_str());
+        if (st && request.series_uid)
+            return *err = why, st;
+        if (st)
+            cts_report_finding(request.report, "series_not_fetched", CTS_WARNING, "series %s is left out: %s",
+                               uid.c_str(), why.text);
+    }
+    return CTS_OK;
+}
+
+void add_models(Scu &scu, const char *model)
+{
+    OFList<OFString> plain;
+    plain.push_back(UID_LittleEndianExplicitTransferSyntax);
+    plain.push_back(UID_LittleEndianImplicitTransferSyntax);
+    scu.addPresentationContext(model, plain);
+    scu.addPresentationContext(UID_FINDStudyRootQueryRetrieveInformationModel, plain);
+}
+
+CtsStatus no_association(const CtsPeer &peer, const OFCondition &state, CtsError *err)
+{
+    return cts_fail(err, CTS_ERR_READ, "no association with %s at %s port %d: %s", peer.aet, peer.host, peer.port,
+                    one_line(state).c_str());
+}
+
+CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
+{
+    std::unique_ptr<DcmTLSTransportLayer> tls;
+    GetScu scu;
+    CtsStatus st = make_tls(net, tls, err);
+    if (st)
+        return st;
+    set_up(scu, peer, net);
+    scu.inbox = request.inbox;
+    scu.net = &net;
+    scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
+    scu.setStorageDir(request.inbox->folder);
+    add_models(scu, UID_GETStudyRootQueryRetrieveInformationModel);
+    for (const char *sop_class : ct_classes)
+        for (const char *syntax : ct_syntaxes) {
+            OFList<OFString> one;
+            one.push_back(syntax);
+            scu.addPresentationContext(sop_class, one, ASC_SC_ROLE_SCP);
+        }
+    const OFCondition state = connect(scu, tls.get());
+    if (state.bad())
+        return no_association(peer, state, err);
+    const T_ASC_PresentationContextID context =
+        scu.findPresentationContextID(UID_GETStudyRootQueryRetrieveInformationModel, "");
+    if (context == 0)
+        st = cts_fail(err, CTS_ERR_READ, "the peer does not know C-GET (--move-port fetches by C-MOVE)");
+    else
+        st = each_series(
+            scu, net, request,
+            [&](DcmDataset &query, OFList<RetrieveResponse *> &responses) {
+                return scu.sendCGETRequest(context, &query, &responses);
+            },
+            err);
+    if (scu.status) { /* why we gave up ourselves */
+        *err = scu.error;
+        st = scu.status;
+    }
+    hang_up(scu, st == CTS_OK);
+    return st;
+}
+
+/* Takes what the peer sends to our port, from that peer alone. */
+class MoveScp : public DcmStorageSCP
+{
+  public:
+    std::atomic<bool> done{false};
+    CtsInbox *inbox = nullptr;
+    std::string peer_aet;
+    CtsError error = {};
+    CtsStatus status = CTS_OK;
+
+  protected:
+    OFBool checkCallingAETitleAccepted(const OFString &calling) override
+    {
+        return calling == peer_aet.c_str();
+    }
+    OFBool checkCalledAETitleAccepted(const OFString &called) override
+    {
+        return called == getAETitle();
+    }
+    OFBool stopAfterConnectionTimeout() override
+    {
+        return done;
+    }
+    OFBool stopAfterCurrentAssociation() override
+    {
+        return done;
+    }
+    OFCondition generateSTORERequestFilename(const T_DIMSE_C_StoreRQ &, OFString &filename) override
+    {
+        char *path = nullptr;
+        if (status || (status = cts_inbox_next(inbox, &path, &error)))
+            return EC_IllegalCall;
+        filename = path;
+        free(path);
+        return EC_Normal;
+    }
+    void notifyInstanceStored(const OFString &filename, const OFString &, const OFString &, DcmDataset *) const override
+    {
+        MoveScp &self = const_cast<MoveScp &>(*this);
+        self.status = cts_inbox_keep(inbox, filename.c_str(), &self.error);
+    }
+};
+
+/* Listens from open() to close(). */
+class Listener
+{
+  public:
+    MoveScp scp;
+    ~Listener()
+    {
+        close();
+    }
+    OFCondition open(const CtsPeer &peer, const CtsNet &net, CtsInbox *inbox)
+    {
+        OFList<OFString> syntaxes;
+        for (const char *syntax : ct_syntaxes)
+            syntaxes.push_back(syntax);
+        for (const char *sop_class : ct_classes)
+            scp.addPresentationContext(sop_class, syntaxes);
+        scp.inbox = inbox;
+        scp.peer_aet = peer.aet;
+        scp.setAETitle(net.own_aet);
+        scp.setPort(static_cast<Uint16>(net.move_port));
+        scp.setConnectionBlockingMode(DUL_NOBLOCK);
+        scp.setConnectionTimeout(1);
+        scp.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
+        scp.setDIMSETimeout(static_cast<Uint32>(net.timeout_s));
+        scp.setACSETimeout(static_cast<Uint32>(net.timeout_s));
+        scp.setDatasetStorageMode(DcmStorageSCP::DGM_StoreBitPreserving);
+        scp.setHostLookupEnabled(OFFalse);
+        OFCondition state = scp.setOutputDirectory(inbox->folder);
+        if (state.good())
+            state = scp.openListenPort();
+        if (state.good())
+            thread_ = std::thread([this] { scp.acceptAssociations(); });
+        return state;
+    }
+    void close()
+    {
+        scp.done = true;
+        if (thread_.joinable())
+            thread_.join();
+    }
+
+  private:
+    std::thread thread_;
+};
+
+CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
+{
+    Scu scu;
+    Listener listener;
+    if (net.tls_ca || net.tls_key)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "C-MOVE to a port of ours does not go over TLS (fetch by C-GET, without --move-port)");
+    OFCondition state = listener.open(peer, net, request.inbox);
+    if (state.bad())
+        return cts_fail(err, CTS_ERR_READ, "port %d cannot be listened at: %s", net.move_port, one_line(state).c_str());
+    set_up(scu, peer, net);
+    add_models(scu, UID_MOVEStudyRootQueryRetrieveInformationModel);
+    if ((state = connect(scu, nullptr)).bad())
+        return no_association(peer, state, err);
+    const T_ASC_PresentationContextID context =
+        scu.findPresentationContextID(UID_MOVEStudyRootQueryRetrieveInformationModel, "");
+    CtsStatus st;
+    if (context == 0)
+        st = cts_fail(err, CTS_ERR_READ, "the peer does not know C-MOVE");
+    else
+        st = each_series(
+            scu, net, request,
+            [&](DcmDataset &query, OFList<RetrieveResponse *> &responses) {
+                return scu.sendMOVERequest(context, net.own_aet, &query, &responses);
+            },
+            err);
+    hang_up(scu, st == CTS_OK);
+    listener.close();
+    if (listener.scp.status) {
+        *err = listener.scp.error;
+        st = listener.scp.status;
+    }
+    return st;
+}
+
+} // namespace
+
+extern "C" {
+
+static void dimse_send(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result)
+try {
+    send_files(*peer, *net, parcels, n_parcels, *result);
+} catch (const std::bad_alloc &) {
+    cts_fail(&result->error, CTS_ERR_MEMORY, "out of memory");
+} catch (...) {
+    cts_fail(&result->error, CTS_ERR_OUTPUT, "unexpected failure in DCMTK");
+}
+
+static CtsStatus dimse_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
+try {
+    return net->move_port ? move(*peer, *net, *request, err) : get(*peer, *net, *request, err);
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+}
+
+const CtsWay cts_way_dimse = {dimse_send, dimse_fetch};
+}

@@ -1,0 +1,83 @@
+#define _GNU_SOURCE
+#include "output/net/inbox.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/statvfs.h>
+#include <unistd.h>
+
+CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err)
+{
+    const char *root = getenv("TMPDIR");
+    *inbox = (CtsInbox){0};
+    if (asprintf(&inbox->folder, "%s/ctsplat-XXXXXX", root && *root == '/' ? root : "/tmp") < 0) {
+        inbox->folder = NULL;
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    if (mkdtemp(inbox->folder))
+        return CTS_OK;
+    const CtsStatus st = cts_fail(err, CTS_ERR_OUTPUT, "%s: a folder for what is fetched cannot be made: %s",
+                                  inbox->folder, strerror(errno));
+    free(inbox->folder);
+    inbox->folder = NULL;
+    return st;
+}
+
+CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err)
+{
+    struct statvfs disk;
+    if (inbox->n_files > CTS_INBOX_MAX_FILES)
+        return cts_fail(err, CTS_ERR_READ, "the peer sends more than %d files (give --series-uid)",
+                        CTS_INBOX_MAX_FILES);
+    if (n_bytes >> 20 >= CTS_INBOX_MAX_FILE_MIB)
+        return cts_fail(err, CTS_ERR_READ, "the peer sends a file of more than %d GiB", CTS_INBOX_MAX_FILE_MIB >> 10);
+    if ((inbox->n_bytes + n_bytes) >> 20 >= CTS_INBOX_MAX_MIB)
+        return cts_fail(err, CTS_ERR_READ, "the peer sends more than %d GiB (give --series-uid)",
+                        CTS_INBOX_MAX_MIB >> 10);
+    if (statvfs(inbox->folder, &disk) == 0 && disk.f_bavail < disk.f_blocks / 10)
+        return cts_fail(err, CTS_ERR_READ, "%s: the disk is nearly full (set TMPDIR to another one)", inbox->folder);
+    return CTS_OK;
+}
+
+CtsStatus cts_inbox_next(CtsInbox *inbox, char **path, CtsError *err)
+{
+    inbox->n_files++;
+    *path = NULL;
+    const CtsStatus st = cts_inbox_grows(inbox, 0, err);
+    if (st)
+        return st;
+    if (asprintf(path, "%s/%06d.dcm", inbox->folder, inbox->n_files) < 0) {
+        *path = NULL;
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    return CTS_OK;
+}
+
+CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err)
+{
+    struct stat file;
+    if (stat(path, &file))
+        return cts_fail(err, CTS_ERR_READ, "%s: what was fetched is gone: %s", path, strerror(errno));
+    const CtsStatus st = cts_inbox_grows(inbox, (uint64_t)file.st_size, err);
+    inbox->n_bytes += (uint64_t)file.st_size;
+    return st;
+}
+
+void cts_inbox_remove(char **folder)
+{
+    DIR *dir = *folder ? opendir(*folder) : NULL;
+    const struct dirent *entry;
+    while (dir && (entry = readdir(dir)))
+        if (strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0)
+            unlinkat(dirfd(dir), entry->d_name, 0);
+    if (dir)
+        closedir(dir);
+    if (*folder)
+        rmdir(*folder);
+    free(*folder);
+    *folder = NULL;
+}

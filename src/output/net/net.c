@@ -1,0 +1,150 @@
+#include "output/net/peer.h"
+
+#include "input/header/dcm_ids.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+static CtsNet with_defaults(const CtsNet *net)
+{
+    CtsNet full = *net;
+    full.own_aet = net->own_aet ? net->own_aet : "CTSPLAT";
+    full.timeout_s = net->timeout_s > 0 ? net->timeout_s : 30;
+    full.n_tries = net->n_tries > 0 ? net->n_tries : 4;
+    return full;
+}
+
+CtsStatus cts_net_check(const CtsNet *given, CtsError *err)
+{
+    const CtsNet net = with_defaults(given);
+    if (!cts_aet_is_valid(net.own_aet, strlen(net.own_aet)))
+        return cts_fail(err, CTS_ERR_USAGE, "%.40s: is no AE title of 1 to 16 characters", net.own_aet);
+    if (!net.tls_key != !net.tls_certificate)
+        return cts_fail(err, CTS_ERR_USAGE, "a TLS key and its certificate must be given together");
+    return CTS_OK;
+}
+
+/* Asleep for a while, in parts, so that a request to stop is heard. */
+static void rest(const CtsNet *net, int ms)
+{
+    for (; ms > 0 && !cts_net_stopped(net); ms -= 50)
+        nanosleep(&(struct timespec){.tv_nsec = 50 * 1000000}, NULL);
+}
+
+/* The words with which a file can be sent by hand. */
+static void by_hand(const CtsPeer *peer, const CtsNet *net, const CtsParcel *parcel, char *text, size_t size)
+{
+    static const struct {
+        const char *syntax_uid, *option;
+    } options[] = {
+        {"1.2.840.10008.1.2.5", " -xr"}, {"1.2.840.10008.1.2.4.70", " -xs"}, {"1.2.840.10008.1.2.4.90", " -xv"}};
+    const char *option = "";
+    for (size_t i = 0; i < sizeof options / sizeof *options; i++)
+        if (strcmp(parcel->syntax_uid, options[i].syntax_uid) == 0)
+            option = options[i].option;
+    if (peer->web)
+        snprintf(text, size, "run the same command again with --force");
+    else
+        snprintf(text, size, "storescu%s -aet %s -aec %s%s %s %d FILE",
+                 net->tls_ca || net->tls_key ? " +tla +cf CA" : "", net->own_aet, peer->aet, option, peer->host,
+                 peer->port);
+}
+
+static CtsStatus pack(const char *const *paths, int n, CtsParcel *parcels, CtsError *err)
+{
+    for (int i = 0; i < n; i++) {
+        CtsDcmIds ids;
+        const CtsStatus st = cts_dcm_ids(paths[i], &ids, err);
+        if (st)
+            return st;
+        parcels[i].path = paths[i];
+        memcpy(parcels[i].class_uid, ids.class_uid, sizeof ids.class_uid);
+        memcpy(parcels[i].sop_uid, ids.sop_uid, sizeof ids.sop_uid);
+        memcpy(parcels[i].syntax_uid, ids.syntax_uid, sizeof ids.syntax_uid);
+    }
+    return CTS_OK;
+}
+
+static int count_sent(const CtsParcel *parcels, int n)
+{
+    int sent = 0;
+    for (int i = 0; i < n; i++)
+        sent += parcels[i].sent;
+    return sent;
+}
+
+CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *const *paths, int n_paths, int *n_sent,
+                       CtsError *err)
+{
+    const CtsNet net = with_defaults(given);
+    const CtsWay *way = NULL;
+    CtsTry result = {0};
+    CtsParcel *parcels = calloc((size_t)n_paths + 1, sizeof *parcels);
+    CtsStatus st = parcels ? cts_net_check(given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st && !(st = pack(paths, n_paths, parcels, err)) && !(st = cts_way_find(peer, &way, err))) {
+        int sent = 0, pause_ms = 1000;
+        for (int k = 0; sent < n_paths && k < net.n_tries; k++, pause_ms *= 2) {
+            if (k > 0)
+                rest(&net, pause_ms);
+            if (cts_net_stopped(&net))
+                break;
+            result = (CtsTry){0};
+            way->send(peer, &net, parcels, n_paths, &result);
+            sent = count_sent(parcels, n_paths);
+            if (sent < n_paths && !result.again)
+                break;
+        }
+        if (n_sent)
+            *n_sent = sent;
+        if (sent < n_paths && cts_net_stopped(&net))
+            st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted; %d of %d files sent, all kept", sent, n_paths);
+        else if (sent < n_paths) {
+            int first = 0;
+            char how[500];
+            while (parcels[first].sent)
+                first++;
+            by_hand(peer, &net, &parcels[first], how, sizeof how);
+            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is written, but not sent: %.400s (it stays; to send it: %s)",
+                          parcels[first].path, result.error.text, how);
+        }
+    }
+    free(parcels);
+    return st;
+}
+
+CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *study_uid, const char *series_uid,
+                        char **folder, CtsReport *report, CtsError *err)
+{
+    const CtsNet net = with_defaults(given);
+    const CtsWay *way;
+    CtsInbox inbox = {0};
+    const CtsRequest request = {study_uid, series_uid, &inbox, report};
+    *folder = NULL;
+    CtsStatus st = cts_net_check(given, err);
+    if (st)
+        return st;
+    if (!study_uid)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "what to fetch is not said (give --study-uid, and --series-uid for one of "
+                        "its series)");
+    if (!cts_uid_is_valid(study_uid) || (series_uid && !cts_uid_is_valid(series_uid)))
+        return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", !cts_uid_is_valid(study_uid) ? study_uid : series_uid);
+    if ((st = cts_way_find(peer, &way, err)) || (st = cts_inbox_make(&inbox, err)))
+        return st;
+    *folder = inbox.folder;
+    st = way->fetch(peer, &net, &request, err);
+    if (cts_net_stopped(&net))
+        st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
+    if (!st && inbox.n_bytes == 0)
+        st = cts_fail(err, CTS_ERR_READ, "the peer has no CT image of %s %s", series_uid ? "series" : "study",
+                      series_uid ? series_uid : study_uid);
+    if (st)
+        cts_inbox_remove(folder);
+    return st;
+}
+
+void cts_net_forget(char **folder)
+{
+    cts_inbox_remove(folder);
+}

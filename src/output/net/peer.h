@@ -1,0 +1,57 @@
+/* What the ways to a peer share. */
+#ifndef CTS_NET_PEER_H
+#define CTS_NET_PEER_H
+
+#include "ctsplat/net.h"
+#include "output/net/inbox.h"
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+bool cts_aet_is_valid(const char *aet, size_t n);
+bool cts_uid_is_valid(const char *uid);
+
+/* One file on its way to a peer. */
+typedef struct CtsParcel {
+    const char *path;
+    char class_uid[65], sop_uid[65], syntax_uid[65];
+    bool sent;
+} CtsParcel;
+
+/* A failure of one try; `again`: another one may do better. */
+typedef struct CtsTry {
+    bool again;
+    CtsError error;
+} CtsTry;
+
+typedef struct CtsRequest {
+    const char *study_uid, *series_uid; /* series_uid may be NULL */
+    CtsInbox *inbox;
+    CtsReport *report;
+} CtsRequest;
+
+/* Both ways in one table. send takes the parcels that are not sent yet, in order, and marks those that are. */
+typedef struct CtsWay {
+    void (*send)(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result);
+    CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
+} CtsWay;
+
+/* The ways stand in a library of their own, CTS_NET_PART, with all that only the network needs: loading it takes
+ * longer than starting the rest of the program. It shows cts_net_way() alone; the ways use none of the program's state.
+ */
+extern const CtsWay cts_way_dimse, cts_way_web;
+typedef const CtsWay *(*cts_net_way_fn)(bool web);
+const CtsWay *cts_net_way(bool web);
+/* Loads the library when first called, and makes DCMTK ready. */
+CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err);
+
+bool cts_net_stopped(const CtsNet *net);
+/* The peer has confirmed it. */
+void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,191 @@
+#include <dcmtk/config/osconfig.h>
+
+#include "input/header/dcm_door.hpp"
+#include "output/objects/dcm_put.hpp"
+
+#include "input/header/dcm_read.h"
+#include "input/files/file_bytes.h"
+#include <cerrno>
+#include <cstdio>
+#include <cstring>
+#include <dcmtk/dcmdata/dcostrmb.h>
+#include <memory>
+#include <string>
+#include <sys/mman.h>
+#include <unistd.h>
+#include <vector>
+
+namespace
+{
+
+/* Names this implementation of DICOM writing (PS3.7 D.3.3.2); made once, like any UID. */
+const char *const implementation_uid = "2.25.67028870792169200667320284542246776385";
+const size_t piece_bytes = 1 << 20;
+
+void drop_private(DcmItem &item)
+{
+    for (unsigned long i = item.card(); i-- > 0;) {
+        DcmElement *element = item.getElement(i);
+        if (element->getTag().isPrivate())
+            delete item.remove(i);
+        else if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(element))
+            for (unsigned long k = 0; k < sequence->card(); k++)
+                drop_private(*sequence->getItem(k));
+    }
+}
+
+/* Without memory for a value, DCMTK may leave it out and say that all is well. */
+bool whole(DcmItem &item)
+{
+    for (unsigned long i = 0; i < item.card(); i++) {
+        DcmElement *element = item.getElement(i);
+        if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(element)) {
+            for (unsigned long k = 0; k < sequence->card(); k++)
+                if (!whole(*sequence->getItem(k)))
+                    return false;
+        } else if (element->loadAllDataIntoMemory().bad() || !element->valueLoaded())
+            return false;
+    }
+    return true;
+}
+
+bool has_meta(DcmMetaInfo &meta)
+{
+    for (const DcmTagKey &tag :
+         {DCM_FileMetaInformationGroupLength, DCM_FileMetaInformationVersion, DCM_MediaStorageSOPClassUID,
+          DCM_MediaStorageSOPInstanceUID, DCM_TransferSyntaxUID, DCM_ImplementationClassUID})
+        if (!meta.tagExistsWithValue(tag))
+            return false;
+    return true;
+}
+
+/* DCMTK fills the meta header with names of its own; these are ours. */
+OFCondition put_meta(DcmFileFormat &file, E_TransferSyntax syntax)
+{
+    char version[17];
+    std::snprintf(version, sizeof version, "CTSPLAT_%.8s", CTS_VERSION);
+    for (char *c = version; *c; c++)
+        *c = *c == '.' ? '_' : *c;
+    const OFCondition state = file.validateMetaInfo(syntax);
+    DcmMetaInfo *meta = file.getMetaInfo();
+    Put put(*meta);
+    put.keep(state).text(DCM_ImplementationClassUID, implementation_uid).text(DCM_ImplementationVersionName, version);
+    return put
+        .keep(meta->computeGroupLengthAndPadding(EGL_recalcGL, EPD_noChange, EXS_LittleEndianExplicit,
+                                                 EET_ExplicitLength))
+        .state();
+}
+
+/* A path for what DCMTK is to read: an archive's member is put into a file without a name, up to its pixels. */
+class SourcePath
+{
+  public:
+    explicit SourcePath(const CtsSlice &slice) : path_(slice.path)
+    {
+        if (!slice.memory)
+            return;
+        const uint64_t n = slice.syntax && slice.syntax->deflated ? slice.file_bytes : slice.pixel_offset;
+        fd_ = memfd_create("slice", MFD_CLOEXEC);
+        path_ = "/proc/self/fd/" + std::to_string(fd_);
+        for (uint64_t done = 0; fd_ >= 0 && done < n;) {
+            const ssize_t put = write(fd_, slice.memory + done, static_cast<size_t>(n - done));
+            if (put < 0 && errno != EINTR)
+                break;
+            done += put > 0 ? static_cast<uint64_t>(put) : 0;
+        }
+    }
+    ~SourcePath()
+    {
+        if (fd_ >= 0)
+            close(fd_);
+    }
+    SourcePath(const SourcePath &) = delete;
+    SourcePath &operator=(const SourcePath &) = delete;
+    const char *text() const
+    {
+        return path_.c_str();
+    }
+
+  private:
+    std::string path_;
+    int fd_ = -1;
+};
+
+} // namespace
+
+std::string cts_dcm_decimal(double value)
+{
+    char digits[64];
+    for (int precision = 16; precision > 0; precision--) {
+        OFStandard::ftoa(digits, sizeof digits, value, 0, 0, precision);
+        if (std::strlen(digits) <= 16)
+            break;
+    }
+    return digits;
+}
+
+void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag)
+{
+    DcmElement *found = nullptr;
+    if (from.findAndGetElement(tag, found).bad() || !found)
+        return;
+    std::unique_ptr<DcmElement> copy(dynamic_cast<DcmElement *>(found->clone()));
+    if (!copy || copy->compare(*found) != 0) { /* without memory for it, a copy's value is left empty in silence */
+        put.keep(EC_MemoryExhausted);
+        return;
+    }
+    if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(copy.get()))
+        for (unsigned long k = 0; k < sequence->card(); k++)
+            drop_private(*sequence->getItem(k));
+    put.element(copy.release());
+}
+
+const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag)
+{
+    const char *text = nullptr;
+    return item.findAndGetString(tag, text).good() && text ? text : "";
+}
+
+CtsStatus cts_dcm_load_slice(DcmFileFormat &file, const CtsSlice &slice, CtsError *err)
+{
+    CtsFileBytes now;
+    const CtsStatus st = cts_slice_open(&slice, &now, err);
+    cts_file_bytes_close(&now);
+    if (st)
+        return cts_context(err, "%s", slice.path);
+    const SourcePath path(slice);
+    const OFCondition state =
+        file.loadFileUntilTag(path.text(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect, DCM_PixelData);
+    return state.good() ? CTS_OK
+                        : cts_fail(err, cts_dcm_status(state, CTS_ERR_READ),
+                                   "%s: cannot be read for a DICOM output: %s", slice.path, state.text());
+}
+
+CtsStatus cts_dcm_stream(DcmFileFormat &file, E_TransferSyntax syntax, CtsScSink sink, void *context, CtsError *err)
+{
+    std::vector<char> buffer(piece_bytes);
+    DcmOutputBufferStream out(buffer.data(), static_cast<offile_off_t>(buffer.size()));
+    CtsStatus st = CTS_OK;
+    OFCondition state = put_meta(file, syntax);
+    if (state.good() && !(has_meta(*file.getMetaInfo()) && whole(*file.getMetaInfo()) && whole(*file.getDataset())))
+        state = EC_MemoryExhausted;
+    if (state.good())
+        file.transferInit();
+    while (state.good() && st == CTS_OK) {
+        void *piece = nullptr;
+        offile_off_t n = 0;
+        const OFCondition written = file.write(out, syntax, EET_ExplicitLength, nullptr, EGL_withoutGL,
+                                               EPD_withoutPadding, 0, 0, 0, EWM_dontUpdateMeta);
+        out.flushBuffer(piece, n);
+        if (n > 0)
+            st = sink(context, piece, static_cast<size_t>(n), err);
+        if (written.good())
+            break;
+        if (written != EC_StreamNotifyClient)
+            state = written;
+    }
+    file.transferEnd();
+    return st || state.good() ? st
+                              : cts_fail(err, cts_dcm_status(state, CTS_ERR_OUTPUT),
+                                         "the DICOM object cannot be encoded: %s", state.text());
+}

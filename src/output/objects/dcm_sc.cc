@@ -1,0 +1,252 @@
+/* Secondary captures written with DCMTK (PS3.3 A.8.1, A.8.4 and A.8.5). */
+#include <dcmtk/config/osconfig.h>
+
+#include "input/header/dcm_door.hpp"
+#include "output/objects/dcm_put.hpp"
+
+#include "input/header/dcm_read.h"
+#include <memory>
+#include <new>
+#include <stdio.h>
+#include <string.h>
+#include <string>
+
+namespace
+{
+
+const int frame_ms = 100;
+
+/* Body parts of PS3.16 Annex L that come in pairs, or are parts of a limb. */
+bool is_paired(const char *part)
+{
+    static const char parts[] =
+        " ACJOINT ADRENAL ANKLE ARM AXILLA CALCANEUS CALF CAROTID CLAVICLE CLAVICLE_ACROMION EAR ELBOW EXTREMITY EYE "
+        "EYELID FEMUR FINGER FOOT FOREARM FOREFOOT HAND HINDFOOT HIP HUMERUS IAC ILIUM INNEREAR IPJOINT KIDNEY KNEE "
+        "LEG LOWERARM LOWERLEG LOWERLIMB LUNG MASTOID OPTICCANAL ORBIT OVARY PAROTID PATELLA RADIUS RADIUSULNA RIB "
+        "SCAPULA SCJOINT SHOULDER SIJOINT SUBCLAVIAN TESTIS THIGH THUMB TIBFIB TIBIA TMJ TOE ULNA UPPERARM UPPERLIMB "
+        "WRIST ZYGOMA ";
+    const std::string word = std::string(" ") + part + " ";
+    return *part && strstr(parts, word.c_str());
+}
+
+/* Which side is meant must be said of parts that come in pairs, or left empty where it is not known (C.7.3.1.1.1); of
+ * all others it is said that there is one. */
+void put_side(Put &put, DcmItem &source)
+{
+    const char *part = cts_dcm_text(source, DCM_BodyPartExamined);
+    if (*part)
+        cts_dcm_copy(put, source, DCM_BodyPartExamined);
+    if (source.tagExistsWithValue(DCM_Laterality))
+        cts_dcm_copy(put, source, DCM_Laterality);
+    else if (source.tagExistsWithValue(DCM_ImageLaterality))
+        cts_dcm_copy(put, source, DCM_ImageLaterality);
+    else if (is_paired(part))
+        put.text(DCM_Laterality, "");
+    else /* an axial slice goes through both breasts */
+        put.text(DCM_ImageLaterality, strcmp(part, "BREAST") == 0 ? "B" : "U");
+}
+
+const char *class_uid(const CtsScObject &object)
+{
+    if (object.n_frames == 1)
+        return UID_SecondaryCaptureImageStorage;
+    return object.grey ? UID_MultiframeGrayscaleWordSecondaryCaptureImageStorage
+                       : UID_MultiframeTrueColorSecondaryCaptureImageStorage;
+}
+
+void put_series_and_equipment(Put &put, const CtsScObject &object)
+{
+    put.text(DCM_StudyInstanceUID, object.study_uid).text(DCM_SeriesInstanceUID, object.series_uid);
+    put.text(DCM_SOPInstanceUID, object.sop_uid).text(DCM_SOPClassUID, class_uid(object));
+    put.text(DCM_Modality, object.source->modality[0] ? object.source->modality : "CT");
+    put.number(DCM_SeriesNumber, object.series_number).number(DCM_InstanceNumber, object.instance_number);
+    put.text(DCM_SeriesDescription, object.series_description).text(DCM_ConversionType, "WSD");
+    for (const DcmTagKey &tag : {DCM_InstanceCreationDate, DCM_SeriesDate, DCM_ContentDate, DCM_DateOfSecondaryCapture})
+        if (object.date)
+            put.text(tag, object.date);
+    for (const DcmTagKey &tag : {DCM_InstanceCreationTime, DCM_SeriesTime, DCM_ContentTime, DCM_TimeOfSecondaryCapture})
+        if (object.time)
+            put.text(tag, object.time);
+    for (const DcmTagKey &tag : {DCM_Manufacturer, DCM_ManufacturerModelName, DCM_SecondaryCaptureDeviceManufacturer,
+                                 DCM_SecondaryCaptureDeviceManufacturerModelName})
+        put.text(tag, "ctsplat");
+    put.text(DCM_SoftwareVersions, object.version).text(DCM_SecondaryCaptureDeviceSoftwareVersions, object.version);
+    put.text(DCM_DeviceSerialNumber, "0");
+}
+
+/* Once lossy, always lossy. */
+CtsStatus put_lossy(Put &put, const CtsScObject &object, CtsError *err)
+{
+    put.text(DCM_LossyImageCompression, object.lossy ? "01" : "00");
+    if (!object.lossy)
+        return CTS_OK;
+    DcmFileFormat lossy;
+    const CtsStatus st = cts_dcm_load_slice(lossy, *object.lossy, err);
+    if (st)
+        return st;
+    cts_dcm_copy(put, *lossy.getDataset(), DCM_LossyImageCompressionRatio);
+    cts_dcm_copy(put, *lossy.getDataset(), DCM_LossyImageCompressionMethod);
+    return CTS_OK;
+}
+
+void put_image(Put &put, const CtsScObject &object)
+{
+    char image_type[64];
+    snprintf(image_type, sizeof image_type, "DERIVED\\SECONDARY\\%s", object.image_type);
+    put.text(DCM_ImageType, image_type).text(DCM_PatientOrientation, object.patient_orientation);
+    put.text(DCM_DerivationDescription, object.derivation);
+    for (int i = 0; i < object.n_derivation_codes; i++)
+        put.code(DCM_DerivationCodeSequence, object.derivation_codes[i]);
+    put.code(DCM_ViewCodeSequence, object.view);
+    if (object.mm_per_pixel > 0) {
+        const double spacing_mm[2] = {object.mm_per_pixel, object.mm_per_pixel};
+        put.decimals(DCM_PixelSpacing, spacing_mm, 2).text(DCM_PixelSpacingCalibrationType, "GEOMETRY");
+        put.text(DCM_PixelSpacingCalibrationDescription, "orthographic projection, one scale at all depths");
+    }
+    put.text(DCM_BurnedInAnnotation, object.burned_in ? "YES" : "NO");
+    put.text(DCM_RecognizableVisualFeatures, object.recognizable ? "YES" : "NO");
+}
+
+bool has_instance_uids(const CtsSeries &series)
+{
+    for (int i = 0; i < series.n_slices; i++)
+        if (*series.slices[i]->sop_uid)
+            return true;
+    return false;
+}
+
+/* Every slice the picture was made of. An enhanced object is one instance with many slices. */
+void put_references(Put &put, const CtsScObject &object)
+{
+    const CtsSeries &source = *object.source;
+    DcmItem *series = has_instance_uids(source) ? put.item(DCM_ReferencedSeriesSequence) : nullptr;
+    if (!series)
+        return;
+    Put in_series(*series);
+    in_series.text(DCM_SeriesInstanceUID, source.uid);
+    const CtsScCode purpose = {"121322", "DCM", "Source image for image processing operation"};
+    const char *last = "";
+    for (int i = 0; i < source.n_slices; i++) {
+        const char *uid = source.slices[i]->sop_uid;
+        if (!*uid || strcmp(uid, last) == 0)
+            continue;
+        last = uid;
+        if (DcmItem *instance = in_series.item(DCM_ReferencedInstanceSequence)) {
+            Put to(*instance);
+            to.text(DCM_ReferencedSOPClassUID, object.source_class_uid).text(DCM_ReferencedSOPInstanceUID, uid);
+            in_series.keep(to.state());
+        }
+        if (DcmItem *image = put.item(DCM_SourceImageSequence)) {
+            Put to(*image);
+            to.text(DCM_ReferencedSOPClassUID, object.source_class_uid).text(DCM_ReferencedSOPInstanceUID, uid);
+            to.text(DCM_SpatialLocationsPreserved, "NO");
+            to.code(DCM_PurposeOfReferenceCodeSequence, purpose);
+            put.keep(to.state());
+        }
+    }
+    put.keep(in_series.state());
+}
+
+/* FrameTime steps the frames, and comes first: some viewers know nothing else. The angles are vectors of their own,
+ * which must be named beside it (C.8.6.4). A value of text is shorter than 64 KiB. */
+void put_frames(Put &put, const CtsScObject &object)
+{
+    const bool angles_fit = object.n_frames <= 0xFFFE / 17;
+    const Uint16 steps[] = {0x0018, 0x1063, 0x0018, 0x2003, 0x0018, 0x2004};
+    put.number(DCM_StartTrim, 1).number(DCM_StopTrim, object.n_frames);
+    put.number(DCM_RecommendedDisplayFrameRate, 1000 / frame_ms).number(DCM_CineRate, 1000 / frame_ms);
+    put.number(DCM_FrameTime, frame_ms).number(DCM_NumberOfFrames, object.n_frames);
+    if (angles_fit) {
+        put.decimals(DCM_FramePrimaryAngleVector, object.azimuth_deg, object.n_frames);
+        put.decimals(DCM_FrameSecondaryAngleVector, object.elevation_deg, object.n_frames);
+    }
+    std::unique_ptr<DcmAttributeTag> pointer(new DcmAttributeTag(DcmTag(DCM_FrameIncrementPointer)));
+    put.keep(pointer->putUint16Array(steps, angles_fit ? 3 : 1));
+    put.element(pointer.release());
+}
+
+void put_pixels(Put &put, const CtsScObject &object)
+{
+    const int bits = object.grey ? 16 : 8;
+    put.word(DCM_SamplesPerPixel, object.grey ? 1 : 3);
+    put.text(DCM_PhotometricInterpretation, object.grey ? "MONOCHROME2" : object.reversible_ycc ? "YBR_RCT" : "RGB");
+    if (!object.grey)
+        put.word(DCM_PlanarConfiguration, 0);
+    put.word(DCM_Rows, object.height).word(DCM_Columns, object.width).word(DCM_BitsAllocated, bits);
+    put.word(DCM_BitsStored, bits).word(DCM_HighBit, bits - 1).word(DCM_PixelRepresentation, 0);
+    if (object.grey && object.n_frames == 1) /* black at 0, white at 65535 */
+        put.text(DCM_WindowCenter, "32768").text(DCM_WindowWidth, "65536");
+    if (object.grey && object.n_frames > 1) {
+        put.text(DCM_RescaleIntercept, "0").text(DCM_RescaleSlope, "1").text(DCM_RescaleType, "US");
+        put.text(DCM_PresentationLUTShape, "IDENTITY");
+    }
+    if (!object.grey)
+        put.bytes(DCM_ICCProfile, object.icc_profile, object.n_icc_profile).text(DCM_ColorSpace, "SRGB");
+}
+
+CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context, CtsError *err)
+{
+    DcmFileFormat source, file;
+    CtsStatus st = cts_dcm_start(err);
+    if (st || (st = cts_dcm_load_slice(source, *object.source->slices[0], err)))
+        return st;
+    Put put(*file.getDataset());
+    cts_dcm_put_study(put, *source.getDataset(), object.pseudonym);
+    put_side(put, *source.getDataset());
+    put_series_and_equipment(put, object);
+    if ((st = put_lossy(put, object, err)))
+        return st;
+    put_image(put, object);
+    if (!object.pseudonym)
+        put_references(put, object);
+    if (object.n_frames > 1)
+        put_frames(put, object);
+    put_pixels(put, object);
+    if (put.state().bad())
+        return cts_fail(err, cts_dcm_status(put.state(), CTS_ERR_OUTPUT), "the secondary capture cannot be encoded: %s",
+                        put.state().text());
+    return cts_dcm_stream(file, DcmXfer(object.syntax_uid).getXfer(), sink, context, err);
+}
+
+void copy_text(char *to, size_t size, const char *text)
+{
+    snprintf(to, size, "%s", text);
+}
+
+CtsStatus read_source(const CtsSlice &slice, CtsScSource *source, CtsError *err)
+{
+    DcmFileFormat file;
+    CtsStatus st = cts_dcm_start(err);
+    if (st || (st = cts_dcm_load_slice(file, slice, err)))
+        return st;
+    DcmDataset &data = *file.getDataset();
+    copy_text(source->study_uid, sizeof source->study_uid, cts_dcm_text(data, DCM_StudyInstanceUID));
+    copy_text(source->sop_class_uid, sizeof source->sop_class_uid, cts_dcm_text(data, DCM_SOPClassUID));
+    cts_dcm_parse_is(cts_dcm_text(data, DCM_SeriesNumber), strlen(cts_dcm_text(data, DCM_SeriesNumber)),
+                     &source->series_number);
+    source->burned_in = strcmp(cts_dcm_text(data, DCM_BurnedInAnnotation), "YES") == 0;
+    return CTS_OK;
+}
+
+} // namespace
+
+extern "C" CtsStatus cts_dcm_sc_source(const CtsSlice *slice, CtsScSource *source, CtsError *err)
+try {
+    *source = CtsScSource{};
+    const CtsDcmUse use(cts_dcm_in_use());
+    return read_source(*slice, source, err);
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", slice->path);
+} catch (...) {
+    return cts_fail(err, CTS_ERR_READ, "%s: unexpected failure in DCMTK", slice->path);
+}
+
+extern "C" CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink, void *context, CtsError *err)
+try {
+    const CtsDcmUse use(cts_dcm_in_use());
+    return write_object(*object, sink, context, err);
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while a secondary capture is encoded");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_OUTPUT, "unexpected failure in DCMTK while a secondary capture is encoded");
+}

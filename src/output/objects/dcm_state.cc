@@ -1,0 +1,293 @@
+/* Volume Rendering Volumetric Presentation State (PS3.3 A.80.2): modules in the order of its table. */
+#include <dcmtk/config/osconfig.h>
+
+#include "output/objects/dcm_state.h"
+
+#include "input/header/dcm_door.hpp"
+#include "output/objects/dcm_put.hpp"
+#include "input/header/dcm_read.h"
+#include "input/files/file_bytes.h"
+#include "input/header/tag_scan.h"
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <new>
+#include <vector>
+
+namespace
+{
+
+/* ctsplat's own block: what the standard's attributes cannot carry to the last bit. */
+const char *const creator = "CTSPLAT STATE 1";
+const DcmTagKey private_creator(0x0073, 0x0010), private_preset(0x0073, 0x1001), private_options(0x0073, 0x1002);
+const size_t max_state_bytes = 64 << 20;
+
+/* The referenced slices, in as many items as there are objects. */
+template <typename Add> void each_instance(const CtsSeries &source, Add add)
+{
+    const char *last = "";
+    for (int i = 0; i < source.n_slices; i++) {
+        const char *uid = source.slices[i]->sop_uid;
+        if (*uid && strcmp(uid, last) != 0)
+            add(uid);
+        last = uid;
+    }
+}
+
+void put_instance(Put &put, DcmItem *item, const char *class_uid, const char *uid)
+{
+    if (item)
+        put.keep(Put(*item).text(DCM_ReferencedSOPClassUID, class_uid).text(DCM_ReferencedSOPInstanceUID, uid).state());
+}
+
+/* Series, equipment, frame of reference, identification. */
+void put_names(Put &put, const CtsDcmState &s)
+{
+    put.text(DCM_SOPClassUID, UID_VolumeRenderingVolumetricPresentationStateStorage)
+        .text(DCM_SOPInstanceUID, s.sop_uid);
+    put.text(DCM_StudyInstanceUID, s.study_uid).text(DCM_SeriesInstanceUID, s.series_uid).text(DCM_Modality, "PR");
+    put.number(DCM_SeriesNumber, s.series_number).text(DCM_SeriesDescription, "ctsplat states");
+    put.text(DCM_SeriesDate, s.date).text(DCM_SeriesTime, s.time);
+    put.text(DCM_Manufacturer, "ctsplat").text(DCM_ManufacturerModelName, "ctsplat");
+    put.text(DCM_DeviceSerialNumber, "0").text(DCM_SoftwareVersions, s.version);
+    put.text(DCM_FrameOfReferenceUID, s.frame_uid).text(DCM_PositionReferenceIndicator, "");
+    put.number(DCM_InstanceNumber, 1).text(DCM_ContentLabel, "CTSPLAT").text(DCM_ContentDescription, s.description);
+    put.text(DCM_ContentCreatorName, "ctsplat").text(DCM_PresentationCreationDate, s.date);
+    put.text(DCM_PresentationCreationTime, s.time);
+    if (s.capture_uid[0])
+        put_instance(put, put.item(DCM_RenderedImageReferenceSequence), s.capture_class_uid, s.capture_uid);
+}
+
+/* The volume, its window, the box that is kept, and the instances again for whoever follows references. */
+void put_input(Put &put, const CtsDcmState &s)
+{
+    if (DcmItem *item = put.item(DCM_VolumetricPresentationInputSetSequence)) {
+        Put set(*item);
+        set.text(DCM_VolumetricPresentationInputSetUID, s.input_uid).text(DCM_PresentationInputType, "VOLUME");
+        each_instance(*s.source, [&](const char *uid) {
+            put_instance(set, set.item(DCM_ReferencedImageSequence), s.source_class_uid, uid);
+        });
+        put.keep(set.state());
+    }
+    if (DcmItem *item = put.item(DCM_VolumetricPresentationStateInputSequence)) {
+        Put input(*item);
+        input.word(DCM_VolumetricPresentationInputNumber, 1).text(DCM_VolumetricPresentationInputSetUID, s.input_uid);
+        input.decimals(DCM_WindowCenter, &s.window_centre_hu, 1).decimals(DCM_WindowWidth, &s.window_width_hu, 1);
+        input.text(DCM_VOILUTFunction, "LINEAR_EXACT").text(DCM_Crop, "NO");
+        put.keep(input.state());
+    }
+    put.text(DCM_GlobalCrop, s.cropped ? "YES" : "NO");
+    if (s.cropped) {
+        put.word(DCM_GlobalCroppingSpecificationIndex, 1);
+        if (DcmItem *item = put.item(DCM_VolumeCroppingSequence)) {
+            Put crop(*item);
+            crop.word(DCM_CroppingSpecificationNumber, 1).text(DCM_VolumeCroppingMethod, "BOUNDING_BOX");
+            put.keep(crop.doubles(DCM_BoundingBoxCrop, s.crop_lps, 6).state());
+        }
+    }
+    if (DcmItem *item = put.item(DCM_ReferencedSeriesSequence)) {
+        Put series(*item);
+        series.text(DCM_SeriesInstanceUID, s.source->uid);
+        each_instance(*s.source, [&](const char *uid) {
+            put_instance(series, series.item(DCM_ReferencedInstanceSequence), s.source_class_uid, uid);
+        });
+        put.keep(series.state());
+    }
+}
+
+void put_view(Put &put, const CtsDcmState &s)
+{
+    put.code(DCM_ViewCodeSequence, s.view).text(DCM_RenderProjection, "ORTHOGRAPHIC");
+    put.doubles(DCM_ViewpointPosition, s.viewpoint_lps, 3).doubles(DCM_ViewpointLookAtPoint, s.look_at_lps, 3);
+    put.doubles(DCM_ViewpointUpDirection, s.up_lps, 3).doubles(DCM_RenderFieldOfView, s.field_mm, 6);
+    put.text(DCM_RenderingMethod, s.method);
+    if (!s.shaded)
+        return;
+    put.text(DCM_ShadingStyle, "DOUBLESIDED").doubles(DCM_AmbientReflectionIntensity, &s.ambient, 1);
+    put.doubles(DCM_LightDirection, s.forward_lps, 3).doubles(DCM_DiffuseReflectionIntensity, &s.diffuse, 1);
+    put.doubles(DCM_SpecularReflectionIntensity, &s.specular, 1).doubles(DCM_Shininess, &s.shininess, 1);
+}
+
+void put_table(Put &put, const DcmTagKey &descriptor, const DcmTagKey &data, const uint16_t *table)
+{
+    const Uint16 values[3] = {CTS_STATE_ENTRIES, 0, 16};
+    std::unique_ptr<DcmUnsignedShort> described(new DcmUnsignedShort(DcmTag(descriptor, EVR_US)));
+    std::unique_ptr<DcmOtherByteOtherWord> entries(new DcmOtherByteOtherWord(DcmTag(data, EVR_OW)));
+    put.keep(described->putUint16Array(values, 3)).keep(entries->putUint16Array(table, CTS_STATE_ENTRIES));
+    put.element(described.release()).element(entries.release());
+}
+
+void put_display(Put &put, const CtsDcmState &s)
+{
+    put.text(DCM_PixelPresentation, "TRUE_COLOR");
+    if (DcmItem *stream_item = put.item(DCM_VolumeStreamSequence)) {
+        Put stream(*stream_item);
+        stream.text(DCM_VolumetricPresentationInputSetUID, s.input_uid);
+        if (DcmItem *item = stream.item(DCM_PresentationStateClassificationComponentSequence)) {
+            Put component(*item);
+            component.text(DCM_RGBATransferFunctionDescription, s.description).text(DCM_ComponentType, "ONE_TO_RGBA");
+            if (DcmItem *input = component.item(DCM_ComponentInputSequence))
+                component.keep(Put(*input).word(DCM_VolumetricPresentationInputIndex, 1).state());
+            component.text(DCM_RGBLUTTransferFunction, "TABLE").text(DCM_AlphaLUTTransferFunction, "TABLE");
+            put_table(component, DCM_RedPaletteColorLookupTableDescriptor, DCM_RedPaletteColorLookupTableData,
+                      s.tables[0]);
+            put_table(component, DCM_GreenPaletteColorLookupTableDescriptor, DCM_GreenPaletteColorLookupTableData,
+                      s.tables[1]);
+            put_table(component, DCM_BluePaletteColorLookupTableDescriptor, DCM_BluePaletteColorLookupTableData,
+                      s.tables[2]);
+            put_table(component, DCM_AlphaPaletteColorLookupTableDescriptor, DCM_AlphaPaletteColorLookupTableData,
+                      s.tables[3]);
+            stream.keep(component.state());
+        }
+        put.keep(stream.state());
+    }
+    put.bytes(DCM_ICCProfile, s.icc_profile, s.n_icc_profile).text(DCM_ColorSpace, "SRGB");
+}
+
+void put_private(Put &put, const DcmTagKey &key, const char *text)
+{
+    DcmTag tag(key, EVR_OB);
+    tag.setPrivateCreator(creator);
+    std::vector<Uint8> bytes(text, text + strlen(text));
+    if (bytes.size() % 2)
+        bytes.push_back('\n');
+    std::unique_ptr<DcmOtherByteOtherWord> element(new DcmOtherByteOtherWord(tag));
+    put.keep(element->putUint8Array(bytes.data(), static_cast<unsigned long>(bytes.size())));
+    put.element(element.release());
+}
+
+CtsStatus write_state(const CtsDcmState &s, CtsScSink sink, void *context, CtsError *err)
+{
+    DcmFileFormat source, file;
+    CtsStatus st = cts_dcm_start(err);
+    if (st || (st = cts_dcm_load_slice(source, *s.source->slices[0], err)))
+        return st;
+    Put put(*file.getDataset());
+    cts_dcm_put_study(put, *source.getDataset(), nullptr);
+    put_names(put, s);
+    put_input(put, s);
+    put_view(put, s);
+    put_display(put, s);
+    put.keep(file.getDataset()->putAndInsertString(DcmTag(private_creator, EVR_LO), creator));
+    put_private(put, private_preset, s.preset);
+    put_private(put, private_options, s.options);
+    if (put.state().bad())
+        return cts_fail(err, cts_dcm_status(put.state(), CTS_ERR_OUTPUT),
+                        "the presentation state cannot be encoded: %s", put.state().text());
+    return cts_dcm_stream(file, EXS_LittleEndianExplicit, sink, context, err);
+}
+
+/* The whole file, its framing looked over before DCMTK sees it. */
+CtsStatus load(const char *path, DcmDataset &data, CtsDcmIds &ids, CtsError *err)
+{
+    CtsFileBytes file;
+    std::vector<uint8_t> bytes;
+    CtsStatus st = cts_file_bytes_open(&file, path, err);
+    if (!st && (file.fd < 0 || file.n_bytes > max_state_bytes))
+        st = cts_fail(err, CTS_ERR_READ, "is no regular file of up to 64 MiB");
+    if (!st) {
+        bytes.resize(static_cast<size_t>(file.n_bytes));
+        st = cts_file_bytes_read(&file, bytes.data(), bytes.size(), 0, err);
+    }
+    cts_file_bytes_close(&file);
+    if (st)
+        return st;
+    CtsMetaScan meta;
+    CtsDataScan scan;
+    if (cts_scan_meta(bytes.data(), bytes.size(), bytes.size(), &meta) != CTS_SCAN_DONE)
+        return cts_fail(err, CTS_ERR_READ, "is no DICOM file");
+    const CtsSyntax *syntax = cts_syntax_find(meta.syntax_uid);
+    if (!syntax || syntax->deflated || cts_syntax_encapsulated(syntax))
+        return cts_fail(err, CTS_ERR_SYNTAX, "has transfer syntax %s, which no presentation state is read from",
+                        meta.syntax_uid);
+    if (cts_scan_data(bytes.data(), bytes.size(), bytes.size(), meta.data_offset, syntax, &scan) != CTS_SCAN_DONE)
+        return cts_fail(err, CTS_ERR_READ, "damaged or cut short: %s", scan.why);
+    const OFCondition result =
+        cts_dcm_parse(data, bytes.data() + meta.data_offset, scan.header_end - meta.data_offset, syntax);
+    if (result.bad())
+        return cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
+    snprintf(ids.class_uid, sizeof ids.class_uid, "%s", cts_dcm_text(data, DCM_SOPClassUID));
+    snprintf(ids.sop_uid, sizeof ids.sop_uid, "%s", cts_dcm_text(data, DCM_SOPInstanceUID));
+    snprintf(ids.syntax_uid, sizeof ids.syntax_uid, "%s", meta.syntax_uid);
+    return CTS_OK;
+}
+
+char *private_text(DcmDataset &data, const DcmTagKey &tag)
+{
+    const Uint8 *bytes = nullptr;
+    unsigned long n = 0;
+    if (data.findAndGetUint8Array(tag, bytes, &n).bad() || !bytes)
+        return nullptr;
+    return strndup(reinterpret_cast<const char *>(bytes), n);
+}
+
+CtsStatus read_state(const char *path, char **preset, char **options, CtsError *err)
+{
+    DcmDataset data;
+    CtsDcmIds ids;
+    CtsStatus st = cts_dcm_start(err);
+    if (st || (st = load(path, data, ids, err)))
+        return st;
+    if (strcmp(ids.class_uid, UID_VolumeRenderingVolumetricPresentationStateStorage) != 0)
+        return cts_fail(err, CTS_ERR_READ, "is no Volume Rendering Volumetric Presentation State");
+    if (strcmp(cts_dcm_text(data, private_creator), creator) == 0) {
+        *preset = private_text(data, private_preset);
+        *options = private_text(data, private_options);
+    }
+    return *preset && *options ? CTS_OK
+                               : cts_fail(err, CTS_ERR_READ,
+                                          "is not of ctsplat's making: what it says in private attributes is missing");
+}
+
+/* The ids alone: the data set up to the pixels, of which the last may be large. */
+CtsStatus read_ids(const char *path, CtsDcmIds &ids, CtsError *err)
+{
+    DcmFileFormat file;
+    CtsStatus st = cts_dcm_start(err);
+    if (st)
+        return st;
+    const OFCondition state =
+        file.loadFileUntilTag(path, EXS_Unknown, EGL_noChange, 4096, ERM_autoDetect, DCM_StudyDate);
+    if (state.bad())
+        return cts_fail(err, cts_dcm_status(state, CTS_ERR_READ), "cannot be read as DICOM: %s", state.text());
+    snprintf(ids.class_uid, sizeof ids.class_uid, "%s", cts_dcm_text(*file.getDataset(), DCM_SOPClassUID));
+    snprintf(ids.sop_uid, sizeof ids.sop_uid, "%s", cts_dcm_text(*file.getDataset(), DCM_SOPInstanceUID));
+    snprintf(ids.syntax_uid, sizeof ids.syntax_uid, "%s", cts_dcm_text(*file.getMetaInfo(), DCM_TransferSyntaxUID));
+    return CTS_OK;
+}
+
+} // namespace
+
+extern "C" CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *context, CtsError *err)
+try {
+    const CtsDcmUse use(cts_dcm_in_use());
+    return write_state(*state, sink, context, err);
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while a presentation state is encoded");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_OUTPUT, "unexpected failure in DCMTK while a presentation state is encoded");
+}
+
+extern "C" CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, CtsError *err)
+try {
+    *preset = *options = nullptr;
+    const CtsDcmUse use(cts_dcm_in_use());
+    const CtsStatus st = read_state(path, preset, options, err);
+    return st ? cts_context(err, "%s", path) : st;
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+} catch (...) {
+    return cts_fail(err, CTS_ERR_READ, "%s: unexpected failure in DCMTK", path);
+}
+
+extern "C" CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err)
+try {
+    *ids = CtsDcmIds{};
+    const CtsDcmUse use(cts_dcm_in_use());
+    const CtsStatus st = read_ids(path, *ids, err);
+    return st ? cts_context(err, "%s", path) : st;
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
+} catch (...) {
+    return cts_fail(err, CTS_ERR_READ, "%s: unexpected failure in DCMTK", path);
+}

@@ -1,0 +1,45 @@
+/* The C door to DCMTK for volumetric presentation states: write one, read one. */
+#ifndef CTS_DICOM_DCM_STATE_H
+#define CTS_DICOM_DCM_STATE_H
+
+#include "input/header/dcm_ids.h"
+#include "output/objects/dcm_sc.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+enum { CTS_STATE_ENTRIES = 4096 };
+
+typedef struct CtsDcmState {
+    const CtsSeries *source;
+    const char *sop_uid, *series_uid, *study_uid, *frame_uid, *input_uid;
+    int series_number;
+    const char *date, *time, *version;
+    const char *description; /* ASCII */
+    CtsScCode view;
+    const char *method; /* (0070,120D) */
+    double viewpoint_lps[3], look_at_lps[3], up_lps[3], forward_lps[3];
+    double field_mm[6]; /* left, right, top, bottom, near, far */
+    bool shaded;
+    double ambient, diffuse, specular, shininess; /* each 0..1 */
+    bool cropped;
+    double crop_lps[6];                       /* two opposite corners */
+    double window_centre_hu, window_width_hu; /* that the tables below span */
+    uint16_t tables[4][CTS_STATE_ENTRIES];    /* red, green, blue, opacity */
+    const uint8_t *icc_profile;
+    size_t n_icc_profile;
+    const char *source_class_uid;
+    char capture_class_uid[65], capture_uid[65]; /* "": no picture is referenced */
+    const char *preset, *options;                /* private, byte by byte */
+} CtsDcmState;
+
+CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *context, CtsError *err);
+
+/* The private texts of a state that ctsplat wrote; the caller frees both with free(). */
+CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

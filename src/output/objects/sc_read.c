@@ -1,0 +1,166 @@
+/* A secondary capture read back: framing and sizes are checked here before DCMTK sees any of it. */
+#include "output/objects/dcm_sc.h"
+
+#include "base/mem.h"
+#include "output/objects/dcm_sc_read.h"
+#include "input/codec/decoder.h"
+#include "input/files/file_bytes.h"
+#include "input/header/tag_scan.h"
+#include <string.h>
+
+/* PixelData of 4 GiB and the largest header. */
+static const uint64_t max_file_bytes = (1ULL << 32) + CTS_MAX_HEADER_BYTES;
+
+enum { ITEM_BYTES = 8 };
+
+typedef struct ScFile {
+    uint8_t *bytes;
+    size_t n;
+    CtsMetaScan meta;
+    CtsDataScan data;
+    const CtsSyntax *syntax, *native;
+    CtsScHeader header;
+    uint8_t *frame; /* one decoded frame; owned when the pixels are compressed */
+    size_t frame_bytes;
+} ScFile;
+
+static CtsStatus load(const char *path, ScFile *f, CtsError *err)
+{
+    CtsFileBytes file;
+    CtsStatus st = cts_file_bytes_open(&file, path, err);
+    if (!st && file.fd < 0)
+        st = cts_fail(err, CTS_ERR_READ, "is no regular file");
+    if (!st && file.n_bytes > max_file_bytes)
+        st = cts_fail(err, CTS_ERR_READ, "is larger than a DICOM picture can be");
+    if (!st && !(st = cts_alloc_array(&f->bytes, (size_t)file.n_bytes, err))) {
+        f->n = (size_t)file.n_bytes;
+        st = cts_file_bytes_read(&file, f->bytes, f->n, 0, err);
+    }
+    cts_file_bytes_close(&file);
+    return st;
+}
+
+static CtsStatus scan(ScFile *f, CtsError *err)
+{
+    const CtsScanResult meta = cts_scan_meta(f->bytes, f->n, f->n, &f->meta);
+    if (meta != CTS_SCAN_DONE)
+        return cts_fail(err, CTS_ERR_READ, "damaged or cut short: %s",
+                        meta == CTS_SCAN_BAD ? f->meta.why : "its meta header does not end");
+    if (!f->meta.syntax_uid[0])
+        return cts_fail(err, CTS_ERR_READ, "damaged: it names no transfer syntax");
+    f->syntax = cts_syntax_find(f->meta.syntax_uid);
+    if (!f->syntax || f->syntax->codec == CTS_CODEC_NONE || f->syntax->big_endian || f->syntax->deflated)
+        return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is not one pictures are read from (try dcmconv +te)",
+                        f->meta.syntax_uid);
+    f->native = cts_syntax_native(f->syntax->explicit_vr, false);
+    const CtsScanResult data = cts_scan_data(f->bytes, f->n, f->n, f->meta.data_offset, f->native, &f->data);
+    if (data != CTS_SCAN_DONE)
+        return cts_fail(err, CTS_ERR_READ, "damaged or cut short: %s",
+                        data == CTS_SCAN_BAD ? f->data.why : "its header does not end");
+    if (!f->data.has_pixels || f->data.encapsulated != cts_syntax_encapsulated(f->syntax))
+        return cts_fail(err, CTS_ERR_READ, "holds no pixels as its transfer syntax has them");
+    return CTS_OK;
+}
+
+static uint32_t little32(const uint8_t *p)
+{
+    return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
+}
+
+/* The item at pos of an encapsulated value: its fragment's place and length, or why not. */
+static CtsStatus item_at(const uint8_t *value, size_t n, size_t pos, size_t *n_item, CtsError *err)
+{
+    if (pos > n || n - pos < ITEM_BYTES || memcmp(value + pos, "\xfe\xff\x00\xe0", 4) != 0 ||
+        little32(value + pos + 4) > n - pos - ITEM_BYTES)
+        return cts_fail(err, CTS_ERR_READ, "its compressed pixels hold no whole fragment");
+    *n_item = little32(value + pos + 4);
+    return CTS_OK;
+}
+
+/* The first frame: the first fragment behind the table of offsets or, where there is one frame, all of them. Nothing is
+ * taken apart here: a process of its own does. */
+static CtsStatus decode(ScFile *f, const uint8_t *value, size_t n, CtsError *err)
+{
+    const CtsScHeader *h = &f->header;
+    const CtsFrameFormat format = {.syntax = f->syntax,
+                                   .n_colours = h->n_samples == 3 ? 3 : 0,
+                                   .columns = h->width,
+                                   .rows = h->height,
+                                   .bits_allocated = h->bits_allocated,
+                                   .bits_stored = h->bits_stored,
+                                   .high_bit = h->bits_stored - 1,
+                                   .padding_word = -1};
+    CtsDecoder decoder = cts_decoder_make(cts_codec_decode);
+    size_t n_item = 0, n_stream = 0;
+    uint8_t *stream;
+    const void *pixels;
+    CtsStatus st;
+    if ((st = item_at(value, n, 0, &n_item, err)) || (st = cts_alloc_array(&f->frame, f->frame_bytes, err)) ||
+        (st = cts_decoder_room(&decoder, &format, n, &stream, err)))
+        goto end;
+    size_t pos = ITEM_BYTES + n_item;
+    do {
+        if ((st = item_at(value, n, pos, &n_item, err)))
+            goto end;
+        memcpy(stream + n_stream, value + pos + ITEM_BYTES, n_item);
+        n_stream += n_item;
+        pos += ITEM_BYTES + n_item;
+    } while (h->n_frames == 1 && n - pos >= 4 && memcmp(value + pos, "\xfe\xff\xdd\xe0", 4) != 0);
+    if (!(st = cts_decoder_run(&decoder, &format, stream, n_stream, &pixels, err)))
+        memcpy(f->frame, pixels, f->frame_bytes);
+    f->header.planar = false;
+end:
+    cts_decoder_stop(&decoder);
+    return st;
+}
+
+static CtsStatus find_frame(ScFile *f, CtsError *err)
+{
+    const CtsScHeader *h = &f->header;
+    const uint64_t left = f->n - f->data.pixel_offset;
+    f->frame_bytes = (size_t)h->width * h->height * h->n_samples * (h->bits_allocated / 8);
+    if (f->data.encapsulated)
+        return decode(f, f->bytes + f->data.pixel_offset, (size_t)left, err);
+    f->frame = f->bytes + f->data.pixel_offset;
+    return f->data.pixel_bytes >= f->frame_bytes && left >= f->frame_bytes
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_READ, "truncated: a frame needs %zu bytes, PixelData has %llu", f->frame_bytes,
+                          (unsigned long long)(left < f->data.pixel_bytes ? left : f->data.pixel_bytes));
+}
+
+static void widen(const ScFile *f, CtsScPixels *pixels)
+{
+    const CtsScHeader *h = &f->header;
+    const size_t n = (size_t)h->width * h->height;
+    pixels->largest = (1 << h->bits_stored) - 1;
+    for (size_t i = 0; i < n; i++)
+        for (int c = 0; c < h->n_samples; c++) {
+            const size_t at = h->planar ? c * n + i : i * h->n_samples + c;
+            const int v = (h->bits_allocated == 8 ? f->frame[at] : f->frame[2 * at] | f->frame[2 * at + 1] << 8) &
+                          pixels->largest;
+            pixels->samples[i * h->n_samples + c] = (uint16_t)(h->inverted ? pixels->largest - v : v);
+        }
+}
+
+CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
+{
+    ScFile f = {0};
+    *pixels = (CtsScPixels){0};
+    CtsStatus st = load(path, &f, err);
+    if (st || (st = scan(&f, err)) ||
+        (st = cts_dcm_sc_header(f.bytes + f.meta.data_offset, f.data.header_end - f.meta.data_offset, f.native,
+                                &f.header, err)) ||
+        (st = find_frame(&f, err)))
+        goto end;
+    pixels->width = f.header.width;
+    pixels->height = f.header.height;
+    pixels->n_samples = f.header.n_samples;
+    st = cts_alloc_array(&pixels->samples, (size_t)pixels->width * pixels->height * pixels->n_samples, err);
+    if (!st)
+        widen(&f, pixels);
+end:
+    if (f.data.encapsulated)
+        cts_free(&f.frame);
+    cts_free(&f.bytes);
+    return st == CTS_OK ? st : cts_context(err, "%s", path);
+}

@@ -1,0 +1,67 @@
+/* What `ctsplat bench` measured, and the forms it is written in. */
+#ifndef CTS_REPORT_BENCH_ROWS_H
+#define CTS_REPORT_BENCH_ROWS_H
+
+#include "ctsplat/render.h"
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include "output/report/bench_peers.h"
+#include <stdbool.h>
+#include <stdint.h>
+
+enum { CTS_THUMB_SIDE = 160 };
+
+/* 8-bit red, green, blue, rows from the top. */
+typedef struct CtsThumb {
+    int width, height;
+    uint8_t rgb[CTS_THUMB_SIDE * CTS_THUMB_SIDE * 3];
+} CtsThumb;
+
+/* One setting of one engine. */
+typedef struct CtsBenchRow {
+    CtsEngineId engine;
+    CtsKernelId kernel;
+    int samples;      /* 0: chosen by the engine */
+    double max_error; /* asked for, in 1/255 rms; 0: nothing */
+    double tolerance_hu;
+    bool void_key;
+    bool measured; /* false: why says why not, and nothing else holds */
+    char why[1024];
+    int runs;
+    double wall_ms, wall_ms_spread; /* median; largest less smallest */
+    double serial_ms;               /* of it, median: when one thread at most could work */
+    uint64_t peak_rss_bytes;        /* of a process of its own, the volume included */
+    CtsVerified own, trilinear;     /* against the converged integral of the same kernel, and of the trilinear field */
+    CtsErrorBound bound;            /* of the picture's error against the trilinear integral, as it was told */
+    CtsVoxelCounts voxels;
+    bool pareto;                  /* no other row is both faster and nearer to the trilinear integral */
+    CtsThumb picture, difference; /* the difference from the trilinear integral, amplified */
+} CtsBenchRow;
+
+typedef struct CtsBenchRows {
+    CtsBenchRow *rows;
+    int n;
+    bool complete;       /* false: interrupted */
+    CtsBenchPeers peers; /* what else the plot and the page show */
+    /* What was measured, for the pages; no patient data. */
+    char scene[256];
+    int width, height, n_threads;
+    double amplified; /* differences in the thumbnails are so many times too large */
+} CtsBenchRows;
+
+/* Marks the rows that no other row beats in both time and rmse_trilinear. */
+void cts_bench_mark_pareto(CtsBenchRows *rows);
+
+/* "4", "auto", or "to 0.25/255" where an error was asked for: for the table, the plot and the page. */
+void cts_bench_samples_text(const CtsBenchRow *row, char text[24]);
+/* "0.00124", or "-" where none was told. */
+void cts_bench_bound_text(const CtsBenchRow *row, char text[24]);
+
+/* One object a line, to be freed with free(). */
+CtsStatus cts_bench_lines(const CtsBenchRows *rows, char **text, CtsError *err);
+/* gnuplot script: log-log, one line an engine, the Pareto front marked. */
+CtsStatus cts_bench_plot_script(const CtsBenchRows *rows, char **script, CtsError *err);
+/* HTML that needs no network: the plot (SVG text), the table, thumbnails. */
+CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html, CtsError *err);
+
+#endif

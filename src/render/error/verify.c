@@ -1,0 +1,366 @@
+/* Pixels fall into classes by how large an error is likely there; a class is sampled evenly (the pixels of the highest
+ * random numbers), one more densely than another. Half of the pixels are spread over the picture evenly, whatever its
+ * classes, so that no pixel stands for more than twice its share: an error where nobody thought of one is found too. */
+#include "render/error/verify.h"
+
+#include "base/clock.h"
+#include "base/limits.h"
+#include "base/mem.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Classes by factors of 4 in importance, from LEAST on. */
+enum { CLASSES = CTS_VERIFY_CLASSES };
+#define LEAST 0.1
+
+typedef struct CtsCandidate {
+    uint64_t random;
+    int x, y;
+    float rgba[4];
+} CtsCandidate;
+
+CtsStatus cts_verify_begin(CtsVerify *v, const CtsScene *scene, size_t n, CtsError *err)
+{
+    const size_t area = (size_t)scene->view.width * (size_t)scene->view.height;
+    (void)err;
+    *v = (CtsVerify){.scene = scene, .n = n < area ? n : area, .seed = cts_reference_seed(scene), .choosing = n > 0};
+    return CTS_OK;
+}
+
+/* The lowest random number stays on top. */
+static void sift_down(CtsCandidate *heap, size_t n)
+{
+    const CtsCandidate moved = heap[0];
+    size_t at = 0;
+    for (size_t child; (child = 2 * at + 1) < n; at = child) {
+        if (child + 1 < n && heap[child + 1].random < heap[child].random)
+            child++;
+        if (!(heap[child].random < moved.random))
+            break;
+        heap[at] = heap[child];
+    }
+    heap[at] = moved;
+}
+
+static void sift_up(CtsCandidate *heap, size_t at)
+{
+    const CtsCandidate moved = heap[at];
+    for (; at > 0 && moved.random < heap[(at - 1) / 2].random; at = (at - 1) / 2)
+        heap[at] = heap[(at - 1) / 2];
+    heap[at] = moved;
+}
+
+static bool has_room(CtsVerify *v, CtsVerifyClass *c)
+{
+    if (c->n < c->room)
+        return true;
+    const size_t room = c->room > 0 ? 2 * c->room : 64;
+    CtsCandidate *heap = realloc(c->heap, (room < v->n ? room : v->n) * sizeof *heap);
+    if (!heap)
+        return false;
+    c->heap = heap;
+    c->room = room < v->n ? room : v->n;
+    return true;
+}
+
+static void offer(CtsVerify *v, CtsVerifyClass *c, const CtsCandidate *candidate)
+{
+    if (c->n == v->n) {
+        c->heap[0] = *candidate;
+        sift_down(c->heap, c->n);
+    } else if (has_room(v, c)) {
+        c->heap[c->n] = *candidate;
+        sift_up(c->heap, c->n++);
+    } else {
+        v->lost = true;
+    }
+}
+
+typedef float Four __attribute__((vector_size(16)));
+typedef int32_t Bits __attribute__((vector_size(16)));
+
+/* Red, green and blue as they are shown. */
+static inline Four pixel_at(const float *at, int n_channels, Four background)
+{
+    if (n_channels != 4)
+        return (Four){at[0]};
+    Four f;
+    memcpy(&f, at, sizeof f);
+    return (f + (1 - f[3]) * background) * (Four){1, 1, 1, 0};
+}
+
+static inline Four size_of(Four a)
+{
+    return (Four)((Bits)a & 0x7fffffff);
+}
+
+static inline bool is_zero(Four a)
+{
+    uint64_t bits[2];
+    memcpy(bits, &a, sizeof bits);
+    return (bits[0] | bits[1]) == 0;
+}
+
+static inline Four larger(Four a, Four b)
+{
+    const Bits more = a > b;
+    return (Four)((more & (Bits)a) | (~more & (Bits)b));
+}
+
+static inline double largest_of(Four a)
+{
+    const float x = a[0] > a[1] ? a[0] : a[1], y = a[2] > a[3] ? a[2] : a[3];
+    return (double)(x > y ? x : y);
+}
+
+/* The largest first and second difference to the neighbours on one line. */
+static inline void line_differences(Four before, Four here, Four behind, Four *first, Four *second)
+{
+    const Four back = here - before, on = behind - here;
+    *first = larger(*first, larger(size_of(back), size_of(on)));
+    *second = larger(*second, size_of(on - back));
+}
+
+/* Rows are looked at in groups, so that how a picture is cut into bands does not matter; the picture's and the groups'
+ * ends are mirrored. Errors lie where something is seen, along edges, and most of all where single pixels stand out. */
+static inline double importance(const CtsPicture *band, Four back, int x, int y)
+{
+    const int n = band->n_channels, row = y % CTS_BAND_ROWS;
+    const ptrdiff_t row_step = (ptrdiff_t)band->width * n;
+    const float *at = band->pixels + (ptrdiff_t)y * row_step + (ptrdiff_t)x * n;
+    const Four here = pixel_at(at, n, back), left = pixel_at(x > 0 ? at - n : at, n, back);
+    const Four right = pixel_at(x < band->width - 1 ? at + n : at, n, back),
+               above = pixel_at(row > 0 ? at - row_step : at, n, back);
+    const Four below = pixel_at(row < CTS_BAND_ROWS - 1 && y < band->height - 1 ? at + row_step : at, n, back);
+    if (is_zero((Four)((Bits)here | (Bits)left | (Bits)right | (Bits)above | (Bits)below)))
+        return LEAST;
+    Four first = {0}, second = {0};
+    line_differences(left, here, right, &first, &second);
+    line_differences(above, here, below, &first, &second);
+    double edge = largest_of(first), spot = largest_of(second);
+    edge = edge < 1 ? edge : 1;
+    spot = spot < 1 ? spot : 1;
+    return LEAST + (largest_of(here) > 0 ? 1 : 0) + 30 * (edge + spot) + 1000 * spot * spot;
+}
+
+/* What the engine says of a pixel's error goes before what the picture lets one guess: the square of it, so that a
+ * sixteenth of 1/255 is least. */
+static inline double importance_of_bound(double bound)
+{
+    const double steps = 16 * 255 * bound;
+    return LEAST * steps * steps;
+}
+
+static inline int class_of(double importance)
+{
+    int k = 0;
+    for (double above = 4 * LEAST; k < CLASSES - 1 && importance >= above; above *= 4)
+        k++;
+    return k;
+}
+
+static void offer_pixels(CtsVerify *v, const CtsPicture *band, const float *bound)
+{
+    const int n = band->n_channels;
+    const CtsPreset *p = v->scene->preset;
+    Four back = {0};
+    for (int c = 0; c < 3 && !p->background_none; c++)
+        back[c] = (float)p->background[c];
+    for (int y = 0; y < band->height; y++)
+        for (int x = 0; x < band->width; x++) {
+            uint64_t state = v->seed ^ ((uint64_t)(band->first_row + y) << 32 | (uint64_t)x);
+            const size_t pixel = (size_t)y * (size_t)band->width + (size_t)x;
+            const double weight = bound ? importance_of_bound((double)bound[pixel]) : importance(band, back, x, y);
+            CtsVerifyClass *class = &v->classes[class_of(weight)];
+            CtsCandidate c = {.random = cts_reference_random(&state), .x = x, .y = band->first_row + y};
+            class->offered++;
+            if (class->n == v->n && c.random <= class->heap[0].random)
+                continue;
+            const float *at = band->pixels + pixel * (size_t)n;
+            for (int k = 0; k < 4; k++)
+                c.rgba[k] = n == 4 ? at[k] : k == 3 ? 1 : at[0];
+            offer(v, class, &c);
+        }
+}
+
+void cts_verify_take_bounded(CtsVerify *v, const CtsPicture *band, const float *bound)
+{
+    if (v->choosing)
+        offer_pixels(v, band, bound);
+    for (size_t i = 0; v->reference && i < v->reference->n; i++)
+        cts_reference_find(v->reference, band, i, v->found[i]);
+}
+
+void cts_verify_take(CtsVerify *v, const CtsPicture *band)
+{
+    cts_verify_take_bounded(v, band, NULL);
+}
+
+/* Neighbouring classes that are sampled as one. */
+typedef struct Stratum {
+    int first, end;
+    double share; /* of the pixels to choose */
+    size_t area, n;
+} Stratum;
+
+/* Half of the share by area, half by area and importance. A stratum gets several pixels or joins the next. */
+static int make_strata(const CtsVerify *v, Stratum stratum[CLASSES])
+{
+    enum { SEVERAL = 8 };
+    double area = 0, important = 0;
+    int n = 0;
+    for (int k = 0; k < CLASSES; k++) {
+        area += (double)v->classes[k].offered;
+        important += ldexp((double)v->classes[k].offered, 2 * k);
+    }
+    Stratum open = {.end = CLASSES};
+    for (int k = CLASSES - 1; k >= 0; k--) {
+        const double offered = (double)v->classes[k].offered;
+        open.first = k;
+        open.area += v->classes[k].offered;
+        open.share += 0.5 * (offered / area + ldexp(offered, 2 * k) / important);
+        if ((double)v->n * open.share >= SEVERAL) {
+            stratum[n++] = open;
+            open = (Stratum){.end = k};
+        }
+    }
+    if (n == 0)
+        stratum[n++] = (Stratum){.end = CLASSES};
+    stratum[n - 1].first = 0;
+    stratum[n - 1].area += open.area;
+    stratum[n - 1].share += open.share;
+    return n;
+}
+
+/* n pixels over the strata by their shares; none gets more than it has. */
+static void share_out(Stratum *stratum, int n_strata, size_t n)
+{
+    double share = 0;
+    size_t area = 0;
+    for (int i = 0; i < n_strata; i++) {
+        share += stratum[i].share;
+        area += stratum[i].area;
+    }
+    for (bool whole = true; whole;) {
+        whole = false;
+        for (int i = 0; i < n_strata; i++) {
+            Stratum *s = &stratum[i];
+            if (s->n > 0 || (double)n * s->share < share * (double)s->area)
+                continue;
+            s->n = s->area;
+            n -= s->n;
+            area -= s->area;
+            share -= s->share;
+            whole = true;
+        }
+    }
+    for (int i = 0; i < n_strata; i++) {
+        Stratum *s = &stratum[i];
+        if (s->n > 0)
+            continue;
+        area -= s->area;
+        s->n = (size_t)((double)n * (s->share / share) + 0.5);
+        s->n = s->n < s->area ? s->n : s->area;
+        s->n = n - s->n > area ? n - area : s->n;
+        n -= s->n;
+        share -= s->share;
+    }
+}
+
+static int by_random(const void *a, const void *b)
+{
+    const CtsCandidate *p = a, *q = b;
+    if (p->random != q->random)
+        return p->random < q->random ? 1 : -1;
+    return p->y != q->y ? (p->y > q->y) - (p->y < q->y) : (p->x > q->x) - (p->x < q->x);
+}
+
+/* The pixels of one stratum, from *at on. */
+static CtsStatus choose_in(CtsVerify *v, const Stratum *s, double whole, size_t *at, CtsError *err)
+{
+    CtsCandidate *all = NULL;
+    CtsReference *r = v->reference;
+    size_t n = 0;
+    for (int k = s->first; k < s->end; k++)
+        n += v->classes[k].n;
+    const CtsStatus st = cts_alloc_array(&all, n, err);
+    n = 0;
+    for (int k = s->first; k < s->end && !st; k++) {
+        if (v->classes[k].n > 0)
+            memcpy(all + n, v->classes[k].heap, v->classes[k].n * sizeof *all);
+        n += v->classes[k].n;
+    }
+    if (!st)
+        qsort(all, n, sizeof *all, by_random);
+    const double weight = (double)s->area / (double)s->n / whole;
+    if (s->n < s->area)
+        r->unit = fmax(r->unit, weight);
+    for (size_t i = 0; i < s->n && !st; i++, ++*at) {
+        r->xy[*at][0] = all[i].x;
+        r->xy[*at][1] = all[i].y;
+        r->weight[*at] = weight;
+        memcpy(v->found[*at], all[i].rgba, sizeof all[i].rgba);
+    }
+    cts_free(&all);
+    return st;
+}
+
+static void free_classes(CtsVerify *v)
+{
+    for (int k = 0; k < CLASSES; k++) {
+        free(v->classes[k].heap);
+        v->classes[k] = (CtsVerifyClass){0};
+    }
+}
+
+CtsStatus cts_verify_choose(CtsVerify *v, CtsError *err)
+{
+    CtsStatus st;
+    Stratum stratum[CLASSES];
+    if (v->lost)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const int n_strata = make_strata(v, stratum);
+    size_t area = 0, at = 0;
+    for (int i = 0; i < n_strata; i++)
+        area += stratum[i].area;
+    const size_t n = v->n < area ? v->n : area;
+    share_out(stratum, n_strata, n);
+    if ((st = cts_reference_empty(&v->reference, v->scene, n, err)) || (st = cts_alloc_zeroed(&v->found, n, err)))
+        return st;
+    for (int i = 0; i < n_strata && !st; i++)
+        st = choose_in(v, &stratum[i], (double)area, &at, err);
+    free_classes(v);
+    v->choosing = false;
+    return st;
+}
+
+CtsStatus cts_verify_cast(CtsVerify *v, CtsError *err)
+{
+    return cts_reference_cast(v->reference, v->scene, err);
+}
+
+CtsStatus cts_verify_end(CtsVerify *v, CtsReport *report, CtsError *err)
+{
+    const double start = cts_wall_ms(), cpu = cts_cpu_ms();
+    CtsVerified verified;
+    CtsStatus st;
+    if (!v->choosing)
+        return CTS_OK;
+    if ((st = cts_verify_choose(v, err)) || (st = cts_verify_cast(v, err)) ||
+        (st = cts_reference_judge(v->reference, (const float(*)[4])v->found, &verified, err)))
+        return st;
+    cts_error_limits(&verified);
+    verified.wall_ms = cts_wall_ms() - start;
+    verified.cpu_ms = cts_cpu_ms() - cpu;
+    if (report)
+        report->verified = verified;
+    return CTS_OK;
+}
+
+void cts_verify_free(CtsVerify *v)
+{
+    free_classes(v);
+    cts_reference_free(&v->reference);
+    cts_free(&v->found);
+}

@@ -1,0 +1,42 @@
+/* Verification: some pixels of a picture are done again by the reference. */
+#ifndef CTS_RENDER_VERIFY_H
+#define CTS_RENDER_VERIFY_H
+
+#include "render/error/reference_set.h"
+
+enum { CTS_VERIFY_CLASSES = 8 };
+
+/* Pixels alike in how large an error is likely there. */
+typedef struct CtsVerifyClass {
+    struct CtsCandidate *heap; /* the CtsVerify.n of the highest random numbers so far, the lowest of them first */
+    size_t n, room, offered;
+} CtsVerifyClass;
+
+/* n pixels of a picture (at most all), first chosen from its bands as they come: half of them anywhere, half where
+ * errors are likely large; then done again. Of further pictures of the same scene the same pixels are looked up.
+ * Zeroed, it is a verification of nothing, which costs nothing. */
+typedef struct CtsVerify {
+    const CtsScene *scene;
+    size_t n;
+    uint64_t seed;
+    bool choosing, lost; /* lost: memory ran out while choosing */
+    CtsVerifyClass classes[CTS_VERIFY_CLASSES];
+    CtsReference *reference; /* NULL until chosen */
+    float (*found)[4];
+} CtsVerify;
+
+CtsStatus cts_verify_begin(CtsVerify *verify, const CtsScene *scene, size_t n, CtsError *err);
+/* Errors are taken for large where neighbours differ much. */
+void cts_verify_take(CtsVerify *verify, const CtsPicture *band);
+/* bound: what each pixel's error, rms over red, green and blue, hardly exceeds, as far as the engine knows; errors are
+ * taken for large where it says so. It is not believed: half of the pixels lie anywhere. NULL: as above. */
+void cts_verify_take_bounded(CtsVerify *verify, const CtsPicture *band, const float *bound);
+/* Ends the choice; the true values are left zero. */
+CtsStatus cts_verify_choose(CtsVerify *verify, CtsError *err);
+/* Does the pixels again. */
+CtsStatus cts_verify_cast(CtsVerify *verify, CtsError *err);
+/* Chooses, casts, judges and fills report->verified, with an interval that holds for any picture. */
+CtsStatus cts_verify_end(CtsVerify *verify, CtsReport *report, CtsError *err);
+void cts_verify_free(CtsVerify *verify);
+
+#endif

@@ -1,0 +1,419 @@
+#include "render/frames/frames.h"
+
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "render/draft/draft.h"
+#include "render/frames/engines.h"
+#include "render/frames/key.h"
+#include "core/scene/framing.h"
+#include <math.h>
+#include <stddef.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+struct CtsFrames {
+    const CtsVolume *volume; /* what the engine gets: the caller's, or quantised */
+    const CtsVolume *original;
+    CtsVolume *quantised;
+    CtsPreset preset;
+    CtsRenderSettings settings;
+    const CtsEngine *engine;
+    CtsLut *lut;
+    double lut_scale; /* extinction_scale that lut was made for */
+    CtsFoundKey key;
+    bool key_found, key_told;
+    void *kept; /* the engine's */
+    CtsHalf half;
+    int n_begun;              /* frames */
+    CtsVisible *visible;      /* made when a frame is fitted to it */
+    CtsRenderSettings fitted; /* of the last view that was fitted, where is_fitted says so */
+    bool is_fitted;
+};
+
+/* "a, b and c": the engines that have this bit in that column of their row. */
+static const char *with_bit(size_t column, int bit, char names[128])
+{
+    const char *have[CTS_N_ENGINES];
+    int n = 0;
+    for (int i = 0; i < CTS_N_ENGINES; i++) {
+        const CtsEngine *e = cts_engine((CtsEngineId)i);
+        if (*(const unsigned *)((const char *)e + column) >> bit & 1)
+            have[n++] = e->name;
+    }
+    names[0] = 0;
+    for (int i = 0; i < n; i++)
+        snprintf(names + strlen(names), 128 - strlen(names), "%s%s",
+                 i == 0       ? ""
+                 : i == n - 1 ? " and "
+                              : ", ",
+                 have[i]);
+    return names;
+}
+
+static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const CtsEngine **engine, CtsError *err)
+{
+    char names[128];
+    const CtsEngine *e = cts_engine(s->engine);
+    if (!(e->modes >> mode & 1))
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no mode %s (%s have)", e->name, cts_mode_names[mode],
+                        with_bit(offsetof(CtsEngine, modes), (int)mode, names));
+    if (!(e->kernels >> s->kernel & 1))
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no kernel %s (%s have)", e->name,
+                        cts_kernel_names[s->kernel], with_bit(offsetof(CtsEngine, kernels), (int)s->kernel, names));
+    if (s->slab_mm > 0 && !e->cuts_slabs)
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s cuts no slab (tiled and raycast do)", e->name);
+    *engine = e;
+    return CTS_OK;
+}
+
+CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *settings, CtsError *err)
+{
+    const CtsEngine *engine;
+    const CtsStatus st = cts_scene_check(settings, err);
+    return st ? st
+              : choose_engine(settings, settings->mode >= 0 ? (CtsMode)settings->mode : preset->mode, &engine, err);
+}
+
+CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsPreset *preset,
+                         const CtsRenderSettings *settings, CtsError *err)
+{
+    CtsStatus st;
+    CtsSceneStore store;
+    const CtsEngine *engine = NULL;
+    *frames = NULL;
+    if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
+        (st = choose_engine(&store.settings, store.preset.mode, &engine, err)))
+        return st;
+    CtsFrames *f = calloc(1, sizeof *f);
+    if (!f)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    *f = (CtsFrames){.volume = volume, .original = volume, .preset = *preset, .settings = *settings, .engine = engine};
+    if (settings->grey_bits < 16) {
+        st = cts_volume_quantise(volume, settings->grey_bits, preset->window_low_hu, preset->window_high_hu,
+                                 settings->n_threads, &f->quantised, err);
+        f->volume = f->quantised;
+    }
+    *frames = f;
+    if (st)
+        cts_frames_free(frames);
+    return st;
+}
+
+void cts_frames_free(CtsFrames **frames)
+{
+    CtsFrames *f = *frames;
+    if (!f)
+        return;
+    if (f->kept && f->engine->forget)
+        f->engine->forget(f->kept);
+    cts_half_free(&f->half, f->engine);
+    cts_lut_free(&f->lut);
+    cts_visible_free(&f->visible);
+    cts_volume_free(&f->quantised);
+    free(f);
+    *frames = NULL;
+}
+
+const CtsEngine *cts_frames_engine(const CtsFrames *frames)
+{
+    return frames->engine;
+}
+
+const CtsRenderSettings *cts_frames_settings(const CtsFrames *frames)
+{
+    return &frames->settings;
+}
+
+const CtsPreset *cts_frames_preset(const CtsFrames *frames)
+{
+    return &frames->preset;
+}
+
+const CtsVolume *cts_frames_volume(const CtsFrames *frames)
+{
+    return frames->original;
+}
+
+/* From where skin meets air up to soft tissue: what is seen of it outlines a face. */
+static bool shows_skin(const CtsPreset *preset)
+{
+    bool seen = false;
+    for (double hu = -700; hu <= 80 && preset->mode == CTS_MODE_COMPOSITE; hu += 20)
+        seen = seen || cts_preset_extinction_per_mm(preset, hu) > 0.01;
+    return seen;
+}
+
+/* What most of the picture's edges show. Of a projection that is the air in the box. */
+static bool is_light_behind(const CtsPreset *preset)
+{
+    const double *rgb = preset->background;
+    return preset->mode == CTS_MODE_COMPOSITE && !preset->background_none &&
+           0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2] > 0.5;
+}
+
+static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *engine_name)
+{
+    const CtsView *view = &scene->view;
+    memcpy(info->preset, scene->preset->name, sizeof info->preset);
+    strncpy(info->engine, engine_name, sizeof info->engine - 1);
+    info->mode = scene->preset->mode;
+    info->azimuth_deg = view->azimuth_deg;
+    info->elevation_deg = view->elevation_deg;
+    info->mm_per_pixel = view->mm_per_pixel;
+    info->window_low_hu = scene->preset->window_low_hu;
+    info->window_high_hu = scene->preset->window_high_hu;
+    memcpy(info->right_lps, view->right_lps, sizeof info->right_lps);
+    memcpy(info->up_lps, view->up_lps, sizeof info->up_lps);
+    memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
+    memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
+    info->light_behind = is_light_behind(scene->preset);
+    info->shows_skin = shows_skin(scene->preset);
+    info->grey = cts_preset_is_grey(scene->preset, scene->preset->mode);
+    info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
+}
+
+/* What --void key leaves out of the transfer function's table; the mixture is that of the volume as it was loaded. */
+static CtsStatus hide_void(CtsFrames *f, const CtsScene *scene, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    if (!f->settings.void_key || !f->engine->takes_key)
+        return CTS_OK;
+    if (!f->key_found &&
+        (st = cts_key_find(f->original, scene->preset, scene->settings->n_threads, &f->key, report, err)))
+        return st;
+    f->key_found = true;
+    return cts_lut_hide(f->lut, &f->key.key, scene->preset, f->volume, err);
+}
+
+static void tell_no_key(const CtsEngine *engine, CtsReport *report)
+{
+    const char *const why = engine->skips_void ? "skips only what is provably invisible" : "skips no void";
+    cts_report_skip(report, "void key", "engine %s %s", engine->name, why);
+    cts_report_finding(report, "void_key_unused", CTS_WARNING,
+                       "`void_key`: engine %s %s, so nothing is lost (void and combined take the key)", engine->name,
+                       why);
+}
+
+/* Once for all frames, with the first report that there is. */
+static void tell_key(CtsFrames *f, CtsReport *report)
+{
+    if (!f->settings.void_key || f->key_told || !report)
+        return;
+    if (!f->engine->takes_key)
+        tell_no_key(f->engine, report);
+    else if (f->key_found)
+        cts_key_tell(&f->key, &f->preset, report);
+    f->key_told = true;
+}
+
+/* The transfer function's table for this scene; only with --opacity-unit voxel does it depend on the view. */
+static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsError *err)
+{
+    const CtsPreset *p = scene->preset;
+    if (p->mode != CTS_MODE_COMPOSITE) {
+        cts_report_skip(report, "transfer function", "mode %s shows HU through the window", cts_mode_names[p->mode]);
+        return CTS_OK;
+    }
+    if (f->lut && f->lut_scale == scene->extinction_scale) {
+        cts_report_skip(report, "transfer function table", "made for an earlier frame");
+    } else {
+        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+        cts_lut_free(&f->lut);
+        CtsStatus st;
+        if ((st = cts_lut_new(&f->lut, p, f->volume, scene->extinction_scale, scene->settings->n_threads, err)))
+            return st;
+        f->lut_scale = scene->extinction_scale;
+        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, CTS_N_GREY, 0);
+        if ((st = hide_void(f, scene, report, err))) {
+            cts_lut_free(&f->lut);
+            return st;
+        }
+    }
+    scene->lut = f->lut;
+    return CTS_OK;
+}
+
+static void tell_framing(const CtsRenderSettings *s, const CtsVisible *visible, CtsReport *report)
+{
+    if (!cts_visible_any(visible))
+        cts_report_finding(report, "nothing_visible", CTS_WARNING,
+                           "nothing of this volume is visible with this preset (see what HU it shows, the range of the "
+                           "series' HU, and what a crop leaves)");
+    else if (!s->centre_given)
+        cts_report_finding(report, "nothing_visible", CTS_WARNING,
+                           "nothing that this preset shows lies in the slab (see `slab_at`)");
+    else
+        cts_report_plan(report,
+                        "frame: %.4g x %.4g mm about %.1f,%.1f,%.1f, %.4g mm a pixel, around all that is visible",
+                        s->width * s->mm_per_pixel, s->height * s->mm_per_pixel, s->centre_lps[0], s->centre_lps[1],
+                        s->centre_lps[2], s->mm_per_pixel);
+}
+
+/* A rotation is framed once for all its views, a view by itself each time. */
+static bool framed_already(const CtsFrames *f, const CtsRenderSettings *s)
+{
+    return f->is_fitted && (s->rotation_frames > 1 ||
+                            (f->fitted.azimuth_deg == s->azimuth_deg && f->fitted.elevation_deg == s->elevation_deg));
+}
+
+CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSettings *settings, CtsReport *report,
+                          CtsError *err)
+{
+    CtsRenderSettings *s = settings;
+    *s = f->settings;
+    s->azimuth_deg = view_deg[0];
+    s->elevation_deg = view_deg[1];
+    if (s->fit != CTS_FIT_VISIBLE || s->mm_per_pixel > 0)
+        return CTS_OK;
+    if (!framed_already(f, s)) {
+        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+        CtsPreset preset = f->preset;
+        if (s->mode >= 0)
+            preset.mode = (CtsMode)s->mode;
+        const CtsStatus st =
+            f->visible ? CTS_OK : cts_visible_new(&f->visible, f->original, &preset, cts_threads(s->n_threads), err);
+        if (st)
+            return st;
+        f->fitted = *s;
+        f->is_fitted = true;
+        cts_framing_find(f->visible, &f->fitted);
+        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
+        tell_framing(&f->fitted, f->visible, report);
+    }
+    s->mm_per_pixel = f->fitted.mm_per_pixel;
+    s->centre_given = f->fitted.centre_given;
+    memcpy(s->centre_lps, f->fitted.centre_lps, sizeof s->centre_lps);
+    return CTS_OK;
+}
+
+static void tell_left_out(const CtsFrame *frame, CtsReport *report)
+{
+    const CtsPreset *p = &frame->store.preset;
+    if (!p->shade)
+        cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p->mode],
+                        p->mode != CTS_MODE_COMPOSITE            ? "its nature"
+                        : frame->store.settings.shade == CTS_OFF ? "the settings"
+                                                                 : "the preset");
+    if (!frame->want_depth)
+        cts_report_skip(report, "depth", "not asked for");
+    else if (p->mode != CTS_MODE_COMPOSITE)
+        cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
+}
+
+/* Whether the frame is made at half the resolution; an explanation makes nothing that would tell. */
+static CtsStatus begin_half(CtsFrame *frame, CtsReport *report, CtsError *err)
+{
+    CtsFrames *f = frame->frames;
+    const CtsScene *scene = &frame->store.scene;
+    CtsStatus st = CTS_OK;
+    if (!cts_half_serves(&f->half, f->engine, scene))
+        return CTS_OK;
+    if (frame->explain)
+        cts_report_plan(report, "draft: of a copy at half the resolution, where rays show that it will do");
+    else
+        st = cts_half_init(&f->half, f->engine, scene, &frame->half, report, err);
+    frame->at_half = !frame->explain && cts_half_serves(&f->half, f->engine, scene);
+    return st;
+}
+
+CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *task, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    CtsRenderSettings settings;
+    *frame = (CtsFrame){.frames = f, .want_depth = task->want_depth, .explain = task->explain};
+    if ((st = cts_frames_view(f, (const double[]){task->azimuth_deg, task->elevation_deg}, &settings, report, err)) ||
+        (st = cts_scene_init(&frame->store, f->volume, &f->preset, &settings, err)))
+        return st;
+    frame->store.scene.plan = task->plan;
+    frame->store.scene.kept = &f->kept;
+    frame->store.scene.frame = f->n_begun++;
+    if ((st = find_lut(f, &frame->store.scene, report, err)))
+        return st;
+    tell_key(f, report);
+    tell_left_out(frame, report);
+    if ((st = begin_half(frame, report, err)))
+        return st;
+    const bool lossy = report && report->key_loss > 0;
+    const int n = task->n_verified > 0 ? task->n_verified : lossy ? task->least_lossy : 0;
+    if (n == 0 || task->explain)
+        return CTS_OK;
+    frame->original = frame->store.scene;
+    frame->original.volume = f->original;
+    return cts_verify_begin(&frame->verify, &frame->original, (size_t)n, err);
+}
+
+/* Rows of the picture to be, empty. */
+static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsPicture **picture, CtsError *err)
+{
+    const CtsScene *scene = &frame->store.scene;
+    const CtsRenderSettings *s = scene->settings;
+    CtsStatus st;
+    if ((st = cts_picture_new(picture, s->width, n_rows, 4, err)))
+        return st;
+    (*picture)->first_row = first_row;
+    (*picture)->whole_height = s->height;
+    const size_t n = (size_t)s->width * (size_t)n_rows;
+    fill_info(&(*picture)->info, scene, frame->frames->engine->name);
+    if (scene->preset->mode != CTS_MODE_COMPOSITE)
+        return CTS_OK;
+    if (frame->frames->engine->bounds_error && !cts_scene_drafts(scene) &&
+        (st = cts_alloc_zeroed(&(*picture)->bound, n, err)))
+        return st;
+    if (!frame->want_depth)
+        return CTS_OK;
+    if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
+        return st;
+    for (size_t i = 0; i < n; i++)
+        (*picture)->depth_mm[i] = INFINITY;
+    return CTS_OK;
+}
+
+static const CtsScene *seen(const CtsFrame *frame)
+{
+    return frame->at_half ? &frame->half.scene : &frame->store.scene;
+}
+
+CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err)
+{
+    return frame->frames->engine->render(seen(frame), NULL, report, err);
+}
+
+static bool is_draft(const CtsFrame *frame)
+{
+    const CtsScene *scene = &frame->store.scene;
+    return frame->frames->engine->bounds_error && scene->preset->mode == CTS_MODE_COMPOSITE && cts_scene_drafts(scene);
+}
+
+CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
+                         CtsError *err)
+{
+    *band = NULL;
+    CtsStatus st = new_band(frame, first_row, n_rows, band, err);
+    if (!st)
+        st = frame->frames->engine->render(seen(frame), *band, report, err);
+    if (!st && (*band)->bound)
+        st = cts_bound_keep(&frame->bound, &frame->store.scene, *band, err);
+    else if (!st && is_draft(frame))
+        st = (frame->at_half ? cts_half_keep : cts_draft_keep)(&frame->bound, frame->frames->engine,
+                                                               &frame->store.scene, *band, err);
+    if (st)
+        cts_picture_free(band);
+    else
+        cts_verify_take_bounded(&frame->verify, *band, (*band)->bound);
+    return st;
+}
+
+CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err)
+{
+    if (!st && !frame->explain)
+        st = cts_verify_end(&frame->verify, report, err);
+    if (!st)
+        cts_bound_tell(&frame->bound, &frame->store.scene, report);
+    if (!st && frame->at_half)
+        cts_half_end(&frame->frames->half, frame->frames->engine, &frame->store.scene, &frame->bound, report);
+    cts_bound_free(&frame->bound);
+    cts_verify_free(&frame->verify);
+    return st;
+}

@@ -1,0 +1,62 @@
+/* The renderer below the public calls: one volume with one preset, frame by frame, by a plan that its caller gives.
+ * What does not change from frame to frame (the quantised copy, the one at half the resolution, the transfer function's
+ * table, the void key, what the engine keeps) is made once. */
+#ifndef CTS_RENDER_FRAMES_H
+#define CTS_RENDER_FRAMES_H
+
+#include "ctsplat/render.h"
+#include "ctsplat/report.h"
+#include "render/error/bound.h"
+#include "render/draft/half.h"
+#include "render/error/verify.h"
+#include "core/scene/engine.h"
+#include "core/scene/resolve.h"
+
+typedef struct CtsFrames CtsFrames;
+
+/* Checks all settings. volume must stay as it is; preset and settings are copied. */
+CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsPreset *preset,
+                         const CtsRenderSettings *settings, CtsError *err);
+void cts_frames_free(CtsFrames **frames);
+
+const CtsEngine *cts_frames_engine(const CtsFrames *frames);
+/* Settings, preset and volume as cts_frames_new() was given them. */
+const CtsRenderSettings *cts_frames_settings(const CtsFrames *frames);
+const CtsPreset *cts_frames_preset(const CtsFrames *frames);
+const CtsVolume *cts_frames_volume(const CtsFrames *frames);
+
+/* The settings of one view: its angles, and the scale and centre that the fit gives it. */
+CtsStatus cts_frames_view(CtsFrames *frames, const double view_deg[2], CtsRenderSettings *settings, CtsReport *report,
+                          CtsError *err);
+
+/* What is wanted of one frame. */
+typedef struct CtsFrameTask {
+    double azimuth_deg, elevation_deg;
+    CtsPlan plan;
+    int n_verified;  /* pixels to do again with the ray caster */
+    int least_lossy; /* as many at least where --void key has lost something */
+    bool want_depth, explain;
+} CtsFrameTask;
+
+/* One frame under way; not to be copied. */
+typedef struct CtsFrame {
+    CtsFrames *frames;
+    bool want_depth, explain;
+    CtsSceneStore store, half; /* the latter of the volume at half its resolution, where at_half */
+    bool at_half;
+    CtsScene original; /* store's scene of the volume before quantising: what that loses is part of the error */
+    CtsVerify verify;
+    CtsFrameBound bound;
+} CtsFrame;
+
+CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *frames, const CtsFrameTask *task, CtsReport *report,
+                          CtsError *err);
+/* Tells the engine's plan, and makes nothing. */
+CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err);
+/* Rows first_row to first_row + n_rows - 1; free with cts_picture_free(). */
+CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
+                         CtsError *err);
+/* Verifies what was asked for, unless st says that the frame failed. Returns st, or why that failed. */
+CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsError *err);
+
+#endif

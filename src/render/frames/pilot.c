@@ -1,0 +1,108 @@
+#include "render/frames/pilot.h"
+
+#include <math.h>
+#include <stdio.h>
+
+enum { RAYS = 4096, MOST_SAMPLES = 64 };
+
+/* What is found on trial must stay below the error asked for by this factor, since the whole picture may err more than
+ * the rays that were tried. */
+#define MARGIN 1.25
+
+/* The same view, its pixels so large that RAYS of them cover it. */
+static CtsRenderSettings small_picture(const CtsRenderSettings *settings)
+{
+    CtsRenderSettings s = *settings;
+    const double shrink = sqrt((double)RAYS / ((double)s.width * s.height));
+    if (shrink < 1) {
+        s.width = (int)fmax(floor(s.width * shrink), 1);
+        s.height = (int)fmax(floor(s.height * shrink), 1);
+        s.mm_per_pixel *= fmax((double)settings->width / s.width, (double)settings->height / s.height);
+    }
+    s.verify = 0;
+    s.max_error = 0;
+    s.want_depth = s.explain = false;
+    return s;
+}
+
+/* Renders all of a small picture. */
+static CtsStatus try_samples(const CtsReference *reference, CtsFrames *small, const CtsFrameTask *task, double *rms_255,
+                             CtsError *err)
+{
+    CtsPicture *picture = NULL;
+    CtsFrame frame;
+    CtsVerified verified;
+    CtsStatus st = cts_frame_begin(&frame, small, task, NULL, err);
+    if (!st)
+        st = cts_frame_rows(&frame, 0, cts_frames_settings(small)->height, &picture, NULL, err);
+    st = cts_frame_end(&frame, st, NULL, err);
+    if (!st)
+        st = cts_reference_compare(reference, picture, &verified, err);
+    cts_picture_free(&picture);
+    if (!st)
+        *rms_255 = 255 * verified.rmse * MARGIN;
+    return st;
+}
+
+static void tell_samples(const CtsRenderSettings *small, double asked, int samples, double best, CtsReport *report)
+{
+    char sheets[32] = "the engine's own plan errs";
+    if (samples > 0)
+        snprintf(sheets, sizeof sheets, "%d sheets a layer err", samples);
+    if (best <= asked)
+        cts_report_finding(report, "max_error", CTS_NOTE, "`max_error` %g: %s by %.3g/255 rms on %d trial rays", asked,
+                           sheets, best / MARGIN, small->width * small->height);
+    else
+        cts_report_finding(
+            report, "max_error_missed", CTS_WARNING,
+            "`max_error` %g is not reached: %s by %.3g/255 rms on %d trial rays (engine raycast is exact)", asked,
+            sheets, best / MARGIN, small->width * small->height);
+}
+
+/* How many samples a layer: first what the engine would do by itself, then 2, 4, 8 and so on. */
+static CtsStatus plan_samples(const CtsFrames *frames, const CtsRenderSettings *asked, CtsPlan *plan, CtsReport *report,
+                              CtsError *err)
+{
+    const CtsRenderSettings s = small_picture(asked);
+    const CtsVolume *volume = cts_frames_volume(frames);
+    const CtsPreset *preset = cts_frames_preset(frames);
+    CtsReference *reference = NULL;
+    CtsFrames *small = NULL;
+    CtsFrameTask task = {.azimuth_deg = s.azimuth_deg, .elevation_deg = s.elevation_deg};
+    double best = INFINITY, rms_255 = INFINITY;
+    CtsStatus st = cts_frames_new(&small, volume, preset, &s, err);
+    if (!st)
+        st = cts_reference_new(&reference, volume, preset, &s, (size_t)s.width * (size_t)s.height, err);
+    for (int samples = 0; !st && rms_255 > asked->max_error && samples <= MOST_SAMPLES;
+         samples = samples ? 2 * samples : 2) {
+        task.plan.samples = samples;
+        st = try_samples(reference, small, &task, &rms_255, err);
+        if (!st && rms_255 < best) {
+            best = rms_255;
+            plan->samples = samples;
+        }
+    }
+    cts_reference_free(&reference);
+    cts_frames_free(&small);
+    if (!st)
+        tell_samples(&s, asked->max_error, plan->samples, best, report);
+    return st;
+}
+
+CtsStatus cts_pilot_plan(CtsFrames *frames, const double view_deg[2], CtsPlan *plan, CtsReport *report, CtsError *err)
+{
+    const CtsEngine *engine = cts_frames_engine(frames);
+    CtsRenderSettings asked;
+    CtsSceneStore store;
+    CtsStatus st = cts_frames_view(frames, view_deg, &asked, report, err);
+    if (st)
+        return st;
+    *plan = (CtsPlan){.samples = asked.samples, .max_error = asked.max_error};
+    if (!(asked.max_error > 0) || asked.samples > 0 || engine->exact || engine->bounds_error)
+        return CTS_OK;
+    if ((st = cts_scene_init(&store, cts_frames_volume(frames), cts_frames_preset(frames), &asked, err)) ||
+        store.preset.mode != CTS_MODE_COMPOSITE)
+        return st;
+    asked.mm_per_pixel = store.scene.view.mm_per_pixel;
+    return plan_samples(frames, &asked, plan, report, err);
+}

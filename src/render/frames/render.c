@@ -1,0 +1,140 @@
+/* The public calls: settings, a plan that keeps the error asked for, frames in bands of rows. */
+#include "ctsplat/render.h"
+
+#include "render/frames/frames.h"
+#include "render/frames/pilot.h"
+#include <stdlib.h>
+
+void cts_render_defaults(CtsRenderSettings *settings)
+{
+    *settings = (CtsRenderSettings){
+        .width = 1024,
+        .height = 1024,
+        .engine = CTS_ENGINE_TILED,
+        .kernel = CTS_KERNEL_TENT,
+        .grey_bits = 16,
+        .mode = -1,
+    };
+}
+
+struct CtsRenderer {
+    CtsFrames *frames;
+    bool planned; /* plan holds what the first frame found, and all frames take it */
+    CtsPlan plan;
+};
+
+CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, const CtsPreset *preset,
+                           const CtsRenderSettings *settings, CtsError *err)
+{
+    CtsRenderer *r = *renderer = calloc(1, sizeof *r);
+    if (!r)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    const CtsStatus st = cts_frames_new(&r->frames, volume, preset, settings, err);
+    if (st)
+        cts_render_end(renderer);
+    return st;
+}
+
+void cts_render_end(CtsRenderer **renderer)
+{
+    if (!*renderer)
+        return;
+    cts_frames_free(&(*renderer)->frames);
+    free(*renderer);
+    *renderer = NULL;
+}
+
+/* least_lossy: as many pixels are verified where --void key has lost something. */
+static CtsStatus begin(CtsRenderer *r, const double view_deg[2], int least_lossy, CtsFrame *frame, CtsReport *report,
+                       CtsError *err)
+{
+    const CtsRenderSettings *s = cts_frames_settings(r->frames);
+    CtsStatus st;
+    *frame = (CtsFrame){0};
+    if (!r->planned && (st = cts_pilot_plan(r->frames, view_deg, &r->plan, report, err)))
+        return st;
+    r->planned = true;
+    const CtsFrameTask task = {
+        .azimuth_deg = view_deg[0],
+        .elevation_deg = view_deg[1],
+        .plan = r->plan,
+        .n_verified = s->verify,
+        .least_lossy = least_lossy,
+        .want_depth = s->want_depth,
+        .explain = s->explain,
+    };
+    return cts_frame_begin(frame, r->frames, &task, report, err);
+}
+
+CtsStatus cts_render_frame(CtsRenderer *r, double azimuth_deg, double elevation_deg, CtsPicture **picture,
+                           CtsReport *report, CtsError *err)
+{
+    const CtsRenderSettings *s = cts_frames_settings(r->frames);
+    CtsFrame frame;
+    *picture = NULL;
+    CtsStatus st = begin(r, (double[]){azimuth_deg, elevation_deg}, 0, &frame, report, err);
+    if (!st)
+        st = s->explain ? cts_frame_explain(&frame, report, err)
+                        : cts_frame_rows(&frame, 0, s->height, picture, report, err);
+    if ((st = cts_frame_end(&frame, st, report, err)))
+        cts_picture_free(picture);
+    return st;
+}
+
+static int choose_rows(const CtsRenderSettings *s, int max_rows)
+{
+    enum { BAND_BYTES = 128 << 20 };
+    const size_t row_bytes = (size_t)s->width * (s->want_depth ? 5 : 4) * sizeof(float);
+    size_t n = BAND_BYTES / row_bytes;
+    if (max_rows > 0 && (size_t)max_rows < n)
+        n = (size_t)max_rows;
+    n = n / CTS_BAND_ROWS * CTS_BAND_ROWS;
+    n = n > 0 ? n : CTS_BAND_ROWS;
+    return n < (size_t)s->height ? (int)n : s->height;
+}
+
+static CtsStatus render_band(CtsFrame *frame, int first_row, int n_rows, const CtsBandSink *sink, CtsReport *report,
+                             CtsError *err)
+{
+    CtsPicture *band = NULL;
+    const CtsVoxelCounts before = report ? report->voxels : (CtsVoxelCounts){0};
+    CtsStatus st = cts_frame_rows(frame, first_row, n_rows, &band, report, err);
+    /* Of the bands of one picture the one that needed most stands for all. */
+    if (report && first_row > 0 && before.splatted > report->voxels.splatted)
+        report->voxels = before;
+    if (!st)
+        st = sink->take(sink->context, band, err);
+    cts_picture_free(&band);
+    return st;
+}
+
+CtsStatus cts_render_bands(CtsRenderer *r, double azimuth_deg, double elevation_deg, const CtsBandSink *sink,
+                           CtsReport *report, CtsError *err)
+{
+    enum { KEY_PIXELS = 256 };
+    const CtsRenderSettings *s = cts_frames_settings(r->frames);
+    CtsFrame frame;
+    CtsStatus st = begin(r, (double[]){azimuth_deg, elevation_deg}, KEY_PIXELS, &frame, report, err);
+    if (!st && s->explain)
+        st = cts_frame_explain(&frame, report, err);
+    const int height = s->explain ? 0 : s->height, n_rows = choose_rows(s, sink->max_rows);
+    if (n_rows < height)
+        cts_report_skip(report, "whole picture",
+                        "made and written in bands of %d rows, to bound memory or tell how far it is%s", n_rows,
+                        cts_frames_engine(r->frames)->repeats_layers ? "; sheets are made again for each" : "");
+    for (int row = 0; row < height && !st; row += n_rows)
+        st = render_band(&frame, row, height - row < n_rows ? height - row : n_rows, sink, report, err);
+    return cts_frame_end(&frame, st, report, err);
+}
+
+CtsStatus cts_render(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
+                     CtsPicture **picture, CtsReport *report, CtsError *err)
+{
+    CtsRenderer *renderer;
+    *picture = NULL;
+    CtsStatus st = cts_render_begin(&renderer, volume, preset, settings, err);
+    if (!st)
+        st = cts_render_frame(renderer, settings->azimuth_deg, settings->elevation_deg, picture, report, err);
+    cts_render_end(&renderer);
+    return st;
+}
