@@ -1,36 +1,57 @@
 #!/bin/sh
 # The one-way flow, read off the #include lines: layering.sh SOURCE_ROOT
 #
-#     dicom -> volume -> table -> transfer -> scene -> splat, tiled or raycast -> render -> image -> export,
-#     with report, job, check, bench and cli on top
-#
-# A row: folder | headers of the tree it may include (a folder/ means all of it) | library headers.
-# Every folder may include its own headers, base/, and what `everywhere` lists: the C library, POSIX and, in C++,
-# the C++ library. A header that stands in neither is refused, known or not.
+# A row: room | rooms or headers of the tree that it may include | library headers.
+# Every room may include its own headers, base/, the public headers of PUBLIC that stand at its wing or before it, and
+# what `everywhere` lists: the C library, POSIX and, in C++, the C++ library. A header that stands in neither is
+# refused, known or not. The rows stand in the order of the flow: a room may only name rooms above its own, so there
+# are no circles. `!header` is such a circle that is still there; it is refused as soon as nothing includes it.
 set -eu
 
 table='
 include/ctsplat | ctsplat/ |
-src/base     | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h | openssl/ jansson.h dlfcn.h link.h
-src/dicom    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/series.h ctsplat/volume.h volume/assemble.h | zlib.h openjpeg.h openjph/ seccomp.h malloc.h zip.h
-src/volume   | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/series.h input/header/slice.h input/series/slice_stack.h core/volume/stored.h | immintrin.h emmintrin.h
-src/table    | ctsplat/status.h ctsplat/report.h ctsplat/table.h ctsplat/volume.h volume/ |
-src/transfer | ctsplat/status.h ctsplat/mixture.h ctsplat/preset.h ctsplat/volume.h | expat.h
-src/scene    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ core/transfer/lut.h |
-src/splat    | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ scene/ | immintrin.h
-src/tiled    | ctsplat/status.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ transfer/ scene/ | immintrin.h
-src/raycast  | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h volume/ scene/ |
-src/render   | ctsplat/status.h ctsplat/mixture.h ctsplat/report.h ctsplat/volume.h ctsplat/preset.h ctsplat/picture.h ctsplat/render.h ctsplat/reference.h volume/ transfer/ scene/ raycast/ |
-src/image    | ctsplat/status.h ctsplat/bounds.h ctsplat/annotate.h ctsplat/picture.h ctsplat/preset.h |
-src/export   | ctsplat/status.h ctsplat/bounds.h ctsplat/report.h ctsplat/picture.h ctsplat/export.h ctsplat/series.h ctsplat/state.h ctsplat/preset.h image/ output/objects/dcm_sc.h output/objects/dcm_state.h | png.h openexr.h zlib.h
-src/net      | ctsplat/status.h ctsplat/report.h ctsplat/net.h input/header/dcm_ids.h input/header/dcm_read.h | curl/ jansson.h
-src/report   | ctsplat/ | jansson.h png.h
-src/job      | ctsplat/ report/ |
-src/check    | ctsplat/ report/ |
-src/bench    | ctsplat/ report/ |
-src/contact  | ctsplat/ image/ | jansson.h webp/
-src/batch    | ctsplat/ report/ job/ contact/ | jansson.h
-src/cli      | ctsplat/ report/ job/ check/ bench/ batch/ contact/ | jansson.h png.h openexr_base.h expat.h
+src/base          | | openssl/ jansson.h dlfcn.h link.h seccomp.h malloc.h
+src/core/volume   | | immintrin.h emmintrin.h
+src/core/table    | core/volume/ |
+src/core/transfer | | expat.h
+src/core/scene    | core/volume/ core/transfer/lut.h |
+src/input/files   | !input/header/tag_scan.h !input/codec/decoder.h | zlib.h zip.h
+src/input/header  | core/volume/stored.h input/files/ !input/codec/decoder.h |
+src/input/codec   | input/files/ input/header/ | openjpeg.h openjph/
+src/input/series  | input/files/ input/header/ |
+src/input/load    | core/volume/ input/header/ input/series/ |
+src/engine/project | core/volume/ core/scene/ | immintrin.h
+src/engine/tiled  | core/volume/ core/transfer/ core/scene/ engine/project/project.h | immintrin.h
+src/engine/splat  | core/volume/ core/transfer/ core/scene/ | immintrin.h
+src/engine/raycast | core/volume/ core/scene/ |
+src/render/error  | core/scene/ engine/raycast/ |
+src/render/draft  | core/volume/ core/scene/ render/error/ |
+src/render/frames | core/scene/ render/error/ render/draft/ |
+src/output/image  | |
+src/output/objects | input/files/ input/header/ input/codec/ | openjpeg.h
+src/output/dcmtk  | input/header/ input/codec/ output/objects/ |
+src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h
+src/output/net    | input/header/ | curl/ jansson.h
+src/output/report | | jansson.h png.h
+src/lab/check     | output/report/ |
+src/lab/bench     | output/report/ |
+src/app/job       | |
+src/app/contact   | output/image/ | jansson.h webp/
+src/app/batch     | output/report/ app/job/ app/contact/ | jansson.h
+src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h openexr_base.h expat.h
+'
+# The public headers by the wing whose words they are, and the wings whose headers a wing may use.
+public='
+base | status bounds report | base
+core | mixture preset volume table picture render | base core
+input | series | base core input
+engine | | base core
+render | reference | base core render
+output | annotate export net state | base core input output
+lab | | base core input render output
+app | ctsplat | base core input render output app
+cli | | base core input render output app
+include | | base core input render output app
 '
 
 everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw inttypes libgen limits locale math
@@ -40,21 +61,40 @@ everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw inttypes l
 cxx=' algorithm array atomic cctype charconv cerrno climits cmath cstdarg cstddef cstdint cstdio cstdlib cstring exception functional
  limits map memory mutex new optional set shared_mutex stdexcept string string_view thread utility vector '
 
-# Prints every include that the table does not allow; silent when all is well.
+# Prints every include that the tables do not allow; silent when all is well.
 violations()
 {
     (cd "$1" && find src include -name '*.h' -o -name '*.c' -o -name '*.cc' -o -name '*.cpp' -o -name '*.hpp' | LC_ALL=C sort |
         xargs grep -nHE '^[[:blank:]]*#[[:blank:]]*include' /dev/null) |
-        awk -v table="$table" -v everywhere="$everywhere" -v cxx="$cxx" -v part_of_a_trial="${2-}" '
+        awk -v table="$table" -v public="$public" -v everywhere="$everywhere" -v cxx="$cxx" -v part_of_a_trial="${2-}" '
         BEGIN {
+            n = split(public, row, "\n")
+            for (r = 1; r <= n; r++) {
+                split(row[r], part, "|")
+                gsub(/ /, "", part[1])
+                m = split(part[2], words, " ")
+                for (i = 1; i <= m; i++)
+                    wing_of["ctsplat/" words[i] ".h"] = part[1]
+                seen_by[part[1]] = part[3]
+            }
             rows = split(table, row, "\n")
             for (r = 1; r <= rows; r++) {
                 split(row[r], part, "|")
                 folder = part[1]
                 gsub(/ /, "", folder)
+                if (folder == "")
+                    continue
                 own[folder] = part[2]
                 library[folder] = part[3]
+                n = split(part[2], words, " ")
+                for (i = 1; i <= n; i++)
+                    if (words[i] !~ /^!/ && words[i] != "ctsplat/" && words[i] != "app/" && !(room_of(words[i]) in own))
+                        print folder ": " words[i] " stands below its row, or nowhere"
             }
+        }
+        function room_of(header) {
+            sub(/\/[^\/]*$/, "", header)
+            return "src/" header
         }
         function listed(list, header,    n, i, words) {
             n = split(list, words, " ")
@@ -68,6 +108,12 @@ violations()
                 return listed(everywhere, substr(header, 1, length(header) - 2))
             return file ~ /\.(cc|hpp)$/ && listed(cxx, header)
         }
+        function is_public(header, folder,    wing) {
+            wing = folder
+            sub(/^src\//, "", wing)
+            sub(/\/.*/, "", wing)
+            return header in wing_of && listed(seen_by[wing], wing_of[header])
+        }
         {
             file = $0
             sub(/:.*/, "", file)
@@ -76,38 +122,34 @@ violations()
             match($0, /["<][^">]*[">]/)
             header = substr($0, RSTART + 1, RLENGTH - 2)
             quoted = substr($0, RSTART, 1) == "\""
-            name = folder
-            sub(/.*\//, "", name)
             seen[folder] = 1
-            if (!quoted)
-                used[folder] = used[folder] " " header
+            used[folder] = used[folder] " " (quoted ? "!" : "") header
             if (!(folder in own))
                 why = "has no row in the table"
             else if (quoted)
-                why = index(header, name "/") == 1 || index(header, "base/") == 1 && folder ~ /^src/ || listed(own[folder], header) \
-                    ? "" : "may not include it"
+                why = room_of(header) == folder || index(header, "base/") == 1 && folder ~ /^src/ || is_public(header, folder) || \
+                    listed(own[folder], header) || listed(own[folder], "!" header) ? "" : "may not include it"
             else if (header ~ /^dcmtk\//)
-                why = folder ~ /^src\/(dicom|net)$/ && file ~ /\.(cc|hpp)$/ ? "" : "DCMTK stays in the C++ of src/dicom and src/net"
+                why = folder ~ dcmtk && file ~ /\.(cc|hpp)$/ ? "" : "DCMTK stays in the C++ of its rooms"
             else
                 why = is_standard(header, file) || listed(library[folder], header) ? "" : "may not use that library"
-            if (file ~ /\.(cc|cpp|hpp)$/ && folder !~ /^src\/(dicom|net)$/)
-                why = "C++ stays in src/dicom and src/net"
-            if (header ~ /^dicom\/slice/ && folder == "src/volume" && file !~ /\/assemble\.[ch]$/)
-                why = "only assemble.c may know slices"
+            if (file ~ /\.(cc|cpp|hpp)$/ && folder !~ dcmtk)
+                why = "C++ stays in the rooms of DCMTK"
             if (why != "")
                 print $0 ": " why
         }
         # Rows for what is not there would let it in unseen.
         END {
             for (folder in own) {
-                if (folder != "" && !(folder in seen) && !part_of_a_trial)
+                if (!(folder in seen) && !part_of_a_trial)
                     print folder ": has a row but no file"
-                n = split(library[folder], allowed, " ")
+                n = split(library[folder] " " own[folder], allowed, " ")
                 for (i = 1; i <= n && folder in seen && !part_of_a_trial; i++)
-                    if (!index(used[folder], " " allowed[i]))
+                    if (allowed[i] ~ /^!/ ? !listed(used[folder], allowed[i]) : \
+                        !index(used[folder], " " allowed[i]) && !index(used[folder], " !" allowed[i]))
                         print folder ": " allowed[i] " stands in its row, but nothing includes it"
             }
-        }'
+        }' dcmtk='^src/(input/(header|codec)|output/(objects|net))$'
 }
 
 # breach FOLDER/FILE INCLUDE: the check must see this one
@@ -125,19 +167,26 @@ breach()
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 breach src/base/a.c '"core/scene/view.h"'
-breach src/splat/a.c '"input/header/slice.h"'
-breach src/raycast/a.c '"engine/splat/sheet.h"'
-breach src/raycast/a.c '"core/transfer/lut.h"'
+breach src/engine/splat/a.c '"input/header/slice.h"'
+breach src/engine/splat/a.c '"ctsplat/series.h"'
+breach src/core/volume/a.c '"ctsplat/export.h"'
+breach src/core/volume/a.c '"core/table/body.h"'
+breach src/engine/raycast/a.c '"engine/splat/sheet.h"'
+breach src/engine/raycast/a.c '"core/transfer/lut.h"'
 breach src/cli/a.c '"core/scene/engine.h"'
-breach src/tiled/a.c '"engine/splat/sheet.h"'
-breach src/splat/a.c '"engine/tiled/slab.h"'
-breach src/core/volume/crop.c '"input/header/slice.h"'
-breach src/export/a.c '<dcmtk/dcmdata/dctk.h>'
-breach src/dicom/a.c '<dcmtk/dcmdata/dctk.h>'
-breach src/splat/a.c '<png.h>'
+breach src/engine/tiled/a.c '"engine/splat/sheet.h"'
+breach src/engine/splat/a.c '"engine/tiled/slab.h"'
+breach src/input/files/a.c '"input/series/slice_stack.h"'
+breach src/input/header/a.c '"input/load/resample.h"'
+breach src/render/error/a.c '"render/frames/frames.h"'
+breach src/output/export/a.c '"app/job/job.h"'
+breach src/output/export/a.c '<dcmtk/dcmdata/dctk.h>'
+breach src/input/header/a.c '<dcmtk/dcmdata/dctk.h>'
+breach src/input/files/a.cc '<dcmtk/dcmdata/dctk.h>'
+breach src/engine/splat/a.c '<png.h>'
 breach src/base/a.c '<no-such-library.h>'
-breach src/dicom/a.c '<vector>'
-breach src/splat/a.cc '<cmath>'
+breach src/input/header/a.c '<vector>'
+breach src/engine/splat/a.cc '<cmath>'
 breach src/other/a.c '<math.h>'
 breach include/ctsplat/a.h '"base/mem.h"'
 

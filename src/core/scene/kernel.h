@@ -1,5 +1,5 @@
 /* What every engine agrees on about a reconstruction kernel: its name and where it ends. Its weights are written down
- * twice on purpose, in engine/splat/footprint.c and in engine/raycast/kernel_field.c, so that one can judge the other. */
+ * twice on purpose, in engine/splat/footprint.c and engine/raycast/kernel_field.c, so that one can judge the other. */
 #ifndef CTS_SCENE_KERNEL_H
 #define CTS_SCENE_KERNEL_H
 
