@@ -7,7 +7,7 @@ texts()
 {
     (cd "$1" && find . \( -name '.git' -o -name 'build*' -o -path './out' -o -path './testdata' \) -prune -o \
         -type f \( -name '*.c' -o -name '*.cc' -o -name '*.h' -o -name '*.py' -o -name '*.sh' -o -name '*.md' -o \
-        -name '*.build' -o -name '*.1' -o -name '*.5' -o -name '*.txt' -o -name '*.json' -o -name '*.in' -o -name '*.js' -o \
+        -name '*.build' -o -name '*.1' -o -name '*.5' -o -name '*.7' -o -name '*.txt' -o -name '*.json' -o -name '*.in' -o -name '*.js' -o \
         -name '*.css' -o -name '*.awk' -o -name '*.bash' -o -name '*.sbatch' -o -name ctsplat-node -o \
         -name dev -o -name run \) -print | LC_ALL=C sort)
 }
@@ -16,7 +16,7 @@ texts()
 marks='TO''DO|FIX''ME|(^|[^X])XX''X([^X]|$)|not built ''yet|place''holder|for ''now'
 paths='(^|[^a-zA-Z0-9_.])/(wo''rk|fa''rm|ro''ot|ho''me)/'
 fast='fast''-math|O''fast'
-# Documents that are not in the tree: what they say stands in ctsplat(1).
+# Documents that are not in the tree: what they say stands in the manual pages.
 outside='(^|[^A-Za-z_])(INTER''FACE|ALGO''RITHMS|CONVEN''TIONS|FAU''LTS)([^A-Za-z_]|$)'
 
 violations()

@@ -4,10 +4,10 @@ ok render "$data/phantom" --size 200x200 -o a.png --log log --threads 2
 ok render "$data/phantom" --size 200x200 -o b.png --log log --threads 1 --engine classic --verify 20
 ok render "$data/phantom" --size 20x20 -o c.png --log -
 grep '"event"' err >log2
-"$python" - log log2 <<'PY' || fail "the log"
-import json, sys
+"$python" - "$root" log log2 <<'PY' || fail "the log"
+import json, pathlib, re, sys
 runs, run = [], []
-for name in sys.argv[1:]:
+for name in sys.argv[2:]:
     for line in open(name):
         event = json.loads(line)
         assert isinstance(event["t_ms"], float) and event["t_ms"] >= 0, event
@@ -24,7 +24,18 @@ fields = {
     "error": {"pixels", "rmse", "rmse_low", "rmse_high", "psnr_db", "p999", "max", "share", "share_high", "cpu_ms", "picture_cpu_ms",
               "cost"},
     "output": {"path", "format", "bytes"}, "done": {"wall_ms", "cpu_ms", "serial_ms", "peak_rss_bytes", "threads",
-    "threads_why"}}
+    "threads_why"}, "failed": {"exit_code", "message"}}
+# The manual tells all of them, and the source knows no more.
+root = pathlib.Path(sys.argv[1])
+source = (root / "src/output/report/log.c").read_text()
+written = re.findall(r'new_event\(log, "(\w+)"|"event", "(\w+)"', source)
+assert {a or b for a, b in written} == set(fields), written
+section = (root / "man/ctsplat.1").read_text().split(".SH TIMING LOG")[1].split("\n.SH ")[0]
+entries = dict(re.findall(r"\.TP\n\.B (\w+)\n(.*?)(?=\n\.TP|\Z)", section, re.S))
+assert set(entries) == set(fields), set(entries) ^ set(fields)
+for event, names in fields.items():
+    told = set(re.findall(r"\w+", entries[event]))
+    assert names <= told, (event, names - told)
 stages = "scan decode grey classify footprint splat composite shade warp export".split()
 for run in runs:
     for event in run:

@@ -1,6 +1,6 @@
 /* The tiled engine: the paper's idea taken to its limit. Sheets are sampled only where the final pixels' rays cross
  * them (so no warp), macro-cells that cannot be seen are skipped, the slab between two sheets is integrated exactly,
- * and a packet of pixels ends when it is opaque. ctsplat(1), METHODS, has the mathematics. */
+ * and a packet of pixels ends when it is opaque. ctsplat-methods(7) has the mathematics. */
 #include "core/scene/engine.h"
 
 #include "base/clock.h"
