@@ -1,34 +1,27 @@
-/* A folder of CT slices becomes a picture: example FOLDER FILE.png
+/* A folder of CT slices becomes a picture, the one that `ctsplat render` makes: example FOLDER FILE.png
  * cc example.c -o example $(pkg-config --cflags --libs ctsplat) */
 #include <ctsplat/ctsplat.h>
 #include <stdio.h>
 
 int main(int argc, char **argv)
 {
-    CtsError err = {CTS_ERR_USAGE, "example FOLDER FILE.png"};
-    CtsSeriesList *list = NULL;
-    const CtsSeries *series;
-    CtsVolume *volume = NULL;
-    CtsPicture *picture = NULL;
-    CtsPreset preset;
-    CtsRenderSettings settings;
-    const CtsExportSettings as_asked = {.force = true};
-
-    cts_render_defaults(&settings);
-    settings.fit = CTS_FIT_VISIBLE;
-    int failed = argc != 3 || cts_preset_load("bone", &preset, &err) ||
-                 cts_series_find((const char *const *)argv + 1, 1, 0, &list, NULL, &err) ||
-                 cts_series_choose(list, NULL, &series, &err) || cts_series_load(series, 0, &volume, NULL, &err) ||
-                 cts_volume_remove_table(volume, 0, NULL, &err) ||
-                 cts_render(volume, &preset, &settings, &picture, NULL, &err);
-    if (!failed) {
-        cts_picture_over(picture, preset.background, 0);
-        failed = cts_export((const CtsPicture *const *)&picture, 1, argv[2], &as_asked, NULL, NULL, &err);
+    if (argc != 3) {
+        fprintf(stderr, "example FOLDER FILE.png\n");
+        return 2;
     }
-    if (failed)
+    const CtsWord words[] = {
+        {"path", argv[1], NULL},
+        {"output", argv[2], NULL},
+        {"force", "", NULL},
+    };
+    CtsError err;
+    CtsReport report = {0};
+    const CtsStatus status = cts_words_run(words, 3, NULL, NULL, &report, &err);
+    for (size_t i = 0; i < report.findings.n; i++)
+        if (report.findings.items[i].severity == CTS_WARNING)
+            fprintf(stderr, "warning: %s\n", report.findings.items[i].text);
+    if (status)
         fprintf(stderr, "%s\n", err.text);
-    cts_picture_free(&picture);
-    cts_volume_free(&volume);
-    cts_series_list_free(&list);
-    return failed;
+    cts_report_free(&report);
+    return status != CTS_OK;
 }

@@ -6,6 +6,7 @@
 #include "ctsplat/annotate.h"
 #include "ctsplat/bounds.h"
 #include "ctsplat/export.h"
+#include "ctsplat/job.h"
 #include "ctsplat/mixture.h"
 #include "ctsplat/net.h"
 #include "ctsplat/picture.h"

@@ -15,10 +15,11 @@ extern "C" {
 #endif
 #pragma GCC visibility push(default)
 
-/* What ctsplat was told besides the preset, in its own words: an option's name and its argument. */
-typedef struct CtsStateOption {
-    const char *name, *value; /* value is "" for an option without an argument */
-} CtsStateOption;
+/* One thing that ctsplat is told, in its own words: an option's name and its argument (ctsplat/job.h). from: who says
+ * so, such as a file, for messages; NULL: the caller. */
+typedef struct CtsWord {
+    const char *name, *value, *from;
+} CtsWord;
 
 /* A picture as it was made. The standard's attributes say what they can say of it; preset and options stand beside them
  * in private ones, to the last bit. */
@@ -29,9 +30,9 @@ typedef struct CtsStateScene {
     bool shaded, cropped;
     double crop_low_lps[3], crop_high_lps[3];
     const CtsSeries *source;
-    const char *capture; /* the .dcm of the picture, or NULL */
-    const CtsStateOption *options;
-    int n_options;
+    const char *capture;  /* the .dcm of the picture, or NULL */
+    const CtsWord *words; /* what ctsplat was told besides the preset; n_words */
+    int n_words;
 } CtsStateScene;
 
 /* Written whole or not at all. CTS_ERR_OUTPUT where path exists, without force. The UIDs follow from the scene. */
@@ -39,9 +40,9 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
 
 typedef struct CtsState {
     CtsPreset preset;
-    CtsStateOption *options;
-    int n_options;
-    char *text; /* what the options point into */
+    CtsWord *words;
+    int n_words;
+    char *text; /* what the words point into */
 } CtsState;
 
 /* CTS_ERR_READ for what is no such object, or none that ctsplat wrote. */

@@ -1,9 +1,9 @@
 /* ctsplat bench: error against run time, for each engine and setting on one series. */
 #include "lab/bench/bench.h"
 #include "cli/interrupt.h"
-#include "cli/job_options.h"
+#include "app/words/words_job.h"
 #include "cli/message.h"
-#include "cli/options.h"
+#include "cli/commands.h"
 #include "cli/progress.h"
 #include "cli/terminal_watch.h"
 #include "output/report/text_table.h"
@@ -14,13 +14,13 @@
 #include <string.h>
 #include <sys/stat.h>
 
-static CtsStatus make_folder(const CliOptions *options, CtsError *err)
+static CtsStatus make_folder(const CtsOptions *options, CtsError *err)
 {
     if (!options->output_dir)
         return cts_fail(err, CTS_ERR_USAGE, "bench: -O DIR is needed, for bench.jsonl and report.html");
     if (mkdir(options->output_dir, 0777) && errno != EEXIST)
         return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", options->output_dir, strerror(errno));
-    return cts_bench_check_writable(options->output_dir, options->force, err);
+    return cts_bench_check_writable(options->output_dir, options->export.force, err);
 }
 
 static void add_row(CtsTable *table, const CtsBenchRow *r)
@@ -76,7 +76,7 @@ static void print_table(const CtsBenchRows *rows)
                      cts_kernel_names[rows->rows[i].kernel], rows->rows[i].why);
 }
 
-CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
+CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     CtsStatus st;
@@ -91,7 +91,7 @@ CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
         goto end;
     CliWatch seen = {0};
     const CtsWatch watch = cli_watch(&seen);
-    CtsSource source = cli_source(options, preset);
+    CtsSource source = cts_options_source(options, preset);
     source.linear = true; /* what is measured is the engines on the voxels as they are */
     st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_interrupt_asks();
@@ -105,7 +105,7 @@ CtsStatus cli_bench(const CliOptions *options, int *exit_code, CtsError *err)
     /* What was measured is written also when the rest was not wanted any more. */
     if (!st || st == CTS_ERR_INTERRUPTED) {
         CtsError why;
-        const CtsStatus written = cts_bench_write(&rows, options->output_dir, options->force, &why);
+        const CtsStatus written = cts_bench_write(&rows, options->output_dir, options->export.force, &why);
         print_table(&rows);
         if (written && !st) {
             *err = why;

@@ -3,7 +3,7 @@
 #include "lab/check/check.h"
 #include "lab/check/plot.h"
 #include "cli/interrupt.h"
-#include "cli/options.h"
+#include "cli/commands.h"
 #include "cli/print_json.h"
 #include <math.h>
 #include <stdio.h>
@@ -81,7 +81,7 @@ static CtsStatus print_json(const Results *results, CtsError *err)
     return cli_print_json(json_pack("{s:o}", "cases", cases), err);
 }
 
-CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err)
+CtsStatus cli_check(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     CtsStatus st;
     int n_cases, n_failed;
@@ -97,7 +97,7 @@ CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err)
     const char *dot = options->plot ? strrchr(options->plot, '.') : NULL;
     if (options->plot && (!dot || strcasecmp(dot, ".svg")))
         return cts_fail(err, CTS_ERR_USAGE, "--plot %s: its name must end in .svg", options->plot);
-    if (options->plot && (st = cts_file_check_writable(options->plot, options->force, err)))
+    if (options->plot && (st = cts_file_check_writable(options->plot, options->export.force, err)))
         return st;
     if ((st = cts_check_run(&settings, &n_cases, &n_failed, err)))
         goto end;
@@ -110,7 +110,7 @@ CtsStatus cli_check(const CliOptions *options, int *exit_code, CtsError *err)
     else
         printf("%d cases, %d failed\n", n_cases, n_failed);
     if (!st && options->plot)
-        st = cts_check_plot(results.items, results.n, options->plot, options->force, err);
+        st = cts_check_plot(results.items, results.n, options->plot, options->export.force, err);
     if (n_failed)
         *exit_code = 1;
 end:

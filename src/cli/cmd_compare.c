@@ -1,5 +1,5 @@
 /* ctsplat compare: how far two pictures are apart; exit 0 when equal to the bit, 1 when not. */
-#include "cli/options.h"
+#include "cli/commands.h"
 #include "cli/print_json.h"
 #include <math.h>
 #include <stdio.h>
@@ -27,16 +27,16 @@ static void print_as_text(const CtsDifference *d)
     printf("%s\n", d->equal ? "equal to the bit" : "not equal");
 }
 
-CtsStatus cli_compare(const CliOptions *options, int *exit_code, CtsError *err)
+CtsStatus cli_compare(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     CtsStatus st;
     CtsPicture *a = NULL, *b = NULL;
     CtsDifference difference;
-    if ((st = cts_picture_read(options->operands[0], &a, err)) ||
-        (st = cts_picture_read(options->operands[1], &b, err)))
+    if ((st = cts_picture_read(options->paths.items[0], &a, err)) ||
+        (st = cts_picture_read(options->paths.items[1], &b, err)))
         goto end;
     if ((st = cts_picture_compare(a, b, &difference, err))) {
-        cts_context(err, "%s, %s", options->operands[0], options->operands[1]);
+        cts_context(err, "%s, %s", options->paths.items[0], options->paths.items[1]);
         goto end;
     }
     *exit_code = difference.equal ? 0 : 1;

@@ -1,5 +1,5 @@
 /* ctsplat info: headers of every series, and the HU range of those that can be rendered. */
-#include "cli/options.h"
+#include "cli/commands.h"
 #include "cli/progress.h"
 #include "output/report/info.h"
 #include <stdio.h>
@@ -19,10 +19,10 @@ static CtsStatus read_pixels(const CtsSeries *series, int n_threads, CtsPixelFac
 {
     CtsReport report = {0};
     CtsError why = {0};
-    CtsScanned *scanned = NULL;
-    CtsStatus st = cts_series_measure(series, n_threads, &scanned, &report, &why);
+    CtsVolume *volume = NULL;
+    CtsStatus st = cts_series_measure(series, n_threads, &volume, &report, &why);
     if (!st) {
-        cts_pixel_facts(facts, scanned->even);
+        cts_pixel_facts(facts, volume);
     } else if (st == CTS_ERR_MEMORY || st == CTS_ERR_INTERRUPTED || st == CTS_ERR_INTERNAL) {
         *err = why;
     } else {
@@ -36,18 +36,18 @@ static CtsStatus read_pixels(const CtsSeries *series, int n_threads, CtsPixelFac
         if (!has_finding(&series->findings, f) && !has_finding(&facts->findings, f))
             cts_findings_add(&facts->findings, f->code, f->severity, "%s", f->text);
     }
-    cts_scanned_free(&scanned);
+    cts_volume_free(&volume);
     cts_report_free(&report);
     return st;
 }
 
-CtsStatus cli_info(const CliOptions *options, int *exit_code, CtsError *err)
+CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     CtsStatus st;
     CtsSeriesList *list = NULL;
     CtsPixelFacts *facts = NULL;
-    if ((st = cts_series_find(options->operands, options->n_operands, options->render.n_threads, &list, NULL, err)))
+    if ((st = cts_series_find(options->paths.items, options->paths.n, options->render.n_threads, &list, NULL, err)))
         goto end;
     facts = calloc(list->n + 1, sizeof *facts);
     if (!facts) {

@@ -1,8 +1,8 @@
 /* ctsplat presets: the list of them, one in full, or what a volume proposes for one. */
 #include "cli/interrupt.h"
-#include "cli/job_options.h"
+#include "app/words/words_job.h"
 #include "cli/message.h"
-#include "cli/options.h"
+#include "cli/commands.h"
 #include "cli/print_json.h"
 #include "cli/progress.h"
 #include "cli/terminal_watch.h"
@@ -105,7 +105,7 @@ static void print_one(const CtsPreset *p)
 }
 
 /* The tissues of the volume that render would work on, and the key for the preset. */
-static CtsStatus propose(const CliOptions *options, const CtsPreset *preset, CtsError *err)
+static CtsStatus propose(const CtsOptions *options, const CtsPreset *preset, CtsError *err)
 {
     CtsStatus st;
     CtsLoaded loaded = {.list = NULL};
@@ -115,7 +115,7 @@ static CtsStatus propose(const CliOptions *options, const CtsPreset *preset, Cts
     CtsVoidKey key;
     CliWatch seen = {0};
     const CtsWatch watch = cli_watch(&seen);
-    CtsSource source = cli_source(options, preset);
+    CtsSource source = cts_options_source(options, preset);
     source.paths = &options->propose;
     source.n_paths = 1;
     source.linear = true;
@@ -140,11 +140,11 @@ end:
     return st;
 }
 
-CtsStatus cli_presets(const CliOptions *options, int *exit_code, CtsError *err)
+CtsStatus cli_presets(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     CtsStatus st = CTS_OK;
-    if (!options->propose && (options->series_uid || options->crop_given || options->render.n_threads ||
+    if (!options->propose && (options->series_uid || options->crop.given || options->render.n_threads ||
                               options->remove_table != CTS_AS_PRESET))
         return cts_fail(err, CTS_ERR_USAGE,
                         "presets: --series, --crop, --remove-table and --threads go with --propose PATH alone");
@@ -155,8 +155,8 @@ CtsStatus cli_presets(const CliOptions *options, int *exit_code, CtsError *err)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         goto end;
     }
-    if (options->n_operands || options->propose) {
-        if ((st = cts_preset_load(options->n_operands ? options->operands[0] : options->preset, preset, err)))
+    if (options->paths.n || options->propose) {
+        if ((st = cts_preset_load(options->paths.n ? options->paths.items[0] : options->preset, preset, err)))
             goto end;
         if (preset->note[0])
             cli_warning("preset %s: left out: %s", preset->name, preset->note);

@@ -1,15 +1,16 @@
 /* ctsplat render: the command line as a job, its progress, its log and what it prints. */
+#include "app/words/word_lists.h"
+#include "app/words/words_job.h"
+#include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/meter.h"
+#include "cli/commands.h"
 #include "cli/interrupt.h"
-#include "cli/job_options.h"
 #include "cli/message.h"
-#include "cli/options.h"
+#include "cli/option_names.h"
 #include "cli/progress.h"
-#include "cli/remote.h"
 #include "cli/standard_output.h"
 #include "cli/terminal_watch.h"
-#include "cli/words.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -68,28 +69,31 @@ static void print_verified(const CtsReport *report)
 }
 
 /* All that comes before the job: what happens from here on, the log tells. */
-static CtsStatus begin(const CliOptions *options, CtsLog **log, CtsPreset *preset, CtsJob *job,
-                       CliStandardOutput *standard_output, CtsError *err)
+static CtsStatus begin(const CtsOptions *options, CtsLog *log, CtsPreset *preset, CtsJob *job,
+                       CliStandardOutput *standard_output, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     int fd;
-    const char *words;
+    const char *last_words;
     size_t n;
-    if ((st = cts_log_open(log, options->log, options->start_ms, err)))
-        return st;
-    cts_log_run(*log, options->command, NULL);
-    if (cts_log_last_words(*log, &fd, &words, &n))
-        cli_interrupt_says(fd, words, n);
-    if ((st = cli_job(options, preset, job, err)) ||
+    char command[512] = "render", lists[CTS_WORD_LISTS_MAX];
+    cts_options_command(options, command + strlen(command), sizeof command - strlen(command));
+    cts_log_run(log, command, NULL);
+    if (cts_log_last_words(log, &fd, &last_words, &n))
+        cli_interrupt_says(fd, last_words, n);
+    if (!options->outputs.n && !options->render.explain)
+        return cts_fail(err, CTS_ERR_USAGE, "render: no output (give -o FILE, ending in %s)",
+                        cts_word_lists("{outputs}", lists));
+    if ((st = cts_options_one_job(options, preset, job, report, err)) ||
         (st = cli_standard_output_begin(standard_output, options, job, err)))
         return st;
-    if (options->from_given)
+    if (options->from.given)
         cli_interrupt_asks(); /* from now on there is a folder to clear away */
     return CTS_OK;
 }
 
 /* All that comes after it: what stdout and a peer are given, and what is told. */
-static CtsStatus hand_over(const CliOptions *options, CtsLog *log, const CtsJob *job,
+static CtsStatus hand_over(const CtsOptions *options, CtsLog *log, const CtsJob *job,
                            const CliStandardOutput *standard_output, const CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -104,10 +108,10 @@ static CtsStatus hand_over(const CliOptions *options, CtsLog *log, const CtsJob 
             return st;
         cts_log_output(log, "-", standard_output->format, bytes);
     }
-    return cli_send(options, err);
+    return cts_options_send(options, err);
 }
 
-static CtsStatus end_log(const CliOptions *options, CtsLog *log, const CtsReport *report, CtsStatus st, CtsError *err)
+static CtsStatus end_log(const CtsOptions *options, CtsLog *log, const CtsReport *report, CtsStatus st, CtsError *err)
 {
     CtsError log_err;
     cts_log_report(log, report);
@@ -122,7 +126,7 @@ static CtsStatus end_log(const CliOptions *options, CtsLog *log, const CtsReport
     return log_st;
 }
 
-CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
+CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     CtsJob job;
@@ -133,8 +137,10 @@ CtsStatus cli_render(const CliOptions *options, int *exit_code, CtsError *err)
     if (!preset)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     /* From the first to the last: what is no stage's own is the last one's. */
-    const CtsMeter whole = {.wall_ms = options->start_ms};
-    CtsStatus st = begin(options, &log, preset, &job, &standard_output, err);
+    const CtsMeter whole = {.wall_ms = cts_wall_ms()};
+    CtsStatus st = cts_log_open(&log, options->log, whole.wall_ms, err);
+    if (!st)
+        st = begin(options, log, preset, &job, &standard_output, &report, err);
     cts_meter_stop(whole, &report, CTS_STAGE_SCAN);
     if (!st) {
         CliWatch seen = {.log = log, .told_later = standard_output.path};

@@ -1,6 +1,8 @@
 /* --help, printed from the tables. */
-#include "cli/options.h"
-#include "cli/words.h"
+#include "cli/help.h"
+
+#include "app/words/word_lists.h"
+#include "cli/commands.h"
 
 #include <stdio.h>
 #include <string.h>
@@ -39,9 +41,9 @@ static void print_entry(const char *left, const char *right)
 }
 
 /* The range, where a setting has one, and the default. */
-static void append_range(const CliOption *o, char *text, size_t size)
+static void append_range(const CtsOption *o, char *text, size_t size)
 {
-    const CtsBounds *b = cli_bounds(o);
+    const CtsBounds *b = cts_option_bounds(o);
     size_t n = strlen(text);
     if (b)
         n +=
@@ -52,15 +54,15 @@ static void append_range(const CliOption *o, char *text, size_t size)
         snprintf(text + n, size - n, ")");
 }
 
-static void print_option(const CliOption *o)
+static void print_option(const CtsOption *o)
 {
-    char left[128], right[2 * CLI_WORDS_MAX] = "", help[CLI_WORDS_MAX];
+    char left[128], right[2 * CTS_WORD_LISTS_MAX] = "", help[CTS_WORD_LISTS_MAX];
     snprintf(left, sizeof left, "  %c%c%s--%s%s%s", o->letter ? '-' : ' ', o->letter ? o->letter : ' ',
              o->letter ? ", " : "  ", o->name, o->argument ? " " : "", o->argument ? o->argument : "");
     size_t n = 0;
-    for (int i = 0; o->kind == CLI_CHOICE && i < o->n_choices; i++)
+    for (int i = 0; !strncmp(o->argument ? o->argument : "", "NAME", 4) && i < o->n_choices; i++)
         n += (size_t)snprintf(right + n, sizeof right - n, "%s%s", o->choices[i], i + 1 < o->n_choices ? " " : "; ");
-    snprintf(right + n, sizeof right - n, "%s", cli_words(o->help, help));
+    snprintf(right + n, sizeof right - n, "%s", cts_word_lists(o->help, help));
     append_range(o, right, sizeof right);
     print_entry(left, right);
 }
@@ -87,7 +89,7 @@ void cli_help_command(int command)
     printf("Usage: ctsplat %s %s\n", c->name, c->usage);
     print_wrapped(c->summary, 0);
     printf("\nOptions:\n");
-    for (const CliOption *o = cli_options; o->name; o++)
-        if (o->commands >> command & 1)
+    for (const CtsOption *o = cts_options; o->name; o++)
+        if (cts_option_is_of(o, (CtsCommand)command))
             print_option(o);
 }

@@ -1,62 +1,48 @@
 /* ctsplat: looks up the command, runs it, turns its status into an exit code and at most one error line. */
 #include "base/exit_code.h"
+#include "base/near_word.h"
+#include "cli/arguments.h"
+#include "cli/commands.h"
+#include "cli/help.h"
 #include "cli/interrupt.h"
 #include "cli/message.h"
-#include "cli/options.h"
 #include "cli/version.h"
 #include <errno.h>
-#include <limits.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
 
-/* In the order of CLI_INFO... */
-const CliCommand cli_commands[CLI_N_COMMANDS] = {
-    {"info", "PATH... [--json]", "Tell what series PATH holds and whether they can be rendered.", 1, INT_MAX, "PATH",
-     cli_info},
-    {"render", "PATH... -o FILE [-o FILE]... [options]", "Render a series as PNG, OpenEXR or DICOM.", 1, INT_MAX,
-     "PATH", cli_render},
-    {"batch", "PATH... -O DIR [options]", "Render every series with every preset and view; can be stopped and resumed.",
-     0, INT_MAX, "PATH", cli_batch},
-    {"bench", "PATH... -O DIR [options]", "Measure error against run time for each engine and setting on a series.", 1,
-     INT_MAX, "PATH", cli_bench},
-    {"check", "[--json]", "Run the numerical stability suite.", 0, 0, "", cli_check},
-    {"compare", "A B [--json]", "Compare two pictures of the same size; exit 0 when equal to the bit, 1 when not.", 2,
-     2, "a picture", cli_compare},
-    {"presets", "[NAME or FILE] [--propose PATH] [--json]",
-     "List the presets, show one, or find the tissues of a volume and which of them one does not show.", 0, 1, "NAME",
-     cli_presets},
-};
-
-static int find_command(const char *name)
+/* The place of a command, CLI_N_COMMANDS for none. */
+static int find_command(const char *name, CtsError *err)
 {
-    for (int c = 0; c < CLI_N_COMMANDS; c++)
-        if (!strcmp(name, cli_commands[c].name))
+    const char *names[CLI_N_COMMANDS];
+    char list[256] = "";
+    for (int c = 0; c < CLI_N_COMMANDS; c++) {
+        names[c] = cli_commands[c].name;
+        if (!strcmp(name, names[c]))
             return c;
-    return -1;
+        strncat(list, " ", sizeof list - strlen(list) - 1);
+        strncat(list, names[c], sizeof list - strlen(list) - 1);
+    }
+    cts_fail(err, CTS_ERR_USAGE, "%s: not one of:%s%s (see ctsplat --help)", name, list,
+             cts_near_name(name, strlen(name), names, CLI_N_COMMANDS).text);
+    return CLI_N_COMMANDS;
 }
 
 static CtsStatus run_command(int argc, const char *const *argv, int *exit_code, CtsError *err)
 {
-    CtsStatus st;
-    CliOptions options;
-    const int command = find_command(argv[0]);
-    if (command < 0) {
-        char names[256] = "";
-        for (int c = 0; c < CLI_N_COMMANDS; c++) {
-            strncat(names, " ", sizeof names - strlen(names) - 1);
-            strncat(names, cli_commands[c].name, sizeof names - strlen(names) - 1);
-        }
-        return cts_fail(err, CTS_ERR_USAGE, "%s: not one of:%s (see ctsplat --help)", argv[0], names);
-    }
-    if ((st = cli_options_parse(&options, command, argc, argv, err)))
-        goto end;
-    if (options.help)
+    CtsOptions options;
+    const int command = find_command(argv[0], err);
+    if (command == CLI_N_COMMANDS)
+        return err->status;
+    cts_options_begin(&options);
+    options.net.stop = options.render.stop = &cli_stop;
+    CtsStatus st = cli_arguments(&options, command, argc, argv, err);
+    if (!st && options.help)
         cli_help_command(command);
-    else
+    else if (!st)
         st = cli_commands[command].run(&options, exit_code, err);
-end:
-    cli_options_free(&options);
+    cts_options_free(&options);
     return st;
 }
 

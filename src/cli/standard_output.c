@@ -13,7 +13,7 @@ static bool is_standard_output(const char *output)
     return !strcmp(output, "-");
 }
 
-static CtsStatus check(const CliOptions *options, int n, CtsError *err)
+static CtsStatus check(const CtsOptions *options, int n, CtsError *err)
 {
     if (n == 0 && options->format)
         return cts_fail(err, CTS_ERR_USAGE, "--format %s: says what -o - writes, and no output is -",
@@ -49,24 +49,24 @@ static CtsStatus make_folder(CliStandardOutput *to, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cli_standard_output_begin(CliStandardOutput *to, const CliOptions *options, CtsJob *job, CtsError *err)
+CtsStatus cli_standard_output_begin(CliStandardOutput *to, const CtsOptions *options, CtsJob *job, CtsError *err)
 {
     int n = 0;
-    for (int i = 0; i < options->n_outputs; i++)
-        n += is_standard_output(options->outputs[i]);
+    for (int i = 0; i < options->outputs.n; i++)
+        n += is_standard_output(options->outputs.items[i]);
     CtsStatus st = check(options, n, err);
     if (st || n == 0 || options->render.explain)
         return st;
     if ((st = make_folder(to, err)))
         return st;
     to->format = options->format->name;
-    to->outputs = calloc((size_t)options->n_outputs, sizeof *to->outputs);
+    to->outputs = calloc((size_t)options->outputs.n, sizeof *to->outputs);
     if (!to->outputs || asprintf(&to->path, "%s/picture.%s", to->folder, to->format) < 0) {
         to->path = NULL;
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
-    for (int i = 0; i < options->n_outputs; i++)
-        to->outputs[i] = is_standard_output(options->outputs[i]) ? to->path : options->outputs[i];
+    for (int i = 0; i < options->outputs.n; i++)
+        to->outputs[i] = is_standard_output(options->outputs.items[i]) ? to->path : options->outputs.items[i];
     job->outputs.paths = to->outputs;
     return CTS_OK;
 }

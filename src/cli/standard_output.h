@@ -3,8 +3,8 @@
 #ifndef CTS_CLI_STANDARD_OUTPUT_H
 #define CTS_CLI_STANDARD_OUTPUT_H
 
-#include "cli/options.h"
-#include "app/job/job.h"
+#include "app/job/render_job.h"
+#include "app/words/options.h"
 
 typedef struct CliStandardOutput {
     char *folder, *path; /* NULL: nothing goes there */
@@ -13,7 +13,7 @@ typedef struct CliStandardOutput {
 } CliStandardOutput;
 
 /* Does nothing where no output is -. Free with cli_standard_output_end(), also after a failure. */
-CtsStatus cli_standard_output_begin(CliStandardOutput *to, const CliOptions *options, CtsJob *job, CtsError *err);
+CtsStatus cli_standard_output_begin(CliStandardOutput *to, const CtsOptions *options, CtsJob *job, CtsError *err);
 /* The picture, now that it is whole. */
 CtsStatus cli_standard_output_write(const CliStandardOutput *to, uint64_t *bytes, CtsError *err);
 void cli_standard_output_end(CliStandardOutput *to);

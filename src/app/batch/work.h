@@ -4,7 +4,7 @@
 
 #include "app/batch/batch.h"
 #include "ctsplat/net.h"
-#include "app/job/job.h"
+#include "app/job/render_job.h"
 
 /* What all pictures of a batch share. */
 typedef struct CtsBatchJob {

@@ -2,17 +2,13 @@
 #include "app/job/outputs.h"
 
 #include "base/file.h"
+#include "base/near_word.h"
 #include <libgen.h>
 #include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-
-static bool is_object(const CtsFormatInfo *format)
-{
-    return format->is_object;
-}
 
 static bool holds_frames(const char *path)
 {
@@ -87,19 +83,26 @@ static bool same_file(const char *a, const char *b)
     return same;
 }
 
-CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *settings, CtsReport *report,
-                            CtsError *err)
+static CtsHint near_ending(const char *path)
+{
+    const CtsFormatInfo *format;
+    const char *dot = strrchr(path, '.');
+    CtsNear near = {.written = dot ? dot + 1 : "", .length = dot ? strlen(dot + 1) : 0};
+    for (size_t i = 0; (format = cts_format(i)); i++)
+        cts_near_try(&near, format->name);
+    return cts_near_hint(&near);
+}
+
+CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *settings, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    bool any_object = false;
     char endings[CTS_ENDINGS_MAX];
     for (int i = 0; i < outputs->n; i++) {
         const char *path = outputs->paths[i];
         const CtsFormatInfo *format = cts_export_format(path);
         if (!format)
-            return cts_fail(err, CTS_ERR_USAGE, "%s: the ending names no format (%s)", path,
-                            cts_format_endings(NULL, endings));
-        any_object |= format->is_object;
+            return cts_fail(err, CTS_ERR_USAGE, "%s: the ending names no format (%s)%s", path,
+                            cts_format_endings(NULL, endings), near_ending(path).text);
         for (int before = 0; before < i; before++)
             if (same_file(outputs->paths[before], path))
                 return cts_fail(err, CTS_ERR_USAGE, "%s: given twice with -o", path);
@@ -124,9 +127,5 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
             (settings->force && (st = refuse_ct_slice(outputs->state, err))))
             return st;
     }
-    if (!any_object && (settings->compression != CTS_SC_NONE || settings->new_uids || settings->deidentify))
-        cts_report_finding(report, "no_object_output", CTS_WARNING,
-                           "`compression`, `new_uids` and `deidentify` act on %s outputs, and there is none",
-                           cts_format_endings(is_object, endings));
     return CTS_OK;
 }

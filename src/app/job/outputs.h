@@ -26,7 +26,6 @@ bool cts_output_is_dicom(const CtsOutputs *outputs, int output);
 bool cts_outputs_hold_depth(const CtsOutputs *outputs);
 
 /* Every path has a known ending, is given once, can be written, and is no CT slice that force would destroy. */
-CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *settings, CtsReport *report,
-                            CtsError *err);
+CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *settings, CtsError *err);
 
 #endif

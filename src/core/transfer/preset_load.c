@@ -1,6 +1,7 @@
 /* Finds a preset by name or file and reads it, whatever its form. */
 #include "core/transfer/preset_read.h"
 
+#include "base/near_word.h"
 #include <dirent.h>
 #include <errno.h>
 #include <stdio.h>
@@ -67,15 +68,22 @@ char **cts_preset_user_names(void)
 
 static CtsStatus fail_unknown(const char *name, CtsError *err)
 {
-    char list[900] = "";
+    char list[800] = "";
     size_t n = 0;
-    for (size_t i = 0; cts_preset_builtin(i) && n < sizeof list; i++)
-        n += (size_t)snprintf(list + n, sizeof list - n, " %s", cts_preset_builtin(i)->name);
+    CtsNear near = {.written = name, .length = strlen(name)};
     char **names = cts_preset_user_names();
-    for (size_t i = 0; names && names[i] && n < sizeof list; i++)
+    for (size_t i = 0; cts_preset_builtin(i) && n < sizeof list; i++) {
+        n += (size_t)snprintf(list + n, sizeof list - n, " %s", cts_preset_builtin(i)->name);
+        cts_near_try(&near, cts_preset_builtin(i)->name);
+    }
+    for (size_t i = 0; names && names[i] && n < sizeof list; i++) {
         n += (size_t)snprintf(list + n, sizeof list - n, " %s", names[i]);
+        cts_near_try(&near, names[i]);
+    }
+    cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset%s; there are:%s", name, cts_near_hint(&near).text,
+             list);
     free(names);
-    return cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset; there are:%s", name, list);
+    return CTS_ERR_PRESET;
 }
 
 /* What a file's name says: no folder, no ending. */

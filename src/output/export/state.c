@@ -3,12 +3,12 @@
 
 #include "base/file.h"
 #include "base/hash.h"
-#include "output/objects/dcm_state.h"
 #include "output/export/date.h"
 #include "output/export/icc.h"
 #include "output/export/sc_words.h"
 #include "output/export/uid.h"
 #include "output/image/describe.h"
+#include "output/objects/dcm_state.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -99,18 +99,18 @@ static CtsStatus uid_of(const char *purpose, const CtsStateScene *scene, const c
 static CtsStatus write_options(const CtsStateScene *scene, char **text, CtsError *err)
 {
     size_t n = 1;
-    for (int i = 0; i < scene->n_options; i++) {
-        if (strchr(scene->options[i].value, '\n'))
+    for (int i = 0; i < scene->n_words; i++) {
+        if (strchr(scene->words[i].value, '\n'))
             return cts_fail(err, CTS_ERR_USAGE, "--%s: a line break cannot stand in a presentation state",
-                            scene->options[i].name);
-        n += strlen(scene->options[i].name) + strlen(scene->options[i].value) + 2;
+                            scene->words[i].name);
+        n += strlen(scene->words[i].name) + strlen(scene->words[i].value) + 2;
     }
     char *at = *text = malloc(n);
     if (!at)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     *at = 0;
-    for (int i = 0; i < scene->n_options; i++)
-        at += sprintf(at, "%s=%s\n", scene->options[i].name, scene->options[i].value);
+    for (int i = 0; i < scene->n_words; i++)
+        at += sprintf(at, "%s=%s\n", scene->words[i].name, scene->words[i].value);
     return CTS_OK;
 }
 
@@ -238,7 +238,7 @@ static CtsStatus split_options(CtsState *state, CtsError *err)
     int n = 0;
     for (const char *c = state->text; *c; c++)
         n += *c == '\n';
-    if (!(state->options = calloc((size_t)n + 1, sizeof *state->options)))
+    if (!(state->words = calloc((size_t)n + 1, sizeof *state->words)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (char *line = state->text, *end; (end = strchr(line, '\n')); line = end + 1) {
         *end = 0;
@@ -248,7 +248,7 @@ static CtsStatus split_options(CtsState *state, CtsError *err)
         if (!value)
             return cts_fail(err, CTS_ERR_READ, "damaged: an option without a value");
         *value++ = 0;
-        state->options[state->n_options++] = (CtsStateOption){line, value};
+        state->words[state->n_words++] = (CtsWord){.name = line, .value = value};
     }
     return CTS_OK;
 }
@@ -275,7 +275,7 @@ void cts_state_free(CtsState **state)
     if (!*state)
         return;
     free((*state)->text);
-    free((*state)->options);
+    free((*state)->words);
     free(*state);
     *state = NULL;
 }

@@ -13,8 +13,8 @@ function kind(name, argument, help)
         return (name == "--views" ? "@list " : "") "anterior posterior left right head feet"
     if (name == "--annotate")
         return "@list orientation scale"
-    if (name == "--formats")
-        return "@list png exr dcm"
+    if (name == "--formats" && match(help, /^[a-z]+( [a-z]+)*,/))
+        return "@list " substr(help, 1, RLENGTH - 1)
     if (argument ~ /FILE/)
         return "@files"
     if (argument ~ /DIR|PATH/)

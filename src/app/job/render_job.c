@@ -1,4 +1,4 @@
-#include "app/job/job.h"
+#include "app/job/render_job.h"
 
 #include "base/cpu.h"
 #include "base/meter.h"
@@ -48,7 +48,7 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
                            job->preset->note);
     if ((st = cts_render_check(job->preset, &job->render, err)) || job->render.explain)
         return st;
-    if ((st = cts_outputs_check(&job->outputs, &job->export, report, err)))
+    if ((st = cts_outputs_check(&job->outputs, &job->export, err)))
         return st;
     return check_sizes(job, err);
 }
@@ -214,8 +214,8 @@ static CtsStatus write_state(const CtsJob *job, const CtsLoaded *loaded, const C
         .shaded = shade == CTS_AS_PRESET ? job->preset->shade : shade == CTS_ON,
         .cropped = job->source.crop,
         .source = loaded->series,
-        .options = job->options,
-        .n_options = job->n_options,
+        .words = job->words,
+        .n_words = job->n_words,
     };
     memcpy(scene.crop_low_lps, job->source.crop_low_lps, sizeof scene.crop_low_lps);
     memcpy(scene.crop_high_lps, job->source.crop_high_lps, sizeof scene.crop_high_lps);

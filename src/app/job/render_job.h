@@ -1,15 +1,15 @@
 /* A render job: one series, one preset, one view or a rotation, any number of files. What `ctsplat render` runs, and
  * what works through many series runs for each. Nothing here prints: warnings are findings of the report. */
-#ifndef CTS_JOB_JOB_H
-#define CTS_JOB_JOB_H
+#ifndef CTS_JOB_RENDER_JOB_H
+#define CTS_JOB_RENDER_JOB_H
 
+#include "app/job/outputs.h"
+#include "app/job/source.h"
+#include "app/job/watch.h"
 #include "ctsplat/export.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
 #include "ctsplat/state.h"
-#include "app/job/outputs.h"
-#include "app/job/source.h"
-#include "app/job/watch.h"
 
 /* Plain data; what it points at is the caller's. */
 typedef struct CtsJob {
@@ -19,8 +19,8 @@ typedef struct CtsJob {
     CtsExportSettings export; /* its source is filled in by the job */
     CtsOutputs outputs;
     bool annotate_orientation, annotate_scale;
-    const CtsStateOption *options; /* what outputs.state is to hold beside the preset */
-    int n_options;
+    const CtsWord *words; /* what outputs.state is to hold beside the preset */
+    int n_words;
 } CtsJob;
 
 /* All that can be refused before any file is read. */

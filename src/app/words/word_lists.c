@@ -1,7 +1,7 @@
-#include "cli/words.h"
+#include "app/words/word_lists.h"
 
-#include "cli/options.h"
-#include "ctsplat/ctsplat.h"
+#include "ctsplat/export.h"
+#include "ctsplat/render.h"
 #include <stdio.h>
 #include <string.h>
 
@@ -76,10 +76,10 @@ static size_t put_word(FILE *out, const char *text)
     return 0;
 }
 
-const char *cli_words(const char *text, char out[CLI_WORDS_MAX])
+const char *cts_word_lists(const char *text, char out[CTS_WORD_LISTS_MAX])
 {
     out[0] = 0;
-    FILE *file = fmemopen(out, CLI_WORDS_MAX, "w");
+    FILE *file = fmemopen(out, CTS_WORD_LISTS_MAX, "w");
     while (file && *text) {
         const size_t n = *text == '{' ? put_word(file, text) : 0;
         if (!n)
@@ -88,53 +88,6 @@ const char *cli_words(const char *text, char out[CLI_WORDS_MAX])
     }
     if (file)
         fclose(file);
-    out[CLI_WORDS_MAX - 1] = 0;
-    return out;
-}
-
-/* Settings whose option is not called like them. */
-static const struct {
-    const char *setting, *option;
-} renamed[] = {
-    {"void_key", "--void key"},      {"width", "--size"},           {"height", "--size"},
-    {"tolerance_hu", "--tolerance"}, {"azimuth_deg", "--view"},     {"elevation_deg", "--view"},
-    {"n_threads", "--threads"},      {"kernel_radius", "--kernel"}, {"compression", "--compress"},
-    {"frames", "--rotation"},
-};
-
-/* Writes the option of the setting; false where there is none. */
-static bool put_option(FILE *out, const char *setting, size_t length)
-{
-    for (size_t i = 0; i < sizeof renamed / sizeof *renamed; i++)
-        if (strlen(renamed[i].setting) == length && !strncmp(renamed[i].setting, setting, length)) {
-            fputs(renamed[i].option, out);
-            return true;
-        }
-    for (const CliOption *o = cli_options; o->name; o++) {
-        size_t same = 0;
-        while (same < length && o->name[same] == (setting[same] == '_' ? '-' : setting[same]))
-            same++;
-        if (same == length && !o->name[same]) {
-            fprintf(out, "--%s", o->name);
-            return true;
-        }
-    }
-    return false;
-}
-
-const char *cli_with_options(const char *text, char *out, size_t size)
-{
-    out[0] = 0;
-    FILE *file = fmemopen(out, size, "w");
-    while (file && *text) {
-        const size_t n = *text == '`' ? strcspn(text + 1, "`") : 0;
-        if (n > 0 && text[1 + n] == '`' && put_option(file, text + 1, n))
-            text += n + 2;
-        else
-            fputc(*text++, file);
-    }
-    if (file)
-        fclose(file);
-    out[size - 1] = 0;
+    out[CTS_WORD_LISTS_MAX - 1] = 0;
     return out;
 }

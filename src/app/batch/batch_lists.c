@@ -1,0 +1,131 @@
+#include "app/batch/batch_lists.h"
+
+#include "app/words/option_value.h"
+#include "app/words/words_job.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void cts_batch_lists_free(CtsBatchLists *l)
+{
+    for (int i = 0; i < 3; i++)
+        free(l->texts[i]);
+    free(l->preset_names);
+    free(l->view_texts);
+    free(l->formats);
+    free(l->presets);
+    free(l->views);
+    free(l->options);
+    free(l->dcm_options);
+}
+
+/* The parts of text between commas; *items points into *copy. */
+static CtsStatus split(const char *option, const char *text, char **copy, const char ***items, int *n, CtsError *err)
+{
+    *n = 0;
+    *copy = strdup(text);
+    *items = calloc(strlen(text) + 2, sizeof **items);
+    if (!*copy || !*items)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (char *at = *copy; at;) {
+        char *comma = strchr(at, ',');
+        if (comma)
+            *comma++ = 0;
+        if (!*at)
+            return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: an empty name between commas", option, text);
+        (*items)[(*n)++] = at;
+        at = comma;
+    }
+    return CTS_OK;
+}
+
+static CtsStatus take_presets(const CtsOptions *options, CtsBatchLists *l, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = split("presets", options->presets ? options->presets : options->preset, &l->texts[0],
+                         &l->preset_names, &l->n_presets, err);
+    if (st)
+        return st;
+    if (!(l->presets = calloc((size_t)l->n_presets, sizeof *l->presets)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 0; i < l->n_presets && !st; i++) {
+        st = cts_options_preset(options, l->preset_names[i], &l->presets[i], report, err);
+        for (int k = 0; k < i && !st; k++)
+            if (!strcmp(l->presets[k].name, l->presets[i].name))
+                st = cts_fail(err, CTS_ERR_USAGE, "`presets`: two are called %s (give one of them another name)",
+                              l->presets[i].name);
+    }
+    return st;
+}
+
+/* A view by numbers holds a comma itself. */
+static CtsStatus take_views(const CtsOptions *options, CtsBatchLists *l, CtsError *err)
+{
+    const char *view = cts_options_given(options, "view");
+    CtsStatus st = split("views",
+                         options->views ? options->views
+                         : view         ? view
+                                        : "anterior",
+                         &l->texts[1], &l->view_texts, &l->n_views, err);
+    if (st)
+        return st;
+    if (!(l->views = calloc((size_t)l->n_views, sizeof *l->views)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    int n = 0;
+    for (int i = 0; i < l->n_views && !st; i++) {
+        CtsBatchView *const v = &l->views[n++];
+        double number;
+        const char *name = l->view_texts[i];
+        if (cts_number(name, &number) && i + 1 < l->n_views)
+            l->texts[1][l->view_texts[++i] - l->texts[1] - 1] = ',';
+        v->name = name;
+        st = cts_view_of("views", name, &v->azimuth_deg, &v->elevation_deg, err);
+        for (int k = 0; k < n - 1 && !st; k++)
+            if (!strcmp(l->views[k].name, name))
+                st = cts_fail(err, CTS_ERR_USAGE, "`views`: %s twice", name);
+    }
+    l->n_views = n;
+    return st;
+}
+
+static CtsStatus take_formats(const CtsOptions *options, CtsBatchLists *l, bool *any_object, CtsError *err)
+{
+    const CtsFormatInfo *format;
+    CtsStatus st =
+        split("formats", options->formats ? options->formats : "png", &l->texts[2], &l->formats, &l->n_formats, err);
+    for (int i = 0; i < l->n_formats && !st; i++) {
+        if ((st = cts_format_of("formats", l->formats[i], &format, err)))
+            return st;
+        *any_object |= format->is_object;
+        for (int k = 0; k < i; k++)
+            if (!strcmp(l->formats[k], l->formats[i]))
+                return cts_fail(err, CTS_ERR_USAGE, "`formats`: %s twice", l->formats[i]);
+    }
+    return st;
+}
+
+static CtsStatus take_peer(const CtsOptions *options, CtsBatchLists *l, bool any_object, CtsError *err)
+{
+    const CtsPeer *p = &options->send.peer;
+    if (!options->send.given)
+        return CTS_OK;
+    if (!any_object)
+        return cts_fail(err, CTS_ERR_USAGE, "`send`: there is no DICOM output to send (give `formats` dcm)");
+    if (p->web)
+        snprintf(l->send_to, sizeof l->send_to, "%s", p->url);
+    else
+        snprintf(l->send_to, sizeof l->send_to, "%s@%s:%d", p->aet, p->host, p->port);
+    return CTS_OK;
+}
+
+CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsError *err)
+{
+    CtsStatus st;
+    bool any_object = false;
+    if ((st = take_presets(options, lists, report, err)) || (st = take_views(options, lists, err)) ||
+        (st = take_formats(options, lists, &any_object, err)) || (st = take_peer(options, lists, any_object, err)))
+        return st;
+    cts_options_tell_objects(options, any_object, report);
+    lists->options = cts_options_text(options, CTS_TOUCHES_PICTURES);
+    lists->dcm_options = cts_options_text(options, CTS_TOUCHES_DCM);
+    return lists->options && lists->dcm_options ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+}

@@ -1,0 +1,185 @@
+/* A row an option; its place is its place in the help. What touches is left at CTS_TOUCHES_PICTURES where in doubt: a
+ * batch then makes its pictures anew. */
+#include "app/words/options.h"
+
+#include "app/words/option_value.h"
+
+#define ON(command) (1u << CTS_FOR_##command)
+#define ONE (ON(RENDER) | ON(JOB))
+#define RENDERING (ONE | ON(BATCH))
+#define PICTURES (RENDERING | ON(BENCH))
+#define FRESH CTS_TOUCHES_PICTURES
+#define PRESET CTS_TOUCHES_PRESET
+#define DCM CTS_TOUCHES_DCM
+#define SAME CTS_TOUCHES_NOTHING
+
+/* A field of another type than the kind writes does not compile. */
+#define OF(name) ((const CtsOptions *)0)->name
+#define FIELD(name, type)                                                                                              \
+    .field = offsetof(CtsOptions, name), .size = sizeof(OF(name)) + 0 * sizeof(_Generic(OF(name), type : 1))
+#define FLAG(name) .kind = CTS_FLAG, FIELD(name, bool)
+#define TEXT(name) .kind = CTS_TEXT, FIELD(name, const char *)
+#define TEXTS(name) .kind = CTS_TEXTS, FIELD(name, CtsTextList)
+#define INT(name) .kind = CTS_INT, FIELD(name, int)
+#define NUMBER(name) .kind = CTS_NUMBER, FIELD(name, double)
+#define CHOICE(name, names)                                                                                            \
+    .kind = CTS_CHOICE, .field = offsetof(CtsOptions, name),                                                           \
+    .size = sizeof(OF(name)) + 0 * sizeof(_Generic(OF(name), int : 1, unsigned : 1, bool : 1)), .choices = (names),    \
+    .n_choices = sizeof(names) / sizeof *(names)
+#define SWITCH(name) CHOICE(name, switches), .first = CTS_ON
+#define PARSED(name) .kind = CTS_PARSED, .parse = cts_parse_##name
+#define BOUNDS(which) .setting = CTS_SETTING_##which
+#define RANGE(lowest, highest) .own = {.unit = "", .low = (lowest), .high = (highest)}
+
+static const char *const interpolations[] = {"cubic", "linear"}, *const switches[] = {"on", "off"},
+                         *const void_rules[] = {"strict", "key"}, *const units[] = {"mm", "voxel"};
+
+const CtsOption cts_options[] = {
+    {0, "path", "PATH", ON(JOB), SAME, "a file, folder, zip file or DICOMDIR to search for series", NULL, TEXTS(paths)},
+    {'o', "output", "FILE", ONE, SAME,
+     "write this file, whose name ends in {outputs}; may be repeated; - is standard output", NULL, TEXTS(outputs)},
+    {0, "format", "NAME", ON(RENDER), SAME, "{formats}: what -o - writes", NULL, PARSED(format)},
+    {'O', "output-dir", "DIR", ON(BATCH) | ON(BENCH), SAME,
+     "write into this folder; it is made where it does not exist", NULL, TEXT(output_dir)},
+    {0, "peers", "FILE", ON(BENCH), SAME,
+     "other renderers' times and errors on this scene, a JSON object a line, for plot and page", NULL, TEXT(peers)},
+    {'p', "preset", "NAME or FILE", PICTURES, SAME, "a built-in preset, one of your own, or a preset file", "bone",
+     TEXT(preset), .several = "presets"},
+    {0, "view", "NAME or AZ,EL", PICTURES, SAME, "{views}, or azimuth and elevation in degrees", "anterior",
+     PARSED(view), .several = "views"},
+    {0, "presets", "LIST", ON(BATCH), SAME, "presets, names or files with commas between them: each with every view",
+     "--preset", TEXT(presets)},
+    {0, "views", "LIST", ON(BATCH), SAME, "views with commas between them, such as anterior,left,30,-20", "--view",
+     TEXT(views)},
+    {0, "formats", "LIST", ON(BATCH), SAME, "{formats}, with commas between them", "png", TEXT(formats)},
+    {0, "rotation", "N", RENDERING, FRESH,
+     "N views over 360 degrees about the head-foot axis, from --view on: FILE becomes FILE-000 and so on, but {stacks} "
+     "one file of N frames",
+     "off", INT(rotation), BOUNDS(FRAMES)},
+    {0, "size", "WxH", PICTURES, FRESH, "picture size in pixels", "1024x1024", PARSED(size), BOUNDS(WIDTH)},
+    {0, "fit", "NAME", PICTURES, FRESH, "what the frame shows: the whole volume, or all that the preset can show",
+     "visible", CHOICE(render.fit, cts_fit_names)},
+    {0, "mm-per-pixel", "X", RENDERING, FRESH, "scale, about the centre of the volume", "as --fit says",
+     NUMBER(render.mm_per_pixel), BOUNDS(MM_PER_PIXEL)},
+    {0, "series", "UID", PICTURES | ON(PRESETS), SAME, "which series, when PATH holds several",
+     "the one with the most slices", TEXT(series_uid)},
+    {0, "engine", "NAME", RENDERING, FRESH, "how the picture is made", "tiled",
+     CHOICE(render.engine, cts_engine_names)},
+    {0, "kernel", "NAME[:RADIUS]", RENDERING, FRESH,
+     "{kernels}: what a voxel is reconstructed with (cone-paper without normalised weights, as the paper has it), and "
+     "how far it reaches",
+     "tent", PARSED(kernel), BOUNDS(KERNEL_RADIUS)},
+    {0, "samples", "N", RENDERING, FRESH, "sub-sheets per layer", "chosen by the engine", INT(render.samples),
+     BOUNDS(SAMPLES)},
+    {0, "max-error", "E", RENDERING, FRESH, "choose the cheapest plan whose error stays below E/255 rms",
+     "chosen by the engine", NUMBER(render.max_error), BOUNDS(MAX_ERROR)},
+    {0, "void", "strict or key", RENDERING, FRESH,
+     "what counts as a void voxel: provably invisible, or improbable by the mixture model (engines void and combined; "
+     "lossy: what is lost is told, and measured as by --verify)",
+     "strict", CHOICE(render.void_key, void_rules)},
+    {0, "grey-bits", "N", RENDERING, FRESH, "quantise grey levels over the preset's window, as the paper does", "16",
+     INT(render.grey_bits), BOUNDS(GREY_BITS)},
+    {0, "opacity-unit", "mm or voxel", RENDERING, FRESH,
+     "opacity per millimetre, or per voxel along the ray as in Slicer's GPU rendering", "mm",
+     CHOICE(render.opacity_per_voxel, units)},
+    {0, "tolerance", "HU", RENDERING, FRESH, "layer similarity: the largest change taken for none", "0",
+     NUMBER(render.tolerance_hu), BOUNDS(TOLERANCE)},
+    {0, "mode", "NAME", RENDERING, PRESET,
+     "how values along a ray become a pixel; minip and average look at the body alone, with --remove-table off at "
+     "everything",
+     "as the preset says", CHOICE(render.mode, cts_mode_names)},
+    {0, "interpolation", "cubic or linear", RENDERING, FRESH,
+     "along the slice axis, where slices lie further apart than 1.5 pixels: cubics, or straight lines", "cubic",
+     CHOICE(interpolation, interpolations)},
+    {0, "smooth", "MM", RENDERING, FRESH, "smooth the volume first, with a Gaussian of this standard deviation", "0",
+     NUMBER(smooth_mm), RANGE(0, CTS_MAX_SMOOTH_MM)},
+    {0, "slab", "MM", RENDERING, FRESH, "only a slab of this thickness across the view (engines tiled and raycast)",
+     "off", NUMBER(render.slab_mm), RANGE(1e-3, 1e5)},
+    {0, "slab-at", "MM", RENDERING, FRESH, "the slab's middle, so far in front of the volume's centre", "0",
+     NUMBER(render.slab_at_mm), RANGE(-1e5, 1e5)},
+    {0, "window", "LOW,HIGH", RENDERING, PRESET, "the HU that mip, minip and average show black and white",
+     "as the preset says", PARSED(window)},
+    {0, "shade", "on or off", RENDERING, PRESET, "gradient lighting", "as the preset says", SWITCH(render.shade)},
+    {0, "background", "#RRGGBB or none", RENDERING, PRESET, "colour behind the volume; none writes alpha",
+     "as the preset says", PARSED(background)},
+    {0, "crop", "X0,X1,Y0,Y1,Z0,Z1", PICTURES | ON(PRESETS), FRESH,
+     "keep this box, millimetres in patient coordinates (LPS)", "all", PARSED(crop)},
+    {0, "remove-table", "on or off", RENDERING | ON(PRESETS), PRESET, "drop what is not the patient",
+     "as the preset says", SWITCH(remove_table)},
+    {0, "annotate", "LIST", RENDERING, FRESH, "orientation,scale drawn on the picture", "none", PARSED(annotate)},
+    {0, "verify", "N", RENDERING, SAME,
+     "render N random pixels again with the float64 ray caster; the log and stderr tell the error", "0",
+     INT(render.verify), BOUNDS(VERIFY)},
+    {0, "compress", "NAME", RENDERING, DCM, "compression of {objects} outputs", "none",
+     CHOICE(export.compression, cts_sc_compression_names)},
+    {0, "series-number", "N", RENDERING, DCM, "SeriesNumber of .dcm outputs",
+     "one for each series, preset, mode and view", INT(export.series_number), RANGE(1, 2147483647)},
+    {0, "series-description", "TEXT", RENDERING, DCM, "SeriesDescription of .dcm outputs, at most 64 ASCII characters",
+     "mode, preset and view", TEXT(export.series_description)},
+    {0, "new-uids", NULL, RENDERING, DCM, "fresh UIDs in {objects} outputs, other ones in each run", NULL,
+     FLAG(export.new_uids)},
+    {0, "deidentify", NULL, RENDERING, DCM, "leave the patient's identity out of {objects} outputs", NULL,
+     FLAG(export.deidentify)},
+    {0, "state", "FILE", ONE, SAME,
+     "make the picture that a presentation state of ctsplat's describes; options beside it win", NULL,
+     TEXT(state_path)},
+    {0, "write-state", "FILE", ONE, SAME,
+     "write how the picture was made as a Volume Rendering Volumetric Presentation State", NULL, TEXT(write_state)},
+    {0, "send", "PEER", RENDERING, SAME,
+     "store the DICOM outputs to a PACS: AET@HOST:PORT (C-STORE) or the URL of a DICOMweb service (STOW-RS)", NULL,
+     PARSED(send)},
+    {0, "from", "PEER", ONE, SAME,
+     "fetch the series from a PACS instead of PATH: AET@HOST:PORT (C-GET) or the URL of a DICOMweb service (WADO-RS)",
+     NULL, PARSED(from)},
+    {0, "study-uid", "UID", ONE, SAME, "the study to fetch", NULL, TEXT(study_uid)},
+    {0, "series-uid", "UID", ONE, SAME, "the one series of it to fetch", "all", TEXT(peer_series_uid)},
+    {0, "aet", "AET", RENDERING, SAME, "ctsplat's own AE title", "CTSPLAT", TEXT(net.own_aet)},
+    {0, "move-port", "PORT", ONE, SAME, "fetch by C-MOVE to this port, for peers that do not know C-GET", "C-GET",
+     INT(net.move_port), RANGE(1, 65535)},
+    {0, "tls-ca", "FILE", RENDERING, SAME, "talk to the peer over TLS, and trust the certificates in this PEM file",
+     NULL, TEXT(net.tls_ca)},
+    {0, "tls-key", "FILE", RENDERING, SAME, "private key (PEM) that ctsplat shows itself with over TLS", "none",
+     TEXT(net.tls_key)},
+    {0, "tls-cert", "FILE", RENDERING, SAME, "its certificate (PEM)", "none", TEXT(net.tls_certificate)},
+    {0, "credentials", "FILE", RENDERING, SAME, "file with user:password, or Bearer and a token, for DICOMweb",
+     "$CTSPLAT_CREDENTIALS", TEXT(net.credentials)},
+    {0, "peer-timeout", "SECONDS", RENDERING, SAME, "how long a silent peer is waited for", "30", INT(net.timeout_s),
+     RANGE(1, 3600)},
+    {0, "only", "NAME", ON(CHECK), SAME, "run the case of this name alone, or those with this in their name", NULL,
+     TEXT(only)},
+    {0, "plot", "FILE", ON(CHECK), SAME, "draw how much of its bound each error takes, as SVG", NULL, TEXT(plot)},
+    {0, "propose", "PATH", ON(PRESETS), SAME,
+     "print the mixture of tissues found in the volume, and the void key it proposes for the preset (bone, where none "
+     "is named); --series, --crop, --remove-table and --threads go with it",
+     NULL, TEXT(propose)},
+    {0, "threads", "N", PICTURES | ON(INFO) | ON(CHECK) | ON(PRESETS), SAME, "threads at work",
+     "the cores this process may use", INT(render.n_threads), BOUNDS(THREADS)},
+    {0, "jobs", "N", ON(BATCH), SAME, "series rendered at once, which share the threads; one more is read ahead",
+     "one more than threads", INT(jobs), RANGE(1, 256)},
+    {0, "shard", "I/N", ON(BATCH), SAME, "take the I-th of N parts of the series, I from 0; shards may share DIR",
+     "0/1", PARSED(shard)},
+    {0, "resume", NULL, ON(BATCH), SAME, "go on where an earlier run was stopped, as a batch does anyway", NULL,
+     FLAG(resume)},
+    {0, "fresh", NULL, ON(BATCH), SAME, "start over: make every output anew", NULL, FLAG(fresh)},
+    {0, "merge", "DIR", ON(BATCH), SAME, "make one contact sheet of all shards in DIR, and render nothing", NULL,
+     TEXT(merge)},
+    {0, "series-timeout", "SECONDS", ON(BATCH), SAME,
+     "give up a series that takes longer to read, or to render; 0: never", "3600", NUMBER(series_timeout_s),
+     RANGE(0, 1e7)},
+    {0, "series-memory", "MIB", ON(BATCH), SAME,
+     "give up a series that needs more memory; 0: what the machine can spare", "0", NUMBER(series_mib), RANGE(0, 1e9)},
+    {0, "explain", NULL, ON(RENDER), SAME, "print the plan and stop: what will run, what is left out and why", NULL,
+     FLAG(render.explain)},
+    {0, "force", NULL, PICTURES | ON(CHECK), SAME, "overwrite outputs that exist", NULL, FLAG(export.force)},
+    {0, "log", "FILE", RENDERING & ~ON(JOB), SAME, "append a timing log, JSON Lines; - is stderr", "none", TEXT(log)},
+    {0, "json", NULL, ON(INFO) | ON(CHECK) | ON(COMPARE) | ON(PRESETS), SAME, "print JSON", NULL, FLAG(json)},
+    {0, "show-patient", NULL, ON(INFO) | ON(BATCH), SAME,
+     "print series descriptions too, which may identify the patient", NULL, FLAG(show_patient)},
+    {'h', "help", NULL, ON(JOB) - 1, SAME, "print this and stop", NULL, FLAG(help)},
+    {.name = NULL},
+};
+
+const CtsBounds *cts_option_bounds(const CtsOption *option)
+{
+    return option->own.low < option->own.high ? &option->own : cts_setting_bounds(option->setting);
+}

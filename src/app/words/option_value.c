@@ -1,0 +1,230 @@
+#include "app/words/option_value.h"
+
+#include "app/words/word_lists.h"
+#include "base/near_word.h"
+#include <errno.h>
+#include <limits.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+bool cts_number(const char *text, double *value)
+{
+    /* strtod also takes blanks, hexadecimal, nan and infinity: none of these is meant by who writes an option. */
+    if (!*text || text[strspn(text, "0123456789+-.eE")])
+        return false;
+    char *end;
+    *value = strtod(text, &end);
+    return end != text && !*end && isfinite(*value);
+}
+
+bool cts_integer(const char *text, int *value)
+{
+    if (!*text || text[strspn(text, "0123456789+-")])
+        return false;
+    char *end;
+    errno = 0;
+    const long n = strtol(text, &end, 10);
+    if (end == text || *end || errno || n < INT_MIN || n > INT_MAX)
+        return false;
+    *value = (int)n;
+    return true;
+}
+
+/* n numbers with commas between them, no more and no fewer. */
+static bool numbers(const char *text, double *values, int n)
+{
+    for (int i = 0; i < n; i++) {
+        char part[64];
+        const size_t length = strcspn(text, ",");
+        if (length >= sizeof part || (text[length] == ',') != (i < n - 1))
+            return false;
+        memcpy(part, text, length);
+        part[length] = 0;
+        if (!cts_number(part, &values[i]))
+            return false;
+        text += length + 1;
+    }
+    return true;
+}
+
+/* The place of the first length bytes of text among names, or -1. */
+static int find_name(const char *text, size_t length, const char *const *names, int n)
+{
+    for (int i = 0; i < n; i++)
+        if (strlen(names[i]) == length && !strncmp(names[i], text, length))
+            return i;
+    return -1;
+}
+
+CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err)
+{
+    CtsNear near = {.written = text, .length = strlen(text)};
+    for (int i = 0; i < CTS_N_VIEWS; i++) {
+        if (!strcmp(text, cts_views[i].name)) {
+            *azimuth_deg = cts_views[i].azimuth_deg;
+            *elevation_deg = cts_views[i].elevation_deg;
+            return CTS_OK;
+        }
+        cts_near_try(&near, cts_views[i].name);
+    }
+    double angles[2];
+    char names[CTS_WORD_LISTS_MAX];
+    if (!numbers(text, angles, 2))
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`%s` %s: not one of: %s, nor AZIMUTH,ELEVATION in degrees (such as -30,20)%s", option, text,
+                        cts_word_lists("{views}", names), cts_near_hint(&near).text);
+    const CtsBounds *azimuth = cts_setting_bounds(CTS_SETTING_AZIMUTH);
+    const CtsBounds *elevation = cts_setting_bounds(CTS_SETTING_ELEVATION);
+    if (cts_setting_check(CTS_SETTING_AZIMUTH, angles[0], NULL) ||
+        cts_setting_check(CTS_SETTING_ELEVATION, angles[1], NULL))
+        return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: the azimuth goes from %g to %g, the elevation from %g to %g",
+                        option, text, azimuth->low, azimuth->high, elevation->low, elevation->high);
+    *azimuth_deg = angles[0];
+    *elevation_deg = angles[1];
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_view(CtsOptions *options, const char *text, CtsError *err)
+{
+    return cts_view_of("view", text, &options->render.azimuth_deg, &options->render.elevation_deg, err);
+}
+
+CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err)
+{
+    CtsNear near = {.written = text, .length = strlen(text)};
+    char names[CTS_WORD_LISTS_MAX];
+    for (size_t i = 0; (*format = cts_format(i)); i++) {
+        if (!strcmp(text, (*format)->name))
+            return CTS_OK;
+        cts_near_try(&near, (*format)->name);
+    }
+    return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: not one of: %s%s", option, text, cts_word_lists("{formats}", names),
+                    cts_near_hint(&near).text);
+}
+
+CtsStatus cts_parse_format(CtsOptions *options, const char *text, CtsError *err)
+{
+    return cts_format_of("format", text, &options->format, err);
+}
+
+CtsStatus cts_parse_shard(CtsOptions *options, const char *text, CtsError *err)
+{
+    char shard[16];
+    const size_t n = strcspn(text, "/");
+    int i, n_shards;
+    snprintf(shard, sizeof shard, "%.*s", n < sizeof shard ? (int)n : 0, text);
+    if (!text[n] || !cts_integer(shard, &i) || !cts_integer(text + n + 1, &n_shards) || n_shards < 1 ||
+        n_shards > 100000 || i < 0 || i >= n_shards)
+        return cts_fail(err, CTS_ERR_USAGE, "`shard` %s: not I/N with I from 0 to N - 1 (such as 0/8)", text);
+    options->shard = (struct CtsShard){i, n_shards};
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_size(CtsOptions *options, const char *text, CtsError *err)
+{
+    char width[16];
+    const size_t n = strcspn(text, "x");
+    int w, h;
+    snprintf(width, sizeof width, "%.*s", n < sizeof width ? (int)n : 0, text);
+    if (!text[n] || !cts_integer(width, &w) || !cts_integer(text + n + 1, &h) ||
+        cts_setting_check(CTS_SETTING_WIDTH, w, NULL) || cts_setting_check(CTS_SETTING_HEIGHT, h, NULL))
+        return cts_fail(err, CTS_ERR_USAGE, "`size` %s: not WxH in pixels, 1 to %d each (such as 1024x1024)", text,
+                        CTS_MAX_SIDE);
+    options->render.width = w;
+    options->render.height = h;
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_kernel(CtsOptions *options, const char *text, CtsError *err)
+{
+    const size_t n = strcspn(text, ":");
+    char names[CTS_WORD_LISTS_MAX];
+    const int kernel = find_name(text, n, cts_kernel_names, CTS_N_KERNELS);
+    if (kernel < 0)
+        return cts_fail(err, CTS_ERR_USAGE, "`kernel` %s: not one of: %s%s", text, cts_word_lists("{kernels}", names),
+                        cts_near_name(text, n, cts_kernel_names, CTS_N_KERNELS).text);
+    options->render.kernel = (CtsKernelId)kernel;
+    options->render.kernel_radius = 0;
+    if (!text[n])
+        return CTS_OK;
+    double radius;
+    const CtsBounds *b = cts_setting_bounds(CTS_SETTING_KERNEL_RADIUS);
+    if (!cts_number(text + n + 1, &radius) || radius < b->low || radius > b->high)
+        return cts_fail(err, CTS_ERR_USAGE, "`kernel` %s: the radius is a number of voxels, %g to %g", text, b->low,
+                        b->high);
+    options->render.kernel_radius = radius;
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_background(CtsOptions *options, const char *text, CtsError *err)
+{
+    struct CtsBackground *const b = &options->background;
+    *b = (struct CtsBackground){.given = true, .none = !strcmp(text, "none")};
+    if (b->none)
+        return CTS_OK;
+    if (text[0] != '#' || strlen(text) != 7 || text[1 + strspn(text + 1, "0123456789abcdefABCDEF")])
+        return cts_fail(err, CTS_ERR_USAGE, "`background` %s: neither #RRGGBB nor none (a # needs quotes in a shell)",
+                        text);
+    const unsigned long rgb = strtoul(text + 1, NULL, 16);
+    for (int c = 0; c < 3; c++)
+        b->rgb[c] = (double)(rgb >> (16 - 8 * c) & 255) / 255;
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err)
+{
+    double box[6];
+    if (!numbers(text, box, 6))
+        return cts_fail(err, CTS_ERR_USAGE, "`crop` %s: not X0,X1,Y0,Y1,Z0,Z1 in millimetres (LPS)", text);
+    for (int a = 0; a < 3; a++) {
+        if (box[2 * a] > box[2 * a + 1])
+            return cts_fail(err, CTS_ERR_USAGE, "`crop` %s: %c goes from %g down to %g (the smaller value comes first)",
+                            text, "xyz"[a], box[2 * a], box[2 * a + 1]);
+        options->crop.low_lps[a] = box[2 * a];
+        options->crop.high_lps[a] = box[2 * a + 1];
+    }
+    options->crop.given = true;
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_window(CtsOptions *options, const char *text, CtsError *err)
+{
+    double hu[2];
+    if (!numbers(text, hu, 2) || !(hu[0] < hu[1]) || fabs(hu[0]) > 1e6 || fabs(hu[1]) > 1e6)
+        return cts_fail(err, CTS_ERR_USAGE, "`window` %s: not LOW,HIGH in HU, the lower first", text);
+    options->window = (struct CtsWindow){true, hu[0], hu[1]};
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_annotate(CtsOptions *options, const char *text, CtsError *err)
+{
+    static const char *const names[] = {"orientation", "scale"};
+    options->annotate = (struct CtsMarks){false, false};
+    if (!strcmp(text, "none"))
+        return CTS_OK;
+    for (const char *word = text;; word++) {
+        const size_t n = strcspn(word, ",");
+        const int which = find_name(word, n, names, 2);
+        if (which < 0)
+            return cts_fail(err, CTS_ERR_USAGE, "`annotate` %s: not a list of: orientation scale (or none)%s", text,
+                            cts_near_name(word, n, names, 2).text);
+        *(which ? &options->annotate.scale : &options->annotate.orientation) = true;
+        word += n;
+        if (!*word)
+            return CTS_OK;
+    }
+}
+
+CtsStatus cts_parse_send(CtsOptions *options, const char *text, CtsError *err)
+{
+    options->send.given = true;
+    return cts_peer_parse(text, &options->send.peer, err) ? cts_context(err, "`send`") : CTS_OK;
+}
+
+CtsStatus cts_parse_from(CtsOptions *options, const char *text, CtsError *err)
+{
+    options->from.given = true;
+    return cts_peer_parse(text, &options->from.peer, err) ? cts_context(err, "`from`") : CTS_OK;
+}

@@ -1,0 +1,28 @@
+/* Option arguments that are more than a number or a word. Each names the option it reads in its message. */
+#ifndef CTS_WORDS_OPTION_VALUE_H
+#define CTS_WORDS_OPTION_VALUE_H
+
+#include "app/words/options.h"
+
+/* The whole of text as a finite decimal number, or as an integer; false when it is not one. */
+bool cts_number(const char *text, double *value);
+bool cts_integer(const char *text, int *value);
+
+/* A view by its name or its two angles; option: whose argument it is. */
+CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);
+/* Likewise a format by its name. */
+CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err);
+
+CtsStatus cts_parse_annotate(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_background(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_format(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_from(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_kernel(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_send(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_shard(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_size(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_view(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_window(CtsOptions *options, const char *text, CtsError *err);
+
+#endif

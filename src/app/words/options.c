@@ -1,0 +1,275 @@
+#include "app/words/options.h"
+
+#include "app/words/option_value.h"
+#include "app/words/word_lists.h"
+#include "base/near_word.h"
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+const CtsOption *cts_option(const char *name, size_t length)
+{
+    for (const CtsOption *o = cts_options; o->name; o++)
+        if (strlen(o->name) == length && !strncmp(o->name, name, length))
+            return o;
+    return NULL;
+}
+
+void cts_options_begin(CtsOptions *options)
+{
+    *options = (CtsOptions){.shard.n = 1, .series_timeout_s = 3600};
+    cts_render_defaults(&options->render);
+    options->render.fit = CTS_FIT_VISIBLE;
+}
+
+void cts_options_free(CtsOptions *options)
+{
+    free(options->paths.items);
+    free(options->outputs.items);
+    free(options->words);
+    free(options->recipe);
+    cts_state_free(&options->state);
+    *options = (CtsOptions){0};
+}
+
+/* Room for one more of *n items of this size. */
+static CtsStatus grow(void **items, int n, size_t size, CtsError *err)
+{
+    if ((n & (n - 1)) != 0)
+        return CTS_OK;
+    void *grown = realloc(*items, (size_t)(n ? 2 * n : 1) * size);
+    if (!grown)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    *items = grown;
+    return CTS_OK;
+}
+
+static CtsStatus add_text(CtsTextList *list, const char *text, CtsError *err)
+{
+    const CtsStatus st = grow((void **)&list->items, list->n, sizeof *list->items, err);
+    if (!st)
+        list->items[list->n++] = text;
+    return st;
+}
+
+static CtsStatus choose(const CtsOption *o, void *field, const char *text, CtsError *err)
+{
+    char names[256] = "";
+    for (int i = 0; i < o->n_choices; i++) {
+        if (!strcmp(text, o->choices[i])) {
+            if (o->size == sizeof(bool))
+                *(bool *)field = i;
+            else
+                *(int *)field = o->first + i;
+            return CTS_OK;
+        }
+        strncat(names, " ", sizeof names - strlen(names) - 1);
+        strncat(names, o->choices[i], sizeof names - strlen(names) - 1);
+    }
+    return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: not one of:%s%s", o->name, text, names,
+                    cts_near_name(text, strlen(text), o->choices, o->n_choices).text);
+}
+
+static CtsStatus put(CtsOptions *options, const CtsOption *o, const char *text, CtsError *err)
+{
+    void *field = (char *)options + o->field;
+    const CtsBounds *b = cts_option_bounds(o);
+    int n;
+    double x;
+    if (!*text && o->kind != CTS_FLAG && o->kind != CTS_PARSED)
+        return cts_fail(err, CTS_ERR_USAGE, "`%s`: an empty argument (%s)", o->name, o->argument);
+    switch (o->kind) {
+    case CTS_FLAG:
+        *(bool *)field = true;
+        return *text ? cts_fail(err, CTS_ERR_USAGE, "`%s` %s: takes no argument", o->name, text) : CTS_OK;
+    case CTS_TEXT:
+        *(const char **)field = text;
+        return CTS_OK;
+    case CTS_TEXTS:
+        return add_text(field, text, err);
+    case CTS_INT:
+        if (!cts_integer(text, &n) || n < b->low || n > b->high)
+            return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: not a whole number from %.0f to %.0f", o->name, text, b->low,
+                            b->high);
+        *(int *)field = n;
+        return CTS_OK;
+    case CTS_NUMBER:
+        if (!cts_number(text, &x) || x < b->low || x > b->high)
+            return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: not a number from %g to %g", o->name, text, b->low, b->high);
+        *(double *)field = x;
+        return CTS_OK;
+    case CTS_CHOICE:
+        return choose(o, field, text, err);
+    case CTS_PARSED:
+        return o->parse(options, text, err);
+    }
+    return CTS_OK;
+}
+
+/* The names that command has, for who mistook one. */
+static CtsStatus fail_unknown(CtsCommand command, const char *name, CtsError *err)
+{
+    CtsNear near = {.written = name, .length = strlen(name)};
+    for (const CtsOption *o = cts_options; o->name; o++)
+        if (cts_option_is_of(o, command))
+            cts_near_try(&near, o->name);
+    return cts_fail(err, CTS_ERR_USAGE, "%s: no such option%s", name, cts_near_hint(&near).text);
+}
+
+CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsWord *word, CtsError *err)
+{
+    const CtsOption *o = cts_option(word->name, strlen(word->name));
+    CtsStatus st;
+    if (!o || !cts_option_is_of(o, command))
+        return fail_unknown(command, word->name, err);
+    if (o->several && command != CTS_FOR_BATCH && cts_options_given(options, o->name))
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`%s` %s: one picture has one, and %s is given too (ctsplat batch `%s` "
+                        "LIST makes a picture with each)",
+                        o->name, word->value, cts_options_given(options, o->name), o->several);
+    if ((st = put(options, o, word->value, err)))
+        return word->from ? cts_context(err, "%s", word->from) : st;
+    if (!(st = grow((void **)&options->words, options->n_words, sizeof *word, err)))
+        options->words[options->n_words++] = (CtsWord){o->name, word->value, word->from};
+    return st;
+}
+
+/* The place of the word that counts, -1 for none. */
+static int last_of(const CtsOptions *options, const char *name)
+{
+    int i = options->n_words - 1;
+    while (i >= 0 && strcmp(options->words[i].name, name))
+        i--;
+    return i;
+}
+
+const char *cts_options_given(const CtsOptions *options, const char *name)
+{
+    const int i = last_of(options, name);
+    return i < 0 ? NULL : options->words[i].value;
+}
+
+/* What a presentation state holds: how the picture looks, and from where. */
+static bool is_of_recipe(const CtsOption *o)
+{
+    return o->touches == CTS_TOUCHES_PICTURES || o->touches == CTS_TOUCHES_PRESET || !strcmp(o->name, "view");
+}
+
+/* What the presentation state says, where no word does. */
+static CtsStatus take_state(CtsOptions *options, CtsCommand command, CtsError *err)
+{
+    CtsStatus st = cts_state_read(options->state_path, &options->state, err);
+    const int n_own = options->n_words;
+    for (int i = 0; !st && i < options->state->n_words; i++) {
+        CtsWord said = options->state->words[i];
+        const CtsOption *o = cts_option(said.name, strlen(said.name));
+        bool own = false;
+        if (!o || !is_of_recipe(o) || !cts_option_is_of(o, command))
+            return cts_fail(err, CTS_ERR_READ, "%s: holds an option that this build does not have: %.60s",
+                            options->state_path, said.name);
+        for (int k = 0; k < n_own; k++)
+            own |= !strcmp(options->words[k].name, said.name);
+        said.from = options->state_path;
+        if (!own)
+            st = cts_options_take(options, command, &said, err);
+    }
+    return st;
+}
+
+/* In the table's order; of an option that holds one value the last. */
+static CtsStatus write_recipe(CtsOptions *options, CtsError *err)
+{
+    if (!(options->recipe = calloc((size_t)options->n_words + 1, sizeof *options->recipe)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (const CtsOption *o = cts_options; o->name; o++)
+        for (int i = 0; i < options->n_words && is_of_recipe(o); i++) {
+            const CtsWord *w = &options->words[i];
+            if (!strcmp(w->name, o->name) && (o->kind == CTS_TEXTS || i == last_of(options, o->name)))
+                options->recipe[options->n_recipe++] = *w;
+        }
+    return CTS_OK;
+}
+
+/* What comes from a PACS, and what goes to one. */
+static CtsStatus check_peers(const CtsOptions *o, CtsError *err)
+{
+    if (o->from.given && o->paths.n > 0)
+        return cts_fail(err, CTS_ERR_USAGE, "`from`: %s is given too (a PATH or a peer, not both)", o->paths.items[0]);
+    if (!o->from.given && (o->study_uid || o->peer_series_uid || o->net.move_port))
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`study-uid`, `series-uid` and `move-port` say what to fetch, and `from` is not given");
+    if (o->from.given && !o->study_uid)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`from`: what to fetch is not said (give `study-uid`, and `series-uid` for "
+                        "one of its series)");
+    return o->send.given || o->from.given ? cts_net_check(&o->net, err) : CTS_OK;
+}
+
+CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err)
+{
+    CtsStatus st = options->state_path ? take_state(options, command, err) : CTS_OK;
+    if (st || (st = write_recipe(options, err)))
+        return st;
+    if (!options->preset)
+        options->preset = options->state ? options->state->preset.name : "bone";
+    else if (options->state)
+        options->state->preset.name[0] = 0; /* another one is asked for */
+    return check_peers(options, err);
+}
+
+/* Numbers in one way of writing them. */
+static void print_value(FILE *file, const CtsOption *o, const char *text)
+{
+    double x;
+    if ((o->kind == CTS_INT || o->kind == CTS_NUMBER) && cts_number(text, &x))
+        fprintf(file, "%s=%.17g\n", o->name, x);
+    else
+        fprintf(file, "%s=%s\n", o->name, text);
+}
+
+/* What is not given stands there by its default, so that to give the default is no change. */
+char *cts_options_text(const CtsOptions *options, CtsTouches touches)
+{
+    char *text = NULL;
+    size_t size = 0;
+    FILE *file = open_memstream(&text, &size);
+    for (const CtsOption *o = cts_options; file && o->name; o++) {
+        const int last = last_of(options, o->name);
+        if (o->touches != touches || !cts_option_is_of(o, CTS_FOR_BATCH))
+            continue;
+        if (last < 0)
+            print_value(file, o, o->fallback ? o->fallback : "none");
+        for (int i = o->kind == CTS_TEXTS ? 0 : last; i >= 0 && i <= last; i++)
+            if (!strcmp(options->words[i].name, o->name))
+                print_value(file, o, options->words[i].value);
+    }
+    if (file && fclose(file)) {
+        free(text);
+        text = NULL;
+    }
+    return text;
+}
+
+void cts_options_command(const CtsOptions *options, char *text, size_t size)
+{
+    FILE *out = fmemopen(text, size, "w");
+    text[0] = 0;
+    for (int i = 0; out && i < options->n_words; i++) {
+        const CtsWord *w = &options->words[i];
+        const CtsOption *o = cts_option(w->name, strlen(w->name));
+        const CtsFormatInfo *format = cts_export_format(w->value);
+        if (!strcmp(w->name, "path"))
+            continue;
+        if (o->kind == CTS_TEXTS && o->letter)
+            fprintf(out, " -%c", o->letter);
+        else
+            fprintf(out, " --%s", w->name);
+        if (o->kind == CTS_TEXTS && (format || !strcmp(w->value, "-")))
+            fprintf(out, " %s%s", format ? "." : "-", format ? format->name : "");
+        else if (o->kind != CTS_FLAG && o->kind != CTS_TEXT && o->kind != CTS_TEXTS)
+            fprintf(out, " %s", w->value);
+    }
+    if (out)
+        fclose(out);
+    text[size - 1] = 0;
+}

@@ -1,0 +1,154 @@
+/* All options of all commands, as rows of one table: it drives parsing, ranges, help and messages, what a presentation
+ * state holds, and what a batch makes anew. Messages write an option as `size`. */
+#ifndef CTS_WORDS_OPTIONS_H
+#define CTS_WORDS_OPTIONS_H
+
+#include "ctsplat/bounds.h"
+#include "ctsplat/export.h"
+#include "ctsplat/job.h"
+#include "ctsplat/net.h"
+#include "ctsplat/render.h"
+#include "ctsplat/state.h"
+
+/* Whose an option is; CTS_FOR_JOB is cts_words_run(). */
+typedef enum CtsCommand {
+    CTS_FOR_INFO,
+    CTS_FOR_RENDER,
+    CTS_FOR_BATCH,
+    CTS_FOR_BENCH,
+    CTS_FOR_CHECK,
+    CTS_FOR_COMPARE,
+    CTS_FOR_PRESETS,
+    CTS_FOR_JOB
+} CtsCommand;
+
+/* What was said several times, in order. */
+typedef struct CtsTextList {
+    const char **items;
+    int n;
+} CtsTextList;
+
+/* What was asked for, defaults where nothing was said. Strings are those of the words. */
+typedef struct CtsOptions {
+    CtsTextList paths, outputs;
+    const CtsFormatInfo *format; /* of standard output; NULL when not given */
+    const char *output_dir;      /* NULL when not given */
+    const char *log;
+
+    const char *preset; /* cts_options_end() puts the default there */
+    CtsRenderSettings render;
+    int rotation; /* 0: off */
+    const char *series_uid;
+    struct CtsBackground {
+        bool given, none;
+        double rgb[3];
+    } background;
+    struct CtsBox {
+        bool given;
+        double low_lps[3], high_lps[3];
+    } crop;
+    CtsSwitch remove_table;
+    int interpolation; /* 0 cubic, 1 linear */
+    double smooth_mm;
+    struct CtsWindow {
+        bool given;
+        double low_hu, high_hu;
+    } window;
+    struct CtsMarks {
+        bool orientation, scale;
+    } annotate;
+    CtsExportSettings export;
+    struct CtsGivenPeer {
+        bool given;
+        CtsPeer peer;
+    } send, from;
+    CtsNet net;
+    const char *study_uid, *peer_series_uid; /* what to fetch */
+    const char *state_path, *write_state;
+    CtsState *state; /* of state_path; its preset holds where none is given */
+
+    const char *presets, *views, *formats; /* batch: lists, as given; NULL when not */
+    int jobs;                              /* 0: as many as threads */
+    struct CtsShard {
+        int i, n; /* i of n */
+    } shard;
+    double series_timeout_s, series_mib; /* 0: no limit of its own */
+    bool resume, fresh;
+    const char *merge;
+
+    bool help, json, show_patient;
+    const char *peers, *only, *plot, *propose; /* NULL when not given */
+
+    CtsWord *words; /* as they were taken, n_words */
+    int n_words;
+    CtsWord *recipe; /* those of them that a presentation state holds, n_recipe */
+    int n_recipe;
+} CtsOptions;
+
+typedef enum CtsOptionKind {
+    CTS_FLAG,   /* bool: true when given */
+    CTS_TEXT,   /* const char * */
+    CTS_TEXTS,  /* CtsTextList: one more each time it is given */
+    CTS_INT,    /* int within the bounds */
+    CTS_NUMBER, /* double within the bounds */
+    CTS_CHOICE, /* place among choices: int or enum from first on, or bool */
+    CTS_PARSED  /* parse() */
+} CtsOptionKind;
+
+/* What has to be made anew where a batch goes on with another value. */
+typedef enum CtsTouches {
+    CTS_TOUCHES_PICTURES,
+    CTS_TOUCHES_PRESET, /* pictures too: the option stands in for what the preset says */
+    CTS_TOUCHES_DCM,
+    CTS_TOUCHES_NOTHING
+} CtsTouches;
+
+typedef struct CtsOption {
+    char letter; /* 0: none */
+    const char *name;
+    const char *argument; /* as help prints it; NULL for a flag */
+    unsigned commands;    /* bits 1 << CtsCommand */
+    CtsTouches touches;
+    const char *help;
+    const char *fallback; /* what holds where it is not given; NULL: none to tell */
+    CtsOptionKind kind;
+    size_t field, size; /* offset in CtsOptions, bytes; of all but CTS_PARSED */
+    CtsSetting setting; /* of the library, whose bounds hold; 0: none */
+    CtsBounds own;      /* the bounds of what is no setting of the library */
+    const char *const *choices;
+    int n_choices, first;
+    CtsStatus (*parse)(CtsOptions *options, const char *text, CtsError *err); /* text: the argument */
+    const char *several; /* the option of batch that takes several; NULL: the last one given holds */
+} CtsOption;
+
+/* The table; name is NULL in its last row. */
+extern const CtsOption cts_options[];
+
+/* NULL for none. */
+const CtsOption *cts_option(const char *name, size_t length);
+static inline bool cts_option_is_of(const CtsOption *option, CtsCommand command)
+{
+    return option->commands >> command & 1;
+}
+/* The bounds of an option's number, NULL where it has none. */
+const CtsBounds *cts_option_bounds(const CtsOption *option);
+
+/* Defaults; free with cts_options_free(), also after a failure. */
+void cts_options_begin(CtsOptions *options);
+/* One more word, whose texts must stay. CTS_ERR_USAGE for what command does not have. */
+CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsWord *word, CtsError *err);
+/* After the last one: what a presentation state says where no word does, and what goes with what. */
+CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err);
+void cts_options_free(CtsOptions *options);
+
+/* The argument that counts, "" for a flag; NULL where it was not given. */
+const char *cts_options_given(const CtsOptions *options, const char *name);
+
+/* The values of all options of a batch that touch this, given or not: NAME=VALUE, a line each. Free with free(); NULL
+ * without memory. */
+char *cts_options_text(const CtsOptions *options, CtsTouches touches);
+
+/* The words, without names of files and of patients: what a log may tell. */
+void cts_options_command(const CtsOptions *options, char *text, size_t size);
+
+#endif

@@ -1,0 +1,205 @@
+#include "app/words/words_job.h"
+
+#include "app/words/word_lists.h"
+#include "base/cpu.h"
+#include <stdlib.h>
+#include <string.h>
+
+CtsSource cts_options_source(const CtsOptions *options, const CtsPreset *preset)
+{
+    CtsSource source = {
+        .paths = options->paths.items,
+        .n_paths = options->paths.n,
+        .from = options->from.given ? &options->from.peer : NULL,
+        .net = &options->net,
+        .study_uid = options->study_uid,
+        .peer_series_uid = options->peer_series_uid,
+        .series_uid = options->series_uid,
+        .n_threads = options->render.n_threads,
+        .remove_table = options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON,
+        .table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset",
+        .linear = options->interpolation == 1,
+        .smooth_mm = options->smooth_mm,
+        .crop = options->crop.given,
+    };
+    memcpy(source.crop_low_lps, options->crop.low_lps, sizeof source.crop_low_lps);
+    memcpy(source.crop_high_lps, options->crop.high_lps, sizeof source.crop_high_lps);
+    return source;
+}
+
+CtsJob cts_options_job(const CtsOptions *options)
+{
+    const CtsPreset none = {0};
+    CtsJob job = {
+        .source = cts_options_source(options, &none),
+        .render = options->render,
+        .export = options->export,
+        .outputs = {.paths = options->outputs.items,
+                    .n = options->outputs.n,
+                    .state = options->write_state,
+                    .rotation = options->rotation},
+        .words = options->recipe,
+        .n_words = options->n_recipe,
+        .annotate_orientation = options->annotate.orientation,
+        .annotate_scale = options->annotate.scale,
+    };
+    /* The preset has them. */
+    job.render.mode = -1;
+    job.render.shade = CTS_AS_PRESET;
+    return job;
+}
+
+static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsReport *report)
+{
+    if (options->background.given) {
+        preset->background_none = options->background.none;
+        memcpy(preset->background, options->background.rgb, sizeof preset->background);
+    }
+    if (options->window.given) {
+        preset->window_low_hu = options->window.low_hu;
+        preset->window_high_hu = options->window.high_hu;
+    }
+    if (options->render.mode >= 0)
+        preset->mode = (CtsMode)options->render.mode;
+    if (options->render.shade != CTS_AS_PRESET)
+        preset->shade = options->render.shade == CTS_ON;
+    if (options->remove_table != CTS_AS_PRESET)
+        preset->remove_table = options->remove_table == CTS_ON;
+    if (options->window.given && preset->mode == CTS_MODE_COMPOSITE && options->render.grey_bits == 16)
+        cts_report_finding(report, "window_unused", CTS_WARNING,
+                           "preset %s: `window` changes nothing in mode composite, where the preset says what each HU "
+                           "looks like (`mode` mip, minip or average shows HU by the window)",
+                           preset->name);
+}
+
+CtsStatus cts_options_preset(const CtsOptions *options, const char *name_or_file, CtsPreset *preset, CtsReport *report,
+                             CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (options->state && options->state->preset.name[0])
+        *preset = options->state->preset;
+    else
+        st = cts_preset_load(name_or_file, preset, err);
+    if (!st)
+        settle_preset(options, preset, report);
+    return st;
+}
+
+void cts_options_tell_objects(const CtsOptions *options, bool any_object, CtsReport *report)
+{
+    char endings[CTS_WORD_LISTS_MAX];
+    for (const CtsOption *o = cts_options; o->name && !any_object; o++)
+        if (o->touches == CTS_TOUCHES_DCM && cts_options_given(options, o->name))
+            cts_report_finding(report, "no_object_output", CTS_WARNING, "`%s` acts on %s outputs, and there is none",
+                               o->name, cts_word_lists("{objects}", endings));
+}
+
+CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJob *job, CtsReport *report,
+                              CtsError *err)
+{
+    CtsStatus st;
+    *job = cts_options_job(options);
+    if ((st = cts_options_preset(options, options->preset, preset, report, err)))
+        return st;
+    job->preset = preset;
+    job->source.remove_table = preset->remove_table;
+    /* Asked once: what the control groups say takes the system a while. */
+    job->source.n_threads = job->render.n_threads = cts_threads(options->render.n_threads);
+    bool any = options->write_state != NULL, shown = options->format && options->format->is_object;
+    for (int i = 0; i < options->outputs.n; i++)
+        any |= cts_output_is_dicom(&job->outputs, i);
+    cts_options_tell_objects(options, any || shown, report);
+    return options->send.given && !any
+               ? cts_fail(err, CTS_ERR_USAGE, "`send`: there is no DICOM output to send (give `output` FILE.dcm)")
+               : CTS_OK;
+}
+
+CtsStatus cts_options_send(const CtsOptions *options, CtsError *err)
+{
+    int n = 0, n_sent = 0;
+    const CtsOutputs outputs = {.paths = options->outputs.items, .n = options->outputs.n};
+    if (!options->send.given)
+        return CTS_OK;
+    const char **paths = calloc((size_t)outputs.n + 1, sizeof *paths);
+    if (!paths)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 0; i < outputs.n; i++)
+        if (cts_output_is_dicom(&outputs, i))
+            paths[n++] = outputs.paths[i];
+    if (options->write_state)
+        paths[n++] = options->write_state;
+    const CtsStatus st = cts_net_send(&options->send.peer, &options->net, paths, n, &n_sent, err);
+    free(paths);
+    return st;
+}
+
+/* The bands of a job's one picture, put together. */
+typedef struct Whole {
+    CtsPicture *picture;
+    CtsStatus status;
+    CtsError err;
+} Whole;
+
+static void take_band(void *context, int frame, const CtsPicture *band)
+{
+    Whole *const w = context;
+    (void)frame;
+    if (!w->picture && !w->status) {
+        w->status = cts_picture_new(&w->picture, band->width, band->whole_height, band->n_channels, &w->err);
+        if (w->status)
+            return;
+        w->picture->info = band->info;
+        w->picture->has_alpha = band->has_alpha;
+    }
+    if (w->picture) {
+        const size_t row = (size_t)band->width * (size_t)band->n_channels;
+        memcpy(w->picture->pixels + row * (size_t)band->first_row, band->pixels,
+               row * (size_t)band->height * sizeof *band->pixels);
+    }
+}
+
+static CtsStatus run(const CtsOptions *options, const CtsWatch *watch, const Whole *whole, CtsReport *report,
+                     CtsError *err)
+{
+    CtsJob job;
+    CtsPreset preset;
+    CtsStatus st = cts_options_one_job(options, &preset, &job, report, err);
+    job.render.stop = options->net.stop;
+    if (!st && !whole && !options->outputs.n)
+        st = cts_fail(err, CTS_ERR_USAGE, "no output (give `output` FILE, or a place for the picture in memory)");
+    if (!st && whole && options->rotation > 1)
+        st =
+            cts_fail(err, CTS_ERR_USAGE, "`rotation`: of %d pictures none can be the one in memory", options->rotation);
+    if (!st && !(st = cts_job_run(&job, watch, report, err)) && whole && whole->status) {
+        *err = whole->err;
+        st = whole->status;
+    }
+    return st ? st : cts_options_send(options, err);
+}
+
+CtsStatus cts_words_run(const CtsWord *words, int n_words, const volatile sig_atomic_t *stop, CtsPicture **picture,
+                        CtsReport *report, CtsError *err)
+{
+    CtsOptions options;
+    CtsStatus st = CTS_OK;
+    CtsReport own = {0};
+    Whole whole = {.picture = NULL};
+    const CtsWatch watch = {.context = &whole, .band = picture ? take_band : NULL};
+    CtsError unseen;
+    err = err ? err : &unseen;
+    if (picture)
+        *picture = NULL;
+    cts_options_begin(&options);
+    options.net.stop = stop;
+    for (int i = 0; i < n_words && !st; i++)
+        st = cts_options_take(&options, CTS_FOR_JOB, &words[i], err);
+    if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err)))
+        st = run(&options, &watch, picture ? &whole : NULL, report ? report : &own, err);
+    if (picture && !st)
+        *picture = whole.picture;
+    else
+        cts_picture_free(&whole.picture);
+    cts_options_free(&options);
+    cts_report_free(&own);
+    return st;
+}

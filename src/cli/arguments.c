@@ -1,0 +1,101 @@
+#include "cli/arguments.h"
+
+#include "base/near_word.h"
+#include "cli/commands.h"
+#include <stdio.h>
+#include <string.h>
+
+static const CtsOption *find_letter(char letter)
+{
+    for (const CtsOption *o = cts_options; o->name; o++)
+        if (o->letter && o->letter == letter)
+            return o;
+    return NULL;
+}
+
+static CtsStatus fail_unknown(const char *word, size_t length, int command, CtsError *err)
+{
+    CtsNear near = {.written = word + 2, .length = length > 2 ? length - 2 : 0};
+    char hint[96] = "";
+    for (const CtsOption *o = cts_options; o->name; o++)
+        if (cts_option_is_of(o, (CtsCommand)command))
+            cts_near_try(&near, o->name);
+    if (near.word)
+        snprintf(hint, sizeof hint, " (did you mean --%s?)", near.word);
+    return cts_fail(err, CTS_ERR_USAGE, "%.*s: no such option%s (see ctsplat %s --help)", (int)length, word, hint,
+                    cli_commands[command].name);
+}
+
+/* An option that other commands have. */
+static CtsStatus fail_elsewhere(const CtsOption *o, int command, CtsError *err)
+{
+    char others[128] = "";
+    int first = -1;
+    for (int c = 0; c < CLI_N_COMMANDS; c++)
+        if (cts_option_is_of(o, (CtsCommand)c)) {
+            const size_t n = strlen(others);
+            snprintf(others + n, sizeof others - n, "%s%s", first < 0 ? "" : ", ", cli_commands[c].name);
+            first = first < 0 ? c : first;
+        }
+    return cts_fail(err, CTS_ERR_USAGE, "--%s: not an option of %s, but of %s (see ctsplat %s --help)", o->name,
+                    cli_commands[command].name, others, cli_commands[first < 0 ? command : first].name);
+}
+
+/* One word of the command line that starts with a dash; *argv moves past it and its argument. */
+static CtsStatus take_option(CtsOptions *options, int command, const char *const **argv, const char *const *end,
+                             CtsError *err)
+{
+    const char *word = *(*argv)++, *argument = NULL;
+    const bool is_long = word[1] == '-';
+    const size_t length = is_long ? 2 + strcspn(word + 2, "=") : 2;
+    const CtsOption *o = is_long ? cts_option(word + 2, length - 2) : find_letter(word[1]);
+    if (!o || o->commands == 1u << CTS_FOR_JOB)
+        return fail_unknown(word, length, command, err);
+    if (!cts_option_is_of(o, (CtsCommand)command))
+        return fail_elsewhere(o, command, err);
+    if (word[length])
+        argument = word + length + is_long;
+    if (o->kind == CTS_FLAG && argument)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: --%s takes no argument", word, o->name);
+    if (o->kind != CTS_FLAG && !argument) {
+        if (*argv == end)
+            return cts_fail(err, CTS_ERR_USAGE, "%s: its argument is missing (%s)", word, o->argument);
+        argument = *(*argv)++;
+    }
+    const CtsWord said = {.name = o->name, .value = argument ? argument : ""};
+    return cts_options_take(options, (CtsCommand)command, &said, err);
+}
+
+static CtsStatus check_operands(const CtsOptions *options, const CliCommand *command, CtsError *err)
+{
+    if (options->paths.n < command->min_operands && !options->from.given)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: %s is missing (see ctsplat %s --help)", command->name,
+                        command->operand, command->name);
+    if (options->paths.n > command->max_operands)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: one argument too many: %s (see ctsplat %s --help)", command->name,
+                        options->paths.items[command->max_operands], command->name);
+    return CTS_OK;
+}
+
+CtsStatus cli_arguments(CtsOptions *options, int command, int argc, const char *const *argv, CtsError *err)
+{
+    const char *const *end = argv + argc;
+    bool only_operands = false;
+    CtsStatus st = CTS_OK;
+    for (argv++; argv < end && !st;) {
+        const char *word = *argv;
+        if (!only_operands && !strcmp(word, "--")) {
+            only_operands = true;
+            argv++;
+        } else if (!only_operands && word[0] == '-' && word[1]) {
+            st = take_option(options, command, &argv, end, err);
+        } else {
+            st = cts_options_take(options, CTS_FOR_JOB, &(CtsWord){.name = "path", .value = word}, err);
+            argv++;
+        }
+    }
+    if (st || options->help)
+        return st;
+    st = cts_options_end(options, (CtsCommand)command, err);
+    return st ? st : check_operands(options, &cli_commands[command], err);
+}

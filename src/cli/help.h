@@ -1,0 +1,9 @@
+/* --help, printed from the tables. */
+#ifndef CTS_CLI_HELP_H
+#define CTS_CLI_HELP_H
+
+/* What `ctsplat --help` and `ctsplat COMMAND --help` print. */
+void cli_help(void);
+void cli_help_command(int command);
+
+#endif
