@@ -103,21 +103,37 @@ CtsStatus cts_archive_search(const CtsArchiveSearch *search, CtsArchiveCounts *c
  * volume of a UID that holds several. CTS_ERR_USAGE when there is none of that name. */
 CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const CtsSeries **series, CtsError *err);
 
+/* What was scanned: the slices of a series, each where it lies. Once it is read nobody changes it; pictures are made of
+ * volumes that cts_scanned_volume() makes of it. Slice k's voxels stand at grey[(offset + k) * columns * rows] of
+ * `even`, as in a volume. */
+typedef struct CtsScanned {
+    int n_slices;
+    double (*position_lps)[3]; /* n_slices: the centre of each slice's first voxel */
+    double *layer;             /* where each slice lies, in layers of `even`; NULL: slice k is layer k */
+    CtsVolume *even;           /* place, size and HU of the evenly spaced volume; its grey may be handed over: NULL */
+    int offset, n_slots;       /* grey has room for n_slots slices, and slice 0 is number `offset` of them */
+} CtsScanned;
+
 /* Decode the pixels, in parallel, each slice straight into its place. The list that holds the series must still be
- * there. Refuses a series that is not renderable.
- * Adds the decode and grey stages and the series' warnings to report. */
-CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err);
+ * there. Refuses a series that is not renderable. Adds the decode and grey stages and the series' warnings to report.
+ * table_goes: cts_volume_remove_table() comes next, and what it looks for first is marked while slices are read. */
+CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, int n_threads, CtsScanned **scanned,
+                          CtsReport *report, CtsError *err);
 
-/* The same, but where slices are unevenly spaced the even layers made of them come from cubics instead of
- * straight lines (cts_volume_refine() says which). table_goes: cts_volume_remove_table() comes next, and what it looks
- * for first is marked while slices are read. */
-CtsStatus cts_series_load_cubic(const CtsSeries *series, bool table_goes, int n_threads, CtsVolume **volume,
-                                CtsReport *report, CtsError *err);
-
-/* As cts_series_load(), for who wants its refusals and findings, and of the volume its place and range of HU alone:
- * where all pixels came with the headers, which small files' do, no file is read again, and grey is NULL. */
-CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
+/* The same for who wants its refusals and findings, and of the volume its place and range of HU alone: where all pixels
+ * came with the headers, which small files' do, no file is read again, and `even` has no grey. */
+CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsScanned **scanned, CtsReport *report,
                              CtsError *err);
+void cts_scanned_free(CtsScanned **scanned);
+
+/* Evenly spaced layers, as a volume of its own. Between unevenly spaced slices they are blended, linearly or by cubics
+ * (cts_volume_refine() says which). hand_over: nobody wants another volume of it; the slices' own memory becomes the
+ * volume, and scanned keeps their places alone. */
+CtsStatus cts_scanned_volume(CtsScanned *scanned, bool linear, bool hand_over, int n_threads, CtsVolume **volume,
+                             CtsError *err);
+
+/* Both in one, linearly, for who wants one volume. */
+CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err);
 
 #pragma GCC visibility pop
 #ifdef __cplusplus

@@ -19,10 +19,10 @@ static CtsStatus read_pixels(const CtsSeries *series, int n_threads, CtsPixelFac
 {
     CtsReport report = {0};
     CtsError why = {0};
-    CtsVolume *volume = NULL;
-    CtsStatus st = cts_series_measure(series, n_threads, &volume, &report, &why);
+    CtsScanned *scanned = NULL;
+    CtsStatus st = cts_series_measure(series, n_threads, &scanned, &report, &why);
     if (!st) {
-        cts_pixel_facts(facts, volume);
+        cts_pixel_facts(facts, scanned->even);
     } else if (st == CTS_ERR_MEMORY || st == CTS_ERR_INTERRUPTED || st == CTS_ERR_INTERNAL) {
         *err = why;
     } else {
@@ -36,7 +36,7 @@ static CtsStatus read_pixels(const CtsSeries *series, int n_threads, CtsPixelFac
         if (!has_finding(&series->findings, f) && !has_finding(&facts->findings, f))
             cts_findings_add(&facts->findings, f->code, f->severity, "%s", f->text);
     }
-    cts_volume_free(&volume);
+    cts_scanned_free(&scanned);
     cts_report_free(&report);
     return st;
 }

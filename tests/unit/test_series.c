@@ -45,22 +45,23 @@ static bool same_findings(const CtsFindings *a, const CtsFindings *b)
 /* Loads, and expects the same of cts_series_measure(), which reads no small file again. */
 static CtsStatus load_and_measure(const CtsSeries *series, int threads, CtsVolume **v, CtsError *err)
 {
-    CtsVolume *m = NULL;
+    CtsScanned *place = NULL;
     CtsReport loaded = {0}, measured = {0};
     CtsError why = {0};
     const CtsStatus st = cts_series_load(series, threads, v, &loaded, err);
-    assert_int_equal(cts_series_measure(series, threads, &m, &measured, &why), st);
+    assert_int_equal(cts_series_measure(series, threads, &place, &measured, &why), st);
     assert_string_equal(why.text, err->text);
     assert_true(same_findings(&loaded.findings, &measured.findings));
-    assert_true(!m == !*v);
-    if (m) {
+    assert_true(!place == !*v);
+    if (place) {
+        const CtsVolume *m = place->even;
         assert_true(m->hu_min == (*v)->hu_min && m->hu_max == (*v)->hu_max && m->hu_step == (*v)->hu_step);
         assert_memory_equal(m->dims, (*v)->dims, sizeof m->dims);
         assert_memory_equal(m->origin_lps, (*v)->origin_lps, sizeof m->origin_lps);
         assert_memory_equal(m->step_lps, (*v)->step_lps, sizeof m->step_lps);
         assert_int_equal(m->slice_layers, (*v)->slice_layers);
     }
-    cts_volume_free(&m);
+    cts_scanned_free(&place);
     cts_report_free(&loaded);
     cts_report_free(&measured);
     return st;
@@ -111,9 +112,9 @@ static void test_sorted(void **state)
     assert_int_equal(s->findings.n, 0);
     CtsVolume *v = load(s, 2);
     assert_true(v->dims[0] == SLICE_COLUMNS && v->dims[1] == SLICE_ROWS && v->dims[2] == 5);
-    CtsVolume *measured = NULL;
-    assert_true(!cts_series_measure(s, 2, &measured, NULL, &f.err) && !measured->grey);
-    cts_volume_free(&measured);
+    CtsScanned *measured = NULL;
+    assert_true(!cts_series_measure(s, 2, &measured, NULL, &f.err) && !measured->even->grey);
+    cts_scanned_free(&measured);
     for (int k = 0; k < 5; k++)
         expect_slice(v, k, k);
     assert_true(v->origin_lps[0] == -1 && v->origin_lps[1] == -2 && v->origin_lps[2] == 0);
@@ -174,6 +175,36 @@ static void test_resampled(void **state)
     assert_int_equal(v->grey[7 * SLICE_ROWS * SLICE_COLUMNS], stack_grey(4, 0, 0) + 25);
     cts_volume_free(&v);
     cts_report_free(&report);
+    done(&f);
+}
+
+/* What was scanned stays as it is, whatever is made of it. */
+static void test_scanned(void **state)
+{
+    (void)state;
+    Found f;
+    const double z[] = {0, 1, 2, 2.5, 3, 5, 7};
+    make_folder(f.folder);
+    write_stack(f.folder, z, 7);
+    find(&f);
+    const CtsSeries *s = &f.list->items[0];
+    CtsVolume *alone = load(s, 2), *first = NULL, *last = NULL;
+    CtsScanned *scanned = NULL;
+    assert_int_equal(cts_series_scan(s, false, 2, &scanned, NULL, &f.err), CTS_OK);
+    assert_int_equal(scanned->n_slices, 7);
+    for (int k = 0; k < 7; k++)
+        assert_true(scanned->position_lps[k][2] == z[k] && scanned->layer[k] == 2 * z[k]);
+    assert_int_equal(cts_scanned_volume(scanned, true, false, 1, &first, &f.err), CTS_OK);
+    memset(first->grey, 0, cts_volume_n_voxels(first) * sizeof *first->grey);
+    for (int k = 0; k < 7; k++)
+        assert_int_equal(scanned->even->grey[(scanned->offset + k) * SLICE_ROWS * SLICE_COLUMNS], stack_grey(k, 0, 0));
+    assert_int_equal(cts_scanned_volume(scanned, true, true, 2, &last, &f.err), CTS_OK);
+    assert_memory_equal(last->grey, alone->grey, cts_volume_n_voxels(alone) * sizeof *alone->grey);
+    assert_null(scanned->even->grey);
+    assert_int_equal(cts_scanned_volume(scanned, true, true, 2, &first, &f.err), CTS_ERR_INTERNAL);
+    cts_volume_free(&alone);
+    cts_volume_free(&last);
+    cts_scanned_free(&scanned);
     done(&f);
 }
 
@@ -760,6 +791,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_sorted),       cmocka_unit_test(test_normal_down), cmocka_unit_test(test_resampled),
+        cmocka_unit_test(test_scanned),
         cmocka_unit_test(test_cases),        cmocka_unit_test(test_no_volume),   cmocka_unit_test(test_wrong_sign),
         cmocka_unit_test(test_deep_folders), cmocka_unit_test(test_copies),      cmocka_unit_test(test_phases),
         cmocka_unit_test(test_choose),       cmocka_unit_test(test_folders),     cmocka_unit_test(test_any_threads),

@@ -14,9 +14,7 @@
 typedef struct Work {
     const CtsBatchJob *batch;
     const CtsBatchTask *task;
-    const CtsSeries *series;
-    CtsVolume *volume;
-    bool cut;   /* the volume is no longer as it was read */
+    CtsLoaded loaded;
     bool told;  /* the batch knows that it is read */
     int n_left; /* pictures that are not made yet */
     CtsReport report;
@@ -120,20 +118,17 @@ static CtsStatus end_thumb(Work *w, CtsError *err)
     return st;
 }
 
-/* The volume as the picture wants it, read again where it was cut for another. */
-static CtsStatus load(Work *w, const CtsSource *source, CtsError *err)
+/* The volume as the picture wants it. Slices that had to be handed over to another are read again. */
+static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    if (w->volume && w->cut)
-        cts_volume_free(&w->volume);
-    if (!w->volume) {
+    if (!w->loaded.scanned || !w->loaded.scanned->even->grey) {
         const CtsMeter meter = cts_meter_start(&w->report);
-        st = cts_source_read(source, w->series, &w->volume, &w->report, err);
+        st = cts_source_read(source, &w->loaded, &w->report, err);
         cts_meter_stop(meter, &w->report, CTS_STAGE_DECODE);
-        w->cut = false;
         if (!st && !w->told) {
             CtsPixelFacts facts = {0};
-            cts_pixel_facts(&facts, w->volume);
+            cts_pixel_facts(&facts, w->loaded.scanned->even);
             w->told = true;
             st = cts_batch_loaded(w->task->child, &facts, err);
         }
@@ -141,20 +136,18 @@ static CtsStatus load(Work *w, const CtsSource *source, CtsError *err)
             return st;
     }
     const CtsMeter meter = cts_meter_start(&w->report);
-    st = cts_source_cut(source, w->volume, &w->report, err);
+    st = cts_source_view(source, last, &w->loaded, &w->report, err);
     cts_meter_stop(meter, &w->report, CTS_STAGE_GREY);
-    w->cut = true;
     return st;
 }
 
 static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
 {
     const CtsWatch watch = {.context = w, .band = on_band, .output = on_output};
-    const CtsLoaded loaded = {.series = w->series, .volume = w->volume};
     const size_t first_finding = w->report.findings.n;
     w->status = CTS_OK;
     w->report.verified = (CtsVerified){0};
-    CtsStatus st = cts_job_render(job, &loaded, &watch, &w->report, err);
+    CtsStatus st = cts_job_render(job, &w->loaded, &watch, &w->report, err);
     if (!st && w->status) {
         *err = w->err;
         st = w->status;
@@ -165,10 +158,19 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     return st;
 }
 
-/* Pictures with the table come first, since it cannot be put back. */
+static int n_without_table(const Work *w, const CtsBatchPicture *pictures, int n)
+{
+    int n_without = 0;
+    for (int i = 0; i < n; i++)
+        n_without += job_of(w->batch, &pictures[i]).source.remove_table;
+    return n_without;
+}
+
+/* Two volumes of one scan, those pictures first that keep the table. */
 static CtsStatus render_pictures(Work *w, const CtsBatchPicture *pictures, int n, CtsError *err)
 {
     CtsStatus st = CTS_OK;
+    const bool both = n_without_table(w, pictures, n) > 0;
     for (int without_table = 0; without_table < 2; without_table++) {
         bool loaded = false;
         for (int i = 0; i < n && !st; i++) {
@@ -177,7 +179,7 @@ static CtsStatus render_pictures(Work *w, const CtsBatchPicture *pictures, int n
                 continue;
             job.source.n_threads = job.render.n_threads = w->task->n_threads;
             w->picture = &pictures[i];
-            if (!loaded && (st = load(w, &job.source, err)))
+            if (!loaded && (st = load(w, &job.source, without_table || !both, err)))
                 break;
             loaded = true;
             st = render_picture(w, &job, err);
@@ -193,15 +195,15 @@ static CtsStatus render_series(Work *w)
     const CtsBatchPicture *pictures;
     int n;
     const double start_ms = cts_wall_ms();
-    CtsStatus st = cts_batch_begin(w->task->child, w->series, &pictures, &n, &err);
-    if (!st && !w->series->renderable)
-        st = cts_fail(&err, w->series->refusal, "%s", w->series->reason);
+    CtsStatus st = cts_batch_begin(w->task->child, w->loaded.series, &pictures, &n, &err);
+    if (!st && !w->loaded.series->renderable)
+        st = cts_fail(&err, w->loaded.series->refusal, "%s", w->loaded.series->reason);
     if (!st && !(st = cts_log_open(&w->log, w->batch->log, start_ms, &err))) {
-        cts_log_run(w->log, w->batch->command, w->series->uid);
+        cts_log_run(w->log, w->batch->command, w->loaded.series->uid);
         w->n_left = n;
         st = render_pictures(w, pictures, n, &err);
     }
-    cts_volume_free(&w->volume);
+    cts_loaded_free(&w->loaded);
     cts_log_report(w->log, &w->report);
     if (st)
         cts_log_failed(w->log, cts_exit_code(st), err.text);
@@ -222,11 +224,11 @@ CtsStatus cts_batch_render(void *context, const CtsBatchTask *task, CtsError *er
     CtsStatus st =
         cts_series_find_among(task->archives, task->paths, task->n_paths, task->n_threads, &list, &scan, err);
     for (size_t i = 0; !st && i < list->n; i++) {
-        Work work = {.batch = batch, .task = task, .series = &list->items[i]};
+        Work work = {.batch = batch, .task = task, .loaded.series = &list->items[i]};
         for (size_t f = 0; f < list->findings.n; f++)
             cts_report_finding(&work.report, list->findings.items[f].code, list->findings.items[f].severity, "%s",
                                list->findings.items[f].text);
-        if (strcmp(work.series->uid, task->uid) && work.series->uid[0])
+        if (strcmp(work.loaded.series->uid, task->uid) && work.loaded.series->uid[0])
             continue;
         work.report.stages[CTS_STAGE_SCAN] = scan.stages[CTS_STAGE_SCAN];
         scan.stages[CTS_STAGE_SCAN] = (CtsStageTime){0}; /* the first one's */

@@ -102,7 +102,7 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *r
     return CTS_OK;
 }
 
-CtsStatus cts_source_cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err)
+static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     double low[3], high[3];
@@ -119,11 +119,23 @@ CtsStatus cts_source_cut(const CtsSource *source, CtsVolume *volume, CtsReport *
     return st ? st : interpolate(source, volume, report, err);
 }
 
-CtsStatus cts_source_read(const CtsSource *source, const CtsSeries *series, CtsVolume **volume, CtsReport *report,
-                          CtsError *err)
+CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
-    return source->linear ? cts_series_load(series, source->n_threads, volume, report, err)
-                          : cts_series_load_cubic(series, source->remove_table, source->n_threads, volume, report, err);
+    cts_volume_free(&loaded->volume);
+    cts_scanned_free(&loaded->scanned);
+    return cts_series_scan(loaded->series, source->remove_table, source->n_threads, &loaded->scanned, report, err);
+}
+
+CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    CtsScanned *const scanned = loaded->scanned;
+    cts_volume_free(&loaded->volume);
+    CtsStatus st = CTS_ERR_MEMORY;
+    if (!last)
+        st = cts_scanned_volume(scanned, source->linear, false, source->n_threads, &loaded->volume, NULL);
+    if (st == CTS_ERR_MEMORY)
+        st = cts_scanned_volume(scanned, source->linear, true, source->n_threads, &loaded->volume, err);
+    return st ? st : cut(source, loaded->volume, report, err);
 }
 
 CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
@@ -139,13 +151,13 @@ CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_
         return st;
     meter = cts_meter_start(report);
     cts_watch_step(watch, 1, n_steps, "reading");
-    st = cts_source_read(source, loaded->series, &loaded->volume, report, err);
+    st = cts_source_read(source, loaded, report, err);
     cts_watch_findings(watch, report);
     cts_meter_stop(meter, report, CTS_STAGE_DECODE);
     if (st)
         return st;
     meter = cts_meter_start(report);
-    st = cts_source_cut(source, loaded->volume, report, err);
+    st = cts_source_view(source, true, loaded, report, err);
     cts_watch_findings(watch, report);
     cts_meter_stop(meter, report, CTS_STAGE_GREY);
     return st;
@@ -154,6 +166,7 @@ CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_
 void cts_loaded_free(CtsLoaded *loaded)
 {
     cts_volume_free(&loaded->volume);
+    cts_scanned_free(&loaded->scanned);
     cts_series_list_free(&loaded->list);
     cts_net_forget(&loaded->fetched);
     loaded->series = NULL;

@@ -28,15 +28,17 @@ typedef struct CtsSource {
 typedef struct CtsLoaded {
     CtsSeriesList *list;
     const CtsSeries *series; /* of the list */
-    CtsVolume *volume;
+    CtsScanned *scanned;
+    CtsVolume *volume; /* made of it */
     char *fetched; /* a folder that goes with it, or NULL */
 } CtsLoaded;
 
-/* The slices of one series, as source->linear says. */
-CtsStatus cts_source_read(const CtsSource *source, const CtsSeries *series, CtsVolume **volume, CtsReport *report,
-                          CtsError *err);
-/* The patient alone, and of it the part that is asked for, smoothed, and with layers between thick slices. */
-CtsStatus cts_source_cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err);
+/* The slices of loaded->series, as they were scanned; the volume that was made of them before goes. */
+CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err);
+/* loaded->volume: of what was scanned the patient alone, and of it the part that is asked for, smoothed, and with
+ * layers between thick slices. last: nobody will want another of these slices, which become the volume. Where there is
+ * no memory for both they do so anyway: loaded->scanned->even->grey is NULL then. */
+CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err);
 
 /* Finds the series, decodes it and cuts it to what is asked for. Tells watch the first two of
  * n_steps. Free with cts_loaded_free(), also after a failure. */

@@ -410,7 +410,7 @@ typedef struct Loading {
     CtsSlice *slices;
     char **faults; /* what was found of damaged ones while they were read; owned */
     int n_slices, n_threads;
-    bool some_dropped, linear;
+    bool some_dropped;
     bool marks_dense; /* for who removes the table */
     bool range_alone; /* no voxels: the headers' reading has seen every pixel */
 } Loading;
@@ -491,11 +491,9 @@ static CtsStatus read_layers(Assembly *a, bool even, bool marks_dense, CtsVolume
     return st;
 }
 
-static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset, CtsVolume *v, CtsReport *report,
-                      CtsError *err)
+static CtsStatus fill(const Loading *in, bool even, int offset, CtsVolume *v, CtsReport *report, CtsError *err)
 {
     const int n_threads = in->n_threads;
-    const bool even = stack->kind == CTS_STACK_EVEN;
     Assembly a = {.slices = in->slices,
                   .n_slices = in->n_slices,
                   .n_threads = n_threads,
@@ -520,15 +518,6 @@ static CtsStatus fill(const Loading *in, const CtsSliceStack *stack, int offset,
         v->hu_step = finest_step(v->hu_max);
     if (!st && !a.whole_numbers && !in->range_alone)
         st = convert_fractions(&a, v->hu_step, err);
-    if (!st && !even && !in->range_alone)
-        cts_resample_stack(v->grey,
-                           &(CtsResampling){.layer_voxels = a.layer_voxels,
-                                            .layer = stack->layer,
-                                            .n_slices = a.n_slices,
-                                            .n_layers = stack->n_layers,
-                                            .offset = offset,
-                                            .linear = in->linear},
-                           n_threads);
     if (!st) {
         tell_range(v, a.whole_numbers, report);
         tell_blank(&a, report);
@@ -553,33 +542,51 @@ static CtsStatus in_series(const CtsSeries *series, CtsError *err)
                           : cts_context(err, "series without UID in %.*s", n > 1 ? n - 1 : 1, n ? first->path : ".");
 }
 
-static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsVolume **volume, CtsReport *report,
+/* Where the slices lie, for as long as the scanned volume does. */
+static CtsStatus place_slices(CtsScanned *scanned, const Loading *in, CtsSliceStack *stack, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_array(&scanned->position_lps, (size_t)in->n_slices, err);
+    for (int k = 0; !st && k < in->n_slices; k++)
+        memcpy(scanned->position_lps[k], in->slices[k].position_lps, sizeof *scanned->position_lps);
+    scanned->n_slices = in->n_slices;
+    if (stack->kind != CTS_STACK_EVEN) {
+        scanned->layer = stack->layer;
+        stack->layer = NULL;
+        scanned->offset = cts_resample_offset(scanned->layer, in->n_slices, stack->n_layers);
+    }
+    return st;
+}
+
+static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScanned **scanned, CtsReport *report,
                              CtsError *err)
 {
     CtsSliceStack stack = {0};
-    CtsStatus st = plan_stack(in, &stack, report, err);
-    if (st)
+    CtsVolume *v;
+    CtsStatus st = cts_alloc_zeroed(scanned, 1, err);
+    if (st || (st = plan_stack(in, &stack, report, err)) || (st = place_slices(*scanned, in, &stack, err)))
         goto end;
     const bool even = stack.kind == CTS_STACK_EVEN;
-    const int offset = even ? 0 : cts_resample_offset(stack.layer, in->n_slices, stack.n_layers);
+    const int offset = (*scanned)->offset;
     const int n_slots = even || offset + in->n_slices < stack.n_layers ? stack.n_layers : offset + in->n_slices;
+    (*scanned)->n_slots = n_slots;
     if ((st = check_memory(series->columns, series->rows, n_slots, err)) ||
-        (st = (in->range_alone ? cts_volume_new_empty : cts_volume_new_unset)(volume, series->columns, series->rows,
-                                                                              n_slots, err)))
+        (st = (in->range_alone ? cts_volume_new_empty : cts_volume_new_unset)(
+             &(*scanned)->even, series->columns, series->rows, n_slots, err)))
         goto end;
-    (*volume)->dims[2] = stack.n_layers;
+    v = (*scanned)->even;
+    v->dims[2] = stack.n_layers;
     if (!even) /* on average */
-        (*volume)->slice_layers = (int)fmax(floor((stack.n_layers - 1.0) / fmax(in->n_slices - 1, 1) + 0.5), 1);
-    place_volume(*volume, in->slices, in->n_slices, &stack);
-    st = fill(in, &stack, offset, *volume, report, err);
+        v->slice_layers = (int)fmax(floor((stack.n_layers - 1.0) / fmax(in->n_slices - 1, 1) + 0.5), 1);
+    place_volume(v, in->slices, in->n_slices, &stack);
+    st = fill(in, even, offset, v, report, err);
 end:
     if (st)
-        cts_volume_free(volume);
+        cts_scanned_free(scanned);
     cts_slice_stack_free(&stack);
     return st;
 }
 
-typedef enum Want { LINEAR, CUBIC, CUBIC_MARKED, RANGE } Want;
+typedef enum Want { VOXELS, VOXELS_MARKED, RANGE } Want;
 
 static bool all_seen(const CtsSeries *series)
 {
@@ -600,16 +607,15 @@ static void tell_slow(const CtsSeries *series, CtsReport *report)
 }
 
 /* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
-static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsVolume **volume, CtsReport *report,
+static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsScanned **scanned, CtsReport *report,
                       CtsError *err)
 {
-    Loading in = {.linear = want != CUBIC && want != CUBIC_MARKED,
-                  .marks_dense = want == CUBIC_MARKED,
+    Loading in = {.marks_dense = want == VOXELS_MARKED,
                   .range_alone = want == RANGE && all_seen(series)};
     CtsError why = {0};
     CtsStatus st = begin_loading(&in, series, n_threads, &why);
     int n_bad = 0;
-    while (!st && (st = load_slices(series, &in, volume, report, &why)) == CTS_ERR_PIXELS) {
+    while (!st && (st = load_slices(series, &in, scanned, report, &why)) == CTS_ERR_PIXELS) {
         int n = 0;
         for (int k = 0; k < in.n_slices; k++)
             n += in.faults[k] != NULL;
@@ -625,11 +631,11 @@ static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsVolu
     return st;
 }
 
-static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, CtsVolume **volume, CtsReport *report,
+static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, CtsScanned **scanned, CtsReport *report,
                             CtsError *err)
 {
     double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
-    *volume = NULL;
+    *scanned = NULL;
     if (!series->renderable) {
         cts_fail(err, series->refusal, "%s", series->reason);
         in_series(series, err);
@@ -637,10 +643,10 @@ static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, C
     }
     if (report)
         stage_times(report, &wall_before, &cpu_before);
-    const CtsStatus st = load(series, want, cts_threads(n_threads), volume, report, err);
+    const CtsStatus st = load(series, want, cts_threads(n_threads), scanned, report, err);
     if (report)
         stage_times(report, &wall_after, &cpu_after);
-    /* What is not reading slices is making grey levels of them: memory, fractions, resampling, macro-cell ranges. */
+    /* What is not reading slices is making grey levels of them: memory, fractions, macro-cell ranges. */
     wall = cts_wall_ms() - wall - (wall_after - wall_before);
     cpu = cts_cpu_ms() - cpu - (cpu_after - cpu_before);
     cts_report_stage(report, CTS_STAGE_GREY, fmax(wall, 0), fmax(cpu, 0), 0, 0);
@@ -654,19 +660,14 @@ static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, C
     return st;
 }
 
-CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, int n_threads, CtsScanned **scanned,
+                          CtsReport *report, CtsError *err)
 {
-    return load_timed(series, LINEAR, n_threads, volume, report, err);
+    return load_timed(series, table_goes ? VOXELS_MARKED : VOXELS, n_threads, scanned, report, err);
 }
 
-CtsStatus cts_series_load_cubic(const CtsSeries *series, bool table_goes, int n_threads, CtsVolume **volume,
-                                CtsReport *report, CtsError *err)
-{
-    return load_timed(series, table_goes ? CUBIC_MARKED : CUBIC, n_threads, volume, report, err);
-}
-
-CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report,
+CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsScanned **scanned, CtsReport *report,
                              CtsError *err)
 {
-    return load_timed(series, RANGE, n_threads, volume, report, err);
+    return load_timed(series, RANGE, n_threads, scanned, report, err);
 }

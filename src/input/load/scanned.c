@@ -1,0 +1,86 @@
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "core/volume/volume_new.h"
+#include "ctsplat/series.h"
+#include "input/load/resample.h"
+#include <stdlib.h>
+#include <string.h>
+
+void cts_scanned_free(CtsScanned **scanned)
+{
+    if (!*scanned)
+        return;
+    cts_volume_free(&(*scanned)->even);
+    cts_free(&(*scanned)->position_lps);
+    free((*scanned)->layer);
+    cts_free(scanned);
+}
+
+static size_t layer_voxels(const CtsScanned *s)
+{
+    return (size_t)s->even->dims[0] * (size_t)s->even->dims[1];
+}
+
+/* A volume in the same place, with the slices in memory of its own. */
+static CtsStatus copy(CtsScanned *s, CtsVolume **volume, CtsError *err)
+{
+    const CtsVolume *const even = s->even;
+    const size_t n_bytes = (size_t)s->n_slots * layer_voxels(s) * sizeof *even->grey;
+    if (!cts_memory_allows((double)n_bytes, cts_memory_available()))
+        return cts_fail(err, CTS_ERR_MEMORY, "another volume of one scan needs %.0f MiB more memory than is free",
+                        (double)n_bytes / 1048576);
+    const CtsStatus st = cts_volume_new_unset(volume, even->dims[0], even->dims[1], s->n_slots, err);
+    if (st)
+        return st;
+    uint16_t *const grey = (*volume)->grey;
+    **volume = *even;
+    (*volume)->grey = grey;
+    (*volume)->body = NULL;
+    const size_t first = (size_t)s->offset * layer_voxels(s);
+    memcpy(grey + first, even->grey + first, (size_t)s->n_slices * layer_voxels(s) * sizeof *grey);
+    return CTS_OK;
+}
+
+static CtsStatus take(CtsScanned *s, CtsVolume **volume, CtsError *err)
+{
+    const CtsVolume *const even = s->even;
+    const CtsStatus st = cts_volume_new_empty(volume, even->dims[0], even->dims[1], even->dims[2], err);
+    if (st)
+        return st;
+    **volume = *even;
+    s->even->grey = NULL;
+    return CTS_OK;
+}
+
+CtsStatus cts_scanned_volume(CtsScanned *s, bool linear, bool hand_over, int n_threads, CtsVolume **volume,
+                             CtsError *err)
+{
+    *volume = NULL;
+    if (!s->even->grey)
+        return cts_fail(err, CTS_ERR_INTERNAL, "the slices have been handed over");
+    const CtsStatus st = hand_over ? take(s, volume, err) : copy(s, volume, err);
+    if (st)
+        return st;
+    s->even->macrocells = NULL; /* go to the first volume: they are its own while nothing has changed it */
+    if (s->layer)
+        cts_resample_stack((*volume)->grey,
+                           &(CtsResampling){.layer_voxels = layer_voxels(s),
+                                            .layer = s->layer,
+                                            .n_slices = s->n_slices,
+                                            .n_layers = s->even->dims[2],
+                                            .offset = s->offset,
+                                            .linear = linear},
+                           cts_threads(n_threads));
+    return CTS_OK;
+}
+
+CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+{
+    CtsScanned *scanned = NULL;
+    *volume = NULL;
+    CtsStatus st = cts_series_scan(series, false, n_threads, &scanned, report, err);
+    if (!st)
+        st = cts_scanned_volume(scanned, true, true, n_threads, volume, err);
+    cts_scanned_free(&scanned);
+    return st;
+}
