@@ -41,7 +41,38 @@ static CtsVisible *visible_of(const CtsVolume *v, const CtsPreset *p)
     return visible;
 }
 
-static void test_reach(void **state)
+static CtsRenderSettings settings_of(CtsEngineId engine, double azimuth_deg, double elevation_deg)
+{
+    CtsRenderSettings s;
+    cts_render_defaults(&s);
+    s.width = 200;
+    s.height = 260;
+    s.fit = CTS_FIT_VISIBLE;
+    s.engine = engine;
+    s.azimuth_deg = azimuth_deg;
+    s.elevation_deg = elevation_deg;
+    return s;
+}
+
+/* The frame of a picture by these settings. */
+static CtsRenderSettings framed(const CtsVolume *v, const CtsPreset *p, const CtsRenderSettings *settings)
+{
+    CtsRenderSettings s = *settings;
+    CtsVisible *visible = visible_of(v, p);
+    assert_true(cts_visible_any(visible));
+    cts_framing_find(visible, &s);
+    cts_visible_free(&visible);
+    return s;
+}
+
+static double width_mm(const CtsRenderSettings *s)
+{
+    return 0.9 * s->mm_per_pixel * s->width;
+}
+
+/* On a sheared lattice: as wide as the ball's voxels lie apart, and up to a voxel more on either side; a ray's distance
+ * off. */
+static void test_ends(void **state)
 {
     (void)state;
     CtsVolume *v = make_ball();
@@ -49,25 +80,86 @@ static void test_reach(void **state)
     v->step_lps[2][2] = 2;
     v->origin_lps[0] = -50;
     const CtsPreset p = preset_above(200);
-    CtsVisible *visible = visible_of(v, &p);
-    assert_true(cts_visible_any(visible));
-    for (int i = 0; i < 200; i++) {
-        const double a = 0.7 * i, z = 1 - i / 100.0, r = sqrt(1 - z * z);
-        const double direction[3] = {r * cos(a), r * sin(a), z};
-        /* Brute force: every cell between voxels that has a voxel of the ball at a corner. */
-        double truth = -INFINITY;
-        for (int n = 0; n < SIDE * SIDE * SIDE; n++)
-            for (int corner = 0; corner < 27 && v->grey[n]; corner++) {
-                const int vox[3] = {n % SIDE + corner % 3 - 1, n / SIDE % SIDE + corner / 3 % 3 - 1,
-                                    n / SIDE / SIDE + corner / 9 - 1};
-                double at = cts_dot3(v->origin_lps, direction);
-                for (int axis = 0; axis < 3; axis++)
-                    at += vox[axis] * cts_dot3(v->step_lps[axis], direction);
-                truth = fmax(truth, at);
-            }
-        assert_true(fabs(cts_visible_reach(visible, direction) - truth) < 1e-9);
+    for (int i = 0; i < 12; i++) {
+        CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 70 * i, 10 * i - 60);
+        s.height = 9999;
+        s = framed(v, &p, &s);
+        CtsViewAxes axes;
+        double low = INFINITY, high = -INFINITY, voxel_mm = 0;
+        cts_view_axes(&axes, s.azimuth_deg, s.elevation_deg);
+        for (int n = 0; n < SIDE * SIDE * SIDE; n++) {
+            const double vox[3] = {n % SIDE, n / SIDE % SIDE, n / SIDE / SIDE};
+            double at = cts_dot3(v->origin_lps, axes.right_lps);
+            for (int axis = 0; axis < 3; axis++)
+                at += vox[axis] * cts_dot3(v->step_lps[axis], axes.right_lps);
+            low = v->grey[n] ? fmin(low, at) : low;
+            high = v->grey[n] ? fmax(high, at) : high;
+        }
+        for (int axis = 0; axis < 3; axis++)
+            voxel_mm += fabs(cts_dot3(v->step_lps[axis], axes.right_lps));
+        const double ray_mm = 2 * width_mm(&s) / 64;
+        assert_true(width_mm(&s) > high - low - ray_mm && width_mm(&s) < high - low + 2 * voxel_mm + ray_mm);
+        assert_true(fabs(cts_dot3(s.centre_lps, axes.right_lps) - (low + high) / 2) < ray_mm);
     }
-    cts_visible_free(&visible);
+    cts_volume_free(&v);
+}
+
+/* From the front, haze of the whole volume: the frame holds the ball alone while a ray loses less than 1/16 in it, and
+ * everything from there on; without the ball it holds the haze. */
+static void test_haze(void **state)
+{
+    (void)state;
+    const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0);
+    for (int i = 0; i < 3; i++) {
+        CtsVolume *v = make_ball();
+        CtsPreset p = preset_above(200);
+        const double opacity = 1 - pow(15.0 / 16, (i == 1 ? 1.1 : 0.9) / (SIDE - 1));
+        p.n_opacity = 4;
+        memcpy(p.opacity, (CtsOpacityPoint[]){{-1000, 0}, {-1000, opacity}, {200, opacity}, {200, 0.5}},
+               4 * sizeof *p.opacity);
+        for (int n = 0; n < SIDE * SIDE * SIDE; n++)
+            v->grey[n] = v->grey[n] && i < 2 ? v->grey[n] : 124;
+        const CtsRenderSettings f = framed(v, &p, &s);
+        if (i == 0)
+            assert_true(fabs(width_mm(&f) - 27.4) < 0.5);
+        else
+            assert_true(fabs(width_mm(&f) - (SIDE - 1)) < 1);
+        cts_volume_free(&v);
+    }
+}
+
+/* What shows of a voxel far from the ball has less than 0.1 % of its area, what shows of 5 x 5 has more. From the first
+ * of the ball's voxels to its last are 27 mm, and a fifth of a voxel on either side still shows. */
+static void test_specks(void **state)
+{
+    (void)state;
+    const CtsPreset p = preset_above(200);
+    const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0);
+    for (int side = 1; side <= 5; side += 4) {
+        CtsVolume *v = make_ball();
+        for (int i = 0; i < side; i++)
+            for (int k = 0; k < side; k++)
+                v->grey[((50 + k) * SIDE + 30) * SIDE + 50 + i] = side == 1 ? 1250 : 1524;
+        const CtsRenderSettings f = framed(v, &p, &s);
+        assert_true(fabs(width_mm(&f) - (side == 1 ? 27.4 : 46.4)) < 0.8);
+        cts_volume_free(&v);
+    }
+}
+
+/* Something small in a large volume that may show everywhere is looked at more closely. */
+static void test_small(void **state)
+{
+    (void)state;
+    CtsVolume *v = make_ball();
+    CtsPreset p = preset_above(200);
+    p.n_opacity = 4;
+    memcpy(p.opacity, (CtsOpacityPoint[]){{-1100, 1e-7}, {200, 1e-7}, {200, 0.9}, {300, 0.9}}, 4 * sizeof *p.opacity);
+    for (int n = 0; n < SIDE * SIDE * SIDE; n++)
+        v->grey[n] = 0;
+    for (int n = 0; n < 27; n++)
+        v->grey[((20 + n / 9) * SIDE + 20 + n / 3 % 3) * SIDE + 40 + n % 3] = 1524;
+    const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0), f = framed(v, &p, &s);
+    assert_true(fabs(width_mm(&f) - 2.4) < 0.3);
     cts_volume_free(&v);
 }
 
@@ -100,7 +192,7 @@ static void test_slab(void **state)
             cts_framing_find(visible, &slab);
             /* Cells between voxels count whole: a voxel more at most, the nearer side of the disc's plane too. */
             const double radius_mm = 0.9 * 50 * slab.mm_per_pixel;
-            assert_true(radius_mm > sqrt(14 * 14 - off * off) - 0.5 &&
+            assert_true(radius_mm > sqrt(13.5 * 13.5 - off * off) - 0.5 &&
                         radius_mm < sqrt(16 * 16 - (off - 1) * (off - 1)));
         }
         CtsRenderSettings far = s, whole = s, turned = s;
@@ -131,19 +223,6 @@ static void bounds_of(const CtsPicture *p, int box[4])
                 box[2] = y < box[2] ? y : box[2];
                 box[3] = y > box[3] ? y : box[3];
             }
-}
-
-static CtsRenderSettings settings_of(CtsEngineId engine, double azimuth_deg, double elevation_deg)
-{
-    CtsRenderSettings s;
-    cts_render_defaults(&s);
-    s.width = 200;
-    s.height = 260;
-    s.fit = CTS_FIT_VISIBLE;
-    s.engine = engine;
-    s.azimuth_deg = azimuth_deg;
-    s.elevation_deg = elevation_deg;
-    return s;
 }
 
 /* In every engine the ball fills 90 % of the width, in the middle; the reference and the depth mean the same place. */
@@ -235,7 +314,8 @@ static void test_otherwise(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_reach),    cmocka_unit_test(test_slab),      cmocka_unit_test(test_pictures),
+        cmocka_unit_test(test_ends),     cmocka_unit_test(test_haze),      cmocka_unit_test(test_specks),
+        cmocka_unit_test(test_small),    cmocka_unit_test(test_slab),      cmocka_unit_test(test_pictures),
         cmocka_unit_test(test_rotation), cmocka_unit_test(test_otherwise),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
