@@ -168,7 +168,10 @@ static void slicer_lighting(void **state)
     near(matt->power, 1, 0);
     int n = 0;
     for (size_t i = 0; cts_preset_builtin(i); i++)
-        n += !strncmp(cts_preset_builtin(i)->name, "ct-", 3);
+        if (!strncmp(cts_preset_builtin(i)->name, "ct-", 3)) {
+            assert_true(cts_preset_builtin(i)->remove_table);
+            n++;
+        }
     assert_int_equal(n, 22);
 }
 

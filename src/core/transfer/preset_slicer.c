@@ -1,10 +1,10 @@
-/* 3D Slicer's CT presets under their Slicer names, point by point as published in its presets.xml, with its lighting
- * and without table removal, so that a picture can be compared with Slicer's. Slicer stores no unit distance: VTK's
+/* 3D Slicer's CT presets under their Slicer names, point by point as published in its presets.xml, with its lighting.
+ * Table removal is ours, and without it a picture is Slicer's. Slicer stores no unit distance: VTK's
  * default of 1 applies. Its gradient opacity is 1 everywhere in these. The window is Slicer's effective range: from
  * the second point of the opacity to the last but one. */
 #include "core/transfer/preset_table.h"
 
-#define SLICER(title) .name = (title), .unit_distance_mm = 1
+#define SLICER(title) .name = (title), .unit_distance_mm = 1, .remove_table = true
 #define GLOSSY PRESET_LIGHT(0.1, 0.9, 0.2, 10)
 #define MATT PRESET_LIGHT(0.2, 1, 0, 1)
 /* For whoever asks for --shade on. */
