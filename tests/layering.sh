@@ -15,11 +15,11 @@ src/core/volume   | | immintrin.h emmintrin.h
 src/core/table    | core/volume/ |
 src/core/transfer | | expat.h
 src/core/scene    | core/volume/ core/transfer/lut.h |
-src/input/files   | !input/header/tag_scan.h !input/codec/decoder.h | zlib.h zip.h
-src/input/header  | core/volume/stored.h input/files/ !input/codec/decoder.h |
-src/input/codec   | input/files/ input/header/ | openjpeg.h openjph/
+src/input/files   | | zlib.h zip.h
+src/input/header  | core/volume/stored.h input/files/ |
+src/input/codec   | input/files/ input/header/ | openjpeg.h
 src/input/series  | input/files/ input/header/ |
-src/input/load    | core/volume/ input/header/ input/series/ |
+src/input/load    | core/volume/ input/header/ input/codec/ input/series/ |
 src/engine/project | core/volume/ core/scene/ | immintrin.h
 src/engine/tiled  | core/volume/ core/transfer/ core/scene/ engine/project/project.h | immintrin.h
 src/engine/splat  | core/volume/ core/transfer/ core/scene/ | immintrin.h

@@ -1,132 +1,347 @@
 #define _GNU_SOURCE
 #include "base/sandbox.h"
 
+#include "base/walls.h"
+#include <assert.h>
 #include <errno.h>
-#include <malloc.h>
-#include <seccomp.h>
+#include <poll.h>
 #include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sys/mman.h>
-#include <sys/prctl.h>
 #include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <time.h>
 #include <unistd.h>
 
-/* What malloc, the C library's way out, and the talk with the parent need. */
-static const int allowed[] = {
-    SCMP_SYS(brk),         SCMP_SYS(munmap),          SCMP_SYS(mremap),         SCMP_SYS(madvise),
-    SCMP_SYS(futex),       SCMP_SYS(recvfrom),        SCMP_SYS(sendto),         SCMP_SYS(exit),
-    SCMP_SYS(exit_group),  SCMP_SYS(rt_sigreturn),    SCMP_SYS(rt_sigprocmask), SCMP_SYS(getpid),
-    SCMP_SYS(gettid),      SCMP_SYS(tgkill),          SCMP_SYS(clock_gettime),  SCMP_SYS(gettimeofday),
-    SCMP_SYS(sched_yield), SCMP_SYS(restart_syscall),
+enum {
+    BASE_MEMORY = 256 << 20, /* what a codec may take for any stream */
+    ANSWER_MEMORY = 24,      /* and for each byte of the answer: OpenJPEG holds a pixel a few times as 32 bits */
+    STREAM_MEMORY = 4,       /* and for each byte of the stream */
+    BASE_CPU_S = 10,
+    BYTES_PER_CPU_S = 400000, /* a fiftieth of what the slowest codec does */
+    QUIET_S = 60,
+    START_QUIET_S = 5,
+    START_TRIES = 4, /* another fork may well meet other locks */
+    ROOM_STEP = 1 << 20
 };
 
-/* What the C library tries now and then, to find out about its machine, and can do without. */
-static const int refused[] = {
-    SCMP_SYS(open),  SCMP_SYS(openat),    SCMP_SYS(stat),    SCMP_SYS(fstat), SCMP_SYS(newfstatat),
-    SCMP_SYS(ioctl), SCMP_SYS(readlink),  SCMP_SYS(sysinfo), SCMP_SYS(uname), SCMP_SYS(sched_getaffinity),
-    SCMP_SYS(write), SCMP_SYS(prlimit64),
-};
+typedef struct Answer {
+    CtsStatus status;
+    char text[240];
+} Answer;
 
-/* What no codec needs and a sanitizer neither. */
-static const int denied[] = {
-    SCMP_SYS(execve),  SCMP_SYS(execveat), SCMP_SYS(fork),    SCMP_SYS(vfork),  SCMP_SYS(socket),
-    SCMP_SYS(connect), SCMP_SYS(bind),     SCMP_SYS(sendmsg), SCMP_SYS(ptrace),
-};
-
-/* Memory may be asked for, but none that can be run. */
-static int allow_data_memory(scmp_filter_ctx filter)
+CtsSandbox cts_sandbox_make(cts_sandbox_work_fn work, const char *name)
 {
-    const struct scmp_arg_cmp no_exec = SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0);
-    const int result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mmap), 1, no_exec);
-    return result ? result : seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mprotect), 1, no_exec);
+    return (CtsSandbox){.work = work, .name = name, .n_slots = 1, .socket = -1};
 }
 
-static int load_filter(void)
+CtsStatus cts_sandbox_new(CtsSandbox **sandbox, cts_sandbox_work_fn work, const char *name, int n_slots, CtsError *err)
 {
-    scmp_filter_ctx filter = seccomp_init(CTS_SANITIZED ? SCMP_ACT_ALLOW : SCMP_ACT_KILL_PROCESS);
-    int result = filter ? 0 : -ENOMEM;
-    if (CTS_SANITIZED) {
-        for (size_t i = 0; !result && i < sizeof denied / sizeof *denied; i++)
-            result = seccomp_rule_add(filter, SCMP_ACT_KILL_PROCESS, denied[i], 0);
-    } else {
-        for (size_t i = 0; !result && i < sizeof allowed / sizeof *allowed; i++)
-            result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, allowed[i], 0);
-        for (size_t i = 0; !result && i < sizeof refused / sizeof *refused; i++)
-            result = seccomp_rule_add(filter, SCMP_ACT_ERRNO(EACCES), refused[i], 0);
-        if (!result)
-            result = allow_data_memory(filter);
+    if (*sandbox)
+        return CTS_OK;
+    if (!(*sandbox = malloc(sizeof **sandbox)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    **sandbox = cts_sandbox_make(work, name);
+    (*sandbox)->n_slots = n_slots;
+    return CTS_OK;
+}
+
+static size_t slot_bytes(const CtsSandbox *d)
+{
+    return d->stream_capacity + d->answer_capacity;
+}
+
+static bool receive(int socket, void *message, size_t n)
+{
+    ssize_t got;
+    do
+        got = recv(socket, message, n, 0);
+    while (got < 0 && errno == EINTR);
+    return got == (ssize_t)n;
+}
+
+static bool transmit(int socket, const void *message, size_t n)
+{
+    ssize_t put;
+    do
+        put = send(socket, message, n, MSG_NOSIGNAL);
+    while (put < 0 && errno == EINTR);
+    return put == (ssize_t)n;
+}
+
+/* The child's whole life. The first answer says whether the walls stand. */
+static _Noreturn void serve(const CtsSandbox *d, int socket, size_t n_memory)
+{
+    CtsSandboxJob job;
+    Answer a = {CTS_OK, ""};
+    const int wall = d->own_bytes ? cts_walls_leave_all(socket) : cts_walls_enter(socket, n_memory);
+    if (wall) {
+        a.status = CTS_ERR_INTERNAL;
+        snprintf(a.text, sizeof a.text, "%s", strerror(wall));
     }
-    if (!result)
-        result = seccomp_load(filter); /* sets "no new privileges" too */
-    seccomp_release(filter);
-    return -result;
+    while (transmit(socket, &a, sizeof a) && !wall && receive(socket, &job, sizeof job)) {
+        CtsError why = {0};
+        a.status = d->work(job.order, (const uint8_t *)d->shared + job.stream, job.n,
+                           (uint8_t *)d->shared + job.answer, job.n_answer, &why);
+        snprintf(a.text, sizeof a.text, "%.*s", (int)sizeof a.text - 1, why.text);
+    }
+    _exit(wall ? 1 : 0);
 }
 
-static size_t address_space(void)
+/* The child's wait status, or -1 when somebody else has taken it. */
+static int end_child(CtsSandbox *d, bool kill_it)
 {
-    unsigned long pages = 0;
-    FILE *file = fopen("/proc/self/statm", "re");
-    if (file && fscanf(file, "%lu", &pages) != 1)
-        pages = 0;
-    if (file)
-        fclose(file);
-    return (size_t)pages * (size_t)sysconf(_SC_PAGESIZE);
+    int status = -1;
+    if (!d->pid)
+        return -1;
+    if (d->socket >= 0)
+        close(d->socket);
+    d->socket = -1;
+    if (kill_it)
+        kill(d->pid, SIGKILL);
+    while (waitpid(d->pid, &status, 0) < 0)
+        if (errno != EINTR) {
+            status = -1;
+            break;
+        }
+    d->pid = 0;
+    return status;
 }
 
-static int limit(int resource, size_t value)
+void cts_sandbox_end(CtsSandbox *d)
 {
-    const struct rlimit both = {value, value};
-    return setrlimit(resource, &both) ? errno : 0;
+    end_child(d, d->n_jobs > 0);
+    d->n_jobs = 0;
 }
 
-static int limit_resources(size_t n_bytes)
+void cts_sandbox_stop(CtsSandbox *d)
 {
-    const size_t now = address_space();
-    int result = CTS_SANITIZED ? 0 : limit(RLIMIT_FSIZE, 0);
-    if (!result && !CTS_SANITIZED)
-        result = now ? limit(RLIMIT_AS, now + n_bytes) : ENOSYS;
-    if (!result && !CTS_SANITIZED)
-        result = limit(RLIMIT_NOFILE, 0);
-    return result;
+    cts_sandbox_end(d);
+    if (d->shared)
+        munmap(d->shared, (size_t)d->n_slots * slot_bytes(d));
+    d->shared = NULL;
 }
 
-static void leave_signals(void)
+void cts_sandbox_free(CtsSandbox **sandbox)
 {
-    static const int ignored[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGUSR1, SIGUSR2, SIGALRM, SIGCHLD};
-    static const int ending[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU, SIGSYS};
-    sigset_t none;
-    for (size_t i = 0; i < sizeof ignored / sizeof *ignored; i++)
-        signal(ignored[i], SIG_IGN);
-    for (size_t i = 0; i < sizeof ending / sizeof *ending && !CTS_SANITIZED; i++)
-        signal(ending[i], SIG_DFL);
-    signal(SIGXCPU, SIG_DFL);
-    sigemptyset(&none);
-    sigprocmask(SIG_SETMASK, &none, NULL);
+    if (*sandbox)
+        cts_sandbox_stop(*sandbox);
+    free(*sandbox);
+    *sandbox = NULL;
 }
 
-static int close_others(int keep_fd)
+static double cpu_seconds(pid_t pid)
 {
-    const unsigned keep = (unsigned)keep_fd, first = CTS_SANITIZED ? 3 : 0;
-    if (keep > first && close_range(first, keep - 1, 0))
-        return errno;
-    return close_range(keep + 1, ~0u, 0) ? errno : 0;
+    clockid_t clock;
+    struct timespec t = {0};
+    return clock_getcpuclockid(pid, &clock) || clock_gettime(clock, &t) ? 0
+                                                                        : (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-int cts_sandbox_leave_all(int keep_fd)
+/* Whether an answer came; not when the child has gone, or (*still) has done nothing for quiet_s. */
+static bool await(const CtsSandbox *d, Answer *a, int quiet_s, bool *still)
 {
-    leave_signals();
-    prctl(PR_SET_DUMPABLE, 0); /* a core would hold the patient; where that fails, the limit on cores still stands */
-    const int result = limit(RLIMIT_CORE, 0);
-    return result ? result : close_others(keep_fd);
+    double before = -1;
+    *still = false;
+    for (int quiet = 0; quiet < quiet_s;) {
+        struct pollfd wait = {.fd = d->socket, .events = POLLIN};
+        const int n = poll(&wait, 1, 1000);
+        if (n > 0)
+            return receive(d->socket, a, sizeof *a);
+        if (n < 0 && errno != EINTR)
+            return false;
+        const double now = cpu_seconds(d->pid);
+        quiet = n == 0 && now <= before ? quiet + 1 : 0;
+        before = now;
+    }
+    *still = true;
+    return false;
 }
 
-int cts_sandbox_enter(int keep_fd, size_t n_bytes)
+static CtsStatus fork_child(CtsSandbox *d, size_t n_memory, CtsError *err)
 {
-    mallopt(M_ARENA_MAX, 1); /* else malloc counts the processors, in a file, when a thread asks it first */
-    free(malloc(1));
-    int result = limit_resources(n_bytes); /* reads a file */
-    if (!result)
-        result = cts_sandbox_leave_all(keep_fd);
-    return result ? result : load_filter();
+    int ends[2];
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends))
+        return cts_fail(err, CTS_ERR_MEMORY, "a %s process cannot be reached: %s", d->name, strerror(errno));
+    const pid_t pid = fork();
+    if (pid == 0)
+        serve(d, ends[1], n_memory);
+    const int why = errno;
+    close(ends[1]);
+    if (pid < 0) {
+        close(ends[0]);
+        return cts_fail(err, CTS_ERR_MEMORY, "a %s process cannot be started: %s", d->name, strerror(why));
+    }
+    d->pid = pid;
+    d->prepared = d->prepare;
+    d->socket = ends[0];
+    return CTS_OK;
+}
+
+/* What a child may take. */
+static size_t memory_limit(const CtsSandbox *d)
+{
+    return d->memory_limit ? d->memory_limit
+                           : BASE_MEMORY + d->answer_capacity * ANSWER_MEMORY + d->stream_capacity * STREAM_MEMORY;
+}
+
+static CtsStatus start_child(CtsSandbox *d, CtsError *err)
+{
+    CtsStatus st = d->prepare ? d->prepare(err) : CTS_OK;
+    Answer a = {CTS_ERR_INTERNAL, "it ended at once"};
+    bool still = true;
+    for (int tries = 0; !st && still && tries < START_TRIES; tries++) {
+        if ((st = fork_child(d, memory_limit(d), err)))
+            return st;
+        if (await(d, &a, START_QUIET_S, &still) && !a.status)
+            return CTS_OK;
+        end_child(d, true);
+    }
+    return st ? st
+              : cts_fail(err, CTS_ERR_INTERNAL,
+                         "compressed pixels are not decoded, for a %s process cannot be shut in: %.*s (convert them "
+                         "with dcmdjpeg or gdcmconv --raw)",
+                         d->name, (int)sizeof a.text, still ? "it stands still" : a.text);
+}
+
+static size_t round_up(size_t n, size_t step)
+{
+    return (n + step - 1) / step * step;
+}
+
+static bool slots_hold(const CtsSandbox *d, size_t n, size_t n_answer)
+{
+    return d->shared && n <= d->stream_capacity && n_answer <= d->answer_capacity;
+}
+
+/* What is done with a stream must not depend on what came before. */
+static bool is_prepared(const CtsSandbox *d)
+{
+    return !d->prepare || d->prepare == d->prepared;
+}
+
+bool cts_sandbox_fits(const CtsSandbox *d, size_t n, size_t n_answer)
+{
+    return d->n_jobs == 0 || (d->pid && d->n_jobs < d->n_slots && slots_hold(d, n, n_answer) && is_prepared(d));
+}
+
+CtsStatus cts_sandbox_room(CtsSandbox *d, size_t n, size_t n_answer, uint8_t **stream, CtsError *err)
+{
+    if (!slots_hold(d, n, n_answer))
+        cts_sandbox_stop(d);
+    if (!is_prepared(d))
+        cts_sandbox_end(d);
+    if (!d->shared) {
+        d->stream_capacity = round_up(n, ROOM_STEP);
+        d->answer_capacity = round_up(n_answer, ROOM_STEP);
+        const size_t needed = (size_t)d->n_slots * slot_bytes(d);
+        void *shared = mmap(NULL, needed, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
+        if (shared == MAP_FAILED)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory: %zu bytes asked for", needed);
+        d->shared = shared;
+        d->next_slot = 0;
+    }
+    *stream = (uint8_t *)d->shared + (size_t)d->next_slot * slot_bytes(d);
+    return d->pid ? CTS_OK : start_child(d, err);
+}
+
+/* The child dies of SIGXCPU when the oldest frame takes longer. CPU time, for a busy machine is no fault of the file's.
+ */
+static int limit_cpu(const CtsSandbox *d)
+{
+    const int limit_s = d->cpu_limit_s ? d->cpu_limit_s : BASE_CPU_S + (int)(d->jobs[0].n_answer / BYTES_PER_CPU_S);
+    const struct rlimit limit = {(rlim_t)cpu_seconds(d->pid) + (rlim_t)limit_s + 1, RLIM_INFINITY};
+    prlimit(d->pid, RLIMIT_CPU, &limit, NULL); /* fails only when the child is gone, which the answer tells */
+    return limit_s;
+}
+
+static CtsStatus tell_death(const char *name, int status, int limit_s, CtsError *err)
+{
+    if (status == -1)
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer", name);
+    if (!WIFSIGNALED(status))
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer (exit code %d)", name,
+                        WEXITSTATUS(status));
+    switch (WTERMSIG(status)) {
+    case SIGXCPU:
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s was stopped after %d s of computing", name, limit_s);
+    case SIGSYS:
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s was stopped at a system call that no decoder needs", name);
+    case SIGKILL:
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s was killed", name);
+    default:
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s crashed (signal %d)", name, WTERMSIG(status));
+    }
+}
+
+/* The oldest frame's answer. *killed: by somebody or a system without memory, and hardly by what the stream made of it:
+ * codecs do not send SIGKILL. */
+static CtsStatus await_oldest(CtsSandbox *d, bool *killed, CtsError *err)
+{
+    Answer a;
+    bool still = false;
+    const int limit_s = limit_cpu(d), quiet_s = d->quiet_limit_s ? d->quiet_limit_s : QUIET_S;
+    *killed = false;
+    if (!await(d, &a, quiet_s, &still)) {
+        const int status = end_child(d, true);
+        *killed = !still && status != -1 && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
+        return still ? cts_fail(err, CTS_ERR_PIXELS, "its %s stood still for %d s", d->name, quiet_s)
+                     : tell_death(d->name, status, limit_s, err);
+    }
+    if (a.status == CTS_ERR_MEMORY)
+        return cts_fail(err, CTS_ERR_PIXELS, "its %s asks for more memory than %zu bytes of pixels need", d->name,
+                        d->jobs[0].n_answer);
+    return a.status ? cts_fail(err, a.status == CTS_ERR_SYNTAX ? CTS_ERR_SYNTAX : CTS_ERR_PIXELS, "%.*s",
+                               (int)sizeof a.text - 1, a.text)
+                    : CTS_OK;
+}
+
+/* A child that is gone is found out when its answer is waited for. */
+static void send_job(const CtsSandbox *d, const CtsSandboxJob *job)
+{
+    transmit(d->socket, job, sizeof *job);
+}
+
+void cts_sandbox_send(CtsSandbox *d, const void *order, size_t n_order, const uint8_t *stream, size_t n,
+                      size_t n_answer)
+{
+    CtsSandboxJob *job = &d->jobs[d->n_jobs++];
+    assert(n_order <= sizeof job->order);
+    *job = (CtsSandboxJob){.stream = (size_t)(stream - (const uint8_t *)d->shared),
+                           .n = n,
+                           .answer = (size_t)d->next_slot * slot_bytes(d) + d->stream_capacity,
+                           .n_answer = n_answer};
+    if (n_order)
+        memcpy(job->order, order, n_order);
+    d->next_slot = (d->next_slot + 1) % d->n_slots;
+    if (d->n_jobs == 1)
+        limit_cpu(d);
+    send_job(d, job);
+}
+
+/* Another child for all that is under way. */
+static CtsStatus send_again(CtsSandbox *d, CtsError *err)
+{
+    const CtsStatus st = start_child(d, err);
+    for (int i = 0; !st && i < d->n_jobs; i++)
+        send_job(d, &d->jobs[i]);
+    return st;
+}
+
+CtsStatus cts_sandbox_take(CtsSandbox *d, const void **answer, CtsError *err)
+{
+    bool killed = false;
+    CtsStatus st = d->pid ? CTS_OK : send_again(d, err);
+    if (!st)
+        st = await_oldest(d, &killed, err);
+    if (killed && !(st = send_again(d, err)))
+        st = await_oldest(d, &killed, err);
+    *answer = (const uint8_t *)d->shared + d->jobs[0].answer;
+    d->n_jobs--;
+    for (int i = 0; i < d->n_jobs; i++)
+        d->jobs[i] = d->jobs[i + 1];
+    return st;
 }

@@ -1,6 +1,6 @@
 /* One DICOM file -> slices and their pixels; compressed ones up to their codec, which has a process of its own. */
+#include "input/codec/pixels.h"
 #include "input/files/scan.h"
-#include "input/header/slice.h"
 #include "fuzz.h"
 #include <stdlib.h>
 
@@ -12,7 +12,7 @@ static void nothing(void *context, const uint16_t *at, size_t first, size_t end)
     assert(at && first < end);
 }
 
-static void read_pixels(const CtsSlice *s, CtsScratch *scratch)
+static void read_pixels(const CtsSlice *s)
 {
     const size_t n = (size_t)s->rows * (size_t)s->columns;
     assert(s->rows >= 1 && s->columns >= 1 && (s->bits_allocated == 8 || s->bits_allocated == 16));
@@ -21,13 +21,15 @@ static void read_pixels(const CtsSlice *s, CtsScratch *scratch)
         return;
     uint16_t *words = malloc(n * sizeof *words);
     CtsError err = {0};
-    if (words && cts_slice_read_pixels(s, scratch, words, nothing, NULL, &err))
+    CtsSandbox *decoder = NULL;
+    if (words && cts_slice_read_pixels(s, &decoder, words, nothing, NULL, &err))
         assert(err.text[0] && !s->range_known);
     else if (words && s->range_known) {
         const CtsStored stored = cts_slice_stored(s);
         const CtsStoredRange range = cts_stored_range(words, n, &stored);
         assert(range.low == s->range.low && range.high == s->range.high);
     }
+    cts_sandbox_free(&decoder);
     free(words);
 }
 
@@ -45,7 +47,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
         const CtsSlice *s = object.slices[i];
         assert(!s->fault == !s->fault_text);
         if (!s->fault && i < MAX_READ)
-            read_pixels(s, &scratch);
+            read_pixels(s);
     }
     cts_object_free(&object);
     cts_scratch_free(&scratch);

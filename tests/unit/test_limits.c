@@ -7,7 +7,7 @@
 #include "input/header/pixel_places.h"
 #include "input/files/scan.h"
 #include "input/series/series_judge.h"
-#include "input/header/tag_scan.h"
+#include "input/files/tag_scan.h"
 #include "dicom_files.h"
 #include "folder.h"
 #include <zlib.h>

@@ -757,36 +757,6 @@ static void test_description(void **state)
     done(&f);
 }
 
-/* OpenJPH's library does not lie beside this program: HTJ2K takes longer then, which is told, and nothing else is. */
-static void test_slow_decoder(void **state)
-{
-    (void)state;
-    char folder[512];
-    const char *root = getenv("CTS_TESTDATA"), *path = folder;
-    static const char *const syntaxes[] = {"1.2.840.10008.1.2.4.90", "1.2.840.10008.1.2.4.201"};
-    if (!root)
-        skip();
-    snprintf(folder, sizeof folder, "%s/syntax/jpeg-2000", root);
-    for (int high_throughput = 0; high_throughput < 2; high_throughput++) {
-        CtsSeriesList *list = NULL;
-        CtsVolume *v = NULL;
-        CtsReport report = {0};
-        assert_int_equal(cts_series_find(&path, 1, 1, &list, NULL, NULL), CTS_OK);
-        for (int k = 0; k < list->items[0].n_slices; k++)
-            list->items[0].slices[k]->syntax = cts_syntax_find(syntaxes[high_throughput]);
-        assert_int_equal(cts_series_load(&list->items[0], 1, &v, &report, NULL), CTS_OK);
-        const CtsFinding *told = finding(&report.findings, "slow_decoder");
-        assert_int_equal(told != NULL, high_throughput);
-        if (told) {
-            assert_int_equal(told->severity, CTS_NOTE);
-            assert_non_null(strstr(told->text, "libctsplat-htj2k.so"));
-        }
-        cts_volume_free(&v);
-        cts_report_free(&report);
-        cts_series_list_free(&list);
-    }
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -796,7 +766,6 @@ int main(void)
         cmocka_unit_test(test_deep_folders), cmocka_unit_test(test_copies),      cmocka_unit_test(test_phases),
         cmocka_unit_test(test_choose),       cmocka_unit_test(test_folders),     cmocka_unit_test(test_any_threads),
         cmocka_unit_test(test_description),  cmocka_unit_test(test_blank),       cmocka_unit_test(test_first_number),
-        cmocka_unit_test(test_slow_decoder),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

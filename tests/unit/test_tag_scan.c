@@ -1,5 +1,5 @@
 /* The framing of files, sound and broken: where the pixels are, how deep it nests, and that nothing is believed. */
-#include "input/header/tag_scan.h"
+#include "input/files/tag_scan.h"
 #include "dicom_files.h"
 
 static const CtsSyntax *explicit_le(void)

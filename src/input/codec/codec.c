@@ -2,6 +2,7 @@
 
 #include "input/codec/codec_check.h"
 #include "input/files/file_bytes.h"
+#include "input/header/dcm_read.h"
 #include <string.h>
 
 static CtsStatus inflate_pixels(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
@@ -13,26 +14,17 @@ static CtsStatus inflate_pixels(const CtsFrameFormat *f, const uint8_t *stream, 
     return st;
 }
 
-CtsStatus cts_inflate_head(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *head, CtsError *err)
-{
-    size_t got = 0;
-    const CtsStatus st =
-        cts_inflate(stream, n, 0, (uint8_t *)head + sizeof got, cts_frame_bytes(f) - sizeof got, &got, err);
-    memcpy(head, &got, sizeof got);
-    return st;
-}
-
 /* By CtsCodec. What the check refuses never reaches the decoder. */
 static const struct {
     CtsStatus (*check)(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
     cts_decode_fn decode;
+    CtsStatus (*prepare)(CtsError *err); /* CtsSandbox */
 } codecs[CTS_N_CODECS] = {
-    [CTS_CODEC_NATIVE] = {NULL, inflate_pixels}, /* compressed only as a part of a deflated data set */
-    [CTS_CODEC_RLE] = {cts_codec_check_rle, cts_dcm_decode},
-    [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, cts_dcm_decode},
-    [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, cts_dcm_decode},
-    [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode}, /* OpenJPEG tells the stream's shape before it decodes */
-    [CTS_CODEC_HTJ2K] = {NULL, cts_htj2k_decode},        /* OpenJPH too */
+    [CTS_CODEC_NATIVE] = {NULL, inflate_pixels, NULL}, /* compressed only as a part of a deflated data set */
+    [CTS_CODEC_RLE] = {cts_codec_check_rle, cts_dcm_decode, cts_dcm_start_decoders},
+    [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, cts_dcm_decode, cts_dcm_start_decoders},
+    [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, cts_dcm_decode, cts_dcm_start_decoders},
+    [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode, NULL}, /* OpenJPEG tells the stream's shape before it decodes */
 };
 
 /* Bits that the stream has and the header does not know belong to the number, where the stream's precision is no round
@@ -61,4 +53,36 @@ CtsStatus cts_codec_decode(const CtsFrameFormat *f, const uint8_t *stream, size_
     if (!st)
         st = codecs[codec].decode(f, stream, n, pixels, err);
     return st ? st : check_words(f, frame.precision, pixels, err);
+}
+
+CtsStatus cts_codec_work(const void *format, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels,
+                         CtsError *err)
+{
+    (void)n_pixels;
+    return cts_codec_decode(format, stream, n, pixels, err);
+}
+
+/* DCMTK asks for an even number of bytes. */
+static size_t room_for(const CtsFrameFormat *format)
+{
+    return cts_frame_bytes(format) + 1;
+}
+
+bool cts_codec_fits(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n)
+{
+    if (codecs[format->syntax->codec].prepare)
+        sandbox->prepare = codecs[format->syntax->codec].prepare;
+    return cts_sandbox_fits(sandbox, n, room_for(format));
+}
+
+CtsStatus cts_codec_room(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err)
+{
+    if (codecs[format->syntax->codec].prepare)
+        sandbox->prepare = codecs[format->syntax->codec].prepare;
+    return cts_sandbox_room(sandbox, n, room_for(format), stream, err);
+}
+
+void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uint8_t *stream, size_t n)
+{
+    cts_sandbox_send(sandbox, format, sizeof *format, stream, n, room_for(format));
 }

@@ -1,10 +1,11 @@
 /* One compressed frame -> stored words. Foreign bytes meet a codec only here, and only in a process of their own
- * (decoder.h): codecs crash, hang and overrun on damaged streams. */
+ * (base/sandbox.h): codecs crash, hang and overrun on damaged streams. */
 #ifndef CTS_DICOM_CODEC_H
 #define CTS_DICOM_CODEC_H
 
+#include "base/sandbox.h"
 #include "ctsplat/status.h"
-#include "input/header/syntax.h"
+#include "input/files/syntax.h"
 #include <stddef.h>
 #include <stdint.h>
 
@@ -37,19 +38,18 @@ typedef CtsStatus (*cts_decode_fn)(const CtsFrameFormat *format, const uint8_t *
 /* By the codec of format->syntax. */
 CtsStatus cts_codec_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 
-/* The codecs, each for its own syntaxes: DCMTK's (RLE, JPEG, JPEG-LS; start DCMTK's decoders first), OpenJPEG and
- * OpenJPH. */
+/* The codecs, each for its own syntaxes: DCMTK's (RLE, JPEG, JPEG-LS; start DCMTK's decoders first) and OpenJPEG. */
 CtsStatus cts_dcm_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels,
                               CtsError *err);
-/* Before a process is forked that is to decode HTJ2K: without OpenJPH, OpenJPEG does it, in nearly twice the time. Why
- * that is so, NULL where OpenJPH is there. */
-const char *cts_htj2k_prepare(void);
-CtsStatus cts_htj2k_decode(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *pixels, CtsError *err);
 
-/* How a deflated data set begins: a size_t, then so many bytes of it, as many as there are or find room in a frame. The
- * format's syntax is not looked at. */
-CtsStatus cts_inflate_head(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *head, CtsError *err);
+/* The same as a sandbox's work, whose orders are frame formats; and a sandbox's own functions for a frame, which see to
+ * it that the codec's library is there. */
+CtsStatus cts_codec_work(const void *format, const uint8_t *stream, size_t n, void *pixels, size_t n_pixels,
+                         CtsError *err);
+bool cts_codec_fits(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n);
+CtsStatus cts_codec_room(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err);
+void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uint8_t *stream, size_t n);
 
 #ifdef __cplusplus
 }

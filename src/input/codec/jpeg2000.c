@@ -1,5 +1,5 @@
-/* JPEG 2000 streams, and HTJ2K streams that OpenJPH does not read, decoded with OpenJPEG. */
-#include "input/codec/jpeg2000.h"
+/* JPEG 2000 and HTJ2K streams, decoded with OpenJPEG. */
+#include "input/codec/codec.h"
 
 #include <openjpeg.h>
 #include <stdio.h>
@@ -55,73 +55,61 @@ static void note(const char *text, void *context)
     }
 }
 
-CtsStatus cts_jpeg2000_check_component(const CtsFrameFormat *f, bool plain, unsigned columns, unsigned rows,
-                                       unsigned precision, CtsError *err)
-{
-    if (!plain || columns != (unsigned)f->columns || rows != (unsigned)f->rows)
-        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream is %u x %u, the header says %d x %d", columns, rows,
-                        f->columns, f->rows);
-    if (precision < 1 || precision > (unsigned)f->bits_allocated)
-        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream has %u bits, the header allocates %d", precision,
-                        f->bits_allocated);
-    return CTS_OK;
-}
-
-CtsStatus cts_jpeg2000_check_components(const CtsFrameFormat *f, unsigned n_components, CtsError *err)
-{
-    const unsigned wanted = f->n_colours > 0 ? (unsigned)f->n_colours : 1;
-    return n_components == wanted
-               ? CTS_OK
-               : cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream has %u components, not %u", n_components, wanted);
-}
-
 /* The stream's own shape, before anything is allocated by it. */
 static CtsStatus check_shape(const CtsFrameFormat *f, const opj_image_t *image, CtsError *err)
 {
-    CtsStatus st = cts_jpeg2000_check_components(f, image->numcomps, err);
-    for (OPJ_UINT32 i = 0; !st && i < image->numcomps; i++) {
+    const unsigned wanted = f->n_colours > 0 ? (unsigned)f->n_colours : 1;
+    if (image->numcomps != wanted)
+        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream has %u components, not %u", image->numcomps, wanted);
+    for (OPJ_UINT32 i = 0; i < image->numcomps; i++) {
         const opj_image_comp_t *c = &image->comps[i];
         const bool plain = !image->x0 && !image->y0 && !c->x0 && !c->y0 && c->dx == 1 && c->dy == 1 &&
                            image->x1 == c->w && image->y1 == c->h;
-        st = cts_jpeg2000_check_component(f, plain, c->w, c->h, c->prec, err);
+        if (!plain || c->w != (unsigned)f->columns || c->h != (unsigned)f->rows)
+            return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream is %u x %u, the header says %d x %d", c->w, c->h,
+                            f->columns, f->rows);
+        if (c->prec < 1 || c->prec > (unsigned)f->bits_allocated)
+            return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream has %u bits, the header allocates %d", c->prec,
+                            f->bits_allocated);
     }
-    return st;
+    return CTS_OK;
 }
 
-/* The stream has a sign and a precision of its own, and writers get them wrong. Where the header's bits and sign read
- * another number than the stream holds, no reading is the right one. Left-justified words have no such test. */
-CtsStatus cts_jpeg2000_take_samples(const CtsFrameFormat *f, const CtsJpeg2000Samples *s, void *pixels, CtsError *err)
+/* One component, whose first sample goes to pixels. The stream has a sign and a precision of its own, and writers get
+ * them wrong. Where the header's bits and sign read another number than the stream holds, no reading is the right one.
+ * Left-justified words have no such test. */
+static CtsStatus take_samples(const CtsFrameFormat *f, const opj_image_comp_t *c, void *pixels, CtsError *err)
 {
-    const size_t step = f->n_colours > 0 ? (size_t)f->n_colours : 1;
+    const size_t step = f->n_colours > 0 ? (size_t)f->n_colours : 1, n = (size_t)f->columns * (size_t)f->rows;
     const bool justified = f->high_bit != f->bits_stored - 1;
     const int32_t low = f->is_signed ? -(1 << (f->bits_stored - 1)) : 0;
     const int32_t high = low + (1 << f->bits_stored) - 1;
-    if (justified && (s->precision != f->bits_allocated || s->is_signed))
-        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream has %d bits, which its HighBit (0028,0102) denies",
-                        s->precision);
+    if (justified && (c->prec != (unsigned)f->bits_allocated || c->sgnd))
+        return cts_fail(err, CTS_ERR_PIXELS, "its JPEG 2000 stream has %u bits, which its HighBit (0028,0102) denies",
+                        c->prec);
     /* Loops without ways out, for vectors. */
     int n_outside = 0;
-    for (size_t i = 0; i < s->n; i++)
-        n_outside += (s->values[i] < low) | (s->values[i] > high);
-    for (size_t i = 0; n_outside && !justified && i < s->n; i++) {
-        const int32_t v = s->values[i];
+    for (size_t i = 0; i < n; i++)
+        n_outside += (c->data[i] < low) | (c->data[i] > high);
+    for (size_t i = 0; n_outside && !justified && i < n; i++) {
+        const int32_t v = c->data[i];
         if ((v < low || v > high) && (v & 0xFFFF) != f->padding_word)
             return cts_fail(err, CTS_ERR_PIXELS,
-                            "its JPEG 2000 stream (%d bits, %ssigned) holds %d, which the header (%d bits, %ssigned) "
+                            "its JPEG 2000 stream (%u bits, %ssigned) holds %d, which the header (%d bits, %ssigned) "
                             "reads as another number",
-                            s->precision, s->is_signed ? "" : "un", v, f->bits_stored, f->is_signed ? "" : "un");
+                            c->prec, c->sgnd ? "" : "un", v, f->bits_stored, f->is_signed ? "" : "un");
     }
-    uint8_t *const bytes = (uint8_t *)pixels + s->first * step;
-    uint16_t *const words = (uint16_t *)pixels + s->first * step;
+    uint8_t *const bytes = pixels;
+    uint16_t *const words = pixels;
     if (f->bits_allocated == 8)
-        for (size_t i = 0; i < s->n; i++)
-            bytes[i * step] = (uint8_t)s->values[i];
+        for (size_t i = 0; i < n; i++)
+            bytes[i * step] = (uint8_t)c->data[i];
     else if (step == 1)
-        for (size_t i = 0; i < s->n; i++)
-            words[i] = (uint16_t)s->values[i];
+        for (size_t i = 0; i < n; i++)
+            words[i] = (uint16_t)c->data[i];
     else
-        for (size_t i = 0; i < s->n; i++)
-            words[i * step] = (uint16_t)s->values[i];
+        for (size_t i = 0; i < n; i++)
+            words[i * step] = (uint16_t)c->data[i];
     return CTS_OK;
 }
 
@@ -172,14 +160,8 @@ CtsStatus cts_jpeg2000_decode(const CtsFrameFormat *f, const uint8_t *bytes, siz
     opj_codec_t *codec = opj_create_decompress(is_jp2 ? OPJ_CODEC_JP2 : OPJ_CODEC_J2K);
     CtsStatus st = stream && codec ? run(f, codec, stream, &image, &complaint, err)
                                    : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (OPJ_UINT32 c = 0; !st && c < image->numcomps; c++) {
-        const opj_image_comp_t *comp = &image->comps[c];
-        const CtsJpeg2000Samples samples = {.values = comp->data,
-                                            .n = (size_t)f->columns * (size_t)f->rows,
-                                            .precision = (int)comp->prec,
-                                            .is_signed = comp->sgnd};
-        st = cts_jpeg2000_take_samples(f, &samples, (uint8_t *)pixels + c * (size_t)(f->bits_allocated / 8), err);
-    }
+    for (OPJ_UINT32 c = 0; !st && c < image->numcomps; c++)
+        st = take_samples(f, &image->comps[c], (uint8_t *)pixels + c * (size_t)(f->bits_allocated / 8), err);
     opj_image_destroy(image);
     opj_destroy_codec(codec);
     opj_stream_destroy(stream);

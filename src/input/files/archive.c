@@ -2,9 +2,9 @@
 #include "input/files/archive.h"
 
 #include "base/mem.h"
-#include "input/codec/decoder.h"
+#include "base/sandbox.h"
 #include "input/files/file_bytes.h"
-#include "input/header/tag_scan.h"
+#include "input/files/tag_scan.h"
 #include <stdlib.h>
 #include <string.h>
 #include <zip.h>
@@ -14,7 +14,6 @@ enum {
     EXTRA = 64 << 20,
     LOOK = 4096, /* bytes that tell what a member is */
     MAX_NAME = 1024,
-    UNIT = 1 << 16, /* the room is counted in rows of so many bytes */
     UNPACKING_MEMORY = 256 << 20,
     UNPACKING_CPU_S = 120,
     ALIGNMENT = 16
@@ -28,7 +27,7 @@ typedef struct Record {
 } Record;
 
 struct CtsArchive {
-    CtsDecoder unpacker; /* keeps the memory; its child is gone */
+    CtsSandbox unpacker; /* keeps the memory; its child is gone */
     CtsMember *members;
     int n, n_other;
 };
@@ -136,9 +135,11 @@ CtsStatus cts_archive_unpack(const uint8_t *stream, size_t n, uint8_t *room, siz
     return st;
 }
 
-static CtsStatus unpack_frame(const CtsFrameFormat *format, const uint8_t *stream, size_t n, void *room, CtsError *err)
+static CtsStatus unpack_apart(const void *order, const uint8_t *stream, size_t n, void *room, size_t n_room,
+                              CtsError *err)
 {
-    return cts_archive_unpack(stream, n, room, cts_frame_bytes(format), err);
+    (void)order;
+    return cts_archive_unpack(stream, n, room, n_room, err);
 }
 
 /* What the child has written is as foreign as the file: every length is checked. */
@@ -180,7 +181,7 @@ CtsStatus cts_archive_list(const uint8_t *bytes, size_t n, CtsArchive **archive,
 {
     if (!(*archive = calloc(1, sizeof **archive)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    (*archive)->unpacker = cts_decoder_make(unpack_frame);
+    (*archive)->unpacker = cts_sandbox_make(unpack_apart, "unpacker");
     const CtsStatus st = list_members(*archive, bytes, n, err);
     if (st)
         cts_archive_free(archive);
@@ -194,24 +195,25 @@ static CtsStatus run(CtsArchive *a, const CtsFileBytes *file, CtsError *err)
     uint64_t limit = n * RATIO + EXTRA;
     if (free_bytes && (n > free_bytes / 2 || limit > free_bytes / 2 - n))
         limit = n > free_bytes / 2 ? 0 : free_bytes / 2 - n;
-    if (limit < UNIT)
+    if (limit < LOOK)
         return cts_fail(err, CTS_ERR_MEMORY, "a zip file of %llu MiB cannot be held in memory (unpack it)",
                         (unsigned long long)(n >> 20));
-    const CtsFrameFormat room = {.columns = UNIT, .rows = (int)(limit / UNIT), .bits_allocated = 8};
     uint8_t *stream;
     const void *bytes;
-    a->unpacker = cts_decoder_make(unpack_frame);
+    a->unpacker = cts_sandbox_make(unpack_apart, "unpacker");
     a->unpacker.memory_limit = UNPACKING_MEMORY;
     a->unpacker.cpu_limit_s = UNPACKING_CPU_S + (int)(n >> 22);
-    CtsStatus st = cts_decoder_room(&a->unpacker, &room, (size_t)n, &stream, err);
+    CtsStatus st = cts_sandbox_room(&a->unpacker, (size_t)n, (size_t)limit, &stream, err);
     if (!st)
         st = cts_file_bytes_read(file, stream, (size_t)n, 0, err);
-    if (!st && (st = cts_decoder_run(&a->unpacker, &room, stream, (size_t)n, &bytes, err)) == CTS_ERR_PIXELS) {
-        err->status = CTS_ERR_READ;
-        st = CTS_ERR_READ;
+    if (!st) {
+        cts_sandbox_send(&a->unpacker, NULL, 0, stream, (size_t)n, (size_t)limit);
+        st = cts_sandbox_take(&a->unpacker, &bytes, err);
     }
-    cts_decoder_end(&a->unpacker);
-    return st ? st : list_members(a, bytes, cts_frame_bytes(&room), err);
+    if (st == CTS_ERR_PIXELS)
+        st = err->status = CTS_ERR_READ;
+    cts_sandbox_end(&a->unpacker);
+    return st ? st : list_members(a, bytes, (size_t)limit, err);
 }
 
 CtsStatus cts_archive_open(const char *path, CtsArchive **archive, CtsError *err)
@@ -237,7 +239,7 @@ void cts_archive_free(CtsArchive **archive)
 {
     if (!*archive)
         return;
-    cts_decoder_stop(&(*archive)->unpacker);
+    cts_sandbox_stop(&(*archive)->unpacker);
     free((*archive)->members);
     free(*archive);
     *archive = NULL;

@@ -1,4 +1,4 @@
-/* A zip file's members, unpacked in memory by a process of their own (decoder.h): their names are data, no path is ever
+/* A zip file's members, unpacked in memory by a sandbox (base/sandbox.h): their names are data, no path is ever
  * made of them, and nothing is written anywhere. */
 #ifndef CTS_DICOM_ARCHIVE_H
 #define CTS_DICOM_ARCHIVE_H

@@ -3,7 +3,7 @@
 #define CTS_DICOM_DCM_DOOR_HPP
 
 #include "ctsplat/status.h"
-#include "input/header/syntax.h"
+#include "input/files/syntax.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -22,7 +22,7 @@ struct CtsDcmLog {
 CtsDcmLog &cts_dcm_log();
 void cts_dcm_log_reset();
 
-/* Held for as long as a thread is inside DCMTK, so that a fork finds none of its locks taken (decoder.h). */
+/* Held for as long as a thread is inside DCMTK, so that a fork finds none of its locks taken (base/sandbox.h). */
 std::shared_mutex &cts_dcm_in_use();
 using CtsDcmUse = std::shared_lock<std::shared_mutex>;
 

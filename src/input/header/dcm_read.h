@@ -4,10 +4,9 @@
 
 #include "ctsplat/status.h"
 #include "input/header/slice.h"
-#include "input/header/tag_scan.h"
+#include "input/files/tag_scan.h"
 #include <stddef.h>
 #include <stdint.h>
-#include <sys/types.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -18,8 +17,6 @@ extern "C" {
 CtsStatus cts_dcm_start(CtsError *err);
 /* The same without the dictionary, which decoders do not need. */
 CtsStatus cts_dcm_start_decoders(CtsError *err);
-/* fork(), while no other thread is inside DCMTK. */
-pid_t cts_dcm_fork(void);
 
 /* Read the attributes of a data set that ends before its pixels, encoded as `native` (an uncompressed syntax), into
  * slice, its texts into texts: all but path, file facts, syntax, odd syntax flags and the place of the pixels, which

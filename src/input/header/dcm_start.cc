@@ -14,7 +14,7 @@
 #include <dcmtk/oflog/spi/logevent.h>
 #include <mutex>
 #include <new>
-#include <unistd.h>
+#include <pthread.h>
 
 namespace log4cplus = dcmtk::log4cplus;
 
@@ -98,7 +98,9 @@ bool start_decoders()
         appender->setThreshold(log4cplus::OFF_LOG_LEVEL);
     root.addAppender(log4cplus::SharedAppenderPtr(new CountingAppender));
     static const Decoders decoders;
-    return true;
+    /* A process that is forked finds none of DCMTK's locks taken. */
+    return pthread_atfork([] { cts_dcm_in_use().lock(); }, [] { cts_dcm_in_use().unlock(); },
+                          [] { cts_dcm_in_use().unlock(); }) == 0;
 }
 
 } // namespace
@@ -107,12 +109,6 @@ std::shared_mutex &cts_dcm_in_use()
 {
     static std::shared_mutex mutex;
     return mutex;
-}
-
-pid_t cts_dcm_fork(void)
-{
-    const std::unique_lock<std::shared_mutex> alone(cts_dcm_in_use());
-    return fork();
 }
 
 CtsStatus cts_dcm_start_decoders(CtsError *err)

@@ -1,5 +1,7 @@
 #include "input/header/slice.h"
 
+#include "base/sandbox.h"
+#include "input/files/file_bytes.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -58,4 +60,27 @@ void cts_object_free(CtsObject *object)
     }
     free(object->slices);
     *object = (CtsObject){0};
+}
+
+void cts_scratch_free(CtsScratch *scratch)
+{
+    free(scratch->file);
+    free(scratch->inflated);
+    cts_texts_free(&scratch->texts);
+    cts_sandbox_free(&scratch->inflater);
+    *scratch = (CtsScratch){0};
+}
+
+CtsStatus cts_slice_open(const CtsSlice *s, CtsFileBytes *file, CtsError *err)
+{
+    if (s->memory) {
+        *file = cts_file_bytes_in_memory(s->memory, s->file_bytes);
+        return CTS_OK;
+    }
+    CtsStatus st = cts_file_bytes_open(file, s->path, err);
+    if (!st && file->fd < 0)
+        st = cts_fail(err, CTS_ERR_READ, "is no file any more");
+    if (!st && (file->n_bytes != s->file_bytes || file->mtime_ns != s->mtime_ns))
+        st = cts_fail(err, CTS_ERR_READ, "changed while it was being read (wait until it is complete)");
+    return st;
 }

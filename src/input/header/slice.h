@@ -4,7 +4,7 @@
 
 #include "ctsplat/status.h"
 #include "core/volume/stored.h"
-#include "input/header/syntax.h"
+#include "input/files/syntax.h"
 #include "input/files/texts.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -96,12 +96,11 @@ typedef struct CtsSliceLabel {
 } CtsSliceLabel;
 CtsSliceLabel cts_slice_label(const CtsSlice *slice);
 
-/* Working memory of one thread, grown as needed. Zero-initialise; free with cts_scratch_free(). */
+/* Working memory of one thread that reads headers, grown as needed. Zero-initialise; free with cts_scratch_free(). */
 typedef struct CtsScratch {
     uint8_t *file, *inflated;
     size_t file_capacity, inflated_capacity;
-    struct CtsDecoder *decoder;  /* a process for compressed pixels, started when the first come */
-    struct CtsDecoder *inflater; /* another for deflated headers */
+    struct CtsSandbox *inflater; /* a process for deflated headers, started when the first comes */
     CtsTexts texts;              /* of the slices whose headers were read; may be taken out */
 } CtsScratch;
 
@@ -129,32 +128,15 @@ CtsFileKind cts_slice_read_header(const struct CtsFile *source, CtsScratch *scra
 /* How its stored words are read. */
 CtsStored cts_slice_stored(const CtsSlice *slice);
 
-/* Its pixels come from a codec or are deflated. */
-bool cts_slice_is_compressed(const CtsSlice *slice);
-
-/* Why its pixels take longer to decode than with all libraries in their places; NULL: they do not. */
-const char *cts_slice_why_slow(const CtsSlice *slice);
+/* Bytes first <= i < end of its frame, in the file's byte order, become words of 16 bits in this machine's; first is
+ * even. Words that are there already may be the bytes' own place. */
+void cts_slice_widen(const CtsSlice *slice, const uint8_t *bytes, uint16_t *words, size_t first, size_t end);
 
 /* The range of an uncompressed slice without fault whose pixel_bytes are at hand. */
 void cts_slice_see_pixels(CtsSlice *slice, const uint8_t *pixels);
 
 /* The slice's file, as cts_file_bytes_open(); CTS_ERR_READ when it is not the one any more whose header was read. */
 CtsStatus cts_slice_open(const CtsSlice *slice, struct CtsFileBytes *file, CtsError *err);
-
-/* Words first <= n < end of a slice are there, from `at` on: in their own place, or with a decoder, in reach of this
- * call alone. They are in the cache. */
-typedef void (*cts_words_ready_fn)(void *context, const uint16_t *at, size_t first, size_t end);
-
-/* The stored words of a slice without fault, as the file has them but in this machine's byte order and widened to 16
- * bits: rows * columns words, not yet masked or rescaled. They come in parts, in order; ready() is called after each
- * and writes into their place what it makes of them. Fails with a message that has no path in it. */
-CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsScratch *scratch, uint16_t *words, cts_words_ready_fn ready,
-                                void *context, CtsError *err);
-
-/* Read a compressed slice and hand it to the thread's decoder, which may still be at work at the one before. Whether
- * that was done; if so, its pixels are to be read before those of any other slice that is not under way already. What
- * fails here fails again, and says why, when they are. */
-bool cts_slice_begin(const CtsSlice *slice, CtsScratch *scratch);
 
 /* The file names in a DICOMDIR, with its own folder in front; free each and the array with free(). */
 CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,

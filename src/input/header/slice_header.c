@@ -1,11 +1,11 @@
 #define _GNU_SOURCE
 #include "input/header/dcm_read.h"
-#include "input/codec/decoder.h"
+#include "base/sandbox.h"
 #include "input/files/file_bytes.h"
 #include "input/header/pixel_places.h"
 #include "input/files/scan.h"
 #include "input/header/slice.h"
-#include "input/header/tag_scan.h"
+#include "input/files/tag_scan.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -71,21 +71,31 @@ static CtsStatus scan_plain(Head *h, Framing *f, CtsError *err)
     return CTS_OK;
 }
 
+/* How a deflated data set begins: a size_t, then so many bytes of it, as many as there are or find room. */
+static CtsStatus inflate_apart(const void *order, const uint8_t *stream, size_t n, void *head, size_t n_head,
+                               CtsError *err)
+{
+    size_t got = 0;
+    (void)order;
+    const CtsStatus st = cts_inflate(stream, n, 0, (uint8_t *)head + sizeof got, n_head - sizeof got, &got, err);
+    memcpy(head, &got, sizeof got);
+    return st;
+}
+
 /* The data set's first `want` bytes, inflated by a process of its own and copied: they stay as they are when they are
  * looked at. */
 static CtsStatus inflate_head(Head *h, const Framing *f, size_t want, size_t *got, CtsError *err)
 {
     CtsScratch *s = h->scratch;
-    const CtsFrameFormat room = {
-        .columns = FIRST_INFLATE, .rows = (int)(want / FIRST_INFLATE) + 1, .bits_allocated = 8};
-    const size_t n = h->n - f->meta.data_offset;
+    const size_t n = h->n - f->meta.data_offset, n_head = want + sizeof *got;
     uint8_t *stream;
     const void *head;
-    CtsStatus st = cts_decoder_new(&s->inflater, cts_inflate_head, 1, err);
-    if (st || (st = cts_decoder_room(s->inflater, &room, n, &stream, err)))
+    CtsStatus st = cts_sandbox_new(&s->inflater, inflate_apart, "decoder", 1, err);
+    if (st || (st = cts_sandbox_room(s->inflater, n, n_head, &stream, err)))
         return st;
     memcpy(stream, s->file + f->meta.data_offset, n);
-    if ((st = cts_decoder_run(s->inflater, &room, stream, n, &head, err)))
+    cts_sandbox_send(s->inflater, NULL, 0, stream, n, n_head);
+    if ((st = cts_sandbox_take(s->inflater, &head, err)))
         return st;
     memcpy(got, head, sizeof *got);
     *got = *got < want ? *got : want;

@@ -5,6 +5,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "input/codec/pixels.h"
 #include "input/header/slice.h"
 #include "input/series/slice_stack.h"
 #include "core/volume/bits.h"
@@ -87,14 +88,14 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
     in->grey_ms += cts_wall_ms() - start;
 }
 
-static CtsStatus read_slice(Assembly *a, int k, CtsScratch *scratch, cts_grey_whole_fn to_grey,
+static CtsStatus read_slice(Assembly *a, int k, CtsSandbox **decoder, cts_grey_whole_fn to_grey,
                             double busy[CTS_N_STAGES], CtsError *err)
 {
     const CtsSlice *s = &a->slices[k];
     Arrival in = {.assembly = a, .k = k, .stored = cts_slice_stored(s), .to_grey = to_grey};
     const double start = cts_wall_ms();
     a->ranges[k] = (CtsStoredRange){INT32_MAX, INT32_MIN};
-    const CtsStatus st = cts_slice_read_pixels(s, scratch, layer_of(a, k), take_words, &in, err);
+    const CtsStatus st = cts_slice_read_pixels(s, decoder, layer_of(a, k), take_words, &in, err);
     if (st) {
         cts_context(err, "%s", cts_slice_label(s).text);
         return st;
@@ -129,7 +130,7 @@ static void note_failure(Assembly *a, int k, const CtsError *why)
 
 /* One thread's. */
 typedef struct Reader {
-    CtsScratch scratch;
+    CtsSandbox *decoder; /* a process for compressed pixels, started when the first come */
     double busy[CTS_N_STAGES];
     int held; /* a slice that is being decoded, or -1 */
 } Reader;
@@ -146,7 +147,7 @@ static void read_one(Reading *r, Reader *reader, int k)
 {
     CtsError why = {0};
     if (k > atomic_load(&r->assembly->stop) ||
-        !read_slice(r->assembly, k, &reader->scratch, r->to_grey, reader->busy, &why))
+        !read_slice(r->assembly, k, &reader->decoder, r->to_grey, reader->busy, &why))
         return;
     pthread_mutex_lock(&r->lock);
     note_failure(r->assembly, k, &why);
@@ -165,7 +166,7 @@ static void read_some(Reading *r, Reader *reader, int first, int end)
 {
     const Assembly *const a = r->assembly;
     for (int k = first; k < end && k < a->n_slices; k++) {
-        const bool begun = k <= atomic_load(&a->stop) && cts_slice_begin(&a->slices[k], &reader->scratch);
+        const bool begun = k <= atomic_load(&a->stop) && cts_slice_begin(&a->slices[k], &reader->decoder);
         read_held(r, reader);
         if (begun)
             reader->held = k;
@@ -215,7 +216,7 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
     for (int t = 0; t < a->n_threads; t++) {
         a->busy[CTS_STAGE_DECODE] += readers[t].busy[CTS_STAGE_DECODE];
         a->busy[CTS_STAGE_GREY] += readers[t].busy[CTS_STAGE_GREY];
-        cts_scratch_free(&readers[t].scratch);
+        cts_sandbox_free(&readers[t].decoder);
     }
     free(readers);
     return CTS_OK;
@@ -596,16 +597,6 @@ static bool all_seen(const CtsSeries *series)
     return true;
 }
 
-static void tell_slow(const CtsSeries *series, CtsReport *report)
-{
-    const char *why = NULL;
-    for (int k = 0; k < series->n_slices && !why; k++)
-        why = cts_slice_why_slow(series->slices[k]);
-    if (why)
-        cts_report_finding(report, "slow_decoder", CTS_NOTE,
-                           "HTJ2K is decoded by OpenJPEG, in nearly twice the time that OpenJPH takes: %s", why);
-}
-
 /* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
 static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsScanned **scanned, CtsReport *report,
                       CtsError *err)
@@ -655,8 +646,6 @@ static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, C
                            series->findings.items[i].text);
     if (st)
         in_series(series, err);
-    else
-        tell_slow(series, report);
     return st;
 }
 

@@ -4,7 +4,6 @@
 #include <pthread.h>
 #include <stdio.h>
 #include <string.h>
-#include <unistd.h>
 
 /* The state of this file: the library, once it is loaded. */
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
@@ -22,22 +21,31 @@ static CtsStatus load(CtsError *err)
     return CTS_OK;
 }
 
+static void take_lock(void)
+{
+    pthread_mutex_lock(&lock);
+}
+
+static void leave_lock(void)
+{
+    pthread_mutex_unlock(&lock);
+}
+
+/* No process is forked while a thread loads the library. */
+static void mind_forks(void)
+{
+    pthread_atfork(take_lock, leave_lock, leave_lock);
+}
+
 static CtsStatus find_part(const CtsDcmPart **part, CtsError *err)
 {
+    static pthread_once_t once = PTHREAD_ONCE_INIT;
+    pthread_once(&once, mind_forks);
     pthread_mutex_lock(&lock);
     const CtsStatus st = loaded ? CTS_OK : load(err);
     *part = loaded;
     pthread_mutex_unlock(&lock);
     return st;
-}
-
-/* Not while another thread loads the library. */
-pid_t cts_dcm_fork(void)
-{
-    pthread_mutex_lock(&lock);
-    const pid_t pid = loaded ? loaded->fork() : fork();
-    pthread_mutex_unlock(&lock);
-    return pid;
 }
 
 /* Without the library no class has a name. */

@@ -15,7 +15,6 @@
 typedef struct CtsDcmPart {
     __typeof__(cts_dcm_start) *start;
     __typeof__(cts_dcm_start_decoders) *start_decoders;
-    __typeof__(cts_dcm_fork) *fork;
     __typeof__(cts_dcm_parse_header) *parse_header;
     __typeof__(cts_dcm_read_frames) *read_frames;
     __typeof__(cts_dcm_directory) *directory;

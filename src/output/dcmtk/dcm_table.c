@@ -4,7 +4,6 @@
 static const CtsDcmPart part = {
     .start = cts_dcm_start,
     .start_decoders = cts_dcm_start_decoders,
-    .fork = cts_dcm_fork,
     .parse_header = cts_dcm_parse_header,
     .read_frames = cts_dcm_read_frames,
     .directory = cts_dcm_directory,

@@ -3,7 +3,7 @@
 #define CTS_DICOM_DCM_SC_READ_H
 
 #include "ctsplat/status.h"
-#include "input/header/syntax.h"
+#include "input/files/syntax.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>

@@ -7,7 +7,7 @@
 #include "output/objects/dcm_put.hpp"
 #include "input/header/dcm_read.h"
 #include "input/files/file_bytes.h"
-#include "input/header/tag_scan.h"
+#include "input/files/tag_scan.h"
 #include <cstdlib>
 #include <cstring>
 #include <memory>

@@ -2,13 +2,13 @@
  * short. */
 #include "output/objects/dcm_sc.h"
 
-#include "input/codec/decoder.h"
+#include "base/sandbox.h"
 #include <openjpeg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { UNIT = 1 << 16, SAMPLES_PER_CPU_S = 100000 };
+enum { EXTRA_BYTES = 1 << 16, SAMPLES_PER_CPU_S = 100000 };
 
 /* The code stream; an encoder may go back in it. */
 typedef struct Stream {
@@ -110,12 +110,14 @@ static bool encode(const CtsScFrame *frame, opj_image_t *image, Stream *s, char 
     return done;
 }
 
-/* What goes through the decoder's room: the frame, then its samples; back come the code stream's length, then it. */
-static CtsStatus encode_apart(const CtsFrameFormat *room, const uint8_t *request, size_t n, void *answer, CtsError *err)
+/* What goes through the sandbox: the frame, then its samples; back come the code stream's length, then it. */
+static CtsStatus encode_apart(const void *order, const uint8_t *request, size_t n, void *answer, size_t n_answer,
+                              CtsError *err)
 {
+    (void)order;
     CtsScFrame frame;
     char why[120] = "";
-    Stream s = {.bytes = (uint8_t *)answer + sizeof s.n, .capacity = cts_frame_bytes(room) - sizeof s.n};
+    Stream s = {.bytes = (uint8_t *)answer + sizeof s.n, .capacity = n_answer - sizeof s.n};
     memcpy(&frame, request, sizeof frame);
     frame.samples = (void *)(uintptr_t)(request + sizeof frame);
     opj_image_t *image = n == sizeof frame + frame.n_samples_bytes ? image_of(&frame) : NULL;
@@ -130,21 +132,20 @@ static CtsStatus encode_apart(const CtsFrameFormat *room, const uint8_t *request
 CtsStatus cts_j2k_encode(const CtsScFrame *frame, CtsScSink sink, void *context, CtsError *err)
 {
     /* Noise may take more than its samples do. */
-    const CtsFrameFormat room = {
-        .columns = UNIT, .rows = (int)(2 * frame->n_samples_bytes / UNIT) + 2, .bits_allocated = 8};
+    const size_t n_answer = 2 * frame->n_samples_bytes + EXTRA_BYTES;
     const size_t n = sizeof *frame + frame->n_samples_bytes;
-    CtsDecoder encoder = cts_decoder_make(encode_apart);
+    CtsSandbox encoder = cts_sandbox_make(encode_apart, "encoder");
     CtsError why = {0};
     uint8_t *request;
     const void *answer;
-    encoder.name = "encoder";
     encoder.own_bytes = true;
     encoder.cpu_limit_s = 60 + (int)(frame->n_samples_bytes / SAMPLES_PER_CPU_S);
-    CtsStatus st = cts_decoder_room(&encoder, &room, n, &request, &why);
+    CtsStatus st = cts_sandbox_room(&encoder, n, n_answer, &request, &why);
     if (!st) {
         memcpy(request, frame, sizeof *frame);
         memcpy(request + sizeof *frame, frame->samples, frame->n_samples_bytes);
-        st = cts_decoder_run(&encoder, &room, request, n, &answer, &why);
+        cts_sandbox_send(&encoder, NULL, 0, request, n, n_answer);
+        st = cts_sandbox_take(&encoder, &answer, &why);
     }
     if (st) {
         st = cts_fail(err, CTS_ERR_OUTPUT, "a frame of %d x %d pixels cannot be compressed: %s", frame->width,
@@ -154,6 +155,6 @@ CtsStatus cts_j2k_encode(const CtsScFrame *frame, CtsScSink sink, void *context,
         memcpy(&n_stream, answer, sizeof n_stream); /* an odd end is followed by a zero: fragments are of even length */
         st = sink(context, (const uint8_t *)answer + sizeof n_stream, n_stream + n_stream % 2, err);
     }
-    cts_decoder_stop(&encoder);
+    cts_sandbox_stop(&encoder);
     return st;
 }

@@ -3,9 +3,9 @@
 
 #include "base/mem.h"
 #include "output/objects/dcm_sc_read.h"
-#include "input/codec/decoder.h"
+#include "input/codec/codec.h"
 #include "input/files/file_bytes.h"
-#include "input/header/tag_scan.h"
+#include "input/files/tag_scan.h"
 #include <string.h>
 
 /* PixelData of 4 GiB and the largest header. */
@@ -90,13 +90,13 @@ static CtsStatus decode(ScFile *f, const uint8_t *value, size_t n, CtsError *err
                                    .bits_stored = h->bits_stored,
                                    .high_bit = h->bits_stored - 1,
                                    .padding_word = -1};
-    CtsDecoder decoder = cts_decoder_make(cts_codec_decode);
+    CtsSandbox decoder = cts_sandbox_make(cts_codec_work, "decoder");
     size_t n_item = 0, n_stream = 0;
     uint8_t *stream;
     const void *pixels;
     CtsStatus st;
     if ((st = item_at(value, n, 0, &n_item, err)) || (st = cts_alloc_array(&f->frame, f->frame_bytes, err)) ||
-        (st = cts_decoder_room(&decoder, &format, n, &stream, err)))
+        (st = cts_codec_room(&decoder, &format, n, &stream, err)))
         goto end;
     size_t pos = ITEM_BYTES + n_item;
     do {
@@ -106,11 +106,12 @@ static CtsStatus decode(ScFile *f, const uint8_t *value, size_t n, CtsError *err
         n_stream += n_item;
         pos += ITEM_BYTES + n_item;
     } while (h->n_frames == 1 && n - pos >= 4 && memcmp(value + pos, "\xfe\xff\xdd\xe0", 4) != 0);
-    if (!(st = cts_decoder_run(&decoder, &format, stream, n_stream, &pixels, err)))
+    cts_codec_send(&decoder, &format, stream, n_stream);
+    if (!(st = cts_sandbox_take(&decoder, &pixels, err)))
         memcpy(f->frame, pixels, f->frame_bytes);
     f->header.planar = false;
 end:
-    cts_decoder_stop(&decoder);
+    cts_sandbox_stop(&decoder);
     return st;
 }
 

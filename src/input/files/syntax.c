@@ -1,4 +1,4 @@
-#include "input/header/syntax.h"
+#include "input/files/syntax.h"
 
 #include <stddef.h>
 #include <string.h>
@@ -25,11 +25,11 @@ static const CtsSyntax syntaxes[] = {
     {"1.2.840.10008.1.2.4.110", "JPEG XL Lossless", CTS_CODEC_NONE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.4.111", "JPEG XL JPEG Recompression", CTS_CODEC_NONE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.4.112", "JPEG XL", CTS_CODEC_NONE, true, false, false, CTS_MAYBE_LOSSY},
-    {"1.2.840.10008.1.2.4.201", "High-Throughput JPEG 2000 Lossless", CTS_CODEC_HTJ2K, true, false, false,
+    {"1.2.840.10008.1.2.4.201", "High-Throughput JPEG 2000 Lossless", CTS_CODEC_JPEG_2000, true, false, false,
      CTS_LOSSLESS},
-    {"1.2.840.10008.1.2.4.202", "High-Throughput JPEG 2000 RPCL", CTS_CODEC_HTJ2K, true, false, false,
+    {"1.2.840.10008.1.2.4.202", "High-Throughput JPEG 2000 RPCL", CTS_CODEC_JPEG_2000, true, false, false,
      CTS_LOSSLESS},
-    {"1.2.840.10008.1.2.4.203", "High-Throughput JPEG 2000", CTS_CODEC_HTJ2K, true, false, false, CTS_MAYBE_LOSSY},
+    {"1.2.840.10008.1.2.4.203", "High-Throughput JPEG 2000", CTS_CODEC_JPEG_2000, true, false, false, CTS_MAYBE_LOSSY},
 };
 
 const CtsSyntax *cts_syntax_find(const char *uid)

@@ -7,7 +7,7 @@
 #ifndef CTS_DICOM_TAG_SCAN_H
 #define CTS_DICOM_TAG_SCAN_H
 
-#include "input/header/syntax.h"
+#include "input/files/syntax.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>

@@ -1,4 +1,4 @@
-#include "input/header/tag_scan.h"
+#include "input/files/tag_scan.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,0 +1,132 @@
+#define _GNU_SOURCE
+#include "base/walls.h"
+
+#include <errno.h>
+#include <malloc.h>
+#include <seccomp.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+/* What malloc, the C library's way out, and the talk with the parent need. */
+static const int allowed[] = {
+    SCMP_SYS(brk),         SCMP_SYS(munmap),          SCMP_SYS(mremap),         SCMP_SYS(madvise),
+    SCMP_SYS(futex),       SCMP_SYS(recvfrom),        SCMP_SYS(sendto),         SCMP_SYS(exit),
+    SCMP_SYS(exit_group),  SCMP_SYS(rt_sigreturn),    SCMP_SYS(rt_sigprocmask), SCMP_SYS(getpid),
+    SCMP_SYS(gettid),      SCMP_SYS(tgkill),          SCMP_SYS(clock_gettime),  SCMP_SYS(gettimeofday),
+    SCMP_SYS(sched_yield), SCMP_SYS(restart_syscall),
+};
+
+/* What the C library tries now and then, to find out about its machine, and can do without. */
+static const int refused[] = {
+    SCMP_SYS(open),  SCMP_SYS(openat),    SCMP_SYS(stat),    SCMP_SYS(fstat), SCMP_SYS(newfstatat),
+    SCMP_SYS(ioctl), SCMP_SYS(readlink),  SCMP_SYS(sysinfo), SCMP_SYS(uname), SCMP_SYS(sched_getaffinity),
+    SCMP_SYS(write), SCMP_SYS(prlimit64),
+};
+
+/* What no codec needs and a sanitizer neither. */
+static const int denied[] = {
+    SCMP_SYS(execve),  SCMP_SYS(execveat), SCMP_SYS(fork),    SCMP_SYS(vfork),  SCMP_SYS(socket),
+    SCMP_SYS(connect), SCMP_SYS(bind),     SCMP_SYS(sendmsg), SCMP_SYS(ptrace),
+};
+
+/* Memory may be asked for, but none that can be run. */
+static int allow_data_memory(scmp_filter_ctx filter)
+{
+    const struct scmp_arg_cmp no_exec = SCMP_A2(SCMP_CMP_MASKED_EQ, PROT_EXEC, 0);
+    const int result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mmap), 1, no_exec);
+    return result ? result : seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mprotect), 1, no_exec);
+}
+
+static int load_filter(void)
+{
+    scmp_filter_ctx filter = seccomp_init(CTS_SANITIZED ? SCMP_ACT_ALLOW : SCMP_ACT_KILL_PROCESS);
+    int result = filter ? 0 : -ENOMEM;
+    if (CTS_SANITIZED) {
+        for (size_t i = 0; !result && i < sizeof denied / sizeof *denied; i++)
+            result = seccomp_rule_add(filter, SCMP_ACT_KILL_PROCESS, denied[i], 0);
+    } else {
+        for (size_t i = 0; !result && i < sizeof allowed / sizeof *allowed; i++)
+            result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, allowed[i], 0);
+        for (size_t i = 0; !result && i < sizeof refused / sizeof *refused; i++)
+            result = seccomp_rule_add(filter, SCMP_ACT_ERRNO(EACCES), refused[i], 0);
+        if (!result)
+            result = allow_data_memory(filter);
+    }
+    if (!result)
+        result = seccomp_load(filter); /* sets "no new privileges" too */
+    seccomp_release(filter);
+    return -result;
+}
+
+static size_t address_space(void)
+{
+    unsigned long pages = 0;
+    FILE *file = fopen("/proc/self/statm", "re");
+    if (file && fscanf(file, "%lu", &pages) != 1)
+        pages = 0;
+    if (file)
+        fclose(file);
+    return (size_t)pages * (size_t)sysconf(_SC_PAGESIZE);
+}
+
+static int limit(int resource, size_t value)
+{
+    const struct rlimit both = {value, value};
+    return setrlimit(resource, &both) ? errno : 0;
+}
+
+static int limit_resources(size_t n_bytes)
+{
+    const size_t now = address_space();
+    int result = CTS_SANITIZED ? 0 : limit(RLIMIT_FSIZE, 0);
+    if (!result && !CTS_SANITIZED)
+        result = now ? limit(RLIMIT_AS, now + n_bytes) : ENOSYS;
+    if (!result && !CTS_SANITIZED)
+        result = limit(RLIMIT_NOFILE, 0);
+    return result;
+}
+
+static void leave_signals(void)
+{
+    static const int ignored[] = {SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGPIPE, SIGUSR1, SIGUSR2, SIGALRM, SIGCHLD};
+    static const int ending[] = {SIGSEGV, SIGBUS, SIGFPE, SIGILL, SIGABRT, SIGXCPU, SIGSYS};
+    sigset_t none;
+    for (size_t i = 0; i < sizeof ignored / sizeof *ignored; i++)
+        signal(ignored[i], SIG_IGN);
+    for (size_t i = 0; i < sizeof ending / sizeof *ending && !CTS_SANITIZED; i++)
+        signal(ending[i], SIG_DFL);
+    signal(SIGXCPU, SIG_DFL);
+    sigemptyset(&none);
+    sigprocmask(SIG_SETMASK, &none, NULL);
+}
+
+static int close_others(int keep_fd)
+{
+    const unsigned keep = (unsigned)keep_fd, first = CTS_SANITIZED ? 3 : 0;
+    if (keep > first && close_range(first, keep - 1, 0))
+        return errno;
+    return close_range(keep + 1, ~0u, 0) ? errno : 0;
+}
+
+int cts_walls_leave_all(int keep_fd)
+{
+    leave_signals();
+    prctl(PR_SET_DUMPABLE, 0); /* a core would hold the patient; where that fails, the limit on cores still stands */
+    const int result = limit(RLIMIT_CORE, 0);
+    return result ? result : close_others(keep_fd);
+}
+
+int cts_walls_enter(int keep_fd, size_t n_bytes)
+{
+    mallopt(M_ARENA_MAX, 1); /* else malloc counts the processors, in a file, when a thread asks it first */
+    free(malloc(1));
+    int result = limit_resources(n_bytes); /* reads a file */
+    if (!result)
+        result = cts_walls_leave_all(keep_fd);
+    return result ? result : load_filter();
+}
