@@ -21,7 +21,7 @@ static CtsSliceSet stack_of(int n, int side)
         CtsSlice *s = set.items[k] = calloc(1, sizeof *s);
         assert_non_null(s);
         s->path = "IM";
-        s->syntax_uid = s->sop_uid = s->series_uid = s->frame_uid = s->modality = s->stack_id = "";
+        s->syntax_uid = s->sop_uid = s->series_uid = s->modality = s->stack_id = "";
         s->kind = CTS_OBJECT_CT;
         s->syntax = cts_syntax_native(true, false);
         s->rows = s->columns = side;

@@ -320,7 +320,7 @@ static const Case cases[] = {
     {"no sign", half_signed, CTS_ERR_PIXELS, NULL, "(0028,0103)", 20},
     {"two patients", patients, CTS_ERR_GEOMETRY, NULL, "different patients", 20},
     {"two frames of reference", frames_of_reference, CTS_ERR_GEOMETRY, NULL, "(0020,0052)", 20},
-    {"one frame of reference missing", some_frames_empty, CTS_OK, NULL, NULL, 20},
+    {"one frame of reference missing", some_frames_empty, CTS_OK, "identity_incomplete", NULL, 20},
     {"scouts", scouts, CTS_OK, "localizers_dropped", NULL, 18},
     {"scouts alone", all_scouts, CTS_ERR_GEOMETRY, NULL, "only localizer", 20},
     {"a scout unmarked", unmarked_scout, CTS_OK, "other_slices_dropped", NULL, 19},

@@ -32,6 +32,7 @@ const Place places[] = {
     {DCM_InstanceNumber, DCM_FrameContentSequence, DCM_InStackPositionNumber},
     {DCM_TemporalPositionIdentifier, DCM_FrameContentSequence, DCM_TemporalPositionIndex},
     {DCM_StackID, DCM_FrameContentSequence, DCM_StackID},
+    {DCM_KVP, DCM_CTXRayDetailsSequence, DCM_KVP},
 };
 
 /* A date and time (YYYYMMDDHHMMSS.FFFFFF&ZZXX) without its date and zone. */

@@ -74,7 +74,7 @@ class ScannedAttributes final : public CtsAttributes
     }
     static bool is_text(const CtsTagValue &value)
     {
-        return is_one_of(value, "CSDSISLOPNSHTMUI");
+        return is_one_of(value, "CSDADSISLOPNSHTMUI");
     }
     std::string_view text_value(const CtsTagValue &value) const
     {
@@ -95,7 +95,7 @@ class ScannedAttributes final : public CtsAttributes
             return value.n_bytes == 2 && is_one_of(value, "USSS");
         const bool is_number = value.tag >> 16 == 0x0028 && (value.tag & 0xFFFF) != 0x0004 &&
                                (value.tag & 0xFFFF) != 0x0008 && (value.tag & 0xFFFF) != 0x0030 &&
-                               (value.tag & 0xFFFF) < 0x1000;
+                               (value.tag & 0xFFFF) < 0x0300;
         if (is_number)
             return value.n_bytes == 2 && is_one_of(value, "US");
         if (!is_text(value))
@@ -148,12 +148,11 @@ bool integer(CtsAttributes &item, const DcmTagKey &tag, int *value)
     return !text.empty() && cts_dcm_parse_is(text.data(), text.size(), value);
 }
 
-uint64_t text_hash(std::string_view text)
+/* Nothing below 0 is meant; -1 when it is missing. */
+double positive_number(CtsAttributes &item, const DcmTagKey &tag)
 {
-    uint64_t h = 14695981039346656037u;
-    for (const char c : text)
-        h = (h ^ static_cast<unsigned char>(c)) * 1099511628211u;
-    return h;
+    double value = -1;
+    return numbers(item, tag, &value, 1) ? value : -1;
 }
 
 /* HHMMSS.FFFFFF as seconds of the day, -1 when it is anything else. */
@@ -180,6 +179,28 @@ CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
     return CTS_OBJECT_OTHER;
 }
 
+/* Words by which an image type says that its pixels measure something other than attenuation (PS3.3 C.8.15.2.1.1,
+ * C.8.16.1, and makers' own): a word that begins with MAT is a material's. */
+bool names_quantity(std::string_view image_type)
+{
+    for (const char *word : {"SUBTRACT", "IODINE", "PERFUSION", "MATERIAL", "DENSITY", "ATOMIC_NUM", "EFF_ATOMIC"})
+        if (image_type.find(word) != std::string_view::npos)
+            return true;
+    for (int i = 2; i < 16; i++)
+        if (part_of(image_type, i).substr(0, 4) == "MAT_")
+            return true;
+    return false;
+}
+
+/* The terms of RescaleType (PS3.3 C.11.1.1.2) that multi-energy CT has for what is not HU. */
+bool is_quantity(std::string_view rescale_type)
+{
+    for (const char *term : {"HU_MOD", "MGML", "PCT", "Z_EFF", "ED", "EDW"})
+        if (rescale_type == term)
+            return true;
+    return names_quantity(rescale_type);
+}
+
 /* Not shared: no two slices have the same. */
 const char *keep_uid(CtsTexts &texts, std::string_view uid)
 {
@@ -195,25 +216,43 @@ const char *share_some(CtsTexts &texts, std::string_view text)
     return text.empty() ? nullptr : cts_dcm_share(texts, text, text.size());
 }
 
+/* Trailing delimiters of a name's parts say nothing (PS3.5 6.2.1.2), nor do blanks among them. */
+std::string_view without_delimiters(std::string_view text)
+{
+    const size_t last = text.find_last_not_of("^= ");
+    return text.substr(0, last == std::string_view::npos ? 0 : last + 1);
+}
+
 void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
 {
+    static const DcmTagKey tags[CTS_N_IDENTITY] = {DCM_PatientID,          DCM_IssuerOfPatientID, DCM_PatientName,
+                                                   DCM_PatientBirthDate,   DCM_PatientSex,        DCM_StudyInstanceUID,
+                                                   DCM_FrameOfReferenceUID};
+    for (int i = 0; i < CTS_N_IDENTITY; i++) {
+        const std::string_view text = without_delimiters(cts_text_of(item, tags[i]));
+        s->identity[i] = cts_dcm_share(texts, text, text.size());
+    }
     s->sop_uid = keep_uid(texts, cts_text_of(item, DCM_SOPInstanceUID));
     s->series_uid = cts_dcm_share(texts, cts_text_of(item, DCM_SeriesInstanceUID), 64);
-    s->frame_uid = cts_dcm_share(texts, cts_text_of(item, DCM_FrameOfReferenceUID), 64);
     s->modality = cts_dcm_share(texts, cts_text_of(item, DCM_Modality), 16);
     s->stack_id = "";
     s->description = share_some(texts, cts_text_of(item, DCM_SeriesDescription));
     s->charset = share_some(texts, cts_text_of(item, DCM_SpecificCharacterSet));
-    s->patient_key = text_hash(cts_text_of(item, DCM_PatientID));
     s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);
-    integer(item, DCM_InstanceNumber, &s->instance_number);
+    s->has_instance = integer(item, DCM_InstanceNumber, &s->instance_number);
     s->has_temporal = integer(item, DCM_TemporalPositionIdentifier, &s->temporal_index);
     s->time_s = seconds_of_day(cts_text_of(item, DCM_AcquisitionTime));
     if (s->time_s < 0)
         s->time_s = seconds_of_day(cts_text_of(item, DCM_ContentTime));
+    s->kvp = positive_number(item, DCM_KVP);
+    s->trigger_ms = positive_number(item, DCM_TriggerTime);
     const std::string_view image_type = cts_text_of(item, DCM_ImageType);
     for (int i = 2; i < 8; i++)
         s->localizer |= part_of(image_type, i) == "LOCALIZER";
+    if (names_quantity(image_type))
+        s->odd |= CTS_ODD_NOT_HU;
+    if (cts_text_of(item, DCM_BurnedInAnnotation) == "YES")
+        s->odd |= CTS_ODD_BURNED_IN;
     const std::string_view lossy = cts_text_of(item, DCM_LossyImageCompression);
     if (lossy == "01")
         s->odd |= CTS_ODD_LOSSY;
@@ -293,6 +332,8 @@ void read_rescale(CtsAttributes &item, CtsSlice *s)
     const std::string_view type = cts_text_of(item, DCM_RescaleType);
     if (type == "US")
         s->odd |= CTS_ODD_UNSPECIFIED;
+    else if (is_quantity(type))
+        s->odd |= CTS_ODD_NOT_HU;
     else if (!type.empty() && type != "HU")
         cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleType (0028,1054) is %.*s, not HU",
                         static_cast<int>(type.size() < 16 ? type.size() : 16), type.data());

@@ -33,8 +33,22 @@ enum {
     CTS_ODD_LOSSY = 16,       /* (0028,2110) is 01, or a lossy transfer syntax */
     CTS_ODD_LONG_PIXELS = 32, /* more bytes than the frames need; the rest is not read */
     CTS_ODD_UNSPECIFIED = 64, /* RescaleType is US, "unspecified", not HU */
-    CTS_ODD_FALLING = 128     /* RescaleSlope is negative, which no scanner writes */
+    CTS_ODD_FALLING = 128,    /* RescaleSlope is negative, which no scanner writes */
+    CTS_ODD_NOT_HU = 256,     /* ImageType or RescaleType names another quantity */
+    CTS_ODD_BURNED_IN = 512   /* (0028,0301) is YES */
 };
+
+/* Who and what a slice is of; the slices of one volume agree in all of it. */
+typedef enum CtsIdentity {
+    CTS_PATIENT_ID,
+    CTS_PATIENT_ISSUER,
+    CTS_PATIENT_NAME,
+    CTS_PATIENT_BIRTH_DATE,
+    CTS_PATIENT_SEX,
+    CTS_STUDY_UID,
+    CTS_FRAME_UID,
+    CTS_N_IDENTITY
+} CtsIdentity;
 
 /* Its texts are the reader's (CtsScratch), shared by the slices it has read. */
 typedef struct CtsSlice {
@@ -47,12 +61,14 @@ typedef struct CtsSlice {
     const char *syntax_uid;
     unsigned odd; /* CTS_ODD_... */
 
-    const char *sop_uid, *series_uid, *frame_uid; /* "" where missing; at most 64 characters */
-    const char *modality;                         /* at most 16 */
-    const char *description, *charset;            /* (0008,103E) and (0008,0005) as stored; may be NULL */
-    uint64_t patient_key; /* hash of PatientID and its issuer: tells patients apart and names none */
-    bool has_acquisition, has_temporal;
+    const char *sop_uid, *series_uid; /* "" where missing; at most 64 characters */
+    /* As stored, without padding; "" where missing. What names a patient is compared and never told. */
+    const char *identity[CTS_N_IDENTITY];
+    const char *modality;              /* at most 16 */
+    const char *description, *charset; /* (0008,103E) and (0008,0005) as stored; may be NULL */
+    bool has_acquisition, has_temporal, has_instance;
     int acquisition_number, instance_number, temporal_index;
+    double kvp, trigger_ms;        /* (0018,0060), (0018,1060); negative when missing */
     double time_s;                 /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
     bool localizer, told_lossless; /* (0028,2110) is 00 */
     int frame, n_frames;           /* of an object with many: which one, from 0; n_frames is 0 for a single slice */

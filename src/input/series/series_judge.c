@@ -141,23 +141,69 @@ static CtsStatus filter(CtsSliceSet *set, CtsSeries *series, pick_fn pick, CtsEr
     return st;
 }
 
-static void check_one_patient(const CtsSliceSet *set, CtsSeries *series)
+/* What each part of an identity is called, and what two values of it mean. */
+static const struct {
+    const char *name, *means;
+} identities[CTS_N_IDENTITY] = {
+    [CTS_PATIENT_ID] = {"PatientID (0010,0020)", "name different patients"},
+    [CTS_PATIENT_ISSUER] = {"IssuerOfPatientID (0010,0021)", "name different patients"},
+    [CTS_PATIENT_NAME] = {"PatientName (0010,0010)", "name different patients"},
+    [CTS_PATIENT_BIRTH_DATE] = {"PatientBirthDate (0010,0030)", "name different patients"},
+    [CTS_PATIENT_SEX] = {"PatientSex (0010,0040)", "name different patients"},
+    [CTS_STUDY_UID] = {"StudyInstanceUID (0020,000D)", "are of different studies"},
+    [CTS_FRAME_UID] = {"FrameOfReferenceUID (0020,0052)",
+                       "lie in different frames of reference, so their positions cannot be compared"},
+};
+
+static const char *identity_of(const CtsSlice *s, int part)
 {
-    const char *frame = "";
+    return s->identity[part] ? s->identity[part] : "";
+}
+
+/* The same text, in whatever character sets the slices have it. */
+static bool same_identity(const CtsSlice *a, const CtsSlice *b, int part)
+{
+    const char *x = identity_of(a, part), *y = identity_of(b, part);
+    const bool same_charset = strcmp(a->charset ? a->charset : "", b->charset ? b->charset : "") == 0;
+    if (strcmp(x, y) == 0 || same_charset)
+        return strcmp(x, y) == 0;
+    char *p = cts_dcm_convert(x, a->charset ? a->charset : ""), *q = cts_dcm_convert(y, b->charset ? b->charset : "");
+    const bool same = p && q && strcmp(p, q) == 0;
+    free(p);
+    free(q);
+    return same;
+}
+
+/* One volume is of one patient, one study, one frame of reference. No value is told. */
+static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
+{
+    const CtsSlice *known = NULL;
+    int n_empty = 0;
     for (int i = 0; i < set->n; i++) {
         const CtsSlice *s = set->items[i];
-        if (s->patient_key != set->items[0]->patient_key) {
-            refuse(series, CTS_ERR_GEOMETRY, "its slices name different patients (PatientID (0010,0020))");
+        const bool empty = !*identity_of(s, part);
+        n_empty += empty;
+        if (!known && !empty)
+            known = s;
+        if (known && !empty && !same_identity(known, s, part)) {
+            refuse(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[part].means, identities[part].name);
             return;
         }
-        if (frame[0] && s->frame_uid[0] && strcmp(frame, s->frame_uid) != 0) {
-            refuse(
-                series, CTS_ERR_GEOMETRY,
-                "its slices lie in different frames of reference (0020,0052), so their positions cannot be compared");
-            return;
-        }
-        if (!frame[0])
-            frame = s->frame_uid;
+    }
+    if (known && n_empty)
+        cts_findings_add(&series->findings, "identity_incomplete", CTS_WARNING,
+                         "%s is empty in %d of %d slices, and has one value in the others", identities[part].name,
+                         n_empty, set->n);
+}
+
+/* A CT object is of the modality CT; DICOM asks for it, and who leaves it out says nothing else. */
+static void check_modality(const CtsSliceSet *set, CtsSeries *series)
+{
+    for (int i = 0; i < set->n; i++) {
+        const char *modality = set->items[i]->modality;
+        if (*modality && strcmp(modality, "CT") != 0)
+            refuse(series, CTS_ERR_PIXELS, "%s: Modality (0008,0060) is %.16s in an object of CT",
+                   cts_slice_label(set->items[i]).text, modality);
     }
 }
 
@@ -203,6 +249,11 @@ static void describe_odd(CtsSeries *series)
          "have the RescaleType (0028,1054) US, unspecified; taken for Hounsfield units"},
         {CTS_ODD_FALLING, "negative_slope",
          "have a negative RescaleSlope (0028,1053), so that their largest stored values are the least dense"},
+        {CTS_ODD_NOT_HU, "not_hu",
+         "say by ImageType (0008,0008) or RescaleType (0028,1054) that they show another quantity than Hounsfield "
+         "units, in which a preset means nothing"},
+        {CTS_ODD_BURNED_IN, "burned_in_annotation",
+         "say that text is burned into their pixels (0028,0301); it may show in the picture"},
     };
     for (size_t k = 0; k < sizeof kinds / sizeof *kinds; k++) {
         int n = 0;
@@ -269,6 +320,71 @@ static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
     return CTS_OK;
 }
 
+/* Slices first <= i < end rise or fall in number, whichever. Numbers that repeat tell no order. */
+static bool in_order(const CtsSliceSet *set, int first, int end)
+{
+    int n_rising = 0, n_falling = 0;
+    for (int i = first + 1; i < end; i++) {
+        const int a = set->items[i - 1]->instance_number, b = set->items[i]->instance_number;
+        n_rising += a < b;
+        n_falling += a > b;
+    }
+    return !n_rising || !n_falling;
+}
+
+/* The slice after the last of those that share i's acquisition. */
+static int acquisition_end(const CtsSliceSet *set, int i)
+{
+    int end = i + 1;
+    while (end < set->n && set->items[i]->has_acquisition && set->items[end]->has_acquisition &&
+           set->items[end]->acquisition_number == set->items[i]->acquisition_number)
+        end++;
+    return end;
+}
+
+/* Acquisitions that follow each other along the stack, each in an order of its own. */
+static bool each_in_order(const CtsSliceSet *set)
+{
+    for (int i = 0, end; i < set->n; i = end)
+        if ((end = acquisition_end(set, i)) < i + 3 || !in_order(set, i, end))
+            return false;
+    return true;
+}
+
+static int by_number(const void *a, const void *b)
+{
+    const int x = *(const int *)a, y = *(const int *)b;
+    return (x > y) - (x < y);
+}
+
+static bool distinct(int *numbers, int n)
+{
+    qsort(numbers, (size_t)n, sizeof *numbers, by_number);
+    for (int i = 1; i < n; i++)
+        if (numbers[i] == numbers[i - 1])
+            return false;
+    return true;
+}
+
+/* Scanners number slices as they lie. Where numbers and positions disagree, one of the two is wrong, and the picture
+ * goes by the positions. */
+static CtsStatus check_order(const CtsSliceSet *set, CtsSeries *series, CtsError *err)
+{
+    int *numbers = malloc((size_t)set->n * sizeof *numbers), n = 0;
+    if (!numbers)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    while (n < set->n && set->items[n]->has_instance && !set->items[n]->n_frames) {
+        numbers[n] = set->items[n]->instance_number;
+        n++;
+    }
+    if (n == set->n && !in_order(set, 0, n) && !each_in_order(set) && distinct(numbers, n))
+        cts_findings_add(&series->findings, "order_conflict", CTS_WARNING,
+                         "InstanceNumber (0020,0013) neither rises nor falls with the slices' positions (0020,0032), "
+                         "by which they are shown");
+    free(numbers);
+    return CTS_OK;
+}
+
 /* Slices that are missing at an end leave no gap. Where instance numbers rise by one from slice to slice they tell the
  * first ones; they need not begin at 1, so that is no warning. */
 static void note_first_number(const CtsSliceSet *set, CtsSeries *series)
@@ -316,6 +432,8 @@ static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, bool whole, CtsErro
         st = judge_stack(set, series, err);
     if (!st && whole && !series->refusal)
         note_first_number(set, series);
+    if (!st && !series->refusal)
+        st = check_order(set, series, err);
     if (!st)
         take_slices(series, set);
     describe_odd(series);
@@ -330,10 +448,11 @@ static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
     CtsStatus st = CTS_OK;
     if (set->n > MAX_SLICES)
         refuse(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
+    check_modality(set, series);
     for (size_t i = 0; !st && !series->refusal && i < sizeof picks / sizeof *picks; i++)
         st = filter(set, series, picks[i], err);
-    if (!st && !series->refusal)
-        check_one_patient(set, series);
+    for (int part = 0; !st && !series->refusal && part < CTS_N_IDENTITY; part++)
+        check_identity(set, series, part);
     if (!st && !series->refusal && set->n == 1)
         refuse(series, CTS_ERR_GEOMETRY, "has 1 slice; a volume needs 2 or more");
     return st;
@@ -345,6 +464,7 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
 {
     int n_dropped = 0;
     double same_mm = -1;
+    const char *by = NULL;
     *n_parts = 0;
     cts_slice_set_sort(set, set->items[0]);
     CtsStatus st = same_position(set, &same_mm, err);
@@ -359,12 +479,21 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
     else if (same_mm < 0)
         refuse(series, CTS_ERR_GEOMETRY,
                "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);
-    else if (cts_slice_set_repeats(set, same_mm)) {
-        st = cts_slice_set_split(set, same_mm, parts, CTS_MAX_PARTS, n_parts, err);
-        if (!st && *n_parts == 0)
+    else if (!(st = cts_slice_set_split(set, same_mm, parts, CTS_MAX_PARTS, n_parts, &by, err))) {
+        if (*n_parts)
+            cts_findings_add(&series->findings, "acquisitions_parted", CTS_WARNING,
+                             "%s tells %d volumes apart, whose slices lie at the same positions or take turns", by,
+                             *n_parts);
+        else if (by)
             refuse(series, CTS_ERR_GEOMETRY,
-                   "several slices with different pixels lie at one position, and neither acquisition number nor time "
-                   "tells whole volumes apart (split the series)");
+                   "its slices take turns between values of %s, and those of one value make no whole volume (split the "
+                   "series)",
+                   by);
+        else if (cts_slice_set_repeats(set, same_mm))
+            refuse(
+                series, CTS_ERR_GEOMETRY,
+                "several slices with different pixels lie at one position, and neither acquisition, tube voltage nor "
+                "time tells whole volumes apart (split the series)");
     }
     if (!st && *n_parts == 0) {
         parts[0] = *set;

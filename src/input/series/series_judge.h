@@ -30,9 +30,11 @@ CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dro
 /* Whether two neighbours of a sorted set lie at one position. */
 bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
 
-/* Split a set with several slices at some positions into parts that are whole each: by acquisition number, temporal
- * position, or time. *n_parts is 0, and the set as it was, when no split gives whole parts. */
+/* Split a set into parts that are whole each where several slices lie at some positions, or slices of two acquisitions
+ * take turns along the stack: by acquisition number, tube voltage, temporal position, trigger time, or time. *n_parts
+ * is 0, and the set as it was, when nothing asks for a split or none gives whole parts. *by: what parted them, or would
+ * have; NULL: nothing does. */
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
-                              CtsError *err);
+                              const char **by, CtsError *err);
 
 #endif

@@ -166,22 +166,45 @@ static bool is_whole(const CtsSliceSet *part, double same_mm)
     return even;
 }
 
-enum { BY_ACQUISITION, BY_TEMPORAL_POSITION, BY_OBJECT, BY_TIME, N_WAYS };
+enum { BY_ACQUISITION, BY_VOLTAGE, BY_TEMPORAL_POSITION, BY_TRIGGER, BY_OBJECT, BY_TIME, N_WAYS };
+
+static const struct {
+    const char *name;
+    bool takes_turns; /* the slices of two acquisitions may lie between each other */
+} ways[N_WAYS] = {
+    [BY_ACQUISITION] = {"AcquisitionNumber (0020,0012)", true},
+    [BY_VOLTAGE] = {"KVP (0018,0060)", true},
+    [BY_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", true},
+    [BY_TRIGGER] = {"TriggerTime (0018,1060)", true},
+    [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", false},
+    [BY_TIME] = {"AcquisitionTime (0008,0032)", false},
+};
+
+/* What an acquisition says of a slice; NaN where it says nothing. */
+static double acquisition_label(const CtsSlice *s, int way)
+{
+    switch (way) {
+    case BY_ACQUISITION:
+        return s->has_acquisition ? (double)s->acquisition_number : (double)NAN;
+    case BY_VOLTAGE:
+        return s->kvp < 0 ? (double)NAN : s->kvp;
+    case BY_TEMPORAL_POSITION:
+        return s->has_temporal ? (double)s->temporal_index : (double)NAN;
+    default:
+        return s->trigger_ms < 0 ? (double)NAN : s->trigger_ms;
+    }
+}
 
 /* part[i] for each slice; false when this way tells nothing. */
-static bool label(const CtsSliceSet *set, int way, double same_mm, int *part)
+static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
     for (int i = 0; i < set->n; i++) {
         const CtsSlice *s = set->items[i];
         const bool repeats = i > 0 && same_place(set->items[i - 1], s, same_mm);
-        if (way == BY_ACQUISITION) {
-            if (!s->has_acquisition)
+        if (way < BY_OBJECT) {
+            part[i] = acquisition_label(s, way);
+            if (isnan(part[i]))
                 return false;
-            part[i] = s->acquisition_number;
-        } else if (way == BY_TEMPORAL_POSITION) {
-            if (!s->has_temporal)
-                return false;
-            part[i] = s->temporal_index;
         } else if (way == BY_OBJECT) {
             if (!s->n_frames)
                 return false;
@@ -215,22 +238,22 @@ static bool in_turn(const CtsSliceSet *parts, int n_parts)
     return true;
 }
 
-static int by_int(const void *a, const void *b)
+static int by_label(const void *a, const void *b)
 {
-    return compare_numbers(*(const int *)a, *(const int *)b);
+    return compare_numbers(*(const double *)a, *(const double *)b);
 }
 
 /* The set's slices by rising label, into parts that only borrow them. *n_parts is 0 when there are too many. */
-static CtsStatus deal(const CtsSliceSet *set, const int *part, CtsSliceSet *parts, int max_parts, int *n_parts,
+static CtsStatus deal(const CtsSliceSet *set, const double *part, CtsSliceSet *parts, int max_parts, int *n_parts,
                       CtsError *err)
 {
     *n_parts = 0;
     int n_labels = 0;
-    int *labels = malloc((size_t)set->n * sizeof *labels);
+    double *labels = malloc((size_t)set->n * sizeof *labels);
     if (!labels)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     memcpy(labels, part, (size_t)set->n * sizeof *labels);
-    qsort(labels, (size_t)set->n, sizeof *labels, by_int);
+    qsort(labels, (size_t)set->n, sizeof *labels, by_label);
     for (int i = 0; i < set->n; i++)
         if (i == 0 || labels[i] != labels[i - 1])
             labels[n_labels++] = labels[i];
@@ -254,21 +277,49 @@ static void free_parts(CtsSliceSet *parts, int *n_parts)
     *n_parts = 0;
 }
 
+/* Two parts have slices between each other's, over and over: each begins more than once along the stack. One that lies
+ * as a block within another took the place of a piece of it. */
+static bool takes_turns(const CtsSliceSet *set, const CtsSliceSet *parts, int n_parts)
+{
+    int n_turning = 0;
+    for (int p = 0; p < n_parts; p++) {
+        int n_runs = 0, next = 0; /* of the part's slices */
+        for (int i = 0, within = 0; i < set->n; i++) {
+            const int is_here = next < parts[p].n && parts[p].items[next] == set->items[i];
+            n_runs += is_here && !within;
+            next += is_here;
+            within = is_here;
+        }
+        n_turning += n_runs > 1;
+    }
+    return n_turning > 1;
+}
+
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
-                              CtsError *err)
+                              const char **by, CtsError *err)
 {
     CtsStatus st = CTS_OK;
+    const bool repeats = cts_slice_set_repeats(set, same_mm);
     *n_parts = 0;
-    int *part = malloc((size_t)set->n * sizeof *part);
+    *by = NULL;
+    double *part = malloc((size_t)set->n * sizeof *part);
     if (!part)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int way = 0; !st && way < N_WAYS && *n_parts == 0; way++) {
-        if (!label(set, way, same_mm, part) || (st = deal(set, part, parts, max_parts, n_parts, err)))
+        if ((!repeats && !ways[way].takes_turns) || !label(set, way, same_mm, part) ||
+            (st = deal(set, part, parts, max_parts, n_parts, err)))
             continue;
+        if (!repeats && !takes_turns(set, parts, *n_parts)) {
+            free_parts(parts, n_parts);
+            continue;
+        }
+        *by = repeats ? NULL : ways[way].name;
         bool whole = *n_parts > 0 && (way != BY_TIME || in_turn(parts, *n_parts));
         for (int p = 0; whole && p < *n_parts; p++)
             whole = is_whole(&parts[p], same_mm);
-        if (!whole)
+        if (whole)
+            *by = ways[way].name;
+        else
             free_parts(parts, n_parts);
     }
     if (*n_parts) {

@@ -63,6 +63,12 @@ CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsE
         return CTS_OK;
     if (source->n_slices < 1)
         return cts_fail(err, CTS_ERR_USAGE, "%s: the series it is made of has no slices", path);
+    for (int i = 0; settings->deidentify && i < source->n_slices; i++)
+        if (source->slices[i]->odd & CTS_ODD_BURNED_IN)
+            return cts_fail(err, CTS_ERR_PIXELS,
+                            "%s: BurnedInAnnotation (0028,0301) says that text stands in the slices' pixels, where "
+                            "`deidentify` cannot reach it",
+                            path);
     const char *first = source->slices[0]->path;
     const bool in_memory = source->slices[0]->memory != NULL; /* out of an archive */
     if (!first || (!in_memory && access(first, R_OK)))
@@ -79,11 +85,8 @@ static const CtsSlice *lossy_slice(const CtsSeries *source)
     return NULL;
 }
 
-static void warn(const CtsExportJob *job, const CtsScSource *facts, bool recognizable)
+static void warn(const CtsExportJob *job, bool recognizable)
 {
-    if (facts->burned_in)
-        cts_report_finding(job->report, "burned_in_annotation", CTS_WARNING,
-                           "the source says that text is burned into its pixels; it may show in the picture");
     if (recognizable && job->settings.deidentify)
         cts_report_finding(job->report, "recognizable_features", CTS_WARNING,
                            "the preset shows skin: a face can tell who this is, whatever the header says");
@@ -246,7 +249,7 @@ CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err)
     }
     object.icc_profile = profile;
     object.n_icc_profile = cts_icc_srgb(profile);
-    warn(job, &w->facts, object.recognizable);
+    warn(job, object.recognizable);
     if ((st = cts_dcm_sc_write(&object, sink, job->temp, err)))
         return st;
     return cts_sc_spool_copy(&w->spool, job->temp, err);

@@ -143,7 +143,7 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
     for (int i = 0; i < CTS_DIGEST_BYTES; i++)
         snprintf(all + 2 * i, 3, "%02x", digest[i]);
     snprintf(names->study_uid, sizeof names->study_uid, "%s", names->facts.study_uid);
-    snprintf(names->frame_uid, sizeof names->frame_uid, "%s", scene->source->slices[0]->frame_uid);
+    snprintf(names->frame_uid, sizeof names->frame_uid, "%s", scene->source->slices[0]->identity[CTS_FRAME_UID]);
     if ((!names->study_uid[0] && (st = uid_of("study", scene, "", names->study_uid, err))) ||
         (!names->frame_uid[0] && (st = uid_of("frame of reference", scene, "", names->frame_uid, err))) ||
         (st = uid_of("states", scene, "", names->series_uid, err)) ||

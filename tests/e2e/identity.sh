@@ -1,0 +1,102 @@
+# One volume is of one patient, one study, one frame of reference and one acquisition; what the header says of its
+# pixels is told. Each case is the phantom with a few attributes changed.
+
+# case_of FILES CHANGE...: a fresh copy of the phantom in folder c, changed
+case_of()
+{
+    files=$1
+    shift
+    rm -rf c
+    cp -r "$data/phantom" c
+    (cd c && python3 "$root/tests/e2e/dicom_edit.py" $files -- "$@") || fail "the case cannot be made"
+}
+
+# two_values TAG...: refused, the tag named, no value told
+two_values()
+{
+    refused 4 "$1" render c --size 32x32 -o refused.png
+    ! grep -qE 'VALUE|1999|7\.7' err || fail "a value in a message"
+}
+
+# warned CODE PATTERN: a picture, and the finding
+warned()
+{
+    ok render c --size 32x32 -o out.png --force
+    has err "^ctsplat: warning: .*($2)"
+    ok info c --json
+    has out "\"code\": ?\"$1\""
+}
+
+quiet()
+{
+    ok render c --size 32x32 -o out.png --force
+    [ ! -s err ] || fail "a word of what is right: $(cat err)"
+}
+
+command -v python3 >/dev/null || exit 77
+
+case_of 'IM000*' '0010,0020,LO=VALUE'
+two_values 'PatientID \(0010,0020\)'
+case_of 'IM*' '0010,0021,LO=VALUE{k%2}'
+two_values 'IssuerOfPatientID \(0010,0021\)'
+case_of 'IM*' '0010,0020,LO=' '0010,0010,PN=VALUE{k%2}' # two bodies, interleaved, without an ID
+two_values 'PatientName \(0010,0010\)'
+case_of 'IM*' '0010,0030,DA=1999010{k//40}'
+two_values 'PatientBirthDate \(0010,0030\)'
+case_of 'IM*' '0010,0040,CS={"FM"[k == 7]}'
+two_values 'PatientSex \(0010,0040\)'
+case_of 'IM*' '0020,000d,UI=7.7.{k%2}'
+two_values 'StudyInstanceUID \(0020,000D\)'
+case_of 'IM*' '0020,0052,UI=7.7.{k%2}'
+two_values 'FrameOfReferenceUID \(0020,0052\)'
+python3 -m zipfile -c c.zip c
+refused 4 'FrameOfReferenceUID' render c.zip --size 32x32 -o refused.png
+
+# Padding and empty parts of a name are no other value; nor is another character set.
+case_of 'IM*' '0010,0010,PN={["Ab^C", "Ab^C^^^", "Ab^C ", "Ab^C=="][k%4]}'
+quiet
+case_of 'IM*' '0008,0005,CS={["ISO_IR 100", "ISO_IR 192"][k%2]}' \
+    '0010,0010,PN={["M\xfcller^A", "M\xc3\xbcller^A"][k%2]}'
+quiet
+case_of 'IM*' '0010,0010,PN={["", "X"][k > 0]}' '0010,0020,LO={["", "X"][k > 0]}' '0010,0021,LO={["", "X"][k > 0]}' \
+    '0010,0030,DA={["", "19990101"][k > 0]}' '0010,0040,CS={["", "F"][k > 0]}' '0020,0052,UI={["", "1.2"][k > 0]}'
+warned identity_incomplete 'is empty in 1 of 48 slices, and has one value in the others'
+[ "$(grep -c 'is empty in 1' err)" = 0 ] || fail "info says it on stderr"
+[ "$(grep -o identity_incomplete out | wc -l)" = 6 ] || fail "not one finding for each of six attributes"
+
+case_of 'IM0003.dcm' '0008,0060,CS=MR'
+refused 4 'Modality \(0008,0060\) is MR' render c --size 32x32 -o refused.png
+
+types='["SUBTRACTION", "IODINE_MAP", "PERFUSION", "MATERIAL", "MAT_SPECIFIC", "ELECTRON_DENSITY"]'
+case_of 'IM*' "0008,0008,CS=DERIVED\\PRIMARY\\AXIAL\\{$types[k%6]}"
+warned not_hu '48 of 48 slices .* another quantity'
+case_of 'IM*' '0028,1054,LO=MGML'
+warned not_hu 'another quantity'
+case_of 'IM*' '0008,0008,CS=DERIVED\PRIMARY\AXIAL\VMI'
+quiet
+case_of 'IM0003.dcm' '0028,0301,CS=YES'
+warned burned_in_annotation '1 of 48 slices say that text is burned'
+ok render c --size 32x32 -o burned.dcm
+[ "$(grep -c burned err)" = 1 ] || fail "told twice"
+refused 4 'BurnedInAnnotation' render c --size 32x32 -o refused.dcm --deidentify
+
+# Acquisitions whose slices take turns are volumes of their own; those that follow each other are one.
+for part in 0020,0012,IS '0018,0060,DS' '0020,0100,IS' '0018,1060,DS'; do
+    case_of 'IM*' "$part={80 + k % 2}"
+    warned acquisitions_parted '(AcquisitionNumber|KVP|TemporalPosition|TriggerTime).* tells 2 volumes apart'
+    case_of 'IM*' "$part={80 + k // 5 % 2}"
+    refused 4 'take turns between values' render c --size 32x32 -o refused.png
+done
+case_of 'IM*' '0020,0012,IS={k // 20}' '0018,0060,DS={80 + k // 30}'
+quiet
+case_of 'IM*' '0020,0012,IS={80 + (10 < k < 14)}' # a piece that was scanned again
+quiet
+
+case_of 'IM*' '0020,0013,IS={[k, 11 - k][3 < k < 8]}'
+warned order_conflict 'InstanceNumber \(0020,0013\) neither rises nor falls'
+for number in '{100 - k}' 1 '' '{k // 2}'; do
+    case_of 'IM*' "0020,0013,IS=$number"
+    quiet
+done
+case_of 'IM*' '0020,0012,IS={k // 24}' '0020,0013,IS={(k + 24) % 48 + 1}' # the lower half was scanned last
+quiet
