@@ -1,8 +1,8 @@
 /* A picture's rows as a PNG's zlib stream, cut into strips that are compressed side by side.
  *
  * libpng compresses on one thread, and at its default level takes many times longer than a render. The low bytes of a
- * render are noise; Huffman codes and runs find what there is to find (2 % more bytes than level 6, a tenth of its
- * time). Strips are cut by size alone, so the bytes do not depend on the number of threads. */
+ * render are noise: the fastest level finds nearly all that there is to find. Strips are cut by size alone, so the bytes
+ * do not depend on the number of threads. */
 #ifndef CTS_EXPORT_IDAT_H
 #define CTS_EXPORT_IDAT_H
 
@@ -32,7 +32,7 @@ typedef struct CtsIdatPacker CtsIdatPacker;
 CtsStatus cts_idat_packer_new(CtsIdatPacker **packer, const CtsIdat *idat, CtsError *err);
 void cts_idat_packer_free(CtsIdatPacker **packer);
 /* What a strip takes at most. */
-size_t cts_idat_bound(CtsIdatPacker *packer);
+size_t cts_idat_bound(const CtsIdat *idat);
 
 /* rows: the strip's rows, samples big-endian, with the row above the first right before them (zeros above the picture's
  * first row). The first strip begins with the zlib header; the last one lacks the stream's check value, which

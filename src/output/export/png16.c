@@ -316,7 +316,7 @@ static CtsStatus begin_packing(PngWriter *w, CtsError *err)
     w->n_slots = w->n_slots < w->idat.n_strips ? w->n_slots : w->idat.n_strips;
     if ((st = cts_alloc_zeroed(&w->packers, (size_t)w->n_threads, err)) || (st = packer_ready(w, &w->packers[0], err)))
         return st;
-    w->slot_room = CHUNK_HEAD + cts_idat_bound(w->packers[0].idat) + CHUNK_TAIL;
+    w->slot_room = CHUNK_HEAD + cts_idat_bound(&w->idat) + CHUNK_TAIL;
     if ((st = cts_alloc_array(&w->slot_bytes, (size_t)w->n_slots * w->slot_room, err)))
         return st;
     return cts_alloc_zeroed(&w->rows, n_rows * w->idat.row_bytes, err);
