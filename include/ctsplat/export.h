@@ -28,6 +28,8 @@ typedef struct CtsExportSettings {
     bool new_uids, deidentify;      /* of secondary captures */
     int series_number;              /* of secondary captures; 0: one that preset, kind and view have for themselves */
     const char *series_description; /* of secondary captures, ASCII, at most 64 characters; NULL: chosen likewise */
+    int png_bits;                   /* of a .png's samples: 16 or 8; 0: 16 */
+    int quality;                    /* of .jpg and .webp, 1 to 100; 0: 90 */
     bool force;                     /* overwrite a file that exists; else CTS_ERR_OUTPUT */
     int n_threads;
 } CtsExportSettings;

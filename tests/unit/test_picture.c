@@ -122,7 +122,7 @@ static void test_samples(void **state)
     const uint16_t plain[] = {16384, 8192, 0, 0, 0, 0, 65535, 32768, 16384};
     assert_memory_equal(row, plain, sizeof plain);
     uint8_t row8[9];
-    cts_samples_row8(p, 0, row8);
+    cts_samples_row8(p, 0, 3, row8);
     const uint8_t plain8[] = {64, 32, 0, 0, 0, 0, 255, 128, 64};
     assert_memory_equal(row8, plain8, sizeof plain8);
     cts_picture_free(&p);

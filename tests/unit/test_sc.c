@@ -279,8 +279,8 @@ static void test_round_trip(void **state)
                         if (q->n_channels == 1)
                             assert_memory_equal(a, b, (size_t)p->width * 2);
                     } else {
-                        cts_samples_row8(p, y, a8);
-                        cts_samples_row8(q, y, b8);
+                        cts_samples_row8(p, y, 3, a8);
+                        cts_samples_row8(q, y, 3, b8);
                         assert_memory_equal(a8, b8, (size_t)p->width * 3);
                     }
                 }

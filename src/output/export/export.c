@@ -20,7 +20,7 @@ enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
 
 static const CtsFormat formats[] = {
     {
-        .info = {"png", "PNG, 16 bits a channel", .has_alpha = true, .read_back = true},
+        .info = {"png", "PNG, 16 bits a channel (or 8)", .has_alpha = true, .read_back = true},
         .magic = "\x89PNG",
         .begin = cts_png_begin,
         .rows = cts_png_rows,
@@ -48,6 +48,23 @@ static const CtsFormat formats[] = {
         .finish = cts_sc_finish,
         .close = cts_sc_close,
         .read = cts_sc_read,
+    },
+    {
+        .info = {"jpg", "JPEG, 8 bits a channel"},
+        .check_size = cts_jpg_check_size,
+        .begin = cts_jpg_begin,
+        .rows = cts_jpg_rows,
+        .finish = cts_jpg_finish,
+        .close = cts_jpg_close,
+    },
+    {
+        .info = {"webp", "WebP, 8 bits a channel; a rotation is one animated file", .many_frames = true,
+                 .has_alpha = true},
+        .check_size = cts_webp_check_size,
+        .begin = cts_webp_begin,
+        .rows = cts_webp_rows,
+        .finish = cts_webp_finish,
+        .close = cts_webp_close,
     },
 };
 enum { N_FORMATS = sizeof formats / sizeof *formats };

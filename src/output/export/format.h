@@ -5,6 +5,8 @@
 #include "base/file.h"
 #include "ctsplat/export.h"
 
+enum { CTS_QUALITY_DEFAULT = 90 };
+
 /* What is known of the pictures before their rows come. */
 typedef struct CtsExportHead {
     int width, height, n_frames;
@@ -45,6 +47,20 @@ CtsStatus cts_png_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 CtsStatus cts_png_finish(CtsExportJob *job, CtsError *err);
 void cts_png_close(CtsExportJob *job);
 CtsStatus cts_png_read(const char *path, CtsPicture **picture, CtsError *err);
+
+CtsStatus cts_jpg_check_size(const char *path, int width, int height, int n_frames, bool grey,
+                             const CtsExportSettings *settings, CtsError *err);
+CtsStatus cts_jpg_begin(CtsExportJob *job, CtsError *err);
+CtsStatus cts_jpg_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err);
+CtsStatus cts_jpg_finish(CtsExportJob *job, CtsError *err);
+void cts_jpg_close(CtsExportJob *job);
+
+CtsStatus cts_webp_check_size(const char *path, int width, int height, int n_frames, bool grey,
+                              const CtsExportSettings *settings, CtsError *err);
+CtsStatus cts_webp_begin(CtsExportJob *job, CtsError *err);
+CtsStatus cts_webp_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err);
+CtsStatus cts_webp_finish(CtsExportJob *job, CtsError *err);
+void cts_webp_close(CtsExportJob *job);
 
 CtsStatus cts_exr_begin(CtsExportJob *job, CtsError *err);
 CtsStatus cts_exr_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err);

@@ -10,10 +10,10 @@
 
 enum { STRIP_BYTES = 256 << 10, HEADER_BYTES = 2, FILTER_UP = 2 };
 
-CtsIdat cts_idat_plan(int width, int height, int n_samples)
+CtsIdat cts_idat_plan(int width, int height, int n_samples, int sample_bytes)
 {
-    CtsIdat idat = {.width = width, .height = height, .n_samples = n_samples};
-    idat.row_bytes = (size_t)width * n_samples * 2;
+    CtsIdat idat = {.width = width, .height = height, .n_samples = n_samples, .sample_bytes = sample_bytes};
+    idat.row_bytes = (size_t)width * n_samples * sample_bytes;
     idat.rows_per_strip = idat.row_bytes < STRIP_BYTES ? (int)(STRIP_BYTES / idat.row_bytes) : 1;
     idat.n_strips = (height + idat.rows_per_strip - 1) / idat.rows_per_strip;
     return idat;

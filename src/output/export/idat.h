@@ -11,7 +11,8 @@
 #include <stdint.h>
 
 typedef struct CtsIdat {
-    int width, height, n_samples; /* 16-bit samples a pixel */
+    int width, height, n_samples; /* samples a pixel */
+    int sample_bytes;             /* 1 or 2, then big-endian */
     size_t row_bytes;
     int rows_per_strip, n_strips;
 } CtsIdat;
@@ -25,7 +26,7 @@ typedef struct CtsIdatStrip {
     size_t n_filtered;
 } CtsIdatStrip;
 
-CtsIdat cts_idat_plan(int width, int height, int n_samples);
+CtsIdat cts_idat_plan(int width, int height, int n_samples, int sample_bytes);
 
 /* What one thread packs strips with, one after the other. */
 typedef struct CtsIdatPacker CtsIdatPacker;
@@ -34,7 +35,7 @@ void cts_idat_packer_free(CtsIdatPacker **packer);
 /* What a strip takes at most. */
 size_t cts_idat_bound(const CtsIdat *idat);
 
-/* rows: the strip's rows, samples big-endian, with the row above the first right before them (zeros above the picture's
+/* rows: the strip's rows, with the row above the first right before them (zeros above the picture's
  * first row). The first strip begins with the zlib header; the last one lacks the stream's check value, which
  * cts_idat_checksum() makes when all strips are there. */
 CtsStatus cts_idat_strip(CtsIdatPacker *packer, int index, const uint8_t *rows, CtsIdatStrip *strip, CtsError *err);

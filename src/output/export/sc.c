@@ -160,7 +160,7 @@ static void sample_rows(void *context, int worker, size_t first, size_t end)
         if (s->grey)
             cts_samples_row16(s->band, s->first_row + (int)i, 1, (uint16_t *)(void *)to);
         else
-            cts_samples_row8(s->band, s->first_row + (int)i, to);
+            cts_samples_row8(s->band, s->first_row + (int)i, 3, to);
     }
 }
 

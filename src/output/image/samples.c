@@ -44,11 +44,17 @@ void cts_samples_row16(const CtsPicture *picture, int y, int n_samples, uint16_t
     }
 }
 
-void cts_samples_row8(const CtsPicture *picture, int y, uint8_t *row)
+void cts_samples_row8(const CtsPicture *picture, int y, int n_samples, uint8_t *row)
 {
     const int channels = picture->n_channels;
     const float *p = picture->pixels + (size_t)y * picture->width * channels;
-    for (int x = 0; x < picture->width; x++, p += channels)
-        for (int c = 0; c < 3; c++)
-            *row++ = cts_round8(channels == 4 ? p[c] : p[0]);
+    for (int x = 0; x < picture->width; x++, p += channels, row += n_samples) {
+        const bool straight = n_samples == 4 && channels == 4;
+        const double alpha = straight ? p[3] : 1;
+        const bool visible = cts_round8(alpha) > 0;
+        for (int c = 0; c < n_samples && c < 3; c++)
+            row[c] = visible ? cts_round8((channels == 4 ? p[c] : p[0]) / alpha) : 0;
+        if (n_samples == 4)
+            row[3] = cts_round8(alpha);
+    }
 }

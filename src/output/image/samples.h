@@ -12,7 +12,7 @@ bool cts_picture_is_grey(const CtsPicture *picture);
  * (not premultiplied) red green blue and alpha. Where alpha rounds to 0, so do the colours. */
 void cts_samples_row16(const CtsPicture *picture, int y, int n_samples, uint16_t *row);
 
-/* Row y as 8-bit red, green and blue, over black where there is alpha. */
-void cts_samples_row8(const CtsPicture *picture, int y, uint8_t *row);
+/* The same with 8 bits a sample. */
+void cts_samples_row8(const CtsPicture *picture, int y, int n_samples, uint8_t *row);
 
 #endif

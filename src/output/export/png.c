@@ -1,4 +1,4 @@
-/* 16-bit PNG: libpng writes the file, idat.c compresses the pixels. */
+/* PNG, 16 or 8 bits a sample: libpng writes the file, idat.c compresses the pixels. */
 #include "output/export/format.h"
 
 #include "base/cpu.h"
@@ -129,8 +129,9 @@ static void put_header(png_structp png, png_infop info, const PngWriter *w)
 {
     static const int colour_types[] = {[1] = PNG_COLOR_TYPE_GRAY, [3] = PNG_COLOR_TYPE_RGB, [4] = PNG_COLOR_TYPE_RGBA};
     const CtsExportHead *head = &w->job->head;
-    png_set_IHDR(png, info, (png_uint_32)head->width, (png_uint_32)head->height, 16, colour_types[w->idat.n_samples],
-                 PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_IHDR(png, info, (png_uint_32)head->width, (png_uint_32)head->height, 8 * w->idat.sample_bytes,
+                 colour_types[w->idat.n_samples], PNG_INTERLACE_NONE, PNG_COMPRESSION_TYPE_DEFAULT,
+                 PNG_FILTER_TYPE_DEFAULT);
     png_set_sRGB_gAMA_and_cHRM(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
     const double mm_per_pixel = head->info.mm_per_pixel;
     const double pixels_per_m = mm_per_pixel > 0 ? floor(1000 / mm_per_pixel + 0.5) : 0;
@@ -187,6 +188,10 @@ typedef struct Packing {
 static void convert_row(const PngWriter *w, const CtsPicture *band, int y, uint8_t *to)
 {
     const size_t n = w->idat.row_bytes / 2;
+    if (w->idat.sample_bytes == 1) {
+        cts_samples_row8(band, y, w->idat.n_samples, to);
+        return;
+    }
     uint16_t *row = (uint16_t *)(void *)to;
     cts_samples_row16(band, y, w->idat.n_samples, row);
     for (size_t k = 0; k < n; k++)
@@ -331,7 +336,11 @@ CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     *w = (PngWriter){
         .job = job, .err = err, .adler = 1, .lock = PTHREAD_MUTEX_INITIALIZER, .slot_free = PTHREAD_COND_INITIALIZER};
-    w->idat = cts_idat_plan(head->width, head->height, head->has_alpha ? 4 : head->grey ? 1 : 3);
+    w->idat = cts_idat_plan(head->width, head->height,
+                            head->has_alpha ? 4
+                            : head->grey    ? 1
+                                            : 3,
+                            job->settings.png_bits == 8 ? 1 : 2);
     if ((st = begin_packing(w, err)))
         return st;
     w->png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w, on_write_error, on_warning);

@@ -1,0 +1,165 @@
+/* JPEG by libjpeg: 8 bits, over black; what previews are sent as. */
+#include "output/export/format.h"
+
+#include "base/mem.h"
+#include "output/image/describe.h"
+#include "output/image/samples.h"
+#include <math.h>
+#include <setjmp.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include <jpeglib.h> /* needs FILE and size_t */
+
+enum { MOST_SIDE = 65500, BUFFER_BYTES = 64 << 10, DOTS_PER_CM = 2 };
+
+typedef struct JpgWriter {
+    const CtsExportJob *job;
+    struct jpeg_compress_struct jpeg;
+    struct jpeg_error_mgr errors;
+    struct jpeg_destination_mgr sink;
+    CtsError *err; /* of the call under way */
+    CtsStatus status;
+    jmp_buf failed;
+    uint8_t *row;
+    uint8_t buffer[BUFFER_BYTES];
+} JpgWriter;
+
+static JpgWriter *writer_of(j_common_ptr jpeg)
+{
+    return jpeg->client_data;
+}
+
+static void on_error(j_common_ptr jpeg)
+{
+    JpgWriter *const w = writer_of(jpeg);
+    char text[JMSG_LENGTH_MAX];
+    jpeg->err->format_message(jpeg, text);
+    w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: libjpeg: %s", w->job->path, text);
+    longjmp(w->failed, 1);
+}
+
+static void on_message(j_common_ptr jpeg)
+{
+    (void)jpeg;
+}
+
+static void write_buffer(JpgWriter *w, size_t n)
+{
+    w->status = cts_temp_write(w->job->temp, w->buffer, n, w->err);
+    if (w->status)
+        longjmp(w->failed, 1);
+    w->sink.next_output_byte = w->buffer;
+    w->sink.free_in_buffer = sizeof w->buffer;
+}
+
+static void sink_begin(j_compress_ptr jpeg)
+{
+    JpgWriter *const w = writer_of((j_common_ptr)jpeg);
+    w->sink.next_output_byte = w->buffer;
+    w->sink.free_in_buffer = sizeof w->buffer;
+}
+
+static boolean sink_full(j_compress_ptr jpeg)
+{
+    write_buffer(writer_of((j_common_ptr)jpeg), BUFFER_BYTES);
+    return TRUE;
+}
+
+static void sink_end(j_compress_ptr jpeg)
+{
+    JpgWriter *const w = writer_of((j_common_ptr)jpeg);
+    write_buffer(w, sizeof w->buffer - w->sink.free_in_buffer);
+}
+
+CtsStatus cts_jpg_check_size(const char *path, int width, int height, int n_frames, bool grey,
+                             const CtsExportSettings *settings, CtsError *err)
+{
+    (void)n_frames, (void)grey, (void)settings;
+    if (width > MOST_SIDE || height > MOST_SIDE)
+        return cts_fail(err, CTS_ERR_USAGE, "%s: a .jpg has at most %d pixels a side, not %dx%d (take .png)", path,
+                        MOST_SIDE, width, height);
+    return CTS_OK;
+}
+
+/* Colours at full resolution: the edges of a render are where its colours change. */
+static void start(JpgWriter *w)
+{
+    const CtsExportHead *head = &w->job->head;
+    const int quality = w->job->settings.quality;
+    const double mm_per_pixel = head->info.mm_per_pixel, per_cm = mm_per_pixel > 0 ? floor(10 / mm_per_pixel + 0.5) : 0;
+    w->jpeg.image_width = (JDIMENSION)head->width;
+    w->jpeg.image_height = (JDIMENSION)head->height;
+    w->jpeg.input_components = head->grey ? 1 : 3;
+    w->jpeg.in_color_space = head->grey ? JCS_GRAYSCALE : JCS_RGB;
+    jpeg_set_defaults(&w->jpeg);
+    jpeg_set_quality(&w->jpeg, quality ? quality : CTS_QUALITY_DEFAULT, TRUE);
+    w->jpeg.comp_info[0].h_samp_factor = w->jpeg.comp_info[0].v_samp_factor = 1;
+    if (per_cm >= 1 && per_cm <= UINT16_MAX) {
+        w->jpeg.density_unit = DOTS_PER_CM;
+        w->jpeg.X_density = w->jpeg.Y_density = (UINT16)per_cm;
+    }
+    jpeg_start_compress(&w->jpeg, TRUE);
+    char view[80], text[400];
+    cts_describe_view(&head->info, view, sizeof view);
+    const int n = snprintf(text, sizeof text, "ctsplat %s, preset %s, view %s; not for diagnostic use", CTS_VERSION,
+                           head->info.preset, view);
+    jpeg_write_marker(&w->jpeg, JPEG_COM, (const JOCTET *)text,
+                      (unsigned)(n < (int)sizeof text ? n : (int)sizeof text - 1));
+}
+
+CtsStatus cts_jpg_begin(CtsExportJob *job, CtsError *err)
+{
+    JpgWriter *w = job->state = calloc(1, sizeof *w);
+    if (!w)
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    w->job = job;
+    w->err = err;
+    w->jpeg.err = jpeg_std_error(&w->errors);
+    w->errors.error_exit = on_error;
+    w->errors.output_message = on_message;
+    w->jpeg.client_data = w;
+    if (setjmp(w->failed))
+        return w->status;
+    jpeg_create_compress(&w->jpeg);
+    w->sink = (struct jpeg_destination_mgr){
+        .init_destination = sink_begin, .empty_output_buffer = sink_full, .term_destination = sink_end};
+    w->jpeg.dest = &w->sink;
+    const CtsStatus st = cts_alloc_array(&w->row, (size_t)job->head.width * 3, err);
+    if (!st)
+        start(w);
+    return st;
+}
+
+CtsStatus cts_jpg_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+{
+    JpgWriter *const w = job->state;
+    w->err = err;
+    if (setjmp(w->failed))
+        return w->status;
+    for (int y = 0; y < band->height; y++) {
+        cts_samples_row8(band, y, w->jpeg.input_components, w->row);
+        jpeg_write_scanlines(&w->jpeg, &w->row, 1);
+    }
+    return CTS_OK;
+}
+
+CtsStatus cts_jpg_finish(CtsExportJob *job, CtsError *err)
+{
+    JpgWriter *const w = job->state;
+    w->err = err;
+    if (setjmp(w->failed))
+        return w->status;
+    jpeg_finish_compress(&w->jpeg);
+    return CTS_OK;
+}
+
+void cts_jpg_close(CtsExportJob *job)
+{
+    JpgWriter *const w = job->state;
+    if (!w)
+        return;
+    jpeg_destroy_compress(&w->jpeg);
+    cts_free(&w->row);
+    free(w);
+}
