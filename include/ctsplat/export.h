@@ -22,14 +22,16 @@ typedef enum CtsScCompression {
 } CtsScCompression;
 extern const char *const cts_sc_compression_names[CTS_SC_N_COMPRESSIONS];
 
+enum { CTS_QUALITY_DEFAULT = 90 };
+
 typedef struct CtsExportSettings {
     const CtsSeries *source;        /* whose study a secondary capture joins; NULL where none is written */
     CtsScCompression compression;   /* of secondary captures */
     bool new_uids, deidentify;      /* of secondary captures */
     int series_number;              /* of secondary captures; 0: one that preset, kind and view have for themselves */
     const char *series_description; /* of secondary captures, ASCII, at most 64 characters; NULL: chosen likewise */
-    int png_bits;                   /* of a .png's samples: 16 or 8; 0: 16 */
-    int quality;                    /* of .jpg and .webp, 1 to 100; 0: 90 */
+    bool png_8_bits;                /* a .png has 8 bits a sample, not 16 */
+    int quality;                    /* of .jpg and .webp, 1 to 100; 0: the default */
     bool force;                     /* overwrite a file that exists; else CTS_ERR_OUTPUT */
     int n_threads;
 } CtsExportSettings;

@@ -31,5 +31,5 @@ ok render "$data/phantom" --size 96x64 --background none -o a.png --force
 ! cmp -s a.png before.png || fail "--force did not overwrite"
 
 refused 5 'none/a\.png' render "$data/phantom" -o none/a.png
-refused 2 '\.png.*\.exr.*\.dcm' render "$data/phantom" -o a.jpg
+refused 2 '\.png.*\.exr.*\.dcm' render "$data/phantom" -o a.bmp
 refused 2 '' render "$data/phantom"

@@ -132,7 +132,7 @@ static void test_png_8(void **state)
     snprintf(path, sizeof path, "%s/a.png", folder);
     for (int kind = 0; kind < 3; kind++) {
         CtsPicture *p = make_picture(37, 21, kind ? 4 : 1, kind == 2), *q = NULL;
-        write_file(&(const CtsPicture *){p}, 1, path, (CtsExportSettings){.png_bits = 8, .force = true});
+        write_file(&(const CtsPicture *){p}, 1, path, (CtsExportSettings){.png_8_bits = true, .force = true});
         size_t n;
         uint8_t *bytes = slurp(path, &n);
         assert_int_equal(bytes[24], 8); /* IHDR's bit depth */

@@ -19,6 +19,7 @@ void cts_options_begin(CtsOptions *options)
 {
     *options = (CtsOptions){.shard.n = 1, .series_timeout_s = 3600};
     cts_render_defaults(&options->render);
+    options->export.quality = CTS_QUALITY_DEFAULT;
     options->render.fit = CTS_FIT_VISIBLE;
 }
 

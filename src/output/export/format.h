@@ -5,8 +5,6 @@
 #include "base/file.h"
 #include "ctsplat/export.h"
 
-enum { CTS_QUALITY_DEFAULT = 90 };
-
 /* What is known of the pictures before their rows come. */
 typedef struct CtsExportHead {
     int width, height, n_frames;

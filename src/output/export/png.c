@@ -340,7 +340,7 @@ CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
                             head->has_alpha ? 4
                             : head->grey    ? 1
                                             : 3,
-                            job->settings.png_bits == 8 ? 1 : 2);
+                            job->settings.png_8_bits ? 1 : 2);
     if ((st = begin_packing(w, err)))
         return st;
     w->png = png_create_write_struct(PNG_LIBPNG_VER_STRING, w, on_write_error, on_warning);
