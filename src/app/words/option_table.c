@@ -32,7 +32,8 @@
 #define RANGE(lowest, highest) .own = {.unit = "", .low = (lowest), .high = (highest)}
 
 static const char *const interpolations[] = {"cubic", "linear"}, *const switches[] = {"on", "off"},
-                         *const void_rules[] = {"strict", "key"}, *const units[] = {"mm", "voxel"}, *const png_bits[] = {"16", "8"};
+                         *const void_rules[] = {"strict", "key"}, *const units[] = {"mm", "voxel"},
+                         *const png_bits[] = {"16", "8"};
 
 const CtsOption cts_options[] = {
     {0, "path", "PATH", ON(JOB), SAME, "a file, folder, zip file or DICOMDIR to search for series", NULL, TEXTS(paths)},
@@ -114,7 +115,8 @@ const CtsOption cts_options[] = {
      CHOICE(export.compression, cts_sc_compression_names)},
     {0, "png-bits", "16 or 8", RENDERING, FRESH, "bits a sample of .png outputs", "16",
      CHOICE(export.png_8_bits, png_bits)},
-    {0, "quality", "N", RENDERING, FRESH, "quality of .jpg and .webp outputs", "90", INT(export.quality), RANGE(1, 100)},
+    {0, "quality", "N", RENDERING, FRESH, "quality of .jpg and .webp outputs", "90", INT(export.quality),
+     RANGE(1, 100)},
     {0, "series-number", "N", RENDERING, DCM, "SeriesNumber of .dcm outputs",
      "one for each series, preset, mode and view", INT(export.series_number), RANGE(1, 2147483647)},
     {0, "series-description", "TEXT", RENDERING, DCM, "SeriesDescription of .dcm outputs, at most 64 ASCII characters",

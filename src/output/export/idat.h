@@ -1,8 +1,8 @@
 /* A picture's rows as a PNG's zlib stream, cut into strips that are compressed side by side.
  *
  * libpng compresses on one thread, and at its default level takes many times longer than a render. The low bytes of a
- * render are noise: the fastest level finds nearly all that there is to find. Strips are cut by size alone, so the bytes
- * do not depend on the number of threads. */
+ * render are noise: the fastest level finds nearly all that there is to find. Strips are cut by size alone, so the
+ * bytes do not depend on the number of threads. */
 #ifndef CTS_EXPORT_IDAT_H
 #define CTS_EXPORT_IDAT_H
 
