@@ -20,6 +20,10 @@ struct CtsTexts;   /* src/input/files/texts.h */
 typedef struct CtsSeries {
     char uid[65]; /* SeriesInstanceUID (0020,000E); "" where the data has none */
     int part;     /* 0; or 1, 2, ... where the UID holds several volumes at the same positions */
+    char study_uid[65];
+    /* With the description: may identify, print only when asked. */
+    char study_date[11]; /* (0008,0020) as YYYY-MM-DD; "" where missing */
+    int series_number;   /* (0020,0011); negative where missing */
     char modality[17];
     char *description; /* (0008,103E), UTF-8, may identify: print only when asked */
     char transfer_syntax[65];
@@ -29,6 +33,7 @@ typedef struct CtsSeries {
                            * two positions to tell) */
     double tilt_deg;      /* angle between the slice normal and the line of positions */
     bool renderable;
+    bool passed; /* not renderable, as it is no volume by its nature: a scout, a dose page, a single slice */
     CtsStatus refusal; /* why not, when not renderable: the status that loading would return */
     char reason[512];
     CtsFindings findings;
@@ -45,6 +50,8 @@ typedef struct CtsSeriesList {
     CtsSeries *items; /* most slices first, then by uid and part */
     size_t n;
     int n_files;          /* looked at */
+    const char **paths;   /* of the files in folders and archives; n_paths, owned, among the texts */
+    size_t n_paths;
     int n_not_ct;         /* passed over in silence: not DICOM, other modalities, DICOMDIR, ... */
     int n_unreadable;     /* DICOM that could not be read; findings name them */
     CtsFileCount *others; /* what the n_not_ct files are, most frequent first; n_others, owned */

@@ -4,6 +4,7 @@
 #include "app/batch/work.h"
 #include "app/contact/contact_sheet.h"
 #include "app/words/words_job.h"
+#include "base/clock.h"
 #include "cli/commands.h"
 #include "cli/interrupt.h"
 #include "cli/message.h"
@@ -30,24 +31,43 @@ static void on_series(void *context, const char *text, bool failed)
     }
 }
 
-static void on_progress(void *context, size_t done, size_t all, double seconds_left)
+/* On a terminal at once, else a line a minute. */
+static void tell(double *told_ms, double done, int all, const char *text)
 {
-    char text[120], left[48] = "";
-    (void)context;
-    if (seconds_left >= 5400)
-        snprintf(left, sizeof left, ", about %.1f hours left", seconds_left / 3600);
-    else if (seconds_left >= 90)
-        snprintf(left, sizeof left, ", about %.0f minutes left", seconds_left / 60);
-    else if (seconds_left >= 0)
-        snprintf(left, sizeof left, ", about %.0f seconds left", seconds_left);
-    snprintf(text, sizeof text, "%zu of %zu series%s", done, all, left);
-    cli_progress((int)done, (int)all, text);
+    if (cli_progress_shows()) {
+        cli_progress(done, all, text);
+    } else if (cts_wall_ms() - *told_ms >= 60000) {
+        *told_ms = cts_wall_ms();
+        cli_note("%s", text);
+    }
+}
+
+static void on_searching(void *context, uint64_t n_files)
+{
+    char text[80];
+    snprintf(text, sizeof text, "searching: %llu files of CT so far, still counting", (unsigned long long)n_files);
+    tell(context, 0, 1, text);
+}
+
+static void on_progress(void *context, const CtsBatchProgress *p)
+{
+    char text[160], left[48] = "";
+    const double s = p->seconds_left;
+    if (s >= 5400)
+        snprintf(left, sizeof left, ", about %.1f hours left", s / 3600);
+    else if (s >= 90)
+        snprintf(left, sizeof left, ", about %.0f minutes left", s / 60);
+    else if (s >= 0)
+        snprintf(left, sizeof left, ", about %.0f seconds left", s);
+    snprintf(text, sizeof text, "%zu of %zu series, %zu pictures%s", p->n_ended, p->n_series, p->n_pictures, left);
+    tell(context, (double)p->n_ended, (int)p->n_series, text);
 }
 
 static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsBatchResult *result,
                      CtsError *err)
 {
     char command[512] = "batch";
+    double told_ms = cts_wall_ms();
     CtsBatchJob job = {.job = cts_options_job(options),
                        .log = options->log,
                        .command = command,
@@ -75,11 +95,16 @@ static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport 
         .series_bytes = (uint64_t)(options->series_mib * 1048576),
         .fresh = options->fresh,
         .show_patient = options->show_patient,
+        .show_paths = options->show_paths,
         .work = cts_batch_render,
         .send_to = lists->send_to[0] ? lists->send_to : NULL,
         .send = cts_batch_send,
         .context = &job,
-        .told = {.warning = on_warning, .series = on_series, .progress = on_progress},
+        .told = {.warning = on_warning,
+                 .series = on_series,
+                 .searching = on_searching,
+                 .progress = on_progress,
+                 .context = &told_ms},
         .stop = &cli_stop,
     };
     job.settings = &settings;
@@ -94,12 +119,15 @@ static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport 
 
 static void print_summary(const CtsOptions *options, const CtsBatchResult *r)
 {
-    char bad[80] = "", stood[64] = "";
+    char bad[80] = "", stood[64] = "", passed[64] = "";
     if (r->n_stood)
         snprintf(stood, sizeof stood, " (%zu of them before)", r->n_stood);
+    if (r->n_passed)
+        snprintf(passed, sizeof passed, ", %zu passed (no volumes)", r->n_passed);
     if (r->n_refused || r->n_failed)
         snprintf(bad, sizeof bad, ", %zu refused, %zu failed", r->n_refused, r->n_failed);
-    cli_note("%zu of %zu series done%s%s: %s", r->n_done, r->n_series, stood, bad, options->output_dir);
+    cli_note("%zu of %zu series%s done%s%s%s: %s", r->n_done, r->n_series,
+             r->n_series > r->n_uids ? " (some UIDs hold several)" : "", stood, passed, bad, options->output_dir);
 }
 
 CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
@@ -111,7 +139,7 @@ CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
     if (options->merge) {
         if (options->paths.n || options->output_dir)
             return cts_fail(err, CTS_ERR_USAGE, "batch: --merge DIR renders nothing (leave PATH and -O away)");
-        return cts_contact_sheet_write(options->merge, err);
+        return cts_contact_sheet_write(options->merge, &(CtsContactWanted){0}, err);
     }
     if (!options->paths.n)
         return cts_fail(err, CTS_ERR_USAGE, "batch: PATH is missing (see ctsplat batch --help)");
@@ -123,17 +151,9 @@ CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
     if (!(st = cts_batch_lists(options, &lists, &report, err)))
         st = run(options, &lists, &report, &result, err);
     cli_progress_clear();
-    if (result.n_series && options->shard.n == 1) {
-        CtsError sheet_err;
-        const CtsStatus sheet = cts_contact_sheet_write(options->output_dir, &sheet_err);
-        if (sheet && !st) {
-            *err = sheet_err;
-            st = sheet;
-        }
-    }
     if (result.n_series)
         print_summary(options, &result);
-    if (!st && result.n_done < result.n_series)
+    if (!st && result.n_done + result.n_passed < result.n_series)
         *exit_code = 8;
     cts_batch_lists_free(&lists);
     cts_report_free(&report);

@@ -132,6 +132,7 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
     CtsJob job;
     CtsReport report = {0};
     CtsLog *log = NULL;
+    CtsNames names = {0}; /* that the log does not tell */
     CliStandardOutput standard_output = {0};
     CtsPreset *preset = malloc(sizeof *preset);
     if (!preset)
@@ -139,11 +140,15 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
     /* From the first to the last: what is no stage's own is the last one's. */
     const CtsMeter whole = {.wall_ms = cts_wall_ms()};
     CtsStatus st = cts_log_open(&log, options->log, whole.wall_ms, err);
+    for (int i = 0; log && !options->show_paths && i < options->paths.n; i++)
+        cts_names_add(&names, options->paths.items[i]);
+    cts_log_without_names(log, &names);
     if (!st)
         st = begin(options, log, preset, &job, &standard_output, &report, err);
     cts_meter_stop(whole, &report, CTS_STAGE_SCAN);
     if (!st) {
-        CliWatch seen = {.log = log, .told_later = standard_output.path};
+        CliWatch seen = {
+            .log = log, .told_later = standard_output.path, .names = options->show_paths ? NULL : &names};
         const CtsWatch watch = cli_watch(&seen);
         st = cts_job_run(&job, &watch, &report, err);
         cli_progress_clear();
@@ -156,6 +161,7 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
     cts_meter_stop(whole, &report, CTS_STAGE_EXPORT);
     st = end_log(options, log, &report, st, err);
     cts_report_free(&report);
+    cts_names_free(&names);
     free(preset);
     return st;
 }

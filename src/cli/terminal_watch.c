@@ -18,6 +18,13 @@ static void findings(void *context, const CtsReport *report)
     seen->n_findings = report->findings.n;
 }
 
+static void found(void *context, const CtsSeriesList *list)
+{
+    const CliWatch *seen = context;
+    for (size_t i = 0; seen->log && seen->names && i < list->n_paths; i++)
+        cts_names_add(seen->names, list->paths[i]);
+}
+
 static void loaded(void *context)
 {
     (void)context;
@@ -36,6 +43,7 @@ CtsWatch cli_watch(CliWatch *seen)
     return (CtsWatch){.context = seen,
                       .step = cli_progress_shows() ? step : NULL,
                       .findings = findings,
+                      .found = found,
                       .loaded = loaded,
                       .output = output};
 }

@@ -4,11 +4,13 @@
 
 #include "app/job/watch.h"
 #include "output/report/log.h"
+#include "output/report/masked.h"
 
 typedef struct CliWatch {
     CtsLog *log;            /* NULL: none */
     const char *told_later; /* an output that is not told yet, or NULL */
     size_t n_findings;      /* of the report, printed so far */
+    CtsNames *names;        /* of input files, for the log to leave out; or NULL */
 } CliWatch;
 
 /* From its loading on, a job is asked to stop by signals (cli/interrupt.h). */

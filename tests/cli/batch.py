@@ -415,6 +415,204 @@ def test_outputs(b):
     check(b.run("batch", "absent", "-O", "none").returncode == 3, "no input")
 
 
+def test_passed(b):
+    """Scouts, dose pages, single slices and what is watched at one place are no failures."""
+    # A page: derived, and without a place in a patient; what stands in front of it in the file keeps its length.
+    def page(data, k):
+        for tag in b"\x20\x00\x32\x00", b"\x20\x00\x37\x00", b"\x20\x00\x52\x00":
+            at = data.index(tag + (b"UI" if tag[2] == 0x52 else b"DS"))
+            data = data[:at] + data[at + 8 + int.from_bytes(data[at + 6:at + 8], "little"):]
+        return data.replace(b"ORIGINAL\\PRIMARY\\AXIAL", b"DERIVED\\SECONDARY\\PAGE") if k < 3 else None
+    scout = lambda data, k: data.replace(b"ORIGINAL\\PRIMARY\\AXIAL", b"DERIVED\\PRIM\\LOCALIZER") if k < 2 else None
+    for i, change in enumerate((None, scout, lambda data, k: data if k == 4 else None, page)):
+        b.add("passed", i, change)
+    b.ok(0, "passed", "-O", "o", *OPTIONS)
+    lines = b.lines("o")
+    states = [lines[b.name(i).decode()]["status"] for i in range(4)]
+    check(states == ["done", "passed", "passed", "passed"], states, lines)
+    for i, word in (1, "scouts"), (2, "1 slice"), (3, "pages"):
+        check(word in lines[b.name(i).decode()]["reason"], lines[b.name(i).decode()]["reason"])
+    said = b.ok(0, "passed", "-O", "o", *OPTIONS).stderr
+    check("1 of 4 series done (1 of them before), 3 passed" in said, said)
+    b.ok(0, "passed/series2", "-O", "alone", *OPTIONS)
+    # One that is refused beside them still counts.
+    b.add("passed", 9, lambda data, k: data.replace(b"8\\9", b"0\\9").replace(b"9\\8", b"0\\8"))
+    b.ok(8, "passed", "-O", "o", *OPTIONS)
+    info = json.loads(b.run("info", "passed", "--json").stdout)["series"]
+    check(sorted((s["passed"], s["renderable"]) for s in info) == [(False, False), (False, True)] + [(True, False)] * 3,
+          info)
+
+
+def sheet(folder):
+    """What the contact sheet knows."""
+    with open(folder + "/index.html", encoding="utf-8") as f:
+        return json.loads(f.read().split('id="data">')[1].split("</script>")[0])
+
+
+def test_paths(b):
+    """No name of a file or folder of the input is kept unless asked for; descriptions and dates neither."""
+    archive = "DOE JOHN 1950"
+    def keep(data, k):
+        return data
+    b.add(archive, 0, lambda data, k: data[:-700] if k == 5 else data)  # a slice that is cut short: left out
+    b.add(archive, 1, lambda data, k: data[:-700])                      # all of them: refused
+    b.add(archive, 2, lambda data, k: data[:160] + b"\xff" * 40 if k == 9 else data)
+    b.add(archive, 3, lambda data, k: data[:160] + b"\xff" * 40 if k < 3 else None)
+    with zipfile.ZipFile("ROE RICHARD.zip", "w") as z:
+        b.add("zipped", 5, lambda data, k: data[:-700] if k == 5 else data)
+        for path in glob.glob("zipped/*/*"):
+            z.write(path, "ROE R/" + os.path.basename(path).replace("00", "SLICE"))
+    names = ["DOE", "JOHN", "ROE", "RICHARD", "series0", "series1", "series2", "005.dcm", "009.dcm", "SLICE"]
+    words = [archive, "ROE RICHARD.zip", "-O", "o", *OPTIONS, "--log", "log"]
+
+    def kept():
+        texts = {}
+        for path in "o/batch.jsonl", "o/index.html", "log":
+            with open(path, encoding="utf-8") as f:
+                texts[path] = f.read()
+        return texts
+    done = b.ok(8, *words)
+    check("000.dcm" in done.stderr and "DOE JOHN" in done.stderr, "messages name files", done.stderr)
+    for path, text in kept().items():
+        check(not [n for n in names if n in text], path, [n for n in names if n in text])
+        check("PixelData" in text, path, "does not tell the fault")
+        check("phantom" not in text.replace("--fit", "") or path == "o/index.html", path)
+    lines = b.lines("o")
+    bad = [f for f in lines[b.name(0).decode()]["findings"] if f["code"] == "bad_slices"]
+    check(len(bad) == 1 and bad[0]["text"].startswith("truncated"), bad)
+    check("study_date" not in lines[b.name(0).decode()]["geometry"], lines)
+    # Asked for, they stand there, of what stands too; and are gone again with the next run.
+    before = times("o")
+    b.ok(8, *words, "--show-paths", "--show-patient")
+    check(times("o") == before, "made again")
+    journal, page, log = kept().values()
+    for text in journal, page:
+        check(all(n in text for n in ("DOE JOHN 1950/series0", "DOE JOHN 1950/series1", "ROE RICHARD.zip")), text[:300])
+    line = b.lines("o")[b.name(0).decode()]
+    check(line["sources"] == [{"folder": archive + "/series0", "first": "000.dcm", "files": 10}], line["sources"])
+    check(line["geometry"]["study_date"] == "2000-01-01" and line["geometry"]["series_number"] == 1, line["geometry"])
+    check(b.lines("o")[b.name(1).decode()]["reason_file"] == "000.dcm", b.lines("o")[b.name(1).decode()])
+    os.remove("log")
+    b.ok(8, *words, "--fresh", "--show-paths")
+    check("005.dcm" in kept()["log"], "the log does not name files")
+    files = [f.get("files") for f in b.lines("o")[b.name(0).decode()]["findings"] if f["code"] == "bad_slices"]
+    check(files == [["005.dcm"]], files)
+    os.remove("log")
+    b.ok(8, *words)
+    for path in "o/batch.jsonl", "o/index.html":
+        check(not [n for n in names if n in kept()[path]], path, "still names", [n for n in names if n in kept()[path]])
+    # render's log leaves them out as well.
+    for more, named in ((), False), (("--show-paths",), True):
+        b.run("render", archive + "/series0", "--size", "16x16", "-o", "x.png", "--force", "--log", "log%d" % named, *more)
+        with open("log%d" % named) as f:
+            text = f.read()
+        check(("005.dcm" in text) == named and "truncated" in text, "render's log", named, text[:300])
+    failed = b.run("render", "no such DOE", "-o", "x.png", "--force", "--log", "log2")
+    with open("log2") as f:
+        check(failed.returncode == 3 and "DOE" in failed.stderr and "DOE" not in f.read(), "a missing input")
+
+
+def test_lost(b):
+    """A file that cannot be read stands on the card of the one series in its folder, and of none where there are two."""
+    broken = lambda data: data[:160] + b"\xff" * 40
+    os.makedirs("flat")
+    for i in range(2):
+        b.add("two", i)
+        for path in glob.glob("two/series%d/*" % i):
+            shutil.copy(path, "flat/%d-%s" % (i, os.path.basename(path)))
+    with open("two/series0/003.dcm", "rb") as f:
+        data = f.read()
+    with open("flat/lost.dcm", "wb") as f:
+        f.write(broken(data))
+    for words in (), ("--shard", "0/1"):
+        b.ok(8, "flat", "-O", "o%d" % len(words), *OPTIONS, *words)
+        lines = b.lines("o%d" % len(words))
+        codes = {uid: [f["code"] for f in line["findings"] if "file" in f["code"]] for uid, line in lines.items()}
+        check(all(not codes[b.name(i).decode()] for i in range(2)), codes)
+        own = [line for uid, line in lines.items() if uid.startswith("uid-")]
+        check(len(own) == 1 and own[0]["status"] == "refused" and "lost" not in json.dumps(own[0]), own)
+    codes = [b.run("batch", "flat", "-O", "s", "--shard", "%d/3" % i, *OPTIONS).returncode for i in range(3)]
+    check(sorted(codes) == [0, 0, 8] and len(b.lines("s")) == 3, codes)
+    check(all("unreadable_file" not in json.dumps(line["findings"]) for line in b.lines("s").values()), "in shards")
+    with open("two/series0/zzz.dcm", "wb") as f:
+        f.write(broken(data))
+    b.ok(0, "two", "-O", "t", *OPTIONS)
+    lines = b.lines("t")
+    told = ["unreadable_file" in [f["code"] for f in lines[b.name(i).decode()]["findings"]] for i in range(2)]
+    check(told == [True, False], lines)
+
+
+def test_sheet(b):
+    """The sheet is there and right while the batch runs, and after kill -9."""
+    archive = b.archive("sheet", 16)
+    words = [w.replace("48x48", "192x192") for w in OPTIONS]
+    run = b.start("batch", archive, "-O", "o", *words, "--jobs", "1", "--threads", "1")
+    seen = []
+    while run.poll() is None and len(seen) < 3:
+        if os.path.exists("o/index.html"):
+            data, journal = sheet("o"), b.lines_torn("o")
+            if not seen or data["run"]["ended"] > seen[-1]["run"]["ended"]:
+                seen.append(data)
+            for s in data["series"]:
+                check(s["series_uid"] in journal, "the sheet tells what the journal does not")
+        time.sleep(0.05)
+    run.kill()
+    run.communicate()
+    check(len(seen) > 1, "the sheet is not renewed", len(seen))
+    for data in seen:
+        check(data["run"]["series"] == 16 and data["run"]["goes_on"], "the total is not steady", data["run"])
+        ended = [s for s in data["series"] if "unfinished" not in s]
+        check(len(ended) == data["run"]["ended"], len(ended), data["run"])
+        check(all(s["status"] == "done" and len(s["pictures"]) == 4 for s in ended), "half a series")
+    b.ok(0, archive, "-O", "o", *words)
+    data = sheet("o")
+    check("run" not in data and len(data["series"]) == 16, "the last sheet")
+    check(not any("unfinished" in s for s in data["series"]), "unfinished")
+    # Interrupted, it says how far it came.
+    run = b.start("batch", archive, "-O", "i", *OPTIONS)
+    while not glob.glob("i/*/*.png"):
+        time.sleep(0.01)
+    run.send_signal(signal.SIGTERM)
+    run.communicate()
+    check(run.returncode in (0, 130), run.returncode)
+    check(run.returncode == 0 or not sheet("i")["run"]["goes_on"], "an end that is none")
+
+
+def test_told(b):
+    """How far it is, without a terminal: a line a minute (CTS_SOAK: it takes one)."""
+    if not os.environ.get("CTS_SOAK"):
+        print("told: skipped, takes a minute; ./dev soak runs it")
+        return
+    archive = b.archive("told", 3)
+    run = b.start("batch", archive, "-O", "o", "--jobs", "1", *OPTIONS)
+    while not glob.glob("o/*/*.png"):
+        time.sleep(0.001)
+    stopped = children(run.pid)
+    for pid in stopped:
+        os.kill(pid, signal.SIGSTOP)
+    time.sleep(63)
+    for pid in stopped:
+        os.kill(pid, signal.SIGCONT)
+    said = run.communicate()[1]
+    check(run.returncode == 0 and len(re.findall(r"ctsplat: [0-9] of 3 series, [0-9]+ pictures", said)) == 1, said)
+
+
+def test_circles(b):
+    """Rotations from views of one elevation are one, and the batch says so; a finding stands once, with its count."""
+    b.add("circles", 0)
+    done = b.ok(0, "circles", "-O", "o", "--size", "32x32", "--rotation", "4", "--views", "anterior,left,0,30,90,30,head",
+                "--window", "0,1", "--crop", "-9,9,-9,9,-9,9")
+    told = [line for line in done.stderr.split("\n") if "--rotation" in line]
+    check(len(told) == 2 and "left" in told[0] and "anterior" in told[0] and "90,30" in told[1], done.stderr)
+    line = b.lines("o")[b.name(0).decode()]
+    check({o["view"] for o in line["outputs"]} == {"anterior", "0,30", "head"}, line["outputs"])
+    check(len(line["outputs"]) == 12, len(line["outputs"]))
+    texts = [(f["code"], f["text"], f.get("preset")) for f in line["findings"]]
+    check(len(texts) == len(set(texts)), texts)
+    b.ok(0, "circles", "-O", "p", "--size", "32x32", "--views", "anterior,left")
+    check(len(b.lines("p")[b.name(0).decode()]["outputs"]) == 2, "without --rotation")
+
+
 def test_odd_names(b):
     """A UID from outside never leaves DIR."""
     for i, odd in enumerate((b"../../x", b"/etc/x\\y", b"..", b"1.2.3 $(x)")):

@@ -11,7 +11,7 @@ cp out shown.json
 import json
 info = json.load(open("info.json"))
 keys = {"series_uid", "modality", "slices", "dims", "spacing_mm", "tilt_deg", "hu_min", "hu_max", "transfer_syntax",
-        "orientation", "renderable", "findings", "box_mm"}
+        "orientation", "renderable", "findings", "box_mm", "passed", "study"}
 for s in info["series"]:
     assert set(s) == keys, set(s) ^ keys
     assert isinstance(s["slices"], int) and isinstance(s["tilt_deg"], (int, float)) and isinstance(s["renderable"], bool)
@@ -22,8 +22,13 @@ for s in info["series"]:
         assert set(f) == {"code", "severity", "text"} and f["severity"] in ("note", "warning", "refusal"), f
     if s["renderable"]:
         assert s["hu_min"] < s["hu_max"], s
+    elif s["passed"]:
+        assert s["slices"] == 1 and any(f["code"] == "passed" for f in s["findings"]), s
     else:
         assert any(f["severity"] == "refusal" for f in s["findings"]), s
+    assert not s["passed"] or not s["renderable"], s
+    assert len(s["study"]) == 16, s
+assert any(s["passed"] for s in info["series"]) and not any("2.25." in str(s["study"]) for s in info["series"])
 phantom = [s for s in info["series"] if s["dims"] == [64, 64, 48]]
 assert len(phantom) == 1
 phantom = phantom[0]
@@ -34,7 +39,9 @@ assert [round(phantom["box_mm"][2 * a + 1] - phantom["box_mm"][2 * a], 6) for a 
 assert any(abs(s["tilt_deg"] - 20) < 0.01 for s in info["series"])
 assert any(not s["renderable"] for s in info["series"])
 shown = json.load(open("shown.json"))
-assert set(shown["series"][0]) == keys | {"description"}
+shown = shown["series"][0]
+assert set(shown) == keys | {"description", "study_date", "series_number"}
+assert shown["study_date"] == "2000-01-01" and shown["series_number"] == 1, shown
 PY
 # Without two positions there is no spacing of slices, and none is told: a scout alone, one slice, all at one place.
 mkdir scout

@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 
 static char folder[64];
+static const CtsContactWanted wanted = {0};
 
 static int enter(void **state)
 {
@@ -38,7 +39,7 @@ static json_t *page_data(void)
     char path[128];
     size_t n;
     CtsError err = {0};
-    if (cts_contact_sheet_write(folder, &err))
+    if (cts_contact_sheet_write(folder, &wanted, &err))
         fail_msg("%s", err.text);
     snprintf(path, sizeof path, "%s/index.html", folder);
     char *page = (char *)slurp(path, &n);
@@ -176,9 +177,9 @@ static void test_nothing_to_show(void **state)
 {
     (void)state;
     CtsError err = {0};
-    assert_int_equal(cts_contact_sheet_write(folder, &err), CTS_ERR_READ);
+    assert_int_equal(cts_contact_sheet_write(folder, &wanted, &err), CTS_ERR_READ);
     assert_non_null(strstr(err.text, "holds no journal"));
-    assert_int_equal(cts_contact_sheet_write("no-such-folder", &err), CTS_ERR_READ);
+    assert_int_equal(cts_contact_sheet_write("no-such-folder", &wanted, &err), CTS_ERR_READ);
     assert_int_equal(count_files(folder), 0);
     put("batch.jsonl", "");
     json_t *data = page_data();

@@ -457,7 +457,7 @@ static void test_blank(void **state)
                   {1 << 5 | 1 << 4, NULL},
                   {63, NULL},
                   {4, "IM2: one value"},
-                  {4 | 8, "IM2 and 1 more: one value"},
+                  {4 | 8, "IM2: one value in all pixels, as in 1 more"},
                   {1 | 2 | 8, "IM3: one value"}};
     for (size_t c = 0; c < sizeof blanks / sizeof *blanks; c++) {
         Found f;

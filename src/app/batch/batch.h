@@ -64,13 +64,22 @@ typedef CtsStatus (*CtsBatchSend)(void *context, const char *const *paths, int n
                                   void (*sent)(void *sent_context, const char *path), void *sent_context,
                                   CtsError *err);
 
-/* For people: lines and a forecast. Any may be NULL. */
+/* Series are counted by their UIDs, so that how many there are does not change when one turns out to hold several
+ * volumes. */
+typedef struct CtsBatchProgress {
+    size_t n_ended, n_series;
+    size_t n_pictures;   /* that this run made */
+    double seconds_left; /* by the pictures that are to come; negative: not known yet */
+} CtsBatchProgress;
+
+/* For people: lines and a forecast. Any may be NULL but warning. */
 typedef struct CtsBatchTold {
     void (*warning)(void *context, const char *text);
     /* A series came to its end; text is one line on it. */
     void (*series)(void *context, const char *text, bool failed);
-    /* seconds_left < 0: not known yet. */
-    void (*progress)(void *context, size_t done, size_t all, double seconds_left);
+    /* The search goes on, and how many series there are is not known yet. */
+    void (*searching)(void *context, uint64_t n_files);
+    void (*progress)(void *context, const CtsBatchProgress *progress);
     void *context;
 } CtsBatchTold;
 
@@ -93,7 +102,7 @@ typedef struct CtsBatchSettings {
     int n_threads;                /* of all together; 0: the cores this process may use */
     double series_timeout_s;      /* 0: none */
     uint64_t series_bytes;        /* memory of one series; 0: what the machine has */
-    bool fresh, show_patient;
+    bool fresh, show_patient, show_paths;
     CtsBatchWork work;
     const char *send_to; /* the PACS that .dcm files go to, as the journal names it; NULL: none */
     CtsBatchSend send;
@@ -103,15 +112,15 @@ typedef struct CtsBatchSettings {
 } CtsBatchSettings;
 
 typedef struct CtsBatchResult {
-    size_t n_series;                             /* the files of one UID may hold several */
-    size_t n_done, n_stood, n_refused, n_failed; /* n_stood of n_done needed nothing */
+    size_t n_series, n_uids;                               /* the files of one UID may hold several series */
+    size_t n_done, n_stood, n_passed, n_refused, n_failed; /* n_stood of n_done needed nothing */
 } CtsBatchResult;
 
 /* Makes -O where it is missing; refuses one that cannot be written, or that is itself searched for series. */
 CtsStatus cts_batch_open_folder(const CtsBatchSettings *settings, CtsError *err);
 
-/* A series that is refused or fails is counted; a failure of the batch itself is the status. Does not write the contact
- * sheet. */
+/* A series that is refused or fails is counted; a failure of the batch itself is the status. The contact sheet is
+ * written now and then on the way, unless this is one shard of several. */
 CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err);
 
 #endif

@@ -57,6 +57,25 @@ static CtsStatus take_presets(const CtsOptions *options, CtsBatchLists *l, CtsRe
     return st;
 }
 
+/* Rotations from views of one elevation go through the same circle: the first one's is made. */
+static void join_circles(const CtsOptions *options, CtsBatchLists *l, CtsReport *report)
+{
+    int n = 0;
+    for (int i = 0; i < l->n_views; i++) {
+        int k = 0;
+        while (k < n && l->views[k].elevation_deg != l->views[i].elevation_deg)
+            k++;
+        if (options->rotation && k < n)
+            cts_report_finding(report, "same_circle", CTS_WARNING,
+                               "`rotation` from %s goes through the circle of that from %s, and is left out (a view of "
+                               "another elevation makes another)",
+                               l->views[i].name, l->views[k].name);
+        else
+            l->views[n++] = l->views[i];
+    }
+    l->n_views = n;
+}
+
 /* A view by numbers holds a comma itself. */
 static CtsStatus take_views(const CtsOptions *options, CtsBatchLists *l, CtsError *err)
 {
@@ -124,6 +143,7 @@ CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsRe
     if ((st = take_presets(options, lists, report, err)) || (st = take_views(options, lists, err)) ||
         (st = take_formats(options, lists, &any_object, err)) || (st = take_peer(options, lists, any_object, err)))
         return st;
+    join_circles(options, lists, report);
     cts_options_tell_objects(options, any_object, report);
     lists->options = cts_options_text(options, CTS_TOUCHES_PICTURES);
     lists->dcm_options = cts_options_text(options, CTS_TOUCHES_DCM);

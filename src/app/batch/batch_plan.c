@@ -22,11 +22,10 @@ typedef struct Unit {
     uint64_t offset; /* of the record that was met first */
 } Unit;
 
-/* Keys of folders, in order once they are sorted. */
-typedef struct Keys {
-    uint64_t *items;
-    size_t n;
-} Keys;
+/* A series that has slices in a folder, both by their keys. */
+typedef struct Home {
+    uint64_t folder, series;
+} Home;
 
 struct CtsPlan {
     const CtsPlanInput *input;
@@ -40,8 +39,9 @@ struct CtsPlan {
     char last_uid[80];
     uint64_t last_key;
     Entry *lost; /* files that cannot be read, by their folder's key */
-    size_t n_lost;
-    Keys folders; /* that hold slices */
+    size_t n_lost, n_homes;
+    Home *homes;
+    uint64_t n_files;
     int n_warnings;
 };
 
@@ -152,23 +152,21 @@ static CtsStatus keep_record(CtsPlan *p, const CtsArchiveFile *file, const char 
     return file->why ? add_entry(&p->lost, &p->n_lost, entry, err) : add_entry(&p->entries, &p->n_entries, entry, err);
 }
 
-static CtsStatus add_folder(CtsPlan *p, const char *path, CtsError *err)
+static CtsStatus add_home(CtsPlan *p, Home home, CtsError *err)
 {
-    Keys *k = &p->folders;
-    const uint64_t key = folder_key(path);
-    if (k->n && k->items[k->n - 1] == key)
+    if (p->n_homes && !memcmp(&p->homes[p->n_homes - 1], &home, sizeof home))
         return CTS_OK;
-    if ((k->n & (k->n - 1)) == 0) {
-        uint64_t *grown = realloc(k->items, (k->n ? 2 * k->n : 1) * sizeof *grown);
+    if ((p->n_homes & (p->n_homes - 1)) == 0) {
+        Home *grown = realloc(p->homes, (p->n_homes ? 2 * p->n_homes : 1) * sizeof *grown);
         if (!grown)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of folders");
-        k->items = grown;
+        p->homes = grown;
     }
-    k->items[k->n++] = key;
+    p->homes[p->n_homes++] = home;
     return CTS_OK;
 }
 
-/* A file that cannot be read may be a slice of a series in its folder, which is to say so. */
+/* A file that cannot be read may be a slice of the series in its folder, which is to say so. */
 static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err)
 {
     CtsArchiveFile lost = *file;
@@ -190,26 +188,32 @@ static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err
     return keep_record(p, &lost, name, folder_key(file->path), err);
 }
 
+static bool is_mine(const CtsPlan *p, uint64_t key)
+{
+    return key % (uint64_t)p->input->n_shards == (uint64_t)p->input->shard;
+}
+
 static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *err)
 {
     CtsPlan *const p = context;
     CtsStatus st = CTS_OK;
     char name[80];
     uint64_t key = p->last_key;
+    p->n_files++;
+    if (p->input->counts)
+        p->input->counts(p->input->context, p->n_files);
     if (file->why)
         return take_lost(p, file, err);
-    if ((st = add_folder(p, file->path, err)))
-        return st;
-    if (p->input->series_uid && strcmp(file->series_uid, p->input->series_uid))
-        return CTS_OK;
     if (file->series_uid[0] && !strcmp(file->series_uid, p->last_uid))
         snprintf(name, sizeof name, "%s", p->last_uid);
     else if ((st = name_series(file->series_uid, file->path, name, &key, err)))
         return st;
     snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
     p->last_key = key;
-    return key % (uint64_t)p->input->n_shards == (uint64_t)p->input->shard ? keep_record(p, file, name, key, err)
-                                                                           : CTS_OK;
+    if ((st = add_home(p, (Home){folder_key(file->path), key}, err)) ||
+        (p->input->series_uid && strcmp(file->series_uid, p->input->series_uid)))
+        return st;
+    return is_mine(p, key) ? keep_record(p, file, name, key, err) : CTS_OK;
 }
 
 static int by_key(const void *a, const void *b)
@@ -226,70 +230,60 @@ static int by_offset(const void *a, const void *b)
     return x->offset < y->offset ? -1 : x->offset > y->offset;
 }
 
-static int by_value(const void *a, const void *b)
+static int by_home(const void *a, const void *b)
 {
-    const uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
-    return x < y ? -1 : x > y;
+    const Home *x = a, *y = b;
+    if (x->folder != y->folder)
+        return x->folder < y->folder ? -1 : 1;
+    return (x->series > y->series) - (x->series < y->series);
 }
 
-/* A record's path, of which the folder counts. */
-static uint64_t folder_of_entry(const CtsPlan *p, const Entry *entry, char text[LONGEST_RECORD])
+/* The series to which files belong that cannot be read: the one in their folder, or, where none or several have slices
+ * there, what is called by the folder. */
+static CtsStatus owner_of(const CtsPlan *p, const Entry *lost, uint64_t *key, bool *homeless, CtsError *err)
 {
-    if (pread(fileno(p->list), text, entry->size, (off_t)entry->offset) != (ssize_t)entry->size)
-        return 0;
-    return folder_key(text + sizeof(Record));
-}
-
-/* Where the lost files of a folder begin. */
-static size_t first_lost(const CtsPlan *p, uint64_t folder)
-{
-    size_t low = 0, past = p->n_lost;
-    while (low < past) {
-        const size_t middle = (low + past) / 2;
-        if (p->lost[middle].key < folder)
-            low = middle + 1;
+    size_t first = 0, end = p->n_homes;
+    while (first < end) {
+        const size_t middle = (first + end) / 2;
+        if (p->homes[middle].folder < lost->key)
+            first = middle + 1;
         else
-            past = middle;
+            end = middle;
     }
-    return low;
+    while (end < p->n_homes && p->homes[end].folder == lost->key && p->homes[end].series == p->homes[first].series)
+        end++;
+    *homeless = end == first || (end < p->n_homes && p->homes[end].folder == lost->key);
+    if (!*homeless) {
+        *key = p->homes[first].series;
+        return CTS_OK;
+    }
+    char *text = malloc(lost->size);
+    CtsStatus st = text ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st && pread(fileno(p->list), text, lost->size, (off_t)lost->offset) != (ssize_t)lost->size)
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->input->folder, strerror(errno));
+    if (!st)
+        st = cts_plan_key(text + sizeof(Record) + strlen(text + sizeof(Record)) + 1, key, err);
+    free(text);
+    return st;
 }
 
-/* Files that cannot be read go with each series that has slices in their folder; where no series has, they are one that
- * cannot be read. */
 static CtsStatus place_lost(CtsPlan *p, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    const size_t n_entries = p->n_entries;
-    uint64_t last[2] = {0, 0}; /* folder and series */
-    if (!p->n_lost)
-        return CTS_OK;
-    char *text = malloc(LONGEST_RECORD);
-    if (!text)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    qsort(p->lost, p->n_lost, sizeof *p->lost, by_key);
-    if (p->folders.n)
-        qsort(p->folders.items, p->folders.n, sizeof *p->folders.items, by_value);
-    for (size_t i = 0; i < n_entries && !st; i++) {
-        const uint64_t key = p->entries[i].key, folder = folder_of_entry(p, &p->entries[i], text);
-        if (folder == last[0] && key == last[1])
-            continue;
-        last[0] = folder;
-        last[1] = key;
-        for (size_t k = first_lost(p, folder); k < p->n_lost && p->lost[k].key == folder && !st; k++)
-            st = add_entry(&p->entries, &p->n_entries, (Entry){key, p->lost[k].offset, p->lost[k].size}, err);
-    }
+    uint64_t asked_for = 0;
+    if (p->n_homes)
+        qsort(p->homes, p->n_homes, sizeof *p->homes, by_home);
+    if (p->input->series_uid)
+        st = cts_plan_key(p->input->series_uid, &asked_for, err);
     for (size_t k = 0; k < p->n_lost && !st; k++) {
         const Entry *lost = &p->lost[k];
         uint64_t key;
-        if (p->folders.n && bsearch(&lost->key, p->folders.items, p->folders.n, sizeof *p->folders.items, by_value))
-            continue;
-        if (!folder_of_entry(p, lost, text) ||
-            (st = cts_plan_key(text + sizeof(Record) + strlen(text + sizeof(Record)) + 1, &key, err)))
-            continue;
-        if (!p->input->series_uid && key % (uint64_t)p->input->n_shards == (uint64_t)p->input->shard)
+        bool homeless;
+        if ((st = owner_of(p, lost, &key, &homeless, err)))
+            return st;
+        if (is_mine(p, key) && (!p->input->series_uid || (!homeless && key == asked_for)))
             st = add_entry(&p->entries, &p->n_entries, (Entry){key, lost->offset, lost->size}, err);
     }
-    free(text);
     return st;
 }
 
@@ -372,7 +366,7 @@ void cts_plan_free(CtsPlan **plan)
         fclose(p->list);
     free(p->entries);
     free(p->lost);
-    free(p->folders.items);
+    free(p->homes);
     free(p->units);
     cts_archives_free(&p->archives);
     free(p);

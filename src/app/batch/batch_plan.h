@@ -15,6 +15,7 @@ typedef struct CtsPlanInput {
     const char *series_uid; /* this one alone; NULL: all */
     int shard, n_shards;    /* 0 of 1: all */
     void (*warn)(void *context, const char *text);
+    void (*counts)(void *context, uint64_t n_files); /* how far the search is */
     void *context;
     const volatile sig_atomic_t *stop;
 } CtsPlanInput;
@@ -30,8 +31,9 @@ typedef struct CtsPlanSeries {
     char *text; /* what paths points into */
 } CtsPlanSeries;
 
-/* Memory: 24 bytes a file and 24 a series. Files that cannot be read go with the series in their folder, or are one of
- * their own where there is none. Each folder that cannot be searched is a warning, up to a dozen. */
+/* Memory: 24 to 40 bytes a file and 24 a series. Files that cannot be read go with the one series that has slices in
+ * their folder; where none or several have, they are one of their own. Each folder that cannot be searched is a
+ * warning, up to a dozen. */
 CtsStatus cts_plan_new(CtsPlan **plan, const CtsPlanInput *input, CtsError *err);
 void cts_plan_free(CtsPlan **plan);
 

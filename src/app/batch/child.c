@@ -39,6 +39,39 @@ void cts_child_set_status(json_t *line, int exit_code, const char *reason)
     json_object_set_new(line, "reason", cts_json_new_text(reason));
     json_object_set_new(line, "exit_code", json_integer(exit_code));
     json_object_set_new(line, "ended", new_time());
+    json_object_del(line, "unfinished");
+    json_object_del(line, "reason_file");
+}
+
+void cts_child_tell_status(struct CtsBatchChild *child, CtsStatus status, const char *reason)
+{
+    char *file = NULL, *text = cts_without_names(reason, &child->names, &file);
+    cts_child_set_status(child->line, cts_exit_code(status), text ? text : "");
+    if (file)
+        json_object_set_new(child->line, "reason_file", cts_json_new_text(file));
+    free(file);
+    free(text);
+}
+
+/* Folders, how many files in each, and the first of them, in order of path. */
+static json_t *new_sources(const CtsPlanSeries *series)
+{
+    json_t *list = json_array(), *last = NULL;
+    for (int i = 0; i < series->n_paths; i++) {
+        const char *path = series->paths[i], *slash = strrchr(path, '/');
+        char *folder = slash ? strndup(path, (size_t)(slash - path)) : strdup(".");
+        json_t *name = folder ? cts_json_new_text(folder) : NULL;
+        if (last && json_equal(json_object_get(last, "folder"), name)) {
+            json_object_set_new(last, "files", json_integer(json_integer_value(json_object_get(last, "files")) + 1));
+        } else {
+            last = json_pack("{s:O,s:o,s:i}", "folder", name, "first", cts_json_new_text(slash ? slash + 1 : path),
+                             "files", 1);
+            json_array_append_new(list, last);
+        }
+        json_decref(name);
+        free(folder);
+    }
+    return list;
 }
 
 json_t *cts_child_new_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,
@@ -50,6 +83,7 @@ json_t *cts_child_new_line(const CtsBatchSettings *settings, const CtsPlanSeries
     json_object_set_new(line, "series_uid", cts_json_new_text(uid));
     json_object_set_new(line, "folder", json_string(folder));
     cts_child_set_status(line, 1, "not finished");
+    json_object_set_new(line, "sources", new_sources(series));
     json_object_set_new(line, "input_sha256", json_string(series->input_sha256));
     json_object_set_new(line, "options_sha256", json_string(hex));
     json_object_set_new(line, "files", json_integer(series->n_paths));
@@ -122,9 +156,12 @@ static void run_series(struct CtsBatchChild *c)
                                .n_threads = c->n_threads,
                                .archives = c->archives,
                                .child = c};
+    for (int i = 0; i < task.n_paths; i++)
+        cts_names_add(&c->names, task.paths[i]);
     const CtsStatus st = s->work(s->context, &task, &err);
     if (st && st != CTS_ERR_INTERRUPTED && !c->told) {
-        c->line = cts_child_failed_line(s, c->series, err.text, cts_exit_code(st));
+        c->line = cts_child_failed_line(s, c->series, "", 1);
+        cts_child_tell_status(c, st, err.text);
         cts_child_send_line(c, CTS_CHILD_LAST, NULL);
     }
     fflush(NULL);

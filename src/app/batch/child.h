@@ -5,9 +5,11 @@
 #include "app/batch/batch.h"
 #include "app/batch/batch_plan.h"
 #include "app/batch/journal.h"
+#include "output/report/masked.h"
 #include <sys/types.h>
 
-/* Messages to the parent, each a line. A line of the journal stands behind the last four: */
+/* Messages to the parent, each a line. A line of the journal stands behind the last four, with all that it might tell
+ * (cts_line_forget()): */
 #define CTS_CHILD_LOADED "loaded"     /* the volume is read: waits for a byte */
 #define CTS_CHILD_RENDERED "rendered" /* no more is rendered until the next "loaded" */
 #define CTS_CHILD_BEGUN "begun "      /* what is known of the series; not for the journal yet */
@@ -26,6 +28,7 @@ struct CtsBatchChild {
     /* Of the series under way, of which the files may hold several: */
     const CtsSeries *now;
     json_t *line, *known; /* known: what an earlier run told of the same files */
+    CtsNames names;       /* of its files */
     char folder[96];
     CtsBatchPicture *pictures;
     int n_pictures, n_left;
@@ -55,5 +58,7 @@ json_t *cts_child_failed_line(const CtsBatchSettings *settings, const CtsPlanSer
                               int exit_code);
 /* How a series ended, and when. */
 void cts_child_set_status(json_t *line, int exit_code, const char *reason);
+/* The same, where the reason may name a file of the series. */
+void cts_child_tell_status(struct CtsBatchChild *child, CtsStatus status, const char *reason);
 
 #endif

@@ -95,13 +95,58 @@ static CtsStatus make_folders(struct CtsBatchChild *c, CtsError *err)
     return CTS_OK;
 }
 
+/* The finding of the list that says the same. */
+static json_t *same_finding(json_t *list, const json_t *entry)
+{
+    static const char *const keys[] = {"code", "text", "preset"};
+    for (size_t i = json_array_size(list); i-- > 0;) {
+        json_t *other = json_array_get(list, i);
+        bool same = true;
+        for (int k = 0; k < 3 && same; k++) {
+            const json_t *a = json_object_get(other, keys[k]), *b = json_object_get(entry, keys[k]);
+            same = a == b || json_equal(a, b);
+        }
+        if (same)
+            return other;
+    }
+    return NULL;
+}
+
+/* What is said again is counted, and each file that it is said of is named. preset: whose finding it is, or NULL. */
+static void add_finding(struct CtsBatchChild *c, const CtsFinding *finding, const char *preset)
+{
+    json_t *list = json_object_get(c->line, "findings"), *entry = cts_finding_json(finding);
+    char *file = NULL, *text = cts_without_names(finding->text, &c->names, &file);
+    json_object_set_new(entry, "text", cts_json_new_text(text ? text : ""));
+    if (preset)
+        json_object_set_new(entry, "preset", json_string(preset));
+    json_t *told = same_finding(list, entry);
+    if (told) {
+        const json_int_t count = json_integer_value(json_object_get(told, "count"));
+        json_object_set_new(told, "count", json_integer((count ? count : 1) + 1));
+    } else {
+        json_array_append(list, told = entry);
+    }
+    if (file && !json_object_get(told, "files"))
+        json_object_set_new(told, "files", json_array());
+    if (file)
+        json_array_append_new(json_object_get(told, "files"), cts_json_new_text(file));
+    json_decref(entry);
+    free(file);
+    free(text);
+}
+
 static void tell_geometry(struct CtsBatchChild *c, const CtsPixelFacts *facts)
 {
-    json_t *geometry = cts_info_json(c->now, facts, c->settings->show_patient);
-    json_object_set(c->line, "findings", json_object_get(geometry, "findings"));
+    json_t *geometry = cts_info_json(c->now, facts, true);
     json_object_del(geometry, "findings");
     json_object_del(geometry, "series_uid");
     json_object_set_new(c->line, "geometry", geometry);
+    json_array_clear(json_object_get(c->line, "findings"));
+    for (size_t i = 0; i < c->now->findings.n; i++)
+        add_finding(c, &c->now->findings.items[i], NULL);
+    for (size_t i = 0; i < facts->findings.n; i++)
+        add_finding(c, &facts->findings.items[i], NULL);
 }
 
 static CtsStatus list_pictures(struct CtsBatchChild *c, CtsError *err)
@@ -138,6 +183,7 @@ CtsStatus cts_batch_begin(struct CtsBatchChild *c, const CtsSeries *series, cons
     tell_geometry(c, &(CtsPixelFacts){0});
     if (series->renderable && ((st = list_pictures(c, err)) || (c->n_pictures && (st = make_folders(c, err)))))
         return st;
+    json_object_set_new(c->line, "unfinished", json_integer(c->n_left));
     if ((st = cts_child_send_line(c, CTS_CHILD_BEGUN, err)))
         return st;
     *pictures = c->pictures;
@@ -208,20 +254,23 @@ CtsStatus cts_batch_thumbnail(struct CtsBatchChild *c, const CtsBatchPicture *pi
                : CTS_OK;
 }
 
-/* The report's findings up to n that the line does not have yet; preset: whose they are, or NULL. */
+static bool is_among(const CtsFinding *finding, const CtsFinding *items, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (!strcmp(items[i].code, finding->code) && !strcmp(items[i].text, finding->text))
+            return true;
+    return false;
+}
+
+/* The report's findings up to n that the line does not have yet; preset: whose they are, or NULL: of the series, which
+ * the report has once each time that it is read. */
 static void tell_findings(struct CtsBatchChild *c, const CtsFindings *findings, size_t n, const char *preset)
 {
-    json_t *list = json_object_get(c->line, "findings");
     for (; c->n_findings < n; c->n_findings++) {
-        json_t *entry = cts_finding_json(&findings->items[c->n_findings]);
-        bool told = false;
-        if (preset)
-            json_object_set_new(entry, "preset", json_string(preset));
-        for (size_t k = 0; k < json_array_size(list) && !told; k++)
-            told = json_equal(json_array_get(list, k), entry);
-        if (!told)
-            json_array_append(list, entry);
-        json_decref(entry);
+        const CtsFinding *f = &findings->items[c->n_findings];
+        if (!is_among(f, c->now->findings.items, c->now->findings.n) &&
+            (preset || !is_among(f, findings->items, c->n_findings)))
+            add_finding(c, f, preset);
     }
 }
 
@@ -242,7 +291,8 @@ CtsStatus cts_batch_picture_done(struct CtsBatchChild *c, const CtsBatchPicture 
             json_object_set_new(c->line, "errors", json_array());
         json_array_append_new(json_object_get(c->line, "errors"), entry);
     }
-    return --c->n_left > 0 ? cts_child_send_line(c, CTS_CHILD_LINE, err) : CTS_OK;
+    json_object_set_new(c->line, "unfinished", json_integer(--c->n_left));
+    return c->n_left > 0 ? cts_child_send_line(c, CTS_CHILD_LINE, err) : CTS_OK;
 }
 
 static void tell_times(struct CtsBatchChild *c, const CtsReport *report)
@@ -299,9 +349,12 @@ static void keep_times(struct CtsBatchChild *c)
 {
     static const char *const kept[] = {"geometry",  "findings", "stages",         "wall_ms",
                                        "waited_ms", "cpu_ms",   "peak_rss_bytes", "threads"};
+    json_t *geometry = json_incref(json_object_get(c->line, "geometry"));
     for (size_t i = 0; i < sizeof kept / sizeof *kept; i++)
         if (json_object_get(c->known, kept[i]))
             json_object_set(c->line, kept[i], json_object_get(c->known, kept[i]));
+    json_object_update_missing(json_object_get(c->line, "geometry"), geometry);
+    json_decref(geometry);
 }
 
 CtsStatus cts_batch_end(struct CtsBatchChild *c, const CtsReport *report, CtsStatus status, const CtsError *why)
@@ -318,7 +371,9 @@ CtsStatus cts_batch_end(struct CtsBatchChild *c, const CtsReport *report, CtsSta
         else
             keep_findings(c);
         sort_outputs(c->line);
-        cts_child_set_status(c->line, cts_exit_code(status), status ? why->text : "");
+        cts_child_tell_status(c, status, status ? why->text : "");
+        if (status && c->now && c->now->passed)
+            json_object_set_new(c->line, "status", json_string("passed"));
         st = cts_child_send_line(c, stands ? CTS_CHILD_STANDS : CTS_CHILD_LAST, &err);
         c->told = true;
     }

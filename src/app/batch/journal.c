@@ -325,14 +325,14 @@ static int by_uid(const void *a, const void *b)
     return strcmp(((const Line *)a)->uid, ((const Line *)b)->uid);
 }
 
-static CtsStatus write_line(CtsTempFile *temp, const CtsJournal *j, const Slot *slot, void (*change)(json_t *line),
-                            CtsError *err)
+static CtsStatus write_line(CtsTempFile *temp, const CtsJournal *j, const Slot *slot,
+                            void (*change)(void *context, json_t *line), void *context, CtsError *err)
 {
     char *text = line_text(j, slot);
     json_t *line = text ? json_loads(text, 0, NULL) : NULL;
     free(text);
-    if (line && change)
-        change(line);
+    if (line)
+        change(context, line);
     text = line ? json_dumps(line, JSON_COMPACT | JSON_REAL_PRECISION(12)) : NULL;
     json_decref(line);
     CtsStatus st = text ? CTS_OK : cts_fail(err, CTS_ERR_OUTPUT, "%s: a line cannot be read again", j->path);
@@ -363,7 +363,8 @@ static CtsStatus list_lines(const CtsJournal *j, Line **lines, size_t *n, CtsErr
     return CTS_OK;
 }
 
-CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(json_t *line), CtsError *err)
+CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *line), void *context,
+                             CtsError *err)
 {
     CtsTempFile *temp = NULL;
     Line *lines = NULL;
@@ -372,7 +373,7 @@ CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(json_t *line), 
     if (!st)
         st = cts_temp_open(&temp, journal->path, err);
     for (size_t i = 0; i < n && !st; i++)
-        st = write_line(temp, journal, lines[i].slot, change, err);
+        st = write_line(temp, journal, lines[i].slot, change, context, err);
     if (!st)
         st = cts_temp_commit(&temp, true, NULL, err);
     cts_temp_discard(&temp);

@@ -25,9 +25,9 @@ bool cts_journal_holds(const CtsJournal *journal, const char *series_uid);
 CtsStatus cts_journal_add(CtsJournal *journal, const json_t *line, CtsError *err);
 /* Lines so far outlast a power cut too. */
 CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err);
-/* One line a series, in order of UID, in a new file that takes the old one's place. change, unless it is NULL, may
- * change each line. */
-CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(json_t *line), CtsError *err);
+/* One line a series, in order of UID, in a new file that takes the old one's place. change may change each line. */
+CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *line), void *context,
+                             CtsError *err);
 /* Lets the lock go. */
 void cts_journal_close(CtsJournal **journal);
 /* The descriptors that hold the locks are closed: in a child, which must not keep them alive. */

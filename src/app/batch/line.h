@@ -24,6 +24,12 @@ bool cts_line_stands(const CtsBatchSettings *settings, const json_t *line, const
  * good. */
 bool cts_line_settled(const CtsBatchSettings *settings, const json_t *line, const char *input_sha256);
 
+/* What the settings do not let a kept line tell leaves it: where its files are, and what may identify the patient. */
+void cts_line_forget(json_t *line, const CtsBatchSettings *settings);
+
+/* Whether it tells all that the settings let it. */
+bool cts_line_tells_all(const json_t *line, const CtsBatchSettings *settings);
+
 /* Whether the entry is a capture that this batch is to send and that the PACS does not have. */
 bool cts_line_waits(const CtsBatchSettings *settings, const json_t *entry);
 /* How many there are of them. */

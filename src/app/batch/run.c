@@ -8,6 +8,7 @@
 #include "app/batch/out_folder.h"
 #include "app/batch/sweep.h"
 #include "app/batch/worker.h"
+#include "app/contact/contact_sheet.h"
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
@@ -38,7 +39,9 @@ typedef struct Run {
     size_t n_to_send, next_to_send;
     int n_unsent; /* series in a row that could not be */
     double start_ms, free_bytes, told_ms, synced_ms;
-    uint64_t voxels_done, voxels_left;
+    size_t n_pictures, n_uids_ended, n_unknown; /* made; series that ended; series whose pictures nobody has counted */
+    double sheet_ms, sheet_took_ms;
+    bool sheet_stale;
     CtsStatus status; /* why no more series are started */
     CtsError *err;
 } Run;
@@ -54,19 +57,50 @@ static const char *text_of(const json_t *object, const char *key)
     return text ? text : "";
 }
 
-static size_t n_counted(const CtsBatchResult *result)
+/* Of a series that nobody has looked at all pictures may be to come. */
+static double n_pictures_left(const Run *r)
 {
-    return result->n_done + result->n_refused + result->n_failed;
+    double n = (double)r->n_unknown * r->settings->n_presets * r->settings->n_views;
+    for (int i = 1; i < r->n_workers; i++)
+        n += r->workers[i].n_left;
+    return n;
 }
 
 static void tell_progress(Run *r)
 {
     const CtsBatchTold *told = &r->settings->told;
     const double spent_s = (cts_wall_ms() - r->start_ms) / 1000;
+    const CtsBatchProgress progress = {
+        .n_ended = r->n_uids_ended,
+        .n_series = r->result->n_uids,
+        .n_pictures = r->n_pictures,
+        .seconds_left = r->n_pictures ? spent_s * n_pictures_left(r) / (double)r->n_pictures : -1};
     r->told_ms = cts_wall_ms();
     if (told->progress)
-        told->progress(told->context, n_counted(r->result), r->result->n_series,
-                       r->voxels_done ? spent_s * (double)r->voxels_left / (double)r->voxels_done : -1);
+        told->progress(told->context, &progress);
+}
+
+static void forget(void *context, json_t *line)
+{
+    cts_line_forget(line, context);
+}
+
+/* Not so often that the sheet of a large batch would be all that is written. ends: the batch does, so far as it came. */
+static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
+{
+    const CtsBatchSettings *s = r->settings;
+    const double start_ms = cts_wall_ms();
+    const CtsContactRun run = {.n_ended = r->n_uids_ended, .n_series = r->result->n_uids, .goes_on = !ends};
+    const bool whole = ends && r->n_uids_ended == r->result->n_uids;
+    const CtsContactWanted wanted = {.run = whole ? NULL : &run, .change = forget, .context = (void *)s};
+    const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < fmax(500, 50 * r->sheet_took_ms);
+    if (s->n_shards > 1 || (!ends && wait))
+        return CTS_OK;
+    const CtsStatus st = cts_contact_sheet_write(s->folder, &wanted, err);
+    r->sheet_ms = cts_wall_ms();
+    r->sheet_took_ms = r->sheet_ms - start_ms;
+    r->sheet_stale = false;
+    return st;
 }
 
 static void tell_series(Run *r, const json_t *line)
@@ -80,9 +114,10 @@ static void tell_series(Run *r, const json_t *line)
                  json_array_size(json_object_get(line, "outputs")),
                  json_number_value(json_object_get(line, "wall_ms")) / 1000);
     else
-        snprintf(text, sizeof text, "%.80s: %s: %s", uid, status, text_of(line, "reason"));
+        snprintf(text, sizeof text, "%.80s: %s: %.600s%s%.600s", uid, status, text_of(line, "reason_file"),
+                 json_object_get(line, "reason_file") ? ": " : "", text_of(line, "reason"));
     if (told->series)
-        told->series(told->context, text, !done);
+        told->series(told->context, text, !done && strcmp(status, "passed"));
 }
 
 /* A line that is the last of a series in this run; stood: nothing was made. */
@@ -91,6 +126,7 @@ static void count(Run *r, const json_t *line, bool stood)
     const char *status = text_of(line, "status");
     r->result->n_stood += stood && !strcmp(status, "done");
     r->result->n_done += !strcmp(status, "done");
+    r->result->n_passed += !strcmp(status, "passed");
     r->result->n_refused += !strcmp(status, "refused");
     r->result->n_failed += !strcmp(status, "failed");
     if (!stood)
@@ -110,7 +146,11 @@ static void give_up(Run *r, CtsStatus status, const CtsError *why)
 static void add_line(Run *r, const json_t *line)
 {
     CtsError err = {0};
-    const CtsStatus st = cts_journal_add(r->journal, line, &err);
+    json_t *kept = json_deep_copy(line);
+    cts_line_forget(kept, r->settings);
+    const CtsStatus st = cts_journal_add(r->journal, kept, &err);
+    json_decref(kept);
+    r->sheet_stale = true;
     if (st)
         give_up(r, st, &err);
 }
@@ -177,6 +217,17 @@ static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
         w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
 }
 
+/* The first that is heard of a worker tells how many pictures its series lacks. */
+static void count_pictures(Run *r, CtsWorker *w, bool begun, int n_left)
+{
+    if (begun && !w->counted)
+        r->n_unknown--;
+    if (!begun)
+        r->n_pictures += (size_t)(w->n_left > n_left ? w->n_left - n_left : 0);
+    w->counted = true;
+    w->n_left = n_left;
+}
+
 static void take_message(void *context, CtsWorker *w, const char *message)
 {
     static const char *const words[] = {CTS_CHILD_BEGUN, CTS_CHILD_LINE, CTS_CHILD_LAST, CTS_CHILD_STANDS};
@@ -195,6 +246,8 @@ static void take_message(void *context, CtsWorker *w, const char *message)
     }
     json_decref(w->line);
     w->line = line;
+    if (w->phase != CTS_WORKER_SENDS)
+        count_pictures(r, w, which == 0, (int)json_integer_value(json_object_get(line, "unfinished")));
     if (which == 1)
         add_line(r, line);
     else if (which > 1)
@@ -232,8 +285,10 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
     if (w->phase != CTS_WORKER_SENDS && (WIFSIGNALED(how) || WEXITSTATUS(how)))
         sweep_series(r, w);
     r->free_bytes += w->bytes;
-    r->voxels_done += w->series.n_voxels;
-    r->voxels_left -= w->series.n_voxels;
+    if (w->phase != CTS_WORKER_SENDS) {
+        r->n_unknown -= !w->counted;
+        r->n_uids_ended += !stopped;
+    }
     cts_worker_free(w);
     tell_progress(r);
 }
@@ -264,7 +319,8 @@ static bool any_worker(const Run *r)
 static bool stands(Run *r, const CtsPlanSeries *series)
 {
     json_t *line = r->settings->fresh ? NULL : cts_journal_find(r->journal, series->uid);
-    const bool settled = line && cts_line_settled(r->settings, line, series->input_sha256);
+    const bool settled = line && cts_line_settled(r->settings, line, series->input_sha256) &&
+                         cts_line_tells_all(line, r->settings);
     if (settled) {
         if (json_object_get(line, "unsent")) {
             json_object_del(line, "unsent");
@@ -275,7 +331,8 @@ static bool stands(Run *r, const CtsPlanSeries *series)
         } else {
             count(r, line, true);
         }
-        r->voxels_left -= series->n_voxels;
+        r->n_unknown--;
+        r->n_uids_ended++;
     }
     json_decref(line);
     return settled;
@@ -388,6 +445,8 @@ static void grant(Run *r)
 
 static void watch_clock(Run *r)
 {
+    CtsError unwritten;
+    write_sheet(r, false, &unwritten); /* the last one tells */
     const double now_ms = cts_wall_ms();
     const bool all = interrupted(r) || r->status;
     for (int i = 0; i < r->n_workers; i++) {
@@ -454,11 +513,6 @@ static CtsStatus run_series(Run *r)
     return r->status;
 }
 
-static void forget_patient(json_t *line)
-{
-    json_object_del(json_object_get(line, "geometry"), "description");
-}
-
 static CtsStatus search(Run *r, CtsError *err)
 {
     const CtsBatchSettings *s = r->settings;
@@ -470,26 +524,20 @@ static CtsStatus search(Run *r, CtsError *err)
                                 .shard = s->shard,
                                 .n_shards = s->n_shards,
                                 .warn = s->told.warning,
+                                .counts = s->told.searching,
                                 .context = s->told.context,
                                 .stop = s->stop};
     CtsStatus st = cts_plan_new(&r->plan, &input, err);
     if (st)
         return st;
     const CtsArchiveCounts counts = cts_plan_counts(r->plan);
-    r->result->n_series = cts_plan_n_series(r->plan);
+    r->result->n_series = r->result->n_uids = r->n_unknown = cts_plan_n_series(r->plan);
     if (!r->result->n_series && s->n_shards == 1 && s->series_uid)
         return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", s->series_uid);
     if (!r->result->n_series && s->n_shards == 1)
         return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %llu files, %llu of them unreadable",
                         (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable);
-    for (size_t i = 0; i < r->result->n_series && !st; i++) {
-        CtsPlanSeries series;
-        if (!(st = cts_plan_series(r->plan, i, &series, err))) {
-            r->voxels_left += series.n_voxels;
-            cts_plan_series_free(&series);
-        }
-    }
-    return st;
+    return CTS_OK;
 }
 
 CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err)
@@ -510,10 +558,13 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     if ((st = search(&r, err)))
         goto end;
     r.free_bytes = 0.9 * (double)cts_memory_available();
+    r.sheet_stale = true;
+    r.start_ms = cts_wall_ms(); /* of the search nothing is learned for the pictures */
     st = run_series(&r);
     CtsError finish_err;
-    const CtsStatus finished =
-        cts_journal_finish(r.journal, settings->show_patient ? NULL : forget_patient, &finish_err);
+    CtsStatus finished = cts_journal_finish(r.journal, forget, (void *)settings, &finish_err);
+    if (!finished)
+        finished = write_sheet(&r, true, &finish_err);
     if (finished && !st) {
         *err = finish_err;
         st = finished;

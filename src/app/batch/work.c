@@ -6,6 +6,7 @@
 #include "base/meter.h"
 #include "app/contact/thumbnail.h"
 #include "output/report/log.h"
+#include "output/report/masked.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,6 +20,7 @@ typedef struct Work {
     int n_left; /* pictures that are not made yet */
     CtsReport report;
     CtsLog *log;
+    CtsNames names; /* that the log does not tell */
     /* One picture: */
     const CtsBatchPicture *picture;
     CtsThumbnail *thumb;
@@ -200,6 +202,9 @@ static CtsStatus render_series(Work *w)
         st = cts_fail(&err, w->loaded.series->refusal, "%s", w->loaded.series->reason);
     if (!st && !(st = cts_log_open(&w->log, w->batch->log, start_ms, &err))) {
         cts_log_run(w->log, w->batch->command, w->loaded.series->uid);
+        for (int i = 0; w->log && !w->batch->settings->show_paths && i < w->task->n_paths; i++)
+            cts_names_add(&w->names, w->task->paths[i]);
+        cts_log_without_names(w->log, &w->names);
         w->n_left = n;
         st = render_pictures(w, pictures, n, &err);
     }
@@ -211,6 +216,7 @@ static CtsStatus render_series(Work *w)
         cts_log_done(w->log, w->task->n_threads);
     if (cts_log_close(&w->log, &log_err))
         cts_report_finding(&w->report, "log_lost", CTS_WARNING, "the log is not whole: %s", log_err.text);
+    cts_names_free(&w->names);
     const CtsStatus told = cts_batch_end(w->task->child, &w->report, st, &err);
     cts_report_free(&w->report);
     return st == CTS_ERR_INTERRUPTED || told ? CTS_ERR_INTERRUPTED : CTS_OK;

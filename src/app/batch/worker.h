@@ -21,6 +21,8 @@ typedef struct CtsWorker {
     CtsWorkerPhase phase;
     CtsPlanSeries series; /* empty where it sends */
     int n_ended;          /* series of which the last line came: the files of one UID may hold several */
+    int n_left;           /* pictures to be made of the series under way, as far as is known */
+    bool counted;         /* it is known */
     json_t *line;         /* what was told last of the series under way; NULL: nothing yet */
     double deadline_ms;   /* INFINITY while it waits */
     double stop_ms;       /* it was asked to end; 0: not yet */

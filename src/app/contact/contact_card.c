@@ -3,8 +3,9 @@
 #include <stdbool.h>
 #include <string.h>
 
-static const char *const kept[] = {"series_uid", "status",   "reason", "exit_code", "ended",          "files",
-                                   "geometry",   "findings", "stages", "wall_ms",   "peak_rss_bytes", "threads"};
+static const char *const kept[] = {"series_uid", "status",   "reason",  "reason_file", "exit_code", "ended",
+                                   "files",      "sources",  "unfinished", "geometry", "findings",  "stages",
+                                   "wall_ms",    "peak_rss_bytes", "threads"};
 
 /* A relative path that stays below where it starts. */
 static bool is_safe(const char *path)

@@ -6,7 +6,8 @@ const $$ = (selector, root = document) => [...root.querySelectorAll(selector)];
 /* ---- words and numbers ---- */
 
 const STATES = {
-  done: {word: 'Done', mark: '✓', rank: 2}, refused: {word: 'Refused', mark: '⊘', rank: 1},
+  done: {word: 'Done', mark: '✓', rank: 4}, passed: {word: 'Passed', mark: '–', rank: 3},
+  working: {word: 'Under way', mark: '…', rank: 2}, refused: {word: 'Refused', mark: '⊘', rank: 1},
   failed: {word: 'Failed', mark: '✕', rank: 0}
 };
 const MARKS = {warning: ['⚠', 'refused'], refusal: ['⊘', 'failed'], note: ['ℹ', '']};
@@ -58,27 +59,51 @@ function make(name, attributes = {}, ...children) {
 
 const list = value => Array.isArray(value) ? value : [];
 const object = value => value && typeof value === 'object' ? value : {};
+const run = data.run ? object(data.run) : null; /* how far the batch was; null: to its end */
 const series = list(data.series).map(object).map((line, index) => {
   const s = {index, line, uid: clean(line.series_uid), state: STATES[line.status] ? line.status : 'failed',
     reason: clean(line.reason), geometry: object(line.geometry), pictures: list(line.pictures),
-    findings: list(line.findings).map(object).filter(f => clean(f.text) !== clean(line.reason)),
+    findings: byCode(list(line.findings).map(object).filter(f => clean(f.text) !== clean(line.reason))),
     stages: Object.entries(object(line.stages)).map(([name, t]) => [clean(name), +object(t).wall_ms || 0]),
+    sources: list(line.sources).map(object), file: clean(line.reason_file),
     wall_ms: +line.wall_ms || 0, memory: +line.peak_rss_bytes || 0, ended: clean(line.ended)};
-  s.text = [s.uid, s.state, s.reason, clean(s.geometry.description), clean(s.geometry.orientation),
-    clean(s.geometry.transfer_syntax), SYNTAXES[s.geometry.transfer_syntax] ?? '',
-    ...s.findings.map(f => `${clean(f.code)} ${clean(f.text)}`),
-    ...s.pictures.map(pictureName)].join('\n').toLowerCase();
+  if (run?.goes_on && line.unfinished !== undefined) {
+    s.state = 'working';
+    s.reason = `${plural(+line.unfinished || 0, 'picture')} to come`;
+  }
+  s.study = clean(s.geometry.study) || s.uid;
   return s;
 });
 
+/* Studies by date, where it is told, and series by number; then by UIDs. What is called study 3, series 2 is that for
+ * as long as no other series come. */
 const byUid = new Intl.Collator('en', {numeric: true}).compare;
-[...series].sort((a, b) => byUid(a.uid, b.uid)).forEach((s, rank) => { s.rank = rank; });
+const order = (a, b) => byUid(clean(a.geometry.study_date), clean(b.geometry.study_date)) ||
+  byUid(a.study, b.study) || (a.geometry.series_number || 0) - (b.geometry.series_number || 0) || byUid(a.uid, b.uid);
+const studies = new Map();
+[...series].sort(order).forEach((s, rank) => {
+  const study = studies.get(s.study) ?? {number: studies.size + 1, n: 0};
+  studies.set(s.study, study);
+  s.rank = rank;
+  s.number = `${study.number}.${++study.n}`;
+});
+for (const s of series) {
+  const study = studies.get(s.study), g = s.geometry;
+  s.name = `Series ${s.number}` + (study.n > 1 ? ` of study ${study.number}, ${count(study.n)} series` : '');
+  s.told = [clean(g.study_date), g.series_number != null && `series number ${clean(g.series_number)}`,
+    clean(g.description)].filter(Boolean).join(' · ');
+  s.text = [s.uid, s.name, s.state, s.reason, s.told, s.file, clean(g.orientation), clean(g.transfer_syntax),
+    SYNTAXES[g.transfer_syntax] ?? '', ...s.sources.flatMap(f => [`${clean(f.folder)}/${clean(f.first)}`]),
+    ...s.findings.flatMap(f => [clean(f.code), ...f.texts, ...f.files]),
+    ...s.pictures.map(pictureName)].join('\n').toLowerCase();
+}
 const later = (a, b) => a.ended < b.ended ? 1 : a.ended > b.ended ? -1 : 0;
 const SORTS = {
+  study: ['Study', () => 0],
   trouble: ['What is not done', (a, b) => STATES[a.state].rank - STATES[b.state].rank ||
     b.findings.length - a.findings.length],
   ended: ['Latest', later],
-  uid: ['Series UID', () => 0],
+  uid: ['Series UID', (a, b) => byUid(a.uid, b.uid)],
   slices: ['Slices', (a, b) => (b.geometry.slices || 0) - (a.geometry.slices || 0)],
   time: ['Time taken', (a, b) => b.wall_ms - a.wall_ms],
   memory: ['Peak memory', (a, b) => b.memory - a.memory]
@@ -99,13 +124,37 @@ function facts(s) {
   return dl;
 }
 
+/* What was found once or often stands once, with its count. */
+function byCode(findings) {
+  const kinds = new Map();
+  for (const f of findings) {
+    const key = `${clean(f.severity)} ${clean(f.code)}`;
+    const kind = kinds.get(key) ?? {code: f.code, severity: f.severity, texts: [], presets: [], files: [], count: 0};
+    kinds.set(key, kind);
+    kind.count += +f.count || 1;
+    for (const [all, one] of [[kind.texts, clean(f.text)], [kind.presets, clean(f.preset)],
+      ...list(f.files).map(file => [kind.files, clean(file)])])
+      if (one && !all.includes(one)) all.push(one);
+  }
+  return [...kinds.values()];
+}
+
 function findings(s) {
   return make('ul', {class: 'findings'}, s.findings.map(f => {
     const [mark, kind] = MARKS[f.severity] ?? MARKS.note;
-    const label = clean(f.severity) || 'note';
+    const label = clean(f.severity) || 'note', more = [...f.texts.slice(1), ...f.files];
     return make('li', {}, make('span', {class: `mark ${kind}`, role: 'img', 'aria-label': label}, mark),
-      f.preset ? `${clean(f.preset)}: ` : '', clean(f.text), ' ', make('code', {}, clean(f.code)));
+      f.count > 1 && make('b', {class: 'times-found'}, `${count(f.count)} × `),
+      f.presets.length ? `${f.presets.join(', ')}: ` : '', f.texts[0], ' ', make('code', {}, clean(f.code)),
+      more.length && make('details', {}, make('summary', {}, `${count(more.length)} more`),
+        more.map(text => make('div', {}, text))));
   }));
+}
+
+/* Where its files are, with --show-paths. */
+function sources(s) {
+  return make('ul', {class: 'sources mono'}, s.sources.map(f => make('li', {}, make('bdi', {},
+    `${clean(f.folder)}/${clean(f.first)}`), f.files > 1 ? ` and ${count(f.files - 1)} more` : '')));
 }
 
 function bar(name, share, among) {
@@ -168,10 +217,11 @@ function playCard(card, s) {
 
 function shell(s) {
   const state = STATES[s.state];
-  const label = `${state.word}, series ${s.uid}`;
+  const label = `${state.word}, ${s.name}, ${s.uid}`;
   const card = make('article', {class: `card ${s.state}`, tabindex: '-1', 'aria-label': label, 'data-index': s.index},
     make('header', {}, make('span', {class: 'state'}, `${state.mark} ${state.word}`),
-    make('h2', {class: 'mono uid-line', title: s.uid}, uidParts(s.uid))));
+    make('h2', {class: 'mono uid-line', title: s.uid}, uidParts(s.uid))),
+    make('p', {class: 'number'}, s.name));
   return card;
 }
 
@@ -186,9 +236,9 @@ function spread(s) {
 function fill(s) {
   if (s.filled) return;
   s.filled = true;
-  const description = clean(s.geometry.description);
-  s.card.append(...[description && make('p', {class: 'description'}, make('bdi', {}, description)),
-    s.reason && make('p', {class: 'reason'}, s.reason),
+  s.card.append(...[s.told && make('p', {class: 'description'}, make('bdi', {}, s.told)),
+    s.reason && make('p', {class: 'reason'}, s.file ? `${s.file}: ${s.reason}` : s.reason),
+    s.sources.length && sources(s),
     s.pictures.length && make('div', {class: 'previews'}, s.pictures.map((p, place) => preview(s, p, place))),
     facts(s), s.findings.length && findings(s), times(s)].filter(Boolean));
   spread(s);

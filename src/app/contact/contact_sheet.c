@@ -10,6 +10,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 /* One line of a journal, found again by its place. */
 typedef struct Line {
@@ -192,7 +193,8 @@ static CtsStatus write_json(CtsTempFile *temp, const json_t *value, CtsError *er
     return st;
 }
 
-static CtsStatus write_card(CtsTempFile *temp, const Journals *j, const Line *line, bool first, CtsError *err)
+static CtsStatus write_card(CtsTempFile *temp, const Journals *j, const Line *line, bool first,
+                            const CtsContactWanted *wanted, CtsError *err)
 {
     FILE *file = j->items[line->journal].file;
     char *text = NULL;
@@ -201,8 +203,10 @@ static CtsStatus write_card(CtsTempFile *temp, const Journals *j, const Line *li
     CtsStatus st;
     if (!fseeko(file, line->at, SEEK_SET))
         n = getline(&text, &allocated, file);
-    json_t *json = n > 0 ? parse_line(text, (size_t)n) : NULL,
-           *card = json ? cts_contact_card(json, j->items[line->journal].folder) : NULL;
+    json_t *json = n > 0 ? parse_line(text, (size_t)n) : NULL;
+    if (json && wanted->change)
+        wanted->change(wanted->context, json);
+    json_t *card = json ? cts_contact_card(json, j->items[line->journal].folder) : NULL;
     if (!json)
         st = cts_fail(err, CTS_ERR_READ, "a journal changed while it was read (try again)");
     else if (!card)
@@ -215,7 +219,7 @@ static CtsStatus write_card(CtsTempFile *temp, const Journals *j, const Line *li
     return st;
 }
 
-static CtsStatus write_cards(CtsTempFile *temp, Journals *j, CtsError *err)
+static CtsStatus write_cards(CtsTempFile *temp, Journals *j, const CtsContactWanted *wanted, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (j->n_lines)
@@ -223,25 +227,39 @@ static CtsStatus write_cards(CtsTempFile *temp, Journals *j, CtsError *err)
     for (size_t i = 0, n; i < j->n_lines && !st; i += n) {
         for (n = 1; i + n < j->n_lines && !strcmp(j->lines[i + n].series_uid, j->lines[i].series_uid);)
             n++;
-        st = write_card(temp, j, last_word(j->lines + i, n), i == 0, err);
+        st = write_card(temp, j, last_word(j->lines + i, n), i == 0, wanted, err);
     }
     return st;
 }
 
-static CtsStatus write_page(CtsTempFile *temp, Journals *j, CtsError *err)
+/* What stands in front of the series, whose array it opens. */
+static int print_head(char *text, size_t size, const Journals *j, const CtsContactRun *run)
 {
-    char start[128];
+    const time_t now = time(NULL);
+    struct tm utc;
+    char at[32], so_far[160] = "";
+    gmtime_r(&now, &utc);
+    strftime(at, sizeof at, "%Y-%m-%dT%H:%M:%SZ", &utc);
+    if (run)
+        snprintf(so_far, sizeof so_far, "\"run\":{\"at\":\"%s\",\"ended\":%zu,\"series\":%zu,\"goes_on\":%s},", at,
+                 run->n_ended, run->n_series, run->goes_on ? "true" : "false");
+    return snprintf(text, size, "{\"version\":\"%s\",\"unreadable\":%d,%s\"series\":[", CTS_VERSION, j->n_unreadable,
+                    so_far);
+}
+
+static CtsStatus write_page(CtsTempFile *temp, Journals *j, const CtsContactWanted *wanted, CtsError *err)
+{
+    char start[300];
     CtsStatus st;
-    const int n = snprintf(start, sizeof start, "{\"version\":\"%s\",\"unreadable\":%d,\"series\":[", CTS_VERSION,
-                           j->n_unreadable);
+    const int n = print_head(start, sizeof start, j, wanted->run);
     if ((st = cts_temp_write(temp, cts_contact_head, cts_contact_head_bytes, err)) ||
-        (st = cts_temp_write(temp, start, (size_t)n, err)) || (st = write_cards(temp, j, err)) ||
+        (st = cts_temp_write(temp, start, (size_t)n, err)) || (st = write_cards(temp, j, wanted, err)) ||
         (st = cts_temp_write(temp, "]}\n", 3, err)))
         return st;
     return cts_temp_write(temp, cts_contact_tail, cts_contact_tail_bytes, err);
 }
 
-CtsStatus cts_contact_sheet_write(const char *dir, CtsError *err)
+CtsStatus cts_contact_sheet_write(const char *dir, const CtsContactWanted *wanted, CtsError *err)
 {
     Journals journals = {0};
     CtsTempFile *temp = NULL;
@@ -253,7 +271,7 @@ CtsStatus cts_contact_sheet_write(const char *dir, CtsError *err)
         st = index_journal(&journals, i, err);
     if (!st && asprintf(&path, "%s/index.html", dir) < 0)
         st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
-    if (!st && !(st = cts_temp_open(&temp, path, err)) && !(st = write_page(temp, &journals, err)))
+    if (!st && !(st = cts_temp_open(&temp, path, err)) && !(st = write_page(temp, &journals, wanted, err)))
         st = cts_temp_commit(&temp, true, NULL, err);
     cts_temp_discard(&temp);
     free(path);

@@ -1,6 +1,6 @@
 /* Which series are shown and in what order, and what chooses them. */
 const inputs = {q: $('#search'), preset: $('#preset'), view: $('#view'), finding: $('#finding'), sort: $('#sort')};
-const defaults = {q: '', status: 'all', preset: '', view: '', finding: '', sort: 'ended', reverse: '', open: ''};
+const defaults = {q: '', status: 'all', preset: '', view: '', finding: '', sort: 'study', reverse: '', open: ''};
 const state = {...defaults, ...Object.fromEntries(new URLSearchParams(location.hash.slice(1)))};
 if (!SORTS[state.sort]) state.sort = defaults.sort;
 let shown = [], current = 0;
@@ -53,8 +53,11 @@ function apply() {
   const held = shown[current];
   shown = series.filter(s => matches(s, terms));
   shown.sort((a, b) => (compare(a, b) || a.rank - b.rank) * (state.reverse ? -1 : 1));
+  const grouped = state.sort === 'study', several = s => s && studies.get(s.study).n > 1;
   const cards = shown.map((s, place) => {
+    const before = shown[place - 1];
     if (!s.card) watcher.observe(s.card = shell(s));
+    s.card.classList.toggle('first', grouped && before?.study !== s.study && (several(s) || several(before)));
     s.card.setAttribute('aria-posinset', place + 1);
     s.card.setAttribute('aria-setsize', shown.length);
     return s.card;
@@ -100,7 +103,8 @@ const distinct = values => [...new Set(values)];
 
 function setUp() {
   const all = name => series.filter(s => name === 'all' || s.state === name).length;
-  $('#status').append(...['all', ...Object.keys(STATES)].map(name => {
+  const states = Object.keys(STATES).filter(name => !['working', 'passed'].includes(name) || all(name));
+  $('#status').append(...['all', ...states].map(name => {
     const button = make('button', {type: 'button', value: name});
     if (STATES[name])
       button.append(make('span', {class: `mark ${name}`, 'aria-hidden': 'true'}, STATES[name].mark), ' ');
@@ -129,6 +133,8 @@ function setUp() {
   $('#summary').textContent = `${plural(series.reduce((n, s) => n + s.pictures.length, 0), 'picture')} of ` +
     `${count(series.length)} series` + (work_ms ? `, ${time(work_ms)} of work` : '') +
     ` · ctsplat ${clean(data.version)}` +
+    (run ? ` · ${run.goes_on ? 'under way' : 'ended early'}: ${count(+run.ended)} of ${count(+run.series)} series at ` +
+      clean(run.at).replace('T', ' ').replace('Z', ' UTC') : '') +
     (data.unreadable ? ` · ${plural(data.unreadable, 'unreadable line')} in the journal` : '');
 }
 

@@ -58,9 +58,9 @@ function showSeries(s, place) {
     return button;
   }));
   const uid = make('p', {class: 'mono uid', 'aria-label': 'Series UID'}, s.uid);
-  const description = clean(s.geometry.description);
-  $('aside', viewer).replaceChildren(...[description && make('p', {}, make('bdi', {}, description)),
-    s.reason && make('p', {class: `reason ${s.state}`}, s.reason), uid, facts(s), s.findings.length && findings(s),
+  $('aside', viewer).replaceChildren(...[make('p', {}, s.name), s.told && make('p', {}, make('bdi', {}, s.told)),
+    s.reason && make('p', {class: `reason ${s.state}`}, s.file ? `${s.file}: ${s.reason}` : s.reason), uid,
+    s.sources.length && sources(s), facts(s), s.findings.length && findings(s),
     times(s, true)].filter(Boolean));
   showPicture(Math.min(place, Math.max(0, s.pictures.length - 1)));
   focusable(shown.indexOf(s));
@@ -180,6 +180,13 @@ document.addEventListener('keydown', event => {
   if (viewer.open ? viewerKey(event) : sheetKey(event)) event.preventDefault();
 });
 $('#keys-button').addEventListener('click', () => $('#keys').showModal());
+
+/* A sheet of a batch that is under way is loaded again now and then, unless somebody is busy with it. */
+if (run?.goes_on)
+  setInterval(() => {
+    const busy = viewer.open || $('#keys').open || document.activeElement?.closest('form, .card') || document.hidden;
+    if (!busy) location.reload();
+  }, 5000);
 
 paint();
 resize();

@@ -147,6 +147,8 @@ CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_
     st = find(source, loaded, report, err);
     cts_watch_findings(watch, report);
     cts_meter_stop(meter, report, CTS_STAGE_SCAN);
+    if (loaded->list && watch->found)
+        watch->found(watch->context, loaded->list);
     if (st)
         return st;
     meter = cts_meter_start(report);

@@ -4,6 +4,7 @@
 
 #include "ctsplat/picture.h"
 #include "ctsplat/report.h"
+#include "ctsplat/series.h"
 #include <stdint.h>
 
 typedef struct CtsWatch {
@@ -13,6 +14,8 @@ typedef struct CtsWatch {
     void (*step)(void *context, double done, int all, const char *what);
     /* The report may hold findings that it did not hold before. */
     void (*findings)(void *context, const CtsReport *report);
+    /* What was found, before any of it is read. */
+    void (*found)(void *context, const CtsSeriesList *list);
     /* The volume is read: from here on the job looks at its settings' stop flag. */
     void (*loaded)(void *context);
     /* Rows of a frame as they go into the files. */

@@ -179,7 +179,10 @@ const CtsOption cts_options[] = {
     {0, "log", "FILE", RENDERING & ~ON(JOB), SAME, "append a timing log, JSON Lines; - is stderr", "none", TEXT(log)},
     {0, "json", NULL, ON(INFO) | ON(CHECK) | ON(COMPARE) | ON(PRESETS), SAME, "print JSON", NULL, FLAG(json)},
     {0, "show-patient", NULL, ON(INFO) | ON(BATCH), SAME,
-     "print series descriptions too, which may identify the patient", NULL, FLAG(show_patient)},
+     "tell study dates, series numbers and descriptions too, which may identify the patient", NULL,
+     FLAG(show_patient)},
+    {0, "show-paths", NULL, ON(RENDER) | ON(BATCH), SAME,
+     "let journal, contact sheet and log name input files, which may identify the patient", NULL, FLAG(show_paths)},
     {'h', "help", NULL, ON(JOB) - 1, SAME, "print this and stop", NULL, FLAG(help)},
     {.name = NULL},
 };

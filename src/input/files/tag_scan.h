@@ -43,7 +43,7 @@ CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes,
 /* How the data set at p is encoded, judged by its first element; NULL when it is neither. */
 const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n);
 
-enum { CTS_N_HEADER_TAGS = 42 }; /* what a CT slice's header is asked for */
+enum { CTS_N_HEADER_TAGS = 44 }; /* what a CT slice's header is asked for */
 
 /* A top-level element with one of those tags. */
 typedef struct CtsTagValue {

@@ -234,6 +234,9 @@ void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
     }
     s->sop_uid = keep_uid(texts, cts_text_of(item, DCM_SOPInstanceUID));
     s->series_uid = cts_dcm_share(texts, cts_text_of(item, DCM_SeriesInstanceUID), 64);
+    s->study_date = share_some(texts, cts_text_of(item, DCM_StudyDate));
+    if (!integer(item, DCM_SeriesNumber, &s->series_number))
+        s->series_number = -1;
     s->modality = cts_dcm_share(texts, cts_text_of(item, DCM_Modality), 16);
     s->stack_id = "";
     s->description = share_some(texts, cts_text_of(item, DCM_SeriesDescription));
@@ -253,6 +256,9 @@ void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
         s->odd |= CTS_ODD_NOT_HU;
     if (cts_text_of(item, DCM_BurnedInAnnotation) == "YES")
         s->odd |= CTS_ODD_BURNED_IN;
+    const bool derived = part_of(image_type, 0) == "DERIVED" || part_of(image_type, 1) == "SECONDARY";
+    s->page = derived && !s->identity[CTS_FRAME_UID][0] && !item.has(DCM_ImagePositionPatient) &&
+              !item.has(DCM_ImageOrientationPatient);
     const std::string_view lossy = cts_text_of(item, DCM_LossyImageCompression);
     if (lossy == "01")
         s->odd |= CTS_ODD_LOSSY;

@@ -66,11 +66,15 @@ typedef struct CtsSlice {
     const char *identity[CTS_N_IDENTITY];
     const char *modality;              /* at most 16 */
     const char *description, *charset; /* (0008,103E) and (0008,0005) as stored; may be NULL */
+    const char *study_date;            /* (0008,0020) as stored; may be NULL */
+    int series_number;                 /* (0020,0011); negative where missing */
     bool has_acquisition, has_temporal, has_instance;
     int acquisition_number, instance_number, temporal_index;
     double kvp, trigger_ms;        /* (0018,0060), (0018,1060); negative when missing */
     double time_s;                 /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
-    bool localizer, told_lossless; /* (0028,2110) is 00 */
+    bool told_lossless;            /* (0028,2110) is 00 */
+    bool localizer;                /* a scout */
+    bool page;                     /* a dose report or the like: never had a place in a patient */
     int frame, n_frames;           /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
     const char *stack_id;          /* (0020,9056), of a frame; at most 16 characters */
 

@@ -390,7 +390,7 @@ static void tell_blank(const Assembly *a, CtsReport *report)
                            cts_slice_label(&a->slices[blank]).text);
     else if (n)
         cts_report_finding(report, "blank_slices", CTS_WARNING,
-                           "%s and %d more: one value in all pixels, between slices with more",
+                           "%s: one value in all pixels, as in %d more, between slices with more",
                            cts_slice_label(&a->slices[blank]).text, n - 1);
 }
 
@@ -540,7 +540,7 @@ static CtsStatus in_series(const CtsSeries *series, CtsError *err)
     const CtsSlice *first = series->slices[0];
     const int n = (int)(cts_slice_name(first) - first->path);
     return series->uid[0] ? cts_context(err, "series %s", series->uid)
-                          : cts_context(err, "series without UID in %.*s", n > 1 ? n - 1 : 1, n ? first->path : ".");
+                          : cts_context(err, "%.*s: series without UID", n > 1 ? n - 1 : 1, n ? first->path : ".");
 }
 
 /* Where the slices lie, for as long as the scanned volume does. */

@@ -40,6 +40,7 @@ void cts_series_list_free(CtsSeriesList **list)
         cts_texts_free(&(*list)->texts[i]);
     free((*list)->texts);
     free((*list)->others);
+    free((*list)->paths);
     cts_findings_free(&(*list)->findings);
     free(*list);
     *list = NULL;
@@ -302,6 +303,15 @@ static CtsStatus group(CtsSlice **slices, size_t n, CtsSeriesList *list, CtsErro
     return st;
 }
 
+static CtsStatus list_paths(const Search *s, CtsError *err)
+{
+    if (!(s->list->paths = malloc((s->files.n + 1) * sizeof *s->list->paths)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (size_t i = 0; i < s->files.n; i++)
+        s->list->paths[s->list->n_paths++] = s->files.items[i].path;
+    return CTS_OK;
+}
+
 static CtsStatus nothing_found(const Search *s, CtsError *err)
 {
     const CtsSeriesList *list = s->list;
@@ -364,6 +374,8 @@ CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *
         st = count_others(&s, err);
     if (!st)
         st = collect(&s, &slices, &n_slices, err);
+    if (!st)
+        st = list_paths(&s, err);
     if (!st && !take_texts(s.list, &s.files.texts)) /* the slices' paths */
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     const size_t n_headers = s.n_headers;

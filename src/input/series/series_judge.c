@@ -48,21 +48,45 @@ static bool same_grid(const CtsSlice *a, const CtsSlice *b)
            fabs(a->column_spacing_mm - b->column_spacing_mm) <= 1e-4 * b->column_spacing_mm;
 }
 
+/* Not refused for a fault: by its nature it is no volume. */
+static void pass(CtsSeries *series, const char *format, ...) __attribute__((format(printf, 2, 3)));
+
+static void pass(CtsSeries *series, const char *format, ...)
+{
+    if (series->refusal)
+        return;
+    va_list args;
+    va_start(args, format);
+    vsnprintf(series->reason, sizeof series->reason, format, args);
+    va_end(args);
+    series->refusal = CTS_ERR_GEOMETRY;
+    series->passed = true;
+    cts_findings_add(&series->findings, "passed", CTS_NOTE, "%s", series->reason);
+}
+
 typedef CtsStatus (*pick_fn)(const CtsSliceSet *set, CtsSeries *series, bool *keep);
 
-/* Scouts share the series UID of the scan they planned. */
-static CtsStatus pick_no_localizers(const CtsSliceSet *set, CtsSeries *series, bool *keep)
+/* Scouts share the series UID of the scan they planned, and dose pages now and then that of the scan they tell of. */
+static CtsStatus pick_slices(const CtsSliceSet *set, CtsSeries *series, bool *keep)
 {
-    int n = 0;
+    int n_localizers = 0, n_pages = 0;
     for (int i = 0; i < set->n; i++) {
-        keep[i] = !set->items[i]->localizer;
-        n += !keep[i];
+        keep[i] = !set->items[i]->localizer && !set->items[i]->page;
+        n_localizers += set->items[i]->localizer;
+        n_pages += set->items[i]->page && !set->items[i]->localizer;
     }
-    if (n == set->n)
-        refuse(series, CTS_ERR_GEOMETRY, "holds only localizer images (scouts), %d of them, and no volume", n);
-    else if (n)
-        cts_findings_add(&series->findings, "localizers_dropped", CTS_WARNING, "%d localizer image%s left out", n,
-                         plural(n));
+    if (n_localizers == set->n)
+        pass(series, "holds only localizer images (scouts), %d of them, and no volume", n_localizers);
+    else if (n_localizers + n_pages == set->n)
+        pass(series, "holds only pages (dose reports, screen captures), %d of them, and no volume", n_pages);
+    else if (set->n == 1 && (!set->items[0]->fault || set->items[0]->fault == CTS_ERR_GEOMETRY))
+        pass(series, "has 1 slice; a volume needs 2 or more");
+    if (n_localizers && !series->refusal)
+        cts_findings_add(&series->findings, "localizers_dropped", CTS_WARNING, "%d localizer image%s left out",
+                         n_localizers, plural(n_localizers));
+    if (n_pages && !series->refusal)
+        cts_findings_add(&series->findings, "pages_dropped", CTS_WARNING,
+                         "%d page%s (dose report, screen capture) left out", n_pages, plural(n_pages));
     return CTS_OK;
 }
 
@@ -277,9 +301,16 @@ static const char *orientation_of(const double normal[3])
 static void describe(CtsSeries *series, const CtsSlice *s)
 {
     snprintf(series->uid, sizeof series->uid, "%s", s->series_uid);
+    const char *study_uid = s->identity[CTS_STUDY_UID];
+    snprintf(series->study_uid, sizeof series->study_uid, "%s", study_uid ? study_uid : "");
+    if (s->study_date && strlen(s->study_date) == 8 && strspn(s->study_date, "0123456789") == 8)
+        snprintf(series->study_date, sizeof series->study_date, "%.4s-%.2s-%.2s", s->study_date, s->study_date + 4,
+                 s->study_date + 6);
+    series->series_number = s->series_number;
     snprintf(series->modality, sizeof series->modality, "%s", s->modality);
     snprintf(series->transfer_syntax, sizeof series->transfer_syntax, "%s", s->syntax_uid);
     cts_text_clean(series->uid); /* shown as they are */
+    cts_text_clean(series->study_uid);
     cts_text_clean(series->modality);
     cts_text_clean(series->transfer_syntax);
     snprintf(series->orientation, sizeof series->orientation, "%s", orientation_of(s->normal_lps));
@@ -444,7 +475,7 @@ static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, bool whole, CtsErro
 /* Everything that can be told before positions are compared. */
 static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
 {
-    static const pick_fn picks[] = {pick_no_localizers, pick_sound, pick_largest_grid};
+    static const pick_fn picks[] = {pick_slices, pick_sound, pick_largest_grid};
     CtsStatus st = CTS_OK;
     if (set->n > MAX_SLICES)
         refuse(series, CTS_ERR_GEOMETRY, "has %d slices, more than %d", set->n, MAX_SLICES);
@@ -454,8 +485,18 @@ static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
     for (int part = 0; !st && !series->refusal && part < CTS_N_IDENTITY; part++)
         check_identity(set, series, part);
     if (!st && !series->refusal && set->n == 1)
-        refuse(series, CTS_ERR_GEOMETRY, "has 1 slice; a volume needs 2 or more");
+        pass(series, "has 1 slice; a volume needs 2 or more");
     return st;
+}
+
+/* Slices of one position at as many times: how a contrast agent comes is watched so, and no volume is scanned. */
+static bool is_watch(const CtsSliceSet *set)
+{
+    for (int i = 0; i < set->n; i++)
+        for (int k = 0; k < i; k++)
+            if (set->items[i]->time_s < 0 || set->items[i]->time_s == set->items[k]->time_s)
+                return false;
+    return true;
 }
 
 /* Copies dropped, phases told apart. The parts own the slices afterwards; one part when nothing had to be split. */
@@ -475,7 +516,9 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
                          "%d slice%s left out that stand%s there twice (same position, same pixels)", n_dropped,
                          plural(n_dropped), n_dropped == 1 ? "s" : "");
     if (set->n == 1)
-        refuse(series, CTS_ERR_GEOMETRY, "has 1 slice; a volume needs 2 or more");
+        pass(series, "has 1 slice; a volume needs 2 or more");
+    else if (same_mm < 0 && is_watch(set))
+        pass(series, "watches one position at %d times, and is no volume", set->n);
     else if (same_mm < 0)
         refuse(series, CTS_ERR_GEOMETRY,
                "all %d slices lie at one position (ImagePositionPatient (0020,0032)): no volume", set->n);

@@ -1,6 +1,7 @@
 #include "output/report/info.h"
 
 #include "base/json.h"
+#include "output/report/masked.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -18,6 +19,10 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
 {
     fprintf(file, "series %s\n", s->uid[0] ? s->uid : "(without UID)");
     fprintf(file, "  modality         %s\n", s->modality);
+    if (show_patient && s->study_date[0])
+        fprintf(file, "  study date       %s\n", s->study_date);
+    if (show_patient && s->series_number >= 0)
+        fprintf(file, "  series number    %d\n", s->series_number);
     if (show_patient && s->description)
         fprintf(file, "  description      %s\n", s->description);
     fprintf(file, "  slices           %d of %d x %d pixels, %s\n", s->n_slices, s->columns, s->rows, s->orientation);
@@ -33,7 +38,7 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
     }
     fprintf(file, "  transfer syntax  %s\n", s->transfer_syntax);
     const char *told = s->renderable && !f->refused ? NULL : s->renderable ? f->reason : s->reason;
-    fprintf(file, "  renderable       %s%s\n", told ? "no: " : "yes", told ? told : "");
+    fprintf(file, "  renderable       %s%s\n", s->passed ? "no, passed: " : told ? "no: " : "yes", told ? told : "");
     print_findings(file, &s->findings, "  ", told);
     print_findings(file, &f->findings, "  ", told);
 }
@@ -76,8 +81,15 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
     json_t *object = json_object(), *findings = json_array();
     json_object_set_new(object, "series_uid", cts_json_new_text(s->uid));
     json_object_set_new(object, "modality", cts_json_new_text(s->modality));
-    if (show_patient)
+    char *study = s->study_uid[0] ? cts_uid_hash(s->study_uid) : NULL;
+    json_object_set_new(object, "study", study ? json_string(study) : json_null());
+    free(study);
+    if (show_patient) {
+        json_object_set_new(object, "study_date", s->study_date[0] ? json_string(s->study_date) : json_null());
+        json_object_set_new(object, "series_number",
+                            s->series_number < 0 ? json_null() : json_integer(s->series_number));
         json_object_set_new(object, "description", s->description ? cts_json_new_text(s->description) : json_null());
+    }
     json_object_set_new(object, "slices", json_integer(s->n_slices));
     json_object_set_new(object, "dims", json_pack("[i,i,i]", s->columns, s->rows, s->n_slices));
     json_t *spacing_mm = json_array();
@@ -95,6 +107,7 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
     json_object_set_new(object, "transfer_syntax", cts_json_new_text(s->transfer_syntax));
     json_object_set_new(object, "orientation", cts_json_new_text(s->orientation));
     json_object_set_new(object, "renderable", json_boolean(s->renderable && !f->refused));
+    json_object_set_new(object, "passed", json_boolean(s->passed));
     append_findings(findings, &s->findings);
     append_findings(findings, &f->findings);
     json_object_set_new(object, "findings", findings);

@@ -27,6 +27,7 @@ struct CtsLog {
     char run_id[17], time[32];
     char *command, *series_hash; /* NULL: not known */
     char *last_words;
+    const CtsNames *names; /* of files that are not to be told; NULL: none */
 };
 
 /* A random number, so that runs of many machines can stand in one file; and when it began. */
@@ -112,10 +113,12 @@ static void set_integer(json_t *object, const char *key, uint64_t value)
     json_object_set_new(object, key, json_integer((json_int_t)value));
 }
 
-/* A message names series by their UIDs. */
-static json_t *new_message(const char *text)
+/* A message names series by their UIDs, and files. */
+static json_t *new_message(const CtsLog *log, const char *text)
 {
-    char *masked = cts_without_uids(text);
+    char *nameless = log->names ? cts_without_names(text, log->names, NULL) : NULL;
+    char *masked = nameless || !log->names ? cts_without_uids(nameless ? nameless : text) : NULL;
+    free(nameless);
     json_t *value = masked ? cts_json_new_text(masked) : json_null();
     free(masked);
     return value;
@@ -173,6 +176,12 @@ static void log_verified(CtsLog *log, const CtsReport *report)
     add_line(log, event);
 }
 
+void cts_log_without_names(CtsLog *log, const CtsNames *names)
+{
+    if (log)
+        log->names = names;
+}
+
 /* Each finding once, however many frames met it. */
 static void log_findings(CtsLog *log, const CtsFindings *findings)
 {
@@ -186,7 +195,7 @@ static void log_findings(CtsLog *log, const CtsFindings *findings)
         json_t *event = new_event(log, "finding");
         json_object_set_new(event, "code", json_string(f->code));
         json_object_set_new(event, "severity", json_string(cts_severity_names[f->severity]));
-        json_object_set_new(event, "text", new_message(f->text));
+        json_object_set_new(event, "text", new_message(log, f->text));
         add_line(log, event);
     }
 }
@@ -318,7 +327,7 @@ void cts_log_failed(CtsLog *log, int exit_code, const char *message)
         return;
     json_t *event = new_event(log, "failed");
     json_object_set_new(event, "exit_code", json_integer(exit_code));
-    json_object_set_new(event, "message", new_message(message));
+    json_object_set_new(event, "message", new_message(log, message));
     add_line(log, event);
 }
 

@@ -7,6 +7,7 @@
 #include <stdbool.h>
 
 typedef struct CtsLog CtsLog;
+struct CtsNames; /* masked.h */
 
 /* path "-" is stderr; NULL makes *log NULL, which all of the following accept and ignore. start_ms is cts_wall_ms()
  * at the start of the program: what t_ms counts from. Opens the file, so that a log that cannot be written is refused
@@ -18,6 +19,8 @@ CtsStatus cts_log_check(const char *path, CtsError *err);
 
 /* An output that is written. */
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes);
+/* From here on messages are told without these names of input files, which outlast the log. */
+void cts_log_without_names(CtsLog *log, const struct CtsNames *names);
 /* Stages, skipped work, voxel counts and measured error. Here the run's time ends. */
 void cts_log_report(CtsLog *log, const CtsReport *report);
 /* What the log's event error tells, of report->verified; the caller's to release. */

@@ -2,6 +2,8 @@
 #include "output/report/masked.h"
 
 #include "base/hash.h"
+#include "base/text.h"
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -56,6 +58,98 @@ char *cts_without_uids(const char *text)
         text += n ? n : n_number ? n_number : 1;
         free(uid);
         free(hash);
+    }
+    if (fclose(out)) {
+        free(masked);
+        return NULL;
+    }
+    return masked;
+}
+
+/* Longer names are cut in messages (input/header/slice.h). */
+enum { LONGEST_NAME = 255 };
+
+static void add(CtsNames *names, const char *text, size_t n, const char *end)
+{
+    char **items = n ? realloc(names->items, (names->n + 1) * sizeof *items) : NULL;
+    if (!items)
+        return;
+    names->items = items;
+    if (asprintf(&items[names->n], "%.*s%s", (int)n, text, end) >= 0)
+        cts_text_clean(items[names->n++]); /* as messages have it */
+}
+
+void cts_names_add(CtsNames *names, const char *path)
+{
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    add(names, path, strlen(path), "");
+    add(names, path, strlen(path), "/");
+    add(names, name, strnlen(name, LONGEST_NAME), "");
+    if (slash && slash > path) {
+        add(names, path, (size_t)(slash - path), "");
+        add(names, path, (size_t)(slash - path), "/");
+    }
+}
+
+void cts_names_free(CtsNames *names)
+{
+    for (size_t i = 0; i < names->n; i++)
+        free(names->items[i]);
+    free(names->items);
+    *names = (CtsNames){0};
+}
+
+static bool begins(const char *text, const char *with)
+{
+    return !strncmp(text, with, strlen(with));
+}
+
+/* How much of the text, which begins a word, a name is: 0 where it is none. The name of a file may be any word, and
+ * counts only where something is said of it. */
+static size_t name_length(const char *text, const char *name)
+{
+    const size_t n = strlen(name);
+    const bool is_path = strchr(name, '/');
+    if (!begins(text, name))
+        return is_path && begins(name, text) ? strlen(text) : 0; /* cut short */
+    if (name[n - 1] == '/') { /* something below, whose name may have blanks */
+        const char *end = strstr(text, ": ");
+        return end ? (size_t)(end - text) : strlen(text);
+    }
+    return begins(text + n, ": ") || begins(text + n, ", frame ") || (is_path && strchr(" :;,)", text[n])) ? n : 0;
+}
+
+static size_t longest_name(const char *text, const CtsNames *names)
+{
+    size_t longest = 0;
+    for (size_t i = 0; i < names->n; i++) {
+        const size_t n = name_length(text, names->items[i]);
+        longest = n > longest ? n : longest;
+    }
+    return longest;
+}
+
+char *cts_without_names(const char *text, const CtsNames *names, char **name)
+{
+    char *masked = NULL;
+    size_t size;
+    FILE *out = open_memstream(&masked, &size);
+    if (name)
+        *name = NULL;
+    if (!out)
+        return NULL;
+    for (bool word = true; *text;) {
+        const size_t n = word ? longest_name(text, names) : 0;
+        if (n && name && !*name)
+            *name = strndup(text, n);
+        if (n && !begins(text + n, ": ") && !begins(text + n, ", frame "))
+            fputs("(path)", out);
+        else if (n)
+            text += 2;
+        else
+            fputc(*text, out);
+        word = n || strchr(" (", *text);
+        text += n ? n : 1;
     }
     if (fclose(out)) {
         free(masked);
