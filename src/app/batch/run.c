@@ -85,7 +85,7 @@ static void forget(void *context, json_t *line)
     cts_line_forget(line, context);
 }
 
-/* Not so often that the sheet of a large batch would be all that is written. ends: the batch does, so far as it came. */
+/* Not so often that the sheet of a large batch would be all that is written. ends: the batch does. */
 static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
 {
     const CtsBatchSettings *s = r->settings;
