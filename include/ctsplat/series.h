@@ -133,11 +133,11 @@ CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsScanned 
                              CtsError *err);
 void cts_scanned_free(CtsScanned **scanned);
 
-/* Evenly spaced layers, as a volume of its own. Between unevenly spaced slices they are blended, linearly or by cubics
- * (cts_volume_refine() says which). hand_over: nobody wants another volume of it; the slices' own memory becomes the
- * volume, and scanned keeps their places alone. */
-CtsStatus cts_scanned_volume(CtsScanned *scanned, bool linear, bool hand_over, int n_threads, CtsVolume **volume,
-                             CtsError *err);
+/* Evenly spaced layers, as a volume of its own, made as cts_volume_refine() says where slices are unevenly spaced. Adds
+ * to *made. hand_over: nobody wants another volume of it; the slices' own memory becomes the volume, and scanned keeps
+ * their places alone. */
+CtsStatus cts_scanned_volume(CtsScanned *scanned, CtsInterpolation how, bool hand_over, int n_threads,
+                             CtsVolume **volume, CtsMadeUp *made, CtsError *err);
 
 /* Both in one, linearly, for who wants one volume. */
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err);

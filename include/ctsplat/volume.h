@@ -3,6 +3,7 @@
 #define CTSPLAT_VOLUME_H
 
 #include "ctsplat/status.h"
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -73,10 +74,28 @@ CtsStatus cts_volume_crop(CtsVolume *volume, const double lo_lps[3], const doubl
  * than one and a half pixels, at most 8. */
 int cts_volume_thickness(const CtsVolume *volume);
 
-/* Puts n_parts - 1 layers between any two slices, by cubics along the slice axis (Catmull and Rom 1974): grey levels at
- * the slices stay what they were, and between two slices nothing passes their values. n_parts 1 changes
- * nothing. n_threads 0: all cores; threads never change the result. On CTS_ERR_MEMORY the volume is as it was. */
-CtsStatus cts_volume_refine(CtsVolume *volume, int n_parts, int n_threads, CtsError *err);
+/* What comes between slices: cubics along the slice axis (Catmull and Rom 1974), which pass nothing that their two
+ * slices have; in shape what moves from slice to slice by more than its own edge is moved, and else they are cubics;
+ * linear. */
+typedef enum CtsInterpolation {
+    CTS_INTERPOLATION_SHAPE,
+    CTS_INTERPOLATION_CUBIC,
+    CTS_INTERPOLATION_LINEAR,
+    CTS_N_INTERPOLATIONS
+} CtsInterpolation;
+
+/* What of layers between slices no blend of what lies above and below is. */
+typedef struct CtsMadeUp {
+    uint64_t n_voxels, n_moved;   /* of layers between slices, and those of them that were moved */
+    double sum_of_differences_hu; /* between those and straight lines from slice to slice */
+    bool no_memory;               /* for moving any */
+} CtsMadeUp;
+
+/* Puts n_parts - 1 layers between any two slices, by cubics or by shape: grey levels at the slices stay what they were.
+ * n_parts 1 changes nothing. n_threads 0: all cores; threads never change the result. Adds to *made. On CTS_ERR_MEMORY
+ * the volume is as it was. */
+CtsStatus cts_volume_refine(CtsVolume *volume, int n_parts, CtsInterpolation how, int n_threads, CtsMadeUp *made,
+                            CtsError *err);
 
 /* Smooths the grey levels with a Gaussian of this standard deviation, 0 to CTS_MAX_SMOOTH_MM, along all three axes;
  * each axis rounds to whole grey levels. Beyond the border the last voxel goes on. Threads never change the result. */

@@ -92,7 +92,7 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     CliWatch seen = {0};
     const CtsWatch watch = cli_watch(&seen);
     CtsSource source = cts_options_source(options, preset);
-    source.linear = true; /* what is measured is the engines on the voxels as they are */
+    source.interpolation = CTS_INTERPOLATION_LINEAR; /* what is measured is the engines on the voxels as they are */
     st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_interrupt_asks();
     if (st)

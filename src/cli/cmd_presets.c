@@ -118,7 +118,7 @@ static CtsStatus propose(const CtsOptions *options, const CtsPreset *preset, Cts
     CtsSource source = cts_options_source(options, preset);
     source.paths = &options->propose;
     source.n_paths = 1;
-    source.linear = true;
+    source.interpolation = CTS_INTERPOLATION_LINEAR;
     st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_progress_clear();
     cli_interrupt_asks();

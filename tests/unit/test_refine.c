@@ -1,11 +1,13 @@
 /* Layers between slices, and smoothing: against formulas. */
 #include "unit.h"
 
-#include "ctsplat/volume.h"
 #include "core/volume/refine.h"
+#include "ctsplat/volume.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
+
+static CtsMadeUp made;
 
 static CtsVolume *make(int nx, int ny, int nz, double slice_mm)
 {
@@ -39,7 +41,7 @@ static void test_layers(void **state)
         double end_lps[3];
         for (int c = 0; c < 3; c++)
             end_lps[c] = v->origin_lps[c] + 8 * v->step_lps[2][c];
-        assert_int_equal(cts_volume_refine(v, parts, 1 + parts % 3, &err), CTS_OK);
+        assert_int_equal(cts_volume_refine(v, parts, CTS_INTERPOLATION_CUBIC, 1 + parts % 3, &made, &err), CTS_OK);
         assert_int_equal(v->dims[2], 8 * parts + 1);
         for (int c = 0; c < 3; c++)
             assert_true(fabs(v->origin_lps[c] + 8 * parts * v->step_lps[2][c] - end_lps[c]) < 1e-9);
@@ -63,7 +65,7 @@ static void test_parabola(void **state)
     CtsVolume *v = make(1, 1, 12, 4);
     for (int k = 0; k < 12; k++)
         v->grey[k] = (uint16_t)(400 * (k + 1) * (k + 1));
-    assert_int_equal(cts_volume_refine(v, 4, 1, &err), CTS_OK);
+    assert_int_equal(cts_volume_refine(v, 4, CTS_INTERPOLATION_CUBIC, 1, &made, &err), CTS_OK);
     for (int k = 4; k <= 40; k++)
         assert_true(fabs(v->grey[k] - 400 * pow(k / 4.0 + 1, 2)) <= 0.51);
     cts_volume_free(&v);
@@ -74,14 +76,14 @@ static void test_uneven_parabola(void **state)
 {
     (void)state;
     static const double at[4] = {0, 2, 5, 6};
-    uint16_t slice[4], made;
+    uint16_t slice[4], between;
     const uint16_t *const slices[4] = {&slice[0], &slice[1], &slice[2], &slice[3]};
     for (int i = 0; i < 4; i++)
         slice[i] = (uint16_t)(1000 + 100 * at[i] * at[i]);
     for (double t = 0; t < 1; t += 0.125) {
         const CtsRefineWeights w = cts_refine_weights(t, (const double[]){2, 3, 1});
-        cts_refine_row(&made, slices, 1, &w);
-        assert_true(fabs(made - (1000 + 100 * pow(2 + 3 * t, 2))) <= 0.51);
+        cts_refine_row(&between, slices, 1, &w);
+        assert_true(fabs(between - (1000 + 100 * pow(2 + 3 * t, 2))) <= 0.51);
     }
 }
 
@@ -92,7 +94,7 @@ static void test_slice_layers(void **state)
     CtsError err;
     CtsVolume *v = make(4, 4, 5, 3), *q = NULL;
     assert_int_equal(v->slice_layers, 1);
-    assert_int_equal(cts_volume_refine(v, 3, 1, &err), CTS_OK);
+    assert_int_equal(cts_volume_refine(v, 3, CTS_INTERPOLATION_CUBIC, 1, &made, &err), CTS_OK);
     assert_int_equal(v->slice_layers, 3);
     assert_int_equal(cts_volume_quantise(v, 8, 0, 100, 1, &q, &err), CTS_OK);
     assert_int_equal(q->slice_layers, 3);
@@ -157,19 +159,115 @@ static void test_threads(void **state)
         a->grey[i] = b->grey[i] = (uint16_t)(next(&random) >> 16);
     assert_int_equal(cts_volume_smooth(a, 1.3, 1, &err), CTS_OK);
     assert_int_equal(cts_volume_smooth(b, 1.3, 7, &err), CTS_OK);
-    assert_int_equal(cts_volume_refine(a, 3, 1, &err), CTS_OK);
-    assert_int_equal(cts_volume_refine(b, 3, 7, &err), CTS_OK);
+    assert_int_equal(cts_volume_refine(a, 3, CTS_INTERPOLATION_CUBIC, 1, &made, &err), CTS_OK);
+    assert_int_equal(cts_volume_refine(b, 3, CTS_INTERPOLATION_CUBIC, 7, &made, &err), CTS_OK);
     assert_memory_equal(a->grey, b->grey, cts_volume_n_voxels(a) * sizeof *a->grey);
     cts_volume_free(&a);
     cts_volume_free(&b);
 }
 
+enum { DISC = 96, DISCS = 4, PARTS = 4 };
+static const double growth_vox = 7;
+
+/* A soft disc about (48.3, 47.6), of 40 HU in air, or a ring of 800 HU in 40 HU, whose radius grows from slice to
+ * slice. */
+static CtsVolume *make_discs(bool rings)
+{
+    CtsVolume *v = make(DISC, DISC, DISCS, 4);
+    for (int k = 0; k < DISCS; k++)
+        for (int n = 0; n < DISC * DISC; n++) {
+            const double off = hypot(n % DISC - 48.3, n / DISC - 47.6) - 15 - growth_vox * k;
+            const double inside = fmin(fmax(0.5 - (rings ? fabs(off) - 5 : off) / 2, 0), 1);
+            v->grey[k * DISC * DISC + n] = (uint16_t)(rings ? 1064 + 760 * inside : 24 + 1040 * inside);
+        }
+    return v;
+}
+
+/* How far from the disc's radius in a layer the surface lies at most, along rays from its middle outwards. */
+static double worst_radius(const CtsVolume *v, int layer, double level)
+{
+    double worst = 0;
+    for (int ray = 0; ray < 64; ray++) {
+        const double x = cos(ray * 0.1), y = sin(ray * 0.1);
+        double r = 47;
+        for (; r > 0; r -= 0.05) {
+            const int i = (int)(48.3 + r * x + 0.5), j = (int)(47.6 + r * y + 0.5);
+            if (i >= 0 && j >= 0 && i < DISC && j < DISC && v->grey[(layer * DISC + j) * DISC + i] > level)
+                break;
+        }
+        worst = fmax(worst, fabs(r - 15 - growth_vox * layer / PARTS));
+    }
+    return worst;
+}
+
+/* Between two discs lies a disc, within a pixel, where blending has two half ones; the slices are what they were. */
+static void test_shape(void **state)
+{
+    (void)state;
+    CtsError err;
+    for (int rings = 0; rings < 2; rings++) {
+        CtsVolume *before = make_discs(rings), *v = make_discs(rings), *blended = make_discs(rings);
+        const double level = rings ? 1464 : 544, edge = rings ? 5 : 0;
+        made = (CtsMadeUp){0};
+        assert_int_equal(cts_volume_refine(v, PARTS, CTS_INTERPOLATION_SHAPE, 2, &made, &err), CTS_OK);
+        assert_true(made.n_moved > 1000 && made.n_voxels == (DISCS - 1) * (PARTS - 1) * DISC * DISC);
+        assert_true(made.sum_of_differences_hu > 50.0 * (double)made.n_moved && !made.no_memory);
+        assert_int_equal(cts_volume_refine(blended, PARTS, CTS_INTERPOLATION_CUBIC, 2, &made, &err), CTS_OK);
+        for (int layer = 0; layer < v->dims[2]; layer++) {
+            if (layer % PARTS == 0)
+                assert_memory_equal(v->grey + layer * DISC * DISC, before->grey + layer / PARTS * DISC * DISC,
+                                    DISC * DISC * sizeof *v->grey);
+            else
+                assert_true(worst_radius(v, layer, level) < 1.3 + edge);
+            if (layer % PARTS == 1)
+                assert_true(worst_radius(blended, layer, level) > 1.3 + edge || rings);
+        }
+        cts_volume_free(&blended);
+        cts_volume_free(&before);
+        cts_volume_free(&v);
+    }
+}
+
+/* What stands still, or differs by no more than noise, is blended as ever; threads change nothing, whatever the slices.
+ */
+static void test_shape_at_rest(void **state)
+{
+    (void)state;
+    CtsError err;
+    for (int noise = 0; noise <= 90; noise += 90) {
+        CtsVolume *a = make_discs(false), *b = make_discs(false);
+        uint32_t random = 3;
+        for (int n = 0; n < DISCS * DISC * DISC; n++)
+            b->grey[n] = a->grey[n] =
+                (uint16_t)(a->grey[n % (DISC * DISC)] + (noise ? next(&random) >> 16 : 0) % (uint32_t)(noise + 1));
+        made = (CtsMadeUp){0};
+        assert_int_equal(cts_volume_refine(a, 3, CTS_INTERPOLATION_SHAPE, 1, &made, &err), CTS_OK);
+        assert_int_equal(made.n_moved, 0);
+        assert_int_equal(cts_volume_refine(b, 3, CTS_INTERPOLATION_CUBIC, 1, &made, &err), CTS_OK);
+        assert_memory_equal(a->grey, b->grey, cts_volume_n_voxels(a) * sizeof *a->grey);
+        cts_volume_free(&a);
+        cts_volume_free(&b);
+    }
+    for (int wide = 1; wide < 40; wide += 6) {
+        CtsVolume *a = make(wide, 41 - wide, 5, 3), *b = make(wide, 41 - wide, 5, 3);
+        uint32_t random = 11;
+        for (size_t n = 0; n < cts_volume_n_voxels(a); n++)
+            a->grey[n] = b->grey[n] = (uint16_t)(n / 7 % 3 ? next(&random) >> 16 : 65535);
+        assert_int_equal(cts_volume_refine(a, 3, CTS_INTERPOLATION_SHAPE, 1, &made, &err), CTS_OK);
+        assert_int_equal(cts_volume_refine(b, 3, CTS_INTERPOLATION_SHAPE, 7, &made, &err), CTS_OK);
+        assert_memory_equal(a->grey, b->grey, cts_volume_n_voxels(a) * sizeof *a->grey);
+        cts_volume_free(&a);
+        cts_volume_free(&b);
+    }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_layers),       cmocka_unit_test(test_parabola), cmocka_unit_test(test_uneven_parabola),
-        cmocka_unit_test(test_slice_layers), cmocka_unit_test(test_when),     cmocka_unit_test(test_smooth),
-        cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_layers),   cmocka_unit_test(test_shape),           cmocka_unit_test(test_shape_at_rest),
+        cmocka_unit_test(test_parabola), cmocka_unit_test(test_uneven_parabola), cmocka_unit_test(test_slice_layers),
+        cmocka_unit_test(test_when),     cmocka_unit_test(test_smooth),          cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_shape),    cmocka_unit_test(test_shape_at_rest),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

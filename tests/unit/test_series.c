@@ -1,7 +1,7 @@
 /* From files to a volume: what is found, sorted, refused, warned of and loaded. */
 #include "ctsplat/series.h"
-#include "input/header/slice.h"
 #include "dicom_files.h"
+#include "input/header/slice.h"
 #include <math.h>
 #include <sys/stat.h>
 
@@ -190,18 +190,20 @@ static void test_scanned(void **state)
     const CtsSeries *s = &f.list->items[0];
     CtsVolume *alone = load(s, 2), *first = NULL, *last = NULL;
     CtsScanned *scanned = NULL;
+    CtsMadeUp made;
     assert_int_equal(cts_series_scan(s, false, 2, &scanned, NULL, &f.err), CTS_OK);
     assert_int_equal(scanned->n_slices, 7);
     for (int k = 0; k < 7; k++)
         assert_true(scanned->position_lps[k][2] == z[k] && scanned->layer[k] == 2 * z[k]);
-    assert_int_equal(cts_scanned_volume(scanned, true, false, 1, &first, &f.err), CTS_OK);
+    assert_int_equal(cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, false, 1, &first, &made, &f.err), CTS_OK);
     memset(first->grey, 0, cts_volume_n_voxels(first) * sizeof *first->grey);
     for (int k = 0; k < 7; k++)
         assert_int_equal(scanned->even->grey[(scanned->offset + k) * SLICE_ROWS * SLICE_COLUMNS], stack_grey(k, 0, 0));
-    assert_int_equal(cts_scanned_volume(scanned, true, true, 2, &last, &f.err), CTS_OK);
+    assert_int_equal(cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, true, 2, &last, &made, &f.err), CTS_OK);
     assert_memory_equal(last->grey, alone->grey, cts_volume_n_voxels(alone) * sizeof *alone->grey);
     assert_null(scanned->even->grey);
-    assert_int_equal(cts_scanned_volume(scanned, true, true, 2, &first, &f.err), CTS_ERR_INTERNAL);
+    assert_int_equal(cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, true, 2, &first, &made, &f.err),
+                     CTS_ERR_INTERNAL);
     cts_volume_free(&alone);
     cts_volume_free(&last);
     cts_scanned_free(&scanned);

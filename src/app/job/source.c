@@ -67,8 +67,23 @@ static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *rep
     return CTS_OK;
 }
 
+static void tell_made_up(const CtsMadeUp *made, CtsReport *report)
+{
+    if (made->no_memory)
+        cts_report_finding(
+            report, "slices_cubic", CTS_WARNING,
+            "there is no memory for moving surfaces from slice to slice, so terraces may show (free some, "
+            "or crop)");
+    else if (made->n_moved > 0)
+        cts_report_finding(
+            report, "slices_moved", CTS_NOTE,
+            "%.1f %% of the voxels between slices were moved with a surface that moves from slice to slice; "
+            "they differ from straight lines by %.0f HU on average",
+            100 * (double)made->n_moved / (double)made->n_voxels, made->sum_of_differences_hu / (double)made->n_moved);
+}
+
 /* The field between voxels: less noise, and no terraces between thick slices. */
-static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *report, CtsError *err)
+static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsMadeUp *made, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     if (source->smooth_mm > 0 && (st = cts_volume_smooth(v, source->smooth_mm, source->n_threads, err)))
@@ -77,14 +92,15 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *r
         cts_report_plan(report, "smoothing: a Gaussian of %g mm standard deviation", source->smooth_mm);
     const double start_ms = cts_wall_ms(), slice_mm = cts_volume_spacing_mm(v, 2);
     const int n_parts = cts_volume_thickness(v), n_slices = v->dims[2];
-    if (source->linear || n_parts == 1) {
-        cts_report_skip(report, "cubic interpolation",
+    if (source->interpolation == CTS_INTERPOLATION_LINEAR || n_parts == 1) {
+        cts_report_skip(report, "layers between slices",
                         n_parts == 1 ? "slices lie no further apart than 1.5 pixels"
                                      : "linear interpolation between slices was asked for");
+        tell_made_up(made, report);
         return CTS_OK;
     }
     CtsError why = {0};
-    st = cts_volume_refine(v, n_parts, source->n_threads, &why);
+    st = cts_volume_refine(v, n_parts, source->interpolation, source->n_threads, made, &why);
     if (st == CTS_ERR_MEMORY) {
         cts_report_finding(report, "slices_linear", CTS_WARNING,
                            "slices %.3g mm apart are joined by straight lines, so terraces may show: %s", slice_mm,
@@ -95,14 +111,15 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsReport *r
         *err = why;
         return st;
     }
-    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubics, %d layers in all", slice_mm,
-                    n_parts - 1, v->dims[2]);
-    cts_report_finding(report, "slices_cubic", CTS_NOTE, "%d slices became %d layers by cubic interpolation in %.0f ms",
+    cts_report_plan(report, "slices %.3g mm apart: %d layers between two by cubics%s, %d layers in all", slice_mm,
+                    n_parts - 1, source->interpolation == CTS_INTERPOLATION_SHAPE ? " and by shape" : "", v->dims[2]);
+    cts_report_finding(report, "slices_cubic", CTS_NOTE, "%d slices became %d layers by interpolation in %.0f ms",
                        n_slices, v->dims[2], cts_wall_ms() - start_ms);
+    tell_made_up(made, report);
     return CTS_OK;
 }
 
-static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsReport *report, CtsError *err)
+static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsMadeUp *made, CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     double low[3], high[3];
@@ -116,7 +133,7 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsReport *repo
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
     if (!st && source->crop)
         st = cts_volume_crop(volume, source->crop_low_lps, source->crop_high_lps, err);
-    return st ? st : interpolate(source, volume, report, err);
+    return st ? st : interpolate(source, volume, made, report, err);
 }
 
 CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
@@ -129,13 +146,14 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
 CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsScanned *const scanned = loaded->scanned;
+    CtsMadeUp made = {0};
     cts_volume_free(&loaded->volume);
     CtsStatus st = CTS_ERR_MEMORY;
     if (!last)
-        st = cts_scanned_volume(scanned, source->linear, false, source->n_threads, &loaded->volume, NULL);
+        st = cts_scanned_volume(scanned, source->interpolation, false, source->n_threads, &loaded->volume, &made, NULL);
     if (st == CTS_ERR_MEMORY)
-        st = cts_scanned_volume(scanned, source->linear, true, source->n_threads, &loaded->volume, err);
-    return st ? st : cut(source, loaded->volume, report, err);
+        st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, &loaded->volume, &made, err);
+    return st ? st : cut(source, loaded->volume, &made, report, err);
 }
 
 CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,

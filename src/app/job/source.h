@@ -2,10 +2,10 @@
 #ifndef CTS_JOB_SOURCE_H
 #define CTS_JOB_SOURCE_H
 
+#include "app/job/watch.h"
 #include "ctsplat/net.h"
 #include "ctsplat/series.h"
 #include "ctsplat/volume.h"
-#include "app/job/watch.h"
 #include <stdbool.h>
 
 /* Which series, and what of it. Plain data; strings are the caller's. */
@@ -18,9 +18,9 @@ typedef struct CtsSource {
     const char *series_uid;                  /* NULL: the one with the most slices */
     int n_threads;                           /* 0: the cores this process may use */
     bool remove_table;
-    const char *table_kept_by; /* why not, as the report tells it: "the preset" */
-    bool linear;      /* straight between slices, however far apart they lie; else by cubics where they are thick */
-    double smooth_mm; /* standard deviation of a Gaussian on the volume; 0: none */
+    const char *table_kept_by;      /* why not, as the report tells it: "the preset" */
+    CtsInterpolation interpolation; /* between slices that are thick or unevenly spaced */
+    double smooth_mm;               /* standard deviation of a Gaussian on the volume; 0: none */
     bool crop;
     double crop_low_lps[3], crop_high_lps[3]; /* mm */
 } CtsSource;
@@ -30,7 +30,7 @@ typedef struct CtsLoaded {
     const CtsSeries *series; /* of the list */
     CtsScanned *scanned;
     CtsVolume *volume; /* made of it */
-    char *fetched; /* a folder that goes with it, or NULL */
+    char *fetched;     /* a folder that goes with it, or NULL */
 } CtsLoaded;
 
 /* The slices of loaded->series, as they were scanned; the volume that was made of them before goes. */

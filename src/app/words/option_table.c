@@ -31,7 +31,7 @@
 #define BOUNDS(which) .setting = CTS_SETTING_##which
 #define RANGE(lowest, highest) .own = {.unit = "", .low = (lowest), .high = (highest)}
 
-static const char *const interpolations[] = {"cubic", "linear"}, *const switches[] = {"on", "off"},
+static const char *const interpolations[] = {"shape", "cubic", "linear"}, *const switches[] = {"on", "off"},
                          *const void_rules[] = {"strict", "key"}, *const units[] = {"mm", "voxel"},
                          *const png_bits[] = {"16", "8"};
 
@@ -89,9 +89,11 @@ const CtsOption cts_options[] = {
      "how values along a ray become a pixel; minip and average look at the body alone, with --remove-table off at "
      "everything",
      "as the preset says", CHOICE(render.mode, cts_mode_names)},
-    {0, "interpolation", "cubic or linear", RENDERING, FRESH,
-     "along the slice axis, where slices lie further apart than 1.5 pixels: cubics, or straight lines", "cubic",
-     CHOICE(interpolation, interpolations)},
+    {0, "interpolation", "shape, cubic or linear", RENDERING, FRESH,
+     "along the slice axis, where slices lie further apart than 1.5 pixels: what moves from slice to slice is moved, "
+     "or "
+     "cubics, or straight lines",
+     "shape", CHOICE(interpolation, interpolations)},
     {0, "smooth", "MM", RENDERING, FRESH, "smooth the volume first, with a Gaussian of this standard deviation", "0",
      NUMBER(smooth_mm), RANGE(0, CTS_MAX_SMOOTH_MM)},
     {0, "slab", "MM", RENDERING, FRESH, "only a slab of this thickness across the view (engines tiled and raycast)",

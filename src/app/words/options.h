@@ -48,7 +48,7 @@ typedef struct CtsOptions {
         double low_lps[3], high_lps[3];
     } crop;
     CtsSwitch remove_table;
-    int interpolation; /* 0 cubic, 1 linear */
+    int interpolation; /* CtsInterpolation */
     double smooth_mm;
     struct CtsWindow {
         bool given;

@@ -18,7 +18,7 @@ CtsSource cts_options_source(const CtsOptions *options, const CtsPreset *preset)
         .n_threads = options->render.n_threads,
         .remove_table = options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON,
         .table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset",
-        .linear = options->interpolation == 1,
+        .interpolation = (CtsInterpolation)options->interpolation,
         .smooth_mm = options->smooth_mm,
         .crop = options->crop.given,
     };

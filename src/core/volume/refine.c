@@ -3,8 +3,9 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "ctsplat/volume.h"
 #include "core/volume/body_mask.h"
+#include "core/volume/shape.h"
+#include "ctsplat/volume.h"
 #include <math.h>
 #include <string.h>
 
@@ -80,7 +81,8 @@ int cts_volume_thickness(const CtsVolume *volume)
     return (int)fmin(floor(ratio + 0.5), MOST_PARTS);
 }
 
-CtsStatus cts_volume_refine(CtsVolume *v, int n_parts, int n_threads, CtsError *err)
+CtsStatus cts_volume_refine(CtsVolume *v, int n_parts, CtsInterpolation how, int n_threads, CtsMadeUp *made,
+                            CtsError *err)
 {
     const size_t layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
     const int64_t n_layers = (int64_t)(v->dims[2] - 1) * n_parts + 1;
@@ -105,6 +107,17 @@ CtsStatus cts_volume_refine(CtsVolume *v, int n_parts, int n_threads, CtsError *
                          .n_slices = v->dims[2],
                          .n_parts = n_parts};
     cts_parallel(cts_threads(n_threads), (size_t)v->dims[2] * refining.n_chunks, 0, refine_some, &refining);
+    if (how == CTS_INTERPOLATION_SHAPE)
+        cts_shape_layers(&(CtsShapeStack){.slices = v->grey,
+                                          .layers = grey,
+                                          .n_columns = v->dims[0],
+                                          .n_rows = v->dims[1],
+                                          .n_slices = v->dims[2],
+                                          .n_layers = (int)n_layers,
+                                          .n_parts = n_parts,
+                                          .hu_offset = v->hu_offset,
+                                          .hu_step = v->hu_step},
+                         n_threads, made);
     cts_free(&v->grey);
     v->grey = grey;
     v->dims[2] = (int)n_layers;

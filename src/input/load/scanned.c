@@ -1,5 +1,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "core/volume/shape.h"
 #include "core/volume/volume_new.h"
 #include "ctsplat/series.h"
 #include "input/load/resample.h"
@@ -52,8 +53,43 @@ static CtsStatus take(CtsScanned *s, CtsVolume **volume, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_scanned_volume(CtsScanned *s, bool linear, bool hand_over, int n_threads, CtsVolume **volume,
-                             CtsError *err)
+/* Its slices, which resampling writes over, stand elsewhere, or are put there as far as memory goes. */
+static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, int n_threads, CtsMadeUp *made)
+{
+    const size_t first = (size_t)s->offset * layer_voxels(s), n = (size_t)s->n_slices * layer_voxels(s);
+    uint16_t *copied = NULL;
+    const uint16_t *slices = s->even->grey ? s->even->grey + first : NULL;
+    if (how == CTS_INTERPOLATION_SHAPE && !slices) {
+        const double n_bytes = (double)n * sizeof *copied;
+        if (cts_memory_allows(n_bytes, cts_memory_available()) && !cts_alloc_array(&copied, n, NULL))
+            memcpy(copied, v->grey + first, n * sizeof *copied);
+        made->no_memory |= !copied;
+        slices = copied;
+    }
+    cts_resample_stack(v->grey,
+                       &(CtsResampling){.layer_voxels = layer_voxels(s),
+                                        .layer = s->layer,
+                                        .n_slices = s->n_slices,
+                                        .n_layers = s->even->dims[2],
+                                        .offset = s->offset,
+                                        .linear = how == CTS_INTERPOLATION_LINEAR},
+                       n_threads);
+    if (how == CTS_INTERPOLATION_SHAPE && slices)
+        cts_shape_layers(&(CtsShapeStack){.slices = slices,
+                                          .layers = v->grey,
+                                          .n_columns = v->dims[0],
+                                          .n_rows = v->dims[1],
+                                          .n_slices = s->n_slices,
+                                          .n_layers = v->dims[2],
+                                          .layer = s->layer,
+                                          .hu_offset = v->hu_offset,
+                                          .hu_step = v->hu_step},
+                         n_threads, made);
+    cts_free(&copied);
+}
+
+CtsStatus cts_scanned_volume(CtsScanned *s, CtsInterpolation how, bool hand_over, int n_threads, CtsVolume **volume,
+                             CtsMadeUp *made, CtsError *err)
 {
     *volume = NULL;
     if (!s->even->grey)
@@ -63,24 +99,18 @@ CtsStatus cts_scanned_volume(CtsScanned *s, bool linear, bool hand_over, int n_t
         return st;
     s->even->macrocells = NULL; /* go to the first volume: they are its own while nothing has changed it */
     if (s->layer)
-        cts_resample_stack((*volume)->grey,
-                           &(CtsResampling){.layer_voxels = layer_voxels(s),
-                                            .layer = s->layer,
-                                            .n_slices = s->n_slices,
-                                            .n_layers = s->even->dims[2],
-                                            .offset = s->offset,
-                                            .linear = linear},
-                           cts_threads(n_threads));
+        resample(s, *volume, how, cts_threads(n_threads), made);
     return CTS_OK;
 }
 
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
 {
     CtsScanned *scanned = NULL;
+    CtsMadeUp made;
     *volume = NULL;
     CtsStatus st = cts_series_scan(series, false, n_threads, &scanned, report, err);
     if (!st)
-        st = cts_scanned_volume(scanned, true, true, n_threads, volume, err);
+        st = cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, true, n_threads, volume, &made, err);
     cts_scanned_free(&scanned);
     return st;
 }
