@@ -239,10 +239,13 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
     settings.n_threads = cts_threads(job->render.n_threads);
     render.want_depth = cts_outputs_hold_depth(&job->outputs);
     render.rotation_frames = n_frames_of(job);
-    if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)) &&
-        !(st = cts_files_begin(&files, err)))
-        st = cts_render_begin(&renderer, loaded->volume, &preset, &render, err);
+    if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)))
+        st = cts_files_begin(&files, err);
     cts_meter_stop(meter, report, CTS_STAGE_CLASSIFY);
+    meter = cts_meter_start(report);
+    if (!st)
+        st = cts_render_begin(&renderer, loaded->volume, &preset, &render, err);
+    cts_meter_stop(meter, report, CTS_STAGE_GREY); /* --grey-bits makes a volume of other grey levels */
     if (!st)
         st = render_frames(job, renderer, &files, report, err);
     meter = cts_meter_start(report);

@@ -6,11 +6,11 @@
 #include "base/vec3.h"
 #include <math.h>
 
-void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut, double length_mm)
+void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut, int top, double length_mm)
 {
     *entries = (CtsEntries){.entry = (const float(*)[4])table, .low = UINT16_MAX, .high = 0};
     float alpha = 0, extinction = 0;
-    for (int g = 0; g < CTS_N_GREY; g++) {
+    for (int g = 0; g <= top; g++) {
         /* Most levels lie outside the preset's points, where neighbours have the same. */
         if (lut->extinction_per_mm[g] != extinction) {
             extinction = lut->extinction_per_mm[g];

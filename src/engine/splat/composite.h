@@ -9,8 +9,9 @@
 #include "engine/splat/raster.h"
 #include "core/transfer/lut.h"
 
-/* Transfer function for a length of ray; cts_entries_init() fills CTS_N_GREY rows of table, which the caller owns. */
-void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut, double length_mm);
+/* Transfer function for a length of ray; cts_entries_init() fills table, which the caller owns, up to the largest level
+ * that a sample may have. */
+void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut, int top, double length_mm);
 
 /* Runs of patches along u that may show something, for each patch row. */
 typedef struct CtsRuns {

@@ -47,15 +47,26 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
     return CTS_OK;
 }
 
+/* The largest level that a sample may have; unscaled cones may add up to more than the largest voxel, and roundings to
+ * one level more. */
+static int top_level(const CtsPaperPlan *p)
+{
+    const CtsMacrocells *macrocells = p->scene->volume->macrocells;
+    const uint64_t top =
+        macrocells ? (uint64_t)macrocells->all.high * p->footprint.sum_high / CTS_WEIGHT_ONE + 2 : CTS_N_GREY;
+    return top < CTS_N_GREY ? (int)top : CTS_N_GREY - 1;
+}
+
 static CtsStatus plan_look(CtsPaperPlan *p, CtsError *err)
 {
     const CtsScene *scene = p->scene;
+    const int top = top_level(p);
     const double length_mm = p->stack.n_layers > 1 ? scene->view.layer_mm / p->samples : 0;
     CtsStatus st;
     for (int i = 0; i < 2; i++) {
         if ((st = cts_alloc_array(&p->table[i], CTS_N_GREY, err)))
             return st;
-        cts_entries_init(&p->entries[i], p->table[i], scene->lut, i ? length_mm / 2 : length_mm);
+        cts_entries_init(&p->entries[i], p->table[i], scene->lut, top, i ? length_mm / 2 : length_mm);
     }
     p->lit = scene->preset->shade;
     p->gradient_stride = (size_t)p->stack.n[0];
