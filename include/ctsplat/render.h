@@ -70,6 +70,9 @@ typedef struct CtsRenderSettings {
     bool void_key;          /* engines void and combined take improbable voxels for void (lossy; the
                              * report tells what is lost); the others warn that they have no use for it */
     double tolerance_hu;    /* largest change taken for none */
+    bool sees_hidden;       /* engines void and combined, as the paper has them: they splat what opaque pixels hide,
+                             * too; the picture is the same */
+    bool reuses_always;     /* engines layers and combined, likewise: also where reuse does not pay */
     int grey_bits;          /* 8 to 16; 16: grey levels as they are */
     bool opacity_per_voxel; /* opacity counts per voxel along the ray instead of per mm */
     int mode;               /* CtsMode, or -1: as the preset says */

@@ -1,5 +1,6 @@
 /* ctsplat bench: error against run time, for each engine and setting on one series. */
 #include "lab/bench/bench.h"
+#include "lab/bench/paper_table.h"
 #include "cli/interrupt.h"
 #include "app/words/words_job.h"
 #include "cli/message.h"
@@ -76,6 +77,44 @@ static void print_table(const CtsBenchRows *rows)
                      cts_kernel_names[rows->rows[i].kernel], rows->rows[i].why);
 }
 
+static void print_paper(const CtsPaperTable *paper, const CtsVolume *v)
+{
+    CtsTable *table = cts_table_new(
+        (const char *const[]){"engine", ">ms", ">% of classic", ">quartiles", ">paper's mean", ">its sets", ">splatted",
+                              "picture"},
+        8);
+    for (int i = 0; i < CTS_PAPER_ROWS; i++) {
+        const CtsPaperRow *r = &paper->rows[i];
+        cts_table_cell(table, "%s", r->name);
+        cts_table_cell(table, "%.1f", r->median_ms);
+        cts_table_cell(table, "%.1f", r->percent);
+        cts_table_cell(table, "%.1f to %.1f", r->percent_low, r->percent_high);
+        cts_table_cell(table, r->paper_sets ? "%.1f" : "-", r->paper_percent);
+        cts_table_cell(table, "%s", r->paper_sets ? r->paper_sets : "-");
+        cts_table_cell(table, "%.1f %%", 100 * (double)r->voxels.splatted / (double)r->voxels.total);
+        cts_table_cell(table, "%s", r->same ? "same bytes" : "differs");
+    }
+    cts_table_print(table, stdout);
+    cts_table_free(&table);
+    printf("\nVolume of %d x %d x %d voxels, %d grey bits, kernel cone-paper, unlit; medians of %d rounds, %s.\n"
+           "The first four rows work as the paper has it (--occlusion off --reuse always), the others as ctsplat does.\n",
+           v->dims[0], v->dims[1], v->dims[2], CTS_PAPER_BITS, CTS_PAPER_ROUNDS,
+           paper->n_threads == 1 ? "CPU time of one thread" : "wall time");
+}
+
+/* The paper's tables instead of the bench's. */
+static CtsStatus run_paper(const CtsBenchSettings *bench, CtsError *err)
+{
+    CtsPaperTable table;
+    const CtsPaperSettings settings = {
+        .volume = bench->volume, .preset = bench->preset, .render = bench->render, .progress = bench->progress};
+    const CtsStatus st = cts_paper_table(&settings, &table, err);
+    cli_progress_clear();
+    if (!st)
+        print_paper(&table, bench->volume);
+    return st;
+}
+
 CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
@@ -86,7 +125,7 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     CtsPreset *preset = malloc(sizeof *preset);
     if (!preset)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if ((st = cts_preset_load(options->preset, preset, err)) || (st = make_folder(options, err)) ||
+    if ((st = cts_preset_load(options->preset, preset, err)) || (!options->paper && (st = make_folder(options, err))) ||
         (options->peers && (st = cts_bench_peers_read(options->peers, &rows.peers, err))))
         goto end;
     CliWatch seen = {0};
@@ -100,6 +139,10 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     CtsBenchSettings settings = {
         .volume = loaded.volume, .preset = preset, .render = options->render, .progress = cli_progress};
     settings.render.stop = &cli_stop;
+    if (options->paper) {
+        st = run_paper(&settings, err);
+        goto end;
+    }
     st = cts_bench_run(&settings, &rows, err);
     cli_progress_clear();
     /* What was measured is written also when the rest was not wanted any more. */

@@ -80,3 +80,8 @@ LINES
 echo >bad
 refused 2 'bad: holds no line' bench "$data/phantom" -O q --peers bad
 refused 2 'nowhere: No such file' bench "$data/phantom" -O q --peers nowhere
+
+# The paper's tables: every engine as the paper has it and as it is here, all with the bytes of plain splatting.
+ok bench "$data/phantom" --paper --size 64x64 --threads 2
+[ "$(grep -c 'same bytes$' out)" = 7 ] || fail "the paper's engines differ: $(cat out)"
+grep -qE '^classic +[0-9.]+ +100.0 ' out && grep -qE '^combined .* 46.8 +38.3, 44, 58.1 ' out || fail "the paper's table: $(cat out)"

@@ -33,7 +33,7 @@
 
 static const char *const interpolations[] = {"shape", "cubic", "linear"}, *const switches[] = {"on", "off"},
                          *const void_rules[] = {"strict", "key"}, *const units[] = {"mm", "voxel"},
-                         *const png_bits[] = {"16", "8"};
+                         *const png_bits[] = {"16", "8"}, *const reuses[] = {"auto", "always"};
 
 const CtsOption cts_options[] = {
     {0, "path", "PATH", ON(JOB), SAME, "a file, folder, zip file or DICOMDIR to search for series", NULL, TEXTS(paths)},
@@ -44,6 +44,9 @@ const CtsOption cts_options[] = {
      "write into this folder; it is made where it does not exist", NULL, TEXT(output_dir)},
     {0, "peers", "FILE", ON(BENCH), SAME,
      "other renderers' times and errors on this scene, a JSON object a line, for plot and page", NULL, TEXT(peers)},
+    {0, "paper", NULL, ON(BENCH), SAME,
+     "the tables of the paper instead: its engines as it has them, in per cent of plain splatting, beside its own", NULL,
+     FLAG(paper)},
     {'p', "preset", "NAME or FILE", PICTURES, SAME, "a built-in preset, one of your own, or a preset file", "bone",
      TEXT(preset), .several = "presets"},
     {0, "view", "NAME or AZ,EL", PICTURES, SAME, "{views}, or azimuth and elevation in degrees", "anterior",
@@ -85,6 +88,12 @@ const CtsOption cts_options[] = {
      CHOICE(render.opacity_per_voxel, units)},
     {0, "tolerance", "HU", RENDERING, FRESH, "layer similarity: the largest change taken for none", "0",
      NUMBER(render.tolerance_hu), BOUNDS(TOLERANCE)},
+    {0, "occlusion", "on or off", RENDERING, SAME,
+     "stop behind what is opaque (engines void and combined); off: as the paper has it, the picture is the same", "on",
+     CHOICE(render.sees_hidden, switches)},
+    {0, "reuse", "auto or always", RENDERING, SAME,
+     "reuse layers where it pays (engines layers and combined), or always, as the paper does; the picture is the same",
+     "auto", CHOICE(render.reuses_always, reuses)},
     {0, "mode", "NAME", RENDERING, PRESET,
      "how values along a ray become a pixel; minip and average look at the body alone, with --remove-table off at "
      "everything",

@@ -76,7 +76,7 @@ typedef struct CtsOptions {
     bool resume, fresh;
     const char *merge;
 
-    bool help, json, show_patient, show_paths;
+    bool help, json, show_patient, show_paths, paper;
     const char *peers, *only, *plot, *propose; /* NULL when not given */
 
     CtsWord *words; /* as they were taken, n_words */

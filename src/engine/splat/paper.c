@@ -473,7 +473,7 @@ static CtsStatus worker_init(Worker *w, CtsPaperPlan *p, CtsError *err)
         (p->by_swaths && (st = cts_paper_store_init(&w->own, p, err))))
         return st;
     w->store = p->by_swaths ? &w->own : &p->store;
-    w->compositor.occlusion = p->skip_void ? &p->occlusion : NULL;
+    w->compositor.occlusion = p->skip_void && !p->scene->settings->sees_hidden ? &p->occlusion : NULL;
     for (int c = 0; c < 2; c++) {
         w->beside[c] = p->footprint.reach[c] / p->footprint.density[c];
         if (p->lit && w->beside[c] < p->shade.step[c])
