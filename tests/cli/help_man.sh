@@ -51,7 +51,7 @@ done
 ok --version
 version=$(sed -n 's/^ctsplat //p' out)
 for page in "$root"/man/*.[0-9]; do
-    head -1 "$page" | grep -q "\"ctsplat $version\"" || fail "$page is not of version $version"
+    head -2 "$page" | grep -q "\"ctsplat $version\"" || fail "$page is not of version $version"
 done
 # The newest release of the change list is this one, and what was added since stands above it.
 [ "$(grep -oE '^## [^ ]+' "$root/CHANGELOG.md" | sed -n '1,2s/## //p' | tr '\n' ' ')" = "Unreleased $version " ] ||

@@ -110,7 +110,8 @@ static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
         return st;
     const double percent = sample.voxels > 0 ? 100.0 * (double)sample.changed / (double)sample.voxels : 0;
     /* A tolerance changes the picture, so it is not dropped where reuse does not pay. */
-    p->reuse = p->tolerance > 0 || p->scene->settings->reuses_always || cts_layers_pay(sample, &p->footprint, p->skip_void);
+    p->reuse = p->tolerance > 0 || p->scene->settings->reuses_always ||
+               cts_layers_pay(sample, &p->footprint, p->skip_void);
     if (p->reuse)
         cts_report_plan(report, "layer reuse: %.0f %% of voxels change between layers, so only changes are splatted",
                         percent);

@@ -1,5 +1,5 @@
-/* `ctsplat bench --paper`: the paper's engines as it has them (cones from a table, 8 bits, unlit, one picture of each by
- * turns), their times in per cent of plain splatting beside those it gives. */
+/* `ctsplat bench --paper`: the paper's engines as it has them (cones from a table, 8 bits, unlit, one picture of each
+ * by turns), their times in per cent of plain splatting beside those it gives. */
 #ifndef CTS_BENCH_PAPER_TABLE_H
 #define CTS_BENCH_PAPER_TABLE_H
 
