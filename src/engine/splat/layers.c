@@ -65,9 +65,9 @@ CtsStatus cts_layers_sample(const CtsStack *stack, const CtsVoidMap *map, int to
 bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool skips_void)
 {
     /* As measured with all kernels at a quarter of a voxel to one a pixel, 8 to 16 bits: by itself reuse takes 0.3 to
-     * 0.7 of the time where up to 0.3 of the voxels change, and breaks even at 0.7, or where a footprint is a single
-     * row at 0.36. Beside void skipping, which drops the quiet voxels anyway, only what a large footprint takes is worth
-     * comparing voxels for: 0.8 to 1.05 of the time at 0.3, and never where it is smaller. */
+     * 0.7 of the time where up to 0.3 of the voxels change, and breaks even at 0.7, or at 0.36 where a footprint is a
+     * single row. Beside void skipping, which drops the quiet voxels anyway, only what a large footprint takes is
+     * worth comparing voxels for: 0.8 to 1.05 of the time at 0.3, and never where it is smaller. */
     const int vectors = (2 * footprint->reach[1] + 1) * ((2 * footprint->reach[0] + 8) / 8);
     const double most = skips_void ? (vectors > 5 ? 0.4 : 0) : vectors > 1 ? 0.5 : 0.3;
     return sample.voxels > 0 && (double)sample.changed < most * (double)sample.voxels;
