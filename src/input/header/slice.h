@@ -96,6 +96,7 @@ typedef struct CtsSlice {
     bool pixel_words;     /* VR OW: big-endian files swap 8-bit pixels in pairs */
     bool range_known;     /* the pixels of a small file, which came with its header, are these: */
     CtsStoredRange range;
+    const char *sample; /* and these are its CTS_SAMPLES, as bytes */
 
     CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
     char *fault_text; /* owned; without the path */
@@ -152,8 +153,14 @@ CtsStored cts_slice_stored(const CtsSlice *slice);
  * even. Words that are there already may be the bytes' own place. */
 void cts_slice_widen(const CtsSlice *slice, const uint8_t *bytes, uint16_t *words, size_t first, size_t end);
 
-/* The range of an uncompressed slice without fault whose pixel_bytes are at hand. */
-void cts_slice_see_pixels(CtsSlice *slice, const uint8_t *pixels);
+/* The range and the sample of an uncompressed slice without fault whose pixel_bytes are at hand, where it is small; the
+ * sample is kept in texts. */
+void cts_slice_see_pixels(CtsSlice *slice, const uint8_t *pixels, CtsTexts *texts);
+
+/* Grey levels of 1 HU (0: padding, and -1024 HU or less) at the middles of the squares of a grid over the slice, from
+ * its stored words or, where are_grey, such grey levels. */
+enum { CTS_SAMPLE_SIDE = 32, CTS_SAMPLES = CTS_SAMPLE_SIDE * CTS_SAMPLE_SIDE };
+void cts_slice_sample(const CtsSlice *slice, const uint16_t *words, bool are_grey, uint16_t sample[CTS_SAMPLES]);
 
 /* The slice's file, as cts_file_bytes_open(); CTS_ERR_READ when it is not the one any more whose header was read. */
 CtsStatus cts_slice_open(const CtsSlice *slice, struct CtsFileBytes *file, CtsError *err);

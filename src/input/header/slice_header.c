@@ -209,7 +209,7 @@ static CtsStatus complete(const Head *h, const Framing *f, const CtsSlice *commo
     for (int i = 0; i < object->n_slices && !common->syntax->deflated; i++) {
         CtsSlice *s = object->slices[i];
         if (!s->fault && s->pixel_offset + s->pixel_bytes <= h->n)
-            cts_slice_see_pixels(s, h->scratch->file + s->pixel_offset);
+            cts_slice_see_pixels(s, h->scratch->file + s->pixel_offset, &h->scratch->texts);
     }
     return CTS_OK;
 }

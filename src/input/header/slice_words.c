@@ -1,6 +1,7 @@
 /* A slice's bytes -> words, and what they range over. */
 #include "input/header/slice.h"
 
+#include <math.h>
 #include <string.h>
 
 static void swap_pairs(uint8_t *bytes, size_t n)
@@ -21,19 +22,41 @@ void cts_slice_widen(const CtsSlice *s, const uint8_t *bytes, uint16_t *words, s
             words[i] = bytes[i];
 }
 
-void cts_slice_see_pixels(CtsSlice *s, const uint8_t *pixels)
+static uint16_t grey_of(const CtsSlice *s, const CtsStored *stored, uint16_t word)
 {
-    enum { BLOCK = 1024 };
+    const int32_t value = cts_stored_value(word, stored);
+    if (cts_stored_is_padding(word, value, stored))
+        return 0;
+    return (uint16_t)fmin(fmax(floor(s->slope * value + s->intercept + 1024.5), 0), UINT16_MAX);
+}
+
+void cts_slice_sample(const CtsSlice *s, const uint16_t *words, bool are_grey, uint16_t sample[CTS_SAMPLES])
+{
     const CtsStored stored = cts_slice_stored(s);
-    const size_t n = (size_t)s->rows * (size_t)s->columns, word_bytes = (size_t)(s->bits_allocated / 8);
-    s->range = (CtsStoredRange){INT32_MAX, INT32_MIN};
-    for (size_t first = 0; first < n; first += BLOCK) {
-        const size_t part = n - first < BLOCK ? n - first : BLOCK;
-        uint16_t words[BLOCK];
-        uint8_t bytes[2 * BLOCK];
-        memcpy(word_bytes == 1 ? bytes : (uint8_t *)words, pixels + first * word_bytes, part * word_bytes);
-        cts_slice_widen(s, word_bytes == 1 ? bytes : (uint8_t *)words, words, 0, part * word_bytes);
-        s->range = cts_stored_range_join(s->range, cts_stored_range(words, part, &stored));
+    int column[CTS_SAMPLE_SIDE];
+    for (int i = 0; i < CTS_SAMPLE_SIDE; i++)
+        column[i] = (2 * i + 1) * s->columns / (2 * CTS_SAMPLE_SIDE);
+    for (int j = 0; j < CTS_SAMPLE_SIDE; j++) {
+        const uint16_t *row = words + (size_t)((2 * j + 1) * s->rows / (2 * CTS_SAMPLE_SIDE)) * (size_t)s->columns;
+        for (int i = 0; i < CTS_SAMPLE_SIDE; i++)
+            *sample++ = are_grey ? row[column[i]] : grey_of(s, &stored, row[column[i]]);
     }
-    s->range_known = true;
+}
+
+void cts_slice_see_pixels(CtsSlice *s, const uint8_t *pixels, CtsTexts *texts)
+{
+    enum { MOST = 16 << 10 };
+    const size_t n = (size_t)s->rows * (size_t)s->columns, n_bytes = n * (size_t)(s->bits_allocated / 8);
+    uint16_t words[MOST], sample[CTS_SAMPLES];
+    uint8_t bytes[MOST];
+    if (n > MOST)
+        return;
+    const CtsStored stored = cts_slice_stored(s);
+    uint8_t *const raw = s->bits_allocated == 8 ? bytes : (uint8_t *)words;
+    memcpy(raw, pixels, n_bytes);
+    cts_slice_widen(s, raw, words, 0, n_bytes);
+    s->range = cts_stored_range(words, n, &stored);
+    cts_slice_sample(s, words, false, sample);
+    s->sample = cts_texts_keep(texts, (const char *)sample, sizeof sample);
+    s->range_known = s->sample != NULL;
 }

@@ -11,6 +11,7 @@
 #include "core/volume/bits.h"
 #include "core/volume/grey.h"
 #include "core/volume/macrocells.h"
+#include "input/load/neighbours.h"
 #include "input/load/resample.h"
 #include "core/volume/volume_new.h"
 #include <math.h>
@@ -30,6 +31,7 @@ typedef struct Assembly {
     size_t layer_voxels;
     bool whole_numbers;                     /* every slope and intercept is one */
     CtsStoredRange *ranges;                 /* of each slice */
+    uint16_t *samples;                      /* CTS_SAMPLES of each slice */
     CtsMacrocells *macrocells;              /* made on the way while a slice is in the cache; NULL: not now */
     pthread_mutex_t cell_locks[CELL_LOCKS]; /* each of some layers of them */
     bool compressed;
@@ -100,6 +102,7 @@ static CtsStatus read_slice(Assembly *a, int k, CtsSandbox **decoder, cts_grey_w
         cts_context(err, "%s", cts_slice_label(s).text);
         return st;
     }
+    cts_slice_sample(s, layer_of(a, k), a->whole_numbers, a->samples + (size_t)k * CTS_SAMPLES);
     busy[CTS_STAGE_DECODE] += cts_wall_ms() - start - in.grey_ms;
     busy[CTS_STAGE_GREY] += in.grey_ms;
     return CTS_OK;
@@ -507,8 +510,12 @@ static CtsStatus fill(const Loading *in, bool even, int offset, CtsVolume *v, Ct
         a.compressed |= cts_slice_is_compressed(&a.slices[k]);
     }
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
-    for (int k = 0; !st && in->range_alone && k < a.n_slices; k++)
+    if (!st)
+        st = cts_alloc_array(&a.samples, (size_t)a.n_slices * CTS_SAMPLES, err);
+    for (int k = 0; !st && in->range_alone && k < a.n_slices; k++) {
         a.ranges[k] = a.slices[k].range;
+        memcpy(a.samples + (size_t)k * CTS_SAMPLES, a.slices[k].sample, CTS_SAMPLES * sizeof *a.samples);
+    }
     if (!st && !in->range_alone)
         st = read_layers(&a, even, in->marks_dense, v, report, err);
     if (!st) {
@@ -522,7 +529,9 @@ static CtsStatus fill(const Loading *in, bool even, int offset, CtsVolume *v, Ct
     if (!st) {
         tell_range(v, a.whole_numbers, report);
         tell_blank(&a, report);
+        st = cts_neighbours_tell(a.slices, a.n_slices, a.samples, report, err);
     }
+    cts_free(&a.samples);
     cts_free(&a.ranges);
     return st;
 }

@@ -1,0 +1,363 @@
+#include "input/load/neighbours.h"
+
+#include "base/mem.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Grey levels: HU + 1024. Halfway between air and water lies what parts the two, whatever the scanner. */
+enum { AIR_BELOW = 1024 - 500, FEWEST = CTS_SAMPLES / 16, N_GREY = 65536 };
+
+typedef struct Samples {
+    const CtsSlice *slices;
+    const uint16_t *of; /* n * CTS_SAMPLES */
+    int n;
+} Samples;
+
+static const uint16_t *sample(const Samples *s, int k)
+{
+    return s->of + (size_t)k * CTS_SAMPLES;
+}
+
+static int by_int(const void *a, const void *b)
+{
+    const int x = *(const int *)a, y = *(const int *)b;
+    return (x > y) - (x < y);
+}
+
+/* A slice against what its neighbours foretell, in half grey levels: twice the slice, the sum of both. Beside the first
+ * and the last slice lies one, and the next one beyond tells how much neighbours differ. */
+typedef struct Beside {
+    const uint16_t *own, *near, *other;
+    bool at_end;
+} Beside;
+
+static Beside beside(const Samples *s, int k)
+{
+    if (k == 0)
+        return (Beside){sample(s, 0), sample(s, 1), sample(s, 2), true};
+    if (k == s->n - 1)
+        return (Beside){sample(s, k), sample(s, k - 1), sample(s, k - 2), true};
+    return (Beside){sample(s, k), sample(s, k - 1), sample(s, k + 1), false};
+}
+
+static int foretold(const Beside *b, int i)
+{
+    return b->near[i] + (b->at_end ? b->near[i] : b->other[i]);
+}
+
+/* Air, or body: the two levels that a rescale moves. Padding is neither. */
+static bool is_in(const Beside *b, int i, bool air)
+{
+    const bool dark = foretold(b, i) < 2 * AIR_BELOW;
+    return dark == air && (b->near[i] | b->other[i]);
+}
+
+/* Whether two of three pixels of air or of the body lie on one side of what is foretold: a first look, in a fraction of
+ * the time. */
+static bool leans(const Beside *b, bool leaning[2])
+{
+    const uint16_t *const own = b->own, *const near = b->near, *const other = b->at_end ? b->near : b->other;
+    const uint16_t *const beyond = b->other;
+    int n[2], above[2], below[2], n_all = 0, n_above = 0, n_below = 0, n_air = 0, air_above = 0, air_below = 0;
+    for (int i = 0; i < CTS_SAMPLES; i++) {
+        const int mean = near[i] + other[i], in = (near[i] | beyond[i]) != 0, air = in & (mean < 2 * AIR_BELOW);
+        const int up = 2 * own[i] > mean, down = 2 * own[i] < mean;
+        n_all += in;
+        n_above += in & up;
+        n_below += in & down;
+        n_air += air;
+        air_above += air & up;
+        air_below += air & down;
+    }
+    n[0] = n_all - n_air;
+    above[0] = n_above - air_above;
+    below[0] = n_below - air_below;
+    n[1] = n_air;
+    above[1] = air_above;
+    below[1] = air_below;
+    for (int air = 0; air < 2; air++)
+        leaning[air] = n[air] >= FEWEST && 3 * (above[air] > below[air] ? above[air] : below[air]) >= 2 * n[air];
+    return leaning[0] || leaning[1];
+}
+
+/* Noise and anatomy move pixels up as often as down, and neighbours differ by both. A slice is off when, where its
+ * neighbours agree best (their better half), nine of ten pixels lie on one side, and the median by more than three of
+ * four pixels differ between the neighbours. 0: it is not off; else by how many HU. */
+static double off_by(const Beside *b, bool air)
+{
+    int apart[CTS_SAMPLES], off[CTS_SAMPLES], n = 0, n_off = 0, above = 0, below = 0;
+    for (int i = 0; i < CTS_SAMPLES; i++)
+        if (is_in(b, i, air))
+            apart[n++] = abs(b->near[i] - b->other[i]);
+    qsort(apart, (size_t)n, sizeof *apart, by_int);
+    const int agree = apart[n / 2], differ = apart[n * 3 / 4];
+    for (int i = 0; i < CTS_SAMPLES; i++)
+        if (is_in(b, i, air) && abs(b->near[i] - b->other[i]) <= agree) {
+            const int d = off[n_off++] = 2 * b->own[i] - foretold(b, i);
+            above += d > 0;
+            below += d < 0;
+        }
+    qsort(off, (size_t)n_off, sizeof *off, by_int);
+    const double median = off[n_off / 2] / 2.0;
+    return 10 * (above > below ? above : below) >= 9 * n_off && fabs(median) > differ ? median : 0;
+}
+
+static double slice_off_by(const Samples *s, int k)
+{
+    const Beside b = beside(s, k);
+    bool leaning[2];
+    if (!leans(&b, leaning))
+        return 0;
+    const double body = leaning[0] ? off_by(&b, false) : 0, air = leaning[1] ? off_by(&b, true) : 0;
+    return fabs(body) > fabs(air) ? body : air;
+}
+
+static void tell_off(const Samples *s, CtsReport *report)
+{
+    int n_off = 0, first = -1;
+    double first_by = 0;
+    for (int k = 0; s->n > 2 && k < s->n; k++) {
+        const bool at_end = k == 0 || k == s->n - 1;
+        const double by = slice_off_by(s, k);
+        /* Beside a slice that is off, the end only seems to be. */
+        if (by == 0 || (at_end && slice_off_by(s, k == 0 ? 1 : k - 1) != 0))
+            continue;
+        if (n_off++ == 0) {
+            first = k;
+            first_by = by;
+        }
+    }
+    if (n_off)
+        cts_report_finding(report, "slice_off_neighbours", CTS_WARNING,
+                           "%s%s: %.0f HU off what the slices beside it hold, more than noise explains "
+                           "(RescaleSlope (0028,1053) or RescaleIntercept (0028,1052) may be wrong)",
+                           cts_slice_label(&s->slices[first]).text, n_off > 1 ? " and others" : "", first_by);
+}
+
+static double apart(const Samples *s, int a, int b)
+{
+    const uint16_t *x = sample(s, a), *y = sample(s, b);
+    uint32_t sum = 0;
+    for (int i = 0; i < CTS_SAMPLES; i++)
+        sum += x[i] > y[i] ? (uint32_t)(x[i] - y[i]) : (uint32_t)(y[i] - x[i]);
+    return sum;
+}
+
+/* How far slice q, in the place of slice p, would be from those beside that place; itself aside. */
+static double fit(const Samples *s, int p, int q)
+{
+    return (p - 1 == q ? 0 : apart(s, p - 1, q)) + (p + 1 == q ? 0 : apart(s, q, p + 1));
+}
+
+enum { MOST_FOREIGN = 16 };
+
+typedef struct Foreign {
+    int k;
+    double rank;
+} Foreign;
+
+static int by_rank(const void *a, const void *b)
+{
+    const double x = ((const Foreign *)a)->rank, y = ((const Foreign *)b)->rank;
+    return (x < y) - (x > y);
+}
+
+/* The slices whose neighbours are about as alike as they are to either, or more; the most foreign come first. one[k]
+ * and two[k]: how far slice k is from the next, and from the one after that. */
+static int find_foreign(const Samples *s, const double *one, const double *two, Foreign *all)
+{
+    int n = 0;
+    for (int k = 1; k + 1 < s->n; k++)
+        if (fmin(one[k - 1], one[k]) > 0.9 * two[k - 1])
+            all[n++] = (Foreign){k, fmin(one[k - 1], one[k]) / fmax(two[k - 1], 1)};
+    qsort(all, (size_t)n, sizeof *all, by_rank);
+    return n < MOST_FOREIGN ? n : MOST_FOREIGN;
+}
+
+/* Anatomy changes from slice to slice, and more over two: exchanging two slices makes neighbours less alike. Where it
+ * makes them more alike, by a tenth of what they differ, the two stand in each other's place. */
+static bool better(double exchanged, double now)
+{
+    return exchanged < 0.9 * now;
+}
+
+static void tell_exchanged(const Samples *s, int p, int q, CtsReport *report)
+{
+    cts_report_finding(report, "order_conflict", CTS_WARNING,
+                       "%s and %s fit each other's place better than their own: their positions (0020,0032) may be "
+                       "exchanged",
+                       cts_slice_label(&s->slices[p]).text, cts_slice_label(&s->slices[q]).text);
+}
+
+/* Of slices that lie beside each other. */
+static void tell_adjacent(const Samples *s, const double *one, const double *two, int *n_found, CtsReport *report)
+{
+    int first = -1;
+    *n_found = 0;
+    for (int k = 1; k + 2 < s->n; k++)
+        if (better(two[k - 1] + two[k], one[k - 1] + one[k + 1]))
+            first = (*n_found)++ ? first : k;
+    /* Where it holds all along the stack, the scanner made slices by turns. */
+    if (*n_found && 4 * *n_found < s->n)
+        tell_exchanged(s, first, first + 1, report);
+}
+
+static bool tell_pair(const Samples *s, int a, int b, CtsReport *report)
+{
+    const int p = a < b ? a : b, q = a < b ? b : a;
+    if (q - p < 2 || !better(fit(s, p, q) + fit(s, q, p), fit(s, p, p) + fit(s, q, q)))
+        return false;
+    tell_exchanged(s, p, q, report);
+    return true;
+}
+
+static CtsStatus tell_order(const Samples *s, CtsReport *report, CtsError *err)
+{
+    int n_found = 0;
+    double *one = NULL, *two = NULL;
+    Foreign *foreign = NULL;
+    const size_t n = (size_t)s->n;
+    CtsStatus st = CTS_OK;
+    if (s->n < 5 || (st = cts_alloc_zeroed(&one, n, err)) || (st = cts_alloc_zeroed(&two, n, err)) ||
+        (st = cts_alloc_array(&foreign, n, err)))
+        goto end;
+    for (int k = 0; k + 1 < s->n; k++) {
+        one[k] = apart(s, k, k + 1);
+        two[k] = k + 2 < s->n ? apart(s, k, k + 2) : 0;
+    }
+    tell_adjacent(s, one, two, &n_found, report);
+    const int n_foreign = n_found ? 0 : find_foreign(s, one, two, foreign);
+    for (int i = 0, told = 0; i < n_foreign; i++)
+        for (int j = 0; j < i && !told; j++)
+            told = tell_pair(s, foreign[i].k, foreign[j].k, report);
+end:
+    cts_free(&one);
+    cts_free(&two);
+    cts_free(&foreign);
+    return st;
+}
+
+/* How many samples of all slices have each grey level; on the rim of the pictures alone, or all. */
+static uint64_t count_levels(const Samples *s, bool rim, uint32_t *level)
+{
+    uint64_t n = 0;
+    for (int k = 0; k < s->n; k++)
+        for (int j = 0; j < CTS_SAMPLE_SIDE; j++) {
+            const bool edge = j == 0 || j == CTS_SAMPLE_SIDE - 1;
+            for (int i = 0; i < CTS_SAMPLE_SIDE; i += rim && !edge ? CTS_SAMPLE_SIDE - 1 : 1) {
+                const uint16_t grey = sample(s, k)[j * CTS_SAMPLE_SIDE + i];
+                level[grey] += grey > 0;
+                n += grey > 0;
+            }
+        }
+    return n;
+}
+
+static uint64_t count_between(const uint32_t *level, int low, int high)
+{
+    uint64_t n = 0;
+    for (int g = low < 0 ? 0 : low; g < high && g < N_GREY; g++)
+        n += level[g];
+    return n;
+}
+
+/* The grey level around the body: the median of what lies on the rim; -1 where that is padding alone. */
+static int rim_level(const uint32_t *level, uint64_t n)
+{
+    uint64_t below = 0;
+    for (int g = 1; g < N_GREY && n; g++)
+        if ((below += level[g]) * 2 >= n)
+            return g;
+    return -1;
+}
+
+/* Air around a body, and the body's water 1000 HU above it with little between, is what a whole body looks like; in an
+ * inner part's bone, what lies that much above the tissue around it has spongy bone between. And where there is bone,
+ * there is air or fat, or noise about water: something below 0. */
+static void tell_hu(const Samples *s, uint32_t *level, int rim, CtsReport *report)
+{
+    if (rim < AIR_BELOW)
+        return;
+    memset(level, 0, N_GREY * sizeof *level);
+    const uint64_t n = count_levels(s, false, level);
+    const uint64_t body = count_between(level, rim + 900, rim + 1200),
+                   between = count_between(level, rim + 200, rim + 800);
+    const bool none_below_0 = count_between(level, 0, 1024) * 1000 < n,
+               bone = count_between(level, rim + 500, N_GREY) * 100 > n;
+    if ((body * 100 > n && body > between) || (none_below_0 && bone))
+        cts_report_finding(report, "hu_implausible", CTS_WARNING,
+                           "no air: what surrounds the body has %d HU, and the body far more "
+                           "(RescaleIntercept (0028,1052) may be lost)",
+                           rim - 1024);
+}
+
+/* The body's extent along columns or rows, in samples: from the first to the last hundredth of it. */
+static int body_samples(const Samples *s, bool rows)
+{
+    uint64_t count[CTS_SAMPLE_SIDE] = {0}, n = 0, below = 0;
+    int first = -1, last = -1;
+    for (int k = 0; k < s->n; k++)
+        for (int i = 0; i < CTS_SAMPLES; i++) {
+            const int in = sample(s, k)[i] >= AIR_BELOW;
+            count[rows ? i / CTS_SAMPLE_SIDE : i % CTS_SAMPLE_SIDE] += (uint64_t)in;
+            n += (uint64_t)in;
+        }
+    for (int i = 0; i < CTS_SAMPLE_SIDE; below += count[i++]) {
+        first = first < 0 && (below + count[i]) * 100 > n ? i : first;
+        last = below * 100 < n * 99 ? i : last;
+    }
+    return n ? last - first + 1 : 0;
+}
+
+static double mean_gap_mm(const Samples *s)
+{
+    double squares = 0;
+    for (int c = 0; c < 3; c++) {
+        const double d = s->slices[s->n - 1].position_lps[c] - s->slices[0].position_lps[c];
+        squares += d * d;
+    }
+    return s->n > 1 ? sqrt(squares) / (s->n - 1) : 0;
+}
+
+/* By the size of the body, since small spacings are real in micro-CT, whose voxels are as long as wide. A body narrower
+ * than a scanner's bore of 700 mm would be in metres is in metres; one seen whole within what a scanner's field of
+ * 500 mm would be in centimetres is in centimetres, unless it has a micro-CT's voxels. */
+static void tell_spacing(const Samples *s, int rim, CtsReport *report)
+{
+    const CtsSlice *m = &s->slices[s->n / 2];
+    const double gap_mm = mean_gap_mm(s), pixel_mm = fmax(m->column_spacing_mm, m->row_spacing_mm);
+    const double field_mm = fmax(m->columns * m->column_spacing_mm, m->rows * m->row_spacing_mm);
+    if (field_mm > 50 && gap_mm * 20 >= pixel_mm)
+        return; /* whatever the body's size */
+    const double width_mm = m->columns * m->column_spacing_mm * body_samples(s, false) / CTS_SAMPLE_SIDE;
+    const double height_mm = m->rows * m->row_spacing_mm * body_samples(s, true) / CTS_SAMPLE_SIDE;
+    const double body_mm = fmax(width_mm, height_mm), longer = fmax(gap_mm / pixel_mm, pixel_mm / gap_mm);
+    const char *lengths = NULL;
+    if (body_mm > 0 && body_mm < 0.7)
+        lengths = "PixelSpacing (0028,0030) may be in metres";
+    else if (gap_mm * 20 < pixel_mm)
+        lengths = "the positions (0020,0032) may be in metres";
+    else if (body_mm > 0 && rim >= 0 && rim < AIR_BELOW && field_mm <= 50 && longer > 1.5)
+        lengths = "lengths may be in centimetres";
+    if (lengths && s->n > 1)
+        cts_report_finding(report, "spacing_implausible", CTS_WARNING,
+                           "the body is %.3g mm wide and %.3g mm high, its slices %.3g mm apart: %s", width_mm,
+                           height_mm, gap_mm, lengths);
+}
+
+CtsStatus cts_neighbours_tell(const CtsSlice *slices, int n, const uint16_t *samples, CtsReport *report, CtsError *err)
+{
+    const Samples s = {slices, samples, n};
+    uint32_t *level = NULL;
+    CtsStatus st = report ? cts_alloc_zeroed(&level, N_GREY, err) : CTS_OK;
+    if (!report || st || (st = tell_order(&s, report, err)))
+        goto end;
+    tell_off(&s, report);
+    const int rim = rim_level(level, count_levels(&s, true, level));
+    tell_hu(&s, level, rim, report);
+    tell_spacing(&s, rim, report);
+end:
+    cts_free(&level);
+    return st;
+}
