@@ -18,7 +18,9 @@ extern "C" {
  *   stands at the same place over 60 mm of it is no patient, even where it touches one. It goes.
  *   Where an ear or a back lies against such a plate, it is followed along its far face.
  * - Of the connected parts that are then left, the largest is the patient; others stay if at least half of them is
- *   thicker than 6 mm, as limbs and fingers are and blankets, tubes and plates are not.
+ *   thicker than 6 mm, as limbs and fingers are and blankets, tubes and plates are not. What stands out from them
+ *   thinner than that over more than 100 mm, and is no bone, is a mask, a strap or a blanket: it goes, as long as it is
+ *   no more than a tenth of the body.
  *
  * Kept to the bit: the patient, whatever is attached to it or enclosed by it within a section (lungs, bowel gas), and a
  * rim of 3 mm around it, at least 2 voxels within a section and one section beyond, which holds the partial-volume
@@ -31,7 +33,8 @@ extern "C" {
  *
  * The report gets one of: a skip "table removal" with the reason when nothing lies outside the body, and the volume is
  * left as it was; a note `table_removed` with the number of voxels. When thin parts that hang on the body make up more
- * than 5 % of it, they stay, with the warning `table_removal_uncertain`. The time counts as stage classify. Memory:
+ * than 5 % of it, they stay, with the warning `table_removal_uncertain`; the same where more than 0.1 % of it went as
+ * something thicker than 20 mm. The time counts as stage classify. Memory:
  * about an eighth of the volume. n_threads 0: all cores; threads never change the result. Fails with CTS_ERR_MEMORY
  * only. */
 CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err);

@@ -1,8 +1,8 @@
 /* Table removal on volumes made from formulas: what is body stays to the bit, its rim too, and what is not goes. */
 #include "unit.h"
 
-#include "ctsplat/table.h"
 #include "core/volume/macrocells.h"
+#include "ctsplat/table.h"
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -358,6 +358,46 @@ static void test_broad_contact(void **state)
 }
 
 /* More than 5 % of the body at stake: a warning, and the part stays; a cloth that touches nothing still goes. */
+/* A mask that lies on a nose goes; the head under it stays, and its nose. */
+static void test_mask(void **state)
+{
+    (void)state;
+    const Solid masked[] = {{ellipsoid, {0, 0, 0, 70, 88, 100}, 40, true},
+                            {ellipsoid, {0, -88, 0, 9, 9, 12}, 40, true},
+                            {mask, {0, 0, 0, 78, 96, 108, 1.5, 20}, 100, false}};
+    const Scene scene = {masked, N(masked), {120, 140, 120}, {{1.8, 0, 0}, {0, 1.8, 0}, {0, 0, 2}}, {0, -5, 0}, 0};
+    CtsVolume *before = make(&scene), *after = copy(before);
+    CtsReport report;
+    remove_table(after, 2, &report);
+    const Tally t = tally(&scene, before, after, 6);
+    assert_true(t.body > 1000 && t.rim > 100 && t.foreign > 1000);
+    assert_int_equal(t.body_changed, 0);
+    assert_int_equal(t.rim_changed, 0);
+    assert_true(8 * t.foreign_left < t.foreign + t.foreign / 8); /* the caps, broad in their sections, stay */
+    assert_non_null(finding(&report, "table_removed"));
+    assert_null(finding(&report, "table_removal_uncertain"));
+    cts_report_free(&report);
+    cts_volume_free(&before);
+    cts_volume_free(&after);
+}
+
+/* A board as thick as a limb that is no table goes by its wings, with a word. */
+static void test_thick_gone(void **state)
+{
+    (void)state;
+    const Solid winged[] = {
+        TRUNK, {box, {0, 150, 0, 16, 16, 25}, 40, false}, {box, {0, 150, 0, 200, 2, 25}, 40, false}};
+    const Scene scene = {winged, N(winged), {160, 120, 40}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}}, {0, 30, 0}, 0};
+    CtsVolume *v = make(&scene);
+    CtsReport report;
+    remove_table(v, 2, &report);
+    assert_non_null(finding(&report, "table_removed"));
+    assert_non_null(finding(&report, "table_removal_uncertain"));
+    assert_non_null(strstr(finding(&report, "table_removal_uncertain")->text, "thicker than tables are"));
+    cts_report_free(&report);
+    cts_volume_free(&v);
+}
+
 static void test_uncertain(void **state)
 {
     (void)state;
@@ -592,11 +632,10 @@ static void test_odd(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_head_on_holder), cmocka_unit_test(test_prone),
-        cmocka_unit_test(test_trunk_on_table), cmocka_unit_test(test_broad_contact),
-        cmocka_unit_test(test_uncertain),      cmocka_unit_test(test_shares),
-        cmocka_unit_test(test_orientations),   cmocka_unit_test(test_limbs),
-        cmocka_unit_test(test_inside),         cmocka_unit_test(test_nothing_to_remove),
+        cmocka_unit_test(test_head_on_holder), cmocka_unit_test(test_prone),  cmocka_unit_test(test_trunk_on_table),
+        cmocka_unit_test(test_broad_contact),  cmocka_unit_test(test_mask),   cmocka_unit_test(test_thick_gone),
+        cmocka_unit_test(test_uncertain),      cmocka_unit_test(test_shares), cmocka_unit_test(test_orientations),
+        cmocka_unit_test(test_limbs),          cmocka_unit_test(test_inside), cmocka_unit_test(test_nothing_to_remove),
         cmocka_unit_test(test_tiny),           cmocka_unit_test(test_odd),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

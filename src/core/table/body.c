@@ -15,6 +15,9 @@ static const double NOISE_MM3 = 500;
 static const double LUNG_HU = -930;
 /* Of the air at the border one voxel in so many is looked at, along rows and across. */
 enum { SAMPLE_COLUMNS = 32, SAMPLE_ROWS = 16 };
+/* A thin thing that is longer than an ear, a nose or a fold of skin is a mask, a strap or a blanket, but not where it
+ * is bone, or where such things make up more of the body than a mask does of a head: that may be all that there is. */
+static const double SHELL_MM = 100, BONE_HU = 300, SHELL_SHARE = 0.1;
 /* The skin's soft edge. */
 static const double SKIN_MM = 3;
 static const CtsReach ONE = {.diamond = 1};
@@ -293,30 +296,99 @@ static void measure_sections(void *context, int worker, size_t first, size_t end
         uint64_t *thin = cts_bits_row(m->scratch, 0, k), n_thin = 0;
         const uint64_t *dense = cts_bits_row(&body->dense, 0, k);
         cts_thin_section(&m->workers[worker], cts_bits_row(&body->whole, 0, k), m->reach, thin);
-        for (size_t w = 0; w < n_words; w++)
-            n_thin += (uint64_t)cts_popcount(thin[w] & dense[w]);
+        for (size_t w = 0; w < n_words; w++) {
+            thin[w] &= dense[w];
+            n_thin += (uint64_t)cts_popcount(thin[w]);
+        }
         atomic_fetch_add(&m->n_thin, n_thin);
     }
 }
 
-static void measure_thin(const CtsSectionPlan *plan, CtsMorphology *workers, CtsBits *scratch, int n_threads,
+/* thin: becomes what of the dense stands out thin. */
+static void measure_thin(const CtsSectionPlan *plan, CtsMorphology *workers, CtsBits *thin, int n_threads,
                          CtsBody *body)
 {
     Measuring m = {
-        .body = body, .reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm), .workers = workers, .scratch = scratch};
+        .body = body, .reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm), .workers = workers, .scratch = thin};
     cts_parallel(n_threads, (size_t)plan->dims[2], 1, measure_sections, &m);
     body->thin_mm3 = (double)atomic_load(&m.n_thin) * plan->voxel_mm3;
+}
+
+static uint16_t grey_of(const CtsSectionPlan *plan, const CtsVolume *v, uint32_t i, int j, int k)
+{
+    const size_t stride[3] = {1, (size_t)v->dims[0], (size_t)v->dims[0] * (size_t)v->dims[1]};
+    return v->grey[i * stride[plan->axis[0]] + (size_t)j * stride[plan->axis[1]] +
+                   (size_t)k * (size_t)plan->n_slices * stride[plan->axis[2]]];
+}
+
+static bool is_long(const CtsSectionPlan *plan, const CtsPart *part)
+{
+    double square = 0;
+    for (int axis = 0; axis < 3; axis++)
+        square += pow((part->hi[axis] - part->lo[axis] + 1) * plan->spacing_mm[axis], 2);
+    return square > SHELL_MM * SHELL_MM;
+}
+
+/* flags[]: long parts that are not mostly bone; their volume. */
+static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *p, uint8_t *flags,
+                               double *mm3, CtsError *err)
+{
+    uint64_t *n_bone, n = 0;
+    const CtsStatus st = cts_alloc_zeroed(&n_bone, p->n_parts, err);
+    if (st)
+        return st;
+    for (uint32_t part = 0; part < p->n_parts; part++)
+        flags[part] = is_long(plan, &p->parts[part]);
+    for (int row = 0; row < p->dims[1] * p->dims[2]; row++)
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
+            for (uint32_t i = p->runs[r].first; i < p->runs[r].end && flags[p->runs[r].part]; i++)
+                n_bone[p->runs[r].part] +=
+                    cts_volume_hu(v, grey_of(plan, v, i, row % p->dims[1], row / p->dims[1])) > BONE_HU;
+    for (uint32_t part = 0; part < p->n_parts; part++) {
+        flags[part] = flags[part] && 2 * n_bone[part] < p->parts[part].n_voxels;
+        n += flags[part] ? p->parts[part].n_voxels : 0;
+    }
+    cts_free(&n_bone);
+    *mm3 = (double)n * plan->voxel_mm3;
+    return CTS_OK;
+}
+
+/* Takes masks and straps that lie on the body for foreign. */
+static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, CtsBits *thin, int n_threads,
+                             CtsBody *body, CtsError *err)
+{
+    CtsStatus st;
+    CtsParts parts = {0};
+    uint8_t *flags = NULL;
+    double mm3 = 0;
+    if ((st = cts_parts_find(&parts, thin, n_threads, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
+        (st = choose_shells(plan, v, &parts, flags, &mm3, err)) || mm3 == 0 || mm3 > SHELL_SHARE * body->mm3)
+        goto end;
+    cts_parts_paint(&parts, flags, NULL, thin, n_threads);
+    cts_bits_combine(&body->foreign, CTS_BITS_OR, thin);
+    cts_bits_combine(thin, CTS_BITS_NOT, thin);
+    cts_bits_combine(&body->dense, CTS_BITS_AND, thin);
+    body->mm3 -= mm3;
+    body->thin_mm3 -= mm3;
+    cts_bits_free(&body->whole);
+    st = find_whole(plan, v, n_threads, body, err);
+end:
+    cts_parts_free(&parts);
+    cts_free(&flags);
+    return st;
 }
 
 CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const CtsBits *sections,
                         const CtsBits *extruded, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err)
 {
-    CtsBits scratch = {0};
+    CtsBits thin = {0};
     CtsStatus st;
     if (!(st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) &&
-        !(st = find_whole(plan, v, n_threads, body, err)) && !(st = cts_bits_new_unset(&scratch, plan->dims, err)))
-        measure_thin(plan, workers, &scratch, n_threads, body);
-    cts_bits_free(&scratch);
+        !(st = find_whole(plan, v, n_threads, body, err)) && !(st = cts_bits_new_unset(&thin, plan->dims, err))) {
+        measure_thin(plan, workers, &thin, n_threads, body);
+        st = drop_shells(plan, v, &thin, n_threads, body, err);
+    }
+    cts_bits_free(&thin);
     return st;
 }
 

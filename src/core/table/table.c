@@ -21,6 +21,9 @@ static const double RIM_MM = 3;
 static const double NOTHING_MM3 = 30;
 /* Thin parts beyond this share of the body are named. */
 static const double UNCERTAIN_SHARE = 0.05;
+/* Shells of tables, mattresses and holders are thinner than 20 mm where they are denser than air: of what went, thicker
+ * things are named, as they may be a limb. Below this share of the body it is nothing that anybody misses. */
+static const double NO_SHELL_RADIUS_MM = 10, LOST_SHARE = 0.001;
 /* One run for so many voxels is noise, not anatomy; it bounds the memory. */
 enum { VOXELS_PER_RUN = 32, RUNS_ANYWAY = 1 << 16 };
 
@@ -200,6 +203,40 @@ end:
     return st;
 }
 
+typedef struct Opening {
+    const CtsBits *sections;
+    CtsBits *gone;
+    CtsReach reach;
+    CtsMorphology *workers;
+} Opening;
+
+static void open_gone(void *context, int worker, size_t first, size_t end)
+{
+    const Opening *const o = context;
+    for (size_t k = first; k < end; k++) {
+        uint64_t *words = cts_bits_row(o->gone, 0, (int)k);
+        const uint64_t *dense = cts_bits_row(o->sections, 0, (int)k);
+        for (size_t w = 0; w < o->workers[worker].n_words; w++)
+            words[w] &= dense[w];
+        if (cts_bits_count_slice(o->gone, (int)k))
+            cts_open_section(&o->workers[worker], words, o->reach, words);
+    }
+}
+
+/* What went, and yet is as thick as no table. The bits of what is gone are used up. */
+static void report_lost(Removal *r, CtsReport *report)
+{
+    Opening opening = {&r->sections, &r->gone, cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm), r->workers};
+    cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 0, open_gone, &opening);
+    const double lost_mm3 = (double)cts_bits_count(&r->gone) * r->plan.voxel_mm3;
+    if (lost_mm3 > LOST_SHARE * r->body.mm3)
+        cts_report_finding(
+            report, "table_removal_uncertain", CTS_WARNING,
+            "%.1f cm3 (%.1f %% of the body) of what went are thicker than tables are, and may be patient "
+            "(see it with `remove_table` off)",
+            lost_mm3 / 1000, 100 * lost_mm3 / r->body.mm3);
+}
+
 /* What may be table, yet stays: thin parts, and what goes along the scanner's axis as a table does. */
 static void report_uncertain(const Removal *r, CtsReport *report)
 {
@@ -238,6 +275,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, CtsReport *report, CtsEr
                        "table removal: %llu voxels above %g HU went (%.1f cm3, %.1f %% of the body)",
                        (unsigned long long)r->n_dense_gone, CTS_DENSE_HU, gone_mm3 / 1000,
                        100 * gone_mm3 / r->body.mm3);
+    report_lost(r, report);
     return st;
 }
 
