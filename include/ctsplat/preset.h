@@ -62,6 +62,8 @@ char **cts_preset_user_names(void);
 
 /* The built-in presets by index; NULL past the last. */
 const CtsPreset *cts_preset_builtin(size_t index);
+/* What the built-in preset of this name cannot do alone, and what to type; NULL where there is nothing to say. */
+const char *cts_preset_advice(const char *name);
 
 /* Opacity (per unit distance), extinction per mm and colour at any HU. */
 double cts_preset_opacity(const CtsPreset *preset, double hu);

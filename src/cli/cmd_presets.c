@@ -86,6 +86,9 @@ static void print_one(const CtsPreset *p)
     else
         printf(", unlit");
     printf(", table %s\n\n", p->remove_table ? "removed" : "kept");
+    const char *const advice = is_builtin(p->name) ? cts_preset_advice(p->name) : NULL;
+    if (advice)
+        printf("%s\n\n", advice);
     CtsTable *opacity = cts_table_new((const char *const[]){">HU", ">opacity"}, 2);
     for (int i = 0; i < p->n_opacity; i++) {
         cts_table_cell(opacity, "%.10g", p->opacity[i].hu);

@@ -6,6 +6,8 @@ for name in bone skin muscle lung vessel metal ct-aaa ct-x-ray brain vessel-wind
 done
 ok presets ct-bone
 has out '641\.385 +0\.715686'
+ok presets brain
+has out 'slab 10'
 ok presets --json
 "$python" - <<'PY' || fail "the JSON"
 import json

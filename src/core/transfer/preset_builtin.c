@@ -2,6 +2,8 @@
  * and average with the widths and levels of reading rooms. */
 #include "core/transfer/preset_table.h"
 
+#include <string.h>
+
 #define OWN(title) .name = (title), .unit_distance_mm = 1, .remove_table = true
 
 #define GREY_WINDOW(title, its_mode, low, high)                                                                        \
@@ -70,6 +72,27 @@ static const CtsPreset windows[] = {
     GREY_WINDOW("abdomen", CTS_MODE_AVERAGE, -125, 225),    GREY_WINDOW("mediastinum", CTS_MODE_AVERAGE, -125, 225),
     GREY_WINDOW("vessel-window", CTS_MODE_MIP, -165, 485),
 };
+
+/* What a look cannot do alone, and what to type. */
+static const struct {
+    const char *name, *advice;
+} advices[] = {
+    {"brain",
+     "a skull is whiter than the brain and lies around it: `--view head --slab 10` looks between, `--slab-at MM` "
+     "at another place"},
+    {"vessel", "bone is as dense as blood with contrast agent, and shows: `--slab 60` leaves out what lies before and "
+               "behind, `--crop` what lies beside"},
+    {"vessel-window",
+     "bone is brighter than blood with contrast agent: `--slab 40` leaves out what lies before and behind"},
+};
+
+const char *cts_preset_advice(const char *name)
+{
+    for (size_t i = 0; i < sizeof advices / sizeof *advices; i++)
+        if (!strcmp(advices[i].name, name))
+            return advices[i].advice;
+    return NULL;
+}
 
 const CtsPreset *cts_preset_builtin(size_t index)
 {
