@@ -43,7 +43,7 @@ src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h 
 '
 # The public headers by the wing whose words they are, and the wings whose headers a wing may use.
 public='
-base | status bounds report | base
+base | status bounds report helper | base
 core | mixture preset volume table picture render | base core
 input | series | base core input
 engine | | base core
@@ -57,7 +57,7 @@ include | | base core input render output app
 
 everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw inttypes libgen limits locale math
  poll pthread sched semaphore setjmp signal spawn stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib string
- strings sys/file sys/mman sys/prctl sys/random sys/resource sys/socket sys/stat sys/statvfs sys/syscall sys/time sys/types
+ strings sys/file sys/mman sys/prctl sys/random sys/resource sys/shm sys/socket sys/stat sys/statvfs sys/syscall sys/time sys/types
  sys/wait time unistd wchar '
 cxx=' algorithm array atomic cctype charconv cerrno climits cmath cstdarg cstddef cstdint cstdio cstdlib cstring exception functional
  limits map memory mutex new optional set shared_mutex stdexcept string string_view thread utility vector '

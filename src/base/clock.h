@@ -3,15 +3,20 @@
 #define CTS_BASE_CLOCK_H
 
 #include <stdint.h>
+#include <sys/resource.h>
 
 #ifdef __cplusplus
 extern "C" {
 #endif
 
 double cts_wall_ms(void);          /* monotonic */
-double cts_cpu_ms(void);           /* this process, all threads, and its children that have ended */
+double cts_cpu_ms(void);           /* this process, all threads, its children that have ended, and what was added */
 double cts_thread_cpu_ms(void);    /* the calling thread */
-uint64_t cts_peak_rss_bytes(void); /* the larger of this process and its children */
+uint64_t cts_peak_rss_bytes(void); /* the largest of this process, its children and what was added */
+
+/* Processes that are not this one's children; returns their CPU time in ms. */
+double cts_cpu_add_usage(const struct rusage *usage);
+void cts_cpu_add_ms(double ms);
 
 #ifdef __cplusplus
 }

@@ -7,7 +7,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <unistd.h>
 
 /* From this size on, huge pages save most of the page faults; below, they would waste memory. What is left of the last
  * one gets small pages, unless it is half of a huge one or more. */
@@ -77,14 +76,6 @@ int cts_drop_front_bytes(void **block, size_t n)
     memcpy(p + n - sizeof start, &start, sizeof start);
     *block = p + n;
     return 1;
-}
-
-void cts_hide_from_children(void *block, size_t n_bytes, int hide)
-{
-    const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE), start = (uintptr_t)block;
-    const uintptr_t first = (start + page - 1) / page * page, end = (start + n_bytes) / page * page;
-    if (first < end)
-        madvise((char *)block + (first - start), end - first, hide ? MADV_DONTFORK : MADV_DOFORK);
 }
 
 uint64_t cts_memory_available(void)

@@ -32,10 +32,6 @@ int cts_drop_front_bytes(void **block, size_t n);
 /* Frees and leaves NULL behind. */
 #define cts_free(p) (cts_free_bytes(*(p)), (void)(*(p) = NULL))
 
-/* Leave the whole pages of a block out of what a fork inherits, or (hide 0) let it have them again. Advice: a refusal
- * by the system costs time and memory, no more. */
-void cts_hide_from_children(void *block, size_t n_bytes, int hide);
-
 /* Bytes that could be had without swapping, 0 when the system does not tell. */
 uint64_t cts_memory_available(void);
 /* Whether a volume may take so many: 60 % of what is free (0: nobody knows), so that a batch does not drive its machine

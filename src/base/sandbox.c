@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "base/sandbox.h"
 
+#include "base/helper_process.h"
 #include "base/walls.h"
 #include <assert.h>
 #include <errno.h>
@@ -9,8 +10,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <sys/resource.h>
+#include <sys/shm.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <time.h>
@@ -24,9 +25,17 @@ enum {
     BYTES_PER_CPU_S = 400000, /* a fiftieth of what the slowest codec does */
     QUIET_S = 60,
     START_QUIET_S = 5,
-    START_TRIES = 4, /* another fork may well meet other locks */
+    START_TRIES = 4, /* another helper may well meet other locks */
     ROOM_STEP = 1 << 20
 };
+
+/* What a child is told when it is forked. */
+typedef struct Order {
+    cts_sandbox_work_fn work;
+    size_t n_memory;
+    int memory_id;
+    bool own_bytes;
+} Order;
 
 typedef struct Answer {
     CtsStatus status;
@@ -73,47 +82,43 @@ static bool transmit(int socket, const void *message, size_t n)
 }
 
 /* The child's whole life. The first answer says whether the walls stand. */
-static _Noreturn void serve(const CtsSandbox *d, int socket, size_t n_memory)
+static void serve(const void *order, int socket)
 {
+    Order o;
     CtsSandboxJob job;
     Answer a = {CTS_OK, ""};
-    const int wall = d->own_bytes ? cts_walls_leave_all(socket) : cts_walls_enter(socket, n_memory);
+    memcpy(&o, order, sizeof o);
+    uint8_t *const shared = shmat(o.memory_id, NULL, 0);
+    int wall = shared == (void *)-1 ? errno : 0;
+    if (!wall)
+        wall = o.own_bytes ? cts_walls_leave_all(socket) : cts_walls_enter(socket, o.n_memory);
     if (wall) {
         a.status = CTS_ERR_INTERNAL;
         snprintf(a.text, sizeof a.text, "%s", strerror(wall));
     }
     while (transmit(socket, &a, sizeof a) && !wall && receive(socket, &job, sizeof job)) {
         CtsError why = {0};
-        a.status = d->work(job.order, (const uint8_t *)d->shared + job.stream, job.n,
-                           (uint8_t *)d->shared + job.answer, job.n_answer, &why);
+        a.status = o.work(job.order, shared + job.stream, job.n, shared + job.answer, job.n_answer, &why);
         snprintf(a.text, sizeof a.text, "%.*s", (int)sizeof a.text - 1, why.text);
     }
     _exit(wall ? 1 : 0);
 }
 
-/* The child's wait status, or -1 when somebody else has taken it. */
-static int end_child(CtsSandbox *d, bool kill_it)
+/* The child's wait status. */
+static int end_child(CtsSandbox *d)
 {
-    int status = -1;
     if (!d->pid)
-        return -1;
-    if (d->socket >= 0)
-        close(d->socket);
+        return 0;
+    close(d->socket);
     d->socket = -1;
-    if (kill_it)
-        kill(d->pid, SIGKILL);
-    while (waitpid(d->pid, &status, 0) < 0)
-        if (errno != EINTR) {
-            status = -1;
-            break;
-        }
+    const int status = cts_helper_end(d->pid);
     d->pid = 0;
     return status;
 }
 
 void cts_sandbox_end(CtsSandbox *d)
 {
-    end_child(d, d->n_jobs > 0);
+    end_child(d);
     d->n_jobs = 0;
 }
 
@@ -121,7 +126,7 @@ void cts_sandbox_stop(CtsSandbox *d)
 {
     cts_sandbox_end(d);
     if (d->shared)
-        munmap(d->shared, (size_t)d->n_slots * slot_bytes(d));
+        shmdt(d->shared);
     d->shared = NULL;
 }
 
@@ -161,26 +166,6 @@ static bool await(const CtsSandbox *d, Answer *a, int quiet_s, bool *still)
     return false;
 }
 
-static CtsStatus fork_child(CtsSandbox *d, size_t n_memory, CtsError *err)
-{
-    int ends[2];
-    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends))
-        return cts_fail(err, CTS_ERR_MEMORY, "a %s process cannot be reached: %s", d->name, strerror(errno));
-    const pid_t pid = fork();
-    if (pid == 0)
-        serve(d, ends[1], n_memory);
-    const int why = errno;
-    close(ends[1]);
-    if (pid < 0) {
-        close(ends[0]);
-        return cts_fail(err, CTS_ERR_MEMORY, "a %s process cannot be started: %s", d->name, strerror(why));
-    }
-    d->pid = pid;
-    d->prepared = d->prepare;
-    d->socket = ends[0];
-    return CTS_OK;
-}
-
 /* What a child may take. */
 static size_t memory_limit(const CtsSandbox *d)
 {
@@ -188,23 +173,46 @@ static size_t memory_limit(const CtsSandbox *d)
                            : BASE_MEMORY + d->answer_capacity * ANSWER_MEMORY + d->stream_capacity * STREAM_MEMORY;
 }
 
+static CtsStatus fork_child(CtsSandbox *d, CtsError *err)
+{
+    const Order o = {
+        .work = d->work, .n_memory = memory_limit(d), .memory_id = d->memory_id, .own_bytes = d->own_bytes};
+    CtsHelperOrder order = {.prepare = d->prepare, .live = serve};
+    int ends[2];
+    _Static_assert(sizeof o <= sizeof order.order, "an order has room");
+    memcpy(order.order, &o, sizeof o);
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends))
+        return cts_fail(err, CTS_ERR_MEMORY, "a %s process cannot be reached: %s", d->name, strerror(errno));
+    const CtsStatus st = cts_helper_fork(&order, ends[1], &d->pid, err);
+    close(ends[1]);
+    if (st) {
+        close(ends[0]);
+        d->pid = 0;
+        return cts_context(err, "a %s process cannot be started", d->name);
+    }
+    d->prepared = d->prepare;
+    d->socket = ends[0];
+    return CTS_OK;
+}
+
 static CtsStatus start_child(CtsSandbox *d, CtsError *err)
 {
-    CtsStatus st = d->prepare ? d->prepare(err) : CTS_OK;
     Answer a = {CTS_ERR_INTERNAL, "it ended at once"};
     bool still = true;
-    for (int tries = 0; !st && still && tries < START_TRIES; tries++) {
-        if ((st = fork_child(d, memory_limit(d), err)))
+    for (int tries = 0; still && tries < START_TRIES; tries++) {
+        const CtsStatus st = fork_child(d, err);
+        if (st)
             return st;
         if (await(d, &a, START_QUIET_S, &still) && !a.status)
             return CTS_OK;
-        end_child(d, true);
+        end_child(d);
+        if (still)
+            cts_helper_renew();
     }
-    return st ? st
-              : cts_fail(err, CTS_ERR_INTERNAL,
-                         "compressed pixels are not decoded, for a %s process cannot be shut in: %.*s (convert them "
-                         "with dcmdjpeg or gdcmconv --raw)",
-                         d->name, (int)sizeof a.text, still ? "it stands still" : a.text);
+    return cts_fail(err, CTS_ERR_INTERNAL,
+                    "compressed pixels are not decoded, for a %s process cannot be shut in: %.*s (convert them with "
+                    "dcmdjpeg or gdcmconv --raw)",
+                    d->name, (int)sizeof a.text, still ? "it stands still" : a.text);
 }
 
 static size_t round_up(size_t n, size_t step)
@@ -228,6 +236,22 @@ bool cts_sandbox_fits(const CtsSandbox *d, size_t n, size_t n_answer)
     return d->n_jobs == 0 || (d->pid && d->n_jobs < d->n_slots && slots_hold(d, n, n_answer) && is_prepared(d));
 }
 
+/* Memory without a name, that goes with the last process that has it. A file would be subject to the limits on files.
+ */
+static CtsStatus share(CtsSandbox *d, size_t needed, CtsError *err)
+{
+    d->memory_id = shmget(IPC_PRIVATE, needed, 0600 | SHM_NORESERVE);
+    void *shared = d->memory_id < 0 ? (void *)-1 : shmat(d->memory_id, NULL, 0);
+    const int why = errno;
+    if (d->memory_id >= 0)
+        shmctl(d->memory_id, IPC_RMID, NULL);
+    if (shared == (void *)-1)
+        return cts_fail(err, CTS_ERR_MEMORY, "%zu bytes cannot be shared with a %s process: %s", needed, d->name,
+                        strerror(why));
+    d->shared = shared;
+    return CTS_OK;
+}
+
 CtsStatus cts_sandbox_room(CtsSandbox *d, size_t n, size_t n_answer, uint8_t **stream, CtsError *err)
 {
     if (!slots_hold(d, n, n_answer))
@@ -238,10 +262,9 @@ CtsStatus cts_sandbox_room(CtsSandbox *d, size_t n, size_t n_answer, uint8_t **s
         d->stream_capacity = round_up(n, ROOM_STEP);
         d->answer_capacity = round_up(n_answer, ROOM_STEP);
         const size_t needed = (size_t)d->n_slots * slot_bytes(d);
-        void *shared = mmap(NULL, needed, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
-        if (shared == MAP_FAILED)
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory: %zu bytes asked for", needed);
-        d->shared = shared;
+        const CtsStatus st = share(d, needed, err);
+        if (st)
+            return st;
         d->next_slot = 0;
     }
     *stream = (uint8_t *)d->shared + (size_t)d->next_slot * slot_bytes(d);
@@ -260,8 +283,6 @@ static int limit_cpu(const CtsSandbox *d)
 
 static CtsStatus tell_death(const char *name, int status, int limit_s, CtsError *err)
 {
-    if (status == -1)
-        return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer", name);
     if (!WIFSIGNALED(status))
         return cts_fail(err, CTS_ERR_PIXELS, "its %s ended without an answer (exit code %d)", name,
                         WEXITSTATUS(status));
@@ -286,8 +307,8 @@ static CtsStatus await_oldest(CtsSandbox *d, bool *killed, CtsError *err)
     const int limit_s = limit_cpu(d), quiet_s = d->quiet_limit_s ? d->quiet_limit_s : QUIET_S;
     *killed = false;
     if (!await(d, &a, quiet_s, &still)) {
-        const int status = end_child(d, true);
-        *killed = !still && status != -1 && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
+        const int status = end_child(d);
+        *killed = !still && WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL;
         return still ? cts_fail(err, CTS_ERR_PIXELS, "its %s stood still for %d s", d->name, quiet_s)
                      : tell_death(d->name, status, limit_s, err);
     }

@@ -8,14 +8,11 @@
  * With two slots the next stream is handed over while the child works: it goes on at once when it has answered, and
  * need not wait until its caller has been woken.
  *
- * The child is a fork, for a library cannot know a program to run instead. Its caller may have any number of threads,
- * so the child must not wait for a lock that one of them held: the C library makes its own (malloc, stdio) whole again
- * after a fork, and DCMTK's are free when one begins (pthread_atfork() in dcm_start.cc); the child uses nothing else
- * that locks, and no threads. A child that hangs all the same is given up. Volumes are hidden from it
- * (cts_hide_from_children()), so that a fork copies no page tables of them.
+ * The child is a fork of the helper (base/helper_process.h), for a library cannot know a program to run instead. A
+ * child that hangs at its start, on a lock that was taken when the helper was forked, is given up, and the helper with
+ * it; DCMTK's locks are free then (pthread_atfork() in dcm_start.cc), and the C library makes its own whole again.
  *
- * A child ends when its socket is closed, whatever way the program ends. It is waited for by its own number; where the
- * program waits for all children or ignores SIGCHLD, only the cause of a death gets lost. */
+ * A child ends when its socket is closed, whatever way the program ends. */
 #ifndef CTS_BASE_SANDBOX_H
 #define CTS_BASE_SANDBOX_H
 
@@ -48,7 +45,8 @@ typedef struct CtsSandbox {
     pid_t pid;      /* 0: no child now */
     CtsStatus (*prepared)(CtsError *err); /* what the child has behind it */
     int socket;                           /* to the child */
-    void *shared;                         /* slots, each of a stream, then its answer */
+    int memory_id;
+    void *shared; /* slots, each of a stream, then its answer */
     size_t stream_capacity, answer_capacity;
     CtsSandboxJob jobs[CTS_SANDBOX_SLOTS]; /* handed over and not taken yet, the oldest first */
     int n_jobs, next_slot;

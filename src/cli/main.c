@@ -1,5 +1,6 @@
 /* ctsplat: looks up the command, runs it, turns its status into an exit code and at most one error line. */
 #include "base/exit_code.h"
+#include "base/helper_process.h"
 #include "base/near_word.h"
 #include "cli/arguments.h"
 #include "cli/commands.h"
@@ -69,6 +70,7 @@ int main(int argc, char **argv)
     const struct rlimit no_core = {0, 0};
     setrlimit(RLIMIT_CORE, &no_core);
     cli_interrupt_init();
+    cts_helper_keep();
 
     CtsError err = {0};
     int exit_code = 0;
@@ -86,5 +88,6 @@ int main(int argc, char **argv)
         cli_error(&err);
         exit_code = cts_exit_code(st);
     }
+    cts_helper_stop();
     return exit_code;
 }

@@ -1,8 +1,8 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
- * write, fsync, rename, fork, mmap; kill: the process that was forked last is killed when it is sent something) and
- * CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail too. Calls are counted over all threads; a
- * child does not fail, or with CTS_FAIL_CHILD=1 children alone do. When the call was reached, a line is put at the end
- * of the file CTS_FAIL_TOLD. */
+ * write, fsync, rename, fork, shmget; kill: the helper, and with it the processes it has forked, when one of them is
+ * sent something) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail too. Calls are counted
+ * over all threads; a child does not fail, or with CTS_FAIL_CHILD=1 children alone do. When the call was reached, a
+ * line is put at the end of the file CTS_FAIL_TOLD. */
 #undef _FILE_OFFSET_BITS /* both names of a call are wanted: open() and open64() */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -14,16 +14,16 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
+#include <sys/shm.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/types.h>
 #include <unistd.h>
 
-enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, MMAP, KILL, N_CALLS };
+enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, SHMGET, KILL, N_CALLS };
 static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync",
-                                           "rename", "fork", "mmap", "kill"};
+                                           "rename", "fork", "shmget", "kill"};
 static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO, ENOSPC, EIO, EACCES, EAGAIN, ENOMEM, 0};
 
 static int chosen = -1;
@@ -32,7 +32,7 @@ static int fail_on, fail_child;
 static pid_t self;
 static const char *told;
 static atomic_long seen;
-static pid_t child; /* forked last */
+static pid_t child; /* the helper, which is forked last */
 static _Thread_local int loading;
 
 /* Calls fail inside main() alone: what the loader and the libraries do before and after it is not under test, nor what
@@ -205,12 +205,7 @@ ssize_t send(int socket, const void *bytes, size_t n, int flags)
     return sent;
 }
 
-void *mmap(void *at, size_t n, int protection, int flags, int fd, off_t offset)
+int shmget(key_t key, size_t n, int flags)
 {
-    return fails(MMAP) ? MAP_FAILED : (void *)syscall(SYS_mmap, at, n, protection, flags, fd, offset);
-}
-
-void *mmap64(void *at, size_t n, int protection, int flags, int fd, off64_t offset)
-{
-    return fails(MMAP) ? MAP_FAILED : (void *)syscall(SYS_mmap, at, n, protection, flags, fd, offset);
+    return fails(SHMGET) ? -1 : (int)syscall(SYS_shmget, key, n, flags);
 }

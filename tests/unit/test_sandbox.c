@@ -1,18 +1,23 @@
 #define _GNU_SOURCE
 /* Codecs in a process of their own: what they do to themselves stays there. */
 #include "../tools/htj2k_stream.h"
+#include "base/clock.h"
+#include "base/helper_process.h"
 #include "base/sandbox.h"
 #include "base/walls.h"
 #include "input/codec/codec.h"
 #include "input/codec/codec_check.h"
 #include "unit.h"
 #include <dirent.h>
+#include <errno.h>
 #include <fcntl.h>
 #include <linux/futex.h>
 #include <pthread.h>
 #include <signal.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <sys/mman.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
 #include <sys/wait.h>
@@ -147,6 +152,7 @@ static void test_deaths(void **state)
         {"x", "system call", ""},
         {"?", "byte 63", "byte 63"},
     };
+    assert_int_equal(cts_helper_start(NULL), CTS_OK);
     const int files = open_files();
     CtsSandbox d = cts_sandbox_make(act, "decoder");
     for (size_t i = 0; i < sizeof deaths / sizeof *deaths; i++) {
@@ -266,20 +272,144 @@ static void test_two_frames(void **state)
     assert_int_equal(waitpid(-1, NULL, WNOHANG), -1);
 }
 
-/* The program's own handling of SIGCHLD and of children takes nothing but the cause of a death. */
+static pid_t parent_of(pid_t pid)
+{
+    char path[64], line[256];
+    int parent = 0;
+    snprintf(path, sizeof path, "/proc/%d/status", (int)pid);
+    FILE *file = fopen(path, "r");
+    while (file && fgets(line, sizeof line, file))
+        if (sscanf(line, "PPid: %d", &parent) == 1)
+            break;
+    if (file)
+        fclose(file);
+    return parent;
+}
+
+/* Within some seconds, for it ends by itself. */
+static bool is_gone(pid_t pid)
+{
+    const struct timespec pause = {0, 10000000};
+    for (int i = 0; i < 1000 && !kill(pid, 0); i++)
+        nanosleep(&pause, NULL);
+    return kill(pid, 0) && errno == ESRCH;
+}
+
+static atomic_int n_signals;
+
+static void count_signal(int number)
+{
+    (void)number;
+    n_signals++;
+}
+
+/* A program that ignores SIGCHLD, waits for all its children, or has a handler: none of it touches the helper's
+ * processes, whose deaths are told all the same. */
 static void test_children_taken(void **state)
 {
     (void)state;
+    void (*const ways[])(int) = {SIG_IGN, SIG_DFL, count_signal};
     CtsSandbox d = cts_sandbox_make(act, "decoder");
     const void *pixels;
     CtsError err;
-    signal(SIGCHLD, SIG_IGN);
-    expect_decoded(&d);
-    assert_int_equal(run(&d, "e", &pixels, &err), CTS_ERR_PIXELS);
-    assert_non_null(strstr(err.text, "without an answer"));
-    expect_decoded(&d);
+    for (int i = 0; i < 3; i++) {
+        signal(SIGCHLD, ways[i]);
+        cts_helper_renew();
+        assert_int_equal(cts_helper_start(&err), CTS_OK);
+        n_signals = 0;
+        expect_decoded(&d);
+        assert_int_equal(waitpid(-1, NULL, 0), -1);
+        assert_int_equal(errno, ECHILD);
+        assert_int_equal(run(&d, "e", &pixels, &err), CTS_ERR_PIXELS);
+        assert_non_null(strstr(err.text, "exit code 7"));
+        expect_decoded(&d);
+        assert_int_equal(waitpid(-1, NULL, 0), -1);
+        assert_int_equal(n_signals, 0);
+    }
     cts_sandbox_stop(&d);
     signal(SIGCHLD, SIG_DFL);
+}
+
+/* One helper for all; when it is killed its processes go, and another goes on with what was under way. */
+static void test_helper(void **state)
+{
+    (void)state;
+    CtsSandbox d = cts_sandbox_make(act, "decoder"), e = d;
+    expect_decoded(&d);
+    expect_decoded(&e);
+    const pid_t helper = parent_of(d.pid), child = d.pid;
+    assert_true(helper > 1 && helper != getpid() && helper == parent_of(e.pid));
+    hand_over(&d, "d1");
+    kill(helper, SIGKILL);
+    assert_true(is_gone(helper) && is_gone(child));
+    take(&d, "d1", NULL);
+    expect_decoded(&e);
+    assert_int_not_equal(parent_of(d.pid), helper);
+    cts_sandbox_stop(&d);
+    cts_sandbox_stop(&e);
+}
+
+/* A fork of the program has a helper of its own, and no process is left when it ends, however it does. */
+static void test_forked(void **state)
+{
+    (void)state;
+    CtsSandbox d = cts_sandbox_make(act, "decoder");
+    expect_decoded(&d);
+    for (int how = 0; how < 2; how++) {
+        pid_t pids[3] = {0}; /* the helper in here, in there, and its process */
+        int ends[2];
+        assert_int_equal(pipe(ends), 0);
+        const pid_t forked = fork();
+        if (forked == 0) {
+            CtsSandbox own = cts_sandbox_make(act, "decoder");
+            expect_decoded(&own);
+            pids[1] = parent_of(own.pid);
+            pids[2] = own.pid;
+            if (write(ends[1], pids, sizeof pids) != sizeof pids || how == 0)
+                _exit(0);
+            pause();
+        }
+        assert_int_equal(read(ends[0], pids, sizeof pids), sizeof pids);
+        pids[0] = parent_of(d.pid);
+        assert_true(pids[1] > 1 && pids[0] != pids[1]);
+        kill(forked, how ? SIGKILL : 0);
+        assert_int_equal(waitpid(forked, NULL, 0), forked);
+        assert_true(is_gone(pids[1]) && is_gone(pids[2]));
+        close(ends[0]);
+        close(ends[1]);
+        expect_decoded(&d);
+        assert_int_equal(parent_of(d.pid), pids[0]);
+    }
+    cts_sandbox_stop(&d);
+}
+
+/* What the processes compute counts as the program's, and once: also where the helper is its child. */
+static void test_computing_counts(void **state)
+{
+    (void)state;
+    const void *pixels;
+    CtsError err;
+    for (int keep = 0; keep < 2; keep++) {
+        int how = 0;
+        const pid_t forked = fork();
+        if (forked == 0) {
+            CtsSandbox d = cts_sandbox_make(act, "decoder");
+            if (keep)
+                cts_helper_keep();
+            const double before = cts_cpu_ms();
+            const bool done = run(&d, "b", &pixels, &err) == CTS_OK;
+            cts_sandbox_stop(&d);
+            const double counted = cts_cpu_ms() - before;
+            cts_helper_stop();
+            const double after = cts_cpu_ms() - before;
+            struct rusage children;
+            getrusage(RUSAGE_CHILDREN, &children);
+            const bool is_child = children.ru_utime.tv_usec + children.ru_stime.tv_usec > 400000;
+            _exit(!(done && counted > 450 && counted < 800 && after > 450 && after < 800 && is_child == keep));
+        }
+        assert_int_equal(waitpid(forked, &how, 0), forked);
+        assert_int_equal(how, 0);
+    }
 }
 
 /* Larger frames make room for themselves; the child of the smaller room goes. */
@@ -304,7 +434,8 @@ static void test_room(void **state)
     cts_sandbox_stop(&d);
 }
 
-/* Threads that start children at the same time, while another is inside malloc and stdio all the time. */
+/* Threads that start children at the same time, while another is inside malloc and stdio all the time, also when the
+ * helper is forked; and the program ignores SIGCHLD. */
 static void *start_many(void *failed)
 {
     for (int i = 0; i < 20; i++) {
@@ -334,6 +465,8 @@ static void test_many_threads(void **state)
     const int n_busy = CTS_SANITIZED ? 0 : 1;
     pthread_t starters[4], busy;
     int failed[4] = {0}, stop = 0;
+    signal(SIGCHLD, SIG_IGN);
+    cts_helper_renew();
     if (n_busy)
         pthread_create(&busy, NULL, be_busy, &stop);
     for (int t = 0; t < 4; t++)
@@ -345,6 +478,7 @@ static void test_many_threads(void **state)
     __atomic_store_n(&stop, 1, __ATOMIC_RELAXED);
     if (n_busy)
         pthread_join(busy, NULL);
+    signal(SIGCHLD, SIG_DFL);
 }
 
 /* Three runs for each of two segments; a row more than the header says is another picture. */
@@ -522,6 +656,9 @@ int main(void)
         cmocka_unit_test(test_killed),
         cmocka_unit_test(test_two_frames),
         cmocka_unit_test(test_children_taken),
+        cmocka_unit_test(test_helper),
+        cmocka_unit_test(test_forked),
+        cmocka_unit_test(test_computing_counts),
         cmocka_unit_test(test_room),
         cmocka_unit_test(test_many_threads),
         cmocka_unit_test(test_rle_length),

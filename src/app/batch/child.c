@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "base/exit_code.h"
+#include "base/helper_process.h"
 #include "base/json.h"
 #include "base/mem.h"
 #include "base/sanitized.h"
@@ -165,6 +166,7 @@ static void run_series(struct CtsBatchChild *c)
         cts_child_send_line(c, CTS_CHILD_LAST, NULL);
     }
     fflush(NULL);
+    cts_helper_stop();
     _exit(st == CTS_ERR_INTERRUPTED ? 130 : 0);
 }
 

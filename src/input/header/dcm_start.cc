@@ -98,9 +98,10 @@ bool start_decoders()
         appender->setThreshold(log4cplus::OFF_LOG_LEVEL);
     root.addAppender(log4cplus::SharedAppenderPtr(new CountingAppender));
     static const Decoders decoders;
-    /* A process that is forked finds none of DCMTK's locks taken. */
+    /* A process that is forked finds none of DCMTK's locks taken. There this one is made anew, for it knows the thread
+     * that has taken it by another number. */
     return pthread_atfork([] { cts_dcm_in_use().lock(); }, [] { cts_dcm_in_use().unlock(); },
-                          [] { cts_dcm_in_use().unlock(); }) == 0;
+                          [] { new (&cts_dcm_in_use()) std::shared_mutex; }) == 0;
 }
 
 } // namespace

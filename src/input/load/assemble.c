@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/helper_process.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "input/codec/pixels.h"
@@ -425,11 +426,15 @@ static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threa
     CtsStatus st = cts_alloc_array(&in->slices, n, err);
     if (!st)
         st = cts_alloc_zeroed(&in->faults, n, err);
-    for (size_t k = 0; !st && k < n; k++)
+    bool compressed = false;
+    for (size_t k = 0; !st && k < n; k++) {
         in->slices[k] = *series->slices[k];
+        compressed |= cts_slice_is_compressed(series->slices[k]);
+    }
     in->n_slices = series->n_slices;
     in->n_threads = n_threads;
-    return st;
+    /* Before there are threads and a volume. */
+    return !st && compressed ? cts_helper_start(err) : st;
 }
 
 static void end_loading(Loading *in)
@@ -481,11 +486,8 @@ static CtsStatus read_layers(Assembly *a, bool even, bool marks_dense, CtsVolume
         st = cts_macrocells_begin(&a->macrocells, v->dims, err);
     if (!st && a->macrocells && marks_dense)
         st = cts_macrocells_mark(a->macrocells, cts_dense_grey(v), err);
-    const size_t n_bytes = (size_t)a->n_slices * a->layer_voxels * sizeof *a->first;
-    cts_hide_from_children(a->first, n_bytes, 1);
     if (!st)
         st = read_slices(a, report, err);
-    cts_hide_from_children(a->first, n_bytes, 0);
     if (!st && a->macrocells) {
         cts_macrocells_end(a->macrocells, a->n_threads);
         v->macrocells = a->macrocells;
