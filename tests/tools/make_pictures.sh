@@ -1,19 +1,10 @@
 #!/bin/sh
-# Makes the pictures of README.md and man/gallery.md from testdata's phantom: make_pictures.sh CTSPLAT
+# Makes README.md's head from a phantom of 256 x 256 x 256 voxels, and man/gallery.md's pictures from testdata's:
+# make_pictures.sh CTSPLAT, of a build folder.
 set -eu
 
 cd "$(dirname "$0")/../.."
 ctsplat=$1
-
-# picture NAME OPTION...
-picture()
-{
-    name=$1
-    shift
-    "$ctsplat" render testdata/phantom --size 320x280 --mm-per-pixel 0.78 "$@" --force -o "man/$name.png"
-}
-
-picture phantom-bone --preset bone --view 20,8
 
 # The gallery's, with the options that stand below them; 8 bits, as a page needs no more.
 scratch=$(mktemp -d)
@@ -25,6 +16,12 @@ gallery()
     "$ctsplat" render testdata/phantom --size 200x176 --mm-per-pixel 1.25 "$@" -o "$scratch/$name.dcm"
     dcm2pnm --write-png --nointerlace --meta-none "$scratch/$name.dcm" "man/gallery-$name.png"
 }
+
+tools=$(dirname "$ctsplat")/../../tests/tools
+"$tools/phantom" --size 256,256,256 --spacing 0.85,0.95,0.85 --soft 1.8 "$scratch/head.raw"
+"$tools/raw2ct" --size 256,256,256 --spacing 0.85,0.95,0.85 "$scratch/head.raw" "$scratch/head" >"$scratch/said"
+"$ctsplat" render "$scratch/head" -p man/glass.json --view 30,10 --size 1024x800 --annotate orientation,scale --force \
+    -o man/head-glass.jpg
 
 gallery bone --preset bone --annotate orientation,scale
 gallery skin --preset skin --view 30,15

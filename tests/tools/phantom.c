@@ -1,15 +1,16 @@
 /* phantom: writes a made-up CT head as a raw volume, from formulas alone.
  *
- *     phantom [--size NX,NY,NZ] [--spacing X,Y,Z] [--tilt-deg A] [--supersample N] [--table] FILE
+ *     phantom [--size NX,NY,NZ] [--spacing X,Y,Z] [--tilt-deg A] [--supersample N] [--soft MM] [--table] FILE
  *
  * FILE gets int16 little-endian HU, x fastest. The axes are patient coordinates (LPS): x to the left, y to the back,
  * z to the head, millimetres, the volume's centre at 0, so the face looks along -y. The head has air, fat, soft tissue,
  * bone, teeth, a bleeding and a metal pin on its left side only, and on the pin stands a bone-like letter L: in a
  * picture of the face the L reads as an L and stands on the right, or the picture is mirrored. With --tilt-deg slices
- * are cut as a gantry tilted about the x axis cuts them, while the table moves along z.
+ * are cut as a gantry tilted about the x axis cuts them, while the table moves along z. With --soft shapes have edges
+ * so wide, by their distance: fine volumes without the rings that points in voxels leave.
  *
- * Only + - * / and comparisons are used, so that the bytes are the same on any machine; tilt takes its sine and cosine
- * from a series for the same reason. */
+ * Only + - * / sqrt and comparisons are used, so that the bytes are the same on any machine; tilt takes its sine and
+ * cosine from a series for the same reason. */
 #include <getopt.h>
 #include <math.h>
 #include <stdbool.h>
@@ -89,6 +90,24 @@ static bool inside(const Shape *s, double x, double y, double z)
     return false;
 }
 
+/* How far outside a shape's surface a point lies, to first order; below 0 inside. */
+static double distance_mm(const Shape *s, double x, double y, double z)
+{
+    const double p[3] = {x - s->x, y - s->y, z - s->z}, h[3] = {s->hx, s->hy, s->hz};
+    double form = 0, slope = 0, most = -1e9;
+    for (int c = 0; c < 3; c++) {
+        const bool is_flat = s->kind == BOX || (s->kind == CYLINDER_X && c == 0) || (s->kind == CYLINDER_Z && c == 2);
+        const double u = p[c] / h[c];
+        if (is_flat)
+            most = fmax(most, fabs(p[c]) - h[c]);
+        else {
+            form += u * u;
+            slope += square(u / h[c]);
+        }
+    }
+    return s->kind == BOX ? most : fmax(most, (form - 1) / (2 * sqrt(slope) + 1e-9));
+}
+
 enum { N_HEAD = sizeof head / sizeof *head, N_TABLE = sizeof table / sizeof *table };
 
 /* The shapes that one row of voxels can meet, the covering ones first. */
@@ -114,6 +133,17 @@ static double hu_at(const Scene *scene, double x, double y, double z)
     return -1000;
 }
 
+/* The same with edges this wide: every shape covers what lies under it by a ramp. */
+static double soft_hu_at(const Scene *scene, double x, double y, double z, double edge_mm)
+{
+    double hu = -1000;
+    for (int i = scene->n - 1; i >= 0; i--) {
+        const double share = fmin(fmax(0.5 - distance_mm(scene->shapes[i], x, y, z) / edge_mm, 0), 1);
+        hu += (scene->shapes[i]->hu - hu) * share * share * (3 - 2 * share);
+    }
+    return hu;
+}
+
 /* Taylor series: libm's last bit may differ between machines. */
 static void sin_cos(double deg, double *s, double *c)
 {
@@ -130,7 +160,7 @@ static void sin_cos(double deg, double *s, double *c)
 
 typedef struct Options {
     int size[3], supersample;
-    double spacing_mm[3], tilt_deg;
+    double spacing_mm[3], tilt_deg, edge_mm;
     bool with_table;
     const char *file;
 } Options;
@@ -145,6 +175,12 @@ static int tent(int a, int n)
 static int16_t voxel(const Options *o, const Scene *scene, int i, int j, int k, double sin_tilt, double cos_tilt)
 {
     const int n = o->supersample;
+    if (o->edge_mm > 0) {
+        const double row = (j + 0.5 - 0.5 * o->size[1]) * o->spacing_mm[1];
+        const double x = (i + 0.5 - 0.5 * o->size[0]) * o->spacing_mm[0];
+        const double z = (k + 0.5 - 0.5 * o->size[2]) * o->spacing_mm[2] + row * sin_tilt;
+        return (int16_t)floor(soft_hu_at(scene, x, row * cos_tilt, z, o->edge_mm) + 0.5);
+    }
     double sum = 0, weights = 0;
     for (int c = 0; c < 2 * n; c++)
         for (int b = 0; b < 2 * n; b++)
@@ -161,9 +197,9 @@ static int16_t voxel(const Options *o, const Scene *scene, int i, int j, int k, 
 
 static Scene row_scene(const Options *o, int j, int k, double sin_tilt, double cos_tilt)
 {
-    const double row = (j + 0.5 - 0.5 * o->size[1]) * o->spacing_mm[1], half = 1.5 * o->spacing_mm[1];
+    const double row = (j + 0.5 - 0.5 * o->size[1]) * o->spacing_mm[1], half = o->edge_mm + 1.5 * o->spacing_mm[1];
     const double slice = (k + 0.5 - 0.5 * o->size[2]) * o->spacing_mm[2] + row * sin_tilt;
-    const double reach = 1.5 * o->spacing_mm[2] + half; /* generous: a shape too many costs time only */
+    const double reach = o->edge_mm + 1.5 * o->spacing_mm[2] + half; /* generous: a shape too many costs time only */
     const double y[2] = {row * cos_tilt - half, row * cos_tilt + half}, z[2] = {slice - reach, slice + reach};
     Scene scene = {.n = 0};
     add_near(&scene, head, N_HEAD, y, z);
@@ -207,7 +243,8 @@ int main(int argc, char **argv)
     static const struct option longs[] = {
         {"size", required_argument, NULL, 's'},        {"spacing", required_argument, NULL, 'm'},
         {"tilt-deg", required_argument, NULL, 't'},    {"table", no_argument, NULL, 'b'},
-        {"supersample", required_argument, NULL, 'n'}, {NULL, 0, NULL, 0},
+        {"supersample", required_argument, NULL, 'n'}, {"soft", required_argument, NULL, 'e'},
+        {NULL, 0, NULL, 0},
     };
     Options o = {.size = {64, 64, 48}, .spacing_mm = {3.5, 3.5, 4.5}, .supersample = 3};
     bool good = true;
@@ -220,6 +257,8 @@ int main(int argc, char **argv)
             good &= sscanf(optarg, "%lf", &o.tilt_deg) == 1 && fabs(o.tilt_deg) <= 45;
         else if (c == 'n')
             good &= sscanf(optarg, "%d", &o.supersample) == 1 && o.supersample >= 1 && o.supersample <= 16;
+        else if (c == 'e')
+            good &= sscanf(optarg, "%lf", &o.edge_mm) == 1 && o.edge_mm > 0;
         else if (c == 'b')
             o.with_table = true;
         else
@@ -228,7 +267,8 @@ int main(int argc, char **argv)
     for (int a = 0; a < 3; a++)
         good &= o.size[a] >= 1 && o.size[a] <= 4096 && o.spacing_mm[a] > 0;
     if (!good || optind != argc - 1) {
-        fputs("usage: phantom [--size NX,NY,NZ] [--spacing X,Y,Z] [--tilt-deg A] [--supersample N] [--table] FILE\n",
+        fputs("usage: phantom [--size NX,NY,NZ] [--spacing X,Y,Z] [--tilt-deg A] [--supersample N] [--soft MM]\n"
+              "    [--table] FILE\n",
               stderr);
         return 2;
     }

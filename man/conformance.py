@@ -1,0 +1,161 @@
+#!/usr/bin/env python3
+"""The DICOM conformance statement, by the template of PS3.2, with tables made from the source:
+
+    conformance.py SOURCE_ROOT VERSION roff|html >FILE
+
+Needs DCMTK's list of UIDs, a header that building needs too."""
+import html
+import pathlib
+import re
+import sys
+
+root, version, form = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3]
+DCMTK = pathlib.Path("/usr/include/dcmtk/dcmdata/dcuid.h")
+uid_of = dict(re.findall(r'#define\s+UID_(\w+)\s+"([0-9.]+)"', DCMTK.read_text()))
+
+
+def source(name):
+    return (root / "src" / name).read_text()
+
+
+def listed(name, what):
+    """The UIDs of one array of the source, as rows of keyword and UID."""
+    found = re.search(re.escape(what) + r"\[\] = \{(.*?)\};", source(name), re.S)
+    return [(k, uid_of[k]) for k in re.findall(r"UID_(\w+)", found.group(1))]
+
+
+def named(name):
+    """The UIDs of storage classes that a file of the source names."""
+    return [(k, uid_of[k]) for k in dict.fromkeys(re.findall(r"UID_(\w+Storage)\b", source(name)))]
+
+
+def attributes(*names):
+    keys = [k for n in names for k in re.findall(r"DCM_(?:RETIRED_)?([A-Z]\w+)", source(n))]
+    return sorted(set(keys) - {"MaxReadLength"})
+
+
+codecs = {"NATIVE": "ctsplat", "RLE": "DCMTK", "JPEG": "DCMTK", "JPEG_LS": "DCMTK", "JPEG_2000": "OpenJPEG, OpenJPH",
+          "NONE": "refused"}
+syntaxes = [(name, uid, codecs[codec]) for uid, name, codec in
+            re.findall(r'\{"([0-9.]+)", "([^"]+)", CTS_CODEC_(\w+),', source("input/files/syntax.c"))]
+written = [("ExplicitVRLittleEndian", "1.2.840.10008.1.2.1", "none")] + [
+    (next(n for n, u, _ in syntaxes if u == uid), uid, name.lower().replace("_", "-"))
+    for name, uid in re.findall(r'\[CTS_SC_(\w+)\] = \{"([0-9.]+)"', source("output/export/sc.c"))]
+read_classes = re.findall(r'const char (\w+)_class\[\] = "([0-9.]+)"', source("input/header/dcm_read.cc"))
+keyword_of = {uid: key for key, uid in reversed(list(uid_of.items()))}
+read_classes = [(keyword_of[uid], uid) for _, uid in read_classes]
+models = [(k, uid_of[k]) for k in
+          dict.fromkeys(re.findall(r"UID_((?:FIND|GET|MOVE)\w+)", source("output/net/dimse.cc")))]
+node = re.findall(r"^PresentationContext\d+ = (\w+)", source("app/deploy/storescp.cfg"), re.M)
+node_syntaxes = re.findall(r"^TransferSyntax\d+ = (\S+)", source("app/deploy/storescp.cfg").split("[Readable]")[1], re.M)
+
+P, H, S, T = "p", "h", "s", "t"
+statement = [
+    (H, "Conformance statement overview"),
+    (P, "ctsplat reads CT images from files or from a PACS, renders them, and writes pictures as secondary captures and "
+        "presentation states that join the study of their source, to files or to a PACS. It is a program for the "
+        "command line; it keeps no database. Pictures are not for diagnostic use."),
+    (T, ("Network service", "User (SCU)", "Provider (SCP)"),
+     [("Storage of captures and states (C-STORE)", "yes: --send", "no"),
+      ("Query of a study's series (C-FIND)", "yes: --from", "no"),
+      ("Retrieve (C-GET)", "yes: --from", "no"),
+      ("Retrieve (C-MOVE)", "yes: --from with --move-port", "storage of what was asked for alone"),
+      ("Storage of CT (C-STORE), verification", "no", "ctsplat-node, by DCMTK's storescp"),
+      ("DICOMweb WADO-RS, STOW-RS", "yes: a URL in --from, --send", "no"),
+      ("Storage commitment, worklist, MPPS, printing, media", "no", "no")]),
+    (H, "Introduction"),
+    (P, "For administrators of PACS and for integrators. Version " + version + ". Terms are those of the DICOM standard "
+        "(PS3.1 to PS3.18); AE is application entity, SCU and SCP service class user and provider."),
+    (H, "Networking"),
+    (S, "Implementation model"),
+    (P, "One AE, that of the command that runs: it fetches a series, renders it, writes files, and stores them. The "
+        "second, ctsplat-node, listens, renders each study when it has been quiet for a while, and stores the "
+        "captures. Nothing is done without a command or a study that arrives."),
+    (S, "AE titles and ports"),
+    (P, "The calling AE title is CTSPLAT unless --aet says otherwise; the called one stands in AET@HOST:PORT. C-MOVE "
+        "receives at --move-port. ctsplat-node listens as CTSPLAT_NODE_AET at CTSPLAT_NODE_PORT, 11112 by default."),
+    (S, "Associations"),
+    (P, "One at a time as SCU; the node forks for each. Maximum PDU size 16384 bytes, DCMTK's default. "
+        "No asynchronous operations. A peer that is down, refuses or breaks off is tried four times, after one, two "
+        "and four seconds; a silent one is given up after --peer-timeout, 30 seconds."),
+    (S, "SOP classes of storage, as SCU"),
+    (T, ("SOP class", "UID"), sorted(set(named("output/objects/dcm_sc.cc") + named("output/objects/dcm_state.cc")))),
+    (P, "Offered in the transfer syntax that the file has, and uncompressed ones in Implicit VR Little Endian too."),
+    (S, "SOP classes of query and retrieve, as SCU"),
+    (T, ("SOP class", "UID"), models),
+    (P, "C-FIND at level SERIES, with StudyInstanceUID as unique key, SeriesInstanceUID and Modality as return keys; relational queries and extended negotiation are not asked for."),
+    (S, "SOP classes accepted while retrieving"),
+    (T, ("SOP class", "UID"), listed("output/net/dimse.cc", "ct_classes")),
+    (T, ("Transfer syntax", "UID"), listed("output/net/dimse.cc", "ct_syntaxes")),
+    (S, "What ctsplat-node accepts"),
+    (T, ("SOP class", "Transfer syntaxes, by DCMTK's names"),
+     [(k, ", ".join(node_syntaxes) if k != "VerificationSOPClass" else "uncompressed") for k in node]),
+    (S, "DICOMweb"),
+    (P, "WADO-RS: GET of /studies/UID and /studies/UID/series/UID as multipart/related of application/dicom, any transfer "
+        "syntax. STOW-RS: POST to /studies of the same type, one instance a request. User and password or "
+        "a bearer token; redirections are not followed."),
+    (H, "Media and files"),
+    (P, "Files of PS3.10 are read whatever their names, from folders, zip files and by a DICOMDIR, with and without "
+        "preamble."),
+    (S, "SOP classes read"),
+    (T, ("SOP class", "UID"), read_classes),
+    (S, "Transfer syntaxes read"),
+    (T, ("Transfer syntax", "UID", "decoded by"), syntaxes),
+    (P, "Pixels of 8 or 16 bits allocated, one sample a pixel, in Hounsfield units."),
+    (S, "Transfer syntaxes written"),
+    (T, ("Transfer syntax", "UID", "--compress"), written),
+    (H, "Attributes"),
+    (P, "By their keywords of PS3.6; values that the source lacks are left out where the standard allows it."),
+    (S, "Copied from the source to each object, unless --deidentify is given"),
+    (P, ", ".join(attributes("output/objects/dcm_study.cc")) + "."),
+    (S, "Written to secondary captures"),
+    (P, ", ".join(attributes("output/objects/dcm_sc.cc", "output/objects/dcm_put.cc", "output/objects/dcm_put.hpp")) + "."),
+    (S, "Written to presentation states"),
+    (P, ", ".join(attributes("output/objects/dcm_state.cc", "output/objects/dcm_put.cc", "output/objects/dcm_put.hpp"))
+     + ". Private attributes of group 0073, creator CTSPLAT STATE 1: (0073,xx01) the preset, (0073,xx02) the options."),
+    (H, "Character sets"),
+    (P, "SpecificCharacterSet and all texts of the source are copied byte for byte, in any character set. What ctsplat "
+        "writes itself is ASCII (ISO-IR 6)."),
+    (H, "Security"),
+    (P, "Secure transport: TLS by the BCP 195 profile, with --tls-ca, --tls-key and --tls-cert. De-identification: the "
+        "Basic Application Confidentiality Profile (PS3.15 E.2), with --deidentify; RecognizableVisualFeatures says "
+        "whether a picture may show a face. No audit trail, no user identity negotiation, no digital signatures. "
+        "Compressed pixels are decoded in processes without files and network."),
+    (H, "Configuration"),
+    (P, "Options of the command line; settings of the node in /etc/ctsplat/node.conf, see ctsplat-node(1)."),
+]
+
+
+def roff(text):
+    return re.sub(r"^([.'])", r"\\&\1", text.replace("\\", "\\e").replace("-", "\\-"), flags=re.M)
+
+
+def roff_table(heads, rows):
+    def cell(text):
+        return "T{\n" + roff(text) + "\nT}"
+    lines = [".TS", "tab(|);", "l" + " lx" * (len(heads) - 1) + ".", "|".join(roff(h) for h in heads), "_"]
+    return "\n".join(lines + ["|".join(cell(c) for c in row) for row in rows] + [".TE"])
+
+
+def html_table(heads, rows):
+    def line(tag, cells):
+        return "<tr>" + "".join("<%s>%s</%s>" % (tag, html.escape(c), tag) for c in cells) + "</tr>"
+    return "\n".join(["<table>", line("th", heads)] + [line("td", row) for row in rows] + ["</table>"])
+
+
+if form == "roff":
+    print("'\\\" t\n.TH CTSPLAT-CONFORMANCE 7 \"\" \"ctsplat %s\" \"Miscellaneous\"\n.SH NAME\n"
+          "ctsplat\\-conformance \\- DICOM conformance statement\n.ad l" % version)
+    for kind, *what in statement:
+        print({P: lambda t: ".PP\n" + roff(t), H: lambda t: ".SH " + roff(t.upper()), S: lambda t: ".SS " + roff(t),
+               T: roff_table}[kind](*what))
+else:
+    print("<!DOCTYPE html>\n<html lang=en><head><meta charset=utf-8><meta name=viewport content='width=device-width'>"
+          "<title>ctsplat: DICOM conformance statement</title>\n<style>body{font:16px/1.5 sans-serif;max-width:50em;"
+          "margin:2em auto;padding:0 1em;overflow-wrap:anywhere}table{border-collapse:collapse;margin:1em 0}td,th{"
+          "border:1px solid #bbb;padding:.2em .6em;text-align:left;vertical-align:top}</style></head><body>\n"
+          "<h1>ctsplat %s: DICOM conformance statement</h1>" % version)
+    for kind, *what in statement:
+        print({P: lambda t: "<p>%s</p>" % html.escape(t), H: lambda t: "<h2>%s</h2>" % html.escape(t),
+               S: lambda t: "<h3>%s</h3>" % html.escape(t), T: html_table}[kind](*what))
+    print("</body></html>")

@@ -1,0 +1,49 @@
+# Every command of README.md and of the manuals' examples runs as it stands there, a page in one folder, in order. bench and
+# batch get small pictures, or they would take minutes; a PACS that is not there is all that a command with one fails at.
+mkdir -p bin archive
+ln -s "$ctsplat" bin/ctsplat
+cp -r "$data/phantom" archive/first
+PATH=$work/bin:$PATH
+
+# commands PAGE: lines indented as code, or those of a manual's EXAMPLES, without what makes them bold
+commands()
+{
+    case $1 in
+        *.md) grep -E '^    ctsplat ' "$1" | sed 's/^    //' ;;
+        *) awk '/^\.SH/ { on = $2 == "EXAMPLES" } on' "$1" | sed -n 's/^\.B \(ctsplat .*\)/\1/p' | tr -d '\\' |
+            sed 's| /archive| ../archive|' ;;
+    esac
+}
+
+try()
+{
+    last=$1 code=0
+    sh -c "$1" >"$work/out" 2>"$work/err" </dev/null || code=$?
+}
+
+n=0
+for page in "$root/README.md" "$root"/man/*.[0-9]; do
+    mkdir -p "$work/page/scans"
+    cd "$work/page"
+    ln -s "$data/phantom" scans/head
+    ln -s ../archive archive
+    cp "$root/man/glass.json" .
+    commands "$page" >../commands
+    while IFS= read -r line <&3; do
+        n=$((n + 1))
+        case $line in
+            *' --from '*)
+                try "$line"
+                [ "$code" != 2 ] && grep -q 'pacs.example.org' ../err || fail "exit code $code: $(cat ../err)" ;;
+            *' bench '* | *' batch '*)
+                try "$line --size 24x24"
+                [ "$code" = 0 ] || fail "exit code $code: $(cat ../err)" ;;
+            *)
+                try "$line"
+                [ "$code" = 0 ] || fail "exit code $code: $(cat ../err)" ;;
+        esac
+    done 3<../commands
+    case $page in *.md) [ -s head.png ] && [ -s preview.jpg ] && [ -s glass.png ] || fail "pictures are missing" ;; esac
+    cd "$work" && rm -r page
+done
+[ $n -ge 16 ] || fail "only $n commands were found"
