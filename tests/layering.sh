@@ -29,9 +29,8 @@ src/render/draft  | core/volume/ core/scene/ render/error/ |
 src/render/frames | core/scene/ render/error/ render/draft/ |
 src/output/image  | |
 src/output/objects | input/files/ input/header/ input/codec/ | openjpeg.h
-src/output/dcmtk  | input/header/ input/codec/ output/objects/ |
 src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h isa-l.h jpeglib.h webp/
-src/output/net    | input/header/ | curl/ jansson.h
+src/output/net    | input/header/ output/objects/ | curl/ jansson.h
 src/output/report | | jansson.h png.h
 src/lab/check     | output/report/ |
 src/lab/bench     | output/report/ |

@@ -5,6 +5,7 @@
 #include <errno.h>
 #include <limits.h>
 #include <link.h>
+#include <pthread.h>
 #include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -53,4 +54,44 @@ CtsStatus cts_part_load(const char *file, const char *name, void **symbol, CtsEr
         return st;
     *symbol = dlsym(part, name);
     return *symbol ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "%s is of another program (install it anew)", file);
+}
+
+/* The state of this file. */
+static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
+
+static void take_lock(void)
+{
+    pthread_mutex_lock(&lock);
+}
+
+static void leave_lock(void)
+{
+    pthread_mutex_unlock(&lock);
+}
+
+static void mind_forks(void)
+{
+    pthread_atfork(take_lock, leave_lock, leave_lock);
+}
+
+static CtsStatus load_table(const char *file, const char *name, const void **table, CtsError *err)
+{
+    void *symbol;
+    CtsStatus (*tell)(const void **table, CtsError *err);
+    const CtsStatus st = cts_part_load(file, name, &symbol, err);
+    if (st)
+        return st;
+    memcpy(&tell, &symbol, sizeof tell);
+    return tell(table, err);
+}
+
+CtsStatus cts_part_table(const char *file, const char *name, const void **kept, const void **table, CtsError *err)
+{
+    static pthread_once_t once = PTHREAD_ONCE_INIT;
+    pthread_once(&once, mind_forks);
+    take_lock();
+    const CtsStatus st = *kept ? CTS_OK : load_table(file, name, kept, err);
+    *table = *kept;
+    leave_lock();
+    return st;
 }

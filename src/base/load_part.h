@@ -9,4 +9,8 @@
  * or installed. It stays loaded. CTS_ERR_INTERNAL when it is not there or of another program. */
 CtsStatus cts_part_load(const char *file, const char *name, void **symbol, CtsError *err);
 
+/* What the function `name` of the library tells: a table of its own. *kept, NULL at first, remembers it. Thread-safe;
+ * no process is forked meanwhile. */
+CtsStatus cts_part_table(const char *file, const char *name, const void **kept, const void **table, CtsError *err);
+
 #endif

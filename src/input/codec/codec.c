@@ -1,8 +1,8 @@
 #include "input/codec/codec.h"
 
 #include "input/codec/codec_check.h"
+#include "input/codec/dcm_decoder.h"
 #include "input/files/file_bytes.h"
-#include "input/header/dcm_read.h"
 #include <string.h>
 
 static CtsStatus inflate_pixels(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
@@ -14,6 +14,20 @@ static CtsStatus inflate_pixels(const CtsFrameFormat *f, const uint8_t *stream, 
     return st;
 }
 
+static CtsStatus start_dcmtk(CtsError *err)
+{
+    const CtsDcmDecoder *dcm = NULL;
+    const CtsStatus st = cts_dcm_decoder(&dcm, err);
+    return st ? st : dcm->start(err);
+}
+
+static CtsStatus decode_by_dcmtk(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
+{
+    const CtsDcmDecoder *dcm = NULL;
+    const CtsStatus st = cts_dcm_decoder(&dcm, err);
+    return st ? st : dcm->decode(f, stream, n, pixels, err);
+}
+
 /* By CtsCodec. What the check refuses never reaches the decoder. */
 static const struct {
     CtsStatus (*check)(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
@@ -21,9 +35,9 @@ static const struct {
     CtsStatus (*prepare)(CtsError *err); /* CtsSandbox */
 } codecs[CTS_N_CODECS] = {
     [CTS_CODEC_NATIVE] = {NULL, inflate_pixels, NULL}, /* compressed only as a part of a deflated data set */
-    [CTS_CODEC_RLE] = {cts_codec_check_rle, cts_dcm_decode, cts_dcm_start_decoders},
-    [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, cts_dcm_decode, cts_dcm_start_decoders},
-    [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, cts_dcm_decode, cts_dcm_start_decoders},
+    [CTS_CODEC_RLE] = {cts_codec_check_rle, decode_by_dcmtk, start_dcmtk},
+    [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},
+    [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},
     [CTS_CODEC_JPEG_2000] = {NULL, cts_jpeg2000_decode, NULL}, /* OpenJPEG tells the stream's shape before it decodes */
 };
 

@@ -1,6 +1,6 @@
 /* Text of any DICOM character set, safe to show. */
 #include "base/text.h"
-#include "input/header/dcm_read.h"
+#include "input/header/dcm_readers.h"
 
 #include <cstdlib>
 #include <cstring>
@@ -40,7 +40,8 @@ bool is_same_in_utf8(const char *text, const char *charset)
 char *cts_dcm_utf8(const char *text, const char *charset)
 try {
     const bool foreign = charset && charset[0] && !is_same_in_utf8(text, charset);
-    char *const converted = foreign ? cts_dcm_convert(text, charset) : nullptr;
+    const CtsDcmReaders *dcm = nullptr;
+    char *const converted = foreign && !cts_dcm_readers(&dcm, nullptr) ? dcm->convert(text, charset) : nullptr;
     const std::unique_ptr<char, void (*)(void *)> owner(converted, std::free);
     const std::string out = safe_text(converted ? converted : text);
     return strdup(out.c_str());

@@ -1,6 +1,5 @@
 #include "input/header/slice.h"
 
-#include "base/sandbox.h"
 #include "input/files/file_bytes.h"
 #include <stdarg.h>
 #include <stdio.h>
@@ -60,15 +59,6 @@ void cts_object_free(CtsObject *object)
     }
     free(object->slices);
     *object = (CtsObject){0};
-}
-
-void cts_scratch_free(CtsScratch *scratch)
-{
-    free(scratch->file);
-    free(scratch->inflated);
-    cts_texts_free(&scratch->texts);
-    cts_sandbox_free(&scratch->inflater);
-    *scratch = (CtsScratch){0};
 }
 
 CtsStatus cts_slice_open(const CtsSlice *s, CtsFileBytes *file, CtsError *err)

@@ -1,5 +1,5 @@
 #define _GNU_SOURCE
-#include "input/header/dcm_read.h"
+#include "input/header/dcm_readers.h"
 #include "base/sandbox.h"
 #include "input/files/file_bytes.h"
 #include "input/header/pixel_places.h"
@@ -15,6 +15,15 @@ enum {
     MAX_DEFLATED_FILE = 16 << 20,
     FIRST_INFLATE = 64 << 10
 };
+
+void cts_scratch_free(CtsScratch *scratch)
+{
+    free(scratch->file);
+    free(scratch->inflated);
+    cts_texts_free(&scratch->texts);
+    cts_sandbox_free(&scratch->inflater);
+    *scratch = (CtsScratch){0};
+}
 
 /* The part of a file that has been read, from its start. */
 typedef struct Head {
@@ -273,9 +282,13 @@ static CtsStatus read_slices(const Framing *f, CtsTexts *texts, CtsSlice *common
     object->kind = common->kind;
     if (!st && !(object->class_uid = cts_texts_share(texts, class_uid, sizeof class_uid)))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && common->kind == CTS_OBJECT_ENHANCED)
-        return cts_dcm_read_frames(f->data_set, f->n_data_set, f->native, texts, &object->slices, &object->n_slices,
-                                   err);
+    const CtsDcmReaders *dcm = NULL;
+    if (!st && common->kind == CTS_OBJECT_ENHANCED) {
+        st = cts_dcm_readers(&dcm, err);
+        return st ? st
+                  : dcm->read_frames(f->data_set, f->n_data_set, f->native, texts, &object->slices, &object->n_slices,
+                                     err);
+    }
     if (st || common->kind != CTS_OBJECT_CT)
         return st;
     object->slices = malloc(sizeof *object->slices);
@@ -343,8 +356,9 @@ CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char *
     CtsStatus st = open_and_scan(&h, &source, &f, &slice, &kind, err);
     if (!st && kind != CTS_FILE_DICOM)
         st = cts_fail(err, CTS_ERR_READ, "is not a DICOMDIR");
-    if (!st)
-        st = cts_dcm_directory(f.data_set, f.n_data_set, f.native, files, n_files, n_refused, err);
+    const CtsDcmReaders *dcm = NULL;
+    if (!st && !(st = cts_dcm_readers(&dcm, err)))
+        st = dcm->directory(f.data_set, f.n_data_set, f.native, files, n_files, n_refused, err);
     for (size_t i = 0; !st && i < *n_files; i++) {
         char *whole = file_beside(path, (*files)[i]);
         if (!whole) {

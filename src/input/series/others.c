@@ -1,6 +1,6 @@
 #include "input/series/others.h"
 
-#include "input/header/dcm_read.h"
+#include "input/header/dcm_readers.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,7 +32,11 @@ CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, C
 CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err)
 {
     char what[sizeof list->others->what];
-    cts_dcm_class_name(class_uid, what, sizeof what);
+    const CtsDcmReaders *dcm = NULL;
+    if (cts_dcm_readers(&dcm, NULL)) /* without the library no class has a name */
+        snprintf(what, sizeof what, "of another SOP class");
+    else
+        dcm->class_name(class_uid, what, sizeof what);
     return add(list, what, 1, err);
 }
 

@@ -3,7 +3,7 @@
 
 #include "base/text.h"
 #include "base/vec3.h"
-#include "input/header/dcm_read.h"
+#include "input/header/dcm_readers.h"
 #include "input/series/slice_stack.h"
 #include <stdarg.h>
 #include <stdio.h>
@@ -191,7 +191,10 @@ static bool same_identity(const CtsSlice *a, const CtsSlice *b, int part)
     const bool same_charset = strcmp(a->charset ? a->charset : "", b->charset ? b->charset : "") == 0;
     if (strcmp(x, y) == 0 || same_charset)
         return strcmp(x, y) == 0;
-    char *p = cts_dcm_convert(x, a->charset ? a->charset : ""), *q = cts_dcm_convert(y, b->charset ? b->charset : "");
+    const CtsDcmReaders *dcm = NULL;
+    if (cts_dcm_readers(&dcm, NULL))
+        return false;
+    char *p = dcm->convert(x, a->charset ? a->charset : ""), *q = dcm->convert(y, b->charset ? b->charset : "");
     const bool same = p && q && strcmp(p, q) == 0;
     free(p);
     free(q);

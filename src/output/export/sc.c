@@ -11,6 +11,7 @@
 #include "output/export/sc_words.h"
 #include "output/image/describe.h"
 #include "output/image/samples.h"
+#include "output/objects/dcm_writers.h"
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -134,7 +135,9 @@ CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
     w->max_rows = ROWS_BYTES / row_bytes > 0 ? (int)(ROWS_BYTES / row_bytes) : 1;
     const CtsScFrame frame = {
         .width = head->width, .height = head->height, .grey = head->grey, .n_threads = job->settings.n_threads};
-    if ((st = cts_dcm_sc_source(job->settings.source->slices[0], &w->facts, err)) ||
+    const CtsDcmWriters *dcm = NULL;
+    if ((st = cts_dcm_writers(&dcm, err)) ||
+        (st = dcm->sc_source(job->settings.source->slices[0], &w->facts, err)) ||
         (st = cts_alloc_array(&w->rows, (size_t)w->max_rows * row_bytes, err)) ||
         (st = cts_alloc_array(&w->azimuth_deg, (size_t)head->n_frames, err)) ||
         (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)) || (st = cts_hash_start(&w->hash, err)))
@@ -235,9 +238,10 @@ CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err)
     struct tm now;
     char date[9], time[7];
     uint8_t pixels[CTS_DIGEST_BYTES], profile[CTS_ICC_BYTES];
+    const CtsDcmWriters *dcm = NULL;
     CtsStatus st;
-    if ((st = cts_hash_finish(&w->hash, pixels, err)) || (st = cts_sc_words(job, &words, err)) ||
-        (st = cts_sc_names(job, &w->facts, &words, pixels, &names, err)))
+    if ((st = cts_dcm_writers(&dcm, err)) || (st = cts_hash_finish(&w->hash, pixels, err)) ||
+        (st = cts_sc_words(job, &words, err)) || (st = cts_sc_names(job, &w->facts, &words, pixels, &names, err)))
         return st;
     fill(job, &words, &names, &object);
     cts_date_now(&now);
@@ -250,7 +254,7 @@ CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err)
     object.icc_profile = profile;
     object.n_icc_profile = cts_icc_srgb(profile);
     warn(job, object.recognizable);
-    if ((st = cts_dcm_sc_write(&object, sink, job->temp, err)))
+    if ((st = dcm->sc_write(&object, sink, job->temp, err)))
         return st;
     return cts_sc_spool_copy(&w->spool, job->temp, err);
 }

@@ -1,6 +1,7 @@
 #include "output/export/sc_spool.h"
 
 #include "base/mem.h"
+#include "output/objects/dcm_writers.h"
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -48,7 +49,11 @@ static CtsStatus put_fragment(void *context, const void *bytes, size_t n, CtsErr
 static CtsStatus compress(CtsScSpool *spool, CtsError *err)
 {
     spool->offsets[spool->n_frames] = (uint32_t)spool->n_bytes; /* unused where it does not fit */
-    return cts_dcm_sc_encode(spool->syntax_uid, &spool->frame, put_fragment, spool, err);
+    if (strcmp(spool->syntax_uid, "1.2.840.10008.1.2.4.90") == 0)
+        return cts_j2k_encode(&spool->frame, put_fragment, spool, err);
+    const CtsDcmWriters *dcm = NULL;
+    const CtsStatus st = cts_dcm_writers(&dcm, err);
+    return st ? st : dcm->sc_encode(spool->syntax_uid, &spool->frame, put_fragment, spool, err);
 }
 
 static void make_little_endian(uint16_t *words, size_t n)

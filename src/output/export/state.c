@@ -8,7 +8,7 @@
 #include "output/export/sc_words.h"
 #include "output/export/uid.h"
 #include "output/image/describe.h"
-#include "output/objects/dcm_state.h"
+#include "output/objects/dcm_writers.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -130,8 +130,9 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
     CtsHash *hash;
     uint8_t digest[CTS_DIGEST_BYTES];
     char all[2 * CTS_DIGEST_BYTES + 1] = "";
-    CtsStatus st = cts_dcm_sc_source(scene->source->slices[0], &names->facts, err);
-    if (st || (st = cts_hash_start(&hash, err)))
+    const CtsDcmWriters *dcm = NULL;
+    CtsStatus st = cts_dcm_writers(&dcm, err);
+    if (st || (st = dcm->sc_source(scene->source->slices[0], &names->facts, err)) || (st = cts_hash_start(&hash, err)))
         return st;
     cts_describe_view(scene->info, view, sizeof view);
     cts_hash_text(hash, s->preset);
@@ -174,8 +175,9 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState
     fill_transfer(scene, s);
     if (scene->capture) {
         CtsDcmIds ids;
-        const CtsStatus found = cts_dcm_ids(scene->capture, &ids, err);
-        if (found)
+        const CtsDcmWriters *dcm = NULL;
+        CtsStatus found = cts_dcm_writers(&dcm, err);
+        if (found || (found = dcm->ids(scene->capture, &ids, err)))
             return found;
         memcpy(s->capture_class_uid, ids.class_uid, sizeof ids.class_uid);
         memcpy(s->capture_uid, ids.sop_uid, sizeof ids.sop_uid);
@@ -187,7 +189,8 @@ static CtsStatus write_file(const char *path, const CtsDcmState *s, bool force, 
 {
     CtsTempFile *temp = NULL;
     CtsStatus st = cts_temp_open(&temp, path, err);
-    if (!st && !(st = cts_dcm_state_write(s, sink, temp, err)))
+    const CtsDcmWriters *dcm = NULL;
+    if (!st && !(st = cts_dcm_writers(&dcm, err)) && !(st = dcm->state_write(s, sink, temp, err)))
         st = cts_temp_commit(&temp, force, NULL, err);
     cts_temp_discard(&temp);
     return st;
@@ -259,7 +262,10 @@ CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err)
     CtsState *s = *state = calloc(1, sizeof *s);
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
-    CtsStatus st = cts_dcm_state_read(path, &preset, &s->text, err);
+    const CtsDcmWriters *dcm = NULL;
+    CtsStatus st = cts_dcm_writers(&dcm, err);
+    if (!st)
+        st = dcm->state_read(path, &preset, &s->text, err);
     if (!st && (st = split_options(s, err)))
         cts_context(err, "%s", path);
     if (!st)

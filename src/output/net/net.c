@@ -1,6 +1,6 @@
 #include "output/net/peer.h"
 
-#include "input/header/dcm_ids.h"
+#include "output/objects/dcm_writers.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -55,8 +55,9 @@ static CtsStatus pack(const char *const *paths, int n, CtsParcel *parcels, CtsEr
 {
     for (int i = 0; i < n; i++) {
         CtsDcmIds ids;
-        const CtsStatus st = cts_dcm_ids(paths[i], &ids, err);
-        if (st)
+        const CtsDcmWriters *dcm = NULL;
+        CtsStatus st = cts_dcm_writers(&dcm, err);
+        if (st || (st = dcm->ids(paths[i], &ids, err)))
             return st;
         parcels[i].path = paths[i];
         memcpy(parcels[i].class_uid, ids.class_uid, sizeof ids.class_uid);

@@ -108,8 +108,6 @@ CtsStatus encode(const char *syntax_uid, const CtsScFrame &frame, CtsScSink sink
 extern "C" CtsStatus cts_dcm_sc_encode(const char *syntax_uid, const CtsScFrame *frame, CtsScSink sink, void *context,
                                        CtsError *err)
 try {
-    if (strcmp(syntax_uid, UID_JPEG2000LosslessOnlyTransferSyntax) == 0)
-        return cts_j2k_encode(frame, sink, context, err);
     const CtsDcmUse use(cts_dcm_in_use());
     return encode(syntax_uid, *frame, sink, context, err);
 } catch (const std::bad_alloc &) {

@@ -2,7 +2,7 @@
 #ifndef CTS_DICOM_DCM_STATE_H
 #define CTS_DICOM_DCM_STATE_H
 
-#include "input/header/dcm_ids.h"
+#include "output/objects/dcm_ids.h"
 #include "output/objects/dcm_sc.h"
 
 #ifdef __cplusplus

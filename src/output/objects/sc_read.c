@@ -2,7 +2,7 @@
 #include "output/objects/dcm_sc.h"
 
 #include "base/mem.h"
-#include "output/objects/dcm_sc_read.h"
+#include "output/objects/dcm_writers.h"
 #include "input/codec/codec.h"
 #include "input/files/file_bytes.h"
 #include "input/files/tag_scan.h"
@@ -148,8 +148,9 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
     ScFile f = {0};
     *pixels = (CtsScPixels){0};
     CtsStatus st = load(path, &f, err);
-    if (st || (st = scan(&f, err)) ||
-        (st = cts_dcm_sc_header(f.bytes + f.meta.data_offset, f.data.header_end - f.meta.data_offset, f.native,
+    const CtsDcmWriters *dcm = NULL;
+    if (st || (st = scan(&f, err)) || (st = cts_dcm_writers(&dcm, err)) ||
+        (st = dcm->sc_header(f.bytes + f.meta.data_offset, f.data.header_end - f.meta.data_offset, f.native,
                                 &f.header, err)) ||
         (st = find_frame(&f, err)))
         goto end;

@@ -1,0 +1,21 @@
+/* DCMTK's codecs, as input/header/dcm_readers.h. */
+#ifndef CTS_DICOM_DCM_DECODER_H
+#define CTS_DICOM_DCM_DECODER_H
+
+#include "input/codec/codec.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+typedef struct CtsDcmDecoder {
+    CtsStatus (*start)(CtsError *err); /* before the first decoding */
+    cts_decode_fn decode;
+} CtsDcmDecoder;
+
+CtsStatus cts_dcm_decoder(const CtsDcmDecoder **decoder, CtsError *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
