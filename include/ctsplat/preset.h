@@ -39,6 +39,7 @@ typedef struct CtsPreset {
     int n_opacity, n_colour;
     CtsOpacityPoint opacity[CTS_MAX_POINTS];
     CtsColourPoint colour[CTS_MAX_POINTS];
+    bool needs_contrast; /* shows vessels by their contrast agent: without any it is bone that shows */
     char note[160]; /* what the file asks for and a picture cannot have, to be told as a warning; "" when all is well */
 } CtsPreset;
 

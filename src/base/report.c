@@ -1,5 +1,6 @@
 #include "ctsplat/report.h"
 
+#include "base/by_id.h"
 #include "base/text.h"
 #include <stdarg.h>
 #include <stdio.h>
@@ -8,12 +9,10 @@
 
 const char *const cts_severity_names[3] = {[CTS_NOTE] = "note", [CTS_WARNING] = "warning", [CTS_REFUSAL] = "refusal"};
 
-const char *const cts_stage_names[CTS_N_STAGES] = {
-    [CTS_STAGE_SCAN] = "scan",           [CTS_STAGE_DECODE] = "decode",       [CTS_STAGE_GREY] = "grey",
-    [CTS_STAGE_CLASSIFY] = "classify",   [CTS_STAGE_FOOTPRINT] = "footprint", [CTS_STAGE_SPLAT] = "splat",
-    [CTS_STAGE_COMPOSITE] = "composite", [CTS_STAGE_SHADE] = "shade",         [CTS_STAGE_WARP] = "warp",
-    [CTS_STAGE_EXPORT] = "export",
-};
+CTS_BY_ID(char *const, cts_stage_names, CTS_N_STAGES, [CTS_STAGE_SCAN] = "scan", [CTS_STAGE_DECODE] = "decode",
+          [CTS_STAGE_GREY] = "grey", [CTS_STAGE_CLASSIFY] = "classify", [CTS_STAGE_FOOTPRINT] = "footprint",
+          [CTS_STAGE_SPLAT] = "splat", [CTS_STAGE_COMPOSITE] = "composite", [CTS_STAGE_SHADE] = "shade",
+          [CTS_STAGE_WARP] = "warp", [CTS_STAGE_EXPORT] = "export");
 
 /* A report that runs out of memory loses a line, never the picture. */
 static void *grow(void *items, size_t n, size_t size)

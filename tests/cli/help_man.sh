@@ -48,6 +48,13 @@ for option in $(cat help-options); do
     tr -d '\\' <"$man" | grep -A1 '^\.TP' | grep -qE "^\.BR? .*$option( |\"|\$)" || fail "$option has no entry in the man page"
 done
 
+# The built-in presets stand in their own page: ours each by name, Slicer's by the first and the last.
+ok presets
+awk '$NF == "in" && $(NF - 1) == "built" || /built in$/ { print $1 }' out | sed '/^ct-/d' | sort >presets
+awk '/^\.SH/ { on = /BUILT-IN/ } on && /^\.BR .*,/ { print }' "$root/man/ctsplat-preset.5" | tr -d '\\' |
+    grep -oE '[a-z][a-z-]+' | grep -vwE 'ct-x-ray|and|minip|average' | sort >told
+diff presets told >difference || fail "presets (<) and ctsplat-preset(5) (>) differ: $(cat difference)"
+
 ok --version
 version=$(sed -n 's/^ctsplat //p' out)
 for page in "$root"/man/*.[0-9]; do

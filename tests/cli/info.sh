@@ -57,10 +57,10 @@ assert len(found) == 1 and found[0]["spacing_mm"][2] is None, found' || fail "th
 done
 refused 3 'nowhere' info nowhere
 refused 3 '' info "$data/broken/none"
-# Packed files are told as what they seem to be.
+# Packed files are told as what they are.
 mkdir packed
 gzip -c "$data/phantom/IM0001.dcm" >packed/IM0001.dcm
-refused 3 'packed: no CT slice among 1 file: 1 not DICOM \(packed with gzip\?\)' info packed
+refused 3 'packed: no CT slice among 1 file: 1 packed with gzip \(unpack first\)' info packed
 # Header text drives no terminal; twelve unsigned bits that are called signed, and Double Float Pixel Data, are refused.
 "$python" - "$data" <<'PY' || fail "the damaged headers"
 import os, shutil, sys

@@ -6,7 +6,7 @@
 #include "ctsplat/report.h"
 #include "ctsplat/volume.h"
 
-/* For the built-in preset `vessel` and a volume whose blood carries no contrast agent, by the mixture model: the
+/* For a preset that needs contrast agent, and a volume whose blood carries no contrast agent, by the mixture model: the
  * warning `no_contrast`, and the preset gets the colours of `bone`, as bone is what it shows then. All else is left
  * alone. */
 CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *preset, CtsReport *report,

@@ -2,9 +2,9 @@
 #ifndef CTS_JOB_FILES_H
 #define CTS_JOB_FILES_H
 
-#include "ctsplat/picture.h"
 #include "app/job/outputs.h"
 #include "app/job/watch.h"
+#include "ctsplat/picture.h"
 
 /* A file that stands, whole, and is not told of yet. */
 typedef struct CtsFileEnded {

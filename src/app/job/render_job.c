@@ -1,14 +1,15 @@
 #include "app/job/render_job.h"
 
+#include "app/job/contrast.h"
+#include "app/job/files.h"
+#include "app/job/fit_window.h"
+#include "app/job/held.h"
+#include "app/job/pooled.h"
+#include "app/job/saturation.h"
 #include "base/cpu.h"
 #include "base/meter.h"
 #include "base/parallel.h"
 #include "ctsplat/annotate.h"
-#include "app/job/contrast.h"
-#include "app/job/files.h"
-#include "app/job/held.h"
-#include "app/job/pooled.h"
-#include "app/job/saturation.h"
 #include <string.h>
 
 /* Bands of a picture that somebody watches: few enough to cost nothing, enough of them to see it go on. */
@@ -89,9 +90,9 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     const CtsJob *job = frame->job;
     const CtsMeter meter = cts_meter_start(frame->report);
     CtsStatus st;
-    cts_saturation_add(&frame->saturation, band);
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background, job->render.n_threads);
+    cts_saturation_add(&frame->saturation, band);
     if (!(st = annotate(frame, band, err)) && frame->files->watch->band)
         frame->files->watch->band(frame->files->watch->context, frame->number, band);
     if (!st && !(st = stopped(job, err))) {
@@ -203,15 +204,16 @@ static CtsStatus render_frames(const CtsJob *job, CtsRenderer *renderer, CtsFile
 }
 
 /* The recipe beside the pictures. */
-static CtsStatus write_state(const CtsJob *job, const CtsLoaded *loaded, const CtsPictureInfo *first, CtsError *err)
+static CtsStatus write_state(const CtsJob *job, const CtsPreset *preset, const CtsLoaded *loaded,
+                             const CtsPictureInfo *first, CtsError *err)
 {
     const CtsSwitch shade = job->render.shade;
     CtsStateScene scene = {
-        .preset = job->preset,
+        .preset = preset,
         .info = first,
         .width = job->render.width,
         .height = job->render.height,
-        .shaded = shade == CTS_AS_PRESET ? job->preset->shade : shade == CTS_ON,
+        .shaded = shade == CTS_AS_PRESET ? preset->shade : shade == CTS_ON,
         .cropped = job->source.crop,
         .source = loaded->series,
         .words = job->words,
@@ -239,7 +241,8 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
     settings.n_threads = cts_threads(job->render.n_threads);
     render.want_depth = cts_outputs_hold_depth(&job->outputs);
     render.rotation_frames = n_frames_of(job);
-    if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)))
+    if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)) &&
+        !(st = cts_fit_window(loaded->volume, &render, &preset, report, err)))
         st = cts_files_begin(&files, err);
     cts_meter_stop(meter, report, CTS_STAGE_CLASSIFY);
     meter = cts_meter_start(report);
@@ -250,7 +253,7 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
         st = render_frames(job, renderer, &files, report, err);
     meter = cts_meter_start(report);
     if (!st && job->outputs.state && !job->render.explain)
-        st = write_state(job, loaded, &files.first, err);
+        st = write_state(job, &preset, loaded, &files.first, err);
     cts_files_end(&files);
     cts_render_end(&renderer);
     cts_meter_stop(meter, report, CTS_STAGE_EXPORT);

@@ -58,6 +58,9 @@ static void settle_preset(const CtsOptions *options, CtsPreset *preset, CtsRepor
     if (options->window.given) {
         preset->window_low_hu = options->window.low_hu;
         preset->window_high_hu = options->window.high_hu;
+    } else if (options->render.mode >= 0 && !options->state && !cts_options_given(options, "preset") &&
+               !options->presets) {
+        preset->window_low_hu = preset->window_high_hu = 0; /* empty: one that fits (app/job/fit_window.h) */
     }
     if (options->render.mode >= 0)
         preset->mode = (CtsMode)options->render.mode;

@@ -1,14 +1,12 @@
 #include "core/scene/kernel.h"
 
-const char *const cts_kernel_names[CTS_N_KERNELS] = {
-    [CTS_KERNEL_TENT] = "tent",       [CTS_KERNEL_GAUSSIAN] = "gaussian",     [CTS_KERNEL_CONE] = "cone",
-    [CTS_KERNEL_BSPLINE] = "bspline", [CTS_KERNEL_CONE_PAPER] = "cone-paper",
-};
+#include "base/by_id.h"
 
-static const double own_radius[CTS_N_KERNELS] = {
-    [CTS_KERNEL_TENT] = 1,    [CTS_KERNEL_GAUSSIAN] = 2,     [CTS_KERNEL_CONE] = 1.5,
-    [CTS_KERNEL_BSPLINE] = 2, [CTS_KERNEL_CONE_PAPER] = 1.5,
-};
+CTS_BY_ID(char *const, cts_kernel_names, CTS_N_KERNELS, [CTS_KERNEL_TENT] = "tent", [CTS_KERNEL_GAUSSIAN] = "gaussian",
+          [CTS_KERNEL_CONE] = "cone", [CTS_KERNEL_BSPLINE] = "bspline", [CTS_KERNEL_CONE_PAPER] = "cone-paper");
+
+static CTS_BY_ID(double, own_radius, CTS_N_KERNELS, [CTS_KERNEL_TENT] = 1, [CTS_KERNEL_GAUSSIAN] = 2,
+                 [CTS_KERNEL_CONE] = 1.5, [CTS_KERNEL_BSPLINE] = 2, [CTS_KERNEL_CONE_PAPER] = 1.5);
 
 double cts_kernel_radius(CtsKernelId kernel, double radius)
 {

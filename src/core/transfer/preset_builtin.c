@@ -49,6 +49,7 @@ static const CtsPreset looks[] = {
     },
     {
         OWN("vessel"),
+        .needs_contrast = true,
         PRESET_WINDOW(-165, 485),
         PRESET_LIGHT(0.2, 0.8, 0.3, 25),
         PRESET_OPACITY({120, 0}, {180, 0.25}, {280, 0.75}, {450, 0.85}, {1000, 0.95}),

@@ -228,7 +228,7 @@ static const char *packer_of(const uint8_t *bytes, size_t n)
 {
     static const struct {
         const char *name, *magic;
-    } packers[] = {{"gzip", "\x1f\x8b"},
+    } packers[] = {{"gzip", "\x1f\x8b\x08"},
                    {"bzip2", "BZh"},
                    {"xz", "\xfd"
                           "7zXZ"},

@@ -209,7 +209,7 @@ void cts_slice_stack_findings(const CtsSliceStack *s, const CtsSlice *const *sli
     }
     const double height_mm = fabs(cts_dot3(s->step_lps, middle->normal_lps)) * (s->n_layers - 1);
     if (s->tilt_deg > 0.1 && height_mm * tan(s->tilt_deg * (3.14159265358979323846 / 180)) > JITTER_MM)
-        cts_findings_add(findings, "gantry_tilt", CTS_WARNING,
+        cts_findings_add(findings, "gantry_tilt", CTS_NOTE,
                          "the stack is sheared by %.2f degrees (gantry tilt); the picture keeps its true shape",
                          s->tilt_deg);
     if (s->sideways_mm > fmax(JITTER_MM, 0.1 * fmin(middle->row_spacing_mm, middle->column_spacing_mm)))

@@ -1,6 +1,5 @@
 #include "lab/check/plot.h"
 
-#include "ctsplat/render.h"
 #include "output/report/gnuplot.h"
 #include <math.h>
 #include <stdio.h>
@@ -51,10 +50,9 @@ static void write_head(FILE *f, const CtsCheckResult *results, const size_t *fir
 
 static void write_data(FILE *f, const CtsCheckResult *results, size_t n, const size_t *row)
 {
-    static const char *const colour[CTS_N_ENGINES] = {"#7a3db8", "#1a8f6c", "#2f7fc1", "#c25a00", "#b3123f", "#333333"};
     for (int e = 0; e < CTS_N_ENGINES; e++)
         fprintf(f, "%s '-' using 1:2 with points pt %d ps 0.6 lc rgb '%s' title '%s'", e ? "," : "plot", 4 + e,
-                colour[e], cts_engine_names[e]);
+                cts_engine_colours[e], cts_engine_names[e]);
     fputc('\n', f);
     for (int e = 0; e < CTS_N_ENGINES; e++) {
         bool any = false;

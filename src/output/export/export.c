@@ -1,5 +1,6 @@
 #include "ctsplat/export.h"
 
+#include "base/by_id.h"
 #include "base/clock.h"
 #include "output/export/format.h"
 #include "output/image/samples.h"
@@ -9,12 +10,8 @@
 #include <string.h>
 #include <strings.h>
 
-const char *const cts_sc_compression_names[CTS_SC_N_COMPRESSIONS] = {
-    [CTS_SC_NONE] = "none",
-    [CTS_SC_RLE] = "rle",
-    [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless",
-    [CTS_SC_JPEG_2000] = "jpeg-2000",
-};
+CTS_BY_ID(char *const, cts_sc_compression_names, CTS_SC_N_COMPRESSIONS, [CTS_SC_NONE] = "none", [CTS_SC_RLE] = "rle",
+          [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless", [CTS_SC_JPEG_2000] = "jpeg-2000");
 
 enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
 

@@ -1,19 +1,22 @@
 #include "output/export/sc_words.h"
 
+#include "base/by_id.h"
 #include "output/export/uid.h"
 #include "output/image/describe.h"
 #include <stdio.h>
 #include <string.h>
 
 /* How each mode is called: value 3 of ImageType, the series' name, and a code of CID 7203. */
-static const struct {
+typedef struct ModeTerms {
     const char *image_type, *short_name, *long_name, *code, *meaning;
-} mode_terms[CTS_N_MODES] = {
-    [CTS_MODE_COMPOSITE] = {"VOLUME_RENDER", "VR", "Volume rendering", "113074", "Volume rendering"},
+} ModeTerms;
+
+static CTS_BY_ID(
+    ModeTerms, mode_terms,
+    CTS_N_MODES, [CTS_MODE_COMPOSITE] = {"VOLUME_RENDER", "VR", "Volume rendering", "113074", "Volume rendering"},
     [CTS_MODE_MIP] = {"MAX_IP", "MIP", "Maximum intensity projection", "113078", "Maximum intensity projection"},
     [CTS_MODE_MINIP] = {"MIN_IP", "MinIP", "Minimum intensity projection", "113079", "Minimum intensity projection"},
-    [CTS_MODE_AVERAGE] = {"AVERAGE_IP", "Average", "Average intensity projection", "113074", "Volume rendering"},
-};
+    [CTS_MODE_AVERAGE] = {"AVERAGE_IP", "Average", "Average intensity projection", "113074", "Volume rendering"});
 
 /* The side that is looked at, of SNOMED CT; the last for all others. */
 static const struct {

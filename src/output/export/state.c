@@ -1,6 +1,7 @@
 /* Presentation states: what the standard's attributes say of a picture. Their encoding is dicom/dcm_state's. */
 #include "ctsplat/state.h"
 
+#include "base/by_id.h"
 #include "base/file.h"
 #include "base/hash.h"
 #include "output/export/date.h"
@@ -15,12 +16,9 @@
 #include <string.h>
 
 /* The standard has no word for a mean along the ray. */
-static const char *const methods[CTS_N_MODES] = {
-    [CTS_MODE_COMPOSITE] = "VOLUME_RENDERED",
-    [CTS_MODE_MIP] = "MAXIMUM_IP",
-    [CTS_MODE_MINIP] = "MINIMUM_IP",
-    [CTS_MODE_AVERAGE] = "VOLUME_RENDERED",
-};
+static CTS_BY_ID(char *const, methods,
+                 CTS_N_MODES, [CTS_MODE_COMPOSITE] = "VOLUME_RENDERED", [CTS_MODE_MIP] = "MAXIMUM_IP",
+                 [CTS_MODE_MINIP] = "MINIMUM_IP", [CTS_MODE_AVERAGE] = "VOLUME_RENDERED");
 
 /* Shininess is relative to what an implementation can do: here this power of the highlight. */
 static const double max_power = 128;

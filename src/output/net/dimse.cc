@@ -48,6 +48,15 @@ std::string one_line(const OFCondition &state)
     return text;
 }
 
+/* Why there is no association. A peer that knows only some callers says no more than that it rejects this one. */
+std::string refusal(const OFCondition &state)
+{
+    std::string text = one_line(state);
+    if (text.find("Rejected") != std::string::npos)
+        text += " (the peer must know the AE title that `aet` gives, and its own must be the one asked for)";
+    return text;
+}
+
 /* PEM files in, a layer for the connection out; NULL without TLS. */
 CtsStatus make_tls(const CtsNet &net, std::unique_ptr<DcmTLSTransportLayer> &tls, CtsError *err)
 {
@@ -199,7 +208,7 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int 
     if (state.bad()) {
         result.again = state.module() != OFM_dcmtls && state != NET_EC_NoAcceptablePresentationContexts;
         cts_fail(&result.error, CTS_ERR_OUTPUT, "no association with %s at %s port %d: %s", peer.aet, peer.host,
-                 peer.port, one_line(state).c_str());
+                 peer.port, refusal(state).c_str());
         return;
     }
     for (int i = 0; i < n && !result.error.status && !cts_net_stopped(&net); i++)
@@ -297,7 +306,7 @@ void add_models(Scu &scu, const char *model)
 CtsStatus no_association(const CtsPeer &peer, const OFCondition &state, CtsError *err)
 {
     return cts_fail(err, CTS_ERR_READ, "no association with %s at %s port %d: %s", peer.aet, peer.host, peer.port,
-                    one_line(state).c_str());
+                    refusal(state).c_str());
 }
 
 CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)

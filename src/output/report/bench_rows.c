@@ -1,5 +1,6 @@
 #include "output/report/bench_rows.h"
 
+#include "output/report/gnuplot.h"
 #include "output/report/page.h"
 #include <jansson.h>
 #include <math.h>
@@ -226,7 +227,6 @@ static void widen_for_peers(const CtsBenchPeers *peers, double *least, double *m
 
 static void write_script(FILE *f, const CtsBenchRow *const *list, int n, const CtsBenchPeers *peers)
 {
-    static const char *const colour[CTS_N_ENGINES] = {"#7a3db8", "#1a8f6c", "#2f7fc1", "#c25a00", "#b3123f", "#333333"};
     double least, most, first = n ? list[0]->wall_ms / 2 : 1, last = n ? list[n - 1]->wall_ms * 2 : 10;
     const char *plot = "plot";
     plot_range(list, n, &least, &most);
@@ -254,7 +254,7 @@ static void write_script(FILE *f, const CtsBenchRow *const *list, int n, const C
         fprintf(f,
                 "%s $all%d using 1:2 with points pt 6 ps 0.6 lc rgb '%s' notitle,"
                 " $best%d using 1:2 with linespoints pt 7 ps 0.6 lw 1.5 lc rgb '%s' title '%s'",
-                plot, e, colour[e], e, colour[e], cts_engine_names[e]);
+                plot, e, cts_engine_colours[e], e, cts_engine_colours[e], cts_engine_names[e]);
         plot = ",";
     }
     if (told)

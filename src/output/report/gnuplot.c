@@ -1,5 +1,6 @@
 #include "output/report/gnuplot.h"
 
+#include "base/by_id.h"
 #include "base/file.h"
 #include <errno.h>
 #include <spawn.h>
@@ -10,6 +11,11 @@
 #include <unistd.h>
 
 extern char **environ;
+
+CTS_BY_ID(
+    char *const, cts_engine_colours,
+    CTS_N_ENGINES, [CTS_ENGINE_CLASSIC] = "#7a3db8", [CTS_ENGINE_LAYERS] = "#1a8f6c", [CTS_ENGINE_VOID] = "#2f7fc1",
+    [CTS_ENGINE_COMBINED] = "#c25a00", [CTS_ENGINE_TILED] = "#b3123f", [CTS_ENGINE_RAYCAST] = "#333333");
 
 /* The whole of a file from its start, with a 0 behind it. */
 static char *read_all(FILE *file)

@@ -461,8 +461,10 @@ void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport
                         "%llu of %llu pixels of the draft at half the resolution, where %.0f rays show that it will do",
                         (unsigned long long)bound->at_half, (unsigned long long)bound->pixels, bound->half_rays);
     const bool kept = rmse <= 1.005 * asked, by_default = !(scene->plan.max_error > 0);
+    /* What ctsplat aims at by itself, and misses by less than a step of eight bits, nobody sees. */
+    const bool is_note = kept || (by_default && 255 * rmse <= 1);
     if (!kept || !by_default)
-        cts_report_finding(report, kept ? "max_error" : "error_bound", kept ? CTS_NOTE : CTS_WARNING,
+        cts_report_finding(report, kept ? "max_error" : "error_bound", is_note ? CTS_NOTE : CTS_WARNING,
                            "the picture's error is at most about %.2g/255 rms, %s %.2g%s", 255 * rmse,
                            by_default ? "aimed at" : "asked for", 255 * asked,
                            kept         ? ""

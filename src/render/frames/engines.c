@@ -1,15 +1,15 @@
 #include "render/frames/engines.h"
 
-const char *const cts_engine_names[CTS_N_ENGINES] = {
-    [CTS_ENGINE_CLASSIC] = "classic",   [CTS_ENGINE_LAYERS] = "layers", [CTS_ENGINE_VOID] = "void",
-    [CTS_ENGINE_COMBINED] = "combined", [CTS_ENGINE_TILED] = "tiled",   [CTS_ENGINE_RAYCAST] = "raycast",
-};
+#include "base/by_id.h"
 
-static const CtsEngine *const engines[CTS_N_ENGINES] = {
-    [CTS_ENGINE_CLASSIC] = &cts_engine_classic, [CTS_ENGINE_LAYERS] = &cts_engine_layers,
-    [CTS_ENGINE_VOID] = &cts_engine_void,       [CTS_ENGINE_COMBINED] = &cts_engine_combined,
-    [CTS_ENGINE_TILED] = &cts_engine_tiled,     [CTS_ENGINE_RAYCAST] = &cts_engine_raycast,
-};
+CTS_BY_ID(char *const, cts_engine_names,
+          CTS_N_ENGINES, [CTS_ENGINE_CLASSIC] = "classic", [CTS_ENGINE_LAYERS] = "layers", [CTS_ENGINE_VOID] = "void",
+          [CTS_ENGINE_COMBINED] = "combined", [CTS_ENGINE_TILED] = "tiled", [CTS_ENGINE_RAYCAST] = "raycast");
+
+static CTS_BY_ID(CtsEngine *const, engines,
+                 CTS_N_ENGINES, [CTS_ENGINE_CLASSIC] = &cts_engine_classic, [CTS_ENGINE_LAYERS] = &cts_engine_layers,
+                 [CTS_ENGINE_VOID] = &cts_engine_void, [CTS_ENGINE_COMBINED] = &cts_engine_combined,
+                 [CTS_ENGINE_TILED] = &cts_engine_tiled, [CTS_ENGINE_RAYCAST] = &cts_engine_raycast);
 
 const CtsEngine *cts_engine(CtsEngineId id)
 {

@@ -1,0 +1,78 @@
+#include "app/job/fit_window.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+/* Few pixels tell as much of a histogram's ends as many; rounded, so that it reads well and small changes of a series
+ * leave it; noise alone is wider than the narrowest. */
+enum { SIDE = 128, MOST_VIEWS = 2, ROUND_HU = 10, NARROWEST_HU = 50 };
+
+static int by_value(const void *a, const void *b)
+{
+    const float x = *(const float *)a, y = *(const float *)b;
+    return x < y ? -1 : x > y;
+}
+
+/* The values of one view that are not nothing and not air alone, behind n others; from 0 at low to 1 at high. */
+static CtsStatus look(const CtsVolume *volume, const CtsPreset *wide, const CtsRenderSettings *settings,
+                      double turn_deg, float *values, size_t *n, CtsError *err)
+{
+    CtsRenderSettings s = *settings;
+    CtsPicture *picture = NULL;
+    s.width = s.height = SIDE;
+    s.mm_per_pixel = 0;
+    s.fit = CTS_FIT_VOLUME;
+    s.centre_given = s.void_key = s.explain = s.want_depth = false;
+    s.rotation_frames = s.samples = s.verify = 0;
+    s.engine = CTS_ENGINE_TILED;
+    s.kernel = CTS_KERNEL_TENT;
+    s.kernel_radius = s.tolerance_hu = 0;
+    s.grey_bits = 16;
+    s.azimuth_deg += turn_deg;
+    const CtsStatus st = cts_render(volume, wide, &s, &picture, NULL, err);
+    const double air =
+        (volume->hu_offset + volume->hu_step - wide->window_low_hu) / (wide->window_high_hu - wide->window_low_hu);
+    for (int i = 0; !st && i < SIDE * SIDE; i++) {
+        const float value = picture->pixels[(size_t)i * (size_t)picture->n_channels];
+        if (value >= air)
+            values[(*n)++] = value;
+    }
+    cts_picture_free(&picture);
+    return st;
+}
+
+static void set_window(CtsPreset *preset, const CtsPreset *wide, const float *values, size_t n)
+{
+    const double width = wide->window_high_hu - wide->window_low_hu;
+    const double low = wide->window_low_hu + width * (n ? values[n / 20] : 0);
+    const double high = wide->window_low_hu + width * (n ? values[n - 1 - n / 100] : 1);
+    const double middle = (low + high) / 2, half = fmax(high - low, NARROWEST_HU) / 2;
+    preset->window_low_hu = ROUND_HU * floor((middle - half) / ROUND_HU);
+    preset->window_high_hu = ROUND_HU * ceil((middle + half) / ROUND_HU);
+}
+
+CtsStatus cts_fit_window(const CtsVolume *volume, const CtsRenderSettings *settings, CtsPreset *preset,
+                         CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (preset->mode == CTS_MODE_COMPOSITE || preset->window_low_hu < preset->window_high_hu)
+        return CTS_OK;
+    CtsPreset wide = *preset;
+    wide.window_low_hu = volume->hu_offset - volume->hu_step; /* 0 is nothing */
+    wide.window_high_hu = volume->hu_offset + volume->hu_step * UINT16_MAX;
+    const int n_views = settings->rotation_frames > 1 ? MOST_VIEWS : 1;
+    float *values = malloc(sizeof(float[MOST_VIEWS][SIDE * SIDE]));
+    size_t n = 0;
+    if (!values)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 0; i < n_views && !st; i++)
+        st = look(volume, &wide, settings, 90.0 * i, values, &n, err);
+    if (!st) {
+        qsort(values, n, sizeof *values, by_value);
+        set_window(preset, &wide, values, n);
+        cts_report_plan(report, "window %g to %g HU, fitted to mode %s (`window` gives another)", preset->window_low_hu,
+                        preset->window_high_hu, cts_mode_names[preset->mode]);
+    }
+    free(values);
+    return st;
+}
