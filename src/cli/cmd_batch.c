@@ -51,15 +51,9 @@ static void on_searching(void *context, uint64_t n_files)
 
 static void on_progress(void *context, const CtsBatchProgress *p)
 {
-    char text[160], left[48] = "";
-    const double s = p->seconds_left;
-    if (s >= 5400)
-        snprintf(left, sizeof left, ", about %.1f hours left", s / 3600);
-    else if (s >= 90)
-        snprintf(left, sizeof left, ", about %.0f minutes left", s / 60);
-    else if (s >= 0)
-        snprintf(left, sizeof left, ", about %.0f seconds left", s);
-    snprintf(text, sizeof text, "%zu of %zu series, %zu pictures%s", p->n_ended, p->n_series, p->n_pictures, left);
+    char text[160];
+    snprintf(text, sizeof text, "%zu of %zu series, %zu pictures%s", p->n_ended, p->n_series, p->n_pictures,
+             cli_time_left(p->seconds_left).text);
     tell(context, (double)p->n_ended, (int)p->n_series, text);
 }
 

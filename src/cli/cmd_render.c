@@ -87,6 +87,7 @@ static CtsStatus begin(const CtsOptions *options, CtsLog *log, CtsPreset *preset
     if ((st = cts_options_one_job(options, preset, job, report, err)) ||
         (st = cli_standard_output_begin(standard_output, options, job, err)))
         return st;
+    cts_log_picture(log, preset->name, &job->render, options->rotation ? options->rotation : 1);
     if (options->from.given)
         cli_interrupt_asks(); /* from now on there is a folder to clear away */
     return CTS_OK;

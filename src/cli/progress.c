@@ -27,6 +27,18 @@ void cli_progress(double done, int all, const char *what)
     fflush(stderr);
 }
 
+CliTimeLeft cli_time_left(double seconds)
+{
+    CliTimeLeft left = {""};
+    if (seconds >= 5400)
+        snprintf(left.text, sizeof left.text, ", about %.1f hours left", seconds / 3600);
+    else if (seconds >= 90)
+        snprintf(left.text, sizeof left.text, ", about %.0f minutes left", seconds / 60);
+    else if (seconds >= 0)
+        snprintf(left.text, sizeof left.text, ", about %.0f seconds left", seconds);
+    return left;
+}
+
 void cli_progress_clear(void)
 {
     if (!cli_progress_shows())

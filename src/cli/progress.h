@@ -8,6 +8,11 @@
 void cli_progress(double done, int all, const char *what);
 /* Whether there is a terminal to draw it on. */
 bool cli_progress_shows(void);
+/* ", about 40 seconds left"; "" where seconds < 0, as it is not known. */
+typedef struct CliTimeLeft {
+    char text[48];
+} CliTimeLeft;
+CliTimeLeft cli_time_left(double seconds);
 /* Take the bar off the line, before a message and at the end. */
 void cli_progress_clear(void);
 

@@ -1,14 +1,25 @@
 #include "cli/terminal_watch.h"
 
+#include "base/clock.h"
 #include "cli/interrupt.h"
 #include "cli/message.h"
 #include "cli/progress.h"
+#include <stdio.h>
 #include <string.h>
 
+/* Steps after searching and reading are frames, which take about as long each. */
 static void step(void *context, double done, int all, const char *what)
 {
-    (void)context;
-    cli_progress(done, all, what);
+    enum { FIRST_FRAME = 2 };
+    CliWatch *seen = context;
+    char text[128];
+    const double now_ms = cts_wall_ms(), frames = done - FIRST_FRAME;
+    if (frames <= 0)
+        seen->frames_start_ms = now_ms;
+    const bool knows = all > FIRST_FRAME + 1 && frames >= 1;
+    snprintf(text, sizeof text, "%s%s", what,
+             cli_time_left(knows ? (now_ms - seen->frames_start_ms) / 1000 / frames * (all - done) : -1).text);
+    cli_progress(done, all, text);
 }
 
 static void findings(void *context, const CtsReport *report)

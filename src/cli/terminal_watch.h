@@ -11,6 +11,7 @@ typedef struct CliWatch {
     const char *told_later; /* an output that is not told yet, or NULL */
     size_t n_findings;      /* of the report, printed so far */
     CtsNames *names;        /* of input files, for the log to leave out; or NULL */
+    double frames_start_ms; /* when the first frame began */
 } CliWatch;
 
 /* From its loading on, a job is asked to stop by signals (cli/interrupt.h). */

@@ -18,7 +18,7 @@ for name in sys.argv[2:]:
 assert len(runs) == 3 and not run
 fields = {
     "run": {"run_id", "version", "time", "command", "series_uid_hash"},
-    "stage": {"stage", "wall_ms", "cpu_ms", "items", "bytes"}, "skipped": {"what", "why"},
+    "picture": {"preset", "view", "size", "frames"}, "stage": {"stage", "wall_ms", "cpu_ms", "items", "bytes"}, "skipped": {"what", "why"},
     "plan": {"text"}, "bound": {"rmse", "max", "kind", "cast"}, "finding": {"code", "severity", "text"},
     "voxels": {"total", "void", "reused", "splatted"},
     "error": {"pixels", "rmse", "rmse_low", "rmse_high", "psnr_db", "p999", "max", "share", "share_high", "cpu_ms", "picture_cpu_ms",
@@ -41,6 +41,9 @@ for run in runs:
     for event in run:
         assert set(event) == fields[event["event"]] | {"event", "t_ms"}, event
     assert [e["event"] for e in run].count("run") == 1 and run[0]["event"] == "run", run[0]
+    assert [e["event"] for e in run].count("picture") == 1 and run[1]["event"] == "picture", run[:2]
+    assert run[1]["preset"] == "bone" and run[1]["view"] == [0, 0] and run[1]["frames"] == 1, run[1]
+    assert run[1]["size"] == ([20, 20] if run is runs[2] else [200, 200]), run[1]
     assert len(run[0]["run_id"]) == 16 and len(run[0]["series_uid_hash"]) == 16, run[0]
     assert run[0]["command"].startswith("render --size ") and ".png" in run[0]["command"], run[0]
     names = [e["stage"] for e in run if e["event"] == "stage"]

@@ -149,6 +149,7 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     const size_t first_finding = w->report.findings.n;
     w->status = CTS_OK;
     w->report.verified = (CtsVerified){0};
+    cts_log_picture(w->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
     CtsStatus st = cts_job_render(job, &w->loaded, &watch, &w->report, err);
     if (!st && w->status) {
         *err = w->err;

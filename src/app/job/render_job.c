@@ -10,6 +10,7 @@
 #include "base/meter.h"
 #include "base/parallel.h"
 #include "ctsplat/annotate.h"
+#include <stdio.h>
 #include <string.h>
 
 /* Bands of a picture that somebody watches: few enough to cost nothing, enough of them to see it go on. */
@@ -69,6 +70,15 @@ static CtsStatus stopped(const CtsJob *job, CtsError *err)
     return job->render.stop && *job->render.stop ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }
 
+/* done: of this frame, 0 to 1. */
+static void tell_step(const Frame *frame, const CtsWatch *watch, double done)
+{
+    char what[64] = "rendering";
+    if (n_frames_of(frame->job) > 1)
+        snprintf(what, sizeof what, "frame %d of %d", frame->number + 1, n_frames_of(frame->job));
+    cts_watch_step(watch, 2 + frame->number + done, n_steps_of(frame->job), what);
+}
+
 static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
 {
     const bool orientation = frame->job->annotate_orientation, scale = frame->job->annotate_scale;
@@ -102,7 +112,7 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
             st = cts_files_rows(frame->files, frame->number, band, frame->report, err);
     }
     const double done = (double)(band->first_row + band->height) / band->whole_height;
-    cts_watch_step(frame->files->watch, 2 + frame->number + done, n_steps_of(job), "rendering");
+    tell_step(frame, frame->files->watch, done);
     cts_meter_stop(meter, frame->report, CTS_STAGE_EXPORT);
     return st;
 }
@@ -114,7 +124,7 @@ static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatc
     const CtsBandSink sink = {
         .take = finish_band, .context = frame, .max_rows = watch->step && !frame->held ? WATCHED_ROWS : 0};
     const CtsMeter meter = cts_meter_start(frame->report);
-    cts_watch_step(watch, 2 + frame->number, n_steps_of(job), "rendering");
+    tell_step(frame, watch, 0);
     const CtsStatus st = cts_render_bands(renderer, azimuth_deg, job->render.elevation_deg, &sink, frame->report, err);
     cts_watch_findings(watch, frame->report);
     cts_meter_stop(meter, frame->report, CTS_STAGE_COMPOSITE);

@@ -124,6 +124,18 @@ static json_t *new_message(const CtsLog *log, const char *text)
     return value;
 }
 
+void cts_log_picture(CtsLog *log, const char *preset, const CtsRenderSettings *settings, int n_frames)
+{
+    if (!log)
+        return;
+    json_t *event = new_event(log, "picture");
+    json_object_set_new(event, "preset", cts_json_new_text(preset));
+    json_object_set_new(event, "view", json_pack("[f,f]", settings->azimuth_deg, settings->elevation_deg));
+    json_object_set_new(event, "size", json_pack("[i,i]", settings->width, settings->height));
+    json_object_set_new(event, "frames", json_integer(n_frames));
+    add_line(log, event);
+}
+
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes)
 {
     if (!log)

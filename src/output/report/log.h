@@ -2,6 +2,7 @@
 #ifndef CTS_REPORT_LOG_H
 #define CTS_REPORT_LOG_H
 
+#include "ctsplat/render.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
 #include <stdbool.h>
@@ -17,6 +18,8 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError
 /* Whether it could be opened. */
 CtsStatus cts_log_check(const char *path, CtsError *err);
 
+/* A picture, or the first of a rotation, that is to be made. */
+void cts_log_picture(CtsLog *log, const char *preset, const CtsRenderSettings *settings, int n_frames);
 /* An output that is written. */
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes);
 /* From here on messages are told without these names of input files, which outlast the log. */

@@ -1,0 +1,61 @@
+# A mode without a preset takes a window that fits it and the data; pictures all black or white are told.
+/usr/bin/python3 -c 'import numpy' 2>/dev/null || exit 77
+cat >shares.py <<'PY'
+import sys, zlib, struct
+import numpy
+data, at, chunks = open(sys.argv[1], "rb").read(), 8, b""
+while at < len(data):
+    n, kind = struct.unpack(">I4s", data[at:at + 8])
+    if kind == b"IHDR":
+        width, height, depth, colour = struct.unpack(">IIBB", data[at + 8:at + 18])
+    if kind == b"IDAT":
+        chunks += data[at + 8:at + 8 + n]
+    at += 12 + n
+channels = {0: 1, 2: 3, 6: 4}[colour]
+row = width * channels * 2
+rows = numpy.frombuffer(zlib.decompress(chunks), numpy.uint8).reshape(height, row + 1)
+assert depth == 16
+step = channels * 2
+out = numpy.zeros((height, row), int)
+for y in range(height):
+    line, before = rows[y, 1:].astype(int), out[y - 1] if y else numpy.zeros(row, int)
+    kind = rows[y, 0]
+    for x in range(row):
+        a = out[y, x - step] if x >= step else 0
+        b, c = before[x], before[x - step] if x >= step else 0
+        p = a + b - c
+        paeth = min((abs(p - a), 0, a), (abs(p - b), 1, b), (abs(p - c), 2, c))[2]
+        out[y, x] = line[x] + (0, a, b, (a + b) // 2, paeth)[kind] & 255
+grey = out[:, 0::step] / 255
+print(int(100 * ((grey > 0.05) & (grey < 0.95)).mean()))
+PY
+small="--size 48x48"
+for mode in mip minip average; do
+    ok render "$data/phantom" $small --mode $mode -o $mode.png
+    ! grep -q 'nearly all\|is white' err || fail "$mode: $(cat err)"
+    [ "$(/usr/bin/python3 shares.py $mode.png)" -ge 15 ] || fail "mode $mode shows little: $(/usr/bin/python3 shares.py $mode.png) %"
+    ok render "$data/phantom" $small --mode $mode -o x.png --explain
+    has out "^window -?[0-9]+ to -?[0-9]+ HU, fitted to mode $mode"
+    # What the words say holds, and a preset's own window.
+    ok render "$data/phantom" $small --mode $mode --window -100,900 -o given.png
+    ok render "$data/phantom" $small --mode $mode --window -100,900 -p bone -o given-bone.png
+    cmp given.png given-bone.png || fail "--window does not hold in mode $mode"
+    ok render "$data/phantom" $small --mode $mode -p bone -o x.png --explain
+    ! grep -q fitted out || fail "a preset's window is replaced"
+done
+# A rotation has one window, a state keeps it, a batch has it too.
+ok render "$data/phantom" $small --mode minip --rotation 3 -o turn.png --write-state turn.dcm --log log
+ok render "$data/phantom" $small --mode minip -o alone.png --write-state alone.dcm
+ok render "$data/phantom" --state alone.dcm -o again.png
+cmp alone.png again.png || fail "a state loses the window"
+ok batch "$data/phantom" $small --mode minip -O archive
+cmp alone.png archive/*/bone-anterior.png || fail "a batch has another window"
+# Little but black, little but white.
+ok render "$data/phantom" $small -p bone --mode minip --window 2500,3000 -o black.png
+has err 'warning: the picture is nearly all black: .*--window'
+ok render "$data/phantom" $small -p metal -o none.png
+[ "$(grep -c warning err)" = 1 ] || fail "an empty picture is told twice: $(cat err)"
+ok render "$data/phantom" $small -p bone --background '#ffffff' --crop 0,1,0,1,0,1 --mm-per-pixel 20 -o white.png
+has err 'warning: .*(nearly all white|nothing of this volume)'
+ok render "$data/phantom" $small -o plain.png
+[ ! -s err ] || fail "a good picture is warned of: $(cat err)"
