@@ -55,9 +55,11 @@ ok render "$data/phantom" $small --background none -o alpha.png
 # Table removal: as the preset says, or as asked for.
 ok render "$data/phantom" $small --remove-table off -o off.png --log log
 has log '"skipped".*"table removal".*off by --remove-table off'
-ok render "$data/phantom" $small -p ct-bone -o kept.png --log log
+ok presets bone --json
+sed 's/"remove_table": true/"remove_table": false/; s/"name": "bone"/"name": "kept"/' out >kept.json
+ok render "$data/phantom" $small -p kept.json -o kept.png --log log
 has log '"skipped".*"table removal".*off by the preset'
-ok render "$data/phantom" $small -p ct-bone --remove-table on -o on.png
+ok render "$data/phantom" $small -p kept.json --remove-table on -o on.png
 
 # The plan, and no picture.
 ok render "$data/phantom" $small --explain

@@ -9,7 +9,10 @@ warn()
 }
 
 warn 'localizer' "$data/series/localizer"
-warn 'tilt' "$data/geometry/tilted"
+# A tilt that the picture keeps is no warning.
+ok render "$data/geometry/tilted" --size 64x64 -o tilted.png --log log
+[ ! -s err ] || fail "a tilt that is kept is worth a line: $(cat err)"
+has log '"gantry_tilt","severity":"note"'
 warn '1 of 10 slices missing and interpolated' "$data/geometry/missing-slice"
 warn 'IM0005.dcm: truncated' "$data/broken/truncated"
 warn 'varies' "$data/geometry/uneven"
