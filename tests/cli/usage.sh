@@ -47,6 +47,18 @@ value compress jpeg
 value threads 0 1025 x
 value series ''
 
+# What may have been meant is named; what render makes one of, batch makes many of.
+refused 2 'vew: no such option .did you mean --view' render x --vew left
+refused 2 'did you mean render' rendr x
+refused 2 'boen: no such preset .did you mean bone' render "$data/phantom" -p boen -o x.png
+refused 2 'did you mean png' render "$data/phantom" -o x.pgn
+refused 2 'did you mean tiled' render "$data/phantom" -o x.png --engine tield
+refused 2 'not an option of render, but of batch' render "$data/phantom" -o x.png --presets bone,skin
+refused 2 '--preset skin: .*bone .*ctsplat batch --presets' render "$data/phantom" -o x.png -p bone -p skin
+refused 2 '--view left: .*ctsplat batch --views' render "$data/phantom" -o x.png --view right --view left
+ok render "$data/phantom" -o number.png --size 16x16 --series-number 4
+has err 'warning: --series-number acts on .*dcm outputs, and there is none'
+
 # The whole word after an option is its argument, whatever it begins with.
 ok render "$data/phantom" --view -30,20 --size 32x32 -o a.png
 ok render "$data/phantom" --view=-30,20 --size=32x32 -ob.png
