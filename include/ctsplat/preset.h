@@ -65,6 +65,8 @@ char **cts_preset_user_names(void);
 const CtsPreset *cts_preset_builtin(size_t index);
 /* What the built-in preset of this name cannot do alone, and what to type; NULL where there is nothing to say. */
 const char *cts_preset_advice(const char *name);
+/* The number that series of its pictures are told by, 1 to 80, the same in each version; 0 where it is not built in. */
+int cts_preset_number(const char *name);
 
 /* Opacity (per unit distance), extinction per mm and colour at any HU. */
 double cts_preset_opacity(const CtsPreset *preset, double hu);

@@ -1,5 +1,8 @@
 # A progress bar shows on a terminal alone, and moves inside one picture, whose bytes it does not change.
-command -v script >/dev/null || exit 77
+command -v script >/dev/null && script -qec true /dev/null </dev/null >/dev/null 2>&1 || {
+    echo "skip: no pseudo-terminal (script of the package bsdutils, and /dev/pts)"
+    exit 77
+}
 unset XDG_CONFIG_HOME
 small="-p skin --size 200x900"
 ok render "$data/phantom" $small -o piped.png
@@ -14,10 +17,13 @@ tr '\r' '\n' <terminal | grep -q '\[##################      \] rendering' || fai
 tr '\r' '\n' <terminal | grep -q '\[########################\] rendering' || fail "no end"
 TERM=dumb script -qec "'$ctsplat' render '$data/phantom' $small -o dumb.png" /dev/null </dev/null >terminal
 grep -q rendering terminal && fail "a bar on a dumb terminal"
-cmp piped.png dumb.png
+cmp piped.png dumb.png || fail "a dumb terminal changes the picture"
 # Of a rotation it tells the frame, and how long the rest may take.
 TERM=xterm script -qec "'$ctsplat' render '$data/phantom' -p skin --size 32x32 --rotation 5 -o turned.dcm" /dev/null </dev/null >terminal
 for frame in 1 3 5; do
     tr '\r' '\n' <terminal | grep -q "\] frame $frame of 5" || fail "frame $frame is not told"
 done
 tr '\r' '\n' <terminal | grep -qE '\] frame [2-5] of 5, about [0-9]+ seconds left' || fail "no time left"
+# A terminal gets no binary data.
+script -qec "'$ctsplat' render '$data/phantom' $small -o - --format png" /dev/null </dev/null >terminal
+grep -q 'standard output is a terminal' terminal || fail "a terminal was written to: $(head -c 100 terminal)"

@@ -19,6 +19,41 @@ done
 refused 5 'force' render "$data/phantom" --size 64x48 -o one.dcm
 ok render "$data/phantom" --size 64x48 --force -o one.dcm
 cmp one.dcm two.dcm || fail "--force changes the object"
+# Views of a preset are instances of one series, with a number that can be typed.
+ok render "$data/phantom" --size 64x48 --view left -o left.dcm
+for file in one left turn; do
+    dcmdump +P 0020,000e +P 0020,0011 +P 0020,0013 $file.dcm 2>/dev/null | grep -v '^  ' | sed 's/.*\[\(.*\)\].*/\1/' >$file.names
+done
+if [ -s one.names ]; then
+    [ "$(sed -n 2,3p one.names | tr '\n' ' ')" = '1001 1 ' ] || fail "series and instance: $(cat one.names)"
+    [ "$(sed -n 2,3p left.names | tr '\n' ' ')" = '1001 2 ' ] || fail "series and instance: $(cat left.names)"
+    [ "$(sed -n 2p turn.names)" = 1401 ] || fail "the rotation's series: $(cat turn.names)"
+    [ "$(head -1 one.names)" = "$(head -1 left.names)" ] || fail "a view has a series of its own"
+fi
+# Zeros that pad a study's values, and what stands behind them, go neither into captures nor into states.
+if command -v python3 >/dev/null; then
+    mkdir padded
+    python3 - "$data/geometry/two-slices" <<'PY' || fail "the padded slices"
+import os, sys
+for name in os.listdir(sys.argv[1]):
+    with open(os.path.join(sys.argv[1], name), "rb") as f:
+        data = f.read()
+    for tag, vr, value in (b"\x10\0\x10\0", b"PN", b"Doe^Jo\0\0junk"), (b"\x10\0\x20\0", b"LO", b"ID7\0\0\0"):
+        at = data.index(tag + vr)
+        end = at + 8 + int.from_bytes(data[at + 6:at + 8], "little")
+        data = data[:at + 6] + len(value).to_bytes(2, "little") + value + data[end:]
+    with open("padded/" + name, "wb") as f:
+        f.write(data)
+PY
+    ok render padded --size 64x48 -o padded.dcm --write-state padded-state.dcm
+    python3 - padded.dcm padded-state.dcm <<'PY' || fail "zeros in what was written"
+import sys
+for name in sys.argv[1:]:
+    with open(name, "rb") as f:
+        data = f.read()
+    assert b"PN\x06\0Doe^Jo\x10\0\x20\0LO\x04\0ID7 " in data, name
+PY
+fi
 command -v dciodvfy >/dev/null || exit 77
 for file in one turn rle jpeg-lossless jpeg-2000; do
     dciodvfy $file.dcm >judge 2>&1 || fail "dciodvfy refuses $file.dcm: $(cat judge)"

@@ -158,7 +158,7 @@ static void test_single(void **state)
         {0x0008, 0x0060, "CS", "CT"},
         {0x0008, 0x0064, "CS", "WSD"},
         {0x0008, 0x0070, "LO", "ctsplat"},
-        {0x0008, 0x103e, "LO", "VR bone anterior"},
+        {0x0008, 0x103e, "LO", "VR bone"},
         {0x0010, 0x0010, "PN", "M\xfcller^Anna"},
         {0x0010, 0x0020, "LO", "PHANTOM"},
         {0x0018, 0x0015, "CS", "HEAD"},
@@ -326,10 +326,10 @@ static void test_uids(void **state)
     uids_of("b.dcm", study[1], series[1], instance[1]);
     assert_string_equal(series[0], series[1]);
     assert_string_equal(instance[0], instance[1]);
-    write_sc(q, "b.dcm", &settings); /* another view: another series of the same study */
+    write_sc(q, "b.dcm", &settings); /* another view: another instance of the same series */
     uids_of("b.dcm", study[1], series[1], instance[1]);
     assert_string_equal(study[0], study[1]);
-    assert_string_not_equal(series[0], series[1]);
+    assert_string_equal(series[0], series[1]);
     assert_string_not_equal(instance[0], instance[1]);
     /* Under a number and a name of the user's the views share a series. */
     CtsExportSettings named = settings;
@@ -415,30 +415,44 @@ static void test_deidentify(void **state)
     cts_picture_free(&q);
 }
 
-/* No two of the built-in presets, and no two views of one, share a SeriesNumber. */
+/* No two of the built-in presets share a SeriesNumber, which is short and the same from version to version; all views
+ * of one do, as instances of their own, and rotations have another. */
 static void test_series_numbers(void **state)
 {
     const Source *source = *state;
     const CtsScSource facts = {.series_number = 3};
-    int numbers[500], n = 0;
+    int numbers[500], n = 0, instances[2];
+    char series[2][65];
     CtsError err;
     for (size_t k = 0; cts_preset_builtin(k); k++)
-        for (int view = 0; view < 2; view++) {
-            CtsExportJob job = {.settings.source = source->series, .head.n_frames = 1};
+        for (int view = 0; view < 4; view++) {
+            CtsExportJob job = {.settings.source = source->series, .head.n_frames = view < 2 ? 1 : 8};
             CtsScWords words;
             CtsScNames names;
             const uint8_t pixels[CTS_DIGEST_BYTES] = {0};
             snprintf(job.head.info.preset, sizeof job.head.info.preset, "%s", cts_preset_builtin(k)->name);
-            job.head.info.azimuth_deg = 90 * view;
+            job.head.info.azimuth_deg = 90 * (view % 2);
             assert_int_equal(cts_sc_words(&job, &words, &err), CTS_OK);
             assert_int_equal(cts_sc_names(&job, &facts, &words, pixels, &names, &err), CTS_OK);
-            assert_int_equal(names.series_number / 1000000, 3);
+            assert_int_equal(names.series_number / 1000, 3);
             assert_true(n < 500);
+            instances[view % 2] = names.instance_number;
+            snprintf(series[view % 2], sizeof series[0], "%s", names.series_uid);
+            if (view % 2) {
+                assert_int_equal(numbers[n - 1], names.series_number);
+                assert_string_equal(series[0], series[1]);
+                assert_int_not_equal(instances[0], instances[1]);
+                continue;
+            }
             for (int i = 0; i < n; i++)
                 assert_int_not_equal(numbers[i], names.series_number);
             numbers[n++] = names.series_number;
         }
     assert_true(n > 20);
+    assert_int_equal(cts_preset_number("bone"), 1); /* as viewers' hanging protocols have it */
+    assert_int_equal(cts_preset_number("skin"), 2);
+    assert_int_equal(cts_preset_number("brain"), 61);
+    assert_int_equal(cts_preset_number("no such"), 0);
 }
 
 static uint32_t big32(const uint8_t *p)

@@ -95,6 +95,27 @@ const char *cts_preset_advice(const char *name)
     return NULL;
 }
 
+/* A list's places are its presets' numbers, so a new one goes to its end. */
+enum { FIRST_LOOK = 1, FIRST_SLICER = 21, FIRST_WINDOW = 61 };
+_Static_assert(sizeof looks / sizeof *looks <= FIRST_SLICER - FIRST_LOOK &&
+                   CTS_N_PRESETS_SLICER <= FIRST_WINDOW - FIRST_SLICER && sizeof windows / sizeof *windows <= 20,
+               "each list has numbers of its own");
+
+int cts_preset_number(const char *name)
+{
+    const struct {
+        const CtsPreset *presets;
+        int n, first;
+    } lists[] = {{looks, sizeof looks / sizeof *looks, FIRST_LOOK},
+                 {cts_presets_slicer, CTS_N_PRESETS_SLICER, FIRST_SLICER},
+                 {windows, sizeof windows / sizeof *windows, FIRST_WINDOW}};
+    for (size_t l = 0; l < sizeof lists / sizeof *lists; l++)
+        for (int i = 0; i < lists[l].n; i++)
+            if (!strcmp(lists[l].presets[i].name, name))
+                return lists[l].first + i;
+    return 0;
+}
+
 const CtsPreset *cts_preset_builtin(size_t index)
 {
     const size_t n_looks = sizeof looks / sizeof *looks, n_windows = sizeof windows / sizeof *windows;

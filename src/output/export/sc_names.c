@@ -1,5 +1,6 @@
 #include "output/export/sc_words.h"
 
+#include "ctsplat/preset.h"
 #include "output/export/uid.h"
 #include "output/image/describe.h"
 #include <math.h>
@@ -53,39 +54,41 @@ static CtsStatus name_study(const CtsExportJob *job, const CtsScSource *facts, C
     return CTS_OK;
 }
 
-/* The source's number, then six digits that preset and kind (mode, view, number of views) have for themselves. */
+/* The source's number, then three digits: a hundred for each mode, 400 more for rotations, and the preset's own number.
+ * Presets that are not built in share 81 to 99. */
 static CtsStatus number_series(const CtsExportJob *job, const CtsScSource *facts, CtsScNames *names, CtsError *err)
 {
-    enum { OWN = 1000000, MAX_SOURCE = 2146 };
+    enum { FIRST_OTHER = 81, N_OTHER = 19 };
     const CtsPictureInfo *info = &job->head.info;
     CtsHash *hash;
     uint8_t digest[CTS_DIGEST_BYTES];
-    char view[80], kind[120];
-    cts_describe_view(info, view, sizeof view);
-    snprintf(kind, sizeof kind, "%d %d %s", info->mode, job->head.n_frames, view);
+    int preset = cts_preset_number(info->preset);
     CtsStatus st = start_hash(&hash, "series number", NULL, err);
     if (st)
         return st;
     cts_hash_text(hash, info->preset);
-    cts_hash_text(hash, kind);
     if ((st = cts_hash_finish(&hash, digest, err)))
         return st;
-    const uint32_t own = (uint32_t)digest[0] << 24 | (uint32_t)digest[1] << 16 | (uint32_t)digest[2] << 8 | digest[3];
-    const int source = facts->series_number < 0 ? 0 : facts->series_number;
-    names->series_number = (source > MAX_SOURCE ? source % 2000 : source) * OWN + 1 + (int)(own % (OWN - 1));
+    if (!preset)
+        preset = FIRST_OTHER + digest[0] % N_OTHER;
+    names->series_number = cts_sc_series_number(facts, 100 * (int)info->mode + 400 * (job->head.n_frames > 1) + preset);
     if (job->settings.series_number > 0)
         names->series_number = job->settings.series_number;
     return CTS_OK;
 }
 
-/* Views that share a series, as they do under a number and a description of the user's, keep an order of their own. */
+int cts_sc_series_number(const CtsScSource *facts, int own)
+{
+    const int most = INT32_MAX / 1000 - 1, source = facts->series_number < 0 ? 0 : facts->series_number;
+    return (source > most ? source % 1000000 : source) * 1000 + own;
+}
+
+/* Views of a preset share its series, and have an order of their own. */
 static int instance_number(const CtsExportJob *job)
 {
     static const char *const views[] = {"anterior", "left", "posterior", "right", "head", "feet"};
     const CtsPictureInfo *info = &job->head.info;
     char view[80];
-    if (job->head.n_frames > 1)
-        return 1;
     cts_describe_view(info, view, sizeof view);
     for (int i = 0; i < 6; i++)
         if (strcmp(view, views[i]) == 0)

@@ -101,7 +101,7 @@ CtsStatus cts_sc_words(const CtsExportJob *job, CtsScWords *words, CtsError *err
     const CtsPictureInfo *info = &job->head.info;
     const int n_frames = job->head.n_frames;
     char preset[sizeof info->preset], engine[sizeof info->engine], view[80], scale[32], angles[2][32],
-        step[100] = "", turn[24] = "", error[120];
+        step[100] = "", error[120];
     memset(words, 0, sizeof *words);
     words->image_type = mode_terms[info->mode].image_type;
     ascii_copy(preset, sizeof preset, info->preset);
@@ -115,13 +115,14 @@ CtsStatus cts_sc_words(const CtsExportJob *job, CtsScWords *words, CtsError *err
         char degrees[32];
         cts_describe_number(360.0 / n_frames, 6, degrees, sizeof degrees);
         snprintf(step, sizeof step, "%d views %s degrees apart from ", n_frames, degrees);
-        snprintf(turn, sizeof turn, "%d views from ", n_frames);
     }
     if (job->settings.series_description)
         ascii_copy(words->series_description, sizeof words->series_description, job->settings.series_description);
     else
-        snprintf(words->series_description, sizeof words->series_description, "%.8s %.20s %.14s%.20s",
-                 mode_terms[info->mode].short_name, preset, turn, view);
+        snprintf(words->series_description, sizeof words->series_description, "%.8s %.40s%s",
+                 mode_terms[info->mode].short_name, preset, n_frames > 1 ? ", rotation" : "");
+    snprintf(words->description, sizeof words->description, "%.8s %.20s %.20s", mode_terms[info->mode].short_name, preset,
+             view);
     snprintf(
         words->derivation, sizeof words->derivation,
         "%s by engine %s, preset %s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per pixel%s, "

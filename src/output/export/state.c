@@ -161,7 +161,7 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState
         return st;
     s->source = scene->source;
     s->version = CTS_VERSION;
-    s->description = words->series_description;
+    s->description = words->description;
     s->view = words->view;
     s->method = methods[scene->info->mode];
     s->shaded = scene->shaded;
@@ -196,7 +196,6 @@ static CtsStatus write_file(const char *path, const CtsDcmState *s, bool force, 
 
 CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool force, CtsError *err)
 {
-    enum { MAX_SOURCE = 2146, OWN = 1000000 };
     CtsScWords words;
     Names names = {0};
     struct tm now;
@@ -221,8 +220,7 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
     s->frame_uid = names.frame_uid;
     s->input_uid = names.input_uid;
     s->source_class_uid = names.facts.sop_class_uid;
-    const int number = names.facts.series_number < 0 ? 0 : names.facts.series_number;
-    s->series_number = (number > MAX_SOURCE ? number % 2000 : number) * OWN + OWN - 1;
+    s->series_number = cts_sc_series_number(&names.facts, 999);
     s->icc_profile = profile;
     s->n_icc_profile = cts_icc_srgb(profile);
     st = write_file(path, s, force, err);

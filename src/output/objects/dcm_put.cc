@@ -49,6 +49,15 @@ bool whole(DcmItem &item)
     return true;
 }
 
+/* What some devices pad texts with is no character of any of them (PS3.5 6.1.3): each value ends at its first zero. */
+OFCondition drop_zeros(DcmItem &item)
+{
+    OFCondition state = EC_Normal;
+    for (unsigned long i = 0; i < item.card() && state.good(); i++)
+        state = cts_dcm_drop_zeros(*item.getElement(i));
+    return state;
+}
+
 bool has_meta(DcmMetaInfo &meta)
 {
     for (const DcmTagKey &tag :
@@ -113,6 +122,29 @@ class SourcePath
 
 } // namespace
 
+OFCondition cts_dcm_drop_zeros(DcmElement &element)
+{
+    if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(&element)) {
+        OFCondition state = EC_Normal;
+        for (unsigned long k = 0; k < sequence->card() && state.good(); k++)
+            state = drop_zeros(*sequence->getItem(k));
+        return state;
+    }
+    DcmByteString *text = dynamic_cast<DcmByteString *>(&element);
+    char *bytes = nullptr;
+    Uint32 n = 0;
+    if (!text || text->getString(bytes, n).bad() || !bytes || !std::memchr(bytes, 0, n))
+        return EC_Normal;
+    std::string clean;
+    bool padding = false;
+    for (Uint32 i = 0; i < n; i++) {
+        padding = bytes[i] == 0 || (padding && bytes[i] != '\\');
+        if (!padding)
+            clean += bytes[i];
+    }
+    return text->putString(clean.c_str(), static_cast<Uint32>(clean.size()));
+}
+
 std::string cts_dcm_decimal(double value)
 {
     char digits[64];
@@ -124,7 +156,7 @@ std::string cts_dcm_decimal(double value)
     return digits;
 }
 
-void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag)
+void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag, bool filled)
 {
     DcmElement *found = nullptr;
     if (from.findAndGetElement(tag, found).bad() || !found)
@@ -137,7 +169,9 @@ void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag)
     if (DcmSequenceOfItems *sequence = dynamic_cast<DcmSequenceOfItems *>(copy.get()))
         for (unsigned long k = 0; k < sequence->card(); k++)
             drop_private(*sequence->getItem(k));
-    put.element(copy.release());
+    put.keep(cts_dcm_drop_zeros(*copy));
+    if (!filled || copy->getLength() > 0)
+        put.element(copy.release());
 }
 
 const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag)

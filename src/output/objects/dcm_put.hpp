@@ -131,7 +131,9 @@ inline Put &Put::code(const DcmTagKey &sequence, const CtsScCode &code)
 
 /* An element as it stands in `from`, value bytes and all, but without private elements inside; nothing where there is
  * none. */
-void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag);
+void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag, bool filled = false);
+/* Without the zeros that pad its texts. */
+OFCondition cts_dcm_drop_zeros(DcmElement &element);
 
 /* The value as text; "" where there is none. */
 const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag);

@@ -61,10 +61,11 @@ void put_series_and_equipment(Put &put, const CtsScObject &object)
     put.text(DCM_Modality, object.source->modality[0] ? object.source->modality : "CT");
     put.number(DCM_SeriesNumber, object.series_number).number(DCM_InstanceNumber, object.instance_number);
     put.text(DCM_SeriesDescription, object.series_description).text(DCM_ConversionType, "WSD");
-    for (const DcmTagKey &tag : {DCM_InstanceCreationDate, DCM_SeriesDate, DCM_ContentDate, DCM_DateOfSecondaryCapture})
+    /* SeriesDate and SeriesTime would have to be those of views that were made before. */
+    for (const DcmTagKey &tag : {DCM_InstanceCreationDate, DCM_ContentDate, DCM_DateOfSecondaryCapture})
         if (object.date)
             put.text(tag, object.date);
-    for (const DcmTagKey &tag : {DCM_InstanceCreationTime, DCM_SeriesTime, DCM_ContentTime, DCM_TimeOfSecondaryCapture})
+    for (const DcmTagKey &tag : {DCM_InstanceCreationTime, DCM_ContentTime, DCM_TimeOfSecondaryCapture})
         if (object.time)
             put.text(tag, object.time);
     for (const DcmTagKey &tag : {DCM_Manufacturer, DCM_ManufacturerModelName, DCM_SecondaryCaptureDeviceManufacturer,

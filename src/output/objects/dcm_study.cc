@@ -145,7 +145,7 @@ void cts_dcm_put_study(Put &put, DcmItem &source, const char *pseudonym)
 {
     for (const auto &a : attributes)
         if (!pseudonym && (a.presence == FILLED ? source.tagExistsWithValue(a.tag) : source.tagExists(a.tag)))
-            cts_dcm_copy(put, source, a.tag);
+            cts_dcm_copy(put, source, a.tag, a.presence == FILLED);
         else if (a.presence == ALWAYS)
             put.text(a.tag, "");
     if (!pseudonym)
