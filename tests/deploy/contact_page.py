@@ -29,7 +29,7 @@ def check(condition, *what):
 def make_batch(ctsplat, testdata, folder):
     """A batch of one real series, whose line then stands for many; returns the lines."""
     subprocess.run([ctsplat, 'batch', os.path.join(testdata, 'phantom'), '-O', folder, '--presets', 'bone,skin',
-                    '--views', 'anterior,left', '--size', '256x256', '--rotation', '6'], check=True,
+                    '--views', 'anterior,head', '--size', '256x256', '--rotation', '6'], check=True,
                    stderr=subprocess.DEVNULL)
     journal = os.path.join(folder, 'batch.jsonl')
     with open(journal, encoding='utf-8') as f:
@@ -135,9 +135,9 @@ def check_viewer(browser):
     browser.click('#sheet article:nth-child(2) [data-picture="1"]')
     until(browser, f'document.getElementById("viewer").open && {picture}.naturalWidth === 256',
           'the full picture opens')
-    check(browser.run(f'return {picture}.src').endswith('/bone-left-000.png'), browser.run(f'return {picture}.src'))
-    for key, ending in (('.', 'bone-left-001'), (',', 'bone-left-000'), (',', 'bone-left-005'),
-                        ('Right', 'skin-anterior-000'), ('Left', 'bone-left-000'), ('z', 'bone-left-000')):
+    check(browser.run(f'return {picture}.src').endswith('/bone-head-000.png'), browser.run(f'return {picture}.src'))
+    for key, ending in (('.', 'bone-head-001'), (',', 'bone-head-000'), (',', 'bone-head-005'),
+                        ('Right', 'skin-anterior-000'), ('Left', 'bone-head-000'), ('z', 'bone-head-000')):
         browser.press(key)
         until(browser, f'{picture}.src.endsWith(arguments[0])', f'{key} shows {ending}', f'/{ending}.png')
     check(browser.run('return document.querySelector(".picture").classList.contains("exact")'), 'z does not zoom')
@@ -179,6 +179,37 @@ def check_hostile(browser):
     text = browser.run('return document.getElementById("sheet").textContent')
     check('<img src=x' in text and '\u202e' not in text, 'what is shown is not what was written')
     browser.press('Escape')
+
+
+def check_under_way(browser, ctsplat, testdata, folder):
+    """The sheet of a batch that is still running: right at any moment, and loaded again by itself."""
+    run = subprocess.Popen([ctsplat, 'batch', os.path.join(testdata, 'phantom'), os.path.join(testdata, 'geometry'), '-O',
+                            folder, '--presets', 'bone,skin,muscle', '--views', 'anterior,left', '--size', '640x640',
+                            '--jobs', '1', '--threads', '1'], stderr=subprocess.DEVNULL)
+    page = os.path.join(folder, 'index.html')
+    while not os.path.exists(page) and run.poll() is None:
+        time.sleep(.05)
+    browser.open('file://' + page)
+    until(browser, 'document.documentElement.dataset.ready', 'the page of a batch under way')
+    told = browser.run('return document.getElementById("summary").textContent')
+    check('under way: ' in told and ' of ' in told, 'the page does not tell that the batch goes on:', told)
+    before = shown(browser)
+    run.wait()
+    for _ in range(200):
+        try:
+            if 'under way' not in browser.run('return document.getElementById("summary").textContent'):
+                break
+        except RuntimeError:
+            pass  # it is being loaded
+        time.sleep(.1)
+    with open(os.path.join(folder, 'batch.jsonl'), encoding='utf-8') as f:
+        lines = [json.loads(line) for line in f]
+    check(shown(browser) == len(lines) > before, shown(browser), 'cards of', len(lines), 'series, before', before)
+    n_passed = sum(line['status'] == 'passed' for line in lines)
+    check(n_passed > 0, 'nothing passed')
+    browser.click('#status [value=passed]')
+    check(shown(browser) == n_passed, shown(browser), 'passed, not', n_passed)
+    check(not browser.messages(), 'the browser complains of a page under way')
 
 
 def check_names(browser):
@@ -229,6 +260,8 @@ def main():
             check_width(browser, 'the window')
             check(not browser.messages(), 'the browser complains')
             light = browser.run('return getComputedStyle(document.body).backgroundColor')
+        with webdriver.Browser(1400, 900) as browser:
+            check_under_way(browser, ctsplat, testdata, os.path.join(folder, 'under-way'))
         with webdriver.Browser(390, 844, dark=True, touch=True) as browser:
             check_opens(browser, page)
             check_width(browser, 'the phone')

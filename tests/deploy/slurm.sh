@@ -173,4 +173,14 @@ scancel --batch --signal=USR1 "${job}_0"
 wait_for 600 ended
 scontrol show job "${job}_0" | grep -q 'Restarts=[1-9]' || fail "the task did not go back into the queue"
 (cd together && sha256sum --quiet -c ../alone.sums) || fail "files differ after the time limit"
-echo "24 series, 8 tasks, one power cut"
+
+# afterok begins where nothing was refused: what is no volume passes.
+rm -rf archive/7
+cp -r "$root/testdata/geometry/one-slice" archive/one
+job=$(sbatch --parsable --array=0-1 -o "$work/log.%A_%a" "$root/src/app/deploy/ctsplat.sbatch" \
+    "$work/archive" -O "$work/whole" --size 64x64) || fail "sbatch"
+sbatch --dependency=afterok:"$job" -o "$work/log.merge" --wrap "ctsplat batch --merge '$work/whole'" >merge.job ||
+    fail "sbatch afterok"
+wait_for 300 test -s whole/index.html
+grep -q '"status":"passed"' whole/batch-*.jsonl || fail "nothing passed"
+echo "24 series, 8 tasks, one power cut, afterok"

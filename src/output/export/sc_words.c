@@ -121,8 +121,8 @@ CtsStatus cts_sc_words(const CtsExportJob *job, CtsScWords *words, CtsError *err
     else
         snprintf(words->series_description, sizeof words->series_description, "%.8s %.40s%s",
                  mode_terms[info->mode].short_name, preset, n_frames > 1 ? ", rotation" : "");
-    snprintf(words->description, sizeof words->description, "%.8s %.20s %.20s", mode_terms[info->mode].short_name, preset,
-             view);
+    snprintf(words->description, sizeof words->description, "%.8s %.20s %.20s", mode_terms[info->mode].short_name,
+             preset, view);
     snprintf(
         words->derivation, sizeof words->derivation,
         "%s by engine %s, preset %s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per pixel%s, "
