@@ -39,3 +39,11 @@ same "batch --help has options (<) that neither ctsplat-batch(1) nor ctsplat(1) 
 cp "$work/own" "$work/a"
 grep -oE -e '--[a-z-]+' "$work/help" | grep -Fx -f "$work/own" >"$work/b"
 same "ctsplat-batch(1) has options (<) that batch has not"
+
+# The table of the paper's steps in ctsplat-methods(7): each function is in its file.
+sed -n '/^\.TS/,/^\.TE/p' "$root/man/ctsplat-methods.7" | grep -E '^[^|]+\|[a-z_/]+\.c\|' >"$work/steps"
+[ "$(wc -l <"$work/steps")" -ge 8 ] || { echo "FAIL: the table of the paper's steps is missing" && exit 1; }
+while IFS='|' read -r step file function; do
+    found=$(ls "$root"/src/*/"$file" 2>/dev/null) || { echo "FAIL: $step: no file $file" && exit 1; }
+    [ "${function#(}" != "$function" ] || grep -q "\b$function(" "$found" || { echo "FAIL: $step: no $function in $file" && exit 1; }
+done <"$work/steps"

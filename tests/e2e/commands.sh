@@ -43,7 +43,7 @@ for page in "$root/README.md" "$root"/man/*.[0-9]; do
                 [ "$code" = 0 ] || fail "exit code $code: $(cat ../err)" ;;
         esac
     done 3<../commands
-    case $page in *.md) [ -s head.png ] && [ -s preview.jpg ] && [ -s glass.png ] || fail "pictures are missing" ;; esac
+    case $page in *.md) [ -s head.png ] && [ -s preview.jpg ] && [ -s glass.png ] && [ -s turn.webp ] || fail "pictures are missing" ;; esac
     cd "$work" && rm -r page
 done
 [ $n -ge 16 ] || fail "only $n commands were found"
