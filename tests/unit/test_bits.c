@@ -5,7 +5,7 @@
 #include "ctsplat/volume.h"
 #include "core/table/cell_change.h"
 #include "core/table/morphology.h"
-#include "core/volume/bits.h"
+#include "core/volume/threshold.h"
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>

@@ -2,7 +2,8 @@
 #ifndef CTS_TABLE_CELL_CHANGE_H
 #define CTS_TABLE_CELL_CHANGE_H
 
-#include "core/volume/bits.h"
+#include "base/bits.h"
+#include "core/volume/macrocells.h"
 
 /* For each slice, which fine macro-cells over it have lost a voxel there, and which have kept one; a macro-cell's
  * voxels as macrocells.h has them, those it shares with its neighbours included. */

@@ -2,7 +2,7 @@
 #ifndef CTS_TABLE_CONTACT_H
 #define CTS_TABLE_CONTACT_H
 
-#include "core/volume/bits.h"
+#include "base/bits.h"
 
 /* All of one section: what is always and ever there, and the plates found in it, to which the strips are added that
  * continue a plate from where it meets something thicker to where it comes out again: along the far face, under which

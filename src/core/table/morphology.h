@@ -2,7 +2,7 @@
 #ifndef CTS_TABLE_MORPHOLOGY_H
 #define CTS_TABLE_MORPHOLOGY_H
 
-#include "core/volume/bits.h"
+#include "base/bits.h"
 
 /* How far a shape reaches: an octagon of `diamond` steps along the axes, then a box of these half sizes, in voxels. */
 typedef struct CtsReach {

@@ -2,7 +2,7 @@
 #ifndef CTS_TABLE_PARTS_H
 #define CTS_TABLE_PARTS_H
 
-#include "core/volume/bits.h"
+#include "base/bits.h"
 
 /* Voxels first <= i < end of one row, all set, as long as possible. */
 typedef struct CtsRun {

@@ -4,7 +4,7 @@
 #define CTS_TABLE_SECTIONS_H
 
 #include "ctsplat/volume.h"
-#include "core/volume/bits.h"
+#include "base/bits.h"
 
 /* Where the sections of a volume lie: axis[2] runs along the scanner, nearest to the patient's z; axis[0] and axis[1]
  * are the columns and rows of a section, in the volume's order. */

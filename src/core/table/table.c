@@ -4,6 +4,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "core/volume/threshold.h"
 #include "core/table/body.h"
 #include "core/table/cell_change.h"
 #include "core/table/extruded.h"

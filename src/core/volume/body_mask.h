@@ -3,7 +3,7 @@
 #ifndef CTS_VOLUME_BODY_MASK_H
 #define CTS_VOLUME_BODY_MASK_H
 
-#include "core/volume/bits.h"
+#include "base/bits.h"
 
 /* Kept by sections across volume axis axis[2], n_slices slices to a section; axis[0] and axis[1] are a section's
  * columns and rows. Bit (u, v) of section w stands for the square between the voxels u, u + 1 and v, v + 1: it is set

@@ -3,7 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/volume/bits.h"
+#include "core/volume/threshold.h"
 #include "core/volume/fold.h"
 #include <stdatomic.h>
 #include <stdlib.h>

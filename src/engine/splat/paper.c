@@ -5,7 +5,7 @@
 #include "base/mutation.h"
 #include "base/parallel.h"
 #include "engine/splat/paper_plan.h"
-#include "core/volume/bits.h"
+#include "base/bits.h"
 #include <stdlib.h>
 #include <string.h>
 

@@ -2,7 +2,7 @@
 
 #include "base/mem.h"
 #include "base/mutation.h"
-#include "core/volume/bits.h"
+#include "base/bits.h"
 #include <string.h>
 
 enum { LEFT_MARGIN = 16, MARGINS = 64 };

@@ -9,7 +9,7 @@
 #include "input/codec/pixels.h"
 #include "input/header/slice.h"
 #include "input/series/slice_stack.h"
-#include "core/volume/bits.h"
+#include "core/volume/threshold.h"
 #include "core/volume/grey.h"
 #include "core/volume/macrocells.h"
 #include "input/load/neighbours.h"

@@ -1,9 +1,8 @@
-/* One bit a voxel: the shapes that table removal reasons about, small enough to be swept many times. */
-#ifndef CTS_VOLUME_BITS_H
-#define CTS_VOLUME_BITS_H
+/* One bit a voxel: shapes, small enough to be swept many times. */
+#ifndef CTS_BASE_BITS_H
+#define CTS_BASE_BITS_H
 
-#include "core/volume/macrocells.h"
-#include <math.h>
+#include "ctsplat/status.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -71,19 +70,6 @@ void cts_bits_fill(uint64_t *row, int first, int end);
 /* How many of the bits first <= i < end of one row are set; first < end. */
 uint64_t cts_bits_count_run(const uint64_t *row, int first, int end);
 
-/* What counts as dense: below fat and skin, above foam, paper and most cloth. */
-static const double CTS_DENSE_HU = -350;
-
-/* The first grey level that does. */
-static inline uint16_t cts_dense_grey(const CtsVolume *v)
-{
-    const double grey = ceil((CTS_DENSE_HU - v->hu_offset) / v->hu_step);
-    return (uint16_t)fmin(fmax(grey, 1), UINT16_MAX);
-}
-
-/* One row: bit i tells whether level i of n is at least min. */
-void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);
-
 /* How many runs of set bits a row of n_words has. */
 static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
 {
@@ -95,11 +81,6 @@ static inline uint32_t cts_bits_count_runs(const uint64_t *row, size_t n_words)
     }
     return n;
 }
-
-/* The voxels whose level is at least grey_min; grey has the dimensions of bits. With the volume's macro-cells (NULL:
- * none), only what their ranges leave open is read. n_runs[], if not NULL, is how many runs each row has. */
-void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsMacrocells *macrocells, uint16_t grey_min,
-                        uint32_t *n_runs, int n_threads);
 
 typedef enum CtsBitsOp { CTS_BITS_AND, CTS_BITS_AND_NOT, CTS_BITS_OR, CTS_BITS_NOT } CtsBitsOp;
 /* a = a op b, word by word; CTS_BITS_NOT takes b alone. */

@@ -1,70 +1,9 @@
-#include "core/volume/bits.h"
+#include "core/volume/threshold.h"
 
-#include "base/cpu.h"
-#include "base/mem.h"
 #include "base/parallel.h"
-#include <stdatomic.h>
-#include <string.h>
 #if defined(__SSE2__)
 #include <emmintrin.h>
 #endif
-
-static CtsStatus plan(CtsBits *bits, const int dims[3], size_t *n_words, CtsError *err)
-{
-    *bits = (CtsBits){.dims = {dims[0], dims[1], dims[2]}, .row_words = (size_t)dims[0] / 64 + 1};
-    if (bits->row_words > CTS_BITS_ROW_WORDS)
-        return cts_fail(err, CTS_ERR_MEMORY, "rows of %d voxels are too long for a mask", dims[0]);
-    if (cts_mul_overflows((size_t)dims[1] * (size_t)dims[2], bits->row_words, n_words))
-        return cts_fail(err, CTS_ERR_MEMORY, "a mask of %d x %d x %d voxels is too large", dims[0], dims[1], dims[2]);
-    return CTS_OK;
-}
-
-CtsStatus cts_bits_new(CtsBits *bits, const int dims[3], CtsError *err)
-{
-    size_t n_words = 0;
-    const CtsStatus st = plan(bits, dims, &n_words, err);
-    return st ? st : cts_alloc_zeroed(&bits->words, n_words, err);
-}
-
-CtsStatus cts_bits_new_unset(CtsBits *bits, const int dims[3], CtsError *err)
-{
-    size_t n_words = 0;
-    const CtsStatus st = plan(bits, dims, &n_words, err);
-    return st ? st : cts_alloc_array(&bits->words, n_words, err);
-}
-
-void cts_bits_free(CtsBits *bits)
-{
-    cts_free(&bits->words);
-}
-
-void cts_bits_fill(uint64_t *row, int first, int end)
-{
-    if (first >= end)
-        return;
-    const int w0 = first >> 6, w1 = (end - 1) >> 6;
-    const uint64_t from = ~UINT64_C(0) << (first & 63), to = ~UINT64_C(0) >> (63 - ((end - 1) & 63));
-    if (w0 == w1) {
-        row[w0] |= from & to;
-        return;
-    }
-    row[w0] |= from;
-    for (int w = w0 + 1; w < w1; w++)
-        row[w] = ~UINT64_C(0);
-    row[w1] |= to;
-}
-
-uint64_t cts_bits_count_run(const uint64_t *row, int first, int end)
-{
-    const int w0 = first >> 6, w1 = (end - 1) >> 6;
-    const uint64_t from = ~UINT64_C(0) << (first & 63), to = ~UINT64_C(0) >> (63 - ((end - 1) & 63));
-    if (w0 == w1)
-        return (uint64_t)cts_popcount(row[w0] & from & to);
-    uint64_t n = (uint64_t)cts_popcount(row[w0] & from) + (uint64_t)cts_popcount(row[w1] & to);
-    for (int w = w0 + 1; w < w1; w++)
-        n += (uint64_t)cts_popcount(row[w]);
-    return n;
-}
 
 enum { HALF = 32 }; /* levels of a cache line, and bits of half a word */
 
@@ -244,69 +183,4 @@ void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsMacrocells
         cts_parallel(n_threads, (size_t)macrocells->n_fine[2], 1, threshold_layers, &t);
     else
         cts_parallel(n_threads, (size_t)bits->dims[2], 0, threshold_slices, &t);
-}
-
-void cts_bits_combine(CtsBits *a, CtsBitsOp op, const CtsBits *b)
-{
-    const size_t n = cts_bits_n_words(a);
-    switch (op) {
-    case CTS_BITS_AND:
-        for (size_t w = 0; w < n; w++)
-            a->words[w] &= b->words[w];
-        break;
-    case CTS_BITS_AND_NOT:
-        for (size_t w = 0; w < n; w++)
-            a->words[w] &= ~b->words[w];
-        break;
-    case CTS_BITS_OR:
-        for (size_t w = 0; w < n; w++)
-            a->words[w] |= b->words[w];
-        break;
-    case CTS_BITS_NOT:
-        for (size_t w = 0; w < n; w++)
-            a->words[w] = ~b->words[w];
-        for (size_t w = a->row_words - 1; w < n; w += a->row_words)
-            a->words[w] &= cts_bits_mask(a, a->row_words - 1);
-        break;
-    }
-}
-
-static uint64_t count_words(const uint64_t *words, size_t n)
-{
-    uint64_t count = 0;
-    for (size_t w = 0; w < n; w++)
-        count += (uint64_t)cts_popcount(words[w]);
-    return count;
-}
-
-uint64_t cts_bits_count_slice(const CtsBits *bits, int k)
-{
-    return count_words(cts_bits_row(bits, 0, k), bits->row_words * (size_t)bits->dims[1]);
-}
-
-uint64_t cts_bits_count(const CtsBits *bits)
-{
-    return count_words(bits->words, cts_bits_n_words(bits));
-}
-
-typedef struct Common {
-    const CtsBits *a, *b;
-    _Atomic uint64_t count;
-} Common;
-
-static void count_common(void *context, int worker, size_t first, size_t end)
-{
-    Common *const c = context;
-    uint64_t count = 0;
-    (void)worker;
-    for (size_t w = first; w < end; w++)
-        count += (uint64_t)cts_popcount(c->a->words[w] & c->b->words[w]);
-    atomic_fetch_add(&c->count, count);
-}
-
-uint64_t cts_bits_count_common(const CtsBits *a, const CtsBits *b, int n_threads)
-{
-    Common common = {.a = a, .b = b};
-    cts_parallel(n_threads, cts_bits_n_words(a), 0, count_common, &common);
-    return atomic_load(&common.count);
 }
