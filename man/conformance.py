@@ -34,7 +34,7 @@ def attributes(*names):
     return sorted(set(keys) - {"MaxReadLength"})
 
 
-codecs = {"NATIVE": "ctsplat", "RLE": "DCMTK", "JPEG": "DCMTK", "JPEG_LS": "DCMTK", "JPEG_2000": "OpenJPEG, OpenJPH",
+codecs = {"NATIVE": "ctsplat", "RLE": "DCMTK", "JPEG": "DCMTK", "JPEG_LS": "DCMTK", "JPEG_2000": "OpenJPEG",
           "NONE": "refused"}
 syntaxes = [(name, uid, codecs[codec]) for uid, name, codec in
             re.findall(r'\{"([0-9.]+)", "([^"]+)", CTS_CODEC_(\w+),', source("input/files/syntax.c"))]
