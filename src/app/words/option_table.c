@@ -110,7 +110,7 @@ const CtsOption cts_options[] = {
     {0, "slab-at", "MM", RENDERING, FRESH, "the slab's middle, so far in front of the volume's centre", "0",
      NUMBER(render.slab_at_mm), RANGE(-1e5, 1e5)},
     {0, "window", "LOW,HIGH", RENDERING, PRESET, "the HU that mip, minip and average show black and white",
-     "as the preset says", PARSED(window)},
+     "as the preset says; one that fits for a --mode without a preset", PARSED(window)},
     {0, "shade", "on or off", RENDERING, PRESET, "gradient lighting", "as the preset says", SWITCH(render.shade)},
     {0, "background", "#RRGGBB or none", RENDERING, PRESET, "colour behind the volume; none writes alpha",
      "as the preset says", PARSED(background)},
