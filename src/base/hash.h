@@ -2,6 +2,7 @@
 #ifndef CTS_BASE_HASH_H
 #define CTS_BASE_HASH_H
 
+#include "base/site_key.h"
 #include "ctsplat/status.h"
 #include <stddef.h>
 #include <stdint.h>
@@ -16,6 +17,8 @@ typedef struct CtsHash CtsHash;
 
 /* A failure on the way is kept and comes out of cts_hash_finish(), which frees the hash in any case. */
 CtsStatus cts_hash_start(CtsHash **hash, CtsError *err);
+/* HMAC-SHA256 (RFC 2104) under a key; NULL: plain SHA-256. */
+CtsStatus cts_hash_start_keyed(CtsHash **hash, const CtsKey *key, CtsError *err);
 void cts_hash_bytes(CtsHash *hash, const void *bytes, size_t n);
 /* With its final 0, so that neighbouring texts cannot run into each other. */
 void cts_hash_text(CtsHash *hash, const char *text);

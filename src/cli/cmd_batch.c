@@ -90,6 +90,8 @@ static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport 
         .fresh = options->fresh,
         .show_patient = options->show_patient,
         .show_paths = options->show_paths,
+        .deidentify = options->export.deidentify,
+        .key = options->export.key,
         .work = cts_batch_render,
         .send_to = lists->send_to[0] ? lists->send_to : NULL,
         .send = cts_batch_send,

@@ -140,7 +140,7 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     /* From the first to the last: what is no stage's own is the last one's. */
     const CtsMeter whole = {.wall_ms = cts_wall_ms()};
-    CtsStatus st = cts_log_open(&log, options->log, whole.wall_ms, err);
+    CtsStatus st = cts_log_open(&log, options->log, options->export.key, true, whole.wall_ms, err);
     for (int i = 0; log && !options->show_paths && i < options->paths.n; i++)
         cts_names_add(&names, options->paths.items[i]);
     cts_log_without_names(log, &names);
@@ -148,8 +148,7 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err)
         st = begin(options, log, preset, &job, &standard_output, &report, err);
     cts_meter_stop(whole, &report, CTS_STAGE_SCAN);
     if (!st) {
-        CliWatch seen = {
-            .log = log, .told_later = standard_output.path, .names = options->show_paths ? NULL : &names};
+        CliWatch seen = {.log = log, .told_later = standard_output.path, .names = options->show_paths ? NULL : &names};
         const CtsWatch watch = cli_watch(&seen);
         st = cts_job_run(&job, &watch, &report, err);
         cli_progress_clear();

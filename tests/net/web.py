@@ -10,7 +10,15 @@ ctsplat, loopback, data = os.path.abspath(sys.argv[1]), sys.argv[2], sys.argv[3]
 run = peers.Ctsplat(ctsplat).run
 web = peers.Web()
 files = [open(path, 'rb').read() for path in sorted(glob.glob(data + '/*.dcm'))]
-fetch = ['--from', web.url, '--study-uid', '1.2.3', '--size', '60x50']
+
+
+def value(file, tag):
+    at = file.index(tag + b'UI') + 8
+    return file[at:at + int.from_bytes(file[at - 2:at], 'little')].rstrip(b'\0').decode()
+
+
+study, series = value(files[0], b'\x20\0\x0d\0'), value(files[0], b'\x20\0\x0e\0')
+fetch = ['--from', web.url, '--study-uid', study, '--size', '60x50']
 
 
 def parts(bodies, boundary=b'x', end=b'--', head=b'Content-Type: application/dicom\r\n'):
@@ -34,7 +42,7 @@ for head, kind in ((b'Content-Type: application/dicom\r\n', 'multipart/related; 
     answer(parts(files, head=head), kind)
     run(*fetch, '-o', 'got.png', '--force')
     assert open('got.png', 'rb').read() == truth
-assert web.asked[0][0] == '/rs/studies/1.2.3' and 'multipart/related' in web.asked[0][1]['Accept']
+assert web.asked[0][0] == '/rs/studies/' + study and 'multipart/related' in web.asked[0][1]['Accept']
 assert not glob.glob('/tmp/evil*')
 
 # Bad ones: cut short, no boundary, another type, a header without end, statuses, nothing at all.
@@ -62,7 +70,7 @@ run(*fetch, '-o', 'got.png', '--force', '--log', 'log', '--credentials', 'secret
 assert web.asked[-1][1].get('Authorization') == 'Bearer Token77'
 web.asked.clear()
 said = run(*fetch, '-o', 'got.png', '--force', '--log', 'log', env={'CTSPLAT_CREDENTIALS': secret})
-assert [headers.get('Authorization') for _, headers in web.asked] == [basic]
+assert {headers.get('Authorization') for _, headers in web.asked} == {basic}
 assert 'Geheim5' not in said + open('log').read() and 'Token77' not in open('log').read()
 answer(b'{"00081199":{"vr":"SQ","Value":[]}}', 'application/dicom+json')
 run(data, '--size', '60x50', '-o', 'up.dcm', '--send', web.url, env={'CTSPLAT_CREDENTIALS': secret}, code=5)
@@ -73,8 +81,63 @@ run('--from', web.url.replace('//', '//user:password@'), '--study-uid', '1.2.3',
 answer(b'{"00081199":{"vr":"SQ","Value":[]}}', 'application/dicom+json')
 said = run(data, '--size', '60x50', '-o', 'kept.dcm', '--send', web.url, code=5)
 assert 'kept.dcm' in said and os.path.exists('kept.dcm')
-answer(b'<xml/>', 'application/dicom+xml')
-run(data, '--size', '60x50', '-o', 'sent.dcm', '--send', web.url)
+
+# So it is when it names nothing: a login page, an empty body, a list of failures, in JSON or XML, a list without end, or
+# one of another instance; and a 202 promises only.
+run(data, '--size', '60x50', '-o', 'sent.dcm')
+uid = value(open('sent.dcm', 'rb').read(), b'\x08\0\x18\0')
+json_list = '{"%s":{"vr":"SQ","Value":[{"00081155":{"vr":"UI","Value":["%s"]}}]}}'
+xml_list = ('<NativeDicomModel><DicomAttribute tag="%s" vr="SQ"><Item number="1"><DicomAttribute tag="00081155" vr="UI">'
+            '<Value number="1">%s</Value></DicomAttribute></Item></DicomAttribute></NativeDicomModel>')
+lies = [('<html><body>Log in, please</body></html>', 'text/html', 200), ('', 'application/dicom+json', 200),
+        ('', '', 200), ('[]', 'application/dicom+json', 200), ('<xml/>', 'application/dicom+xml', 200),
+        (json_list % ('00081198', uid), 'application/dicom+json', 200),
+        (json_list % ('00081199', '1.2.3'), 'application/dicom+json', 200),
+        (xml_list % ('00081198', uid), 'application/dicom+xml', 200),
+        (xml_list % ('00081199', uid + '1'), 'application/dicom+xml', 200),
+        ('[' + json_list % ('00081199', uid) + ',' + json_list % ('00081198', uid) + ']', 'application/dicom+json', 200),
+        (json_list % ('00081199', uid) + ' ' * (2 << 20), 'application/dicom+json', 200),
+        (json_list % ('00081199', uid), 'application/dicom+json', 202)]
+for body, kind, status in lies:
+    answer(body.encode(), kind, status)
+    said = run(data, '--size', '60x50', '-o', 'sent.dcm', '--force', '--send', web.url, code=5)
+    assert 'not sent' in said, (body[:60], said)
+for body, kind in ((json_list % ('00081199', uid), 'application/dicom+json'),
+                   ('[' + json_list % ('00081199', uid) + ']', 'application/dicom+json'),
+                   (xml_list % ('00081199', uid), 'application/dicom+xml')):
+    answer(body.encode(), kind)
+    run(data, '--size', '60x50', '-o', 'sent.dcm', '--force', '--send', web.url)
+
+# What comes must be what was asked for, and all of it by the peer's own count.
+other = [f.replace(study.encode(), study.encode()[:-1] + b'0') for f in files]
+answer(parts(other))
+said = run(*fetch, '-o', 'none.png', code=3)
+assert 'StudyInstanceUID' in said and study[:-1] not in said, said
+answer(parts(files[:-1] + other[-1:]))
+run(*fetch, '-o', 'none.png', code=3)
+answer(parts(files))
+said = run(*fetch, '--series-uid', '1.2.3', '-o', 'none.png', code=3)
+assert 'SeriesInstanceUID' in said, said
+
+
+def counted(n, sent):
+    body, count = parts(sent), ('[{"0020000E":{"vr":"UI","Value":["%s"]},"00201209":{"vr":"IS","Value":[%d]}}]' % (series, n)).encode()
+
+    def tell():
+        if 'includefield' in web.asked[-1][0]:
+            return 200, {'Content-Type': 'application/dicom+json', 'Content-Length': str(len(count))}, count
+        return 200, {'Content-Type': 'multipart/related; boundary=x', 'Content-Length': str(len(body))}, body
+    return tell
+
+
+for more in ([], ['--series-uid', series]):
+    web.answer = counted(len(files), files)
+    run(*fetch, *more, '-o', 'got.png', '--force')
+    assert open('got.png', 'rb').read() == truth
+    for sent in (files[:6], files[:6] * 8): # the same again is no more
+        web.answer = counted(len(files), sent)
+        said = run(*fetch, *more, '-o', 'none.png', code=3)
+        assert '6 of 48 objects' in said, said
 
 # What is asked for must be UIDs, and peers peers.
 for bad in ('../x', '1.2;3', '', '1' * 65, '1..2'):

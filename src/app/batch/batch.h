@@ -103,6 +103,8 @@ typedef struct CtsBatchSettings {
     double series_timeout_s;      /* 0: none */
     uint64_t series_bytes;        /* memory of one series; 0: what the machine has */
     bool fresh, show_patient, show_paths;
+    bool deidentify; /* folders, journal and sheet name series by UIDs under a key, */
+    const char *key; /* of this file, or the site's own */
     CtsBatchWork work;
     const char *send_to; /* the PACS that .dcm files go to, as the journal names it; NULL: none */
     CtsBatchSend send;

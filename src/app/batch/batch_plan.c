@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "app/batch/batch_plan.h"
 
+#include "output/export/uid.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -29,6 +30,7 @@ typedef struct Home {
 
 struct CtsPlan {
     const CtsPlanInput *input;
+    const CtsKey *key;
     FILE *list;
     uint64_t list_bytes;
     Entry *entries;
@@ -329,6 +331,7 @@ CtsStatus cts_plan_new(CtsPlan **plan, const CtsPlanInput *input, CtsError *err)
     if (!p)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     p->input = input;
+    p->key = input->key;
     if (!(p->list = nameless_file(input->folder))) {
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: no file can be made there: %s", input->folder, strerror(errno));
         goto end;
@@ -463,7 +466,10 @@ CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, 
     size_t own = 0;
     while (own + 1 < unit->n && files[own].record.lost)
         own++;
+    snprintf(series->own_uid, sizeof series->own_uid, "%s", files[own].name);
     snprintf(series->uid, sizeof series->uid, "%s", files[own].name);
+    if (plan->key && (st = cts_uid_keyed(plan->key, "series of a batch", series->own_uid, series->uid, err)))
+        goto end;
     if (is_valid_uid(series->uid))
         snprintf(series->folder, sizeof series->folder, "%s", series->uid);
     else

@@ -13,7 +13,8 @@ typedef struct CtsPlanInput {
     int n_paths, n_threads;
     const char *folder;     /* where the list of files is kept, in a file without a name */
     const char *series_uid; /* this one alone; NULL: all */
-    int shard, n_shards;    /* 0 of 1: all */
+    const CtsKey *key;   /* the caller's, as long as the plan is there: series are named under it; NULL: as they are */
+    int shard, n_shards; /* 0 of 1: all */
     void (*warn)(void *context, const char *text);
     void (*counts)(void *context, uint64_t n_files); /* how far the search is */
     void *context;
@@ -22,8 +23,9 @@ typedef struct CtsPlanInput {
 
 /* Files of one SeriesInstanceUID, or of one folder where files have none. */
 typedef struct CtsPlanSeries {
-    char uid[80];       /* as in the files; "uid-" and 16 hex digits where they have none */
-    char folder[80];    /* the UID where it is a valid one, else "uid-" and 16 hex digits */
+    char own_uid[80];   /* as in the files; "uid-" and 16 hex digits where they have none */
+    char uid[80];       /* what the batch calls it: the same, or a UID that stands for it under the key */
+    char folder[80];    /* that UID where it is a valid one, else "uid-" and 16 hex digits */
     const char **paths; /* in order */
     int n_paths;
     char input_sha256[65]; /* of the files' SOP UIDs, sizes and times */

@@ -116,14 +116,35 @@ CtsStatus cts_child_send(const struct CtsBatchChild *child, const char *message,
     return CTS_OK;
 }
 
+/* The text with the series' name in the batch wherever reasons and findings have its own; NULL without memory. */
+static char *renamed(const char *text, const CtsPlanSeries *series)
+{
+    char *out = NULL;
+    size_t size;
+    FILE *stream = open_memstream(&out, &size);
+    if (!stream)
+        return NULL;
+    const char *own = series && strcmp(series->own_uid, series->uid) ? series->own_uid : "";
+    const size_t n = strlen(own);
+    for (const char *at; n && (at = strstr(text, own)); text = at + n)
+        fprintf(stream, "%.*s%s", (int)(at - text), text, at[n] >= '0' && at[n] <= '9' ? own : series->uid);
+    fputs(text, stream);
+    if (!fclose(stream))
+        return out;
+    free(out);
+    return NULL;
+}
+
 CtsStatus cts_child_send_line(const struct CtsBatchChild *child, const char *word, CtsError *err)
 {
-    char *object = json_dumps(child->line, JSON_COMPACT | JSON_REAL_PRECISION(12)), *message = NULL;
+    char *whole = json_dumps(child->line, JSON_COMPACT | JSON_REAL_PRECISION(12)), *message = NULL;
+    char *object = whole ? renamed(whole, child->series) : NULL;
     CtsStatus st = object && asprintf(&message, "%s%s\n", word, object) > 0
                        ? CTS_OK
                        : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st)
         st = cts_child_send(child, message, err);
+    free(whole);
     free(object);
     free(message);
     return st;
@@ -151,7 +172,7 @@ static void run_series(struct CtsBatchChild *c)
 {
     CtsError err = {0};
     const CtsBatchSettings *s = c->settings;
-    const CtsBatchTask task = {.uid = c->series->uid,
+    const CtsBatchTask task = {.uid = c->series->own_uid,
                                .paths = c->series->paths,
                                .n_paths = c->series->n_paths,
                                .n_threads = c->n_threads,

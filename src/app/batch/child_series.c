@@ -139,6 +139,13 @@ static void add_finding(struct CtsBatchChild *c, const CtsFinding *finding, cons
 static void tell_geometry(struct CtsBatchChild *c, const CtsPixelFacts *facts)
 {
     json_t *geometry = cts_info_json(c->now, facts, true);
+    CtsKey key;
+    if (c->settings->deidentify) {
+        const bool known = *c->now->study_uid && !cts_key_load(c->settings->key, false, &key, NULL);
+        char *study = known ? cts_uid_hash(&key, c->now->study_uid) : NULL;
+        json_object_set_new(geometry, "study", study ? json_string(study) : json_null());
+        free(study);
+    }
     json_object_del(geometry, "findings");
     json_object_del(geometry, "series_uid");
     json_object_set_new(c->line, "geometry", geometry);

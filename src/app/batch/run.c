@@ -34,6 +34,7 @@ typedef struct Run {
     CtsJournal *journal;
     CtsWorker *workers; /* the first one sends */
     int n_workers, n_jobs, n_threads;
+    CtsKey key; /* of the names of series, where they are de-identified */
     size_t next;
     char **to_send; /* UIDs of series that wait to be sent */
     size_t n_to_send, next_to_send;
@@ -521,13 +522,16 @@ static CtsStatus search(Run *r, CtsError *err)
                                 .n_threads = s->n_threads,
                                 .folder = s->folder,
                                 .series_uid = s->series_uid,
+                                .key = s->deidentify ? &r->key : NULL,
                                 .shard = s->shard,
                                 .n_shards = s->n_shards,
                                 .warn = s->told.warning,
                                 .counts = s->told.searching,
                                 .context = s->told.context,
                                 .stop = s->stop};
-    CtsStatus st = cts_plan_new(&r->plan, &input, err);
+    CtsStatus st = s->deidentify ? cts_key_load(s->key, s->n_shards == 1, &r->key, err) : CTS_OK;
+    if (!st)
+        st = cts_plan_new(&r->plan, &input, err);
     if (st)
         return st;
     const CtsArchiveCounts counts = cts_plan_counts(r->plan);

@@ -201,7 +201,8 @@ static CtsStatus render_series(Work *w)
     CtsStatus st = cts_batch_begin(w->task->child, w->loaded.series, &pictures, &n, &err);
     if (!st && !w->loaded.series->renderable)
         st = cts_fail(&err, w->loaded.series->refusal, "%s", w->loaded.series->reason);
-    if (!st && !(st = cts_log_open(&w->log, w->batch->log, start_ms, &err))) {
+    if (!st && !(st = cts_log_open(&w->log, w->batch->log, w->batch->job.export.key, w->batch->settings->n_shards == 1,
+                                   start_ms, &err))) {
         cts_log_run(w->log, w->batch->command, w->loaded.series->uid);
         for (int i = 0; w->log && !w->batch->settings->show_paths && i < w->task->n_paths; i++)
             cts_names_add(&w->names, w->task->paths[i]);

@@ -136,6 +136,8 @@ const CtsOption cts_options[] = {
      FLAG(export.new_uids)},
     {0, "deidentify", NULL, RENDERING, DCM, "leave the patient's identity out of {objects} outputs", NULL,
      FLAG(export.deidentify)},
+    {0, "key", "FILE", RENDERING, SAME, "key of the UIDs that --deidentify gives and of the log's hashes",
+     "the site's own", TEXT(export.key)},
     {0, "state", "FILE", ONE, SAME,
      "make the picture that a presentation state of ctsplat's describes; options beside it win", NULL,
      TEXT(state_path)},

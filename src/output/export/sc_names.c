@@ -7,9 +7,11 @@
 #include <stdio.h>
 #include <string.h>
 
-static CtsStatus start_hash(CtsHash **hash, const char *purpose, const CtsSeries *source, CtsError *err)
+/* key: NULL where the identity stays. */
+static CtsStatus start_hash(CtsHash **hash, const CtsKey *key, const char *purpose, const CtsSeries *source,
+                            CtsError *err)
 {
-    const CtsStatus st = cts_hash_start(hash, err);
+    const CtsStatus st = cts_hash_start_keyed(hash, key, err);
     if (st)
         return st;
     cts_hash_text(*hash, "ctsplat");
@@ -30,7 +32,8 @@ static CtsStatus finish_uid(CtsHash **hash, char uid[65], CtsError *err)
 }
 
 /* The study the picture joins: the source's, or another one for all pictures of that study when identity goes. */
-static CtsStatus name_study(const CtsExportJob *job, const CtsScSource *facts, CtsScNames *names, CtsError *err)
+static CtsStatus name_study(const CtsExportJob *job, const CtsKey *key, const CtsScSource *facts, CtsScNames *names,
+                            CtsError *err)
 {
     CtsHash *hash;
     uint8_t digest[CTS_DIGEST_BYTES];
@@ -38,12 +41,12 @@ static CtsStatus name_study(const CtsExportJob *job, const CtsScSource *facts, C
     snprintf(names->study_uid, sizeof names->study_uid, "%s", facts->study_uid);
     if (known && !job->settings.deidentify)
         return CTS_OK;
-    CtsStatus st = start_hash(&hash, "study", known ? NULL : job->settings.source, err);
+    CtsStatus st = start_hash(&hash, key, "study", known ? NULL : job->settings.source, err);
     if (st)
         return st;
     cts_hash_text(hash, facts->study_uid);
     if ((st = finish_uid(&hash, names->study_uid, err)) || !job->settings.deidentify ||
-        (st = start_hash(&hash, "patient", NULL, err)))
+        (st = start_hash(&hash, key, "patient", NULL, err)))
         return st;
     cts_hash_text(hash, names->study_uid);
     if ((st = cts_hash_finish(&hash, digest, err)))
@@ -63,7 +66,7 @@ static CtsStatus number_series(const CtsExportJob *job, const CtsScSource *facts
     CtsHash *hash;
     uint8_t digest[CTS_DIGEST_BYTES];
     int preset = cts_preset_number(info->preset);
-    CtsStatus st = start_hash(&hash, "series number", NULL, err);
+    CtsStatus st = start_hash(&hash, NULL, "series number", NULL, err);
     if (st)
         return st;
     cts_hash_text(hash, info->preset);
@@ -100,7 +103,7 @@ static int instance_number(const CtsExportJob *job)
 }
 
 /* UIDs from all that makes the object what it is: the same input gives the same UIDs, another picture another one. */
-static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsScWords *words,
+static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsKey *key, const CtsScWords *words,
                                           const uint8_t pixels[CTS_DIGEST_BYTES], CtsScNames *names, CtsError *err)
 {
     const CtsExportHead *head = &job->head;
@@ -109,14 +112,14 @@ static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsScWo
     char text[160];
     if (job->settings.new_uids)
         return (st = cts_uid_random(names->series_uid, err)) ? st : cts_uid_random(names->sop_uid, err);
-    if ((st = start_hash(&hash, "series", job->settings.source, err)))
+    if ((st = start_hash(&hash, key, "series", job->settings.source, err)))
         return st;
     snprintf(text, sizeof text, "%d %d", job->settings.deidentify, names->series_number);
     cts_hash_text(hash, text);
     cts_hash_text(hash, words->series_description);
     cts_hash_text(hash, CTS_VERSION);
     if ((st = finish_uid(&hash, names->series_uid, err)) ||
-        (st = start_hash(&hash, "instance", job->settings.source, err)))
+        (st = start_hash(&hash, key, "instance", job->settings.source, err)))
         return st;
     cts_hash_text(hash, names->series_uid);
     cts_hash_text(hash, words->derivation);
@@ -130,9 +133,12 @@ CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScSource *facts, const 
                        const uint8_t pixels[CTS_DIGEST_BYTES], CtsScNames *names, CtsError *err)
 {
     CtsStatus st;
+    CtsKey site;
+    const CtsKey *const key = job->settings.deidentify ? &site : NULL;
     memset(names, 0, sizeof *names);
     names->instance_number = instance_number(job);
-    if ((st = name_study(job, facts, names, err)) || (st = number_series(job, facts, names, err)))
+    if ((key && (st = cts_key_load(job->settings.key, true, &site, err))) ||
+        (st = name_study(job, key, facts, names, err)) || (st = number_series(job, facts, names, err)))
         return st;
-    return name_series_and_instance(job, words, pixels, names, err);
+    return name_series_and_instance(job, key, words, pixels, names, err);
 }

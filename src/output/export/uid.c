@@ -30,6 +30,21 @@ void cts_uid_from_digest(const uint8_t digest[CTS_DIGEST_BYTES], char uid[65])
     format_uuid(digest, 8, uid);
 }
 
+CtsStatus cts_uid_keyed(const CtsKey *key, const char *purpose, const char *uid, char keyed[65], CtsError *err)
+{
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    CtsStatus st = cts_hash_start_keyed(&hash, key, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, "ctsplat");
+    cts_hash_text(hash, purpose);
+    cts_hash_text(hash, uid);
+    if (!(st = cts_hash_finish(&hash, digest, err)))
+        cts_uid_from_digest(digest, keyed);
+    return st;
+}
+
 CtsStatus cts_uid_random(char uid[65], CtsError *err)
 {
     uint8_t bytes[UUID_BYTES];

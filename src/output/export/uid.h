@@ -8,6 +8,9 @@
  * tells nothing of what was hashed. */
 void cts_uid_from_digest(const uint8_t digest[CTS_DIGEST_BYTES], char uid[65]);
 
+/* The UID that stands for another one under a key. */
+CtsStatus cts_uid_keyed(const CtsKey *key, const char *purpose, const char *uid, char keyed[65], CtsError *err);
+
 /* A UUID of version 4. CTS_ERR_INTERNAL when the system has no random numbers. */
 CtsStatus cts_uid_random(char uid[65], CtsError *err);
 

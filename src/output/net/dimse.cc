@@ -3,6 +3,7 @@
 
 #include "output/net/peer.h"
 
+#include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <cstring>
@@ -224,42 +225,64 @@ void fill_query(DcmDataset &query, const CtsRequest &request, const char *series
     query.putAndInsertString(DCM_SeriesInstanceUID, series_uid);
 }
 
-/* The study's CT series by C-FIND: a whole study holds objects that we have no use for, and some peers fail at them. */
-std::vector<std::string> find_series(Scu &scu, const CtsRequest &request)
+/* A series, and how many objects there are of it by C-FIND; 0: not told. */
+struct Series {
+    std::string uid;
+    int n_objects;
+};
+
+/* The study's CT series by C-FIND, or the one that is asked for: a whole study holds objects that we have no use for,
+ * and some peers fail at them. */
+std::vector<Series> find_series(Scu &scu, const CtsRequest &request)
 {
-    std::vector<std::string> uids;
+    std::vector<Series> found;
     OFList<QRResponse *> responses;
     DcmDataset query;
     const T_ASC_PresentationContextID context =
         scu.findPresentationContextID(UID_FINDStudyRootQueryRetrieveInformationModel, "");
-    fill_query(query, request, "");
-    query.putAndInsertString(DCM_Modality, "CT");
+    fill_query(query, request, request.series_uid ? request.series_uid : "");
+    query.putAndInsertString(DCM_Modality, request.series_uid ? "" : "CT");
+    query.putAndInsertString(DCM_NumberOfSeriesRelatedInstances, "");
     if (context != 0)
         scu.sendFINDRequest(context, &query, &responses);
     for (OFListIterator(QRResponse *) i = responses.begin(); i != responses.end(); ++i) {
         const char *uid = nullptr;
-        if ((*i)->m_dataset && (*i)->m_dataset->findAndGetString(DCM_SeriesInstanceUID, uid).good() && uid &&
-            cts_uid_is_valid(uid) && uids.size() < CTS_INBOX_MAX_FILES)
-            uids.push_back(uid);
+        Sint32 n = 0;
+        DcmDataset *answer = (*i)->m_dataset;
+        if (answer && answer->findAndGetString(DCM_SeriesInstanceUID, uid).good() && uid && cts_uid_is_valid(uid) &&
+            (!request.series_uid || strcmp(uid, request.series_uid) == 0) && found.size() < CTS_INBOX_MAX_FILES) {
+            answer->findAndGetSint32(DCM_NumberOfSeriesRelatedInstances, n);
+            found.push_back({uid, n});
+        }
         delete *i;
     }
-    return uids;
+    if (request.series_uid && found.empty())
+        found.push_back({request.series_uid, 0});
+    return found;
 }
 
-/* What the last response says. */
-CtsStatus judge(OFList<RetrieveResponse *> &responses, CtsError *err)
+/* What the last response says. n_objects becomes what all of them count, if that is more. */
+CtsStatus judge(OFList<RetrieveResponse *> &responses, int *n_objects, CtsError *err)
 {
     CtsStatus st = responses.empty() ? cts_fail(err, CTS_ERR_READ, "the peer does not answer") : CTS_OK;
     if (!responses.empty()) {
         const RetrieveResponse &last = *responses.back();
         const unsigned failed = last.m_numberOfFailedSubops;
+        const bool counts = last.m_numberOfCompletedSubops + last.m_numberOfWarningSubops > 0;
         if (last.m_status != STATUS_Success && (last.m_status & 0xF000) != 0xB000)
             st = cts_fail(err, CTS_ERR_READ, "the peer refuses with status %04X", static_cast<unsigned>(last.m_status));
         else if (failed > 0)
             st = cts_fail(err, CTS_ERR_READ, "the peer could not send %u of the series' objects", failed);
+        else if (last.m_status != STATUS_Success && !counts)
+            st = cts_fail(err, CTS_ERR_READ, "the peer ends with the warning %04X, and does not say what it sent",
+                          static_cast<unsigned>(last.m_status));
     }
-    for (OFListIterator(RetrieveResponse *) i = responses.begin(); i != responses.end(); ++i)
+    for (OFListIterator(RetrieveResponse *) i = responses.begin(); i != responses.end(); ++i) {
+        const RetrieveResponse &r = **i;
+        *n_objects = std::max(*n_objects, r.m_numberOfRemainingSubops + r.m_numberOfCompletedSubops +
+                                              r.m_numberOfFailedSubops + r.m_numberOfWarningSubops);
         delete *i;
+    }
     return st;
 }
 
@@ -268,28 +291,33 @@ CtsStatus judge(OFList<RetrieveResponse *> &responses, CtsError *err)
 template <typename Fetch>
 CtsStatus each_series(Scu &scu, const CtsNet &net, const CtsRequest &request, Fetch fetch, CtsError *err)
 {
-    std::vector<std::string> uids;
-    if (request.series_uid)
-        uids.push_back(request.series_uid);
-    else
-        uids = find_series(scu, request);
-    for (const std::string &uid : uids) {
+    for (const Series &series : find_series(scu, request)) {
+        const char *const uid = series.uid.c_str();
+        const int n_before = request.inbox->n_files;
+        int n_objects = series.n_objects;
         DcmDataset query;
         OFList<RetrieveResponse *> responses;
         CtsError why = {};
         if (cts_net_stopped(&net))
             return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-        fill_query(query, request, uid.c_str());
+        fill_query(query, request, uid);
         const OFCondition state = fetch(query, responses);
-        const CtsStatus st = judge(responses, &why);
+        CtsStatus st = judge(responses, &n_objects, &why);
+        const int n_came = request.inbox->n_files - n_before;
+        if (!st && state.good() && n_came < n_objects)
+            st = cts_fail(&why, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, n_objects);
         if (state.bad())
             return cts_fail(err, CTS_ERR_READ, "the connection broke after %d files: %s", request.inbox->n_files,
                             one_line(state).c_str());
         if (st && request.series_uid)
             return *err = why, st;
-        if (st)
-            cts_report_finding(request.report, "series_not_fetched", CTS_WARNING, "series %s is left out: %s",
-                               uid.c_str(), why.text);
+        if (st) {
+            cts_inbox_cut(request.inbox, n_before);
+            cts_report_finding(request.report, "series_not_fetched", CTS_WARNING, "series %s is left out: %s", uid,
+                               why.text);
+        } else {
+            *request.n_promised += n_objects;
+        }
     }
     return CTS_OK;
 }

@@ -67,6 +67,15 @@ CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err)
     return st;
 }
 
+void cts_inbox_cut(CtsInbox *inbox, int n)
+{
+    char path[4200];
+    for (; inbox->n_files > n; inbox->n_files--) {
+        snprintf(path, sizeof path, "%s/%06d.dcm", inbox->folder, inbox->n_files);
+        unlink(path);
+    }
+}
+
 void cts_inbox_remove(char **folder)
 {
     DIR *dir = *folder ? opendir(*folder) : NULL;

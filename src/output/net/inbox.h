@@ -30,6 +30,8 @@ CtsStatus cts_inbox_next(CtsInbox *inbox, char **path, CtsError *err);
 CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err);
 /* That file is complete. CTS_ERR_READ when it made the inbox too large. */
 CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err);
+/* Without the files after the first n. */
+void cts_inbox_cut(CtsInbox *inbox, int n);
 /* Folder and files. */
 void cts_inbox_remove(char **folder);
 

@@ -1,5 +1,8 @@
 #include "output/net/peer.h"
 
+#include "base/mem.h"
+#include "input/files/scan.h"
+#include "input/header/slice.h"
 #include "output/objects/dcm_writers.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -114,13 +117,68 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
     return st;
 }
 
+static int by_text(const void *a, const void *b)
+{
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
+
+/* Whether one object that came is of what was asked for. What is no CT goes into no picture. */
+static CtsStatus compare(const CtsObject *object, const CtsRequest *request, CtsError *err)
+{
+    if (!object->n_slices)
+        return CTS_OK;
+    if (strcmp(object->slices[0]->identity[CTS_STUDY_UID], request->study_uid) != 0)
+        return cts_fail(
+            err, CTS_ERR_READ,
+            "the peer sent an object of another study than it was asked for (StudyInstanceUID (0020,000D))");
+    if (request->series_uid && strcmp(object->slices[0]->series_uid, request->series_uid) != 0)
+        return cts_fail(
+            err, CTS_ERR_READ,
+            "the peer sent an object of another series than it was asked for (SeriesInstanceUID (0020,000E))");
+    return CTS_OK;
+}
+
+/* What came against what was asked for: every object, and how many there are that differ. */
+static CtsStatus check_inbox(const CtsRequest *request, CtsError *err)
+{
+    const int n_files = request->inbox->n_files;
+    const char **uids = NULL;
+    CtsScratch scratch = {0};
+    int n = 0, n_came = 0;
+    CtsStatus st = cts_alloc_bytes((void **)&uids, (size_t)n_files + 1, sizeof *uids, err);
+    for (int i = 1; !st && i <= n_files; i++) {
+        char path[4200];
+        uint64_t bytes_read = 0;
+        CtsObject object = {0};
+        snprintf(path, sizeof path, "%s/%06d.dcm", request->inbox->folder, i);
+        const CtsFileKind kind = cts_slice_read_header(&(CtsFile){.path = path}, &scratch, &object, &bytes_read, NULL);
+        st = compare(&object, request, err);
+        if (object.n_slices && *object.slices[0]->sop_uid)
+            uids[n++] = object.slices[0]->sop_uid;
+        else
+            n_came += kind == CTS_FILE_DICOM;
+        cts_object_free(&object);
+    }
+    if (!st)
+        qsort(uids, (size_t)n, sizeof *uids, by_text);
+    for (int i = 0; !st && i < n; i++)
+        n_came += i == 0 || strcmp(uids[i], uids[i - 1]) != 0;
+    if (!st && n_came < *request->n_promised)
+        st =
+            cts_fail(err, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, *request->n_promised);
+    cts_free_bytes(uids);
+    cts_scratch_free(&scratch);
+    return st;
+}
+
 CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *study_uid, const char *series_uid,
                         char **folder, CtsReport *report, CtsError *err)
 {
     const CtsNet net = with_defaults(given);
     const CtsWay *way;
     CtsInbox inbox = {0};
-    const CtsRequest request = {study_uid, series_uid, &inbox, report};
+    int n_promised = 0;
+    const CtsRequest request = {study_uid, series_uid, &inbox, report, &n_promised};
     *folder = NULL;
     CtsStatus st = cts_net_check(given, err);
     if (st)
@@ -140,6 +198,8 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
     if (!st && inbox.n_bytes == 0)
         st = cts_fail(err, CTS_ERR_READ, "the peer has no CT image of %s %s", series_uid ? "series" : "study",
                       series_uid ? series_uid : study_uid);
+    if (!st)
+        st = check_inbox(&request, err);
     if (st)
         cts_inbox_remove(folder);
     return st;

@@ -30,6 +30,7 @@ typedef struct CtsRequest {
     const char *study_uid, *series_uid; /* series_uid may be NULL */
     CtsInbox *inbox;
     CtsReport *report;
+    int *n_promised; /* objects that there are by the peer's own count, as far as it tells */
 } CtsRequest;
 
 /* Both ways in one table. send takes the parcels that are not sent yet, in order, and marks those that are. */

@@ -170,18 +170,21 @@ static size_t read_upload(char *to, size_t size, size_t n, void *context)
     return got;
 }
 
-/* What a peer says of the upload; of more than this the rest is dropped. */
+/* What a peer says; an answer that is longer says nothing. */
 typedef struct Answer {
-    char text[64 << 10];
+    char text[1 << 20];
     size_t n;
+    bool too_long;
 } Answer;
 
 static size_t keep_answer(char *bytes, size_t size, size_t n, void *context)
 {
     Answer *a = context;
-    const size_t room = sizeof a->text - a->n, part = size * n < room ? size * n : room;
+    const size_t room = sizeof a->text - 1 - a->n, part = size * n < room ? size * n : room;
     memcpy(a->text + a->n, bytes, part);
     a->n += part;
+    a->text[a->n] = 0;
+    a->too_long |= part < size * n;
     return size * n;
 }
 
@@ -198,15 +201,42 @@ static bool names(const json_t *answer, const char *sequence, const char *sop_ui
     return false;
 }
 
-/* A status of success is not enough: there are peers that give it for what they did not store. Those that answer in
- * DICOM JSON must name the instance as stored; what others answer cannot be told. */
-static bool is_confirmed(const Answer *a, const char *sop_uid)
+/* ReferencedSOPSequence (0008,1199) names what is stored, FailedSOPSequence (0008,1198) what is not. */
+static bool confirmed_by_json(const Answer *a, const char *sop_uid)
 {
     json_t *answer = json_loadb(a->text, a->n, 0, NULL);
-    const json_t *object = json_is_array(answer) ? json_array_get(answer, 0) : answer;
-    const bool confirmed = !json_is_object(object) || names(object, "00081199", sop_uid);
+    const size_t n = json_is_array(answer) ? json_array_size(answer) : json_is_object(answer);
+    bool stored = false, failed = false;
+    for (size_t i = 0; i < n; i++) {
+        const json_t *object = json_is_array(answer) ? json_array_get(answer, i) : answer;
+        stored |= names(object, "00081199", sop_uid);
+        failed |= names(object, "00081198", sop_uid);
+    }
     json_decref(answer);
-    return confirmed;
+    return stored && !failed;
+}
+
+/* The native DICOM model (PS3.19 A.1): the sequence that a UID stands in is the last one that began before it. */
+static bool confirmed_by_xml(const Answer *a, const char *sop_uid)
+{
+    char value[80];
+    bool stored = false, failed = false;
+    snprintf(value, sizeof value, ">%s<", sop_uid);
+    for (const char *at = a->text; (at = strstr(at, value)); at++) {
+        const char *referenced = NULL, *other = NULL;
+        for (const char *tag = a->text; (tag = strstr(tag, "\"0008119")) && tag < at; tag++)
+            *(tag[8] == '9' ? &referenced : &other) = tag;
+        stored |= referenced && (!other || other < referenced);
+        failed |= other && (!referenced || referenced < other);
+    }
+    return stored && !failed;
+}
+
+/* A status of success is not enough: there are peers, and pages to log in by, that give it for what is not stored. */
+static bool is_confirmed(const Answer *a, const char *content_type, const char *sop_uid)
+{
+    return !a->too_long &&
+           (strcasestr(content_type, "xml") ? confirmed_by_xml(a, sop_uid) : confirmed_by_json(a, sop_uid));
 }
 
 static bool passes(CURLcode code)
@@ -223,11 +253,11 @@ static void judge_upload(const Web *web, CURLcode code, long status, const Answe
         result->again = passes(code);
         cts_fail(&result->error, CTS_ERR_OUTPUT, "%s", *web->why ? web->why : curl_easy_strerror(code));
     } else if (status == 200 || status == 201) {
-        if (is_confirmed(answer, parcel->sop_uid))
+        if (is_confirmed(answer, web->content_type, parcel->sop_uid))
             cts_parcel_is_sent(parcel, net);
         else
-            cts_fail(&result->error, CTS_ERR_OUTPUT, "the peer did not store it, though it answers with status %ld",
-                     status);
+            cts_fail(&result->error, CTS_ERR_OUTPUT,
+                     "the peer does not say that it stored it, though it answers with status %ld", status);
     } else {
         result->again = status >= 500 || status == 429 || status == 408;
         cts_fail(&result->error, CTS_ERR_OUTPUT, "the peer answers with status %ld%s", status,
@@ -369,6 +399,43 @@ static CtsStatus judge_download(const Download *d, CURLcode code, long status, C
     return d->started ? cts_multipart_finish(&d->multipart, err) : CTS_OK;
 }
 
+/* The sum of NumberOfSeriesRelatedInstances (0020,1209) over the series of an answer to QIDO-RS. */
+static int count_instances(const Answer *a, const char *series_uid)
+{
+    json_t *answer = a->too_long ? NULL : json_loadb(a->text, a->n, 0, NULL);
+    json_int_t n = 0;
+    for (size_t i = 0; i < json_array_size(answer); i++) {
+        const json_t *series = json_array_get(answer, i);
+        const json_t *uids = json_object_get(json_object_get(series, "0020000E"), "Value");
+        const json_t *counts = json_object_get(json_object_get(series, "00201209"), "Value");
+        const char *uid = json_string_value(json_array_get(uids, 0));
+        const json_t *count = json_array_get(counts, 0);
+        if (!series_uid || (uid && strcmp(uid, series_uid) == 0))
+            n += json_is_string(count) ? atoi(json_string_value(count)) : json_integer_value(count);
+    }
+    json_decref(answer);
+    return n > 0 && n <= CTS_INBOX_MAX_FILES ? (int)n : 0;
+}
+
+/* How many objects there are, where the peer answers QIDO-RS. */
+static void web_count(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request)
+{
+    Web web = {0};
+    char url[1500];
+    long status = 0;
+    Answer *answer = calloc(1, sizeof *answer);
+    snprintf(url, sizeof url, "%s/studies/%s/series?includefield=00201209%s%s", peer->url, request->study_uid,
+             request->series_uid ? "&SeriesInstanceUID=" : "", request->series_uid ? request->series_uid : "");
+    if (answer && !web_open(&web, net, url, NULL) && add_header(&web, "Accept: application/dicom+json")) {
+        curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, keep_answer);
+        curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, answer);
+        if (!perform(&web, &status) && status == 200)
+            *request->n_promised = count_instances(answer, request->series_uid);
+    }
+    free(answer);
+    web_close(&web);
+}
+
 static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
 {
     Web web;
@@ -392,7 +459,8 @@ static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequ
     curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, take_answer);
     curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, d);
     const CURLcode code = perform(&web, &status);
-    st = judge_download(d, code, status, err);
+    if (!(st = judge_download(d, code, status, err)))
+        web_count(peer, net, request);
 end:
     if (d->file)
         fclose(d->file);

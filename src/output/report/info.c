@@ -81,7 +81,7 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
     json_t *object = json_object(), *findings = json_array();
     json_object_set_new(object, "series_uid", cts_json_new_text(s->uid));
     json_object_set_new(object, "modality", cts_json_new_text(s->modality));
-    char *study = s->study_uid[0] ? cts_uid_hash(s->study_uid) : NULL;
+    char *study = s->study_uid[0] ? cts_uid_hash(NULL, s->study_uid) : NULL;
     json_object_set_new(object, "study", study ? json_string(study) : json_null());
     free(study);
     if (show_patient) {

@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/json.h"
+#include "base/site_key.h"
 #include "base/parallel.h"
 #include "output/report/masked.h"
 #include <errno.h>
@@ -28,6 +29,8 @@ struct CtsLog {
     char *command, *series_hash; /* NULL: not known */
     char *last_words;
     const CtsNames *names; /* of files that are not to be told; NULL: none */
+    CtsKey key;
+    bool has_key; /* else no UID is told, not even as a hash */
 };
 
 /* A random number, so that runs of many machines can stand in one file; and when it began. */
@@ -58,7 +61,8 @@ CtsStatus cts_log_check(const char *path, CtsError *err)
     return st;
 }
 
-CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError *err)
+CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may_make_key, double start_ms,
+                       CtsError *err)
 {
     *log = NULL;
     if (!path)
@@ -70,8 +74,11 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError
     l->start_ms = start_ms;
     l->parallel_before_ms = cts_parallel_ms();
     name_run(l);
-    const CtsStatus st = open_file(path, &l->fd, err);
-    if (st) {
+    CtsStatus st = cts_key_load(key, may_make_key, &l->key, err);
+    l->has_key = !st;
+    if (!key) /* a log without hashes is better than none */
+        st = CTS_OK;
+    if (st || (st = open_file(path, &l->fd, err))) {
         free(l);
         return st;
     }
@@ -117,7 +124,8 @@ static void set_integer(json_t *object, const char *key, uint64_t value)
 static json_t *new_message(const CtsLog *log, const char *text)
 {
     char *nameless = log->names ? cts_without_names(text, log->names, NULL) : NULL;
-    char *masked = nameless || !log->names ? cts_without_uids(nameless ? nameless : text) : NULL;
+    char *masked =
+        nameless || !log->names ? cts_without_uids(log->has_key ? &log->key : NULL, nameless ? nameless : text) : NULL;
     free(nameless);
     json_t *value = masked ? cts_json_new_text(masked) : json_null();
     free(masked);
@@ -318,8 +326,8 @@ void cts_log_run(CtsLog *log, const char *command, const char *series_uid)
         return;
     if (command && !log->command)
         log->command = strdup(command);
-    if (series_uid && !log->series_hash)
-        log->series_hash = cts_uid_hash(series_uid);
+    if (series_uid && !log->series_hash && log->has_key)
+        log->series_hash = cts_uid_hash(&log->key, series_uid);
     prepare_last_words(log);
 }
 

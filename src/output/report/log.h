@@ -12,8 +12,9 @@ struct CtsNames; /* masked.h */
 
 /* path "-" is stderr; NULL makes *log NULL, which all of the following accept and ignore. start_ms is cts_wall_ms()
  * at the start of the program: what t_ms counts from. Opens the file, so that a log that cannot be written is refused
- * before any work. */
-CtsStatus cts_log_open(CtsLog **log, const char *path, double start_ms, CtsError *err);
+ * before any work. UIDs stand in it as hashes under a key (base/site_key.h); without one, not at all. */
+CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may_make_key, double start_ms,
+                       CtsError *err);
 
 /* Whether it could be opened. */
 CtsStatus cts_log_check(const char *path, CtsError *err);

@@ -8,12 +8,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-char *cts_uid_hash(const char *uid)
+char *cts_uid_hash(const CtsKey *key, const char *uid)
 {
     uint8_t digest[CTS_DIGEST_BYTES];
     CtsHash *hash;
     char *text = malloc(17);
-    if (!text || cts_hash_start(&hash, NULL)) {
+    if (!text || cts_hash_start_keyed(&hash, key, NULL)) {
         free(text);
         return NULL;
     }
@@ -41,7 +41,7 @@ static size_t uid_length(const char *text)
     return n;
 }
 
-char *cts_without_uids(const char *text)
+char *cts_without_uids(const CtsKey *key, const char *text)
 {
     char *masked = NULL;
     size_t size;
@@ -50,7 +50,7 @@ char *cts_without_uids(const char *text)
         return NULL;
     while (*text) {
         const size_t n = uid_length(text), n_number = strspn(text, "0123456789.");
-        char *uid = n ? strndup(text, n) : NULL, *hash = uid ? cts_uid_hash(uid) : NULL;
+        char *uid = n ? strndup(text, n) : NULL, *hash = uid && key ? cts_uid_hash(key, uid) : NULL;
         if (n)
             fprintf(out, "uid:%s", hash ? hash : "?");
         else

@@ -3,12 +3,15 @@
 #ifndef CTS_REPORT_MASKED_H
 #define CTS_REPORT_MASKED_H
 
+#include "base/site_key.h"
 #include <stddef.h>
 
-/* The first half of the UID's SHA-256, in hexadecimal digits; NULL without memory. Free both with free(). */
-char *cts_uid_hash(const char *uid);
-/* The text with every UID in it as "uid:HASH", but for those of the standard itself; NULL without memory. */
-char *cts_without_uids(const char *text);
+/* The first 16 hexadecimal digits of the UID's HMAC-SHA256, without a key (NULL) of its SHA-256; NULL without memory.
+ * Free both with free(). */
+char *cts_uid_hash(const CtsKey *key, const char *uid);
+/* The text with every UID in it as "uid:HASH", without a key as "uid:?", but for those of the standard itself; NULL
+ * without memory. */
+char *cts_without_uids(const CtsKey *key, const char *text);
 
 /* Names of input files. Zero-initialise; free with cts_names_free(). */
 typedef struct CtsNames {
