@@ -47,7 +47,8 @@ typedef struct CtsPreset {
 #define CTS_MAX_EXTINCTION_PER_MM 50.0
 
 /* A built-in preset, a preset of the user's folder ($XDG_CONFIG_HOME/ctsplat/presets/NAME.json), or a file, in this
- * order; a name with a slash is a file. Files are ctsplat's JSON, Slicer's volume property JSON, a Slicer .vp
+ * order; a name with a slash is a file, and one that begins
+ * with a brace the JSON text itself. Files are ctsplat's JSON, Slicer's volume property JSON, a Slicer .vp
  * file or Slicer's presets.xml; of a file with several presets FILE#NAME takes one. CTS_ERR_PRESET with the list of
  * names, or the file, line and reason. */
 CtsStatus cts_preset_load(const char *name_or_file, CtsPreset *preset, CtsError *err);

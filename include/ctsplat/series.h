@@ -133,6 +133,24 @@ CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsScanned 
                              CtsError *err);
 void cts_scanned_free(CtsScanned **scanned);
 
+/* HU from elsewhere than DICOM, a box of numbers in any order: voxel (a, b, c) is the number at
+ * bytes + a * stride_bytes[0] + b * stride_bytes[1] + c * stride_bytes[2], and its centre lies at
+ * origin_lps + a * step_lps[0] + b * step_lps[1] + c * step_lps[2] (mm). */
+typedef enum CtsNumber { CTS_INT16, CTS_UINT16, CTS_INT32, CTS_FLOAT32, CTS_FLOAT64, CTS_N_NUMBERS } CtsNumber;
+typedef struct CtsGivenHu {
+    const void *bytes;
+    CtsNumber number;
+    int dims[3];
+    ptrdiff_t stride_bytes[3];
+    double origin_lps[3], step_lps[3][3];
+} CtsGivenHu;
+
+/* As if it had been scanned so: axes change places and direction as a scanner would have stored them (the thickest
+ * across the slices, rows to the left or the back, columns to the back or the feet), which moves no voxel. What is not
+ * finite is padding. Refuses steps that do not span space and numbers that are no HU. */
+CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned **scanned, CtsReport *report,
+                            CtsError *err);
+
 /* Evenly spaced layers, as a volume of its own, made as cts_volume_refine() says where slices are unevenly spaced. Adds
  * to *made. hand_over: nobody wants another volume of it; the slices' own memory becomes the volume, and scanned keeps
  * their places alone. */

@@ -12,7 +12,8 @@
 #include <string.h>
 #include <unistd.h>
 
-static const char *const PLACES[] = {"", "ctsplat/", "../" CTS_LIBDIR "/ctsplat/"};
+/* Where it is built the program's folder stands in the library's. */
+static const char *const PLACES[] = {"", "cli/", "ctsplat/", "../" CTS_LIBDIR "/ctsplat/"};
 enum { N_PLACES = sizeof PLACES / sizeof *PLACES };
 
 /* The folder of the program, or of the shared library, with a slash behind it. */

@@ -249,7 +249,7 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
     CtsStatus st;
     settings.source = loaded->series;
     settings.n_threads = cts_threads(job->render.n_threads);
-    render.want_depth = cts_outputs_hold_depth(&job->outputs);
+    render.want_depth = job->render.want_depth || cts_outputs_hold_depth(&job->outputs);
     render.rotation_frames = n_frames_of(job);
     if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)) &&
         !(st = cts_fit_window(loaded->volume, &render, &preset, report, err)))

@@ -156,7 +156,7 @@ CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded,
     return st ? st : cut(source, loaded->volume, &made, report, err);
 }
 
-CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
                           CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -174,9 +174,16 @@ CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_
     st = cts_source_read(source, loaded, report, err);
     cts_watch_findings(watch, report);
     cts_meter_stop(meter, report, CTS_STAGE_DECODE);
+    return st;
+}
+
+CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err)
+{
+    CtsStatus st = cts_source_scan(source, watch, n_steps, loaded, report, err);
     if (st)
         return st;
-    meter = cts_meter_start(report);
+    const CtsMeter meter = cts_meter_start(report);
     st = cts_source_view(source, true, loaded, report, err);
     cts_watch_findings(watch, report);
     cts_meter_stop(meter, report, CTS_STAGE_GREY);

@@ -40,8 +40,11 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
  * no memory for both they do so anyway: loaded->scanned->even->grey is NULL then. */
 CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err);
 
-/* Finds the series, decodes it and cuts it to what is asked for. Tells watch the first two of
- * n_steps. Free with cts_loaded_free(), also after a failure. */
+/* Finds the series and decodes it. Tells watch the first two of n_steps. Free with cts_loaded_free(), also after a
+ * failure. */
+CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
+                          CtsReport *report, CtsError *err);
+/* And cuts it to what is asked for, the only volume of it. */
 CtsStatus cts_source_load(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,
                           CtsReport *report, CtsError *err);
 void cts_loaded_free(CtsLoaded *loaded);

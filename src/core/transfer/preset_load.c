@@ -181,6 +181,8 @@ CtsStatus cts_preset_load(const char *name, CtsPreset *preset, CtsError *err)
     const bool has_folder = strchr(name, '/'), is_file = has_folder || strchr(name, '.');
     const CtsPreset *builtin = find_builtin(name);
     char path[4096];
+    if (*name == '{')
+        return cts_preset_parse(name, strlen(name), "preset", NULL, preset, err);
     if (builtin) {
         *preset = *builtin;
         return CTS_OK;

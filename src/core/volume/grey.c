@@ -156,3 +156,12 @@ void cts_grey_look_up(uint16_t *words, size_t n, const uint16_t table[65536])
     for (size_t i = 0; i < n; i++)
         words[i] = table[words[i]];
 }
+
+double cts_grey_finest_step(double hu_offset, double hu_max)
+{
+    enum { GREY_MAX = 65535, FINEST_BITS = 16 };
+    double step = 1;
+    for (int bits = 0; bits < FINEST_BITS && (hu_max - hu_offset) / (step / 2) <= GREY_MAX; bits++)
+        step /= 2;
+    return step;
+}

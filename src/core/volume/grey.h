@@ -4,6 +4,9 @@
 
 #include "core/volume/stored.h"
 
+/* The finest power of two, 1 at most, for which the largest HU still fits 16 bits: what fractions of HU get. */
+double cts_grey_finest_step(double hu_offset, double hu_max);
+
 /* grey = clamp(slope * stored + offset, 0, 65535), padding 0. |slope| * 65535 + |offset| must fit 31 bits.
  * In place, or from elsewhere. The plain version is the truth; the fast one gives the same bytes. */
 typedef CtsStoredRange (*cts_grey_whole_fn)(uint16_t *grey, const uint16_t *words, size_t n, const CtsStored *stored,

@@ -22,7 +22,7 @@
 #include <string.h>
 
 #define HU_OFFSET (-1024.0)
-enum { GREY_MAX = 65535, FINEST_STEP_BITS = 16, CELL_LOCKS = 16 };
+enum { GREY_MAX = 65535, CELL_LOCKS = 16 };
 
 /* What the threads share while slices become layers. */
 typedef struct Assembly {
@@ -264,15 +264,6 @@ static void find_hu_range(const Assembly *a, CtsVolume *v)
     }
     if (!(v->hu_min <= v->hu_max))
         v->hu_min = v->hu_max = HU_OFFSET; /* padding alone */
-}
-
-/* The finest power of two for which the series' maximum still fits 16 bits. */
-static double finest_step(double hu_max)
-{
-    double step = 1;
-    for (int bits = 0; bits < FINEST_STEP_BITS && (hu_max - HU_OFFSET) / (step / 2) <= GREY_MAX; bits++)
-        step /= 2;
-    return step;
 }
 
 static bool same_table(const CtsSlice *a, const CtsSlice *b)
@@ -525,7 +516,7 @@ static CtsStatus fill(const Loading *in, bool even, int offset, CtsVolume *v, Ct
         st = check_range(&a, v, err);
     }
     if (!st && !a.whole_numbers)
-        v->hu_step = finest_step(v->hu_max);
+        v->hu_step = cts_grey_finest_step(HU_OFFSET, v->hu_max);
     if (!st && !a.whole_numbers && !in->range_alone)
         st = convert_fractions(&a, v->hu_step, err);
     if (!st) {

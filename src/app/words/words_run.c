@@ -1,0 +1,224 @@
+#include "app/words/words_job.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/meter.h"
+#include <stdlib.h>
+#include <string.h>
+
+/* Who wants the pictures, and the bands of the one under way. */
+typedef struct Whole {
+    CtsPictureSink take;
+    void *context;
+    CtsPicture *picture;
+    CtsStatus status;
+    CtsError err;
+} Whole;
+
+static CtsStatus begin_picture(Whole *w, const CtsPicture *band)
+{
+    CtsStatus st = cts_picture_new(&w->picture, band->width, band->whole_height, band->n_channels, &w->err);
+    if (!st && band->depth_mm)
+        st = cts_alloc_array(&w->picture->depth_mm, (size_t)band->width * (size_t)band->whole_height, &w->err);
+    if (!st) {
+        w->picture->info = band->info;
+        w->picture->has_alpha = band->has_alpha;
+    }
+    return st;
+}
+
+static void take_band(void *context, int frame, const CtsPicture *band)
+{
+    Whole *const w = context;
+    if (w->status || (!w->picture && (w->status = begin_picture(w, band))))
+        return;
+    const size_t first = (size_t)band->first_row * (size_t)band->width;
+    const size_t n = (size_t)band->height * (size_t)band->width, n_channels = (size_t)band->n_channels;
+    memcpy(w->picture->pixels + first * n_channels, band->pixels, n * n_channels * sizeof *band->pixels);
+    if (band->depth_mm)
+        memcpy(w->picture->depth_mm + first, band->depth_mm, n * sizeof *band->depth_mm);
+    if (band->first_row + band->height < band->whole_height)
+        return;
+    CtsPicture *const whole = w->picture;
+    w->picture = NULL;
+    w->status = w->take(w->context, frame, whole, &w->err);
+}
+
+static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, CtsError *err)
+{
+    (void)frame, (void)err;
+    *(CtsPicture **)context = picture;
+    return CTS_OK;
+}
+
+/* A series that stays loaded, and the volume that the last picture of it was made of. */
+struct CtsSession {
+    CtsLoaded loaded;
+    CtsSource view; /* what loaded.volume is of what was scanned */
+};
+
+static bool same_view(const CtsSource *a, const CtsSource *b)
+{
+    return a->remove_table == b->remove_table && a->interpolation == b->interpolation && a->smooth_mm == b->smooth_mm &&
+           a->crop == b->crop &&
+           (!a->crop || (!memcmp(a->crop_low_lps, b->crop_low_lps, sizeof a->crop_low_lps) &&
+                         !memcmp(a->crop_high_lps, b->crop_high_lps, sizeof a->crop_high_lps)));
+}
+
+static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWatch *watch, CtsReport *report,
+                            CtsError *err)
+{
+    CtsStatus st = cts_job_check(job, report, err);
+    for (int i = 0; !st && !session->loaded.series && i < job->outputs.n; i++)
+        if (cts_output_is_dicom(&job->outputs, i))
+            st = cts_fail(err, CTS_ERR_USAGE, "%s: numbers without a patient make no DICOM object",
+                          job->outputs.paths[i]);
+    if (!st && (!session->loaded.volume || !same_view(&session->view, &job->source))) {
+        const CtsMeter meter = cts_meter_start(report);
+        session->view = job->source;
+        st = cts_source_view(&job->source, false, &session->loaded, report, err);
+        if (st)
+            cts_volume_free(&session->loaded.volume);
+        cts_meter_stop(meter, report, CTS_STAGE_GREY);
+    }
+    return st ? st : cts_job_render(job, &session->loaded, watch, report, err);
+}
+
+/* session NULL: the job finds and reads its series itself. */
+static CtsStatus run(CtsSession *session, const CtsOptions *options, Whole *whole, CtsReport *report, CtsError *err)
+{
+    CtsJob job;
+    CtsPreset preset;
+    const CtsWatch watch = {.context = whole, .band = whole ? take_band : NULL};
+    CtsStatus st = cts_options_one_job(options, &preset, &job, report, err);
+    job.render.stop = options->net.stop;
+    if (!st && !whole && !options->outputs.n)
+        st = cts_fail(err, CTS_ERR_USAGE, "no output (give `output` FILE, or a place for the picture in memory)");
+    job.render.want_depth = whole != NULL;
+    if (!st)
+        st = session ? run_loaded(session, &job, &watch, report, err) : cts_job_run(&job, &watch, report, err);
+    if (!st && whole && whole->status) {
+        *err = whole->err;
+        st = whole->status;
+    }
+    return st ? st : cts_options_send(options, err);
+}
+
+/* Free options in any case. */
+static CtsStatus take_words(CtsOptions *options, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
+                            CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    cts_options_begin(options);
+    options->net.stop = stop;
+    for (int i = 0; i < n_words && !st; i++)
+        st = cts_options_take(options, CTS_FOR_JOB, &words[i], err);
+    return st;
+}
+
+/* whole NULL: nobody wants pictures in memory. */
+static CtsStatus words_run(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
+                           Whole *whole, CtsReport *report, CtsError *err)
+{
+    CtsOptions options;
+    CtsReport own = {0};
+    CtsError unseen;
+    err = err ? err : &unseen;
+    CtsStatus st = take_words(&options, words, n_words, stop, err);
+    if (!st && session && (options.paths.n || options.from.given || options.series_uid))
+        st =
+            cts_fail(err, CTS_ERR_USAGE, "the series is loaded already (`path`, `series` and `from` name another one)");
+    if (!st && whole && whole->take == keep_picture && options.rotation > 1)
+        st = cts_fail(err, CTS_ERR_USAGE, "`rotation`: of %d pictures none can be the one in memory", options.rotation);
+    if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err)))
+        st = run(session, &options, whole, report ? report : &own, err);
+    if (whole)
+        cts_picture_free(&whole->picture);
+    cts_options_free(&options);
+    cts_report_free(&own);
+    return st;
+}
+
+static CtsStatus run_for_one(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
+                             CtsPicture **picture, CtsReport *report, CtsError *err)
+{
+    Whole whole = {.take = keep_picture, .context = picture};
+    if (picture)
+        *picture = NULL;
+    const CtsStatus st = words_run(session, words, n_words, stop, picture ? &whole : NULL, report, err);
+    if (st && picture)
+        cts_picture_free(picture);
+    return st;
+}
+
+CtsStatus cts_words_run(const CtsWord *words, int n_words, const volatile sig_atomic_t *stop, CtsPicture **picture,
+                        CtsReport *report, CtsError *err)
+{
+    return run_for_one(NULL, words, n_words, stop, picture, report, err);
+}
+
+CtsStatus cts_session_open(CtsSession **session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
+                           CtsReport *report, CtsError *err)
+{
+    CtsOptions options;
+    CtsReport own = {0};
+    CtsError unseen;
+    CtsSession *s = *session = calloc(1, sizeof *s);
+    err = err ? err : &unseen;
+    if (!s)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = take_words(&options, words, n_words, stop, err);
+    if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err))) {
+        CtsSource source = cts_options_source(&options, &(CtsPreset){.remove_table = true});
+        source.n_threads = cts_threads(source.n_threads);
+        st = cts_source_scan(&source, &(CtsWatch){0}, 2, &s->loaded, report ? report : &own, err);
+    }
+    cts_options_free(&options);
+    cts_report_free(&own);
+    if (st)
+        cts_session_close(session);
+    return st;
+}
+
+CtsStatus cts_session_take(CtsSession **session, CtsScanned **scanned, CtsError *err)
+{
+    CtsSession *s = *session = calloc(1, sizeof *s);
+    if (!s)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    s->loaded.scanned = *scanned;
+    *scanned = NULL;
+    return CTS_OK;
+}
+
+void cts_session_close(CtsSession **session)
+{
+    CtsSession *s = *session;
+    if (!s)
+        return;
+    cts_loaded_free(&s->loaded);
+    free(s);
+    *session = NULL;
+}
+
+const CtsScanned *cts_session_scanned(const CtsSession *session)
+{
+    return session->loaded.scanned;
+}
+
+const CtsSeries *cts_session_series(const CtsSession *session)
+{
+    return session->loaded.series;
+}
+
+CtsStatus cts_session_run(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
+                          CtsPicture **picture, CtsReport *report, CtsError *err)
+{
+    return run_for_one(session, words, n_words, stop, picture, report, err);
+}
+
+CtsStatus cts_session_frames(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
+                             CtsPictureSink take, void *context, CtsReport *report, CtsError *err)
+{
+    Whole whole = {.take = take, .context = context};
+    return words_run(session, words, n_words, stop, &whole, report, err);
+}

@@ -1,0 +1,492 @@
+"""CT series and arrays of HU become pictures, without a display.
+
+>>> volume = ctsplat.load("folder of slices")
+>>> volume.render(preset="skin", view=(30, 15)).save("head.png")
+
+A picture has the bytes that `ctsplat render` writes for the same words; options are its options, with underscores.
+"""
+import os
+import queue
+import tempfile
+import threading
+from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
+
+import numpy as np
+
+from ._ctsplat import ffi, lib
+
+__all__ = ["Error", "Finding", "Bound", "Preset", "Picture", "Volume", "load", "presets"]
+__version__ = "@VERSION@"
+
+
+class Error(Exception):
+    """What went wrong, in the words of `ctsplat`. code: the exit code that it would end with (ctsplat(1))."""
+
+    def __init__(self, text: str, code: int):
+        super().__init__(text)
+        self.code = code
+
+
+class Finding(NamedTuple):
+    """Something odd about the input. code: a stable word; severity: "note", "warning" or "refusal"."""
+
+    code: str
+    severity: str
+    text: str
+
+
+class Bound(NamedTuple):
+    """What the error of a picture does not exceed, in display values 0 to 1: rms, and of any one pixel."""
+
+    rmse: float
+    max: float
+    kind: str
+
+
+def _text(chars: Any) -> str:
+    return ffi.string(chars).decode("utf-8", "replace") if chars else ""
+
+
+def _check(status: int, err: Any) -> None:
+    if status:
+        group = status // 10
+        raise Error(_text(err.text), {1: 1, 6: 130, 7: 1}.get(group, group))
+
+
+class _Report:
+    """A CtsReport while it is filled; what it says afterwards."""
+
+    def __init__(self) -> None:
+        self.c = ffi.gc(ffi.new("CtsReport *"), lib.cts_report_free)
+
+    def findings(self) -> List[Finding]:
+        found = self.c.findings
+        names = lib.cts_severity_names
+        return [Finding(_text(f.code), _text(names[f.severity]), _text(f.text)) for f in found.items[0 : found.n]]
+
+    def log(self) -> Dict[str, Any]:
+        stages = {}
+        for i in range(lib.CTS_N_STAGES):
+            stage = self.c.stages[i]
+            if stage.ran:
+                stages[_text(lib.cts_stage_names[i])] = {"wall_ms": stage.wall_ms, "cpu_ms": stage.cpu_ms}
+        skipped = {_text(s.what): _text(s.why) for s in self.c.skips[0 : self.c.n_skips]}
+        return {"stages": stages, "skipped": skipped}
+
+    def bound(self) -> Optional[Bound]:
+        b = self.c.bound
+        return Bound(b.rmse, b.max, "estimated") if b.known else None
+
+
+_FLAGS = {"deidentify", "force", "new_uids"}
+
+
+def _values(name: str, value: Any) -> List[str]:
+    """An option's arguments as words: several where it may be repeated."""
+    if isinstance(value, Preset):
+        return [value.json]
+    if isinstance(value, bool):
+        if name in _FLAGS:
+            return [""] if value else []
+        return ["on" if value else "off"]
+    if isinstance(value, (str, os.PathLike)):
+        return [os.fspath(value)]
+    if isinstance(value, (int, float, np.integer, np.floating)):
+        return [repr(value.item() if isinstance(value, np.generic) else value)]
+    items = list(value)
+    if name in ("labels", "path"):
+        return [os.fspath(item) for item in items]
+    return [("x" if name == "size" else ",").join(x for item in items for x in _values(name, item))]
+
+
+class _Words:
+    """CtsWord records, and the strings that they point at."""
+
+    def __init__(self, options: Dict[str, Any]):
+        self.keep: List[Any] = []
+        pairs = [(name, text) for name, value in options.items() if value is not None for text in _values(name, value)]
+        self.n = len(pairs)
+        self.c = ffi.new("CtsWord[]", max(self.n, 1))
+        for word, (name, value) in zip(self.c, pairs):
+            word.name, word.value = self._chars(name.replace("_", "-")), self._chars(value)
+
+    def _chars(self, text: str) -> Any:
+        self.keep.append(ffi.new("char[]", os.fsencode(text)))
+        return self.keep[-1]
+
+
+def _interruptible(call: Any, stop: Any) -> None:
+    """Runs call(); Ctrl-C, which Python sees between its own steps alone, stops it meanwhile."""
+    if threading.current_thread() is not threading.main_thread():
+        call()
+        return
+    failures: List[BaseException] = []
+
+    def run() -> None:
+        try:
+            call()
+        except BaseException as failure:  # is raised again below
+            failures.append(failure)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        while thread.is_alive():
+            thread.join(1)
+    except BaseException:
+        stop[0] = 1
+        thread.join()
+        raise
+    if failures:
+        raise failures[0]
+
+
+class Preset:
+    """A transfer function with its lighting: of a built-in name, a file, or JSON text as in ctsplat-preset(5)."""
+
+    def __init__(self, name_or_file: str):
+        self._c = ffi.new("CtsPreset *")
+        err = ffi.new("CtsError *")
+        _check(lib.cts_preset_load(os.fsencode(name_or_file), self._c, err), err)
+
+    @classmethod
+    def from_points(cls, points: Sequence[Tuple[float, Tuple[float, float, float], float]], *, name: str = "points",
+                    **settings: Any) -> "Preset":
+        """points: (HU, (red, green, blue), opacity per mm) with values 0 to 1, of rising HU. settings: the other keys
+        of a preset file, such as shade=None or window=(low, high)."""
+        import json
+
+        made = [{"hu": float(hu), "rgb": [float(c) for c in rgb], "opacity": float(o)} for hu, rgb, o in points]
+        return cls(json.dumps({"name": name, "points": made, **settings}))
+
+    @property
+    def name(self) -> str:
+        return _text(self._c.name)
+
+    @property
+    def json(self) -> str:
+        text = lib.cts_preset_to_json(self._c)
+        if not text:
+            raise MemoryError
+        try:
+            return _text(text)
+        finally:
+            lib.free(text)
+
+    def __repr__(self) -> str:
+        return "<ctsplat.Preset %s>" % self.name
+
+
+def presets() -> List[str]:
+    """The names of the built-in presets."""
+    names, i = [], 0
+    while lib.cts_preset_builtin(i):
+        names.append(_text(lib.cts_preset_builtin(i).name))
+        i += 1
+    return names
+
+
+class Picture:
+    """A rendered picture. Display values (sRGB); row 0 is the top.
+
+    rgba: float32, (height, width, 4), colours multiplied by alpha; depth_mm: float32, (height, width), from the camera
+    plane to what is seen first, inf where nothing is, None where the mode has no surfaces; bound: what its error does
+    not exceed, None where the engine does not tell; log: times by stage and what was left out; findings: warnings."""
+
+    def __init__(self, c: Any, report: _Report, volume: "Volume"):
+        def free(picture: Any) -> None:
+            lib.cts_picture_free(ffi.new("CtsPicture **", picture))
+
+        self._c = ffi.gc(c, free)
+        self._volume = volume
+        self.bound, self.log, self.findings = report.bound(), report.log(), report.findings()
+
+    @property
+    def size(self) -> Tuple[int, int]:
+        """Width and height."""
+        return self._c.width, self._c.height
+
+    def _array(self, pointer: Any, shape: Tuple[int, ...]) -> np.ndarray:
+        buffer = _Buffer(self, int(ffi.cast("uintptr_t", pointer)), shape, "<f4")
+        return np.asarray(buffer)
+
+    @property
+    def rgba(self) -> np.ndarray:
+        c = self._c
+        values = self._array(c.pixels, (c.height, c.width, c.n_channels))
+        if c.n_channels == 4:
+            return values
+        rgba = np.ones((c.height, c.width, 4), np.float32)
+        rgba[..., :3] = values
+        return rgba
+
+    @property
+    def depth_mm(self) -> Optional[np.ndarray]:
+        c = self._c
+        return self._array(c.depth_mm, (c.height, c.width)) if c.depth_mm else None
+
+    def save(self, path: Union[str, os.PathLike], *, force: bool = False, png_bits: int = 16, quality: int = 90) -> None:
+        """Writes the picture; the ending picks the format. A file that exists stays, unless force."""
+        if png_bits not in (8, 16):
+            raise Error("png_bits is 8 or 16", 2)
+        settings = ffi.new("CtsExportSettings *")
+        settings.source = self._volume._series
+        settings.force, settings.png_8_bits, settings.quality = force, png_bits == 8, quality
+        output, err = ffi.new("CtsExport **"), ffi.new("CtsError *")
+        chars = os.fsencode(path)
+        if settings.source == ffi.NULL and chars.lower().endswith(b".dcm"):
+            raise Error("%s: numbers without a patient make no DICOM object" % os.fspath(path), 2)
+        with self._volume._lock:
+            _check(lib.cts_export_begin(output, chars, self._c, 1, settings, ffi.NULL, err), err)
+            try:
+                _check(lib.cts_export_rows(output[0], self._c, err), err)
+                _check(lib.cts_export_end(output, ffi.NULL, err), err)
+            finally:
+                lib.cts_export_discard(output)
+
+    def _repr_png_(self) -> bytes:
+        with tempfile.TemporaryDirectory() as folder:
+            path = os.path.join(folder, "picture.png")
+            self.save(path, png_bits=8)
+            with open(path, "rb") as file:
+                return file.read()
+
+
+class _Buffer:
+    """Memory of the library's as an array, read-only; keeps its owner."""
+
+    def __init__(self, owner: Any, address: int, shape: Tuple[int, ...], kind: str):
+        self._owner = owner
+        self.__array_interface__ = {"version": 3, "data": (address, True), "shape": shape, "typestr": kind}
+
+
+_NUMBERS = {"int16": "CTS_INT16", "uint16": "CTS_UINT16", "int32": "CTS_INT32", "float32": "CTS_FLOAT32",
+            "float64": "CTS_FLOAT64"}
+_NEAREST = {"b": "int16", "i": "float64", "u": "float64", "f": "float32"}
+
+
+def _given(array: np.ndarray, affine_lps: np.ndarray) -> Any:
+    given = ffi.new("CtsGivenHu *")
+    given.bytes = ffi.cast("void *", array.__array_interface__["data"][0])
+    given.number = getattr(lib, _NUMBERS[array.dtype.name])
+    for a in range(3):
+        given.dims[a], given.stride_bytes[a] = array.shape[a], array.strides[a]
+        given.origin_lps[a] = affine_lps[a, 3]
+        for c in range(3):
+            given.step_lps[a][c] = affine_lps[c, a]
+    return given
+
+
+def _as_numbers(array: Any) -> np.ndarray:
+    array = np.asarray(array)
+    if array.ndim != 3:
+        raise Error("an array of %d dimensions is no volume" % array.ndim, 2)
+    if array.dtype.isnative and array.dtype.name in _NUMBERS:
+        return array
+    if array.dtype.kind not in "biuf":
+        raise Error("an array of %s holds no HU" % array.dtype, 2)
+    small = array.dtype.itemsize == 1
+    return array.astype("int16" if small else array.dtype.newbyteorder("=").name
+                        if array.dtype.newbyteorder("=").name in _NUMBERS else _NEAREST[array.dtype.kind])
+
+
+class Volume:
+    """A CT volume in memory, for many pictures.
+
+    Volume(array, spacing_mm=(k, j, i)): HU with index k towards the head, j to the back and i to the patient's left.
+    Volume(array, affine_lps=A) or (array, affine_ras=A): A (4 x 4, mm) takes the array's own indices to the patient;
+    nibabel's arrays and affines are RAS, SimpleITK's are LPS with indices in reverse. Nothing is guessed: left and
+    right are swapped where the wrong one is given. As a context manager its memory goes at the end."""
+
+    def __init__(self, array: Any, spacing_mm: Optional[Sequence[float]] = None, *, affine_lps: Any = None,
+                 affine_ras: Any = None, threads: int = 0):
+        if sum(x is not None for x in (spacing_mm, affine_lps, affine_ras)) != 1:
+            raise Error("one of spacing_mm, affine_lps and affine_ras says where the voxels lie", 2)
+        if spacing_mm is not None:
+            affine = np.zeros((4, 4))
+            affine[2, 0], affine[1, 1], affine[0, 2] = spacing_mm
+        else:
+            affine = np.array(affine_lps if affine_ras is None else affine_ras, float)
+            if affine.shape != (4, 4):
+                raise Error("an affine is 4 x 4", 2)
+            affine = affine if affine_ras is None else np.diag([-1.0, -1, 1, 1]) @ affine
+        numbers = _as_numbers(array)
+        scanned, session, err = ffi.new("CtsScanned **"), ffi.new("CtsSession **"), ffi.new("CtsError *")
+        report, given = _Report(), _given(numbers, affine)
+        _check(lib.cts_scanned_of_hu(given, threads, scanned, report.c, err), err)
+        try:
+            _check(lib.cts_session_take(session, scanned, err), err)
+        finally:
+            lib.cts_scanned_free(scanned)
+        self._begin(session[0], report)
+
+    def _begin(self, session: Any, report: _Report) -> None:
+        def close(s: Any) -> None:
+            lib.cts_session_close(ffi.new("CtsSession **", s))
+
+        self._session = ffi.gc(session, close)
+        self._lock = threading.RLock()  # a session takes one call at a time
+        self._even: Any = None
+        self.findings: List[Finding] = report.findings()
+
+    @classmethod
+    def _load(cls, options: Dict[str, Any]) -> "Volume":
+        words, report, stop = _Words(options), _Report(), ffi.new("sig_atomic_t *")
+        session, err = ffi.new("CtsSession **"), ffi.new("CtsError *")
+        _interruptible(lambda: _check(lib.cts_session_open(session, words.c, words.n, stop, report.c, err), err), stop)
+        volume = cls.__new__(cls)
+        volume._begin(session[0], report)
+        return volume
+
+    def __enter__(self) -> "Volume":
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        with self._lock:
+            if self._session is not None:
+                ffi.release(self._session)
+            self._session = self._even = None
+
+    @property
+    def _series(self) -> Any:
+        return lib.cts_session_series(self._open())
+
+    def _open(self) -> Any:
+        if self._session is None:
+            raise Error("the volume is closed", 2)
+        return self._session
+
+    def _volume(self) -> Any:
+        """The evenly spaced volume of what was scanned; a copy where slices are not even."""
+        with self._lock:
+            scanned = lib.cts_session_scanned(self._open())
+            if scanned.layer == ffi.NULL and scanned.even.grey != ffi.NULL:
+                return scanned.even
+            if self._even is None:
+                made, err = ffi.new("CtsVolume **"), ffi.new("CtsError *")
+                _check(lib.cts_scanned_volume(ffi.cast("CtsScanned *", scanned), lib.CTS_INTERPOLATION_LINEAR, False, 0,
+                                              made, ffi.new("CtsMadeUp *"), err), err)
+
+                def free(volume: Any) -> None:
+                    lib.cts_volume_free(ffi.new("CtsVolume **", volume))
+
+                self._even = ffi.gc(made[0], free)
+            return self._even
+
+    @property
+    def grey(self) -> np.ndarray:
+        """Grey levels, uint16, index k, j, i: a read-only view of the library's own. HU = offset + step * grey, which
+        is HU + 1024 where all HU are whole."""
+        v = self._volume()
+        return np.asarray(_Buffer((self, v, self._session), int(ffi.cast("uintptr_t", v.grey)), tuple(v.dims)[::-1], "<u2"))
+
+    @property
+    def hu(self) -> np.ndarray:
+        """HU, a copy, index k, j, i: int16 where that is exact, else float32. Below -1024 they are -1024."""
+        v, grey = self._volume(), self.grey
+        if v.hu_step == 1 and v.hu_offset == int(v.hu_offset) and v.hu_max <= 32767:
+            return (grey.view(np.int16) + np.int16(v.hu_offset)).astype(np.int16, copy=False)
+        return (v.hu_offset + v.hu_step * grey.astype(np.float64)).astype(np.float32)
+
+    def __array__(self, dtype: Any = None, copy: Optional[bool] = None) -> np.ndarray:
+        return self.hu if dtype is None else self.hu.astype(dtype)
+
+    @property
+    def shape(self) -> Tuple[int, int, int]:
+        """Layers, rows, columns."""
+        return tuple(lib.cts_session_scanned(self._open()).even.dims)[::-1]
+
+    @property
+    def affine_lps(self) -> np.ndarray:
+        """4 x 4: indices i, j, k to mm, to the left, the back and the head."""
+        v, affine = lib.cts_session_scanned(self._open()).even, np.eye(4)
+        for c in range(3):
+            affine[c, 3] = v.origin_lps[c]
+            for a in range(3):
+                affine[c, a] = v.step_lps[a][c]
+        return affine
+
+    @property
+    def affine_ras(self) -> np.ndarray:
+        """4 x 4: indices i, j, k to mm, to the right, the front and the head."""
+        return np.diag([-1.0, -1, 1, 1]) @ self.affine_lps
+
+    @property
+    def spacing_mm(self) -> Tuple[float, float, float]:
+        """From layer to layer, row to row, column to column."""
+        steps = np.linalg.norm(self.affine_lps[:3, :3], axis=0)
+        return float(steps[2]), float(steps[1]), float(steps[0])
+
+    def render(self, preset: Union[str, Preset, None] = None, view: Any = None, size: Any = None,
+               **options: Any) -> Picture:
+        """One picture. options: those of `ctsplat render`, such as mode="mip", max_error=2, crop=(x0, x1, y0, y1, z0,
+        z1), background="none", shade=False, threads=4."""
+        words = _Words({"preset": preset, "view": view, "size": size, **options})
+        report, stop, err = _Report(), ffi.new("sig_atomic_t *"), ffi.new("CtsError *")
+        picture = ffi.new("CtsPicture **")
+        with self._lock:
+            session = self._open()
+            _interruptible(lambda: _check(lib.cts_session_run(session, words.c, words.n, stop, picture, report.c, err),
+                                          err), stop)
+        return Picture(picture[0], report, self)
+
+    def rotation(self, frames: int, preset: Union[str, Preset, None] = None, view: Any = None, size: Any = None,
+                 **options: Any) -> Iterator[Picture]:
+        """So many pictures over 360 degrees about the head-foot axis, from view on; the next is rendered while one is
+        used. The volume makes no other picture meanwhile."""
+        words = _Words({"rotation": frames, "preset": preset, "view": view, "size": size, **options})
+        turn = _Turn(self)
+        thread = threading.Thread(target=turn.run, args=(words,), daemon=True)
+        thread.start()
+        try:
+            while True:
+                item = turn.made.get()
+                if item is None:
+                    break
+                yield item
+        finally:
+            turn.stop[0] = 1
+            while thread.is_alive():
+                try:
+                    turn.made.get(timeout=0.01)
+                except queue.Empty:
+                    pass
+            thread.join()
+        if turn.failure:
+            raise turn.failure
+
+
+class _Turn:
+    """The pictures of a rotation on their way."""
+
+    def __init__(self, volume: Volume):
+        self.volume, self.report, self.stop = volume, _Report(), ffi.new("sig_atomic_t *")
+        self.made: "queue.Queue[Optional[Picture]]" = queue.Queue(1)
+        self.failure: Optional[BaseException] = None
+
+    def run(self, words: _Words) -> None:
+        err, handle = ffi.new("CtsError *"), ffi.new_handle(self)
+        try:
+            with self.volume._lock:
+                _check(lib.cts_session_frames(self.volume._open(), words.c, words.n, self.stop, lib.take_frame, handle,
+                                              self.report.c, err), err)
+        except BaseException as failure:  # the generator raises it
+            self.failure = failure
+        self.made.put(None)
+
+
+@ffi.def_extern()
+def take_frame(context: Any, frame: int, picture: Any, err: Any) -> int:
+    turn = ffi.from_handle(context)
+    turn.made.put(Picture(picture, turn.report, turn.volume))
+    return 0
+
+
+def load(path: Union[str, os.PathLike, Sequence[str]], series: Optional[str] = None, **options: Any) -> Volume:
+    """Reads a CT series: path is a file, folder, zip file or DICOMDIR, or several of these; series its UID where there
+    is more than one. options: threads, and those that say from where (`from` is a word of Python's: **{"from": peer})."""
+    paths = [path] if isinstance(path, (str, os.PathLike)) else list(path)
+    words = {"series": series, **options}
+    if paths:
+        words["path"] = paths
+    return Volume._load(words)

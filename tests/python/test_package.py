@@ -1,0 +1,217 @@
+"""The package ctsplat: the pictures of the program, arrays in any order, errors, Ctrl-C, threads and forks."""
+import os
+import signal
+import subprocess
+import sys
+import threading
+
+import numpy as np
+import pytest
+
+import ctsplat
+
+PROGRAM, DATA = os.environ["CTSPLAT"], os.environ["CTS_TESTDATA"]
+PHANTOM = os.path.join(DATA, "phantom")  # with an L on its left
+SMALL = {"size": (96, 80)}
+
+
+def by_program(tmp_path, *options, path=PHANTOM, name="program.png"):
+    target = tmp_path / name
+    subprocess.run([PROGRAM, "render", path, "-o", target, "--force", *options], check=True, stderr=subprocess.DEVNULL)
+    return target.read_bytes() if "--rotation" not in options else None
+
+
+def by_package(tmp_path, volume, **options):
+    target = tmp_path / "package.png"
+    volume.render(**options).save(target, force=True)
+    return target.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def phantom():
+    return ctsplat.load(PHANTOM)
+
+
+SCENES = [dict(preset=p, view=v) for p in ("bone", "skin", "muscle", "ct-aaa", "lung-window")
+          for v in ("anterior", (30, 20), (-70.5, -35), "head", "left", (135, 0))] + [
+    dict(preset="bone", mode="mip", view=(20, 10)), dict(preset="skin", mode="average"), dict(mode="minip"),
+    dict(preset="bone", background="none"), dict(preset="bone", shade=False, background="#203040"),
+    dict(preset="skin", crop=(-40, 40, -50.5, 10, -30, 30)), dict(preset="bone", remove_table=False),
+    dict(preset="bone", engine="combined", kernel="gaussian", fit="volume"), dict(preset="bone", slab=20, slab_at=5),
+    dict(preset="skin", smooth=1.5, max_error=4, annotate="orientation,scale", mm_per_pixel=1.25),
+]
+
+
+def as_options(scene):
+    words = []
+    for name, value in scene.items():
+        if isinstance(value, bool):
+            value = "on" if value else "off"
+        elif isinstance(value, tuple):
+            value = ",".join(map(str, value))
+        words += ["--" + name.replace("_", "-"), str(value)]
+    return words
+
+
+def test_scenes_of_the_program(tmp_path, phantom):
+    assert len(SCENES) == 40
+    for scene in SCENES:
+        expected = by_program(tmp_path, "--size", "96x80", *as_options(scene))
+        assert by_package(tmp_path, phantom, **scene, **SMALL) == expected, scene
+
+
+@pytest.mark.parametrize("series", ["geometry/uneven", "geometry/tilted", "geometry/coronal", "geometry/sagittal",
+                                    "geometry/feet-first", "geometry/oblique", "syntax/jpeg-2000", "syntax/rle"])
+def test_series(tmp_path, series):
+    path = os.path.join(DATA, series)
+    expected = by_program(tmp_path, "--size", "96x80", path=path)
+    volume = ctsplat.load(path)
+    assert by_package(tmp_path, volume, **SMALL) == expected
+    if series != "geometry/uneven":
+        again = ctsplat.Volume(volume.hu.transpose(2, 0, 1), affine_lps=volume.affine_lps[:, [0, 2, 1, 3]])
+        assert np.array_equal(again.grey, volume.grey) and np.allclose(again.affine_lps, volume.affine_lps)
+        assert by_package(tmp_path, again, **SMALL) == expected
+
+
+def test_arrays_in_any_order(tmp_path, phantom):
+    hu, lps = phantom.hu, phantom.affine_lps
+    expected = by_package(tmp_path, phantom, preset="skin", view=(40, 10), **SMALL)
+    mirrored = by_package(tmp_path, phantom, preset="skin", view=(-40, 10), **SMALL)
+    assert expected != mirrored
+    reversed_columns = np.array(lps)  # as SimpleITK gives it: indices k, j, i
+    volumes = {"SimpleITK": ctsplat.Volume(hu, affine_lps=reversed_columns[:, [2, 1, 0, 3]])}
+    # As nibabel gives it: x, y, z in RAS, rows and columns stored from right to left and back to front.
+    ras, nx, ny = np.diag([-1.0, -1, 1, 1]) @ lps, hu.shape[2], hu.shape[1]
+    flipped = np.array(ras)
+    flipped[:, 3] += ras[:, 0] * (nx - 1) + ras[:, 1] * (ny - 1)
+    flipped[:, :2] *= -1
+    volumes["nibabel"] = ctsplat.Volume(np.asfortranarray(hu.transpose(2, 1, 0)[::-1, ::-1]), affine_ras=flipped)
+    volumes["float64"] = ctsplat.Volume(hu.astype(float), affine_lps=lps[:, [2, 1, 0, 3]])
+    volumes["strided"] = ctsplat.Volume(np.repeat(hu, 2, axis=2)[:, :, ::2], affine_lps=lps[:, [2, 1, 0, 3]])
+    for name, volume in volumes.items():
+        assert by_package(tmp_path, volume, preset="skin", view=(40, 10), **SMALL) == expected, name
+    swapped = ctsplat.Volume(np.asfortranarray(hu.transpose(2, 1, 0)), affine_lps=ras)
+    assert by_package(tmp_path, swapped, preset="skin", view=(40, 10), **SMALL) != expected
+
+
+def test_attributes(phantom):
+    assert phantom.grey.dtype == np.uint16 and phantom.hu.dtype == np.int16 and not phantom.grey.flags.writeable
+    assert np.array_equal(np.asarray(phantom), phantom.grey.astype(int) - 1024)
+    assert phantom.shape == phantom.grey.shape
+    with pytest.raises(ValueError):
+        phantom.grey[0, 0, 0] = 1
+    spaced = ctsplat.Volume(np.zeros((3, 4, 5), np.int16), (3, 2, 1))
+    assert spaced.spacing_mm == (3, 2, 1) and np.allclose(spaced.affine_lps, np.diag([1, 2, 3, 1]))
+    fractions = ctsplat.Volume(np.linspace(-1000, 1000, 8).reshape(2, 2, 2), (1, 1, 1))
+    assert fractions.hu.dtype == np.float32
+    assert np.allclose(fractions.hu.ravel(), np.linspace(-1000, 1000, 8), atol=0.02)
+
+
+def test_picture(tmp_path, phantom):
+    picture = phantom.render("bone", size=(64, 48), background="none")
+    assert picture.rgba.shape == (48, 64, 4) and picture.rgba.dtype == np.float32
+    assert picture.depth_mm.shape == (48, 64) and np.isinf(picture.depth_mm).any() and picture.depth_mm.min() > 0
+    assert picture.bound.rmse <= 0.5 / 255 * 1.5 and "composite" in picture.log["stages"]
+    assert picture._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
+    for ending in ("exr", "jpg", "webp", "dcm"):
+        picture.save(tmp_path / ("a." + ending))
+        assert (tmp_path / ("a." + ending)).stat().st_size > 100
+    with pytest.raises(ctsplat.Error) as e:
+        picture.save(tmp_path / "a.exr")
+    assert e.value.code == 5
+    grey = phantom.render(mode="mip", preset="bone", size=(32, 32))
+    assert grey.rgba.shape == (32, 32, 4) and grey.depth_mm is None
+
+
+def test_presets(phantom):
+    assert {"bone", "skin", "ct-bone"} <= set(ctsplat.presets())
+    preset = ctsplat.Preset.from_points([(100, (1, 0, 0), 0.0), (300, (1, 1, 1), 0.5)], name="mine", shade=None)
+    assert preset.name == "mine"
+    assert phantom.render(preset, **SMALL).rgba.max() > 0
+    with pytest.raises(ctsplat.Error):
+        ctsplat.Preset.from_points([(300, (1, 0, 0), 0.0), (100, (1, 1, 1), 0.5)])
+
+
+def test_errors(tmp_path, phantom):
+    for code, call in [
+        (3, lambda: ctsplat.load(tmp_path)),
+        (3, lambda: ctsplat.load(tmp_path / "nothing")),
+        (2, lambda: phantom.render("bonne")),
+        (2, lambda: phantom.render(size="huge")),
+        (2, lambda: phantom.render(no_such_option=1)),
+        (2, lambda: phantom.render(path=PHANTOM)),
+        (2, lambda: phantom.render(rotation=4)),
+        (2, lambda: ctsplat.Volume(np.zeros((2, 2, 2)))),
+        (2, lambda: ctsplat.Volume(np.zeros((2, 2)), (1, 1, 1))),
+        (2, lambda: ctsplat.Volume(np.zeros((2, 2, 2), complex), (1, 1, 1))),
+        (4, lambda: ctsplat.Volume(np.zeros((2, 2, 2)), (1, 0, 1))),
+        (4, lambda: ctsplat.Volume(np.full((2, 2, 2), 1e9), (1, 1, 1))),
+        (2, lambda: ctsplat.Volume(np.zeros((4, 4, 4)), (1, 1, 1)).render(**SMALL).save(tmp_path / "a.dcm")),
+    ]:
+        with pytest.raises(ctsplat.Error) as e:
+            call()
+        assert e.value.code == code, e.value
+    with ctsplat.Volume(np.zeros((4, 4, 4)), (1, 1, 1)) as volume:
+        volume.render(**SMALL)
+    with pytest.raises(ctsplat.Error):
+        volume.render(**SMALL)
+    lost = ctsplat.Volume(np.array([[[np.nan, np.inf], [0, 1]], [[2, 3], [4, 5]]]), (1, 1, 1))
+    assert [f.code for f in lost.findings] == ["not_finite"]
+
+
+def test_rotation(tmp_path, phantom):
+    by_program(tmp_path, "--rotation", "5", "--size", "96x80", name="turn.png")
+    for i, picture in enumerate(phantom.rotation(5, **SMALL)):
+        picture.save(tmp_path / "package.png", force=True)
+        assert (tmp_path / "package.png").read_bytes() == (tmp_path / ("turn-%03d.png" % i)).read_bytes(), i
+    assert i == 4
+    for picture in phantom.rotation(300, **SMALL):
+        break  # the others are not made
+    assert phantom.render(**SMALL).size == (96, 80)
+    with pytest.raises(ctsplat.Error):
+        list(phantom.rotation(3, "bonne"))
+
+
+def test_interrupt(phantom):
+    """Ctrl-C in the midst of a picture that takes a minute and more."""
+    timer = threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT))
+    timer.start()
+    with pytest.raises(KeyboardInterrupt):
+        phantom.render("skin", engine="raycast", size=(4000, 4000))
+    assert phantom.render(**SMALL).size == (96, 80)
+
+
+def test_threads_and_forks(tmp_path, phantom):
+    expected = phantom.render("skin", **SMALL).rgba.tobytes()
+    other = ctsplat.load(PHANTOM)
+    same = []
+    threads = [threading.Thread(target=lambda v=v: same.append(v.render("skin", **SMALL).rgba.tobytes() == expected))
+               for v in (phantom, phantom, other, other)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert same == [True] * 4
+    child = os.fork()
+    if child == 0:
+        ok = phantom.render("skin", **SMALL).rgba.tobytes() == expected
+        os._exit(0 if ok and ctsplat.load(PHANTOM).render("skin", **SMALL).rgba.tobytes() == expected else 1)
+    assert os.waitpid(child, 0)[1] == 0
+
+
+def test_memory_is_flat(phantom):
+    def resident():
+        with open("/proc/self/statm", encoding="ascii") as file:
+            return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+    n = 1000 if os.environ.get("CTS_SOAK") else 60
+    for _ in range(20):
+        phantom.render(**SMALL)
+    before = resident()
+    for _ in range(n):
+        phantom.render(**SMALL)
+    assert resident() - before < 8 << 20
+
+
+if __name__ == "__main__":
+    sys.exit(pytest.main([__file__, "-q", "-p", "no:cacheprovider", *sys.argv[1:]]))
