@@ -19,16 +19,16 @@ extern "C" {
  * the last one holds, but one preset and one view are all that a picture has. value: its argument; "" for an option
  * that takes none, such as "force".
  *
- * Searches, reads, renders, writes all outputs and sends them: the whole of `ctsplat render`, with its defaults. picture
- * (may be NULL): the picture in memory too, as the files have it, background and marks included, to be freed with
- * cts_picture_free(); not for a rotation, which has many. Without picture there must be an output. What is odd about
- * the input stands in report->findings (report may be NULL). *stop (stop may be NULL), set by a signal handler or
- * another thread, ends it with CTS_ERR_INTERRUPTED. */
+ * Searches, reads, renders, writes all outputs and sends them: the whole of `ctsplat render`, with its defaults.
+ * picture (may be NULL): the picture in memory too, as the files have it, background and marks included, to be freed
+ * with cts_picture_free(); not for a rotation, which has many. Without picture there must be an output. What is odd
+ * about the input stands in report->findings (report may be NULL). *stop (stop may be NULL), set by a signal handler
+ * or another thread, ends it with CTS_ERR_INTERRUPTED. */
 CtsStatus cts_words_run(const CtsWord *words, int n_words, const volatile sig_atomic_t *stop, CtsPicture **picture,
                         CtsReport *report, CtsError *err);
 
-/* A series that stays loaded, for many pictures: what was scanned, and the volume that the last picture was made of. One
- * call at a time; sessions know nothing of each other. */
+/* A series that stays loaded, for many pictures: what was scanned, and the volume that the last picture was made of.
+ * One call at a time; sessions know nothing of each other. */
 typedef struct CtsSession CtsSession;
 
 /* Finds and reads the series that the words name: "path", "series", "from" and what belongs to them. Other words are
@@ -43,8 +43,8 @@ void cts_session_close(CtsSession **session);
 CtsStatus cts_session_run(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
                           CtsPicture **picture, CtsReport *report, CtsError *err);
 
-/* The same with every picture of a rotation, one after the other, each handed to take as soon as it is made, which frees
- * it and whose failure ends the job. Called from the thread that called. */
+/* The same with every picture of a rotation, one after the other, each handed to take as soon as it is made, which
+ * frees it and whose failure ends the job. Called from the thread that called. */
 typedef CtsStatus (*CtsPictureSink)(void *context, int frame, CtsPicture *picture, CtsError *err);
 CtsStatus cts_session_frames(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
                              CtsPictureSink take, void *context, CtsReport *report, CtsError *err);
