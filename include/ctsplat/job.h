@@ -44,7 +44,7 @@ CtsStatus cts_session_run(CtsSession *session, const CtsWord *words, int n_words
                           CtsPicture **picture, CtsReport *report, CtsError *err);
 
 /* The same with every picture of a rotation, one after the other, each handed to take as soon as it is made, which
- * frees it and whose failure ends the job. Called from the thread that called. */
+ * frees it and whose failure is that of the call. Called from the thread that called. */
 typedef CtsStatus (*CtsPictureSink)(void *context, int frame, CtsPicture *picture, CtsError *err);
 CtsStatus cts_session_frames(CtsSession *session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
                              CtsPictureSink take, void *context, CtsReport *report, CtsError *err);
