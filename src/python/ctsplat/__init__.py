@@ -236,13 +236,12 @@ class Picture:
         chars = os.fsencode(path)
         if settings.source == ffi.NULL and chars.lower().endswith(b".dcm"):
             raise Error("%s: numbers without a patient make no DICOM object" % os.fspath(path), 2)
-        with self._volume._lock:
-            _check(lib.cts_export_begin(output, chars, self._c, 1, settings, ffi.NULL, err), err)
-            try:
-                _check(lib.cts_export_rows(output[0], self._c, err), err)
-                _check(lib.cts_export_end(output, ffi.NULL, err), err)
-            finally:
-                lib.cts_export_discard(output)
+        _check(lib.cts_export_begin(output, chars, self._c, 1, settings, ffi.NULL, err), err)
+        try:
+            _check(lib.cts_export_rows(output[0], self._c, err), err)
+            _check(lib.cts_export_end(output, ffi.NULL, err), err)
+        finally:
+            lib.cts_export_discard(output)
 
     def _repr_png_(self) -> bytes:
         with tempfile.TemporaryDirectory() as folder:
