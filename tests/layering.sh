@@ -12,6 +12,7 @@ table='
 include/ctsplat | ctsplat/ |
 src/base          | | openssl/ jansson.h dlfcn.h link.h seccomp.h malloc.h
 src/core/volume   | | immintrin.h emmintrin.h
+src/core/labels   | core/volume/stored.h |
 src/core/table    | core/volume/ |
 src/core/transfer | | expat.h
 src/core/scene    | core/volume/ core/transfer/lut.h |
@@ -20,6 +21,7 @@ src/input/header  | core/volume/stored.h input/files/ |
 src/input/codec   | input/files/ input/header/ | openjpeg.h
 src/input/series  | input/files/ input/header/ |
 src/input/load    | core/volume/ input/header/ input/codec/ input/series/ |
+src/input/labels  | core/labels/ input/files/ input/header/ input/codec/ | expat.h zlib.h
 src/engine/project | core/volume/ core/scene/ | immintrin.h
 src/engine/tiled  | core/volume/ core/transfer/ core/scene/ engine/project/project.h | immintrin.h
 src/engine/splat  | core/volume/ core/transfer/ core/scene/ | immintrin.h
@@ -43,8 +45,8 @@ src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h 
 # The public headers by the wing whose words they are, and the wings whose headers a wing may use.
 public='
 base | status bounds report helper | base
-core | mixture preset volume table picture render | base core
-input | series | base core input
+core | mixture preset volume labels table picture render | base core
+input | series label_files | base core input
 engine | | base core
 render | reference | base core render
 output | annotate export net state | base core input output
@@ -54,7 +56,7 @@ cli | | base core input render output app
 include | | base core input render output app
 '
 
-everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw inttypes libgen limits locale math
+everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw glob inttypes libgen limits locale math
  poll pthread sched semaphore setjmp signal spawn stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib string
  strings sys/file sys/mman sys/prctl sys/random sys/resource sys/shm sys/socket sys/stat sys/statvfs sys/syscall sys/time sys/types
  sys/wait time unistd wchar '

@@ -16,6 +16,7 @@ extern "C" {
 
 typedef enum CtsStage {
     CTS_STAGE_SCAN,
+    CTS_STAGE_LABELS,
     CTS_STAGE_DECODE,
     CTS_STAGE_GREY,
     CTS_STAGE_CLASSIFY,
@@ -86,12 +87,34 @@ typedef struct CtsErrorBound {
     uint64_t cast; /* pixels that were cast one by one to keep it */
 } CtsErrorBound;
 
+typedef enum CtsLabelSource { CTS_LABEL_SEG, CTS_LABEL_RTSTRUCT, CTS_LABEL_NIFTI, CTS_N_LABEL_SOURCES } CtsLabelSource;
+extern const char *const cts_label_source_names[CTS_N_LABEL_SOURCES];
+
+/* A label (segment, structure, number of a label map), and what was counted of its voxels. */
+typedef struct CtsLabelFact {
+    int file;   /* the how manyth label file it comes from, from 1 */
+    int number; /* as its file has it */
+    char *name; /* UTF-8, safe to show */
+    CtsLabelSource source;
+    uint64_t voxels;
+    double ml;             /* of a voxel: its area times half the sum of the gaps to both neighbour slices */
+    uint64_t n_hu;         /* voxels that are no padding */
+    double hu_mean, hu_sd; /* of those, as stored, as a population; NAN where there are none */
+    double air_share;      /* of those, below -900 HU */
+    bool in_air;           /* too many for what the label's name says: a mirrored or shifted mask */
+    bool touches_edge;     /* has a voxel on a face of the scanned box */
+    uint64_t parts;        /* that hang together by faces, edges or corners of voxels */
+    uint64_t overlap;      /* voxels that another label holds too */
+} CtsLabelFact;
+
 typedef struct CtsReport {
     char series_uid[65]; /* the series that was loaded; "" before */
     CtsStageTime stages[CTS_N_STAGES];
     CtsSkip *skips;
     size_t n_skips;
     CtsFindings findings;
+    CtsLabelFact *labels;
+    size_t n_labels;
     CtsVoxelCounts voxels;
     CtsVerified verified;
     CtsErrorBound bound;
@@ -117,6 +140,8 @@ void cts_report_skip(CtsReport *report, const char *what, const char *why_format
     __attribute__((format(printf, 3, 4)));
 void cts_report_finding(CtsReport *report, const char *code, CtsSeverity severity, const char *format, ...)
     __attribute__((format(printf, 4, 5)));
+/* Copies the fact. Without memory a label is missing. */
+void cts_report_label(CtsReport *report, const CtsLabelFact *label);
 void cts_report_plan(CtsReport *report, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
 void cts_findings_add(CtsFindings *findings, const char *code, CtsSeverity severity, const char *format, ...)

@@ -13,6 +13,7 @@ extern "C" {
 #endif
 #pragma GCC visibility push(default)
 
+struct CtsStored;  /* src/core/volume/stored.h */
 struct CtsSlice;   /* src/input/header/slice.h */
 struct CtsArchive; /* src/input/files/archive.h */
 struct CtsTexts;   /* src/input/files/texts.h */
@@ -115,17 +116,28 @@ CtsStatus cts_series_choose(const CtsSeriesList *list, const char *uid, const Ct
  * `even`, as in a volume. */
 typedef struct CtsScanned {
     int n_slices;
-    double (*position_lps)[3]; /* n_slices: the centre of each slice's first voxel */
+    int *number;               /* n_slices: which of the series' slices each is; damaged ones are left out */
+    double (*position_lps)[3]; /* the centre of each slice's first voxel */
     double *layer;             /* where each slice lies, in layers of `even`; NULL: slice k is layer k */
     CtsVolume *even;           /* place, size and HU of the evenly spaced volume; its grey may be handed over: NULL */
     int offset, n_slots;       /* grey has room for n_slots slices, and slice 0 is number `offset` of them */
 } CtsScanned;
 
+/* Who wants to see what is stored while slices are read: called for words first <= n < end of series->slices[slice],
+ * from `words` on, before they become grey levels; HU = slope * stored + intercept. From any thread, one slice's from
+ * one thread and in order; a slice that is read again begins anew. */
+typedef struct CtsWordWatch {
+    void (*take)(void *context, int slice, const uint16_t *words, size_t first, size_t end,
+                 const struct CtsStored *stored, double slope, double intercept);
+    void *context;
+} CtsWordWatch;
+
 /* Decode the pixels, in parallel, each slice straight into its place. The list that holds the series must still be
  * there. Refuses a series that is not renderable. Adds the decode and grey stages and the series' warnings to report.
- * table_goes: cts_volume_remove_table() comes next, and what it looks for first is marked while slices are read. */
-CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, int n_threads, CtsScanned **scanned,
-                          CtsReport *report, CtsError *err);
+ * table_goes: cts_volume_remove_table() comes next, and what it looks for first is marked while slices are read.
+ * watch: NULL: nobody. */
+CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, const CtsWordWatch *watch, int n_threads,
+                          CtsScanned **scanned, CtsReport *report, CtsError *err);
 
 /* The same for who wants its refusals and findings, and of the volume its place and range of HU alone: where all pixels
  * came with the headers, which small files' do, no file is read again, and `even` has no grey. */

@@ -1,3 +1,4 @@
+#define _GNU_SOURCE
 #include "ctsplat/report.h"
 
 #include "base/by_id.h"
@@ -9,10 +10,13 @@
 
 const char *const cts_severity_names[3] = {[CTS_NOTE] = "note", [CTS_WARNING] = "warning", [CTS_REFUSAL] = "refusal"};
 
-CTS_BY_ID(char *const, cts_stage_names, CTS_N_STAGES, [CTS_STAGE_SCAN] = "scan", [CTS_STAGE_DECODE] = "decode",
-          [CTS_STAGE_GREY] = "grey", [CTS_STAGE_CLASSIFY] = "classify", [CTS_STAGE_FOOTPRINT] = "footprint",
-          [CTS_STAGE_SPLAT] = "splat", [CTS_STAGE_COMPOSITE] = "composite", [CTS_STAGE_SHADE] = "shade",
-          [CTS_STAGE_WARP] = "warp", [CTS_STAGE_EXPORT] = "export");
+CTS_BY_ID(char *const, cts_stage_names, CTS_N_STAGES, [CTS_STAGE_SCAN] = "scan", [CTS_STAGE_LABELS] = "labels",
+          [CTS_STAGE_DECODE] = "decode", [CTS_STAGE_GREY] = "grey", [CTS_STAGE_CLASSIFY] = "classify",
+          [CTS_STAGE_FOOTPRINT] = "footprint", [CTS_STAGE_SPLAT] = "splat", [CTS_STAGE_COMPOSITE] = "composite",
+          [CTS_STAGE_SHADE] = "shade", [CTS_STAGE_WARP] = "warp", [CTS_STAGE_EXPORT] = "export");
+
+const char *const cts_label_source_names[CTS_N_LABEL_SOURCES] = {
+    [CTS_LABEL_SEG] = "seg", [CTS_LABEL_RTSTRUCT] = "rtstruct", [CTS_LABEL_NIFTI] = "nifti"};
 
 /* A report that runs out of memory loses a line, never the picture. */
 static void *grow(void *items, size_t n, size_t size)
@@ -29,6 +33,9 @@ void cts_report_free(CtsReport *report)
         return;
     free(report->skips);
     free(report->plan);
+    for (size_t i = 0; i < report->n_labels; i++)
+        free(report->labels[i].name);
+    free(report->labels);
     cts_findings_free(&report->findings);
     *report = (CtsReport){0};
 }
@@ -43,6 +50,17 @@ void cts_report_stage(CtsReport *report, CtsStage stage, double wall_ms, double 
     t->cpu_ms += cpu_ms;
     t->items += items;
     t->bytes += bytes;
+}
+
+void cts_report_label(CtsReport *report, const CtsLabelFact *label)
+{
+    CtsLabelFact *const grown = report ? grow(report->labels, report->n_labels, sizeof *grown) : NULL;
+    if (!grown)
+        return;
+    report->labels = grown;
+    grown[report->n_labels] = *label;
+    grown[report->n_labels].name = strdup(label->name);
+    report->n_labels += grown[report->n_labels].name != NULL;
 }
 
 void cts_report_region(CtsReport *report, double wall_ms, double cpu_ms, const double busy[CTS_N_STAGES],

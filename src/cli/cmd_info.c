@@ -1,4 +1,6 @@
 /* ctsplat info: headers of every series, and the HU range of those that can be rendered. */
+#include "app/job/source.h"
+#include "app/words/words_job.h"
 #include "cli/commands.h"
 #include "cli/progress.h"
 #include "output/report/info.h"
@@ -14,15 +16,20 @@ static bool has_finding(const CtsFindings *findings, const CtsFinding *finding)
     return false;
 }
 
-/* A series whose pixels are refused is a fact about it, not a failure of info. */
-static CtsStatus read_pixels(const CtsSeries *series, int n_threads, CtsPixelFacts *facts, CtsError *err)
+/* A series whose pixels are refused is a fact about it, not a failure of info; labels that are refused are one. */
+static CtsStatus read_pixels(const CtsSource *source, const CtsSeries *series, CtsPixelFacts *facts, CtsError *err)
 {
     CtsReport report = {0};
     CtsError why = {0};
-    CtsScanned *scanned = NULL;
-    CtsStatus st = cts_series_measure(series, n_threads, &scanned, &report, &why);
+    CtsLoaded loaded = {.series = series};
+    CtsStatus st = cts_source_labels(source, &loaded, &report, err);
+    if (st)
+        goto end;
+    st = loaded.labels ? cts_source_read(source, &loaded, &report, &why)
+                       : cts_series_measure(series, source->n_threads, &loaded.scanned, &report, &why);
     if (!st) {
-        cts_pixel_facts(facts, scanned->even);
+        cts_pixel_facts(facts, loaded.scanned->even);
+        facts->has_labels = loaded.labels;
     } else if (st == CTS_ERR_MEMORY || st == CTS_ERR_INTERRUPTED || st == CTS_ERR_INTERNAL) {
         *err = why;
     } else {
@@ -31,13 +38,46 @@ static CtsStatus read_pixels(const CtsSeries *series, int n_threads, CtsPixelFac
         cts_findings_add(&facts->findings, "pixels_refused", CTS_REFUSAL, "%s", why.text);
         st = CTS_OK;
     }
+    facts->labels = report.labels;
+    facts->n_labels = report.n_labels;
+    report.labels = NULL;
+    report.n_labels = 0;
     for (size_t i = 0; i < report.findings.n; i++) {
         const CtsFinding *f = &report.findings.items[i];
         if (!has_finding(&series->findings, f) && !has_finding(&facts->findings, f))
             cts_findings_add(&facts->findings, f->code, f->severity, "%s", f->text);
     }
-    cts_scanned_free(&scanned);
+end:
+    cts_loaded_free(&loaded);
     cts_report_free(&report);
+    return st;
+}
+
+/* The series that the labels refer to has them; what lies beside a series is its own. */
+static CtsStatus choose(const CtsSource *source, const CtsSeriesList *list, const CtsSeries **series, CtsError *err)
+{
+    const CtsLabelRequest request = {.paths = source->labels, .n_paths = source->n_labels};
+    *series = NULL;
+    return source->n_labels ? cts_labels_choose(&request, list, series, err) : CTS_OK;
+}
+
+static CtsStatus read_each(const CtsOptions *options, const CtsSeriesList *list, CtsPixelFacts *facts, CtsError *err)
+{
+    const CtsPreset none = {0};
+    const CtsSource source = cts_options_source(options, &none);
+    CtsSource plain = source;
+    const CtsSeries *labelled;
+    plain.n_labels = 0;
+    CtsStatus st = choose(&source, list, &labelled, err);
+    bool beside = true;
+    for (int i = 0; i < source.n_labels; i++)
+        beside &= !strcmp(source.labels[i], "auto");
+    for (size_t i = 0; i < list->n && !st; i++) {
+        const CtsSeries *const s = &list->items[i];
+        cli_progress((int)i, (int)list->n, "reading");
+        if (s->renderable)
+            st = read_pixels(beside || s == labelled ? &source : &plain, s, &facts[i], err);
+    }
     return st;
 }
 
@@ -54,11 +94,8 @@ CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         goto end;
     }
-    for (size_t i = 0; i < list->n; i++) {
-        cli_progress((int)i, (int)list->n, "reading");
-        if (list->items[i].renderable && (st = read_pixels(&list->items[i], options->render.n_threads, &facts[i], err)))
-            goto end;
-    }
+    if ((st = read_each(options, list, facts, err)))
+        goto end;
     cli_progress_clear();
     if (options->json)
         st = cts_info_print_json(stdout, list, facts, options->show_patient, err);
@@ -66,8 +103,10 @@ CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
         cts_info_print(stdout, list, facts, options->show_patient);
 end:
     cli_progress_clear();
-    for (size_t i = 0; facts && i < list->n; i++)
+    for (size_t i = 0; facts && i < list->n; i++) {
+        cts_report_free(&(CtsReport){.labels = facts[i].labels, .n_labels = facts[i].n_labels});
         cts_findings_free(&facts[i].findings);
+    }
     free(facts);
     cts_series_list_free(&list);
     return st;

@@ -20,6 +20,8 @@ fields = {
     "run": {"run_id", "version", "time", "command", "series_uid_hash"},
     "picture": {"preset", "view", "size", "frames"}, "stage": {"stage", "wall_ms", "cpu_ms", "items", "bytes"}, "skipped": {"what", "why"},
     "plan": {"text"}, "bound": {"rmse", "max", "kind", "cast"}, "finding": {"code", "severity", "text"},
+    "label": {"file", "number", "name", "source", "voxels", "ml", "hu_mean", "hu_sd", "touches_edge", "parts", "overlap", "empty",
+              "label_in_air"},
     "voxels": {"total", "void", "reused", "splatted"},
     "error": {"pixels", "rmse", "rmse_low", "rmse_high", "psnr_db", "p999", "max", "share", "share_high", "cpu_ms", "picture_cpu_ms",
               "cost"},
@@ -36,7 +38,7 @@ assert set(entries) == set(fields), set(entries) ^ set(fields)
 for event, names in fields.items():
     told = set(re.findall(r"\w+", entries[event]))
     assert names <= told, (event, names - told)
-stages = "scan decode grey classify footprint splat composite shade warp export".split()
+stages = "scan labels decode grey classify footprint splat composite shade warp export".split()
 for run in runs:
     for event in run:
         assert set(event) == fields[event["event"]] | {"event", "t_ms"}, event

@@ -94,7 +94,8 @@ printf 'No image in this folder.\n' >"$out/broken/none/notes.txt"
 
 # Where fuzzing starts: the smallest files of each kind.
 fuzz=$out/fuzz
-mkdir -p "$fuzz/slice" "$fuzz/scan" "$fuzz/sort" "$fuzz/preset" "$fuzz/zip"
+mkdir -p "$fuzz/slice" "$fuzz/scan" "$fuzz/sort" "$fuzz/preset" "$fuzz/zip" "$fuzz/labels"
+python3 "$(dirname "$0")/make_labels.py" "$fuzz/labels"
 $phantom --size 6,5,2 --spacing 30,40,60 "$work/tiny.raw"
 for syntax in implicit explicit big deflated rle jpeg-lossless jpeg-ls jpeg-2000; do
     $raw2ct --size 6,5,2 --spacing 30,40,60 --syntax $syntax --description tiny "$work/tiny.raw" "$work/$syntax"

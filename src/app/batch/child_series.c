@@ -302,6 +302,15 @@ CtsStatus cts_batch_picture_done(struct CtsBatchChild *c, const CtsBatchPicture 
     return c->n_left > 0 ? cts_child_send_line(c, CTS_CHILD_LINE, err) : CTS_OK;
 }
 
+static void tell_labels(struct CtsBatchChild *c, const CtsReport *report)
+{
+    json_t *labels = report->n_labels ? json_array() : NULL;
+    for (size_t i = 0; i < report->n_labels; i++)
+        json_array_append_new(labels, cts_label_json(&report->labels[i]));
+    if (labels)
+        json_object_set_new(c->line, "labels", labels);
+}
+
 static void tell_times(struct CtsBatchChild *c, const CtsReport *report)
 {
     json_t *stages = json_object();
@@ -354,7 +363,7 @@ static void keep_findings(struct CtsBatchChild *c)
 /* Nothing had to be made: what the run told that made it stays. */
 static void keep_times(struct CtsBatchChild *c)
 {
-    static const char *const kept[] = {"geometry",  "findings", "stages",         "wall_ms",
+    static const char *const kept[] = {"geometry",  "findings", "labels",         "stages", "wall_ms",
                                        "waited_ms", "cpu_ms",   "peak_rss_bytes", "threads"};
     json_t *geometry = json_incref(json_object_get(c->line, "geometry"));
     for (size_t i = 0; i < sizeof kept / sizeof *kept; i++)
@@ -372,6 +381,7 @@ CtsStatus cts_batch_end(struct CtsBatchChild *c, const CtsReport *report, CtsSta
     /* What is interrupted stays as it was told last. */
     if (status != CTS_ERR_INTERRUPTED) {
         tell_findings(c, &report->findings, report->findings.n, NULL);
+        tell_labels(c, report);
         tell_times(c, report);
         if (stands)
             keep_times(c);

@@ -1,10 +1,10 @@
 #define _GNU_SOURCE
 #include "app/batch/work.h"
 
+#include "app/contact/thumbnail.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/meter.h"
-#include "app/contact/thumbnail.h"
 #include "output/report/log.h"
 #include "output/report/masked.h"
 #include <stdio.h>
@@ -126,7 +126,10 @@ static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err
     CtsStatus st = CTS_OK;
     if (!w->loaded.scanned || !w->loaded.scanned->even->grey) {
         const CtsMeter meter = cts_meter_start(&w->report);
-        st = cts_source_read(source, &w->loaded, &w->report, err);
+        if (!w->told)
+            st = cts_source_labels(source, &w->loaded, &w->report, err);
+        if (!st)
+            st = cts_source_read(source, &w->loaded, &w->report, err);
         cts_meter_stop(meter, &w->report, CTS_STAGE_DECODE);
         if (!st && !w->told) {
             CtsPixelFacts facts = {0};

@@ -136,11 +136,44 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsMadeUp *made
     return st ? st : interpolate(source, volume, made, report, err);
 }
 
+CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    const CtsLabelRequest request = {.paths = source->labels,
+                                     .n_paths = source->n_labels,
+                                     .names = source->label_names,
+                                     .series_paths = source->from ? NULL : source->paths,
+                                     .n_series_paths = source->from ? 0 : source->n_paths};
+    cts_labels_free(&loaded->labels);
+    if (!source->n_labels || !loaded->series->renderable)
+        return CTS_OK;
+    const CtsMeter meter = cts_meter_start(report);
+    const CtsStatus st = cts_labels_read(&request, loaded->series, &loaded->labels, report, err);
+    cts_meter_stop(meter, report, CTS_STAGE_LABELS);
+    return st;
+}
+
+static void take_words(void *context, int slice, const uint16_t *words, size_t first, size_t end,
+                       const struct CtsStored *stored, double slope, double intercept)
+{
+    cts_labels_take_words(context, slice, words, first, end, stored, slope, intercept);
+}
+
 CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
+    CtsLabels *const labels = loaded->labels && !loaded->labels->counted ? loaded->labels : NULL;
+    const CtsWordWatch watch = {take_words, labels};
     cts_volume_free(&loaded->volume);
     cts_scanned_free(&loaded->scanned);
-    return cts_series_scan(loaded->series, source->remove_table, source->n_threads, &loaded->scanned, report, err);
+    CtsStatus st = labels ? cts_labels_begin(labels, err) : CTS_OK;
+    if (!st)
+        st = cts_series_scan(loaded->series, source->remove_table, labels ? &watch : NULL, source->n_threads,
+                             &loaded->scanned, report, err);
+    if (st || !labels)
+        return st;
+    const CtsMeter meter = cts_meter_start(report);
+    st = cts_labels_count(labels, loaded->scanned->number, loaded->scanned->n_slices, report, err);
+    cts_meter_stop(meter, report, CTS_STAGE_LABELS);
+    return st;
 }
 
 CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
@@ -171,7 +204,8 @@ CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_
         return st;
     meter = cts_meter_start(report);
     cts_watch_step(watch, 1, n_steps, "reading");
-    st = cts_source_read(source, loaded, report, err);
+    if (!(st = cts_source_labels(source, loaded, report, err)))
+        st = cts_source_read(source, loaded, report, err);
     cts_watch_findings(watch, report);
     cts_meter_stop(meter, report, CTS_STAGE_DECODE);
     return st;
@@ -194,6 +228,7 @@ void cts_loaded_free(CtsLoaded *loaded)
 {
     cts_volume_free(&loaded->volume);
     cts_scanned_free(&loaded->scanned);
+    cts_labels_free(&loaded->labels);
     cts_series_list_free(&loaded->list);
     cts_net_forget(&loaded->fetched);
     loaded->series = NULL;

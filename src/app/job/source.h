@@ -3,6 +3,7 @@
 #define CTS_JOB_SOURCE_H
 
 #include "app/job/watch.h"
+#include "ctsplat/label_files.h"
 #include "ctsplat/net.h"
 #include "ctsplat/series.h"
 #include "ctsplat/volume.h"
@@ -16,7 +17,10 @@ typedef struct CtsSource {
     const CtsNet *net;                       /* how */
     const char *study_uid, *peer_series_uid; /* what; peer_series_uid NULL: all of the study */
     const char *series_uid;                  /* NULL: the one with the most slices */
-    int n_threads;                           /* 0: the cores this process may use */
+    const char *const *labels;               /* n_labels label files, folders, or "auto" */
+    int n_labels;
+    const char *label_names; /* a file of names for the numbers of label maps; NULL: none */
+    int n_threads;           /* 0: the cores this process may use */
     bool remove_table;
     const char *table_kept_by;      /* why not, as the report tells it: "the preset" */
     CtsInterpolation interpolation; /* between slices that are thick or unevenly spaced */
@@ -28,11 +32,14 @@ typedef struct CtsSource {
 typedef struct CtsLoaded {
     CtsSeriesList *list;
     const CtsSeries *series; /* of the list */
+    CtsLabels *labels;       /* of the scanned voxels; NULL: none were asked for */
     CtsScanned *scanned;
     CtsVolume *volume; /* made of it */
     char *fetched;     /* a folder that goes with it, or NULL */
 } CtsLoaded;
 
+/* The labels of loaded->series: before its slices, which they are counted on. */
+CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err);
 /* The slices of loaded->series, as they were scanned; the volume that was made of them before goes. */
 CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err);
 /* loaded->volume: of what was scanned the patient alone, and of it the part that is asked for, smoothed, and with

@@ -67,6 +67,13 @@ const CtsOption cts_options[] = {
      NUMBER(render.mm_per_pixel), BOUNDS(MM_PER_PIXEL)},
     {0, "series", "UID", PICTURES | ON(PRESETS), SAME, "which series, when PATH holds several",
      "the one with the most slices", TEXT(series_uid)},
+    {0, "labels", "PATH", PICTURES | ON(INFO), FRESH,
+     "segmentations to count: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "
+     "auto: what lies beside the series and refers to it; {series_uid} and * are filled in; may be repeated",
+     NULL, TEXTS(labels)},
+    {0, "label-names", "FILE", PICTURES | ON(INFO), FRESH,
+     "names for the numbers of label maps: JSON, nnU-Net's dataset.json or an ITK-SNAP table", "the file's own",
+     TEXT(label_names)},
     {0, "engine", "NAME", RENDERING, FRESH, "how the picture is made", "tiled",
      CHOICE(render.engine, cts_engine_names)},
     {0, "kernel", "NAME[:RADIUS]", RENDERING, FRESH,

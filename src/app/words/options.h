@@ -39,6 +39,8 @@ typedef struct CtsOptions {
     CtsRenderSettings render;
     int rotation; /* 0: off */
     const char *series_uid;
+    CtsTextList labels;
+    const char *label_names; /* NULL when not given */
     struct CtsBackground {
         bool given, none;
         double rgb[3];

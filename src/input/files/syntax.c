@@ -8,6 +8,7 @@ static const CtsSyntax syntaxes[] = {
     {"1.2.840.10008.1.2.1", "Explicit VR Little Endian", CTS_CODEC_NATIVE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.2", "Explicit VR Big Endian", CTS_CODEC_NATIVE, true, true, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.1.99", "Deflated Explicit VR Little Endian", CTS_CODEC_NATIVE, true, false, true, CTS_LOSSLESS},
+    {"1.2.840.10008.1.2.8.1", "Deflated Image Frame Compression", CTS_CODEC_DEFLATE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.5", "RLE Lossless", CTS_CODEC_RLE, true, false, false, CTS_LOSSLESS},
     {"1.2.840.10008.1.2.4.50", "JPEG Baseline", CTS_CODEC_JPEG, true, false, false, CTS_LOSSY},
     {"1.2.840.10008.1.2.4.51", "JPEG Extended", CTS_CODEC_JPEG, true, false, false, CTS_LOSSY},

@@ -14,6 +14,7 @@ typedef enum CtsCodec {
     CTS_CODEC_JPEG,
     CTS_CODEC_JPEG_LS,
     CTS_CODEC_JPEG_2000, /* high-throughput streams (HTJ2K, Rec. ITU-T T.814) too */
+    CTS_CODEC_DEFLATE, /* each frame alone */
     CTS_CODEC_NONE, /* named here, but this build cannot decode it */
     CTS_N_CODECS
 } CtsCodec;

@@ -79,19 +79,11 @@ static bool known_vr(const uint8_t vr[2])
     return known;
 }
 
-typedef struct Element {
-    uint32_t tag;
-    uint8_t vr[2];
-    uint32_t length;  /* 0xFFFFFFFF: undefined */
-    uint32_t n_bytes; /* of tag, VR and length */
-} Element;
-
-/* The element's own 8 or 12 bytes; false when more bytes are needed (12 always do). */
-static bool read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, Element *e)
+bool cts_read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, CtsRawElement *e)
 {
     if (n < 8)
         return false;
-    *e = (Element){.tag = read_tag(p, big), .n_bytes = 8};
+    *e = (CtsRawElement){.tag = read_tag(p, big), .n_bytes = 8};
     if (e->tag >> 16 == 0xFFFE || !explicit_vr) {
         e->length = read32(p + 4, big);
         return true;
@@ -147,7 +139,7 @@ CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes,
         return CTS_SCAN_NOT_DICOM;
     }
     for (;;) {
-        Element e;
+        CtsRawElement e;
         if (pos + 12 > n && n < file_bytes) {
             scan->need = pos + 4096;
             return CTS_SCAN_MORE;
@@ -156,7 +148,7 @@ CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes,
             break;
         if (read16(bytes + pos, false) != 0x0002)
             break;
-        if (!read_element(bytes + pos, n - pos, known_vr(bytes + pos + 4), false, &e) ||
+        if (!cts_read_element(bytes + pos, n - pos, known_vr(bytes + pos + 4), false, &e) ||
             e.length > file_bytes - pos - e.n_bytes || e.length > 1 << 20) {
             snprintf(scan->why, sizeof scan->why, "the meta header is cut short at byte %zu", pos);
             return CTS_SCAN_BAD;
@@ -247,7 +239,7 @@ static CtsScanResult push(Walk *w, bool item, uint64_t end, bool implicit_vr, bo
 }
 
 /* Inside a sequence only items and its end may stand. */
-static CtsScanResult sequence_step(Walk *w, const Element *e)
+static CtsScanResult sequence_step(Walk *w, const CtsRawElement *e)
 {
     Frame *top = &w->stack[w->height - 1];
     if (e->tag == TAG_SEQUENCE_END) {
@@ -279,7 +271,7 @@ static const CtsTagValue *find_value(const CtsDataScan *scan, uint32_t tag)
 }
 
 /* Keep the place of a header's value; it has to be there, for a second one to be compared with it. */
-static CtsScanResult note_value(Walk *w, const Element *e)
+static CtsScanResult note_value(Walk *w, const CtsRawElement *e)
 {
     while (w->next_tag > 0 && header_tags[w->next_tag - 1].tag >= e->tag)
         w->next_tag--;
@@ -314,7 +306,7 @@ static CtsScanResult note_value(Walk *w, const Element *e)
     return CTS_SCAN_DONE;
 }
 
-static CtsScanResult element_step(Walk *w, const Element *e, bool implicit_vr)
+static CtsScanResult element_step(Walk *w, const CtsRawElement *e, bool implicit_vr)
 {
     const bool undefined = e->length == UINT32_MAX;
     const uint64_t value = w->pos + e->n_bytes;
@@ -348,7 +340,7 @@ static CtsScanResult element_step(Walk *w, const Element *e, bool implicit_vr)
     return CTS_SCAN_DONE;
 }
 
-static void found_pixels(Walk *w, const Element *e)
+static void found_pixels(Walk *w, const CtsRawElement *e)
 {
     CtsDataScan *scan = w->scan;
     scan->has_pixels = true;
@@ -359,7 +351,7 @@ static void found_pixels(Walk *w, const Element *e)
 }
 
 /* The top level: notes the header's values and stops at the pixels. *stop says that the walk is over. */
-static CtsScanResult top_step(Walk *w, const Element *e, bool *stop)
+static CtsScanResult top_step(Walk *w, const CtsRawElement *e, bool *stop)
 {
     w->maybe_end = 0;
     if (e->tag >= TAG_PIXELS && e->tag < 0xFFFE0000) {
@@ -399,8 +391,8 @@ static CtsScanResult step(Walk *w, bool *stop)
     const bool implicit_vr = top ? top->implicit_vr || !w->explicit_vr : !w->explicit_vr;
     /* An UN of undefined length is implicit little endian whatever the file is (PS3.5 6.2.2). */
     const bool big = w->big && !(top && top->implicit_vr);
-    Element e;
-    if (w->pos > w->n || !read_element(w->bytes + w->pos, w->n - w->pos, !implicit_vr, big, &e)) {
+    CtsRawElement e;
+    if (w->pos > w->n || !cts_read_element(w->bytes + w->pos, w->n - w->pos, !implicit_vr, big, &e)) {
         if (w->n < w->total)
             return more(w, w->pos + 12);
         return bad(w, "the data set is cut short");

@@ -40,6 +40,17 @@ typedef struct CtsMetaScan {
 
 CtsScanResult cts_scan_meta(const uint8_t *bytes, size_t n, uint64_t file_bytes, CtsMetaScan *scan);
 
+/* An element's own 8 or 12 bytes. */
+typedef struct CtsRawElement {
+    uint32_t tag;
+    uint8_t vr[2];
+    uint32_t length;  /* 0xFFFFFFFF: undefined */
+    uint32_t n_bytes; /* of tag, VR and length */
+} CtsRawElement;
+
+/* False when more bytes are needed (12 always do). */
+bool cts_read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, CtsRawElement *element);
+
 /* How the data set at p is encoded, judged by its first element; NULL when it is neither. */
 const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n);
 

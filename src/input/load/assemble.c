@@ -6,15 +6,15 @@
 #include "base/helper_process.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "input/codec/pixels.h"
-#include "input/header/slice.h"
-#include "input/series/slice_stack.h"
-#include "core/volume/threshold.h"
 #include "core/volume/grey.h"
 #include "core/volume/macrocells.h"
+#include "core/volume/threshold.h"
+#include "core/volume/volume_new.h"
+#include "input/codec/pixels.h"
+#include "input/header/slice.h"
 #include "input/load/neighbours.h"
 #include "input/load/resample.h"
-#include "core/volume/volume_new.h"
+#include "input/series/slice_stack.h"
 #include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
@@ -27,6 +27,8 @@ enum { GREY_MAX = 65535, CELL_LOCKS = 16 };
 /* What the threads share while slices become layers. */
 typedef struct Assembly {
     const CtsSlice *slices;
+    const int *number;         /* of each slice in the series */
+    const CtsWordWatch *watch; /* NULL: nobody */
     int n_slices, n_threads;
     uint16_t *first; /* where slice 0 goes; slice k lies layer_voxels further for each k */
     size_t layer_voxels;
@@ -73,6 +75,8 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
     const CtsSlice *s = &a->slices[in->k];
     uint16_t *layer = layer_of(a, in->k);
     const double start = cts_wall_ms();
+    if (a->watch)
+        a->watch->take(a->watch->context, a->number[in->k], at, first, end, &in->stored, s->slope, s->intercept);
     const CtsStoredRange r = a->whole_numbers ? in->to_grey(layer + first, at, end - first, &in->stored,
                                                             (int32_t)s->slope, (int32_t)(s->intercept - HU_OFFSET))
                                               : cts_stored_range(at, end - first, &in->stored);
@@ -404,6 +408,8 @@ static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsS
 /* The slices of a series that are to become a volume: copies of its records, which own nothing. */
 typedef struct Loading {
     CtsSlice *slices;
+    int *number; /* of each in the series */
+    const CtsWordWatch *watch;
     char **faults; /* what was found of damaged ones while they were read; owned */
     int n_slices, n_threads;
     bool some_dropped;
@@ -418,8 +424,11 @@ static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threa
     if (!st)
         st = cts_alloc_zeroed(&in->faults, n, err);
     bool compressed = false;
+    if (!st)
+        st = cts_alloc_array(&in->number, n, err);
     for (size_t k = 0; !st && k < n; k++) {
         in->slices[k] = *series->slices[k];
+        in->number[k] = (int)k;
         compressed |= cts_slice_is_compressed(series->slices[k]);
     }
     in->n_slices = series->n_slices;
@@ -433,6 +442,7 @@ static void end_loading(Loading *in)
     for (int k = 0; in->faults && k < in->n_slices; k++)
         free(in->faults[k]);
     cts_free(&in->slices);
+    cts_free(&in->number);
     cts_free(&in->faults);
 }
 
@@ -442,6 +452,7 @@ static void drop_bad(Loading *in, CtsReport *report)
     int kept = 0;
     for (int k = 0; k < in->n_slices; k++) {
         if (!in->faults[k]) {
+            in->number[kept] = in->number[k];
             in->slices[kept++] = in->slices[k];
             continue;
         }
@@ -492,6 +503,8 @@ static CtsStatus fill(const Loading *in, bool even, int offset, CtsVolume *v, Ct
 {
     const int n_threads = in->n_threads;
     Assembly a = {.slices = in->slices,
+                  .number = in->number,
+                  .watch = in->watch,
                   .n_slices = in->n_slices,
                   .n_threads = n_threads,
                   .faults = in->faults,
@@ -548,7 +561,11 @@ static CtsStatus in_series(const CtsSeries *series, CtsError *err)
 /* Where the slices lie, for as long as the scanned volume does. */
 static CtsStatus place_slices(CtsScanned *scanned, const Loading *in, CtsSliceStack *stack, CtsError *err)
 {
-    const CtsStatus st = cts_alloc_array(&scanned->position_lps, (size_t)in->n_slices, err);
+    CtsStatus st = cts_alloc_array(&scanned->position_lps, (size_t)in->n_slices, err);
+    if (!st)
+        st = cts_alloc_array(&scanned->number, (size_t)in->n_slices, err);
+    if (!st)
+        memcpy(scanned->number, in->number, (size_t)in->n_slices * sizeof *in->number);
     for (int k = 0; !st && k < in->n_slices; k++)
         memcpy(scanned->position_lps[k], in->slices[k].position_lps, sizeof *scanned->position_lps);
     scanned->n_slices = in->n_slices;
@@ -573,8 +590,8 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScan
     const int n_slots = even || offset + in->n_slices < stack.n_layers ? stack.n_layers : offset + in->n_slices;
     (*scanned)->n_slots = n_slots;
     if ((st = check_memory(series->columns, series->rows, n_slots, err)) ||
-        (st = (in->range_alone ? cts_volume_new_empty : cts_volume_new_unset)(
-             &(*scanned)->even, series->columns, series->rows, n_slots, err)))
+        (st = (in->range_alone ? cts_volume_new_empty : cts_volume_new_unset)(&(*scanned)->even, series->columns,
+                                                                              series->rows, n_slots, err)))
         goto end;
     v = (*scanned)->even;
     v->dims[2] = stack.n_layers;
@@ -600,11 +617,11 @@ static bool all_seen(const CtsSeries *series)
 }
 
 /* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
-static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsScanned **scanned, CtsReport *report,
-                      CtsError *err)
+static CtsStatus load(const CtsSeries *series, Want want, const CtsWordWatch *watch, int n_threads,
+                      CtsScanned **scanned, CtsReport *report, CtsError *err)
 {
-    Loading in = {.marks_dense = want == VOXELS_MARKED,
-                  .range_alone = want == RANGE && all_seen(series)};
+    Loading in = {
+        .watch = watch, .marks_dense = want == VOXELS_MARKED, .range_alone = want == RANGE && all_seen(series)};
     CtsError why = {0};
     CtsStatus st = begin_loading(&in, series, n_threads, &why);
     int n_bad = 0;
@@ -624,8 +641,8 @@ static CtsStatus load(const CtsSeries *series, Want want, int n_threads, CtsScan
     return st;
 }
 
-static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, CtsScanned **scanned, CtsReport *report,
-                            CtsError *err)
+static CtsStatus load_timed(const CtsSeries *series, Want want, const CtsWordWatch *watch, int n_threads,
+                            CtsScanned **scanned, CtsReport *report, CtsError *err)
 {
     double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
     *scanned = NULL;
@@ -636,7 +653,7 @@ static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, C
     }
     if (report)
         stage_times(report, &wall_before, &cpu_before);
-    const CtsStatus st = load(series, want, cts_threads(n_threads), scanned, report, err);
+    const CtsStatus st = load(series, want, watch, cts_threads(n_threads), scanned, report, err);
     if (report)
         stage_times(report, &wall_after, &cpu_after);
     /* What is not reading slices is making grey levels of them: memory, fractions, macro-cell ranges. */
@@ -651,14 +668,14 @@ static CtsStatus load_timed(const CtsSeries *series, Want want, int n_threads, C
     return st;
 }
 
-CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, int n_threads, CtsScanned **scanned,
-                          CtsReport *report, CtsError *err)
+CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, const CtsWordWatch *watch, int n_threads,
+                          CtsScanned **scanned, CtsReport *report, CtsError *err)
 {
-    return load_timed(series, table_goes ? VOXELS_MARKED : VOXELS, n_threads, scanned, report, err);
+    return load_timed(series, table_goes ? VOXELS_MARKED : VOXELS, watch, n_threads, scanned, report, err);
 }
 
 CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsScanned **scanned, CtsReport *report,
                              CtsError *err)
 {
-    return load_timed(series, RANGE, n_threads, scanned, report, err);
+    return load_timed(series, RANGE, NULL, n_threads, scanned, report, err);
 }

@@ -12,6 +12,7 @@ void cts_scanned_free(CtsScanned **scanned)
     if (!*scanned)
         return;
     cts_volume_free(&(*scanned)->even);
+    cts_free(&(*scanned)->number);
     cts_free(&(*scanned)->position_lps);
     free((*scanned)->layer);
     cts_free(scanned);
@@ -108,7 +109,7 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **vo
     CtsScanned *scanned = NULL;
     CtsMadeUp made;
     *volume = NULL;
-    CtsStatus st = cts_series_scan(series, false, n_threads, &scanned, report, err);
+    CtsStatus st = cts_series_scan(series, false, NULL, n_threads, &scanned, report, err);
     if (!st)
         st = cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, true, n_threads, volume, &made, err);
     cts_scanned_free(&scanned);

@@ -2,6 +2,7 @@
 
 #include "base/json.h"
 #include "output/report/masked.h"
+#include "output/report/text_table.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -13,6 +14,27 @@ static void print_findings(FILE *file, const CtsFindings *findings, const char *
             continue;
         fprintf(file, "%s%s: %s\n", indent, cts_severity_names[findings->items[i].severity], findings->items[i].text);
     }
+}
+
+static void print_labels(FILE *file, const CtsPixelFacts *f)
+{
+    CtsTable *table = cts_table_new(
+        (const char *const[]){">label", "name", "source", ">voxels", ">ml", ">mean HU", ">sd HU", ">parts", ""}, 9);
+    for (size_t i = 0; i < f->n_labels; i++) {
+        const CtsLabelFact *l = &f->labels[i];
+        cts_table_cell(table, "%d", l->number);
+        cts_table_cell(table, "%s", l->name);
+        cts_table_cell(table, "%s", cts_label_source_names[l->source]);
+        cts_table_cell(table, "%llu", (unsigned long long)l->voxels);
+        cts_table_cell(table, "%.1f", l->ml);
+        cts_table_cell(table, l->n_hu ? "%.1f" : "-", l->hu_mean);
+        cts_table_cell(table, l->n_hu ? "%.1f" : "-", l->hu_sd);
+        cts_table_cell(table, "%llu", (unsigned long long)l->parts);
+        cts_table_cell(table, "%s%s%s%s", l->voxels ? "" : "empty ", l->touches_edge ? "edge " : "",
+                       l->overlap ? "overlap " : "", l->in_air ? "in air" : "");
+    }
+    cts_table_print(table, file);
+    cts_table_free(&table);
 }
 
 static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
@@ -41,6 +63,10 @@ static void print_series(FILE *file, const CtsSeries *s, const CtsPixelFacts *f,
     fprintf(file, "  renderable       %s%s\n", s->passed ? "no, passed: " : told ? "no: " : "yes", told ? told : "");
     print_findings(file, &s->findings, "  ", told);
     print_findings(file, &f->findings, "  ", told);
+    if (f->n_labels)
+        print_labels(file, f);
+    else if (f->has_labels)
+        fprintf(file, "  labels           none\n");
 }
 
 void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient)
@@ -68,6 +94,22 @@ json_t *cts_finding_json(const CtsFinding *finding)
 {
     return json_pack("{s:o,s:s,s:o}", "code", cts_json_new_text(finding->code), "severity",
                      cts_severity_names[finding->severity], "text", cts_json_new_text(finding->text));
+}
+
+json_t *cts_label_json(const CtsLabelFact *l)
+{
+    json_t *object =
+        json_pack("{s:i,s:o,s:s,s:I,s:o}", "number", l->number, "name", cts_json_new_text(l->name), "source",
+                  cts_label_source_names[l->source], "voxels", (json_int_t)l->voxels, "ml", cts_json_new_number(l->ml));
+    json_object_set_new(object, "hu_mean", l->n_hu ? cts_json_new_number(l->hu_mean) : json_null());
+    json_object_set_new(object, "hu_sd", l->n_hu ? cts_json_new_number(l->hu_sd) : json_null());
+    json_object_set_new(object, "touches_edge", json_boolean(l->touches_edge));
+    json_object_set_new(object, "parts", json_integer((json_int_t)l->parts));
+    json_object_set_new(object, "overlap", json_integer((json_int_t)l->overlap));
+    json_object_set_new(object, "empty", json_boolean(!l->voxels));
+    json_object_set_new(object, "label_in_air", json_boolean(l->in_air));
+    json_object_set_new(object, "file", json_integer(l->file));
+    return object;
 }
 
 static void append_findings(json_t *list, const CtsFindings *findings)
@@ -111,6 +153,11 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
     append_findings(findings, &s->findings);
     append_findings(findings, &f->findings);
     json_object_set_new(object, "findings", findings);
+    json_t *labels = f->has_labels ? json_array() : NULL;
+    for (size_t i = 0; i < f->n_labels; i++)
+        json_array_append_new(labels, cts_label_json(&f->labels[i]));
+    if (labels)
+        json_object_set_new(object, "labels", labels);
     return object;
 }
 

@@ -14,6 +14,9 @@ typedef struct CtsPixelFacts {
     double box_low_lps[3], box_high_lps[3]; /* mm: what a crop takes */
     bool refused;                           /* reading them failed: */
     char reason[1024];
+    CtsLabelFact *labels;                   /* n_labels of them where has_labels; a report's */
+    size_t n_labels;
+    bool has_labels;
     CtsFindings findings; /* of reading them, the series' own left out; owned */
 } CtsPixelFacts;
 
@@ -21,6 +24,7 @@ typedef struct CtsPixelFacts {
 void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume);
 
 struct json_t *cts_finding_json(const CtsFinding *finding);
+struct json_t *cts_label_json(const CtsLabelFact *label);
 /* One series as in info's JSON, with its findings; the caller's to release. */
 struct json_t *cts_info_json(const CtsSeries *series, const CtsPixelFacts *facts, bool show_patient);
 

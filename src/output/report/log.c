@@ -6,6 +6,7 @@
 #include "base/json.h"
 #include "base/site_key.h"
 #include "base/parallel.h"
+#include "output/report/info.h"
 #include "output/report/masked.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -269,6 +270,12 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         json_t *event = new_event(log, "skipped");
         json_object_set_new(event, "what", json_string(report->skips[i].what));
         json_object_set_new(event, "why", json_string(report->skips[i].why));
+        add_line(log, event);
+    }
+    for (size_t i = 0; i < report->n_labels; i++) {
+        json_t *event = new_event(log, "label"), *label = cts_label_json(&report->labels[i]);
+        json_object_update(event, label);
+        json_decref(label);
         add_line(log, event);
     }
     log_findings(log, &report->findings);

@@ -1,0 +1,66 @@
+/* Labels: which of the scanned slices' voxels each of them holds, and what is counted of them. */
+#ifndef CTSPLAT_LABELS_H
+#define CTSPLAT_LABELS_H
+
+#include "ctsplat/report.h"
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+#pragma GCC visibility push(default)
+
+struct CtsStored;    /* src/core/volume/stored.h */
+struct CtsLabelSums; /* src/core/labels/label_sums.c */
+/* Where the scanned voxels lie: voxel (i, j) of slice k has its centre at
+ * position_lps[k] + i * step_lps[0] + j * step_lps[1]. */
+typedef struct CtsLabelGrid {
+    int columns, rows, n_slices;
+    double step_lps[2][3]; /* mm */
+    double normal_lps[3];  /* unit length; the slices' places along it rise */
+    double (*position_lps)[3];
+    double *at_mm;        /* of each slice along the normal */
+    double *thickness_mm; /* half the sum of the gaps on both sides; at an end the one gap */
+} CtsLabelGrid;
+
+/* Voxels first <= i < end of a row; row j of slice k is number k * rows + j. */
+typedef struct CtsLabelRun {
+    uint32_t row;
+    uint16_t first, end;
+} CtsLabelRun;
+
+typedef struct CtsLabel {
+    CtsLabelFact fact; /* its counts once cts_labels_count() has been called; the name is owned */
+    bool surrounds;    /* the body's outline, or what supports it: owns what nothing else does */
+    CtsLabelRun *runs; /* n_runs, by rising row and place; no two touch; owned */
+    size_t n_runs, room;
+    struct CtsLabelSums *sums; /* while slices are read */
+} CtsLabel;
+
+typedef struct CtsLabels {
+    CtsLabelGrid grid; /* owned */
+    CtsLabel *items;   /* n, in the order of the files, in each by rising number */
+    size_t n, room;
+    bool counted;
+} CtsLabels;
+
+void cts_labels_free(CtsLabels **labels);
+
+/* Before slices are read: room for the sums over their HU. */
+CtsStatus cts_labels_begin(CtsLabels *labels, CtsError *err);
+/* Words first <= n < end of a slice as it is stored, from `words` on: HU = slope * stored + intercept. In order, each
+ * slice from one thread at a time; a slice that begins anew replaces what was told of it before. */
+void cts_labels_take_words(CtsLabels *labels, int slice, const uint16_t *words, size_t first, size_t end,
+                           const struct CtsStored *stored, double slope, double intercept);
+/* Once all slices were read: slice_number[k], n_kept of them, rising, are those that were. The grid and the runs become
+ * theirs alone, and all is counted; report (may be NULL) gets the facts and warnings. */
+CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kept, CtsReport *report, CtsError *err);
+
+#pragma GCC visibility pop
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,155 @@
+#define _GNU_SOURCE
+#include "base/mem.h"
+#include "base/vec3.h"
+#include "core/labels/label_set.h"
+#include <string.h>
+
+#define AIR_SHARE 0.2 /* of a label that is no air itself */
+
+/* What may hold air. */
+static const char *const airy[] = {"lung", "airway", "trachea", "bronch", "bowel", "colon", "air", "gas"};
+
+static bool may_hold_air(const CtsLabel *l)
+{
+    for (size_t i = 0; i < sizeof airy / sizeof *airy; i++)
+        if (strcasestr(l->fact.name, airy[i]))
+            return true;
+    return l->surrounds;
+}
+
+/* Slices that could not be read take their runs with them, and the others close up. */
+static void keep_slices(CtsLabel *l, int rows, const int *new_number)
+{
+    size_t n = 0;
+    for (size_t i = 0; i < l->n_runs; i++) {
+        CtsLabelRun r = l->runs[i];
+        const int slice = new_number[r.row / (uint32_t)rows];
+        r.row = (uint32_t)slice * (uint32_t)rows + r.row % (uint32_t)rows;
+        if (slice >= 0)
+            l->runs[n++] = r;
+    }
+    l->n_runs = n;
+}
+
+void cts_label_grid_thickness(CtsLabelGrid *g)
+{
+    for (int k = 0; k < g->n_slices; k++) {
+        const int before = k > 0 ? k - 1 : k, behind = k + 1 < g->n_slices ? k + 1 : k;
+        g->thickness_mm[k] = behind > before ? (g->at_mm[behind] - g->at_mm[before]) / (behind - before) : 0;
+    }
+}
+
+static CtsStatus drop_slices(CtsLabels *labels, const int *slice_number, int n_kept, CtsError *err)
+{
+    CtsLabelGrid *const g = &labels->grid;
+    int *new_number = NULL;
+    const CtsStatus st = cts_alloc_array(&new_number, (size_t)g->n_slices, err);
+    if (st)
+        return st;
+    for (int k = 0; k < g->n_slices; k++)
+        new_number[k] = -1;
+    for (int k = 0; k < n_kept; k++) {
+        new_number[slice_number[k]] = k;
+        g->at_mm[k] = g->at_mm[slice_number[k]];
+        memmove(g->position_lps[k], g->position_lps[slice_number[k]], sizeof *g->position_lps);
+    }
+    g->n_slices = n_kept;
+    for (size_t i = 0; i < labels->n; i++)
+        keep_slices(&labels->items[i], g->rows, new_number);
+    cts_label_grid_thickness(g);
+    cts_free(&new_number);
+    return CTS_OK;
+}
+
+static void count_voxels(CtsLabel *l, const CtsLabelGrid *g)
+{
+    CtsLabelFact *const c = &l->fact;
+    double area[3];
+    cts_cross3(g->step_lps[0], g->step_lps[1], area);
+    const double area_mm2 = cts_norm3(area);
+    const uint32_t rows = (uint32_t)g->rows;
+    uint64_t here = 0;
+    for (size_t i = 0; i < l->n_runs; i++) {
+        const CtsLabelRun r = l->runs[i];
+        const uint32_t slice = r.row / rows, row = r.row % rows;
+        here += (uint64_t)(r.end - r.first);
+        c->touches_edge |= r.first == 0 || r.end == g->columns || row == 0 || row + 1 == rows || slice == 0 ||
+                           slice + 1 == (uint32_t)g->n_slices;
+        if (i + 1 == l->n_runs || l->runs[i + 1].row / rows != slice) {
+            c->voxels += here;
+            c->ml += (double)here * area_mm2 * g->thickness_mm[slice] / 1000;
+            here = 0;
+        }
+    }
+}
+
+typedef enum Pass { MARK, COUNT } Pass;
+
+/* One label's runs in one slice, from its cursor on: marked as held once or more often, or those counted. */
+static void pass_over(CtsLabel *l, size_t *at, uint32_t slice, const CtsLabelGrid *g, uint8_t *held, Pass pass)
+{
+    const uint32_t rows = (uint32_t)g->rows, end = (slice + 1) * rows;
+    size_t i = *at;
+    for (; i < l->n_runs && l->runs[i].row < end; i++) {
+        const CtsLabelRun r = l->runs[i];
+        uint8_t *const row = held + (size_t)(r.row - slice * rows) * (size_t)g->columns;
+        for (int x = r.first; x < r.end; x++)
+            if (pass == COUNT)
+                l->fact.overlap += row[x] > 1;
+            else
+                row[x] = row[x] ? 2 : 1;
+    }
+    if (pass == COUNT)
+        *at = i;
+}
+
+static CtsStatus count_overlap(CtsLabels *labels, CtsError *err)
+{
+    const CtsLabelGrid *const g = &labels->grid;
+    const size_t n = (size_t)g->columns * (size_t)g->rows;
+    uint8_t *held = NULL;
+    size_t *at = NULL;
+    CtsStatus st = cts_alloc_array(&held, n, err);
+    if (!st)
+        st = cts_alloc_zeroed(&at, labels->n, err);
+    for (uint32_t k = 0; !st && k < (uint32_t)g->n_slices; k++) {
+        memset(held, 0, n);
+        for (Pass pass = MARK; pass <= COUNT; pass++)
+            for (size_t i = 0; i < labels->n; i++)
+                pass_over(&labels->items[i], &at[i], k, g, held, pass);
+    }
+    cts_free(&held);
+    cts_free(&at);
+    return st;
+}
+
+static void tell(const CtsLabelFact *f, CtsReport *report)
+{
+    if (f->in_air)
+        cts_report_finding(report, "label_in_air", CTS_WARNING,
+                           "label file %d: %.0f %% of label %d (%s) lie below %d HU (a mirrored or shifted mask?)",
+                           f->file, 100 * f->air_share, f->number, f->name, (int)CTS_LABEL_AIR_HU);
+}
+
+CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kept, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (size_t i = 0; i < labels->n; i++)
+        cts_label_take_sums(&labels->items[i], slice_number, n_kept);
+    if (n_kept < labels->grid.n_slices)
+        st = drop_slices(labels, slice_number, n_kept, err);
+    for (size_t i = 0; !st && i < labels->n; i++) {
+        CtsLabel *const l = &labels->items[i];
+        count_voxels(l, &labels->grid);
+        l->fact.in_air = l->fact.air_share > AIR_SHARE && !may_hold_air(l);
+        l->fact.parts = cts_label_parts(l, labels->grid.rows, &st, err);
+    }
+    if (!st && labels->n > 1)
+        st = count_overlap(labels, err);
+    for (size_t i = 0; !st && i < labels->n; i++) {
+        cts_report_label(report, &labels->items[i].fact);
+        tell(&labels->items[i].fact, report);
+    }
+    labels->counted = !st;
+    return st;
+}

@@ -1,0 +1,129 @@
+#include "core/labels/label_set.h"
+
+#include "base/mem.h"
+#include "base/text.h"
+#include <stdlib.h>
+#include <string.h>
+
+void cts_label_grid_free(CtsLabelGrid *grid)
+{
+    cts_free(&grid->position_lps);
+    cts_free(&grid->at_mm);
+    cts_free(&grid->thickness_mm);
+}
+
+CtsStatus cts_labels_new(CtsLabels **labels, CtsLabelGrid *grid, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    *labels = NULL;
+    if (grid->columns > UINT16_MAX || (uint64_t)grid->rows * (uint64_t)grid->n_slices > UINT32_MAX)
+        st = cts_fail(err, CTS_ERR_MEMORY, "%d x %d voxels in %d slices are too many for labels", grid->columns,
+                      grid->rows, grid->n_slices);
+    if (!st)
+        st = cts_alloc_zeroed(labels, 1, err);
+    if (st)
+        cts_label_grid_free(grid);
+    else
+        (*labels)->grid = *grid;
+    *grid = (CtsLabelGrid){0};
+    return st;
+}
+
+void cts_labels_free(CtsLabels **labels)
+{
+    if (!*labels)
+        return;
+    for (size_t i = 0; i < (*labels)->n; i++) {
+        CtsLabel *const l = &(*labels)->items[i];
+        cts_label_sums_free(l);
+        free(l->fact.name);
+        free(l->runs);
+    }
+    free((*labels)->items);
+    cts_label_grid_free(&(*labels)->grid);
+    cts_free(labels);
+}
+
+/* One more of them, twice the room when it is full. */
+static CtsStatus grow(void **items, size_t n, size_t *room, size_t size, CtsError *err)
+{
+    if (n < *room)
+        return CTS_OK;
+    const size_t wanted = *room ? 2 * *room : 16;
+    size_t n_bytes;
+    void *grown = cts_mul_overflows(wanted, size, &n_bytes) ? NULL : realloc(*items, n_bytes);
+    if (!grown)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    *items = grown;
+    *room = wanted;
+    return CTS_OK;
+}
+
+CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *name, CtsLabelSource source,
+                         CtsError *err)
+{
+    if (labels->n >= CTS_MAX_LABELS)
+        return cts_fail(err, CTS_ERR_READ, "more than %d labels", CTS_MAX_LABELS);
+    CtsStatus st = grow((void **)&labels->items, labels->n, &labels->room, sizeof *labels->items, err);
+    char *copy = st ? NULL : strdup(name);
+    if (st || !copy)
+        return st ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    cts_text_clean(copy);
+    labels->items[labels->n++] = (CtsLabel){.fact = {.file = file, .number = number, .name = copy, .source = source}};
+    return CTS_OK;
+}
+
+CtsStatus cts_label_add_run(CtsLabel *l, uint32_t row, int first, int end, CtsError *err)
+{
+    CtsLabelRun *const last = l->n_runs ? &l->runs[l->n_runs - 1] : NULL;
+    if (last && last->row == row && last->end == first) {
+        last->end = (uint16_t)end;
+        return CTS_OK;
+    }
+    const CtsStatus st = grow((void **)&l->runs, l->n_runs, &l->room, sizeof *l->runs, err);
+    if (!st)
+        l->runs[l->n_runs++] = (CtsLabelRun){row, (uint16_t)first, (uint16_t)end};
+    return st;
+}
+
+static int by_place(const void *a, const void *b)
+{
+    const CtsLabelRun *x = a, *y = b;
+    return x->row != y->row ? (x->row < y->row ? -1 : 1) : x->first < y->first ? -1 : x->first > y->first;
+}
+
+void cts_label_sort_runs(CtsLabel *l)
+{
+    bool sorted = true;
+    size_t n = 0;
+    for (size_t i = 1; i < l->n_runs && sorted; i++)
+        sorted = by_place(&l->runs[i - 1], &l->runs[i]) <= 0;
+    if (!sorted)
+        qsort(l->runs, l->n_runs, sizeof *l->runs, by_place);
+    for (size_t i = 0; i < l->n_runs; i++) {
+        const CtsLabelRun r = l->runs[i];
+        if (n && l->runs[n - 1].row == r.row && r.first <= l->runs[n - 1].end)
+            l->runs[n - 1].end = r.end > l->runs[n - 1].end ? r.end : l->runs[n - 1].end;
+        else
+            l->runs[n++] = r;
+    }
+    l->n_runs = n;
+    CtsLabelRun *const fitting = n ? realloc(l->runs, n * sizeof *l->runs) : NULL;
+    if (fitting) {
+        l->runs = fitting;
+        l->room = n;
+    }
+}
+
+size_t cts_label_find_row(const CtsLabel *l, uint32_t row)
+{
+    size_t low = 0, high = l->n_runs;
+    while (low < high) {
+        const size_t middle = low + (high - low) / 2;
+        if (l->runs[middle].row < row)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}

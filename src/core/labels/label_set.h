@@ -1,0 +1,30 @@
+/* Labels while they are made, run by run. */
+#ifndef CTS_LABELS_LABEL_SET_H
+#define CTS_LABELS_LABEL_SET_H
+
+#include "ctsplat/labels.h"
+
+enum { CTS_MAX_LABELS = 65535, CTS_LABEL_AIR_HU = -900 };
+
+/* Takes over what the grid owns, also when it fails. */
+CtsStatus cts_labels_new(CtsLabels **labels, CtsLabelGrid *grid, CtsError *err);
+void cts_label_grid_free(CtsLabelGrid *grid);
+/* thickness_mm from at_mm. */
+void cts_label_grid_thickness(CtsLabelGrid *grid);
+
+/* Another label without voxels; name is copied and made safe to show. CTS_ERR_READ when there are too many. */
+CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *name, CtsLabelSource source,
+                         CtsError *err);
+/* Voxels of one row, which may be there already; rows in any order. */
+CtsStatus cts_label_add_run(CtsLabel *label, uint32_t row, int first, int end, CtsError *err);
+/* Runs in order, and those that touch made one. */
+void cts_label_sort_runs(CtsLabel *label);
+/* The first run at or behind a row. */
+size_t cts_label_find_row(const CtsLabel *label, uint32_t row);
+
+/* Steps of counting that are files of their own. */
+uint64_t cts_label_parts(const CtsLabel *label, int rows, CtsStatus *status, CtsError *err);
+void cts_label_take_sums(CtsLabel *label, const int *slice_number, int n_kept);
+void cts_label_sums_free(CtsLabel *label);
+
+#endif

@@ -1,0 +1,42 @@
+/* A DICOM data set walked plainly: elements and items as places in memory. For objects whose values are few and whose
+ * items are many; what is not asked for costs nothing. Little endian. */
+#ifndef CTS_LABELS_ELEMENTS_H
+#define CTS_LABELS_ELEMENTS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* Elements that have not been looked at yet: of a data set, an item or, as items, of a sequence. */
+typedef struct CtsElements {
+    const uint8_t *at, *end;
+    bool explicit_vr;
+    bool damaged; /* the walk ended before `end` */
+} CtsElements;
+
+typedef struct CtsElement {
+    uint32_t tag; /* group << 16 | element */
+    CtsElements value;
+    bool undefined; /* its length: fragments, or a sequence */
+} CtsElement;
+
+/* The next element, or item of a sequence; false at the end, or where the bytes make no sense. */
+bool cts_elements_next(CtsElements *rest, CtsElement *element);
+bool cts_items_next(CtsElements *sequence, CtsElements *item);
+
+/* The value of an element; an empty one where there is none. */
+CtsElements cts_elements_find(CtsElements elements, uint32_t tag);
+/* The first item of a sequence. */
+CtsElements cts_elements_item(CtsElements elements, uint32_t sequence_tag);
+
+/* Whether all of it can be walked, items of items too. */
+bool cts_elements_are_sound(CtsElements elements);
+
+/* Values: text without the blanks around it, cut to its size; whether there was any. */
+bool cts_elements_text(CtsElements elements, uint32_t tag, char *text, size_t size);
+/* US, UL or IS; false where there is no such number. */
+bool cts_elements_integer(CtsElements elements, uint32_t tag, int *value);
+/* DS, exactly n of them. */
+bool cts_elements_decimals(CtsElements elements, uint32_t tag, double *values, int n);
+
+#endif

@@ -1,0 +1,288 @@
+#define _GNU_SOURCE
+#include "ctsplat/label_files.h"
+
+#include "base/mem.h"
+#include "input/files/scan.h"
+#include "input/header/dcm_readers.h"
+#include "input/header/slice.h"
+#include "input/labels/label_reading.h"
+#include "input/labels/nifti_header.h"
+#include <glob.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+enum { HEAD_BYTES = 4096, SOP_UID = 0x00080018, FRAME_UID = 0x00200052 };
+
+/* DICOM objects that hold labels. */
+static const struct {
+    const char *class_uid;
+    CtsStatus (*read)(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err);
+} objects[] = {
+    {"1.2.840.10008.5.1.4.1.1.66.4", cts_label_read_seg},
+    {"1.2.840.10008.5.1.4.1.1.66.7", cts_label_read_seg}, /* LABELMAP */
+    {"1.2.840.10008.5.1.4.1.1.481.3", cts_label_read_rtstruct},
+};
+enum { N_OBJECTS = sizeof objects / sizeof *objects };
+
+static int object_kind(const char *class_uid)
+{
+    for (int i = 0; i < N_OBJECTS; i++)
+        if (!strcmp(objects[i].class_uid, class_uid))
+            return i;
+    return -1;
+}
+
+/* A label file that is open, and how it begins. */
+typedef struct Opened {
+    CtsFileBytes bytes;
+    uint8_t head[HEAD_BYTES];
+    size_t n_head;
+    char class_uid[65]; /* as its meta header has it */
+    bool is_dicom;
+} Opened;
+
+static CtsStatus open_label(const CtsFile *file, Opened *o, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    *o = (Opened){0};
+    if (file->memory)
+        o->bytes = cts_file_bytes_in_memory(file->memory, file->n_memory);
+    else if (!(st = cts_file_bytes_open(&o->bytes, file->path, err)) && o->bytes.fd < 0)
+        st = cts_fail(err, CTS_ERR_READ, "is no regular file");
+    o->n_head = o->bytes.n_bytes < HEAD_BYTES ? (size_t)o->bytes.n_bytes : HEAD_BYTES;
+    if (!st)
+        st = cts_file_bytes_read(&o->bytes, o->head, o->n_head, 0, err);
+    o->is_dicom = !st && cts_plain_is_dicom(o->head, o->n_head, o->class_uid);
+    return st;
+}
+
+/* All that is read for one series. */
+typedef struct Search {
+    const CtsLabelRequest *request;
+    CtsLabelReading reading;
+    char (*seen)[65]; /* instance UIDs of what was read: a copy of an object counts once */
+    size_t n_seen;
+    bool only_referring; /* of what is found beside the series */
+    bool in_folder;      /* files of other kinds are passed over */
+    int n_read;
+} Search;
+
+static CtsStatus seen_before(Search *s, const CtsPlainObject *object, bool *seen, CtsError *err)
+{
+    char uid[65];
+    *seen = false;
+    if (!cts_elements_text(object->elements, SOP_UID, uid, sizeof uid))
+        return CTS_OK;
+    for (size_t i = 0; i < s->n_seen; i++)
+        *seen |= !strcmp(s->seen[i], uid);
+    char(*const grown)[65] = realloc(s->seen, (s->n_seen + 1) * sizeof *grown);
+    if (!grown)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    s->seen = grown;
+    memcpy(s->seen[s->n_seen++], uid, sizeof uid);
+    return CTS_OK;
+}
+
+static CtsStatus read_object(Search *s, const Opened *o, CtsError *err)
+{
+    CtsPlainObject object;
+    bool seen = false;
+    CtsStatus st = cts_plain_open(&object, &o->bytes, err);
+    const int kind = st ? -1 : object_kind(object.class_uid);
+    const bool wanted = kind >= 0 && (!s->only_referring || cts_label_refers(object.elements, s->reading.series));
+    if (!st && kind < 0 && !s->in_folder) {
+        char name[128] = "of another SOP class";
+        const CtsDcmReaders *dcm = NULL;
+        if (!cts_dcm_readers(&dcm, NULL)) /* without the library no class has a name */
+            dcm->class_name(object.class_uid, name, sizeof name);
+        st = cts_fail(err, CTS_ERR_READ, "is no segmentation and no structure set, but %s", name);
+    }
+    if (!st && wanted && !(st = seen_before(s, &object, &seen, err)) && !seen) {
+        s->n_read++;
+        if (!(st = cts_label_check_patient(&s->reading, &object, err)))
+            st = objects[kind].read(&s->reading, &object, err);
+    }
+    cts_plain_close(&object);
+    return st;
+}
+
+/* The name of a file without its folders and its ending. */
+static void stem_of(const char *path, char *stem, size_t size)
+{
+    const char *const slash = strrchr(path, '/'), *const name = slash ? slash + 1 : path;
+    const char *const end = strstr(name, ".nii");
+    snprintf(stem, size, "%.*s", (int)(end ? end - name : (long)strlen(name)), name);
+}
+
+static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
+{
+    Opened o;
+    CtsStatus st = open_label(file, &o, err);
+    const char *const other = st ? NULL : cts_nifti_other(o.head, o.n_head, file->path);
+    if (st) {
+        ;
+    } else if (o.is_dicom) {
+        if (!s->in_folder || !o.class_uid[0] || object_kind(o.class_uid) >= 0)
+            st = read_object(s, &o, err);
+    } else if (cts_nifti_is(o.head, o.n_head)) {
+        char stem[256];
+        stem_of(file->path, stem, sizeof stem);
+        s->reading.name = s->in_folder ? stem : NULL;
+        s->reading.number++;
+        if (!s->only_referring) {
+            s->n_read++;
+            st = cts_label_read_nifti(&s->reading, &o.bytes, err);
+        }
+        s->reading.name = NULL;
+    } else if (!s->in_folder) {
+        st = cts_fail(err, CTS_ERR_READ, "%s",
+                      other ? other : "is neither a DICOM segmentation or structure set nor a NIfTI file");
+    }
+    cts_file_bytes_close(&o.bytes);
+    return st ? cts_context(err, "%s", file->path) : CTS_OK;
+}
+
+static CtsStatus read_folder(Search *s, const char *const *paths, int n_paths, CtsError *err)
+{
+    CtsFileList list = {0};
+    CtsStatus st = cts_scan_paths(NULL, paths, n_paths, &list, err);
+    s->in_folder = true;
+    s->reading.number = 0;
+    for (size_t i = 0; !st && i < list.n; i++)
+        st = read_file(s, &list.items[i], err);
+    s->in_folder = false;
+    cts_file_list_free(&list);
+    return st;
+}
+
+/* Folders of the series' slices, and of where it was looked for. */
+static CtsStatus read_beside(Search *s, CtsError *err)
+{
+    const CtsSeries *const series = s->reading.series;
+    CtsTexts texts = {0};
+    const size_t most = (size_t)s->request->n_series_paths + (size_t)series->n_slices;
+    const char **folders = calloc(most + 1, sizeof *folders);
+    int n = 0;
+    CtsStatus st = folders ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int i = 0; !st && i < s->request->n_series_paths; i++) {
+        struct stat info;
+        if (!stat(s->request->series_paths[i], &info))
+            folders[n++] = s->request->series_paths[i];
+    }
+    for (int k = 0; !st && k < series->n_slices; k++) {
+        const CtsSlice *slice = series->slices[k];
+        const size_t length = (size_t)(cts_slice_name(slice) - slice->path);
+        const char *folder =
+            slice->memory ? NULL : cts_texts_keep(&texts, length ? slice->path : "./", length ? length : 2);
+        bool known = !folder;
+        for (int i = 0; i < n && !known; i++)
+            known = !strncmp(folders[i], folder, strlen(folders[i]));
+        if (!known)
+            folders[n++] = folder;
+    }
+    s->only_referring = true;
+    if (!st)
+        st = read_folder(s, folders, n, err);
+    s->only_referring = false;
+    cts_texts_free(&texts);
+    free(folders);
+    return st;
+}
+
+static CtsStatus read_named(Search *s, const char *path, CtsError *err)
+{
+    struct stat info;
+    const int n_before = s->n_read;
+    if (stat(path, &info) || !S_ISDIR(info.st_mode))
+        return read_file(s, &(CtsFile){.path = path, .named = true}, err);
+    CtsStatus st = read_folder(s, &path, 1, err);
+    if (!st && s->n_read == n_before)
+        st = cts_fail(err, CTS_ERR_READ, "%s: holds no mask (.nii, .nii.gz), no segmentation and no structure set",
+                      path);
+    return st;
+}
+
+/* The pattern with the series' UID in it. */
+static char *with_uid(const char *pattern, const char *uid)
+{
+    static const char place[] = "{series_uid}";
+    const char *const at = strstr(pattern, place);
+    char *text;
+    if (!at)
+        return strdup(pattern);
+    return asprintf(&text, "%.*s%s%s", (int)(at - pattern), pattern, uid, at + strlen(place)) < 0 ? NULL : text;
+}
+
+static CtsStatus read_pattern(Search *s, const char *pattern, CtsError *err)
+{
+    glob_t found = {0};
+    struct stat info;
+    CtsStatus st = CTS_OK;
+    char *path = with_uid(pattern, s->reading.series->uid);
+    if (!path)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!strcmp(path, "auto"))
+        st = read_beside(s, err);
+    else if (!strpbrk(path, "*?[") || !stat(path, &info))
+        st = read_named(s, path, err);
+    else if (glob(path, 0, NULL, &found) || !found.gl_pathc)
+        cts_report_finding(s->reading.report, "labels_missing", CTS_WARNING,
+                           "label file %d: no file is named as its pattern says for this series", s->reading.file);
+    for (size_t i = 0; !st && i < found.gl_pathc; i++)
+        st = read_named(s, found.gl_pathv[i], err);
+    globfree(&found);
+    free(path);
+    return st;
+}
+
+CtsStatus cts_labels_read(const CtsLabelRequest *request, const CtsSeries *series, CtsLabels **labels,
+                          CtsReport *report, CtsError *err)
+{
+    CtsLabelGrid grid;
+    CtsLabelNames names = {0};
+    Search s = {.request = request, .reading = {.series = series, .names = &names, .report = report}};
+    *labels = NULL;
+    CtsStatus st = request->names ? cts_label_names_read(request->names, &names, err) : CTS_OK;
+    if (!st && !(st = cts_label_grid_of(&grid, series, err)))
+        st = cts_labels_new(labels, &grid, err);
+    s.reading.labels = *labels;
+    for (int i = 0; !st && i < request->n_paths; i++) {
+        s.reading.file = i + 1;
+        st = read_pattern(&s, request->paths[i], err);
+    }
+    cts_label_names_free(&names);
+    free(s.seen);
+    if (st)
+        cts_labels_free(labels);
+    return st;
+}
+
+/* Whether the label file at path is this series'. */
+static bool belongs(const char *path, const CtsSeries *series)
+{
+    Opened o;
+    CtsPlainObject object = {0};
+    char uid[65] = "";
+    bool yes = false;
+    if (!open_label(&(CtsFile){.path = path}, &o, NULL) && o.is_dicom && !cts_plain_open(&object, &o.bytes, NULL)) {
+        cts_elements_text(object.elements, FRAME_UID, uid, sizeof uid);
+        yes = cts_label_refers(object.elements, series) || cts_label_shares_space(uid, series);
+    }
+    cts_plain_close(&object);
+    cts_file_bytes_close(&o.bytes);
+    return yes;
+}
+
+CtsStatus cts_labels_choose(const CtsLabelRequest *request, const CtsSeriesList *list, const CtsSeries **series,
+                            CtsError *err)
+{
+    for (int i = 0; i < request->n_paths; i++)
+        for (size_t k = 0; k < list->n; k++)
+            if (list->items[k].renderable && belongs(request->paths[i], &list->items[k])) {
+                *series = &list->items[k];
+                return CTS_OK;
+            }
+    return cts_series_choose(list, NULL, series, err);
+}

@@ -1,0 +1,180 @@
+#include "input/labels/label_names.h"
+
+#include "base/json.h"
+#include "input/files/file_bytes.h"
+#include <expat.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_NAMES = 65535, MOST_BYTES = 16 << 20 };
+
+static CtsStatus add(CtsLabelNames *names, int number, const char *name, size_t n, CtsError *err)
+{
+    if (names->n >= MOST_NAMES)
+        return cts_fail(err, CTS_ERR_USAGE, "more than %d names", MOST_NAMES);
+    CtsLabelName *const grown = realloc(names->items, (names->n + 1) * sizeof *grown);
+    if (grown)
+        names->items = grown;
+    char *copy = grown ? strndup(name, n) : NULL;
+    if (!copy)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    names->items[names->n++] = (CtsLabelName){number, copy};
+    return CTS_OK;
+}
+
+void cts_label_names_free(CtsLabelNames *names)
+{
+    for (size_t i = 0; i < names->n; i++)
+        free(names->items[i].name);
+    free(names->items);
+    *names = (CtsLabelNames){0};
+}
+
+const char *cts_label_names_find(const CtsLabelNames *names, int number)
+{
+    for (size_t i = 0; i < names->n; i++)
+        if (names->items[i].number == number)
+            return names->items[i].name;
+    return NULL;
+}
+
+static bool number_of(const char *text, int *number)
+{
+    char *end;
+    const long value = strtol(text, &end, 10);
+    *number = (int)value;
+    return end != text && !*end && value >= 0 && value <= MOST_NAMES;
+}
+
+static CtsStatus parse_json(const char *what, const char *text, size_t n, CtsLabelNames *names, CtsError *err)
+{
+    CtsJson json = {.name = what, .text = text, .size = n, .status = CTS_ERR_USAGE};
+    CtsStatus st = cts_json_open(&json, err);
+    if (st)
+        return st;
+    json_t *list = json_object_get(json.root, "labels"), *value;
+    const char *key;
+    list = json_is_object(list) ? list : json.root;
+    if (!json_is_object(list))
+        st = cts_fail(err, CTS_ERR_USAGE, "%s: names of labels stand in an object: {\"1\": \"liver\"}", what);
+    json_object_foreach(list, key, value)
+    {
+        int number;
+        if (st)
+            break;
+        if (json_is_string(value) && number_of(key, &number))
+            st = add(names, number, json_string_value(value), json_string_length(value), err);
+        else if (json_is_integer(value) && json_integer_value(value) >= 0 && json_integer_value(value) <= MOST_NAMES)
+            st = add(names, (int)json_integer_value(value), key, strlen(key), err);
+        else if (!json_is_array(value)) /* a region of nnU-Net, which is several labels */
+            st = cts_fail(err, CTS_ERR_USAGE, "%s: \"%s\" is neither a number of a label nor named by one", what, key);
+    }
+    cts_json_close(&json);
+    return st;
+}
+
+/* IDX R G B A VIS MSH "NAME", and lines that begin with #. */
+static CtsStatus parse_table(const char *what, const char *text, size_t n, CtsLabelNames *names, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    int line = 1;
+    for (const char *p = text, *end = text + n; p < end && !st; line++) {
+        const char *const stop = memchr(p, '\n', (size_t)(end - p)) ? memchr(p, '\n', (size_t)(end - p)) : end;
+        char row[512];
+        int number = -1, skipped = 0;
+        snprintf(row, sizeof row, "%.*s", (int)(stop - p), p);
+        const char *open = strchr(row, '"'), *close = open ? strchr(open + 1, '"') : NULL;
+        const char *first = row + strspn(row, " \t\r");
+        p = stop + 1;
+        if (!*first || *first == '#')
+            continue;
+        if (!close || sscanf(first, "%d %*d %*d %*d %*f %*d %*d %n", &number, &skipped) < 1 || number < 0)
+            return cts_fail(err, CTS_ERR_USAGE,
+                            "%s: line %d is neither JSON nor a row of an ITK-SNAP table (1 255 0 0 1 1 1 \"liver\")",
+                            what, line);
+        st = add(names, number, open + 1, (size_t)(close - open - 1), err);
+    }
+    return st;
+}
+
+CtsStatus cts_label_names_parse(const char *what, const char *text, size_t n, CtsLabelNames *names, CtsError *err)
+{
+    size_t blank = 0;
+    while (blank < n && strchr(" \t\r\n", text[blank]) && text[blank])
+        blank++;
+    CtsStatus st = blank < n && text[blank] == '{' ? parse_json(what, text, n, names, err)
+                                                   : parse_table(what, text, n, names, err);
+    if (!st && names->n == 0)
+        st = cts_fail(err, CTS_ERR_USAGE, "%s: names no label", what);
+    return st;
+}
+
+typedef struct Xml {
+    CtsLabelNames *names;
+    CtsStatus status;
+    CtsError *err;
+    int number; /* of the label that is open; -1: none */
+    char name[256];
+    size_t n;
+} Xml;
+
+static void XMLCALL on_start(void *context, const char *element, const char **attributes)
+{
+    Xml *const x = context;
+    x->number = -1;
+    x->n = 0;
+    for (; !strcmp(element, "Label") && *attributes; attributes += 2)
+        if (!strcmp(attributes[0], "Key") && !number_of(attributes[1], &x->number))
+            x->number = -1;
+}
+
+static void XMLCALL on_text(void *context, const char *text, int n)
+{
+    Xml *const x = context;
+    for (int i = 0; x->number >= 0 && i < n && x->n + 1 < sizeof x->name; i++)
+        x->name[x->n++] = text[i];
+}
+
+static void XMLCALL on_end(void *context, const char *element)
+{
+    Xml *const x = context;
+    (void)element;
+    if (x->number >= 0 && x->n && !x->status)
+        x->status = add(x->names, x->number, x->name, x->n, x->err);
+    x->number = -1;
+}
+
+/* Bombs of entities are expat's to refuse. */
+CtsStatus cts_label_names_xml(const char *text, size_t n, CtsLabelNames *names, CtsError *err)
+{
+    XML_Parser parser = XML_ParserCreate(NULL);
+    if (!parser)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    Xml x = {.names = names, .err = err, .number = -1};
+    XML_SetUserData(parser, &x);
+    XML_SetElementHandler(parser, on_start, on_end);
+    XML_SetCharacterDataHandler(parser, on_text);
+    XML_Parse(parser, text, (int)(n < MOST_BYTES ? n : MOST_BYTES), 1);
+    XML_ParserFree(parser);
+    return x.status;
+}
+
+CtsStatus cts_label_names_read(const char *path, CtsLabelNames *names, CtsError *err)
+{
+    uint8_t *text = NULL;
+    size_t room = 0;
+    CtsFileBytes file;
+    CtsStatus st = cts_file_bytes_open(&file, path, err);
+    if (!st && (file.fd < 0 || file.n_bytes > MOST_BYTES))
+        st = cts_fail(err, CTS_ERR_USAGE, "is no file of names");
+    if (!st && !(st = cts_bytes_reserve(&text, &room, (size_t)file.n_bytes + 1, err)))
+        st = cts_file_bytes_read(&file, text, (size_t)file.n_bytes, 0, err);
+    if (st)
+        cts_context(err, "%s", path);
+    else
+        st = cts_label_names_parse(path, (const char *)text, (size_t)file.n_bytes, names, err);
+    cts_file_bytes_close(&file);
+    free(text);
+    return st;
+}

@@ -1,0 +1,305 @@
+#include "input/labels/nifti_header.h"
+
+#include "base/mem.h"
+#include "base/vec3.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <zlib.h>
+
+enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MOST_EXTENSION = 16 << 20, MOST_DIM = 32767 };
+
+struct CtsUnpacker {
+    z_stream stream;
+    uint8_t packed[CHUNK];
+    uint64_t at; /* next packed byte of the file */
+    bool ended;
+};
+
+/* All datatypes that hold one number a voxel. */
+static const struct {
+    int code, bytes;
+    bool is_whole, is_signed;
+} types[] = {{2, 1, true, false},   {4, 2, true, true},    {8, 4, true, true},    {16, 4, false, true},
+             {64, 8, false, true},  {256, 1, true, true},  {512, 2, true, false}, {768, 4, true, false},
+             {1024, 8, true, true}, {1280, 8, true, false}};
+
+bool cts_nifti_is(const uint8_t *head, size_t n)
+{
+    if (n >= 2 && head[0] == 0x1F && head[1] == 0x8B)
+        return true;
+    return n >= 348 && (!memcmp(head + 344, "n+1", 4) || !memcmp(head + 344, "ni1", 4) || !memcmp(head + 4, "n+2", 4) ||
+                        !memcmp(head + 4, "ni2", 4));
+}
+
+const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path)
+{
+    static const struct {
+        const char *magic, *ending, *how;
+    } formats[] = {
+        {"NRRD", ".nrrd", "is NRRD (convert it to .nii.gz, as with Slicer or SimpleITK)"},
+        {"ObjectType", ".mha", "is MetaImage (convert it to .nii.gz, as with ITK-SNAP or SimpleITK)"},
+        {NULL, ".mgz", "is FreeSurfer's MGH (convert it with mri_convert to .nii.gz)"},
+        {NULL, ".hdr", "is half of an Analyze or NIfTI pair (convert it to one .nii file)"},
+        {NULL, ".img", "is half of an Analyze or NIfTI pair (convert it to one .nii file)"},
+    };
+    const size_t length = strlen(path);
+    for (size_t i = 0; i < sizeof formats / sizeof *formats; i++) {
+        const size_t m = formats[i].magic ? strlen(formats[i].magic) : 0, e = strlen(formats[i].ending);
+        if ((m && n >= m && !memcmp(head, formats[i].magic, m)) ||
+            (length > e && !strcmp(path + length - e, formats[i].ending)))
+            return formats[i].how;
+    }
+    return NULL;
+}
+
+static CtsStatus unpack(CtsNifti *f, uint8_t *bytes, size_t n, CtsError *err)
+{
+    struct CtsUnpacker *const u = f->unpacker;
+    u->stream.next_out = bytes;
+    while (n > 0) {
+        u->stream.avail_out = n < 1 << 30 ? (uInt)n : 1 << 30;
+        const uInt wanted = u->stream.avail_out;
+        if (u->stream.avail_in == 0 && u->at < f->file->n_bytes) {
+            const size_t part = f->file->n_bytes - u->at < CHUNK ? (size_t)(f->file->n_bytes - u->at) : CHUNK;
+            const CtsStatus st = cts_file_bytes_read(f->file, u->packed, part, u->at, err);
+            if (st)
+                return st;
+            u->at += part;
+            u->stream.next_in = u->packed;
+            u->stream.avail_in = (uInt)part;
+        }
+        const int result = u->ended ? Z_BUF_ERROR : inflate(&u->stream, Z_NO_FLUSH);
+        n -= wanted - u->stream.avail_out;
+        u->ended = result == Z_STREAM_END;
+        if (n > 0 && (u->ended || (result == Z_BUF_ERROR && u->stream.avail_in == 0 && u->at == f->file->n_bytes)))
+            return cts_fail(err, CTS_ERR_READ, "cut short: its gzip stream ends before the last voxel");
+        if (result != Z_OK && result != Z_STREAM_END && result != Z_BUF_ERROR)
+            return cts_fail(err, CTS_ERR_READ, "its gzip stream is damaged");
+    }
+    return CTS_OK;
+}
+
+static CtsStatus read_bytes(CtsNifti *f, uint8_t *bytes, size_t n, CtsError *err)
+{
+    if (!f->unpacker && (f->at > f->file->n_bytes || n > f->file->n_bytes - f->at))
+        return cts_fail(err, CTS_ERR_READ, "cut short: it needs %llu bytes, and has %llu",
+                        (unsigned long long)(f->at + n), (unsigned long long)f->file->n_bytes);
+    const CtsStatus st = f->unpacker ? unpack(f, bytes, n, err) : cts_file_bytes_read(f->file, bytes, n, f->at, err);
+    f->at += n;
+    return st;
+}
+
+static uint64_t integer_at(const CtsNifti *f, const uint8_t *p, int n)
+{
+    uint64_t x = 0;
+    for (int i = 0; i < n; i++)
+        x |= (uint64_t)p[f->big_endian ? n - 1 - i : i] << (8 * i);
+    return x;
+}
+
+static int64_t signed_at(const CtsNifti *f, const uint8_t *p, int n)
+{
+    const uint64_t x = integer_at(f, p, n), sign = 1ull << (8 * n - 1);
+    return (int64_t)((x ^ sign) - sign);
+}
+
+static double real_at(const CtsNifti *f, const uint8_t *p, int n)
+{
+    const uint64_t x = integer_at(f, p, n);
+    const uint32_t half = (uint32_t)x;
+    float single;
+    double value;
+    memcpy(&single, &half, sizeof single);
+    memcpy(&value, &x, sizeof value);
+    return n == 4 ? (double)single : value;
+}
+
+/* Where the two versions have what. */
+typedef struct Layout {
+    int datatype, dim, dim_bytes, pixdim, real_bytes, offset, slope, forms, form_bytes, quatern, rows, units;
+} Layout;
+
+static const Layout layouts[2] = {{70, 40, 2, 76, 4, 108, 112, 252, 2, 256, 280, 123},
+                                  {12, 16, 8, 104, 8, 168, 176, 344, 4, 352, 400, 500}};
+
+static double real_of(const CtsNifti *f, const uint8_t *h, const Layout *l, int at, int i)
+{
+    return real_at(f, h + at + i * l->real_bytes, l->real_bytes);
+}
+
+/* Rotation by the quaternion (a, b, c, d), a found from the others. */
+static void from_quaternion(const CtsNifti *f, const uint8_t *h, const Layout *l, double m[3][4])
+{
+    const double b = real_of(f, h, l, l->quatern, 0), c = real_of(f, h, l, l->quatern, 1),
+                 d = real_of(f, h, l, l->quatern, 2), left = 1 - (b * b + c * c + d * d);
+    const double a = left > 1e-7 ? sqrt(left) : 0, n = left > 1e-7 ? 1 : 1 / sqrt(b * b + c * c + d * d);
+    const double q[4] = {a, b * n, c * n, d * n};
+    const double r[3][3] = {{q[0] * q[0] + q[1] * q[1] - q[2] * q[2] - q[3] * q[3], 2 * (q[1] * q[2] - q[0] * q[3]),
+                             2 * (q[1] * q[3] + q[0] * q[2])},
+                            {2 * (q[1] * q[2] + q[0] * q[3]), q[0] * q[0] + q[2] * q[2] - q[1] * q[1] - q[3] * q[3],
+                             2 * (q[2] * q[3] - q[0] * q[1])},
+                            {2 * (q[1] * q[3] - q[0] * q[2]), 2 * (q[2] * q[3] + q[0] * q[1]),
+                             q[0] * q[0] + q[3] * q[3] - q[1] * q[1] - q[2] * q[2]}};
+    const double handed = real_of(f, h, l, l->pixdim, 0) < 0 ? -1 : 1;
+    for (int row = 0; row < 3; row++) {
+        for (int axis = 0; axis < 3; axis++)
+            m[row][axis] = r[row][axis] * real_of(f, h, l, l->pixdim, axis + 1) * (axis == 2 ? handed : 1);
+        m[row][3] = real_of(f, h, l, l->quatern, 3 + row);
+    }
+}
+
+static CtsStatus read_place(CtsNifti *f, const uint8_t *h, const Layout *l, CtsError *err)
+{
+    double m[3][4];
+    const int64_t q_code = signed_at(f, h + l->forms, l->form_bytes),
+                  s_code = signed_at(f, h + l->forms + l->form_bytes, l->form_bytes);
+    if (s_code > 0)
+        for (int i = 0; i < 12; i++)
+            m[i / 4][i % 4] = real_of(f, h, l, l->rows, i);
+    else if (q_code > 0)
+        from_quaternion(f, h, l, m);
+    else
+        return cts_fail(err, CTS_ERR_GEOMETRY, "has neither an sform nor a qform: nobody knows where it lies");
+    const int units = h[l->units + (l == &layouts[1] && f->big_endian ? 3 : 0)] & 7;
+    const double mm = units == 1 ? 1000 : units == 3 ? 0.001 : 1;
+    /* RAS to LPS: x and y turn round. */
+    for (int row = 0; row < 3; row++) {
+        const double sign = row < 2 ? -mm : mm;
+        f->origin_lps[row] = sign * m[row][3];
+        for (int axis = 0; axis < 3; axis++)
+            f->step_lps[axis][row] = sign * m[row][axis];
+    }
+    double normal[3];
+    cts_cross3(f->step_lps[0], f->step_lps[1], normal);
+    const double volume = fabs(cts_dot3(normal, f->step_lps[2])),
+                 sides = cts_norm3(f->step_lps[0]) * cts_norm3(f->step_lps[1]) * cts_norm3(f->step_lps[2]);
+    if (!(volume > 1e-3 * sides) || !isfinite(sides + cts_norm3(f->origin_lps)))
+        return cts_fail(err, CTS_ERR_GEOMETRY, "its axes do not span space");
+    return CTS_OK;
+}
+
+static CtsStatus read_shape(CtsNifti *f, const uint8_t *h, const Layout *l, CtsError *err)
+{
+    const int64_t n_dims = signed_at(f, h + l->dim, l->dim_bytes);
+    for (int i = 1; i <= 7; i++) {
+        const int64_t n = i <= n_dims ? signed_at(f, h + l->dim + i * l->dim_bytes, l->dim_bytes) : 1;
+        if (n < 1 || n > MOST_DIM || n_dims < 1 || n_dims > 7)
+            return cts_fail(err, CTS_ERR_READ, "its dimension %d is %lld (1 to %d)", i, (long long)n, MOST_DIM);
+        if (i > 3 && n > 1)
+            return cts_fail(err, CTS_ERR_READ, "has %lld dimensions; one volume a file is read", (long long)n_dims);
+        if (i <= 3)
+            f->dims[i - 1] = (int)n;
+    }
+    f->datatype = (int)signed_at(f, h + l->datatype, 2);
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
+        if (types[i].code == f->datatype) {
+            f->bytes = types[i].bytes;
+            f->is_whole = types[i].is_whole;
+            f->is_signed = types[i].is_signed;
+        }
+    if (!f->bytes)
+        return cts_fail(err, CTS_ERR_READ, "its datatype %d is not one number a voxel", f->datatype);
+    f->slope = real_of(f, h, l, l->slope, 0);
+    f->intercept = real_of(f, h, l, l->slope, 1);
+    if (!isfinite(f->slope) || f->slope == 0)
+        f->slope = 1, f->intercept = 0;
+    f->intercept = isfinite(f->intercept) ? f->intercept : 0;
+    return CTS_OK;
+}
+
+/* What stands between the header and the voxels: 4 bytes, then blocks of a size, a code and text of any kind. */
+static CtsStatus read_extension(CtsNifti *f, uint64_t offset, CtsError *err)
+{
+    if (offset < f->at)
+        return cts_fail(err, CTS_ERR_READ, "its voxels begin inside its header");
+    uint64_t n = offset - f->at;
+    uint8_t skipped[4096];
+    CtsStatus st = CTS_OK;
+    if (n > 12 && n <= MOST_EXTENSION) {
+        if (!f->unpacker && n > f->file->n_bytes - f->at)
+            return cts_fail(err, CTS_ERR_READ, "cut short in its extension");
+        f->extension = malloc((size_t)n);
+        if (!f->extension)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        f->n_extension = (size_t)n;
+        return read_bytes(f, (uint8_t *)f->extension, (size_t)n, err);
+    }
+    for (; n > 0 && !st; n -= n < sizeof skipped ? n : sizeof skipped)
+        st = read_bytes(f, skipped, n < sizeof skipped ? (size_t)n : sizeof skipped, err);
+    return st;
+}
+
+static CtsStatus start_unpacking(CtsNifti *f, CtsError *err)
+{
+    f->unpacker = calloc(1, sizeof *f->unpacker);
+    if (!f->unpacker)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (inflateInit2(&f->unpacker->stream, 15 + 16) == Z_OK)
+        return CTS_OK;
+    free(f->unpacker);
+    f->unpacker = NULL;
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+}
+
+CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
+{
+    CtsStatus st;
+    uint8_t h[SIZE_2] = {0}, magic[2];
+    *f = (CtsNifti){.file = file};
+    if (file->n_bytes < 2)
+        return cts_fail(err, CTS_ERR_READ, "is empty");
+    if ((st = cts_file_bytes_read(file, magic, 2, 0, err)) ||
+        (magic[0] == 0x1F && magic[1] == 0x8B && (st = start_unpacking(f, err))) ||
+        (st = read_bytes(f, h, SIZE_1, err)))
+        return st;
+    f->big_endian = h[0] == 0;
+    const uint64_t size = integer_at(f, h, 4);
+    const bool second = size == SIZE_2;
+    if (size != SIZE_1 && !second)
+        return cts_fail(err, CTS_ERR_READ, "is no NIfTI file (its header does not begin with 348 or 540)");
+    if (second && (st = read_bytes(f, h + SIZE_1, SIZE_2 - SIZE_1, err)))
+        return st;
+    const char *const told = (const char *)h + (second ? 4 : 344);
+    if (!strncmp(told, "ni", 2))
+        return cts_fail(err, CTS_ERR_READ, "is half of a NIfTI pair .hdr/.img (convert it to one .nii file)");
+    if (strncmp(told, second ? "n+2" : "n+1", 3))
+        return cts_fail(err, CTS_ERR_READ, "is no NIfTI file (Analyze headers do not tell where they lie)");
+    const Layout *const l = &layouts[second];
+    const double offset = second ? (double)signed_at(f, h + l->offset, 8) : real_at(f, h + l->offset, 4);
+    if ((st = read_shape(f, h, l, err)) || (st = read_place(f, h, l, err)))
+        return st;
+    if (!(offset >= 0 && offset <= 1e9))
+        return cts_fail(err, CTS_ERR_READ, "its voxels begin at byte %g", offset);
+    return read_extension(f, offset > 0 ? (uint64_t)offset : size + 4, err);
+}
+
+void cts_nifti_close(CtsNifti *f)
+{
+    if (f->unpacker)
+        inflateEnd(&f->unpacker->stream);
+    free(f->unpacker);
+    free(f->extension);
+    *f = (CtsNifti){0};
+}
+
+CtsStatus cts_nifti_read(CtsNifti *f, double *values, size_t n, CtsError *err)
+{
+    uint8_t bytes[CHUNK];
+    const size_t most = sizeof bytes / (size_t)f->bytes;
+    for (size_t done = 0; done < n;) {
+        const size_t part = n - done < most ? n - done : most;
+        const CtsStatus st = read_bytes(f, bytes, part * (size_t)f->bytes, err);
+        if (st)
+            return st;
+        for (size_t i = 0; i < part; i++) {
+            const uint8_t *const p = bytes + i * (size_t)f->bytes;
+            const double x = !f->is_whole   ? real_at(f, p, f->bytes)
+                             : f->is_signed ? (double)signed_at(f, p, f->bytes)
+                                            : (double)integer_at(f, p, f->bytes);
+            values[done + i] = f->slope * x + f->intercept;
+        }
+        done += part;
+    }
+    return CTS_OK;
+}

@@ -1,0 +1,192 @@
+/* NIfTI label maps, and masks of one label each. */
+#include "base/mem.h"
+#include "base/vec3.h"
+#include "input/labels/mask.h"
+#include "input/labels/nifti_header.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+typedef struct Map {
+    const CtsLabelReading *reading;
+    CtsNifti nifti;
+    uint16_t *numbers; /* of all voxels, as the file has them */
+    uint16_t *plane;   /* one of the mask's planes, where these are not the file's own */
+    int n[3];          /* the mask's columns, rows and planes */
+    size_t along[3];   /* from voxel to voxel along them */
+    int32_t *label_of; /* by number */
+    CtsLabelNames names;
+} Map;
+
+static CtsStatus read_numbers(Map *m, CtsError *err)
+{
+    enum { PART = 4096 };
+    const CtsNifti *const f = &m->nifti;
+    const size_t n_row = (size_t)f->dims[0] * (size_t)f->dims[1];
+    size_t n;
+    double values[PART];
+    if (cts_mul_overflows(n_row, (size_t)f->dims[2], &n) ||
+        !cts_memory_allows((double)n * sizeof *m->numbers, cts_memory_available()))
+        return cts_fail(err, CTS_ERR_MEMORY, "%d x %d x %d voxels need more memory than is free", f->dims[0],
+                        f->dims[1], f->dims[2]);
+    if (!f->unpacker && n > f->file->n_bytes / (uint64_t)f->bytes)
+        return cts_fail(err, CTS_ERR_READ, "cut short: it claims %zu voxels of %d bytes, and has %llu bytes", n,
+                        f->bytes, (unsigned long long)f->file->n_bytes);
+    CtsStatus st = cts_alloc_sparse(&m->numbers, n, err);
+    for (size_t done = 0; !st && done < n;) {
+        const size_t part = n - done < PART ? n - done : PART;
+        st = cts_nifti_read(&m->nifti, values, part, err);
+        for (size_t i = 0; !st && i < part; i++) {
+            const double x = values[i];
+            if (!(x >= 0 && x <= UINT16_MAX) || x != floor(x))
+                st = cts_fail(err, CTS_ERR_PIXELS, "holds %g, which is no number of a label (whole, 0 to 65535)", x);
+            else if (x > 0)
+                m->numbers[done + i] = (uint16_t)x;
+        }
+        done += part;
+    }
+    return st;
+}
+
+static CtsStatus find_names(Map *m, CtsError *err)
+{
+    CtsNifti *const f = &m->nifti;
+    for (size_t at = 4; at + 8 <= f->n_extension;) {
+        const uint8_t *const p = (const uint8_t *)f->extension + at;
+        const uint32_t size = f->big_endian ? (uint32_t)p[0] << 24 | (uint32_t)p[1] << 16 | (uint32_t)p[2] << 8 | p[3]
+                                            : (uint32_t)p[3] << 24 | (uint32_t)p[2] << 16 | (uint32_t)p[1] << 8 | p[0];
+        if (size < 8 || size > f->n_extension - at)
+            break; /* says nothing about where voxels lie */
+        size_t n = size - 8;
+        const char *const text = (const char *)p + 8;
+        while (n && text[n - 1] == 0)
+            n--;
+        CtsStatus st = CTS_OK;
+        if (n && text[0] == '<')
+            st = cts_label_names_xml(text, n, &m->names, err);
+        else if (n && text[0] == '{' && cts_label_names_parse("extension", text, n, &m->names, NULL))
+            cts_label_names_free(&m->names); /* JSON of another kind */
+        if (st)
+            return st;
+        at += size;
+    }
+    return CTS_OK;
+}
+
+static CtsStatus add_label(Map *m, int number, bool alone, CtsError *err)
+{
+    const CtsLabelReading *const r = m->reading;
+    char name[512];
+    const char *known = cts_label_names_find(r->names, number);
+    known = known ? known : cts_label_names_find(&m->names, number);
+    if (r->name && alone)
+        snprintf(name, sizeof name, "%s", r->name);
+    else if (known)
+        snprintf(name, sizeof name, "%s", known);
+    else
+        snprintf(name, sizeof name, "%s %d", r->name ? r->name : "label", number);
+    const CtsStatus st =
+        cts_labels_add(r->labels, r->file, r->name && alone ? r->number : number, name, CTS_LABEL_NIFTI, err);
+    if (!st)
+        m->label_of[number] = (int32_t)r->labels->n - 1;
+    return st;
+}
+
+/* A mask named by its file may be empty. */
+static CtsStatus add_labels(Map *m, CtsError *err)
+{
+    const size_t n = (size_t)m->nifti.dims[0] * (size_t)m->nifti.dims[1] * (size_t)m->nifti.dims[2];
+    int n_numbers = 0;
+    CtsStatus st = cts_alloc_array(&m->label_of, CTS_MASK_VALUES, err);
+    for (int v = 0; !st && v < CTS_MASK_VALUES; v++)
+        m->label_of[v] = -1;
+    for (size_t i = 0; !st && i < n; i++) {
+        const int v = m->numbers[i];
+        n_numbers += v && m->label_of[v] < 0;
+        m->label_of[v] = v ? 0 : -1;
+    }
+    for (int v = 1; !st && v < CTS_MASK_VALUES; v++)
+        if (m->label_of[v] >= 0)
+            st = add_label(m, v, n_numbers == 1, err);
+    if (!st && n_numbers == 0 && m->reading->name)
+        st = cts_labels_add(m->reading->labels, m->reading->file, m->reading->number, m->reading->name, CTS_LABEL_NIFTI,
+                            err);
+    return st;
+}
+
+static CtsStatus plane_of(void *context, int plane, const uint16_t **values, CtsError *err)
+{
+    Map *const m = context;
+    const uint16_t *const first = m->numbers + (size_t)plane * m->along[2];
+    (void)err;
+    *values = m->plane ? m->plane : first;
+    for (int j = 0; m->plane && j < m->n[1]; j++)
+        for (int i = 0; i < m->n[0]; i++)
+            m->plane[(size_t)j * (size_t)m->n[0] + (size_t)i] =
+                first[(size_t)i * m->along[0] + (size_t)j * m->along[1]];
+    return CTS_OK;
+}
+
+/* Of the file's axes not taken yet the one nearest to a direction. */
+static int nearest_axis(const CtsNifti *f, const double direction[3], const bool taken[3])
+{
+    int nearest = -1;
+    double most = -1;
+    for (int axis = 0; axis < 3; axis++) {
+        const double along = fabs(cts_dot3(f->step_lps[axis], direction)) / cts_norm3(f->step_lps[axis]);
+        if (!taken[axis] && along > most) {
+            most = along;
+            nearest = axis;
+        }
+    }
+    return nearest;
+}
+
+/* Planes across the scanned slices' normal, whatever the order of the file's axes. */
+static CtsStatus place(Map *m, CtsError *err)
+{
+    const CtsNifti *const f = &m->nifti;
+    const CtsLabelGrid *const g = &m->reading->labels->grid;
+    const size_t steps[3] = {1, (size_t)f->dims[0], (size_t)f->dims[0] * (size_t)f->dims[1]};
+    const double *const direction[3] = {g->step_lps[0], g->step_lps[1], g->normal_lps};
+    bool taken[3] = {false};
+    double held = 0, across[3];
+    CtsMask mask = {.plane = plane_of, .context = m, .label_of = m->label_of};
+    for (int a = 2; a >= 0; a--) {
+        const int axis = nearest_axis(f, direction[a], taken);
+        taken[axis] = true;
+        m->n[a] = f->dims[axis];
+        m->along[a] = steps[axis];
+        memcpy(a < 2 ? mask.step_lps[a] : across, f->step_lps[axis], sizeof across);
+    }
+    mask.columns = m->n[0];
+    mask.rows = m->n[1];
+    mask.n_planes = m->n[2];
+    double normal[3];
+    cts_cross3(mask.step_lps[0], mask.step_lps[1], normal);
+    mask.gap_mm = fabs(cts_dot3(normal, across)) / cts_norm3(normal);
+    CtsStatus st = cts_alloc_array(&mask.position_lps, (size_t)mask.n_planes, err);
+    if (!st && (m->along[2] != steps[2] || m->along[0] != 1))
+        st = cts_alloc_array(&m->plane, (size_t)m->n[0] * (size_t)m->n[1], err);
+    for (int k = 0; !st && k < mask.n_planes; k++)
+        for (int c = 0; c < 3; c++)
+            mask.position_lps[k][c] = f->origin_lps[c] + k * across[c];
+    if (!st && !(st = cts_mask_place(&mask, m->reading, &held, err)))
+        st = cts_label_check_meets(m->reading, held, err);
+    cts_free(&mask.position_lps);
+    return st;
+}
+
+CtsStatus cts_label_read_nifti(const CtsLabelReading *reading, const CtsFileBytes *file, CtsError *err)
+{
+    Map m = {.reading = reading};
+    CtsStatus st = cts_nifti_open(&m.nifti, file, err);
+    if (!st && !(st = read_numbers(&m, err)) && !(st = find_names(&m, err)) && !(st = add_labels(&m, err)))
+        st = place(&m, err);
+    cts_nifti_close(&m.nifti);
+    cts_label_names_free(&m.names);
+    cts_free(&m.numbers);
+    cts_free(&m.plane);
+    cts_free(&m.label_of);
+    return st;
+}

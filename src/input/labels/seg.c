@@ -1,0 +1,390 @@
+/* DICOM Segmentations (PS3.3 A.51, A.93, C.8.20): frames of one segment each, or of all their numbers. */
+#include "base/mem.h"
+#include "base/vec3.h"
+#include "input/codec/codec.h"
+#include "input/labels/mask.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum {
+    FRAME_UID = 0x00200052,
+    POSITION = 0x00200032,
+    ORIENTATION = 0x00200037,
+    PLANE_POSITION = 0x00209113,
+    PLANE_ORIENTATION = 0x00209116,
+    N_FRAMES = 0x00280008,
+    ROWS = 0x00280010,
+    COLUMNS = 0x00280011,
+    PIXEL_SPACING = 0x00280030,
+    PIXEL_MEASURES = 0x00289110,
+    SLICE_SPACING = 0x00180088,
+    BITS_ALLOCATED = 0x00280100,
+    BITS_STORED = 0x00280101,
+    PADDING = 0x00280120,
+    TYPE = 0x00620001,
+    SEGMENTS = 0x00620002,
+    SEGMENT_NUMBER = 0x00620004,
+    SEGMENT_LABEL = 0x00620005,
+    IDENTIFICATION = 0x0062000A,
+    REFERENCED_SEGMENT = 0x0062000B,
+    MAXIMUM = 0x0062000E,
+    SHARED_GROUPS = 0x52009229,
+    FRAME_GROUPS = 0x52009230,
+    MOST_FRAMES = 1000000,
+    MOST_NUMBERS = 65536
+};
+
+typedef enum Type { BINARY, FRACTIONAL, LABELMAP } Type;
+
+typedef struct Seg {
+    const CtsLabelReading *reading;
+    const CtsPlainObject *object;
+    Type type;
+    int n_frames, rows, columns, bits_allocated, bits_stored, maximum, padding; /* padding -1: none */
+    double step_lps[2][3], gap_mm;
+    double (*position_lps)[3]; /* of each frame */
+    int32_t *segment;          /* of each frame: which of the labels; LABELMAP: 0 */
+    int32_t *label_of;         /* by number of a segment or pixel: which of the labels; -1: none */
+    uint64_t *offset;          /* of encapsulated frames */
+    uint16_t *values;          /* of one frame, and its bytes: */
+    uint8_t *bytes;
+    CtsSandbox decoder;
+    int first_plane;   /* the frames of a mask that is placed */
+    const int *planes; /* which they are; NULL: all, from first_plane on */
+    bool has_strangers;
+    double held_mm3; /* by labels, in the file */
+} Seg;
+
+/* A macro of a frame's own groups, else of the shared ones. */
+static CtsElements macro(CtsElements own, CtsElements shared, uint32_t sequence)
+{
+    const CtsElements item = cts_elements_item(own, sequence);
+    return item.at < item.end ? item : cts_elements_item(shared, sequence);
+}
+
+static CtsStatus read_segments(Seg *s, CtsError *err)
+{
+    CtsElements sequence = cts_elements_find(s->object->elements, SEGMENTS), item;
+    CtsLabels *const labels = s->reading->labels;
+    while (cts_items_next(&sequence, &item)) {
+        int number;
+        char name[512];
+        if (!cts_elements_integer(item, SEGMENT_NUMBER, &number) || number >= MOST_NUMBERS)
+            return cts_fail(err, CTS_ERR_READ, "a segment has no number");
+        if (s->label_of[number] >= 0)
+            return cts_fail(err, CTS_ERR_READ, "two segments have the number %d", number);
+        if (number == 0 && s->type == LABELMAP)
+            continue; /* the background */
+        cts_plain_text(s->object, item, SEGMENT_LABEL, name, sizeof name);
+        const CtsStatus st = cts_labels_add(labels, s->reading->file, number, name, CTS_LABEL_SEG, err);
+        if (st)
+            return st;
+        s->label_of[number] = (int32_t)labels->n - 1;
+    }
+    return CTS_OK;
+}
+
+static CtsStatus read_type(Seg *s, CtsError *err)
+{
+    char type[17];
+    const CtsElements e = s->object->elements;
+    cts_elements_text(e, TYPE, type, sizeof type);
+    s->type = !strcmp(type, "BINARY") ? BINARY : !strcmp(type, "FRACTIONAL") ? FRACTIONAL : LABELMAP;
+    if (s->type == LABELMAP && strcmp(type, "LABELMAP"))
+        return cts_fail(err, CTS_ERR_READ, "its SegmentationType is \"%s\", not BINARY, FRACTIONAL or LABELMAP", type);
+    if (s->type == FRACTIONAL && (!cts_elements_integer(e, MAXIMUM, &s->maximum) || s->maximum < 1))
+        return cts_fail(err, CTS_ERR_READ, "is FRACTIONAL without MaximumFractionalValue (0062,000E)");
+    if (!cts_elements_integer(e, PADDING, &s->padding))
+        s->padding = -1;
+    return CTS_OK;
+}
+
+static CtsStatus read_shape(Seg *s, CtsError *err)
+{
+    const CtsElements e = s->object->elements;
+    if (!cts_elements_integer(e, N_FRAMES, &s->n_frames) || !cts_elements_integer(e, ROWS, &s->rows) ||
+        !cts_elements_integer(e, COLUMNS, &s->columns) || !cts_elements_integer(e, BITS_ALLOCATED, &s->bits_allocated))
+        return cts_fail(err, CTS_ERR_READ, "lacks NumberOfFrames, Rows, Columns or BitsAllocated");
+    if (!cts_elements_integer(e, BITS_STORED, &s->bits_stored))
+        s->bits_stored = s->bits_allocated;
+    if (s->n_frames < 1 || s->n_frames > MOST_FRAMES || s->rows < 1 || s->columns < 1)
+        return cts_fail(err, CTS_ERR_READ, "%d frames of %d x %d pixels cannot be read", s->n_frames, s->columns,
+                        s->rows);
+    if (s->bits_allocated != 8 && s->bits_allocated != (s->type == LABELMAP ? 16 : 1))
+        return cts_fail(err, CTS_ERR_READ,
+                        "%d bits are allocated for a pixel, which its SegmentationType does not have",
+                        s->bits_allocated);
+    return CTS_OK;
+}
+
+/* Rows, columns and the distance of planes, which all frames share. */
+static CtsStatus take_geometry(Seg *s, CtsElements own, CtsElements shared, int frame, CtsError *err)
+{
+    double cosines[6], spacing_mm[2], step[2][3];
+    const CtsElements measures = macro(own, shared, PIXEL_MEASURES);
+    if (!cts_elements_decimals(macro(own, shared, PLANE_ORIENTATION), ORIENTATION, cosines, 6) ||
+        !cts_elements_decimals(measures, PIXEL_SPACING, spacing_mm, 2) ||
+        !cts_elements_decimals(macro(own, shared, PLANE_POSITION), POSITION, s->position_lps[frame], 3))
+        return cts_fail(err, CTS_ERR_GEOMETRY, "frame %d has no position, orientation or pixel spacing", frame + 1);
+    if (!(spacing_mm[0] > 0 && spacing_mm[1] > 0))
+        return cts_fail(err, CTS_ERR_GEOMETRY, "frame %d has a pixel spacing of %g x %g mm", frame + 1, spacing_mm[0],
+                        spacing_mm[1]);
+    for (int axis = 0; axis < 2; axis++) {
+        const double length = cts_norm3(cosines + 3 * axis);
+        if (!(fabs(length - 1) < 0.01))
+            return cts_fail(err, CTS_ERR_GEOMETRY, "frame %d has no orientation of unit length", frame + 1);
+        for (int c = 0; c < 3; c++)
+            step[axis][c] = cosines[3 * axis + c] / length * spacing_mm[1 - axis];
+    }
+    for (int axis = 0; axis < 2 && frame > 0; axis++)
+        for (int c = 0; c < 3; c++)
+            if (fabs(step[axis][c] - s->step_lps[axis][c]) > 1e-3 * spacing_mm[1 - axis])
+                return cts_fail(err, CTS_ERR_GEOMETRY, "frame %d lies or is spaced unlike the first", frame + 1);
+    if (frame == 0) {
+        memcpy(s->step_lps, step, sizeof step);
+        if (!cts_elements_decimals(measures, SLICE_SPACING, &s->gap_mm, 1) || !(s->gap_mm > 0))
+            s->gap_mm = 0;
+    }
+    return CTS_OK;
+}
+
+static CtsStatus read_frames(Seg *s, CtsError *err)
+{
+    const CtsElements shared = cts_elements_item(s->object->elements, SHARED_GROUPS);
+    CtsElements frames = cts_elements_find(s->object->elements, FRAME_GROUPS), own;
+    CtsStatus st = cts_alloc_array(&s->position_lps, (size_t)s->n_frames, err);
+    if (!st)
+        st = cts_alloc_zeroed(&s->segment, (size_t)s->n_frames, err);
+    for (int f = 0; !st && f < s->n_frames; f++) {
+        int number = 0;
+        if (!cts_items_next(&frames, &own))
+            return cts_fail(err, CTS_ERR_READ, "describes %d of its %d frames", f, s->n_frames);
+        if ((st = take_geometry(s, own, shared, f, err)) || s->type == LABELMAP)
+            continue;
+        if (!cts_elements_integer(macro(own, shared, IDENTIFICATION), REFERENCED_SEGMENT, &number) || number < 0 ||
+            number >= MOST_NUMBERS || s->label_of[number] < 0)
+            return cts_fail(err, CTS_ERR_READ, "frame %d refers to no segment of its own", f + 1);
+        s->segment[f] = s->label_of[number];
+    }
+    return st;
+}
+
+/* Bytes of a frame that begins at a byte. */
+static size_t frame_bytes(const Seg *s)
+{
+    const size_t n = (size_t)s->rows * (size_t)s->columns;
+    return s->bits_allocated == 1 ? (n + 7) / 8 : n * (size_t)(s->bits_allocated / 8);
+}
+
+/* Frames follow each other without a gap, so one may begin in the middle of a byte. *shift: at which bit. */
+static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
+{
+    const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
+    const uint64_t first = bits * (uint64_t)frame, end = first + bits;
+    *shift = (int)(first % 8);
+    return cts_file_bytes_read(&s->object->source, s->bytes, (size_t)((end + 7) / 8 - first / 8),
+                               s->object->pixel_offset + first / 8, err);
+}
+
+static bool is_jpeg2000(const Seg *s)
+{
+    return s->object->syntax->codec == CTS_CODEC_JPEG_2000;
+}
+
+/* Codecs see a frame of bits as one row of bytes, but for JPEG 2000, which makes pixels of them. */
+static CtsFrameFormat format_of(const Seg *s)
+{
+    const bool pixels = is_jpeg2000(s);
+    CtsFrameFormat f = {.syntax = s->object->syntax,
+                        .columns = s->columns,
+                        .rows = s->rows,
+                        .bits_allocated = s->bits_allocated,
+                        .bits_stored = s->bits_stored,
+                        .high_bit = s->bits_stored - 1,
+                        .padding_word = -1};
+    if (s->bits_allocated == 1) {
+        f.bits_allocated = f.bits_stored = 8;
+        f.high_bit = 7;
+        f.columns = pixels ? s->columns : (int)frame_bytes(s);
+        f.rows = pixels ? s->rows : 1;
+    }
+    return f;
+}
+
+static CtsStatus decode(Seg *s, int frame, const void **pixels, CtsError *err)
+{
+    const CtsFrameFormat format = format_of(s);
+    const uint64_t at = s->offset[frame], n = s->offset[frame + 1] - at;
+    uint8_t *stream;
+    size_t n_joined = 0;
+    CtsStatus st = cts_codec_room(&s->decoder, &format, (size_t)n, &stream, err);
+    if (!st)
+        st = cts_file_bytes_read(&s->object->source, stream, (size_t)n, at, err);
+    if (st)
+        return st;
+    for (uint64_t pos = 0; pos + 8 <= n;) {
+        const uint8_t *const p = stream + pos + 4;
+        const uint64_t size = p[0] | (uint64_t)p[1] << 8 | (uint64_t)p[2] << 16 | (uint64_t)p[3] << 24;
+        if (size > n - pos - 8)
+            return cts_fail(err, CTS_ERR_READ, "changed while it was being read");
+        memmove(stream + n_joined, stream + pos + 8, (size_t)size);
+        n_joined += (size_t)size;
+        pos += 8 + size;
+    }
+    cts_codec_send(&s->decoder, &format, stream, n_joined);
+    return cts_sandbox_take(&s->decoder, pixels, err);
+}
+
+static void spread_bits(const uint8_t *bytes, int shift, size_t n, uint16_t value, uint16_t *values)
+{
+    size_t i = 0;
+    for (; i < n; i++) {
+        const size_t bit = (size_t)shift + i;
+        if (bit % 8 == 0 && i + 8 <= n && bytes[bit / 8] == 0) {
+            memset(values + i, 0, 8 * sizeof *values);
+            i += 7;
+            continue;
+        }
+        values[i] = bytes[bit / 8] >> (bit % 8) & 1 ? value : 0;
+    }
+}
+
+static CtsStatus take_pixels(Seg *s, const uint8_t *bytes, size_t n, int frame, CtsError *err)
+{
+    const uint16_t value = (uint16_t)(s->segment[frame] + 1);
+    for (size_t i = 0; i < n; i++) {
+        const int v = s->bits_allocated == 16 ? bytes[2 * i] | bytes[2 * i + 1] << 8 : bytes[i];
+        if (s->type == FRACTIONAL && v > s->maximum)
+            return cts_fail(err, CTS_ERR_PIXELS, "frame %d holds %d, more than MaximumFractionalValue %d", frame + 1, v,
+                            s->maximum);
+        s->values[i] = s->type == LABELMAP     ? (v == s->padding ? 0 : (uint16_t)v)
+                       : s->type == FRACTIONAL ? (2 * v >= s->maximum ? value : 0)
+                                               : (v ? value : 0);
+        s->has_strangers |= s->type == LABELMAP && s->values[i] && s->label_of[v] < 0;
+    }
+    return CTS_OK;
+}
+
+/* Values are numbers of pixels in a LABELMAP, else 1 + which of the labels. */
+static CtsStatus read_plane(void *context, int plane, const uint16_t **values, CtsError *err)
+{
+    Seg *const s = context;
+    const size_t n = (size_t)s->rows * (size_t)s->columns;
+    const int frame = s->planes ? s->planes[plane] : plane;
+    int shift = 0;
+    const void *pixels = s->bytes;
+    CtsStatus st = s->offset ? decode(s, frame, &pixels, err) : read_native(s, frame, &shift, err);
+    *values = s->values;
+    if (st)
+        return cts_context(err, "frame %d", frame + 1);
+    if (s->bits_allocated > 1 || (s->offset && is_jpeg2000(s)))
+        return take_pixels(s, pixels, n, frame, err);
+    spread_bits(pixels, shift, n, (uint16_t)(s->segment[frame] + 1), s->values);
+    return CTS_OK;
+}
+
+static CtsStatus place(Seg *s, int n_planes, double (*position_lps)[3], const int32_t *label_of, CtsError *err)
+{
+    CtsMask mask = {.columns = s->columns,
+                    .rows = s->rows,
+                    .n_planes = n_planes,
+                    .position_lps = position_lps,
+                    .gap_mm = s->gap_mm,
+                    .plane = read_plane,
+                    .context = s,
+                    .label_of = label_of};
+    memcpy(mask.step_lps, s->step_lps, sizeof mask.step_lps);
+    return cts_mask_place(&mask, s->reading, &s->held_mm3, err);
+}
+
+/* Segments one after the other, as two of them may lie in one place. */
+static CtsStatus place_each(Seg *s, const int32_t *label_of, CtsError *err)
+{
+    int *planes = NULL;
+    double(*position_lps)[3] = NULL;
+    CtsStatus st = cts_alloc_array(&planes, (size_t)s->n_frames, err);
+    if (!st)
+        st = cts_alloc_array(&position_lps, (size_t)s->n_frames, err);
+    s->planes = planes;
+    for (size_t l = 0; !st && l < s->reading->labels->n; l++) {
+        int n = 0;
+        for (int f = 0; f < s->n_frames; f++)
+            if (s->segment[f] == (int32_t)l) {
+                memcpy(position_lps[n], s->position_lps[f], sizeof *position_lps);
+                planes[n++] = f;
+            }
+        if (n)
+            st = place(s, n, position_lps, label_of, err);
+    }
+    s->planes = NULL;
+    cts_free(&planes);
+    cts_free(&position_lps);
+    return st;
+}
+
+static CtsStatus place_all(Seg *s, CtsError *err)
+{
+    const bool at_once = s->type == LABELMAP || cts_mask_is_parallel(s->step_lps, &s->reading->labels->grid);
+    int32_t *by_value = NULL;
+    CtsStatus st = cts_alloc_array(&by_value, CTS_MASK_VALUES, err);
+    for (int v = 0; !st && v < CTS_MASK_VALUES; v++)
+        by_value[v] = s->type == LABELMAP ? s->label_of[v] : v - 1 < (int)s->reading->labels->n ? v - 1 : -1;
+    if (!st)
+        st = at_once ? place(s, s->n_frames, s->position_lps, by_value, err) : place_each(s, by_value, err);
+    if (!st)
+        st = cts_label_check_meets(s->reading, s->held_mm3, err);
+    if (!st && s->has_strangers)
+        cts_report_finding(s->reading->report, "label_without_segment", CTS_WARNING,
+                           "label file %d: some pixels have a number that no segment has", s->reading->file);
+    cts_free(&by_value);
+    return st;
+}
+
+static CtsStatus check_pixels(Seg *s, CtsError *err)
+{
+    const CtsPlainObject *const o = s->object;
+    const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
+    const uint64_t need = (bits * (uint64_t)s->n_frames + 7) / 8;
+    if (!o->has_pixels)
+        return cts_fail(err, CTS_ERR_READ, "has no pixels");
+    if (o->encapsulated != cts_syntax_encapsulated(o->syntax))
+        return cts_fail(err, CTS_ERR_READ, "its pixels are not stored as its transfer syntax says");
+    if (o->encapsulated)
+        return cts_plain_frames(o, s->n_frames, &s->offset, err);
+    return need <= o->pixel_bytes ? CTS_OK
+                                  : cts_fail(err, CTS_ERR_READ, "cut short: %d frames need %llu bytes, %llu are there",
+                                             s->n_frames, (unsigned long long)need, (unsigned long long)o->pixel_bytes);
+}
+
+static CtsStatus read_all(Seg *s, CtsError *err)
+{
+    CtsStatus st;
+    const size_t n = (size_t)s->rows * (size_t)s->columns;
+    if ((st = read_segments(s, err)) || (st = check_pixels(s, err)) || (st = read_frames(s, err)) ||
+        (st = cts_alloc_array(&s->values, n, err)) || (st = cts_alloc_array(&s->bytes, frame_bytes(s) + 2, err)))
+        return st;
+    return place_all(s, err);
+}
+
+CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err)
+{
+    Seg s = {.reading = reading, .object = object, .decoder = cts_sandbox_make(cts_codec_work, "decoder")};
+    char frame_uid[65];
+    cts_elements_text(object->elements, FRAME_UID, frame_uid, sizeof frame_uid);
+    CtsStatus st = cts_label_check_space(reading, object, frame_uid, err);
+    if (!st)
+        st = cts_alloc_array(&s.label_of, MOST_NUMBERS, err);
+    for (int i = 0; !st && i < MOST_NUMBERS; i++)
+        s.label_of[i] = -1;
+    if (!st && !(st = read_type(&s, err)) && !(st = read_shape(&s, err)))
+        st = read_all(&s, err);
+    cts_sandbox_stop(&s.decoder);
+    cts_free(&s.label_of);
+    cts_free(&s.position_lps);
+    cts_free(&s.segment);
+    cts_free(&s.offset);
+    cts_free(&s.values);
+    cts_free(&s.bytes);
+    return st;
+}

@@ -1,0 +1,65 @@
+/* One label file -> labels of a small series, counted; compressed frames have a process of their own and are left out.
+ */
+#include "base/mem.h"
+#include "fuzz.h"
+#include "input/header/slice.h"
+#include "input/labels/label_reading.h"
+#include "input/labels/nifti_header.h"
+#include <string.h>
+
+enum { N_SLICES = 10, COLUMNS = 28, ROWS = 24 };
+
+static CtsStatus read_dicom(const CtsLabelReading *reading, const CtsFileBytes *file, CtsError *err)
+{
+    CtsPlainObject object;
+    CtsStatus st = cts_plain_open(&object, file, err);
+    if (!st && !object.encapsulated && !(st = cts_label_check_patient(reading, &object, err)))
+        st = strstr(object.class_uid, ".481.") ? cts_label_read_rtstruct(reading, &object, err)
+                                               : cts_label_read_seg(reading, &object, err);
+    cts_plain_close(&object);
+    return st;
+}
+
+static void check_runs(const CtsLabels *labels)
+{
+    for (size_t i = 0; i < labels->n; i++) {
+        const CtsLabel *l = &labels->items[i];
+        uint64_t n = 0;
+        for (size_t r = 0; r < l->n_runs; r++) {
+            assert(l->runs[r].row < N_SLICES * ROWS && l->runs[r].first < l->runs[r].end && l->runs[r].end <= COLUMNS);
+            n += (uint64_t)(l->runs[r].end - l->runs[r].first);
+        }
+        assert(l->fact.voxels == n && l->fact.overlap <= n && l->fact.parts <= n && !l->fact.parts == !n);
+    }
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
+{
+    static const int number[N_SLICES] = {0, 1, 2, 3, 4, 5, 6, 7, 8, 9};
+    CtsSlice slices[N_SLICES], *pointers[N_SLICES];
+    for (int k = 0; k < N_SLICES; k++) {
+        slices[k] = (CtsSlice){.sop_uid = "", .row_lps = {1, 0, 0}, .column_lps = {0, 1, 0}, .normal_lps = {0, 0, 1}};
+        slices[k].position_lps[2] = 9.5 * k;
+        slices[k].column_spacing_mm = 8;
+        slices[k].row_spacing_mm = 9;
+        pointers[k] = &slices[k];
+    }
+    const CtsSeries series = {.n_slices = N_SLICES, .columns = COLUMNS, .rows = ROWS, .slices = pointers};
+    CtsLabelGrid grid;
+    CtsLabels *labels = NULL;
+    CtsError err = {0};
+    char class_uid[65];
+    const CtsFileBytes file = cts_file_bytes_in_memory(data, n);
+    const CtsLabelNames names = {0};
+    if (cts_label_grid_of(&grid, &series, &err) || cts_labels_new(&labels, &grid, &err))
+        return 0;
+    const CtsLabelReading reading = {.series = &series, .labels = labels, .file = 1, .names = &names};
+    const CtsStatus st = cts_nifti_is(data, n)                    ? cts_label_read_nifti(&reading, &file, &err)
+                         : cts_plain_is_dicom(data, n, class_uid) ? read_dicom(&reading, &file, &err)
+                                                                  : CTS_OK;
+    assert(!st == !err.text[0]);
+    if (!st && !cts_labels_begin(labels, &err) && !cts_labels_count(labels, number, N_SLICES, NULL, &err))
+        check_runs(labels);
+    cts_labels_free(&labels);
+    return 0;
+}
