@@ -23,12 +23,11 @@ src/input/series  | input/files/ input/header/ |
 src/input/load    | core/volume/ input/header/ input/codec/ input/series/ |
 src/input/labels  | core/labels/ input/files/ input/header/ input/codec/ | expat.h zlib.h
 src/engine/project | core/volume/ core/scene/ | immintrin.h
-src/engine/tiled  | core/volume/ core/transfer/ core/scene/ engine/project/project.h | immintrin.h
+src/engine/tiled  | core/volume/ core/scene/ engine/project/project.h | immintrin.h
 src/engine/splat  | core/volume/ core/transfer/ core/scene/ | immintrin.h
 src/engine/raycast | core/volume/ core/scene/ |
 src/render/error  | core/scene/ engine/raycast/ |
-src/render/draft  | core/volume/ core/scene/ render/error/ |
-src/render/frames | core/scene/ render/error/ render/draft/ |
+src/render/frames | core/scene/ render/error/ |
 src/output/image  | |
 src/output/objects | input/files/ input/header/ input/codec/ | openjpeg.h
 src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h isa-l.h jpeglib.h webp/
@@ -177,7 +176,7 @@ breach src/engine/raycast/a.c '"engine/splat/sheet.h"'
 breach src/engine/raycast/a.c '"core/transfer/lut.h"'
 breach src/cli/a.c '"core/scene/engine.h"'
 breach src/engine/tiled/a.c '"engine/splat/sheet.h"'
-breach src/engine/splat/a.c '"engine/tiled/slab.h"'
+breach src/engine/splat/a.c '"engine/tiled/cells.h"'
 breach src/input/files/a.c '"input/series/slice_stack.h"'
 breach src/input/header/a.c '"input/load/resample.h"'
 breach src/render/error/a.c '"render/frames/frames.h"'

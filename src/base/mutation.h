@@ -20,11 +20,9 @@
         fault(VOID_EDGES)        /* void: patches at the edge of what shows left out */                                \
         fault(GRADIENT_STEPS)    /* lighting: spacing and shear forgotten */                                           \
         fault(ONE_SIDED_LIGHT)   /* tiled: surfaces turned away are dark */                                            \
-        fault(LAYER_LENGTH)      /* tiled: a layer is 1 mm */                                                          \
-        fault(LAST_SLAB)         /* tiled: last layer lost */                                                          \
-        fault(LEAP_RANGE)        /* tiled: a macro-cell judged by its lowest level */                                  \
+        fault(LEAP_RANGE)        /* tiled: a block judged by its lowest level */                                       \
         fault(STOP_EARLY)        /* tiled: stops with a quarter of the light left */                                   \
-        fault(ATTENUATION)       /* tiled: no attenuation within a slab */                                             \
+        fault(ATTENUATION)       /* tiled: no attenuation along a ray */                                               \
         fault(KNOTS)             /* raycast: not cut at the transfer function's points */                              \
         fault(TURNS)             /* raycast: not cut where HU turns */                                                 \
         fault(BORDER_DIFFERENCE) /* raycast: no air beyond the border */                                               \
@@ -32,17 +30,23 @@
         fault(VOXEL_LENGTH)      /* opacity per voxel: by the largest step along the ray, not its length */            \
         fault(TOLERANCE_LESS)    /* layers: a change of exactly the tolerance counts as one */                         \
         fault(QUIET_RANGE)       /* layers: the levels of a patch that stays the same end one too low */               \
-        fault(QUIET_HIGH)        /* tiled: what shows ends one level too low */                                        \
-        fault(SUB_SHEETS)        /* tiled: no second sheet where the field bends */                                    \
-        fault(LOOKS)             /* tiled: no stretch is looked at closely */                                          \
-        fault(HIDDEN)            /* tiled: what three places do not show is not looked for */                          \
+        fault(QUIET_HIGH)        /* tiled: what shows ends two levels too low */                                       \
         fault(WHOLE_LEVELS)      /* what shows between two levels is not seen */                                       \
-        fault(LEAP_FAR)          /* tiled: leaps a macro-cell too far */                                               \
+        fault(LEAP_FAR)          /* tiled: leaps a block too far */                                                    \
         fault(GRADIENT_SIGN)     /* tiled: the gradient along the layers turned round */                               \
         fault(AVERAGE_BLOCK)     /* average: blocks of one grey level 2 % low */                                       \
-        fault(DEPTH_SLAB)        /* tiled: depth a layer too far */                                                    \
-        fault(BOUND_LOW)         /* tiled: tells a quarter of its error bound */                                       \
-        fault(UNCAST)            /* tiled: rays that are cast again stay as they were */
+        fault(DEPTH_SLAB)        /* tiled: depth a millimetre too far */                                               \
+        fault(BOUND_LOW)         /* tiled: tells a twentieth of its error bound */                                     \
+        fault(UNCAST)            /* tiled: pixels that are made again stay as they were */                             \
+        fault(CUTS)              /* tiled: pieces are not cut at knots */                                              \
+        fault(KNOT_OFF)          /* tiled: the first knot is none */                                                   \
+        fault(MASK_NEIGHBOUR)    /* tiled: cells judged without their last corners */                                  \
+        fault(LAST_PIECE)        /* tiled: rays end a millimetre early */                                              \
+        fault(START_LATE)        /* tiled: rays begin a millimetre late */                                             \
+        fault(GAUSS)             /* tiled: both points of a piece are its first */                                     \
+        fault(FAINT)             /* tiled: faint pieces get no light */                                                \
+        fault(LIT_STEPS)         /* tiled: a normal that turns is taken for one */                                     \
+        fault(HALVES)            /* tiled: pieces that err too much are not halved */
 
 #define CTS_MUTATION_ENTRY(name) CTS_MUTATION_##name,
 enum CtsMutation { CTS_MUTATION_NONE, CTS_MUTATIONS(CTS_MUTATION_ENTRY) CTS_N_MUTATIONS };

@@ -8,9 +8,9 @@ bound that its log tells, rms or largest; one above what was asked for, 0.5/255 
 that is not made. Each is printed with the commands that show it, and its series is kept in soak-failures/. The same
 --seed repeats the same scenes; --only N makes round N alone.
 
-With --drafts half of the pictures are large enough to be drafts, most of them rotations, which may be made at half the
-resolution. These are made by one thread and by three, whose files must be the same, and are verified by rays; where
-that leaves doubt, every frame is compared with the ray caster's, and the worst is held to the bound that was told."""
+With --large half of the pictures are large, most of them rotations. These are made by one thread and by three, whose
+files must be the same, and are verified by rays; where that leaves doubt, every frame is compared with the ray
+caster's, and the worst is held to the bound that was told."""
 import argparse
 import filecmp
 import glob
@@ -164,20 +164,19 @@ def make_view(r):
 
 
 def read_log(path):
-    """The bound told, the error verified, the codes of warnings, and whether a copy at half the resolution served."""
+    """The bound told, the error verified, and the codes of warnings."""
     with open(path) as f:
         events = [json.loads(line) for line in f]
     last = {e['event']: e for e in events}
     return (last.get('bound'), last.get('error'),
-            [e['code'] for e in events if e['event'] == 'finding' and e['severity'] == 'warning'],
-            any(e['event'] == 'plan' and 'rays show that it will do' in e['text'] for e in events))
+            [e['code'] for e in events if e['event'] == 'finding' and e['severity'] == 'warning'])
 
 
 class Sweep:
     def __init__(self, args):
         self.args = args
         self.ratios, self.errors, self.faults, self.pictures, self.warned, self.series = [], [], 0, 0, 0, []
-        self.at_half = self.compared = 0
+        self.compared = 0
         for root, _, files in os.walk(args.data or os.devnull):
             if sum(name != 'DIRFILE' for name in files) >= 20:
                 self.series.append(root)
@@ -220,14 +219,14 @@ class Sweep:
             if done.returncode:
                 return 'exit %d: %s' % (done.returncode, done.stderr.strip()), [words]
         found = json.loads(self.run('compare', mine, exact, '--json').stdout)
-        bound, _, warnings, _ = read_log(log)
+        bound, _, warnings = read_log(log)
         self.pictures += 1
         self.warned += 'error_bound' in warnings
         return (self.held(bound, warnings, found['rmse'], found['max'], asked, what),
                 [one, two, ['compare', mine, exact]])
 
     def judge_large(self, folder, common, asked, what, depth):
-        """The same of a draft: of each frame, and of all that threads make."""
+        """The same of a large one: of each frame, and of all that threads make."""
         for name in glob.glob(os.path.join(folder, 'large*')):
             os.remove(name)
         log, exact, frames = os.path.join(folder, 'large-log'), os.path.join(folder, 'large-exact.png'), []
@@ -242,9 +241,8 @@ class Sweep:
             if done.returncode:
                 return 'exit %d: %s' % (done.returncode, done.stderr.strip()), [words]
         frames = sorted(glob.glob(os.path.join(folder, 'large-1*.png')))
-        bound, verified, warnings, at_half = read_log(log)
+        bound, verified, warnings = read_log(log)
         self.pictures += len(frames)
-        self.at_half += len(frames) * at_half
         self.warned += 'error_bound' in warnings
         for path in glob.glob(os.path.join(folder, 'large-1*')):
             if not filecmp.cmp(path, path.replace('large-1', 'large-3'), shallow=False):
@@ -268,7 +266,7 @@ class Sweep:
 
     def round(self, number):
         r = random.Random(self.args.seed * 1000003 + number)
-        large = self.args.drafts and r.random() < 0.5
+        large = self.args.large and r.random() < 0.5
         with tempfile.TemporaryDirectory() as folder:
             if self.series and r.random() < self.args.real:
                 source, kind = r.choice(self.series), 'ct'
@@ -282,7 +280,7 @@ class Sweep:
                 path = os.path.join(folder, 'preset-%d.json' % n)
                 name = preset or make_preset(r, low, high, path)
                 asked = r.choice([None, None, None, 8, 2, 1, 0.5, 0.25, 0.1])
-                if self.args.drafts:
+                if self.args.large:
                     asked = r.choice([1, 2, 3, 5, 8, 12])
                 if large:
                     asked = r.choice([5, 8, 12, 20])
@@ -332,9 +330,8 @@ class Sweep:
                 ratios[0], ratios[len(ratios) // 2], ratios[len(ratios) * 95 // 100]))
         for rms, what, asked in sorted(self.errors, reverse=True, key=lambda e: e[0])[:10]:
             print('%8.3f/255 rms, asked %s: %s' % (255 * rms, asked or 'nothing', what))
-        if self.at_half or self.compared:
-            print('of the large ones %d at half the resolution, %d compared pixel by pixel' % (
-                self.at_half, self.compared))
+        if self.compared:
+            print('of the large ones %d compared pixel by pixel' % self.compared)
         print('sweep: %d rounds, %d pictures, %d warnings, %d faults' % (
             rounds, self.pictures, self.warned, self.faults))
 
@@ -351,7 +348,7 @@ def main():
     p.add_argument('--real', type=float, default=0.25, help='share of the rounds on DATA')
     p.add_argument('--threads', type=int, default=0)
     p.add_argument('--failures', default='soak-failures')
-    p.add_argument('--drafts', action='store_true', help='errors asked for are all 1/255 or more')
+    p.add_argument('--large', action='store_true', help='errors asked for are all 1/255 or more')
     p.add_argument('--cautious', action='store_true', help='a warning of an error four times too large is a fault too')
     args = p.parse_args()
     sweep, rounds, end = Sweep(args), 0, time.monotonic() + 60 * args.minutes

@@ -15,21 +15,7 @@
 typedef struct CtsPlan {
     int samples;      /* sub-sheets per layer; 0: chosen by the engine */
     double max_error; /* in 1/255 rms; 0: the engine's default */
-    int one_in;       /* of so many pieces of a row one is rendered, where cts_plan_draws(); 0: all are */
 } CtsPlan;
-
-/* Rows are drawn from in pieces of so many pixels. */
-enum { CTS_DRAWN_PIXELS = 8 };
-
-/* Whether the piece of row y that pixel x lies in is rendered: by chance, the same in every picture (the finaliser of
- * MurmurHash3). */
-static inline bool cts_plan_draws(const CtsPlan *plan, int x, int y)
-{
-    uint32_t h = (uint32_t)(x / CTS_DRAWN_PIXELS) * 0x9e3779b1u + (uint32_t)y * 0x85ebca77u;
-    h = (h ^ h >> 16) * 0x85ebca6bu;
-    h = (h ^ h >> 13) * 0xc2b2ae35u;
-    return plan->one_in <= 1 || (h ^ h >> 16) % (uint32_t)plan->one_in == 0;
-}
 
 typedef struct CtsScene {
     const CtsVolume *volume;
@@ -51,54 +37,18 @@ static inline double cts_scene_error_asked(const CtsScene *scene)
     return (scene->plan.max_error > 0 ? scene->plan.max_error : 0.5) / 255;
 }
 
-/* From this error on, in 1/255 rms, a draft will do: about four times what drafts of real CT err by, lit and unlit. */
-static inline double cts_scene_draft_from(const CtsScene *scene)
-{
-    return scene->preset->shade ? 4 : 2;
-}
-
-/* A draft is judged by a sample, which says little of fewer pixels than these; they take little time besides. */
-enum { CTS_DRAFT_PIXELS = 1 << 17 };
-
-static inline bool cts_scene_drafts(const CtsScene *scene)
-{
-    return scene->plan.samples == 0 && scene->plan.max_error >= cts_scene_draft_from(scene) &&
-           (double)scene->view.width * scene->view.height >= CTS_DRAFT_PIXELS;
-}
-
-/* The plan where a draft won't do. */
-static inline CtsPlan cts_scene_finer(const CtsScene *scene)
-{
-    CtsPlan plan = scene->plan;
-    plan.max_error = fmin(plan.max_error, 0.99 * cts_scene_draft_from(scene));
-    return plan;
-}
-
-/* Rays of a picture that are cast to judge what its bounds are worth, where these are as large as they may be. */
-static inline double cts_scene_rays_judged(const CtsScene *scene)
-{
-    if (cts_scene_drafts(scene))
-        return 64; /* more would take as long as the draft */
-    const double pixels = (double)scene->view.width * scene->view.height / 1024;
-    return pixels < 64 ? 64 : pixels > 256 ? 256 : pixels;
-}
-
-/* The bounds that an engine gives its pixels may be so large, rms: errors lie about ten times below them, and so many
- * rays can show that they lie below what is asked for (render/error/bound.h). */
-static inline double cts_scene_bound_aimed(const CtsScene *scene)
-{
-    return cts_scene_error_asked(scene) * sqrt(cts_scene_rays_judged(scene)) / 5;
-}
-
 typedef struct CtsEngine {
     const char *name; /* as in --engine */
     /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over
      * nothing. A band is those rows of the whole, bit by bit. picture is NULL for --explain: only make the plan. */
     CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err);
+    /* Makes pixels of the band again, exactly, whose numbers in it stand in place; for an engine that keeps
+     * plan.max_error and fills picture->bound. Others know plan.samples alone, and have NULL here. */
+    CtsStatus (*again)(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n, float (*rgba)[4],
+                       CtsError *err);
     unsigned modes;             /* bit 1 << CtsMode for each it can do */
     unsigned kernels;           /* bit 1 << CtsKernelId */
     bool exact;                 /* nothing is left to plan: every pixel is what the scene says */
-    bool bounds_error;          /* keeps plan.max_error, and fills picture->bound; others know plan.samples alone */
     bool repeats_layers;        /* goes through all layers for each band of rows */
     bool skips_void;            /* leaves out what is provably invisible */
     bool cuts_slabs;            /* sees a part of each ray, as --slab asks */

@@ -18,7 +18,7 @@
 typedef struct CtsShade {
     float frame[3][3]; /* to the right, up and along the viewing direction; axes as the caller orders them */
     int step[3];       /* voxels along each axis from which differences are taken, either way */
-    float ambient, diffuse, specular;
+    float ambient, diffuse, specular, exponent;
     int n_power; /* power has n_power + 1 entries over |n.v| = 0..1, joined by lines */
     float *power;
     int whole_power;   /* the power where it is a whole number that few multiplications make, else 0 */

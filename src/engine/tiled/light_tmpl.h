@@ -1,294 +1,279 @@
-/* Lighting, part of march_tmpl.h: how slopes shine, and when slabs are lit. */
-#include "engine/tiled/doubt_tmpl.h"
+/* Light, part of cells_tmpl.h: |n.v| is no polynomial, and turns most where the gradient all but vanishes. A stretch of
+ * a ray is lit by the gradient at its weighted centre, unless the normal turns by so much that its weight makes it
+ * count; then it is taken in steps, each as long as the turning allows. */
 
-enum { TURN_POINTS = 6 };
+/* A stretch that waits for its light: a piece of a cell, or the weighted centre of several faint ones. */
+enum {
+    WAIT_CELL,
+    WAIT_ENTER = 3, /* where in the cell, each axis 0..1 */
+    WAIT_LEAVE = 6,
+    WAIT_COLOUR = 9,  /* times its weight */
+    WAIT_WEIGHT = 12, /* share of the ray's light that it takes */
+    WAIT_CENTRE,      /* of that, 0..1 */
+    WAIT_LIGHT,       /* what reaches it */
+    WAIT_LENGTH,      /* mm; 0: it is a point */
+    WAIT_FIELDS
+};
+enum { WAITING = 8 * LANES };
 
-/* Relative error below 5e-6; 0 has a large one, and no more. */
-INLINE vf inverse_sqrt(vf x)
+typedef struct Lit {
+    real wait[WAIT_FIELDS][WAITING];
+    int ray[WAITING], n;
+    /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, and its centre in mm. */
+    vf colour[3], weight, centre;
+} Lit;
+
+typedef struct Direction {
+    vf right, up, along;
+} Direction;
+
+/* Differences of levels at a cell's corners along its three axes, and the levels themselves. */
+typedef struct Corners {
+    vf rise[3][8], level[8];
+} Corners;
+
+#include "engine/tiled/stencil_tmpl.h"
+
+INLINE vf between(const vf v[8], const vf at[3])
 {
-    const vf half = 0.5f * x;
-    vf y = (vf)(0x5f375a86 - ((vi)x >> 1));
-    y *= 1.5f - half * y * y;
-    return y * (1.5f - half * y * y);
+    const vf a = v[0] + at[0] * (v[1] - v[0]), b = v[2] + at[0] * (v[3] - v[2]);
+    const vf c = v[4] + at[0] * (v[5] - v[4]), d = v[6] + at[0] * (v[7] - v[6]);
+    const vf low = a + at[1] * (b - a), high = c + at[1] * (d - c);
+    return low + at[2] * (high - low);
 }
 
-/* The specular part for n values of |n.v|. */
-INLINE void specular_powers(const CtsShade *shade, const vf *facing, vf *power, int n)
+/* The gradient at a share s of the way through the cell. */
+INLINE Direction gradient_at(const TiledJob *j, const Corners *k, const vf enter[3], const vf way[3], vf s)
 {
-    vf square[TURN_POINTS];
-    if (shade->whole_power == 0) {
-        for (int i = 0; i < n; i++)
-            power[i] = select_f(vf_lt(vf_of(0), facing[i]), shade_power(shade, facing[i]), vf_of(0));
-        return;
-    }
-    for (int i = 0; i < n; i++) {
-        square[i] = vf_max(facing[i], vf_of(shade->least_power));
-        power[i] = vf_of(1);
-    }
-    for (int bits = shade->whole_power;;) {
-        for (int i = 0; i < n && bits & 1; i++)
-            power[i] *= square[i];
-        bits >>= 1;
-        if (bits == 0)
-            return;
-        for (int i = 0; i < n; i++)
-            square[i] *= square[i];
-    }
+    vf at[3], g[3], in_view[3];
+    for (int a = 0; a < 3; a++)
+        at[a] = enter[a] + s * way[a];
+    for (int a = 0; a < 3; a++)
+        g[a] = between(k->rise[a], at);
+    for (int i = 0; i < 3; i++)
+        in_view[i] = (real)j->frame[i][0] * g[0] + (real)j->frame[i][1] * g[1] + (real)j->frame[i][2] * g[2];
+    return (Direction){in_view[0], in_view[1], in_view[2]};
 }
 
-/* A gradient on its way through a stretch, start + (rise + bend f) f: it is mixed, as it is between voxels, and only
- * then made a direction, so that the weak gradient of air does not turn that of a surface. */
-typedef struct Turn {
-    Slope start, rise, bend;
-} Turn;
-
-INLINE vf dot(const Slope *a, const Slope *b)
+INLINE vf dot(const Direction *a, const Direction *b)
 {
     return a->right * b->right + a->up * b->up + a->along * b->along;
 }
 
-INLINE Slope less(const Slope *a, const Slope *b)
+#define LEAST_SQUARE ((real)1e-20f)
+
+/* The square of the difference of their unit vectors. */
+INLINE vf turning(const Direction *a, const Direction *b)
 {
-    return (Slope){a->right - b->right, a->up - b->up, a->along - b->along};
+    const vf squares = vf_max(dot(a, a) * dot(b, b), vf_of(LEAST_SQUARE * LEAST_SQUARE + (real)1e-37f));
+    return vf_max(2 - 2 * dot(a, b) * vf_inverse_root(squares), vf_of(0));
 }
 
-INLINE vf facing_at(const Turn *t, bool bent, vf f)
-{
-    Slope g = t->rise;
-    if (bent)
-        g = (Slope){g.right + t->bend.right * f, g.up + t->bend.up * f, g.along + t->bend.along * f};
-    g = (Slope){t->start.right + g.right * f, t->start.up + g.up * f, t->start.along + g.along * f};
-    const vf size = CTS_MUTATED(ONE_SIDED_LIGHT) ? vf_max(g.along, vf_of(0)) : vf_abs(g.along);
-    return vf_min(size * inverse_sqrt(vf_max(dot(&g, &g), vf_of(1e-30f))), vf_of(1));
-}
-
-/* The means of |n.v| and its specular part over as much of the way as has its middle at f, in lanes in `turning`. A
- * gradient that turns round passes through all directions in between, most of them where it is smallest: points stand
- * closer there, by the square of their number, on either side. */
-INLINE void mean_of_turn(const CtsShade *shade, const Turn *turn, bool bent, vf f, vmask turning, vf *facing, vf *power)
-{
-    const vf from = vf_max(2 * f - 1, vf_of(0)), to = vf_min(2 * f, vf_of(1));
-    Slope whole = turn->rise;
-    if (bent)
-        whole = (Slope){whole.right + turn->bend.right, whole.up + turn->bend.up, whole.along + turn->bend.along};
-    const vf smallest = -dot(&turn->start, &whole) / vf_max(dot(&whole, &whole), vf_of(1e-30f));
-    const vf mid = vf_min(vf_max(smallest, from), to);
-    const vf front = mid - from, back = to - mid, share = 1.0f / vf_max(to - from, vf_of(1e-6f));
-    vf facings[TURN_POINTS], powers[TURN_POINTS], sum = vf_of(0), power_sum = vf_of(0);
-    for (int i = 0; i < TURN_POINTS / 2; i++) {
-        const float t = (2 * (float)i + 1) / TURN_POINTS;
-        facings[2 * i] = facing_at(turn, bent, mid - front * (t * t));
-        facings[2 * i + 1] = facing_at(turn, bent, mid + back * (t * t));
-    }
-    specular_powers(shade, facings, powers, TURN_POINTS);
-    for (int i = 0; i < TURN_POINTS / 2; i++) {
-        const float weight = 4 * (2 * (float)i + 1) / (TURN_POINTS * TURN_POINTS);
-        sum += weight * (front * facings[2 * i] + back * facings[2 * i + 1]);
-        power_sum += weight * (front * powers[2 * i] + back * powers[2 * i + 1]);
-    }
-    *facing = select_f(turning, vf_min(sum * share, vf_of(1)), *facing);
-    *power = select_f(turning, vf_min(power_sum * share, vf_of(1)), *power);
-}
-
-OUTLINE void mean_of_straight_turn(const CtsShade *shade, const Turn *turn, vf f, vmask turning, vf *facing, vf *power)
-{
-    mean_of_turn(shade, turn, false, f, turning, facing, power);
-}
-
-OUTLINE void mean_of_bent_turn(const CtsShade *shade, const Turn *turn, vf f, vmask turning, vf *facing, vf *power)
-{
-    mean_of_turn(shade, turn, true, f, turning, facing, power);
-}
-
-/* What colour is multiplied with, and the white added to it. */
+/* What a colour is multiplied with, and the white that is added, for a share of 1. */
 typedef struct Glow {
     vf colour, white;
 } Glow;
 
-/* What a lit march has: the colours in Light are due, they wait for their lighting until they are worth a slope. */
-typedef struct Lit {
-    vf r, g, b;
-    vf due;       /* the opacity that goes with the colours that are due */
-    Glow glow;    /* the last */
-    unsigned had; /* packets that have had one, a bit each */
-    vi last;      /* the sheet before the last stretch that took light */
-} Lit;
-
-/* A colour, and what has been gathered, as they show by the last lighting there was. */
-INLINE void show_lit(const Lit *lit, Colour *c, Colour *sum)
+INLINE Glow glow_of(const CtsShade *s, const Direction *g)
 {
-    const vf glow = lit->glow.colour, white = lit->glow.white, due = lit->due * white;
-    *c = (Colour){vf_fma(c->r, glow, white), vf_fma(c->g, glow, white), vf_fma(c->b, glow, white)};
-    *sum = (Colour){vf_fma(sum->r, glow, lit->r + due), vf_fma(sum->g, glow, lit->g + due),
-                    vf_fma(sum->b, glow, lit->b + due)};
+    const vf square = dot(g, g), size = CTS_MUTATED(ONE_SIDED_LIGHT) ? vf_max(g->along, vf_of(0)) : vf_abs(g->along);
+    const vmask has = vf_lt(vf_of(LEAST_SQUARE), square);
+    const vf facing = vf_min(size * vf_inverse_root(vf_max(square, vf_of(LEAST_SQUARE))), vf_of(1));
+    const vf power = vf_exp2(vf_min((real)s->exponent * vf_log2(vf_max(facing, vf_of((real)1e-30f))), vf_of(0)));
+    return (Glow){(real)s->ambient + select_f(has, (real)s->diffuse * facing, vf_of(0)),
+                  select_f(has, (real)s->specular * power, vf_of(0))};
 }
 
-/* What a march carries from stretch to stretch. */
-typedef struct Course {
-    Slope slope;
-    int slope_sheet; /* that slope belongs to, as q * samples + part */
-    bool timed;
-    uint64_t ticks; /* spent on lighting, where timed */
-} Course;
+/* What waits: LANES of it from entry `first` on. */
+typedef struct Wait {
+    vi cell[3];
+    vf enter[3], way[3], colour[3], weight, centre, light, length;
+} Wait;
 
-/* Beginnings, member by member: zeroing all of them costs more than a short march. */
-INLINE Lit no_light(void)
+INLINE vf wait_field(const Lit *lit, int field, int first)
 {
-    Lit lit;
-    lit.r = lit.g = lit.b = lit.due = lit.glow.colour = lit.glow.white = vf_of(0);
-    lit.had = 0;
-    lit.last = vi_of(0);
-    return lit;
+    vf v;
+    memcpy(&v, &lit->wait[field][first], sizeof v);
+    return v;
 }
 
-INLINE Course start_course(bool timed)
+INLINE Wait load_wait(const Lit *lit, int first)
 {
-    Course course;
-    course.slope.right = course.slope.up = course.slope.along = vf_of(0);
-    course.slope_sheet = -1;
-    course.timed = timed;
-    course.ticks = 0;
-    return course;
-}
-
-/* In lanes in `bent`, the bend of the parabola through the slope on a sheet half way. */
-OUTLINE Slope find_slope_bend(const TiledJob *j, const Packet *pk, Way way, int q, int part, bool inner, vmask bent,
-                              const Slope *from, const Slope *to)
-{
-    const Slope mid = slope_at(j, pk, way, q, part, inner);
-    return (Slope){select_f(bent, 2 * (from->right + to->right) - 4 * mid.right, vf_of(0)),
-                   select_f(bent, 2 * (from->up + to->up) - 4 * mid.up, vf_of(0)),
-                   select_f(bent, 2 * (from->along + to->along) - 4 * mid.along, vf_of(0))};
-}
-
-/* What lighting a stretch as it is at f may be off by, where it is as told at f, at its beginning, at its end and at f
- * without the gradient's bend: by how much it does not run straight in between, by part of what the bend changes, and
- * for what was due before, by what it has changed since. */
-INLINE vf light_doubt(const TiledJob *j, const vf facings[4], const vf powers[4], vf f, vf due)
-{
-    const CtsShade *shade = j->shade;
-    const vf waited = vf_min(due, vf_of(j->most_due));
-    const vf uneven = shade->diffuse * vf_abs(facings[1] + (facings[2] - facings[1]) * f - facings[0]) +
-                      shade->specular * vf_abs(powers[1] + (powers[2] - powers[1]) * f - powers[0]);
-    const vf turned =
-        shade->diffuse * vf_abs(facings[1] - facings[0]) + shade->specular * vf_abs(powers[1] - powers[0]);
-    const vf bent = shade->diffuse * vf_abs(facings[3] - facings[0]) + shade->specular * vf_abs(powers[3] - powers[0]);
-    return due * (uneven + 0.5f * bent) + waited * turned;
-}
-
-/* Light what is due of these packets as the stretch of `span` sheets from `part` of those behind layer q on, the middle
- * of the light that is lost a fraction f of the way. Returns those it should be told of more finely. */
-INLINE unsigned light_packets(const TiledJob *j, const Packet *pk, Way way, bool draft, unsigned packets, int q,
-                              int part, int span, bool inner, vf f, Light *light, Lit *lit, Course *course)
-{
-    const CtsShade *shade = j->shade;
-    const int sheet = q * j->samples + part, whole = part + span == j->samples;
-    Slope to = course->slope, from = to;
-    /* One sheet, or both where none has been carried here. */
-    for (int i = course->slope_sheet == sheet; i < 2; i++) {
-        from = to;
-        to = i == 0 ? slope_at(j, pk, way, q, part, inner)
-                    : slope_at(j, pk, way, q + whole, whole ? 0 : part + span, inner);
+    Wait w;
+    for (int a = 0; a < 3; a++) {
+        w.cell[a] = to_int(wait_field(lit, WAIT_CELL + a, first));
+        w.enter[a] = wait_field(lit, WAIT_ENTER + a, first);
+        w.way[a] = wait_field(lit, WAIT_LEAVE + a, first) - w.enter[a];
+        w.colour[a] = wait_field(lit, WAIT_COLOUR + a, first);
     }
-    course->slope = to;
-    course->slope_sheet = sheet + span;
-    Turn turn; /* zeroing it as a whole would cost more than all that follows */
-    turn.start = from;
-    turn.rise = less(&to, &from);
-    turn.bend = (Slope){vf_of(0), vf_of(0), vf_of(0)};
-    const vmask worth = vf_lt(vf_of(5 * j->most_due), lit->due);
-    const bool may_bend = way != WAY_STRAIGHT;
-    const vf straight = facing_at(&turn, false, f);
-    /* Along an axis the gradient runs straight between layers. */
-    const unsigned bent = may_bend ? packets & any_in(worth) : 0;
-    if (bent) {
-        const Slope a = from, b = to; /* what a function is given the address of, is kept in memory everywhere */
-        turn.bend = find_slope_bend(j, pk, way, q, part + span / 2, inner, mask_packets(bent), &a, &b);
-        turn.rise = less(&turn.rise, &turn.bend);
-    }
-    vf facings[4] = {facing_at(&turn, may_bend, f), facing_at(&turn, may_bend, vf_of(0)),
-                     facing_at(&turn, may_bend, vf_of(1)), straight};
-    vf powers[4], facing, power;
-    specular_powers(shade, facings, powers, may_bend ? 4 : 3);
-    facing = facings[0];
-    power = powers[0];
-    if (!may_bend)
-        powers[3] = power;
-    vf glow_doubt = light_doubt(j, facings, powers, f, lit->due);
-    const vmask now = mask_packets(packets);
-    const unsigned uneven = packets & any_in(vf_lt(vf_of(j->may_turn), glow_doubt));
-    const unsigned turning = bent | uneven | any_in(mask_and(vf_lt(dot(&from, &to), vf_of(0)), worth));
-    if (turning) {
-        const Turn copy = turn;
-        vf mean = facing, mean_power = power;
-        (way == WAY_STRAIGHT ? mean_of_straight_turn : mean_of_bent_turn)(shade, &copy, f, mask_packets(turning), &mean,
-                                                                          &mean_power);
-        facing = mean;
-        power = mean_power;
-        glow_doubt = select_f(mask_packets(turning), 0.5f * glow_doubt, glow_doubt);
-    }
-    if (!draft) /* two standard deviations */
-        light->doubt.colour += select_f(now, 4 * glow_doubt * glow_doubt, vf_of(0));
-    const Glow glow = {shade->ambient + shade->diffuse * facing, shade->specular * power};
-    lit->glow.colour = select_f(now, glow.colour, lit->glow.colour);
-    lit->glow.white = select_f(now, glow.white, lit->glow.white);
-    const vf colour = select_f(now, glow.colour, vf_of(0)), white = select_f(now, lit->due * glow.white, vf_of(0));
-    lit->r += light->r * colour + white;
-    lit->g += light->g * colour + white;
-    lit->b += light->b * colour + white;
-    lit->due = select_f(now, vf_of(0), lit->due);
-    light->r = select_f(now, vf_of(0), light->r);
-    light->g = select_f(now, vf_of(0), light->g);
-    light->b = select_f(now, vf_of(0), light->b);
-    lit->had |= packets;
-    return packets & any_in(vf_lt(vf_of(j->may_shine), glow_doubt));
+    w.weight = wait_field(lit, WAIT_WEIGHT, first);
+    w.centre = wait_field(lit, WAIT_CENTRE, first);
+    w.light = wait_field(lit, WAIT_LIGHT, first);
+    w.length = wait_field(lit, WAIT_LENGTH, first);
+    return w;
 }
 
-/* A stretch has taken `lost` of the light; moment is the sum of that, each time how far on. Returns the packets whose
- * light changes too much on the stretch to be told at one place. */
-INLINE unsigned light_stretch(const TiledJob *j, const Packet *pk, Way way, bool draft, int q, int part, int span,
-                              bool inner, vf lost, vf moment, Light *light, Lit *lit, Course *course)
+/* Where, 0..1, the centre lies of the light that is taken along a stretch of this depth: 1 / d - 1 / (e^d - 1), off by
+ * less than 0.008. */
+INLINE vf centre_of(vf depth)
 {
-    const uint64_t before = course->timed ? cts_tiled_ticks() : 0;
-    lit->due += lost;
-    lit->last = select_i(vf_lt(vf_of(0), lost), vi_of(q * j->samples + part), lit->last);
-    const unsigned packets = any_in(vf_lt(vf_of(j->most_due), lit->due));
-    unsigned uneven = 0;
-    if (packets) {
-        const vf some = vf_of(1e-12f), f = moment / vf_max(lost, some);
-        uneven = light_packets(j, pk, way, draft, packets, q, part, span, inner,
-                               select_f(vf_lt(some, lost), f, vf_of(0.5f)), light, lit, course);
-    }
-    course->ticks += course->timed ? cts_tiled_ticks() - before : 0;
-    return uneven;
+    return ((real)0.5f + (real)0.0738f * depth) / (1 + ((real)0.3143f + (real)0.0738f * depth) * depth);
 }
 
-/* Colours that never were worth a slope get the lighting of their packet's last stretch. */
-OUTLINE void light_at_last(const TiledJob *j, const Packet *pk, Way way, unsigned packets, Light *light, Lit *lit)
+enum { LIGHT_HALVINGS = sizeof(real) == 4 ? 9 : 14 };
+
+/* Takes stretches in steps over each of which the normal turns little; sum[3] is the bound. */
+OUTLINE void light_in_steps(const March *m, const Wait *w, const Corners *k, vmask lanes, vf sum[4])
 {
-    Course course = start_course(false);
-    for (int h = 0; h < PACKETS; h++) {
-        int last = 0;
-        for (int l = 0; l < CTS_PACKET; l++)
-            last = lit->last[h * CTS_PACKET + l] > last ? lit->last[h * CTS_PACKET + l] : last;
-        if (packets >> h & 1)
-            light_packets(j, pk, way, false, 1u << h, last / j->samples, last % j->samples, j->samples / j->sheets,
-                          false, vf_of(0.5f), light, lit, &course);
+    const TiledJob *const j = m->job;
+    vf at[3], s = vf_of(0), step = vf_of((real)0.5f), light = w->light;
+    const real shortest = (real)1 / (1 << LIGHT_HALVINGS);
+    Direction before = gradient_at(j, k, w->enter, w->way, s);
+    vmask on = lanes;
+    while (bits_of(on)) {
+        const vf to = vf_min(s + step, vf_of(1)), part = to - s, mm = (real)0.5f * part * w->length;
+        Look look[2];
+        vf weight[2], depth[2], left = light;
+        for (int i = 0; i < 2; i++) {
+            const vf point = s + part * (i ? (real)0.788675135 : (real)0.211324865);
+            for (int a = 0; a < 3; a++)
+                at[a] = w->enter[a] + point * w->way[a];
+            look[i] = look_at(&j->pieces, between(k->level, at));
+            depth[i] = look[i].extinction * mm;
+            weight[i] = left * vf_taken(depth[i]);
+            left -= weight[i];
+        }
+        const vf middle = s + part * centre_of((real)M_LN2 * (depth[0] + depth[1]));
+        const Direction half = gradient_at(j, k, w->enter, w->way, middle),
+                        after = gradient_at(j, k, w->enter, w->way, to);
+        const vf turn = (weight[0] + weight[1]) * (turning(&before, &half) + turning(&half, &after));
+        const vmask taken = on & (vf_le(turn, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
+        const Glow glow = glow_of(j->shade, &half);
+        for (int i = 0; i < 2; i++)
+            for (int c = 0; c < 3; c++)
+                sum[c] += select_f(taken, weight[i] * (look[i].rgb[c] * glow.colour + glow.white), vf_of(0));
+        light = select_f(taken, left, light);
+        sum[3] += select_f(taken, (real)0.25f * turn, vf_of(0));
+        step = select_f(taken, 2 * part, (real)0.5f * part);
+        before.right = select_f(taken, after.right, before.right);
+        before.up = select_f(taken, after.up, before.up);
+        before.along = select_f(taken, after.along, before.along);
+        s = select_f(taken, to, s);
+        on &= vf_lt(s, vf_of(1)) & vf_lt(vf_of((real)1e-9f), light);
     }
 }
 
-/* What is due at the end gets the last lighting there was. */
-INLINE void light_rest(const TiledJob *j, const Packet *pk, Way way, Light *light, Lit *lit)
+OUTLINE void light_some(const March *m, const Lit *lit, int first, int n)
 {
-    const unsigned dark = any_in(vf_lt(vf_of(0), lit->due)) & ~lit->had;
-    if (dark) {
-        Light dark_light = *light;
-        Lit dark_lit = *lit;
-        light_at_last(j, pk, way, dark, &dark_light, &dark_lit);
-        *light = dark_light;
-        *lit = dark_lit;
+    const TiledJob *const j = m->job;
+    const vmask lanes = mask_of((1u << n) - 1);
+    const Wait w = load_wait(lit, first);
+    Corners k;
+    load_corners(j, w.cell, lanes, &k);
+    const Direction centre = gradient_at(j, &k, w.enter, w.way, w.centre),
+                    front = gradient_at(j, &k, w.enter, w.way, vf_of(0)),
+                    back = gradient_at(j, &k, w.enter, w.way, vf_of(1));
+    const vf turn = w.weight * (turning(&front, &centre) + turning(&centre, &back));
+    const vmask stretch = lanes & vf_lt(vf_of(0), w.length),
+                turns = CTS_MUTATED(LIT_STEPS) ? mask_of(0) : stretch & vf_lt(vf_of(m->turn), turn);
+    const Glow glow = glow_of(j->shade, &centre);
+    vf sum[4];
+    for (int c = 0; c < 3; c++)
+        sum[c] = select_f(turns, vf_of(0), w.colour[c] * glow.colour + w.weight * glow.white);
+    sum[3] = select_f(stretch & ~turns, (real)0.25f * turn, vf_of(0));
+    if (bits_of(turns))
+        light_in_steps(m, &w, &k, turns, sum);
+    for (int l = 0; l < n; l++) {
+        const int ray = lit->ray[first + l];
+        for (int c = 0; c < 3; c++)
+            m->rays->rgba[ray][c] += (float)sum[c][l];
+        m->rays->lit_bound[ray] += (float)sum[3][l];
     }
-    light->r = lit->r + light->r * lit->glow.colour + lit->due * lit->glow.white;
-    light->g = lit->g + light->g * lit->glow.colour + lit->due * lit->glow.white;
-    light->b = lit->b + light->b * lit->glow.colour + lit->due * lit->glow.white;
+}
+
+/* Lights what waits, as far as it fills vectors; all of it at the end. */
+OUTLINE void light_up(March *m, Lit *lit, bool all)
+{
+    int done = 0;
+    for (; done + LANES <= lit->n; done += LANES)
+        light_some(m, lit, done, LANES);
+    if (all && done < lit->n) {
+        light_some(m, lit, done, lit->n - done);
+        done = lit->n;
+    }
+    m->counts->lit += (uint64_t)done;
+    lit->n -= done;
+    for (int f = 0; f < WAIT_FIELDS && done > 0; f++)
+        memmove(lit->wait[f], lit->wait[f] + done, (size_t)lit->n * sizeof(real));
+    memmove(lit->ray, lit->ray + done, (size_t)lit->n * sizeof *lit->ray);
+}
+
+/* The lane's faint pieces are lit at their centre. */
+OUTLINE void end_pending(March *m, Lit *lit, int lane)
+{
+    const Packet *const p = &m->p;
+    if (p->ray[lane] < 0 || !(lit->weight[lane] > 0))
+        return;
+    const int i = lit->n++;
+    const real mm = lit->centre[lane] / lit->weight[lane];
+    lit->ray[i] = p->ray[lane];
+    for (int a = 0; a < 3; a++) {
+        const real vox = p->start[a][lane] + mm * m->step[a];
+        const int last = m->job->n_cells[a] - 1, cell = vox < 0 ? 0 : vox < (real)last ? (int)vox : last;
+        lit->wait[WAIT_CELL + a][i] = (real)cell;
+        lit->wait[WAIT_ENTER + a][i] = lit->wait[WAIT_LEAVE + a][i] = vox - (real)cell;
+        lit->wait[WAIT_COLOUR + a][i] = lit->colour[a][lane];
+        lit->colour[a][lane] = 0;
+    }
+    lit->wait[WAIT_WEIGHT][i] = lit->weight[lane];
+    lit->wait[WAIT_CENTRE][i] = lit->wait[WAIT_LIGHT][i] = lit->wait[WAIT_LENGTH][i] = 0;
+    lit->weight[lane] = lit->centre[lane] = 0;
+    if (lit->n > WAITING - 2 * LANES)
+        light_up(m, lit, false);
+}
+
+/* Pieces that have taken this much light wait for theirs. */
+INLINE void await_light(March *m, Lit *lit, const Effect *e, const vf weight[2], const vf colour[3], vf length,
+                        vmask lanes)
+{
+    const Packet *const p = &m->p;
+    const vf all = weight[0] + weight[1], second = weight[1] / vf_max(all, vf_of((real)1e-30f));
+    const vf first_half = centre_of((real)M_LN2 * e->depth[0]), second_half = centre_of((real)M_LN2 * e->depth[1]);
+    const vf centre = (real)0.5f * (first_half + second * (1 + second_half - first_half));
+    const vmask bright = lanes & vf_le(vf_of(m->least_lit), all),
+                faint = CTS_MUTATED(FAINT) ? mask_of(0) : lanes & ~bright;
+    for (int c = 0; c < 3; c++)
+        lit->colour[c] += select_f(faint, colour[c], vf_of(0));
+    lit->weight += select_f(faint, all, vf_of(0));
+    lit->centre += select_f(faint, all * (p->at + centre * length), vf_of(0));
+    unsigned due = bits_of(bright | (faint & vf_le(vf_of(m->least_lit), lit->weight)));
+    if (!due)
+        return;
+    const unsigned now = bits_of(bright);
+    vf enter[3], leave[3];
+    for (int a = 0; a < 3; a++) {
+        const vf within = p->start[a] - to_float(p->cell[a]);
+        enter[a] = within + p->at * m->step[a];
+        leave[a] = within + (p->at + length) * m->step[a];
+    }
+    for (; due; due &= due - 1) {
+        const int l = __builtin_ctz(due);
+        end_pending(m, lit, l);
+        if (!(now >> l & 1))
+            continue;
+        const int i = lit->n++;
+        lit->ray[i] = p->ray[l];
+        for (int a = 0; a < 3; a++) {
+            lit->wait[WAIT_CELL + a][i] = (real)p->cell[a][l];
+            lit->wait[WAIT_ENTER + a][i] = enter[a][l];
+            lit->wait[WAIT_LEAVE + a][i] = leave[a][l];
+            lit->wait[WAIT_COLOUR + a][i] = colour[a][l];
+        }
+        lit->wait[WAIT_WEIGHT][i] = all[l];
+        lit->wait[WAIT_CENTRE][i] = centre[l];
+        lit->wait[WAIT_LIGHT][i] = p->light[l];
+        lit->wait[WAIT_LENGTH][i] = length[l];
+    }
+    if (lit->n > WAITING - 2 * LANES)
+        light_up(m, lit, false);
 }

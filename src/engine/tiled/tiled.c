@@ -1,6 +1,5 @@
-/* The tiled engine: the paper's idea taken to its limit. Sheets are sampled only where the final pixels' rays cross
- * them (so no warp), macro-cells that cannot be seen are skipped, the slab between two sheets is integrated exactly,
- * and a packet of pixels ends when it is opaque. ctsplat-methods(7) has the mathematics. */
+/* The tiled engine: rays through the cells between voxels, where the field is known exactly (cells.h). What cannot be
+ * seen is leapt over, and a ray ends when it is opaque. ctsplat-methods(7) has the mathematics. */
 #include "core/scene/engine.h"
 
 #include "base/clock.h"
@@ -8,315 +7,360 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
-#include "engine/tiled/kept.h"
-#include "engine/tiled/lattice.h"
-#include "engine/tiled/march_plan.h"
+#include "core/scene/scene_macrocells.h"
 #include "engine/project/project.h"
-#include "engine/tiled/tile.h"
+#include "engine/tiled/cells.h"
 #include <math.h>
+#include <stdlib.h>
+#include <string.h>
 
-/* at[0] + at[1] x + at[2] y + at[3] q is the coordinate along `axis` at which the ray of pixel (x, y) meets layer q;
- * for axis -1 its distance from the camera plane in mm. */
-static void plane_map(const CtsView *view, int axis, double camera_mm, double at[4])
-{
-    double start[3], right[3], down[3];
-    const int k = view->axis;
-    cts_view_ray(view, 0, 0, start);
-    for (int a = 0; a < 3; a++) {
-        right[a] = view->right_vox[a] * view->mm_per_pixel;
-        down[a] = -view->up_vox[a] * view->mm_per_pixel;
-    }
-    const double slope = (axis < 0 ? 1 : view->forward_vox[axis]) / view->forward_vox[k]; /* for each rising layer */
-    const double first = view->axis_sign > 0 ? 0 : view->dims[k] - 1;
-    at[0] = (axis < 0 ? camera_mm : start[axis]) + slope * (first - start[k]);
-    at[1] = (axis < 0 ? 0 : right[axis]) - slope * right[k];
-    at[2] = (axis < 0 ? 0 : down[axis]) - slope * down[k];
-    at[3] = slope * view->axis_sign + 0.0;
-}
+/* What depends on volume and preset alone: made for the first frame, and kept for those that follow. */
+typedef struct Kept {
+    CtsMacrocells *own_macrocells; /* where the volume has none */
+    int macrocells_frame;
+    TiledMask mask;
+    int mask_frame;
+} Kept;
 
-/* Layer q lies mm[0] + mm[1] x + mm[2] y + mm[3] q behind the plane through the view's centre; x and y follow from
- * where the ray meets layer 0. */
-static void slab_map(const TiledJob *j, const double mm[4], double face_mm, double at[3])
+static void free_kept(void *kept)
 {
-    at[0] = face_mm;
-    at[1] = at[2] = 0;
-    if (!isfinite(face_mm))
+    Kept *const k = kept;
+    if (!k)
         return;
-    const double area = j->u_at[1] * j->v_at[2] - j->u_at[2] * j->v_at[1];
-    const double by_u = (mm[1] * j->v_at[2] - mm[2] * j->v_at[1]) / area;
-    const double by_v = (mm[2] * j->u_at[1] - mm[1] * j->u_at[2]) / area;
-    at[0] = (face_mm - mm[0] + by_u * j->u_at[0] + by_v * j->v_at[0]) / mm[3];
-    at[1] = -by_u / mm[3];
-    at[2] = -by_v / mm[3];
+    cts_macrocells_free(&k->own_macrocells);
+    cts_tiled_mask_free(&k->mask);
+    free(k);
 }
 
-/* A packet's pixels and sheets as exact steps of 2^-16 and 2^-32 voxels. */
-static void init_steps(TiledJob *j)
+static CtsStatus open_kept(const CtsScene *scene, Kept **kept, CtsError *err)
 {
-    j->u_step = (int64_t)floor(j->u_at[3] / j->samples * 4294967296.0 + 0.5);
-    j->v_step = (int64_t)floor(j->v_at[3] / j->samples * 4294967296.0 + 0.5);
-    enum { LAYERS_AHEAD = 5 };
-    j->fetch_ahead = LAYERS_AHEAD * j->layer_stride + (ptrdiff_t)floor(LAYERS_AHEAD * j->v_at[3]) * j->row_stride +
-                     (ptrdiff_t)floor(LAYERS_AHEAD * j->u_at[3]);
-    for (int l = 0; l < CTS_PACKET && (j->windowed || j->gathers); l++) {
-        j->lane_u[l] = (int32_t)floor(l * j->u_at[1] * 65536 + 0.5);
-        j->lane_v[l] = (int32_t)floor(l * j->v_at[1] * 65536 + 0.5);
+    *kept = scene->kept ? *scene->kept : NULL;
+    if (!*kept && !(*kept = calloc(1, sizeof **kept)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (scene->kept)
+        *scene->kept = *kept;
+    return CTS_OK;
+}
+
+static void tell_kept(const CtsScene *scene, const char *what, int made_for, CtsReport *report)
+{
+    if (made_for != scene->frame)
+        cts_report_skip(report, what, "made for an earlier frame");
+}
+
+static CtsStatus find_macrocells(Kept *k, const CtsScene *scene, const CtsMacrocells **macrocells, CtsReport *report,
+                                 CtsError *err)
+{
+    if (k->own_macrocells)
+        tell_kept(scene, "macro-cells", k->macrocells_frame, report);
+    else
+        k->macrocells_frame = scene->frame;
+    return cts_scene_macrocells(scene, &k->own_macrocells, macrocells, report, err);
+}
+
+static CtsStatus find_mask(Kept *k, const CtsScene *scene, const CtsMacrocells *macrocells, CtsReport *report,
+                           CtsError *err)
+{
+    CtsStatus st;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if (k->mask.cells) {
+        tell_kept(scene, "mask of what is visible", k->mask_frame, report);
+        return CTS_OK;
     }
-    for (int l = 0; l < CTS_PACKET; l++) {
-        const int a = l / 4 * 4, b = a + 3; /* lanes are monotone, so a half's smallest is at one of its ends */
-        j->half_u[l] = j->lane_u[a] < j->lane_u[b] ? j->lane_u[a] : j->lane_u[b];
-        j->half_v[l] = j->lane_v[a] < j->lane_v[b] ? j->lane_v[a] : j->lane_v[b];
+    if ((st = cts_tiled_mask_init(&k->mask, scene, macrocells, err)))
+        return st;
+    k->mask_frame = scene->frame;
+    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
+                     (uint64_t)k->mask.n[0] * (uint64_t)k->mask.n[1] * (uint64_t)k->mask.n[2], 0);
+    return CTS_OK;
+}
+
+/* Tolerances of a piece and of a ray's end, as shares of the error asked for: pieces err either way and by far less
+ * than they may, what a ray leaves out adds up. */
+#define PIECE_TOLERANCE 1
+#define RAY_END 0.5
+/* What weighs less than this share of it is lit with what follows; and by so much a normal may turn, weighed. */
+#define LEAST_LIT 2
+#define TURN_LIT 1
+/* Grey levels are known to so many voxels of a steep edge. */
+#define TOUCH_HU 0.1
+
+static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept)
+{
+    const CtsVolume *const v = scene->volume;
+    const double asked = cts_scene_error_asked(scene);
+    ptrdiff_t stride = 1;
+    *j = (TiledJob){.grey = v->grey, .view = scene->view, .mask = kept->mask};
+    for (int a = 0; a < 3; a++) {
+        j->dims[a] = v->dims[a];
+        j->n_cells[a] = v->dims[a] > 1 ? v->dims[a] - 1 : 1;
+        j->stride[a] = v->dims[a] > 1 ? stride : 0;
+        j->step[a] = scene->view.forward_vox[a];
+        stride *= v->dims[a];
     }
+    cts_tiled_pieces_init(&j->pieces, scene);
+    j->tolerance = (float)(PIECE_TOLERANCE * asked);
+    j->dark = (float)fmin(RAY_END * asked, 1.0 / 64);
+    j->touch = (float)(TOUCH_HU / v->hu_step);
+    j->camera_mm = cts_volume_diagonal_mm(v) / 2 + CTS_MUTATED(DEPTH_SLAB);
 }
 
-/* Which packets fit which windows. */
-enum { TILE_PIXELS = 64 };
-
-static void init_windows(TiledJob *j, const CtsLayout *layout)
+static void light_job(TiledJob *j, const CtsScene *scene, const CtsShade *shade)
 {
-    const double u = fabs(j->u_at[1]), v = fabs(j->v_at[1]);
-    j->window_u = layout->alloc_u - CTS_LAYOUT_MIN_U;
-    j->window_v = layout->alloc_v - CTS_LAYOUT_MIN_V;
-    /* Positions of 2^-16 voxels must fit 32 bits, a tile's overhang included. */
-    const bool small = layout->nu < 30000 && layout->nv < 30000;
-    j->windowed = small && 3 * u <= 6 && 3 * v <= 1;
-    j->gathers = !j->windowed && small && TILE_PIXELS * (u + fabs(j->u_at[2])) < 2000 &&
-                 TILE_PIXELS * (v + fabs(j->v_at[2])) < 2000 && (double)layout->row_stride * layout->alloc_v < 2e9;
-    j->narrow_offsets = (j->windowed || j->gathers) && (double)layout->row_stride * layout->alloc_v < 1e9;
-    const bool one = j->windowed && layout->alloc_u >= 16 && layout->alloc_v >= 4;
-    j->one_window_rows = 0;
-    for (int rows = 1; one && rows < CTS_PACKET; rows++)
-        if (7 * u + rows * fabs(j->u_at[2]) <= 13 && 7 * v + rows * fabs(j->v_at[2]) <= 1.99)
-            j->one_window_rows = rows;
-}
-
-static void init_frame(TiledJob *j)
-{
+    const double asked = cts_scene_error_asked(scene);
+    j->shade = shade;
     for (int i = 0; i < 3; i++)
-        for (int c = 0; c < 3; c++)
-            j->frame[i][c] =
-                j->shade->frame[i][c] * (c == 2 && j->rising == CTS_MUTATED(GRADIENT_SIGN) ? -1 : 1) / 16384;
+        for (int a = 0; a < 3; a++)
+            j->frame[i][a] = shade->frame[i][a] * (a == 2 && CTS_MUTATED(GRADIENT_SIGN) ? -1 : 1);
+    j->least_lit = (float)(LEAST_LIT * asked);
+    j->turn = (float)(TURN_LIT * asked);
 }
 
-static void init_job(TiledJob *j, const CtsScene *scene, const CtsLayout *layout)
-{
-    const CtsView *view = &scene->view;
-    plane_map(view, layout->axis_u, 0, j->u_at);
-    plane_map(view, layout->axis_v, 0, j->v_at);
-    const double too_far_mm = CTS_MUTATED(DEPTH_SLAB) ? view->layer_mm : 0;
-    plane_map(view, -1, cts_volume_diagonal_mm(scene->volume) / 2 + too_far_mm, j->depth_at);
-    double behind_mm[4];
-    plane_map(view, -1, 0, behind_mm);
-    slab_map(j, behind_mm, view->near_mm, j->near_at);
-    slab_map(j, behind_mm, view->far_mm, j->far_at);
-    j->slab = isfinite(view->near_mm);
-    j->nu = layout->nu;
-    j->nv = layout->nv;
-    j->nk = layout->nk - (CTS_MUTATED(LAST_SLAB) && layout->nk > 2);
-    j->rising = view->axis_sign > 0;
-    j->row_stride = layout->row_stride;
-    j->layer_stride = layout->layer_stride * view->axis_sign;
-    init_windows(j, layout);
-    j->straight = j->u_at[3] == 0 && j->v_at[3] == 0;
-    j->layer_mm = CTS_MUTATED(LAYER_LENGTH) ? 1 : (float)view->layer_mm;
-    j->width = view->width;
-    cts_tiled_plan(j, scene);
-    init_steps(j);
-}
+/* The march of a picture: the fastest that this processor has, and plain C for what vectors' offsets cannot hold. */
+typedef struct Path {
+    const char *name;
+    cts_tiled_march_fn march, exact;
+} Path;
 
-/* How far, in macro-cells, from a visible one lies what a beam may sample: beams are sampled as a whole, up to the next
- * layer of fine macro-cells; a voxel more for interpolation, and for slopes as far as these look. */
-static int sampled_reach(const TiledJob *j)
-{
-    const int apart = j->draft.mean ? 2 : 1; /* on a lattice */
-    const double u = 7 * apart * (fabs(j->u_at[1]) + fabs(j->u_at[2])) + CTS_FINE_MACROCELL * fabs(j->u_at[3]);
-    const double v = 7 * apart * (fabs(j->v_at[1]) + fabs(j->v_at[2])) + CTS_FINE_MACROCELL * fabs(j->v_at[3]);
-    int slopes = 1;
-    for (int axis = 0; axis < 3 && j->shade; axis++)
-        slopes = j->shade->step[axis] > slopes ? j->shade->step[axis] : slopes;
-    return (int)fmin(ceil((fmax(fmax(u, v), CTS_FINE_MACROCELL) + 1 + slopes) / CTS_MACROCELL), 255);
-}
-
-static TiledPath choose_path(const TiledJob *j)
+static Path choose_path(const TiledJob *j)
 {
     const unsigned cpu = cts_cpu_flags();
-    if (cpu & CTS_CPU_AVX512 && (j->windowed || j->gathers))
-        return (TiledPath){"AVX-512", cts_tiled_packets_avx512, cts_tiled_packets_avx2, 2};
+    const bool narrow = j->dims[0] > 1 && (double)j->dims[0] * j->dims[1] * j->dims[2] < INT32_MAX;
+    if (cpu & CTS_CPU_AVX512)
+        return (Path){"AVX-512", narrow ? cts_tiled_march_avx512 : cts_tiled_march_c, cts_tiled_march_exact_avx512};
     if (cpu & CTS_CPU_AVX2)
-        return (TiledPath){"AVX2", cts_tiled_packets_avx2, cts_tiled_packets_avx2, 1};
-    return (TiledPath){"plain C", cts_tiled_packets_c, cts_tiled_packets_c, 1};
+        return (Path){"AVX2", narrow ? cts_tiled_march_avx2 : cts_tiled_march_c, cts_tiled_march_exact_avx2};
+    return (Path){"plain C", cts_tiled_march_c, cts_tiled_march_exact};
 }
+
+enum { TILE = 32, SQUARE = 4 };
+_Static_assert(TILE *TILE == TILED_RAYS, "a tile is a list of rays");
+_Static_assert(CTS_BAND_ROWS % TILE == 0, "a band of rows is whole tiles, or the picture would depend on it");
 
 typedef struct Tiles {
     const TiledJob *job;
-    const TiledPath *path;
+    const Path *path;
     const CtsScene *scene;
-    TiledWorkspace *workspaces; /* of each worker */
+    CtsPicture *picture;
+    TiledScratch *scratch; /* of each worker */
+    int across;
 } Tiles;
+
+/* Rays of a tile, by squares of SQUARE pixels each way: what is side by side meets the same cells. */
+static void list_rays(const Tiles *t, TiledRays *rays, int x0, int y0)
+{
+    const CtsPicture *const p = t->picture;
+    rays->n = 0;
+    for (int i = 0; i < TILE * TILE; i++) {
+        const int square = i / (SQUARE * SQUARE), in = i % (SQUARE * SQUARE);
+        const int x = x0 + square % (TILE / SQUARE) * SQUARE + in % SQUARE,
+                  y = y0 + square / (TILE / SQUARE) * SQUARE + in / SQUARE;
+        if (x < p->width && y < p->height)
+            cts_tiled_add_ray(t->job, rays, x, p->first_row + y);
+    }
+}
+
+static void run_tile(const Tiles *t, TiledScratch *s, int tile)
+{
+    CtsPicture *const p = t->picture;
+    TiledRays *const rays = &s->rays;
+    list_rays(t, rays, tile % t->across * TILE, tile / t->across * TILE);
+    t->path->march(t->job, rays, &s->counts);
+    for (int i = 0; i < rays->n; i++) {
+        const size_t at = (size_t)(rays->y[i] - p->first_row) * (size_t)p->width + rays->x[i];
+        for (int c = 0; c < 4; c++)
+            p->pixels[4 * at + (size_t)c] = rays->rgba[i][c];
+        if (p->bound)
+            p->bound[at] = rays->bound[i];
+        if (p->depth_mm)
+            p->depth_mm[at] = rays->depth_mm[i];
+    }
+}
 
 static void run_some_tiles(void *context, int worker, size_t first, size_t end)
 {
     const Tiles *const t = context;
     for (size_t tile = first; tile < end && !cts_scene_stopped(t->scene); tile++)
-        cts_tiled_run_tile(t->job, t->path, &t->workspaces[worker], (int)tile);
+        run_tile(t, &t->scratch[worker], (int)tile);
 }
 
-static CtsStatus run_tiles(const TiledJob *j, const TiledPath *path, const CtsScene *scene, TiledCounts *total,
-                           CtsError *err)
+static CtsStatus run_tiles(const TiledJob *j, const Path *path, const CtsScene *scene, CtsPicture *picture,
+                           TiledCounts *total, CtsError *err)
 {
     const int n_threads = scene->settings->n_threads;
-    const size_t n_runs = cts_tiled_n_runs(j);
-    TiledRun *runs = NULL;
-    TiledWorkspace *workspaces = NULL;
     CtsStatus st;
-    if ((st = cts_alloc_array(&runs, n_runs * (size_t)n_threads, err)) ||
-        (st = cts_alloc_zeroed(&workspaces, (size_t)n_threads, err)))
-        goto end;
-    for (int t = 0; t < n_threads; t++)
-        workspaces[t].runs = runs + n_runs * (size_t)t;
-    Tiles tiles = {j, path, scene, workspaces};
-    cts_parallel(n_threads, (size_t)cts_tiled_n_tiles(j), 1, run_some_tiles, &tiles);
-    for (int t = 0; t < n_threads; t++) {
-        total->samples += workspaces[t].counts.samples;
-        total->slabs += workspaces[t].counts.slabs;
-        total->marches += workspaces[t].counts.marches;
-        total->splat_ticks += workspaces[t].counts.splat_ticks;
-        total->composite_ticks += workspaces[t].counts.composite_ticks;
-        total->shade_ticks += workspaces[t].counts.shade_ticks;
+    Tiles t = {j, path, scene, picture, NULL, (picture->width + TILE - 1) / TILE};
+    if ((st = cts_alloc_zeroed(&t.scratch, (size_t)n_threads, err)))
+        return st;
+    const int down = (picture->height + TILE - 1) / TILE;
+    cts_parallel(n_threads, (size_t)t.across * (size_t)down, 1, run_some_tiles, &t);
+    for (int w = 0; w < n_threads; w++) {
+        const TiledCounts *const c = &t.scratch[w].counts;
+        total->skips += c->skips;
+        total->pieces += c->pieces;
+        total->lit += c->lit;
     }
-    if (cts_scene_stopped(scene))
-        st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-end:
-    cts_free(&workspaces);
-    cts_free(&runs);
-    return st;
+    cts_free(&t.scratch);
+    return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }
 
-static void report_counts(const TiledCounts *counts, const CtsScene *scene, const CtsEmptySpace *empty, double wall_ms,
+static void plan(const TiledJob *j, const CtsScene *scene, const char *path, CtsReport *report)
+{
+    const CtsRenderSettings *const s = scene->settings;
+    const int64_t n = (int64_t)j->mask.n[0] * j->mask.n[1] * j->mask.n[2];
+    cts_report_plan(report, "engine tiled: %d x %d x %d cells, where rays meet cubics", j->n_cells[0], j->n_cells[1],
+                    j->n_cells[2]);
+    cts_report_plan(report, "blocks of %d^3 cells: %lld of %lld may be visible (%.1f %%)", TILED_BLOCK,
+                    (long long)j->mask.n_visible, (long long)n, 100.0 * (double)j->mask.n_visible / (double)n);
+    cts_report_plan(report, "pieces of a ray: two points each, cut at %d knots where they err by more than %.3g/255",
+                    j->pieces.n_knots, 255 * (double)j->tolerance);
+    cts_report_plan(report, "rays end below transmittance %.3g; lighting %s; SIMD path %s; %d threads", (double)j->dark,
+                    j->shade ? "on" : "off", path, s->n_threads);
+    if (j->mask.n_visible == n)
+        cts_report_skip(report, "void skipping", "every block may be visible");
+    if (scene->plan.samples > 0)
+        cts_report_skip(report, "samples", "the engine has no sheets");
+    if (s->tolerance_hu > 0)
+        cts_report_skip(report, "tolerance", "the engine compares no layers");
+}
+
+static void report_counts(const TiledCounts *c, const CtsScene *scene, const TiledMask *mask, double wall_ms,
                           double cpu_ms, CtsReport *report)
 {
-    const double ticks = (double)(counts->splat_ticks + counts->composite_ticks + counts->shade_ticks);
     double busy[CTS_N_STAGES] = {0};
     uint64_t items[CTS_N_STAGES] = {0}, bytes[CTS_N_STAGES] = {0};
-    busy[CTS_STAGE_SPLAT] = ticks > 0 ? (double)counts->splat_ticks / ticks : 0.5;
-    busy[CTS_STAGE_SHADE] = ticks > 0 ? (double)counts->shade_ticks / ticks : 0;
-    busy[CTS_STAGE_COMPOSITE] = 1 - busy[CTS_STAGE_SPLAT] - busy[CTS_STAGE_SHADE];
-    items[CTS_STAGE_SPLAT] = counts->samples;
-    items[CTS_STAGE_COMPOSITE] = counts->slabs;
-    items[CTS_STAGE_SHADE] = scene->preset->shade ? counts->slabs : 0;
-    bytes[CTS_STAGE_SPLAT] = counts->samples * 4 * sizeof(uint16_t); /* the voxels around each */
+    busy[CTS_STAGE_COMPOSITE] = 1;
+    items[CTS_STAGE_COMPOSITE] = c->pieces;
+    bytes[CTS_STAGE_COMPOSITE] = c->pieces * 8 * sizeof(uint16_t); /* a cell's corners */
     cts_report_region(report, wall_ms, cpu_ms, busy, items, bytes);
     if (report) {
         CtsVoxelCounts *v = &report->voxels;
+        const double n = (double)mask->n[0] * mask->n[1] * mask->n[2];
         v->known = true;
         v->total = cts_volume_n_voxels(scene->volume);
-        v->splatted = (uint64_t)((double)v->total * (double)empty->n_visible / (double)empty->n_macrocells);
+        v->splatted = (uint64_t)((double)v->total * (double)mask->n_visible / n);
         v->void_voxels = v->total - v->splatted;
         v->reused = 0;
     }
 }
 
-/* Pixels further apart than this, times the error asked for, are not filled in between: what is filled in straight is
- * off by a small part of that. Beyond an eighth of the range edges would show as steps. */
-#define AGREE_WITHIN 4
-#define AGREE_AT_MOST 0.125
-
-/* A draft's lattice first, where one pays, then the picture. */
-static CtsStatus run_picture(TiledJob *j, const TiledPath *path, const CtsScene *scene, const CtsLayout *layout,
-                             TiledKept *kept, TiledCounts *total, CtsError *err)
-{
-    CtsStatus st;
-    TiledJob lattice;
-    if (!cts_lattice_pays(j, scene))
-        return run_tiles(j, path, scene, total, err);
-    cts_lattice_spread(&lattice, j);
-    init_steps(&lattice);
-    init_windows(&lattice, layout);
-    const TiledPath spread_path = choose_path(&lattice);
-    const size_t n = (size_t)lattice.width * (size_t)(lattice.past_row - lattice.first_row);
-    if ((st = cts_tiled_kept_lattice(kept, n, &lattice.rgba, err)) ||
-        (st = run_tiles(&lattice, &spread_path, scene, total, err)))
-        return st;
-    j->lattice = (TiledLattice){lattice.rgba, lattice.width, lattice.first_row,
-                                (float)fmin(AGREE_WITHIN * cts_scene_error_asked(scene), AGREE_AT_MOST)};
-    return run_tiles(j, path, scene, total, err);
-}
-
-static CtsStatus composite(const CtsScene *scene, TiledKept *kept, const CtsMacrocells *macrocells, CtsPicture *picture,
+static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocells *macrocells, CtsPicture *picture,
                            CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    CtsLayout layout;
     CtsShade shade = {0};
-    TiledJob job = {0};
+    TiledJob job;
     TiledCounts counts = {0};
-    layout = cts_layout_plan(scene->volume, &scene->view);
-    double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    const int axes[3] = {layout.axis_u, layout.axis_v, layout.axis_k};
-    if ((st = cts_tiled_kept_tables(kept, scene, macrocells, &layout, report, err)))
-        goto end;
-    job.table = kept->table;
-    job.table.quiet_high -= CTS_MUTATED(QUIET_HIGH);
-    job.empty = kept->empty;
-    if (cts_scene_drafts(scene))
-        job.draft = kept->draft;
+    if ((st = find_mask(kept, scene, macrocells, report, err)))
+        return st;
+    init_job(&job, scene, kept);
     if (scene->preset->shade) {
-        if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, axes, err)))
+        if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
             goto end;
-        job.shade = &shade;
+        light_job(&job, scene, &shade);
     }
-    job.grey_least = (float)macrocells->all.low;
-    job.grey_most = (float)macrocells->all.high;
-    job.narrow = job.grey_most - job.grey_least < 32768;
-    init_job(&job, scene, &layout);
-    if (job.shade)
-        init_frame(&job);
-    const TiledPath path = choose_path(&job);
+    const Path path = choose_path(&job);
     cts_scene_tell_parts(scene, report);
-    cts_tiled_plan_report(&job, scene, &layout, sampled_reach(&job), path.name, report);
-    cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
-                     (uint64_t)job.empty.n_macrocells, 0);
+    plan(&job, scene, path.name, report);
     if (!picture)
         goto end;
-    if ((st = cts_tiled_kept_layout(kept, scene, sampled_reach(&job), &layout, report, err)))
+    job.want_depth = picture->depth_mm;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if ((st = run_tiles(&job, &path, scene, picture, &counts, err)))
         goto end;
-    job.layer0 = layout.grey + (job.rising ? 0 : (layout.nk - 1) * layout.layer_stride);
-    job.rgba = picture->pixels;
-    job.first_row = picture->first_row;
-    job.past_row = picture->first_row + picture->height;
-    job.depth_mm = picture->depth_mm;
-    job.bound = picture->bound;
-    wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if ((st = run_picture(&job, &path, scene, &layout, kept, &counts, err)))
-        goto end;
-    report_counts(&counts, scene, &job.empty, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
+    report_counts(&counts, scene, &job.mask, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_shade_free(&shade);
+    return st;
+}
+
+/* Pixels that are marched again, list by list. */
+typedef struct Again {
+    const TiledJob *job;
+    const CtsScene *scene;
+    const CtsPicture *band;
+    const uint32_t *place;
+    float (*rgba)[4];
+    TiledScratch *scratch; /* of each worker */
+    cts_tiled_march_fn march;
+} Again;
+
+enum { AT_ONCE = 64 };
+
+static void run_some_again(void *context, int worker, size_t first, size_t end)
+{
+    const Again *const a = context;
+    TiledRays *const rays = &a->scratch[worker].rays;
+    const size_t width = (size_t)a->band->width;
+    while (first < end && !cts_scene_stopped(a->scene)) {
+        size_t which[AT_ONCE];
+        rays->n = 0;
+        for (; first < end && rays->n < AT_ONCE; first++) {
+            const uint32_t at = a->place[first];
+            memset(a->rgba[first], 0, sizeof a->rgba[first]);
+            which[rays->n] = first; /* stays only where the ray does not miss the box */
+            cts_tiled_add_ray(a->job, rays, (int)(at % width), a->band->first_row + (int)(at / width));
+        }
+        a->march(a->job, rays, &a->scratch[worker].counts);
+        for (int i = 0; i < rays->n; i++)
+            memcpy(a->rgba[which[i]], rays->rgba[i], sizeof rays->rgba[i]);
+    }
+}
+
+static CtsStatus render_again(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
+                              float (*rgba)[4], CtsError *err)
+{
+    const int n_threads = scene->settings->n_threads;
+    CtsStatus st;
+    CtsShade shade = {0};
+    TiledJob job;
+    Kept *kept = NULL;
+    const CtsMacrocells *macrocells;
+    Again a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba};
+    if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, NULL, err)) ||
+        (st = find_mask(kept, scene, macrocells, NULL, err)))
+        goto end;
+    init_job(&job, scene, kept);
+    if (scene->preset->shade) {
+        if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
+            goto end;
+        light_job(&job, scene, &shade);
+    }
+    a.march = choose_path(&job).exact;
+    if ((st = cts_alloc_zeroed(&a.scratch, (size_t)n_threads, err)))
+        goto end;
+    cts_parallel(n_threads, n, AT_ONCE, run_some_again, &a);
+    st = cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
+end:
+    cts_free(&a.scratch);
+    cts_shade_free(&shade);
+    if (!scene->kept)
+        free_kept(kept);
     return st;
 }
 
 static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    TiledKept *kept = NULL;
+    Kept *kept = NULL;
     const CtsMacrocells *macrocells;
-    if ((st = cts_tiled_kept_open(scene, &kept, err)) ||
-        (st = cts_tiled_kept_macrocells(kept, scene, &macrocells, report, err)))
+    if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, report, err)))
         goto end;
     st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, macrocells, picture, report, err)
                                                    : cts_project(scene, macrocells, picture, report, err);
 end:
-    cts_tiled_kept_close(scene, kept);
+    if (!scene->kept)
+        free_kept(kept);
     return st;
 }
 
 const CtsEngine cts_engine_tiled = {
     .name = "tiled",
     .render = render_tiled,
-    .bounds_error = true,
+    .again = render_again,
     .skips_void = true,
     .cuts_slabs = true,
     .modes = (1u << CTS_N_MODES) - 1,
     .kernels = 1u << CTS_KERNEL_TENT,
-    .forget = cts_tiled_kept_free,
+    .forget = free_kept,
 };

@@ -33,8 +33,6 @@ static void add_paper(Plan *p, CtsEngineId engine, bool reuses_layers, bool skip
 static void add_tiled(Plan *p)
 {
     add(p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, 0, 0, false);
-    for (int samples = 1; samples <= 8; samples *= 2)
-        add(p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, samples, 0, false);
     static const double asked[] = {16, 12, 8, 5, 3, 2, 1, 0.5, 0.25, 0.1};
     for (size_t i = 0; i < sizeof asked / sizeof *asked; i++) {
         add(p, CTS_ENGINE_TILED, CTS_KERNEL_TENT, 0, 0, false);

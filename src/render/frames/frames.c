@@ -3,10 +3,9 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "render/draft/draft.h"
+#include "core/scene/framing.h"
 #include "render/frames/engines.h"
 #include "render/frames/key.h"
-#include "core/scene/framing.h"
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -24,8 +23,7 @@ struct CtsFrames {
     double lut_scale; /* extinction_scale that lut was made for */
     CtsFoundKey key;
     bool key_found, key_told;
-    void *kept; /* the engine's */
-    CtsHalf half;
+    void *kept;               /* the engine's */
     int n_begun;              /* frames */
     CtsVisible *visible;      /* made when a frame is fitted to it */
     CtsRenderSettings fitted; /* of the last view that was fitted, where is_fitted says so */
@@ -108,7 +106,6 @@ void cts_frames_free(CtsFrames **frames)
         return;
     if (f->kept && f->engine->forget)
         f->engine->forget(f->kept);
-    cts_half_free(&f->half, f->engine);
     cts_lut_free(&f->lut);
     cts_visible_free(&f->visible);
     cts_volume_free(&f->quantised);
@@ -302,22 +299,6 @@ static void tell_left_out(const CtsFrame *frame, CtsReport *report)
         cts_report_skip(report, "depth", "mode %s shows no surface", cts_mode_names[p->mode]);
 }
 
-/* Whether the frame is made at half the resolution; an explanation makes nothing that would tell. */
-static CtsStatus begin_half(CtsFrame *frame, CtsReport *report, CtsError *err)
-{
-    CtsFrames *f = frame->frames;
-    const CtsScene *scene = &frame->store.scene;
-    CtsStatus st = CTS_OK;
-    if (!cts_half_serves(&f->half, f->engine, scene))
-        return CTS_OK;
-    if (frame->explain)
-        cts_report_plan(report, "draft: of a copy at half the resolution, where rays show that it will do");
-    else
-        st = cts_half_init(&f->half, f->engine, scene, &frame->half, report, err);
-    frame->at_half = !frame->explain && cts_half_serves(&f->half, f->engine, scene);
-    return st;
-}
-
 CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *task, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -333,8 +314,6 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
         return st;
     tell_key(f, report);
     tell_left_out(frame, report);
-    if ((st = begin_half(frame, report, err)))
-        return st;
     const bool lossy = report && report->key_loss > 0;
     const int n = task->n_verified > 0 ? task->n_verified : lossy ? task->least_lossy : 0;
     if (n == 0 || task->explain)
@@ -358,8 +337,7 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     fill_info(&(*picture)->info, scene, frame->frames->engine->name);
     if (scene->preset->mode != CTS_MODE_COMPOSITE)
         return CTS_OK;
-    if (frame->frames->engine->bounds_error && !cts_scene_drafts(scene) &&
-        (st = cts_alloc_zeroed(&(*picture)->bound, n, err)))
+    if (frame->frames->engine->again && (st = cts_alloc_zeroed(&(*picture)->bound, n, err)))
         return st;
     if (!frame->want_depth)
         return CTS_OK;
@@ -370,20 +348,9 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     return CTS_OK;
 }
 
-static const CtsScene *seen(const CtsFrame *frame)
-{
-    return frame->at_half ? &frame->half.scene : &frame->store.scene;
-}
-
 CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err)
 {
-    return frame->frames->engine->render(seen(frame), NULL, report, err);
-}
-
-static bool is_draft(const CtsFrame *frame)
-{
-    const CtsScene *scene = &frame->store.scene;
-    return frame->frames->engine->bounds_error && scene->preset->mode == CTS_MODE_COMPOSITE && cts_scene_drafts(scene);
+    return frame->frames->engine->render(&frame->store.scene, NULL, report, err);
 }
 
 CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
@@ -392,12 +359,9 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     *band = NULL;
     CtsStatus st = new_band(frame, first_row, n_rows, band, err);
     if (!st)
-        st = frame->frames->engine->render(seen(frame), *band, report, err);
+        st = frame->frames->engine->render(&frame->store.scene, *band, report, err);
     if (!st && (*band)->bound)
-        st = cts_bound_keep(&frame->bound, &frame->store.scene, *band, err);
-    else if (!st && is_draft(frame))
-        st = (frame->at_half ? cts_half_keep : cts_draft_keep)(&frame->bound, frame->frames->engine,
-                                                               &frame->store.scene, *band, err);
+        st = cts_bound_keep(&frame->bound, frame->frames->engine, &frame->store.scene, *band, err);
     if (st)
         cts_picture_free(band);
     else
@@ -411,9 +375,6 @@ CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsErr
         st = cts_verify_end(&frame->verify, report, err);
     if (!st)
         cts_bound_tell(&frame->bound, &frame->store.scene, report);
-    if (!st && frame->at_half)
-        cts_half_end(&frame->frames->half, frame->frames->engine, &frame->store.scene, &frame->bound, report);
-    cts_bound_free(&frame->bound);
     cts_verify_free(&frame->verify);
     return st;
 }

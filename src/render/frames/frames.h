@@ -1,13 +1,12 @@
 /* The renderer below the public calls: one volume with one preset, frame by frame, by a plan that its caller gives.
- * What does not change from frame to frame (the quantised copy, the one at half the resolution, the transfer function's
- * table, the void key, what the engine keeps) is made once. */
+ * What does not change from frame to frame (the quantised copy, the transfer function's table, the void key, what the
+ * engine keeps) is made once. */
 #ifndef CTS_RENDER_FRAMES_H
 #define CTS_RENDER_FRAMES_H
 
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
 #include "render/error/bound.h"
-#include "render/draft/half.h"
 #include "render/error/verify.h"
 #include "core/scene/engine.h"
 #include "core/scene/resolve.h"
@@ -42,8 +41,7 @@ typedef struct CtsFrameTask {
 typedef struct CtsFrame {
     CtsFrames *frames;
     bool want_depth, explain;
-    CtsSceneStore store, half; /* the latter of the volume at half its resolution, where at_half */
-    bool at_half;
+    CtsSceneStore store;
     CtsScene original; /* store's scene of the volume before quantising: what that loses is part of the error */
     CtsVerify verify;
     CtsFrameBound bound;

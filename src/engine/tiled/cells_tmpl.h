@@ -1,0 +1,574 @@
+/* The march itself; see cells.h, and vec_tmpl.h for what it is written in. */
+
+#ifdef EXACT
+enum { HALVINGS = 40, ROOT_STEPS = 40 };
+#define FINER 0.02
+#define LEAST_SHARE ((real)1e-9)
+#define LEAST_MM ((real)1e-11)
+#define FAR_MM ((real)1e60)
+#define NEARLY_1 (1 - 0x1p-52)
+#else
+enum { HALVINGS = 3, ROOT_STEPS = 5 };
+#define LEAST_SHARE ((real)2e-4)
+#define LEAST_MM ((real)6e-5)
+#define FAR_MM ((real)1e30)
+#define NEARLY_1 ((real)(1 - 0x1p-23))
+#endif
+enum { MOST_CUTS = 8 };
+/* Levels are rounded by this share of what a ray may touch or not. */
+#define ROUNDED_BY ((real)0.003f)
+
+typedef struct Packet {
+    vf start[3]; /* of the rays, voxels */
+    vf at, end;  /* mm from there: where they are, and where they leave the box */
+    vf until;    /* a piece ends here at the latest */
+    vf light, sum[4], bound;
+    vf surface, first; /* mm to where half of the light is gone, and to where anything is seen */
+    vi cell[3];
+    vmask active;
+    vmask ready; /* in a cell that may show something */
+    vmask fresh; /* just cut at a knot */
+    int ray[LANES];
+} Packet;
+
+typedef struct March {
+    const TiledJob *job;
+    TiledRays *rays;
+    TiledCounts *counts;
+    int next; /* ray */
+    real step[3], inverse[3], far[3], tolerance, dark, touch, least_lit, turn;
+    whole ahead[3], behind[3];
+    Packet p;
+} March;
+
+/* One cubic of the field along a piece, by its Bernstein numbers. */
+typedef struct Cubic {
+    vf b[4];
+} Cubic;
+
+INLINE vmask is_outside(const TiledJob *j, int axis, vi cell)
+{
+    const vi last = vi_of(j->n_cells[axis] - 1);
+    return vi_lt(cell, vi_of(0)) | vi_lt(last, cell);
+}
+
+INLINE vf nearest(const vf t[3], vf from)
+{
+    return vf_max(vf_min(vf_min(t[0], t[1]), t[2]), from);
+}
+
+/* Where rays pass the faces ahead of them. */
+INLINE void pass_faces(const March *m, const vi face[3], vf t[3])
+{
+    for (int a = 0; a < 3; a++)
+        t[a] = (to_float(face[a]) - m->p.start[a]) * m->inverse[a] + m->far[a];
+}
+
+/* Rays that are in no visible cell look where they are, and go on: to the next cell, or past all blocks that show
+ * nothing. */
+INLINE void skip(March *m)
+{
+    const TiledJob *const j = m->job;
+    Packet *const p = &m->p;
+    const vmask lanes = p->active & ~p->ready;
+    vi block[3], face[3], distance;
+    vmask shows;
+    vf t[3];
+    for (int a = 0; a < 3; a++)
+        block[a] = p->cell[a] >> 2;
+    load_block(&j->mask, block, lanes, (p->cell[0] & 3) | (p->cell[1] & 3) << 2 | (p->cell[2] & 3) << 4, &shows,
+               &distance);
+    p->ready |= shows;
+    const vmask moving = lanes & ~shows, leaping = moving & vi_lt(vi_of(0), distance);
+    distance -= CTS_MUTATED(LEAP_FAR) ? -1 : 0;
+    for (int a = 0; a < 3; a++) {
+        const vi past = (block[a] + (m->ahead[a] ? distance : 1 - distance)) << 2;
+        face[a] = select_i(leaping, past, p->cell[a] + m->ahead[a]);
+    }
+    pass_faces(m, face, t);
+    const vf to = nearest(t, p->at);
+    vmask outside = vf_le(p->end, to);
+    for (int a = 0; a < 3; a++) {
+        const vi there = to_int(p->start[a] + to * m->step[a]);
+        const vi on = m->ahead[a] ? vi_min(vi_max(there, p->cell[a]), vi_of(j->n_cells[a] - 1))
+                                  : vi_max(vi_min(there, p->cell[a]), vi_of(0));
+        vi cell = select_i(leaping, on, p->cell[a]);
+        cell = select_i(moving & vf_le(t[a], to), face[a] + m->behind[a], cell);
+        outside |= is_outside(j, a, cell);
+        p->cell[a] = cell;
+    }
+    p->at = select_f(moving, to, p->at);
+    p->active &= ~(moving & outside);
+}
+
+#ifdef GATHERS
+INLINE void load_pairs(const TiledJob *j, const vi cell[3], vmask lanes, vi pair[4])
+{
+    const vi at = voxel_of(j, cell);
+    for (int i = 0; i < 4; i++)
+        pair[i] = load_pair(j, at, (i & 1) * j->stride[1] + (i >> 1) * j->stride[2], lanes);
+}
+#endif
+
+/* The field from `from` to `to` within the cell, both mm. */
+INLINE Cubic load_cubic(const March *m, vmask lanes, vf from, vf to)
+{
+    const Packet *const p = &m->p;
+    vi pair[4];
+    vf e[3][2], low[4], rise[4], f[2][2], d[2][2];
+    load_pairs(m->job, p->cell, lanes, pair);
+    for (int a = 0; a < 3; a++) {
+        const vf within = p->start[a] - to_float(p->cell[a]);
+        e[a][0] = within + from * m->step[a];
+        e[a][1] = within + to * m->step[a];
+    }
+    for (int i = 0; i < 4; i++) {
+        low[i] = to_float(pair[i] & 0xffff);
+        rise[i] = to_float((pair[i] >> 16) & 0xffff) - low[i];
+    }
+    /* f[x][z], where a ray enters (0) or leaves (1): the level at y = 0; d: its rise along y. */
+    for (int x = 0; x < 2; x++)
+        for (int z = 0; z < 2; z++) {
+            const vf y0 = low[0] + e[0][x] * rise[0], y1 = low[1] + e[0][x] * rise[1];
+            const vf y0z = low[2] + e[0][x] * rise[2], y1z = low[3] + e[0][x] * rise[3];
+            f[x][z] = y0 + e[2][z] * (y0z - y0);
+            d[x][z] = y1 + e[2][z] * (y1z - y1) - f[x][z];
+        }
+    const vf *const y = e[1];
+    return (Cubic){
+        {f[0][0] + y[0] * d[0][0],
+         (f[1][0] + y[0] * d[1][0] + (f[0][0] + y[1] * d[0][0]) + (f[0][1] + y[0] * d[0][1])) * (real)(1 / 3.0),
+         (f[1][0] + y[1] * d[1][0] + (f[1][1] + y[0] * d[1][1]) + (f[0][1] + y[1] * d[0][1])) * (real)(1 / 3.0),
+         f[1][1] + y[1] * d[1][1]}};
+}
+
+/* Knots that pieces are to be cut at. */
+typedef struct Cuts {
+    int n;
+    int knot[MOST_CUTS];
+    vmask lanes[MOST_CUTS], all;
+    vf wrong;    /* what a piece is wrong by for knots that it is not cut at */
+    vmask halve; /* pieces that pass more knots than can be told apart */
+} Cuts;
+
+INLINE Cuts find_cuts(const March *m, const Cubic *c, vmask lanes, vf length)
+{
+    const TiledPieces *const t = &m->job->pieces;
+    const vf weight = length * m->p.light;
+    const vf inner_low = vf_min(vf_min(c->b[1], c->b[2]), c->b[3]), low = vf_min(inner_low, c->b[0]);
+    const vf inner_high = vf_max(vf_max(c->b[1], c->b[2]), c->b[3]), high = vf_max(inner_high, c->b[0]);
+    /* What a ray was just cut at it touches, where it starts. */
+    const vf touch_low = select_f(m->p.fresh, inner_low, low), touch_high = select_f(m->p.fresh, inner_high, high);
+    Cuts cuts = {.wrong = vf_of(0), .all = mask_of(0), .halve = mask_of(0)};
+    for (int k = CTS_MUTATED(KNOT_OFF); k < t->n_knots; k++) {
+        const real knot = (real)t->knot[k], jump = (real)t->jump[k], bend = (real)0.15f * (real)t->bend[k];
+        const vf over = vf_min(knot - low, high - knot);
+        const vmask near = lanes & vf_lt(vf_of(-m->touch), over);
+        if (!bits_of(near))
+            continue;
+        const vf worth = weight * (jump + bend * vf_max(over, vf_of(m->touch)));
+        const vmask passes = near & vf_lt(vf_of((real)0.04f * m->touch), over);
+        const vmask cut = passes & vf_lt(vf_of(m->tolerance), worth);
+        const vf beside = vf_min(knot - touch_low, touch_high - knot);
+        const vmask touches = near & vf_lt(vf_of(-m->touch), beside) & vf_lt(beside, vf_of(m->touch));
+        cuts.wrong += select_f((passes | touches) & ~cut, vf_min(2 * worth, m->p.light), vf_of(0));
+        if (!bits_of(cut) || CTS_MUTATED(CUTS))
+            continue;
+        if (cuts.n == MOST_CUTS) {
+            cuts.halve |= cut;
+            continue;
+        }
+        cuts.knot[cuts.n] = k;
+        cuts.lanes[cuts.n++] = cut;
+        cuts.all |= cut;
+    }
+    return cuts;
+}
+
+INLINE vmask differ(vmask a, vmask b)
+{
+    return (a & ~b) | (b & ~a);
+}
+
+/* Pieces that pass a knot more than once, as far as their numbers tell. */
+INLINE vmask passes_again(const March *m, const Cubic *c, const Cuts *cuts)
+{
+    vmask again = mask_of(0);
+    for (int i = 0; i < cuts->n; i++) {
+        const vf knot = vf_of((real)m->job->pieces.knot[cuts->knot[i]]);
+        vmask below[4], turn[3];
+        for (int k = 0; k < 4; k++)
+            below[k] = vf_lt(c->b[k], knot);
+        for (int k = 0; k < 3; k++)
+            turn[k] = differ(below[k], below[k + 1]);
+        again |= cuts->lanes[i] & ((turn[0] & turn[1]) | (turn[1] & turn[2]) | (turn[0] & turn[2]));
+    }
+    return again;
+}
+
+/* The first half of a piece (de Casteljau). */
+INLINE void halve(Cubic *c, vf *length, vmask lanes)
+{
+    vf *const b = c->b;
+    const real h = (real)0.5f;
+    const vf u0 = h * (b[0] + b[1]), u1 = h * (b[1] + b[2]), u2 = h * (b[2] + b[3]);
+    const vf v0 = h * (u0 + u1), v1 = h * (u1 + u2);
+    b[1] = select_f(lanes, u0, b[1]);
+    b[2] = select_f(lanes, v0, b[2]);
+    b[3] = select_f(lanes, h * (v0 + v1), b[3]);
+    *length = select_f(lanes, h * *length, *length);
+}
+
+/* Where the cubic c[0] + c[1] s + ... crosses 0 between ends of different sign: by the Illinois rule, and Newton's at
+ * last, whose last step, and what rounding the cubic by `rounded` makes of it, the place is off by at most. */
+INLINE vf find_root(const vf c[4], vf at_end, real rounded, vf *off)
+{
+    vf low = vf_of(0), high = vf_of(1), f_low = c[0], f_high = at_end, s = high;
+    for (int i = 0; i < ROOT_STEPS; i++) {
+        const vf across = f_low - f_high;
+        s = low + (high - low) * (f_low / select_f(vf_lt(vf_of(0), vf_abs(across)), across, vf_of(1)));
+        const vf f = ((c[3] * s + c[2]) * s + c[1]) * s + c[0];
+        const vmask other = differ(vf_lt(f, vf_of(0)), vf_lt(f_low, vf_of(0)));
+        low = select_f(other, low, s);
+        high = select_f(other, s, high);
+        f_low = select_f(other, (real)0.5f * f_low, f);
+        f_high = select_f(other, f, (real)0.5f * f_high);
+    }
+    for (int i = 0; i < 2; i++) {
+        const vf f = ((c[3] * s + c[2]) * s + c[1]) * s + c[0], slope = (3 * c[3] * s + 2 * c[2]) * s + c[1];
+        const vf by_slope = 1 / vf_max(vf_abs(slope), vf_of((real)1e-12f)), step = vf_abs(f) * by_slope;
+        const vf to = s - select_f(differ(vf_lt(f, vf_of(0)), vf_lt(slope, vf_of(0))), -step, step);
+        *off = vf_min(step, high - low) + rounded * by_slope;
+        s = vf_min(vf_max(to, low), high);
+    }
+    return s;
+}
+
+/* Ends pieces where they first cross a knot; the lanes that are shorter than they were. */
+OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vmask *at_knot)
+{
+    vmask shorter = mask_of(0);
+    for (int i = 0;; i++) {
+        const vmask again = passes_again(m, c, cuts) & vf_lt(vf_of(LEAST_MM), *length);
+        if (!bits_of(again))
+            break;
+        if (i == HALVINGS) { /* it may well only touch */
+            cuts->wrong += select_f(again, m->p.light, vf_of(0));
+            break;
+        }
+        halve(c, length, again);
+        shorter |= again;
+    }
+    const vf *const b = c->b;
+    vf power[4] = {b[0], 3 * (b[1] - b[0]), 3 * (b[0] - 2 * b[1] + b[2]), b[3] - b[0] + 3 * (b[1] - b[2])};
+    vf root = vf_of(1);
+    const vf least = vf_max(vf_of(LEAST_SHARE), LEAST_MM / vf_max(*length, vf_of((real)1e-9f)));
+    for (int i = 0; i < cuts->n; i++) {
+        const real knot = (real)m->job->pieces.knot[cuts->knot[i]];
+        const vf shifted[4] = {power[0] - knot, power[1], power[2], power[3]}, at_end = b[3] - knot;
+        const vmask crosses = cuts->lanes[i] & differ(vf_lt(shifted[0], vf_of(0)), vf_lt(at_end, vf_of(0)));
+        if (!bits_of(crosses))
+            continue;
+        vf off;
+        const vf at = find_root(shifted, at_end, ROUNDED_BY * m->touch, &off);
+        const vf worth = off * *length * (real)m->job->pieces.jump[cuts->knot[i]];
+        root = select_f(crosses, vf_min(root, vf_max(at, least)), root);
+        cuts->wrong += select_f(crosses, m->p.light * vf_min(worth, vf_of(1)), vf_of(0));
+    }
+    *at_knot = vf_lt(root, vf_of(1 - LEAST_SHARE));
+    root = select_f(*at_knot, root, vf_of(1));
+    const vf p1 = power[1] * root, p2 = power[2] * root * root, p3 = power[3] * root * root * root;
+    c->b[1] = select_f(*at_knot, power[0] + (real)(1 / 3.0) * p1, b[1]);
+    c->b[2] = select_f(*at_knot, power[0] + (real)(2 / 3.0) * p1 + (real)(1 / 3.0) * p2, b[2]);
+    c->b[3] = select_f(*at_knot, power[0] + p1 + p2 + p3, b[3]);
+    *length *= root;
+    return shorter | *at_knot;
+}
+
+/* What the transfer function says of a level. */
+typedef struct Look {
+    vf extinction; /* per mm, to the base of 2 */
+    vf opacity, rise;
+    vf rgb[3];
+} Look;
+
+INLINE vi piece_of(const TiledPieces *t, vf level)
+{
+    vi q = vi_of(0);
+    if (t->n_knots <= 16) {
+        for (int k = 0; k < t->n_knots; k++)
+            q = select_i(vf_le(vf_of((real)t->knot[k]), level), vi_of(k + 1), q);
+        return q;
+    }
+    int bit = 1;
+    while (2 * bit <= t->n_knots)
+        bit *= 2;
+    for (; bit > 0; bit /= 2) {
+        const vi on = vi_min(q + bit, vi_of(t->n_knots));
+        const vf knot = look_up(t->knot, TILED_KNOTS, on - 1);
+        q = select_i(vf_le(knot, level), on, q);
+    }
+    return q;
+}
+
+INLINE Look look_at(const TiledPieces *t, vf level)
+{
+    Look l;
+    vf value[4], rise[4];
+    const int n = t->n_knots + 1;
+    const vi q = piece_of(t, level);
+    const vf above = level - look_up(t->from, n, q);
+    for (int c = 0; c < 4; c++) {
+        rise[c] = look_up(t->rise[c], n, q);
+        value[c] = look_up(t->at[c], n, q) + rise[c] * above;
+    }
+    const vf opaque = vf_of(NEARLY_1), most = vf_of((real)t->most), opacity = vf_max(value[0], vf_of(0));
+    const vf by_log = -(real)t->by_log2 * vf_log2_rest(vf_min(opacity, opaque));
+    l.extinction = select_f(vf_lt(opaque, opacity), most, vf_min(by_log, most));
+    l.opacity = opacity;
+    l.rise = vf_abs(rise[0]);
+    for (int c = 0; c < 3; c++)
+        l.rgb[c] = value[c + 1];
+    return l;
+}
+
+#define GAUSS_A ((real)0.490562612)
+#define GAUSS_B ((real)0.394337567)
+#define GAUSS_C ((real)0.105662433)
+#define GAUSS_D ((real)0.009437388)
+
+/* What a piece does to its rays. */
+typedef struct Effect {
+    Look at[2];
+    vf depth[2], taken[2], wrong; /* taken: shares of the light that reaches each half */
+} Effect;
+
+INLINE Effect integrate(const March *m, const Cubic *c, vf length)
+{
+    const TiledPieces *const t = &m->job->pieces;
+    const vf *const b = c->b;
+    const vf half = (real)0.5f * length;
+    Effect e;
+    e.at[0] = look_at(t, GAUSS_A * b[0] + GAUSS_B * b[1] + GAUSS_C * b[2] + GAUSS_D * b[3]);
+    e.at[1] =
+        CTS_MUTATED(GAUSS) ? e.at[0] : look_at(t, GAUSS_D * b[0] + GAUSS_C * b[1] + GAUSS_B * b[2] + GAUSS_A * b[3]);
+    vf apart = vf_of(0);
+    for (int i = 0; i < 2; i++) {
+        e.depth[i] = e.at[i].extinction * half;
+        e.taken[i] = vf_taken(e.depth[i]);
+    }
+    for (int k = 0; k < 3; k++)
+        apart = vf_max(apart, vf_abs(e.at[0].rgb[k] - e.at[1].rgb[k]));
+    const vf depth = (real)M_LN2 * (e.depth[0] + e.depth[1]);
+    const real by_log = (real)t->by_log2, unit = (real)M_LN2 / by_log;
+    const vf turn = unit * (e.at[0].extinction - e.at[1].extinction), turn2 = turn * turn;
+    /* How the logarithm's argument bends: its second derivative, by itself, beside that of two points alike. */
+    const vf bent = vf_max(vf_abs(b[0] - 2 * b[1] + b[2]), vf_abs(b[1] - 2 * b[2] + b[3]));
+    const vf clear = 1 - vf_min(vf_max(e.at[0].opacity, e.at[1].opacity), vf_of((real)0.999f));
+    const vf bend = 6 * bent * vf_max(e.at[0].rise, e.at[1].rise) / clear;
+    const vf off = (real)0.0375f * turn2 * turn2 + bend * ((real)(1 / 1440.0) * bend + (real)(1 / 120.0) * turn2);
+    e.wrong = m->p.light * (by_log * length * off * (1 - e.taken[0]) +
+                            (real)1.73f * apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
+    return e;
+}
+
+/* Where half of the light is gone, in lanes whose piece takes it. */
+OUTLINE void find_surface(Packet *p, const Effect *e, vf length, vmask lanes)
+{
+    const vf before = p->light, between = before - before * e->taken[0], after = between - between * e->taken[1];
+    const vf half = (real)0.5f * length, gone = vf_of((real)0.5f);
+    const vmask sees = lanes & vf_lt(after, before);
+    p->first = select_f(sees & vf_le(vf_of(FAR_MM), p->first), p->at, p->first);
+    const vmask first = vf_le(between, gone);
+    const vf from = select_f(first, before, between), depth = select_f(first, e->depth[0], e->depth[1]);
+    const vf share = (vf_log2(from) + 1) / vf_max(depth, vf_of((real)1e-9f));
+    const vf mm = p->at + half * (vf_min(share, vf_of(1)) + select_f(first, vf_of(0), vf_of(1)));
+    p->surface = select_f(sees & vf_lt(gone, before) & vf_le(after, gone), mm, p->surface);
+}
+
+#include "engine/tiled/light_tmpl.h"
+
+/* Rays in visible cells take a piece of them. */
+INLINE void take_piece(March *m, Lit *lit)
+{
+    const TiledJob *const j = m->job;
+    Packet *const p = &m->p;
+    const vmask lanes = p->ready;
+    vi face[3];
+    vf t[3];
+    for (int a = 0; a < 3; a++)
+        face[a] = p->cell[a] + m->ahead[a];
+    pass_faces(m, face, t);
+    const vf leave = nearest(t, p->at), all = vf_min(leave, p->end), to = vf_min(all, p->until);
+    vf length = to - p->at;
+    Cubic cubic = load_cubic(m, lanes, p->at, to);
+    Cuts cuts = find_cuts(m, &cubic, lanes, length);
+    vmask shorter = vf_lt(to, all), fresh = mask_of(0);
+    if (bits_of(cuts.all))
+        shorter |= cut_at_knots(m, &cubic, &length, &cuts, &fresh);
+    const Effect e = integrate(m, &cubic, length);
+    const vmask wrong = CTS_MUTATED(HALVES) ? mask_of(0) : vf_lt(vf_of(m->tolerance), e.wrong) | cuts.halve;
+    const vmask again = lanes & wrong & vf_lt(vf_of(2 * LEAST_MM), length);
+    const vmask done = lanes & ~again;
+    p->until = select_f(again, p->at + (real)0.5f * length, select_f(done, vf_of(FAR_MM), p->until));
+    if (j->want_depth)
+        find_surface(p, &e, length, done);
+    const vf first = p->light * e.taken[0], between = p->light - first, second = between * e.taken[1];
+    const vf weight[2] = {select_f(done, first, vf_of(0)), select_f(done, second, vf_of(0))};
+    vf colour[3];
+    for (int c = 0; c < 3; c++)
+        colour[c] = weight[0] * e.at[0].rgb[c] + weight[1] * e.at[1].rgb[c];
+    if (lit)
+        await_light(m, lit, &e, weight, colour, length, done);
+    else
+        for (int c = 0; c < 3; c++)
+            p->sum[c] += colour[c];
+    p->sum[3] += weight[0] + weight[1];
+    p->light = CTS_MUTATED(ATTENUATION) ? p->light : p->light - weight[0] - weight[1];
+    p->bound += select_f(done, cuts.wrong + e.wrong, vf_of(0));
+    /* On, to where the piece ends: within the cell, or in the next. */
+    const vmask whole_cells = done & ~shorter;
+    p->at = select_f(done, select_f(shorter, p->at + length, all), p->at);
+    p->fresh = (p->fresh & ~done) | (done & fresh);
+    vmask outside = vf_le(p->end, p->at);
+    for (int a = 0; a < 3; a++) {
+        const vi cell = select_i(whole_cells & vf_le(t[a], leave), face[a] + m->behind[a], p->cell[a]);
+        outside |= is_outside(j, a, cell);
+        p->cell[a] = cell;
+    }
+    p->active &= ~(done & (outside | vf_lt(p->light, vf_of(m->dark))));
+    p->ready &= p->active & ~whole_cells;
+}
+
+/* What a ray has found is told. */
+INLINE void end_ray(const March *m, int lane)
+{
+    const Packet *const p = &m->p;
+    const int i = p->ray[lane];
+    if (i < 0)
+        return;
+    for (int c = 0; c < 3; c++)
+        m->rays->rgba[i][c] += (float)p->sum[c][lane];
+    m->rays->rgba[i][3] = (float)p->sum[3][lane];
+    m->rays->left[i] = p->light[lane] < m->dark ? (float)p->light[lane] : 0;
+    m->rays->bound[i] = (float)p->bound[lane] + m->rays->left[i] * m->job->pieces.colours;
+    if (m->job->want_depth) {
+        const real mm = p->surface[lane] < FAR_MM ? p->surface[lane] : p->first[lane];
+        m->rays->depth_mm[i] = mm < FAR_MM ? (float)(m->job->camera_mm + m->rays->start_mm[i] + (double)mm) : INFINITY;
+    }
+}
+
+static void begin_ray(March *m, int lane)
+{
+    Packet *const p = &m->p;
+    const int i = m->next++;
+    p->ray[lane] = i;
+    for (int a = 0; a < 3; a++) {
+        const int last = m->job->n_cells[a] - 1, cell = (int)m->rays->start_vox[a][i];
+        p->start[a][lane] = (real)m->rays->start_vox[a][i];
+        p->cell[a][lane] = cell < last ? cell : last;
+    }
+    p->at[lane] = 0;
+    p->end[lane] = (real)m->rays->length_mm[i];
+    p->until[lane] = p->surface[lane] = p->first[lane] = FAR_MM;
+    p->light[lane] = 1;
+    p->sum[0][lane] = p->sum[1][lane] = p->sum[2][lane] = p->sum[3][lane] = p->bound[lane] = 0;
+}
+
+/* Lanes whose rays have ended take others. */
+OUTLINE void refill(March *m, Lit *lit)
+{
+    Packet *const p = &m->p;
+    unsigned begun = 0;
+    const unsigned active = bits_of(p->active);
+    for (int l = 0; l < LANES; l++) {
+        if (active >> l & 1)
+            continue;
+        if (lit)
+            end_pending(m, lit, l);
+        end_ray(m, l);
+        p->ray[l] = -1;
+        if (m->next < m->rays->n) {
+            begin_ray(m, l);
+            begun |= 1u << l;
+        }
+    }
+    p->active |= mask_of(begun);
+    p->ready &= ~mask_of(begun);
+    p->fresh &= ~mask_of(begun);
+}
+
+static int count(unsigned bits)
+{
+    return __builtin_popcount(bits);
+}
+
+static void march_rays(March *m, Lit *lit)
+{
+    Packet *const p = &m->p;
+    for (;;) {
+        unsigned active = bits_of(p->active);
+        if (count(active) <= LANES * 3 / 4 && m->next < m->rays->n) {
+            refill(m, lit);
+            active = bits_of(p->active);
+        }
+        if (!active)
+            break;
+        const unsigned ready = bits_of(p->ready);
+        if (4 * count(ready) < 3 * count(active)) {
+            m->counts->skips += (uint64_t)count(active & ~ready);
+            skip(m);
+        } else {
+            m->counts->pieces += (uint64_t)count(ready);
+            take_piece(m, lit);
+        }
+    }
+    refill(m, lit);
+}
+
+INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
+{
+    March m = {.job = j, .rays = rays, .counts = counts};
+    for (int a = 0; a < 3; a++) {
+        const double step = j->step[a];
+        m.step[a] = (real)step;
+        m.inverse[a] = step != 0 ? (real)(1 / step) : 0;
+        m.far[a] = step != 0 ? 0 : FAR_MM;
+        m.ahead[a] = step > 0;
+        m.behind[a] = m.ahead[a] - 1;
+    }
+#ifdef EXACT
+    m.tolerance = FINER * j->tolerance;
+    m.dark = FINER * j->dark;
+    m.touch = 1e-6 * j->touch;
+    m.least_lit = 0.1 * j->least_lit;
+    m.turn = 0.1 * j->turn;
+#else
+    m.tolerance = j->tolerance;
+    m.dark = j->dark;
+    m.touch = j->touch;
+    m.least_lit = j->least_lit;
+    m.turn = j->turn;
+#endif
+    if (CTS_MUTATED(STOP_EARLY))
+        m.dark = (real)0.25f;
+    for (int l = 0; l < LANES; l++)
+        m.p.ray[l] = -1;
+    for (int i = 0; i < rays->n; i++)
+        rays->rgba[i][0] = rays->rgba[i][1] = rays->rgba[i][2] = rays->lit_bound[i] = 0;
+    if (!j->shade) {
+        march_rays(&m, NULL);
+    } else {
+        Lit lit;
+        memset(&lit, 0, sizeof lit);
+        march_rays(&m, &lit);
+        light_up(&m, &lit, true);
+    }
+    for (int i = 0; i < rays->n; i++) {
+        rays->bound[i] += rays->lit_bound[i];
+        /* What a ray has left when it ends is taken to show what it showed before. */
+        const float all = 1 / (1 - rays->left[i]);
+        for (int c = 0; c < 4 && rays->left[i] > 0; c++)
+            rays->rgba[i][c] *= all;
+    }
+}

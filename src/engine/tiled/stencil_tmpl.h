@@ -1,0 +1,100 @@
+/* What a gradient needs, lane by lane, with what lies beyond the volume: part of light_tmpl.h. */
+
+/* The difference at a voxel along one axis: over two steps, or twice that over one at the border where no air is
+ * beyond. */
+INLINE int difference(const TiledJob *j, const uint16_t *v, int at, int axis)
+{
+    const int step = j->shade->step[axis];
+    const ptrdiff_t away = step * j->stride[axis];
+    const bool before = at >= step, after = at < j->dims[axis] - step;
+    const int beyond = j->shade->air_beyond ? 0 : *v;
+    if (j->dims[axis] == 1)
+        return 0;
+    const int rise = (after ? v[away] : beyond) - (before ? v[-away] : beyond);
+    return j->shade->air_beyond || (before && after) ? rise : 2 * rise;
+}
+
+OUTLINE void load_corners_each(const TiledJob *j, const vi cell[3], vmask lanes, Corners *k)
+{
+    const unsigned bits = bits_of(lanes);
+    for (int l = 0; l < LANES; l++)
+        for (int i = 0; i < 8; i++) {
+            const uint16_t *v = j->grey;
+            int at[3];
+            for (int a = 0; a < 3; a++) {
+                at[a] = bits >> l & 1 ? (int)cell[a][l] + (j->dims[a] > 1 ? i >> a & 1 : 0) : 0;
+                v += at[a] * j->stride[a];
+            }
+            k->level[i][l] = *v;
+            for (int a = 0; a < 3; a++)
+                k->rise[a][i][l] = (real)difference(j, v, at[a], a);
+        }
+}
+
+#ifdef GATHERS
+/* Cells whose differences all lie within the volume. */
+INLINE vmask is_inner(const TiledJob *j, const vi cell[3], vmask lanes)
+{
+    for (int a = 0; a < 3; a++) {
+        const int step = j->shade->step[a];
+        lanes &= ~(vi_lt(cell[a], vi_of(step)) | vi_lt(vi_of(j->dims[a] - 2 - step), cell[a]));
+    }
+    return lanes;
+}
+
+INLINE vf lower(vi pair)
+{
+    return to_float(pair & 0xffff);
+}
+
+INLINE vf upper(vi pair)
+{
+    return to_float((pair >> 16) & 0xffff);
+}
+
+OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Corners *k)
+{
+    const vi at = voxel_of(j, cell);
+    for (int z = 0; z < 2; z++)
+        for (int y = 0; y < 2; y++) {
+            const ptrdiff_t row = y * j->stride[1] + z * j->stride[2];
+            const int i = 2 * y + 4 * z;
+            const vi left = load_pair(j, at, row - 1, lanes), right = load_pair(j, at, row + 1, lanes);
+            k->level[i] = upper(left);
+            k->level[i + 1] = lower(right);
+            k->rise[0][i] = lower(right) - lower(left);
+            k->rise[0][i + 1] = upper(right) - upper(left);
+        }
+    for (int axis = 1; axis < 3; axis++)
+        for (int i = 0; i < 8; i += 2) {
+            const ptrdiff_t row = (i >> 1 & 1) * j->stride[1] + (i >> 2) * j->stride[2];
+            const ptrdiff_t away = j->shade->step[axis] * j->stride[axis];
+            const bool low = !(i >> axis & 1), one = j->shade->step[axis] == 1;
+            const int beside = i ^ 1 << axis; /* the cell's corner beyond, which is a step away where that is a voxel */
+            vf before[2] = {k->level[beside], k->level[beside + 1]}, after[2] = {before[0], before[1]};
+            if (low || !one) {
+                const vi pair = load_pair(j, at, row - away, lanes);
+                before[0] = lower(pair);
+                before[1] = upper(pair);
+            }
+            if (!low || !one) {
+                const vi pair = load_pair(j, at, row + away, lanes);
+                after[0] = lower(pair);
+                after[1] = upper(pair);
+            }
+            k->rise[axis][i] = after[0] - before[0];
+            k->rise[axis][i + 1] = after[1] - before[1];
+        }
+}
+#endif
+
+INLINE void load_corners(const TiledJob *j, const vi cell[3], vmask lanes, Corners *k)
+{
+#ifdef GATHERS
+    if (bits_of(is_inner(j, cell, lanes)) == bits_of(lanes)) {
+        gather_corners(j, cell, lanes, k);
+        return;
+    }
+#endif
+    load_corners_each(j, cell, lanes, k);
+}
