@@ -80,11 +80,11 @@ batch('-O', 'o', '--formats', 'png,dcm', '--presets', 'skin,muscle')
 
 # A PACS that refuses half-way: what it took is not sent to it again.
 web = peers.Web()
-answers = [(200, {'Content-Length': '0'}, b'')] * 3
+answers = [web.stored] * 3
 
 
 def answer():
-    return answers.pop() if answers else (403, {'Content-Length': '0'}, b'')
+    return answers.pop()() if answers else (403, {'Content-Length': '0'}, b'')
 
 
 web.answer = answer
@@ -95,7 +95,7 @@ sent = [c['path'] for line in lines('web') for c in captures(line) if c.get('sen
 assert len(sent) == 3, sent
 assert [line['status'] for line in lines('web')].count('done') == 1, lines('web')
 web.asked.clear()
-web.answer = (200, {'Content-Length': '0'}, b'')
+web.answer = web.stored
 batch(*words)
 assert len(web.asked) == 2 * N_SERIES - 3, len(web.asked)
 assert all(line['status'] == 'done' and 'unsent' not in line for line in lines('web'))

@@ -59,6 +59,7 @@ class Peer:
     def accept(self):
         while True:
             self.socket = self.server.accept()[0]
+            self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             try:
                 self.serve()
             except (OSError, struct.error):

@@ -178,15 +178,24 @@ class Web(http.server.ThreadingHTTPServer):
                 self.wfile.write(body)
 
             def do_POST(self):
-                self.rfile.read(int(self.headers['Content-Length']))
+                server.posted = self.rfile.read(int(self.headers['Content-Length']))
                 self.do_GET()
 
             def log_message(self, *_):
                 pass
 
+        self.posted = b''
         super().__init__(('127.0.0.1', 0), Handler)
         self.url = 'http://127.0.0.1:%d/rs' % self.server_address[1]
         threading.Thread(target=self.serve_forever, daemon=True).start()
+
+
+    def stored(self):
+        """The answer that names what was posted last as stored."""
+        at = self.posted.index(b'\x08\0\x18\0UI') + 8
+        uid = self.posted[at:at + int.from_bytes(self.posted[at - 2:at], 'little')].rstrip(b'\0').decode()
+        body = json.dumps({'00081199': {'vr': 'SQ', 'Value': [{'00081155': {'vr': 'UI', 'Value': [uid]}}]}}).encode()
+        return 200, {'Content-Type': 'application/dicom+json', 'Content-Length': str(len(body))}, body
 
 
 class Ctsplat:
