@@ -35,7 +35,7 @@ def attributes(*names):
 
 
 codecs = {"NATIVE": "ctsplat", "RLE": "DCMTK", "JPEG": "DCMTK", "JPEG_LS": "DCMTK", "JPEG_2000": "OpenJPEG",
-          "NONE": "refused"}
+          "DEFLATE": "zlib", "NONE": "refused"}
 syntaxes = [(name, uid, codecs[codec]) for uid, name, codec in
             re.findall(r'\{"([0-9.]+)", "([^"]+)", CTS_CODEC_(\w+),', source("input/files/syntax.c"))]
 written = [("ExplicitVRLittleEndian", "1.2.840.10008.1.2.1", "none")] + [
