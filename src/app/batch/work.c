@@ -36,6 +36,7 @@ static CtsJob job_of(const CtsBatchJob *batch, const CtsBatchPicture *picture)
     job.render.azimuth_deg = s->views[picture->view].azimuth_deg;
     job.render.elevation_deg = s->views[picture->view].elevation_deg;
     job.source.remove_table = job.preset->remove_table;
+    job.source.labels_unnamed = true; /* in journal and sheet */
     job.outputs.paths = (const char *const *)picture->paths;
     job.outputs.n = 0;
     while (picture->paths && picture->paths[job.outputs.n])

@@ -141,6 +141,7 @@ CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsRepor
     const CtsLabelRequest request = {.paths = source->labels,
                                      .n_paths = source->n_labels,
                                      .names = source->label_names,
+                                     .unnamed = source->labels_unnamed,
                                      .series_paths = source->from ? NULL : source->paths,
                                      .n_series_paths = source->from ? 0 : source->n_paths};
     cts_labels_free(&loaded->labels);

@@ -19,6 +19,7 @@ typedef struct CtsSource {
     const char *series_uid;                  /* NULL: the one with the most slices */
     const char *const *labels;               /* n_labels label files, folders, or "auto" */
     int n_labels;
+    bool labels_unnamed;     /* messages do not tell their paths */
     const char *label_names; /* a file of names for the numbers of label maps; NULL: none */
     int n_threads;           /* 0: the cores this process may use */
     bool remove_table;

@@ -141,7 +141,11 @@ static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
                       other ? other : "is neither a DICOM segmentation or structure set nor a NIfTI file");
     }
     cts_file_bytes_close(&o.bytes);
-    return st ? cts_context(err, "%s", file->path) : CTS_OK;
+    if (st && s->request->unnamed)
+        cts_context(err, "label file %d", s->reading.file);
+    else if (st)
+        cts_context(err, "%s", file->path);
+    return st;
 }
 
 static CtsStatus read_folder(Search *s, const char *const *paths, int n_paths, CtsError *err)
@@ -200,7 +204,7 @@ static CtsStatus read_named(Search *s, const char *path, CtsError *err)
     CtsStatus st = read_folder(s, &path, 1, err);
     if (!st && s->n_read == n_before)
         st = cts_fail(err, CTS_ERR_READ, "%s: holds no mask (.nii, .nii.gz), no segmentation and no structure set",
-                      path);
+                      s->request->unnamed ? "its folder of labels" : path);
     return st;
 }
 

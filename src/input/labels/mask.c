@@ -312,13 +312,18 @@ static CtsStatus judge(const Placing *p, double *held_mm3, CtsError *err)
         if (m->label_of[value] >= 0)
             whole[m->label_of[value]] += (double)p->n_mask[value] * cts_norm3(area) * 2 * p->reach_mm / 1.001;
     cts_cross3(p->grid->step_lps[0], p->grid->step_lps[1], area);
+    /* A file that does not meet the volume at all is refused in one line. */
+    bool met = false;
+    for (size_t i = 0; i < labels->n; i++)
+        met |= whole[i] > 0 && labels->items[i].n_runs > 0;
     for (size_t i = 0; i < labels->n; i++) {
         CtsLabel *const l = &labels->items[i];
         double inside = 0;
         for (size_t r = 0; whole[i] > 0 && r < l->n_runs; r++)
             inside += (l->runs[r].end - l->runs[r].first) * cts_norm3(area) *
                       p->grid->thickness_mm[l->runs[r].row / (uint32_t)p->grid->rows];
-        cts_label_tell_share(p->reading, l, inside, whole[i]);
+        if (met)
+            cts_label_tell_share(p->reading, l, inside, whole[i]);
         *held_mm3 += whole[i];
     }
     cts_free(&whole);
