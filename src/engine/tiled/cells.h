@@ -28,6 +28,7 @@
 #ifndef CTS_TILED_CELLS_H
 #define CTS_TILED_CELLS_H
 
+#include "base/clock.h"
 #include "core/scene/shade.h"
 #include "engine/tiled/pieces.h"
 #include "engine/tiled/void_mask.h"
@@ -66,8 +67,17 @@ typedef struct TiledRays {
 
 typedef struct TiledCounts {
     uint64_t skips, pieces, lit; /* lanes that stepped through void, evaluated a piece, were lit */
-    uint64_t composite_ticks, shade_ticks;
+    uint64_t ticks, shade_ticks; /* all of a march, and its part for light */
 } TiledCounts;
+
+static inline uint64_t cts_tiled_ticks(void)
+{
+#if defined(__x86_64__)
+    return __builtin_ia32_rdtsc();
+#else
+    return (uint64_t)(cts_wall_ms() * 1e6);
+#endif
+}
 
 typedef struct TiledScratch {
     TiledRays rays;

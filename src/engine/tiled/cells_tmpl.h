@@ -528,6 +528,7 @@ static void march_rays(March *m, Lit *lit)
 
 INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
 {
+    const uint64_t begun = cts_tiled_ticks();
     March m = {.job = j, .rays = rays, .counts = counts};
     for (int a = 0; a < 3; a++) {
         const double step = j->step[a];
@@ -571,4 +572,5 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         for (int c = 0; c < 4 && rays->left[i] > 0; c++)
             rays->rgba[i][c] *= all;
     }
+    counts->ticks += cts_tiled_ticks() - begun;
 }

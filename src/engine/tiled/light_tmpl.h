@@ -194,6 +194,7 @@ OUTLINE void light_some(const March *m, const Lit *lit, int first, int n)
 /* Lights what waits, as far as it fills vectors; all of it at the end. */
 OUTLINE void light_up(March *m, Lit *lit, bool all)
 {
+    const uint64_t begun = cts_tiled_ticks();
     int done = 0;
     for (; done + LANES <= lit->n; done += LANES)
         light_some(m, lit, done, LANES);
@@ -206,6 +207,7 @@ OUTLINE void light_up(March *m, Lit *lit, bool all)
     for (int f = 0; f < WAIT_FIELDS && done > 0; f++)
         memmove(lit->wait[f], lit->wait[f] + done, (size_t)lit->n * sizeof(real));
     memmove(lit->ray, lit->ray + done, (size_t)lit->n * sizeof *lit->ray);
+    m->counts->shade_ticks += cts_tiled_ticks() - begun;
 }
 
 /* The lane's faint pieces are lit at their centre. */

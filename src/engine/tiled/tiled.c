@@ -199,6 +199,8 @@ static CtsStatus run_tiles(const TiledJob *j, const Path *path, const CtsScene *
         total->skips += c->skips;
         total->pieces += c->pieces;
         total->lit += c->lit;
+        total->ticks += c->ticks;
+        total->shade_ticks += c->shade_ticks;
     }
     cts_free(&t.scratch);
     return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
@@ -229,7 +231,9 @@ static void report_counts(const TiledCounts *c, const CtsScene *scene, const Til
 {
     double busy[CTS_N_STAGES] = {0};
     uint64_t items[CTS_N_STAGES] = {0}, bytes[CTS_N_STAGES] = {0};
-    busy[CTS_STAGE_COMPOSITE] = 1;
+    busy[CTS_STAGE_SHADE] = c->ticks > 0 ? (double)c->shade_ticks / (double)c->ticks : 0;
+    busy[CTS_STAGE_COMPOSITE] = 1 - busy[CTS_STAGE_SHADE];
+    items[CTS_STAGE_SHADE] = c->lit;
     items[CTS_STAGE_COMPOSITE] = c->pieces;
     bytes[CTS_STAGE_COMPOSITE] = c->pieces * 8 * sizeof(uint16_t); /* a cell's corners */
     cts_report_region(report, wall_ms, cpu_ms, busy, items, bytes);
