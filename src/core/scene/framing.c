@@ -32,8 +32,7 @@ struct CtsVisible {
     float *extinction;  /* per mm, by grey level; in modes without opacity enough where a level shows */
     uint32_t *below;    /* prefix sums: levels below g that show, g up to n_levels */
     size_t n_levels;
-    uint8_t *shows;      /* macro-cells in which something may show */
-    int low[3], high[3]; /* the voxels of those, last one included */
+    uint8_t *shows; /* macro-cells in which something may show */
     bool any;
 };
 
@@ -79,27 +78,7 @@ static CtsStatus list_cells(CtsVisible *v, int n_threads, CtsError *err)
     if (st)
         return st;
     cts_parallel(cts_threads(n_threads), (size_t)n[2], 0, list_some_cells, v);
-    int low[3] = {n[0], n[1], n[2]}, high[3] = {-1, -1, -1};
-    const uint8_t *row = v->shows;
-    for (int k = 0; k < n[2]; k++)
-        for (int j = 0; j < n[1]; j++, row += n[0]) {
-            const uint8_t *const first = memchr(row, 1, (size_t)n[0]), *last = row + n[0] - 1;
-            if (!first)
-                continue;
-            while (!*last)
-                last--;
-            const int from[3] = {(int)(first - row), j, k}, to[3] = {(int)(last - row), j, k};
-            for (int axis = 0; axis < 3; axis++) {
-                low[axis] = from[axis] < low[axis] ? from[axis] : low[axis];
-                high[axis] = to[axis] > high[axis] ? to[axis] : high[axis];
-            }
-        }
-    v->any = high[2] >= 0;
-    for (int axis = 0; axis < 3; axis++) {
-        const int last = v->volume->dims[axis] - 1, end = (high[axis] + 1) * CTS_MACROCELL;
-        v->low[axis] = low[axis] * CTS_MACROCELL;
-        v->high[axis] = end < last ? end : last;
-    }
+    v->any = memchr(v->shows, 1, (size_t)n[0] * (size_t)n[1] * (size_t)n[2]) != NULL;
     return CTS_OK;
 }
 
@@ -324,15 +303,14 @@ static double middle(Span span)
     return 0.5 * (span.low_mm + span.high_mm);
 }
 
-/* The ends that the box of the macro-cells has. */
-static Span span_of_cells(const CtsVisible *v, const double direction_lps[3])
+/* The ends of the volume's box, which no order of its voxels changes. */
+static Span span_of_box(const CtsVolume *volume, const double direction_lps[3])
 {
-    const double origin = cts_dot3(v->volume->origin_lps, direction_lps);
+    const double origin = cts_dot3(volume->origin_lps, direction_lps);
     Span span = {origin, origin};
     for (int axis = 0; axis < 3; axis++) {
-        const double per_voxel = cts_dot3(v->volume->step_lps[axis], direction_lps);
-        span.low_mm += per_voxel * (per_voxel > 0 ? v->low : v->high)[axis];
-        span.high_mm += per_voxel * (per_voxel > 0 ? v->high : v->low)[axis];
+        const double along = cts_dot3(volume->step_lps[axis], direction_lps) * (volume->dims[axis] - 1);
+        *(along > 0 ? &span.high_mm : &span.low_mm) += along;
     }
     return span;
 }
@@ -376,8 +354,8 @@ static bool find_spans(const CtsVisible *v, const CtsRenderSettings *s, Span spa
     for (int least = 0; least < N_LEAST; least++) {
         bool found = true;
         l.least_depth = (float)-log1p(-LEAST_OPACITY[least]);
-        span[0] = span_of_cells(v, axes.right_lps);
-        span[1] = span_of_cells(v, axes.up_lps);
+        span[0] = span_of_box(v->volume, axes.right_lps);
+        span[1] = span_of_box(v->volume, axes.up_lps);
         for (int n = 0; n < MOST_LOOKS && found; n++) {
             found = look(&l, s, span, &box);
             if (found && (box.high[0] - box.low[0] >= LEAST_FOUND || box.high[1] - box.low[1] >= LEAST_FOUND))
