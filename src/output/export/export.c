@@ -47,7 +47,7 @@ static const CtsFormat formats[] = {
         .read = cts_sc_read,
     },
     {
-        .info = {"jpg", "JPEG, 8 bits a channel"},
+        .info = {.name = "jpg", .about = "JPEG, 8 bits a channel"},
         .check_size = cts_jpg_check_size,
         .begin = cts_jpg_begin,
         .rows = cts_jpg_rows,
