@@ -190,7 +190,7 @@ static void test_scanned(void **state)
     const CtsSeries *s = &f.list->items[0];
     CtsVolume *alone = load(s, 2), *first = NULL, *last = NULL;
     CtsScanned *scanned = NULL;
-    CtsMadeUp made;
+    CtsMadeUp made = {0};
     assert_int_equal(cts_series_scan(s, false, NULL, 2, &scanned, NULL, &f.err), CTS_OK);
     assert_int_equal(scanned->n_slices, 7);
     for (int k = 0; k < 7; k++)
@@ -202,6 +202,7 @@ static void test_scanned(void **state)
     assert_int_equal(cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, true, 2, &last, &made, &f.err), CTS_OK);
     assert_memory_equal(last->grey, alone->grey, cts_volume_n_voxels(alone) * sizeof *alone->grey);
     assert_null(scanned->even->grey);
+    cts_volume_free(&first);
     assert_int_equal(cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, true, 2, &first, &made, &f.err),
                      CTS_ERR_INTERNAL);
     cts_volume_free(&alone);

@@ -25,8 +25,9 @@ void cts_options_begin(CtsOptions *options)
 
 void cts_options_free(CtsOptions *options)
 {
-    free(options->paths.items);
-    free(options->outputs.items);
+    for (const CtsOption *o = cts_options; o->name; o++)
+        if (o->kind == CTS_TEXTS)
+            free(((CtsTextList *)(void *)((char *)options + o->field))->items);
     free(options->words);
     free(options->recipe);
     cts_state_free(&options->state);

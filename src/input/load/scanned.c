@@ -107,7 +107,7 @@ CtsStatus cts_scanned_volume(CtsScanned *s, CtsInterpolation how, bool hand_over
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
 {
     CtsScanned *scanned = NULL;
-    CtsMadeUp made;
+    CtsMadeUp made = {0};
     *volume = NULL;
     CtsStatus st = cts_series_scan(series, false, NULL, n_threads, &scanned, report, err);
     if (!st)
