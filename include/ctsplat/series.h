@@ -34,7 +34,7 @@ typedef struct CtsSeries {
                            * two positions to tell) */
     double tilt_deg;      /* angle between the slice normal and the line of positions */
     bool renderable;
-    bool passed; /* not renderable, as it is no volume by its nature: a scout, a dose page, a single slice */
+    bool passed;       /* not renderable, as it is no volume by its nature: a scout, a dose page, a single slice */
     CtsStatus refusal; /* why not, when not renderable: the status that loading would return */
     char reason[512];
     CtsFindings findings;
@@ -50,8 +50,8 @@ typedef struct CtsFileCount {
 typedef struct CtsSeriesList {
     CtsSeries *items; /* most slices first, then by uid and part */
     size_t n;
-    int n_files;          /* looked at */
-    const char **paths;   /* of the files in folders and archives; n_paths, owned, among the texts */
+    int n_files;        /* looked at */
+    const char **paths; /* of the files in folders and archives; n_paths, owned, among the texts */
     size_t n_paths;
     int n_not_ct;         /* passed over in silence: not DICOM, other modalities, DICOMDIR, ... */
     int n_unreadable;     /* DICOM that could not be read; findings name them */
@@ -91,6 +91,7 @@ typedef struct CtsArchiveFile {
 
 typedef struct CtsArchiveCounts {
     uint64_t n_files, n_not_ct, n_unreadable;
+    uint64_t n_packed; /* of n_not_ct: zip files and the like, which are looked into only where they are named */
 } CtsArchiveCounts;
 
 /* Reads the header of each file below paths once, in the folders' own order, and calls found for each CT slice and for

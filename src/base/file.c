@@ -17,6 +17,7 @@ struct CtsTempFile {
     char *path;       /* the temporary one */
     char *folder;     /* of both */
     bool loose;       /* a power cut may take it */
+    bool is_private;  /* not for others */
     size_t n_waiting; /* bytes that the disk was not asked for */
 };
 
@@ -136,7 +137,8 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
     CtsTempFile *t = *temp;
     CtsStatus st = CTS_OK;
     struct stat info;
-    if (fstat(t->fd, &info) || fchmod(t->fd, 0666 & ~current_umask()) || (!t->loose && fsync(t->fd)))
+    if (fstat(t->fd, &info) || fchmod(t->fd, (t->is_private ? 0640 : 0666) & ~current_umask()) ||
+        (!t->loose && fsync(t->fd)))
         st = fail_errno(err, t->target, "cannot be written");
     const int closed = close(t->fd);
     t->fd = -1;
@@ -166,6 +168,11 @@ CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsEr
 void cts_temp_do_not_sync(CtsTempFile *temp)
 {
     temp->loose = true;
+}
+
+void cts_temp_keep_private(CtsTempFile *temp)
+{
+    temp->is_private = true;
 }
 
 void cts_temp_discard(CtsTempFile **temp)

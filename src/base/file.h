@@ -27,6 +27,8 @@ int cts_temp_fd(const CtsTempFile *temp);
 CtsStatus cts_temp_commit(CtsTempFile **temp, bool force, uint64_t *bytes, CtsError *err);
 /* A commit does not wait for the disk: for what is made again where a power cut took it. */
 void cts_temp_do_not_sync(CtsTempFile *temp);
+/* A commit leaves nothing to others than the owner and, to read, the group: for what identifies a patient. */
+void cts_temp_keep_private(CtsTempFile *temp);
 /* Removes the temporary file; does nothing when *temp is NULL, as after a commit. */
 void cts_temp_discard(CtsTempFile **temp);
 

@@ -14,11 +14,23 @@
 
 /* What malloc, the C library's way out, and the talk with the parent need. */
 static const int allowed[] = {
-    SCMP_SYS(brk),         SCMP_SYS(munmap),          SCMP_SYS(mremap),         SCMP_SYS(madvise),
-    SCMP_SYS(futex),       SCMP_SYS(recvfrom),        SCMP_SYS(sendto),         SCMP_SYS(exit),
-    SCMP_SYS(exit_group),  SCMP_SYS(rt_sigreturn),    SCMP_SYS(rt_sigprocmask), SCMP_SYS(getpid),
-    SCMP_SYS(gettid),      SCMP_SYS(tgkill),          SCMP_SYS(clock_gettime),  SCMP_SYS(gettimeofday),
-    SCMP_SYS(sched_yield), SCMP_SYS(restart_syscall),
+    SCMP_SYS(brk),
+    SCMP_SYS(munmap),
+    SCMP_SYS(mremap),
+    SCMP_SYS(madvise),
+    SCMP_SYS(futex),
+    SCMP_SYS(recvfrom),
+    SCMP_SYS(sendto),
+    SCMP_SYS(exit),
+    SCMP_SYS(exit_group),
+    SCMP_SYS(rt_sigreturn),
+    SCMP_SYS(rt_sigprocmask),
+    SCMP_SYS(getpid),
+    SCMP_SYS(gettid),
+    SCMP_SYS(clock_gettime),
+    SCMP_SYS(gettimeofday),
+    SCMP_SYS(sched_yield),
+    SCMP_SYS(restart_syscall),
 };
 
 /* What the C library tries now and then, to find out about its machine, and can do without. */
@@ -42,6 +54,13 @@ static int allow_data_memory(scmp_filter_ctx filter)
     return result ? result : seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(mprotect), 1, no_exec);
 }
 
+/* abort() signals its own process, and no other one may be signalled. */
+static int allow_own_signals(scmp_filter_ctx filter)
+{
+    const struct scmp_arg_cmp own = SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)getpid());
+    return seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1, own);
+}
+
 static int load_filter(void)
 {
     scmp_filter_ctx filter = seccomp_init(CTS_SANITIZED ? SCMP_ACT_ALLOW : SCMP_ACT_KILL_PROCESS);
@@ -56,6 +75,8 @@ static int load_filter(void)
             result = seccomp_rule_add(filter, SCMP_ACT_ERRNO(EACCES), refused[i], 0);
         if (!result)
             result = allow_data_memory(filter);
+        if (!result)
+            result = allow_own_signals(filter);
     }
     if (!result)
         result = seccomp_load(filter); /* sets "no new privileges" too */

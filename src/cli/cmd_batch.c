@@ -124,6 +124,11 @@ static void print_summary(const CtsOptions *options, const CtsBatchResult *r)
         snprintf(bad, sizeof bad, ", %zu refused, %zu failed", r->n_refused, r->n_failed);
     cli_note("%zu of %zu series%s done%s%s%s: %s", r->n_done, r->n_series,
              r->n_series > r->n_uids ? " (some UIDs hold several)" : "", stood, passed, bad, options->output_dir);
+    if (r->n_unreadable)
+        cli_note("files that cannot be read: %llu", (unsigned long long)r->n_unreadable);
+    if (r->n_packed)
+        cli_note("packed files that are not looked into: %llu (a zip file may be a PATH; unpack others)",
+                 (unsigned long long)r->n_packed);
 }
 
 CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)

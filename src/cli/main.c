@@ -9,9 +9,12 @@
 #include "cli/message.h"
 #include "cli/version.h"
 #include <errno.h>
+#include <fcntl.h>
+#include <signal.h>
 #include <stdio.h>
 #include <string.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 /* The place of a command, CLI_N_COMMANDS for none. */
 static int find_command(const char *name, CtsError *err)
@@ -64,8 +67,19 @@ static CtsStatus run(int argc, const char *const *argv, int *exit_code, CtsError
     return run_command(argc - 1, argv + 1, exit_code, err);
 }
 
+/* A file that is opened later must not take the place of an input or output that was closed: messages would go into
+ * it. What stands there instead fails when it is used. */
+static void hold_standard_files(void)
+{
+    for (int fd = STDIN_FILENO; fd <= STDERR_FILENO; fd++)
+        if (fcntl(fd, F_GETFD) < 0 && open("/dev/null", fd == STDIN_FILENO ? O_WRONLY : O_RDONLY) != fd)
+            _exit(1);
+}
+
 int main(int argc, char **argv)
 {
+    hold_standard_files();
+    signal(SIGCHLD, SIG_DFL); /* ignored by what started us, no child could be waited for */
     /* A core file would hold the patient's volume. */
     const struct rlimit no_core = {0, 0};
     setrlimit(RLIMIT_CORE, &no_core);

@@ -83,6 +83,8 @@ static CtsStatus act(const void *order, const uint8_t *stream, size_t n, void *p
         return open("/dev/null", O_RDONLY) >= 0 ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "no file");
     case 'n':
         return socket(AF_INET, SOCK_STREAM, 0) >= 0 ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "no socket");
+    case 't': /* another process */
+        return syscall(SYS_tgkill, 1, 1, 0) ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "no signal");
     case 'f':
         return fork() >= 0 ? CTS_OK : cts_fail(err, CTS_ERR_PIXELS, "no fork");
     case 'x':
@@ -149,6 +151,7 @@ static void test_deaths(void **state)
         {"o", "no file", ""},
         {"n", "system call", "system call"},
         {"f", "system call", ""},
+        {"t", "system call", ""},
         {"x", "system call", ""},
         {"?", "byte 63", "byte 63"},
     };

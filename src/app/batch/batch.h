@@ -116,6 +116,7 @@ typedef struct CtsBatchSettings {
 typedef struct CtsBatchResult {
     size_t n_series, n_uids;                               /* the files of one UID may hold several series */
     size_t n_done, n_stood, n_passed, n_refused, n_failed; /* n_stood of n_done needed nothing */
+    uint64_t n_unreadable, n_packed;                       /* files that no series has: as CtsArchiveCounts has them */
 } CtsBatchResult;
 
 /* Makes -O where it is missing; refuses one that cannot be written, or that is itself searched for series. */

@@ -1,8 +1,8 @@
 #define _GNU_SOURCE
 #include "app/batch/journal.h"
 
-#include "base/file.h"
 #include "app/batch/batch_plan.h"
+#include "base/file.h"
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -158,6 +158,19 @@ static CtsStatus open_lock(const char *folder, const char *name, int *fd, CtsErr
     return *fd < 0 ? fail_errno(err, path, "cannot be written") : CTS_OK;
 }
 
+/* A lock whose file is gone keeps nobody out: the next batch makes another one. */
+static CtsStatus check_locks(const CtsJournal *j, CtsError *err)
+{
+    const int fds[] = {j->lock_all, j->lock_own};
+    struct stat info;
+    for (int i = 0; i < 2; i++)
+        if (fds[i] >= 0 && !fstat(fds[i], &info) && info.st_nlink == 0)
+            return cts_fail(err, CTS_ERR_INTERNAL,
+                            "%s: the batch's lock was removed while it was at work (run it again; it goes on)",
+                            j->folder);
+    return CTS_OK;
+}
+
 /* Shards of one and the same number go beside each other; the first writes the number down. */
 static CtsStatus lock_shards(CtsJournal *j, int n_shards, CtsError *err)
 {
@@ -230,7 +243,7 @@ CtsStatus cts_journal_open(CtsJournal **journal, const char *folder, int shard, 
         snprintf(j->path, sizeof j->path, "%.4000s/batch.jsonl", folder);
     else
         snprintf(j->path, sizeof j->path, "%.4000s/batch-%d-of-%d.jsonl", folder, shard, n_shards);
-    if ((st = lock(j, shard, n_shards, err)) || (st = read_own(j, fresh, err)) ||
+    if ((st = lock(j, shard, n_shards, err)) || (st = check_locks(j, err)) || (st = read_own(j, fresh, err)) ||
         (!fresh && (st = read_others(j, err))))
         cts_journal_close(journal);
     return st;
@@ -312,6 +325,9 @@ CtsStatus cts_journal_add(CtsJournal *journal, const json_t *line, CtsError *err
 
 CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err)
 {
+    const CtsStatus st = check_locks(journal, err);
+    if (st)
+        return st;
     return fdatasync(journal->files[0]) ? fail_errno(err, journal->path, "cannot be written") : CTS_OK;
 }
 
@@ -369,7 +385,9 @@ CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, 
     CtsTempFile *temp = NULL;
     Line *lines = NULL;
     size_t n = 0;
-    CtsStatus st = list_lines(journal, &lines, &n, err);
+    CtsStatus st = check_locks(journal, err);
+    if (!st)
+        st = list_lines(journal, &lines, &n, err);
     if (!st)
         st = cts_temp_open(&temp, journal->path, err);
     for (size_t i = 0; i < n && !st; i++)

@@ -23,7 +23,7 @@ json_t *cts_journal_find(const CtsJournal *journal, const char *series_uid);
 bool cts_journal_holds(const CtsJournal *journal, const char *series_uid);
 /* Appends; does not take line over. CTS_ERR_OUTPUT leaves the journal as it was. */
 CtsStatus cts_journal_add(CtsJournal *journal, const json_t *line, CtsError *err);
-/* Lines so far outlast a power cut too. */
+/* Lines so far outlast a power cut too. CTS_ERR_INTERNAL when somebody has removed the lock's file. */
 CtsStatus cts_journal_sync(CtsJournal *journal, CtsError *err);
 /* One line a series, in order of UID, in a new file that takes the old one's place. change may change each line. */
 CtsStatus cts_journal_finish(CtsJournal *journal, void (*change)(void *context, json_t *line), void *context,

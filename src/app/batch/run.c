@@ -1,14 +1,14 @@
 /* The batch's own process: reads nothing but headers, hands out series, keeps the journal. */
 #define _GNU_SOURCE
-#include "base/clock.h"
-#include "base/cpu.h"
-#include "base/mem.h"
 #include "app/batch/child.h"
 #include "app/batch/line.h"
 #include "app/batch/out_folder.h"
 #include "app/batch/sweep.h"
 #include "app/batch/worker.h"
 #include "app/contact/contact_sheet.h"
+#include "base/clock.h"
+#include "base/cpu.h"
+#include "base/mem.h"
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
@@ -71,11 +71,11 @@ static void tell_progress(Run *r)
 {
     const CtsBatchTold *told = &r->settings->told;
     const double spent_s = (cts_wall_ms() - r->start_ms) / 1000;
-    const CtsBatchProgress progress = {
-        .n_ended = r->n_uids_ended,
-        .n_series = r->result->n_uids,
-        .n_pictures = r->n_pictures,
-        .seconds_left = r->n_pictures ? spent_s * n_pictures_left(r) / (double)r->n_pictures : -1};
+    const CtsBatchProgress progress = {.n_ended = r->n_uids_ended,
+                                       .n_series = r->result->n_uids,
+                                       .n_pictures = r->n_pictures,
+                                       .seconds_left =
+                                           r->n_pictures ? spent_s * n_pictures_left(r) / (double)r->n_pictures : -1};
     r->told_ms = cts_wall_ms();
     if (told->progress)
         told->progress(told->context, &progress);
@@ -320,8 +320,8 @@ static bool any_worker(const Run *r)
 static bool stands(Run *r, const CtsPlanSeries *series)
 {
     json_t *line = r->settings->fresh ? NULL : cts_journal_find(r->journal, series->uid);
-    const bool settled = line && cts_line_settled(r->settings, line, series->input_sha256) &&
-                         cts_line_tells_all(line, r->settings);
+    const bool settled =
+        line && cts_line_settled(r->settings, line, series->input_sha256) && cts_line_tells_all(line, r->settings);
     if (settled) {
         if (json_object_get(line, "unsent")) {
             json_object_del(line, "unsent");
@@ -491,7 +491,11 @@ static void wait_for_any(Run *r)
         int how;
         const bool open = !fds[i].revents || cts_worker_read(w, take_message, r);
         const pid_t pid = wait4(w->pid, &how, open ? WNOHANG : 0, &usage);
-        if (pid == w->pid)
+        if (pid < 0 && errno != EINTR) { /* somebody else has waited for it: how it ended is not known */
+            how = 0;
+            usage = (struct rusage){0};
+        }
+        if (pid == w->pid || (pid < 0 && errno != EINTR))
             end_worker(r, w, how, &usage);
     }
 }
@@ -536,11 +540,14 @@ static CtsStatus search(Run *r, CtsError *err)
         return st;
     const CtsArchiveCounts counts = cts_plan_counts(r->plan);
     r->result->n_series = r->result->n_uids = r->n_unknown = cts_plan_n_series(r->plan);
+    r->result->n_unreadable = counts.n_unreadable;
+    r->result->n_packed = counts.n_packed;
     if (!r->result->n_series && s->n_shards == 1 && s->series_uid)
         return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", s->series_uid);
     if (!r->result->n_series && s->n_shards == 1)
-        return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %llu files, %llu of them unreadable",
-                        (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable);
+        return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %llu files, %llu of them unreadable, %llu packed",
+                        (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable,
+                        (unsigned long long)counts.n_packed);
     return CTS_OK;
 }
 

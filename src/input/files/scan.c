@@ -163,6 +163,8 @@ CtsStatus cts_scan_each(CtsScan *scan, const char *const *paths, int n_paths, Ct
         CtsFile member;
         if (cts_archives_find(scan->archives, paths[i], &member))
             st = scan->found(scan->context, &member, NULL, err);
+        else if (stat(paths[i], &info) && !lstat(paths[i], &info)) /* a link that leads nowhere: opening it says so */
+            st = scan->found(scan->context, &(CtsFile){.path = paths[i], .named = true}, NULL, err);
         else if (stat(paths[i], &info))
             st = cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", paths[i], strerror(errno));
         else if (S_ISDIR(info.st_mode))

@@ -114,11 +114,28 @@ class ScannedAttributes final : public CtsAttributes
 
 } // namespace
 
+/* DCMTK takes control characters out of a UID, and a series would become another one. */
+static bool is_torn_uid(const CtsTagValue &value, const uint8_t *bytes)
+{
+    const uint32_t uids[] = {0x00080018, 0x0020000D, 0x0020000E, 0x00200052};
+    if (value.is_sequence || std::find(std::begin(uids), std::end(uids), value.tag) == std::end(uids))
+        return false;
+    uint32_t n = value.n_bytes;
+    while (n > 0 && bytes[value.offset + n - 1] == 0)
+        n--;
+    return std::any_of(bytes + value.offset, bytes + value.offset + n, [](uint8_t c) { return c < 0x20 || c == 0x7F; });
+}
+
 CtsStatus cts_dcm_read_header(const uint8_t *bytes, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
                               CtsTexts *texts, char class_uid[65], CtsSlice *slice, CtsError *err)
 try {
     ScannedAttributes scanned(bytes, *scan);
     if (!scanned.plain(*native)) {
+        for (int i = 0; i < scan->n_values; i++)
+            if (is_torn_uid(scan->values[i], bytes))
+                return cts_fail(err, CTS_ERR_READ, "damaged: its UID (%04X,%04X) holds control characters",
+                                static_cast<unsigned>(scan->values[i].tag >> 16),
+                                static_cast<unsigned>(scan->values[i].tag & 0xFFFF));
         const CtsDcmReaders *dcm = nullptr;
         const CtsStatus st = cts_dcm_readers(&dcm, err);
         return st ? st : dcm->parse_header(bytes, n, native, texts, class_uid, slice, err);

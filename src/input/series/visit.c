@@ -123,6 +123,7 @@ static CtsStatus hand_on(Search *s, const Found *f, char **directory, CtsError *
         return s->asked->found(s->asked->context, &file, err);
     }
     s->counts->n_not_ct++;
+    s->counts->n_packed += f->object.packed != NULL;
     if (f->file.named && f->object.kind == CTS_OBJECT_DIRECTORY && !*directory && !(*directory = strdup(f->file.path)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     return CTS_OK;

@@ -216,6 +216,8 @@ CtsStatus cts_export_end(CtsExport **output, uint64_t *bytes, CtsError *err)
     const CtsExportHead *head = &e->job.head;
     uint64_t size = 0;
     CtsStatus st;
+    if (e->format->info.is_object && !e->job.settings.deidentify)
+        cts_temp_keep_private(e->job.temp);
     if (e->frame < head->n_frames)
         st = cts_fail(err, CTS_ERR_INTERNAL, "%s: rows are missing", e->job.path);
     else if (!(st = e->format->finish(&e->job, err)))

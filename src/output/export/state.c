@@ -188,8 +188,10 @@ static CtsStatus write_file(const char *path, const CtsDcmState *s, bool force, 
     CtsTempFile *temp = NULL;
     CtsStatus st = cts_temp_open(&temp, path, err);
     const CtsDcmWriters *dcm = NULL;
-    if (!st && !(st = cts_dcm_writers(&dcm, err)) && !(st = dcm->state_write(s, sink, temp, err)))
+    if (!st && !(st = cts_dcm_writers(&dcm, err)) && !(st = dcm->state_write(s, sink, temp, err))) {
+        cts_temp_keep_private(temp);
         st = cts_temp_commit(&temp, force, NULL, err);
+    }
     cts_temp_discard(&temp);
     return st;
 }
