@@ -17,11 +17,11 @@ src/core/table    | core/volume/ |
 src/core/transfer | | expat.h
 src/core/scene    | core/volume/ core/transfer/lut.h |
 src/input/files   | | zlib.h zip.h
-src/input/header  | core/volume/stored.h input/files/ |
+src/input/header  | core/volume/stored.h core/volume/box.h input/files/ |
 src/input/codec   | input/files/ input/header/ | openjpeg.h
 src/input/series  | input/files/ input/header/ |
-src/input/load    | core/volume/ input/header/ input/codec/ input/series/ |
-src/input/labels  | core/labels/ input/files/ input/header/ input/codec/ | expat.h zlib.h
+src/input/load    | core/volume/ input/files/ input/header/ input/codec/ input/series/ |
+src/input/labels  | core/labels/ input/files/ input/header/ input/codec/ | expat.h
 src/engine/project | core/volume/ core/scene/ | immintrin.h
 src/engine/tiled  | core/volume/ core/scene/ engine/project/project.h | immintrin.h
 src/engine/splat  | core/volume/ core/transfer/ core/scene/ | immintrin.h

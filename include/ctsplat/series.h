@@ -33,6 +33,7 @@ typedef struct CtsSeries {
     double spacing_mm[3]; /* column, row, slice (along the slice normal, the median where it varies; 0: there are no
                            * two positions to tell) */
     double tilt_deg;      /* angle between the slice normal and the line of positions */
+    bool no_patient;      /* a NIfTI file: no DICOM object can be made of it */
     bool renderable;
     bool passed;       /* not renderable, as it is no volume by its nature: a scout, a dose page, a single slice */
     CtsStatus refusal; /* why not, when not renderable: the status that loading would return */
@@ -64,8 +65,9 @@ typedef struct CtsSeriesList {
     size_t n_texts;
 } CtsSeriesList;
 
-/* Paths are files, folders (searched to any depth), zip files of folders or DICOMDIRs. Reads headers only. Fails with
- * CTS_ERR_READ when a path cannot be read and CTS_ERR_NO_SERIES when nothing is a CT slice. n_threads 0: all cores. */
+/* Paths are files, folders (searched to any depth), zip files of folders, DICOMDIRs or NIfTI CTs, which have no UID.
+ * Reads headers only. Fails with CTS_ERR_READ when a path cannot be read and CTS_ERR_NO_SERIES when nothing is a CT
+ * slice. n_threads 0: all cores. */
 CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
                           CtsError *err);
 void cts_series_list_free(CtsSeriesList **list);
@@ -84,6 +86,7 @@ typedef struct CtsArchiveFile {
     const char *path;
     const char *why; /* it cannot be read, or NULL; then the rest is empty */
     const char *series_uid, *sop_uid;
+    bool is_alone; /* a series of its own, without a UID */
     uint64_t bytes;
     int64_t mtime_ns;
     uint64_t n_voxels; /* of all its frames that the header tells of */

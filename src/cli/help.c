@@ -79,7 +79,7 @@ void cli_help(void)
     }
     printf("\nctsplat COMMAND --help   the options of a command\n"
            "ctsplat --version        this program and its libraries\n"
-           "\nPATH is a DICOM file, a folder (searched to any depth), a zip file of one, or a DICOMDIR.\n"
+           "\nPATH is a DICOM file, a folder (searched to any depth), a zip file of one, a DICOMDIR or a NIfTI CT.\n"
            "Not for diagnostic use.\n");
 }
 

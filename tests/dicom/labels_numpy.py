@@ -240,7 +240,8 @@ def affine(scan):
     return np.diag([-1, -1, 1, 1]) @ matrix
 
 
-def write_nifti(path, volume, matrix, code=4, version=1, big=False, qform=False, slope=0.0, extension=b'', dims=None):
+def write_nifti(path, volume, matrix, code=4, version=1, big=False, qform=False, slope=0.0, intercept=0.0,
+                extension=b'', dims=None, form=True):
     """volume[i, j, k]; code: the datatype's."""
     kinds = {2: 'u1', 4: 'i2', 8: 'i4', 16: 'f4', 64: 'f8', 256: 'i1', 512: 'u2', 768: 'u4', 1024: 'i8', 1280: 'u8'}
     e = '>' if big else '<'
@@ -256,13 +257,13 @@ def write_nifti(path, volume, matrix, code=4, version=1, big=False, qform=False,
     block += b'\0' * (-len(block) % 16)
     head = bytearray(348 if version == 1 else 540)
     offset = len(head) + 4 + len(block)
-    codes = (1, 0) if qform else (0, 2)
+    codes = (1, 0) if qform else (0, 2 if form else 0)
     if version == 1:
         struct.pack_into(e + 'i', head, 0, 348)
         struct.pack_into(e + '8h', head, 40, 3, *dims, 1, 1, 1, 1)
         struct.pack_into(e + '2h', head, 70, code, np.dtype(kinds[code]).itemsize * 8)
         struct.pack_into(e + '8f', head, 76, handed, *spacing, 0, 0, 0, 0)
-        struct.pack_into(e + '3f', head, 108, offset, slope, 0)
+        struct.pack_into(e + '3f', head, 108, offset, slope, intercept)
         head[123] = 2
         struct.pack_into(e + '2h', head, 252, *codes)
         struct.pack_into(e + '6f', head, 256, *quaternion, *matrix[:3, 3])
@@ -274,7 +275,7 @@ def write_nifti(path, volume, matrix, code=4, version=1, big=False, qform=False,
         struct.pack_into(e + '2h', head, 12, code, np.dtype(kinds[code]).itemsize * 8)
         struct.pack_into(e + '8q', head, 16, 3, *dims, 1, 1, 1, 1)
         struct.pack_into(e + '8d', head, 104, handed, *spacing, 0, 0, 0, 0)
-        struct.pack_into(e + 'qdd', head, 168, offset, slope, 0)
+        struct.pack_into(e + 'qdd', head, 168, offset, slope, intercept)
         struct.pack_into(e + '2i', head, 344, *codes)
         struct.pack_into(e + '6d', head, 352, *quaternion, *matrix[:3, 3])
         struct.pack_into(e + '12d', head, 400, *matrix[:3].ravel())
@@ -626,4 +627,5 @@ def main():
     sys.exit(1 if failures else 0)
 
 
-main()
+if __name__ == '__main__':
+    main()

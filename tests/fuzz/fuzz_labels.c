@@ -2,9 +2,9 @@
  */
 #include "base/mem.h"
 #include "fuzz.h"
+#include "input/files/nifti.h"
 #include "input/header/slice.h"
 #include "input/labels/label_reading.h"
-#include "input/labels/nifti_header.h"
 #include <string.h>
 
 enum { N_SLICES = 10, COLUMNS = 28, ROWS = 24 };

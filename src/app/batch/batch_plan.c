@@ -107,15 +107,15 @@ static uint64_t folder_key(const char *path)
     return key;
 }
 
-/* Files without a series UID belong together by folder. */
-static CtsStatus name_series(const char *uid, const char *path, char name[80], uint64_t *key, CtsError *err)
+/* Files without a series UID belong together by folder, but for one that is alone. */
+static CtsStatus name_series(const CtsArchiveFile *file, char name[80], uint64_t *key, CtsError *err)
 {
     CtsStatus st;
-    if (uid[0]) {
-        snprintf(name, 80, "%s", uid);
+    if (file->series_uid[0]) {
+        snprintf(name, 80, "%s", file->series_uid);
         return cts_plan_key(name, key, err);
     }
-    const char *slash = strrchr(path, '/');
+    const char *const path = file->path, *const slash = file->is_alone ? path + strlen(path) : strrchr(path, '/');
     char *folder = slash ? strndup(path, (size_t)(slash - path)) : strdup(".");
     uint64_t folder_key;
     st = folder ? cts_plan_key(folder, &folder_key, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -185,7 +185,7 @@ static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err
         lost.bytes = (uint64_t)info.st_size;
         lost.mtime_ns = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
     }
-    if ((st = name_series("", file->path, name, &unused, err)))
+    if ((st = name_series(&lost, name, &unused, err)))
         return st;
     return keep_record(p, &lost, name, folder_key(file->path), err);
 }
@@ -208,7 +208,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
         return take_lost(p, file, err);
     if (file->series_uid[0] && !strcmp(file->series_uid, p->last_uid))
         snprintf(name, sizeof name, "%s", p->last_uid);
-    else if ((st = name_series(file->series_uid, file->path, name, &key, err)))
+    else if ((st = name_series(file, name, &key, err)))
         return st;
     snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
     p->last_key = key;

@@ -251,6 +251,9 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
     settings.n_threads = cts_threads(job->render.n_threads);
     render.want_depth = job->render.want_depth || cts_outputs_hold_depth(&job->outputs);
     render.rotation_frames = n_frames_of(job);
+    if (loaded->series && loaded->series->no_patient && job->outputs.state)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`write_state`: a NIfTI file has no patient and no slices for a presentation state to name");
     if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)) &&
         !(st = cts_fit_window(loaded->volume, &render, &preset, report, err)))
         st = cts_files_begin(&files, err);

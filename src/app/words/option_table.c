@@ -36,7 +36,8 @@ static const char *const interpolations[] = {"shape", "cubic", "linear"}, *const
                          *const png_bits[] = {"16", "8"}, *const reuses[] = {"auto", "always"};
 
 const CtsOption cts_options[] = {
-    {0, "path", "PATH", ON(JOB), SAME, "a file, folder, zip file or DICOMDIR to search for series", NULL, TEXTS(paths)},
+    {0, "path", "PATH", ON(JOB), SAME, "a file, folder, zip file, DICOMDIR or NIfTI CT to search for series", NULL,
+     TEXTS(paths)},
     {'o', "output", "FILE", ONE, SAME,
      "write this file, whose name ends in {outputs}; may be repeated; - is standard output", NULL, TEXTS(outputs)},
     {0, "format", "NAME", ON(RENDER), SAME, "{formats}: what -o - writes", NULL, PARSED(format)},
@@ -199,8 +200,7 @@ const CtsOption cts_options[] = {
     {0, "log", "FILE", RENDERING & ~ON(JOB), SAME, "append a timing log, JSON Lines; - is stderr", "none", TEXT(log)},
     {0, "json", NULL, ON(INFO) | ON(CHECK) | ON(COMPARE) | ON(PRESETS), SAME, "print JSON", NULL, FLAG(json)},
     {0, "show-patient", NULL, ON(INFO) | ON(BATCH), SAME,
-     "tell study dates, series numbers and descriptions too, which may identify the patient", NULL,
-     FLAG(show_patient)},
+     "tell study dates, series numbers and descriptions too, which may identify the patient", NULL, FLAG(show_patient)},
     {0, "show-paths", NULL, ON(RENDER) | ON(BATCH), SAME,
      "let journal, contact sheet and log name input files, which may identify the patient", NULL, FLAG(show_paths)},
     {'h', "help", NULL, ON(JOB) - 1, SAME, "print this and stop", NULL, FLAG(help)},

@@ -2,8 +2,8 @@
 #ifndef CTS_DICOM_SLICE_H
 #define CTS_DICOM_SLICE_H
 
-#include "ctsplat/status.h"
 #include "core/volume/stored.h"
+#include "ctsplat/status.h"
 #include "input/files/syntax.h"
 #include "input/files/texts.h"
 #include <stdbool.h>
@@ -18,10 +18,11 @@ struct CtsFile;      /* scan.h */
 struct CtsFileBytes; /* file_bytes.h */
 
 typedef enum CtsObjectKind {
-    CTS_OBJECT_OTHER,    /* DICOM, but no CT slice: other SOP classes, structured reports, directories */
-    CTS_OBJECT_CT,       /* CT Image Storage */
-    CTS_OBJECT_ENHANCED, /* Enhanced CT or Legacy Converted Enhanced CT: many frames in one object */
-    CTS_OBJECT_DIRECTORY /* a DICOMDIR */
+    CTS_OBJECT_OTHER,     /* DICOM, but no CT slice: other SOP classes, structured reports, directories */
+    CTS_OBJECT_CT,        /* CT Image Storage */
+    CTS_OBJECT_ENHANCED,  /* Enhanced CT or Legacy Converted Enhanced CT: many frames in one object */
+    CTS_OBJECT_DIRECTORY, /* a DICOMDIR */
+    CTS_OBJECT_NIFTI      /* no DICOM, but a NIfTI CT that was named: its slices are this file's alone */
 } CtsObjectKind;
 
 /* Odd but usable; the series turns each into one warning. */
@@ -70,13 +71,13 @@ typedef struct CtsSlice {
     int series_number;                 /* (0020,0011); negative where missing */
     bool has_acquisition, has_temporal, has_instance;
     int acquisition_number, instance_number, temporal_index;
-    double kvp, trigger_ms;        /* (0018,0060), (0018,1060); negative when missing */
-    double time_s;                 /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
-    bool told_lossless;            /* (0028,2110) is 00 */
-    bool localizer;                /* a scout */
-    bool page;                     /* a dose report or the like: never had a place in a patient */
-    int frame, n_frames;           /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
-    const char *stack_id;          /* (0020,9056), of a frame; at most 16 characters */
+    double kvp, trigger_ms; /* (0018,0060), (0018,1060); negative when missing */
+    double time_s;          /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
+    bool told_lossless;     /* (0028,2110) is 00 */
+    bool localizer;         /* a scout */
+    bool page;              /* a dose report or the like: never had a place in a patient */
+    int frame, n_frames;    /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
+    const char *stack_id;   /* (0020,9056), of a frame; at most 16 characters */
 
     int rows, columns, bits_allocated, bits_stored, high_bit;
     bool is_signed;
@@ -127,7 +128,7 @@ typedef struct CtsScratch {
 
 void cts_scratch_free(CtsScratch *scratch);
 
-typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_UNREADABLE } CtsFileKind;
+typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_NIFTI, CTS_FILE_UNREADABLE } CtsFileKind;
 
 /* What one file holds: a slice, or the frames of an object with many. */
 typedef struct CtsObject {
@@ -135,13 +136,14 @@ typedef struct CtsObject {
     const char *class_uid; /* of DICOM; "" where it names none */
     CtsSlice **slices;     /* n_slices of them, owned; none unless kind is CT or enhanced CT */
     int n_slices;
-    const char *packed; /* no DICOM, but looks like this packer's: "gzip"; else NULL */
+    const char *packed; /* no DICOM, but looks like this packer's: "gzip"; or NIfTI that was not named; else NULL */
 } CtsObject;
 
 void cts_object_free(CtsObject *object);
 
 /* Read one file's header into a zeroed object that ends before source's path and scratch's texts do.
- * CTS_FILE_NOT_DICOM: plainly something else, or no regular file. CTS_FILE_UNREADABLE: err says why, without the path.
+ * CTS_FILE_NOT_DICOM: plainly something else, or no regular file. CTS_FILE_NIFTI: has slices where it was named.
+ * CTS_FILE_UNREADABLE: err says why, without the path.
  * bytes_read is added to. */
 CtsFileKind cts_slice_read_header(const struct CtsFile *source, CtsScratch *scratch, CtsObject *object,
                                   uint64_t *bytes_read, CtsError *err);

@@ -1,11 +1,11 @@
 #define _GNU_SOURCE
-#include "input/header/dcm_readers.h"
 #include "base/sandbox.h"
 #include "input/files/file_bytes.h"
-#include "input/header/pixel_places.h"
 #include "input/files/scan.h"
-#include "input/header/slice.h"
 #include "input/files/tag_scan.h"
+#include "input/header/dcm_readers.h"
+#include "input/header/nifti_slices.h"
+#include "input/header/pixel_places.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -254,6 +254,10 @@ static CtsStatus open_and_scan(Head *h, const CtsFile *source, Framing *f, CtsSl
         return st;
     if ((st = read_up_to(h, FIRST_READ, err)))
         return st;
+    if (cts_nifti_slices_are(source->path, h->scratch->file, h->n)) {
+        *kind = CTS_FILE_NIFTI;
+        return CTS_OK;
+    }
     CtsScanResult result;
     while ((result = cts_scan_meta(h->scratch->file, h->n, h->file.n_bytes, &f->meta)) == CTS_SCAN_MORE) {
         if (h->n >= h->file.n_bytes)
@@ -313,7 +317,12 @@ CtsFileKind cts_slice_read_header(const CtsFile *source, CtsScratch *scratch, Ct
     CtsStatus st = open_and_scan(&h, source, &f, &common, &kind, err);
     if (!st && kind == CTS_FILE_DICOM && !(st = read_slices(&f, &scratch->texts, &common, object, err)))
         st = complete(&h, &f, &common, source, object, err);
-    if (!st && kind == CTS_FILE_NOT_DICOM && h.n)
+    /* In a folder it may be a mask or a picture of anything. */
+    if (!st && kind == CTS_FILE_NIFTI && source->named)
+        st = cts_nifti_slices(source, &h.file, object, err);
+    else if (kind == CTS_FILE_NIFTI)
+        object->packed = "NIfTI";
+    else if (!st && kind == CTS_FILE_NOT_DICOM && h.n)
         object->packed = packer_of(scratch->file, h.n);
     cts_slice_clear(&common);
     cts_file_bytes_close(&h.file);

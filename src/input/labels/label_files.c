@@ -2,11 +2,11 @@
 #include "ctsplat/label_files.h"
 
 #include "base/mem.h"
+#include "input/files/nifti.h"
 #include "input/files/scan.h"
 #include "input/header/dcm_readers.h"
 #include "input/header/slice.h"
 #include "input/labels/label_reading.h"
-#include "input/labels/nifti_header.h"
 #include <glob.h>
 #include <stdio.h>
 #include <stdlib.h>

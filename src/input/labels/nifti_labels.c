@@ -1,8 +1,8 @@
 /* NIfTI label maps, and masks of one label each. */
 #include "base/mem.h"
 #include "base/vec3.h"
+#include "input/files/nifti.h"
 #include "input/labels/mask.h"
-#include "input/labels/nifti_header.h"
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -21,18 +21,11 @@ typedef struct Map {
 static CtsStatus read_numbers(Map *m, CtsError *err)
 {
     enum { PART = 4096 };
-    const CtsNifti *const f = &m->nifti;
-    const size_t n_row = (size_t)f->dims[0] * (size_t)f->dims[1];
-    size_t n;
+    size_t n = 0;
     double values[PART];
-    if (cts_mul_overflows(n_row, (size_t)f->dims[2], &n) ||
-        !cts_memory_allows((double)n * sizeof *m->numbers, cts_memory_available()))
-        return cts_fail(err, CTS_ERR_MEMORY, "%d x %d x %d voxels need more memory than is free", f->dims[0],
-                        f->dims[1], f->dims[2]);
-    if (!f->unpacker && n > f->file->n_bytes / (uint64_t)f->bytes)
-        return cts_fail(err, CTS_ERR_READ, "cut short: it claims %zu voxels of %d bytes, and has %llu bytes", n,
-                        f->bytes, (unsigned long long)f->file->n_bytes);
-    CtsStatus st = cts_alloc_sparse(&m->numbers, n, err);
+    CtsStatus st = cts_nifti_count(&m->nifti, sizeof *m->numbers, &n, err);
+    if (!st)
+        st = cts_alloc_sparse(&m->numbers, n, err);
     for (size_t done = 0; !st && done < n;) {
         const size_t part = n - done < PART ? n - done : PART;
         st = cts_nifti_read(&m->nifti, values, part, err);

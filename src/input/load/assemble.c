@@ -13,6 +13,7 @@
 #include "input/codec/pixels.h"
 #include "input/header/slice.h"
 #include "input/load/neighbours.h"
+#include "input/load/nifti_words.h"
 #include "input/load/resample.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
@@ -341,7 +342,7 @@ static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *er
     if (v->hu_min < -65536 || v->hu_max > 131072)
         return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", v->hu_min, v->hu_max);
     /* Air as a huge number: below 0 read without a sign. No scan holds such numbers and no air. */
-    if (v->hu_max > 32767 && v->hu_min > -200)
+    if (v->hu_max > 32767 && v->hu_min > -200 && a->slices[0].kind != CTS_OBJECT_NIFTI)
         return cts_fail(err, CTS_ERR_PIXELS,
                         "its values from %g to %g look like signed pixels that PixelRepresentation (0028,0103) calls "
                         "unsigned (set it to 1 with dcmodify)",
@@ -408,7 +409,8 @@ static void place_volume(CtsVolume *v, const CtsSlice *slices, int n, const CtsS
 /* The slices of a series that are to become a volume: copies of its records, which own nothing. */
 typedef struct Loading {
     CtsSlice *slices;
-    int *number; /* of each in the series */
+    int *number;     /* of each in the series */
+    uint16_t *words; /* of a NIfTI file; owned */
     const CtsWordWatch *watch;
     char **faults; /* what was found of damaged ones while they were read; owned */
     int n_slices, n_threads;
@@ -417,7 +419,15 @@ typedef struct Loading {
     bool range_alone; /* no voxels: the headers' reading has seen every pixel */
 } Loading;
 
-static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threads, CtsError *err)
+static CtsStatus read_nifti(Loading *in, CtsReport *report, CtsError *err)
+{
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    const CtsStatus st = cts_nifti_words(in->slices, in->n_slices, &in->words, report, err);
+    cts_report_stage(report, CTS_STAGE_DECODE, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
+    return st;
+}
+
+static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threads, CtsReport *report, CtsError *err)
 {
     const size_t n = (size_t)series->n_slices;
     CtsStatus st = cts_alloc_array(&in->slices, n, err);
@@ -433,6 +443,8 @@ static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threa
     }
     in->n_slices = series->n_slices;
     in->n_threads = n_threads;
+    if (!st && series->slices[0]->kind == CTS_OBJECT_NIFTI)
+        st = read_nifti(in, report, err);
     /* Before there are threads and a volume. */
     return !st && compressed ? cts_helper_start(err) : st;
 }
@@ -444,6 +456,7 @@ static void end_loading(Loading *in)
     cts_free(&in->slices);
     cts_free(&in->number);
     cts_free(&in->faults);
+    cts_free(&in->words);
 }
 
 /* Leaves the damaged slices out, and names each. */
@@ -549,10 +562,12 @@ static void stage_times(const CtsReport *report, double *wall_ms, double *cpu_ms
     *cpu_ms = report->stages[CTS_STAGE_DECODE].cpu_ms + report->stages[CTS_STAGE_GREY].cpu_ms;
 }
 
-/* "series UID: " in front of a failure; by its folder where the data has no UID. */
+/* "series UID: " in front of a failure; by its file or folder where the data has no UID. */
 static CtsStatus in_series(const CtsSeries *series, CtsError *err)
 {
     const CtsSlice *first = series->slices[0];
+    if (series->no_patient)
+        return cts_context(err, "%s", first->path);
     const int n = (int)(cts_slice_name(first) - first->path);
     return series->uid[0] ? cts_context(err, "series %s", series->uid)
                           : cts_context(err, "%.*s: series without UID", n > 1 ? n - 1 : 1, n ? first->path : ".");
@@ -623,7 +638,7 @@ static CtsStatus load(const CtsSeries *series, Want want, const CtsWordWatch *wa
     Loading in = {
         .watch = watch, .marks_dense = want == VOXELS_MARKED, .range_alone = want == RANGE && all_seen(series)};
     CtsError why = {0};
-    CtsStatus st = begin_loading(&in, series, n_threads, &why);
+    CtsStatus st = begin_loading(&in, series, n_threads, report, &why);
     int n_bad = 0;
     while (!st && (st = load_slices(series, &in, scanned, report, &why)) == CTS_ERR_PIXELS) {
         int n = 0;

@@ -5,6 +5,7 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "base/vec3.h"
+#include "core/volume/box.h"
 #include "core/volume/grey.h"
 #include "core/volume/volume_new.h"
 #include <math.h>
@@ -13,87 +14,34 @@
 #define HU_OFFSET (-1024.0)
 enum { GREY_MAX = 65535 };
 
-/* Rows of the box, as a scanner would have stored them. */
-typedef struct Box {
-    const uint8_t *first;
+typedef struct Given {
+    const uint8_t *bytes;
     CtsNumber number;
-    int dims[3];
-    ptrdiff_t stride[3];
-    double origin_lps[3], step_lps[3][3];
-} Box;
+    CtsBox box;
+} Given;
 
-static void flip(Box *b, int axis)
+/* Slices lie across the longest step. */
+static Given stored(const CtsGivenHu *g)
 {
-    const int last = b->dims[axis] - 1;
-    b->first += last * b->stride[axis];
-    b->stride[axis] = -b->stride[axis];
-    for (int c = 0; c < 3; c++) {
-        b->origin_lps[c] += last * b->step_lps[axis][c];
-        b->step_lps[axis][c] = -b->step_lps[axis][c];
-    }
-}
-
-/* The share of a step along one of the patient's axes. */
-static double along(const CtsGivenHu *g, int axis, int c)
-{
-    return fabs(g->step_lps[axis][c]) / cts_norm3(g->step_lps[axis]);
-}
-
-/* Slices lie across the axis with the longest step, as that is how they are scanned; of equal ones (a thousandth is
- * rounding) across the one nearest to the body's axis. */
-static int slice_axis(const CtsGivenHu *g)
-{
-    int best = 0;
-    for (int a = 1; a < 3; a++) {
-        const double one = cts_norm3(g->step_lps[a]), other = cts_norm3(g->step_lps[best]);
-        if (fabs(one - other) > 1e-3 * other ? one > other : along(g, a, 2) > along(g, best, 2))
-            best = a;
-    }
-    return best;
-}
-
-/* Rows run where the body's axis is not, and to the left before to the back; columns to the back, or to the feet; the
- * three are right-handed. So PS3.3 C.7.6.2 has axial, coronal and sagittal slices. */
-static Box stored(const CtsGivenHu *g)
-{
-    const int k = slice_axis(g);
-    int order[3] = {(k + 1) % 3, (k + 2) % 3, k};
-    const double lead = along(g, order[0], 2) - along(g, order[1], 2);
-    if (lead > 0.5 || (lead > -0.5 && along(g, order[1], 0) > along(g, order[0], 0))) {
-        const int swap = order[0];
-        order[0] = order[1];
-        order[1] = swap;
-    }
-    Box b = {.first = g->bytes, .number = g->number};
-    memcpy(b.origin_lps, g->origin_lps, sizeof b.origin_lps);
-    for (int a = 0; a < 3; a++) {
-        b.dims[a] = g->dims[order[a]];
-        b.stride[a] = g->stride_bytes[order[a]];
-        memcpy(b.step_lps[a], g->step_lps[order[a]], sizeof b.step_lps[a]);
-    }
-    const int row = along(g, order[0], 0) >= along(g, order[0], 1) ? 0 : 1;
-    const int column = along(g, order[1], 1) >= along(g, order[1], 2) ? 1 : 2;
-    if (b.step_lps[0][row] < 0)
-        flip(&b, 0);
-    if (column == 1 ? b.step_lps[1][1] < 0 : b.step_lps[1][2] > 0)
-        flip(&b, 1);
-    double normal[3];
-    cts_cross3(b.step_lps[0], b.step_lps[1], normal);
-    if (cts_dot3(normal, b.step_lps[2]) < 0)
-        flip(&b, 2);
-    return b;
+    CtsBox box = {0};
+    memcpy(box.dims, g->dims, sizeof box.dims);
+    memcpy(box.stride, g->stride_bytes, sizeof box.stride);
+    memcpy(box.origin_lps, g->origin_lps, sizeof box.origin_lps);
+    memcpy(box.step_lps, g->step_lps, sizeof box.step_lps);
+    return (Given){g->bytes, g->number, cts_box_as_scanned(&box, CTS_BOX_ANY)};
 }
 
 static const size_t number_bytes[CTS_N_NUMBERS] = {
     [CTS_INT16] = 2, [CTS_UINT16] = 2, [CTS_INT32] = 4, [CTS_FLOAT32] = 4, [CTS_FLOAT64] = 8};
 
 /* Row (j, k) as numbers; row has room for dims[0]. */
-static void read_row(const Box *b, int j, int k, double *row)
+static void read_row(const Given *g, int j, int k, double *row)
 {
-    const uint8_t *at = b->first + j * b->stride[1] + k * b->stride[2];
+    const CtsBox *const b = &g->box;
+    const uint8_t *at = g->bytes + b->first + j * b->stride[1] + k * b->stride[2];
     const ptrdiff_t step = b->stride[0];
     const int n = b->dims[0];
-    switch (b->number) {
+    switch (g->number) {
 #define READ(NUMBER, type)                                                                                             \
     case NUMBER:                                                                                                       \
         for (int i = 0; i < n; i++) {                                                                                  \
@@ -120,7 +68,7 @@ typedef struct Range {
 } Range;
 
 typedef struct Pass {
-    const Box *box;
+    const Given *given;
     CtsVolume *volume;
     Range *ranges; /* by slice */
     double **rows; /* by worker */
@@ -132,9 +80,9 @@ static void look_at_slices(void *context, int worker, size_t first, size_t end)
     double *const row = p->rows[worker];
     for (int k = (int)first; k < (int)end; k++) {
         Range r = {INFINITY, -INFINITY, true, 0};
-        for (int j = 0; j < p->box->dims[1]; j++) {
-            read_row(p->box, j, k, row);
-            for (int i = 0; i < p->box->dims[0]; i++) {
+        for (int j = 0; j < p->given->box.dims[1]; j++) {
+            read_row(p->given, j, k, row);
+            for (int i = 0; i < p->given->box.dims[0]; i++) {
                 const double x = row[i];
                 if (!isfinite(x)) {
                     r.n_lost++;
@@ -159,7 +107,7 @@ static void make_slices(void *context, int worker, size_t first, size_t end)
     for (int k = (int)first; k < (int)end; k++)
         for (int j = 0; j < ny; j++) {
             uint16_t *const grey = v->grey + ((size_t)k * (size_t)ny + (size_t)j) * (size_t)nx;
-            read_row(p->box, j, k, row);
+            read_row(p->given, j, k, row);
             for (int i = 0; i < nx; i++) {
                 const double g = (row[i] - HU_OFFSET) * scale + 0.5;
                 grey[i] = g >= 1 ? g < GREY_MAX ? (uint16_t)g : GREY_MAX : 0; /* not a number: 0 */
@@ -170,13 +118,14 @@ static void make_slices(void *context, int worker, size_t first, size_t end)
 /* Infinite numbers too are padding. */
 static void lose_infinite(const Pass *p)
 {
-    for (int k = 0; k < p->box->dims[2]; k++)
-        for (int j = 0; p->ranges[k].n_lost && j < p->box->dims[1]; j++) {
-            read_row(p->box, j, k, p->rows[0]);
-            for (int i = 0; i < p->box->dims[0]; i++)
+    for (int k = 0; k < p->given->box.dims[2]; k++)
+        for (int j = 0; p->ranges[k].n_lost && j < p->given->box.dims[1]; j++) {
+            read_row(p->given, j, k, p->rows[0]);
+            for (int i = 0; i < p->given->box.dims[0]; i++)
                 if (!isfinite(p->rows[0][i]))
-                    p->volume->grey[((size_t)k * (size_t)p->box->dims[1] + (size_t)j) * (size_t)p->box->dims[0] +
-                                    (size_t)i] = 0;
+                    p->volume
+                        ->grey[((size_t)k * (size_t)p->given->box.dims[1] + (size_t)j) * (size_t)p->given->box.dims[0] +
+                               (size_t)i] = 0;
         }
 }
 
@@ -201,7 +150,7 @@ static CtsStatus check(const CtsGivenHu *g, CtsError *err)
 static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsReport *report, CtsError *err)
 {
     Range all = {INFINITY, -INFINITY, true, 0};
-    for (int k = 0; k < p->box->dims[2]; k++) {
+    for (int k = 0; k < p->given->box.dims[2]; k++) {
         all.low = fmin(all.low, p->ranges[k].low);
         all.high = fmax(all.high, p->ranges[k].high);
         all.whole &= p->ranges[k].whole;
@@ -225,7 +174,7 @@ static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsReport *report, Ct
 
 static CtsStatus fill(const Pass *p, CtsVolume *v, int n_threads, CtsReport *report, CtsError *err)
 {
-    const size_t n = (size_t)p->box->dims[2];
+    const size_t n = (size_t)p->given->box.dims[2];
     cts_parallel(n_threads, n, 0, look_at_slices, (void *)p);
     const CtsStatus st = settle_range(p, v, report, err);
     if (st)
@@ -235,7 +184,7 @@ static CtsStatus fill(const Pass *p, CtsVolume *v, int n_threads, CtsReport *rep
     return CTS_OK;
 }
 
-static CtsStatus place(CtsScanned *s, const Box *b, CtsError *err)
+static CtsStatus place(CtsScanned *s, const CtsBox *b, CtsError *err)
 {
     const int *const dims = b->dims;
     CtsStatus st = cts_alloc_array(&s->position_lps, (size_t)dims[2], err);
@@ -258,12 +207,13 @@ CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned *
     if (st || (st = cts_alloc_zeroed(scanned, 1, err)))
         return st;
     n_threads = cts_threads(n_threads);
-    const Box box = stored(given);
-    Pass pass = {.box = &box};
-    if (!(st = place(*scanned, &box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box.dims[2], err)))
+    const Given as_scanned = stored(given);
+    const CtsBox *const box = &as_scanned.box;
+    Pass pass = {.given = &as_scanned};
+    if (!(st = place(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
         st = cts_alloc_zeroed(&pass.rows, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
-        st = cts_alloc_array(&pass.rows[t], (size_t)box.dims[0], err);
+        st = cts_alloc_array(&pass.rows[t], (size_t)box->dims[0], err);
     pass.volume = (*scanned)->even;
     if (!st)
         st = fill(&pass, pass.volume, n_threads, report, err);

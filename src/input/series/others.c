@@ -25,7 +25,10 @@ static CtsStatus add(CtsSeriesList *list, const char *what, int n, CtsError *err
 CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, CtsError *err)
 {
     char what[40];
-    snprintf(what, sizeof what, packed ? "packed with %s (unpack first)" : "not DICOM", packed);
+    if (packed && !strcmp(packed, "NIfTI"))
+        snprintf(what, sizeof what, "NIfTI (name the file itself)");
+    else
+        snprintf(what, sizeof what, packed ? "packed with %s (unpack first)" : "not DICOM", packed);
     return n ? add(list, what, n, err) : CTS_OK;
 }
 

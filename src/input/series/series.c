@@ -5,11 +5,11 @@
 #include "base/cpu.h"
 #include "base/parallel.h"
 #include "input/files/archive.h"
+#include "input/files/scan.h"
+#include "input/files/texts.h"
 #include "input/header/dcm_read.h"
 #include "input/series/others.h"
-#include "input/files/scan.h"
 #include "input/series/series_judge.h"
-#include "input/files/texts.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -161,12 +161,18 @@ static CtsStatus follow_directories(Search *s, int n_threads, CtsError *err)
     return !st && s->files.n > n ? read_headers(s, n_threads, err) : st;
 }
 
+/* Files without a series UID belong together by folder; a NIfTI file is alone. */
+static size_t home_length(const CtsSlice *s)
+{
+    return s->kind == CTS_OBJECT_NIFTI ? strlen(s->path) : (size_t)(cts_slice_name(s) - s->path);
+}
+
 static int by_series(const void *a, const void *b)
 {
     const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
     int order = strcmp(x->series_uid, y->series_uid);
     if (!order && !x->series_uid[0]) {
-        const size_t nx = (size_t)(cts_slice_name(x) - x->path), ny = (size_t)(cts_slice_name(y) - y->path);
+        const size_t nx = home_length(x), ny = home_length(y);
         order = memcmp(x->path, y->path, nx < ny ? nx : ny);
         if (!order)
             order = (nx > ny) - (nx < ny);

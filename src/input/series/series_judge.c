@@ -310,6 +310,7 @@ static void describe(CtsSeries *series, const CtsSlice *s)
         snprintf(series->study_date, sizeof series->study_date, "%.4s-%.2s-%.2s", s->study_date, s->study_date + 4,
                  s->study_date + 6);
     series->series_number = s->series_number;
+    series->no_patient = s->kind == CTS_OBJECT_NIFTI;
     snprintf(series->modality, sizeof series->modality, "%s", s->modality);
     snprintf(series->transfer_syntax, sizeof series->transfer_syntax, "%s", s->syntax_uid);
     cts_text_clean(series->uid); /* shown as they are */

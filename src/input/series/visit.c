@@ -102,10 +102,11 @@ static CtsStatus hand_on(Search *s, const Found *f, char **directory, CtsError *
 {
     CtsArchiveFile file = {.path = f->file.path, .series_uid = "", .sop_uid = ""};
     s->counts->n_files++;
-    if (f->kind == CTS_FILE_DICOM && f->object.n_slices) {
+    if (f->object.n_slices) {
         const CtsSlice *slice = f->object.slices[0];
         file.series_uid = slice->series_uid;
         file.sop_uid = slice->sop_uid;
+        file.is_alone = f->kind == CTS_FILE_NIFTI;
         file.bytes = slice->file_bytes;
         file.mtime_ns = slice->mtime_ns;
         tell_archive(f, &file);

@@ -70,6 +70,12 @@ CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsE
                             "%s: BurnedInAnnotation (0028,0301) says that text stands in the slices' pixels, where "
                             "`deidentify` cannot reach it",
                             path);
+    if (source->no_patient)
+        return cts_fail(
+            err, CTS_ERR_USAGE,
+            "%s: a NIfTI file has no patient and no study for a DICOM object (write .png or .exr, or render "
+            "the DICOM series)",
+            path);
     const char *first = source->slices[0]->path;
     const bool in_memory = source->slices[0]->memory != NULL; /* out of an archive */
     if (!first || (!in_memory && access(first, R_OK)))
@@ -136,8 +142,7 @@ CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
     const CtsScFrame frame = {
         .width = head->width, .height = head->height, .grey = head->grey, .n_threads = job->settings.n_threads};
     const CtsDcmWriters *dcm = NULL;
-    if ((st = cts_dcm_writers(&dcm, err)) ||
-        (st = dcm->sc_source(job->settings.source->slices[0], &w->facts, err)) ||
+    if ((st = cts_dcm_writers(&dcm, err)) || (st = dcm->sc_source(job->settings.source->slices[0], &w->facts, err)) ||
         (st = cts_alloc_array(&w->rows, (size_t)w->max_rows * row_bytes, err)) ||
         (st = cts_alloc_array(&w->azimuth_deg, (size_t)head->n_frames, err)) ||
         (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)) || (st = cts_hash_start(&w->hash, err)))

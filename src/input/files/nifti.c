@@ -1,4 +1,4 @@
-#include "input/labels/nifti_header.h"
+#include "input/files/nifti.h"
 
 #include "base/mem.h"
 #include "base/vec3.h"
@@ -8,6 +8,7 @@
 #include <zlib.h>
 
 enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MOST_EXTENSION = 16 << 20, MOST_DIM = 32767 };
+enum { MOST_PACKED = 1032 }; /* bytes that one byte of deflate can stand for: matches of 258 in 2 bits */
 
 struct CtsUnpacker {
     z_stream stream;
@@ -281,6 +282,19 @@ void cts_nifti_close(CtsNifti *f)
     free(f->unpacker);
     free(f->extension);
     *f = (CtsNifti){0};
+}
+
+CtsStatus cts_nifti_count(const CtsNifti *f, size_t bytes_each, size_t *n, CtsError *err)
+{
+    const size_t n_row = (size_t)f->dims[0] * (size_t)f->dims[1];
+    const uint64_t most = f->unpacker ? f->file->n_bytes * MOST_PACKED : f->file->n_bytes;
+    if (cts_mul_overflows(n_row, (size_t)f->dims[2], n) || *n > most / (uint64_t)f->bytes)
+        return cts_fail(err, CTS_ERR_READ, "cut short: it claims %d x %d x %d voxels of %d bytes, and has %llu bytes",
+                        f->dims[0], f->dims[1], f->dims[2], f->bytes, (unsigned long long)f->file->n_bytes);
+    if (!cts_memory_allows((double)*n * (double)bytes_each, cts_memory_available()))
+        return cts_fail(err, CTS_ERR_MEMORY, "%d x %d x %d voxels need more memory than is free", f->dims[0],
+                        f->dims[1], f->dims[2]);
+    return CTS_OK;
 }
 
 CtsStatus cts_nifti_read(CtsNifti *f, double *values, size_t n, CtsError *err)

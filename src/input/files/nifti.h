@@ -1,6 +1,6 @@
 /* The header of a NIfTI-1 or NIfTI-2 file (Cox et al. 2004; nifti.nimh.nih.gov), and its numbers one by one. */
-#ifndef CTS_LABELS_NIFTI_HEADER_H
-#define CTS_LABELS_NIFTI_HEADER_H
+#ifndef CTS_FILES_NIFTI_H
+#define CTS_FILES_NIFTI_H
 
 #include "ctsplat/status.h"
 #include "input/files/file_bytes.h"
@@ -31,6 +31,9 @@ const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path);
 CtsStatus cts_nifti_open(CtsNifti *nifti, const CtsFileBytes *file, CtsError *err);
 void cts_nifti_close(CtsNifti *nifti);
 
+/* How many numbers there are, each of which takes so many bytes once it is read. Refuses more than memory has room for,
+ * and more than the file can hold. */
+CtsStatus cts_nifti_count(const CtsNifti *nifti, size_t bytes_each, size_t *n, CtsError *err);
 /* The next n numbers as values. */
 CtsStatus cts_nifti_read(CtsNifti *nifti, double *values, size_t n, CtsError *err);
 
