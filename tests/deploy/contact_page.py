@@ -42,6 +42,10 @@ def make_batch(ctsplat, testdata, folder):
         series['series_uid'] = f'1.2.826.0.1.3680043.{r.randrange(10**9)}.{i}'
         series['ended'] = f'2026-11-22T{i // 3600:02}:{i // 60 % 60:02}:{i % 60:02}Z'
         series['geometry']['slices'] = r.randrange(20, 900)
+        series['labels'] = [{'name': 'liver', 'ml': r.randrange(900, 1700), 'parts': 1, 'hu_mean': 90.5},
+                            {'name': 'spleen' if i % 2 else EVIL, 'ml': 10, 'label_in_air': i % 100 == 7}]
+        if i == 321:
+            series['labels'][0]['ml'] = 6000
         series['findings'] = [dict(zip(('code', 'severity', 'text'), f)) for f in FINDINGS if r.random() < .2]
         if i % 20 == 19:
             series['status'], series['reason'] = REASONS[i // 20 % len(REASONS)]
@@ -51,7 +55,7 @@ def make_batch(ctsplat, testdata, folder):
     # Nothing has the type that it should have.
     lines[-2].update(series_uid='odd', status='done', reason={}, findings=[None, 3, {'text': []}], geometry=[1],
                      stages=[None], outputs=[None, 1, {'path': 5}, {'path': 'x.png', 'preset': {}}],
-                     thumbnails={}, wall_ms='long')
+                     thumbnails={}, wall_ms='long', labels=[None, {'ml': 'x', 'name': {}}])
     with open(journal, 'w', encoding='utf-8') as f:
         f.writelines(json.dumps(s) + '\n' for s in lines)
     subprocess.run([ctsplat, 'batch', '--merge', folder], check=True)
@@ -126,6 +130,21 @@ def check_filter_and_sort(browser, lines):
         found = [by_uid.get(uid) for uid in browser.run(order)]
         check(None not in found and found == sorted(found, reverse=reverse), 'sorted by slices:', found)
         browser.click('#direction')
+    choose(browser, 'sort', 'ended')
+
+
+def check_labels(browser, lines):
+    browser.type('#search', 'liver')
+    choose(browser, 'sort', 'volume')
+    check(shown(browser) == N - 1, shown(browser), 'series have a liver')
+    first = browser.run('return document.querySelector("#sheet article").textContent')
+    check(lines[321]['series_uid'] in first and 'liver, 6000 ml · 1 flagged' in first and '× the median' in first, first)
+    browser.run('document.getElementById("search").value = ""')
+    browser.type('#search', 'lies in air')
+    check(shown(browser) == sum(len(s['labels']) > 1 and s['labels'][1].get('label_in_air') is True for s in lines),
+          'labels in air')
+    browser.run('document.getElementById("search").value = ""')
+    browser.type('#search', ' ')
     choose(browser, 'sort', 'ended')
 
 
@@ -254,6 +273,7 @@ def main():
             look(browser, 'light')
             check_search(browser, lines)
             check_filter_and_sort(browser, lines)
+            check_labels(browser, lines)
             check_viewer(browser)
             check_keys(browser)
             check_hostile(browser)

@@ -1,6 +1,6 @@
 /* Thumbnails: means in linear light, frames in their slots, the same bytes however the bands come. */
-#include "base/mem.h"
 #include "app/contact/thumbnail.h"
+#include "base/mem.h"
 #include "pictures.h"
 #include <webp/decode.h>
 
@@ -40,7 +40,7 @@ static int make_thumb(const CtsPicture *picture, int n_frames, const float *shad
             for (size_t i = 0; i < row * (size_t)band.height; i++)
                 rows[i] = picture->pixels[row * (size_t)y + i] * (shade ? shade[k] : 1);
             if (!thumb)
-                assert_int_equal(cts_thumbnail_begin(&thumb, stem, &band, n_frames, &err), CTS_OK);
+                assert_int_equal(cts_thumbnail_begin(&thumb, stem, CTS_THUMBNAIL_SIDE, &band, n_frames, &err), CTS_OK);
             assert_int_equal(cts_thumbnail_rows(thumb, &band, &err), CTS_OK);
         }
     assert_int_equal(cts_thumbnail_end(&thumb, files, &n_files, &err), CTS_OK);
@@ -184,7 +184,7 @@ static void test_faults(void **state)
     CtsError err;
     int n_files;
     CtsPicture *p = make_picture(64, 64, 4, false), *q = make_picture(32, 64, 4, false);
-    assert_int_equal(cts_thumbnail_begin(&thumb, stem, p, 2, &err), CTS_OK);
+    assert_int_equal(cts_thumbnail_begin(&thumb, stem, CTS_THUMBNAIL_SIDE, p, 2, &err), CTS_OK);
     assert_int_equal(cts_thumbnail_rows(thumb, q, &err), CTS_ERR_INTERNAL);
     assert_int_equal(cts_thumbnail_rows(thumb, p, &err), CTS_OK);
     assert_int_equal(cts_thumbnail_end(&thumb, files, &n_files, &err), CTS_ERR_INTERNAL);
@@ -192,7 +192,7 @@ static void test_faults(void **state)
     assert_int_equal(n_files, 0);
     cts_thumbnail_discard(&thumb);
     assert_int_equal(count_files(folder), 0);
-    assert_int_equal(cts_thumbnail_begin(&thumb, "no-such-folder/x", p, 1, &err), CTS_OK);
+    assert_int_equal(cts_thumbnail_begin(&thumb, "no-such-folder/x", CTS_THUMBNAIL_SIDE, p, 1, &err), CTS_OK);
     assert_int_equal(cts_thumbnail_rows(thumb, p, &err), CTS_OK);
     assert_int_equal(cts_thumbnail_end(&thumb, files, &n_files, &err), CTS_ERR_OUTPUT);
     cts_picture_free(&p);

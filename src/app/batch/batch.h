@@ -52,6 +52,8 @@ CtsStatus cts_batch_output(struct CtsBatchChild *child, const CtsBatchPicture *p
                            uint64_t bytes, CtsError *err);
 CtsStatus cts_batch_thumbnail(struct CtsBatchChild *child, const CtsBatchPicture *picture, const char *path,
                               int n_frames, const int size[2], uint64_t bytes, CtsError *err);
+/* The series' slices with its labels' outlines. */
+CtsStatus cts_batch_label_slices(struct CtsBatchChild *child, const char *path, uint64_t bytes, CtsError *err);
 /* All files of a picture are whole: they are the batch's from here on. The report knows what its verification found,
  * and its findings from first_finding on are the picture's. */
 CtsStatus cts_batch_picture_done(struct CtsBatchChild *child, const CtsBatchPicture *picture, const CtsReport *report,

@@ -261,6 +261,19 @@ CtsStatus cts_batch_thumbnail(struct CtsBatchChild *c, const CtsBatchPicture *pi
                : CTS_OK;
 }
 
+/* Among the thumbnails, so that it goes where they go. */
+CtsStatus cts_batch_label_slices(struct CtsBatchChild *c, const char *path, uint64_t bytes, CtsError *err)
+{
+    json_t *list = json_object_get(c->line, "thumbnails");
+    for (size_t i = json_array_size(list); i-- > 0;)
+        if (json_object_get(json_array_get(list, i), "labels"))
+            json_array_remove(list, i);
+    return json_array_append_new(list, json_pack("{s:s,s:b,s:I}", "path", path + strlen(c->settings->folder) + 1,
+                                                 "labels", 1, "bytes", (json_int_t)bytes))
+               ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
+               : CTS_OK;
+}
+
 static bool is_among(const CtsFinding *finding, const CtsFinding *items, size_t n)
 {
     for (size_t i = 0; i < n; i++)

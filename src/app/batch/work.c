@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "app/batch/work.h"
 
+#include "app/contact/label_slices.h"
 #include "app/contact/thumbnail.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
@@ -79,7 +80,7 @@ static void on_band(void *context, int frame, const CtsPicture *band)
     if (w->status)
         return;
     if (frame == 0 && band->first_row == 0)
-        st = cts_thumbnail_begin(&w->thumb, w->picture->thumb_stem, band, n_frames, &err);
+        st = cts_thumbnail_begin(&w->thumb, w->picture->thumb_stem, CTS_THUMBNAIL_SIDE, band, n_frames, &err);
     if (!st)
         st = cts_thumbnail_rows(w->thumb, band, &err);
     if (!st && w->n_left == 1 && frame == n_frames - 1 && band->first_row + band->height == w->batch->job.render.height)
@@ -121,6 +122,32 @@ static CtsStatus end_thumb(Work *w, CtsError *err)
     return st;
 }
 
+/* Slices with the labels' outlines, beside the thumbnails, while the slices are there. */
+static CtsStatus show_labels(Work *w, CtsError *err)
+{
+    const char *const slash = strrchr(w->picture->thumb_stem, '/');
+    CtsPicture *picture = NULL;
+    CtsThumbnail *thumb = NULL;
+    CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
+    int n_files = 0;
+    char *stem = NULL, *path = NULL;
+    if (asprintf(&stem, "%.*s/labels", (int)(slash - w->picture->thumb_stem), w->picture->thumb_stem) < 0)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = cts_label_slices(w->loaded.scanned, w->loaded.labels, &picture, err);
+    if (!st && !(st = cts_thumbnail_begin(&thumb, stem, picture->width, picture, 1, err)) &&
+        !(st = cts_thumbnail_rows(thumb, picture, err)))
+        st = cts_thumbnail_end(&thumb, files, &n_files, err);
+    if (!st && asprintf(&path, "%s%s", stem, files[0].suffix) < 0)
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st)
+        st = cts_batch_label_slices(w->task->child, path, files[0].bytes, err);
+    cts_thumbnail_discard(&thumb);
+    cts_picture_free(&picture);
+    free(stem);
+    free(path);
+    return st;
+}
+
 /* The volume as the picture wants it. Slices that had to be handed over to another are read again. */
 static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err)
 {
@@ -137,6 +164,8 @@ static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err
             cts_pixel_facts(&facts, w->loaded.scanned->even);
             w->told = true;
             st = cts_batch_loaded(w->task->child, &facts, err);
+            if (!st && w->loaded.labels)
+                st = show_labels(w, err);
         }
         if (st)
             return st;

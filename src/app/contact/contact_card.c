@@ -5,7 +5,7 @@
 
 static const char *const kept[] = {"series_uid", "status",   "reason",  "reason_file", "exit_code", "ended",
                                    "files",      "sources",  "unfinished", "geometry", "findings",  "stages",
-                                   "wall_ms",    "peak_rss_bytes", "threads"};
+                                   "wall_ms",    "peak_rss_bytes", "threads", "labels"};
 
 /* A relative path that stays below where it starts. */
 static bool is_safe(const char *path)
@@ -60,7 +60,7 @@ static void add_output(json_t *pictures, const json_t *output, const char *folde
 static void add_thumbnail(json_t *pictures, const json_t *thumbnail, const char *folder)
 {
     const char *path = text_of(thumbnail, "path");
-    if (!is_safe(path))
+    if (!is_safe(path) || json_object_get(thumbnail, "labels"))
         return;
     json_t *picture = picture_of(pictures, thumbnail);
     if (json_integer_value(json_object_get(thumbnail, "frames")) <= 1) {
@@ -85,6 +85,9 @@ json_t *cts_contact_card(const json_t *line, const char *folder)
     }
     json_array_foreach(json_object_get(line, "outputs"), i, file) add_output(pictures, file, folder);
     json_array_foreach(json_object_get(line, "thumbnails"), i, file) add_thumbnail(pictures, file, folder);
+    json_array_foreach(json_object_get(line, "thumbnails"), i, file)
+        if (json_object_get(file, "labels") && is_safe(text_of(file, "path")))
+            json_object_set_new(card, "label_slices", json_pack("s+", folder, text_of(file, "path")));
     if (json_object_set_new(card, "pictures", pictures)) {
         json_decref(card);
         return NULL;

@@ -65,7 +65,7 @@ const series = list(data.series).map(object).map((line, index) => {
     reason: clean(line.reason), geometry: object(line.geometry), pictures: list(line.pictures),
     findings: byCode(list(line.findings).map(object).filter(f => clean(f.text) !== clean(line.reason))),
     stages: Object.entries(object(line.stages)).map(([name, t]) => [clean(name), +object(t).wall_ms || 0]),
-    sources: list(line.sources).map(object), file: clean(line.reason_file),
+    sources: list(line.sources).map(object), file: clean(line.reason_file), labels: list(line.labels).map(object),
     wall_ms: +line.wall_ms || 0, memory: +line.peak_rss_bytes || 0, ended: clean(line.ended)};
   if (run?.goes_on && line.unfinished !== undefined) {
     s.state = 'working';
@@ -87,6 +87,21 @@ const studies = new Map();
   s.rank = rank;
   s.number = `${study.number}.${++study.n}`;
 });
+/* What is out of line with the same label of other series, where enough of them have it. */
+const ENOUGH = 5, FAR = 2;
+const volumes = new Map();
+for (const l of series.flatMap(s => s.labels)) {
+  const name = clean(l.name), all = volumes.get(name) ?? [];
+  if (l.ml > 0) all.push(l.ml);
+  volumes.set(name, all);
+}
+volumes.forEach(all => all.sort((a, b) => a - b));
+function flags(l) {
+  const all = volumes.get(clean(l.name)) ?? [], share = l.ml / all[all.length >> 1];
+  return [l.empty && 'empty', l.label_in_air && 'lies in air', l.touches_edge && 'touches the edge',
+    l.parts > 1 && `${count(+l.parts)} parts`, l.overlap > 0 && 'overlaps',
+    all.length >= ENOUGH && (share > FAR || share < 1 / FAR) && `${number(share)} × the median`].filter(Boolean);
+}
 for (const s of series) {
   const study = studies.get(s.study), g = s.geometry;
   s.name = `Series ${s.number}` + (study.n > 1 ? ` of study ${study.number}, ${count(study.n)} series` : '');
@@ -95,7 +110,7 @@ for (const s of series) {
   s.text = [s.uid, s.name, s.state, s.reason, s.told, s.file, clean(g.orientation), clean(g.transfer_syntax),
     SYNTAXES[g.transfer_syntax] ?? '', ...s.sources.flatMap(f => [`${clean(f.folder)}/${clean(f.first)}`]),
     ...s.findings.flatMap(f => [clean(f.code), ...f.texts, ...f.files]),
-    ...s.pictures.map(pictureName)].join('\n').toLowerCase();
+    ...s.labels.flatMap(l => [clean(l.name), ...flags(l)]), ...s.pictures.map(pictureName)].join('\n').toLowerCase();
 }
 const later = (a, b) => a.ended < b.ended ? 1 : a.ended > b.ended ? -1 : 0;
 const SORTS = {
@@ -108,6 +123,16 @@ const SORTS = {
   time: ['Time taken', (a, b) => b.wall_ms - a.wall_ms],
   memory: ['Peak memory', (a, b) => b.memory - a.memory]
 };
+if (series.some(s => s.labels.length))
+  SORTS.volume = ['Volume of labels', (a, b) => found(b).ml - found(a).ml];
+
+/* The labels of a series that the search names, or all, and what they hold. */
+let sought = [];
+function found(s) {
+  const named = s.labels.filter(l => sought.some(term => clean(l.name).toLowerCase().includes(term)));
+  const labels = named.length ? named : s.labels;
+  return {labels, named, ml: labels.reduce((sum, l) => sum + (+l.ml || 0), 0)};
+}
 
 /* ---- one card ---- */
 
@@ -146,9 +171,29 @@ function findings(s) {
     return make('li', {}, make('span', {class: `mark ${kind}`, role: 'img', 'aria-label': label}, mark),
       f.count > 1 && make('b', {class: 'times-found'}, `${count(f.count)} × `),
       f.presets.length ? `${f.presets.join(', ')}: ` : '', f.texts[0], ' ', make('code', {}, clean(f.code)),
-      more.length && make('details', {}, make('summary', {}, `${count(more.length)} more`),
+      more.length > 0 && make('details', {}, make('summary', {}, `${count(more.length)} more`),
         more.map(text => make('div', {}, text))));
   }));
+}
+
+const millilitres = ml => `${number(+ml || 0)} ml`;
+function labelsLine(s) {
+  const {labels, named, ml} = found(s), flagged = s.labels.filter(l => flags(l).length).length;
+  return `${named.length === 1 ? clean(labels[0].name) : plural(labels.length, 'label')}, ${millilitres(ml)}` +
+    (flagged ? ` · ${count(flagged)} flagged` : '');
+}
+/* The outlines' colours are those of the picture (label_slices.c). */
+function labels(s) {
+  const slices = clean(s.line.label_slices);
+  return make('details', {class: 'labels', open: true}, make('summary', {}, labelsLine(s)),
+    slices && make('img', {src: url(slices), loading: 'lazy', alt: 'Three slices with the outlines of the labels'}),
+    make('ul', {}, s.labels.map((l, i) => {
+      const dot = make('i');
+      dot.style.background = `hsl(${i * .618034 % 1 * 360} 90% 60%)`;
+      return make('li', {}, dot, make('bdi', {}, clean(l.name)), make('span', {}, millilitres(l.ml)),
+        make('span', {}, typeof l.hu_mean === 'number' ? `${Math.round(l.hu_mean)} HU`.replace('-', '−') : ''),
+        make('em', {}, flags(l).join(', ')));
+    })));
 }
 
 /* Where its files are, with --show-paths. */
@@ -240,6 +285,6 @@ function fill(s) {
     s.reason && make('p', {class: 'reason'}, s.file ? `${s.file}: ${s.reason}` : s.reason),
     s.sources.length && sources(s),
     s.pictures.length && make('div', {class: 'previews'}, s.pictures.map((p, place) => preview(s, p, place))),
-    facts(s), s.findings.length && findings(s), times(s)].filter(Boolean));
+    s.labels.length && labels(s), facts(s), s.findings.length && findings(s), times(s)].filter(Boolean));
   spread(s);
 }

@@ -51,6 +51,7 @@ function place(cards) {
 function apply() {
   const terms = state.q.toLowerCase().split(/\s+/).filter(Boolean), compare = SORTS[state.sort][1];
   const held = shown[current];
+  sought = terms;
   shown = series.filter(s => matches(s, terms));
   shown.sort((a, b) => (compare(a, b) || a.rank - b.rank) * (state.reverse ? -1 : 1));
   const grouped = state.sort === 'study', several = s => s && studies.get(s.study).n > 1;
@@ -62,6 +63,7 @@ function apply() {
     s.card.setAttribute('aria-setsize', shown.length);
     return s.card;
   });
+  series.forEach(s => s.filled && s.labels.length && ($('.labels summary', s.card).textContent = labelsLine(s)));
   place(cards);
   $('#empty').hidden = shown.length > 0;
   $('#count').textContent = (shown.length < series.length ? `${count(shown.length)} of ` : '') +

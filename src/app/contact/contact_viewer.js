@@ -60,7 +60,7 @@ function showSeries(s, place) {
   const uid = make('p', {class: 'mono uid', 'aria-label': 'Series UID'}, s.uid);
   $('aside', viewer).replaceChildren(...[make('p', {}, s.name), s.told && make('p', {}, make('bdi', {}, s.told)),
     s.reason && make('p', {class: `reason ${s.state}`}, s.file ? `${s.file}: ${s.reason}` : s.reason), uid,
-    s.sources.length && sources(s), facts(s), s.findings.length && findings(s),
+    s.sources.length && sources(s), facts(s), s.labels.length && labels(s), s.findings.length && findings(s),
     times(s, true)].filter(Boolean));
   showPicture(Math.min(place, Math.max(0, s.pictures.length - 1)));
   focusable(shown.indexOf(s));

@@ -38,15 +38,14 @@ void cts_thumbnail_discard(CtsThumbnail **thumb)
     *thumb = NULL;
 }
 
-/* The longest side becomes CTS_THUMBNAIL_SIDE at most. */
-static int scaled(int side, int longest)
+/* The longest side becomes `most` at most. */
+static int scaled(int side, int longest, int most)
 {
-    const int size =
-        longest > CTS_THUMBNAIL_SIDE ? (int)(((int64_t)side * CTS_THUMBNAIL_SIDE + longest / 2) / longest) : side;
+    const int size = longest > most ? (int)(((int64_t)side * most + longest / 2) / longest) : side;
     return size > 0 ? size : 1;
 }
 
-CtsStatus cts_thumbnail_begin(CtsThumbnail **thumb, const char *stem, const CtsPicture *first, int n_frames,
+CtsStatus cts_thumbnail_begin(CtsThumbnail **thumb, const char *stem, int side, const CtsPicture *first, int n_frames,
                               CtsError *err)
 {
     const int height = first->whole_height, longest = first->width > height ? first->width : height;
@@ -59,8 +58,8 @@ CtsStatus cts_thumbnail_begin(CtsThumbnail **thumb, const char *stem, const CtsP
     t->source_height = height;
     t->n_channels = first->n_channels;
     t->has_alpha = first->n_channels == 4 && first->has_alpha;
-    t->width = scaled(first->width, longest);
-    t->height = scaled(height, longest);
+    t->width = scaled(first->width, longest, side);
+    t->height = scaled(height, longest, side);
     t->n_frames = n_frames;
     t->n_slots = n_frames < CTS_THUMBNAIL_FRAMES ? n_frames : CTS_THUMBNAIL_FRAMES;
     for (int i = 0; i < LEVELS; i++)

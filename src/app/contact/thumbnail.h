@@ -9,8 +9,8 @@
 
 typedef struct CtsThumbnail CtsThumbnail;
 
-/* The longest side in pixels (smaller pictures keep their size), and how many frames of a rotation stand side by side;
- * of a longer rotation every so manieth. */
+/* The usual longest side in pixels (smaller pictures keep their size), and how many frames of a rotation stand side by
+ * side; of a longer rotation every so manieth. */
 enum { CTS_THUMBNAIL_SIDE = 240, CTS_THUMBNAIL_FRAMES = 36 };
 
 /* One file that cts_thumbnail_end() wrote: the stem with suffix behind it. */
@@ -23,9 +23,9 @@ typedef struct CtsThumbnailFile {
 enum { CTS_THUMBNAIL_FILES = 2 };
 
 /* Takes bands as cts_export_rows() does: all of the first frame from the top, then the next frame's. first: the first
- * band, of which no row is taken yet. stem is a path without its ending; its folder must exist. Serial, and the same
- * picture gives the same bytes. */
-CtsStatus cts_thumbnail_begin(CtsThumbnail **thumb, const char *stem, const CtsPicture *first, int n_frames,
+ * band, of which no row is taken yet. stem is a path without its ending; its folder must exist; side is the longest in
+ * pixels. Serial, and the same picture gives the same bytes. */
+CtsStatus cts_thumbnail_begin(CtsThumbnail **thumb, const char *stem, int side, const CtsPicture *first, int n_frames,
                               CtsError *err);
 CtsStatus cts_thumbnail_rows(CtsThumbnail *thumb, const CtsPicture *band, CtsError *err);
 /* Writes one file, or two of a rotation, each whole or not at all, over what may be there. Makes *thumb NULL, whatever

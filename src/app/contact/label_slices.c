@@ -1,0 +1,210 @@
+#include "app/contact/label_slices.h"
+
+#include "base/mem.h"
+#include "base/vec3.h"
+#include <math.h>
+#include <stdlib.h>
+
+enum { SIDE = CTS_LABEL_SLICES_SIDE };
+static const double low_hu = -160, high_hu = 240; /* the window of soft tissue that radiologists use */
+
+/* A plane of voxels: `across` and `down` are the axes of its columns and rows (0 columns, 1 rows, 2 slices of the
+ * scan), `through` the one that it cuts. */
+typedef struct Cut {
+    int across, down, through;
+} Cut;
+static const Cut cuts[3] = {{0, 1, 2}, {0, 2, 1}, {1, 2, 0}};
+
+typedef struct Drawing {
+    const CtsScanned *scanned;
+    const CtsLabels *labels;
+    int dims[3], middle[3];
+    double step_mm[2], extent_mm[3], mm; /* of a pixel */
+    int32_t *owner;                      /* of each voxel of the cut: number in labels + 1; 0: none */
+    CtsPicture *picture;
+} Drawing;
+
+/* By columns, rows and slices, how many voxels the labels hold there. */
+static void count_held(const CtsLabels *labels, uint64_t *held[3])
+{
+    const uint32_t rows = (uint32_t)labels->grid.rows;
+    for (size_t i = 0; i < labels->n; i++)
+        for (size_t r = 0; !labels->items[i].surrounds && r < labels->items[i].n_runs; r++) {
+            const CtsLabelRun run = labels->items[i].runs[r];
+            for (int x = run.first; x < run.end; x++)
+                held[0][x]++;
+            held[1][run.row % rows] += (uint64_t)(run.end - run.first);
+            held[2][run.row / rows] += (uint64_t)(run.end - run.first);
+        }
+}
+
+static int median(const uint64_t *held, int n)
+{
+    uint64_t all = 0, before = 0;
+    for (int i = 0; i < n; i++)
+        all += held[i];
+    for (int i = 0; i < n && all; i++)
+        if ((before += held[i]) * 2 >= all)
+            return i;
+    return n / 2;
+}
+
+static CtsStatus find_middle(Drawing *d, CtsError *err)
+{
+    uint64_t *held[3] = {NULL};
+    CtsStatus st = CTS_OK;
+    for (int a = 0; a < 3 && !st; a++)
+        st = cts_alloc_zeroed(&held[a], (size_t)d->dims[a], err);
+    if (!st)
+        count_held(d->labels, held);
+    for (int a = 0; a < 3; a++) {
+        d->middle[a] = st ? 0 : median(held[a], d->dims[a]);
+        cts_free(&held[a]);
+    }
+    return st;
+}
+
+/* Large ones first, so that small ones lie over them. */
+static int by_size(const void *a, const void *b)
+{
+    const CtsLabel *x = *(const CtsLabel *const *)a, *y = *(const CtsLabel *const *)b;
+    if (x->surrounds != y->surrounds)
+        return x->surrounds ? -1 : 1;
+    if (x->fact.voxels != y->fact.voxels)
+        return x->fact.voxels > y->fact.voxels ? -1 : 1;
+    return x < y ? 1 : -1;
+}
+
+static void own_run(const Drawing *d, const Cut *cut, CtsLabelRun run, int32_t owner)
+{
+    const int at[2] = {(int)(run.row % (uint32_t)d->dims[1]), (int)(run.row / (uint32_t)d->dims[1])};
+    if (cut->through > 0) {
+        if (at[cut->through - 1] == d->middle[cut->through])
+            for (int x = run.first; x < run.end; x++)
+                d->owner[(size_t)at[cut->down - 1] * (size_t)d->dims[0] + (size_t)x] = owner;
+    } else if (run.first <= d->middle[0] && d->middle[0] < run.end) {
+        d->owner[(size_t)at[1] * (size_t)d->dims[1] + (size_t)at[0]] = owner;
+    }
+}
+
+static CtsStatus find_owners(Drawing *d, const Cut *cut, CtsError *err)
+{
+    const CtsLabels *const labels = d->labels;
+    const CtsLabel **order = NULL;
+    CtsStatus st = cts_alloc_zeroed(&d->owner, (size_t)d->dims[cut->across] * (size_t)d->dims[cut->down], err);
+    if (!st)
+        st = cts_alloc_bytes((void **)&order, labels->n, sizeof *order, err);
+    for (size_t i = 0; !st && i < labels->n; i++)
+        order[i] = &labels->items[i];
+    if (!st)
+        qsort(order, labels->n, sizeof *order, by_size);
+    for (size_t i = 0; !st && i < labels->n; i++)
+        for (size_t r = 0; r < order[i]->n_runs; r++)
+            own_run(d, cut, order[i]->runs[r], (int32_t)(order[i] - labels->items) + 1);
+    cts_free_bytes(order);
+    return st;
+}
+
+/* The voxel along an axis at a pixel of a square, or -1 outside. */
+static int voxel_at(const Drawing *d, int axis, int pixel)
+{
+    const CtsLabelGrid *const g = &d->labels->grid;
+    const double at_mm = (pixel + 0.5 - SIDE / 2.0) * d->mm + d->extent_mm[axis] / 2;
+    if (!(at_mm >= 0 && at_mm < d->extent_mm[axis]))
+        return -1;
+    if (axis < 2)
+        return (int)fmin(at_mm / d->step_mm[axis], d->dims[axis] - 1);
+    const double place_mm = g->at_mm[0] - g->thickness_mm[0] / 2 + d->extent_mm[2] - at_mm;
+    int k = 0;
+    while (k + 1 < d->dims[2] && (g->at_mm[k] + g->at_mm[k + 1]) / 2 < place_mm)
+        k++;
+    return k;
+}
+
+static float grey_at(const Drawing *d, const int voxel[3])
+{
+    const CtsVolume *const v = d->scanned->even;
+    const size_t row = (size_t)(d->scanned->offset + voxel[2]) * (size_t)d->dims[1] + (size_t)voxel[1];
+    const double hu = v->hu_offset + v->hu_step * v->grey[row * (size_t)d->dims[0] + (size_t)voxel[0]];
+    return (float)fmin(fmax((hu - low_hu) / (high_hu - low_hu), 0), 1);
+}
+
+/* CSS Color 4: hsl(hue 90% 60%). */
+static void colour_of(int label, float rgb[3])
+{
+    const double hue = fmod(label * 0.618034, 1), light = 0.6, reach = 0.9 * (1 - light);
+    for (int c = 0; c < 3; c++) {
+        const double k = fmod((c == 0 ? 0 : c == 1 ? 8 : 4) + hue * 12, 12);
+        rgb[c] = (float)(light - reach * fmax(-1, fmin(fmin(k - 3, 9 - k), 1)));
+    }
+}
+
+static void draw_pixel(const Drawing *d, const Cut *cut, int square, int x, int y, const int32_t *owners)
+{
+    const int32_t owner = owners[y * SIDE + x];
+    float *const pixel = d->picture->pixels + 4 * ((size_t)y * 3 * SIDE + (size_t)(square * SIDE + x));
+    int voxel[3];
+    voxel[cut->through] = d->middle[cut->through];
+    voxel[cut->across] = voxel_at(d, cut->across, x);
+    voxel[cut->down] = voxel_at(d, cut->down, y);
+    pixel[3] = 1;
+    if (voxel[cut->across] < 0 || voxel[cut->down] < 0)
+        return;
+    const bool edge =
+        owner > 0 &&
+        ((x > 0 && owners[y * SIDE + x - 1] != owner) || (x + 1 < SIDE && owners[y * SIDE + x + 1] != owner) ||
+         (y > 0 && owners[(y - 1) * SIDE + x] != owner) || (y + 1 < SIDE && owners[(y + 1) * SIDE + x] != owner));
+    if (edge)
+        colour_of(owner - 1, pixel);
+    else
+        pixel[0] = pixel[1] = pixel[2] = grey_at(d, voxel);
+}
+
+static CtsStatus draw_square(Drawing *d, int square, CtsError *err)
+{
+    const Cut *const cut = &cuts[square];
+    int32_t *owners = NULL; /* of the square's pixels */
+    CtsStatus st = find_owners(d, cut, err);
+    if (!st)
+        st = cts_alloc_zeroed(&owners, (size_t)SIDE * SIDE, err);
+    for (int y = 0; !st && y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++) {
+            const int h = voxel_at(d, cut->across, x), v = voxel_at(d, cut->down, y);
+            if (h >= 0 && v >= 0)
+                owners[y * SIDE + x] = d->owner[(size_t)v * (size_t)d->dims[cut->across] + (size_t)h];
+        }
+    for (int y = 0; !st && y < SIDE; y++)
+        for (int x = 0; x < SIDE; x++)
+            draw_pixel(d, cut, square, x, y, owners);
+    cts_free(&owners);
+    cts_free(&d->owner);
+    return st;
+}
+
+static void measure(Drawing *d)
+{
+    const CtsLabelGrid *const g = &d->labels->grid;
+    const int last = g->n_slices - 1;
+    for (int a = 0; a < 2; a++) {
+        d->step_mm[a] = cts_norm3(g->step_lps[a]);
+        d->extent_mm[a] = d->dims[a] * d->step_mm[a];
+    }
+    d->extent_mm[2] = g->at_mm[last] - g->at_mm[0] + (g->thickness_mm[0] + g->thickness_mm[last]) / 2;
+    d->mm = fmax(fmax(d->extent_mm[0], d->extent_mm[1]), d->extent_mm[2]) / SIDE;
+}
+
+CtsStatus cts_label_slices(const CtsScanned *scanned, const CtsLabels *labels, CtsPicture **picture, CtsError *err)
+{
+    const CtsLabelGrid *const g = &labels->grid;
+    Drawing d = {.scanned = scanned, .labels = labels, .dims = {g->columns, g->rows, g->n_slices}};
+    CtsStatus st = cts_picture_new(picture, 3 * SIDE, SIDE, 4, err);
+    d.picture = *picture;
+    if (!st)
+        st = find_middle(&d, err);
+    measure(&d);
+    for (int square = 0; square < 3 && !st; square++)
+        st = draw_square(&d, square, err);
+    if (st)
+        cts_picture_free(picture);
+    return st;
+}
