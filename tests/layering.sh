@@ -12,7 +12,7 @@ table='
 include/ctsplat | ctsplat/ |
 src/base          | | openssl/ jansson.h dlfcn.h link.h seccomp.h malloc.h
 src/core/volume   | | immintrin.h emmintrin.h
-src/core/labels   | core/volume/stored.h |
+src/core/labels   | core/volume/ |
 src/core/table    | core/volume/ |
 src/core/transfer | | expat.h
 src/core/scene    | core/volume/ core/transfer/lut.h |
@@ -27,7 +27,7 @@ src/engine/tiled  | core/volume/ core/scene/ engine/project/project.h | immintri
 src/engine/splat  | core/volume/ core/transfer/ core/scene/ | immintrin.h
 src/engine/raycast | core/volume/ core/scene/ |
 src/render/error  | core/scene/ engine/raycast/ |
-src/render/frames | core/scene/ render/error/ |
+src/render/frames | core/volume/owners.h core/scene/ render/error/ |
 src/output/image  | |
 src/output/objects | input/files/ input/header/ input/codec/ | openjpeg.h
 src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h isa-l.h jpeglib.h webp/

@@ -4,6 +4,7 @@
 
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
+#include "ctsplat/volume.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -35,6 +36,8 @@ typedef struct CtsLabelRun {
 typedef struct CtsLabel {
     CtsLabelFact fact; /* its counts once cts_labels_count() has been called; the name is owned */
     bool surrounds;    /* the body's outline, or what supports it: owns what nothing else does */
+    bool coloured;     /* the file has a colour for it, */
+    double rgb[3];     /* display values 0..1 */
     CtsLabelRun *runs; /* n_runs, by rising row and place; no two touch; owned */
     size_t n_runs, room;
     struct CtsLabelSums *sums; /* while slices are read */
@@ -58,6 +61,22 @@ void cts_labels_take_words(CtsLabels *labels, int slice, const uint16_t *words, 
 /* Once all slices were read: slice_number[k], n_kept of them, rising, are those that were. The grid and the runs become
  * theirs alone, and all is counted; report (may be NULL) gets the facts and warnings. */
 CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kept, CtsReport *report, CtsError *err);
+
+/* What is to be seen of the labels. A list has commas between names (* stands for any letters, capitals are small
+ * letters), numbers as the files have them, N:NAME for the label of the N-th file, `all` labels and the `rest`. */
+typedef struct CtsLabelChoice {
+    const char *show;  /* all else is hidden, and labels that it does not name count as rest; NULL: all is shown */
+    const char *hide;  /* hidden, whatever show says; NULL: nothing */
+    const char *order; /* own what several labels hold, the first named first; then the smallest; NULL: none */
+    const char *const *looks; /* n_looks times NAME=LOOK: a preset, #RRGGBB or #RRGGBB:OPACITY; the last one holds */
+    int n_looks;
+    bool own_colours; /* labels without a look have their files' colours, or one of a table */
+} CtsLabelChoice;
+
+/* Gives the volume's voxels their owners, the last thing that is done to it: counted labels of the slices that it was
+ * made of. Where nothing is hidden and all looks alike it stays without. CTS_ERR_USAGE for what names no label. */
+CtsStatus cts_volume_take_labels(CtsVolume *volume, const CtsLabels *labels, const CtsLabelChoice *choice,
+                                 int n_threads, CtsReport *report, CtsError *err);
 
 #pragma GCC visibility pop
 #ifdef __cplusplus

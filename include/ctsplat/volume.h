@@ -14,6 +14,7 @@ extern "C" {
 
 struct CtsMacrocells; /* src/core/volume/macrocells.h */
 struct CtsBodyMask;   /* src/core/volume/body_mask.h */
+struct CtsOwners;     /* src/core/volume/owners.h */
 
 /* Plain data; made by cts_volume_new() or cts_series_load(), freed by cts_volume_free().
  * Voxel (i, j, k) stands at grey[(k * dims[1] + j) * dims[0] + i]; its centre lies at
@@ -38,6 +39,9 @@ typedef struct CtsVolume {
     /* The inside of the patient's body, which minip and average look at; NULL: everything. Made by
      * cts_volume_remove_table(). */
     struct CtsBodyMask *body;
+    /* Which label owns each voxel, and how it looks; NULL: all look alike. Made by cts_volume_take_labels(), after all
+     * that changes the volume; owned. */
+    struct CtsOwners *owners;
 } CtsVolume;
 
 /* A volume of zeros with unit spacing, HU = grey - 1024. Refuses sizes below 1 and products past SIZE_MAX. */

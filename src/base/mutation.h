@@ -46,7 +46,10 @@
         fault(GAUSS)             /* tiled: both points of a piece are its first */                                     \
         fault(FAINT)             /* tiled: faint pieces get no light */                                                \
         fault(LIT_STEPS)         /* tiled: a normal that turns is taken for one */                                     \
-        fault(HALVES)            /* tiled: pieces that err too much are not halved */
+        fault(HALVES)            /* tiled: pieces that err too much are not halved */                                  \
+        fault(HIDING)            /* labels: what is hidden stays in the gradients and in the paper engines */          \
+        fault(OVERLAP)           /* labels: what several hold the last of them owns */                                 \
+        fault(OWNER_CUTS)        /* raycast: the owner of a cell's middle has all of it */
 
 #define CTS_MUTATION_ENTRY(name) CTS_MUTATION_##name,
 enum CtsMutation { CTS_MUTATION_NONE, CTS_MUTATIONS(CTS_MUTATION_ENTRY) CTS_N_MUTATIONS };

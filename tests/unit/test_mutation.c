@@ -61,6 +61,9 @@ static const Proof proofs[] = {
     PROOF(FAINT, "ramp: lit"),
     PROOF(LIT_STEPS, "lit"),
     PROOF(HALVES, "a line at 45"),
+    PROOF(HIDING, "labels: hidden voxels are air"),
+    PROOF(OVERLAP, "labels: one in another, hidden"),
+    PROOF(OWNER_CUTS, "labels: hidden diagonal"),
 };
 
 static void count(const CtsCheckResult *result, void *context)

@@ -136,6 +136,30 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsMadeUp *made
     return st ? st : interpolate(source, volume, made, report, err);
 }
 
+static CtsStatus need_labels(const CtsLabelChoice *c, CtsError *err)
+{
+    const char *const asked = c->show          ? "show"
+                              : c->hide        ? "hide"
+                              : c->n_looks     ? "label"
+                              : c->own_colours ? "label-colours"
+                              : c->order       ? "label-order"
+                                               : NULL;
+    return asked ? cts_fail(err, CTS_ERR_USAGE, "`%s`: there are no labels (give `labels` PATH, or auto)", asked)
+                 : CTS_OK;
+}
+
+/* The last thing that is done to a volume. */
+static CtsStatus take_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    if (!loaded->labels || !loaded->labels->counted)
+        return need_labels(&source->choice, err);
+    const CtsMeter meter = cts_meter_start(report);
+    const CtsStatus st =
+        cts_volume_take_labels(loaded->volume, loaded->labels, &source->choice, source->n_threads, report, err);
+    cts_meter_stop(meter, report, CTS_STAGE_LABELS);
+    return st;
+}
+
 CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     const CtsLabelRequest request = {.paths = source->labels,
@@ -145,7 +169,9 @@ CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsRepor
                                      .series_paths = source->from ? NULL : source->paths,
                                      .n_series_paths = source->from ? 0 : source->n_paths};
     cts_labels_free(&loaded->labels);
-    if (!source->n_labels || !loaded->series->renderable)
+    if (!source->n_labels)
+        return need_labels(&source->choice, err);
+    if (!loaded->series->renderable)
         return CTS_OK;
     const CtsMeter meter = cts_meter_start(report);
     const CtsStatus st = cts_labels_read(&request, loaded->series, &loaded->labels, report, err);
@@ -187,7 +213,9 @@ CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded,
         st = cts_scanned_volume(scanned, source->interpolation, false, source->n_threads, &loaded->volume, &made, NULL);
     if (st == CTS_ERR_MEMORY)
         st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, &loaded->volume, &made, err);
-    return st ? st : cut(source, loaded->volume, &made, report, err);
+    if (st || (st = cut(source, loaded->volume, &made, report, err)))
+        return st;
+    return take_labels(source, loaded, report, err);
 }
 
 CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,

@@ -21,6 +21,7 @@ typedef struct CtsSource {
     int n_labels;
     bool labels_unnamed;     /* messages do not tell their paths */
     const char *label_names; /* a file of names for the numbers of label maps; NULL: none */
+    CtsLabelChoice choice;   /* what is seen of them */
     int n_threads;           /* 0: the cores this process may use */
     bool remove_table;
     const char *table_kept_by;      /* why not, as the report tells it: "the preset" */

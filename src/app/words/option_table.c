@@ -69,12 +69,26 @@ const CtsOption cts_options[] = {
     {0, "series", "UID", PICTURES | ON(PRESETS), SAME, "which series, when PATH holds several",
      "the one with the most slices", TEXT(series_uid)},
     {0, "labels", "PATH", PICTURES | ON(INFO), FRESH,
-     "segmentations to count: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "
+     "segmentations: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "
      "auto: what lies beside the series and refers to it; {series_uid} and * are filled in; may be repeated",
      NULL, TEXTS(labels)},
     {0, "label-names", "FILE", PICTURES | ON(INFO), FRESH,
      "names for the numbers of label maps: JSON, nnU-Net's dataset.json or an ITK-SNAP table", "the file's own",
      TEXT(label_names)},
+    {0, "show", "LIST", RENDERING, FRESH,
+     "labels that are seen, by name (* stands for any letters) or number, all, rest (what no label holds); all else is "
+     "hidden",
+     "everything", TEXT(show)},
+    {0, "hide", "LIST", RENDERING, FRESH, "labels that are not seen, whatever --show says", "none", TEXT(hide)},
+    {0, "label", "NAME=LOOK", RENDERING, FRESH,
+     "how labels look: a preset, #RRGGBB (the picture's preset in this colour), #RRGGBB:OPACITY (a body of this "
+     "opacity "
+     "per mm); may be repeated",
+     "as the preset says", TEXTS(label_looks)},
+    {0, "label-colours", NULL, RENDERING, FRESH, "labels in colours that are easy to tell apart", NULL,
+     FLAG(label_colours)},
+    {0, "label-order", "LIST", RENDERING, FRESH, "which labels own what several of them hold, the first one first",
+     "the smallest", TEXT(label_order)},
     {0, "engine", "NAME", RENDERING, FRESH, "how the picture is made", "tiled",
      CHOICE(render.engine, cts_engine_names)},
     {0, "kernel", "NAME[:RADIUS]", RENDERING, FRESH,

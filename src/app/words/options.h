@@ -41,6 +41,9 @@ typedef struct CtsOptions {
     const char *series_uid;
     CtsTextList labels;
     const char *label_names; /* NULL when not given */
+    const char *show, *hide, *label_order;
+    CtsTextList label_looks;
+    bool label_colours;
     struct CtsBackground {
         bool given, none;
         double rgb[3];

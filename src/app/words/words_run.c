@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/meter.h"
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -54,8 +55,27 @@ static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, Cts
 /* A series that stays loaded, and the volume that the last picture of it was made of. */
 struct CtsSession {
     CtsLoaded loaded;
-    CtsSource view; /* what loaded.volume is of what was scanned */
+    CtsSource view; /* what loaded.volume is of what was scanned; its strings may be gone */
+    char *choice;   /* what of its labels is seen */
 };
+
+/* What is seen of the labels, as words that outlast those of a call; NULL without memory. */
+static char *choice_text(const CtsLabelChoice *c)
+{
+    const char *const lists[] = {c->show, c->hide, c->order};
+    char *text = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&text, &size);
+    for (int i = 0; out && i < 3; i++)
+        fprintf(out, "%c%s\n", lists[i] ? '+' : '-', lists[i] ? lists[i] : "");
+    for (int i = 0; out && i < c->n_looks; i++)
+        fprintf(out, "%s\n", c->looks[i]);
+    if (!out || fputc(c->own_colours ? '+' : '-', out) == EOF || fclose(out)) {
+        free(text);
+        return NULL;
+    }
+    return text;
+}
 
 static bool same_view(const CtsSource *a, const CtsSource *b)
 {
@@ -69,18 +89,25 @@ static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWat
                             CtsError *err)
 {
     CtsStatus st = cts_job_check(job, report, err);
+    char *const choice = choice_text(&job->source.choice);
+    if (!st && !choice)
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; !st && !session->loaded.series && i < job->outputs.n; i++)
         if (cts_output_is_dicom(&job->outputs, i))
             st = cts_fail(err, CTS_ERR_USAGE, "%s: numbers without a patient make no DICOM object",
                           job->outputs.paths[i]);
-    if (!st && (!session->loaded.volume || !same_view(&session->view, &job->source))) {
+    if (!st && (!session->loaded.volume || !same_view(&session->view, &job->source) || !session->choice ||
+                strcmp(session->choice, choice) != 0)) {
         const CtsMeter meter = cts_meter_start(report);
         session->view = job->source;
+        free(session->choice);
+        session->choice = strdup(choice);
         st = cts_source_view(&job->source, false, &session->loaded, report, err);
         if (st)
             cts_volume_free(&session->loaded.volume);
         cts_meter_stop(meter, report, CTS_STAGE_GREY);
     }
+    free(choice);
     return st ? st : cts_job_render(job, &session->loaded, watch, report, err);
 }
 
@@ -196,6 +223,7 @@ void cts_session_close(CtsSession **session)
     if (!s)
         return;
     cts_loaded_free(&s->loaded);
+    free(s->choice);
     free(s);
     *session = NULL;
 }

@@ -2,13 +2,13 @@
 #ifndef CTS_SCENE_ENGINE_H
 #define CTS_SCENE_ENGINE_H
 
+#include "core/scene/view.h"
+#include "core/transfer/lut.h"
 #include "ctsplat/picture.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
 #include "ctsplat/volume.h"
-#include "core/scene/view.h"
-#include "core/transfer/lut.h"
 #include <math.h>
 
 /* How finely an engine is to work: as the settings ask, or as it was found that their error is kept. */
@@ -52,6 +52,7 @@ typedef struct CtsEngine {
     bool repeats_layers;        /* goes through all layers for each band of rows */
     bool skips_void;            /* leaves out what is provably invisible */
     bool cuts_slabs;            /* sees a part of each ray, as --slab asks */
+    bool knows_owners;          /* cuts rays where the volume's owner changes, and has a look for each */
     bool takes_key;             /* skips what counts as void by the scene's lut, so that --void key has a use */
     void (*forget)(void *kept); /* frees what render left in *scene->kept; NULL for an engine that keeps nothing */
 } CtsEngine;

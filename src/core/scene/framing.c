@@ -6,6 +6,7 @@
 #include "base/vec3.h"
 #include "core/scene/view.h"
 #include "core/volume/macrocells.h"
+#include "core/volume/owners.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -28,9 +29,12 @@ enum { MOST_VIEWS = 24 };
 struct CtsVisible {
     const CtsVolume *volume;
     const CtsMacrocells *macrocells;
-    CtsMacrocells *own; /* where the volume has none */
-    float *extinction;  /* per mm, by grey level; in modes without opacity enough where a level shows */
-    uint32_t *below;    /* prefix sums: levels below g that show, g up to n_levels */
+    CtsMacrocells *own;              /* where the volume has none */
+    const CtsOwners *owners;         /* NULL: all look alike */
+    size_t n_functions;              /* of different opacity: the preset's, and those of looks */
+    uint8_t function[CTS_MAX_LOOKS]; /* of each look */
+    float *extinction; /* per mm, by function and grey level; in modes without opacity enough where a level shows */
+    uint32_t *below;   /* prefix sums: levels below g that show, g up to n_levels, by function too */
     size_t n_levels;
     uint8_t *shows; /* macro-cells in which something may show */
     bool any;
@@ -44,30 +48,78 @@ static float extinction_of(const CtsPreset *p, const CtsVolume *volume, uint16_t
     return grey > 0 && hu > p->window_low_hu + (p->window_high_hu - p->window_low_hu) / 255 ? 1e9F : 0;
 }
 
+static void fill_levels(CtsVisible *v, size_t function, const CtsPreset *preset)
+{
+    float *const extinction = v->extinction + function * v->n_levels;
+    uint32_t *const below = v->below + function * (v->n_levels + 1);
+    below[0] = 0;
+    for (size_t g = 0; g < v->n_levels; g++) {
+        extinction[g] = extinction_of(preset, v->volume, (uint16_t)g);
+        below[g + 1] = below[g] + (extinction[g] > 0);
+    }
+}
+
+/* The first function is the preset's, which looks that change colour alone have too; the second one shows nothing. */
 static CtsStatus list_levels(CtsVisible *v, const CtsPreset *preset, CtsError *err)
 {
     CtsStatus st;
+    const int n_looks = v->owners ? v->owners->n_looks : 0;
+    v->n_functions = v->owners ? 2 : 1;
+    v->function[CTS_LOOK_HIDDEN] = 1;
+    for (int l = CTS_LOOK_OWN; l < n_looks; l++)
+        v->function[l] = v->owners->looks[l].preset || v->owners->looks[l].opacity >= 0 ? (uint8_t)v->n_functions++ : 0;
     v->n_levels = (size_t)v->macrocells->all.high + 1;
-    if ((st = cts_alloc_array(&v->extinction, v->n_levels, err)) ||
-        (st = cts_alloc_array(&v->below, v->n_levels + 1, err)))
+    if ((st = cts_alloc_array(&v->extinction, v->n_functions * v->n_levels, err)) ||
+        (st = cts_alloc_array(&v->below, v->n_functions * (v->n_levels + 1), err)))
         return st;
-    v->below[0] = 0;
-    for (size_t g = 0; g < v->n_levels; g++) {
-        v->extinction[g] = extinction_of(preset, v->volume, (uint16_t)g);
-        v->below[g + 1] = v->below[g] + (v->extinction[g] > 0);
-    }
+    fill_levels(v, 0, preset);
+    if (v->owners)
+        fill_levels(v, 1, &(CtsPreset){.mode = CTS_MODE_COMPOSITE, .unit_distance_mm = 1});
+    for (int l = CTS_LOOK_OWN; l < n_looks; l++)
+        if (v->function[l]) {
+            CtsPreset own;
+            cts_owner_preset(&v->owners->looks[l], preset, &own);
+            own.mode = preset->mode;
+            fill_levels(v, v->function[l], &own);
+        }
     return CTS_OK;
+}
+
+static bool function_shows(const CtsVisible *v, size_t function, CtsRange range)
+{
+    const uint32_t *const below = v->below + function * (v->n_levels + 1);
+    return below[(size_t)range.high + 1] > below[range.low];
+}
+
+/* Whether a macro-cell shows something by the looks of the fine ones in it. */
+static bool looks_show(const CtsVisible *v, const int at[3], CtsRange range)
+{
+    enum { TIMES = CTS_MACROCELL / CTS_FINE_MACROCELL };
+    const int *const n = v->owners->n_block;
+    bool shows = false;
+    for (int i = 0; i < TIMES * TIMES * TIMES && !shows; i++) {
+        const int b[3] = {TIMES * at[0] + i % TIMES, TIMES * at[1] + i / TIMES % TIMES,
+                          TIMES * at[2] + i / TIMES / TIMES};
+        if (b[0] >= n[0] || b[1] >= n[1] || b[2] >= n[2])
+            continue;
+        const int look = v->owners->block[((size_t)b[2] * (size_t)n[1] + (size_t)b[1]) * (size_t)n[0] + (size_t)b[0]];
+        const bool differ = look == CTS_LOOKS_DIFFER;
+        for (size_t f = differ ? 0 : v->function[look]; f <= (differ ? v->n_functions - 1 : v->function[look]); f++)
+            shows |= function_shows(v, f, range);
+    }
+    return shows;
 }
 
 /* Layers of macro-cells. */
 static void list_some_cells(void *context, int worker, size_t first, size_t end)
 {
     CtsVisible *const v = context;
-    const size_t layer = (size_t)v->macrocells->n[0] * (size_t)v->macrocells->n[1];
+    const size_t row = (size_t)v->macrocells->n[0], layer = row * (size_t)v->macrocells->n[1];
     (void)worker;
     for (size_t n = first * layer; n < end * layer; n++) {
-        const CtsRange range = v->macrocells->range[n];
-        v->shows[n] = v->below[(size_t)range.high + 1] > v->below[range.low];
+        const int at[3] = {(int)(n % row), (int)(n % layer / row), (int)(n / layer)};
+        v->shows[n] =
+            v->owners ? looks_show(v, at, v->macrocells->range[n]) : function_shows(v, 0, v->macrocells->range[n]);
     }
 }
 
@@ -89,7 +141,8 @@ CtsStatus cts_visible_new(CtsVisible **visible, const CtsVolume *volume, const C
     if (st)
         return st;
     CtsVisible *const v = *visible;
-    v->volume = volume;
+    v->owners = volume->owners;
+    v->volume = volume = v->owners && v->owners->shown ? v->owners->shown : volume;
     if (!volume->macrocells)
         st = cts_macrocells_new(&v->own, volume, n_threads, err);
     v->macrocells = volume->macrocells ? volume->macrocells : v->own;
@@ -174,6 +227,19 @@ static float grey_at(const CtsVolume *v, const float at[3], const int cell[3])
     return plane[0] + z * (plane[1] - plane[0]);
 }
 
+/* Extinctions by grey level, of who owns the voxel nearest to a place. */
+static const float *extinction_at(const CtsVisible *v, const float at[3])
+{
+    int voxel[3];
+    if (!v->owners)
+        return v->extinction;
+    for (int a = 0; a < 3; a++) {
+        const int nearest = (int)(at[a] + 0.5F);
+        voxel[a] = nearest < v->volume->dims[a] ? nearest : v->volume->dims[a] - 1;
+    }
+    return v->extinction + v->function[cts_look_of_voxel(v->owners, voxel[0], voxel[1], voxel[2])] * v->n_levels;
+}
+
 /* How many samples lie between here and the end of a macro-cell, along the axis that gets there first. */
 static int samples_to_end(const Ray *ray, const float at[3], const int block[3])
 {
@@ -201,7 +267,7 @@ static bool ray_shows(const CtsVisible *v, const Ray *ray, float least_depth)
         }
         const int block[3] = {cell[0] / CTS_MACROCELL, cell[1] / CTS_MACROCELL, cell[2] / CTS_MACROCELL};
         if (v->shows[((size_t)block[2] * (size_t)n[1] + (size_t)block[1]) * (size_t)n[0] + (size_t)block[0]])
-            depth += ray->sample_mm * v->extinction[(int)(grey_at(v->volume, at, cell) + 0.5F)];
+            depth += ray->sample_mm * extinction_at(v, at)[(int)(grey_at(v->volume, at, cell) + 0.5F)];
         else
             i += samples_to_end(ray, at, block);
     }

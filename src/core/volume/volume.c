@@ -4,6 +4,7 @@
 #include "base/mem.h"
 #include "core/volume/body_mask.h"
 #include "core/volume/macrocells.h"
+#include "core/volume/owners.h"
 #include "core/volume/volume_new.h"
 #include <stdlib.h>
 #include <string.h>
@@ -53,6 +54,7 @@ void cts_volume_free(CtsVolume **volume)
     if (!*volume)
         return;
     cts_volume_changed(*volume);
+    cts_owners_free(&(*volume)->owners);
     cts_body_mask_free(&(*volume)->body);
     cts_free(&(*volume)->grey);
     free(*volume);

@@ -108,3 +108,26 @@ void cts_cubic_through(const double at[4], const double value[4], double c[4])
         c[0] = d[k] - at[k] * c[0];
     }
 }
+
+void cts_cubic_part(const double c[4], double a, double b, double part[4])
+{
+    const double h = b - a;
+    part[0] = cts_cubic_at(c, a);
+    part[1] = h * ((3 * c[3] * a + 2 * c[2]) * a + c[1]);
+    part[2] = h * h * (3 * c[3] * a + c[2]);
+    part[3] = h * h * h * c[3];
+}
+
+/* As a Taylor series at from. */
+void cts_cubic_in_cell(const double corner[8], const double from[3], const double to[3], double c[4])
+{
+    const double x = from[0], y = from[1], z = from[2], dx = to[0] - x, dy = to[1] - y, dz = to[2] - z;
+    const double kx = corner[1] - corner[0], ky = corner[2] - corner[0], kz = corner[4] - corner[0];
+    const double kxy = corner[3] - corner[2] - kx, kxz = corner[5] - corner[4] - kx, kyz = corner[6] - corner[4] - ky;
+    const double kxyz = corner[7] - corner[6] - corner[5] + corner[4] - (corner[3] - corner[2] - corner[1] + corner[0]);
+    c[0] = corner[0] + kx * x + (ky + kxy * x) * y + (kz + kxz * x + (kyz + kxyz * x) * y) * z;
+    c[1] = (kx + kxy * y + kxz * z + kxyz * y * z) * dx + (ky + kxy * x + kyz * z + kxyz * x * z) * dy +
+           (kz + kxz * x + kyz * y + kxyz * x * y) * dz;
+    c[2] = (kxy + kxyz * z) * dx * dy + (kxz + kxyz * y) * dx * dz + (kyz + kxyz * x) * dy * dz;
+    c[3] = kxyz * dx * dy * dz;
+}

@@ -29,6 +29,13 @@ int cts_cubic_sign_changes(const double c[4], double u[3]);
 /* The four Bezier points of the polynomial on a..b: it stays within their hull. */
 void cts_cubic_bezier(const double c[4], double a, double b, double point[4]);
 
+/* The part on a..b as a cubic on 0..1. */
+void cts_cubic_part(const double c[4], double a, double b, double part[4]);
+
+/* Trilinear interpolation of a cell's eight corners along a straight way from -> to within it: a cubic, exactly. Bit a
+ * of a corner's number is its place along axis a. */
+void cts_cubic_in_cell(const double corner[8], const double from[3], const double to[3], double c[4]);
+
 /* The cubic through value[i] at u = at[i]. */
 void cts_cubic_through(const double at[4], const double value[4], double c[4]);
 

@@ -10,6 +10,7 @@
 
 typedef struct Stretch {
     const CtsRaycaster *caster;
+    const CtsTransfer *transfer;
     const CtsRayPiece *piece;
     const double (*gradient)[4]; /* NULL unlit */
     double framed[3][4];         /* the gradient in the caster's frame */
@@ -26,7 +27,7 @@ static double extinction_at(const Stretch *s, double hu)
     const CtsSpan *span = s->span;
     if (span->flat_extinction)
         return span->extinction_per_mm;
-    return cts_transfer_extinction(&s->caster->transfer, span->opacity + (hu - span->at_hu) * span->opacity_slope);
+    return cts_transfer_extinction(s->transfer, span->opacity + (hu - span->at_hu) * span->opacity_slope);
 }
 
 static void colour_at(const Stretch *s, double u, double hu, double rgb[3])
@@ -145,7 +146,7 @@ static bool add_span(const Stretch *s, double a, double b)
  * a rounded HU, so a step is crossed exactly once. */
 static bool add_monotone(Stretch *s, double a, double b)
 {
-    const CtsTransfer *transfer = &s->caster->transfer;
+    const CtsTransfer *transfer = s->transfer;
     const double *hu = s->piece->hu;
     const double from = cts_cubic_at(hu, a), to = cts_cubic_at(hu, b);
     const bool falls = to < from;
@@ -182,10 +183,10 @@ static int find_cuts(const Stretch *s, double cut[8])
     return n;
 }
 
-bool cts_raycast_piece(const CtsRaycaster *caster, const CtsRayPiece *piece, const double (*gradient)[4],
-                       CtsRayLight *light)
+bool cts_raycast_piece(const CtsRaycaster *caster, const CtsTransfer *transfer, const CtsRayPiece *piece,
+                       const double (*gradient)[4], CtsRayLight *light)
 {
-    Stretch s = {.caster = caster, .piece = piece, .gradient = gradient, .light = light};
+    Stretch s = {.caster = caster, .transfer = transfer, .piece = piece, .gradient = gradient, .light = light};
     double cut[8];
     for (int i = 0; i < 4 && gradient; i++) {
         const double g[3] = {gradient[0][i], gradient[1][i], gradient[2][i]};

@@ -1,9 +1,27 @@
 /* The largest, smallest and mean HU along a ray, exactly: extremes and means of cubics. */
 #include "base/mutation.h"
+#include "core/volume/body_mask.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/raycaster.h"
-#include "core/volume/body_mask.h"
 #include <math.h>
+
+/* What of a piece is seen: n cubics, of this share of its length each. */
+typedef struct Seen {
+    int n;
+    double hu[CTS_OWNED_STRETCHES][4], share[CTS_OWNED_STRETCHES];
+} Seen;
+
+static void see(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRayPiece *piece, Seen *seen)
+{
+    CtsOwnedStretch stretch[CTS_OWNED_STRETCHES] = {{0, 1, CTS_LOOK_PRESET}};
+    const int n = caster->owners ? cts_raycast_owned(caster->owners, walk, stretch) : 1;
+    seen->n = 0;
+    for (int i = 0; i < n; i++)
+        if (stretch[i].look != CTS_LOOK_HIDDEN) {
+            cts_cubic_part(piece->hu, stretch[i].from, stretch[i].to, seen->hu[seen->n]);
+            seen->share[seen->n++] = stretch[i].to - stretch[i].from;
+        }
+}
 
 /* Sum of HU times length, and length. */
 static void add_mean(const CtsRaycaster *caster, const CtsRay *ray, double *sum, double *length)
@@ -11,32 +29,43 @@ static void add_mean(const CtsRaycaster *caster, const CtsRay *ray, double *sum,
     CtsHuRanges wanted = {.n = 1, .range = {{-INFINITY, INFINITY}}};
     CtsRayWalk walk = {.ray = ray, .wanted = &wanted, .t_mm = ray->t0_mm};
     CtsRayPiece piece;
-    while (caster->field->next(caster->field, &walk, &piece))
-        *sum += (piece.t1_mm - piece.t0_mm) * cts_cubic_mean(piece.hu);
-    *length += ray->t1_mm - ray->t0_mm;
+    while (caster->field->next(caster->field, &walk, &piece)) {
+        Seen seen;
+        see(caster, &walk, &piece, &seen);
+        for (int i = 0; i < seen.n; i++) {
+            *sum += seen.share[i] * (piece.t1_mm - piece.t0_mm) * cts_cubic_mean(seen.hu[i]);
+            *length += seen.share[i] * (piece.t1_mm - piece.t0_mm);
+        }
+    }
 }
 
-/* *best becomes the extreme of what it was and the ray. */
+/* *best becomes the extreme of what it was and the ray, a point where it only touches the box. */
 static void add_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *best)
 {
     const bool largest = caster->preset->mode == CTS_MODE_MIP;
     CtsHuRanges wanted = {.n = 1, .range = {{-INFINITY, INFINITY}}};
     CtsRayWalk walk = {.ray = ray, .wanted = &wanted, .t_mm = ray->t0_mm};
     CtsRayPiece piece;
-    const double start = caster->field->value(caster->field, ray, ray->t0_mm);
-    *best = largest ? fmax(*best, start) : fmin(*best, start);
-    while (ray->t1_mm > ray->t0_mm) {
+    if (!caster->owners) {
+        const double start = caster->field->value(caster->field, ray, ray->t0_mm);
+        *best = largest ? fmax(*best, start) : fmin(*best, start);
+    }
+    while (caster->owners || ray->t1_mm > ray->t0_mm) {
+        Seen seen;
         if (largest)
             wanted.range[0].low = nextafter(*best, INFINITY);
         else
             wanted.range[0].high = *best;
         if (!caster->field->next(caster->field, &walk, &piece))
             break;
-        double low, high;
-        cts_cubic_range(piece.hu, &low, &high);
-        if (CTS_MUTATED(MODE_EXTREMES))
-            low = high = piece.hu[0];
-        *best = largest ? fmax(*best, high) : fmin(*best, low);
+        see(caster, &walk, &piece, &seen);
+        for (int i = 0; i < seen.n; i++) {
+            double low, high;
+            cts_cubic_range(seen.hu[i], &low, &high);
+            if (CTS_MUTATED(MODE_EXTREMES))
+                low = high = seen.hu[i][0];
+            *best = largest ? fmax(*best, high) : fmin(*best, low);
+        }
     }
 }
 
@@ -95,5 +124,5 @@ bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *
             add_extreme(caster, &stretch, &best);
     }
     *hu = average ? sum / length : best;
-    return true;
+    return average ? length > 0 : isfinite(best);
 }

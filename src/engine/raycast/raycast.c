@@ -4,6 +4,7 @@
 #include "base/clock.h"
 #include "base/levels.h"
 #include "base/parallel.h"
+#include "engine/raycast/cubic.h"
 #include "engine/raycast/raycaster.h"
 #include <math.h>
 #include <stdlib.h>
@@ -22,6 +23,26 @@ static CtsStatus make_field(CtsField **field, const CtsScene *scene, size_t n_ra
     return cts_field_kernel(field, scene->volume, &scene->view, s->kernel, s->kernel_radius, scene->preset, err);
 }
 
+/* A look of a label's own may show any HU. */
+static CtsStatus make_transfers(CtsRaycaster *r, const CtsScene *scene, CtsError *err)
+{
+    cts_transfer_init(&r->transfer, scene->preset, scene->extinction_scale);
+    r->wanted = r->transfer.visible;
+    if (!r->owners)
+        return CTS_OK;
+    r->looks = calloc((size_t)r->owners->n_looks, sizeof *r->looks);
+    if (!r->looks)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int l = CTS_LOOK_PRESET; l < r->owners->n_looks; l++) {
+        CtsPreset own;
+        cts_owner_preset(&r->owners->looks[l], scene->preset, &own);
+        cts_transfer_init(&r->looks[l], &own, scene->extinction_scale);
+    }
+    if (cts_owners_coloured(r->owners))
+        r->wanted = (CtsHuRanges){.n = 1, .range = {{-INFINITY, INFINITY}}};
+    return CTS_OK;
+}
+
 CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, size_t n_rays,
                             CtsError *err)
 {
@@ -32,11 +53,12 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
     r->preset = scene->preset;
     r->view = scene->view;
     r->body = cts_scene_body(scene);
+    r->owners = field ? NULL : scene->volume->owners;
     r->field = field;
     cts_gauss_init(&r->coarse, CTS_GAUSS_COARSE);
     cts_gauss_init(&r->fine, CTS_GAUSS_FINE);
     if (scene->preset->mode == CTS_MODE_COMPOSITE)
-        cts_transfer_init(&r->transfer, scene->preset, scene->extinction_scale);
+        st = make_transfers(r, scene, err);
     memcpy(r->frame[0], r->view.right_vox, sizeof r->frame[0]);
     memcpy(r->frame[1], r->view.up_vox, sizeof r->frame[1]);
     memcpy(r->frame[2], r->view.forward_vox, sizeof r->frame[2]);
@@ -58,6 +80,7 @@ void cts_raycaster_free(CtsRaycaster **caster)
     if (!*caster)
         return;
     cts_field_free(&(*caster)->own_field);
+    free((*caster)->looks);
     free(*caster);
     *caster = NULL;
 }
@@ -69,18 +92,43 @@ void cts_raycaster_loosen(CtsRaycaster *caster, double error)
     caster->dark = fmax(caster->dark, 0.1 * error);
 }
 
+/* A piece of a ray, stretch by stretch as they look. */
+static bool composite_piece(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRayPiece *piece,
+                            const double (*gradient)[4], CtsRayLight *light)
+{
+    CtsOwnedStretch stretch[CTS_OWNED_STRETCHES];
+    if (!caster->owners)
+        return cts_raycast_piece(caster, &caster->transfer, piece, gradient, light);
+    const int n = cts_raycast_owned(caster->owners, walk, stretch);
+    bool lit = true;
+    for (int i = 0; i < n && lit; i++) {
+        const double from = stretch[i].from, to = stretch[i].to, length_mm = piece->t1_mm - piece->t0_mm;
+        CtsRayPiece part = {piece->t0_mm + from * length_mm, piece->t0_mm + to * length_mm, {0}};
+        double parts[3][4];
+        if (stretch[i].look == CTS_LOOK_HIDDEN)
+            continue;
+        cts_cubic_part(piece->hu, from, to, part.hu);
+        for (int a = 0; a < 3 && gradient; a++)
+            cts_cubic_part(gradient[a], from, to, parts[a]);
+        lit = cts_raycast_piece(caster, &caster->looks[stretch[i].look], &part,
+                                gradient ? (const double(*)[4])parts : NULL, light);
+    }
+    return lit;
+}
+
 static void composite_ray(const CtsRaycaster *caster, const CtsRay *ray, double rgba[4], double *surface_mm)
 {
     const CtsField *field = caster->field;
     CtsRayLight light = {.transmittance = 1, .surface_mm = INFINITY};
-    CtsRayWalk walk = {.ray = ray, .wanted = &caster->transfer.visible, .t_mm = ray->t0_mm};
+    CtsRayWalk walk = {.ray = ray, .wanted = &caster->wanted, .t_mm = ray->t0_mm};
     CtsRayPiece piece;
     bool lit = true;
     while (lit && ray->t1_mm > ray->t0_mm && field->next(field, &walk, &piece)) {
         double gradient[3][4];
         if (caster->preset->shade)
             field->gradient(field, &walk, &piece, gradient);
-        lit = cts_raycast_piece(caster, &piece, caster->preset->shade ? (const double(*)[4])gradient : NULL, &light);
+        lit =
+            composite_piece(caster, &walk, &piece, caster->preset->shade ? (const double(*)[4])gradient : NULL, &light);
     }
     for (int c = 0; c < 3; c++)
         rgba[c] = light.rgb[c];
@@ -203,6 +251,7 @@ const CtsEngine cts_engine_raycast = {
     .render = render,
     .exact = true,
     .cuts_slabs = true,
+    .knows_owners = true,
     .modes = 1u << CTS_MODE_COMPOSITE | 1u << CTS_MODE_MIP | 1u << CTS_MODE_MINIP | 1u << CTS_MODE_AVERAGE,
     .kernels = (1u << CTS_N_KERNELS) - 1,
 };

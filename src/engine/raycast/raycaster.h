@@ -2,17 +2,21 @@
 #ifndef CTS_RAYCAST_RAYCASTER_H
 #define CTS_RAYCAST_RAYCASTER_H
 
+#include "core/scene/engine.h"
 #include "engine/raycast/field.h"
+#include "engine/raycast/owned.h"
 #include "engine/raycast/quadrature.h"
 #include "engine/raycast/transfer.h"
-#include "core/scene/engine.h"
 
 typedef struct CtsRaycaster {
     const CtsPreset *preset;
     CtsView view;
     const CtsField *field;
-    CtsField *own_field;  /* NULL where the caller gave one */
-    CtsTransfer transfer; /* composite only */
+    CtsField *own_field;     /* NULL where the caller gave one */
+    CtsTransfer transfer;    /* composite only */
+    const CtsOwners *owners; /* NULL: all looks alike */
+    CtsTransfer *looks;      /* of each look but what is hidden; composite only */
+    CtsHuRanges wanted;      /* what any of them shows */
     CtsGauss coarse, fine;
     const struct CtsBodyMask *body; /* what minip and average look at; NULL: all */
     double frame[3][3];     /* a gradient in HU/voxel to HU/mm to the right, up and along the viewing direction */
@@ -29,8 +33,8 @@ typedef struct CtsRayLight {
 } CtsRayLight;
 
 /* Front to back along one piece; gradient is NULL unlit. False when too little light is left to go on. */
-bool cts_raycast_piece(const CtsRaycaster *caster, const CtsRayPiece *piece, const double (*gradient)[4],
-                       CtsRayLight *light);
+bool cts_raycast_piece(const CtsRaycaster *caster, const CtsTransfer *transfer, const CtsRayPiece *piece,
+                       const double (*gradient)[4], CtsRayLight *light);
 
 /* HU that mip, minip or average shows for a ray inside the box; false where it meets nothing that counts. */
 bool cts_raycast_extreme(const CtsRaycaster *caster, const CtsRay *ray, double *hu);

@@ -1,8 +1,10 @@
 /* The trilinear field: cell by cell along the ray, leaping over macro-cells that hold nothing wanted. */
 #include "base/mutation.h"
-#include "engine/raycast/field.h"
 #include "core/scene/shade.h"
 #include "core/volume/macrocells.h"
+#include "core/volume/owners.h"
+#include "engine/raycast/cubic.h"
+#include "engine/raycast/field.h"
 #include <math.h>
 #include <stdlib.h>
 
@@ -13,8 +15,9 @@ enum { RAYS_WORTH_MACROCELLS = 20000 };
 typedef struct Trilinear {
     CtsField field;
     const CtsVolume *volume;
-    int n_cells[3];   /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
-    size_t stride[3]; /* to the next voxel; 0 along an axis of one voxel */
+    const CtsVolume *shown; /* what gradients are taken of: air where labels are hidden */
+    int n_cells[3];         /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
+    size_t stride[3];       /* to the next voxel; 0 along an axis of one voxel */
     const CtsMacrocells *macrocells; /* NULL where rays are few */
     CtsMacrocells *own_macrocells;   /* where the volume came without */
     bool air_beyond;
@@ -47,20 +50,6 @@ static CtsRange load_corners(const Trilinear *t, const int cell[3], uint16_t cor
         r.high = g > r.high ? g : r.high;
     }
     return r;
-}
-
-/* Trilinear interpolation of the eight corners from -> to as a Taylor series at from: a cubic, exactly. */
-static void corners_to_cubic(const double corner[8], const double from[3], const double to[3], double c[4])
-{
-    const double x = from[0], y = from[1], z = from[2], dx = to[0] - x, dy = to[1] - y, dz = to[2] - z;
-    const double kx = corner[1] - corner[0], ky = corner[2] - corner[0], kz = corner[4] - corner[0];
-    const double kxy = corner[3] - corner[2] - kx, kxz = corner[5] - corner[4] - kx, kyz = corner[6] - corner[4] - ky;
-    const double kxyz = corner[7] - corner[6] - corner[5] + corner[4] - (corner[3] - corner[2] - corner[1] + corner[0]);
-    c[0] = corner[0] + kx * x + (ky + kxy * x) * y + (kz + kxz * x + (kyz + kxyz * x) * y) * z;
-    c[1] = (kx + kxy * y + kxz * z + kxyz * y * z) * dx + (ky + kxy * x + kyz * z + kxyz * x * z) * dy +
-           (kz + kxz * x + kyz * y + kxyz * x * y) * dz;
-    c[2] = (kxy + kxyz * z) * dx * dy + (kxz + kxyz * y) * dx * dz + (kyz + kxyz * x) * dy * dz;
-    c[3] = kxyz * dx * dy * dz;
 }
 
 static double clamp(double x, double low, double high)
@@ -163,7 +152,7 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
         }
         piece->t0_mm = t0;
         piece->t1_mm = t1;
-        corners_to_cubic(corner, walk->from, walk->to, piece->hu);
+        cts_cubic_in_cell(corner, walk->from, walk->to, piece->hu);
         return true;
     }
     return false;
@@ -176,7 +165,7 @@ static double difference(const Trilinear *t, const int voxel[3], int axis)
         return 0;
     const int step = cts_shade_step(t->volume, axis);
     const size_t stride = t->stride[axis] * (size_t)step;
-    const uint16_t *v = cell_voxel(t, voxel);
+    const uint16_t *v = t->shown->grey + (cell_voxel(t, voxel) - t->volume->grey);
     const bool before = voxel[axis] >= step, after = voxel[axis] < t->volume->dims[axis] - step;
     const double beyond = t->air_beyond ? 0 : *v;
     const double rise = (after ? (double)v[stride] : beyond) - (before ? (double)*(v - stride) : beyond);
@@ -196,7 +185,7 @@ static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRay
                 voxel[a] = walk->cell[a] + ((m >> a & 1) && t->volume->dims[a] > 1);
             corner[m] = difference(t, voxel, axis);
         }
-        corners_to_cubic(corner, walk->from, walk->to, g[axis]);
+        cts_cubic_in_cell(corner, walk->from, walk->to, g[axis]);
     }
 }
 
@@ -212,7 +201,7 @@ static double value(const CtsField *field, const CtsRay *ray, double t_mm)
         corner[m] = hu_of(t, grey[m]);
     for (int axis = 0; axis < 3; axis++)
         at[axis] = clamp(ray->start_vox[axis] + t_mm * ray->step_vox[axis] - cell[axis], 0, 1);
-    corners_to_cubic(corner, at, at, c);
+    cts_cubic_in_cell(corner, at, at, c);
     return c[0];
 }
 
@@ -233,6 +222,7 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const C
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     t->field = (CtsField){.next = next, .gradient = gradient, .value = value, .free = trilinear_free};
     t->volume = volume;
+    t->shown = volume->owners && volume->owners->shown ? volume->owners->shown : volume;
     t->air_beyond = cts_shade_air_beyond(preset) && !CTS_MUTATED(BORDER_DIFFERENCE);
     size_t stride = 1;
     for (int axis = 0; axis < 3; axis++) {

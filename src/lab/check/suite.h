@@ -2,11 +2,11 @@
 #ifndef CTS_CHECK_SUITE_H
 #define CTS_CHECK_SUITE_H
 
+#include "ctsplat/render.h"
+#include "ctsplat/report.h"
 #include "lab/check/check.h"
 #include "lab/check/check_scene.h"
 #include "lab/check/truth.h"
-#include "ctsplat/render.h"
-#include "ctsplat/report.h"
 #include <stddef.h>
 
 /* Engines that share their numerics share their bounds. */
@@ -18,6 +18,7 @@ enum {
         1u << CTS_ENGINE_CLASSIC | 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_VOID | 1u << CTS_ENGINE_COMBINED,
     CHECK_OF_TILED = 1u << CTS_ENGINE_TILED,
     CHECK_OF_RAYCAST = 1u << CTS_ENGINE_RAYCAST,
+    CHECK_OF_LABELS = CHECK_OF_RAYCAST, /* that know the edges between labels */
     CHECK_OF_ALL = CHECK_OF_PAPER | CHECK_OF_TILED | CHECK_OF_RAYCAST
 };
 _Static_assert(CHECK_OF_ALL == (1u << CTS_N_ENGINES) - 1, "an engine belongs to no family");
@@ -50,7 +51,7 @@ typedef struct CtsCheckTable {
 } CtsCheckTable;
 
 extern const CtsCheckTable cts_check_linear, cts_check_stiff, cts_check_shapes, cts_check_orders, cts_check_equal,
-    cts_check_thin, cts_check_faces, cts_check_voxels;
+    cts_check_thin, cts_check_faces, cts_check_voxels, cts_check_labels;
 
 /* One result; error is |found - expected|, or INFINITY where it is no number. */
 void cts_check_value(CtsCheckRun *run, double expected, double found, double bound);

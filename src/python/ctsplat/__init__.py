@@ -94,7 +94,7 @@ def _values(name: str, value: Any) -> List[str]:
     if isinstance(value, (int, float, np.integer, np.floating)):
         return [repr(value.item() if isinstance(value, np.generic) else value)]
     items = list(value)
-    if name in ("labels", "path"):
+    if name in ("label", "labels", "path"):
         return [os.fspath(item) for item in items]
     return [("x" if name == "size" else ",").join(x for item in items for x in _values(name, item))]
 

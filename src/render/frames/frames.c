@@ -4,6 +4,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "core/scene/framing.h"
+#include "core/volume/owners.h"
 #include "render/frames/engines.h"
 #include "render/frames/key.h"
 #include <math.h>
@@ -66,6 +67,34 @@ static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const C
     return CTS_OK;
 }
 
+/* Engines that know the edges between owners get the volume with them; others one with air where it is hidden. */
+static CtsStatus choose_volume(const CtsVolume *volume, const CtsSceneStore *store, const CtsEngine *engine,
+                               const CtsVolume **chosen, CtsError *err)
+{
+    const CtsRenderSettings *const s = &store->settings;
+    const CtsMode mode = store->preset.mode;
+    const CtsOwners *const o = volume->owners;
+    const bool by_edges =
+        engine->knows_owners && s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16;
+    *chosen = volume;
+    if (cts_owners_coloured(o) && mode != CTS_MODE_COMPOSITE)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "mode %s shows HU by the window, and labels have colours (mode composite "
+                        "shows them)",
+                        cts_mode_names[mode]);
+    if (cts_owners_coloured(o) && !by_edges)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "colours of labels: engine raycast with kernel tent and 16 grey bits alone has "
+                        "them, not %s",
+                        engine->name);
+    if (o && o->shown && !by_edges && (mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE))
+        return cts_fail(err, CTS_ERR_USAGE, "hidden labels: mode %s knows them with kernel tent and 16 grey bits alone",
+                        cts_mode_names[mode]);
+    if (o && o->shown && !by_edges)
+        *chosen = o->shown;
+    return CTS_OK;
+}
+
 CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *settings, CtsError *err)
 {
     const CtsEngine *engine;
@@ -82,7 +111,8 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
     const CtsEngine *engine = NULL;
     *frames = NULL;
     if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
-        (st = choose_engine(&store.settings, store.preset.mode, &engine, err)))
+        (st = choose_engine(&store.settings, store.preset.mode, &engine, err)) ||
+        (st = choose_volume(volume, &store, engine, &volume, err)))
         return st;
     CtsFrames *f = calloc(1, sizeof *f);
     if (!f)

@@ -1,0 +1,288 @@
+/* Labels become the owners of a volume's voxels. */
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/mutation.h"
+#include "base/parallel.h"
+#include "base/vec3.h"
+#include "core/labels/label_choice.h"
+#include "core/labels/label_set.h"
+#include "core/volume/owners.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* What is decided of each label, and behind them of the rest. */
+typedef struct Deciding {
+    const CtsLabels *labels;
+    const CtsLabelChoice *choice;
+    uint32_t *shown, *hidden, *first; /* 0: not named; first: the place in the order */
+    uint32_t *own;                    /* looks + 1 of those that have one of their own */
+    CtsOwnerLook *looks;              /* n_looks, from CTS_LOOK_OWN on */
+    int n_looks;
+    size_t *owners; /* n_owners labels that own what they hold; others count as rest */
+    size_t n_owners;
+} Deciding;
+
+static void forget(Deciding *d)
+{
+    for (int i = 0; d->looks && i < d->n_looks; i++)
+        free(d->looks[i].preset);
+    free(d->looks);
+    cts_free(&d->shown);
+    cts_free(&d->hidden);
+    cts_free(&d->first);
+    cts_free(&d->own);
+    cts_free(&d->owners);
+}
+
+static CtsStatus add_look(Deciding *d, const CtsOwnerLook *look, CtsError *err)
+{
+    if (d->n_looks == CTS_MAX_LOOKS)
+        return cts_fail(err, CTS_ERR_USAGE, "labels have more than %d looks of their own",
+                        CTS_MAX_LOOKS - CTS_LOOK_OWN);
+    d->looks[d->n_looks++] = *look;
+    return CTS_OK;
+}
+
+/* NAME=LOOK: the last one that names a label holds. */
+static CtsStatus take_look(Deciding *d, const char *text, CtsError *err)
+{
+    CtsOwnerLook look;
+    const char *const equals = strchr(text, '=');
+    uint32_t *named = NULL;
+    if (!equals || equals == text || !equals[1])
+        return cts_fail(err, CTS_ERR_USAGE, "`label` %s: not NAME=LOOK", text);
+    CtsStatus st = cts_alloc_zeroed(&named, d->labels->n + 1, err);
+    if (!st)
+        st = cts_label_find(d->labels, "label", text, (size_t)(equals - text), 1, named, err);
+    if (!st && (st = cts_label_look(equals + 1, &look, err)))
+        cts_context(err, "`label` %.*s", (int)(equals - text), text);
+    if (!st && (st = add_look(d, &look, err)))
+        free(look.preset);
+    for (size_t i = 0; !st && i <= d->labels->n; i++)
+        if (named[i])
+            d->own[i] = (uint32_t)d->n_looks;
+    cts_free(&named);
+    return st;
+}
+
+/* The file's colour, or one of the table, for labels that are shown without a look. */
+static CtsStatus take_colours(Deciding *d, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (size_t i = 0; !st && i < d->labels->n; i++) {
+        const CtsLabel *const l = &d->labels->items[i];
+        CtsOwnerLook look = {.tinted = true, .opacity = -1};
+        if (d->own[i] || d->hidden[i] || (d->choice->show && !d->shown[i]) || l->surrounds || !l->fact.voxels)
+            continue;
+        cts_label_colour(i, look.rgb);
+        if (l->coloured)
+            memcpy(look.rgb, l->rgb, sizeof look.rgb);
+        if (!(st = add_look(d, &look, err)))
+            d->own[i] = (uint32_t)d->n_looks;
+    }
+    return st;
+}
+
+static CtsStatus decide(Deciding *d, CtsError *err)
+{
+    const size_t n = d->labels->n;
+    CtsStatus st;
+    if ((st = cts_alloc_zeroed(&d->shown, n + 1, err)) || (st = cts_alloc_zeroed(&d->hidden, n + 1, err)) ||
+        (st = cts_alloc_zeroed(&d->first, n + 1, err)) || (st = cts_alloc_zeroed(&d->own, n + 1, err)) ||
+        (st = cts_alloc_zeroed(&d->owners, n + 1, err)))
+        return st;
+    d->n_looks = CTS_LOOK_OWN;
+    if (!(d->looks = calloc(CTS_MAX_LOOKS, sizeof *d->looks)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    d->looks[CTS_LOOK_HIDDEN].opacity = d->looks[CTS_LOOK_PRESET].opacity = -1;
+    const CtsLabelChoice *const c = d->choice;
+    if ((c->show && (st = cts_label_find_list(d->labels, "show", c->show, d->shown, err))) ||
+        (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, err))) ||
+        (c->order && (st = cts_label_find_list(d->labels, "label-order", c->order, d->first, err))))
+        return st;
+    for (int i = 0; !st && i < c->n_looks; i++)
+        st = take_look(d, c->looks[i], err);
+    if (!st && c->own_colours)
+        st = take_colours(d, err);
+    for (size_t i = 0; i < n; i++)
+        if (!c->show || d->shown[i] || d->hidden[i])
+            d->owners[d->n_owners++] = i;
+    return st;
+}
+
+static uint8_t look_of(const Deciding *d, size_t label)
+{
+    if (d->hidden[label] || (d->choice->show && !d->shown[label]))
+        return CTS_LOOK_HIDDEN;
+    return d->own[label] ? (uint8_t)(d->own[label] - 1) : CTS_LOOK_PRESET;
+}
+
+/* True where b owns what both hold. */
+static bool yields(const Deciding *d, size_t a, size_t b)
+{
+    const CtsLabel *const p = &d->labels->items[a], *const q = &d->labels->items[b];
+    const uint32_t none = UINT32_MAX, place_a = d->first[a] ? d->first[a] : none,
+                   place_b = d->first[b] ? d->first[b] : none;
+    if (place_a != place_b)
+        return place_b < place_a;
+    if (p->surrounds != q->surrounds)
+        return p->surrounds;
+    return p->fact.voxels != q->fact.voxels ? q->fact.voxels < p->fact.voxels : b < a;
+}
+
+/* Owners (numbers into d->owners) in the order in which they are painted, the last on top. */
+static void sort(const Deciding *d, size_t *order)
+{
+    for (size_t i = 0; i < d->n_owners; i++) {
+        size_t at = i;
+        for (; at > 0 && !CTS_MUTATED(OVERLAP) && yields(d, d->owners[i], d->owners[order[at - 1]]); at--)
+            order[at] = order[at - 1];
+        order[at] = i;
+    }
+}
+
+/* Where a scanned slice lies in the volume: its first voxel's column and row there, and its layer. */
+static CtsStatus place_slice(const CtsLabelGrid *g, const CtsVolume *v, int slice, double at[3], CtsError *err)
+{
+    double inverse[3][3], away[3];
+    if (!cts_volume_inverse(v, inverse))
+        return cts_fail(err, CTS_ERR_INTERNAL, "the volume's steps do not span space");
+    for (int c = 0; c < 3; c++)
+        away[c] = g->position_lps[slice][c] - v->origin_lps[c];
+    for (int a = 0; a < 3; a++)
+        at[a] = cts_dot3(inverse[a], away);
+    return CTS_OK;
+}
+
+typedef struct Painting {
+    CtsOwners *owners;
+    const Deciding *deciding;
+    const size_t *order;
+    int first;       /* slice of the first plane */
+    double (*at)[3]; /* of each plane, where it lies in the volume */
+} Painting;
+
+static void paint_run(const Painting *p, int plane, CtsLabelRun run, uint16_t owner)
+{
+    const CtsOwners *const o = p->owners;
+    const int rows = p->deciding->labels->grid.rows, x0 = (int)lround(p->at[plane][0]),
+              j = (int)(run.row % (uint32_t)rows) + (int)lround(p->at[plane][1]);
+    if (j < 0 || j >= o->dims[1])
+        return;
+    uint16_t *const row = o->owner + ((size_t)plane * (size_t)o->dims[1] + (size_t)j) * (size_t)o->dims[0];
+    const int end = run.end + x0 < o->dims[0] ? run.end + x0 : o->dims[0];
+    for (int i = run.first + x0 > 0 ? run.first + x0 : 0; i < end; i++)
+        row[i] = owner;
+}
+
+static void paint_planes(void *context, int worker, size_t begin, size_t end)
+{
+    const Painting *const p = context;
+    const CtsOwners *const o = p->owners;
+    const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
+    const uint32_t rows = (uint32_t)p->deciding->labels->grid.rows;
+    (void)worker;
+    for (size_t plane = begin; plane < end; plane++) {
+        const uint32_t slice = (uint32_t)p->first + (uint32_t)plane;
+        for (size_t i = 0; i < in_plane; i++)
+            o->owner[plane * in_plane + i] = (uint16_t)p->deciding->n_owners;
+        for (size_t i = 0; i < p->deciding->n_owners; i++) {
+            const CtsLabel *const l = &p->deciding->labels->items[p->deciding->owners[p->order[i]]];
+            for (size_t r = cts_label_find_row(l, slice * rows); r < l->n_runs && l->runs[r].row < (slice + 1) * rows;
+                 r++)
+                paint_run(p, (int)plane, l->runs[r], (uint16_t)p->order[i]);
+        }
+    }
+}
+
+/* On which slice, or between which two, each layer lies. */
+static void place_layers(CtsOwners *o, double (*at)[3])
+{
+    int plane = 0;
+    for (int k = 0; k < o->dims[2]; k++) {
+        while (plane + 2 < o->n_planes && at[plane + 1][2] <= k + 1e-6)
+            plane++;
+        const double gap = plane + 1 < o->n_planes ? at[plane + 1][2] - at[plane][2] : 0;
+        const double share = gap > 0 ? fmin(fmax((k - at[plane][2]) / gap, 0), 1) : 0;
+        o->plane[k] = share > 1 - 1e-6 ? plane + 1 : plane;
+        o->share[k] = share < 1e-6 || share > 1 - 1e-6 ? 0 : share;
+    }
+}
+
+/* The slices that the volume's layers lie on or between. */
+static CtsStatus find_planes(const CtsLabelGrid *g, const CtsVolume *v, double (*at)[3], int *first, int *end,
+                             CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (int k = 0; !st && k < g->n_slices; k++)
+        st = place_slice(g, v, k, at[k], err);
+    *first = 0;
+    *end = g->n_slices;
+    while (!st && *first + 1 < *end && at[*first + 1][2] <= 1e-6)
+        ++*first;
+    while (!st && *end - 1 > *first && at[*end - 2][2] >= v->dims[2] - 1 - 1e-6)
+        --*end;
+    return st;
+}
+
+static CtsStatus paint(const Deciding *d, CtsVolume *v, int n_threads, CtsError *err)
+{
+    const CtsLabelGrid *const g = &d->labels->grid;
+    double(*at)[3] = NULL;
+    size_t *order = NULL;
+    int first, end;
+    CtsOwners *o = NULL;
+    CtsStatus st = cts_alloc_array(&at, (size_t)g->n_slices, err);
+    if (st || (st = cts_alloc_array(&order, d->n_owners + 1, err)) || (st = find_planes(g, v, at, &first, &end, err)) ||
+        (st = cts_owners_new(&o, v, (int)d->n_owners + 1, end - first, err)))
+        goto done;
+    for (size_t i = 0; i < d->n_owners; i++)
+        o->look[i] = look_of(d, d->owners[i]);
+    o->look[d->n_owners] = look_of(d, d->labels->n);
+    sort(d, order);
+    const Painting p = {o, d, order, first, at + first};
+    place_layers(o, at + first);
+    cts_parallel(cts_threads(n_threads), (size_t)o->n_planes, 1, paint_planes, (void *)&p);
+    v->owners = o;
+done:
+    cts_free(&at);
+    cts_free(&order);
+    return st;
+}
+
+static bool all_alike(const Deciding *d)
+{
+    bool alike = look_of(d, d->labels->n) == CTS_LOOK_PRESET;
+    for (size_t i = 0; i < d->n_owners; i++)
+        alike &= look_of(d, d->owners[i]) == CTS_LOOK_PRESET;
+    return alike;
+}
+
+static void tell(const Deciding *d, CtsReport *report)
+{
+    size_t n_hidden = 0;
+    for (size_t i = 0; i < d->n_owners; i++)
+        n_hidden += look_of(d, d->owners[i]) == CTS_LOOK_HIDDEN;
+    cts_report_plan(report, "labels: %zu own voxels, %zu of them hidden; the rest is %s; %d looks of their own",
+                    d->n_owners, n_hidden, look_of(d, d->labels->n) == CTS_LOOK_HIDDEN ? "hidden" : "shown",
+                    d->n_looks - CTS_LOOK_OWN);
+}
+
+CtsStatus cts_volume_take_labels(CtsVolume *v, const CtsLabels *labels, const CtsLabelChoice *choice, int n_threads,
+                                 CtsReport *report, CtsError *err)
+{
+    Deciding d = {.labels = labels, .choice = choice};
+    CtsStatus st = decide(&d, err);
+    if (!st && all_alike(&d)) {
+        cts_report_skip(report, "labels in the picture", "nothing is hidden and all of them look alike");
+    } else if (!st && !(st = paint(&d, v, n_threads, err))) {
+        v->owners->looks = d.looks;
+        v->owners->n_looks = d.n_looks;
+        d.looks = NULL;
+        tell(&d, report);
+        st = cts_owners_finish(v->owners, v, n_threads, err);
+    }
+    forget(&d);
+    return st;
+}

@@ -1,0 +1,227 @@
+/* Owners within one cell. Along a straight way their fields are cubics; by their Bernstein numbers it is known where
+ * one lies above another, and where it is not the way is cut, at the root where two alone are left. */
+#include "base/mutation.h"
+#include "core/volume/owners.h"
+#include <math.h>
+
+/* Ways are halved so often at most. */
+enum { HALVINGS = 24 };
+
+static void add_share(CtsCellOwners *c, int owner, int corner, double share)
+{
+    int at = 0;
+    while (at < c->n && c->owner[at] < owner)
+        at++;
+    if (at == c->n || c->owner[at] != owner) {
+        for (int i = c->n++; i > at; i--) {
+            c->owner[i] = c->owner[i - 1];
+            for (int m = 0; m < 8; m++)
+                c->corner[i][m] = c->corner[i - 1][m];
+        }
+        c->owner[at] = owner;
+        for (int m = 0; m < 8; m++)
+            c->corner[at][m] = 0;
+    }
+    c->corner[at][corner] += share;
+}
+
+/* The scanned voxels of a corner: in one slice or, of a layer between two, in the next one too. */
+static const uint16_t *corner_of(const CtsOwners *o, const int cell[3], int corner, size_t *in_plane, double *share)
+{
+    int at[3];
+    for (int a = 0; a < 3; a++)
+        at[a] = cell[a] + ((corner >> a & 1) && o->dims[a] > 1);
+    *in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
+    *share = o->share[at[2]];
+    return o->owner + (size_t)o->plane[at[2]] * *in_plane + (size_t)at[1] * (size_t)o->dims[0] + (size_t)at[0];
+}
+
+void cts_cell_owners(const CtsOwners *o, const int cell[3], CtsCellOwners *c)
+{
+    c->n = 0;
+    for (int m = 0; m < 8; m++) {
+        size_t in_plane;
+        double share;
+        const uint16_t *const at = corner_of(o, cell, m, &in_plane, &share);
+        add_share(c, at[0], m, 1 - share);
+        if (share > 0)
+            add_share(c, at[in_plane], m, share);
+    }
+}
+
+int cts_look_of_cell(const CtsOwners *o, const int cell[3])
+{
+    int look = -1;
+    for (int m = 0; m < 8; m++) {
+        size_t in_plane;
+        double share;
+        const uint16_t *const at = corner_of(o, cell, m, &in_plane, &share);
+        for (int behind = 0; behind <= (share > 0); behind++) {
+            const int here = o->look[at[behind ? in_plane : 0]];
+            if (look >= 0 && here != look)
+                return CTS_LOOKS_DIFFER;
+            look = here;
+        }
+    }
+    return look;
+}
+
+/* Fields along a way, by their Bernstein numbers. */
+typedef struct Fields {
+    int n, look[CTS_CELL_OWNERS];
+    double b[CTS_CELL_OWNERS][4];
+} Fields;
+
+static double at_point(const double v[8], double x, double y, double z)
+{
+    const double near = (v[0] + x * (v[1] - v[0])) * (1 - y) + (v[2] + x * (v[3] - v[2])) * y;
+    const double far = (v[4] + x * (v[5] - v[4])) * (1 - y) + (v[6] + x * (v[7] - v[6])) * y;
+    return near + z * (far - near);
+}
+
+static void field_along(const double v[8], const double p[3], const double q[3], double b[4])
+{
+    b[0] = at_point(v, p[0], p[1], p[2]);
+    b[1] = (at_point(v, q[0], p[1], p[2]) + at_point(v, p[0], q[1], p[2]) + at_point(v, p[0], p[1], q[2])) / 3;
+    b[2] = (at_point(v, q[0], q[1], p[2]) + at_point(v, q[0], p[1], q[2]) + at_point(v, p[0], q[1], q[2])) / 3;
+    b[3] = at_point(v, q[0], q[1], q[2]);
+}
+
+static bool lies_above(const double p[4], const double q[4])
+{
+    return p[0] >= q[0] && p[1] >= q[1] && p[2] >= q[2] && p[3] >= q[3];
+}
+
+/* Drops what lies below another all along; of equal ones the first stays. */
+static void drop_hidden(Fields *f)
+{
+    int n = 0;
+    for (int i = 0; i < f->n; i++) {
+        bool below = false;
+        for (int k = 0; k < n && !below; k++)
+            below = lies_above(f->b[k], f->b[i]);
+        for (int k = i + 1; k < f->n && !below; k++)
+            below = lies_above(f->b[k], f->b[i]) && !lies_above(f->b[i], f->b[k]);
+        if (below)
+            continue;
+        f->look[n] = f->look[i];
+        for (int m = 0; m < 4; m++)
+            f->b[n][m] = f->b[i][m];
+        n++;
+    }
+    f->n = n;
+}
+
+static bool look_alike(const Fields *f)
+{
+    for (int i = 1; i < f->n; i++)
+        if (f->look[i] != f->look[0])
+            return false;
+    return true;
+}
+
+/* Of two fields that cross once: where, by regula falsi with halved ends (Illinois). */
+static double crossing(const double b[4])
+{
+    double low = 0, high = 1, f_low = b[0], f_high = b[3], s = 0.5;
+    for (int i = 0; i < 60 && high - low > 1e-12; i++) {
+        s = low + (high - low) * (f_low / (f_low - f_high));
+        const double r = 1 - s, f = r * r * r * b[0] + 3 * r * s * (r * b[1] + s * b[2]) + s * s * s * b[3];
+        if (fabs(f) < 1e-14)
+            break;
+        if ((f < 0) == (f_low < 0)) {
+            low = s;
+            f_low = f;
+            f_high *= 0.5;
+        } else {
+            high = s;
+            f_high = f;
+            f_low *= 0.5;
+        }
+    }
+    return s;
+}
+
+/* True where two are left that change places once, at *s. */
+static bool cross_once(const Fields *f, double *s)
+{
+    double apart[4];
+    int n_changes = 0;
+    if (f->n != 2)
+        return false;
+    for (int m = 0; m < 4; m++) {
+        apart[m] = f->b[0][m] - f->b[1][m];
+        n_changes += m > 0 && (apart[m] < 0) != (apart[m - 1] < 0);
+    }
+    if (n_changes != 1 || apart[0] == 0 || apart[3] == 0)
+        return false;
+    *s = crossing(apart);
+    return true;
+}
+
+static Fields half(const Fields *f, bool second)
+{
+    Fields h = {.n = f->n};
+    for (int i = 0; i < f->n; i++) {
+        const double *const b = f->b[i];
+        const double u0 = (b[0] + b[1]) / 2, u1 = (b[1] + b[2]) / 2, u2 = (b[2] + b[3]) / 2;
+        const double v0 = (u0 + u1) / 2, v1 = (u1 + u2) / 2, middle = (v0 + v1) / 2;
+        const double parts[2][4] = {{b[0], u0, v0, middle}, {middle, v1, u2, b[3]}};
+        h.look[i] = f->look[i];
+        for (int m = 0; m < 4; m++)
+            h.b[i][m] = parts[second][m];
+    }
+    return h;
+}
+
+typedef struct Cutting {
+    CtsStretch *stretch;
+    int n;
+} Cutting;
+
+static void put(Cutting *c, double end, int look)
+{
+    if (c->n > 0 && (c->stretch[c->n - 1].look == look || c->n == CTS_CELL_STRETCHES))
+        c->stretch[c->n - 1].end = end;
+    else
+        c->stretch[c->n++] = (CtsStretch){end, look};
+}
+
+static void cut(Cutting *c, Fields f, double from, double to, int depth)
+{
+    double s;
+    drop_hidden(&f);
+    if (look_alike(&f)) {
+        put(c, to, f.look[0]);
+    } else if (cross_once(&f, &s)) {
+        const bool first = f.b[0][0] < f.b[1][0];
+        put(c, from + s * (to - from), f.look[first]);
+        put(c, to, f.look[!first]);
+    } else if (depth == HALVINGS) {
+        int most = 0;
+        for (int i = 1; i < f.n; i++)
+            most = f.b[i][0] > f.b[most][0] ? i : most;
+        put(c, to, f.look[most]);
+    } else {
+        const double middle = (from + to) / 2;
+        cut(c, half(&f, false), from, middle, depth + 1);
+        cut(c, half(&f, true), middle, to, depth + 1);
+    }
+}
+
+int cts_owner_stretches(const CtsOwners *o, const int cell[3], const double from[3], const double to[3],
+                        CtsStretch stretch[CTS_CELL_STRETCHES])
+{
+    CtsCellOwners in_cell;
+    Fields f;
+    Cutting c = {stretch, 0};
+    cts_cell_owners(o, cell, &in_cell);
+    f.n = in_cell.n;
+    for (int i = 0; i < f.n; i++) {
+        f.look[i] = o->look[in_cell.owner[i]];
+        field_along(in_cell.corner[i], from, to, f.b[i]);
+    }
+    cut(&c, f, 0, 1, 0);
+    stretch[c.n - 1].end = 1;
+    return c.n;
+}

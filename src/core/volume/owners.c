@@ -1,0 +1,183 @@
+#include "core/volume/owners.h"
+
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/mutation.h"
+#include "base/parallel.h"
+#include "core/volume/macrocells.h"
+#include "core/volume/volume_new.h"
+#include <stdlib.h>
+#include <string.h>
+
+CtsStatus cts_owners_new(CtsOwners **owners, const CtsVolume *volume, int n, int n_planes, CtsError *err)
+{
+    const size_t in_plane = (size_t)volume->dims[0] * (size_t)volume->dims[1];
+    size_t n_voxels, n_blocks = 1;
+    CtsStatus st = cts_alloc_zeroed(owners, 1, err);
+    if (st)
+        return st;
+    CtsOwners *const o = *owners;
+    o->n = n;
+    o->n_planes = n_planes;
+    for (int a = 0; a < 3; a++) {
+        const int n_cells = volume->dims[a] > 1 ? volume->dims[a] - 1 : 1;
+        o->dims[a] = volume->dims[a];
+        o->n_block[a] = (n_cells + CTS_FINE_MACROCELL - 1) / CTS_FINE_MACROCELL;
+        n_blocks *= (size_t)o->n_block[a];
+    }
+    if (cts_mul_overflows(in_plane, (size_t)n_planes, &n_voxels))
+        st = cts_fail(err, CTS_ERR_MEMORY, "labels of %d slices are too many", n_planes);
+    if (st || (st = cts_alloc_array(&o->owner, n_voxels, err)) ||
+        (st = cts_alloc_zeroed(&o->plane, (size_t)o->dims[2], err)) ||
+        (st = cts_alloc_zeroed(&o->share, (size_t)o->dims[2], err)) ||
+        (st = cts_alloc_zeroed(&o->look, (size_t)n, err)) || (st = cts_alloc_array(&o->block, n_blocks + 3, err)))
+        cts_owners_free(owners);
+    return st;
+}
+
+void cts_owners_free(CtsOwners **owners)
+{
+    CtsOwners *const o = *owners;
+    if (!o)
+        return;
+    for (int i = 0; i < o->n_looks; i++)
+        free(o->looks[i].preset);
+    free(o->looks);
+    cts_free(&o->owner);
+    cts_free(&o->plane);
+    cts_free(&o->share);
+    cts_free(&o->look);
+    cts_free(&o->block);
+    cts_volume_free(&o->shown);
+    cts_free(owners);
+}
+
+void cts_owner_preset(const CtsOwnerLook *look, const CtsPreset *picture, CtsPreset *preset)
+{
+    *preset = look->preset ? *look->preset : *picture;
+    if (look->opacity >= 0) {
+        preset->n_opacity = 1;
+        preset->opacity[0] = (CtsOpacityPoint){0, look->opacity};
+        preset->unit_distance_mm = 1;
+    }
+    if (look->tinted) {
+        preset->n_colour = 1;
+        preset->colour[0] = (CtsColourPoint){0, {look->rgb[0], look->rgb[1], look->rgb[2]}};
+    }
+}
+
+int cts_owner_of_voxel(const CtsOwners *o, int i, int j, int k)
+{
+    const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
+    const uint16_t *const at = o->owner + (size_t)o->plane[k] * in_plane + (size_t)j * (size_t)o->dims[0] + (size_t)i;
+    const double share = o->share[k];
+    if (share == 0 || at[0] == at[in_plane])
+        return at[0];
+    return share > 0.5 || (share == 0.5 && at[in_plane] < at[0]) ? at[in_plane] : at[0];
+}
+
+/* What is done layer by layer, or block by block. */
+typedef struct Finishing {
+    CtsOwners *owners;
+    const CtsVolume *volume;
+} Finishing;
+
+/* The one look of voxels first[] to last[], or CTS_LOOKS_DIFFER. */
+static uint8_t common_look(const CtsOwners *o, const int first[3], const int last[3])
+{
+    const size_t nx = (size_t)o->dims[0], ny = (size_t)o->dims[1];
+    const int end = o->plane[last[2]] + (o->share[last[2]] > 0);
+    int before = -1;
+    uint8_t look = 0;
+    for (int p = o->plane[first[2]]; p <= end; p++)
+        for (int j = first[1]; j <= last[1]; j++) {
+            const uint16_t *const row = o->owner + ((size_t)p * ny + (size_t)j) * nx;
+            for (int i = first[0]; i <= last[0]; i++) {
+                if (row[i] == before)
+                    continue;
+                if (before >= 0 && o->look[row[i]] != look)
+                    return CTS_LOOKS_DIFFER;
+                before = row[i];
+                look = o->look[before];
+            }
+        }
+    return look;
+}
+
+static void find_blocks(void *context, int worker, size_t begin, size_t end)
+{
+    const Finishing *const f = context;
+    CtsOwners *const o = f->owners;
+    (void)worker;
+    for (size_t row = begin; row < end; row++)
+        for (int b = 0; b < o->n_block[0]; b++) {
+            const int block[3] = {b, (int)(row % (size_t)o->n_block[1]), (int)(row / (size_t)o->n_block[1])};
+            int first[3], last[3];
+            for (int a = 0; a < 3; a++) {
+                first[a] = block[a] * CTS_FINE_MACROCELL;
+                last[a] = first[a] + CTS_FINE_MACROCELL < o->dims[a] ? first[a] + CTS_FINE_MACROCELL : o->dims[a] - 1;
+            }
+            o->block[row * (size_t)o->n_block[0] + (size_t)b] = common_look(o, first, last);
+        }
+}
+
+static void show_layers(void *context, int worker, size_t begin, size_t end)
+{
+    const Finishing *const f = context;
+    const CtsOwners *const o = f->owners;
+    const size_t nx = (size_t)o->dims[0], ny = (size_t)o->dims[1];
+    (void)worker;
+    for (size_t k = begin; k < end; k++)
+        for (size_t j = 0; j < ny; j++) {
+            const size_t at = (k * ny + j) * nx;
+            for (size_t i = 0; i < nx; i++) {
+                const int look = cts_look_of_voxel(o, (int)i, (int)j, (int)k);
+                o->shown->grey[at + i] = look == CTS_LOOK_HIDDEN ? 0 : f->volume->grey[at + i];
+            }
+        }
+}
+
+/* Ranges for what is shown, from the volume's: where looks differ air may stand beside anything. */
+static CtsStatus show_macrocells(CtsOwners *o, const CtsVolume *volume, int n_threads, CtsError *err)
+{
+    const CtsMacrocells *const all = volume->macrocells;
+    const CtsStatus st = cts_macrocells_begin(&o->shown->macrocells, volume->dims, err);
+    const size_t n = (size_t)o->n_block[0] * (size_t)o->n_block[1] * (size_t)o->n_block[2];
+    CtsMacrocells *const m = o->shown->macrocells;
+    for (size_t i = 0; !st && i < n; i++)
+        m->fine[i] = o->block[i] == CTS_LOOK_HIDDEN    ? (CtsRange){0, 0}
+                     : o->block[i] == CTS_LOOKS_DIFFER ? (CtsRange){0, all->fine[i].high}
+                                                       : all->fine[i];
+    if (st)
+        return st;
+    cts_free(&m->shared);
+    cts_free(&m->begun);
+    cts_macrocells_sum(m, n_threads);
+    return CTS_OK;
+}
+
+static CtsStatus show(CtsOwners *o, const CtsVolume *volume, int n_threads, CtsError *err)
+{
+    const Finishing f = {o, volume};
+    const CtsStatus st = cts_volume_new_unset(&o->shown, o->dims[0], o->dims[1], o->dims[2], err);
+    if (st)
+        return st;
+    uint16_t *const grey = o->shown->grey;
+    *o->shown = *volume;
+    o->shown->grey = grey;
+    o->shown->macrocells = NULL;
+    o->shown->body = NULL;
+    o->shown->owners = NULL;
+    cts_parallel(n_threads, (size_t)o->dims[2], 1, show_layers, (void *)&f);
+    return volume->macrocells ? show_macrocells(o, volume, n_threads, err) : CTS_OK;
+}
+
+CtsStatus cts_owners_finish(CtsOwners *o, const CtsVolume *volume, int n_threads, CtsError *err)
+{
+    Finishing f = {o, volume};
+    bool hides = false;
+    cts_parallel(cts_threads(n_threads), (size_t)o->n_block[1] * (size_t)o->n_block[2], 16, find_blocks, &f);
+    for (int i = 0; i < o->n; i++)
+        hides |= o->look[i] == CTS_LOOK_HIDDEN;
+    return hides && !CTS_MUTATED(HIDING) ? show(o, volume, cts_threads(n_threads), err) : CTS_OK;
+}
