@@ -46,8 +46,8 @@ keyword_of = {uid: key for key, uid in reversed(list(uid_of.items()))}
 read_classes = [(keyword_of[uid], uid) for _, uid in read_classes]
 models = [(k, uid_of[k]) for k in
           dict.fromkeys(re.findall(r"UID_((?:FIND|GET|MOVE)\w+)", source("output/net/dimse.cc")))]
-node = re.findall(r"^PresentationContext\d+ = (\w+)", source("app/deploy/storescp.cfg"), re.M)
-node_syntaxes = re.findall(r"^TransferSyntax\d+ = (\S+)", source("app/deploy/storescp.cfg").split("[Readable]")[1], re.M)
+storage = "output/net/ct_storage.hpp"
+ct_classes, captures = listed(storage, "cts_ct_classes"), listed(storage, "cts_capture_classes")
 
 P, H, S, T = "p", "h", "s", "t"
 statement = [
@@ -60,7 +60,7 @@ statement = [
       ("Query of a study's series (C-FIND)", "yes: --from", "no"),
       ("Retrieve (C-GET)", "yes: --from", "no"),
       ("Retrieve (C-MOVE)", "yes: --from with --move-port", "storage of what was asked for alone"),
-      ("Storage of CT (C-STORE), verification", "no", "ctsplat-node, by DCMTK's storescp"),
+      ("Storage of CT (C-STORE), verification", "no", "ctsplat receive, ctsplat-node"),
       ("DICOMweb WADO-RS, STOW-RS", "yes: a URL in --from, --send", "no"),
       ("Storage commitment, worklist, MPPS, printing, media", "no", "no")]),
     (H, "Introduction"),
@@ -69,13 +69,18 @@ statement = [
     (H, "Networking"),
     (S, "Implementation model"),
     (P, "One AE, that of the command that runs: it fetches a series, renders it, writes files, and stores them. The "
-        "second, ctsplat-node, listens, renders each study when it has been quiet for a while, and stores the "
-        "captures. Nothing is done without a command or a study that arrives."),
+        "second, ctsplat receive, listens and stores what comes as files. ctsplat-node joins them: it renders each study "
+        "when it has been quiet for a while, and stores the captures. Nothing is done without a command or a study that arrives."),
     (S, "AE titles and ports"),
     (P, "The calling AE title is CTSPLAT unless --aet says otherwise; the called one stands in AET@HOST:PORT. C-MOVE "
-        "receives at --move-port. ctsplat-node listens as CTSPLAT_NODE_AET at CTSPLAT_NODE_PORT, 11112 by default."),
+        "receives at --move-port. ctsplat receive listens at --listen, 127.0.0.1:11112 by default, under --aet, and takes "
+        "nothing that calls another AE title."),
     (S, "Associations"),
-    (P, "One at a time as SCU; the node forks for each. Maximum PDU size 16384 bytes, DCMTK's default. "
+    (P, "One at a time as SCU. As SCP up to 64 at a time, each in a process of its own: from the addresses and AE titles "
+        "that --allow names (none: from this machine alone), --per-peer of one address at a time and --per-minute begun "
+        "in a minute; one ends after --association-time, after --peer-timeout of silence, and when an object exceeds "
+        "--object-size or the disk is as full as --keep-free lets it be. Others are closed before they can ask for an "
+        "association. Maximum PDU size 16384 bytes, DCMTK's default. "
         "No asynchronous operations. A peer that is down, refuses or breaks off is tried four times, after one, two "
         "and four seconds; a silent one is given up after --peer-timeout, 30 seconds."),
     (S, "SOP classes of storage, as SCU"),
@@ -85,11 +90,14 @@ statement = [
     (T, ("SOP class", "UID"), models),
     (P, "C-FIND at level SERIES, with StudyInstanceUID as unique key, SeriesInstanceUID and Modality as return keys; relational queries and extended negotiation are not asked for."),
     (S, "SOP classes accepted while retrieving"),
-    (T, ("SOP class", "UID"), listed("output/net/dimse.cc", "ct_classes")),
-    (T, ("Transfer syntax", "UID"), listed("output/net/dimse.cc", "ct_syntaxes")),
-    (S, "What ctsplat-node accepts"),
-    (T, ("SOP class", "Transfer syntaxes, by DCMTK's names"),
-     [(k, ", ".join(node_syntaxes) if k != "VerificationSOPClass" else "uncompressed") for k in node]),
+    (T, ("SOP class", "UID"), ct_classes + captures),
+    (T, ("Transfer syntax", "UID"), listed(storage, "cts_ct_syntaxes")),
+    (S, "SOP classes accepted as SCP"),
+    (T, ("SOP class", "UID"), [("VerificationSOPClass", uid_of["VerificationSOPClass"])] + ct_classes),
+    (P, "Verification in Explicit and Implicit VR Little Endian, CT in the transfer syntaxes above, the first of them that "
+        "a presentation context offers. Objects are stored as they come, bit by bit. Status A700: no room; A900: it is "
+        "no CT image, or another instance than its command names. An instance that comes again takes the former one's "
+        "place. No storage commitment."),
     (S, "DICOMweb"),
     (P, "WADO-RS: GET of /studies/UID and /studies/UID/series/UID as multipart/related of application/dicom, any transfer "
         "syntax. STOW-RS: POST to /studies of the same type, one instance a request. User and password or "
@@ -117,7 +125,7 @@ statement = [
     (P, "SpecificCharacterSet and all texts of the source are copied byte for byte, in any character set. What ctsplat "
         "writes itself is ASCII (ISO-IR 6)."),
     (H, "Security"),
-    (P, "Secure transport: TLS by the BCP 195 profile, with --tls-ca, --tls-key and --tls-cert. De-identification: the "
+    (P, "For ports, users, keys and records see ctsplat-security(7). Secure transport: TLS by the BCP 195 profile, with --tls-ca, --tls-key and --tls-cert. De-identification: the "
         "Basic Application Confidentiality Profile (PS3.15 E.2), with --deidentify; RecognizableVisualFeatures says "
         "whether a picture may show a face. No audit trail, no user identity negotiation, no digital signatures. "
         "Compressed pixels are decoded in processes without files and network."),

@@ -31,7 +31,7 @@ src/render/frames | core/volume/owners.h core/scene/ render/error/ |
 src/output/image  | |
 src/output/objects | input/files/ input/header/ input/codec/ | openjpeg.h
 src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h isa-l.h jpeglib.h webp/
-src/output/net    | input/files/scan.h input/header/ output/objects/ | curl/ jansson.h
+src/output/net    | input/files/scan.h input/header/ output/objects/ | curl/ jansson.h netdb.h netinet/ openssl/
 src/output/report | | jansson.h png.h
 src/lab/check     | output/report/ |
 src/lab/bench     | output/report/ |
@@ -39,6 +39,7 @@ src/app/job       | |
 src/app/words     | app/job/ |
 src/app/contact   | output/image/ | jansson.h webp/
 src/app/batch     | output/export/uid.h output/report/ app/job/ app/words/ app/contact/ | jansson.h
+src/app/node      | input/files/scan.h input/header/slice.h output/net/ | arpa/inet.h netinet/
 src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h openexr_base.h expat.h
 '
 # The public headers by the wing whose words they are, and the wings whose headers a wing may use.

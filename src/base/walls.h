@@ -15,4 +15,7 @@ int cts_walls_enter(int keep_fd, size_t n_bytes);
 /* Of that only what keeps a child apart from its parent: signals, files, no core. */
 int cts_walls_leave_all(int keep_fd);
 
+/* For a process that a peer talks to: it runs no program and reaches nobody else. 0, or an errno. */
+int cts_walls_stay_inside(void);
+
 #endif

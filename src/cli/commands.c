@@ -17,4 +17,6 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
     {"presets", "[NAME or FILE] [--propose PATH] [--json]",
      "List the presets, show one, or find the tissues of a volume and which of them one does not show.", 0, 1, "NAME",
      cli_presets},
+    {"receive", "-O DIR [options]", "Receive CT images from scanners and archives (C-STORE) into a folder.", 0, 0, "",
+     cli_receive},
 };

@@ -1,6 +1,6 @@
 # The man page lists the options and commands that --help lists, no more and no fewer.
 man=$root/man/ctsplat.1
-for command in info render bench check compare presets; do
+for command in info render bench check compare presets receive; do
     ok $command --help
     cat out >>help
 done
@@ -18,7 +18,7 @@ entry()
 }
 
 # Ranges that --help prints from the library's bounds, and the names of what it lists from tables: the man page has them.
-for command in info render bench check compare presets; do
+for command in info render bench check compare presets receive; do
     ok $command --help
     awk '/^  (-., |    )--/ { printf "\n"; sub(/^ *(-., )?/, "") } { printf "%s ", $0 }' out |
         sed 's/  */ /g' | grep -e '^--' >entries

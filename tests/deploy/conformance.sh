@@ -10,9 +10,9 @@ command -v dcmdump >/dev/null || exit 77
 # What the page must name: UIDs that stand in the source's tables, DCMTK's names of others, keywords of written attributes.
 grep -ohE '"1\.2\.840\.10008\.[0-9.]+"' "$root"/src/input/files/syntax.c "$root"/src/input/header/dcm_read.cc \
     "$root"/src/output/export/sc.c "$root"/src/output/net/net.c | tr -d '"' | grep -vx '1\.2\.840\.10008\.' >"$work/words"
-grep -ohE 'UID_[A-Za-z0-9_]+(Storage|Syntax|Model)\b' "$root"/src/output/net/dimse.cc "$root"/src/output/objects/*.cc |
+grep -ohE 'UID_[A-Za-z0-9_]+(Storage|Syntax|Model)\b' "$root"/src/output/net/dimse.cc "$root"/src/output/net/ct_storage.hpp "$root"/src/output/objects/*.cc |
     sed 's/^UID_//' >>"$work/words"
-grep -oE '^PresentationContext[0-9]+ = [A-Za-z]+' "$root/src/app/deploy/storescp.cfg" | sed 's/.* = //' >>"$work/words"
+echo VerificationSOPClass >>"$work/words"
 "$ctsplat" render "$root/testdata/phantom" --size 32x32 -o "$work/one.dcm" --write-state "$work/state.dcm" 2>/dev/null
 "$ctsplat" render "$root/testdata/phantom" --size 32x32 --rotation 2 -o "$work/turn.dcm" 2>/dev/null
 "$ctsplat" render "$root/testdata/phantom" --size 32x32 --mode mip -o "$work/grey.dcm" 2>/dev/null

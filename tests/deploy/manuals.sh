@@ -20,10 +20,9 @@ settings "$root/src/app/deploy/ctsplat-node" >"$work/a"
 [ "$(sort -u "$work/a" | wc -l)" -ge 8 ]
 settings "$root/man/ctsplat-node.1" >"$work/b"
 same "settings of ctsplat-node (<) and of its manual (>) differ"
-# The unit sets the folder, and nobody needs another profile.
+# The unit sets the folder.
 settings "$root/src/app/deploy/node.conf" | cat - "$root/src/app/deploy/ctsplat-node.service" |
     grep -oE 'CTSPLAT_NODE_[A-Z]+' >"$work/b"
-echo CTSPLAT_NODE_PROFILE >>"$work/b"
 same "settings of ctsplat-node (<) and of node.conf with the unit (>) differ"
 
 # options FILE: those that have an entry in the section OPTIONS of a manual

@@ -22,7 +22,7 @@ fail()
 }
 mkdir bin archive sent
 ln -s "$ctsplat" bin/ctsplat
-sed "s#@DATADIR@#$root/src/app/deploy#" "$root/src/app/deploy/ctsplat-node" >bin/ctsplat-node
+cp "$root/src/app/deploy/ctsplat-node" bin/
 chmod +x bin/ctsplat-node
 printf '#!/bin/sh\nLD_PRELOAD=%s exec %s "$@"\n' "$library" "$(command -v storescp)" >bin/storescp
 chmod +x bin/storescp
@@ -36,7 +36,8 @@ port=$(free_port) pacs_port=$(free_port)
 cat >node.conf <<CONF
 # A comment, a value with blanks, and one that must not be run.
 CTSPLAT_NODE_DIR=$work/node
-CTSPLAT_NODE_PORT=$port
+CTSPLAT_NODE_LISTEN=127.0.0.1:$port
+CTSPLAT_NODE_ALLOW=*@127.0.0.1 FRIEND@192.0.2.0/24
 CTSPLAT_NODE_PACS="ARCHIVE@127.0.0.1:$pacs_port"
 CTSPLAT_NODE_OPTIONS=--presets bone --formats dcm --size 48x48 --threads 1
 CTSPLAT_NODE_QUIET=2
@@ -61,14 +62,14 @@ dcmodify -q -nb -m '(0020,000D)=../../../evil;touch evil' -m '(0010,0010)=$(touc
 
 send()
 {
-    dcmsend -nuc 127.0.0.1 "$port" "sent/$1"/*.dcm || fail "study $1 was not taken"
+    dcmsend -nuc -aec '$(touch evil)' 127.0.0.1 "$port" "sent/$1"/*.dcm || fail "study $1 was not taken"
 }
 start_node()
 {
     bin/ctsplat-node node.conf >>node.log 2>&1 &
     node=$!
     for _ in $(seq 100); do
-        grep -q 'listens on port' node.log && echoscu -q 127.0.0.1 "$port" 2>/dev/null && return
+        grep -q 'is at work' node.log && echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port" 2>/dev/null && return
         sleep 0.2
     done
     fail "the node does not listen"
@@ -91,8 +92,10 @@ wait_for()
 some_came() { [ "$(captures)" -ge 1 ]; }
 all_done() { [ "$(find node/state -name 'ST_*' | wc -l)" = "$studies" ]; }
 
-# The PACS is not up yet: what is rendered waits for it.
+# The PACS is not up yet: what is rendered waits for it. The receiver is killed, and is there again.
 start_node
+pkill -9 -P $node ctsplat || fail "no receiver of the node's"
+wait_for 20 echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port"
 half=$((studies / 2))
 for ((i = 1; i <= half; i++)); do send $i; done
 wait_for 120 grep -q 'tried again in' node.log
@@ -133,6 +136,6 @@ bin/ctsplat-node node.conf 2>second.log && fail "a second node runs in the same 
 grep -q 'another ctsplat-node' second.log || fail "a second node does not say why it leaves"
 kill -TERM $node
 wait $node || fail "TERM: exit status $?"
-echoscu -q 127.0.0.1 "$port" 2>/dev/null && fail "the listener outlives the node"
+echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port" 2>/dev/null && fail "the listener outlives the node"
 node=''
 echo "$studies studies, $(captures) captures"

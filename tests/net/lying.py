@@ -7,44 +7,12 @@ import sys
 import threading
 
 import peers
+from dimse import command, data_set, item, items, uid_of
 
 ctsplat, loopback, data = os.path.abspath(sys.argv[1]), sys.argv[2], sys.argv[3]
 run = peers.Ctsplat(ctsplat).run
 CT, GET, FIND = '1.2.840.10008.5.1.4.1.1.2', '1.2.840.10008.5.1.4.1.2.2.3', '1.2.840.10008.5.1.4.1.2.2.1'
 EXPLICIT = '1.2.840.10008.1.2.1'
-
-
-def data_set(path):
-    data = open(path, 'rb').read()
-    return data[144 + struct.unpack_from('<I', data, 140)[0]:]
-
-
-def uid_of(data, tag):
-    at = data.index(tag + b'UI') + 8
-    return data[at:at + struct.unpack_from('<H', data, at - 2)[0]].rstrip(b'\0').decode()
-
-
-def items(data):
-    at = 0
-    while at < len(data):
-        kind, n = data[at], struct.unpack_from('>H', data, at + 2)[0]
-        yield kind, data[at + 4:at + 4 + n]
-        at += 4 + n
-
-
-def item(kind, body):
-    return struct.pack('>BBH', kind, 0, len(body)) + body
-
-
-def command(**fields):
-    tags = {'sop_class': (2, 'u'), 'field': (0x100, 'w'), 'message': (0x110, 'w'), 'answers': (0x120, 'w'),
-            'priority': (0x700, 'w'), 'has_data': (0x800, 'w'), 'status': (0x900, 'w'), 'sop': (0x1000, 'u'),
-            'remaining': (0x1020, 'w'), 'completed': (0x1021, 'w'), 'failed': (0x1022, 'w'), 'warned': (0x1023, 'w')}
-    out = b''
-    for tag, kind, value in sorted((*tags[name], value) for name, value in fields.items() if value is not None):
-        body = struct.pack('<H', value) if kind == 'w' else value.encode() + b'\0' * (len(value) % 2)
-        out += struct.pack('<HHI', 0, tag, len(body)) + body
-    return struct.pack('<HHII', 0, 0, 4, len(out)) + out
 
 
 class Peer:

@@ -1,4 +1,4 @@
-"""C-STORE over TLS: the right certificate is taken; a wrong, an expired and none at all are not."""
+"""C-STORE over TLS: the right certificate is taken; a wrong, an expired, another host's and none at all are not."""
 import glob
 import os
 import subprocess
@@ -22,10 +22,12 @@ def authority(name):
             '2', '-subj', '/CN=' + name)
 
 
-def certificate(name, issuer, days='2'):
+def certificate(name, issuer, days='2', host='IP:127.0.0.1'):
     openssl('req', '-newkey', 'rsa:2048', '-nodes', '-keyout', name + '.key', '-out', name + '.csr', '-subj',
             '/CN=127.0.0.1')
-    openssl('x509', '-req', '-in', name + '.csr', '-CA', issuer + '.pem', '-CAkey', issuer + '.key', '-CAcreateserial',
+    with open(name + '.ext', 'w') as f:
+        f.write('subjectAltName=' + host)
+    openssl('x509', '-req', '-extfile', name + '.ext', '-in', name + '.csr', '-CA', issuer + '.pem', '-CAkey', issuer + '.key', '-CAcreateserial',
             '-out', name + '.pem', '-days', days)
 
 
@@ -35,6 +37,7 @@ for name in ('server', 'client'):
     certificate(name, 'ours')
 certificate('stranger', 'theirs')
 certificate('old', 'ours', days='-1')
+certificate('elsewhere', 'ours', host='IP:192.0.2.1,DNS:pacs.example.org')
 
 
 class Storescp:
@@ -76,6 +79,10 @@ stop(open_to_all)
 expired = Storescp('old', '-ic')
 assert expired.send('expired', '--tls-ca', 'ours.pem', '--view', 'feet', code=5) == 2
 stop(expired)
+
+elsewhere = Storescp('elsewhere', '-ic')
+assert elsewhere.send('elsewhere', '--tls-ca', 'ours.pem', '--view', 'feet', code=5) == 2
+stop(elsewhere)
 
 # Keys that are none, or do not fit, are named before anything is sent.
 run(data, '--size', '40x30', '-o', 'a.dcm', '--tls-ca', 'ours.pem', '--tls-key', 'client.key', '--tls-cert',

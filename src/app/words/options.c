@@ -17,7 +17,14 @@ const CtsOption *cts_option(const char *name, size_t length)
 
 void cts_options_begin(CtsOptions *options)
 {
-    *options = (CtsOptions){.shard.n = 1, .series_timeout_s = 3600};
+    *options = (CtsOptions){.shard.n = 1,
+                            .series_timeout_s = 3600,
+                            .listen = "127.0.0.1:11112",
+                            .most_of_one = 8,
+                            .most_a_minute = 600,
+                            .deadline_s = 3600,
+                            .object_mib = 2048,
+                            .free_percent = 10};
     cts_render_defaults(&options->render);
     options->export.quality = CTS_QUALITY_DEFAULT;
     options->render.fit = CTS_FIT_VISIBLE;

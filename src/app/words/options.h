@@ -19,6 +19,7 @@ typedef enum CtsCommand {
     CTS_FOR_CHECK,
     CTS_FOR_COMPARE,
     CTS_FOR_PRESETS,
+    CTS_FOR_RECEIVE,
     CTS_FOR_JOB
 } CtsCommand;
 
@@ -80,6 +81,11 @@ typedef struct CtsOptions {
     double series_timeout_s, series_mib; /* 0: no limit of its own */
     bool resume, fresh;
     const char *merge;
+
+    const char *listen; /* receive */
+    CtsTextList allow;
+    int most_of_one, most_a_minute, deadline_s;
+    double object_mib, free_percent;
 
     bool help, json, show_patient, show_paths, paper;
     const char *peers, *only, *plot, *propose; /* NULL when not given */

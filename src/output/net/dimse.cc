@@ -1,7 +1,10 @@
 /* DIMSE with DCMTK: C-STORE out, C-GET or C-MOVE in (PS3.4 B and C). */
 #include <dcmtk/config/osconfig.h>
 
+#include "output/net/accept.h"
+#include "output/net/ct_storage.hpp"
 #include "output/net/peer.h"
+#include "output/net/tls.hpp"
 
 #include <algorithm>
 #include <atomic>
@@ -9,7 +12,6 @@
 #include <cstring>
 #include <dcmtk/dcmnet/dstorscp.h>
 #include <dcmtk/dcmnet/scu.h>
-#include <dcmtk/dcmtls/tlslayer.h>
 #include <memory>
 #include <new>
 #include <string>
@@ -19,68 +21,15 @@
 namespace
 {
 
-/* What a CT series is made of, and every way that ctsplat reads it. Captures are of modality CT too: some peers fail at
- * a series of theirs that they may not send, so they may, and are passed over when the files are read. */
-const char *const ct_classes[] = {UID_CTImageStorage,
-                                  UID_EnhancedCTImageStorage,
-                                  UID_LegacyConvertedEnhancedCTImageStorage,
-                                  UID_SecondaryCaptureImageStorage,
-                                  UID_MultiframeGrayscaleWordSecondaryCaptureImageStorage,
-                                  UID_MultiframeTrueColorSecondaryCaptureImageStorage};
-const char *const ct_syntaxes[] = {UID_LittleEndianExplicitTransferSyntax,
-                                   UID_LittleEndianImplicitTransferSyntax,
-                                   UID_JPEGProcess14SV1TransferSyntax,
-                                   UID_JPEG2000LosslessOnlyTransferSyntax,
-                                   UID_JPEGLSLosslessTransferSyntax,
-                                   UID_RLELosslessTransferSyntax,
-                                   UID_JPEGProcess14TransferSyntax,
-                                   UID_DeflatedExplicitVRLittleEndianTransferSyntax,
-                                   UID_JPEG2000TransferSyntax,
-                                   UID_JPEGLSLossyTransferSyntax,
-                                   UID_JPEGProcess2_4TransferSyntax,
-                                   UID_JPEGProcess1TransferSyntax};
-
-/* DCMTK's conditions, and what a peer wrote into them, on one line. */
-std::string one_line(const OFCondition &state)
-{
-    std::string text = state.text();
-    for (size_t at; (at = text.find('\n')) != std::string::npos;)
-        text.replace(at, 1, "; ");
-    return text;
-}
-
 /* Why there is no association. A peer that knows only some callers says no more than that it rejects this one. */
 std::string refusal(const OFCondition &state)
 {
-    std::string text = one_line(state);
+    std::string text = cts_one_line(state);
     if (text.find("Rejected") != std::string::npos)
         text += " (the peer must know the AE title that `aet` gives, and its own must be the one asked for)";
+    if (state.module() == OFM_dcmtls)
+        text += " (the peer's certificate must be signed by `tls-ca`, and name the host as it was asked for)";
     return text;
-}
-
-/* PEM files in, a layer for the connection out; NULL without TLS. */
-CtsStatus make_tls(const CtsNet &net, std::unique_ptr<DcmTLSTransportLayer> &tls, CtsError *err)
-{
-    if (!net.tls_ca && !net.tls_key)
-        return CTS_OK;
-    DcmTLSTransportLayer::initializeOpenSSL();
-    tls.reset(new DcmTLSTransportLayer(NET_REQUESTOR, nullptr, OFFalse));
-    tls->setPrivateKeyPasswd("");
-    OFCondition state = tls->setTLSProfile(TSP_Profile_BCP195);
-    if (state.good())
-        state = tls->activateCipherSuites();
-    if (state.good() && net.tls_key && (state = tls->setPrivateKeyFile(net.tls_key, DCF_Filetype_PEM)).bad())
-        return cts_fail(err, CTS_ERR_READ, "%s: is no private key in PEM: %s", net.tls_key, one_line(state).c_str());
-    if (state.good() && net.tls_certificate &&
-        (state = tls->setCertificateFile(net.tls_certificate, DCF_Filetype_PEM)).bad())
-        return cts_fail(err, CTS_ERR_READ, "%s: is no certificate in PEM: %s", net.tls_certificate,
-                        one_line(state).c_str());
-    if (state.good() && net.tls_key && !tls->checkPrivateKeyMatchesCertificate())
-        return cts_fail(err, CTS_ERR_USAGE, "%s: is not the key of certificate %s", net.tls_key, net.tls_certificate);
-    if (state.good() && net.tls_ca && (state = tls->addTrustedCertificateFile(net.tls_ca, DCF_Filetype_PEM)).bad())
-        return cts_fail(err, CTS_ERR_READ, "%s: holds no certificates in PEM: %s", net.tls_ca, one_line(state).c_str());
-    tls->setCertificateVerification(DCV_requireCertificate);
-    return state.good() ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "TLS cannot be set up: %s", one_line(state).c_str());
 }
 
 class Scu : public DcmSCU
@@ -181,7 +130,7 @@ void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
     const OFCondition state = scu.sendSTORERequest(context, parcel.path, nullptr, status);
     if (state.bad()) {
         result.again = true;
-        cts_fail(&result.error, CTS_ERR_OUTPUT, "the connection broke: %s", one_line(state).c_str());
+        cts_fail(&result.error, CTS_ERR_OUTPUT, "the connection broke: %s", cts_one_line(state).c_str());
     } else if (status == STATUS_Success || (status & 0xF000) == 0xB000) {
         cts_parcel_is_sent(&parcel, &net);
     } else { /* A7xx: out of resources, which may pass */
@@ -194,7 +143,7 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int 
 {
     std::unique_ptr<DcmTLSTransportLayer> tls;
     Scu scu;
-    if (make_tls(net, tls, &result.error))
+    if (cts_tls_make(net, NET_REQUESTOR, peer.host, tls, &result.error))
         return;
     set_up(scu, peer, net);
     for (int i = 0; i < n; i++) {
@@ -308,7 +257,7 @@ CtsStatus each_series(Scu &scu, const CtsNet &net, const CtsRequest &request, Fe
             st = cts_fail(&why, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, n_objects);
         if (state.bad())
             return cts_fail(err, CTS_ERR_READ, "the connection broke after %d files: %s", request.inbox->n_files,
-                            one_line(state).c_str());
+                            cts_one_line(state).c_str());
         if (st && request.series_uid)
             return *err = why, st;
         if (st) {
@@ -337,11 +286,21 @@ CtsStatus no_association(const CtsPeer &peer, const OFCondition &state, CtsError
                     refusal(state).c_str());
 }
 
+/* To receive it, in whichever way it is stored. */
+void offer_each(Scu &scu, const char *sop_class)
+{
+    for (const char *syntax : cts_ct_syntaxes) {
+        OFList<OFString> one;
+        one.push_back(syntax);
+        scu.addPresentationContext(sop_class, one, ASC_SC_ROLE_SCP);
+    }
+}
+
 CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
 {
     std::unique_ptr<DcmTLSTransportLayer> tls;
     GetScu scu;
-    CtsStatus st = make_tls(net, tls, err);
+    CtsStatus st = cts_tls_make(net, NET_REQUESTOR, peer.host, tls, err);
     if (st)
         return st;
     set_up(scu, peer, net);
@@ -350,12 +309,10 @@ CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
     scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
     scu.setStorageDir(request.inbox->folder);
     add_models(scu, UID_GETStudyRootQueryRetrieveInformationModel);
-    for (const char *sop_class : ct_classes)
-        for (const char *syntax : ct_syntaxes) {
-            OFList<OFString> one;
-            one.push_back(syntax);
-            scu.addPresentationContext(sop_class, one, ASC_SC_ROLE_SCP);
-        }
+    for (const char *sop_class : cts_ct_classes)
+        offer_each(scu, sop_class);
+    for (const char *sop_class : cts_capture_classes)
+        offer_each(scu, sop_class);
     const OFCondition state = connect(scu, tls.get());
     if (state.bad())
         return no_association(peer, state, err);
@@ -433,9 +390,11 @@ class Listener
     OFCondition open(const CtsPeer &peer, const CtsNet &net, CtsInbox *inbox)
     {
         OFList<OFString> syntaxes;
-        for (const char *syntax : ct_syntaxes)
+        for (const char *syntax : cts_ct_syntaxes)
             syntaxes.push_back(syntax);
-        for (const char *sop_class : ct_classes)
+        for (const char *sop_class : cts_ct_classes)
+            scp.addPresentationContext(sop_class, syntaxes);
+        for (const char *sop_class : cts_capture_classes)
             scp.addPresentationContext(sop_class, syntaxes);
         scp.inbox = inbox;
         scp.peer_aet = peer.aet;
@@ -475,7 +434,8 @@ CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request
                         "C-MOVE to a port of ours does not go over TLS (fetch by C-GET, without --move-port)");
     OFCondition state = listener.open(peer, net, request.inbox);
     if (state.bad())
-        return cts_fail(err, CTS_ERR_READ, "port %d cannot be listened at: %s", net.move_port, one_line(state).c_str());
+        return cts_fail(err, CTS_ERR_READ, "port %d cannot be listened at: %s", net.move_port,
+                        cts_one_line(state).c_str());
     set_up(scu, peer, net);
     add_models(scu, UID_MOVEStudyRootQueryRetrieveInformationModel);
     if ((state = connect(scu, nullptr)).bad())
@@ -523,5 +483,5 @@ try {
     return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
 }
 
-const CtsWay cts_way_dimse = {dimse_send, dimse_fetch};
+const CtsWay cts_way_dimse = {dimse_send, dimse_fetch, cts_accept, cts_accept_check};
 }

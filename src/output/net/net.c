@@ -9,7 +9,7 @@
 #include <string.h>
 #include <time.h>
 
-static CtsNet with_defaults(const CtsNet *net)
+CtsNet cts_net_with_defaults(const CtsNet *net)
 {
     CtsNet full = *net;
     full.own_aet = net->own_aet ? net->own_aet : "CTSPLAT";
@@ -20,7 +20,7 @@ static CtsNet with_defaults(const CtsNet *net)
 
 CtsStatus cts_net_check(const CtsNet *given, CtsError *err)
 {
-    const CtsNet net = with_defaults(given);
+    const CtsNet net = cts_net_with_defaults(given);
     if (!cts_aet_is_valid(net.own_aet, strlen(net.own_aet)))
         return cts_fail(err, CTS_ERR_USAGE, "%.40s: is no AE title of 1 to 16 characters", net.own_aet);
     if (!net.tls_key != !net.tls_certificate)
@@ -81,7 +81,7 @@ static int count_sent(const CtsParcel *parcels, int n)
 CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *const *paths, int n_paths, int *n_sent,
                        CtsError *err)
 {
-    const CtsNet net = with_defaults(given);
+    const CtsNet net = cts_net_with_defaults(given);
     const CtsWay *way = NULL;
     CtsTry result = {0};
     CtsParcel *parcels = calloc((size_t)n_paths + 1, sizeof *parcels);
@@ -174,7 +174,7 @@ static CtsStatus check_inbox(const CtsRequest *request, CtsError *err)
 CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *study_uid, const char *series_uid,
                         char **folder, CtsReport *report, CtsError *err)
 {
-    const CtsNet net = with_defaults(given);
+    const CtsNet net = cts_net_with_defaults(given);
     const CtsWay *way;
     CtsInbox inbox = {0};
     int n_promised = 0;

@@ -33,10 +33,16 @@ typedef struct CtsRequest {
     int *n_promised; /* objects that there are by the peer's own count, as far as it tells */
 } CtsRequest;
 
+struct CtsAcceptRules;
+struct CtsVisit;
+
 /* Both ways in one table. send takes the parcels that are not sent yet, in order, and marks those that are. */
 typedef struct CtsWay {
     void (*send)(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result);
     CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
+    /* Of DIMSE alone: output/net/accept.h. */
+    void (*accept)(const struct CtsAcceptRules *rules, int socket, struct CtsVisit *visit);
+    CtsStatus (*accept_check)(const CtsNet *net, CtsError *err);
 } CtsWay;
 
 /* The ways stand in a library of their own, CTS_NET_PART, with all that only the network needs: loading it takes
@@ -48,6 +54,8 @@ const CtsWay *cts_net_way(bool web);
 /* Loads the library when first called, and makes DCMTK ready. */
 CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err);
 
+/* What is 0 or NULL stands for what the header says. */
+CtsNet cts_net_with_defaults(const CtsNet *net);
 bool cts_net_stopped(const CtsNet *net);
 /* The peer has confirmed it. */
 void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net);

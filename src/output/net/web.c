@@ -470,4 +470,4 @@ end:
     return st;
 }
 
-const CtsWay cts_way_web = {web_send, web_fetch};
+const CtsWay cts_way_web = {.send = web_send, .fetch = web_fetch};

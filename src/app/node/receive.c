@@ -1,0 +1,297 @@
+#define _GNU_SOURCE
+#include "app/node/receive.h"
+
+#include "app/node/allow.h"
+#include "app/node/record.h"
+#include "app/node/spool.h"
+#include "app/node/visits.h"
+#include "base/clock.h"
+#include "base/sanitized.h"
+#include "base/walls.h"
+#include "output/net/listener.h"
+#include <arpa/inet.h>
+#include <errno.h>
+#include <limits.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/prctl.h>
+#include <sys/resource.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+enum { TELL_MS = 60000, GRACE_MS = 2000, CHILD_BYTES = 512 << 20, CHILD_FILES = 64 };
+
+typedef struct Receiver {
+    const CtsReceiveSettings *settings;
+    const CtsWay *way;
+    CtsNet net;
+    char record[PATH_MAX];
+    CtsAllowList allow;
+    CtsSpool spool;
+    CtsVisits visits;
+    int listener;
+    uint64_t n_turned_away;
+    CtsAddress last_away;
+    double told_ms;
+    CtsError *err;
+    CtsStatus status;
+} Receiver;
+
+/* What the process of one peer knows. */
+typedef struct Served {
+    Receiver *receiver;
+    CtsVisitor *visitor;
+    int place;
+} Served;
+
+static bool allows(void *context, const char *calling_aet)
+{
+    const Served *s = context;
+    alarm((unsigned)s->receiver->settings->deadline_s);
+    return cts_allow_has(&s->receiver->allow, &s->visitor->address, calling_aet);
+}
+
+static bool grows(void *context, uint64_t n_bytes)
+{
+    const Served *s = context;
+    if (cts_spool_has_room(&s->receiver->spool, n_bytes))
+        return true;
+    snprintf(s->visitor->told->visit.end, sizeof s->visitor->told->visit.end,
+             n_bytes > s->receiver->spool.most_object_bytes ? "broken off: its object is larger than allowed"
+                                                            : "broken off: the disk is as full as it may be");
+    return false;
+}
+
+static char *begin(void *context)
+{
+    const Served *s = context;
+    char path[PATH_MAX];
+    cts_spool_temp(&s->receiver->spool, s->place, path, sizeof path);
+    return grows(context, 0) ? strdup(path) : NULL;
+}
+
+static CtsStoredAs keep(void *context, const char *path, const char *class_uid, const char *sop_uid)
+{
+    const Served *s = context;
+    char study[CTS_SPOOL_STUDY];
+    (void)class_uid;
+    const CtsStoredAs stored = cts_spool_keep(&s->receiver->spool, path, sop_uid, study);
+    if (stored == CTS_STORED)
+        cts_told_object(s->visitor->told, study);
+    return stored;
+}
+
+/* No more memory and files than a peer may cost, nothing that the receiver does not need, and an end. */
+static bool shut_in(const Receiver *r, pid_t parent)
+{
+    const struct rlimit data = {CHILD_BYTES, CHILD_BYTES}, files = {CHILD_FILES, CHILD_FILES};
+    static const int numbers[] = {SIGTERM, SIGINT, SIGHUP, SIGALRM, SIGCHLD};
+    sigset_t none;
+    sigemptyset(&none);
+    sigprocmask(SIG_SETMASK, &none, NULL);
+    for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++)
+        signal(numbers[i], SIG_DFL);
+    alarm((unsigned)r->net.timeout_s);
+    prctl(PR_SET_PDEATHSIG, SIGKILL);
+    prctl(PR_SET_DUMPABLE, 0);
+    umask(0027);
+    return getppid() == parent && (CTS_SANITIZED || !setrlimit(RLIMIT_DATA, &data)) &&
+           !setrlimit(RLIMIT_NOFILE, &files) && !cts_walls_stay_inside();
+}
+
+static _Noreturn void serve(Receiver *r, CtsVisitor *visitor, int socket, pid_t parent)
+{
+    Served served = {.receiver = r, .visitor = visitor, .place = (int)(visitor - r->visits.visitors)};
+    const CtsAcceptRules rules = {
+        .net = &r->net, .allows = allows, .begin = begin, .grows = grows, .keep = keep, .context = &served};
+    close(r->listener);
+    cts_spool_close(&r->spool);
+    if (!shut_in(r, parent))
+        _exit(1);
+    r->way->accept(&rules, socket, &visitor->told->visit);
+    _exit(0);
+}
+
+static void turn_away(Receiver *r, const CtsAddress *address, int socket)
+{
+    close(socket);
+    r->n_turned_away++;
+    r->last_away = *address;
+}
+
+static void take_one(Receiver *r)
+{
+    struct sockaddr_storage from = {0};
+    socklen_t n = sizeof from;
+    const int socket = accept4(r->listener, (struct sockaddr *)&from, &n, SOCK_CLOEXEC);
+    if (socket < 0)
+        return;
+    const CtsAddress address = cts_address_of(&from);
+    CtsVisitor *visitor =
+        cts_allow_has(&r->allow, &address, NULL) ? cts_visits_admit(&r->visits, &address, cts_wall_ms()) : NULL;
+    const pid_t parent = getpid(), pid = visitor ? fork() : -1;
+    if (pid == 0)
+        serve(r, visitor, socket, parent);
+    if (pid < 0)
+        turn_away(r, &address, socket);
+    else
+        visitor->pid = pid;
+    if (pid > 0)
+        close(socket);
+}
+
+static void give_up(Receiver *r, CtsStatus status)
+{
+    if (!r->status)
+        r->status = status;
+}
+
+static void take_dead(Receiver *r)
+{
+    pid_t pid;
+    int how;
+    while ((pid = waitpid(-1, &how, WNOHANG)) > 0) {
+        CtsVisitor *visitor = cts_visits_find(&r->visits, pid);
+        char path[PATH_MAX];
+        if (!visitor)
+            continue;
+        cts_spool_temp(&r->spool, (int)(visitor - r->visits.visitors), path, sizeof path);
+        unlink(path);
+        give_up(r, cts_record_visit(r->record, visitor, how, cts_wall_ms(), r->err));
+        visitor->pid = 0;
+    }
+}
+
+static void tell_turned_away(Receiver *r, bool now)
+{
+    const double now_ms = cts_wall_ms();
+    if (!r->n_turned_away || (!now && now_ms - r->told_ms < TELL_MS))
+        return;
+    give_up(r, cts_record_turned_away(r->record, r->n_turned_away, &r->last_away, r->err));
+    r->n_turned_away = 0;
+    r->told_ms = now_ms;
+}
+
+static bool any_visitor(const Receiver *r)
+{
+    for (int i = 0; i < CTS_MOST_VISITS; i++)
+        if (r->visits.visitors[i].pid)
+            return true;
+    return false;
+}
+
+static void end_visitors(Receiver *r)
+{
+    const double end_ms = cts_wall_ms() + GRACE_MS;
+    for (int round = 0; any_visitor(r); round++) {
+        const bool late = cts_wall_ms() > end_ms;
+        for (int i = 0; i < CTS_MOST_VISITS && (round == 0 || late); i++)
+            if (r->visits.visitors[i].pid)
+                kill(r->visits.visitors[i].pid, late ? SIGKILL : SIGTERM);
+        poll(NULL, 0, 10);
+        take_dead(r);
+    }
+}
+
+static void on_child(int number)
+{
+    (void)number; /* it ends the wait */
+}
+
+static void mind_children(sigset_t *while_waiting)
+{
+    struct sigaction action = {.sa_handler = on_child};
+    sigset_t child;
+    sigemptyset(&child);
+    sigaddset(&child, SIGCHLD);
+    sigaction(SIGCHLD, &action, NULL);
+    sigprocmask(SIG_BLOCK, &child, while_waiting);
+}
+
+static void receive_all(Receiver *r)
+{
+    const struct timespec tick = {.tv_sec = 1};
+    sigset_t while_waiting;
+    mind_children(&while_waiting);
+    while (!r->status && !cts_net_stopped(&r->net)) {
+        struct pollfd wait = {.fd = r->listener, .events = POLLIN};
+        if (ppoll(&wait, 1, &tick, &while_waiting) > 0)
+            take_one(r);
+        take_dead(r);
+        tell_turned_away(r, false);
+    }
+    end_visitors(r);
+    tell_turned_away(r, true);
+}
+
+static CtsStatus check(const CtsReceiveSettings *s, CtsError *err)
+{
+    const CtsStatus st = cts_net_check(s->net, err);
+    if (st || !s->net->tls_ca || s->net->tls_key)
+        return st;
+    return cts_fail(err, CTS_ERR_USAGE, "`tls-ca` asks peers for certificates, and ours is missing (give `tls-key`)");
+}
+
+static void take_settings(Receiver *r)
+{
+    const CtsReceiveSettings *s = r->settings;
+    r->net = cts_net_with_defaults(s->net);
+    r->visits.most_of_one = s->most_of_one;
+    r->visits.most_a_minute = s->most_a_minute;
+    r->spool = (CtsSpool){.folder = s->folder,
+                          .most_object_bytes = (uint64_t)(s->object_mib * 1048576),
+                          .free_percent = s->free_percent,
+                          .lock = -1};
+    if (s->record)
+        snprintf(r->record, sizeof r->record, "%s", s->record);
+    else
+        snprintf(r->record, sizeof r->record, "%.4000s/received.jsonl", s->folder);
+}
+
+static CtsStatus prepare(Receiver *r, CtsError *err)
+{
+    const CtsReceiveSettings *s = r->settings;
+    const CtsPeer dimse = {0};
+    CtsStatus st;
+    if ((st = check(s, err)) || (st = cts_allow_parse(s->allow, s->n_allow, &r->allow, err)) ||
+        (st = cts_way_find(&dimse, &r->way, err)) || (st = r->way->accept_check(&r->net, err)) ||
+        (st = cts_visits_open(&r->visits, err)) || (st = cts_spool_open(&r->spool, err)) ||
+        (st = cts_record_check(r->record, err)))
+        return st;
+    return cts_listen(s->listen, &r->listener, err);
+}
+
+CtsStatus cts_receive(const CtsReceiveSettings *settings, CtsError *err)
+{
+    char text[200], where[80];
+    Receiver *r = calloc(1, sizeof *r);
+    if (!r)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    r->settings = settings;
+    r->listener = -1;
+    take_settings(r);
+    r->err = err;
+    CtsStatus st = prepare(r, err);
+    if (!st) {
+        cts_listener_name(r->listener, where, sizeof where);
+        snprintf(text, sizeof text, "listens at %s as %s", where, r->net.own_aet);
+        settings->told(text);
+        if (!settings->n_allow)
+            settings->told("nobody but this machine may send (--allow AET@ADDRESS lets others)");
+        receive_all(r);
+        st = r->status;
+    }
+    if (r->listener >= 0)
+        close(r->listener);
+    cts_spool_close(&r->spool);
+    cts_visits_close(&r->visits);
+    cts_allow_free(&r->allow);
+    free(r);
+    return st;
+}
