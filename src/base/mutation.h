@@ -1,10 +1,8 @@
 /* Known faults, planted one at a time to prove that tests catch them. In a normal build every CTS_MUTATED() is the
- * constant 0 and leaves nothing behind. Two builds have faults: one of the meson option `mutation`, for
- * tests/mutation.sh, and the library of tests/unit/test_mutation.c, which switches through them as it runs. */
+ * constant 0 and leaves nothing behind; the library of tests/unit/test_mutation.c has them. */
 #ifndef CTS_BASE_MUTATION_H
 #define CTS_BASE_MUTATION_H
 
-/* In the order of meson_options.txt. */
 #define CTS_MUTATIONS(fault)                                                                                           \
     fault(HALF_PIXEL)            /* view: pixels half a pixel off */                                                   \
         fault(MIRRORED)          /* view: left and right exchanged */                                                  \
@@ -57,8 +55,6 @@ enum CtsMutation { CTS_MUTATION_NONE, CTS_MUTATIONS(CTS_MUTATION_ENTRY) CTS_N_MU
 #if defined CTS_MUTATION_AT_RUN_TIME
 extern int cts_mutation_now;
 #define CTS_MUTATED(name) (cts_mutation_now == CTS_MUTATION_##name)
-#elif defined CTS_MUTATION
-#define CTS_MUTATED(name) (CTS_MUTATION == CTS_MUTATION_##name)
 #else
 #define CTS_MUTATED(name) 0
 #endif

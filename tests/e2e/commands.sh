@@ -1,5 +1,5 @@
-# Every command of README.md and of the manuals' examples runs as it stands there, a page in one folder, in order. bench and
-# batch get small pictures, or they would take minutes; a PACS that is not there is all that a command with one fails at.
+# Every command of README.md and of the manuals' examples runs as it stands there, a page in one folder, in order. bench,
+# batch and rotations get small pictures, or they would take minutes; a PACS that is not there is all that a command with one fails at.
 mkdir -p bin archive
 ln -s "$ctsplat" bin/ctsplat
 cp -r "$data/phantom" archive/first
@@ -35,7 +35,7 @@ for page in "$root/README.md" "$root"/man/*.[0-9]; do
             *' --from '*)
                 try "$line"
                 [ "$code" != 2 ] && grep -q 'pacs.example.org' ../err || fail "exit code $code: $(cat ../err)" ;;
-            *' bench '* | *' batch '*)
+            *' bench '* | *' batch '* | *' --rotation '*)
                 try "$line --size 24x24"
                 [ "$code" = 0 ] || fail "exit code $code: $(cat ../err)" ;;
             *)

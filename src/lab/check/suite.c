@@ -1,5 +1,7 @@
 #include "lab/check/suite.h"
 
+#include "base/mem.h"
+
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -214,6 +216,7 @@ CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_f
                 else if (c->engines >> engine & 1)
                     st = run_case(&run, c, (CtsEngineId)engine, err);
             }
+            cts_free(&run.truth);
         }
     if (!st && !any)
         st = cts_fail(err, CTS_ERR_USAGE, "no case has a name with \"%s\" in it (ctsplat check lists them)",

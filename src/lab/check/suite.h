@@ -36,6 +36,7 @@ typedef struct CtsCheckRun {
     int n_cases, n_failed;
     CtsCheckScene scene;
     CtsErrorBound told; /* of the picture that was rendered last */
+    double *truth;      /* of the case, RGBA by pixel, which its engines share; freed after them */
 } CtsCheckRun;
 
 typedef struct CtsCheckCase {
