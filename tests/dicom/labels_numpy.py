@@ -415,6 +415,41 @@ def test_names(scan, work):
                                        ('spleen', int((volume == 2).sum()))], str(got))
 
 
+def test_places(scan, work):
+    """Masks that are shifted, mirrored, in part or wholly elsewhere are told or refused."""
+    folder, matrix = os.path.join(work, 'places'), affine(scan)
+    os.makedirs(folder)
+
+    def codes(masks, move=np.eye(4)):
+        for name in os.listdir(folder):
+            os.remove(os.path.join(folder, name))
+        for name, mask in masks.items():
+            write_nifti(os.path.join(folder, name + '.nii.gz'), mask.transpose(2, 1, 0), move @ matrix, code=2)
+        code, text, found = info(scan.folder, folder)
+        return [f['code'] for f in found['series'][0]['findings'] if f['code'].startswith('label_')] if code == 0 else text
+
+    body = scan.hu()[0] > -300
+    lost = np.roll(body, scan.shape[2] // 2, axis=2)
+    check('places: right', codes({'head': body}) == [], codes({'head': body}))
+    check('places: shifted', codes({'head': lost}) == ['label_in_air'], codes({'head': lost}))
+    check('places: what may hold air', codes({'lung': lost, 'airway': lost}) == [])
+    far = np.eye(4)
+    far[0, 3] = 0.7 * scan.shape[2] * scan.spacing[1]
+    check('places: mostly outside', 'label_outside' in codes({'head': body}, far), codes({'head': body}, far))
+    far[0, 3] *= 3
+    check('places: outside', 'does not meet' in codes({'head': body}, far), codes({'head': body}, far))
+    # LPS rises to the patient's left.
+    left = np.zeros(scan.shape, bool)
+    left[:, :, (np.arange(scan.shape[2]) > scan.shape[2] // 2) == (scan.row[0] > 0)] = True
+    kidneys = {'kidney_left': body & left, 'kidney_right': body & ~left}
+    changed = {'kidney_left': body & ~left, 'kidney_right': body & left}
+    check('places: left is left', codes(kidneys) == [], codes(kidneys))
+    check('places: left is right', codes(changed) == ['label_mirrored'], codes(changed))
+    changed.update({f'{name} of rib {n}': mask for n in (1, 2) for name, mask in
+                    (('Left', kidneys['kidney_left']), ('Right', kidneys['kidney_right']))})
+    check('places: one pair alone', codes(changed) == [], codes(changed))
+
+
 def test_structures(scan, work):
     if scan.shape[1] < 16:
         return
@@ -612,6 +647,7 @@ def main():
                 test_nifti(scan, work)
             if name == 'feet-first':
                 test_names(scan, work)
+                test_places(scan, work)
                 test_refusals(scan, work)
     folder = os.path.join(SHARED, 'labels')
     if os.path.isdir(folder):

@@ -150,6 +150,8 @@ CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kep
         cts_report_label(report, &labels->items[i].fact);
         tell(&labels->items[i].fact, report);
     }
+    if (!st && labels->n > 1)
+        st = cts_label_tell_sides(labels, report, err);
     labels->counted = !st;
     return st;
 }

@@ -26,5 +26,7 @@ size_t cts_label_find_row(const CtsLabel *label, uint32_t row);
 uint64_t cts_label_parts(const CtsLabel *label, int rows, CtsStatus *status, CtsError *err);
 void cts_label_take_sums(CtsLabel *label, const int *slice_number, int n_kept);
 void cts_label_sums_free(CtsLabel *label);
+/* Of labels that are counted: adds the finding label_mirrored. */
+CtsStatus cts_label_tell_sides(const CtsLabels *labels, CtsReport *report, CtsError *err);
 
 #endif
