@@ -73,7 +73,7 @@ statement = [
         "when it has been quiet for a while, and stores the captures. Nothing is done without a command or a study that arrives."),
     (S, "AE titles and ports"),
     (P, "The calling AE title is CTSPLAT unless --aet says otherwise; the called one stands in AET@HOST:PORT. C-MOVE "
-        "receives at --move-port. ctsplat receive listens at --listen, 127.0.0.1:11112 by default, under --aet, and takes "
+        "receives at --move-port, from the addresses and the AE title of the peer that it asked. ctsplat receive listens at --listen, 127.0.0.1:11112 by default, under --aet, and takes "
         "nothing that calls another AE title."),
     (S, "Associations"),
     (P, "One at a time as SCU. As SCP up to 64 at a time, each in a process of its own: from the addresses and AE titles "

@@ -32,27 +32,34 @@ typedef struct CtsNet {
     int timeout_s;           /* that a silent peer is waited for; 0: 30 */
     int n_tries;             /* to send, with pauses that double between them; 0: 4 */
     int move_port;           /* fetch by C-MOVE to this port of ours; 0: by C-GET */
+    bool insecure_http;      /* credentials may go over plain http to other machines */
     const volatile sig_atomic_t *stop;             /* give up with CTS_ERR_INTERRUPTED; may be NULL */
     void (*sent)(void *context, const char *path); /* a file that the peer has confirmed; may be NULL */
     void *context;                                 /* for sent */
 } CtsNet;
 
-/* What can be refused before any work. */
-CtsStatus cts_net_check(const CtsNet *net, CtsError *err);
+/* What can be refused before any work; peer may be NULL. */
+CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *net, CtsError *err);
 
 /* Send DICOM files. A peer that is down, refuses or dies costs no file: CTS_ERR_OUTPUT names the first that is not
  * there and how to send it again. *n_sent counts those that the peer has confirmed (may be NULL). */
 CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *net, const char *const *paths, int n_paths, int *n_sent,
                        CtsError *err);
 
+/* What was fetched. A folder that a program which was killed has left goes when the next one fetches. */
+typedef struct CtsFetched {
+    char *folder; /* NULL: none */
+    int lock;     /* says that the folder is in use */
+} CtsFetched;
+
 /* The CT images of a study, or of one of its series (series_uid not NULL), as files in a folder that only this user can
  * read. Names are ctsplat's own, whatever the peer says. CTS_ERR_READ when nothing comes or more than the limits allow.
  * Remove the folder with cts_net_forget(), in any case. */
 CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *study_uid, const char *series_uid,
-                        char **folder, CtsReport *report, CtsError *err);
+                        CtsFetched *fetched, CtsReport *report, CtsError *err);
 
-/* Removes the folder and what is in it; does nothing when *folder is NULL. */
-void cts_net_forget(char **folder);
+/* Removes the folder and what is in it; does nothing when there is none. */
+void cts_net_forget(CtsFetched *fetched);
 
 #pragma GCC visibility pop
 #ifdef __cplusplus

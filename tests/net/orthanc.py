@@ -2,7 +2,11 @@
 and nothing lost or doubled when the PACS is killed in between."""
 import glob
 import os
+import socket
+import subprocess
 import sys
+import threading
+import time
 
 import peers
 
@@ -36,6 +40,26 @@ try:
     for name, way in ways.items():
         run(*way, *look, '-o', name + '.png', '-o', name + '.dcm')
         assert open(name + '.png', 'rb').read() == truth, name
+
+    # What else connects to our port while the PACS sends keeps nothing waiting, and puts nothing in.
+    def visit():
+        end = time.monotonic() + 60
+        while not visited and time.monotonic() < end:
+            try:
+                held.append(socket.create_connection(('127.0.0.1', pacs.listener), 1))
+                stranger = socket.create_connection(('127.0.0.1', pacs.listener), 1, ('127.0.0.2', 0))
+                visited.append(stranger.recv(1) == b'')
+            except OSError:
+                time.sleep(0.001)
+
+    held, visited = [], []
+    visitor = threading.Thread(target=visit)
+    visitor.start()
+    start = time.monotonic()
+    run(*ways['move'], *look, '-o', 'visited.png')
+    visitor.join()
+    assert visited == [True]
+    assert open('visited.png', 'rb').read() == truth and time.monotonic() - start < 25
 
     # Sent back in each way, they are in the same study, once.
     run(data, *look, '--compress', 'rle', '-o', 'still.dcm', '--send', dimse)
@@ -83,6 +107,24 @@ try:
     run('--from', 'ORTHANC@127.0.0.1:%d' % slow.port, '--study-uid', study, '--series-uid', series, '-o', 'no.png',
         code=130, interrupt_after=2)
     assert not os.path.exists('no.png')
+
+    # Killed in mid-fetch, it leaves a folder, which goes with the next fetch; one that is in use stays.
+    def begin_fetch():
+        known = os.listdir('tmp')
+        begun = subprocess.Popen([ctsplat, 'render', '--from', 'ORTHANC@127.0.0.1:%d' % slow.port, '--study-uid', study,
+                                  '-o', 'no.png'], env=dict(os.environ, TMPDIR=os.path.abspath('tmp')))
+        while not set(os.listdir('tmp')) - set(known):
+            assert begun.poll() is None
+            time.sleep(0.01)
+        return begun, (set(os.listdir('tmp')) - set(known)).pop()
+
+    killed, old = begin_fetch()
+    killed.kill()
+    killed.wait()
+    at_work, used = begin_fetch()
+    assert used != old and os.listdir('tmp') == [used], (old, used, os.listdir('tmp'))
+    at_work.terminate()
+    assert at_work.wait() == 130 and not os.listdir('tmp')
 
     # It refuses, or stays away: the file stays, and the message says how to send it.
     said = run(data, *look, '-o', 'refused.dcm', '--send', 'NOBODY@127.0.0.1:%d' % pacs.dicom, code=5)

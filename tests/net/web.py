@@ -146,3 +146,11 @@ for bad in ('host:104', 'AET@host', 'AET@:104', 'AET@host:0', 'AET@host:70000', 
             'ftp://host/x', 'http://', 'http://host/x?y'):
     run('--from', bad, '--study-uid', '1.2.3', '-o', 'none.png', code=2)
     run(data, '--send', bad, '-o', 'none.dcm', code=2)
+
+# What opens a door does not go where everybody on the way reads it.
+secret = {'CTSPLAT_CREDENTIALS': 'user:secret'}
+for host in ('192.0.2.1', '127.example.org', 'localhost.example.org:80'):
+    said = run('--from', 'http://%s/rs' % host, '--study-uid', '1.2.3', '-o', 'none.png', code=2, env=secret)
+    assert '--insecure-http' in said and 'secret' not in said, said
+said = run('--from', 'http://nowhere.invalid/rs', '--insecure-http', '--study-uid', '1.2.3', '-o', 'none.png', code=3,
+           env=secret)

@@ -49,7 +49,7 @@ static void tell_choice(const CtsLoaded *loaded, CtsReport *report)
 static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    const char *const *paths = source->from ? (const char *const *)&loaded->fetched : source->paths;
+    const char *const *paths = source->from ? (const char *const *)&loaded->fetched.folder : source->paths;
     const int n_paths = source->from ? 1 : source->n_paths;
     if (source->from && (st = cts_net_fetch(source->from, source->net, source->study_uid, source->peer_series_uid,
                                             &loaded->fetched, report, err)))

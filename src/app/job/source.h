@@ -36,8 +36,8 @@ typedef struct CtsLoaded {
     const CtsSeries *series; /* of the list */
     CtsLabels *labels;       /* of the scanned voxels; NULL: none were asked for */
     CtsScanned *scanned;
-    CtsVolume *volume; /* made of it */
-    char *fetched;     /* a folder that goes with it, or NULL */
+    CtsVolume *volume;  /* made of it */
+    CtsFetched fetched; /* goes with it */
 } CtsLoaded;
 
 /* The labels of loaded->series: before its slices, which they are counted on. */

@@ -232,7 +232,7 @@ static void receive_all(Receiver *r)
 
 static CtsStatus check(const CtsReceiveSettings *s, CtsError *err)
 {
-    const CtsStatus st = cts_net_check(s->net, err);
+    const CtsStatus st = cts_net_check(NULL, s->net, err);
     if (st || !s->net->tls_ca || s->net->tls_key)
         return st;
     return cts_fail(err, CTS_ERR_USAGE, "`tls-ca` asks peers for certificates, and ours is missing (give `tls-key`)");

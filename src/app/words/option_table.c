@@ -183,6 +183,8 @@ const CtsOption cts_options[] = {
     {0, "tls-cert", "FILE", RENDERING | ON(RECEIVE), SAME, "its certificate (PEM)", "none", TEXT(net.tls_certificate)},
     {0, "credentials", "FILE", RENDERING, SAME, "file with user:password, or Bearer and a token, for DICOMweb",
      "$CTSPLAT_CREDENTIALS", TEXT(net.credentials)},
+    {0, "insecure-http", NULL, RENDERING, SAME, "let credentials go over plain http to other machines", NULL,
+     FLAG(net.insecure_http)},
     {0, "peer-timeout", "SECONDS", RENDERING | ON(RECEIVE), SAME, "how long a silent peer is waited for", "30",
      INT(net.timeout_s), RANGE(1, 3600)},
     {0, "listen", "ADDRESS:PORT", ON(RECEIVE), SAME, "where peers connect to; port 0 is any that is free",

@@ -211,7 +211,8 @@ static CtsStatus check_peers(const CtsOptions *o, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE,
                         "`from`: what to fetch is not said (give `study-uid`, and `series-uid` for "
                         "one of its series)");
-    return o->send.given || o->from.given ? cts_net_check(&o->net, err) : CTS_OK;
+    const CtsStatus st = o->send.given ? cts_net_check(&o->send.peer, &o->net, err) : CTS_OK;
+    return !st && o->from.given ? cts_net_check(&o->from.peer, &o->net, err) : st;
 }
 
 CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err)

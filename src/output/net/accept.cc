@@ -1,7 +1,7 @@
 #include "output/net/accept.h"
 
 #include "output/net/ct_storage.hpp"
-#include "output/net/tls.hpp"
+#include "output/net/transport.hpp"
 
 #include <cstdio>
 #include <cstdlib>
@@ -9,10 +9,8 @@
 #include <dcmtk/dcmnet/dimse.h>
 #include <dcmtk/dcmnet/dul.h>
 #include <mutex>
-#include <netinet/tcp.h>
 #include <new>
 #include <openssl/x509.h>
-#include <sys/socket.h>
 #include <unistd.h>
 #include <vector>
 
@@ -52,7 +50,7 @@ void tell_end(CtsVisit &visit, const std::string &how)
 }
 
 /* DCMTK has one place for a socket from outside, which the network and its first association look at. */
-OFCondition open_association(Visitor &v, DcmTLSTransportLayer *tls)
+OFCondition open_association(Visitor &v, DcmTransportLayer *transport)
 {
     static std::mutex external_socket;
     const std::lock_guard<std::mutex> lock(external_socket);
@@ -60,10 +58,10 @@ OFCondition open_association(Visitor &v, DcmTLSTransportLayer *tls)
     dcmDisableGethostbyaddr.set(OFTrue);
     dcmExternalSocketHandle.set(v.socket);
     OFCondition state = ASC_initializeNetwork(NET_ACCEPTOR, 0, timeout_s, &v.network);
-    if (state.good() && tls)
-        state = ASC_setTransportLayer(v.network, tls, 0);
     if (state.good())
-        state = ASC_receiveAssociation(v.network, &v.association, ASC_DEFAULTMAXPDU, nullptr, nullptr, tls != nullptr,
+        state = ASC_setTransportLayer(v.network, transport, 0);
+    if (state.good())
+        state = ASC_receiveAssociation(v.network, &v.association, ASC_DEFAULTMAXPDU, nullptr, nullptr, OFTrue,
                                        DUL_NOBLOCK, timeout_s);
     dcmExternalSocketHandle.set(DCMNET_INVALID_SOCKET);
     return state;
@@ -156,18 +154,8 @@ OFCondition store(Visitor &v, T_ASC_PresentationContextID context, T_DIMSE_C_Sto
     return state;
 }
 
-/* Senders hold back the rest of a command until its first bytes are acknowledged, and we an answer's rest: without
- * this each object takes 40 ms and more. The kernel forgets the first with every answer. */
-void hurry(const Visitor &v)
-{
-    const int on = 1;
-    setsockopt(v.socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
-    setsockopt(v.socket, IPPROTO_TCP, TCP_QUICKACK, &on, sizeof on);
-}
-
 OFCondition answer(Visitor &v)
 {
-    hurry(v);
     T_ASC_PresentationContextID context = 0;
     T_DIMSE_Message message;
     const OFCondition state =
@@ -199,13 +187,13 @@ void serve(Visitor &v)
 
 void receive(Visitor &v)
 {
-    std::unique_ptr<DcmTLSTransportLayer> tls;
+    std::unique_ptr<DcmTransportLayer> transport;
     CtsError err = {};
-    if (cts_tls_make(*v.rules.net, NET_ACCEPTOR, nullptr, tls, &err)) {
+    if (cts_transport_make(*v.rules.net, NET_ACCEPTOR, nullptr, transport, &err)) {
         close(v.socket);
         return tell_end(v.visit, err.text);
     }
-    const OFCondition state = open_association(v, tls.get());
+    const OFCondition state = open_association(v, transport.get());
     if (state.bad())
         return tell_end(v.visit, "no association: " + cts_one_line(state));
     tell_certificate(v);
@@ -235,8 +223,8 @@ try {
 
 CtsStatus cts_accept_check(const CtsNet *net, CtsError *err)
 try {
-    std::unique_ptr<DcmTLSTransportLayer> tls;
-    return cts_tls_make(*net, NET_ACCEPTOR, nullptr, tls, err);
+    std::unique_ptr<DcmTransportLayer> transport;
+    return cts_transport_make(*net, NET_ACCEPTOR, nullptr, transport, err);
 } catch (...) {
     return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }

@@ -3,19 +3,17 @@
 
 #include "output/net/accept.h"
 #include "output/net/ct_storage.hpp"
+#include "output/net/move_listener.hpp"
 #include "output/net/peer.h"
-#include "output/net/tls.hpp"
+#include "output/net/transport.hpp"
 
 #include <algorithm>
-#include <atomic>
 #include <cstdlib>
 #include <cstring>
-#include <dcmtk/dcmnet/dstorscp.h>
 #include <dcmtk/dcmnet/scu.h>
 #include <memory>
 #include <new>
 #include <string>
-#include <thread>
 #include <vector>
 
 namespace
@@ -94,11 +92,11 @@ void set_up(DcmSCU &scu, const CtsPeer &peer, const CtsNet &net)
     scu.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
 }
 
-OFCondition connect(Scu &scu, DcmTLSTransportLayer *tls)
+OFCondition connect(Scu &scu, DcmTransportLayer *transport)
 {
     OFCondition state = scu.initNetwork();
-    if (state.good() && tls)
-        state = scu.useSecureConnection(tls);
+    if (state.good())
+        state = scu.useSecureConnection(transport);
     return state.good() ? scu.negotiateAssociation() : state;
 }
 
@@ -141,9 +139,9 @@ void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
 
 void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int n, CtsTry &result)
 {
-    std::unique_ptr<DcmTLSTransportLayer> tls;
+    std::unique_ptr<DcmTransportLayer> transport;
     Scu scu;
-    if (cts_tls_make(net, NET_REQUESTOR, peer.host, tls, &result.error))
+    if (cts_transport_make(net, NET_REQUESTOR, peer.host, transport, &result.error))
         return;
     set_up(scu, peer, net);
     for (int i = 0; i < n; i++) {
@@ -154,7 +152,7 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int 
         if (!parcels[i].sent)
             scu.addPresentationContext(parcels[i].class_uid, syntaxes);
     }
-    const OFCondition state = connect(scu, tls.get());
+    const OFCondition state = connect(scu, transport.get());
     if (state.bad()) {
         result.again = state.module() != OFM_dcmtls && state != NET_EC_NoAcceptablePresentationContexts;
         cts_fail(&result.error, CTS_ERR_OUTPUT, "no association with %s at %s port %d: %s", peer.aet, peer.host,
@@ -298,9 +296,9 @@ void offer_each(Scu &scu, const char *sop_class)
 
 CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
 {
-    std::unique_ptr<DcmTLSTransportLayer> tls;
+    std::unique_ptr<DcmTransportLayer> transport;
     GetScu scu;
-    CtsStatus st = cts_tls_make(net, NET_REQUESTOR, peer.host, tls, err);
+    CtsStatus st = cts_transport_make(net, NET_REQUESTOR, peer.host, transport, err);
     if (st)
         return st;
     set_up(scu, peer, net);
@@ -313,7 +311,7 @@ CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
         offer_each(scu, sop_class);
     for (const char *sop_class : cts_capture_classes)
         offer_each(scu, sop_class);
-    const OFCondition state = connect(scu, tls.get());
+    const OFCondition state = connect(scu, transport.get());
     if (state.bad())
         return no_association(peer, state, err);
     const T_ASC_PresentationContextID context =
@@ -335,114 +333,21 @@ CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
     return st;
 }
 
-/* Takes what the peer sends to our port, from that peer alone. */
-class MoveScp : public DcmStorageSCP
-{
-  public:
-    std::atomic<bool> done{false};
-    CtsInbox *inbox = nullptr;
-    std::string peer_aet;
-    CtsError error = {};
-    CtsStatus status = CTS_OK;
-
-  protected:
-    OFBool checkCallingAETitleAccepted(const OFString &calling) override
-    {
-        return calling == peer_aet.c_str();
-    }
-    OFBool checkCalledAETitleAccepted(const OFString &called) override
-    {
-        return called == getAETitle();
-    }
-    OFBool stopAfterConnectionTimeout() override
-    {
-        return done;
-    }
-    OFBool stopAfterCurrentAssociation() override
-    {
-        return done;
-    }
-    OFCondition generateSTORERequestFilename(const T_DIMSE_C_StoreRQ &, OFString &filename) override
-    {
-        char *path = nullptr;
-        if (status || (status = cts_inbox_next(inbox, &path, &error)))
-            return EC_IllegalCall;
-        filename = path;
-        free(path);
-        return EC_Normal;
-    }
-    void notifyInstanceStored(const OFString &filename, const OFString &, const OFString &, DcmDataset *) const override
-    {
-        MoveScp &self = const_cast<MoveScp &>(*this);
-        self.status = cts_inbox_keep(inbox, filename.c_str(), &self.error);
-    }
-};
-
-/* Listens from open() to close(). */
-class Listener
-{
-  public:
-    MoveScp scp;
-    ~Listener()
-    {
-        close();
-    }
-    OFCondition open(const CtsPeer &peer, const CtsNet &net, CtsInbox *inbox)
-    {
-        OFList<OFString> syntaxes;
-        for (const char *syntax : cts_ct_syntaxes)
-            syntaxes.push_back(syntax);
-        for (const char *sop_class : cts_ct_classes)
-            scp.addPresentationContext(sop_class, syntaxes);
-        for (const char *sop_class : cts_capture_classes)
-            scp.addPresentationContext(sop_class, syntaxes);
-        scp.inbox = inbox;
-        scp.peer_aet = peer.aet;
-        scp.setAETitle(net.own_aet);
-        scp.setPort(static_cast<Uint16>(net.move_port));
-        scp.setConnectionBlockingMode(DUL_NOBLOCK);
-        scp.setConnectionTimeout(1);
-        scp.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
-        scp.setDIMSETimeout(static_cast<Uint32>(net.timeout_s));
-        scp.setACSETimeout(static_cast<Uint32>(net.timeout_s));
-        scp.setDatasetStorageMode(DcmStorageSCP::DGM_StoreBitPreserving);
-        scp.setHostLookupEnabled(OFFalse);
-        OFCondition state = scp.setOutputDirectory(inbox->folder);
-        if (state.good())
-            state = scp.openListenPort();
-        if (state.good())
-            thread_ = std::thread([this] { scp.acceptAssociations(); });
-        return state;
-    }
-    void close()
-    {
-        scp.done = true;
-        if (thread_.joinable())
-            thread_.join();
-    }
-
-  private:
-    std::thread thread_;
-};
-
 CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
 {
+    std::unique_ptr<DcmTransportLayer> transport;
     Scu scu;
-    Listener listener;
-    if (net.tls_ca || net.tls_key)
-        return cts_fail(err, CTS_ERR_USAGE,
-                        "C-MOVE to a port of ours does not go over TLS (fetch by C-GET, without --move-port)");
-    OFCondition state = listener.open(peer, net, request.inbox);
-    if (state.bad())
-        return cts_fail(err, CTS_ERR_READ, "port %d cannot be listened at: %s", net.move_port,
-                        cts_one_line(state).c_str());
+    CtsMoveListener listener(peer, net, *request.inbox);
+    CtsStatus st;
+    if ((st = listener.open(err)) || (st = cts_transport_make(net, NET_REQUESTOR, peer.host, transport, err)))
+        return st;
     set_up(scu, peer, net);
     add_models(scu, UID_MOVEStudyRootQueryRetrieveInformationModel);
-    if ((state = connect(scu, nullptr)).bad())
+    const OFCondition state = connect(scu, transport.get());
+    if (state.bad())
         return no_association(peer, state, err);
     const T_ASC_PresentationContextID context =
         scu.findPresentationContextID(UID_MOVEStudyRootQueryRetrieveInformationModel, "");
-    CtsStatus st;
     if (context == 0)
         st = cts_fail(err, CTS_ERR_READ, "the peer does not know C-MOVE");
     else
@@ -453,12 +358,8 @@ CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request
             },
             err);
     hang_up(scu, st == CTS_OK);
-    listener.close();
-    if (listener.scp.status) {
-        *err = listener.scp.error;
-        st = listener.scp.status;
-    }
-    return st;
+    const CtsStatus taken = listener.close(err);
+    return taken ? taken : st;
 }
 
 } // namespace

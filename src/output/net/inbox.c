@@ -3,27 +3,83 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <sys/stat.h>
 #include <sys/statvfs.h>
 #include <unistd.h>
 
-CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err)
+static const char prefix[] = "ctsplat-from-";
+enum { TRIES = 8 };
+
+static const char *root(void)
 {
-    const char *root = getenv("TMPDIR");
-    *inbox = (CtsInbox){0};
-    if (asprintf(&inbox->folder, "%s/ctsplat-XXXXXX", root && *root == '/' ? root : "/tmp") < 0) {
+    const char *folder = getenv("TMPDIR");
+    return folder && *folder == '/' ? folder : "/tmp";
+}
+
+/* A folder of ours, locked; -1 when it is another's, in use, or gone. */
+static int lock_folder(const char *path)
+{
+    struct stat info;
+    const int fd = open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+    if (fd < 0)
+        return -1;
+    if (!fstat(fd, &info) && info.st_uid == geteuid() && !flock(fd, LOCK_EX | LOCK_NB) && !fstat(fd, &info) &&
+        info.st_nlink > 0)
+        return fd;
+    close(fd);
+    return -1;
+}
+
+/* What programs that were killed have left. */
+static void sweep(void)
+{
+    DIR *dir = opendir(root());
+    const struct dirent *entry;
+    while (dir && (entry = readdir(dir))) {
+        char *path = NULL;
+        if (strncmp(entry->d_name, prefix, strlen(prefix)) || asprintf(&path, "%s/%s", root(), entry->d_name) < 0)
+            continue;
+        int lock = lock_folder(path);
+        if (lock >= 0)
+            cts_inbox_remove(&path, &lock);
+        free(path);
+    }
+    if (dir)
+        closedir(dir);
+}
+
+static CtsStatus try_make(CtsInbox *inbox, CtsError *err)
+{
+    if (asprintf(&inbox->folder, "%s/%sXXXXXX", root(), prefix) < 0) {
         inbox->folder = NULL;
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
-    if (mkdtemp(inbox->folder))
+    CtsStatus st = CTS_OK;
+    if (!mkdtemp(inbox->folder))
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: a folder for what is fetched cannot be made: %s", inbox->folder,
+                      strerror(errno));
+    else if ((inbox->lock = lock_folder(inbox->folder)) >= 0)
         return CTS_OK;
-    const CtsStatus st = cts_fail(err, CTS_ERR_OUTPUT, "%s: a folder for what is fetched cannot be made: %s",
-                                  inbox->folder, strerror(errno));
     free(inbox->folder);
     inbox->folder = NULL;
+    return st;
+}
+
+CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    *inbox = (CtsInbox){.lock = -1};
+    sweep();
+    /* Another program's sweep may take a folder between its making and its lock. */
+    for (int i = 0; !st && !inbox->folder && i < TRIES; i++)
+        st = try_make(inbox, err);
+    if (!st && !inbox->folder)
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: a folder there cannot be locked (set TMPDIR to another one)", root());
     return st;
 }
 
@@ -76,7 +132,7 @@ void cts_inbox_cut(CtsInbox *inbox, int n)
     }
 }
 
-void cts_inbox_remove(char **folder)
+void cts_inbox_remove(char **folder, int *lock)
 {
     DIR *dir = *folder ? opendir(*folder) : NULL;
     const struct dirent *entry;
@@ -87,6 +143,9 @@ void cts_inbox_remove(char **folder)
         closedir(dir);
     if (*folder)
         rmdir(*folder);
+    if (*folder && *lock >= 0)
+        close(*lock);
     free(*folder);
     *folder = NULL;
+    *lock = -1;
 }

@@ -17,11 +17,12 @@ enum {
 
 typedef struct CtsInbox {
     char *folder; /* owned */
+    int lock;     /* held while the folder is in use */
     int n_files;
     uint64_t n_bytes; /* of the files that are complete */
 } CtsInbox;
 
-/* In $TMPDIR or /tmp, mode 0700. */
+/* In $TMPDIR or /tmp, mode 0700. Removes those there whose programs were killed. */
 CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err);
 /* The next file's path, to be freed with free(); it does not exist. CTS_ERR_READ past the limits, the disk's free space
  * (of which a tenth is left) among them. */
@@ -32,8 +33,8 @@ CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err
 CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err);
 /* Without the files after the first n. */
 void cts_inbox_cut(CtsInbox *inbox, int n);
-/* Folder and files. */
-void cts_inbox_remove(char **folder);
+/* Folder and files, and the lock. */
+void cts_inbox_remove(char **folder, int *lock);
 
 #ifdef __cplusplus
 }

@@ -4,10 +4,18 @@
 
 #include "output/net/peer.h"
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* ADDRESS:PORT, the address in numbers, one of IPv6 in brackets; port 0 is any free one. CTS_ERR_USAGE for another
  * text, CTS_ERR_INTERNAL when it cannot be listened at. */
 CtsStatus cts_listen(const char *text, int *listener, CtsError *err);
 /* The same, as the listener has it by now. */
 void cts_listener_name(int listener, char *text, size_t size);
+
+#ifdef __cplusplus
+}
+#endif
 
 #endif

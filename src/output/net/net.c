@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <time.h>
 
 CtsNet cts_net_with_defaults(const CtsNet *net)
@@ -18,14 +19,33 @@ CtsNet cts_net_with_defaults(const CtsNet *net)
     return full;
 }
 
-CtsStatus cts_net_check(const CtsNet *given, CtsError *err)
+static bool is_this_machine(const char *url)
+{
+    const char *host = strstr(url, "://") + 3;
+    const size_t n = strcspn(host, ":/");
+    return (n == 9 && !strncasecmp(host, "localhost", n)) || !strncmp(host, "[::1]", 5) ||
+           (!strncmp(host, "127.", 4) && strspn(host, "0123456789.") == n);
+}
+
+/* Over plain http everybody on the way could read them. */
+static CtsStatus check_credentials(const CtsPeer *peer, const CtsNet *net, CtsError *err)
+{
+    const char *variable = getenv("CTSPLAT_CREDENTIALS");
+    const bool has = net->credentials || (variable && *variable);
+    if (!has || net->insecure_http || !peer->web || strncasecmp(peer->url, "http://", 7) || is_this_machine(peer->url))
+        return CTS_OK;
+    return cts_fail(err, CTS_ERR_USAGE,
+                    "%.200s: credentials do not go over plain http (give an https URL, or `insecure-http`)", peer->url);
+}
+
+CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *given, CtsError *err)
 {
     const CtsNet net = cts_net_with_defaults(given);
     if (!cts_aet_is_valid(net.own_aet, strlen(net.own_aet)))
         return cts_fail(err, CTS_ERR_USAGE, "%.40s: is no AE title of 1 to 16 characters", net.own_aet);
     if (!net.tls_key != !net.tls_certificate)
         return cts_fail(err, CTS_ERR_USAGE, "a TLS key and its certificate must be given together");
-    return CTS_OK;
+    return peer ? check_credentials(peer, &net, err) : CTS_OK;
 }
 
 /* Asleep for a while, in parts, so that a request to stop is heard. */
@@ -85,7 +105,7 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
     const CtsWay *way = NULL;
     CtsTry result = {0};
     CtsParcel *parcels = calloc((size_t)n_paths + 1, sizeof *parcels);
-    CtsStatus st = parcels ? cts_net_check(given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = parcels ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st && !(st = pack(paths, n_paths, parcels, err)) && !(st = cts_way_find(peer, &way, err))) {
         int sent = 0, pause_ms = 1000;
         for (int k = 0; sent < n_paths && k < net.n_tries; k++, pause_ms *= 2) {
@@ -172,15 +192,15 @@ static CtsStatus check_inbox(const CtsRequest *request, CtsError *err)
 }
 
 CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *study_uid, const char *series_uid,
-                        char **folder, CtsReport *report, CtsError *err)
+                        CtsFetched *fetched, CtsReport *report, CtsError *err)
 {
     const CtsNet net = cts_net_with_defaults(given);
     const CtsWay *way;
     CtsInbox inbox = {0};
     int n_promised = 0;
     const CtsRequest request = {study_uid, series_uid, &inbox, report, &n_promised};
-    *folder = NULL;
-    CtsStatus st = cts_net_check(given, err);
+    *fetched = (CtsFetched){.lock = -1};
+    CtsStatus st = cts_net_check(peer, given, err);
     if (st)
         return st;
     if (!study_uid)
@@ -191,7 +211,7 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
         return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", !cts_uid_is_valid(study_uid) ? study_uid : series_uid);
     if ((st = cts_way_find(peer, &way, err)) || (st = cts_inbox_make(&inbox, err)))
         return st;
-    *folder = inbox.folder;
+    *fetched = (CtsFetched){.folder = inbox.folder, .lock = inbox.lock};
     st = way->fetch(peer, &net, &request, err);
     if (cts_net_stopped(&net))
         st = cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
@@ -201,11 +221,11 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
     if (!st)
         st = check_inbox(&request, err);
     if (st)
-        cts_inbox_remove(folder);
+        cts_net_forget(fetched);
     return st;
 }
 
-void cts_net_forget(char **folder)
+void cts_net_forget(CtsFetched *fetched)
 {
-    cts_inbox_remove(folder);
+    cts_inbox_remove(&fetched->folder, &fetched->lock);
 }

@@ -1,7 +1,11 @@
-#include "output/net/tls.hpp"
+#include "output/net/transport.hpp"
 
+#include <dcmtk/dcmnet/dcmtrans.h>
+#include <dcmtk/dcmtls/tlslayer.h>
+#include <netinet/tcp.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
+#include <sys/socket.h>
 
 std::string cts_one_line(const OFCondition &state)
 {
@@ -13,6 +17,46 @@ std::string cts_one_line(const OFCondition &state)
 
 namespace
 {
+
+/* One side holds back the rest of a command until its first bytes are acknowledged, the other its acknowledgement until
+ * it has something to say: 40 ms for each command and each answer. The kernel forgets the second with every answer. */
+void hurry(int socket)
+{
+    const int on = 1;
+    setsockopt(socket, IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
+    setsockopt(socket, IPPROTO_TCP, TCP_QUICKACK, &on, sizeof on);
+}
+
+class TcpConnection final : public DcmTCPConnection
+{
+  public:
+    using DcmTCPConnection::DcmTCPConnection;
+    ssize_t read(void *bytes, size_t n) override
+    {
+        hurry(getSocket());
+        return DcmTCPConnection::read(bytes, n);
+    }
+};
+
+class TcpLayer final : public DcmTransportLayer
+{
+  public:
+    DcmTransportConnection *createConnection(DcmNativeSocketType socket, OFBool) override
+    {
+        return new TcpConnection(socket);
+    }
+};
+
+class TlsLayer final : public DcmTLSTransportLayer
+{
+  public:
+    using DcmTLSTransportLayer::DcmTLSTransportLayer;
+    DcmTransportConnection *createConnection(DcmNativeSocketType socket, OFBool secure) override
+    {
+        hurry(socket);
+        return DcmTLSTransportLayer::createConnection(socket, secure);
+    }
+};
 
 CtsStatus take_files(DcmTLSTransportLayer &tls, const CtsNet &net, CtsError *err)
 {
@@ -41,13 +85,16 @@ bool expect_host(DcmTLSTransportLayer &tls, const char *host)
 
 } // namespace
 
-CtsStatus cts_tls_make(const CtsNet &net, T_ASC_NetworkRole role, const char *host,
-                       std::unique_ptr<DcmTLSTransportLayer> &tls, CtsError *err)
+CtsStatus cts_transport_make(const CtsNet &net, T_ASC_NetworkRole role, const char *host,
+                             std::unique_ptr<DcmTransportLayer> &transport, CtsError *err)
 {
-    if (!net.tls_ca && !net.tls_key)
+    if (!net.tls_ca && !net.tls_key) {
+        transport.reset(new TcpLayer());
         return CTS_OK;
+    }
     DcmTLSTransportLayer::initializeOpenSSL();
-    tls.reset(new DcmTLSTransportLayer(role, nullptr, OFFalse));
+    TlsLayer *const tls = new TlsLayer(role, nullptr, OFFalse);
+    transport.reset(tls);
     tls->setPrivateKeyPasswd("");
     OFCondition state = tls->setTLSProfile(TSP_Profile_BCP195);
     if (state.good())

@@ -1,0 +1,207 @@
+#include "output/net/move_listener.hpp"
+
+#include "output/net/listener.h"
+
+#include <algorithm>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <string>
+#include <unistd.h>
+
+namespace
+{
+
+enum { TICK_MS = 100, MOST_WAITING = 16 };
+
+/* The address alone, without the port. */
+std::string host_of(const sockaddr_storage &address)
+{
+    char host[80] = "";
+    const socklen_t n = address.ss_family == AF_INET6 ? sizeof(sockaddr_in6) : sizeof(sockaddr_in);
+    getnameinfo(reinterpret_cast<const sockaddr *>(&address), n, host, sizeof host, nullptr, 0, NI_NUMERICHOST);
+    return host;
+}
+
+/* The address of ours from which the peer is reached; nothing is sent to find out. "" when it cannot be. */
+std::string own_address(const sockaddr_storage &to)
+{
+    sockaddr_storage own = {};
+    socklen_t n = sizeof own;
+    const int probe = socket(to.ss_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
+    const socklen_t n_to = to.ss_family == AF_INET6 ? sizeof(sockaddr_in6) : sizeof(sockaddr_in);
+    const bool known = probe >= 0 && connect(probe, reinterpret_cast<const sockaddr *>(&to), n_to) == 0 &&
+                       getsockname(probe, reinterpret_cast<sockaddr *>(&own), &n) == 0;
+    if (probe >= 0)
+        close(probe);
+    return known ? host_of(own) : "";
+}
+
+} // namespace
+
+CtsMoveListener::~CtsMoveListener()
+{
+    close(nullptr);
+}
+
+CtsStatus CtsMoveListener::find_peer(CtsError *err)
+{
+    addrinfo hints = {}, *found = nullptr;
+    hints.ai_socktype = SOCK_STREAM;
+    hints.ai_family = AF_INET; /* as DCMTK 3.6.7 connects */
+    const int why = getaddrinfo(peer.host, nullptr, &hints, &found);
+    if (why)
+        return cts_fail(err, CTS_ERR_READ, "%s: its address is not found: %s", peer.host, gai_strerror(why));
+    for (const addrinfo *a = found; a; a = a->ai_next) {
+        sockaddr_storage address = {};
+        std::memcpy(&address, a->ai_addr, a->ai_addrlen);
+        addresses.push_back(address);
+    }
+    freeaddrinfo(found);
+    return CTS_OK;
+}
+
+CtsStatus CtsMoveListener::listen(CtsError *err)
+{
+    char where[100];
+    const std::string own = own_address(addresses.front());
+    std::snprintf(where, sizeof where, own.find(':') == std::string::npos ? "%s:%d" : "[%s]:%d", own.c_str(),
+                  net.move_port);
+    return own.empty() ? cts_fail(err, CTS_ERR_READ, "%s: cannot be reached", peer.host)
+                       : cts_listen(where, &listener, err);
+}
+
+CtsStatus CtsMoveListener::open(CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (net.tls_ca && !net.tls_key)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "C-MOVE to a port of ours over TLS wants a certificate of ours (`tls-key`)");
+    if ((st = cts_accept_check(&net, err)) || (st = find_peer(err)) || (st = listen(err)))
+        return st;
+    thread = std::thread([this] { run(); });
+    return CTS_OK;
+}
+
+bool CtsMoveListener::is_peer(const sockaddr_storage &from) const
+{
+    return std::any_of(addresses.begin(), addresses.end(),
+                       [&](const sockaddr_storage &address) { return host_of(address) == host_of(from); });
+}
+
+void CtsMoveListener::take_connection()
+{
+    sockaddr_storage from = {};
+    socklen_t n = sizeof from;
+    const int socket = accept4(listener, reinterpret_cast<sockaddr *>(&from), &n, SOCK_CLOEXEC);
+    if (socket >= 0 && is_peer(from) && waiting.size() < MOST_WAITING)
+        waiting.push_back(socket);
+    else if (socket >= 0)
+        ::close(socket);
+}
+
+/* A connection that says nothing keeps no other one waiting. */
+void CtsMoveListener::serve_ready()
+{
+    for (size_t i = 0; i < waiting.size(); i++) {
+        pollfd ready = {waiting[i], POLLIN, 0};
+        if (poll(&ready, 1, 0) <= 0)
+            continue;
+        const int socket = waiting[i];
+        waiting.erase(waiting.begin() + static_cast<long>(i));
+        return serve(socket);
+    }
+}
+
+void CtsMoveListener::run()
+{
+    while (!done) {
+        std::vector<pollfd> all = {{listener, POLLIN, 0}};
+        for (const int socket : waiting)
+            all.push_back({socket, POLLIN, 0});
+        if (poll(all.data(), all.size(), TICK_MS) <= 0)
+            continue;
+        if (all[0].revents)
+            take_connection();
+        serve_ready();
+    }
+    for (const int socket : waiting)
+        ::close(socket);
+}
+
+void CtsMoveListener::serve(int socket)
+{
+    CtsVisit visit = {};
+    CtsAcceptRules rules = {};
+    rules.net = &net;
+    rules.takes_captures = true;
+    rules.allows = allows;
+    rules.begin = begin;
+    rules.grows = grows;
+    rules.keep = keep;
+    rules.context = this;
+    {
+        const std::lock_guard<std::mutex> hold(lock);
+        served = done ? -1 : dup(socket);
+        if (served < 0) {
+            ::close(socket);
+            return;
+        }
+    }
+    cts_accept(&rules, socket, &visit);
+    const std::lock_guard<std::mutex> hold(lock);
+    ::close(served);
+    served = -1;
+}
+
+/* All that the peer says it has sent is there: an association that it keeps open is not waited for. */
+CtsStatus CtsMoveListener::close(CtsError *err)
+{
+    {
+        const std::lock_guard<std::mutex> hold(lock);
+        done = true;
+        if (served >= 0)
+            shutdown(served, SHUT_RDWR);
+    }
+    if (thread.joinable())
+        thread.join();
+    if (listener >= 0)
+        ::close(listener);
+    listener = -1;
+    if (status && err)
+        *err = error;
+    return status;
+}
+
+bool CtsMoveListener::allows(void *context, const char *calling_aet)
+{
+    return std::strcmp(calling_aet, static_cast<CtsMoveListener *>(context)->peer.aet) == 0;
+}
+
+char *CtsMoveListener::begin(void *context)
+{
+    CtsMoveListener &self = *static_cast<CtsMoveListener *>(context);
+    char *path = nullptr;
+    if (self.status || cts_net_stopped(&self.net))
+        return nullptr;
+    self.status = cts_inbox_next(&self.inbox, &path, &self.error);
+    return path;
+}
+
+bool CtsMoveListener::grows(void *context, uint64_t n_bytes)
+{
+    CtsMoveListener &self = *static_cast<CtsMoveListener *>(context);
+    if (!self.status && !cts_net_stopped(&self.net))
+        self.status = cts_inbox_grows(&self.inbox, n_bytes, &self.error);
+    return !self.status && !cts_net_stopped(&self.net);
+}
+
+CtsStoredAs CtsMoveListener::keep(void *context, const char *path, const char *, const char *)
+{
+    CtsMoveListener &self = *static_cast<CtsMoveListener *>(context);
+    self.status = cts_inbox_keep(&self.inbox, path, &self.error);
+    return self.status ? CTS_STORED_NO_ROOM : CTS_STORED;
+}
