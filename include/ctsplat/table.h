@@ -36,8 +36,12 @@ extern "C" {
  * than 5 % of it, they stay, with the warning `table_removal_uncertain`; the same where more than 0.1 % of it went as
  * something thicker than 20 mm. The time counts as stage classify. Memory:
  * about an eighth of the volume. n_threads 0: all cores; threads never change the result. Fails with CTS_ERR_MEMORY
- * only. */
-CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err);
+ * only.
+ *
+ * seen is what the table is told by: volume itself (NULL), or where its layers were made up of uneven slices the same
+ * layers joined by straight lines, since plates stand still there. */
+CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, int n_threads, CtsReport *report,
+                                  CtsError *err);
 
 #pragma GCC visibility pop
 #ifdef __cplusplus

@@ -119,7 +119,9 @@ static CtsStatus interpolate(const CtsSource *source, CtsVolume *v, CtsMadeUp *m
     return CTS_OK;
 }
 
-static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsMadeUp *made, CtsReport *report, CtsError *err)
+/* seen: what the table is told by, or NULL. */
+static CtsStatus cut(const CtsSource *source, CtsVolume *volume, const CtsVolume *seen, CtsMadeUp *made,
+                     CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     double low[3], high[3];
@@ -128,7 +130,7 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, CtsMadeUp *made
                     high[1], low[2], high[2]);
     /* The table is told from the patient by the whole, so it goes before the crop. */
     if (source->remove_table)
-        st = cts_volume_remove_table(volume, source->n_threads, report, err);
+        st = cts_volume_remove_table(volume, seen, source->n_threads, report, err);
     else
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
     if (!st && source->crop)
@@ -206,16 +208,24 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
 CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsScanned *const scanned = loaded->scanned;
-    CtsMadeUp made = {0};
+    CtsMadeUp made = {0}, straight = {0};
+    CtsVolume *seen = NULL;
     cts_volume_free(&loaded->volume);
     CtsStatus st = CTS_ERR_MEMORY;
+    /* Between uneven slices a plate that is cut askew moves as a surface does; joined straight it stands still. */
+    if (source->remove_table && scanned->layer && source->interpolation != CTS_INTERPOLATION_LINEAR &&
+        cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, false, source->n_threads, &seen, &straight, NULL))
+        cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
+                           "there is no memory to look for the table in slices joined straight, and ends of plates may "
+                           "stay (free some)");
     if (!last)
         st = cts_scanned_volume(scanned, source->interpolation, false, source->n_threads, &loaded->volume, &made, NULL);
     if (st == CTS_ERR_MEMORY)
         st = cts_scanned_volume(scanned, source->interpolation, true, source->n_threads, &loaded->volume, &made, err);
-    if (st || (st = cut(source, loaded->volume, &made, report, err)))
-        return st;
-    return take_labels(source, loaded, report, err);
+    if (!st)
+        st = cut(source, loaded->volume, seen, &made, report, err);
+    cts_volume_free(&seen);
+    return st ? st : take_labels(source, loaded, report, err);
 }
 
 CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,

@@ -4,12 +4,12 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/volume/threshold.h"
 #include "core/table/body.h"
 #include "core/table/cell_change.h"
 #include "core/table/extruded.h"
 #include "core/table/morphology.h"
 #include "core/table/parts.h"
+#include "core/volume/threshold.h"
 #include <math.h>
 #include <stdatomic.h>
 #include <string.h>
@@ -251,14 +251,15 @@ static void report_uncertain(const Removal *r, CtsReport *report)
                            kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
 }
 
-static CtsStatus remove_table(Removal *r, CtsVolume *v, CtsReport *report, CtsError *err)
+static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    if ((st = find_dense(r, v, err)) || !is_usable(r, v, report) ||
+    if ((st = find_dense(r, seen, err)) || !is_usable(r, seen, report) ||
         (st = cts_sections_new(&r->plan, &r->dense, r->n_threads, &r->sections, err)) ||
         (st = cts_morphologies_new(&r->workers, &r->sections, r->n_threads, err)) ||
         (st = cts_extruded_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->extruded, err)) ||
-        (st = cts_body_find(&r->plan, v, &r->sections, &r->extruded.plates, r->workers, r->n_threads, &r->body, err)) ||
+        (st = cts_body_find(&r->plan, seen, &r->sections, &r->extruded.plates, r->workers, r->n_threads, &r->body,
+                            err)) ||
         (st = find_all_gone(r, err)))
         return st;
     if ((st = cts_body_mask_new(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
@@ -280,7 +281,8 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, CtsReport *report, CtsEr
     return st;
 }
 
-CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *report, CtsError *err)
+CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, int n_threads, CtsReport *report,
+                                  CtsError *err)
 {
     Removal r = {.n_threads = cts_threads(n_threads)};
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
@@ -288,7 +290,7 @@ CtsStatus cts_volume_remove_table(CtsVolume *volume, int n_threads, CtsReport *r
         cts_report_skip(report, WHAT, "the voxel steps do not span space");
         return CTS_OK;
     }
-    const CtsStatus st = remove_table(&r, volume, report, err);
+    const CtsStatus st = remove_table(&r, volume, seen ? seen : volume, report, err);
     removal_free(&r);
     const uint64_t n = cts_volume_n_voxels(volume);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, n,
