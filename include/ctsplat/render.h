@@ -60,7 +60,7 @@ typedef struct CtsRenderSettings {
     CtsFit fit;
     int rotation_frames;  /* views about the head-foot axis that share one scale and centre; 0 or 1: none */
     bool centre_given;    /* centre_lps is seen in the middle of the picture; else the centre of the volume, or as fit
-                             says */
+                             says, which then says the scale alone */
     double centre_lps[3]; /* mm */
     CtsEngineId engine;
     CtsKernelId kernel;
@@ -123,6 +123,10 @@ typedef struct CtsBandSink {
  * measured, asked for or not: without settings->verify with 256 pixels. */
 CtsStatus cts_render_bands(CtsRenderer *renderer, double azimuth_deg, double elevation_deg, const CtsBandSink *sink,
                            CtsReport *report, CtsError *err);
+/* Asks the renderer for pictures of the same volume and preset by other settings. False, and nothing has changed, where
+ * they differ in more than size, scale, fit, centre, slab, view, error, threads and what is wanted beside the picture.
+ */
+bool cts_render_again(CtsRenderer *renderer, const CtsRenderSettings *settings);
 void cts_render_end(CtsRenderer **renderer);
 
 #pragma GCC visibility pop

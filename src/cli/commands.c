@@ -19,4 +19,6 @@ const CliCommand cli_commands[CLI_N_COMMANDS] = {
      cli_presets},
     {"receive", "-O DIR [options]", "Receive CT images from scanners and archives (C-STORE) into a folder.", 0, 0, "",
      cli_receive},
+    {"serve", "PATH... [options]", "Keep volumes loaded, and make pictures of them for a browser or PS3.18 rendered3D.",
+     0, INT_MAX, "PATH", cli_serve},
 };

@@ -26,5 +26,6 @@ CtsStatus cli_render(const CtsOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_compare(const CtsOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_presets(const CtsOptions *options, int *exit_code, CtsError *err);
 CtsStatus cli_receive(const CtsOptions *options, int *exit_code, CtsError *err);
+CtsStatus cli_serve(const CtsOptions *options, int *exit_code, CtsError *err);
 
 #endif

@@ -46,3 +46,13 @@ while IFS='|' read -r step file function; do
     found=$(ls "$root"/src/*/"$file" 2>/dev/null) || { echo "FAIL: $step: no file $file" && exit 1; }
     [ "${function#(}" != "$function" ] || grep -q "\b$function(" "$found" || { echo "FAIL: $step: no $function in $file" && exit 1; }
 done <"$work/steps"
+
+# The same of serve.
+"$ctsplat" serve --help >"$work/help" 2>&1 || exit 77
+grep -oE '^  (-., |    )--[a-z-]+' "$work/help" | grep -oE -e '--[a-z-]+' | grep -vx -e --help >"$work/a"
+options "$root/man/ctsplat-serve.1" >"$work/own"
+options "$root/man/ctsplat.1" | cat - "$work/own" | grep -Fx -f "$work/a" >"$work/b"
+same "serve --help has options (<) that neither ctsplat-serve(1) nor ctsplat(1) has"
+cp "$work/own" "$work/a"
+grep -oE -e '--[a-z-]+' "$work/help" | grep -Fx -f "$work/own" >"$work/b"
+same "ctsplat-serve(1) has options (<) that serve --help has not"

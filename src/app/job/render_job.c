@@ -117,10 +117,20 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     return st;
 }
 
+/* From the first view on. A swivel goes to the one side, through the first view to the other, and back to it. */
+static double turn_deg(const CtsJob *job, int frame)
+{
+    const int n = n_frames_of(job);
+    if (!job->swivel_step_deg)
+        return 360.0 * frame / n;
+    const int there = (n + 2) / 4, back = n / 2 + there;
+    return job->swivel_step_deg * (frame <= there ? frame : frame <= back ? 2 * there - frame : frame - n);
+}
+
 static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatch *watch, CtsError *err)
 {
     const CtsJob *job = frame->job;
-    const double azimuth_deg = job->render.azimuth_deg + 360.0 * frame->number / n_frames_of(job);
+    const double azimuth_deg = job->render.azimuth_deg + turn_deg(job, frame->number);
     const CtsBandSink sink = {
         .take = finish_band, .context = frame, .max_rows = watch->step && !frame->held ? WATCHED_ROWS : 0};
     const CtsMeter meter = cts_meter_start(frame->report);
@@ -237,38 +247,67 @@ static CtsStatus write_state(const CtsJob *job, const CtsPreset *preset, const C
     return cts_state_write(job->outputs.state, &scene, job->export.force, err);
 }
 
-CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
-                         CtsError *err)
+static CtsRenderSettings settings_of(const CtsJob *job)
 {
-    CtsMeter meter = cts_meter_start(report);
-    CtsExportSettings settings = job->export;
     CtsRenderSettings render = job->render;
-    CtsPreset preset = *job->preset;
-    CtsRenderer *renderer = NULL;
-    CtsFiles files = {.outputs = &job->outputs, .settings = &settings, .watch = watch};
-    CtsStatus st;
-    settings.source = loaded->series;
-    settings.n_threads = cts_threads(job->render.n_threads);
     render.want_depth = job->render.want_depth || cts_outputs_hold_depth(&job->outputs);
     render.rotation_frames = n_frames_of(job);
-    if (loaded->series && loaded->series->no_patient && job->outputs.state)
-        return cts_fail(err, CTS_ERR_USAGE,
-                        "`write_state`: a NIfTI file has no patient and no slices for a presentation state to name");
-    if (!(st = cts_contrast_check(loaded->volume, settings.n_threads, &preset, report, err)) &&
-        !(st = cts_fit_window(loaded->volume, &render, &preset, report, err)))
-        st = cts_files_begin(&files, err);
+    return render;
+}
+
+CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepared *prepared, CtsReport *report,
+                          CtsError *err)
+{
+    CtsMeter meter = cts_meter_start(report);
+    const CtsRenderSettings render = settings_of(job);
+    CtsStatus st;
+    *prepared = (CtsPrepared){.preset = *job->preset};
+    if (!(st = cts_contrast_check(volume, cts_threads(job->render.n_threads), &prepared->preset, report, err)))
+        st = cts_fit_window(volume, &render, &prepared->preset, report, err);
     cts_meter_stop(meter, report, CTS_STAGE_CLASSIFY);
     meter = cts_meter_start(report);
     if (!st)
-        st = cts_render_begin(&renderer, loaded->volume, &preset, &render, err);
+        st = cts_render_begin(&prepared->renderer, volume, &prepared->preset, &render, err);
     cts_meter_stop(meter, report, CTS_STAGE_GREY); /* --grey-bits makes a volume of other grey levels */
+    return st;
+}
+
+bool cts_job_again(const CtsJob *job, CtsPrepared *prepared)
+{
+    const CtsRenderSettings render = settings_of(job);
+    return cts_render_again(prepared->renderer, &render);
+}
+
+CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,
+                           const CtsWatch *watch, CtsReport *report, CtsError *err)
+{
+    CtsExportSettings settings = job->export;
+    CtsFiles files = {.outputs = &job->outputs, .settings = &settings, .watch = watch};
+    if (loaded->series && loaded->series->no_patient && job->outputs.state)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`write_state`: a NIfTI file has no patient and no slices for a presentation state to name");
+    settings.source = loaded->series;
+    settings.n_threads = cts_threads(job->render.n_threads);
+    CtsStatus st = cts_files_begin(&files, err);
     if (!st)
-        st = render_frames(job, renderer, &files, report, err);
-    meter = cts_meter_start(report);
+        st = render_frames(job, prepared->renderer, &files, report, err);
+    const CtsMeter meter = cts_meter_start(report);
     if (!st && job->outputs.state && !job->render.explain)
-        st = write_state(job, &preset, loaded, &files.first, err);
+        st = write_state(job, &prepared->preset, loaded, &files.first, err);
     cts_files_end(&files);
-    cts_render_end(&renderer);
+    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
+    return st;
+}
+
+CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
+                         CtsError *err)
+{
+    CtsPrepared prepared;
+    CtsStatus st = cts_job_prepare(job, loaded->volume, &prepared, report, err);
+    if (!st)
+        st = cts_job_pictures(job, loaded, &prepared, watch, report, err);
+    const CtsMeter meter = cts_meter_start(report);
+    cts_render_end(&prepared.renderer);
     cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
     return st;
 }

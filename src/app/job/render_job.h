@@ -18,6 +18,7 @@ typedef struct CtsJob {
     CtsRenderSettings render;
     CtsExportSettings export; /* its source is filled in by the job */
     CtsOutputs outputs;
+    double swivel_step_deg; /* the outputs' rotation swings to and fro by so much a frame; 0: it goes round */
     bool annotate_orientation, annotate_scale;
     const CtsWord *words; /* what outputs.state is to hold beside the preset */
     int n_words;
@@ -26,8 +27,22 @@ typedef struct CtsJob {
 /* All that can be refused before any file is read. */
 CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err);
 
-/* Renders what was loaded into all outputs; with render.explain the report gets the plan of one view, and no file is
- * written. report->verified stands for all frames. */
+/* What a job's pictures are made with, and those of other jobs after it. */
+typedef struct CtsPrepared {
+    CtsPreset preset; /* as this volume needs it */
+    CtsRenderer *renderer;
+} CtsPrepared;
+
+/* Free prepared->renderer with cts_render_end(), also after a failure. */
+CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepared *prepared, CtsReport *report,
+                          CtsError *err);
+/* Whether it does for this job too, of the same volume and preset, whose window is known. */
+bool cts_job_again(const CtsJob *job, CtsPrepared *prepared);
+CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const CtsPrepared *prepared,
+                           const CtsWatch *watch, CtsReport *report, CtsError *err);
+
+/* Both: renders what was loaded into all outputs; with render.explain the report gets the plan of one view, and no file
+ * is written. report->verified stands for all frames. */
 CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
                          CtsError *err);
 

@@ -189,6 +189,47 @@ CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+CtsStatus cts_parse_centre(CtsOptions *options, const char *text, CtsError *err)
+{
+    double *const centre = options->render.centre_lps;
+    if (!numbers(text, centre, 3) || fmax(fmax(fabs(centre[0]), fabs(centre[1])), fabs(centre[2])) > 1e6)
+        return cts_fail(err, CTS_ERR_USAGE, "`centre` %s: not X,Y,Z in millimetres (LPS)", text);
+    options->render.centre_given = true;
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_swivel(CtsOptions *options, const char *text, CtsError *err)
+{
+    const CtsBounds *frames = cts_setting_bounds(CTS_SETTING_FRAMES);
+    double deg[2];
+    if (!numbers(text, deg, 2) || !(deg[1] > 0) || deg[0] > 360 || deg[0] < deg[1])
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`swivel` %s: not RANGE,STEP in degrees, the range at most 360 and no less "
+                        "than the step",
+                        text);
+    const double n = 2 * round(deg[0] / deg[1]);
+    if (n > frames->high)
+        return cts_fail(err, CTS_ERR_USAGE, "`swivel` %s: more than %g pictures (a larger step)", text, frames->high);
+    options->rotation = (int)n;
+    options->swivel_step_deg = 2 * deg[0] / n;
+    return CTS_OK;
+}
+
+CtsStatus cts_parse_memory(CtsOptions *options, const char *text, CtsError *err)
+{
+    static const char units[] = "KMGT";
+    char number[32];
+    double size;
+    const size_t n = strcspn(text, units);
+    const char *unit = text[n] ? strchr(units, text[n]) : NULL;
+    const double bytes = unit ? ldexp(1, 10 * (int)(unit - units + 1)) : 1;
+    snprintf(number, sizeof number, "%.*s", (int)(n < sizeof number ? n : 0), text);
+    if ((unit && text[n + 1]) || !cts_number(number, &size) || size * bytes < 1 << 20 || size * bytes > 1e15)
+        return cts_fail(err, CTS_ERR_USAGE, "`memory` %s: not a size of 1M or more, such as 6G", text);
+    options->memory_bytes = (uint64_t)(size * bytes);
+    return CTS_OK;
+}
+
 CtsStatus cts_parse_window(CtsOptions *options, const char *text, CtsError *err)
 {
     double hu[2];

@@ -15,13 +15,16 @@ CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInf
 
 CtsStatus cts_parse_annotate(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_background(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_centre(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_format(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_from(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_kernel(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_memory(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_send(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_shard(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_size(CtsOptions *options, const char *text, CtsError *err);
+CtsStatus cts_parse_swivel(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_view(CtsOptions *options, const char *text, CtsError *err);
 CtsStatus cts_parse_window(CtsOptions *options, const char *text, CtsError *err);
 

@@ -199,9 +199,11 @@ static CtsStatus write_recipe(CtsOptions *options, CtsError *err)
     return CTS_OK;
 }
 
-/* What comes from a PACS, and what goes to one. */
-static CtsStatus check_peers(const CtsOptions *o, CtsError *err)
+/* What comes from a PACS, and what goes to one. A server is told later what to fetch. */
+static CtsStatus check_peers(const CtsOptions *o, CtsCommand command, CtsError *err)
 {
+    if (command == CTS_FOR_SERVE)
+        return cts_net_check(&o->net, err);
     if (o->from.given && o->paths.n > 0)
         return cts_fail(err, CTS_ERR_USAGE, "`from`: %s is given too (a PATH or a peer, not both)", o->paths.items[0]);
     if (!o->from.given && (o->study_uid || o->peer_series_uid || o->net.move_port))
@@ -224,7 +226,9 @@ CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err
         options->preset = options->state ? options->state->preset.name : "bone";
     else if (options->state)
         options->state->preset.name[0] = 0; /* another one is asked for */
-    return check_peers(options, err);
+    if (options->swivel_step_deg > 0 && cts_options_given(options, "rotation"))
+        return cts_fail(err, CTS_ERR_USAGE, "`swivel`: `rotation` is given too (to and fro, or round)");
+    return check_peers(options, command, err);
 }
 
 /* Numbers in one way of writing them. */

@@ -10,7 +10,8 @@
 #include "ctsplat/render.h"
 #include "ctsplat/state.h"
 
-/* Whose an option is; CTS_FOR_JOB is cts_words_run(). */
+/* Whose an option is; CTS_FOR_JOB is cts_words_run(), CTS_FOR_REQUEST what a client may ask `serve` for: nothing that
+ * names a file. */
 typedef enum CtsCommand {
     CTS_FOR_INFO,
     CTS_FOR_RENDER,
@@ -20,7 +21,9 @@ typedef enum CtsCommand {
     CTS_FOR_COMPARE,
     CTS_FOR_PRESETS,
     CTS_FOR_RECEIVE,
-    CTS_FOR_JOB
+    CTS_FOR_SERVE,
+    CTS_FOR_JOB,
+    CTS_FOR_REQUEST
 } CtsCommand;
 
 /* What was said several times, in order. */
@@ -38,7 +41,8 @@ typedef struct CtsOptions {
 
     const char *preset; /* cts_options_end() puts the default there */
     CtsRenderSettings render;
-    int rotation; /* 0: off */
+    int rotation;           /* frames; 0: off */
+    double swivel_step_deg; /* the rotation is a swivel; 0: it is none */
     const char *series_uid;
     CtsTextList labels;
     const char *label_names; /* NULL when not given */
@@ -82,10 +86,13 @@ typedef struct CtsOptions {
     bool resume, fresh;
     const char *merge;
 
-    const char *listen; /* receive */
+    const char *listen; /* receive, serve */
     CtsTextList allow;
     int most_of_one, most_a_minute, deadline_s;
     double object_mib, free_percent;
+    const char *token_file, *allow_origin; /* serve: NULL when not given */
+    CtsTextList hosts;
+    uint64_t memory_bytes; /* 0: half of what is free */
 
     bool help, json, show_patient, show_paths, paper;
     const char *peers, *only, *plot, *propose; /* NULL when not given */

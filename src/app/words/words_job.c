@@ -47,6 +47,7 @@ CtsJob cts_options_job(const CtsOptions *options)
                     .n = options->outputs.n,
                     .state = options->write_state,
                     .rotation = options->rotation},
+        .swivel_step_deg = options->swivel_step_deg,
         .words = options->recipe,
         .n_words = options->n_recipe,
         .annotate_orientation = options->annotate.orientation,

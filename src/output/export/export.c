@@ -185,6 +185,8 @@ CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPictur
         st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     else if (!(st = cts_temp_open(&e->job.temp, path, err)))
         st = e->format->begin(&e->job, err);
+    if (!st && settings->scratch)
+        cts_temp_do_not_sync(e->job.temp);
     report_step(e, wall_ms, cpu_ms, 0, 0);
     if (st)
         cts_export_discard(output);

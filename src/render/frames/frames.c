@@ -143,6 +143,24 @@ void cts_frames_free(CtsFrames **frames)
     *frames = NULL;
 }
 
+/* What the engine keeps, and the volume it gets, do not depend on the rest. */
+static bool keeps_what_is_made(const CtsRenderSettings *a, const CtsRenderSettings *b)
+{
+    return a->engine == b->engine && a->kernel == b->kernel && a->kernel_radius == b->kernel_radius &&
+           a->samples == b->samples && a->void_key == b->void_key && a->tolerance_hu == b->tolerance_hu &&
+           a->sees_hidden == b->sees_hidden && a->reuses_always == b->reuses_always && a->grey_bits == b->grey_bits &&
+           a->opacity_per_voxel == b->opacity_per_voxel && a->mode == b->mode && a->shade == b->shade;
+}
+
+bool cts_frames_again(CtsFrames *f, const CtsRenderSettings *settings)
+{
+    if (!keeps_what_is_made(&f->settings, settings) || cts_scene_check(settings, NULL))
+        return false;
+    f->settings = *settings;
+    f->is_fitted = false;
+    return true;
+}
+
 const CtsEngine *cts_frames_engine(const CtsFrames *frames)
 {
     return frames->engine;
@@ -304,12 +322,15 @@ CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSetti
         if (st)
             return st;
         f->fitted = *s;
+        f->fitted.centre_given = false;
         f->is_fitted = true;
         cts_framing_find(f->visible, &f->fitted);
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
         tell_framing(&f->fitted, f->visible, report);
     }
     s->mm_per_pixel = f->fitted.mm_per_pixel;
+    if (s->centre_given)
+        return CTS_OK;
     s->centre_given = f->fitted.centre_given;
     memcpy(s->centre_lps, f->fitted.centre_lps, sizeof s->centre_lps);
     return CTS_OK;

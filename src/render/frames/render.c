@@ -35,6 +35,14 @@ CtsStatus cts_render_begin(CtsRenderer **renderer, const CtsVolume *volume, cons
     return st;
 }
 
+bool cts_render_again(CtsRenderer *renderer, const CtsRenderSettings *settings)
+{
+    if (!cts_frames_again(renderer->frames, settings))
+        return false;
+    renderer->planned = false;
+    return true;
+}
+
 void cts_render_end(CtsRenderer **renderer)
 {
     if (!*renderer)

@@ -1,0 +1,84 @@
+#include "app/serve/server.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void cts_answer_header(CtsHttpAnswer *answer, const char *name, const char *value)
+{
+    if (answer->n_headers == CTS_HTTP_HEADERS || strlen(value) >= sizeof answer->headers->value)
+        return;
+    answer->headers[answer->n_headers].name = name;
+    snprintf(answer->headers[answer->n_headers++].value, sizeof answer->headers->value, "%s", value);
+}
+
+void cts_answer_bytes(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *media_type,
+                      const void *bytes, size_t n, bool lasting)
+{
+    *answer = (CtsHttpAnswer){.status = status, .bytes = bytes, .n_bytes = n, .lasting = lasting};
+    cts_answer_header(answer, "Content-Type", media_type);
+    cts_answer_header(answer, "Cache-Control", "no-store"); /* a patient's picture */
+    cts_answer_header(answer, "X-Content-Type-Options", "nosniff");
+    if (server->options->allow_origin) {
+        cts_answer_header(answer, "Access-Control-Allow-Origin", server->options->allow_origin);
+        cts_answer_header(answer, "Access-Control-Expose-Headers", "Ctsplat-Scene");
+        cts_answer_header(answer, "Vary", "Origin");
+    }
+}
+
+void cts_answer_text(CtsHttpAnswer *answer, const CtsServer *server, int status, const char *text)
+{
+    char *line = malloc(strlen(text) + 2);
+    const size_t n = line ? (size_t)sprintf(line, "%s\n", text) : 0;
+    for (size_t i = 0; i + 1 < n; i++)
+        if ((unsigned char)line[i] < 0x20 || line[i] == 0x7f)
+            line[i] = '?';
+    cts_answer_bytes(answer, server, status, "text/plain; charset=utf-8", line ? line : "", n, !line);
+    if (status == 503) {
+        char seconds[16];
+        snprintf(seconds, sizeof seconds, "%d", CTS_SERVE_RETRY_S);
+        cts_answer_header(answer, "Retry-After", seconds);
+    }
+}
+
+/* The request cannot be served as it stands (400), now (503), or by any fault of its own (500). */
+static int status_of(CtsStatus st)
+{
+    switch (st) {
+    case CTS_ERR_NO_SERIES:
+        return 404;
+    case CTS_ERR_USAGE:
+    case CTS_ERR_PRESET:
+    case CTS_ERR_SYNTAX:
+    case CTS_ERR_GEOMETRY:
+    case CTS_ERR_PIXELS:
+        return 400;
+    case CTS_ERR_MEMORY:
+    case CTS_ERR_INTERRUPTED:
+        return 503;
+    default:
+        return 500;
+    }
+}
+
+char *cts_server_masked(const CtsServer *server, const CtsShelved *shelved, const char *text)
+{
+    CtsNames own = {0};
+    for (size_t i = 0; shelved && shelved->on_demand && shelved->loaded.list && i < shelved->loaded.list->n_paths; i++)
+        cts_names_add(&own, shelved->loaded.list->paths[i]);
+    char *const here = cts_without_names(text, &server->names, NULL);
+    char *const there = here ? cts_without_names(here, &own, NULL) : NULL;
+    char *const masked = there ? cts_without_uids(&server->shelf.key, there) : NULL;
+    free(here);
+    free(there);
+    cts_names_free(&own);
+    return masked;
+}
+
+void cts_answer_failure(CtsHttpAnswer *answer, const CtsServer *server, const CtsShelved *shelved, CtsStatus st,
+                        const CtsError *err)
+{
+    char *text = cts_server_masked(server, shelved, err->text);
+    cts_answer_text(answer, server, status_of(st), text ? text : "out of memory");
+    free(text);
+}

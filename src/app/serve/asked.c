@@ -1,0 +1,112 @@
+#include "app/serve/asked.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+void cts_query_add(void *query, const char *name, const char *value)
+{
+    CtsQuery *const q = query;
+    char *const own_name = strdup(name), *const own_value = strdup(value);
+    if (q->n == CTS_ASKED_PARTS || !own_name || !own_value) {
+        q->too_many = true;
+        free(own_name);
+        free(own_value);
+        return;
+    }
+    q->parts[q->n].name = own_name;
+    q->parts[q->n++].value = own_value;
+}
+
+void cts_query_free(CtsQuery *query)
+{
+    for (int i = 0; i < query->n; i++) {
+        free(query->parts[i].name);
+        free(query->parts[i].value);
+    }
+    *query = (CtsQuery){.n = 0};
+}
+
+const char *cts_query_value(const CtsQuery *query, const char *name)
+{
+    for (int i = 0; i < query->n; i++)
+        if (!strcmp(query->parts[i].name, name))
+            return query->parts[i].value;
+    return NULL;
+}
+
+const char *cts_media_type_of(const CtsFormatInfo *format)
+{
+    static const char *const types[][2] = {
+        {"png", "image/png"}, {"jpg", "image/jpeg"}, {"webp", "image/webp"}, {"dcm", "application/dicom"}};
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
+        if (!strcmp(types[i][0], format->name))
+            return types[i][1];
+    return "application/octet-stream";
+}
+
+/* A client names no files: a preset is one of those that have names here, or stands in the request itself. */
+static CtsStatus check_preset(const char *name, CtsError *err)
+{
+    bool known = name[0] == '{';
+    for (size_t i = 0; !known && cts_preset_builtin(i); i++)
+        known = !strcmp(cts_preset_builtin(i)->name, name);
+    char **const own = known ? NULL : cts_preset_user_names();
+    for (size_t i = 0; !known && own && own[i]; i++)
+        known = !strcmp(own[i], name);
+    free(own);
+    return known ? CTS_OK : cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset here (see /presets)", name);
+}
+
+static CtsStatus take_words(CtsAsked *asked, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (int i = 0; i < asked->query.n && !st; i++) {
+        const CtsWord word = {.name = asked->query.parts[i].name, .value = asked->query.parts[i].value};
+        if (!strcmp(word.name, "preset") && (st = check_preset(word.value, err)))
+            return st;
+        st = cts_options_take(&asked->options, CTS_FOR_REQUEST, &word, err);
+    }
+    return st;
+}
+
+static CtsStatus name_file(CtsAsked *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
+                           CtsError *err)
+{
+    const size_t size = strlen(folder) + 64;
+    if (!(asked->path = malloc(size)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    snprintf(asked->path, size, "%s/%lu.%s", folder, serial, format->name);
+    return cts_options_take(&asked->options, CTS_FOR_JOB, &(CtsWord){.name = "output", .value = asked->path}, err);
+}
+
+CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
+                          int n_threads, CtsReport *report, CtsError *err)
+{
+    CtsOptions *const o = &asked->options;
+    CtsStatus st;
+    asked->media_type = cts_media_type_of(format);
+    cts_options_begin(o);
+    o->render.n_threads = n_threads;
+    o->export.scratch = true;
+    o->export.png_8_bits = true; /* the standard's, unless the words say otherwise */
+    if (asked->query.too_many)
+        return cts_fail(err, CTS_ERR_USAGE, "more than %d parameters", CTS_ASKED_PARTS);
+    if ((st = take_words(asked, err)) || (st = name_file(asked, format, folder, serial, err)) ||
+        (st = cts_options_end(o, CTS_FOR_REQUEST, err)))
+        return st;
+    if (o->rotation > 1 && !format->many_frames)
+        return cts_fail(err, CTS_ERR_USAGE, "one .%s holds one picture, not the %d of a rotation (take webp or dcm)",
+                        format->name, o->rotation);
+    if ((st = cts_options_one_job(o, &asked->preset, &asked->job, report, err)))
+        return st;
+    return cts_job_check(&asked->job, report, err);
+}
+
+void cts_asked_free(CtsAsked *asked)
+{
+    cts_options_free(&asked->options);
+    cts_query_free(&asked->query);
+    free(asked->path);
+    *asked = (CtsAsked){.path = NULL};
+}

@@ -1,0 +1,149 @@
+/* Where the server listens: an address, a socket in a folder, or what systemd hands over. */
+#define _GNU_SOURCE
+#include "app/serve/server.h"
+
+#include <errno.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <sys/stat.h>
+#include <sys/un.h>
+#include <unistd.h>
+
+enum { BACKLOG = 512, FIRST_HANDED = 3 };
+static const char LOCAL[] = "unix:";
+
+static const char *address_of(const CtsServer *server)
+{
+    const char *given = cts_options_given(server->options, "listen");
+    return given ? given : "127.0.0.1:8484";
+}
+
+static CtsStatus fail_errno(const char *address, const char *what, CtsError *err)
+{
+    return cts_fail(err, CTS_ERR_READ, "%s: %s: %s (choose another with `listen`)", address, what, strerror(errno));
+}
+
+/* A socket that nobody listens at any more is in the way. */
+static bool is_stale(const struct sockaddr_un *address)
+{
+    struct stat st;
+    if (lstat(address->sun_path, &st) || !S_ISSOCK(st.st_mode))
+        return false;
+    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const bool stale =
+        fd >= 0 && connect(fd, (const struct sockaddr *)address, sizeof *address) && errno == ECONNREFUSED;
+    if (fd >= 0)
+        close(fd);
+    return stale;
+}
+
+static CtsStatus open_local(const char *address, int *fd, CtsError *err)
+{
+    const char *path = address + strlen(LOCAL);
+    struct sockaddr_un a = {.sun_family = AF_UNIX};
+    if (!*path || strlen(path) >= sizeof a.sun_path)
+        return cts_fail(err, CTS_ERR_USAGE, "`listen` %s: a path of 1 to %zu characters", address,
+                        sizeof a.sun_path - 1);
+    memcpy(a.sun_path, path, strlen(path));
+    if (is_stale(&a))
+        unlink(path);
+    const mode_t before = umask(0177);
+    *fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const bool failed = *fd < 0 || bind(*fd, (struct sockaddr *)&a, sizeof a) || listen(*fd, BACKLOG);
+    const int why = errno;
+    umask(before);
+    errno = why;
+    return failed ? fail_errno(address, "cannot listen", err) : CTS_OK;
+}
+
+static bool is_loopback(const struct sockaddr_storage *a)
+{
+    if (a->ss_family == AF_INET)
+        return ntohl(((const struct sockaddr_in *)(const void *)a)->sin_addr.s_addr) >> 24 == 127;
+    if (a->ss_family != AF_INET6)
+        return false;
+    const struct in6_addr *six = &((const struct sockaddr_in6 *)(const void *)a)->sin6_addr;
+    return IN6_IS_ADDR_LOOPBACK(six) || (IN6_IS_ADDR_V4MAPPED(six) && six->s6_addr[12] == 127);
+}
+
+static CtsStatus open_address(const char *address, int *fd, CtsError *err)
+{
+    char host[256];
+    struct addrinfo *found = NULL;
+    const struct addrinfo hints = {
+        .ai_flags = AI_PASSIVE | AI_NUMERICSERV, .ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM};
+    const char *colon = strrchr(address, ':');
+    const bool bracketed = address[0] == '[' && colon && colon > address && colon[-1] == ']';
+    const size_t n = colon ? (size_t)(colon - address) - 2 * bracketed : 0;
+    if (n == 0 || n >= sizeof host || !colon[1])
+        return cts_fail(err, CTS_ERR_USAGE, "`listen` %s: not HOST:PORT or unix:PATH", address);
+    snprintf(host, sizeof host, "%.*s", (int)n, address + bracketed);
+    const int why = getaddrinfo(host, colon + 1, &hints, &found);
+    if (why)
+        return cts_fail(err, CTS_ERR_USAGE, "`listen` %s: %s", address, gai_strerror(why));
+    *fd = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
+    const bool failed = *fd < 0 || setsockopt(*fd, SOL_SOCKET, SO_REUSEADDR, &(int){1}, sizeof(int)) ||
+                        bind(*fd, found->ai_addr, found->ai_addrlen) || listen(*fd, BACKLOG);
+    freeaddrinfo(found);
+    return failed ? fail_errno(address, "cannot listen", err) : CTS_OK;
+}
+
+/* sd_listen_fds(3), without its library. */
+static bool is_handed_over(void)
+{
+    const char *pid = getenv("LISTEN_PID"), *n = getenv("LISTEN_FDS");
+    return pid && n && atol(pid) == (long)getpid() && atoi(n) >= 1;
+}
+
+static CtsStatus name_it(CtsServer *server, int fd, char **url, CtsError *err)
+{
+    struct sockaddr_storage a;
+    socklen_t size = sizeof a;
+    char host[64] = "", port[16] = "";
+    if (getsockname(fd, (struct sockaddr *)&a, &size))
+        return fail_errno(address_of(server), "is no socket", err);
+    server->local_socket = a.ss_family == AF_UNIX;
+    if (server->local_socket) {
+        *url = strdup(is_handed_over() ? LOCAL : address_of(server));
+        return *url ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    if (!is_loopback(&a) && !server->tls && !server->options->net.insecure_http)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`listen` %s: beyond this machine the patient's pictures need TLS (give "
+                        "`tls-cert` and `tls-key`, or `insecure-http`)",
+                        address_of(server));
+    getnameinfo((struct sockaddr *)&a, size, host, sizeof host, port, sizeof port, NI_NUMERICHOST | NI_NUMERICSERV);
+    const bool six = strchr(host, ':') != NULL;
+    return asprintf(url, "%s://%s%s%s:%s/", server->tls ? "https" : "http", six ? "[" : "", host, six ? "]" : "",
+                    port) < 0
+               ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
+               : CTS_OK;
+}
+
+CtsStatus cts_door_open(CtsServer *server, int *fd, char **url, CtsError *err)
+{
+    const char *address = address_of(server);
+    CtsStatus st = CTS_OK;
+    *fd = -1;
+    *url = NULL;
+    if (is_handed_over())
+        *fd = FIRST_HANDED;
+    else
+        st = strncmp(address, LOCAL, strlen(LOCAL)) ? open_address(address, fd, err) : open_local(address, fd, err);
+    if (!st)
+        st = name_it(server, *fd, url, err);
+    if (st && *fd >= 0)
+        close(*fd);
+    return st;
+}
+
+void cts_door_close(const CtsServer *server)
+{
+    const char *address = address_of(server);
+    if (server->local_socket && !is_handed_over())
+        unlink(address + strlen(LOCAL));
+}

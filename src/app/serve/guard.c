@@ -1,0 +1,160 @@
+/* Who may ask: a token, and a Host that no other site's page could have given (DNS rebinding). */
+#include "app/serve/server.h"
+
+#include <arpa/inet.h>
+#include <ctype.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/random.h>
+
+enum { MADE_BYTES = 16, LEAST_CHARACTERS = 16 };
+
+static CtsStatus make_token(CtsServer *server, CtsError *err)
+{
+    unsigned char random[MADE_BYTES];
+    if (getrandom(random, sizeof random, 0) != sizeof random)
+        return cts_fail(err, CTS_ERR_READ, "no random numbers can be had for a token (give `token-file`)");
+    for (int i = 0; i < MADE_BYTES; i++)
+        sprintf(server->token + 2 * i, "%02x", random[i]);
+    return CTS_OK;
+}
+
+CtsStatus cts_guard_token(CtsServer *server, CtsError *err)
+{
+    const char *path = server->options->token_file;
+    if (server->local_socket)
+        return CTS_OK;
+    if (!path)
+        return make_token(server, err);
+    FILE *file = fopen(path, "re");
+    if (!file)
+        return cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
+    size_t n = fread(server->token, 1, sizeof server->token - 1, file);
+    fclose(file);
+    while (n && isspace((unsigned char)server->token[n - 1]))
+        n--;
+    server->token[n] = 0;
+    for (size_t i = 0; i < n; i++)
+        if (!isgraph((unsigned char)server->token[i]) || strchr("\";,\\&#%+", server->token[i]))
+            return cts_fail(err, CTS_ERR_READ, "%s: a token is one word of letters, digits and -._~", path);
+    return n >= LEAST_CHARACTERS
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_READ, "%s: a token has %d characters or more", path, LEAST_CHARACTERS);
+}
+
+/* In a time that tells nothing of where they differ. */
+static bool same_token(const char *given, size_t n, const char *token)
+{
+    unsigned char differs = n != strlen(token);
+    for (size_t i = 0; token[i]; i++)
+        differs |= (unsigned char)(token[i] ^ (i < n ? given[i] : 0));
+    return !differs;
+}
+
+static bool in_cookie(const char *cookies, const char *token)
+{
+    static const char name[] = "ctsplat=";
+    while (cookies && *cookies) {
+        cookies += strspn(cookies, "; ");
+        const size_t n = strcspn(cookies, ";");
+        if (n >= sizeof name - 1 && !strncmp(cookies, name, sizeof name - 1) &&
+            same_token(cookies + sizeof name - 1, n - (sizeof name - 1), token))
+            return true;
+        cookies += n;
+    }
+    return false;
+}
+
+static bool has_token(const CtsServer *server, const CtsHttpRequest *request)
+{
+    static const char scheme[] = "Bearer ";
+    const char *authorization = server->http->header(request, "Authorization");
+    if (authorization && !strncasecmp(authorization, scheme, sizeof scheme - 1)) {
+        const char *given = authorization + sizeof scheme - 1;
+        return same_token(given, strlen(given), server->token);
+    }
+    return in_cookie(server->http->header(request, "Cookie"), server->token);
+}
+
+typedef struct Given {
+    char token[4097];
+} Given;
+
+static void take_token(void *context, const char *name, const char *value)
+{
+    Given *const g = context;
+    if (!strcmp(name, "token"))
+        snprintf(g->token, sizeof g->token, "%s", value);
+}
+
+/* The address that was printed at the start leads to the page, and does not stay in the browser's history. */
+static bool brings_token(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer)
+{
+    Given given = {""};
+    char cookie[sizeof answer->headers->value];
+    if (strcmp(server->http->path(request), "/"))
+        return false;
+    server->http->query(request, take_token, &given);
+    if (!given.token[0] || !same_token(given.token, strlen(given.token), server->token))
+        return false;
+    const int n = snprintf(cookie, sizeof cookie, "ctsplat=%s; HttpOnly; SameSite=Strict; Path=/%s", server->token,
+                           server->tls ? "; Secure" : "");
+    if (n >= (int)sizeof cookie)
+        return false;
+    cts_answer_text(answer, server, 303, "the page");
+    cts_answer_header(answer, "Location", "./");
+    cts_answer_header(answer, "Set-Cookie", cookie);
+    return true;
+}
+
+static bool is_address(const char *host)
+{
+    unsigned char address[sizeof(struct in6_addr)];
+    return inet_pton(AF_INET, host, address) == 1 || inet_pton(AF_INET6, host, address) == 1;
+}
+
+static bool host_is_ours(const CtsServer *server, const char *given)
+{
+    char host[256];
+    const bool bracketed = given[0] == '[';
+    const size_t n = strcspn(given + bracketed, bracketed ? "]" : ":");
+    const char *after = given + bracketed + n + bracketed;
+    if (n == 0 || n >= sizeof host || (*after && *after != ':'))
+        return false;
+    snprintf(host, sizeof host, "%.*s", (int)n, given + bracketed);
+    bool ours = is_address(host) || !strcasecmp(host, "localhost");
+    for (int i = 0; i < server->options->hosts.n; i++)
+        ours |= !strcasecmp(host, server->options->hosts.items[i]);
+    return ours;
+}
+
+static void answer_preflight(const CtsServer *server, CtsHttpAnswer *answer)
+{
+    cts_answer_text(answer, server, 200, "");
+    cts_answer_header(answer, "Access-Control-Allow-Methods", "GET");
+    cts_answer_header(answer, "Access-Control-Allow-Headers", "Authorization");
+}
+
+bool cts_guard(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer)
+{
+    const char *host = server->http->header(request, "Host"), *method = server->http->method(request);
+    if (!server->local_socket && (!host || !host_is_ours(server, host)))
+        cts_answer_text(answer, server, 400, "Host: not a name of this server (see --host of ctsplat serve)");
+    else if (!strcmp(method, "OPTIONS") && server->options->allow_origin)
+        answer_preflight(server, answer);
+    else if (strcmp(method, "GET") && strcmp(method, "HEAD"))
+        cts_answer_text(answer, server, 405, "only GET is answered"), cts_answer_header(answer, "Allow", "GET, HEAD");
+    else if (server->token[0] && brings_token(server, request, answer))
+        return false;
+    else if (server->token[0] && !has_token(server, request))
+        cts_answer_text(answer, server, 401,
+                        "the token is missing or wrong (open the address that ctsplat serve printed, or send "
+                        "Authorization: Bearer TOKEN)"),
+            cts_answer_header(answer, "WWW-Authenticate", "Bearer");
+    else
+        return true;
+    return false;
+}

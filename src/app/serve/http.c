@@ -1,0 +1,191 @@
+/* Requests by libmicrohttpd: one thread waits for all connections. */
+#include "app/serve/http.h"
+
+#include <microhttpd.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+enum { MOST_CONNECTIONS = 2000, SILENCE_S = 30 };
+
+struct CtsHttpServer {
+    struct MHD_Daemon *daemon;
+    CtsHttpSettings settings;
+};
+
+struct CtsHttpRequest {
+    struct MHD_Connection *connection;
+    const char *method, *path;
+    struct MHD_Response *response;
+    int status;
+    bool asked, waits;
+};
+
+static const char *method_of(const CtsHttpRequest *r)
+{
+    return r->method;
+}
+
+static const char *path_of(const CtsHttpRequest *r)
+{
+    return r->path;
+}
+
+static const char *header_of(const CtsHttpRequest *r, const char *name)
+{
+    return MHD_lookup_connection_value(r->connection, MHD_HEADER_KIND, name);
+}
+
+typedef struct Taker {
+    void (*take)(void *context, const char *name, const char *value);
+    void *context;
+} Taker;
+
+static enum MHD_Result take_part(void *context, enum MHD_ValueKind kind, const char *name, const char *value)
+{
+    const Taker *const t = context;
+    (void)kind;
+    t->take(t->context, name, value ? value : "");
+    return MHD_YES;
+}
+
+static void query_of(const CtsHttpRequest *r, void (*take)(void *context, const char *name, const char *value),
+                     void *context)
+{
+    Taker taker = {take, context};
+    MHD_get_connection_values(r->connection, MHD_GET_ARGUMENT_KIND, take_part, &taker);
+}
+
+static int socket_of(const CtsHttpRequest *r)
+{
+    const union MHD_ConnectionInfo *info = MHD_get_connection_info(r->connection, MHD_CONNECTION_INFO_CONNECTION_FD);
+    return info ? info->connect_fd : -1;
+}
+
+static void wait_for(CtsHttpRequest *r)
+{
+    r->waits = true;
+    MHD_suspend_connection(r->connection);
+}
+
+static struct MHD_Response *response_of(CtsHttpAnswer *a)
+{
+    if (a->fd) {
+        const off_t size = lseek(a->fd, 0, SEEK_END);
+        struct MHD_Response *const file = size < 0 ? NULL : MHD_create_response_from_fd64((uint64_t)size, a->fd);
+        if (!file)
+            close(a->fd);
+        return file;
+    }
+    struct MHD_Response *const text = MHD_create_response_from_buffer(
+        a->n_bytes, (void *)(uintptr_t)a->bytes, a->lasting ? MHD_RESPMEM_PERSISTENT : MHD_RESPMEM_MUST_FREE);
+    if (!text && !a->lasting)
+        free((void *)(uintptr_t)a->bytes);
+    return text;
+}
+
+static void answer(CtsHttpRequest *r, CtsHttpAnswer *a)
+{
+    r->status = a->status;
+    r->response = response_of(a);
+    for (int i = 0; r->response && i < a->n_headers; i++)
+        MHD_add_response_header(r->response, a->headers[i].name, a->headers[i].value);
+    if (r->waits)
+        MHD_resume_connection(r->connection);
+}
+
+/* No request that is answered has a body: what brings one is not read. */
+static bool has_body(const CtsHttpRequest *r)
+{
+    const char *length = header_of(r, "Content-Length");
+    return header_of(r, "Transfer-Encoding") || (length && strcmp(length, "0"));
+}
+
+static enum MHD_Result refuse_body(const CtsHttpRequest *r)
+{
+    static char text[] = "a request with a body: only GET is answered, which has none\n";
+    struct MHD_Response *const no = MHD_create_response_from_buffer(sizeof text - 1, text, MHD_RESPMEM_PERSISTENT);
+    MHD_add_response_header(no, "Content-Type", "text/plain; charset=utf-8");
+    MHD_add_response_header(no, "Connection", "close");
+    const enum MHD_Result done = MHD_queue_response(r->connection, MHD_HTTP_CONTENT_TOO_LARGE, no);
+    MHD_destroy_response(no);
+    return done;
+}
+
+static enum MHD_Result handle(void *context, struct MHD_Connection *connection, const char *path, const char *method,
+                              const char *version, const char *body, size_t *n_body, void **kept)
+{
+    const CtsHttpServer *const server = context;
+    CtsHttpRequest *r = *kept;
+    (void)version, (void)body;
+    if (!r) {
+        if (!(r = *kept = calloc(1, sizeof *r)))
+            return MHD_NO;
+        *r = (CtsHttpRequest){.connection = connection, .method = method, .path = path};
+        return has_body(r) ? refuse_body(r) : MHD_YES;
+    }
+    *n_body = 0;
+    if (!r->asked) {
+        r->asked = true;
+        server->settings.ask(server->settings.context, r);
+        if (r->waits)
+            return MHD_YES;
+    }
+    if (!r->response)
+        return MHD_NO;
+    return MHD_queue_response(connection, (unsigned)r->status, r->response);
+}
+
+static void completed(void *context, struct MHD_Connection *connection, void **kept,
+                      enum MHD_RequestTerminationCode why)
+{
+    CtsHttpRequest *const r = *kept;
+    (void)context, (void)connection, (void)why;
+    if (r && r->response)
+        MHD_destroy_response(r->response);
+    free(r);
+    *kept = NULL;
+}
+
+static CtsStatus start(CtsHttpServer **server, const CtsHttpSettings *settings, CtsError *err)
+{
+    CtsHttpServer *const s = *server = calloc(1, sizeof *s);
+    const bool tls = settings->certificate != NULL;
+    if (!s)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    s->settings = *settings;
+    const struct MHD_OptionItem keys[] = {
+        {MHD_OPTION_HTTPS_MEM_CERT, 0, (void *)(uintptr_t)settings->certificate},
+        {MHD_OPTION_HTTPS_MEM_KEY, 0, (void *)(uintptr_t)settings->key},
+        {MHD_OPTION_END, 0, NULL},
+    };
+    const unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | (tls ? MHD_USE_TLS : 0u);
+    s->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, s, MHD_OPTION_LISTEN_SOCKET, settings->socket,
+                                 MHD_OPTION_CONNECTION_LIMIT, (unsigned)MOST_CONNECTIONS, MHD_OPTION_CONNECTION_TIMEOUT,
+                                 (unsigned)SILENCE_S, MHD_OPTION_NOTIFY_COMPLETED, completed, NULL, MHD_OPTION_ARRAY,
+                                 tls ? keys : keys + 2, MHD_OPTION_END);
+    if (s->daemon)
+        return CTS_OK;
+    free(s);
+    *server = NULL;
+    return cts_fail(err, CTS_ERR_READ, "the server could not be started%s",
+                    tls ? " (is the certificate that of the key, both PEM?)" : "");
+}
+
+static void stop(CtsHttpServer **server)
+{
+    if (!*server)
+        return;
+    MHD_stop_daemon((*server)->daemon);
+    free(*server);
+    *server = NULL;
+}
+
+static const CtsHttp table = {start, stop, method_of, path_of, header_of, query_of, socket_of, wait_for, answer};
+
+__attribute__((visibility("default"))) CtsStatus cts_http_table(const void **told, CtsError *err)
+{
+    (void)err;
+    *told = &table;
+    return CTS_OK;
+}

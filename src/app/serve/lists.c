@@ -1,0 +1,125 @@
+/* What clients are told in JSON. */
+#include "app/serve/server.h"
+
+#include "base/json.h"
+#include <jansson.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+static char *text_of(json_t *json, size_t flags)
+{
+    char *const text = json ? json_dumps(json, flags) : NULL;
+    json_decref(json);
+    return text;
+}
+
+/* Only what tells nothing of the patient. */
+static json_t *series_json(const CtsServer *server, const CtsShelved *shelved)
+{
+    const CtsSeries *const s = shelved->series;
+    char *const reason = s->renderable ? NULL : cts_server_masked(server, shelved, s->reason);
+    json_t *const json = json_pack("{s:s, s:s, s:b, s:b, s:[iii], s:[fff], s:s, s:b}", "id", shelved->id, "modality",
+                                   s->modality, "renderable", s->renderable, "passed", s->passed, "dims", s->columns,
+                                   s->rows, s->n_slices, "spacing_mm", s->spacing_mm[0], s->spacing_mm[1],
+                                   s->spacing_mm[2], "orientation", s->orientation, "loaded", shelved->cuts != NULL);
+    if (json && reason)
+        json_object_set_new(json, "reason", cts_json_new_text(reason));
+    free(reason);
+    return json;
+}
+
+char *cts_list_series(CtsServer *server)
+{
+    json_t *const list = json_array();
+    pthread_mutex_lock(&server->lock);
+    for (const CtsShelved *s = server->shelf.first; s; s = s->next)
+        if (s->series)
+            json_array_append_new(list, series_json(server, s));
+    pthread_mutex_unlock(&server->lock);
+    return text_of(list, JSON_COMPACT);
+}
+
+static json_t *preset_json(const CtsPreset *p, bool own)
+{
+    return json_pack("{s:s, s:s, s:[ff], s:b}", "name", p->name, "mode", cts_mode_names[p->mode], "window_hu",
+                     p->window_low_hu, p->window_high_hu, "own", own);
+}
+
+char *cts_list_presets(void)
+{
+    json_t *const list = json_array();
+    char **const own = cts_preset_user_names();
+    const CtsPreset *p;
+    for (size_t i = 0; (p = cts_preset_builtin(i)); i++)
+        json_array_append_new(list, preset_json(p, false));
+    CtsPreset *const mine = malloc(sizeof *mine);
+    for (size_t i = 0; mine && own && own[i]; i++)
+        if (!cts_preset_load(own[i], mine, NULL))
+            json_array_append_new(list, preset_json(mine, true));
+    free(mine);
+    free(own);
+    return text_of(list, JSON_COMPACT);
+}
+
+static void put(json_t *module, const char *tag, const char *vr, json_t *values)
+{
+    json_object_set_new(module, tag, json_pack("{s:s, s:o}", "vr", vr, "Value", values));
+}
+
+static json_t *vector(const double v[3])
+{
+    return json_pack("[ooo]", cts_json_new_number(v[0]), cts_json_new_number(v[1]), cts_json_new_number(v[2]));
+}
+
+char *cts_list_module(const CtsErrand *e)
+{
+    static const char *const methods[CTS_N_MODES] = {[CTS_MODE_COMPOSITE] = "VOLUME_RENDERED",
+                                                     [CTS_MODE_MIP] = "MAXIMUM_IP",
+                                                     [CTS_MODE_MINIP] = "MINIMUM_IP",
+                                                     [CTS_MODE_AVERAGE] = "AVERAGE_IP"};
+    const CtsPictureInfo *const info = &e->info;
+    json_t *const m = json_object();
+    double position_lps[3];
+    for (int i = 0; i < 3; i++)
+        position_lps[i] = info->centre_lps[i] - info->forward_lps[i] * info->camera_mm;
+    put(m, "00720510", "CS", json_pack("[s]", "3D_RENDERING"));
+    put(m, "0070120D", "CS", json_pack("[s]", methods[info->mode]));
+    put(m, "00701603", "FD", vector(position_lps));
+    put(m, "00701604", "FD", vector(info->centre_lps));
+    put(m, "00701605", "FD", vector(info->up_lps));
+    if (info->mode != CTS_MODE_COMPOSITE) {
+        const double low = info->window_low_hu, high = info->window_high_hu;
+        put(m, "00281056", "CS", json_pack("[s]", "LINEAR_EXACT"));
+        put(m, "00281051", "DS", json_pack("[o]", cts_json_new_number(high - low)));
+        put(m, "00281050", "DS", json_pack("[o]", cts_json_new_number((low + high) / 2)));
+    }
+    if (e->asked.swivel_range_deg > 0) {
+        put(m, "00701A06", "FD", json_pack("[o]", cts_json_new_number(e->asked.swivel_range_deg)));
+        put(m, "00701A05", "FD", json_pack("[o]", cts_json_new_number(e->asked.swivel_step_deg)));
+        put(m, "00701A03", "FD", json_pack("[o]", cts_json_new_number(e->asked.rate)));
+    }
+    return text_of(m, JSON_COMPACT | JSON_PRESERVE_ORDER);
+}
+
+char *cts_list_scene(const CtsServer *server, const CtsErrand *e)
+{
+    const CtsPictureInfo *const info = &e->info;
+    json_t *const scene = json_pack("{s:f, s:[fff], s:[ff], s:s, s:[ff], s:s}", "mm_per_pixel", info->mm_per_pixel,
+                                    "centre", info->centre_lps[0], info->centre_lps[1], info->centre_lps[2], "view",
+                                    info->azimuth_deg, info->elevation_deg, "mode", cts_mode_names[info->mode],
+                                    "window_hu", info->window_low_hu, info->window_high_hu, "preset", info->preset);
+    json_t *const warnings = json_array();
+    if (e->report.bound.known)
+        json_object_set_new(scene, "bound_255", json_real(255 * e->report.bound.rmse));
+    for (size_t i = 0; i < e->report.findings.n && json_array_size(warnings) < 2; i++) {
+        char *const text = e->report.findings.items[i].severity == CTS_WARNING
+                               ? cts_server_masked(server, e->shelved, e->report.findings.items[i].text)
+                               : NULL;
+        if (text)
+            json_array_append_new(warnings, cts_json_new_text(text));
+        free(text);
+    }
+    json_object_set_new(scene, "warnings", warnings);
+    return text_of(scene, JSON_COMPACT | JSON_ENSURE_ASCII);
+}

@@ -1,0 +1,293 @@
+/* The parameters of PS3.18 8.3.5 as ctsplat's words. */
+#include "app/serve/accept.h"
+#include "app/serve/asked.h"
+#include "app/words/option_value.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* The standard's names, and what is not done of them. */
+static const struct {
+    const char *name, *why;
+} not_here[] = {
+    {"volumeinputreference", "not supported (a volume is a whole series)"},
+    {"match", "not supported (a volume is a whole series)"},
+    {"volumetriccurvepoint", "not supported (no flights along curves; swivelrange turns the volume)"},
+    {"mprslab", "belongs to renderedMPR, which is not supported"},
+    {"annotation", "not supported (annotate=orientation,scale draws marks without the patient's name)"},
+    {"iccprofile", "not supported (pictures are sRGB)"},
+};
+
+static const char *const own_names[] = {"renderingmethod", "orientation",       "viewpointposition",
+                                        "viewpointlookat", "viewpointup",       "swivelrange",
+                                        "animationrate",   "animationstepsize", "renderedvolumetricmetadata",
+                                        "accept",          "charset",           "viewport",
+                                        "window"};
+
+static bool is_own(const char *name)
+{
+    for (size_t i = 0; i < sizeof own_names / sizeof *own_names; i++)
+        if (!strcmp(own_names[i], name))
+            return true;
+    return false;
+}
+
+/* What is left is ctsplat's own. */
+static CtsStatus sort_out(const CtsQuery *from, CtsQuery *words, CtsError *err)
+{
+    for (int i = 0; i < from->n; i++) {
+        const char *name = from->parts[i].name;
+        for (size_t k = 0; k < sizeof not_here / sizeof *not_here; k++)
+            if (!strcmp(not_here[k].name, name))
+                return cts_fail(err, CTS_ERR_USAGE, "%s: %s", name, not_here[k].why);
+        for (int k = 0; k < i; k++)
+            if (is_own(name) && !strcmp(from->parts[k].name, name))
+                return cts_fail(err, CTS_ERR_USAGE, "%s: given twice", name);
+        if (!is_own(name))
+            cts_query_add(words, name, from->parts[i].value);
+    }
+    return CTS_OK;
+}
+
+static CtsStatus take_method(const CtsQuery *from, CtsQuery *words, CtsError *err)
+{
+    static const char *const methods[][2] = {
+        {"volume_rendered", "composite"}, {"maximum_ip", "mip"}, {"minimum_ip", "minip"}, {"average_ip", "average"}};
+    const char *method = cts_query_value(from, "renderingmethod");
+    if (!method)
+        return CTS_OK;
+    for (size_t i = 0; i < sizeof methods / sizeof *methods; i++)
+        if (!strcmp(methods[i][0], method)) {
+            /* What is composited anyway stays as its preset has it. */
+            if (i > 0 || cts_query_value(from, "preset"))
+                cts_query_add(words, "mode", methods[i][1]);
+            return CTS_OK;
+        }
+    return cts_fail(err, CTS_ERR_USAGE,
+                    "renderingmethod %.40s: not one of: volume_rendered maximum_ip minimum_ip average_ip", method);
+}
+
+static bool numbers(const char *text, double *values, int n)
+{
+    for (int i = 0; i < n; i++) {
+        char part[64];
+        const size_t length = strcspn(text, ",");
+        if (length >= sizeof part || (text[length] == ',') != (i < n - 1))
+            return false;
+        memcpy(part, text, length);
+        part[length] = 0;
+        if (!cts_number(part, &values[i]))
+            return false;
+        text += length + 1;
+    }
+    return true;
+}
+
+static void add_view(CtsQuery *words, double azimuth_deg, double elevation_deg)
+{
+    char text[64];
+    snprintf(text, sizeof text, "%.17g,%.17g", azimuth_deg, elevation_deg);
+    cts_query_add(words, "view", text);
+}
+
+/* From above the standard has the patient's front at the top, where ctsplat's `head` has the back. */
+static CtsStatus take_orientation(const char *orientation, CtsQuery *words, CtsError *err)
+{
+    static const struct {
+        char letter;
+        double azimuth_deg, elevation_deg;
+    } sides[] = {{'a', 0, 0}, {'p', 180, 0}, {'r', 270, 0}, {'l', 90, 0}, {'h', 180, 90}, {'f', 0, -90}};
+    for (size_t i = 0; i < sizeof sides / sizeof *sides; i++)
+        if (orientation[0] == sides[i].letter && !orientation[1]) {
+            add_view(words, sides[i].azimuth_deg, sides[i].elevation_deg);
+            return CTS_OK;
+        }
+    return cts_fail(err, CTS_ERR_USAGE, "orientation %.40s: not one of: a p r l h f", orientation);
+}
+
+typedef struct Camera {
+    double position_lps[3], look_at_lps[3], up_lps[3];
+    const char *position, *look_at, *up; /* NULL: not given */
+} Camera;
+
+static CtsStatus read_vector(const CtsQuery *from, const char *name, const char **text, double value[3], CtsError *err)
+{
+    *text = cts_query_value(from, name);
+    if (*text && !numbers(*text, value, 3))
+        return cts_fail(err, CTS_ERR_USAGE, "%s %.60s: not three numbers with commas between them", name, *text);
+    return CTS_OK;
+}
+
+/* The camera's angles; *level: it looks neither straight up nor down, where `up` alone tells its azimuth. */
+static void angles_of(const Camera *c, double deg[2])
+{
+    const double degree = 180 / acos(-1);
+    double back[3];
+    for (int i = 0; i < 3; i++)
+        back[i] = c->position_lps[i] - c->look_at_lps[i];
+    const double across = hypot(back[0], back[1]), length = hypot(across, back[2]);
+    deg[1] = degree * atan2(back[2], across);
+    deg[0] = degree * atan2(back[0], -back[1]);
+    if (across > 1e-9 * length)
+        return;
+    deg[1] = back[2] > 0 ? 90 : -90;
+    deg[0] = !c->up ? (back[2] > 0 ? 180 : 0)
+                    : degree * (back[2] > 0 ? atan2(-c->up_lps[0], c->up_lps[1]) : atan2(c->up_lps[0], -c->up_lps[1]));
+}
+
+/* Whether `up` is where the camera's upright is: the picture has no roll. */
+static bool is_upright(const Camera *c, const double deg[2])
+{
+    const double degree = 180 / acos(-1), a = deg[0] / degree, e = deg[1] / degree;
+    const double right[3] = {cos(a), sin(a), 0}, up[3] = {-sin(e) * sin(a), sin(e) * cos(a), cos(e)};
+    double u = 0, v = 0;
+    for (int i = 0; i < 3; i++) {
+        u += c->up_lps[i] * right[i];
+        v += c->up_lps[i] * up[i];
+    }
+    return v > 0 && fabs(u) <= 1e-3 * v;
+}
+
+static CtsStatus take_camera(const CtsQuery *from, CtsQuery *words, CtsError *err)
+{
+    Camera c = {.up = NULL};
+    CtsStatus st;
+    double deg[2] = {0, 0};
+    if ((st = read_vector(from, "viewpointposition", &c.position, c.position_lps, err)) ||
+        (st = read_vector(from, "viewpointlookat", &c.look_at, c.look_at_lps, err)) ||
+        (st = read_vector(from, "viewpointup", &c.up, c.up_lps, err)))
+        return st;
+    const char *orientation = cts_query_value(from, "orientation");
+    const bool any = c.position || c.look_at || c.up;
+    if (orientation && any)
+        return cts_fail(err, CTS_ERR_USAGE, "orientation: viewpoint parameters are given too (one or the other)");
+    if (orientation)
+        return take_orientation(orientation, words, err);
+    if (!any)
+        return CTS_OK;
+    if (!c.position || !c.look_at)
+        return cts_fail(err, CTS_ERR_USAGE, "viewpointposition and viewpointlookat must be given together");
+    if (!memcmp(c.position_lps, c.look_at_lps, sizeof c.position_lps))
+        return cts_fail(err, CTS_ERR_USAGE, "viewpointposition: is where viewpointlookat is");
+    angles_of(&c, deg);
+    if (c.up && !is_upright(&c, deg))
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "viewpointup %.60s: not supported, as the camera would roll (upright is "
+                        "towards the head, or where that is the way it looks, any)",
+                        c.up);
+    add_view(words, deg[0], deg[1]);
+    cts_query_add(words, "centre", c.look_at);
+    return CTS_OK;
+}
+
+/* Without a step each way has as many pictures. */
+enum { SWEEP_FRAMES = 36 };
+
+static CtsStatus positive(const CtsQuery *from, const char *name, double *value, CtsError *err)
+{
+    const char *text = cts_query_value(from, name);
+    return !text || (cts_number(text, value) && *value > 0)
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_USAGE, "%s %.40s: not a number greater than zero", name, text);
+}
+
+static CtsStatus take_swivel(CtsAsked *asked, const CtsQuery *from, CtsError *err)
+{
+    CtsStatus st;
+    char text[64];
+    if ((st = positive(from, "swivelrange", &asked->swivel_range_deg, err)) ||
+        (st = positive(from, "animationstepsize", &asked->swivel_step_deg, err)) ||
+        (st = positive(from, "animationrate", &asked->rate, err)))
+        return st;
+    if (!asked->swivel_range_deg)
+        return !asked->swivel_step_deg && !asked->rate
+                   ? CTS_OK
+                   : cts_fail(err, CTS_ERR_USAGE,
+                              "animationstepsize and animationrate: of which swivelrange is not said");
+    if (!asked->swivel_step_deg)
+        asked->swivel_step_deg = asked->swivel_range_deg / SWEEP_FRAMES;
+    if (!asked->rate)
+        asked->rate = 10;
+    snprintf(text, sizeof text, "%.17g,%.17g", asked->swivel_range_deg, asked->swivel_step_deg);
+    cts_query_add(&asked->query, "swivel", text);
+    snprintf(text, sizeof text, "%.17g", asked->rate);
+    cts_query_add(&asked->query, "frame-rate", text);
+    return CTS_OK;
+}
+
+/* Centre, width and function (PS3.3 C.11.2.1.2, C.11.2.1.3). */
+static CtsStatus take_window(const CtsQuery *from, CtsQuery *words, CtsError *err)
+{
+    const char *window = cts_query_value(from, "window"), *function = window ? strrchr(window, ',') : NULL;
+    char start[64], text[80];
+    double v[2];
+    if (!window)
+        return CTS_OK;
+    snprintf(start, sizeof start, "%.*s", function ? (int)(function - window) : 0, window);
+    const bool exact = function && !strcmp(function, ",linear-exact");
+    if (!function || (!exact && strcmp(function, ",linear")) || !numbers(start, v, 2) || v[1] < (exact ? 1e-6 : 1.001))
+        return cts_fail(err, CTS_ERR_USAGE, "window %.60s: not CENTRE,WIDTH,linear or CENTRE,WIDTH,linear-exact in HU",
+                        window);
+    const double middle = exact ? v[0] : v[0] - 0.5, half = (exact ? v[1] : v[1] - 1) / 2;
+    snprintf(text, sizeof text, "%.17g,%.17g", middle - half, middle + half);
+    cts_query_add(words, "window", text);
+    return CTS_OK;
+}
+
+static CtsStatus take_viewport(const CtsQuery *from, CtsQuery *words, CtsError *err)
+{
+    const char *viewport = cts_query_value(from, "viewport");
+    double v[2];
+    char text[64];
+    if (!viewport)
+        return CTS_OK;
+    if (!numbers(viewport, v, 2))
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "viewport %.60s: not WIDTH,HEIGHT in pixels (a part of the picture is not "
+                        "supported)",
+                        viewport);
+    snprintf(text, sizeof text, "%.17gx%.17g", v[0], v[1]);
+    cts_query_add(words, "size", text);
+    return CTS_OK;
+}
+
+static const CtsFormatInfo *choose_format(CtsAsked *asked, const char *accept)
+{
+    static const char *const names[] = {"jpg", "png", "webp", "dcm"};
+    static const char *const metadata[] = {"application/dicom+json", "application/json"};
+    const char *types[4];
+    const CtsFormatInfo *formats[4];
+    int n = 0;
+    for (size_t i = 0; i < 4; i++) {
+        char path[16];
+        snprintf(path, sizeof path, "a.%s", names[i]);
+        formats[n] = cts_export_format(path);
+        if (formats[n]->many_frames || !asked->swivel_range_deg)
+            types[n] = cts_media_type_of(formats[n]), n++;
+    }
+    if (asked->metadata)
+        return cts_accept_best(accept, metadata, 2) < 0 ? NULL : formats[0];
+    const int best = cts_accept_best(accept, types, n);
+    return best < 0 ? NULL : formats[best];
+}
+
+CtsStatus cts_asked_rendered(CtsAsked *asked, const char *accept, const CtsFormatInfo **format, CtsError *err)
+{
+    CtsQuery from = asked->query;
+    CtsQuery *const words = &asked->query;
+    *words = (CtsQuery){.too_many = from.too_many};
+    const char *metadata = cts_query_value(&from, "renderedvolumetricmetadata");
+    const char *wanted = cts_query_value(&from, "accept");
+    CtsStatus st = CTS_OK;
+    if (metadata && strcmp(metadata, "yes"))
+        st = cts_fail(err, CTS_ERR_USAGE, "renderedvolumetricmetadata %.40s: not yes", metadata);
+    asked->metadata = metadata;
+    if (!st && !(st = sort_out(&from, words, err)) && !(st = take_method(&from, words, err)) &&
+        !(st = take_camera(&from, words, err)) && !(st = take_swivel(asked, &from, err)) &&
+        !(st = take_window(&from, words, err)))
+        st = take_viewport(&from, words, err);
+    if (!st)
+        *format = choose_format(asked, wanted ? wanted : accept);
+    cts_query_free(&from);
+    return st;
+}

@@ -1,0 +1,185 @@
+/* What an address stands for. */
+#include "app/serve/page_assets.h"
+#include "app/serve/server.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { MOST_PARTS = 8 };
+
+/* A path's parts: "/series/1/picture.png" has three. */
+typedef struct Parts {
+    char text[1024];
+    const char *at[MOST_PARTS];
+    int n; /* more than MOST_PARTS: it is no address here */
+} Parts;
+
+static void split(const char *path, Parts *p)
+{
+    p->n = snprintf(p->text, sizeof p->text, "%s", path) >= (int)sizeof p->text ? MOST_PARTS + 1 : 0;
+    char *rest = p->text;
+    while (p->n <= MOST_PARTS && *rest == '/') {
+        *rest++ = 0;
+        if (p->n < MOST_PARTS)
+            p->at[p->n] = rest;
+        p->n++;
+        rest += strcspn(rest, "/");
+    }
+}
+
+static bool is(const Parts *p, int i, const char *text)
+{
+    return i < p->n && p->n <= MOST_PARTS && !strcmp(p->at[i], text);
+}
+
+static void answer_json(CtsServer *server, CtsHttpRequest *request, char *json)
+{
+    CtsHttpAnswer answer;
+    if (json)
+        cts_answer_bytes(&answer, server, 200, "application/json", json, strlen(json), false);
+    else
+        cts_answer_text(&answer, server, 503, "out of memory");
+    server->http->answer(request, &answer);
+}
+
+static void answer_text(CtsServer *server, CtsHttpRequest *request, int status, const char *text)
+{
+    CtsHttpAnswer answer;
+    cts_answer_text(&answer, server, status, text);
+    server->http->answer(request, &answer);
+}
+
+static bool answer_asset(CtsServer *server, CtsHttpRequest *request, const char *name)
+{
+    CtsHttpAnswer answer;
+    for (size_t i = 0; i < cts_page_n_assets; i++) {
+        const CtsPageAsset *const a = &cts_page_assets[i];
+        if (strcmp(a->name, name))
+            continue;
+        cts_answer_bytes(&answer, server, 200, a->media_type, a->bytes, a->n_bytes, true);
+        cts_answer_header(&answer, "Content-Security-Policy",
+                          "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+                          "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
+        cts_answer_header(&answer, "Referrer-Policy", "no-referrer");
+        server->http->answer(request, &answer);
+        return true;
+    }
+    return false;
+}
+
+/* Which series, by what its address says. */
+typedef struct Target {
+    const char *id, *study_uid, *uid; /* id, or the UIDs; uid NULL: the study's one volume */
+} Target;
+
+static CtsStatus find(CtsServer *server, const Target *t, CtsShelved **found, CtsError *err)
+{
+    if (t->id) {
+        *found = cts_shelf_by_id(&server->shelf, t->id);
+        return *found ? CTS_OK : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such series here");
+    }
+    return t->uid ? cts_shelf_by_uid(&server->shelf, t->study_uid, t->uid, found, err)
+                  : cts_shelf_of_study(&server->shelf, t->study_uid, found, err);
+}
+
+/* Takes the errand, which waits from here on, or says why not. */
+static CtsStatus queue(CtsServer *server, CtsErrand *e, const Target *target, CtsError *err)
+{
+    pthread_mutex_lock(&server->lock);
+    CtsStatus st = server->stopping ? cts_fail(err, CTS_ERR_INTERRUPTED, "the server is stopping")
+                                    : find(server, target, &e->shelved, err);
+    if (!st && e->shelved->series && !e->shelved->series->renderable)
+        st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->shelved->series->reason);
+    if (!st) {
+        server->http->wait(e->request);
+        if (!cts_errand_queue(server, e))
+            st = cts_fail(err, CTS_ERR_MEMORY, "too many pictures are waited for (ask again)");
+    }
+    pthread_mutex_unlock(&server->lock);
+    return st;
+}
+
+static CtsStatus prepare(CtsServer *server, CtsErrand *e, const CtsFormatInfo *format, CtsError *err)
+{
+    const CtsStatus st = cts_asked_words(&e->asked, format, server->folder, ++server->n_pictures,
+                                         server->options->render.n_threads, &e->report, err);
+    e->asked.job.render.stop = &e->stop;
+    return st;
+}
+
+/* format NULL: as the standard's parameters say. */
+static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target *target, const CtsFormatInfo *format)
+{
+    CtsError err = {0};
+    CtsHttpAnswer answer;
+    CtsErrand *const e = calloc(1, sizeof *e);
+    if (!e) {
+        answer_text(server, request, 503, "out of memory");
+        return;
+    }
+    e->request = request;
+    e->socket = server->http->socket(request);
+    server->http->query(request, cts_query_add, &e->asked.query);
+    CtsStatus st =
+        format ? CTS_OK : cts_asked_rendered(&e->asked, server->http->header(request, "Accept"), &format, &err);
+    const bool acceptable = st || format;
+    if (!st && format && !(st = prepare(server, e, format, &err)))
+        st = queue(server, e, target, &err);
+    if (!st && acceptable)
+        return;
+    if (acceptable)
+        cts_answer_failure(&answer, server, e->shelved, st, &err);
+    else
+        cts_answer_text(&answer, server, 406,
+                        "there are image/jpeg, image/png, image/webp and application/dicom (of a swivel the last two), "
+                        "and application/dicom+json for renderedvolumetricmetadata");
+    cts_errand_free(e);
+    server->http->answer(request, &answer);
+}
+
+static void ask_series(CtsServer *server, CtsHttpRequest *request, const Parts *p)
+{
+    const CtsFormatInfo *const format = p->n == 3 ? cts_export_format(p->at[2]) : NULL;
+    if (p->n == 1)
+        answer_json(server, request, cts_list_series(server));
+    else if (format && !strncmp(p->at[2], "picture.", 8) && !strcmp(p->at[2] + 8, format->name))
+        ask_picture(server, request, &(Target){.id = p->at[1]}, format);
+    else
+        answer_text(server, request, 404, "there are /series and /series/ID/picture.ENDING, its ending a format's");
+}
+
+/* /studies/S/rendered3D and what is below. */
+static void ask_study(CtsServer *server, CtsHttpRequest *request, const Parts *p)
+{
+    const Target target = {.study_uid = p->at[1], .uid = p->n > 3 && is(p, 2, "series") ? p->at[3] : NULL};
+    const bool of_study = p->n == 3, of_series = p->n == 5 && target.uid;
+    if ((of_study || of_series) && is(p, p->n - 1, "rendered3D"))
+        ask_picture(server, request, &target, NULL);
+    else
+        answer_text(server, request, 404,
+                    "of PS3.18 there is rendered3D, of a study or a series; renderedMPR and other resources are not "
+                    "supported");
+}
+
+void cts_routes_ask(void *context, CtsHttpRequest *request)
+{
+    CtsServer *const server = context;
+    CtsHttpAnswer answer;
+    Parts p;
+    if (!cts_guard(server, request, &answer)) {
+        server->http->answer(request, &answer);
+        return;
+    }
+    split(server->http->path(request), &p);
+    if (p.n == 1 && answer_asset(server, request, p.at[0]))
+        return;
+    if (is(&p, 0, "series"))
+        ask_series(server, request, &p);
+    else if (is(&p, 0, "studies") && p.n > 2)
+        ask_study(server, request, &p);
+    else if (is(&p, 0, "presets") && p.n == 1)
+        answer_json(server, request, cts_list_presets());
+    else
+        answer_text(server, request, 404, "no such address (there are /, /series, /presets and /studies/...)");
+}

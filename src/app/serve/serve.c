@@ -1,0 +1,161 @@
+/* The server's life: search, open the door, wait, close it. */
+#include "app/serve/serve.h"
+
+#include "app/serve/server.h"
+#include "base/cpu.h"
+#include "ctsplat/helper.h"
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/resource.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+/* How often it is looked after clients that have gone. */
+enum { WATCH_MS = 100 };
+
+static CtsStatus make_folder(CtsServer *server, CtsError *err)
+{
+    const char *root = getenv("TMPDIR");
+    snprintf(server->folder, sizeof server->folder, "%s/ctsplat-serve-XXXXXX", root && *root == '/' ? root : "/tmp");
+    if (mkdtemp(server->folder))
+        return CTS_OK;
+    const CtsStatus st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s (set TMPDIR to a folder with room)",
+                                  server->folder, strerror(errno));
+    server->folder[0] = 0;
+    return st;
+}
+
+/* A connection is an open file. */
+static void allow_connections(void)
+{
+    struct rlimit files;
+    if (getrlimit(RLIMIT_NOFILE, &files))
+        return;
+    files.rlim_cur = files.rlim_max;
+    setrlimit(RLIMIT_NOFILE, &files);
+}
+
+/* A PEM file; the caller's to free. */
+static CtsStatus read_pem(const char *path, char **text, CtsError *err)
+{
+    enum { MOST = 1 << 20 };
+    FILE *file = fopen(path, "re");
+    if (!file)
+        return cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
+    char *const bytes = calloc(1, MOST + 1);
+    const size_t n = bytes ? fread(bytes, 1, MOST, file) : 0;
+    fclose(file);
+    *text = bytes;
+    return n ? CTS_OK : cts_fail(err, CTS_ERR_READ, "%s: cannot be read, or is empty", path);
+}
+
+static CtsStatus search(CtsServer *server, const CtsServeTold *told, CtsError *err)
+{
+    CtsReport report = {0};
+    char text[160];
+    size_t n = 0;
+    const CtsStatus st = cts_shelf_fill(&server->shelf, server->options, &report, err);
+    const CtsSeriesList *const list = server->shelf.list;
+    for (size_t i = 0; list && i < list->n_paths; i++)
+        cts_names_add(&server->names, list->paths[i]);
+    for (size_t i = 0; list && i < list->n; i++)
+        n += list->items[i].renderable;
+    cts_report_free(&report);
+    if (!st) {
+        snprintf(text, sizeof text, "%zu series, %zu of them volumes; %llu MiB for those that are loaded",
+                 list ? list->n : 0, n, (unsigned long long)(server->shelf.most_bytes >> 20));
+        told->note(text);
+    }
+    return st;
+}
+
+static void tell_ready(const CtsServer *server, const CtsServeTold *told, const char *url)
+{
+    char text[8192];
+    const bool made = server->token[0] && !server->options->token_file;
+    snprintf(text, sizeof text, "%s%s%s", url, made ? "?token=" : "", made ? server->token : "");
+    told->ready(text);
+}
+
+/* Threads of the server take no signals: they are for who waits for them. */
+static CtsStatus begin_threads(CtsServer *server, CtsHttpServer **http, const CtsHttpSettings *settings, CtsError *err)
+{
+    sigset_t all, before;
+    sigfillset(&all);
+    pthread_sigmask(SIG_SETMASK, &all, &before);
+    CtsStatus st = cts_errands_begin(server, err);
+    if (!st)
+        st = server->http->start(http, settings, err);
+    pthread_sigmask(SIG_SETMASK, &before, NULL);
+    return st;
+}
+
+static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, const char *key,
+                                  const volatile sig_atomic_t *stop, const CtsServeTold *told, CtsError *err)
+{
+    char *url;
+    CtsHttpServer *http = NULL;
+    CtsHttpSettings settings = {.certificate = certificate, .key = key, .ask = cts_routes_ask, .context = server};
+    server->tls = certificate != NULL;
+    CtsStatus st = cts_door_open(server, &settings.socket, &url, err);
+    if (st) {
+        free(url);
+        return st;
+    }
+    if (!(st = cts_guard_token(server, err)) && !(st = make_folder(server, err)))
+        st = begin_threads(server, &http, &settings, err);
+    if (!st)
+        tell_ready(server, told, url);
+    while (!st && !*stop)
+        cts_errands_watch(server, WATCH_MS);
+    cts_errands_end(server);
+    if (http)
+        server->http->stop(&http);
+    else
+        close(settings.socket);
+    cts_door_close(server);
+    if (server->folder[0])
+        rmdir(server->folder);
+    free(url);
+    return st;
+}
+
+static CtsStatus check(const CtsOptions *o, CtsError *err)
+{
+    if (!o->paths.n && !o->from.given)
+        return cts_fail(err, CTS_ERR_USAGE, "nothing to serve (give PATH, or `from` a peer)");
+    if (!o->net.tls_key != !o->net.tls_certificate)
+        return cts_fail(err, CTS_ERR_USAGE, "`tls-cert` and `tls-key` must be given together");
+    return CTS_OK;
+}
+
+CtsStatus cts_serve(const CtsOptions *options, const volatile sig_atomic_t *stop, const CtsServeTold *told,
+                    CtsError *err)
+{
+    CtsOptions own = *options;
+    char *certificate = NULL, *key = NULL;
+    CtsStatus st = check(options, err);
+    CtsServer *const server = st ? NULL : calloc(1, sizeof *server);
+    if (!server)
+        return st ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    own.render.n_threads = cts_threads(options->render.n_threads);
+    server->options = &own;
+    pthread_mutex_init(&server->lock, NULL);
+    pthread_cond_init(&server->work, NULL);
+    allow_connections();
+    if (!(st = cts_helper_start(err)) && !(st = cts_http(&server->http, err)) &&
+        (!options->net.tls_key || (!(st = read_pem(options->net.tls_certificate, &certificate, err)) &&
+                                   !(st = read_pem(options->net.tls_key, &key, err)))) &&
+        !(st = search(server, told, err)))
+        st = listen_and_serve(server, certificate, key, stop, told, err);
+    cts_shelf_free(&server->shelf);
+    cts_names_free(&server->names);
+    pthread_mutex_destroy(&server->lock);
+    pthread_cond_destroy(&server->work);
+    free(certificate);
+    free(key);
+    free(server);
+    return st;
+}

@@ -1,0 +1,25 @@
+/* ctsplat serve: the command line as a server, and where to find it. */
+#include "app/serve/serve.h"
+#include "cli/commands.h"
+#include "cli/interrupt.h"
+#include "cli/message.h"
+#include <stdio.h>
+
+/* On standard output, for who starts it. */
+static void ready(const char *url)
+{
+    printf("%s\n", url);
+    fflush(stdout);
+}
+
+static void note(const char *text)
+{
+    cli_note("%s", text);
+}
+
+CtsStatus cli_serve(const CtsOptions *options, int *exit_code, CtsError *err)
+{
+    (void)exit_code;
+    cli_interrupt_asks();
+    return cts_serve(options, &cli_stop, &(CtsServeTold){ready, note}, err);
+}

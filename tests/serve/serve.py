@@ -1,0 +1,244 @@
+#!/usr/bin/env python3
+"""ctsplat serve from end to end: serve.py CTSPLAT LOOPBACK_SO DATA"""
+import json
+import os
+import random
+import socket
+import subprocess
+import sys
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pydicom
+from server import Server
+
+ctsplat, _, data = sys.argv[1:]
+soak = bool(os.environ.get('CTS_SOAK'))
+SMALL = 'size=64x48'
+
+
+def render(*options):
+    """The program's own bytes."""
+    out = f'own.{options[0]}'
+    subprocess.run([ctsplat, 'render', data, '-o', out, '--force', *options[1:]], check=True, capture_output=True)
+    with open(out, 'rb') as f:
+        return f.read()
+
+
+def equal_bytes(server, series):
+    """What `render` writes, whoever asks, in whichever order and however often."""
+    asked = [('png', 'preset=skin&view=left', '--preset skin --view left --png-bits 8'),
+             ('png', 'preset=skin&view=left&png-bits=16', '--preset skin --view left'),
+             ('png', 'view=-30,20&max-error=8', '--view -30,20 --max-error 8 --png-bits 8'),
+             ('png', 'mode=mip', '--mode mip --png-bits 8'),
+             ('png', 'centre=5,6,7&mm-per-pixel=2', '--centre 5,6,7 --mm-per-pixel 2 --png-bits 8'),
+             ('png', 'centre=5,6,7', '--centre 5,6,7 --png-bits 8'),
+             ('png', 'remove-table=off&crop=-50,50,-50,50,-50,50&background=%23ffffff',
+              '--remove-table off --crop -50,50,-50,50,-50,50 --background #ffffff --png-bits 8'),
+             ('webp', 'swivel=40,20&frame-rate=7', '--swivel 40,20 --frame-rate 7'),
+             ('jpg', 'annotate=orientation&quality=50', '--annotate orientation --quality 50')]
+    own = [render(ending, '--size', '64x48', *words.split()) for ending, _, words in asked]
+    paths = [f'/series/{series}/picture.{ending}?{SMALL}&{query}' for ending, query, _ in asked]
+    with ThreadPoolExecutor(8) as pool:
+        for k, body in enumerate(pool.map(server.get, paths * 3)):
+            assert body == own[k % len(own)], paths[k % len(own)]
+    assert own[4] != own[5], 'the scale is another'
+
+
+def words(server, series):
+    """What is wrong is said; what names files is nobody's."""
+    picture = f'/series/{series}/picture.png?'
+    for text, query in [('`size` x', 'size=x'), ('preset /etc/passwd', 'preset=/etc/passwd'), ('no such preset', 'preset=x'),
+                        ('path: no such option', 'path=/'), ('output: no such', 'output=/tmp/x'), ('key: no', 'key=/etc/x'),
+                        ('labels: no such', 'labels=/etc'), ('state: no such', 'state=/etc/passwd'),
+                        ('log: no such', 'log=-'), ('from: no such', 'from=x'), ('send: no such', 'send=x'),
+                        ('threads: no such', 'threads=9'), ('one .png holds one', 'rotation=4'),
+                        ('`swivel`: `rotation`', 'swivel=40,20&rotation=3'), ('`swivel` 20,40', 'swivel=20,40'),
+                        ('not X,Y,Z', 'centre=1,2'), ('more than 64', '&'.join(['size=8x8'] * 70))]:
+        server.refused(400, text, picture + query)
+    server.refused(400, '16383', f'/series/{series}/picture.webp?size=17000x8')
+    server.refused(404, 'no such series', '/series/0123456789abcdef/picture.png')
+    server.refused(404, 'format', f'/series/{series}/picture.gif')
+    server.refused(404, 'no such address', '/nothing')
+
+
+def guarded(server, series):
+    """Token, Host, methods."""
+    for path in '/', '/series', f'/series/{series}/picture.png', '/list.js':
+        server.refused(401, 'token', path, token=False)
+        server.refused(401, 'token', path, headers={'Authorization': 'Bearer ' + server.token[:-1]})
+        server.refused(401, 'token', path, token=False, headers={'Cookie': 'ctsplat=' + 'x' * 32})
+    status, headers, _ = server.ask('/?token=' + server.token, token=False)
+    cookie = headers['Set-Cookie'].split(';')[0]
+    assert status == 303 and headers['Location'] == './' and 'HttpOnly; SameSite=Strict' in headers['Set-Cookie']
+    assert server.ask('/', token=False, headers={'Cookie': 'other=1; ' + cookie})[0] == 200
+    for host in 'evil.example', 'evil.example:80', 'localhost.evil.example', '', '127.0.0.1.evil.example':
+        server.refused(400, 'Host', '/series', headers={'Host': host})
+    for host in 'localhost', 'localhost:99', '[::1]:8484', '10.1.2.3', 'known.example':
+        assert server.ask('/series', headers={'Host': host})[0] == 200, host
+    for method in 'POST', 'PUT', 'DELETE', 'OPTIONS', 'FROBNICATE':
+        server.refused(405, 'GET', '/series', method=method)
+    assert 'Access-Control-Allow-Origin' not in server.ask('/series', headers={'Origin': 'http://a.example'})[1]
+    assert server.ask('/series', method='HEAD')[2] == b''
+
+
+def rendered(server, study, uid):
+    """PS3.18 rendered3D."""
+    base = f'/studies/{study}/series/{uid}/rendered3D?viewport=64,48'
+    status, headers, body = server.ask(base)
+    assert status == 200 and headers['Content-Type'] == 'image/jpeg' and body[:3] == b'\xff\xd8\xff'
+    png = {'Accept': 'text/html, image/png;q=0.8, image/jpeg;q=0.1'}
+    assert server.get(base, png) == render('png', '--size', '64x48', '--png-bits', '8')
+    assert server.get(base + '&accept=image/png&orientation=l') == \
+        render('png', '--size', '64x48', '--png-bits', '8', '--view', 'left')
+    assert server.get(f'/studies/{study}/rendered3D?viewport=64,48', png) == server.get(base, png)
+    # The standard's window has centre and width; its head has the front at the top.
+    assert server.get(base + '&renderingmethod=maximum_ip&window=50,400,linear-exact', png) == \
+        render('png', '--size', '64x48', '--png-bits', '8', '--mode', 'mip', '--window', '-150,250')
+    assert server.get(base + '&orientation=h', png) == \
+        render('png', '--size', '64x48', '--png-bits', '8', '--view', '180,90')
+    with open('got.dcm', 'wb') as f:
+        f.write(server.get(base, {'Accept': 'application/dicom'}))
+    assert pydicom.dcmread('got.dcm').StudyInstanceUID == study
+    # Example B.32: what the server chose, as a camera that gives the same picture.
+    module = json.loads(server.get(base + '&renderingmethod=volume_rendered&orientation=a&swivelrange=180&animationrate=20'
+                                   '&renderedvolumetricmetadata=yes', {'Accept': 'application/dicom+json'}))
+    value = {tag: v['Value'] for tag, v in module.items()}
+    assert value['00720510'] == ['3D_RENDERING'] and value['0070120D'] == ['VOLUME_RENDERED']
+    assert value['00701A06'] == [180] and value['00701A05'] == [5] and value['00701A03'] == [20]
+    assert value['00701605'] == [0, 0, 1] and value['00701603'][1] < value['00701604'][1], value
+    module = json.loads(server.get(base + '&orientation=r&renderedvolumetricmetadata=yes'))
+    camera = '&'.join(f'{name}={",".join(map(str, module[tag]["Value"]))}' for name, tag in
+                      [('viewpointposition', '00701603'), ('viewpointlookat', '00701604'), ('viewpointup', '00701605')])
+    assert server.get(f'{base}&{camera}', png) == server.get(base + '&orientation=r', png)
+    swivel = server.get(base + '&swivelrange=40&animationstepsize=20&accept=image/*')
+    assert swivel[:4] == b'RIFF' and swivel.count(b'ANMF') == 4
+    for text, query in [('volumeinputreference: not', 'volumeinputreference=1.2'), ('match: not', 'match=x'),
+                        ('volumetriccurvepoint: not', 'volumetriccurvepoint=1,2,3'), ('renderingmethod x', 'renderingmethod=x'),
+                        ('orientation q', 'orientation=q'), ('one or the other', 'orientation=a&viewpointup=0,0,1'),
+                        ('given together', 'viewpointposition=1,2,3'), ('roll', camera.replace('up=0,0,1', 'up=0,1,1')),
+                        ('CENTRE,WIDTH', 'window=50,400'), ('CENTRE,WIDTH', 'window=50,400,sigmoid'),
+                        ('given twice', 'viewport=9,9'), ('swivelrange is not said', 'animationrate=5'), ('not yes',
+                        'renderedvolumetricmetadata=no'), ('mprslab: belongs', 'mprslab=3'), ('frob: no such', 'frob=1')]:
+        server.refused(400, text, f'{base}&{query}')
+    server.refused(406, 'image/jpeg', base, headers={'Accept': 'video/mpeg'})
+    server.refused(406, 'image/jpeg', base + '&swivelrange=40', headers={'Accept': 'image/jpeg'})
+    for path in f'/studies/{study}/series/{uid}/renderedMPR', f'/studies/{study}', f'/studies/{study}/series/1.2/rendered3D', \
+            f'/studies/1.2/series/{uid}/rendered3D', '/studies/1.2/rendered3D', '/studies//series//rendered3D':
+        server.refused(404, '.', path)
+
+
+def crowded(server, series):
+    """Too many are told to come back; who has gone is forgotten; others are served meanwhile."""
+    slow = f'/series/{series}/picture.png?size=2048x2048&engine=raycast&view='
+    request = 'GET %s HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer ' + server.token + '\r\n\r\n'
+    crowd = []
+    for k in range(90):
+        crowd.append(socket.create_connection((server.host, server.port)))
+        crowd[-1].sendall((request % (slow + f'{k},0')).encode())
+    time.sleep(1)
+    headers = server.refused(503, 'too many', slow + '0,0')
+    assert headers['Retry-After'] == '1'
+    for s in crowd:
+        s.close()
+    start = time.monotonic()
+    while server.ask(f'/series/{series}/picture.png?{SMALL}')[0] == 503:
+        assert time.monotonic() - start < 60, 'those who have gone are waited for'
+        time.sleep(0.1)
+
+
+def hostile_one(server, chance):
+    """One connection that means no good; what comes back, if anything, is HTTP."""
+    alphabet = b'GETPOSHAD/ .:%?&=\r\n\0\xff{}[]"0123456789abcxyz'
+    junk = bytes(chance.choice(alphabet) for _ in range(chance.randrange(1, 400)))
+    start = chance.choice([b'', b'GET /series/', b'GET /studies/1.2/series/', b'GET / HTTP/1.1\r\nHost: ',
+                           b'GET /series/%00%2e%2e/%2e%2e/picture.png?size=', b'POST /series HTTP/1.1\r\nHost: localhost\r\n'
+                           b'Content-Length: 99999999999999999999\r\n\r\n', b'GET /' + b'a' * chance.randrange(70000),
+                           b'GET /series HTTP/1.1\r\nHost: localhost\r\nTransfer-Encoding: chunked\r\n\r\nffffffff\r\n',
+                           b'GET /series?' + b'&'.join([b'size=8x8'] * 200) + b' HTTP/1.1\r\nHost: localhost\r\n'
+                           b'Authorization: Bearer ' + server.token.encode() + b'\r\n\r\n'])
+    with socket.create_connection((server.host, server.port), timeout=2) as s:
+        try:
+            s.sendall(start + junk)
+            if chance.random() < 0.5:
+                s.shutdown(socket.SHUT_WR)
+                answer = s.recv(4096)
+                assert not answer or answer.startswith(b'HTTP/1.'), answer
+        except OSError:
+            pass  # what is no request yet is waited for longer than this
+
+
+def hostile(server, n):
+    seed = int(os.environ.get('CTS_SEED', '1'))
+    idle = [socket.create_connection((server.host, server.port)) for _ in range(1000 if soak else 100)]
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda k: hostile_one(server, random.Random(f'{seed} {k}')), range(n)))
+    server.series()
+    for s in idle:
+        s.close()
+
+
+def leaves_cleanly(series):
+    """Requests under way when the server ends are answered."""
+    with Server(ctsplat, data) as server:
+        statuses = []
+        slow = f'/series/{series}/picture.png?size=4096x4096&engine=raycast&view='
+        askers = [threading.Thread(target=lambda k=k: statuses.append(server.ask(slow + f'{k},0')[0])) for k in range(6)]
+        for a in askers:
+            a.start()
+        time.sleep(1)
+        server.process.terminate()
+        for a in askers:
+            a.join()
+        assert statuses == [503] * 6, statuses
+
+
+def starts():
+    """What cannot be served is one line and the right exit code; a socket needs no token."""
+    for code, text, args in [(2, 'nothing to serve', []), (3, 'no such|cannot be', ['nowhere']),
+                             (2, 'need TLS', [data, '--listen', '0.0.0.0:0']), (2, 'HOST:PORT', [data, '--listen', 'x']),
+                             (2, 'not a size', [data, '--memory', '1k']), (3, '16 characters', [data, '--token-file', 'short']),
+                             (2, 'not an option of serve', [data, '--preset', 'bone'])]:
+        with open('short', 'w') as f:
+            f.write('short\n')
+        done = subprocess.run([ctsplat, 'serve', *args], capture_output=True, text=True, timeout=60)
+        assert done.returncode == code and done.stderr.count('error:') == 1, (args, done)
+    with Server(ctsplat, data, listen='unix:here.sock'):
+        assert os.stat('here.sock').st_mode & 0o777 == 0o600
+        with socket.socket(socket.AF_UNIX) as s:
+            s.connect('here.sock')
+            s.sendall(b'GET /series HTTP/1.0\r\n\r\n')
+            assert b' 200 ' in s.recv(4096)
+    assert not os.path.exists('here.sock')
+
+
+def memory():
+    """What was not asked for longest goes; where all are in use, that is said."""
+    with Server(ctsplat, data, '--memory', '1M') as server:
+        picture = f'/series/{server.series()[0]["id"]}/picture.png?{SMALL}&crop=-500,500,-500,500,-500,'
+        bodies = [server.get(picture + str(k)) for k in range(-60, 60, 10)]
+        assert len(set(bodies)) == 12, 'crops differ'
+        assert server.get(picture + "-60") == bodies[0]
+        with ThreadPoolExecutor(8) as pool:
+            for k, (status, _, body) in enumerate(pool.map(server.ask, [picture + str(k) for k in range(-60, 60, 10)])):
+                assert body == bodies[k] if status == 200 else status == 503 and b'no room' in body, (status, body[:99])
+
+
+first = pydicom.dcmread(next(os.path.join(data, name) for name in sorted(os.listdir(data))))
+starts()
+with Server(ctsplat, data, '--host', 'known.example') as whole:
+    listed = whole.series()
+    assert len(listed) == 1 and listed[0]['renderable'] and listed[0]['dims'] == [64, 64, 48], listed
+    name = listed[0]['id']
+    equal_bytes(whole, name)
+    words(whole, name)
+    guarded(whole, name)
+    rendered(whole, first.StudyInstanceUID, first.SeriesInstanceUID)
+    hostile(whole, 10000 if soak else 300)
+    crowded(whole, name)
+    told = whole.stderr()
+    assert whole.series()[0]['id'] == name and whole.series()[0]['loaded']
+assert data not in told and first.SeriesInstanceUID not in told and str(first.PatientName) not in told, told
+leaves_cleanly(name)
+memory()
