@@ -22,7 +22,7 @@ typedef enum CtsScCompression {
 } CtsScCompression;
 extern const char *const cts_sc_compression_names[CTS_SC_N_COMPRESSIONS];
 
-enum { CTS_QUALITY_DEFAULT = 90 };
+enum { CTS_QUALITY_DEFAULT = 90, CTS_FRAME_RATE_DEFAULT = 10 };
 
 typedef struct CtsExportSettings {
     const CtsSeries *source;      /* whose study a secondary capture joins; NULL where none is written */
@@ -33,7 +33,7 @@ typedef struct CtsExportSettings {
     const char *series_description; /* of secondary captures, ASCII, at most 64 characters; NULL: chosen likewise */
     bool png_8_bits;                /* a .png has 8 bits a sample, not 16 */
     int quality;                    /* of .jpg and .webp, 1 to 100; 0: the default */
-    int frame_rate;                 /* frames a second of an animated .webp; 0: 10 */
+    int frame_rate;                 /* frames a second of an animated .webp; 0: the default */
     bool scratch;                   /* the file is for this process alone, and does not wait for the disk */
     bool force;                     /* overwrite a file that exists; else CTS_ERR_OUTPUT */
     int n_threads;

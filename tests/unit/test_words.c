@@ -32,7 +32,8 @@ static const char *sample_of(const CtsOption *o)
 {
     static const struct {
         const char *name, *value;
-    } samples[] = {{"size", "64x48"}, {"kernel", "cone:2"}, {"crop", "0,1,0,1,0,1"}, {"annotate", "scale"}};
+    } samples[] = {{"size", "64x48"},     {"kernel", "cone:2"}, {"crop", "0,1,0,1,0,1"},
+                   {"annotate", "scale"}, {"centre", "1,2,3"},  {"swivel", "40,20"}};
     for (size_t i = 0; i < sizeof samples / sizeof *samples; i++)
         if (!strcmp(samples[i].name, o->name))
             return samples[i].value;
@@ -161,8 +162,8 @@ static void test_memory(void **state)
     snprintf(source, sizeof source, "%s/phantom", root);
     snprintf(a, sizeof a, "%s/a.png", folder);
     snprintf(b, sizeof b, "%s/b.png", folder);
-    CtsWord words[] = {{.name = "path", .value = source},   {.name = "output", .value = a},
-                       {.name = "size", .value = "96x80"},  {.name = "preset", .value = "skin"},
+    CtsWord words[] = {{.name = "path", .value = source},      {.name = "output", .value = a},
+                       {.name = "size", .value = "96x80"},     {.name = "preset", .value = "skin"},
                        {.name = "annotate", .value = "scale"}, {.name = "rotation", .value = "3"}};
     CtsError err = {0};
     CtsPicture *picture = NULL;

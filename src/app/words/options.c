@@ -27,6 +27,7 @@ void cts_options_begin(CtsOptions *options)
                             .free_percent = 10};
     cts_render_defaults(&options->render);
     options->export.quality = CTS_QUALITY_DEFAULT;
+    options->export.frame_rate = CTS_FRAME_RATE_DEFAULT;
     options->render.fit = CTS_FIT_VISIBLE;
 }
 

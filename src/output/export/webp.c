@@ -8,7 +8,7 @@
 #include <webp/mux.h>
 
 /* METHOD: libwebp's fastest; its others take three times as long for a tenth fewer bytes of a render. */
-enum { METHOD = 0, FRAME_RATE = 10 };
+enum { METHOD = 0 };
 
 typedef struct WebpWriter {
     WebPConfig config;
@@ -65,7 +65,7 @@ static int put_bytes(const uint8_t *bytes, size_t n, const WebPPicture *picture)
 /* When a frame is shown; frames of a rate that divides no second differ by a millisecond, and none is lost. */
 static int time_ms(const CtsExportJob *job, int frame)
 {
-    const int rate = job->settings.frame_rate ? job->settings.frame_rate : FRAME_RATE;
+    const int rate = job->settings.frame_rate ? job->settings.frame_rate : CTS_FRAME_RATE_DEFAULT;
     return (int)((int64_t)frame * 1000 / rate);
 }
 

@@ -1,4 +1,4 @@
-#include "app/serve/accept.h"
+#include "app/serve/media_type.h"
 
 #include <stdlib.h>
 #include <string.h>
