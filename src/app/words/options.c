@@ -204,7 +204,7 @@ static CtsStatus write_recipe(CtsOptions *options, CtsError *err)
 static CtsStatus check_peers(const CtsOptions *o, CtsCommand command, CtsError *err)
 {
     if (command == CTS_FOR_SERVE)
-        return cts_net_check(&o->net, err);
+        return cts_net_check(o->from.given ? &o->from.peer : NULL, &o->net, err);
     if (o->from.given && o->paths.n > 0)
         return cts_fail(err, CTS_ERR_USAGE, "`from`: %s is given too (a PATH or a peer, not both)", o->paths.items[0]);
     if (!o->from.given && (o->study_uid || o->peer_series_uid || o->net.move_port))
