@@ -59,7 +59,7 @@ include | | base core input render output app
 
 everywhere=' assert ctype dirent endian errno fcntl float fnmatch ftw glob inttypes libgen limits locale math
  poll pthread sched semaphore setjmp signal spawn stdalign stdarg stdatomic stdbool stddef stdint stdio stdlib string
- strings sys/file sys/mman sys/prctl sys/random sys/resource sys/shm sys/socket sys/stat sys/statvfs sys/syscall sys/time sys/types
+ strings sys/file sys/mman sys/prctl sys/random sys/resource sys/shm sys/socket sys/stat sys/statvfs sys/syscall sys/sysinfo sys/time sys/types
  sys/wait time unistd wchar '
 cxx=' algorithm array atomic cctype charconv cerrno climits cmath cstdarg cstddef cstdint cstdio cstdlib cstring exception functional
  limits map memory mutex new optional set shared_mutex stdexcept string string_view thread utility vector '

@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/sysinfo.h>
 
 /* From this size on, huge pages save most of the page faults; below, they would waste memory. What is left of the last
  * one gets small pages, unless it is half of a huge one or more. */
@@ -88,6 +89,10 @@ uint64_t cts_memory_available(void)
             kib = 0;
     if (file)
         fclose(file);
+    /* A service may see nothing of /proc but processes: then what is free and no cache. */
+    struct sysinfo machine;
+    if (kib == 0 && !sysinfo(&machine))
+        return (uint64_t)machine.freeram * machine.mem_unit;
     return (uint64_t)kib * 1024;
 }
 
