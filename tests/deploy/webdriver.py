@@ -23,7 +23,7 @@ def missing():
 
 
 class Browser:
-    def __init__(self, width=1400, height=900, dark=False, touch=False):
+    def __init__(self, width=1400, height=900, dark=False, touch=False, network=False):
         self.folder = tempfile.mkdtemp(prefix='browser-')
         self.log = open(os.path.join(self.folder, 'chromedriver.log'), 'wb')
         self.driver = subprocess.Popen(['chromedriver', '--port=0'], stdout=subprocess.PIPE, stderr=self.log, text=True)
@@ -37,7 +37,7 @@ class Browser:
         self.base = f'http://127.0.0.1:{found[1]}'
         arguments = ['--headless=new', '--no-sandbox', '--disable-gpu', '--disable-dev-shm-usage', '--hide-scrollbars',
                      f'--user-data-dir={self.folder}/profile', f'--window-size={width},{height}',
-                     '--host-resolver-rules=MAP * ~NOTFOUND', '--disable-background-networking',
+                     '--host-resolver-rules=MAP * ~NOTFOUND' + ', EXCLUDE 127.0.0.1' * network, '--disable-background-networking',
                      '--force-device-scale-factor=1']
         options = {'args': arguments, 'binary': shutil.which('chromium')}
         options['perfLoggingPrefs'] = {'enableNetwork': True}

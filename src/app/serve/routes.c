@@ -59,7 +59,7 @@ static bool answer_asset(CtsServer *server, CtsHttpRequest *request, const char 
             continue;
         cts_answer_bytes(&answer, server, 200, a->media_type, a->bytes, a->n_bytes, true);
         cts_answer_header(&answer, "Content-Security-Policy",
-                          "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob:; "
+                          "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
                           "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'");
         cts_answer_header(&answer, "Referrer-Policy", "no-referrer");
         server->http->answer(request, &answer);

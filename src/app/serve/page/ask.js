@@ -1,8 +1,9 @@
-// Requests to the server. One that nobody waits for any more is given up, which ends its picture on the server too.
+// Requests to the server, and what every part of the page needs.
 
 const pause = ms => new Promise(done => setTimeout(done, ms));
 
-// {blob, scene}; an error has the server's own line. Where too many wait it asks again.
+// {blob, scene}; an error has the server's own line. Where too many wait it asks again. One that nobody waits for any
+// more is given up by its signal, which ends its picture on the server too.
 export async function ask(path, signal) {
   for (;;) {
     const answer = await fetch(path, {signal});
@@ -14,4 +15,20 @@ export async function ask(path, signal) {
     await pause(1000 * answer.headers.get('Retry-After'));
     signal?.throwIfAborted();
   }
+}
+
+let last = Promise.resolve();
+// Small pictures are made one after the other.
+export function inTurn(make) {
+  last = last.then(make);
+}
+
+export function element(name, properties, ...children) {
+  const e = Object.assign(document.createElement(name), properties);
+  e.append(...children);
+  return e;
+}
+
+export function status(text) {
+  document.getElementById('status').textContent = text;
 }

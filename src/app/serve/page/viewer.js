@@ -1,0 +1,220 @@
+// One volume from all sides. While it moves: drafts; when it rests: the full picture, with the bound of its error.
+import {ask, element, inTurn, status} from './ask.js';
+import {listen} from './hands.js';
+
+const SIDES = {a: ['anterior', 0, 0], p: ['posterior', 180, 0], l: ['left', 90, 0], r: ['right', 270, 0],
+  h: ['head', 0, 90], f: ['feet', 0, -90]};
+const DRAFT = '8', REST_MS = 150, MOST = 1024;
+const id = name => document.getElementById(name);
+
+// What is seen: azimuth and elevation in degrees; scale and centre once the first picture has told them.
+let look = null;
+let series = null;
+let presets = [];
+
+function words() {
+  const w = {preset: look.preset, view: `${+look.azimuth.toFixed(2)},${+look.elevation.toFixed(2)}`, size: look.size};
+  if (look.mm) {
+    w['mm-per-pixel'] = look.mm.toPrecision(6);
+    w.centre = look.centre.map(x => x.toFixed(3)).join(',');
+  }
+  if (look.window)
+    w.window = look.window.join(',');
+  return w;
+}
+
+function path(ending, more) {
+  return `series/${series.id}/picture.${ending}?${new URLSearchParams({...words(), ...more})}`;
+}
+
+function stageSize() {
+  const stage = id('stage'), factor = Math.min(devicePixelRatio, MOST / stage.clientWidth, MOST / stage.clientHeight);
+  return `${Math.round(stage.clientWidth * factor)}x${Math.round(stage.clientHeight * factor)}`;
+}
+
+let shown = null; // the address of what is on the stage
+function put(blob) {
+  if (shown)
+    URL.revokeObjectURL(shown);
+  id('picture').src = shown = URL.createObjectURL(blob);
+}
+
+function tell(scene, isDraft) {
+  const view = `${scene.view[0].toFixed(0)}°, ${scene.view[1].toFixed(0)}°, ${scene.mm_per_pixel.toPrecision(3)} mm a pixel`;
+  const bound = scene.bound_255 === undefined ? '' : `, error at most ${scene.bound_255.toPrecision(2)}/255 rms`;
+  id('told').textContent = isDraft ? view : view + bound;
+  id('stage').dataset.rests = !isDraft;
+  id('picture').alt = `${look.preset}, ${view}`;
+  if (!isDraft)
+    status(scene.warnings.join('; '));
+}
+
+// One draft at a time: the newest look waits, what lies between is left out.
+let drafting = false, wanted = false, resting = null, restTimer = 0;
+async function draft() {
+  wanted = true;
+  clearTimeout(restTimer);
+  resting?.abort();
+  if (drafting)
+    return;
+  drafting = true;
+  try {
+    while (wanted && look) {
+      wanted = false;
+      const {blob, scene} = await ask(path('jpg', {'max-error': DRAFT, quality: 80}));
+      if (look) {
+        put(blob);
+        tell(scene, true);
+      }
+    }
+  } catch (e) {
+    status(e.message);
+  }
+  drafting = false;
+  clearTimeout(restTimer);
+  restTimer = setTimeout(rest, REST_MS);
+}
+
+async function rest() {
+  if (!look)
+    return;
+  resting = new AbortController();
+  const {signal} = resting;
+  try {
+    const {blob, scene} = await ask(path('png'), signal);
+    if (signal.aborted || !look)
+      return;
+    put(blob);
+    look.mm ??= scene.mm_per_pixel;
+    look.centre ??= scene.centre;
+    tell(scene, false);
+    showWindow(scene);
+    showCommand();
+  } catch (e) {
+    if (e.name !== 'AbortError')
+      status(e.message);
+  }
+}
+
+function showWindow(scene) {
+  id('window').hidden = scene.mode === 'composite';
+  if (document.activeElement?.type !== 'number')
+    [id('low').value, id('high').value] = scene.window_hu.map(x => Math.round(x));
+}
+
+function showCommand() {
+  const text = Object.entries(words()).map(([name, value]) => `--${name} ${value}`).join(' ');
+  id('command').textContent = `ctsplat render PATH -o picture.png --png-bits 8 ${text}`;
+  for (const a of id('downloads').children)
+    a.href = path(a.dataset.ending);
+}
+
+const turn = (azimuth, elevation) => {
+  look.azimuth = (look.azimuth + azimuth + 360) % 360;
+  look.elevation = Math.max(-90, Math.min(90, look.elevation + elevation));
+  draft();
+};
+
+// Right and up on the picture, by so many of its pixels.
+const move = (right, up) => {
+  if (!look.mm)
+    return;
+  const a = look.azimuth * Math.PI / 180, e = look.elevation * Math.PI / 180;
+  const across = [Math.cos(a), Math.sin(a), 0];
+  const upward = [-Math.sin(e) * Math.sin(a), Math.sin(e) * Math.cos(a), Math.cos(e)];
+  look.centre = look.centre.map((c, i) => c - look.mm * (right * across[i] + up * upward[i]));
+  draft();
+};
+
+const zoom = factor => {
+  if (look.mm)
+    look.mm = Math.max(0.01, Math.min(10, look.mm / factor));
+  draft();
+};
+
+const all = () => {
+  look.mm = look.centre = undefined;
+  draft();
+};
+
+const side = key => {
+  [, look.azimuth, look.elevation] = SIDES[key];
+  draft();
+};
+
+function choose(preset) {
+  look.preset = preset.name;
+  look.window = undefined;
+  for (const b of id('presets').children)
+    b.setAttribute('aria-checked', b.dataset.name === preset.name);
+  draft();
+}
+
+function presetButton(preset) {
+  const picture = element('img', {alt: '', width: 96, height: 96});
+  const button = element('button', {type: 'button', onclick: () => choose(preset)}, picture, preset.name);
+  const own = series;
+  button.dataset.name = preset.name;
+  button.setAttribute('role', 'radio');
+  button.setAttribute('aria-checked', look.preset === preset.name);
+  inTurn(async () => {
+    if (series !== own || !look)
+      return;
+    const query = new URLSearchParams({preset: preset.name, size: '96x96', 'max-error': DRAFT, quality: 80});
+    const answer = await ask(`series/${own.id}/picture.webp?${query}`).catch(() => null);
+    if (answer)
+      picture.src = URL.createObjectURL(answer.blob);
+  });
+  return button;
+}
+
+function changeWindow() {
+  const hu = [+id('low').value, +id('high').value];
+  if (hu[0] < hu[1]) {
+    look.window = hu;
+    draft();
+  }
+}
+
+function prepare() {
+  for (const [key, [name]] of Object.entries(SIDES))
+    id('sides').append(element('button', {type: 'button', textContent: name, onclick: () => side(key)}));
+  for (const ending of ['png', 'jpg', 'webp', 'exr', 'dcm']) {
+    const link = element('a', {className: 'button', textContent: ending.toUpperCase(), download: `picture.${ending}`});
+    link.dataset.ending = ending;
+    id('downloads').append(link);
+  }
+  id('low').onchange = id('high').onchange = changeWindow;
+  listen(id('stage'), {turn, move, zoom, all, side, scale: () => Number(look.size.split('x')[0]) / id('stage').clientWidth});
+  new ResizeObserver(() => {
+    if (look && id('stage').clientWidth && look.size !== stageSize()) {
+      const before = look.size.split('x')[0];
+      look.size = stageSize();
+      if (look.mm)
+        look.mm *= before / look.size.split('x')[0];
+      draft();
+    }
+  }).observe(id('stage'));
+}
+
+export async function open(chosen) {
+  if (!presets.length) {
+    presets = JSON.parse(await (await ask('presets')).blob.text());
+    prepare();
+  }
+  series = chosen;
+  look = {preset: 'bone', azimuth: 0, elevation: 0, size: stageSize()};
+  // Ours and the user's own; Slicer's have the names that begin with ct-.
+  id('presets').replaceChildren(...presets.filter(p => !p.name.startsWith('ct-')).map(presetButton));
+  id('picture').removeAttribute('src');
+  id('told').textContent = 'reading …';
+  id('stage').focus();
+  showCommand();
+  draft();
+}
+
+export function close() {
+  resting?.abort();
+  clearTimeout(restTimer);
+  look = null;
+}

@@ -1,0 +1,117 @@
+#!/usr/bin/env python3
+"""The page of ctsplat serve in a headless Chromium: serve_page.py CTSPLAT LOOPBACK_SO DATA [PICTURES]
+
+Runs with CTS_SOAK set (./dev soak). With PICTURES, screenshots are left in that folder."""
+import os
+import subprocess
+import sys
+import time
+
+sys.path.insert(0, os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', 'deploy'))
+import webdriver  # noqa: E402
+from server import Server  # noqa: E402
+
+ctsplat, _, data, *pictures = sys.argv[1:]
+RESTS = "document.querySelector('#stage').dataset.rests === 'true'"
+
+
+def until(browser, script, seconds=60):
+    end = time.monotonic() + seconds
+    while not browser.run('return ' + script):
+        assert time.monotonic() < end, (script, browser.run("return document.querySelector('#status').textContent"))
+        time.sleep(0.05)
+
+
+def rested(browser, doing):
+    """What the stage tells once it rests again after doing."""
+    before = browser.run("return document.querySelector('#picture').src")
+    doing()
+    until(browser, f"document.querySelector('#picture').src !== '{before}' && {RESTS}")
+    return browser.run("return document.querySelector('#told').textContent")
+
+
+def shot(browser, name):
+    if pictures:
+        browser.screenshot(os.path.join(pictures[0], name + '.png'))
+
+
+def pointer(browser, kind, x, y, **more):
+    browser.devtools('Input.dispatchMouseEvent', {'type': kind, 'x': x, 'y': y, **more})
+
+
+def drag(browser, dx, dy, shift=False):
+    held = {'button': 'left', 'buttons': 1, 'modifiers': 8 if shift else 0}
+    pointer(browser, 'mousePressed', 400, 400, clickCount=1, **held)
+    for k in range(1, 6):
+        pointer(browser, 'mouseMoved', 400 + dx * k / 5, 400 + dy * k / 5, **held)
+    pointer(browser, 'mouseReleased', 400 + dx, 400 + dy, clickCount=1, **held)
+
+
+def key(browser, name, text=None):
+    for kind in 'keyDown', 'keyUp':
+        browser.devtools('Input.dispatchKeyEvent', {'type': kind, 'key': name, **({'text': text} if text and kind == 'keyDown' else {})})
+
+
+def downloads(browser, server):
+    """The picture, and the command that makes the same one."""
+    base = browser.run("return document.querySelector('#downloads a').getAttribute('href')")
+    command = browser.run("return document.querySelector('#command').textContent").split()
+    assert command[:2] == ['ctsplat', 'render'], command
+    command = [ctsplat if w == 'ctsplat' else data if w == 'PATH' else w for w in command]
+    subprocess.run([*command, '--force'], check=True, capture_output=True)
+    with open('picture.png', 'rb') as f:
+        assert f.read() == server.get('/' + base), base
+
+
+def turn(browser, server):
+    until(browser, "document.querySelectorAll('.card').length === 1 && document.querySelector('.card img').naturalWidth > 0")
+    shot(browser, 'list')
+    assert 'error at most' in rested(browser, lambda: browser.run("document.querySelector('.card').click()"))
+    assert rested(browser, lambda: drag(browser, -60, 0)).startswith('30°, 0°')
+    assert rested(browser, lambda: drag(browser, 0, 40)).startswith('30°, 20°')
+    scale = browser.run("return document.querySelector('#told').textContent").split(', ')[2]
+    assert rested(browser, lambda: pointer(browser, 'mouseWheel', 400, 400, deltaX=0, deltaY=-200)).split(', ')[2] < scale
+    rested(browser, lambda: drag(browser, 30, 10, shift=True))
+    shot(browser, 'turned')
+    downloads(browser, server)
+    assert rested(browser, lambda: key(browser, 'h', 'h')).startswith('0°, 90°')
+    assert rested(browser, lambda: key(browser, 'ArrowRight')).startswith('5°, 90°')
+    assert scale != rested(browser, lambda: key(browser, '+', '+')).split(', ')[2]
+    rested(browser, lambda: key(browser, '0', '0'))
+
+
+def choose(browser, server):
+    """A preset for grey pictures has a window."""
+    assert browser.run("return document.querySelector('#window').hidden")
+    rested(browser, lambda: browser.run("document.querySelector('[data-name=bone-window]').click()"))
+    until(browser, "!document.querySelector('#window').hidden")
+    rested(browser, lambda: browser.run("const low = document.querySelector('#low'); low.value = 0; low.onchange()"))
+    assert 'window 0,' in browser.run("return document.querySelector('#command').textContent")
+    downloads(browser, server)
+    until(browser, "[...document.querySelectorAll('#presets img')].every(i => i.naturalWidth > 0)")
+    shot(browser, 'presets')
+    unnamed = browser.run("return [...document.querySelectorAll('button, a, input')].filter(e => e.offsetParent && "
+                          "!(e.textContent.trim() || e.labels?.length || e.getAttribute('aria-label'))).length")
+    assert unnamed == 0, unnamed
+
+
+if not os.environ.get('CTS_SOAK'):
+    print('skip: not asked for (CTS_SOAK=1 runs it)')
+    sys.exit(77)
+if webdriver.missing():
+    print('skip: no', webdriver.missing())
+    sys.exit(77)
+with Server(ctsplat, data) as whole:
+    for wide, high, dark in (1200, 850, False), (390, 844, True):
+        with webdriver.Browser(wide, high, dark=dark, network=True) as window:
+            window.open(whole.url)
+            if wide > 1000:
+                turn(window, whole)
+                choose(window, whole)
+            else:
+                until(window, "document.querySelectorAll('.card').length === 1")
+                rested(window, lambda: window.run("document.querySelector('.card').click()"))
+                assert window.run('return document.documentElement.scrollWidth') <= wide
+                shot(window, 'phone')
+            said = window.messages()
+            assert not said, said
