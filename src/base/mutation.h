@@ -47,6 +47,7 @@
         fault(HALVES)            /* tiled: pieces that err too much are not halved */                                  \
         fault(HIDING)            /* labels: what is hidden stays in the gradients and in the paper engines */          \
         fault(OVERLAP)           /* labels: what several hold the last of them owns */                                 \
+        fault(EDGES)             /* tiled: rays keep the look that they enter a cell with */                           \
         fault(OWNER_CUTS)        /* raycast: the owner of a cell's middle has all of it */
 
 #define CTS_MUTATION_ENTRY(name) CTS_MUTATION_##name,

@@ -63,6 +63,7 @@ static const Proof proofs[] = {
     PROOF(HALVES, "a line at 45"),
     PROOF(HIDING, "labels: hidden voxels are air"),
     PROOF(OVERLAP, "labels: one in another, hidden"),
+    PROOF(EDGES, "labels: hidden diagonal"),
     PROOF(OWNER_CUTS, "labels: hidden diagonal"),
 };
 

@@ -107,7 +107,10 @@ static void look_into_rows(void *context, int worker, size_t first, size_t end)
         memset(all, 0xff, (size_t)n_words * sizeof *all);
         for (int k = k0; k < k0 + CTS_FINE_MACROCELL && k < cells[2]; k++)
             for (int j = j0; j < j0 + CTS_FINE_MACROCELL && j < cells[1]; j++) {
-                cts_body_mask_row(p->body, j, k, cells[0], own);
+                if (p->body)
+                    cts_body_mask_row(p->body, j, k, cells[0], own);
+                else
+                    memset(own, 0xff, (size_t)n_words * sizeof *own);
                 for (int w = 0; w < n_words; w++) {
                     some[w] |= own[w];
                     all[w] &= own[w];
@@ -116,9 +119,10 @@ static void look_into_rows(void *context, int worker, size_t first, size_t end)
         for (int bi = 0; bi < n[0]; bi++) {
             const int at = bi * CTS_FINE_MACROCELL, left = cells[0] - at;
             const uint64_t mask = (UINT64_C(1) << (left < CTS_FINE_MACROCELL ? left : CTS_FINE_MACROCELL)) - 1;
-            s->sees[row * (size_t)n[0] + (size_t)bi] = !(some[at / 64] >> at % 64 & mask)       ? CTS_SEES_NONE
-                                                       : (~all[at / 64] >> at % 64 & mask) == 0 ? CTS_SEES_ALL
-                                                                                                : CTS_SEES_SOME;
+            const int look = p->owners ? p->owners->block[row * (size_t)n[0] + (size_t)bi] : CTS_LOOK_PRESET;
+            const bool none = look == CTS_LOOK_HIDDEN || !(some[at / 64] >> at % 64 & mask);
+            const bool whole = look != CTS_LOOKS_DIFFER && (~all[at / 64] >> at % 64 & mask) == 0;
+            s->sees[row * (size_t)n[0] + (size_t)bi] = none ? CTS_SEES_NONE : whole ? CTS_SEES_ALL : CTS_SEES_SOME;
         }
     }
 }
@@ -144,7 +148,7 @@ static CtsStatus prepare(Projecting *pr, int n_threads, uint8_t **sees, CtsError
         if ((st = cts_alloc_array(&pr->scratch[t].bound, n_layers, err)) ||
             (st = cts_alloc_array(&pr->scratch[t].order, n_layers, err)))
             return st;
-    if (projector->body) {
+    if (projector->body || projector->owners) {
         if ((st = cts_alloc_array(sees, (size_t)n[0] * (size_t)n[1] * (size_t)n[2], err)))
             return st;
         Seeing seeing = {projector, *sees};
@@ -178,6 +182,7 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
                                               .view = &scene->view,
                                               .mode = scene->preset->mode,
                                               .body = cts_scene_body(scene),
+                                              .owners = v->owners && v->owners->shown ? v->owners : NULL,
                                               .stride = {1, v->dims[0], (ptrdiff_t)v->dims[0] * v->dims[1]}}};
     const CtsMode mode = scene->preset->mode;
     uint8_t *sees = NULL;

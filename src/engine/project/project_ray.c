@@ -141,6 +141,59 @@ static double cell_extreme(const CtsProjectedRay *ray, const int cell[3], const 
     return best;
 }
 
+/* The stretches of a ray in a cell: from stretch i - 1's end (from) to its own. */
+static int stretches_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
+                        CtsStretch stretch[CTS_CELL_STRETCHES])
+{
+    double enter[3], leave[3];
+    stretch[0] = (CtsStretch){1, CTS_LOOK_PRESET};
+    if (!cts_project_sees_part(p, cell))
+        return 1;
+    for (int a = 0; a < 3; a++) {
+        enter[a] = clamp01(ray->start[a] + from * ray->step[a] - cell[a]);
+        leave[a] = clamp01(ray->start[a] + to * ray->step[a] - cell[a]);
+    }
+    return cts_owner_stretches(p->owners, cell, enter, leave, stretch);
+}
+
+bool cts_project_extreme_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from,
+                            double to, double sign, double *best)
+{
+    CtsStretch stretch[CTS_CELL_STRETCHES];
+    double v[8], begin = from;
+    bool seen = false;
+    corners(p, cell, v);
+    const int n = stretches_in(p, ray, cell, from, to, stretch);
+    for (int i = 0; i < n; i++) {
+        const double end = i + 1 < n ? from + stretch[i].end * (to - from) : to;
+        if (stretch[i].look != CTS_LOOK_HIDDEN) {
+            *best = fmax(*best, sign * cell_extreme(ray, cell, v, begin, end, sign));
+            seen = true;
+        }
+        begin = end;
+    }
+    return seen;
+}
+
+void cts_project_mean_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
+                         double *sum, double *length)
+{
+    CtsStretch stretch[CTS_CELL_STRETCHES];
+    double v[8], begin = from;
+    corners(p, cell, v);
+    const int n = stretches_in(p, ray, cell, from, to, stretch);
+    for (int i = 0; i < n; i++) {
+        const double end = i + 1 < n ? from + stretch[i].end * (to - from) : to;
+        if (stretch[i].look != CTS_LOOK_HIDDEN) {
+            *length += end - begin;
+            *sum += (end - begin) / 6 *
+                    (field_at(ray, cell, v, begin) + 4 * field_at(ray, cell, v, (begin + end) / 2) +
+                     field_at(ray, cell, v, end));
+        }
+        begin = end;
+    }
+}
+
 static CtsRange macrocell_range(const CtsProjector *p, const int macrocell[3])
 {
     const int *n = p->macrocells->n_fine;
@@ -167,7 +220,7 @@ static double extreme(const CtsProjector *p, const CtsProjectedRay *ray, double 
             for (int c = 0; c < 8; c++)
                 bound = sign * v[c] > bound ? sign * v[c] : bound;
             if (bound > best)
-                best = fmax(best, sign * cell_extreme(ray, cells.box, v, cells.t, cells.next, sign));
+                cts_project_extreme_in(p, ray, cells.box, cells.t, cells.next, sign, &best);
         } while (advance(&cells));
     } while (advance(&macrocells));
     return sign * best;
@@ -182,21 +235,15 @@ static double mean(const CtsProjector *p, const CtsProjectedRay *ray)
     Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
     do {
         const CtsRange r = macrocell_range(p, macrocells.box);
-        if (r.low == r.high && !p->body) {
+        if (r.low == r.high && !p->body && !p->owners) {
             sum += r.low * (macrocells.next - macrocells.t) * (CTS_MUTATED(AVERAGE_BLOCK) ? 0.98 : 1);
             length += macrocells.next - macrocells.t;
             continue;
         }
         Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
         do {
-            double v[8];
-            if (!cts_project_sees(p, cells.box))
-                continue;
-            corners(p, cells.box, v);
-            length += cells.next - cells.t;
-            sum += (cells.next - cells.t) / 6 *
-                   (field_at(ray, cells.box, v, cells.t) + 4 * field_at(ray, cells.box, v, (cells.t + cells.next) / 2) +
-                    field_at(ray, cells.box, v, cells.next));
+            if (cts_project_sees(p, cells.box))
+                cts_project_mean_in(p, ray, cells.box, cells.t, cells.next, &sum, &length);
         } while (advance(&cells));
     } while (advance(&macrocells));
     return length > 0 ? sum / length : INFINITY;

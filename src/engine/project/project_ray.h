@@ -5,6 +5,7 @@
 #include "core/scene/engine.h"
 #include "core/volume/body_mask.h"
 #include "core/volume/macrocells.h"
+#include "core/volume/owners.h"
 
 typedef struct CtsProjector {
     const CtsVolume *volume;
@@ -12,6 +13,7 @@ typedef struct CtsProjector {
     const CtsView *view;
     CtsMode mode;
     const CtsBodyMask *body; /* what alone is seen; NULL: all */
+    const CtsOwners *owners; /* some of whom are hidden; NULL: nobody is */
     ptrdiff_t stride[3];     /* of voxels */
 } CtsProjector;
 
@@ -27,7 +29,22 @@ double cts_project_along(const CtsProjector *projector, const CtsProjectedRay *r
 
 static inline bool cts_project_sees(const CtsProjector *p, const int cell[3])
 {
-    return !p->body || cts_body_mask_has(p->body, cell);
+    return (!p->body || cts_body_mask_has(p->body, cell)) &&
+           (!p->owners || cts_look_of_cell(p->owners, cell) != CTS_LOOK_HIDDEN);
 }
+
+/* Cells of which only a part is seen. */
+static inline bool cts_project_sees_part(const CtsProjector *p, const int cell[3])
+{
+    return p->owners && cts_look_of_cell(p->owners, cell) == CTS_LOOKS_DIFFER;
+}
+
+/* What is seen of a cell that the ray is in from t = `from` to `to`: *best becomes the largest (sign 1, or the smallest
+ * times -1) of what it was and that; false, and nothing has changed, where nothing is seen. */
+bool cts_project_extreme_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from,
+                            double to, double sign, double *best);
+/* Grey level times length, and length. */
+void cts_project_mean_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
+                         double *sum, double *length);
 
 #endif

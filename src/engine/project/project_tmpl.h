@@ -248,6 +248,28 @@ static vm seen_of(const CtsProjector *p, vm mask, const vi cell[3])
     return mask;
 }
 
+/* Of the lanes in the mask, those whose cell is seen in part. */
+static vm partly_of(const CtsProjector *p, vm mask, const vi cell[3])
+{
+    for (int l = 0; l < LANES; l++)
+        if (mask[l]) {
+            const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
+            mask[l] = cts_project_sees_part(p, at) ? -1 : 0;
+        }
+    return mask;
+}
+
+static CtsProjectedRay ray_of(const Way *w, const Packet *r, int lane)
+{
+    CtsProjectedRay ray = {.t0 = r->t0[lane], .t1 = r->t1[lane]};
+    for (int a = 0; a < 3; a++) {
+        ray.start[a] = r->start[a][lane];
+        ray.step[a] = w->step[a];
+        ray.per_step[a] = w->per_step[a];
+    }
+    return ray;
+}
+
 /* The largest of the cubic between two times, as in project_ray.c. */
 INLINE vd largest_between(const Way *w, const Packet *r, const vi cell[3], const vd v[8], vd from, vd to)
 {
@@ -277,6 +299,21 @@ typedef struct Found {
     vm seen;
 } Found;
 
+/* Lanes whose cell is seen in part, one by one. */
+static void look_at_parts(const CtsProjection *p, const Way *w, const Packet *r, const vi cell[3], const vd t[2],
+                          vm lanes, Found *found)
+{
+    for (int l = 0; l < LANES; l++) {
+        const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
+        const CtsProjectedRay ray = ray_of(w, r, l);
+        double best = found->best[l];
+        if (!lanes[l] || !cts_project_extreme_in(&p->projector, &ray, at, t[0][l], t[1][l], p->sign, &best))
+            continue;
+        found->best[l] = best;
+        found->seen[l] = -1;
+    }
+}
+
 /* Some of the rays may find more in layer k of cells; those not seen yet need only be told whether they see. */
 static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Found *found)
 {
@@ -297,8 +334,12 @@ static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r,
         some &= (most > found->best) | ~found->seen;
         if (!lanes_in(some))
             continue;
-        if (!sees_all)
+        if (!sees_all) {
             some = seen_of(&p->projector, some, cell);
+            const vm partly = partly_of(&p->projector, some, cell);
+            look_at_parts(p, w, r, cell, t + n, partly, found);
+            some &= ~partly;
+        }
         found->seen |= some;
         some &= most > found->best;
         if (!lanes_in(some))
@@ -394,6 +435,24 @@ typedef struct Summed {
     vd sum, length;
 } Summed;
 
+/* Of the lanes in the mask, those whose cell is seen whole; what is seen of the others is summed. */
+static vm sum_parts(const CtsProjection *p, const Way *w, const Packet *r, const vi cell[3], const vd t[2], vm mask,
+                    Summed *s)
+{
+    const vm seen = seen_of(&p->projector, mask, cell), partly = partly_of(&p->projector, seen, cell);
+    for (int l = 0; l < LANES; l++) {
+        const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
+        const CtsProjectedRay ray = ray_of(w, r, l);
+        double sum = s->sum[l], length = s->length[l];
+        if (!partly[l])
+            continue;
+        cts_project_mean_in(&p->projector, &ray, at, t[0][l], t[1][l], &sum, &length);
+        s->sum[l] = sum;
+        s->length[l] = length;
+    }
+    return seen & ~partly;
+}
+
 /* Two points of Gauss's rule are exact for a cubic. */
 INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Summed *s)
 {
@@ -408,7 +467,7 @@ INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int
             continue;
         const vd middle = (t[n] + t[n + 1]) / 2, half = (t[n + 1] - t[n]) / 2;
         cells_at(p, w, r, middle, k, cell);
-        if (!sees_all && !lanes_in(some = seen_of(&p->projector, some, cell)))
+        if (!sees_all && !lanes_in(some = sum_parts(p, w, r, cell, t + n, some, s)))
             continue;
         load_corners(p, cell, v);
         const vd one = field_at_vd(w, r, cell, v, middle - half * apart);

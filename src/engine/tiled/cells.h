@@ -30,25 +30,28 @@
 
 #include "base/clock.h"
 #include "core/scene/shade.h"
+#include "engine/tiled/looks.h"
 #include "engine/tiled/pieces.h"
 #include "engine/tiled/void_mask.h"
 
 /* Everything a thread needs, read-only. */
 typedef struct TiledJob {
-    const uint16_t *grey;
-    ptrdiff_t stride[3]; /* to the next voxel; 0 along an axis of one */
+    const uint16_t *grey, *shown; /* gradients are taken of the latter: air where labels are hidden */
+    ptrdiff_t stride[3];          /* to the next voxel; 0 along an axis of one */
     int dims[3], n_cells[3];
     CtsView view;
     double step[3]; /* voxels for each mm; 0 where a ray would not leave its cells before it leaves the volume */
     TiledMask mask;
     TiledPieces pieces;
-    float tolerance;       /* a piece may be off by so much, as a share of the display's range */
-    float dark;            /* a ray ends when less light is left */
-    float touch;           /* knots nearer than so many grey levels may be touched or not, as rounding has it */
-    const CtsShade *shade; /* NULL: unlit */
-    float frame[3][3];     /* its frame */
-    float least_lit;       /* what weighs less is lit together with what follows */
-    float turn;            /* a stretch is lit as a whole where its weight times its normal's turning is less */
+    const TiledLooks *looks; /* where owners look different; else NULL */
+    float colours;           /* by how much two of them that show differ at most */
+    float tolerance;         /* a piece may be off by so much, as a share of the display's range */
+    float dark;              /* a ray ends when less light is left */
+    float touch;             /* knots nearer than so many grey levels may be touched or not, as rounding has it */
+    const CtsShade *shade;   /* NULL: unlit */
+    float frame[3][3];       /* its frame */
+    float least_lit;         /* what weighs less is lit together with what follows */
+    float turn;              /* a stretch is lit as a whole where its weight times its normal's turning is less */
     bool want_depth;
     double camera_mm; /* from the camera plane to the plane through the view's centre */
 } TiledJob;

@@ -93,15 +93,20 @@ INLINE void load_block(const TiledMask *mask, const vi block[3], vmask lanes, vi
     *distance = gather(mask->distance, at, lanes, 1) & 255;
 }
 
+INLINE vi load_bytes(const uint8_t *from, vi at, vmask lanes)
+{
+    return gather(from, at, lanes, 1) & 255;
+}
+
 #define GATHERS
 INLINE vi voxel_of(const TiledJob *j, const vi cell[3])
 {
     return cell[0] + cell[1] * (int32_t)j->stride[1] + cell[2] * (int32_t)j->stride[2];
 }
 
-INLINE vi load_pair(const TiledJob *j, vi at, ptrdiff_t offset, vmask lanes)
+INLINE vi load_pair(const uint16_t *from, vi at, vmask lanes)
 {
-    return gather(j->grey + offset, at, lanes, 2);
+    return gather(from, at, lanes, 2);
 }
 
 #include "engine/tiled/log_tmpl.h"

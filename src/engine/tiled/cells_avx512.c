@@ -86,15 +86,20 @@ INLINE void load_block(const TiledMask *mask, const vi block[3], vmask lanes, vi
     *distance = (vi)_mm512_mask_i32gather_epi32(zero, lanes, (__m512i)at, mask->distance, 1) & 255;
 }
 
+INLINE vi load_bytes(const uint8_t *from, vi at, vmask lanes)
+{
+    return (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), lanes, (__m512i)at, from, 1) & 255;
+}
+
 #define GATHERS
 INLINE vi voxel_of(const TiledJob *j, const vi cell[3])
 {
     return cell[0] + cell[1] * (int32_t)j->stride[1] + cell[2] * (int32_t)j->stride[2];
 }
 
-INLINE vi load_pair(const TiledJob *j, vi at, ptrdiff_t offset, vmask lanes)
+INLINE vi load_pair(const uint16_t *from, vi at, vmask lanes)
 {
-    return (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), lanes, (__m512i)at, j->grey + offset, 2);
+    return (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), lanes, (__m512i)at, from, 2);
 }
 
 #include "engine/tiled/log_tmpl.h"

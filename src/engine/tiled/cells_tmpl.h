@@ -28,11 +28,15 @@ typedef struct Packet {
     vmask active;
     vmask ready; /* in a cell that may show something */
     vmask fresh; /* just cut at a knot */
+    vi look;     /* of who owns the place; and the next one's begins at edge, where it does so within the cell */
+    vf edge;
+    int owned[LANES][3]; /* the cells that edges were looked for in */
     int ray[LANES];
 } Packet;
 
 typedef struct March {
     const TiledJob *job;
+    const TiledPieces *pieces; /* of the lanes that are at work */
     TiledRays *rays;
     TiledCounts *counts;
     int next; /* ray */
@@ -106,7 +110,7 @@ INLINE void load_pairs(const TiledJob *j, const vi cell[3], vmask lanes, vi pair
 {
     const vi at = voxel_of(j, cell);
     for (int i = 0; i < 4; i++)
-        pair[i] = load_pair(j, at, (i & 1) * j->stride[1] + (i >> 1) * j->stride[2], lanes);
+        pair[i] = load_pair(j->grey + (i & 1) * j->stride[1] + (i >> 1) * j->stride[2], at, lanes);
 }
 #endif
 
@@ -153,7 +157,7 @@ typedef struct Cuts {
 
 INLINE Cuts find_cuts(const March *m, const Cubic *c, vmask lanes, vf length)
 {
-    const TiledPieces *const t = &m->job->pieces;
+    const TiledPieces *const t = m->pieces;
     const vf weight = length * m->p.light;
     const vf inner_low = vf_min(vf_min(c->b[1], c->b[2]), c->b[3]), low = vf_min(inner_low, c->b[0]);
     const vf inner_high = vf_max(vf_max(c->b[1], c->b[2]), c->b[3]), high = vf_max(inner_high, c->b[0]);
@@ -195,7 +199,7 @@ INLINE vmask passes_again(const March *m, const Cubic *c, const Cuts *cuts)
 {
     vmask again = mask_of(0);
     for (int i = 0; i < cuts->n; i++) {
-        const vf knot = vf_of((real)m->job->pieces.knot[cuts->knot[i]]);
+        const vf knot = vf_of((real)m->pieces->knot[cuts->knot[i]]);
         vmask below[4], turn[3];
         for (int k = 0; k < 4; k++)
             below[k] = vf_lt(c->b[k], knot);
@@ -264,14 +268,14 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
     vf root = vf_of(1);
     const vf least = vf_max(vf_of(LEAST_SHARE), LEAST_MM / vf_max(*length, vf_of((real)1e-9f)));
     for (int i = 0; i < cuts->n; i++) {
-        const real knot = (real)m->job->pieces.knot[cuts->knot[i]];
+        const real knot = (real)m->pieces->knot[cuts->knot[i]];
         const vf shifted[4] = {power[0] - knot, power[1], power[2], power[3]}, at_end = b[3] - knot;
         const vmask crosses = cuts->lanes[i] & differ(vf_lt(shifted[0], vf_of(0)), vf_lt(at_end, vf_of(0)));
         if (!bits_of(crosses))
             continue;
         vf off;
         const vf at = find_root(shifted, at_end, ROUNDED_BY * m->touch, &off);
-        const vf worth = off * *length * (real)m->job->pieces.jump[cuts->knot[i]];
+        const vf worth = off * *length * (real)m->pieces->jump[cuts->knot[i]];
         root = select_f(crosses, vf_min(root, vf_max(at, least)), root);
         cuts->wrong += select_f(crosses, m->p.light * vf_min(worth, vf_of(1)), vf_of(0));
     }
@@ -345,7 +349,7 @@ typedef struct Effect {
 
 INLINE Effect integrate(const March *m, const Cubic *c, vf length)
 {
-    const TiledPieces *const t = &m->job->pieces;
+    const TiledPieces *const t = m->pieces;
     const vf *const b = c->b;
     const vf half = (real)0.5f * length;
     Effect e;
@@ -388,18 +392,19 @@ OUTLINE void find_surface(Packet *p, const Effect *e, vf length, vmask lanes)
 
 #include "engine/tiled/light_tmpl.h"
 
+#include "engine/tiled/owned_tmpl.h"
+
 /* Rays in visible cells take a piece of them. */
-INLINE void take_piece(March *m, Lit *lit)
+INLINE void take_piece(March *m, Lit *lit, vmask lanes)
 {
     const TiledJob *const j = m->job;
     Packet *const p = &m->p;
-    const vmask lanes = p->ready;
     vi face[3];
     vf t[3];
     for (int a = 0; a < 3; a++)
         face[a] = p->cell[a] + m->ahead[a];
     pass_faces(m, face, t);
-    const vf leave = nearest(t, p->at), all = vf_min(leave, p->end), to = vf_min(all, p->until);
+    const vf leave = nearest(t, p->at), all = vf_min(leave, p->end), to = vf_min(all, vf_min(p->until, p->edge));
     vf length = to - p->at;
     Cubic cubic = load_cubic(m, lanes, p->at, to);
     Cuts cuts = find_cuts(m, &cubic, lanes, length);
@@ -440,6 +445,19 @@ INLINE void take_piece(March *m, Lit *lit)
     p->ready &= p->active & ~whole_cells;
 }
 
+/* Rays of one look after the other. */
+OUTLINE void take_pieces(March *m, Lit *lit)
+{
+    unsigned left = bits_of(m->p.ready);
+    find_looks(m, m->p.ready);
+    while (left) {
+        const vmask alike = first_alike(m, left);
+        m->pieces = &m->job->looks->pieces[m->p.look[__builtin_ctz(left)]];
+        take_piece(m, lit, alike);
+        left &= ~bits_of(alike);
+    }
+}
+
 /* What a ray has found is told. */
 INLINE void end_ray(const March *m, int lane)
 {
@@ -451,7 +469,7 @@ INLINE void end_ray(const March *m, int lane)
         m->rays->rgba[i][c] += (float)p->sum[c][lane];
     m->rays->rgba[i][3] = (float)p->sum[3][lane];
     m->rays->left[i] = p->light[lane] < m->dark ? (float)p->light[lane] : 0;
-    m->rays->bound[i] = (float)p->bound[lane] + m->rays->left[i] * m->job->pieces.colours;
+    m->rays->bound[i] = (float)p->bound[lane] + m->rays->left[i] * m->job->colours;
     if (m->job->want_depth) {
         const real mm = p->surface[lane] < FAR_MM ? p->surface[lane] : p->first[lane];
         m->rays->depth_mm[i] = mm < FAR_MM ? (float)(m->job->camera_mm + m->rays->start_mm[i] + (double)mm) : INFINITY;
@@ -470,7 +488,8 @@ static void begin_ray(March *m, int lane)
     }
     p->at[lane] = 0;
     p->end[lane] = (real)m->rays->length_mm[i];
-    p->until[lane] = p->surface[lane] = p->first[lane] = FAR_MM;
+    p->until[lane] = p->edge[lane] = p->surface[lane] = p->first[lane] = FAR_MM;
+    p->owned[lane][0] = -1;
     p->light[lane] = 1;
     p->sum[0][lane] = p->sum[1][lane] = p->sum[2][lane] = p->sum[3][lane] = p->bound[lane] = 0;
 }
@@ -520,7 +539,10 @@ static void march_rays(March *m, Lit *lit)
             skip(m);
         } else {
             m->counts->pieces += (uint64_t)count(ready);
-            take_piece(m, lit);
+            if (m->job->looks)
+                take_pieces(m, lit);
+            else
+                take_piece(m, lit, p->ready);
         }
     }
     refill(m, lit);
@@ -529,7 +551,7 @@ static void march_rays(March *m, Lit *lit)
 INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
 {
     const uint64_t begun = cts_tiled_ticks();
-    March m = {.job = j, .rays = rays, .counts = counts};
+    March m = {.job = j, .pieces = &j->pieces, .rays = rays, .counts = counts};
     for (int a = 0; a < 3; a++) {
         const double step = j->step[a];
         m.step[a] = (real)step;

@@ -19,6 +19,7 @@ enum { WAITING = 8 * LANES };
 typedef struct Lit {
     real wait[WAIT_FIELDS][WAITING];
     int ray[WAITING], n;
+    whole look[WAITING];
     /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, and its centre in mm. */
     vf colour[3], weight, centre;
 } Lit;
@@ -123,7 +124,8 @@ INLINE vf centre_of(vf depth)
 enum { LIGHT_HALVINGS = sizeof(real) == 4 ? 9 : 14 };
 
 /* Takes stretches in steps over each of which the normal turns little; sum[3] is the bound. */
-OUTLINE void light_in_steps(const March *m, const Wait *w, const Corners *k, vmask lanes, vf sum[4])
+OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wait *w, const Corners *k, vmask lanes,
+                            vf sum[4])
 {
     const TiledJob *const j = m->job;
     vf at[3], s = vf_of(0), step = vf_of((real)0.5f), light = w->light;
@@ -138,7 +140,7 @@ OUTLINE void light_in_steps(const March *m, const Wait *w, const Corners *k, vma
             const vf point = s + part * (i ? (real)0.788675135 : (real)0.211324865);
             for (int a = 0; a < 3; a++)
                 at[a] = w->enter[a] + point * w->way[a];
-            look[i] = look_at(&j->pieces, between(k->level, at));
+            look[i] = look_at(pieces, between(k->level, at));
             depth[i] = look[i].extinction * mm;
             weight[i] = left * vf_taken(depth[i]);
             left -= weight[i];
@@ -163,6 +165,17 @@ OUTLINE void light_in_steps(const March *m, const Wait *w, const Corners *k, vma
     }
 }
 
+/* Those of the lanes that look like the first of them. */
+INLINE vmask waits_alike(const Lit *lit, int first, unsigned lanes)
+{
+    unsigned alike = 0;
+    for (unsigned left = lanes; left; left &= left - 1) {
+        const int l = __builtin_ctz(left);
+        alike |= (unsigned)(lit->look[first + l] == lit->look[first + __builtin_ctz(lanes)]) << l;
+    }
+    return mask_of(alike);
+}
+
 OUTLINE void light_some(const March *m, const Lit *lit, int first, int n)
 {
     const TiledJob *const j = m->job;
@@ -181,8 +194,13 @@ OUTLINE void light_some(const March *m, const Lit *lit, int first, int n)
     for (int c = 0; c < 3; c++)
         sum[c] = select_f(turns, vf_of(0), w.colour[c] * glow.colour + w.weight * glow.white);
     sum[3] = select_f(stretch & ~turns, (real)0.25f * turn, vf_of(0));
-    if (bits_of(turns))
-        light_in_steps(m, &w, &k, turns, sum);
+    for (unsigned left = bits_of(turns); left;) {
+        const vmask alike = m->job->looks ? waits_alike(lit, first, left) : turns;
+        const TiledPieces *const pieces =
+            m->job->looks ? &m->job->looks->pieces[lit->look[first + __builtin_ctz(left)]] : &m->job->pieces;
+        light_in_steps(m, pieces, &w, &k, alike, sum);
+        left &= ~bits_of(alike);
+    }
     for (int l = 0; l < n; l++) {
         const int ray = lit->ray[first + l];
         for (int c = 0; c < 3; c++)
@@ -207,6 +225,7 @@ OUTLINE void light_up(March *m, Lit *lit, bool all)
     for (int f = 0; f < WAIT_FIELDS && done > 0; f++)
         memmove(lit->wait[f], lit->wait[f] + done, (size_t)lit->n * sizeof(real));
     memmove(lit->ray, lit->ray + done, (size_t)lit->n * sizeof *lit->ray);
+    memmove(lit->look, lit->look + done, (size_t)lit->n * sizeof *lit->look);
     m->counts->shade_ticks += cts_tiled_ticks() - begun;
 }
 
@@ -219,6 +238,7 @@ OUTLINE void end_pending(March *m, Lit *lit, int lane)
     const int i = lit->n++;
     const real mm = lit->centre[lane] / lit->weight[lane];
     lit->ray[i] = p->ray[lane];
+    lit->look[i] = CTS_LOOK_PRESET; /* a point is taken in no steps */
     for (int a = 0; a < 3; a++) {
         const real vox = p->start[a][lane] + mm * m->step[a];
         const int last = m->job->n_cells[a] - 1, cell = vox < 0 ? 0 : vox < (real)last ? (int)vox : last;
@@ -265,6 +285,7 @@ INLINE void await_light(March *m, Lit *lit, const Effect *e, const vf weight[2],
             continue;
         const int i = lit->n++;
         lit->ray[i] = p->ray[l];
+        lit->look[i] = p->look[l];
         for (int a = 0; a < 3; a++) {
             lit->wait[WAIT_CELL + a][i] = (real)p->cell[a][l];
             lit->wait[WAIT_ENTER + a][i] = enter[a][l];

@@ -86,6 +86,15 @@ INLINE void load_block(const TiledMask *mask, const vi block[3], vmask lanes, vi
     }
 }
 
+INLINE vi load_bytes(const uint8_t *from, vi at, vmask lanes)
+{
+    vi v = vi_of(0);
+    for (int l = 0; l < LANES; l++)
+        if (lanes[l])
+            v[l] = from[at[l]];
+    return v;
+}
+
 /* Voxel (x, y, z) and the next along x, for the rows y, y + 1 of the layers z, z + 1. */
 INLINE void load_pairs(const TiledJob *j, const vi cell[3], vmask lanes, vi pair[4])
 {

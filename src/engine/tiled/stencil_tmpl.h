@@ -19,15 +19,15 @@ OUTLINE void load_corners_each(const TiledJob *j, const vi cell[3], vmask lanes,
     const unsigned bits = bits_of(lanes);
     for (int l = 0; l < LANES; l++)
         for (int i = 0; i < 8; i++) {
-            const uint16_t *v = j->grey;
+            ptrdiff_t away = 0;
             int at[3];
             for (int a = 0; a < 3; a++) {
                 at[a] = bits >> l & 1 ? (int)cell[a][l] + (j->dims[a] > 1 ? i >> a & 1 : 0) : 0;
-                v += at[a] * j->stride[a];
+                away += at[a] * j->stride[a];
             }
-            k->level[i][l] = *v;
+            k->level[i][l] = j->grey[away];
             for (int a = 0; a < 3; a++)
-                k->rise[a][i][l] = (real)difference(j, v, at[a], a);
+                k->rise[a][i][l] = (real)difference(j, j->shown + away, at[a], a);
         }
 }
 
@@ -59,7 +59,7 @@ OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Co
         for (int y = 0; y < 2; y++) {
             const ptrdiff_t row = y * j->stride[1] + z * j->stride[2];
             const int i = 2 * y + 4 * z;
-            const vi left = load_pair(j, at, row - 1, lanes), right = load_pair(j, at, row + 1, lanes);
+            const vi left = load_pair(j->shown + row - 1, at, lanes), right = load_pair(j->shown + row + 1, at, lanes);
             k->level[i] = upper(left);
             k->level[i + 1] = lower(right);
             k->rise[0][i] = lower(right) - lower(left);
@@ -73,18 +73,26 @@ OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Co
             const int beside = i ^ 1 << axis; /* the cell's corner beyond, which is a step away where that is a voxel */
             vf before[2] = {k->level[beside], k->level[beside + 1]}, after[2] = {before[0], before[1]};
             if (low || !one) {
-                const vi pair = load_pair(j, at, row - away, lanes);
+                const vi pair = load_pair(j->shown + row - away, at, lanes);
                 before[0] = lower(pair);
                 before[1] = upper(pair);
             }
             if (!low || !one) {
-                const vi pair = load_pair(j, at, row + away, lanes);
+                const vi pair = load_pair(j->shown + row + away, at, lanes);
                 after[0] = lower(pair);
                 after[1] = upper(pair);
             }
             k->rise[axis][i] = after[0] - before[0];
             k->rise[axis][i + 1] = after[1] - before[1];
         }
+    vi pair[4];
+    if (j->shown == j->grey)
+        return;
+    load_pairs(j, cell, lanes, pair);
+    for (int i = 0; i < 4; i++) {
+        k->level[2 * i] = lower(pair[i]);
+        k->level[2 * i + 1] = upper(pair[i]);
+    }
 }
 #endif
 

@@ -20,6 +20,8 @@ typedef struct Kept {
     int macrocells_frame;
     TiledMask mask;
     int mask_frame;
+    TiledLooks looks; /* of the scale that they were made for */
+    double looks_scale;
 } Kept;
 
 static void free_kept(void *kept)
@@ -29,6 +31,7 @@ static void free_kept(void *kept)
         return;
     cts_macrocells_free(&k->own_macrocells);
     cts_tiled_mask_free(&k->mask);
+    cts_tiled_looks_free(&k->looks);
     free(k);
 }
 
@@ -58,16 +61,28 @@ static CtsStatus find_macrocells(Kept *k, const CtsScene *scene, const CtsMacroc
     return cts_scene_macrocells(scene, &k->own_macrocells, macrocells, report, err);
 }
 
+/* Of a volume with owners; only with opacity by voxel do they depend on the view. */
+static CtsStatus find_looks(Kept *k, const CtsScene *scene, CtsError *err)
+{
+    if (!scene->volume->owners || (k->looks.pieces && k->looks_scale == scene->extinction_scale))
+        return CTS_OK;
+    cts_tiled_looks_free(&k->looks);
+    k->looks_scale = scene->extinction_scale;
+    return cts_tiled_looks_init(&k->looks, scene, err);
+}
+
 static CtsStatus find_mask(Kept *k, const CtsScene *scene, const CtsMacrocells *macrocells, CtsReport *report,
                            CtsError *err)
 {
     CtsStatus st;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+    if ((st = find_looks(k, scene, err)))
+        return st;
     if (k->mask.cells) {
         tell_kept(scene, "mask of what is visible", k->mask_frame, report);
         return CTS_OK;
     }
-    if ((st = cts_tiled_mask_init(&k->mask, scene, macrocells, err)))
+    if ((st = cts_tiled_mask_init(&k->mask, scene, scene->volume->owners ? &k->looks : NULL, macrocells, err)))
         return st;
     k->mask_frame = scene->frame;
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu,
@@ -90,7 +105,9 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept)
     const CtsVolume *const v = scene->volume;
     const double asked = cts_scene_error_asked(scene);
     ptrdiff_t stride = 1;
-    *j = (TiledJob){.grey = v->grey, .view = scene->view, .mask = kept->mask};
+    const bool hides = v->owners && v->owners->shown;
+    *j = (TiledJob){
+        .grey = v->grey, .shown = hides ? v->owners->shown->grey : v->grey, .view = scene->view, .mask = kept->mask};
     for (int a = 0; a < 3; a++) {
         j->dims[a] = v->dims[a];
         j->n_cells[a] = v->dims[a] > 1 ? v->dims[a] - 1 : 1;
@@ -99,6 +116,8 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept)
         stride *= v->dims[a];
     }
     cts_tiled_pieces_init(&j->pieces, scene);
+    j->looks = v->owners ? &kept->looks : NULL;
+    j->colours = cts_owners_coloured(v->owners) ? 1 : j->pieces.colours;
     j->tolerance = (float)(PIECE_TOLERANCE * asked);
     j->dark = (float)fmin(RAY_END * asked, 1.0 / 64);
     j->touch = (float)(TOUCH_HU / v->hu_step);
@@ -364,6 +383,7 @@ const CtsEngine cts_engine_tiled = {
     .again = render_again,
     .skips_void = true,
     .cuts_slabs = true,
+    .knows_owners = true,
     .modes = (1u << CTS_N_MODES) - 1,
     .kernels = 1u << CTS_KERNEL_TENT,
     .forget = free_kept,

@@ -7,6 +7,7 @@
  *   look_up(table, n, index): table[index], of n entries
  *   load_block(mask, block, lanes, cell): whether the cell of a block shows something, and the block's distance
  *   load_pairs(job, cell, lanes): the levels of two voxels side by side, the first in the lower half
+ *   load_bytes(from, at, lanes): from[at]; three bytes behind the last may be read, too
  *   vf_log2, vf_exp2, vf_log2_rest, vf_taken; vf_inverse_root
  * All of them give the same bits on every path but the exact one. */
 #ifndef CTS_TILED_VEC_TMPL_H

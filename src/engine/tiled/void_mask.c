@@ -6,12 +6,19 @@
 #include "engine/tiled/cell_distance.h"
 #include <stdatomic.h>
 
+/* What shows lies between these levels. */
+typedef struct Bracket {
+    int low, high;
+} Bracket;
+
 typedef struct Looking {
     TiledMask *mask;
     const CtsVolume *volume;
     const CtsMacrocells *macrocells;
     const CtsLut *lut;
-    int low, high; /* what shows lies between these levels */
+    const TiledLooks *looks; /* NULL: all look alike */
+    Bracket bracket;         /* of what lut shows */
+    Bracket *brackets;       /* of each look */
     int n_cells[3];
     ptrdiff_t stride[3]; /* to the next voxel; 0 along an axis of one */
     _Atomic int64_t n_visible;
@@ -32,7 +39,7 @@ static uint16_t larger(uint16_t a, uint16_t b)
     return a > b ? a : b;
 }
 
-static unsigned row_bits(const Looking *l, const uint16_t *v, int n)
+static unsigned row_bits(const Looking *l, const Bracket *b, const uint16_t *v, int n)
 {
     Columns c;
     const uint16_t *const below = v + l->stride[1], *const behind = v + l->stride[2],
@@ -45,12 +52,12 @@ static unsigned row_bits(const Looking *l, const uint16_t *v, int n)
     unsigned bits = 0;
     for (int i = 0; i < n; i++) {
         const int most = CTS_MUTATED(MASK_NEIGHBOUR) ? c.high[i] : larger(c.high[i], c.high[i + 1]);
-        bits |= (unsigned)(most > l->low && smaller(c.low[i], c.low[i + 1]) < l->high) << i;
+        bits |= (unsigned)(most > b->low && smaller(c.low[i], c.low[i + 1]) < b->high) << i;
     }
     return bits;
 }
 
-static void block_bits(const Looking *l, const int block[3], uint32_t cells[2])
+static void block_bits(const Looking *l, const Bracket *b, const int block[3], uint32_t cells[2])
 {
     int n[3];
     const uint16_t *v = l->volume->grey;
@@ -62,7 +69,84 @@ static void block_bits(const Looking *l, const int block[3], uint32_t cells[2])
     cells[0] = cells[1] = 0;
     for (int k = 0; k < n[2]; k++)
         for (int j = 0; j < n[1]; j++)
-            cells[k / 2] |= row_bits(l, v + k * l->stride[2] + j * l->stride[1], n[0]) << (16 * (k % 2) + 4 * j);
+            cells[k / 2] |= row_bits(l, b, v + k * l->stride[2] + j * l->stride[1], n[0]) << (16 * (k % 2) + 4 * j);
+}
+
+/* True where something in a block of one look may show, whose cells are then told apart. */
+static bool look_at_block(const Looking *l, const CtsLut *lut, const Bracket *b, const int block[3], CtsRange r,
+                          uint32_t cells[2])
+{
+    const bool visible = lut && cts_lut_visible(lut, r.low, CTS_MUTATED(LEAP_RANGE) ? r.low : r.high);
+    cells[0] = cells[1] = visible ? UINT32_MAX : 0;
+    if (visible && (r.low <= b->low || r.high >= b->high))
+        block_bits(l, b, block, cells);
+    return visible;
+}
+
+/* Which looks the voxels of a cell have: bit l of look l. */
+static void mark_looks(const CtsOwners *owners, const int cell[3], uint64_t looks[4])
+{
+    CtsCellOwners in_cell;
+    const int one = cts_look_of_cell(owners, cell);
+    if (one != CTS_LOOKS_DIFFER) {
+        looks[one / 64] |= UINT64_C(1) << one % 64;
+        return;
+    }
+    cts_cell_owners(owners, cell, &in_cell);
+    for (int i = 0; i < in_cell.n; i++) {
+        const int look = owners->look[in_cell.owner[i]];
+        looks[look / 64] |= UINT64_C(1) << look % 64;
+    }
+}
+
+/* Whether any look shows something of these levels. */
+static bool some_look_shows(const Looking *l, CtsRange r)
+{
+    bool shows = cts_lut_visible(l->lut, r.low, r.high);
+    for (int look = CTS_LOOK_OWN; look < l->looks->n && !shows; look++)
+        shows = l->looks->own[look] && cts_lut_visible(l->looks->own[look], r.low, r.high);
+    return shows;
+}
+
+/* Cells of a block in which looks differ: those in which one of their own looks may show something. */
+static bool look_at_cells(const Looking *l, const int block[3], CtsRange r, uint32_t cells[2])
+{
+    const CtsOwners *const owners = l->looks->owners;
+    uint64_t of_cell[TILED_BLOCK * TILED_BLOCK * TILED_BLOCK][4] = {{0}}, all[4] = {0};
+    cells[0] = cells[1] = 0;
+    if (!some_look_shows(l, r))
+        return false;
+    for (int n = 0; n < TILED_BLOCK * TILED_BLOCK * TILED_BLOCK; n++) {
+        const int cell[3] = {block[0] * TILED_BLOCK + n % 4, block[1] * TILED_BLOCK + n / 4 % 4,
+                             block[2] * TILED_BLOCK + n / 16};
+        if (cell[0] >= l->n_cells[0] || cell[1] >= l->n_cells[1] || cell[2] >= l->n_cells[2])
+            continue;
+        mark_looks(owners, cell, of_cell[n]);
+        for (int w = 0; w < 4; w++)
+            all[w] |= of_cell[n][w];
+    }
+    for (int look = CTS_LOOK_PRESET; look < l->looks->n; look++) {
+        uint32_t own[2], of_look[2] = {0, 0};
+        if (!(all[look / 64] >> look % 64 & 1) ||
+            !look_at_block(l, cts_tiled_look_lut(l->looks, l->lut, look), &l->brackets[look], block, r, own))
+            continue;
+        for (int n = 0; n < 64; n++)
+            of_look[n / 32] |= (uint32_t)(of_cell[n][look / 64] >> look % 64 & 1) << n % 32;
+        for (int w = 0; w < 2; w++)
+            cells[w] |= own[w] & of_look[w];
+    }
+    return cells[0] | cells[1];
+}
+
+static bool look_at(const Looking *l, size_t at, const int block[3], uint32_t cells[2])
+{
+    const CtsRange r = l->macrocells->fine[at];
+    if (!l->looks)
+        return look_at_block(l, l->lut, &l->bracket, block, r, cells);
+    const int look = l->looks->owners->block[at];
+    return look == CTS_LOOKS_DIFFER
+               ? look_at_cells(l, block, r, cells)
+               : look_at_block(l, cts_tiled_look_lut(l->looks, l->lut, look), &l->brackets[look], block, r, cells);
 }
 
 static void look_at_rows(void *context, int worker, size_t first, size_t end)
@@ -74,22 +158,30 @@ static void look_at_rows(void *context, int worker, size_t first, size_t end)
     for (size_t row = first; row < end; row++)
         for (int i = 0; i < m->n[0]; i++) {
             const size_t at = row * (size_t)m->n[0] + (size_t)i;
-            const CtsRange r = l->macrocells->fine[at];
-            const bool visible = cts_lut_visible(l->lut, r.low, CTS_MUTATED(LEAP_RANGE) ? r.low : r.high);
-            m->cells[at][0] = m->cells[at][1] = visible ? UINT32_MAX : 0;
-            if (visible && (r.low <= l->low || r.high >= l->high))
-                block_bits(l, (const int[]){i, (int)(row % (size_t)m->n[1]), (int)(row / (size_t)m->n[1])},
-                           m->cells[at]);
+            const int block[3] = {i, (int)(row % (size_t)m->n[1]), (int)(row / (size_t)m->n[1])};
+            const bool visible = look_at(l, at, block, m->cells[at]);
             m->distance[at] = visible ? 0 : CTS_CELL_FAR;
             n_visible += visible;
         }
     atomic_fetch_add(&l->n_visible, n_visible);
 }
 
-CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const CtsMacrocells *macrocells, CtsError *err)
+static Bracket bracket_of(const CtsLut *lut)
+{
+    Bracket b = {-1, CTS_N_GREY};
+    if (!lut)
+        return b;
+    cts_lut_visible_levels(lut, &b.low, &b.high);
+    b.low = b.low > 0 ? b.low : -1;
+    b.high = b.high < CTS_N_GREY - 1 ? b.high - 2 * CTS_MUTATED(QUIET_HIGH) : CTS_N_GREY;
+    return b;
+}
+
+CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledLooks *looks,
+                              const CtsMacrocells *macrocells, CtsError *err)
 {
     CtsStatus st;
-    Looking l = {.mask = mask, .volume = scene->volume, .macrocells = macrocells, .lut = scene->lut};
+    Looking l = {.mask = mask, .volume = scene->volume, .macrocells = macrocells, .lut = scene->lut, .looks = looks};
     *mask = (TiledMask){.n_visible = 0};
     size_t n = 1;
     ptrdiff_t stride = 1;
@@ -101,9 +193,11 @@ CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const CtsM
         l.stride[a] = dim > 1 ? stride : 0;
         stride *= dim;
     }
-    cts_lut_visible_levels(scene->lut, &l.low, &l.high);
-    l.low = l.low > 0 ? l.low : -1;
-    l.high = l.high < CTS_N_GREY - 1 ? l.high - 2 * CTS_MUTATED(QUIET_HIGH) : CTS_N_GREY;
+    l.bracket = bracket_of(scene->lut);
+    if (looks && (st = cts_alloc_array(&l.brackets, (size_t)looks->n, err)))
+        return st;
+    for (int look = 0; looks && look < looks->n; look++)
+        l.brackets[look] = bracket_of(cts_tiled_look_lut(looks, scene->lut, look));
     /* Three bytes more, as distances are loaded by fours. */
     if ((st = cts_alloc_array(&mask->cells, n, err)) || (st = cts_alloc_zeroed(&mask->distance, n + 3, err)))
         goto end;
@@ -111,6 +205,7 @@ CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const CtsM
     mask->n_visible = atomic_load(&l.n_visible);
     st = cts_cell_distance(mask->distance, mask->n[0], mask->n[1], mask->n[2], err);
 end:
+    cts_free(&l.brackets);
     if (st)
         cts_tiled_mask_free(mask);
     return st;

@@ -4,6 +4,7 @@
 
 #include "core/scene/engine.h"
 #include "core/volume/macrocells.h"
+#include "engine/tiled/looks.h"
 
 /* Cells stand in blocks of 4 x 4 x 4, the fine macro-cells. */
 enum { TILED_BLOCK = 4 };
@@ -16,7 +17,9 @@ typedef struct TiledMask {
     int64_t n_visible;    /* blocks that do */
 } TiledMask;
 
-CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const CtsMacrocells *macrocells, CtsError *err);
+/* looks: NULL: all look alike. */
+CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledLooks *looks,
+                              const CtsMacrocells *macrocells, CtsError *err);
 void cts_tiled_mask_free(TiledMask *mask);
 
 #endif

@@ -18,7 +18,7 @@ enum {
         1u << CTS_ENGINE_CLASSIC | 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_VOID | 1u << CTS_ENGINE_COMBINED,
     CHECK_OF_TILED = 1u << CTS_ENGINE_TILED,
     CHECK_OF_RAYCAST = 1u << CTS_ENGINE_RAYCAST,
-    CHECK_OF_LABELS = CHECK_OF_RAYCAST, /* that know the edges between labels */
+    CHECK_OF_LABELS = CHECK_OF_TILED | CHECK_OF_RAYCAST, /* that know the edges between labels */
     CHECK_OF_ALL = CHECK_OF_PAPER | CHECK_OF_TILED | CHECK_OF_RAYCAST
 };
 _Static_assert(CHECK_OF_ALL == (1u << CTS_N_ENGINES) - 1, "an engine belongs to no family");

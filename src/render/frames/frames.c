@@ -84,9 +84,8 @@ static CtsStatus choose_volume(const CtsVolume *volume, const CtsSceneStore *sto
                         cts_mode_names[mode]);
     if (cts_owners_coloured(o) && !by_edges)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "colours of labels: engine raycast with kernel tent and 16 grey bits alone has "
-                        "them, not %s",
-                        engine->name);
+                        "colours of labels: engines tiled and raycast alone have them, with kernel tent and 16 grey "
+                        "bits");
     if (o && o->shown && !by_edges && (mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE))
         return cts_fail(err, CTS_ERR_USAGE, "hidden labels: mode %s knows them with kernel tent and 16 grey bits alone",
                         cts_mode_names[mode]);

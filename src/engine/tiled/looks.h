@@ -1,0 +1,25 @@
+/* The transfer functions of a picture with labels: one for each look. */
+#ifndef CTS_TILED_LOOKS_H
+#define CTS_TILED_LOOKS_H
+
+#include "core/scene/engine.h"
+#include "core/volume/owners.h"
+#include "engine/tiled/pieces.h"
+
+typedef struct TiledLooks {
+    const CtsOwners *owners;
+    int n;
+    TiledPieces *pieces; /* of each look; nothing of what is hidden shows */
+    CtsLut **own;        /* of looks whose opacity is not the picture's; else NULL */
+} TiledLooks;
+
+/* Of a volume with owners; free with cts_tiled_looks_free(). */
+CtsStatus cts_tiled_looks_init(TiledLooks *looks, const CtsScene *scene, CtsError *err);
+void cts_tiled_looks_free(TiledLooks *looks);
+/* What of a look may be visible, NULL for nothing. */
+static inline const CtsLut *cts_tiled_look_lut(const TiledLooks *looks, const CtsLut *picture, int look)
+{
+    return look == CTS_LOOK_HIDDEN ? NULL : looks->own[look] ? looks->own[look] : picture;
+}
+
+#endif
