@@ -127,13 +127,15 @@ typedef struct CtsScanned {
     int offset, n_slots;       /* grey has room for n_slots slices, and slice 0 is number `offset` of them */
 } CtsScanned;
 
-/* Who wants to see what is stored while slices are read: called for words first <= n < end of series->slices[slice],
- * from `words` on, before they become grey levels; HU = slope * stored + intercept. From any thread, one slice's from
- * one thread and in order; a slice that is read again begins anew. */
+/* Who watches while slices are read. take (may be NULL) sees what is stored: called for words first <= n < end of
+ * series->slices[slice], from `words` on, before they become grey levels; HU = slope * stored + intercept. From any
+ * thread, one slice's from one thread and in order; a slice that is read again begins anew. *stop (stop may be NULL),
+ * set by a signal handler or another thread, ends the reading within a slice a thread, with CTS_ERR_INTERRUPTED. */
 typedef struct CtsWordWatch {
     void (*take)(void *context, int slice, const uint16_t *words, size_t first, size_t end,
                  const struct CtsStored *stored, double slope, double intercept);
     void *context;
+    const volatile sig_atomic_t *stop;
 } CtsWordWatch;
 
 /* Decode the pixels, in parallel, each slice straight into its place. The list that holds the series must still be
@@ -173,8 +175,9 @@ CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned *
 CtsStatus cts_scanned_volume(CtsScanned *scanned, CtsInterpolation how, bool hand_over, int n_threads,
                              CtsVolume **volume, CtsMadeUp *made, CtsError *err);
 
-/* Both in one, linearly, for who wants one volume. */
-CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err);
+/* Both in one, linearly, for who wants one volume. stop: as of a watch. */
+CtsStatus cts_series_load(const CtsSeries *series, int n_threads, const volatile sig_atomic_t *stop, CtsVolume **volume,
+                          CtsReport *report, CtsError *err);
 
 #pragma GCC visibility pop
 #ifdef __cplusplus

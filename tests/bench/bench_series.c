@@ -27,7 +27,7 @@ CtsStatus bench_load(const char *folder, CtsVolume **volume, CtsError *err)
     const char *const paths[] = {folder};
     CtsStatus st = cts_series_find(paths, 1, 0, &list, NULL, err);
     if (!st && !(st = cts_series_choose(list, NULL, &series, err)) &&
-        !(st = cts_series_load(series, 0, volume, NULL, err)))
+        !(st = cts_series_load(series, 0, NULL, volume, NULL, err)))
         st = cts_volume_prepare(*volume, 0, err);
     if (st)
         cts_volume_free(volume);

@@ -19,7 +19,7 @@ static double load_ms(const CtsSeries *series, int n_threads, double *cpu_ms)
     CtsVolume *volume = NULL;
     CtsError err = {0};
     const double start = cts_wall_ms(), cpu = cts_cpu_ms();
-    if (cts_series_load(series, n_threads, &volume, NULL, &err))
+    if (cts_series_load(series, n_threads, NULL, &volume, NULL, &err))
         fprintf(stderr, "%s\n", err.text);
     const double took = cts_wall_ms() - start;
     *cpu_ms = cts_cpu_ms() - cpu;

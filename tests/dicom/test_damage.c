@@ -30,7 +30,7 @@ static CtsStatus load_told(const char *folder, CtsVolume **volume, bool *told, C
     if (!st)
         st = cts_series_choose(list, NULL, &series, err);
     if (!st)
-        st = cts_series_load(series, 1, volume, &report, err);
+        st = cts_series_load(series, 1, NULL, volume, &report, err);
     *told = false;
     left_out[0] = 0;
     for (size_t i = 0; i < report.findings.n; i++) {
@@ -251,12 +251,12 @@ static void test_changed_meanwhile(void **state)
     snprintf(path, sizeof path, "%s/%s", s.folder, victim_name);
     assert_int_equal(cts_series_find(&folder, 1, 1, &list, NULL, &err), CTS_OK);
     assert_int_equal(truncate(path, (off_t)s.victim.n - 100), 0);
-    assert_int_equal(cts_series_load(&list->items[0], 2, &v, NULL, &err), CTS_ERR_READ);
+    assert_int_equal(cts_series_load(&list->items[0], 2, NULL, &v, NULL, &err), CTS_ERR_READ);
     assert_non_null(strstr(err.text, "IM0004.dcm"));
     assert_non_null(strstr(err.text, "changed"));
     assert_null(v);
     assert_int_equal(unlink(path), 0);
-    assert_int_equal(cts_series_load(&list->items[0], 2, &v, NULL, &err), CTS_ERR_READ);
+    assert_int_equal(cts_series_load(&list->items[0], 2, NULL, &v, NULL, &err), CTS_ERR_READ);
     write_bytes(s.folder, victim_name, s.victim.data, s.victim.n); /* so that the folder can be emptied */
     cts_series_list_free(&list);
     done(&s);

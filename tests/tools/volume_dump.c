@@ -107,7 +107,7 @@ static CtsStatus run(const Options *o, int last, CtsError *err)
     if (!st && o->list && last)
         print_list(list);
     if (!st && !o->list && !(st = cts_series_choose(list, o->series, &series, err)))
-        st = cts_series_load(series, o->threads, &volume, &report, err);
+        st = cts_series_load(series, o->threads, NULL, &volume, &report, err);
     const double total = cts_wall_ms() - start;
     if (!st && volume) {
         double stages = 0;

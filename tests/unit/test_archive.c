@@ -55,7 +55,7 @@ static void expect_stack(const CtsSeries *series)
 {
     CtsVolume *v = NULL;
     CtsError err = {0};
-    if (cts_series_load(series, 2, &v, NULL, &err))
+    if (cts_series_load(series, 2, NULL, &v, NULL, &err))
         fail_msg("%s", err.text);
     assert_int_equal(v->dims[2], N_SLICES);
     for (int k = 0; k < N_SLICES; k++)

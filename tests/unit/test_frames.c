@@ -185,7 +185,7 @@ static void expect_volume(const CtsSeries *s, int n, int first, int slope)
 {
     CtsVolume *v = NULL;
     CtsError err = {0};
-    if (s->refusal || cts_series_load(s, 2, &v, NULL, &err))
+    if (s->refusal || cts_series_load(s, 2, NULL, &v, NULL, &err))
         fail_msg("%s%s", s->reason, err.text);
     assert_int_equal(v->dims[2], n);
     assert_true(v->step_lps[0][0] == 0.5 && v->step_lps[1][1] == 0.75 && fabs(v->step_lps[2][2] - 2) < 1e-12);

@@ -88,7 +88,7 @@ static void test_volume(void **state)
         skip();
     assert_int_equal(cts_series_judge(&set, series, &n_series, &err), CTS_OK);
     assert_true(series[0].renderable);
-    assert_int_equal(cts_series_load(&series[0], 1, &volume, NULL, &err), CTS_ERR_MEMORY);
+    assert_int_equal(cts_series_load(&series[0], 1, NULL, &volume, NULL, &err), CTS_ERR_MEMORY);
     assert_non_null(strstr(err.text, "needs 640000 MiB of memory"));
     assert_null(volume);
     clear(&series[0]);

@@ -48,7 +48,7 @@ static CtsStatus load_and_measure(const CtsSeries *series, int threads, CtsVolum
     CtsScanned *place = NULL;
     CtsReport loaded = {0}, measured = {0};
     CtsError why = {0};
-    const CtsStatus st = cts_series_load(series, threads, v, &loaded, err);
+    const CtsStatus st = cts_series_load(series, threads, NULL, v, &loaded, err);
     assert_int_equal(cts_series_measure(series, threads, &place, &measured, &why), st);
     assert_string_equal(why.text, err->text);
     assert_true(same_findings(&loaded.findings, &measured.findings));
@@ -162,7 +162,7 @@ static void test_resampled(void **state)
     assert_int_equal(finding(&s->findings, "unequal_spacing")->severity, CTS_WARNING);
     CtsReport report = {0};
     CtsVolume *v = NULL;
-    assert_int_equal(cts_series_load(s, 2, &v, &report, &f.err), CTS_OK);
+    assert_int_equal(cts_series_load(s, 2, NULL, &v, &report, &f.err), CTS_OK);
     assert_non_null(finding(&report.findings, "unequal_spacing"));
     assert_true(report.stages[CTS_STAGE_DECODE].ran && report.stages[CTS_STAGE_GREY].ran);
     assert_int_equal(report.stages[CTS_STAGE_DECODE].items, 7);
@@ -480,7 +480,7 @@ static void test_blank(void **state)
         find(&f);
         CtsReport report = {0};
         CtsVolume *v = NULL;
-        assert_int_equal(cts_series_load(&f.list->items[0], 2, &v, &report, &f.err), CTS_OK);
+        assert_int_equal(cts_series_load(&f.list->items[0], 2, NULL, &v, &report, &f.err), CTS_OK);
         const CtsFinding *told = finding(&report.findings, "blank_slices");
         if (!told != !blanks[c].told || (told && !strstr(told->text, blanks[c].told)))
             fail_msg("case %zu: %s", c, told ? told->text : "nothing");
@@ -760,6 +760,21 @@ static void test_description(void **state)
     done(&f);
 }
 
+/* A load that is asked to stop ends, and leaves nothing. */
+static void test_stopped(void **state)
+{
+    (void)state;
+    Found f;
+    const volatile sig_atomic_t stop = 1;
+    CtsVolume *v = NULL;
+    make_folder(f.folder);
+    write_stack(f.folder, five, 5);
+    find(&f);
+    assert_int_equal(cts_series_load(&f.list->items[0], 2, &stop, &v, NULL, &f.err), CTS_ERR_INTERRUPTED);
+    assert_null(v);
+    done(&f);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
@@ -769,6 +784,7 @@ int main(void)
         cmocka_unit_test(test_deep_folders), cmocka_unit_test(test_copies),      cmocka_unit_test(test_phases),
         cmocka_unit_test(test_choose),       cmocka_unit_test(test_folders),     cmocka_unit_test(test_any_threads),
         cmocka_unit_test(test_description),  cmocka_unit_test(test_blank),       cmocka_unit_test(test_first_number),
+        cmocka_unit_test(test_stopped),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -190,13 +190,13 @@ static void take_words(void *context, int slice, const uint16_t *words, size_t f
 CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)
 {
     CtsLabels *const labels = loaded->labels && !loaded->labels->counted ? loaded->labels : NULL;
-    const CtsWordWatch watch = {take_words, labels};
+    const CtsWordWatch watch = {labels ? take_words : NULL, labels, source->stop};
     cts_volume_free(&loaded->volume);
     cts_scanned_free(&loaded->scanned);
     CtsStatus st = labels ? cts_labels_begin(labels, err) : CTS_OK;
     if (!st)
-        st = cts_series_scan(loaded->series, source->remove_table, labels ? &watch : NULL, source->n_threads,
-                             &loaded->scanned, report, err);
+        st = cts_series_scan(loaded->series, source->remove_table, &watch, source->n_threads, &loaded->scanned, report,
+                             err);
     if (st || !labels)
         return st;
     const CtsMeter meter = cts_meter_start(report);

@@ -19,10 +19,11 @@ typedef struct CtsSource {
     const char *series_uid;                  /* NULL: the one with the most slices */
     const char *const *labels;               /* n_labels label files, folders, or "auto" */
     int n_labels;
-    bool labels_unnamed;     /* messages do not tell their paths */
-    const char *label_names; /* a file of names for the numbers of label maps; NULL: none */
-    CtsLabelChoice choice;   /* what is seen of them */
-    int n_threads;           /* 0: the cores this process may use */
+    bool labels_unnamed;               /* messages do not tell their paths */
+    const char *label_names;           /* a file of names for the numbers of label maps; NULL: none */
+    CtsLabelChoice choice;             /* what is seen of them */
+    const volatile sig_atomic_t *stop; /* ends the reading; NULL: nobody */
+    int n_threads;                     /* 0: the cores this process may use */
     bool remove_table;
     const char *table_kept_by;      /* why not, as the report tells it: "the preset" */
     CtsInterpolation interpolation; /* between slices that are thick or unevenly spaced */

@@ -24,6 +24,7 @@ CtsSource cts_options_source(const CtsOptions *options, const CtsPreset *preset)
                    .looks = options->label_looks.items,
                    .n_looks = options->label_looks.n,
                    .own_colours = options->label_colours},
+        .stop = options->net.stop,
         .n_threads = options->render.n_threads,
         .remove_table = options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON,
         .table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset",

@@ -76,7 +76,7 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
     const CtsSlice *s = &a->slices[in->k];
     uint16_t *layer = layer_of(a, in->k);
     const double start = cts_wall_ms();
-    if (a->watch)
+    if (a->watch && a->watch->take)
         a->watch->take(a->watch->context, a->number[in->k], at, first, end, &in->stored, s->slope, s->intercept);
     const CtsStoredRange r = a->whole_numbers ? in->to_grey(layer + first, at, end - first, &in->stored,
                                                             (int32_t)s->slope, (int32_t)(s->intercept - HU_OFFSET))
@@ -152,10 +152,15 @@ typedef struct Reading {
     int n_groups;         /* units of several slices; further ones are single slices */
 } Reading;
 
+static bool is_stopped(const CtsWordWatch *watch)
+{
+    return watch && watch->stop && *watch->stop;
+}
+
 static void read_one(Reading *r, Reader *reader, int k)
 {
     CtsError why = {0};
-    if (k > atomic_load(&r->assembly->stop) ||
+    if (k > atomic_load(&r->assembly->stop) || is_stopped(r->assembly->watch) ||
         !read_slice(r->assembly, k, &reader->decoder, r->to_grey, reader->busy, &why))
         return;
     pthread_mutex_lock(&r->lock);
@@ -175,7 +180,8 @@ static void read_some(Reading *r, Reader *reader, int first, int end)
 {
     const Assembly *const a = r->assembly;
     for (int k = first; k < end && k < a->n_slices; k++) {
-        const bool begun = k <= atomic_load(&a->stop) && cts_slice_begin(&a->slices[k], &reader->decoder);
+        const bool begun =
+            k <= atomic_load(&a->stop) && !is_stopped(a->watch) && cts_slice_begin(&a->slices[k], &reader->decoder);
         read_held(r, reader);
         if (begun)
             reader->held = k;
@@ -246,6 +252,8 @@ static CtsStatus read_slices(Assembly *a, CtsReport *report, CtsError *err)
     for (int k = 0; k < a->n_slices; k++)
         a->bytes[CTS_STAGE_DECODE] += a->slices[k].pixel_bytes;
     cts_report_region(report, cts_wall_ms() - wall, cts_cpu_ms() - cpu, a->busy, a->items, a->bytes);
+    if (is_stopped(a->watch))
+        return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     if (a->n_bad == 0 && a->first_lost == a->n_slices)
         return CTS_OK;
     const CtsError *why = a->first_lost < a->n_slices && a->stop == a->first_lost ? &a->why_lost : &a->why_bad;
@@ -422,7 +430,8 @@ typedef struct Loading {
 static CtsStatus read_nifti(Loading *in, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    const CtsStatus st = cts_nifti_words(in->slices, in->n_slices, &in->words, report, err);
+    const CtsStatus st =
+        cts_nifti_words(in->slices, in->n_slices, in->watch ? in->watch->stop : NULL, &in->words, report, err);
     cts_report_stage(report, CTS_STAGE_DECODE, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
     return st;
 }

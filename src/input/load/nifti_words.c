@@ -25,7 +25,7 @@ static void look(Values *v, float x)
     v->whole &= x == floorf(x);
 }
 
-static CtsStatus read_values(CtsNifti *nifti, Values *v, CtsError *err)
+static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop, Values *v, CtsError *err)
 {
     enum { PART = 4096 };
     double part[PART];
@@ -35,7 +35,7 @@ static CtsStatus read_values(CtsNifti *nifti, Values *v, CtsError *err)
         st = cts_alloc_array(&v->items, v->n, err);
     for (size_t done = 0; !st && done < v->n; done += PART) {
         const size_t n = v->n - done < PART ? v->n - done : PART;
-        st = cts_nifti_read(nifti, part, n, err);
+        st = stop && *stop ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : cts_nifti_read(nifti, part, n, err);
         for (size_t i = 0; !st && i < n; i++)
             look(v, v->items[done + i] = (float)part[i]);
     }
@@ -112,13 +112,14 @@ static void tell(const CtsNifti *nifti, const CtsBox *box, const Values *v, CtsR
                            v->n_lost);
 }
 
-CtsStatus cts_nifti_words(CtsSlice *slices, int n, uint16_t **words, CtsReport *report, CtsError *err)
+CtsStatus cts_nifti_words(CtsSlice *slices, int n, const volatile sig_atomic_t *stop, uint16_t **words,
+                          CtsReport *report, CtsError *err)
 {
     CtsFileBytes file = {.fd = -1};
     CtsNifti nifti = {0};
     Values values = {0};
     CtsStatus st = cts_slice_open(&slices[0], &file, err);
-    if (!st && !(st = cts_nifti_open(&nifti, &file, err)) && !(st = read_values(&nifti, &values, err)))
+    if (!st && !(st = cts_nifti_open(&nifti, &file, err)) && !(st = read_values(&nifti, stop, &values, err)))
         st = cts_alloc_array(words, values.n, err);
     if (!st) {
         const CtsBox box = cts_nifti_box(&nifti);

@@ -104,12 +104,13 @@ CtsStatus cts_scanned_volume(CtsScanned *s, CtsInterpolation how, bool hand_over
     return CTS_OK;
 }
 
-CtsStatus cts_series_load(const CtsSeries *series, int n_threads, CtsVolume **volume, CtsReport *report, CtsError *err)
+CtsStatus cts_series_load(const CtsSeries *series, int n_threads, const volatile sig_atomic_t *stop, CtsVolume **volume,
+                          CtsReport *report, CtsError *err)
 {
     CtsScanned *scanned = NULL;
     CtsMadeUp made = {0};
     *volume = NULL;
-    CtsStatus st = cts_series_scan(series, false, NULL, n_threads, &scanned, report, err);
+    CtsStatus st = cts_series_scan(series, false, &(CtsWordWatch){.stop = stop}, n_threads, &scanned, report, err);
     if (!st)
         st = cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, true, n_threads, volume, &made, err);
     cts_scanned_free(&scanned);
