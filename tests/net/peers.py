@@ -55,10 +55,26 @@ def wait_for_port(port, process, seconds=60):
     raise AssertionError('the peer does not come up')
 
 
+def certificate(name, issuer=None, days='2', host='IP:127.0.0.1'):
+    """NAME.key and NAME.pem for a host, signed by another one's key, or an authority's own."""
+    def openssl(*words):
+        subprocess.run(['openssl', *words], check=True, capture_output=True)
+
+    if not issuer:
+        return openssl('req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-keyout', name + '.key', '-out', name + '.pem',
+                       '-days', days, '-subj', '/CN=' + name)
+    with open(name + '.ext', 'w') as f:
+        f.write('subjectAltName=' + host)
+    openssl('req', '-newkey', 'rsa:2048', '-nodes', '-keyout', name + '.key', '-out', name + '.csr', '-subj',
+            '/CN=' + name)
+    openssl('x509', '-req', '-extfile', name + '.ext', '-in', name + '.csr', '-CA', issuer + '.pem', '-CAkey',
+            issuer + '.key', '-CAcreateserial', '-out', name + '.pem', '-days', days)
+
+
 class Orthanc:
     """A PACS with DICOM and DICOMweb; killed and started again it still has what it confirmed."""
 
-    def __init__(self, folder, loopback, user=None):
+    def __init__(self, folder, loopback, user=None, tls=None):
         self.folder, self.loopback, self.user = folder, loopback, user
         self.http, self.dicom, self.listener = free_port(), free_port(), free_port()
         self.url = 'http://127.0.0.1:%d' % self.http
@@ -72,6 +88,11 @@ class Orthanc:
             'DicomModalities': {'ctsplat': {'AET': 'CTSPLAT', 'Host': '127.0.0.1', 'Port': self.listener,
                                             'AllowGet': True, 'AllowMove': True, 'AllowFind': True}},
             'DicomWeb': {'Enable': True, 'Root': '/dicom-web/'}}
+        if tls: # the name of its key and certificate, and of the authority's
+            config['DicomModalities']['ctsplat']['UseDicomTls'] = True
+            config.update({'DicomTlsEnabled': True, 'DicomTlsPrivateKey': os.path.abspath(tls[0] + '.key'),
+                           'DicomTlsCertificate': os.path.abspath(tls[0] + '.pem'),
+                           'DicomTlsTrustedCertificates': os.path.abspath(tls[1] + '.pem')})
         with open(folder + '.json', 'w') as f:
             json.dump(config, f)
         self.start()

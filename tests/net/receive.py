@@ -164,12 +164,7 @@ assert [line['event'] for line in r.lines()] == ['association'] * 2 + ['turned_a
 
 # Over TLS with a certificate that the authority has signed, and in no other way.
 for name, issuer in (('ours', None), ('server', 'ours'), ('client', 'ours'), ('theirs', None), ('stranger', 'theirs')):
-    words = ['-CA', issuer + '.pem', '-CAkey', issuer + '.key'] if issuer else []
-    subprocess.run(['openssl', 'req', '-newkey', 'rsa:2048', '-nodes', '-keyout', name + '.key', '-subj', '/CN=' + name,
-                    '-out', name + '.csr'], check=True, capture_output=True)
-    subprocess.run(['openssl', 'x509', '-req', '-in', name + '.csr', '-out', name + '.pem', '-days', '2'] +
-                   (words + ['-CAcreateserial'] if issuer else ['-signkey', name + '.key']), check=True,
-                   capture_output=True)
+    peers.certificate(name, issuer)
 r = Receiver('tls', '--tls-key', 'server.key', '--tls-cert', 'server.pem', '--tls-ca', 'ours.pem')
 send(r, '+tls', 'client.key', 'client.pem', '+cf', 'ours.pem', SLICES)
 assert r.wait_for(1)['certificate'] == '/CN=client' and len(r.files()) == n, r.lines()

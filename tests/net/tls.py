@@ -13,31 +13,13 @@ inbox = 'inbox'
 os.mkdir(inbox)
 
 
-def openssl(*args):
-    subprocess.run(['openssl'] + list(args), check=True, capture_output=True)
-
-
-def authority(name):
-    openssl('req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-keyout', name + '.key', '-out', name + '.pem', '-days',
-            '2', '-subj', '/CN=' + name)
-
-
-def certificate(name, issuer, days='2', host='IP:127.0.0.1'):
-    openssl('req', '-newkey', 'rsa:2048', '-nodes', '-keyout', name + '.key', '-out', name + '.csr', '-subj',
-            '/CN=127.0.0.1')
-    with open(name + '.ext', 'w') as f:
-        f.write('subjectAltName=' + host)
-    openssl('x509', '-req', '-extfile', name + '.ext', '-in', name + '.csr', '-CA', issuer + '.pem', '-CAkey', issuer + '.key', '-CAcreateserial',
-            '-out', name + '.pem', '-days', days)
-
-
-authority('ours')
-authority('theirs')
+peers.certificate('ours')
+peers.certificate('theirs')
 for name in ('server', 'client'):
-    certificate(name, 'ours')
-certificate('stranger', 'theirs')
-certificate('old', 'ours', days='-1')
-certificate('elsewhere', 'ours', host='IP:192.0.2.1,DNS:pacs.example.org')
+    peers.certificate(name, 'ours')
+peers.certificate('stranger', 'theirs')
+peers.certificate('old', 'ours', days='-1')
+peers.certificate('elsewhere', 'ours', host='IP:192.0.2.1,DNS:pacs.example.org')
 
 
 class Storescp:

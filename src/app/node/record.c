@@ -42,7 +42,7 @@ static json_t *new_line(const char *event, const CtsAddress *address)
 /* Takes the line over. One write, so that lines of several writers do not mix. */
 static CtsStatus append(const char *path, json_t *line, CtsError *err)
 {
-    char *text = json_dumps(line, JSON_COMPACT);
+    char *text = json_dumps(line, JSON_COMPACT | JSON_REAL_PRECISION(12));
     const size_t n = text ? strlen(text) : 0;
     const int fd = open_record(path);
     ssize_t put = -1;

@@ -2,6 +2,7 @@
 
 #include <dcmtk/dcmnet/dcmtrans.h>
 #include <dcmtk/dcmtls/tlslayer.h>
+#include <dcmtk/dcmtls/tlstrans.h>
 #include <netinet/tcp.h>
 #include <openssl/ssl.h>
 #include <openssl/x509v3.h>
@@ -47,14 +48,29 @@ class TcpLayer final : public DcmTransportLayer
     }
 };
 
+class TlsConnection final : public DcmTLSConnection
+{
+  public:
+    using DcmTLSConnection::DcmTLSConnection;
+    ssize_t read(void *bytes, size_t n) override
+    {
+        hurry(getSocket());
+        return DcmTLSConnection::read(bytes, n);
+    }
+};
+
 class TlsLayer final : public DcmTLSTransportLayer
 {
   public:
     using DcmTLSTransportLayer::DcmTLSTransportLayer;
-    DcmTransportConnection *createConnection(DcmNativeSocketType socket, OFBool secure) override
+    DcmTransportConnection *createConnection(DcmNativeSocketType socket, OFBool) override
     {
-        hurry(socket);
-        return DcmTLSTransportLayer::createConnection(socket, secure);
+        SSL *const ssl = SSL_new(getNativeHandle());
+        if (!ssl || SSL_set_fd(ssl, socket) != 1) {
+            SSL_free(ssl);
+            return nullptr;
+        }
+        return new TlsConnection(socket, ssl);
     }
 };
 
