@@ -74,7 +74,7 @@ def certificate(name, issuer=None, days='2', host='IP:127.0.0.1'):
 class Orthanc:
     """A PACS with DICOM and DICOMweb; killed and started again it still has what it confirmed."""
 
-    def __init__(self, folder, loopback, user=None, tls=None):
+    def __init__(self, folder, loopback, user=None, tls=None, more=None):
         self.folder, self.loopback, self.user = folder, loopback, user
         self.http, self.dicom, self.listener = free_port(), free_port(), free_port()
         self.url = 'http://127.0.0.1:%d' % self.http
@@ -87,7 +87,7 @@ class Orthanc:
             'DicomCheckCalledAet': True, 'DicomAlwaysAllowStore': False, 'Plugins': plugins,
             'DicomModalities': {'ctsplat': {'AET': 'CTSPLAT', 'Host': '127.0.0.1', 'Port': self.listener,
                                             'AllowGet': True, 'AllowMove': True, 'AllowFind': True}},
-            'DicomWeb': {'Enable': True, 'Root': '/dicom-web/'}}
+            'DicomWeb': {'Enable': True, 'Root': '/dicom-web/'}, **(more or {})}
         if tls: # the name of its key and certificate, and of the authority's
             config['DicomModalities']['ctsplat']['UseDicomTls'] = True
             config.update({'DicomTlsEnabled': True, 'DicomTlsPrivateKey': os.path.abspath(tls[0] + '.key'),

@@ -198,6 +198,24 @@ def leaves_cleanly(series):
         assert statuses == [503] * 6, statuses
 
 
+def handed_over():
+    """A socket from outside, as systemd gives it."""
+    with socket.socket(socket.AF_UNIX) as door:
+        door.bind('handed.sock')
+        door.listen()
+        script = 'exec 3<&%d; LISTEN_PID=$$ LISTEN_FDS=1 exec "$@"' % door.fileno()
+        with subprocess.Popen(['bash', '-c', script, 'sh', ctsplat, 'serve', data], stdout=subprocess.PIPE, text=True,
+                              pass_fds=[door.fileno()], stderr=subprocess.DEVNULL) as process:
+            process.stdout.readline()
+            with socket.socket(socket.AF_UNIX) as s:
+                s.connect('handed.sock')
+                s.sendall(b'GET /series HTTP/1.0\r\n\r\n')
+                assert b' 200 ' in s.recv(4096)
+            process.terminate()
+            assert process.wait(60) == 0
+    assert os.path.exists('handed.sock'), 'it is not the server that made it'
+
+
 def starts():
     """What cannot be served is one line and the right exit code; a socket needs no token."""
     for code, text, args in [(2, 'nothing to serve', []), (3, 'no such|cannot be', ['nowhere']),
@@ -215,6 +233,7 @@ def starts():
             s.sendall(b'GET /series HTTP/1.0\r\n\r\n')
             assert b' 200 ' in s.recv(4096)
     assert not os.path.exists('here.sock')
+    handed_over()
 
 
 def memory():

@@ -109,6 +109,10 @@ CtsStatus cts_shelf_fill(CtsShelf *shelf, const CtsOptions *options, CtsReport *
     shelf->most_bytes = options->memory_bytes ? options->memory_bytes : cts_memory_available() / 2;
     if (!paths)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!shelf->most_bytes) {
+        free(paths);
+        return cts_fail(err, CTS_ERR_USAGE, "how much memory is free is not known here (give `memory` SIZE)");
+    }
     for (int i = 0; i < options->paths.n; i++)
         if (!strstr(options->paths.items[i], PLACE))
             paths[n++] = options->paths.items[i];

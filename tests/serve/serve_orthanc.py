@@ -1,0 +1,76 @@
+#!/usr/bin/env python3
+"""Pictures through Orthanc: serve_orthanc.py CTSPLAT LOOPBACK_SO DATA"""
+import glob
+import json
+import os
+import sys
+import time
+import urllib.error
+import urllib.request
+
+HERE = os.path.dirname(os.path.abspath(__file__))
+sys.path.insert(0, os.path.join(HERE, '..', 'net'))
+import peers  # noqa: E402
+from server import Server  # noqa: E402
+
+ctsplat, loopback, data = sys.argv[1:]
+peers.need('Orthanc')
+if not glob.glob('/usr/share/orthanc/plugins/*Python*') + glob.glob('/usr/lib/orthanc/plugins/*Python*'):
+    peers.skip("no Python plugin of Orthanc's")
+import pydicom  # noqa: E402
+
+SCRIPT = os.path.join(HERE, '..', '..', 'src', 'app', 'deploy', 'ctsplat_orthanc.py')
+
+
+def refused(pacs, path):
+    try:
+        pacs.get(path)
+    except urllib.error.HTTPError as e:
+        return e.code
+    raise AssertionError(path)
+
+
+def look_at(pacs, server, study, series, resource):
+    base = f'/dicom-web/studies/{study}/series/{series}/rendered3D?viewport=64,48'
+    for query, accept in [('', 'image/png'), ('&orientation=l&preset=skin', 'image/png'), ('', 'image/jpeg')]:
+        assert pacs.get(base + query, accept) == server.get(base.replace('/dicom-web', '') + query, {'Accept': accept})
+    assert pacs.get(base.replace(f'/series/{series}', ''), 'image/png') == pacs.get(base, 'image/png')
+    # Example B.32, and what is not supported.
+    module = json.loads(pacs.get(base + '&renderingmethod=volume_rendered&orientation=a&swivelrange=180&animationrate=20'
+                                 '&renderedvolumetricmetadata=yes', 'application/dicom+json'))
+    assert module['0070120D']['Value'] == ['VOLUME_RENDERED'] and module['00701A06']['Value'] == [180], module
+    assert refused(pacs, base + '&match=x') == 400
+    assert refused(pacs, base.replace(series, '1.2.3')) == 404
+    # What DICOMweb has of its own is still there.
+    assert pacs.json(f'/dicom-web/studies/{study}/series')[0]['0020000E']['Value'] == [series]
+    assert pacs.get(f'/series/{resource}/thumbnail')[:3] == b'\xff\xd8\xff'
+
+
+folder, settings = os.path.abspath('slices'), {}
+slices = sorted(glob.glob(os.path.join(data, '*.dcm')))
+source = pydicom.dcmread(slices[0], stop_before_pixels=True)
+os.makedirs(folder)
+with Server(ctsplat, folder + '/{series_uid}') as whole:
+    with open('token', 'w') as f:
+        f.write(whole.token + '\n')
+    address = {'Server': whole.url.split('?')[0], 'TokenFile': os.path.abspath('token'), 'Folder': folder}
+    archive = peers.Orthanc(os.path.abspath('pacs'), loopback, more={'PythonScript': SCRIPT, 'Ctsplat': address,
+                                                                     'StableAge': 1})
+    try:
+        for path in slices:
+            archive.put(path)
+        name = archive.json('/series')[0]
+        # The preview is made by itself.
+        end = time.monotonic() + 60
+        while '4484' not in archive.json(f'/series/{name}/attachments'):
+            assert time.monotonic() < end, open('pacs.log').read()[-2000:]
+            time.sleep(0.1)
+        look_at(archive, whole, source.StudyInstanceUID, source.SeriesInstanceUID, name)
+        placed = os.path.join(folder, source.SeriesInstanceUID)
+        assert all(os.path.islink(os.path.join(placed, f)) for f in os.listdir(placed)) and len(os.listdir(placed)) == 48
+        urllib.request.urlopen(urllib.request.Request(f'{archive.url}/series/{name}', method='DELETE'), timeout=30)
+        while os.path.isdir(placed):
+            assert time.monotonic() < end, 'the folder of a series that is gone stays'
+            time.sleep(0.1)
+    finally:
+        archive.kill()
