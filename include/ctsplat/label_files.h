@@ -18,7 +18,9 @@ typedef struct CtsLabelRequest {
     const char *names;               /* a file of names for the numbers of label maps; NULL: none */
     const char *const *series_paths; /* where the series was looked for: auto looks there and beside its slices */
     int n_series_paths;
-    bool unnamed; /* messages tell a label file by its number, not by its path */
+    bool listed;                 /* these are all label files that auto may take, members of archives too */
+    const CtsArchives *archives; /* that hold some of them; or NULL */
+    bool unnamed;                /* messages tell a label file by its number, not by its path */
 } CtsLabelRequest;
 
 /* The labels of a series, as runs of its slices' voxels, not counted yet; free with cts_labels_free(). What is odd

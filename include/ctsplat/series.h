@@ -81,12 +81,13 @@ CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *
 /* What was passed over, as text: "3 MR Image, 1 not DICOM"; "" for nothing. Cut to its size. */
 void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size);
 
-/* A file of an archive, for as long as the call lasts. */
+/* A file of an archive, for as long as the call lasts: a slice, or what may hold labels. */
 typedef struct CtsArchiveFile {
     const char *path;
     const char *why; /* it cannot be read, or NULL; then the rest is empty */
     const char *series_uid, *sop_uid;
-    bool is_alone; /* a series of its own, without a UID */
+    bool is_alone;         /* a series of its own, without a UID */
+    const char *labels_of; /* a segmentation or a structure set: the study that it is of; NULL: none */
     uint64_t bytes;
     int64_t mtime_ns;
     uint64_t n_voxels; /* of all its frames that the header tells of */
@@ -97,9 +98,10 @@ typedef struct CtsArchiveCounts {
     uint64_t n_packed; /* of n_not_ct: zip files and the like, which are looked into only where they are named */
 } CtsArchiveCounts;
 
-/* Reads the header of each file below paths once, in the folders' own order, and calls found for each CT slice and for
- * each file that cannot be read; what is no CT is only counted. Memory does not grow with the number of files. found's
- * status, when not CTS_OK, ends the search. *stop, unless stop is NULL, ends it with CTS_ERR_INTERRUPTED. */
+/* Reads the header of each file below paths once, in the folders' own order, and calls found for each CT slice, for
+ * each segmentation and structure set, and for each file that cannot be read; what is no CT is only counted. Memory
+ * does not grow with the number of files. found's status, when not CTS_OK, ends the search. *stop, unless stop is NULL,
+ * ends it with CTS_ERR_INTERRUPTED. */
 typedef CtsStatus (*CtsArchiveSink)(void *context, const CtsArchiveFile *file, CtsError *err);
 typedef struct CtsArchiveSearch {
     const char *const *paths;

@@ -3,10 +3,12 @@
 
 pydicom and numpy read and count; segmentations, structure sets and NIfTI files are written here, odd ones too, on the
 series of testdata. Exit 77 where pydicom is missing; says so where the shared samples are."""
+import copy
 import glob
 import gzip
 import json
 import os
+import shutil
 import struct
 import subprocess
 import sys
@@ -450,6 +452,33 @@ def test_places(scan, work):
     check('places: one pair alone', codes(changed) == [], codes(changed))
 
 
+def test_batch(scan, work):
+    """--labels auto in a batch: each series gets the segmentation of its study, from another folder or a zip file."""
+    archive, expected = os.path.join(work, 'archive'), {}
+    for i in range(3):
+        folder = os.path.join(archive, str(i), 'ct')
+        os.makedirs(folder)
+        for k, d in enumerate(scan.files):
+            d = copy.deepcopy(d)
+            d.StudyInstanceUID, d.SeriesInstanceUID, d.SOPInstanceUID = f'2.25.1{i}', f'2.25.2{i}', f'2.25.3{i}.{k}'
+            d.FrameOfReferenceUID, d.file_meta.MediaStorageSOPInstanceUID = f'2.25.4{i}', d.SOPInstanceUID
+            d.save_as(os.path.join(folder, f'{k}.dcm'))
+        mask = blobs(scan.shape)[1]
+        if i < 2:
+            write_seg(os.path.join(archive, str(i), 'seg.dcm'), Scan(folder), {1: mask})
+        expected[f'2.25.2{i}'] = [int(mask.sum())] if i < 2 else []
+    packed = shutil.make_archive(os.path.join(work, 'packed'), 'zip', archive)
+    for path in (archive, packed):
+        out = os.path.join(work, 'out-' + os.path.basename(path))
+        run = subprocess.run([CTSPLAT, 'batch', path, '-O', out, '--presets', 'skin', '--size', '32x32', '--labels',
+                              'auto'], capture_output=True, text=True)
+        with open(os.path.join(out, 'batch.jsonl')) as f:
+            lines = [json.loads(line) for line in f]
+        found = {line['series_uid']: [label['voxels'] for label in line.get('labels', [])] for line in lines}
+        check(f'batch: auto in {os.path.basename(path)}', run.returncode == 0 and found == expected,
+              f'{run.stderr} {found} {expected}')
+
+
 def test_structures(scan, work):
     if scan.shape[1] < 16:
         return
@@ -648,6 +677,7 @@ def main():
             if name == 'feet-first':
                 test_names(scan, work)
                 test_places(scan, work)
+                test_batch(scan, work)
                 test_refusals(scan, work)
     folder = os.path.join(SHARED, 'labels')
     if os.path.isdir(folder):

@@ -25,12 +25,19 @@ typedef struct CtsBatchPicture {
     const char *thumb_stem; /* of its thumbnails */
 } CtsBatchPicture;
 
+/* A segmentation or a structure set that the search has met, and the study that it is of. */
+typedef struct CtsBatchLabelFile {
+    char *path, *study_uid;
+} CtsBatchLabelFile;
+
 /* What a worker is given: one series. paths are its files. */
 typedef struct CtsBatchTask {
     const char *uid; /* "" stands for files without one */
     const char *const *paths;
     int n_paths, n_threads;
-    const CtsArchives *archives; /* that hold some of them */
+    const CtsArchives *archives;          /* that hold some of them */
+    const CtsBatchLabelFile *label_files; /* n_label_files, of all series */
+    size_t n_label_files;
     struct CtsBatchChild *child; /* for the calls below */
 } CtsBatchTask;
 

@@ -43,6 +43,8 @@ struct CtsPlan {
     Entry *lost; /* files that cannot be read, by their folder's key */
     size_t n_lost, n_homes;
     Home *homes;
+    CtsBatchLabelFile *label_files;
+    size_t n_label_files;
     uint64_t n_files;
     int n_warnings;
 };
@@ -190,6 +192,18 @@ static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err
     return keep_record(p, &lost, name, folder_key(file->path), err);
 }
 
+static CtsStatus take_labels(CtsPlan *p, const CtsArchiveFile *file, CtsError *err)
+{
+    CtsBatchLabelFile *const grown = reallocarray(p->label_files, p->n_label_files + 1, sizeof *grown);
+    if (!grown)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of label files");
+    p->label_files = grown;
+    CtsBatchLabelFile *const added = &grown[p->n_label_files++];
+    *added = (CtsBatchLabelFile){strdup(file->path), strdup(file->labels_of)};
+    return added->path && added->study_uid ? CTS_OK
+                                           : cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of label files");
+}
+
 static bool is_mine(const CtsPlan *p, uint64_t key)
 {
     return key % (uint64_t)p->input->n_shards == (uint64_t)p->input->shard;
@@ -206,6 +220,8 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
         p->input->counts(p->input->context, p->n_files);
     if (file->why)
         return take_lost(p, file, err);
+    if (file->labels_of)
+        return take_labels(p, file, err);
     if (file->series_uid[0] && !strcmp(file->series_uid, p->last_uid))
         snprintf(name, sizeof name, "%s", p->last_uid);
     else if ((st = name_series(file, name, &key, err)))
@@ -371,6 +387,11 @@ void cts_plan_free(CtsPlan **plan)
     free(p->lost);
     free(p->homes);
     free(p->units);
+    for (size_t i = 0; i < p->n_label_files; i++) {
+        free(p->label_files[i].path);
+        free(p->label_files[i].study_uid);
+    }
+    free(p->label_files);
     cts_archives_free(&p->archives);
     free(p);
     *plan = NULL;
@@ -457,7 +478,10 @@ CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, 
     size_t size = 0;
     for (size_t k = 0; k < unit->n; k++)
         size += plan->entries[unit->first + k].size;
-    *series = (CtsPlanSeries){.text = malloc(size), .paths = malloc(unit->n * sizeof *series->paths)};
+    *series = (CtsPlanSeries){.text = malloc(size),
+                              .paths = malloc(unit->n * sizeof *series->paths),
+                              .label_files = plan->label_files,
+                              .n_label_files = plan->n_label_files};
     File *files = malloc(unit->n * sizeof *files);
     if (!series->text || !series->paths || !files)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory for the files of a series");

@@ -2,6 +2,7 @@
 #ifndef CTS_BATCH_BATCH_PLAN_H
 #define CTS_BATCH_BATCH_PLAN_H
 
+#include "app/batch/batch.h"
 #include "base/hash.h"
 #include "ctsplat/series.h"
 #include <signal.h>
@@ -30,7 +31,9 @@ typedef struct CtsPlanSeries {
     int n_paths;
     char input_sha256[65]; /* of the files' SOP UIDs, sizes and times */
     uint64_t n_voxels;
-    char *text; /* what paths points into */
+    char *text;                           /* what paths points into */
+    const CtsBatchLabelFile *label_files; /* n_label_files, of all series; the plan's */
+    size_t n_label_files;
 } CtsPlanSeries;
 
 /* Memory: 24 to 40 bytes a file and 24 a series. Files that cannot be read go with the one series that has slices in

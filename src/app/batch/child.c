@@ -177,6 +177,8 @@ static void run_series(struct CtsBatchChild *c)
                                .n_paths = c->series->n_paths,
                                .n_threads = c->n_threads,
                                .archives = c->archives,
+                               .label_files = c->series->label_files,
+                               .n_label_files = c->series->n_label_files,
                                .child = c};
     for (int i = 0; i < task.n_paths; i++)
         cts_names_add(&c->names, task.paths[i]);

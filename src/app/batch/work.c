@@ -17,6 +17,8 @@ typedef struct Work {
     const CtsBatchJob *batch;
     const CtsBatchTask *task;
     CtsLoaded loaded;
+    const char **label_paths; /* of its study; n_label_paths, owned */
+    int n_label_paths;
     bool told;  /* the batch knows that it is read */
     int n_left; /* pictures that are not made yet */
     CtsReport report;
@@ -214,6 +216,10 @@ static CtsStatus render_pictures(Work *w, const CtsBatchPicture *pictures, int n
             if (job.source.remove_table != (bool)without_table)
                 continue;
             job.source.n_threads = job.render.n_threads = w->task->n_threads;
+            job.source.paths = w->label_paths;
+            job.source.n_paths = w->n_label_paths;
+            job.source.labels_listed = true;
+            job.source.archives = w->task->archives;
             w->picture = &pictures[i];
             if (!loaded && (st = load(w, &job.source, without_table || !both, err)))
                 break;
@@ -225,6 +231,20 @@ static CtsStatus render_pictures(Work *w, const CtsBatchPicture *pictures, int n
     return st;
 }
 
+/* Label files of the series' study, so that a batch opens each about once. */
+static CtsStatus list_label_files(Work *w, CtsError *err)
+{
+    w->label_paths = calloc(w->task->n_label_files + 1, sizeof *w->label_paths);
+    if (!w->label_paths)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (size_t i = 0; i < w->task->n_label_files; i++) {
+        const CtsBatchLabelFile *const f = &w->task->label_files[i];
+        if (!strcmp(f->study_uid, w->loaded.series->study_uid))
+            w->label_paths[w->n_label_paths++] = f->path;
+    }
+    return CTS_OK;
+}
+
 static CtsStatus render_series(Work *w)
 {
     CtsError err = {0}, log_err;
@@ -232,6 +252,8 @@ static CtsStatus render_series(Work *w)
     int n;
     const double start_ms = cts_wall_ms();
     CtsStatus st = cts_batch_begin(w->task->child, w->loaded.series, &pictures, &n, &err);
+    if (!st)
+        st = list_label_files(w, &err);
     if (!st && !w->loaded.series->renderable)
         st = cts_fail(&err, w->loaded.series->refusal, "%s", w->loaded.series->reason);
     if (!st && !(st = cts_log_open(&w->log, w->batch->log, w->batch->job.export.key, w->batch->settings->n_shards == 1,
@@ -244,6 +266,7 @@ static CtsStatus render_series(Work *w)
         st = render_pictures(w, pictures, n, &err);
     }
     cts_loaded_free(&w->loaded);
+    free(w->label_paths);
     cts_log_report(w->log, &w->report);
     if (st)
         cts_log_failed(w->log, cts_exit_code(st), err.text);

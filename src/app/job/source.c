@@ -168,6 +168,8 @@ CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsRepor
                                      .n_paths = source->n_labels,
                                      .names = source->label_names,
                                      .unnamed = source->labels_unnamed,
+                                     .listed = source->labels_listed,
+                                     .archives = source->archives,
                                      .series_paths = source->from ? NULL : source->paths,
                                      .n_series_paths = source->from ? 0 : source->n_paths};
     cts_labels_free(&loaded->labels);

@@ -19,6 +19,8 @@ typedef struct CtsSource {
     const char *series_uid;                  /* NULL: the one with the most slices */
     const char *const *labels;               /* n_labels label files, folders, or "auto" */
     int n_labels;
+    bool labels_listed;                /* paths are all label files that "auto" may take */
+    const CtsArchives *archives;       /* that hold some of them; or NULL */
     bool labels_unnamed;               /* messages do not tell their paths */
     const char *label_names;           /* a file of names for the numbers of label maps; NULL: none */
     CtsLabelChoice choice;             /* what is seen of them */

@@ -18,6 +18,8 @@ const char ct_class[] = "1.2.840.10008.5.1.4.1.1.2";
 const char enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.1";
 const char legacy_enhanced_class[] = "1.2.840.10008.5.1.4.1.1.2.2";
 const char directory_class[] = "1.2.840.10008.1.3.10";
+const std::string_view label_classes[] = {"1.2.840.10008.5.1.4.1.1.66.4", "1.2.840.10008.5.1.4.1.1.66.7",
+                                          "1.2.840.10008.5.1.4.1.1.481.3"};
 
 /* The n-th part of a multi-valued text. */
 std::string_view part_of(std::string_view text, int n)
@@ -72,6 +74,8 @@ CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
         return CTS_OBJECT_ENHANCED;
     if (sop_class == directory_class || item.has(DCM_DirectoryRecordSequence))
         return CTS_OBJECT_DIRECTORY;
+    if (std::find(std::begin(label_classes), std::end(label_classes), sop_class) != std::end(label_classes))
+        return CTS_OBJECT_LABELS;
     if (sop_class.empty() && cts_text_of(item, DCM_Modality) == "CT" && item.has(DCM_ImagePositionPatient))
         return CTS_OBJECT_CT;
     return CTS_OBJECT_OTHER;
@@ -357,6 +361,8 @@ void cts_dcm_read_object(CtsAttributes &item, CtsTexts &texts, char class_uid[65
     slice->kind = kind_of(item, own_class.empty() ? std::string_view(class_uid) : own_class);
     if (slice->kind == CTS_OBJECT_DIRECTORY)
         std::memcpy(class_uid, directory_class, sizeof directory_class);
+    if (slice->kind == CTS_OBJECT_LABELS)
+        slice->identity[CTS_STUDY_UID] = cts_dcm_share(texts, cts_text_of(item, DCM_StudyInstanceUID), 64);
     if (slice->kind == CTS_OBJECT_CT)
         cts_dcm_read_slice(item, texts, slice);
 }

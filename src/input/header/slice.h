@@ -22,6 +22,7 @@ typedef enum CtsObjectKind {
     CTS_OBJECT_CT,        /* CT Image Storage */
     CTS_OBJECT_ENHANCED,  /* Enhanced CT or Legacy Converted Enhanced CT: many frames in one object */
     CTS_OBJECT_DIRECTORY, /* a DICOMDIR */
+    CTS_OBJECT_LABELS,    /* a segmentation or a structure set */
     CTS_OBJECT_NIFTI      /* no DICOM, but a NIfTI CT that was named: its slices are this file's alone */
 } CtsObjectKind;
 
@@ -134,6 +135,7 @@ typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_NIFTI, C
 typedef struct CtsObject {
     CtsObjectKind kind;
     const char *class_uid; /* of DICOM; "" where it names none */
+    const char *study_uid; /* of labels; else NULL */
     CtsSlice **slices;     /* n_slices of them, owned; none unless kind is CT or enhanced CT */
     int n_slices;
     const char *packed; /* no DICOM, but looks like this packer's: "gzip"; or NIfTI that was not named; else NULL */

@@ -284,6 +284,7 @@ static CtsStatus read_slices(const Framing *f, CtsTexts *texts, CtsSlice *common
     memcpy(class_uid, f->meta.sop_class_uid, sizeof class_uid);
     CtsStatus st = cts_dcm_read_header(f->data_set, f->n_data_set, &f->data, f->native, texts, class_uid, common, err);
     object->kind = common->kind;
+    object->study_uid = common->kind == CTS_OBJECT_LABELS ? common->identity[CTS_STUDY_UID] : NULL;
     if (!st && !(object->class_uid = cts_texts_share(texts, class_uid, sizeof class_uid)))
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     const CtsDcmReaders *dcm = NULL;

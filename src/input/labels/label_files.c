@@ -151,7 +151,7 @@ static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
 static CtsStatus read_folder(Search *s, const char *const *paths, int n_paths, CtsError *err)
 {
     CtsFileList list = {0};
-    CtsStatus st = cts_scan_paths(NULL, paths, n_paths, &list, err);
+    CtsStatus st = cts_scan_paths(s->request->archives, paths, n_paths, &list, err);
     s->in_folder = true;
     s->reading.number = 0;
     for (size_t i = 0; !st && i < list.n; i++)
@@ -172,10 +172,10 @@ static CtsStatus read_beside(Search *s, CtsError *err)
     CtsStatus st = folders ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; !st && i < s->request->n_series_paths; i++) {
         struct stat info;
-        if (!stat(s->request->series_paths[i], &info))
+        if (s->request->listed || !stat(s->request->series_paths[i], &info))
             folders[n++] = s->request->series_paths[i];
     }
-    for (int k = 0; !st && k < series->n_slices; k++) {
+    for (int k = 0; !st && !s->request->listed && k < series->n_slices; k++) {
         const CtsSlice *slice = series->slices[k];
         const size_t length = (size_t)(cts_slice_name(slice) - slice->path);
         const char *folder =

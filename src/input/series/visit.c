@@ -125,6 +125,10 @@ static CtsStatus hand_on(Search *s, const Found *f, char **directory, CtsError *
     }
     s->counts->n_not_ct++;
     s->counts->n_packed += f->object.packed != NULL;
+    if (f->object.kind == CTS_OBJECT_LABELS) {
+        file.labels_of = f->object.study_uid;
+        return s->asked->found(s->asked->context, &file, err);
+    }
     if (f->file.named && f->object.kind == CTS_OBJECT_DIRECTORY && !*directory && !(*directory = strdup(f->file.path)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     return CTS_OK;
