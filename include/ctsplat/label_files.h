@@ -33,6 +33,10 @@ CtsStatus cts_labels_read(const CtsLabelRequest *request, const CtsSeries *serie
 CtsStatus cts_labels_choose(const CtsLabelRequest *request, const CtsSeriesList *list, const CtsSeries **series,
                             CtsError *err);
 
+/* Names, sizes and times of the files that one of request's paths names for a series: a text that changes where they
+ * do, to be freed with free(). Of "auto" it is empty. */
+CtsStatus cts_labels_stamp(const char *path, const char *series_uid, char **stamp, CtsError *err);
+
 #pragma GCC visibility pop
 #ifdef __cplusplus
 }

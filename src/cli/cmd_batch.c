@@ -69,6 +69,8 @@ static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport 
                        .net = &options->net};
     const CtsBatchSettings settings = {
         .paths = options->paths.items,
+        .labels = options->labels.items,
+        .n_labels = options->labels.n,
         .n_paths = options->paths.n,
         .folder = options->output_dir,
         .series_uid = options->series_uid,

@@ -95,8 +95,10 @@ typedef struct CtsBatchTold {
 typedef struct CtsBatchSettings {
     const char *const *paths;
     int n_paths;
-    const char *folder;     /* -O; is made where it is missing */
-    const char *series_uid; /* this one alone; NULL: all */
+    const char *folder;        /* -O; is made where it is missing */
+    const char *series_uid;    /* this one alone; NULL: all */
+    const char *const *labels; /* n_labels label paths, as --labels has them */
+    int n_labels;
     const CtsPreset *presets;
     int n_presets;
     const CtsBatchView *views;

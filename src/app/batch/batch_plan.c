@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "app/batch/batch_plan.h"
 
+#include "ctsplat/label_files.h"
 #include "output/export/uid.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -31,6 +32,8 @@ typedef struct Home {
 struct CtsPlan {
     const CtsPlanInput *input;
     const CtsKey *key;
+    const char *const *labels;
+    int n_labels;
     FILE *list;
     uint64_t list_bytes;
     Entry *entries;
@@ -348,6 +351,8 @@ CtsStatus cts_plan_new(CtsPlan **plan, const CtsPlanInput *input, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     p->input = input;
     p->key = input->key;
+    p->labels = input->labels;
+    p->n_labels = input->n_labels;
     if (!(p->list = nameless_file(input->folder))) {
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: no file can be made there: %s", input->folder, strerror(errno));
         goto end;
@@ -454,10 +459,23 @@ static CtsStatus read_files(const CtsPlan *p, const Unit *unit, char *text, File
     return CTS_OK;
 }
 
-static CtsStatus hash_files(File *files, int n, char hex[65], CtsError *err)
+/* The label files of a series are its input, too. */
+static CtsStatus hash_labels(const CtsPlan *p, CtsHash *hash, const char *uid, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (int i = 0; !st && i < p->n_labels; i++) {
+        char *stamp;
+        if (!(st = cts_labels_stamp(p->labels[i], uid, &stamp, err)))
+            cts_hash_text(hash, stamp);
+        free(stamp);
+    }
+    return st;
+}
+
+static CtsStatus hash_files(const CtsPlan *p, File *files, int n, const char *uid, char hex[65], CtsError *err)
 {
     CtsHash *hash;
-    const CtsStatus st = cts_hash_start(&hash, err);
+    CtsStatus st = cts_hash_start(&hash, err);
     if (st)
         return st;
     qsort(files, (size_t)n, sizeof *files, by_content);
@@ -468,7 +486,10 @@ static CtsStatus hash_files(File *files, int n, char hex[65], CtsError *err)
         cts_hash_text(hash, files[i].sop_uid);
         cts_hash_text(hash, numbers);
     }
-    return cts_plan_hex(&hash, hex, err);
+    CtsStatus ended;
+    st = hash_labels(p, hash, uid, err);
+    ended = cts_plan_hex(&hash, hex, st ? NULL : err);
+    return st ? st : ended;
 }
 
 CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, CtsError *err)
@@ -507,7 +528,7 @@ CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, 
         series->paths[series->n_paths] = files[k].path;
         files[series->n_paths++] = files[k];
     }
-    st = hash_files(files, series->n_paths, series->input_sha256, err);
+    st = hash_files(plan, files, series->n_paths, series->own_uid, series->input_sha256, err);
 end:
     free(files);
     if (st)

@@ -14,7 +14,9 @@ typedef struct CtsPlanInput {
     int n_paths, n_threads;
     const char *folder;     /* where the list of files is kept, in a file without a name */
     const char *series_uid; /* this one alone; NULL: all */
-    const CtsKey *key;   /* the caller's, as long as the plan is there: series are named under it; NULL: as they are */
+    const CtsKey *key; /* the caller's, as long as the plan is there: series are named under it; NULL: as they are */
+    const char *const *labels; /* n_labels label paths, the caller's, as long as the plan is there */
+    int n_labels;
     int shard, n_shards; /* 0 of 1: all */
     void (*warn)(void *context, const char *text);
     void (*counts)(void *context, uint64_t n_files); /* how far the search is */
@@ -29,7 +31,7 @@ typedef struct CtsPlanSeries {
     char folder[80];    /* that UID where it is a valid one, else "uid-" and 16 hex digits */
     const char **paths; /* in order */
     int n_paths;
-    char input_sha256[65]; /* of the files' SOP UIDs, sizes and times */
+    char input_sha256[65]; /* of the files' SOP UIDs, sizes and times, and of what is known of its label files */
     uint64_t n_voxels;
     char *text;                           /* what paths points into */
     const CtsBatchLabelFile *label_files; /* n_label_files, of all series; the plan's */

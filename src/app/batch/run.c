@@ -527,6 +527,8 @@ static CtsStatus search(Run *r, CtsError *err)
                                 .folder = s->folder,
                                 .series_uid = s->series_uid,
                                 .key = s->deidentify ? &r->key : NULL,
+                                .labels = s->labels,
+                                .n_labels = s->n_labels,
                                 .shard = s->shard,
                                 .n_shards = s->n_shards,
                                 .warn = s->told.warning,

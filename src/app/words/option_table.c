@@ -97,8 +97,8 @@ const CtsOption cts_options[] = {
      "opacity "
      "per mm); may be repeated",
      "as the preset says", TEXTS(label_looks)},
-    {0, "label-colours", NULL, RENDERING, FRESH, "labels in colours that are easy to tell apart", NULL,
-     FLAG(label_colours)},
+    {0, "label-colours", NULL, RENDERING, FRESH,
+     "labels in the colours of their files, or in some that are easy to tell apart", NULL, FLAG(label_colours)},
     {0, "label-order", "LIST", RENDERING, FRESH, "which labels own what several of them hold, the first one first",
      "the smallest", TEXT(label_order)},
     {0, "engine", "NAME", LOOKS, FRESH, "how the picture is made", "tiled", CHOICE(render.engine, cts_engine_names)},

@@ -1,4 +1,5 @@
 #include "core/labels/label_choice.h"
+#include "core/labels/label_set.h"
 #include "core/volume/owners.h"
 #include <math.h>
 #include <stdlib.h>
@@ -17,6 +18,35 @@ void cts_label_colour(size_t n, double rgb[3])
         const double full = colours[n % N_COLOURS][c] / 255.0;
         rgb[c] = round == 0 ? full : round == 1 ? 0.5 + full / 2 : full / 2;
     }
+}
+
+/* The value whose CIE function is t. */
+static double uncie(double t)
+{
+    return t > 6.0 / 29 ? t * t * t : 3 * (6.0 / 29) * (6.0 / 29) * (t - 4.0 / 29);
+}
+
+static double srgb(double linear)
+{
+    const double v = fmin(fmax(linear, 0), 1);
+    return v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
+}
+
+/* CIELab under D50 to XYZ, and by Bradford's adaptation to D65 and sRGB (IEC 61966-2-1; Lindbloom's matrix). */
+void cts_label_take_lab(CtsLabel *l, const int lab[3])
+{
+    static const double white[3] = {0.96422, 1, 0.82521};
+    static const double to_rgb[3][3] = {
+        {3.1338561, -1.6168667, -0.4906146}, {-0.9787684, 1.9161415, 0.0334540}, {0.0719453, -0.2289914, 1.4052427}};
+    const double y = (lab[0] * 100 / 65535.0 + 16) / 116;
+    const double t[3] = {y + (lab[1] * 255 / 65535.0 - 128) / 500, y, y - (lab[2] * 255 / 65535.0 - 128) / 200};
+    double linear[3] = {0};
+    for (int c = 0; c < 3; c++)
+        for (int i = 0; i < 3; i++)
+            linear[c] += to_rgb[c][i] * white[i] * uncie(t[i]);
+    for (int c = 0; c < 3; c++)
+        l->rgb[c] = srgb(linear[c]);
+    l->coloured = true;
 }
 
 static CtsStatus load(const char *name, CtsOwnerLook *look, CtsError *err)

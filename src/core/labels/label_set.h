@@ -17,6 +17,8 @@ CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *na
                          CtsError *err);
 /* Voxels of one row, which may be there already; rows in any order. */
 CtsStatus cts_label_add_run(CtsLabel *label, uint32_t row, int first, int end, CtsError *err);
+/* Its colour as PS3.3 C.10.7.1.1 encodes CIELab: 0 to 65535 each, L* to 100, a* and b* from -128 to 127. */
+void cts_label_take_lab(CtsLabel *label, const int lab[3]);
 /* Runs in order, and those that touch made one. */
 void cts_label_sort_runs(CtsLabel *label);
 /* The first run at or behind a row. */

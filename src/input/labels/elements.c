@@ -183,3 +183,13 @@ bool cts_elements_decimals(CtsElements elements, uint32_t tag, double *values, i
         n_bytes--;
     return n_bytes && cts_dcm_parse_ds((const char *)v.at, n_bytes, values, n);
 }
+
+bool cts_elements_shorts(CtsElements elements, uint32_t tag, int *values, int n)
+{
+    const CtsElements v = cts_elements_find(elements, tag);
+    if (v.end - v.at != 2 * n)
+        return false;
+    for (int i = 0; i < n; i++)
+        values[i] = v.at[2 * i] | v.at[2 * i + 1] << 8;
+    return true;
+}

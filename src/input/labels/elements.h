@@ -36,7 +36,9 @@ bool cts_elements_are_sound(CtsElements elements);
 bool cts_elements_text(CtsElements elements, uint32_t tag, char *text, size_t size);
 /* US, UL or IS; false where there is no such number. */
 bool cts_elements_integer(CtsElements elements, uint32_t tag, int *value);
-/* DS, exactly n of them. */
+/* US, exactly n of them. */
+bool cts_elements_shorts(CtsElements elements, uint32_t tag, int *values, int n);
+/* DS or IS, exactly n of them. */
 bool cts_elements_decimals(CtsElements elements, uint32_t tag, double *values, int n);
 
 #endif

@@ -208,8 +208,7 @@ static CtsStatus read_named(Search *s, const char *path, CtsError *err)
     return st;
 }
 
-/* The pattern with the series' UID in it. */
-static char *with_uid(const char *pattern, const char *uid)
+char *cts_label_path(const char *pattern, const char *uid)
 {
     static const char place[] = "{series_uid}";
     const char *const at = strstr(pattern, place);
@@ -224,7 +223,7 @@ static CtsStatus read_pattern(Search *s, const char *pattern, CtsError *err)
     glob_t found = {0};
     struct stat info;
     CtsStatus st = CTS_OK;
-    char *path = with_uid(pattern, s->reading.series->uid);
+    char *path = cts_label_path(pattern, s->reading.series->uid);
     if (!path)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!strcmp(path, "auto"))

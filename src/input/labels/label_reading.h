@@ -28,6 +28,9 @@ CtsStatus cts_label_read_nifti(const CtsLabelReading *reading, const CtsFileByte
 /* The scanned slices of a series as a grid; free with cts_label_grid_free(). */
 CtsStatus cts_label_grid_of(CtsLabelGrid *grid, const CtsSeries *series, CtsError *err);
 
+/* A pattern with the series' UID in it, to be freed with free(); NULL without memory. */
+char *cts_label_path(const char *pattern, const char *uid);
+
 /* Whether an object names the series, or one of its slices. */
 bool cts_label_refers(CtsElements elements, const CtsSeries *series);
 bool cts_label_shares_space(const char *frame_uid, const CtsSeries *series);

@@ -14,6 +14,7 @@ enum {
     ROI_NUMBER = 0x30060022,
     ROI_FRAME_UID = 0x30060024,
     ROI_NAME = 0x30060026,
+    DISPLAY_COLOUR = 0x3006002A,
     ROI_CONTOURS = 0x30060039,
     CONTOURS = 0x30060040,
     CONTOUR_TYPE = 0x30060042,
@@ -300,7 +301,11 @@ static CtsStatus read_structure(Outline *o, const CtsPlainObject *object, CtsEle
     cts_elements_text(item_of(object->elements, OBSERVATIONS, REFERENCED_ROI, number), INTERPRETED_TYPE, type,
                       sizeof type);
     label->surrounds = !strcmp(type, "EXTERNAL") || !strcmp(type, "SUPPORT");
-    CtsElements contours = cts_elements_find(item_of(object->elements, ROI_CONTOURS, REFERENCED_ROI, number), CONTOURS);
+    const CtsElements drawn = item_of(object->elements, ROI_CONTOURS, REFERENCED_ROI, number);
+    CtsElements contours = cts_elements_find(drawn, CONTOURS);
+    label->coloured = cts_elements_decimals(drawn, DISPLAY_COLOUR, label->rgb, 3);
+    for (int c = 0; c < 3; c++)
+        label->rgb[c] = fmin(fmax(label->rgb[c] / 255, 0), 1);
     CtsElements contour;
     o->n_contours = o->n_points = 0;
     while (!st && cts_items_next(&contours, &contour))

@@ -27,6 +27,7 @@ enum {
     SEGMENT_NUMBER = 0x00620004,
     SEGMENT_LABEL = 0x00620005,
     IDENTIFICATION = 0x0062000A,
+    DISPLAY_LAB = 0x0062000D,
     REFERENCED_SEGMENT = 0x0062000B,
     MAXIMUM = 0x0062000E,
     SHARED_GROUPS = 0x52009229,
@@ -80,6 +81,9 @@ static CtsStatus read_segments(Seg *s, CtsError *err)
         const CtsStatus st = cts_labels_add(labels, s->reading->file, number, name, CTS_LABEL_SEG, err);
         if (st)
             return st;
+        int lab[3];
+        if (cts_elements_shorts(item, DISPLAY_LAB, lab, 3))
+            cts_label_take_lab(&labels->items[labels->n - 1], lab);
         s->label_of[number] = (int32_t)labels->n - 1;
     }
     return CTS_OK;
