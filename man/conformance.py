@@ -62,6 +62,7 @@ statement = [
       ("Retrieve (C-MOVE)", "yes: --from with --move-port", "storage of what was asked for alone"),
       ("Storage of CT (C-STORE), verification", "no", "ctsplat receive, ctsplat-node"),
       ("DICOMweb WADO-RS, STOW-RS", "yes: a URL in --from, --send", "no"),
+      ("DICOMweb rendered3D (Retrieve Rendered Volume)", "no", "ctsplat serve"),
       ("Storage commitment, worklist, MPPS, printing, media", "no", "no")]),
     (H, "Introduction"),
     (P, "For administrators of PACS and for integrators. Version " + version + ". Terms are those of the DICOM standard "
@@ -102,6 +103,32 @@ statement = [
     (P, "WADO-RS: GET of /studies/UID and /studies/UID/series/UID as multipart/related of application/dicom, any transfer "
         "syntax. STOW-RS: POST to /studies of the same type, one instance a request. User and password or "
         "a bearer token; redirections are not followed."),
+    (S, "Rendered volumes (PS3.18 10.4.1.1.8)"),
+    (P, "ctsplat serve answers GET of /studies/UID/rendered3D (where the study has one volume of CT), "
+        "/studies/UID/series/UID/rendered3D and /studies/UID/series/UID/instances/UID/rendered3D (an object that holds its "
+        "whole series, or a Volume Rendering Volumetric Presentation State that ctsplat wrote; others are 400). Media types: "
+        "image/jpeg (the default), image/png with 8 bits, image/webp, application/dicom; a swivel is image/webp or "
+        "application/dicom; application/dicom+json for renderedvolumetricmetadata. None that is accepted: 406. There is no "
+        "renderedMPR, no thumbnail and no capabilities document: 404."),
+    (T, ("Parameter", "Values", "What is done"),
+     [("accept", "media types", "stands in for the Accept header"),
+      ("renderingmethod", "volume_rendered, maximum_ip, minimum_ip, average_ip", "as the preset says where it is missing"),
+      ("orientation", "a, p, r, l, h, f", "a where no camera is given"),
+      ("viewpointposition, viewpointlookat", "three numbers each", "both or none; orthographic, so that the distance does not "
+       "matter; the scale is as for the named views"),
+      ("viewpointup", "three numbers", "only upright cameras: one that rolls is 400"),
+      ("swivelrange", "degrees, at most 360", "to and fro from the first view on, range by step pictures each way"),
+      ("animationstepsize", "degrees", "a 36th of the range where it is missing"),
+      ("animationrate", "pictures a second", "10 where it is missing"),
+      ("window", "centre, width, linear or linear-exact", "of the methods but volume_rendered; sigmoid is 400"),
+      ("viewport", "width, height", "1024,1024 where it is missing; a region is 400"),
+      ("quality", "1 to 100", "of JPEG and WebP"),
+      ("renderedvolumetricmetadata", "yes", "the Rendered Volume Response Module alone"),
+      ("charset", "any", "answers are UTF-8"),
+      ("volumeinputreference, match, volumetriccurvepoint, mprslab, annotation, iccprofile", "", "400, by name"),
+      ("preset, view, size, max-error and others", "as options of ctsplat render", "extensions: ctsplat-serve(1)")]),
+    (P, "Beside a presentation state only orientation, the viewpoint parameters, viewport, quality and accept are taken; others "
+        "are 400. A parameter that is not known is 400 too, by name, where the standard lets it be ignored."),
     (H, "Media and files"),
     (P, "Files of PS3.10 are read whatever their names, from folders, zip files and by a DICOMDIR, with and without "
         "preamble."),

@@ -42,11 +42,14 @@ typedef struct CtsState {
     CtsPreset preset;
     CtsWord *words;
     int n_words;
-    char *text; /* what the words point into */
+    char *text;          /* what the words point into */
+    char source_uid[65]; /* the series that it is of; "" where it does not tell */
 } CtsState;
 
 /* CTS_ERR_READ for what is no such object, or none that ctsplat wrote. */
 CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err);
+/* The SOPInstanceUID of such an object, whoever wrote it; CTS_ERR_READ for what is none. */
+CtsStatus cts_state_uid(const char *path, char sop_uid[65], CtsError *err);
 void cts_state_free(CtsState **state);
 
 #pragma GCC visibility pop

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import shutil
 import socket
 import subprocess
 import sys
@@ -127,6 +128,33 @@ def rendered(server, study, uid):
     for path in f'/studies/{study}/series/{uid}/renderedMPR', f'/studies/{study}', f'/studies/{study}/series/1.2/rendered3D', \
             f'/studies/1.2/series/{uid}/rendered3D', '/studies/1.2/rendered3D', '/studies//series//rendered3D':
         server.refused(404, '.', path)
+
+
+def states(study, uid, slices):
+    """Example B.35: a presentation state of our own; others, and single slices, are refused."""
+    shutil.copytree(data, 'archive')
+    subprocess.run([ctsplat, 'render', data, '--preset', 'skin', '--view', '-30,20', '--size', '64x48', '--png-bits', '8',
+                    '-o', 'state.png', '--write-state', 'archive/state.dcm'], check=True, capture_output=True)
+    state = pydicom.dcmread('archive/state.dcm')
+    base = f'/studies/{study}/series/{state.SeriesInstanceUID}/instances/{state.SOPInstanceUID}/rendered3D'
+    stranger = pydicom.dcmread('archive/state.dcm')
+    stranger.SOPInstanceUID = stranger.file_meta.MediaStorageSOPInstanceUID = '1.2.3.4'
+    for element in [e.tag for e in stranger if e.tag.is_private]:
+        del stranger[element]
+    stranger.save_as('archive/stranger.dcm')
+    with Server(ctsplat, 'archive') as server:
+        png = {'Accept': 'image/png'}
+        with open('state.png', 'rb') as f:
+            assert server.get(base, png) == f.read()
+        assert server.get(base + '?orientation=l', png) == \
+            render('png', '--preset', 'skin', '--view', 'left', '--size', '64x48', '--png-bits', '8')
+        server.refused(400, 'preset: does not go', base + '?preset=bone')
+        server.refused(400, 'does not go', base + '?renderedvolumetricmetadata=yes')
+        server.refused(400, 'private attributes', base.replace(state.SOPInstanceUID, '1.2.3.4'))
+        one = f'/studies/{study}/series/{uid}/instances/%s/rendered3D'
+        server.refused(400, '1 of the 48 slices', one % slices)
+        server.refused(404, 'no such object', one % '1.2.3')
+        server.refused(404, 'no such series', base.replace(study, '1.2.3'))
 
 
 def crowded(server, series):
@@ -263,5 +291,6 @@ with Server(ctsplat, data, '--host', 'known.example') as whole:
     told = whole.stderr()
     assert whole.series()[0]['id'] == name and whole.series()[0]['loaded']
 assert data not in told and first.SeriesInstanceUID not in told and str(first.PatientName) not in told, told
+states(first.StudyInstanceUID, first.SeriesInstanceUID, first.SOPInstanceUID)
 leaves_cleanly(name)
 memory()

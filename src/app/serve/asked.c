@@ -92,6 +92,9 @@ CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const ch
     o->export.png_8_bits = true; /* the standard's, unless the words say otherwise */
     if (asked->query.too_many)
         return cts_fail(err, CTS_ERR_USAGE, "more than %d parameters", CTS_ASKED_PARTS);
+    if (asked->state_path &&
+        (st = cts_options_take(o, CTS_FOR_JOB, &(CtsWord){.name = "state", .value = asked->state_path}, err)))
+        return st;
     if ((st = take_words(asked, err)) || (st = name_file(asked, format, folder, serial, err)) ||
         (st = cts_options_end(o, CTS_FOR_REQUEST, err)))
         return st;

@@ -113,6 +113,18 @@ static CtsStatus answer_picture(CtsServer *server, CtsErrand *e, CtsHttpAnswer *
     return CTS_OK;
 }
 
+/* One slice is no volume. */
+static CtsStatus check_instance(const CtsErrand *e, CtsError *err)
+{
+    const char *uid = e->asked.instance_uid;
+    const int n = uid[0] ? cts_shelved_count(e->shelved, uid) : e->shelved->series->n_slices;
+    if (n == e->shelved->series->n_slices)
+        return CTS_OK;
+    return n ? cts_fail(err, CTS_ERR_USAGE, "the object holds %d of the %d slices of its series (ask for the series)",
+                        n, e->shelved->series->n_slices)
+             : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such object here");
+}
+
 static CtsStatus run(CtsServer *server, CtsErrand *e, CtsCut *cut, CtsHttpAnswer *answer, CtsError *err)
 {
     CtsStatus st = CTS_OK;
@@ -126,6 +138,8 @@ static CtsStatus run(CtsServer *server, CtsErrand *e, CtsCut *cut, CtsHttpAnswer
         pthread_cond_broadcast(&server->work);
         pthread_mutex_unlock(&server->lock);
     }
+    if (!st)
+        st = check_instance(e, err);
     if (!st && !e->stop && !(st = make_picture(server, e, cut, err)))
         st = answer_picture(server, e, answer, err);
     else if (!st)

@@ -49,6 +49,22 @@ static CtsStatus sort_out(const CtsQuery *from, CtsQuery *words, CtsError *err)
     return CTS_OK;
 }
 
+/* A presentation state says all but whence it is looked at, how large, and in what the picture is sent. */
+static CtsStatus check_beside_state(const CtsQuery *from, CtsError *err)
+{
+    static const char *const may[] = {"orientation", "viewpointposition", "viewpointlookat", "viewpointup",
+                                      "accept",      "charset",           "viewport",        "quality"};
+    for (int i = 0; i < from->n; i++) {
+        bool goes = false;
+        for (size_t k = 0; k < sizeof may / sizeof *may; k++)
+            goes |= !strcmp(may[k], from->parts[i].name);
+        if (!goes)
+            return cts_fail(err, CTS_ERR_USAGE, "%.60s: does not go with a presentation state, which says it itself",
+                            from->parts[i].name);
+    }
+    return CTS_OK;
+}
+
 static CtsStatus take_method(const CtsQuery *from, CtsQuery *words, CtsError *err)
 {
     static const char *const methods[][2] = {
@@ -282,6 +298,8 @@ CtsStatus cts_asked_rendered(CtsAsked *asked, const char *accept, const CtsForma
     if (metadata && strcmp(metadata, "yes"))
         st = cts_fail(err, CTS_ERR_USAGE, "renderedvolumetricmetadata %.40s: not yes", metadata);
     asked->metadata = metadata;
+    if (!st && asked->state_path)
+        st = check_beside_state(&from, err);
     if (!st && !(st = sort_out(&from, words, err)) && !(st = take_method(&from, words, err)) &&
         !(st = take_camera(&from, words, err)) && !(st = take_swivel(asked, &from, err)) &&
         !(st = take_window(&from, words, err)))

@@ -71,6 +71,7 @@ static bool answer_asset(CtsServer *server, CtsHttpRequest *request, const char 
 /* Which series, by what its address says. */
 typedef struct Target {
     const char *id, *study_uid, *uid; /* id, or the UIDs; uid NULL: the study's one volume */
+    const char *instance_uid;         /* NULL: a series */
 } Target;
 
 static CtsStatus find(CtsServer *server, const Target *t, CtsShelved **found, CtsError *err)
@@ -84,11 +85,11 @@ static CtsStatus find(CtsServer *server, const Target *t, CtsShelved **found, Ct
 }
 
 /* Takes the errand, which waits from here on, or says why not. */
-static CtsStatus queue(CtsServer *server, CtsErrand *e, const Target *target, CtsError *err)
+static CtsStatus queue(CtsServer *server, CtsErrand *e, Target target, CtsError *err)
 {
     pthread_mutex_lock(&server->lock);
     CtsStatus st = server->stopping ? cts_fail(err, CTS_ERR_INTERRUPTED, "the server is stopping")
-                                    : find(server, target, &e->shelved, err);
+                                    : find(server, &target, &e->shelved, err);
     if (!st && e->shelved->series && !e->shelved->series->renderable)
         st = cts_fail(err, CTS_ERR_GEOMETRY, "%s", e->shelved->series->reason);
     if (!st) {
@@ -102,10 +103,31 @@ static CtsStatus queue(CtsServer *server, CtsErrand *e, const Target *target, Ct
 
 static CtsStatus prepare(CtsServer *server, CtsErrand *e, const CtsFormatInfo *format, CtsError *err)
 {
-    const CtsStatus st = cts_asked_words(&e->asked, format, server->folder, ++server->n_pictures,
+    CtsStatus st = cts_asked_words(&e->asked, format, server->folder, ++server->n_pictures,
                                          server->options->render.n_threads, &e->report, err);
-    e->asked.job.render.stop = &e->stop;
+    if (st == CTS_ERR_READ && e->asked.state_path)
+        st = CTS_ERR_USAGE; /* the state that is asked for, and no fault of ours */
+    e->asked.job.render.stop = e->asked.job.source.stop = &e->stop;
     return st;
+}
+
+/* An object is a presentation state, or should be a whole series. */
+static void find_instance(const CtsServer *server, CtsErrand *e, const Target *target)
+{
+    if (!target->instance_uid)
+        return;
+    e->asked.state_path = cts_shelf_state(&server->shelf, target->instance_uid);
+    if (!e->asked.state_path)
+        snprintf(e->asked.instance_uid, sizeof e->asked.instance_uid, "%s", target->instance_uid);
+}
+
+/* A presentation state's picture is of the series that it names. */
+static Target of_state(const CtsErrand *e, const Target *target)
+{
+    Target of = *target;
+    if (e->asked.state_path)
+        of.uid = e->asked.options.state->source_uid;
+    return of;
 }
 
 /* format NULL: as the standard's parameters say. */
@@ -121,11 +143,12 @@ static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target
     e->request = request;
     e->socket = server->http->socket(request);
     server->http->query(request, cts_query_add, &e->asked.query);
+    find_instance(server, e, target);
     CtsStatus st =
         format ? CTS_OK : cts_asked_rendered(&e->asked, server->http->header(request, "Accept"), &format, &err);
     const bool acceptable = st || format;
     if (!st && format && !(st = prepare(server, e, format, &err)))
-        st = queue(server, e, target, &err);
+        st = queue(server, e, of_state(e, target), &err);
     if (!st && acceptable)
         return;
     if (acceptable)
@@ -152,14 +175,17 @@ static void ask_series(CtsServer *server, CtsHttpRequest *request, const Parts *
 /* /studies/S/rendered3D and what is below. */
 static void ask_study(CtsServer *server, CtsHttpRequest *request, const Parts *p)
 {
-    const Target target = {.study_uid = p->at[1], .uid = p->n > 3 && is(p, 2, "series") ? p->at[3] : NULL};
+    const Target target = {.study_uid = p->at[1],
+                           .uid = p->n > 3 && is(p, 2, "series") ? p->at[3] : NULL,
+                           .instance_uid = p->n == 7 && is(p, 4, "instances") ? p->at[5] : NULL};
     const bool of_study = p->n == 3, of_series = p->n == 5 && target.uid;
-    if ((of_study || of_series) && is(p, p->n - 1, "rendered3D"))
+    if ((of_study || of_series || target.instance_uid) && is(p, p->n - 1, "rendered3D"))
         ask_picture(server, request, &target, NULL);
     else
-        answer_text(server, request, 404,
-                    "of PS3.18 there is rendered3D, of a study or a series; renderedMPR and other resources are not "
-                    "supported");
+        answer_text(
+            server, request, 404,
+            "of PS3.18 there is rendered3D, of a study, a series or an object; renderedMPR and other resources are not "
+            "supported");
 }
 
 void cts_routes_ask(void *context, CtsHttpRequest *request)

@@ -2,6 +2,7 @@
 
 #include "base/clock.h"
 #include "base/mem.h"
+#include "input/header/slice.h"
 #include "output/report/masked.h"
 #include <pthread.h>
 #include <stdio.h>
@@ -100,6 +101,67 @@ static CtsStatus find_key(CtsShelf *shelf, CtsError *err)
                : cts_fail(err, CTS_ERR_READ, "no random numbers can be had");
 }
 
+static int by_text(const void *a, const void *b)
+{
+    return strcmp(*(const char *const *)a, *(const char *const *)b);
+}
+
+/* The files of all slices, in order; *n of them. */
+static const char **slice_paths(const CtsSeriesList *list, size_t *n)
+{
+    size_t k = 0;
+    *n = 0;
+    for (size_t i = 0; i < list->n; i++)
+        *n += (size_t)list->items[i].n_slices;
+    const char **paths = calloc(*n + 1, sizeof *paths);
+    for (size_t i = 0; paths && i < list->n; i++)
+        for (int s = 0; s < list->items[i].n_slices; s++)
+            paths[k++] = list->items[i].slices[s]->path;
+    if (paths)
+        qsort(paths, *n, sizeof *paths, by_text);
+    return paths;
+}
+
+/* Presentation states are among what is passed over. */
+static CtsStatus find_states(CtsShelf *shelf, CtsError *err)
+{
+    const CtsSeriesList *const list = shelf->list;
+    size_t n_slices;
+    const char **slices = slice_paths(list, &n_slices);
+    shelf->states = calloc((size_t)list->n_not_ct + 1, sizeof *shelf->states);
+    if (!slices || !shelf->states) {
+        free(slices);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    for (size_t i = 0; i < list->n_paths && shelf->n_states < (size_t)list->n_not_ct; i++) {
+        CtsShelvedState *const state = &shelf->states[shelf->n_states];
+        if (!bsearch(&list->paths[i], slices, n_slices, sizeof *slices, by_text) &&
+            !cts_state_uid(list->paths[i], state->sop_uid, NULL)) {
+            state->path = list->paths[i];
+            shelf->n_states++;
+        }
+    }
+    free(slices);
+    return CTS_OK;
+}
+
+const char *cts_shelf_state(const CtsShelf *shelf, const char *sop_uid)
+{
+    for (size_t i = 0; i < shelf->n_states; i++)
+        if (!strcmp(shelf->states[i].sop_uid, sop_uid))
+            return shelf->states[i].path;
+    return NULL;
+}
+
+int cts_shelved_count(const CtsShelved *shelved, const char *sop_uid)
+{
+    const CtsSeries *const s = shelved->series;
+    int n = 0;
+    for (int i = 0; i < s->n_slices; i++)
+        n += !strcmp(s->slices[i]->sop_uid, sop_uid);
+    return n;
+}
+
 CtsStatus cts_shelf_fill(CtsShelf *shelf, const CtsOptions *options, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -125,6 +187,8 @@ CtsStatus cts_shelf_fill(CtsShelf *shelf, const CtsOptions *options, CtsReport *
         if (!(st = add(shelf, series->study_uid, series->uid, series->part, &s, err)))
             s->series = s->loaded.series = series;
     }
+    if (!st && shelf->list)
+        st = find_states(shelf, err);
     free(paths);
     return st;
 }
@@ -136,6 +200,7 @@ void cts_shelf_free(CtsShelf *shelf)
         drop_loaded(shelf, s);
         free(s);
     }
+    free(shelf->states);
     cts_series_list_free(&shelf->list);
     *shelf = (CtsShelf){0};
 }

@@ -43,11 +43,19 @@ typedef struct CtsShelved {
     struct CtsShelved *next;
 } CtsShelved;
 
+/* A presentation state among the files that are no slices. */
+typedef struct CtsShelvedState {
+    char sop_uid[65];
+    const char *path; /* the series list's */
+} CtsShelvedState;
+
 typedef struct CtsShelf {
     const CtsOptions *options;
     CtsSeriesList *list;
     CtsKey key;
     CtsShelved *first;
+    CtsShelvedState *states;
+    size_t n_states;
     uint64_t most_bytes, bytes;
 } CtsShelf;
 
@@ -59,6 +67,10 @@ void cts_shelf_free(CtsShelf *shelf);
 CtsShelved *cts_shelf_by_id(CtsShelf *shelf, const char *id);
 /* By its UIDs; one that is only known to a peer, or to a path with {series_uid} in it, gets its place. */
 CtsStatus cts_shelf_by_uid(CtsShelf *shelf, const char *study_uid, const char *uid, CtsShelved **found, CtsError *err);
+/* The file of a presentation state; NULL for none. */
+const char *cts_shelf_state(const CtsShelf *shelf, const char *sop_uid);
+/* How many slices of a series that is found this object holds. */
+int cts_shelved_count(const CtsShelved *shelved, const char *sop_uid);
 /* The one volume of a study. */
 CtsStatus cts_shelf_of_study(CtsShelf *shelf, const char *study_uid, CtsShelved **found, CtsError *err);
 

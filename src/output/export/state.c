@@ -263,7 +263,7 @@ CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err)
     const CtsDcmWriters *dcm = NULL;
     CtsStatus st = cts_dcm_writers(&dcm, err);
     if (!st)
-        st = dcm->state_read(path, &preset, &s->text, err);
+        st = dcm->state_read(path, &preset, &s->text, s->source_uid, err);
     if (!st && (st = split_options(s, err)))
         cts_context(err, "%s", path);
     if (!st)
@@ -272,6 +272,19 @@ CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err)
     if (st)
         cts_state_free(state);
     return st;
+}
+
+CtsStatus cts_state_uid(const char *path, char sop_uid[65], CtsError *err)
+{
+    CtsDcmIds ids;
+    const CtsDcmWriters *dcm = NULL;
+    CtsStatus st = cts_dcm_writers(&dcm, err);
+    if (st || (st = dcm->ids(path, &ids, err)))
+        return st;
+    memcpy(sop_uid, ids.sop_uid, sizeof ids.sop_uid);
+    return strcmp(ids.class_uid, "1.2.840.10008.5.1.4.1.1.11.9")
+               ? cts_fail(err, CTS_ERR_READ, "%s: is no Volume Rendering Volumetric Presentation State", path)
+               : CTS_OK;
 }
 
 void cts_state_free(CtsState **state)

@@ -3,11 +3,11 @@
 
 #include "output/objects/dcm_state.h"
 
-#include "input/header/dcm_door.hpp"
-#include "output/objects/dcm_put.hpp"
-#include "input/header/dcm_read.h"
 #include "input/files/file_bytes.h"
 #include "input/files/tag_scan.h"
+#include "input/header/dcm_door.hpp"
+#include "input/header/dcm_read.h"
+#include "output/objects/dcm_put.hpp"
 #include <cstdlib>
 #include <cstring>
 #include <memory>
@@ -221,7 +221,15 @@ char *private_text(DcmDataset &data, const DcmTagKey &tag)
     return strndup(reinterpret_cast<const char *>(bytes), n);
 }
 
-CtsStatus read_state(const char *path, char **preset, char **options, CtsError *err)
+/* The series whose slices are shown. */
+void source_of(DcmDataset &data, char uid[65])
+{
+    DcmItem *series = nullptr;
+    if (data.findAndGetSequenceItem(DCM_ReferencedSeriesSequence, series, 0).good() && series)
+        snprintf(uid, 65, "%s", cts_dcm_text(*series, DCM_SeriesInstanceUID));
+}
+
+CtsStatus read_state(const char *path, char **preset, char **options, char source_uid[65], CtsError *err)
 {
     DcmDataset data;
     CtsDcmIds ids;
@@ -233,6 +241,7 @@ CtsStatus read_state(const char *path, char **preset, char **options, CtsError *
     if (strcmp(cts_dcm_text(data, private_creator), creator) == 0) {
         *preset = private_text(data, private_preset);
         *options = private_text(data, private_options);
+        source_of(data, source_uid);
     }
     return *preset && *options ? CTS_OK
                                : cts_fail(err, CTS_ERR_READ,
@@ -268,11 +277,13 @@ try {
     return cts_fail(err, CTS_ERR_OUTPUT, "unexpected failure in DCMTK while a presentation state is encoded");
 }
 
-extern "C" CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, CtsError *err)
+extern "C" CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65],
+                                        CtsError *err)
 try {
     *preset = *options = nullptr;
+    source_uid[0] = 0;
     const CtsDcmUse use(cts_dcm_in_use());
-    const CtsStatus st = read_state(path, preset, options, err);
+    const CtsStatus st = read_state(path, preset, options, source_uid, err);
     return st ? cts_context(err, "%s", path) : st;
 } catch (const std::bad_alloc &) {
     return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);

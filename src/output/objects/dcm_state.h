@@ -36,8 +36,9 @@ typedef struct CtsDcmState {
 
 CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *context, CtsError *err);
 
-/* The private texts of a state that ctsplat wrote; the caller frees both with free(). */
-CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, CtsError *err);
+/* The private texts of a state that ctsplat wrote, which the caller frees with free(), and the series it is of (""
+ * where it does not tell). */
+CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err);
 
 #ifdef __cplusplus
 }
