@@ -62,6 +62,9 @@ typedef struct TiledRays {
     int n;
     uint16_t x[TILED_RAYS], y[TILED_RAYS];
     double start_vox[3][TILED_RAYS], start_mm[TILED_RAYS], length_mm[TILED_RAYS];
+    int n_meeting, meeting[TILED_RAYS];             /* rays that meet something, */
+    double meets_mm[TILED_RAYS];                    /* where, from their start on, */
+    int meets[3][TILED_RAYS];                       /* and in which cell */
     float rgba[TILED_RAYS][4];                      /* found, with what follows */
     float bound[TILED_RAYS], lit_bound[TILED_RAYS]; /* the latter of its light, part of the former */
     float left[TILED_RAYS];                         /* light, of rays that have ended before the box does */

@@ -85,12 +85,19 @@ INLINE vi gather(const void *from, vi index, vmask lanes, const int scale)
                              : _mm256_mask_i32gather_epi32(zero, from, (__m256i)index, (__m256i)lanes, 1));
 }
 
-INLINE void load_block(const TiledMask *mask, const vi block[3], vmask lanes, vi cell, vmask *shows, vi *distance)
+INLINE vmask vi_above(vi a, vi b)
 {
-    const vi at = (block[2] * mask->n[1] + block[1]) * mask->n[0] + block[0];
-    const vi bits = gather(mask->cells, at * 2 + (cell >> 5), lanes, 4);
-    *shows = ((bits >> (cell & 31)) & 1) != 0;
-    *distance = gather(mask->distance, at, lanes, 1) & 255;
+    return (vu)a > (vu)b;
+}
+
+INLINE vmask has_bit(vi words, vi bit)
+{
+    return (words >> bit & 1) != 0;
+}
+
+INLINE vi load_words(const TiledMask *mask, const vi cell[3], vmask lanes)
+{
+    return gather(mask->words, word_of(mask, cell), lanes, 4);
 }
 
 INLINE vi load_bytes(const uint8_t *from, vi at, vmask lanes)

@@ -76,14 +76,19 @@ INLINE vf look_up(const float *table, int n, vi index)
     return (vf)_mm512_i32gather_ps((__m512i)index, table, 4);
 }
 
-INLINE void load_block(const TiledMask *mask, const vi block[3], vmask lanes, vi cell, vmask *shows, vi *distance)
+INLINE vmask vi_above(vi a, vi b)
 {
-    const __m512i zero = _mm512_setzero_si512();
-    const vi at = (block[2] * mask->n[1] + block[1]) * mask->n[0] + block[0];
-    const __m512i word = (__m512i)(at * 2 + (cell >> 5));
-    const __m512i bits = _mm512_mask_i32gather_epi32(zero, lanes, word, mask->cells, 4);
-    *shows = _mm512_mask_test_epi32_mask(lanes, bits, _mm512_sllv_epi32(_mm512_set1_epi32(1), (__m512i)(cell & 31)));
-    *distance = (vi)_mm512_mask_i32gather_epi32(zero, lanes, (__m512i)at, mask->distance, 1) & 255;
+    return _mm512_cmpgt_epu32_mask((__m512i)a, (__m512i)b);
+}
+
+INLINE vmask has_bit(vi words, vi bit)
+{
+    return _mm512_test_epi32_mask((__m512i)words, _mm512_sllv_epi32(_mm512_set1_epi32(1), (__m512i)bit));
+}
+
+INLINE vi load_words(const TiledMask *mask, const vi cell[3], vmask lanes)
+{
+    return (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), lanes, (__m512i)word_of(mask, cell), mask->words, 4);
 }
 
 INLINE vi load_bytes(const uint8_t *from, vi at, vmask lanes)

@@ -2,19 +2,20 @@
 
 #ifdef EXACT
 enum { HALVINGS = 40, ROOT_STEPS = 40 };
-#define FINER 0.02
+#define ROOT_OFF ((real)1e-12)
 #define LEAST_SHARE ((real)1e-9)
 #define LEAST_MM ((real)1e-11)
 #define FAR_MM ((real)1e60)
 #define NEARLY_1 (1 - 0x1p-52)
 #else
 enum { HALVINGS = 3, ROOT_STEPS = 5 };
+#define ROOT_OFF ((real)0)
 #define LEAST_SHARE ((real)2e-4)
 #define LEAST_MM ((real)6e-5)
 #define FAR_MM ((real)1e30)
 #define NEARLY_1 ((real)(1 - 0x1p-23))
 #endif
-enum { MOST_CUTS = 8 };
+enum { MOST_CUTS = 8, FEW_KNOTS = 4 };
 /* Levels are rounded by this share of what a ray may touch or not. */
 #define ROUNDED_BY ((real)0.003f)
 
@@ -26,7 +27,6 @@ typedef struct Packet {
     vf surface, first; /* mm to where half of the light is gone, and to where anything is seen */
     vi cell[3];
     vmask active;
-    vmask ready; /* in a cell that may show something */
     vmask fresh; /* just cut at a knot */
     vi look;     /* of who owns the place; and the next one's begins at edge, where it does so within the cell */
     vf edge;
@@ -50,58 +50,56 @@ typedef struct Cubic {
     vf b[4];
 } Cubic;
 
-INLINE vmask is_outside(const TiledJob *j, int axis, vi cell)
+INLINE int count(unsigned bits)
 {
-    const vi last = vi_of(j->n_cells[axis] - 1);
-    return vi_lt(cell, vi_of(0)) | vi_lt(last, cell);
+    return __builtin_popcount(bits);
 }
 
-INLINE vf nearest(const vf t[3], vf from)
-{
-    return vf_max(vf_min(vf_min(t[0], t[1]), t[2]), from);
-}
+/* Where rays pass the nearest of the faces ahead of them: those of their cells, or of what they leap over. */
+typedef struct Faces {
+    vmask leaping, shows;
+    vi face[3];
+    vf t[3], nearest; /* mm */
+} Faces;
 
-/* Where rays pass the faces ahead of them. */
-INLINE void pass_faces(const March *m, const vi face[3], vf t[3])
+/* What rays have around them: a cell that may show something, or one that does not, or so many blocks of them. */
+INLINE Faces find_faces(const March *m)
 {
-    for (int a = 0; a < 3; a++)
-        t[a] = (to_float(face[a]) - m->p.start[a]) * m->inverse[a] + m->far[a];
-}
-
-/* Rays that are in no visible cell look where they are, and go on: to the next cell, or past all blocks that show
- * nothing. */
-INLINE void skip(March *m)
-{
-    const TiledJob *const j = m->job;
-    Packet *const p = &m->p;
-    const vmask lanes = p->active & ~p->ready;
-    vi block[3], face[3], distance;
-    vmask shows;
-    vf t[3];
-    for (int a = 0; a < 3; a++)
-        block[a] = p->cell[a] >> 2;
-    load_block(&j->mask, block, lanes, (p->cell[0] & 3) | (p->cell[1] & 3) << 2 | (p->cell[2] & 3) << 4, &shows,
-               &distance);
-    p->ready |= shows;
-    const vmask moving = lanes & ~shows, leaping = moving & vi_lt(vi_of(0), distance);
-    distance -= CTS_MUTATED(LEAP_FAR) ? -1 : 0;
+    const Packet *const p = &m->p;
+    Faces f;
+    const vi word = load_words(&m->job->mask, p->cell, p->active);
+    const vmask far = ~vi_above(word, vi_of(TILED_FAR));
+    f.shows = p->active & ~far & has_bit(word, (p->cell[0] & 3) | (p->cell[1] & 3) << 2 | (p->cell[2] & 1) << 4);
+    f.leaping = p->active & far & vi_lt(vi_of(0), word);
+    const vi distance = word - (CTS_MUTATED(LEAP_FAR) ? -1 : 0);
     for (int a = 0; a < 3; a++) {
-        const vi past = (block[a] + (m->ahead[a] ? distance : 1 - distance)) << 2;
-        face[a] = select_i(leaping, past, p->cell[a] + m->ahead[a]);
+        const vi past = ((p->cell[a] >> 2) + (m->ahead[a] ? distance : 1 - distance)) << 2;
+        f.face[a] = select_i(f.leaping, past, p->cell[a] + m->ahead[a]);
+        f.t[a] = (to_float(f.face[a]) - p->start[a]) * m->inverse[a] + m->far[a];
     }
-    pass_faces(m, face, t);
-    const vf to = nearest(t, p->at);
-    vmask outside = vf_le(p->end, to);
+    f.nearest = vf_max(vf_min(vf_min(f.t[0], f.t[1]), f.t[2]), p->at);
+    return f;
+}
+
+/* Rays go on to the nearest face, and into the cell behind it. */
+INLINE void move(March *m, const Faces *f, vmask moving)
+{
+    Packet *const p = &m->p;
+    const bool leaps = bits_of(f->leaping);
+    vmask outside = vf_le(p->end, f->nearest);
     for (int a = 0; a < 3; a++) {
-        const vi there = to_int(p->start[a] + to * m->step[a]);
-        const vi on = m->ahead[a] ? vi_min(vi_max(there, p->cell[a]), vi_of(j->n_cells[a] - 1))
-                                  : vi_max(vi_min(there, p->cell[a]), vi_of(0));
-        vi cell = select_i(leaping, on, p->cell[a]);
-        cell = select_i(moving & vf_le(t[a], to), face[a] + m->behind[a], cell);
-        outside |= is_outside(j, a, cell);
+        const vi last = vi_of(m->job->n_cells[a] - 1);
+        vi cell = p->cell[a];
+        if (leaps) {
+            const vi there = to_int(p->start[a] + f->nearest * m->step[a]);
+            const vi on = m->ahead[a] ? vi_min(vi_max(there, cell), last) : vi_max(vi_min(there, cell), vi_of(0));
+            cell = select_i(f->leaping, on, cell);
+        }
+        cell = select_i(moving & vf_le(f->t[a], f->nearest), f->face[a] + m->behind[a], cell);
+        outside |= vi_above(cell, last);
         p->cell[a] = cell;
     }
-    p->at = select_f(moving, to, p->at);
+    p->at = select_f(moving, f->nearest, p->at);
     p->active &= ~(moving & outside);
 }
 
@@ -128,7 +126,7 @@ INLINE Cubic load_cubic(const March *m, vmask lanes, vf from, vf to)
     }
     for (int i = 0; i < 4; i++) {
         low[i] = to_float(pair[i] & 0xffff);
-        rise[i] = to_float((pair[i] >> 16) & 0xffff) - low[i];
+        rise[i] = to_float(upper_half(pair[i])) - low[i];
     }
     /* f[x][z], where a ray enters (0) or leaves (1): the level at y = 0; d: its rise along y. */
     for (int x = 0; x < 2; x++)
@@ -164,19 +162,21 @@ INLINE Cuts find_cuts(const March *m, const Cubic *c, vmask lanes, vf length)
     /* What a ray was just cut at it touches, where it starts. */
     const vf touch_low = select_f(m->p.fresh, inner_low, low), touch_high = select_f(m->p.fresh, inner_high, high);
     Cuts cuts = {.wrong = vf_of(0), .all = mask_of(0), .halve = mask_of(0)};
-    for (int k = CTS_MUTATED(KNOT_OFF); k < t->n_knots; k++) {
-        const real knot = (real)t->knot[k], jump = (real)t->jump[k], bend = (real)0.15f * (real)t->bend[k];
+    for (int k = CTS_MUTATED(KNOT_OFF); k < t->n_changes; k++) {
+        const real knot = (real)t->change[k], jump = (real)t->jump[k], bend = (real)0.15f * (real)t->bend[k];
         const vf over = vf_min(knot - low, high - knot);
         const vmask near = lanes & vf_lt(vf_of(-m->touch), over);
-        if (!bits_of(near))
+        /* A few are looked at without asking, as no processor foretells the answer. */
+        const bool many = t->n_changes > FEW_KNOTS;
+        if (many && !bits_of(near))
             continue;
         const vf worth = weight * (jump + bend * vf_max(over, vf_of(m->touch)));
         const vmask passes = near & vf_lt(vf_of((real)0.04f * m->touch), over);
-        const vmask cut = passes & vf_lt(vf_of(m->tolerance), worth);
+        const vmask cut = CTS_MUTATED(CUTS) ? mask_of(0) : passes & vf_lt(vf_of(m->tolerance), worth);
         const vf beside = vf_min(knot - touch_low, touch_high - knot);
         const vmask touches = near & vf_lt(vf_of(-m->touch), beside) & vf_lt(beside, vf_of(m->touch));
         cuts.wrong += select_f((passes | touches) & ~cut, vf_min(2 * worth, m->p.light), vf_of(0));
-        if (!bits_of(cut) || CTS_MUTATED(CUTS))
+        if (many && !bits_of(cut))
             continue;
         if (cuts.n == MOST_CUTS) {
             cuts.halve |= cut;
@@ -199,7 +199,7 @@ INLINE vmask passes_again(const March *m, const Cubic *c, const Cuts *cuts)
 {
     vmask again = mask_of(0);
     for (int i = 0; i < cuts->n; i++) {
-        const vf knot = vf_of((real)m->pieces->knot[cuts->knot[i]]);
+        const vf knot = vf_of((real)m->pieces->change[cuts->knot[i]]);
         vmask below[4], turn[3];
         for (int k = 0; k < 4; k++)
             below[k] = vf_lt(c->b[k], knot);
@@ -229,7 +229,7 @@ INLINE vf find_root(const vf c[4], vf at_end, real rounded, vf *off)
 {
     vf low = vf_of(0), high = vf_of(1), f_low = c[0], f_high = at_end, s = high;
     for (int i = 0; i < ROOT_STEPS; i++) {
-        const vf across = f_low - f_high;
+        const vf across = f_low - f_high, before = s;
         s = low + (high - low) * (f_low / select_f(vf_lt(vf_of(0), vf_abs(across)), across, vf_of(1)));
         const vf f = ((c[3] * s + c[2]) * s + c[1]) * s + c[0];
         const vmask other = differ(vf_lt(f, vf_of(0)), vf_lt(f_low, vf_of(0)));
@@ -237,6 +237,8 @@ INLINE vf find_root(const vf c[4], vf at_end, real rounded, vf *off)
         high = select_f(other, s, high);
         f_low = select_f(other, (real)0.5f * f_low, f);
         f_high = select_f(other, f, (real)0.5f * f_high);
+        if (ROOT_OFF > 0 && !bits_of(vf_lt(vf_of(ROOT_OFF), vf_abs(s - before))))
+            break;
     }
     for (int i = 0; i < 2; i++) {
         const vf f = ((c[3] * s + c[2]) * s + c[1]) * s + c[0], slope = (3 * c[3] * s + 2 * c[2]) * s + c[1];
@@ -268,7 +270,7 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
     vf root = vf_of(1);
     const vf least = vf_max(vf_of(LEAST_SHARE), LEAST_MM / vf_max(*length, vf_of((real)1e-9f)));
     for (int i = 0; i < cuts->n; i++) {
-        const real knot = (real)m->pieces->knot[cuts->knot[i]];
+        const real knot = (real)m->pieces->change[cuts->knot[i]];
         const vf shifted[4] = {power[0] - knot, power[1], power[2], power[3]}, at_end = b[3] - knot;
         const vmask crosses = cuts->lanes[i] & differ(vf_lt(shifted[0], vf_of(0)), vf_lt(at_end, vf_of(0)));
         if (!bits_of(crosses))
@@ -394,17 +396,12 @@ OUTLINE void find_surface(Packet *p, const Effect *e, vf length, vmask lanes)
 
 #include "engine/tiled/owned_tmpl.h"
 
-/* Rays in visible cells take a piece of them. */
-INLINE void take_piece(March *m, Lit *lit, vmask lanes)
+/* Rays in visible cells take a piece of them; the lanes that stay in their cell. */
+INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
 {
     const TiledJob *const j = m->job;
     Packet *const p = &m->p;
-    vi face[3];
-    vf t[3];
-    for (int a = 0; a < 3; a++)
-        face[a] = p->cell[a] + m->ahead[a];
-    pass_faces(m, face, t);
-    const vf leave = nearest(t, p->at), all = vf_min(leave, p->end), to = vf_min(all, vf_min(p->until, p->edge));
+    const vf all = vf_min(leave, p->end), to = vf_min(all, vf_min(p->until, p->edge));
     vf length = to - p->at;
     Cubic cubic = load_cubic(m, lanes, p->at, to);
     Cuts cuts = find_cuts(m, &cubic, lanes, length);
@@ -431,31 +428,38 @@ INLINE void take_piece(March *m, Lit *lit, vmask lanes)
     p->sum[3] += weight[0] + weight[1];
     p->light = CTS_MUTATED(ATTENUATION) ? p->light : p->light - weight[0] - weight[1];
     p->bound += select_f(done, cuts.wrong + e.wrong, vf_of(0));
-    /* On, to where the piece ends: within the cell, or in the next. */
-    const vmask whole_cells = done & ~shorter;
-    p->at = select_f(done, select_f(shorter, p->at + length, all), p->at);
+    p->at = select_f(done & shorter, p->at + length, p->at);
     p->fresh = (p->fresh & ~done) | (done & fresh);
-    vmask outside = vf_le(p->end, p->at);
-    for (int a = 0; a < 3; a++) {
-        const vi cell = select_i(whole_cells & vf_le(t[a], leave), face[a] + m->behind[a], p->cell[a]);
-        outside |= is_outside(j, a, cell);
-        p->cell[a] = cell;
-    }
-    p->active &= ~(done & (outside | vf_lt(p->light, vf_of(m->dark))));
-    p->ready &= p->active & ~whole_cells;
+    p->active &= ~(done & (vf_le(p->end, p->at) | vf_lt(p->light, vf_of(m->dark))));
+    return again | (done & shorter);
 }
 
 /* Rays of one look after the other. */
-OUTLINE void take_pieces(March *m, Lit *lit)
+OUTLINE vmask take_pieces(March *m, Lit *lit, vmask lanes, vf leave)
 {
-    unsigned left = bits_of(m->p.ready);
-    find_looks(m, m->p.ready);
-    while (left) {
+    vmask stay = mask_of(0);
+    find_looks(m, lanes);
+    for (unsigned left = bits_of(lanes); left;) {
         const vmask alike = first_alike(m, left);
         m->pieces = &m->job->looks->pieces[m->p.look[__builtin_ctz(left)]];
-        take_piece(m, lit, alike);
+        stay |= take_piece(m, lit, alike, leave);
         left &= ~bits_of(alike);
     }
+    return stay;
+}
+
+/* Pieces cost several times what a step through void does, so lanes wait for others that are on their way. */
+INLINE void step(March *m, Lit *lit)
+{
+    const Faces f = find_faces(m);
+    const int showing = count(bits_of(f.shows)), all = count(bits_of(m->p.active));
+    vmask stay = f.shows;
+    if (4 * showing >= 3 * all) {
+        m->counts->pieces += (uint64_t)showing;
+        stay = m->job->looks ? take_pieces(m, lit, f.shows, f.nearest) : take_piece(m, lit, f.shows, f.nearest);
+    }
+    m->counts->skips += (uint64_t)(all - showing);
+    move(m, &f, m->p.active & ~stay);
 }
 
 /* What a ray has found is told. */
@@ -476,22 +480,63 @@ INLINE void end_ray(const March *m, int lane)
     }
 }
 
-static void begin_ray(March *m, int lane)
+static void begin_ray(March *m, int lane, int i)
 {
     Packet *const p = &m->p;
-    const int i = m->next++;
+    const TiledRays *const r = m->rays;
     p->ray[lane] = i;
     for (int a = 0; a < 3; a++) {
-        const int last = m->job->n_cells[a] - 1, cell = (int)m->rays->start_vox[a][i];
-        p->start[a][lane] = (real)m->rays->start_vox[a][i];
-        p->cell[a][lane] = cell < last ? cell : last;
+        p->start[a][lane] = (real)r->start_vox[a][i];
+        p->cell[a][lane] = r->meets[a][i];
     }
-    p->at[lane] = 0;
-    p->end[lane] = (real)m->rays->length_mm[i];
+    p->at[lane] = (real)r->meets_mm[i];
+    p->end[lane] = (real)r->length_mm[i];
     p->until[lane] = p->edge[lane] = p->surface[lane] = p->first[lane] = FAR_MM;
     p->owned[lane][0] = -1;
     p->light[lane] = 1;
     p->sum[0][lane] = p->sum[1][lane] = p->sum[2][lane] = p->sum[3][lane] = p->bound[lane] = 0;
+}
+
+/* Side by side rays go to where each first meets something, before their ways part. */
+OUTLINE void approach(March *m)
+{
+    Packet *const p = &m->p;
+    TiledRays *const r = m->rays;
+    r->n_meeting = 0;
+    for (int first = 0; first < r->n; first += LANES) {
+        const int n = r->n - first < LANES ? r->n - first : LANES;
+        for (int l = 0; l < n; l++) {
+            for (int a = 0; a < 3; a++) {
+                const int last = m->job->n_cells[a] - 1, cell = (int)r->start_vox[a][first + l];
+                r->meets[a][first + l] = cell < last ? cell : last;
+            }
+            r->meets_mm[first + l] = 0;
+            begin_ray(m, l, first + l);
+        }
+        p->active = mask_of((1u << n) - 1);
+        for (;;) {
+            const Faces f = find_faces(m);
+            const vmask moving = p->active & ~f.shows;
+            if (!bits_of(moving))
+                break;
+            m->counts->skips += (uint64_t)count(bits_of(moving));
+            move(m, &f, moving);
+        }
+        const unsigned active = bits_of(p->active);
+        for (int l = 0; l < n; l++) {
+            if (!(active >> l & 1)) {
+                end_ray(m, l);
+                continue;
+            }
+            r->meeting[r->n_meeting++] = first + l;
+            r->meets_mm[first + l] = (double)p->at[l];
+            for (int a = 0; a < 3; a++)
+                r->meets[a][first + l] = (int)p->cell[a][l];
+        }
+    }
+    p->active = mask_of(0);
+    for (int l = 0; l < LANES; l++)
+        p->ray[l] = -1;
 }
 
 /* Lanes whose rays have ended take others. */
@@ -507,43 +552,27 @@ OUTLINE void refill(March *m, Lit *lit)
             end_pending(m, lit, l);
         end_ray(m, l);
         p->ray[l] = -1;
-        if (m->next < m->rays->n) {
-            begin_ray(m, l);
+        if (m->next < m->rays->n_meeting) {
+            begin_ray(m, l, m->rays->meeting[m->next++]);
             begun |= 1u << l;
         }
     }
     p->active |= mask_of(begun);
-    p->ready &= ~mask_of(begun);
     p->fresh &= ~mask_of(begun);
-}
-
-static int count(unsigned bits)
-{
-    return __builtin_popcount(bits);
 }
 
 static void march_rays(March *m, Lit *lit)
 {
-    Packet *const p = &m->p;
+    approach(m);
     for (;;) {
-        unsigned active = bits_of(p->active);
-        if (count(active) <= LANES * 3 / 4 && m->next < m->rays->n) {
+        int active = count(bits_of(m->p.active));
+        if (active <= LANES * 3 / 4 && m->next < m->rays->n_meeting) {
             refill(m, lit);
-            active = bits_of(p->active);
+            active = count(bits_of(m->p.active));
         }
         if (!active)
             break;
-        const unsigned ready = bits_of(p->ready);
-        if (4 * count(ready) < 3 * count(active)) {
-            m->counts->skips += (uint64_t)count(active & ~ready);
-            skip(m);
-        } else {
-            m->counts->pieces += (uint64_t)count(ready);
-            if (m->job->looks)
-                take_pieces(m, lit);
-            else
-                take_piece(m, lit, p->ready);
-        }
+        step(m, lit);
     }
     refill(m, lit);
 }
@@ -560,23 +589,13 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         m.ahead[a] = step > 0;
         m.behind[a] = m.ahead[a] - 1;
     }
-#ifdef EXACT
-    m.tolerance = FINER * j->tolerance;
-    m.dark = FINER * j->dark;
-    m.touch = 1e-6 * j->touch;
-    m.least_lit = 0.1 * j->least_lit;
-    m.turn = 0.1 * j->turn;
-#else
     m.tolerance = j->tolerance;
     m.dark = j->dark;
     m.touch = j->touch;
     m.least_lit = j->least_lit;
     m.turn = j->turn;
-#endif
     if (CTS_MUTATED(STOP_EARLY))
         m.dark = (real)0.25f;
-    for (int l = 0; l < LANES; l++)
-        m.p.ray[l] = -1;
     for (int i = 0; i < rays->n; i++)
         rays->rgba[i][0] = rays->rgba[i][1] = rays->rgba[i][2] = rays->lit_bound[i] = 0;
     if (!j->shade) {

@@ -1,32 +1,40 @@
-/* Logarithm and power to the base of 2 in single precision, by the same operations on every path. */
+/* Logarithm and power to the base of 2, as good as single precision has them, by the same operations on every path. */
+
+#ifdef EXACT
+enum { FRACTION_BITS = 52 };
+#define THREE_QUARTERS INT64_C(0x3fe8000000000000)
+#else
+enum { FRACTION_BITS = 23 };
+#define THREE_QUARTERS 0x3f400000
+#endif
 
 /* log2(1 + u), for u of -1/4 to 1/2, and an exponent: relative error below 2e-7 (least squares at Chebyshev's nodes).
  */
 INLINE vf log2_of(vf u, vi exponent)
 {
-    vf p = u * -0.0961640105f + 0.204127371f;
-    p = p * u - 0.250652194f;
-    p = p * u + 0.290073574f;
-    p = p * u - 0.36033529f;
-    p = p * u + 0.480847508f;
-    p = p * u - 0.72135067f;
-    p = p * u + 1.44269526f;
+    vf p = u * -(real)0.0961640105f + (real)0.204127371f;
+    p = p * u - (real)0.250652194f;
+    p = p * u + (real)0.290073574f;
+    p = p * u - (real)0.36033529f;
+    p = p * u + (real)0.480847508f;
+    p = p * u - (real)0.72135067f;
+    p = p * u + (real)1.44269526f;
     return p * u + to_float(exponent);
 }
 
 /* For normal x. */
 INLINE vf vf_log2(vf x)
 {
-    const vi exponent = ((vi)x - 0x3f400000) >> 23;
-    return log2_of((vf)((vi)x - (exponent << 23)) - 1.0f, exponent);
+    const vi exponent = ((vi)x - THREE_QUARTERS) >> FRACTION_BITS;
+    return log2_of((vf)((vi)x - (exponent << FRACTION_BITS)) - (real)1.0f, exponent);
 }
 
 /* log2(1 - x) for x of 0 to less than 1, as precise where x is small. */
 INLINE vf vf_log2_rest(vf x)
 {
-    const vf rest = 1.0f - x;
-    const vi exponent = ((vi)rest - 0x3f400000) >> 23;
-    const vf u = (vf)((vi)rest - (exponent << 23)) - 1.0f;
+    const vf rest = (real)1.0f - x;
+    const vi exponent = ((vi)rest - THREE_QUARTERS) >> FRACTION_BITS;
+    const vf u = (vf)((vi)rest - (exponent << FRACTION_BITS)) - (real)1.0f;
     return log2_of(select_f(vf_lt(x, vf_of(0.25f)), -x, u), exponent);
 }
 
@@ -34,15 +42,15 @@ INLINE vf vf_log2_rest(vf x)
 INLINE vf exp2_of(vf x, vf *less)
 {
     x = vf_max(x, vf_of(-125));
-    const vi n = to_int(x - 0.5f); /* towards 0, so the nearest */
+    const vi n = to_int(x - (real)0.5f); /* towards 0, so the nearest */
     const vf f = x - to_float(n);
-    vf p = f * 0.00133908668f + 0.00966637395f;
-    p = p * f + 0.0555035695f;
-    p = p * f + 0.240223482f;
-    p = p * f + 0.693147182f;
+    vf p = f * (real)0.00133908668f + (real)0.00966637395f;
+    p = p * f + (real)0.0555035695f;
+    p = p * f + (real)0.240223482f;
+    p = p * f + (real)0.693147182f;
     p = p * f;
-    const vf power = (vf)((vi)(p + 1.0f) + (n << 23));
-    *less = select_f(vf_lt(vf_of(-0.5f), x), -p, 1.0f - power);
+    const vf power = (vf)((vi)(p + (real)1.0f) + (n << FRACTION_BITS));
+    *less = select_f(vf_lt(vf_of(-(real)0.5f), x), -p, (real)1.0f - power);
     return power;
 }
 

@@ -91,8 +91,11 @@ static void find_changes(TiledPieces *t)
             jump = fmax(jump, most * fabs(colour[1][c] - colour[0][c]));
             bend = fmax(bend, most * fabs(tint[1][c] - tint[0][c]));
         }
-        t->jump[k] = jump > 1e-6 * most ? (float)jump : 0;
-        t->bend[k] = (float)bend;
+        const int n = t->n_changes;
+        t->change[n] = t->knot[k];
+        t->jump[n] = jump > 1e-6 * most ? (float)jump : 0;
+        t->bend[n] = (float)bend;
+        t->n_changes += t->jump[n] > 0 || bend > 0;
     }
 }
 

@@ -72,18 +72,23 @@ INLINE vf look_up(const float *table, int n, vi index)
     return v;
 }
 
-INLINE void load_block(const TiledMask *mask, const vi block[3], vmask lanes, vi cell, vmask *shows, vi *distance)
+INLINE vmask vi_above(vi a, vi b)
 {
-    *shows = vi_of(0);
-    *distance = vi_of(0);
-    for (int l = 0; l < LANES; l++) {
-        if (!lanes[l])
-            continue;
-        const size_t at =
-            ((size_t)block[2][l] * (size_t)mask->n[1] + (size_t)block[1][l]) * (size_t)mask->n[0] + (size_t)block[0][l];
-        (*shows)[l] = -(whole)(mask->cells[at][cell[l] >> 5] >> (cell[l] & 31) & 1);
-        (*distance)[l] = mask->distance[at];
-    }
+    return (vu)a > (vu)b;
+}
+
+INLINE vmask has_bit(vi words, vi bit)
+{
+    return (words >> bit & 1) != 0;
+}
+
+INLINE vi load_words(const TiledMask *mask, const vi cell[3], vmask lanes)
+{
+    vi words = vi_of(0);
+    for (int l = 0; l < LANES; l++)
+        if (lanes[l])
+            words[l] = (whole)mask->words[cts_tiled_word(mask, (int)cell[0][l], (int)cell[1][l], (int)cell[2][l])];
+    return words;
 }
 
 INLINE vi load_bytes(const uint8_t *from, vi at, vmask lanes)

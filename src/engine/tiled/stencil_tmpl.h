@@ -49,7 +49,7 @@ INLINE vf lower(vi pair)
 
 INLINE vf upper(vi pair)
 {
-    return to_float((pair >> 16) & 0xffff);
+    return to_float(upper_half(pair));
 }
 
 OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Corners *k)

@@ -78,7 +78,7 @@ static CtsStatus find_mask(Kept *k, const CtsScene *scene, const CtsMacrocells *
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if ((st = find_looks(k, scene, err)))
         return st;
-    if (k->mask.cells) {
+    if (k->mask.words) {
         tell_kept(scene, "mask of what is visible", k->mask_frame, report);
         return CTS_OK;
     }
@@ -90,17 +90,17 @@ static CtsStatus find_mask(Kept *k, const CtsScene *scene, const CtsMacrocells *
     return CTS_OK;
 }
 
-/* Tolerances of a piece and of a ray's end, as shares of the error asked for: pieces err either way and by far less
- * than they may, what a ray leaves out adds up. */
-#define PIECE_TOLERANCE 1
-#define RAY_END 0.5
-/* What weighs less than this share of it is lit with what follows; and by so much a normal may turn, weighed. */
-#define LEAST_LIT 2
-#define TURN_LIT 1
-/* Grey levels are known to so many voxels of a steep edge. */
-#define TOUCH_HU 0.1
+/* What a march may leave wrong, as shares of the error asked for. */
+typedef struct Tolerances {
+    double piece;    /* pieces err either way and by far less than they may, */
+    double ray_end;  /* what a ray leaves out adds up */
+    double faint;    /* what weighs less is lit with what follows; */
+    double turn;     /* and by so much a normal may turn, weighed */
+    double touch_hu; /* levels are known to so many */
+} Tolerances;
+static const Tolerances fast = {1.5, 1, 1.5, 1, 0.1}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7};
 
-static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept)
+static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const Tolerances *may)
 {
     const CtsVolume *const v = scene->volume;
     const double asked = cts_scene_error_asked(scene);
@@ -118,21 +118,20 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept)
     cts_tiled_pieces_init(&j->pieces, scene);
     j->looks = v->owners ? &kept->looks : NULL;
     j->colours = cts_owners_coloured(v->owners) ? 1 : j->pieces.colours;
-    j->tolerance = (float)(PIECE_TOLERANCE * asked);
-    j->dark = (float)fmin(RAY_END * asked, 1.0 / 64);
-    j->touch = (float)(TOUCH_HU / v->hu_step);
+    j->tolerance = (float)(may->piece * asked);
+    j->dark = (float)fmin(may->ray_end * asked, 1.0 / 16);
+    j->least_lit = (float)(may->faint * asked);
+    j->turn = (float)(may->turn * asked);
+    j->touch = (float)(may->touch_hu / v->hu_step);
     j->camera_mm = cts_volume_diagonal_mm(v) / 2 + CTS_MUTATED(DEPTH_SLAB);
 }
 
-static void light_job(TiledJob *j, const CtsScene *scene, const CtsShade *shade)
+static void light_job(TiledJob *j, const CtsShade *shade)
 {
-    const double asked = cts_scene_error_asked(scene);
     j->shade = shade;
     for (int i = 0; i < 3; i++)
         for (int a = 0; a < 3; a++)
             j->frame[i][a] = shade->frame[i][a] * (a == 2 && CTS_MUTATED(GRADIENT_SIGN) ? -1 : 1);
-    j->least_lit = (float)(LEAST_LIT * asked);
-    j->turn = (float)(TURN_LIT * asked);
 }
 
 /* The march of a picture: the fastest that this processor has, and plain C for what vectors' offsets cannot hold. */
@@ -276,11 +275,11 @@ static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocell
     TiledCounts counts = {0};
     if ((st = find_mask(kept, scene, macrocells, report, err)))
         return st;
-    init_job(&job, scene, kept);
+    init_job(&job, scene, kept, &fast);
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
             goto end;
-        light_job(&job, scene, &shade);
+        light_job(&job, &shade);
     }
     const Path path = choose_path(&job);
     cts_scene_tell_parts(scene, report);
@@ -343,11 +342,11 @@ static CtsStatus render_again(const CtsScene *scene, const CtsPicture *band, con
     if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, NULL, err)) ||
         (st = find_mask(kept, scene, macrocells, NULL, err)))
         goto end;
-    init_job(&job, scene, kept);
+    init_job(&job, scene, kept, &exact);
     if (scene->preset->shade) {
         if ((st = cts_shade_init(&shade, scene->preset, scene->volume, &scene->view, (const int[]){0, 1, 2}, err)))
             goto end;
-        light_job(&job, scene, &shade);
+        light_job(&job, &shade);
     }
     a.march = choose_path(&job).exact;
     if ((st = cts_alloc_zeroed(&a.scratch, (size_t)n_threads, err)))

@@ -5,7 +5,8 @@
  *   vf_min, vf_max, vi_min, vi_max (the second where the first is not smaller, or larger)
  *   vmask with vf_lt, vf_le, vi_lt, & | ~, bits_of(mask), mask_of(bits); select_f and select_i(mask, yes, no)
  *   look_up(table, n, index): table[index], of n entries
- *   load_block(mask, block, lanes, cell): whether the cell of a block shows something, and the block's distance
+ *   vi_above(a, b): a > b, both without sign; has_bit(words, bit)
+ *   load_words(mask, cell, lanes): what the mask says of cells
  *   load_pairs(job, cell, lanes): the levels of two voxels side by side, the first in the lower half
  *   load_bytes(from, at, lanes): from[at]; three bytes behind the last may be read, too
  *   vf_log2, vf_exp2, vf_log2_rest, vf_taken; vf_inverse_root
@@ -23,12 +24,15 @@
 #ifdef EXACT
 typedef double real;
 typedef int64_t whole;
+typedef uint64_t natural;
 #else
 typedef float real;
 typedef int32_t whole;
+typedef uint32_t natural;
 #endif
 typedef real vf __attribute__((vector_size(LANES * sizeof(real))));
 typedef whole vi __attribute__((vector_size(LANES * sizeof(real))));
+typedef natural vu __attribute__((vector_size(LANES * sizeof(real))));
 
 /* Fast paths want their small functions inlined whatever the compiler thinks; plain ones, and builds with sanitizers,
  * whose code is several times as long, do not. */
@@ -55,6 +59,11 @@ INLINE vf to_float(vi a)
     return __builtin_convertvector(a, vf);
 }
 
+INLINE vi upper_half(vi pair)
+{
+    return (vi)((vu)pair >> 16) & 0xffff;
+}
+
 /* Towards 0. */
 INLINE vi to_int(vf a)
 {
@@ -64,6 +73,13 @@ INLINE vi to_int(vf a)
 INLINE vf vf_abs(vf a)
 {
     return (vf)((vi)a & (sizeof(real) == 4 ? (whole)INT32_MAX : (whole)INT64_MAX));
+}
+
+/* cts_tiled_word() of cells. */
+INLINE vi word_of(const TiledMask *mask, const vi cell[3])
+{
+    const vi block = ((cell[2] >> 2) * mask->n[1] + (cell[1] >> 2)) * mask->n[0] + (cell[0] >> 2);
+    return block * 2 + (cell[2] >> 1 & 1);
 }
 
 #endif

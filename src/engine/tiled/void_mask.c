@@ -21,6 +21,7 @@ typedef struct Looking {
     Bracket *brackets;       /* of each look */
     int n_cells[3];
     ptrdiff_t stride[3]; /* to the next voxel; 0 along an axis of one */
+    uint8_t *distance;   /* of each block, to the next that shows something */
     _Atomic int64_t n_visible;
 } Looking;
 
@@ -149,6 +150,11 @@ static bool look_at(const Looking *l, size_t at, const int block[3], uint32_t ce
                : look_at_block(l, cts_tiled_look_lut(l->looks, l->lut, look), &l->brackets[look], block, r, cells);
 }
 
+static uint32_t told_from_distance(uint32_t bits)
+{
+    return bits > 0 && bits <= TILED_FAR ? bits | UINT32_C(1) << 31 : bits;
+}
+
 static void look_at_rows(void *context, int worker, size_t first, size_t end)
 {
     Looking *const l = context;
@@ -159,11 +165,24 @@ static void look_at_rows(void *context, int worker, size_t first, size_t end)
         for (int i = 0; i < m->n[0]; i++) {
             const size_t at = row * (size_t)m->n[0] + (size_t)i;
             const int block[3] = {i, (int)(row % (size_t)m->n[1]), (int)(row / (size_t)m->n[1])};
-            const bool visible = look_at(l, at, block, m->cells[at]);
-            m->distance[at] = visible ? 0 : CTS_CELL_FAR;
+            uint32_t cells[2];
+            const bool visible = look_at(l, at, block, cells);
+            for (int half = 0; half < 2; half++)
+                m->words[2 * at + (size_t)half] = told_from_distance(cells[half]);
+            l->distance[at] = visible ? 0 : CTS_CELL_FAR;
             n_visible += visible;
         }
     atomic_fetch_add(&l->n_visible, n_visible);
+}
+
+static void note_distances(void *context, int worker, size_t first, size_t end)
+{
+    const Looking *const l = context;
+    const size_t n = (size_t)l->mask->n[0];
+    (void)worker;
+    for (size_t at = first * n; at < end * n; at++)
+        if (l->distance[at] > 0)
+            l->mask->words[2 * at] = l->mask->words[2 * at + 1] = l->distance[at];
 }
 
 static Bracket bracket_of(const CtsLut *lut)
@@ -198,14 +217,17 @@ CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const Tile
         return st;
     for (int look = 0; looks && look < looks->n; look++)
         l.brackets[look] = bracket_of(cts_tiled_look_lut(looks, scene->lut, look));
-    /* Three bytes more, as distances are loaded by fours. */
-    if ((st = cts_alloc_array(&mask->cells, n, err)) || (st = cts_alloc_zeroed(&mask->distance, n + 3, err)))
+    if ((st = cts_alloc_array(&mask->words, 2 * n, err)) || (st = cts_alloc_array(&l.distance, n, err)))
         goto end;
-    cts_parallel(scene->settings->n_threads, (size_t)mask->n[1] * (size_t)mask->n[2], 16, look_at_rows, &l);
+    const size_t rows = (size_t)mask->n[1] * (size_t)mask->n[2];
+    cts_parallel(scene->settings->n_threads, rows, 16, look_at_rows, &l);
     mask->n_visible = atomic_load(&l.n_visible);
-    st = cts_cell_distance(mask->distance, mask->n[0], mask->n[1], mask->n[2], err);
+    if ((st = cts_cell_distance(l.distance, mask->n[0], mask->n[1], mask->n[2], err)))
+        goto end;
+    cts_parallel(scene->settings->n_threads, rows, 16, note_distances, &l);
 end:
     cts_free(&l.brackets);
+    cts_free(&l.distance);
     if (st)
         cts_tiled_mask_free(mask);
     return st;
@@ -213,6 +235,5 @@ end:
 
 void cts_tiled_mask_free(TiledMask *mask)
 {
-    cts_free(&mask->cells);
-    cts_free(&mask->distance);
+    cts_free(&mask->words);
 }

@@ -10,12 +10,22 @@
 enum { TILED_BLOCK = 4 };
 _Static_assert((int)TILED_BLOCK == (int)CTS_FINE_MACROCELL, "blocks have the fine macro-cells' ranges");
 
+/* Two words a block, of its lower and its upper two layers of cells: larger than TILED_FAR, bit 16 (k % 2) + 4 (j % 4)
+ * + i % 4 says whether cell (i, j, k) may show something, and else the word is how many blocks away (Chebyshev) the
+ * next is that holds such a cell; 0: it is this one. A mask of bits that is no larger has its last bit set, too: a cell
+ * that shows nothing may be looked at. */
+enum { TILED_FAR = 255 };
 typedef struct TiledMask {
-    int n[3];             /* blocks along each axis */
-    uint32_t (*cells)[2]; /* of each block: bit 16 (k % 4) + 4 (j % 4) + i % 4, the lower 32 first */
-    uint8_t *distance;    /* blocks to the next that shows something (Chebyshev); 0: this one does */
-    int64_t n_visible;    /* blocks that do */
+    int n[3]; /* blocks along each axis */
+    uint32_t *words;
+    int64_t n_visible; /* blocks that may show something */
 } TiledMask;
+
+static inline size_t cts_tiled_word(const TiledMask *m, int i, int j, int k)
+{
+    const size_t row = (size_t)(k / TILED_BLOCK) * (size_t)m->n[1] + (size_t)(j / TILED_BLOCK);
+    return 2 * (row * (size_t)m->n[0] + (size_t)(i / TILED_BLOCK)) + (size_t)(k / 2 % 2);
+}
 
 /* looks: NULL: all look alike. */
 CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const TiledLooks *looks,
