@@ -123,6 +123,14 @@ def test_picture(tmp_path, phantom):
     assert grey.rgba.shape == (32, 32, 4) and grey.depth_mm is None
 
 
+@pytest.mark.parametrize("syntax", ["big", "deflated", "implicit", "jpeg-2000", "jpeg-lossless", "jpeg-ls", "rle"])
+def test_every_codec(syntax):
+    """That the package holds them is seen where they are used."""
+    with ctsplat.load(os.path.join(DATA, "syntax", syntax)) as volume, \
+            ctsplat.load(os.path.join(DATA, "syntax", "explicit")) as plain:
+        assert np.array_equal(volume.hu, plain.hu)
+
+
 def test_presets(phantom):
     assert {"bone", "skin", "ct-bone"} <= set(ctsplat.presets())
     preset = ctsplat.Preset.from_points([(100, (1, 0, 0), 0.0), (300, (1, 1, 1), 0.5)], name="mine", shade=None)

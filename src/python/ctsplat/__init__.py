@@ -482,8 +482,8 @@ def take_frame(context: Any, frame: int, picture: Any, err: Any) -> int:
 
 
 def load(path: Union[str, os.PathLike, Sequence[str]], series: Optional[str] = None, **options: Any) -> Volume:
-    """Reads a CT series: path is a file, folder, zip file or DICOMDIR, or several of these; series its UID where there
-    is more than one. options: threads, and those that say from where (`from` is a word of Python's: **{"from": peer})."""
+    """Reads a CT series: path is a file, folder, zip file, DICOMDIR or NIfTI CT, or several of these; series its UID
+    where there is more than one. options: threads, and those that say from where (`from` is a word of Python's: **{"from": peer})."""
     paths = [path] if isinstance(path, (str, os.PathLike)) else list(path)
     words = {"series": series, **options}
     if paths:
