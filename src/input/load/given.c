@@ -72,7 +72,33 @@ typedef struct Pass {
     CtsVolume *volume;
     Range *ranges; /* by slice */
     double **rows; /* by worker */
+    cts_grey_whole_fn to_grey;
 } Pass;
+
+static bool has_words(const Given *g)
+{
+    return g->number == CTS_INT16 || g->number == CTS_UINT16;
+}
+
+/* Numbers of 16 bits become grey levels at once, as a slice's stored words do. words has room for a row. */
+static Range convert_slice(const Pass *p, int k, uint16_t *words)
+{
+    const CtsBox *const b = &p->given->box;
+    const CtsStored stored = {
+        .bits = 16, .is_signed = p->given->number == CTS_INT16, .padding_low = 1, .padding_word = -1};
+    CtsStoredRange range = {INT32_MAX, INT32_MIN};
+    for (int j = 0; j < b->dims[1]; j++) {
+        const uint8_t *const at = p->given->bytes + b->first + j * b->stride[1] + k * b->stride[2];
+        uint16_t *const grey = p->volume->grey + ((size_t)k * (size_t)b->dims[1] + (size_t)j) * (size_t)b->dims[0];
+        if (b->stride[0] == sizeof *words)
+            memcpy(words, at, (size_t)b->dims[0] * sizeof *words);
+        else
+            for (int i = 0; i < b->dims[0]; i++)
+                memcpy(&words[i], at + i * b->stride[0], sizeof *words);
+        range = cts_stored_range_join(range, p->to_grey(grey, words, (size_t)b->dims[0], &stored, 1, (int)-HU_OFFSET));
+    }
+    return (Range){range.low, range.high, true, 0};
+}
 
 static void look_at_slices(void *context, int worker, size_t first, size_t end)
 {
@@ -80,6 +106,10 @@ static void look_at_slices(void *context, int worker, size_t first, size_t end)
     double *const row = p->rows[worker];
     for (int k = (int)first; k < (int)end; k++) {
         Range r = {INFINITY, -INFINITY, true, 0};
+        if (has_words(p->given)) {
+            p->ranges[k] = convert_slice(p, k, (uint16_t *)row);
+            continue;
+        }
         for (int j = 0; j < p->given->box.dims[1]; j++) {
             read_row(p->given, j, k, row);
             for (int i = 0; i < p->given->box.dims[0]; i++) {
@@ -179,6 +209,8 @@ static CtsStatus fill(const Pass *p, CtsVolume *v, int n_threads, CtsReport *rep
     const CtsStatus st = settle_range(p, v, report, err);
     if (st)
         return st;
+    if (has_words(p->given))
+        return CTS_OK;
     cts_parallel(n_threads, n, 0, make_slices, (void *)p);
     lose_infinite(p);
     return CTS_OK;
@@ -209,7 +241,7 @@ CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned *
     n_threads = cts_threads(n_threads);
     const Given as_scanned = stored(given);
     const CtsBox *const box = &as_scanned.box;
-    Pass pass = {.given = &as_scanned};
+    Pass pass = {.given = &as_scanned, .to_grey = cts_grey_whole(cts_cpu_flags())};
     if (!(st = place(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
         st = cts_alloc_zeroed(&pass.rows, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
