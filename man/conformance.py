@@ -57,11 +57,11 @@ statement = [
         "command line; it keeps no database. Pictures are not for diagnostic use."),
     (T, ("Network service", "User (SCU)", "Provider (SCP)"),
      [("Storage of captures and states (C-STORE)", "yes: --send", "no"),
-      ("Query of a study's series (C-FIND)", "yes: --from", "no"),
+      ("Query of studies and series (C-FIND)", "yes: --from", "no"),
       ("Retrieve (C-GET)", "yes: --from", "no"),
       ("Retrieve (C-MOVE)", "yes: --from with --move-port", "storage of what was asked for alone"),
       ("Storage of CT (C-STORE), verification", "no", "ctsplat receive, ctsplat-node"),
-      ("DICOMweb WADO-RS, STOW-RS", "yes: a URL in --from, --send", "no"),
+      ("DICOMweb QIDO-RS, WADO-RS, STOW-RS", "yes: a URL in --from, --send", "no"),
       ("DICOMweb rendered3D (Retrieve Rendered Volume)", "no", "ctsplat serve"),
       ("Storage commitment, worklist, MPPS, printing, media", "no", "no")]),
     (H, "Introduction"),
@@ -89,7 +89,10 @@ statement = [
     (P, "Offered in the transfer syntax that the file has, and uncompressed ones in Implicit VR Little Endian too."),
     (S, "SOP classes of query and retrieve, as SCU"),
     (T, ("SOP class", "UID"), models),
-    (P, "C-FIND at level SERIES, with StudyInstanceUID as unique key, SeriesInstanceUID and Modality as return keys; relational queries and extended negotiation are not asked for."),
+    (P, "C-FIND at level STUDY, with StudyInstanceUID, AccessionNumber, PatientID and StudyDate as keys that match or are "
+        "returned, then at level SERIES for each study, with StudyInstanceUID as unique key and SeriesInstanceUID, "
+        "Modality, SeriesDescription and NumberOfSeriesRelatedInstances; a fetch asks at level SERIES alone. Relational "
+        "queries and extended negotiation are not asked for."),
     (S, "SOP classes accepted while retrieving"),
     (T, ("SOP class", "UID"), ct_classes + captures),
     (T, ("Transfer syntax", "UID"), listed(storage, "cts_ct_syntaxes")),
@@ -100,8 +103,9 @@ statement = [
         "no CT image, or another instance than its command names. An instance that comes again takes the former one's "
         "place. No storage commitment."),
     (S, "DICOMweb"),
-    (P, "WADO-RS: GET of /studies/UID and /studies/UID/series/UID as multipart/related of application/dicom, any transfer "
-        "syntax. STOW-RS: POST to /studies of the same type, one instance a request. User and password or "
+    (P, "QIDO-RS: GET of /studies with the same keys, and of /studies/UID/series with Modality, SeriesInstanceUID and "
+        "includefield, as application/dicom+json. WADO-RS: GET of /studies/UID and /studies/UID/series/UID as "
+        "multipart/related of application/dicom, any transfer syntax. STOW-RS: POST to /studies of the same type, one instance a request. User and password or "
         "a bearer token; redirections are not followed."),
     (S, "Rendered volumes (PS3.18 10.4.1.1.8)"),
     (P, "ctsplat serve answers GET of /studies/UID/rendered3D (where the study has one volume of CT), "

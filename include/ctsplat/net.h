@@ -46,6 +46,30 @@ CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *net, CtsError *err);
 CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *net, const char *const *paths, int n_paths, int *n_sent,
                        CtsError *err);
 
+/* Which series are asked for: each of these that is not NULL must match, as the peer understands it (PS3.4 C.2.2.2): *
+ * and ? stand for any characters, two dates with - between them for all from the first to the second. */
+typedef struct CtsSeriesQuery {
+    const char *study_uid, *series_uid, *accession, *patient_id, *study_date, *modality;
+} CtsSeriesQuery;
+
+/* What the peer tells of a series; "" for what it does not. Date and description may identify the patient. */
+typedef struct CtsFoundSeries {
+    char study_uid[65], series_uid[65], modality[17], study_date[9], description[65];
+    int n_objects; /* 0: not told */
+} CtsFoundSeries;
+
+enum { CTS_MOST_FOUND = 20000 };
+typedef struct CtsFound {
+    CtsFoundSeries *items; /* n, owned */
+    int n;
+} CtsFound;
+
+/* The series that a query names, by C-FIND or QIDO-RS, in the peer's order. CTS_ERR_USAGE where it names nothing but a
+ * modality, for that would be a whole archive. Free with cts_found_free(), in any case. */
+CtsStatus cts_net_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
+                       CtsError *err);
+void cts_found_free(CtsFound *found);
+
 /* What was fetched. A folder that a program which was killed has left goes when the next one fetches. */
 typedef struct CtsFetched {
     char *folder; /* NULL: none */

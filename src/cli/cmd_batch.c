@@ -115,6 +115,57 @@ static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport 
     return st ? st : cts_batch_run(&settings, result, err);
 }
 
+static void add_result(CtsBatchResult *all, const CtsBatchResult *one)
+{
+    all->n_series += one->n_series;
+    all->n_uids += one->n_uids;
+    all->n_done += one->n_done;
+    all->n_stood += one->n_stood;
+    all->n_passed += one->n_passed;
+    all->n_refused += one->n_refused;
+    all->n_failed += one->n_failed;
+    all->n_unreadable += one->n_unreadable;
+    all->n_packed += one->n_packed;
+}
+
+/* One series after the other, so that no more than one lies on the disk. Those that do not come are told and counted.
+ */
+static CtsStatus run_each(const CtsOptions *options, const CtsFound *found, CtsBatchLists *lists, CtsReport *report,
+                          CtsBatchResult *all, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (int i = 0; i < found->n && !st; i++) {
+        const CtsFoundSeries *s = &found->items[i];
+        CtsFetched fetched;
+        CtsBatchResult result = {0};
+        CtsOptions one = *options;
+        st = cts_net_fetch(&options->from.peer, &options->net, s->study_uid, s->series_uid, &fetched, report, err);
+        if (!st) {
+            one.paths = (CtsTextList){(const char **)&fetched.folder, 1};
+            st = run(&one, lists, report, &result, err);
+        } else if (st == CTS_ERR_READ || st == CTS_ERR_NO_SERIES) {
+            cli_warning("%s: not fetched: %s", s->series_uid, err->text);
+            result = (CtsBatchResult){.n_series = 1, .n_uids = 1, .n_failed = 1};
+            st = CTS_OK;
+        }
+        cts_net_forget(&fetched);
+        add_result(all, &result);
+    }
+    return st;
+}
+
+static CtsStatus run_found(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsBatchResult *all,
+                           CtsError *err)
+{
+    CtsFound found;
+    CtsStatus st = cts_net_find(&options->from.peer, &options->net, &options->find, &found, err);
+    if (!st && !found.n)
+        st = cts_fail(err, CTS_ERR_NO_SERIES, "the peer has no such series (ctsplat info --from lists what it has)");
+    st = st ? cts_context(err, "`from`") : run_each(options, &found, lists, report, all, err);
+    cts_found_free(&found);
+    return st;
+}
+
 static void print_summary(const CtsOptions *options, const CtsBatchResult *r)
 {
     char bad[80] = "", stood[64] = "", passed[64] = "";
@@ -144,7 +195,7 @@ CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
             return cts_fail(err, CTS_ERR_USAGE, "batch: --merge DIR renders nothing (leave PATH and -O away)");
         return cts_contact_sheet_write(options->merge, &(CtsContactWanted){0}, err);
     }
-    if (!options->paths.n)
+    if (!options->paths.n && !options->from.given)
         return cts_fail(err, CTS_ERR_USAGE, "batch: PATH is missing (see ctsplat batch --help)");
     if (!options->output_dir)
         return cts_fail(err, CTS_ERR_USAGE, "batch: no folder to write into (give -O DIR)");
@@ -152,7 +203,8 @@ CtsStatus cli_batch(const CtsOptions *options, int *exit_code, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE, "batch: --fresh starts over, --resume does not: give one of them");
     cli_interrupt_asks();
     if (!(st = cts_batch_lists(options, &lists, &report, err)))
-        st = run(options, &lists, &report, &result, err);
+        st = options->from.given ? run_found(options, &lists, &report, &result, err)
+                                 : run(options, &lists, &report, &result, err);
     cli_progress_clear();
     if (result.n_series)
         print_summary(options, &result);

@@ -1,12 +1,12 @@
 /* ctsplat bench: error against run time, for each engine and setting on one series. */
-#include "lab/bench/bench.h"
-#include "lab/bench/paper_table.h"
-#include "cli/interrupt.h"
 #include "app/words/words_job.h"
-#include "cli/message.h"
 #include "cli/commands.h"
+#include "cli/interrupt.h"
+#include "cli/message.h"
 #include "cli/progress.h"
 #include "cli/terminal_watch.h"
+#include "lab/bench/bench.h"
+#include "lab/bench/paper_table.h"
 #include "output/report/text_table.h"
 #include <errno.h>
 #include <math.h>
@@ -79,10 +79,9 @@ static void print_table(const CtsBenchRows *rows)
 
 static void print_paper(const CtsPaperTable *paper, const CtsVolume *v)
 {
-    CtsTable *table = cts_table_new(
-        (const char *const[]){"engine", ">ms", ">% of classic", ">quartiles", ">paper's mean", ">its sets", ">splatted",
-                              "picture"},
-        8);
+    CtsTable *table = cts_table_new((const char *const[]){"engine", ">ms", ">% of classic", ">quartiles",
+                                                          ">paper's mean", ">its sets", ">splatted", "picture"},
+                                    8);
     for (int i = 0; i < CTS_PAPER_ROWS; i++) {
         const CtsPaperRow *r = &paper->rows[i];
         cts_table_cell(table, "%s", r->name);

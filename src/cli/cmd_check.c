@@ -1,10 +1,10 @@
 /* ctsplat check: the numerical stability suite. */
 #include "base/file.h"
+#include "cli/commands.h"
+#include "cli/interrupt.h"
+#include "cli/print_json.h"
 #include "lab/check/check.h"
 #include "lab/check/plot.h"
-#include "cli/interrupt.h"
-#include "cli/commands.h"
-#include "cli/print_json.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

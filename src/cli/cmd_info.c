@@ -2,6 +2,8 @@
 #include "app/job/source.h"
 #include "app/words/words_job.h"
 #include "cli/commands.h"
+#include "cli/interrupt.h"
+#include "cli/print_found.h"
 #include "cli/progress.h"
 #include "output/report/info.h"
 #include <stdio.h>
@@ -81,10 +83,30 @@ static CtsStatus read_each(const CtsOptions *options, const CtsSeriesList *list,
     return st;
 }
 
+/* What a peer has: nothing of it is fetched. */
+static CtsStatus tell_found(const CtsOptions *options, CtsError *err)
+{
+    CtsFound found;
+    cli_interrupt_asks();
+    CtsStatus st = cts_net_find(&options->from.peer, &options->net, &options->find, &found, err);
+    if (!st && !found.n)
+        st = cts_fail(err, CTS_ERR_NO_SERIES, "the peer has no such series");
+    if (st)
+        st = cts_context(err, "`from`");
+    else if (options->json)
+        st = cli_print_found_json(&found, options->show_patient, err);
+    else
+        cli_print_found(&found, options->show_patient);
+    cts_found_free(&found);
+    return st;
+}
+
 CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     CtsStatus st;
+    if (options->from.given)
+        return tell_found(options, err);
     CtsSeriesList *list = NULL;
     CtsPixelFacts *facts = NULL;
     if ((st = cts_series_find(options->paths.items, options->paths.n, options->render.n_threads, &list, NULL, err)))

@@ -1,8 +1,8 @@
 /* ctsplat presets: the list of them, one in full, or what a volume proposes for one. */
-#include "cli/interrupt.h"
 #include "app/words/words_job.h"
-#include "cli/message.h"
 #include "cli/commands.h"
+#include "cli/interrupt.h"
+#include "cli/message.h"
 #include "cli/print_json.h"
 #include "cli/progress.h"
 #include "cli/terminal_watch.h"

@@ -3,8 +3,8 @@
 #include <limits.h>
 
 const CliCommand cli_commands[CLI_N_COMMANDS] = {
-    {"info", "PATH... [--json]", "Tell what series PATH holds and whether they can be rendered.", 1, INT_MAX, "PATH",
-     cli_info},
+    {"info", "PATH... [--json]", "Tell what series PATH holds and whether they can be rendered, or what a PACS has.", 1,
+     INT_MAX, "PATH", cli_info},
     {"render", "PATH... -o FILE [-o FILE]... [options]", "Render a series as PNG, OpenEXR or DICOM.", 1, INT_MAX,
      "PATH", cli_render},
     {"batch", "PATH... -O DIR [options]", "Render every series with every preset and view; can be stopped and resumed.",

@@ -1,7 +1,7 @@
 #include "cli/message.h"
 
-#include "cli/progress.h"
 #include "cli/option_names.h"
+#include "cli/progress.h"
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>

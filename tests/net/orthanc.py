@@ -1,6 +1,7 @@
 """There and back: a CT series in Orthanc, fetched in each way, its pictures sent back in each way, found by DICOMweb;
 and nothing lost or doubled when the PACS is killed in between."""
 import glob
+import json
 import os
 import socket
 import subprocess
@@ -60,6 +61,30 @@ try:
     visitor.join()
     assert visited == [True]
     assert open('visited.png', 'rb').read() == truth and time.monotonic() - start < 25
+
+    # What it has is found in each way; a batch fetches what is found, once, and renders what is new.
+    def ask(*words, code=0):
+        done = subprocess.run([ctsplat, *words], capture_output=True, text=True,
+                              env=dict(os.environ, TMPDIR=os.path.abspath('tmp')))
+        assert done.returncode == code and not os.listdir('tmp'), (words, done.returncode, done.stderr)
+        return done.stdout + done.stderr
+
+    patient, date = source.PatientID, source.StudyDate
+    for peer in (dimse, web):
+        for query in (['--study-uid', study], ['--patient-id', patient[:3] + '*', '--study-date', date + '-' + date]):
+            found = json.loads(ask('info', '--from', peer, '--json', *query))['series']
+            assert found == [{'series_uid': series, 'study_uid': study, 'modality': 'CT', 'objects': len(slices)}], found
+        said = ask('info', '--from', peer, '--patient-id', patient, '--show-patient')
+        assert date in said and series in said, said
+        for query in (['--patient-id', 'nobody'], ['--patient-id', patient, '--modality', 'MR'],
+                      ['--accession', '../x&y=z#']):
+            ask('info', '--from', peer, *query, code=3)
+        for query in ([], ['--modality', 'CT'], ['--patient-id', 'a\\b'], ['--study-uid', '1..2']):
+            ask('info', '--from', peer, *query, code=2)
+        words = ['batch', '--from', peer, '--patient-id', patient, '-O', 'batch-' + peer[:4], *look]
+        assert '1 of 1 series done:' in ask(*words)
+        assert open(glob.glob('batch-' + peer[:4] + '/*/*.png')[0], 'rb').read() == truth
+        assert '(1 of them before)' in ask(*words)
 
     # Sent back in each way, they are in the same study, once.
     run(data, *look, '--compress', 'rle', '-o', 'still.dcm', '--send', dimse)

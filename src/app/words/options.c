@@ -19,6 +19,7 @@ void cts_options_begin(CtsOptions *options)
 {
     *options = (CtsOptions){.shard.n = 1,
                             .series_timeout_s = 3600,
+                            .find.modality = "CT",
                             .listen = "127.0.0.1:11112",
                             .most_of_one = 8,
                             .most_a_minute = 600,
@@ -207,10 +208,12 @@ static CtsStatus check_peers(const CtsOptions *o, CtsCommand command, CtsError *
         return cts_net_check(o->from.given ? &o->from.peer : NULL, &o->net, err);
     if (o->from.given && o->paths.n > 0)
         return cts_fail(err, CTS_ERR_USAGE, "`from`: %s is given too (a PATH or a peer, not both)", o->paths.items[0]);
-    if (!o->from.given && (o->study_uid || o->peer_series_uid || o->net.move_port))
+    const CtsSeriesQuery *q = &o->find;
+    const bool asks = q->study_uid || q->series_uid || q->accession || q->patient_id || q->study_date;
+    if (!o->from.given && (asks || o->net.move_port))
         return cts_fail(err, CTS_ERR_USAGE,
                         "`study-uid`, `series-uid` and `move-port` say what to fetch, and `from` is not given");
-    if (o->from.given && !o->study_uid)
+    if (o->from.given && !q->study_uid && command != CTS_FOR_INFO && command != CTS_FOR_BATCH)
         return cts_fail(err, CTS_ERR_USAGE,
                         "`from`: what to fetch is not said (give `study-uid`, and `series-uid` for "
                         "one of its series)");

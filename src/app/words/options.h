@@ -73,7 +73,7 @@ typedef struct CtsOptions {
         CtsPeer peer;
     } send, from;
     CtsNet net;
-    const char *study_uid, *peer_series_uid; /* what to fetch */
+    CtsSeriesQuery find; /* what to fetch */
     const char *state_path, *write_state;
     CtsState *state; /* of state_path; its preset holds where none is given */
 

@@ -3,14 +3,14 @@
 
 #include "output/net/accept.h"
 #include "output/net/ct_storage.hpp"
+#include "output/net/find.hpp"
 #include "output/net/move_listener.hpp"
 #include "output/net/peer.h"
-#include "output/net/transport.hpp"
+#include "output/net/scu.hpp"
 
 #include <algorithm>
 #include <cstdlib>
 #include <cstring>
-#include <dcmtk/dcmnet/scu.h>
 #include <memory>
 #include <new>
 #include <string>
@@ -19,25 +19,8 @@
 namespace
 {
 
-/* Why there is no association. A peer that knows only some callers says no more than that it rejects this one. */
-std::string refusal(const OFCondition &state)
-{
-    std::string text = cts_one_line(state);
-    if (text.find("Rejected") != std::string::npos)
-        text += " (the peer must know the AE title that `aet` gives, and its own must be the one asked for)";
-    if (state.module() == OFM_dcmtls)
-        text += " (the peer's certificate must be signed by `tls-ca`, and name the host as it was asked for)";
-    return text;
-}
-
-class Scu : public DcmSCU
-{
-  public:
-    using DcmSCU::useSecureConnection;
-};
-
 /* Stores every incoming object under a name of ours. */
-class GetScu : public Scu
+class GetScu : public CtsScu
 {
   public:
     CtsInbox *inbox = nullptr;
@@ -80,34 +63,6 @@ class GetScu : public Scu
     }
 };
 
-void set_up(DcmSCU &scu, const CtsPeer &peer, const CtsNet &net)
-{
-    scu.setAETitle(net.own_aet);
-    scu.setPeerAETitle(peer.aet);
-    scu.setPeerHostName(peer.host);
-    scu.setPeerPort(static_cast<Uint16>(peer.port));
-    scu.setConnectionTimeout(net.timeout_s);
-    scu.setACSETimeout(static_cast<Uint32>(net.timeout_s));
-    scu.setDIMSETimeout(static_cast<Uint32>(net.timeout_s));
-    scu.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
-}
-
-OFCondition connect(Scu &scu, DcmTransportLayer *transport)
-{
-    OFCondition state = scu.initNetwork();
-    if (state.good())
-        state = scu.useSecureConnection(transport);
-    return state.good() ? scu.negotiateAssociation() : state;
-}
-
-void hang_up(DcmSCU &scu, bool in_peace)
-{
-    if (scu.isConnected() && in_peace)
-        scu.releaseAssociation();
-    else if (scu.isConnected())
-        scu.abortAssociation();
-}
-
 bool is_native(const char *syntax_uid)
 {
     return strcmp(syntax_uid, UID_LittleEndianExplicitTransferSyntax) == 0;
@@ -140,10 +95,10 @@ void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
 void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int n, CtsTry &result)
 {
     std::unique_ptr<DcmTransportLayer> transport;
-    Scu scu;
+    CtsScu scu;
     if (cts_transport_make(net, NET_REQUESTOR, peer.host, transport, &result.error))
         return;
-    set_up(scu, peer, net);
+    cts_scu_set_up(scu, peer, net);
     for (int i = 0; i < n; i++) {
         OFList<OFString> syntaxes;
         syntaxes.push_back(parcels[i].syntax_uid);
@@ -152,17 +107,17 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int 
         if (!parcels[i].sent)
             scu.addPresentationContext(parcels[i].class_uid, syntaxes);
     }
-    const OFCondition state = connect(scu, transport.get());
+    const OFCondition state = cts_scu_connect(scu, transport.get());
     if (state.bad()) {
         result.again = state.module() != OFM_dcmtls && state != NET_EC_NoAcceptablePresentationContexts;
         cts_fail(&result.error, CTS_ERR_OUTPUT, "no association with %s at %s port %d: %s", peer.aet, peer.host,
-                 peer.port, refusal(state).c_str());
+                 peer.port, cts_scu_refusal(state).c_str());
         return;
     }
     for (int i = 0; i < n && !result.error.status && !cts_net_stopped(&net); i++)
         if (!parcels[i].sent)
             store(scu, net, parcels[i], result);
-    hang_up(scu, !result.again);
+    cts_scu_hang_up(scu, !result.again);
 }
 
 void fill_query(DcmDataset &query, const CtsRequest &request, const char *series_uid)
@@ -180,7 +135,7 @@ struct Series {
 
 /* The study's CT series by C-FIND, or the one that is asked for: a whole study holds objects that we have no use for,
  * and some peers fail at them. */
-std::vector<Series> find_series(Scu &scu, const CtsRequest &request)
+std::vector<Series> find_series(CtsScu &scu, const CtsRequest &request)
 {
     std::vector<Series> found;
     OFList<QRResponse *> responses;
@@ -236,7 +191,7 @@ CtsStatus judge(OFList<RetrieveResponse *> &responses, int *n_objects, CtsError 
 /* One series after the other over a connection that stands. Of a whole study, a series that does not come is told and
  * left out. */
 template <typename Fetch>
-CtsStatus each_series(Scu &scu, const CtsNet &net, const CtsRequest &request, Fetch fetch, CtsError *err)
+CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request, Fetch fetch, CtsError *err)
 {
     for (const Series &series : find_series(scu, request)) {
         const char *const uid = series.uid.c_str();
@@ -269,7 +224,7 @@ CtsStatus each_series(Scu &scu, const CtsNet &net, const CtsRequest &request, Fe
     return CTS_OK;
 }
 
-void add_models(Scu &scu, const char *model)
+void add_models(CtsScu &scu, const char *model)
 {
     OFList<OFString> plain;
     plain.push_back(UID_LittleEndianExplicitTransferSyntax);
@@ -281,11 +236,11 @@ void add_models(Scu &scu, const char *model)
 CtsStatus no_association(const CtsPeer &peer, const OFCondition &state, CtsError *err)
 {
     return cts_fail(err, CTS_ERR_READ, "no association with %s at %s port %d: %s", peer.aet, peer.host, peer.port,
-                    refusal(state).c_str());
+                    cts_scu_refusal(state).c_str());
 }
 
 /* To receive it, in whichever way it is stored. */
-void offer_each(Scu &scu, const char *sop_class)
+void offer_each(CtsScu &scu, const char *sop_class)
 {
     for (const char *syntax : cts_ct_syntaxes) {
         OFList<OFString> one;
@@ -301,7 +256,7 @@ CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
     CtsStatus st = cts_transport_make(net, NET_REQUESTOR, peer.host, transport, err);
     if (st)
         return st;
-    set_up(scu, peer, net);
+    cts_scu_set_up(scu, peer, net);
     scu.inbox = request.inbox;
     scu.net = &net;
     scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
@@ -311,7 +266,7 @@ CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
         offer_each(scu, sop_class);
     for (const char *sop_class : cts_capture_classes)
         offer_each(scu, sop_class);
-    const OFCondition state = connect(scu, transport.get());
+    const OFCondition state = cts_scu_connect(scu, transport.get());
     if (state.bad())
         return no_association(peer, state, err);
     const T_ASC_PresentationContextID context =
@@ -329,21 +284,21 @@ CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
         *err = scu.error;
         st = scu.status;
     }
-    hang_up(scu, st == CTS_OK);
+    cts_scu_hang_up(scu, st == CTS_OK);
     return st;
 }
 
 CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
 {
     std::unique_ptr<DcmTransportLayer> transport;
-    Scu scu;
+    CtsScu scu;
     CtsMoveListener listener(peer, net, *request.inbox);
     CtsStatus st;
     if ((st = listener.open(err)) || (st = cts_transport_make(net, NET_REQUESTOR, peer.host, transport, err)))
         return st;
-    set_up(scu, peer, net);
+    cts_scu_set_up(scu, peer, net);
     add_models(scu, UID_MOVEStudyRootQueryRetrieveInformationModel);
-    const OFCondition state = connect(scu, transport.get());
+    const OFCondition state = cts_scu_connect(scu, transport.get());
     if (state.bad())
         return no_association(peer, state, err);
     const T_ASC_PresentationContextID context =
@@ -357,7 +312,7 @@ CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request
                 return scu.sendMOVERequest(context, net.own_aet, &query, &responses);
             },
             err);
-    hang_up(scu, st == CTS_OK);
+    cts_scu_hang_up(scu, st == CTS_OK);
     const CtsStatus taken = listener.close(err);
     return taken ? taken : st;
 }
@@ -384,5 +339,15 @@ try {
     return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
 }
 
-const CtsWay cts_way_dimse = {dimse_send, dimse_fetch, cts_accept, cts_accept_check};
+static CtsStatus dimse_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
+                            CtsError *err)
+try {
+    return cts_dimse_find(*peer, *net, *query, *found, err);
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+} catch (...) {
+    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+}
+
+const CtsWay cts_way_dimse = {dimse_send, dimse_fetch, dimse_find, cts_accept, cts_accept_check};
 }

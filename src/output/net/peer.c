@@ -87,3 +87,19 @@ void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net)
     if (net->sent)
         net->sent(net->context, parcel->path);
 }
+
+CtsStatus cts_found_add(CtsFound *found, const CtsFoundSeries *series, CtsError *err)
+{
+    if (!cts_uid_is_valid(series->study_uid) || !cts_uid_is_valid(series->series_uid))
+        return CTS_OK;
+    if (found->n == CTS_MOST_FOUND)
+        return cts_fail(err, CTS_ERR_READ, "more than %d series are found (narrow the query)", CTS_MOST_FOUND);
+    if ((found->n & (found->n - 1)) == 0) {
+        CtsFoundSeries *grown = realloc(found->items, (size_t)(found->n ? 2 * found->n : 1) * sizeof *grown);
+        if (!grown)
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        found->items = grown;
+    }
+    found->items[found->n++] = *series;
+    return CTS_OK;
+}

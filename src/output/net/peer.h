@@ -40,6 +40,8 @@ struct CtsVisit;
 typedef struct CtsWay {
     void (*send)(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result);
     CtsStatus (*fetch)(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err);
+    CtsStatus (*find)(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
+                      CtsError *err);
     /* Of DIMSE alone: output/net/accept.h. */
     void (*accept)(const struct CtsAcceptRules *rules, int socket, struct CtsVisit *visit);
     CtsStatus (*accept_check)(const CtsNet *net, CtsError *err);
@@ -56,6 +58,8 @@ CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err);
 
 /* What is 0 or NULL stands for what the header says. */
 CtsNet cts_net_with_defaults(const CtsNet *net);
+/* One more; what names no series by UIDs is left out. */
+CtsStatus cts_found_add(CtsFound *found, const CtsFoundSeries *series, CtsError *err);
 bool cts_net_stopped(const CtsNet *net);
 /* The peer has confirmed it. */
 void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net);

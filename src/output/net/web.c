@@ -2,6 +2,7 @@
 #define _GNU_SOURCE
 #include "output/net/multipart.h"
 #include "output/net/peer.h"
+#include "output/net/web_find.h"
 
 #include <curl/curl.h>
 #include <errno.h>
@@ -400,40 +401,66 @@ static CtsStatus judge_download(const Download *d, CURLcode code, long status, C
 }
 
 /* The sum of NumberOfSeriesRelatedInstances (0020,1209) over the series of an answer to QIDO-RS. */
-static int count_instances(const Answer *a, const char *series_uid)
+static int count_instances(const json_t *answer, const char *series_uid)
 {
-    json_t *answer = a->too_long ? NULL : json_loadb(a->text, a->n, 0, NULL);
     json_int_t n = 0;
     for (size_t i = 0; i < json_array_size(answer); i++) {
         const json_t *series = json_array_get(answer, i);
-        const json_t *uids = json_object_get(json_object_get(series, "0020000E"), "Value");
-        const json_t *counts = json_object_get(json_object_get(series, "00201209"), "Value");
-        const char *uid = json_string_value(json_array_get(uids, 0));
-        const json_t *count = json_array_get(counts, 0);
-        if (!series_uid || (uid && strcmp(uid, series_uid) == 0))
-            n += json_is_string(count) ? atoi(json_string_value(count)) : json_integer_value(count);
+        const char *uid = cts_web_text(series, "0020000E");
+        if (!series_uid || strcmp(uid, series_uid) == 0)
+            n += cts_web_integer(series, "00201209");
     }
-    json_decref(answer);
     return n > 0 && n <= CTS_INBOX_MAX_FILES ? (int)n : 0;
+}
+
+static CtsStatus judge_answer(const Web *web, CURLcode code, long status, const Answer *answer, CtsError *err)
+{
+    if (code)
+        return cts_fail(err, CTS_ERR_READ, "the peer cannot be read from: %s",
+                        *web->why ? web->why : curl_easy_strerror(code));
+    if (status != 200 && status != 204)
+        return cts_fail(err, CTS_ERR_READ, "the peer answers with status %ld%s", status,
+                        status == 401 || status == 403 ? " (--credentials FILE or CTSPLAT_CREDENTIALS)" : "");
+    return answer->too_long
+               ? cts_fail(err, CTS_ERR_READ, "the peer answers with more than %zu bytes (narrow the query)",
+                          sizeof answer->text)
+               : CTS_OK;
+}
+
+CtsStatus cts_web_ask(const CtsPeer *peer, const CtsNet *net, const char *what, json_t **told, CtsError *err)
+{
+    Web web = {0};
+    char url[CTS_WEB_QUERY + 1100];
+    long status = 0;
+    Answer *answer = calloc(1, sizeof *answer);
+    *told = NULL;
+    snprintf(url, sizeof url, "%s/%s", peer->url, what);
+    CtsStatus st = answer ? web_open(&web, net, url, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st && !add_header(&web, "Accept: application/dicom+json"))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!st) {
+        curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, keep_answer);
+        curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, answer);
+        const CURLcode code = perform(&web, &status);
+        st = judge_answer(&web, code, status, answer, err);
+    }
+    if (!st && status != 204 && !(*told = json_loadb(answer->text, answer->n, 0, NULL)))
+        st = cts_fail(err, CTS_ERR_READ, "the peer answers a query with something else than JSON");
+    free(answer);
+    web_close(&web);
+    return st;
 }
 
 /* How many objects there are, where the peer answers QIDO-RS. */
 static void web_count(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request)
 {
-    Web web = {0};
-    char url[1500];
-    long status = 0;
-    Answer *answer = calloc(1, sizeof *answer);
-    snprintf(url, sizeof url, "%s/studies/%s/series?includefield=00201209%s%s", peer->url, request->study_uid,
+    char what[300];
+    json_t *told = NULL;
+    snprintf(what, sizeof what, "studies/%s/series?includefield=00201209%s%s", request->study_uid,
              request->series_uid ? "&SeriesInstanceUID=" : "", request->series_uid ? request->series_uid : "");
-    if (answer && !web_open(&web, net, url, NULL) && add_header(&web, "Accept: application/dicom+json")) {
-        curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, keep_answer);
-        curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, answer);
-        if (!perform(&web, &status) && status == 200)
-            *request->n_promised = count_instances(answer, request->series_uid);
-    }
-    free(answer);
-    web_close(&web);
+    if (!cts_web_ask(peer, net, what, &told, NULL))
+        *request->n_promised = count_instances(told, request->series_uid);
+    json_decref(told);
 }
 
 static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
@@ -470,4 +497,4 @@ end:
     return st;
 }
 
-const CtsWay cts_way_web = {.send = web_send, .fetch = web_fetch};
+const CtsWay cts_way_web = {.send = web_send, .fetch = web_fetch, .find = cts_web_find};
