@@ -67,6 +67,7 @@ typedef struct TiledRays {
     int meets[3][TILED_RAYS];                       /* and in which cell */
     float rgba[TILED_RAYS][4];                      /* found, with what follows */
     float bound[TILED_RAYS], lit_bound[TILED_RAYS]; /* the latter of its light, part of the former */
+    float turned[TILED_RAYS][4];                    /* what was lit in steps, and its bound */
     float left[TILED_RAYS];                         /* light, of rays that have ended before the box does */
     float depth_mm[TILED_RAYS];                     /* where wanted */
 } TiledRays;

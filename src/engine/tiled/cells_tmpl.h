@@ -598,6 +598,7 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         m.dark = (real)0.25f;
     for (int i = 0; i < rays->n; i++)
         rays->rgba[i][0] = rays->rgba[i][1] = rays->rgba[i][2] = rays->lit_bound[i] = 0;
+    memset(rays->turned, 0, (size_t)rays->n * sizeof *rays->turned);
     if (!j->shade) {
         march_rays(&m, NULL);
     } else {
@@ -607,7 +608,9 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         light_up(&m, &lit, true);
     }
     for (int i = 0; i < rays->n; i++) {
-        rays->bound[i] += rays->lit_bound[i];
+        rays->bound[i] += rays->lit_bound[i] + rays->turned[i][3];
+        for (int c = 0; c < 3; c++)
+            rays->rgba[i][c] += rays->turned[i][c];
         /* What a ray has left when it ends is taken to show what it showed before. */
         const float all = 1 / (1 - rays->left[i]);
         for (int c = 0; c < 4 && rays->left[i] > 0; c++)

@@ -16,10 +16,14 @@ enum {
 };
 enum { WAITING = 8 * LANES };
 
-typedef struct Lit {
-    real wait[WAIT_FIELDS][WAITING];
+typedef struct Waiting {
+    real field[WAIT_FIELDS][WAITING];
     int ray[WAITING], n;
     whole look[WAITING];
+} Waiting;
+
+typedef struct Lit {
+    Waiting wait, turning; /* the latter to be lit in steps */
     /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, and its centre in mm. */
     vf colour[3], weight, centre;
 } Lit;
@@ -85,32 +89,42 @@ INLINE Glow glow_of(const CtsShade *s, const Direction *g)
                   select_f(has, (real)s->specular * power, vf_of(0))};
 }
 
+/* The first are done. */
+static void leave_waiting(Waiting *all, int done)
+{
+    all->n -= done;
+    for (int f = 0; f < WAIT_FIELDS && done > 0; f++)
+        memmove(all->field[f], all->field[f] + done, (size_t)all->n * sizeof(real));
+    memmove(all->ray, all->ray + done, (size_t)all->n * sizeof *all->ray);
+    memmove(all->look, all->look + done, (size_t)all->n * sizeof *all->look);
+}
+
 /* What waits: LANES of it from entry `first` on. */
 typedef struct Wait {
     vi cell[3];
     vf enter[3], way[3], colour[3], weight, centre, light, length;
 } Wait;
 
-INLINE vf wait_field(const Lit *lit, int field, int first)
+INLINE vf wait_field(const Waiting *all, int field, int first)
 {
     vf v;
-    memcpy(&v, &lit->wait[field][first], sizeof v);
+    memcpy(&v, &all->field[field][first], sizeof v);
     return v;
 }
 
-INLINE Wait load_wait(const Lit *lit, int first)
+INLINE Wait load_wait(const Waiting *all, int first)
 {
     Wait w;
     for (int a = 0; a < 3; a++) {
-        w.cell[a] = to_int(wait_field(lit, WAIT_CELL + a, first));
-        w.enter[a] = wait_field(lit, WAIT_ENTER + a, first);
-        w.way[a] = wait_field(lit, WAIT_LEAVE + a, first) - w.enter[a];
-        w.colour[a] = wait_field(lit, WAIT_COLOUR + a, first);
+        w.cell[a] = to_int(wait_field(all, WAIT_CELL + a, first));
+        w.enter[a] = wait_field(all, WAIT_ENTER + a, first);
+        w.way[a] = wait_field(all, WAIT_LEAVE + a, first) - w.enter[a];
+        w.colour[a] = wait_field(all, WAIT_COLOUR + a, first);
     }
-    w.weight = wait_field(lit, WAIT_WEIGHT, first);
-    w.centre = wait_field(lit, WAIT_CENTRE, first);
-    w.light = wait_field(lit, WAIT_LIGHT, first);
-    w.length = wait_field(lit, WAIT_LENGTH, first);
+    w.weight = wait_field(all, WAIT_WEIGHT, first);
+    w.centre = wait_field(all, WAIT_CENTRE, first);
+    w.light = wait_field(all, WAIT_LIGHT, first);
+    w.length = wait_field(all, WAIT_LENGTH, first);
     return w;
 }
 
@@ -166,21 +180,51 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
 }
 
 /* Those of the lanes that look like the first of them. */
-INLINE vmask waits_alike(const Lit *lit, int first, unsigned lanes)
+INLINE vmask waits_alike(const Waiting *all, int first, unsigned lanes)
 {
     unsigned alike = 0;
     for (unsigned left = lanes; left; left &= left - 1) {
         const int l = __builtin_ctz(left);
-        alike |= (unsigned)(lit->look[first + l] == lit->look[first + __builtin_ctz(lanes)]) << l;
+        alike |= (unsigned)(all->look[first + l] == all->look[first + __builtin_ctz(lanes)]) << l;
     }
     return mask_of(alike);
 }
 
-OUTLINE void light_some(const March *m, const Lit *lit, int first, int n)
+/* The first n of those that turn, in steps. */
+OUTLINE void light_turning(const March *m, Waiting *turning, int n)
 {
     const TiledJob *const j = m->job;
     const vmask lanes = mask_of((1u << n) - 1);
-    const Wait w = load_wait(lit, first);
+    const Wait w = load_wait(turning, 0);
+    Corners k;
+    vf sum[4] = {vf_of(0), vf_of(0), vf_of(0), vf_of(0)};
+    load_corners(j, w.cell, lanes, &k);
+    for (unsigned left = bits_of(lanes); left;) {
+        const vmask alike = j->looks ? waits_alike(turning, 0, left) : lanes;
+        const TiledPieces *const pieces = j->looks ? &j->looks->pieces[turning->look[__builtin_ctz(left)]] : &j->pieces;
+        light_in_steps(m, pieces, &w, &k, alike, sum);
+        left &= ~bits_of(alike);
+    }
+    for (int l = 0; l < n; l++)
+        for (int c = 0; c < 4; c++)
+            m->rays->turned[turning->ray[l]][c] += (float)sum[c][l];
+    leave_waiting(turning, n);
+}
+
+static void move_waiting(Waiting *to, const Waiting *from, int i)
+{
+    const int n = to->n++;
+    for (int f = 0; f < WAIT_FIELDS; f++)
+        to->field[f][n] = from->field[f][i];
+    to->ray[n] = from->ray[i];
+    to->look[n] = from->look[i];
+}
+
+OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
+{
+    const TiledJob *const j = m->job;
+    const vmask lanes = mask_of((1u << n) - 1);
+    const Wait w = load_wait(&lit->wait, first);
     Corners k;
     load_corners(j, w.cell, lanes, &k);
     const Direction centre = gradient_at(j, &k, w.enter, w.way, w.centre),
@@ -190,23 +234,18 @@ OUTLINE void light_some(const March *m, const Lit *lit, int first, int n)
     const vmask stretch = lanes & vf_lt(vf_of(0), w.length),
                 turns = CTS_MUTATED(LIT_STEPS) ? mask_of(0) : stretch & vf_lt(vf_of(m->turn), turn);
     const Glow glow = glow_of(j->shade, &centre);
-    vf sum[4];
-    for (int c = 0; c < 3; c++)
-        sum[c] = select_f(turns, vf_of(0), w.colour[c] * glow.colour + w.weight * glow.white);
-    sum[3] = select_f(stretch & ~turns, (real)0.25f * turn, vf_of(0));
-    for (unsigned left = bits_of(turns); left;) {
-        const vmask alike = m->job->looks ? waits_alike(lit, first, left) : turns;
-        const TiledPieces *const pieces =
-            m->job->looks ? &m->job->looks->pieces[lit->look[first + __builtin_ctz(left)]] : &m->job->pieces;
-        light_in_steps(m, pieces, &w, &k, alike, sum);
-        left &= ~bits_of(alike);
-    }
     for (int l = 0; l < n; l++) {
-        const int ray = lit->ray[first + l];
+        const int ray = lit->wait.ray[first + l];
+        if (bits_of(turns) >> l & 1) {
+            move_waiting(&lit->turning, &lit->wait, first + l);
+            continue;
+        }
         for (int c = 0; c < 3; c++)
-            m->rays->rgba[ray][c] += (float)sum[c][l];
-        m->rays->lit_bound[ray] += (float)sum[3][l];
+            m->rays->rgba[ray][c] += (float)(w.colour[c][l] * glow.colour[l] + w.weight[l] * glow.white[l]);
+        m->rays->lit_bound[ray] += bits_of(stretch) >> l & 1 ? (float)((real)0.25f * turn[l]) : 0;
     }
+    if (lit->turning.n >= LANES)
+        light_turning(m, &lit->turning, LANES);
 }
 
 /* Lights what waits, as far as it fills vectors; all of it at the end. */
@@ -214,18 +253,16 @@ OUTLINE void light_up(March *m, Lit *lit, bool all)
 {
     const uint64_t begun = cts_tiled_ticks();
     int done = 0;
-    for (; done + LANES <= lit->n; done += LANES)
+    for (; done + LANES <= lit->wait.n; done += LANES)
         light_some(m, lit, done, LANES);
-    if (all && done < lit->n) {
-        light_some(m, lit, done, lit->n - done);
-        done = lit->n;
+    if (all && done < lit->wait.n) {
+        light_some(m, lit, done, lit->wait.n - done);
+        done = lit->wait.n;
     }
+    if (all && lit->turning.n > 0)
+        light_turning(m, &lit->turning, lit->turning.n);
     m->counts->lit += (uint64_t)done;
-    lit->n -= done;
-    for (int f = 0; f < WAIT_FIELDS && done > 0; f++)
-        memmove(lit->wait[f], lit->wait[f] + done, (size_t)lit->n * sizeof(real));
-    memmove(lit->ray, lit->ray + done, (size_t)lit->n * sizeof *lit->ray);
-    memmove(lit->look, lit->look + done, (size_t)lit->n * sizeof *lit->look);
+    leave_waiting(&lit->wait, done);
     m->counts->shade_ticks += cts_tiled_ticks() - begun;
 }
 
@@ -235,22 +272,22 @@ OUTLINE void end_pending(March *m, Lit *lit, int lane)
     const Packet *const p = &m->p;
     if (p->ray[lane] < 0 || !(lit->weight[lane] > 0))
         return;
-    const int i = lit->n++;
+    const int i = lit->wait.n++;
     const real mm = lit->centre[lane] / lit->weight[lane];
-    lit->ray[i] = p->ray[lane];
-    lit->look[i] = CTS_LOOK_PRESET; /* a point is taken in no steps */
+    lit->wait.ray[i] = p->ray[lane];
+    lit->wait.look[i] = CTS_LOOK_PRESET; /* a point is taken in no steps */
     for (int a = 0; a < 3; a++) {
         const real vox = p->start[a][lane] + mm * m->step[a];
         const int last = m->job->n_cells[a] - 1, cell = vox < 0 ? 0 : vox < (real)last ? (int)vox : last;
-        lit->wait[WAIT_CELL + a][i] = (real)cell;
-        lit->wait[WAIT_ENTER + a][i] = lit->wait[WAIT_LEAVE + a][i] = vox - (real)cell;
-        lit->wait[WAIT_COLOUR + a][i] = lit->colour[a][lane];
+        lit->wait.field[WAIT_CELL + a][i] = (real)cell;
+        lit->wait.field[WAIT_ENTER + a][i] = lit->wait.field[WAIT_LEAVE + a][i] = vox - (real)cell;
+        lit->wait.field[WAIT_COLOUR + a][i] = lit->colour[a][lane];
         lit->colour[a][lane] = 0;
     }
-    lit->wait[WAIT_WEIGHT][i] = lit->weight[lane];
-    lit->wait[WAIT_CENTRE][i] = lit->wait[WAIT_LIGHT][i] = lit->wait[WAIT_LENGTH][i] = 0;
+    lit->wait.field[WAIT_WEIGHT][i] = lit->weight[lane];
+    lit->wait.field[WAIT_CENTRE][i] = lit->wait.field[WAIT_LIGHT][i] = lit->wait.field[WAIT_LENGTH][i] = 0;
     lit->weight[lane] = lit->centre[lane] = 0;
-    if (lit->n > WAITING - 2 * LANES)
+    if (lit->wait.n > WAITING - 2 * LANES)
         light_up(m, lit, false);
 }
 
@@ -283,20 +320,20 @@ INLINE void await_light(March *m, Lit *lit, const Effect *e, const vf weight[2],
         end_pending(m, lit, l);
         if (!(now >> l & 1))
             continue;
-        const int i = lit->n++;
-        lit->ray[i] = p->ray[l];
-        lit->look[i] = p->look[l];
+        const int i = lit->wait.n++;
+        lit->wait.ray[i] = p->ray[l];
+        lit->wait.look[i] = p->look[l];
         for (int a = 0; a < 3; a++) {
-            lit->wait[WAIT_CELL + a][i] = (real)p->cell[a][l];
-            lit->wait[WAIT_ENTER + a][i] = enter[a][l];
-            lit->wait[WAIT_LEAVE + a][i] = leave[a][l];
-            lit->wait[WAIT_COLOUR + a][i] = colour[a][l];
+            lit->wait.field[WAIT_CELL + a][i] = (real)p->cell[a][l];
+            lit->wait.field[WAIT_ENTER + a][i] = enter[a][l];
+            lit->wait.field[WAIT_LEAVE + a][i] = leave[a][l];
+            lit->wait.field[WAIT_COLOUR + a][i] = colour[a][l];
         }
-        lit->wait[WAIT_WEIGHT][i] = all[l];
-        lit->wait[WAIT_CENTRE][i] = centre[l];
-        lit->wait[WAIT_LIGHT][i] = p->light[l];
-        lit->wait[WAIT_LENGTH][i] = length[l];
+        lit->wait.field[WAIT_WEIGHT][i] = all[l];
+        lit->wait.field[WAIT_CENTRE][i] = centre[l];
+        lit->wait.field[WAIT_LIGHT][i] = p->light[l];
+        lit->wait.field[WAIT_LENGTH][i] = length[l];
     }
-    if (lit->n > WAITING - 2 * LANES)
+    if (lit->wait.n > WAITING - 2 * LANES)
         light_up(m, lit, false);
 }
