@@ -24,12 +24,14 @@ extern const char *const cts_sc_compression_names[CTS_SC_N_COMPRESSIONS];
 
 enum { CTS_QUALITY_DEFAULT = 90, CTS_FRAME_RATE_DEFAULT = 10 };
 
+struct CtsLabels;
 typedef struct CtsExportSettings {
-    const CtsSeries *source;      /* whose study a secondary capture joins; NULL where none is written */
-    CtsScCompression compression; /* of secondary captures */
-    bool new_uids, deidentify;    /* of secondary captures */
-    const char *key;              /* file that keys the UIDs of deidentify; NULL: the site's, made when first wanted */
-    int series_number;            /* of secondary captures; 0: one that preset, kind and view have for themselves */
+    const CtsSeries *source;        /* whose study a secondary capture joins; NULL where none is written */
+    const struct CtsLabels *labels; /* (ctsplat/labels.h) that it shows, and refers to; NULL: none */
+    CtsScCompression compression;   /* of secondary captures */
+    bool new_uids, deidentify;      /* of secondary captures */
+    const char *key;   /* file that keys the UIDs of deidentify; NULL: the site's, made when first wanted */
+    int series_number; /* of secondary captures; 0: one that preset, kind and view have for themselves */
     const char *series_description; /* of secondary captures, ASCII, at most 64 characters; NULL: chosen likewise */
     bool png_8_bits;                /* a .png has 8 bits a sample, not 16 */
     int quality;                    /* of .jpg and .webp, 1 to 100; 0: the default */

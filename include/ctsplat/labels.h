@@ -43,9 +43,16 @@ typedef struct CtsLabel {
     struct CtsLabelSums *sums; /* while slices are read */
 } CtsLabel;
 
+/* A DICOM object that labels come from; UIDs, "" where it has none. */
+typedef struct CtsLabelObject {
+    char class_uid[65], sop_uid[65], series_uid[65], study_uid[65];
+} CtsLabelObject;
+
 typedef struct CtsLabels {
-    CtsLabelGrid grid; /* owned */
-    CtsLabel *items;   /* n, in the order of the files, in each by rising number */
+    CtsLabelGrid grid;       /* owned */
+    CtsLabelObject *objects; /* n_objects; owned */
+    size_t n_objects;
+    CtsLabel *items; /* n, in the order of the files, in each by rising number */
     size_t n, room;
     bool counted;
 } CtsLabels;

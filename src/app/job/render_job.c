@@ -287,6 +287,7 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
         return cts_fail(err, CTS_ERR_USAGE,
                         "`write_state`: a NIfTI file has no patient and no slices for a presentation state to name");
     settings.source = loaded->series;
+    settings.labels = loaded->volume->owners ? loaded->labels : NULL;
     settings.n_threads = cts_threads(job->render.n_threads);
     CtsStatus st = cts_files_begin(&files, err);
     if (!st)

@@ -40,6 +40,7 @@ void cts_labels_free(CtsLabels **labels)
         free(l->runs);
     }
     free((*labels)->items);
+    free((*labels)->objects);
     cts_label_grid_free(&(*labels)->grid);
     cts_free(labels);
 }
@@ -70,6 +71,16 @@ CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *na
         return st ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     cts_text_clean(copy);
     labels->items[labels->n++] = (CtsLabel){.fact = {.file = file, .number = number, .name = copy, .source = source}};
+    return CTS_OK;
+}
+
+CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object, CtsError *err)
+{
+    CtsLabelObject *const grown = realloc(labels->objects, (labels->n_objects + 1) * sizeof *grown);
+    if (!grown)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    labels->objects = grown;
+    grown[labels->n_objects++] = *object;
     return CTS_OK;
 }
 

@@ -15,6 +15,8 @@ void cts_label_grid_thickness(CtsLabelGrid *grid);
 /* Another label without voxels; name is copied and made safe to show. CTS_ERR_READ when there are too many. */
 CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *name, CtsLabelSource source,
                          CtsError *err);
+/* Another object that labels come from. */
+CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object, CtsError *err);
 /* Voxels of one row, which may be there already; rows in any order. */
 CtsStatus cts_label_add_run(CtsLabel *label, uint32_t row, int first, int end, CtsError *err);
 /* Its colour as PS3.3 C.10.7.1.1 encodes CIELab: 0 to 65535 each, L* to 100, a* and b* from -128 to 127. */

@@ -13,7 +13,13 @@
 #include <string.h>
 #include <sys/stat.h>
 
-enum { HEAD_BYTES = 4096, SOP_UID = 0x00080018, FRAME_UID = 0x00200052 };
+enum {
+    HEAD_BYTES = 4096,
+    SOP_UID = 0x00080018,
+    STUDY_UID = 0x0020000D,
+    SERIES_UID = 0x0020000E,
+    FRAME_UID = 0x00200052
+};
 
 /* DICOM objects that hold labels. */
 static const struct {
@@ -85,6 +91,16 @@ static CtsStatus seen_before(Search *s, const CtsPlainObject *object, bool *seen
     return CTS_OK;
 }
 
+static CtsStatus keep_object(Search *s, const CtsPlainObject *object, CtsError *err)
+{
+    CtsLabelObject kept = {.class_uid = ""};
+    memcpy(kept.class_uid, object->class_uid, sizeof kept.class_uid);
+    cts_elements_text(object->elements, SOP_UID, kept.sop_uid, sizeof kept.sop_uid);
+    cts_elements_text(object->elements, SERIES_UID, kept.series_uid, sizeof kept.series_uid);
+    cts_elements_text(object->elements, STUDY_UID, kept.study_uid, sizeof kept.study_uid);
+    return cts_labels_add_object(s->reading.labels, &kept, err);
+}
+
 static CtsStatus read_object(Search *s, const Opened *o, CtsError *err)
 {
     CtsPlainObject object;
@@ -103,6 +119,8 @@ static CtsStatus read_object(Search *s, const Opened *o, CtsError *err)
         s->n_read++;
         if (!(st = cts_label_check_patient(&s->reading, &object, err)))
             st = objects[kind].read(&s->reading, &object, err);
+        if (!st)
+            st = keep_object(s, &object, err);
     }
     cts_plain_close(&object);
     return st;

@@ -227,6 +227,7 @@ static void fill(const CtsExportJob *job, const CtsScWords *words, const CtsScNa
         .burned_in = w->facts.burned_in || head->info.annotated,
         .recognizable = head->info.shows_skin,
         .source = source,
+        .labels = job->settings.labels,
         .source_class_uid = w->facts.sop_class_uid,
         .lossy = lossy_slice(source),
         .pseudonym = names->pseudonym[0] ? names->pseudonym : NULL,

@@ -116,6 +116,27 @@ bool has_instance_uids(const CtsSeries &series)
     return false;
 }
 
+/* What labels come from, of the same study. */
+void put_label_references(Put &put, const CtsScObject &object)
+{
+    for (size_t i = 0; object.labels && i < object.labels->n_objects; i++) {
+        const CtsLabelObject &label = object.labels->objects[i];
+        if (!*label.sop_uid || !*label.series_uid || strcmp(label.study_uid, object.study_uid) != 0)
+            continue;
+        DcmItem *series = put.item(DCM_ReferencedSeriesSequence);
+        if (!series)
+            return;
+        Put in_series(*series);
+        in_series.text(DCM_SeriesInstanceUID, label.series_uid);
+        if (DcmItem *instance = in_series.item(DCM_ReferencedInstanceSequence)) {
+            Put to(*instance);
+            to.text(DCM_ReferencedSOPClassUID, label.class_uid).text(DCM_ReferencedSOPInstanceUID, label.sop_uid);
+            in_series.keep(to.state());
+        }
+        put.keep(in_series.state());
+    }
+}
+
 /* Every slice the picture was made of. An enhanced object is one instance with many slices. */
 void put_references(Put &put, const CtsScObject &object)
 {
@@ -198,8 +219,10 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
     if ((st = put_lossy(put, object, err)))
         return st;
     put_image(put, object);
-    if (!object.pseudonym)
+    if (!object.pseudonym) {
         put_references(put, object);
+        put_label_references(put, object);
+    }
     if (object.n_frames > 1)
         put_frames(put, object);
     put_pixels(put, object);

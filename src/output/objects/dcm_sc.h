@@ -3,6 +3,7 @@
 #ifndef CTS_DICOM_DCM_SC_H
 #define CTS_DICOM_DCM_SC_H
 
+#include "ctsplat/labels.h"
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
 #include "input/header/slice.h"
@@ -56,6 +57,7 @@ typedef struct CtsScObject {
 
     /* Patient and study are copied from the first slice's file, byte for byte. */
     const CtsSeries *source;
+    const CtsLabels *labels; /* that are seen, too; NULL: none */
     const char *source_class_uid;
     const CtsSlice *lossy; /* a slice whose pixels went through lossy compression; NULL when there is none */
     /* NULL, or the identity to put in the patient's and the study's place: then nothing that identifies is copied and

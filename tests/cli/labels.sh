@@ -1,0 +1,54 @@
+# --show, --hide, --label and their like: pictures, refusals, what a batch makes anew, what a capture refers to.
+labels=$root/testdata/fuzz/labels
+see="$data/phantom --labels $labels/binary --size 64x64 -p muscle --view 30,20"
+ok render "$data/phantom" --size 64x64 -p muscle --view 30,20 -o plain.png
+ok render $see -o counted.png
+cmp plain.png counted.png || fail "labels that nothing is asked of change the picture"
+ok render $see --show all,rest -o all.png
+cmp plain.png all.png || fail "labels that are all shown change the picture"
+for asked in '--hide all' '--show 1' '--label-colours' '--label all=#ff0000 --label 2=skin'; do
+    ok render $see $asked -o asked.png
+    ! cmp -s plain.png asked.png || fail "$asked changes nothing"
+    ok render $see $asked --threads 3 -o again.png
+    cmp asked.png again.png || fail "$asked: threads change the picture"
+    ok render $see $asked --engine raycast -o cast.png
+    run compare asked.png cast.png
+    awk '/rmse/ {seen = 1; exit !($2 < 0.002)} END {exit !seen}' out || fail "$asked: engines differ: $(cat out)"
+    rm asked.png again.png cast.png
+done
+for mode in mip minip average; do
+    ok render $see --hide all --mode $mode -o mode.png
+    ok render $see --hide all --mode $mode --engine raycast -o cast.png
+    run compare mode.png cast.png
+    awk '/rmse/ {seen = 1; exit !($2 < 1e-4)} END {exit !seen}' out || fail "mode $mode: engines differ: $(cat out)"
+    rm mode.png cast.png
+done
+ok render $see --hide all --engine void -o void.png
+
+refused 2 'did you mean part' render $see --show 'part 3x' -o x.png
+refused 2 'there are no labels' render "$data/phantom" --hide 1 -o x.png
+refused 2 'not a preset' render $see --label '1=#12345' -o x.png
+refused 2 'engines tiled and raycast alone' render $see --label '1=#123456' --engine void -o x.png
+refused 2 'mode mip shows HU' render $see --label '1=#123456' --mode mip -o x.png
+refused 2 'label files 1 and 2 both have it' render $see --labels "$labels/first" --hide 1 -o x.png
+ok render $see --labels "$labels/first" --hide 2:1 -o second.png
+
+cp "$labels/binary" mask
+ok batch "$data/phantom" -O made --labels mask --hide 1 --size 32x32
+ok batch "$data/phantom" -O made --labels mask --hide 1 --size 32x32
+has err '1 of them before'
+touch -d '2001-02-03' mask
+ok batch "$data/phantom" -O made --labels mask --hide 1 --size 32x32
+! grep -q 'before' err || fail "a batch does not see that its labels have changed"
+
+# Only of the same study, only what is seen, and not where nothing is named.
+segmentation=1.2.840.10008.5.1.4.1.1.66.4
+shared=$root/../shared/data/labels/liver
+[ -d "$shared" ] || exit 77
+liver="$shared --labels $shared/liver.dcm --size 32x32 -p muscle --view head"
+ok render $liver --show liver -o seen.dcm
+grep -aq $segmentation seen.dcm || fail "a capture does not refer to the segmentation that it shows"
+for asked in '' '--show liver --deidentify'; do
+    ok render $liver $asked --force -o unseen.dcm
+    ! grep -aq $segmentation unseen.dcm || fail "render $asked: refers to a segmentation"
+done
