@@ -43,7 +43,10 @@ written = [("ExplicitVRLittleEndian", "1.2.840.10008.1.2.1", "none")] + [
     for name, uid in re.findall(r'\[CTS_SC_(\w+)\] = \{"([0-9.]+)"', source("output/export/sc.c"))]
 read_classes = re.findall(r'const char (\w+)_class\[\] = "([0-9.]+)"', source("input/header/dcm_read.cc"))
 keyword_of = {uid: key for key, uid in reversed(list(uid_of.items()))}
-read_classes = [(keyword_of[uid], uid) for _, uid in read_classes]
+label_uids = re.search(r"label_classes\[\] = \{(.*?)\};", source("input/header/dcm_read.cc"), re.S).group(1)
+read_classes = [(keyword_of[uid], uid) for _, uid in read_classes] + [
+    (keyword_of.get(uid, "LabelMapSegmentationStorage") + " (--labels)", uid)
+    for uid in re.findall(r'"([0-9.]+)"', label_uids)]
 models = [(k, uid_of[k]) for k in
           dict.fromkeys(re.findall(r"UID_((?:FIND|GET|MOVE)\w+)", source("output/net/dimse.cc")))]
 storage = "output/net/ct_storage.hpp"
