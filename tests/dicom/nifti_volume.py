@@ -91,8 +91,8 @@ def test_refused(scan, ijk, work):
         check(f'{name}: leaves nothing', not os.path.exists(out) and not os.path.exists(out[:-3] + 'png'))
 
     capture, state = os.path.join(work, 'out.dcm'), os.path.join(work, 'state.dcm')
-    refused('a capture', 2, 'no patient', '-o', capture)
-    refused('a state', 2, 'no patient', '-o', os.path.join(work, 'out.png'), '--write-state', state)
+    refused('a capture', 4, 'no patient', '-o', capture)
+    refused('a state', 4, 'no patient', '-o', os.path.join(work, 'out.png'), '--write-state', state)
     refused('rows aslant', 4, 'not at right angles', shear=[[1, 0.2, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
     refused('nowhere', 3, 'neither an sform nor a qform', form=False)
     refused('more voxels than bytes', 3, 'cut short', dims=(64, 64, 4800))

@@ -547,7 +547,9 @@ static CtsStatus search(Run *r, CtsError *err)
     if (!r->result->n_series && s->n_shards == 1 && s->series_uid)
         return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", s->series_uid);
     if (!r->result->n_series && s->n_shards == 1)
-        return cts_fail(err, CTS_ERR_NO_SERIES, "no CT slice among %llu files, %llu of them unreadable, %llu packed",
+        return cts_fail(err, CTS_ERR_NO_SERIES,
+                        "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (name these "
+                        "themselves)",
                         (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable,
                         (unsigned long long)counts.n_packed);
     return CTS_OK;

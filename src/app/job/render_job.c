@@ -284,7 +284,7 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
     CtsExportSettings settings = job->export;
     CtsFiles files = {.outputs = &job->outputs, .settings = &settings, .watch = watch};
     if (loaded->series && loaded->series->no_patient && job->outputs.state)
-        return cts_fail(err, CTS_ERR_USAGE,
+        return cts_fail(err, CTS_ERR_PIXELS,
                         "`write_state`: a NIfTI file has no patient and no slices for a presentation state to name");
     settings.source = loaded->series;
     settings.labels = loaded->volume->owners ? loaded->labels : NULL;

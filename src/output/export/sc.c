@@ -71,11 +71,10 @@ CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsE
                             "`deidentify` cannot reach it",
                             path);
     if (source->no_patient)
-        return cts_fail(
-            err, CTS_ERR_USAGE,
-            "%s: a NIfTI file has no patient and no study for a DICOM object (write .png or .exr, or render "
-            "the DICOM series)",
-            path);
+        return cts_fail(err, CTS_ERR_PIXELS,
+                        "%s: a NIfTI file has no patient and no study for a DICOM object (write .png or .exr, or "
+                        "render the DICOM series)",
+                        path);
     const char *first = source->slices[0]->path;
     const bool in_memory = source->slices[0]->memory != NULL; /* out of an archive */
     if (!first || (!in_memory && access(first, R_OK)))
