@@ -8,7 +8,7 @@ enum { HALVINGS = 40, ROOT_STEPS = 40 };
 #define FAR_MM ((real)1e60)
 #define NEARLY_1 (1 - 0x1p-52)
 #else
-enum { HALVINGS = 3, ROOT_STEPS = 5 };
+enum { HALVINGS = 3, ROOT_STEPS = 3 };
 #define ROOT_OFF ((real)0)
 #define LEAST_SHARE ((real)2e-4)
 #define LEAST_MM ((real)6e-5)

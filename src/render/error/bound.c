@@ -20,7 +20,7 @@
 
 /* One pixel in so many is made again to judge the others, more of a small picture, and hardly more than one in FIRST;
  * of a strip that errs too much MORE times as many, round by round, up to one in MOST. A small picture's are all. */
-enum { ONE_IN = 512, FIRST = 128, MOST = 12, MORE = 6, ROUNDS = 4, SMALL = 1024 };
+enum { ONE_IN = 512, FIRST = 256, MOST = 12, MORE = 6, ROUNDS = 4, SMALL = 1024 };
 
 /* What came of CTS_BAND_ROWS rows. */
 typedef struct Strip {
