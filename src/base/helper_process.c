@@ -207,19 +207,36 @@ CtsStatus cts_helper_start(CtsError *err)
     return st;
 }
 
-CtsStatus cts_helper_fork(const CtsHelperOrder *order, int socket, pid_t *pid, CtsError *err)
+/* One try, with a socket of its own: where the reply is lost there may be a process all the same, for as long as it
+ * takes the helper to die, and it must not answer to a socket that another one has. */
+static bool try_fork(Request *request, Reply *reply, int *socket, CtsStatus *st, CtsError *err)
+{
+    int ends[2];
+    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends)) {
+        *st = cts_fail(err, CTS_ERR_MEMORY, "it cannot be reached: %s", strerror(errno));
+        return false;
+    }
+    *st = way < 0 ? begin(err) : CTS_OK;
+    const bool done = !*st && transmit_request(way, request, ends[1]) && receive_reply(way, reply);
+    if (!done && !*st)
+        leave(true);
+    close(ends[1]);
+    if (!done || reply->status)
+        close(ends[0]);
+    else
+        *socket = ends[0];
+    return done;
+}
+
+CtsStatus cts_helper_fork(const CtsHelperOrder *order, pid_t *pid, int *socket, CtsError *err)
 {
     Request request = {.order = *order};
     Reply reply;
     CtsStatus st = CTS_OK;
     bool done = false;
     pthread_mutex_lock(&lock);
-    for (int tries = 0; !done && !st && tries < TRIES; tries++) {
-        st = way < 0 ? begin(err) : CTS_OK;
-        done = !st && transmit_request(way, &request, socket) && receive_reply(way, &reply);
-        if (!done && !st)
-            leave(true);
-    }
+    for (int tries = 0; !done && !st && tries < TRIES; tries++)
+        done = try_fork(&request, &reply, socket, &st, err);
     pthread_mutex_unlock(&lock);
     if (!done)
         return st ? st : cts_fail(err, CTS_ERR_INTERNAL, "the helper process does not answer");

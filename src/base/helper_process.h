@@ -13,13 +13,14 @@ enum { CTS_HELPER_ORDER_BYTES = 64 };
 
 /* What a process is forked for. */
 typedef struct CtsHelperOrder {
-    CtsStatus (*prepare)(CtsError *err);          /* in the helper, before the fork: loads a library, once; or NULL */
-    void (*live)(const void *order, int socket);  /* the process's whole life */
+    CtsStatus (*prepare)(CtsError *err);         /* in the helper, before the fork: loads a library, once; or NULL */
+    void (*live)(const void *order, int socket); /* the process's whole life */
     uint64_t order[CTS_HELPER_ORDER_BYTES / sizeof(uint64_t)];
 } CtsHelperOrder;
 
-/* Fork a process for the order, which has `socket` and no other file once it has called cts_walls_enter(). */
-CtsStatus cts_helper_fork(const CtsHelperOrder *order, int socket, pid_t *pid, CtsError *err);
+/* Fork a process for the order, which has the other end of *socket (SOCK_SEQPACKET) and no other file once it has
+ * called cts_walls_enter(). */
+CtsStatus cts_helper_fork(const CtsHelperOrder *order, pid_t *pid, int *socket, CtsError *err);
 
 /* Kill a process unless it has ended, and wait for it: its wait status. Its computing counts from now on
  * (cts_cpu_ms()). Processes are killed when the helper is. */

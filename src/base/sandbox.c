@@ -178,20 +178,14 @@ static CtsStatus fork_child(CtsSandbox *d, CtsError *err)
     const Order o = {
         .work = d->work, .n_memory = memory_limit(d), .memory_id = d->memory_id, .own_bytes = d->own_bytes};
     CtsHelperOrder order = {.prepare = d->prepare, .live = serve};
-    int ends[2];
     _Static_assert(sizeof o <= sizeof order.order, "an order has room");
     memcpy(order.order, &o, sizeof o);
-    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, ends))
-        return cts_fail(err, CTS_ERR_MEMORY, "a %s process cannot be reached: %s", d->name, strerror(errno));
-    const CtsStatus st = cts_helper_fork(&order, ends[1], &d->pid, err);
-    close(ends[1]);
+    const CtsStatus st = cts_helper_fork(&order, &d->pid, &d->socket, err);
     if (st) {
-        close(ends[0]);
         d->pid = 0;
         return cts_context(err, "a %s process cannot be started", d->name);
     }
     d->prepared = d->prepare;
-    d->socket = ends[0];
     return CTS_OK;
 }
 

@@ -1,13 +1,14 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
- * write, fsync, rename, fork, shmget; kill: the helper, and with it the processes it has forked, when one of them is
- * sent something) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones fail too. Calls are counted
- * over all threads; a child does not fail, or with CTS_FAIL_CHILD=1 children alone do. When the call was reached, a
- * line is put at the end of the file CTS_FAIL_TOLD. */
+ * write, fsync, rename, fork, shmget, poll, recv; kill: the helper, and with it the processes it has
+ * forked, when one of them is sent something) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones
+ * fail too. Calls are counted over all threads; a child does not fail, or with CTS_FAIL_CHILD=1 children alone do. When
+ * the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
 #undef _FILE_OFFSET_BITS /* both names of a call are wanted: open() and open64() */
 #define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>
+#include <poll.h>
 #include <signal.h>
 #include <stdarg.h>
 #include <stdatomic.h>
@@ -21,10 +22,10 @@
 #include <sys/types.h>
 #include <unistd.h>
 
-enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, SHMGET, KILL, N_CALLS };
-static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync",
-                                           "rename", "fork", "shmget", "kill"};
-static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO, ENOSPC, EIO, EACCES, EAGAIN, ENOMEM, 0};
+enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, SHMGET, KILL, POLL, RECV, N_CALLS };
+static const char *const names[N_CALLS] = {"malloc", "open",   "read", "write", "fsync", "rename",
+                                           "fork",   "shmget", "kill", "poll",  "recv"};
+static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO, ENOSPC, EIO, EACCES, EAGAIN, ENOMEM, 0, ENOMEM, ECONNRESET};
 
 static int chosen = -1;
 static long fail_at;
@@ -208,4 +209,16 @@ ssize_t send(int socket, const void *bytes, size_t n, int flags)
 int shmget(key_t key, size_t n, int flags)
 {
     return fails(SHMGET) ? -1 : (int)syscall(SYS_shmget, key, n, flags);
+}
+
+int poll(struct pollfd *fds, nfds_t n, int timeout_ms)
+{
+    typedef int (*poll_fn)(struct pollfd *, nfds_t, int);
+    return fails(POLL) ? -1 : NEXT(poll_fn, "poll")(fds, n, timeout_ms);
+}
+
+ssize_t recv(int socket, void *bytes, size_t n, int flags)
+{
+    typedef ssize_t (*recv_fn)(int, void *, size_t, int);
+    return fails(RECV) ? -1 : NEXT(recv_fn, "recv")(socket, bytes, n, flags);
 }
