@@ -46,7 +46,18 @@ def look_at(pacs, server, study, series, resource):
     assert pacs.get(f'/series/{resource}/thumbnail')[:3] == b'\xff\xd8\xff'
 
 
-folder, settings = os.path.abspath('slices'), {}
+def fetched(pacs, other, study, series):
+    """A series that only a peer has comes when it is asked for, and is there from then on."""
+    path = f'/studies/{study}/series/{series}/rendered3D?viewport=64,48&accept=image/png'
+    with Server(ctsplat, '--from', pacs.url + '/dicom-web') as server:
+        assert server.series() == []
+        server.refused(404, 'no such series', path.replace(series, '1.2.3'))
+        assert server.get(path) == other.get(path) == server.get(path)
+        assert [s['dims'] for s in server.series()] == [[64, 64, 48]]
+        assert server.get(f'/series/{server.series()[0]["id"]}/picture.png?size=64x48') == other.get(path)
+
+
+folder = os.path.abspath('slices')
 slices = sorted(glob.glob(os.path.join(data, '*.dcm')))
 source = pydicom.dcmread(slices[0], stop_before_pixels=True)
 os.makedirs(folder)
@@ -66,6 +77,7 @@ with Server(ctsplat, folder + '/{series_uid}') as whole:
             assert time.monotonic() < end, open('pacs.log').read()[-2000:]
             time.sleep(0.1)
         look_at(archive, whole, source.StudyInstanceUID, source.SeriesInstanceUID, name)
+        fetched(archive, whole, source.StudyInstanceUID, source.SeriesInstanceUID)
         placed = os.path.join(folder, source.SeriesInstanceUID)
         assert all(os.path.islink(os.path.join(placed, f)) for f in os.listdir(placed)) and len(os.listdir(placed)) == 48
         urllib.request.urlopen(urllib.request.Request(f'{archive.url}/series/{name}', method='DELETE'), timeout=30)

@@ -4,19 +4,19 @@ import json
 import os
 import re
 import subprocess
+import tempfile
 
 
 class Server:
     """Runs while the `with` lasts; ends with SIGTERM, and must leave nothing."""
 
-    def __init__(self, ctsplat, *args, listen='127.0.0.1:0', **settings):
-        os.makedirs('tmp', exist_ok=True)
+    def __init__(self, ctsplat, *args, listen='127.0.0.1:0'):
+        self.folder = tempfile.mkdtemp(dir=os.getcwd())
         self.command = [ctsplat, 'serve', *args, '--listen', listen]
-        self.settings = settings
 
     def __enter__(self):
-        env = {**os.environ, 'TMPDIR': os.path.abspath('tmp')}
-        self.errors = open('server.err', 'w+')
+        env = {**os.environ, 'TMPDIR': self.folder}
+        self.errors = open(self.folder + '.err', 'w+')
         self.process = subprocess.Popen(self.command, stdout=subprocess.PIPE, stderr=self.errors, text=True, env=env)
         self.url = self.process.stdout.readline().strip()
         found = re.fullmatch(r'(https?)://([^/]+):(\d+)/(?:\?token=(\w+))?', self.url)
@@ -33,7 +33,7 @@ class Server:
         said = self.stderr()
         self.errors.close()
         assert code == 0, (code, said)
-        assert not os.listdir('tmp'), os.listdir('tmp')
+        os.rmdir(self.folder)
 
     def stderr(self):
         self.errors.seek(0)
