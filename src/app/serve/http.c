@@ -2,15 +2,19 @@
 #include "app/serve/http.h"
 
 #include <microhttpd.h>
+#include <poll.h>
+#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
-enum { MOST_CONNECTIONS = 2000, SILENCE_S = 30 };
+/* LAST_MS: how long the last answers have to leave when the server stops. */
+enum { MOST_CONNECTIONS = 2000, SILENCE_S = 30, LAST_MS = 3000, LOOK_MS = 5 };
 
 struct CtsHttpServer {
     struct MHD_Daemon *daemon;
     CtsHttpSettings settings;
+    atomic_int n_requests; /* whose answers have not left yet */
 };
 
 struct CtsHttpRequest {
@@ -115,12 +119,13 @@ static enum MHD_Result refuse_body(const CtsHttpRequest *r)
 static enum MHD_Result handle(void *context, struct MHD_Connection *connection, const char *path, const char *method,
                               const char *version, const char *body, size_t *n_body, void **kept)
 {
-    const CtsHttpServer *const server = context;
+    CtsHttpServer *const server = context;
     CtsHttpRequest *r = *kept;
     (void)version, (void)body;
     if (!r) {
         if (!(r = *kept = calloc(1, sizeof *r)))
             return MHD_NO;
+        atomic_fetch_add(&server->n_requests, 1);
         *r = (CtsHttpRequest){.connection = connection, .method = method, .path = path};
         return has_body(r) ? refuse_body(r) : MHD_YES;
     }
@@ -139,8 +144,11 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
 static void completed(void *context, struct MHD_Connection *connection, void **kept,
                       enum MHD_RequestTerminationCode why)
 {
+    CtsHttpServer *const server = context;
     CtsHttpRequest *const r = *kept;
-    (void)context, (void)connection, (void)why;
+    (void)connection, (void)why;
+    if (r)
+        atomic_fetch_sub(&server->n_requests, 1);
     if (r && r->response)
         MHD_destroy_response(r->response);
     free(r);
@@ -162,7 +170,7 @@ static CtsStatus start(CtsHttpServer **server, const CtsHttpSettings *settings, 
     const unsigned flags = MHD_USE_EPOLL_INTERNAL_THREAD | MHD_ALLOW_SUSPEND_RESUME | (tls ? MHD_USE_TLS : 0u);
     s->daemon = MHD_start_daemon(flags, 0, NULL, NULL, handle, s, MHD_OPTION_LISTEN_SOCKET, settings->socket,
                                  MHD_OPTION_CONNECTION_LIMIT, (unsigned)MOST_CONNECTIONS, MHD_OPTION_CONNECTION_TIMEOUT,
-                                 (unsigned)SILENCE_S, MHD_OPTION_NOTIFY_COMPLETED, completed, NULL, MHD_OPTION_ARRAY,
+                                 (unsigned)SILENCE_S, MHD_OPTION_NOTIFY_COMPLETED, completed, s, MHD_OPTION_ARRAY,
                                  tls ? keys : keys + 2, MHD_OPTION_END);
     if (s->daemon)
         return CTS_OK;
@@ -176,7 +184,11 @@ static void stop(CtsHttpServer **server)
 {
     if (!*server)
         return;
+    const int socket = MHD_quiesce_daemon((*server)->daemon);
+    for (int ms = 0; ms < LAST_MS && atomic_load(&(*server)->n_requests); ms += LOOK_MS)
+        poll(NULL, 0, LOOK_MS);
     MHD_stop_daemon((*server)->daemon);
+    close(socket);
     free(*server);
     *server = NULL;
 }
