@@ -33,6 +33,13 @@ refused 2 'mode mip shows HU' render $see --label '1=#123456' --mode mip -o x.pn
 refused 2 'label files 1 and 2 both have it' render $see --labels "$labels/first" --hide 1 -o x.png
 ok render $see --labels "$labels/first" --hide 2:1 -o second.png
 
+# A state tells what is seen of the labels, not where they lie.
+ok render $see --show 1 -o shown.png --write-state state.dcm
+! grep -aq "$labels" state.dcm || fail "a state tells where label files lie"
+ok render "$data/phantom" --state state.dcm --labels "$labels/binary" -o state.png
+cmp shown.png state.png || fail "a state with its labels makes another picture"
+refused 2 'there are no labels' render "$data/phantom" --state state.dcm -o x.png
+
 cp "$labels/binary" mask
 ok batch "$data/phantom" -O made --labels mask --hide 1 --size 32x32
 ok batch "$data/phantom" -O made --labels mask --hide 1 --size 32x32

@@ -28,6 +28,7 @@ for page in "$root/README.md" "$root"/man/*.[0-9]; do
     ln -s "$data/phantom" scans/head
     ln -s ../archive archive
     cp "$root/man/glass.json" .
+    cp "$data/fuzz/labels/binary" scans/organs.dcm
     commands "$page" >../commands
     while IFS= read -r line <&3; do
         n=$((n + 1))

@@ -160,9 +160,11 @@ const char *cts_options_given(const CtsOptions *options, const char *name)
     return i < 0 ? NULL : options->words[i].value;
 }
 
-/* What a presentation state holds: how the picture looks, and from where. */
+/* What a presentation state holds: how the picture looks, and from where; not where on a machine label files lie. */
 static bool is_of_recipe(const CtsOption *o)
 {
+    if (!strcmp(o->name, "labels") || !strcmp(o->name, "label-names"))
+        return false;
     return o->touches == CTS_TOUCHES_PICTURES || o->touches == CTS_TOUCHES_PRESET || !strcmp(o->name, "view");
 }
 
