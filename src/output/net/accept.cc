@@ -17,16 +17,14 @@
 namespace
 {
 
-/* The rules end the association: there is no other way out of DCMTK's loop over an object than to throw. */
-struct GivenUp {
-};
-
 struct Visitor {
     const CtsAcceptRules &rules;
     CtsVisit &visit;
     const int socket;
+    bool given_up = false; /* by the rules, which have told why */
     T_ASC_Network *network = nullptr;
     T_ASC_Association *association = nullptr;
+    std::unique_ptr<DcmTransportLayer> transport; /* outlives both */
 
     ~Visitor()
     {
@@ -128,9 +126,13 @@ void on_store(void *context, T_DIMSE_StoreProgress *progress, T_DIMSE_C_StoreRQ 
               T_DIMSE_C_StoreRSP *response, DcmDataset **)
 {
     Visitor &v = *static_cast<Visitor *>(context);
-    if (!v.rules.grows(v.rules.context, static_cast<uint64_t>(progress->progressBytes)))
-        throw GivenUp();
-    if (progress->state != DIMSE_StoreEnd)
+    if (!v.given_up && !v.rules.grows(v.rules.context, static_cast<uint64_t>(progress->progressBytes))) {
+        v.given_up = true;
+        cts_transport_break(*v.transport);
+    }
+    if (v.given_up)
+        response->DimseStatus = STATUS_STORE_Refused_OutOfResources;
+    if (v.given_up || progress->state != DIMSE_StoreEnd)
         return;
     static const DIC_US statuses[] = {STATUS_Success, STATUS_STORE_Error_DataSetDoesNotMatchSOPClass,
                                       STATUS_STORE_Refused_OutOfResources};
@@ -146,8 +148,9 @@ void on_store(void *context, T_DIMSE_StoreProgress *progress, T_DIMSE_C_StoreRQ 
 OFCondition store(Visitor &v, T_ASC_PresentationContextID context, T_DIMSE_C_StoreRQ &request)
 {
     char *const path = v.rules.begin(v.rules.context);
+    v.given_up = !path;
     if (!path)
-        throw GivenUp();
+        return EC_IllegalCall;
     const OFCondition state = DIMSE_storeProvider(v.association, context, &request, path, OFTrue, nullptr, on_store, &v,
                                                   DIMSE_NONBLOCKING, v.rules.net->timeout_s);
     free(path);
@@ -176,35 +179,30 @@ void serve(Visitor &v)
         state = answer(v);
     if (state == DUL_PEERREQUESTEDRELEASE) {
         ASC_acknowledgeRelease(v.association);
-        tell_end(v.visit, "released");
-    } else if (state == DUL_PEERABORTEDASSOCIATION) {
-        tell_end(v.visit, "broken off by the peer");
-    } else {
-        ASC_abortAssociation(v.association);
-        tell_end(v.visit, "broken off: " + cts_one_line(state));
+        return tell_end(v.visit, "released");
     }
+    if (state != DUL_PEERABORTEDASSOCIATION)
+        ASC_abortAssociation(v.association);
+    if (!v.given_up)
+        tell_end(v.visit,
+                 state == DUL_PEERABORTEDASSOCIATION ? "broken off by the peer" : "broken off: " + cts_one_line(state));
 }
 
 void receive(Visitor &v)
 {
-    std::unique_ptr<DcmTransportLayer> transport;
     CtsError err = {};
-    if (cts_transport_make(*v.rules.net, NET_ACCEPTOR, nullptr, transport, &err)) {
+    if (cts_transport_make(*v.rules.net, NET_ACCEPTOR, nullptr, v.transport, &err)) {
         close(v.socket);
         return tell_end(v.visit, err.text);
     }
-    const OFCondition state = open_association(v, transport.get());
+    const OFCondition state = open_association(v, v.transport.get());
     if (state.bad())
         return tell_end(v.visit, "no association: " + cts_one_line(state));
     tell_certificate(v);
     if (!judge_titles(v) || !acknowledge(v))
         return;
     v.visit.associated = true;
-    try {
-        serve(v);
-    } catch (const GivenUp &) {
-        ASC_abortAssociation(v.association);
-    }
+    serve(v);
 }
 
 } // namespace

@@ -25,20 +25,18 @@ class GetScu : public CtsScu
   public:
     CtsInbox *inbox = nullptr;
     const CtsNet *net = nullptr;
+    DcmTransportLayer *transport = nullptr;
     CtsError error = {};
     CtsStatus status = CTS_OK;
 
   protected:
-    struct GivenUp {
-    };
-
-    /* Called while a file comes, however long it is; there is no other way out than to throw. */
+    /* Called while a file comes, however long it is. */
     void notifyRECEIVEProgress(const unsigned long n_bytes) override
     {
-        if (cts_net_stopped(net))
-            throw GivenUp();
-        if (!status && (status = cts_inbox_grows(inbox, n_bytes, &error)))
-            throw GivenUp();
+        if (!status && !cts_net_stopped(net))
+            status = cts_inbox_grows(inbox, n_bytes, &error);
+        if (status || cts_net_stopped(net))
+            cts_transport_break(*transport);
     }
 
     OFCondition handleSTORERequestFile(T_ASC_PresentationContextID *context, const OFString &,
@@ -50,11 +48,7 @@ class GetScu : public CtsScu
         status = cts_inbox_next(inbox, &path, &error);
         OFCondition state = EC_IllegalCall;
         if (!status) {
-            try {
-                state = DcmSCU::handleSTORERequestFile(context, path, request);
-            } catch (const GivenUp &) {
-                state = EC_IllegalCall;
-            }
+            state = DcmSCU::handleSTORERequestFile(context, path, request);
             if (state.good() && (status = cts_inbox_keep(inbox, path, &error)))
                 state = EC_IllegalCall;
         }
@@ -200,11 +194,11 @@ CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request,
         DcmDataset query;
         OFList<RetrieveResponse *> responses;
         CtsError why = {};
+        fill_query(query, request, uid);
+        const OFCondition state = cts_net_stopped(&net) ? OFCondition(EC_IllegalCall) : fetch(query, responses);
+        CtsStatus st = judge(responses, &n_objects, &why);
         if (cts_net_stopped(&net))
             return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
-        fill_query(query, request, uid);
-        const OFCondition state = fetch(query, responses);
-        CtsStatus st = judge(responses, &n_objects, &why);
         const int n_came = request.inbox->n_files - n_before;
         if (!st && state.good() && n_came < n_objects)
             st = cts_fail(&why, CTS_ERR_READ, "%d of %d objects came, by the peer's own count", n_came, n_objects);
@@ -259,6 +253,7 @@ CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
     cts_scu_set_up(scu, peer, net);
     scu.inbox = request.inbox;
     scu.net = &net;
+    scu.transport = transport.get();
     scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
     scu.setStorageDir(request.inbox->folder);
     add_models(scu, UID_GETStudyRootQueryRetrieveInformationModel);

@@ -28,6 +28,10 @@ void hurry(int socket)
     setsockopt(socket, IPPROTO_TCP, TCP_QUICKACK, &on, sizeof on);
 }
 
+struct LastSocket {
+    int last = -1;
+};
+
 class TcpConnection final : public DcmTCPConnection
 {
   public:
@@ -39,11 +43,12 @@ class TcpConnection final : public DcmTCPConnection
     }
 };
 
-class TcpLayer final : public DcmTransportLayer
+class TcpLayer final : public DcmTransportLayer, public LastSocket
 {
   public:
     DcmTransportConnection *createConnection(DcmNativeSocketType socket, OFBool) override
     {
+        last = socket;
         return new TcpConnection(socket);
     }
 };
@@ -59,12 +64,13 @@ class TlsConnection final : public DcmTLSConnection
     }
 };
 
-class TlsLayer final : public DcmTLSTransportLayer
+class TlsLayer final : public DcmTLSTransportLayer, public LastSocket
 {
   public:
     using DcmTLSTransportLayer::DcmTLSTransportLayer;
     DcmTransportConnection *createConnection(DcmNativeSocketType socket, OFBool) override
     {
+        last = socket;
         SSL *const ssl = SSL_new(getNativeHandle());
         if (!ssl || SSL_set_fd(ssl, socket) != 1) {
             SSL_free(ssl);
@@ -119,4 +125,11 @@ CtsStatus cts_transport_make(const CtsNet &net, T_ASC_NetworkRole role, const ch
         return cts_fail(err, CTS_ERR_INTERNAL, "TLS cannot be set up: %s", cts_one_line(state).c_str());
     tls->setCertificateVerification(host || net.tls_ca ? DCV_requireCertificate : DCV_ignoreCertificate);
     return take_files(*tls, net, err);
+}
+
+void cts_transport_break(DcmTransportLayer &transport)
+{
+    const LastSocket *const known = dynamic_cast<LastSocket *>(&transport);
+    if (known && known->last >= 0)
+        shutdown(known->last, SHUT_RDWR);
 }

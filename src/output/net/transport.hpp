@@ -16,6 +16,10 @@
 CtsStatus cts_transport_make(const CtsNet &net, T_ASC_NetworkRole role, const char *host,
                              std::unique_ptr<DcmTransportLayer> &transport, CtsError *err);
 
+/* Ends what goes on over the layer's last connection: reading from it fails from now on. DCMTK has no other way out of
+ * an object that comes, for what is thrown through it leaves its memory behind. */
+void cts_transport_break(DcmTransportLayer &transport);
+
 /* DCMTK's conditions, and what a peer wrote into them, on one line. */
 std::string cts_one_line(const OFCondition &state);
 
