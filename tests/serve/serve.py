@@ -157,6 +157,25 @@ def states(study, uid, slices):
         server.refused(404, 'no such series', base.replace(study, '1.2.3'))
 
 
+def labels():
+    """Views of one volume by its labels; a look names no file."""
+    folder = os.path.join(os.path.dirname(data), 'fuzz', 'labels', 'binary')
+    with Server(ctsplat, data, '--labels', folder) as server:
+        picture = f'/series/{server.series()[0]["id"]}/picture.png?{SMALL}&preset=muscle'
+        plain = server.get(picture)
+        assert plain == render('png', '--size', '64x48', '--png-bits', '8', '--preset', 'muscle')
+        for query, words in [('hide=all', '--hide all'), ('label-colours=', '--label-colours'),
+                             ('label=all%3D%23ff0000&hide=1', '--label all=#ff0000 --hide 1')]:
+            own = render('png', '--size', '64x48', '--png-bits', '8', '--preset', 'muscle', '--labels', folder, *words.split())
+            assert server.get(f'{picture}&{query}') == own != plain, query
+        assert server.get(picture) == plain
+        listed = json.loads(server.get(f'/series/{server.series()[0]["id"]}/labels'))
+        assert listed and all(label['name'] and label['voxels'] >= 0 for label in listed), listed
+        server.refused(400, 'no label is called so', picture + '&hide=nobody')
+        for look in '1=/etc/passwd', '1%3D/etc/passwd', 'a%3D/etc/passwd%3Dbone':
+            server.refused(400, 'preset', picture + '&label=' + look)
+
+
 def crowded(server, series):
     """Too many are told to come back; who has gone is forgotten; others are served meanwhile."""
     slow = f'/series/{series}/picture.png?size=2048x2048&engine=raycast&view='
@@ -292,5 +311,6 @@ with Server(ctsplat, data, '--host', 'known.example') as whole:
     assert whole.series()[0]['id'] == name and whole.series()[0]['loaded']
 assert data not in told and first.SeriesInstanceUID not in told and str(first.PatientName) not in told, told
 states(first.StudyInstanceUID, first.SeriesInstanceUID, first.SOPInstanceUID)
+labels()
 leaves_cleanly(name)
 memory()

@@ -3,6 +3,7 @@
 
 Runs with CTS_SOAK set (./dev soak). With PICTURES, screenshots are left in that folder."""
 import os
+import shlex
 import subprocess
 import sys
 import time
@@ -55,9 +56,11 @@ def key(browser, name, text=None):
 def downloads(browser, server):
     """The picture, and the command that makes the same one."""
     base = browser.run("return document.querySelector('#downloads a').getAttribute('href')")
-    command = browser.run("return document.querySelector('#command').textContent").split()
+    command = browser.run("return document.querySelector('#command').textContent")
+    command = shlex.split(command)
     assert command[:2] == ['ctsplat', 'render'], command
-    command = [ctsplat if w == 'ctsplat' else data if w == 'PATH' else w for w in command]
+    command = [ctsplat if w == 'ctsplat' else data if w == 'PATH' else folder if w == 'LABELS' else w
+               for w in command]
     subprocess.run([*command, '--force'], check=True, capture_output=True)
     with open('picture.png', 'rb') as f:
         assert f.read() == server.get('/' + base), base
@@ -78,6 +81,18 @@ def turn(browser, server):
     assert rested(browser, lambda: key(browser, 'ArrowRight')).startswith('5°, 90°')
     assert scale != rested(browser, lambda: key(browser, '+', '+')).split(', ')[2]
     rested(browser, lambda: key(browser, '0', '0'))
+
+
+def labels(browser, server):
+    """One box a label, and colours."""
+    until(browser, "document.querySelectorAll('#label-list input').length === 2")
+    rested(browser, lambda: browser.run("document.querySelector('#colours').click()"))
+    rested(browser, lambda: browser.run("document.querySelectorAll('#label-list input')[1].click()"))
+    assert "--hide 'part 2' --label-colours" in browser.run("return document.querySelector('#command').textContent")
+    downloads(browser, server)
+    shot(browser, 'labels')
+    # Grey pictures have no colours.
+    rested(browser, lambda: browser.run("document.querySelector('#colours').click()"))
 
 
 def choose(browser, server):
@@ -101,12 +116,14 @@ if not os.environ.get('CTS_SOAK'):
 if webdriver.missing():
     print('skip: no', webdriver.missing())
     sys.exit(77)
-with Server(ctsplat, data) as whole:
+folder = os.path.join(os.path.dirname(data), 'fuzz', 'labels', 'binary')
+with Server(ctsplat, data, '--labels', folder) as whole:
     for wide, high, dark in (1200, 850, False), (390, 844, True):
         with webdriver.Browser(wide, high, dark=dark, network=True) as window:
             window.open(whole.url)
             if wide > 1000:
                 turn(window, whole)
+                labels(window, whole)
                 choose(window, whole)
             else:
                 until(window, "document.querySelectorAll('.card').length === 1")

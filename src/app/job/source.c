@@ -4,6 +4,7 @@
 #include "base/meter.h"
 #include "ctsplat/table.h"
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 typedef struct SeriesName {
@@ -160,6 +161,24 @@ static CtsStatus take_labels(const CtsSource *source, CtsLoaded *loaded, CtsRepo
         cts_volume_take_labels(loaded->volume, loaded->labels, &source->choice, source->n_threads, report, err);
     cts_meter_stop(meter, report, CTS_STAGE_LABELS);
     return st;
+}
+
+char *cts_source_choice(const CtsSource *source)
+{
+    const CtsLabelChoice *const c = &source->choice;
+    const char *const lists[] = {c->show, c->hide, c->order};
+    char *text = NULL;
+    size_t size = 0;
+    FILE *out = open_memstream(&text, &size);
+    for (int i = 0; out && i < 3; i++)
+        fprintf(out, "%c%s\n", lists[i] ? '+' : '-', lists[i] ? lists[i] : "");
+    for (int i = 0; out && i < c->n_looks; i++)
+        fprintf(out, "%s\n", c->looks[i]);
+    if (!out || fputc(c->own_colours ? '+' : '-', out) == EOF || fclose(out)) {
+        free(text);
+        return NULL;
+    }
+    return text;
 }
 
 CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err)

@@ -43,6 +43,8 @@ typedef struct CtsLoaded {
     CtsFetched fetched; /* goes with it */
 } CtsLoaded;
 
+/* What is seen of the labels, as a text that outlasts the words; free with free(), NULL without memory. */
+char *cts_source_choice(const CtsSource *source);
 /* The labels of loaded->series: before its slices, which they are counted on. */
 CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err);
 /* The slices of loaded->series, as they were scanned; the volume that was made of them before goes. */

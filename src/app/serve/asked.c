@@ -58,12 +58,23 @@ static CtsStatus check_preset(const char *name, CtsError *err)
     return known ? CTS_OK : cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset here (see /presets)", name);
 }
 
+/* NAME=LOOK, where LOOK is a colour or a preset, wherever the name may end. */
+static CtsStatus check_look(const char *text, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (const char *equals = strchr(text, '='); equals && !st; equals = strchr(equals + 1, '='))
+        st = equals[1] == '#' ? CTS_OK : check_preset(equals + 1, err);
+    return st;
+}
+
 static CtsStatus take_words(CtsAsked *asked, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (int i = 0; i < asked->query.n && !st; i++) {
         const CtsWord word = {.name = asked->query.parts[i].name, .value = asked->query.parts[i].value};
         if (!strcmp(word.name, "preset") && (st = check_preset(word.value, err)))
+            return st;
+        if (!strcmp(word.name, "label") && (st = check_look(word.value, err)))
             return st;
         st = cts_options_take(&asked->options, CTS_FOR_REQUEST, &word, err);
     }

@@ -54,7 +54,7 @@ static void take_info(void *context, int frame, const CtsPicture *band)
 static CtsStatus use_lens(CtsErrand *e, const CtsCut *cut, CtsLens *lens, bool is_new, CtsError *err)
 {
     const CtsJob *job = &e->asked.job;
-    const CtsLoaded loaded = {.series = e->shelved->series, .volume = cut->volume};
+    const CtsLoaded loaded = {.series = e->shelved->series, .volume = cut->volume, .labels = e->shelved->loaded.labels};
     const CtsWatch watch = {.context = e, .band = take_info};
     const CtsStatus st = is_new ? cts_job_prepare(job, cut->volume, &lens->prepared, &e->report, err) : CTS_OK;
     return st ? st : cts_job_pictures(job, &loaded, &lens->prepared, &watch, &e->report, err);

@@ -14,6 +14,32 @@ static char *text_of(json_t *json, size_t flags)
     return text;
 }
 
+static json_t *label_json(const CtsLabel *label)
+{
+    const CtsLabelFact *const f = &label->fact;
+    return json_pack("{s:i, s:i, s:o, s:f, s:f, s:o*}", "file", f->file, "number", f->number, "name",
+                     cts_json_new_text(f->name), "ml", f->ml, "voxels", (double)f->voxels, "rgb",
+                     label->coloured ? json_pack("[fff]", label->rgb[0], label->rgb[1], label->rgb[2]) : NULL);
+}
+
+static json_t *labels_json(const CtsLabels *labels)
+{
+    json_t *const list = json_array();
+    for (size_t i = 0; labels && i < labels->n; i++)
+        json_array_append_new(list, label_json(&labels->items[i]));
+    return list;
+}
+
+/* They are known once a volume is there. */
+char *cts_list_labels(CtsServer *server, const char *id)
+{
+    pthread_mutex_lock(&server->lock);
+    const CtsShelved *const s = cts_shelf_by_id(&server->shelf, id);
+    json_t *const list = labels_json(s && s->cuts ? s->loaded.labels : NULL);
+    pthread_mutex_unlock(&server->lock);
+    return text_of(list, JSON_COMPACT);
+}
+
 /* Only what tells nothing of the patient. */
 static json_t *series_json(const CtsServer *server, const CtsShelved *shelved)
 {

@@ -104,7 +104,7 @@ static CtsStatus queue(CtsServer *server, CtsErrand *e, Target target, CtsError 
 static CtsStatus prepare(CtsServer *server, CtsErrand *e, const CtsFormatInfo *format, CtsError *err)
 {
     CtsStatus st = cts_asked_words(&e->asked, format, server->folder, ++server->n_pictures,
-                                         server->options->render.n_threads, &e->report, err);
+                                   server->options->render.n_threads, &e->report, err);
     if (st == CTS_ERR_READ && e->asked.state_path)
         st = CTS_ERR_USAGE; /* the state that is asked for, and no fault of ours */
     e->asked.job.render.stop = e->asked.job.source.stop = &e->stop;
@@ -166,10 +166,13 @@ static void ask_series(CtsServer *server, CtsHttpRequest *request, const Parts *
     const CtsFormatInfo *const format = p->n == 3 ? cts_export_format(p->at[2]) : NULL;
     if (p->n == 1)
         answer_json(server, request, cts_list_series(server));
+    else if (is(p, 2, "labels") && p->n == 3)
+        answer_json(server, request, cts_list_labels(server, p->at[1]));
     else if (format && !strncmp(p->at[2], "picture.", 8) && !strcmp(p->at[2] + 8, format->name))
         ask_picture(server, request, &(Target){.id = p->at[1]}, format);
     else
-        answer_text(server, request, 404, "there are /series and /series/ID/picture.ENDING, its ending a format's");
+        answer_text(server, request, 404,
+                    "there are /series, /series/ID/labels and /series/ID/picture.ENDING, its ending a format's");
 }
 
 /* /studies/S/rendered3D and what is below. */

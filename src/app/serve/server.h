@@ -80,6 +80,8 @@ void cts_errands_end(CtsServer *server);
 /* lists.c: JSON, to be freed with free(); NULL without memory. */
 char *cts_list_series(CtsServer *server);
 char *cts_list_presets(void);
+/* The labels of a series that is loaded; none of others. */
+char *cts_list_labels(CtsServer *server, const char *id);
 /* The Rendered Volume Response Module (PS3.18 Annex K). */
 char *cts_list_module(const CtsErrand *errand);
 /* How the picture was made, for who shows it, on one line. */

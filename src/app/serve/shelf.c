@@ -29,6 +29,7 @@ static void free_cut(CtsCut *cut)
         free_lens(l);
     }
     cts_volume_free(&cut->volume);
+    free(cut->choice);
     free(cut);
 }
 
@@ -49,6 +50,7 @@ static void drop_loaded(CtsShelf *shelf, CtsShelved *s)
     shelf->bytes -= s->bytes;
     s->bytes = 0;
     cts_scanned_free(&s->loaded.scanned);
+    cts_labels_free(&s->loaded.labels);
     if (!s->on_demand)
         return;
     cts_loaded_free(&s->loaded);
@@ -290,8 +292,11 @@ static bool same_cut(const CtsSource *a, const CtsSource *b)
 CtsCut *cts_shelf_cut(const CtsShelved *s, const CtsSource *source)
 {
     CtsCut *c = s->cuts;
-    while (c && !same_cut(&c->source, source))
+    char *const choice = cts_source_choice(source);
+    while (c && choice && (!same_cut(&c->source, source) || strcmp(c->choice, choice)))
         c = c->next;
+    c = choice ? c : NULL;
+    free(choice);
     return c;
 }
 
@@ -417,9 +422,19 @@ static CtsStatus read_slices(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved 
     if (st)
         return st;
     const bool reserved = !s->bytes;
-    CtsSource with_table = *source;
-    with_table.remove_table = true;
-    st = cts_source_read(&with_table, &s->loaded, report, err);
+    CtsSource whole = *source;
+    whole.remove_table = true;
+    whole.paths = shelf->options->paths.items;
+    whole.n_paths = shelf->options->paths.n;
+    whole.labels = shelf->options->labels.items;
+    whole.n_labels = shelf->options->labels.n;
+    whole.label_names = shelf->options->label_names;
+    whole.labels_unnamed = true;
+    whole.choice = (CtsLabelChoice){0};
+    if (!s->loaded.labels)
+        st = cts_source_labels(&whole, &s->loaded, report, err);
+    if (!st)
+        st = cts_source_read(&whole, &s->loaded, report, err);
     if (st && reserved)
         give_up(shelf, lock, bytes);
     else if (!st)
@@ -447,10 +462,15 @@ CtsStatus cts_shelf_make(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, 
                          CtsReport *report, CtsError *err)
 {
     CtsCut *made = calloc(1, sizeof *made);
+    if (made && !(made->choice = cts_source_choice(source))) {
+        free(made);
+        made = NULL;
+    }
     CtsStatus st = made ? read_once(shelf, lock, s, source, report, err) : CTS_ERR_MEMORY;
     if (!st && !(st = reserve(shelf, lock, s, bytes_of(s->loaded.scanned->even), err))) {
         const uint64_t expected = bytes_of(s->loaded.scanned->even);
-        CtsLoaded part = {.list = s->loaded.list, .series = s->series, .scanned = s->loaded.scanned};
+        CtsLoaded part = {
+            .list = s->loaded.list, .series = s->series, .scanned = s->loaded.scanned, .labels = s->loaded.labels};
         if ((st = cts_source_view(source, false, &part, report, err))) {
             cts_volume_free(&part.volume);
             give_up(shelf, lock, expected);
@@ -465,8 +485,8 @@ CtsStatus cts_shelf_make(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, 
             pthread_mutex_unlock(lock);
         }
     }
-    if (st)
-        free(made);
+    if (st && made)
+        free_cut(made);
     *cut = st ? NULL : made;
     return st;
 }

@@ -20,7 +20,8 @@ typedef struct CtsLens {
 
 /* A volume made of what was scanned. */
 typedef struct CtsCut {
-    CtsSource source; /* that it was made by */
+    CtsSource source; /* that it was made by; its strings are gone */
+    char *choice;     /* what of the labels is seen */
     CtsVolume *volume;
     CtsLens *lenses;
     uint64_t bytes;

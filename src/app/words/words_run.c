@@ -3,7 +3,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/meter.h"
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -59,24 +58,6 @@ struct CtsSession {
     char *choice;   /* what of its labels is seen */
 };
 
-/* What is seen of the labels, as words that outlast those of a call; NULL without memory. */
-static char *choice_text(const CtsLabelChoice *c)
-{
-    const char *const lists[] = {c->show, c->hide, c->order};
-    char *text = NULL;
-    size_t size = 0;
-    FILE *out = open_memstream(&text, &size);
-    for (int i = 0; out && i < 3; i++)
-        fprintf(out, "%c%s\n", lists[i] ? '+' : '-', lists[i] ? lists[i] : "");
-    for (int i = 0; out && i < c->n_looks; i++)
-        fprintf(out, "%s\n", c->looks[i]);
-    if (!out || fputc(c->own_colours ? '+' : '-', out) == EOF || fclose(out)) {
-        free(text);
-        return NULL;
-    }
-    return text;
-}
-
 static bool same_view(const CtsSource *a, const CtsSource *b)
 {
     return a->remove_table == b->remove_table && a->interpolation == b->interpolation && a->smooth_mm == b->smooth_mm &&
@@ -89,7 +70,7 @@ static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWat
                             CtsError *err)
 {
     CtsStatus st = cts_job_check(job, report, err);
-    char *const choice = choice_text(&job->source.choice);
+    char *const choice = cts_source_choice(&job->source);
     if (!st && !choice)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int i = 0; !st && !session->loaded.series && i < job->outputs.n; i++)

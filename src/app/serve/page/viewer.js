@@ -20,6 +20,10 @@ function words() {
   }
   if (look.window)
     w.window = look.window.join(',');
+  if (look.hidden.size)
+    w.hide = [...look.hidden].join(',');
+  if (look.colours)
+    w['label-colours'] = '';
   return w;
 }
 
@@ -90,6 +94,7 @@ async function rest() {
     tell(scene, false);
     showWindow(scene);
     showCommand();
+    await showLabels();
   } catch (e) {
     if (e.name !== 'AbortError')
       status(e.message);
@@ -103,10 +108,36 @@ function showWindow(scene) {
 }
 
 function showCommand() {
-  const text = Object.entries(words()).map(([name, value]) => `--${name} ${value}`).join(' ');
+  const quoted = value => /^[\w.,-]*$/.test(value) ? value : `'${value.replaceAll("'", "'\\''")}'`;
+  const labels = id('labels').hidden ? '' : '--labels LABELS ';
+  const text = labels + Object.entries(words()).map(([name, value]) => `--${name} ${quoted(value)}`.trim()).join(' ');
   id('command').textContent = `ctsplat render PATH -o picture.png --png-bits 8 ${text}`;
   for (const a of id('downloads').children)
     a.href = path(a.dataset.ending);
+}
+
+// A name, or the number where a name would be a list.
+const wordOf = label => /[,*:]/.test(label.name) || /^(all|rest|\d+)$/i.test(label.name) ? `${label.number}` : label.name;
+
+function labelBox(label) {
+  const box = element('input', {type: 'checkbox', checked: true, onchange: () => {
+    look.hidden[box.checked ? 'delete' : 'add'](wordOf(label));
+    draft();
+  }});
+  const colour = element('i');
+  if (label.rgb)
+    colour.style.background = `rgb(${label.rgb.map(x => Math.round(255 * x)).join(' ')})`;
+  const text = `${label.name}, ${label.ml.toPrecision(3)} ml`;
+  return element('li', {}, element('label', {}, box, ' ', ...(label.rgb ? [colour] : []), text));
+}
+
+async function showLabels() {
+  const own = series, labels = JSON.parse(await (await ask(`series/${own.id}/labels`)).blob.text());
+  if (series !== own || !labels.length || !id('labels').hidden)
+    return;
+  id('labels').hidden = false;
+  id('label-list').replaceChildren(...labels.map(labelBox));
+  showCommand();
 }
 
 const turn = (azimuth, elevation) => {
@@ -184,6 +215,10 @@ function prepare() {
     link.dataset.ending = ending;
     id('downloads').append(link);
   }
+  id('colours').onchange = () => {
+    look.colours = id('colours').checked;
+    draft();
+  };
   id('low').onchange = id('high').onchange = changeWindow;
   listen(id('stage'), {turn, move, zoom, all, side, scale: () => Number(look.size.split('x')[0]) / id('stage').clientWidth});
   new ResizeObserver(() => {
@@ -203,7 +238,9 @@ export async function open(chosen) {
     prepare();
   }
   series = chosen;
-  look = {preset: 'bone', azimuth: 0, elevation: 0, size: stageSize()};
+  look = {preset: 'bone', azimuth: 0, elevation: 0, size: stageSize(), hidden: new Set(), colours: false};
+  id('labels').hidden = true;
+  id('colours').checked = false;
   // Ours and the user's own; Slicer's have the names that begin with ct-.
   id('presets').replaceChildren(...presets.filter(p => !p.name.startsWith('ct-')).map(presetButton));
   id('picture').removeAttribute('src');
