@@ -24,7 +24,8 @@
  * worth (render/error/bound.h).
  *
  * LIGHT is no polynomial. It adds to a ray without changing its depth, so that stretches wait for it in a queue until
- * vectors are full (light_tmpl.h). */
+ * vectors are full, and in another where they are to be lit in steps (light_tmpl.h). What came of the two is added at
+ * last, since which is emptied first depends on how many lanes there are. */
 #ifndef CTS_TILED_CELLS_H
 #define CTS_TILED_CELLS_H
 
