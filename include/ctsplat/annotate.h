@@ -5,6 +5,7 @@
 #include "ctsplat/picture.h"
 #include "ctsplat/status.h"
 #include <stdbool.h>
+#include <stddef.h>
 
 #ifdef __cplusplus
 extern "C" {
@@ -19,6 +20,17 @@ extern "C" {
  * into its rows is drawn. A mark that a small picture has no room for is left out; n_left_out (may be NULL) counts
  * them. CTS_ERR_USAGE when a scale is asked for and the picture's mm_per_pixel is not known. */
 CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n_left_out, CtsError *err);
+
+/* What a name in a picture is written in. */
+typedef struct CtsLegendEntry {
+    const char *name;
+    double rgb[3]; /* display values 0..1 */
+} CtsLegendEntry;
+
+/* n names, each in its colour, one below the other in the corners that the scale does not have; in capitals, and other
+ * letters than A to Z, digits and . - + _ are blanks. n_left_out as above. */
+CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries, size_t n, int *n_left_out,
+                              CtsError *err);
 
 #pragma GCC visibility pop
 #ifdef __cplusplus

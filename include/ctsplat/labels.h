@@ -85,6 +85,10 @@ typedef struct CtsLabelChoice {
 CtsStatus cts_volume_take_labels(CtsVolume *volume, const CtsLabels *labels, const CtsLabelChoice *choice,
                                  int n_threads, CtsReport *report, CtsError *err);
 
+/* The colours in which a volume shows labels: of number i, in rgb; its name, which is the volume's; NULL past the last.
+ */
+const char *cts_volume_label_colour(const CtsVolume *volume, size_t i, double rgb[3]);
+
 #pragma GCC visibility pop
 #ifdef __cplusplus
 }

@@ -24,6 +24,11 @@ for mode in mip minip average; do
     rm mode.png cast.png
 done
 ok render $see --hide all --engine void -o void.png
+ok render $see --label-colours --size 256x256 -o unnamed.png
+ok render $see --label-colours --size 256x256 --annotate labels -o named.png
+! cmp -s unnamed.png named.png || fail "no names are drawn"
+ok render $see --hide 1 --annotate labels -o none.png
+has err 'no label has a colour of its own'
 
 refused 2 'did you mean part' render $see --show 'part 3x' -o x.png
 refused 2 'there are no labels' render "$data/phantom" --hide 1 -o x.png

@@ -172,12 +172,43 @@ static void test_no_room(void **state)
     }
 }
 
+/* Names stand in their colours, band by band as in the whole picture; of a picture without room they are left out. */
+static void legend(void **state)
+{
+    (void)state;
+    const CtsLegendEntry entries[] = {{"liver", {1, 0, 0}}, {"a_b-c.1+2", {0, 0, 1}}};
+    CtsPicture *whole = NULL, *band = NULL;
+    CtsError err;
+    int n_left_out = -1, n_red = 0, n_blue = 0;
+    assert_int_equal(cts_picture_new(&whole, 200, 160, 4, &err), CTS_OK);
+    assert_int_equal(cts_annotate_legend(whole, entries, 2, &n_left_out, &err), CTS_OK);
+    assert_int_equal(n_left_out, 0);
+    assert_true(whole->info.annotated);
+    for (int i = 0; i < 200 * 160; i++) {
+        const float *p = whole->pixels + 4 * i;
+        n_red += p[0] > 0.9F && p[1] < 0.1F && p[2] < 0.1F;
+        n_blue += p[2] > 0.9F && p[0] < 0.1F && p[1] < 0.1F;
+    }
+    assert_true(n_red > 20 && n_blue > 20);
+    assert_int_equal(cts_picture_new(&band, 200, 10, 4, &err), CTS_OK);
+    band->first_row = 10;
+    band->whole_height = 160;
+    assert_int_equal(cts_annotate_legend(band, entries, 2, NULL, &err), CTS_OK);
+    assert_memory_equal(band->pixels, whole->pixels + 4 * 10 * 200, 4 * 10 * 200 * sizeof *band->pixels);
+    cts_picture_free(&band);
+    cts_picture_free(&whole);
+    assert_int_equal(cts_picture_new(&whole, 20, 20, 4, &err), CTS_OK);
+    assert_int_equal(cts_annotate_legend(whole, entries, 2, &n_left_out, &err), CTS_OK);
+    assert_int_equal(n_left_out, 2);
+    cts_picture_free(&whole);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_directions), cmocka_unit_test(test_letters), cmocka_unit_test(test_white),
-        cmocka_unit_test(test_scale),      cmocka_unit_test(test_edges),   cmocka_unit_test(test_bands),
-        cmocka_unit_test(test_no_room),
+        cmocka_unit_test(legend),     cmocka_unit_test(test_directions), cmocka_unit_test(test_letters),
+        cmocka_unit_test(test_white), cmocka_unit_test(test_scale),      cmocka_unit_test(test_edges),
+        cmocka_unit_test(test_bands), cmocka_unit_test(test_no_room),
     };
     return cmocka_run_group_tests_name("annotate", tests, NULL, NULL);
 }

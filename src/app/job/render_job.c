@@ -7,9 +7,11 @@
 #include "app/job/pooled.h"
 #include "app/job/saturation.h"
 #include "base/cpu.h"
+#include "base/mem.h"
 #include "base/meter.h"
 #include "base/parallel.h"
 #include "ctsplat/annotate.h"
+#include "ctsplat/labels.h"
 #include <stdio.h>
 #include <string.h>
 
@@ -58,6 +60,7 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err)
 /* One frame under way. */
 typedef struct Frame {
     const CtsJob *job;
+    const CtsVolume *volume;
     CtsFiles *files;
     CtsReport *report;
     int number;
@@ -79,17 +82,41 @@ static void tell_step(const Frame *frame, const CtsWatch *watch, double done)
     cts_watch_step(watch, 2 + frame->number + done, n_steps_of(frame->job), what);
 }
 
+/* How many names there are is added to *n. */
+static CtsStatus name_labels(const Frame *frame, CtsPicture *band, int *n, int *n_left_out, CtsError *err)
+{
+    CtsLegendEntry *entries = NULL;
+    double rgb[3];
+    size_t n_named = 0;
+    while (cts_volume_label_colour(frame->volume, n_named, rgb))
+        n_named++;
+    CtsStatus st = cts_alloc_array(&entries, n_named, err);
+    for (size_t i = 0; !st && i < n_named; i++)
+        entries[i].name = cts_volume_label_colour(frame->volume, i, entries[i].rgb);
+    if (!st)
+        st = cts_annotate_legend(band, entries, n_named, n_left_out, err);
+    if (!n_named && frame->number == 0 && band->first_row == 0)
+        cts_report_finding(frame->report, "marks_left_out", CTS_WARNING,
+                           "`annotate` labels: no label has a colour of its own (`label-colours`, `label`)");
+    *n += (int)n_named;
+    cts_free(&entries);
+    return st;
+}
+
 static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
 {
     const bool orientation = frame->job->annotate_orientation, scale = frame->job->annotate_scale;
-    int n_left_out = 0;
-    if (!orientation && !scale)
-        return CTS_OK;
-    const CtsStatus st = cts_annotate(band, orientation, scale, &n_left_out, err);
+    int n_left_out = 0, n_names_left_out = 0, n = 4 * orientation + scale;
+    CtsStatus st = CTS_OK;
+    if (orientation || scale)
+        st = cts_annotate(band, orientation, scale, &n_left_out, err);
+    if (!st && frame->job->annotate_labels)
+        st = name_labels(frame, band, &n, &n_names_left_out, err);
+    n_left_out += n_names_left_out;
     if (n_left_out > 0 && frame->number == 0 && band->first_row == 0)
         cts_report_finding(frame->report, "marks_left_out", CTS_WARNING,
                            "`annotate`: %d of %d marks left out, for which the picture has no room (a larger `size`)",
-                           n_left_out, 4 * orientation + scale);
+                           n_left_out, n);
     return st;
 }
 
@@ -181,14 +208,14 @@ static CtsStatus run_turn(Turn *t, bool renders, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus render_frames(const CtsJob *job, CtsRenderer *renderer, CtsFiles *files, CtsReport *report,
-                               CtsError *err)
+static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRenderer *renderer, CtsFiles *files,
+                               CtsReport *report, CtsError *err)
 {
     CtsVerified pooled = {0};
     CtsStatus st = CTS_OK;
     CtsReport writing = {0};
     CtsHeld held[2] = {{.writing = &writing}, {.writing = &writing}};
-    Frame frame = {.job = job, .files = files, .report = report};
+    Frame frame = {.job = job, .volume = volume, .files = files, .report = report};
     if (n_frames_of(job) > 1)
         cts_report_skip(report, "loading again", "%d frames share one volume, cropped and without its table once",
                         n_frames_of(job));
@@ -291,7 +318,7 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
     settings.n_threads = cts_threads(job->render.n_threads);
     CtsStatus st = cts_files_begin(&files, err);
     if (!st)
-        st = render_frames(job, prepared->renderer, &files, report, err);
+        st = render_frames(job, loaded->volume, prepared->renderer, &files, report, err);
     const CtsMeter meter = cts_meter_start(report);
     if (!st && job->outputs.state && !job->render.explain)
         st = write_state(job, &prepared->preset, loaded, &files.first, err);

@@ -19,7 +19,7 @@ typedef struct CtsJob {
     CtsExportSettings export; /* its source is filled in by the job */
     CtsOutputs outputs;
     double swivel_step_deg; /* the outputs' rotation swings to and fro by so much a frame; 0: it goes round */
-    bool annotate_orientation, annotate_scale;
+    bool annotate_orientation, annotate_scale, annotate_labels;
     const CtsWord *words; /* what outputs.state is to hold beside the preset */
     int n_words;
 } CtsJob;

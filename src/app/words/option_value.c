@@ -241,17 +241,20 @@ CtsStatus cts_parse_window(CtsOptions *options, const char *text, CtsError *err)
 
 CtsStatus cts_parse_annotate(CtsOptions *options, const char *text, CtsError *err)
 {
-    static const char *const names[] = {"orientation", "scale"};
-    options->annotate = (struct CtsMarks){false, false};
+    static const char *const names[] = {"orientation", "scale", "labels"};
+    enum { N_NAMES = sizeof names / sizeof *names };
+    struct CtsMarks *const marks = &options->annotate;
+    bool *const which_of[N_NAMES] = {&marks->orientation, &marks->scale, &marks->labels};
+    *marks = (struct CtsMarks){false, false, false};
     if (!strcmp(text, "none"))
         return CTS_OK;
     for (const char *word = text;; word++) {
         const size_t n = strcspn(word, ",");
-        const int which = find_name(word, n, names, 2);
+        const int which = find_name(word, n, names, N_NAMES);
         if (which < 0)
-            return cts_fail(err, CTS_ERR_USAGE, "`annotate` %s: not a list of: orientation scale (or none)%s", text,
-                            cts_near_name(word, n, names, 2).text);
-        *(which ? &options->annotate.scale : &options->annotate.orientation) = true;
+            return cts_fail(err, CTS_ERR_USAGE, "`annotate` %s: not a list of: orientation scale labels (or none)%s",
+                            text, cts_near_name(word, n, names, N_NAMES).text);
+        *which_of[which] = true;
         word += n;
         if (!*word)
             return CTS_OK;

@@ -65,7 +65,7 @@ typedef struct CtsOptions {
         double low_hu, high_hu;
     } window;
     struct CtsMarks {
-        bool orientation, scale;
+        bool orientation, scale, labels;
     } annotate;
     CtsExportSettings export;
     struct CtsGivenPeer {

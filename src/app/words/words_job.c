@@ -53,6 +53,7 @@ CtsJob cts_options_job(const CtsOptions *options)
         .n_words = options->n_recipe,
         .annotate_orientation = options->annotate.orientation,
         .annotate_scale = options->annotate.scale,
+        .annotate_labels = options->annotate.labels,
     };
     /* The preset has them. */
     job.render.mode = -1;

@@ -251,6 +251,30 @@ done:
     return st;
 }
 
+/* Names are kept with the volume, which outlasts the labels. */
+static CtsStatus name_colours(const Deciding *d, CtsOwners *o, CtsError *err)
+{
+    for (size_t i = 0; i < d->n_owners; i++) {
+        const CtsLabelFact *const f = &d->labels->items[d->owners[i]].fact;
+        if (!f->voxels || !o->looks[o->look[i]].tinted)
+            continue;
+        if (!(o->name[i] = strdup(f->name)))
+            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    return CTS_OK;
+}
+
+const char *cts_volume_label_colour(const CtsVolume *v, size_t i, double rgb[3])
+{
+    const CtsOwners *const o = v->owners;
+    for (int n = 0; o && n < o->n; n++)
+        if (o->name[n] && !i--) {
+            memcpy(rgb, o->looks[o->look[n]].rgb, sizeof o->looks->rgb);
+            return o->name[n];
+        }
+    return NULL;
+}
+
 static bool all_alike(const Deciding *d)
 {
     bool alike = look_of(d, d->labels->n) == CTS_LOOK_PRESET;
@@ -281,7 +305,8 @@ CtsStatus cts_volume_take_labels(CtsVolume *v, const CtsLabels *labels, const Ct
         v->owners->n_looks = d.n_looks;
         d.looks = NULL;
         tell(&d, report);
-        st = cts_owners_finish(v->owners, v, n_threads, err);
+        if (!(st = name_colours(&d, v->owners, err)))
+            st = cts_owners_finish(v->owners, v, n_threads, err);
     }
     forget(&d);
     return st;

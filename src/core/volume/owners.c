@@ -30,7 +30,8 @@ CtsStatus cts_owners_new(CtsOwners **owners, const CtsVolume *volume, int n, int
     if (st || (st = cts_alloc_array(&o->owner, n_voxels, err)) ||
         (st = cts_alloc_zeroed(&o->plane, (size_t)o->dims[2], err)) ||
         (st = cts_alloc_zeroed(&o->share, (size_t)o->dims[2], err)) ||
-        (st = cts_alloc_zeroed(&o->look, (size_t)n, err)) || (st = cts_alloc_array(&o->block, n_blocks + 3, err)))
+        (st = cts_alloc_zeroed(&o->look, (size_t)n, err)) || (st = cts_alloc_zeroed(&o->name, (size_t)n, err)) ||
+        (st = cts_alloc_array(&o->block, n_blocks + 3, err)))
         cts_owners_free(owners);
     return st;
 }
@@ -43,6 +44,9 @@ void cts_owners_free(CtsOwners **owners)
     for (int i = 0; i < o->n_looks; i++)
         free(o->looks[i].preset);
     free(o->looks);
+    for (int i = 0; o->name && i < o->n; i++)
+        free(o->name[i]);
+    cts_free(&o->name);
     cts_free(&o->owner);
     cts_free(&o->plane);
     cts_free(&o->share);

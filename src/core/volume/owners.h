@@ -35,6 +35,7 @@ typedef struct CtsOwners {
     int n_looks;
     uint8_t *block;   /* of each fine macro-cell: the one look that all its voxels have, or CTS_LOOKS_DIFFER */
     int n_block[3];   /* fine macro-cells along each axis */
+    char **name;      /* of each owner that is seen in a colour of its own; else NULL */
     CtsVolume *shown; /* the volume with air for hidden voxels; NULL where nothing is hidden */
 } CtsOwners;
 

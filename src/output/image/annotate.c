@@ -15,6 +15,7 @@ typedef struct Mark {
     double font_px, bar_px;
     double x, y; /* of the mark's box in the picture, 0..1: 0 left or top, 1 right or bottom */
     double margin_px;
+    const double *rgb; /* NULL: light, or dark over a light background */
 } Mark;
 
 /* A mark's box in pixels: ink and rim. pen: half the width of a letter's strokes. */
@@ -49,12 +50,33 @@ static const Glyph glyphs[] = {
     {'+', 10, "1a9a 565e"},
     {'e', 10, "0baba98626090d2g7g9f"},
     {'m', 14, "060g 092656787g 7896c6e8eg"},
+    {'_', 10, "0gag"},
     {'A', 11, "0g50ag 2b8b"},
+    {'B', 10, "0g0060819396876808 689aad8f6g0g"},
+    {'C', 10, "a391703012040c1e3g7g9fad"},
+    {'D', 10, "000g5g8faca4815000"},
+    {'E', 9, "90000g9g 0878"},
     {'F', 9, "90000g 0878"},
+    {'G', 10, "a391703012040c1e3g7g9fada969"},
     {'H', 10, "000g a0ag 08a8"},
+    {'I', 1, "000g"},
+    {'J', 8, "808c7e5g3g1e0c"},
+    {'K', 10, "000g a009 45ag"},
     {'L', 9, "000g9g"},
+    {'M', 12, "0g006ac0cg"},
+    {'N', 10, "0g00aga0"},
+    {'O', 10, "307092a4ac9e7g3g1e0c041230"},
     {'P', 9, "0g0060819396886909"},
+    {'Q', 10, "307092a4ac9e7g3g1e0c041230 6bag"},
     {'R', 10, "0g0060819396886909 599g"},
+    {'S', 10, "a3917030120416889aac9e7g3g1e0d"},
+    {'T', 10, "00a0 505g"},
+    {'U', 10, "000c1e3g7g9eaca0"},
+    {'V', 10, "005ga0"},
+    {'W', 14, "003g72bge0"},
+    {'X', 10, "00ag a00g"},
+    {'Y', 10, "0057a0 575g"},
+    {'Z', 10, "00a00gag"},
 };
 
 static const Glyph *glyph_of(char letter)
@@ -195,7 +217,12 @@ static void place(Layout *layout, const Mark *mark)
 /* Ink within a rim, over the picture; premultiplied, as the picture is. */
 static void put(CtsPicture *picture, const Placed *p)
 {
-    const double ink = picture->info.light_behind ? dark : light, around = light + dark - ink;
+    const double *const rgb = p->mark.rgb;
+    const double own = rgb ? 0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2] : 0;
+    const double ink = rgb                          ? own
+                       : picture->info.light_behind ? dark
+                                                    : light,
+                 around = rgb ? (own > 0.4 ? dark : light) : light + dark - ink;
     const int channels = picture->n_channels, end = p->top + p->box.height - picture->first_row;
     const int first = p->top > picture->first_row ? p->top - picture->first_row : 0;
     Mark mark = p->mark;
@@ -206,10 +233,11 @@ static void put(CtsPicture *picture, const Placed *p)
             const double alpha = covered(out - p->box.rim), inner = covered(out);
             if (alpha <= 0 || x < 0 || x >= picture->width)
                 continue;
-            const double grey = inner * ink + (alpha - inner) * around;
             float *v = picture->pixels + ((size_t)y * picture->width + x) * channels;
-            for (int c = 0; c < channels; c++)
-                v[c] = (float)((c == 3 ? alpha : grey) + (1 - alpha) * v[c]);
+            for (int c = 0; c < channels; c++) {
+                const double shown = inner * (rgb && channels > 2 && c < 3 ? rgb[c] : ink) + (alpha - inner) * around;
+                v[c] = (float)((c == 3 ? alpha : shown) + (1 - alpha) * v[c]);
+            }
         }
 }
 
@@ -240,7 +268,7 @@ static void place_letters(Layout *layout, const CtsPictureInfo *info, double fon
         const double *d = edges[i].direction_lps;
         cts_describe_direction((const double[3]){edges[i].sign * d[0], edges[i].sign * d[1], edges[i].sign * d[2]},
                                letters);
-        const Mark mark = {letters, font_px, 0, edges[i].x, edges[i].y, margin_px};
+        const Mark mark = {letters, font_px, 0, edges[i].x, edges[i].y, margin_px, NULL};
         place(layout, &mark);
     }
 }
@@ -251,7 +279,7 @@ static void place_scale(Layout *layout, double mm_per_pixel, double font_px, dou
     char number[32], text[48];
     cts_describe_number(length_mm, 6, number, sizeof number);
     snprintf(text, sizeof text, "%s mm", number);
-    const Mark mark = {text, fmax(MIN_FONT_PX - 1, 0.8 * font_px), length_mm / mm_per_pixel, 0, 1, margin_px};
+    const Mark mark = {text, fmax(MIN_FONT_PX - 1, 0.8 * font_px), length_mm / mm_per_pixel, 0, 1, margin_px, NULL};
     place(layout, &mark);
 }
 
@@ -273,5 +301,47 @@ CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n
     picture->info.annotated |= layout.n > 0;
     if (n_left_out)
         *n_left_out = layout.n_left_out;
+    return CTS_OK;
+}
+
+/* Capitals alone are drawn. */
+static void capitals(const char *name, char text[48])
+{
+    snprintf(text, 48, "%s", name);
+    for (char *c = text; *c; c++)
+        *c = *c >= 'a' && *c <= 'z' ? (char)(*c - 'a' + 'A') : *c;
+}
+
+CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries, size_t n, int *n_left_out,
+                              CtsError *err)
+{
+    enum { CORNERS = 3 }; /* the scale has the fourth */
+    const int height = picture->whole_height, side = picture->width < height ? picture->width : height;
+    const double font_px = fmax(MIN_FONT_PX, side / 60.0), margin_px = font_px / 2;
+    const Box line = measure(&(Mark){.text = "", .font_px = font_px});
+    /* The letters in the middle of the sides keep their room. */
+    const int at_once = (int)fmax((0.45 * height - margin_px) / line.height, 0);
+    if (n_left_out)
+        *n_left_out = 0;
+    if (picture->width < 1)
+        return cts_fail(err, CTS_ERR_INTERNAL, "a picture without pixels");
+    for (size_t i = 0; i < n; i++) {
+        const int corner = at_once ? (int)fmin((double)(i / (size_t)at_once), CORNERS) : CORNERS;
+        const int in_corner = at_once ? (int)(i % (size_t)at_once) : 0;
+        Placed p = {.mark = {.font_px = font_px, .rgb = entries[i].rgb}};
+        capitals(entries[i].name, p.text);
+        p.mark.text = p.text;
+        p.box = measure(&p.mark);
+        const double from_top = margin_px + in_corner * line.height;
+        p.left = (int)(corner > 0 ? picture->width - p.box.width - margin_px : margin_px);
+        p.top = (int)(corner < 2 ? from_top : height - from_top - line.height);
+        if (corner == CORNERS || p.box.width + 2 * margin_px > picture->width) {
+            if (n_left_out)
+                ++*n_left_out;
+            continue;
+        }
+        put(picture, &p);
+        picture->info.annotated = true;
+    }
     return CTS_OK;
 }
