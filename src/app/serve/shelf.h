@@ -9,6 +9,9 @@
 #include "base/site_key.h"
 #include <pthread.h>
 
+/* What stands in a PATH for the UID of the series that is asked for. */
+#define CTS_SHELF_PLACE "{series_uid}"
+
 /* A renderer of one preset; what it keeps serves the next picture. */
 typedef struct CtsLens {
     char *preset; /* as JSON, as it was asked for */
@@ -85,6 +88,10 @@ CtsCut *cts_shelf_cut(const CtsShelved *shelved, const CtsSource *source);
  * it. CTS_ERR_MEMORY where there is no room for it. */
 CtsStatus cts_shelf_make(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *shelved, const CtsSource *source,
                          CtsCut **cut, CtsReport *report, CtsError *err);
+
+/* What is loaded of a series goes; nobody uses it. */
+void cts_shelf_drop(CtsShelf *shelf, CtsShelved *shelved);
+void cts_cut_free(CtsCut *cut);
 
 /* A renderer for the job, whose preset's window is known: one that is idle, else *lens is a new one that the caller
  * prepares without the lock. NULL without memory. */

@@ -1,0 +1,221 @@
+/* What is loaded of a series: found or fetched, read, made into volumes, and dropped for others. */
+#include "app/serve/shelf.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+static void drop_cut(CtsShelf *shelf, CtsShelved *s, CtsCut *cut)
+{
+    CtsCut **link = &s->cuts;
+    while (*link != cut)
+        link = &(*link)->next;
+    *link = cut->next;
+    shelf->bytes -= cut->bytes;
+    cts_cut_free(cut);
+}
+
+void cts_shelf_drop(CtsShelf *shelf, CtsShelved *s)
+{
+    while (s->cuts)
+        drop_cut(shelf, s, s->cuts);
+    shelf->bytes -= s->bytes;
+    s->bytes = 0;
+    cts_scanned_free(&s->loaded.scanned);
+    cts_labels_free(&s->loaded.labels);
+    if (!s->on_demand)
+        return;
+    cts_loaded_free(&s->loaded);
+    s->series = NULL;
+}
+
+static uint64_t bytes_of(const CtsVolume *v)
+{
+    const uint64_t n = (uint64_t)v->dims[0] * (uint64_t)v->dims[1] * (uint64_t)v->dims[2];
+    return n * sizeof *v->grey + n / 4; /* macro-cells, and what renderers keep */
+}
+
+static bool is_idle(const CtsShelved *s)
+{
+    return !s->busy && s->n_running == 0 && (s->bytes || s->cuts);
+}
+
+/* Of the series whose turn it is, the volume that was not asked for longest. */
+static bool drop_one_cut(CtsShelf *shelf, CtsShelved *s)
+{
+    CtsCut *oldest = NULL;
+    for (CtsCut *c = s->cuts; c; c = c->next)
+        if (c->n_users == 0 && (!oldest || c->used_ms < oldest->used_ms))
+            oldest = c;
+    if (oldest)
+        drop_cut(shelf, s, oldest);
+    return oldest;
+}
+
+static bool make_room(CtsShelf *shelf, CtsShelved *own, uint64_t bytes)
+{
+    while (shelf->bytes + bytes > shelf->most_bytes) {
+        CtsShelved *oldest = NULL;
+        for (CtsShelved *s = shelf->first; s; s = s->next)
+            if (s != own && is_idle(s) && (!oldest || s->used_ms < oldest->used_ms))
+                oldest = s;
+        if (oldest)
+            cts_shelf_drop(shelf, oldest);
+        else if (!drop_one_cut(shelf, own))
+            return false;
+    }
+    shelf->bytes += bytes;
+    return true;
+}
+
+static CtsStatus reserve(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *own, uint64_t bytes, CtsError *err)
+{
+    pthread_mutex_lock(lock);
+    const bool has = make_room(shelf, own, bytes);
+    const uint64_t most = shelf->most_bytes;
+    pthread_mutex_unlock(lock);
+    if (has)
+        return CTS_OK;
+    return cts_fail(err, CTS_ERR_MEMORY, "there is no room for %llu MiB more, `memory` leaves %llu MiB in all",
+                    (unsigned long long)(bytes >> 20), (unsigned long long)(most >> 20));
+}
+
+static void give_up(CtsShelf *shelf, pthread_mutex_t *lock, uint64_t bytes)
+{
+    pthread_mutex_lock(lock);
+    shelf->bytes -= bytes;
+    pthread_mutex_unlock(lock);
+}
+
+/* PATH with the series' own UID in it; the caller's to free. */
+static char *path_for(const char *pattern, const char *uid)
+{
+    const char *place = strstr(pattern, CTS_SHELF_PLACE);
+    char *path = malloc(strlen(pattern) + strlen(uid) + 1);
+    if (path)
+        sprintf(path, "%.*s%s%s", (int)(place - pattern), pattern, uid, place + strlen(CTS_SHELF_PLACE));
+    return path;
+}
+
+static CtsStatus find_in_path(const char *pattern, const CtsSource *source, CtsShelved *s, CtsReport *report,
+                              CtsError *err)
+{
+    char *const path = path_for(pattern, s->uid);
+    if (!path)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = cts_series_find((const char *const *)&path, 1, source->n_threads, &s->loaded.list, report, err);
+    if (!st)
+        st = cts_series_choose(s->loaded.list, s->uid, &s->loaded.series, err);
+    free(path);
+    return st;
+}
+
+static CtsStatus fetch(const CtsOptions *o, const CtsSource *source, CtsShelved *s, CtsReport *report, CtsError *err)
+{
+    CtsStatus st = cts_net_fetch(&o->from.peer, &o->net, s->study_uid, s->uid, &s->loaded.fetched, report, err);
+    if (!st)
+        st = cts_series_find((const char *const *)&s->loaded.fetched, 1, source->n_threads, &s->loaded.list, report,
+                             err);
+    return st ? st : cts_series_choose(s->loaded.list, s->uid, &s->loaded.series, err);
+}
+
+/* Where it may be, one place after the other. */
+static CtsStatus find_on_demand(const CtsOptions *o, const CtsSource *source, CtsShelved *s, CtsReport *report,
+                                CtsError *err)
+{
+    CtsStatus st = CTS_ERR_NO_SERIES;
+    for (int i = 0; st && i < o->paths.n; i++)
+        if (strstr(o->paths.items[i], CTS_SHELF_PLACE)) {
+            cts_loaded_free(&s->loaded);
+            st = find_in_path(o->paths.items[i], source, s, report, err);
+        }
+    if (st && o->from.given) {
+        cts_loaded_free(&s->loaded);
+        st = fetch(o, source, s, report, err);
+    }
+    if (!st && strcmp(s->loaded.series->study_uid, s->study_uid))
+        st = CTS_ERR_NO_SERIES;
+    if (st) {
+        cts_loaded_free(&s->loaded);
+        return st == CTS_ERR_MEMORY ? st : cts_fail(err, CTS_ERR_NO_SERIES, "there is no such series here");
+    }
+    return CTS_OK;
+}
+
+static CtsStatus read_slices(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, const CtsSource *source,
+                             CtsReport *report, CtsError *err)
+{
+    const uint64_t bytes =
+        (uint64_t)s->series->columns * (uint64_t)s->series->rows * (uint64_t)s->series->n_slices * sizeof(uint16_t);
+    CtsStatus st = s->bytes ? CTS_OK : reserve(shelf, lock, s, bytes, err);
+    if (st)
+        return st;
+    const bool reserved = !s->bytes;
+    CtsSource whole = *source;
+    whole.remove_table = true;
+    whole.paths = shelf->options->paths.items;
+    whole.n_paths = shelf->options->paths.n;
+    whole.labels = shelf->options->labels.items;
+    whole.n_labels = shelf->options->labels.n;
+    whole.label_names = shelf->options->label_names;
+    whole.labels_unnamed = true;
+    whole.choice = (CtsLabelChoice){0};
+    if (!s->loaded.labels)
+        st = cts_source_labels(&whole, &s->loaded, report, err);
+    if (!st)
+        st = cts_source_read(&whole, &s->loaded, report, err);
+    if (st && reserved)
+        give_up(shelf, lock, bytes);
+    else if (!st)
+        s->bytes = bytes;
+    return st;
+}
+
+static CtsStatus read_once(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, const CtsSource *source,
+                           CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (!s->series && !(st = find_on_demand(shelf->options, source, s, report, err))) {
+        pthread_mutex_lock(lock);
+        s->series = s->loaded.series;
+        pthread_mutex_unlock(lock);
+    }
+    if (!st && !s->series->renderable)
+        st = cts_fail(err, s->series->refusal ? s->series->refusal : CTS_ERR_GEOMETRY, "%s", s->series->reason);
+    if (!st && !(s->loaded.scanned && s->loaded.scanned->even->grey))
+        st = read_slices(shelf, lock, s, source, report, err);
+    return st;
+}
+
+CtsStatus cts_shelf_make(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, const CtsSource *source, CtsCut **cut,
+                         CtsReport *report, CtsError *err)
+{
+    CtsCut *made = calloc(1, sizeof *made);
+    if (made && !(made->choice = cts_source_choice(source))) {
+        free(made);
+        made = NULL;
+    }
+    CtsStatus st = made ? read_once(shelf, lock, s, source, report, err) : CTS_ERR_MEMORY;
+    if (!st && !(st = reserve(shelf, lock, s, bytes_of(s->loaded.scanned->even), err))) {
+        const uint64_t expected = bytes_of(s->loaded.scanned->even);
+        CtsLoaded part = {
+            .list = s->loaded.list, .series = s->series, .scanned = s->loaded.scanned, .labels = s->loaded.labels};
+        if ((st = cts_source_view(source, false, &part, report, err))) {
+            cts_volume_free(&part.volume);
+            give_up(shelf, lock, expected);
+        } else {
+            pthread_mutex_lock(lock);
+            made->source = *source;
+            made->volume = part.volume;
+            made->bytes = bytes_of(part.volume);
+            shelf->bytes += made->bytes - expected;
+            made->next = s->cuts;
+            s->cuts = made;
+            pthread_mutex_unlock(lock);
+        }
+    }
+    if (st && made)
+        cts_cut_free(made);
+    *cut = st ? NULL : made;
+    return st;
+}
