@@ -1,5 +1,6 @@
 # Every command of README.md and of the manuals' examples runs as it stands there, a page in one folder, in order. bench,
-# batch and rotations get small pictures, or they would take minutes; a PACS that is not there is all that a command with one fails at.
+# batch and rotations get small pictures, or they would take minutes; a PACS that is not there is all that a command with
+# one fails at; a server is ended when it has told its address.
 mkdir -p bin archive
 ln -s "$ctsplat" bin/ctsplat
 cp -r "$data/phantom" archive/first
@@ -36,6 +37,9 @@ for page in "$root/README.md" "$root"/man/*.[0-9]; do
             *' --from '*)
                 try "$line"
                 [ "$code" != 2 ] && grep -q 'pacs.example.org' ../err || fail "exit code $code: $(cat ../err)" ;;
+            'ctsplat serve '*)
+                try "timeout --preserve-status 8 $line --listen 127.0.0.1:0"
+                [ "$code" = 0 ] && grep -q '^http://' ../out || fail "exit code $code: $(cat ../err)" ;;
             *' bench '* | *' batch '* | *' --rotation '*)
                 try "$line --size 24x24"
                 [ "$code" = 0 ] || fail "exit code $code: $(cat ../err)" ;;
