@@ -95,11 +95,10 @@ const CtsOption cts_options[] = {
     {0, "hide", "LIST", LOOKS, FRESH, "labels that are not seen, whatever --show says", "none", TEXT(hide)},
     {0, "label", "NAME=LOOK", LOOKS, FRESH,
      "how labels look: a preset, #RRGGBB (the picture's preset in this colour), #RRGGBB:OPACITY (a body of this "
-     "opacity "
-     "per mm); may be repeated",
+     "opacity per mm); may be repeated",
      "as the preset says", TEXTS(label_looks)},
     {0, "label-colours", NULL, LOOKS, FRESH,
-     "labels in the colours of their files, or in some that are easy to tell apart", NULL, FLAG(label_colours)},
+     "labels in the colours of their files, else in some that are easy to tell apart", NULL, FLAG(label_colours)},
     {0, "label-order", "LIST", LOOKS, FRESH, "which labels own what several of them hold, the first one first",
      "the smallest", TEXT(label_order)},
     {0, "engine", "NAME", LOOKS, FRESH, "how the picture is made", "tiled", CHOICE(render.engine, cts_engine_names)},
