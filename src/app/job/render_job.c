@@ -148,7 +148,7 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
 static double turn_deg(const CtsJob *job, int frame)
 {
     const int n = n_frames_of(job);
-    if (!job->swivel_step_deg)
+    if (job->swivel_step_deg == 0)
         return 360.0 * frame / n;
     const int there = (n + 2) / 4, back = n / 2 + there;
     return job->swivel_step_deg * (frame <= there ? frame : frame <= back ? 2 * there - frame : frame - n);

@@ -215,14 +215,14 @@ static CtsStatus take_swivel(CtsAsked *asked, const CtsQuery *from, CtsError *er
         (st = positive(from, "animationstepsize", &asked->swivel_step_deg, err)) ||
         (st = positive(from, "animationrate", &asked->rate, err)))
         return st;
-    if (!asked->swivel_range_deg)
-        return !asked->swivel_step_deg && !asked->rate
+    if (asked->swivel_range_deg == 0)
+        return asked->swivel_step_deg == 0 && asked->rate == 0
                    ? CTS_OK
                    : cts_fail(err, CTS_ERR_USAGE,
                               "animationstepsize and animationrate: of which swivelrange is not said");
-    if (!asked->swivel_step_deg)
+    if (asked->swivel_step_deg == 0)
         asked->swivel_step_deg = asked->swivel_range_deg / SWEEP_FRAMES;
-    if (!asked->rate)
+    if (asked->rate == 0)
         asked->rate = 10;
     snprintf(text, sizeof text, "%.17g,%.17g", asked->swivel_range_deg, asked->swivel_step_deg);
     cts_query_add(&asked->query, "swivel", text);
@@ -278,7 +278,7 @@ static const CtsFormatInfo *choose_format(CtsAsked *asked, const char *accept)
         char path[16];
         snprintf(path, sizeof path, "a.%s", names[i]);
         formats[n] = cts_export_format(path);
-        if (formats[n]->many_frames || !asked->swivel_range_deg)
+        if (formats[n]->many_frames || asked->swivel_range_deg == 0)
             types[n] = cts_media_type_of(formats[n]), n++;
     }
     if (asked->metadata)
