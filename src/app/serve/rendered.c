@@ -83,22 +83,6 @@ static CtsStatus take_method(const CtsQuery *from, CtsQuery *words, CtsError *er
                     "renderingmethod %.40s: not one of: volume_rendered maximum_ip minimum_ip average_ip", method);
 }
 
-static bool numbers(const char *text, double *values, int n)
-{
-    for (int i = 0; i < n; i++) {
-        char part[64];
-        const size_t length = strcspn(text, ",");
-        if (length >= sizeof part || (text[length] == ',') != (i < n - 1))
-            return false;
-        memcpy(part, text, length);
-        part[length] = 0;
-        if (!cts_number(part, &values[i]))
-            return false;
-        text += length + 1;
-    }
-    return true;
-}
-
 static void add_view(CtsQuery *words, double azimuth_deg, double elevation_deg)
 {
     char text[64];
@@ -129,7 +113,7 @@ typedef struct Camera {
 static CtsStatus read_vector(const CtsQuery *from, const char *name, const char **text, double value[3], CtsError *err)
 {
     *text = cts_query_value(from, name);
-    if (*text && !numbers(*text, value, 3))
+    if (*text && !cts_numbers(*text, value, 3))
         return cts_fail(err, CTS_ERR_USAGE, "%s %.60s: not three numbers with commas between them", name, *text);
     return CTS_OK;
 }
@@ -241,7 +225,8 @@ static CtsStatus take_window(const CtsQuery *from, CtsQuery *words, CtsError *er
         return CTS_OK;
     snprintf(start, sizeof start, "%.*s", function ? (int)(function - window) : 0, window);
     const bool exact = function && !strcmp(function, ",linear-exact");
-    if (!function || (!exact && strcmp(function, ",linear")) || !numbers(start, v, 2) || v[1] < (exact ? 1e-6 : 1.001))
+    if (!function || (!exact && strcmp(function, ",linear")) || !cts_numbers(start, v, 2) ||
+        v[1] < (exact ? 1e-6 : 1.001))
         return cts_fail(err, CTS_ERR_USAGE, "window %.60s: not CENTRE,WIDTH,linear or CENTRE,WIDTH,linear-exact in HU",
                         window);
     const double middle = exact ? v[0] : v[0] - 0.5, half = (exact ? v[1] : v[1] - 1) / 2;
@@ -257,7 +242,7 @@ static CtsStatus take_viewport(const CtsQuery *from, CtsQuery *words, CtsError *
     char text[64];
     if (!viewport)
         return CTS_OK;
-    if (!numbers(viewport, v, 2))
+    if (!cts_numbers(viewport, v, 2))
         return cts_fail(err, CTS_ERR_USAGE,
                         "viewport %.60s: not WIDTH,HEIGHT in pixels (a part of the picture is not "
                         "supported)",

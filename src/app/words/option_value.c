@@ -32,8 +32,7 @@ bool cts_integer(const char *text, int *value)
     return true;
 }
 
-/* n numbers with commas between them, no more and no fewer. */
-static bool numbers(const char *text, double *values, int n)
+bool cts_numbers(const char *text, double *values, int n)
 {
     for (int i = 0; i < n; i++) {
         char part[64];
@@ -71,7 +70,7 @@ CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg,
     }
     double angles[2];
     char names[CTS_WORD_LISTS_MAX];
-    if (!numbers(text, angles, 2))
+    if (!cts_numbers(text, angles, 2))
         return cts_fail(err, CTS_ERR_USAGE,
                         "`%s` %s: not one of: %s, nor AZIMUTH,ELEVATION in degrees (such as -30,20)%s", option, text,
                         cts_word_lists("{views}", names), cts_near_hint(&near).text);
@@ -176,7 +175,7 @@ CtsStatus cts_parse_background(CtsOptions *options, const char *text, CtsError *
 CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err)
 {
     double box[6];
-    if (!numbers(text, box, 6))
+    if (!cts_numbers(text, box, 6))
         return cts_fail(err, CTS_ERR_USAGE, "`crop` %s: not X0,X1,Y0,Y1,Z0,Z1 in millimetres (LPS)", text);
     for (int a = 0; a < 3; a++) {
         if (box[2 * a] > box[2 * a + 1])
@@ -192,7 +191,7 @@ CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err)
 CtsStatus cts_parse_centre(CtsOptions *options, const char *text, CtsError *err)
 {
     double *const centre = options->render.centre_lps;
-    if (!numbers(text, centre, 3) || fmax(fmax(fabs(centre[0]), fabs(centre[1])), fabs(centre[2])) > 1e6)
+    if (!cts_numbers(text, centre, 3) || fmax(fmax(fabs(centre[0]), fabs(centre[1])), fabs(centre[2])) > 1e6)
         return cts_fail(err, CTS_ERR_USAGE, "`centre` %s: not X,Y,Z in millimetres (LPS)", text);
     options->render.centre_given = true;
     return CTS_OK;
@@ -202,7 +201,7 @@ CtsStatus cts_parse_swivel(CtsOptions *options, const char *text, CtsError *err)
 {
     const CtsBounds *frames = cts_setting_bounds(CTS_SETTING_FRAMES);
     double deg[2];
-    if (!numbers(text, deg, 2) || !(deg[1] > 0) || deg[0] > 360 || deg[0] < deg[1])
+    if (!cts_numbers(text, deg, 2) || !(deg[1] > 0) || deg[0] > 360 || deg[0] < deg[1])
         return cts_fail(err, CTS_ERR_USAGE,
                         "`swivel` %s: not RANGE,STEP in degrees, the range at most 360 and no less "
                         "than the step",
@@ -233,7 +232,7 @@ CtsStatus cts_parse_memory(CtsOptions *options, const char *text, CtsError *err)
 CtsStatus cts_parse_window(CtsOptions *options, const char *text, CtsError *err)
 {
     double hu[2];
-    if (!numbers(text, hu, 2) || !(hu[0] < hu[1]) || fabs(hu[0]) > 1e6 || fabs(hu[1]) > 1e6)
+    if (!cts_numbers(text, hu, 2) || !(hu[0] < hu[1]) || fabs(hu[0]) > 1e6 || fabs(hu[1]) > 1e6)
         return cts_fail(err, CTS_ERR_USAGE, "`window` %s: not LOW,HIGH in HU, the lower first", text);
     options->window = (struct CtsWindow){true, hu[0], hu[1]};
     return CTS_OK;

@@ -7,6 +7,8 @@
 /* The whole of text as a finite decimal number, or as an integer; false when it is not one. */
 bool cts_number(const char *text, double *value);
 bool cts_integer(const char *text, int *value);
+/* n numbers with commas between them, no more and no fewer. */
+bool cts_numbers(const char *text, double *values, int n);
 
 /* A view by its name or its two angles; option: whose argument it is. */
 CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);
