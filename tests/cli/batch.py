@@ -562,7 +562,8 @@ def test_sheet(b):
     for data in seen:
         check(data["run"]["series"] == 16 and data["run"]["goes_on"], "the total is not steady", data["run"])
         ended = [s for s in data["series"] if "unfinished" not in s]
-        check(len(ended) == data["run"]["ended"], len(ended), data["run"])
+        # A series is told before the process that made it has gone, which is when it counts as ended.
+        check(len(ended) - data["run"]["ended"] in (0, 1), len(ended), data["run"])
         check(all(s["status"] == "done" and len(s["pictures"]) == 4 for s in ended), "half a series")
     b.ok(0, archive, "-O", "o", *words)
     data = sheet("o")

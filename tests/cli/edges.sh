@@ -4,7 +4,7 @@ draw='--size 24x20 --threads 1'
 # Started with SIGCHLD ignored, a batch ends all the same.
 last="batch with SIGCHLD ignored"
 code=0
-timeout 60 python3 -c 'import os, signal, sys
+timeout 120 python3 -c 'import os, signal, sys
 signal.signal(signal.SIGCHLD, signal.SIG_IGN)
 os.execv(sys.argv[1], sys.argv[1:])' "$ctsplat" batch "$data/syntax/explicit" -O ignored $draw >out 2>err || code=$?
 [ $code = 0 ] || fail "exit code $code, expected 0"
@@ -12,7 +12,7 @@ os.execv(sys.argv[1], sys.argv[1:])' "$ctsplat" batch "$data/syntax/explicit" -O
 # Started without standard files: no message gets into a file of the batch, and output that has no place is an error.
 last="closed descriptors"
 code=0
-timeout 60 "$ctsplat" batch "$data/syntax/explicit" -O closed $draw <&- >&- 2>&- || code=$?
+timeout 120 "$ctsplat" batch "$data/syntax/explicit" -O closed $draw <&- >&- 2>&- || code=$?
 [ $code = 0 ] || fail "exit code $code, expected 0"
 python3 -c 'import json, sys
 for line in open(sys.argv[1]): json.loads(line)' closed/batch.jsonl || fail "words in the journal"

@@ -22,7 +22,7 @@ while not os.listdir("o") and run.poll() is None: # a slow start must not meet t
     time.sleep(0.01)
 time.sleep(float(wait))
 run.send_signal(number)
-print(run.wait(timeout=60))
+print(run.wait(timeout=120))
 PY
         code=$(cat out)
         [ "$code" = 130 ] || fail "exit code $code, expected 130"

@@ -68,7 +68,7 @@ start_node()
 {
     bin/ctsplat-node node.conf >>node.log 2>&1 &
     node=$!
-    for _ in $(seq 100); do
+    for _ in $(seq 600); do
         grep -q 'is at work' node.log && echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port" 2>/dev/null && return
         sleep 0.2
     done
@@ -95,7 +95,7 @@ all_done() { [ "$(find node/state -name 'ST_*' | wc -l)" = "$studies" ]; }
 # The PACS is not up yet: what is rendered waits for it. The receiver is killed, and is there again.
 start_node
 pkill -9 -P $node ctsplat || fail "no receiver of the node's"
-wait_for 20 echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port"
+wait_for 120 echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port"
 half=$((studies / 2))
 for ((i = 1; i <= half; i++)); do send $i; done
 wait_for 120 grep -q 'tried again in' node.log

@@ -44,7 +44,7 @@ try:
 
     # What else connects to our port while the PACS sends keeps nothing waiting, and puts nothing in.
     def visit():
-        end = time.monotonic() + 60
+        end = time.monotonic() + 200
         while not visited and time.monotonic() < end:
             try:
                 held.append(socket.create_connection(('127.0.0.1', pacs.listener), 1))

@@ -43,7 +43,7 @@ def free_port():
     return next(numbers)
 
 
-def wait_for_port(port, process, seconds=60):
+def wait_for_port(port, process, seconds=200):
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         try:
@@ -110,7 +110,7 @@ class Orthanc:
 
     def get(self, path, accept=None):
         request = urllib.request.Request(self.url + path, headers={'Accept': accept} if accept else {})
-        return urllib.request.urlopen(request, timeout=30).read()
+        return urllib.request.urlopen(request, timeout=120).read()
 
     def json(self, path):
         return json.loads(self.get(path, 'application/json'))
@@ -118,7 +118,7 @@ class Orthanc:
     def put(self, path):
         with open(path, 'rb') as f:
             request = urllib.request.Request(self.url + '/instances', data=f.read())
-        urllib.request.urlopen(request, timeout=30).read()
+        urllib.request.urlopen(request, timeout=120).read()
 
     def instances(self):
         return self.json('/statistics')['CountInstances']

@@ -72,7 +72,7 @@ with Server(ctsplat, folder + '/{series_uid}') as whole:
             archive.put(path)
         name = archive.json('/series')[0]
         # The preview is made by itself.
-        end = time.monotonic() + 60
+        end = time.monotonic() + 200
         while '4484' not in archive.json(f'/series/{name}/attachments'):
             assert time.monotonic() < end, open('pacs.log').read()[-2000:]
             time.sleep(0.1)
@@ -80,7 +80,7 @@ with Server(ctsplat, folder + '/{series_uid}') as whole:
         fetched(archive, whole, source.StudyInstanceUID, source.SeriesInstanceUID)
         placed = os.path.join(folder, source.SeriesInstanceUID)
         assert all(os.path.islink(os.path.join(placed, f)) for f in os.listdir(placed)) and len(os.listdir(placed)) == 48
-        urllib.request.urlopen(urllib.request.Request(f'{archive.url}/series/{name}', method='DELETE'), timeout=30)
+        urllib.request.urlopen(urllib.request.Request(f'{archive.url}/series/{name}', method='DELETE'), timeout=120)
         while os.path.isdir(placed):
             assert time.monotonic() < end, 'the folder of a series that is gone stays'
             time.sleep(0.1)

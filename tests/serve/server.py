@@ -28,7 +28,7 @@ class Server:
     def __exit__(self, *_):
         if self.process.poll() is None:
             self.process.terminate()
-        code = self.process.wait(60)
+        code = self.process.wait(200)
         self.process.stdout.close()
         said = self.stderr()
         self.errors.close()
@@ -38,6 +38,10 @@ class Server:
     def stderr(self):
         self.errors.seek(0)
         return self.errors.read()
+
+    def sockets(self):
+        folder = f'/proc/{self.process.pid}/fd/'
+        return sum(os.readlink(folder + name).startswith('socket:') for name in os.listdir(folder))
 
     def ask(self, path, headers=None, method='GET', token=True, timeout=120):
         """Status, headers and body."""
