@@ -1,7 +1,5 @@
 /* ctsplat batch: the command line as a batch, its progress, its contact sheet. */
 #include "app/batch/batch.h"
-#include "app/batch/batch_lists.h"
-#include "app/batch/work.h"
 #include "app/contact/contact_sheet.h"
 #include "app/words/words_job.h"
 #include "base/clock.h"
@@ -62,55 +60,21 @@ static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport 
 {
     char command[512] = "batch";
     double told_ms = cts_wall_ms();
-    CtsBatchJob job = {.job = cts_options_job(options),
-                       .log = options->log,
-                       .command = command,
-                       .peer = &options->send.peer,
-                       .net = &options->net};
-    const CtsBatchSettings settings = {
-        .paths = options->paths.items,
-        .labels = options->labels.items,
-        .n_labels = options->labels.n,
-        .n_paths = options->paths.n,
-        .folder = options->output_dir,
-        .series_uid = options->series_uid,
-        .presets = lists->presets,
-        .n_presets = lists->n_presets,
-        .views = lists->views,
-        .n_views = lists->n_views,
-        .formats = lists->formats,
-        .n_formats = lists->n_formats,
-        .rotation = options->rotation,
-        .options_text = lists->options,
-        .dcm_options_text = lists->dcm_options,
-        .shard = options->shard.i,
-        .n_shards = options->shard.n,
-        .n_jobs = options->jobs,
-        .n_threads = options->render.n_threads,
-        .series_timeout_s = options->series_timeout_s,
-        .series_bytes = (uint64_t)(options->series_mib * 1048576),
-        .fresh = options->fresh,
-        .show_patient = options->show_patient,
-        .show_paths = options->show_paths,
-        .deidentify = options->export.deidentify,
-        .key = options->export.key,
-        .work = cts_batch_render,
-        .send_to = lists->send_to[0] ? lists->send_to : NULL,
-        .send = cts_batch_send,
-        .context = &job,
-        .told = {.warning = on_warning,
-                 .series = on_series,
-                 .searching = on_searching,
-                 .progress = on_progress,
-                 .context = &told_ms},
-        .stop = &cli_stop,
-    };
-    job.settings = &settings;
-    job.job.export.force = true;
+    CtsBatchSettings settings = {.options = options,
+                                 .lists = lists,
+                                 .job = cts_options_job(options),
+                                 .command = command,
+                                 .told = {.warning = on_warning,
+                                          .series = on_series,
+                                          .searching = on_searching,
+                                          .progress = on_progress,
+                                          .context = &told_ms},
+                                 .stop = &cli_stop};
+    settings.job.export.force = true;
     cts_options_command(options, command + strlen(command), sizeof command - strlen(command));
     CtsStatus st = cts_batch_open_folder(&settings, err);
     if (!st)
-        st = cts_batch_check(&job, report, err);
+        st = cts_batch_check(&settings, report, err);
     cli_print_findings(&report->findings, 0);
     return st ? st : cts_batch_run(&settings, result, err);
 }

@@ -30,10 +30,9 @@ typedef struct Home {
 } Home;
 
 struct CtsPlan {
-    const CtsPlanInput *input;
+    const CtsBatchSettings *settings;
+    const CtsOptions *options;
     const CtsKey *key;
-    const char *const *labels;
-    int n_labels;
     FILE *list;
     uint64_t list_bytes;
     Entry *entries;
@@ -152,7 +151,7 @@ static CtsStatus keep_record(CtsPlan *p, const CtsArchiveFile *file, const char 
         return cts_fail(err, CTS_ERR_READ, "%.80s...: the path is too long", file->path);
     if (fwrite(&record, sizeof record, 1, p->list) != 1 || fwrite(file->path, n_path, 1, p->list) != 1 ||
         fwrite(name, n_name, 1, p->list) != 1 || fwrite(file->sop_uid, n_sop, 1, p->list) != 1)
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", p->input->folder,
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", p->options->output_dir,
                         strerror(errno));
     const Entry entry = {key, p->list_bytes, (uint32_t)size};
     p->list_bytes += size;
@@ -183,7 +182,7 @@ static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err
     CtsStatus st;
     if (!file->path[0]) {
         if (p->n_warnings++ < MOST_WARNINGS)
-            p->input->warn(p->input->context, file->why);
+            p->settings->told.warning(p->settings->told.context, file->why);
         return CTS_OK;
     }
     if (!lstat(file->path, &info)) {
@@ -209,7 +208,7 @@ static CtsStatus take_labels(CtsPlan *p, const CtsArchiveFile *file, CtsError *e
 
 static bool is_mine(const CtsPlan *p, uint64_t key)
 {
-    return key % (uint64_t)p->input->n_shards == (uint64_t)p->input->shard;
+    return key % (uint64_t)p->options->shard.n == (uint64_t)p->options->shard.i;
 }
 
 static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *err)
@@ -219,8 +218,8 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     char name[80];
     uint64_t key = p->last_key;
     p->n_files++;
-    if (p->input->counts)
-        p->input->counts(p->input->context, p->n_files);
+    if (p->settings->told.searching)
+        p->settings->told.searching(p->settings->told.context, p->n_files);
     if (file->why)
         return take_lost(p, file, err);
     if (file->labels_of)
@@ -232,7 +231,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
     p->last_key = key;
     if ((st = add_home(p, (Home){folder_key(file->path), key}, err)) ||
-        (p->input->series_uid && strcmp(file->series_uid, p->input->series_uid)))
+        (p->options->series_uid && strcmp(file->series_uid, p->options->series_uid)))
         return st;
     return is_mine(p, key) ? keep_record(p, file, name, key, err) : CTS_OK;
 }
@@ -281,7 +280,8 @@ static CtsStatus owner_of(const CtsPlan *p, const Entry *lost, uint64_t *key, bo
     char *text = malloc(lost->size);
     CtsStatus st = text ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st && pread(fileno(p->list), text, lost->size, (off_t)lost->offset) != (ssize_t)lost->size)
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->input->folder, strerror(errno));
+        st =
+            cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir, strerror(errno));
     if (!st)
         st = cts_plan_key(text + sizeof(Record) + strlen(text + sizeof(Record)) + 1, key, err);
     free(text);
@@ -294,15 +294,15 @@ static CtsStatus place_lost(CtsPlan *p, CtsError *err)
     uint64_t asked_for = 0;
     if (p->n_homes)
         qsort(p->homes, p->n_homes, sizeof *p->homes, by_home);
-    if (p->input->series_uid)
-        st = cts_plan_key(p->input->series_uid, &asked_for, err);
+    if (p->options->series_uid)
+        st = cts_plan_key(p->options->series_uid, &asked_for, err);
     for (size_t k = 0; k < p->n_lost && !st; k++) {
         const Entry *lost = &p->lost[k];
         uint64_t key;
         bool homeless;
         if ((st = owner_of(p, lost, &key, &homeless, err)))
             return st;
-        if (is_mine(p, key) && (!p->input->series_uid || (!homeless && key == asked_for)))
+        if (is_mine(p, key) && (!p->options->series_uid || (!homeless && key == asked_for)))
             st = add_entry(&p->entries, &p->n_entries, (Entry){key, lost->offset, lost->size}, err);
     }
     return st;
@@ -343,37 +343,37 @@ static FILE *nameless_file(const char *folder)
     return fd < 0 ? NULL : fdopen(fd, "w+");
 }
 
-CtsStatus cts_plan_new(CtsPlan **plan, const CtsPlanInput *input, CtsError *err)
+CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsError *err)
 {
     CtsStatus st;
+    const CtsOptions *const o = settings->options;
     CtsPlan *p = *plan = calloc(1, sizeof *p);
     if (!p)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    p->input = input;
-    p->key = input->key;
-    p->labels = input->labels;
-    p->n_labels = input->n_labels;
-    if (!(p->list = nameless_file(input->folder))) {
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: no file can be made there: %s", input->folder, strerror(errno));
+    p->settings = settings;
+    p->options = o;
+    p->key = key;
+    if (!(p->list = nameless_file(o->output_dir))) {
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: no file can be made there: %s", o->output_dir, strerror(errno));
         goto end;
     }
-    const CtsArchiveSearch search = {.paths = input->paths,
-                                     .n_paths = input->n_paths,
-                                     .n_threads = input->n_threads,
+    const CtsArchiveSearch search = {.paths = o->paths.items,
+                                     .n_paths = o->paths.n,
+                                     .n_threads = o->render.n_threads,
                                      .found = take_file,
                                      .context = p,
                                      .archives = &p->archives,
-                                     .stop = input->stop};
+                                     .stop = settings->stop};
     if ((st = cts_archive_search(&search, &p->counts, err)))
         goto end;
     if (fflush(p->list))
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", input->folder, strerror(errno));
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", o->output_dir, strerror(errno));
     if (!st && !(st = place_lost(p, err)))
         st = make_units(p, err);
     if (p->n_warnings > MOST_WARNINGS) {
         char text[80];
         snprintf(text, sizeof text, "%d more folders cannot be searched", p->n_warnings - MOST_WARNINGS);
-        input->warn(input->context, text);
+        settings->told.warning(settings->told.context, text);
     }
 end:
     if (st)
@@ -448,7 +448,7 @@ static CtsStatus read_files(const CtsPlan *p, const Unit *unit, char *text, File
         const Entry *e = &p->entries[unit->first + i];
         File *f = &files[i];
         if (pread(fileno(p->list), text, e->size, (off_t)e->offset) != (ssize_t)e->size)
-            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->input->folder,
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir,
                             strerror(errno));
         memcpy(&f->record, text, sizeof f->record);
         f->path = text + sizeof f->record;
@@ -463,9 +463,9 @@ static CtsStatus read_files(const CtsPlan *p, const Unit *unit, char *text, File
 static CtsStatus hash_labels(const CtsPlan *p, CtsHash *hash, const char *uid, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    for (int i = 0; !st && i < p->n_labels; i++) {
+    for (int i = 0; !st && i < p->options->labels.n; i++) {
         char *stamp;
-        if (!(st = cts_labels_stamp(p->labels[i], uid, &stamp, err)))
+        if (!(st = cts_labels_stamp(p->options->labels.items[i], uid, &stamp, err)))
             cts_hash_text(hash, stamp);
         free(stamp);
     }

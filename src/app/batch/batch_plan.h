@@ -4,25 +4,13 @@
 
 #include "app/batch/batch.h"
 #include "base/hash.h"
-#include "ctsplat/series.h"
-#include <signal.h>
 
 typedef struct CtsPlan CtsPlan;
 
-typedef struct CtsPlanInput {
-    const char *const *paths;
-    int n_paths, n_threads;
-    const char *folder;     /* where the list of files is kept, in a file without a name */
-    const char *series_uid; /* this one alone; NULL: all */
-    const CtsKey *key; /* the caller's, as long as the plan is there: series are named under it; NULL: as they are */
-    const char *const *labels; /* n_labels label paths, the caller's, as long as the plan is there */
-    int n_labels;
-    int shard, n_shards; /* 0 of 1: all */
-    void (*warn)(void *context, const char *text);
-    void (*counts)(void *context, uint64_t n_files); /* how far the search is */
-    void *context;
-    const volatile sig_atomic_t *stop;
-} CtsPlanInput;
+/* A segmentation or a structure set that the search has met, and the study that it is of. */
+typedef struct CtsBatchLabelFile {
+    char *path, *study_uid;
+} CtsBatchLabelFile;
 
 /* Files of one SeriesInstanceUID, or of one folder where files have none. */
 typedef struct CtsPlanSeries {
@@ -38,10 +26,11 @@ typedef struct CtsPlanSeries {
     size_t n_label_files;
 } CtsPlanSeries;
 
-/* Memory: 24 to 40 bytes a file and 24 a series. Files that cannot be read go with the one series that has slices in
- * their folder; where none or several have, they are one of their own. Each folder that cannot be searched is a
- * warning, up to a dozen. */
-CtsStatus cts_plan_new(CtsPlan **plan, const CtsPlanInput *input, CtsError *err);
+/* The list of files is kept below -O, in a file without a name. key: series are named under it; NULL: as they are. Both
+ * are the caller's, as long as the plan is there. Memory: 24 to 40 bytes a file and 24 a series. Files that cannot be
+ * read go with the one series that has slices in their folder; where none or several have, they are one of their own.
+ * Each folder that cannot be searched is a warning, up to a dozen. */
+CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsError *err);
 void cts_plan_free(CtsPlan **plan);
 
 /* The zip files among the paths, unpacked; NULL when there are none. The plan's. */

@@ -3,11 +3,9 @@
 
 #include "base/clock.h"
 #include "base/exit_code.h"
-#include "base/helper_process.h"
 #include "base/json.h"
 #include "base/mem.h"
 #include "base/sanitized.h"
-#include "app/batch/line.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
@@ -44,7 +42,7 @@ void cts_child_set_status(json_t *line, int exit_code, const char *reason)
     json_object_del(line, "reason_file");
 }
 
-void cts_child_tell_status(struct CtsBatchChild *child, CtsStatus status, const char *reason)
+void cts_child_tell_status(CtsBatchChild *child, CtsStatus status, const char *reason)
 {
     char *file = NULL, *text = cts_without_names(reason, &child->names, &file);
     cts_child_set_status(child->line, cts_exit_code(status), text ? text : "");
@@ -102,7 +100,7 @@ json_t *cts_child_failed_line(const CtsBatchSettings *settings, const CtsPlanSer
     return line;
 }
 
-CtsStatus cts_child_send(const struct CtsBatchChild *child, const char *message, CtsError *err)
+CtsStatus cts_child_send(const CtsBatchChild *child, const char *message, CtsError *err)
 {
     for (size_t n = strlen(message); n > 0;) {
         const ssize_t done = send(child->socket, message, n, MSG_NOSIGNAL);
@@ -135,7 +133,7 @@ static char *renamed(const char *text, const CtsPlanSeries *series)
     return NULL;
 }
 
-CtsStatus cts_child_send_line(const struct CtsBatchChild *child, const char *word, CtsError *err)
+CtsStatus cts_child_send_line(const CtsBatchChild *child, const char *word, CtsError *err)
 {
     char *whole = json_dumps(child->line, JSON_COMPACT | JSON_REAL_PRECISION(12)), *message = NULL;
     char *object = whole ? renamed(whole, child->series) : NULL;
@@ -151,11 +149,11 @@ CtsStatus cts_child_send_line(const struct CtsBatchChild *child, const char *wor
 }
 
 /* A picture is never worth the machine: this process goes first when memory runs out, and no further than it may. */
-static void limit(const CtsBatchSettings *s)
+static void limit(double mib)
 {
     const struct rlimit no_core = {0, 0};
     setrlimit(RLIMIT_CORE, &no_core);
-    const uint64_t bytes = s->series_bytes ? s->series_bytes : cts_memory_available() / 10 * 9;
+    const uint64_t bytes = mib > 0 ? (uint64_t)(mib * 1048576) : cts_memory_available() / 10 * 9;
     const struct rlimit data = {bytes, bytes};
     /* A sanitizer's own memory counts as data. */
     if (bytes && !CTS_SANITIZED)
@@ -168,32 +166,7 @@ static void limit(const CtsBatchSettings *s)
     }
 }
 
-static void run_series(struct CtsBatchChild *c)
-{
-    CtsError err = {0};
-    const CtsBatchSettings *s = c->settings;
-    const CtsBatchTask task = {.uid = c->series->own_uid,
-                               .paths = c->series->paths,
-                               .n_paths = c->series->n_paths,
-                               .n_threads = c->n_threads,
-                               .archives = c->archives,
-                               .label_files = c->series->label_files,
-                               .n_label_files = c->series->n_label_files,
-                               .child = c};
-    for (int i = 0; i < task.n_paths; i++)
-        cts_names_add(&c->names, task.paths[i]);
-    const CtsStatus st = s->work(s->context, &task, &err);
-    if (st && st != CTS_ERR_INTERRUPTED && !c->told) {
-        c->line = cts_child_failed_line(s, c->series, "", 1);
-        cts_child_tell_status(c, st, err.text);
-        cts_child_send_line(c, CTS_CHILD_LAST, NULL);
-    }
-    fflush(NULL);
-    cts_helper_stop();
-    _exit(st == CTS_ERR_INTERRUPTED ? 130 : 0);
-}
-
-CtsStatus cts_child_fork(struct CtsBatchChild *child, void (*run)(struct CtsBatchChild *child), pid_t *pid, int *socket,
+CtsStatus cts_child_fork(CtsBatchChild *child, void (*run)(CtsBatchChild *child), pid_t *pid, int *socket,
                          CtsError *err)
 {
     int ends[2];
@@ -215,7 +188,7 @@ CtsStatus cts_child_fork(struct CtsBatchChild *child, void (*run)(struct CtsBatc
         prctl(PR_SET_PDEATHSIG, SIGKILL);
         if (getppid() != parent)
             _exit(1);
-        limit(child->settings);
+        limit(child->settings->options->series_mib);
         cts_journal_leave(child->journal);
         run(child);
     }
@@ -223,12 +196,4 @@ CtsStatus cts_child_fork(struct CtsBatchChild *child, void (*run)(struct CtsBatc
     fcntl(ends[0], F_SETFL, O_NONBLOCK);
     *socket = ends[0];
     return CTS_OK;
-}
-
-CtsStatus cts_child_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
-                          const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err)
-{
-    struct CtsBatchChild child = {
-        .settings = settings, .journal = journal, .archives = archives, .series = series, .n_threads = n_threads};
-    return cts_child_fork(&child, run_series, pid, socket, err);
 }

@@ -5,6 +5,7 @@
 #include "app/batch/batch.h"
 #include "app/batch/batch_plan.h"
 #include "app/batch/journal.h"
+#include "app/batch/line.h"
 #include "output/report/masked.h"
 #include <sys/types.h>
 
@@ -18,7 +19,7 @@
 #define CTS_CHILD_STANDS "stands "    /* final, and nothing had to be made */
 
 /* What the process knows. */
-struct CtsBatchChild {
+typedef struct CtsBatchChild {
     const CtsBatchSettings *settings;
     CtsJournal *journal;
     const CtsArchives *archives;
@@ -34,21 +35,14 @@ struct CtsBatchChild {
     int n_pictures, n_left;
     size_t n_findings; /* of the report that the line has */
     bool told;         /* a last line was sent */
-};
-
-/* Starts a process for the series with this many threads. *socket is the parent's end; non-blocking. */
-CtsStatus cts_child_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
-                          const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err);
-/* The same for one that sends what the line's series has and the PACS has not. */
-CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *line, pid_t *pid,
-                           int *socket, CtsError *err);
+} CtsBatchChild;
 
 /* run is called in the new process, and does not return. */
-CtsStatus cts_child_fork(struct CtsBatchChild *child, void (*run)(struct CtsBatchChild *child), pid_t *pid, int *socket,
+CtsStatus cts_child_fork(CtsBatchChild *child, void (*run)(CtsBatchChild *child), pid_t *pid, int *socket,
                          CtsError *err);
-CtsStatus cts_child_send(const struct CtsBatchChild *child, const char *message, CtsError *err);
+CtsStatus cts_child_send(const CtsBatchChild *child, const char *message, CtsError *err);
 /* The word and the line behind it. */
-CtsStatus cts_child_send_line(const struct CtsBatchChild *child, const char *word, CtsError *err);
+CtsStatus cts_child_send_line(const CtsBatchChild *child, const char *word, CtsError *err);
 
 /* An empty line of a series. The caller's to release; NULL without memory. */
 json_t *cts_child_new_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,
@@ -59,6 +53,6 @@ json_t *cts_child_failed_line(const CtsBatchSettings *settings, const CtsPlanSer
 /* How a series ended, and when. */
 void cts_child_set_status(json_t *line, int exit_code, const char *reason);
 /* The same, where the reason may name a file of the series. */
-void cts_child_tell_status(struct CtsBatchChild *child, CtsStatus status, const char *reason);
+void cts_child_tell_status(CtsBatchChild *child, CtsStatus status, const char *reason);
 
 #endif

@@ -1,12 +1,11 @@
 /* A series as its own process makes it: what is missing of it, and what came of it. */
 #define _GNU_SOURCE
+#include "app/batch/child_series.h"
+#include "app/batch/sweep.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/json.h"
 #include "base/mem.h"
-#include "app/batch/child.h"
-#include "app/batch/line.h"
-#include "app/batch/sweep.h"
 #include "output/report/log.h"
 #include <errno.h>
 #include <limits.h>
@@ -17,7 +16,7 @@
 #include <sys/socket.h>
 #include <sys/stat.h>
 
-static void free_pictures(struct CtsBatchChild *c)
+static void free_pictures(CtsBatchChild *c)
 {
     for (int i = 0; i < c->n_pictures; i++) {
         CtsBatchPicture *p = &c->pictures[i];
@@ -32,7 +31,7 @@ static void free_pictures(struct CtsBatchChild *c)
 }
 
 /* The line to go on from: what an earlier run made of the same files, or an empty one. */
-static void take_line(struct CtsBatchChild *c, const char *uid)
+static void take_line(CtsBatchChild *c, const char *uid)
 {
     const char *input;
     c->known = cts_journal_find(c->journal, uid);
@@ -50,20 +49,20 @@ static void take_line(struct CtsBatchChild *c, const char *uid)
 }
 
 /* What of one picture is missing; nothing: its paths and stem stay NULL. */
-static CtsStatus find_missing(struct CtsBatchChild *c, CtsBatchPicture *p, CtsError *err)
+static CtsStatus find_missing(CtsBatchChild *c, CtsBatchPicture *p, CtsError *err)
 {
     const CtsBatchSettings *s = c->settings;
     char stem[CTS_LINE_STEM];
     int n = 0;
     cts_line_stem(s, p, stem);
-    if (!(p->paths = calloc((size_t)s->n_formats + 1, sizeof *p->paths)))
+    if (!(p->paths = calloc((size_t)s->lists->n_formats + 1, sizeof *p->paths)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int f = 0; f < s->n_formats; f++) {
+    for (int f = 0; f < s->lists->n_formats; f++) {
         char *path;
-        if (cts_line_stands(s, c->line, p, s->formats[f]))
+        if (cts_line_stands(s, c->line, p, s->lists->formats[f]))
             continue;
-        cts_line_drop(c->line, s, p, s->formats[f]);
-        if (asprintf(&path, "%s/%s/%s.%s", s->folder, c->folder, stem, s->formats[f]) < 0)
+        cts_line_drop(c->line, s, p, s->lists->formats[f]);
+        if (asprintf(&path, "%s/%s/%s.%s", s->options->output_dir, c->folder, stem, s->lists->formats[f]) < 0)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         p->paths[n++] = path;
     }
@@ -72,19 +71,20 @@ static CtsStatus find_missing(struct CtsBatchChild *c, CtsBatchPicture *p, CtsEr
     if (n || !cts_line_stands(s, c->line, p, NULL)) {
         char *path;
         cts_line_drop(c->line, s, p, NULL);
-        if (asprintf(&path, "%s/%s/thumbs/%s", s->folder, c->folder, stem) < 0)
+        if (asprintf(&path, "%s/%s/thumbs/%s", s->options->output_dir, c->folder, stem) < 0)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         p->thumb_stem = path;
     }
     return CTS_OK;
 }
 
-static CtsStatus make_folders(struct CtsBatchChild *c, CtsError *err)
+static CtsStatus make_folders(CtsBatchChild *c, CtsError *err)
 {
     char path[PATH_MAX];
     for (int deep = 0; deep < 2; deep++) {
-        if (snprintf(path, sizeof path, "%s/%s%s", c->settings->folder, c->folder, deep ? "/thumbs" : "") >= PATH_MAX)
-            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the path is too long", c->settings->folder);
+        if (snprintf(path, sizeof path, "%s/%s%s", c->settings->options->output_dir, c->folder,
+                     deep ? "/thumbs" : "") >= PATH_MAX)
+            return cts_fail(err, CTS_ERR_OUTPUT, "%s: the path is too long", c->settings->options->output_dir);
         if (mkdir(path, 0777) && errno != EEXIST)
             return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", path, strerror(errno));
         struct stat info;
@@ -113,7 +113,7 @@ static json_t *same_finding(json_t *list, const json_t *entry)
 }
 
 /* What is said again is counted, and each file that it is said of is named. preset: whose finding it is, or NULL. */
-static void add_finding(struct CtsBatchChild *c, const CtsFinding *finding, const char *preset)
+static void add_finding(CtsBatchChild *c, const CtsFinding *finding, const char *preset)
 {
     json_t *list = json_object_get(c->line, "findings"), *entry = cts_finding_json(finding);
     char *file = NULL, *text = cts_without_names(finding->text, &c->names, &file);
@@ -136,12 +136,12 @@ static void add_finding(struct CtsBatchChild *c, const CtsFinding *finding, cons
     free(text);
 }
 
-static void tell_geometry(struct CtsBatchChild *c, const CtsPixelFacts *facts)
+static void tell_geometry(CtsBatchChild *c, const CtsPixelFacts *facts)
 {
     json_t *geometry = cts_info_json(c->now, facts, true);
     CtsKey key;
-    if (c->settings->deidentify) {
-        const bool known = *c->now->study_uid && !cts_key_load(c->settings->key, false, &key, NULL);
+    if (c->settings->options->export.deidentify) {
+        const bool known = *c->now->study_uid && !cts_key_load(c->settings->options->export.key, false, &key, NULL);
         char *study = known ? cts_uid_hash(&key, c->now->study_uid) : NULL;
         json_object_set_new(geometry, "study", study ? json_string(study) : json_null());
         free(study);
@@ -156,14 +156,14 @@ static void tell_geometry(struct CtsBatchChild *c, const CtsPixelFacts *facts)
         add_finding(c, &facts->findings.items[i], NULL);
 }
 
-static CtsStatus list_pictures(struct CtsBatchChild *c, CtsError *err)
+static CtsStatus list_pictures(CtsBatchChild *c, CtsError *err)
 {
     const CtsBatchSettings *s = c->settings;
     CtsStatus st = CTS_OK;
-    if (!(c->pictures = calloc((size_t)s->n_presets * (size_t)s->n_views, sizeof *c->pictures)))
+    if (!(c->pictures = calloc((size_t)s->lists->n_presets * (size_t)s->lists->n_views, sizeof *c->pictures)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int p = 0; p < s->n_presets && !st; p++)
-        for (int v = 0; v < s->n_views && !st; v++) {
+    for (int p = 0; p < s->lists->n_presets && !st; p++)
+        for (int v = 0; v < s->lists->n_views && !st; v++) {
             CtsBatchPicture *picture = &c->pictures[c->n_pictures++];
             *picture = (CtsBatchPicture){.preset = p, .view = v};
             st = find_missing(c, picture, err);
@@ -176,29 +176,22 @@ static CtsStatus list_pictures(struct CtsBatchChild *c, CtsError *err)
     return st;
 }
 
-CtsStatus cts_batch_begin(struct CtsBatchChild *c, const CtsSeries *series, const CtsBatchPicture **pictures, int *n,
-                          CtsError *err)
+CtsStatus cts_child_begin(CtsBatchChild *c, const CtsSeries *series, CtsError *err)
 {
     char uid[96];
     CtsStatus st;
     snprintf(uid, sizeof uid, series->part ? "%s#%d" : "%s", c->series->uid, series->part);
     snprintf(c->folder, sizeof c->folder, series->part ? "%s-%d" : "%s", c->series->folder, series->part);
-    *pictures = NULL;
-    *n = 0;
     take_line(c, uid);
     c->now = series;
     tell_geometry(c, &(CtsPixelFacts){0});
     if (series->renderable && ((st = list_pictures(c, err)) || (c->n_pictures && (st = make_folders(c, err)))))
         return st;
     json_object_set_new(c->line, "unfinished", json_integer(c->n_left));
-    if ((st = cts_child_send_line(c, CTS_CHILD_BEGUN, err)))
-        return st;
-    *pictures = c->pictures;
-    *n = c->n_pictures;
-    return CTS_OK;
+    return cts_child_send_line(c, CTS_CHILD_BEGUN, err);
 }
 
-CtsStatus cts_batch_loaded(struct CtsBatchChild *c, const CtsPixelFacts *facts, CtsError *err)
+CtsStatus cts_child_loaded(CtsBatchChild *c, const CtsPixelFacts *facts, CtsError *err)
 {
     char go;
     const double start_ms = cts_wall_ms();
@@ -215,28 +208,22 @@ CtsStatus cts_batch_loaded(struct CtsBatchChild *c, const CtsPixelFacts *facts, 
     return st;
 }
 
-CtsStatus cts_batch_rendered(struct CtsBatchChild *c, CtsError *err)
-{
-    return cts_child_send(c, CTS_CHILD_RENDERED "\n", err);
-}
-
-static json_t *new_entry(const struct CtsBatchChild *c, const CtsBatchPicture *picture, const char *path)
+/* Of the file PATH, or of PATH with a suffix behind it. */
+static json_t *new_entry(const CtsBatchChild *c, const CtsBatchPicture *picture, const char *path, const char *suffix)
 {
     const CtsBatchSettings *s = c->settings;
-    const size_t n = strlen(s->folder) + 1;
+    const size_t n = strlen(s->options->output_dir) + 1;
     char hex[65] = "";
     const char *dot = strrchr(path, '.');
     cts_line_settings_hash(s, picture->preset, picture->view, dot && !strcmp(dot, ".dcm"), hex, NULL);
-    return json_pack("{s:s,s:s,s:s,s:s}", "path", strlen(path) > n ? path + n : path, "preset",
-                     s->presets[picture->preset].name, "view", s->views[picture->view].name, "settings_sha256", hex);
+    return json_pack("{s:s+,s:s,s:s,s:s}", "path", path + n, suffix, "preset", s->lists->presets[picture->preset].name,
+                     "view", s->lists->views[picture->view].name, "settings_sha256", hex);
 }
 
-CtsStatus cts_batch_output(struct CtsBatchChild *c, const CtsBatchPicture *picture, const char *path, int frame,
-                           uint64_t bytes, CtsError *err)
+CtsStatus cts_child_output(CtsBatchChild *c, const CtsBatchPicture *picture, const char *path, int frame, CtsError *err)
 {
-    json_t *entry = new_entry(c, picture, path);
+    json_t *entry = new_entry(c, picture, path, "");
     const char *dot = strrchr(path, '.');
-    (void)bytes;
     if (frame >= 0)
         json_object_set_new(entry, "frame", json_integer(frame));
     json_object_set_new(entry, "format", json_string(dot ? dot + 1 : ""));
@@ -248,28 +235,27 @@ CtsStatus cts_batch_output(struct CtsBatchChild *c, const CtsBatchPicture *pictu
     return st;
 }
 
-CtsStatus cts_batch_thumbnail(struct CtsBatchChild *c, const CtsBatchPicture *picture, const char *path, int n_frames,
-                              const int size[2], uint64_t bytes, CtsError *err)
+CtsStatus cts_child_thumbnail(CtsBatchChild *c, const CtsBatchPicture *picture, const CtsThumbnailFile *file,
+                              CtsError *err)
 {
-    json_t *entry = new_entry(c, picture, path);
-    json_object_set_new(entry, "frames", json_integer(n_frames));
-    json_object_set_new(entry, "bytes", json_integer((json_int_t)bytes));
-    json_object_set_new(entry, "width", json_integer(size[0]));
-    json_object_set_new(entry, "height", json_integer(size[1]));
+    json_t *entry = new_entry(c, picture, picture->thumb_stem, file->suffix);
+    json_object_update_new(entry, json_pack("{s:i,s:I,s:i,s:i}", "frames", file->n_frames, "bytes",
+                                            (json_int_t)file->bytes, "width", file->width, "height", file->height));
     return json_array_append_new(json_object_get(c->line, "thumbnails"), entry)
                ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
                : CTS_OK;
 }
 
 /* Among the thumbnails, so that it goes where they go. */
-CtsStatus cts_batch_label_slices(struct CtsBatchChild *c, const char *path, uint64_t bytes, CtsError *err)
+CtsStatus cts_child_label_slices(CtsBatchChild *c, const char *path, uint64_t bytes, CtsError *err)
 {
     json_t *list = json_object_get(c->line, "thumbnails");
     for (size_t i = json_array_size(list); i-- > 0;)
         if (json_object_get(json_array_get(list, i), "labels"))
             json_array_remove(list, i);
-    return json_array_append_new(list, json_pack("{s:s,s:b,s:I}", "path", path + strlen(c->settings->folder) + 1,
-                                                 "labels", 1, "bytes", (json_int_t)bytes))
+    return json_array_append_new(list,
+                                 json_pack("{s:s,s:b,s:I}", "path", path + strlen(c->settings->options->output_dir) + 1,
+                                           "labels", 1, "bytes", (json_int_t)bytes))
                ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
                : CTS_OK;
 }
@@ -284,7 +270,7 @@ static bool is_among(const CtsFinding *finding, const CtsFinding *items, size_t 
 
 /* The report's findings up to n that the line does not have yet; preset: whose they are, or NULL: of the series, which
  * the report has once each time that it is read. */
-static void tell_findings(struct CtsBatchChild *c, const CtsFindings *findings, size_t n, const char *preset)
+static void tell_findings(CtsBatchChild *c, const CtsFindings *findings, size_t n, const char *preset)
 {
     for (; c->n_findings < n; c->n_findings++) {
         const CtsFinding *f = &findings->items[c->n_findings];
@@ -295,15 +281,15 @@ static void tell_findings(struct CtsBatchChild *c, const CtsFindings *findings, 
 }
 
 /* What stands and is told outlasts the process: pictures that were made stand even when the next ones never are. */
-CtsStatus cts_batch_picture_done(struct CtsBatchChild *c, const CtsBatchPicture *picture, const CtsReport *report,
+CtsStatus cts_child_picture_done(CtsBatchChild *c, const CtsBatchPicture *picture, const CtsReport *report,
                                  size_t first_finding, CtsError *err)
 {
     const CtsBatchSettings *s = c->settings;
-    const char *preset = s->presets[picture->preset].name;
+    const char *preset = s->lists->presets[picture->preset].name;
     tell_findings(c, &report->findings, first_finding, NULL);
     tell_findings(c, &report->findings, report->findings.n, preset);
     if (report->verified.pixels) {
-        json_t *entry = json_pack("{s:s,s:s}", "preset", preset, "view", s->views[picture->view].name);
+        json_t *entry = json_pack("{s:s,s:s}", "preset", preset, "view", s->lists->views[picture->view].name);
         json_t *error = cts_error_json(report);
         json_object_update(entry, error);
         json_decref(error);
@@ -315,7 +301,7 @@ CtsStatus cts_batch_picture_done(struct CtsBatchChild *c, const CtsBatchPicture 
     return c->n_left > 0 ? cts_child_send_line(c, CTS_CHILD_LINE, err) : CTS_OK;
 }
 
-static void tell_labels(struct CtsBatchChild *c, const CtsReport *report)
+static void tell_labels(CtsBatchChild *c, const CtsReport *report)
 {
     json_t *labels = report->n_labels ? json_array() : NULL;
     for (size_t i = 0; i < report->n_labels; i++)
@@ -324,7 +310,7 @@ static void tell_labels(struct CtsBatchChild *c, const CtsReport *report)
         json_object_set_new(c->line, "labels", labels);
 }
 
-static void tell_times(struct CtsBatchChild *c, const CtsReport *report)
+static void tell_times(CtsBatchChild *c, const CtsReport *report)
 {
     json_t *stages = json_object();
     for (int s = 0; s < CTS_N_STAGES; s++)
@@ -358,7 +344,7 @@ static void sort_outputs(json_t *line)
 }
 
 /* What an earlier run found with presets that this one makes nothing with. */
-static void keep_findings(struct CtsBatchChild *c)
+static void keep_findings(CtsBatchChild *c)
 {
     size_t i;
     json_t *entry;
@@ -367,14 +353,14 @@ static void keep_findings(struct CtsBatchChild *c)
         const char *preset = json_string_value(json_object_get(entry, "preset"));
         bool kept = preset;
         for (int k = 0; k < c->n_pictures && kept; k++)
-            kept = strcmp(c->settings->presets[c->pictures[k].preset].name, preset);
+            kept = strcmp(c->settings->lists->presets[c->pictures[k].preset].name, preset);
         if (kept)
             json_array_append(json_object_get(c->line, "findings"), entry);
     }
 }
 
 /* Nothing had to be made: what the run told that made it stays. */
-static void keep_times(struct CtsBatchChild *c)
+static void keep_times(CtsBatchChild *c)
 {
     static const char *const kept[] = {"geometry",  "findings", "labels",         "stages", "wall_ms",
                                        "waited_ms", "cpu_ms",   "peak_rss_bytes", "threads"};
@@ -386,7 +372,7 @@ static void keep_times(struct CtsBatchChild *c)
     json_decref(geometry);
 }
 
-CtsStatus cts_batch_end(struct CtsBatchChild *c, const CtsReport *report, CtsStatus status, const CtsError *why)
+CtsStatus cts_child_end(CtsBatchChild *c, const CtsReport *report, CtsStatus status, const CtsError *why)
 {
     CtsError err;
     CtsStatus st = CTS_OK;

@@ -17,14 +17,14 @@ static CtsStatus hash_common(const CtsBatchSettings *s, CtsHash **hash, CtsError
     const CtsStatus st = cts_hash_start(hash, err);
     if (!st) {
         cts_hash_text(*hash, CTS_VERSION);
-        cts_hash_text(*hash, s->options_text);
+        cts_hash_text(*hash, s->lists->options);
     }
     return st;
 }
 
 static CtsStatus hash_preset(const CtsBatchSettings *s, int preset, CtsHash *hash, CtsError *err)
 {
-    char *text = cts_preset_to_json(&s->presets[preset]);
+    char *text = cts_preset_to_json(&s->lists->presets[preset]);
     cts_hash_text(hash, text ? text : "");
     const bool made = text;
     free(text);
@@ -39,8 +39,8 @@ CtsStatus cts_line_settings_hash(const CtsBatchSettings *s, int preset, int view
     if (st)
         return st;
     st = hash_preset(s, preset, hash, err);
-    cts_hash_text(hash, s->views[view].name);
-    cts_hash_text(hash, is_dcm ? s->dcm_options_text : "");
+    cts_hash_text(hash, s->lists->views[view].name);
+    cts_hash_text(hash, is_dcm ? s->lists->dcm_options : "");
     const CtsStatus finished = cts_plan_hex(&hash, hex, err);
     return st ? st : finished;
 }
@@ -51,20 +51,21 @@ CtsStatus cts_line_options_hash(const CtsBatchSettings *s, char hex[65], CtsErro
     CtsStatus st = hash_common(s, &hash, err);
     if (st)
         return st;
-    for (int i = 0; i < s->n_presets && !st; i++)
+    for (int i = 0; i < s->lists->n_presets && !st; i++)
         st = hash_preset(s, i, hash, err);
-    for (int i = 0; i < s->n_views; i++)
-        cts_hash_text(hash, s->views[i].name);
-    for (int i = 0; i < s->n_formats; i++)
-        cts_hash_text(hash, s->formats[i]);
-    cts_hash_text(hash, s->dcm_options_text);
+    for (int i = 0; i < s->lists->n_views; i++)
+        cts_hash_text(hash, s->lists->views[i].name);
+    for (int i = 0; i < s->lists->n_formats; i++)
+        cts_hash_text(hash, s->lists->formats[i]);
+    cts_hash_text(hash, s->lists->dcm_options);
     const CtsStatus finished = cts_plan_hex(&hash, hex, err);
     return st ? st : finished;
 }
 
 void cts_line_stem(const CtsBatchSettings *s, const CtsBatchPicture *picture, char stem[CTS_LINE_STEM])
 {
-    snprintf(stem, CTS_LINE_STEM, "%s-%s", s->presets[picture->preset].name, s->views[picture->view].name);
+    snprintf(stem, CTS_LINE_STEM, "%s-%s", s->lists->presets[picture->preset].name,
+             s->lists->views[picture->view].name);
     if (stem[0] == '.' || stem[0] == '-')
         stem[0] = '_';
     for (char *c = stem; *c; c++)
@@ -87,7 +88,7 @@ static bool is_below(const char *path)
 bool cts_line_path(const CtsBatchSettings *s, const json_t *entry, char *path, size_t size)
 {
     const char *name = text_of(entry, "path");
-    const int n = is_below(name) ? snprintf(path, size, "%s/%s", s->folder, name) : -1;
+    const int n = is_below(name) ? snprintf(path, size, "%s/%s", s->options->output_dir, name) : -1;
     return n > 0 && (size_t)n < size;
 }
 
@@ -155,8 +156,8 @@ static bool file_stands(const CtsBatchSettings *s, const json_t *entry, bool by_
 
 static bool is_of(const json_t *entry, const CtsBatchSettings *s, const CtsBatchPicture *picture, const char *format)
 {
-    return !strcmp(text_of(entry, "preset"), s->presets[picture->preset].name) &&
-           !strcmp(text_of(entry, "view"), s->views[picture->view].name) &&
+    return !strcmp(text_of(entry, "preset"), s->lists->presets[picture->preset].name) &&
+           !strcmp(text_of(entry, "view"), s->lists->views[picture->view].name) &&
            (!format || !strcmp(text_of(entry, "format"), format));
 }
 
@@ -164,7 +165,9 @@ bool cts_line_stands(const CtsBatchSettings *s, const json_t *line, const CtsBat
 {
     const json_t *list = json_object_get(line, format ? "outputs" : "thumbnails");
     const bool is_dcm = format && !strcmp(format, "dcm");
-    const int n_wanted = !format ? (s->rotation > 1 ? 2 : 1) : s->rotation && !is_dcm ? s->rotation : 1;
+    const int n_wanted = !format                           ? (s->options->rotation > 1 ? 2 : 1)
+                         : s->options->rotation && !is_dcm ? s->options->rotation
+                                                           : 1;
     char hex[65];
     int n_found = 0;
     size_t i;
@@ -195,9 +198,9 @@ void cts_line_forget(json_t *line, const CtsBatchSettings *s)
     static const char *const files[] = {"files", NULL};
     size_t i;
     json_t *finding;
-    if (!s->show_patient)
+    if (!s->options->show_patient)
         forget(json_object_get(line, "geometry"), patient);
-    if (s->show_paths)
+    if (s->options->show_paths)
         return;
     forget(line, paths);
     json_array_foreach(json_object_get(line, "findings"), i, finding) forget(finding, files);
@@ -206,22 +209,22 @@ void cts_line_forget(json_t *line, const CtsBatchSettings *s)
 bool cts_line_tells_all(const json_t *line, const CtsBatchSettings *s)
 {
     const json_t *geometry = json_object_get(line, "geometry");
-    return (!s->show_paths || json_object_get(line, "sources")) &&
-           (!s->show_patient || !geometry || json_object_get(geometry, "study_date"));
+    return (!s->options->show_paths || json_object_get(line, "sources")) &&
+           (!s->options->show_patient || !geometry || json_object_get(geometry, "study_date"));
 }
 
 bool cts_line_waits(const CtsBatchSettings *s, const json_t *entry)
 {
     const json_t *sent_to = json_object_get(entry, "sent_to");
     bool asked_for = false;
-    for (int p = 0; s->send_to && p < s->n_presets; p++)
-        for (int v = 0; v < s->n_views; v++) {
+    for (int p = 0; s->lists->send_to[0] && p < s->lists->n_presets; p++)
+        for (int v = 0; v < s->lists->n_views; v++) {
             const CtsBatchPicture picture = {.preset = p, .view = v};
             asked_for |= is_of(entry, s, &picture, "dcm");
         }
     for (size_t i = 0; i < json_array_size(sent_to) && asked_for; i++) {
         const char *peer = json_string_value(json_array_get(sent_to, i));
-        asked_for = !peer || strcmp(peer, s->send_to);
+        asked_for = !peer || strcmp(peer, s->lists->send_to);
     }
     return asked_for;
 }
@@ -250,11 +253,11 @@ bool cts_line_settled(const CtsBatchSettings *s, const json_t *line, const char 
     /* All but sending it went well. */
     if (strcmp(status, "done") && !json_object_get(line, "unsent"))
         return false;
-    for (int p = 0; p < s->n_presets; p++)
-        for (int v = 0; v < s->n_views; v++) {
+    for (int p = 0; p < s->lists->n_presets; p++)
+        for (int v = 0; v < s->lists->n_views; v++) {
             const CtsBatchPicture picture = {.preset = p, .view = v};
-            for (int f = 0; f < s->n_formats; f++)
-                if (!cts_line_stands(s, line, &picture, s->formats[f]))
+            for (int f = 0; f < s->lists->n_formats; f++)
+                if (!cts_line_stands(s, line, &picture, s->lists->formats[f]))
                     return false;
             if (!cts_line_stands(s, line, &picture, NULL))
                 return false;

@@ -7,6 +7,13 @@
 
 enum { CTS_LINE_STEM = 160 };
 
+/* A picture, or a rotation, that has to be made of a series. */
+typedef struct CtsBatchPicture {
+    int preset, view;   /* places in the lists */
+    const char **paths; /* of the formats that do not stand; NULL-terminated; a rotation's frames get their numbers */
+    const char *thumb_stem; /* of its thumbnails */
+} CtsBatchPicture;
+
 /* What one picture's file depends on beside its series, as 64 hex digits and a 0. */
 CtsStatus cts_line_settings_hash(const CtsBatchSettings *settings, int preset, int view, bool is_dcm, char hex[65],
                                  CtsError *err);

@@ -1,5 +1,5 @@
 #define _GNU_SOURCE
-#include "app/batch/out_folder.h"
+#include "app/batch/batch.h"
 
 #include "base/file.h"
 #include <errno.h>
@@ -10,20 +10,21 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-CtsStatus cts_batch_open_folder(const CtsBatchSettings *s, CtsError *err)
+CtsStatus cts_batch_open_folder(const CtsBatchSettings *settings, CtsError *err)
 {
+    const CtsOptions *const s = settings->options;
     char folder[PATH_MAX], path[PATH_MAX];
-    if (mkdir(s->folder, 0777) && errno != EEXIST)
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", s->folder, strerror(errno));
-    if (!realpath(s->folder, folder))
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", s->folder, strerror(errno));
-    for (int i = 0; i < s->n_paths; i++)
-        if (realpath(s->paths[i], path) && !strcmp(path, folder))
+    if (mkdir(s->output_dir, 0777) && errno != EEXIST)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s", s->output_dir, strerror(errno));
+    if (!realpath(s->output_dir, folder))
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s", s->output_dir, strerror(errno));
+    for (int i = 0; i < s->paths.n; i++)
+        if (realpath(s->paths.items[i], path) && !strcmp(path, folder))
             return cts_fail(err, CTS_ERR_USAGE,
                             "%s: is searched for series, and nothing is written there "
                             "(choose another folder for -O)",
-                            s->folder);
-    snprintf(path, sizeof path, "%.4000s/batch.jsonl", s->folder);
+                            s->output_dir);
+    snprintf(path, sizeof path, "%.4000s/batch.jsonl", s->output_dir);
     return cts_file_check_writable(path, true, err);
 }
 
@@ -33,7 +34,7 @@ CtsStatus cts_folder_probe(const CtsBatchSettings *settings, CtsError *err)
     char path[PATH_MAX];
     CtsTempFile *temp = NULL;
     char *bytes = calloc(1, PROBE);
-    if (!bytes || snprintf(path, sizeof path, "%s/probe", settings->folder) >= PATH_MAX) {
+    if (!bytes || snprintf(path, sizeof path, "%s/probe", settings->options->output_dir) >= PATH_MAX) {
         free(bytes);
         return CTS_OK;
     }
@@ -43,7 +44,7 @@ CtsStatus cts_folder_probe(const CtsBatchSettings *settings, CtsError *err)
     if (st) {
         const CtsError why = *err;
         const size_t n = strlen(path);
-        cts_fail(err, st, "%s: takes no more files%s", settings->folder,
+        cts_fail(err, st, "%s: takes no more files%s", settings->options->output_dir,
                  strncmp(why.text, path, n) ? "" : why.text + n);
     }
     cts_temp_discard(&temp);

@@ -1,9 +1,8 @@
 /* The batch's own process: reads nothing but headers, hands out series, keeps the journal. */
 #define _GNU_SOURCE
-#include "app/batch/child.h"
-#include "app/batch/line.h"
-#include "app/batch/out_folder.h"
+#include "app/batch/send.h"
 #include "app/batch/sweep.h"
+#include "app/batch/work.h"
 #include "app/batch/worker.h"
 #include "app/contact/contact_sheet.h"
 #include "base/clock.h"
@@ -61,7 +60,7 @@ static const char *text_of(const json_t *object, const char *key)
 /* Of a series that nobody has looked at all pictures may be to come. */
 static double n_pictures_left(const Run *r)
 {
-    double n = (double)r->n_unknown * r->settings->n_presets * r->settings->n_views;
+    double n = (double)r->n_unknown * r->settings->lists->n_presets * r->settings->lists->n_views;
     for (int i = 1; i < r->n_workers; i++)
         n += r->workers[i].n_left;
     return n;
@@ -95,9 +94,9 @@ static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
     const bool whole = ends && r->n_uids_ended == r->result->n_uids;
     const CtsContactWanted wanted = {.run = whole ? NULL : &run, .change = forget, .context = (void *)s};
     const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < fmax(500, 50 * r->sheet_took_ms);
-    if (s->n_shards > 1 || (!ends && wait))
+    if (s->options->shard.n > 1 || (!ends && wait))
         return CTS_OK;
-    const CtsStatus st = cts_contact_sheet_write(s->folder, &wanted, err);
+    const CtsStatus st = cts_contact_sheet_write(s->options->output_dir, &wanted, err);
     r->sheet_ms = cts_wall_ms();
     r->sheet_took_ms = r->sheet_ms - start_ms;
     r->sheet_stale = false;
@@ -212,7 +211,7 @@ static void take_last(Run *r, CtsWorker *w, bool stood)
 
 static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
 {
-    const double limit_ms = 1000 * r->settings->series_timeout_s;
+    const double limit_ms = 1000 * r->settings->options->series_timeout_s;
     w->phase = phase;
     if (phase != CTS_WORKER_WRITES)
         w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
@@ -272,8 +271,8 @@ static void sweep_series(const Run *r, const CtsWorker *w)
 {
     char path[PATH_MAX];
     for (int deep = 0; deep < 2; deep++)
-        if (snprintf(path, sizeof path, "%s/%s%s", r->settings->folder, w->series.folder, deep ? "/thumbs" : "") <
-            PATH_MAX)
+        if (snprintf(path, sizeof path, "%s/%s%s", r->settings->options->output_dir, w->series.folder,
+                     deep ? "/thumbs" : "") < PATH_MAX)
             cts_sweep(path, w->pid);
 }
 
@@ -319,7 +318,7 @@ static bool any_worker(const Run *r)
 /* What an earlier run made of a series stands; says so in this shard's own journal. */
 static bool stands(Run *r, const CtsPlanSeries *series)
 {
-    json_t *line = r->settings->fresh ? NULL : cts_journal_find(r->journal, series->uid);
+    json_t *line = r->settings->options->fresh ? NULL : cts_journal_find(r->journal, series->uid);
     const bool settled =
         line && cts_line_settled(r->settings, line, series->input_sha256) && cts_line_tells_all(line, r->settings);
     if (settled) {
@@ -372,8 +371,8 @@ static bool start_next(Run *r)
         }
         const size_t left = cts_plan_n_series(r->plan) - r->next + (size_t)n_at_work;
         const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
-        st = cts_child_start(r->settings, r->journal, cts_plan_archives(r->plan), &w->series,
-                             threads_of_one(r, at_once), &w->pid, &w->socket, &err);
+        st = cts_work_start(r->settings, r->journal, cts_plan_archives(r->plan), &w->series, threads_of_one(r, at_once),
+                            &w->pid, &w->socket, &err);
         if (st) {
             w->pid = 0;
             cts_plan_series_free(&w->series);
@@ -520,33 +519,20 @@ static CtsStatus run_series(Run *r)
 
 static CtsStatus search(Run *r, CtsError *err)
 {
-    const CtsBatchSettings *s = r->settings;
-    const CtsPlanInput input = {.paths = s->paths,
-                                .n_paths = s->n_paths,
-                                .n_threads = s->n_threads,
-                                .folder = s->folder,
-                                .series_uid = s->series_uid,
-                                .key = s->deidentify ? &r->key : NULL,
-                                .labels = s->labels,
-                                .n_labels = s->n_labels,
-                                .shard = s->shard,
-                                .n_shards = s->n_shards,
-                                .warn = s->told.warning,
-                                .counts = s->told.searching,
-                                .context = s->told.context,
-                                .stop = s->stop};
-    CtsStatus st = s->deidentify ? cts_key_load(s->key, s->n_shards == 1, &r->key, err) : CTS_OK;
+    const CtsOptions *o = r->settings->options;
+    const CtsExportSettings *e = &o->export;
+    CtsStatus st = e->deidentify ? cts_key_load(e->key, o->shard.n == 1, &r->key, err) : CTS_OK;
     if (!st)
-        st = cts_plan_new(&r->plan, &input, err);
+        st = cts_plan_new(&r->plan, r->settings, e->deidentify ? &r->key : NULL, err);
     if (st)
         return st;
     const CtsArchiveCounts counts = cts_plan_counts(r->plan);
     r->result->n_series = r->result->n_uids = r->n_unknown = cts_plan_n_series(r->plan);
     r->result->n_unreadable = counts.n_unreadable;
     r->result->n_packed = counts.n_packed;
-    if (!r->result->n_series && s->n_shards == 1 && s->series_uid)
-        return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", s->series_uid);
-    if (!r->result->n_series && s->n_shards == 1)
+    if (!r->result->n_series && o->shard.n == 1 && o->series_uid)
+        return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->series_uid);
+    if (!r->result->n_series && o->shard.n == 1)
         return cts_fail(err, CTS_ERR_NO_SERIES,
                         "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (name these "
                         "themselves)",
@@ -558,18 +544,18 @@ static CtsStatus search(Run *r, CtsError *err)
 CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err)
 {
     CtsStatus st;
+    const CtsOptions *o = settings->options;
     Run r = {.settings = settings, .result = result, .start_ms = cts_wall_ms(), .err = err};
     *result = (CtsBatchResult){0};
-    r.n_threads = cts_threads(settings->n_threads);
-    r.n_jobs = settings->n_jobs ? settings->n_jobs : r.n_threads + 1; /* one of them may wait for the disk */
+    r.n_threads = cts_threads(o->render.n_threads);
+    r.n_jobs = o->jobs ? o->jobs : r.n_threads + 1; /* one of them may wait for the disk */
     r.n_jobs = r.n_jobs < CTS_BATCH_MOST_JOBS ? r.n_jobs : CTS_BATCH_MOST_JOBS;
     r.n_workers = N_WORKERS(r.n_jobs);
     if (!(r.workers = calloc((size_t)r.n_workers, sizeof *r.workers)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if ((st =
-             cts_journal_open(&r.journal, settings->folder, settings->shard, settings->n_shards, settings->fresh, err)))
+    if ((st = cts_journal_open(&r.journal, o->output_dir, o->shard.i, o->shard.n, o->fresh, err)))
         goto end;
-    cts_sweep_all(settings->folder, settings->shard, settings->n_shards);
+    cts_sweep_all(o->output_dir, o->shard.i, o->shard.n);
     if ((st = search(&r, err)))
         goto end;
     r.free_bytes = 0.9 * (double)cts_memory_available();

@@ -1,26 +1,26 @@
 #define _GNU_SOURCE
 #include "app/batch/work.h"
 
+#include "app/batch/child_series.h"
 #include "app/contact/label_slices.h"
-#include "app/contact/thumbnail.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
+#include "base/helper_process.h"
 #include "base/meter.h"
 #include "output/report/log.h"
-#include "output/report/masked.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 /* One series under way. */
 typedef struct Work {
-    const CtsBatchJob *batch;
-    const CtsBatchTask *task;
+    CtsBatchChild *child;
+    const CtsBatchSettings *settings;
     CtsLoaded loaded;
     const char **label_paths; /* of its study; n_label_paths, owned */
     int n_label_paths;
-    bool told;  /* the batch knows that it is read */
-    int n_left; /* pictures that are not made yet */
+    bool told; /* the batch knows that it is read */
     CtsReport report;
     CtsLog *log;
     CtsNames names; /* that the log does not tell */
@@ -31,13 +31,12 @@ typedef struct Work {
     CtsError err; /* of what the job must not know of */
 } Work;
 
-static CtsJob job_of(const CtsBatchJob *batch, const CtsBatchPicture *picture)
+static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
 {
-    CtsJob job = batch->job;
-    const CtsBatchSettings *s = batch->settings;
-    job.preset = &s->presets[picture->preset];
-    job.render.azimuth_deg = s->views[picture->view].azimuth_deg;
-    job.render.elevation_deg = s->views[picture->view].elevation_deg;
+    CtsJob job = s->job;
+    job.preset = &s->lists->presets[picture->preset];
+    job.render.azimuth_deg = s->lists->views[picture->view].azimuth_deg;
+    job.render.elevation_deg = s->lists->views[picture->view].elevation_deg;
     job.source.remove_table = job.preset->remove_table;
     job.source.labels_unnamed = true; /* in journal and sheet */
     job.outputs.paths = (const char *const *)picture->paths;
@@ -47,18 +46,17 @@ static CtsJob job_of(const CtsBatchJob *batch, const CtsBatchPicture *picture)
     return job;
 }
 
-CtsStatus cts_batch_check(const CtsBatchJob *batch, CtsReport *report, CtsError *err)
+CtsStatus cts_batch_check(const CtsBatchSettings *s, CtsReport *report, CtsError *err)
 {
-    const CtsBatchSettings *s = batch->settings;
-    CtsStatus st = cts_log_check(batch->log, err);
-    for (int p = 0; p < s->n_presets && !st; p++)
-        for (int f = 0; f < s->n_formats && !st; f++) {
+    CtsStatus st = cts_log_check(s->options->log, err);
+    for (int p = 0; p < s->lists->n_presets && !st; p++)
+        for (int f = 0; f < s->lists->n_formats && !st; f++) {
             char *path;
-            if (asprintf(&path, "%s/%s.%s", s->folder, "check", s->formats[f]) < 0)
+            if (asprintf(&path, "%s/check.%s", s->options->output_dir, s->lists->formats[f]) < 0)
                 return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
             const char *paths[] = {path, NULL};
             const CtsBatchPicture picture = {.preset = p, .paths = paths};
-            const CtsJob job = job_of(batch, &picture);
+            const CtsJob job = job_of(s, &picture);
             st = cts_job_check(&job, f == 0 ? report : NULL, err);
             free(path);
         }
@@ -78,15 +76,17 @@ static void on_band(void *context, int frame, const CtsPicture *band)
     Work *const w = context;
     CtsError err = {0};
     CtsStatus st = CTS_OK;
-    const int n_frames = w->batch->job.outputs.rotation ? w->batch->job.outputs.rotation : 1;
+    const int n_frames = w->settings->options->rotation ? w->settings->options->rotation : 1;
     if (w->status)
         return;
     if (frame == 0 && band->first_row == 0)
         st = cts_thumbnail_begin(&w->thumb, w->picture->thumb_stem, CTS_THUMBNAIL_SIDE, band, n_frames, &err);
     if (!st)
         st = cts_thumbnail_rows(w->thumb, band, &err);
-    if (!st && w->n_left == 1 && frame == n_frames - 1 && band->first_row + band->height == w->batch->job.render.height)
-        st = cts_batch_rendered(w->task->child, &err);
+    /* Though not all of it is written: another series may render. */
+    if (!st && w->child->n_left == 1 && frame == n_frames - 1 &&
+        band->first_row + band->height == w->settings->job.render.height)
+        st = cts_child_send(w->child, CTS_CHILD_RENDERED "\n", &err);
     keep(w, st, &err);
 }
 
@@ -102,10 +102,7 @@ static void on_output(void *context, const char *path, const char *format, uint6
     Work *const w = context;
     CtsError err = {0};
     cts_log_output(w->log, path, format, bytes);
-    keep(
-        w,
-        cts_batch_output(w->task->child, w->picture, path, frame_of(path, w->batch->job.outputs.rotation), bytes, &err),
-        &err);
+    keep(w, cts_child_output(w->child, w->picture, path, frame_of(path, w->settings->options->rotation), &err), &err);
 }
 
 static CtsStatus end_thumb(Work *w, CtsError *err)
@@ -113,14 +110,8 @@ static CtsStatus end_thumb(Work *w, CtsError *err)
     CtsThumbnailFile files[CTS_THUMBNAIL_FILES];
     int n_files = 0;
     CtsStatus st = w->thumb ? cts_thumbnail_end(&w->thumb, files, &n_files, err) : CTS_OK;
-    for (int i = 0; i < n_files && !st; i++) {
-        char *path;
-        const int size[2] = {files[i].width, files[i].height};
-        if (asprintf(&path, "%s%s", w->picture->thumb_stem, files[i].suffix) < 0)
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        st = cts_batch_thumbnail(w->task->child, w->picture, path, files[i].n_frames, size, files[i].bytes, err);
-        free(path);
-    }
+    for (int i = 0; i < n_files && !st; i++)
+        st = cts_child_thumbnail(w->child, w->picture, &files[i], err);
     return st;
 }
 
@@ -142,7 +133,7 @@ static CtsStatus show_labels(Work *w, CtsError *err)
     if (!st && asprintf(&path, "%s%s", stem, files[0].suffix) < 0)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st)
-        st = cts_batch_label_slices(w->task->child, path, files[0].bytes, err);
+        st = cts_child_label_slices(w->child, path, files[0].bytes, err);
     cts_thumbnail_discard(&thumb);
     cts_picture_free(&picture);
     free(stem);
@@ -165,7 +156,7 @@ static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err
             CtsPixelFacts facts = {0};
             cts_pixel_facts(&facts, w->loaded.scanned->even);
             w->told = true;
-            st = cts_batch_loaded(w->task->child, &facts, err);
+            st = cts_child_loaded(w->child, &facts, err);
             if (!st && w->loaded.labels)
                 st = show_labels(w, err);
         }
@@ -191,41 +182,36 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
         st = w->status;
     }
     if (!st && !(st = end_thumb(w, err)))
-        st = cts_batch_picture_done(w->task->child, w->picture, &w->report, first_finding, err);
+        st = cts_child_picture_done(w->child, w->picture, &w->report, first_finding, err);
     cts_thumbnail_discard(&w->thumb);
     return st;
 }
 
-static int n_without_table(const Work *w, const CtsBatchPicture *pictures, int n)
-{
-    int n_without = 0;
-    for (int i = 0; i < n; i++)
-        n_without += job_of(w->batch, &pictures[i]).source.remove_table;
-    return n_without;
-}
-
 /* Two volumes of one scan, those pictures first that keep the table. */
-static CtsStatus render_pictures(Work *w, const CtsBatchPicture *pictures, int n, CtsError *err)
+static CtsStatus render_pictures(Work *w, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    const bool both = n_without_table(w, pictures, n) > 0;
+    const CtsBatchPicture *const pictures = w->child->pictures;
+    const int n = w->child->n_pictures;
+    bool both = false;
+    for (int i = 0; i < n; i++)
+        both |= job_of(w->settings, &pictures[i]).source.remove_table;
     for (int without_table = 0; without_table < 2; without_table++) {
         bool loaded = false;
         for (int i = 0; i < n && !st; i++) {
-            CtsJob job = job_of(w->batch, &pictures[i]);
+            CtsJob job = job_of(w->settings, &pictures[i]);
             if (job.source.remove_table != (bool)without_table)
                 continue;
-            job.source.n_threads = job.render.n_threads = w->task->n_threads;
+            job.source.n_threads = job.render.n_threads = w->child->n_threads;
             job.source.paths = w->label_paths;
             job.source.n_paths = w->n_label_paths;
             job.source.labels_listed = true;
-            job.source.archives = w->task->archives;
+            job.source.archives = w->child->archives;
             w->picture = &pictures[i];
             if (!loaded && (st = load(w, &job.source, without_table || !both, err)))
                 break;
             loaded = true;
             st = render_picture(w, &job, err);
-            w->n_left--;
         }
     }
     return st;
@@ -234,11 +220,12 @@ static CtsStatus render_pictures(Work *w, const CtsBatchPicture *pictures, int n
 /* Label files of the series' study, so that a batch opens each about once. */
 static CtsStatus list_label_files(Work *w, CtsError *err)
 {
-    w->label_paths = calloc(w->task->n_label_files + 1, sizeof *w->label_paths);
+    const CtsPlanSeries *const s = w->child->series;
+    w->label_paths = calloc(s->n_label_files + 1, sizeof *w->label_paths);
     if (!w->label_paths)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; i < w->task->n_label_files; i++) {
-        const CtsBatchLabelFile *const f = &w->task->label_files[i];
+    for (size_t i = 0; i < s->n_label_files; i++) {
+        const CtsBatchLabelFile *const f = &s->label_files[i];
         if (!strcmp(f->study_uid, w->loaded.series->study_uid))
             w->label_paths[w->n_label_paths++] = f->path;
     }
@@ -248,22 +235,20 @@ static CtsStatus list_label_files(Work *w, CtsError *err)
 static CtsStatus render_series(Work *w)
 {
     CtsError err = {0}, log_err;
-    const CtsBatchPicture *pictures;
-    int n;
+    const CtsOptions *const o = w->settings->options;
+    const CtsPlanSeries *const s = w->child->series;
     const double start_ms = cts_wall_ms();
-    CtsStatus st = cts_batch_begin(w->task->child, w->loaded.series, &pictures, &n, &err);
+    CtsStatus st = cts_child_begin(w->child, w->loaded.series, &err);
     if (!st)
         st = list_label_files(w, &err);
     if (!st && !w->loaded.series->renderable)
         st = cts_fail(&err, w->loaded.series->refusal, "%s", w->loaded.series->reason);
-    if (!st && !(st = cts_log_open(&w->log, w->batch->log, w->batch->job.export.key, w->batch->settings->n_shards == 1,
-                                   start_ms, &err))) {
-        cts_log_run(w->log, w->batch->command, w->loaded.series->uid);
-        for (int i = 0; w->log && !w->batch->settings->show_paths && i < w->task->n_paths; i++)
-            cts_names_add(&w->names, w->task->paths[i]);
+    if (!st && !(st = cts_log_open(&w->log, o->log, o->export.key, o->shard.n == 1, start_ms, &err))) {
+        cts_log_run(w->log, w->settings->command, w->loaded.series->uid);
+        for (int i = 0; w->log && !o->show_paths && i < s->n_paths; i++)
+            cts_names_add(&w->names, s->paths[i]);
         cts_log_without_names(w->log, &w->names);
-        w->n_left = n;
-        st = render_pictures(w, pictures, n, &err);
+        st = render_pictures(w, &err);
     }
     cts_loaded_free(&w->loaded);
     free(w->label_paths);
@@ -271,28 +256,27 @@ static CtsStatus render_series(Work *w)
     if (st)
         cts_log_failed(w->log, cts_exit_code(st), err.text);
     else
-        cts_log_done(w->log, w->task->n_threads);
+        cts_log_done(w->log, w->child->n_threads);
     if (cts_log_close(&w->log, &log_err))
         cts_report_finding(&w->report, "log_lost", CTS_WARNING, "the log is not whole: %s", log_err.text);
     cts_names_free(&w->names);
-    const CtsStatus told = cts_batch_end(w->task->child, &w->report, st, &err);
+    const CtsStatus told = cts_child_end(w->child, &w->report, st, &err);
     cts_report_free(&w->report);
     return st == CTS_ERR_INTERRUPTED || told ? CTS_ERR_INTERRUPTED : CTS_OK;
 }
 
-CtsStatus cts_batch_render(void *context, const CtsBatchTask *task, CtsError *err)
+static CtsStatus render_all(CtsBatchChild *c, CtsError *err)
 {
-    const CtsBatchJob *batch = context;
+    const CtsPlanSeries *const s = c->series;
     CtsSeriesList *list = NULL;
     CtsReport scan = {0};
-    CtsStatus st =
-        cts_series_find_among(task->archives, task->paths, task->n_paths, task->n_threads, &list, &scan, err);
+    CtsStatus st = cts_series_find_among(c->archives, s->paths, s->n_paths, c->n_threads, &list, &scan, err);
     for (size_t i = 0; !st && i < list->n; i++) {
-        Work work = {.batch = batch, .task = task, .loaded.series = &list->items[i]};
+        Work work = {.child = c, .settings = c->settings, .loaded.series = &list->items[i]};
         for (size_t f = 0; f < list->findings.n; f++)
             cts_report_finding(&work.report, list->findings.items[f].code, list->findings.items[f].severity, "%s",
                                list->findings.items[f].text);
-        if (strcmp(work.loaded.series->uid, task->uid) && work.loaded.series->uid[0])
+        if (strcmp(work.loaded.series->uid, s->own_uid) && work.loaded.series->uid[0])
             continue;
         work.report.stages[CTS_STAGE_SCAN] = scan.stages[CTS_STAGE_SCAN];
         scan.stages[CTS_STAGE_SCAN] = (CtsStageTime){0}; /* the first one's */
@@ -303,12 +287,26 @@ CtsStatus cts_batch_render(void *context, const CtsBatchTask *task, CtsError *er
     return st;
 }
 
-CtsStatus cts_batch_send(void *context, const char *const *paths, int n,
-                         void (*sent)(void *sent_context, const char *path), void *sent_context, CtsError *err)
+static void run_series(CtsBatchChild *c)
 {
-    const CtsBatchJob *batch = context;
-    CtsNet net = *batch->net;
-    net.sent = sent;
-    net.context = sent_context;
-    return cts_net_send(batch->peer, &net, paths, n, NULL, err);
+    CtsError err = {0};
+    for (int i = 0; i < c->series->n_paths; i++)
+        cts_names_add(&c->names, c->series->paths[i]);
+    const CtsStatus st = render_all(c, &err);
+    if (st && st != CTS_ERR_INTERRUPTED && !c->told) {
+        c->line = cts_child_failed_line(c->settings, c->series, "", 1);
+        cts_child_tell_status(c, st, err.text);
+        cts_child_send_line(c, CTS_CHILD_LAST, NULL);
+    }
+    fflush(NULL);
+    cts_helper_stop();
+    _exit(st == CTS_ERR_INTERRUPTED ? 130 : 0);
+}
+
+CtsStatus cts_work_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
+                         const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err)
+{
+    CtsBatchChild child = {
+        .settings = settings, .journal = journal, .archives = archives, .series = series, .n_threads = n_threads};
+    return cts_child_fork(&child, run_series, pid, socket, err);
 }
