@@ -30,6 +30,35 @@ ok render $see --label-colours --size 256x256 --annotate labels -o named.png
 ok render $see --hide 1 --annotate labels -o none.png
 has err 'no label has a colour of its own'
 
+# A look file says the same, and options beside it win.
+cat >own.json <<'END'
+{"name": "own", "points": [{"hu": 0, "rgb": [1, 1, 0], "opacity": 0}, {"hu": 900, "rgb": [1, 1, 1], "opacity": 1}]}
+END
+printf '{"show": ["1", "rest"], "label": {"1": "#ff0000:0.2", "rest": %s}}' "$(cat own.json)" >look.json
+ok render $see --show 1,rest --label 1=#ff0000:0.2 --label rest=own.json -o options.png
+ok render $see --look look.json -o look.png
+cmp options.png look.png || fail "a look file makes another picture than its options"
+ok render $see --show all,rest --label 1=#00ff00 --label rest=own.json -o options.png --force
+ok render $see --look look.json --show all,rest --label 1=#00ff00 -o look.png --force
+cmp options.png look.png || fail "options beside a look file do not win"
+ok render $see --look look.json -o look.png --write-state look.dcm --force
+ok render "$data/phantom" --state look.dcm --labels "$labels/binary" -o state.png
+cmp look.png state.png || fail "a state forgets what a look file says"
+rm options.png look.png state.png look.dcm
+while read -r text why; do
+    echo "$text" | tr '~' '\n' >bad.json
+    refused 2 "bad.json: line $why" render $see --look bad.json -o x.png
+done <<'END'
+{"show":~"1"} 2: show is not
+{"show":["1,2"]} 1: "1,2" is not one name
+{"shown":["1"]} 1: unknown key "shown"
+{"label":~{"1=2":"bone"}} 2: "1=2" names no label
+{"label":{"1":~{"name":"x"}}} 2: preset: line 1: points is missing
+{"label_colours":1} 1: label_colours is
+[] 1: the file is not an object
+END
+refused 2 'no-such.json: No such file' render $see --look no-such.json -o x.png
+
 refused 2 'did you mean part' render $see --show 'part 3x' -o x.png
 refused 2 'there are no labels' render "$data/phantom" --hide 1 -o x.png
 refused 2 'not a preset' render $see --label '1=#12345' -o x.png
@@ -52,6 +81,18 @@ has err '1 of them before'
 touch -d '2001-02-03' mask
 ok batch "$data/phantom" -O made --labels mask --hide 1 --size 32x32
 ! grep -q 'before' err || fail "a batch does not see that its labels have changed"
+
+echo '{"1": "one"}' >names.json
+named="$data/phantom -O named --labels mask --label-names names.json --size 32x32 --formats png"
+echo '{"label": {"1": "own.json"}}' >look.json
+ok batch $named --look look.json
+ok batch $named --look look.json
+has err '1 of them before'
+for change in 's/one/two/ names.json' 's/900/800/ own.json' 's/own.json/bone/ look.json'; do
+    sed -i $change
+    ok batch $named --look look.json
+    ! grep -q 'before' err || fail "a batch does not see $change"
+done
 
 # Only of the same study, only what is seen, and not where nothing is named.
 segmentation=1.2.840.10008.5.1.4.1.1.66.4

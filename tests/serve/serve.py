@@ -169,6 +169,10 @@ def labels():
             own = render('png', '--size', '64x48', '--png-bits', '8', '--preset', 'muscle', '--labels', folder, *words.split())
             assert server.get(f'{picture}&{query}') == own != plain, query
         assert server.get(picture) == plain
+        look = '{"label":{"1":"%s"}}'
+        assert server.get(f'{picture}&look=' + look % '%23ff0000') == server.get(f'{picture}&label=1%3D%23ff0000')
+        for refused in 'look.json', look % '/etc/passwd':
+            server.refused(400, 'look|preset', picture + '&look=' + refused)
         listed = json.loads(server.get(f'/series/{server.series()[0]["id"]}/labels'))
         assert listed and all(label['name'] and label['voxels'] >= 0 for label in listed), listed
         server.refused(400, 'no label is called so', picture + '&hide=nobody')

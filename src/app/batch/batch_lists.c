@@ -2,6 +2,8 @@
 
 #include "app/words/option_value.h"
 #include "app/words/words_job.h"
+#include "ctsplat/label_files.h"
+#include "ctsplat/preset.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -136,6 +138,45 @@ static CtsStatus take_peer(const CtsOptions *options, CtsBatchLists *l, bool any
     return CTS_OK;
 }
 
+/* What stands in the files that options of labels name: it changes under the same words. */
+static CtsStatus put_files(const CtsOptions *options, FILE *out, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    char *text = NULL;
+    if (options->label_names && !(st = cts_labels_stamp(options->label_names, "", &text, err)))
+        fputs(text, out);
+    free(text);
+    for (int i = 0; i < options->label_looks.n && !st; i++) {
+        const char *const look = strchr(options->label_looks.items[i], '=');
+        CtsPreset preset;
+        if (!look || !look[1] || look[1] == '#')
+            continue;
+        if ((st = cts_preset_load(look + 1, &preset, err)))
+            return cts_context(err, "`label` %.*s", (int)(look - options->label_looks.items[i]),
+                               options->label_looks.items[i]);
+        text = cts_preset_to_json(&preset);
+        fputs(text ? text : "", out);
+        free(text);
+    }
+    return st;
+}
+
+static CtsStatus put_options(const CtsOptions *options, CtsBatchLists *lists, CtsError *err)
+{
+    size_t size;
+    char *const words = cts_options_text(options, CTS_TOUCHES_PICTURES);
+    FILE *const out = words ? open_memstream(&lists->options, &size) : NULL;
+    CtsStatus st = CTS_OK;
+    if (out) {
+        fputs(words, out);
+        st = put_files(options, out, err);
+    }
+    free(words);
+    lists->dcm_options = cts_options_text(options, CTS_TOUCHES_DCM);
+    const bool made = out && !fclose(out) && lists->dcm_options;
+    return st || made ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+}
+
 CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
@@ -145,7 +186,5 @@ CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsRe
         return st;
     join_circles(options, lists, report);
     cts_options_tell_objects(options, any_object, report);
-    lists->options = cts_options_text(options, CTS_TOUCHES_PICTURES);
-    lists->dcm_options = cts_options_text(options, CTS_TOUCHES_DCM);
-    return lists->options && lists->dcm_options ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    return put_options(options, lists, err);
 }

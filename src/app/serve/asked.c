@@ -74,8 +74,8 @@ static CtsStatus take_words(CtsAsked *asked, CtsError *err)
         const CtsWord word = {.name = asked->query.parts[i].name, .value = asked->query.parts[i].value};
         if (!strcmp(word.name, "preset") && (st = check_preset(word.value, err)))
             return st;
-        if (!strcmp(word.name, "label") && (st = check_look(word.value, err)))
-            return st;
+        if (!strcmp(word.name, "look") && word.value[0] != '{')
+            return cts_fail(err, CTS_ERR_USAGE, "`look`: stands in the request itself, as JSON");
         st = cts_options_take(&asked->options, CTS_FOR_REQUEST, &word, err);
     }
     return st;
@@ -109,6 +109,9 @@ CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const ch
     if ((st = take_words(asked, err)) || (st = name_file(asked, format, folder, serial, err)) ||
         (st = cts_options_end(o, CTS_FOR_REQUEST, err)))
         return st;
+    for (int i = 0; i < o->label_looks.n; i++)
+        if ((st = check_look(o->label_looks.items[i], err)))
+            return st;
     if (o->rotation > 1 && !format->many_frames)
         return cts_fail(err, CTS_ERR_USAGE, "one .%s holds one picture, not the %d of a rotation (take webp or dcm)",
                         format->name, o->rotation);

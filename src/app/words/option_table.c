@@ -101,6 +101,8 @@ const CtsOption cts_options[] = {
      "labels in the colours of their files, else in some that are easy to tell apart", NULL, FLAG(label_colours)},
     {0, "label-order", "LIST", LOOKS, FRESH, "which labels own what several of them hold, the first one first",
      "the smallest", TEXT(label_order)},
+    {0, "look", "FILE", LOOKS, SAME,
+     "show, hide, label, label_colours and label_order as JSON; options beside it win", NULL, TEXT(look_path)},
     {0, "engine", "NAME", LOOKS, FRESH, "how the picture is made", "tiled", CHOICE(render.engine, cts_engine_names)},
     {0, "kernel", "NAME[:RADIUS]", LOOKS, FRESH,
      "{kernels}: what a voxel is reconstructed with (cone-paper without normalised weights, as the paper has it), and "

@@ -40,6 +40,7 @@ void cts_options_free(CtsOptions *options)
     free(options->words);
     free(options->recipe);
     cts_state_free(&options->state);
+    cts_look_free(&options->look);
     *options = (CtsOptions){0};
 }
 
@@ -189,6 +190,39 @@ static CtsStatus take_state(CtsOptions *options, CtsCommand command, CtsError *e
     return st;
 }
 
+/* The last n of them come first. */
+static CtsStatus lead(void *items, int n_items, int n, size_t size, CtsError *err)
+{
+    const size_t last = (size_t)n * size, others = (size_t)(n_items - n) * size;
+    char *const moved = malloc(last + 1);
+    if (!moved)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (last) {
+        memcpy(moved, (char *)items + others, last);
+        memmove((char *)items + last, items, others);
+        memcpy(items, moved, last);
+    }
+    free(moved);
+    return CTS_OK;
+}
+
+/* What the look file says, as if it stood before the words: the last look of a label holds. */
+static CtsStatus take_look(CtsOptions *options, CtsCommand command, CtsError *err)
+{
+    const int n_own = options->n_words, n_looks = options->label_looks.n;
+    CtsStatus st = cts_look_read(options->look_path, &options->look, err);
+    for (int i = 0; !st && i < options->look.n; i++) {
+        const CtsWord *const said = &options->look.words[i];
+        if (!strcmp(said->name, "label") || !cts_options_given(options, said->name))
+            st = cts_options_take(options, command, said, err);
+    }
+    if (!st)
+        st = lead(options->words, options->n_words, options->n_words - n_own, sizeof *options->words, err);
+    return st ? st
+              : lead(options->label_looks.items, options->label_looks.n, options->label_looks.n - n_looks,
+                     sizeof *options->label_looks.items, err);
+}
+
 /* In the table's order; of an option that holds one value the last. */
 static CtsStatus write_recipe(CtsOptions *options, CtsError *err)
 {
@@ -225,8 +259,8 @@ static CtsStatus check_peers(const CtsOptions *o, CtsCommand command, CtsError *
 
 CtsStatus cts_options_end(CtsOptions *options, CtsCommand command, CtsError *err)
 {
-    CtsStatus st = options->state_path ? take_state(options, command, err) : CTS_OK;
-    if (st || (st = write_recipe(options, err)))
+    CtsStatus st = options->look_path ? take_look(options, command, err) : CTS_OK;
+    if (st || (options->state_path && (st = take_state(options, command, err))) || (st = write_recipe(options, err)))
         return st;
     if (!options->preset)
         options->preset = options->state ? options->state->preset.name : "bone";

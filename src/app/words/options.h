@@ -3,6 +3,7 @@
 #ifndef CTS_WORDS_OPTIONS_H
 #define CTS_WORDS_OPTIONS_H
 
+#include "app/words/look_file.h"
 #include "ctsplat/bounds.h"
 #include "ctsplat/export.h"
 #include "ctsplat/job.h"
@@ -49,6 +50,8 @@ typedef struct CtsOptions {
     const char *show, *hide, *label_order;
     CtsTextList label_looks;
     bool label_colours;
+    const char *look_path; /* NULL when not given */
+    CtsLook look;          /* of it */
     struct CtsBackground {
         bool given, none;
         double rgb[3];
