@@ -44,16 +44,21 @@ typedef struct Shaping {
     atomic_int n_failed;
 } Shaping;
 
-/* Where a block's grey levels come from, in the slice before and behind, in pixels from there; how much of it does. */
+typedef float Four __attribute__((vector_size(16)));
+typedef int32_t FourInts __attribute__((vector_size(16)));
+
+/* Where a block's grey levels come from, in pixels from there: x and y in the slice before, x and y in the one behind;
+ * and how much of it does. */
 typedef struct Move {
-    float before[2], behind[2], share;
+    Four from;
+    float share;
 } Move;
 
 /* What one thread works with. */
 typedef struct Scratch {
     Field field[2];
     uint16_t *grey, *row;       /* of both fields; two rows of blocks */
-    uint8_t *flags;             /* of blocks, for one gap */
+    uint8_t *moves, *near;      /* for one gap: blocks that move, and those that do or whose neighbours in the row do */
     uint32_t *moving, *written; /* blocks whose moves are wanted, and those whose pixels may be made */
     size_t n_moving, n_written;
     Move *move;
@@ -71,7 +76,8 @@ static void scratch_free(Scratch *c)
     cts_free(&c->grey);
     cts_free(&c->row);
     cts_free(&c->move);
-    cts_free(&c->flags);
+    cts_free(&c->moves);
+    cts_free(&c->near);
     cts_free(&c->moving);
     cts_free(&c->written);
 }
@@ -83,8 +89,8 @@ static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
     *c = (Scratch){.grey = NULL};
     if ((st = cts_alloc_array(&c->store, 2 * N_SURFACES * n, err)) || (st = cts_alloc_array(&c->grey, 2 * n, err)) ||
         (st = cts_alloc_array(&c->row, 2 * (size_t)s->n_blocks[0], err)) || (st = cts_alloc_zeroed(&c->move, n, err)) ||
-        (st = cts_alloc_array(&c->flags, n, err)) || (st = cts_alloc_array(&c->moving, n, err)) ||
-        (st = cts_alloc_array(&c->written, n, err))) {
+        (st = cts_alloc_array(&c->moves, n, err)) || (st = cts_alloc_array(&c->near, n, err)) ||
+        (st = cts_alloc_array(&c->moving, n, err)) || (st = cts_alloc_array(&c->written, n, err))) {
         scratch_free(c);
         return st;
     }
@@ -143,49 +149,69 @@ static int to_crossing(uint16_t own, uint16_t other, uint16_t level)
     return (int)(SIDE * (own - (level - 0.5F)) / ((float)own - other) + 0.5F);
 }
 
+static int16_t begin_distance(const uint16_t *at, const uint16_t *above, const uint16_t *below, int to_left,
+                              int to_right, uint16_t level)
+{
+    return (int16_t)least(least(to_crossing(*at, at[to_left], level), to_crossing(*at, at[to_right], level)),
+                          least(to_crossing(*at, *above, level), to_crossing(*at, *below, level)));
+}
+
 static void begin_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
-    for (int j = 0; j < ny; j++) {
+    for (int j = 0; j < ny; j++, d += nx) {
         const uint16_t *const row = grey + (size_t)j * (size_t)nx, *const above = j > 0 ? row - nx : row;
         const uint16_t *const below = j + 1 < ny ? row + nx : row;
-        for (int i = 0; i < nx; i++) {
-            const uint16_t g = row[i], left = row[i > 0 ? i - 1 : 0], right = row[least(i + 1, nx - 1)];
-            const bool in = g >= level;
-            int nearest = FAR;
-            if ((left >= level) != in || (right >= level) != in || (above[i] >= level) != in ||
-                (below[i] >= level) != in)
-                nearest = least(least(to_crossing(g, left, level), to_crossing(g, right, level)),
-                                least(to_crossing(g, above[i], level), to_crossing(g, below[i], level)));
-            d[(size_t)j * (size_t)nx + (size_t)i] = (int16_t)nearest;
+        /* Most blocks are on the same side as all their neighbours. */
+        for (int i = 1; i + 1 < nx; i++) {
+            const bool in = row[i] >= level;
+            const bool alike = (in == (row[i - 1] >= level)) & (in == (row[i + 1] >= level)) &
+                               (in == (above[i] >= level)) & (in == (below[i] >= level));
+            d[i] = alike ? FAR : 0;
         }
+        for (int i = 1; i + 1 < nx; i++)
+            if (!d[i])
+                d[i] = begin_distance(row + i, above + i, below + i, -1, 1, level);
+        d[nx - 1] = begin_distance(row + nx - 1, above + nx - 1, below + nx - 1, nx > 1 ? -1 : 0, 0, level);
+        d[0] = begin_distance(row, above, below, 0, nx > 1, level);
     }
 }
 
-/* One way over the blocks: d[0] from what is already known of the row, and of the row that was gone over before. */
-static void sweep(int16_t *d, const int16_t *known, int n, int way)
+static int16_t nearer(int16_t a, int16_t b)
 {
-    for (int i = way > 0 ? 0 : n - 1; i >= 0 && i < n; i += way) {
-        int v = d[i];
-        if (known) {
-            v = least(v, known[i] + SIDE);
-            v = least(v, known[i > 0 ? i - 1 : 0] + CORNER);
-            v = least(v, known[least(i + 1, n - 1)] + CORNER);
-        }
-        if (i - way >= 0 && i - way < n)
-            v = least(v, d[i - way] + SIDE);
-        d[i] = (int16_t)v;
+    return a < b ? a : b;
+}
+
+/* The distances of a row from those of the row that was gone over before. */
+static void reach_row(int16_t *restrict d, const int16_t *restrict known, int n)
+{
+    for (int i = 0; i < n; i++)
+        d[i] = nearer(d[i], (int16_t)(known[i] + SIDE));
+    for (int i = 1; i < n; i++)
+        d[i] = nearer(d[i], (int16_t)(known[i - 1] + CORNER));
+    for (int i = 0; i + 1 < n; i++)
+        d[i] = nearer(d[i], (int16_t)(known[i + 1] + CORNER));
+}
+
+/* One way over the blocks, row by row: from the row before, and from what is known of the own one. */
+static void sweep(const Shaping *s, int16_t *d, int way)
+{
+    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
+    for (int j = way > 0 ? 0 : ny - 1; j >= 0 && j < ny; j += way) {
+        int16_t *const row = d + (size_t)j * (size_t)nx;
+        if (j - way >= 0 && j - way < ny)
+            reach_row(row, row - way * nx, nx);
+        int16_t v = FAR;
+        for (int i = way > 0 ? 0 : nx - 1; i >= 0 && i < nx; i += way)
+            row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
     }
 }
 
 static void find_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
 {
-    const int nx = s->n_blocks[0], ny = s->n_blocks[1];
     begin_distances(s, grey, level, d);
-    for (int j = 0; j < ny; j++)
-        sweep(d + (size_t)j * (size_t)nx, j > 0 ? d + (size_t)(j - 1) * (size_t)nx : NULL, nx, 1);
-    for (int j = ny - 1; j >= 0; j--)
-        sweep(d + (size_t)j * (size_t)nx, j + 1 < ny ? d + (size_t)(j + 1) * (size_t)nx : NULL, nx, -1);
+    sweep(s, d, 1);
+    sweep(s, d, -1);
     for (size_t i = 0; i < n_all_blocks(s); i++)
         d[i] = (int16_t)(grey[i] < level ? -d[i] : d[i]);
 }
@@ -198,8 +224,8 @@ static void read_field(const Shaping *s, int slice, Scratch *c, Field *field)
         find_distances(s, field->grey, s->level[l], field->distance[l]);
 }
 
-/* Adds a way of so many blocks along the direction in which a distance rises. */
-static void go(const Shaping *s, const int16_t *d, int i, int j, float blocks, float *to)
+/* A way of so many blocks along the direction in which a distance rises is added to from[x] and from[x + 1]. */
+static void go(const Shaping *s, const int16_t *d, int i, int j, float blocks, Four *from, int x_axis)
 {
     const int nx = s->n_blocks[0];
     const int16_t *const at = d + (size_t)j * (size_t)nx + i;
@@ -208,8 +234,8 @@ static void go(const Shaping *s, const int16_t *d, int i, int j, float blocks, f
     const float length = sqrtf(x * x + y * y);
     /* Midway between two surfaces there is no such direction. */
     if (length > SIDE / 2) {
-        to[0] += BLOCK * blocks * x / length;
-        to[1] += BLOCK * blocks * y / length;
+        (*from)[x_axis] += BLOCK * blocks * x / length;
+        (*from)[x_axis + 1] += BLOCK * blocks * y / length;
     }
 }
 
@@ -234,8 +260,8 @@ static Move move_of(const Shaping *s, const Scratch *c, uint32_t at, float way)
         const float goes = rest * within(1 - (off - 1) / (GOES_WITH * moved + 1), 0, 1);
         const float share = goes * within((moved - MOVES_FROM) / (MOVES_ALL - MOVES_FROM), 0, 1);
         if (share > 0) {
-            go(s, before, i, j, share * way * difference, m.before);
-            go(s, behind, i, j, -share * (1 - way) * difference, m.behind);
+            go(s, before, i, j, share * way * difference, &m.from, 0);
+            go(s, behind, i, j, -share * (1 - way) * difference, &m.from, 2);
             m.share += share;
         }
         rest -= goes;
@@ -244,67 +270,68 @@ static Move move_of(const Shaping *s, const Scratch *c, uint32_t at, float way)
     return m;
 }
 
-enum { MAY_MOVE = 1, DIFFERS = 2, MOVING = 4, BY_ROW = 8, WRITTEN = 16 };
-
-/* Blocks that move somewhere on the way from slice to slice; move_of() lets the others rest. */
-static void flag_moving(const Shaping *s, Scratch *c)
+/* Blocks that move somewhere on the way from slice to slice, where move_of() lets the others rest, and differ by more
+ * than noise. */
+static void find_moves(const Shaping *s, Scratch *c)
 {
-    memset(c->flags, 0, n_all_blocks(s));
+    const uint16_t *const a = c->field[0].grey, *const b = c->field[1].grey;
+    const int alike = (int)s->alike;
+    memset(c->moves, 0, n_all_blocks(s));
     for (int l = 0; l < N_SURFACES; l++) {
         const int16_t *const d = c->field[0].distance[l], *const e = c->field[1].distance[l];
         for (size_t i = 0; i < n_all_blocks(s); i++) {
             const int moved = abs(e[i] - d[i]), off = least(abs(d[i]), abs(e[i]));
-            c->flags[i] |= moved > (int)(SIDE * MOVES_FROM) &&
-                           ((d[i] < 0) != (e[i] < 0) || off < (int)GOES_WITH * moved + 2 * SIDE);
+            c->moves[i] |= (moved > (int)(SIDE * MOVES_FROM)) & (abs(b[i] - a[i]) > alike) &
+                           (((d[i] ^ e[i]) < 0) | (off < (int)GOES_WITH * moved + 2 * SIDE));
         }
     }
 }
 
-/* Blocks that differ from slice to slice by more than noise. */
-static void flag_different(const Shaping *s, Scratch *c)
+/* Adds the numbers of the blocks that are flagged to a list. */
+static size_t list_flagged(const uint8_t *flags, size_t n, size_t first, uint32_t *list)
 {
-    for (size_t i = 0; i < n_all_blocks(s); i++)
-        c->flags[i] |= abs(c->field[1].grey[i] - c->field[0].grey[i]) > (int)s->alike ? DIFFERS : 0;
-}
-
-/* Flags blocks next to a flagged one, along one line of n of them. */
-static void spread_line(uint8_t *flags, size_t n, size_t step, int wanted, int flag)
-{
-    for (size_t i = 0; i < n; i++)
-        if (flags[i * step] & wanted) {
-            flags[(i > 0 ? i - 1 : 0) * step] |= (uint8_t)flag;
-            flags[i * step] |= (uint8_t)flag;
-            flags[(i + 1 < n ? i + 1 : i) * step] |= (uint8_t)flag;
-        }
+    size_t found = 0;
+    for (size_t i = 0; i < n; i++) {
+        uint64_t eight = 0;
+        if (i + sizeof eight <= n && memcpy(&eight, flags + i, sizeof eight) && !eight)
+            i += sizeof eight - 1;
+        else if (flags[i])
+            list[found++] = (uint32_t)(first + i);
+    }
+    return found;
 }
 
 /* Lists what is looked at in every layer of a gap: most of it is at rest, or alike. A pixel's move is one of the blocks
  * around it, too. */
 static void list_blocks(const Shaping *s, Scratch *c)
 {
-    c->n_written = c->n_moving = 0;
-    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1];
-    for (size_t i = 0; i < n_all_blocks(s); i++)
-        c->flags[i] = (c->flags[i] & MAY_MOVE) && (c->flags[i] & DIFFERS) ? MOVING : 0;
-    for (size_t j = 0; j < ny; j++)
-        spread_line(c->flags + j * nx, nx, 1, MOVING, BY_ROW);
-    for (size_t i = 0; i < nx; i++)
-        spread_line(c->flags + i, ny, nx, BY_ROW, WRITTEN);
-    for (size_t i = 0; i < n_all_blocks(s); i++) {
-        if (c->flags[i] & MOVING)
-            c->moving[c->n_moving++] = (uint32_t)i;
-        if (c->flags[i] & WRITTEN)
-            c->written[c->n_written++] = (uint32_t)i;
+    const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_all_blocks(s);
+    find_moves(s, c);
+    c->n_moving = list_flagged(c->moves, n, 0, c->moving);
+    for (size_t j = 0; j < ny; j++) {
+        const uint8_t *const own = c->moves + j * nx;
+        uint8_t *const near = c->near + j * nx;
+        memcpy(near, own, nx);
+        for (size_t i = 1; i < nx; i++)
+            near[i] |= own[i - 1];
+        for (size_t i = 0; i + 1 < nx; i++)
+            near[i] |= own[i + 1];
     }
+    c->n_written = 0;
+    for (size_t j = 0; j < ny; j++) {
+        const uint8_t *const own = c->near + j * nx, *const above = j > 0 ? own - nx : own;
+        const uint8_t *const below = j + 1 < ny ? own + nx : own;
+        uint8_t *const written = c->moves + j * nx; /* moves are listed */
+        for (size_t i = 0; i < nx; i++)
+            written[i] = above[i] | own[i] | below[i];
+    }
+    c->n_written = list_flagged(c->moves, n, 0, c->written);
 }
 
-static float grey_at(const CtsShapeStack *t, const uint16_t *slice, float x, float y)
+/* Of a slice, between the four pixels from `p` on. */
+static float grey_between(const CtsShapeStack *t, const uint16_t *p, float u, float v)
 {
-    x = within(x, 0, (float)(t->n_columns - 1));
-    y = within(y, 0, (float)(t->n_rows - 1));
-    const int i = least((int)x, t->n_columns - 2), j = least((int)y, t->n_rows - 2);
-    const uint16_t *const p = slice + (size_t)j * (size_t)t->n_columns + i;
-    const float u = x - (float)i, v = y - (float)j, a = p[0], b = p[1], d = p[t->n_columns], e = p[t->n_columns + 1];
+    const float a = p[0], b = p[1], d = p[t->n_columns], e = p[t->n_columns + 1];
     const float ab = a + u * (b - a), de = d + u * (e - d);
     return ab + v * (de - ab);
 }
@@ -316,19 +343,16 @@ static Move pixel_move(const Shaping *s, const Move *move, int x, int y)
               j = near_j + (y % BLOCK ? 1 : -1);
     const int nx = s->n_blocks[0], far_i = i < 0 || i >= nx ? near_i : i;
     const int far_j = j < 0 || j >= s->n_blocks[1] ? near_j : j;
-    const Move *const four[4] = {move + (size_t)near_j * (size_t)nx + near_i,
-                                 move + (size_t)near_j * (size_t)nx + far_i, move + (size_t)far_j * (size_t)nx + near_i,
-                                 move + (size_t)far_j * (size_t)nx + far_i};
-    static const float weight[4] = {9.0F / 16, 3.0F / 16, 3.0F / 16, 1.0F / 16};
-    Move m = {.share = 0};
-    for (int n = 0; n < 4; n++) {
-        for (int axis = 0; axis < 2; axis++) {
-            m.before[axis] += weight[n] * four[n]->before[axis];
-            m.behind[axis] += weight[n] * four[n]->behind[axis];
-        }
-        m.share += weight[n] * four[n]->share;
-    }
-    return m;
+    const Move *const near_row = move + (size_t)near_j * (size_t)nx, *const far_row = move + (size_t)far_j * (size_t)nx;
+    const Move *const a = near_row + near_i, *const b = near_row + far_i, *const c = far_row + near_i,
+                      *const d = far_row + far_i;
+    return (Move){.from = 9.0F / 16 * a->from + 3.0F / 16 * b->from + 3.0F / 16 * c->from + 1.0F / 16 * d->from,
+                  .share = 9.0F / 16 * a->share + 3.0F / 16 * b->share + 3.0F / 16 * c->share + 1.0F / 16 * d->share};
+}
+
+static Four choose(FourInts mask, Four a, Four b)
+{
+    return (Four)((mask & (FourInts)a) | (~mask & (FourInts)b));
 }
 
 typedef struct Sums {
@@ -339,10 +363,20 @@ typedef struct Sums {
 static float make_pixel(const Shaping *s, const uint16_t *const slices[2], int x, int y, const Move *m, float way,
                         float blended)
 {
-    const size_t at = (size_t)y * (size_t)s->stack->n_columns + (size_t)x;
+    const CtsShapeStack *const t = s->stack;
+    const size_t at = (size_t)y * (size_t)t->n_columns + (size_t)x;
     const float differs = fabsf((float)slices[1][at] - slices[0][at]);
-    const float a = grey_at(s->stack, slices[0], (float)x + m->before[0], (float)y + m->before[1]);
-    const float b = grey_at(s->stack, slices[1], (float)x + m->behind[0], (float)y + m->behind[1]);
+    const float last_x = (float)(t->n_columns - 1), last_y = (float)(t->n_rows - 1);
+    const Four most = {last_x, last_y, last_x, last_y}, none = {0};
+    Four place = (Four){(float)x, (float)y, (float)x, (float)y} + m->from;
+    place = choose(place < none, none, place);
+    place = choose(place > most, most, place);
+    const FourInts cell = __builtin_convertvector(place, FourInts);
+    /* The last pixel is the end of the last cell. */
+    const FourInts first = cell + (cell == __builtin_convertvector(most, FourInts));
+    const Four on = place - __builtin_convertvector(first, Four);
+    const float a = grey_between(t, slices[0] + (size_t)first[1] * (size_t)t->n_columns + first[0], on[0], on[1]);
+    const float b = grey_between(t, slices[1] + (size_t)first[3] * (size_t)t->n_columns + first[2], on[2], on[3]);
     const float believed = m->share * within(2 - fabsf(b - a) / fmaxf(differs / 2, s->edges), 0, 1);
     return blended + believed * (a + way * (b - a) - blended);
 }
@@ -361,9 +395,11 @@ static void write_block(const Shaping *s, const Move *move, uint32_t block, cons
                 continue;
             const uint16_t made = (uint16_t)(int32_t)(make_pixel(s, slices, x, y, &m, way, layer[at]) + 0.5F);
             const float straight = slices[0][at] + way * ((float)slices[1][at] - slices[0][at]);
-            sums->n_moved += made != layer[at];
-            sums->differences += made != layer[at] ? (uint64_t)(fabsf(made - straight) + 0.5F) : 0;
-            layer[at] = made;
+            if (made != layer[at]) {
+                sums->n_moved++;
+                sums->differences += (uint64_t)(int32_t)(fabsf(made - straight) + 0.5F);
+                layer[at] = made;
+            }
         }
 }
 
@@ -378,8 +414,6 @@ static void shape_gap(const Shaping *s, Scratch *c, int gap, Sums *sums)
     const double from = place_of(t, gap), to = place_of(t, gap + 1);
     const size_t layer = (size_t)t->n_columns * (size_t)t->n_rows;
     const uint16_t *const slices[2] = {t->slices + (size_t)gap * layer, t->slices + (size_t)(gap + 1) * layer};
-    flag_moving(s, c);
-    flag_different(s, c);
     list_blocks(s, c);
     for (int j = (int)floor(from) + 1; j < to && j < t->n_layers; j++) {
         const float way = (float)((j - from) / (to - from));
