@@ -118,23 +118,86 @@ void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double 
                       : NULL);
 }
 
-CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, double bound, CtsError *err)
+CtsTruthCamera cts_check_camera(const CtsRenderSettings *s)
 {
-    const CtsRenderSettings *settings = asked->settings;
+    return (CtsTruthCamera){s->azimuth_deg, s->elevation_deg, s->mm_per_pixel, s->width, s->height};
+}
+
+double cts_check_bound(const CtsCheckRun *run, const CtsFormulaScene *scene)
+{
+    return scene->bound[cts_check_family(run->engine)];
+}
+
+static CtsPreset preset_of(const CtsFormulaScene *s)
+{
+    CtsPreset p = cts_check_preset(s->points, s->n_points);
+    p.mode = (CtsMode)s->mode;
+    p.unit_distance_mm = s->unit_mm > 0 ? s->unit_mm : 1;
+    p.shade = s->lit;
+    p.ambient = 0.2;
+    p.diffuse = 0.7;
+    p.specular = 0.3;
+    p.power = s->power > 0 ? s->power : 12;
+    return p;
+}
+
+static CtsRenderSettings settings_of(const CtsCheckRun *run, const CtsFormulaScene *s)
+{
+    CtsRenderSettings r = cts_check_settings(run, s->width > 0 ? s->width : 24, s->height > 0 ? s->height : 24);
+    r.azimuth_deg = s->azimuth_deg;
+    r.elevation_deg = s->elevation_deg;
+    r.mm_per_pixel = s->mm_per_pixel;
+    r.samples = s->samples;
+    r.kernel = s->kernel;
+    r.opacity_per_voxel = s->per_voxel;
+    r.max_error = s->max_error;
+    r.tolerance_hu = s->tolerance_hu;
+    r.n_threads = s->n_threads > 0 ? s->n_threads : r.n_threads;
+    return r;
+}
+
+CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *s, CtsMadeScene *made, CtsError *err)
+{
+    double spacing[3];
+    for (int a = 0; a < 3; a++)
+        spacing[a] = s->spacing_mm[a] > 0 ? s->spacing_mm[a] : 1;
+    *made = (CtsMadeScene){.preset = preset_of(s), .settings = settings_of(run, s)};
+    const CtsStatus st = cts_check_volume(&made->volume, s->dims, spacing, s->hu_step > 0 ? s->hu_step : 1,
+                                          s->formula ? s->formula : cts_hu_linear, s->hu, err);
+    if (!st) {
+        made->volume->step_lps[2][1] = s->lean * spacing[2];
+        made->volume->slice_layers = s->layers > 0 ? s->layers : 1;
+    }
+    return st;
+}
+
+CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPicture **picture, CtsError *err)
+{
+    CtsMadeScene m;
+    CtsStatus st = cts_check_make(run, scene, &m, err);
+    if (!st)
+        st = cts_check_render(run, m.volume, &m.preset, &m.settings, picture, err);
+    cts_volume_free(&m.volume);
+    return st;
+}
+
+CtsStatus cts_check_picture(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
+                            double bound, CtsError *err)
+{
+    const CtsRenderSettings *settings = &scene->settings;
     CtsPicture *picture = NULL;
-    const CtsStatus st = cts_check_render(run, asked->volume, asked->preset, settings, &picture, err);
+    const CtsStatus st = cts_check_render(run, scene->volume, &scene->preset, settings, &picture, err);
     if (st)
         return st;
-    const CtsTruthCamera camera = {settings->azimuth_deg, settings->elevation_deg, settings->mm_per_pixel,
-                                   settings->width, settings->height};
+    const CtsTruthCamera camera = cts_check_camera(settings);
     CtsCheckWorst worst = {0};
     double brightest = 0, sum = 0;
     for (int y = 0; y < picture->height; y++)
         for (int x = 0; x < picture->width; x++) {
             CtsTruthRay ray;
             double rgba[4] = {0};
-            const bool hit = cts_truth_ray(asked->volume, &camera, x, y, &ray);
-            asked->truth(hit ? &ray : NULL, asked->data, rgba);
+            const bool hit = cts_truth_ray(scene->volume, &camera, x, y, &ray);
+            truth(hit ? &ray : NULL, data, rgba);
             const float *found = picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
             for (int c = 0; c < 4; c++) {
                 cts_check_worst(&worst, x, y, rgba[c], (double)found[c]);
@@ -170,6 +233,12 @@ double cts_hu_noise(const double vox[3], const void *data)
     return range[0] + (range[1] - range[0]) * (double)(z >> 11) / 9007199254740992.0;
 }
 
+double cts_hu_checkers(const double vox[3], const void *data)
+{
+    (void)data;
+    return fmod(vox[0] + vox[1] + vox[2], 2) > 0 ? 64511 : -1024;
+}
+
 static CtsStatus run_case(CtsCheckRun *run, const CtsCheckCase *c, CtsEngineId engine, CtsError *err)
 {
     CtsError why = {0};
@@ -194,9 +263,8 @@ static bool is_asked(const char *only, bool alone, const char *name)
 
 CtsStatus cts_check_run(const CtsCheckSettings *settings, int *n_cases, int *n_failed, CtsError *err)
 {
-    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff,  &cts_check_shapes,
-                                           &cts_check_orders, &cts_check_equal,  &cts_check_thin,
-                                           &cts_check_faces,  &cts_check_voxels, &cts_check_labels};
+    const CtsCheckTable *const tables[] = {&cts_check_linear, &cts_check_stiff, &cts_check_shapes, &cts_check_orders,
+                                           &cts_check_equal,  &cts_check_faces, &cts_check_voxels, &cts_check_labels};
     CtsCheckRun run = {.settings = settings};
     const size_t n_tables = sizeof tables / sizeof *tables;
     CtsStatus st = CTS_OK;

@@ -18,7 +18,7 @@ enum {
         1u << CTS_ENGINE_CLASSIC | 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_VOID | 1u << CTS_ENGINE_COMBINED,
     CHECK_OF_TILED = 1u << CTS_ENGINE_TILED,
     CHECK_OF_RAYCAST = 1u << CTS_ENGINE_RAYCAST,
-    CHECK_OF_LABELS = CHECK_OF_TILED | CHECK_OF_RAYCAST, /* that know the edges between labels */
+    CHECK_OF_FIELDS = CHECK_OF_TILED | CHECK_OF_RAYCAST, /* what lies between voxels, and the edges between labels */
     CHECK_OF_ALL = CHECK_OF_PAPER | CHECK_OF_TILED | CHECK_OF_RAYCAST
 };
 _Static_assert(CHECK_OF_ALL == (1u << CTS_N_ENGINES) - 1, "an engine belongs to no family");
@@ -52,13 +52,71 @@ typedef struct CtsCheckTable {
 } CtsCheckTable;
 
 extern const CtsCheckTable cts_check_linear, cts_check_stiff, cts_check_shapes, cts_check_orders, cts_check_equal,
-    cts_check_thin, cts_check_faces, cts_check_voxels, cts_check_labels;
+    cts_check_faces, cts_check_voxels, cts_check_labels;
 
 /* One result; error is |found - expected|, or INFINITY where it is no number. */
 void cts_check_value(CtsCheckRun *run, double expected, double found, double bound);
 
 /* Defaults with the run's engine and threads, and a picture of width x height. */
 CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int height);
+
+/* A scene by formula, and what each family may miss of it. What is left out is 0, which stands for what is said. */
+typedef struct CtsFormulaScene {
+    int dims[3];
+    double spacing_mm[3]; /* zeros: 1 */
+    double lean;          /* the slices' step leans along y by this share of its length: a gantry tilt */
+    int layers;           /* to a slice distance; 0: 1 */
+    double hu_step;       /* 0: 1 */
+    CtsHuFormula formula; /* NULL: cts_hu_linear() */
+    double hu[5];         /* handed to it */
+    const CtsCheckPoint *points;
+    int n_points;
+    double azimuth_deg, elevation_deg, mm_per_pixel; /* mm 0: all fits */
+    int width, height;                               /* 0: 24 */
+    double unit_mm;                                  /* 0: 1 */
+    double power;                                    /* of the highlight; 0: 12 */
+    bool per_voxel, lit;
+    int mode; /* CtsMode */
+    int samples, n_threads;
+    double max_error, tolerance_hu;
+    CtsKernelId kernel;
+    double bound[CHECK_N_FAMILIES];
+} CtsFormulaScene;
+
+#define CHECK_POINTS(ARRAY) .points = (ARRAY), .n_points = (int)(sizeof(ARRAY) / sizeof *(ARRAY))
+#define CHECK_CUBE(N) .dims = {N, N, N}
+#define CHECK_VIEW(AZ, EL) .azimuth_deg = AZ, .elevation_deg = EL
+#define CHECK_SIZE(W, H) .width = W, .height = H
+
+/* A row of a table, with data of this type. */
+#define CHECK_ROW(NAME, ENGINES, RUN, TYPE, ...)                                                                       \
+    {                                                                                                                  \
+        NAME, ENGINES, RUN, &(const TYPE)                                                                              \
+        {                                                                                                              \
+            __VA_ARGS__                                                                                                \
+        }                                                                                                              \
+    }
+#define CHECK_SCENE(NAME, ENGINES, RUN, ...) CHECK_ROW(NAME, ENGINES, RUN, CtsFormulaScene, __VA_ARGS__)
+
+/* A CtsCheckCase.run of a scene whose HU are linear: it is exact in trilinear interpolation, so that every view of it
+ * has a closed form. Families that it does not apply to have the bound CHECK_NONE. */
+CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *scene, CtsError *err);
+#define CHECK_LINEAR(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_ALL, cts_check_linear_scene, __VA_ARGS__)
+
+double cts_check_bound(const CtsCheckRun *run, const CtsFormulaScene *scene);
+
+/* The scene as it is rendered. */
+typedef struct CtsMadeScene {
+    CtsVolume *volume; /* to be freed */
+    CtsPreset preset;
+    CtsRenderSettings settings;
+} CtsMadeScene;
+CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *scene, CtsMadeScene *made, CtsError *err);
+
+CtsTruthCamera cts_check_camera(const CtsRenderSettings *settings);
+
+/* Made, rendered, and but for the picture gone again. */
+CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPicture **picture, CtsError *err);
 
 /* cts_render(), noted for the result. */
 CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
@@ -79,23 +137,17 @@ void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double 
 /* Truth of one pixel; ray is NULL where it misses the box. */
 typedef void (*CtsPixelTruth)(const CtsTruthRay *ray, const void *data, double rgba[4]);
 
-/* A picture and what it should be. */
-typedef struct CtsCheckPicture {
-    const CtsVolume *volume;
-    const CtsPreset *preset;
-    const CtsRenderSettings *settings;
-    CtsPixelTruth truth;
-    const void *data; /* handed to truth */
-} CtsCheckPicture;
-
-/* Renders and states the worst of all pixels and channels against truth. Fails too where the bound is so wide that
- * half of the brightest pixel's light might be missing. */
-CtsStatus cts_check_picture(CtsCheckRun *run, const CtsCheckPicture *asked, double bound, CtsError *err);
+/* Renders and states the worst of all pixels and channels against truth, which is handed data. Fails too where the
+ * bound is so wide that half of the brightest pixel's light might be missing. */
+CtsStatus cts_check_picture(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
+                            double bound, CtsError *err);
 
 /* Number of float values in which two pictures of one size differ by a bit. */
 double cts_check_differing(const CtsPicture *a, const CtsPicture *b);
 
 /* Repeatable pseudo-random HU in low..high (data: double[3], low, high and seed) at whole voxels. */
 double cts_hu_noise(const double vox[3], const void *data);
+/* 16-bit extremes by turns. */
+double cts_hu_checkers(const double vox[3], const void *data);
 
 #endif

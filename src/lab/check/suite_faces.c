@@ -5,16 +5,6 @@
 #include <math.h>
 #include <string.h>
 
-typedef struct Box {
-    int dims[3];
-    double spacing_mm[3], lean; /* as in CtsLinearScene */
-    double azimuth_deg, elevation_deg;
-    double opacity;
-    int samples; /* 0: the engine's choice */
-    int layers;  /* to a slice distance; 0: 1 */
-    double bound[CHECK_N_FAMILIES];
-} Box;
-
 typedef struct Scene {
     const CtsVolume *volume;
     const CtsPreset *preset;
@@ -38,9 +28,8 @@ static double rise(const CtsVolume *volume, int axis, double vox)
 /* |n.v| where the ray is at t; -1 without a gradient, which the preset makes the same as 0. */
 static double facing_at(const Scene *s, const CtsTruthRay *ray, double t_mm)
 {
-    double point[3], vox[3], mm[3] = {0}, along = 0, length = 0;
-    cts_truth_ray_point(ray, t_mm, point);
-    cts_truth_voxel(s->volume, point, vox);
+    double vox[3], mm[3] = {0}, along = 0, length = 0;
+    cts_truth_ray_voxel(s->volume, ray, t_mm, vox);
     for (int axis = 0; axis < 3; axis++)
         for (int c = 0; c < 3; c++)
             mm[c] += rise(s->volume, axis, vox[axis]) * s->per_mm[axis][c];
@@ -54,12 +43,10 @@ static double facing_at(const Scene *s, const CtsTruthRay *ray, double t_mm)
 /* Where the ray passes from the cells at a face to those inside, in order; returns how many. */
 static int find_cuts(const Scene *s, const CtsTruthRay *ray, double cut[8])
 {
-    double a[3], b[3], va[3], vb[3];
+    double va[3], vb[3];
     int n = 0;
-    cts_truth_ray_point(ray, 0, a);
-    cts_truth_ray_point(ray, 1, b);
-    cts_truth_voxel(s->volume, a, va);
-    cts_truth_voxel(s->volume, b, vb);
+    cts_truth_ray_voxel(s->volume, ray, 0, va);
+    cts_truth_ray_voxel(s->volume, ray, 1, vb);
     cut[n++] = ray->from_mm;
     for (int axis = 0; axis < 3; axis++)
         for (int side = 0; side < 2; side++) {
@@ -89,11 +76,10 @@ static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
     const int n_cuts = find_cuts(s, ray, cut);
     int n = 0;
     for (int i = 0; i + 1 < n_cuts; i++) {
-        double point[3], vox[3];
+        double vox[3];
         /* Not in the middle: between two layers it has no gradient. */
         const double aside = cut[i] + 0.3 * (cut[i + 1] - cut[i]);
-        cts_truth_ray_point(ray, aside, point);
-        cts_truth_voxel(s->volume, point, vox);
+        cts_truth_ray_voxel(s->volume, ray, aside, vox);
         int faces = 0;
         for (int axis = 0; axis < 3; axis++)
             faces += rise(s->volume, axis, vox[axis]) != 0;
@@ -123,64 +109,42 @@ static void find_axes(Scene *s)
 
 static CtsStatus box(CtsCheckRun *run, const void *data, CtsError *err)
 {
-    const Box *b = data;
-    const double hu = 500;
-    CtsVolume *volume = NULL;
-    double spacing[3];
-    for (int axis = 0; axis < 3; axis++)
-        spacing[axis] = b->spacing_mm[axis] > 0 ? b->spacing_mm[axis] : 1;
-    const CtsStatus made = cts_check_volume(&volume, b->dims, spacing, 1, cts_hu_constant, &hu, err);
-    if (made)
-        return made;
-    volume->step_lps[2][1] = b->lean * spacing[2];
-    volume->slice_layers = b->layers > 0 ? b->layers : 1;
-    const CtsCheckPoint points[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, b->opacity, {0.2, 0.5, 0.9}}};
-    CtsPreset preset = cts_check_preset(points, 2);
-    preset.shade = true;
-    preset.ambient = 0.2;
-    preset.diffuse = 0.7;
-    preset.specular = 0.3;
-    preset.power = 12;
-    CtsRenderSettings settings = cts_check_settings(run, 21, 21);
-    settings.azimuth_deg = b->azimuth_deg;
-    settings.elevation_deg = b->elevation_deg;
-    settings.samples = b->samples;
-    Scene scene = {.volume = volume, .preset = &preset};
+    CtsMadeScene m;
+    CtsStatus st = cts_check_make(run, data, &m, err);
+    if (st)
+        return st;
+    Scene scene = {.volume = m.volume, .preset = &m.preset};
     find_axes(&scene);
-    const CtsStatus st = cts_check_picture(run, &(CtsCheckPicture){volume, &preset, &settings, truth, &scene},
-                                           b->bound[cts_check_family(run->engine)], err);
-    cts_volume_free(&volume);
+    st = cts_check_picture(run, &m, truth, &scene, cts_check_bound(run, data), err);
+    cts_volume_free(&m.volume);
     return st;
 }
 
-#define BOX(NAME, ...)                                                                                                 \
-    {                                                                                                                  \
-        NAME, CHECK_OF_ALL, box, &(const Box)                                                                          \
-        {                                                                                                              \
-            __VA_ARGS__                                                                                                \
-        }                                                                                                              \
-    }
-#define VIEW(AZ, EL) .azimuth_deg = AZ, .elevation_deg = EL
+static const CtsCheckPoint of_3[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.03, {0.2, 0.5, 0.9}}};
+static const CtsCheckPoint of_10[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.1, {0.2, 0.5, 0.9}}};
+static const CtsCheckPoint of_90[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.9, {0.2, 0.5, 0.9}}};
+
+#define BOX(NAME, AZ, EL, ...)                                                                                         \
+    CHECK_SCENE(NAME, CHECK_OF_ALL, box, .hu = {500}, .lit = true, CHECK_SIZE(21, 21), CHECK_VIEW(AZ, EL), __VA_ARGS__)
 #define SIZE .dims = {17, 14, 11}
+#define HAZE CHECK_POINTS(of_3)
+#define FOG CHECK_POINTS(of_10)
 
 /* A layer's gradient at the faces ends within a voxel: the paper's planes, one a layer, give it half of that. */
 static const CtsCheckCase cases[] = {
-    BOX("cut faces: anterior", SIZE, VIEW(0, 0), .opacity = 0.03, .bound = {3e-2, CHECK_PROMISED, 2e-6}),
-    BOX("cut faces: left", SIZE, VIEW(90, 0), .opacity = 0.03, .bound = {3e-2, CHECK_PROMISED, 2e-6}),
-    BOX("cut faces: head", SIZE, VIEW(0, 90), .opacity = 0.03, .bound = {3e-2, CHECK_PROMISED, 2e-6}),
-    BOX("cut faces: feet, nearly opaque", SIZE, VIEW(0, -90), .samples = 16, .opacity = 0.9,
+    BOX("cut faces: anterior", 0, 0, SIZE, HAZE, .bound = {3e-2, CHECK_PROMISED, 2e-6}),
+    BOX("cut faces: left", 90, 0, SIZE, HAZE, .bound = {3e-2, CHECK_PROMISED, 2e-6}),
+    BOX("cut faces: head", 0, 90, SIZE, HAZE, .bound = {3e-2, CHECK_PROMISED, 2e-6}),
+    BOX("cut faces: feet, nearly opaque", 0, -90, SIZE, .samples = 16, CHECK_POINTS(of_90),
         .bound = {8e-3, CHECK_PROMISED, 2e-6}),
-    BOX("cut faces: oblique", SIZE, VIEW(20, 15), .opacity = 0.03, .bound = {3e-2, 1.2e-2, 2e-6}),
-    BOX("cut faces: oblique, more samples", SIZE, VIEW(20, 15), .samples = 16, .opacity = 0.03,
-        .bound = {3e-3, 1e-3, 2e-6}),
-    BOX("cut faces: onto an edge", SIZE, VIEW(45, 0), .samples = 16, .opacity = 0.1, .bound = {6e-3, 1e-3, 2e-6}),
-    BOX("cut faces: onto a corner", SIZE, VIEW(45, 35.26), .samples = 16, .opacity = 0.1, .bound = {6e-3, 4e-3, 2e-6}),
-    BOX("cut faces: leaning slices, spacing 1:2:3", SIZE, .spacing_mm = {1, 2, 3}, .lean = 0.3, VIEW(-15, 70),
-        .samples = 16, .opacity = 0.03, .bound = {6e-3, 6e-3, 2e-6}),
-    BOX("cut faces: 3 layers to a slice", SIZE, .layers = 3, VIEW(-35, 40), .samples = 16, .opacity = 0.03,
-        .bound = {6e-3, 4e-3, 2e-6}),
-    BOX("cut faces: two layers", .dims = {17, 14, 2}, VIEW(10, 60), .samples = 16, .opacity = 0.1,
-        .bound = {6e-3, 1e-3, 2e-6}),
+    BOX("cut faces: oblique", 20, 15, SIZE, HAZE, .bound = {3e-2, 1.2e-2, 2e-6}),
+    BOX("cut faces: oblique, more samples", 20, 15, SIZE, .samples = 16, HAZE, .bound = {3e-3, 1e-3, 2e-6}),
+    BOX("cut faces: onto an edge", 45, 0, SIZE, .samples = 16, FOG, .bound = {6e-3, 1e-3, 2e-6}),
+    BOX("cut faces: onto a corner", 45, 35.26, SIZE, .samples = 16, FOG, .bound = {6e-3, 4e-3, 2e-6}),
+    BOX("cut faces: leaning slices, spacing 1:2:3", -15, 70, SIZE, .spacing_mm = {1, 2, 3}, .lean = 0.3, .samples = 16,
+        HAZE, .bound = {6e-3, 6e-3, 2e-6}),
+    BOX("cut faces: 3 layers to a slice", -35, 40, SIZE, .layers = 3, .samples = 16, HAZE, .bound = {6e-3, 4e-3, 2e-6}),
+    BOX("cut faces: two layers", 10, 60, .dims = {17, 14, 2}, .samples = 16, FOG, .bound = {6e-3, 1e-3, 2e-6}),
 };
 
 const CtsCheckTable cts_check_faces = {cases, sizeof cases / sizeof *cases};

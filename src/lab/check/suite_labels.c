@@ -98,9 +98,8 @@ static int owner_at(const Truth *t, const double vox[3])
 
 static int owner_on(const Truth *t, const CtsTruthRay *ray, double t_mm)
 {
-    double point[3], vox[3];
-    cts_truth_ray_point(ray, t_mm, point);
-    cts_truth_voxel(t->volume, point, vox);
+    double vox[3];
+    cts_truth_ray_voxel(t->volume, ray, t_mm, vox);
     return owner_at(t, vox);
 }
 
@@ -140,42 +139,50 @@ static CtsPreset look_of(const char *colour)
                                  (double)(rgb & 255) / 255);
 }
 
-static CtsStatus make_volume(const Scene *s, CtsVolume **volume, Labels *labels, CtsError *err)
+static const CtsCheckPoint shown[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.1, {0.9, 0.5, 0.2}}};
+
+static CtsStatus make(const CtsCheckRun *run, const Scene *s, CtsMadeScene *m, CtsError *err)
 {
-    const double hu = 300;
     const int layers = s->layers ? s->layers : 1;
-    const int dims[3] = {NX, NY, (NZ - 1) * layers + 1};
-    const double spacing[3] = {1, 1.2, 2.0 / layers};
+    const CtsFormulaScene scene = {.dims = {NX, NY, (NZ - 1) * layers + 1},
+                                   .spacing_mm = {1, 1.2, 2.0 / layers},
+                                   .layers = layers,
+                                   .hu = {300},
+                                   CHECK_POINTS(shown),
+                                   CHECK_SIZE(23, 23),
+                                   CHECK_VIEW(s->azimuth_deg, s->elevation_deg)};
+    return cts_check_make(run, &scene, m, err);
+}
+
+static CtsStatus make_labelled(const CtsCheckRun *run, const Scene *s, CtsMadeScene *m, Labels **labels, CtsError *err)
+{
     const CtsLabelChoice choice = {
         .show = s->show, .hide = s->hide, .looks = s->looks, .n_looks = s->looks[0] ? s->n_labels : 0};
-    const CtsStatus st = cts_check_volume(volume, dims, spacing, 1, cts_hu_constant, &hu, err);
+    const CtsStatus st = make(run, s, m, err);
     if (st)
         return st;
-    (*volume)->slice_layers = layers;
-    fill(labels, s, *volume, layers);
-    return cts_volume_take_labels(*volume, &labels->set, &choice, 1, NULL, err);
+    if (!(*labels = calloc(1, sizeof **labels)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    fill(*labels, s, m->volume, m->volume->slice_layers);
+    return cts_volume_take_labels(m->volume, &(*labels)->set, &choice, 1, NULL, err);
 }
 
 static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const Scene *const s = data;
-    CtsVolume *volume = NULL;
-    Labels *const labels = calloc(1, sizeof *labels);
-    CtsStatus st = labels ? make_volume(s, &volume, labels, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsMadeScene m;
+    Labels *labels = NULL;
+    CtsStatus st = make_labelled(run, s, &m, &labels, err);
     if (!st) {
-        const CtsPreset preset = look_of(s->colours[s->n_labels] ? s->colours[s->n_labels] : "c08040");
-        CtsRenderSettings settings = cts_check_settings(run, 23, 23);
-        settings.azimuth_deg = s->azimuth_deg;
-        settings.elevation_deg = s->elevation_deg;
-        Truth t = {.scene = s, .volume = volume, .layers = s->layers ? s->layers : 1};
+        m.preset = look_of(s->colours[s->n_labels] ? s->colours[s->n_labels] : "c08040");
+        Truth t = {.scene = s, .volume = m.volume, .layers = m.volume->slice_layers};
         for (int n = 0; n < s->n_labels; n++)
             t.voxels[n] = labels->items[n].fact.voxels;
         for (int n = 0; n <= s->n_labels; n++)
             t.looks[n] = look_of(s->colours[n]);
-        st = cts_check_picture(run, &(CtsCheckPicture){volume, &preset, &settings, truth, &t},
-                               s->bound[cts_check_family(run->engine)], err);
+        st = cts_check_picture(run, &m, truth, &t, s->bound[cts_check_family(run->engine)], err);
     }
-    cts_volume_free(&volume);
+    cts_volume_free(&m.volume);
     free(labels);
     return st;
 }
@@ -184,27 +191,21 @@ static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
 static CtsStatus air(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const Scene *const s = data;
-    CtsVolume *hidden = NULL, *cut = NULL;
+    CtsMadeScene hidden, cut = {NULL};
     CtsPicture *a = NULL, *b = NULL;
-    Labels *const labels = calloc(1, sizeof *labels);
-    const CtsCheckPoint points[] = {{-500, 0, {0.2, 0.5, 0.9}}, {0, 0.1, {0.9, 0.5, 0.2}}};
-    const CtsPreset preset = cts_check_preset(points, 2);
-    CtsRenderSettings settings = cts_check_settings(run, 23, 23);
-    settings.azimuth_deg = s->azimuth_deg;
-    settings.elevation_deg = s->elevation_deg;
-    CtsStatus st = labels ? make_volume(s, &hidden, labels, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !(st = cts_check_volume(&cut, hidden->dims, (const double[]){1, 1.2, 2}, 1, cts_hu_constant,
-                                       &(const double){300}, err)))
+    Labels *labels = NULL;
+    CtsStatus st = make_labelled(run, s, &hidden, &labels, err);
+    if (!st && !(st = make(run, s, &cut, err)))
         for (int at = 0; at < NX * NY * NZ; at++)
             if (s->holds(0, at % NX, at / NX % NY, at / NX / NY))
-                cut->grey[at] = 0;
-    if (!st && !(st = cts_check_render(run, hidden, &preset, &settings, &a, err)) &&
-        !(st = cts_check_render(run, cut, &preset, &settings, &b, err)))
+                cut.volume->grey[at] = 0;
+    if (!st && !(st = cts_check_render(run, hidden.volume, &hidden.preset, &hidden.settings, &a, err)) &&
+        !(st = cts_check_render(run, cut.volume, &cut.preset, &cut.settings, &b, err)))
         cts_check_value(run, 0, cts_check_differing(a, b), 0);
     cts_picture_free(&a);
     cts_picture_free(&b);
-    cts_volume_free(&hidden);
-    cts_volume_free(&cut);
+    cts_volume_free(&hidden.volume);
+    cts_volume_free(&cut.volume);
     free(labels);
     return st;
 }
@@ -244,39 +245,31 @@ static bool three_meet(int label, int i, int j, int k)
     return k < 8 && (label == 0 ? i < 5 && j < 7 : label == 1 ? i >= 5 && j < 5 + i / 5 : j >= 7 && i < 9);
 }
 
-#define SCENE(NAME, RUN, ENGINES, ...)                                                                                 \
-    {                                                                                                                  \
-        NAME, ENGINES, RUN, &(const Scene)                                                                             \
-        {                                                                                                              \
-            __VA_ARGS__                                                                                                \
-        }                                                                                                              \
-    }
-#define VIEW(AZ, EL) .azimuth_deg = AZ, .elevation_deg = EL
-#define BY_EDGES CHECK_OF_LABELS
+#define SCENE(NAME, RUN, ENGINES, ...) CHECK_ROW(NAME, ENGINES, RUN, Scene, __VA_ARGS__)
 #define BOUND .bound = {CHECK_NONE, CHECK_PROMISED, 1e-6}
 
 static const CtsCheckCase cases[] = {
-    SCENE("labels: hidden half", edges, BY_EDGES, 1, half_space, .hide = "a", .colours = {NULL, "c08040"}, VIEW(0, 0),
-          BOUND),
-    SCENE("labels: hidden half, oblique", edges, BY_EDGES, 1, half_space, .hide = "a", .colours = {NULL, "c08040"},
-          VIEW(50, 20), BOUND),
-    SCENE("labels: hidden diagonal", edges, BY_EDGES, 1, diagonal, .hide = "a", .colours = {NULL, "c08040"},
-          VIEW(-35, 25), BOUND),
-    SCENE("labels: shown ball", edges, BY_EDGES, 1, ball, .show = "a", .colours = {"c08040", NULL}, VIEW(15, -30),
-          BOUND),
-    SCENE("labels: one voxel thin", edges, BY_EDGES, 1, thin, .show = "a", .colours = {"c08040", NULL}, VIEW(25, 40),
-          BOUND),
-    SCENE("labels: one in another", edges, BY_EDGES, 2, one_in_another, .looks = {"a=#4080ff", "b=#ff2000"},
-          .colours = {"4080ff", "ff2000", "c08040"}, VIEW(10, 70), BOUND),
-    SCENE("labels: one in another, hidden", edges, BY_EDGES, 2, one_in_another, .show = "b", .hide = "a",
-          .colours = {NULL, "c08040", NULL}, VIEW(100, 10), BOUND),
-    SCENE("labels: three meet", edges, BY_EDGES, 3, three_meet, .looks = {"a=#4080ff", "b=#ff2000", "c=#20ff60"},
-          .colours = {"4080ff", "ff2000", "20ff60", "c08040"}, VIEW(30, 35), BOUND),
-    SCENE("labels: three layers to a slice", edges, BY_EDGES, 3, three_meet, .hide = "b",
+    SCENE("labels: hidden half", edges, CHECK_OF_FIELDS, 1, half_space, .hide = "a", .colours = {NULL, "c08040"},
+          CHECK_VIEW(0, 0), BOUND),
+    SCENE("labels: hidden half, oblique", edges, CHECK_OF_FIELDS, 1, half_space, .hide = "a",
+          .colours = {NULL, "c08040"}, CHECK_VIEW(50, 20), BOUND),
+    SCENE("labels: hidden diagonal", edges, CHECK_OF_FIELDS, 1, diagonal, .hide = "a", .colours = {NULL, "c08040"},
+          CHECK_VIEW(-35, 25), BOUND),
+    SCENE("labels: shown ball", edges, CHECK_OF_FIELDS, 1, ball, .show = "a", .colours = {"c08040", NULL},
+          CHECK_VIEW(15, -30), BOUND),
+    SCENE("labels: one voxel thin", edges, CHECK_OF_FIELDS, 1, thin, .show = "a", .colours = {"c08040", NULL},
+          CHECK_VIEW(25, 40), BOUND),
+    SCENE("labels: one in another", edges, CHECK_OF_FIELDS, 2, one_in_another, .looks = {"a=#4080ff", "b=#ff2000"},
+          .colours = {"4080ff", "ff2000", "c08040"}, CHECK_VIEW(10, 70), BOUND),
+    SCENE("labels: one in another, hidden", edges, CHECK_OF_FIELDS, 2, one_in_another, .show = "b", .hide = "a",
+          .colours = {NULL, "c08040", NULL}, CHECK_VIEW(100, 10), BOUND),
+    SCENE("labels: three meet", edges, CHECK_OF_FIELDS, 3, three_meet, .looks = {"a=#4080ff", "b=#ff2000", "c=#20ff60"},
+          .colours = {"4080ff", "ff2000", "20ff60", "c08040"}, CHECK_VIEW(30, 35), BOUND),
+    SCENE("labels: three layers to a slice", edges, CHECK_OF_FIELDS, 3, three_meet, .hide = "b",
           .looks = {"a=#4080ff", "b=#ff2000", "c=#20ff60"}, .colours = {"4080ff", NULL, "20ff60", "c08040"},
-          .layers = 3, VIEW(-60, 35), BOUND),
-    SCENE("labels: hidden voxels are air", air, CHECK_OF_ALL & ~CHECK_OF_LABELS, 1, ball, .hide = "a", VIEW(15, -30),
-          .bound = {0, 0, 0}),
+          .layers = 3, CHECK_VIEW(-60, 35), BOUND),
+    SCENE("labels: hidden voxels are air", air, CHECK_OF_ALL & ~CHECK_OF_FIELDS, 1, ball, .hide = "a",
+          CHECK_VIEW(15, -30), .bound = {0, 0, 0}),
 };
 
 const CtsCheckTable cts_check_labels = {cases, sizeof cases / sizeof *cases};

@@ -1,10 +1,10 @@
-#include "lab/check/suite_linear.h"
+/* Linear fields, whatever the view. */
+#include "lab/check/suite.h"
 
 #include <math.h>
-#include <string.h>
 
 typedef struct Scene {
-    const CtsLinearScene *linear;
+    const CtsFormulaScene *linear;
     const CtsVolume *volume;
     const CtsPreset *preset;
     double scale, gradient_mm[3], gradient_length;
@@ -12,9 +12,8 @@ typedef struct Scene {
 
 static double hu_at(const Scene *s, const CtsTruthRay *ray, double t_mm)
 {
-    double point[3], vox[3];
-    cts_truth_ray_point(ray, t_mm, point);
-    cts_truth_voxel(s->volume, point, vox);
+    double vox[3];
+    cts_truth_ray_voxel(s->volume, ray, t_mm, vox);
     return cts_hu_linear(vox, s->linear->hu);
 }
 
@@ -48,12 +47,10 @@ static void find_gradient(Scene *s)
 {
     double length2 = 0;
     for (int c = 0; c < 3; c++) {
-        double a[3], b[3], va[3], vb[3];
-        memcpy(a, s->volume->origin_lps, sizeof a);
-        memcpy(b, a, sizeof b);
-        b[c] += 1;
-        cts_truth_voxel(s->volume, a, va);
-        cts_truth_voxel(s->volume, b, vb);
+        double va[3], vb[3];
+        const double *const o = s->volume->origin_lps;
+        cts_truth_voxel(s->volume, o, va);
+        cts_truth_voxel(s->volume, (const double[3]){o[0] + (c == 0), o[1] + (c == 1), o[2] + (c == 2)}, vb);
         s->gradient_mm[c] = cts_hu_linear(vb, s->linear->hu) - cts_hu_linear(va, s->linear->hu);
         length2 += s->gradient_mm[c] * s->gradient_mm[c];
     }
@@ -64,58 +61,30 @@ static void find_gradient(Scene *s)
 static double voxels_per_mm(const CtsVolume *volume, const CtsTruthCamera *camera)
 {
     CtsTruthRay ray;
-    double a[3], b[3], va[3], vb[3];
+    double a[3], b[3];
     if (!cts_truth_ray(volume, camera, camera->width / 2.0 - 0.5, camera->height / 2.0 - 0.5, &ray))
         return 1;
-    cts_truth_ray_point(&ray, 0, a);
-    cts_truth_ray_point(&ray, 1, b);
-    cts_truth_voxel(volume, a, va);
-    cts_truth_voxel(volume, b, vb);
-    return hypot(hypot(vb[0] - va[0], vb[1] - va[1]), vb[2] - va[2]);
-}
-
-static CtsPreset make_preset(const CtsLinearScene *l)
-{
-    CtsPreset p = cts_check_preset(l->points, l->n_points);
-    p.mode = (CtsMode)l->mode;
-    p.unit_distance_mm = l->unit_mm > 0 ? l->unit_mm : 1;
-    p.shade = l->lit;
-    p.ambient = 0.2;
-    p.diffuse = 0.7;
-    p.specular = 0.3;
-    p.power = l->power > 0 ? l->power : 12;
-    return p;
+    cts_truth_ray_voxel(volume, &ray, 0, a);
+    cts_truth_ray_voxel(volume, &ray, 1, b);
+    return hypot(hypot(b[0] - a[0], b[1] - a[1]), b[2] - a[2]);
 }
 
 CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *data, CtsError *err)
 {
-    const CtsLinearScene *l = data;
-    const double bound = l->bound[cts_check_family(run->engine)];
+    const CtsFormulaScene *l = data;
+    const double bound = cts_check_bound(run, l);
+    CtsMadeScene m;
     if (bound == CHECK_NONE)
         return CTS_OK;
-    CtsVolume *volume = NULL;
-    double spacing[3];
-    for (int a = 0; a < 3; a++)
-        spacing[a] = l->spacing_mm[a] > 0 ? l->spacing_mm[a] : 1;
-    CtsStatus st =
-        cts_check_volume(&volume, l->dims, spacing, l->hu_step > 0 ? l->hu_step : 1, cts_hu_linear, l->hu, err);
+    CtsStatus st = cts_check_make(run, l, &m, err);
     if (st)
         return st;
-    volume->step_lps[2][1] = l->lean * spacing[2];
-    const CtsPreset preset = make_preset(l);
-    CtsRenderSettings settings = cts_check_settings(run, l->width > 0 ? l->width : 24, l->height > 0 ? l->height : 24);
-    settings.azimuth_deg = l->azimuth_deg;
-    settings.elevation_deg = l->elevation_deg;
-    settings.mm_per_pixel = l->mm_per_pixel;
-    settings.samples = l->samples;
-    settings.kernel = l->kernel;
-    settings.opacity_per_voxel = l->per_voxel;
-    Scene scene = {.linear = l, .volume = volume, .preset = &preset, .scale = 1};
-    const CtsTruthCamera camera = {l->azimuth_deg, l->elevation_deg, l->mm_per_pixel, settings.width, settings.height};
+    Scene scene = {.linear = l, .volume = m.volume, .preset = &m.preset, .scale = 1};
+    const CtsTruthCamera camera = cts_check_camera(&m.settings);
     if (l->per_voxel)
-        scene.scale = voxels_per_mm(volume, &camera);
+        scene.scale = voxels_per_mm(m.volume, &camera);
     find_gradient(&scene);
-    st = cts_check_picture(run, &(CtsCheckPicture){volume, &preset, &settings, truth, &scene}, bound, err);
-    cts_volume_free(&volume);
+    st = cts_check_picture(run, &m, truth, &scene, bound, err);
+    cts_volume_free(&m.volume);
     return st;
 }

@@ -1,6 +1,6 @@
 /* Extinction times layer distance from 1e-8 to 1e6, transfer functions with steps, peaks and doubled points, and very
  * many layers. */
-#include "lab/check/suite_linear.h"
+#include "lab/check/suite.h"
 
 /* Extinctions of opacity 1 - exp(-x): -expm1(-x) for the x named. */
 static const CtsCheckPoint tau_1e_8[] = {{0, 9.99999995e-9, {1, 0.5, 0.25}}};

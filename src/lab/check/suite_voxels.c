@@ -8,32 +8,16 @@
 /* A pixel may be off by this many times what the picture may be off by, rms. */
 #define PIXELWISE 25
 
-typedef struct View {
-    double azimuth_deg, elevation_deg, mm_per_pixel;
-} View;
-
-typedef struct VoxelScene {
-    int dims[3];
-    CtsHuFormula hu;
-    double numbers[4]; /* handed to hu */
-    const CtsCheckPoint *points;
-    int n_points;
-    View view;
-    int width, height;
-    bool lit;
-    double max_error; /* asked for; 0: nothing */
-} VoxelScene;
-
 static double shown(double value)
 {
     return fmin(fmax(value, 0), 1);
 }
 
 /* The picture as it should be. The case's engines share it: making it takes longer than any of them. */
-static CtsStatus make_truth(CtsCheckRun *run, const CtsVolume *volume, const CtsPreset *preset,
-                            const CtsRenderSettings *s, CtsError *err)
+static CtsStatus make_truth(CtsCheckRun *run, const CtsMadeScene *m, CtsError *err)
 {
-    const CtsTruthCamera camera = {s->azimuth_deg, s->elevation_deg, s->mm_per_pixel, s->width, s->height};
+    const CtsRenderSettings *s = &m->settings;
+    const CtsTruthCamera camera = cts_check_camera(s);
     if (run->truth)
         return CTS_OK;
     const CtsStatus st = cts_alloc_zeroed(&run->truth, 4 * (size_t)s->width * (size_t)s->height, err);
@@ -41,8 +25,8 @@ static CtsStatus make_truth(CtsCheckRun *run, const CtsVolume *volume, const Cts
     for (int y = 0; y < s->height && !st; y++)
         for (int x = 0; x < s->width; x++, rgba += 4) {
             CtsTruthRay ray;
-            if (cts_truth_ray(volume, &camera, x, y, &ray))
-                cts_truth_volume(volume, preset, &ray, rgba);
+            if (cts_truth_ray(m->volume, &camera, x, y, &ray))
+                cts_truth_volume(m->volume, &m->preset, &ray, rgba);
         }
     return st;
 }
@@ -75,38 +59,26 @@ static void judge(CtsCheckRun *run, const CtsRenderSettings *s, const CtsPicture
 
 static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
 {
-    const VoxelScene *v = data;
+    const CtsFormulaScene *s = data;
     /* The truth's own error at steps that a ray grazes. */
     const bool exact = cts_check_family(run->engine) == CHECK_RAYCAST;
-    const double bound = exact ? 3e-4 : v->max_error > 0 ? v->max_error / 255 : CHECK_PROMISED;
-    CtsVolume *volume = NULL;
+    const double bound = exact ? 3e-4 : s->max_error > 0 ? s->max_error / 255 : CHECK_PROMISED;
+    CtsMadeScene m;
     CtsPicture *picture = NULL;
-    CtsStatus st = cts_check_volume(&volume, v->dims, (const double[3]){1, 1, 1}, 1, v->hu, v->numbers, err);
-    if (st)
-        return st;
-    CtsPreset preset = cts_check_preset(v->points, v->n_points);
-    preset.shade = v->lit;
-    preset.ambient = 0.2;
-    preset.diffuse = 0.8;
-    preset.specular = 0.3;
-    preset.power = 20;
-    CtsRenderSettings s = cts_check_settings(run, v->width, v->height);
-    s.azimuth_deg = v->view.azimuth_deg;
-    s.elevation_deg = v->view.elevation_deg;
-    s.mm_per_pixel = v->view.mm_per_pixel;
-    s.max_error = v->max_error;
-    if (!(st = cts_check_render(run, volume, &preset, &s, &picture, err)) &&
-        !(st = make_truth(run, volume, &preset, &s, err)))
-        judge(run, &s, picture, bound);
+    CtsStatus st = cts_check_make(run, s, &m, err);
+    m.preset.diffuse = 0.8;
+    if (!st && !(st = cts_check_render(run, m.volume, &m.preset, &m.settings, &picture, err)) &&
+        !(st = make_truth(run, &m, err)))
+        judge(run, &m.settings, picture, bound);
     cts_picture_free(&picture);
-    cts_volume_free(&volume);
+    cts_volume_free(&m.volume);
     return st;
 }
 
 enum { SIDE = 24 };
 static const double soft_hu = 40, metal_hu = 2500;
 
-/* A cube of grain, in air; the half of it is metal of numbers[3] HU, if of any. */
+/* A cube of grain, in air; the half of it is metal of hu[3] HU, if of any. */
 static double hu_grain(const double vox[3], const void *data)
 {
     bool inside = true;
@@ -129,7 +101,7 @@ static double every(double at, double step)
     return fmod(at, step) == 3;
 }
 
-/* numbers: what there is of 1 plates, 2 wires, 3 dots; 4 a single dot; one voxel each. Then their HU, 0: metal's. */
+/* hu: what there is of 1 plates, 2 wires, 3 dots; 4 a single dot; one voxel each. Then their HU, 0: metal's. */
 static double hu_thin(const double vox[3], const void *data)
 {
     const double *kind = data;
@@ -137,6 +109,16 @@ static double hu_thin(const double vox[3], const void *data)
     if (kind[0] > 3)
         return vox[0] == 12 && vox[1] == 9 && vox[2] == 13 ? metal_hu : soft_hu;
     return z && (y || kind[0] < 2) && (x || kind[0] < 3) ? kind[1] > 0 ? kind[1] : metal_hu : soft_hu;
+}
+
+/* One plate (hu[0] 1), line (2) or dot (3), of hu[1] HU in air. */
+static double hu_single(const double vox[3], const void *data)
+{
+    const double *kind = data;
+    for (int a = 0; a < kind[0]; a++)
+        if (vox[a] != 8)
+            return -1000;
+    return kind[1] - 1000;
 }
 
 /* A stent: one wire wound about the volume's axis. */
@@ -156,7 +138,7 @@ static double hu_two_levels(const double vox[3], const void *data)
     return low_and_seed[0] + (cts_hu_noise(vox, unit) > 0.5);
 }
 
-/* Haze with grain for 500 mm, metal of numbers[0] HU to the right of it. */
+/* Haze with grain for 500 mm, metal of hu[0] HU to the right of it. */
 static double hu_haze(const double vox[3], const void *data)
 {
     const double *metal = data;
@@ -171,6 +153,7 @@ static double hu_lump(const double vox[3], const void *data)
 }
 
 static const CtsCheckPoint from_1800[] = {{1800, 0, {1, 0.9, 0.7}}, {2500, 0.9, {1, 0.9, 0.7}}};
+static const CtsCheckPoint from_150[] = {{150, 0, {1, 1, 1}}, {500, 0.75, {1, 1, 1}}};
 static const CtsCheckPoint step_1800[] = {{1800, 0, {1, 0.9, 0.7}}, {1800, 0.9, {1, 1, 1}}};
 static const CtsCheckPoint between_levels[] = {
     {500.02, 0, {1, 0.7, 0.3}}, {500.5, 1, {1, 0.7, 0.3}}, {500.98, 0, {1, 0.7, 0.3}}};
@@ -202,44 +185,42 @@ static const CtsCheckPoint stripes[] = {{60, 0, {1, 0, 0}},  {60, 0.3, {1, 0.5, 
 static const CtsCheckPoint steps[] = {{0, 0, {1, 0, 0}},      {0, 0.1, {1, 0, 0}},    {400, 0.1, {1, 0.5, 0}},
                                       {400, 0.02, {0, 1, 1}}, {900, 0.02, {0, 1, 1}}, {900, 1, {1, 1, 1}}};
 
-#define CUBE .dims = {SIDE, SIDE, SIDE}
-#define PLATES CUBE, .hu = hu_thin, .numbers = {1}
-#define WIRES CUBE, .hu = hu_thin, .numbers = {2}
-#define DOTS CUBE, .hu = hu_thin, .numbers = {3}
-#define BRIGHT(KIND) CUBE, .hu = hu_thin, .numbers = {KIND, 20000}
-#define BALL CUBE, .hu = hu_ball, .numbers = {8}
-#define GRAIN CUBE, .hu = hu_grain, .numbers = {20, 60, 5}
-#define GRAIN_AND_METAL CUBE, .hu = hu_grain, .numbers = {20, 60, 5, 20000}
-#define DOT CUBE, .hu = hu_thin, .numbers = {4}
-#define HELIX CUBE, .hu = hu_helix
-#define LEVELS .dims = {12, 12, 12}, .hu = hu_two_levels, .numbers = {500, 8}
-#define LUMP CUBE, .hu = hu_lump, .numbers = {-30, 30, 4}
-#define HAZE(METAL, POINTS) .dims = {12, 502, 12}, .hu = hu_haze, .numbers = {METAL}, CHECK_POINTS(POINTS)
-#define CHECK_POINTS(ARRAY) .points = (ARRAY), .n_points = (int)(sizeof(ARRAY) / sizeof *(ARRAY))
+#define CUBE CHECK_CUBE(SIDE), .power = 20
+#define PLATES CUBE, .formula = hu_thin, .hu = {1}
+#define WIRES CUBE, .formula = hu_thin, .hu = {2}
+#define DOTS CUBE, .formula = hu_thin, .hu = {3}
+#define BRIGHT(KIND) CUBE, .formula = hu_thin, .hu = {KIND, 20000}
+#define BALL CUBE, .formula = hu_ball, .hu = {8}
+#define GRAIN CUBE, .formula = hu_grain, .hu = {20, 60, 5}
+#define GRAIN_AND_METAL CUBE, .formula = hu_grain, .hu = {20, 60, 5, 20000}
+#define DOT CUBE, .formula = hu_thin, .hu = {4}
+#define HELIX CUBE, .formula = hu_helix
+#define LEVELS CHECK_CUBE(12), .power = 20, .formula = hu_two_levels, .hu = {500, 8}
+#define LUMP CUBE, .formula = hu_lump, .hu = {-30, 30, 4}
+#define HAZE(METAL, POINTS) .dims = {12, 502, 12}, .formula = hu_haze, .hu = {METAL}, CHECK_POINTS(POINTS)
 /* Magnified: rows lie closer than voxels; reduced: pixels miss voxels. */
-#define QUARTER(AZ, EL) .view = {AZ, EL, 0.25}, .width = 48, .height = 64
-#define HALF(AZ, EL) .view = {AZ, EL, 0.5}, .width = 44, .height = 44
-#define WHOLE(AZ, EL) .view = {AZ, EL, 1}, .width = 32, .height = 32
-#define DOUBLE(AZ, EL) .view = {AZ, EL, 2}, .width = 18, .height = 18
+#define QUARTER(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 0.25, CHECK_SIZE(48, 64)
+#define HALF(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 0.5, CHECK_SIZE(44, 44)
+#define WHOLE(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 1, CHECK_SIZE(32, 32)
+#define DOUBLE(AZ, EL) CHECK_VIEW(AZ, EL), .mm_per_pixel = 2, CHECK_SIZE(18, 18)
 
-#define VOXELS(NAME, ...)                                                                                              \
-    {                                                                                                                  \
-        NAME, CHECK_OF_TILED | CHECK_OF_RAYCAST, voxels, &(const VoxelScene)                                           \
-        {                                                                                                              \
-            __VA_ARGS__                                                                                                \
-        }                                                                                                              \
-    }
+/* Seen from the side, where a ray may pass between two layers that hardly show it. */
+#define SINGLE(KIND, HU, AZ, EL)                                                                                       \
+    CHECK_CUBE(17), .formula = hu_single, .hu = {KIND, HU}, CHECK_POINTS(from_150), CHECK_VIEW(AZ, EL),                \
+                    .mm_per_pixel = 0.23, CHECK_SIZE(60, 60)
 
+#define VOXELS(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_FIELDS, voxels, __VA_ARGS__)
 /* What tiled does not keep yet. */
-#define EXACT(NAME, ...)                                                                                               \
-    {                                                                                                                  \
-        NAME, CHECK_OF_RAYCAST, voxels, &(const VoxelScene)                                                            \
-        {                                                                                                              \
-            __VA_ARGS__                                                                                                \
-        }                                                                                                              \
-    }
+#define EXACT(NAME, ...) CHECK_SCENE(NAME, CHECK_OF_RAYCAST, voxels, __VA_ARGS__)
 
 static const CtsCheckCase cases[] = {
+    VOXELS("thin: a plate at 45", SINGLE(1, 2500, 45, 0)),
+    VOXELS("thin: a plate at 44, 30", SINGLE(1, 2500, 44, 30)),
+    VOXELS("thin: a line at 45", SINGLE(2, 2500, 45, 0)),
+    VOXELS("thin: a line at 30, 20", SINGLE(2, 2500, 30, 20)),
+    VOXELS("thin: a bright line at 45", SINGLE(2, 20000, 45, 0)),
+    VOXELS("thin: a dot at 45, 35", SINGLE(3, 2500, 45, 35.26)),
+    VOXELS("thin: a bright dot at 45, 35", SINGLE(3, 20000, 45, 35.26)),
     VOXELS("voxels: plates, magnified", PLATES, CHECK_POINTS(from_1800), QUARTER(0, 0)),
     VOXELS("voxels: plates, magnified, oblique", PLATES, CHECK_POINTS(from_1800), QUARTER(30, 20)),
     EXACT("voxels: plates, oblique", PLATES, CHECK_POINTS(from_1800), WHOLE(-50, 35)),
@@ -291,17 +272,17 @@ static const CtsCheckCase cases[] = {
     EXACT("voxels: shells about bright dots", BRIGHT(3), CHECK_POINTS(about_metal), HALF(10, -47)),
     EXACT("voxels: shells about bright dots, 0.5 asked", BRIGHT(3), CHECK_POINTS(about_metal), QUARTER(47, 28),
           .max_error = 0.5),
-    VOXELS("voxels: a sharp ball at 44 degrees, magnified", BALL, CHECK_POINTS(faint_ramp),
-           .view = {43.999, -0.516, 0.1}, .width = 160, .height = 40),
-    VOXELS("voxels: a sharp ball at 44 degrees, 0.1 asked", BALL, CHECK_POINTS(faint_ramp),
-           .view = {43.999, -0.516, 0.1}, .width = 160, .height = 40, .max_error = 0.1),
-    VOXELS("voxels: a sharp ball at 45 degrees, 0.1 asked", BALL, CHECK_POINTS(faint_ramp), .view = {45, 0.3, 0.2},
-           .width = 80, .height = 40, .max_error = 0.1),
+    VOXELS("voxels: a sharp ball at 44 degrees, magnified", BALL, CHECK_POINTS(faint_ramp), CHECK_VIEW(43.999, -0.516),
+           .mm_per_pixel = 0.1, CHECK_SIZE(160, 40)),
+    VOXELS("voxels: a sharp ball at 44 degrees, 0.1 asked", BALL, CHECK_POINTS(faint_ramp), CHECK_VIEW(43.999, -0.516),
+           .mm_per_pixel = 0.1, CHECK_SIZE(160, 40), .max_error = 0.1),
+    VOXELS("voxels: a sharp ball at 45 degrees, 0.1 asked", BALL, CHECK_POINTS(faint_ramp), CHECK_VIEW(45, 0.3),
+           .mm_per_pixel = 0.2, CHECK_SIZE(80, 40), .max_error = 0.1),
     VOXELS("voxels: grain, lit", GRAIN, CHECK_POINTS(soft), HALF(158.58, 35.56), .lit = true),
     VOXELS("voxels: grain, lit, reduced", GRAIN, CHECK_POINTS(soft), DOUBLE(20, -70), .lit = true),
     VOXELS("voxels: grain, lit, 0.25 asked", GRAIN, CHECK_POINTS(soft), WHOLE(-50, 20), .lit = true, .max_error = 0.25),
-    VOXELS("voxels: metal in grain, lit, magnified", GRAIN_AND_METAL, CHECK_POINTS(metal), .view = {43.376, 1.848, 0.2},
-           .width = 70, .height = 20, .lit = true),
+    VOXELS("voxels: metal in grain, lit, magnified", GRAIN_AND_METAL, CHECK_POINTS(metal), CHECK_VIEW(43.376, 1.848),
+           .mm_per_pixel = 0.2, CHECK_SIZE(70, 20), .lit = true),
     VOXELS("voxels: metal in grain, lit, oblique", GRAIN_AND_METAL, CHECK_POINTS(metal), WHOLE(63, -25), .lit = true),
     VOXELS("voxels: haze beside metal of 3000 HU", HAZE(3000, haze_and_metal), HALF(0, 0)),
     VOXELS("voxels: haze beside metal of 3000 HU, oblique", HAZE(3000, haze_and_metal), QUARTER(0.4, 0.3)),

@@ -257,3 +257,10 @@ void cts_truth_ray_point(const CtsTruthRay *ray, double t_mm, double point_lps[3
     for (int c = 0; c < 3; c++)
         point_lps[c] = ray->point_lps[c] + t_mm * ray->direction_lps[c];
 }
+
+void cts_truth_ray_voxel(const CtsVolume *volume, const CtsTruthRay *ray, double t_mm, double vox[3])
+{
+    double point_lps[3];
+    cts_truth_ray_point(ray, t_mm, point_lps);
+    cts_truth_voxel(volume, point_lps, vox);
+}

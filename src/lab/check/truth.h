@@ -50,5 +50,6 @@ void cts_truth_volume(const CtsVolume *volume, const CtsPreset *preset, const Ct
 /* Voxel coordinates of a point in patient millimetres. */
 void cts_truth_voxel(const CtsVolume *volume, const double point_lps[3], double vox[3]);
 void cts_truth_ray_point(const CtsTruthRay *ray, double t_mm, double point_lps[3]);
+void cts_truth_ray_voxel(const CtsVolume *volume, const CtsTruthRay *ray, double t_mm, double vox[3]);
 
 #endif

@@ -135,12 +135,9 @@ void cts_truth_volume(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay 
 {
     const double opaque = 30;
     CtsTruthLight light = {{0, 0, 0}, 0};
-    double a[3], b[3];
     Line line;
-    cts_truth_ray_point(ray, 0, a);
-    cts_truth_ray_point(ray, 1, b);
-    cts_truth_voxel(v, a, line.vox);
-    cts_truth_voxel(v, b, line.per_mm);
+    cts_truth_ray_voxel(v, ray, 0, line.vox);
+    cts_truth_ray_voxel(v, ray, 1, line.per_mm);
     for (int c = 0; c < 3; c++)
         line.per_mm[c] -= line.vox[c];
     for (double t = ray->from_mm; t < ray->to_mm && light.depth < opaque;) {
