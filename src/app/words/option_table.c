@@ -226,7 +226,6 @@ const CtsOption cts_options[] = {
      NUMBER(free_percent), RANGE(0, 100)},
     {0, "only", "NAME", ON(CHECK), SAME, "run the case of this name alone, or those with this in their name", NULL,
      TEXT(only)},
-    {0, "plot", "FILE", ON(CHECK), SAME, "draw how much of its bound each error takes, as SVG", NULL, TEXT(plot)},
     {0, "propose", "PATH", ON(PRESETS), SAME,
      "print the mixture of tissues found in the volume, and the void key it proposes for the preset (bone, where none "
      "is named); --series, --crop, --remove-table and --threads go with it",
@@ -258,7 +257,7 @@ const CtsOption cts_options[] = {
      "none", TEXT(allow_origin)},
     {0, "explain", NULL, ON(RENDER), SAME, "print the plan and stop: what will run, what is left out and why", NULL,
      FLAG(render.explain)},
-    {0, "force", NULL, PICTURES | ON(CHECK), SAME, "overwrite outputs that exist", NULL, FLAG(export.force)},
+    {0, "force", NULL, PICTURES, SAME, "overwrite outputs that exist", NULL, FLAG(export.force)},
     {0, "log", "FILE", (RENDERING & ~ON(JOB)) | ON(RECEIVE), SAME,
      "append a timing log, JSON Lines; - is stderr; receive: the record of who sent what, in DIR/received.jsonl by "
      "default",

@@ -1,7 +1,6 @@
 #include "output/report/gnuplot.h"
 
 #include "base/by_id.h"
-#include "base/file.h"
 #include <errno.h>
 #include <spawn.h>
 #include <stdio.h>
@@ -81,20 +80,5 @@ end:
         if (file)
             fclose(file);
     }
-    return st;
-}
-
-CtsStatus cts_gnuplot_file(const char *script, const char *path, bool force, CtsError *err)
-{
-    CtsStatus st;
-    CtsTempFile *temp = NULL;
-    char *svg = NULL;
-    if ((st = cts_file_check_writable(path, force, err)) || (st = cts_gnuplot(script, &svg, err)) ||
-        (st = cts_temp_open(&temp, path, err)) || (st = cts_temp_write(temp, svg, strlen(svg), err)))
-        goto end;
-    st = cts_temp_commit(&temp, force, NULL, err);
-end:
-    cts_temp_discard(&temp);
-    free(svg);
     return st;
 }
