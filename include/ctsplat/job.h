@@ -31,8 +31,8 @@ CtsStatus cts_words_run(const CtsWord *words, int n_words, const volatile sig_at
  * One call at a time; sessions know nothing of each other. */
 typedef struct CtsSession CtsSession;
 
-/* Finds and reads the series that the words name: "path", "series", "from" and what belongs to them. Other words are
- * looked at and change nothing. *session is NULL after a failure. */
+/* Finds and reads the series that the words name: "path", "series", "from", "labels" and what belongs to them. Other
+ * words are looked at and change nothing. *session is NULL after a failure. */
 CtsStatus cts_session_open(CtsSession **session, const CtsWord *words, int n_words, const volatile sig_atomic_t *stop,
                            CtsReport *report, CtsError *err);
 /* Of what is there already; *scanned becomes the session's and NULL. It has no patient, so no .dcm outputs. */

@@ -1,6 +1,10 @@
 """The package ctsplat: the pictures of the program, arrays in any order, errors, Ctrl-C, threads and forks."""
+import glob
 import os
+import re
+import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -113,9 +117,7 @@ def test_picture(tmp_path, phantom):
     assert picture.depth_mm.shape == (48, 64) and np.isinf(picture.depth_mm).any() and picture.depth_mm.min() > 0
     assert picture.bound.rmse <= 0.5 / 255 * 1.5 and "composite" in picture.log["stages"]
     assert picture._repr_png_()[:8] == b"\x89PNG\r\n\x1a\n"
-    for ending in ("exr", "jpg", "webp", "dcm"):
-        picture.save(tmp_path / ("a." + ending))
-        assert (tmp_path / ("a." + ending)).stat().st_size > 100
+    picture.save(tmp_path / "a.exr")
     with pytest.raises(ctsplat.Error) as e:
         picture.save(tmp_path / "a.exr")
     assert e.value.code == 5
@@ -123,12 +125,42 @@ def test_picture(tmp_path, phantom):
     assert grey.rgba.shape == (32, 32, 4) and grey.depth_mm is None
 
 
-@pytest.mark.parametrize("syntax", ["big", "deflated", "implicit", "jpeg-2000", "jpeg-lossless", "jpeg-ls", "rle"])
-def test_every_codec(syntax):
-    """That the package holds them is seen where they are used."""
-    with ctsplat.load(os.path.join(DATA, "syntax", syntax)) as volume, \
-            ctsplat.load(os.path.join(DATA, "syntax", "explicit")) as plain:
-        assert np.array_equal(volume.hu, plain.hu)
+HOLDS_ALL = """
+import os, sys
+import numpy, ctsplat
+
+data, out = sys.argv[1:]
+plain = ctsplat.load(os.path.join(data, "syntax", "explicit"))
+for syntax in "big deflated implicit jpeg-2000 jpeg-lossless jpeg-ls rle".split():
+    assert numpy.array_equal(ctsplat.load(os.path.join(data, "syntax", syntax)).hu, plain.hu), syntax
+picture = plain.render(size=(32, 32))
+for ending in "png exr dcm jpg webp".split():
+    picture.save(os.path.join(out, "a." + ending))
+    assert os.path.getsize(os.path.join(out, "a." + ending)) > 100, ending
+try:
+    ctsplat.load([], study_uid="1.2", **{"from": "A@127.0.0.1:1"})
+except ctsplat.Error as e:
+    assert "127.0.0.1" in str(e), e
+print(*sorted({line.split()[-1] for line in open("/proc/self/maps") if "ctsplat" in line and ".so" in line}))
+"""
+
+
+def test_moved_with_its_libraries(tmp_path):
+    """Every codec, format and part is in the package, wherever it lies: seen where they are used."""
+    package = os.path.dirname(ctsplat.__file__)
+    with open("/proc/self/maps", encoding="ascii") as maps:
+        library = next(line.split()[-1] for line in maps if "/libctsplat.so" in line)
+    shutil.copytree(package, tmp_path / "ctsplat")
+    (tmp_path / "lib" / "ctsplat").mkdir(parents=True)
+    shutil.copy(library, tmp_path / "lib" / "libctsplat.so.0")
+    parts = glob.glob(os.path.dirname(library) + "/c*/libctsplat-*.so")
+    assert len(parts) == 3, parts
+    for part in parts:
+        shutil.copy(part, tmp_path / "lib" / "ctsplat")
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path), "LD_LIBRARY_PATH": str(tmp_path / "lib")}
+    used = subprocess.run([sys.executable, "-c", HOLDS_ALL, DATA, tmp_path], env=environment, check=True,
+                          stdout=subprocess.PIPE, text=True, cwd=tmp_path).stdout.split()
+    assert len(used) >= 4 and all(path.startswith(str(tmp_path)) for path in used), used
 
 
 def test_presets(phantom):
@@ -138,6 +170,12 @@ def test_presets(phantom):
     assert phantom.render(preset, **SMALL).rgba.max() > 0
     with pytest.raises(ctsplat.Error):
         ctsplat.Preset.from_points([(300, (1, 0, 0), 0.0), (100, (1, 1, 1), 0.5)])
+
+
+def test_flags():
+    text = subprocess.run([PROGRAM, "render", "--help"], check=True, stdout=subprocess.PIPE, text=True).stdout
+    flags = {name.replace("-", "_") for name in re.findall(r"^ +(?:-., )?--([a-z-]+)(?:  |$)", text, re.M)}
+    assert flags - {"help"} == ctsplat._FLAGS
 
 
 def test_errors(tmp_path, phantom):
@@ -187,6 +225,28 @@ def test_interrupt(phantom):
     with pytest.raises(KeyboardInterrupt):
         phantom.render("skin", engine="raycast", size=(4000, 4000))
     assert phantom.render(**SMALL).size == (96, 80)
+
+
+def test_interrupt_of_load(monkeypatch):
+    """Ctrl-C while a PACS says nothing; a load of files knows the same flag."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        def peer():
+            connection = server.accept()[0]
+            os.kill(os.getpid(), signal.SIGINT)
+            while connection.recv(4096):
+                pass
+            connection.close()
+
+        thread = threading.Thread(target=peer)
+        thread.start()
+        with pytest.raises(KeyboardInterrupt):
+            ctsplat.load([], study_uid="1.2.3", peer_timeout=3600,
+                         **{"from": "http://127.0.0.1:%d" % server.getsockname()[1]})
+        thread.join()
+    monkeypatch.setattr(ctsplat, "_interruptible", lambda call, stop: (stop.__setitem__(0, 1), call()))
+    with pytest.raises(ctsplat.Error) as e:
+        ctsplat.load(PHANTOM)
+    assert e.value.code == 130
 
 
 def test_threads_and_forks(tmp_path, phantom):

@@ -136,6 +136,8 @@ static CtsStatus words_run(CtsSession *session, const CtsWord *words, int n_word
     if (!st && session && (options.paths.n || options.from.given || options.series_uid))
         st =
             cts_fail(err, CTS_ERR_USAGE, "the series is loaded already (`path`, `series` and `from` name another one)");
+    if (!st && session && options.labels.n)
+        st = cts_fail(err, CTS_ERR_USAGE, "`labels` are read with the series (give them where it is loaded)");
     if (!st && whole && whole->take == keep_picture && options.rotation > 1)
         st = cts_fail(err, CTS_ERR_USAGE, "`rotation`: of %d pictures none can be the one in memory", options.rotation);
     if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err)))

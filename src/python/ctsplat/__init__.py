@@ -78,7 +78,7 @@ class _Report:
         return Bound(b.rmse, b.max, "estimated") if b.known else None
 
 
-_FLAGS = {"deidentify", "force", "new_uids"}
+_FLAGS = {"deidentify", "explain", "force", "insecure_http", "label_colours", "new_uids", "show_paths"}
 
 
 def _values(name: str, value: Any) -> List[str]:
@@ -483,7 +483,8 @@ def take_frame(context: Any, frame: int, picture: Any, err: Any) -> int:
 
 def load(path: Union[str, os.PathLike, Sequence[str]], series: Optional[str] = None, **options: Any) -> Volume:
     """Reads a CT series: path is a file, folder, zip file, DICOMDIR or NIfTI CT, or several of these; series its UID
-    where there is more than one. options: threads, and those that say from where (`from` is a word of Python's: **{"from": peer})."""
+    where there is more than one. options: threads, labels, label_names, and those that say from where (`from` is a word of
+    Python's: **{"from": peer})."""
     paths = [path] if isinstance(path, (str, os.PathLike)) else list(path)
     words = {"series": series, **options}
     if paths:
