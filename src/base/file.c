@@ -69,19 +69,20 @@ CtsStatus cts_temp_open(CtsTempFile **temp, const char *path, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError *err)
+bool cts_write_all(int fd, const void *data, size_t n)
 {
     const char *p = data;
-    while (n > 0) {
-        const ssize_t done = write(temp->fd, p, n);
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done < 0)
-            return fail_errno(err, temp->target, "cannot be written");
-        p += done;
-        n -= (size_t)done;
-        temp->n_waiting += (size_t)done;
-    }
+    for (ssize_t done; n > 0; p += done, n -= (size_t)done)
+        if ((done = TEMP_FAILURE_RETRY(write(fd, p, n))) < 0)
+            return false;
+    return true;
+}
+
+CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError *err)
+{
+    if (!cts_write_all(temp->fd, data, n))
+        return fail_errno(err, temp->target, "cannot be written");
+    temp->n_waiting += n;
     /* The disk begins while the rest is made, so that the sync at the end finds little to do; advice. */
     if (temp->n_waiting >= WRITE_BEHIND && !temp->loose) {
         sync_file_range(temp->fd, 0, 0, SYNC_FILE_RANGE_WRITE);
@@ -93,16 +94,9 @@ CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError
 CtsStatus cts_temp_write_at(CtsTempFile *temp, const void *data, size_t n, uint64_t offset, CtsError *err)
 {
     const char *p = data;
-    while (n > 0) {
-        const ssize_t done = pwrite(temp->fd, p, n, (off_t)offset);
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done < 0)
+    for (ssize_t done; n > 0; p += done, n -= (size_t)done, offset += (uint64_t)done)
+        if ((done = TEMP_FAILURE_RETRY(pwrite(temp->fd, p, n, (off_t)offset))) < 0)
             return fail_errno(err, temp->target, "cannot be written");
-        p += done;
-        n -= (size_t)done;
-        offset += (uint64_t)done;
-    }
     return CTS_OK;
 }
 

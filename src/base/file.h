@@ -11,11 +11,13 @@
 extern "C" {
 #endif
 
+/* Short writes are gone on with; false, with errno, where it cannot be written. */
+bool cts_write_all(int fd, const void *data, size_t n);
+
 typedef struct CtsTempFile CtsTempFile;
 
 /* Makes an unpredictable name beside path (mode 0600 until the commit). CTS_ERR_OUTPUT with path and cause. */
 CtsStatus cts_temp_open(CtsTempFile **temp, const char *path, CtsError *err);
-/* Writes all of data, retrying short writes. */
 CtsStatus cts_temp_write(CtsTempFile *temp, const void *data, size_t n, CtsError *err);
 /* The same at an offset; the place where cts_temp_write() goes on does not move. */
 CtsStatus cts_temp_write_at(CtsTempFile *temp, const void *data, size_t n, uint64_t offset, CtsError *err);

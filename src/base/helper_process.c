@@ -41,10 +41,8 @@ static double told_cpu_ms; /* of processes of a helper that is our child: they c
 static bool receive_reply(int socket, Reply *reply)
 {
     struct pollfd wait = {.fd = socket, .events = POLLIN};
-    int n;
-    while ((n = poll(&wait, 1, QUIET_MS)) < 0 && errno == EINTR)
-        ;
-    return n > 0 && recv(socket, reply, sizeof *reply, 0) == (ssize_t)sizeof *reply;
+    return TEMP_FAILURE_RETRY(poll(&wait, 1, QUIET_MS)) > 0 &&
+           recv(socket, reply, sizeof *reply, 0) == (ssize_t)sizeof *reply;
 }
 
 static bool transmit_request(int socket, Request *request, int fd)
@@ -61,10 +59,7 @@ static bool transmit_request(int socket, Request *request, int fd)
         rights->cmsg_len = CMSG_LEN(sizeof fd);
         memcpy(CMSG_DATA(rights), &fd, sizeof fd);
     }
-    ssize_t put;
-    while ((put = sendmsg(socket, &message, MSG_NOSIGNAL)) < 0 && errno == EINTR)
-        ;
-    return put == (ssize_t)sizeof *request;
+    return TEMP_FAILURE_RETRY(sendmsg(socket, &message, MSG_NOSIGNAL)) == (ssize_t)sizeof *request;
 }
 
 static bool receive_request(int socket, Request *request, int *fd)
@@ -73,9 +68,7 @@ static bool receive_request(int socket, Request *request, int *fd)
     struct iovec bytes = {request, sizeof *request};
     struct msghdr message = {
         .msg_iov = &bytes, .msg_iovlen = 1, .msg_control = control, .msg_controllen = sizeof control};
-    ssize_t got;
-    while ((got = recvmsg(socket, &message, MSG_CMSG_CLOEXEC)) < 0 && errno == EINTR)
-        ;
+    const ssize_t got = TEMP_FAILURE_RETRY(recvmsg(socket, &message, MSG_CMSG_CLOEXEC));
     const struct cmsghdr *rights = got > 0 ? CMSG_FIRSTHDR(&message) : NULL;
     *fd = -1;
     if (rights)
@@ -142,11 +135,10 @@ static void leave(bool kill_it)
     if (way >= 0)
         close(way);
     way = -1;
-    while (is_child && waitpid(helper, NULL, 0) < 0)
-        if (errno != EINTR)
-            break;
-    if (is_child)
+    if (is_child) {
+        TEMP_FAILURE_RETRY(waitpid(helper, NULL, 0));
         cts_cpu_add_ms(-told_cpu_ms);
+    }
     told_cpu_ms = 0;
     helper = 0;
 }
@@ -184,8 +176,7 @@ static CtsStatus begin(CtsError *err)
     const int why = errno;
     close(ends[1]);
     if (pid > 0 && !kept)
-        while (waitpid(pid, NULL, 0) < 0 && errno == EINTR)
-            ;
+        TEMP_FAILURE_RETRY(waitpid(pid, NULL, 0));
     if (pid > 0 && receive_reply(ends[0], &hello)) {
         way = ends[0];
         helper = hello.pid;
@@ -193,8 +184,7 @@ static CtsStatus begin(CtsError *err)
     }
     close(ends[0]);
     if (pid > 0 && kept)
-        while (waitpid(pid, NULL, 0) < 0 && errno == EINTR)
-            ;
+        TEMP_FAILURE_RETRY(waitpid(pid, NULL, 0));
     return cts_fail(err, CTS_ERR_MEMORY, "a helper process cannot be started: %s",
                     pid < 0 ? strerror(why) : "it ended at once");
 }

@@ -79,6 +79,17 @@ int cts_drop_front_bytes(void **block, size_t n)
     return 1;
 }
 
+CtsStatus cts_grow_bytes(void **items, size_t n, size_t size, CtsError *err)
+{
+    if (n & (n - 1))
+        return CTS_OK;
+    void *grown = reallocarray(*items, n ? 2 * n : 1, size);
+    if (!grown)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory for %zu items", n + 1);
+    *items = grown;
+    return CTS_OK;
+}
+
 uint64_t cts_memory_available(void)
 {
     unsigned long long kib = 0;

@@ -32,6 +32,11 @@ int cts_drop_front_bytes(void **block, size_t n);
 /* Frees and leaves NULL behind. */
 #define cts_free(p) (cts_free_bytes(*(p)), (void)(*(p) = NULL))
 
+/* Room for one more than n items in a block of malloc()'s that grows by one item at a time: it doubles at powers of
+ * two, so that its size needs no field. For a pointer variable p of any type: cts_grow(&p, n, err). */
+CtsStatus cts_grow_bytes(void **items, size_t n, size_t size, CtsError *err);
+#define cts_grow(p, n, err) cts_grow_bytes((void **)(p), (size_t)(n), sizeof **(p), (err))
+
 /* Bytes that could be had without swapping, 0 when the system does not tell. */
 uint64_t cts_memory_available(void);
 /* Whether a volume may take so many: 60 % of what is free (0: nobody knows), so that a batch does not drive its machine

@@ -2,6 +2,7 @@
 #include "ctsplat/report.h"
 
 #include "base/by_id.h"
+#include "base/mem.h"
 #include "base/text.h"
 #include <stdarg.h>
 #include <stdio.h>
@@ -19,14 +20,6 @@ const char *const cts_label_source_names[CTS_N_LABEL_SOURCES] = {
     [CTS_LABEL_SEG] = "seg", [CTS_LABEL_RTSTRUCT] = "rtstruct", [CTS_LABEL_NIFTI] = "nifti"};
 
 /* A report that runs out of memory loses a line, never the picture. */
-static void *grow(void *items, size_t n, size_t size)
-{
-    /* Capacity doubles at powers of two, so it needs no field of its own. */
-    if (n & (n - 1))
-        return items;
-    return realloc(items, (n ? 2 * n : 1) * size);
-}
-
 void cts_report_free(CtsReport *report)
 {
     if (!report)
@@ -54,13 +47,12 @@ void cts_report_stage(CtsReport *report, CtsStage stage, double wall_ms, double 
 
 void cts_report_label(CtsReport *report, const CtsLabelFact *label)
 {
-    CtsLabelFact *const grown = report ? grow(report->labels, report->n_labels, sizeof *grown) : NULL;
-    if (!grown)
+    if (!report || cts_grow(&report->labels, report->n_labels, NULL))
         return;
-    report->labels = grown;
-    grown[report->n_labels] = *label;
-    grown[report->n_labels].name = strdup(label->name);
-    report->n_labels += grown[report->n_labels].name != NULL;
+    CtsLabelFact *const added = &report->labels[report->n_labels];
+    *added = *label;
+    added->name = strdup(label->name);
+    report->n_labels += added->name != NULL;
 }
 
 void cts_report_region(CtsReport *report, double wall_ms, double cpu_ms, const double busy[CTS_N_STAGES],
@@ -85,13 +77,9 @@ double cts_report_picture_cpu_ms(const CtsReport *report)
 
 void cts_report_skip(CtsReport *report, const char *what, const char *why_format, ...)
 {
-    if (!report)
+    if (!report || cts_grow(&report->skips, report->n_skips, NULL))
         return;
-    CtsSkip *skips = grow(report->skips, report->n_skips, sizeof *skips);
-    if (!skips)
-        return;
-    report->skips = skips;
-    CtsSkip *skip = &skips[report->n_skips++];
+    CtsSkip *skip = &report->skips[report->n_skips++];
     snprintf(skip->what, sizeof skip->what, "%s", what);
     va_list args;
     va_start(args, why_format);
@@ -102,11 +90,9 @@ void cts_report_skip(CtsReport *report, const char *what, const char *why_format
 __attribute__((format(printf, 4, 0))) static void add_finding(CtsFindings *findings, const char *code,
                                                               CtsSeverity severity, const char *format, va_list args)
 {
-    CtsFinding *items = grow(findings->items, findings->n, sizeof *items);
-    if (!items)
+    if (cts_grow(&findings->items, findings->n, NULL))
         return;
-    findings->items = items;
-    CtsFinding *finding = &items[findings->n++];
+    CtsFinding *finding = &findings->items[findings->n++];
     snprintf(finding->code, sizeof finding->code, "%s", code);
     finding->severity = severity;
     vsnprintf(finding->text, sizeof finding->text, format, args);

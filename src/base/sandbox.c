@@ -65,20 +65,12 @@ static size_t slot_bytes(const CtsSandbox *d)
 
 static bool receive(int socket, void *message, size_t n)
 {
-    ssize_t got;
-    do
-        got = recv(socket, message, n, 0);
-    while (got < 0 && errno == EINTR);
-    return got == (ssize_t)n;
+    return TEMP_FAILURE_RETRY(recv(socket, message, n, 0)) == (ssize_t)n;
 }
 
 static bool transmit(int socket, const void *message, size_t n)
 {
-    ssize_t put;
-    do
-        put = send(socket, message, n, MSG_NOSIGNAL);
-    while (put < 0 && errno == EINTR);
-    return put == (ssize_t)n;
+    return TEMP_FAILURE_RETRY(send(socket, message, n, MSG_NOSIGNAL)) == (ssize_t)n;
 }
 
 /* The child's whole life. The first answer says whether the walls stand. */

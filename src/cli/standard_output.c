@@ -1,5 +1,6 @@
 #include "cli/standard_output.h"
 
+#include "base/file.h"
 #include "cli/interrupt.h"
 #include <errno.h>
 #include <fcntl.h>
@@ -71,20 +72,6 @@ CtsStatus cli_standard_output_begin(CliStandardOutput *to, const CtsOptions *opt
     return CTS_OK;
 }
 
-static CtsStatus write_all(const char *data, size_t n, CtsError *err)
-{
-    while (n > 0) {
-        const ssize_t written = write(STDOUT_FILENO, data, n);
-        if (written < 0 && errno == EINTR)
-            continue;
-        if (written < 0)
-            return cts_fail(err, CTS_ERR_OUTPUT, "standard output: %s", strerror(errno));
-        data += written;
-        n -= (size_t)written;
-    }
-    return CTS_OK;
-}
-
 CtsStatus cli_standard_output_write(const CliStandardOutput *to, uint64_t *bytes, CtsError *err)
 {
     char piece[1 << 16];
@@ -93,7 +80,8 @@ CtsStatus cli_standard_output_write(const CliStandardOutput *to, uint64_t *bytes
     *bytes = 0;
     const int fd = open(to->path, O_RDONLY | O_CLOEXEC);
     while (fd >= 0 && !st && (n = read(fd, piece, sizeof piece)) > 0) {
-        st = write_all(piece, (size_t)n, err);
+        if (!cts_write_all(STDOUT_FILENO, piece, (size_t)n))
+            st = cts_fail(err, CTS_ERR_OUTPUT, "standard output: %s", strerror(errno));
         *bytes += (uint64_t)n;
     }
     if (!st && (fd < 0 || n < 0))

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "app/batch/batch_plan.h"
 
+#include "base/mem.h"
 #include "ctsplat/label_files.h"
 #include "output/export/uid.h"
 #include <errno.h>
@@ -132,14 +133,10 @@ static CtsStatus name_series(const CtsArchiveFile *file, char name[80], uint64_t
 
 static CtsStatus add_entry(Entry **entries, size_t *n, Entry entry, CtsError *err)
 {
-    if ((*n & (*n - 1)) == 0) {
-        Entry *grown = realloc(*entries, (*n ? 2 * *n : 1) * sizeof *grown);
-        if (!grown)
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of files");
-        *entries = grown;
-    }
-    (*entries)[(*n)++] = entry;
-    return CTS_OK;
+    const CtsStatus st = cts_grow(entries, *n, err);
+    if (!st)
+        (*entries)[(*n)++] = entry;
+    return st;
 }
 
 static CtsStatus keep_record(CtsPlan *p, const CtsArchiveFile *file, const char *name, uint64_t key, CtsError *err)
@@ -162,14 +159,10 @@ static CtsStatus add_home(CtsPlan *p, Home home, CtsError *err)
 {
     if (p->n_homes && !memcmp(&p->homes[p->n_homes - 1], &home, sizeof home))
         return CTS_OK;
-    if ((p->n_homes & (p->n_homes - 1)) == 0) {
-        Home *grown = realloc(p->homes, (p->n_homes ? 2 * p->n_homes : 1) * sizeof *grown);
-        if (!grown)
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of folders");
-        p->homes = grown;
-    }
-    p->homes[p->n_homes++] = home;
-    return CTS_OK;
+    const CtsStatus st = cts_grow(&p->homes, p->n_homes, err);
+    if (!st)
+        p->homes[p->n_homes++] = home;
+    return st;
 }
 
 /* A file that cannot be read may be a slice of the series in its folder, which is to say so. */
@@ -196,11 +189,10 @@ static CtsStatus take_lost(CtsPlan *p, const CtsArchiveFile *file, CtsError *err
 
 static CtsStatus take_labels(CtsPlan *p, const CtsArchiveFile *file, CtsError *err)
 {
-    CtsBatchLabelFile *const grown = reallocarray(p->label_files, p->n_label_files + 1, sizeof *grown);
-    if (!grown)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of label files");
-    p->label_files = grown;
-    CtsBatchLabelFile *const added = &grown[p->n_label_files++];
+    const CtsStatus st = cts_grow(&p->label_files, p->n_label_files, err);
+    if (st)
+        return st;
+    CtsBatchLabelFile *const added = &p->label_files[p->n_label_files++];
     *added = (CtsBatchLabelFile){strdup(file->path), strdup(file->labels_of)};
     return added->path && added->study_uid ? CTS_OK
                                            : cts_fail(err, CTS_ERR_MEMORY, "out of memory for the list of label files");

@@ -102,15 +102,10 @@ json_t *cts_child_failed_line(const CtsBatchSettings *settings, const CtsPlanSer
 
 CtsStatus cts_child_send(const CtsBatchChild *child, const char *message, CtsError *err)
 {
-    for (size_t n = strlen(message); n > 0;) {
-        const ssize_t done = send(child->socket, message, n, MSG_NOSIGNAL);
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done < 0)
+    ssize_t done;
+    for (size_t n = strlen(message); n > 0; message += done, n -= (size_t)done)
+        if ((done = TEMP_FAILURE_RETRY(send(child->socket, message, n, MSG_NOSIGNAL))) < 0)
             return cts_fail(err, CTS_ERR_INTERRUPTED, "the batch is gone: %s", strerror(errno));
-        message += done;
-        n -= (size_t)done;
-    }
     return CTS_OK;
 }
 

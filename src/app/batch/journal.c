@@ -3,6 +3,7 @@
 
 #include "app/batch/batch_plan.h"
 #include "base/file.h"
+#include "base/mem.h"
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -120,14 +121,13 @@ static CtsStatus read_others(CtsJournal *j, CtsError *err)
         if (!is_journal(entry->d_name) || !strcmp(path, j->path))
             continue;
         const int fd = open(path, O_RDONLY | O_CLOEXEC | O_NOFOLLOW | O_NONBLOCK);
-        int *grown = fd < 0 ? NULL : realloc(j->files, ((size_t)j->n_files + 1) * sizeof *grown);
-        if (!grown) {
-            if (fd >= 0)
-                close(fd);
-            continue;
-        }
         uint64_t end;
-        j->files = grown;
+        if (fd < 0)
+            continue;
+        if ((st = cts_grow(&j->files, j->n_files, err))) {
+            close(fd);
+            break;
+        }
         j->files[j->n_files++] = fd;
         st = read_lines(j, j->n_files - 1, &end, err);
     }
@@ -215,8 +215,8 @@ static CtsStatus lock(CtsJournal *j, int shard, int n_shards, CtsError *err)
 static CtsStatus read_own(CtsJournal *j, bool fresh, CtsError *err)
 {
     CtsStatus st;
-    if (!(j->files = malloc(sizeof *j->files)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if ((st = cts_grow(&j->files, 0, err)))
+        return st;
     j->files[0] = open(j->path, O_RDWR | O_CREAT | O_APPEND | O_CLOEXEC | O_NOFOLLOW, 0666);
     if (j->files[0] < 0)
         return fail_errno(err, j->path, "cannot be written");
@@ -282,23 +282,9 @@ bool cts_journal_holds(const CtsJournal *journal, const char *series_uid)
     return slot->size && slot->file == 0;
 }
 
-static CtsStatus write_all(int fd, const char *data, size_t n)
-{
-    while (n > 0) {
-        const ssize_t done = write(fd, data, n);
-        if (done < 0 && errno == EINTR)
-            continue;
-        if (done < 0)
-            return CTS_ERR_OUTPUT;
-        data += done;
-        n -= (size_t)done;
-    }
-    return CTS_OK;
-}
-
 static CtsStatus append(CtsJournal *j, const char *text, size_t n, CtsError *err)
 {
-    if (!write_all(j->files[0], text, n))
+    if (cts_write_all(j->files[0], text, n))
         return CTS_OK;
     const CtsStatus st = fail_errno(err, j->path, "cannot be written");
     if (ftruncate(j->files[0], (off_t)j->end))

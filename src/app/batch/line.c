@@ -103,10 +103,8 @@ static CtsStatus hash_file(const char *path, char hex[65], CtsError *err)
     else
         st = cts_hash_start(&hash, err);
     for (ssize_t n = 1; !st && n > 0;) {
-        n = read(fd, bytes, 1 << 18);
-        if (n < 0 && errno == EINTR)
-            n = 1;
-        else if (n < 0)
+        n = TEMP_FAILURE_RETRY(read(fd, bytes, 1 << 18));
+        if (n < 0)
             st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be read again: %s", path, strerror(errno));
         else
             cts_hash_bytes(hash, bytes, (size_t)n);

@@ -157,18 +157,11 @@ static void add_line(Run *r, const json_t *line)
 
 static void queue_to_send(Run *r, const json_t *line)
 {
-    char *uid = strdup(text_of(line, "series_uid"));
-    char **grown = uid && (r->n_to_send & (r->n_to_send - 1)) == 0
-                       ? realloc(r->to_send, (r->n_to_send ? 2 * r->n_to_send : 1) * sizeof *grown)
-                       : r->to_send;
-    if (!uid || !grown) {
-        CtsError err;
-        free(uid);
+    CtsError err = {0};
+    if (cts_grow(&r->to_send, r->n_to_send, &err) || !(r->to_send[r->n_to_send] = strdup(text_of(line, "series_uid"))))
         give_up(r, cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent"), &err);
-        return;
-    }
-    r->to_send = grown;
-    r->to_send[r->n_to_send++] = uid;
+    else
+        r->n_to_send++;
 }
 
 /* All of a series that was to be made is, or never will be. */

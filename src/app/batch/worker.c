@@ -1,3 +1,4 @@
+#define _GNU_SOURCE
 #include "app/batch/worker.h"
 
 #include <errno.h>
@@ -23,9 +24,7 @@ bool cts_worker_read(CtsWorker *w, void (*take)(void *context, CtsWorker *worker
             w->text = grown;
             w->capacity = capacity;
         }
-        const ssize_t n = recv(w->socket, w->text + w->n_text, w->capacity - w->n_text - 1, 0);
-        if (n < 0 && errno == EINTR)
-            continue;
+        const ssize_t n = TEMP_FAILURE_RETRY(recv(w->socket, w->text + w->n_text, w->capacity - w->n_text - 1, 0));
         if (n <= 0)
             return n < 0 && (errno == EAGAIN || errno == EWOULDBLOCK);
         w->n_text += (size_t)n;

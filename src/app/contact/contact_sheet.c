@@ -1,9 +1,10 @@
 #define _GNU_SOURCE
 #include "app/contact/contact_sheet.h"
 
-#include "base/file.h"
 #include "app/contact/contact_card.h"
 #include "app/contact/contact_page.h"
+#include "base/file.h"
+#include "base/mem.h"
 #include <dirent.h>
 #include <errno.h>
 #include <stdbool.h>
@@ -29,7 +30,7 @@ typedef struct Journals {
     Journal *items;
     int n;
     Line *lines;
-    size_t n_lines, n_allocated;
+    size_t n_lines;
     int n_unreadable; /* lines that are no series */
 } Journals;
 
@@ -54,19 +55,17 @@ static void close_journals(Journals *j)
 
 static CtsStatus add_journal(Journals *j, const char *dir, const char *folder, const char *name, CtsError *err)
 {
-    Journal *items = reallocarray(j->items, (size_t)j->n + 1, sizeof *items), new = {0};
+    Journal new = {0};
     char *path = NULL;
-    CtsStatus st = CTS_OK;
-    if (items)
-        j->items = items;
-    if (!items || asprintf(&path, "%s/%s%s", dir, folder, name) < 0 || !(new.folder = strdup(folder)))
+    CtsStatus st = cts_grow(&j->items, j->n, err);
+    if (!st && (asprintf(&path, "%s/%s%s", dir, folder, name) < 0 || !(new.folder = strdup(folder))))
         st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", dir);
-    else if (!(new.file = fopen(path, "re")))
+    else if (!st && !(new.file = fopen(path, "re")))
         st = cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
     if (st)
         free(new.folder);
     else
-        items[j->n++] = new;
+        j->items[j->n++] = new;
     free(path);
     return st;
 }
@@ -116,14 +115,9 @@ static json_t *parse_line(const char *text, size_t n)
 static CtsStatus add_line(Journals *j, const json_t *json, int journal, off_t at, CtsError *err)
 {
     const char *ended = json_string_value(json_object_get(json, "ended"));
-    if (j->n_lines == j->n_allocated) {
-        const size_t n = j->n_allocated ? 2 * j->n_allocated : 1024;
-        Line *lines = reallocarray(j->lines, n, sizeof *lines);
-        if (!lines)
-            return cts_fail(err, CTS_ERR_MEMORY, "the journal's %zu lines: out of memory", j->n_lines);
-        j->lines = lines;
-        j->n_allocated = n;
-    }
+    const CtsStatus st = cts_grow(&j->lines, j->n_lines, err);
+    if (st)
+        return st;
     Line *line = &j->lines[j->n_lines];
     *line = (Line){.journal = journal, .at = at};
     snprintf(line->ended, sizeof line->ended, "%s", ended ? ended : "");

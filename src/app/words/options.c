@@ -2,6 +2,7 @@
 
 #include "app/words/option_value.h"
 #include "app/words/word_lists.h"
+#include "base/mem.h"
 #include "base/near_word.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -44,21 +45,9 @@ void cts_options_free(CtsOptions *options)
     *options = (CtsOptions){0};
 }
 
-/* Room for one more of *n items of this size. */
-static CtsStatus grow(void **items, int n, size_t size, CtsError *err)
-{
-    if ((n & (n - 1)) != 0)
-        return CTS_OK;
-    void *grown = realloc(*items, (size_t)(n ? 2 * n : 1) * size);
-    if (!grown)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *items = grown;
-    return CTS_OK;
-}
-
 static CtsStatus add_text(CtsTextList *list, const char *text, CtsError *err)
 {
-    const CtsStatus st = grow((void **)&list->items, list->n, sizeof *list->items, err);
+    const CtsStatus st = cts_grow(&list->items, list->n, err);
     if (!st)
         list->items[list->n++] = text;
     return st;
@@ -141,7 +130,7 @@ CtsStatus cts_options_take(CtsOptions *options, CtsCommand command, const CtsWor
                         o->name, word->value, cts_options_given(options, o->name), o->several);
     if ((st = put(options, o, word->value, err)))
         return word->from ? cts_context(err, "%s", word->from) : st;
-    if (!(st = grow((void **)&options->words, options->n_words, sizeof *word, err)))
+    if (!(st = cts_grow(&options->words, options->n_words, err)))
         options->words[options->n_words++] = (CtsWord){o->name, word->value, word->from};
     return st;
 }

@@ -1,5 +1,7 @@
 /* One setting in a process of its own, so that its peak of memory is its own, and a crash costs one row. */
+#define _GNU_SOURCE
 #include "base/clock.h"
+#include "base/file.h"
 #include "base/parallel.h"
 #include "lab/bench/bench_parts.h"
 #include <errno.h>
@@ -103,20 +105,6 @@ static CtsStatus render_runs(Child *c)
     return CTS_OK;
 }
 
-static bool write_all(int file, const void *data, size_t n)
-{
-    for (const char *p = data; n > 0;) {
-        const ssize_t wrote = write(file, p, n);
-        if (wrote < 0 && errno == EINTR)
-            continue;
-        if (wrote <= 0)
-            return false;
-        p += wrote;
-        n -= (size_t)wrote;
-    }
-    return true;
-}
-
 /* Reads what the child sends; passes a request to stop on to it. */
 static bool read_all(int file, pid_t pid, const volatile sig_atomic_t *stop, void *data, size_t n)
 {
@@ -130,9 +118,7 @@ static bool read_all(int file, pid_t pid, const volatile sig_atomic_t *stop, voi
         }
         if (ready == 0 || (ready < 0 && errno == EINTR))
             continue;
-        const ssize_t got = read(file, p, n);
-        if (got < 0 && errno == EINTR)
-            continue;
+        const ssize_t got = TEMP_FAILURE_RETRY(read(file, p, n));
         if (got <= 0)
             return false;
         p += got;
@@ -149,7 +135,7 @@ static void run_child(Child *c, int file)
     c->row->measured = !c->status;
     if (c->status)
         snprintf(c->row->why, sizeof c->row->why, "%s", c->err.text);
-    const bool sent = write_all(file, &c->status, sizeof c->status) && write_all(file, c->row, sizeof *c->row);
+    const bool sent = cts_write_all(file, &c->status, sizeof c->status) && cts_write_all(file, c->row, sizeof *c->row);
     _exit(sent ? 0 : 1);
 }
 
@@ -177,8 +163,7 @@ CtsStatus cts_bench_measure(const CtsBenchSettings *settings, const CtsBenchTrut
     const bool whole = read_all(ends[0], pid, stop, &status, sizeof status) &&
                        read_all(ends[0], pid, stop, &measured, sizeof measured);
     close(ends[0]);
-    while (waitpid(pid, &how, 0) < 0 && errno == EINTR)
-        ;
+    TEMP_FAILURE_RETRY(waitpid(pid, &how, 0));
     if (stop && *stop)
         return cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted");
     if (whole)

@@ -1,3 +1,4 @@
+#define _GNU_SOURCE
 #include "output/report/gnuplot.h"
 
 #include "base/by_id.h"
@@ -51,8 +52,7 @@ static CtsStatus run(FILE *in, FILE *out, FILE *complaints, CtsError *err)
     if (failed)
         return cts_fail(err, CTS_ERR_OUTPUT, "gnuplot cannot be run: %s (install the package gnuplot-nox)",
                         strerror(failed));
-    while (waitpid(pid, &status, 0) < 0 && errno == EINTR)
-        ;
+    TEMP_FAILURE_RETRY(waitpid(pid, &status, 0));
     if (WIFEXITED(status) && WEXITSTATUS(status) == 0)
         return CTS_OK;
     char *why = read_all(complaints);

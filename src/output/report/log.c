@@ -3,9 +3,10 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/file.h"
 #include "base/json.h"
-#include "base/site_key.h"
 #include "base/parallel.h"
+#include "base/site_key.h"
 #include "output/report/info.h"
 #include "output/report/masked.h"
 #include <errno.h>
@@ -392,12 +393,8 @@ CtsStatus cts_log_close(CtsLog **log, CtsError *err)
     if (!l)
         return CTS_OK;
     put_run_first(l);
-    for (size_t done = 0; done < l->size && !st;) {
-        const ssize_t n = write(l->fd, l->text + done, l->size - done);
-        if (n < 0 && errno != EINTR)
-            st = cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
-        done += n > 0 ? (size_t)n : 0;
-    }
+    if (!cts_write_all(l->fd, l->text, l->size))
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
     if (l->fd != STDERR_FILENO && close(l->fd) && !st)
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the log)", l->path, strerror(errno));
     free(l->text);
