@@ -36,22 +36,6 @@ static CtsStatus count_in(const CtsParts *p, const CtsBits *bits, uint64_t **cou
     return st;
 }
 
-typedef struct Opening {
-    CtsBits *bits;
-    CtsReach reach;
-    CtsMorphology *workers;
-} Opening;
-
-static void open_sections(void *context, int worker, size_t first, size_t end)
-{
-    const Opening *const o = context;
-    for (int k = (int)first; k < (int)end; k++) {
-        uint64_t *words = cts_bits_row(o->bits, 0, k);
-        if (cts_bits_count_slice(o->bits, k))
-            cts_open_section(&o->workers[worker], words, o->reach, words);
-    }
-}
-
 /* flags[]: the largest part, and of the others of some size those that are mostly thick; sized[]: these others. */
 static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, CtsMorphology *workers, int n_threads,
                                 uint8_t *flags, uint8_t *sized, CtsError *err)
@@ -69,12 +53,10 @@ static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, C
     }
     if (!n_sized)
         return CTS_OK;
-    const CtsReach reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm);
     if ((st = cts_bits_new_unset(&others, plan->dims, err)))
         goto end;
     cts_parts_paint(p, sized, NULL, &others, n_threads);
-    Opening opening = {&others, reach, workers};
-    cts_parallel(n_threads, (size_t)plan->dims[2], 1, open_sections, &opening);
+    cts_open_sections(workers, n_threads, &others, cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm));
     if ((st = count_in(p, &others, &thick, err)))
         goto end;
     for (uint32_t n = 0; n < p->n_parts; n++)

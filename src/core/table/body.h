@@ -2,10 +2,10 @@
 #ifndef CTS_TABLE_BODY_H
 #define CTS_TABLE_BODY_H
 
-#include "ctsplat/volume.h"
 #include "core/table/morphology.h"
 #include "core/table/sections.h"
 #include "core/volume/body_mask.h"
+#include "ctsplat/volume.h"
 
 typedef struct CtsBody {
     CtsBits dense;   /* the patient where it is denser than air */

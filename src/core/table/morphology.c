@@ -4,7 +4,6 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include <math.h>
-#include <stdatomic.h>
 #include <string.h>
 
 /* In a regular octagon the box has this share of the radius. */
@@ -43,29 +42,12 @@ void cts_morphology_free(CtsMorphology *m)
     cts_free(&m->buffer);
 }
 
-typedef struct Making {
-    CtsMorphology *workers;
-    const CtsBits *like;
-    atomic_int n_failed;
-} Making;
-
-static void make_workers(void *context, int worker, size_t first, size_t end)
-{
-    Making *const m = context;
-    (void)worker;
-    for (size_t t = first; t < end; t++)
-        if (cts_morphology_new(&m->workers[t], m->like, NULL))
-            atomic_fetch_add(&m->n_failed, 1);
-}
-
 CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err)
 {
-    const CtsStatus st = cts_alloc_zeroed(workers, (size_t)n_threads, err);
-    if (st)
-        return st;
-    Making making = {.workers = *workers, .like = like};
-    cts_parallel(n_threads, (size_t)n_threads, 1, make_workers, &making);
-    return atomic_load(&making.n_failed) ? cts_fail(err, CTS_ERR_MEMORY, "out of memory") : CTS_OK;
+    CtsStatus st = cts_alloc_zeroed(workers, (size_t)n_threads, err);
+    for (int t = 0; !st && t < n_threads; t++)
+        st = cts_morphology_new(&(*workers)[t], like, err);
+    return st;
 }
 
 void cts_morphologies_free(CtsMorphology **workers, int n_threads)
@@ -214,10 +196,29 @@ static void open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach)
     dilate(m, reach);
 }
 
-void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
+/* Sections that are opened in place. */
+typedef struct Opening {
+    CtsMorphology *workers;
+    CtsBits *bits;
+    CtsReach reach;
+} Opening;
+
+static void open_some(void *context, int worker, size_t first, size_t end)
 {
-    open_section(m, in, reach);
-    write_section(m, out);
+    const Opening *const o = context;
+    for (int k = (int)first; k < (int)end; k++) {
+        uint64_t *words = cts_bits_row(o->bits, 0, k);
+        if (!cts_bits_count_slice(o->bits, k))
+            continue;
+        open_section(&o->workers[worker], words, o->reach);
+        write_section(&o->workers[worker], words);
+    }
+}
+
+void cts_open_sections(CtsMorphology *workers, int n_threads, CtsBits *bits, CtsReach reach)
+{
+    Opening opening = {workers, bits, reach};
+    cts_parallel(n_threads, (size_t)bits->dims[2], 1, open_some, &opening);
 }
 
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)

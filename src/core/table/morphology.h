@@ -23,15 +23,16 @@ typedef struct CtsMorphology {
 
 CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err);
 void cts_morphology_free(CtsMorphology *m);
-/* An array of one for each thread, made by them all. */
+/* An array of one for each thread. */
 CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err);
 void cts_morphologies_free(CtsMorphology **workers, int n_threads);
 
 /* Sections of n_words words; in and out may be the same. Outside the section lies nothing for dilation, and for opening
  * whatever lies at its border goes on, as a patient does whom the field of view cuts off. */
 void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
-void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 /* What an opening takes away from a section for good: opened, grown back by a voxel, the rest. */
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+/* Opens all sections, in place. */
+void cts_open_sections(CtsMorphology *workers, int n_threads, CtsBits *bits, CtsReach reach);
 
 #endif

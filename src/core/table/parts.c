@@ -166,24 +166,6 @@ static CtsStatus label(CtsParts *p, bool across_slices, int n_threads, CtsError 
     return st;
 }
 
-CtsStatus cts_parts_begin(CtsParts *p, const int dims[3], CtsError *err)
-{
-    cts_parts_free(p);
-    *p = (CtsParts){.dims = {dims[0], dims[1], dims[2]}};
-    return cts_alloc_array(&p->row_start, (size_t)dims[1] * (size_t)dims[2] + 1, err);
-}
-
-void cts_parts_counted(CtsParts *p)
-{
-    const size_t n_rows = (size_t)p->dims[1] * (size_t)p->dims[2];
-    p->n_runs = p->row_start[0] = 0;
-    for (size_t row = 0; row < n_rows; row++) {
-        p->n_runs += p->row_start[row + 1];
-        p->row_start[row + 1] = (uint32_t)p->n_runs;
-    }
-    p->counted = true;
-}
-
 /* A mask and its runs. */
 typedef struct Rows {
     CtsParts *parts;
@@ -221,22 +203,27 @@ static int threads_for(const CtsBits *bits, int n_threads)
 static CtsStatus count(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
 {
     const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
-    const CtsStatus st = cts_parts_begin(p, bits->dims, err);
+    cts_parts_free(p);
+    *p = (CtsParts){.dims = {bits->dims[0], bits->dims[1], bits->dims[2]}};
+    const CtsStatus st = cts_alloc_array(&p->row_start, n_rows + 1, err);
     if (st)
         return st;
     Rows rows = {p, bits};
     cts_parallel(threads_for(bits, n_threads), n_rows, 0, count_rows, &rows);
-    cts_parts_counted(p);
+    p->n_runs = p->row_start[0] = 0;
+    for (size_t row = 0; row < n_rows; row++) {
+        p->n_runs += p->row_start[row + 1];
+        p->row_start[row + 1] = (uint32_t)p->n_runs;
+    }
     return CTS_OK;
 }
 
 static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int n_threads, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
     const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
-    if (!p->counted && (st = count(p, bits, n_threads, err)))
+    CtsStatus st = count(p, bits, n_threads, err);
+    if (st)
         goto end;
-    p->counted = false;
     if (p->n_runs >= UINT32_MAX) {
         st = cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)p->n_runs);
         goto end;
@@ -268,7 +255,6 @@ void cts_parts_free(CtsParts *p)
     cts_free(&p->runs);
     cts_free(&p->row_start);
     cts_free(&p->parts);
-    p->counted = false;
 }
 
 void cts_parts_paint_slice(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int k)

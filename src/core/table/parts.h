@@ -22,16 +22,9 @@ typedef struct CtsParts {
     CtsRun *runs;
     uint32_t *row_start;
     uint64_t n_runs; /* of which UINT32_MAX - 1 can be told apart */
-    bool counted;    /* and no more is known yet */
     CtsPart *parts;
     uint32_t n_parts;
 } CtsParts;
-
-/* For parts whose runs are counted as the mask is made: have row_start, put the number of runs of row r at r + 1, then
- * cts_parts_counted() gives n_runs, before any memory is taken for them (12 to 48 bytes each). Finding the parts of
- * that mask goes on from there. */
-CtsStatus cts_parts_begin(CtsParts *parts, const int dims[3], CtsError *err);
-void cts_parts_counted(CtsParts *parts);
 
 /* A zero-initialised CtsParts may be freed; finding frees what it held before. */
 CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);

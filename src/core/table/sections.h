@@ -3,8 +3,8 @@
 #ifndef CTS_TABLE_SECTIONS_H
 #define CTS_TABLE_SECTIONS_H
 
-#include "ctsplat/volume.h"
 #include "base/bits.h"
+#include "ctsplat/volume.h"
 
 /* Where the sections of a volume lie: axis[2] runs along the scanner, nearest to the patient's z; axis[0] and axis[1]
  * are the columns and rows of a section, in the volume's order. */

@@ -8,7 +8,6 @@
 #include "core/table/cell_change.h"
 #include "core/table/extruded.h"
 #include "core/table/morphology.h"
-#include "core/table/parts.h"
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <stdatomic.h>
@@ -56,15 +55,10 @@ static void removal_free(Removal *r)
 static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
 {
     CtsStatus st;
-    CtsParts runs = {0};
     if (v->macrocells && cts_macrocells_take_marks(v->macrocells, cts_dense_grey(v), &r->dense, &r->n_runs))
         return CTS_OK; /* as slices were read */
-    if ((st = cts_bits_new(&r->dense, v->dims, err)) || (st = cts_parts_begin(&runs, v->dims, err)))
-        return st;
-    cts_bits_threshold(&r->dense, v->grey, v->macrocells, cts_dense_grey(v), runs.row_start + 1, r->n_threads);
-    cts_parts_counted(&runs);
-    r->n_runs = runs.n_runs;
-    cts_parts_free(&runs);
+    if (!(st = cts_bits_new(&r->dense, v->dims, err)))
+        r->n_runs = cts_bits_threshold(&r->dense, v->grey, cts_dense_grey(v), r->n_threads);
     return st;
 }
 
@@ -204,31 +198,11 @@ end:
     return st;
 }
 
-typedef struct Opening {
-    const CtsBits *sections;
-    CtsBits *gone;
-    CtsReach reach;
-    CtsMorphology *workers;
-} Opening;
-
-static void open_gone(void *context, int worker, size_t first, size_t end)
-{
-    const Opening *const o = context;
-    for (size_t k = first; k < end; k++) {
-        uint64_t *words = cts_bits_row(o->gone, 0, (int)k);
-        const uint64_t *dense = cts_bits_row(o->sections, 0, (int)k);
-        for (size_t w = 0; w < o->workers[worker].n_words; w++)
-            words[w] &= dense[w];
-        if (cts_bits_count_slice(o->gone, (int)k))
-            cts_open_section(&o->workers[worker], words, o->reach, words);
-    }
-}
-
 /* What went, and yet is as thick as no table. The bits of what is gone are used up. */
 static void report_lost(Removal *r, CtsReport *report)
 {
-    Opening opening = {&r->sections, &r->gone, cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm), r->workers};
-    cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 0, open_gone, &opening);
+    cts_bits_combine(&r->gone, CTS_BITS_AND, &r->sections);
+    cts_open_sections(r->workers, r->n_threads, &r->gone, cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm));
     const double lost_mm3 = (double)cts_bits_count(&r->gone) * r->plan.voxel_mm3;
     if (lost_mm3 > LOST_SHARE * r->body.mm3)
         cts_report_finding(

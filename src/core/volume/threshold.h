@@ -3,7 +3,7 @@
 #define CTS_VOLUME_THRESHOLD_H
 
 #include "base/bits.h"
-#include "core/volume/macrocells.h"
+#include "ctsplat/volume.h"
 #include <math.h>
 
 /* What counts as dense: below fat and skin, above foam, paper and most cloth. */
@@ -19,9 +19,8 @@ static inline uint16_t cts_dense_grey(const CtsVolume *v)
 /* One row: bit i tells whether level i of n is at least min. */
 void cts_bits_threshold_row(uint64_t *row, const uint16_t *levels, int n, uint16_t min);
 
-/* The voxels whose level is at least grey_min; grey has the dimensions of bits. With the volume's macro-cells (NULL:
- * none), only what their ranges leave open is read. n_runs[], if not NULL, is how many runs each row has. */
-void cts_bits_threshold(CtsBits *bits, const uint16_t *grey, const CtsMacrocells *macrocells, uint16_t grey_min,
-                        uint32_t *n_runs, int n_threads);
+/* The voxels whose level is at least grey_min; grey has the dimensions of bits. Returns how many runs their rows have.
+ */
+uint64_t cts_bits_threshold(CtsBits *bits, const uint16_t *grey, uint16_t grey_min, int n_threads);
 
 #endif

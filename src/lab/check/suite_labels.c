@@ -191,7 +191,7 @@ static CtsStatus edges(CtsCheckRun *run, const void *data, CtsError *err)
 static CtsStatus air(CtsCheckRun *run, const void *data, CtsError *err)
 {
     const Scene *const s = data;
-    CtsMadeScene hidden, cut = {NULL};
+    CtsMadeScene hidden, cut = {.volume = NULL};
     CtsPicture *a = NULL, *b = NULL;
     Labels *labels = NULL;
     CtsStatus st = make_labelled(run, s, &hidden, &labels, err);
