@@ -4,65 +4,35 @@
 
 #include <string.h>
 
-#define OWN(title) .name = (title), .unit_distance_mm = 1, .remove_table = true
-
 #define GREY_WINDOW(title, its_mode, low, high)                                                                        \
-    {                                                                                                                  \
-        OWN(title), .mode = (its_mode), PRESET_WINDOW(low, high), .ambient = 0.2, .diffuse = 0.8, .power = 10,         \
-                    PRESET_OPACITY({(low), 0}, {(high), 0.1}), PRESET_COLOUR({(low), {0, 0, 0}}, {(high), {1, 1, 1}}), \
-    }
+    PRESET(title, low, high, .mode = (its_mode), .ambient = 0.2, .diffuse = 0.8, .power = 10,                          \
+           PRESET_OPACITY({(low), 0}, {(high), 0.1}), PRESET_COLOUR({(low), {0, 0, 0}}, {(high), {1, 1, 1}}))
 
 static const CtsPreset looks[] = {
-    {
-        OWN("bone"),
-        PRESET_WINDOW(100, 2100),
-        PRESET_LIGHT(0.2, 0.8, 0.3, 20),
-        PRESET_OPACITY({150, 0}, {250, 0.15}, {400, 0.5}, {700, 0.85}, {1500, 0.95}),
-        PRESET_COLOUR({150, {0.90, 0.60, 0.40}}, {250, {0.88, 0.70, 0.52}}, {400, {0.91, 0.82, 0.67}},
-                      {700, {0.95, 0.90, 0.79}}, {1500, {0.98, 0.96, 0.90}}, {3071, {1, 1, 0.98}}),
-    },
-    {
-        OWN("skin"),
-        PRESET_WINDOW(-600, 400),
-        PRESET_LIGHT(0.2, 0.8, 0.15, 15),
-        PRESET_OPACITY({-500, 0}, {-350, 0.3}, {-200, 0.9}, {100, 0.95}),
-        PRESET_COLOUR({-500, {0.90, 0.68, 0.56}}, {-200, {0.91, 0.71, 0.59}}, {100, {0.93, 0.74, 0.62}},
-                      {400, {0.96, 0.88, 0.78}}),
-    },
-    {
-        OWN("muscle"),
-        PRESET_WINDOW(-160, 240),
-        PRESET_LIGHT(0.2, 0.8, 0.2, 15),
-        PRESET_OPACITY({-30, 0}, {20, 0.12}, {60, 0.5}, {180, 0.6}, {400, 0.9}),
-        PRESET_COLOUR({-30, {0.50, 0.16, 0.12}}, {20, {0.62, 0.22, 0.17}}, {60, {0.74, 0.32, 0.25}},
-                      {180, {0.86, 0.62, 0.50}}, {400, {0.95, 0.88, 0.77}}, {3071, {1, 0.99, 0.95}}),
-    },
-    {
-        /* What lies between lung and soft tissue: vessels, and the lung's own surface, thin as it is. Below -620 HU the
-         * noise of a low dose shows the lung as felt, above -300 HU fat and muscle hide it. */
-        OWN("lung"),
-        PRESET_WINDOW(-1350, 150),
-        PRESET_LIGHT(0.3, 0.7, 0.2, 12),
-        PRESET_OPACITY({-620, 0}, {-520, 0.2}, {-420, 0.25}, {-300, 0}),
-        PRESET_COLOUR({-620, {0.70, 0.35, 0.30}}, {-520, {0.85, 0.50, 0.42}}, {-420, {0.97, 0.62, 0.50}},
-                      {-300, {1, 0.80, 0.70}}),
-    },
-    {
-        OWN("vessel"),
-        .needs_contrast = true,
-        PRESET_WINDOW(-165, 485),
-        PRESET_LIGHT(0.2, 0.8, 0.3, 25),
-        PRESET_OPACITY({120, 0}, {180, 0.25}, {280, 0.75}, {450, 0.85}, {1000, 0.95}),
-        PRESET_COLOUR({120, {0.45, 0.05, 0.03}}, {180, {0.70, 0.12, 0.08}}, {280, {0.87, 0.27, 0.18}},
-                      {450, {0.95, 0.70, 0.54}}, {700, {0.95, 0.89, 0.79}}, {3071, {1, 1, 0.98}}),
-    },
-    {
-        OWN("metal"),
-        PRESET_WINDOW(1500, 8000),
-        PRESET_LIGHT(0.2, 0.7, 0.6, 40),
-        PRESET_OPACITY({1900, 0}, {2300, 0.7}, {3071, 1}),
-        PRESET_COLOUR({1900, {0.60, 0.65, 0.72}}, {2300, {0.66, 0.72, 0.80}}, {3071, {0.88, 0.92, 0.97}}),
-    },
+    PRESET("bone", 100, 2100, PRESET_LIGHT(0.2, 0.8, 0.3, 20),
+           PRESET_OPACITY({150, 0}, {250, 0.15}, {400, 0.5}, {700, 0.85}, {1500, 0.95}),
+           PRESET_COLOUR({150, {0.90, 0.60, 0.40}}, {250, {0.88, 0.70, 0.52}}, {400, {0.91, 0.82, 0.67}},
+                         {700, {0.95, 0.90, 0.79}}, {1500, {0.98, 0.96, 0.90}}, {3071, {1, 1, 0.98}})),
+    PRESET("skin", -600, 400, PRESET_LIGHT(0.2, 0.8, 0.15, 15),
+           PRESET_OPACITY({-500, 0}, {-350, 0.3}, {-200, 0.9}, {100, 0.95}),
+           PRESET_COLOUR({-500, {0.90, 0.68, 0.56}}, {-200, {0.91, 0.71, 0.59}}, {100, {0.93, 0.74, 0.62}},
+                         {400, {0.96, 0.88, 0.78}})),
+    PRESET("muscle", -160, 240, PRESET_LIGHT(0.2, 0.8, 0.2, 15),
+           PRESET_OPACITY({-30, 0}, {20, 0.12}, {60, 0.5}, {180, 0.6}, {400, 0.9}),
+           PRESET_COLOUR({-30, {0.50, 0.16, 0.12}}, {20, {0.62, 0.22, 0.17}}, {60, {0.74, 0.32, 0.25}},
+                         {180, {0.86, 0.62, 0.50}}, {400, {0.95, 0.88, 0.77}}, {3071, {1, 0.99, 0.95}})),
+    /* What lies between lung and soft tissue: vessels, and the lung's own surface, thin as it is. Below -620 HU the
+     * noise of a low dose shows the lung as felt, above -300 HU fat and muscle hide it. */
+    PRESET("lung", -1350, 150, PRESET_LIGHT(0.3, 0.7, 0.2, 12),
+           PRESET_OPACITY({-620, 0}, {-520, 0.2}, {-420, 0.25}, {-300, 0}),
+           PRESET_COLOUR({-620, {0.70, 0.35, 0.30}}, {-520, {0.85, 0.50, 0.42}}, {-420, {0.97, 0.62, 0.50}},
+                         {-300, {1, 0.80, 0.70}})),
+    PRESET("vessel", -165, 485, .needs_contrast = true, PRESET_LIGHT(0.2, 0.8, 0.3, 25),
+           PRESET_OPACITY({120, 0}, {180, 0.25}, {280, 0.75}, {450, 0.85}, {1000, 0.95}),
+           PRESET_COLOUR({120, {0.45, 0.05, 0.03}}, {180, {0.70, 0.12, 0.08}}, {280, {0.87, 0.27, 0.18}},
+                         {450, {0.95, 0.70, 0.54}}, {700, {0.95, 0.89, 0.79}}, {3071, {1, 1, 0.98}})),
+    PRESET("metal", 1500, 8000, PRESET_LIGHT(0.2, 0.7, 0.6, 40), PRESET_OPACITY({1900, 0}, {2300, 0.7}, {3071, 1}),
+           PRESET_COLOUR({1900, {0.60, 0.65, 0.72}}, {2300, {0.66, 0.72, 0.80}}, {3071, {0.88, 0.92, 0.97}})),
 };
 
 /* Each with the mode that shows something of a whole head, chest or belly: the largest value for what is denser than
@@ -101,29 +71,28 @@ _Static_assert(sizeof looks / sizeof *looks <= FIRST_SLICER - FIRST_LOOK &&
                    CTS_N_PRESETS_SLICER <= FIRST_WINDOW - FIRST_SLICER && sizeof windows / sizeof *windows <= 20,
                "each list has numbers of its own");
 
+enum { N_LISTS = 3 };
+static const struct {
+    const CtsPreset *presets;
+    size_t n;
+    int first;
+} lists[N_LISTS] = {{looks, sizeof looks / sizeof *looks, FIRST_LOOK},
+                    {cts_presets_slicer, CTS_N_PRESETS_SLICER, FIRST_SLICER},
+                    {windows, sizeof windows / sizeof *windows, FIRST_WINDOW}};
+
 int cts_preset_number(const char *name)
 {
-    const struct {
-        const CtsPreset *presets;
-        int n, first;
-    } lists[] = {{looks, sizeof looks / sizeof *looks, FIRST_LOOK},
-                 {cts_presets_slicer, CTS_N_PRESETS_SLICER, FIRST_SLICER},
-                 {windows, sizeof windows / sizeof *windows, FIRST_WINDOW}};
-    for (size_t l = 0; l < sizeof lists / sizeof *lists; l++)
-        for (int i = 0; i < lists[l].n; i++)
+    for (int l = 0; l < N_LISTS; l++)
+        for (size_t i = 0; i < lists[l].n; i++)
             if (!strcmp(lists[l].presets[i].name, name))
-                return lists[l].first + i;
+                return lists[l].first + (int)i;
     return 0;
 }
 
 const CtsPreset *cts_preset_builtin(size_t index)
 {
-    const size_t n_looks = sizeof looks / sizeof *looks, n_windows = sizeof windows / sizeof *windows;
-    if (index < n_looks)
-        return &looks[index];
-    index -= n_looks;
-    if (index < CTS_N_PRESETS_SLICER)
-        return &cts_presets_slicer[index];
-    index -= CTS_N_PRESETS_SLICER;
-    return index < n_windows ? &windows[index] : NULL;
+    for (int l = 0; l < N_LISTS; index -= lists[l++].n)
+        if (index < lists[l].n)
+            return &lists[l].presets[index];
+    return NULL;
 }

@@ -9,8 +9,13 @@
     .n_opacity = sizeof((CtsOpacityPoint[]){__VA_ARGS__}) / sizeof(CtsOpacityPoint), .opacity = {__VA_ARGS__}
 #define PRESET_COLOUR(...)                                                                                             \
     .n_colour = sizeof((CtsColourPoint[]){__VA_ARGS__}) / sizeof(CtsColourPoint), .colour = {__VA_ARGS__}
-#define PRESET_WINDOW(low, high) .window_low_hu = (low), .window_high_hu = (high)
 #define PRESET_LIGHT(a, d, s, p) .shade = true, .ambient = (a), .diffuse = (d), .specular = (s), .power = (p)
+/* A row: name and window, then what is left of it. */
+#define PRESET(title, low, high, ...)                                                                                  \
+    {                                                                                                                  \
+        .name = (title), .unit_distance_mm = 1, .remove_table = true, .window_low_hu = (low),                          \
+        .window_high_hu = (high), __VA_ARGS__                                                                          \
+    }
 
 enum { CTS_N_PRESETS_SLICER = 22 };
 extern const CtsPreset cts_presets_slicer[CTS_N_PRESETS_SLICER];
