@@ -157,7 +157,7 @@ static CtsStatus prepare(Projecting *pr, int n_threads, uint8_t **sees, CtsError
     p->sees = *sees;
     pr->tile = cpu & CTS_CPU_AVX512 ? cts_project_tile_avx512
                : cpu & CTS_CPU_AVX2 ? cts_project_tile_avx2
-                                    : cts_project_tile_c;
+                                    : cts_project_tile;
     return CTS_OK;
 }
 

@@ -32,8 +32,8 @@ typedef struct CtsProjectScratch {
  * The same numbers on every path. */
 typedef void (*cts_project_tile_fn)(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y,
                                     int width, int height, double *grey);
-void cts_project_tile_c(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
-                        int height, double *grey);
+void cts_project_tile(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
+                      int height, double *grey);
 void cts_project_tile_avx2(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,
                            int height, double *grey);
 void cts_project_tile_avx512(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,

@@ -1,9 +1,9 @@
-/* The hot loops of the paper's engines, one SIMD path a struct: each loop as plain C and, where the processor has it,
- * as vector code. Every pair is exact: integers, or float32 in one fixed order without fused operations, so that the
- * choice never changes a bit of a picture. */
+/* The hot loops of the paper's engines, one instruction set a struct. All are exact: integers, or float32 in one fixed
+ * order without fused operations, so that the choice never changes a bit of a picture. */
 #ifndef CTS_SPLAT_SIMD_H
 #define CTS_SPLAT_SIMD_H
 
+#include "base/cpu.h"
 #include "core/scene/shade.h"
 #include "engine/splat/footprint.h"
 #include <stdbool.h>
@@ -92,9 +92,13 @@ typedef struct CtsSimd {
     void (*gradient)(const CtsGradientRows *rows, int i0, int i1, float (*gradient)[4]);
 } CtsSimd;
 
-/* cpu: CPU flags that may be used. */
-void cts_simd_init(CtsSimd *simd, unsigned cpu);
-/* Replaces loops by vector code; does nothing where that was not built. */
+void cts_simd_init_plain(CtsSimd *simd);
 void cts_simd_init_avx2(CtsSimd *simd);
+
+/* cpu: CPU flags that may be used. */
+static inline void cts_simd_init(CtsSimd *simd, unsigned cpu)
+{
+    (cpu & CTS_CPU_AVX2 ? cts_simd_init_avx2 : cts_simd_init_plain)(simd);
+}
 
 #endif

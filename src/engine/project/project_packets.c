@@ -1,14 +1,14 @@
 /* Packets of eight rays in double precision, as GCC vector types: element-wise C that compiles with and without vector
- * instructions. A file that includes this defines before, after PROJECT_TMPL_TYPES:
- *   vd_sqrt, and lanes_in(mask): bit l tells of lane l
- * All paths give the same bits. */
-#ifdef PROJECT_TMPL_TYPES
-#undef PROJECT_TMPL_TYPES
-
-#include "base/sanitized.h"
+ * instructions, and gives the same bits. */
 #include "engine/project/project_packets.h"
+
+#include "base/mutation.h"
+#include "base/sanitized.h"
 #include <math.h>
 #include <string.h>
+#if defined(__AVX2__)
+#include <immintrin.h>
+#endif
 
 enum { LANES = 8, ALL_LANES = 255 };
 
@@ -22,8 +22,6 @@ typedef int32_t vi __attribute__((vector_size(32)));
 #else
 #define INLINE static inline
 #endif
-
-#else
 
 INLINE vd vd_of(double x)
 {
@@ -53,6 +51,27 @@ INLINE vd vd_min(vd a, vd b)
 INLINE vd to_double(vi a)
 {
     return __builtin_convertvector(a, vd);
+}
+
+INLINE vd vd_sqrt(vd a)
+{
+    vd r = a;
+    for (int l = 0; l < LANES; l++)
+        r[l] = sqrt(a[l]);
+    return r;
+}
+
+/* Whether any lane is set. */
+INLINE bool any(vm mask)
+{
+#if defined(__AVX512DQ__)
+    return _mm512_movepi64_mask((__m512i)mask) != 0;
+#elif defined(__AVX2__)
+    const __m256i *half = (const __m256i *)&mask, both = half[0] | half[1];
+    return !_mm256_testz_si256(both, both);
+#else
+    return mask[0] | mask[1] | mask[2] | mask[3] | mask[4] | mask[5] | mask[6] | mask[7];
+#endif
 }
 
 /* Eight neighbouring pixels of one row. */
@@ -285,7 +304,7 @@ INLINE vd largest_between(const Way *w, const Packet *r, const vi cell[3], const
     const vd q = -(c2 + pick(c2 < 0, -root, root)), turn[2] = {q / (3 * c3), c1 / q};
     for (int n = 0; n < 2; n++) {
         const vm between = turns & (turn[n] > 0) & (turn[n] < 1);
-        if (!lanes_in(between))
+        if (!any(between))
             continue;
         const vd at = field_at_vd(w, r, cell, v, pick(between, from + turn[n] * d, from));
         best = pick(between, vd_max(best, at), best);
@@ -323,7 +342,7 @@ static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r,
         vm some = r->inside & (t[n] < t[n + 1]);
         vi cell[3];
         vd v[8];
-        if (!lanes_in(some))
+        if (!any(some))
             continue;
         cells_at(p, w, r, (t[n] + t[n + 1]) / 2, k, cell);
         load_corners(p, cell, v);
@@ -332,7 +351,7 @@ static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r,
         const vd most =
             vd_max(vd_max(vd_max(v[0], v[1]), vd_max(v[2], v[3])), vd_max(vd_max(v[4], v[5]), vd_max(v[6], v[7])));
         some &= (most > found->best) | ~found->seen;
-        if (!lanes_in(some))
+        if (!any(some))
             continue;
         if (!sees_all) {
             some = seen_of(&p->projector, some, cell);
@@ -342,7 +361,7 @@ static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r,
         }
         found->seen |= some;
         some &= most > found->best;
-        if (!lanes_in(some))
+        if (!any(some))
             continue;
         const vd largest = vd_min(largest_between(w, r, cell, v, t[n], t[n + 1]), most);
         found->best = pick(some, vd_max(found->best, largest), found->best);
@@ -401,7 +420,7 @@ static int layer_of_rank(Layers *layers, int rank)
 /* Whether each ray sees anything, where what it has found does not tell. */
 static void look_whether_seen(const CtsProjection *p, const Way *w, const Packet *r, Found *found)
 {
-    for (int layer = r->first; layer <= r->last && lanes_in(r->inside & ~found->seen); layer++) {
+    for (int layer = r->first; layer <= r->last && any(r->inside & ~found->seen); layer++) {
         const Box box = box_of(p, w, r->low, r->high, layer);
         const Common c = common_of(p, &box, layer);
         if (c.sees_some)
@@ -463,11 +482,11 @@ INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int
         vm some = r->inside & (t[n] < t[n + 1]);
         vi cell[3];
         vd v[8];
-        if (!lanes_in(some))
+        if (!any(some))
             continue;
         const vd middle = (t[n] + t[n + 1]) / 2, half = (t[n + 1] - t[n]) / 2;
         cells_at(p, w, r, middle, k, cell);
-        if (!sees_all && !lanes_in(some = sum_parts(p, w, r, cell, t + n, some, s)))
+        if (!sees_all && !any(some = sum_parts(p, w, r, cell, t + n, some, s)))
             continue;
         load_corners(p, cell, v);
         const vd one = field_at_vd(w, r, cell, v, middle - half * apart);
@@ -530,8 +549,8 @@ static Layers bound_layers(const CtsProjection *p, const Way *w, const Packet *p
     return layers;
 }
 
-static void project_tile(const CtsProjection *p, const CtsProjectScratch *scratch, int x, int y, int width, int height,
-                         double *grey)
+void cts_project_tile(const CtsProjection *p, const CtsProjectScratch *scratch, int x, int y, int width, int height,
+                      double *grey)
 {
     const Way w = way_of(p);
     Packet packets[CTS_PROJECT_TILE];
@@ -546,5 +565,3 @@ static void project_tile(const CtsProjection *p, const CtsProjectScratch *scratc
     for (int row = 0; row < height; row++)
         find_extremes(p, &w, &packets[row], &layers, grey + LANES * row);
 }
-
-#endif
