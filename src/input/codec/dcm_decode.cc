@@ -8,7 +8,6 @@
 #include <dcmtk/dcmdata/dcpxitem.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <memory>
-#include <new>
 
 namespace
 {
@@ -95,8 +94,6 @@ try {
     if (cts_dcm_log().n > 0)
         return cts_fail(err, CTS_ERR_PIXELS, "its compressed pixels are damaged: %s", cts_dcm_log().first);
     return CTS_OK;
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_PIXELS, "unexpected failure in DCMTK's decoder");
+    return cts_dcm_caught(err, CTS_ERR_PIXELS);
 }

@@ -7,7 +7,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <dcmtk/dcmdata/dctk.h>
-#include <new>
 #include <string>
 #include <vector>
 
@@ -82,8 +81,6 @@ try {
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     *n_files = found.size();
     return CTS_OK;
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+    return cts_dcm_caught(err, CTS_ERR_READ);
 }

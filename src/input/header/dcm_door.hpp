@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <mutex>
+#include <new>
 #include <shared_mutex>
 
 class DcmDataset;
@@ -34,5 +35,24 @@ CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise);
 
 /* Parse a data set that is whole in memory. */
 OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax);
+
+/* No exception comes through a door: what each that is caught there becomes. */
+inline CtsStatus cts_dcm_caught(CtsError *err, CtsStatus otherwise)
+try {
+    throw;
+} catch (const std::bad_alloc &) {
+    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+} catch (...) {
+    return cts_fail(err, otherwise, "unexpected failure in DCMTK");
+}
+
+/* A call into DCMTK. */
+template <typename Call> CtsStatus cts_dcm_guarded(CtsError *err, CtsStatus otherwise, Call call)
+try {
+    const CtsDcmUse use(cts_dcm_in_use());
+    return call();
+} catch (...) {
+    return cts_dcm_caught(err, otherwise);
+}
 
 #endif

@@ -168,10 +168,8 @@ CtsStatus cts_dcm_read_frames(const uint8_t *bytes, size_t n, const CtsSyntax *n
             st = cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
         else if (!st)
             read_frames(data_set, *texts, slices);
-    } catch (const std::bad_alloc &) {
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     } catch (...) {
-        st = cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+        st = cts_dcm_caught(err, CTS_ERR_READ);
     }
     *n_frames = static_cast<int>(slices.size());
     *frames = st ? nullptr : static_cast<CtsSlice **>(std::malloc((slices.size() + 1) * sizeof **frames));

@@ -5,8 +5,6 @@
 #include "input/header/dcm_parsed.hpp"
 #include "input/header/dcm_read.h"
 
-#include <new>
-
 CtsStatus cts_dcm_parse_header(const uint8_t *bytes, size_t n, const CtsSyntax *native, CtsTexts *texts,
                                char class_uid[65], CtsSlice *slice, CtsError *err)
 try {
@@ -21,8 +19,6 @@ try {
     CtsParsedAttributes parsed(data_set);
     cts_dcm_read_object(parsed, *texts, class_uid, slice);
     return CTS_OK;
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+    return cts_dcm_caught(err, CTS_ERR_READ);
 }

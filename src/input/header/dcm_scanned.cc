@@ -1,10 +1,10 @@
 /* The header of a slice from the values that the tag scan has found, where nothing about it is odd; else by DCMTK. */
 #include "input/header/dcm_attributes.hpp"
+#include "input/header/dcm_door.hpp"
 #include "input/header/dcm_readers.h"
 
 #include <algorithm>
 #include <cstring>
-#include <new>
 #include <string_view>
 
 namespace
@@ -142,8 +142,6 @@ try {
     }
     cts_dcm_read_object(scanned, *texts, class_uid, slice);
     return CTS_OK;
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "unexpected failure");
+    return cts_dcm_caught(err, CTS_ERR_READ);
 }

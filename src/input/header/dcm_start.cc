@@ -116,10 +116,8 @@ CtsStatus cts_dcm_start_decoders(CtsError *err)
 try {
     static const bool started = start_decoders();
     return started ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while DCMTK starts");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
+    return cts_dcm_caught(err, CTS_ERR_INTERNAL);
 }
 
 CtsStatus cts_dcm_start(CtsError *err)
@@ -134,8 +132,6 @@ try {
         return st;
     loaded = true;
     return CTS_OK;
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while DCMTK starts");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_INTERNAL, "DCMTK could not be started");
+    return cts_dcm_caught(err, CTS_ERR_INTERNAL);
 }

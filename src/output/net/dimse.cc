@@ -1,6 +1,7 @@
 /* DIMSE with DCMTK: C-STORE out, C-GET or C-MOVE in (PS3.4 B and C). */
 #include <dcmtk/config/osconfig.h>
 
+#include "input/header/dcm_door.hpp"
 #include "output/net/accept.h"
 #include "output/net/ct_storage.hpp"
 #include "output/net/find.hpp"
@@ -12,7 +13,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
-#include <new>
 #include <string>
 #include <vector>
 
@@ -319,29 +319,23 @@ extern "C" {
 static void dimse_send(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcels, int n_parcels, CtsTry *result)
 try {
     send_files(*peer, *net, parcels, n_parcels, *result);
-} catch (const std::bad_alloc &) {
-    cts_fail(&result->error, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
-    cts_fail(&result->error, CTS_ERR_OUTPUT, "unexpected failure in DCMTK");
+    cts_dcm_caught(&result->error, CTS_ERR_OUTPUT);
 }
 
 static CtsStatus dimse_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
 try {
     return net->move_port ? move(*peer, *net, *request, err) : get(*peer, *net, *request, err);
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+    return cts_dcm_caught(err, CTS_ERR_READ);
 }
 
 static CtsStatus dimse_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
                             CtsError *err)
 try {
     return cts_dimse_find(*peer, *net, *query, *found, err);
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+    return cts_dcm_caught(err, CTS_ERR_READ);
 }
 
 const CtsWay cts_way_dimse = {dimse_send, dimse_fetch, dimse_find, cts_accept, cts_accept_check};

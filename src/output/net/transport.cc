@@ -32,14 +32,14 @@ struct LastSocket {
     int last = -1;
 };
 
-class TcpConnection final : public DcmTCPConnection
+template <class Connection> class Hurried final : public Connection
 {
   public:
-    using DcmTCPConnection::DcmTCPConnection;
+    using Connection::Connection;
     ssize_t read(void *bytes, size_t n) override
     {
-        hurry(getSocket());
-        return DcmTCPConnection::read(bytes, n);
+        hurry(this->getSocket());
+        return Connection::read(bytes, n);
     }
 };
 
@@ -49,18 +49,7 @@ class TcpLayer final : public DcmTransportLayer, public LastSocket
     DcmTransportConnection *createConnection(DcmNativeSocketType socket, OFBool) override
     {
         last = socket;
-        return new TcpConnection(socket);
-    }
-};
-
-class TlsConnection final : public DcmTLSConnection
-{
-  public:
-    using DcmTLSConnection::DcmTLSConnection;
-    ssize_t read(void *bytes, size_t n) override
-    {
-        hurry(getSocket());
-        return DcmTLSConnection::read(bytes, n);
+        return new Hurried<DcmTCPConnection>(socket);
     }
 };
 
@@ -76,7 +65,7 @@ class TlsLayer final : public DcmTLSTransportLayer, public LastSocket
             SSL_free(ssl);
             return nullptr;
         }
-        return new TlsConnection(socket, ssl);
+        return new Hurried<DcmTLSConnection>(socket, ssl);
     }
 };
 

@@ -6,7 +6,6 @@
 
 #include "input/header/dcm_read.h"
 #include <memory>
-#include <new>
 #include <stdio.h>
 #include <string.h>
 #include <string>
@@ -255,22 +254,12 @@ CtsStatus read_source(const CtsSlice &slice, CtsScSource *source, CtsError *err)
 } // namespace
 
 extern "C" CtsStatus cts_dcm_sc_source(const CtsSlice *slice, CtsScSource *source, CtsError *err)
-try {
+{
     *source = CtsScSource{};
-    const CtsDcmUse use(cts_dcm_in_use());
-    return read_source(*slice, source, err);
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", slice->path);
-} catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "%s: unexpected failure in DCMTK", slice->path);
+    return cts_dcm_guarded(err, CTS_ERR_READ, [&] { return read_source(*slice, source, err); });
 }
 
 extern "C" CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink, void *context, CtsError *err)
-try {
-    const CtsDcmUse use(cts_dcm_in_use());
-    return write_object(*object, sink, context, err);
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while a secondary capture is encoded");
-} catch (...) {
-    return cts_fail(err, CTS_ERR_OUTPUT, "unexpected failure in DCMTK while a secondary capture is encoded");
+{
+    return cts_dcm_guarded(err, CTS_ERR_OUTPUT, [&] { return write_object(*object, sink, context, err); });
 }

@@ -4,8 +4,8 @@
 #include "output/objects/dcm_sc.h"
 
 #include "input/header/dcm_door.hpp"
-#include "output/objects/dcm_put.hpp"
 #include "input/header/dcm_read.h"
+#include "output/objects/dcm_put.hpp"
 #include <dcmtk/dcmdata/dcpixel.h>
 #include <dcmtk/dcmdata/dcpixseq.h>
 #include <dcmtk/dcmdata/dcpxitem.h>
@@ -14,7 +14,6 @@
 #include <dcmtk/dcmjpeg/djencode.h>
 #include <dcmtk/dcmjpeg/djrplol.h>
 #include <memory>
-#include <new>
 
 namespace
 {
@@ -107,11 +106,6 @@ CtsStatus encode(const char *syntax_uid, const CtsScFrame &frame, CtsScSink sink
 
 extern "C" CtsStatus cts_dcm_sc_encode(const char *syntax_uid, const CtsScFrame *frame, CtsScSink sink, void *context,
                                        CtsError *err)
-try {
-    const CtsDcmUse use(cts_dcm_in_use());
-    return encode(syntax_uid, *frame, sink, context, err);
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while a frame is compressed");
-} catch (...) {
-    return cts_fail(err, CTS_ERR_OUTPUT, "unexpected failure in DCMTK while a frame is compressed");
+{
+    return cts_dcm_guarded(err, CTS_ERR_OUTPUT, [&] { return encode(syntax_uid, *frame, sink, context, err); });
 }

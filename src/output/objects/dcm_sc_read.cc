@@ -7,7 +7,6 @@
 #include "input/header/dcm_door.hpp"
 #include "input/header/dcm_read.h"
 #include <dcmtk/dcmdata/dctk.h>
-#include <new>
 #include <string.h>
 
 namespace
@@ -65,8 +64,6 @@ try {
     if (result.bad())
         return cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
     return read_header(data, header, err);
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 } catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "unexpected failure in DCMTK");
+    return cts_dcm_caught(err, CTS_ERR_READ);
 }

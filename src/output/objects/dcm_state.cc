@@ -11,7 +11,6 @@
 #include <cstdlib>
 #include <cstring>
 #include <memory>
-#include <new>
 #include <vector>
 
 namespace
@@ -268,37 +267,23 @@ CtsStatus read_ids(const char *path, CtsDcmIds &ids, CtsError *err)
 } // namespace
 
 extern "C" CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *context, CtsError *err)
-try {
-    const CtsDcmUse use(cts_dcm_in_use());
-    return write_state(*state, sink, context, err);
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory while a presentation state is encoded");
-} catch (...) {
-    return cts_fail(err, CTS_ERR_OUTPUT, "unexpected failure in DCMTK while a presentation state is encoded");
+{
+    return cts_dcm_guarded(err, CTS_ERR_OUTPUT, [&] { return write_state(*state, sink, context, err); });
 }
 
 extern "C" CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65],
                                         CtsError *err)
-try {
+{
     *preset = *options = nullptr;
     source_uid[0] = 0;
-    const CtsDcmUse use(cts_dcm_in_use());
-    const CtsStatus st = read_state(path, preset, options, source_uid, err);
+    const CtsStatus st =
+        cts_dcm_guarded(err, CTS_ERR_READ, [&] { return read_state(path, preset, options, source_uid, err); });
     return st ? cts_context(err, "%s", path) : st;
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
-} catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "%s: unexpected failure in DCMTK", path);
 }
 
 extern "C" CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err)
-try {
+{
     *ids = CtsDcmIds{};
-    const CtsDcmUse use(cts_dcm_in_use());
-    const CtsStatus st = read_ids(path, *ids, err);
+    const CtsStatus st = cts_dcm_guarded(err, CTS_ERR_READ, [&] { return read_ids(path, *ids, err); });
     return st ? cts_context(err, "%s", path) : st;
-} catch (const std::bad_alloc &) {
-    return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
-} catch (...) {
-    return cts_fail(err, CTS_ERR_READ, "%s: unexpected failure in DCMTK", path);
 }
