@@ -15,6 +15,15 @@ double cts_wall_ms(void)
     return read_ms(CLOCK_MONOTONIC);
 }
 
+CtsUtc cts_utc_now(void)
+{
+    CtsUtc now = {""};
+    struct tm utc;
+    if (gmtime_r(&(time_t){time(NULL)}, &utc))
+        strftime(now.text, sizeof now.text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+    return now;
+}
+
 static double seconds_ms(const struct timeval *t)
 {
     return (double)t->tv_sec * 1e3 + (double)t->tv_usec * 1e-3;

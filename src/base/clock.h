@@ -14,6 +14,12 @@ double cts_cpu_ms(void);           /* this process, all threads, its children th
 double cts_thread_cpu_ms(void);    /* the calling thread */
 uint64_t cts_peak_rss_bytes(void); /* the largest of this process, its children and what was added */
 
+/* Now, as YYYY-MM-DDTHH:MM:SSZ. */
+typedef struct CtsUtc {
+    char text[24];
+} CtsUtc;
+CtsUtc cts_utc_now(void);
+
 /* Processes that are not this one's children; returns their CPU time in ms. */
 double cts_cpu_add_usage(const struct rusage *usage);
 void cts_cpu_add_ms(double ms);

@@ -180,6 +180,28 @@ void cts_temp_discard(CtsTempFile **temp)
     free_temp(temp);
 }
 
+const char *cts_temp_root(void)
+{
+    const char *folder = getenv("TMPDIR");
+    return folder && *folder == '/' ? folder : "/tmp";
+}
+
+CtsStatus cts_temp_folder(const char *prefix, char **folder, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (asprintf(folder, "%s/%sXXXXXX", cts_temp_root(), prefix) < 0) {
+        *folder = NULL;
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    if (!mkdtemp(*folder)) {
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s (set TMPDIR to a folder with room)", *folder,
+                      strerror(errno));
+        free(*folder);
+        *folder = NULL;
+    }
+    return st;
+}
+
 CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err)
 {
     struct stat info;

@@ -34,6 +34,10 @@ void cts_temp_keep_private(CtsTempFile *temp);
 /* Removes the temporary file; does nothing when *temp is NULL, as after a commit. */
 void cts_temp_discard(CtsTempFile **temp);
 
+/* $TMPDIR, or /tmp; and a new folder there whose name begins with this, for its owner alone; *folder is to be freed. */
+const char *cts_temp_root(void);
+CtsStatus cts_temp_folder(const char *prefix, char **folder, CtsError *err);
+
 /* CTS_OK when path could be written: its folder exists and is writable, and path is absent (or force is set and path
  * is a regular file). */
 CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err);

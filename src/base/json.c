@@ -145,6 +145,13 @@ CtsStatus cts_json_check_keys(const CtsJsonAt *at, const char *const *keys, size
     return CTS_OK;
 }
 
+CtsStatus cts_json_need(const CtsJsonAt *object, const char *key, CtsJsonAt *member, CtsError *err)
+{
+    char what[80];
+    describe(object, what);
+    return cts_json_member(object, key, member) ? CTS_OK : cts_json_fail(object, err, "%s has no %s", what, key);
+}
+
 CtsStatus cts_json_check_array(const CtsJsonAt *at, size_t low, size_t high, CtsError *err)
 {
     char what[80];
@@ -169,6 +176,16 @@ CtsStatus cts_json_number(const CtsJsonAt *at, double low, double high, double *
     if (!(*value >= low && *value <= high))
         return cts_json_fail(at, err, "%s is %.10g (%g to %g)", what, *value, low, high);
     return CTS_OK;
+}
+
+CtsStatus cts_json_numbers(const CtsJsonAt *at, size_t n, double low, double high, double *values, CtsError *err)
+{
+    CtsStatus st = cts_json_check_array(at, n, n, err);
+    for (size_t i = 0; i < n && !st; i++) {
+        const CtsJsonAt element = cts_json_element(at, i);
+        st = cts_json_number(&element, low, high, &values[i], err);
+    }
+    return st;
 }
 
 CtsStatus cts_json_bool(const CtsJsonAt *at, bool *value, CtsError *err)

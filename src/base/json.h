@@ -34,6 +34,8 @@ void cts_json_close(CtsJson *json);
 CtsJsonAt cts_json_root(const CtsJson *json);
 /* False when there is no such member, or object is none. */
 bool cts_json_member(const CtsJsonAt *object, const char *key, CtsJsonAt *member);
+/* The same where there has to be one. */
+CtsStatus cts_json_need(const CtsJsonAt *object, const char *key, CtsJsonAt *member, CtsError *err);
 CtsJsonAt cts_json_element(const CtsJsonAt *array, size_t index);
 
 /* "NAME: line N: ..." */
@@ -44,6 +46,8 @@ CtsStatus cts_json_check_keys(const CtsJsonAt *at, const char *const *keys, size
 /* An array of low..high elements. */
 CtsStatus cts_json_check_array(const CtsJsonAt *at, size_t low, size_t high, CtsError *err);
 CtsStatus cts_json_number(const CtsJsonAt *at, double low, double high, double *value, CtsError *err);
+/* An array of n of them. */
+CtsStatus cts_json_numbers(const CtsJsonAt *at, size_t n, double low, double high, double *values, CtsError *err);
 CtsStatus cts_json_bool(const CtsJsonAt *at, bool *value, CtsError *err);
 /* Stays the document's. */
 CtsStatus cts_json_string(const CtsJsonAt *at, const char **value, CtsError *err);

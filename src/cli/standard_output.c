@@ -33,23 +33,6 @@ static CtsStatus check(const CtsOptions *options, int n, CtsError *err)
     return CTS_OK;
 }
 
-static CtsStatus make_folder(CliStandardOutput *to, CtsError *err)
-{
-    const char *root = getenv("TMPDIR");
-    char *folder;
-    if (asprintf(&folder, "%s/ctsplat-XXXXXX", root && *root == '/' ? root : "/tmp") < 0)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!mkdtemp(folder)) {
-        const CtsStatus st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s (set TMPDIR to a folder with room)",
-                                      folder, strerror(errno));
-        free(folder);
-        return st;
-    }
-    to->folder = folder;
-    cli_interrupt_removes(folder);
-    return CTS_OK;
-}
-
 CtsStatus cli_standard_output_begin(CliStandardOutput *to, const CtsOptions *options, CtsJob *job, CtsError *err)
 {
     int n = 0;
@@ -58,8 +41,9 @@ CtsStatus cli_standard_output_begin(CliStandardOutput *to, const CtsOptions *opt
     CtsStatus st = check(options, n, err);
     if (st || n == 0 || options->render.explain)
         return st;
-    if ((st = make_folder(to, err)))
+    if ((st = cts_temp_folder("ctsplat-", &to->folder, err)))
         return st;
+    cli_interrupt_removes(to->folder);
     to->format = options->format->name;
     to->outputs = calloc((size_t)options->outputs.n, sizeof *to->outputs);
     if (!to->outputs || asprintf(&to->path, "%s/picture.%s", to->folder, to->format) < 0) {

@@ -14,18 +14,7 @@
 #include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
-#include <time.h>
 #include <unistd.h>
-
-static json_t *new_time(void)
-{
-    char text[32];
-    const time_t now = time(NULL);
-    struct tm utc;
-    gmtime_r(&now, &utc);
-    strftime(text, sizeof text, "%Y-%m-%dT%H:%M:%SZ", &utc);
-    return json_string(text);
-}
 
 static const char *status_word(int exit_code)
 {
@@ -37,7 +26,7 @@ void cts_child_set_status(json_t *line, int exit_code, const char *reason)
     json_object_set_new(line, "status", json_string(status_word(exit_code)));
     json_object_set_new(line, "reason", cts_json_new_text(reason));
     json_object_set_new(line, "exit_code", json_integer(exit_code));
-    json_object_set_new(line, "ended", new_time());
+    json_object_set_new(line, "ended", json_string(cts_utc_now().text));
     json_object_del(line, "unfinished");
     json_object_del(line, "reason_file");
 }

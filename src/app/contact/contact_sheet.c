@@ -3,6 +3,7 @@
 
 #include "app/contact/contact_card.h"
 #include "app/contact/contact_page.h"
+#include "base/clock.h"
 #include "base/file.h"
 #include "base/mem.h"
 #include <dirent.h>
@@ -11,7 +12,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <time.h>
 
 /* One line of a journal, found again by its place. */
 typedef struct Line {
@@ -229,14 +229,10 @@ static CtsStatus write_cards(CtsTempFile *temp, Journals *j, const CtsContactWan
 /* What stands in front of the series, whose array it opens. */
 static int print_head(char *text, size_t size, const Journals *j, const CtsContactRun *run)
 {
-    const time_t now = time(NULL);
-    struct tm utc;
-    char at[32], so_far[160] = "";
-    gmtime_r(&now, &utc);
-    strftime(at, sizeof at, "%Y-%m-%dT%H:%M:%SZ", &utc);
+    char so_far[160] = "";
     if (run)
-        snprintf(so_far, sizeof so_far, "\"run\":{\"at\":\"%s\",\"ended\":%zu,\"series\":%zu,\"goes_on\":%s},", at,
-                 run->n_ended, run->n_series, run->goes_on ? "true" : "false");
+        snprintf(so_far, sizeof so_far, "\"run\":{\"at\":\"%s\",\"ended\":%zu,\"series\":%zu,\"goes_on\":%s},",
+                 cts_utc_now().text, run->n_ended, run->n_series, run->goes_on ? "true" : "false");
     return snprintf(text, size, "{\"version\":\"%s\",\"unreadable\":%d,%s\"series\":[", CTS_VERSION, j->n_unreadable,
                     so_far);
 }

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "app/node/record.h"
 
+#include "base/clock.h"
 #include "base/json.h"
 #include <arpa/inet.h>
 #include <errno.h>
@@ -10,7 +11,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/wait.h>
-#include <time.h>
 #include <unistd.h>
 
 static int open_record(const char *path)
@@ -30,13 +30,9 @@ CtsStatus cts_record_check(const char *path, CtsError *err)
 
 static json_t *new_line(const char *event, const CtsAddress *address)
 {
-    char time_text[32], address_text[INET6_ADDRSTRLEN];
-    const time_t now = time(NULL);
-    struct tm utc;
-    gmtime_r(&now, &utc);
-    strftime(time_text, sizeof time_text, "%Y-%m-%dT%H:%M:%SZ", &utc);
+    char address_text[INET6_ADDRSTRLEN];
     cts_address_text(address, address_text, sizeof address_text);
-    return json_pack("{s:s,s:s,s:s}", "event", event, "time", time_text, "address", address_text);
+    return json_pack("{s:s,s:s,s:s}", "event", event, "time", cts_utc_now().text, "address", address_text);
 }
 
 /* Takes the line over. One write, so that lines of several writers do not mix. */

@@ -3,6 +3,7 @@
 
 #include "app/serve/server.h"
 #include "base/cpu.h"
+#include "base/file.h"
 #include "ctsplat/helper.h"
 #include <errno.h>
 #include <stdio.h>
@@ -14,18 +15,6 @@
 
 /* How often it is looked after clients that have gone. */
 enum { WATCH_MS = 100 };
-
-static CtsStatus make_folder(CtsServer *server, CtsError *err)
-{
-    const char *root = getenv("TMPDIR");
-    snprintf(server->folder, sizeof server->folder, "%s/ctsplat-serve-XXXXXX", root && *root == '/' ? root : "/tmp");
-    if (mkdtemp(server->folder))
-        return CTS_OK;
-    const CtsStatus st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be made: %s (set TMPDIR to a folder with room)",
-                                  server->folder, strerror(errno));
-    server->folder[0] = 0;
-    return st;
-}
 
 /* A connection is an open file. */
 static void allow_connections(void)
@@ -104,7 +93,7 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
         free(url);
         return st;
     }
-    if (!(st = cts_guard_token(server, err)) && !(st = make_folder(server, err)))
+    if (!(st = cts_guard_token(server, err)) && !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err)))
         st = begin_threads(server, &http, &settings, err);
     if (!st)
         tell_ready(server, told, url);
@@ -116,8 +105,9 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
     else
         close(settings.socket);
     cts_door_close(server);
-    if (server->folder[0])
+    if (server->folder)
         rmdir(server->folder);
+    free(server->folder);
     free(url);
     return st;
 }

@@ -29,8 +29,8 @@ typedef struct CtsErrand {
 typedef struct CtsServer {
     const CtsHttp *http;
     const CtsOptions *options;
-    char folder[4096]; /* for pictures on their way, which have no name there once they are whole */
-    char token[4097];  /* "": none is needed */
+    char *folder;     /* for pictures on their way, which have no name there once they are whole */
+    char token[4097]; /* "": none is needed */
     bool local_socket, tls;
     CtsNames names;       /* of input files, which nobody is told */
     pthread_mutex_t lock; /* of all below */

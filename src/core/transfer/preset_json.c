@@ -48,37 +48,49 @@ void cts_preset_note(CtsPreset *preset, const char *text)
     strncat(preset->note, text, sizeof preset->note - strlen(preset->note) - 1);
 }
 
-static CtsStatus read_hu(const CtsJsonAt *point, double previous_hu, double *hu, CtsError *err)
+static CtsStatus read_place(const CtsJsonAt *point, const char *key, double previous_hu, double *hu, CtsError *err)
 {
-    CtsStatus st;
     CtsJsonAt at;
-    if (!cts_json_member(point, "hu", &at))
-        return cts_json_fail(point, err, "%s %zu has no hu", point->parent->key, point->index + 1);
-    if ((st = cts_json_number(&at, -CTS_PRESET_MAX_HU, CTS_PRESET_MAX_HU, hu, err)))
-        return st;
-    if (*hu < previous_hu)
-        return cts_json_fail(&at, err, "hu falls from %.10g to %.10g (points go upwards)", previous_hu, *hu);
-    return CTS_OK;
-}
-
-static CtsStatus read_rgb(const CtsJsonAt *at, double rgb[3], CtsError *err)
-{
-    CtsStatus st = cts_json_check_array(at, 3, 3, err);
-    for (size_t c = 0; c < 3 && !st; c++) {
-        const CtsJsonAt element = cts_json_element(at, c);
-        st = cts_json_number(&element, 0, 1, &rgb[c], err);
-    }
+    CtsStatus st = cts_json_need(point, key, &at, err);
+    if (!st)
+        st = cts_json_number(&at, -CTS_PRESET_MAX_HU, CTS_PRESET_MAX_HU, hu, err);
+    if (!st && *hu < previous_hu)
+        st = cts_json_fail(&at, err, "%s falls from %.10g to %.10g (points go upwards)", key, previous_hu, *hu);
     return st;
 }
 
-static CtsStatus read_colour(const CtsJsonAt *point, double hu, CtsPreset *preset, CtsError *err)
+CtsStatus cts_preset_read_opacity(const CtsJsonAt *point, const char *hu, const char *opacity, CtsPreset *preset,
+                                  CtsError *err)
 {
     CtsJsonAt at;
-    if (!cts_json_member(point, "rgb", &at))
-        return cts_json_fail(point, err, "%s %zu has no rgb", point->parent->key, point->index + 1);
-    CtsColourPoint *colour = &preset->colour[preset->n_colour++];
-    colour->hu = hu;
-    return read_rgb(&at, colour->rgb, err);
+    CtsOpacityPoint *p = &preset->opacity[preset->n_opacity];
+    CtsStatus st = read_place(point, hu, preset->n_opacity ? p[-1].hu : -INFINITY, &p->hu, err);
+    if (!st && !(st = cts_json_need(point, opacity, &at, err)) && !(st = cts_json_number(&at, 0, 1, &p->opacity, err)))
+        preset->n_opacity++;
+    return st;
+}
+
+CtsStatus cts_preset_read_colour(const CtsJsonAt *point, const char *hu, const char *rgb, CtsPreset *preset,
+                                 CtsError *err)
+{
+    CtsJsonAt at;
+    CtsColourPoint *p = &preset->colour[preset->n_colour];
+    CtsStatus st = read_place(point, hu, preset->n_colour ? p[-1].hu : -INFINITY, &p->hu, err);
+    if (!st && !(st = cts_json_need(point, rgb, &at, err)) && !(st = cts_json_numbers(&at, 3, 0, 1, p->rgb, err)))
+        preset->n_colour++;
+    return st;
+}
+
+CtsStatus cts_preset_read_light(const CtsJsonAt *at, const char *power, CtsPreset *preset, CtsError *err)
+{
+    const char *const keys[] = {"ambient", "diffuse", "specular", power};
+    double *const values[] = {&preset->ambient, &preset->diffuse, &preset->specular, &preset->power};
+    CtsStatus st = CTS_OK;
+    CtsJsonAt member;
+    for (int i = 0; i < 4 && !st; i++)
+        if (cts_json_member(at, keys[i], &member))
+            st = cts_json_number(&member, 0, i < 3 ? CTS_PRESET_MAX_LIGHT : CTS_PRESET_MAX_POWER, values[i], err);
+    return st;
 }
 
 static CtsStatus read_points(const CtsJsonAt *points, bool with_colour, CtsPreset *preset, CtsError *err)
@@ -87,17 +99,9 @@ static CtsStatus read_points(const CtsJsonAt *points, bool with_colour, CtsPrese
     CtsStatus st = cts_json_check_array(points, 1, CTS_MAX_POINTS, err);
     for (size_t i = 0; !st && i < json_array_size(points->value); i++) {
         const CtsJsonAt point = cts_json_element(points, i);
-        CtsJsonAt opacity;
-        CtsOpacityPoint *p = &preset->opacity[i];
-        if ((st = cts_json_check_keys(&point, keys, with_colour ? 3 : 2, err)) ||
-            (st = read_hu(&point, i ? p[-1].hu : -INFINITY, &p->hu, err)))
-            return st;
-        if (!cts_json_member(&point, "opacity", &opacity))
-            return cts_json_fail(&point, err, "points %zu has no opacity", i + 1);
-        st = cts_json_number(&opacity, 0, 1, &p->opacity, err);
-        if (!st && with_colour)
-            st = read_colour(&point, p->hu, preset, err);
-        preset->n_opacity++;
+        if (!(st = cts_json_check_keys(&point, keys, with_colour ? 3 : 2, err)) &&
+            !(st = cts_preset_read_opacity(&point, "hu", "opacity", preset, err)) && with_colour)
+            st = cts_preset_read_colour(&point, "hu", "rgb", preset, err);
     }
     return st;
 }
@@ -108,45 +112,37 @@ static CtsStatus read_colour_points(const CtsJsonAt *points, CtsPreset *preset, 
     CtsStatus st = cts_json_check_array(points, 1, CTS_MAX_POINTS, err);
     for (size_t i = 0; !st && i < json_array_size(points->value); i++) {
         const CtsJsonAt point = cts_json_element(points, i);
-        double hu;
-        if (!(st = cts_json_check_keys(&point, keys, 2, err)) &&
-            !(st = read_hu(&point, i ? preset->colour[i - 1].hu : -INFINITY, &hu, err)))
-            st = read_colour(&point, hu, preset, err);
+        if (!(st = cts_json_check_keys(&point, keys, 2, err)))
+            st = cts_preset_read_colour(&point, "hu", "rgb", preset, err);
     }
     return st;
 }
 
 static CtsStatus read_window(const CtsJsonAt *at, CtsPreset *preset, CtsError *err)
 {
-    CtsStatus st;
-    const CtsJsonAt low = cts_json_element(at, 0), high = cts_json_element(at, 1);
-    if ((st = cts_json_check_array(at, 2, 2, err)) ||
-        (st = cts_json_number(&low, -CTS_PRESET_MAX_HU, CTS_PRESET_MAX_HU, &preset->window_low_hu, err)) ||
-        (st = cts_json_number(&high, -CTS_PRESET_MAX_HU, CTS_PRESET_MAX_HU, &preset->window_high_hu, err)))
+    double ends[2];
+    const CtsStatus st = cts_json_numbers(at, 2, -CTS_PRESET_MAX_HU, CTS_PRESET_MAX_HU, ends, err);
+    if (st)
         return st;
-    if (!(preset->window_high_hu > preset->window_low_hu))
-        return cts_json_fail(&high, err, "window goes from %.10g to %.10g (the larger value comes second)",
-                             preset->window_low_hu, preset->window_high_hu);
-    return CTS_OK;
+    preset->window_low_hu = ends[0];
+    preset->window_high_hu = ends[1];
+    const CtsJsonAt high = cts_json_element(at, 1);
+    return ends[1] > ends[0]
+               ? CTS_OK
+               : cts_json_fail(&high, err, "window goes from %.10g to %.10g (the larger value comes second)", ends[0],
+                               ends[1]);
 }
 
 static CtsStatus read_shade(const CtsJsonAt *at, CtsPreset *preset, CtsError *err)
 {
     static const char *const keys[] = {"ambient", "diffuse", "specular", "power"};
-    double *const values[] = {&preset->ambient, &preset->diffuse, &preset->specular, &preset->power};
-    const double highest[] = {CTS_PRESET_MAX_LIGHT, CTS_PRESET_MAX_LIGHT, CTS_PRESET_MAX_LIGHT, CTS_PRESET_MAX_POWER};
     if (json_is_null(at->value))
         return CTS_OK;
     if (!json_is_object(at->value))
         return cts_json_fail(at, err, "shade is neither an object { } nor null");
-    CtsStatus st = cts_json_check_keys(at, keys, 4, err);
-    for (int i = 0; i < 4 && !st; i++) {
-        CtsJsonAt member;
-        if (cts_json_member(at, keys[i], &member))
-            st = cts_json_number(&member, 0, highest[i], values[i], err);
-    }
     preset->shade = true;
-    return st;
+    const CtsStatus st = cts_json_check_keys(at, keys, 4, err);
+    return st ? st : cts_preset_read_light(at, "power", preset, err);
 }
 
 static CtsStatus read_mode(const CtsJsonAt *at, CtsPreset *preset, CtsError *err)
@@ -249,10 +245,7 @@ CtsStatus cts_preset_from_json(const CtsJson *json, const char *which, CtsPreset
 
 static json_t *rgb_to_json(const double rgb[3])
 {
-    json_t *list = json_array();
-    for (int c = 0; c < 3; c++)
-        json_array_append_new(list, cts_json_new_number(rgb[c]));
-    return list;
+    return json_pack("[ooo]", cts_json_new_number(rgb[0]), cts_json_new_number(rgb[1]), cts_json_new_number(rgb[2]));
 }
 
 static bool same_places(const CtsPreset *preset)
@@ -263,45 +256,45 @@ static bool same_places(const CtsPreset *preset)
     return same;
 }
 
-char *cts_preset_to_json(const CtsPreset *preset)
+static json_t *points_to_json(const CtsPreset *p, bool with_colour)
 {
-    json_t *root = json_object(), *points = json_array();
-    const bool together = same_places(preset);
-    json_object_set_new(root, "name", json_string(preset->name));
-    json_object_set_new(
-        root, "window",
-        json_pack("[o,o]", cts_json_new_number(preset->window_low_hu), cts_json_new_number(preset->window_high_hu)));
-    json_object_set_new(root, "points", points);
-    for (int i = 0; i < preset->n_opacity; i++) {
-        json_t *point = json_object();
-        json_object_set_new(point, "hu", cts_json_new_number(preset->opacity[i].hu));
-        if (together)
-            json_object_set_new(point, "rgb", rgb_to_json(preset->colour[i].rgb));
-        json_object_set_new(point, "opacity", cts_json_new_number(preset->opacity[i].opacity));
-        json_array_append_new(points, point);
-    }
-    if (!together) {
-        json_t *colours = json_array();
-        json_object_set_new(root, "colour_points", colours);
-        for (int i = 0; i < preset->n_colour; i++)
-            json_array_append_new(colours, json_pack("{s:o,s:o}", "hu", cts_json_new_number(preset->colour[i].hu),
-                                                     "rgb", rgb_to_json(preset->colour[i].rgb)));
-    }
-    json_object_set_new(root, "mode", json_string(cts_mode_names[preset->mode]));
-    json_object_set_new(root, "unit_distance_mm", cts_json_new_number(preset->unit_distance_mm));
-    json_object_set_new(root, "shade",
-                        !preset->shade ? json_null()
-                                       : json_pack("{s:o,s:o,s:o,s:o}", "ambient", cts_json_new_number(preset->ambient),
-                                                   "diffuse", cts_json_new_number(preset->diffuse), "specular",
-                                                   cts_json_new_number(preset->specular), "power",
-                                                   cts_json_new_number(preset->power)));
-    json_object_set_new(root, "background",
-                        preset->background_none
-                            ? json_string("none")
-                            : json_sprintf("#%02x%02x%02x", (unsigned)lround(preset->background[0] * 255),
-                                           (unsigned)lround(preset->background[1] * 255),
-                                           (unsigned)lround(preset->background[2] * 255)));
-    json_object_set_new(root, "remove_table", json_boolean(preset->remove_table));
+    json_t *points = json_array();
+    for (int i = 0; i < p->n_opacity; i++)
+        json_array_append_new(points, json_pack("{s:o, s:o*, s:o}", "hu", cts_json_new_number(p->opacity[i].hu), "rgb",
+                                                with_colour ? rgb_to_json(p->colour[i].rgb) : NULL, "opacity",
+                                                cts_json_new_number(p->opacity[i].opacity)));
+    return points;
+}
+
+static json_t *colours_to_json(const CtsPreset *p)
+{
+    json_t *points = json_array();
+    for (int i = 0; i < p->n_colour; i++)
+        json_array_append_new(points, json_pack("{s:o,s:o}", "hu", cts_json_new_number(p->colour[i].hu), "rgb",
+                                                rgb_to_json(p->colour[i].rgb)));
+    return points;
+}
+
+static json_t *light_to_json(const CtsPreset *p)
+{
+    return json_pack("{s:o,s:o,s:o,s:o}", "ambient", cts_json_new_number(p->ambient), "diffuse",
+                     cts_json_new_number(p->diffuse), "specular", cts_json_new_number(p->specular), "power",
+                     cts_json_new_number(p->power));
+}
+
+char *cts_preset_to_json(const CtsPreset *p)
+{
+    const bool together = same_places(p);
+    const double *const b = p->background;
+    json_t *background = p->background_none ? json_string("none")
+                                            : json_sprintf("#%02x%02x%02x", (unsigned)lround(b[0] * 255),
+                                                           (unsigned)lround(b[1] * 255), (unsigned)lround(b[2] * 255));
+    json_t *root =
+        json_pack("{s:s, s:[oo], s:o, s:o*, s:s, s:o, s:o?, s:o, s:b}", "name", p->name, "window",
+                  cts_json_new_number(p->window_low_hu), cts_json_new_number(p->window_high_hu), "points",
+                  points_to_json(p, together), "colour_points", together ? NULL : colours_to_json(p), "mode",
+                  cts_mode_names[p->mode], "unit_distance_mm", cts_json_new_number(p->unit_distance_mm), "shade",
+                  p->shade ? light_to_json(p) : NULL, "background", background, "remove_table", p->remove_table);
     /* 15 digits read well, and nearly always say it all. */
     char *text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(15));
     json_t *again = text ? json_loads(text, 0, NULL) : NULL;

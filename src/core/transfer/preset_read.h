@@ -22,6 +22,13 @@ bool cts_preset_set_name(CtsPreset *preset, const char *text);
 /* Append to what cannot be had. */
 void cts_preset_note(CtsPreset *preset, const char *text);
 
+/* A point's HU, opacity and colour under these keys, and lighting; HU never fall. */
+CtsStatus cts_preset_read_opacity(const CtsJsonAt *point, const char *hu, const char *opacity, CtsPreset *preset,
+                                  CtsError *err);
+CtsStatus cts_preset_read_colour(const CtsJsonAt *point, const char *hu, const char *rgb, CtsPreset *preset,
+                                 CtsError *err);
+CtsStatus cts_preset_read_light(const CtsJsonAt *at, const char *power, CtsPreset *preset, CtsError *err);
+
 /* ctsplat's own preset file, or a list of such as `ctsplat presets --json` prints. */
 CtsStatus cts_preset_from_json(const CtsJson *json, const char *which, CtsPreset *preset, CtsError *err);
 /* Slicer's volume property JSON. */

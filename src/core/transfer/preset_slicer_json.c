@@ -18,17 +18,6 @@ static void note_bends(const CtsJsonAt *point, CtsPreset *preset)
         cts_preset_note(preset, "midpoint and sharpness");
 }
 
-static CtsStatus read_x(const CtsJsonAt *point, double previous_hu, double *hu, CtsError *err)
-{
-    CtsJsonAt x;
-    if (!cts_json_member(point, "x", &x))
-        return cts_json_fail(point, err, "point %zu has no x", point->index + 1);
-    const CtsStatus st = cts_json_number(&x, -CTS_PRESET_MAX_HU, CTS_PRESET_MAX_HU, hu, err);
-    if (!st && *hu < previous_hu)
-        return cts_json_fail(&x, err, "x falls from %.10g to %.10g (points go upwards)", previous_hu, *hu);
-    return st;
-}
-
 /* The points of a transfer function; *n is 0 when it is not there. */
 static CtsStatus find_points(const CtsJsonAt *component, const char *key, CtsJsonAt *function, CtsJsonAt *points,
                              size_t *n, CtsError *err)
@@ -36,68 +25,35 @@ static CtsStatus find_points(const CtsJsonAt *component, const char *key, CtsJso
     *n = 0;
     if (!cts_json_member(component, key, function))
         return CTS_OK;
-    if (!cts_json_member(function, "points", points))
-        return cts_json_fail(function, err, "%s has no points", key);
-    const CtsStatus st = cts_json_check_array(points, 1, CTS_MAX_POINTS, err);
-    *n = json_array_size(points->value);
+    CtsStatus st = cts_json_need(function, "points", points, err);
+    if (!st)
+        st = cts_json_check_array(points, 1, CTS_MAX_POINTS, err);
+    *n = st ? 0 : json_array_size(points->value);
     return st;
 }
 
-static CtsStatus read_opacity(const CtsJsonAt *component, CtsPreset *preset, CtsError *err)
+/* One that has to be there, of opacity or of colour. */
+static CtsStatus read_function(const CtsJsonAt *component, const char *key, bool colour, CtsPreset *preset,
+                               CtsError *err)
 {
     size_t n;
     CtsJsonAt function, points;
-    CtsStatus st = find_points(component, "scalarOpacity", &function, &points, &n, err);
+    CtsStatus st = find_points(component, key, &function, &points, &n, err);
     if (!st && !n)
-        return cts_json_fail(component, err, "the component has no scalarOpacity");
+        return cts_json_fail(component, err, "the component has no %s", key);
     for (size_t i = 0; i < n && !st; i++) {
         const CtsJsonAt point = cts_json_element(&points, i);
-        CtsJsonAt y;
-        CtsOpacityPoint *p = &preset->opacity[i];
-        if ((st = read_x(&point, i ? p[-1].hu : -INFINITY, &p->hu, err)))
-            return st;
-        if (!cts_json_member(&point, "y", &y))
-            return cts_json_fail(&point, err, "point %zu has no y", i + 1);
-        st = cts_json_number(&y, 0, 1, &p->opacity, err);
+        st = colour ? cts_preset_read_colour(&point, "x", "color", preset, err)
+                    : cts_preset_read_opacity(&point, "x", "y", preset, err);
         note_bends(&point, preset);
-        preset->n_opacity++;
-    }
-    return st;
-}
-
-static CtsStatus read_colour(const CtsJsonAt *component, CtsPreset *preset, CtsError *err)
-{
-    size_t n;
-    CtsJsonAt function, points;
-    CtsStatus st = find_points(component, "rgbTransferFunction", &function, &points, &n, err);
-    if (!st && !n)
-        return cts_json_fail(component, err, "the component has no rgbTransferFunction");
-    for (size_t i = 0; i < n && !st; i++) {
-        const CtsJsonAt point = cts_json_element(&points, i);
-        CtsJsonAt rgb;
-        CtsColourPoint *p = &preset->colour[i];
-        if ((st = read_x(&point, i ? p[-1].hu : -INFINITY, &p->hu, err)))
-            return st;
-        if (!cts_json_member(&point, "color", &rgb))
-            return cts_json_fail(&point, err, "point %zu has no color", i + 1);
-        st = cts_json_check_array(&rgb, 3, 3, err);
-        for (size_t c = 0; c < 3 && !st; c++) {
-            const CtsJsonAt element = cts_json_element(&rgb, c);
-            st = cts_json_number(&element, 0, 1, &p->rgb[c], err);
-        }
-        note_bends(&point, preset);
-        preset->n_colour++;
     }
     return st;
 }
 
 static CtsStatus read_lighting(const CtsJsonAt *component, CtsPreset *preset, CtsError *err)
 {
-    static const char *const keys[] = {"ambient", "diffuse", "specular", "specularPower"};
-    double *const values[] = {&preset->ambient, &preset->diffuse, &preset->specular, &preset->power};
-    const double highest[] = {CTS_PRESET_MAX_LIGHT, CTS_PRESET_MAX_LIGHT, CTS_PRESET_MAX_LIGHT, CTS_PRESET_MAX_POWER};
     CtsStatus st = CTS_OK;
-    CtsJsonAt at, member;
+    CtsJsonAt at;
     /* The schema's defaults. */
     preset->ambient = 0.1;
     preset->diffuse = 0.7;
@@ -105,11 +61,8 @@ static CtsStatus read_lighting(const CtsJsonAt *component, CtsPreset *preset, Ct
     preset->power = 10;
     if (cts_json_member(component, "shade", &at))
         st = cts_json_bool(&at, &preset->shade, err);
-    if (!cts_json_member(component, "lighting", &at))
-        return st;
-    for (int i = 0; i < 4 && !st; i++)
-        if (cts_json_member(&at, keys[i], &member))
-            st = cts_json_number(&member, 0, highest[i], values[i], err);
+    if (!st && cts_json_member(component, "lighting", &at))
+        st = cts_preset_read_light(&at, "specularPower", preset, err);
     return st;
 }
 
@@ -118,7 +71,8 @@ static CtsStatus read_component(const CtsJsonAt *component, CtsPreset *preset, C
     CtsStatus st;
     CtsJsonAt at, function;
     size_t n;
-    if ((st = read_opacity(component, preset, err)) || (st = read_colour(component, preset, err)) ||
+    if ((st = read_function(component, "scalarOpacity", false, preset, err)) ||
+        (st = read_function(component, "rgbTransferFunction", true, preset, err)) ||
         (st = read_lighting(component, preset, err)))
         return st;
     if (cts_json_member(component, "scalarOpacityUnitDistance", &at) &&
@@ -168,9 +122,8 @@ CtsStatus cts_preset_from_slicer_json(const CtsJson *json, const char *which, Ct
                         json->name, n, n);
 
     const CtsJsonAt property = cts_json_element(&properties, i);
-    if (!cts_json_member(&property, "components", &components))
-        return cts_json_fail(&property, err, "the volume property has no components");
-    if ((st = cts_json_check_array(&components, 1, 100, err)))
+    if ((st = cts_json_need(&property, "components", &components, err)) ||
+        (st = cts_json_check_array(&components, 1, 100, err)))
         return st;
     const CtsJsonAt component = cts_json_element(&components, 0);
     if ((st = read_component(&component, preset, err)))

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "output/net/inbox.h"
 
+#include "base/file.h"
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -14,12 +15,6 @@
 
 static const char prefix[] = "ctsplat-from-";
 enum { TRIES = 8 };
-
-static const char *root(void)
-{
-    const char *folder = getenv("TMPDIR");
-    return folder && *folder == '/' ? folder : "/tmp";
-}
 
 /* A folder of ours, locked; -1 when it is another's, in use, or gone. */
 static int lock_folder(const char *path)
@@ -38,11 +33,12 @@ static int lock_folder(const char *path)
 /* What programs that were killed have left. */
 static void sweep(void)
 {
-    DIR *dir = opendir(root());
+    DIR *dir = opendir(cts_temp_root());
     const struct dirent *entry;
     while (dir && (entry = readdir(dir))) {
         char *path = NULL;
-        if (strncmp(entry->d_name, prefix, strlen(prefix)) || asprintf(&path, "%s/%s", root(), entry->d_name) < 0)
+        if (strncmp(entry->d_name, prefix, strlen(prefix)) ||
+            asprintf(&path, "%s/%s", cts_temp_root(), entry->d_name) < 0)
             continue;
         int lock = lock_folder(path);
         if (lock >= 0)
@@ -55,19 +51,12 @@ static void sweep(void)
 
 static CtsStatus try_make(CtsInbox *inbox, CtsError *err)
 {
-    if (asprintf(&inbox->folder, "%s/%sXXXXXX", root(), prefix) < 0) {
-        inbox->folder = NULL;
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    }
-    CtsStatus st = CTS_OK;
-    if (!mkdtemp(inbox->folder))
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: a folder for what is fetched cannot be made: %s", inbox->folder,
-                      strerror(errno));
-    else if ((inbox->lock = lock_folder(inbox->folder)) >= 0)
-        return CTS_OK;
+    const CtsStatus st = cts_temp_folder(prefix, &inbox->folder, err);
+    if (st || (inbox->lock = lock_folder(inbox->folder)) >= 0)
+        return st;
     free(inbox->folder);
     inbox->folder = NULL;
-    return st;
+    return CTS_OK;
 }
 
 CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err)
@@ -79,7 +68,8 @@ CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err)
     for (int i = 0; !st && !inbox->folder && i < TRIES; i++)
         st = try_make(inbox, err);
     if (!st && !inbox->folder)
-        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: a folder there cannot be locked (set TMPDIR to another one)", root());
+        st = cts_fail(err, CTS_ERR_OUTPUT, "%s: a folder there cannot be locked (set TMPDIR to another one)",
+                      cts_temp_root());
     return st;
 }
 

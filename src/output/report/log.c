@@ -27,7 +27,8 @@ struct CtsLog {
         parallel_ms; /* the end: when the report was given, as writing it is not the run's */
     char *text;
     size_t size;
-    char run_id[17], time[32];
+    char run_id[17];
+    CtsUtc time;
     char *command, *series_hash; /* NULL: not known */
     char *last_words;
     const CtsNames *names; /* of files that are not to be told; NULL: none */
@@ -39,13 +40,10 @@ struct CtsLog {
 static void name_run(CtsLog *log)
 {
     uint64_t id = 0;
-    struct tm utc;
-    const time_t now = time(NULL);
     if (getrandom(&id, sizeof id, 0) != (ssize_t)sizeof id)
-        id = (uint64_t)now << 20 ^ (uint64_t)getpid();
+        id = (uint64_t)time(NULL) << 20 ^ (uint64_t)getpid();
     snprintf(log->run_id, sizeof log->run_id, "%016llx", (unsigned long long)id);
-    if (gmtime_r(&now, &utc))
-        strftime(log->time, sizeof log->time, "%Y-%m-%dT%H:%M:%SZ", &utc);
+    log->time = cts_utc_now();
 }
 
 static CtsStatus open_file(const char *path, int *fd, CtsError *err)
@@ -310,7 +308,7 @@ static char *new_line(json_t *object)
 static char *run_line(const CtsLog *log)
 {
     return new_line(json_pack("{s:s,s:f,s:s,s:s,s:s,s:o,s:o}", "event", "run", "t_ms", 0.0, "run_id", log->run_id,
-                              "version", CTS_VERSION, "time", log->time, "command",
+                              "version", CTS_VERSION, "time", log->time.text, "command",
                               log->command ? cts_json_new_text(log->command) : json_null(), "series_uid_hash",
                               log->series_hash ? json_string(log->series_hash) : json_null()));
 }
