@@ -81,6 +81,13 @@ fi
 run dcm "$dcm_step" "$ctsplat" render --threads 1 --size 24x20 "$data/syntax/explicit" -o "$work/out/a.dcm"
 compress=("$ctsplat" render --threads 1 --size 24x20 --compress jpeg-2000 "$data/syntax/explicit" -o "$work/out/a.dcm")
 run dcm "$dcm_step" "${compress[@]}"
+if [ "$call" = getrandom ]; then # a site's key is made once
+    XDG_STATE_HOME=$work/state run key 1 sh -c 'rm -rf "$XDG_STATE_HOME"; exec "$@"' sh "$ctsplat" render --threads 1 \
+        --size 24x20 "$data/syntax/explicit" --deidentify --log "$work/log" -o "$work/out/a.png"
+fi
+# The helper's children are waited for by the helper.
+[ "$call" != wait4 ] || CTS_FAIL_CHILD=1 run helper 1 "$ctsplat" render --threads 1 --size 24x20 "$data/syntax/jpeg-2000" \
+    -o "$work/out/a.png"
 # OpenJPEG crashes for want of memory, in a process of its own.
 [ "$call" != malloc ] || CTS_FAIL_CHILD=1 run encoder "$all_step" "${compress[@]}"
 [ $failures -eq 0 ]

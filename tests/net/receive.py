@@ -22,13 +22,14 @@ CT, EXPLICIT = '1.2.840.10008.5.1.4.1.1.2', '1.2.840.10008.1.2.1'
 
 
 class Receiver:
-    def __init__(self, folder, *words):
-        self.folder = folder
-        self.process = subprocess.Popen([ctsplat, 'receive', '-O', folder, '--listen', '127.0.0.1:0', *words],
+    def __init__(self, folder, *words, host='127.0.0.1'):
+        self.folder, self.host = folder, host
+        here = '[%s]' % host if ':' in host else host
+        self.process = subprocess.Popen([ctsplat, 'receive', '-O', folder, '--listen', here + ':0', *words],
                                         stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
         atexit.register(self.process.kill)
         said = self.process.stderr.readline()
-        assert 'listens at 127.0.0.1:' in said, said + self.process.stderr.read()
+        assert 'listens at %s:' % here in said, said + self.process.stderr.read()
         self.port = int(said.split(':')[-1].split()[0])
 
     def files(self):
@@ -49,7 +50,7 @@ class Receiver:
             time.sleep(0.02)
 
     def connect(self):
-        s = socket.create_connection(('127.0.0.1', self.port), 20)
+        s = socket.create_connection((self.host, self.port), 20)
         s.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         return s
 
@@ -94,10 +95,11 @@ assert len(r.files()) == n and all('/ST_' + study in f for f in r.files())
 assert {data_set(f) for f in r.files()} == {data_set(f) for f in SLICES}
 assert {os.stat(f).st_mode & 0o777 for f in r.files()} == {0o640}
 told = r.wait_for(1)
-assert told['objects'] == n and told['calling_aet'] == 'STORESCU' and told['address'] == '127.0.0.1', told
+assert told['objects'] == n and told['replaced'] == 0 and told['calling_aet'] == 'STORESCU' and told['address'] == '127.0.0.1', told
 assert told['studies'] == [{'study': 'ST_' + study, 'objects': n}] and told['end'] == 'released', told
 subprocess.run(['dcmcjpeg', SLICES[0], 'jpeg.dcm'], check=True)
 send(r, '-xs', 'jpeg.dcm')
+assert r.wait_for(2)['replaced'] == 1
 assert len(r.files()) == n and data_set('jpeg.dcm') in {data_set(f) for f in r.files()}
 evil = bytearray(open(SLICES[0], 'rb').read())
 at = evil.index(b'\x20\0\x0d\0UI') + 8
@@ -130,6 +132,14 @@ s = r.connect()
 gone(s)
 r.end()
 assert r.lines()[-1]['event'] == 'turned_away' and r.lines()[-1]['connections'] == 1, r.lines()
+
+with open('/proc/net/if_inet6') as v6:
+    has_v6 = v6.read().startswith('0' * 31 + '1')
+for allowed in ([], ['--allow', '*@::1/128']) if has_v6 else []:
+    r = Receiver('v6-%d' % len(allowed), *allowed, host='::1')
+    Association(r.connect(), 'A', 'CTSPLAT', CT, EXPLICIT).socket.close()
+    assert r.wait_for(1)['address'] == '::1', r.lines()
+    r.end()
 
 # Limits: an object that is too large, an endless one, a disk that is full, silence, dripping, too many at once.
 r = Receiver('limits', '--object-size', '0.02', '--peer-timeout', '1', '--association-time', '3', '--per-peer', '3')

@@ -1,5 +1,5 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
- * write, fsync, rename, fork, shmget, poll, recv; kill: the helper, and with it the processes it has
+ * write, fsync, rename, fork, shmget, poll, recv, wait4, getrandom; kill: the helper, and with it the processes it has
  * forked, when one of them is sent something) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones
  * fail too. Calls are counted over all threads; a child does not fail, or with CTS_FAIL_CHILD=1 children alone do. When
  * the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
@@ -15,17 +15,21 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/random.h>
+#include <sys/resource.h>
 #include <sys/shm.h>
 #include <sys/socket.h>
 #include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/types.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
-enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, SHMGET, KILL, POLL, RECV, N_CALLS };
-static const char *const names[N_CALLS] = {"malloc", "open",   "read", "write", "fsync", "rename",
-                                           "fork",   "shmget", "kill", "poll",  "recv"};
-static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO, ENOSPC, EIO, EACCES, EAGAIN, ENOMEM, 0, ENOMEM, ECONNRESET};
+enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, SHMGET, KILL, POLL, RECV, WAIT4, GETRANDOM, N_CALLS };
+static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync", "rename",   "fork",
+                                           "shmget", "kill", "poll", "recv",  "wait4", "getrandom"};
+static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO,    ENOSPC,     EIO,    EACCES, EAGAIN,
+                                    ENOMEM, 0,      ENOMEM, ECONNRESET, ECHILD, EAGAIN};
 
 static int chosen = -1;
 static long fail_at;
@@ -221,4 +225,16 @@ ssize_t recv(int socket, void *bytes, size_t n, int flags)
 {
     typedef ssize_t (*recv_fn)(int, void *, size_t, int);
     return fails(RECV) ? -1 : NEXT(recv_fn, "recv")(socket, bytes, n, flags);
+}
+
+pid_t wait4(pid_t pid, int *how, int options, struct rusage *usage)
+{
+    typedef pid_t (*wait_fn)(pid_t, int *, int, struct rusage *);
+    return fails(WAIT4) ? -1 : NEXT(wait_fn, "wait4")(pid, how, options, usage);
+}
+
+ssize_t getrandom(void *bytes, size_t n, unsigned flags)
+{
+    typedef ssize_t (*random_fn)(void *, size_t, unsigned);
+    return fails(GETRANDOM) ? -1 : NEXT(random_fn, "getrandom")(bytes, n, flags);
 }

@@ -80,10 +80,11 @@ static CtsStoredAs keep(void *context, const char *path, const char *class_uid, 
 {
     const Served *s = context;
     char study[CTS_SPOOL_STUDY];
+    bool replaced = false;
     (void)class_uid;
-    const CtsStoredAs stored = cts_spool_keep(&s->receiver->spool, path, sop_uid, study);
+    const CtsStoredAs stored = cts_spool_keep(&s->receiver->spool, path, sop_uid, study, &replaced);
     if (stored == CTS_STORED)
-        cts_told_object(s->visitor->told, study);
+        cts_told_object(s->visitor->told, study, replaced);
     return stored;
 }
 

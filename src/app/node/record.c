@@ -95,6 +95,7 @@ CtsStatus cts_record_visit(const char *path, const CtsVisitor *visitor, int how,
     json_object_set_new(line, "seconds", cts_json_new_number(round(now_ms - visitor->start_ms) / 1000));
     json_object_set_new(line, "objects", json_integer((json_int_t)visit->n_objects));
     json_object_set_new(line, "refused", json_integer((json_int_t)visit->n_refused));
+    json_object_set_new(line, "replaced", json_integer((json_int_t)visitor->told->n_replaced));
     json_object_set_new(line, "bytes", json_integer((json_int_t)visit->n_bytes));
     json_object_set_new(line, "studies", studies_of(visitor->told));
     json_object_set_new(line, "end", end_of(visit, how));

@@ -95,6 +95,7 @@ static bool read_study(const char *path, const char *sop_uid, char study[CTS_SPO
     return good;
 }
 
+/* Of a folder: what has been renamed into it. */
 static bool sync_file(const char *path)
 {
     const int fd = open(path, O_RDONLY | O_CLOEXEC);
@@ -104,7 +105,8 @@ static bool sync_file(const char *path)
     return done;
 }
 
-CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *sop_uid, char study[CTS_SPOOL_STUDY])
+CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *sop_uid, char study[CTS_SPOOL_STUDY],
+                           bool *replaced)
 {
     char name[40], folder[PATH_MAX], final[PATH_MAX];
     CtsStoredAs stored = CTS_STORED_NO_ROOM;
@@ -115,9 +117,11 @@ CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *
     if (name_after(sop_uid, false, name, sizeof name) &&
         snprintf(folder, sizeof folder, "%s/%s", spool->folder, study) < PATH_MAX &&
         snprintf(final, sizeof final, "%s/%s.dcm", folder, name) < PATH_MAX &&
-        (!mkdir(folder, 0750) || errno == EEXIST) && sync_file(path) && !rename(path, final))
-        stored = CTS_STORED;
-    else
-        unlink(path);
+        (mkdir(folder, 0750) ? errno == EEXIST : sync_file(spool->folder)) && sync_file(path)) {
+        *replaced = !access(final, F_OK);
+        if (!rename(path, final) && sync_file(folder))
+            stored = CTS_STORED;
+    }
+    unlink(path); /* where it is still there */
     return stored;
 }

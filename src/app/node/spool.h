@@ -23,7 +23,8 @@ bool cts_spool_has_room(const CtsSpool *spool, uint64_t n_bytes);
 
 enum { CTS_SPOOL_STUDY = 80 };
 /* A complete object moves into its study's folder, whose name is told, once it is on the disk; what is no CT image, or
- * not the one that its sender named, is removed. The same instance takes its former one's place. */
-CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *sop_uid, char study[CTS_SPOOL_STUDY]);
+ * not the one that its sender named, is removed. The same instance takes its former one's place (*replaced). */
+CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *sop_uid, char study[CTS_SPOOL_STUDY],
+                           bool *replaced);
 
 #endif

@@ -69,9 +69,10 @@ CtsVisitor *cts_visits_find(CtsVisits *v, pid_t pid)
     return NULL;
 }
 
-void cts_told_object(CtsVisitTold *told, const char *study)
+void cts_told_object(CtsVisitTold *told, const char *study, bool replaced)
 {
     int i = 0;
+    told->n_replaced += replaced;
     while (i < told->n_studies && strcmp(told->studies[i].name, study))
         i++;
     if (i == CTS_MOST_STUDIES_TOLD)

@@ -11,6 +11,7 @@ enum { CTS_MOST_VISITS = 64, CTS_MOST_STUDIES_TOLD = 16 };
 /* Shared with the process that serves the peer, which writes it and may be no friend's any more. */
 typedef struct CtsVisitTold {
     CtsVisit visit;
+    uint64_t n_replaced; /* objects that took the place of the same instance */
     int n_studies;
     struct CtsStudyTold {
         char name[CTS_SPOOL_STUDY];
@@ -45,6 +46,6 @@ void cts_visits_close(CtsVisits *visits);
 CtsVisitor *cts_visits_admit(CtsVisits *visits, const CtsAddress *address, double now_ms);
 CtsVisitor *cts_visits_find(CtsVisits *visits, pid_t pid);
 /* One more object of a study, by the process that serves the peer. */
-void cts_told_object(CtsVisitTold *told, const char *study);
+void cts_told_object(CtsVisitTold *told, const char *study, bool replaced);
 
 #endif

@@ -21,8 +21,8 @@ enum { TICK_MS = 100, MOST_WAITING = 16 };
 std::string host_of(const sockaddr_storage &address)
 {
     char host[80] = "";
-    const socklen_t n = address.ss_family == AF_INET6 ? sizeof(sockaddr_in6) : sizeof(sockaddr_in);
-    getnameinfo(reinterpret_cast<const sockaddr *>(&address), n, host, sizeof host, nullptr, 0, NI_NUMERICHOST);
+    getnameinfo(reinterpret_cast<const sockaddr *>(&address), sizeof(sockaddr_in), host, sizeof host, nullptr, 0,
+                NI_NUMERICHOST);
     return host;
 }
 
@@ -32,8 +32,8 @@ std::string own_address(const sockaddr_storage &to)
     sockaddr_storage own = {};
     socklen_t n = sizeof own;
     const int probe = socket(to.ss_family, SOCK_DGRAM | SOCK_CLOEXEC, 0);
-    const socklen_t n_to = to.ss_family == AF_INET6 ? sizeof(sockaddr_in6) : sizeof(sockaddr_in);
-    const bool known = probe >= 0 && connect(probe, reinterpret_cast<const sockaddr *>(&to), n_to) == 0 &&
+    const bool known = probe >= 0 &&
+                       connect(probe, reinterpret_cast<const sockaddr *>(&to), sizeof(sockaddr_in)) == 0 &&
                        getsockname(probe, reinterpret_cast<sockaddr *>(&own), &n) == 0;
     if (probe >= 0)
         close(probe);
@@ -68,8 +68,7 @@ CtsStatus CtsMoveListener::listen(CtsError *err)
 {
     char where[100];
     const std::string own = own_address(addresses.front());
-    std::snprintf(where, sizeof where, own.find(':') == std::string::npos ? "%s:%d" : "[%s]:%d", own.c_str(),
-                  net.move_port);
+    std::snprintf(where, sizeof where, "%s:%d", own.c_str(), net.move_port);
     return own.empty() ? cts_fail(err, CTS_ERR_READ, "%s: cannot be reached", peer.host)
                        : cts_listen(where, &listener, err);
 }

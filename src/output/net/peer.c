@@ -65,8 +65,10 @@ CtsStatus cts_peer_parse(const char *text, CtsPeer *peer, CtsError *err)
     if (n_host < 1 || n_host >= sizeof peer->host)
         return fail(text, "has no host name", err);
     for (const char *c = at + 1; c < colon; c++)
-        if (!isalnum((unsigned char)*c) && !strchr(".-_:[]", *c))
-            return fail(text, "its host name has other characters than a name has", err);
+        if (!isalnum((unsigned char)*c) && !strchr(".-_", *c))
+            return fail(text,
+                        strchr(":[]", *c) ? "DIMSE goes over IPv4 alone" : "its host has other characters than a name",
+                        err);
     const long port = strtol(colon + 1, &end, 10);
     if (!isdigit((unsigned char)colon[1]) || *end || port < 1 || port > 65535)
         return fail(text, "its port is not within 1 to 65535", err);
