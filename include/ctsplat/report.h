@@ -64,6 +64,13 @@ typedef struct CtsVoxelCounts {
     uint64_t total, void_voxels, reused, splatted;
 } CtsVoxelCounts;
 
+/* What table removal took and left of what is denser than -350 HU. */
+typedef struct CtsTableFact {
+    bool known;
+    double body_mm3, removed_mm3;
+    double thick_mm3; /* of what went: thicker than tables are, so it may have been body */
+} CtsTableFact;
+
 enum { CTS_ERROR_CAPS = 16 };
 
 typedef struct CtsVerified {
@@ -115,6 +122,7 @@ typedef struct CtsReport {
     CtsFindings findings;
     CtsLabelFact *labels;
     size_t n_labels;
+    CtsTableFact table;
     CtsVoxelCounts voxels;
     CtsVerified verified;
     CtsErrorBound bound;

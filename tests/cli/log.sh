@@ -22,7 +22,7 @@ fields = {
     "plan": {"text"}, "bound": {"rmse", "max", "kind", "cast"}, "finding": {"code", "severity", "text"},
     "label": {"file", "number", "name", "source", "voxels", "ml", "hu_mean", "hu_sd", "touches_edge", "parts", "overlap", "empty",
               "label_in_air"},
-    "voxels": {"total", "void", "reused", "splatted"},
+    "table": {"body_ml", "removed_ml", "lost_percent"}, "voxels": {"total", "void", "reused", "splatted"},
     "error": {"pixels", "rmse", "rmse_low", "rmse_high", "psnr_db", "p999", "max", "share", "share_high", "cpu_ms", "picture_cpu_ms",
               "cost"},
     "output": {"path", "format", "bytes"}, "done": {"wall_ms", "cpu_ms", "serial_ms", "peak_rss_bytes", "threads",

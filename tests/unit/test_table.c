@@ -394,6 +394,11 @@ static void test_thick_gone(void **state)
     assert_non_null(finding(&report, "table_removed"));
     assert_non_null(finding(&report, "table_removal_uncertain"));
     assert_non_null(strstr(finding(&report, "table_removal_uncertain")->text, "thicker than tables are"));
+    /* The board's middle of 10 x 10 x 16 voxels, but for its corners; a trunk and two arms. */
+    const double limb_mm3 = 10 * 10 * 16 * 27, body_mm3 = 3.1416 * (150 * 100 + 2 * 20 * 26) * 120;
+    assert_true(report.table.thick_mm3 > 0.8 * limb_mm3 && report.table.thick_mm3 <= limb_mm3);
+    assert_true(fabs(report.table.body_mm3 - body_mm3) < 0.03 * body_mm3);
+    assert_true(report.table.removed_mm3 > report.table.thick_mm3);
     cts_report_free(&report);
     cts_volume_free(&v);
 }
@@ -611,6 +616,7 @@ static void test_odd(void **state)
     CtsVolume *before = copy(v);
     remove_table(v, 2, &report);
     assert_true(is_skipped(&report));
+    assert_non_null(finding(&report, "table_removal_uncertain"));
     assert_memory_equal(v->grey, before->grey, cts_volume_n_voxels(v) * sizeof *v->grey);
     cts_report_free(&report);
     for (size_t n = 0; n < cts_volume_n_voxels(v); n++) {

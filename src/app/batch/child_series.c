@@ -381,6 +381,8 @@ CtsStatus cts_child_end(CtsBatchChild *c, const CtsReport *report, CtsStatus sta
     if (status != CTS_ERR_INTERRUPTED) {
         tell_findings(c, &report->findings, report->findings.n, NULL);
         tell_labels(c, report);
+        if (report->table.known)
+            json_object_set_new(c->line, "table", cts_table_json(&report->table));
         tell_times(c, report);
         if (stands)
             keep_times(c);

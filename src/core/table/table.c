@@ -65,13 +65,16 @@ static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
 /* False, with the reason in the report, when there is nothing to work on. */
 static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
 {
-    if (!r->n_runs)
+    if (!r->n_runs) {
         cts_report_skip(report, WHAT, "no voxel lies above %g HU", CTS_DENSE_HU);
-    else if (r->n_runs <= cts_volume_n_voxels(v) / VOXELS_PER_RUN + RUNS_ANYWAY)
+        return false;
+    }
+    if (r->n_runs <= cts_volume_n_voxels(v) / VOXELS_PER_RUN + RUNS_ANYWAY)
         return true;
-    else
-        cts_report_skip(report, WHAT, "too noisy to tell a body from a table: %llu runs of voxels above %g HU",
-                        (unsigned long long)r->n_runs, CTS_DENSE_HU);
+    cts_report_skip(report, WHAT, "too noisy to tell a body from a table: %llu runs of voxels above %g HU",
+                    (unsigned long long)r->n_runs, CTS_DENSE_HU);
+    cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
+                       "too noisy to tell a body from a table: nothing went (take it out by a crop)");
     return false;
 }
 
@@ -199,7 +202,7 @@ end:
 }
 
 /* What went, and yet is as thick as no table. The bits of what is gone are used up. */
-static void report_lost(Removal *r, CtsReport *report)
+static double report_lost(Removal *r, CtsReport *report)
 {
     cts_bits_combine(&r->gone, CTS_BITS_AND, &r->sections);
     cts_open_sections(r->workers, r->n_threads, &r->gone, cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm));
@@ -210,6 +213,7 @@ static void report_lost(Removal *r, CtsReport *report)
             "%.1f cm3 (%.1f %% of the body) of what went are thicker than tables are, and may be patient "
             "(see it with `remove_table` off)",
             lost_mm3 / 1000, 100 * lost_mm3 / r->body.mm3);
+    return lost_mm3;
 }
 
 /* What may be table, yet stays: thin parts, and what goes along the scanner's axis as a table does. */
@@ -239,6 +243,8 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, C
     if ((st = cts_body_mask_new(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
         return st;
     report_uncertain(r, report);
+    if (report)
+        report->table = (CtsTableFact){.known = true, .body_mm3 = r->body.mm3};
     const uint64_t n_gone = cts_bits_count_common(&r->sections, &r->gone, r->n_threads);
     if ((double)n_gone * r->plan.voxel_mm3 < NOTHING_MM3) {
         cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);
@@ -251,7 +257,9 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, C
                        "table removal: %llu voxels above %g HU went (%.1f cm3, %.1f %% of the body)",
                        (unsigned long long)r->n_dense_gone, CTS_DENSE_HU, gone_mm3 / 1000,
                        100 * gone_mm3 / r->body.mm3);
-    report_lost(r, report);
+    const double thick_mm3 = report_lost(r, report);
+    if (report)
+        report->table = (CtsTableFact){true, r->body.mm3, gone_mm3, thick_mm3};
     return st;
 }
 

@@ -112,6 +112,13 @@ json_t *cts_label_json(const CtsLabelFact *l)
     return object;
 }
 
+json_t *cts_table_json(const CtsTableFact *t)
+{
+    return json_pack("{s:o,s:o,s:o}", "body_ml", cts_json_new_number(t->body_mm3 / 1000), "removed_ml",
+                     cts_json_new_number(t->removed_mm3 / 1000), "lost_percent",
+                     cts_json_new_number(100 * t->thick_mm3 / t->body_mm3));
+}
+
 static void append_findings(json_t *list, const CtsFindings *findings)
 {
     for (size_t i = 0; i < findings->n; i++)

@@ -25,6 +25,7 @@ void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume);
 
 struct json_t *cts_finding_json(const CtsFinding *finding);
 struct json_t *cts_label_json(const CtsLabelFact *label);
+struct json_t *cts_table_json(const CtsTableFact *table);
 /* One series as in info's JSON, with its findings; the caller's to release. */
 struct json_t *cts_info_json(const CtsSeries *series, const CtsPixelFacts *facts, bool show_patient);
 

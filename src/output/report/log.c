@@ -278,6 +278,12 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         add_line(log, event);
     }
     log_findings(log, &report->findings);
+    if (report->table.known) {
+        json_t *event = new_event(log, "table"), *table = cts_table_json(&report->table);
+        json_object_update(event, table);
+        json_decref(table);
+        add_line(log, event);
+    }
     if (report->voxels.known) {
         json_t *event = new_event(log, "voxels");
         set_integer(event, "total", report->voxels.total);
