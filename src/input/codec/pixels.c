@@ -7,9 +7,7 @@
 /* What is read at a time, so that it is still in the nearest caches when it is looked at. */
 enum { PART_BYTES = 64 << 10 };
 
-/* Takes the items' own 8 bytes out from between the fragments; most frames have one fragment, which stays where it is.
- */
-static CtsStatus join_fragments(uint8_t **stream, size_t *n, CtsError *err)
+CtsStatus cts_join_fragments(uint8_t **stream, size_t *n, CtsError *err)
 {
     uint8_t *const bytes = *stream;
     size_t n_joined = 0, pos = 0;
@@ -52,7 +50,7 @@ static CtsStatus submit(const CtsSlice *s, const CtsFrameFormat *format, CtsSand
         st = cts_file_bytes_read(&file, stream, n, offset, err);
     cts_file_bytes_close(&file);
     if (!st && !s->syntax->deflated)
-        st = join_fragments(&stream, &n, err);
+        st = cts_join_fragments(&stream, &n, err);
     if (!st)
         cts_codec_send(decoder, format, stream, n);
     return st;

@@ -23,4 +23,10 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsSandbox **decoder, uin
  * fails here fails again, and says why, when they are. */
 bool cts_slice_begin(const CtsSlice *slice, CtsSandbox **decoder);
 
+/* Takes the items' own 8 bytes out from between the fragments of a frame; most have one, which stays where it is. */
+CtsStatus cts_join_fragments(uint8_t **stream, size_t *n, CtsError *err);
+
+/* Takes the items' own 8 bytes out from between the fragments of a frame; most have one, which stays where it is. */
+CtsStatus cts_join_fragments(uint8_t **stream, size_t *n, CtsError *err);
+
 #endif

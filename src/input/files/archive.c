@@ -145,7 +145,6 @@ static CtsStatus unpack_apart(const void *order, const uint8_t *stream, size_t n
 /* What the child has written is as foreign as the file: every length is checked. */
 static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, CtsError *err)
 {
-    int capacity = 0;
     for (size_t pos = 0;;) {
         Record r;
         if (pos > n || n - pos < sizeof r)
@@ -165,13 +164,8 @@ static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, Cts
             a->n_other++;
             continue;
         }
-        if (a->n == capacity) {
-            capacity = capacity ? 2 * capacity : 64;
-            CtsMember *grown = realloc(a->members, (size_t)capacity * sizeof *grown);
-            if (!grown)
-                return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-            a->members = grown;
-        }
+        if (cts_grow(&a->members, a->n, err))
+            return CTS_ERR_MEMORY;
         a->members[a->n++] = m;
     }
     return cts_fail(err, CTS_ERR_READ, "cannot be unpacked");

@@ -1,6 +1,8 @@
 #define _GNU_SOURCE
 #include "input/files/archives.h"
 
+#include "base/mem.h"
+
 #include <stdlib.h>
 #include <string.h>
 
@@ -38,14 +40,12 @@ static CtsStatus sort_members(Kept *kept, CtsError *err)
 CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive *archive, CtsError *err)
 {
     CtsArchives *all = *archives ? *archives : calloc(1, sizeof *all);
-    Kept *grown = all ? realloc(all->items, (all->n + 1) * sizeof *grown) : NULL;
     *archives = all;
-    if (!grown) {
+    if (!all || cts_grow(&all->items, all->n, NULL)) {
         cts_archive_free(&archive);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     }
-    Kept *kept = &grown[all->n++];
-    all->items = grown;
+    Kept *kept = &all->items[all->n++];
     *kept = (Kept){.path = strdup(path), .archive = archive};
     return kept->path ? sort_members(kept, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "input/files/scan.h"
 
+#include "base/mem.h"
 #include "input/files/archives.h"
 #include <dirent.h>
 #include <errno.h>
@@ -27,12 +28,7 @@ void cts_file_list_free(CtsFileList *list)
 CtsStatus cts_file_list_add(CtsFileList *list, const char *path, bool named, CtsError *err)
 {
     const char *kept = cts_texts_keep(&list->texts, path, strlen(path));
-    if (kept && (list->n & (list->n - 1)) == 0) {
-        CtsFile *items = realloc(list->items, (list->n ? 2 * list->n : 1) * sizeof *items);
-        list->items = items ? items : list->items;
-        kept = items ? kept : NULL;
-    }
-    if (!kept)
+    if (!kept || cts_grow(&list->items, list->n, NULL))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     list->items[list->n++] = (CtsFile){.path = kept, .named = named};
     return CTS_OK;
@@ -82,9 +78,7 @@ static CtsStatus scan_entries(CtsScan *scan, const char *folder, DIR *dir, int d
             free(path);
             continue;
         }
-        char **grown = path ? realloc(subfolders, (n_subfolders + 1) * sizeof *grown) : NULL;
-        if (grown) {
-            subfolders = grown;
+        if (path && !cts_grow(&subfolders, n_subfolders, NULL)) {
             subfolders[n_subfolders++] = path;
         } else {
             free(path);
@@ -195,14 +189,12 @@ static CtsStatus add_archive(void *context, const char *path, CtsArchive *archiv
 {
     CtsFileList *const list = context;
     (void)path;
-    CtsArchive **grown = realloc(list->archives, (list->n_archives + 1) * sizeof *grown);
-    if (!grown) {
+    const CtsStatus st = cts_grow(&list->archives, list->n_archives, err);
+    if (st)
         cts_archive_free(&archive);
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    }
-    list->archives = grown;
-    list->archives[list->n_archives++] = archive;
-    return CTS_OK;
+    else
+        list->archives[list->n_archives++] = archive;
+    return st;
 }
 
 CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,

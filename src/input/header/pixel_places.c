@@ -1,5 +1,6 @@
 #include "input/header/pixel_places.h"
 
+#include "base/mem.h"
 #include <stdlib.h>
 #include <string.h>
 
@@ -17,18 +18,6 @@ typedef struct Fragments {
 static uint32_t little32(const uint8_t *p)
 {
     return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
-}
-
-static CtsStatus add_fragment(Fragments *f, uint64_t at, CtsError *err)
-{
-    if ((f->n & (f->n - 1)) == 0) {
-        uint64_t *grown = realloc(f->at, (size_t)(f->n ? 2 * f->n : 1) * sizeof *grown);
-        if (!grown)
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        f->at = grown;
-    }
-    f->at[f->n++] = at;
-    return CTS_OK;
 }
 
 /* By their lengths, never by a search: the last one must be followed by the delimiter. */
@@ -50,8 +39,10 @@ static CtsStatus walk(const CtsFileBytes *file, uint64_t pos, Fragments *f, CtsE
         if (n == 0) {
             f->table_at = pos + ITEM_BYTES;
             f->table_bytes = length;
-        } else if (add_fragment(f, pos, err)) {
+        } else if (cts_grow(&f->at, f->n, err)) {
             return CTS_ERR_MEMORY;
+        } else {
+            f->at[f->n++] = pos;
         }
         pos += ITEM_BYTES + length;
     }
@@ -113,25 +104,37 @@ static bool find_firsts(const CtsFileBytes *file, const Fragments *f, int *first
     return by_table(file, f, first, n) || by_start(file, f, first, n);
 }
 
-CtsStatus cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames, int n, CtsError *err)
+CtsStatus cts_find_frames(const CtsFileBytes *file, uint64_t pixel_offset, int n, uint64_t **offset, CtsError *err)
 {
     Fragments f = {0};
-    CtsError why = {0};
-    int *first = malloc((size_t)n * sizeof *first);
-    CtsStatus st =
-        first ? walk(file, frames[0]->pixel_offset, &f, &why) : cts_fail(&why, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !find_firsts(file, &f, first, n))
-        st = cts_fail(&why, CTS_ERR_PIXELS,
+    int *first = NULL;
+    *offset = NULL;
+    CtsStatus st = walk(file, pixel_offset, &f, err);
+    if (!st && (f.n < n || (!(st = cts_alloc_array(&first, (size_t)n, err)) && !find_firsts(file, &f, first, n))))
+        st = cts_fail(err, CTS_ERR_PIXELS,
                       "its compressed frames cannot be told apart: fragments, offset table and NumberOfFrames "
                       "(0028,0008) disagree");
+    if (!st)
+        st = cts_alloc_array(offset, (size_t)n + 1, err);
+    for (int k = 0; !st && k <= n; k++)
+        (*offset)[k] = k < n ? f.at[first[k]] : f.end;
+    cts_free(&first);
+    free(f.at);
+    return st;
+}
+
+CtsStatus cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames, int n, CtsError *err)
+{
+    CtsError why = {0};
+    uint64_t *offset;
+    const CtsStatus st = cts_find_frames(file, frames[0]->pixel_offset, n, &offset, &why);
     for (int k = 0; st == CTS_ERR_PIXELS && k < n; k++)
         cts_slice_fault(frames[k], st, "%s", why.text);
     for (int k = 0; !st && k < n; k++) {
-        frames[k]->pixel_offset = f.at[first[k]];
-        frames[k]->pixel_bytes = (k + 1 < n ? f.at[first[k + 1]] : f.end) - f.at[first[k]];
+        frames[k]->pixel_offset = offset[k];
+        frames[k]->pixel_bytes = offset[k + 1] - offset[k];
     }
-    free(first);
-    free(f.at);
+    cts_free(&offset);
     return st == CTS_ERR_MEMORY ? cts_fail(err, st, "%s", why.text) : CTS_OK;
 }
 

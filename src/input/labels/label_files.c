@@ -83,12 +83,10 @@ static CtsStatus seen_before(Search *s, const CtsPlainObject *object, bool *seen
         return CTS_OK;
     for (size_t i = 0; i < s->n_seen; i++)
         *seen |= !strcmp(s->seen[i], uid);
-    char(*const grown)[65] = realloc(s->seen, (s->n_seen + 1) * sizeof *grown);
-    if (!grown)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    s->seen = grown;
-    memcpy(s->seen[s->n_seen++], uid, sizeof uid);
-    return CTS_OK;
+    const CtsStatus st = cts_grow(&s->seen, s->n_seen, err);
+    if (!st)
+        memcpy(s->seen[s->n_seen++], uid, sizeof uid);
+    return st;
 }
 
 static CtsStatus keep_object(Search *s, const CtsPlainObject *object, CtsError *err)

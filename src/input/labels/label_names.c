@@ -1,6 +1,7 @@
 #include "input/labels/label_names.h"
 
 #include "base/json.h"
+#include "base/mem.h"
 #include "input/files/file_bytes.h"
 #include <expat.h>
 #include <stdio.h>
@@ -13,10 +14,7 @@ static CtsStatus add(CtsLabelNames *names, int number, const char *name, size_t 
 {
     if (names->n >= MOST_NAMES)
         return cts_fail(err, CTS_ERR_USAGE, "more than %d names", MOST_NAMES);
-    CtsLabelName *const grown = realloc(names->items, (names->n + 1) * sizeof *grown);
-    if (grown)
-        names->items = grown;
-    char *copy = grown ? strndup(name, n) : NULL;
+    char *const copy = cts_grow(&names->items, names->n, NULL) ? NULL : strndup(name, n);
     if (!copy)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     names->items[names->n++] = (CtsLabelName){number, copy};

@@ -29,8 +29,4 @@ void cts_plain_close(CtsPlainObject *object);
 /* A text as UTF-8, by the object's character set, cut to its size. */
 void cts_plain_text(const CtsPlainObject *object, CtsElements elements, uint32_t tag, char *text, size_t size);
 
-/* n frames' places among the fragments of encapsulated pixels, and their bytes; n + 1 offsets, which the caller frees
- * with cts_free(): fragments of frame f are the items between offset[f] and offset[f + 1] of the source. */
-CtsStatus cts_plain_frames(const CtsPlainObject *object, int n, uint64_t **offset, CtsError *err);
-
 #endif

@@ -2,6 +2,8 @@
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "input/codec/codec.h"
+#include "input/codec/pixels.h"
+#include "input/header/pixel_places.h"
 #include "input/labels/mask.h"
 #include <math.h>
 #include <stdlib.h>
@@ -219,24 +221,16 @@ static CtsFrameFormat format_of(const Seg *s)
 static CtsStatus decode(Seg *s, int frame, const void **pixels, CtsError *err)
 {
     const CtsFrameFormat format = format_of(s);
-    const uint64_t at = s->offset[frame], n = s->offset[frame + 1] - at;
+    size_t n = (size_t)(s->offset[frame + 1] - s->offset[frame]);
     uint8_t *stream;
-    size_t n_joined = 0;
-    CtsStatus st = cts_codec_room(&s->decoder, &format, (size_t)n, &stream, err);
+    CtsStatus st = cts_codec_room(&s->decoder, &format, n, &stream, err);
     if (!st)
-        st = cts_file_bytes_read(&s->object->source, stream, (size_t)n, at, err);
+        st = cts_file_bytes_read(&s->object->source, stream, n, s->offset[frame], err);
     if (st)
         return st;
-    for (uint64_t pos = 0; pos + 8 <= n;) {
-        const uint8_t *const p = stream + pos + 4;
-        const uint64_t size = p[0] | (uint64_t)p[1] << 8 | (uint64_t)p[2] << 16 | (uint64_t)p[3] << 24;
-        if (size > n - pos - 8)
-            return cts_fail(err, CTS_ERR_READ, "changed while it was being read");
-        memmove(stream + n_joined, stream + pos + 8, (size_t)size);
-        n_joined += (size_t)size;
-        pos += 8 + size;
-    }
-    cts_codec_send(&s->decoder, &format, stream, n_joined);
+    if ((st = cts_join_fragments(&stream, &n, err)))
+        return st;
+    cts_codec_send(&s->decoder, &format, stream, n);
     return cts_sandbox_take(&s->decoder, pixels, err);
 }
 
@@ -355,7 +349,7 @@ static CtsStatus check_pixels(Seg *s, CtsError *err)
     if (o->encapsulated != cts_syntax_encapsulated(o->syntax))
         return cts_fail(err, CTS_ERR_READ, "its pixels are not stored as its transfer syntax says");
     if (o->encapsulated)
-        return cts_plain_frames(o, s->n_frames, &s->offset, err);
+        return cts_find_frames(&o->source, o->pixel_offset, s->n_frames, &s->offset, err);
     return need <= o->pixel_bytes ? CTS_OK
                                   : cts_fail(err, CTS_ERR_READ, "cut short: %d frames need %llu bytes, %llu are there",
                                              s->n_frames, (unsigned long long)need, (unsigned long long)o->pixel_bytes);

@@ -1,5 +1,6 @@
 #include "input/series/others.h"
 
+#include "base/mem.h"
 #include "input/header/dcm_readers.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -12,11 +13,10 @@ static CtsStatus add(CtsSeriesList *list, const char *what, int n, CtsError *err
             list->others[i].n += n;
             return CTS_OK;
         }
-    CtsFileCount *others = realloc(list->others, (list->n_others + 1) * sizeof *others);
-    if (!others)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    list->others = others;
-    CtsFileCount *added = &others[list->n_others++];
+    const CtsStatus st = cts_grow(&list->others, list->n_others, err);
+    if (st)
+        return st;
+    CtsFileCount *added = &list->others[list->n_others++];
     snprintf(added->what, sizeof added->what, "%s", what);
     added->n = n;
     return CTS_OK;

@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/mem.h"
 #include "base/parallel.h"
 #include "input/files/archive.h"
 #include "input/files/scan.h"
@@ -95,10 +96,8 @@ static void read_some(void *context, int worker, size_t first, size_t end)
 /* The slices need their texts for as long as the list is there. */
 static bool take_texts(CtsSeriesList *list, CtsTexts *texts)
 {
-    CtsTexts *grown = realloc(list->texts, (list->n_texts + 1) * sizeof *grown);
-    if (!grown)
+    if (cts_grow(&list->texts, list->n_texts, NULL))
         return false;
-    list->texts = grown;
     list->texts[list->n_texts++] = *texts;
     *texts = (CtsTexts){0};
     return true;

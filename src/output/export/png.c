@@ -10,13 +10,12 @@
 #include <endian.h>
 #include <math.h>
 #include <png.h>
-#include <pthread.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <zlib.h>
 
-/* Strips in memory for each thread: few, so that it is used again, and enough that nobody waits for who writes. */
+/* Strips in memory for each thread: few, so that it is used again, and enough that nobody waits long for the others. */
 enum { STRIPS_EACH = 4, MOST_STRIPS = 64 };
 
 /* One thread's. */
@@ -33,7 +32,7 @@ enum {
 /* A strip as it comes out of its packer, in a chunk that has room for what stands around it. */
 typedef struct Slot {
     CtsIdatStrip strip;
-    bool packed; /* and not written yet */
+    CtsError why; /* it could not be packed */
 } Slot;
 
 /* Where libpng's callbacks find what belongs to this file. */
@@ -49,17 +48,11 @@ typedef struct PngWriter {
     uint8_t *rows; /* the last row written, then the rows that wait for a strip to be whole, samples big-endian */
     int n_waiting;
     int n_before; /* strips of earlier bands */
-    /* Strips are compressed by all threads, and written in order by whoever finds the next one there. */
-    pthread_mutex_t lock;
-    pthread_cond_t slot_free;
-    Slot slots[MOST_STRIPS]; /* strip n is in slot n % n_slots */
+    Slot slots[MOST_STRIPS];
     uint8_t *slot_bytes;
     size_t slot_room;
-    bool writing; /* somebody is */
     int n_written;
     uint32_t adler; /* of those written */
-    CtsStatus failed;
-    CtsError failure;
 } PngWriter;
 
 static void on_write(png_structp png, png_bytep data, size_t n)
@@ -148,7 +141,7 @@ static CtsStatus write_strip(PngWriter *w, CtsIdatStrip *strip, CtsError *err)
 {
     uint8_t *const chunk = strip->bytes - CHUNK_HEAD;
     w->adler = cts_idat_checksum(w->adler, strip);
-    if (w->n_written + 1 == w->idat.n_strips) {
+    if (++w->n_written == w->idat.n_strips) {
         png_save_uint_32(strip->bytes + strip->n_bytes, w->adler);
         strip->crc = (uint32_t)crc32(strip->crc, strip->bytes + strip->n_bytes, 4);
         strip->n_bytes += 4;
@@ -183,6 +176,7 @@ static CtsStatus write_finish(PngWriter *w)
 typedef struct Packing {
     PngWriter *writer;
     const CtsPicture *band;
+    int first; /* strip of the band that goes into slot 0 */
 } Packing;
 
 static void convert_row(const PngWriter *w, const CtsPicture *band, int y, uint8_t *to)
@@ -221,7 +215,7 @@ static CtsStatus packer_ready(const PngWriter *w, Packer *packer, CtsError *err)
     return st;
 }
 
-/* Strip i of the band, into its slot. */
+/* Strip i of the band. */
 static CtsStatus pack_strip(const Packing *p, int worker, int i, CtsIdatStrip *strip, CtsError *err)
 {
     const PngWriter *w = p->writer;
@@ -235,60 +229,30 @@ static CtsStatus pack_strip(const Packing *p, int worker, int i, CtsIdatStrip *s
     return cts_idat_strip(packer->idat, w->n_before + i, packer->rows + w->idat.row_bytes, strip, err);
 }
 
-static bool await_slot(PngWriter *w, int strip)
-{
-    pthread_mutex_lock(&w->lock);
-    while (!w->failed && strip - w->n_written >= w->n_slots)
-        pthread_cond_wait(&w->slot_free, &w->lock);
-    const bool goes_on = !w->failed;
-    pthread_mutex_unlock(&w->lock);
-    return goes_on;
-}
-
-/* The lock is held. */
-static void fail(PngWriter *w, CtsStatus st, const CtsError *err)
-{
-    w->failed = st;
-    w->failure = *err;
-}
-
-/* Writes all that is there, unless somebody is about it, who then goes on to this one. */
-static void hand_in(PngWriter *w, Slot *slot, CtsStatus st, CtsError *err)
-{
-    pthread_mutex_lock(&w->lock);
-    slot->packed = !st;
-    if (st) {
-        cts_context(err, "%s", w->job->path);
-        fail(w, st, err);
-    }
-    for (Slot *next = NULL; !w->failed && !w->writing && (next = &w->slots[w->n_written % w->n_slots])->packed;) {
-        w->writing = true;
-        pthread_mutex_unlock(&w->lock);
-        st = write_strip(w, &next->strip, err);
-        pthread_mutex_lock(&w->lock);
-        w->writing = next->packed = false;
-        w->n_written++;
-        if (st)
-            fail(w, st, err);
-        pthread_cond_broadcast(&w->slot_free);
-    }
-    pthread_cond_broadcast(&w->slot_free);
-    pthread_mutex_unlock(&w->lock);
-}
-
 static void pack_strips(void *context, int worker, size_t first, size_t end)
 {
     const Packing *const p = context;
     PngWriter *const w = p->writer;
-    for (int i = (int)first; i < (int)end; i++) {
-        CtsError err = {0};
-        const int strip = w->n_before + i, at = strip % w->n_slots;
-        if (!await_slot(w, strip))
-            return;
-        Slot *const slot = &w->slots[at];
-        slot->strip = (CtsIdatStrip){.bytes = w->slot_bytes + (size_t)at * w->slot_room + CHUNK_HEAD};
-        hand_in(w, slot, pack_strip(p, worker, i, &slot->strip, &err), &err);
+    for (size_t i = first; i < end; i++) {
+        w->slots[i] = (Slot){.strip = {.bytes = w->slot_bytes + i * w->slot_room + CHUNK_HEAD}};
+        pack_strip(p, worker, p->first + (int)i, &w->slots[i].strip, &w->slots[i].why);
     }
+}
+
+/* As many strips as there are slots are compressed side by side, then written in order, and so on. */
+static CtsStatus write_strips(PngWriter *w, const CtsPicture *band, int n_strips)
+{
+    CtsStatus st = CTS_OK;
+    for (int first = 0; first < n_strips && !st; first += w->n_slots) {
+        const int n = n_strips - first < w->n_slots ? n_strips - first : w->n_slots;
+        Packing packing = {w, band, first};
+        cts_parallel(w->n_threads, (size_t)n, 1, pack_strips, &packing);
+        for (int i = 0; i < n && !st; i++)
+            st = w->slots[i].why.status
+                     ? cts_fail(w->err, w->slots[i].why.status, "%s: %s", w->job->path, w->slots[i].why.text)
+                     : write_strip(w, &w->slots[i].strip, w->err);
+    }
+    return st;
 }
 
 /* All whole strips of the rows that wait and the band's, then the rows that are left wait; with the last band, those
@@ -298,10 +262,9 @@ static CtsStatus add_rows(PngWriter *w, const CtsPicture *band)
     const bool last = band->first_row + band->height == w->idat.height;
     const int per_strip = w->idat.rows_per_strip, n_rows = w->n_waiting + band->height;
     const int n_strips = last ? (n_rows + per_strip - 1) / per_strip : n_rows / per_strip;
-    Packing packing = {w, band};
-    cts_parallel(w->n_threads, (size_t)n_strips, 1, pack_strips, &packing);
-    if (w->failed)
-        return cts_fail(w->err, w->failed, "%s", w->failure.text);
+    const CtsStatus st = write_strips(w, band, n_strips);
+    if (st)
+        return st;
     w->n_before += n_strips;
     /* What is left is less than a strip. */
     const int first = last ? n_rows : n_strips * per_strip;
@@ -334,8 +297,7 @@ CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
     PngWriter *w = job->state = calloc(1, sizeof *w);
     if (!w)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
-    *w = (PngWriter){
-        .job = job, .err = err, .adler = 1, .lock = PTHREAD_MUTEX_INITIALIZER, .slot_free = PTHREAD_COND_INITIALIZER};
+    *w = (PngWriter){.job = job, .err = err, .adler = 1};
     w->idat = cts_idat_plan(head->width, head->height,
                             head->has_alpha ? 4
                             : head->grey    ? 1
@@ -377,7 +339,5 @@ void cts_png_close(CtsExportJob *job)
     cts_free(&w->packers);
     cts_free(&w->slot_bytes);
     cts_free(&w->rows);
-    pthread_cond_destroy(&w->slot_free);
-    pthread_mutex_destroy(&w->lock);
     free(w);
 }

@@ -1,5 +1,7 @@
 #include "output/net/peer.h"
 
+#include "base/mem.h"
+
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -96,12 +98,8 @@ CtsStatus cts_found_add(CtsFound *found, const CtsFoundSeries *series, CtsError 
         return CTS_OK;
     if (found->n == CTS_MOST_FOUND)
         return cts_fail(err, CTS_ERR_READ, "more than %d series are found (narrow the query)", CTS_MOST_FOUND);
-    if ((found->n & (found->n - 1)) == 0) {
-        CtsFoundSeries *grown = realloc(found->items, (size_t)(found->n ? 2 * found->n : 1) * sizeof *grown);
-        if (!grown)
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        found->items = grown;
-    }
-    found->items[found->n++] = *series;
-    return CTS_OK;
+    const CtsStatus st = cts_grow(&found->items, found->n, err);
+    if (!st)
+        found->items[found->n++] = *series;
+    return st;
 }

@@ -2,16 +2,16 @@
 #include "output/objects/dcm_sc.h"
 
 #include "base/mem.h"
-#include "output/objects/dcm_writers.h"
 #include "input/codec/codec.h"
+#include "input/codec/pixels.h"
 #include "input/files/file_bytes.h"
 #include "input/files/tag_scan.h"
+#include "input/header/pixel_places.h"
+#include "output/objects/dcm_writers.h"
 #include <string.h>
 
 /* PixelData of 4 GiB and the largest header. */
 static const uint64_t max_file_bytes = (1ULL << 32) + CTS_MAX_HEADER_BYTES;
-
-enum { ITEM_BYTES = 8 };
 
 typedef struct ScFile {
     uint8_t *bytes;
@@ -62,24 +62,8 @@ static CtsStatus scan(ScFile *f, CtsError *err)
     return CTS_OK;
 }
 
-static uint32_t little32(const uint8_t *p)
-{
-    return p[0] | (uint32_t)p[1] << 8 | (uint32_t)p[2] << 16 | (uint32_t)p[3] << 24;
-}
-
-/* The item at pos of an encapsulated value: its fragment's place and length, or why not. */
-static CtsStatus item_at(const uint8_t *value, size_t n, size_t pos, size_t *n_item, CtsError *err)
-{
-    if (pos > n || n - pos < ITEM_BYTES || memcmp(value + pos, "\xfe\xff\x00\xe0", 4) != 0 ||
-        little32(value + pos + 4) > n - pos - ITEM_BYTES)
-        return cts_fail(err, CTS_ERR_READ, "its compressed pixels hold no whole fragment");
-    *n_item = little32(value + pos + 4);
-    return CTS_OK;
-}
-
-/* The first frame: the first fragment behind the table of offsets or, where there is one frame, all of them. Nothing is
- * taken apart here: a process of its own does. */
-static CtsStatus decode(ScFile *f, const uint8_t *value, size_t n, CtsError *err)
+/* The first frame. Nothing is taken apart here: a process of its own does. */
+static CtsStatus decode(ScFile *f, CtsError *err)
 {
     const CtsScHeader *h = &f->header;
     const CtsFrameFormat format = {.syntax = f->syntax,
@@ -90,27 +74,25 @@ static CtsStatus decode(ScFile *f, const uint8_t *value, size_t n, CtsError *err
                                    .bits_stored = h->bits_stored,
                                    .high_bit = h->bits_stored - 1,
                                    .padding_word = -1};
+    const CtsFileBytes bytes = cts_file_bytes_in_memory(f->bytes, f->n);
     CtsSandbox decoder = cts_sandbox_make(cts_codec_work, "decoder");
-    size_t n_item = 0, n_stream = 0;
+    uint64_t *offset = NULL;
     uint8_t *stream;
     const void *pixels;
-    CtsStatus st;
-    if ((st = item_at(value, n, 0, &n_item, err)) || (st = cts_alloc_array(&f->frame, f->frame_bytes, err)) ||
+    CtsStatus st = cts_find_frames(&bytes, f->data.pixel_offset, h->n_frames, &offset, err);
+    size_t n = st ? 0 : (size_t)(offset[1] - offset[0]);
+    if (st || (st = cts_alloc_array(&f->frame, f->frame_bytes, err)) ||
         (st = cts_codec_room(&decoder, &format, n, &stream, err)))
         goto end;
-    size_t pos = ITEM_BYTES + n_item;
-    do {
-        if ((st = item_at(value, n, pos, &n_item, err)))
-            goto end;
-        memcpy(stream + n_stream, value + pos + ITEM_BYTES, n_item);
-        n_stream += n_item;
-        pos += ITEM_BYTES + n_item;
-    } while (h->n_frames == 1 && n - pos >= 4 && memcmp(value + pos, "\xfe\xff\xdd\xe0", 4) != 0);
-    cts_codec_send(&decoder, &format, stream, n_stream);
+    memcpy(stream, f->bytes + offset[0], n);
+    if ((st = cts_join_fragments(&stream, &n, err)))
+        goto end;
+    cts_codec_send(&decoder, &format, stream, n);
     if (!(st = cts_sandbox_take(&decoder, &pixels, err)))
         memcpy(f->frame, pixels, f->frame_bytes);
     f->header.planar = false;
 end:
+    cts_free(&offset);
     cts_sandbox_stop(&decoder);
     return st;
 }
@@ -121,7 +103,7 @@ static CtsStatus find_frame(ScFile *f, CtsError *err)
     const uint64_t left = f->n - f->data.pixel_offset;
     f->frame_bytes = (size_t)h->width * h->height * h->n_samples * (h->bits_allocated / 8);
     if (f->data.encapsulated)
-        return decode(f, f->bytes + f->data.pixel_offset, (size_t)left, err);
+        return decode(f, err);
     f->frame = f->bytes + f->data.pixel_offset;
     return f->data.pixel_bytes >= f->frame_bytes && left >= f->frame_bytes
                ? CTS_OK
@@ -150,8 +132,8 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
     CtsStatus st = load(path, &f, err);
     const CtsDcmWriters *dcm = NULL;
     if (st || (st = scan(&f, err)) || (st = cts_dcm_writers(&dcm, err)) ||
-        (st = dcm->sc_header(f.bytes + f.meta.data_offset, f.data.header_end - f.meta.data_offset, f.native,
-                                &f.header, err)) ||
+        (st = dcm->sc_header(f.bytes + f.meta.data_offset, f.data.header_end - f.meta.data_offset, f.native, &f.header,
+                             err)) ||
         (st = find_frame(&f, err)))
         goto end;
     pixels->width = f.header.width;

@@ -1,6 +1,8 @@
 #define _GNU_SOURCE
 #include "output/report/bench_peers.h"
 
+#include "base/mem.h"
+
 #include <ctype.h>
 #include <errno.h>
 #include <jansson.h>
@@ -64,12 +66,10 @@ static CtsStatus add_line(CtsBenchPeers *peers, const char *path, int number, co
         return cts_fail(err, CTS_ERR_USAGE, "%s: line %d: %s", path, number, wrong);
     if (peers->n == MOST_PEERS)
         return cts_fail(err, CTS_ERR_USAGE, "%s: more than %d lines", path, MOST_PEERS);
-    CtsBenchPeer *grown = realloc(peers->peers, ((size_t)peers->n + 1) * sizeof *grown);
-    if (!grown)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    peers->peers = grown;
-    peers->peers[peers->n++] = peer;
-    return CTS_OK;
+    const CtsStatus st = cts_grow(&peers->peers, peers->n, err);
+    if (!st)
+        peers->peers[peers->n++] = peer;
+    return st;
 }
 
 CtsStatus cts_bench_peers_read(const char *path, CtsBenchPeers *peers, CtsError *err)

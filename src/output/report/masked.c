@@ -2,6 +2,7 @@
 #include "output/report/masked.h"
 
 #include "base/hash.h"
+#include "base/mem.h"
 #include "base/text.h"
 #include <stdbool.h>
 #include <stdio.h>
@@ -71,12 +72,9 @@ enum { LONGEST_NAME = 255 };
 
 static void add(CtsNames *names, const char *text, size_t n, const char *end)
 {
-    char **items = n ? realloc(names->items, (names->n + 1) * sizeof *items) : NULL;
-    if (!items)
-        return;
-    names->items = items;
-    if (asprintf(&items[names->n], "%.*s%s", (int)n, text, end) >= 0)
-        cts_text_clean(items[names->n++]); /* as messages have it */
+    if (n && !cts_grow(&names->items, names->n, NULL) &&
+        asprintf(&names->items[names->n], "%.*s%s", (int)n, text, end) >= 0)
+        cts_text_clean(names->items[names->n++]); /* as messages have it */
 }
 
 void cts_names_add(CtsNames *names, const char *path)
@@ -112,7 +110,7 @@ static size_t name_length(const char *text, const char *name)
     const bool is_path = strchr(name, '/');
     if (!begins(text, name))
         return is_path && begins(name, text) ? strlen(text) : 0; /* cut short */
-    if (name[n - 1] == '/') { /* something below, whose name may have blanks */
+    if (name[n - 1] == '/') {                                    /* something below, whose name may have blanks */
         const char *end = strstr(text, ": ");
         return end ? (size_t)(end - text) : strlen(text);
     }

@@ -1,5 +1,7 @@
 #include "output/report/text_table.h"
 
+#include "base/mem.h"
+
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,11 +14,7 @@ struct CtsTable {
 
 static void add_cell(CtsTable *table, const char *text)
 {
-    char **cells = realloc(table->cells, ((size_t)table->n_cells + 1) * sizeof *cells);
-    if (!cells)
-        return;
-    table->cells = cells;
-    if ((cells[table->n_cells] = strdup(text)))
+    if (!cts_grow(&table->cells, table->n_cells, NULL) && (table->cells[table->n_cells] = strdup(text)))
         table->n_cells++;
 }
 
