@@ -1,0 +1,156 @@
+#define _GNU_SOURCE
+#include "app/contact/journal_lines.h"
+
+#include "base/mem.h"
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+bool cts_is_journal(const char *name)
+{
+    int shard, n_shards, n = 0;
+    return !strcmp(name, "batch.jsonl") ||
+           (sscanf(name, "batch-%9d-of-%9d.jsonl%n", &shard, &n_shards, &n) == 2 && n > 0 && !name[n]);
+}
+
+const CtsJournalLine *cts_journal_lines_find(const CtsJournalLines *lines, const char *series_uid)
+{
+    const json_t *place = json_object_get(lines->places, series_uid);
+    return place ? &lines->items[json_integer_value(place)] : NULL;
+}
+
+static bool counts(const CtsJournalLines *l, const CtsJournalLine *known, const CtsJournalLine *line)
+{
+    if (known->file == line->file)
+        return true;
+    if (l->own_first && (known->file == 0 || line->file == 0))
+        return line->file == 0;
+    return strcmp(line->ended, known->ended) >= 0;
+}
+
+static CtsStatus add(CtsJournalLines *l, const char *uid, CtsError *err)
+{
+    const CtsStatus st = cts_grow(&l->items, l->n, err);
+    if (st)
+        return st;
+    if (!l->places)
+        l->places = json_object();
+    l->items[l->n] = (CtsJournalLine){.series_uid = strdup(uid)};
+    if (!l->items[l->n].series_uid || json_object_set_new(l->places, uid, json_integer((json_int_t)l->n))) {
+        free(l->items[l->n].series_uid);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the journal");
+    }
+    l->n++;
+    return CTS_OK;
+}
+
+static CtsStatus put(CtsJournalLines *l, const json_t *json, CtsJournalLine line, CtsError *err)
+{
+    const char *uid = json_string_value(json_object_get(json, "series_uid"));
+    const char *ended = json_string_value(json_object_get(json, "ended"));
+    const json_t *place = json_object_get(l->places, uid);
+    CtsStatus st;
+    snprintf(line.ended, sizeof line.ended, "%s", ended ? ended : "");
+    if (!place && (st = add(l, uid, err)))
+        return st;
+    CtsJournalLine *known = &l->items[place ? (size_t)json_integer_value(place) : l->n - 1];
+    line.series_uid = known->series_uid;
+    if (!place || counts(l, known, &line))
+        *known = line;
+    return CTS_OK;
+}
+
+CtsStatus cts_journal_lines_put(CtsJournalLines *lines, const json_t *line, uint64_t offset, size_t size, CtsError *err)
+{
+    return put(lines, line, (CtsJournalLine){.offset = offset, .size = size}, err);
+}
+
+/* The line as JSON when it is that of a series, or NULL. */
+static json_t *parse(const char *text, size_t n)
+{
+    json_t *line = json_loadb(text, n, JSON_ALLOW_NUL, NULL);
+    if (json_is_string(json_object_get(line, "series_uid")))
+        return line;
+    json_decref(line);
+    return NULL;
+}
+
+static CtsStatus take_lines(CtsJournalLines *l, FILE *stream, uint64_t *end, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    char *text = NULL;
+    size_t capacity = 0;
+    /* What is torn off at the end by a power cut is passed over. */
+    for (ssize_t n; !st && (n = getline(&text, &capacity, stream)) > 0 && text[n - 1] == '\n'; *end += (uint64_t)n) {
+        json_t *line = parse(text, (size_t)n);
+        l->n_unreadable += !line;
+        if (line)
+            st = put(l, line, (CtsJournalLine){.file = l->n_files - 1, .offset = *end, .size = (size_t)n}, err);
+        json_decref(line);
+    }
+    if (!st && ferror(stream))
+        st = cts_fail(err, CTS_ERR_READ, "a journal cannot be read: %s", strerror(errno));
+    free(text);
+    return st;
+}
+
+CtsStatus cts_journal_lines_read(CtsJournalLines *lines, int fd, const char *folder, uint64_t *end, CtsError *err)
+{
+    const CtsJournalFile file = {fd, strdup(folder)};
+    *end = 0;
+    if (!file.folder || cts_grow(&lines->files, lines->n_files, err)) {
+        free(file.folder);
+        close(fd);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory for the journal");
+    }
+    lines->files[lines->n_files++] = file;
+    const int own = dup(fd);
+    FILE *stream = own < 0 ? NULL : fdopen(own, "r");
+    if (!stream) {
+        if (own >= 0)
+            close(own);
+        return cts_fail(err, CTS_ERR_READ, "a journal cannot be read: %s", strerror(errno));
+    }
+    const CtsStatus st = take_lines(lines, stream, end, err);
+    fclose(stream);
+    return st;
+}
+
+json_t *cts_journal_lines_load(const CtsJournalLines *lines, const CtsJournalLine *line)
+{
+    char *text = malloc(line->size);
+    json_t *json = NULL;
+    if (text && pread(lines->files[line->file].fd, text, line->size, (off_t)line->offset) == (ssize_t)line->size)
+        json = parse(text, line->size);
+    free(text);
+    return json;
+}
+
+static int by_uid(const void *a, const void *b)
+{
+    return strcmp(((const CtsJournalLine *)a)->series_uid, ((const CtsJournalLine *)b)->series_uid);
+}
+
+void cts_journal_lines_sort(CtsJournalLines *lines)
+{
+    json_decref(lines->places);
+    lines->places = NULL;
+    if (lines->n)
+        qsort(lines->items, lines->n, sizeof *lines->items, by_uid);
+}
+
+void cts_journal_lines_free(CtsJournalLines *lines)
+{
+    for (int i = 0; i < lines->n_files; i++) {
+        close(lines->files[i].fd);
+        free(lines->files[i].folder);
+    }
+    for (size_t i = 0; i < lines->n; i++)
+        free(lines->items[i].series_uid);
+    json_decref(lines->places);
+    free(lines->files);
+    free(lines->items);
+    *lines = (CtsJournalLines){0};
+}
