@@ -95,8 +95,39 @@ static void ball(void **state)
     cts_volume_free(&v);
 }
 
+/* Where all levels are the same there is no gradient, and so the light is known: nothing can turn. */
+static void flat(void **state)
+{
+    (void)state;
+    enum { N = 12, SIZE = 160 };
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, N, N, N, &err), CTS_OK);
+    for (int at = 0; at < N * N * N; at++)
+        v->grey[at] = 1064;
+    CtsPreset preset = {
+        .name = "fog", .unit_distance_mm = 1, .n_opacity = 1, .n_colour = 1, .ambient = 0.25, .diffuse = 1, .power = 1};
+    preset.opacity[0] = (CtsOpacityPoint){0, 0.1};
+    preset.colour[0] = (CtsColourPoint){0, {1, 1, 1}};
+    for (int mask = 0; mask < N_MASKS; mask++) {
+        CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 30, 20);
+        CtsReport report = {0};
+        cts_cpu_set_mask(masks[mask]);
+        s.shade = CTS_ON;
+        CtsPicture *p = render(v, &preset, &s, &report);
+        for (int at = 0; at < SIZE * SIZE; at++)
+            if (!(fabs((double)(p->pixels[4 * at] - p->pixels[4 * at + 3] / 4)) < 1e-5))
+                fail_msg("mask %d, pixel %d: %g of %g", mask, at, (double)p->pixels[4 * at],
+                         (double)p->pixels[4 * at + 3]);
+        assert_true(report.bound.known && report.bound.max < 1 / 255.0);
+        cts_report_free(&report);
+        cts_picture_free(&p);
+    }
+    cts_volume_free(&v);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(turns_round), cmocka_unit_test(ball)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(turns_round), cmocka_unit_test(ball), cmocka_unit_test(flat)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

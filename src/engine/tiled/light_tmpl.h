@@ -67,11 +67,13 @@ INLINE vf dot(const Direction *a, const Direction *b)
 
 #define LEAST_SQUARE ((real)1e-20f)
 
-/* The square of the difference of their unit vectors. */
+/* The square of the difference of their unit vectors; where neither has a direction, both are lit alike. */
 INLINE vf turning(const Direction *a, const Direction *b)
 {
-    const vf squares = vf_max(dot(a, a) * dot(b, b), vf_of(LEAST_SQUARE * LEAST_SQUARE + (real)1e-37f));
-    return vf_max(2 - 2 * dot(a, b) * vf_inverse_root(squares), vf_of(0));
+    const vf aa = dot(a, a), bb = dot(b, b);
+    const vf squares = vf_max(aa * bb, vf_of(LEAST_SQUARE * LEAST_SQUARE + (real)1e-37f));
+    const vf square = vf_max(2 - 2 * dot(a, b) * vf_inverse_root(squares), vf_of(0));
+    return select_f(vf_lt(vf_of(LEAST_SQUARE), vf_max(aa, bb)), square, vf_of(0));
 }
 
 /* What a colour is multiplied with, and the white that is added, for a share of 1. */
