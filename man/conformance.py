@@ -124,7 +124,7 @@ statement = [
       ("viewpointposition, viewpointlookat", "three numbers each", "both or none; orthographic, so that the distance does not "
        "matter; the scale is as for the named views"),
       ("viewpointup", "three numbers", "only upright cameras: one that rolls is 400"),
-      ("swivelrange", "degrees, at most 360", "to and fro from the first view on, range by step pictures each way"),
+      ("swivelrange", "degrees, at most 360", "to and fro from the first view on, range by step pictures each way: the standard counts one way, and a file that is shown over and over holds the way back too"),
       ("animationstepsize", "degrees", "a 36th of the range where it is missing"),
       ("animationrate", "pictures a second", "10 where it is missing"),
       ("window", "centre, width, linear or linear-exact", "of the methods but volume_rendered; sigmoid is 400"),

@@ -1,10 +1,12 @@
 #!/usr/bin/env python3
 """ctsplat serve from end to end: serve.py CTSPLAT LOOPBACK_SO DATA"""
+import http.client
 import json
 import os
 import random
 import shutil
 import socket
+import ssl
 import subprocess
 import sys
 import threading
@@ -45,6 +47,13 @@ def equal_bytes(server, series):
         for k, body in enumerate(pool.map(server.get, paths * 3)):
             assert body == own[k % len(own)], paths[k % len(own)]
     assert own[4] != own[5], 'the scale is another'
+
+
+def warned(server, series):
+    """What is wrong with a picture is told with each, also where its renderer was there already."""
+    for view in 'left', 'left', 'head':
+        scene = json.loads(server.ask(f'/series/{series}/picture.png?{SMALL}&preset=vessel&view={view}')[1]['Ctsplat-Scene'])
+        assert sum('no contrast agent' in text for text in scene['warnings']) == 1, scene
 
 
 def words(server, series):
@@ -303,6 +312,51 @@ def memory():
                 assert body == bodies[k] if status == 200 else status == 503 and b'no room' in body, (status, body[:99])
 
 
+def flood(series):
+    """Many series one after the other: what does not fit goes, and memory stays as it is."""
+    for k in range(6):
+        os.makedirs(f'many/{k}')
+        for name in os.listdir(data):
+            with open(os.path.join(data, name), 'rb') as f:
+                slices = f.read()
+            with open(f'many/{k}/{name}', 'wb') as f:
+                f.write(slices.replace(series, series[:-1] + b'%d' % k))
+    with Server(ctsplat, 'many', '--memory', '1M') as server:
+        listed = server.series()
+        assert len({one['id'] for one in listed}) == 6, listed
+        kib = []
+        for _ in range(8 if soak else 4):
+            assert len({server.get(f'/series/{one["id"]}/picture.png?{SMALL}') for one in listed}) == 1
+            assert sum(one['loaded'] for one in server.series()) == 1
+            kib.append(server.kib())
+        assert kib[-1] < kib[0] + 6000 or 'ASAN_OPTIONS' in os.environ or 'UBSAN_OPTIONS' in os.environ, kib
+
+
+def encrypted():
+    """HTTPS with a certificate made here, beyond loopback too; nothing without TLS."""
+    subprocess.run(['openssl', 'req', '-x509', '-newkey', 'rsa:2048', '-nodes', '-keyout', 'tls.key', '-out', 'tls.pem',
+                    '-days', '2', '-subj', '/CN=test', '-addext', 'subjectAltName=IP:127.0.0.1'], check=True,
+                   capture_output=True)
+    pem = ['--tls-cert', 'tls.pem', '--tls-key', 'tls.key']
+    with Server(ctsplat, data, *pem) as server:
+        assert server.url.startswith('https:'), server.url
+        server.tls = ssl.create_default_context(cafile='tls.pem')
+        _, headers, body = server.ask(f'/series/{server.series()[0]["id"]}/picture.png?{SMALL}')
+        assert body == render('png', '--size', '64x48', '--png-bits', '8')
+        assert 'Secure' in server.ask('/?token=' + server.token, token=False)[1]['Set-Cookie']
+        for other in None, ssl.create_default_context():
+            server.tls = other
+            try:
+                raise AssertionError(server.ask('/series'))
+            except (OSError, http.client.HTTPException):
+                pass
+    with Server(ctsplat, data, *pem, listen='0.0.0.0:0') as server:
+        assert server.url.startswith('https:'), server.url
+    done = subprocess.run([ctsplat, 'serve', data, '--tls-cert', 'tls.key', '--tls-key', 'tls.pem'], capture_output=True,
+                          text=True, timeout=60)
+    assert done.returncode != 0 and done.stderr.count('error:') == 1 and 'certificate' in done.stderr, done
+
+
 first = pydicom.dcmread(next(os.path.join(data, name) for name in sorted(os.listdir(data))))
 starts()
 with Server(ctsplat, data, '--host', 'known.example') as whole:
@@ -311,6 +365,7 @@ with Server(ctsplat, data, '--host', 'known.example') as whole:
     name = listed[0]['id']
     equal_bytes(whole, name)
     words(whole, name)
+    warned(whole, name)
     guarded(whole, name)
     rendered(whole, first.StudyInstanceUID, first.SeriesInstanceUID)
     hostile(whole, 10000 if soak else 300)
@@ -322,3 +377,5 @@ states(first.StudyInstanceUID, first.SeriesInstanceUID, first.SOPInstanceUID)
 labels()
 leaves_cleanly(name)
 memory()
+flood(first.SeriesInstanceUID.encode())
+encrypted()

@@ -10,6 +10,8 @@ import tempfile
 class Server:
     """Runs while the `with` lasts; ends with SIGTERM, and must leave nothing."""
 
+    tls = None  # or how its certificate is judged
+
     def __init__(self, ctsplat, *args, listen='127.0.0.1:0'):
         self.folder = tempfile.mkdtemp(dir=os.getcwd())
         self.command = [ctsplat, 'serve', *args, '--listen', listen]
@@ -39,13 +41,19 @@ class Server:
         self.errors.seek(0)
         return self.errors.read()
 
+    def kib(self):
+        """What it has of the machine's memory."""
+        with open(f'/proc/{self.process.pid}/status') as f:
+            return int(re.search(r'VmRSS:\s+(\d+)', f.read())[1])
+
     def sockets(self):
         folder = f'/proc/{self.process.pid}/fd/'
         return sum(os.readlink(folder + name).startswith('socket:') for name in os.listdir(folder))
 
     def ask(self, path, headers=None, method='GET', token=True, timeout=120):
         """Status, headers and body."""
-        connection = http.client.HTTPConnection(self.host, self.port, timeout=timeout)
+        connection = http.client.HTTPSConnection(self.host, self.port, timeout=timeout, context=self.tls) if self.tls else \
+            http.client.HTTPConnection(self.host, self.port, timeout=timeout)
         own = {'Authorization': 'Bearer ' + self.token} if token and self.token else {}
         try:
             connection.request(method, path, headers={**own, **(headers or {})})

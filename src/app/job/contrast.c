@@ -1,6 +1,5 @@
 #include "app/job/contrast.h"
 
-#include "base/meter.h"
 #include "ctsplat/mixture.h"
 #include <string.h>
 
@@ -15,23 +14,23 @@ static CtsStatus find_contrast(const CtsVolume *volume, int n_threads, bool *fou
     return st;
 }
 
-CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *preset, CtsReport *report,
-                             CtsError *err)
+CtsStatus cts_contrast_check(const CtsVolume *volume, int n_threads, CtsPreset *preset, bool *missing, CtsError *err)
 {
     bool found = true;
-    if (!preset->needs_contrast)
-        return CTS_OK;
-    const CtsMeter meter = cts_meter_start(report);
-    const CtsStatus st = find_contrast(volume, n_threads, &found, err);
-    cts_meter_stop(meter, report, CTS_STAGE_CLASSIFY);
-    if (st || found)
+    const CtsStatus st = preset->needs_contrast ? find_contrast(volume, n_threads, &found, err) : CTS_OK;
+    *missing = !st && !found;
+    if (!*missing)
         return st;
     const CtsPreset *bone = cts_preset_builtin(0);
     preset->n_colour = bone->n_colour;
     memcpy(preset->colour, bone->colour, sizeof bone->colour);
+    return CTS_OK;
+}
+
+void cts_contrast_tell(const CtsPreset *preset, CtsReport *report)
+{
     cts_report_finding(report, "no_contrast", CTS_WARNING,
                        "preset %s: no contrast agent is to be seen in the blood, so what shows is bone, in the "
                        "colours of bone (take preset %s, or a series with contrast agent)",
-                       preset->name, bone->name);
-    return CTS_OK;
+                       preset->name, cts_preset_builtin(0)->name);
 }

@@ -289,7 +289,8 @@ CtsStatus cts_job_prepare(const CtsJob *job, const CtsVolume *volume, CtsPrepare
     const CtsRenderSettings render = settings_of(job);
     CtsStatus st;
     *prepared = (CtsPrepared){.preset = *job->preset};
-    if (!(st = cts_contrast_check(volume, cts_threads(job->render.n_threads), &prepared->preset, report, err)))
+    if (!(st = cts_contrast_check(volume, cts_threads(job->render.n_threads), &prepared->preset, &prepared->no_contrast,
+                                  err)))
         st = cts_fit_window(volume, &render, &prepared->preset, report, err);
     cts_meter_stop(meter, report, CTS_STAGE_CLASSIFY);
     meter = cts_meter_start(report);
@@ -313,6 +314,8 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
     if (loaded->series && loaded->series->no_patient && job->outputs.state)
         return cts_fail(err, CTS_ERR_PIXELS,
                         "`write_state`: a NIfTI file has no patient and no slices for a presentation state to name");
+    if (prepared->no_contrast)
+        cts_contrast_tell(&prepared->preset, report);
     settings.source = loaded->series;
     settings.labels = loaded->volume->owners ? loaded->labels : NULL;
     settings.n_threads = cts_threads(job->render.n_threads);

@@ -30,6 +30,7 @@ CtsStatus cts_job_check(const CtsJob *job, CtsReport *report, CtsError *err);
 /* What a job's pictures are made with, and those of other jobs after it. */
 typedef struct CtsPrepared {
     CtsPreset preset; /* as this volume needs it */
+    bool no_contrast; /* which each picture is told with */
     CtsRenderer *renderer;
 } CtsPrepared;
 

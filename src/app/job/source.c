@@ -147,7 +147,9 @@ static CtsStatus need_labels(const CtsLabelChoice *c, CtsError *err)
                               : c->own_colours ? "label-colours"
                               : c->order       ? "label-order"
                                                : NULL;
-    return asked ? cts_fail(err, CTS_ERR_USAGE, "`%s`: there are no labels (give `labels` PATH, or auto)", asked)
+    return asked ? cts_fail(err, CTS_ERR_USAGE,
+                            "`%s`: there are no labels (give `labels` PATH, or auto; a presentation state holds none)",
+                            asked)
                  : CTS_OK;
 }
 

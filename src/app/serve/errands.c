@@ -182,12 +182,15 @@ static void serve_one(CtsServer *server, CtsErrand *e, CtsCut *cut)
     const CtsStatus st = run(server, e, cut, &answer, &err);
     if (st)
         cts_answer_failure(&answer, server, e->shelved, st, &err);
-    server->http->answer(e->request, &answer);
+    /* Its volume is free for others before the client, who may ask for another one, knows. */
     pthread_mutex_lock(&server->lock);
     e->shelved->n_running--;
     unlink_errand(server, e);
-    cts_errand_free(e);
     pthread_cond_broadcast(&server->work);
+    pthread_mutex_unlock(&server->lock);
+    server->http->answer(e->request, &answer);
+    cts_errand_free(e);
+    pthread_mutex_lock(&server->lock);
 }
 
 static void *work(void *context)
