@@ -54,6 +54,12 @@ CtsStatus cts_json_string(const CtsJsonAt *at, const char **value, CtsError *err
 
 /* Text from outside; what is not UTF-8 becomes question marks. */
 json_t *cts_json_new_text(const char *text);
+/* An object's text under this key, "" where there is none. */
+static inline const char *cts_json_text_of(const json_t *object, const char *key)
+{
+    const char *text = json_string_value(json_object_get(object, key));
+    return text ? text : "";
+}
 /* A number as people write it: without a point when it is whole. */
 json_t *cts_json_new_number(double value);
 

@@ -2,6 +2,7 @@
 #include "app/batch/line.h"
 
 #include "app/batch/batch_plan.h"
+#include "base/json.h"
 #include <ctype.h>
 #include <errno.h>
 #include <fcntl.h>
@@ -73,12 +74,6 @@ void cts_line_stem(const CtsBatchSettings *s, const CtsBatchPicture *picture, ch
             *c = '_';
 }
 
-static const char *text_of(const json_t *object, const char *key)
-{
-    const char *text = json_string_value(json_object_get(object, key));
-    return text ? text : "";
-}
-
 /* Paths in the journal are ours, but anybody may have written there. */
 static bool is_below(const char *path)
 {
@@ -87,7 +82,7 @@ static bool is_below(const char *path)
 
 bool cts_line_path(const CtsBatchSettings *s, const json_t *entry, char *path, size_t size)
 {
-    const char *name = text_of(entry, "path");
+    const char *name = cts_json_text_of(entry, "path");
     const int n = is_below(name) ? snprintf(path, size, "%s/%s", s->options->output_dir, name) : -1;
     return n > 0 && (size_t)n < size;
 }
@@ -130,7 +125,7 @@ CtsStatus cts_line_file_facts(const CtsBatchSettings *s, json_t *entry, CtsError
     struct stat info;
     CtsStatus st;
     if (!cts_line_path(s, entry, full, sizeof full) || stat(full, &info))
-        return cts_fail(err, CTS_ERR_OUTPUT, "%s: is gone again", text_of(entry, "path"));
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: is gone again", cts_json_text_of(entry, "path"));
     if ((st = hash_file(full, hex, err)))
         return st;
     json_object_set_new(entry, "bytes", json_integer((json_int_t)info.st_size));
@@ -149,14 +144,14 @@ static bool file_stands(const CtsBatchSettings *s, const json_t *entry, bool by_
         return false;
     if (!by_hash || mtime_of(&info) == json_integer_value(json_object_get(entry, "mtime_ns")))
         return true;
-    return !hash_file(full, hex, NULL) && !strcmp(hex, text_of(entry, "sha256"));
+    return !hash_file(full, hex, NULL) && !strcmp(hex, cts_json_text_of(entry, "sha256"));
 }
 
 static bool is_of(const json_t *entry, const CtsBatchSettings *s, const CtsBatchPicture *picture, const char *format)
 {
-    return !strcmp(text_of(entry, "preset"), s->lists->presets[picture->preset].name) &&
-           !strcmp(text_of(entry, "view"), s->lists->views[picture->view].name) &&
-           (!format || !strcmp(text_of(entry, "format"), format));
+    return !strcmp(cts_json_text_of(entry, "preset"), s->lists->presets[picture->preset].name) &&
+           !strcmp(cts_json_text_of(entry, "view"), s->lists->views[picture->view].name) &&
+           (!format || !strcmp(cts_json_text_of(entry, "format"), format));
 }
 
 bool cts_line_stands(const CtsBatchSettings *s, const json_t *line, const CtsBatchPicture *picture, const char *format)
@@ -176,7 +171,7 @@ bool cts_line_stands(const CtsBatchSettings *s, const json_t *line, const CtsBat
     {
         if (!is_of(entry, s, picture, format))
             continue;
-        if (strcmp(text_of(entry, "settings_sha256"), hex) || !file_stands(s, entry, format))
+        if (strcmp(cts_json_text_of(entry, "settings_sha256"), hex) || !file_stands(s, entry, format))
             return false;
         n_found++;
     }
@@ -238,16 +233,16 @@ int cts_line_n_waiting(const CtsBatchSettings *s, const json_t *line)
 
 bool cts_line_settled(const CtsBatchSettings *s, const json_t *line, const char *input_sha256)
 {
-    const char *status = text_of(line, "status");
+    const char *status = cts_json_text_of(line, "status");
     char hex[65];
-    if (strcmp(text_of(line, "input_sha256"), input_sha256))
+    if (strcmp(cts_json_text_of(line, "input_sha256"), input_sha256))
         return false;
     if (!strcmp(status, "passed"))
         return true;
     /* What could not be read might be read now; geometry and pixels stay as they are. */
     if (!strcmp(status, "refused"))
         return json_integer_value(json_object_get(line, "exit_code")) == 4 && !cts_line_options_hash(s, hex, NULL) &&
-               !strcmp(hex, text_of(line, "options_sha256"));
+               !strcmp(hex, cts_json_text_of(line, "options_sha256"));
     /* All but sending it went well. */
     if (strcmp(status, "done") && !json_object_get(line, "unsent"))
         return false;

@@ -7,6 +7,7 @@
 #include "app/contact/contact_sheet.h"
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/json.h"
 #include "base/mem.h"
 #include <errno.h>
 #include <limits.h>
@@ -49,12 +50,6 @@ typedef struct Run {
 static bool interrupted(const Run *r)
 {
     return r->settings->stop && *r->settings->stop;
-}
-
-static const char *text_of(const json_t *object, const char *key)
-{
-    const char *text = json_string_value(json_object_get(object, key));
-    return text ? text : "";
 }
 
 /* Of a series that nobody has looked at all pictures may be to come. */
@@ -106,7 +101,7 @@ static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
 static void tell_series(Run *r, const json_t *line)
 {
     const CtsBatchTold *told = &r->settings->told;
-    const char *status = text_of(line, "status"), *uid = text_of(line, "series_uid");
+    const char *status = cts_json_text_of(line, "status"), *uid = cts_json_text_of(line, "series_uid");
     const bool done = !strcmp(status, "done");
     char text[1400];
     if (done)
@@ -114,8 +109,8 @@ static void tell_series(Run *r, const json_t *line)
                  json_array_size(json_object_get(line, "outputs")),
                  json_number_value(json_object_get(line, "wall_ms")) / 1000);
     else
-        snprintf(text, sizeof text, "%.80s: %s: %.600s%s%.600s", uid, status, text_of(line, "reason_file"),
-                 json_object_get(line, "reason_file") ? ": " : "", text_of(line, "reason"));
+        snprintf(text, sizeof text, "%.80s: %s: %.600s%s%.600s", uid, status, cts_json_text_of(line, "reason_file"),
+                 json_object_get(line, "reason_file") ? ": " : "", cts_json_text_of(line, "reason"));
     if (told->series)
         told->series(told->context, text, !done && strcmp(status, "passed"));
 }
@@ -123,7 +118,7 @@ static void tell_series(Run *r, const json_t *line)
 /* A line that is the last of a series in this run; stood: nothing was made. */
 static void count(Run *r, const json_t *line, bool stood)
 {
-    const char *status = text_of(line, "status");
+    const char *status = cts_json_text_of(line, "status");
     r->result->n_stood += stood && !strcmp(status, "done");
     r->result->n_done += !strcmp(status, "done");
     r->result->n_passed += !strcmp(status, "passed");
@@ -158,7 +153,8 @@ static void add_line(Run *r, const json_t *line)
 static void queue_to_send(Run *r, const json_t *line)
 {
     CtsError err = {0};
-    if (cts_grow(&r->to_send, r->n_to_send, &err) || !(r->to_send[r->n_to_send] = strdup(text_of(line, "series_uid"))))
+    if (cts_grow(&r->to_send, r->n_to_send, &err) ||
+        !(r->to_send[r->n_to_send] = strdup(cts_json_text_of(line, "series_uid"))))
         give_up(r, cts_fail(&err, CTS_ERR_MEMORY, "out of memory for the list of what is to be sent"), &err);
     else
         r->n_to_send++;
@@ -167,7 +163,7 @@ static void queue_to_send(Run *r, const json_t *line)
 /* All of a series that was to be made is, or never will be. */
 static void end_series(Run *r, json_t *line, bool stood)
 {
-    const int n_waiting = strcmp(text_of(line, "status"), "done") ? 0 : cts_line_n_waiting(r->settings, line);
+    const int n_waiting = strcmp(cts_json_text_of(line, "status"), "done") ? 0 : cts_line_n_waiting(r->settings, line);
     if (n_waiting > 0) {
         json_object_set_new(line, "unsent", json_integer(n_waiting));
         cts_child_set_status(line, 5, "not sent yet");
@@ -180,7 +176,7 @@ static void end_series(Run *r, json_t *line, bool stood)
 
 static void end_sending(Run *r, const json_t *line)
 {
-    r->n_unsent = strcmp(text_of(line, "status"), "done") ? r->n_unsent + 1 : 0;
+    r->n_unsent = strcmp(cts_json_text_of(line, "status"), "done") ? r->n_unsent + 1 : 0;
     add_line(r, line);
     count(r, line, false);
 }
@@ -233,7 +229,7 @@ static void take_message(void *context, CtsWorker *w, const char *message)
     while (which < 4 && strncmp(message, words[which], strlen(words[which])))
         which++;
     json_t *line = which < 4 ? json_loads(message + strlen(words[which]), 0, NULL) : NULL;
-    if (!line || !text_of(line, "series_uid")[0]) {
+    if (!line || !cts_json_text_of(line, "series_uid")[0]) {
         json_decref(line);
         return;
     }

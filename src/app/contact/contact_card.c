@@ -1,11 +1,12 @@
 #include "app/contact/contact_card.h"
 
+#include "base/json.h"
 #include <stdbool.h>
 #include <string.h>
 
-static const char *const kept[] = {"series_uid", "status",   "reason",  "reason_file", "exit_code", "ended",
-                                   "files",      "sources",  "unfinished", "geometry", "findings",  "stages",
-                                   "wall_ms",    "peak_rss_bytes", "threads", "labels"};
+static const char *const kept[] = {"series_uid", "status",         "reason",     "reason_file", "exit_code", "ended",
+                                   "files",      "sources",        "unfinished", "geometry",    "findings",  "stages",
+                                   "wall_ms",    "peak_rss_bytes", "threads",    "labels"};
 
 /* A relative path that stays below where it starts. */
 static bool is_safe(const char *path)
@@ -22,19 +23,13 @@ static bool is_safe(const char *path)
     }
 }
 
-static const char *text_of(const json_t *object, const char *key)
-{
-    const char *text = json_string_value(json_object_get(object, key));
-    return text ? text : "";
-}
-
 /* The picture of this preset and view, a new one where there is none; the array's. Neighbours are mostly the same. */
 static json_t *picture_of(json_t *pictures, const json_t *file)
 {
-    const char *preset = text_of(file, "preset"), *view = text_of(file, "view");
+    const char *preset = cts_json_text_of(file, "preset"), *view = cts_json_text_of(file, "view");
     for (size_t i = json_array_size(pictures); i-- > 0;) {
         json_t *picture = json_array_get(pictures, i);
-        if (!strcmp(text_of(picture, "preset"), preset) && !strcmp(text_of(picture, "view"), view))
+        if (!strcmp(cts_json_text_of(picture, "preset"), preset) && !strcmp(cts_json_text_of(picture, "view"), view))
             return picture;
     }
     json_t *picture = json_pack("{s:s, s:s, s:{}}", "preset", preset, "view", view, "files");
@@ -45,21 +40,21 @@ static json_t *picture_of(json_t *pictures, const json_t *file)
 /* Frames of a rotation are one entry: the first one's path, and how many there are. */
 static void add_output(json_t *pictures, const json_t *output, const char *folder)
 {
-    const char *path = text_of(output, "path");
+    const char *path = cts_json_text_of(output, "path");
     if (!is_safe(path))
         return;
     json_t *files = json_object_get(picture_of(pictures, output), "files");
-    json_t *entry = json_object_get(files, text_of(output, "format"));
+    json_t *entry = json_object_get(files, cts_json_text_of(output, "format"));
     if (entry)
         json_object_set_new(entry, "frames", json_integer(json_integer_value(json_object_get(entry, "frames")) + 1));
     else
-        json_object_set_new(files, text_of(output, "format"),
+        json_object_set_new(files, cts_json_text_of(output, "format"),
                             json_pack("{s:s+, s:i}", "first", folder, path, "frames", 1));
 }
 
 static void add_thumbnail(json_t *pictures, const json_t *thumbnail, const char *folder)
 {
-    const char *path = text_of(thumbnail, "path");
+    const char *path = cts_json_text_of(thumbnail, "path");
     if (!is_safe(path) || json_object_get(thumbnail, "labels"))
         return;
     json_t *picture = picture_of(pictures, thumbnail);
@@ -85,9 +80,9 @@ json_t *cts_contact_card(const json_t *line, const char *folder)
     }
     json_array_foreach(json_object_get(line, "outputs"), i, file) add_output(pictures, file, folder);
     json_array_foreach(json_object_get(line, "thumbnails"), i, file) add_thumbnail(pictures, file, folder);
-    json_array_foreach(json_object_get(line, "thumbnails"), i, file)
-        if (json_object_get(file, "labels") && is_safe(text_of(file, "path")))
-            json_object_set_new(card, "label_slices", json_pack("s+", folder, text_of(file, "path")));
+    json_array_foreach(json_object_get(line, "thumbnails"), i,
+                       file) if (json_object_get(file, "labels") && is_safe(cts_json_text_of(file, "path")))
+        json_object_set_new(card, "label_slices", json_pack("s+", folder, cts_json_text_of(file, "path")));
     if (json_object_set_new(card, "pictures", pictures)) {
         json_decref(card);
         return NULL;

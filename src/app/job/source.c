@@ -172,6 +172,10 @@ char *cts_source_choice(const CtsSource *source)
     char *text = NULL;
     size_t size = 0;
     FILE *out = open_memstream(&text, &size);
+    if (out)
+        fprintf(out, "%d %d %a %d\n", source->remove_table, source->interpolation, source->smooth_mm, source->crop);
+    for (int i = 0; out && source->crop && i < 3; i++)
+        fprintf(out, "%a %a\n", source->crop_low_lps[i], source->crop_high_lps[i]);
     for (int i = 0; out && i < 3; i++)
         fprintf(out, "%c%s\n", lists[i] ? '+' : '-', lists[i] ? lists[i] : "");
     for (int i = 0; out && i < c->n_looks; i++)

@@ -43,7 +43,8 @@ typedef struct CtsLoaded {
     CtsFetched fetched; /* goes with it */
 } CtsLoaded;
 
-/* What is seen of the labels, as a text that outlasts the words; free with free(), NULL without memory. */
+/* Which volume the source makes of what was scanned, as a text: equal ones make the same. free() it; NULL without
+ * memory. */
 char *cts_source_choice(const CtsSource *source);
 /* The labels of loaded->series: before its slices, which they are counted on. */
 CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err);

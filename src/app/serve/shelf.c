@@ -233,19 +233,11 @@ CtsStatus cts_shelf_of_study(CtsShelf *shelf, const char *study_uid, CtsShelved 
                   : cts_fail(err, CTS_ERR_USAGE, "the study has %d volumes (ask for one: /studies/.../series/...)", n);
 }
 
-static bool same_cut(const CtsSource *a, const CtsSource *b)
-{
-    return a->remove_table == b->remove_table && a->interpolation == b->interpolation && a->smooth_mm == b->smooth_mm &&
-           a->crop == b->crop &&
-           (!a->crop || (!memcmp(a->crop_low_lps, b->crop_low_lps, sizeof a->crop_low_lps) &&
-                         !memcmp(a->crop_high_lps, b->crop_high_lps, sizeof a->crop_high_lps)));
-}
-
 CtsCut *cts_shelf_cut(const CtsShelved *s, const CtsSource *source)
 {
     CtsCut *c = s->cuts;
     char *const choice = cts_source_choice(source);
-    while (c && choice && (!same_cut(&c->source, source) || strcmp(c->choice, choice)))
+    while (c && choice && strcmp(c->choice, choice))
         c = c->next;
     c = choice ? c : NULL;
     free(choice);

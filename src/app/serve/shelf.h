@@ -23,8 +23,7 @@ typedef struct CtsLens {
 
 /* A volume made of what was scanned. */
 typedef struct CtsCut {
-    CtsSource source; /* that it was made by; its strings are gone */
-    char *choice;     /* what of the labels is seen */
+    char *choice; /* what it was made by */
     CtsVolume *volume;
     CtsLens *lenses;
     uint64_t bytes;

@@ -205,7 +205,6 @@ CtsStatus cts_shelf_make(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, 
             give_up(shelf, lock, expected);
         } else {
             pthread_mutex_lock(lock);
-            made->source = *source;
             made->volume = part.volume;
             made->bytes = bytes_of(part.volume);
             shelf->bytes += made->bytes - expected;

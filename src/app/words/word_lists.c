@@ -5,25 +5,6 @@
 #include <stdio.h>
 #include <string.h>
 
-static void put_views(FILE *out)
-{
-    for (int i = 0; i < CTS_N_VIEWS; i++)
-        fprintf(out, "%s%s", i ? " " : "", cts_views[i].name);
-}
-
-static void put_kernels(FILE *out)
-{
-    for (int i = 0; i < CTS_N_KERNELS; i++)
-        fprintf(out, "%s%s", i ? " " : "", cts_kernel_names[i]);
-}
-
-static void put_formats(FILE *out)
-{
-    const CtsFormatInfo *format;
-    for (size_t i = 0; (format = cts_format(i)); i++)
-        fprintf(out, "%s%s", i ? " " : "", format->name);
-}
-
 static bool is_object(const CtsFormatInfo *format)
 {
     return format->is_object;
@@ -34,33 +15,29 @@ static bool has_many_frames(const CtsFormatInfo *format)
     return format->many_frames;
 }
 
-static void put_endings(FILE *out, bool (*wanted)(const CtsFormatInfo *format))
+static const char *name_of_view(size_t i)
 {
-    char endings[CTS_ENDINGS_MAX];
-    fputs(cts_format_endings(wanted, endings), out);
+    return i < CTS_N_VIEWS ? cts_views[i].name : NULL;
 }
 
-static void put_outputs(FILE *out)
+static const char *name_of_kernel(size_t i)
 {
-    put_endings(out, NULL);
+    return i < CTS_N_KERNELS ? cts_kernel_names[i] : NULL;
 }
 
-static void put_objects(FILE *out)
+static const char *name_of_format(size_t i)
 {
-    put_endings(out, is_object);
+    return cts_format(i) ? cts_format(i)->name : NULL;
 }
 
-static void put_stacks(FILE *out)
-{
-    put_endings(out, has_many_frames);
-}
-
+/* A word stands for names, or for the endings of formats. */
 static const struct {
     const char *word;
-    void (*put)(FILE *out);
+    const char *(*name)(size_t i);
+    bool (*wanted)(const CtsFormatInfo *format);
 } words[] = {
-    {"{views}", put_views},     {"{kernels}", put_kernels}, {"{outputs}", put_outputs},
-    {"{formats}", put_formats}, {"{objects}", put_objects}, {"{stacks}", put_stacks},
+    {"{views}", name_of_view, NULL},     {"{kernels}", name_of_kernel, NULL}, {"{outputs}", NULL, NULL},
+    {"{formats}", name_of_format, NULL}, {"{objects}", NULL, is_object},      {"{stacks}", NULL, has_many_frames},
 };
 
 /* Writes the word that text begins with; returns its length, 0 where there is none. */
@@ -69,7 +46,12 @@ static size_t put_word(FILE *out, const char *text)
     for (size_t i = 0; i < sizeof words / sizeof *words; i++) {
         const size_t n = strlen(words[i].word);
         if (!strncmp(text, words[i].word, n)) {
-            words[i].put(out);
+            char endings[CTS_ENDINGS_MAX];
+            const char *name;
+            if (!words[i].name)
+                fputs(cts_format_endings(words[i].wanted, endings), out);
+            for (size_t k = 0; words[i].name && (name = words[i].name(k)); k++)
+                fprintf(out, "%s%s", k ? " " : "", name);
             return n;
         }
     }

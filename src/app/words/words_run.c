@@ -54,17 +54,8 @@ static CtsStatus keep_picture(void *context, int frame, CtsPicture *picture, Cts
 /* A series that stays loaded, and the volume that the last picture of it was made of. */
 struct CtsSession {
     CtsLoaded loaded;
-    CtsSource view; /* what loaded.volume is of what was scanned; its strings may be gone */
-    char *choice;   /* what of its labels is seen */
+    char *choice; /* what loaded.volume is of what was scanned */
 };
-
-static bool same_view(const CtsSource *a, const CtsSource *b)
-{
-    return a->remove_table == b->remove_table && a->interpolation == b->interpolation && a->smooth_mm == b->smooth_mm &&
-           a->crop == b->crop &&
-           (!a->crop || (!memcmp(a->crop_low_lps, b->crop_low_lps, sizeof a->crop_low_lps) &&
-                         !memcmp(a->crop_high_lps, b->crop_high_lps, sizeof a->crop_high_lps)));
-}
 
 static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWatch *watch, CtsReport *report,
                             CtsError *err)
@@ -77,10 +68,8 @@ static CtsStatus run_loaded(CtsSession *session, const CtsJob *job, const CtsWat
         if (cts_output_is_dicom(&job->outputs, i))
             st = cts_fail(err, CTS_ERR_USAGE, "%s: numbers without a patient make no DICOM object",
                           job->outputs.paths[i]);
-    if (!st && (!session->loaded.volume || !same_view(&session->view, &job->source) || !session->choice ||
-                strcmp(session->choice, choice) != 0)) {
+    if (!st && (!session->loaded.volume || !session->choice || strcmp(session->choice, choice) != 0)) {
         const CtsMeter meter = cts_meter_start(report);
-        session->view = job->source;
         free(session->choice);
         session->choice = strdup(choice);
         st = cts_source_view(&job->source, false, &session->loaded, report, err);
