@@ -68,17 +68,6 @@ void cts_free_bytes(void *block)
     free(start);
 }
 
-int cts_drop_front_bytes(void **block, size_t n)
-{
-    char *p = *block, *start;
-    if (n % CTS_ALIGNMENT)
-        return 0;
-    memcpy(&start, p - sizeof start, sizeof start);
-    memcpy(p + n - sizeof start, &start, sizeof start);
-    *block = p + n;
-    return 1;
-}
-
 CtsStatus cts_grow_bytes(void **items, size_t n, size_t size, CtsError *err)
 {
     if (n & (n - 1))

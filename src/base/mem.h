@@ -20,15 +20,10 @@ CtsStatus cts_alloc_zeroed_bytes(void **block, size_t n, size_t size, CtsError *
 CtsStatus cts_alloc_sparse_bytes(void **block, size_t n, size_t size, CtsError *err);
 void cts_free_bytes(void *block);
 
-/* Let a block begin n bytes later, without moving any: what stood before is lost. Nonzero when done; 0, and nothing has
- * changed, when n is no multiple of the alignment. */
-int cts_drop_front_bytes(void **block, size_t n);
-
 /* For a pointer variable p of any type: cts_alloc_array(&p, n, err). */
 #define cts_alloc_array(p, n, err) cts_alloc_bytes((void **)(p), (n), sizeof **(p), (err))
 #define cts_alloc_zeroed(p, n, err) cts_alloc_zeroed_bytes((void **)(p), (n), sizeof **(p), (err))
 #define cts_alloc_sparse(p, n, err) cts_alloc_sparse_bytes((void **)(p), (n), sizeof **(p), (err))
-#define cts_drop_front(p, n) cts_drop_front_bytes((void **)(p), (n))
 /* Frees and leaves NULL behind. */
 #define cts_free(p) (cts_free_bytes(*(p)), (void)(*(p) = NULL))
 

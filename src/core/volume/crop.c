@@ -1,9 +1,7 @@
 #include "ctsplat/volume.h"
 
-#include "base/mem.h"
 #include "base/vec3.h"
 #include "core/volume/body_mask.h"
-#include "core/volume/macrocells.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <string.h>
@@ -128,24 +126,15 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
                         low[0], high[0], low[1], high[1], low[2], high[2]);
     }
     const int n[3] = {box.hi[0] - box.lo[0] + 1, box.hi[1] - box.lo[1] + 1, box.hi[2] - box.lo[2] + 1};
-    const bool whole_slices = straight && n[0] == v->dims[0] && n[1] == v->dims[1];
-    if (whole_slices && n[2] == v->dims[2])
+    if (straight && !memcmp(n, v->dims, sizeof n))
         return CTS_OK;
-    const size_t slice = (size_t)v->dims[0] * (size_t)v->dims[1];
-    /* Whole slices may stay where they are, if the memory before them can be dropped. */
-    if (!whole_slices)
-        move_rows(v, &box, straight, lo_lps, hi_lps);
-    else if (!cts_drop_front(&v->grey, (size_t)box.lo[2] * slice * sizeof *v->grey))
-        memmove(v->grey, v->grey + (size_t)box.lo[2] * slice, (size_t)n[2] * slice * sizeof *v->grey);
+    move_rows(v, &box, straight, lo_lps, hi_lps);
     for (int c = 0; c < 3; c++)
         for (int axis = 0; axis < 3; axis++)
             v->origin_lps[c] += box.lo[axis] * v->step_lps[axis][c];
     for (int axis = 0; v->body && axis < 3; axis++)
         v->body->first[axis] += box.lo[axis];
     memcpy(v->dims, n, sizeof n);
-    if (v->macrocells && whole_slices && box.lo[2] % CTS_FINE_MACROCELL == 0)
-        cts_macrocells_keep_slices(v->macrocells, box.lo[2], n[2], v->grey);
-    else
-        cts_volume_changed(v);
+    cts_volume_changed(v);
     return CTS_OK;
 }

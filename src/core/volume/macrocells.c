@@ -234,20 +234,6 @@ void cts_macrocells_end(CtsMacrocells *b, int n_threads)
     cts_free(&b->begun);
 }
 
-void cts_macrocells_keep_slices(CtsMacrocells *b, int first, int n_slices, const uint16_t *grey)
-{
-    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1], slice = (size_t)b->dims[0] * (size_t)b->dims[1];
-    count_macrocells(b, 2, n_slices);
-    forget_marks(b);
-    const int last = b->n_fine[2] - 1;
-    memmove(b->fine, b->fine + (size_t)(first / CTS_FINE_MACROCELL) * layer, (size_t)last * layer * sizeof *b->fine);
-    /* The last layer knows slices that are gone. */
-    clear(b->fine + (size_t)last * layer, layer);
-    for (int k = last * CTS_FINE_MACROCELL; k < n_slices; k++)
-        fold_slice(b, grey + (size_t)k * slice, 0, b->n_fine[1], b->fine + (size_t)last * layer);
-    cts_macrocells_sum(b, 1);
-}
-
 typedef struct Adding {
     CtsMacrocells *macrocells;
     const CtsVolume *volume;

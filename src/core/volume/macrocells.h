@@ -43,9 +43,6 @@ void cts_macrocells_add(CtsMacrocells *macrocells, int k, const uint16_t *slice,
 void cts_macrocells_end(CtsMacrocells *macrocells, int n_threads);
 /* The ranges of the coarse macro-cells and of all, once the fine ones have changed. */
 void cts_macrocells_sum(CtsMacrocells *macrocells, int n_threads);
-/* Macro-cells of a volume that has been cropped to n_slices whole slices from `first` on, a multiple of
- * CTS_FINE_MACROCELL, and whose levels now begin at grey. */
-void cts_macrocells_keep_slices(CtsMacrocells *macrocells, int first, int n_slices, const uint16_t *grey);
 void cts_macrocells_free(CtsMacrocells **macrocells);
 
 /* Those of the volume in which grey level g has become level[g]; levels never fall as g rises. */
