@@ -3,8 +3,8 @@
 #include "base/mem.h"
 #include "base/sanitized.h"
 #include "ctsplat/reference.h"
-#include "scenes.h"
 #include "engine/project/project_ray.h"
+#include "scenes.h"
 
 static const double views[][2] = {
     {0, 0},      {90, 0},      {180, 0}, {-90, 0}, {0, 90}, {0, -90}, {30, 20}, {45, 0}, {45, 35.26438968275466},
@@ -309,6 +309,41 @@ static void falls_as_asked(void **state)
     cts_volume_free(&v);
 }
 
+/* Bright columns that lie between the pixels a draft looks at, every fourth: it finds out, or warns. Balls: pixels
+ * that are alike stand for others, and what they show stays within what was asked for. */
+static void drafts_between(void **state)
+{
+    (void)state;
+    enum { N = 96 };
+    CtsVolume *columns = NULL, *ball = phantom_head(N, N, N, 40);
+    CtsError err;
+    assert_int_equal(cts_volume_new(&columns, N, 8, N, &err), CTS_OK);
+    const CtsPreset slab = slab_preset(0.5), bone = preset_named("bone");
+    CtsPreset bright = slab;
+    bright.colour[0] = (CtsColourPoint){-1000, {0.1, 0.1, 0.1}};
+    bright.colour[1] = (CtsColourPoint){1000, {1, 1, 1}};
+    for (int at = 0; at < 4; at++) {
+        for (int i = 0; i < N * 8 * N; i++)
+            columns->grey[i] = i % N % 4 == at ? 2000 : 0;
+        CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, N, 0, 0);
+        s.mm_per_pixel = 1;
+        s.max_error = 8;
+        hold_to_bound(columns, &bright, s, "columns");
+        s.max_error = 16;
+        s.elevation_deg = 3;
+        hold_to_bound(columns, &bright, s, "columns, tilted");
+    }
+    for (int asked = 6; asked <= 24; asked += 6)
+        for (int size = 61; size <= 64; size++) {
+            CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, size, 10 * asked, asked);
+            s.max_error = asked;
+            s.shade = asked % 12 ? CTS_ON : CTS_OFF;
+            assert_true(hold_to_bound(ball, &bone, s, "ball") > 0.1 / 255);
+        }
+    cts_volume_free(&columns);
+    cts_volume_free(&ball);
+}
+
 /* Nothing visible, one voxel, one layer: empty pictures, no fault. */
 static void degenerate(void **state)
 {
@@ -445,7 +480,7 @@ int main(void)
         cmocka_unit_test(same_bytes),       cmocka_unit_test(constant_slab),  cmocka_unit_test(near_reference),
         cmocka_unit_test(thin_and_hard),    cmocka_unit_test(between_levels), cmocka_unit_test(hard_presets),
         cmocka_unit_test(falls_as_asked),   cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),
-        cmocka_unit_test(modes_by_packets),
+        cmocka_unit_test(modes_by_packets), cmocka_unit_test(drafts_between),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

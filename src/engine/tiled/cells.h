@@ -53,6 +53,7 @@ typedef struct TiledJob {
     float frame[3][3];       /* its frame */
     float least_lit;         /* what weighs less is lit together with what follows */
     float turn;              /* a stretch is lit as a whole where its weight times its normal's turning is less */
+    float alike;             /* pixels that differ by less stand for those between them; 0: none do */
     bool want_depth;
     double camera_mm; /* from the camera plane to the plane through the view's centre */
 } TiledJob;
@@ -75,6 +76,7 @@ typedef struct TiledRays {
 
 typedef struct TiledCounts {
     uint64_t skips, pieces, lit; /* lanes that stepped through void, evaluated a piece, were lit */
+    uint64_t between;            /* pixels that others stand for */
     uint64_t ticks, shade_ticks; /* all of a march, and its part for light */
 } TiledCounts;
 

@@ -10,6 +10,7 @@
 #include "core/scene/scene_macrocells.h"
 #include "engine/project/project.h"
 #include "engine/tiled/cells.h"
+#include "engine/tiled/tiles.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -97,8 +98,19 @@ typedef struct Tolerances {
     double faint;    /* what weighs less is lit with what follows; */
     double turn;     /* and by so much a normal may turn, weighed */
     double touch_hu; /* levels are known to so many */
+    double alike;    /* pixels that differ by less stand for those between them */
 } Tolerances;
-static const Tolerances fast = {1.5, 1, 1.5, 1, 0.1}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7};
+static const Tolerances fast = {1.5, 1, 1.5, 1, 0.1, 5}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7, 0};
+/* Of a smaller error hardly any pixels are so much alike, and rays side by side are marched faster; and pixels further
+ * apart than voxels hide what is between them. */
+static const double ALIKE_FROM = 5.0 / 255;
+
+static bool is_draft(const CtsScene *scene)
+{
+    const CtsVolume *const v = scene->volume;
+    const double voxel_mm = fmin(cts_volume_spacing_mm(v, 0), cts_volume_spacing_mm(v, 1));
+    return cts_scene_error_asked(scene) >= ALIKE_FROM && scene->view.mm_per_pixel <= voxel_mm;
+}
 
 static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const Tolerances *may)
 {
@@ -123,6 +135,7 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const
     j->least_lit = (float)(may->faint * asked);
     j->turn = (float)(may->turn * asked);
     j->touch = (float)(may->touch_hu / v->hu_step);
+    j->alike = is_draft(scene) ? (float)(may->alike * asked) : 0;
     j->camera_mm = cts_volume_diagonal_mm(v) / 2 + CTS_MUTATED(DEPTH_SLAB);
 }
 
@@ -149,79 +162,6 @@ static Path choose_path(const TiledJob *j)
     if (cpu & CTS_CPU_AVX2)
         return (Path){"AVX2", narrow ? cts_tiled_march_avx2 : cts_tiled_march_c, cts_tiled_march_exact_avx2};
     return (Path){"plain C", cts_tiled_march_c, cts_tiled_march_exact};
-}
-
-enum { TILE = 32, SQUARE = 4 };
-_Static_assert(TILE *TILE == TILED_RAYS, "a tile is a list of rays");
-_Static_assert(CTS_BAND_ROWS % TILE == 0, "a band of rows is whole tiles, or the picture would depend on it");
-
-typedef struct Tiles {
-    const TiledJob *job;
-    const Path *path;
-    const CtsScene *scene;
-    CtsPicture *picture;
-    TiledScratch *scratch; /* of each worker */
-    int across;
-} Tiles;
-
-/* Rays of a tile, by squares of SQUARE pixels each way: what is side by side meets the same cells. */
-static void list_rays(const Tiles *t, TiledRays *rays, int x0, int y0)
-{
-    const CtsPicture *const p = t->picture;
-    rays->n = 0;
-    for (int i = 0; i < TILE * TILE; i++) {
-        const int square = i / (SQUARE * SQUARE), in = i % (SQUARE * SQUARE);
-        const int x = x0 + square % (TILE / SQUARE) * SQUARE + in % SQUARE,
-                  y = y0 + square / (TILE / SQUARE) * SQUARE + in / SQUARE;
-        if (x < p->width && y < p->height)
-            cts_tiled_add_ray(t->job, rays, x, p->first_row + y);
-    }
-}
-
-static void run_tile(const Tiles *t, TiledScratch *s, int tile)
-{
-    CtsPicture *const p = t->picture;
-    TiledRays *const rays = &s->rays;
-    list_rays(t, rays, tile % t->across * TILE, tile / t->across * TILE);
-    t->path->march(t->job, rays, &s->counts);
-    for (int i = 0; i < rays->n; i++) {
-        const size_t at = (size_t)(rays->y[i] - p->first_row) * (size_t)p->width + rays->x[i];
-        for (int c = 0; c < 4; c++)
-            p->pixels[4 * at + (size_t)c] = rays->rgba[i][c];
-        if (p->bound)
-            p->bound[at] = rays->bound[i];
-        if (p->depth_mm)
-            p->depth_mm[at] = rays->depth_mm[i];
-    }
-}
-
-static void run_some_tiles(void *context, int worker, size_t first, size_t end)
-{
-    const Tiles *const t = context;
-    for (size_t tile = first; tile < end && !cts_scene_stopped(t->scene); tile++)
-        run_tile(t, &t->scratch[worker], (int)tile);
-}
-
-static CtsStatus run_tiles(const TiledJob *j, const Path *path, const CtsScene *scene, CtsPicture *picture,
-                           TiledCounts *total, CtsError *err)
-{
-    const int n_threads = scene->settings->n_threads;
-    CtsStatus st;
-    Tiles t = {j, path, scene, picture, NULL, (picture->width + TILE - 1) / TILE};
-    if ((st = cts_alloc_zeroed(&t.scratch, (size_t)n_threads, err)))
-        return st;
-    const int down = (picture->height + TILE - 1) / TILE;
-    cts_parallel(n_threads, (size_t)t.across * (size_t)down, 1, run_some_tiles, &t);
-    for (int w = 0; w < n_threads; w++) {
-        const TiledCounts *const c = &t.scratch[w].counts;
-        total->skips += c->skips;
-        total->pieces += c->pieces;
-        total->lit += c->lit;
-        total->ticks += c->ticks;
-        total->shade_ticks += c->shade_ticks;
-    }
-    cts_free(&t.scratch);
-    return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
 }
 
 static void plan(const TiledJob *j, const CtsScene *scene, const char *path, CtsReport *report)
@@ -288,8 +228,13 @@ static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocell
         goto end;
     job.want_depth = picture->depth_mm;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if ((st = run_tiles(&job, &path, scene, picture, &counts, err)))
+    if ((st = cts_tiled_run(&job, path.march, scene, picture, &counts, err)))
         goto end;
+    if (counts.between > 0)
+        cts_report_plan(
+            report, "%llu of %llu pixels lie between five that differ by less than %.3g/255, and are as they are",
+            (unsigned long long)counts.between,
+            (unsigned long long)picture->width * (unsigned long long)picture->height, 255 * (double)job.alike);
     report_counts(&counts, scene, &job.mask, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);
 end:
     cts_shade_free(&shade);

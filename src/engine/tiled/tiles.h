@@ -1,0 +1,12 @@
+/* A picture of the tiled engine, tile by tile. */
+#ifndef CTS_TILED_TILES_H
+#define CTS_TILED_TILES_H
+
+#include "core/scene/engine.h"
+#include "engine/tiled/cells.h"
+
+/* Fills the zeroed picture, with bounds and depth where it has room for them; adds to *total. */
+CtsStatus cts_tiled_run(const TiledJob *job, cts_tiled_march_fn march, const CtsScene *scene, CtsPicture *picture,
+                        TiledCounts *total, CtsError *err);
+
+#endif
