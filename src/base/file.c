@@ -202,6 +202,21 @@ CtsStatus cts_temp_folder(const char *prefix, char **folder, CtsError *err)
     return st;
 }
 
+CtsStatus cts_file_text(const char *path, size_t most, CtsStatus fault, char **text, size_t *n, CtsError *err)
+{
+    FILE *const file = fopen(path, "rbe");
+    *text = file ? malloc(most + 2) : NULL;
+    *n = *text ? fread(*text, 1, most + 1, file) : 0;
+    const bool good = *text && !ferror(file);
+    if (!good)
+        cts_fail(err, fault, "%s: %s", path, strerror(errno));
+    else
+        (*text)[*n] = 0;
+    if (file)
+        fclose(file);
+    return good ? CTS_OK : fault;
+}
+
 CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err)
 {
     struct stat info;

@@ -34,6 +34,10 @@ void cts_temp_keep_private(CtsTempFile *temp);
 /* Removes the temporary file; does nothing when *temp is NULL, as after a commit. */
 void cts_temp_discard(CtsTempFile **temp);
 
+/* The n first bytes of a file, at most one more than `most`, and a 0 behind them; the caller's to free. fault: the
+ * status where it cannot be read. */
+CtsStatus cts_file_text(const char *path, size_t most, CtsStatus fault, char **text, size_t *n, CtsError *err);
+
 /* $TMPDIR, or /tmp; and a new folder there whose name begins with this, for its owner alone; *folder is to be freed. */
 const char *cts_temp_root(void);
 CtsStatus cts_temp_folder(const char *prefix, char **folder, CtsError *err);

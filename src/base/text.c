@@ -1,5 +1,6 @@
 #include "base/text.h"
 
+#include <stdlib.h>
 #include <string.h>
 
 /* 0 when it is no character: PS3.5 has no use for overlong forms either. */
@@ -47,4 +48,13 @@ void cts_text_clean(char *text)
         out += safe ? used : 1;
     }
     *out = 0;
+}
+
+bool cts_text_rgb(const char *text, double rgb[3])
+{
+    if (text[0] != '#' || strspn(text + 1, "0123456789abcdefABCDEF") < 6)
+        return false;
+    for (int c = 0; c < 3; c++)
+        rgb[c] = (double)strtoul((const char[]){text[1 + 2 * c], text[2 + 2 * c], 0}, NULL, 16) / 255;
+    return true;
 }

@@ -57,7 +57,7 @@ done <<'END'
 {"label_colours":1} 1: label_colours is
 [] 1: the file is not an object
 END
-refused 2 'no-such.json: No such file' render $see --look no-such.json -o x.png
+refused 2 'no-such.json: .*No such file' render $see --look no-such.json -o x.png
 
 refused 2 'did you mean part' render $see --show 'part 3x' -o x.png
 refused 2 'there are no labels' render "$data/phantom" --hide 1 -o x.png

@@ -5,7 +5,6 @@
 #include "base/cpu.h"
 #include "base/file.h"
 #include "ctsplat/helper.h"
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -30,14 +29,9 @@ static void allow_connections(void)
 static CtsStatus read_pem(const char *path, char **text, CtsError *err)
 {
     enum { MOST = 1 << 20 };
-    FILE *file = fopen(path, "re");
-    if (!file)
-        return cts_fail(err, CTS_ERR_READ, "%s: cannot be opened: %s", path, strerror(errno));
-    char *const bytes = calloc(1, MOST + 1);
-    const size_t n = bytes ? fread(bytes, 1, MOST, file) : 0;
-    fclose(file);
-    *text = bytes;
-    return n ? CTS_OK : cts_fail(err, CTS_ERR_READ, "%s: cannot be read, or is empty", path);
+    size_t n;
+    const CtsStatus st = cts_file_text(path, MOST, CTS_ERR_READ, text, &n, err);
+    return st || n ? st : cts_fail(err, CTS_ERR_READ, "%s: is empty", path);
 }
 
 static CtsStatus search(CtsServer *server, const CtsServeTold *told, CtsError *err)

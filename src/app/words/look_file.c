@@ -1,14 +1,14 @@
 #define _GNU_SOURCE
 #include "app/words/look_file.h"
 
+#include "base/file.h"
 #include "base/json.h"
 #include "ctsplat/preset.h"
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST_NAMES = 65535 };
+enum { MOST_NAMES = 65535, MOST_BYTES = 16 << 20 };
 
 void cts_look_free(CtsLook *look)
 {
@@ -137,15 +137,13 @@ CtsStatus cts_look_read(const char *file_or_json, CtsLook *look, CtsError *err)
 {
     if (*file_or_json == '{')
         return parse("`look`", file_or_json, strlen(file_or_json), look, err);
-    char *text = NULL;
-    size_t room = 0;
-    FILE *const file = fopen(file_or_json, "rbe");
-    const ssize_t n = file ? getdelim(&text, &room, 0, file) : -1;
-    CtsStatus st = !file || ferror(file)
-                       ? cts_fail(err, CTS_ERR_USAGE, "`look` %s: %s", file_or_json, strerror(errno))
-                       : parse(file_or_json, text ? text : "", n > 0 ? (size_t)n : 0, look, err);
-    if (file)
-        fclose(file);
+    char *text;
+    size_t n;
+    CtsStatus st = cts_file_text(file_or_json, MOST_BYTES, CTS_ERR_USAGE, &text, &n, err);
+    if (st)
+        cts_context(err, "`look`");
+    else
+        st = parse(file_or_json, text, n, look, err);
     free(text);
     return st;
 }

@@ -2,6 +2,7 @@
 
 #include "app/words/word_lists.h"
 #include "base/near_word.h"
+#include "base/text.h"
 #include <errno.h>
 #include <limits.h>
 #include <math.h>
@@ -163,13 +164,10 @@ CtsStatus cts_parse_background(CtsOptions *options, const char *text, CtsError *
     *b = (struct CtsBackground){.given = true, .none = !strcmp(text, "none")};
     if (b->none)
         return CTS_OK;
-    if (text[0] != '#' || strlen(text) != 7 || text[1 + strspn(text + 1, "0123456789abcdefABCDEF")])
-        return cts_fail(err, CTS_ERR_USAGE, "`background` %s: neither #RRGGBB nor none (a # needs quotes in a shell)",
-                        text);
-    const unsigned long rgb = strtoul(text + 1, NULL, 16);
-    for (int c = 0; c < 3; c++)
-        b->rgb[c] = (double)(rgb >> (16 - 8 * c) & 255) / 255;
-    return CTS_OK;
+    return cts_text_rgb(text, b->rgb) && !text[7]
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_USAGE, "`background` %s: neither #RRGGBB nor none (a # needs quotes in a shell)",
+                          text);
 }
 
 CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err)

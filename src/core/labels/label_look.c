@@ -1,3 +1,4 @@
+#include "base/text.h"
 #include "core/labels/label_choice.h"
 #include "core/labels/label_set.h"
 #include "core/volume/owners.h"
@@ -69,7 +70,7 @@ CtsStatus cts_label_look(const char *text, CtsOwnerLook *look, CtsError *err)
         return load(text, look, err);
     const char *const end = text + 7;
     char *last = NULL;
-    bool right = strspn(text + 1, "0123456789abcdefABCDEF") == 6 && (!*end || *end == ':');
+    bool right = cts_text_rgb(text, look->rgb) && (!*end || *end == ':');
     if (right && *end) {
         look->opacity = strtod(end + 1, &last);
         right = last != end + 1 && !*last && end[1 + strspn(end + 1, "0123456789.eE-+")] == 0 && look->opacity >= 0 &&
@@ -80,9 +81,6 @@ CtsStatus cts_label_look(const char *text, CtsOwnerLook *look, CtsError *err)
                         "%s: not a preset, #RRGGBB nor #RRGGBB:OPACITY with an opacity per mm of 0 "
                         "to 1 (a # needs quotes in a shell)",
                         text);
-    const unsigned long rgb = strtoul(text + 1, NULL, 16);
     look->tinted = true;
-    for (int c = 0; c < 3; c++)
-        look->rgb[c] = (double)(rgb >> (16 - 8 * c) & 255) / 255;
     return CTS_OK;
 }

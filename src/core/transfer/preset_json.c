@@ -1,6 +1,7 @@
 /* ctsplat's own preset file, read and written. */
 #include "core/transfer/preset_read.h"
 
+#include "base/text.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -168,12 +169,9 @@ static CtsStatus read_background(const CtsJsonAt *at, CtsPreset *preset, CtsErro
     preset->background_none = !strcmp(text, "none");
     if (preset->background_none)
         return CTS_OK;
-    if (strlen(text) != 7 || text[0] != '#' || text[1 + strspn(text + 1, "0123456789abcdefABCDEF")])
-        return cts_json_fail(at, err, "background \"%.40s\" is neither \"#RRGGBB\" nor \"none\"", text);
-    const unsigned long rgb = strtoul(text + 1, NULL, 16);
-    for (int c = 0; c < 3; c++)
-        preset->background[c] = (double)(rgb >> (16 - 8 * c) & 255) / 255;
-    return CTS_OK;
+    return cts_text_rgb(text, preset->background) && !text[7]
+               ? CTS_OK
+               : cts_json_fail(at, err, "background \"%.40s\" is neither \"#RRGGBB\" nor \"none\"", text);
 }
 
 static CtsStatus read_preset(const CtsJsonAt *root, CtsPreset *preset, CtsError *err)

@@ -1,9 +1,9 @@
 /* Finds a preset by name or file and reads it, whatever its form. */
 #include "core/transfer/preset_read.h"
 
+#include "base/file.h"
 #include "base/near_word.h"
 #include <dirent.h>
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -149,24 +149,12 @@ CtsStatus cts_preset_parse(const char *text, size_t size, const char *name, cons
 
 static CtsStatus load_file(const char *path, const char *which, CtsPreset *preset, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
-    char *text = NULL;
-    FILE *file = fopen(path, "rbe");
-    if (!file)
-        return cts_fail(err, CTS_ERR_PRESET, "%s: %s", path, strerror(errno));
-    text = malloc(CTS_PRESET_MAX_BYTES + 1);
-    if (!text) {
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        goto end;
-    }
-    const size_t n = fread(text, 1, CTS_PRESET_MAX_BYTES + 1, file);
-    if (ferror(file))
-        st = cts_fail(err, CTS_ERR_PRESET, "%s: %s", path, strerror(errno));
-    else
+    char *text;
+    size_t n;
+    CtsStatus st = cts_file_text(path, CTS_PRESET_MAX_BYTES, CTS_ERR_PRESET, &text, &n, err);
+    if (!st)
         st = cts_preset_parse(text, n, path, which, preset, err);
-end:
     free(text);
-    fclose(file);
     return st;
 }
 

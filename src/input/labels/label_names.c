@@ -1,8 +1,8 @@
 #include "input/labels/label_names.h"
 
+#include "base/file.h"
 #include "base/json.h"
 #include "base/mem.h"
-#include "input/files/file_bytes.h"
 #include <expat.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -160,19 +160,13 @@ CtsStatus cts_label_names_xml(const char *text, size_t n, CtsLabelNames *names, 
 
 CtsStatus cts_label_names_read(const char *path, CtsLabelNames *names, CtsError *err)
 {
-    uint8_t *text = NULL;
-    size_t room = 0;
-    CtsFileBytes file;
-    CtsStatus st = cts_file_bytes_open(&file, path, err);
-    if (!st && (file.fd < 0 || file.n_bytes > MOST_BYTES))
-        st = cts_fail(err, CTS_ERR_USAGE, "is no file of names");
-    if (!st && !(st = cts_bytes_reserve(&text, &room, (size_t)file.n_bytes + 1, err)))
-        st = cts_file_bytes_read(&file, text, (size_t)file.n_bytes, 0, err);
-    if (st)
-        cts_context(err, "%s", path);
-    else
-        st = cts_label_names_parse(path, (const char *)text, (size_t)file.n_bytes, names, err);
-    cts_file_bytes_close(&file);
+    char *text;
+    size_t n;
+    CtsStatus st = cts_file_text(path, MOST_BYTES, CTS_ERR_READ, &text, &n, err);
+    if (!st && n > MOST_BYTES)
+        st = cts_fail(err, CTS_ERR_USAGE, "%s: is no file of names", path);
+    if (!st)
+        st = cts_label_names_parse(path, text, n, names, err);
     free(text);
     return st;
 }
