@@ -1,13 +1,8 @@
-/* ctsplat presets: the list of them, one in full, or what a volume proposes for one. */
-#include "app/words/words_job.h"
+/* ctsplat presets: the list of them, or one in full. */
 #include "cli/commands.h"
-#include "cli/interrupt.h"
 #include "cli/message.h"
 #include "cli/print_json.h"
-#include "cli/progress.h"
-#include "cli/terminal_watch.h"
 #include "output/report/text_table.h"
-#include "output/report/tissues.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -107,50 +102,10 @@ static void print_one(const CtsPreset *p)
     cts_table_free(&colour);
 }
 
-/* The tissues of the volume that render would work on, and the key for the preset. */
-static CtsStatus propose(const CtsOptions *options, const CtsPreset *preset, CtsError *err)
-{
-    CtsStatus st;
-    CtsLoaded loaded = {.list = NULL};
-    CtsReport report = {0};
-    uint64_t *count = NULL;
-    CtsMixture mixture;
-    CtsVoidKey key;
-    CliWatch seen = {0};
-    const CtsWatch watch = cli_watch(&seen);
-    CtsSource source = cts_options_source(options, preset);
-    source.paths = &options->propose;
-    source.n_paths = 1;
-    source.interpolation = CTS_INTERPOLATION_LINEAR;
-    st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
-    cli_progress_clear();
-    cli_interrupt_asks();
-    if (st || (st = cli_interrupted(err)))
-        goto end;
-    const CtsVolume *v = loaded.volume;
-    if ((st = cts_volume_histogram(v, options->render.n_threads, &count, err)) ||
-        (st = cts_mixture_fit(count, v->hu_offset, v->hu_step, &mixture, err)) ||
-        (st = cts_void_key_propose(&mixture, preset, count, v->hu_offset, v->hu_step, &key, err)))
-        goto end;
-    if (options->json)
-        st = cts_mixture_print_json(stdout, &mixture, &key, preset->name, err);
-    else
-        cts_mixture_print(stdout, &mixture, &key, preset->name);
-end:
-    cts_volume_histogram_free(&count);
-    cts_loaded_free(&loaded);
-    cts_report_free(&report);
-    return st;
-}
-
 CtsStatus cli_presets(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     CtsStatus st = CTS_OK;
-    if (!options->propose && (options->series_uid || options->crop.given || options->render.n_threads ||
-                              options->remove_table != CTS_AS_PRESET))
-        return cts_fail(err, CTS_ERR_USAGE,
-                        "presets: --series, --crop, --remove-table and --threads go with --propose PATH alone");
     CtsTable *table = NULL;
     json_t *list = options->json ? json_array() : NULL;
     CtsPreset *preset = malloc(sizeof *preset);
@@ -158,18 +113,11 @@ CtsStatus cli_presets(const CtsOptions *options, int *exit_code, CtsError *err)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         goto end;
     }
-    if (options->paths.n || options->propose) {
-        if ((st = cts_preset_load(options->paths.n ? options->paths.items[0] : options->preset, preset, err)))
+    if (options->paths.n) {
+        if ((st = cts_preset_load(options->paths.items[0], preset, err)))
             goto end;
         if (preset->note[0])
             cli_warning("preset %s: left out: %s", preset->name, preset->note);
-        if (options->propose && preset->mode != CTS_MODE_COMPOSITE)
-            cli_warning("preset %s: mode %s shows HU through the window; the key is for --mode composite", preset->name,
-                        cts_mode_names[preset->mode]);
-        if (options->propose) {
-            st = propose(options, preset, err);
-            goto end;
-        }
         if (list)
             st = append(list, preset, err);
         else

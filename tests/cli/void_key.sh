@@ -1,38 +1,5 @@
-# --void key and presets --propose: the mixture, the key, and what it loses, never hidden.
+# --void key: the mixture, the key, and what it loses, never hidden.
 python=$(command -v python3) || exit 77
-ok presets --propose "$data/phantom"
-has out '^air +[0-9.]+ % +-1000\.0 .*void'
-has out '^compact bone .*shows'
-has out '^void key of preset bone: probability 0\.[0-9]+, that is below [0-9]+ HU'
-for threads in 1 7; do
-    ok presets skin --propose "$data/phantom" --json --threads $threads
-    cp out skin-$threads.json
-done
-cmp skin-1.json skin-7.json || fail "threads change the mixture"
-"$python" - <<'PY' || fail "the JSON"
-import json
-found = json.load(open("skin-1.json"))
-assert set(found) == {"preset", "mixture", "key"} and found["preset"] == "skin"
-for c in found["mixture"]:
-    assert set(c) == {"class", "weight", "mean_hu", "sd_hu", "mixed", "void"}, c
-    assert (c["void"] is None) == c["mixed"] and c["sd_hu"] > 0
-assert abs(sum(c["weight"] for c in found["mixture"]) - 1) < 1e-9
-void = {c["class"]: c["void"] for c in found["mixture"] if not c["mixed"]}
-assert void["air"] and not void["soft"], void
-key = found["key"]
-assert key["voxels"] == 64 * 64 * 48 and 0 < key["dropped"] < key["visible"] and 0 < key["opacity_dropped"] < 0.001
-low, high = key["void_hu"][0]
-assert low is None and -800 < high < -200, key
-PY
-ok presets lung --propose "$data/phantom"
-has out 'void key of preset lung: none'
-ok presets brain --propose "$data/phantom"
-has err 'warning: preset brain: mode average shows HU'
-ok presets --propose "$data/series/two" --series 2.25.2005
-refused 2 'go with --propose' presets bone --threads 2
-refused 2 'go with --propose' presets --series 2.25.2005
-refused 3 'nowhere' presets --propose nowhere
-refused 2 'preset nope' presets nope --propose "$data/phantom"
 
 # What is lost is told and measured; the engines that take the key agree to the byte, with any number of threads.
 small="--size 60x60 -p skin"
