@@ -25,7 +25,7 @@ tools=$(dirname "$ctsplat")/../../tests/tools
 
 "$tools/phantom" --body --labels "$scratch/organs.nii" --size 256,256,256 --spacing 1.7,1.1,1.7 --soft 6 "$scratch/body.raw"
 "$tools/raw2ct" --size 256,256,256 --spacing 1.7,1.1,1.7 "$scratch/body.raw" "$scratch/body" >"$scratch/said"
-body="$scratch/body --max-error 4 --force"
+body="$scratch/body --force"
 "$ctsplat" render $body --preset bone --view -25,15 --crop -200,200,-150,150,-40,230 --size 1024x640 -o man/chest-bone.jpg
 "$ctsplat" render $body --preset muscle --labels "$scratch/organs.nii" --label-names tests/tools/body_labels.json \
     --look man/organs.json --view 25,10 --size 1024x800 --annotate labels -o man/body-organs.jpg

@@ -12,7 +12,7 @@ function kind(name, argument, help)
     if (name ~ /^--views?$/)
         return (name == "--views" ? "@list " : "") "anterior posterior left right head feet"
     if (name == "--annotate")
-        return "@list orientation scale"
+        return "@list orientation scale labels"
     if (name == "--formats" && match(help, /^[a-z]+( [a-z]+)*,/))
         return "@list " substr(help, 1, RLENGTH - 1)
     if (argument ~ /FILE/)
