@@ -4,6 +4,7 @@
 #define CTS_BASE_LOAD_PART_H
 
 #include "ctsplat/status.h"
+#include <stddef.h>
 
 /* What `name` stands for in the library `file`, which lies beside the object that this code is in: where it was built,
  * or installed. It stays loaded. CTS_ERR_INTERNAL when it is not there or of another program. */
@@ -12,5 +13,25 @@ CtsStatus cts_part_load(const char *file, const char *name, void **symbol, CtsEr
 /* What the function `name` of the library tells: a table of its own. *kept, NULL at first, remembers it. Thread-safe;
  * no process is forked meanwhile. */
 CtsStatus cts_part_table(const char *file, const char *name, const void **kept, const void **table, CtsError *err);
+
+/* The function `name`, which finds that table for its callers. */
+#define CTS_PART_DOOR(Table, name, file)                                                                               \
+    CtsStatus name(const Table **found, CtsError *err)                                                                 \
+    {                                                                                                                  \
+        static const void *kept;                                                                                       \
+        const void *table = NULL;                                                                                      \
+        const CtsStatus st = cts_part_table(file, #name, &kept, &table, err);                                          \
+        *found = table;                                                                                                \
+        return st;                                                                                                     \
+    }
+/* The same on the other side. */
+#define CTS_PART_TABLE(Table, name, ...)                                                                               \
+    __attribute__((visibility("default"))) CtsStatus name(const Table **found, CtsError *err)                          \
+    {                                                                                                                  \
+        static const Table here = {__VA_ARGS__};                                                                       \
+        (void)err;                                                                                                     \
+        *found = &here;                                                                                                \
+        return CTS_OK;                                                                                                 \
+    }
 
 #endif

@@ -1,11 +1,6 @@
 #include "input/codec/dcm_decoder.h"
 
+#include "base/load_part.h"
 #include "input/header/dcm_read.h"
 
-__attribute__((visibility("default"))) CtsStatus cts_dcm_decoder(const CtsDcmDecoder **decoder, CtsError *err)
-{
-    static const CtsDcmDecoder here = {cts_dcm_start_decoders, cts_dcm_decode};
-    (void)err;
-    *decoder = &here;
-    return CTS_OK;
-}
+CTS_PART_TABLE(CtsDcmDecoder, cts_dcm_decoder, cts_dcm_start_decoders, cts_dcm_decode)

@@ -175,13 +175,10 @@ CtsStatus cts_dcm_read_frames(const uint8_t *bytes, size_t n, const CtsSyntax *n
     *frames = st ? nullptr : static_cast<CtsSlice **>(std::malloc((slices.size() + 1) * sizeof **frames));
     if (!st && !*frames)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (size_t i = 0; i < slices.size(); i++) {
-        if (!st) {
+    for (size_t i = 0; i < slices.size(); i++)
+        if (!st)
             (*frames)[i] = slices[i];
-        } else {
-            cts_slice_clear(slices[i]);
-            std::free(slices[i]);
-        }
-    }
+        else
+            cts_slice_free(slices[i]);
     return st;
 }

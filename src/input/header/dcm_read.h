@@ -3,8 +3,8 @@
 #define CTS_DICOM_DCM_READ_H
 
 #include "ctsplat/status.h"
-#include "input/header/slice.h"
 #include "input/files/tag_scan.h"
+#include "input/header/slice.h"
 #include <stddef.h>
 #include <stdint.h>
 
@@ -33,7 +33,7 @@ CtsStatus cts_dcm_parse_header(const uint8_t *data_set, size_t n, const CtsSynta
 
 /* The frames of an Enhanced CT or Legacy Converted Enhanced CT object: slices by their functional groups, each frame's
  * own before the shared ones. As cts_dcm_read_header(), one slice a frame, in the order of the pixels; free each and
- * the array with cts_slice_clear() and free(). What cannot be used at all is one slice with a fault. */
+ * the array with cts_slice_free(). What cannot be used at all is one slice with a fault. */
 CtsStatus cts_dcm_read_frames(const uint8_t *data_set, size_t n, const CtsSyntax *native, CtsTexts *texts,
                               CtsSlice ***frames, int *n_frames, CtsError *err);
 

@@ -1,11 +1,4 @@
 #include "base/load_part.h"
 #include "input/header/dcm_readers.h"
 
-CtsStatus cts_dcm_readers(const CtsDcmReaders **readers, CtsError *err)
-{
-    static const void *kept;
-    const void *table = NULL;
-    const CtsStatus st = cts_part_table(CTS_DCMTK_PART, "cts_dcm_readers", &kept, &table, err);
-    *readers = table;
-    return st;
-}
+CTS_PART_DOOR(CtsDcmReaders, cts_dcm_readers, CTS_DCMTK_PART)

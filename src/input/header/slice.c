@@ -12,6 +12,12 @@ void cts_slice_clear(CtsSlice *slice)
     *slice = (CtsSlice){0};
 }
 
+void cts_slice_free(CtsSlice *slice)
+{
+    cts_slice_clear(slice);
+    free(slice);
+}
+
 void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...)
 {
     if (slice->fault)
@@ -53,10 +59,8 @@ CtsSliceLabel cts_slice_label(const CtsSlice *slice)
 
 void cts_object_free(CtsObject *object)
 {
-    for (int i = 0; i < object->n_slices; i++) {
-        cts_slice_clear(object->slices[i]);
-        free(object->slices[i]);
-    }
+    for (int i = 0; i < object->n_slices; i++)
+        cts_slice_free(object->slices[i]);
     free(object->slices);
     *object = (CtsObject){0};
 }

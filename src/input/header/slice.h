@@ -106,6 +106,8 @@ typedef struct CtsSlice {
 
 /* Frees what the slice owns and zeroes it. */
 void cts_slice_clear(CtsSlice *slice);
+/* One of malloc()'s. */
+void cts_slice_free(CtsSlice *slice);
 
 /* Record why the slice cannot be used; the first reason stays. */
 void cts_slice_fault(CtsSlice *slice, CtsStatus status, const char *format, ...) __attribute__((format(printf, 3, 4)));

@@ -49,36 +49,22 @@ static int foretold(const Beside *b, int i)
 /* Air, or body: the two levels that a rescale moves. Padding is neither. */
 static bool is_in(const Beside *b, int i, bool air)
 {
-    const bool dark = foretold(b, i) < 2 * AIR_BELOW;
-    return dark == air && (b->near[i] | b->other[i]);
+    const bool dark = foretold(b, i) < 2 * AIR_BELOW, seen = b->near[i] | b->other[i];
+    return (dark == air) & seen;
 }
 
 /* Whether two of three pixels of air or of the body lie on one side of what is foretold: a first look, in a fraction of
  * the time. */
-static bool leans(const Beside *b, bool leaning[2])
+static bool leans(const Beside *b, bool air)
 {
-    const uint16_t *const own = b->own, *const near = b->near, *const other = b->at_end ? b->near : b->other;
-    const uint16_t *const beyond = b->other;
-    int n[2], above[2], below[2], n_all = 0, n_above = 0, n_below = 0, n_air = 0, air_above = 0, air_below = 0;
+    int n = 0, above = 0, below = 0;
     for (int i = 0; i < CTS_SAMPLES; i++) {
-        const int mean = near[i] + other[i], in = (near[i] | beyond[i]) != 0, air = in & (mean < 2 * AIR_BELOW);
-        const int up = 2 * own[i] > mean, down = 2 * own[i] < mean;
-        n_all += in;
-        n_above += in & up;
-        n_below += in & down;
-        n_air += air;
-        air_above += air & up;
-        air_below += air & down;
+        const int off = 2 * b->own[i] - foretold(b, i), in = is_in(b, i, air);
+        n += in;
+        above += in & (off > 0);
+        below += in & (off < 0);
     }
-    n[0] = n_all - n_air;
-    above[0] = n_above - air_above;
-    below[0] = n_below - air_below;
-    n[1] = n_air;
-    above[1] = air_above;
-    below[1] = air_below;
-    for (int air = 0; air < 2; air++)
-        leaning[air] = n[air] >= FEWEST && 3 * (above[air] > below[air] ? above[air] : below[air]) >= 2 * n[air];
-    return leaning[0] || leaning[1];
+    return n >= FEWEST && 3 * (above > below ? above : below) >= 2 * n;
 }
 
 /* Noise and anatomy move pixels up as often as down, and neighbours differ by both. A slice is off when, where its
@@ -106,10 +92,7 @@ static double off_by(const Beside *b, bool air)
 static double slice_off_by(const Samples *s, int k)
 {
     const Beside b = beside(s, k);
-    bool leaning[2];
-    if (!leans(&b, leaning))
-        return 0;
-    const double body = leaning[0] ? off_by(&b, false) : 0, air = leaning[1] ? off_by(&b, true) : 0;
+    const double body = leans(&b, false) ? off_by(&b, false) : 0, air = leans(&b, true) ? off_by(&b, true) : 0;
     return fabs(body) > fabs(air) ? body : air;
 }
 

@@ -17,10 +17,8 @@
 
 static void clear_series(CtsSeries *series)
 {
-    for (int i = 0; i < series->n_slices; i++) {
-        cts_slice_clear(series->slices[i]);
-        free(series->slices[i]);
-    }
+    for (int i = 0; i < series->n_slices; i++)
+        cts_slice_free(series->slices[i]);
     free(series->slices);
     free(series->description);
     cts_findings_free(&series->findings);
@@ -288,14 +286,11 @@ static CtsStatus group(CtsSlice **slices, size_t n, CtsSeriesList *list, CtsErro
         CtsSliceSet set = {malloc((end - first) * sizeof *set.items), (int)(end - first)};
         if (!set.items && !st)
             st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        for (size_t i = first; i < end; i++) {
-            if (!st) {
+        for (size_t i = first; i < end; i++)
+            if (!st)
                 set.items[i - first] = slices[i];
-            } else {
-                cts_slice_clear(slices[i]);
-                free(slices[i]);
-            }
-        }
+            else
+                cts_slice_free(slices[i]);
         if (!st)
             st = add_series(list, &set, err);
         else
@@ -315,6 +310,27 @@ static CtsStatus list_paths(const Search *s, CtsError *err)
     for (size_t i = 0; i < s->files.n; i++)
         s->list->paths[s->list->n_paths++] = s->files.items[i].path;
     return CTS_OK;
+}
+
+/* The slices of all files that the paths name, and what else there is. */
+static CtsStatus find_slices(Search *s, const CtsArchives *archives, const char *const *paths, int n_paths,
+                             int n_threads, CtsSlice ***slices, size_t *n_slices, CtsError *err)
+{
+    CtsStatus st = cts_scan_paths(archives, paths, n_paths, &s->files, err);
+    if (st)
+        return st;
+    s->list->archives = s->files.archives;
+    s->list->n_archives = s->files.n_archives;
+    s->files.archives = NULL;
+    s->files.n_archives = 0;
+    s->list->findings = s->files.findings;
+    s->files.findings = (CtsFindings){0};
+    if ((st = read_headers(s, n_threads, err)) || (st = follow_directories(s, n_threads, err)) ||
+        (st = count_others(s, err)) || (st = collect(s, slices, n_slices, err)) || (st = list_paths(s, err)))
+        return st;
+    return take_texts(s->list, &s->files.texts) /* the slices' paths */
+               ? CTS_OK
+               : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
 static CtsStatus nothing_found(const Search *s, CtsError *err)
@@ -357,32 +373,10 @@ CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *
     Search s = {0};
     CtsSlice **slices = NULL;
     size_t n_slices = 0;
-    CtsStatus st = CTS_OK;
-    n_threads = cts_threads(n_threads);
     *list = NULL;
-    if (!st && !(s.list = calloc(1, sizeof *s.list)))
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st)
-        st = cts_scan_paths(archives, paths, n_paths, &s.files, err);
-    if (!st) {
-        s.list->archives = s.files.archives;
-        s.list->n_archives = s.files.n_archives;
-        s.files.archives = NULL;
-        s.files.n_archives = 0;
-        s.list->findings = s.files.findings;
-        s.files.findings = (CtsFindings){0};
-        st = read_headers(&s, n_threads, err);
-    }
-    if (!st)
-        st = follow_directories(&s, n_threads, err);
-    if (!st)
-        st = count_others(&s, err);
-    if (!st)
-        st = collect(&s, &slices, &n_slices, err);
-    if (!st)
-        st = list_paths(&s, err);
-    if (!st && !take_texts(s.list, &s.files.texts)) /* the slices' paths */
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (!(s.list = calloc(1, sizeof *s.list)))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = find_slices(&s, archives, paths, n_paths, cts_threads(n_threads), &slices, &n_slices, err);
     const size_t n_headers = s.n_headers;
     free_search(&s);
     if (!st)

@@ -9,10 +9,8 @@
 
 void cts_slice_set_free(CtsSliceSet *set)
 {
-    for (int i = 0; i < set->n; i++) {
-        cts_slice_clear(set->items[i]);
-        free(set->items[i]);
-    }
+    for (int i = 0; i < set->n; i++)
+        cts_slice_free(set->items[i]);
     free(set->items);
     *set = (CtsSliceSet){0};
 }
@@ -20,14 +18,11 @@ void cts_slice_set_free(CtsSliceSet *set)
 void cts_slice_set_filter(CtsSliceSet *set, const bool *keep)
 {
     int kept = 0;
-    for (int i = 0; i < set->n; i++) {
-        if (keep[i]) {
+    for (int i = 0; i < set->n; i++)
+        if (keep[i])
             set->items[kept++] = set->items[i];
-        } else {
-            cts_slice_clear(set->items[i]);
-            free(set->items[i]);
-        }
-    }
+        else
+            cts_slice_free(set->items[i]);
     set->n = kept;
 }
 

@@ -10,7 +10,6 @@
 #include "output/image/describe.h"
 #include "output/image/srgb.h"
 #include <openexr.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -25,8 +24,7 @@ typedef struct ExrWriter {
     int n_threads;
     struct ExrEncoder *encoders; /* one a thread */
     CtsError *err;               /* of the call under way */
-    CtsStatus status;            /* the first failure of any thread */
-    pthread_mutex_t lock;        /* of err and status */
+    CtsStatus status;            /* the first failure */
 } ExrWriter;
 
 /* One thread's share: a chunk of pixels made linear, and the library's buffers. */
@@ -35,14 +33,6 @@ typedef struct ExrEncoder {
     bool started;
     float *rgba;
 } ExrEncoder;
-
-static void note_failure(ExrWriter *w, const char *message)
-{
-    pthread_mutex_lock(&w->lock);
-    if (!w->status)
-        w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: OpenEXR: %s", w->job->path, message);
-    pthread_mutex_unlock(&w->lock);
-}
 
 /* Keeps the library from printing. It is called with the file's lock held, so that asking the file for the writer would
  * wait for ever; failed() tells what is wrong. */
@@ -57,25 +47,18 @@ static int64_t on_write(exr_const_context_t file, void *user_data, const void *b
                         exr_stream_error_func_ptr_t error)
 {
     ExrWriter *w = user_data;
-    CtsError err = {0};
     (void)file;
     (void)error;
-    if (cts_temp_write_at(w->job->temp, bytes, n, offset, &err) == CTS_OK)
-        return (int64_t)n;
-    pthread_mutex_lock(&w->lock);
-    if (!w->status) {
-        w->status = err.status;
-        if (w->err)
-            *w->err = err;
-    }
-    pthread_mutex_unlock(&w->lock);
-    return -1;
+    const CtsStatus st = cts_temp_write_at(w->job->temp, bytes, n, offset, w->status ? NULL : w->err);
+    w->status = w->status ? w->status : st;
+    return st ? -1 : (int64_t)n;
 }
 
 static bool failed(ExrWriter *w, exr_result_t code)
 {
-    if (code != EXR_ERR_SUCCESS)
-        note_failure(w, exr_get_default_error_message(code)); /* when on_write has not said more already */
+    if (code != EXR_ERR_SUCCESS && !w->status) /* on_write has not said more already */
+        w->status =
+            cts_fail(w->err, CTS_ERR_OUTPUT, "%s: OpenEXR: %s", w->job->path, exr_get_default_error_message(code));
     return code != EXR_ERR_SUCCESS;
 }
 
@@ -231,28 +214,20 @@ static exr_result_t encode_chunk(ExrWriter *w, ExrEncoder *e, const CtsPicture *
     return exr_encoding_run(w->file, 0, &e->pipe);
 }
 
-static bool stopped(ExrWriter *w)
-{
-    pthread_mutex_lock(&w->lock);
-    const CtsStatus status = w->status;
-    pthread_mutex_unlock(&w->lock);
-    return status != CTS_OK;
-}
-
 /* A compressed chunk, kept until its turn. */
 typedef struct ExrChunk {
     void *bytes;
     size_t n_bytes;
+    exr_result_t code;
 } ExrChunk;
 
 static void keep_chunk(ExrWriter *w, ExrEncoder *e, const CtsPicture *band, int y, ExrChunk *chunk)
 {
-    if (stopped(w) || failed(w, encode_chunk(w, e, band, y)))
-        return;
+    chunk->code = encode_chunk(w, e, band, y);
     chunk->n_bytes = e->pipe.compressed_bytes;
-    if (cts_alloc_bytes(&chunk->bytes, chunk->n_bytes, 1, NULL))
-        note_failure(w, "out of memory");
-    else
+    if (!chunk->code && cts_alloc_bytes(&chunk->bytes, chunk->n_bytes, 1, NULL))
+        chunk->code = EXR_ERR_OUT_OF_MEMORY;
+    if (!chunk->code)
         memcpy(chunk->bytes, e->pipe.compressed_buffer, chunk->n_bytes);
 }
 
@@ -275,14 +250,14 @@ static void keep_some(void *context, int worker, size_t first, size_t end)
 static void write_chunks(ExrWriter *w, const CtsPicture *band)
 {
     const int lines = w->lines_per_chunk, n_chunks = (band->height + lines - 1) / lines;
-    for (int first = 0; first < n_chunks && !stopped(w); first += BATCH) {
+    for (int first = 0; first < n_chunks && !w->status; first += BATCH) {
         ExrChunk chunks[BATCH] = {0};
         const int n = n_chunks - first < BATCH ? n_chunks - first : BATCH;
         Keeping keeping = {w, band, first, chunks};
         cts_parallel(w->n_threads, (size_t)n, 1, keep_some, &keeping);
         for (int k = 0; k < n; k++) {
             const int y = band->first_row + (first + k) * lines;
-            if (!stopped(w))
+            if (!w->status && !failed(w, chunks[k].code))
                 failed(w, exr_write_scanline_chunk(w->file, 0, y, chunks[k].bytes, chunks[k].n_bytes));
             cts_free_bytes(chunks[k].bytes);
         }
@@ -296,7 +271,6 @@ CtsStatus cts_exr_begin(CtsExportJob *job, CtsError *err)
     if (!w)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     *w = (ExrWriter){.job = job, .err = err, .n_threads = cts_threads(job->settings.n_threads)};
-    pthread_mutex_init(&w->lock, NULL);
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = on_error;
     setup.user_data = w;
@@ -345,6 +319,5 @@ void cts_exr_close(CtsExportJob *job)
     if (w->file)
         exr_finish(&w->file);
     cts_free(&w->encoders);
-    pthread_mutex_destroy(&w->lock);
     free(w);
 }

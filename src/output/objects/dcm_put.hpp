@@ -6,6 +6,7 @@
 #include "output/objects/dcm_sc.h"
 
 #include <cstdio>
+#include <cstring>
 #include <dcmtk/dcmdata/dctk.h>
 #include <memory>
 #include <string>
@@ -35,6 +36,8 @@ class Put
     Put &code(const DcmTagKey &sequence, const CtsScCode &code);
     /* A new item at the end of a sequence; NULL after a failure. */
     DcmItem *item(const DcmTagKey &sequence);
+    /* One that refers to an object. */
+    DcmItem *reference(const DcmTagKey &sequence, const char *class_uid, const char *uid);
 
     Put &keep(const OFCondition &state)
     {
@@ -116,6 +119,14 @@ inline DcmItem *Put::item(const DcmTagKey &sequence)
     return state_.good() ? made : nullptr;
 }
 
+inline DcmItem *Put::reference(const DcmTagKey &sequence, const char *class_uid, const char *uid)
+{
+    DcmItem *made = item(sequence);
+    if (made)
+        keep(Put(*made).text(DCM_ReferencedSOPClassUID, class_uid).text(DCM_ReferencedSOPInstanceUID, uid).state());
+    return made;
+}
+
 inline Put &Put::code(const DcmTagKey &sequence, const CtsScCode &code)
 {
     if (DcmItem *made = item(sequence)) {
@@ -127,6 +138,18 @@ inline Put &Put::code(const DcmTagKey &sequence, const CtsScCode &code)
         keep(to.text(DCM_CodeMeaning, code.meaning).state());
     }
     return *this;
+}
+
+/* The referenced slices, in as many items as there are objects. */
+template <typename Add> void cts_dcm_each_instance(const CtsSeries &source, Add add)
+{
+    const char *last = "";
+    for (int i = 0; i < source.n_slices; i++) {
+        const char *uid = source.slices[i]->sop_uid;
+        if (*uid && std::strcmp(uid, last) != 0)
+            add(uid);
+        last = uid;
+    }
 }
 
 /* An element as it stands in `from`, value bytes and all, but without private elements inside; nothing where there is

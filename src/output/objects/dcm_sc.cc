@@ -107,14 +107,6 @@ void put_image(Put &put, const CtsScObject &object)
     put.text(DCM_RecognizableVisualFeatures, object.recognizable ? "YES" : "NO");
 }
 
-bool has_instance_uids(const CtsSeries &series)
-{
-    for (int i = 0; i < series.n_slices; i++)
-        if (*series.slices[i]->sop_uid)
-            return true;
-    return false;
-}
-
 /* What labels come from, of the same study. */
 void put_label_references(Put &put, const CtsScObject &object)
 {
@@ -127,11 +119,7 @@ void put_label_references(Put &put, const CtsScObject &object)
             return;
         Put in_series(*series);
         in_series.text(DCM_SeriesInstanceUID, label.series_uid);
-        if (DcmItem *instance = in_series.item(DCM_ReferencedInstanceSequence)) {
-            Put to(*instance);
-            to.text(DCM_ReferencedSOPClassUID, label.class_uid).text(DCM_ReferencedSOPInstanceUID, label.sop_uid);
-            in_series.keep(to.state());
-        }
+        in_series.reference(DCM_ReferencedInstanceSequence, label.class_uid, label.sop_uid);
         put.keep(in_series.state());
     }
 }
@@ -140,31 +128,22 @@ void put_label_references(Put &put, const CtsScObject &object)
 void put_references(Put &put, const CtsScObject &object)
 {
     const CtsSeries &source = *object.source;
-    DcmItem *series = has_instance_uids(source) ? put.item(DCM_ReferencedSeriesSequence) : nullptr;
+    bool named = false;
+    cts_dcm_each_instance(source, [&](const char *) { named = true; });
+    DcmItem *series = named ? put.item(DCM_ReferencedSeriesSequence) : nullptr;
     if (!series)
         return;
     Put in_series(*series);
     in_series.text(DCM_SeriesInstanceUID, source.uid);
     const CtsScCode purpose = {"121322", "DCM", "Source image for image processing operation"};
-    const char *last = "";
-    for (int i = 0; i < source.n_slices; i++) {
-        const char *uid = source.slices[i]->sop_uid;
-        if (!*uid || strcmp(uid, last) == 0)
-            continue;
-        last = uid;
-        if (DcmItem *instance = in_series.item(DCM_ReferencedInstanceSequence)) {
-            Put to(*instance);
-            to.text(DCM_ReferencedSOPClassUID, object.source_class_uid).text(DCM_ReferencedSOPInstanceUID, uid);
-            in_series.keep(to.state());
-        }
-        if (DcmItem *image = put.item(DCM_SourceImageSequence)) {
+    cts_dcm_each_instance(source, [&](const char *uid) {
+        in_series.reference(DCM_ReferencedInstanceSequence, object.source_class_uid, uid);
+        if (DcmItem *image = put.reference(DCM_SourceImageSequence, object.source_class_uid, uid)) {
             Put to(*image);
-            to.text(DCM_ReferencedSOPClassUID, object.source_class_uid).text(DCM_ReferencedSOPInstanceUID, uid);
-            to.text(DCM_SpatialLocationsPreserved, "NO");
-            to.code(DCM_PurposeOfReferenceCodeSequence, purpose);
+            to.text(DCM_SpatialLocationsPreserved, "NO").code(DCM_PurposeOfReferenceCodeSequence, purpose);
             put.keep(to.state());
         }
-    }
+    });
     put.keep(in_series.state());
 }
 

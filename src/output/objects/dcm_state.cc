@@ -21,24 +21,6 @@ const char *const creator = "CTSPLAT STATE 1";
 const DcmTagKey private_creator(0x0073, 0x0010), private_preset(0x0073, 0x1001), private_options(0x0073, 0x1002);
 const size_t max_state_bytes = 64 << 20;
 
-/* The referenced slices, in as many items as there are objects. */
-template <typename Add> void each_instance(const CtsSeries &source, Add add)
-{
-    const char *last = "";
-    for (int i = 0; i < source.n_slices; i++) {
-        const char *uid = source.slices[i]->sop_uid;
-        if (*uid && strcmp(uid, last) != 0)
-            add(uid);
-        last = uid;
-    }
-}
-
-void put_instance(Put &put, DcmItem *item, const char *class_uid, const char *uid)
-{
-    if (item)
-        put.keep(Put(*item).text(DCM_ReferencedSOPClassUID, class_uid).text(DCM_ReferencedSOPInstanceUID, uid).state());
-}
-
 /* Series, equipment, frame of reference, identification. */
 void put_names(Put &put, const CtsDcmState &s)
 {
@@ -54,7 +36,7 @@ void put_names(Put &put, const CtsDcmState &s)
     put.text(DCM_ContentCreatorName, "ctsplat").text(DCM_PresentationCreationDate, s.date);
     put.text(DCM_PresentationCreationTime, s.time);
     if (s.capture_uid[0])
-        put_instance(put, put.item(DCM_RenderedImageReferenceSequence), s.capture_class_uid, s.capture_uid);
+        put.reference(DCM_RenderedImageReferenceSequence, s.capture_class_uid, s.capture_uid);
 }
 
 /* The volume, its window, the box that is kept, and the instances again for whoever follows references. */
@@ -63,9 +45,8 @@ void put_input(Put &put, const CtsDcmState &s)
     if (DcmItem *item = put.item(DCM_VolumetricPresentationInputSetSequence)) {
         Put set(*item);
         set.text(DCM_VolumetricPresentationInputSetUID, s.input_uid).text(DCM_PresentationInputType, "VOLUME");
-        each_instance(*s.source, [&](const char *uid) {
-            put_instance(set, set.item(DCM_ReferencedImageSequence), s.source_class_uid, uid);
-        });
+        cts_dcm_each_instance(
+            *s.source, [&](const char *uid) { set.reference(DCM_ReferencedImageSequence, s.source_class_uid, uid); });
         put.keep(set.state());
     }
     if (DcmItem *item = put.item(DCM_VolumetricPresentationStateInputSequence)) {
@@ -87,8 +68,8 @@ void put_input(Put &put, const CtsDcmState &s)
     if (DcmItem *item = put.item(DCM_ReferencedSeriesSequence)) {
         Put series(*item);
         series.text(DCM_SeriesInstanceUID, s.source->uid);
-        each_instance(*s.source, [&](const char *uid) {
-            put_instance(series, series.item(DCM_ReferencedInstanceSequence), s.source_class_uid, uid);
+        cts_dcm_each_instance(*s.source, [&](const char *uid) {
+            series.reference(DCM_ReferencedInstanceSequence, s.source_class_uid, uid);
         });
         put.keep(series.state());
     }

@@ -110,14 +110,13 @@ static json_t *new_ms(double ms)
     return json_real(round(ms * 1000) / 1000);
 }
 
-static json_t *new_event(const CtsLog *log, const char *event)
+/* A line of what is told of an event, which it takes over. */
+static void add_event(CtsLog *log, const char *event, json_t *told)
 {
-    return json_pack("{s:s,s:o}", "event", event, "t_ms", new_ms(cts_wall_ms() - log->start_ms));
-}
-
-static void set_integer(json_t *object, const char *key, uint64_t value)
-{
-    json_object_set_new(object, key, json_integer((json_int_t)value));
+    json_t *object = json_pack("{s:s,s:o}", "event", event, "t_ms", new_ms(cts_wall_ms() - log->start_ms));
+    json_object_update(object, told);
+    json_decref(told);
+    add_line(log, object);
 }
 
 /* A message names series by their UIDs, and files. */
@@ -136,23 +135,18 @@ void cts_log_picture(CtsLog *log, const char *preset, const CtsRenderSettings *s
 {
     if (!log)
         return;
-    json_t *event = new_event(log, "picture");
-    json_object_set_new(event, "preset", cts_json_new_text(preset));
-    json_object_set_new(event, "view", json_pack("[f,f]", settings->azimuth_deg, settings->elevation_deg));
-    json_object_set_new(event, "size", json_pack("[i,i]", settings->width, settings->height));
-    json_object_set_new(event, "frames", json_integer(n_frames));
-    add_line(log, event);
+    add_event(log, "picture",
+              json_pack("{s:o,s:[f,f],s:[i,i],s:i}", "preset", cts_json_new_text(preset), "view", settings->azimuth_deg,
+                        settings->elevation_deg, "size", settings->width, settings->height, "frames", n_frames));
 }
 
 void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t bytes)
 {
     if (!log)
         return;
-    json_t *event = new_event(log, "output");
-    json_object_set_new(event, "path", cts_json_new_text(path));
-    json_object_set_new(event, "format", json_string(format));
-    set_integer(event, "bytes", bytes);
-    add_line(log, event);
+    add_event(
+        log, "output",
+        json_pack("{s:o,s:s,s:I}", "path", cts_json_new_text(path), "format", format, "bytes", (json_int_t)bytes));
 }
 
 /* Whether an earlier entry says the same: each frame of a rotation leaves out the same things. */
@@ -170,30 +164,13 @@ json_t *cts_error_json(const CtsReport *report)
 {
     const CtsVerified *v = &report->verified;
     const double picture_cpu_ms = cts_report_picture_cpu_ms(report);
-    json_t *error = json_object();
-    set_integer(error, "pixels", v->pixels);
-    json_object_set_new(error, "rmse", json_real(v->rmse));
-    json_object_set_new(error, "rmse_low", json_real(v->rmse_low));
-    json_object_set_new(error, "rmse_high", json_real(v->rmse_high));
     /* JSON has no infinity: no error at all has no psnr_db. */
-    json_object_set_new(error, "psnr_db", v->rmse > 0 ? json_real(-20 * log10(v->rmse)) : json_null());
-    json_object_set_new(error, "p999", json_real(v->p999));
-    json_object_set_new(error, "max", json_real(v->max));
-    json_object_set_new(error, "share", json_real(v->share_above));
-    json_object_set_new(error, "share_high", json_real(v->share_high));
-    json_object_set_new(error, "cpu_ms", new_ms(v->cpu_ms));
-    json_object_set_new(error, "picture_cpu_ms", new_ms(picture_cpu_ms));
-    json_object_set_new(error, "cost",
-                        json_string(v->cpu_ms < picture_cpu_ms ? "less than the picture" : "more than the picture"));
-    return error;
-}
-
-static void log_verified(CtsLog *log, const CtsReport *report)
-{
-    json_t *event = new_event(log, "error"), *error = cts_error_json(report);
-    json_object_update(event, error);
-    json_decref(error);
-    add_line(log, event);
+    return json_pack("{s:I,s:f,s:f,s:f,s:o,s:f,s:f,s:f,s:f,s:o,s:o,s:s}", "pixels", (json_int_t)v->pixels, "rmse",
+                     v->rmse, "rmse_low", v->rmse_low, "rmse_high", v->rmse_high, "psnr_db",
+                     v->rmse > 0 ? json_real(-20 * log10(v->rmse)) : json_null(), "p999", v->p999, "max", v->max,
+                     "share", v->share_above, "share_high", v->share_high, "cpu_ms", new_ms(v->cpu_ms),
+                     "picture_cpu_ms", new_ms(picture_cpu_ms), "cost",
+                     v->cpu_ms < picture_cpu_ms ? "less than the picture" : "more than the picture");
 }
 
 void cts_log_without_names(CtsLog *log, const CtsNames *names)
@@ -212,11 +189,9 @@ static void log_findings(CtsLog *log, const CtsFindings *findings)
             told = !strcmp(findings->items[k].code, f->code) && !strcmp(findings->items[k].text, f->text);
         if (told)
             continue;
-        json_t *event = new_event(log, "finding");
-        json_object_set_new(event, "code", json_string(f->code));
-        json_object_set_new(event, "severity", json_string(cts_severity_names[f->severity]));
-        json_object_set_new(event, "text", new_message(log, f->text));
-        add_line(log, event);
+        add_event(log, "finding",
+                  json_pack("{s:s,s:s,s:o}", "code", f->code, "severity", cts_severity_names[f->severity], "text",
+                            new_message(log, f->text)));
     }
 }
 
@@ -234,11 +209,8 @@ static void log_plan(CtsLog *log, const char *plan)
 {
     for (const char *line = plan; line && *line;) {
         const size_t size = strcspn(line, "\n");
-        if (!stands_before(plan, line, size)) {
-            json_t *event = new_event(log, "plan");
-            json_object_set_new(event, "text", json_stringn(line, size));
-            add_line(log, event);
-        }
+        if (!stands_before(plan, line, size))
+            add_event(log, "plan", json_pack("{s:s%}", "text", line, size));
         line += size + (line[size] == '\n');
     }
 }
@@ -255,53 +227,32 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
         const CtsStageTime *stage = &report->stages[s];
         if (!stage->ran)
             continue;
-        json_t *event = new_event(log, "stage");
-        json_object_set_new(event, "stage", json_string(cts_stage_names[s]));
-        json_object_set_new(event, "wall_ms", new_ms(stage->wall_ms));
-        json_object_set_new(event, "cpu_ms", new_ms(stage->cpu_ms));
-        set_integer(event, "items", stage->items);
-        set_integer(event, "bytes", stage->bytes);
-        add_line(log, event);
+        add_event(log, "stage",
+                  json_pack("{s:s,s:o,s:o,s:I,s:I}", "stage", cts_stage_names[s], "wall_ms", new_ms(stage->wall_ms),
+                            "cpu_ms", new_ms(stage->cpu_ms), "items", (json_int_t)stage->items, "bytes",
+                            (json_int_t)stage->bytes));
     }
-    for (size_t i = 0; i < report->n_skips; i++) {
-        if (told_before(report, i))
-            continue;
-        json_t *event = new_event(log, "skipped");
-        json_object_set_new(event, "what", json_string(report->skips[i].what));
-        json_object_set_new(event, "why", json_string(report->skips[i].why));
-        add_line(log, event);
-    }
-    for (size_t i = 0; i < report->n_labels; i++) {
-        json_t *event = new_event(log, "label"), *label = cts_label_json(&report->labels[i]);
-        json_object_update(event, label);
-        json_decref(label);
-        add_line(log, event);
-    }
+    for (size_t i = 0; i < report->n_skips; i++)
+        if (!told_before(report, i))
+            add_event(log, "skipped",
+                      json_pack("{s:s,s:s}", "what", report->skips[i].what, "why", report->skips[i].why));
+    for (size_t i = 0; i < report->n_labels; i++)
+        add_event(log, "label", cts_label_json(&report->labels[i]));
     log_findings(log, &report->findings);
-    if (report->table.known) {
-        json_t *event = new_event(log, "table"), *table = cts_table_json(&report->table);
-        json_object_update(event, table);
-        json_decref(table);
-        add_line(log, event);
-    }
-    if (report->voxels.known) {
-        json_t *event = new_event(log, "voxels");
-        set_integer(event, "total", report->voxels.total);
-        set_integer(event, "void", report->voxels.void_voxels);
-        set_integer(event, "reused", report->voxels.reused);
-        set_integer(event, "splatted", report->voxels.splatted);
-        add_line(log, event);
-    }
-    if (report->bound.known) {
-        json_t *event = new_event(log, "bound");
-        json_object_set_new(event, "rmse", json_real(report->bound.rmse));
-        json_object_set_new(event, "max", json_real(report->bound.max));
-        json_object_set_new(event, "kind", json_string("estimated"));
-        set_integer(event, "cast", report->bound.cast);
-        add_line(log, event);
-    }
+    if (report->table.known)
+        add_event(log, "table", cts_table_json(&report->table));
+    const CtsVoxelCounts *v = &report->voxels;
+    const CtsErrorBound *b = &report->bound;
+    if (v->known)
+        add_event(log, "voxels",
+                  json_pack("{s:I,s:I,s:I,s:I}", "total", (json_int_t)v->total, "void", (json_int_t)v->void_voxels,
+                            "reused", (json_int_t)v->reused, "splatted", (json_int_t)v->splatted));
+    if (b->known)
+        add_event(log, "bound",
+                  json_pack("{s:f,s:f,s:s,s:I}", "rmse", b->rmse, "max", b->max, "kind", "estimated", "cast",
+                            (json_int_t)b->cast));
     if (report->verified.pixels)
-        log_verified(log, report);
+        add_event(log, "error", cts_error_json(report));
 }
 
 static char *new_line(json_t *object)
@@ -357,25 +308,20 @@ void cts_log_failed(CtsLog *log, int exit_code, const char *message)
 {
     if (!log)
         return;
-    json_t *event = new_event(log, "failed");
-    json_object_set_new(event, "exit_code", json_integer(exit_code));
-    json_object_set_new(event, "message", new_message(log, message));
-    add_line(log, event);
+    add_event(log, "failed", json_pack("{s:i,s:o}", "exit_code", exit_code, "message", new_message(log, message)));
 }
 
 void cts_log_done(CtsLog *log, int n_threads)
 {
     if (!log)
         return;
-    json_t *event = new_event(log, "done");
-    json_object_set_new(event, "wall_ms", new_ms(log->end_ms - log->start_ms));
-    json_object_set_new(event, "cpu_ms", new_ms(log->cpu_ms));
-    json_object_set_new(event, "serial_ms", new_ms(fmax(log->end_ms - log->start_ms - log->parallel_ms, 0)));
-    set_integer(event, "peak_rss_bytes", cts_peak_rss_bytes());
     const char *why;
-    json_object_set_new(event, "threads", json_integer(cts_threads_why(n_threads, &why)));
-    json_object_set_new(event, "threads_why", json_string(why));
-    add_line(log, event);
+    const int threads = cts_threads_why(n_threads, &why);
+    add_event(log, "done",
+              json_pack("{s:o,s:o,s:o,s:I,s:i,s:s}", "wall_ms", new_ms(log->end_ms - log->start_ms), "cpu_ms",
+                        new_ms(log->cpu_ms), "serial_ms",
+                        new_ms(fmax(log->end_ms - log->start_ms - log->parallel_ms, 0)), "peak_rss_bytes",
+                        (json_int_t)cts_peak_rss_bytes(), "threads", threads, "threads_why", why));
 }
 
 /* What the first line tells is known last. */
