@@ -2,8 +2,8 @@
 #define _GNU_SOURCE
 #include "app/serve/server.h"
 
+#include "output/net/listener.h"
 #include <errno.h>
-#include <netdb.h>
 #include <netinet/in.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -70,28 +70,6 @@ static bool is_loopback(const struct sockaddr_storage *a)
     return IN6_IS_ADDR_LOOPBACK(six) || (IN6_IS_ADDR_V4MAPPED(six) && six->s6_addr[12] == 127);
 }
 
-static CtsStatus open_address(const char *address, int *fd, CtsError *err)
-{
-    char host[256];
-    struct addrinfo *found = NULL;
-    const struct addrinfo hints = {
-        .ai_flags = AI_PASSIVE | AI_NUMERICSERV, .ai_family = AF_UNSPEC, .ai_socktype = SOCK_STREAM};
-    const char *colon = strrchr(address, ':');
-    const bool bracketed = address[0] == '[' && colon && colon > address && colon[-1] == ']';
-    const size_t n = colon ? (size_t)(colon - address) - 2 * bracketed : 0;
-    if (n == 0 || n >= sizeof host || !colon[1])
-        return cts_fail(err, CTS_ERR_USAGE, "`listen` %s: not HOST:PORT or unix:PATH", address);
-    snprintf(host, sizeof host, "%.*s", (int)n, address + bracketed);
-    const int why = getaddrinfo(host, colon + 1, &hints, &found);
-    if (why)
-        return cts_fail(err, CTS_ERR_USAGE, "`listen` %s: %s", address, gai_strerror(why));
-    *fd = socket(found->ai_family, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    const bool failed = *fd < 0 || setsockopt(*fd, SOL_SOCKET, SO_REUSEADDR, &(int){1}, sizeof(int)) ||
-                        bind(*fd, found->ai_addr, found->ai_addrlen) || listen(*fd, BACKLOG);
-    freeaddrinfo(found);
-    return failed ? fail_errno(address, "cannot listen", err) : CTS_OK;
-}
-
 /* sd_listen_fds(3), without its library. */
 static bool is_handed_over(void)
 {
@@ -103,7 +81,7 @@ static CtsStatus name_it(CtsServer *server, int fd, char **url, CtsError *err)
 {
     struct sockaddr_storage a;
     socklen_t size = sizeof a;
-    char host[64] = "", port[16] = "";
+    char where[80];
     if (getsockname(fd, (struct sockaddr *)&a, &size))
         return fail_errno(address_of(server), "is no socket", err);
     server->local_socket = a.ss_family == AF_UNIX;
@@ -116,10 +94,8 @@ static CtsStatus name_it(CtsServer *server, int fd, char **url, CtsError *err)
                         "`listen` %s: beyond this machine the patient's pictures need TLS (give "
                         "`tls-cert` and `tls-key`, or `insecure-http`)",
                         address_of(server));
-    getnameinfo((struct sockaddr *)&a, size, host, sizeof host, port, sizeof port, NI_NUMERICHOST | NI_NUMERICSERV);
-    const bool six = strchr(host, ':') != NULL;
-    return asprintf(url, "%s://%s%s%s:%s/", server->tls ? "https" : "http", six ? "[" : "", host, six ? "]" : "",
-                    port) < 0
+    cts_listener_name(fd, where, sizeof where);
+    return asprintf(url, "%s://%s/", server->tls ? "https" : "http", where) < 0
                ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
                : CTS_OK;
 }
@@ -133,7 +109,7 @@ CtsStatus cts_door_open(CtsServer *server, int *fd, char **url, CtsError *err)
     if (is_handed_over())
         *fd = FIRST_HANDED;
     else
-        st = strncmp(address, LOCAL, strlen(LOCAL)) ? open_address(address, fd, err) : open_local(address, fd, err);
+        st = strncmp(address, LOCAL, strlen(LOCAL)) ? cts_listen(address, fd, err) : open_local(address, fd, err);
     if (!st)
         st = name_it(server, *fd, url, err);
     if (st && *fd >= 0)

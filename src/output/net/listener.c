@@ -9,21 +9,21 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-enum { BACKLOG = 64 };
+enum { BACKLOG = 512 };
 
 static CtsStatus resolve(const char *text, struct addrinfo **found, CtsError *err)
 {
-    const struct addrinfo hints = {.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV | AI_PASSIVE,
-                                   .ai_socktype = SOCK_STREAM};
+    const struct addrinfo hints = {.ai_flags = AI_NUMERICSERV | AI_PASSIVE, .ai_socktype = SOCK_STREAM};
     const char *colon = strrchr(text, ':');
-    char host[80];
+    char host[256];
     char *end = "";
     const long port = colon && colon[1] ? strtol(colon + 1, &end, 10) : -1;
     const bool bracketed = colon && text[0] == '[' && colon[-1] == ']';
     snprintf(host, sizeof host, "%.*s", colon ? (int)(colon - text) - 2 * bracketed : 0, text + bracketed);
     if (port < 0 || port > 65535 || *end || !*host || (strchr(host, ':') && !bracketed) ||
         getaddrinfo(host, colon + 1, &hints, found))
-        return cts_fail(err, CTS_ERR_USAGE, "`listen` %.80s: is not ADDRESS:PORT, such as 127.0.0.1:11112", text);
+        return cts_fail(err, CTS_ERR_USAGE, "`listen` %.80s: is no HOST:PORT of this machine, such as 127.0.0.1:11112",
+                        text);
     return CTS_OK;
 }
 

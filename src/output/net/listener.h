@@ -8,7 +8,7 @@
 extern "C" {
 #endif
 
-/* ADDRESS:PORT, the address in numbers, one of IPv6 in brackets; port 0 is any free one. CTS_ERR_USAGE for another
+/* HOST:PORT, an address of IPv6 in brackets; port 0 is any free one. CTS_ERR_USAGE for another
  * text, CTS_ERR_INTERNAL when it cannot be listened at. */
 CtsStatus cts_listen(const char *text, int *listener, CtsError *err);
 /* The same, as the listener has it by now. */
