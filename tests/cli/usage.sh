@@ -9,6 +9,7 @@ refused 2 '-x: no such option' render -x
 refused 2 '--size: its argument is missing \(WxH\)' render x --size
 refused 2 '--json: not an option of render' render x --json
 refused 2 'takes no argument' info x --json=yes
+refused 2 'IPv4 alone' info --from 'A@[::1]:104'
 refused 2 'compare: a picture is missing' compare a.png
 refused 2 'one argument too many: c.png' compare a.png b.png c.png
 refused 2 'one argument too many' presets bone skin

@@ -187,6 +187,7 @@ def test_errors(tmp_path, phantom):
         (2, lambda: phantom.render(no_such_option=1)),
         (2, lambda: phantom.render(path=PHANTOM)),
         (2, lambda: phantom.render(rotation=4)),
+        (2, lambda: phantom.render(labels=PHANTOM)),
         (2, lambda: ctsplat.Volume(np.zeros((2, 2, 2)))),
         (2, lambda: ctsplat.Volume(np.zeros((2, 2)), (1, 1, 1))),
         (2, lambda: ctsplat.Volume(np.zeros((2, 2, 2), complex), (1, 1, 1))),
