@@ -122,6 +122,30 @@ static void constant_slab(void **state)
     }
 }
 
+/* Levels 500 and 501 side by side, and a step at 500.999 that halves light within 0.02 mm, of which there is 0.001:
+ * the step's place counts to more digits than a float has. Of a small picture all pixels are made again. */
+static void step_near_level(void **state)
+{
+    (void)state;
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, 12, 2, 12, &err), CTS_OK);
+    for (size_t i = 0; i < cts_volume_n_voxels(v); i++)
+        v->grey[i] = (uint16_t)(1524 + i / 12 % 2);
+    CtsPreset preset = {.name = "step", .unit_distance_mm = 0.02, .n_opacity = 2, .n_colour = 1};
+    preset.opacity[0] = (CtsOpacityPoint){500.999, 0};
+    preset.opacity[1] = (CtsOpacityPoint){500.999, 0.5};
+    preset.colour[0] = (CtsColourPoint){0, {1, 1, 1}};
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 16, 0, 0);
+    s.shade = CTS_OFF;
+    CtsPicture *p = render(v, &preset, &s, NULL);
+    const double red = (double)p->pixels[4 * (8 * 16 + 8)], expected = 1 - exp2(-0.05);
+    if (!(fabs(red - expected) < 1e-5))
+        fail_msg("%g, not %g", red, expected);
+    cts_picture_free(&p);
+    cts_volume_free(&v);
+}
+
 static double rms_between(const CtsPicture *a, const CtsPicture *b)
 {
     CtsDifference d;
@@ -480,7 +504,7 @@ int main(void)
         cmocka_unit_test(same_bytes),       cmocka_unit_test(constant_slab),  cmocka_unit_test(near_reference),
         cmocka_unit_test(thin_and_hard),    cmocka_unit_test(between_levels), cmocka_unit_test(hard_presets),
         cmocka_unit_test(falls_as_asked),   cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),
-        cmocka_unit_test(modes_by_packets), cmocka_unit_test(drafts_between),
+        cmocka_unit_test(modes_by_packets), cmocka_unit_test(drafts_between), cmocka_unit_test(step_near_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -7,6 +7,8 @@ enum { HALVINGS = 40, ROOT_STEPS = 40 };
 #define LEAST_MM ((real)1e-11)
 #define FAR_MM ((real)1e60)
 #define NEARLY_1 (1 - 0x1p-52)
+/* Between neighbouring levels, near one of them, a knot's place is known to a few digits in single precision. */
+#define FULL(rounded, rest) ((rounded) + (rest))
 #else
 enum { HALVINGS = 3, ROOT_STEPS = 3 };
 #define ROOT_OFF ((real)0)
@@ -14,6 +16,7 @@ enum { HALVINGS = 3, ROOT_STEPS = 3 };
 #define LEAST_MM ((real)6e-5)
 #define FAR_MM ((real)1e30)
 #define NEARLY_1 ((real)(1 - 0x1p-23))
+#define FULL(rounded, rest) (rounded)
 #endif
 enum { MOST_CUTS = 8, FEW_KNOTS = 4 };
 /* Levels are rounded by this share of what a ray may touch or not. */
@@ -40,7 +43,7 @@ typedef struct March {
     TiledRays *rays;
     TiledCounts *counts;
     int next; /* ray */
-    real step[3], inverse[3], far[3], tolerance, dark, touch, least_lit, turn;
+    real step[3], inverse[3], far[3], tolerance, dark, touch, least_lit, turn, sharp;
     whole ahead[3], behind[3];
     Packet p;
 } March;
@@ -144,6 +147,11 @@ INLINE Cubic load_cubic(const March *m, vmask lanes, vf from, vf to)
          f[1][1] + y[1] * d[1][1]}};
 }
 
+INLINE real change_of(const TiledPieces *t, int k)
+{
+    return FULL((real)t->change[k], (real)t->change_rest[k]);
+}
+
 /* Knots that pieces are to be cut at. */
 typedef struct Cuts {
     int n;
@@ -163,7 +171,7 @@ INLINE Cuts find_cuts(const March *m, const Cubic *c, vmask lanes, vf length)
     const vf touch_low = select_f(m->p.fresh, inner_low, low), touch_high = select_f(m->p.fresh, inner_high, high);
     Cuts cuts = {.wrong = vf_of(0), .all = mask_of(0), .halve = mask_of(0)};
     for (int k = CTS_MUTATED(KNOT_OFF); k < t->n_changes; k++) {
-        const real knot = (real)t->change[k], jump = (real)t->jump[k], bend = (real)0.15f * (real)t->bend[k];
+        const real knot = change_of(t, k), jump = (real)t->jump[k], bend = (real)0.15f * (real)t->bend[k];
         const vf over = vf_min(knot - low, high - knot);
         const vmask near = lanes & vf_lt(vf_of(-m->touch), over);
         /* A few are looked at without asking, as no processor foretells the answer. */
@@ -199,7 +207,7 @@ INLINE vmask passes_again(const March *m, const Cubic *c, const Cuts *cuts)
 {
     vmask again = mask_of(0);
     for (int i = 0; i < cuts->n; i++) {
-        const vf knot = vf_of((real)m->pieces->change[cuts->knot[i]]);
+        const vf knot = vf_of(change_of(m->pieces, cuts->knot[i]));
         vmask below[4], turn[3];
         for (int k = 0; k < 4; k++)
             below[k] = vf_lt(c->b[k], knot);
@@ -270,7 +278,7 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
     vf root = vf_of(1);
     const vf least = vf_max(vf_of(LEAST_SHARE), LEAST_MM / vf_max(*length, vf_of((real)1e-9f)));
     for (int i = 0; i < cuts->n; i++) {
-        const real knot = (real)m->pieces->change[cuts->knot[i]];
+        const real knot = change_of(m->pieces, cuts->knot[i]);
         const vf shifted[4] = {power[0] - knot, power[1], power[2], power[3]}, at_end = b[3] - knot;
         const vmask crosses = cuts->lanes[i] & differ(vf_lt(shifted[0], vf_of(0)), vf_lt(at_end, vf_of(0)));
         if (!bits_of(crosses))
@@ -303,7 +311,7 @@ INLINE vi piece_of(const TiledPieces *t, vf level)
     vi q = vi_of(0);
     if (t->n_knots <= 16) {
         for (int k = 0; k < t->n_knots; k++)
-            q = select_i(vf_le(vf_of((real)t->knot[k]), level), vi_of(k + 1), q);
+            q = select_i(vf_le(vf_of(FULL((real)t->knot[k], (real)t->rest[k])), level), vi_of(k + 1), q);
         return q;
     }
     int bit = 1;
@@ -311,7 +319,7 @@ INLINE vi piece_of(const TiledPieces *t, vf level)
         bit *= 2;
     for (; bit > 0; bit /= 2) {
         const vi on = vi_min(q + bit, vi_of(t->n_knots));
-        const vf knot = look_up(t->knot, TILED_KNOTS, on - 1);
+        const vf knot = FULL(look_up(t->knot, TILED_KNOTS, on - 1), look_up(t->rest, TILED_KNOTS, on - 1));
         q = select_i(vf_le(knot, level), on, q);
     }
     return q;
@@ -323,7 +331,7 @@ INLINE Look look_at(const TiledPieces *t, vf level)
     vf value[4], rise[4];
     const int n = t->n_knots + 1;
     const vi q = piece_of(t, level);
-    const vf above = level - look_up(t->from, n, q);
+    const vf above = level - FULL(look_up(t->from, n, q), look_up(t->from_rest, n, q));
     for (int c = 0; c < 4; c++) {
         rise[c] = look_up(t->rise[c], n, q);
         value[c] = look_up(t->at[c], n, q) + rise[c] * above;
@@ -603,6 +611,8 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         march_rays(&m, NULL);
     } else {
         Lit lit;
+        /* What light bends by, over its peak by exp(-1/2) of the power in the mean; a step's bound holds up to 3. */
+        m.sharp = (real)fmaxf(1, (j->shade->diffuse + 0.607f * j->shade->specular * j->shade->exponent) / 3);
         memset(&lit, 0, sizeof lit);
         march_rays(&m, &lit);
         light_up(&m, &lit, true);

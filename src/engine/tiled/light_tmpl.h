@@ -67,13 +67,14 @@ INLINE vf dot(const Direction *a, const Direction *b)
 
 #define LEAST_SQUARE ((real)1e-20f)
 
-/* The square of the difference of their unit vectors; where neither has a direction, both are lit alike. */
-INLINE vf turning(const Direction *a, const Direction *b)
+/* The square of the difference of their unit vectors, more where light is so sharp that it bends more than they do;
+ * where neither has a direction, both are lit alike. */
+INLINE vf turning(const March *m, const Direction *a, const Direction *b)
 {
     const vf aa = dot(a, a), bb = dot(b, b);
     const vf squares = vf_max(aa * bb, vf_of(LEAST_SQUARE * LEAST_SQUARE + (real)1e-37f));
     const vf square = vf_max(2 - 2 * dot(a, b) * vf_inverse_root(squares), vf_of(0));
-    return select_f(vf_lt(vf_of(LEAST_SQUARE), vf_max(aa, bb)), square, vf_of(0));
+    return select_f(vf_lt(vf_of(LEAST_SQUARE), vf_max(aa, bb)), vf_min(m->sharp * square, vf_of(4)), vf_of(0));
 }
 
 /* What a colour is multiplied with, and the white that is added, for a share of 1. */
@@ -164,7 +165,7 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
         const vf middle = s + part * centre_of((real)M_LN2 * (depth[0] + depth[1]));
         const Direction half = gradient_at(j, k, w->enter, w->way, middle),
                         after = gradient_at(j, k, w->enter, w->way, to);
-        const vf turn = (weight[0] + weight[1]) * (turning(&before, &half) + turning(&half, &after));
+        const vf turn = (weight[0] + weight[1]) * (turning(m, &before, &half) + turning(m, &half, &after));
         const vmask taken = on & (vf_le(turn, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
         const Glow glow = glow_of(j->shade, &half);
         for (int i = 0; i < 2; i++)
@@ -232,7 +233,7 @@ OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
     const Direction centre = gradient_at(j, &k, w.enter, w.way, w.centre),
                     front = gradient_at(j, &k, w.enter, w.way, vf_of(0)),
                     back = gradient_at(j, &k, w.enter, w.way, vf_of(1));
-    const vf turn = w.weight * (turning(&front, &centre) + turning(&centre, &back));
+    const vf turn = w.weight * (turning(m, &front, &centre) + turning(m, &centre, &back));
     const vmask stretch = lanes & vf_lt(vf_of(0), w.length),
                 turns = CTS_MUTATED(LIT_STEPS) ? mask_of(0) : stretch & vf_lt(vf_of(m->turn), turn);
     const Glow glow = glow_of(j->shade, &centre);

@@ -93,6 +93,7 @@ static void find_changes(TiledPieces *t)
         }
         const int n = t->n_changes;
         t->change[n] = t->knot[k];
+        t->change_rest[n] = t->rest[k];
         t->jump[n] = jump > 1e-6 * most ? (float)jump : 0;
         t->bend[n] = (float)bend;
         t->n_changes += t->jump[n] > 0 || bend > 0;
@@ -114,6 +115,12 @@ static void find_colours(TiledPieces *t, const CtsScene *scene)
         t->colours = 1;
 }
 
+static void split(double level, float *rounded, float *rest)
+{
+    *rounded = (float)level;
+    *rest = (float)(level - (double)*rounded);
+}
+
 void cts_tiled_pieces_init(TiledPieces *t, const CtsScene *scene)
 {
     const CtsPreset *const p = scene->preset;
@@ -128,9 +135,9 @@ void cts_tiled_pieces_init(TiledPieces *t, const CtsScene *scene)
         const double high = q < knots.n ? knots.hu[q] : low + 2;
         double at[4], rise[4];
         find_piece(p, low, high, at, rise);
-        t->from[q] = (float)((low - v->hu_offset) / v->hu_step);
+        split((low - v->hu_offset) / v->hu_step, &t->from[q], &t->from_rest[q]);
         if (q < knots.n)
-            t->knot[q] = (float)((high - v->hu_offset) / v->hu_step);
+            split((high - v->hu_offset) / v->hu_step, &t->knot[q], &t->rest[q]);
         for (int c = 0; c < 4; c++) {
             const bool ends = q == 0 || q == knots.n;
             t->at[c][q] = (float)at[c];

@@ -13,11 +13,12 @@ enum { TILED_KNOTS = 3 * CTS_MAX_POINTS };
 typedef struct TiledPieces {
     int n_knots;
     float knot[TILED_KNOTS]; /* grey levels, rising */
+    float rest[TILED_KNOTS]; /* what single precision leaves of them */
     /* Knots that change anything: by how much extinction per mm jumps there, and its slope per grey level changes;
      * colours count as far as they show. */
     int n_changes;
-    float change[TILED_KNOTS], jump[TILED_KNOTS], bend[TILED_KNOTS];
-    float from[TILED_KNOTS + 1], at[4][TILED_KNOTS + 1], rise[4][TILED_KNOTS + 1];
+    float change[TILED_KNOTS], change_rest[TILED_KNOTS], jump[TILED_KNOTS], bend[TILED_KNOTS];
+    float from[TILED_KNOTS + 1], from_rest[TILED_KNOTS + 1], at[4][TILED_KNOTS + 1], rise[4][TILED_KNOTS + 1];
     float by_log2;   /* extinction per mm is -log2(1 - opacity) times this, */
     float most;      /* and at most this; both to the base of 2 */
     float low, high; /* nothing shows at low or below, nor at high or above */
