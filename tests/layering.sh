@@ -32,7 +32,7 @@ src/output/image  | |
 src/output/objects | input/files/ input/header/ input/codec/ | openjpeg.h
 src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h isa-l.h jpeglib.h webp/
 src/output/net    | input/files/scan.h input/header/ output/objects/ | curl/ jansson.h netdb.h netinet/ openssl/
-src/output/report | | jansson.h png.h
+src/output/report | | jansson.h
 src/lab/check     | |
 src/lab/bench     | output/report/ |
 src/app/job       | |

@@ -31,10 +31,6 @@ void cts_reference_free(CtsReference **reference);
 CtsStatus cts_reference_compare(const CtsReference *reference, const CtsPicture *picture, CtsVerified *verified,
                                 CtsError *err);
 
-/* rgba[i] becomes the true value of pixel xy[i]: premultiplied, not blended over a background, not clamped. */
-CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
-                               const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err);
-
 #pragma GCC visibility pop
 #ifdef __cplusplus
 }

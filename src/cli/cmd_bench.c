@@ -9,7 +9,6 @@
 #include "lab/bench/paper_table.h"
 #include "output/report/text_table.h"
 #include <errno.h>
-#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -24,52 +23,14 @@ static CtsStatus make_folder(const CtsOptions *options, CtsError *err)
     return cts_bench_check_writable(options->output_dir, options->export.force, err);
 }
 
-static void add_row(CtsTable *table, const CtsBenchRow *r)
-{
-    char samples[24], bound[24];
-    cts_bench_samples_text(r, samples);
-    cts_bench_bound_text(r, bound);
-    cts_table_cell(table, "%s", cts_engine_names[r->engine]);
-    cts_table_cell(table, "%s", cts_kernel_names[r->kernel]);
-    cts_table_cell(table, "%s", samples);
-    cts_table_cell(table, "%g", r->tolerance_hu);
-    cts_table_cell(table, "%s", r->void_key ? "key" : "strict");
-    cts_table_cell(table, "%.1f", r->wall_ms);
-    cts_table_cell(table, "%.1f", r->wall_ms_spread);
-    cts_table_cell(table, "%.1f %%", 100 * r->serial_ms / r->wall_ms);
-    cts_table_cell(table, "%.0f", (double)r->peak_rss_bytes / 1048576);
-    cts_table_cell(table, "%.3g", r->own.rmse);
-    cts_table_cell(table, "%.3g", r->trilinear.rmse);
-    cts_table_cell(table, "%s", bound);
-    cts_table_cell(table, "%.1f", r->own.rmse > 0 ? -20 * log10(r->own.rmse) : INFINITY);
-    if (r->voxels.known)
-        cts_table_cell(table, "%.1f %%", 100 * (double)r->voxels.splatted / (double)r->voxels.total);
-    else
-        cts_table_cell(table, "-");
-    cts_table_cell(table, "%s", r->pareto ? "front" : "");
-}
-
 static void print_table(const CtsBenchRows *rows)
 {
-    CtsTable *table = cts_table_new((const char *const[]){"engine", "kernel", ">samples", ">tolerance", "void", ">ms",
-                                                          ">spread", ">serial", ">MiB", ">rmse", ">trilinear", ">told",
-                                                          ">psnr dB", ">splatted", ""},
-                                    15);
-    const CtsBenchRow *some = NULL;
-    for (int i = 0; i < rows->n; i++)
-        if (rows->rows[i].measured) {
-            some = &rows->rows[i];
-            add_row(table, some);
-        }
-    if (some) {
+    char legend[2048];
+    CtsTable *table = cts_bench_table(rows);
+    cts_bench_legend(rows, legend);
+    if (legend[0])
         cts_table_print(table, stdout);
-        printf("\n%s.\nPictures of %d x %d pixels, %d threads. Errors at %llu random pixels (trilinear: %llu), against "
-               "float64 integrals converged to 1e-7;\nrmse is against the same kernel's, told what a render says that "
-               "the trilinear one is at most; 95 %% intervals are in "
-               "report.html.\n",
-               rows->scene, rows->width, rows->height, rows->n_threads, (unsigned long long)some->own.pixels,
-               (unsigned long long)some->trilinear.pixels);
-    }
+    printf("\n%s", legend);
     cts_table_free(&table);
     for (int i = 0; i < rows->n; i++)
         if (!rows->rows[i].measured)
@@ -124,8 +85,7 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     CtsPreset *preset = malloc(sizeof *preset);
     if (!preset)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if ((st = cts_preset_load(options->preset, preset, err)) || (!options->paper && (st = make_folder(options, err))) ||
-        (options->peers && (st = cts_bench_peers_read(options->peers, &rows.peers, err))))
+    if ((st = cts_preset_load(options->preset, preset, err)) || (!options->paper && (st = make_folder(options, err))))
         goto end;
     CliWatch seen = {0};
     const CtsWatch watch = cli_watch(&seen);

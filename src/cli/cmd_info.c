@@ -1,9 +1,11 @@
 /* ctsplat info: headers of every series, and the HU range of those that can be rendered. */
 #include "app/job/source.h"
 #include "app/words/words_job.h"
+#include "base/json.h"
+#include "base/text.h"
 #include "cli/commands.h"
 #include "cli/interrupt.h"
-#include "cli/print_found.h"
+#include "cli/print_json.h"
 #include "cli/progress.h"
 #include "output/report/info.h"
 #include <stdio.h>
@@ -83,6 +85,46 @@ static CtsStatus read_each(const CtsOptions *options, const CtsSeriesList *list,
     return st;
 }
 
+/* A peer's words drive no terminal. */
+static void print_text(const char *name, const char *text)
+{
+    char clean[80];
+    snprintf(clean, sizeof clean, "%s", text);
+    cts_text_clean(clean);
+    printf("  %-16s %s\n", name, clean);
+}
+
+static void print_found(const CtsFound *found, bool show_patient)
+{
+    printf("%d series found\n", found->n);
+    for (int i = 0; i < found->n; i++) {
+        const CtsFoundSeries *s = &found->items[i];
+        printf("\nseries %s\n", s->series_uid);
+        print_text("study", s->study_uid);
+        print_text("modality", s->modality);
+        if (s->n_objects)
+            printf("  %-16s %d\n", "objects", s->n_objects);
+        if (show_patient)
+            print_text("study date", s->study_date);
+        if (show_patient)
+            print_text("description", s->description);
+    }
+}
+
+static json_t *found_json(const CtsFound *found, bool show_patient)
+{
+    json_t *series = json_array();
+    for (int i = 0; i < found->n; i++) {
+        const CtsFoundSeries *s = &found->items[i];
+        json_array_append_new(series, json_pack("{s:s,s:s,s:o,s:o,s:o*,s:o*}", "series_uid", s->series_uid, "study_uid",
+                                                s->study_uid, "modality", cts_json_new_text(s->modality), "objects",
+                                                s->n_objects ? json_integer(s->n_objects) : json_null(), "study_date",
+                                                show_patient ? cts_json_new_text(s->study_date) : NULL, "description",
+                                                show_patient ? cts_json_new_text(s->description) : NULL));
+    }
+    return json_pack("{s:o}", "series", series);
+}
+
 /* What a peer has: nothing of it is fetched. */
 static CtsStatus tell_found(const CtsOptions *options, CtsError *err)
 {
@@ -94,9 +136,9 @@ static CtsStatus tell_found(const CtsOptions *options, CtsError *err)
     if (st)
         st = cts_context(err, "`from`");
     else if (options->json)
-        st = cli_print_found_json(&found, options->show_patient, err);
+        st = cli_print_json(found_json(&found, options->show_patient), err);
     else
-        cli_print_found(&found, options->show_patient);
+        print_found(&found, options->show_patient);
     cts_found_free(&found);
     return st;
 }
@@ -120,7 +162,7 @@ CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
         goto end;
     cli_progress_clear();
     if (options->json)
-        st = cts_info_print_json(stdout, list, facts, options->show_patient, err);
+        st = cli_print_json(cts_info_list_json(list, facts, options->show_patient), err);
     else
         cts_info_print(stdout, list, facts, options->show_patient);
 end:

@@ -4,6 +4,10 @@
 #include "app/words/word_lists.h"
 #include "cli/commands.h"
 
+#include <expat.h>
+#include <jansson.h>
+#include <openexr_base.h>
+#include <png.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -92,4 +96,17 @@ void cli_help_command(int command)
     for (const CtsOption *o = cts_options; o->name; o++)
         if (cts_option_is_of(o, (CtsCommand)command))
             print_option(o);
+}
+
+void cli_version(void)
+{
+    int major, minor, patch;
+    const char *extra;
+    exr_get_library_version(&major, &minor, &patch, &extra);
+    printf("ctsplat %s\n", CTS_VERSION);
+    printf("DCMTK %s\n", CTS_DCMTK_VERSION);
+    printf("OpenEXR %d.%d.%d\n", major, minor, patch);
+    printf("libpng %s\n", png_get_libpng_ver(NULL));
+    printf("jansson %s\n", jansson_version_str());
+    printf("%s\n", XML_ExpatVersion());
 }

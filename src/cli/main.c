@@ -7,7 +7,6 @@
 #include "cli/help.h"
 #include "cli/interrupt.h"
 #include "cli/message.h"
-#include "cli/version.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>

@@ -30,7 +30,7 @@ fields = {
 # The manual tells all of them, and the source knows no more.
 root = pathlib.Path(sys.argv[1])
 source = (root / "src/output/report/log.c").read_text()
-written = re.findall(r'add_event\(\s*log, "(\w+)"|"event", "(\w+)"', source)
+written = re.findall(r'add_(?:event|once)\(\s*log, "(\w+)"|"event", "(\w+)"', source)
 assert {a or b for a, b in written} == set(fields), written
 section = (root / "man/ctsplat.1").read_text().split(".SH TIMING LOG")[1].split("\n.SH ")[0]
 entries = dict(re.findall(r"\.TP\n\.B (\w+)\n(.*?)(?=\n\.TP|\Z)", section, re.S))

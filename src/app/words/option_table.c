@@ -46,8 +46,6 @@ const CtsOption cts_options[] = {
     {0, "format", "NAME", ON(RENDER), SAME, "{formats}: what -o - writes", NULL, PARSED(format)},
     {'O', "output-dir", "DIR", ON(BATCH) | ON(BENCH) | ON(RECEIVE), SAME,
      "write into this folder; it is made where it does not exist", NULL, TEXT(output_dir)},
-    {0, "peers", "FILE", ON(BENCH), SAME,
-     "other renderers' times and errors on this scene, a JSON object a line, for plot and page", NULL, TEXT(peers)},
     {0, "paper", NULL, ON(BENCH), SAME,
      "the tables of the paper instead: its engines as it has them, in per cent of plain splatting, beside its own",
      NULL, FLAG(paper)},
@@ -79,7 +77,7 @@ const CtsOption cts_options[] = {
      NUMBER(render.mm_per_pixel), BOUNDS(MM_PER_PIXEL)},
     {0, "centre", "X,Y,Z", LOOKS, FRESH,
      "what the middle of the picture shows, millimetres in patient coordinates (LPS)", "as --fit says", PARSED(centre)},
-    {0, "series", "UID", PICTURES | ON(PRESETS), SAME, "which series, when PATH holds several",
+    {0, "series", "UID", PICTURES, SAME, "which series, when PATH holds several",
      "the one with the most slices", TEXT(series_uid)},
     {0, "labels", "PATH", PICTURES | ON(SERVE) | ON(INFO), FRESH,
      "segmentations: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "

@@ -98,7 +98,7 @@ typedef struct CtsOptions {
     uint64_t memory_bytes; /* 0: half of what is free */
 
     bool help, json, show_patient, show_paths, paper;
-    const char *peers, *only; /* NULL when not given */
+    const char *only; /* NULL when not given */
 
     CtsWord *words; /* as they were taken, n_words */
     int n_words;

@@ -15,9 +15,9 @@ typedef struct CtsBenchSettings {
     void (*progress)(double done, int all, const char *what);
 } CtsBenchSettings;
 
-/* Every setting is measured in a process of its own: at least 3 renders, more while they are quick. rows, with the
- * peers that it has, is filled as far as things went also when the call fails; after CTS_ERR_INTERRUPTED that is what
- * was measured so far. Free with cts_bench_free(). */
+/* Every setting is measured in a process of its own: at least 3 renders, more while they are quick. rows is filled
+ * as far as things went also when the call fails; after CTS_ERR_INTERRUPTED that is what was measured so far. Free with
+ * cts_bench_free(). */
 CtsStatus cts_bench_run(const CtsBenchSettings *settings, CtsBenchRows *rows, CtsError *err);
 void cts_bench_free(CtsBenchRows *rows);
 

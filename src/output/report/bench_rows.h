@@ -5,17 +5,9 @@
 #include "ctsplat/render.h"
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
-#include "output/report/bench_peers.h"
+#include "output/report/text_table.h"
 #include <stdbool.h>
 #include <stdint.h>
-
-enum { CTS_THUMB_SIDE = 160 };
-
-/* 8-bit red, green, blue, rows from the top. */
-typedef struct CtsThumb {
-    int width, height;
-    uint8_t rgb[CTS_THUMB_SIDE * CTS_THUMB_SIDE * 3];
-} CtsThumb;
 
 /* One setting of one engine. */
 typedef struct CtsBenchRow {
@@ -34,34 +26,32 @@ typedef struct CtsBenchRow {
     CtsVerified own, trilinear;     /* against the converged integral of the same kernel, and of the trilinear field */
     CtsErrorBound bound;            /* of the picture's error against the trilinear integral, as it was told */
     CtsVoxelCounts voxels;
-    bool pareto;                  /* no other row is both faster and nearer to the trilinear integral */
-    CtsThumb picture, difference; /* the difference from the trilinear integral, amplified */
+    bool pareto; /* no other row is both faster and nearer to the trilinear integral */
 } CtsBenchRow;
 
 typedef struct CtsBenchRows {
     CtsBenchRow *rows;
     int n;
-    bool complete;       /* false: interrupted */
-    CtsBenchPeers peers; /* what else the plot and the page show */
-    /* What was measured, for the pages; no patient data. */
-    char scene[256];
+    bool complete;   /* false: interrupted */
+    char scene[256]; /* what was measured, for the page; no patient data */
     int width, height, n_threads;
-    double amplified; /* differences in the thumbnails are so many times too large */
 } CtsBenchRows;
 
 /* Marks the rows that no other row beats in both time and rmse_trilinear. */
 void cts_bench_mark_pareto(CtsBenchRows *rows);
 
-/* "4", "auto", or "to 0.25/255" where an error was asked for: for the table, the plot and the page. */
+/* "4", "auto", or "to 0.25/255" where an error was asked for. */
 void cts_bench_samples_text(const CtsBenchRow *row, char text[24]);
-/* "0.00124", or "-" where none was told. */
-void cts_bench_bound_text(const CtsBenchRow *row, char text[24]);
 
+/* What was measured, a row each, to be freed with cts_table_free(), and what its columns are, in a few lines; "" where
+ * nothing was. */
+CtsTable *cts_bench_table(const CtsBenchRows *rows);
+void cts_bench_legend(const CtsBenchRows *rows, char text[2048]);
 /* One object a line, to be freed with free(). */
 CtsStatus cts_bench_lines(const CtsBenchRows *rows, char **text, CtsError *err);
-/* gnuplot script: log-log, one line an engine, the Pareto front marked. */
+/* gnuplot script: log-log, one line an engine but for the reference, the Pareto front marked. */
 CtsStatus cts_bench_plot_script(const CtsBenchRows *rows, char **script, CtsError *err);
-/* HTML that needs no network: the plot (SVG text), the table, thumbnails. */
+/* HTML that needs no network: the plot (SVG text) and the table. */
 CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html, CtsError *err);
 
 #endif

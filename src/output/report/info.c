@@ -96,20 +96,24 @@ json_t *cts_finding_json(const CtsFinding *finding)
                      cts_severity_names[finding->severity], "text", cts_json_new_text(finding->text));
 }
 
+static json_t *number_if(bool known, double number)
+{
+    return known ? cts_json_new_number(number) : json_null();
+}
+
+static json_t *text_if(const char *text)
+{
+    return text && text[0] ? cts_json_new_text(text) : json_null();
+}
+
 json_t *cts_label_json(const CtsLabelFact *l)
 {
-    json_t *object =
-        json_pack("{s:i,s:o,s:s,s:I,s:o}", "number", l->number, "name", cts_json_new_text(l->name), "source",
-                  cts_label_source_names[l->source], "voxels", (json_int_t)l->voxels, "ml", cts_json_new_number(l->ml));
-    json_object_set_new(object, "hu_mean", l->n_hu ? cts_json_new_number(l->hu_mean) : json_null());
-    json_object_set_new(object, "hu_sd", l->n_hu ? cts_json_new_number(l->hu_sd) : json_null());
-    json_object_set_new(object, "touches_edge", json_boolean(l->touches_edge));
-    json_object_set_new(object, "parts", json_integer((json_int_t)l->parts));
-    json_object_set_new(object, "overlap", json_integer((json_int_t)l->overlap));
-    json_object_set_new(object, "empty", json_boolean(!l->voxels));
-    json_object_set_new(object, "label_in_air", json_boolean(l->in_air));
-    json_object_set_new(object, "file", json_integer(l->file));
-    return object;
+    return json_pack("{s:i,s:o,s:s,s:I,s:o,s:o,s:o,s:b,s:I,s:I,s:b,s:b,s:i}", "number", l->number, "name",
+                     cts_json_new_text(l->name), "source", cts_label_source_names[l->source], "voxels",
+                     (json_int_t)l->voxels, "ml", cts_json_new_number(l->ml), "hu_mean", number_if(l->n_hu, l->hu_mean),
+                     "hu_sd", number_if(l->n_hu, l->hu_sd), "touches_edge", l->touches_edge, "parts",
+                     (json_int_t)l->parts, "overlap", (json_int_t)l->overlap, "empty", !l->voxels, "label_in_air",
+                     l->in_air, "file", l->file);
 }
 
 json_t *cts_table_json(const CtsTableFact *t)
@@ -127,67 +131,41 @@ static void append_findings(json_t *list, const CtsFindings *findings)
 
 json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_patient)
 {
-    json_t *object = json_object(), *findings = json_array();
-    json_object_set_new(object, "series_uid", cts_json_new_text(s->uid));
-    json_object_set_new(object, "modality", cts_json_new_text(s->modality));
     char *study = s->study_uid[0] ? cts_uid_hash(NULL, s->study_uid) : NULL;
-    json_object_set_new(object, "study", study ? json_string(study) : json_null());
-    free(study);
-    if (show_patient) {
-        json_object_set_new(object, "study_date", s->study_date[0] ? json_string(s->study_date) : json_null());
-        json_object_set_new(object, "series_number",
-                            s->series_number < 0 ? json_null() : json_integer(s->series_number));
-        json_object_set_new(object, "description", s->description ? cts_json_new_text(s->description) : json_null());
-    }
-    json_object_set_new(object, "slices", json_integer(s->n_slices));
-    json_object_set_new(object, "dims", json_pack("[i,i,i]", s->columns, s->rows, s->n_slices));
-    json_t *spacing_mm = json_array();
-    for (int axis = 0; axis < 3; axis++)
-        json_array_append_new(spacing_mm,
-                              s->spacing_mm[axis] > 0 ? cts_json_new_number(s->spacing_mm[axis]) : json_null());
-    json_object_set_new(object, "spacing_mm", spacing_mm);
-    json_object_set_new(object, "tilt_deg", cts_json_new_number(s->tilt_deg));
-    json_object_set_new(object, "hu_min", f->known ? cts_json_new_number(f->hu_min) : json_null());
-    json_object_set_new(object, "hu_max", f->known ? cts_json_new_number(f->hu_max) : json_null());
-    json_object_set_new(object, "box_mm",
-                        f->known ? json_pack("[f,f,f,f,f,f]", f->box_low_lps[0], f->box_high_lps[0], f->box_low_lps[1],
-                                             f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2])
-                                 : json_null());
-    json_object_set_new(object, "transfer_syntax", cts_json_new_text(s->transfer_syntax));
-    json_object_set_new(object, "orientation", cts_json_new_text(s->orientation));
-    json_object_set_new(object, "renderable", json_boolean(s->renderable && !f->refused));
-    json_object_set_new(object, "passed", json_boolean(s->passed));
+    json_t *findings = json_array(), *labels = f->has_labels ? json_array() : NULL;
     append_findings(findings, &s->findings);
     append_findings(findings, &f->findings);
-    json_object_set_new(object, "findings", findings);
-    json_t *labels = f->has_labels ? json_array() : NULL;
     for (size_t i = 0; i < f->n_labels; i++)
         json_array_append_new(labels, cts_label_json(&f->labels[i]));
-    if (labels)
-        json_object_set_new(object, "labels", labels);
+    json_t *object = json_pack(
+        "{s:o,s:o,s:o,s:i,s:[i,i,i],s:[o,o,o],s:o,s:o,s:o,s:o,s:o,s:o,s:b,s:b,s:o,s:o*}", "series_uid",
+        cts_json_new_text(s->uid), "modality", cts_json_new_text(s->modality), "study", text_if(study), "slices",
+        s->n_slices, "dims", s->columns, s->rows, s->n_slices, "spacing_mm",
+        number_if(s->spacing_mm[0] > 0, s->spacing_mm[0]), number_if(s->spacing_mm[1] > 0, s->spacing_mm[1]),
+        number_if(s->spacing_mm[2] > 0, s->spacing_mm[2]), "tilt_deg", cts_json_new_number(s->tilt_deg), "hu_min",
+        number_if(f->known, f->hu_min), "hu_max", number_if(f->known, f->hu_max), "box_mm",
+        f->known ? json_pack("[f,f,f,f,f,f]", f->box_low_lps[0], f->box_high_lps[0], f->box_low_lps[1],
+                             f->box_high_lps[1], f->box_low_lps[2], f->box_high_lps[2])
+                 : json_null(),
+        "transfer_syntax", cts_json_new_text(s->transfer_syntax), "orientation", cts_json_new_text(s->orientation),
+        "renderable", s->renderable && !f->refused, "passed", s->passed, "findings", findings, "labels", labels);
+    if (show_patient)
+        json_object_update_new(
+            object, json_pack("{s:o,s:o,s:o}", "study_date", text_if(s->study_date), "series_number",
+                              s->series_number < 0 ? json_null() : json_integer(s->series_number), "description",
+                              s->description ? cts_json_new_text(s->description) : json_null()));
+    free(study);
     return object;
 }
 
-CtsStatus cts_info_print_json(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient,
-                              CtsError *err)
+json_t *cts_info_list_json(const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient)
 {
-    json_t *root = json_object(), *series = json_array(), *findings = json_array();
+    json_t *series = json_array(), *findings = json_array(), *others = json_object();
     for (size_t i = 0; i < list->n; i++)
         json_array_append_new(series, cts_info_json(&list->items[i], &facts[i], show_patient));
     append_findings(findings, &list->findings);
-    json_object_set_new(root, "series", series);
-    json_t *others = json_object();
     for (size_t i = 0; i < list->n_others; i++)
         json_object_set_new(others, list->others[i].what, json_integer(list->others[i].n));
-    json_object_set_new(root, "files",
-                        json_pack("{s:i,s:i,s:i,s:o}", "seen", list->n_files, "not_ct", list->n_not_ct, "unreadable",
-                                  list->n_unreadable, "others", others));
-    json_object_set_new(root, "findings", findings);
-    char *text = json_dumps(root, JSON_INDENT(2) | JSON_REAL_PRECISION(12));
-    json_decref(root);
-    if (!text)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    fprintf(file, "%s\n", text);
-    free(text);
-    return CTS_OK;
+    return json_pack("{s:o,s:{s:i,s:i,s:i,s:o},s:o}", "series", series, "files", "seen", list->n_files, "not_ct",
+                     list->n_not_ct, "unreadable", list->n_unreadable, "others", others, "findings", findings);
 }

@@ -31,7 +31,7 @@ struct json_t *cts_info_json(const CtsSeries *series, const CtsPixelFacts *facts
 
 /* facts: one for each series of the list. */
 void cts_info_print(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient);
-CtsStatus cts_info_print_json(FILE *file, const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient,
-                              CtsError *err);
+/* The caller's to release; NULL without memory. */
+struct json_t *cts_info_list_json(const CtsSeriesList *list, const CtsPixelFacts *facts, bool show_patient);
 
 #endif

@@ -86,22 +86,26 @@ CtsStatus cts_log_open(CtsLog **log, const char *path, const char *key, bool may
     return CTS_OK;
 }
 
+static char *new_line(json_t *object)
+{
+    char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(12)) : NULL;
+    json_decref(object);
+    return line;
+}
+
 /* A log that runs out of memory loses a line, never the picture. */
 static void add_line(CtsLog *log, json_t *object)
 {
-    char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(12)) : NULL;
-    if (line) {
-        const size_t n = strlen(line);
-        char *text = realloc(log->text, log->size + n + 1);
-        if (text) {
-            memcpy(text + log->size, line, n);
-            text[log->size + n] = '\n';
-            log->text = text;
-            log->size += n + 1;
-        }
+    char *line = new_line(object);
+    const size_t n = line ? strlen(line) : 0;
+    char *text = line ? realloc(log->text, log->size + n + 1) : NULL;
+    if (text) {
+        memcpy(text + log->size, line, n);
+        text[log->size + n] = '\n';
+        log->text = text;
+        log->size += n + 1;
     }
     free(line);
-    json_decref(object);
 }
 
 /* To the microsecond: more digits are noise. */
@@ -117,6 +121,17 @@ static void add_event(CtsLog *log, const char *event, json_t *told)
     json_object_update(object, told);
     json_decref(told);
     add_line(log, object);
+}
+
+/* Unless a line tells the same already, as each frame of a rotation may. */
+static void add_once(CtsLog *log, const char *event, json_t *told)
+{
+    char *text = new_line(json_incref(told));
+    if (text && log->text && memmem(log->text, log->size, text + 1, strlen(text) - 1))
+        json_decref(told);
+    else
+        add_event(log, event, told);
+    free(text);
 }
 
 /* A message names series by their UIDs, and files. */
@@ -149,16 +164,6 @@ void cts_log_output(CtsLog *log, const char *path, const char *format, uint64_t 
         json_pack("{s:o,s:s,s:I}", "path", cts_json_new_text(path), "format", format, "bytes", (json_int_t)bytes));
 }
 
-/* Whether an earlier entry says the same: each frame of a rotation leaves out the same things. */
-static bool told_before(const CtsReport *report, size_t index)
-{
-    const CtsSkip *skips = report->skips;
-    for (size_t i = 0; i < index; i++)
-        if (!strcmp(skips[i].what, skips[index].what) && !strcmp(skips[i].why, skips[index].why))
-            return true;
-    return false;
-}
-
 /* Verification counts as compositing in the stages, which add up to the whole; here stands what it took of that. */
 json_t *cts_error_json(const CtsReport *report)
 {
@@ -179,39 +184,13 @@ void cts_log_without_names(CtsLog *log, const CtsNames *names)
         log->names = names;
 }
 
-/* Each finding once, however many frames met it. */
-static void log_findings(CtsLog *log, const CtsFindings *findings)
-{
-    for (size_t i = 0; i < findings->n; i++) {
-        const CtsFinding *f = &findings->items[i];
-        bool told = false;
-        for (size_t k = 0; k < i && !told; k++)
-            told = !strcmp(findings->items[k].code, f->code) && !strcmp(findings->items[k].text, f->text);
-        if (told)
-            continue;
-        add_event(log, "finding",
-                  json_pack("{s:s,s:s,s:o}", "code", f->code, "severity", cts_severity_names[f->severity], "text",
-                            new_message(log, f->text)));
-    }
-}
-
-/* Whether a line of size bytes stands among those in front of it. */
-static bool stands_before(const char *plan, const char *line, size_t size)
-{
-    for (const char *p = plan; p < line; p = strchr(p, '\n') + 1)
-        if (!strncmp(p, line, size) && p[size] == '\n')
-            return true;
-    return false;
-}
-
-/* What --explain prints, each line once, however many frames had it. */
+/* What --explain prints. */
 static void log_plan(CtsLog *log, const char *plan)
 {
-    for (const char *line = plan; line && *line;) {
-        const size_t size = strcspn(line, "\n");
-        if (!stands_before(plan, line, size))
-            add_event(log, "plan", json_pack("{s:s%}", "text", line, size));
-        line += size + (line[size] == '\n');
+    while (plan && *plan) {
+        const size_t size = strcspn(plan, "\n");
+        add_once(log, "plan", json_pack("{s:s%}", "text", plan, size));
+        plan += size + (plan[size] == '\n');
     }
 }
 
@@ -233,12 +212,15 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
                             (json_int_t)stage->bytes));
     }
     for (size_t i = 0; i < report->n_skips; i++)
-        if (!told_before(report, i))
-            add_event(log, "skipped",
-                      json_pack("{s:s,s:s}", "what", report->skips[i].what, "why", report->skips[i].why));
+        add_once(log, "skipped", json_pack("{s:s,s:s}", "what", report->skips[i].what, "why", report->skips[i].why));
     for (size_t i = 0; i < report->n_labels; i++)
         add_event(log, "label", cts_label_json(&report->labels[i]));
-    log_findings(log, &report->findings);
+    for (size_t i = 0; i < report->findings.n; i++) {
+        const CtsFinding *f = &report->findings.items[i];
+        add_once(log, "finding",
+                 json_pack("{s:s,s:s,s:o}", "code", f->code, "severity", cts_severity_names[f->severity], "text",
+                           new_message(log, f->text)));
+    }
     if (report->table.known)
         add_event(log, "table", cts_table_json(&report->table));
     const CtsVoxelCounts *v = &report->voxels;
@@ -253,13 +235,6 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
                             (json_int_t)b->cast));
     if (report->verified.pixels)
         add_event(log, "error", cts_error_json(report));
-}
-
-static char *new_line(json_t *object)
-{
-    char *line = object ? json_dumps(object, JSON_COMPACT | JSON_REAL_PRECISION(12)) : NULL;
-    json_decref(object);
-    return line;
 }
 
 static char *run_line(const CtsLog *log)

@@ -1,7 +1,6 @@
 #include "output/report/text_table.h"
 
 #include "base/mem.h"
-
 #include <stdarg.h>
 #include <stdlib.h>
 #include <string.h>
@@ -61,6 +60,29 @@ void cts_table_print(const CtsTable *table, FILE *file)
             width = 0;
         fprintf(file, "%*s%s", table->right[c] ? width : -width, table->cells[i], last ? "\n" : "  ");
     }
+}
+
+void cts_html_text(FILE *file, const char *text)
+{
+    static const char marks[] = "<>&\"", *const names[] = {"&lt;", "&gt;", "&amp;", "&quot;"};
+    for (; *text; text++) {
+        const char *mark = strchr(marks, *text);
+        if (mark)
+            fputs(names[mark - marks], file);
+        else
+            fputc(*text, file);
+    }
+}
+
+void cts_table_html(const CtsTable *table, FILE *file)
+{
+    fputs("<table>", file);
+    for (int i = 0; i < table->n_cells; i++) {
+        fputs(i % table->n_columns ? "" : "\n<tr>", file);
+        fputs(i < table->n_columns ? "<th>" : "<td>", file);
+        cts_html_text(file, table->cells[i]);
+    }
+    fputs("\n</table>\n", file);
 }
 
 void cts_table_free(CtsTable **table)

@@ -290,14 +290,3 @@ CtsStatus cts_reference_new(CtsReference **reference, const CtsVolume *volume, c
         cts_reference_free(reference);
     return st;
 }
-
-CtsStatus cts_reference_pixels(const CtsVolume *volume, const CtsPreset *preset, const CtsRenderSettings *settings,
-                               const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err)
-{
-    CtsSceneStore store;
-    CtsRenderSettings framed = *settings;
-    CtsStatus st = cts_framing_settle(volume, preset, &framed, err);
-    if (!st)
-        st = cts_scene_init(&store, volume, preset, &framed, err);
-    return st ? st : cts_raycast_pixels(&store.scene, xy, n, rgba, err);
-}
