@@ -25,6 +25,7 @@ enum {
     BYTES_PER_CPU_S = 400000, /* a fiftieth of what the slowest codec does */
     QUIET_S = 60,
     START_QUIET_S = 5,
+    GONE_MS = 10000,
     START_TRIES = 4, /* another helper may well meet other locks */
     ROOM_STEP = 1 << 20
 };
@@ -96,14 +97,18 @@ static void serve(const void *order, int socket)
     _exit(wall ? 1 : 0);
 }
 
-/* The child's wait status. */
+/* The child's wait status. A helper that is killed takes its children with it, but a moment later, and nobody waits for
+ * them: one that has not let its socket go yet may still write where the next one puts its answer. */
 static int end_child(CtsSandbox *d)
 {
     if (!d->pid)
         return 0;
+    shutdown(d->socket, SHUT_WR);
+    const int status = cts_helper_end(d->pid);
+    struct pollfd gone = {.fd = d->socket};
+    TEMP_FAILURE_RETRY(poll(&gone, 1, GONE_MS));
     close(d->socket);
     d->socket = -1;
-    const int status = cts_helper_end(d->pid);
     d->pid = 0;
     return status;
 }

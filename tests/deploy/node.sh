@@ -1,9 +1,10 @@
 #!/bin/bash
-# ctsplat-node between a scanner and a PACS, on the loopback: node.sh SOURCE_ROOT CTSPLAT LOOPBACK_LIBRARY
-# Of its six studies, fifty with CTS_SOAK set, one is broken, and one has a study UID that tries to leave the folder.
-# The PACS comes late, and the node is killed half way.
+# ctsplat-node between a scanner and a PACS, on the loopback: node.sh SOURCE_ROOT CTSPLAT LOOPBACK_LIBRARY UNIT_FILTER
+# Of its six studies, fifty with CTS_SOAK set, one is broken, one has a study UID that tries to leave the folder, and two
+# are decoded and inflated by processes of their own. The PACS comes late, and the node is killed half way. It has the
+# system calls that its unit leaves it, where systemd is there to say which these are.
 set -u
-root=$(realpath "$1") ctsplat=$(realpath "$2") library=$(realpath "$3") studies=6
+root=$(realpath "$1") ctsplat=$(realpath "$2") library=$(realpath "$3") filter=$(realpath "$4") studies=6
 [ -z "${CTS_SOAK-}" ] || studies=50
 for program in storescp dcmsend dcmodify dcmdump setpriv flock; do
     command -v $program >/dev/null || { echo "skip: no $program"; exit 77; }
@@ -55,6 +56,8 @@ study()
 for ((i = 1; i <= studies; i++)); do
     case $i in
     2) study $i "$root/testdata/geometry/mixed-patients" ;;
+    4) study $i "$root/testdata/syntax/jpeg-2000" ;;
+    5) study $i "$root/testdata/syntax/deflated" ;;
     *) study $i "$root/testdata/geometry/feet-first" ;;
     esac
 done
@@ -64,9 +67,34 @@ send()
 {
     dcmsend -nuc -aec '$(touch evil)' 127.0.0.1 "$port" "sent/$1"/*.dcm || fail "study $1 was not taken"
 }
+# calls WORD...: the system calls of names and groups
+calls()
+{
+    local word
+    for word in "$@"; do
+        case $word in
+        @*) calls $(sed -n "/^$word\$/,/^@/p" groups | sed '1d; /^@/d; s/#.*//') ;;
+        *) echo "$word" ;;
+        esac
+    done
+}
+under=()
+if command -v systemd-analyze >/dev/null; then
+    systemd-analyze syscall-filter --no-pager >groups
+    : >allowed
+    while read -r line; do
+        case $line in
+        '~'*) calls ${line#?} | grep -vxFf - allowed >left; mv left allowed ;;
+        *) calls $line >>allowed ;;
+        esac
+    done < <(sed -n 's/^SystemCallFilter=//p' "$root/src/app/deploy/ctsplat-node.service")
+    under=("$filter" allowed)
+    "${under[@]}" chroot / true 2>/dev/null && fail "the unit's filter keeps nothing away"
+    "${under[@]}" true || fail "the unit's filter keeps everything away"
+fi
 start_node()
 {
-    bin/ctsplat-node node.conf >>node.log 2>&1 &
+    "${under[@]}" bin/ctsplat-node node.conf >>node.log 2>&1 &
     node=$!
     for _ in $(seq 600); do
         grep -q 'is at work' node.log && echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port" 2>/dev/null && return
@@ -90,15 +118,24 @@ wait_for()
     done
 }
 some_came() { [ "$(captures)" -ge 1 ]; }
-all_done() { [ "$(find node/state -name 'ST_*' | wc -l)" = "$studies" ]; }
+all_done() { [ "$(find node/state -name 'ST_*' ! -name 'ST_9.*' | wc -l)" = "$studies" ]; }
 
-# The PACS is not up yet: what is rendered waits for it. The receiver is killed, and is there again.
+# The PACS is not up yet: what is rendered waits for it. The receiver is killed, also while a batch waits for the PACS,
+# and is there again.
 start_node
-pkill -9 -P $node ctsplat || fail "no receiver of the node's"
-wait_for 120 echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port"
+kill_receiver()
+{
+    pkill -9 -P $node -f 'ctsplat receive' || fail "no receiver of the node's"
+    wait_for "$1" echoscu -q -aec '$(touch evil)' 127.0.0.1 "$port"
+}
+batch_runs() { pgrep -P $node -f 'ctsplat batch' >pids; }
+kill_receiver 120
 half=$((studies / 2))
 for ((i = 1; i <= half; i++)); do send $i; done
+wait_for 120 batch_runs
+kill_receiver 60
 wait_for 120 grep -q 'tried again in' node.log
+[ "$(grep -c 'starts again' node.log)" = 2 ] || fail "the receiver did not start again"
 storescp --aetitle ARCHIVE --accept-all --output-directory archive "$pacs_port" >pacs.log 2>&1 &
 pacs=$!
 disown
@@ -129,6 +166,19 @@ more_came() { [ "$(captures)" -gt "$before" ]; }
 wait_for 120 more_came
 sleep 3
 [ "$(captures)" = $((before + 1)) ] || fail "more than the new capture came"
+
+# What is old goes: what never was done, what was done before it came again, what a purge left that was killed.
+for i in 1 2 4; do
+    mkdir node/in/ST_9.$i
+    echo 9 >node/tries/ST_9.$i
+done
+touch -d '10 days ago' node/state/ST_9.[24]
+mkdir node/out/ST_9.3
+touch -d '9 days ago' node/in/ST_9.[12]
+old_went() { [ -z "$(find node -name 'ST_9.[123]')" ]; }
+wait_for 60 old_went
+[ -e node/in/ST_9.4 ] && all_done || fail "what is new was removed"
+rm -r node/*/ST_9.4
 
 # Nothing left the folder, nothing was run; a second node says so and leaves; TERM ends the node and its listener.
 [ -z "$(find . -name evil)" ] || fail "a name from outside was run or followed"

@@ -25,7 +25,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum { TELL_MS = 60000, GRACE_MS = 2000, CHILD_BYTES = 512 << 20, CHILD_FILES = 64 };
+enum { TELL_MS = 60000, GRACE_MS = 2000, PAUSE_MS = 10, CHILD_BYTES = 512 << 20, CHILD_FILES = 64 };
 
 typedef struct Receiver {
     const CtsReceiveSettings *settings;
@@ -131,8 +131,10 @@ static void take_one(Receiver *r)
     struct sockaddr_storage from = {0};
     socklen_t n = sizeof from;
     const int socket = accept4(r->listener, (struct sockaddr *)&from, &n, SOCK_CLOEXEC);
-    if (socket < 0)
+    if (socket < 0) {
+        poll(NULL, 0, PAUSE_MS); /* the machine has no files or memory left: the connection waits, and asks again */
         return;
+    }
     const CtsAddress address = cts_address_of(&from);
     CtsVisitor *visitor =
         cts_allow_has(&r->allow, &address, NULL) ? cts_visits_admit(&r->visits, &address, cts_wall_ms()) : NULL;
