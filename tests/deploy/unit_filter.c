@@ -18,7 +18,8 @@ static int allow(scmp_filter_ctx filter, const char *name)
         return 0; /* of another kernel */
     if (call == SCMP_SYS(socket)) {
         for (int i = 0; i < 3 && !result; i++)
-            result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 1, SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)families[i], 0));
+            result =
+                seccomp_rule_add(filter, SCMP_ACT_ALLOW, call, 1, SCMP_A0(SCMP_CMP_EQ, (scmp_datum_t)families[i], 0));
         return result;
     }
     if (call == SCMP_SYS(mprotect) || call == SCMP_SYS(pkey_mprotect))

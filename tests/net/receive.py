@@ -22,11 +22,12 @@ CT, EXPLICIT = '1.2.840.10008.5.1.4.1.1.2', '1.2.840.10008.1.2.1'
 
 
 class Receiver:
-    def __init__(self, folder, *words, host='127.0.0.1'):
+    def __init__(self, folder, *words, host='127.0.0.1', env=None):
         self.folder, self.host = folder, host
         here = '[%s]' % host if ':' in host else host
         self.process = subprocess.Popen([ctsplat, 'receive', '-O', folder, '--listen', here + ':0', *words],
-                                        stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+                                        stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
+                                        env=dict(os.environ, **(env or {})))
         atexit.register(self.process.kill)
         said = self.process.stderr.readline()
         assert 'listens at %s:' % here in said, said + self.process.stderr.read()
@@ -243,3 +244,27 @@ gone(held.socket)
 r = Receiver('hostile')
 assert not glob.glob('hostile/.visitor-*.tmp')
 r.end()
+
+# Whatever call fails, of the receiver or of the process that serves a peer: the receiver goes on, and what a sender is
+# told to be stored is there, whole, and nothing else is.
+shim = os.environ.get('CTS_FAIL_NTH')
+calls = ('accept', 'fork'), ('open', 'read', 'write', 'fsync', 'rename', 'malloc')
+steps = {'read': 5, 'malloc': 301}
+for in_child, call in [(i, call) for i in range(2) for call in calls[i]] if shim else []:
+    for n in range(1, 10**6, steps.get(call, 1)):
+        fails = {'LD_PRELOAD': shim, 'CTS_FAIL': call, 'CTS_FAIL_AT': str(n), 'CTS_FAIL_TOLD': os.path.abspath('told')}
+        if in_child:
+            fails['CTS_FAIL_CHILD'] = '1'
+        folder = '%s-%d' % (call, n)
+        r = Receiver(folder, '--peer-timeout', '5', env=fails)
+        sent = subprocess.run(['storescu', '-aec', 'CTSPLAT', '127.0.0.1', str(r.port), SLICES[0]], capture_output=True)
+        there = r.files()
+        assert sent.returncode or len(there) == 1, (call, n, 'stored, and not there')
+        assert all(data_set(f) == data_set(SLICES[0]) for f in there), (call, n, 'half a slice')
+        if not in_child and sent.returncode:
+            send(r, SLICES[0])
+        r.end()
+        if not os.path.exists('told'):
+            break
+        os.remove('told')
+    assert n > 1, call + ' was not reached'

@@ -2,6 +2,7 @@
 import base64
 import glob
 import os
+import subprocess
 import sys
 
 import peers
@@ -154,3 +155,17 @@ for host in ('192.0.2.1', '127.example.org', 'localhost.example.org:80'):
     assert '--insecure-http' in said and 'secret' not in said, said
 said = run('--from', 'http://nowhere.invalid/rs', '--insecure-http', '--study-uid', '1.2.3', '-o', 'none.png', code=3,
            env=secret)
+# What goes to this machine goes past every proxy.
+answer(parts(files))
+run(*fetch, '-o', 'got.png', '--force', env=dict(secret, http_proxy='http://127.0.0.1:9', all_proxy='http://127.0.0.1:9'))
+assert open('got.png', 'rb').read() == truth
+
+# A list that the peer has cut off is not taken for a whole one.
+found = ('[{"0020000D":{"vr":"UI","Value":["%s"]},"0020000E":{"vr":"UI","Value":["%s"]}}]' % (study, series)).encode()
+for warning, code in ((None, 0), ('299 rs: "The fuzzymatching parameter is not supported."', 0),
+                      ('299 rs: "The number of results exceeded the maximum supported by the server."', 3)):
+    web.answer = (200, {'Content-Type': 'application/dicom+json', 'Content-Length': str(len(found)),
+                        **({'Warning': warning} if warning else {})}, found)
+    done = subprocess.run([ctsplat, 'info', '--from', web.url, '--study-uid', study], capture_output=True, text=True)
+    assert done.returncode == code and (code == 0) == (series in done.stdout), done
+    assert code == 0 or 'narrow the query' in done.stderr, done

@@ -1,8 +1,8 @@
 /* Preloaded into the program under test: one call of the C library fails. CTS_FAIL names the call (malloc, open, read,
- * write, fsync, rename, fork, shmget, poll, recv, wait4, getrandom; kill: the helper, and with it the processes it has
- * forked, when one of them is sent something) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later ones
- * fail too. Calls are counted over all threads; a child does not fail, or with CTS_FAIL_CHILD=1 children alone do. When
- * the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
+ * write, fsync, rename, fork, shmget, poll, recv, wait4, getrandom, accept; kill: the helper, and with it the processes
+ * it has forked, when one of them is sent something) and CTS_FAIL_AT its number, from 1; with CTS_FAIL_ON=1 all later
+ * ones fail too. Calls are counted over all threads; a child does not fail, or with CTS_FAIL_CHILD=1 children alone do.
+ * When the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
 #undef _FILE_OFFSET_BITS /* both names of a call are wanted: open() and open64() */
 #define _GNU_SOURCE
 #include <dlfcn.h>
@@ -25,11 +25,27 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-enum Call { MALLOC, OPEN, READ, WRITE, FSYNC, RENAME, FORK, SHMGET, KILL, POLL, RECV, WAIT4, GETRANDOM, N_CALLS };
-static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync", "rename",   "fork",
-                                           "shmget", "kill", "poll", "recv",  "wait4", "getrandom"};
+enum Call {
+    MALLOC,
+    OPEN,
+    READ,
+    WRITE,
+    FSYNC,
+    RENAME,
+    FORK,
+    SHMGET,
+    KILL,
+    POLL,
+    RECV,
+    WAIT4,
+    GETRANDOM,
+    ACCEPT,
+    N_CALLS
+};
+static const char *const names[N_CALLS] = {"malloc", "open", "read", "write", "fsync", "rename",    "fork",
+                                           "shmget", "kill", "poll", "recv",  "wait4", "getrandom", "accept"};
 static const int errors[N_CALLS] = {ENOMEM, EMFILE, EIO,    ENOSPC,     EIO,    EACCES, EAGAIN,
-                                    ENOMEM, 0,      ENOMEM, ECONNRESET, ECHILD, EAGAIN};
+                                    ENOMEM, 0,      ENOMEM, ECONNRESET, ECHILD, EAGAIN, EMFILE};
 
 static int chosen = -1;
 static long fail_at;
@@ -225,6 +241,12 @@ ssize_t recv(int socket, void *bytes, size_t n, int flags)
 {
     typedef ssize_t (*recv_fn)(int, void *, size_t, int);
     return fails(RECV) ? -1 : NEXT(recv_fn, "recv")(socket, bytes, n, flags);
+}
+
+int accept4(int socket, struct sockaddr *from, socklen_t *n, int flags)
+{
+    typedef int (*accept_fn)(int, struct sockaddr *, socklen_t *, int);
+    return fails(ACCEPT) ? -1 : NEXT(accept_fn, "accept4")(socket, from, n, flags);
 }
 
 pid_t wait4(pid_t pid, int *how, int options, struct rusage *usage)

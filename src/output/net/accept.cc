@@ -24,7 +24,7 @@ struct Visitor {
     bool given_up = false; /* by the rules, which have told why */
     T_ASC_Network *network = nullptr;
     T_ASC_Association *association = nullptr;
-    std::unique_ptr<DcmTransportLayer> transport; /* outlives both */
+    std::unique_ptr<DcmTransportLayer> transport = {}; /* outlives both */
 
     ~Visitor()
     {
@@ -35,11 +35,6 @@ struct Visitor {
         if (network)
             ASC_dropNetwork(&network);
     }
-    Visitor(const CtsAcceptRules &rules_, CtsVisit &visit_, int socket_) : rules(rules_), visit(visit_), socket(socket_)
-    {
-    }
-    Visitor(const Visitor &) = delete;
-    Visitor &operator=(const Visitor &) = delete;
 };
 
 void tell_end(CtsVisit &visit, const std::string &how)
@@ -201,7 +196,6 @@ void receive(Visitor &v)
     tell_certificate(v);
     if (!judge_titles(v) || !acknowledge(v))
         return;
-    v.visit.associated = true;
     serve(v);
 }
 
@@ -211,7 +205,7 @@ extern "C" {
 
 void cts_accept(const CtsAcceptRules *rules, int socket, CtsVisit *visit)
 try {
-    Visitor visitor(*rules, *visit, socket);
+    Visitor visitor{*rules, *visit, socket};
     receive(visitor);
 } catch (const std::bad_alloc &) {
     tell_end(*visit, "broken off: out of memory");

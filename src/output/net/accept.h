@@ -16,8 +16,7 @@ typedef enum CtsStoredAs { CTS_STORED, CTS_STORED_NOT_CT, CTS_STORED_NO_ROOM } C
 /* Who the peer says it is, and how the association went; filled on the way. */
 typedef struct CtsVisit {
     char calling_aet[17], called_aet[17];
-    char certificate[256]; /* the subject of the peer's; "" without TLS or without one */
-    bool associated;
+    char certificate[256];                  /* the subject of the peer's; "" without TLS or without one */
     uint64_t n_objects, n_bytes, n_refused; /* n_bytes of what was stored */
     char end[200];                          /* how it ended, for people */
 } CtsVisit;

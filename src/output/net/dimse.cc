@@ -23,9 +23,11 @@ namespace
 class GetScu : public CtsScu
 {
   public:
-    CtsInbox *inbox = nullptr;
-    const CtsNet *net = nullptr;
-    DcmTransportLayer *transport = nullptr;
+    GetScu(CtsInbox *inbox_, const CtsNet &net_) : inbox(inbox_), net(net_)
+    {
+        setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
+        setStorageDir(inbox->folder);
+    }
     CtsError error = {};
     CtsStatus status = CTS_OK;
 
@@ -33,9 +35,9 @@ class GetScu : public CtsScu
     /* Called while a file comes, however long it is. */
     void notifyRECEIVEProgress(const unsigned long n_bytes) override
     {
-        if (!status && !cts_net_stopped(net))
+        if (!status && !cts_net_stopped(&net))
             status = cts_inbox_grows(inbox, n_bytes, &error);
-        if (status || cts_net_stopped(net))
+        if (status || cts_net_stopped(&net))
             cts_transport_break(*transport);
     }
 
@@ -43,7 +45,7 @@ class GetScu : public CtsScu
                                        T_DIMSE_C_StoreRQ *request) override
     {
         char *path = nullptr;
-        if (cts_net_stopped(net))
+        if (cts_net_stopped(&net))
             return EC_IllegalCall;
         status = cts_inbox_next(inbox, &path, &error);
         OFCondition state = EC_IllegalCall;
@@ -55,6 +57,10 @@ class GetScu : public CtsScu
         free(path);
         return state;
     }
+
+  private:
+    CtsInbox *inbox;
+    const CtsNet &net;
 };
 
 bool is_native(const char *syntax_uid)
@@ -88,11 +94,7 @@ void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
 
 void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int n, CtsTry &result)
 {
-    std::unique_ptr<DcmTransportLayer> transport;
     CtsScu scu;
-    if (cts_transport_make(net, NET_REQUESTOR, peer.host, transport, &result.error))
-        return;
-    cts_scu_set_up(scu, peer, net);
     for (int i = 0; i < n; i++) {
         OFList<OFString> syntaxes;
         syntaxes.push_back(parcels[i].syntax_uid);
@@ -101,17 +103,12 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int 
         if (!parcels[i].sent)
             scu.addPresentationContext(parcels[i].class_uid, syntaxes);
     }
-    const OFCondition state = cts_scu_connect(scu, transport.get());
-    if (state.bad()) {
-        result.again = state.module() != OFM_dcmtls && state != NET_EC_NoAcceptablePresentationContexts;
-        cts_fail(&result.error, CTS_ERR_OUTPUT, "no association with %s at %s port %d: %s", peer.aet, peer.host,
-                 peer.port, cts_scu_refusal(state).c_str());
+    if (scu.associate(peer, net, CTS_ERR_OUTPUT, &result.again, &result.error))
         return;
-    }
     for (int i = 0; i < n && !result.error.status && !cts_net_stopped(&net); i++)
         if (!parcels[i].sent)
             store(scu, net, parcels[i], result);
-    cts_scu_hang_up(scu, !result.again);
+    scu.hang_up(!result.again);
 }
 
 void fill_query(DcmDataset &query, const CtsRequest &request, const char *series_uid)
@@ -132,25 +129,19 @@ struct Series {
 std::vector<Series> find_series(CtsScu &scu, const CtsRequest &request)
 {
     std::vector<Series> found;
-    OFList<QRResponse *> responses;
     DcmDataset query;
-    const T_ASC_PresentationContextID context =
-        scu.findPresentationContextID(UID_FINDStudyRootQueryRetrieveInformationModel, "");
     fill_query(query, request, request.series_uid ? request.series_uid : "");
     query.putAndInsertString(DCM_Modality, request.series_uid ? "" : "CT");
     query.putAndInsertString(DCM_NumberOfSeriesRelatedInstances, "");
-    if (context != 0)
-        scu.sendFINDRequest(context, &query, &responses);
-    for (OFListIterator(QRResponse *) i = responses.begin(); i != responses.end(); ++i) {
+    scu.ask(query, CTS_MOST_FOUND, nullptr); /* what it does not tell may be there all the same */
+    for (const auto &answer : scu.answers) {
         const char *uid = nullptr;
         Sint32 n = 0;
-        DcmDataset *answer = (*i)->m_dataset;
-        if (answer && answer->findAndGetString(DCM_SeriesInstanceUID, uid).good() && uid && cts_uid_is_valid(uid) &&
-            (!request.series_uid || strcmp(uid, request.series_uid) == 0) && found.size() < CTS_INBOX_MAX_FILES) {
+        if (answer->findAndGetString(DCM_SeriesInstanceUID, uid).good() && uid && cts_uid_is_valid(uid) &&
+            (!request.series_uid || strcmp(uid, request.series_uid) == 0)) {
             answer->findAndGetSint32(DCM_NumberOfSeriesRelatedInstances, n);
             found.push_back({uid, n});
         }
-        delete *i;
     }
     if (request.series_uid && found.empty())
         found.push_back({request.series_uid, 0});
@@ -218,21 +209,6 @@ CtsStatus each_series(CtsScu &scu, const CtsNet &net, const CtsRequest &request,
     return CTS_OK;
 }
 
-void add_models(CtsScu &scu, const char *model)
-{
-    OFList<OFString> plain;
-    plain.push_back(UID_LittleEndianExplicitTransferSyntax);
-    plain.push_back(UID_LittleEndianImplicitTransferSyntax);
-    scu.addPresentationContext(model, plain);
-    scu.addPresentationContext(UID_FINDStudyRootQueryRetrieveInformationModel, plain);
-}
-
-CtsStatus no_association(const CtsPeer &peer, const OFCondition &state, CtsError *err)
-{
-    return cts_fail(err, CTS_ERR_READ, "no association with %s at %s port %d: %s", peer.aet, peer.host, peer.port,
-                    cts_scu_refusal(state).c_str());
-}
-
 /* To receive it, in whichever way it is stored. */
 void offer_each(CtsScu &scu, const char *sop_class)
 {
@@ -243,71 +219,56 @@ void offer_each(CtsScu &scu, const char *sop_class)
     }
 }
 
-CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
+/* By the model's retrieval, which send() asks for. */
+template <typename Send>
+CtsStatus retrieve(CtsScu &scu, const char *model, const CtsPeer &peer, const CtsNet &net, const CtsRequest &request,
+                   Send send, CtsError *err)
 {
-    std::unique_ptr<DcmTransportLayer> transport;
-    GetScu scu;
-    CtsStatus st = cts_transport_make(net, NET_REQUESTOR, peer.host, transport, err);
+    scu.offer(model);
+    scu.offer(UID_FINDStudyRootQueryRetrieveInformationModel);
+    CtsStatus st = scu.associate(peer, net, CTS_ERR_READ, nullptr, err);
     if (st)
         return st;
-    cts_scu_set_up(scu, peer, net);
-    scu.inbox = request.inbox;
-    scu.net = &net;
-    scu.transport = transport.get();
-    scu.setStorageMode(DCMSCU_STORAGE_BIT_PRESERVING);
-    scu.setStorageDir(request.inbox->folder);
-    add_models(scu, UID_GETStudyRootQueryRetrieveInformationModel);
+    const T_ASC_PresentationContextID context = scu.findPresentationContextID(model, "");
+    if (context == 0)
+        st = cts_fail(err, CTS_ERR_READ, "the peer does not know C-%s",
+                      net.move_port ? "MOVE" : "GET (--move-port fetches by C-MOVE)");
+    else
+        st = each_series(
+            scu, net, request,
+            [&](DcmDataset &query, OFList<RetrieveResponse *> &responses) { return send(context, &query, &responses); },
+            err);
+    scu.hang_up(st == CTS_OK);
+    return st;
+}
+
+CtsStatus get(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
+{
+    GetScu scu(request.inbox, net);
     for (const char *sop_class : cts_ct_classes)
         offer_each(scu, sop_class);
     for (const char *sop_class : cts_capture_classes)
         offer_each(scu, sop_class);
-    const OFCondition state = cts_scu_connect(scu, transport.get());
-    if (state.bad())
-        return no_association(peer, state, err);
-    const T_ASC_PresentationContextID context =
-        scu.findPresentationContextID(UID_GETStudyRootQueryRetrieveInformationModel, "");
-    if (context == 0)
-        st = cts_fail(err, CTS_ERR_READ, "the peer does not know C-GET (--move-port fetches by C-MOVE)");
-    else
-        st = each_series(
-            scu, net, request,
-            [&](DcmDataset &query, OFList<RetrieveResponse *> &responses) {
-                return scu.sendCGETRequest(context, &query, &responses);
-            },
-            err);
-    if (scu.status) { /* why we gave up ourselves */
+    const CtsStatus st = retrieve(
+        scu, UID_GETStudyRootQueryRetrieveInformationModel, peer, net, request,
+        [&](auto context, auto query, auto responses) { return scu.sendCGETRequest(context, query, responses); }, err);
+    if (scu.status) /* why we gave up ourselves */
         *err = scu.error;
-        st = scu.status;
-    }
-    cts_scu_hang_up(scu, st == CTS_OK);
-    return st;
+    return scu.status ? scu.status : st;
 }
 
 CtsStatus move(const CtsPeer &peer, const CtsNet &net, const CtsRequest &request, CtsError *err)
 {
-    std::unique_ptr<DcmTransportLayer> transport;
     CtsScu scu;
     CtsMoveListener listener(peer, net, *request.inbox);
-    CtsStatus st;
-    if ((st = listener.open(err)) || (st = cts_transport_make(net, NET_REQUESTOR, peer.host, transport, err)))
-        return st;
-    cts_scu_set_up(scu, peer, net);
-    add_models(scu, UID_MOVEStudyRootQueryRetrieveInformationModel);
-    const OFCondition state = cts_scu_connect(scu, transport.get());
-    if (state.bad())
-        return no_association(peer, state, err);
-    const T_ASC_PresentationContextID context =
-        scu.findPresentationContextID(UID_MOVEStudyRootQueryRetrieveInformationModel, "");
-    if (context == 0)
-        st = cts_fail(err, CTS_ERR_READ, "the peer does not know C-MOVE");
-    else
-        st = each_series(
-            scu, net, request,
-            [&](DcmDataset &query, OFList<RetrieveResponse *> &responses) {
-                return scu.sendMOVERequest(context, net.own_aet, &query, &responses);
+    CtsStatus st = listener.open(err);
+    if (!st)
+        st = retrieve(
+            scu, UID_MOVEStudyRootQueryRetrieveInformationModel, peer, net, request,
+            [&](auto context, auto query, auto responses) {
+                return scu.sendMOVERequest(context, net.own_aet, query, responses);
             },
             err);
-    cts_scu_hang_up(scu, st == CTS_OK);
     const CtsStatus taken = listener.close(err);
     return taken ? taken : st;
 }

@@ -1,7 +1,9 @@
 #include "output/net/peer.h"
 
+#include "base/load_part.h"
 #include "base/mem.h"
 #include "input/files/scan.h"
+#include "input/header/dcm_readers.h"
 #include "input/header/slice.h"
 #include "output/objects/dcm_writers.h"
 #include <stdio.h>
@@ -19,20 +21,12 @@ CtsNet cts_net_with_defaults(const CtsNet *net)
     return full;
 }
 
-static bool is_this_machine(const char *url)
-{
-    const char *host = strstr(url, "://") + 3;
-    const size_t n = strcspn(host, ":/");
-    return (n == 9 && !strncasecmp(host, "localhost", n)) || !strncmp(host, "[::1]", 5) ||
-           (!strncmp(host, "127.", 4) && strspn(host, "0123456789.") == n);
-}
-
 /* Over plain http everybody on the way could read them. */
 static CtsStatus check_credentials(const CtsPeer *peer, const CtsNet *net, CtsError *err)
 {
     const char *variable = getenv("CTSPLAT_CREDENTIALS");
     const bool has = net->credentials || (variable && *variable);
-    if (!has || net->insecure_http || !peer->web || strncasecmp(peer->url, "http://", 7) || is_this_machine(peer->url))
+    if (!has || net->insecure_http || !peer->web || strncasecmp(peer->url, "http://", 7) || cts_url_is_here(peer->url))
         return CTS_OK;
     return cts_fail(err, CTS_ERR_USAGE,
                     "%.200s: credentials do not go over plain http (give an https URL, or `insecure-http`)", peer->url);
@@ -46,6 +40,21 @@ CtsStatus cts_net_check(const CtsPeer *peer, const CtsNet *given, CtsError *err)
     if (!net.tls_key != !net.tls_certificate)
         return cts_fail(err, CTS_ERR_USAGE, "a TLS key and its certificate must be given together");
     return peer ? check_credentials(peer, &net, err) : CTS_OK;
+}
+
+CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err)
+{
+    void *symbol;
+    cts_net_way_fn find;
+    CtsStatus st = cts_part_load(CTS_NET_PART, "cts_net_way", &symbol, err);
+    if (st)
+        return cts_context(err, "what talks to a PACS");
+    const CtsDcmReaders *dcm = NULL;
+    if ((st = cts_dcm_readers(&dcm, err)) || (st = dcm->start(err)))
+        return st;
+    memcpy(&find, &symbol, sizeof find);
+    *way = find(peer->web);
+    return CTS_OK;
 }
 
 /* Asleep for a while, in parts, so that a request to stop is heard. */

@@ -31,6 +31,14 @@ bool cts_uid_is_valid(const char *uid)
            !strstr(uid, "..");
 }
 
+bool cts_url_is_here(const char *url)
+{
+    const char *host = strstr(url, "://") + 3;
+    const size_t n = strcspn(host, ":/");
+    return (n == 9 && !strncasecmp(host, "localhost", n)) || !strncmp(host, "[::1]", 5) ||
+           (!strncmp(host, "127.", 4) && strspn(host, "0123456789.") == n);
+}
+
 static CtsStatus parse_url(const char *text, CtsPeer *peer, CtsError *err)
 {
     const char *host = strstr(text, "://") + 3;

@@ -12,6 +12,8 @@ extern "C" {
 
 bool cts_aet_is_valid(const char *aet, size_t n);
 bool cts_uid_is_valid(const char *uid);
+/* Whether a URL names this machine. */
+bool cts_url_is_here(const char *url);
 
 /* One file on its way to a peer. */
 typedef struct CtsParcel {

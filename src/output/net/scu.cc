@@ -1,6 +1,7 @@
 #include "output/net/scu.hpp"
 
-std::string cts_scu_refusal(const OFCondition &state)
+/* A peer that knows only some callers says no more than that it rejects this one. */
+static std::string refusal(const OFCondition &state)
 {
     std::string text = cts_one_line(state);
     if (text.find("Rejected") != std::string::npos)
@@ -10,30 +11,73 @@ std::string cts_scu_refusal(const OFCondition &state)
     return text;
 }
 
-void cts_scu_set_up(DcmSCU &scu, const CtsPeer &peer, const CtsNet &net)
+void CtsScu::offer(const char *model)
 {
-    scu.setAETitle(net.own_aet);
-    scu.setPeerAETitle(peer.aet);
-    scu.setPeerHostName(peer.host);
-    scu.setPeerPort(static_cast<Uint16>(peer.port));
-    scu.setConnectionTimeout(net.timeout_s);
-    scu.setACSETimeout(static_cast<Uint32>(net.timeout_s));
-    scu.setDIMSETimeout(static_cast<Uint32>(net.timeout_s));
-    scu.setDIMSEBlockingMode(DIMSE_NONBLOCKING);
+    OFList<OFString> plain;
+    plain.push_back(UID_LittleEndianExplicitTransferSyntax);
+    plain.push_back(UID_LittleEndianImplicitTransferSyntax);
+    addPresentationContext(model, plain);
 }
 
-OFCondition cts_scu_connect(CtsScu &scu, DcmTransportLayer *transport)
+CtsStatus CtsScu::associate(const CtsPeer &peer, const CtsNet &net, CtsStatus fault, bool *again, CtsError *err)
 {
-    OFCondition state = scu.initNetwork();
+    const CtsStatus st = cts_transport_make(net, NET_REQUESTOR, peer.host, transport, err);
+    if (st)
+        return st;
+    setAETitle(net.own_aet);
+    setPeerAETitle(peer.aet);
+    setPeerHostName(peer.host);
+    setPeerPort(static_cast<Uint16>(peer.port));
+    setConnectionTimeout(net.timeout_s);
+    setACSETimeout(static_cast<Uint32>(net.timeout_s));
+    setDIMSETimeout(static_cast<Uint32>(net.timeout_s));
+    setDIMSEBlockingMode(DIMSE_NONBLOCKING);
+    OFCondition state = initNetwork();
     if (state.good())
-        state = scu.useSecureConnection(transport);
-    return state.good() ? scu.negotiateAssociation() : state;
+        state = useSecureConnection(transport.get());
+    if (state.good())
+        state = negotiateAssociation();
+    if (state.good())
+        return CTS_OK;
+    if (again)
+        *again = state.module() != OFM_dcmtls && state != NET_EC_NoAcceptablePresentationContexts;
+    return cts_fail(err, fault, "no association with %s at %s port %d: %s", peer.aet, peer.host, peer.port,
+                    refusal(state).c_str());
 }
 
-void cts_scu_hang_up(DcmSCU &scu, bool in_peace)
+void CtsScu::hang_up(bool in_peace)
 {
-    if (scu.isConnected() && in_peace)
-        scu.releaseAssociation();
-    else if (scu.isConnected())
-        scu.abortAssociation();
+    if (isConnected() && in_peace)
+        releaseAssociation();
+    else if (isConnected())
+        abortAssociation();
+}
+
+CtsStatus CtsScu::ask(DcmDataset &query, size_t most, CtsError *err)
+{
+    answers.clear();
+    most_answers = most;
+    const OFCondition state =
+        sendFINDRequest(findPresentationContextID(UID_FINDStudyRootQueryRetrieveInformationModel, ""), &query, nullptr);
+    if (answers.size() > most)
+        return cts_fail(err, CTS_ERR_READ, "more than %d series are found (narrow the query)", CTS_MOST_FOUND);
+    if (state.bad())
+        return cts_fail(err, CTS_ERR_READ, "the connection broke: %s", cts_one_line(state).c_str());
+    if (query_status != STATUS_Success)
+        return cts_fail(err, CTS_ERR_READ, "the peer refuses the query with status %04X",
+                        static_cast<unsigned>(query_status));
+    return CTS_OK;
+}
+
+OFCondition CtsScu::handleFINDResponse(const T_ASC_PresentationContextID, QRResponse *response, OFBool &goes_on)
+{
+    goes_on = DICOM_PENDING_STATUS(response->m_status);
+    if (!goes_on)
+        query_status = response->m_status;
+    if (goes_on && response->m_dataset) {
+        answers.emplace_back(response->m_dataset);
+        response->m_dataset = nullptr;
+        goes_on = answers.size() <= most_answers;
+    }
+    return EC_Normal;
 }

@@ -7,18 +7,31 @@
 #include "output/net/transport.hpp"
 
 #include <dcmtk/dcmnet/scu.h>
-#include <string>
+#include <vector>
 
-class CtsScu : public DcmSCU
-{
-  public:
-    using DcmSCU::useSecureConnection;
+/* What an association goes over outlives it. */
+struct CtsScuTransport {
+    std::unique_ptr<DcmTransportLayer> transport;
 };
 
-void cts_scu_set_up(DcmSCU &scu, const CtsPeer &peer, const CtsNet &net);
-OFCondition cts_scu_connect(CtsScu &scu, DcmTransportLayer *transport);
-void cts_scu_hang_up(DcmSCU &scu, bool in_peace);
-/* Why there is no association. A peer that knows only some callers says no more than that it rejects this one. */
-std::string cts_scu_refusal(const OFCondition &state);
+class CtsScu : protected CtsScuTransport, public DcmSCU
+{
+  public:
+    /* To be offered: a model of queries, in the plain syntaxes. */
+    void offer(const char *model);
+    /* An association for what was offered. The failure's status is `fault`; *again: another try may do better. */
+    CtsStatus associate(const CtsPeer &peer, const CtsNet &net, CtsStatus fault, bool *again, CtsError *err);
+    void hang_up(bool in_peace);
+    /* The answers to a query of one level (C-FIND), at most so many. */
+    CtsStatus ask(DcmDataset &query, size_t most, CtsError *err);
+    std::vector<std::unique_ptr<DcmDataset>> answers;
+
+  protected:
+    OFCondition handleFINDResponse(const T_ASC_PresentationContextID, QRResponse *response, OFBool &goes_on) override;
+
+  private:
+    size_t most_answers = 0;
+    Uint16 query_status = STATUS_Success;
+};
 
 #endif

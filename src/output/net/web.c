@@ -12,20 +12,20 @@
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
-#include <sys/stat.h>
 
-enum { MAX_CREDENTIALS = 4096 };
-
-static const char boundary[] = "ctsplat-part";
+enum { MAX_CREDENTIALS = 4096, MAX_ANSWER = 1 << 20 };
 
 /* One request and what it needs to be kept alive. */
 typedef struct Web {
     CURL *curl;
     struct curl_slist *headers;
+    curl_mime *body; /* of what is sent; NULL: none */
     const CtsNet *net;
     char credentials[MAX_CREDENTIALS];
     char why[CURL_ERROR_SIZE];
-    char content_type[300];
+    char *answer; /* what the peer says, with a 0 behind it; an answer that is longer says nothing */
+    size_t n_answer;
+    bool too_long;
 } Web;
 
 /* From a file or the environment, never from the command line, where other users see it. */
@@ -56,18 +56,15 @@ static int stop_transfer(void *context, curl_off_t a, curl_off_t b, curl_off_t c
     return cts_net_stopped(web->net);
 }
 
-static size_t keep_content_type(char *bytes, size_t size, size_t n, void *context)
+static size_t keep_answer(char *bytes, size_t size, size_t n, void *context)
 {
     Web *web = context;
-    static const char name[] = "content-type:";
-    const size_t length = size * n, prefix = sizeof name - 1;
-    if (length > prefix && strncasecmp(bytes, name, prefix) == 0) {
-        snprintf(web->content_type, sizeof web->content_type, "%.*s", (int)(length - prefix), bytes + prefix);
-        web->content_type[strcspn(web->content_type, "\r\n")] = 0;
-        memmove(web->content_type, web->content_type + strspn(web->content_type, " \t"),
-                strlen(web->content_type + strspn(web->content_type, " \t")) + 1);
-    }
-    return length;
+    const size_t room = MAX_ANSWER - web->n_answer, part = size * n < room ? size * n : room;
+    memcpy(web->answer + web->n_answer, bytes, part);
+    web->n_answer += part;
+    web->answer[web->n_answer] = 0;
+    web->too_long |= part < size * n;
+    return size * n;
 }
 
 static bool add_header(Web *web, const char *line)
@@ -77,16 +74,22 @@ static bool add_header(Web *web, const char *line)
     return longer;
 }
 
-static CtsStatus web_open(Web *web, const CtsNet *net, const char *url, CtsError *err)
+/* A request for what stands below the peer's root; web_close() in any case. */
+static CtsStatus web_open(Web *web, const CtsPeer *peer, const CtsNet *net, const char *what, const char *accept,
+                          CtsError *err)
 {
-    memset(web, 0, sizeof *web);
-    web->net = net;
+    char url[CTS_WEB_QUERY + sizeof peer->url];
+    *web = (Web){.net = net, .answer = malloc(MAX_ANSWER + 1)};
     CtsStatus st = read_credentials(net, web->credentials, err);
     if (st)
         return st;
     if (curl_global_init(CURL_GLOBAL_DEFAULT) || !(web->curl = curl_easy_init()))
         return cts_fail(err, CTS_ERR_INTERNAL, "libcurl cannot be started");
+    if (!web->answer || !add_header(web, accept))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     CURL *c = web->curl;
+    web->answer[0] = 0;
+    snprintf(url, sizeof url, "%s/%s", peer->url, what);
     curl_easy_setopt(c, CURLOPT_URL, url);
     curl_easy_setopt(c, CURLOPT_PROTOCOLS_STR, "http,https");
     curl_easy_setopt(c, CURLOPT_NOSIGNAL, 1L);
@@ -98,8 +101,10 @@ static CtsStatus web_open(Web *web, const CtsNet *net, const char *url, CtsError
     curl_easy_setopt(c, CURLOPT_NOPROGRESS, 0L);
     curl_easy_setopt(c, CURLOPT_XFERINFOFUNCTION, stop_transfer);
     curl_easy_setopt(c, CURLOPT_XFERINFODATA, web);
-    curl_easy_setopt(c, CURLOPT_HEADERFUNCTION, keep_content_type);
-    curl_easy_setopt(c, CURLOPT_HEADERDATA, web);
+    curl_easy_setopt(c, CURLOPT_WRITEFUNCTION, keep_answer);
+    curl_easy_setopt(c, CURLOPT_WRITEDATA, web);
+    if (cts_url_is_here(peer->url)) /* nor may a proxy see what goes to this machine in the clear */
+        curl_easy_setopt(c, CURLOPT_PROXY, "");
     if (net->tls_ca)
         curl_easy_setopt(c, CURLOPT_CAINFO, net->tls_ca);
     if (net->tls_key) {
@@ -118,9 +123,11 @@ static CtsStatus web_open(Web *web, const CtsNet *net, const char *url, CtsError
 
 static void web_close(Web *web)
 {
+    curl_mime_free(web->body);
     if (web->curl)
         curl_easy_cleanup(web->curl);
     curl_slist_free_all(web->headers);
+    free(web->answer);
     explicit_bzero(web->credentials, sizeof web->credentials);
     memset(web, 0, sizeof *web);
 }
@@ -142,51 +149,22 @@ static CURLcode perform(Web *web, long *status)
     return code;
 }
 
-/* The body of a STOW-RS request: a head, the file, a tail. */
-typedef struct Upload {
-    FILE *file;
-    char head[200], tail[64];
-    size_t n_head, n_tail; /* that are still to be sent */
-} Upload;
+static const char accept_json[] = "Accept: application/dicom+json";
 
-static size_t read_upload(char *to, size_t size, size_t n, void *context)
+static const char *content_type(const Web *web)
 {
-    Upload *u = context;
-    size_t room = size * n, got = 0;
-    const size_t head = u->n_head < room ? u->n_head : room;
-    memcpy(to, u->head + strlen(u->head) - u->n_head, head);
-    u->n_head -= head;
-    got += head;
-    if (got < room && u->n_head == 0) {
-        got += fread(to + got, 1, room - got, u->file);
-        if (ferror(u->file))
-            return CURL_READFUNC_ABORT;
-    }
-    if (got < room && feof(u->file)) {
-        const size_t tail = u->n_tail < room - got ? u->n_tail : room - got;
-        memcpy(to + got, u->tail + strlen(u->tail) - u->n_tail, tail);
-        u->n_tail -= tail;
-        got += tail;
-    }
-    return got;
+    const char *type = NULL;
+    curl_easy_getinfo(web->curl, CURLINFO_CONTENT_TYPE, &type);
+    return type ? type : "";
 }
 
-/* What a peer says; an answer that is longer says nothing. */
-typedef struct Answer {
-    char text[1 << 20];
-    size_t n;
-    bool too_long;
-} Answer;
-
-static size_t keep_answer(char *bytes, size_t size, size_t n, void *context)
+/* Why there is no answer, or none that is meant to be one. */
+static CtsStatus fail(const Web *web, CURLcode code, long status, CtsStatus fault, CtsError *err)
 {
-    Answer *a = context;
-    const size_t room = sizeof a->text - 1 - a->n, part = size * n < room ? size * n : room;
-    memcpy(a->text + a->n, bytes, part);
-    a->n += part;
-    a->text[a->n] = 0;
-    a->too_long |= part < size * n;
-    return size * n;
+    if (code)
+        return cts_fail(err, fault, "the connection failed: %s", *web->why ? web->why : curl_easy_strerror(code));
+    return cts_fail(err, fault, "the peer answers with status %ld%s", status,
+                    status == 401 || status == 403 ? " (--credentials FILE or CTSPLAT_CREDENTIALS)" : "");
 }
 
 /* The sequence's items name this instance: ReferencedSOPInstanceUID (0008,1155). */
@@ -203,9 +181,9 @@ static bool names(const json_t *answer, const char *sequence, const char *sop_ui
 }
 
 /* ReferencedSOPSequence (0008,1199) names what is stored, FailedSOPSequence (0008,1198) what is not. */
-static bool confirmed_by_json(const Answer *a, const char *sop_uid)
+static bool confirmed_by_json(const Web *web, const char *sop_uid)
 {
-    json_t *answer = json_loadb(a->text, a->n, 0, NULL);
+    json_t *answer = json_loadb(web->answer, web->n_answer, 0, NULL);
     const size_t n = json_is_array(answer) ? json_array_size(answer) : json_is_object(answer);
     bool stored = false, failed = false;
     for (size_t i = 0; i < n; i++) {
@@ -218,14 +196,14 @@ static bool confirmed_by_json(const Answer *a, const char *sop_uid)
 }
 
 /* The native DICOM model (PS3.19 A.1): the sequence that a UID stands in is the last one that began before it. */
-static bool confirmed_by_xml(const Answer *a, const char *sop_uid)
+static bool confirmed_by_xml(const Web *web, const char *sop_uid)
 {
     char value[80];
     bool stored = false, failed = false;
     snprintf(value, sizeof value, ">%s<", sop_uid);
-    for (const char *at = a->text; (at = strstr(at, value)); at++) {
+    for (const char *at = web->answer; (at = strstr(at, value)); at++) {
         const char *referenced = NULL, *other = NULL;
-        for (const char *tag = a->text; (tag = strstr(tag, "\"0008119")) && tag < at; tag++)
+        for (const char *tag = web->answer; (tag = strstr(tag, "\"0008119")) && tag < at; tag++)
             *(tag[8] == '9' ? &referenced : &other) = tag;
         stored |= referenced && (!other || other < referenced);
         failed |= other && (!referenced || referenced < other);
@@ -234,10 +212,10 @@ static bool confirmed_by_xml(const Answer *a, const char *sop_uid)
 }
 
 /* A status of success is not enough: there are peers, and pages to log in by, that give it for what is not stored. */
-static bool is_confirmed(const Answer *a, const char *content_type, const char *sop_uid)
+static bool is_confirmed(const Web *web, const char *sop_uid)
 {
-    return !a->too_long &&
-           (strcasestr(content_type, "xml") ? confirmed_by_xml(a, sop_uid) : confirmed_by_json(a, sop_uid));
+    return !web->too_long &&
+           (strcasestr(content_type(web), "xml") ? confirmed_by_xml(web, sop_uid) : confirmed_by_json(web, sop_uid));
 }
 
 static bool passes(CURLcode code)
@@ -247,67 +225,41 @@ static bool passes(CURLcode code)
            code != CURLE_ABORTED_BY_CALLBACK && code != CURLE_READ_ERROR;
 }
 
-static void judge_upload(const Web *web, CURLcode code, long status, const Answer *answer, CtsParcel *parcel,
-                         const CtsNet *net, CtsTry *result)
+static void judge_upload(const Web *web, CURLcode code, long status, CtsParcel *parcel, CtsTry *result)
 {
-    if (code) {
-        result->again = passes(code);
-        cts_fail(&result->error, CTS_ERR_OUTPUT, "%s", *web->why ? web->why : curl_easy_strerror(code));
-    } else if (status == 200 || status == 201) {
-        if (is_confirmed(answer, web->content_type, parcel->sop_uid))
-            cts_parcel_is_sent(parcel, net);
-        else
-            cts_fail(&result->error, CTS_ERR_OUTPUT,
-                     "the peer does not say that it stored it, though it answers with status %ld", status);
+    if (code || (status != 200 && status != 201)) {
+        result->again = code ? passes(code) : status >= 500 || status == 429 || status == 408;
+        fail(web, code, status, CTS_ERR_OUTPUT, &result->error);
+    } else if (is_confirmed(web, parcel->sop_uid)) {
+        cts_parcel_is_sent(parcel, web->net);
     } else {
-        result->again = status >= 500 || status == 429 || status == 408;
-        cts_fail(&result->error, CTS_ERR_OUTPUT, "the peer answers with status %ld%s", status,
-                 status == 401 || status == 403 ? " (--credentials FILE or CTSPLAT_CREDENTIALS)" : "");
+        cts_fail(&result->error, CTS_ERR_OUTPUT,
+                 "the peer does not say that it stored it, though it answers with status %ld", status);
     }
+}
+
+/* The body of a STOW-RS request: one part, without the file's name. */
+static CtsStatus set_body(Web *web, const char *path, CtsError *err)
+{
+    curl_mimepart *const part = (web->body = curl_mime_init(web->curl)) ? curl_mime_addpart(web->body) : NULL;
+    if (!part || curl_mime_type(part, "application/dicom") ||
+        !add_header(web, "Content-Type: multipart/related; type=\"application/dicom\"") || !add_header(web, "Expect:"))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (curl_mime_filedata(part, path) || curl_mime_filename(part, NULL))
+        return cts_fail(err, CTS_ERR_READ, "it cannot be read");
+    curl_easy_setopt(web->curl, CURLOPT_MIMEPOST, web->body);
+    return CTS_OK;
 }
 
 static void store(const CtsPeer *peer, const CtsNet *net, CtsParcel *parcel, CtsTry *result)
 {
     Web web;
-    Upload upload = {0};
-    Answer *answer = calloc(1, sizeof *answer);
-    struct stat info;
-    char url[1100], type[200];
-    long status = 0;
-    snprintf(url, sizeof url, "%s/studies", peer->url);
-    snprintf(type, sizeof type, "Content-Type: multipart/related; type=\"application/dicom\"; boundary=%s", boundary);
-    snprintf(upload.head, sizeof upload.head, "--%s\r\nContent-Type: application/dicom\r\n\r\n", boundary);
-    snprintf(upload.tail, sizeof upload.tail, "\r\n--%s--\r\n", boundary);
-    upload.n_head = strlen(upload.head);
-    upload.n_tail = strlen(upload.tail);
-    if (web_open(&web, net, url, &result->error))
-        goto end;
-    if (!answer) {
-        cts_fail(&result->error, CTS_ERR_MEMORY, "out of memory");
-        goto end;
+    long status;
+    if (!web_open(&web, peer, net, "studies", accept_json, &result->error) &&
+        !set_body(&web, parcel->path, &result->error)) {
+        const CURLcode code = perform(&web, &status);
+        judge_upload(&web, code, status, parcel, result);
     }
-    if (!(upload.file = fopen(parcel->path, "rbe")) || fstat(fileno(upload.file), &info)) {
-        cts_fail(&result->error, CTS_ERR_READ, "it cannot be read: %s", strerror(errno));
-        goto end;
-    }
-    if (!add_header(&web, type) || !add_header(&web, "Accept: application/dicom+json") ||
-        !add_header(&web, "Expect:")) {
-        cts_fail(&result->error, CTS_ERR_MEMORY, "out of memory");
-        goto end;
-    }
-    curl_easy_setopt(web.curl, CURLOPT_POST, 1L);
-    curl_easy_setopt(web.curl, CURLOPT_POSTFIELDSIZE_LARGE,
-                     (curl_off_t)(upload.n_head + upload.n_tail) + (curl_off_t)info.st_size);
-    curl_easy_setopt(web.curl, CURLOPT_READFUNCTION, read_upload);
-    curl_easy_setopt(web.curl, CURLOPT_READDATA, &upload);
-    curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, keep_answer);
-    curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, answer);
-    const CURLcode code = perform(&web, &status);
-    judge_upload(&web, code, status, answer, parcel, net, result);
-end:
-    if (upload.file)
-        fclose(upload.file);
-    free(answer);
     web_close(&web);
 }
 
@@ -331,6 +283,11 @@ typedef struct Download {
     CtsError error;
 } Download;
 
+static CtsStatus unwritten(const Download *d, CtsError *err)
+{
+    return cts_fail(err, CTS_ERR_READ, "%s: cannot be written: %s", d->path, strerror(errno));
+}
+
 static CtsStatus begin_file(void *context, CtsError *err)
 {
     Download *d = context;
@@ -339,28 +296,21 @@ static CtsStatus begin_file(void *context, CtsError *err)
         return st;
     d->n_bytes = 0;
     d->file = fopen(d->path, "wbxe");
-    return d->file ? CTS_OK : cts_fail(err, CTS_ERR_READ, "%s: cannot be written: %s", d->path, strerror(errno));
+    return d->file ? CTS_OK : unwritten(d, err);
 }
 
 static CtsStatus write_file(void *context, const void *bytes, size_t n, CtsError *err)
 {
     Download *d = context;
     const CtsStatus st = cts_inbox_grows(d->inbox, d->n_bytes += n, err);
-    if (st)
-        return st;
-    return fwrite(bytes, 1, n, d->file) == n
-               ? CTS_OK
-               : cts_fail(err, CTS_ERR_READ, "%s: cannot be written: %s", d->path, strerror(errno));
+    return st || fwrite(bytes, 1, n, d->file) == n ? st : unwritten(d, err);
 }
 
 static CtsStatus end_file(void *context, CtsError *err)
 {
     Download *d = context;
-    const int failed = fclose(d->file);
+    const CtsStatus st = fclose(d->file) ? unwritten(d, err) : cts_inbox_keep(d->inbox, d->path, err);
     d->file = NULL;
-    CtsStatus st = failed ? cts_fail(err, CTS_ERR_READ, "%s: cannot be written: %s", d->path, strerror(errno)) : CTS_OK;
-    if (!st)
-        st = cts_inbox_keep(d->inbox, d->path, err);
     free(d->path);
     d->path = NULL;
     return st;
@@ -376,7 +326,7 @@ static size_t take_answer(char *bytes, size_t size, size_t n, void *context)
     if (!d->started) {
         const CtsPartSink sink = {begin_file, write_file, end_file, d};
         d->started = true;
-        d->status = cts_multipart_start(&d->multipart, d->web->content_type, &sink, &d->error);
+        d->status = cts_multipart_start(&d->multipart, content_type(d->web), &sink, &d->error);
     }
     if (!d->status)
         d->status = cts_multipart_feed(&d->multipart, bytes, size * n, &d->error);
@@ -389,14 +339,10 @@ static CtsStatus judge_download(const Download *d, CURLcode code, long status, C
         *err = d->error;
         return d->status;
     }
-    if (code)
-        return cts_fail(err, CTS_ERR_READ, "the peer cannot be read from: %s",
-                        *d->web->why ? d->web->why : curl_easy_strerror(code));
-    if (status == 404 || status == 204)
+    if (!code && (status == 404 || status == 204))
         return cts_fail(err, CTS_ERR_READ, "the peer does not have it (status %ld)", status);
-    if (status != 200)
-        return cts_fail(err, CTS_ERR_READ, "the peer answers with status %ld%s", status,
-                        status == 401 || status == 403 ? " (--credentials FILE or CTSPLAT_CREDENTIALS)" : "");
+    if (code || status != 200)
+        return fail(d->web, code, status, CTS_ERR_READ, err);
     return d->started ? cts_multipart_finish(&d->multipart, err) : CTS_OK;
 }
 
@@ -413,40 +359,35 @@ static int count_instances(const json_t *answer, const char *series_uid)
     return n > 0 && n <= CTS_INBOX_MAX_FILES ? (int)n : 0;
 }
 
-static CtsStatus judge_answer(const Web *web, CURLcode code, long status, const Answer *answer, CtsError *err)
+/* A list that the peer cuts off says so (PS3.18 8.3.4.4), and is not taken for a whole one. */
+static bool is_cut(const Web *web)
 {
-    if (code)
-        return cts_fail(err, CTS_ERR_READ, "the peer cannot be read from: %s",
-                        *web->why ? web->why : curl_easy_strerror(code));
-    if (status != 200 && status != 204)
-        return cts_fail(err, CTS_ERR_READ, "the peer answers with status %ld%s", status,
-                        status == 401 || status == 403 ? " (--credentials FILE or CTSPLAT_CREDENTIALS)" : "");
-    return answer->too_long
-               ? cts_fail(err, CTS_ERR_READ, "the peer answers with more than %zu bytes (narrow the query)",
-                          sizeof answer->text)
+    struct curl_header *warning;
+    return !curl_easy_header(web->curl, "Warning", 0, CURLH_HEADER, -1, &warning) &&
+           strcasestr(warning->value, "exceeded");
+}
+
+static CtsStatus judge_answer(const Web *web, CURLcode code, long status, CtsError *err)
+{
+    if (code || (status != 200 && status != 204))
+        return fail(web, code, status, CTS_ERR_READ, err);
+    return web->too_long || is_cut(web)
+               ? cts_fail(err, CTS_ERR_READ, "the peer has more than it tells at once (narrow the query)")
                : CTS_OK;
 }
 
 CtsStatus cts_web_ask(const CtsPeer *peer, const CtsNet *net, const char *what, json_t **told, CtsError *err)
 {
-    Web web = {0};
-    char url[CTS_WEB_QUERY + 1100];
+    Web web;
     long status = 0;
-    Answer *answer = calloc(1, sizeof *answer);
     *told = NULL;
-    snprintf(url, sizeof url, "%s/%s", peer->url, what);
-    CtsStatus st = answer ? web_open(&web, net, url, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && !add_header(&web, "Accept: application/dicom+json"))
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    CtsStatus st = web_open(&web, peer, net, what, accept_json, err);
     if (!st) {
-        curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, keep_answer);
-        curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, answer);
         const CURLcode code = perform(&web, &status);
-        st = judge_answer(&web, code, status, answer, err);
+        st = judge_answer(&web, code, status, err);
     }
-    if (!st && status != 204 && !(*told = json_loadb(answer->text, answer->n, 0, NULL)))
+    if (!st && status != 204 && !(*told = json_loadb(web.answer, web.n_answer, 0, NULL)))
         st = cts_fail(err, CTS_ERR_READ, "the peer answers a query with something else than JSON");
-    free(answer);
     web_close(&web);
     return st;
 }
@@ -466,33 +407,25 @@ static void web_count(const CtsPeer *peer, const CtsNet *net, const CtsRequest *
 static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequest *request, CtsError *err)
 {
     Web web;
-    char url[1300];
-    long status = 0;
-    Download *d = calloc(1, sizeof *d);
-    CtsStatus st = d ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    Download d = {.web = &web, .inbox = request->inbox};
+    char what[200];
+    long status;
     /* UIDs are digits and dots: they were looked at. */
-    snprintf(url, sizeof url, "%s/studies/%s%s%s", peer->url, request->study_uid, request->series_uid ? "/series/" : "",
+    snprintf(what, sizeof what, "studies/%s%s%s", request->study_uid, request->series_uid ? "/series/" : "",
              request->series_uid ? request->series_uid : "");
-    if (st)
-        return st;
-    d->web = &web;
-    d->inbox = request->inbox;
-    if ((st = web_open(&web, net, url, err)))
-        goto end;
-    if (!add_header(&web, "Accept: multipart/related; type=\"application/dicom\"; transfer-syntax=*")) {
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        goto end;
+    CtsStatus st = web_open(&web, peer, net, what,
+                            "Accept: multipart/related; type=\"application/dicom\"; transfer-syntax=*", err);
+    if (!st) {
+        curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, take_answer);
+        curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, &d);
+        const CURLcode code = perform(&web, &status);
+        st = judge_download(&d, code, status, err);
     }
-    curl_easy_setopt(web.curl, CURLOPT_WRITEFUNCTION, take_answer);
-    curl_easy_setopt(web.curl, CURLOPT_WRITEDATA, d);
-    const CURLcode code = perform(&web, &status);
-    if (!(st = judge_download(d, code, status, err)))
+    if (!st)
         web_count(peer, net, request);
-end:
-    if (d->file)
-        fclose(d->file);
-    free(d->path);
-    free(d);
+    if (d.file)
+        fclose(d.file);
+    free(d.path);
     web_close(&web);
     return st;
 }
