@@ -2,8 +2,8 @@
 #ifndef CTS_BENCH_PARTS_H
 #define CTS_BENCH_PARTS_H
 
-#include "lab/bench/bench.h"
 #include "ctsplat/reference.h"
+#include "lab/bench/bench.h"
 
 /* The settings to measure; *rows is malloc'd. */
 CtsStatus cts_bench_plan(CtsBenchRow **rows, int *n, CtsError *err);

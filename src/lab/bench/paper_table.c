@@ -9,12 +9,10 @@
 
 /* Times that the paper gives, in per cent of plain splatting: the means of its three data sets, and the sets'. */
 #define ROW(called, id, hidden, always, mean, sets)                                                                    \
-    {.name = called,                                                                                                   \
-     .engine = CTS_ENGINE_##id,                                                                                        \
-     .sees_hidden = hidden,                                                                                            \
-     .reuses_always = always,                                                                                          \
-     .paper_percent = mean,                                                                                            \
-     .paper_sets = sets}
+    {                                                                                                                  \
+        .name = called, .engine = CTS_ENGINE_##id, .sees_hidden = hidden, .reuses_always = always,                     \
+        .paper_percent = mean, .paper_sets = sets                                                                      \
+    }
 static const CtsPaperRow plan[] = {
     ROW("classic", CLASSIC, false, false, 100, "100"),
     ROW("layers", LAYERS, false, true, 69.1, "66.2, 63, 78"),

@@ -30,7 +30,7 @@ typedef struct CtsPaperTable {
 typedef struct CtsPaperSettings {
     const CtsVolume *volume;
     const CtsPreset *preset;
-    CtsRenderSettings render;                                      /* size, view, threads, stop */
+    CtsRenderSettings render;                                 /* size, view, threads, stop */
     void (*progress)(double done, int all, const char *what); /* before each picture; NULL: silent */
 } CtsPaperSettings;
 

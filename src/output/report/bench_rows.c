@@ -116,16 +116,17 @@ void cts_bench_legend(const CtsBenchRows *rows, char text[2048])
     const CtsBenchRow *some = first_measured(rows);
     text[0] = 0;
     if (some)
-        snprintf(text, 2048,
-                 "%s.\nPictures of %d x %d pixels, %d threads. Times are medians of several renders in a process of "
-                 "their own, the spread\nis the largest less the smallest, serial the share in which one thread at most "
-                 "could work, MiB the process's peak.\nErrors are over display values 0..1 at %llu random pixels "
-                 "(trilinear: %llu), against float64 integrals converged to\n1e-7: rmse against the same kernel's, told "
-                 "what a render says that the trilinear one is at most; bench.jsonl has\n95 %% intervals. No other row "
-                 "beats those of the front in both time and trilinear error.%s\n",
-                 rows->scene, rows->width, rows->height, rows->n_threads, (unsigned long long)some->own.pixels,
-                 (unsigned long long)some->trilinear.pixels,
-                 rows->complete ? "" : " Interrupted: not all settings were measured.");
+        snprintf(
+            text, 2048,
+            "%s.\nPictures of %d x %d pixels, %d threads. Times are medians of several renders in a process of "
+            "their own, the spread\nis the largest less the smallest, serial the share in which one thread at most "
+            "could work, MiB the process's peak.\nErrors are over display values 0..1 at %llu random pixels "
+            "(trilinear: %llu), against float64 integrals converged to\n1e-7: rmse against the same kernel's, told "
+            "what a render says that the trilinear one is at most; bench.jsonl has\n95 %% intervals. No other row "
+            "beats those of the front in both time and trilinear error.%s\n",
+            rows->scene, rows->width, rows->height, rows->n_threads, (unsigned long long)some->own.pixels,
+            (unsigned long long)some->trilinear.pixels,
+            rows->complete ? "" : " Interrupted: not all settings were measured.");
 }
 
 static int by_time(const void *a, const void *b)

@@ -150,10 +150,10 @@ json_t *cts_info_json(const CtsSeries *s, const CtsPixelFacts *f, bool show_pati
         "transfer_syntax", cts_json_new_text(s->transfer_syntax), "orientation", cts_json_new_text(s->orientation),
         "renderable", s->renderable && !f->refused, "passed", s->passed, "findings", findings, "labels", labels);
     if (show_patient)
-        json_object_update_new(
-            object, json_pack("{s:o,s:o,s:o}", "study_date", text_if(s->study_date), "series_number",
-                              s->series_number < 0 ? json_null() : json_integer(s->series_number), "description",
-                              s->description ? cts_json_new_text(s->description) : json_null()));
+        json_object_update_new(object, json_pack("{s:o,s:o,s:o}", "study_date", text_if(s->study_date), "series_number",
+                                                 s->series_number < 0 ? json_null() : json_integer(s->series_number),
+                                                 "description",
+                                                 s->description ? cts_json_new_text(s->description) : json_null()));
     free(study);
     return object;
 }

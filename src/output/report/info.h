@@ -14,7 +14,7 @@ typedef struct CtsPixelFacts {
     double box_low_lps[3], box_high_lps[3]; /* mm: what a crop takes */
     bool refused;                           /* reading them failed: */
     char reason[1024];
-    CtsLabelFact *labels;                   /* n_labels of them where has_labels; a report's */
+    CtsLabelFact *labels; /* n_labels of them where has_labels; a report's */
     size_t n_labels;
     bool has_labels;
     CtsFindings findings; /* of reading them, the series' own left out; owned */
