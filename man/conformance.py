@@ -1,17 +1,19 @@
 #!/usr/bin/env python3
 """The DICOM conformance statement, by the template of PS3.2, with tables made from the source:
 
-    conformance.py SOURCE_ROOT VERSION roff|html >FILE
+    conformance.py SOURCE_ROOT VERSION roff|html COMPILER... >FILE
 
-Needs DCMTK's list of UIDs, a header that building needs too."""
+The C++ compiler finds DCMTK's list of UIDs."""
 import html
 import pathlib
 import re
+import subprocess
 import sys
 
 root, version, form = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3]
-DCMTK = pathlib.Path("/usr/include/dcmtk/dcmdata/dcuid.h")
-uid_of = dict(re.findall(r'#define\s+UID_(\w+)\s+"([0-9.]+)"', DCMTK.read_text()))
+dcmtk = subprocess.run([*sys.argv[4:], "-E", "-dD", "-include", "dcmtk/dcmdata/dcuid.h", "-x", "c++", "/dev/null"],
+                       check=True, stdout=subprocess.PIPE, text=True).stdout
+uid_of = dict(re.findall(r'#define\s+UID_(\w+)\s+"([0-9.]+)"', dcmtk))
 
 
 def source(name):

@@ -53,7 +53,7 @@ static CtsStatus run(int argc, const char *const *argv, int *exit_code, CtsError
 {
     if (argc < 2)
         return cts_fail(err, CTS_ERR_USAGE, "a command is missing (see ctsplat --help)");
-    if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h")) {
+    if (!strcmp(argv[1], "--help") || !strcmp(argv[1], "-h") || !strcmp(argv[1], "help")) {
         cli_help();
         return CTS_OK;
     }
