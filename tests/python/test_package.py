@@ -16,6 +16,7 @@ import ctsplat
 
 PROGRAM, DATA = os.environ["CTSPLAT"], os.environ["CTS_TESTDATA"]
 PHANTOM = os.path.join(DATA, "phantom")  # with an L on its left
+LABELS = os.path.join(DATA, "fuzz", "labels", "binary")
 SMALL = {"size": (96, 80)}
 
 
@@ -187,7 +188,8 @@ def test_errors(tmp_path, phantom):
         (2, lambda: phantom.render(no_such_option=1)),
         (2, lambda: phantom.render(path=PHANTOM)),
         (2, lambda: phantom.render(rotation=4)),
-        (2, lambda: phantom.render(labels=PHANTOM)),
+        (3, lambda: phantom.render(labels=PHANTOM)),
+        (2, lambda: ctsplat.Volume(np.zeros((4, 4, 4)), (1, 1, 1)).render(labels=LABELS)),
         (2, lambda: ctsplat.Volume(np.zeros((2, 2, 2)))),
         (2, lambda: ctsplat.Volume(np.zeros((2, 2)), (1, 1, 1))),
         (2, lambda: ctsplat.Volume(np.zeros((2, 2, 2), complex), (1, 1, 1))),
@@ -217,6 +219,90 @@ def test_rotation(tmp_path, phantom):
     assert phantom.render(**SMALL).size == (96, 80)
     with pytest.raises(ctsplat.Error):
         list(phantom.rotation(3, "bonne"))
+
+
+def test_rotation_and_others(phantom):
+    """Nobody waits for himself; who closes the volume ends its rotations."""
+    with ctsplat.load(PHANTOM) as volume:
+        pictures = volume.rotation(3, **SMALL)
+        next(pictures)
+        for call in (lambda: volume.render(**SMALL), lambda: next(volume.rotation(2, **SMALL))):
+            with pytest.raises(ctsplat.Error) as e:
+                call()
+            assert e.value.code == 2
+        assert volume.hu.shape == phantom.hu.shape
+        other = []
+        thread = threading.Thread(target=lambda: other.append(volume.render(**SMALL)))
+        thread.start()
+        assert len(list(pictures)) == 2
+        thread.join()
+        assert other[0].rgba.tobytes() == volume.render(**SMALL).rgba.tobytes()
+        pictures = volume.rotation(300, **SMALL)
+        next(pictures)
+    with pytest.raises(ctsplat.Error):
+        list(pictures)
+
+
+def test_what_outlives_its_volume(tmp_path, phantom):
+    with ctsplat.load(PHANTOM) as volume:
+        grey, picture = volume.grey, volume.render(**SMALL)
+    assert np.array_equal(grey, phantom.grey)
+    picture.save(tmp_path / "a.png")
+    assert (tmp_path / "a.png").read_bytes() == by_program(tmp_path, "--size", "96x80")
+    with pytest.raises(ctsplat.Error):
+        picture.save(tmp_path / "a.dcm")
+
+
+def test_labels(tmp_path):
+    """Label files with the series, or with a picture of it."""
+    plain, words = ctsplat.load(PHANTOM), ("--labels", LABELS, "--hide", "1", "--label-colours", "--size", "96x80")
+    expected, scene = by_program(tmp_path, *words), dict(hide="1", label_colours=True, **SMALL)
+    grey = plain.grey
+    assert by_package(tmp_path, plain, labels=LABELS, **scene) == expected
+    assert by_package(tmp_path, plain, **scene) == expected  # they stay
+    assert by_package(tmp_path, ctsplat.load(PHANTOM, labels=[LABELS]), **scene) == expected
+    assert by_package(tmp_path, plain, labels=None, **SMALL) == by_program(tmp_path, "--size", "96x80") != expected
+    assert np.array_equal(grey, plain.grey)
+
+
+def test_files_of_the_program(tmp_path, phantom):
+    for name, words in [("a.webp", dict(rotation=3, frame_rate=5)), ("b.webp", dict(swivel=(40, 20))),
+                        ("a.dcm", dict(rotation=2, series_number=7)), ("a.jpg", dict(annotate="scale", quality=50))]:
+        expected = tmp_path / "own" / name
+        expected.parent.mkdir(exist_ok=True)
+        subprocess.run([PROGRAM, "render", PHANTOM, "-o", expected, "--size", "96x80", *as_options(words)], check=True,
+                       stderr=subprocess.DEVNULL)
+        assert phantom.save(tmp_path / name, **words, **SMALL) == []
+        made, own = (tmp_path / name).read_bytes(), expected.read_bytes()
+        assert made[-96 * 80 * 3:] == own[-96 * 80 * 3:] if name == "a.dcm" else made == own, name  # its times differ
+        with pytest.raises(ctsplat.Error):
+            phantom.save(tmp_path / name, **words, **SMALL)
+
+
+with open(os.environ["CTS_PAGES"], encoding="utf-8") as pages:
+    PAGES = [re.sub("^    ", "", page, flags=re.M) for page in re.findall("(?:^    .*\n)+", pages.read(), re.M)]
+
+
+@pytest.mark.parametrize("page", PAGES, ids=[str(k) for k in range(len(PAGES))])
+def test_pages_as_written(tmp_path, monkeypatch, phantom, page):
+    for name in re.findall("nibabel|pandas", page):
+        pytest.importorskip(name)
+    nibabel = pytest.importorskip("nibabel")
+    monkeypatch.chdir(tmp_path)
+    os.makedirs("scans")
+    os.makedirs("archive/empty")
+    os.makedirs("segmentations")
+    for link in "scans/head", "scans/trunk", "archive/one":
+        os.symlink(PHANTOM, link)
+    hu = phantom.hu.transpose(2, 1, 0)
+    nibabel.save(nibabel.Nifti1Image(hu, phantom.affine_ras), "ct.nii.gz")
+    nibabel.save(nibabel.Nifti1Image((hu > 300).astype(np.uint8), phantom.affine_ras), "segmentations/liver.nii.gz")
+    made = {}
+    exec(page, made)  # pylint: disable=exec-used
+    for name in re.findall(r'save\("(\S+?)"', page):
+        assert os.path.getsize(name) > 100, name
+    if "table" in made:
+        assert list(made["table"]["series"]) == ["empty", "one"] and made["table"]["png"][1][:4] == b"\x89PNG"
 
 
 def test_interrupt(phantom):

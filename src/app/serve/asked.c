@@ -1,5 +1,7 @@
+#define _GNU_SOURCE
 #include "app/serve/asked.h"
 
+#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,24 +9,21 @@
 void cts_query_add(void *query, const char *name, const char *value)
 {
     CtsQuery *const q = query;
-    char *const own_name = strdup(name), *const own_value = strdup(value);
-    if (q->n == CTS_ASKED_PARTS || !own_name || !own_value) {
-        q->too_many = true;
-        free(own_name);
-        free(own_value);
+    q->too_many |= q->n == CTS_ASKED_PARTS;
+    if (q->too_many)
         return;
-    }
-    q->parts[q->n].name = own_name;
-    q->parts[q->n++].value = own_value;
+    q->parts[q->n].name = name;
+    q->parts[q->n++].value = value;
 }
 
-void cts_query_free(CtsQuery *query)
+void cts_query_make(CtsQuery *query, const char *name, const char *format, ...)
 {
-    for (int i = 0; i < query->n; i++) {
-        free(query->parts[i].name);
-        free(query->parts[i].value);
-    }
-    *query = (CtsQuery){.n = 0};
+    char *const text = query->made[query->n_made++];
+    va_list arguments;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof *query->made, format, arguments);
+    va_end(arguments);
+    cts_query_add(query, name, text);
 }
 
 const char *cts_query_value(const CtsQuery *query, const char *name)
@@ -84,10 +83,10 @@ static CtsStatus take_words(CtsAsked *asked, CtsError *err)
 static CtsStatus name_file(CtsAsked *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
                            CtsError *err)
 {
-    const size_t size = strlen(folder) + 64;
-    if (!(asked->path = malloc(size)))
+    if (asprintf(&asked->path, "%s/%lu.%s", folder, serial, format->name) < 0) {
+        asked->path = NULL;
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    snprintf(asked->path, size, "%s/%lu.%s", folder, serial, format->name);
+    }
     return cts_options_take(&asked->options, CTS_FOR_JOB, &(CtsWord){.name = "output", .value = asked->path}, err);
 }
 
@@ -123,7 +122,6 @@ CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const ch
 void cts_asked_free(CtsAsked *asked)
 {
     cts_options_free(&asked->options);
-    cts_query_free(&asked->query);
     free(asked->path);
     *asked = (CtsAsked){.path = NULL};
 }

@@ -4,19 +4,21 @@
 
 #include "app/words/words_job.h"
 
-enum { CTS_ASKED_PARTS = 64 };
+enum { CTS_ASKED_PARTS = 64, CTS_ASKED_MADE = 8 };
 
-/* A query: name and value, each the request's own copy. */
+/* A query: names and values as the request has them, or made here. */
 typedef struct CtsQuery {
     struct {
-        char *name, *value;
+        const char *name, *value;
     } parts[CTS_ASKED_PARTS];
-    int n;
+    char made[CTS_ASKED_MADE][96];
+    int n, n_made;
     bool too_many;
 } CtsQuery;
 
+/* Texts must stay. */
 void cts_query_add(void *query, const char *name, const char *value);
-void cts_query_free(CtsQuery *query);
+void cts_query_make(CtsQuery *query, const char *name, const char *format, ...) __attribute__((format(printf, 3, 4)));
 /* NULL where it is not given. */
 const char *cts_query_value(const CtsQuery *query, const char *name);
 

@@ -49,6 +49,9 @@ static void take_info(void *context, int frame, const CtsPicture *band)
     CtsErrand *const e = context;
     if (frame == 0)
         e->info = band->info;
+    /* How a picture is made is known with its first rows. */
+    e->told = true;
+    e->stop |= e->asked.metadata;
 }
 
 static CtsStatus use_lens(CtsErrand *e, const CtsCut *cut, CtsLens *lens, bool is_new, CtsError *err)
@@ -56,8 +59,10 @@ static CtsStatus use_lens(CtsErrand *e, const CtsCut *cut, CtsLens *lens, bool i
     const CtsJob *job = &e->asked.job;
     const CtsLoaded loaded = {.series = e->shelved->series, .volume = cut->volume, .labels = e->shelved->loaded.labels};
     const CtsWatch watch = {.context = e, .band = take_info};
-    const CtsStatus st = is_new ? cts_job_prepare(job, cut->volume, &lens->prepared, &e->report, err) : CTS_OK;
-    return st ? st : cts_job_pictures(job, &loaded, &lens->prepared, &watch, &e->report, err);
+    CtsStatus st = is_new ? cts_job_prepare(job, cut->volume, &lens->prepared, &e->report, err) : CTS_OK;
+    if (!st)
+        st = cts_job_pictures(job, &loaded, &lens->prepared, &watch, &e->report, err);
+    return e->asked.metadata && e->told ? CTS_OK : st;
 }
 
 static CtsStatus make_picture(CtsServer *server, CtsErrand *e, CtsCut *cut, CtsError *err)
@@ -92,18 +97,17 @@ static CtsStatus open_picture(const CtsErrand *e, int *fd, CtsError *err)
 
 static CtsStatus answer_picture(CtsServer *server, CtsErrand *e, CtsHttpAnswer *answer, CtsError *err)
 {
-    int fd;
-    const CtsStatus st = open_picture(e, &fd, err);
-    if (st)
-        return st;
     if (e->asked.metadata) {
-        close(fd);
         char *const json = cts_list_module(e);
         if (!json)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         cts_answer_bytes(answer, server, 200, "application/dicom+json", json, strlen(json), false);
         return CTS_OK;
     }
+    int fd;
+    const CtsStatus st = open_picture(e, &fd, err);
+    if (st)
+        return st;
     cts_answer_bytes(answer, server, 200, e->asked.media_type, "", 0, true);
     answer->fd = fd;
     char *const scene = cts_list_scene(server, e);

@@ -71,34 +71,29 @@ static bool in_cookie(const char *cookies, const char *token)
 static bool has_token(const CtsServer *server, const CtsHttpRequest *request)
 {
     static const char scheme[] = "Bearer ";
-    const char *authorization = server->http->header(request, "Authorization");
+    const char *authorization = request->authorization;
     if (authorization && !strncasecmp(authorization, scheme, sizeof scheme - 1)) {
         const char *given = authorization + sizeof scheme - 1;
         return same_token(given, strlen(given), server->token);
     }
-    return in_cookie(server->http->header(request, "Cookie"), server->token);
+    return in_cookie(request->cookie, server->token);
 }
 
-typedef struct Given {
-    char token[4097];
-} Given;
-
-static void take_token(void *context, const char *name, const char *value)
+static void take_token(void *token, const char *name, const char *value)
 {
-    Given *const g = context;
     if (!strcmp(name, "token"))
-        snprintf(g->token, sizeof g->token, "%s", value);
+        *(const char **)token = value;
 }
 
 /* The address that was printed at the start leads to the page, and does not stay in the browser's history. */
 static bool brings_token(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer)
 {
-    Given given = {""};
+    const char *given = NULL;
     char cookie[sizeof answer->headers->value];
-    if (strcmp(server->http->path(request), "/"))
+    if (strcmp(request->path, "/"))
         return false;
     server->http->query(request, take_token, &given);
-    if (!given.token[0] || !same_token(given.token, strlen(given.token), server->token))
+    if (!given || !same_token(given, strlen(given), server->token))
         return false;
     const int n = snprintf(cookie, sizeof cookie, "ctsplat=%s; HttpOnly; SameSite=Strict; Path=/%s", server->token,
                            server->tls ? "; Secure" : "");
@@ -140,7 +135,7 @@ static void answer_preflight(const CtsServer *server, CtsHttpAnswer *answer)
 
 bool cts_guard(const CtsServer *server, const CtsHttpRequest *request, CtsHttpAnswer *answer)
 {
-    const char *host = server->http->header(request, "Host"), *method = server->http->method(request);
+    const char *host = request->host, *method = request->method;
     if (!server->local_socket && (!host || !host_is_ours(server, host)))
         cts_answer_text(answer, server, 400, "Host: not a name of this server (see --host of ctsplat serve)");
     else if (!strcmp(method, "OPTIONS") && server->options->allow_origin)

@@ -17,28 +17,13 @@ struct CtsHttpServer {
     atomic_int n_requests; /* whose answers have not left yet */
 };
 
-struct CtsHttpRequest {
+typedef struct Request {
+    CtsHttpRequest shown; /* first, so that the one is the other */
     struct MHD_Connection *connection;
-    const char *method, *path;
     struct MHD_Response *response;
     int status;
     bool asked, waits;
-};
-
-static const char *method_of(const CtsHttpRequest *r)
-{
-    return r->method;
-}
-
-static const char *path_of(const CtsHttpRequest *r)
-{
-    return r->path;
-}
-
-static const char *header_of(const CtsHttpRequest *r, const char *name)
-{
-    return MHD_lookup_connection_value(r->connection, MHD_HEADER_KIND, name);
-}
+} Request;
 
 typedef struct Taker {
     void (*take)(void *context, const char *name, const char *value);
@@ -53,21 +38,16 @@ static enum MHD_Result take_part(void *context, enum MHD_ValueKind kind, const c
     return MHD_YES;
 }
 
-static void query_of(const CtsHttpRequest *r, void (*take)(void *context, const char *name, const char *value),
+static void query_of(const CtsHttpRequest *request, void (*take)(void *context, const char *name, const char *value),
                      void *context)
 {
     Taker taker = {take, context};
-    MHD_get_connection_values(r->connection, MHD_GET_ARGUMENT_KIND, take_part, &taker);
+    MHD_get_connection_values(((const Request *)request)->connection, MHD_GET_ARGUMENT_KIND, take_part, &taker);
 }
 
-static int socket_of(const CtsHttpRequest *r)
+static void wait_for(CtsHttpRequest *request)
 {
-    const union MHD_ConnectionInfo *info = MHD_get_connection_info(r->connection, MHD_CONNECTION_INFO_CONNECTION_FD);
-    return info ? info->connect_fd : -1;
-}
-
-static void wait_for(CtsHttpRequest *r)
-{
+    Request *const r = (Request *)request;
     r->waits = true;
     MHD_suspend_connection(r->connection);
 }
@@ -88,8 +68,9 @@ static struct MHD_Response *response_of(CtsHttpAnswer *a)
     return text;
 }
 
-static void answer(CtsHttpRequest *r, CtsHttpAnswer *a)
+static void answer(CtsHttpRequest *request, CtsHttpAnswer *a)
 {
+    Request *const r = (Request *)request;
     r->status = a->status;
     r->response = response_of(a);
     for (int i = 0; r->response && i < a->n_headers; i++)
@@ -98,20 +79,25 @@ static void answer(CtsHttpRequest *r, CtsHttpAnswer *a)
         MHD_resume_connection(r->connection);
 }
 
-/* No request that is answered has a body: what brings one is not read. */
-static bool has_body(const CtsHttpRequest *r)
+static const char *header_of(struct MHD_Connection *connection, const char *name)
 {
-    const char *length = header_of(r, "Content-Length");
-    return header_of(r, "Transfer-Encoding") || (length && strcmp(length, "0"));
+    return MHD_lookup_connection_value(connection, MHD_HEADER_KIND, name);
 }
 
-static enum MHD_Result refuse_body(const CtsHttpRequest *r)
+/* No request that is answered has a body: what brings one is not read. */
+static bool has_body(struct MHD_Connection *connection)
+{
+    const char *length = header_of(connection, "Content-Length");
+    return header_of(connection, "Transfer-Encoding") || (length && strcmp(length, "0"));
+}
+
+static enum MHD_Result refuse_body(struct MHD_Connection *connection)
 {
     static char text[] = "a request with a body: only GET is answered, which has none\n";
     struct MHD_Response *const no = MHD_create_response_from_buffer(sizeof text - 1, text, MHD_RESPMEM_PERSISTENT);
     MHD_add_response_header(no, "Content-Type", "text/plain; charset=utf-8");
     MHD_add_response_header(no, "Connection", "close");
-    const enum MHD_Result done = MHD_queue_response(r->connection, MHD_HTTP_CONTENT_TOO_LARGE, no);
+    const enum MHD_Result done = MHD_queue_response(connection, MHD_HTTP_CONTENT_TOO_LARGE, no);
     MHD_destroy_response(no);
     return done;
 }
@@ -120,19 +106,28 @@ static enum MHD_Result handle(void *context, struct MHD_Connection *connection, 
                               const char *version, const char *body, size_t *n_body, void **kept)
 {
     CtsHttpServer *const server = context;
-    CtsHttpRequest *r = *kept;
+    Request *r = *kept;
     (void)version, (void)body;
     if (!r) {
         if (!(r = *kept = calloc(1, sizeof *r)))
             return MHD_NO;
         atomic_fetch_add(&server->n_requests, 1);
-        *r = (CtsHttpRequest){.connection = connection, .method = method, .path = path};
-        return has_body(r) ? refuse_body(r) : MHD_YES;
+        r->connection = connection;
+        r->shown = (CtsHttpRequest){
+            .method = method,
+            .path = path,
+            .host = header_of(connection, MHD_HTTP_HEADER_HOST),
+            .authorization = header_of(connection, MHD_HTTP_HEADER_AUTHORIZATION),
+            .cookie = header_of(connection, MHD_HTTP_HEADER_COOKIE),
+            .accept = header_of(connection, MHD_HTTP_HEADER_ACCEPT),
+            .socket = MHD_get_connection_info(connection, MHD_CONNECTION_INFO_CONNECTION_FD)->connect_fd,
+        };
+        return has_body(connection) ? refuse_body(connection) : MHD_YES;
     }
     *n_body = 0;
     if (!r->asked) {
         r->asked = true;
-        server->settings.ask(server->settings.context, r);
+        server->settings.ask(server->settings.context, &r->shown);
         if (r->waits)
             return MHD_YES;
     }
@@ -145,7 +140,7 @@ static void completed(void *context, struct MHD_Connection *connection, void **k
                       enum MHD_RequestTerminationCode why)
 {
     CtsHttpServer *const server = context;
-    CtsHttpRequest *const r = *kept;
+    Request *const r = *kept;
     (void)connection, (void)why;
     if (r)
         atomic_fetch_sub(&server->n_requests, 1);
@@ -193,7 +188,7 @@ static void stop(CtsHttpServer **server)
     *server = NULL;
 }
 
-static const CtsHttp table = {start, stop, method_of, path_of, header_of, query_of, socket_of, wait_for, answer};
+static const CtsHttp table = {start, stop, query_of, wait_for, answer};
 
 __attribute__((visibility("default"))) CtsStatus cts_http_table(const void **told, CtsError *err)
 {

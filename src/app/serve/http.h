@@ -8,8 +8,12 @@
 #include <stddef.h>
 
 typedef struct CtsHttpServer CtsHttpServer;
-/* One request, from when it is asked until it is answered. */
-typedef struct CtsHttpRequest CtsHttpRequest;
+/* One request, from when it is asked until it is answered. Texts are its own; headers NULL where it has none. */
+typedef struct CtsHttpRequest {
+    const char *method, *path;
+    const char *host, *authorization, *cookie, *accept;
+    int socket;
+} CtsHttpRequest;
 
 typedef struct CtsHttpSettings {
     int socket;                                          /* listens already; the server's from now on */
@@ -37,14 +41,9 @@ typedef struct CtsHttp {
     CtsStatus (*start)(CtsHttpServer **server, const CtsHttpSettings *settings, CtsError *err);
     /* Every request must have been answered. */
     void (*stop)(CtsHttpServer **server);
-    /* The request's own texts. header: NULL where it has none. */
-    const char *(*method)(const CtsHttpRequest *request);
-    const char *(*path)(const CtsHttpRequest *request);
-    const char *(*header)(const CtsHttpRequest *request, const char *name);
     /* take for each part of the query, value "" where it has none. */
     void (*query)(const CtsHttpRequest *request, void (*take)(void *context, const char *name, const char *value),
                   void *context);
-    int (*socket)(const CtsHttpRequest *request);
     /* Within ask: the answer comes later, from any thread. */
     void (*wait)(CtsHttpRequest *request);
     /* Once, within ask or after wait; request is gone then, and what answer holds is taken. */

@@ -6,61 +6,59 @@
 #include <stdio.h>
 #include <string.h>
 
-/* The standard's names, and what is not done of them. */
-static const struct {
-    const char *name, *why;
-} not_here[] = {
-    {"volumeinputreference", "not supported (a volume is a whole series)"},
-    {"match", "not supported (a volume is a whole series)"},
-    {"volumetriccurvepoint", "not supported (no flights along curves; swivelrange turns the volume)"},
-    {"mprslab", "belongs to renderedMPR, which is not supported"},
-    {"annotation", "not supported (annotate=orientation,scale draws marks without the patient's name)"},
-    {"iccprofile", "not supported (pictures are sRGB)"},
+/* The standard's names; a presentation state says all but whence it is looked at, how large, and in what it is sent. */
+static const struct Parameter {
+    const char *name;
+    bool goes_with_state, is_word; /* it is ctsplat's own word too */
+    const char *not_here;          /* why not; NULL: it is */
+} parameters[] = {
+    {"renderingmethod", false, false, NULL},
+    {"orientation", true, false, NULL},
+    {"viewpointposition", true, false, NULL},
+    {"viewpointlookat", true, false, NULL},
+    {"viewpointup", true, false, NULL},
+    {"swivelrange", false, false, NULL},
+    {"animationrate", false, false, NULL},
+    {"animationstepsize", false, false, NULL},
+    {"renderedvolumetricmetadata", false, false, NULL},
+    {"accept", true, false, NULL},
+    {"charset", true, false, NULL},
+    {"viewport", true, false, NULL},
+    {"window", false, false, NULL},
+    {"quality", true, true, NULL},
+    {"volumeinputreference", false, false, "not supported (a volume is a whole series)"},
+    {"match", false, false, "not supported (a volume is a whole series)"},
+    {"volumetriccurvepoint", false, false, "not supported (no flights along curves; swivelrange turns the volume)"},
+    {"mprslab", false, false, "belongs to renderedMPR, which is not supported"},
+    {"annotation", false, false,
+     "not supported (annotate=orientation,scale draws marks without the patient's name)"},
+    {"iccprofile", false, false, "not supported (pictures are sRGB)"},
 };
 
-static const char *const own_names[] = {"renderingmethod", "orientation",       "viewpointposition",
-                                        "viewpointlookat", "viewpointup",       "swivelrange",
-                                        "animationrate",   "animationstepsize", "renderedvolumetricmetadata",
-                                        "accept",          "charset",           "viewport",
-                                        "window"};
-
-static bool is_own(const char *name)
+static const struct Parameter *parameter(const char *name)
 {
-    for (size_t i = 0; i < sizeof own_names / sizeof *own_names; i++)
-        if (!strcmp(own_names[i], name))
-            return true;
-    return false;
+    for (size_t i = 0; i < sizeof parameters / sizeof *parameters; i++)
+        if (!strcmp(parameters[i].name, name))
+            return &parameters[i];
+    return NULL;
 }
 
 /* What is left is ctsplat's own. */
-static CtsStatus sort_out(const CtsQuery *from, CtsQuery *words, CtsError *err)
+static CtsStatus sort_out(const CtsQuery *from, bool of_state, CtsQuery *words, CtsError *err)
 {
     for (int i = 0; i < from->n; i++) {
         const char *name = from->parts[i].name;
-        for (size_t k = 0; k < sizeof not_here / sizeof *not_here; k++)
-            if (!strcmp(not_here[k].name, name))
-                return cts_fail(err, CTS_ERR_USAGE, "%s: %s", name, not_here[k].why);
-        for (int k = 0; k < i; k++)
-            if (is_own(name) && !strcmp(from->parts[k].name, name))
-                return cts_fail(err, CTS_ERR_USAGE, "%s: given twice", name);
-        if (!is_own(name))
-            cts_query_add(words, name, from->parts[i].value);
-    }
-    return CTS_OK;
-}
-
-/* A presentation state says all but whence it is looked at, how large, and in what the picture is sent. */
-static CtsStatus check_beside_state(const CtsQuery *from, CtsError *err)
-{
-    static const char *const may[] = {"orientation", "viewpointposition", "viewpointlookat", "viewpointup",
-                                      "accept",      "charset",           "viewport",        "quality"};
-    for (int i = 0; i < from->n; i++) {
-        bool goes = false;
-        for (size_t k = 0; k < sizeof may / sizeof *may; k++)
-            goes |= !strcmp(may[k], from->parts[i].name);
-        if (!goes)
+        const struct Parameter *const p = parameter(name);
+        if (of_state && !(p && p->goes_with_state))
             return cts_fail(err, CTS_ERR_USAGE, "%.60s: does not go with a presentation state, which says it itself",
-                            from->parts[i].name);
+                            name);
+        if (p && p->not_here)
+            return cts_fail(err, CTS_ERR_USAGE, "%s: %s", name, p->not_here);
+        for (int k = 0; k < i; k++)
+            if (p && !p->is_word && !strcmp(from->parts[k].name, name))
+                return cts_fail(err, CTS_ERR_USAGE, "%s: given twice", name);
+        if (!p || p->is_word)
+            cts_query_add(words, name, from->parts[i].value);
     }
     return CTS_OK;
 }
@@ -85,9 +83,7 @@ static CtsStatus take_method(const CtsQuery *from, CtsQuery *words, CtsError *er
 
 static void add_view(CtsQuery *words, double azimuth_deg, double elevation_deg)
 {
-    char text[64];
-    snprintf(text, sizeof text, "%.17g,%.17g", azimuth_deg, elevation_deg);
-    cts_query_add(words, "view", text);
+    cts_query_make(words, "view", "%.17g,%.17g", azimuth_deg, elevation_deg);
 }
 
 /* From above the standard has the patient's front at the top, where ctsplat's `head` has the back. */
@@ -194,7 +190,6 @@ static CtsStatus positive(const CtsQuery *from, const char *name, double *value,
 static CtsStatus take_swivel(CtsAsked *asked, const CtsQuery *from, CtsError *err)
 {
     CtsStatus st;
-    char text[64];
     if ((st = positive(from, "swivelrange", &asked->swivel_range_deg, err)) ||
         (st = positive(from, "animationstepsize", &asked->swivel_step_deg, err)) ||
         (st = positive(from, "animationrate", &asked->rate, err)))
@@ -208,10 +203,8 @@ static CtsStatus take_swivel(CtsAsked *asked, const CtsQuery *from, CtsError *er
         asked->swivel_step_deg = asked->swivel_range_deg / SWEEP_FRAMES;
     if (asked->rate == 0)
         asked->rate = 10;
-    snprintf(text, sizeof text, "%.17g,%.17g", asked->swivel_range_deg, asked->swivel_step_deg);
-    cts_query_add(&asked->query, "swivel", text);
-    snprintf(text, sizeof text, "%.17g", asked->rate);
-    cts_query_add(&asked->query, "frame-rate", text);
+    cts_query_make(&asked->query, "swivel", "%.17g,%.17g", asked->swivel_range_deg, asked->swivel_step_deg);
+    cts_query_make(&asked->query, "frame-rate", "%.17g", asked->rate);
     return CTS_OK;
 }
 
@@ -219,7 +212,7 @@ static CtsStatus take_swivel(CtsAsked *asked, const CtsQuery *from, CtsError *er
 static CtsStatus take_window(const CtsQuery *from, CtsQuery *words, CtsError *err)
 {
     const char *window = cts_query_value(from, "window"), *function = window ? strrchr(window, ',') : NULL;
-    char start[64], text[80];
+    char start[64];
     double v[2];
     if (!window)
         return CTS_OK;
@@ -230,8 +223,7 @@ static CtsStatus take_window(const CtsQuery *from, CtsQuery *words, CtsError *er
         return cts_fail(err, CTS_ERR_USAGE, "window %.60s: not CENTRE,WIDTH,linear or CENTRE,WIDTH,linear-exact in HU",
                         window);
     const double middle = exact ? v[0] : v[0] - 0.5, half = (exact ? v[1] : v[1] - 1) / 2;
-    snprintf(text, sizeof text, "%.17g,%.17g", middle - half, middle + half);
-    cts_query_add(words, "window", text);
+    cts_query_make(words, "window", "%.17g,%.17g", middle - half, middle + half);
     return CTS_OK;
 }
 
@@ -239,7 +231,6 @@ static CtsStatus take_viewport(const CtsQuery *from, CtsQuery *words, CtsError *
 {
     const char *viewport = cts_query_value(from, "viewport");
     double v[2];
-    char text[64];
     if (!viewport)
         return CTS_OK;
     if (!cts_numbers(viewport, v, 2))
@@ -247,8 +238,7 @@ static CtsStatus take_viewport(const CtsQuery *from, CtsQuery *words, CtsError *
                         "viewport %.60s: not WIDTH,HEIGHT in pixels (a part of the picture is not "
                         "supported)",
                         viewport);
-    snprintf(text, sizeof text, "%.17gx%.17g", v[0], v[1]);
-    cts_query_add(words, "size", text);
+    cts_query_make(words, "size", "%.17gx%.17g", v[0], v[1]);
     return CTS_OK;
 }
 
@@ -283,14 +273,11 @@ CtsStatus cts_asked_rendered(CtsAsked *asked, const char *accept, const CtsForma
     if (metadata && strcmp(metadata, "yes"))
         st = cts_fail(err, CTS_ERR_USAGE, "renderedvolumetricmetadata %.40s: not yes", metadata);
     asked->metadata = metadata;
-    if (!st && asked->state_path)
-        st = check_beside_state(&from, err);
-    if (!st && !(st = sort_out(&from, words, err)) && !(st = take_method(&from, words, err)) &&
+    if (!st && !(st = sort_out(&from, asked->state_path, words, err)) && !(st = take_method(&from, words, err)) &&
         !(st = take_camera(&from, words, err)) && !(st = take_swivel(asked, &from, err)) &&
         !(st = take_window(&from, words, err)))
         st = take_viewport(&from, words, err);
     if (!st)
         *format = choose_format(asked, wanted ? wanted : accept);
-    cts_query_free(&from);
     return st;
 }

@@ -141,11 +141,11 @@ static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target
         return;
     }
     e->request = request;
-    e->socket = server->http->socket(request);
+    e->socket = request->socket;
     server->http->query(request, cts_query_add, &e->asked.query);
     find_instance(server, e, target);
     CtsStatus st =
-        format ? CTS_OK : cts_asked_rendered(&e->asked, server->http->header(request, "Accept"), &format, &err);
+        format ? CTS_OK : cts_asked_rendered(&e->asked, request->accept, &format, &err);
     const bool acceptable = st || format;
     if (!st && format && !(st = prepare(server, e, format, &err)))
         st = queue(server, e, of_state(e, target), &err);
@@ -200,7 +200,7 @@ void cts_routes_ask(void *context, CtsHttpRequest *request)
         server->http->answer(request, &answer);
         return;
     }
-    split(server->http->path(request), &p);
+    split(request->path, &p);
     if (p.n == 1 && answer_asset(server, request, p.at[0]))
         return;
     if (is(&p, 0, "series"))

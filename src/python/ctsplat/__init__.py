@@ -120,25 +120,29 @@ def _interruptible(call: Any, stop: Any) -> None:
     if threading.current_thread() is not threading.main_thread():
         call()
         return
-    failures: List[BaseException] = []
+    failure: Optional[BaseException] = None
 
     def run() -> None:
+        nonlocal failure
         try:
             call()
-        except BaseException as failure:  # is raised again below
-            failures.append(failure)
+        except BaseException as e:  # is raised again below
+            failure = failure or e
 
     thread = threading.Thread(target=run)
     thread.start()
-    try:
-        while thread.is_alive():
+    while thread.is_alive():
+        try:
             thread.join(1)
-    except BaseException:
-        stop[0] = 1
-        thread.join()
-        raise
-    if failures:
-        raise failures[0]
+        except BaseException as e:  # once more while it ends: it is waited for all the same
+            failure, stop[0] = e, 1
+    if failure:
+        raise failure
+
+
+def _owner(kind: str, free: Any) -> Any:
+    """Room for what the library makes, which goes with it."""
+    return ffi.gc(ffi.new(kind + " **"), free)
 
 
 class Preset:
@@ -193,12 +197,8 @@ class Picture:
     plane to what is seen first, inf where nothing is, None where the mode has no surfaces; bound: what its error does
     not exceed, None where the engine does not tell; log: times by stage and what was left out; findings: warnings."""
 
-    def __init__(self, c: Any, report: _Report, volume: "Volume"):
-        def free(picture: Any) -> None:
-            lib.cts_picture_free(ffi.new("CtsPicture **", picture))
-
-        self._c = ffi.gc(c, free)
-        self._volume = volume
+    def __init__(self, owner: Any, report: _Report, volume: "Volume"):
+        self._owner, self._c, self._volume = owner, owner[0], volume
         self.bound, self.log, self.findings = report.bound(), report.log(), report.findings()
 
     @property
@@ -230,18 +230,17 @@ class Picture:
         if png_bits not in (8, 16):
             raise Error("png_bits is 8 or 16", 2)
         settings = ffi.new("CtsExportSettings *")
-        settings.source = self._volume._series
         settings.force, settings.png_8_bits, settings.quality = force, png_bits == 8, quality
-        output, err = ffi.new("CtsExport **"), ffi.new("CtsError *")
-        chars = os.fsencode(path)
-        if settings.source == ffi.NULL and chars.lower().endswith(b".dcm"):
-            raise Error("%s: numbers without a patient make no DICOM object" % os.fspath(path), 2)
+        chars, err = os.fsencode(path), ffi.new("CtsError *")
+        if chars.lower().endswith(b".dcm"):
+            settings.source = lib.cts_session_series(self._volume._open())
+            if settings.source == ffi.NULL:
+                raise Error("%s: numbers without a patient make no DICOM object" % os.fspath(path), 2)
+        output = _owner("CtsExport", lib.cts_export_discard)
         _check(lib.cts_export_begin(output, chars, self._c, 1, settings, ffi.NULL, err), err)
-        try:
+        with output:  # a file that is not whole by its end is given up
             _check(lib.cts_export_rows(output[0], self._c, err), err)
             _check(lib.cts_export_end(output, ffi.NULL, err), err)
-        finally:
-            lib.cts_export_discard(output)
 
     def _repr_png_(self) -> bytes:
         with tempfile.TemporaryDirectory() as folder:
@@ -310,74 +309,78 @@ class Volume:
                 raise Error("an affine is 4 x 4", 2)
             affine = affine if affine_ras is None else np.diag([-1.0, -1, 1, 1]) @ affine
         numbers = _as_numbers(array)
-        scanned, session, err = ffi.new("CtsScanned **"), ffi.new("CtsSession **"), ffi.new("CtsError *")
+        scanned, err = _owner("CtsScanned", lib.cts_scanned_free), ffi.new("CtsError *")
         report, given = _Report(), _given(numbers, affine)
         _check(lib.cts_scanned_of_hu(given, threads, scanned, report.c, err), err)
-        try:
-            _check(lib.cts_session_take(session, scanned, err), err)
-        finally:
-            lib.cts_scanned_free(scanned)
-        self._begin(session[0], report)
+        session = _owner("CtsSession", lib.cts_session_close)
+        _check(lib.cts_session_take(session, scanned, err), err)
+        self._begin()
+        self._take(session, report, None)
 
-    def _begin(self, session: Any, report: _Report) -> None:
-        def close(s: Any) -> None:
-            lib.cts_session_close(ffi.new("CtsSession **", s))
-
-        self._session = ffi.gc(session, close)
+    def _begin(self) -> None:
         self._lock = threading.RLock()  # a session takes one call at a time
+        self._turns: Dict[int, _Turn] = {}  # rotations under way, by the thread that takes their pictures
+
+    def _take(self, session: Any, report: _Report, source: Optional[Dict[str, Any]]) -> None:
+        self._session, self._source = session, source  # the latter as load() was told
         self._even: Any = None
         self.findings: List[Finding] = report.findings()
 
-    @classmethod
-    def _load(cls, options: Dict[str, Any]) -> "Volume":
-        words, report, stop = _Words(options), _Report(), ffi.new("sig_atomic_t *")
-        session, err = ffi.new("CtsSession **"), ffi.new("CtsError *")
+    def _read(self, source: Dict[str, Any]) -> None:
+        words, report, stop, err = _Words(source), _Report(), ffi.new("sig_atomic_t *"), ffi.new("CtsError *")
+        session = _owner("CtsSession", lib.cts_session_close)
         _interruptible(lambda: _check(lib.cts_session_open(session, words.c, words.n, stop, report.c, err), err), stop)
-        volume = cls.__new__(cls)
-        volume._begin(session[0], report)
-        return volume
+        self._take(session, report, source)
+
+    def _words(self, options: Dict[str, Any]) -> _Words:
+        """Those of a picture; labels that are not here yet are read, and the series once more with them."""
+        own = {name: options.pop(name) for name in ("labels", "label_names") if name in options}
+        self._open()
+        if self._source is None and any(own.values()):
+            raise Error("numbers have no series that label files could be of (load the CT from its files)", 2)
+        if self._source is not None and any(self._source.get(name) != value for name, value in own.items()):
+            self._read({**self._source, **own})
+        return _Words(options)
 
     def __enter__(self) -> "Volume":
         return self
 
     def __exit__(self, *_: Any) -> None:
+        for turn in list(self._turns.values()):
+            turn.end()
         with self._lock:
-            if self._session is not None:
-                ffi.release(self._session)
             self._session = self._even = None
-
-    @property
-    def _series(self) -> Any:
-        return lib.cts_session_series(self._open())
 
     def _open(self) -> Any:
         if self._session is None:
             raise Error("the volume is closed", 2)
-        return self._session
+        return self._session[0]
+
+    def _alone(self) -> Any:
+        """The lock, where no rotation of this very thread holds it."""
+        if threading.get_ident() in self._turns:
+            raise Error("a rotation of this volume is under way (take all its pictures first, or close it)", 2)
+        return self._lock
 
     def _volume(self) -> Any:
         """The evenly spaced volume of what was scanned; a copy where slices are not even."""
-        with self._lock:
-            scanned = lib.cts_session_scanned(self._open())
-            if scanned.layer == ffi.NULL and scanned.even.grey != ffi.NULL:
-                return scanned.even
-            if self._even is None:
-                made, err = ffi.new("CtsVolume **"), ffi.new("CtsError *")
-                _check(lib.cts_scanned_volume(ffi.cast("CtsScanned *", scanned), lib.CTS_INTERPOLATION_LINEAR, False, 0,
-                                              made, ffi.new("CtsMadeUp *"), err), err)
-
-                def free(volume: Any) -> None:
-                    lib.cts_volume_free(ffi.new("CtsVolume **", volume))
-
-                self._even = ffi.gc(made[0], free)
-            return self._even
+        scanned = lib.cts_session_scanned(self._open())
+        if scanned.layer == ffi.NULL and scanned.even.grey != ffi.NULL:
+            return scanned.even
+        if self._even is None:
+            made, err = _owner("CtsVolume", lib.cts_volume_free), ffi.new("CtsError *")
+            _check(lib.cts_scanned_volume(ffi.cast("CtsScanned *", scanned), lib.CTS_INTERPOLATION_LINEAR, False, 0,
+                                          made, ffi.new("CtsMadeUp *"), err), err)
+            self._even = made
+        return self._even[0]
 
     @property
     def grey(self) -> np.ndarray:
         """Grey levels, uint16, index k, j, i: a read-only view of the library's own. HU = offset + step * grey, which
         is HU + 1024 where all HU are whole."""
         v = self._volume()
-        return np.asarray(_Buffer((self, v, self._session), int(ffi.cast("uintptr_t", v.grey)), tuple(v.dims)[::-1], "<u2"))
+        owner = self._even or self._session
+        return np.asarray(_Buffer(owner, int(ffi.cast("uintptr_t", v.grey)), tuple(v.dims)[::-1], "<u2"))
 
     @property
     def hu(self) -> np.ndarray:
@@ -419,24 +422,31 @@ class Volume:
     def render(self, preset: Union[str, Preset, None] = None, view: Any = None, size: Any = None,
                **options: Any) -> Picture:
         """One picture. options: those of `ctsplat render`, such as mode="mip", max_error=2, crop=(x0, x1, y0, y1, z0,
-        z1), background="none", shade=False, threads=4."""
-        words = _Words({"preset": preset, "view": view, "size": size, **options})
+        z1), background="none", shade=False, labels="organs.nii.gz", threads=4."""
+        picture = _owner("CtsPicture", lib.cts_picture_free)
+        return Picture(picture, self._run({"preset": preset, "view": view, "size": size, **options}, picture), self)
+
+    def save(self, path: Union[str, os.PathLike], preset: Union[str, Preset, None] = None, view: Any = None,
+             size: Any = None, **options: Any) -> List[Finding]:
+        """Writes what `ctsplat render` writes, with its options: rotation=36 as one animated .webp or one .dcm, or a
+        file a picture; force=True over what exists. Returns what is odd about it."""
+        return self._run({"output": path, "preset": preset, "view": view, "size": size, **options}, ffi.NULL).findings()
+
+    def _run(self, options: Dict[str, Any], picture: Any) -> _Report:
         report, stop, err = _Report(), ffi.new("sig_atomic_t *"), ffi.new("CtsError *")
-        picture = ffi.new("CtsPicture **")
-        with self._lock:
-            session = self._open()
+        with self._alone():
+            words, session = self._words(options), self._open()
             _interruptible(lambda: _check(lib.cts_session_run(session, words.c, words.n, stop, picture, report.c, err),
                                           err), stop)
-        return Picture(picture[0], report, self)
+        return report
 
     def rotation(self, frames: int, preset: Union[str, Preset, None] = None, view: Any = None, size: Any = None,
                  **options: Any) -> Iterator[Picture]:
         """So many pictures over 360 degrees about the head-foot axis, from view on; the next is rendered while one is
-        used. The volume makes no other picture meanwhile."""
-        words = _Words({"rotation": frames, "preset": preset, "view": view, "size": size, **options})
-        turn = _Turn(self)
-        thread = threading.Thread(target=turn.run, args=(words,), daemon=True)
-        thread.start()
+        used. The volume makes no other picture meanwhile: who asks in another thread waits."""
+        with self._alone():
+            words = self._words({"rotation": frames, "preset": preset, "view": view, "size": size, **options})
+        turn = _Turn(self, words)
         try:
             while True:
                 item = turn.made.get()
@@ -444,13 +454,7 @@ class Volume:
                     break
                 yield item
         finally:
-            turn.stop[0] = 1
-            while thread.is_alive():
-                try:
-                    turn.made.get(timeout=0.01)
-                except queue.Empty:
-                    pass
-            thread.join()
+            turn.end()
         if turn.failure:
             raise turn.failure
 
@@ -458,10 +462,14 @@ class Volume:
 class _Turn:
     """The pictures of a rotation on their way."""
 
-    def __init__(self, volume: Volume):
+    def __init__(self, volume: Volume, words: _Words):
         self.volume, self.report, self.stop = volume, _Report(), ffi.new("sig_atomic_t *")
         self.made: "queue.Queue[Optional[Picture]]" = queue.Queue(1)
         self.failure: Optional[BaseException] = None
+        self.taker = threading.get_ident()
+        self.thread = threading.Thread(target=self.run, args=(words,), daemon=True)
+        volume._turns[self.taker] = self
+        self.thread.start()
 
     def run(self, words: _Words) -> None:
         err, handle = ffi.new("CtsError *"), ffi.new_handle(self)
@@ -473,11 +481,23 @@ class _Turn:
             self.failure = failure
         self.made.put(None)
 
+    def end(self) -> None:
+        self.stop[0] = 1
+        while self.thread.is_alive():
+            try:
+                self.made.get(timeout=0.01)
+            except queue.Empty:
+                pass
+        self.volume._turns.pop(self.taker, None)
+        self.made = queue.Queue()
+        self.made.put(None)
 
-@ffi.def_extern()
+
+@ffi.def_extern(error=lib.CTS_ERR_MEMORY)
 def take_frame(context: Any, frame: int, picture: Any, err: Any) -> int:
-    turn = ffi.from_handle(context)
-    turn.made.put(Picture(picture, turn.report, turn.volume))
+    turn, owner = ffi.from_handle(context), _owner("CtsPicture", lib.cts_picture_free)
+    owner[0] = picture
+    turn.made.put(Picture(owner, turn.report, turn.volume))
     return 0
 
 
@@ -486,7 +506,7 @@ def load(path: Union[str, os.PathLike, Sequence[str]], series: Optional[str] = N
     where there is more than one. options: threads, labels, label_names, and those that say from where (`from` is a word of
     Python's: **{"from": peer})."""
     paths = [path] if isinstance(path, (str, os.PathLike)) else list(path)
-    words = {"series": series, **options}
-    if paths:
-        words["path"] = paths
-    return Volume._load(words)
+    volume = Volume.__new__(Volume)
+    volume._begin()
+    volume._read({"path": paths, "series": series, **options})
+    return volume

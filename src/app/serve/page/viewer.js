@@ -4,7 +4,7 @@ import {listen} from './hands.js';
 
 const SIDES = {a: ['anterior', 0, 0], p: ['posterior', 180, 0], l: ['left', 90, 0], r: ['right', 270, 0],
   h: ['head', 0, 90], f: ['feet', 0, -90]};
-const DRAFT = '8', REST_MS = 150, MOST = 1024;
+const DRAFT = '8', REST_MS = 150, MOST = 1024, SLOW_MS = 100, MOST_COARSE = 4;
 const id = name => document.getElementById(name);
 
 // What is seen: azimuth and elevation in degrees; scale and centre once the first picture has told them.
@@ -12,10 +12,12 @@ let look = null;
 let series = null;
 let presets = [];
 
-function words() {
-  const w = {preset: look.preset, view: `${+look.azimuth.toFixed(2)},${+look.elevation.toFixed(2)}`, size: look.size};
+// coarse: so many times fewer pixels each way.
+function words(coarse = 1) {
+  const size = look.size.split('x').map(n => Math.max(1, Math.round(n / coarse))).join('x');
+  const w = {preset: look.preset, view: `${+look.azimuth.toFixed(2)},${+look.elevation.toFixed(2)}`, size};
   if (look.mm) {
-    w['mm-per-pixel'] = look.mm.toPrecision(6);
+    w['mm-per-pixel'] = (coarse * look.mm).toPrecision(6);
     w.centre = look.centre.map(x => x.toFixed(3)).join(',');
   }
   if (look.window)
@@ -27,8 +29,8 @@ function words() {
   return w;
 }
 
-function path(ending, more) {
-  return `series/${series.id}/picture.${ending}?${new URLSearchParams({...words(), ...more})}`;
+function path(ending, more, coarse) {
+  return `series/${series.id}/picture.${ending}?${new URLSearchParams({...words(coarse), ...more})}`;
 }
 
 function stageSize() {
@@ -43,8 +45,9 @@ function put(blob) {
   id('picture').src = shown = URL.createObjectURL(blob);
 }
 
-function tell(scene, isDraft) {
-  const view = `${scene.view[0].toFixed(0)}°, ${scene.view[1].toFixed(0)}°, ${scene.mm_per_pixel.toPrecision(3)} mm a pixel`;
+function tell(scene, isDraft, coarse = 1) {
+  const mm = (scene.mm_per_pixel / coarse).toPrecision(3);
+  const view = `${scene.view[0].toFixed(0)}°, ${scene.view[1].toFixed(0)}°, ${mm} mm a pixel`;
   const bound = scene.bound_255 === undefined ? '' : `, error at most ${scene.bound_255.toPrecision(2)}/255 rms`;
   id('told').textContent = isDraft ? view : view + bound;
   id('stage').dataset.rests = !isDraft;
@@ -53,7 +56,8 @@ function tell(scene, isDraft) {
     status(scene.warnings.join('; '));
 }
 
-// One draft at a time: the newest look waits, what lies between is left out.
+// One draft at a time: the newest look waits, what lies between is left out. Where they take long they have fewer pixels.
+let coarse = 1;
 let drafting = false, wanted = false, resting = null, restTimer = 0;
 async function draft() {
   wanted = true;
@@ -65,10 +69,13 @@ async function draft() {
   try {
     while (wanted && look) {
       wanted = false;
-      const {blob, scene} = await ask(path('jpg', {'max-error': DRAFT, quality: 80}));
+      const own = coarse, start = performance.now();
+      const {blob, scene} = await ask(path('jpg', {'max-error': DRAFT, quality: 80}, own));
+      const ms = performance.now() - start;
+      coarse = ms > SLOW_MS ? Math.min(MOST_COARSE, 1.4 * own) : ms < SLOW_MS / 3 ? Math.max(1, own / 1.4) : own;
       if (look) {
         put(blob);
-        tell(scene, true);
+        tell(scene, true, own);
       }
     }
   } catch (e) {
