@@ -23,13 +23,46 @@ def declarations(folder):
     return re.sub(r"static inline [^{]*\{.*?\n\}", "", text, flags=re.S)
 
 
+# Python handles signals between its own steps alone; a picture must end before that.
+INTERRUPTS = """
+#include <ctsplat/ctsplat.h>
+#include <stdlib.h>
+
+static volatile sig_atomic_t interrupted;
+static struct sigaction before;
+
+static void on_interrupt(int number)
+{
+    interrupted = 1;
+    before.sa_handler(number);
+}
+
+static volatile sig_atomic_t *interrupts_stop(void)
+{
+    const struct sigaction own = {.sa_handler = on_interrupt, .sa_flags = SA_ONSTACK};
+    interrupted = 0;
+    sigaction(SIGINT, NULL, &before);
+    if (before.sa_handler != SIG_DFL && before.sa_handler != SIG_IGN && !(before.sa_flags & SA_SIGINFO))
+        sigaction(SIGINT, &own, NULL);
+    return &interrupted;
+}
+
+static void interrupts_pass(void)
+{
+    sigaction(SIGINT, &before, NULL);
+}
+"""
+
+
 def main(output, folder):
     ffi = cffi.FFI()
     ffi.cdef("typedef int sig_atomic_t;\n" + declarations(folder) + """
 void free(void *);
+volatile sig_atomic_t *interrupts_stop(void);
+void interrupts_pass(void);
 extern "Python" CtsStatus take_frame(void *context, int frame, CtsPicture *picture, CtsError *err);
 """)
-    ffi.set_source("ctsplat._ctsplat", "#include <ctsplat/ctsplat.h>\n#include <stdlib.h>")
+    ffi.set_source("ctsplat._ctsplat", INTERRUPTS)
     ffi.emit_c_code(output)
 
 

@@ -330,7 +330,8 @@ def test_interrupt_of_load(monkeypatch):
             ctsplat.load([], study_uid="1.2.3", peer_timeout=3600,
                          **{"from": "http://127.0.0.1:%d" % server.getsockname()[1]})
         thread.join()
-    monkeypatch.setattr(ctsplat, "_interruptible", lambda call, stop: (stop.__setitem__(0, 1), call()))
+    stop = ctsplat.ffi.new("sig_atomic_t *", 1)
+    monkeypatch.setattr(ctsplat, "_interruptible", lambda call, err: ctsplat._check(call(stop), err))
     with pytest.raises(ctsplat.Error) as e:
         ctsplat.load(PHANTOM)
     assert e.value.code == 130

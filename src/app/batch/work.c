@@ -71,7 +71,7 @@ static void keep(Work *w, CtsStatus status, const CtsError *why)
     }
 }
 
-static void on_band(void *context, int frame, const CtsPicture *band)
+static void on_band(void *context, int frame, CtsPicture *band)
 {
     Work *const w = context;
     CtsError err = {0};

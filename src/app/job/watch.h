@@ -18,8 +18,8 @@ typedef struct CtsWatch {
     void (*found)(void *context, const CtsSeriesList *list);
     /* The volume is read: from here on the job looks at its settings' stop flag. */
     void (*loaded)(void *context);
-    /* Rows of a frame as they go into the files. */
-    void (*band)(void *context, int frame, const CtsPicture *band);
+    /* Rows of a frame as they go into the files. Of a job without outputs it may take what the band holds. */
+    void (*band)(void *context, int frame, CtsPicture *band);
     /* A file stands, whole. */
     void (*output)(void *context, const char *path, const char *format, uint64_t bytes);
 } CtsWatch;

@@ -44,7 +44,7 @@ static void unlink_errand(CtsServer *server, CtsErrand *errand)
     cts_shelf_sweep(&server->shelf);
 }
 
-static void take_info(void *context, int frame, const CtsPicture *band)
+static void take_info(void *context, int frame, CtsPicture *band)
 {
     CtsErrand *const e = context;
     if (frame == 0)

@@ -10,6 +10,7 @@
 typedef struct Whole {
     CtsPictureSink take;
     void *context;
+    bool alone; /* nobody else wants the bands */
     CtsPicture *picture;
     CtsStatus status;
     CtsError err;
@@ -27,17 +28,36 @@ static CtsStatus begin_picture(Whole *w, const CtsPicture *band)
     return st;
 }
 
-static void take_band(void *context, int frame, const CtsPicture *band)
+static CtsStatus copy_band(Whole *w, const CtsPicture *band)
 {
-    Whole *const w = context;
-    if (w->status || (!w->picture && (w->status = begin_picture(w, band))))
-        return;
     const size_t first = (size_t)band->first_row * (size_t)band->width;
     const size_t n = (size_t)band->height * (size_t)band->width, n_channels = (size_t)band->n_channels;
+    const CtsStatus st = w->picture ? CTS_OK : begin_picture(w, band);
+    if (st)
+        return st;
     memcpy(w->picture->pixels + first * n_channels, band->pixels, n * n_channels * sizeof *band->pixels);
     if (band->depth_mm)
         memcpy(w->picture->depth_mm + first, band->depth_mm, n * sizeof *band->depth_mm);
-    if (band->first_row + band->height < band->whole_height)
+    return CTS_OK;
+}
+
+static CtsStatus take_over(Whole *w, CtsPicture *band)
+{
+    if (!(w->picture = malloc(sizeof *w->picture)))
+        return cts_fail(&w->err, CTS_ERR_MEMORY, "out of memory");
+    *w->picture = *band;
+    w->picture->bound = NULL;
+    band->pixels = band->depth_mm = NULL;
+    return CTS_OK;
+}
+
+static void take_band(void *context, int frame, CtsPicture *band)
+{
+    Whole *const w = context;
+    if (w->status)
+        return;
+    w->status = w->alone && band->height == band->whole_height ? take_over(w, band) : copy_band(w, band);
+    if (w->status || band->first_row + band->height < band->whole_height)
         return;
     CtsPicture *const whole = w->picture;
     w->picture = NULL;
@@ -92,6 +112,8 @@ static CtsStatus run(CtsSession *session, const CtsOptions *options, Whole *whol
     if (!st && !whole && !options->outputs.n)
         st = cts_fail(err, CTS_ERR_USAGE, "no output (give `output` FILE, or a place for the picture in memory)");
     job.render.want_depth = whole != NULL;
+    if (whole)
+        whole->alone = !options->outputs.n;
     if (!st)
         st = session ? run_loaded(session, &job, &watch, report, err) : cts_job_run(&job, &watch, report, err);
     if (!st && whole && whole->status) {

@@ -115,29 +115,16 @@ class _Words:
         return self.keep[-1]
 
 
-def _interruptible(call: Any, stop: Any) -> None:
-    """Runs call(); Ctrl-C, which Python sees between its own steps alone, stops it meanwhile."""
+def _interruptible(call: Any, err: Any) -> None:
+    """Runs call(stop), which Ctrl-C stops; KeyboardInterrupt follows once it has ended."""
     if threading.current_thread() is not threading.main_thread():
-        call()
+        _check(call(ffi.NULL), err)
         return
-    failure: Optional[BaseException] = None
-
-    def run() -> None:
-        nonlocal failure
-        try:
-            call()
-        except BaseException as e:  # is raised again below
-            failure = failure or e
-
-    thread = threading.Thread(target=run)
-    thread.start()
-    while thread.is_alive():
-        try:
-            thread.join(1)
-        except BaseException as e:  # once more while it ends: it is waited for all the same
-            failure, stop[0] = e, 1
-    if failure:
-        raise failure
+    stop = lib.interrupts_stop()
+    try:
+        _check(call(stop), err)
+    finally:
+        lib.interrupts_pass()
 
 
 def _owner(kind: str, free: Any) -> Any:
@@ -327,9 +314,9 @@ class Volume:
         self.findings: List[Finding] = report.findings()
 
     def _read(self, source: Dict[str, Any]) -> None:
-        words, report, stop, err = _Words(source), _Report(), ffi.new("sig_atomic_t *"), ffi.new("CtsError *")
+        words, report, err = _Words(source), _Report(), ffi.new("CtsError *")
         session = _owner("CtsSession", lib.cts_session_close)
-        _interruptible(lambda: _check(lib.cts_session_open(session, words.c, words.n, stop, report.c, err), err), stop)
+        _interruptible(lambda stop: lib.cts_session_open(session, words.c, words.n, stop, report.c, err), err)
         self._take(session, report, source)
 
     def _words(self, options: Dict[str, Any]) -> _Words:
@@ -433,11 +420,10 @@ class Volume:
         return self._run({"output": path, "preset": preset, "view": view, "size": size, **options}, ffi.NULL).findings()
 
     def _run(self, options: Dict[str, Any], picture: Any) -> _Report:
-        report, stop, err = _Report(), ffi.new("sig_atomic_t *"), ffi.new("CtsError *")
+        report, err = _Report(), ffi.new("CtsError *")
         with self._alone():
             words, session = self._words(options), self._open()
-            _interruptible(lambda: _check(lib.cts_session_run(session, words.c, words.n, stop, picture, report.c, err),
-                                          err), stop)
+            _interruptible(lambda stop: lib.cts_session_run(session, words.c, words.n, stop, picture, report.c, err), err)
         return report
 
     def rotation(self, frames: int, preset: Union[str, Preset, None] = None, view: Any = None, size: Any = None,
