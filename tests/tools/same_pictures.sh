@@ -1,5 +1,5 @@
 #!/bin/bash
-# Whether two builds make the same pictures, byte for byte: same_pictures.sh OLD_CTSPLAT NEW_CTSPLAT SERIES...
+# Whether two builds make the same pictures, bit for bit: same_pictures.sh OLD_CTSPLAT NEW_CTSPLAT SERIES...
 # A spread of engines, presets, views, modes, kernels, scales and formats for each series; small pictures, so that a
 # few hundred scenes take minutes. Prints each scene that differs and a last line with the count. For changes of
 # structure, which must not change a pixel.
@@ -25,6 +25,8 @@ scene()
     sed -i "s/old\.$ending/X/g" "$work/old.txt" && sed -i "s/new\.$ending/X/g" "$work/new.txt"
     if [ -f "$work/old.$ending" ] && [ -f "$work/new.$ending" ]; then
         cmp -s "$work/old.$ending" "$work/new.$ending" && return
+        # Packed otherwise, and the same to the bit.
+        "$new" compare "$work/old.$ending" "$work/new.$ending" >/dev/null && return
     elif [ ! -f "$work/old.$ending" ] && [ ! -f "$work/new.$ending" ]; then
         tail -n 1 "$work/old.txt" | cmp -s - <(tail -n 1 "$work/new.txt") && return
     fi
