@@ -31,7 +31,7 @@ src/render/frames | core/volume/owners.h core/scene/ render/error/ |
 src/output/image  | |
 src/output/objects | input/files/ input/header/ input/codec/ | openjpeg.h
 src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h isa-l.h jpeglib.h webp/
-src/output/net    | input/files/scan.h input/header/ output/objects/ | curl/ jansson.h netdb.h netinet/ openssl/
+src/output/net    | input/header/ | curl/ jansson.h netdb.h netinet/ openssl/
 src/output/report | | jansson.h
 src/lab/check     | |
 src/lab/bench     | output/report/ |

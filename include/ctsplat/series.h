@@ -147,10 +147,6 @@ typedef struct CtsWordWatch {
 CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, const CtsWordWatch *watch, int n_threads,
                           CtsScanned **scanned, CtsReport *report, CtsError *err);
 
-/* The same for who wants its refusals and findings, and of the volume its place and range of HU alone: where all pixels
- * came with the headers, which small files' do, no file is read again, and `even` has no grey. */
-CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsScanned **scanned, CtsReport *report,
-                             CtsError *err);
 void cts_scanned_free(CtsScanned **scanned);
 
 /* HU from elsewhere than DICOM, a box of numbers in any order: voxel (a, b, c) is the number at

@@ -1,7 +1,7 @@
 /* One DICOM file -> slices and their pixels; compressed ones up to their codec, which has a process of its own. */
+#include "fuzz.h"
 #include "input/codec/pixels.h"
 #include "input/files/scan.h"
-#include "fuzz.h"
 #include <stdlib.h>
 
 enum { MAX_PIXELS = 1 << 18, MAX_READ = 8 };
@@ -23,12 +23,7 @@ static void read_pixels(const CtsSlice *s)
     CtsError err = {0};
     CtsSandbox *decoder = NULL;
     if (words && cts_slice_read_pixels(s, &decoder, words, nothing, NULL, &err))
-        assert(err.text[0] && !s->range_known);
-    else if (words && s->range_known) {
-        const CtsStored stored = cts_slice_stored(s);
-        const CtsStoredRange range = cts_stored_range(words, n, &stored);
-        assert(range.low == s->range.low && range.high == s->range.high);
-    }
+        assert(err.text[0]);
     cts_sandbox_free(&decoder);
     free(words);
 }

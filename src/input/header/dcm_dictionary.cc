@@ -2,8 +2,8 @@
  * times as long, and asks the environment which file to read. */
 #include <dcmtk/config/osconfig.h>
 
-#include "input/header/dcm_door.hpp"
 #include "input/files/file_bytes.h"
+#include "input/header/dcm_door.hpp"
 
 #include <cstdio>
 #include <cstring>

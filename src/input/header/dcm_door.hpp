@@ -3,7 +3,6 @@
 #define CTS_DICOM_DCM_DOOR_HPP
 
 #include "ctsplat/status.h"
-#include "input/files/syntax.h"
 
 #include <cstddef>
 #include <cstdint>
@@ -11,7 +10,6 @@
 #include <new>
 #include <shared_mutex>
 
-class DcmDataset;
 class OFCondition;
 
 /* Warnings and errors that DCMTK logged in this thread since the last reset, and the first one's text. */
@@ -32,9 +30,6 @@ CtsStatus cts_dcm_load_dictionary(CtsError *err);
 
 /* What to answer when DCMTK says no. */
 CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise);
-
-/* Parse a data set that is whole in memory. */
-OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax);
 
 /* No exception comes through a door: what each that is caught there becomes. */
 inline CtsStatus cts_dcm_caught(CtsError *err, CtsStatus otherwise)

@@ -1,6 +1,6 @@
 /* Attributes -> slice record. Nothing here needs DCMTK loaded. */
 #include "input/header/dcm_attributes.hpp"
-#include "input/header/dcm_read.h"
+#include "input/header/dcm_door.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -38,13 +38,13 @@ std::string_view part_of(std::string_view text, int n)
 
 bool numbers(CtsAttributes &item, const DcmTagKey &tag, double *values, int n)
 {
-    const std::string_view text = cts_text_of(item, tag);
+    const std::string_view text = cts_attribute_text(item, tag);
     return cts_dcm_parse_ds(text.data(), text.size(), values, n);
 }
 
 bool integer(CtsAttributes &item, const DcmTagKey &tag, int *value)
 {
-    const std::string_view text = cts_text_of(item, tag);
+    const std::string_view text = cts_attribute_text(item, tag);
     return !text.empty() && cts_dcm_parse_is(text.data(), text.size(), value);
 }
 
@@ -72,11 +72,12 @@ CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
         return CTS_OBJECT_CT;
     if (sop_class == enhanced_class || sop_class == legacy_enhanced_class)
         return CTS_OBJECT_ENHANCED;
-    if (sop_class == directory_class || item.has(DCM_DirectoryRecordSequence))
+    if (sop_class == directory_class || cts_attribute_has(item, DCM_DirectoryRecordSequence))
         return CTS_OBJECT_DIRECTORY;
     if (std::find(std::begin(label_classes), std::end(label_classes), sop_class) != std::end(label_classes))
         return CTS_OBJECT_LABELS;
-    if (sop_class.empty() && cts_text_of(item, DCM_Modality) == "CT" && item.has(DCM_ImagePositionPatient))
+    if (sop_class.empty() && cts_attribute_text(item, DCM_Modality) == "CT" &&
+        cts_attribute_has(item, DCM_ImagePositionPatient))
         return CTS_OBJECT_CT;
     return CTS_OBJECT_OTHER;
 }
@@ -131,37 +132,37 @@ void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
                                                    DCM_PatientBirthDate,   DCM_PatientSex,        DCM_StudyInstanceUID,
                                                    DCM_FrameOfReferenceUID};
     for (int i = 0; i < CTS_N_IDENTITY; i++) {
-        const std::string_view text = without_delimiters(cts_text_of(item, tags[i]));
+        const std::string_view text = without_delimiters(cts_attribute_text(item, tags[i]));
         s->identity[i] = cts_dcm_share(texts, text, text.size());
     }
-    s->sop_uid = keep_uid(texts, cts_text_of(item, DCM_SOPInstanceUID));
-    s->series_uid = cts_dcm_share(texts, cts_text_of(item, DCM_SeriesInstanceUID), 64);
-    s->study_date = share_some(texts, cts_text_of(item, DCM_StudyDate));
+    s->sop_uid = keep_uid(texts, cts_attribute_text(item, DCM_SOPInstanceUID));
+    s->series_uid = cts_dcm_share(texts, cts_attribute_text(item, DCM_SeriesInstanceUID), 64);
+    s->study_date = share_some(texts, cts_attribute_text(item, DCM_StudyDate));
     if (!integer(item, DCM_SeriesNumber, &s->series_number))
         s->series_number = -1;
-    s->modality = cts_dcm_share(texts, cts_text_of(item, DCM_Modality), 16);
+    s->modality = cts_dcm_share(texts, cts_attribute_text(item, DCM_Modality), 16);
     s->stack_id = "";
-    s->description = share_some(texts, cts_text_of(item, DCM_SeriesDescription));
-    s->charset = share_some(texts, cts_text_of(item, DCM_SpecificCharacterSet));
+    s->description = share_some(texts, cts_attribute_text(item, DCM_SeriesDescription));
+    s->charset = share_some(texts, cts_attribute_text(item, DCM_SpecificCharacterSet));
     s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);
     s->has_instance = integer(item, DCM_InstanceNumber, &s->instance_number);
     s->has_temporal = integer(item, DCM_TemporalPositionIdentifier, &s->temporal_index);
-    s->time_s = seconds_of_day(cts_text_of(item, DCM_AcquisitionTime));
+    s->time_s = seconds_of_day(cts_attribute_text(item, DCM_AcquisitionTime));
     if (s->time_s < 0)
-        s->time_s = seconds_of_day(cts_text_of(item, DCM_ContentTime));
+        s->time_s = seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
     s->kvp = positive_number(item, DCM_KVP);
     s->trigger_ms = positive_number(item, DCM_TriggerTime);
-    const std::string_view image_type = cts_text_of(item, DCM_ImageType);
+    const std::string_view image_type = cts_attribute_text(item, DCM_ImageType);
     for (int i = 2; i < 8; i++)
         s->localizer |= part_of(image_type, i) == "LOCALIZER";
     if (names_quantity(image_type))
         s->odd |= CTS_ODD_NOT_HU;
-    if (cts_text_of(item, DCM_BurnedInAnnotation) == "YES")
+    if (cts_attribute_text(item, DCM_BurnedInAnnotation) == "YES")
         s->odd |= CTS_ODD_BURNED_IN;
     const bool derived = part_of(image_type, 0) == "DERIVED" || part_of(image_type, 1) == "SECONDARY";
-    s->page = derived && !s->identity[CTS_FRAME_UID][0] && !item.has(DCM_ImagePositionPatient) &&
-              !item.has(DCM_ImageOrientationPatient);
-    const std::string_view lossy = cts_text_of(item, DCM_LossyImageCompression);
+    s->page = derived && !s->identity[CTS_FRAME_UID][0] && !cts_attribute_has(item, DCM_ImagePositionPatient) &&
+              !cts_attribute_has(item, DCM_ImageOrientationPatient);
+    const std::string_view lossy = cts_attribute_text(item, DCM_LossyImageCompression);
     if (lossy == "01")
         s->odd |= CTS_ODD_LOSSY;
     s->told_lossless = lossy == "00";
@@ -182,7 +183,7 @@ bool read_shape(CtsAttributes &item, CtsSlice *s)
     };
     for (const auto &n : needed) {
         const unsigned group = n.tag.getGroup(), number = n.tag.getElement();
-        if (!item.unsigned_short(n.tag, n.value)) {
+        if (!cts_attribute_word(item, n.tag, n.value)) {
             cts_slice_fault(s, CTS_ERR_PIXELS, "%s (%04x,%04x) is missing or not one number", n.name, group, number);
             return false;
         }
@@ -199,7 +200,7 @@ bool read_shape(CtsAttributes &item, CtsSlice *s)
         return false;
     }
     int value = 1;
-    if (!item.unsigned_short(DCM_PixelRepresentation, &value) || value > 1)
+    if (!cts_attribute_word(item, DCM_PixelRepresentation, &value) || value > 1)
         cts_slice_fault(s, CTS_ERR_PIXELS, "PixelRepresentation (0028,0103) is missing or neither 0 nor 1");
     s->is_signed = value == 1;
     return true;
@@ -208,21 +209,22 @@ bool read_shape(CtsAttributes &item, CtsSlice *s)
 void read_image_kind(CtsAttributes &item, CtsSlice *s)
 {
     int samples = 1, frames = 1;
-    if (item.has(DCM_SamplesPerPixel) && (!item.unsigned_short(DCM_SamplesPerPixel, &samples) || samples != 1))
+    if (cts_attribute_has(item, DCM_SamplesPerPixel) &&
+        (!cts_attribute_word(item, DCM_SamplesPerPixel, &samples) || samples != 1))
         cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no CT slice");
-    const std::string_view photometric = cts_text_of(item, DCM_PhotometricInterpretation);
+    const std::string_view photometric = cts_attribute_text(item, DCM_PhotometricInterpretation);
     if (photometric == "MONOCHROME1")
         s->odd |= CTS_ODD_MONOCHROME1;
     else if (!photometric.empty() && photometric != "MONOCHROME2")
         cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no CT slice");
-    if (item.has(DCM_NumberOfFrames) && !cts_text_of(item, DCM_NumberOfFrames).empty() &&
+    if (cts_attribute_has(item, DCM_NumberOfFrames) && !cts_attribute_text(item, DCM_NumberOfFrames).empty() &&
         (!integer(item, DCM_NumberOfFrames, &frames) || frames != 1))
         cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: CT Image Storage holds one frame");
 }
 
 void read_rescale(CtsAttributes &item, CtsSlice *s)
 {
-    if (item.has(DCM_ModalityLUTSequence)) {
+    if (cts_attribute_has(item, DCM_ModalityLUTSequence)) {
         cts_slice_fault(s, CTS_ERR_PIXELS, "a Modality LUT (0028,3000) stands in for the rescale slope; not supported");
         return;
     }
@@ -237,7 +239,7 @@ void read_rescale(CtsAttributes &item, CtsSlice *s)
                         s->intercept);
     if (s->slope < 0)
         s->odd |= CTS_ODD_FALLING;
-    const std::string_view type = cts_text_of(item, DCM_RescaleType);
+    const std::string_view type = cts_attribute_text(item, DCM_RescaleType);
     if (type == "US")
         s->odd |= CTS_ODD_UNSPECIFIED;
     else if (is_quantity(type))
@@ -262,9 +264,9 @@ void read_padding(CtsAttributes &item, CtsSlice *s)
 {
     unsigned value = 0, limit = 0;
     s->padding_word = -1;
-    if (!item.bit_pattern(DCM_PixelPaddingValue, &value))
+    if (!cts_attribute_pattern(item, DCM_PixelPaddingValue, &value))
         return;
-    if (!item.bit_pattern(DCM_PixelPaddingRangeLimit, &limit))
+    if (!cts_attribute_pattern(item, DCM_PixelPaddingRangeLimit, &limit))
         limit = value;
     int a = 0, b = 0;
     if (stored_value(value, s, &a) && stored_value(limit, s, &b)) {
@@ -353,16 +355,42 @@ void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
     read_rescale(item, s);
 }
 
-void cts_dcm_read_object(CtsAttributes &item, CtsTexts &texts, char class_uid[65], CtsSlice *slice)
+/* A UID with control characters is another one to whoever leaves them out. */
+static bool is_torn_uid(const CtsTagValue &value, const uint8_t *bytes)
 {
-    const std::string_view own_class = cts_text_of(item, DCM_SOPClassUID);
-    if (!own_class.empty())
-        class_uid[own_class.copy(class_uid, 64)] = 0;
-    slice->kind = kind_of(item, own_class.empty() ? std::string_view(class_uid) : own_class);
-    if (slice->kind == CTS_OBJECT_DIRECTORY)
-        std::memcpy(class_uid, directory_class, sizeof directory_class);
-    if (slice->kind == CTS_OBJECT_LABELS)
-        slice->identity[CTS_STUDY_UID] = cts_dcm_share(texts, cts_text_of(item, DCM_StudyInstanceUID), 64);
-    if (slice->kind == CTS_OBJECT_CT)
-        cts_dcm_read_slice(item, texts, slice);
+    const uint32_t uids[] = {0x00080018, 0x0020000D, 0x0020000E, 0x00200052};
+    if (value.is_sequence || std::find(std::begin(uids), std::end(uids), value.tag) == std::end(uids))
+        return false;
+    uint32_t n = value.n_bytes;
+    while (n > 0 && bytes[value.offset + n - 1] == 0)
+        n--;
+    return std::any_of(bytes + value.offset, bytes + value.offset + n, [](uint8_t c) { return c < 0x20 || c == 0x7F; });
+}
+
+CtsStatus cts_dcm_read_object(const CtsDataSet *data_set, CtsTexts *texts, const char *class_uid, CtsObject *object,
+                              CtsError *err)
+try {
+    for (int i = 0; i < data_set->scan->n_values; i++) {
+        const CtsTagValue &value = data_set->scan->values[i];
+        if (is_torn_uid(value, data_set->bytes))
+            return cts_fail(err, CTS_ERR_READ, "damaged: its UID (%04X,%04X) holds control characters", value.tag >> 16,
+                            value.tag & 0xFFFF);
+    }
+    CtsAttributes item{*data_set};
+    const std::string_view own_class = cts_attribute_text(item, DCM_SOPClassUID);
+    const std::string_view sop_class = own_class.empty() ? std::string_view(class_uid) : own_class;
+    object->kind = kind_of(item, sop_class);
+    object->class_uid =
+        cts_dcm_share(*texts, object->kind == CTS_OBJECT_DIRECTORY ? std::string_view(directory_class) : sop_class, 64);
+    if (object->kind == CTS_OBJECT_LABELS)
+        object->study_uid = cts_dcm_share(*texts, cts_attribute_text(item, DCM_StudyInstanceUID), 64);
+    if (object->kind == CTS_OBJECT_CT) {
+        cts_dcm_make_room(object, 1);
+        cts_dcm_read_slice(item, *texts, cts_dcm_add_slice(object));
+    }
+    if (object->kind == CTS_OBJECT_ENHANCED)
+        cts_dcm_read_frames(*data_set, *texts, object);
+    return CTS_OK;
+} catch (...) {
+    return cts_dcm_caught(err, CTS_ERR_READ);
 }

@@ -1,4 +1,5 @@
-/* The C door to DCMTK for reading. Nothing of DCMTK comes through, no exception either. All calls are thread-safe. */
+/* The values of DICOM headers, and the C door to DCMTK for what reading asks of it. Nothing of DCMTK comes through, no
+ * exception either. All calls are thread-safe. */
 #ifndef CTS_DICOM_DCM_READ_H
 #define CTS_DICOM_DCM_READ_H
 
@@ -18,29 +19,21 @@ CtsStatus cts_dcm_start(CtsError *err);
 /* The same without the dictionary, which decoders do not need. */
 CtsStatus cts_dcm_start_decoders(CtsError *err);
 
-/* Read the attributes of a data set that ends before its pixels, encoded as `native` (an uncompressed syntax), into
- * slice, its texts into texts: all but path, file facts, syntax, odd syntax flags and the place of the pixels, which
- * the caller knows. class_uid is the SOP class that the meta header tells, and becomes the data set's own where that
- * has one. scan is what cts_scan_data() found; where that says all, DCMTK is not asked. Fails with CTS_ERR_READ when
- * DCMTK cannot parse it; a CT slice whose values cannot be used is a success with slice->fault set. Of an object with
- * many frames only its kind is told; its slices come from cts_dcm_read_frames(). */
-CtsStatus cts_dcm_read_header(const uint8_t *data_set, size_t n, const CtsDataScan *scan, const CtsSyntax *native,
-                              CtsTexts *texts, char class_uid[65], CtsSlice *slice, CtsError *err);
+/* A data set in memory up to its pixels, encoded as `native` (an uncompressed syntax), and what cts_scan_data() found
+ * in it. */
+typedef struct CtsDataSet {
+    const uint8_t *bytes;
+    size_t n;
+    const CtsDataScan *scan;
+    const CtsSyntax *native;
+} CtsDataSet;
 
-/* What cts_dcm_read_header() asks DCMTK. */
-CtsStatus cts_dcm_parse_header(const uint8_t *data_set, size_t n, const CtsSyntax *native, CtsTexts *texts,
-                               char class_uid[65], CtsSlice *slice, CtsError *err);
-
-/* The frames of an Enhanced CT or Legacy Converted Enhanced CT object: slices by their functional groups, each frame's
- * own before the shared ones. As cts_dcm_read_header(), one slice a frame, in the order of the pixels; free each and
- * the array with cts_slice_free(). What cannot be used at all is one slice with a fault. */
-CtsStatus cts_dcm_read_frames(const uint8_t *data_set, size_t n, const CtsSyntax *native, CtsTexts *texts,
-                              CtsSlice ***frames, int *n_frames, CtsError *err);
-
-/* The files a DICOMDIR's records name, relative to its folder, '/' between the parts; only names made of plain parts
- * (no "..", no slash). Free each and the array with free(). */
-CtsStatus cts_dcm_directory(const uint8_t *data_set, size_t n, const CtsSyntax *native, char ***files, size_t *n_files,
-                            size_t *n_refused, CtsError *err);
+/* What it describes, into a zeroed object whose texts are kept in texts: of each slice all but path, file facts,
+ * syntax, odd syntax flags and the place of the pixels, which the caller knows. class_uid: what the meta header tells,
+ * where the data set does not. A slice whose values cannot be used is a success with slice->fault set; so is an object
+ * with many frames that cannot be used at all, of one slice. DCMTK is not asked. */
+CtsStatus cts_dcm_read_object(const CtsDataSet *data_set, CtsTexts *texts, const char *class_uid, CtsObject *object,
+                              CtsError *err);
 
 /* The SOP class by a name that people know, such as "MR Image". Cut to its size. */
 void cts_dcm_class_name(const char *class_uid, char *text, size_t size);

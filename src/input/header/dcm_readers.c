@@ -2,6 +2,5 @@
 
 #include "base/load_part.h"
 
-CTS_PART_TABLE(CtsDcmReaders, cts_dcm_readers, .start = cts_dcm_start, .parse_header = cts_dcm_parse_header,
-               .read_frames = cts_dcm_read_frames, .directory = cts_dcm_directory, .class_name = cts_dcm_class_name,
+CTS_PART_TABLE(CtsDcmReaders, cts_dcm_readers, .start = cts_dcm_start, .class_name = cts_dcm_class_name,
                .convert = cts_dcm_convert)

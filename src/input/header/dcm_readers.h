@@ -13,9 +13,6 @@ extern "C" {
 
 typedef struct CtsDcmReaders {
     __typeof__(cts_dcm_start) *start;
-    __typeof__(cts_dcm_parse_header) *parse_header;
-    __typeof__(cts_dcm_read_frames) *read_frames;
-    __typeof__(cts_dcm_directory) *directory;
     __typeof__(cts_dcm_class_name) *class_name;
     __typeof__(cts_dcm_convert) *convert;
 } CtsDcmReaders;

@@ -5,7 +5,6 @@
 #include "input/header/dcm_read.h"
 
 #include <cstdio>
-#include <dcmtk/dcmdata/dcistrmb.h>
 #include <dcmtk/dcmdata/dcrledrg.h>
 #include <dcmtk/dcmdata/dctk.h>
 #include <dcmtk/dcmjpeg/djdecode.h>
@@ -32,17 +31,6 @@ void cts_dcm_log_reset()
 CtsStatus cts_dcm_status(const OFCondition &why, CtsStatus otherwise)
 {
     return why == EC_MemoryExhausted ? CTS_ERR_MEMORY : otherwise;
-}
-
-OFCondition cts_dcm_parse(DcmDataset &data_set, const uint8_t *bytes, size_t n, const CtsSyntax *syntax)
-{
-    DcmInputBufferStream in;
-    in.setBuffer(bytes, static_cast<offile_off_t>(n));
-    in.setEos();
-    data_set.transferInit();
-    const OFCondition result = data_set.read(in, DcmXfer(syntax->uid).getXfer(), EGL_noChange);
-    data_set.transferEnd();
-    return result;
 }
 
 namespace

@@ -96,9 +96,6 @@ typedef struct CtsSlice {
     uint64_t pixel_offset, pixel_bytes;
     uint64_t data_offset; /* where the data set begins in the file */
     bool pixel_words;     /* VR OW: big-endian files swap 8-bit pixels in pairs */
-    bool range_known;     /* the pixels of a small file, which came with its header, are these: */
-    CtsStoredRange range;
-    const char *sample; /* and these are its CTS_SAMPLES, as bytes */
 
     CtsStatus fault;  /* why this slice cannot be used, or CTS_OK */
     char *fault_text; /* owned; without the path */
@@ -158,10 +155,6 @@ CtsStored cts_slice_stored(const CtsSlice *slice);
 /* Bytes first <= i < end of its frame, in the file's byte order, become words of 16 bits in this machine's; first is
  * even. Words that are there already may be the bytes' own place. */
 void cts_slice_widen(const CtsSlice *slice, const uint8_t *bytes, uint16_t *words, size_t first, size_t end);
-
-/* The range and the sample of an uncompressed slice without fault whose pixel_bytes are at hand, where it is small; the
- * sample is kept in texts. */
-void cts_slice_see_pixels(CtsSlice *slice, const uint8_t *pixels, CtsTexts *texts);
 
 /* Grey levels of 1 HU (0: padding, and -1024 HU or less) at the middles of the squares of a grid over the slice, from
  * its stored words or, where are_grey, such grey levels. */

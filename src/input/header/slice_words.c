@@ -42,21 +42,3 @@ void cts_slice_sample(const CtsSlice *s, const uint16_t *words, bool are_grey, u
             *sample++ = are_grey ? row[column[i]] : grey_of(s, &stored, row[column[i]]);
     }
 }
-
-void cts_slice_see_pixels(CtsSlice *s, const uint8_t *pixels, CtsTexts *texts)
-{
-    enum { MOST = 16 << 10 };
-    const size_t n = (size_t)s->rows * (size_t)s->columns, n_bytes = n * (size_t)(s->bits_allocated / 8);
-    uint16_t words[MOST], sample[CTS_SAMPLES];
-    uint8_t bytes[MOST];
-    if (n > MOST)
-        return;
-    const CtsStored stored = cts_slice_stored(s);
-    uint8_t *const raw = s->bits_allocated == 8 ? bytes : (uint8_t *)words;
-    memcpy(raw, pixels, n_bytes);
-    cts_slice_widen(s, raw, words, 0, n_bytes);
-    s->range = cts_stored_range(words, n, &stored);
-    cts_slice_sample(s, words, false, sample);
-    s->sample = cts_texts_keep(texts, (const char *)sample, sizeof sample);
-    s->range_known = s->sample != NULL;
-}

@@ -5,7 +5,7 @@
 #include "ctsplat/status.h"
 #include "input/files/file_bytes.h"
 #include "input/files/syntax.h"
-#include "input/labels/elements.h"
+#include "input/header/elements.h"
 
 typedef struct CtsPlainObject {
     const CtsFileBytes *file;

@@ -424,7 +424,6 @@ typedef struct Loading {
     int n_slices, n_threads;
     bool some_dropped;
     bool marks_dense; /* for who removes the table */
-    bool range_alone; /* no voxels: the headers' reading has seen every pixel */
 } Loading;
 
 static CtsStatus read_nifti(Loading *in, CtsReport *report, CtsError *err)
@@ -532,7 +531,7 @@ static CtsStatus fill(const Loading *in, bool even, int offset, CtsVolume *v, Ct
                   .faults = in->faults,
                   .whole_numbers = true};
     a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
-    a.first = in->range_alone ? NULL : v->grey + (size_t)offset * a.layer_voxels;
+    a.first = v->grey + (size_t)offset * a.layer_voxels;
     for (int k = 0; k < a.n_slices; k++) {
         a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
         a.compressed |= cts_slice_is_compressed(&a.slices[k]);
@@ -540,20 +539,16 @@ static CtsStatus fill(const Loading *in, bool even, int offset, CtsVolume *v, Ct
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
     if (!st)
         st = cts_alloc_array(&a.samples, (size_t)a.n_slices * CTS_SAMPLES, err);
-    for (int k = 0; !st && in->range_alone && k < a.n_slices; k++) {
-        a.ranges[k] = a.slices[k].range;
-        memcpy(a.samples + (size_t)k * CTS_SAMPLES, a.slices[k].sample, CTS_SAMPLES * sizeof *a.samples);
-    }
-    if (!st && !in->range_alone)
+    if (!st)
         st = read_layers(&a, even, in->marks_dense, v, report, err);
     if (!st) {
         find_hu_range(&a, v);
         st = check_range(&a, v, err);
     }
-    if (!st && !a.whole_numbers)
+    if (!st && !a.whole_numbers) {
         v->hu_step = cts_grey_finest_step(HU_OFFSET, v->hu_max);
-    if (!st && !a.whole_numbers && !in->range_alone)
         st = convert_fractions(&a, v->hu_step, err);
+    }
     if (!st) {
         tell_range(v, a.whole_numbers, report);
         tell_blank(&a, report);
@@ -614,8 +609,7 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScan
     const int n_slots = even || offset + in->n_slices < stack.n_layers ? stack.n_layers : offset + in->n_slices;
     (*scanned)->n_slots = n_slots;
     if ((st = check_memory(series->columns, series->rows, n_slots, err)) ||
-        (st = (in->range_alone ? cts_volume_new_empty : cts_volume_new_unset)(&(*scanned)->even, series->columns,
-                                                                              series->rows, n_slots, err)))
+        (st = cts_volume_new_unset(&(*scanned)->even, series->columns, series->rows, n_slots, err)))
         goto end;
     v = (*scanned)->even;
     v->dims[2] = stack.n_layers;
@@ -630,22 +624,11 @@ end:
     return st;
 }
 
-typedef enum Want { VOXELS, VOXELS_MARKED, RANGE } Want;
-
-static bool all_seen(const CtsSeries *series)
-{
-    for (int k = 0; k < series->n_slices; k++)
-        if (!series->slices[k]->range_known)
-            return false;
-    return true;
-}
-
 /* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
-static CtsStatus load(const CtsSeries *series, Want want, const CtsWordWatch *watch, int n_threads,
+static CtsStatus load(const CtsSeries *series, bool marks_dense, const CtsWordWatch *watch, int n_threads,
                       CtsScanned **scanned, CtsReport *report, CtsError *err)
 {
-    Loading in = {
-        .watch = watch, .marks_dense = want == VOXELS_MARKED, .range_alone = want == RANGE && all_seen(series)};
+    Loading in = {.watch = watch, .marks_dense = marks_dense};
     CtsError why = {0};
     CtsStatus st = begin_loading(&in, series, n_threads, report, &why);
     int n_bad = 0;
@@ -665,8 +648,8 @@ static CtsStatus load(const CtsSeries *series, Want want, const CtsWordWatch *wa
     return st;
 }
 
-static CtsStatus load_timed(const CtsSeries *series, Want want, const CtsWordWatch *watch, int n_threads,
-                            CtsScanned **scanned, CtsReport *report, CtsError *err)
+CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, const CtsWordWatch *watch, int n_threads,
+                          CtsScanned **scanned, CtsReport *report, CtsError *err)
 {
     double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
     *scanned = NULL;
@@ -677,7 +660,7 @@ static CtsStatus load_timed(const CtsSeries *series, Want want, const CtsWordWat
     }
     if (report)
         stage_times(report, &wall_before, &cpu_before);
-    const CtsStatus st = load(series, want, watch, cts_threads(n_threads), scanned, report, err);
+    const CtsStatus st = load(series, table_goes, watch, cts_threads(n_threads), scanned, report, err);
     if (report)
         stage_times(report, &wall_after, &cpu_after);
     /* What is not reading slices is making grey levels of them: memory, fractions, macro-cell ranges. */
@@ -690,16 +673,4 @@ static CtsStatus load_timed(const CtsSeries *series, Want want, const CtsWordWat
     if (st)
         in_series(series, err);
     return st;
-}
-
-CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, const CtsWordWatch *watch, int n_threads,
-                          CtsScanned **scanned, CtsReport *report, CtsError *err)
-{
-    return load_timed(series, table_goes ? VOXELS_MARKED : VOXELS, watch, n_threads, scanned, report, err);
-}
-
-CtsStatus cts_series_measure(const CtsSeries *series, int n_threads, CtsScanned **scanned, CtsReport *report,
-                             CtsError *err)
-{
-    return load_timed(series, RANGE, NULL, n_threads, scanned, report, err);
 }

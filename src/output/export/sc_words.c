@@ -100,8 +100,8 @@ CtsStatus cts_sc_words(const CtsExportJob *job, CtsScWords *words, CtsError *err
 {
     const CtsPictureInfo *info = &job->head.info;
     const int n_frames = job->head.n_frames;
-    char preset[sizeof info->preset], engine[sizeof info->engine], view[80], scale[32], angles[2][32],
-        step[100] = "", error[120];
+    char preset[sizeof info->preset], engine[sizeof info->engine], view[80], scale[32], angles[2][32], step[100] = "",
+                                                                                                       error[120];
     memset(words, 0, sizeof *words);
     words->image_type = mode_terms[info->mode].image_type;
     ascii_copy(preset, sizeof preset, info->preset);

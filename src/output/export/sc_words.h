@@ -3,8 +3,8 @@
 #define CTS_EXPORT_SC_WORDS_H
 
 #include "base/hash.h"
-#include "output/objects/dcm_sc.h"
 #include "output/export/format.h"
+#include "output/objects/dcm_sc.h"
 
 /* Texts are ASCII and fit their attribute. */
 typedef struct CtsScWords {

@@ -173,9 +173,8 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState
     fill_transfer(scene, s);
     if (scene->capture) {
         CtsDcmIds ids;
-        const CtsDcmWriters *dcm = NULL;
-        CtsStatus found = cts_dcm_writers(&dcm, err);
-        if (found || (found = dcm->ids(scene->capture, &ids, err)))
+        const CtsStatus found = cts_dcm_ids(scene->capture, &ids, err);
+        if (found)
             return found;
         memcpy(s->capture_class_uid, ids.class_uid, sizeof ids.class_uid);
         memcpy(s->capture_uid, ids.sop_uid, sizeof ids.sop_uid);
@@ -260,10 +259,7 @@ CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err)
     CtsState *s = *state = calloc(1, sizeof *s);
     if (!s)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
-    const CtsDcmWriters *dcm = NULL;
-    CtsStatus st = cts_dcm_writers(&dcm, err);
-    if (!st)
-        st = dcm->state_read(path, &preset, &s->text, s->source_uid, err);
+    CtsStatus st = cts_dcm_state_read(path, &preset, &s->text, s->source_uid, err);
     if (!st && (st = split_options(s, err)))
         cts_context(err, "%s", path);
     if (!st)
@@ -277,12 +273,11 @@ CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err)
 CtsStatus cts_state_uid(const char *path, char sop_uid[65], CtsError *err)
 {
     CtsDcmIds ids;
-    const CtsDcmWriters *dcm = NULL;
-    CtsStatus st = cts_dcm_writers(&dcm, err);
-    if (st || (st = dcm->ids(path, &ids, err)))
+    const CtsStatus st = cts_dcm_ids(path, &ids, err);
+    if (st)
         return st;
     memcpy(sop_uid, ids.sop_uid, sizeof ids.sop_uid);
-    return strcmp(ids.class_uid, "1.2.840.10008.5.1.4.1.1.11.9")
+    return strcmp(ids.class_uid, CTS_STATE_CLASS)
                ? cts_fail(err, CTS_ERR_READ, "%s: is no Volume Rendering Volumetric Presentation State", path)
                : CTS_OK;
 }

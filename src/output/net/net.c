@@ -2,10 +2,8 @@
 
 #include "base/load_part.h"
 #include "base/mem.h"
-#include "input/files/scan.h"
 #include "input/header/dcm_readers.h"
-#include "input/header/slice.h"
-#include "output/objects/dcm_writers.h"
+#include "input/header/head.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -87,9 +85,8 @@ static CtsStatus pack(const char *const *paths, int n, CtsParcel *parcels, CtsEr
 {
     for (int i = 0; i < n; i++) {
         CtsDcmIds ids;
-        const CtsDcmWriters *dcm = NULL;
-        CtsStatus st = cts_dcm_writers(&dcm, err);
-        if (st || (st = dcm->ids(paths[i], &ids, err)))
+        const CtsStatus st = cts_dcm_ids(paths[i], &ids, err);
+        if (st)
             return st;
         parcels[i].path = paths[i];
         memcpy(parcels[i].class_uid, ids.class_uid, sizeof ids.class_uid);

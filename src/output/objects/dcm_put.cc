@@ -3,8 +3,8 @@
 #include "input/header/dcm_door.hpp"
 #include "output/objects/dcm_put.hpp"
 
-#include "input/header/dcm_read.h"
 #include "input/files/file_bytes.h"
+#include "input/header/dcm_read.h"
 #include <cerrno>
 #include <cstdio>
 #include <cstring>

@@ -3,8 +3,6 @@
 
 #include "output/objects/dcm_state.h"
 
-#include "input/files/file_bytes.h"
-#include "input/files/tag_scan.h"
 #include "input/header/dcm_door.hpp"
 #include "input/header/dcm_read.h"
 #include "output/objects/dcm_put.hpp"
@@ -15,11 +13,6 @@
 
 namespace
 {
-
-/* ctsplat's own block: what the standard's attributes cannot carry to the last bit. */
-const char *const creator = "CTSPLAT STATE 1";
-const DcmTagKey private_creator(0x0073, 0x0010), private_preset(0x0073, 0x1001), private_options(0x0073, 0x1002);
-const size_t max_state_bytes = 64 << 20;
 
 /* Series, equipment, frame of reference, identification. */
 void put_names(Put &put, const CtsDcmState &s)
@@ -124,10 +117,10 @@ void put_display(Put &put, const CtsDcmState &s)
     put.bytes(DCM_ICCProfile, s.icc_profile, s.n_icc_profile).text(DCM_ColorSpace, "SRGB");
 }
 
-void put_private(Put &put, const DcmTagKey &key, const char *text)
+void put_private(Put &put, uint16_t number, const char *text)
 {
-    DcmTag tag(key, EVR_OB);
-    tag.setPrivateCreator(creator);
+    DcmTag tag(CTS_STATE_GROUP, number, EVR_OB);
+    tag.setPrivateCreator(CTS_STATE_BLOCK);
     std::vector<Uint8> bytes(text, text + strlen(text));
     if (bytes.size() % 2)
         bytes.push_back('\n');
@@ -148,101 +141,14 @@ CtsStatus write_state(const CtsDcmState &s, CtsScSink sink, void *context, CtsEr
     put_input(put, s);
     put_view(put, s);
     put_display(put, s);
-    put.keep(file.getDataset()->putAndInsertString(DcmTag(private_creator, EVR_LO), creator));
-    put_private(put, private_preset, s.preset);
-    put_private(put, private_options, s.options);
+    put.keep(
+        file.getDataset()->putAndInsertString(DcmTag(CTS_STATE_GROUP, CTS_STATE_CREATOR, EVR_LO), CTS_STATE_BLOCK));
+    put_private(put, CTS_STATE_PRESET, s.preset);
+    put_private(put, CTS_STATE_OPTIONS, s.options);
     if (put.state().bad())
         return cts_fail(err, cts_dcm_status(put.state(), CTS_ERR_OUTPUT),
                         "the presentation state cannot be encoded: %s", put.state().text());
     return cts_dcm_stream(file, EXS_LittleEndianExplicit, sink, context, err);
-}
-
-/* The whole file, its framing looked over before DCMTK sees it. */
-CtsStatus load(const char *path, DcmDataset &data, CtsDcmIds &ids, CtsError *err)
-{
-    CtsFileBytes file;
-    std::vector<uint8_t> bytes;
-    CtsStatus st = cts_file_bytes_open(&file, path, err);
-    if (!st && (file.fd < 0 || file.n_bytes > max_state_bytes))
-        st = cts_fail(err, CTS_ERR_READ, "is no regular file of up to 64 MiB");
-    if (!st) {
-        bytes.resize(static_cast<size_t>(file.n_bytes));
-        st = cts_file_bytes_read(&file, bytes.data(), bytes.size(), 0, err);
-    }
-    cts_file_bytes_close(&file);
-    if (st)
-        return st;
-    CtsMetaScan meta;
-    CtsDataScan scan;
-    if (cts_scan_meta(bytes.data(), bytes.size(), bytes.size(), &meta) != CTS_SCAN_DONE)
-        return cts_fail(err, CTS_ERR_READ, "is no DICOM file");
-    const CtsSyntax *syntax = cts_syntax_find(meta.syntax_uid);
-    if (!syntax || syntax->deflated || cts_syntax_encapsulated(syntax))
-        return cts_fail(err, CTS_ERR_SYNTAX, "has transfer syntax %s, which no presentation state is read from",
-                        meta.syntax_uid);
-    if (cts_scan_data(bytes.data(), bytes.size(), bytes.size(), meta.data_offset, syntax, &scan) != CTS_SCAN_DONE)
-        return cts_fail(err, CTS_ERR_READ, "damaged or cut short: %s", scan.why);
-    const OFCondition result =
-        cts_dcm_parse(data, bytes.data() + meta.data_offset, scan.header_end - meta.data_offset, syntax);
-    if (result.bad())
-        return cts_fail(err, cts_dcm_status(result, CTS_ERR_READ), "cannot be parsed as DICOM: %s", result.text());
-    snprintf(ids.class_uid, sizeof ids.class_uid, "%s", cts_dcm_text(data, DCM_SOPClassUID));
-    snprintf(ids.sop_uid, sizeof ids.sop_uid, "%s", cts_dcm_text(data, DCM_SOPInstanceUID));
-    snprintf(ids.syntax_uid, sizeof ids.syntax_uid, "%s", meta.syntax_uid);
-    return CTS_OK;
-}
-
-char *private_text(DcmDataset &data, const DcmTagKey &tag)
-{
-    const Uint8 *bytes = nullptr;
-    unsigned long n = 0;
-    if (data.findAndGetUint8Array(tag, bytes, &n).bad() || !bytes)
-        return nullptr;
-    return strndup(reinterpret_cast<const char *>(bytes), n);
-}
-
-/* The series whose slices are shown. */
-void source_of(DcmDataset &data, char uid[65])
-{
-    DcmItem *series = nullptr;
-    if (data.findAndGetSequenceItem(DCM_ReferencedSeriesSequence, series, 0).good() && series)
-        snprintf(uid, 65, "%s", cts_dcm_text(*series, DCM_SeriesInstanceUID));
-}
-
-CtsStatus read_state(const char *path, char **preset, char **options, char source_uid[65], CtsError *err)
-{
-    DcmDataset data;
-    CtsDcmIds ids;
-    CtsStatus st = cts_dcm_start(err);
-    if (st || (st = load(path, data, ids, err)))
-        return st;
-    if (strcmp(ids.class_uid, UID_VolumeRenderingVolumetricPresentationStateStorage) != 0)
-        return cts_fail(err, CTS_ERR_READ, "is no Volume Rendering Volumetric Presentation State");
-    if (strcmp(cts_dcm_text(data, private_creator), creator) == 0) {
-        *preset = private_text(data, private_preset);
-        *options = private_text(data, private_options);
-        source_of(data, source_uid);
-    }
-    return *preset && *options ? CTS_OK
-                               : cts_fail(err, CTS_ERR_READ,
-                                          "is not of ctsplat's making: what it says in private attributes is missing");
-}
-
-/* The ids alone: the data set up to the pixels, of which the last may be large. */
-CtsStatus read_ids(const char *path, CtsDcmIds &ids, CtsError *err)
-{
-    DcmFileFormat file;
-    CtsStatus st = cts_dcm_start(err);
-    if (st)
-        return st;
-    const OFCondition state =
-        file.loadFileUntilTag(path, EXS_Unknown, EGL_noChange, 4096, ERM_autoDetect, DCM_StudyDate);
-    if (state.bad())
-        return cts_fail(err, cts_dcm_status(state, CTS_ERR_READ), "cannot be read as DICOM: %s", state.text());
-    snprintf(ids.class_uid, sizeof ids.class_uid, "%s", cts_dcm_text(*file.getDataset(), DCM_SOPClassUID));
-    snprintf(ids.sop_uid, sizeof ids.sop_uid, "%s", cts_dcm_text(*file.getDataset(), DCM_SOPInstanceUID));
-    snprintf(ids.syntax_uid, sizeof ids.syntax_uid, "%s", cts_dcm_text(*file.getMetaInfo(), DCM_TransferSyntaxUID));
-    return CTS_OK;
 }
 
 } // namespace
@@ -250,21 +156,4 @@ CtsStatus read_ids(const char *path, CtsDcmIds &ids, CtsError *err)
 extern "C" CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *context, CtsError *err)
 {
     return cts_dcm_guarded(err, CTS_ERR_OUTPUT, [&] { return write_state(*state, sink, context, err); });
-}
-
-extern "C" CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65],
-                                        CtsError *err)
-{
-    *preset = *options = nullptr;
-    source_uid[0] = 0;
-    const CtsStatus st =
-        cts_dcm_guarded(err, CTS_ERR_READ, [&] { return read_state(path, preset, options, source_uid, err); });
-    return st ? cts_context(err, "%s", path) : st;
-}
-
-extern "C" CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err)
-{
-    *ids = CtsDcmIds{};
-    const CtsStatus st = cts_dcm_guarded(err, CTS_ERR_READ, [&] { return read_ids(path, *ids, err); });
-    return st ? cts_context(err, "%s", path) : st;
 }

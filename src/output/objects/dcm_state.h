@@ -2,7 +2,7 @@
 #ifndef CTS_DICOM_DCM_STATE_H
 #define CTS_DICOM_DCM_STATE_H
 
-#include "output/objects/dcm_ids.h"
+#include "input/header/head.h"
 #include "output/objects/dcm_sc.h"
 
 #ifdef __cplusplus
@@ -10,6 +10,11 @@ extern "C" {
 #endif
 
 enum { CTS_STATE_ENTRIES = 4096 };
+
+/* ctsplat's own block of attributes: what the standard's cannot carry to the last bit. */
+enum { CTS_STATE_GROUP = 0x0073, CTS_STATE_CREATOR = 0x0010, CTS_STATE_PRESET = 0x1001, CTS_STATE_OPTIONS = 0x1002 };
+#define CTS_STATE_BLOCK "CTSPLAT STATE 1"
+#define CTS_STATE_CLASS "1.2.840.10008.5.1.4.1.1.11.9"
 
 typedef struct CtsDcmState {
     const CtsSeries *source;

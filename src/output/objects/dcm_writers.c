@@ -2,6 +2,5 @@
 
 #include "base/load_part.h"
 
-CTS_PART_TABLE(CtsDcmWriters, cts_dcm_writers, .ids = cts_dcm_ids, .sc_source = cts_dcm_sc_source,
-               .sc_header = cts_dcm_sc_header, .sc_write = cts_dcm_sc_write, .sc_encode = cts_dcm_sc_encode,
-               .state_write = cts_dcm_state_write, .state_read = cts_dcm_state_read)
+CTS_PART_TABLE(CtsDcmWriters, cts_dcm_writers, .sc_source = cts_dcm_sc_source, .sc_write = cts_dcm_sc_write,
+               .sc_encode = cts_dcm_sc_encode, .state_write = cts_dcm_state_write)

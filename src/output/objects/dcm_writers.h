@@ -3,7 +3,6 @@
 #define CTS_DICOM_DCM_WRITERS_H
 
 #include "output/objects/dcm_sc.h"
-#include "output/objects/dcm_sc_read.h"
 #include "output/objects/dcm_state.h"
 
 #ifdef __cplusplus
@@ -11,13 +10,10 @@ extern "C" {
 #endif
 
 typedef struct CtsDcmWriters {
-    __typeof__(cts_dcm_ids) *ids;
     __typeof__(cts_dcm_sc_source) *sc_source;
-    __typeof__(cts_dcm_sc_header) *sc_header;
     __typeof__(cts_dcm_sc_write) *sc_write;
     __typeof__(cts_dcm_sc_encode) *sc_encode;
     __typeof__(cts_dcm_state_write) *state_write;
-    __typeof__(cts_dcm_state_read) *state_read;
 } CtsDcmWriters;
 
 CtsStatus cts_dcm_writers(const CtsDcmWriters **writers, CtsError *err);

@@ -1,72 +1,92 @@
-/* A secondary capture read back: framing and sizes are checked here before DCMTK sees any of it. */
+/* A secondary capture read back: framing and sizes are checked before anything is allocated or decoded. */
 #include "output/objects/dcm_sc.h"
 
 #include "base/mem.h"
+#include "ctsplat/bounds.h"
 #include "input/codec/codec.h"
 #include "input/codec/pixels.h"
-#include "input/files/file_bytes.h"
-#include "input/files/tag_scan.h"
+#include "input/header/head.h"
 #include "input/header/pixel_places.h"
-#include "output/objects/dcm_writers.h"
 #include <string.h>
 
-/* PixelData of 4 GiB and the largest header. */
-static const uint64_t max_file_bytes = (1ULL << 32) + CTS_MAX_HEADER_BYTES;
+typedef struct ScHeader {
+    int width, height, n_frames;
+    int n_samples;      /* 1 or 3 */
+    int bits_allocated; /* 8 or 16 */
+    int bits_stored;
+    bool planar;   /* all red, then all green, then all blue */
+    bool inverted; /* MONOCHROME1 */
+} ScHeader;
 
 typedef struct ScFile {
-    uint8_t *bytes;
-    size_t n;
-    CtsMetaScan meta;
-    CtsDataScan data;
-    const CtsSyntax *syntax, *native;
-    CtsScHeader header;
-    uint8_t *frame; /* one decoded frame; owned when the pixels are compressed */
+    CtsScratch scratch;
+    CtsHead head;
+    ScHeader header;
+    uint8_t *frame; /* the first one, decoded; owned */
     size_t frame_bytes;
 } ScFile;
 
-static CtsStatus load(const char *path, ScFile *f, CtsError *err)
+static CtsStatus open_file(const char *path, ScFile *f, CtsError *err)
 {
-    CtsFileBytes file;
-    CtsStatus st = cts_file_bytes_open(&file, path, err);
-    if (!st && file.fd < 0)
-        st = cts_fail(err, CTS_ERR_READ, "is no regular file");
-    if (!st && file.n_bytes > max_file_bytes)
-        st = cts_fail(err, CTS_ERR_READ, "is larger than a DICOM picture can be");
-    if (!st && !(st = cts_alloc_array(&f->bytes, (size_t)file.n_bytes, err))) {
-        f->n = (size_t)file.n_bytes;
-        st = cts_file_bytes_read(&file, f->bytes, f->n, 0, err);
-    }
-    cts_file_bytes_close(&file);
-    return st;
-}
-
-static CtsStatus scan(ScFile *f, CtsError *err)
-{
-    const CtsScanResult meta = cts_scan_meta(f->bytes, f->n, f->n, &f->meta);
-    if (meta != CTS_SCAN_DONE)
-        return cts_fail(err, CTS_ERR_READ, "damaged or cut short: %s",
-                        meta == CTS_SCAN_BAD ? f->meta.why : "its meta header does not end");
-    if (!f->meta.syntax_uid[0])
+    const CtsStatus st = cts_head_open(&f->head, &(CtsFile){.path = path}, &f->scratch, err);
+    const CtsSyntax *const syntax = f->head.syntax;
+    if (st)
+        return st;
+    if (f->head.kind != CTS_FILE_DICOM)
+        return cts_fail(err, CTS_ERR_READ, "is no DICOM file");
+    if (f->head.odd & CTS_ODD_NO_SYNTAX)
         return cts_fail(err, CTS_ERR_READ, "damaged: it names no transfer syntax");
-    f->syntax = cts_syntax_find(f->meta.syntax_uid);
-    if (!f->syntax || f->syntax->codec == CTS_CODEC_NONE || f->syntax->big_endian || f->syntax->deflated)
+    if (!syntax || syntax->codec == CTS_CODEC_NONE || syntax->big_endian || syntax->deflated)
         return cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is not one pictures are read from (try dcmconv +te)",
-                        f->meta.syntax_uid);
-    f->native = cts_syntax_native(f->syntax->explicit_vr, false);
-    const CtsScanResult data = cts_scan_data(f->bytes, f->n, f->n, f->meta.data_offset, f->native, &f->data);
-    if (data != CTS_SCAN_DONE)
-        return cts_fail(err, CTS_ERR_READ, "damaged or cut short: %s",
-                        data == CTS_SCAN_BAD ? f->data.why : "its header does not end");
-    if (!f->data.has_pixels || f->data.encapsulated != cts_syntax_encapsulated(f->syntax))
+                        f->head.syntax_uid);
+    if (!f->head.scan.has_pixels || f->head.scan.encapsulated != cts_syntax_encapsulated(syntax))
         return cts_fail(err, CTS_ERR_READ, "holds no pixels as its transfer syntax has them");
     return CTS_OK;
 }
 
-/* The first frame. Nothing is taken apart here: a process of its own does. */
+static CtsStatus refuse(CtsError *err, const char *why)
+{
+    return cts_fail(err, CTS_ERR_READ, "is no picture that can be read: %s", why);
+}
+
+/* Unsigned RGB of 8 bits, or grey of up to 16. */
+static CtsStatus read_header(const CtsElements all, ScHeader *h, CtsError *err)
+{
+    char colours[17];
+    int planar = 0, is_signed = 0;
+    *h = (ScHeader){.n_frames = 1, .n_samples = 1};
+    cts_elements_text(all, 0x00280004, colours, sizeof colours);
+    const bool counted = cts_elements_integer(all, 0x00280008, &h->n_frames);
+    cts_elements_integer(all, 0x00280011, &h->width);
+    cts_elements_integer(all, 0x00280010, &h->height);
+    cts_elements_integer(all, 0x00280002, &h->n_samples);
+    cts_elements_integer(all, 0x00280006, &planar);
+    cts_elements_integer(all, 0x00280100, &h->bits_allocated);
+    cts_elements_integer(all, 0x00280101, &h->bits_stored);
+    cts_elements_integer(all, 0x00280103, &is_signed);
+    int high_bit = h->bits_stored - 1;
+    cts_elements_integer(all, 0x00280102, &high_bit);
+    h->planar = planar == 1;
+    h->inverted = strcmp(colours, "MONOCHROME1") == 0;
+    CtsElement frames;
+    if (!counted && cts_elements_get(all, 0x00280008, &frames))
+        return refuse(err, "its number of frames is no number");
+    if (h->width < 1 || h->height < 1 || h->width > CTS_MAX_SIDE || h->height > CTS_MAX_SIDE || h->n_frames < 1)
+        return refuse(err, "its size is not within what a picture can have");
+    const bool colour = h->n_samples == 3 && h->bits_allocated == 8 && h->bits_stored == 8 &&
+                        (!strcmp(colours, "RGB") || !strcmp(colours, "YBR_RCT"));
+    const bool grey = h->n_samples == 1 && (h->bits_allocated == 8 || h->bits_allocated == 16) && h->bits_stored >= 1 &&
+                      h->bits_stored <= h->bits_allocated && (h->inverted || !strcmp(colours, "MONOCHROME2"));
+    if ((!colour && !grey) || is_signed || high_bit != h->bits_stored - 1)
+        return refuse(err, "its pixels are neither RGB of 8 bits nor unsigned grey");
+    return CTS_OK;
+}
+
+/* Nothing is taken apart here: a process of its own does. */
 static CtsStatus decode(ScFile *f, CtsError *err)
 {
-    const CtsScHeader *h = &f->header;
-    const CtsFrameFormat format = {.syntax = f->syntax,
+    const ScHeader *h = &f->header;
+    const CtsFrameFormat format = {.syntax = f->head.syntax,
                                    .n_colours = h->n_samples == 3 ? 3 : 0,
                                    .columns = h->width,
                                    .rows = h->height,
@@ -74,46 +94,43 @@ static CtsStatus decode(ScFile *f, CtsError *err)
                                    .bits_stored = h->bits_stored,
                                    .high_bit = h->bits_stored - 1,
                                    .padding_word = -1};
-    const CtsFileBytes bytes = cts_file_bytes_in_memory(f->bytes, f->n);
     CtsSandbox decoder = cts_sandbox_make(cts_codec_work, "decoder");
     uint64_t *offset = NULL;
     uint8_t *stream;
     const void *pixels;
-    CtsStatus st = cts_find_frames(&bytes, f->data.pixel_offset, h->n_frames, &offset, err);
+    CtsStatus st = cts_find_frames(&f->head.file, f->head.scan.pixel_offset, h->n_frames, &offset, err);
     size_t n = st ? 0 : (size_t)(offset[1] - offset[0]);
-    if (st || (st = cts_alloc_array(&f->frame, f->frame_bytes, err)) ||
-        (st = cts_codec_room(&decoder, &format, n, &stream, err)))
-        goto end;
-    memcpy(stream, f->bytes + offset[0], n);
-    if ((st = cts_join_fragments(&stream, &n, err)))
-        goto end;
-    cts_codec_send(&decoder, &format, stream, n);
-    if (!(st = cts_sandbox_take(&decoder, &pixels, err)))
-        memcpy(f->frame, pixels, f->frame_bytes);
+    if (!st && !(st = cts_codec_room(&decoder, &format, n, &stream, err)) &&
+        !(st = cts_file_bytes_read(&f->head.file, stream, n, offset[0], err)) &&
+        !(st = cts_join_fragments(&stream, &n, err))) {
+        cts_codec_send(&decoder, &format, stream, n);
+        if (!(st = cts_sandbox_take(&decoder, &pixels, err)))
+            memcpy(f->frame, pixels, f->frame_bytes);
+    }
     f->header.planar = false;
-end:
     cts_free(&offset);
     cts_sandbox_stop(&decoder);
     return st;
 }
 
-static CtsStatus find_frame(ScFile *f, CtsError *err)
+static CtsStatus read_frame(ScFile *f, CtsError *err)
 {
-    const CtsScHeader *h = &f->header;
-    const uint64_t left = f->n - f->data.pixel_offset;
+    const ScHeader *h = &f->header;
+    const CtsDataScan *const scan = &f->head.scan;
+    const uint64_t left = f->head.file.n_bytes - scan->pixel_offset;
     f->frame_bytes = (size_t)h->width * h->height * h->n_samples * (h->bits_allocated / 8);
-    if (f->data.encapsulated)
-        return decode(f, err);
-    f->frame = f->bytes + f->data.pixel_offset;
-    return f->data.pixel_bytes >= f->frame_bytes && left >= f->frame_bytes
-               ? CTS_OK
-               : cts_fail(err, CTS_ERR_READ, "truncated: a frame needs %zu bytes, PixelData has %llu", f->frame_bytes,
-                          (unsigned long long)(left < f->data.pixel_bytes ? left : f->data.pixel_bytes));
+    if (!scan->encapsulated && (scan->pixel_bytes < f->frame_bytes || left < f->frame_bytes))
+        return cts_fail(err, CTS_ERR_READ, "truncated: a frame needs %zu bytes, PixelData has %llu", f->frame_bytes,
+                        (unsigned long long)(left < scan->pixel_bytes ? left : scan->pixel_bytes));
+    const CtsStatus st = cts_alloc_array(&f->frame, f->frame_bytes, err);
+    if (st || scan->encapsulated)
+        return st ? st : decode(f, err);
+    return cts_file_bytes_read(&f->head.file, f->frame, f->frame_bytes, scan->pixel_offset, err);
 }
 
 static void widen(const ScFile *f, CtsScPixels *pixels)
 {
-    const CtsScHeader *h = &f->header;
+    const ScHeader *h = &f->header;
     const size_t n = (size_t)h->width * h->height;
     pixels->largest = (1 << h->bits_stored) - 1;
     for (size_t i = 0; i < n; i++)
@@ -129,22 +146,17 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
 {
     ScFile f = {0};
     *pixels = (CtsScPixels){0};
-    CtsStatus st = load(path, &f, err);
-    const CtsDcmWriters *dcm = NULL;
-    if (st || (st = scan(&f, err)) || (st = cts_dcm_writers(&dcm, err)) ||
-        (st = dcm->sc_header(f.bytes + f.meta.data_offset, f.data.header_end - f.meta.data_offset, f.native, &f.header,
-                             err)) ||
-        (st = find_frame(&f, err)))
-        goto end;
-    pixels->width = f.header.width;
-    pixels->height = f.header.height;
-    pixels->n_samples = f.header.n_samples;
-    st = cts_alloc_array(&pixels->samples, (size_t)pixels->width * pixels->height * pixels->n_samples, err);
+    CtsStatus st = open_file(path, &f, err);
+    if (!st && !(st = read_header(cts_head_elements(&f.head), &f.header, err)) && !(st = read_frame(&f, err))) {
+        pixels->width = f.header.width;
+        pixels->height = f.header.height;
+        pixels->n_samples = f.header.n_samples;
+        st = cts_alloc_array(&pixels->samples, (size_t)pixels->width * pixels->height * pixels->n_samples, err);
+    }
     if (!st)
         widen(&f, pixels);
-end:
-    if (f.data.encapsulated)
-        cts_free(&f.frame);
-    cts_free(&f.bytes);
-    return st == CTS_OK ? st : cts_context(err, "%s", path);
+    cts_free(&f.frame);
+    cts_head_close(&f.head);
+    cts_scratch_free(&f.scratch);
+    return st ? cts_context(err, "%s", path) : st;
 }

@@ -1,4 +1,4 @@
-#include "input/labels/elements.h"
+#include "input/header/elements.h"
 
 #include "input/files/tag_scan.h"
 #include "input/header/dcm_read.h"
@@ -17,13 +17,15 @@ static bool next(CtsElements *rest, CtsElement *e, int depth)
     if (n == 0 || rest->damaged)
         return false;
     rest->damaged = true; /* until it is clear that it is not */
-    if (depth > DEEPEST || !cts_read_element(rest->at, n, rest->explicit_vr, false, &raw))
+    if (depth > DEEPEST || !cts_read_element(rest->at, n, rest->explicit_vr, rest->big_endian, &raw))
         return false;
     const uint8_t *const value = rest->at + raw.n_bytes;
     const bool raw_vr = memcmp(raw.vr, "UN", 2) == 0;
-    *e = (CtsElement){.tag = raw.tag,
-                      .value = {.at = value, .explicit_vr = rest->explicit_vr && !raw_vr},
-                      .undefined = raw.length == UINT32_MAX};
+    *e = (CtsElement){
+        .tag = raw.tag,
+        .vr = {raw.vr[0], raw.vr[1]},
+        .value = {.at = value, .explicit_vr = rest->explicit_vr && !raw_vr, .big_endian = rest->big_endian && !raw_vr},
+        .undefined = raw.length == UINT32_MAX};
     if (e->undefined) {
         CtsElements behind = e->value;
         behind.end = rest->end;
@@ -45,7 +47,7 @@ static const uint8_t *skip_item(CtsElements rest, const uint8_t **inner, int dep
     while (rest.at < rest.end) {
         const uint8_t *const here = rest.at;
         CtsRawElement raw;
-        if (!cts_read_element(here, (size_t)(rest.end - here), rest.explicit_vr, false, &raw))
+        if (!cts_read_element(here, (size_t)(rest.end - here), rest.explicit_vr, rest.big_endian, &raw))
             return NULL;
         *inner = here;
         if (raw.tag == ITEM_END)
@@ -62,7 +64,7 @@ static const uint8_t *skip_items(CtsElements rest, const uint8_t **inner, int de
         CtsRawElement raw;
         const uint8_t *ignored;
         const uint8_t *const here = rest.at;
-        if (!cts_read_element(here, (size_t)(rest.end - here), rest.explicit_vr, false, &raw))
+        if (!cts_read_element(here, (size_t)(rest.end - here), rest.explicit_vr, rest.big_endian, &raw))
             return NULL;
         rest.at += raw.n_bytes;
         *inner = here;
@@ -89,9 +91,11 @@ bool cts_items_next(CtsElements *rest, CtsElements *item)
     if (n == 0 || rest->damaged)
         return false;
     rest->damaged = true;
-    if (!cts_read_element(rest->at, n, rest->explicit_vr, false, &raw) || raw.tag != ITEM)
+    if (!cts_read_element(rest->at, n, rest->explicit_vr, rest->big_endian, &raw) || raw.tag != ITEM)
         return false;
-    *item = (CtsElements){.at = rest->at + raw.n_bytes, .end = rest->end, .explicit_vr = rest->explicit_vr};
+    *item = *rest;
+    item->at += raw.n_bytes;
+    item->damaged = false;
     if (raw.length == UINT32_MAX) {
         const uint8_t *const behind = skip_item(*item, &item->end, 0);
         if (!behind)
@@ -106,13 +110,18 @@ bool cts_items_next(CtsElements *rest, CtsElements *item)
     return true;
 }
 
+bool cts_elements_get(CtsElements elements, uint32_t tag, CtsElement *e)
+{
+    while (cts_elements_next(&elements, e))
+        if (e->tag == tag)
+            return true;
+    return false;
+}
+
 CtsElements cts_elements_find(CtsElements elements, uint32_t tag)
 {
     CtsElement e;
-    while (cts_elements_next(&elements, &e))
-        if (e.tag == tag)
-            return e.value;
-    return (CtsElements){.at = elements.end, .end = elements.end};
+    return cts_elements_get(elements, tag, &e) ? e.value : (CtsElements){.at = elements.end, .end = elements.end};
 }
 
 CtsElements cts_elements_item(CtsElements elements, uint32_t sequence_tag)

@@ -1,21 +1,26 @@
 /* A DICOM data set walked plainly: elements and items as places in memory. For objects whose values are few and whose
- * items are many; what is not asked for costs nothing. Little endian. */
-#ifndef CTS_LABELS_ELEMENTS_H
-#define CTS_LABELS_ELEMENTS_H
+ * items are many; what is not asked for costs nothing. */
+#ifndef CTS_HEADER_ELEMENTS_H
+#define CTS_HEADER_ELEMENTS_H
 
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
+#ifdef __cplusplus
+extern "C" {
+#endif
+
 /* Elements that have not been looked at yet: of a data set, an item or, as items, of a sequence. */
 typedef struct CtsElements {
     const uint8_t *at, *end;
-    bool explicit_vr;
+    bool explicit_vr, big_endian;
     bool damaged; /* the walk ended before `end` */
 } CtsElements;
 
 typedef struct CtsElement {
-    uint32_t tag; /* group << 16 | element */
+    uint32_t tag;  /* group << 16 | element */
+    uint8_t vr[2]; /* zeros where it is implicit */
     CtsElements value;
     bool undefined; /* its length: fragments, or a sequence */
 } CtsElement;
@@ -24,7 +29,9 @@ typedef struct CtsElement {
 bool cts_elements_next(CtsElements *rest, CtsElement *element);
 bool cts_items_next(CtsElements *sequence, CtsElements *item);
 
-/* The value of an element; an empty one where there is none. */
+/* The first element of this tag; false where there is none. */
+bool cts_elements_get(CtsElements elements, uint32_t tag, CtsElement *element);
+/* Its value; an empty one where there is none. */
 CtsElements cts_elements_find(CtsElements elements, uint32_t tag);
 /* The first item of a sequence. */
 CtsElements cts_elements_item(CtsElements elements, uint32_t sequence_tag);
@@ -41,4 +48,7 @@ bool cts_elements_shorts(CtsElements elements, uint32_t tag, int *values, int n)
 /* DS or IS, exactly n of them. */
 bool cts_elements_decimals(CtsElements elements, uint32_t tag, double *values, int n);
 
+#ifdef __cplusplus
+}
+#endif
 #endif
