@@ -75,43 +75,33 @@ static void scatter(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, ui
     for (int v = 0; v < CTS_MAX_TAPS; v++)
         for (int u = 0; u < WIDTH; u++)
             a[v][u] = b[v][u] = random_u32();
-    const int i0 = below(N), i1 = i0 + below(N - i0 + 1), tap0 = below(2 * f.reach[1] + 1);
+    const int n = 1 + below(N), tap0 = below(2 * f.reach[1] + 1);
+    for (int i = n; i < (N + 63) / 64 * 64; i++)
+        marks[i / 64] &= ~(UINT64_C(1) << (i & 63));
     CtsScatter job = {.footprint = &f,
                       .sheet = a[tap0],
                       .stride = WIDTH,
                       .tap0 = tap0,
                       .tap1 = tap0 + below(2 * f.reach[1] + 2 - tap0),
                       .value = value,
-                      .old = below(2) ? old : NULL,
-                      .base = random_u32() & 0xffff};
-    const bool marked = below(2);
-    marked ? plain->scatter_marked(&job, marks, i0, i1) : plain->scatter(&job, i0, i1);
+                      .old = below(2) ? old : NULL};
+    plain->scatter(&job, marks, n);
     job.sheet = b[tap0];
-    marked ? fast->scatter_marked(&job, marks, i0, i1) : fast->scatter(&job, i0, i1);
-    same(marked ? "scatter_marked" : "scatter", a, b, sizeof a, mask, seed, i0, i1);
+    fast->scatter(&job, marks, n);
+    same("scatter", a, b, sizeof a, mask, seed, 0, n);
 }
 
-static void mark_and_widen(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)
+static void mark(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)
 {
-    uint16_t value[N], old[N], low[2][N], high[2][N];
+    uint16_t value[N], old[N];
     uint64_t marks[2][(N + 63) / 64 + 1] = {{0}};
     const int n = 1 + below(N);
     fill_grey(value, N);
-    memcpy(old, value, sizeof old);
     for (int i = 0; i < N; i++)
-        old[i] = (uint16_t)(below(3) ? old[i] : random_u32());
-    for (int i = 0; i < N; i++) {
-        low[0][i] = low[1][i] = (uint16_t)random_u32();
-        high[0][i] = high[1][i] = (uint16_t)random_u32();
-    }
-    const bool has_old = below(2);
-    plain->mark(value, has_old ? old : NULL, value[0], n, marks[0]);
-    fast->mark(value, has_old ? old : NULL, value[0], n, marks[1]);
+        old[i] = below(3) ? value[i] : (uint16_t)random_u32();
+    plain->mark(value, old, n, marks[0]);
+    fast->mark(value, old, n, marks[1]);
     same("mark", marks[0], marks[1], sizeof marks[0], mask, seed, 0, n);
-    plain->widen(value, n, low[0], high[0]);
-    fast->widen(value, n, low[1], high[1]);
-    same("widen, low", low[0], low[1], sizeof low[0], mask, seed, 0, n);
-    same("widen, high", high[0], high[1], sizeof high[0], mask, seed, 0, n);
 }
 
 /* Places on a lattice of N columns and ROWS rows, sampled; pixels are then blended, unlit and lit. */
@@ -235,7 +225,7 @@ static void test_scatter(void **unused)
 static void test_marks(void **unused)
 {
     (void)unused;
-    each_path(mark_and_widen);
+    each_path(mark);
 }
 
 static void test_pixels(void **unused)

@@ -2,12 +2,12 @@
 #ifndef CTS_SPLAT_COMPOSITE_H
 #define CTS_SPLAT_COMPOSITE_H
 
-#include "ctsplat/picture.h"
 #include "core/scene/engine.h"
+#include "core/transfer/lut.h"
+#include "ctsplat/picture.h"
 #include "engine/splat/occlusion.h"
 #include "engine/splat/patches.h"
 #include "engine/splat/raster.h"
-#include "core/transfer/lut.h"
 
 /* Transfer function for a length of ray; cts_entries_init() fills table, which the caller owns, up to the largest level
  * that a sample may have. */

@@ -16,7 +16,7 @@ enum {
     CTS_WEIGHT_BITS = 15,
     CTS_WEIGHT_ONE = 1 << CTS_WEIGHT_BITS,
     CTS_MAX_DENSITY = 4,
-    CTS_MAX_TAPS = 32   /* a row of taps, padded for vector code */
+    CTS_MAX_TAPS = 32 /* a row of taps, padded for vector code */
 };
 
 typedef struct CtsFootprint {

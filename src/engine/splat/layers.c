@@ -1,63 +1,55 @@
 #include "engine/splat/layers.h"
 
+#include "base/bits.h"
 #include "base/mem.h"
 #include "base/mutation.h"
-#include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 enum { SAMPLE_EVERY = 16, SAMPLE_AT = 5 };
 
-/* A row of a layer and the same row of an older layer, where the volume has them. */
-typedef struct RowPair {
-    const uint16_t *here, *old;
-    size_t u_step;
-    int tolerance;
-} RowPair;
-
-static RowPair row_pair(const CtsStack *stack, int k, int old_k, int v, int tolerance)
+/* Changes in row v between two layers, where the volume has them. */
+static uint64_t count_changes(const CtsPaperPlan *p, int k, int old_k, int v)
 {
+    const CtsStack *stack = &p->stack;
     const uint16_t *row = stack->grey + (size_t)v * stack->v_step;
-    return (RowPair){.here = row + (size_t)k * stack->layer_step,
-                     .old = row + (size_t)old_k * stack->layer_step,
-                     .u_step = stack->axis == 0 ? (size_t)stack->n_layers : 1,
-                     .tolerance = tolerance};
+    const uint16_t *here = row + (size_t)k * stack->layer_step, *old = row + (size_t)old_k * stack->layer_step;
+    const size_t step = stack->axis == 0 ? (size_t)stack->n_layers : 1;
+    uint64_t n = 0;
+    for (int u = 0; u < stack->n[0]; u++)
+        n += abs(here[(size_t)u * step] - old[(size_t)u * step]) > p->tolerance;
+    return n;
 }
 
-/* Voxels u0..u1-1. */
-static void sample_run(const RowPair *rows, int u0, int u1, CtsChangeSample *sample)
+/* Voxels of row v of layer k that are splatted without reuse. */
+static uint64_t count_shown(const CtsPaperPlan *p, int k, int v, uint64_t *shows)
 {
-    for (int u = u0; u < u1; u++) {
-        const int change = rows->here[(size_t)u * rows->u_step] - rows->old[(size_t)u * rows->u_step];
-        sample->changed += change > rows->tolerance || change < -rows->tolerance;
-    }
-    sample->voxels += (uint64_t)(u1 - u0);
+    const CtsPatches *patches = &p->patches;
+    uint64_t n = 0;
+    if (!p->skip_void)
+        return (uint64_t)p->stack.n[0];
+    if (!p->map.active[k] || v / CTS_PATCH >= patches->n[1])
+        return 0;
+    memset(shows, 0, (size_t)patches->n_words * sizeof *shows);
+    cts_void_add_row(&p->map, k, k, v / CTS_PATCH, shows);
+    for (int w = 0; w < patches->n_words; w++)
+        n += (uint64_t)cts_popcount(shows[w]) * CTS_PATCH;
+    return n;
 }
 
-CtsStatus cts_layers_sample(const CtsStack *stack, const CtsVoidMap *map, int tolerance, int distance, int axis_sign,
-                            CtsChangeSample *sample, CtsError *err)
+CtsStatus cts_layers_sample(const CtsPaperPlan *p, CtsChangeSample *sample, CtsError *err)
 {
-    const int first = distance > SAMPLE_AT ? distance : SAMPLE_AT < stack->n_layers ? SAMPLE_AT : distance;
-    uint64_t *shows = NULL;
+    const int first = SAMPLE_AT < p->stack.n_layers ? SAMPLE_AT : p->n_sheets;
+    uint64_t *shows;
     *sample = (CtsChangeSample){0};
-    const CtsStatus st = map ? cts_alloc_array(&shows, (size_t)map->patches.n_words, err) : CTS_OK;
-    for (int s = first; s < stack->n_layers && !st; s += SAMPLE_EVERY) {
-        const int k = axis_sign > 0 ? s : stack->n_layers - 1 - s, old_k = k - axis_sign * distance;
-        for (int v = SAMPLE_AT; v < stack->n[1]; v += SAMPLE_EVERY) {
-            const RowPair rows = row_pair(stack, k, old_k, v, tolerance);
-            if (!map) {
-                sample_run(&rows, 0, stack->n[0], sample);
-                continue;
-            }
-            const int n = map->patches.n[0], patch_v = v / CTS_PATCH;
-            if (!map->active[k] || patch_v >= map->patches.n[1])
-                continue;
-            memset(shows, 0, (size_t)map->patches.n_words * sizeof *shows);
-            cts_void_add_row(map, k, k, patch_v, shows);
-            for (int t = 0, past; cts_next_run(shows, n, &t, &past); t = past)
-                sample_run(&rows, t * CTS_PATCH, past * CTS_PATCH < stack->n[0] ? past * CTS_PATCH : stack->n[0],
-                           sample);
+    const CtsStatus st = cts_alloc_array(&shows, (size_t)p->patches.n_words, err);
+    for (int s = first; s < p->stack.n_layers && !st; s += SAMPLE_EVERY)
+        for (int v = SAMPLE_AT; v < p->stack.n[1]; v += SAMPLE_EVERY) {
+            const int k = cts_paper_layer(p, s);
+            const uint64_t n = count_shown(p, k, v, shows);
+            sample->voxels += n;
+            sample->changed += n > 0 ? count_changes(p, k, cts_paper_layer(p, s - p->n_sheets), v) : 0;
         }
-    }
     cts_free(&shows);
     return st;
 }
@@ -85,7 +77,6 @@ void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, int tolera
 CtsStatus cts_quiet_init(CtsQuiet *q, const CtsPatches *patches, CtsError *err)
 {
     CtsStatus st;
-    *q = (CtsQuiet){.patches = *patches};
     if ((st = cts_alloc_zeroed(&q->known, (size_t)patches->n_swaths * (size_t)patches->n_words, err)) ||
         (st = cts_alloc_zeroed(&q->empty, (size_t)patches->n_swaths * (size_t)patches->n_words, err)))
         return st;
@@ -99,14 +90,9 @@ void cts_quiet_free(CtsQuiet *q)
     cts_free(&q->range);
 }
 
-static uint64_t *bits_row(const CtsQuiet *q, uint64_t *bits, int swath)
+static CtsRange *range_of(const CtsPaperPlan *p, const CtsQuiet *q, int swath, int t)
 {
-    return bits + (size_t)swath * (size_t)q->patches.n_words;
-}
-
-static CtsRange *range_of(const CtsQuiet *q, int swath, int t)
-{
-    return &q->range[(size_t)swath * (size_t)q->patches.n[0] + (size_t)t];
+    return &q->range[(size_t)swath * (size_t)p->patches.n[0] + (size_t)t];
 }
 
 /* Every fourth bit, from bit 0 on, moved together. */
@@ -132,58 +118,69 @@ static uint64_t changed_patches(const uint64_t *changed, int n_words, int w, int
     return every_fourth(any);
 }
 
-static void find_range(CtsQuiet *q, const CtsQuietJob *job, int swath, int t, int row0, int row1)
+/* The levels of the voxels of column t of a swath, and of those around them that reach in. */
+static CtsRange column_range(const CtsPaperPlan *p, const CtsPaperStore *store, int step, int swath, int t)
 {
-    CtsRange *range = range_of(q, swath, t);
-    *range = cts_patch_range(&q->patches, job->rule, t, row0, row1, job->row_of, job->rows);
-    range->high = (uint16_t)(range->high - CTS_MUTATED(QUIET_RANGE));
-    if (!cts_range_visible(job->rule, *range))
-        bits_row(q, q->empty, swath)[t / 64] |= UINT64_C(1) << (t & 63);
+    const CtsPatches *patches = &p->patches;
+    const int first[2] = {t * CTS_PATCH, cts_swath_start(patches, swath, 1)};
+    const int end[2] = {(t + 1) * CTS_PATCH, (swath + 1) * CTS_SWATH * CTS_PATCH};
+    CtsRange range = {UINT16_MAX, 0};
+    int low[2], high[2];
+    for (int c = 0; c < 2; c++) {
+        const int last = patches->last_voxel[c], apron = p->rule.apron;
+        low[c] = first[c] - apron;
+        high[c] = (end[c] < last ? end[c] : last) + apron;
+        if (low[c] < 0 || high[c] > last)
+            range.low = 0;
+        low[c] = low[c] > 0 ? low[c] : 0;
+        high[c] = high[c] < last ? high[c] : last;
+    }
+    for (int v = low[1]; v <= high[1]; v++) {
+        const uint16_t *row = cts_paper_row(p, store, step, v);
+        for (int u = low[0]; u <= high[0]; u++)
+            range = cts_range_union(range, (CtsRange){row[u], row[u]});
+    }
+    range.high = (uint16_t)(range.high - CTS_MUTATED(QUIET_RANGE));
+    return range;
 }
 
-void cts_quiet_swath(CtsQuiet *q, const CtsQuietJob *job, int swath)
+void cts_quiet_swath(const CtsPaperPlan *p, const CtsPaperStore *store, int step, int swath, const uint64_t *changed)
 {
-    const CtsPatches *patches = &q->patches;
-    const int n_words = (job->n[0] + 63) / 64, apron = job->rule->apron, last = patches->n[1] - 1;
-    const int row0 = swath * CTS_SWATH, row1 = row0 + CTS_SWATH - 1 < last ? row0 + CTS_SWATH - 1 : last;
-    uint64_t *known = bits_row(q, q->known, swath), *empty = bits_row(q, q->empty, swath);
-    if (!job->old_rows) {
-        memset(known, 0, (size_t)patches->n_words * sizeof *known);
-        memset(empty, 0, (size_t)patches->n_words * sizeof *empty);
-        return;
-    }
-    memset(job->changed, 0, (size_t)n_words * sizeof *job->changed);
-    for (int v = row0 * CTS_PATCH > apron ? row0 * CTS_PATCH - apron : 0;
-         v <= (row1 + 1) * CTS_PATCH + apron && v < job->n[1]; v++) {
-        job->simd->mark(job->row_of(job->rows, v), job->row_of(job->old_rows, v), 0, job->n[0], job->marks);
-        for (int w = 0; w < n_words; w++)
-            job->changed[w] |= job->marks[w];
-    }
-    for (int i = 0; i < patches->n_words; i++) {
-        const int left = patches->n[0] - 64 * i;
-        uint64_t same = left < 64 ? (UINT64_C(1) << left) - 1 : ~UINT64_C(0);
-        for (int w = 4 * i; w < 4 * i + 4 && w < n_words; w++)
-            same &= ~(changed_patches(job->changed, n_words, w, apron) << 16 * (w & 3));
-        const uint64_t now_known = same & ~known[i];
+    const CtsQuiet *q = &p->quiet[step % p->n_sheets];
+    const int n_words = (p->stack.n[0] + 63) / 64, n_patch_words = p->patches.n_words;
+    uint64_t *known = q->known + (size_t)swath * (size_t)n_patch_words;
+    uint64_t *empty = q->empty + (size_t)swath * (size_t)n_patch_words;
+    for (int i = 0; i < n_patch_words; i++) {
+        const int left = p->patches.n[0] - 64 * i;
+        uint64_t same = !changed ? 0 : left < 64 ? (UINT64_C(1) << left) - 1 : ~UINT64_C(0);
+        for (int w = 4 * i; w < 4 * i + 4 && w < n_words && changed; w++)
+            same &= ~(changed_patches(changed, n_words, w, p->rule.apron) << 16 * (w & 3));
+        uint64_t now_known = same & ~known[i];
         empty[i] &= same;
         known[i] = same;
-        for (uint64_t more = now_known; more; more &= more - 1)
-            find_range(q, job, swath, 64 * i + __builtin_ctzll(more), row0, row1);
+        for (; now_known; now_known &= now_known - 1) {
+            const int t = 64 * i + __builtin_ctzll(now_known);
+            CtsRange *range = range_of(p, q, swath, t);
+            *range = column_range(p, store, step, swath, t);
+            if (!cts_range_visible(&p->rule, *range))
+                empty[i] |= UINT64_C(1) << (t & 63);
+        }
     }
 }
 
-void cts_quiet_drop(const CtsQuiet *here, const CtsQuiet *before, const CtsRangeRule *rule, int swath, uint64_t *row)
+void cts_quiet_drop(const CtsPaperPlan *p, int step, int swath, uint64_t *row)
 {
-    const uint64_t *empty[2] = {bits_row(here, here->empty, swath), bits_row(before, before->empty, swath)};
-    for (int w = 0; w < here->patches.n_words; w++) {
-        if (here == before) {
-            row[w] &= ~empty[0][w];
-            continue;
+    const CtsQuiet *here = &p->quiet[step % p->n_sheets], *before = &p->quiet[(step + 1) % p->n_sheets];
+    const size_t at = (size_t)swath * (size_t)p->patches.n_words;
+    for (int w = 0; w < p->patches.n_words; w++) {
+        const uint64_t both = here->empty[at + (size_t)w] & before->empty[at + (size_t)w];
+        uint64_t dropped = both;
+        for (uint64_t left = here == before ? 0 : both & row[w]; left; left &= left - 1) {
+            const int t = 64 * w + __builtin_ctzll(left);
+            if (cts_range_visible(&p->rule,
+                                  cts_range_union(*range_of(p, here, swath, t), *range_of(p, before, swath, t))))
+                dropped &= ~(left & -left);
         }
-        for (uint64_t left = empty[0][w] & empty[1][w] & row[w]; left; left &= left - 1) {
-            const int bit = __builtin_ctzll(left), t = 64 * w + bit;
-            if (!cts_range_visible(rule, cts_range_union(*range_of(here, swath, t), *range_of(before, swath, t))))
-                row[w] &= ~(UINT64_C(1) << bit);
-        }
+        row[w] &= ~dropped;
     }
 }

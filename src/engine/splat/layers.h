@@ -3,17 +3,15 @@
 #ifndef CTS_SPLAT_LAYERS_H
 #define CTS_SPLAT_LAYERS_H
 
-#include "engine/splat/sheet.h"
-#include "engine/splat/void.h"
+#include "engine/splat/paper_plan.h"
 
 typedef struct CtsChangeSample {
     uint64_t voxels, changed;
 } CtsChangeSample;
 
-/* Compare a few rows of a few layers with the layer `distance` before them. Where map is not NULL only in patches that
- * may show something. */
-CtsStatus cts_layers_sample(const CtsStack *stack, const CtsVoidMap *map, int tolerance, int distance, int axis_sign,
-                            CtsChangeSample *sample, CtsError *err);
+/* Compare a few rows of a few layers with the one before them that their sheet was made of: how many of their voxels
+ * changed, and how many would be splatted without reuse. */
+CtsStatus cts_layers_sample(const CtsPaperPlan *plan, CtsChangeSample *sample, CtsError *err);
 
 /* True when adding changes costs less than splatting anew. */
 bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool skips_void);
@@ -22,33 +20,15 @@ bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool 
  * is splatted is never further off than that, however long it goes on. */
 void cts_layers_settle(const uint16_t *fresh, const uint16_t *before, int tolerance, int n, uint16_t *kept);
 
-/* What earlier layers tell of a sheet's patches, one column of a swath taken together: a column that did not change
- * since then has the range of grey levels it had, so it need not be looked at again; and where nothing of that range
- * can be seen, its samples need not be taken. */
-typedef struct CtsQuiet {
-    CtsPatches patches;
-    uint64_t *known; /* by swath, a bit for each column of patches */
-    uint64_t *empty; /* likewise: known to show nothing */
-    CtsRange *range; /* by swath and column, where known */
-} CtsQuiet;
-
 CtsStatus cts_quiet_init(CtsQuiet *quiet, const CtsPatches *patches, CtsError *err);
 void cts_quiet_free(CtsQuiet *quiet);
 
-/* Bring a swath up to date: rows against old_rows (NULL: nothing is known of the past). marks and changed are scratch
- * of a bit for each voxel of a row. */
-typedef struct CtsQuietJob {
-    const CtsSimd *simd;
-    const CtsRangeRule *rule;
-    CtsRowOf row_of;
-    const void *rows, *old_rows;
-    uint64_t *marks, *changed;
-    int n[2];
-} CtsQuietJob;
+/* Bring a swath up to date with the voxels that changed in any of its rows, in those beside it that reach in, and in
+ * that of its far edge: a bit for each voxel of a row; NULL: nothing is known of the past. */
+void cts_quiet_swath(const CtsPaperPlan *plan, const CtsPaperStore *store, int step, int swath,
+                     const uint64_t *changed);
 
-void cts_quiet_swath(CtsQuiet *quiet, const CtsQuietJob *job, int swath);
-
-/* Clear the bits of patches that show nothing on either sheet, or between the two. */
-void cts_quiet_drop(const CtsQuiet *here, const CtsQuiet *before, const CtsRangeRule *rule, int swath, uint64_t *row);
+/* Clear the bits of patches that show nothing on a step's sheet, nor between it and the sheet before. */
+void cts_quiet_drop(const CtsPaperPlan *plan, int step, int swath, uint64_t *row);
 
 #endif

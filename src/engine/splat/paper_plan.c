@@ -4,6 +4,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "core/scene/scene_macrocells.h"
+#include "engine/splat/layers.h"
 #include <math.h>
 #include <string.h>
 
@@ -104,14 +105,13 @@ static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
     CtsChangeSample sample;
     if (!p->reuse)
         return CTS_OK;
-    const CtsStatus st = cts_layers_sample(&p->stack, p->skip_void ? &p->map : NULL, p->tolerance, p->n_sheets,
-                                           p->scene->view.axis_sign, &sample, err);
+    const CtsStatus st = cts_layers_sample(p, &sample, err);
     if (st)
         return st;
     const double percent = sample.voxels > 0 ? 100.0 * (double)sample.changed / (double)sample.voxels : 0;
     /* A tolerance changes the picture, so it is not dropped where reuse does not pay. */
-    p->reuse = p->tolerance > 0 || p->scene->settings->reuses_always ||
-               cts_layers_pay(sample, &p->footprint, p->skip_void);
+    p->reuse =
+        p->tolerance > 0 || p->scene->settings->reuses_always || cts_layers_pay(sample, &p->footprint, p->skip_void);
     if (p->reuse)
         cts_report_plan(report, "layer reuse: %.0f %% of voxels change between layers, so only changes are splatted",
                         percent);
@@ -132,7 +132,6 @@ static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, 
         cts_report_skip(report, "tolerance", "engine %s does not compare layers", p->skip_void ? "void" : "classic");
     p->rule = (CtsRangeRule){.lut = scene->lut,
                              .apron = p->footprint.apron,
-                             .outside = p->base,
                              .slack = (uint16_t)p->tolerance,
                              .sum_low = p->footprint.sum_low,
                              .sum_high = p->footprint.sum_high};
@@ -311,8 +310,7 @@ void cts_paper_shown(const CtsPaperPlan *p, int step, int patch_v, uint64_t *row
     if (p->skip_void)
         open_patches(p, step, step - 1, patch_v, row);
     else
-        cts_quiet_drop(&p->quiet[step % p->n_sheets], &p->quiet[(step + p->n_sheets - 1) % p->n_sheets], &p->rule,
-                       patch_v / CTS_SWATH, row);
+        cts_quiet_drop(p, step, patch_v / CTS_SWATH, row);
 }
 
 void cts_paper_find_open(const CtsPaperPlan *p, int step, int swath)

@@ -3,7 +3,6 @@
 #define CTS_SPLAT_PAPER_PLAN_H
 
 #include "engine/splat/composite.h"
-#include "engine/splat/layers.h"
 #include "engine/splat/paper.h"
 #include "engine/splat/sheet.h"
 #include "engine/splat/void.h"
@@ -17,6 +16,15 @@ typedef struct CtsPaperStore {
     uint16_t *settled[3];    /* rows as they are splatted, where they differ from the volume's; step s in s % 3 */
     uint64_t *wanted;        /* with void skipping: by row of patches, what of a chunk of layers is to be loaded */
 } CtsPaperStore;
+
+/* What earlier layers tell of a sheet's patches, one column of a swath taken together: a column that did not change
+ * since then has the range of grey levels it had, so it need not be looked at again; and where nothing of that range
+ * can be seen, its samples need not be taken. */
+typedef struct CtsQuiet {
+    uint64_t *known; /* by swath, a bit for each column of patches */
+    uint64_t *empty; /* likewise: known to show nothing */
+    CtsRange *range; /* by swath and column, where known */
+} CtsQuiet;
 
 /* Threads only read it, but for the store, runs, and bits by swath, whose parts they own in turn. Layers are counted in
  * the order in which rays cross them ("step"), not as in the volume.
@@ -49,7 +57,6 @@ typedef struct CtsPaperPlan {
     CtsQuiet quiet[2];             /* reuse without skip_void: of each sheet */
     CtsRuns runs;                  /* with either: what to composite */
 
-    uint16_t base; /* the grey level that sheets start from */
     int tolerance; /* dead band, in grey levels */
 
     bool by_swaths;
@@ -57,7 +64,6 @@ typedef struct CtsPaperPlan {
     CtsPaperStore store; /* unless by_swaths */
     size_t gradient_stride;
     uint16_t *air; /* a row of it, where lighting takes it for what is beyond the border; else NULL */
-    bool stopped;
 } CtsPaperPlan;
 
 /* Derive everything but memory for pixels; with picture NULL no more than what --explain tells. */
@@ -98,20 +104,12 @@ static inline void cts_paper_voxel_rows(const CtsPaperPlan *p, int swath, int *f
     *past = high < p->stack.n[1] ? high : p->stack.n[1];
 }
 
-/* Rows of a step as they are splatted: a CtsRowOf with a CtsPaperRows as context. */
-typedef struct CtsPaperRows {
-    const CtsPaperPlan *plan;
-    const CtsPaperStore *store;
-    int step;
-} CtsPaperRows;
-
-static inline const uint16_t *cts_paper_row(const void *context, int v)
+/* Row v of a step as it is splatted. */
+static inline const uint16_t *cts_paper_row(const CtsPaperPlan *p, const CtsPaperStore *store, int step, int v)
 {
-    const CtsPaperRows *rows = context;
-    const CtsPaperPlan *p = rows->plan;
-    if (rows->store->settled[0])
-        return rows->store->settled[rows->step % 3] + (size_t)v * (size_t)p->stack.n[0];
-    return cts_stack_row(&rows->store->stack, cts_paper_layer(p, rows->step), v);
+    if (store->settled[0])
+        return store->settled[step % 3] + (size_t)v * (size_t)p->stack.n[0];
+    return cts_stack_row(&store->stack, cts_paper_layer(p, step), v);
 }
 
 /* Which of a row of patches the sheet of a step must hold, and which the planes that the step completes look at. Rows

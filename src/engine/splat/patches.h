@@ -7,9 +7,9 @@
 #ifndef CTS_SPLAT_PATCHES_H
 #define CTS_SPLAT_PATCHES_H
 
+#include "core/volume/macrocells.h"
 #include "engine/splat/footprint.h"
 #include "engine/splat/stack.h"
-#include "core/volume/macrocells.h"
 
 enum { CTS_PATCH = CTS_FINE_MACROCELL, CTS_SWATH = 2 };
 

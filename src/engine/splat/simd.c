@@ -49,13 +49,15 @@ INLINE void list_run(List *l, const CtsScatter *job, int i, int n, int end)
     int at = l->n;
     l->n += n;
     for (; i < past && i + 8 <= end; i += 8, at += 8) {
-        const Int8 value = grey_8(job->value + i);
+        Int8 change = grey_8(job->value + i);
+        if (job->old)
+            change -= grey_8(job->old + i);
         *(Int8 *)(l->column + at) = columns + i * density;
-        *(Int8 *)(l->change + at) = job->old ? value - grey_8(job->old + i) : value - (int32_t)job->base;
+        *(Int8 *)(l->change + at) = change;
     }
     for (; i < past; i++, at++) {
         l->column[at] = i * density;
-        l->change[at] = (uint32_t)job->value[i] - (job->old ? (uint32_t)job->old[i] : job->base);
+        l->change[at] = (uint32_t)job->value[i] - (job->old ? job->old[i] : 0);
     }
 }
 
@@ -77,27 +79,22 @@ INLINE void scatter_list(const CtsScatter *job, const List *l, int n_vectors)
     }
 }
 
-static void scatter_marked(const CtsScatter *job, const uint64_t *marks, int i0, int i1)
+static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
 {
     const int n_taps = 2 * job->footprint->reach[0] + 1;
     List list;
     list.n = 0;
-    for (int i = i0; i < i1;) {
-        const int first = i & ~63, past = first + 64 < i1 ? first + 64 : i1;
-        uint64_t bits = marks ? marks[first / 64] : ~UINT64_C(0);
-        bits &= ~UINT64_C(0) << (i - first);
-        if (past - first < 64)
-            bits &= (UINT64_C(1) << (past - first)) - 1;
-        i = past;
-        for (int at = first; bits;) {
+    for (int i = 0; i < n; i += 64) {
+        uint64_t bits = marks[i / 64];
+        for (int at = i; bits;) {
             const int gap = __builtin_ctzll(bits);
             bits >>= gap;
-            const int n = ~bits ? __builtin_ctzll(~bits) : 64;
-            list_run(&list, job, at + gap, n, i1);
-            at += gap + n;
-            bits = n < 64 ? bits >> n : 0;
+            const int run = ~bits ? __builtin_ctzll(~bits) : 64;
+            list_run(&list, job, at + gap, run, n);
+            at += gap + run;
+            bits = run < 64 ? bits >> run : 0;
         }
-        if (list.n < ENOUGH && i < i1)
+        if (list.n < ENOUGH && i + 64 < n)
             continue;
         if (n_taps <= 4)
             scatter_list(job, &list, 0);
@@ -109,11 +106,6 @@ static void scatter_marked(const CtsScatter *job, const uint64_t *marks, int i0,
             scatter_list(job, &list, 4);
         list.n = 0;
     }
-}
-
-static void scatter(const CtsScatter *job, int i0, int i1)
-{
-    scatter_marked(job, NULL, i0, i1);
 }
 
 /* 64 bytes, each 0 or 1, as bits: byte k of eight moves from bit 8 k to bit 56 + k. */
@@ -128,24 +120,14 @@ INLINE uint64_t bits_of(const uint8_t is[64])
     return bits;
 }
 
-static void mark(const uint16_t *value, const uint16_t *old, uint16_t base, int n, uint64_t *marks)
+static void mark(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks)
 {
     for (int i = 0; i < n; i += 64) {
         const int past = n - i < 64 ? n - i : 64;
         uint8_t is[64] = {0};
-        for (int k = 0; k < past && old; k++)
+        for (int k = 0; k < past; k++)
             is[k] = value[i + k] != old[i + k];
-        for (int k = 0; k < past && !old; k++)
-            is[k] = value[i + k] != base;
         marks[i / 64] = bits_of(is);
-    }
-}
-
-static void widen(const uint16_t *restrict value, int n, uint16_t *restrict low, uint16_t *restrict high)
-{
-    for (int i = 0; i < n; i++) {
-        low[i] = value[i] < low[i] ? value[i] : low[i];
-        high[i] = value[i] > high[i] ? value[i] : high[i];
     }
 }
 
@@ -459,5 +441,5 @@ static void gradient(const CtsGradientRows *rows, int i0, int i1, float (*gradie
 
 void cts_simd_init_plain(CtsSimd *simd)
 {
-    *simd = (CtsSimd){scatter, scatter_marked, mark, widen, place, sample, blend, light, gradient};
+    *simd = (CtsSimd){scatter, mark, place, sample, blend, light, gradient};
 }

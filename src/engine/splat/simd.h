@@ -16,14 +16,13 @@ enum { CTS_SHEET_MARGIN = 2 * CTS_MAX_TAPS }; /* lattice points beside a sheet r
 #define CTS_OPAQUE_BELOW 0x1p-19f
 
 /* Where footprints go: sheet is the lattice row of tap row tap0 at the column of voxel 0's first tap. Arithmetic is
- * modulo 2^32. Values added are value[i] - old[i], or value[i] - base where old is NULL. */
+ * modulo 2^32. Values added are value[i] - old[i], or value[i] where old is NULL. */
 typedef struct CtsScatter {
     const CtsFootprint *footprint;
     uint32_t *sheet;
     size_t stride;
     int tap0, tap1; /* rows of taps tap0..tap1-1 */
     const uint16_t *value, *old;
-    uint32_t base;
 } CtsScatter;
 
 /* Where a picture row's samples fall on the lattice: cell and fraction along u and v, for each pixel. Cells never fall,
@@ -69,14 +68,11 @@ typedef struct CtsGradientRows {
 } CtsGradientRows;
 
 typedef struct CtsSimd {
-    /* Add the footprints of voxels i0..i1-1. Touches up to CTS_MAX_TAPS columns right of a footprint, unchanged. */
-    void (*scatter)(const CtsScatter *job, int i0, int i1);
-    /* The same for those whose bit in marks is set (bit i & 63 of word i / 64). */
-    void (*scatter_marked)(const CtsScatter *job, const uint64_t *marks, int i0, int i1);
-    /* Set bit i where value[i] differs from old[i] (base where old is NULL); whole words, bits past n are 0. */
-    void (*mark)(const uint16_t *value, const uint16_t *old, uint16_t base, int n, uint64_t *marks);
-    /* low[i], high[i] become the smallest and largest of themselves and value[i]. */
-    void (*widen)(const uint16_t *value, int n, uint16_t *low, uint16_t *high);
+    /* Add the footprints of those of n voxels whose bit in marks is set (bit i & 63 of word i / 64; none past n).
+     * Touches up to CTS_MAX_TAPS columns right of a footprint, unchanged. */
+    void (*scatter)(const CtsScatter *job, const uint64_t *marks, int n);
+    /* Set bit i where value[i] differs from old[i]; whole words, bits past n are 0. */
+    void (*mark)(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks);
     /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, held within 0..last. May write what
      * it likes up to the next multiple of 8. */
     void (*place)(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac);

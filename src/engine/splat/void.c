@@ -28,29 +28,6 @@ static void widen(CtsRange *range, CtsRange other)
     *range = cts_range_union(*range, other);
 }
 
-CtsRange cts_patch_range(const CtsPatches *patches, const CtsRangeRule *rule, int patch_u, int row0, int row1,
-                         const uint16_t *(*row_of)(const void *context, int v), const void *rows)
-{
-    const int first[2] = {patch_u, row0}, past[2] = {patch_u + 1, row1 + 1};
-    CtsRange range = {UINT16_MAX, 0};
-    int low[2], high[2];
-    for (int c = 0; c < 2; c++) {
-        const int last = patches->last_voxel[c], end = past[c] * CTS_PATCH < last ? past[c] * CTS_PATCH : last;
-        low[c] = first[c] * CTS_PATCH - rule->apron;
-        high[c] = end + rule->apron;
-        if (low[c] < 0 || high[c] > last)
-            range = (CtsRange){rule->outside, rule->outside};
-        low[c] = low[c] > 0 ? low[c] : 0;
-        high[c] = high[c] < last ? high[c] : last;
-    }
-    for (int v = low[1]; v <= high[1]; v++) {
-        const uint16_t *row = row_of(rows, v);
-        for (int u = low[0]; u <= high[0]; u++)
-            widen(&range, (CtsRange){row[u], row[u]});
-    }
-    return range;
-}
-
 /* Two grey levels that settle most ranges by a comparison each: a range whose high lies below high_from, or whose low
  * lies above low_to, shows nothing. */
 typedef struct Limits {
@@ -110,7 +87,6 @@ static const CtsRange *line_ranges(const CtsVoidMap *map, const Lines *l, int k,
 {
     const CtsPatches *patches = &map->patches;
     const CtsRange *line = l->fine + (size_t)k * l->k_step + (size_t)patch_v * l->v_step + (size_t)patch_u * l->u_step;
-    const CtsRange outside = {l->rule->outside, l->rule->outside};
     if (l->rule->apron == 0)
         return line;
     memcpy(row, line, (size_t)l->n * sizeof *row);
@@ -127,7 +103,7 @@ static const CtsRange *line_ranges(const CtsVoidMap *map, const Lines *l, int k,
             widen(&wide[i], row[i < l->n - 1 ? i + 1 : i]);
         }
         if (out || (!l->across && reached_from_outside(patches, l->rule, 0, i)))
-            widen(&wide[i], outside);
+            wide[i].low = 0;
     }
     return wide;
 }

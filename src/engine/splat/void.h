@@ -6,14 +6,13 @@
 #ifndef CTS_SPLAT_VOID_H
 #define CTS_SPLAT_VOID_H
 
-#include "engine/splat/patches.h"
 #include "core/transfer/lut.h"
+#include "engine/splat/patches.h"
 
 /* How voxels become samples: what is needed to go from a range of voxels to one of samples. */
 typedef struct CtsRangeRule {
     const CtsLut *lut;
     int apron;                  /* voxels around a patch that reach into it, fewer than CTS_PATCH */
-    uint16_t outside;           /* what voxels outside the volume count as */
     uint16_t slack;             /* voxels may stand for values so far from theirs */
     uint32_t sum_low, sum_high; /* of the footprint's phases */
 } CtsRangeRule;
@@ -25,11 +24,6 @@ static inline CtsRange cts_range_union(CtsRange a, CtsRange b)
 {
     return (CtsRange){a.low < b.low ? a.low : b.low, a.high > b.high ? a.high : b.high};
 }
-
-/* The range of the voxels, and those around them that reach in, of patch patch_u of rows of patches row0..row1 in a
- * layer given by its rows. */
-CtsRange cts_patch_range(const CtsPatches *patches, const CtsRangeRule *rule, int patch_u, int row0, int row1,
-                         const uint16_t *(*row_of)(const void *context, int v), const void *rows);
 
 typedef struct CtsVoidMap {
     CtsPatches patches;

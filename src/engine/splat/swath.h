@@ -1,0 +1,25 @@
+/* One swath of patches at one step: its part of the sheet brought up to date, gradients, and what is to be composited.
+ */
+#ifndef CTS_SPLAT_SWATH_H
+#define CTS_SPLAT_SWATH_H
+
+#include "engine/splat/paper_plan.h"
+
+/* One thread's scratch and counts. */
+typedef struct CtsSwathWork {
+    CtsPaperStore *store;      /* borrowed */
+    uint64_t *marks, *changed; /* a bit for each voxel of a row */
+    uint64_t *needed, *row;    /* bits for each patch of the rows that a swath meets, and for one */
+    /* Voxels that stand in what is needed, with their footprint added or left as they were; each of one swath alone. */
+    uint64_t splatted, reused;
+} CtsSwathWork;
+
+CtsStatus cts_swath_work_init(CtsSwathWork *work, const CtsPaperPlan *plan, CtsError *err);
+void cts_swath_work_free(CtsSwathWork *work);
+
+/* Returns false when nothing of the swath is needed. Lattice points that no needed patch has hold anything. */
+bool cts_swath_splat(CtsPaperPlan *plan, CtsSwathWork *work, int step, int swath);
+/* Gradients at the voxels of needed patches. */
+void cts_swath_gradients(const CtsPaperPlan *plan, CtsSwathWork *work, int step, int swath);
+
+#endif
