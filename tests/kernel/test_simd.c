@@ -139,8 +139,9 @@ static void pixels(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uin
         for (int c = 0; c < 4; c++)
             entry[i][c] = c < 3 ? alpha * unit_float() : -alpha;
     }
-    const CtsEntries entries = {(const float(*)[4])entry, (uint16_t)below(200), (uint16_t)(65535 - below(200))};
-    const CtsSheetPair pair = {sheets[0][0], below(2) ? sheets[1][0] : NULL, N + 2 * EDGE, unit_float()};
+    const int top = below(2) ? 65535 : 200 + below(65000);
+    const CtsEntries entries = {entry, (uint16_t)below(200), (uint16_t)(top - below(200)), (uint16_t)top};
+    const CtsSheetPair pair = {sheets[0][0], below(2) ? sheets[1][0] : NULL, N + 2 * EDGE, unit_float(), top};
     CtsShade shade = {.ambient = 0.2f, .diffuse = 0.7f, .specular = 0.3f, .n_power = 64};
     float power[65];
     for (int i = 0; i <= 64; i++)

@@ -1,4 +1,4 @@
-/* The transfer function by grey level: colour and extinction per mm for all 65536 levels, and what is visible. */
+/* The transfer function by grey level: colour and extinction per mm, and what is visible. */
 #ifndef CTS_TRANSFER_LUT_H
 #define CTS_TRANSFER_LUT_H
 
@@ -12,6 +12,7 @@
 enum { CTS_N_GREY = 65536 };
 
 typedef struct CtsLut {
+    int n; /* levels that are told apart: from level n - 1 on, past all of the preset's points, all are alike */
     float (*rgb)[3];          /* display values by grey level */
     float *extinction_per_mm; /* by grey level; times unit_scale where opacity is per voxel */
     /* Sums over levels and what lies between them: entry 2 g + 1 less entry 2 g is 1 where level g has an extinction,
@@ -22,19 +23,17 @@ typedef struct CtsLut {
 } CtsLut;
 
 /* extinction_scale multiplies every extinction: 1, or for --opacity-unit voxel the factor that makes the preset's
- * unit one voxel along the ray. Free with cts_lut_free(). */
-CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, double extinction_scale,
-                      int n_threads, CtsError *err);
-/* Takes the levels that the key drops for invisible. */
-CtsStatus cts_lut_hide(CtsLut *lut, const CtsVoidKey *key, const CtsPreset *preset, const CtsVolume *volume,
-                       CtsError *err);
+ * unit one voxel along the ray. What the key (NULL: none) drops is invisible. Free with cts_lut_free(). */
+CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, const CtsVoidKey *key,
+                      double extinction_scale, int n_threads, CtsError *err);
 void cts_lut_free(CtsLut **lut);
 
 /* False when nothing from level low to level high has any extinction, between levels either: exact, however the voxels
  * are mixed. */
 static inline bool cts_lut_visible(const CtsLut *lut, uint16_t low, uint16_t high)
 {
-    return lut->visible_below[2 * (uint32_t)high + 1] > lut->visible_below[2 * (uint32_t)low];
+    const int last = lut->n - 1;
+    return lut->visible_below[2 * (high < last ? high : last) + 1] > lut->visible_below[2 * (low < last ? low : last)];
 }
 
 /* The levels between which all that is visible lies, as far as there is any: nothing shows at low or below, unless low

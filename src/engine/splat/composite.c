@@ -6,24 +6,31 @@
 #include "base/vec3.h"
 #include <math.h>
 
-void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut, int top, double length_mm)
+CtsStatus cts_entries_init(CtsEntries *entries, const CtsLut *lut, double length_mm, CtsError *err)
 {
-    *entries = (CtsEntries){.entry = (const float(*)[4])table, .low = UINT16_MAX, .high = 0};
     float alpha = 0, extinction = 0;
-    for (int g = 0; g <= top; g++) {
-        /* Most levels lie outside the preset's points, where neighbours have the same. */
+    *entries = (CtsEntries){.low = UINT16_MAX, .top = (uint16_t)(lut->n - 1)};
+    const CtsStatus st = cts_alloc_array(&entries->entry, (size_t)lut->n, err);
+    for (int g = 0; g < lut->n && !st; g++) {
+        /* Below the preset's points neighbours have the same. */
         if (lut->extinction_per_mm[g] != extinction) {
             extinction = lut->extinction_per_mm[g];
             alpha = (float)-expm1(-(double)extinction * (CTS_MUTATED(OPACITY_STEP) ? 1 : length_mm));
         }
         for (int c = 0; c < 3; c++)
-            table[g][c] = lut->rgb[g][c] * alpha;
-        table[g][3] = -alpha;
+            entries->entry[g][c] = lut->rgb[g][c] * alpha;
+        entries->entry[g][3] = -alpha;
         if (alpha > 0) {
             entries->low = g < entries->low ? (uint16_t)g : entries->low;
             entries->high = (uint16_t)g;
         }
     }
+    return st;
+}
+
+void cts_entries_free(CtsEntries *entries)
+{
+    cts_free(&entries->entry);
 }
 
 CtsStatus cts_runs_init(CtsRuns *runs, const CtsPatches *patches, CtsError *err)

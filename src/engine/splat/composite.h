@@ -9,9 +9,9 @@
 #include "engine/splat/patches.h"
 #include "engine/splat/raster.h"
 
-/* Transfer function for a length of ray; cts_entries_init() fills table, which the caller owns, up to the largest level
- * that a sample may have. */
-void cts_entries_init(CtsEntries *entries, float (*table)[4], const CtsLut *lut, int top, double length_mm);
+/* The transfer function for a length of ray. */
+CtsStatus cts_entries_init(CtsEntries *entries, const CtsLut *lut, double length_mm, CtsError *err);
+void cts_entries_free(CtsEntries *entries);
 
 /* Runs of patches along u that may show something, for each patch row. */
 typedef struct CtsRuns {

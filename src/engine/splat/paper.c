@@ -58,7 +58,8 @@ static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, in
                             .sheets = {.first = w->work.store->sheet[slot].origin,
                                        .second = part > 0 ? w->work.store->sheet[behind].origin : NULL,
                                        .stride = w->work.store->sheet[slot].stride,
-                                       .weight = (float)part},
+                                       .weight = (float)part,
+                                       .top = p->entries[0].top},
                             .entries = &p->entries[at_end(p, s, sub) && !CTS_MUTATED(END_PLANES)],
                             .light = p->lit ? &light : NULL,
                             .runs = p->reuse || p->skip_void ? &p->runs : NULL};

@@ -48,27 +48,14 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
     return CTS_OK;
 }
 
-/* The largest level that a sample may have; unscaled cones may add up to more than the largest voxel, and roundings to
- * one level more. */
-static int top_level(const CtsPaperPlan *p)
-{
-    const CtsMacrocells *macrocells = p->scene->volume->macrocells;
-    const uint64_t top =
-        macrocells ? (uint64_t)macrocells->all.high * p->footprint.sum_high / CTS_WEIGHT_ONE + 2 : CTS_N_GREY;
-    return top < CTS_N_GREY ? (int)top : CTS_N_GREY - 1;
-}
-
 static CtsStatus plan_look(CtsPaperPlan *p, CtsError *err)
 {
     const CtsScene *scene = p->scene;
-    const int top = top_level(p);
     const double length_mm = p->stack.n_layers > 1 ? scene->view.layer_mm / p->samples : 0;
     CtsStatus st;
-    for (int i = 0; i < 2; i++) {
-        if ((st = cts_alloc_array(&p->table[i], CTS_N_GREY, err)))
+    for (int i = 0; i < 2; i++)
+        if ((st = cts_entries_init(&p->entries[i], scene->lut, i ? length_mm / 2 : length_mm, err)))
             return st;
-        cts_entries_init(&p->entries[i], p->table[i], scene->lut, top, i ? length_mm / 2 : length_mm);
-    }
     p->lit = scene->preset->shade;
     p->gradient_stride = (size_t)p->stack.n[0];
     if (!p->lit)
@@ -266,7 +253,7 @@ CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, CtsPaperFe
 void cts_paper_plan_free(CtsPaperPlan *p)
 {
     for (int i = 0; i < 2; i++) {
-        cts_free(&p->table[i]);
+        cts_entries_free(&p->entries[i]);
         cts_quiet_free(&p->quiet[i]);
     }
     cts_paper_store_free(&p->store);

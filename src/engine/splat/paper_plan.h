@@ -44,7 +44,6 @@ typedef struct CtsPaperPlan {
     int n_threads;
 
     CtsEntries entries[2]; /* for a plane's length of ray, and for half of it: the first and the last plane */
-    float (*table[2])[4];
     bool lit;
     CtsShade shade;
 

@@ -204,7 +204,8 @@ INLINE void sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, int 
         Int8 whole = (Int8)(value + 0x1p23f) & 0x7fffff;
         if (CTS_MUTATED(ROUNDING))
             whole = CONVERT(value, Int8);
-        *(Short8 *)(grey + i) = CONVERT(whole | (whole > 65535), Short8);
+        const Int8 above = whole > sheets->top;
+        *(Short8 *)(grey + i) = CONVERT((whole & ~above) | (sheets->top & above), Short8);
     }
 }
 

@@ -38,13 +38,14 @@ typedef struct CtsSheetPair {
     const uint32_t *first, *second;
     size_t stride;
     float weight; /* of the second */
+    int top;      /* the largest level of a sample */
 } CtsSheetPair;
 
 /* Transfer function for one layer's length of ray: entry[grey] is red, green, blue times alpha, and -alpha. Grey
- * levels outside low..high have alpha 0. */
+ * levels outside low..high have alpha 0; those above top are sampled as top, whose entry they would have. */
 typedef struct CtsEntries {
-    const float (*entry)[4];
-    uint16_t low, high;
+    float (*entry)[4];
+    uint16_t low, high, top;
 } CtsEntries;
 
 /* Gradients at the voxels of one layer or two, four floats a voxel (the fourth is 0). */

@@ -219,16 +219,13 @@ static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *e
 }
 
 /* What --void key leaves out of the transfer function's table; the mixture is that of the volume as it was loaded. */
-static CtsStatus hide_void(CtsFrames *f, const CtsScene *scene, CtsReport *report, CtsError *err)
+static CtsStatus find_key(CtsFrames *f, const CtsScene *scene, CtsReport *report, CtsError *err)
 {
-    CtsStatus st;
-    if (!f->settings.void_key || !f->engine->takes_key)
-        return CTS_OK;
-    if (!f->key_found &&
-        (st = cts_key_find(f->original, scene->preset, scene->settings->n_threads, &f->key, report, err)))
-        return st;
-    f->key_found = true;
-    return cts_lut_hide(f->lut, &f->key.key, scene->preset, f->volume, err);
+    CtsStatus st = CTS_OK;
+    if (f->settings.void_key && f->engine->takes_key && !f->key_found &&
+        !(st = cts_key_find(f->original, scene->preset, scene->settings->n_threads, &f->key, report, err)))
+        f->key_found = true;
+    return st;
 }
 
 static void tell_no_key(const CtsEngine *engine, CtsReport *report)
@@ -263,17 +260,14 @@ static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsE
     if (f->lut && f->lut_scale == scene->extinction_scale) {
         cts_report_skip(report, "transfer function table", "made for an earlier frame");
     } else {
-        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
         cts_lut_free(&f->lut);
-        CtsStatus st;
-        if ((st = cts_lut_new(&f->lut, p, f->volume, scene->extinction_scale, scene->settings->n_threads, err)))
+        CtsStatus st = find_key(f, scene, report, err);
+        const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
+        if (st || (st = cts_lut_new(&f->lut, p, f->volume, f->key_found ? &f->key.key : NULL, scene->extinction_scale,
+                                    scene->settings->n_threads, err)))
             return st;
         f->lut_scale = scene->extinction_scale;
-        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, CTS_N_GREY, 0);
-        if ((st = hide_void(f, scene, report, err))) {
-            cts_lut_free(&f->lut);
-            return st;
-        }
+        cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)f->lut->n, 0);
     }
     scene->lut = f->lut;
     return CTS_OK;
