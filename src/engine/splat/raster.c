@@ -63,7 +63,7 @@ static int first_past(double base, double by_x, double at, int xa, int xb)
 {
     const bool rising = by_x > 0;
     const double guess = (at - base) / by_x;
-    int x = guess <= xa ? xa : guess >= xb ? xb : (int)guess;
+    int x = guess <= xa ? xa : guess >= xb ? xb : (int)guess + 1;
     while (x > xa && (base + by_x * (double)(x - 1) >= at) == rising)
         x--;
     while (x < xb && (base + by_x * (double)x >= at) != rising)
