@@ -3,11 +3,11 @@
 #ifndef CTS_RAYCAST_FIELD_H
 #define CTS_RAYCAST_FIELD_H
 
+#include "core/scene/view.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/render.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
-#include "core/scene/view.h"
 #include <stdbool.h>
 
 typedef struct CtsRay {
@@ -55,8 +55,6 @@ struct CtsField {
     bool (*next)(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece);
     /* Gradient of HU per voxel along each volume axis, on the piece handed out last. */
     void (*gradient)(const CtsField *field, const CtsRayWalk *walk, const CtsRayPiece *piece, double gradient[3][4]);
-    /* HU where the ray is at t_mm. */
-    double (*value)(const CtsField *field, const CtsRay *ray, double t_mm);
     void (*free)(CtsField **field);
 };
 

@@ -1,8 +1,8 @@
 /* Fields of kernels other than the trilinear one: no polynomials, so cubics are fitted to them piece by piece. */
+#include "core/scene/shade.h"
 #include "ctsplat/bounds.h"
 #include "engine/raycast/cubic.h"
 #include "engine/raycast/field.h"
-#include "core/scene/shade.h"
 #include <math.h>
 #include <stdlib.h>
 
@@ -129,11 +129,6 @@ static double field_at(const KernelField *f, const CtsRay *ray, double t_mm, int
     if (part > 0)
         value += part * sheet_at(f, k + 1, &taps, difference_axis);
     return difference_axis < 0 ? f->volume->hu_offset + f->volume->hu_step * value : f->volume->hu_step * value;
-}
-
-static double value(const CtsField *field, const CtsRay *ray, double t_mm)
-{
-    return field_at((const KernelField *)field, ray, t_mm, -1);
 }
 
 /* False when no voxel that reaches the ray between t0 and t1, at most a layer apart, lets anything wanted come about.
@@ -283,7 +278,7 @@ CtsStatus cts_field_kernel(CtsField **field, const CtsVolume *volume, const CtsV
     KernelField *f = calloc(1, sizeof *f);
     if (!f)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *f = (KernelField){.field = {.next = next, .gradient = gradient, .value = value, .free = kernel_field_free},
+    *f = (KernelField){.field = {.next = next, .gradient = gradient, .free = kernel_field_free},
                        .volume = volume,
                        .axis = view->axis,
                        .u_axis = view->axis == 0 ? 1 : 0,

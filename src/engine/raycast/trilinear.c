@@ -84,24 +84,6 @@ static void find_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int ce
     }
 }
 
-/* The next cell: across the face at which the ray has just left. */
-static void step_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int cell[3])
-{
-    for (int axis = 0; axis < 3; axis++) {
-        const double step = ray->step_vox[axis];
-        if (step == 0)
-            continue;
-        const int way = step > 0 ? 1 : -1;
-        for (;;) {
-            const double plane = step > 0 ? cell[axis] + 1 : cell[axis];
-            if (!((plane - ray->start_vox[axis]) / step <= t_mm) || cell[axis] + way < 0 ||
-                cell[axis] + way >= t->n_cells[axis])
-                break;
-            cell[axis] += way;
-        }
-    }
-}
-
 /* True, and the walk at the macro-cell's end, when the macro-cell of the current cell holds nothing wanted. */
 static bool leap(const Trilinear *t, CtsRayWalk *walk)
 {
@@ -116,7 +98,7 @@ static bool leap(const Trilinear *t, CtsRayWalk *walk)
     const size_t nx = (size_t)macrocells->n[0], ny = (size_t)macrocells->n[1];
     if (wanted(t, walk->wanted, macrocells->range[(at[2] * ny + at[1]) * nx + at[0]]))
         return false;
-    walk->t_mm = fmax(walk->t_mm, leave_mm(walk->ray, low, high));
+    walk->t_mm = fmax(nextafter(walk->t_mm, INFINITY), leave_mm(walk->ray, low, high));
     return true;
 }
 
@@ -125,20 +107,15 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
     const Trilinear *t = (const Trilinear *)field;
     const CtsRay *ray = walk->ray;
     while (!walk->started || walk->t_mm < ray->t1_mm) {
-        if (!walk->started)
-            find_cell(t, ray, walk->t_mm, walk->cell);
-        else
-            step_cell(t, ray, walk->t_mm, walk->cell);
+        find_cell(t, ray, walk->t_mm, walk->cell);
         walk->started = true;
-        if (t->macrocells && leap(t, walk)) {
-            find_cell(t, ray, walk->t_mm, walk->cell);
+        if (t->macrocells && leap(t, walk))
             continue;
-        }
         int end[3];
         for (int axis = 0; axis < 3; axis++)
             end[axis] = walk->cell[axis] + 1;
         const double t0 = walk->t_mm, t1 = fmax(t0, leave_mm(ray, walk->cell, end));
-        walk->t_mm = t1;
+        walk->t_mm = fmax(nextafter(t0, INFINITY), t1);
         uint16_t grey[8];
         if (!wanted(t, walk->wanted, load_corners(t, walk->cell, grey)) || (t1 <= t0 && ray->t0_mm < ray->t1_mm))
             continue;
@@ -189,22 +166,6 @@ static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRay
     }
 }
 
-static double value(const CtsField *field, const CtsRay *ray, double t_mm)
-{
-    const Trilinear *t = (const Trilinear *)field;
-    uint16_t grey[8];
-    int cell[3];
-    double at[3], corner[8], c[4];
-    find_cell(t, ray, t_mm, cell);
-    load_corners(t, cell, grey);
-    for (int m = 0; m < 8; m++)
-        corner[m] = hu_of(t, grey[m]);
-    for (int axis = 0; axis < 3; axis++)
-        at[axis] = clamp(ray->start_vox[axis] + t_mm * ray->step_vox[axis] - cell[axis], 0, 1);
-    cts_cubic_in_cell(corner, at, at, c);
-    return c[0];
-}
-
 static void trilinear_free(CtsField **field)
 {
     Trilinear *t = (Trilinear *)*field;
@@ -220,7 +181,7 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const C
     Trilinear *t = calloc(1, sizeof *t);
     if (!t)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    t->field = (CtsField){.next = next, .gradient = gradient, .value = value, .free = trilinear_free};
+    t->field = (CtsField){.next = next, .gradient = gradient, .free = trilinear_free};
     t->volume = volume;
     t->shown = volume->owners && volume->owners->shown ? volume->owners->shown : volume;
     t->air_beyond = cts_shade_air_beyond(preset) && !CTS_MUTATED(BORDER_DIFFERENCE);
