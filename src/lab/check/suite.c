@@ -118,11 +118,6 @@ void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double 
                       : NULL);
 }
 
-CtsTruthCamera cts_check_camera(const CtsRenderSettings *s)
-{
-    return (CtsTruthCamera){s->azimuth_deg, s->elevation_deg, s->mm_per_pixel, s->width, s->height};
-}
-
 double cts_check_bound(const CtsCheckRun *run, const CtsFormulaScene *scene)
 {
     return scene->bound[cts_check_family(run->engine)];
@@ -181,36 +176,68 @@ CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPict
     return st;
 }
 
+CtsStatus cts_check_find_truth(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
+                               CtsError *err)
+{
+    const CtsRenderSettings *s = &scene->settings;
+    const CtsTruthCamera camera = {s->azimuth_deg, s->elevation_deg, s->mm_per_pixel, s->width, s->height};
+    if (run->truth)
+        return CTS_OK;
+    const CtsStatus st = cts_alloc_zeroed(&run->truth, 4 * (size_t)s->width * (size_t)s->height, err);
+    double *rgba = run->truth;
+    for (int y = 0; y < s->height && !st; y++)
+        for (int x = 0; x < s->width; x++, rgba += 4) {
+            CtsTruthRay ray;
+            if (cts_truth_ray(scene->volume, &camera, x, y, &ray))
+                truth(&ray, data, rgba);
+        }
+    return st;
+}
+
 CtsStatus cts_check_picture(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
                             double bound, CtsError *err)
 {
-    const CtsRenderSettings *settings = &scene->settings;
+    const int width = scene->settings.width, n = width * scene->settings.height;
     CtsPicture *picture = NULL;
-    const CtsStatus st = cts_check_render(run, scene->volume, &scene->preset, settings, &picture, err);
-    if (st)
-        return st;
-    const CtsTruthCamera camera = cts_check_camera(settings);
+    CtsStatus st = cts_check_render(run, scene->volume, &scene->preset, &scene->settings, &picture, err);
+    if (!st)
+        st = cts_check_find_truth(run, scene, truth, data, err);
     CtsCheckWorst worst = {0};
     double brightest = 0, sum = 0;
-    for (int y = 0; y < picture->height; y++)
-        for (int x = 0; x < picture->width; x++) {
-            CtsTruthRay ray;
-            double rgba[4] = {0};
-            const bool hit = cts_truth_ray(scene->volume, &camera, x, y, &ray);
-            truth(hit ? &ray : NULL, data, rgba);
-            const float *found = picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
-            for (int c = 0; c < 4; c++) {
-                cts_check_worst(&worst, x, y, rgba[c], (double)found[c]);
-                brightest = fmax(brightest, rgba[c]);
-                sum += c < 3 ? (rgba[c] - (double)found[c]) * (rgba[c] - (double)found[c]) : 0;
-            }
-        }
-    worst.rms = sqrt(sum / (3.0 * settings->width * settings->height));
+    for (int i = 0; i < 4 * n && !st; i++) {
+        const double expected = run->truth[i], found = (double)picture->pixels[i];
+        cts_check_worst(&worst, i / 4 % width, i / 4 / width, expected, found);
+        brightest = fmax(brightest, expected);
+        sum += i % 4 < 3 ? (expected - found) * (expected - found) : 0;
+    }
+    worst.rms = sqrt(sum / (3.0 * n));
     cts_picture_free(&picture);
     if (brightest > 0 && 2 * bound > brightest)
         bound = -1; /* half of the light might be missing */
-    cts_check_worst_value(run, &worst, bound);
-    return CTS_OK;
+    if (!st)
+        cts_check_worst_value(run, &worst, bound);
+    return st;
+}
+
+void cts_check_volume_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
+{
+    const CtsMadeScene *m = data;
+    cts_truth_volume(m->volume, &m->preset, ray, rgba);
+}
+
+CtsStatus cts_check_against(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPixelTruth truth, CtsError *err)
+{
+    CtsMadeScene m;
+    CtsStatus st = cts_check_make(run, scene, &m, err);
+    if (!st)
+        st = cts_check_picture(run, &m, truth, &m, cts_check_bound(run, scene), err);
+    cts_volume_free(&m.volume);
+    return st;
+}
+
+CtsStatus cts_check_volume_scene(CtsCheckRun *run, const void *data, CtsError *err)
+{
+    return cts_check_against(run, data, cts_check_volume_truth, err);
 }
 
 double cts_check_differing(const CtsPicture *a, const CtsPicture *b)

@@ -113,8 +113,6 @@ typedef struct CtsMadeScene {
 } CtsMadeScene;
 CtsStatus cts_check_make(const CtsCheckRun *run, const CtsFormulaScene *scene, CtsMadeScene *made, CtsError *err);
 
-CtsTruthCamera cts_check_camera(const CtsRenderSettings *settings);
-
 /* Made, rendered, and but for the picture gone again. */
 CtsStatus cts_check_show(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPicture **picture, CtsError *err);
 
@@ -134,13 +132,23 @@ void cts_check_worst(CtsCheckWorst *worst, int x, int y, double expected, double
  */
 void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double bound);
 
-/* Truth of one pixel; ray is NULL where it misses the box. */
+/* Truth of a ray that meets the box; rgba is 0 before. */
 typedef void (*CtsPixelTruth)(const CtsTruthRay *ray, const void *data, double rgba[4]);
+
+/* Sets run->truth, unless an engine before had the same scene: a truth often takes longer than any of them. */
+CtsStatus cts_check_find_truth(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
+                               CtsError *err);
 
 /* Renders and states the worst of all pixels and channels against truth, which is handed data. Fails too where the
  * bound is so wide that half of the brightest pixel's light might be missing. */
 CtsStatus cts_check_picture(CtsCheckRun *run, const CtsMadeScene *scene, CtsPixelTruth truth, const void *data,
                             double bound, CtsError *err);
+/* The same for a scene by formula; data is what was made of it, a CtsMadeScene. */
+CtsStatus cts_check_against(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPixelTruth truth, CtsError *err);
+
+/* A CtsCheckCase.run of a scene whose truth is rays through its voxels; and that truth, of a CtsMadeScene. */
+CtsStatus cts_check_volume_scene(CtsCheckRun *run, const void *scene, CtsError *err);
+void cts_check_volume_truth(const CtsTruthRay *ray, const void *data, double rgba[4]);
 
 /* Number of float values in which two pictures of one size differ by a bit. */
 double cts_check_differing(const CtsPicture *a, const CtsPicture *b);

@@ -109,8 +109,6 @@ static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
     enum { STEPS = 3000, HALVINGS = 34 };
     const Truth *const t = data;
     CtsTruthLight light = {{0}, 0};
-    if (!ray)
-        return;
     const double step = (ray->to_mm - ray->from_mm) / STEPS, hu = cts_volume_hu(t->volume, t->volume->grey[0]);
     double from = ray->from_mm;
     int owner = owner_on(t, ray, from + 1e-9);

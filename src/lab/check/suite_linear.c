@@ -20,8 +20,6 @@ static double hu_at(const Scene *s, const CtsTruthRay *ray, double t_mm)
 static void truth(const CtsTruthRay *ray, const void *data, double rgba[4])
 {
     const Scene *s = data;
-    if (!ray)
-        return;
     CtsTruthStretch stretch = {hu_at(s, ray, ray->from_mm), hu_at(s, ray, ray->to_mm), ray->to_mm - ray->from_mm, -1};
     const CtsPreset *p = s->preset;
     if (p->mode != CTS_MODE_COMPOSITE) {
@@ -58,11 +56,12 @@ static void find_gradient(Scene *s)
 }
 
 /* Voxels that a millimetre of ray crosses: what --opacity-unit voxel counts by. */
-static double voxels_per_mm(const CtsVolume *volume, const CtsTruthCamera *camera)
+static double voxels_per_mm(const CtsVolume *volume, const CtsFormulaScene *l)
 {
+    const CtsTruthCamera camera = {l->azimuth_deg, l->elevation_deg, 1, 1, 1};
     CtsTruthRay ray;
     double a[3], b[3];
-    if (!cts_truth_ray(volume, camera, camera->width / 2.0 - 0.5, camera->height / 2.0 - 0.5, &ray))
+    if (!cts_truth_ray(volume, &camera, 0, 0, &ray))
         return 1;
     cts_truth_ray_voxel(volume, &ray, 0, a);
     cts_truth_ray_voxel(volume, &ray, 1, b);
@@ -80,9 +79,8 @@ CtsStatus cts_check_linear_scene(CtsCheckRun *run, const void *data, CtsError *e
     if (st)
         return st;
     Scene scene = {.linear = l, .volume = m.volume, .preset = &m.preset, .scale = 1};
-    const CtsTruthCamera camera = cts_check_camera(&m.settings);
     if (l->per_voxel)
-        scene.scale = voxels_per_mm(m.volume, &camera);
+        scene.scale = voxels_per_mm(m.volume, l);
     find_gradient(&scene);
     st = cts_check_picture(run, &m, truth, &scene, bound, err);
     cts_volume_free(&m.volume);

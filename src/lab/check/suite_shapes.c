@@ -73,22 +73,6 @@ static CtsStatus ball_order(CtsCheckRun *run, const void *data, CtsError *err)
     return st;
 }
 
-/* Along a column of 16-bit extremes HU runs straight up and down between voxels. */
-static void checkers_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
-{
-    enum { N = 11 };
-    CtsTruthStretch stretch[N - 1];
-    double p[3];
-    if (!ray)
-        return;
-    cts_truth_ray_point(ray, ray->from_mm, p);
-    for (int j = 0; j < N - 1; j++) {
-        const double a[3] = {round(p[0]), j, round(p[2])}, b[3] = {a[0], j + 1, a[2]};
-        stretch[j] = (CtsTruthStretch){cts_hu_checkers(a, NULL), cts_hu_checkers(b, NULL), 1, -1};
-    }
-    cts_truth_stretches(&((const CtsMadeScene *)data)->preset, 1, stretch, N - 1, rgba);
-}
-
 static double hu_marker(const double vox[3], const void *data)
 {
     (void)data;
@@ -204,23 +188,10 @@ static CtsStatus halves(CtsCheckRun *run, const void *data, CtsError *err)
     return st;
 }
 
+/* What stands behind an opaque wall is not seen. */
 static double hu_wall(const double vox[3], const void *data)
 {
     return vox[1] < 4 ? 3000 : cts_hu_noise(vox, data);
-}
-
-/* What stands behind an opaque wall is not seen. */
-static CtsStatus wall(CtsCheckRun *run, const void *data, CtsError *err)
-{
-    CtsPicture *p = NULL;
-    CtsCheckWorst worst = {0};
-    const CtsStatus st = cts_check_show(run, data, &p, err);
-    for (int i = 0; !st && i < 4 * p->width * p->height; i++)
-        cts_check_worst(&worst, i / 4 % p->width, i / 4 / p->width, 1, (double)p->pixels[i]);
-    if (!st)
-        cts_check_worst_value(run, &worst, cts_check_bound(run, data));
-    cts_picture_free(&p);
-    return st;
 }
 
 /* One cell of eight unlike voxels, along which HU rises and falls: dense straight stretches stand for the cubic. */
@@ -244,8 +215,6 @@ static void cell_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
     const CtsMadeScene *c = data;
     CtsTruthStretch stretch[N];
     double most = -INFINITY;
-    if (!ray)
-        return;
     for (int i = 0; i < N; i++) {
         const double step = (ray->to_mm - ray->from_mm) * length, t = ray->from_mm + i * step;
         stretch[i] = (CtsTruthStretch){cell_hu(c->volume, ray, t), cell_hu(c->volume, ray, t + step), step, -1};
@@ -266,29 +235,6 @@ static double hu_haze(const double vox[3], const void *data)
     return vox[1] <= 200 ? 200 : 3000;
 }
 
-static void haze_truth(const CtsTruthRay *ray, const void *data, double rgba[4])
-{
-    const CtsMadeScene *m = data;
-    const CtsTruthStretch stretch[3] = {{200, 200, 200, -1}, {200, 3000, 1, -1}, {3000, 3000, 4, -1}};
-    if (ray)
-        cts_truth_stretches(&m->preset, 1, stretch, 3, rgba);
-}
-
-static CtsStatus against(CtsCheckRun *run, const CtsFormulaScene *scene, CtsPixelTruth truth, CtsError *err)
-{
-    CtsMadeScene m;
-    CtsStatus st = cts_check_make(run, scene, &m, err);
-    if (!st)
-        st = cts_check_picture(run, &m, truth, &m, cts_check_bound(run, scene), err);
-    cts_volume_free(&m.volume);
-    return st;
-}
-
-static CtsStatus checkers(CtsCheckRun *run, const void *data, CtsError *err)
-{
-    return against(run, data, checkers_truth, err);
-}
-
 /* Stripes, so that HU turns within one of them on most rays. */
 static CtsStatus cell(CtsCheckRun *run, const void *data, CtsError *err)
 {
@@ -299,12 +245,7 @@ static CtsStatus cell(CtsCheckRun *run, const void *data, CtsError *err)
             (CtsCheckPoint){50 * (i / 2 * 2 + 1), i % 4 == 1 || i % 4 == 2 ? 0.1 : 0.01, {1, 0.1 * (i / 2), 0.5}};
     s.points = stripes;
     s.n_points = 20;
-    return against(run, &s, cell_truth, err);
-}
-
-static CtsStatus haze(CtsCheckRun *run, const void *data, CtsError *err)
-{
-    return against(run, data, haze_truth, err);
+    return cts_check_against(run, &s, cell_truth, err);
 }
 
 /* Distance of an opaque plane from the camera plane, which touches the box's bounding sphere. */
@@ -373,7 +314,7 @@ static const CtsCheckCase cases[] = {
                 CHECK_SIZE(48, 48), CHECK_VIEW(25, 15), .mm_per_pixel = 0.5, .bound = {3e-2, 3e-3, 2e-3}),
     CHECK_SCENE("ball: order in spacing", CHECK_OF_FIELDS, ball_order, BALL, CHECK_SIZE(60, 60), CHECK_VIEW(37, 21),
                 .mm_per_pixel = 0.22, .samples = 8, .bound = {0, 0.15, 0.15}),
-    CHECK_SCENE("range: checkerboard of 16-bit extremes", CHECK_OF_FIELDS, checkers, CHECK_CUBE(11),
+    CHECK_SCENE("range: checkerboard of 16-bit extremes", CHECK_OF_FIELDS, cts_check_volume_scene, CHECK_CUBE(11),
                 .formula = cts_hu_checkers, CHECK_POINTS(all_bits), CHECK_SIZE(11, 11), .mm_per_pixel = 1,
                 .bound = {0, 1e-3, 1e-6}),
     CHECK_SCENE("cell: HU turns inside", CHECK_OF_FIELDS, cell, CELL, CHECK_SIZE(10, 10), CHECK_VIEW(38, 33),
@@ -392,10 +333,12 @@ static const CtsCheckCase cases[] = {
                 .bound = {1e-5, 4 * CHECK_PROMISED, 1e-6}),
     CHECK_SCENE("same: two halves are the whole", CHECK_OF_ALL, halves, NOISE(9), SIZE, .mm_per_pixel = 0.37,
                 .bound = {1e-5, 2 * CHECK_PROMISED, 1e-6}),
-    CHECK_SCENE("same: an opaque wall hides what is behind", CHECK_OF_ALL, wall, CHECK_CUBE(19), .formula = hu_wall,
-                .hu = {-200, 1200, 5}, CHECK_POINTS(opaque), SIZE, .mm_per_pixel = 0.3, .bound = {1e-5, 1e-5, 1e-6}),
-    CHECK_SCENE("range: faint haze before an opaque wall", CHECK_OF_ALL, haze, .dims = {5, 206, 5}, .formula = hu_haze,
-                CHECK_POINTS(faint_and_opaque), CHECK_SIZE(9, 9), .mm_per_pixel = 0.3, .bound = {1e-4, 5e-4, 1e-6}),
+    CHECK_SCENE("same: an opaque wall hides what is behind", CHECK_OF_ALL, cts_check_volume_scene, CHECK_CUBE(19),
+                .formula = hu_wall, .hu = {-200, 1200, 5}, CHECK_POINTS(opaque), SIZE, .mm_per_pixel = 0.3,
+                .bound = {1e-5, 1e-5, 1e-6}),
+    CHECK_SCENE("range: faint haze before an opaque wall", CHECK_OF_ALL, cts_check_volume_scene, .dims = {5, 206, 5},
+                .formula = hu_haze, CHECK_POINTS(faint_and_opaque), CHECK_SIZE(9, 9), .mm_per_pixel = 0.3,
+                .bound = {1e-4, 5e-4, 1e-6}),
     CHECK_SCENE("depth: an opaque plane", CHECK_OF_ALL, plane_depth, CHECK_CUBE(17), .hu = {0, 0, 100},
                 CHECK_POINTS(step_770), CHECK_SIZE(20, 20), .mm_per_pixel = 0.4, .bound = {0.4, 0.03, 0.02}),
     CHECK_SCENE("range: no NaN, alpha 0 to 1", CHECK_OF_ALL, sane, .dims = {23, 17, 29}, .spacing_mm = {0.3, 7, 1.1},

@@ -1,6 +1,5 @@
 /* Things of a voxel's size, steps, and haze beside metal, from all sides and at all scales, against rays through their
  * voxels. What is thinner than a voxel once opacity has cut it is lost first where an engine looks too rarely. */
-#include "base/mem.h"
 #include "lab/check/suite.h"
 
 #include <math.h>
@@ -11,24 +10,6 @@
 static double shown(double value)
 {
     return fmin(fmax(value, 0), 1);
-}
-
-/* The picture as it should be. The case's engines share it: making it takes longer than any of them. */
-static CtsStatus make_truth(CtsCheckRun *run, const CtsMadeScene *m, CtsError *err)
-{
-    const CtsRenderSettings *s = &m->settings;
-    const CtsTruthCamera camera = cts_check_camera(s);
-    if (run->truth)
-        return CTS_OK;
-    const CtsStatus st = cts_alloc_zeroed(&run->truth, 4 * (size_t)s->width * (size_t)s->height, err);
-    double *rgba = run->truth;
-    for (int y = 0; y < s->height && !st; y++)
-        for (int x = 0; x < s->width; x++, rgba += 4) {
-            CtsTruthRay ray;
-            if (cts_truth_ray(m->volume, &camera, x, y, &ray))
-                cts_truth_volume(m->volume, &m->preset, &ray, rgba);
-        }
-    return st;
 }
 
 /* Found is the rms over the picture's colours, or a PIXELWISE-th of the largest difference where that is more: the
@@ -68,7 +49,7 @@ static CtsStatus voxels(CtsCheckRun *run, const void *data, CtsError *err)
     CtsStatus st = cts_check_make(run, s, &m, err);
     m.preset.diffuse = 0.8;
     if (!st && !(st = cts_check_render(run, m.volume, &m.preset, &m.settings, &picture, err)) &&
-        !(st = make_truth(run, &m, err)))
+        !(st = cts_check_find_truth(run, &m, cts_check_volume_truth, &m, err)))
         judge(run, &m.settings, picture, bound);
     cts_picture_free(&picture);
     cts_volume_free(&m.volume);

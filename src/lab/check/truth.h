@@ -44,7 +44,7 @@ typedef struct CtsTruthRay {
 bool cts_truth_ray(const CtsVolume *volume, const CtsTruthCamera *camera, double x, double y, CtsTruthRay *ray);
 /* What a ray shows of a volume, trilinear between its voxels, by short straight stretches in every cell: good to 1e-4
  * where opacity steps, unless the ray grazes the step, elsewhere to 1e-6. Composite; the volume has 2 voxels or more
- * along each axis. Lit, what can be seen must not touch the volume's sides. */
+ * along each axis. */
 void cts_truth_volume(const CtsVolume *volume, const CtsPreset *preset, const CtsTruthRay *ray, double rgba[4]);
 
 /* Voxel coordinates of a point in patient millimetres. */

@@ -3,12 +3,14 @@
 
 #include <math.h>
 
-/* Stretches in a cell: many where opacity is steep in it; lit, the gradient may turn where HU stands still. */
-enum { FEW = 16, MANY = 128 };
+/* Stretches in a cell: many where opacity is steep in it; lit, the gradient may turn where HU stands still, as it does
+ * at an edge of the volume. */
+enum { FEW = 16, MANY = 128, TURN = 400 };
 
 typedef struct Cell {
     double hu[8], gradient[8][3]; /* at its corners; the gradient in HU per voxel */
     double low, high;
+    bool turns; /* lit: some corners' gradients have other directions */
 } Cell;
 
 static double voxel_hu(const CtsVolume *v, const int at[3])
@@ -18,25 +20,46 @@ static double voxel_hu(const CtsVolume *v, const int at[3])
                v->grey[((size_t)at[2] * (size_t)v->dims[1] + (size_t)at[1]) * (size_t)v->dims[0] + (size_t)at[0]];
 }
 
-static double difference(const CtsVolume *v, const int at[3], int axis)
+/* Over two voxels, along the slices' axis over two slices; beyond the volume is air, or where air shows nothing. */
+static double difference(const CtsVolume *v, const int at[3], int axis, bool air_beyond)
 {
-    int before[3] = {at[0], at[1], at[2]}, after[3] = {at[0], at[1], at[2]};
-    before[axis] -= at[axis] > 0;
-    after[axis] += at[axis] < v->dims[axis] - 1;
-    return (voxel_hu(v, after) - voxel_hu(v, before)) / (after[axis] - before[axis]);
+    const int step = axis == 2 ? v->slice_layers : 1;
+    double hu[2];
+    int reach = 2 * step;
+    for (int side = 0; side < 2; side++) {
+        int there[3] = {at[0], at[1], at[2]};
+        there[axis] += side ? step : -step;
+        const bool inside = there[axis] >= 0 && there[axis] < v->dims[axis];
+        reach -= inside || air_beyond ? 0 : step;
+        hu[side] = inside ? voxel_hu(v, there) : air_beyond ? -1024 : voxel_hu(v, at);
+    }
+    return (hu[1] - hu[0]) / reach;
 }
 
-static void load(Cell *cell, const CtsVolume *v, const int first[3], bool lit)
+/* The area that two gradients span is more than rounding. */
+static bool differ(const double a[3], const double b[3])
 {
-    cell->low = INFINITY;
-    cell->high = -INFINITY;
+    double span2 = 0, length2 = 0;
+    for (int c = 0; c < 3; c++) {
+        const double across = a[c] * b[(c + 1) % 3] - a[(c + 1) % 3] * b[c];
+        span2 += across * across;
+        length2 += a[c] * a[c] + b[c] * b[c];
+    }
+    return span2 > 1e-18 * length2 * length2;
+}
+
+static void load(Cell *cell, const CtsVolume *v, const int first[3], bool lit, bool air_beyond)
+{
+    *cell = (Cell){.low = INFINITY, .high = -INFINITY};
     for (int m = 0; m < 8; m++) {
         const int at[3] = {first[0] + (m & 1), first[1] + (m >> 1 & 1), first[2] + (m >> 2 & 1)};
         cell->hu[m] = voxel_hu(v, at);
         cell->low = fmin(cell->low, cell->hu[m]);
         cell->high = fmax(cell->high, cell->hu[m]);
         for (int axis = 0; axis < 3 && lit; axis++)
-            cell->gradient[m][axis] = difference(v, at, axis);
+            cell->gradient[m][axis] = difference(v, at, axis, air_beyond);
+        for (int before = 0; before < m && lit; before++)
+            cell->turns |= differ(cell->gradient[m], cell->gradient[before]);
     }
 }
 
@@ -114,16 +137,17 @@ static void add_cell(const CtsVolume *v, const CtsPreset *p, const CtsTruthRay *
 {
     Cell cell;
     double part[3];
-    load(&cell, v, first, p->shade);
+    load(&cell, v, first, p->shade, !shows(p, -1024, -1024));
     if (!shows(p, cell.low, cell.high))
         return;
-    const int n = steep_in(p, &cell) ? MANY : p->shade || cell.low < cell.high ? FEW : 1;
+    const int n = steep_in(p, &cell) ? MANY : cell.low < cell.high ? FEW : cell.turns ? TURN : 1;
     const double step = (to_mm - from_mm) / n;
     double hu = hu_at(&cell, line, first, from_mm, part);
     for (int i = 0; i < n; i++) {
         CtsTruthStretch s = {.hu0 = hu, .length_mm = step, .facing = -1};
         if (p->shade) {
-            hu_at(&cell, line, first, from_mm + (i + 0.5) * step, part);
+            /* Not in the middle of a cell: between two layers it has no gradient. */
+            hu_at(&cell, line, first, from_mm + (i + (n > 1 ? 0.5 : 0.3)) * step, part);
             s.facing = facing(v, &cell, part, ray->direction_lps);
         }
         s.hu1 = hu = hu_at(&cell, line, first, from_mm + (i + 1) * step, part);
