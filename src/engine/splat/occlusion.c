@@ -4,62 +4,34 @@
 #include <math.h>
 #include <string.h>
 
-/* Rows of zones: a new one after CTS_ZONE_HEIGHT picture rows, and at each cut. Returns how many. */
-static int set_zone_rows(CtsOcclusion *o, const int *cuts, int n_cuts)
-{
-    int zone = -1, height = CTS_ZONE_HEIGHT;
-    for (int y = 0, cut = 0; y < o->height; y++) {
-        bool begins = height == CTS_ZONE_HEIGHT;
-        for (; cut < n_cuts && cuts[cut] <= y; cut++)
-            begins |= cuts[cut] == y;
-        zone += begins;
-        height = begins ? 1 : height + 1;
-        o->zone_row[y] = zone;
-        o->height_of[zone] = (uint8_t)height;
-    }
-    return zone + 1;
-}
-
-CtsStatus cts_occlusion_init(CtsOcclusion *o, const CtsRaster *r, const int *cuts, int n_cuts, CtsError *err)
+CtsStatus cts_occlusion_init(CtsOcclusion *o, const CtsRaster *r, CtsError *err)
 {
     const double det = r->by_x[0] * r->by_y[1] - r->by_x[1] * r->by_y[0];
-    CtsStatus st;
     *o = (CtsOcclusion){.width = r->width,
                         .height = r->height,
                         .first_row = r->first_row,
-                        .n_zones = (r->width + CTS_ZONE_WIDTH - 1) / CTS_ZONE_WIDTH,
+                        .n_zones = (r->width + CTS_ZONE - 1) / CTS_ZONE,
                         .inverse = {{r->by_y[1] / det, -r->by_y[0] / det}, {-r->by_x[1] / det, r->by_x[0] / det}}};
-    if ((st = cts_alloc_zeroed(&o->witness, (size_t)r->height * (size_t)o->n_zones, err)) ||
-        (st = cts_alloc_array(&o->zone_row, (size_t)r->height, err)) ||
-        (st = cts_alloc_array(&o->height_of, (size_t)r->height, err)))
-        return st;
-    const int n_zone_rows = set_zone_rows(o, cuts, n_cuts);
-    return cts_alloc_zeroed(&o->closed_rows, (size_t)n_zone_rows * (size_t)o->n_zones, err);
+    return cts_alloc_zeroed(&o->witness, (size_t)r->height * (size_t)o->n_zones, err);
 }
 
 void cts_occlusion_free(CtsOcclusion *o)
 {
     cts_free(&o->witness);
-    cts_free(&o->zone_row);
-    cts_free(&o->height_of);
-    cts_free(&o->closed_rows);
 }
 
 void cts_occlusion_update(CtsOcclusion *o, const float *pixels, int y, int xa, int xb)
 {
     const float *row = pixels + 4 * (size_t)y * (size_t)o->width;
-    for (int b = xa / CTS_ZONE_WIDTH; b <= (xb - 1) / CTS_ZONE_WIDTH; b++) {
-        uint8_t *witness = o->witness + (size_t)y * (size_t)o->n_zones + (size_t)b;
-        const int x0 = b * CTS_ZONE_WIDTH, left = o->width - x0;
-        const int n = left < CTS_ZONE_WIDTH ? left : CTS_ZONE_WIDTH;
-        if (*witness == CTS_ZONE_WIDTH || row[4 * (x0 + *witness) + 3] > 0)
+    for (int b = xa / CTS_ZONE; b * CTS_ZONE < xb; b++) {
+        uint8_t *witness = &o->witness[(size_t)y * (size_t)o->n_zones + (size_t)b];
+        const int x0 = b * CTS_ZONE, n = o->width - x0 < CTS_ZONE ? o->width - x0 : CTS_ZONE;
+        if (*witness == CTS_ZONE || row[4 * (x0 + *witness) + 3] > 0)
             continue;
         int i = 0;
         while (i < n && !(row[4 * (x0 + i) + 3] > 0))
             i++;
-        *witness = (uint8_t)(i < n ? i : CTS_ZONE_WIDTH);
-        if (i == n)
-            o->closed_rows[(size_t)o->zone_row[y] * (size_t)o->n_zones + (size_t)b]++;
+        *witness = (uint8_t)(i < n ? i : CTS_ZONE);
     }
 }
 
@@ -87,10 +59,9 @@ static bool rectangle_open(const CtsOcclusion *o, const double centre[2], const 
     if (!pixels_within(x - x_half, x + x_half, 0, o->width, &x0, &x1) ||
         !pixels_within(y - y_half, y + y_half, from_y, past_y, &y0, &y1))
         return false;
-    for (int by = o->zone_row[y0]; by <= o->zone_row[y1]; by++)
-        for (int b = x0 / CTS_ZONE_WIDTH; b <= x1 / CTS_ZONE_WIDTH; b++)
-            if (o->closed_rows[(size_t)by * (size_t)o->n_zones + (size_t)b] < o->height_of[by])
-                return true;
+    for (int y_at = y0; y_at <= y1; y_at++)
+        if (cts_occlusion_next(o, y_at, x0, x1 + 1, false) <= x1)
+            return true;
     return false;
 }
 

@@ -7,21 +7,16 @@
 #include "engine/splat/patches.h"
 #include "engine/splat/raster.h"
 
-enum { CTS_ZONE_WIDTH = 32, CTS_ZONE_HEIGHT = 8 }; /* pixels, at most; rows of a zone belong to one thread */
+enum { CTS_ZONE = 32 }; /* pixels of a row, at most */
 
 typedef struct CtsOcclusion {
     int width, height, first_row, n_zones; /* first_row: of the view; n_zones: in a row of zones */
-    uint8_t *witness;     /* by picture row and zone: a pixel of the zone that is open, or CTS_ZONE_WIDTH: none is */
-    int *zone_row;        /* by picture row: which row of zones it lies in */
-    uint8_t *height_of;   /* by row of zones: picture rows */
-    uint8_t *closed_rows; /* by zone: how many of its rows are closed */
+    uint8_t *witness; /* by picture row and zone: a pixel of the zone that is open, or CTS_ZONE: none is */
     /* A lattice point's pixel, from where the layer's lattice begins: x = inverse[0] . (u, v), y likewise. */
     double inverse[2][2];
 } CtsOcclusion;
 
-/* cuts: n ascending picture rows at which rows of zones must begin, so that threads may share rows out there too. */
-CtsStatus cts_occlusion_init(CtsOcclusion *occlusion, const CtsRaster *raster, const int *cuts, int n_cuts,
-                             CtsError *err);
+CtsStatus cts_occlusion_init(CtsOcclusion *occlusion, const CtsRaster *raster, CtsError *err);
 void cts_occlusion_free(CtsOcclusion *occlusion);
 
 /* Some of pixels xa..xb-1 of row y were closed: bring their zones up to date. */
@@ -29,14 +24,14 @@ void cts_occlusion_update(CtsOcclusion *occlusion, const float *pixels, int y, i
 
 static inline bool cts_occlusion_closed(const CtsOcclusion *occlusion, int y, int x)
 {
-    return occlusion->witness[(size_t)y * (size_t)occlusion->n_zones + (size_t)(x / CTS_ZONE_WIDTH)] == CTS_ZONE_WIDTH;
+    return occlusion->witness[(size_t)y * (size_t)occlusion->n_zones + (size_t)(x / CTS_ZONE)] == CTS_ZONE;
 }
 
 /* The first pixel of xa..xb whose zone is open, or closed; xb when there is none. */
 static inline int cts_occlusion_next(const CtsOcclusion *occlusion, int y, int xa, int xb, bool closed)
 {
     while (xa < xb && cts_occlusion_closed(occlusion, y, xa) != closed)
-        xa = (xa / CTS_ZONE_WIDTH + 1) * CTS_ZONE_WIDTH;
+        xa = (xa / CTS_ZONE + 1) * CTS_ZONE;
     return xa < xb ? xa : xb;
 }
 

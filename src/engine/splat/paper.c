@@ -1,5 +1,4 @@
-#include "engine/splat/paper.h"
-
+/* The paper's engines: sheets of exact integers, layer by layer, with its two savings switched on or off. */
 #include "base/bits.h"
 #include "base/clock.h"
 #include "base/mem.h"
@@ -114,14 +113,12 @@ static void voxel_rows(const CtsPaperPlan *p, int swath, int *first, int *past)
         cts_paper_voxel_rows(p, swath, first, past);
 }
 
-/* The rows of the picture that are composited with a swath: by swaths those that see it, else a share of whole zones.
- */
+/* The rows of the picture that are composited with a swath: by swaths those that see it, else a share. */
 static void picture_rows(const CtsPaperPlan *p, int swath, int *y0, int *y1)
 {
-    const int64_t n_zones = (p->raster.height + CTS_ZONE_HEIGHT - 1) / CTS_ZONE_HEIGHT, n = p->patches.n_swaths;
-    const int past = (int)((swath + 1) * n_zones / n) * CTS_ZONE_HEIGHT;
-    *y0 = (int)(swath * n_zones / n) * CTS_ZONE_HEIGHT;
-    *y1 = past < p->raster.height ? past : p->raster.height;
+    const int64_t height = p->raster.height, n = p->patches.n_swaths;
+    *y0 = (int)(swath * height / n);
+    *y1 = (int)((swath + 1) * height / n);
     if (p->by_swaths)
         cts_paper_picture_rows(p, swath, y0, y1);
 }
@@ -362,13 +359,35 @@ static CtsStatus run(CtsPaperPlan *p, CtsReport *report, CtsError *err)
     return st;
 }
 
-CtsStatus cts_paper_render(const CtsScene *scene, CtsPaperFeatures features, CtsPicture *picture, CtsReport *report,
-                           CtsError *err)
+static CtsStatus render(const CtsScene *scene, bool reuse_layers, bool skip_void, CtsPicture *picture,
+                        CtsReport *report, CtsError *err)
 {
     CtsPaperPlan plan;
-    CtsStatus st = cts_paper_plan_init(&plan, scene, features, picture, report, err);
+    CtsStatus st = cts_paper_plan_init(&plan, scene, reuse_layers, skip_void, picture, report, err);
     if (!st && picture)
         st = run(&plan, report, err);
     cts_paper_plan_free(&plan);
     return st;
 }
+
+enum { COMPOSITE = 1u << CTS_MODE_COMPOSITE, EVERY_KERNEL = (1u << CTS_N_KERNELS) - 1 };
+
+#define ENGINE(id, reuse_layers, without_void)                                                                         \
+    static CtsStatus render_##id(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)         \
+    {                                                                                                                  \
+        return render(scene, reuse_layers, without_void, picture, report, err);                                        \
+    }                                                                                                                  \
+    const CtsEngine cts_engine_##id = {                                                                                \
+        .name = #id,                                                                                                   \
+        .render = render_##id,                                                                                         \
+        .modes = COMPOSITE,                                                                                            \
+        .kernels = EVERY_KERNEL,                                                                                       \
+        .repeats_layers = true,                                                                                        \
+        .skips_void = without_void,                                                                                    \
+        .takes_key = without_void,                                                                                     \
+    };
+
+ENGINE(classic, false, false)
+ENGINE(layers, true, false)
+ENGINE(void, false, true)
+ENGINE(combined, true, true)

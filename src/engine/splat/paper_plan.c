@@ -211,8 +211,7 @@ static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
         if ((st = cts_quiet_init(&p->quiet[i], &p->patches, err)))
             return st;
     if (p->skip_void &&
-        ((st = cts_occlusion_init(&p->occlusion, &p->raster, p->swath_row, p->by_swaths ? p->patches.n_swaths : 0,
-                                  err)) ||
+        ((st = cts_occlusion_init(&p->occlusion, &p->raster, err)) ||
          (st = cts_alloc_zeroed(&p->open, (size_t)p->patches.n_swaths * (size_t)p->patches.n_words, err))))
         return st;
     return p->reuse || p->skip_void ? cts_runs_init(&p->runs, &p->patches, err) : CTS_OK;
@@ -231,12 +230,11 @@ static void explain(const CtsPaperPlan *p, CtsReport *report)
     cts_report_plan(report, "lighting: %s; threads: %d", p->scene->preset->shade ? "on" : "off", p->n_threads);
 }
 
-CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, CtsPaperFeatures features, CtsPicture *picture,
+CtsStatus cts_paper_plan_init(CtsPaperPlan *p, const CtsScene *scene, bool reuse, bool skip_void, CtsPicture *picture,
                               CtsReport *report, CtsError *err)
 {
     CtsStatus st;
-    *p = (CtsPaperPlan){
-        .scene = scene, .picture = picture, .skip_void = features.skip_void, .reuse = features.reuse_layers};
+    *p = (CtsPaperPlan){.scene = scene, .picture = picture, .skip_void = skip_void, .reuse = reuse};
     if ((st = plan_geometry(p, report, err)))
         return st;
     explain(p, report);

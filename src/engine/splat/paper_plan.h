@@ -3,7 +3,6 @@
 #define CTS_SPLAT_PAPER_PLAN_H
 
 #include "engine/splat/composite.h"
-#include "engine/splat/paper.h"
 #include "engine/splat/sheet.h"
 #include "engine/splat/void.h"
 
@@ -66,8 +65,8 @@ typedef struct CtsPaperPlan {
 } CtsPaperPlan;
 
 /* Derive everything but memory for pixels; with picture NULL no more than what --explain tells. */
-CtsStatus cts_paper_plan_init(CtsPaperPlan *plan, const CtsScene *scene, CtsPaperFeatures features, CtsPicture *picture,
-                              CtsReport *report, CtsError *err);
+CtsStatus cts_paper_plan_init(CtsPaperPlan *plan, const CtsScene *scene, bool reuse, bool skip_void,
+                              CtsPicture *picture, CtsReport *report, CtsError *err);
 void cts_paper_plan_free(CtsPaperPlan *plan);
 
 /* The volume's layer of a step. */
