@@ -523,8 +523,8 @@ static CtsStatus search(Run *r, CtsError *err)
         return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->series_uid);
     if (!r->result->n_series && o->shard.n == 1)
         return cts_fail(err, CTS_ERR_NO_SERIES,
-                        "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (name these "
-                        "themselves)",
+                        "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (name these, "
+                        "and links to folders, themselves)",
                         (unsigned long long)counts.n_files, (unsigned long long)counts.n_unreadable,
                         (unsigned long long)counts.n_packed);
     return CTS_OK;

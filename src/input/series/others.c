@@ -32,6 +32,11 @@ CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, C
     return n ? add(list, what, n, err) : CTS_OK;
 }
 
+CtsStatus cts_others_add_special(CtsSeriesList *list, int n, CtsError *err)
+{
+    return n ? add(list, "links to folders or devices (name them)", n, err) : CTS_OK;
+}
+
 CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err)
 {
     char what[sizeof list->others->what];

@@ -196,7 +196,9 @@ static CtsStatus count_others(const Search *s, CtsError *err)
     list->n_files = (int)s->n_headers + s->files.n_special + s->files.n_other;
     list->n_not_ct = s->files.n_special + s->files.n_other;
     list->n_unreadable = s->files.n_unreadable;
-    CtsStatus st = cts_others_add_files(list, list->n_not_ct, NULL, err);
+    CtsStatus st = cts_others_add_special(list, s->files.n_special, err);
+    if (!st)
+        st = cts_others_add_files(list, s->files.n_other, NULL, err);
     for (size_t i = 0; !st && i < s->n_headers; i++) {
         const Header *h = &s->headers[i];
         if (h->object.n_slices)
