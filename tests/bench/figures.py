@@ -6,7 +6,8 @@
 MATRIX.dat: the demo's head (int16, 108 slices of 256 x 256), which is resampled to 512 x 512 x 324 voxels, trilinearly.
 PEERS.jsonl: what other renderers took for the same scene, an object a line: peer, setting, cpu_ms of one picture of a
 volume in memory, rmse or psnr_db over display values 0..1. The peer `ctsplat` with the setting `engine classic` is the
-yardstick that was measured beside them: all their times are taken times what it takes now over what it took then.
+yardstick that was measured beside them: all their times are taken times what it takes now over what it took then. When
+that engine's code gets faster, all are measured anew.
 Times are medians of five; errors are those that --verify finds. Prints the table, in units of the default's time, and
 draws the plot by gnuplot."""
 import json
