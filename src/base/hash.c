@@ -1,10 +1,10 @@
-#define OPENSSL_API_COMPAT                                                                                             \
-    10100 /* the plain functions: EVP makes itself ready with code that memory may fail under                          \
-           */
+/* The plain functions: EVP makes itself ready with code that memory may fail under. */
+#define OPENSSL_API_COMPAT 10100
 #include "base/hash.h"
 
 #include <openssl/sha.h>
 #include <stdbool.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -62,4 +62,13 @@ CtsStatus cts_hash_finish(CtsHash **hash, uint8_t digest[CTS_DIGEST_BYTES], CtsE
     free(h);
     *hash = NULL;
     return bad ? cts_fail(err, CTS_ERR_INTERNAL, "SHA-256 failed in libcrypto") : CTS_OK;
+}
+
+CtsStatus cts_hash_hex(CtsHash **hash, char hex[2 * CTS_DIGEST_BYTES + 1], CtsError *err)
+{
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const CtsStatus st = cts_hash_finish(hash, digest, err);
+    for (int i = 0; !st && i < CTS_DIGEST_BYTES; i++)
+        snprintf(hex + 2 * i, 3, "%02x", digest[i]);
+    return st;
 }

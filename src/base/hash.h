@@ -23,6 +23,8 @@ void cts_hash_bytes(CtsHash *hash, const void *bytes, size_t n);
 /* With its final 0, so that neighbouring texts cannot run into each other. */
 void cts_hash_text(CtsHash *hash, const char *text);
 CtsStatus cts_hash_finish(CtsHash **hash, uint8_t digest[CTS_DIGEST_BYTES], CtsError *err);
+/* The same as 64 hex digits and a 0. */
+CtsStatus cts_hash_hex(CtsHash **hash, char hex[2 * CTS_DIGEST_BYTES + 1], CtsError *err);
 
 #ifdef __cplusplus
 }

@@ -132,10 +132,9 @@ void cts_report_plan(CtsReport *report, const char *format, ...)
     va_start(args, format);
     vsnprintf(line, sizeof line, format, args);
     va_end(args);
-    const size_t have = report->plan ? strlen(report->plan) : 0;
-    char *plan = realloc(report->plan, have + strlen(line) + 2);
-    if (!plan)
+    char *plan;
+    if (asprintf(&plan, "%s%s\n", report->plan ? report->plan : "", line) < 0)
         return;
+    free(report->plan);
     report->plan = plan;
-    snprintf(plan + have, strlen(line) + 2, "%s\n", line);
 }

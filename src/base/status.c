@@ -23,18 +23,13 @@ CtsStatus cts_context(CtsError *err, const char *format, ...)
 {
     if (!err)
         return CTS_ERR_INTERNAL;
-    CtsError what;
+    const CtsError why = *err;
+    char what[sizeof why.text / 2];
     va_list args;
     va_start(args, format);
-    vsnprintf(what.text, sizeof what.text, format, args);
+    vsnprintf(what, sizeof what, format, args);
     va_end(args);
-    cts_text_clean(what.text);
-    const size_t n = strlen(what.text);
-    if (n + 3 < sizeof what.text) {
-        snprintf(what.text + n, sizeof what.text - n, ": %.*s", (int)(sizeof what.text - n - 3), err->text);
-        memcpy(err->text, what.text, sizeof err->text);
-    }
-    return err->status;
+    return cts_fail(err, why.status, "%s: %s", what, why.text);
 }
 
 int cts_exit_code(CtsStatus status)

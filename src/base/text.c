@@ -58,3 +58,10 @@ bool cts_text_rgb(const char *text, double rgb[3])
         rgb[c] = (double)strtoul((const char[]){text[1 + 2 * c], text[2 + 2 * c], 0}, NULL, 16) / 255;
     return true;
 }
+
+bool cts_uid_is_valid(const char *uid)
+{
+    const size_t n = strlen(uid);
+    return n > 0 && n <= 64 && strspn(uid, "0123456789.") == n && uid[0] != '.' && uid[n - 1] != '.' &&
+           !strstr(uid, "..");
+}

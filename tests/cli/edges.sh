@@ -75,3 +75,8 @@ refused 3 'UID \(0020,000E\) holds control' render torn -o torn.png
 )
 modes=$(stat -c %a a.png a.dcm s.dcm b.dcm | tr '\n' ' ')
 [ "$modes" = "666 640 640 666 " ] || fail "modes are $modes"
+
+# What acts on DICOM outputs alone is told where there is none; who a patient is stays out of a batch's folders, too.
+ok batch "$data/syntax/explicit" -O unnamed $draw --deidentify --series-number 7
+has err 'series-number acts on .*dcm outputs'
+! grep -q "deidentify acts on" err || fail "--deidentify acts on a batch without DICOM outputs, too"

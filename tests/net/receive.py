@@ -25,9 +25,12 @@ class Receiver:
     def __init__(self, folder, *words, host='127.0.0.1', env=None):
         self.folder, self.host = folder, host
         here = '[%s]' % host if ':' in host else host
+        # A sanitizer takes the place of the limit on memory; what is free, it marks page by page.
+        limit = {'ASAN_OPTIONS': os.environ['ASAN_OPTIONS'] + ':allocator_may_return_null=1:max_allocation_size_mb=512'
+                 } if 'ASAN_OPTIONS' in os.environ else {}
         self.process = subprocess.Popen([ctsplat, 'receive', '-O', folder, '--listen', here + ':0', *words],
                                         stdin=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True,
-                                        env=dict(os.environ, **(env or {})))
+                                        env=dict(os.environ, **limit, **(env or {})))
         atexit.register(self.process.kill)
         said = self.process.stderr.readline()
         assert 'listens at %s:' % here in said, said + self.process.stderr.read()

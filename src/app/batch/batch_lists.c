@@ -185,6 +185,6 @@ CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsRe
         (st = take_formats(options, lists, &any_object, err)) || (st = take_peer(options, lists, any_object, err)))
         return st;
     join_circles(options, lists, report);
-    cts_options_tell_objects(options, any_object, report);
+    cts_options_tell_objects(options, any_object, "deidentify", report); /* that is of folders and journal, too */
     return put_options(options, lists, err);
 }

@@ -2,6 +2,7 @@
 #include "app/batch/batch_plan.h"
 
 #include "base/mem.h"
+#include "base/text.h"
 #include "ctsplat/label_files.h"
 #include "output/export/uid.h"
 #include <errno.h>
@@ -59,15 +60,6 @@ typedef struct Record {
     bool lost; /* it cannot be read; its name is that of its folder */
 } Record;
 
-CtsStatus cts_plan_hex(CtsHash **hash, char hex[65], CtsError *err)
-{
-    uint8_t digest[CTS_DIGEST_BYTES];
-    const CtsStatus st = cts_hash_finish(hash, digest, err);
-    for (int i = 0; !st && i < CTS_DIGEST_BYTES; i++)
-        snprintf(hex + 2 * i, 3, "%02x", digest[i]);
-    return st;
-}
-
 CtsStatus cts_plan_key(const char *uid, uint64_t *key, CtsError *err)
 {
     CtsHash *hash;
@@ -76,25 +68,11 @@ CtsStatus cts_plan_key(const char *uid, uint64_t *key, CtsError *err)
     if (st)
         return st;
     cts_hash_bytes(hash, uid, strlen(uid));
-    if ((st = cts_plan_hex(&hash, hex, err)))
+    if ((st = cts_hash_hex(&hash, hex, err)))
         return st;
     hex[16] = 0;
     *key = strtoull(hex, NULL, 16);
     return CTS_OK;
-}
-
-static bool is_valid_uid(const char *uid)
-{
-    const size_t n = strlen(uid);
-    bool digit = false;
-    for (size_t i = 0; i < n; i++) {
-        if (uid[i] == '.' && !digit)
-            return false;
-        digit = uid[i] >= '0' && uid[i] <= '9';
-        if (!digit && uid[i] != '.')
-            return false;
-    }
-    return digit && n <= 64;
 }
 
 static const char *end_of_folder(const char *path)
@@ -122,7 +100,7 @@ static CtsStatus name_series(const CtsArchiveFile *file, char name[80], uint64_t
     }
     const char *const path = file->path, *const slash = file->is_alone ? path + strlen(path) : strrchr(path, '/');
     char *folder = slash ? strndup(path, (size_t)(slash - path)) : strdup(".");
-    uint64_t folder_key;
+    uint64_t folder_key = 0;
     st = folder ? cts_plan_key(folder, &folder_key, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     free(folder);
     if (st)
@@ -322,16 +300,13 @@ static CtsStatus make_units(CtsPlan *p, CtsError *err)
 /* A file that ends with this process, however that ends. */
 static FILE *nameless_file(const char *folder)
 {
-    int fd = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
-    if (fd < 0) {
-        char *path;
-        if (asprintf(&path, "%s/.files.%ld.XXXXXX.tmp", folder, (long)getpid()) < 0)
-            return NULL;
-        fd = mkostemps(path, 4, O_CLOEXEC);
-        if (fd >= 0)
-            unlink(path);
-        free(path);
-    }
+    char *path;
+    if (asprintf(&path, "%s/.files.%ld.XXXXXX.tmp", folder, (long)getpid()) < 0)
+        return NULL;
+    const int fd = mkostemps(path, 4, O_CLOEXEC);
+    if (fd >= 0)
+        unlink(path);
+    free(path);
     return fd < 0 ? NULL : fdopen(fd, "w+");
 }
 
@@ -480,7 +455,7 @@ static CtsStatus hash_files(const CtsPlan *p, File *files, int n, const char *ui
     }
     CtsStatus ended;
     st = hash_labels(p, hash, uid, err);
-    ended = cts_plan_hex(&hash, hex, st ? NULL : err);
+    ended = cts_hash_hex(&hash, hex, st ? NULL : err);
     return st ? st : ended;
 }
 
@@ -507,7 +482,7 @@ CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, 
     snprintf(series->uid, sizeof series->uid, "%s", files[own].name);
     if (plan->key && (st = cts_uid_keyed(plan->key, "series of a batch", series->own_uid, series->uid, err)))
         goto end;
-    if (is_valid_uid(series->uid))
+    if (cts_uid_is_valid(series->uid))
         snprintf(series->folder, sizeof series->folder, "%s", series->uid);
     else
         snprintf(series->folder, sizeof series->folder, "uid-%016llx",

@@ -43,7 +43,5 @@ void cts_plan_series_free(CtsPlanSeries *series);
 
 /* The first 64 bits of SHA-256 of a UID: what shards are dealt by, and the 16 hex digits above. */
 CtsStatus cts_plan_key(const char *uid, uint64_t *key, CtsError *err);
-/* 64 hex digits and a 0 of a finished hash. */
-CtsStatus cts_plan_hex(CtsHash **hash, char hex[65], CtsError *err);
 
 #endif

@@ -66,26 +66,12 @@ json_t *cts_child_new_line(const CtsBatchSettings *settings, const CtsPlanSeries
                            const char *folder)
 {
     char hex[65] = "";
-    json_t *line = json_object();
-    cts_line_options_hash(settings, hex, NULL);
-    json_object_set_new(line, "series_uid", cts_json_new_text(uid));
-    json_object_set_new(line, "folder", json_string(folder));
+    cts_line_hash(settings, NULL, true, hex, NULL);
+    json_t *line = json_pack("{s:o,s:s}", "series_uid", cts_json_new_text(uid), "folder", folder);
     cts_child_set_status(line, 1, "not finished");
-    json_object_set_new(line, "sources", new_sources(series));
-    json_object_set_new(line, "input_sha256", json_string(series->input_sha256));
-    json_object_set_new(line, "options_sha256", json_string(hex));
-    json_object_set_new(line, "files", json_integer(series->n_paths));
-    json_object_set_new(line, "outputs", json_array());
-    json_object_set_new(line, "thumbnails", json_array());
-    json_object_set_new(line, "findings", json_array());
-    return line;
-}
-
-json_t *cts_child_failed_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *reason,
-                              int exit_code)
-{
-    json_t *line = cts_child_new_line(settings, series, series->uid, series->folder);
-    cts_child_set_status(line, exit_code, reason);
+    json_object_update_new(line, json_pack("{s:o,s:s,s:s,s:i,s:[],s:[],s:[]}", "sources", new_sources(series),
+                                           "input_sha256", series->input_sha256, "options_sha256", hex, "files",
+                                           series->n_paths, "outputs", "thumbnails", "findings"));
     return line;
 }
 

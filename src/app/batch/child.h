@@ -47,12 +47,16 @@ CtsStatus cts_child_send_line(const CtsBatchChild *child, const char *word, CtsE
 /* An empty line of a series. The caller's to release; NULL without memory. */
 json_t *cts_child_new_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *uid,
                            const char *folder);
-/* A line of a series of which nothing but its files and this is known. */
-json_t *cts_child_failed_line(const CtsBatchSettings *settings, const CtsPlanSeries *series, const char *reason,
-                              int exit_code);
 /* How a series ended, and when. */
 void cts_child_set_status(json_t *line, int exit_code, const char *reason);
 /* The same, where the reason may name a file of the series. */
 void cts_child_tell_status(CtsBatchChild *child, CtsStatus status, const char *reason);
+
+/* Starts a process that makes the series with this many threads, or one that sends what the line's series has and the
+ * PACS has not. *socket is the parent's end; non-blocking. */
+CtsStatus cts_work_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,
+                         const CtsPlanSeries *series, int n_threads, pid_t *pid, int *socket, CtsError *err);
+CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *line, pid_t *pid,
+                           int *socket, CtsError *err);
 
 #endif

@@ -215,9 +215,18 @@ static json_t *new_entry(const CtsBatchChild *c, const CtsBatchPicture *picture,
     const size_t n = strlen(s->options->output_dir) + 1;
     char hex[65] = "";
     const char *dot = strrchr(path, '.');
-    cts_line_settings_hash(s, picture->preset, picture->view, dot && !strcmp(dot, ".dcm"), hex, NULL);
+    cts_line_hash(s, picture, dot && !strcmp(dot, ".dcm"), hex, NULL);
     return json_pack("{s:s+,s:s,s:s,s:s}", "path", path + n, suffix, "preset", s->lists->presets[picture->preset].name,
                      "view", s->lists->views[picture->view].name, "settings_sha256", hex);
+}
+
+/* Files in the order of their names, whichever of them were made anew. Takes the entry over. */
+static void add_in_order(json_t *list, json_t *entry)
+{
+    size_t i = json_array_size(list);
+    while (i > 0 && strcmp(cts_json_text_of(json_array_get(list, i - 1), "path"), cts_json_text_of(entry, "path")) > 0)
+        i--;
+    json_array_insert_new(list, i, entry);
 }
 
 CtsStatus cts_child_output(CtsBatchChild *c, const CtsBatchPicture *picture, const char *path, int frame, CtsError *err)
@@ -231,7 +240,7 @@ CtsStatus cts_child_output(CtsBatchChild *c, const CtsBatchPicture *picture, con
     if (st)
         json_decref(entry);
     else
-        json_array_append_new(json_object_get(c->line, "outputs"), entry);
+        add_in_order(json_object_get(c->line, "outputs"), entry);
     return st;
 }
 
@@ -318,29 +327,11 @@ static void tell_times(CtsBatchChild *c, const CtsReport *report)
             json_object_set_new(stages, cts_stage_names[s],
                                 json_pack("{s:f,s:f}", "wall_ms", round(report->stages[s].wall_ms * 1000) / 1000,
                                           "cpu_ms", round(report->stages[s].cpu_ms * 1000) / 1000));
-    json_object_set_new(c->line, "stages", stages);
-    json_object_set_new(c->line, "wall_ms", json_real(round(cts_wall_ms() - c->start_wall_ms - c->waited_ms)));
-    json_object_set_new(c->line, "waited_ms", json_real(round(c->waited_ms)));
-    json_object_set_new(c->line, "cpu_ms", json_real(round(cts_cpu_ms() - c->start_cpu_ms)));
-    json_object_set_new(c->line, "peak_rss_bytes", json_integer((json_int_t)cts_peak_rss_bytes()));
-    json_object_set_new(c->line, "threads", json_integer(c->n_threads));
-}
-
-/* Files in the order of their names, whichever of them were made anew. */
-static void sort_outputs(json_t *line)
-{
-    json_t *list = json_object_get(line, "outputs");
-    for (size_t i = 1; i < json_array_size(list); i++)
-        for (size_t k = i; k > 0; k--) {
-            json_t *a = json_array_get(list, k - 1), *b = json_array_get(list, k);
-            const char *path_a = json_string_value(json_object_get(a, "path"));
-            const char *path_b = json_string_value(json_object_get(b, "path"));
-            if (!path_a || !path_b || strcmp(path_a, path_b) <= 0)
-                break;
-            json_incref(a);
-            json_array_set(list, k - 1, b);
-            json_array_set_new(list, k, a);
-        }
+    json_object_update_new(c->line,
+                           json_pack("{s:o,s:f,s:f,s:f,s:I,s:i}", "stages", stages, "wall_ms",
+                                     round(cts_wall_ms() - c->start_wall_ms - c->waited_ms), "waited_ms",
+                                     round(c->waited_ms), "cpu_ms", round(cts_cpu_ms() - c->start_cpu_ms),
+                                     "peak_rss_bytes", (json_int_t)cts_peak_rss_bytes(), "threads", c->n_threads));
 }
 
 /* What an earlier run found with presets that this one makes nothing with. */
@@ -388,7 +379,6 @@ CtsStatus cts_child_end(CtsBatchChild *c, const CtsReport *report, CtsStatus sta
             keep_times(c);
         else
             keep_findings(c);
-        sort_outputs(c->line);
         cts_child_tell_status(c, status, status ? why->text : "");
         if (status && c->now && c->now->passed)
             json_object_set_new(c->line, "status", json_string("passed"));

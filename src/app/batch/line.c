@@ -13,53 +13,35 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-static CtsStatus hash_common(const CtsBatchSettings *s, CtsHash **hash, CtsError *err)
+static bool is_at(int i, const int *wanted)
 {
-    const CtsStatus st = cts_hash_start(hash, err);
-    if (!st) {
-        cts_hash_text(*hash, CTS_VERSION);
-        cts_hash_text(*hash, s->lists->options);
+    return !wanted || *wanted == i;
+}
+
+CtsStatus cts_line_hash(const CtsBatchSettings *s, const CtsBatchPicture *picture, bool is_dcm, char hex[65],
+                        CtsError *err)
+{
+    CtsHash *hash;
+    CtsStatus st = cts_hash_start(&hash, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, CTS_VERSION);
+    cts_hash_text(hash, s->lists->options);
+    for (int i = 0; i < s->lists->n_presets && !st; i++) {
+        char *text = is_at(i, picture ? &picture->preset : NULL) ? cts_preset_to_json(&s->lists->presets[i]) : NULL;
+        if (text)
+            cts_hash_text(hash, text);
+        else if (is_at(i, picture ? &picture->preset : NULL))
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        free(text);
     }
-    return st;
-}
-
-static CtsStatus hash_preset(const CtsBatchSettings *s, int preset, CtsHash *hash, CtsError *err)
-{
-    char *text = cts_preset_to_json(&s->lists->presets[preset]);
-    cts_hash_text(hash, text ? text : "");
-    const bool made = text;
-    free(text);
-    return made ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-}
-
-CtsStatus cts_line_settings_hash(const CtsBatchSettings *s, int preset, int view, bool is_dcm, char hex[65],
-                                 CtsError *err)
-{
-    CtsHash *hash;
-    CtsStatus st = hash_common(s, &hash, err);
-    if (st)
-        return st;
-    st = hash_preset(s, preset, hash, err);
-    cts_hash_text(hash, s->lists->views[view].name);
-    cts_hash_text(hash, is_dcm ? s->lists->dcm_options : "");
-    const CtsStatus finished = cts_plan_hex(&hash, hex, err);
-    return st ? st : finished;
-}
-
-CtsStatus cts_line_options_hash(const CtsBatchSettings *s, char hex[65], CtsError *err)
-{
-    CtsHash *hash;
-    CtsStatus st = hash_common(s, &hash, err);
-    if (st)
-        return st;
-    for (int i = 0; i < s->lists->n_presets && !st; i++)
-        st = hash_preset(s, i, hash, err);
     for (int i = 0; i < s->lists->n_views; i++)
-        cts_hash_text(hash, s->lists->views[i].name);
-    for (int i = 0; i < s->lists->n_formats; i++)
+        if (is_at(i, picture ? &picture->view : NULL))
+            cts_hash_text(hash, s->lists->views[i].name);
+    for (int i = 0; i < s->lists->n_formats && !picture; i++)
         cts_hash_text(hash, s->lists->formats[i]);
-    cts_hash_text(hash, s->lists->dcm_options);
-    const CtsStatus finished = cts_plan_hex(&hash, hex, err);
+    cts_hash_text(hash, is_dcm ? s->lists->dcm_options : "");
+    const CtsStatus finished = cts_hash_hex(&hash, hex, err);
     return st ? st : finished;
 }
 
@@ -105,7 +87,7 @@ static CtsStatus hash_file(const char *path, char hex[65], CtsError *err)
             cts_hash_bytes(hash, bytes, (size_t)n);
     }
     if (hash) {
-        const CtsStatus finished = cts_plan_hex(&hash, hex, err);
+        const CtsStatus finished = cts_hash_hex(&hash, hex, err);
         st = st ? st : finished;
     }
     if (fd >= 0)
@@ -165,7 +147,7 @@ bool cts_line_stands(const CtsBatchSettings *s, const json_t *line, const CtsBat
     int n_found = 0;
     size_t i;
     json_t *entry;
-    if (cts_line_settings_hash(s, picture->preset, picture->view, is_dcm, hex, NULL))
+    if (cts_line_hash(s, picture, is_dcm, hex, NULL))
         return false;
     json_array_foreach(list, i, entry)
     {
@@ -241,8 +223,8 @@ bool cts_line_settled(const CtsBatchSettings *s, const json_t *line, const char 
         return true;
     /* What could not be read might be read now; geometry and pixels stay as they are. */
     if (!strcmp(status, "refused"))
-        return json_integer_value(json_object_get(line, "exit_code")) == 4 && !cts_line_options_hash(s, hex, NULL) &&
-               !strcmp(hex, cts_json_text_of(line, "options_sha256"));
+        return json_integer_value(json_object_get(line, "exit_code")) == 4 &&
+               !cts_line_hash(s, NULL, true, hex, NULL) && !strcmp(hex, cts_json_text_of(line, "options_sha256"));
     /* All but sending it went well. */
     if (strcmp(status, "done") && !json_object_get(line, "unsent"))
         return false;

@@ -14,11 +14,9 @@ typedef struct CtsBatchPicture {
     const char *thumb_stem; /* of its thumbnails */
 } CtsBatchPicture;
 
-/* What one picture's file depends on beside its series, as 64 hex digits and a 0. */
-CtsStatus cts_line_settings_hash(const CtsBatchSettings *settings, int preset, int view, bool is_dcm, char hex[65],
-                                 CtsError *err);
-/* Of all options together. */
-CtsStatus cts_line_options_hash(const CtsBatchSettings *settings, char hex[65], CtsError *err);
+/* What one picture's file depends on beside its series, as 64 hex digits and a 0; NULL: what all of them do. */
+CtsStatus cts_line_hash(const CtsBatchSettings *settings, const CtsBatchPicture *picture, bool is_dcm, char hex[65],
+                        CtsError *err);
 
 /* PRESET-VIEW as a file name may have it. */
 void cts_line_stem(const CtsBatchSettings *settings, const CtsBatchPicture *picture, char stem[CTS_LINE_STEM]);

@@ -41,12 +41,8 @@ CtsStatus cts_folder_probe(const CtsBatchSettings *settings, CtsError *err)
     CtsStatus st = cts_temp_open(&temp, path, err);
     if (!st && !(st = cts_temp_write(temp, bytes, PROBE, err)) && fsync(cts_temp_fd(temp)))
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be written: %s", path, strerror(errno));
-    if (st) {
-        const CtsError why = *err;
-        const size_t n = strlen(path);
-        cts_fail(err, st, "%s: takes no more files%s", settings->options->output_dir,
-                 strncmp(why.text, path, n) ? "" : why.text + n);
-    }
+    if (st)
+        cts_context(err, "%s takes no more files", settings->options->output_dir);
     cts_temp_discard(&temp);
     free(bytes);
     return st;

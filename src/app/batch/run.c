@@ -1,8 +1,7 @@
 /* The batch's own process: reads nothing but headers, hands out series, keeps the journal. */
 #define _GNU_SOURCE
-#include "app/batch/send.h"
+#include "app/batch/child.h"
 #include "app/batch/sweep.h"
-#include "app/batch/work.h"
 #include "app/batch/worker.h"
 #include "app/contact/contact_sheet.h"
 #include "base/clock.h"
@@ -249,7 +248,7 @@ static void tell_death(Run *r, CtsWorker *w, int how, const struct rusage *usage
     char reason[300];
     cts_worker_reason(w, how, reason, sizeof reason);
     if (!w->line)
-        w->line = cts_child_failed_line(r->settings, &w->series, reason, 1);
+        w->line = cts_child_new_line(r->settings, &w->series, w->series.uid, w->series.folder);
     cts_child_set_status(w->line, 1, reason);
     if (w->phase != CTS_WORKER_SENDS)
         json_object_set_new(w->line, "peak_rss_bytes", json_integer((json_int_t)usage->ru_maxrss * 1024));

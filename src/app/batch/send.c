@@ -1,5 +1,5 @@
 /* What a series has and the PACS has not goes there, in a process of its own. */
-#include "app/batch/send.h"
+#include "app/batch/child.h"
 #include "base/exit_code.h"
 #include <limits.h>
 #include <stdlib.h>

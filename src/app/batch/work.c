@@ -1,6 +1,5 @@
+/* A series of the batch as render jobs: one volume for all its pictures. */
 #define _GNU_SOURCE
-#include "app/batch/work.h"
-
 #include "app/batch/child_series.h"
 #include "app/contact/label_slices.h"
 #include "base/clock.h"
@@ -294,7 +293,7 @@ static void run_series(CtsBatchChild *c)
         cts_names_add(&c->names, c->series->paths[i]);
     const CtsStatus st = render_all(c, &err);
     if (st && st != CTS_ERR_INTERRUPTED && !c->told) {
-        c->line = cts_child_failed_line(c->settings, c->series, "", 1);
+        c->line = cts_child_new_line(c->settings, c->series, c->series->uid, c->series->folder);
         cts_child_tell_status(c, st, err.text);
         cts_child_send_line(c, CTS_CHILD_LAST, NULL);
     }

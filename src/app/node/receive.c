@@ -76,12 +76,11 @@ static char *begin(void *context)
     return grows(context, 0) ? strdup(path) : NULL;
 }
 
-static CtsStoredAs keep(void *context, const char *path, const char *class_uid, const char *sop_uid)
+static CtsStoredAs keep(void *context, const char *path, const char *sop_uid)
 {
     const Served *s = context;
     char study[CTS_SPOOL_STUDY];
     bool replaced = false;
-    (void)class_uid;
     const CtsStoredAs stored = cts_spool_keep(&s->receiver->spool, path, sop_uid, study, &replaced);
     if (stored == CTS_STORED)
         cts_told_object(s->visitor->told, study, replaced);
@@ -181,23 +180,19 @@ static void tell_turned_away(Receiver *r, bool now)
     r->told_ms = now_ms;
 }
 
-static bool any_visitor(const Receiver *r)
-{
-    for (int i = 0; i < CTS_MOST_VISITS; i++)
-        if (r->visits.visitors[i].pid)
-            return true;
-    return false;
-}
-
 static void end_visitors(Receiver *r)
 {
     const double end_ms = cts_wall_ms() + GRACE_MS;
-    for (int round = 0; any_visitor(r); round++) {
+    bool any = true;
+    for (int round = 0; any; round++) {
         const bool late = cts_wall_ms() > end_ms;
-        for (int i = 0; i < CTS_MOST_VISITS && (round == 0 || late); i++)
-            if (r->visits.visitors[i].pid)
+        any = false;
+        for (int i = 0; i < CTS_MOST_VISITS; i++) {
+            any |= r->visits.visitors[i].pid;
+            if (r->visits.visitors[i].pid && (round == 0 || late))
                 kill(r->visits.visitors[i].pid, late ? SIGKILL : SIGTERM);
-        poll(NULL, 0, 10);
+        }
+        poll(NULL, 0, any ? PAUSE_MS : 0);
         take_dead(r);
     }
 }

@@ -88,17 +88,15 @@ CtsStatus cts_record_visit(const char *path, const CtsVisitor *visitor, int how,
 {
     const CtsVisit *visit = &visitor->told->visit;
     json_t *line = new_line("association", &visitor->address);
-    json_object_set_new(line, "calling_aet", text_of(visit->calling_aet, sizeof visit->calling_aet));
-    json_object_set_new(line, "called_aet", text_of(visit->called_aet, sizeof visit->called_aet));
-    if (visit->certificate[0])
-        json_object_set_new(line, "certificate", text_of(visit->certificate, sizeof visit->certificate));
-    json_object_set_new(line, "seconds", cts_json_new_number(round(now_ms - visitor->start_ms) / 1000));
-    json_object_set_new(line, "objects", json_integer((json_int_t)visit->n_objects));
-    json_object_set_new(line, "refused", json_integer((json_int_t)visit->n_refused));
-    json_object_set_new(line, "replaced", json_integer((json_int_t)visitor->told->n_replaced));
-    json_object_set_new(line, "bytes", json_integer((json_int_t)visit->n_bytes));
-    json_object_set_new(line, "studies", studies_of(visitor->told));
-    json_object_set_new(line, "end", end_of(visit, how));
+    json_t *certificate = visit->certificate[0] ? text_of(visit->certificate, sizeof visit->certificate) : NULL;
+    json_object_update_new(
+        line, json_pack("{s:o,s:o,s:o*,s:o,s:I,s:I,s:I,s:I,s:o,s:o}", "calling_aet",
+                        text_of(visit->calling_aet, sizeof visit->calling_aet), "called_aet",
+                        text_of(visit->called_aet, sizeof visit->called_aet), "certificate", certificate, "seconds",
+                        cts_json_new_number(round(now_ms - visitor->start_ms) / 1000), "objects",
+                        (json_int_t)visit->n_objects, "refused", (json_int_t)visit->n_refused, "replaced",
+                        (json_int_t)visitor->told->n_replaced, "bytes", (json_int_t)visit->n_bytes, "studies",
+                        studies_of(visitor->told), "end", end_of(visit, how)));
     return append(path, line, err);
 }
 

@@ -64,18 +64,13 @@ bool cts_spool_has_room(const CtsSpool *spool, uint64_t n_bytes)
 static bool name_after(const char *uid, bool may_be_itself, char *name, size_t size)
 {
     CtsHash *hash;
-    uint8_t digest[CTS_DIGEST_BYTES];
+    char hex[2 * CTS_DIGEST_BYTES + 1];
     if (may_be_itself && cts_uid_is_valid(uid))
         return snprintf(name, size, "%s", uid) < (int)size;
     if (cts_hash_start(&hash, NULL))
         return false;
     cts_hash_bytes(hash, uid, strlen(uid));
-    if (cts_hash_finish(&hash, digest, NULL))
-        return false;
-    size_t n = (size_t)snprintf(name, size, "uid-");
-    for (int i = 0; i < 8 && n < size; i++)
-        n += (size_t)snprintf(name + n, size - n, "%02x", digest[i]);
-    return n < size;
+    return !cts_hash_hex(&hash, hex, NULL) && snprintf(name, size, "uid-%.16s", hex) < (int)size;
 }
 
 /* Whether the file holds the CT image that its sender named; the study's folder. */

@@ -100,11 +100,11 @@ CtsStatus cts_options_preset(const CtsOptions *options, const char *name_or_file
     return st;
 }
 
-void cts_options_tell_objects(const CtsOptions *options, bool any_object, CtsReport *report)
+void cts_options_tell_objects(const CtsOptions *options, bool any_object, const char *but, CtsReport *report)
 {
     char endings[CTS_WORD_LISTS_MAX];
     for (const CtsOption *o = cts_options; o->name && !any_object; o++)
-        if (o->touches == CTS_TOUCHES_DCM && cts_options_given(options, o->name))
+        if (o->touches == CTS_TOUCHES_DCM && cts_options_given(options, o->name) && strcmp(o->name, but))
             cts_report_finding(report, "no_object_output", CTS_WARNING, "`%s` acts on %s outputs, and there is none",
                                o->name, cts_word_lists("{objects}", endings));
 }
@@ -123,7 +123,7 @@ CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJ
     bool any = options->write_state != NULL, shown = options->format && options->format->is_object;
     for (int i = 0; i < options->outputs.n; i++)
         any |= cts_output_is_dicom(&job->outputs, i);
-    cts_options_tell_objects(options, any || shown, report);
+    cts_options_tell_objects(options, any || shown, "", report);
     return options->send.given && !any
                ? cts_fail(err, CTS_ERR_USAGE, "`send`: there is no DICOM output to send (give `output` FILE.dcm)")
                : CTS_OK;

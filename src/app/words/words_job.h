@@ -19,8 +19,8 @@ CtsStatus cts_options_preset(const CtsOptions *options, const char *name_or_file
 CtsStatus cts_options_one_job(const CtsOptions *options, CtsPreset *preset, CtsJob *job, CtsReport *report,
                               CtsError *err);
 
-/* Warns of words that act on DICOM outputs alone where there is none. */
-void cts_options_tell_objects(const CtsOptions *options, bool any_object, CtsReport *report);
+/* Warns of words that act on DICOM outputs alone where there is none; but for one that acts on more here, or "". */
+void cts_options_tell_objects(const CtsOptions *options, bool any_object, const char *but, CtsReport *report);
 
 /* Sends every DICOM output, once it is written; nothing where nothing says so. */
 CtsStatus cts_options_send(const CtsOptions *options, CtsError *err);

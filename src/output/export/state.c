@@ -126,8 +126,7 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
 {
     char view[80];
     CtsHash *hash;
-    uint8_t digest[CTS_DIGEST_BYTES];
-    char all[2 * CTS_DIGEST_BYTES + 1] = "";
+    char all[2 * CTS_DIGEST_BYTES + 1];
     const CtsDcmWriters *dcm = NULL;
     CtsStatus st = cts_dcm_writers(&dcm, err);
     if (st || (st = dcm->sc_source(scene->source->slices[0], &names->facts, err)) || (st = cts_hash_start(&hash, err)))
@@ -137,10 +136,8 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
     cts_hash_text(hash, s->options);
     cts_hash_text(hash, view);
     cts_hash_text(hash, s->capture_uid);
-    if ((st = cts_hash_finish(&hash, digest, err)))
+    if ((st = cts_hash_hex(&hash, all, err)))
         return st;
-    for (int i = 0; i < CTS_DIGEST_BYTES; i++)
-        snprintf(all + 2 * i, 3, "%02x", digest[i]);
     snprintf(names->study_uid, sizeof names->study_uid, "%s", names->facts.study_uid);
     snprintf(names->frame_uid, sizeof names->frame_uid, "%s", scene->source->slices[0]->identity[CTS_FRAME_UID]);
     if ((!names->study_uid[0] && (st = uid_of("study", scene, "", names->study_uid, err))) ||

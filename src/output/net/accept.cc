@@ -131,8 +131,7 @@ void on_store(void *context, T_DIMSE_StoreProgress *progress, T_DIMSE_C_StoreRQ 
         return;
     static const DIC_US statuses[] = {STATUS_Success, STATUS_STORE_Error_DataSetDoesNotMatchSOPClass,
                                       STATUS_STORE_Refused_OutOfResources};
-    const CtsStoredAs stored =
-        v.rules.keep(v.rules.context, path, request->AffectedSOPClassUID, request->AffectedSOPInstanceUID);
+    const CtsStoredAs stored = v.rules.keep(v.rules.context, path, request->AffectedSOPInstanceUID);
     response->DimseStatus = statuses[stored];
     v.visit.n_objects += stored == CTS_STORED;
     v.visit.n_refused += stored != CTS_STORED;

@@ -30,7 +30,7 @@ typedef struct CtsAcceptRules {
     /* It has n_bytes by now; false breaks the association off. */
     bool (*grows)(void *context, uint64_t n_bytes);
     /* It is complete: keep it, or remove it. */
-    CtsStoredAs (*keep)(void *context, const char *path, const char *class_uid, const char *sop_uid);
+    CtsStoredAs (*keep)(void *context, const char *path, const char *sop_uid);
     void *context;
 } CtsAcceptRules;
 

@@ -4,7 +4,6 @@
 #include "input/header/dcm_door.hpp"
 #include "output/net/accept.h"
 #include "output/net/ct_storage.hpp"
-#include "output/net/find.hpp"
 #include "output/net/move_listener.hpp"
 #include "output/net/peer.h"
 #include "output/net/scu.hpp"
@@ -72,11 +71,11 @@ bool is_native(const char *syntax_uid)
 void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
 {
     const T_ASC_PresentationContextID context =
-        is_native(parcel.syntax_uid) ? scu.findAnyPresentationContextID(parcel.class_uid, parcel.syntax_uid)
-                                     : scu.findPresentationContextID(parcel.class_uid, parcel.syntax_uid);
+        is_native(parcel.ids.syntax_uid) ? scu.findAnyPresentationContextID(parcel.ids.class_uid, parcel.ids.syntax_uid)
+                                         : scu.findPresentationContextID(parcel.ids.class_uid, parcel.ids.syntax_uid);
     if (context == 0) {
         cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer does not take this kind of object%s",
-                 is_native(parcel.syntax_uid) ? "" : " or its compression (--compress none)");
+                 is_native(parcel.ids.syntax_uid) ? "" : " or its compression (--compress none)");
         return;
     }
     Uint16 status = 0;
@@ -97,11 +96,11 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int 
     CtsScu scu;
     for (int i = 0; i < n; i++) {
         OFList<OFString> syntaxes;
-        syntaxes.push_back(parcels[i].syntax_uid);
-        if (is_native(parcels[i].syntax_uid))
+        syntaxes.push_back(parcels[i].ids.syntax_uid);
+        if (is_native(parcels[i].ids.syntax_uid))
             syntaxes.push_back(UID_LittleEndianImplicitTransferSyntax);
         if (!parcels[i].sent)
-            scu.addPresentationContext(parcels[i].class_uid, syntaxes);
+            scu.addPresentationContext(parcels[i].ids.class_uid, syntaxes);
     }
     if (scu.associate(peer, net, CTS_ERR_OUTPUT, &result.again, &result.error))
         return;

@@ -1,5 +1,3 @@
-#include "output/net/find.hpp"
-
 #include "output/net/scu.hpp"
 
 #include <cstdio>

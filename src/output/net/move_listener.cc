@@ -137,11 +137,15 @@ void CtsMoveListener::serve(int socket)
     CtsAcceptRules rules = {};
     rules.net = &net;
     rules.takes_captures = true;
-    rules.allows = allows;
-    rules.begin = begin;
-    rules.grows = grows;
-    rules.keep = keep;
     rules.context = this;
+    rules.allows = [](void *self, const char *calling_aet) {
+        return std::strcmp(calling_aet, static_cast<CtsMoveListener *>(self)->peer.aet) == 0;
+    };
+    rules.begin = [](void *self) { return static_cast<CtsMoveListener *>(self)->begin(); };
+    rules.grows = [](void *self, uint64_t n_bytes) { return static_cast<CtsMoveListener *>(self)->grows(n_bytes); };
+    rules.keep = [](void *self, const char *path, const char *) {
+        return static_cast<CtsMoveListener *>(self)->keep(path);
+    };
     {
         const std::lock_guard<std::mutex> hold(lock);
         served = done ? -1 : dup(socket);
@@ -175,32 +179,24 @@ CtsStatus CtsMoveListener::close(CtsError *err)
     return status;
 }
 
-bool CtsMoveListener::allows(void *context, const char *calling_aet)
+char *CtsMoveListener::begin()
 {
-    return std::strcmp(calling_aet, static_cast<CtsMoveListener *>(context)->peer.aet) == 0;
-}
-
-char *CtsMoveListener::begin(void *context)
-{
-    CtsMoveListener &self = *static_cast<CtsMoveListener *>(context);
     char *path = nullptr;
-    if (self.status || cts_net_stopped(&self.net))
+    if (status || cts_net_stopped(&net))
         return nullptr;
-    self.status = cts_inbox_next(&self.inbox, &path, &self.error);
+    status = cts_inbox_next(&inbox, &path, &error);
     return path;
 }
 
-bool CtsMoveListener::grows(void *context, uint64_t n_bytes)
+bool CtsMoveListener::grows(uint64_t n_bytes)
 {
-    CtsMoveListener &self = *static_cast<CtsMoveListener *>(context);
-    if (!self.status && !cts_net_stopped(&self.net))
-        self.status = cts_inbox_grows(&self.inbox, n_bytes, &self.error);
-    return !self.status && !cts_net_stopped(&self.net);
+    if (!status && !cts_net_stopped(&net))
+        status = cts_inbox_grows(&inbox, n_bytes, &error);
+    return !status && !cts_net_stopped(&net);
 }
 
-CtsStoredAs CtsMoveListener::keep(void *context, const char *path, const char *, const char *)
+CtsStoredAs CtsMoveListener::keep(const char *path)
 {
-    CtsMoveListener &self = *static_cast<CtsMoveListener *>(context);
-    self.status = cts_inbox_keep(&self.inbox, path, &self.error);
-    return self.status ? CTS_STORED_NO_ROOM : CTS_STORED;
+    status = cts_inbox_keep(&inbox, path, &error);
+    return status ? CTS_STORED_NO_ROOM : CTS_STORED;
 }

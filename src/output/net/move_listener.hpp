@@ -45,10 +45,9 @@ class CtsMoveListener
     void take_connection();
     void serve_ready();
     void serve(int socket);
-    static bool allows(void *context, const char *calling_aet);
-    static char *begin(void *context);
-    static bool grows(void *context, uint64_t n_bytes);
-    static CtsStoredAs keep(void *context, const char *path, const char *class_uid, const char *sop_uid);
+    char *begin();
+    bool grows(uint64_t n_bytes);
+    CtsStoredAs keep(const char *path);
 };
 
 #endif

@@ -71,7 +71,7 @@ static void by_hand(const CtsPeer *peer, const CtsNet *net, const CtsParcel *par
         {"1.2.840.10008.1.2.5", " -xr"}, {"1.2.840.10008.1.2.4.70", " -xs"}, {"1.2.840.10008.1.2.4.90", " -xv"}};
     const char *option = "";
     for (size_t i = 0; i < sizeof options / sizeof *options; i++)
-        if (strcmp(parcel->syntax_uid, options[i].syntax_uid) == 0)
+        if (strcmp(parcel->ids.syntax_uid, options[i].syntax_uid) == 0)
             option = options[i].option;
     if (peer->web)
         snprintf(text, size, "run the same command again with --force");
@@ -84,14 +84,10 @@ static void by_hand(const CtsPeer *peer, const CtsNet *net, const CtsParcel *par
 static CtsStatus pack(const char *const *paths, int n, CtsParcel *parcels, CtsError *err)
 {
     for (int i = 0; i < n; i++) {
-        CtsDcmIds ids;
-        const CtsStatus st = cts_dcm_ids(paths[i], &ids, err);
+        const CtsStatus st = cts_dcm_ids(paths[i], &parcels[i].ids, err);
         if (st)
             return st;
         parcels[i].path = paths[i];
-        memcpy(parcels[i].class_uid, ids.class_uid, sizeof ids.class_uid);
-        memcpy(parcels[i].sop_uid, ids.sop_uid, sizeof ids.sop_uid);
-        memcpy(parcels[i].syntax_uid, ids.syntax_uid, sizeof ids.syntax_uid);
     }
     return CTS_OK;
 }

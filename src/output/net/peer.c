@@ -1,6 +1,7 @@
 #include "output/net/peer.h"
 
 #include "base/mem.h"
+#include "base/text.h"
 
 #include <ctype.h>
 #include <stdio.h>
@@ -22,13 +23,6 @@ bool cts_aet_is_valid(const char *aet, size_t n)
         if (aet[i] < 0x20 || aet[i] > 0x7e || aet[i] == '\\')
             return false;
     return true;
-}
-
-bool cts_uid_is_valid(const char *uid)
-{
-    const size_t n = strlen(uid);
-    return n > 0 && n <= 64 && strspn(uid, "0123456789.") == n && uid[0] != '.' && uid[n - 1] != '.' &&
-           !strstr(uid, "..");
 }
 
 bool cts_url_is_here(const char *url)

@@ -3,7 +3,9 @@
 #define CTS_NET_PEER_H
 
 #include "ctsplat/net.h"
+#include "base/text.h"
 #include "output/net/inbox.h"
+#include "output/objects/dcm_ids.h"
 #include <stddef.h>
 
 #ifdef __cplusplus
@@ -11,14 +13,13 @@ extern "C" {
 #endif
 
 bool cts_aet_is_valid(const char *aet, size_t n);
-bool cts_uid_is_valid(const char *uid);
 /* Whether a URL names this machine. */
 bool cts_url_is_here(const char *url);
 
 /* One file on its way to a peer. */
 typedef struct CtsParcel {
     const char *path;
-    char class_uid[65], sop_uid[65], syntax_uid[65];
+    CtsDcmIds ids;
     bool sent;
 } CtsParcel;
 

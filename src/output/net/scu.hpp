@@ -34,4 +34,8 @@ class CtsScu : protected CtsScuTransport, public DcmSCU
     Uint16 query_status = STATUS_Success;
 };
 
+/* C-FIND: the series that a query names (PS3.4 C, study root). */
+CtsStatus cts_dimse_find(const CtsPeer &peer, const CtsNet &net, const CtsSeriesQuery &query, CtsFound &found,
+                         CtsError *err);
+
 #endif

@@ -230,7 +230,7 @@ static void judge_upload(const Web *web, CURLcode code, long status, CtsParcel *
     if (code || (status != 200 && status != 201)) {
         result->again = code ? passes(code) : status >= 500 || status == 429 || status == 408;
         fail(web, code, status, CTS_ERR_OUTPUT, &result->error);
-    } else if (is_confirmed(web, parcel->sop_uid)) {
+    } else if (is_confirmed(web, parcel->ids.sop_uid)) {
         cts_parcel_is_sent(parcel, web->net);
     } else {
         cts_fail(&result->error, CTS_ERR_OUTPUT,

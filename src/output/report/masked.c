@@ -11,21 +11,12 @@
 
 char *cts_uid_hash(const CtsKey *key, const char *uid)
 {
-    uint8_t digest[CTS_DIGEST_BYTES];
     CtsHash *hash;
-    char *text = malloc(17);
-    if (!text || cts_hash_start_keyed(&hash, key, NULL)) {
-        free(text);
+    char hex[2 * CTS_DIGEST_BYTES + 1];
+    if (cts_hash_start_keyed(&hash, key, NULL))
         return NULL;
-    }
     cts_hash_text(hash, uid);
-    if (cts_hash_finish(&hash, digest, NULL)) {
-        free(text);
-        return NULL;
-    }
-    for (int i = 0; i < 8; i++)
-        snprintf(text + 2 * i, 3, "%02x", digest[i]);
-    return text;
+    return cts_hash_hex(&hash, hex, NULL) ? NULL : strndup(hex, 16);
 }
 
 /* Digits and dots that begin with one of the three roots of object identifiers: how many, 0 where they are no UID. */
