@@ -2,10 +2,10 @@
 #ifndef CTS_NET_PEER_H
 #define CTS_NET_PEER_H
 
-#include "ctsplat/net.h"
 #include "base/text.h"
+#include "ctsplat/net.h"
+#include "input/header/head.h"
 #include "output/net/inbox.h"
-#include "output/objects/dcm_ids.h"
 #include <stddef.h>
 
 #ifdef __cplusplus
