@@ -24,12 +24,12 @@ CtsStatus cts_context(CtsError *err, const char *format, ...)
     if (!err)
         return CTS_ERR_INTERNAL;
     const CtsError why = *err;
-    char what[sizeof why.text / 2];
+    char what[sizeof why.text];
     va_list args;
     va_start(args, format);
-    vsnprintf(what, sizeof what, format, args);
+    const size_t n = (size_t)vsnprintf(what, sizeof what, format, args);
     va_end(args);
-    return cts_fail(err, why.status, "%s: %s", what, why.text);
+    return n + 3 < sizeof what ? cts_fail(err, why.status, "%s: %s", what, why.text) : why.status;
 }
 
 int cts_exit_code(CtsStatus status)
