@@ -45,6 +45,10 @@ has b/error-vs-time.svg '<text>the error told, at most</text>'
 refused 5 'bench.jsonl: .*--force' bench "$data/phantom" -O b --size 24x24
 refused 2 'bench: -O DIR is needed' bench "$data/phantom"
 refused 2 'output: not an option of bench' bench "$data/phantom" -o b
+# Without gnuplot nothing is begun.
+env PATH=/nowhere "$ctsplat" bench "$data/phantom" -O q --size 16x16 2>err && fail "a plot without gnuplot"
+has err 'gnuplot cannot be run'
+[ ! -e q/bench.jsonl ] || fail "measured for nothing"
 # What an engine cannot do is left out and said.
 ok bench "$data/phantom" -O m --size 16x16 -p brain
 has err 'left out: classic'

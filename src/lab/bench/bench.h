@@ -23,7 +23,7 @@ void cts_bench_free(CtsBenchRows *rows);
 
 /* bench.jsonl, error-vs-time.svg and report.html into an existing folder. */
 CtsStatus cts_bench_write(const CtsBenchRows *rows, const char *folder, bool force, CtsError *err);
-/* Before any work: the folder and its three files could be written. */
+/* Before any work: the folder's three files could be written, and gnuplot is there. */
 CtsStatus cts_bench_check_writable(const char *folder, bool force, CtsError *err);
 
 #endif
