@@ -253,43 +253,51 @@ static bool blend(float *pixels, const uint16_t *grey, int n, const CtsEntries *
     return closed;
 }
 
-/* Voxels and fractions of eight pixels. */
-typedef struct Places8 {
-    int32_t voxel[8];
-    float fu[8], fv[8];
-} Places8;
-
-INLINE void place_8(Places8 *p, const CtsPlaces *places, const int pixel[8], const CtsLight *light)
+INLINE Float4 lerp_4(const float a[4], const float b[4], float t)
 {
-    Int8 voxel[2];
-    Float8 frac[2];
+    return *(const Float4 *)a + (*(const Float4 *)b - *(const Float4 *)a) * t;
+}
+
+/* The gradient of a layer, between four voxels. */
+INLINE Float4 gradient_at(const float (*field)[4], size_t stride, float fu, float fv)
+{
+    const Float4 top = lerp_4(field[0], field[1], fu), bottom = lerp_4(field[stride], field[stride + 1], fu);
+    return top + (bottom - top) * fv;
+}
+
+INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *places, const CtsLight *light, int at)
+{
+    float frac[2], colour, white;
+    size_t voxel[2];
     for (int axis = 0; axis < 2; axis++) {
-        const int shift = light->shift[axis];
-        int32_t cells[8];
-        float fracs[8];
-        for (int k = 0; k < 8; k++) {
-            const int at = axis == 1 && places->level ? 0 : pixel[k];
-            cells[k] = places->cell[axis][at];
-            fracs[k] = places->frac[axis][at];
-        }
-        const Int8 cell = *(const Int8 *)cells;
-        voxel[axis] = cell >> shift;
-        frac[axis] = CONVERT(cell - (voxel[axis] << shift), Float8) + *(const Float8 *)fracs;
-        frac[axis] *= 1.0f / (float)(1 << shift);
+        const int shift = light->shift[axis], i = axis == 1 && places->level ? 0 : at;
+        const int32_t cell = places->cell[axis][i], whole = cell >> shift;
+        voxel[axis] = (size_t)whole;
+        frac[axis] = ((float)(cell - (whole << shift)) + places->frac[axis][i]) * (1.0f / (float)(1 << shift));
     }
-    *(Int8 *)p->voxel = voxel[1] * (int32_t)light->stride + voxel[0];
-    *(Float8 *)p->fu = frac[0];
-    *(Float8 *)p->fv = frac[1];
+    const size_t from = voxel[1] * light->stride + voxel[0];
+    Float4 g = gradient_at(light->first + from, light->stride, frac[0], frac[1]);
+    if (light->second)
+        g += (gradient_at(light->second + from, light->stride, frac[0], frac[1]) - g) * light->weight;
+    cts_shade_factors(light->shade, cts_shade_facing(light->shade, g[0], g[1], g[2]), &colour, &white);
+    const float lift = -entry[3] * white;
+    const Float4 factor = {colour, colour, colour, 1}, whites = {lift, lift, lift, 0};
+    return blend_one(pixel, *(const Float4 *)entry * factor + whites);
 }
 
-INLINE Float8 two_of(Float4 a, Float4 b)
+static bool light(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
+                  const CtsLight *light)
 {
-    return SHUFFLE(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
-}
-
-INLINE Float8 load_both(const float *a, const float *b)
-{
-    return two_of(*(const Float4 *)a, *(const Float4 *)b);
+    bool closed = false;
+    if (entries->low > entries->high)
+        return false;
+    for (int i = 0; i < n; i += 64)
+        for (uint64_t shown = shown_64(grey + i, n - i, entries); shown; shown &= shown - 1) {
+            const int at = i + __builtin_ctzll(shown);
+            if (pixels[4 * (size_t)at + 3] > 0)
+                closed |= light_one(pixels + 4 * (size_t)at, entries->entry[grey[at]], places, light, at);
+        }
+    return closed;
 }
 
 /* By turns one of a and one of b, from the low and from the high half of each 128 bits. */
@@ -301,103 +309,6 @@ INLINE Float8 weave_low(Float8 a, Float8 b)
 INLINE Float8 weave_high(Float8 a, Float8 b)
 {
     return SHUFFLE(a, b, 2, 10, 3, 11, 6, 14, 7, 15);
-}
-
-/* Gradients of eight samples, as three vectors. */
-INLINE void gradient_8(const float (*field)[4], size_t stride, const Places8 *p, Float8 g[3])
-{
-    Float8 two[4];
-    /* Samples i and i + 4 share a vector, so that the transpose stays within 128-bit halves. */
-    for (int i = 0; i < 4; i++) {
-        const float(*a)[4] = field + p->voxel[i], (*b)[4] = field + p->voxel[i + 4];
-        const Float8 fu = two_of(p->fu[i] - (Float4){0}, p->fu[i + 4] - (Float4){0});
-        const Float8 fv = two_of(p->fv[i] - (Float4){0}, p->fv[i + 4] - (Float4){0});
-        const Float8 top = lerp(load_both(a[0], b[0]), load_both(a[1], b[1]), fu);
-        const Float8 bottom = lerp(load_both(a[stride], b[stride]), load_both(a[stride + 1], b[stride + 1]), fu);
-        two[i] = lerp(top, bottom, fv);
-    }
-    const Float8 low01 = weave_low(two[0], two[1]), low23 = weave_low(two[2], two[3]);
-    g[0] = SHUFFLE(low01, low23, 0, 1, 8, 9, 4, 5, 12, 13);
-    g[1] = SHUFFLE(low01, low23, 2, 3, 10, 11, 6, 7, 14, 15);
-    g[2] = SHUFFLE(weave_high(two[0], two[1]), weave_high(two[2], two[3]), 0, 1, 8, 9, 4, 5, 12, 13);
-}
-
-/* As cts_shade_facing(). */
-INLINE Float8 facing_8(const CtsShade *s, const Float8 g[3])
-{
-    Float8 v[3], root = {0};
-    for (int i = 0; i < 3; i++)
-        v[i] = s->frame[i][0] * g[0] + s->frame[i][1] * g[1] + s->frame[i][2] * g[2];
-    const Float8 square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2];
-    for (int k = 0; k < 8; k++)
-        root[k] = sqrtf(square[k]);
-    const Float8 facing = (Float8)((Int8)v[2] & INT32_MAX) / root;
-    return (Float8)((((Int8)facing & (facing < 1)) | ((Int8)(1 - (Float8){0}) & (facing >= 1))) & (square > 0));
-}
-
-/* As cts_shade_factors(). */
-INLINE void factors_8(const CtsShade *s, Float8 facing, Float8 *colour, Float8 *white)
-{
-    const Float8 at = facing * (float)s->n_power;
-    Int8 i = CONVERT(at, Int8);
-    i += i == s->n_power; /* that is, less one */
-    Float8 low = {0}, high = {0};
-    for (int k = 0; k < 8; k++) {
-        low[k] = s->power[i[k]];
-        high[k] = s->power[i[k] + 1];
-    }
-    *colour = s->ambient + s->diffuse * facing;
-    *white = (Float8)((Int8)(s->specular * lerp(low, high, at - CONVERT(i, Float8))) & (facing > 0));
-}
-
-/* Light the n (1 to 8) pixels whose places in the row are given. */
-INLINE bool light_some(float *pixels, const uint16_t *grey, const CtsEntries *entries, const CtsPlaces *places,
-                       const CtsLight *light, int pixel[8], int n)
-{
-    Places8 p;
-    Float8 g[3], h[3], colour, white;
-    for (int k = n; k < 8; k++)
-        pixel[k] = pixel[0];
-    place_8(&p, places, pixel, light);
-    gradient_8(light->first, light->stride, &p, g);
-    if (light->second) {
-        gradient_8(light->second, light->stride, &p, h);
-        for (int c = 0; c < 3; c++)
-            g[c] = lerp(g[c], h[c], light->weight - (Float8){0});
-    }
-    factors_8(light->shade, facing_8(light->shade, g), &colour, &white);
-    bool closed = false;
-    for (int k = 0; k < n; k++) {
-        const float *const e = entries->entry[grey[pixel[k]]], lift = -e[3] * white[k];
-        const Float4 factor = {colour[k], colour[k], colour[k], 1}, whites = {lift, lift, lift, 0};
-        closed |= blend_one(pixels + 4 * (size_t)pixel[k], *(const Float4 *)e * factor + whites);
-    }
-    return closed;
-}
-
-/* Few of a row's samples are seen and not yet hidden: those are picked out first, so that eight fill a vector. */
-static bool light(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
-                  const CtsLight *light)
-{
-    int pixel[72], n_pixels = 0;
-    bool closed = false;
-    if (entries->low > entries->high)
-        return false;
-    for (int i = 0; i < n; i += 64) {
-        for (uint64_t shown = shown_64(grey + i, n - i, entries); shown; shown &= shown - 1) {
-            const int at = i + __builtin_ctzll(shown);
-            pixel[n_pixels] = at;
-            n_pixels += pixels[4 * (size_t)at + 3] > 0;
-        }
-        int done = 0;
-        for (; done + 8 <= n_pixels; done += 8)
-            closed |= light_some(pixels, grey, entries, places, light, pixel + done, 8);
-        n_pixels -= done;
-        memmove(pixel, pixel + done, (size_t)n_pixels * sizeof *pixel);
-    }
-    if (n_pixels > 0)
-        closed |= light_some(pixels, grey, entries, places, light, pixel, n_pixels);
-    return closed;
 }
 
 /* after - before of eight grey levels. */
