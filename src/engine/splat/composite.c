@@ -66,10 +66,8 @@ CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPa
     CtsStatus st;
     *c = (CtsCompositor){.simd = simd, .patches = *patches, .picture = picture};
     if ((st = cts_raster_row_init(&c->row, raster, simd, err)) ||
-        (st = cts_alloc_array(&c->grey, (size_t)raster->width + 16, err)) ||
-        (st = cts_alloc_array(&c->border, (size_t)patches->n[0] + 1, err)))
+        (st = cts_alloc_array(&c->grey, (size_t)raster->width + 16, err)))
         return st;
-    c->border_base = NAN;
     /* Rays start in the plane through the centre, half a diagonal behind the camera plane. */
     const double mm_per_layer = 1 / view->forward_vox[view->axis], mm = view->mm_per_pixel;
     double start[3];
@@ -85,7 +83,6 @@ void cts_compositor_free(CtsCompositor *c)
 {
     cts_raster_row_free(&c->row);
     cts_free(&c->grey);
-    cts_free(&c->border);
 }
 
 /* Set depth_mm: the first sample that takes light, and from then on the first by which half of the light is taken. */
@@ -168,28 +165,6 @@ static int find_border(const CtsCompositor *c, int axis, int t, int xa, int xb)
     return cts_raster_passes(&c->row, axis, (double)(t << patch_shift(c, axis)), xa, xb);
 }
 
-static bool has_borders(const CtsCompositor *c)
-{
-    return c->row.raster->column_tables && c->row.raster->moves[0];
-}
-
-/* All rows of a plane pass patches at the same pixels when the picture's rows run along the lattice's. */
-static void set_borders(CtsCompositor *c)
-{
-    if (!has_borders(c) || c->border_base == c->row.layer_base[0])
-        return;
-    c->border_base = c->row.base[0] = c->row.layer_base[0];
-    for (int t = 0; t <= c->patches.n[0]; t++)
-        c->border[t] = find_border(c, 0, t, c->row.columns[0].first, c->row.columns[0].past);
-}
-
-static int border(const CtsCompositor *c, int axis, int t, int xa, int xb)
-{
-    if (axis == 1 || !has_borders(c))
-        return find_border(c, axis, t, xa, xb);
-    return c->border[t] < xa ? xa : c->border[t] > xb ? xb : c->border[t];
-}
-
 /* Pixels xa..xb-1, all within one row of patches. */
 static void composite_patch_row(CtsCompositor *c, const CtsPlane *plane, int y, int patch_row, int xa, int xb)
 {
@@ -206,8 +181,8 @@ static void composite_patch_row(CtsCompositor *c, const CtsPlane *plane, int y, 
     const bool rising = c->row.raster->by_x[0] > 0;
     for (int i = 0; i < n && xa < xb; i++) {
         const int *at = run[rising ? i : n - 1 - i];
-        const int from = border(c, 0, rising ? at[0] : at[1], xa, xb);
-        const int to = border(c, 0, rising ? at[1] : at[0], from, xb);
+        const int from = find_border(c, 0, rising ? at[0] : at[1], xa, xb);
+        const int to = find_border(c, 0, rising ? at[1] : at[0], from, xb);
         composite_span(c, plane, y, from, to);
         xa = to;
     }
@@ -226,7 +201,7 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
     }
     for (int x = c->row.x0; x < c->row.x1;) {
         const int patch_row = patch_at(c, 1, x);
-        const int past = border(c, 1, rising ? patch_row + 1 : patch_row, x, c->row.x1);
+        const int past = find_border(c, 1, rising ? patch_row + 1 : patch_row, x, c->row.x1);
         composite_patch_row(c, plane, y, patch_row, x, past);
         x = past;
     }
@@ -235,8 +210,6 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
 void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1)
 {
     cts_raster_begin_plane(&c->row, plane->layer);
-    if (plane->runs)
-        set_borders(c);
     for (int y = y0; y < y1; y++) {
         const bool timed = is_timed(plane, y);
         const double start_ms = timed ? cts_wall_ms() : 0;

@@ -21,6 +21,7 @@ void cts_raster_init(CtsRaster *r, const CtsView *view, const CtsStack *stack, c
         r->by_y[c] = -m * mm * (view->up_vox[axis[c]] - view->up_vox[across] * slope);
         r->by_layer[c] = m * slope;
         r->moves[c] = r->by_x[c] != 0;
+        r->per_x[c] = 1 / r->by_x[c];
     }
     for (int c = 0; c < 2; c++)
         r->column_tables |= r->moves[c] && !r->moves[1 - c] && r->by_y[c] == 0;
@@ -59,10 +60,10 @@ void cts_raster_row_free(CtsRasterRow *row)
 }
 
 /* The first x of xa..xb for which (position >= at) == rising; positions are monotone, so a guess and a few steps. */
-static int first_past(double base, double by_x, double at, int xa, int xb)
+static int first_past(double base, double by_x, double per_x, double at, int xa, int xb)
 {
     const bool rising = by_x > 0;
-    const double guess = (at - base) / by_x;
+    const double guess = (at - base) * per_x;
     int x = guess <= xa ? xa : guess >= xb ? xb : (int)guess + 1;
     while (x > xa && (base + by_x * (double)(x - 1) >= at) == rising)
         x--;
@@ -73,7 +74,8 @@ static int first_past(double base, double by_x, double at, int xa, int xb)
 
 int cts_raster_passes(const CtsRasterRow *row, int axis, double at, int xa, int xb)
 {
-    return first_past(row->base[axis], row->raster->by_x[axis], at, xa, xb);
+    const CtsRaster *r = row->raster;
+    return first_past(row->base[axis], r->by_x[axis], r->per_x[axis], at, xa, xb);
 }
 
 /* Narrow xa..xb to the pixels (or rows) whose positions base + step * x lie inside the box along one axis. */
@@ -84,8 +86,8 @@ static void clip(const CtsRaster *r, int axis, double base, double step, int *xa
         *xb = base >= low && base < past ? *xb : *xa;
         return;
     }
-    const int enter = first_past(base, step, step > 0 ? low : past, *xa, *xb);
-    *xb = first_past(base, step, step > 0 ? past : low, enter, *xb);
+    const int enter = first_past(base, step, 1 / step, step > 0 ? low : past, *xa, *xb);
+    *xb = first_past(base, step, 1 / step, step > 0 ? past : low, enter, *xb);
     *xa = enter;
 }
 

@@ -13,6 +13,7 @@ typedef struct CtsRaster {
     int width, height, first_row; /* of the picture, which may be a band; row 0 is the view's first_row */
     int last[2];                  /* lattice index of the last voxel along u and v */
     double origin[2], by_x[2], by_y[2], by_layer[2];
+    double per_x[2];    /* 1 / by_x */
     bool moves[2];      /* along a picture row */
     bool column_tables; /* one lattice axis changes along picture rows only, the other from row to row only */
     bool filled;        /* nothing is left for cts_raster_fill() */

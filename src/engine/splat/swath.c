@@ -80,10 +80,12 @@ static void clear_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
 {
     const CtsSheet *sheet = &w->store->sheet[s % p->n_sheets];
     const int lattice = CTS_PATCH * p->patches.density[0], end = sheet->last[0];
-    for (int v = v0; v < v1; v++) {
+    for (int v = v0, known = -1; v < v1; v++) {
         int first, last;
         cts_patch_rows(&p->patches, v, p->patches.density[1], &first, &last);
-        needed_rows(p, w, swath, first, last);
+        if (first != known || first != last)
+            needed_rows(p, w, swath, first, last);
+        known = first == last ? first : -1;
         for (int t = 0, past; cts_next_run(w->row, p->patches.n[0], &t, &past); t = past) {
             const int u0 = t * lattice, u1 = past * lattice < end ? past * lattice : end;
             memset(sheet->origin + (size_t)v * sheet->stride + u0, 0, (size_t)(u1 + 1 - u0) * sizeof *sheet->origin);
@@ -112,20 +114,6 @@ static void rows_around(const CtsPaperPlan *p, int j, int v0, int v1, int rows[2
     int unused;
     cts_patch_rows(&p->patches, at - reach > v0 ? at - reach : v0, density, &rows[0], &unused);
     cts_patch_rows(&p->patches, at + reach < v1 - 1 ? at + reach : v1 - 1, density, &unused, &rows[1]);
-}
-
-/* Ask early for the marked voxels of a row, in the layer that comes next: of a layer's rows little is read, too little
- * for the processor to see where it goes on. */
-static void ask_for_row(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int j)
-{
-    const uint16_t *row = cts_paper_row(p, w->store, s + 1, j);
-    for (int i = 0; i < p->stack.n[0]; i += 64) {
-        const uint64_t marks = w->marks[i / 64];
-        if (marks & UINT32_MAX)
-            __builtin_prefetch(row + i);
-        if (marks >> 32)
-            __builtin_prefetch(row + i + 32);
-    }
 }
 
 /* Mark what changed since the sheet was made; returns how many voxels. */
@@ -178,8 +166,6 @@ static void splat(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, bool
         }
         if (!reaches || n_marked == 0)
             continue;
-        if (p->skip_void && s + 1 < p->stack.n_layers)
-            ask_for_row(p, w, s, j);
         p->simd.scatter(&job, w->marks, p->stack.n[0]);
         if (j >= own0 && j < own1)
             w->splatted += n_marked;

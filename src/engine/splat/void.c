@@ -28,41 +28,11 @@ static void widen(CtsRange *range, CtsRange other)
     *range = cts_range_union(*range, other);
 }
 
-/* Two grey levels that settle most ranges by a comparison each: a range whose high lies below high_from, or whose low
- * lies above low_to, shows nothing. */
-typedef struct Limits {
-    int high_from, low_to;
-} Limits;
-
-static Limits limits_of(const CtsRangeRule *rule)
-{
-    int low = 0, past = CTS_N_GREY;
-    Limits limits;
-    while (low < past) {
-        const int middle = (low + past) / 2;
-        if (cts_lut_visible(rule->lut, 0, sample_high(rule, (uint16_t)middle)))
-            past = middle;
-        else
-            low = middle + 1;
-    }
-    limits.high_from = low;
-    for (low = 0, past = CTS_N_GREY; low < past;) {
-        const int middle = (low + past) / 2;
-        if (cts_lut_visible(rule->lut, sample_low(rule, (uint16_t)middle), UINT16_MAX))
-            low = middle + 1;
-        else
-            past = middle;
-    }
-    limits.low_to = low - 1;
-    return limits;
-}
-
 /* The volume's fine macro-cells as the stack has them: a line of them runs along the volume's x axis, which is along u,
  * or where the layers lie across x from layer to layer. */
 typedef struct Lines {
     const CtsRange *fine;
     const CtsRangeRule *rule;
-    Limits limits;
     int n;       /* macro-cells in a line */
     bool across; /* lines run from layer to layer */
     size_t u_step, v_step, k_step;
@@ -121,8 +91,7 @@ static uint64_t map_line(const CtsVoidMap *map, const Lines *l, int worker, int 
     const CtsRange *range = line_ranges(map, l, k, patch_v, patch_u, l->row + scratch, l->wide + scratch);
     uint64_t n_shown = 0;
     for (int i = 0; i < l->n; i++) {
-        if (range[i].high < l->limits.high_from || range[i].low > l->limits.low_to ||
-            !cts_range_visible(l->rule, range[i]))
+        if (!cts_range_visible(l->rule, range[i]))
             continue;
         const int u = l->across ? patch_u : i;
         shows_row(map, l->across ? i : k, patch_v)[u / 64] |= UINT64_C(1) << (u & 63);
@@ -194,7 +163,6 @@ CtsStatus cts_void_map_new(CtsVoidMap *map, const CtsStack *stack, const CtsPatc
     const size_t n_rows = (size_t)n_macrocells * (size_t)n_v;
     Lines lines = {.fine = macrocells->fine,
                    .rule = rule,
-                   .limits = limits_of(rule),
                    .n = macrocells->n_fine[0],
                    .across = stack->axis == 0,
                    .u_step = step[stack->u_axis],
