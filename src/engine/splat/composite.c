@@ -33,32 +33,6 @@ void cts_entries_free(CtsEntries *entries)
     cts_free(&entries->entry);
 }
 
-CtsStatus cts_runs_init(CtsRuns *runs, const CtsPatches *patches, CtsError *err)
-{
-    CtsStatus st;
-    *runs = (CtsRuns){.capacity = patches->n[0] / 2 + 1};
-    if ((st = cts_alloc_zeroed(&runs->n, (size_t)patches->n[1], err)))
-        return st;
-    return cts_alloc_array(&runs->run, (size_t)patches->n[1] * (size_t)runs->capacity, err);
-}
-
-void cts_runs_free(CtsRuns *runs)
-{
-    cts_free(&runs->n);
-    cts_free(&runs->run);
-}
-
-void cts_runs_set(CtsRuns *runs, int patch_row, const uint64_t *shown, int n)
-{
-    int(*run)[2] = runs->run + (size_t)patch_row * (size_t)runs->capacity;
-    int n_runs = 0;
-    for (int t = 0, past; cts_next_run(shown, n, &t, &past); t = past) {
-        run[n_runs][0] = t;
-        run[n_runs++][1] = past;
-    }
-    runs->n[patch_row] = n_runs;
-}
-
 CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPatches *patches, const CtsRaster *raster,
                               const CtsScene *scene, CtsPicture *picture, CtsError *err)
 {
@@ -66,8 +40,10 @@ CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPa
     CtsStatus st;
     *c = (CtsCompositor){.simd = simd, .patches = *patches, .picture = picture};
     if ((st = cts_raster_row_init(&c->row, raster, simd, err)) ||
-        (st = cts_alloc_array(&c->grey, (size_t)raster->width + 16, err)))
+        (st = cts_alloc_array(&c->grey, (size_t)raster->width + 16, err)) ||
+        (st = cts_alloc_array(&c->border, (size_t)patches->n[0] + 1, err)))
         return st;
+    c->border_base = NAN;
     /* Rays start in the plane through the centre, half a diagonal behind the camera plane. */
     const double mm_per_layer = 1 / view->forward_vox[view->axis], mm = view->mm_per_pixel;
     double start[3];
@@ -83,6 +59,7 @@ void cts_compositor_free(CtsCompositor *c)
 {
     cts_raster_row_free(&c->row);
     cts_free(&c->grey);
+    cts_free(&c->border);
 }
 
 /* Set depth_mm: the first sample that takes light, and from then on the first by which half of the light is taken. */
@@ -165,33 +142,46 @@ static int find_border(const CtsCompositor *c, int axis, int t, int xa, int xb)
     return cts_raster_passes(&c->row, axis, (double)(t << patch_shift(c, axis)), xa, xb);
 }
 
+static bool has_borders(const CtsCompositor *c)
+{
+    return c->row.raster->column_tables && c->row.raster->moves[0];
+}
+
+/* All rows of a plane pass patches at the same pixels when the picture's rows run along the lattice's. */
+static void set_borders(CtsCompositor *c)
+{
+    if (!has_borders(c) || c->border_base == c->row.layer_base[0])
+        return;
+    c->border_base = c->row.base[0] = c->row.layer_base[0];
+    for (int t = 0; t <= c->patches.n[0]; t++)
+        c->border[t] = find_border(c, 0, t, c->row.columns[0].first, c->row.columns[0].past);
+}
+
+static int border(const CtsCompositor *c, int axis, int t, int xa, int xb)
+{
+    if (axis == 1 || !has_borders(c))
+        return find_border(c, axis, t, xa, xb);
+    return c->border[t] < xa ? xa : c->border[t] > xb ? xb : c->border[t];
+}
+
 /* Pixels xa..xb-1, all within one row of patches. */
 static void composite_patch_row(CtsCompositor *c, const CtsPlane *plane, int y, int patch_row, int xa, int xb)
 {
-    const CtsRuns *runs = plane->runs;
-    const int(*run)[2] = (const int(*)[2])(runs->run + (size_t)patch_row * (size_t)runs->capacity);
-    const int n = runs->n[patch_row];
-    if (!c->row.raster->moves[0]) {
-        const int patch = n > 0 ? patch_at(c, 0, xa) : 0;
-        for (int i = 0; i < n; i++)
-            if (patch >= run[i][0] && patch < run[i][1])
-                composite_span(c, plane, y, xa, xb);
-        return;
-    }
-    const bool rising = c->row.raster->by_x[0] > 0;
-    for (int i = 0; i < n && xa < xb; i++) {
-        const int *at = run[rising ? i : n - 1 - i];
-        const int from = find_border(c, 0, rising ? at[0] : at[1], xa, xb);
-        const int to = find_border(c, 0, rising ? at[1] : at[0], from, xb);
+    const uint64_t *shown = plane->shown + (size_t)patch_row * (size_t)c->patches.n_words;
+    const bool moves = c->row.raster->moves[0], rising = c->row.raster->by_x[0] > 0;
+    const int only = moves ? 0 : patch_at(c, 0, xa), n = moves ? c->patches.n[0] : only + 1;
+    for (int t = only, past; xa < xb && cts_next_run(shown, n, &t, &past); t = past) {
+        const int from = moves ? border(c, 0, rising ? t : past, xa, xb) : xa;
+        const int to = moves ? border(c, 0, rising ? past : t, from, xb) : xb;
         composite_span(c, plane, y, from, to);
-        xa = to;
+        *(rising ? &xa : &xb) = rising ? to : from;
     }
 }
 
 static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
 {
     const bool moves = c->row.raster->moves[1], rising = c->row.raster->by_x[1] > 0;
-    if (!plane->runs) {
+    if (!plane->shown) {
         composite_span(c, plane, y, c->row.x0, c->row.x1);
         return;
     }
@@ -201,7 +191,7 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
     }
     for (int x = c->row.x0; x < c->row.x1;) {
         const int patch_row = patch_at(c, 1, x);
-        const int past = find_border(c, 1, rising ? patch_row + 1 : patch_row, x, c->row.x1);
+        const int past = border(c, 1, rising ? patch_row + 1 : patch_row, x, c->row.x1);
         composite_patch_row(c, plane, y, patch_row, x, past);
         x = past;
     }
@@ -210,6 +200,8 @@ static void composite_row(CtsCompositor *c, const CtsPlane *plane, int y)
 void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1)
 {
     cts_raster_begin_plane(&c->row, plane->layer);
+    if (plane->shown)
+        set_borders(c);
     for (int y = y0; y < y1; y++) {
         const bool timed = is_timed(plane, y);
         const double start_ms = timed ? cts_wall_ms() : 0;

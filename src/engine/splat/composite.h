@@ -13,24 +13,12 @@
 CtsStatus cts_entries_init(CtsEntries *entries, const CtsLut *lut, double length_mm, CtsError *err);
 void cts_entries_free(CtsEntries *entries);
 
-/* Runs of patches along u that may show something, for each patch row. */
-typedef struct CtsRuns {
-    int *n;        /* by patch row */
-    int (*run)[2]; /* first patch and one past the last; row t has its place at t * capacity */
-    int capacity;
-} CtsRuns;
-
-CtsStatus cts_runs_init(CtsRuns *runs, const CtsPatches *patches, CtsError *err);
-void cts_runs_free(CtsRuns *runs);
-/* Set the runs of one patch row from a bit for each of n patches. */
-void cts_runs_set(CtsRuns *runs, int patch_row, const uint64_t *shown, int n);
-
 typedef struct CtsPlane {
     double layer; /* coordinate across the layers; between two, a fraction */
     CtsSheetPair sheets;
     const CtsEntries *entries;
     const CtsLight *light; /* NULL: unlit */
-    const CtsRuns *runs;   /* NULL: every patch */
+    const uint64_t *shown; /* by row of patches, a bit for each patch that may show something; NULL: all do */
 } CtsPlane;
 
 /* One thread's state. */
@@ -41,6 +29,8 @@ typedef struct CtsCompositor {
     CtsOcclusion *occlusion; /* NULL: look at all pixels, also behind opaque ones */
     CtsRasterRow row;
     uint16_t *grey;
+    int *border;        /* where one row of borders serves all of a plane: the first pixel behind that below a patch */
+    double border_base; /* of the plane that it is for */
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */
     uint64_t samples;
     double timed_ms, timed_blend_ms; /* of the rows that are timed, one in sixteen: all of it, and blending */

@@ -61,7 +61,7 @@ static void composite_plane(const CtsPaperPlan *p, Worker *w, int s, int sub, in
                                        .top = p->entries[0].top},
                             .entries = &p->entries[at_end(p, s, sub) && !CTS_MUTATED(END_PLANES)],
                             .light = p->lit ? &light : NULL,
-                            .runs = p->reuse || p->skip_void ? &p->runs : NULL};
+                            .shown = p->shown};
     cts_composite_rows(&w->compositor, &plane, y0, y1);
 }
 

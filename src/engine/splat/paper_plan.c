@@ -214,7 +214,9 @@ static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
         ((st = cts_occlusion_init(&p->occlusion, &p->raster, err)) ||
          (st = cts_alloc_zeroed(&p->open, (size_t)p->patches.n_swaths * (size_t)p->patches.n_words, err))))
         return st;
-    return p->reuse || p->skip_void ? cts_runs_init(&p->runs, &p->patches, err) : CTS_OK;
+    return p->reuse || p->skip_void
+               ? cts_alloc_array(&p->shown, (size_t)p->patches.n[1] * (size_t)p->patches.n_words, err)
+               : CTS_OK;
 }
 
 static void explain(const CtsPaperPlan *p, CtsReport *report)
@@ -259,7 +261,7 @@ void cts_paper_plan_free(CtsPaperPlan *p)
     cts_occlusion_free(&p->occlusion);
     cts_free(&p->open);
     cts_macrocells_free(&p->own_macrocells);
-    cts_runs_free(&p->runs);
+    cts_free(&p->shown);
     cts_void_map_free(&p->map);
     cts_free(&p->air);
     cts_shade_free(&p->shade);

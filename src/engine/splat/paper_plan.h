@@ -53,7 +53,7 @@ typedef struct CtsPaperPlan {
     CtsOcclusion occlusion;        /* with skip_void */
     uint64_t *open;                /* with skip_void: by swath, patches that open pixels look at within some steps */
     CtsQuiet quiet[2];             /* reuse without skip_void: of each sheet */
-    CtsRuns runs;                  /* with either: what to composite */
+    uint64_t *shown;               /* with either: by row of patches, what to composite */
 
     int tolerance; /* dead band, in grey levels */
 

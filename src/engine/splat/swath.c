@@ -208,14 +208,6 @@ void cts_swath_gradients(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
     }
 }
 
-static void find_runs(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
-{
-    for (int r = swath * CTS_SWATH; r < (swath + 1) * CTS_SWATH && r < p->patches.n[1]; r++) {
-        cts_paper_shown(p, s, r, w->row);
-        cts_runs_set(&p->runs, r, w->row, p->patches.n[0]);
-    }
-}
-
 bool cts_swath_splat(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     int *const holds = &w->store->sheet[s % p->n_sheets].step[swath];
@@ -226,7 +218,7 @@ bool cts_swath_splat(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
     }
     if (p->reuse && !p->skip_void)
         cts_quiet_swath(p, w->store, s, swath, held ? w->changed : NULL);
-    if (p->reuse || p->skip_void)
-        find_runs(p, w, s, swath);
+    for (int r = swath * CTS_SWATH; r < (swath + 1) * CTS_SWATH && r < p->patches.n[1] && p->shown; r++)
+        cts_paper_shown(p, s, r, p->shown + (size_t)r * (size_t)p->patches.n_words);
     return needed;
 }

@@ -80,19 +80,6 @@ CtsStatus cts_check_render(CtsCheckRun *run, const CtsVolume *volume, const CtsP
     return st;
 }
 
-CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int height)
-{
-    CtsRenderSettings s;
-    cts_render_defaults(&s);
-    s.width = width;
-    s.height = height;
-    s.engine = run->engine;
-    /* On a small picture threads would do little but wait for each other. */
-    s.n_threads = width * height < 16384 ? 1 : run->settings->n_threads;
-    s.stop = run->settings->stop;
-    return s;
-}
-
 void cts_check_worst(CtsCheckWorst *worst, int x, int y, double expected, double found)
 {
     const double error = isnan(found) ? INFINITY : fabs(found - expected);
@@ -138,7 +125,12 @@ static CtsPreset preset_of(const CtsFormulaScene *s)
 
 static CtsRenderSettings settings_of(const CtsCheckRun *run, const CtsFormulaScene *s)
 {
-    CtsRenderSettings r = cts_check_settings(run, s->width > 0 ? s->width : 24, s->height > 0 ? s->height : 24);
+    CtsRenderSettings r;
+    cts_render_defaults(&r);
+    r.width = s->width > 0 ? s->width : 24;
+    r.height = s->height > 0 ? s->height : 24;
+    r.engine = run->engine;
+    r.stop = run->settings->stop;
     r.azimuth_deg = s->azimuth_deg;
     r.elevation_deg = s->elevation_deg;
     r.mm_per_pixel = s->mm_per_pixel;
@@ -147,7 +139,8 @@ static CtsRenderSettings settings_of(const CtsCheckRun *run, const CtsFormulaSce
     r.opacity_per_voxel = s->per_voxel;
     r.max_error = s->max_error;
     r.tolerance_hu = s->tolerance_hu;
-    r.n_threads = s->n_threads > 0 ? s->n_threads : r.n_threads;
+    /* On a small picture threads would do little but wait for each other. */
+    r.n_threads = s->n_threads > 0 ? s->n_threads : r.width * r.height < 16384 ? 1 : run->settings->n_threads;
     return r;
 }
 

@@ -57,9 +57,6 @@ extern const CtsCheckTable cts_check_linear, cts_check_stiff, cts_check_shapes, 
 /* One result; error is |found - expected|, or INFINITY where it is no number. */
 void cts_check_value(CtsCheckRun *run, double expected, double found, double bound);
 
-/* Defaults with the run's engine and threads, and a picture of width x height. */
-CtsRenderSettings cts_check_settings(const CtsCheckRun *run, int width, int height);
-
 /* A scene by formula, and what each family may miss of it. What is left out is 0, which stands for what is said. */
 typedef struct CtsFormulaScene {
     int dims[3];
