@@ -3,6 +3,7 @@
 import glob
 import json
 import os
+import subprocess
 import sys
 import time
 import urllib.error
@@ -46,6 +47,20 @@ def look_at(pacs, server, study, series, resource):
     assert pacs.get(f'/series/{resource}/thumbnail')[:3] == b'\xff\xd8\xff'
 
 
+def state(pacs, study):
+    """Example B.35: a presentation state of ours that Orthanc has."""
+    words = ['--preset', 'skin', '--view', '-30,20', '--size', '64x48', '--png-bits', '8', '-o', 'state.png']
+    subprocess.run([ctsplat, 'render', data, *words, '--write-state', 'state.dcm'], check=True, capture_output=True)
+    pacs.put('state.dcm')
+    made = pydicom.dcmread('state.dcm')
+    path = f'/dicom-web/studies/{study}/series/{made.SeriesInstanceUID}/instances/{made.SOPInstanceUID}/rendered3D'
+    with open('state.png', 'rb') as f:
+        assert pacs.get(path, 'image/png') == f.read()
+    assert pacs.get(path + '?orientation=l&viewport=32,24', 'image/jpeg')[:3] == b'\xff\xd8\xff'
+    assert refused(pacs, path + '?preset=bone') == 400
+    assert refused(pacs, path.replace(made.SOPInstanceUID, '1.2.3')) == 404
+
+
 def fetched(pacs, other, study, series):
     """A series that only a peer has comes when it is asked for, and is there from then on."""
     path = f'/studies/{study}/series/{series}/rendered3D?viewport=64,48&accept=image/png'
@@ -77,6 +92,7 @@ with Server(ctsplat, folder + '/{series_uid}') as whole:
             assert time.monotonic() < end, open('pacs.log').read()[-2000:]
             time.sleep(0.1)
         look_at(archive, whole, source.StudyInstanceUID, source.SeriesInstanceUID, name)
+        state(archive, source.StudyInstanceUID)
         fetched(archive, whole, source.StudyInstanceUID, source.SeriesInstanceUID)
         placed = os.path.join(folder, source.SeriesInstanceUID)
         assert all(os.path.islink(os.path.join(placed, f)) for f in os.listdir(placed)) and len(os.listdir(placed)) == 48

@@ -132,6 +132,21 @@ def place(series_uid):
         os.rename(new, folder)
 
 
+def place_state(series_uid, instance_uid):
+    """Puts a presentation state, and the slices of the series that it is of, where the server finds them."""
+    instance = resource_of(orthanc.LookupInstance, instance_uid)
+    if not instance:
+        raise Refused(404, 'there is no such object here')
+    with lock, tempfile.TemporaryDirectory(dir=SETTINGS['Folder'], prefix='.new-') as new:
+        name, folder = os.path.join(new, instance_uid + '.dcm'), os.path.join(SETTINGS['Folder'], series_uid)
+        with open(name, 'wb') as f:
+            f.write(orthanc.RestApiGet(f'/instances/{instance}/file'))
+        os.makedirs(folder, mode=0o750, exist_ok=True)
+        os.rename(name, os.path.join(folder, instance_uid + '.dcm'))
+    for series in api(f'/instances/{instance}/simplified-tags').get('ReferencedSeriesSequence', [])[:1]:
+        place(series['SeriesInstanceUID'])
+
+
 def clear_away():
     """Series that Orthanc has no more."""
     with lock:
@@ -140,8 +155,16 @@ def clear_away():
                 shutil.rmtree(os.path.join(SETTINGS['Folder'], name), ignore_errors=True)
 
 
-def place_all(study_uid, series_uid):
-    """What a request needs: its series, or the one CT series of its study."""
+def modality(series_uid):
+    resource = resource_of(orthanc.LookupSeries, series_uid)
+    return api('/series/' + resource)['MainDicomTags'].get('Modality') if resource else None
+
+
+def place_all(study_uid, series_uid, instance_uid):
+    """What a request needs: its series, or the one CT series of its study, or a presentation state with its series."""
+    if instance_uid and modality(series_uid) == 'PR':
+        place_state(series_uid, instance_uid)
+        return series_uid
     if series_uid:
         place(series_uid)
         return series_uid
@@ -176,7 +199,7 @@ def rendered(output, uri, **request):
     study_uid, series_uid, instance_uid = (list(request['groups']) + [None, None])[:3]
     query = urllib.parse.urlencode(request['get'])
     try:
-        series_uid = place_all(study_uid, series_uid)
+        series_uid = place_all(study_uid, series_uid, instance_uid)
         path = f'/studies/{study_uid}/series/{series_uid}'
         if instance_uid:
             path += f'/instances/{instance_uid}'

@@ -1,17 +1,17 @@
 #include "app/job/render_job.h"
 
-#include "app/job/contrast.h"
 #include "app/job/files.h"
 #include "app/job/fit_window.h"
 #include "app/job/held.h"
-#include "app/job/pooled.h"
 #include "app/job/saturation.h"
 #include "base/cpu.h"
+#include "base/limits.h"
 #include "base/mem.h"
 #include "base/meter.h"
 #include "base/parallel.h"
 #include "ctsplat/annotate.h"
 #include "ctsplat/labels.h"
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -208,6 +208,28 @@ static CtsStatus run_turn(Turn *t, bool renders, CtsError *err)
     return CTS_OK;
 }
 
+/* One verdict on all frames: pooled rmse and interval, the largest maximum and percentile. */
+static void add_verified(CtsVerified *all, const CtsVerified *frame)
+{
+    const uint64_t n = all->pixels + frame->pixels;
+    if (!n)
+        return;
+    const CtsVerified before = *all;
+    const double a = (double)before.pixels / (double)n, b = (double)frame->pixels / (double)n;
+    if (frame->max >= all->max)
+        *all = *frame;
+    all->rmse = sqrt(a * before.rmse * before.rmse + b * frame->rmse * frame->rmse);
+    all->p999 = fmax(before.p999, frame->p999);
+    all->share_above = a * before.share_above + b * frame->share_above;
+    all->unit = fmax(a * before.unit, b * frame->unit);
+    for (int k = 0; k < CTS_ERROR_CAPS; k++)
+        all->capped[k] = a * before.capped[k] + b * frame->capped[k];
+    all->wall_ms = before.wall_ms + frame->wall_ms;
+    all->cpu_ms = before.cpu_ms + frame->cpu_ms;
+    all->pixels = n;
+    cts_error_limits(all);
+}
+
 static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRenderer *renderer, CtsFiles *files,
                                CtsReport *report, CtsError *err)
 {
@@ -228,7 +250,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
         frame.held = holds ? own : NULL;
         if ((st = run_turn(&turn, true, err)))
             break;
-        cts_verified_add(&pooled, &report->verified);
+        add_verified(&pooled, &report->verified);
         if (frame.number == n_frames - 1)
             report->verified = pooled;
         own->verified = report->verified;

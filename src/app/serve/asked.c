@@ -123,5 +123,6 @@ void cts_asked_free(CtsAsked *asked)
 {
     cts_options_free(&asked->options);
     free(asked->path);
+    free(asked->state_path);
     *asked = (CtsAsked){.path = NULL};
 }

@@ -27,7 +27,7 @@ typedef struct CtsAsked {
     const char *media_type;
     bool metadata;                                  /* how the picture is made, not the picture */
     double swivel_range_deg, swivel_step_deg, rate; /* 0: not asked for */
-    const char *state_path;                         /* of the presentation state that is asked for; NULL: none */
+    char *state_path;                               /* of the presentation state that is asked for; NULL: none */
     char instance_uid[65];                          /* the object that must be the whole series; "": none */
     char *path;                                     /* where the picture goes */
     CtsOptions options;

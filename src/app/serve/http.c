@@ -1,6 +1,7 @@
 /* Requests by libmicrohttpd: one thread waits for all connections. */
 #include "app/serve/http.h"
 
+#include "base/load_part.h"
 #include <microhttpd.h>
 #include <poll.h>
 #include <stdatomic.h>
@@ -188,11 +189,4 @@ static void stop(CtsHttpServer **server)
     *server = NULL;
 }
 
-static const CtsHttp table = {start, stop, query_of, wait_for, answer};
-
-__attribute__((visibility("default"))) CtsStatus cts_http_table(const void **told, CtsError *err)
-{
-    (void)err;
-    *told = &table;
-    return CTS_OK;
-}
+CTS_PART_TABLE(CtsHttp, cts_http, start, stop, query_of, wait_for, answer)

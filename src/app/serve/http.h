@@ -52,8 +52,4 @@ typedef struct CtsHttp {
 
 CtsStatus cts_http(const CtsHttp **http, CtsError *err);
 
-/* What the library shows of itself. */
-typedef CtsStatus (*cts_http_table_fn)(const void **table, CtsError *err);
-CtsStatus cts_http_table(const void **table, CtsError *err);
-
 #endif

@@ -1,10 +1,11 @@
 /* The parameters of PS3.18 8.3.5 as ctsplat's words. */
 #include "app/serve/asked.h"
-#include "app/serve/media_type.h"
 #include "app/words/option_value.h"
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 /* The standard's names; a presentation state says all but whence it is looked at, how large, and in what it is sent. */
 static const struct Parameter {
@@ -30,8 +31,7 @@ static const struct Parameter {
     {"match", false, false, "not supported (a volume is a whole series)"},
     {"volumetriccurvepoint", false, false, "not supported (no flights along curves; swivelrange turns the volume)"},
     {"mprslab", false, false, "belongs to renderedMPR, which is not supported"},
-    {"annotation", false, false,
-     "not supported (annotate=orientation,scale draws marks without the patient's name)"},
+    {"annotation", false, false, "not supported (annotate=orientation,scale draws marks without the patient's name)"},
     {"iccprofile", false, false, "not supported (pictures are sRGB)"},
 };
 
@@ -242,6 +242,64 @@ static CtsStatus take_viewport(const CtsQuery *from, CtsQuery *words, CtsError *
     return CTS_OK;
 }
 
+/* How exactly a range such as image/png, image or * with a star behind it names the type: 3, 2, 1; 0: not. */
+static int match(const char *range, size_t n, const char *type)
+{
+    const size_t slash = strcspn(type, "/");
+    if (n == 3 && !strncmp(range, "*/*", 3))
+        return 1;
+    if (n == slash + 2 && range[slash + 1] == '*' && !strncasecmp(range, type, slash + 1))
+        return 2;
+    return n == strlen(type) && !strncasecmp(range, type, n) ? 3 : 0;
+}
+
+/* The q of a range's parameters, 1 where none is told. */
+static double quality(const char *at, const char *end)
+{
+    while (at < end && (at = memchr(at, ';', (size_t)(end - at)))) {
+        at += 1 + strspn(at + 1, " \t");
+        if (at + 1 < end && (*at == 'q' || *at == 'Q') && at[1] == '=')
+            return strtod(at + 2, NULL);
+    }
+    return 1;
+}
+
+/* What the list thinks of a type, by the range that names it most exactly. */
+static double liking(const char *list, const char *type)
+{
+    int best = 0;
+    double liked = 0;
+    while (*list) {
+        list += strspn(list, ", \t");
+        const char *const end = list + strcspn(list, ",");
+        const int how = match(list, strcspn(list, ";, \t"), type);
+        if (how > best) {
+            best = how;
+            liked = quality(list, end);
+        }
+        list = end;
+    }
+    return liked;
+}
+
+/* The place of the media type among n that an Accept header, or `accept=` in its stead (PS3.18 8.3.3.1), likes best, of
+ * equals the first; -1 where it takes none. An empty list, or NULL, takes all. */
+static int accept_best(const char *list, const char *const *media_types, int n)
+{
+    int best = -1;
+    double most = 0;
+    if (!list || !*list)
+        return 0;
+    for (int i = 0; i < n; i++) {
+        const double liked = liking(list, media_types[i]);
+        if (liked > most) {
+            most = liked;
+            best = i;
+        }
+    }
+    return best;
+}
+
 static const CtsFormatInfo *choose_format(CtsAsked *asked, const char *accept)
 {
     static const char *const names[] = {"jpg", "png", "webp", "dcm"};
@@ -257,8 +315,8 @@ static const CtsFormatInfo *choose_format(CtsAsked *asked, const char *accept)
             types[n] = cts_media_type_of(formats[n]), n++;
     }
     if (asked->metadata)
-        return cts_accept_best(accept, metadata, 2) < 0 ? NULL : formats[0];
-    const int best = cts_accept_best(accept, types, n);
+        return accept_best(accept, metadata, 2) < 0 ? NULL : formats[0];
+    const int best = accept_best(accept, types, n);
     return best < 0 ? NULL : formats[best];
 }
 

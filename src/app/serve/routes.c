@@ -101,12 +101,24 @@ static CtsStatus queue(CtsServer *server, CtsErrand *e, Target target, CtsError 
     return st;
 }
 
+/* It is what is asked for, and no fault of ours; where it lies is nobody's business. */
+static CtsStatus refuse_state(const char *path, CtsError *err)
+{
+    CtsNames names = {0};
+    cts_names_add(&names, path);
+    char *const text = cts_without_names(err->text, &names, NULL);
+    cts_fail(err, CTS_ERR_USAGE, "%s", text ? text : "the presentation state cannot be read");
+    free(text);
+    cts_names_free(&names);
+    return CTS_ERR_USAGE;
+}
+
 static CtsStatus prepare(CtsServer *server, CtsErrand *e, const CtsFormatInfo *format, CtsError *err)
 {
     CtsStatus st = cts_asked_words(&e->asked, format, server->folder, ++server->n_pictures,
                                    server->options->render.n_threads, &e->report, err);
     if (st == CTS_ERR_READ && e->asked.state_path)
-        st = CTS_ERR_USAGE; /* the state that is asked for, and no fault of ours */
+        st = refuse_state(e->asked.state_path, err);
     e->asked.job.render.stop = e->asked.job.source.stop = &e->stop;
     return st;
 }
@@ -116,7 +128,7 @@ static void find_instance(const CtsServer *server, CtsErrand *e, const Target *t
 {
     if (!target->instance_uid)
         return;
-    e->asked.state_path = cts_shelf_state(&server->shelf, target->instance_uid);
+    e->asked.state_path = cts_shelf_state(&server->shelf, target->uid, target->instance_uid);
     if (!e->asked.state_path)
         snprintf(e->asked.instance_uid, sizeof e->asked.instance_uid, "%s", target->instance_uid);
 }
@@ -144,8 +156,7 @@ static void ask_picture(CtsServer *server, CtsHttpRequest *request, const Target
     e->socket = request->socket;
     server->http->query(request, cts_query_add, &e->asked.query);
     find_instance(server, e, target);
-    CtsStatus st =
-        format ? CTS_OK : cts_asked_rendered(&e->asked, request->accept, &format, &err);
+    CtsStatus st = format ? CTS_OK : cts_asked_rendered(&e->asked, request->accept, &format, &err);
     const bool acceptable = st || format;
     if (!st && format && !(st = prepare(server, e, format, &err)))
         st = queue(server, e, of_state(e, target), &err);

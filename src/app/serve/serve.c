@@ -4,6 +4,7 @@
 #include "app/serve/server.h"
 #include "base/cpu.h"
 #include "base/file.h"
+#include "base/load_part.h"
 #include "ctsplat/helper.h"
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +12,8 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 #include <unistd.h>
+
+CTS_PART_DOOR(CtsHttp, cts_http, CTS_HTTP_PART)
 
 /* How often it is looked after clients that have gone. */
 enum { WATCH_MS = 100 };

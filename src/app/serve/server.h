@@ -20,7 +20,7 @@ typedef struct CtsErrand {
     CtsAsked asked;
     CtsShelved *shelved;
     CtsReport report;
-    CtsPictureInfo info;        /* of the first frame, once it is told */
+    CtsPictureInfo info; /* of the first frame, once it is told */
     bool told;
     volatile sig_atomic_t stop; /* nobody waits for it any more */
     bool running;

@@ -1,3 +1,4 @@
+#define _GNU_SOURCE
 #include "app/serve/shelf.h"
 
 #include "base/mem.h"
@@ -99,11 +100,35 @@ static CtsStatus find_states(CtsShelf *shelf, CtsError *err)
     return CTS_OK;
 }
 
-const char *cts_shelf_state(const CtsShelf *shelf, const char *sop_uid)
+char *cts_shelf_path(const char *pattern, const char *uid, const char *more)
 {
+    const char *at = strstr(pattern, CTS_SHELF_PLACE);
+    char *path;
+    if (!at || asprintf(&path, "%.*s%s%s%s", (int)(at - pattern), pattern, uid, at + strlen(CTS_SHELF_PLACE), more) < 0)
+        return NULL;
+    return path;
+}
+
+static bool is_uid(const char *text)
+{
+    const size_t n = strlen(text);
+    return n > 0 && n <= 64 && strspn(text, "0123456789.") == n && text[0] != '.';
+}
+
+char *cts_shelf_state(const CtsShelf *shelf, const char *series_uid, const char *sop_uid)
+{
+    const CtsTextList *const paths = &shelf->options->paths;
+    char name[80], uid[65];
     for (size_t i = 0; i < shelf->n_states; i++)
         if (!strcmp(shelf->states[i].sop_uid, sop_uid))
-            return shelf->states[i].path;
+            return strdup(shelf->states[i].path);
+    snprintf(name, sizeof name, "/%s.dcm", sop_uid);
+    for (int i = 0; i < paths->n && is_uid(series_uid) && is_uid(sop_uid); i++) {
+        char *const path = cts_shelf_path(paths->items[i], series_uid, name);
+        if (path && !cts_state_uid(path, uid, NULL) && !strcmp(uid, sop_uid))
+            return path;
+        free(path);
+    }
     return NULL;
 }
 
@@ -178,12 +203,6 @@ void cts_shelf_sweep(CtsShelf *shelf)
             link = &s->next;
         }
     }
-}
-
-static bool is_uid(const char *text)
-{
-    const size_t n = strlen(text);
-    return n > 0 && n <= 64 && strspn(text, "0123456789.") == n && text[0] != '.';
 }
 
 static bool can_be_had(const CtsShelf *shelf)

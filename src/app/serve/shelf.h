@@ -70,8 +70,12 @@ void cts_shelf_free(CtsShelf *shelf);
 CtsShelved *cts_shelf_by_id(CtsShelf *shelf, const char *id);
 /* By its UIDs; one that is only known to a peer, or to a path with {series_uid} in it, gets its place. */
 CtsStatus cts_shelf_by_uid(CtsShelf *shelf, const char *study_uid, const char *uid, CtsShelved **found, CtsError *err);
-/* The file of a presentation state; NULL for none. */
-const char *cts_shelf_state(const CtsShelf *shelf, const char *sop_uid);
+/* PATH with a series' UID in place of {series_uid}, and more behind it; NULL where it has no such place, or without
+ * memory. */
+char *cts_shelf_path(const char *pattern, const char *uid, const char *more);
+/* The file of a presentation state among the paths, or SOP_UID.dcm in a path with {series_uid}; to be freed with
+ * free(). NULL for none. */
+char *cts_shelf_state(const CtsShelf *shelf, const char *series_uid, const char *sop_uid);
 /* How many slices of a series that is found this object holds. */
 int cts_shelved_count(const CtsShelved *shelved, const char *sop_uid);
 /* The one volume of a study. */

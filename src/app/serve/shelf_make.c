@@ -87,51 +87,30 @@ static void give_up(CtsShelf *shelf, pthread_mutex_t *lock, uint64_t bytes)
     pthread_mutex_unlock(lock);
 }
 
-/* PATH with the series' own UID in it; the caller's to free. */
-static char *path_for(const char *pattern, const char *uid)
+static CtsStatus look_in(const char *path, const CtsSource *source, CtsShelved *s, CtsReport *report, CtsError *err)
 {
-    const char *place = strstr(pattern, CTS_SHELF_PLACE);
-    char *path = malloc(strlen(pattern) + strlen(uid) + 1);
-    if (path)
-        sprintf(path, "%.*s%s%s", (int)(place - pattern), pattern, uid, place + strlen(CTS_SHELF_PLACE));
-    return path;
-}
-
-static CtsStatus find_in_path(const char *pattern, const CtsSource *source, CtsShelved *s, CtsReport *report,
-                              CtsError *err)
-{
-    char *const path = path_for(pattern, s->uid);
-    if (!path)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    CtsStatus st = cts_series_find((const char *const *)&path, 1, source->n_threads, &s->loaded.list, report, err);
-    if (!st)
-        st = cts_series_choose(s->loaded.list, s->uid, &s->loaded.series, err);
-    free(path);
-    return st;
-}
-
-static CtsStatus fetch(const CtsOptions *o, const CtsSource *source, CtsShelved *s, CtsReport *report, CtsError *err)
-{
-    CtsStatus st = cts_net_fetch(&o->from.peer, &o->net, s->study_uid, s->uid, &s->loaded.fetched, report, err);
-    if (!st)
-        st = cts_series_find((const char *const *)&s->loaded.fetched, 1, source->n_threads, &s->loaded.list, report,
-                             err);
+    const CtsStatus st = cts_series_find(&path, 1, source->n_threads, &s->loaded.list, report, err);
     return st ? st : cts_series_choose(s->loaded.list, s->uid, &s->loaded.series, err);
 }
 
 /* Where it may be, one place after the other. */
-static CtsStatus find_on_demand(const CtsOptions *o, const CtsSource *source, CtsShelved *s, CtsReport *report,
+static CtsStatus find_on_demand(const CtsShelf *shelf, const CtsSource *source, CtsShelved *s, CtsReport *report,
                                 CtsError *err)
 {
+    const CtsOptions *const o = shelf->options;
     CtsStatus st = CTS_ERR_NO_SERIES;
+    char *path;
     for (int i = 0; st && i < o->paths.n; i++)
-        if (strstr(o->paths.items[i], CTS_SHELF_PLACE)) {
+        if ((path = cts_shelf_path(o->paths.items[i], s->uid, ""))) {
             cts_loaded_free(&s->loaded);
-            st = find_in_path(o->paths.items[i], source, s, report, err);
+            st = look_in(path, source, s, report, err);
+            free(path);
         }
     if (st && o->from.given) {
         cts_loaded_free(&s->loaded);
-        st = fetch(o, source, s, report, err);
+        st = cts_net_fetch(&o->from.peer, &o->net, s->study_uid, s->uid, &s->loaded.fetched, report, err);
+        if (!st)
+            st = look_in(s->loaded.fetched.folder, source, s, report, err);
     }
     if (!st && strcmp(s->loaded.series->study_uid, s->study_uid))
         st = CTS_ERR_NO_SERIES;
@@ -175,7 +154,7 @@ static CtsStatus read_once(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s
                            CtsReport *report, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    if (!s->series && !(st = find_on_demand(shelf->options, source, s, report, err))) {
+    if (!s->series && !(st = find_on_demand(shelf, source, s, report, err))) {
         pthread_mutex_lock(lock);
         s->series = s->loaded.series;
         pthread_mutex_unlock(lock);

@@ -77,8 +77,8 @@ const CtsOption cts_options[] = {
      NUMBER(render.mm_per_pixel), BOUNDS(MM_PER_PIXEL)},
     {0, "centre", "X,Y,Z", LOOKS, FRESH,
      "what the middle of the picture shows, millimetres in patient coordinates (LPS)", "as --fit says", PARSED(centre)},
-    {0, "series", "UID", PICTURES, SAME, "which series, when PATH holds several",
-     "the one with the most slices", TEXT(series_uid)},
+    {0, "series", "UID", PICTURES, SAME, "which series, when PATH holds several", "the one with the most slices",
+     TEXT(series_uid)},
     {0, "labels", "PATH", PICTURES | ON(SERVE) | ON(INFO), FRESH,
      "segmentations: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "
      "auto: what lies beside the series and refers to it; {series_uid} and * are filled in; may be repeated",

@@ -49,32 +49,36 @@ bool cts_numbers(const char *text, double *values, int n)
     return true;
 }
 
-/* The place of the first length bytes of text among names, or -1. */
-static int find_name(const char *text, size_t length, const char *const *names, int n)
+int cts_name_find(const char *option, const char *text, size_t length, const char *const *names, int n,
+                  const char *more, CtsError *err)
 {
+    char list[CTS_WORD_LISTS_MAX];
+    size_t at = 0;
     for (int i = 0; i < n; i++)
         if (strlen(names[i]) == length && !strncmp(names[i], text, length))
             return i;
+    for (int i = 0; i < n && at < sizeof list; i++)
+        at += (size_t)snprintf(list + at, sizeof list - at, " %s", names[i]);
+    cts_fail(err, CTS_ERR_USAGE, "`%s` %s: not one of:%s%s%s", option, text, list, more,
+             cts_near_name(text, length, names, n).text);
     return -1;
 }
 
 CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err)
 {
-    CtsNear near = {.written = text, .length = strlen(text)};
-    for (int i = 0; i < CTS_N_VIEWS; i++) {
-        if (!strcmp(text, cts_views[i].name)) {
-            *azimuth_deg = cts_views[i].azimuth_deg;
-            *elevation_deg = cts_views[i].elevation_deg;
-            return CTS_OK;
-        }
-        cts_near_try(&near, cts_views[i].name);
-    }
+    const char *names[CTS_N_VIEWS];
     double angles[2];
-    char names[CTS_WORD_LISTS_MAX];
-    if (!cts_numbers(text, angles, 2))
-        return cts_fail(err, CTS_ERR_USAGE,
-                        "`%s` %s: not one of: %s, nor AZIMUTH,ELEVATION in degrees (such as -30,20)%s", option, text,
-                        cts_word_lists("{views}", names), cts_near_hint(&near).text);
+    if (!cts_numbers(text, angles, 2)) {
+        for (int i = 0; i < CTS_N_VIEWS; i++)
+            names[i] = cts_views[i].name;
+        const int view = cts_name_find(option, text, strlen(text), names, CTS_N_VIEWS,
+                                       ", nor AZIMUTH,ELEVATION in degrees (such as -30,20)", err);
+        if (view < 0)
+            return CTS_ERR_USAGE;
+        *azimuth_deg = cts_views[view].azimuth_deg;
+        *elevation_deg = cts_views[view].elevation_deg;
+        return CTS_OK;
+    }
     const CtsBounds *azimuth = cts_setting_bounds(CTS_SETTING_AZIMUTH);
     const CtsBounds *elevation = cts_setting_bounds(CTS_SETTING_ELEVATION);
     if (cts_setting_check(CTS_SETTING_AZIMUTH, angles[0], NULL) ||
@@ -93,15 +97,14 @@ CtsStatus cts_parse_view(CtsOptions *options, const char *text, CtsError *err)
 
 CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err)
 {
-    CtsNear near = {.written = text, .length = strlen(text)};
-    char names[CTS_WORD_LISTS_MAX];
-    for (size_t i = 0; (*format = cts_format(i)); i++) {
-        if (!strcmp(text, (*format)->name))
-            return CTS_OK;
-        cts_near_try(&near, (*format)->name);
-    }
-    return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: not one of: %s%s", option, text, cts_word_lists("{formats}", names),
-                    cts_near_hint(&near).text);
+    enum { MOST = 16 };
+    const char *names[MOST];
+    int n = 0;
+    for (; n < MOST && cts_format((size_t)n); n++)
+        names[n] = cts_format((size_t)n)->name;
+    const int i = cts_name_find(option, text, strlen(text), names, n, "", err);
+    *format = i < 0 ? NULL : cts_format((size_t)i);
+    return i < 0 ? CTS_ERR_USAGE : CTS_OK;
 }
 
 CtsStatus cts_parse_format(CtsOptions *options, const char *text, CtsError *err)
@@ -109,42 +112,44 @@ CtsStatus cts_parse_format(CtsOptions *options, const char *text, CtsError *err)
     return cts_format_of("format", text, &options->format, err);
 }
 
+/* Two whole numbers with a sign between them. */
+static bool pair(const char *text, char between, int value[2])
+{
+    char first[16];
+    const char *sign = strchr(text, between);
+    if (!sign || sign - text >= (ptrdiff_t)sizeof first)
+        return false;
+    snprintf(first, sizeof first, "%.*s", (int)(sign - text), text);
+    return cts_integer(first, &value[0]) && cts_integer(sign + 1, &value[1]);
+}
+
 CtsStatus cts_parse_shard(CtsOptions *options, const char *text, CtsError *err)
 {
-    char shard[16];
-    const size_t n = strcspn(text, "/");
-    int i, n_shards;
-    snprintf(shard, sizeof shard, "%.*s", n < sizeof shard ? (int)n : 0, text);
-    if (!text[n] || !cts_integer(shard, &i) || !cts_integer(text + n + 1, &n_shards) || n_shards < 1 ||
-        n_shards > 100000 || i < 0 || i >= n_shards)
+    int of[2];
+    if (!pair(text, '/', of) || of[1] < 1 || of[1] > 100000 || of[0] < 0 || of[0] >= of[1])
         return cts_fail(err, CTS_ERR_USAGE, "`shard` %s: not I/N with I from 0 to N - 1 (such as 0/8)", text);
-    options->shard = (struct CtsShard){i, n_shards};
+    options->shard = (struct CtsShard){of[0], of[1]};
     return CTS_OK;
 }
 
 CtsStatus cts_parse_size(CtsOptions *options, const char *text, CtsError *err)
 {
-    char width[16];
-    const size_t n = strcspn(text, "x");
-    int w, h;
-    snprintf(width, sizeof width, "%.*s", n < sizeof width ? (int)n : 0, text);
-    if (!text[n] || !cts_integer(width, &w) || !cts_integer(text + n + 1, &h) ||
-        cts_setting_check(CTS_SETTING_WIDTH, w, NULL) || cts_setting_check(CTS_SETTING_HEIGHT, h, NULL))
+    int side[2];
+    if (!pair(text, 'x', side) || cts_setting_check(CTS_SETTING_WIDTH, side[0], NULL) ||
+        cts_setting_check(CTS_SETTING_HEIGHT, side[1], NULL))
         return cts_fail(err, CTS_ERR_USAGE, "`size` %s: not WxH in pixels, 1 to %d each (such as 1024x1024)", text,
                         CTS_MAX_SIDE);
-    options->render.width = w;
-    options->render.height = h;
+    options->render.width = side[0];
+    options->render.height = side[1];
     return CTS_OK;
 }
 
 CtsStatus cts_parse_kernel(CtsOptions *options, const char *text, CtsError *err)
 {
     const size_t n = strcspn(text, ":");
-    char names[CTS_WORD_LISTS_MAX];
-    const int kernel = find_name(text, n, cts_kernel_names, CTS_N_KERNELS);
+    const int kernel = cts_name_find("kernel", text, n, cts_kernel_names, CTS_N_KERNELS, "", err);
     if (kernel < 0)
-        return cts_fail(err, CTS_ERR_USAGE, "`kernel` %s: not one of: %s%s", text, cts_word_lists("{kernels}", names),
-                        cts_near_name(text, n, cts_kernel_names, CTS_N_KERNELS).text);
+        return CTS_ERR_USAGE;
     options->render.kernel = (CtsKernelId)kernel;
     options->render.kernel_radius = 0;
     if (!text[n])
@@ -247,10 +252,9 @@ CtsStatus cts_parse_annotate(CtsOptions *options, const char *text, CtsError *er
         return CTS_OK;
     for (const char *word = text;; word++) {
         const size_t n = strcspn(word, ",");
-        const int which = find_name(word, n, names, N_NAMES);
+        const int which = cts_name_find("annotate", word, n, names, N_NAMES, " (or none)", err);
         if (which < 0)
-            return cts_fail(err, CTS_ERR_USAGE, "`annotate` %s: not a list of: orientation scale labels (or none)%s",
-                            text, cts_near_name(word, n, names, N_NAMES).text);
+            return CTS_ERR_USAGE;
         *which_of[which] = true;
         word += n;
         if (!*word)

@@ -10,6 +10,10 @@ bool cts_integer(const char *text, int *value);
 /* n numbers with commas between them, no more and no fewer. */
 bool cts_numbers(const char *text, double *values, int n);
 
+/* The place of text's first length bytes among n names; -1 where there is none such, and err names them, and more. */
+int cts_name_find(const char *option, const char *text, size_t length, const char *const *names, int n,
+                  const char *more, CtsError *err);
+
 /* A view by its name or its two angles; option: whose argument it is. */
 CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);
 /* Likewise a format by its name. */

@@ -55,20 +55,14 @@ static CtsStatus add_text(CtsTextList *list, const char *text, CtsError *err)
 
 static CtsStatus choose(const CtsOption *o, void *field, const char *text, CtsError *err)
 {
-    char names[256] = "";
-    for (int i = 0; i < o->n_choices; i++) {
-        if (!strcmp(text, o->choices[i])) {
-            if (o->size == sizeof(bool))
-                *(bool *)field = i;
-            else
-                *(int *)field = o->first + i;
-            return CTS_OK;
-        }
-        strncat(names, " ", sizeof names - strlen(names) - 1);
-        strncat(names, o->choices[i], sizeof names - strlen(names) - 1);
-    }
-    return cts_fail(err, CTS_ERR_USAGE, "`%s` %s: not one of:%s%s", o->name, text, names,
-                    cts_near_name(text, strlen(text), o->choices, o->n_choices).text);
+    const int i = cts_name_find(o->name, text, strlen(text), o->choices, o->n_choices, "", err);
+    if (i < 0)
+        return CTS_ERR_USAGE;
+    if (o->size == sizeof(bool))
+        *(bool *)field = i;
+    else
+        *(int *)field = o->first + i;
+    return CTS_OK;
 }
 
 static CtsStatus put(CtsOptions *options, const CtsOption *o, const char *text, CtsError *err)

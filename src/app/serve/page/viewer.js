@@ -133,7 +133,7 @@ function labelBox(label) {
   }});
   const colour = element('i');
   if (label.rgb)
-    colour.style.background = `rgb(${label.rgb.map(x => Math.round(255 * x)).join(' ')})`;
+    colour.style.color = `rgb(${label.rgb.map(x => Math.round(255 * x)).join(' ')})`;
   const text = `${label.name}, ${label.ml.toPrecision(3)} ml`;
   return element('li', {}, element('label', {}, box, ' ', ...(label.rgb ? [colour] : []), text));
 }
