@@ -75,17 +75,12 @@ CtsStatus cts_plan_key(const char *uid, uint64_t *key, CtsError *err)
     return CTS_OK;
 }
 
-static const char *end_of_folder(const char *path)
-{
-    const char *slash = strrchr(path, '/');
-    return slash ? slash : path;
-}
-
 /* FNV-1a: for telling folders apart within one run. */
 static uint64_t folder_key(const char *path)
 {
     uint64_t key = UINT64_C(14695981039346656037);
-    for (const char *c = path, *end = end_of_folder(path); c < end; c++)
+    const char *const slash = strrchr(path, '/');
+    for (const char *c = path; slash && c < slash; c++)
         key = (key ^ (unsigned char)*c) * UINT64_C(1099511628211);
     return key;
 }

@@ -90,7 +90,7 @@ static CtsStatus make_folders(CtsBatchChild *c, CtsError *err)
         struct stat info;
         if (lstat(path, &info) || !S_ISDIR(info.st_mode))
             return cts_fail(err, CTS_ERR_OUTPUT, "%s: is no folder (a link is not followed out of -O)", path);
-        cts_sweep(path, 0);
+        cts_sweep(path, 0, "");
     }
     return CTS_OK;
 }

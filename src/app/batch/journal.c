@@ -87,6 +87,12 @@ static CtsStatus check_locks(const CtsJournal *j, CtsError *err)
     return CTS_OK;
 }
 
+static CtsStatus another_batch(const CtsJournal *j, CtsError *err)
+{
+    return cts_fail(err, CTS_ERR_INTERNAL, "%s: another batch is at work there (wait for it, or choose another -O)",
+                    j->folder);
+}
+
 /* Shards of one and the same number go beside each other; the first writes the number down. */
 static CtsStatus lock_shards(CtsJournal *j, int n_shards, CtsError *err)
 {
@@ -98,8 +104,7 @@ static CtsStatus lock_shards(CtsJournal *j, int n_shards, CtsError *err)
         return flock(j->lock_all, LOCK_SH) ? fail_errno(err, j->folder, "cannot be locked") : CTS_OK;
     }
     if (!try_lock(j->lock_all, LOCK_SH))
-        return cts_fail(err, CTS_ERR_INTERNAL, "%s: another batch is at work there (wait for it, or choose another -O)",
-                        j->folder);
+        return another_batch(j, err);
     if (pread(j->lock_all, text, sizeof text - 1, 0) <= 0 || atoi(text) != n_shards)
         return cts_fail(err, CTS_ERR_INTERNAL, "%s: a batch of %d shards is at work there (--shard I/%d joins it)",
                         j->folder, atoi(text), atoi(text));
@@ -113,10 +118,7 @@ static CtsStatus lock(CtsJournal *j, int shard, int n_shards, CtsError *err)
     if ((st = open_lock(j->folder, ".batch.lock", &j->lock_all, err)))
         return st;
     if (n_shards == 1)
-        return try_lock(j->lock_all, LOCK_EX)
-                   ? CTS_OK
-                   : cts_fail(err, CTS_ERR_INTERNAL,
-                              "%s: another batch is at work there (wait for it, or choose another -O)", j->folder);
+        return try_lock(j->lock_all, LOCK_EX) ? CTS_OK : another_batch(j, err);
     if ((st = lock_shards(j, n_shards, err)))
         return st;
     snprintf(name, sizeof name, ".batch-%d-of-%d.lock", shard, n_shards);

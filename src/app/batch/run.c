@@ -261,7 +261,7 @@ static void sweep_series(const Run *r, const CtsWorker *w)
     for (int deep = 0; deep < 2; deep++)
         if (snprintf(path, sizeof path, "%s/%s%s", r->settings->options->output_dir, w->series.folder,
                      deep ? "/thumbs" : "") < PATH_MAX)
-            cts_sweep(path, w->pid);
+            cts_sweep(path, w->pid, "");
 }
 
 static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage)

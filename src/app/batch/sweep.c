@@ -22,7 +22,7 @@ static pid_t owner_of(const char *name)
     return i > 1 && name[i - 1] == '.' && i < n - 11 ? (pid_t)atol(name + i) : 0;
 }
 
-static void sweep(const char *folder, pid_t pid, const char *prefix)
+void cts_sweep(const char *folder, pid_t pid, const char *prefix)
 {
     const struct dirent *entry;
     DIR *dir = opendir(folder);
@@ -33,11 +33,6 @@ static void sweep(const char *folder, pid_t pid, const char *prefix)
     }
     if (dir)
         closedir(dir);
-}
-
-void cts_sweep(const char *folder, pid_t pid)
-{
-    sweep(folder, pid, "");
 }
 
 /* A folder's name tells its UID, or the key of one that cannot be a name; parts of a UID have a number behind it. */
@@ -63,14 +58,14 @@ void cts_sweep_all(const char *folder, int shard, int n_shards)
         snprintf(prefix, sizeof prefix, ".");
     else
         snprintf(prefix, sizeof prefix, ".batch-%d-of-%d.", shard, n_shards);
-    sweep(folder, 0, prefix);
+    cts_sweep(folder, 0, prefix);
     while (dir && (entry = readdir(dir))) {
         if (!is_mine(entry->d_name, shard, n_shards))
             continue;
         snprintf(path, sizeof path, "%s/%s", folder, entry->d_name);
-        cts_sweep(path, 0);
+        cts_sweep(path, 0, "");
         snprintf(path, sizeof path, "%s/%s/thumbs", folder, entry->d_name);
-        cts_sweep(path, 0);
+        cts_sweep(path, 0, "");
     }
     if (dir)
         closedir(dir);

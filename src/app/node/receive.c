@@ -118,13 +118,6 @@ static _Noreturn void serve(Receiver *r, CtsVisitor *visitor, int socket, pid_t 
     _exit(0);
 }
 
-static void turn_away(Receiver *r, const CtsAddress *address, int socket)
-{
-    close(socket);
-    r->n_turned_away++;
-    r->last_away = *address;
-}
-
 static void take_one(Receiver *r)
 {
     struct sockaddr_storage from = {0};
@@ -140,12 +133,13 @@ static void take_one(Receiver *r)
     const pid_t parent = getpid(), pid = visitor ? fork() : -1;
     if (pid == 0)
         serve(r, visitor, socket, parent);
-    if (pid < 0)
-        turn_away(r, &address, socket);
-    else
+    close(socket);
+    if (pid > 0) {
         visitor->pid = pid;
-    if (pid > 0)
-        close(socket);
+    } else {
+        r->n_turned_away++;
+        r->last_away = address;
+    }
 }
 
 static void give_up(Receiver *r, CtsStatus status)
@@ -154,17 +148,23 @@ static void give_up(Receiver *r, CtsStatus status)
         r->status = status;
 }
 
+/* What came of an object that did not come whole. */
+static void remove_part(const Receiver *r, int place)
+{
+    char path[PATH_MAX];
+    cts_spool_temp(&r->spool, place, path, sizeof path);
+    unlink(path);
+}
+
 static void take_dead(Receiver *r)
 {
     pid_t pid;
     int how;
     while ((pid = waitpid(-1, &how, WNOHANG)) > 0) {
         CtsVisitor *visitor = cts_visits_find(&r->visits, pid);
-        char path[PATH_MAX];
         if (!visitor)
             continue;
-        cts_spool_temp(&r->spool, (int)(visitor - r->visits.visitors), path, sizeof path);
-        unlink(path);
+        remove_part(r, (int)(visitor - r->visits.visitors));
         give_up(r, cts_record_visit(r->record, visitor, how, cts_wall_ms(), r->err));
         visitor->pid = 0;
     }
@@ -228,14 +228,6 @@ static void receive_all(Receiver *r)
     tell_turned_away(r, true);
 }
 
-static CtsStatus check(const CtsReceiveSettings *s, CtsError *err)
-{
-    const CtsStatus st = cts_net_check(NULL, s->net, err);
-    if (st || !s->net->tls_ca || s->net->tls_key)
-        return st;
-    return cts_fail(err, CTS_ERR_USAGE, "`tls-ca` asks peers for certificates, and ours is missing (give `tls-key`)");
-}
-
 static void take_settings(Receiver *r)
 {
     const CtsReceiveSettings *s = r->settings;
@@ -257,11 +249,16 @@ static CtsStatus prepare(Receiver *r, CtsError *err)
     const CtsReceiveSettings *s = r->settings;
     const CtsPeer dimse = {0};
     CtsStatus st;
-    if ((st = check(s, err)) || (st = cts_allow_parse(s->allow, s->n_allow, &r->allow, err)) ||
+    if (s->net->tls_ca && !s->net->tls_key)
+        return cts_fail(err, CTS_ERR_USAGE,
+                        "`tls-ca` asks peers for certificates, and ours is missing (give `tls-key`)");
+    if ((st = cts_net_check(NULL, s->net, err)) || (st = cts_allow_parse(s->allow, s->n_allow, &r->allow, err)) ||
         (st = cts_way_find(&dimse, &r->way, err)) || (st = r->way->accept_check(&r->net, err)) ||
         (st = cts_visits_open(&r->visits, err)) || (st = cts_spool_open(&r->spool, err)) ||
         (st = cts_record_check(r->record, err)))
         return st;
+    for (int i = 0; i < CTS_MOST_VISITS; i++)
+        remove_part(r, i);
     return cts_listen(s->listen, &r->listener, err);
 }
 

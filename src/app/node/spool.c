@@ -6,7 +6,6 @@
 #include "input/header/slice.h"
 #include <errno.h>
 #include <fcntl.h>
-#include <glob.h>
 #include <limits.h>
 #include <stdio.h>
 #include <string.h>
@@ -20,17 +19,6 @@ void cts_spool_temp(const CtsSpool *spool, int i, char *path, size_t size)
     snprintf(path, size, "%s/.visitor-%d.tmp", spool->folder, i);
 }
 
-static void sweep(const CtsSpool *spool)
-{
-    char pattern[PATH_MAX];
-    glob_t found;
-    snprintf(pattern, sizeof pattern, "%s/.visitor-*.tmp", spool->folder);
-    if (!glob(pattern, 0, NULL, &found))
-        for (size_t i = 0; i < found.gl_pathc; i++)
-            unlink(found.gl_pathv[i]);
-    globfree(&found);
-}
-
 CtsStatus cts_spool_open(CtsSpool *spool, CtsError *err)
 {
     spool->lock = -1;
@@ -42,7 +30,6 @@ CtsStatus cts_spool_open(CtsSpool *spool, CtsError *err)
     if (flock(spool->lock, LOCK_EX | LOCK_NB))
         return cts_fail(err, CTS_ERR_INTERNAL, "%s: another receiver is at work there (choose another -O)",
                         spool->folder);
-    sweep(spool);
     return CTS_OK;
 }
 

@@ -12,8 +12,8 @@ typedef struct CtsSpool {
     int lock;
 } CtsSpool;
 
-/* Makes the folder (0750) where it is missing, locks it, and removes what a receiver that was killed has left.
- * CTS_ERR_INTERNAL when another receiver is at work there. */
+/* Makes the folder (0750) where it is missing, and locks it. CTS_ERR_INTERNAL when another receiver is at work there.
+ */
 CtsStatus cts_spool_open(CtsSpool *spool, CtsError *err);
 void cts_spool_close(CtsSpool *spool);
 /* The path of visitor i's object while it comes. */

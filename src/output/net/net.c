@@ -147,17 +147,13 @@ static int by_text(const void *a, const void *b)
 /* Whether one object that came is of what was asked for. What is no CT goes into no picture. */
 static CtsStatus compare(const CtsObject *object, const CtsRequest *request, CtsError *err)
 {
-    if (!object->n_slices)
+    const CtsSlice *const slice = object->n_slices ? object->slices[0] : NULL;
+    const bool other_study = slice && strcmp(slice->identity[CTS_STUDY_UID], request->study_uid);
+    if (!other_study && (!slice || !request->series_uid || !strcmp(slice->series_uid, request->series_uid)))
         return CTS_OK;
-    if (strcmp(object->slices[0]->identity[CTS_STUDY_UID], request->study_uid) != 0)
-        return cts_fail(
-            err, CTS_ERR_READ,
-            "the peer sent an object of another study than it was asked for (StudyInstanceUID (0020,000D))");
-    if (request->series_uid && strcmp(object->slices[0]->series_uid, request->series_uid) != 0)
-        return cts_fail(
-            err, CTS_ERR_READ,
-            "the peer sent an object of another series than it was asked for (SeriesInstanceUID (0020,000E))");
-    return CTS_OK;
+    return cts_fail(err, CTS_ERR_READ, "the peer sent an object of another %s than it was asked for (%s)",
+                    other_study ? "study" : "series",
+                    other_study ? "StudyInstanceUID (0020,000D)" : "SeriesInstanceUID (0020,000E)");
 }
 
 /* What came against what was asked for: every object, and how many there are that differ. */
