@@ -24,8 +24,8 @@
  * worth (render/error/bound.h).
  *
  * LIGHT is no polynomial. It adds to a ray without changing its depth, so that stretches wait for it in a queue until
- * vectors are full, and in another where they are to be lit in steps (light_tmpl.h). What came of the two is added at
- * last, since which is emptied first depends on how many lanes there are. */
+ * vectors are full, and in others where they are to be lit in steps (light_tmpl.h). What came of each is added at last,
+ * since which is emptied first depends on how many lanes there are. */
 #ifndef CTS_TILED_CELLS_H
 #define CTS_TILED_CELLS_H
 
@@ -59,7 +59,7 @@ typedef struct TiledJob {
 } TiledJob;
 
 /* Rays are taken in lists. Ray i starts inside the box at start_vox[.][i] and ends length_mm[i] further on. */
-enum { TILED_RAYS = 1024 };
+enum { TILED_RAYS = 1024, TILED_TURNING = 3 };
 typedef struct TiledRays {
     int n;
     uint16_t x[TILED_RAYS], y[TILED_RAYS];
@@ -69,7 +69,7 @@ typedef struct TiledRays {
     int meets[3][TILED_RAYS];                       /* and in which cell */
     float rgba[TILED_RAYS][4];                      /* found, with what follows */
     float bound[TILED_RAYS], lit_bound[TILED_RAYS]; /* the latter of its light, part of the former */
-    float turned[TILED_RAYS][4];                    /* what was lit in steps, and its bound */
+    float turned[TILED_TURNING][TILED_RAYS][4];     /* what was lit in steps, and its bound */
     float left[TILED_RAYS];                         /* light, of rays that have ended before the box does */
     float depth_mm[TILED_RAYS];                     /* where wanted */
 } TiledRays;
@@ -104,7 +104,9 @@ void cts_tiled_march_exact(const TiledJob *job, TiledRays *rays, TiledCounts *co
 void cts_tiled_march_exact_avx2(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 void cts_tiled_march_exact_avx512(const TiledJob *job, TiledRays *rays, TiledCounts *counts);
 
-/* Adds the ray of pixel (x, y), unless it misses the box. */
-void cts_tiled_add_ray(const TiledJob *job, TiledRays *rays, int x, int y);
+/* Adds the ray of pixel (x, y), unless it misses the box. from_mm is counted from the plane through the view centre. */
+void cts_tiled_add_ray(const TiledJob *job, TiledRays *rays, int x, int y, double from_mm);
+/* No ray of the pixels from x[0], y[0] to x[1], y[1] meets anything before so far; INFINITY: none meets anything. */
+double cts_tiled_reach_mm(const TiledJob *job, const int x[2], const int y[2]);
 
 #endif

@@ -35,7 +35,12 @@ typedef struct Packet {
     vf edge;
     int owned[LANES][3]; /* the cells that edges were looked for in */
     int ray[LANES];
+    /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, and its centre in mm. */
+    vf faint_colour[3], faint_weight, faint_centre;
 } Packet;
+
+/* Packets take turns: while one waits for voxels the processor goes on with the other. */
+enum { PACKETS = 2 };
 
 typedef struct March {
     const TiledJob *job;
@@ -45,7 +50,7 @@ typedef struct March {
     int next; /* ray */
     real step[3], inverse[3], far[3], tolerance, dark, touch, least_lit, turn, sharp;
     whole ahead[3], behind[3];
-    Packet p;
+    Packet packet[PACKETS], *p; /* the one whose turn it is */
 } March;
 
 /* One cubic of the field along a piece, by its Bernstein numbers. */
@@ -68,7 +73,7 @@ typedef struct Faces {
 /* What rays have around them: a cell that may show something, or one that does not, or so many blocks of them. */
 INLINE Faces find_faces(const March *m)
 {
-    const Packet *const p = &m->p;
+    const Packet *const p = m->p;
     Faces f;
     const vi word = load_words(&m->job->mask, p->cell, p->active);
     const vmask far = ~vi_above(word, vi_of(TILED_FAR));
@@ -87,7 +92,7 @@ INLINE Faces find_faces(const March *m)
 /* Rays go on to the nearest face, and into the cell behind it. */
 INLINE void move(March *m, const Faces *f, vmask moving)
 {
-    Packet *const p = &m->p;
+    Packet *const p = m->p;
     const bool leaps = bits_of(f->leaping);
     vmask outside = vf_le(p->end, f->nearest);
     for (int a = 0; a < 3; a++) {
@@ -118,7 +123,7 @@ INLINE void load_pairs(const TiledJob *j, const vi cell[3], vmask lanes, vi pair
 /* The field from `from` to `to` within the cell, both mm. */
 INLINE Cubic load_cubic(const March *m, vmask lanes, vf from, vf to)
 {
-    const Packet *const p = &m->p;
+    const Packet *const p = m->p;
     vi pair[4];
     vf e[3][2], low[4], rise[4], f[2][2], d[2][2];
     load_pairs(m->job, p->cell, lanes, pair);
@@ -164,11 +169,11 @@ typedef struct Cuts {
 INLINE Cuts find_cuts(const March *m, const Cubic *c, vmask lanes, vf length)
 {
     const TiledPieces *const t = m->pieces;
-    const vf weight = length * m->p.light;
+    const vf weight = length * m->p->light;
     const vf inner_low = vf_min(vf_min(c->b[1], c->b[2]), c->b[3]), low = vf_min(inner_low, c->b[0]);
     const vf inner_high = vf_max(vf_max(c->b[1], c->b[2]), c->b[3]), high = vf_max(inner_high, c->b[0]);
     /* What a ray was just cut at it touches, where it starts. */
-    const vf touch_low = select_f(m->p.fresh, inner_low, low), touch_high = select_f(m->p.fresh, inner_high, high);
+    const vf touch_low = select_f(m->p->fresh, inner_low, low), touch_high = select_f(m->p->fresh, inner_high, high);
     Cuts cuts = {.wrong = vf_of(0), .all = mask_of(0), .halve = mask_of(0)};
     for (int k = CTS_MUTATED(KNOT_OFF); k < t->n_changes; k++) {
         const real knot = change_of(t, k), jump = (real)t->jump[k], bend = (real)0.15f * (real)t->bend[k];
@@ -183,7 +188,7 @@ INLINE Cuts find_cuts(const March *m, const Cubic *c, vmask lanes, vf length)
         const vmask cut = CTS_MUTATED(CUTS) ? mask_of(0) : passes & vf_lt(vf_of(m->tolerance), worth);
         const vf beside = vf_min(knot - touch_low, touch_high - knot);
         const vmask touches = near & vf_lt(vf_of(-m->touch), beside) & vf_lt(beside, vf_of(m->touch));
-        cuts.wrong += select_f((passes | touches) & ~cut, vf_min(2 * worth, m->p.light), vf_of(0));
+        cuts.wrong += select_f((passes | touches) & ~cut, vf_min(2 * worth, m->p->light), vf_of(0));
         if (many && !bits_of(cut))
             continue;
         if (cuts.n == MOST_CUTS) {
@@ -267,7 +272,7 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
         if (!bits_of(again))
             break;
         if (i == HALVINGS) { /* it may well only touch */
-            cuts->wrong += select_f(again, m->p.light, vf_of(0));
+            cuts->wrong += select_f(again, m->p->light, vf_of(0));
             break;
         }
         halve(c, length, again);
@@ -287,7 +292,7 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
         const vf at = find_root(shifted, at_end, ROUNDED_BY * m->touch, &off);
         const vf worth = off * *length * (real)m->pieces->jump[cuts->knot[i]];
         root = select_f(crosses, vf_min(root, vf_max(at, least)), root);
-        cuts->wrong += select_f(crosses, m->p.light * vf_min(worth, vf_of(1)), vf_of(0));
+        cuts->wrong += select_f(crosses, m->p->light * vf_min(worth, vf_of(1)), vf_of(0));
     }
     *at_knot = vf_lt(root, vf_of(1 - LEAST_SHARE));
     root = select_f(*at_knot, root, vf_of(1));
@@ -381,7 +386,7 @@ INLINE Effect integrate(const March *m, const Cubic *c, vf length)
     const vf clear = 1 - vf_min(vf_max(e.at[0].opacity, e.at[1].opacity), vf_of((real)0.999f));
     const vf bend = 6 * bent * vf_max(e.at[0].rise, e.at[1].rise) / clear;
     const vf off = (real)0.0375f * turn2 * turn2 + bend * ((real)(1 / 1440.0) * bend + (real)(1 / 120.0) * turn2);
-    e.wrong = m->p.light * (by_log * length * off * (1 - e.taken[0]) +
+    e.wrong = m->p->light * (by_log * length * off * (1 - e.taken[0]) +
                             (real)1.73f * apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
     return e;
 }
@@ -408,7 +413,7 @@ OUTLINE void find_surface(Packet *p, const Effect *e, vf length, vmask lanes)
 INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
 {
     const TiledJob *const j = m->job;
-    Packet *const p = &m->p;
+    Packet *const p = m->p;
     const vf all = vf_min(leave, p->end), to = vf_min(all, vf_min(p->until, p->edge));
     vf length = to - p->at;
     Cubic cubic = load_cubic(m, lanes, p->at, to);
@@ -449,7 +454,7 @@ OUTLINE vmask take_pieces(March *m, Lit *lit, vmask lanes, vf leave)
     find_looks(m, lanes);
     for (unsigned left = bits_of(lanes); left;) {
         const vmask alike = first_alike(m, left);
-        m->pieces = &m->job->looks->pieces[m->p.look[__builtin_ctz(left)]];
+        m->pieces = &m->job->looks->pieces[m->p->look[__builtin_ctz(left)]];
         stay |= take_piece(m, lit, alike, leave);
         left &= ~bits_of(alike);
     }
@@ -460,20 +465,20 @@ OUTLINE vmask take_pieces(March *m, Lit *lit, vmask lanes, vf leave)
 INLINE void step(March *m, Lit *lit)
 {
     const Faces f = find_faces(m);
-    const int showing = count(bits_of(f.shows)), all = count(bits_of(m->p.active));
+    const int showing = count(bits_of(f.shows)), all = count(bits_of(m->p->active));
     vmask stay = f.shows;
     if (4 * showing >= 3 * all) {
         m->counts->pieces += (uint64_t)showing;
         stay = m->job->looks ? take_pieces(m, lit, f.shows, f.nearest) : take_piece(m, lit, f.shows, f.nearest);
     }
     m->counts->skips += (uint64_t)(all - showing);
-    move(m, &f, m->p.active & ~stay);
+    move(m, &f, m->p->active & ~stay);
 }
 
 /* What a ray has found is told. */
 INLINE void end_ray(const March *m, int lane)
 {
-    const Packet *const p = &m->p;
+    const Packet *const p = m->p;
     const int i = p->ray[lane];
     if (i < 0)
         return;
@@ -490,7 +495,7 @@ INLINE void end_ray(const March *m, int lane)
 
 static void begin_ray(March *m, int lane, int i)
 {
-    Packet *const p = &m->p;
+    Packet *const p = m->p;
     const TiledRays *const r = m->rays;
     p->ray[lane] = i;
     for (int a = 0; a < 3; a++) {
@@ -508,7 +513,7 @@ static void begin_ray(March *m, int lane, int i)
 /* Side by side rays go to where each first meets something, before their ways part. */
 OUTLINE void approach(March *m)
 {
-    Packet *const p = &m->p;
+    Packet *const p = m->p = m->packet;
     TiledRays *const r = m->rays;
     r->n_meeting = 0;
     for (int first = 0; first < r->n; first += LANES) {
@@ -542,15 +547,17 @@ OUTLINE void approach(March *m)
                 r->meets[a][first + l] = (int)p->cell[a][l];
         }
     }
-    p->active = mask_of(0);
-    for (int l = 0; l < LANES; l++)
-        p->ray[l] = -1;
+    for (int i = 0; i < PACKETS; i++) {
+        m->packet[i].active = mask_of(0);
+        for (int l = 0; l < LANES; l++)
+            m->packet[i].ray[l] = -1;
+    }
 }
 
 /* Lanes whose rays have ended take others. */
 OUTLINE void refill(March *m, Lit *lit)
 {
-    Packet *const p = &m->p;
+    Packet *const p = m->p;
     unsigned begun = 0;
     const unsigned active = bits_of(p->active);
     for (int l = 0; l < LANES; l++) {
@@ -571,18 +578,24 @@ OUTLINE void refill(March *m, Lit *lit)
 
 static void march_rays(March *m, Lit *lit)
 {
+    bool any;
     approach(m);
-    for (;;) {
-        int active = count(bits_of(m->p.active));
-        if (active <= LANES * 3 / 4 && m->next < m->rays->n_meeting) {
-            refill(m, lit);
-            active = count(bits_of(m->p.active));
+    do {
+        any = false;
+        for (m->p = m->packet; m->p < m->packet + PACKETS; m->p++) {
+            int active = count(bits_of(m->p->active));
+            if (active <= LANES * 3 / 4 && m->next < m->rays->n_meeting) {
+                refill(m, lit);
+                active = count(bits_of(m->p->active));
+            }
+            if (!active)
+                continue;
+            step(m, lit);
+            any = true;
         }
-        if (!active)
-            break;
-        step(m, lit);
-    }
-    refill(m, lit);
+    } while (any);
+    for (m->p = m->packet; m->p < m->packet + PACKETS; m->p++)
+        refill(m, lit);
 }
 
 INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
@@ -606,7 +619,8 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         m.dark = (real)0.25f;
     for (int i = 0; i < rays->n; i++)
         rays->rgba[i][0] = rays->rgba[i][1] = rays->rgba[i][2] = rays->lit_bound[i] = 0;
-    memset(rays->turned, 0, (size_t)rays->n * sizeof *rays->turned);
+    for (int kind = 0; kind < TILED_TURNING; kind++)
+        memset(rays->turned[kind], 0, (size_t)rays->n * sizeof *rays->turned[kind]);
     if (!j->shade) {
         march_rays(&m, NULL);
     } else {
@@ -618,9 +632,12 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         light_up(&m, &lit, true);
     }
     for (int i = 0; i < rays->n; i++) {
-        rays->bound[i] += rays->lit_bound[i] + rays->turned[i][3];
-        for (int c = 0; c < 3; c++)
-            rays->rgba[i][c] += rays->turned[i][c];
+        rays->bound[i] += rays->lit_bound[i];
+        for (int kind = 0; kind < TILED_TURNING; kind++) {
+            for (int c = 0; c < 3; c++)
+                rays->rgba[i][c] += rays->turned[kind][i][c];
+            rays->bound[i] += rays->turned[kind][i][3];
+        }
         /* What a ray has left when it ends is taken to show what it showed before. */
         const float all = 1 / (1 - rays->left[i]);
         for (int c = 0; c < 4 && rays->left[i] > 0; c++)

@@ -23,9 +23,7 @@ typedef struct Waiting {
 } Waiting;
 
 typedef struct Lit {
-    Waiting wait, turning; /* the latter to be lit in steps */
-    /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, and its centre in mm. */
-    vf colour[3], weight, centre;
+    Waiting wait, turning[TILED_TURNING]; /* the latter to be lit in steps, by how many these may be */
 } Lit;
 
 typedef struct Direction {
@@ -193,10 +191,11 @@ INLINE vmask waits_alike(const Waiting *all, int first, unsigned lanes)
     return mask_of(alike);
 }
 
-/* The first n of those that turn, in steps. */
-OUTLINE void light_turning(const March *m, Waiting *turning, int n)
+/* The first n of those of a kind that turn, in steps. */
+OUTLINE void light_turning(const March *m, Lit *lit, int kind, int n)
 {
     const TiledJob *const j = m->job;
+    Waiting *const turning = &lit->turning[kind];
     const vmask lanes = mask_of((1u << n) - 1);
     const Wait w = load_wait(turning, 0);
     Corners k;
@@ -210,8 +209,17 @@ OUTLINE void light_turning(const March *m, Waiting *turning, int n)
     }
     for (int l = 0; l < n; l++)
         for (int c = 0; c < 4; c++)
-            m->rays->turned[turning->ray[l]][c] += (float)sum[c][l];
+            m->rays->turned[kind][turning->ray[l]][c] += (float)sum[c][l];
     leave_waiting(turning, n);
+}
+
+/* Steps that turn by less are that much shorter: stretches are lit beside such as take about as many. */
+INLINE int kind_of_turning(const March *m, real turn)
+{
+    int kind = 0;
+    for (real most = 8 * m->turn; kind + 1 < TILED_TURNING && turn > most; most *= 8)
+        kind++;
+    return kind;
 }
 
 static void move_waiting(Waiting *to, const Waiting *from, int i)
@@ -240,15 +248,16 @@ OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
     for (int l = 0; l < n; l++) {
         const int ray = lit->wait.ray[first + l];
         if (bits_of(turns) >> l & 1) {
-            move_waiting(&lit->turning, &lit->wait, first + l);
+            move_waiting(&lit->turning[kind_of_turning(m, turn[l])], &lit->wait, first + l);
             continue;
         }
         for (int c = 0; c < 3; c++)
             m->rays->rgba[ray][c] += (float)(w.colour[c][l] * glow.colour[l] + w.weight[l] * glow.white[l]);
         m->rays->lit_bound[ray] += bits_of(stretch) >> l & 1 ? (float)((real)0.25f * turn[l]) : 0;
     }
-    if (lit->turning.n >= LANES)
-        light_turning(m, &lit->turning, LANES);
+    for (int kind = 0; kind < TILED_TURNING; kind++)
+        if (lit->turning[kind].n >= LANES)
+            light_turning(m, lit, kind, LANES);
 }
 
 /* Lights what waits, as far as it fills vectors; all of it at the end. */
@@ -262,8 +271,9 @@ OUTLINE void light_up(March *m, Lit *lit, bool all)
         light_some(m, lit, done, lit->wait.n - done);
         done = lit->wait.n;
     }
-    if (all && lit->turning.n > 0)
-        light_turning(m, &lit->turning, lit->turning.n);
+    for (int kind = 0; kind < TILED_TURNING && all; kind++)
+        if (lit->turning[kind].n > 0)
+            light_turning(m, lit, kind, lit->turning[kind].n);
     m->counts->lit += (uint64_t)done;
     leave_waiting(&lit->wait, done);
     m->counts->shade_ticks += cts_tiled_ticks() - begun;
@@ -272,11 +282,11 @@ OUTLINE void light_up(March *m, Lit *lit, bool all)
 /* The lane's faint pieces are lit at their centre. */
 OUTLINE void end_pending(March *m, Lit *lit, int lane)
 {
-    const Packet *const p = &m->p;
-    if (p->ray[lane] < 0 || !(lit->weight[lane] > 0))
+    Packet *const p = m->p;
+    if (p->ray[lane] < 0 || !(p->faint_weight[lane] > 0))
         return;
     const int i = lit->wait.n++;
-    const real mm = lit->centre[lane] / lit->weight[lane];
+    const real mm = p->faint_centre[lane] / p->faint_weight[lane];
     lit->wait.ray[i] = p->ray[lane];
     lit->wait.look[i] = CTS_LOOK_PRESET; /* a point is taken in no steps */
     for (int a = 0; a < 3; a++) {
@@ -284,12 +294,12 @@ OUTLINE void end_pending(March *m, Lit *lit, int lane)
         const int last = m->job->n_cells[a] - 1, cell = vox < 0 ? 0 : vox < (real)last ? (int)vox : last;
         lit->wait.field[WAIT_CELL + a][i] = (real)cell;
         lit->wait.field[WAIT_ENTER + a][i] = lit->wait.field[WAIT_LEAVE + a][i] = vox - (real)cell;
-        lit->wait.field[WAIT_COLOUR + a][i] = lit->colour[a][lane];
-        lit->colour[a][lane] = 0;
+        lit->wait.field[WAIT_COLOUR + a][i] = p->faint_colour[a][lane];
+        p->faint_colour[a][lane] = 0;
     }
-    lit->wait.field[WAIT_WEIGHT][i] = lit->weight[lane];
+    lit->wait.field[WAIT_WEIGHT][i] = p->faint_weight[lane];
     lit->wait.field[WAIT_CENTRE][i] = lit->wait.field[WAIT_LIGHT][i] = lit->wait.field[WAIT_LENGTH][i] = 0;
-    lit->weight[lane] = lit->centre[lane] = 0;
+    p->faint_weight[lane] = p->faint_centre[lane] = 0;
     if (lit->wait.n > WAITING - 2 * LANES)
         light_up(m, lit, false);
 }
@@ -298,17 +308,17 @@ OUTLINE void end_pending(March *m, Lit *lit, int lane)
 INLINE void await_light(March *m, Lit *lit, const Effect *e, const vf weight[2], const vf colour[3], vf length,
                         vmask lanes)
 {
-    const Packet *const p = &m->p;
+    Packet *const p = m->p;
     const vf all = weight[0] + weight[1], second = weight[1] / vf_max(all, vf_of((real)1e-30f));
     const vf first_half = centre_of((real)M_LN2 * e->depth[0]), second_half = centre_of((real)M_LN2 * e->depth[1]);
     const vf centre = (real)0.5f * (first_half + second * (1 + second_half - first_half));
     const vmask bright = lanes & vf_le(vf_of(m->least_lit), all),
                 faint = CTS_MUTATED(FAINT) ? mask_of(0) : lanes & ~bright;
     for (int c = 0; c < 3; c++)
-        lit->colour[c] += select_f(faint, colour[c], vf_of(0));
-    lit->weight += select_f(faint, all, vf_of(0));
-    lit->centre += select_f(faint, all * (p->at + centre * length), vf_of(0));
-    unsigned due = bits_of(bright | (faint & vf_le(vf_of(m->least_lit), lit->weight)));
+        p->faint_colour[c] += select_f(faint, colour[c], vf_of(0));
+    p->faint_weight += select_f(faint, all, vf_of(0));
+    p->faint_centre += select_f(faint, all * (p->at + centre * length), vf_of(0));
+    unsigned due = bits_of(bright | (faint & vf_le(vf_of(m->least_lit), p->faint_weight)));
     if (!due)
         return;
     const unsigned now = bits_of(bright);

@@ -10,7 +10,7 @@ static double within(double x)
 OUTLINE void find_edge(March *m, int l)
 {
     const TiledJob *const j = m->job;
-    Packet *const p = &m->p;
+    Packet *const p = m->p;
     int *const cell = p->owned[l];
     double start[3], from[3], to[3], at = (double)p->at[l], leave = (double)FAR_MM;
     CtsStretch stretch[CTS_CELL_STRETCHES];
@@ -35,7 +35,7 @@ OUTLINE void find_edge(March *m, int l)
 
 INLINE void find_looks(March *m, vmask lanes)
 {
-    Packet *const p = &m->p;
+    Packet *const p = m->p;
     const TiledMask *const mask = &m->job->mask;
     const vi block = ((p->cell[2] >> 2) * mask->n[1] + (p->cell[1] >> 2)) * mask->n[0] + (p->cell[0] >> 2);
     const vi look = load_bytes(m->job->looks->owners->block, block, lanes);
@@ -53,6 +53,6 @@ INLINE void find_looks(March *m, vmask lanes)
 /* Those of the lanes that look like the first of them. */
 INLINE vmask first_alike(const March *m, unsigned lanes)
 {
-    const vi look = vi_of(m->p.look[__builtin_ctz(lanes)]);
-    return mask_of(lanes) & ~(vi_lt(m->p.look, look) | vi_lt(look, m->p.look));
+    const vi look = vi_of(m->p->look[__builtin_ctz(lanes)]);
+    return mask_of(lanes) & ~(vi_lt(m->p->look, look) | vi_lt(look, m->p->look));
 }

@@ -100,7 +100,7 @@ typedef struct Tolerances {
     double touch_hu; /* levels are known to so many */
     double alike;    /* pixels that differ by less stand for those between them */
 } Tolerances;
-static const Tolerances fast = {1.5, 1, 1.5, 1, 0.1, 5}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7, 0};
+static const Tolerances fast = {4, 3, 2.5, 2, 0.1, 5}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7, 0};
 /* Of a smaller error hardly any pixels are so much alike, and rays side by side are marched faster; and pixels further
  * apart than voxels hide what is between them. */
 static const double ALIKE_FROM = 5.0 / 255;
@@ -266,7 +266,8 @@ static void run_some_again(void *context, int worker, size_t first, size_t end)
             const uint32_t at = a->place[first];
             memset(a->rgba[first], 0, sizeof a->rgba[first]);
             which[rays->n] = first; /* stays only where the ray does not miss the box */
-            cts_tiled_add_ray(a->job, rays, (int)(at % width), a->band->first_row + (int)(at / width));
+            cts_tiled_add_ray(a->job, rays, (int)(at % width), a->band->first_row + (int)(at / width),
+                              -INFINITY);
         }
         a->march(a->job, rays, &a->scratch[worker].counts);
         for (int i = 0; i < rays->n; i++)

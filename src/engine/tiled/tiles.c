@@ -8,7 +8,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { TILE = 32, SQUARE = 4, SQUARES = TILE / SQUARE };
+enum { TILE = 32, SQUARE = 4, SQUARES = TILE / SQUARE, PART = TILE / 4 };
 _Static_assert(TILE *TILE == TILED_RAYS, "a tile is a list of rays");
 _Static_assert(CTS_BAND_ROWS % TILE == 0, "a band of rows is whole tiles, or the picture would depend on it");
 
@@ -27,6 +27,7 @@ typedef struct Tile {
     TiledScratch *scratch;
     int x0, y0, n[2];
     uint8_t known[TILE][TILE];
+    double reach_mm[TILE / PART][TILE / PART]; /* of parts of it: where their rays may begin */
 } Tile;
 
 static int at_most(int n, int most)
@@ -44,7 +45,8 @@ static void list_pixel(Tile *t, int x, int y)
     if (t->known[y][x])
         return;
     t->known[y][x] = true;
-    cts_tiled_add_ray(t->tiles->job, &t->scratch->rays, t->x0 + x, t->tiles->picture->first_row + t->y0 + y);
+    cts_tiled_add_ray(t->tiles->job, &t->scratch->rays, t->x0 + x, t->tiles->picture->first_row + t->y0 + y,
+                      t->reach_mm[y / PART][x / PART]);
 }
 
 static void march_listed(Tile *t)
@@ -62,6 +64,17 @@ static void march_listed(Tile *t)
             p->depth_mm[at] = rays->depth_mm[i];
     }
     rays->n = 0;
+}
+
+static void find_reach(Tile *t)
+{
+    const int first_row = t->tiles->picture->first_row;
+    for (int j = 0; j < TILE / PART; j++)
+        for (int i = 0; i < TILE / PART; i++) {
+            const int x = t->x0 + i * PART, y = first_row + t->y0 + j * PART;
+            t->reach_mm[j][i] =
+                cts_tiled_reach_mm(t->tiles->job, (const int[]){x, x + PART - 1}, (const int[]){y, y + PART - 1});
+        }
 }
 
 /* A square's corners belong to its neighbours too; the last pixels of a tile end its last squares. */
@@ -214,7 +227,8 @@ static void run_some_tiles(void *context, int worker, size_t first, size_t end)
         const int x0 = (int)tile % tiles->across * TILE, y0 = (int)tile / tiles->across * TILE;
         Tile t = {
             tiles,    &tiles->scratch[worker], x0, y0, {at_most(p->width - x0, TILE), at_most(p->height - y0, TILE)},
-            {{false}}};
+            {{false}}, {{0}}};
+        find_reach(&t);
         t.scratch->rays.n = 0;
         (draft ? run_draft : run_whole)(&t);
     }
