@@ -126,7 +126,7 @@ static void test_body(void **state)
     assert_non_null(v->body);
     check_body(v, CTS_MODE_MINIP, -900, 2, NAN);
     /* A ray through the middle has 20 mm of lung on either side, and flesh to 3 mm under the skin at 45 mm. */
-    check_body(v, CTS_MODE_AVERAGE, 40 - 940 * 20.0 / 41.5, 15, NAN);
+    check_body(v, CTS_MODE_AVERAGE, 40 - 940 * 20.0 / 42, 15, NAN);
     check_body(v, CTS_MODE_MIP, 40, 1, -1000);
     assert_int_equal(cts_volume_quantise(v, 12, -1024, 1000, 2, &q, &err), CTS_OK);
     check_body(q, CTS_MODE_MINIP, -900, 2, NAN);

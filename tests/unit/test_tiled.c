@@ -418,28 +418,23 @@ static void modes_exact(void **state)
     }
 }
 
-/* A body of random squares, in sections across each axis, that begins before the volume. */
+/* A body of random shares, with nodes further apart along one axis, that begins before the volume. */
 static void give_body(CtsVolume *v, int across, unsigned seed)
 {
-    assert_int_equal(cts_alloc_zeroed(&v->body, 1, NULL), CTS_OK);
-    CtsBodyMask *const body = v->body;
-    *body = (CtsBodyMask){.axis = {across == 0, across == 2 ? 1 : 2, across}, .n_slices = 3, .parts = 1 + across / 2};
-    int dims[3];
-    for (int n = 0; n < 3; n++) {
-        const int axis = body->axis[n];
-        body->first[axis] = 2 + axis;
-        dims[n] = (axis == 2 ? v->dims[2] / body->parts + 1 : v->dims[axis]) + body->first[axis];
+    int n[3], step[3], first[3];
+    for (int a = 0; a < 3; a++) {
+        step[a] = a == across ? 4 : 3;
+        first[a] = 2 + a;
+        n[a] = (v->dims[a] - 1 + first[a] + step[a] - 1) / step[a] + 1;
     }
-    dims[2] = dims[2] / body->n_slices + 1;
-    assert_int_equal(cts_bits_new(&body->squares, dims, NULL), CTS_OK);
-    for (int k = 0; k < dims[2]; k++)
-        for (int j = 0; j < dims[1]; j++)
-            for (int i = 0; i < dims[0]; i++) {
-                seed = seed * 1664525 + 1013904223;
-                /* Whole stretches with and without, and a ragged one between. */
-                if (i > 3 * dims[0] / 5 || (i > dims[0] / 4 && seed >> 30))
-                    cts_bits_set(&body->squares, i, j, k);
-            }
+    assert_int_equal(cts_body_mask_new(&v->body, n, step, NULL), CTS_OK);
+    memcpy(v->body->first, first, sizeof first);
+    for (int at = 0; at < n[0] * n[1] * n[2]; at++) {
+        seed = seed * 1664525 + 1013904223;
+        /* Whole stretches with and without, and a ragged one between. */
+        const int i = at % n[0];
+        v->body->share[at] = i > 3 * n[0] / 5 ? 255 : i > n[0] / 4 ? (uint8_t)(seed >> 24) : 0;
+    }
 }
 
 /* mip, minip and average by packets: the same bytes on every path, and what each ray by itself gives. */

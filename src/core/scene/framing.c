@@ -5,6 +5,7 @@
 #include "base/parallel.h"
 #include "base/vec3.h"
 #include "core/scene/view.h"
+#include "core/volume/body_mask.h"
 #include "core/volume/macrocells.h"
 #include "core/volume/owners.h"
 #include <math.h>
@@ -15,7 +16,8 @@
 #define FILLED 0.9
 /* Parts of what is shown that have less than this share of it are specks. */
 #define SPECK 0.001
-/* Shown is what takes away 1/16 of the light: less is haze. Where nothing does, what 8 bits hold is shown. */
+/* Shown is what takes away 1/16 of the light: less is haze. Where nothing does, what 8 bits hold is shown; and in minip
+ * and average, where no ray as a whole is brighter than black, what by itself is. */
 static const double LEAST_OPACITY[] = {1.0 / 16, 1.0 / 255};
 enum { N_LEAST = sizeof LEAST_OPACITY / sizeof *LEAST_OPACITY };
 /* Rays of a look, along rows and columns. Their ends are half a ray's distance off, below 1 % where what is shown goes
@@ -36,7 +38,9 @@ struct CtsVisible {
     float *extinction; /* per mm, by function and grey level; in modes without opacity enough where a level shows */
     uint32_t *below;   /* prefix sums: levels below g that show, g up to n_levels, by function too */
     size_t n_levels;
-    uint8_t *shows; /* macro-cells in which something may show */
+    CtsMode mode;
+    const CtsBodyMask *body; /* what minip and average look at; NULL: all */
+    uint8_t *shows;          /* macro-cells in which something may show, or in minip and average is looked at */
     bool any;
 };
 
@@ -85,6 +89,12 @@ static CtsStatus list_levels(CtsVisible *v, const CtsPreset *preset, CtsError *e
     return CTS_OK;
 }
 
+/* Minip and average show what is brighter than black by the whole of a ray, in the body. */
+static bool shows_whole_rays(const CtsVisible *v)
+{
+    return v->mode == CTS_MODE_MINIP || v->mode == CTS_MODE_AVERAGE;
+}
+
 static bool function_shows(const CtsVisible *v, size_t function, CtsRange range)
 {
     const uint32_t *const below = v->below + function * (v->n_levels + 1);
@@ -123,6 +133,21 @@ static void list_some_cells(void *context, int worker, size_t first, size_t end)
     }
 }
 
+static void list_seen_cells(CtsVisible *v)
+{
+    const int *const n = v->macrocells->n;
+    for (size_t i = 0; i < (size_t)n[0] * (size_t)n[1] * (size_t)n[2]; i++) {
+        const int at[3] = {(int)(i % (size_t)n[0]), (int)(i / (size_t)n[0] % (size_t)n[1]),
+                           (int)(i / (size_t)n[0] / (size_t)n[1])};
+        int low[3], high[3];
+        for (int a = 0; a < 3; a++) {
+            low[a] = at[a] * CTS_MACROCELL;
+            high[a] = low[a] + CTS_MACROCELL;
+        }
+        v->shows[i] = !v->body || cts_body_mask_sees(v->body, low, high) != CTS_SEES_NONE;
+    }
+}
+
 static CtsStatus list_cells(CtsVisible *v, int n_threads, CtsError *err)
 {
     const int *n = v->macrocells->n;
@@ -131,6 +156,8 @@ static CtsStatus list_cells(CtsVisible *v, int n_threads, CtsError *err)
         return st;
     cts_parallel(cts_threads(n_threads), (size_t)n[2], 0, list_some_cells, v);
     v->any = memchr(v->shows, 1, (size_t)n[0] * (size_t)n[1] * (size_t)n[2]) != NULL;
+    if (shows_whole_rays(v))
+        list_seen_cells(v);
     return CTS_OK;
 }
 
@@ -142,6 +169,8 @@ CtsStatus cts_visible_new(CtsVisible **visible, const CtsVolume *volume, const C
         return st;
     CtsVisible *const v = *visible;
     v->owners = volume->owners;
+    v->mode = preset->mode;
+    v->body = shows_whole_rays(v) ? volume->body : NULL;
     v->volume = volume = v->owners && v->owners->shown ? v->owners->shown : volume;
     if (!volume->macrocells)
         st = cts_macrocells_new(&v->own, volume, n_threads, err);
@@ -173,6 +202,7 @@ typedef struct Look {
     const CtsVisible *visible;
     CtsView view;
     float least_depth;
+    bool whole_rays; /* mean or smallest value of a ray count */
     uint8_t shown[LOOK][LOOK];
 } Look;
 
@@ -251,11 +281,24 @@ static int samples_to_end(const Ray *ray, const float at[3], const int block[3])
     return least > 0 ? (int)least : 0;
 }
 
-static bool ray_shows(const CtsVisible *v, const Ray *ray, float least_depth)
+/* What a ray has met. */
+typedef struct Met {
+    float depth, sum, least; /* grey levels' sum, and the smallest */
+    int n;
+} Met;
+
+static bool shows_enough(const CtsVisible *v, const Met *met)
 {
+    const float grey = v->mode == CTS_MODE_AVERAGE ? met->sum / (float)met->n : met->least;
+    return met->n > 0 && v->extinction[(int)(grey + 0.5F)] > 0;
+}
+
+static bool ray_shows(const Look *l, const Ray *ray)
+{
+    const CtsVisible *const v = l->visible;
     const int *n = v->macrocells->n;
-    float depth = 0;
-    for (int i = 0; i < ray->n && depth < least_depth; i++) {
+    Met met = {.least = INFINITY};
+    for (int i = 0; i < ray->n && met.depth < l->least_depth; i++) {
         float at[3];
         int cell[3], last;
         for (int axis = 0; axis < 3; axis++) {
@@ -266,18 +309,28 @@ static bool ray_shows(const CtsVisible *v, const Ray *ray, float least_depth)
             cell[axis] = cell[axis] < 0 ? 0 : cell[axis];
         }
         const int block[3] = {cell[0] / CTS_MACROCELL, cell[1] / CTS_MACROCELL, cell[2] / CTS_MACROCELL};
-        if (v->shows[((size_t)block[2] * (size_t)n[1] + (size_t)block[1]) * (size_t)n[0] + (size_t)block[0]])
-            depth += ray->sample_mm * extinction_at(v, at)[(int)(grey_at(v->volume, at, cell) + 0.5F)];
-        else
+        if (!v->shows[((size_t)block[2] * (size_t)n[1] + (size_t)block[1]) * (size_t)n[0] + (size_t)block[0]]) {
             i += samples_to_end(ray, at, block);
+            continue;
+        }
+        const float grey = grey_at(v->volume, at, cell), *const extinction = extinction_at(v, at);
+        const bool hidden = v->owners && extinction == v->extinction + v->n_levels;
+        if (!l->whole_rays) {
+            met.depth += ray->sample_mm * extinction[(int)(grey + 0.5F)];
+        } else if (!hidden &&
+                   (!v->body || cts_body_mask_at(v->body, (double[]){at[0], at[1], at[2]}) > CTS_BODY_LEVEL)) {
+            met.sum += grey;
+            met.least = fminf(met.least, grey);
+            met.n++;
+        }
     }
-    return depth >= least_depth;
+    return l->whole_rays ? shows_enough(v, &met) : met.depth >= l->least_depth;
 }
 
 static bool look_along(const Look *l, int x, int y)
 {
     Ray ray;
-    return ray_of(&l->view, x, y, &ray) && ray_shows(l->visible, &ray, l->least_depth);
+    return ray_of(&l->view, x, y, &ray) && ray_shows(l, &ray);
 }
 
 /* Rows of sparse rays. */
@@ -381,6 +434,12 @@ static Span span_of_box(const CtsVolume *volume, const double direction_lps[3])
     return span;
 }
 
+/* What of a span lies in the volume, which may be thinner than a ray is wide. */
+static Span within(Span span, Span volume)
+{
+    return (Span){fmax(span.low_mm, volume.low_mm), fmin(span.high_mm, volume.high_mm)};
+}
+
 /* Looks at what lies between the spans to the right and up, with a ray to spare, and narrows them. */
 static bool look(Look *l, const CtsRenderSettings *s, Span span[2], Box *box)
 {
@@ -405,8 +464,9 @@ static bool look(Look *l, const CtsRenderSettings *s, Span span[2], Box *box)
         return false;
     const double mm = small.mm_per_pixel, x_mm = middle(span[0]) - mm * LOOK / 2,
                  y_mm = middle(span[1]) + mm * LOOK / 2;
-    span[0] = (Span){x_mm + mm * box->low[0], x_mm + mm * (box->high[0] + 1)};
-    span[1] = (Span){y_mm - mm * (box->high[1] + 1), y_mm - mm * box->low[1]};
+    span[0] =
+        within((Span){x_mm + mm * box->low[0], x_mm + mm * (box->high[0] + 1)}, span_of_box(volume, axes.right_lps));
+    span[1] = within((Span){y_mm - mm * (box->high[1] + 1), y_mm - mm * box->low[1]}, span_of_box(volume, axes.up_lps));
     return true;
 }
 
@@ -420,6 +480,7 @@ static bool find_spans(const CtsVisible *v, const CtsRenderSettings *s, Span spa
     for (int least = 0; least < N_LEAST; least++) {
         bool found = true;
         l.least_depth = (float)-log1p(-LEAST_OPACITY[least]);
+        l.whole_rays = least == 0 && shows_whole_rays(v);
         span[0] = span_of_box(v->volume, axes.right_lps);
         span[1] = span_of_box(v->volume, axes.up_lps);
         for (int n = 0; n < MOST_LOOKS && found; n++) {

@@ -20,6 +20,8 @@ enum { SAMPLE_COLUMNS = 32, SAMPLE_ROWS = 16 };
 static const double SHELL_MM = 100, BONE_HU = 300, SHELL_SHARE = 0.1;
 /* The skin's soft edge. */
 static const double SKIN_MM = 3;
+/* From node to node of the body's mask, and half a side of what a node has the share of. */
+static const double AROUND_MM = 3;
 static const CtsReach ONE = {.diamond = 1};
 
 /* For each part, how many of its voxels are set in bits. */
@@ -381,73 +383,119 @@ void cts_body_free(CtsBody *body)
     cts_bits_free(&body->foreign);
 }
 
-/* Squares all of whose corners are set; in a section of one row or column it is its own neighbour. */
-static void find_squares(const CtsBits *voxels, int k, CtsBits *squares)
-{
-    const int last_row = voxels->dims[1] - 1;
-    for (int j = 0; j < voxels->dims[1]; j++) {
-        const uint64_t *row = cts_bits_row(voxels, j, k), *next = cts_bits_row(voxels, j < last_row ? j + 1 : j, k);
-        uint64_t *to = cts_bits_row(squares, j, k);
-        for (size_t w = 0; w < voxels->row_words; w++) {
-            const uint64_t both = row[w] & next[w];
-            const uint64_t beyond = w + 1 < voxels->row_words ? row[w + 1] & next[w + 1] : 0;
-            to[w] = voxels->dims[0] > 1 ? both & (both >> 1 | beyond << 63) : both;
-        }
-    }
-}
-
 /* A section that is body with both its neighbours, narrowed: what is not, widened and turned round. */
-static void narrow_section(const CtsBits *whole, int k, CtsReach reach, CtsMorphology *m, uint64_t *to)
+static void narrow_section(const CtsBits *whole, int k, CtsReach reach, CtsMorphology *m, CtsBits *to)
 {
     const int last = whole->dims[2] - 1;
     const uint64_t *own = cts_bits_row(whole, 0, k), *before = cts_bits_row(whole, 0, k ? k - 1 : 0);
     const uint64_t *behind = cts_bits_row(whole, 0, k < last ? k + 1 : last);
-    for (size_t w = 0; w < m->n_words; w++) {
-        const uint64_t mask = w % m->row_words + 1 == m->row_words ? m->last_word : ~UINT64_C(0);
-        to[w] = ~(own[w] & before[w] & behind[w]) & mask;
-    }
-    cts_dilate_section(m, to, reach, to);
-    for (size_t w = 0; w < m->n_words; w++) {
-        const uint64_t mask = w % m->row_words + 1 == m->row_words ? m->last_word : ~UINT64_C(0);
-        to[w] = ~to[w] & mask;
-    }
+    for (size_t w = 0; w < m->n_words; w++)
+        to->words[w] = ~(own[w] & before[w] & behind[w]) & cts_bits_mask(whole, w % m->row_words);
+    cts_dilate_section(m, to->words, reach, to->words);
+    cts_bits_combine(to, CTS_BITS_NOT, to);
 }
 
-/* Body masks of sections, each by itself. */
-typedef struct Narrowing {
+/* Of each section, at nodes that lie step[0] columns and step[1] rows apart, the share of body within half[] voxels. */
+typedef struct Sharing {
+    const CtsSectionPlan *plan;
     const CtsBits *whole;
-    CtsBits *narrow, *squares;
-    CtsReach reach;
     CtsMorphology *workers;
-} Narrowing;
+    CtsBits narrow; /* a section for each worker */
+    int n[3], step[3], half[2];
+    uint8_t *section; /* n[0] x n[1] nodes for each section, of 255 */
+    uint16_t *counts; /* for each worker: of each row, at n[0] nodes */
+    CtsBodyMask *mask;
+} Sharing;
 
-static void narrow_sections(void *context, int worker, size_t first, size_t end)
+/* What of 0 to n lies within half of a node. */
+static int clipped(int at, int n)
 {
-    const Narrowing *const n = context;
+    return at < 0 ? 0 : at < n ? at : n;
+}
+
+static void share_sections(void *context, int worker, size_t first, size_t end)
+{
+    const Sharing *const s = context;
+    const int *const dims = s->plan->dims, n = s->n[0];
+    uint16_t *const counts = s->counts + (size_t)worker * (size_t)n * (size_t)dims[1];
+    CtsBits narrow = sections_of(&s->narrow, (size_t)worker, (size_t)worker + 1);
     for (int k = (int)first; k < (int)end; k++) {
-        narrow_section(n->whole, k, n->reach, &n->workers[worker], cts_bits_row(n->narrow, 0, k));
-        find_squares(n->narrow, k, n->squares);
+        narrow_section(s->whole, k, cts_reach_mm(SKIN_MM, s->plan->spacing_mm), &s->workers[worker], &narrow);
+        for (int j = 0; j < dims[1]; j++)
+            for (int i = 0; i < n; i++)
+                counts[j * n + i] = (uint16_t)cts_bits_count_run(cts_bits_row(&narrow, j, 0),
+                                                                 clipped(i * s->step[0] - s->half[0], dims[0]),
+                                                                 clipped(i * s->step[0] + s->half[0] + 1, dims[0]));
+        for (int v = 0; v < s->n[1]; v++) {
+            const int low = clipped(v * s->step[1] - s->half[1], dims[1]);
+            const int high = clipped(v * s->step[1] + s->half[1] + 1, dims[1]);
+            for (int i = 0; i < n; i++) {
+                const int wide =
+                    clipped(i * s->step[0] + s->half[0] + 1, dims[0]) - clipped(i * s->step[0] - s->half[0], dims[0]);
+                uint32_t sum = 0;
+                for (int j = low; j < high; j++)
+                    sum += counts[j * n + i];
+                s->section[((size_t)k * (size_t)s->n[1] + (size_t)v) * (size_t)n + (size_t)i] =
+                    (uint8_t)(255 * sum / (uint32_t)(wide * (high - low)));
+            }
+        }
     }
 }
 
-CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
-                            CtsBodyMask **mask, CtsError *err)
+/* A node lies at the first slice of its section, and has of each section as much as lies around it. */
+static void share_nodes(void *context, int worker, size_t first, size_t end)
 {
-    CtsBits narrow = {0};
-    const CtsReach reach = cts_reach_mm(SKIN_MM, plan->spacing_mm);
-    CtsStatus st = cts_alloc_zeroed(mask, 1, err);
-    if (st)
-        return st;
-    CtsBodyMask *const body = *mask;
-    body->n_slices = plan->n_slices;
-    body->parts = 1;
-    memcpy(body->axis, plan->axis, sizeof body->axis);
-    if (!(st = cts_bits_new_unset(&body->squares, plan->dims, err)) &&
-        !(st = cts_bits_new_unset(&narrow, plan->dims, err))) {
-        Narrowing narrowing = {whole, &narrow, &body->squares, reach, workers};
-        cts_parallel(n_threads, (size_t)plan->dims[2], 0, narrow_sections, &narrowing);
+    const Sharing *const s = context;
+    const CtsSectionPlan *const plan = s->plan;
+    const int *const n = s->mask->n;
+    const size_t stride[3] = {1, (size_t)n[0], (size_t)n[0] * (size_t)n[1]};
+    const double half = AROUND_MM / plan->spacing_mm[2]; /* sections */
+    (void)worker;
+    for (size_t k = first; k < end; k++) {
+        const double middle = (double)k + 0.5 / plan->n_slices;
+        const int low = clipped((int)floor(middle - half), plan->dims[2] - 1);
+        const int high = clipped((int)floor(middle + half), plan->dims[2] - 1);
+        for (size_t i = 0; i < (size_t)s->n[0] * (size_t)s->n[1]; i++) {
+            double sum = 0, all = 0;
+            for (int section = low; section <= high; section++) {
+                const double weight = fmin(section + 1, middle + half) - fmax(section, middle - half);
+                sum += weight * s->section[(size_t)section * (size_t)s->n[0] * (size_t)s->n[1] + i];
+                all += weight;
+            }
+            s->mask->share[i % (size_t)s->n[0] * stride[plan->axis[0]] + i / (size_t)s->n[0] * stride[plan->axis[1]] +
+                           k * stride[plan->axis[2]]] = (uint8_t)(sum / all);
+        }
     }
-    cts_bits_free(&narrow);
+}
+
+CtsStatus cts_body_inside(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
+                          CtsBodyMask **mask, CtsError *err)
+{
+    CtsStatus st;
+    Sharing s = {.plan = plan, .whole = whole, .workers = workers};
+    const int one_each[3] = {plan->dims[0], plan->dims[1], n_threads};
+    int n[3], step[3];
+    for (int a = 0; a < 3; a++) {
+        const double apart = a < 2 ? AROUND_MM / plan->spacing_mm[a] : plan->n_slices;
+        s.step[a] = (int)fmax(round(apart), 1);
+        s.n[a] = a < 2 ? (plan->dims[a] + 2 * s.step[a] - 2) / s.step[a] : plan->dims[2] + (plan->n_slices > 1);
+        n[plan->axis[a]] = s.n[a];
+        step[plan->axis[a]] = s.step[a];
+    }
+    for (int a = 0; a < 2; a++)
+        s.half[a] = (int)fmax(round(AROUND_MM / plan->spacing_mm[a]), 1);
+    const size_t n_section = (size_t)s.n[0] * (size_t)s.n[1];
+    if ((st = cts_body_mask_new(mask, n, step, err)) || (st = cts_bits_new(&s.narrow, one_each, err)) ||
+        (st = cts_alloc_array(&s.section, n_section * (size_t)plan->dims[2], err)) ||
+        (st = cts_alloc_array(&s.counts, (size_t)n_threads * (size_t)s.n[0] * (size_t)plan->dims[1], err)))
+        goto end;
+    s.mask = *mask;
+    cts_parallel(n_threads, (size_t)plan->dims[2], 0, share_sections, &s);
+    cts_parallel(n_threads, (size_t)s.n[2], 0, share_nodes, &s);
+end:
+    cts_bits_free(&s.narrow);
+    cts_free(&s.section);
+    cts_free(&s.counts);
     if (st)
         cts_body_mask_free(mask);
     return st;

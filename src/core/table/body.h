@@ -21,9 +21,8 @@ CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *volume, con
                         const CtsBits *extruded, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err);
 void cts_body_free(CtsBody *body);
 
-/* What minip and average look at: the whole body but for its outermost 3 mm and sections, which hold the soft edge of
- * the skin. */
-CtsStatus cts_body_mask_new(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
-                            CtsBodyMask **mask, CtsError *err);
+/* What minip and average look at: the whole body but for its outermost 3 mm, which hold the soft edge of the skin. */
+CtsStatus cts_body_inside(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
+                          CtsBodyMask **mask, CtsError *err);
 
 #endif

@@ -240,7 +240,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, C
                             err)) ||
         (st = find_all_gone(r, err)))
         return st;
-    if ((st = cts_body_mask_new(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
+    if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
         return st;
     report_uncertain(r, report);
     if (report)

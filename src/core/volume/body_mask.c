@@ -3,54 +3,94 @@
 #include "base/mem.h"
 #include <string.h>
 
-CtsStatus cts_body_mask_copy(CtsBodyMask **copy, const CtsBodyMask *mask, CtsError *err)
+static size_t n_nodes(const int n[3])
 {
-    CtsStatus st = cts_alloc_zeroed(copy, 1, err);
+    return (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
+}
+
+CtsStatus cts_body_mask_new(CtsBodyMask **mask, const int n[3], const int step[3], CtsError *err)
+{
+    CtsStatus st = cts_alloc_zeroed(mask, 1, err);
     if (st)
         return st;
-    **copy = *mask;
-    if ((st = cts_bits_new(&(*copy)->squares, mask->squares.dims, err)))
-        cts_body_mask_free(copy);
-    else
-        memcpy((*copy)->squares.words, mask->squares.words,
-               cts_bits_n_words(&mask->squares) * sizeof *mask->squares.words);
+    memcpy((*mask)->n, n, sizeof(*mask)->n);
+    memcpy((*mask)->step, step, sizeof(*mask)->step);
+    for (int a = 0; a < 3; a++)
+        (*mask)->per_step[a] = 1.0 / step[a];
+    if ((st = cts_alloc_array(&(*mask)->share, n_nodes(n), err)))
+        cts_body_mask_free(mask);
     return st;
+}
+
+CtsStatus cts_body_mask_copy(CtsBodyMask **copy, const CtsBodyMask *mask, CtsError *err)
+{
+    const CtsStatus st = cts_body_mask_new(copy, mask->n, mask->step, err);
+    if (st)
+        return st;
+    memcpy((*copy)->first, mask->first, sizeof mask->first);
+    memcpy((*copy)->share, mask->share, n_nodes(mask->n));
+    return CTS_OK;
+}
+
+void cts_body_mask_refine(CtsBodyMask *mask, int n)
+{
+    mask->step[2] *= n;
+    mask->first[2] *= n;
+    mask->per_step[2] = 1.0 / mask->step[2];
 }
 
 void cts_body_mask_free(CtsBodyMask **mask)
 {
     if (!*mask)
         return;
-    cts_bits_free(&(*mask)->squares);
+    cts_free(&(*mask)->share);
     cts_free(mask);
 }
 
-/* Sections whose columns are the volume's have its rows as they are, but for where these begin. */
-static void read_row(const CtsBodyMask *mask, int j, int k, int n_words, uint64_t *row)
+static const uint8_t *node_at(const CtsBodyMask *m, int i, int j, int k)
 {
-    int at[3] = {0, j + mask->first[1], k / mask->parts + mask->first[2]};
-    const int across = at[mask->axis[2]], last = mask->squares.dims[2] - 1, before = across / mask->n_slices;
-    const int behind = (across + 1) / mask->n_slices < last ? (across + 1) / mask->n_slices : last;
-    const uint64_t *low = cts_bits_row(&mask->squares, at[mask->axis[1]], before);
-    const uint64_t *high = cts_bits_row(&mask->squares, at[mask->axis[1]], behind);
-    const int first = mask->first[0] / 64, shift = mask->first[0] % 64, n = (int)mask->squares.row_words;
-    for (int w = 0; w < n_words; w++) {
-        const int i = first + w;
-        const uint64_t own = i < n ? low[i] & high[i] : 0, next = i + 1 < n ? low[i + 1] & high[i + 1] : 0;
-        row[w] = shift ? own >> shift | next << (64 - shift) : own;
-    }
+    return m->share + ((size_t)k * (size_t)m->n[1] + (size_t)j) * (size_t)m->n[0] + (size_t)i;
 }
 
-void cts_body_mask_row(const CtsBodyMask *mask, int j, int k, int n_cells, uint64_t *row)
+CtsSees cts_body_mask_sees(const CtsBodyMask *m, const int low[3], const int high[3])
 {
-    const int n_words = (n_cells + 63) / 64;
-    if (mask->axis[0] == 0) {
-        read_row(mask, j, k, n_words, row);
-    } else {
-        memset(row, 0, (size_t)n_words * sizeof *row);
-        for (int i = 0; i < n_cells; i++)
-            row[i / 64] |= (uint64_t)cts_body_mask_has(mask, (const int[3]){i, j, k}) << i % 64;
+    int from[3], to[3], least = 255, most = 0;
+    for (int a = 0; a < 3; a++) {
+        from[a] = cts_body_mask_node(m, a, low[a]);
+        to[a] = cts_body_mask_node(m, a, high[a] - 1) + 1;
+        to[a] = to[a] < m->n[a] ? to[a] : m->n[a] - 1;
     }
-    if (n_cells % 64)
-        row[n_words - 1] &= (UINT64_C(1) << n_cells % 64) - 1;
+    for (int k = from[2]; k <= to[2]; k++)
+        for (int j = from[1]; j <= to[1]; j++) {
+            const uint8_t *const row = node_at(m, 0, j, k);
+            for (int i = from[0]; i <= to[0]; i++) {
+                least = row[i] < least ? row[i] : least;
+                most = row[i] > most ? row[i] : most;
+            }
+        }
+    return least > CTS_BODY_LEVEL ? CTS_SEES_ALL : most > CTS_BODY_LEVEL ? CTS_SEES_SOME : CTS_SEES_NONE;
+}
+
+void cts_body_mask_corners(const CtsBodyMask *m, const int cell[3], double corner[8])
+{
+    int low[3], high[3];
+    for (int a = 0; a < 3; a++) {
+        low[a] = cts_body_mask_node(m, a, cell[a]);
+        high[a] = low[a] + 1 < m->n[a] ? low[a] + 1 : low[a];
+    }
+    for (int c = 0; c < 8; c++)
+        corner[c] = *node_at(m, c & 1 ? high[0] : low[0], c & 2 ? high[1] : low[1], c & 4 ? high[2] : low[2]);
+}
+
+double cts_body_mask_at(const CtsBodyMask *m, const double at[3])
+{
+    const int cell[3] = {(int)at[0], (int)at[1], (int)at[2]};
+    double v[8];
+    cts_body_mask_corners(m, cell, v);
+    for (int a = 0, n = 4; a < 3; a++, n /= 2) {
+        const double f = cts_body_mask_place(m, a, cell[a], at[a] - cell[a]);
+        for (int i = 0; i < n; i++)
+            v[i] = v[2 * i] + f * (v[2 * i + 1] - v[2 * i]);
+    }
+    return v[0];
 }

@@ -1,36 +1,50 @@
-/* Which cells of a volume (a cell lies between 2 x 2 x 2 voxels) lie inside the patient's body: what minip and average
- * look at, as air around the body would be all that they show. */
+/* Where a volume is the inside of the patient's body: what minip and average look at, as air around the body would be
+ * all that they show. */
 #ifndef CTS_VOLUME_BODY_MASK_H
 #define CTS_VOLUME_BODY_MASK_H
 
-#include "base/bits.h"
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stdint.h>
 
-/* Kept by sections across volume axis axis[2], n_slices slices to a section; axis[0] and axis[1] are a section's
- * columns and rows. Bit (u, v) of section w stands for the square between the voxels u, u + 1 and v, v + 1: it is set
- * where all four are body in all slices of the section. first[] is where the volume begins, along its own axes. */
+/* Nodes along the volume's axes, some voxels apart, from one before the volume's first voxel or at it to one at its
+ * last or behind it. Between them the mask is trilinear, so that it has a smooth edge, and the body is where it exceeds
+ * CTS_BODY_LEVEL, which no node has. Cells of voxels never lie across a node. */
 typedef struct CtsBodyMask {
-    CtsBits squares;
-    int axis[3], n_slices;
-    int first[3];
-    int parts; /* the volume's layers of one slice distance, as cts_volume_refine() makes them; at first 1 */
+    int n[3], step[3];  /* nodes, and voxels from node to node */
+    int first[3];       /* where the volume begins, in voxels from the first node */
+    double per_step[3]; /* 1 / step */
+    uint8_t *share;     /* of each node, of 255: how much of what lies around it is body */
 } CtsBodyMask;
 
+#define CTS_BODY_LEVEL 127.5
+
+/* share[] unset. */
+CtsStatus cts_body_mask_new(CtsBodyMask **mask, const int n[3], const int step[3], CtsError *err);
+/* Whoever makes the volume's layers n times as many. */
+void cts_body_mask_refine(CtsBodyMask *mask, int n);
 CtsStatus cts_body_mask_copy(CtsBodyMask **copy, const CtsBodyMask *mask, CtsError *err);
 void cts_body_mask_free(CtsBodyMask **mask);
 
-/* Cell (i, j, k) has the voxels i and i + 1 ...; an axis of one voxel has one cell. */
-static inline bool cts_body_mask_has(const CtsBodyMask *mask, const int cell[3])
+typedef enum CtsSees { CTS_SEES_NONE, CTS_SEES_SOME, CTS_SEES_ALL } CtsSees;
+/* Whether voxels low[] to high[] have body between them; CTS_SEES_SOME where it must be looked at closely. */
+CtsSees cts_body_mask_sees(const CtsBodyMask *mask, const int low[3], const int high[3]);
+
+/* The last node that is not behind a voxel. Dividing is slow; halves keep rounding from the nodes. */
+static inline int cts_body_mask_node(const CtsBodyMask *mask, int axis, int voxel)
 {
-    int at[3];
-    for (int n = 0; n < 3; n++)
-        at[n] = (mask->axis[n] == 2 ? cell[2] / mask->parts : cell[mask->axis[n]]) + mask->first[mask->axis[n]];
-    const int low = at[2] / mask->n_slices, last = mask->squares.dims[2] - 1;
-    const int high = (at[2] + 1) / mask->n_slices < last ? (at[2] + 1) / mask->n_slices : last;
-    return cts_bits_get(&mask->squares, at[0], at[1], low) &&
-           (high == low || cts_bits_get(&mask->squares, at[0], at[1], high));
+    return (int)((voxel + mask->first[axis] + 0.5) * mask->per_step[axis]);
 }
 
-/* Cells (0, j, k) to (n_cells - 1, j, k) as bits of (n_cells + 63) / 64 words. */
-void cts_body_mask_row(const CtsBodyMask *mask, int j, int k, int n_cells, uint64_t *row);
+/* The mask at the eight nodes around a cell, bit a of a corner's number being its place along axis a; and a place
+ * within the cell (0..1) as one between the nodes (0..1). */
+void cts_body_mask_corners(const CtsBodyMask *mask, const int cell[3], double corner[8]);
+static inline double cts_body_mask_place(const CtsBodyMask *mask, int axis, int cell, double within)
+{
+    return (cell + mask->first[axis] + within) * mask->per_step[axis] - cts_body_mask_node(mask, axis, cell);
+}
+
+/* The mask at a place within the volume, in voxels. */
+double cts_body_mask_at(const CtsBodyMask *mask, const double at[3]);
 
 #endif

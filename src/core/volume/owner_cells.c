@@ -225,3 +225,14 @@ int cts_owner_stretches(const CtsOwners *o, const int cell[3], const double from
     stretch[c.n - 1].end = 1;
     return c.n;
 }
+
+int cts_level_stretches(const double corner[8], double level, const double from[3], const double to[3],
+                        CtsStretch stretch[CTS_CELL_STRETCHES])
+{
+    Fields f = {.n = 2, .look = {CTS_LOOK_PRESET, CTS_LOOK_HIDDEN}, .b = {{0}, {level, level, level, level}}};
+    Cutting c = {stretch, 0};
+    field_along(corner, from, to, f.b[0]);
+    cut(&c, f, 0, 1, 0);
+    stretch[c.n - 1].end = 1;
+    return c.n;
+}

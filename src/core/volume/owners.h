@@ -83,5 +83,8 @@ typedef struct CtsStretch {
 /* from and to: within the cell, 0 to 1. Returns how many there are. */
 int cts_owner_stretches(const CtsOwners *owners, const int cell[3], const double from[3], const double to[3],
                         CtsStretch stretch[CTS_CELL_STRETCHES]);
+/* The same for the trilinear field of eight corners: hidden where it lies below the level, elsewhere as the preset. */
+int cts_level_stretches(const double corner[8], double level, const double from[3], const double to[3],
+                        CtsStretch stretch[CTS_CELL_STRETCHES]);
 
 #endif

@@ -125,7 +125,7 @@ CtsStatus cts_volume_refine(CtsVolume *v, int n_parts, CtsInterpolation how, int
         v->step_lps[2][c] /= n_parts;
     v->slice_layers *= n_parts;
     if (v->body)
-        v->body->parts *= n_parts;
+        cts_body_mask_refine(v->body, n_parts);
     cts_volume_changed(v);
     return CTS_OK;
 }

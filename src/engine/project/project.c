@@ -7,7 +7,6 @@
 #include "base/parallel.h"
 #include "engine/project/project_packets.h"
 #include <math.h>
-#include <string.h>
 
 /* A picture under way. */
 typedef struct Projecting {
@@ -89,7 +88,8 @@ static void set_window(const CtsScene *scene, CtsProjection *p)
 /* Which of the cells of each fine macro-cell are seen. */
 typedef struct Seeing {
     const CtsProjector *projector;
-    uint8_t *sees;
+    int32_t *sees;
+    CtsSeenCells *cells;
 } Seeing;
 
 static void look_into_rows(void *context, int worker, size_t first, size_t end)
@@ -97,37 +97,87 @@ static void look_into_rows(void *context, int worker, size_t first, size_t end)
     const Seeing *const s = context;
     const CtsProjector *p = s->projector;
     const int *n = p->macrocells->n_fine;
-    const int cells[3] = {p->view->dims[0] - 1, p->view->dims[1] - 1, p->view->dims[2] - 1};
-    const int n_words = (cells[0] + 63) / 64;
     (void)worker;
-    for (size_t row = first; row < end; row++) {
-        const int j0 = (int)(row % (size_t)n[1]) * CTS_FINE_MACROCELL,
-                  k0 = (int)(row / (size_t)n[1]) * CTS_FINE_MACROCELL;
-        uint64_t some[CTS_BITS_ROW_WORDS] = {0}, all[CTS_BITS_ROW_WORDS], own[CTS_BITS_ROW_WORDS];
-        memset(all, 0xff, (size_t)n_words * sizeof *all);
-        for (int k = k0; k < k0 + CTS_FINE_MACROCELL && k < cells[2]; k++)
-            for (int j = j0; j < j0 + CTS_FINE_MACROCELL && j < cells[1]; j++) {
-                if (p->body)
-                    cts_body_mask_row(p->body, j, k, cells[0], own);
-                else
-                    memset(own, 0xff, (size_t)n_words * sizeof *own);
-                for (int w = 0; w < n_words; w++) {
-                    some[w] |= own[w];
-                    all[w] &= own[w];
-                }
+    for (size_t row = first; row < end; row++)
+        for (int i = 0; i < n[0]; i++) {
+            const int at[3] = {i, (int)(row % (size_t)n[1]), (int)(row / (size_t)n[1])};
+            const size_t block = row * (size_t)n[0] + (size_t)i;
+            const int look = p->owners ? p->owners->block[block] : CTS_LOOK_PRESET;
+            int low[3], high[3];
+            for (int a = 0; a < 3; a++) {
+                low[a] = at[a] * CTS_FINE_MACROCELL;
+                high[a] = low[a] + CTS_FINE_MACROCELL;
             }
-        for (int bi = 0; bi < n[0]; bi++) {
-            const int at = bi * CTS_FINE_MACROCELL, left = cells[0] - at;
-            const uint64_t mask = (UINT64_C(1) << (left < CTS_FINE_MACROCELL ? left : CTS_FINE_MACROCELL)) - 1;
-            const int look = p->owners ? p->owners->block[row * (size_t)n[0] + (size_t)bi] : CTS_LOOK_PRESET;
-            const bool none = look == CTS_LOOK_HIDDEN || !(some[at / 64] >> at % 64 & mask);
-            const bool whole = look != CTS_LOOKS_DIFFER && (~all[at / 64] >> at % 64 & mask) == 0;
-            s->sees[row * (size_t)n[0] + (size_t)bi] = none ? CTS_SEES_NONE : whole ? CTS_SEES_ALL : CTS_SEES_SOME;
+            const CtsSees body = p->body ? cts_body_mask_sees(p->body, low, high) : CTS_SEES_ALL;
+            s->sees[block] = look == CTS_LOOK_HIDDEN || body == CTS_SEES_NONE    ? CTS_NO_CELL
+                             : look == CTS_LOOKS_DIFFER || body == CTS_SEES_SOME ? 0
+                                                                                 : CTS_ALL_CELLS;
         }
-    }
 }
 
-static CtsStatus prepare(Projecting *pr, int n_threads, uint8_t **sees, CtsError *err)
+/* The cells of a macro-cell one by one: their field lies between the smallest and the largest of their corners. */
+static CtsSeenCells look_into_cells(const CtsProjector *p, const int block[3])
+{
+    enum { N = CTS_FINE_MACROCELL, CORNERS = N + 1 };
+    double field[CORNERS][CORNERS][CORNERS];
+    CtsSeenCells seen = {0, 0};
+    for (int c = 0; p->body && c < CORNERS * CORNERS * CORNERS; c++) {
+        const int in[3] = {c % CORNERS, c / CORNERS % CORNERS, c / CORNERS / CORNERS};
+        double at[3];
+        for (int a = 0; a < 3; a++)
+            at[a] = fmin(N * block[a] + in[a], p->view->dims[a] - 1);
+        field[in[2]][in[1]][in[0]] = cts_body_mask_at(p->body, at);
+    }
+    for (int c = 0; c < N * N * N; c++) {
+        const int i = c % N, j = c / N % N, k = c / N / N,
+                  cell[3] = {N * block[0] + i, N * block[1] + j, N * block[2] + k};
+        int n_inside = p->body ? 0 : 8;
+        if (cell[0] > p->view->dims[0] - 2 || cell[1] > p->view->dims[1] - 2 || cell[2] > p->view->dims[2] - 2)
+            continue;
+        for (int m = 0; p->body && m < 8; m++)
+            n_inside += field[k + (m >> 2)][j + (m >> 1 & 1)][i + (m & 1)] > CTS_BODY_LEVEL;
+        const int look = p->owners ? cts_look_of_cell(p->owners, cell) : CTS_LOOK_PRESET;
+        if (look == CTS_LOOK_HIDDEN || n_inside == 0)
+            continue;
+        seen.some |= UINT64_C(1) << c;
+        seen.all |= (uint64_t)(look != CTS_LOOKS_DIFFER && n_inside == 8) << c;
+    }
+    return seen;
+}
+
+static void look_closely(void *context, int worker, size_t first, size_t end)
+{
+    const Seeing *const s = context;
+    const int *const n = s->projector->macrocells->n_fine;
+    (void)worker;
+    for (size_t row = first; row < end; row++)
+        for (int i = 0; i < n[0]; i++) {
+            const int32_t place = s->sees[row * (size_t)n[0] + (size_t)i];
+            const int at[3] = {i, (int)(row % (size_t)n[1]), (int)(row / (size_t)n[1])};
+            if (place >= 0)
+                s->cells[place] = look_into_cells(s->projector, at);
+        }
+}
+
+static CtsStatus find_seen(const CtsProjector *projector, int n_threads, Seeing *s, CtsError *err)
+{
+    const int *const n = projector->macrocells->n_fine;
+    const size_t n_rows = (size_t)n[1] * (size_t)n[2], n_blocks = n_rows * (size_t)n[0];
+    int32_t n_some = 0;
+    CtsStatus st = cts_alloc_array(&s->sees, n_blocks, err);
+    if (st)
+        return st;
+    s->projector = projector;
+    cts_parallel(n_threads, n_rows, 0, look_into_rows, s);
+    for (size_t i = 0; i < n_blocks; i++)
+        if (s->sees[i] >= 0)
+            s->sees[i] = n_some++;
+    if (!(st = cts_alloc_array(&s->cells, (size_t)n_some, err)))
+        cts_parallel(n_threads, n_rows, 0, look_closely, s);
+    return st;
+}
+
+static CtsStatus prepare(Projecting *pr, int n_threads, Seeing *seeing, CtsError *err)
 {
     CtsStatus st;
     CtsProjection *p = &pr->projection;
@@ -148,13 +198,10 @@ static CtsStatus prepare(Projecting *pr, int n_threads, uint8_t **sees, CtsError
         if ((st = cts_alloc_array(&pr->scratch[t].bound, n_layers, err)) ||
             (st = cts_alloc_array(&pr->scratch[t].order, n_layers, err)))
             return st;
-    if (projector->body || projector->owners) {
-        if ((st = cts_alloc_array(sees, (size_t)n[0] * (size_t)n[1] * (size_t)n[2], err)))
-            return st;
-        Seeing seeing = {projector, *sees};
-        cts_parallel(n_threads, (size_t)n[1] * (size_t)n[2], 0, look_into_rows, &seeing);
-    }
-    p->sees = *sees;
+    if ((projector->body || projector->owners) && (st = find_seen(projector, n_threads, seeing, err)))
+        return st;
+    p->sees = seeing->sees;
+    p->cells = seeing->cells;
     pr->tile = cpu & CTS_CPU_AVX512 ? cts_project_tile_avx512
                : cpu & CTS_CPU_AVX2 ? cts_project_tile_avx2
                                     : cts_project_tile;
@@ -185,7 +232,7 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
                                               .owners = v->owners && v->owners->shown ? v->owners : NULL,
                                               .stride = {1, v->dims[0], (ptrdiff_t)v->dims[0] * v->dims[1]}}};
     const CtsMode mode = scene->preset->mode;
-    uint8_t *sees = NULL;
+    Seeing seeing = {0};
     cts_report_plan(report, "mode %s: each ray through the cells it crosses, extremes and means of the cubic in each",
                     cts_mode_names[mode]);
     cts_report_plan(report, mode == CTS_MODE_AVERAGE
@@ -197,12 +244,13 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     set_window(scene, &pr.projection);
-    CtsStatus st = prepare(&pr, n_threads, &sees, err);
+    CtsStatus st = prepare(&pr, n_threads, &seeing, err);
     const int step = pr.tile ? CTS_PROJECT_TILE : 1;
     if (!st)
         cts_parallel(n_threads, (size_t)((picture->height + step - 1) / step), 1, project_some, &pr);
     free_scratch(&pr, n_threads);
-    cts_free(&sees);
+    cts_free(&seeing.sees);
+    cts_free(&seeing.cells);
     if (st)
         return st;
     if (cts_scene_stopped(scene))

@@ -173,9 +173,9 @@ INLINE Common common_of(const CtsProjection *p, const Box *box, int layer)
     for (int v = box->low[1]; v <= box->high[1]; v++)
         for (int u = box->low[0]; u <= box->high[0]; u++) {
             const size_t i = at + (size_t)u * su + (size_t)v * sv;
-            const int sees = p->sees ? p->sees[i] : CTS_SEES_ALL;
-            c.sees_all &= sees == CTS_SEES_ALL;
-            if (sees == CTS_SEES_NONE)
+            const int sees = p->sees ? p->sees[i] : CTS_ALL_CELLS;
+            c.sees_all &= sees == CTS_ALL_CELLS;
+            if (sees == CTS_NO_CELL)
                 continue;
             c.sees_some = true;
             c.range.low = m->fine[i].low < c.range.low ? m->fine[i].low : c.range.low;
@@ -256,28 +256,6 @@ INLINE vd field_at_vd(const Way *w, const Packet *r, const vi cell[3], const vd 
     return y0 + f[2] * (y1 - y0);
 }
 
-/* Of the lanes in the mask, those whose cell is seen. */
-static vm seen_of(const CtsProjector *p, vm mask, const vi cell[3])
-{
-    for (int l = 0; l < LANES; l++)
-        if (mask[l]) {
-            const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
-            mask[l] = cts_project_sees(p, at) ? -1 : 0;
-        }
-    return mask;
-}
-
-/* Of the lanes in the mask, those whose cell is seen in part. */
-static vm partly_of(const CtsProjector *p, vm mask, const vi cell[3])
-{
-    for (int l = 0; l < LANES; l++)
-        if (mask[l]) {
-            const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
-            mask[l] = cts_project_sees_part(p, at) ? -1 : 0;
-        }
-    return mask;
-}
-
 static CtsProjectedRay ray_of(const Way *w, const Packet *r, int lane)
 {
     CtsProjectedRay ray = {.t0 = r->t0[lane], .t1 = r->t1[lane]};
@@ -287,6 +265,34 @@ static CtsProjectedRay ray_of(const Way *w, const Packet *r, int lane)
         ray.per_step[a] = w->per_step[a];
     }
     return ray;
+}
+
+/* Of the lanes in the mask, those whose way through the cell is seen whole, and in part. */
+static vm seen_of(const CtsProjection *p, const Way *w, const Packet *r, vm mask, const vi cell[3], const vd t[2],
+                  vm *partly)
+{
+    const int *const n = p->projector.macrocells->n_fine;
+    *partly = mask & 0;
+    for (int l = 0; l < LANES; l++) {
+        const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
+        const int32_t place =
+            p->sees[((size_t)(at[2] / CTS_FINE_MACROCELL) * (size_t)n[1] + (size_t)(at[1] / CTS_FINE_MACROCELL)) *
+                        (size_t)n[0] +
+                    (size_t)(at[0] / CTS_FINE_MACROCELL)];
+        const int bit = at[0] % CTS_FINE_MACROCELL + at[1] % CTS_FINE_MACROCELL * CTS_FINE_MACROCELL +
+                        at[2] % CTS_FINE_MACROCELL * CTS_FINE_MACROCELL * CTS_FINE_MACROCELL;
+        const CtsSeenCells cells = place >= 0               ? p->cells[place]
+                                   : place == CTS_ALL_CELLS ? (CtsSeenCells){UINT64_MAX, UINT64_MAX}
+                                                            : (CtsSeenCells){0, 0};
+        CtsSees sees = cells.all >> bit & 1 ? CTS_SEES_ALL : CTS_SEES_NONE;
+        if (mask[l] && sees == CTS_SEES_NONE && cells.some >> bit & 1) {
+            const CtsProjectedRay ray = ray_of(w, r, l);
+            sees = cts_project_sees_way(&p->projector, &ray, at, t[0][l], t[1][l]);
+        }
+        (*partly)[l] = mask[l] && sees == CTS_SEES_SOME ? -1 : 0;
+        mask[l] = mask[l] && sees == CTS_SEES_ALL ? -1 : 0;
+    }
+    return mask;
 }
 
 /* The largest of the cubic between two times, as in project_ray.c. */
@@ -326,7 +332,8 @@ static void look_at_parts(const CtsProjection *p, const Way *w, const Packet *r,
         const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
         const CtsProjectedRay ray = ray_of(w, r, l);
         double best = found->best[l];
-        if (!lanes[l] || !cts_project_extreme_in(&p->projector, &ray, at, t[0][l], t[1][l], p->sign, &best))
+        if (!lanes[l] ||
+            !cts_project_extreme_in(&p->projector, &ray, at, t[0][l], t[1][l], CTS_SEES_SOME, p->sign, &best))
             continue;
         found->best[l] = best;
         found->seen[l] = -1;
@@ -354,10 +361,9 @@ static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r,
         if (!any(some))
             continue;
         if (!sees_all) {
-            some = seen_of(&p->projector, some, cell);
-            const vm partly = partly_of(&p->projector, some, cell);
+            vm partly;
+            some = seen_of(p, w, r, some, cell, t + n, &partly);
             look_at_parts(p, w, r, cell, t + n, partly, found);
-            some &= ~partly;
         }
         found->seen |= some;
         some &= most > found->best;
@@ -458,18 +464,19 @@ typedef struct Summed {
 static vm sum_parts(const CtsProjection *p, const Way *w, const Packet *r, const vi cell[3], const vd t[2], vm mask,
                     Summed *s)
 {
-    const vm seen = seen_of(&p->projector, mask, cell), partly = partly_of(&p->projector, seen, cell);
+    vm partly;
+    mask = seen_of(p, w, r, mask, cell, t, &partly);
     for (int l = 0; l < LANES; l++) {
         const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
         const CtsProjectedRay ray = ray_of(w, r, l);
         double sum = s->sum[l], length = s->length[l];
         if (!partly[l])
             continue;
-        cts_project_mean_in(&p->projector, &ray, at, t[0][l], t[1][l], &sum, &length);
+        cts_project_mean_in(&p->projector, &ray, at, t[0][l], t[1][l], CTS_SEES_SOME, &sum, &length);
         s->sum[l] = sum;
         s->length[l] = length;
     }
-    return seen & ~partly;
+    return mask;
 }
 
 /* Two points of Gauss's rule are exact for a cubic. */

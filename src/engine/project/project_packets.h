@@ -8,14 +8,20 @@
 
 enum { CTS_PROJECT_TILE = 8 }; /* pixels each way */
 
-/* Which cells of a fine macro-cell are seen. */
-enum { CTS_SEES_NONE, CTS_SEES_SOME, CTS_SEES_ALL };
+/* Cells of a fine macro-cell, bit i + 4 j + 16 k: those that are seen at least in part, and those that are seen whole.
+ */
+typedef struct CtsSeenCells {
+    uint64_t some, all;
+} CtsSeenCells;
+enum { CTS_ALL_CELLS = -1, CTS_NO_CELL = -2 };
 
 /* What all tiles of a picture share. Volumes of at least two voxels along each axis. */
 typedef struct CtsProjection {
     CtsProjector projector;
-    int axes[3];          /* of the volume: axes[2] is crossed layer by layer, as the ray goes fastest along it */
-    const uint8_t *sees;  /* of each fine macro-cell; NULL: everything is seen */
+    int axes[3]; /* of the volume: axes[2] is crossed layer by layer, as the ray goes fastest along it */
+    const int32_t
+        *sees; /* of each fine macro-cell: CTS_ALL_CELLS, CTS_NO_CELL or a place in cells[]; NULL: all of all */
+    const CtsSeenCells *cells;
     double sign;          /* 1: the largest level is looked for, -1: the smallest */
     double least, enough; /* levels times sign: what is below counts as `least`, and what is above need not be known */
 } CtsProjection;

@@ -108,14 +108,20 @@ static inline double clamp01(double x)
     return x < 1 ? x : 1;
 }
 
+/* Trilinear between eight corners. */
+static inline double between(const double v[8], const double f[3])
+{
+    const double y0 = (v[0] + f[0] * (v[1] - v[0])) * (1 - f[1]) + (v[2] + f[0] * (v[3] - v[2])) * f[1];
+    const double y1 = (v[4] + f[0] * (v[5] - v[4])) * (1 - f[1]) + (v[6] + f[0] * (v[7] - v[6])) * f[1];
+    return y0 + f[2] * (y1 - y0);
+}
+
 static double field_at(const CtsProjectedRay *ray, const int cell[3], const double v[8], double t)
 {
     double f[3];
     for (int a = 0; a < 3; a++)
         f[a] = clamp01(ray->start[a] + t * ray->step[a] - cell[a]);
-    const double y0 = (v[0] + f[0] * (v[1] - v[0])) * (1 - f[1]) + (v[2] + f[0] * (v[3] - v[2])) * f[1];
-    const double y1 = (v[4] + f[0] * (v[5] - v[4])) * (1 - f[1]) + (v[6] + f[0] * (v[7] - v[6])) * f[1];
-    return y0 + f[2] * (y1 - y0);
+    return between(v, f);
 }
 
 /* Inside a cell the field is a cubic in t: its ends and, where its derivative vanishes, its turning points. */
@@ -141,29 +147,112 @@ static double cell_extreme(const CtsProjectedRay *ray, const int cell[3], const 
     return best;
 }
 
-/* The stretches of a ray in a cell: from stretch i - 1's end (from) to its own. */
-static int stretches_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
-                        CtsStretch stretch[CTS_CELL_STRETCHES])
+/* Where a ray enters a cell and leaves it, 0 to 1. */
+static void way_through(const CtsProjectedRay *ray, const int cell[3], double from, double to, double enter[3],
+                        double leave[3])
 {
-    double enter[3], leave[3];
-    stretch[0] = (CtsStretch){1, CTS_LOOK_PRESET};
-    if (!cts_project_sees_part(p, cell))
-        return 1;
     for (int a = 0; a < 3; a++) {
         enter[a] = clamp01(ray->start[a] + from * ray->step[a] - cell[a]);
         leave[a] = clamp01(ray->start[a] + to * ray->step[a] - cell[a]);
     }
-    return cts_owner_stretches(p->owners, cell, enter, leave, stretch);
+}
+
+/* A way through a cell as one through the body's mask, between eight of its nodes. */
+typedef struct BodyWay {
+    double corner[8], begin[3], end[3];
+} BodyWay;
+
+static BodyWay body_way(const CtsBodyMask *body, const int cell[3], const double enter[3], const double leave[3])
+{
+    BodyWay w;
+    cts_body_mask_corners(body, cell, w.corner);
+    for (int a = 0; a < 3; a++) {
+        w.begin[a] = cts_body_mask_place(body, a, cell[a], enter[a]);
+        w.end[a] = cts_body_mask_place(body, a, cell[a], leave[a]);
+    }
+    return w;
+}
+
+/* Most ways do not cross the body's edge, and by how far their middle is off it that is told. */
+static CtsSees body_sees(const BodyWay *w)
+{
+    double least = w->corner[0], most = least, reach = 0, middle[3];
+    for (int i = 1; i < 8; i++) {
+        least = w->corner[i] < least ? w->corner[i] : least;
+        most = w->corner[i] > most ? w->corner[i] : most;
+    }
+    for (int a = 0; a < 3; a++) {
+        middle[a] = 0.5 * (w->begin[a] + w->end[a]);
+        reach += 0.5 * fabs(w->end[a] - w->begin[a]) * (most - least);
+    }
+    const double off =
+        (least > CTS_BODY_LEVEL || most < CTS_BODY_LEVEL ? least : between(w->corner, middle)) - CTS_BODY_LEVEL;
+    if (least < CTS_BODY_LEVEL && most > CTS_BODY_LEVEL && fabs(off) <= reach + 1e-9)
+        return CTS_SEES_SOME;
+    return off > 0 ? CTS_SEES_ALL : CTS_SEES_NONE;
+}
+
+CtsSees cts_project_sees_way(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from,
+                             double to)
+{
+    const int look = p->owners ? cts_look_of_cell(p->owners, cell) : CTS_LOOK_PRESET;
+    double enter[3], leave[3];
+    CtsSees body = CTS_SEES_ALL;
+    if (look == CTS_LOOK_HIDDEN)
+        return CTS_SEES_NONE;
+    if (p->body) {
+        way_through(ray, cell, from, to, enter, leave);
+        const BodyWay w = body_way(p->body, cell, enter, leave);
+        body = body_sees(&w);
+    }
+    return look == CTS_LOOKS_DIFFER && body == CTS_SEES_ALL ? CTS_SEES_SOME : body;
+}
+
+static int body_stretches(const CtsBodyMask *body, const int cell[3], const double enter[3], const double leave[3],
+                          CtsStretch stretch[CTS_CELL_STRETCHES])
+{
+    const BodyWay w = body_way(body, cell, enter, leave);
+    return cts_level_stretches(w.corner, CTS_BODY_LEVEL, w.begin, w.end, stretch);
+}
+
+/* The stretches of a ray in a cell: from stretch i - 1's end (from) to its own. Owners divide what lies in the body. */
+static int stretches_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
+                        CtsStretch stretch[CTS_CELL_STRETCHES])
+{
+    CtsStretch body[CTS_CELL_STRETCHES], part[CTS_CELL_STRETCHES];
+    double enter[3], leave[3], begin[3], end[3];
+    way_through(ray, cell, from, to, enter, leave);
+    if (!p->owners)
+        return body_stretches(p->body, cell, enter, leave, stretch);
+    if (!p->body)
+        return cts_owner_stretches(p->owners, cell, enter, leave, stretch);
+    const int n_body = body_stretches(p->body, cell, enter, leave, body);
+    int n = 0;
+    for (int b = 0; b < n_body; b++) {
+        const double first = b ? body[b - 1].end : 0, length = body[b].end - first;
+        int n_parts = 1;
+        part[0] = (CtsStretch){1, body[b].look};
+        for (int a = 0; a < 3; a++) {
+            begin[a] = enter[a] + first * (leave[a] - enter[a]);
+            end[a] = enter[a] + body[b].end * (leave[a] - enter[a]);
+        }
+        if (body[b].look != CTS_LOOK_HIDDEN)
+            n_parts = cts_owner_stretches(p->owners, cell, begin, end, part);
+        for (int i = 0; i < n_parts && n < CTS_CELL_STRETCHES; i++)
+            stretch[n++] = (CtsStretch){first + part[i].end * length, part[i].look};
+    }
+    return n;
 }
 
 bool cts_project_extreme_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from,
-                            double to, double sign, double *best)
+                            double to, CtsSees sees, double sign, double *best)
 {
     CtsStretch stretch[CTS_CELL_STRETCHES];
     double v[8], begin = from;
+    stretch[0] = (CtsStretch){1, CTS_LOOK_PRESET};
     bool seen = false;
     corners(p, cell, v);
-    const int n = stretches_in(p, ray, cell, from, to, stretch);
+    const int n = sees == CTS_SEES_ALL ? 1 : stretches_in(p, ray, cell, from, to, stretch);
     for (int i = 0; i < n; i++) {
         const double end = i + 1 < n ? from + stretch[i].end * (to - from) : to;
         if (stretch[i].look != CTS_LOOK_HIDDEN) {
@@ -176,12 +265,13 @@ bool cts_project_extreme_in(const CtsProjector *p, const CtsProjectedRay *ray, c
 }
 
 void cts_project_mean_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
-                         double *sum, double *length)
+                         CtsSees sees, double *sum, double *length)
 {
     CtsStretch stretch[CTS_CELL_STRETCHES];
     double v[8], begin = from;
+    stretch[0] = (CtsStretch){1, CTS_LOOK_PRESET};
     corners(p, cell, v);
-    const int n = stretches_in(p, ray, cell, from, to, stretch);
+    const int n = sees == CTS_SEES_ALL ? 1 : stretches_in(p, ray, cell, from, to, stretch);
     for (int i = 0; i < n; i++) {
         const double end = i + 1 < n ? from + stretch[i].end * (to - from) : to;
         if (stretch[i].look != CTS_LOOK_HIDDEN) {
@@ -214,13 +304,14 @@ static double extreme(const CtsProjector *p, const CtsProjectedRay *ray, double 
         Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
         do {
             double v[8], bound = -INFINITY;
-            if (!cts_project_sees(p, cells.box))
+            const CtsSees sees = cts_project_sees_way(p, ray, cells.box, cells.t, cells.next);
+            if (sees == CTS_SEES_NONE)
                 continue;
             corners(p, cells.box, v);
             for (int c = 0; c < 8; c++)
                 bound = sign * v[c] > bound ? sign * v[c] : bound;
             if (bound > best)
-                cts_project_extreme_in(p, ray, cells.box, cells.t, cells.next, sign, &best);
+                cts_project_extreme_in(p, ray, cells.box, cells.t, cells.next, sees, sign, &best);
         } while (advance(&cells));
     } while (advance(&macrocells));
     return sign * best;
@@ -242,8 +333,9 @@ static double mean(const CtsProjector *p, const CtsProjectedRay *ray)
         }
         Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
         do {
-            if (cts_project_sees(p, cells.box))
-                cts_project_mean_in(p, ray, cells.box, cells.t, cells.next, &sum, &length);
+            const CtsSees sees = cts_project_sees_way(p, ray, cells.box, cells.t, cells.next);
+            if (sees != CTS_SEES_NONE)
+                cts_project_mean_in(p, ray, cells.box, cells.t, cells.next, sees, &sum, &length);
         } while (advance(&cells));
     } while (advance(&macrocells));
     return length > 0 ? sum / length : INFINITY;

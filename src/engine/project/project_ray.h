@@ -27,24 +27,15 @@ bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *
 /* Its largest, smallest or mean grey level, as the mode asks; infinite where nothing is seen. */
 double cts_project_along(const CtsProjector *projector, const CtsProjectedRay *ray);
 
-static inline bool cts_project_sees(const CtsProjector *p, const int cell[3])
-{
-    return (!p->body || cts_body_mask_has(p->body, cell)) &&
-           (!p->owners || cts_look_of_cell(p->owners, cell) != CTS_LOOK_HIDDEN);
-}
-
-/* Cells of which only a part is seen. */
-static inline bool cts_project_sees_part(const CtsProjector *p, const int cell[3])
-{
-    return p->owners && cts_look_of_cell(p->owners, cell) == CTS_LOOKS_DIFFER;
-}
-
-/* What is seen of a cell that the ray is in from t = `from` to `to`: *best becomes the largest (sign 1, or the smallest
- * times -1) of what it was and that; false, and nothing has changed, where nothing is seen. */
+/* What is seen of a cell that the ray is in from t = `from` to `to`. */
+CtsSees cts_project_sees_way(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from,
+                             double to);
+/* *best becomes the largest (sign 1, or the smallest times -1) of what it was and what is seen there, at least in part;
+ * false, and nothing has changed, where nothing is. */
 bool cts_project_extreme_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from,
-                            double to, double sign, double *best);
+                            double to, CtsSees sees, double sign, double *best);
 /* Grey level times length, and length. */
 void cts_project_mean_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
-                         double *sum, double *length);
+                         CtsSees sees, double *sum, double *length);
 
 #endif

@@ -11,28 +11,49 @@ typedef struct Seen {
     double hu[CTS_OWNED_STRETCHES][4], share[CTS_OWNED_STRETCHES];
 } Seen;
 
-/* Whether the cell that the middle of a piece lies in is looked at. */
-static bool in_body(const CtsRaycaster *caster, const CtsRay *ray, const CtsRayPiece *piece)
+/* Where a piece crosses the body's edge, with its ends; how far the body's mask lies above its level there, as a cubic.
+ * Returns how many stretches these places part it in. */
+static int body_cuts(const CtsRaycaster *caster, const CtsRay *ray, const CtsRayPiece *piece, double above[4],
+                     double cut[5])
 {
-    int cell[3];
-    for (int a = 0; a < 3; a++) {
-        const double middle = ray->start_vox[a] + 0.5 * (piece->t0_mm + piece->t1_mm) * ray->step_vox[a];
-        cell[a] = (int)fmin(fmax(floor(middle), 0), fmax(caster->view.dims[a] - 2, 0));
+    double corner[8], from[3], to[3];
+    int cell[3], n = 0;
+    cut[0] = 0;
+    above[0] = 1;
+    for (int m = 1; m < 4; m++)
+        above[m] = 0;
+    for (int a = 0; a < 3 && caster->body; a++) {
+        const double start = ray->start_vox[a] + piece->t0_mm * ray->step_vox[a];
+        const double end = ray->start_vox[a] + piece->t1_mm * ray->step_vox[a];
+        cell[a] = (int)fmin(fmax(floor(0.5 * (start + end)), 0), fmax(caster->view.dims[a] - 2, 0));
+        from[a] = cts_body_mask_place(caster->body, a, cell[a], start - cell[a]);
+        to[a] = cts_body_mask_place(caster->body, a, cell[a], end - cell[a]);
     }
-    return !caster->body || cts_body_mask_has(caster->body, cell);
+    if (caster->body) {
+        cts_body_mask_corners(caster->body, cell, corner);
+        cts_cubic_in_cell(corner, from, to, above);
+        above[0] -= CTS_BODY_LEVEL;
+        n = cts_cubic_sign_changes(above, cut + 1);
+    }
+    cut[n + 1] = 1;
+    return n + 1;
 }
 
 static void see(const CtsRaycaster *caster, const CtsRayWalk *walk, const CtsRayPiece *piece, Seen *seen)
 {
     CtsOwnedStretch stretch[CTS_OWNED_STRETCHES] = {{0, 1, CTS_LOOK_PRESET}};
-    const int n = !in_body(caster, walk->ray, piece) ? 0
-                  : caster->owners                   ? cts_raycast_owned(caster->owners, walk, stretch)
-                                                     : 1;
+    double above[4], cut[5];
+    const int n_body = body_cuts(caster, walk->ray, piece, above, cut);
+    const int n = caster->owners ? cts_raycast_owned(caster->owners, walk, stretch) : 1;
     seen->n = 0;
     for (int i = 0; i < n; i++)
-        if (stretch[i].look != CTS_LOOK_HIDDEN) {
-            cts_cubic_part(piece->hu, stretch[i].from, stretch[i].to, seen->hu[seen->n]);
-            seen->share[seen->n++] = stretch[i].to - stretch[i].from;
+        for (int b = 0; b < n_body && seen->n < CTS_OWNED_STRETCHES; b++) {
+            const double from = fmax(stretch[i].from, cut[b]), to = fmin(stretch[i].to, cut[b + 1]);
+            const bool body = cts_cubic_at(above, 0.5 * (cut[b] + cut[b + 1])) > 0;
+            if (stretch[i].look == CTS_LOOK_HIDDEN || !body || from >= to)
+                continue;
+            cts_cubic_part(piece->hu, from, to, seen->hu[seen->n]);
+            seen->share[seen->n++] = to - from;
         }
 }
 
