@@ -1,9 +1,9 @@
-/* Bit masks and macro-cells that follow a change: what is not read must not be missed. */
+/* Bit masks. */
 #include "unit.h"
 
 #include "base/cpu.h"
-#include "core/table/cell_change.h"
 #include "core/table/morphology.h"
+#include "core/volume/macrocells.h"
 #include "core/volume/threshold.h"
 #include "ctsplat/volume.h"
 #include <stdbool.h>
@@ -67,75 +67,6 @@ static void test_threshold(void **state)
         cts_bits_free(&plain);
         cts_volume_free(&v);
     }
-}
-
-/* Make air of the voxels whose bit is set, row by row, as table removal does. */
-static void clear(CtsVolume *v, const CtsBits *gone, CtsCellChange *change)
-{
-    for (int k = 0; k < v->dims[2]; k++) {
-        CtsCellRows rows;
-        for (int j = 0; j < v->dims[1]; j++) {
-            for (int i = 0; i < v->dims[0]; i++)
-                if (cts_bits_get(gone, i, j, k))
-                    v->grey[(k * v->dims[1] + j) * v->dims[0] + i] = 0;
-            cts_cell_change_row(change, &rows, cts_bits_row(gone, j, k), j, k);
-        }
-    }
-}
-
-/* Whether the voxel goes: nothing, everything, boxes, single voxels. */
-static bool goes(int kind, const int at[3], uint32_t *seed)
-{
-    switch (kind) {
-    case 0:
-        return false;
-    case 1:
-        return true;
-    case 2:
-        return at[0] >= 7 && at[1] >= 3 && at[2] >= 2;
-    case 3:
-        return at[0] % 16 < 9 && at[1] % 9 < 6;
-    default:
-        return random_next(seed) % 50 == 0;
-    }
-}
-
-static void check_change(const int dims[3], int kind)
-{
-    uint32_t seed = (uint32_t)kind;
-    CtsVolume *v = make(dims, (uint32_t)dims[0]);
-    CtsBits gone;
-    CtsCellChange change;
-    CtsMacrocells *fresh;
-    CtsError err;
-    assert_int_equal(cts_bits_new(&gone, dims, &err), CTS_OK);
-    int at[3];
-    for (at[2] = 0; at[2] < dims[2]; at[2]++)
-        for (at[1] = 0; at[1] < dims[1]; at[1]++)
-            for (at[0] = 0; at[0] < dims[0]; at[0]++)
-                if (goes(kind, at, &seed))
-                    cts_bits_set(&gone, at[0], at[1], at[2]);
-    assert_int_equal(cts_cell_change_new(&change, v->macrocells, &err), CTS_OK);
-    clear(v, &gone, &change);
-    cts_cell_change_apply(&change, v, 2);
-    assert_int_equal(cts_macrocells_new(&fresh, v, 1, &err), CTS_OK);
-    const size_t n = (size_t)fresh->n[0] * (size_t)fresh->n[1] * (size_t)fresh->n[2];
-    const size_t n_fine = (size_t)fresh->n_fine[0] * (size_t)fresh->n_fine[1] * (size_t)fresh->n_fine[2];
-    assert_memory_equal(fresh->fine, v->macrocells->fine, n_fine * sizeof *fresh->fine);
-    assert_memory_equal(fresh->range, v->macrocells->range, n * sizeof *fresh->range);
-    assert_memory_equal(&fresh->all, &v->macrocells->all, sizeof fresh->all);
-    cts_macrocells_free(&fresh);
-    cts_cell_change_free(&change);
-    cts_bits_free(&gone);
-    cts_volume_free(&v);
-}
-
-static void test_block_change(void **state)
-{
-    (void)state;
-    for (int s = 0; s < N_SIZES; s++)
-        for (int kind = 0; kind < 5; kind++)
-            check_change(sizes[s], kind);
 }
 
 /* Whether a voxel lies within reach of one that is set: voxel by voxel. */
@@ -292,8 +223,10 @@ static void test_marks(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_marks),      cmocka_unit_test(test_threshold), cmocka_unit_test(test_block_change),
-        cmocka_unit_test(test_morphology), cmocka_unit_test(test_far_reach),
+        cmocka_unit_test(test_marks),
+        cmocka_unit_test(test_threshold),
+        cmocka_unit_test(test_morphology),
+        cmocka_unit_test(test_far_reach),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

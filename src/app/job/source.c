@@ -136,7 +136,12 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, const CtsVolume
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
     if (!st && source->crop)
         st = cts_volume_crop(volume, source->crop_low_lps, source->crop_high_lps, err);
-    return st ? st : interpolate(source, volume, made, report, err);
+    if (st || (st = interpolate(source, volume, made, report, err)))
+        return st;
+    const CtsMeter meter = cts_meter_start(report);
+    st = cts_volume_prepare(volume, source->n_threads, err);
+    cts_meter_stop(meter, report, CTS_STAGE_GREY);
+    return st;
 }
 
 static CtsStatus need_labels(const CtsLabelChoice *c, CtsError *err)

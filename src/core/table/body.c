@@ -57,7 +57,7 @@ static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, C
         return CTS_OK;
     if ((st = cts_bits_new_unset(&others, plan->dims, err)))
         goto end;
-    cts_parts_paint(p, sized, NULL, &others, n_threads);
+    cts_parts_paint(p, sized, NULL, &others);
     cts_open_sections(workers, n_threads, &others, cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm));
     if ((st = count_in(p, &others, &thick, err)))
         goto end;
@@ -121,12 +121,12 @@ static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections,
         return st;
     Sections taking = {sections, extruded, rest, workers}, extending = {sections, extruded, &body->dense, workers};
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, take_extruded, &taking);
-    if ((st = cts_parts_find(&parts, rest, n_threads, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
+    if ((st = cts_parts_find(&parts, rest, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
         (st = cts_alloc_array(&sized, parts.n_parts, err)) ||
         (st = choose_patient(plan, &parts, workers, n_threads, flags, sized, err)))
         goto end;
-    cts_parts_paint(&parts, flags, NULL, &body->dense, n_threads);
-    cts_parts_paint(&parts, sized, extruded, rest, n_threads);
+    cts_parts_paint(&parts, flags, NULL, &body->dense);
+    cts_parts_paint(&parts, sized, extruded, rest);
     cts_parallel(n_threads, (size_t)plan->dims[2], 0, extend_by_voxel, &extending);
     for (uint32_t n = 0; n < parts.n_parts; n++)
         body->mm3 += flags[n] ? (double)parts.parts[n].n_voxels * plan->voxel_mm3 : 0;
@@ -207,36 +207,11 @@ static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, co
     return st;
 }
 
-/* Loops over sections that turn them round. */
-typedef struct Turning {
-    CtsBody *body;
-    CtsBits *air;
-} Turning;
-
 static CtsBits sections_of(const CtsBits *bits, size_t first, size_t end)
 {
     return (CtsBits){.dims = {bits->dims[0], bits->dims[1], (int)(end - first)},
                      .row_words = bits->row_words,
                      .words = cts_bits_row(bits, 0, (int)first)};
-}
-
-static void find_air(void *context, int worker, size_t first, size_t end)
-{
-    const Turning *const t = context;
-    CtsBits air = sections_of(t->air, first, end);
-    const CtsBits dense = sections_of(&t->body->dense, first, end);
-    (void)worker;
-    cts_bits_combine(&air, CTS_BITS_NOT, &dense);
-}
-
-/* What was painted is outside: of the foreign that alone stays, and the whole is the rest. */
-static void turn_outside(void *context, int worker, size_t first, size_t end)
-{
-    const Turning *const t = context;
-    CtsBits whole = sections_of(&t->body->whole, first, end), foreign = sections_of(&t->body->foreign, first, end);
-    (void)worker;
-    cts_bits_combine(&foreign, CTS_BITS_AND, &whole);
-    cts_bits_combine(&whole, CTS_BITS_NOT, &whole);
 }
 
 static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, int n_threads, CtsBody *body, CtsError *err)
@@ -247,15 +222,15 @@ static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, int 
     uint8_t *outside = NULL;
     if ((st = cts_bits_new_unset(&air, plan->dims, err)))
         return st;
-    Turning turning = {body, &air};
-    cts_parallel(n_threads, (size_t)plan->dims[2], 0, find_air, &turning);
-    if ((st = cts_parts_find_in_slices(&parts, &air, n_threads, err)) ||
-        (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
+    cts_bits_combine(&air, CTS_BITS_NOT, &body->dense);
+    if ((st = cts_parts_find_in_slices(&parts, &air, err)) || (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
         (st = tell_outside(plan, v, &parts, n_threads, outside, err)) ||
         (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
         goto end;
-    cts_parts_paint(&parts, outside, NULL, &body->whole, n_threads);
-    cts_parallel(n_threads, (size_t)plan->dims[2], 0, turn_outside, &turning);
+    cts_parts_paint(&parts, outside, NULL, &body->whole);
+    /* What was painted is outside: of the foreign that alone stays, and the whole is the rest. */
+    cts_bits_combine(&body->foreign, CTS_BITS_AND, &body->whole);
+    cts_bits_combine(&body->whole, CTS_BITS_NOT, &body->whole);
 end:
     cts_bits_free(&air);
     cts_parts_free(&parts);
@@ -345,10 +320,10 @@ static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, Cts
     CtsParts parts = {0};
     uint8_t *flags = NULL;
     double mm3 = 0;
-    if ((st = cts_parts_find(&parts, thin, n_threads, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
+    if ((st = cts_parts_find(&parts, thin, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
         (st = choose_shells(plan, v, &parts, flags, &mm3, err)) || mm3 == 0 || mm3 > SHELL_SHARE * body->mm3)
         goto end;
-    cts_parts_paint(&parts, flags, NULL, thin, n_threads);
+    cts_parts_paint(&parts, flags, NULL, thin);
     cts_bits_combine(&body->foreign, CTS_BITS_OR, thin);
     cts_bits_combine(thin, CTS_BITS_NOT, thin);
     cts_bits_combine(&body->dense, CTS_BITS_AND, thin);

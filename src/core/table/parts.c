@@ -1,11 +1,7 @@
 #include "core/table/parts.h"
 
 #include "base/mem.h"
-#include "base/parallel.h"
 #include <string.h>
-
-/* Slices joined by one thread before the bands are joined in order; fixed, so that threads change nothing. */
-enum { BAND = 16 };
 
 /* A start sets one bit and an end, one past the last voxel, sets another; both come in turn. */
 static void list_row(const uint64_t *row, size_t n_words, int nx, CtsRun *run)
@@ -59,41 +55,6 @@ static void join_rows(CtsParts *p, size_t row_a, size_t row_b)
     }
 }
 
-static void join_slices(CtsParts *p, int k)
-{
-    const size_t ny = (size_t)p->dims[1];
-    for (size_t j = 0; j < ny; j++)
-        join_rows(p, ((size_t)k - 1) * ny + j, (size_t)k * ny + j);
-}
-
-typedef struct Joining {
-    CtsParts *parts;
-    bool across_slices;
-} Joining;
-
-static void join_band(void *context, int worker, size_t first, size_t end)
-{
-    const Joining *const joining = context;
-    CtsParts *p = joining->parts;
-    const size_t ny = (size_t)p->dims[1];
-    (void)worker;
-    for (size_t k = first; k < end; k++) {
-        for (size_t j = 1; j < ny; j++)
-            join_rows(p, k * ny + j - 1, k * ny + j);
-        if (joining->across_slices && k % BAND)
-            join_slices(p, (int)k);
-    }
-}
-
-static void join_bands(CtsParts *p, bool across_slices, int n_threads)
-{
-    const int n_bands = (p->dims[2] + BAND - 1) / BAND;
-    Joining joining = {p, across_slices};
-    cts_parallel(n_threads, (size_t)p->dims[2], BAND, join_band, &joining);
-    for (int band = 1; across_slices && band < n_bands; band++)
-        join_slices(p, band * BAND);
-}
-
 /* Runs come in order of slices. */
 static void add_run(CtsPart *part, const CtsRun *run, int j, int k)
 {
@@ -108,146 +69,70 @@ static void add_run(CtsPart *part, const CtsRun *run, int j, int k)
     part->n_voxels += run->end - run->first;
 }
 
-/* Groups of rows whose parts are numbered by themselves: slices, or all together. */
-typedef struct Labelling {
-    CtsParts *parts;
-    size_t group_rows;
-    uint32_t *first; /* of each group: how many parts it has, then the number of its first */
-} Labelling;
-
-static void count_parts(void *context, int worker, size_t first, size_t end)
+static CtsStatus list_runs(CtsParts *p, const CtsBits *bits, CtsError *err)
 {
-    const Labelling *const l = context;
-    const CtsParts *p = l->parts;
-    (void)worker;
-    for (size_t g = first; g < end; g++) {
-        l->first[g] = 0;
-        for (uint32_t r = p->row_start[g * l->group_rows]; r < p->row_start[(g + 1) * l->group_rows]; r++)
-            l->first[g] += p->runs[r].part == r;
-    }
-}
-
-/* Runs come in order and a parent before its children, so one pass is enough. */
-static void number_parts(void *context, int worker, size_t first, size_t end)
-{
-    const Labelling *const l = context;
-    CtsParts *const p = l->parts;
-    const size_t ny = (size_t)p->dims[1];
-    (void)worker;
-    for (size_t g = first; g < end; g++) {
-        uint32_t next = l->first[g];
-        for (size_t row = g * l->group_rows; row < (g + 1) * l->group_rows; row++)
-            for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
-                CtsRun *run = &p->runs[r];
-                run->part = run->part == r ? next++ : p->runs[run->part].part;
-                add_run(&p->parts[run->part], run, (int)(row % ny), (int)(row / ny));
-            }
-    }
-}
-
-static CtsStatus label(CtsParts *p, bool across_slices, int n_threads, CtsError *err)
-{
-    const size_t n_rows = (size_t)p->dims[1] * (size_t)p->dims[2];
-    const size_t n_groups = across_slices ? 1 : (size_t)p->dims[2];
-    Labelling labelling = {.parts = p, .group_rows = n_rows / n_groups};
-    CtsStatus st = cts_alloc_array(&labelling.first, n_groups, err);
-    if (st)
-        return st;
-    cts_parallel(n_threads, n_groups, 0, count_parts, &labelling);
-    p->n_parts = 0;
-    for (size_t g = 0; g < n_groups; g++) {
-        const uint32_t n = labelling.first[g];
-        labelling.first[g] = p->n_parts;
-        p->n_parts += n;
-    }
-    if (!(st = cts_alloc_zeroed(&p->parts, p->n_parts, err)))
-        cts_parallel(n_threads, n_groups, 0, number_parts, &labelling);
-    cts_free(&labelling.first);
-    return st;
-}
-
-/* A mask and its runs. */
-typedef struct Rows {
-    CtsParts *parts;
-    const CtsBits *bits;
-} Rows;
-
-static void count_rows(void *context, int worker, size_t first, size_t end)
-{
-    const Rows *const r = context;
-    const size_t n_words = r->bits->row_words;
-    (void)worker;
-    for (size_t row = first; row < end; row++)
-        r->parts->row_start[row + 1] = cts_bits_count_runs(r->bits->words + row * n_words, n_words);
-}
-
-static void list_rows(void *context, int worker, size_t first, size_t end)
-{
-    const Rows *const r = context;
-    const CtsParts *p = r->parts;
-    const size_t n_words = r->bits->row_words;
-    (void)worker;
-    for (size_t row = first; row < end; row++) {
-        list_row(r->bits->words + row * n_words, n_words, r->bits->dims[0], p->runs + p->row_start[row]);
-        for (uint32_t run = p->row_start[row]; run < p->row_start[row + 1]; run++)
-            p->runs[run].part = run;
-    }
-}
-
-/* A small mask is not worth waking anybody. */
-static int threads_for(const CtsBits *bits, int n_threads)
-{
-    return cts_bits_is_large(bits) ? n_threads : 1;
-}
-
-static CtsStatus count(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
-{
-    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
+    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2], n_words = bits->row_words;
+    CtsStatus st;
     cts_parts_free(p);
     *p = (CtsParts){.dims = {bits->dims[0], bits->dims[1], bits->dims[2]}};
-    const CtsStatus st = cts_alloc_array(&p->row_start, n_rows + 1, err);
-    if (st)
+    if ((st = cts_alloc_array(&p->row_start, n_rows + 1, err)))
         return st;
-    Rows rows = {p, bits};
-    cts_parallel(threads_for(bits, n_threads), n_rows, 0, count_rows, &rows);
-    p->n_runs = p->row_start[0] = 0;
     for (size_t row = 0; row < n_rows; row++) {
-        p->n_runs += p->row_start[row + 1];
-        p->row_start[row + 1] = (uint32_t)p->n_runs;
+        p->row_start[row] = (uint32_t)p->n_runs;
+        p->n_runs += cts_bits_count_runs(bits->words + row * n_words, n_words);
     }
+    p->row_start[n_rows] = (uint32_t)p->n_runs;
+    if (p->n_runs >= UINT32_MAX)
+        return cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)p->n_runs);
+    if ((st = cts_alloc_array(&p->runs, p->n_runs, err)))
+        return st;
+    for (size_t row = 0; row < n_rows; row++)
+        list_row(bits->words + row * n_words, n_words, bits->dims[0], p->runs + p->row_start[row]);
+    for (uint32_t run = 0; run < p->n_runs; run++)
+        p->runs[run].part = run;
     return CTS_OK;
 }
 
-static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, int n_threads, CtsError *err)
+/* Runs come in order and a parent before its children, so one pass is enough. */
+static CtsStatus number_parts(CtsParts *p, CtsError *err)
 {
-    const size_t n_rows = (size_t)bits->dims[1] * (size_t)bits->dims[2];
-    CtsStatus st = count(p, bits, n_threads, err);
-    if (st)
-        goto end;
-    if (p->n_runs >= UINT32_MAX) {
-        st = cts_fail(err, CTS_ERR_MEMORY, "a mask of %llu runs is too ragged", (unsigned long long)p->n_runs);
-        goto end;
+    const uint32_t ny = (uint32_t)p->dims[1];
+    for (uint32_t run = 0; run < p->n_runs; run++)
+        p->n_parts += p->runs[run].part == run;
+    const CtsStatus st = cts_alloc_zeroed(&p->parts, p->n_parts, err);
+    uint32_t next = 0;
+    for (uint32_t row = 0; row < ny * (uint32_t)p->dims[2] && !st; row++)
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++) {
+            CtsRun *const run = &p->runs[r];
+            run->part = run->part == r ? next++ : p->runs[run->part].part;
+            add_run(&p->parts[run->part], run, (int)(row % ny), (int)(row / ny));
+        }
+    return st;
+}
+
+static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, CtsError *err)
+{
+    const size_t ny = (size_t)bits->dims[1];
+    CtsStatus st = list_runs(p, bits, err);
+    for (size_t row = 0; row < ny * (size_t)bits->dims[2] && !st; row++) {
+        if (row % ny > 0)
+            join_rows(p, row - 1, row);
+        if (row >= ny && across_slices)
+            join_rows(p, row - ny, row);
     }
-    if ((st = cts_alloc_array(&p->runs, p->n_runs, err)))
-        goto end;
-    Rows rows = {p, bits};
-    cts_parallel(threads_for(bits, n_threads), n_rows, 0, list_rows, &rows);
-    join_bands(p, across_slices, threads_for(bits, n_threads));
-    st = label(p, across_slices, threads_for(bits, n_threads), err);
-end:
-    if (st)
+    if (st || (st = number_parts(p, err)))
         cts_parts_free(p);
     return st;
 }
 
-CtsStatus cts_parts_find(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
+CtsStatus cts_parts_find(CtsParts *p, const CtsBits *bits, CtsError *err)
 {
-    return find(p, bits, true, n_threads, err);
+    return find(p, bits, true, err);
 }
 
-CtsStatus cts_parts_find_in_slices(CtsParts *p, const CtsBits *bits, int n_threads, CtsError *err)
+CtsStatus cts_parts_find_in_slices(CtsParts *p, const CtsBits *bits, CtsError *err)
 {
-    return find(p, bits, false, n_threads, err);
+    return find(p, bits, false, err);
 }
 
 void cts_parts_free(CtsParts *p)
@@ -268,29 +153,13 @@ void cts_parts_paint_slice(const CtsParts *p, const uint8_t *flags, CtsBits *bit
     }
 }
 
-typedef struct Painting {
-    const CtsParts *parts;
-    const uint8_t *flags;
-    const CtsBits *under;
-    CtsBits *bits;
-} Painting;
-
-static void paint_slices(void *context, int worker, size_t first, size_t end)
+void cts_parts_paint(const CtsParts *p, const uint8_t *flags, const CtsBits *under, CtsBits *bits)
 {
-    const Painting *const p = context;
-    const size_t n_bytes = p->bits->row_words * (size_t)p->bits->dims[1] * sizeof *p->bits->words;
-    (void)worker;
-    for (int k = (int)first; k < (int)end; k++) {
-        if (p->under)
-            memcpy(cts_bits_row(p->bits, 0, k), cts_bits_row(p->under, 0, k), n_bytes);
-        else
-            memset(cts_bits_row(p->bits, 0, k), 0, n_bytes);
-        cts_parts_paint_slice(p->parts, p->flags, p->bits, k);
-    }
-}
-
-void cts_parts_paint(const CtsParts *p, const uint8_t *flags, const CtsBits *under, CtsBits *bits, int n_threads)
-{
-    Painting painting = {p, flags, under, bits};
-    cts_parallel(threads_for(bits, n_threads), (size_t)p->dims[2], 0, paint_slices, &painting);
+    const size_t n_bytes = cts_bits_n_words(bits) * sizeof *bits->words;
+    if (under)
+        memcpy(bits->words, under->words, n_bytes);
+    else
+        memset(bits->words, 0, n_bytes);
+    for (int k = 0; k < p->dims[2]; k++)
+        cts_parts_paint_slice(p, flags, bits, k);
 }

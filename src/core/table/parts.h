@@ -16,7 +16,7 @@ typedef struct CtsPart {
 } CtsPart;
 
 /* Runs in order of rows, k * dims[1] + j; the runs of row r are row_start[r] <= n < row_start[r + 1]. Parts are in
- * order of their first run, whatever the number of threads. */
+ * order of their first run. */
 typedef struct CtsParts {
     int dims[3];
     CtsRun *runs;
@@ -27,14 +27,14 @@ typedef struct CtsParts {
 } CtsParts;
 
 /* A zero-initialised CtsParts may be freed; finding frees what it held before. */
-CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
+CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, CtsError *err);
 /* The same, but voxels of different slices never belong together. */
-CtsStatus cts_parts_find_in_slices(CtsParts *parts, const CtsBits *bits, int n_threads, CtsError *err);
+CtsStatus cts_parts_find_in_slices(CtsParts *parts, const CtsBits *bits, CtsError *err);
 void cts_parts_free(CtsParts *parts);
 
 /* Set the bits of the parts whose flag is set, in one slice, whose other bits stay as they are. */
 void cts_parts_paint_slice(const CtsParts *parts, const uint8_t *flags, CtsBits *bits, int k);
 /* The same in all slices; all other bits become those of `under` (NULL: 0). */
-void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, const CtsBits *under, CtsBits *bits, int n_threads);
+void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, const CtsBits *under, CtsBits *bits);
 
 #endif

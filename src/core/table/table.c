@@ -5,9 +5,9 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "core/table/body.h"
-#include "core/table/cell_change.h"
 #include "core/table/extruded.h"
 #include "core/table/morphology.h"
+#include "core/volume/macrocells.h"
 #include "core/volume/threshold.h"
 #include <math.h>
 #include <stdatomic.h>
@@ -160,7 +160,6 @@ static uint64_t clear_row(const Removal *r, CtsVolume *v, int j, int k, const ui
 typedef struct Clearing {
     const Removal *removal;
     CtsVolume *volume;
-    CtsCellChange *change;
     _Atomic uint64_t n_dense;
 } Clearing;
 
@@ -170,35 +169,21 @@ static void clear_slices(void *context, int worker, size_t first, size_t end)
     const Removal *r = c->removal;
     uint64_t n_dense = 0;
     (void)worker;
-    for (int k = (int)first; k < (int)end; k++) {
-        CtsCellRows rows;
-        uint64_t gone[CTS_BITS_ROW_WORDS];
-        const bool same = k > (int)first && r->plan.axis[2] == 2 && k % r->plan.n_slices > 0;
+    for (int k = (int)first; k < (int)end; k++)
         for (int j = 0; j < c->volume->dims[1]; j++) {
+            uint64_t gone[CTS_BITS_ROW_WORDS];
             cts_sections_row(&r->plan, &r->gone, c->volume->dims[0], j, k, gone);
             n_dense += clear_row(r, c->volume, j, k, gone);
-            if (!same)
-                cts_cell_change_row(c->change, &rows, gone, j, k);
         }
-        if (same)
-            cts_cell_change_same(c->change, k);
-    }
     atomic_fetch_add(&c->n_dense, n_dense);
 }
 
-static CtsStatus clear(Removal *r, CtsVolume *v, CtsError *err)
+static void clear(Removal *r, CtsVolume *v)
 {
-    CtsCellChange change;
-    CtsStatus st = cts_cell_change_new(&change, v->macrocells, err);
-    if (st)
-        goto end;
-    Clearing clearing = {.removal = r, .volume = v, .change = &change};
-    cts_parallel(r->n_threads, (size_t)v->dims[2], CTS_FINE_MACROCELL, clear_slices, &clearing);
+    Clearing clearing = {.removal = r, .volume = v};
+    cts_parallel(r->n_threads, (size_t)v->dims[2], 0, clear_slices, &clearing);
     r->n_dense_gone = atomic_load(&clearing.n_dense);
-    cts_cell_change_apply(&change, v, r->n_threads);
-end:
-    cts_cell_change_free(&change);
-    return st;
+    cts_volume_changed(v);
 }
 
 /* What went, and yet is as thick as no table. The bits of what is gone are used up. */
@@ -250,8 +235,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, C
         cts_report_skip(report, WHAT, "nothing above %g HU lies outside the body", CTS_DENSE_HU);
         return st;
     }
-    if ((st = clear(r, v, err)))
-        return st;
+    clear(r, v);
     const double gone_mm3 = (double)r->n_dense_gone * r->plan.voxel_mm3 / r->plan.n_slices;
     cts_report_finding(report, "table_removed", CTS_NOTE,
                        "table removal: %llu voxels above %g HU went (%.1f cm3, %.1f %% of the body)",
