@@ -20,12 +20,9 @@ unsigned cts_cpu_flags(void)
 {
     unsigned flags = 0;
 #if defined(__x86_64__)
-    const bool fma = __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma");
-    if (fma)
-        flags |= CTS_CPU_AVX2;
-    if (fma && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512bw") &&
-        __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl"))
-        flags |= CTS_CPU_AVX512;
+#define HAS(feature) __builtin_cpu_supports(feature)
+#define FIND(name, needs) flags |= needs ? CTS_CPU_##name : 0;
+    CTS_CPU_PATHS(FIND)
 #endif
     return flags & atomic_load(&cpu_mask);
 }

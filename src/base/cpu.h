@@ -6,10 +6,15 @@
 extern "C" {
 #endif
 
-enum {
-    CTS_CPU_AVX2 = 1,
-    CTS_CPU_AVX512 = 2 /* F, BW, DQ and VL */
-};
+/* What loops may be compiled for, each with what a processor must have for it. */
+#define CTS_CPU_PATHS(path)                                                                                            \
+    path(AVX2, HAS("avx2") && HAS("fma")) path(AVX512, HAS("avx2") && HAS("fma") && HAS("avx512f") &&                  \
+                                                           HAS("avx512bw") && HAS("avx512dq") && HAS("avx512vl"))
+
+#define CTS_CPU_PLACE(name, needs) CTS_CPU_PLACE_##name,
+enum CtsCpuPlace { CTS_CPU_PATHS(CTS_CPU_PLACE) };
+#define CTS_CPU_FLAG(name, needs) CTS_CPU_##name = 1 << CTS_CPU_PLACE_##name,
+enum CtsCpuFlag { CTS_CPU_PATHS(CTS_CPU_FLAG) };
 
 /* The flags that this processor has and the mask lets through: whoever has more than one SIMD path chooses by them. */
 unsigned cts_cpu_flags(void);
