@@ -81,7 +81,7 @@ print("(the default took %.2f s, the yardstick %.2f of what it took beside the p
 
 script = ["set terminal svg noenhanced size 900,520 font 'sans,13' background 'white'", "set logscale xy", "set grid",
           "set xlabel 'processor time of one picture (default of ctsplat = 1)'",
-          "set ylabel 'error, rms, of 255 levels'", "set key top right", "set xrange [0.03:10]", "set yrange [0.01:15]"]
+          "set ylabel 'error, rms, of 255 levels'", "set key bottom left", "set xrange [0.03:10]", "set yrange [0.01:15]"]
 names = list(dict.fromkeys(r[0] for r in rows))
 for i, name in enumerate(names):
     script += ["$d%d << END" % i] + ['%g %g "%s"' % (t, 255 * e, s) for n, s, t, e in rows if n == name] + ["END"]
