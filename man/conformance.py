@@ -11,7 +11,8 @@ import subprocess
 import sys
 
 root, version, form = pathlib.Path(sys.argv[1]), sys.argv[2], sys.argv[3]
-dcmtk = subprocess.run([*sys.argv[4:], "-E", "-dD", "-include", "dcmtk/dcmdata/dcuid.h", "-x", "c++", "/dev/null"],
+dcmtk = subprocess.run([*sys.argv[4:], "-std=c++17", "-E", "-dD", "-include", "dcmtk/dcmdata/dcuid.h",
+                        "-x", "c++", "/dev/null"],
                        check=True, stdout=subprocess.PIPE, text=True).stdout
 uid_of = dict(re.findall(r'#define\s+UID_(\w+)\s+"([0-9.]+)"', dcmtk))
 
