@@ -116,6 +116,20 @@ static void rows_around(const CtsPaperPlan *p, int j, int v0, int v1, int rows[2
     cts_patch_rows(&p->patches, at + reach < v1 - 1 ? at + reach : v1 - 1, density, &unused, &rows[1]);
 }
 
+/* Ask early for the marked voxels of a row, in the layer that comes next: of a layer's rows little is read, too little
+ * for the processor to see where it goes on. */
+static void ask_for_row(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int j)
+{
+    const uint16_t *row = cts_paper_row(p, w->store, s + 1, j);
+    for (int i = 0; i < p->stack.n[0]; i += 64) {
+        const uint64_t marks = w->marks[i / 64];
+        if (marks & UINT32_MAX)
+            __builtin_prefetch(row + i);
+        if (marks >> 32)
+            __builtin_prefetch(row + i + 32);
+    }
+}
+
 /* Mark what changed since the sheet was made; returns how many voxels. */
 static uint64_t mark_changes(const CtsPaperPlan *p, CtsSwathWork *w, const CtsScatter *job)
 {
@@ -166,6 +180,8 @@ static void splat(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, bool
         }
         if (!reaches || n_marked == 0)
             continue;
+        if (p->skip_void && s + 1 < p->stack.n_layers)
+            ask_for_row(p, w, s, j);
         p->simd.scatter(&job, w->marks, p->stack.n[0]);
         if (j >= own0 && j < own1)
             w->splatted += n_marked;
