@@ -100,7 +100,7 @@ typedef struct Tolerances {
     double touch_hu; /* levels are known to so many */
     double alike;    /* pixels that differ by less stand for those between them */
 } Tolerances;
-static const Tolerances fast = {4, 3, 2.5, 2, 0.1, 5}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7, 0};
+static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 5}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7, 0};
 /* Of a smaller error hardly any pixels are so much alike, and rays side by side are marched faster; and pixels further
  * apart than voxels hide what is between them. */
 static const double ALIKE_FROM = 5.0 / 255;
