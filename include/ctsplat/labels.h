@@ -33,6 +33,14 @@ typedef struct CtsLabelRun {
     uint16_t first, end;
 } CtsLabelRun;
 
+/* A voxel that a label fills in part, of a FRACTIONAL segmentation or a mask on another grid: which share of
+ * CTS_WHOLE_SHARE. It is in a run as well where that, or the mask's nearest voxel, says so. */
+enum { CTS_WHOLE_SHARE = 65535 };
+typedef struct CtsLabelShare {
+    uint32_t row;
+    uint16_t column, share;
+} CtsLabelShare;
+
 typedef struct CtsLabel {
     CtsLabelFact fact; /* its counts once cts_labels_count() has been called; the name is owned */
     bool surrounds;    /* the body's outline, or what supports it: owns what nothing else does */
@@ -40,6 +48,8 @@ typedef struct CtsLabel {
     double rgb[3];     /* display values 0..1 */
     CtsLabelRun *runs; /* n_runs, by rising row and place; no two touch; owned */
     size_t n_runs, room;
+    CtsLabelShare *shares; /* n_shares, by rising row and column; of other voxels it has all or nothing; owned */
+    size_t n_shares;
     struct CtsLabelSums *sums; /* while slices are read */
 } CtsLabel;
 

@@ -16,6 +16,14 @@ for asked in '--hide all' '--show 1' '--label-colours' '--label all=#ff0000 --la
     awk '/rmse/ {seen = 1; exit !($2 < 0.002)} END {exit !seen}' out || fail "$asked: engines differ: $(cat out)"
     rm asked.png again.png cast.png
 done
+# Fractions have edges of their own.
+part="$data/phantom --labels $labels/fractional --size 64x64 -p muscle --view 30,20 --hide 2"
+ok render $part -o part.png
+! cmp -s plain.png part.png || fail "a fractional label is not hidden"
+ok render $part --engine raycast -o cast.png
+run compare part.png cast.png
+awk '/rmse/ {seen = 1; exit !($2 < 0.002)} END {exit !seen}' out || fail "fractions: engines differ: $(cat out)"
+rm part.png cast.png
 for mode in mip minip average; do
     ok render $see --hide all --mode $mode -o mode.png
     ok render $see --hide all --mode $mode --engine raycast -o cast.png

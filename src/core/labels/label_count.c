@@ -17,18 +17,30 @@ static bool may_hold_air(const CtsLabel *l)
     return l->surrounds;
 }
 
-/* Slices that could not be read take their runs with them, and the others close up. */
+/* Puts a row into its slice's new place; false where the slice is gone. */
+static bool move_row(uint32_t *row, int rows, const int *new_number)
+{
+    const int slice = new_number[*row / (uint32_t)rows];
+    *row = (uint32_t)slice * (uint32_t)rows + *row % (uint32_t)rows;
+    return slice >= 0;
+}
+
+/* Slices that could not be read take what lies in them with them, and the others close up. */
 static void keep_slices(CtsLabel *l, int rows, const int *new_number)
 {
-    size_t n = 0;
+    size_t n = 0, n_shares = 0;
     for (size_t i = 0; i < l->n_runs; i++) {
         CtsLabelRun r = l->runs[i];
-        const int slice = new_number[r.row / (uint32_t)rows];
-        r.row = (uint32_t)slice * (uint32_t)rows + r.row % (uint32_t)rows;
-        if (slice >= 0)
+        if (move_row(&r.row, rows, new_number))
             l->runs[n++] = r;
     }
+    for (size_t i = 0; i < l->n_shares; i++) {
+        CtsLabelShare s = l->shares[i];
+        if (move_row(&s.row, rows, new_number))
+            l->shares[n_shares++] = s;
+    }
     l->n_runs = n;
+    l->n_shares = n_shares;
 }
 
 void cts_label_grid_thickness(CtsLabelGrid *g)

@@ -1,13 +1,9 @@
 /* Labels become the owners of a volume's voxels. */
-#include "base/cpu.h"
 #include "base/mem.h"
 #include "base/mutation.h"
-#include "base/parallel.h"
-#include "base/vec3.h"
 #include "core/labels/label_choice.h"
 #include "core/labels/label_set.h"
 #include "core/volume/owners.h"
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -142,111 +138,18 @@ static void sort(const Deciding *d, size_t *order)
     }
 }
 
-/* Where a scanned slice lies in the volume: its first voxel's column and row there, and its layer. */
-static CtsStatus place_slice(const CtsLabelGrid *g, const CtsVolume *v, int slice, double at[3], CtsError *err)
-{
-    double inverse[3][3], away[3];
-    if (!cts_volume_inverse(v, inverse))
-        return cts_fail(err, CTS_ERR_INTERNAL, "the volume's steps do not span space");
-    for (int c = 0; c < 3; c++)
-        away[c] = g->position_lps[slice][c] - v->origin_lps[c];
-    for (int a = 0; a < 3; a++)
-        at[a] = cts_dot3(inverse[a], away);
-    return CTS_OK;
-}
-
-typedef struct Painting {
-    CtsOwners *owners;
-    const Deciding *deciding;
-    const size_t *order;
-    int first;       /* slice of the first plane */
-    double (*at)[3]; /* of each plane, where it lies in the volume */
-} Painting;
-
-static void paint_run(const Painting *p, int plane, CtsLabelRun run, uint16_t owner)
-{
-    const CtsOwners *const o = p->owners;
-    const int rows = p->deciding->labels->grid.rows, x0 = (int)lround(p->at[plane][0]),
-              j = (int)(run.row % (uint32_t)rows) + (int)lround(p->at[plane][1]);
-    if (j < 0 || j >= o->dims[1])
-        return;
-    uint16_t *const row = o->owner + ((size_t)plane * (size_t)o->dims[1] + (size_t)j) * (size_t)o->dims[0];
-    const int end = run.end + x0 < o->dims[0] ? run.end + x0 : o->dims[0];
-    for (int i = run.first + x0 > 0 ? run.first + x0 : 0; i < end; i++)
-        row[i] = owner;
-}
-
-static void paint_planes(void *context, int worker, size_t begin, size_t end)
-{
-    const Painting *const p = context;
-    const CtsOwners *const o = p->owners;
-    const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
-    const uint32_t rows = (uint32_t)p->deciding->labels->grid.rows;
-    (void)worker;
-    for (size_t plane = begin; plane < end; plane++) {
-        const uint32_t slice = (uint32_t)p->first + (uint32_t)plane;
-        for (size_t i = 0; i < in_plane; i++)
-            o->owner[plane * in_plane + i] = (uint16_t)p->deciding->n_owners;
-        for (size_t i = 0; i < p->deciding->n_owners; i++) {
-            const CtsLabel *const l = &p->deciding->labels->items[p->deciding->owners[p->order[i]]];
-            for (size_t r = cts_label_find_row(l, slice * rows); r < l->n_runs && l->runs[r].row < (slice + 1) * rows;
-                 r++)
-                paint_run(p, (int)plane, l->runs[r], (uint16_t)p->order[i]);
-        }
-    }
-}
-
-/* On which slice, or between which two, each layer lies. */
-static void place_layers(CtsOwners *o, double (*at)[3])
-{
-    int plane = 0;
-    for (int k = 0; k < o->dims[2]; k++) {
-        while (plane + 2 < o->n_planes && at[plane + 1][2] <= k + 1e-6)
-            plane++;
-        const double gap = plane + 1 < o->n_planes ? at[plane + 1][2] - at[plane][2] : 0;
-        const double share = gap > 0 ? fmin(fmax((k - at[plane][2]) / gap, 0), 1) : 0;
-        o->plane[k] = share > 1 - 1e-6 ? plane + 1 : plane;
-        o->share[k] = share < 1e-6 || share > 1 - 1e-6 ? 0 : share;
-    }
-}
-
-/* The slices that the volume's layers lie on or between. */
-static CtsStatus find_planes(const CtsLabelGrid *g, const CtsVolume *v, double (*at)[3], int *first, int *end,
-                             CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    for (int k = 0; !st && k < g->n_slices; k++)
-        st = place_slice(g, v, k, at[k], err);
-    *first = 0;
-    *end = g->n_slices;
-    while (!st && *first + 1 < *end && at[*first + 1][2] <= 1e-6)
-        ++*first;
-    while (!st && *end - 1 > *first && at[*end - 2][2] >= v->dims[2] - 1 - 1e-6)
-        --*end;
-    return st;
-}
-
 static CtsStatus paint(const Deciding *d, CtsVolume *v, int n_threads, CtsError *err)
 {
-    const CtsLabelGrid *const g = &d->labels->grid;
-    double(*at)[3] = NULL;
     size_t *order = NULL;
-    int first, end;
-    CtsOwners *o = NULL;
-    CtsStatus st = cts_alloc_array(&at, (size_t)g->n_slices, err);
-    if (st || (st = cts_alloc_array(&order, d->n_owners + 1, err)) || (st = find_planes(g, v, at, &first, &end, err)) ||
-        (st = cts_owners_new(&o, v, (int)d->n_owners + 1, end - first, err)))
-        goto done;
-    for (size_t i = 0; i < d->n_owners; i++)
-        o->look[i] = look_of(d, d->owners[i]);
-    o->look[d->n_owners] = look_of(d, d->labels->n);
-    sort(d, order);
-    const Painting p = {o, d, order, first, at + first};
-    place_layers(o, at + first);
-    cts_parallel(cts_threads(n_threads), (size_t)o->n_planes, 1, paint_planes, (void *)&p);
-    v->owners = o;
-done:
-    cts_free(&at);
+    CtsStatus st = cts_alloc_array(&order, d->n_owners + 1, err);
+    if (!st) {
+        sort(d, order);
+        st = cts_labels_paint(d->labels, d->owners, order, d->n_owners, v, n_threads, err);
+    }
+    for (size_t i = 0; !st && i < d->n_owners; i++)
+        v->owners->look[i] = look_of(d, d->owners[i]);
+    if (!st)
+        v->owners->look[d->n_owners] = look_of(d, d->labels->n);
     cts_free(&order);
     return st;
 }

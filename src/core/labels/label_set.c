@@ -38,6 +38,7 @@ void cts_labels_free(CtsLabels **labels)
         cts_label_sums_free(l);
         free(l->fact.name);
         free(l->runs);
+        free(l->shares);
     }
     free((*labels)->items);
     free((*labels)->objects);
@@ -97,20 +98,65 @@ CtsStatus cts_label_add_run(CtsLabel *l, uint32_t row, int first, int end, CtsEr
     return st;
 }
 
+CtsStatus cts_label_add_share(CtsLabel *l, uint32_t row, int column, int share, CtsError *err)
+{
+    const CtsStatus st = cts_grow(&l->shares, l->n_shares, err);
+    if (!st)
+        l->shares[l->n_shares++] = (CtsLabelShare){row, (uint16_t)column, (uint16_t)share};
+    return st;
+}
+
+static int by_column(const void *a, const void *b)
+{
+    const CtsLabelShare *x = a, *y = b;
+    return x->row != y->row ? (x->row < y->row ? -1 : 1) : x->column < y->column ? -1 : x->column > y->column;
+}
+
 static int by_place(const void *a, const void *b)
 {
     const CtsLabelRun *x = a, *y = b;
     return x->row != y->row ? (x->row < y->row ? -1 : 1) : x->first < y->first ? -1 : x->first > y->first;
 }
 
+/* The first of n items that begin with their row, which rises, at or behind one. */
+static size_t find_row(const void *items, size_t size, size_t n, uint32_t row)
+{
+    size_t low = 0, high = n;
+    while (low < high) {
+        const size_t middle = low + (high - low) / 2;
+        if (*(const uint32_t *)((const char *)items + middle * size) < row)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return low;
+}
+
+size_t cts_label_find_row(const CtsLabel *l, uint32_t row)
+{
+    return find_row(l->runs, sizeof *l->runs, l->n_runs, row);
+}
+
+size_t cts_label_find_share(const CtsLabel *l, uint32_t row)
+{
+    return find_row(l->shares, sizeof *l->shares, l->n_shares, row);
+}
+
+/* Already sorted ones cost one pass. */
+static void sort(void *items, size_t size, size_t n, int (*order)(const void *, const void *))
+{
+    for (size_t i = 1; i < n; i++)
+        if (order((char *)items + (i - 1) * size, (char *)items + i * size) > 0) {
+            qsort(items, n, size, order);
+            return;
+        }
+}
+
 void cts_label_sort_runs(CtsLabel *l)
 {
-    bool sorted = true;
     size_t n = 0;
-    for (size_t i = 1; i < l->n_runs && sorted; i++)
-        sorted = by_place(&l->runs[i - 1], &l->runs[i]) <= 0;
-    if (!sorted)
-        qsort(l->runs, l->n_runs, sizeof *l->runs, by_place);
+    sort(l->runs, sizeof *l->runs, l->n_runs, by_place);
+    sort(l->shares, sizeof *l->shares, l->n_shares, by_column);
     for (size_t i = 0; i < l->n_runs; i++) {
         const CtsLabelRun r = l->runs[i];
         if (n && l->runs[n - 1].row == r.row && r.first <= l->runs[n - 1].end)
@@ -124,17 +170,4 @@ void cts_label_sort_runs(CtsLabel *l)
         l->runs = fitting;
         l->room = n;
     }
-}
-
-size_t cts_label_find_row(const CtsLabel *l, uint32_t row)
-{
-    size_t low = 0, high = l->n_runs;
-    while (low < high) {
-        const size_t middle = low + (high - low) / 2;
-        if (l->runs[middle].row < row)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
 }

@@ -19,12 +19,15 @@ CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *na
 CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object, CtsError *err);
 /* Voxels of one row, which may be there already; rows in any order. */
 CtsStatus cts_label_add_run(CtsLabel *label, uint32_t row, int first, int end, CtsError *err);
+/* A share, more than nothing and less than all, of a voxel; in any order. */
+CtsStatus cts_label_add_share(CtsLabel *label, uint32_t row, int column, int share, CtsError *err);
 /* Its colour as PS3.3 C.10.7.1.1 encodes CIELab: 0 to 65535 each, L* to 100, a* and b* from -128 to 127. */
 void cts_label_take_lab(CtsLabel *label, const int lab[3]);
-/* Runs in order, and those that touch made one. */
+/* Runs in order, and those that touch made one; shares in order. */
 void cts_label_sort_runs(CtsLabel *label);
-/* The first run at or behind a row. */
+/* The first run, or share, at or behind a row. */
 size_t cts_label_find_row(const CtsLabel *label, uint32_t row);
+size_t cts_label_find_share(const CtsLabel *label, uint32_t row);
 
 /* Steps of counting that are files of their own. */
 uint64_t cts_label_parts(const CtsLabel *label, int rows, CtsStatus *status, CtsError *err);
@@ -32,5 +35,10 @@ void cts_label_take_sums(CtsLabel *label, const int *slice_number, int n_kept);
 void cts_label_sums_free(CtsLabel *label);
 /* Of labels that are counted: adds the finding label_mirrored. */
 CtsStatus cts_label_tell_sides(const CtsLabels *labels, CtsReport *report, CtsError *err);
+
+/* Gives the voxels of a volume their owners: of n, owner i holds what label[i] does, and the one that stands later in
+ * `order` wins; the rest is number n. Looks are still to be said, and the owners to be finished. */
+CtsStatus cts_labels_paint(const CtsLabels *labels, const size_t *label, const size_t *order, size_t n, CtsVolume *v,
+                           int n_threads, CtsError *err);
 
 #endif

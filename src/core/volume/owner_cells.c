@@ -3,6 +3,7 @@
 #include "base/mutation.h"
 #include "core/volume/owners.h"
 #include <math.h>
+#include <stdlib.h>
 
 /* Ways are halved so often at most. */
 enum { HALVINGS = 24 };
@@ -13,6 +14,8 @@ static void add_share(CtsCellOwners *c, int owner, int corner, double share)
     while (at < c->n && c->owner[at] < owner)
         at++;
     if (at == c->n || c->owner[at] != owner) {
+        if (c->n == CTS_CELL_OWNERS)
+            return;
         for (int i = c->n++; i > at; i--) {
             c->owner[i] = c->owner[i - 1];
             for (int m = 0; m < 8; m++)
@@ -25,15 +28,41 @@ static void add_share(CtsCellOwners *c, int owner, int corner, double share)
     c->corner[at][corner] += share;
 }
 
-/* The scanned voxels of a corner: in one slice or, of a layer between two, in the next one too. */
-static const uint16_t *corner_of(const CtsOwners *o, const int cell[3], int corner, size_t *in_plane, double *share)
+static int by_place(const void *a, const void *b)
+{
+    const uint32_t p = ((const CtsSharedVoxel *)a)->at, q = ((const CtsSharedVoxel *)b)->at;
+    return (p > q) - (p < q);
+}
+
+/* NULL where a scanned voxel has one owner. */
+static const CtsSharedVoxel *shared_at(const CtsOwners *o, size_t at)
+{
+    if (!o->is_shared || !(o->is_shared[at / 64] >> at % 64 & 1))
+        return NULL;
+    const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
+    const CtsSharedPlane *const plane = &o->shared[at / in_plane];
+    const CtsSharedVoxel key = {.at = (uint32_t)(at % in_plane)};
+    return bsearch(&key, plane->items, plane->n, sizeof key, by_place);
+}
+
+static void add_voxel(const CtsOwners *o, CtsCellOwners *c, size_t at, int corner, double weight)
+{
+    const CtsSharedVoxel *const s = shared_at(o, at);
+    if (!s)
+        add_share(c, o->owner[at], corner, weight);
+    for (int i = 0; s && i < CTS_SHARERS && s->share[i]; i++)
+        add_share(c, s->owner[i], corner, weight * s->share[i] / CTS_WHOLE_SHARE);
+}
+
+/* The scanned voxel of a corner: in one slice or, of a layer between two, in the next one too, in_plane further. */
+static size_t corner_of(const CtsOwners *o, const int cell[3], int corner, size_t *in_plane, double *share)
 {
     int at[3];
     for (int a = 0; a < 3; a++)
         at[a] = cell[a] + ((corner >> a & 1) && o->dims[a] > 1);
     *in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
     *share = o->share[at[2]];
-    return o->owner + (size_t)o->plane[at[2]] * *in_plane + (size_t)at[1] * (size_t)o->dims[0] + (size_t)at[0];
+    return (size_t)o->plane[at[2]] * *in_plane + (size_t)at[1] * (size_t)o->dims[0] + (size_t)at[0];
 }
 
 void cts_cell_owners(const CtsOwners *o, const int cell[3], CtsCellOwners *c)
@@ -42,11 +71,39 @@ void cts_cell_owners(const CtsOwners *o, const int cell[3], CtsCellOwners *c)
     for (int m = 0; m < 8; m++) {
         size_t in_plane;
         double share;
-        const uint16_t *const at = corner_of(o, cell, m, &in_plane, &share);
-        add_share(c, at[0], m, 1 - share);
+        const size_t at = corner_of(o, cell, m, &in_plane, &share);
+        add_voxel(o, c, at, m, 1 - share);
         if (share > 0)
-            add_share(c, at[in_plane], m, share);
+            add_voxel(o, c, at + in_plane, m, share);
     }
+}
+
+int cts_owner_of_voxel(const CtsOwners *o, int i, int j, int k)
+{
+    const int cell[3] = {i, j, k};
+    size_t in_plane;
+    double share;
+    CtsCellOwners c;
+    int most = 0;
+    const size_t at = corner_of(o, cell, 0, &in_plane, &share);
+    if (share == 0 || (o->owner[at] == o->owner[at + in_plane] && !o->is_shared))
+        return o->owner[at];
+    c.n = 0;
+    add_voxel(o, &c, at, 0, 1 - share);
+    add_voxel(o, &c, at + in_plane, 0, share);
+    for (int n = 1; n < c.n; n++)
+        most = c.corner[n][0] > c.corner[most][0] ? n : most;
+    return c.owner[most];
+}
+
+int cts_look_of_place(const CtsOwners *o, size_t at)
+{
+    const CtsSharedVoxel *const s = shared_at(o, at);
+    const int look = o->look[o->owner[at]];
+    for (int i = 0; s && i < CTS_SHARERS && s->share[i]; i++)
+        if (o->look[s->owner[i]] != look)
+            return CTS_LOOKS_DIFFER;
+    return look;
 }
 
 int cts_look_of_cell(const CtsOwners *o, const int cell[3])
@@ -55,10 +112,10 @@ int cts_look_of_cell(const CtsOwners *o, const int cell[3])
     for (int m = 0; m < 8; m++) {
         size_t in_plane;
         double share;
-        const uint16_t *const at = corner_of(o, cell, m, &in_plane, &share);
+        const size_t at = corner_of(o, cell, m, &in_plane, &share);
         for (int behind = 0; behind <= (share > 0); behind++) {
-            const int here = o->look[at[behind ? in_plane : 0]];
-            if (look >= 0 && here != look)
+            const int here = cts_look_of_place(o, at + (behind ? in_plane : 0));
+            if (here == CTS_LOOKS_DIFFER || (look >= 0 && here != look))
                 return CTS_LOOKS_DIFFER;
             look = here;
         }

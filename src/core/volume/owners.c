@@ -28,6 +28,7 @@ CtsStatus cts_owners_new(CtsOwners **owners, const CtsVolume *volume, int n, int
     if (cts_mul_overflows(in_plane, (size_t)n_planes, &n_voxels))
         st = cts_fail(err, CTS_ERR_MEMORY, "labels of %d slices are too many", n_planes);
     if (st || (st = cts_alloc_array(&o->owner, n_voxels, err)) ||
+        (st = cts_alloc_zeroed(&o->shared, (size_t)n_planes, err)) ||
         (st = cts_alloc_zeroed(&o->plane, (size_t)o->dims[2], err)) ||
         (st = cts_alloc_zeroed(&o->share, (size_t)o->dims[2], err)) ||
         (st = cts_alloc_zeroed(&o->look, (size_t)n, err)) || (st = cts_alloc_zeroed(&o->name, (size_t)n, err)) ||
@@ -48,6 +49,10 @@ void cts_owners_free(CtsOwners **owners)
         free(o->name[i]);
     cts_free(&o->name);
     cts_free(&o->owner);
+    for (int p = 0; o->shared && p < o->n_planes; p++)
+        cts_free(&o->shared[p].items);
+    cts_free(&o->shared);
+    cts_free(&o->is_shared);
     cts_free(&o->plane);
     cts_free(&o->share);
     cts_free(&o->look);
@@ -70,16 +75,6 @@ void cts_owner_preset(const CtsOwnerLook *look, const CtsPreset *picture, CtsPre
     }
 }
 
-int cts_owner_of_voxel(const CtsOwners *o, int i, int j, int k)
-{
-    const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
-    const uint16_t *const at = o->owner + (size_t)o->plane[k] * in_plane + (size_t)j * (size_t)o->dims[0] + (size_t)i;
-    const double share = o->share[k];
-    if (share == 0 || at[0] == at[in_plane])
-        return at[0];
-    return share > 0.5 || (share == 0.5 && at[in_plane] < at[0]) ? at[in_plane] : at[0];
-}
-
 /* What is done layer by layer, or block by block. */
 typedef struct Finishing {
     CtsOwners *owners;
@@ -95,14 +90,15 @@ static uint8_t common_look(const CtsOwners *o, const int first[3], const int las
     uint8_t look = 0;
     for (int p = o->plane[first[2]]; p <= end; p++)
         for (int j = first[1]; j <= last[1]; j++) {
-            const uint16_t *const row = o->owner + ((size_t)p * ny + (size_t)j) * nx;
+            const size_t row = ((size_t)p * ny + (size_t)j) * nx;
             for (int i = first[0]; i <= last[0]; i++) {
-                if (row[i] == before)
+                if (o->owner[row + (size_t)i] == before && !o->is_shared)
                     continue;
-                if (before >= 0 && o->look[row[i]] != look)
+                const int here = cts_look_of_place(o, row + (size_t)i);
+                if (here == CTS_LOOKS_DIFFER || (before >= 0 && here != look))
                     return CTS_LOOKS_DIFFER;
-                before = row[i];
-                look = o->look[before];
+                before = o->owner[row + (size_t)i];
+                look = (uint8_t)here;
             }
         }
     return look;
@@ -176,10 +172,28 @@ static CtsStatus show(CtsOwners *o, const CtsVolume *volume, int n_threads, CtsE
     return volume->macrocells ? show_macrocells(o, volume, n_threads, err) : CTS_OK;
 }
 
+static CtsStatus mark_shared(CtsOwners *o, CtsError *err)
+{
+    const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
+    CtsStatus st = CTS_OK;
+    for (int p = 0; p < o->n_planes && !st; p++) {
+        if (o->shared[p].n && !o->is_shared)
+            st = cts_alloc_zeroed(&o->is_shared, in_plane * (size_t)o->n_planes / 64 + 1, err);
+        for (size_t i = 0; i < o->shared[p].n && !st; i++) {
+            const size_t at = (size_t)p * in_plane + o->shared[p].items[i].at;
+            o->is_shared[at / 64] |= UINT64_C(1) << at % 64;
+        }
+    }
+    return st;
+}
+
 CtsStatus cts_owners_finish(CtsOwners *o, const CtsVolume *volume, int n_threads, CtsError *err)
 {
     Finishing f = {o, volume};
     bool hides = false;
+    const CtsStatus st = mark_shared(o, err);
+    if (st)
+        return st;
     cts_parallel(cts_threads(n_threads), (size_t)o->n_block[1] * (size_t)o->n_block[2], 16, find_blocks, &f);
     for (int i = 0; i < o->n; i++)
         hides |= o->look[i] == CTS_LOOK_HIDDEN;

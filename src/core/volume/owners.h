@@ -1,11 +1,12 @@
 /* Who owns each voxel of a volume, a label or the rest, and how what each of them owns looks.
  *
- * At the scanned voxels an owner's field is 1 where it owns the voxel and 0 elsewhere, between two slices linear, and
- * trilinear within a cell; the largest field owns a point, of equal ones that of the lower number (Feng, Ju, Warren:
- * "Piecewise Tri-linear Contouring for Multi-Material Volumes", 2010). */
+ * At the scanned voxels an owner's field is 1 where it owns the voxel and 0 elsewhere, or the share that it has of it;
+ * between two slices linear, and trilinear within a cell; the largest field owns a point, of equal ones that of the
+ * lower number (Feng, Ju, Warren: "Piecewise Tri-linear Contouring for Multi-Material Volumes", 2010). */
 #ifndef CTS_VOLUME_OWNERS_H
 #define CTS_VOLUME_OWNERS_H
 
+#include "ctsplat/labels.h"
 #include "ctsplat/preset.h"
 #include "ctsplat/volume.h"
 #include <stdint.h>
@@ -22,11 +23,25 @@ typedef struct CtsOwnerLook {
     double opacity; /* of a body; below 0: no body */
 } CtsOwnerLook;
 
+/* A voxel that several owners have a field at, of CTS_WHOLE_SHARE each: the largest ones first, 0 for no more. */
+enum { CTS_SHARERS = 4 };
+typedef struct CtsSharedVoxel {
+    uint32_t at; /* in its plane */
+    uint16_t owner[CTS_SHARERS], share[CTS_SHARERS];
+} CtsSharedVoxel;
+
+typedef struct CtsSharedPlane {
+    CtsSharedVoxel *items; /* n, by rising place; owned */
+    size_t n;
+} CtsSharedPlane;
+
 typedef struct CtsOwners {
     int dims[3]; /* the volume's */
     int n_planes;
     uint16_t
         *owner; /* n_planes scanned slices of dims[0] x dims[1] voxels, which the volume's layers lie on or between */
+    CtsSharedPlane *shared; /* of each plane, voxels that are shared; in `owner` stands the first of each */
+    uint64_t *is_shared;    /* a bit for each voxel of `owner`; NULL where none is shared */
     int *plane; /* of each layer: the slice at or before it, */
     double *share; /* and how much of the one behind it counts, 0 to 1 */
     int n;         /* owners; the last one is the rest */
@@ -63,14 +78,16 @@ static inline int cts_look_of_voxel(const CtsOwners *owners, int i, int j, int k
 
 /* The owners in one cell, by rising number, and their fields at its corners: bit a of a corner's number is its place
  * along axis a. */
-enum { CTS_CELL_OWNERS = 16 };
+/* More than 16 need voxels that are shared; what is more than these is left out. */
+enum { CTS_CELL_OWNERS = 24 };
 typedef struct CtsCellOwners {
     int n;
     int owner[CTS_CELL_OWNERS];
     double corner[CTS_CELL_OWNERS][8];
 } CtsCellOwners;
 void cts_cell_owners(const CtsOwners *owners, const int cell[3], CtsCellOwners *in_cell);
-/* The one look of all a cell's owners, or CTS_LOOKS_DIFFER. */
+/* The one look of all owners of a scanned voxel, or of a cell; else CTS_LOOKS_DIFFER. */
+int cts_look_of_place(const CtsOwners *owners, size_t at);
 int cts_look_of_cell(const CtsOwners *owners, const int cell[3]);
 
 /* Stretches of a straight way through a cell, in order: each ends where the look changes, `end` rising to 1. Ends are

@@ -41,6 +41,7 @@ const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path)
         {"NRRD", ".nrrd", "is NRRD (convert it to .nii.gz, as with Slicer or SimpleITK)"},
         {"ObjectType", ".mha", "is MetaImage (convert it to .nii.gz, as with ITK-SNAP or SimpleITK)"},
         {NULL, ".mgz", "is FreeSurfer's MGH (convert it with mri_convert to .nii.gz)"},
+        {NULL, ".mgh", "is FreeSurfer's MGH (convert it with mri_convert to .nii.gz)"},
         {NULL, ".hdr", "is half of an Analyze or NIfTI pair (convert it to one .nii file)"},
         {NULL, ".img", "is half of an Analyze or NIfTI pair (convert it to one .nii file)"},
     };

@@ -142,7 +142,7 @@ static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
     } else if (o.is_dicom) {
         if (!s->in_folder || !o.class_uid[0] || object_kind(o.class_uid) >= 0)
             st = read_object(s, &o, err);
-    } else if (cts_nifti_is(o.head, o.n_head)) {
+    } else if (!other && cts_nifti_is(o.head, o.n_head)) {
         char stem[256];
         stem_of(file->path, stem, sizeof stem);
         s->reading.name = s->in_folder ? stem : NULL;

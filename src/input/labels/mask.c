@@ -6,10 +6,13 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* A pixel this near to a voxel's centre is that voxel; so is what is resampled, but for much less. */
+#define NEAR_PIXELS 0.02
+#define SNAP_PIXELS 1e-3
+
 /* Scanned column i, row j of a slice lies at pixel (at[0] + i * by[0][0] + j * by[1][0], at[1] + ...) of a plane. */
 typedef struct Affine {
     double at[2], by[2][2];
-    bool whole; /* rounded: whole numbers of pixels along the axes */
 } Affine;
 
 typedef struct Place {
@@ -22,8 +25,8 @@ typedef struct Placing {
     const CtsLabelReading *reading;
     const CtsLabelGrid *grid;
     double normal_lps[3], inverse[2][3]; /* of the mask; pixel = inverse * (point - position) */
-    double *at_mm;                       /* of planes along the normal */
-    Place *sorted;                       /* the same by rising place */
+    double *at_mm, *slice_mm;            /* of planes and of slices along the mask's normal */
+    Place *sorted;                       /* the planes by rising place */
     double same_mm;                      /* planes no further apart lie in one place */
     double reach_mm;                     /* how far a plane stands for what lies before and behind it */
     uint64_t *n_mask;                    /* by value: pixels in the mask */
@@ -40,20 +43,14 @@ bool cts_mask_axes(const double step_lps[2][3], double inverse[2][3])
     return det > 1e-6 * uu * vv;
 }
 
-static CtsStatus find_axes(Placing *p, CtsError *err)
+static double gap_of(const Placing *p)
 {
-    if (!cts_mask_axes(p->mask->step_lps, p->inverse))
-        return cts_fail(err, CTS_ERR_GEOMETRY, "its rows and columns do not span a plane");
-    cts_cross3(p->mask->step_lps[0], p->mask->step_lps[1], p->normal_lps);
-    const double length = cts_norm3(p->normal_lps);
-    for (int c = 0; c < 3; c++)
-        p->normal_lps[c] /= length;
-    return CTS_OK;
+    return 2 * p->reach_mm / 1.001;
 }
 
 static Affine affine_of(const Placing *p, int slice, int plane)
 {
-    Affine a = {.whole = true};
+    Affine a;
     double offset[3];
     for (int c = 0; c < 3; c++)
         offset[c] = p->grid->position_lps[slice][c] - p->mask->position_lps[plane][c];
@@ -62,15 +59,22 @@ static Affine affine_of(const Placing *p, int slice, int plane)
         for (int axis = 0; axis < 2; axis++)
             a.by[axis][r] = cts_dot3(p->inverse[r], p->grid->step_lps[axis]);
     }
-    /* Nearest pixels are those of the rounded numbers where these are less than half a pixel off in all corners. */
-    const Affine r = {{rint(a.at[0]), rint(a.at[1])}, {{rint(a.by[0][0]), 0}, {0, rint(a.by[1][1])}}, true};
-    a.whole = fabs(r.by[0][0]) == 1 && fabs(r.by[1][1]) == 1;
+    return a;
+}
+
+/* Makes it whole numbers of pixels, in the same or in the opposite order, where it is; false where it is not. */
+static bool make_whole(const Placing *p, Affine *a)
+{
+    const Affine r = {{rint(a->at[0]), rint(a->at[1])}, {{rint(a->by[0][0]), 0}, {0, rint(a->by[1][1])}}};
+    bool whole = fabs(r.by[0][0]) == 1 && fabs(r.by[1][1]) == 1;
     for (int corner = 0; corner < 4; corner++) {
         const double i = corner & 1 ? p->grid->columns - 1 : 0, j = corner & 2 ? p->grid->rows - 1 : 0;
         for (int c = 0; c < 2; c++)
-            a.whole &= fabs(a.at[c] - r.at[c] + i * (a.by[0][c] - r.by[0][c]) + j * (a.by[1][c] - r.by[1][c])) < 0.499;
+            whole &= fabs(a->at[c] - r.at[c] + i * (a->by[0][c] - r.by[0][c]) + j * (a->by[1][c] - r.by[1][c])) <
+                     NEAR_PIXELS;
     }
-    return a.whole ? r : a;
+    *a = r;
+    return whole;
 }
 
 static CtsStatus add(const Placing *p, int slice, int row, int value, int first, int end, CtsError *err)
@@ -82,6 +86,17 @@ static CtsStatus add(const Placing *p, int slice, int row, int value, int first,
         return CTS_OK;
     return cts_label_add_run(&p->reading->labels->items[label],
                              (uint32_t)slice * (uint32_t)p->grid->rows + (uint32_t)row, first, end, err);
+}
+
+/* A share that is neither nothing nor all. */
+static CtsStatus add_share(const Placing *p, int slice, int row, int column, int value, double share, CtsError *err)
+{
+    const int32_t label = p->mask->label_of[value];
+    const int of_whole = (int)lround(share * CTS_WHOLE_SHARE);
+    if (label < 0 || of_whole <= 0 || of_whole >= CTS_WHOLE_SHARE)
+        return CTS_OK;
+    return cts_label_add_share(&p->reading->labels->items[label],
+                               (uint32_t)slice * (uint32_t)p->grid->rows + (uint32_t)row, column, of_whole, err);
 }
 
 /* The next run of one value from i on, zeros passed over; false at the end of the row. */
@@ -98,42 +113,35 @@ static bool next_run(const uint16_t *row, int n, int *i, int *end)
     return *i < n;
 }
 
-/* A plane whose pixels are the slice's own, in the same or in the opposite order. */
-static CtsStatus place_whole(const Placing *p, int slice, const Affine *a, const uint16_t *values, CtsError *err)
+static CtsStatus place_shares(const Placing *p, int slice, const Affine *a, const CtsMaskPlane *plane, CtsError *err)
 {
     CtsStatus st = CTS_OK;
+    for (int j = 0; j < p->grid->rows && !st; j++)
+        for (int i = 0; i < p->grid->columns && !st; i++) {
+            const double x = a->at[0] + i * a->by[0][0], y = a->at[1] + j * a->by[1][1];
+            if (x >= 0 && y >= 0 && x < p->mask->columns && y < p->mask->rows)
+                st = add_share(p, slice, j, i, plane->sharer,
+                               (double)plane->shares[(size_t)y * (size_t)p->mask->columns + (size_t)x] /
+                                   CTS_WHOLE_SHARE,
+                               err);
+        }
+    return st;
+}
+
+/* A plane whose pixels are the slice's own, in the same or in the opposite order. */
+static CtsStatus place_whole(const Placing *p, int slice, const Affine *a, const CtsMaskPlane *plane, CtsError *err)
+{
+    CtsStatus st = plane->shares ? place_shares(p, slice, a, plane, err) : CTS_OK;
     const int right = (int)a->by[0][0], down = (int)a->by[1][1], n = p->mask->columns;
     for (int j = 0; j < p->grid->rows && !st; j++) {
         const double from = a->at[1] + j * down;
         if (from < 0 || from >= p->mask->rows)
             continue;
-        const uint16_t *row = values + (size_t)from * (size_t)n;
+        const uint16_t *row = plane->values + (size_t)from * (size_t)n;
         for (int i = 0, end; !st && next_run(row, n, &i, &end); i = end) {
             const double low = right > 0 ? i - a->at[0] : a->at[0] - end + 1, high = low + (end - i);
             if (high > 0 && low < p->grid->columns)
                 st = add(p, slice, j, row[i], (int)low, (int)high, err);
-        }
-    }
-    return st;
-}
-
-/* Any other plane: voxel by voxel. */
-static CtsStatus place_nearest(const Placing *p, int slice, const Affine *a, const uint16_t *values, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    for (int j = 0; j < p->grid->rows && !st; j++) {
-        int value = 0, first = 0;
-        for (int i = 0; i <= p->grid->columns && !st; i++) {
-            const double x = floor(a->at[0] + i * a->by[0][0] + j * a->by[1][0] + 0.5);
-            const double y = floor(a->at[1] + i * a->by[0][1] + j * a->by[1][1] + 0.5);
-            const bool inside = i < p->grid->columns && x >= 0 && y >= 0 && x < p->mask->columns && y < p->mask->rows;
-            const int here = inside ? values[(size_t)y * (size_t)p->mask->columns + (size_t)x] : 0;
-            if (here == value)
-                continue;
-            if (value)
-                st = add(p, slice, j, value, first, i, err);
-            value = here;
-            first = i;
         }
     }
     return st;
@@ -163,64 +171,147 @@ static const Place *plane_at(const Placing *p, double at_mm)
     return fabs(nearest->at_mm - at_mm) <= p->reach_mm ? nearest : NULL;
 }
 
-/* nearest_mm: where the plane lies that stands for each slice, NAN without one. */
-static CtsStatus place_plane(const Placing *p, int plane, const double *nearest_mm, CtsError *err)
+/* The planes before and behind a place along the normal, -1 for none, and how much of what lies there each makes out:
+ * straight from plane to plane, and to nothing where the next one is left out. */
+static void planes_about(const Placing *p, double at_mm, int plane[2], double weight[2])
 {
-    const uint16_t *values;
+    const int behind = plane_behind(p, at_mm);
+    const double gap = gap_of(p);
+    double away[2] = {INFINITY, INFINITY};
+    for (int s = 0; s < 2; s++) {
+        const int n = behind - 1 + s;
+        plane[s] = n >= 0 && n < p->mask->n_planes ? p->sorted[n].plane : -1;
+        if (plane[s] >= 0)
+            away[s] = fabs(p->sorted[n].at_mm - at_mm);
+    }
+    for (int s = 0; s < 2; s++)
+        weight[s] = away[s] <= p->same_mm               ? 1
+                    : away[!s] <= p->same_mm            ? 0
+                    : away[0] + away[1] <= 1.5 * gap    ? away[!s] / (away[0] + away[1])
+                                                        : fmax(0, 1 - away[s] / gap);
+}
+
+static CtsStatus read_plane(const Placing *p, int number, CtsMaskPlane *plane, CtsError *err)
+{
     const CtsMask *const m = p->mask;
-    CtsStatus st = m->plane(m->context, plane, &values, err);
+    *plane = (CtsMaskPlane){.values = NULL};
+    const CtsStatus st = m->plane(m->context, number, plane, err);
     for (int j = 0; !st && j < m->rows; j++) {
-        const uint16_t *row = values + (size_t)j * (size_t)m->columns;
+        const uint16_t *row = plane->values + (size_t)j * (size_t)m->columns;
         for (int i = 0, end; next_run(row, m->columns, &i, &end); i = end)
             p->n_mask[row[i]] += (uint64_t)(end - i);
     }
-    for (int k = 0; !st && k < p->grid->n_slices; k++) {
-        /* Several planes may lie in one place. */
-        if (!(fabs(nearest_mm[k] - p->at_mm[plane]) < p->same_mm))
-            continue;
-        const Affine a = affine_of(p, k, plane);
-        st = a.whole ? place_whole(p, k, &a, values, err) : place_nearest(p, k, &a, values, err);
-    }
     return st;
 }
 
-static CtsStatus place_parallel(const Placing *p, CtsError *err)
-{
-    double *nearest_mm = NULL;
-    CtsStatus st = cts_alloc_array(&nearest_mm, (size_t)p->grid->n_slices, err);
-    for (int k = 0; !st && k < p->grid->n_slices; k++) {
-        const Place *const nearest = plane_at(p, cts_dot3(p->grid->position_lps[k], p->normal_lps));
-        nearest_mm[k] = nearest ? nearest->at_mm : NAN;
-    }
-    for (int q = 0; !st && q < p->mask->n_planes; q++)
-        st = place_plane(p, q, nearest_mm, err);
-    cts_free(&nearest_mm);
-    return st;
-}
-
-/* A row of a slice that cuts through planes. */
-static CtsStatus place_row(const Placing *p, int slice, int row, const uint16_t *all, CtsError *err)
+static CtsStatus place_on_grid(const Placing *p, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    const CtsMask *const m = p->mask;
-    const size_t n_pixels = (size_t)m->columns * (size_t)m->rows;
-    int value = 0, first = 0;
-    for (int i = 0; i <= p->grid->columns && !st; i++) {
-        double at[3], offset[3];
-        for (int c = 0; c < 3; c++)
-            at[c] = p->grid->position_lps[slice][c] + i * p->grid->step_lps[0][c] + row * p->grid->step_lps[1][c];
-        const Place *const nearest = i < p->grid->columns ? plane_at(p, cts_dot3(at, p->normal_lps)) : NULL;
-        int here = 0;
-        if (nearest) {
-            const int plane = nearest->plane;
-            for (int c = 0; c < 3; c++)
-                offset[c] = at[c] - m->position_lps[plane][c];
-            const double x = floor(cts_dot3(p->inverse[0], offset) + 0.5);
-            const double y = floor(cts_dot3(p->inverse[1], offset) + 0.5);
-            if (x >= 0 && y >= 0 && x < m->columns && y < m->rows)
-                here = all[(size_t)plane * n_pixels + (size_t)y * (size_t)m->columns + (size_t)x];
+    for (int q = 0; !st && q < p->mask->n_planes; q++) {
+        CtsMaskPlane plane;
+        st = read_plane(p, q, &plane, err);
+        for (int k = 0; !st && k < p->grid->n_slices; k++) {
+            Affine a;
+            if (fabs(p->slice_mm[k] - p->at_mm[q]) > p->same_mm)
+                continue;
+            a = affine_of(p, k, q);
+            make_whole(p, &a);
+            st = place_whole(p, k, &a, &plane, err);
         }
-        if (here == value)
+    }
+    return st;
+}
+
+/* All planes, for a mask that is not on the grid: the field of each label is trilinear between its pixels. */
+typedef struct Field {
+    const Placing *placing;
+    uint16_t *values, *shares; /* shares NULL: where values say so all of a pixel */
+    uint16_t sharer;
+    double (*origin)[2]; /* of each plane: inverse * position */
+} Field;
+
+/* What some values make out of a point. */
+typedef struct Mix {
+    int n, value[8];
+    double share[8];
+} Mix;
+
+static void mix_pixel(const Field *f, size_t at, double weight, Mix *mix)
+{
+    const int value = f->shares ? f->sharer : f->values[at];
+    const double share = f->shares ? weight * f->shares[at] / CTS_WHOLE_SHARE : weight;
+    int i = 0;
+    if (!value || !(share > 0))
+        return;
+    while (i < mix->n && mix->value[i] != value)
+        i++;
+    if (i == mix->n) {
+        mix->value[mix->n++] = value;
+        mix->share[i] = 0;
+    }
+    mix->share[i] += share;
+}
+
+static double snapped(double x)
+{
+    return fabs(x - rint(x)) < SNAP_PIXELS ? rint(x) : x;
+}
+
+/* A plane's part at its pixel (x, y). */
+static void mix_plane(const Field *f, int plane, double weight, double x, double y, Mix *mix)
+{
+    const CtsMask *const m = f->placing->mask;
+    const double left = floor(x), top = floor(y), right_of = x - left, below = y - top;
+    for (int c = 0; c < 4; c++) {
+        const double i = left + (c & 1), j = top + (c >> 1);
+        const double part = (c & 1 ? right_of : 1 - right_of) * (c >> 1 ? below : 1 - below);
+        if (part > 0 && i >= 0 && j >= 0 && i < m->columns && j < m->rows)
+            mix_pixel(f, ((size_t)plane * (size_t)m->rows + (size_t)j) * (size_t)m->columns + (size_t)i, weight * part,
+                      mix);
+    }
+}
+
+/* The value of the pixel nearest to a point: a tie goes one way whatever the last digits are. */
+static int nearest_value(const Field *f, const Place *nearest, double u, double v)
+{
+    const CtsMask *const m = f->placing->mask;
+    if (!nearest)
+        return 0;
+    const double x = floor(u - f->origin[nearest->plane][0] + 0.5 + 1e-9);
+    const double y = floor(v - f->origin[nearest->plane][1] + 0.5 + 1e-9);
+    if (!(x >= 0 && y >= 0 && x < m->columns && y < m->rows))
+        return 0;
+    return f->values[((size_t)nearest->plane * (size_t)m->rows + (size_t)y) * (size_t)m->columns + (size_t)x];
+}
+
+static CtsStatus resample_row(const Field *f, int slice, int row, CtsError *err)
+{
+    const Placing *const p = f->placing;
+    const CtsLabelGrid *const g = p->grid;
+    double first_lps[3];
+    CtsStatus st = CTS_OK;
+    for (int c = 0; c < 3; c++)
+        first_lps[c] = g->position_lps[slice][c] + row * g->step_lps[1][c];
+    int value = 0, first = 0;
+    for (int i = 0; i <= g->columns && !st; i++) {
+        double at[3], weight[2];
+        int plane[2], here = 0;
+        Mix mix = {0};
+        for (int c = 0; c < 3; c++)
+            at[c] = first_lps[c] + i * g->step_lps[0][c];
+        if (i < g->columns) {
+            const double at_mm = cts_dot3(at, p->normal_lps);
+            const double u = cts_dot3(p->inverse[0], at), v = cts_dot3(p->inverse[1], at);
+            planes_about(p, at_mm, plane, weight);
+            for (int s = 0; s < 2; s++)
+                if (plane[s] >= 0 && weight[s] > 0)
+                    mix_plane(f, plane[s], weight[s], snapped(u - f->origin[plane[s]][0]),
+                              snapped(v - f->origin[plane[s]][1]), &mix);
+            here = nearest_value(f, plane_at(p, at_mm), u, v);
+        }
+        for (int n = 0; n < mix.n && !st; n++)
+            st = add_share(p, slice, row, i, mix.value[n], mix.share[n], err);
+        if (here == value || st)
             continue;
         if (value)
             st = add(p, slice, row, value, first, i, err);
@@ -230,29 +321,43 @@ static CtsStatus place_row(const Placing *p, int slice, int row, const uint16_t 
     return st;
 }
 
-static CtsStatus place_oblique(const Placing *p, CtsError *err)
+static CtsStatus load_planes(const Placing *p, Field *f, CtsError *err)
 {
     const CtsMask *const m = p->mask;
     const size_t n_pixels = (size_t)m->columns * (size_t)m->rows;
-    uint16_t *all = NULL;
     size_t n;
+    CtsStatus st;
     if (cts_mul_overflows(n_pixels, (size_t)m->n_planes, &n) ||
-        !cts_memory_allows((double)n * sizeof *all, cts_memory_available()))
+        !cts_memory_allows((double)n * 2 * sizeof *f->values, cts_memory_available()))
         return cts_fail(err, CTS_ERR_MEMORY, "its %d planes, which are not the scan's, need more memory than is free",
                         m->n_planes);
-    CtsStatus st = cts_alloc_array(&all, n, err);
+    if ((st = cts_alloc_array(&f->values, n, err)) || (st = cts_alloc_array(&f->origin, (size_t)m->n_planes, err)))
+        return st;
     for (int q = 0; !st && q < m->n_planes; q++) {
-        const uint16_t *values;
-        if ((st = m->plane(m->context, q, &values, err)))
+        CtsMaskPlane plane;
+        if ((st = read_plane(p, q, &plane, err)) ||
+            (plane.shares && !f->shares && (st = cts_alloc_array(&f->shares, n, err))))
             break;
-        memcpy(all + (size_t)q * n_pixels, values, n_pixels * sizeof *all);
-        for (size_t i = 0; i < n_pixels; i++)
-            p->n_mask[values[i]]++;
+        memcpy(f->values + (size_t)q * n_pixels, plane.values, n_pixels * sizeof *f->values);
+        if (plane.shares)
+            memcpy(f->shares + (size_t)q * n_pixels, plane.shares, n_pixels * sizeof *f->shares);
+        f->sharer = plane.sharer;
+        for (int r = 0; r < 2; r++)
+            f->origin[q][r] = cts_dot3(p->inverse[r], m->position_lps[q]);
     }
+    return st;
+}
+
+static CtsStatus resample(const Placing *p, CtsError *err)
+{
+    Field f = {.placing = p};
+    CtsStatus st = load_planes(p, &f, err);
     for (int k = 0; !st && k < p->grid->n_slices; k++)
         for (int j = 0; !st && j < p->grid->rows; j++)
-            st = place_row(p, k, j, all, err);
-    cts_free(&all);
+            st = resample_row(&f, k, j, err);
+    cts_free(&f.values);
+    cts_free(&f.shares);
+    cts_free(&f.origin);
     return st;
 }
 
@@ -272,15 +377,14 @@ static void find_reach(Placing *p)
         scanned_gap = fmin(scanned_gap, p->grid->at_mm[k] - p->grid->at_mm[k - 1]);
     p->same_mm = 0.01 * scanned_gap;
     qsort(p->sorted, (size_t)n, sizeof *p->sorted, by_place);
-    for (int q = 1; q < n; q++)
-        if (p->sorted[q].at_mm - p->sorted[q - 1].at_mm > p->same_mm)
-            gap = fmin(gap, p->sorted[q].at_mm - p->sorted[q - 1].at_mm);
     for (int q = 0; q < n; q++) {
         double nearest = INFINITY;
-        if (q > 0 && p->sorted[q].at_mm - p->sorted[q - 1].at_mm < p->same_mm)
+        const double away = q > 0 ? p->sorted[q].at_mm - p->sorted[q - 1].at_mm : INFINITY;
+        if (away < p->same_mm)
             continue;
+        gap = fmin(gap, away);
         for (int k = 0; k < p->grid->n_slices; k++)
-            nearest = fmin(nearest, fabs(cts_dot3(p->grid->position_lps[k], p->normal_lps) - p->sorted[q].at_mm));
+            nearest = fmin(nearest, fabs(p->slice_mm[k] - p->sorted[q].at_mm));
         farthest = fmax(farthest, nearest);
     }
     if (p->mask->gap_mm > 0)
@@ -330,36 +434,83 @@ static CtsStatus judge(const Placing *p, double *held_mm3, CtsError *err)
     return CTS_OK;
 }
 
-bool cts_mask_is_parallel(const double step_lps[2][3], const CtsLabelGrid *grid)
+static void end(Placing *p)
 {
-    double normal[3];
-    cts_cross3(step_lps[0], step_lps[1], normal);
-    return fabs(cts_dot3(normal, grid->normal_lps)) > 0.99999 * cts_norm3(normal);
+    cts_free(&p->at_mm);
+    cts_free(&p->slice_mm);
+    cts_free(&p->sorted);
+    cts_free(&p->n_mask);
+}
+
+static CtsStatus begin(Placing *p, CtsError *err)
+{
+    const CtsMask *const m = p->mask;
+    CtsStatus st;
+    if (!cts_mask_axes(m->step_lps, p->inverse))
+        return cts_fail(err, CTS_ERR_GEOMETRY, "its rows and columns do not span a plane");
+    cts_cross3(m->step_lps[0], m->step_lps[1], p->normal_lps);
+    const double length = cts_norm3(p->normal_lps);
+    for (int c = 0; c < 3; c++)
+        p->normal_lps[c] /= length;
+    if ((st = cts_alloc_array(&p->at_mm, (size_t)m->n_planes, err)) ||
+        (st = cts_alloc_array(&p->slice_mm, (size_t)p->grid->n_slices, err)) ||
+        (st = cts_alloc_array(&p->sorted, (size_t)m->n_planes, err)) ||
+        (st = cts_alloc_zeroed(&p->n_mask, CTS_MASK_VALUES, err)))
+        return st;
+    for (int k = 0; k < p->grid->n_slices; k++)
+        p->slice_mm[k] = cts_dot3(p->grid->position_lps[k], p->normal_lps);
+    for (int q = 0; q < m->n_planes; q++)
+        p->sorted[q] = (Place){p->at_mm[q] = cts_dot3(m->position_lps[q], p->normal_lps), q};
+    find_reach(p);
+    return CTS_OK;
+}
+
+/* Planes lie in slices, pixel on voxel, or away from all. */
+static bool is_on_grid(const Placing *p)
+{
+    const CtsLabelGrid *const g = p->grid;
+    const double leaning_mm = fabs(cts_dot3(p->normal_lps, g->step_lps[0])) * g->columns +
+                              fabs(cts_dot3(p->normal_lps, g->step_lps[1])) * g->rows;
+    if (leaning_mm > 10 * p->same_mm)
+        return false;
+    for (int k = 0; k < g->n_slices; k++) {
+        const double at_mm = p->slice_mm[k];
+        int plane[2], q = plane_behind(p, at_mm - p->same_mm);
+        double weight[2];
+        bool met = false;
+        for (; q < p->mask->n_planes && p->sorted[q].at_mm <= at_mm + p->same_mm; q++) {
+            Affine a = affine_of(p, k, p->sorted[q].plane);
+            if (!make_whole(p, &a))
+                return false;
+            met = true;
+        }
+        planes_about(p, at_mm, plane, weight);
+        if (!met && fmax(weight[0], weight[1]) > 0.01)
+            return false;
+    }
+    return true;
+}
+
+CtsStatus cts_mask_is_on_grid(const CtsMask *mask, const CtsLabelGrid *grid, bool *on_grid, CtsError *err)
+{
+    Placing p = {.mask = mask, .grid = grid};
+    const CtsStatus st = begin(&p, err);
+    *on_grid = !st && is_on_grid(&p);
+    end(&p);
+    return st;
 }
 
 CtsStatus cts_mask_place(const CtsMask *mask, const CtsLabelReading *reading, double *held_mm3, CtsError *err)
 {
     Placing p = {.mask = mask, .reading = reading, .grid = &reading->labels->grid};
-    CtsStatus st = find_axes(&p, err);
+    CtsStatus st = begin(&p, err);
     if (!st)
-        st = cts_alloc_array(&p.at_mm, (size_t)mask->n_planes, err);
-    if (!st)
-        st = cts_alloc_array(&p.sorted, (size_t)mask->n_planes, err);
-    if (!st)
-        st = cts_alloc_zeroed(&p.n_mask, CTS_MASK_VALUES, err);
-    if (!st) {
-        for (int q = 0; q < mask->n_planes; q++)
-            p.sorted[q] = (Place){p.at_mm[q] = cts_dot3(mask->position_lps[q], p.normal_lps), q};
-        find_reach(&p);
-        st = cts_mask_is_parallel(mask->step_lps, p.grid) ? place_parallel(&p, err) : place_oblique(&p, err);
-    }
+        st = is_on_grid(&p) ? place_on_grid(&p, err) : resample(&p, err);
     for (size_t i = 0; !st && i < reading->labels->n; i++)
         cts_label_sort_runs(&reading->labels->items[i]);
     if (!st)
         st = judge(&p, held_mm3, err);
-    cts_free(&p.at_mm);
-    cts_free(&p.sorted);
-    cts_free(&p.n_mask);
+    end(&p);
     return st;
 }
 

@@ -107,12 +107,12 @@ static CtsStatus add_labels(Map *m, CtsError *err)
     return st;
 }
 
-static CtsStatus plane_of(void *context, int plane, const uint16_t **values, CtsError *err)
+static CtsStatus plane_of(void *context, int number, CtsMaskPlane *plane, CtsError *err)
 {
     Map *const m = context;
-    const uint16_t *const first = m->numbers + (size_t)plane * m->along[2];
+    const uint16_t *const first = m->numbers + (size_t)number * m->along[2];
     (void)err;
-    *values = m->plane ? m->plane : first;
+    plane->values = m->plane ? m->plane : first;
     for (int j = 0; m->plane && j < m->n[1]; j++)
         for (int i = 0; i < m->n[0]; i++)
             m->plane[(size_t)j * (size_t)m->n[0] + (size_t)i] =

@@ -50,7 +50,7 @@ typedef struct Seg {
     int32_t *segment;          /* of each frame: which of the labels; LABELMAP: 0 */
     int32_t *label_of;         /* by number of a segment or pixel: which of the labels; -1: none */
     uint64_t *offset;          /* of encapsulated frames */
-    uint16_t *values;          /* of one frame, and its bytes: */
+    uint16_t *values, *shares; /* of one frame, shares where it is FRACTIONAL; and its bytes: */
     uint8_t *bytes;
     CtsSandbox decoder;
     int first_plane;   /* the frames of a mask that is placed */
@@ -259,30 +259,32 @@ static CtsStatus take_pixels(Seg *s, const uint8_t *bytes, size_t n, int frame, 
         s->values[i] = s->type == LABELMAP     ? (v == s->padding ? 0 : (uint16_t)v)
                        : s->type == FRACTIONAL ? (2 * v >= s->maximum ? value : 0)
                                                : (v ? value : 0);
+        if (s->type == FRACTIONAL)
+            s->shares[i] = (uint16_t)lround((double)v * CTS_WHOLE_SHARE / s->maximum);
         s->has_strangers |= s->type == LABELMAP && s->values[i] && s->label_of[v] < 0;
     }
     return CTS_OK;
 }
 
 /* Values are numbers of pixels in a LABELMAP, else 1 + which of the labels. */
-static CtsStatus read_plane(void *context, int plane, const uint16_t **values, CtsError *err)
+static CtsStatus read_plane(void *context, int number, CtsMaskPlane *plane, CtsError *err)
 {
     Seg *const s = context;
     const size_t n = (size_t)s->rows * (size_t)s->columns;
-    const int frame = s->planes ? s->planes[plane] : plane;
+    const int frame = s->planes ? s->planes[number] : number;
     int shift = 0;
     const void *pixels = s->bytes;
     CtsStatus st = s->offset ? decode(s, frame, &pixels, err) : read_native(s, frame, &shift, err);
-    *values = s->values;
+    *plane = (CtsMaskPlane){s->values, s->shares, (uint16_t)(s->segment[frame] + 1)};
     if (st)
         return cts_context(err, "frame %d", frame + 1);
     if (s->bits_allocated > 1 || (s->offset && is_jpeg2000(s)))
         return take_pixels(s, pixels, n, frame, err);
-    spread_bits(pixels, shift, n, (uint16_t)(s->segment[frame] + 1), s->values);
+    spread_bits(pixels, shift, n, plane->sharer, s->values);
     return CTS_OK;
 }
 
-static CtsStatus place(Seg *s, int n_planes, double (*position_lps)[3], const int32_t *label_of, CtsError *err)
+static CtsMask mask_of(Seg *s, int n_planes, double (*position_lps)[3], const int32_t *label_of)
 {
     CtsMask mask = {.columns = s->columns,
                     .rows = s->rows,
@@ -293,7 +295,7 @@ static CtsStatus place(Seg *s, int n_planes, double (*position_lps)[3], const in
                     .context = s,
                     .label_of = label_of};
     memcpy(mask.step_lps, s->step_lps, sizeof mask.step_lps);
-    return cts_mask_place(&mask, s->reading, &s->held_mm3, err);
+    return mask;
 }
 
 /* Segments one after the other, as two of them may lie in one place. */
@@ -312,8 +314,9 @@ static CtsStatus place_each(Seg *s, const int32_t *label_of, CtsError *err)
                 memcpy(position_lps[n], s->position_lps[f], sizeof *position_lps);
                 planes[n++] = f;
             }
+        const CtsMask mask = mask_of(s, n, position_lps, label_of);
         if (n)
-            st = place(s, n, position_lps, label_of, err);
+            st = cts_mask_place(&mask, s->reading, &s->held_mm3, err);
     }
     s->planes = NULL;
     cts_free(&planes);
@@ -323,13 +326,16 @@ static CtsStatus place_each(Seg *s, const int32_t *label_of, CtsError *err)
 
 static CtsStatus place_all(Seg *s, CtsError *err)
 {
-    const bool at_once = s->type == LABELMAP || cts_mask_is_parallel(s->step_lps, &s->reading->labels->grid);
     int32_t *by_value = NULL;
+    bool at_once = s->type == LABELMAP;
     CtsStatus st = cts_alloc_array(&by_value, CTS_MASK_VALUES, err);
     for (int v = 0; !st && v < CTS_MASK_VALUES; v++)
         by_value[v] = s->type == LABELMAP ? s->label_of[v] : v - 1 < (int)s->reading->labels->n ? v - 1 : -1;
+    const CtsMask mask = mask_of(s, s->n_frames, s->position_lps, by_value);
+    if (!st && !at_once)
+        st = cts_mask_is_on_grid(&mask, &s->reading->labels->grid, &at_once, err);
     if (!st)
-        st = at_once ? place(s, s->n_frames, s->position_lps, by_value, err) : place_each(s, by_value, err);
+        st = at_once ? cts_mask_place(&mask, s->reading, &s->held_mm3, err) : place_each(s, by_value, err);
     if (!st)
         st = cts_label_check_meets(s->reading, s->held_mm3, err);
     if (!st && s->has_strangers)
@@ -360,7 +366,8 @@ static CtsStatus read_all(Seg *s, CtsError *err)
     CtsStatus st;
     const size_t n = (size_t)s->rows * (size_t)s->columns;
     if ((st = read_segments(s, err)) || (st = check_pixels(s, err)) || (st = read_frames(s, err)) ||
-        (st = cts_alloc_array(&s->values, n, err)) || (st = cts_alloc_array(&s->bytes, frame_bytes(s) + 2, err)))
+        (st = cts_alloc_array(&s->values, n, err)) || (st = cts_alloc_array(&s->bytes, frame_bytes(s) + 2, err)) ||
+        (s->type == FRACTIONAL && (st = cts_alloc_array(&s->shares, n, err))))
         return st;
     return place_all(s, err);
 }
@@ -383,6 +390,7 @@ CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsPlainObjec
     cts_free(&s.segment);
     cts_free(&s.offset);
     cts_free(&s.values);
+    cts_free(&s.shares);
     cts_free(&s.bytes);
     return st;
 }

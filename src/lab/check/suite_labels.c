@@ -12,6 +12,7 @@ enum { NX = 13, NY = 12, NZ = 10, MOST_LABELS = 3 };
 typedef struct Scene {
     int n_labels;
     bool (*holds)(int label, int i, int j, int k);
+    double (*share)(int label, int i, int j, int k); /* of a voxel that a label fills in part; NULL: none is */
     const char *show, *hide, *looks[MOST_LABELS];
     const char *colours[MOST_LABELS + 1]; /* as the truth has them: of each label, and of the rest; NULL: hidden */
     int layers;                           /* to a slice distance; 0: 1 */
@@ -24,8 +25,16 @@ typedef struct Labels {
     CtsLabels set;
     CtsLabel items[MOST_LABELS];
     CtsLabelRun runs[MOST_LABELS][NX * NY * NZ];
+    CtsLabelShare shares[MOST_LABELS][NX * NY * NZ];
     double position_lps[NZ][3];
 } Labels;
+
+/* As it is stored. */
+static double share_of(const Scene *s, int label, int i, int j, int k)
+{
+    const double share = s->share ? fmin(fmax(s->share(label, i, j, k), 0), 1) : s->holds(label, i, j, k);
+    return rint(share * CTS_WHOLE_SHARE) / CTS_WHOLE_SHARE;
+}
 
 static void fill(Labels *l, const Scene *s, const CtsVolume *v, int layers)
 {
@@ -37,10 +46,15 @@ static void fill(Labels *l, const Scene *s, const CtsVolume *v, int layers)
             l->position_lps[k][c] = v->origin_lps[c] + k * layers * v->step_lps[2][c];
     for (int n = 0; n < s->n_labels; n++) {
         CtsLabel *const label = &l->items[n];
-        *label = (CtsLabel){.fact = {.file = 1, .number = n + 1, .name = names[n]}, .runs = l->runs[n]};
+        *label = (CtsLabel){
+            .fact = {.file = 1, .number = n + 1, .name = names[n]}, .runs = l->runs[n], .shares = l->shares[n]};
         for (int at = 0; at < NX * NY * NZ; at++) {
             const int i = at % NX, row = at / NX;
-            if (!s->holds(n, i, row % NY, row / NY))
+            const double share = share_of(s, n, i, row % NY, row / NY);
+            if (share > 0 && share < 1)
+                label->shares[label->n_shares++] =
+                    (CtsLabelShare){(uint32_t)row, (uint16_t)i, (uint16_t)lround(share * CTS_WHOLE_SHARE)};
+            if (share < 0.5)
                 continue;
             label->fact.voxels++;
             CtsLabelRun *const last = label->n_runs ? &label->runs[label->n_runs - 1] : NULL;
@@ -52,7 +66,6 @@ static void fill(Labels *l, const Scene *s, const CtsVolume *v, int layers)
     }
 }
 
-/* Whose a scanned voxel is: the smallest label's that holds it, or the rest's. */
 typedef struct Truth {
     const Scene *scene;
     const CtsVolume *volume;
@@ -61,13 +74,23 @@ typedef struct Truth {
     uint64_t voxels[MOST_LABELS];
 } Truth;
 
-static int owner_of(const Truth *t, int i, int j, int k)
+/* A scanned voxel's part in the fields: labels take of it from the smallest on what they fill, as far as it is left. */
+static void add_voxel(const Truth *t, int i, int j, int k, double weight, double field[MOST_LABELS + 1])
 {
-    int owner = t->scene->n_labels;
-    for (int n = 0; n < t->scene->n_labels; n++)
-        if (t->scene->holds(n, i, j, k) && (owner == t->scene->n_labels || t->voxels[n] < t->voxels[owner]))
-            owner = n;
-    return owner;
+    const int n_labels = t->scene->n_labels;
+    double left = 1;
+    unsigned taken = 0;
+    for (int turn = 0; turn < n_labels; turn++) {
+        int next = -1;
+        for (int n = 0; n < n_labels; n++)
+            if (!(taken >> n & 1) && (next < 0 || t->voxels[n] < t->voxels[next]))
+                next = n;
+        const double share = fmin(share_of(t->scene, next, i, j, k), left);
+        field[next] += weight * share;
+        left -= share;
+        taken |= 1u << next;
+    }
+    field[n_labels] += weight * left;
 }
 
 /* Who owns a point: all eight corners of its cell of layers, straight lines between slices. */
@@ -87,9 +110,9 @@ static int owner_at(const Truth *t, const double vox[3])
         }
         const int slice = at[2] / t->layers, rest = at[2] % t->layers;
         const double behind = (double)rest / t->layers;
-        field[owner_of(t, at[0], at[1], slice)] += weight * (1 - behind);
+        add_voxel(t, at[0], at[1], slice, weight * (1 - behind), field);
         if (rest > 0)
-            field[owner_of(t, at[0], at[1], slice + 1)] += weight * behind;
+            add_voxel(t, at[0], at[1], slice + 1, weight * behind, field);
     }
     for (int n = 1; n <= t->scene->n_labels; n++)
         most = field[n] > field[most] + 1e-12 ? n : most;
@@ -243,6 +266,20 @@ static bool three_meet(int label, int i, int j, int k)
     return k < 8 && (label == 0 ? i < 5 && j < 7 : label == 1 ? i >= 5 && j < 5 + i / 5 : j >= 7 && i < 9);
 }
 
+/* A plane that lies anywhere between voxels. */
+static double part_plane(int label, int i, int j, int k)
+{
+    (void)label;
+    return 0.5 + (6.3 - i - 0.4 * j - 0.3 * k + 3) / 2;
+}
+
+/* A ball of probability, within another one and beside it. */
+static double part_balls(int label, int i, int j, int k)
+{
+    const double x = i - 6 - 1.5 * label, y = j - 5.3, z = k - 4.7, r = sqrt(x * x + y * y + 2 * z * z);
+    return 0.5 + ((label ? 2.4 : 4.6) - r) / 3;
+}
+
 #define SCENE(NAME, RUN, ENGINES, ...) CHECK_ROW(NAME, ENGINES, RUN, Scene, __VA_ARGS__)
 #define BOUND .bound = {CHECK_NONE, CHECK_PROMISED, 1e-6}
 
@@ -266,6 +303,12 @@ static const CtsCheckCase cases[] = {
     SCENE("labels: three layers to a slice", edges, CHECK_OF_FIELDS, 3, three_meet, .hide = "b",
           .looks = {"a=#4080ff", "b=#ff2000", "c=#20ff60"}, .colours = {"4080ff", NULL, "20ff60", "c08040"},
           .layers = 3, CHECK_VIEW(-60, 35), BOUND),
+    SCENE("labels: fractions, a plane", edges, CHECK_OF_FIELDS, 1, .share = part_plane, .hide = "a",
+          .colours = {NULL, "c08040"}, CHECK_VIEW(40, 25), BOUND),
+    SCENE("labels: fractions, two balls", edges, CHECK_OF_FIELDS, 2, .share = part_balls,
+          .looks = {"a=#4080ff", "b=#ff2000"}, .colours = {"4080ff", "ff2000", "c08040"}, CHECK_VIEW(20, 30), BOUND),
+    SCENE("labels: fractions, three layers to a slice", edges, CHECK_OF_FIELDS, 2, .share = part_balls, .show = "a",
+          .hide = "b", .colours = {"c08040", NULL, NULL}, .layers = 3, CHECK_VIEW(-70, 35), BOUND),
     SCENE("labels: hidden voxels are air", air, CHECK_OF_ALL & ~CHECK_OF_FIELDS, 1, ball, .hide = "a",
           CHECK_VIEW(15, -30), .bound = {0, 0, 0}),
 };
