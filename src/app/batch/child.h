@@ -9,6 +9,9 @@
 #include "output/report/masked.h"
 #include <sys/types.h>
 
+/* How it exits when memory ran out and was lacking for a message, too. */
+enum { CTS_CHILD_NO_MEMORY = 3 };
+
 /* Messages to the parent, each a line. A line of the journal stands behind the last four, with all that it might tell
  * (cts_line_forget()): */
 #define CTS_CHILD_LOADED "loaded"     /* the volume is read: waits for a byte */

@@ -261,7 +261,7 @@ static CtsStatus render_series(Work *w)
     cts_names_free(&w->names);
     const CtsStatus told = cts_child_end(w->child, &w->report, st, &err);
     cts_report_free(&w->report);
-    return st == CTS_ERR_INTERRUPTED || told ? CTS_ERR_INTERRUPTED : CTS_OK;
+    return told ? told : st == CTS_ERR_INTERRUPTED ? st : CTS_OK;
 }
 
 static CtsStatus render_all(CtsBatchChild *c, CtsError *err)
@@ -299,7 +299,7 @@ static void run_series(CtsBatchChild *c)
     }
     fflush(NULL);
     cts_helper_stop();
-    _exit(st == CTS_ERR_INTERRUPTED ? 130 : 0);
+    _exit(st == CTS_ERR_INTERRUPTED ? 130 : st == CTS_ERR_MEMORY ? CTS_CHILD_NO_MEMORY : 0);
 }
 
 CtsStatus cts_work_start(const CtsBatchSettings *settings, CtsJournal *journal, const CtsArchives *archives,

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "app/batch/worker.h"
 
+#include "app/batch/child.h"
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>
@@ -47,6 +48,8 @@ void cts_worker_reason(const CtsWorker *w, int how, char *reason, size_t size)
         snprintf(reason, size, "its process was killed, as happens when memory runs out");
     else if (WIFSIGNALED(how))
         snprintf(reason, size, "its process crashed: signal %d (%s)", WTERMSIG(how), strsignal(WTERMSIG(how)));
+    else if (WEXITSTATUS(how) == CTS_CHILD_NO_MEMORY)
+        snprintf(reason, size, "it ran out of memory, and had none left to tell where");
     else
         snprintf(reason, size, "its process ended with status %d and told nothing", WEXITSTATUS(how));
 }
