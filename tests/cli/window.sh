@@ -51,7 +51,7 @@ cmp alone.png again.png || fail "a state loses the window"
 ok batch "$data/phantom" $small --mode minip -O archive
 cmp alone.png archive/*/bone-anterior.png || fail "a batch has another window"
 # Little but black, little but white.
-ok render "$data/phantom" $small -p bone --mode minip --window 2500,3000 -o black.png
+ok render "$data/phantom" $small -p bone --mode minip --window 2800,12000 -o black.png
 has err 'warning: the picture is nearly all black: .*--window'
 ok render "$data/phantom" $small -p metal --crop 0,4,0,4,0,4 -o none.png
 [ "$(grep -c warning err)" = 1 ] || fail "an empty picture is told twice: $(cat err)"
