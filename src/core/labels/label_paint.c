@@ -155,7 +155,7 @@ static void paint_planes(void *context, int worker, size_t begin, size_t end)
     const size_t in_plane = (size_t)o->dims[0] * (size_t)o->dims[1];
     (void)worker;
     for (size_t plane = begin; plane < end; plane++) {
-        Sharings all = {NULL};
+        Sharings all = {.n = 0};
         CtsStatus st = CTS_OK;
         for (size_t i = 0; i < in_plane; i++)
             o->owner[plane * in_plane + i] = (uint16_t)p->n;
