@@ -177,9 +177,9 @@ static CtsStatus pack_strip(const PngWriter *w, int worker, const CtsPicture *ba
     for (int r = y; r < end; r++)
         convert_row(w, band, r, words, rows + step * (size_t)(r - y));
     for (int r = end - 1; r > y; r--) {
-        uint8_t *const row = rows + step * (size_t)(r - y);
+        uint8_t *const row = rows + step * (size_t)(r - y), *const above = row - step;
         for (size_t i = 1; i < step; i++)
-            row[i] = (uint8_t)(row[i] - row[i - step]);
+            row[i] = (uint8_t)(row[i] - above[i]);
     }
     rows[0] = FILTER_SUB;
     for (size_t i = step - 1; i > bpp; i--)
