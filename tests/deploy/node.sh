@@ -88,7 +88,7 @@ if command -v systemd-analyze >/dev/null; then
         *) calls $line >>allowed ;;
         esac
     done < <(sed -n 's/^SystemCallFilter=//p' "$root/src/app/deploy/ctsplat-node.service")
-    under=("$filter" allowed)
+    under=(env ASAN_OPTIONS=detect_leaks=0 "$filter" allowed) # who looks for leaks calls ptrace, which the unit keeps away
     "${under[@]}" chroot / true 2>/dev/null && fail "the unit's filter keeps nothing away"
     "${under[@]}" true || fail "the unit's filter keeps everything away"
 fi
