@@ -47,13 +47,20 @@ def request(calling, called, sop_class, syntax):
 class Association:
     """That the other side has accepted."""
 
-    def __init__(self, socket, *words):
-        self.socket = socket
-        socket.sendall(request(*words))
-        assert socket.recv(65536)[:1] == b'\2', 'not accepted'
+    def __init__(self, connection, *words):
+        self.socket = connection
+        self.stream = connection.makefile('rb')
+        connection.sendall(request(*words))
+        assert self.receive() == 2, 'not accepted'
 
     def send(self, context, body, is_command):
         self.part(context, body, is_command | 2)
+
+    def receive(self):
+        """A whole PDU: its kind."""
+        kind, _, n = struct.unpack('>BBI', self.stream.read(6))
+        self.stream.read(n)
+        return kind
 
     def part(self, context, body, flags=0):
         pdv = struct.pack('>IBB', len(body) + 2, context, flags) + body

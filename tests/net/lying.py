@@ -7,11 +7,12 @@ import sys
 import threading
 
 import peers
-from dimse import command, data_set, item, items, uid_of
+from dimse import Association, command, data_set, item, items, uid_of
 
 ctsplat, loopback, data = os.path.abspath(sys.argv[1]), sys.argv[2], sys.argv[3]
 run = peers.Ctsplat(ctsplat).run
-CT, GET, FIND = '1.2.840.10008.5.1.4.1.1.2', '1.2.840.10008.5.1.4.1.2.2.3', '1.2.840.10008.5.1.4.1.2.2.1'
+CT, FIND = '1.2.840.10008.5.1.4.1.1.2', '1.2.840.10008.5.1.4.1.2.2.1'
+MOVE, GET = '1.2.840.10008.5.1.4.1.2.2.2', '1.2.840.10008.5.1.4.1.2.2.3'
 EXPLICIT = '1.2.840.10008.1.2.1'
 
 
@@ -78,6 +79,21 @@ class Peer:
             if not body:
                 return
 
+    def store_elsewhere(self, objects):
+        """By C-MOVE, to the other side's port: in turn over three associations that all stay open."""
+        ways = []
+        for k, one in enumerate(objects):
+            if len(ways) < 3:
+                ways.append(Association(socket.create_connection(('127.0.0.1', self.move_port), 20), 'LIAR', 'CTSPLAT', CT,
+                                        EXPLICIT))
+            way = ways[k % 3]
+            way.send(1, command(sop_class=CT, field=1, message=k + 1, priority=0, has_data=1,
+                                sop=uid_of(one, b'\x08\0\x18\0')), 1)
+            way.send(1, one, 0)
+            kind = way.receive()
+            assert kind == 4, ('not stored', k, kind)
+        return ways
+
     def serve(self):
         _, body = self.pdu()
         contexts, reply, roles = {}, b'', b''
@@ -107,6 +123,10 @@ class Peer:
                     self.send(context, found, 0)
                 self.send(context, command(sop_class=FIND, field=0x8020, answers=request, has_data=0x101, status=0), 1)
                 continue
+            if asked[0x100] == b'\x21\0':
+                held = self.store_elsewhere(objects)
+                self.send(context, command(sop_class=MOVE, field=0x8021, answers=request, has_data=0x101, **end), 1)
+                continue
             for k, one in enumerate(objects):
                 self.send(contexts[CT], command(sop_class=CT, field=1, message=k + 1, priority=0, has_data=1,
                                                 sop=uid_of(one, b'\x08\0\x18\0')), 1)
@@ -129,6 +149,9 @@ for answer in ((whole, good, None), (whole, {'status': 0}, None), (whole, good, 
     run(*of_series, '-o', 'right.png', '--force')
 peer.answer = (whole, good, 48)
 run(*fetch, '-o', 'right.png', '--force')
+peer.move_port = peers.free_port()
+run(*of_series, '--move-port', str(peer.move_port), '-o', 'moved.png')
+assert open('moved.png', 'rb').read() == open('right.png', 'rb').read()
 
 for answer, says in (((other, good, 48), 'another study'), ((whole[:-1] + other[-1:], good, 48), 'another study'),
                      ((whole[:6], good, None), '6 of 48 objects came'), ((whole[:6], {'status': 0}, 48), '6 of 48'),

@@ -17,6 +17,7 @@
 #include <stdatomic.h>
 #include <stdio.h>
 #include <sys/mman.h>
+#include <sys/prctl.h>
 #include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/syscall.h>
@@ -352,6 +353,63 @@ static void test_helper(void **state)
     cts_sandbox_stop(&e);
 }
 
+/* A helper that dies between its fork and its word of it, once: both processes live, one of them nobody knows. */
+static struct LostReply {
+    atomic_int n_forked, first_answered;
+} * lost;
+
+static void wait_for(const atomic_int *count, int wanted)
+{
+    const struct timespec pause = {0, 1000000};
+    for (int i = 0; i < 10000 && *count < wanted; i++)
+        nanosleep(&pause, NULL);
+}
+
+static void die_after_fork(void)
+{
+    wait_for(&lost->n_forked, 1);
+    raise(SIGKILL);
+}
+
+static CtsStatus lose_reply(CtsError *err)
+{
+    (void)err;
+    if (!lost->n_forked)
+        pthread_atfork(NULL, die_after_fork, NULL);
+    return CTS_OK;
+}
+
+/* The first one outlives its helper and is the first to answer. */
+static void live(const void *order, int socket)
+{
+    (void)order;
+    prctl(PR_SET_PDEATHSIG, 0);
+    const int number = ++lost->n_forked;
+    wait_for(number == 1 ? &lost->n_forked : &lost->first_answered, number == 1 ? 2 : 1);
+    send(socket, &number, sizeof number, MSG_NOSIGNAL);
+    lost->first_answered = 1;
+}
+
+/* Who asks again hears the process that it was told of, and no other. */
+static void test_lost_reply(void **state)
+{
+    (void)state;
+    const CtsHelperOrder order = {.prepare = lose_reply, .live = live};
+    int socket, number = 0;
+    pid_t pid;
+    CtsError err;
+    lost = mmap(NULL, sizeof *lost, PROT_READ | PROT_WRITE, MAP_SHARED | MAP_ANONYMOUS, -1, 0);
+    assert_true(lost != MAP_FAILED);
+    cts_helper_renew();
+    assert_int_equal(cts_helper_fork(&order, &pid, &socket, &err), CTS_OK);
+    assert_int_equal(recv(socket, &number, sizeof number, 0), sizeof number);
+    assert_int_equal(number, 2);
+    assert_int_equal(lost->n_forked, 2);
+    close(socket);
+    cts_helper_end(pid);
+    munmap(lost, sizeof *lost);
+}
+
 /* A fork of the program has a helper of its own, and no process is left when it ends, however it does. */
 static void test_forked(void **state)
 {
@@ -663,6 +721,7 @@ int main(void)
         cmocka_unit_test(test_two_frames),
         cmocka_unit_test(test_children_taken),
         cmocka_unit_test(test_helper),
+        cmocka_unit_test(test_lost_reply),
         cmocka_unit_test(test_forked),
         cmocka_unit_test(test_computing_counts),
         cmocka_unit_test(test_room),

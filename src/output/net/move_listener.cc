@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <fcntl.h>
 #include <netdb.h>
 #include <netinet/in.h>
 #include <poll.h>
@@ -15,7 +16,7 @@
 namespace
 {
 
-enum { TICK_MS = 100, MOST_WAITING = 16 };
+enum { TICK_MS = 100, MOST_SERVED = 16 };
 
 /* The address alone, without the port. */
 std::string host_of(const sockaddr_storage &address)
@@ -96,42 +97,33 @@ void CtsMoveListener::take_connection()
     sockaddr_storage from = {};
     socklen_t n = sizeof from;
     const int socket = accept4(listener, reinterpret_cast<sockaddr *>(&from), &n, SOCK_CLOEXEC);
-    if (socket >= 0 && is_peer(from) && waiting.size() < MOST_WAITING)
-        waiting.push_back(socket);
-    else if (socket >= 0)
-        ::close(socket);
-}
-
-/* A connection that says nothing keeps no other one waiting. */
-void CtsMoveListener::serve_ready()
-{
-    for (size_t i = 0; i < waiting.size(); i++) {
-        pollfd ready = {waiting[i], POLLIN, 0};
-        if (poll(&ready, 1, 0) <= 0)
-            continue;
-        const int socket = waiting[i];
-        waiting.erase(waiting.begin() + static_cast<long>(i));
-        return serve(socket);
+    const std::lock_guard<std::mutex> hold(lock);
+    const bool is_welcome = socket >= 0 && is_peer(from) && served.size() < MOST_SERVED;
+    const int own = is_welcome ? fcntl(socket, F_DUPFD_CLOEXEC, 0) : -1;
+    try {
+        if (own >= 0) {
+            served.insert(own);
+            std::thread([this, socket, own] { serve(socket, own); }).detach();
+            return;
+        }
+    } catch (...) { /* no room for it: the peer tells */
+        served.erase(own);
+        ::close(own);
     }
+    if (socket >= 0)
+        ::close(socket);
 }
 
 void CtsMoveListener::run()
 {
     while (!done) {
-        std::vector<pollfd> all = {{listener, POLLIN, 0}};
-        for (const int socket : waiting)
-            all.push_back({socket, POLLIN, 0});
-        if (poll(all.data(), all.size(), TICK_MS) <= 0)
-            continue;
-        if (all[0].revents)
+        pollfd ready = {listener, POLLIN, 0};
+        if (poll(&ready, 1, TICK_MS) > 0)
             take_connection();
-        serve_ready();
     }
-    for (const int socket : waiting)
-        ::close(socket);
 }
 
-void CtsMoveListener::serve(int socket)
+void CtsMoveListener::serve(int socket, int own)
 {
     CtsVisit visit = {};
     CtsAcceptRules rules = {};
@@ -146,34 +138,29 @@ void CtsMoveListener::serve(int socket)
     rules.keep = [](void *self, const char *path, const char *) {
         return static_cast<CtsMoveListener *>(self)->keep(path);
     };
-    {
-        const std::lock_guard<std::mutex> hold(lock);
-        served = done ? -1 : dup(socket);
-        if (served < 0) {
-            ::close(socket);
-            return;
-        }
-    }
+    /* A connection that says nothing keeps no other one waiting. */
+    pollfd ready = {own, POLLIN, 0};
+    poll(&ready, 1, -1);
     cts_accept(&rules, socket, &visit);
     const std::lock_guard<std::mutex> hold(lock);
-    ::close(served);
-    served = -1;
+    ::close(own);
+    served.erase(own);
+    one_less.notify_all();
 }
 
 /* All that the peer says it has sent is there: an association that it keeps open is not waited for. */
 CtsStatus CtsMoveListener::close(CtsError *err)
 {
-    {
-        const std::lock_guard<std::mutex> hold(lock);
-        done = true;
-        if (served >= 0)
-            shutdown(served, SHUT_RDWR);
-    }
+    done = true;
     if (thread.joinable())
         thread.join();
     if (listener >= 0)
         ::close(listener);
     listener = -1;
+    std::unique_lock<std::mutex> hold(lock);
+    for (const int own : served)
+        shutdown(own, SHUT_RDWR);
+    one_less.wait(hold, [this] { return served.empty(); });
     if (status && err)
         *err = error;
     return status;
@@ -182,6 +169,7 @@ CtsStatus CtsMoveListener::close(CtsError *err)
 char *CtsMoveListener::begin()
 {
     char *path = nullptr;
+    const std::lock_guard<std::mutex> hold(lock);
     if (status || cts_net_stopped(&net))
         return nullptr;
     status = cts_inbox_next(&inbox, &path, &error);
@@ -190,6 +178,7 @@ char *CtsMoveListener::begin()
 
 bool CtsMoveListener::grows(uint64_t n_bytes)
 {
+    const std::lock_guard<std::mutex> hold(lock);
     if (!status && !cts_net_stopped(&net))
         status = cts_inbox_grows(&inbox, n_bytes, &error);
     return !status && !cts_net_stopped(&net);
@@ -197,6 +186,12 @@ bool CtsMoveListener::grows(uint64_t n_bytes)
 
 CtsStoredAs CtsMoveListener::keep(const char *path)
 {
-    status = cts_inbox_keep(&inbox, path, &error);
-    return status ? CTS_STORED_NO_ROOM : CTS_STORED;
+    CtsError why = {};
+    const std::lock_guard<std::mutex> hold(lock);
+    const CtsStatus st = cts_inbox_keep(&inbox, path, &why);
+    if (st && !status) {
+        status = st;
+        error = why;
+    }
+    return st ? CTS_STORED_NO_ROOM : CTS_STORED;
 }

@@ -6,7 +6,9 @@
 #include "output/net/accept.h"
 
 #include <atomic>
+#include <condition_variable>
 #include <mutex>
+#include <set>
 #include <sys/socket.h>
 #include <thread>
 #include <vector>
@@ -30,21 +32,20 @@ class CtsMoveListener
     CtsInbox &inbox;
     int listener = -1;
     std::vector<sockaddr_storage> addresses; /* of the peer */
-    std::vector<int> waiting;                /* connections that have sent nothing yet */
     std::atomic<bool> done{false};
-    std::mutex lock;
-    int served = -1; /* a descriptor of our own for the connection that is served */
+    std::thread thread; /* takes connections, of which each has a thread of its own */
+    std::mutex lock;    /* of the inbox and what follows */
+    std::condition_variable one_less;
+    std::set<int> served; /* connections, each by a descriptor of our own */
     CtsStatus status = CTS_OK;
     CtsError error = {};
-    std::thread thread;
 
     CtsStatus find_peer(CtsError *err);
     CtsStatus listen(CtsError *err);
     bool is_peer(const sockaddr_storage &from) const;
     void run();
     void take_connection();
-    void serve_ready();
-    void serve(int socket);
+    void serve(int socket, int own);
     char *begin();
     bool grows(uint64_t n_bytes);
     CtsStoredAs keep(const char *path);
