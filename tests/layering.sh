@@ -29,7 +29,7 @@ src/engine/raycast | core/volume/ core/scene/ |
 src/render/error  | core/scene/ engine/raycast/ |
 src/render/frames | core/volume/owners.h core/scene/ render/error/ |
 src/output/image  | |
-src/output/objects | input/files/ input/header/ input/codec/ | openjpeg.h
+src/output/objects | input/header/ input/codec/ | openjpeg.h
 src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h isa-l.h jpeglib.h webp/
 src/output/net    | input/header/ | curl/ jansson.h netdb.h netinet/ openssl/
 src/output/report | | jansson.h

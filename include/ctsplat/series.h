@@ -13,10 +13,9 @@ extern "C" {
 #endif
 #pragma GCC visibility push(default)
 
-struct CtsStored;  /* src/core/volume/stored.h */
-struct CtsSlice;   /* src/input/header/slice.h */
-struct CtsArchive; /* src/input/files/archive.h */
-struct CtsTexts;   /* src/input/files/texts.h */
+struct CtsStored; /* src/core/volume/stored.h */
+struct CtsSlice;  /* src/input/header/slice.h */
+struct CtsTexts;  /* src/input/files/texts.h */
 
 typedef struct CtsSeries {
     char uid[65]; /* SeriesInstanceUID (0020,000E); "" where the data has none */
@@ -48,6 +47,9 @@ typedef struct CtsFileCount {
     int n;
 } CtsFileCount;
 
+/* Zip files that stay unpacked in memory, from one search to the next, and for processes that are forked between. */
+typedef struct CtsArchives CtsArchives;
+
 typedef struct CtsSeriesList {
     CtsSeries *items; /* most slices first, then by uid and part */
     size_t n;
@@ -59,8 +61,7 @@ typedef struct CtsSeriesList {
     CtsFileCount *others; /* what the n_not_ct files are, most frequent first; n_others, owned */
     size_t n_others;
     CtsFindings findings;
-    struct CtsArchive **archives; /* n_archives zip files in memory, which slices are read from; owned */
-    size_t n_archives;
+    CtsArchives *archives;  /* zip files in memory, which slices are read from; owned */
     struct CtsTexts *texts; /* n_texts, which the slices share; owned */
     size_t n_texts;
 } CtsSeriesList;
@@ -72,8 +73,6 @@ CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, 
                           CtsError *err);
 void cts_series_list_free(CtsSeriesList **list);
 
-/* Zip files that stay unpacked in memory from one search to the next, and for processes that are forked between. */
-typedef struct CtsArchives CtsArchives;
 void cts_archives_free(CtsArchives **archives);
 /* The same, where paths may name members too: "FILE.zip/MEMBER". archives may be NULL, and must outlast the list. */
 CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *paths, int n_paths, int n_threads,

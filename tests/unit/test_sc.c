@@ -420,20 +420,21 @@ static void test_deidentify(void **state)
 static void test_series_numbers(void **state)
 {
     const Source *source = *state;
-    const CtsScSource facts = {.series_number = 3};
+    CtsSeries third = *source->series;
     int numbers[500], n = 0, instances[2];
     char series[2][65];
     CtsError err;
+    third.series_number = 3;
     for (size_t k = 0; cts_preset_builtin(k); k++)
         for (int view = 0; view < 4; view++) {
-            CtsExportJob job = {.settings.source = source->series, .head.n_frames = view < 2 ? 1 : 8};
+            CtsExportJob job = {.settings.source = &third, .head.n_frames = view < 2 ? 1 : 8};
             CtsScWords words;
             CtsScNames names;
             const uint8_t pixels[CTS_DIGEST_BYTES] = {0};
             snprintf(job.head.info.preset, sizeof job.head.info.preset, "%s", cts_preset_builtin(k)->name);
             job.head.info.azimuth_deg = 90 * (view % 2);
-            assert_int_equal(cts_sc_words(&job, &words, &err), CTS_OK);
-            assert_int_equal(cts_sc_names(&job, &facts, &words, pixels, &names, &err), CTS_OK);
+            cts_sc_words(&job, &words);
+            assert_int_equal(cts_sc_names(&job, &words, pixels, &names, &err), CTS_OK);
             assert_int_equal(names.series_number / 1000, 3);
             assert_true(n < 500);
             instances[view % 2] = names.instance_number;

@@ -2,7 +2,6 @@
 #include "input/files/archive.h"
 
 #include "base/mem.h"
-#include "base/sandbox.h"
 #include "input/files/file_bytes.h"
 #include "input/files/tag_scan.h"
 #include <stdlib.h>
@@ -25,12 +24,6 @@ typedef struct Record {
     uint32_t n_name;
     uint32_t is_bad;
 } Record;
-
-struct CtsArchive {
-    CtsSandbox unpacker; /* keeps the memory; its child is gone */
-    CtsMember *members;
-    int n, n_other;
-};
 
 bool cts_archive_is_zip(const char *path)
 {
@@ -142,6 +135,11 @@ static CtsStatus unpack_apart(const void *order, const uint8_t *stream, size_t n
     return cts_archive_unpack(stream, n, room, n_room, err);
 }
 
+static int by_name(const void *a, const void *b)
+{
+    return strcmp(((const CtsMember *)a)->name, ((const CtsMember *)b)->name);
+}
+
 /* What the child has written is as foreign as the file: every length is checked. */
 static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, CtsError *err)
 {
@@ -151,10 +149,13 @@ static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, Cts
             break;
         memcpy(&r, bytes + pos, sizeof r);
         pos += sizeof r;
-        if (r.n_name == 0)
+        if (r.n_name == 0) {
+            if (a->n_members)
+                qsort(a->members, (size_t)a->n_members, sizeof *a->members, by_name);
             return CTS_OK;
+        }
         if (r.n_name > MAX_NAME || n - pos < (size_t)r.n_name + 1 || bytes[pos + r.n_name] ||
-            r.n_bytes > n - pos - r.n_name - 1 || a->n >= CTS_MAX_MEMBERS)
+            r.n_bytes > n - pos - r.n_name - 1 || a->n_members >= CTS_MAX_MEMBERS)
             break;
         const CtsMember m = {(const char *)bytes + pos, bytes + pos + r.n_name + 1, r.n_bytes, r.is_bad != 0};
         if (m.is_bad && (m.n_bytes == 0 || m.bytes[m.n_bytes - 1]))
@@ -164,9 +165,9 @@ static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, Cts
             a->n_other++;
             continue;
         }
-        if (cts_grow(&a->members, a->n, err))
+        if (cts_grow(&a->members, a->n_members, err))
             return CTS_ERR_MEMORY;
-        a->members[a->n++] = m;
+        a->members[a->n_members++] = m;
     }
     return cts_fail(err, CTS_ERR_READ, "cannot be unpacked");
 }
@@ -237,19 +238,4 @@ void cts_archive_free(CtsArchive **archive)
     free((*archive)->members);
     free(*archive);
     *archive = NULL;
-}
-
-int cts_archive_n_members(const CtsArchive *archive)
-{
-    return archive->n;
-}
-
-int cts_archive_n_other(const CtsArchive *archive)
-{
-    return archive->n_other;
-}
-
-CtsMember cts_archive_member(const CtsArchive *archive, int i)
-{
-    return archive->members[i];
 }

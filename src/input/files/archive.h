@@ -3,6 +3,7 @@
 #ifndef CTS_DICOM_ARCHIVE_H
 #define CTS_DICOM_ARCHIVE_H
 
+#include "base/sandbox.h"
 #include "ctsplat/status.h"
 #include <stdbool.h>
 #include <stddef.h>
@@ -17,7 +18,11 @@ typedef struct CtsMember {
     bool is_bad; /* cannot be unpacked: encrypted, damaged; bytes then says why, as text */
 } CtsMember;
 
-typedef struct CtsArchive CtsArchive;
+typedef struct CtsArchive {
+    CtsMember *members; /* n_members, in order of name */
+    int n_members, n_other;
+    CtsSandbox unpacker; /* keeps the memory; its child is gone */
+} CtsArchive;
 
 /* Whether a file begins as a zip file does. */
 bool cts_archive_is_zip(const char *path);
@@ -32,9 +37,5 @@ void cts_archive_free(CtsArchive **archive);
  * makes of it, trusting none of it. */
 CtsStatus cts_archive_unpack(const uint8_t *zip, size_t n, uint8_t *room, size_t n_room, CtsError *err);
 CtsStatus cts_archive_list(const uint8_t *room, size_t n_room, CtsArchive **archive, CtsError *err);
-
-int cts_archive_n_members(const CtsArchive *archive);
-int cts_archive_n_other(const CtsArchive *archive);
-CtsMember cts_archive_member(const CtsArchive *archive, int i);
 
 #endif

@@ -9,8 +9,6 @@
 typedef struct Kept {
     char *path;
     CtsArchive *archive;
-    CtsMember *members; /* that could be unpacked, in order of name */
-    size_t n_members;
 } Kept;
 
 struct CtsArchives {
@@ -23,20 +21,6 @@ static int by_name(const void *a, const void *b)
     return strcmp(((const CtsMember *)a)->name, ((const CtsMember *)b)->name);
 }
 
-static CtsStatus sort_members(Kept *kept, CtsError *err)
-{
-    const int n = cts_archive_n_members(kept->archive);
-    if (!(kept->members = malloc(((size_t)n + 1) * sizeof *kept->members)))
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    for (int i = 0; i < n; i++) {
-        const CtsMember member = cts_archive_member(kept->archive, i);
-        if (!member.is_bad)
-            kept->members[kept->n_members++] = member;
-    }
-    qsort(kept->members, kept->n_members, sizeof *kept->members, by_name);
-    return CTS_OK;
-}
-
 CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive *archive, CtsError *err)
 {
     CtsArchives *all = *archives ? *archives : calloc(1, sizeof *all);
@@ -47,7 +31,7 @@ CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive 
     }
     Kept *kept = &all->items[all->n++];
     *kept = (Kept){.path = strdup(path), .archive = archive};
-    return kept->path ? sort_members(kept, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    return kept->path ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
 }
 
 bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *file)
@@ -58,8 +42,9 @@ bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *f
         if (strncmp(path, kept->path, n) || path[n] != '/')
             continue;
         const CtsMember wanted = {.name = path + n + 1};
-        const CtsMember *member = bsearch(&wanted, kept->members, kept->n_members, sizeof wanted, by_name);
-        if (!member)
+        const CtsMember *member =
+            bsearch(&wanted, kept->archive->members, (size_t)kept->archive->n_members, sizeof wanted, by_name);
+        if (!member || member->is_bad)
             continue;
         *file = (CtsFile){.path = path, .memory = member->bytes, .n_memory = member->n_bytes};
         return true;
@@ -74,7 +59,6 @@ void cts_archives_free(CtsArchives **archives)
         return;
     for (size_t i = 0; i < all->n; i++) {
         free(all->items[i].path);
-        free(all->items[i].members);
         cts_archive_free(&all->items[i].archive);
     }
     free(all->items);

@@ -18,9 +18,7 @@ void cts_file_list_free(CtsFileList *list)
 {
     free(list->items);
     cts_texts_free(&list->texts);
-    for (size_t i = 0; i < list->n_archives; i++)
-        cts_archive_free(&list->archives[i]);
-    free(list->archives);
+    cts_archives_free(&list->archives);
     cts_findings_free(&list->findings);
     *list = (CtsFileList){0};
 }
@@ -124,9 +122,9 @@ static CtsStatus scan_archive(CtsScan *scan, const char *path, CtsError *err)
     CtsStatus st = cts_archive_open(path, &archive, err);
     if (st)
         return st;
-    scan->n_other += cts_archive_n_other(archive);
-    for (int i = 0; !st && i < cts_archive_n_members(archive); i++) {
-        const CtsMember m = cts_archive_member(archive, i);
+    scan->n_other += archive->n_other;
+    for (int i = 0; !st && i < archive->n_members; i++) {
+        const CtsMember m = archive->members[i];
         if (m.is_bad) {
             scan->n_unreadable++;
             cts_findings_add(&scan->findings, "unreadable_file", CTS_WARNING, "%s: %s: cannot be unpacked: %s", path,
@@ -138,7 +136,7 @@ static CtsStatus scan_archive(CtsScan *scan, const char *path, CtsError *err)
         st = name ? scan->found(scan->context, &file, path, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         free(name);
     }
-    const CtsStatus kept = scan->take_archive(scan->context, path, archive, err);
+    const CtsStatus kept = cts_archives_add(scan->kept, path, archive, err);
     return st ? st : kept;
 }
 
@@ -185,23 +183,11 @@ static CtsStatus add_to_list(void *context, const CtsFile *file, const char *arc
     return st;
 }
 
-static CtsStatus add_archive(void *context, const char *path, CtsArchive *archive, CtsError *err)
-{
-    CtsFileList *const list = context;
-    (void)path;
-    const CtsStatus st = cts_grow(&list->archives, list->n_archives, err);
-    if (st)
-        cts_archive_free(&archive);
-    else
-        list->archives[list->n_archives++] = archive;
-    return st;
-}
-
 CtsStatus cts_scan_paths(const struct CtsArchives *archives, const char *const *paths, int n_paths, CtsFileList *list,
                          CtsError *err)
 {
     *list = (CtsFileList){0};
-    CtsScan scan = {.found = add_to_list, .take_archive = add_archive, .context = list, .archives = archives};
+    CtsScan scan = {.found = add_to_list, .context = list, .kept = &list->archives, .archives = archives};
     const CtsStatus st = cts_scan_each(&scan, paths, n_paths, err);
     list->findings = scan.findings;
     list->n_special = scan.n_special;

@@ -23,8 +23,7 @@ typedef struct CtsFileList {
     int n_special;                /* sockets, devices, links to folders and the like: never opened */
     int n_unreadable;             /* folders that cannot be listed; findings name them */
     int n_other;                  /* members of archives that are plainly no DICOM */
-    struct CtsArchive **archives; /* that were named */
-    size_t n_archives;
+    struct CtsArchives *archives; /* that were named */
     CtsFindings findings;
 } CtsFileList;
 
@@ -33,9 +32,8 @@ typedef struct CtsScan {
     /* The file is there for as long as the call; archive is the path of the zip file that it is a member of, or NULL.
      */
     CtsStatus (*found)(void *context, const CtsFile *file, const char *archive, CtsError *err);
-    /* All members of an archive were found; their bytes are its own. Takes the archive over. */
-    CtsStatus (*take_archive)(void *context, const char *path, struct CtsArchive *archive, CtsError *err);
     void *context;
+    struct CtsArchives **kept;          /* takes the archives that are named, to which their members' bytes belong */
     const struct CtsArchives *archives; /* unpacked before, whose members may be named; or NULL */
     int n_special, n_unreadable, n_other;
     CtsFindings findings;

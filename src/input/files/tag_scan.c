@@ -22,61 +22,27 @@ static uint32_t read_tag(const uint8_t *p, bool big)
     return read16(p, big) << 16 | read16(p + 2, big);
 }
 
-/* Bytes of the length field of an explicit VR: 2, or 4 after two reserved bytes. An unknown VR of two capitals is taken
- * for one of the future, which are all long; anything else for a broken writer that uses the short form. */
-static bool long_vr(const uint8_t vr[2], bool *known)
+static bool is_one_of(const char *vrs, const uint8_t vr[2])
 {
-#define VR(a, b) (a) << 8 | (b)
-    *known = true;
-    switch (VR(vr[0], vr[1])) {
-    case VR('A', 'E'):
-    case VR('A', 'S'):
-    case VR('A', 'T'):
-    case VR('C', 'S'):
-    case VR('D', 'A'):
-    case VR('D', 'S'):
-    case VR('D', 'T'):
-    case VR('F', 'D'):
-    case VR('F', 'L'):
-    case VR('I', 'S'):
-    case VR('L', 'O'):
-    case VR('L', 'T'):
-    case VR('P', 'N'):
-    case VR('S', 'H'):
-    case VR('S', 'L'):
-    case VR('S', 'S'):
-    case VR('S', 'T'):
-    case VR('T', 'M'):
-    case VR('U', 'I'):
-    case VR('U', 'L'):
-    case VR('U', 'S'):
-        return false;
-    case VR('O', 'B'):
-    case VR('O', 'D'):
-    case VR('O', 'F'):
-    case VR('O', 'L'):
-    case VR('O', 'V'):
-    case VR('O', 'W'):
-    case VR('S', 'Q'):
-    case VR('S', 'V'):
-    case VR('U', 'C'):
-    case VR('U', 'N'):
-    case VR('U', 'R'):
-    case VR('U', 'T'):
-    case VR('U', 'V'):
-        return true;
-    default:
-        *known = false;
-        return vr[0] >= 'A' && vr[0] <= 'Z' && vr[1] >= 'A' && vr[1] <= 'Z';
-    }
-#undef VR
+    for (; *vrs; vrs += 2)
+        if (memcmp(vrs, vr, 2) == 0)
+            return true;
+    return false;
 }
+
+/* Of an explicit VR: the length stands in 2 bytes, or in 4 after two reserved ones. */
+static const char short_vrs[] = "AEASATCSDADSDTFDFLISLOLTPNSHSLSSSTTMUIULUS", long_vrs[] = "OBODOFOLOVOWSQSVUCUNURUTUV";
 
 static bool known_vr(const uint8_t vr[2])
 {
-    bool known;
-    long_vr(vr, &known);
-    return known;
+    return is_one_of(short_vrs, vr) || is_one_of(long_vrs, vr);
+}
+
+/* An unknown VR of two capitals is taken for one of the future, which are all long; anything else for a broken writer
+ * that uses the short form. */
+static bool long_vr(const uint8_t vr[2])
+{
+    return !is_one_of(short_vrs, vr) && vr[0] >= 'A' && vr[0] <= 'Z' && vr[1] >= 'A' && vr[1] <= 'Z';
 }
 
 bool cts_read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, CtsRawElement *e)
@@ -88,9 +54,8 @@ bool cts_read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, 
         e->length = read32(p + 4, big);
         return true;
     }
-    bool known;
     memcpy(e->vr, p + 4, 2);
-    if (!long_vr(e->vr, &known)) {
+    if (!long_vr(e->vr)) {
         e->length = read16(p + 6, big);
         return true;
     }

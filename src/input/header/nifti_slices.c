@@ -34,6 +34,7 @@ static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, co
                   .syntax_uid = "NIfTI",
                   .sop_uid = "",
                   .series_uid = "",
+                  .class_uid = "",
                   .modality = "CT",
                   .series_number = -1,
                   .kvp = -1,

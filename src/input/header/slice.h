@@ -64,6 +64,7 @@ typedef struct CtsSlice {
     unsigned odd; /* CTS_ODD_... */
 
     const char *sop_uid, *series_uid; /* "" where missing; at most 64 characters */
+    const char *class_uid;            /* its object's SOP class */
     /* As stored, without padding; "" where missing. What names a patient is compared and never told. */
     const char *identity[CTS_N_IDENTITY];
     const char *modality;              /* at most 16 */

@@ -45,6 +45,7 @@ static CtsStatus complete(const CtsHead *h, const CtsFile *source, CtsObject *ob
         CtsSlice *s = object->slices[i];
         s->syntax = h->syntax;
         s->syntax_uid = syntax_uid;
+        s->class_uid = object->class_uid;
         s->odd |= h->odd;
         s->memory = source->memory;
         s->path = source->path;

@@ -1,5 +1,6 @@
 /* RT Structure Sets (PS3.3 A.19, C.8.8.6): contours -> the voxels whose centres lie inside, by even-odd. */
 #include "base/mem.h"
+#include "base/order.h"
 #include "base/vec3.h"
 #include "input/header/dcm_read.h"
 #include "input/labels/mask.h"
@@ -125,12 +126,6 @@ static CtsStatus add_contour(Outline *o, CtsElements item, CtsError *err)
     return st;
 }
 
-static int by_number(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return x < y ? -1 : x > y;
-}
-
 /* Where the contours' edges cross a row of voxel centres: an edge holds its lower end and not its upper one, so that a
  * corner on a row counts once. */
 static CtsStatus find_crossings(Outline *o, const Contour *first, const Contour *end, int row, size_t *n, CtsError *err)
@@ -146,7 +141,7 @@ static CtsStatus find_crossings(Outline *o, const Contour *first, const Contour 
                 return st;
             o->crossings[(*n)++] = snapped((b[0] - a[0]) * (row - a[1]) / (b[1] - a[1]) + a[0]);
         }
-    qsort(o->crossings, *n, sizeof *o->crossings, by_number);
+    qsort(o->crossings, *n, sizeof *o->crossings, cts_by_double);
     return CTS_OK;
 }
 

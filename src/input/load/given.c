@@ -140,22 +140,8 @@ static void make_slices(void *context, int worker, size_t first, size_t end)
             read_row(p->given, j, k, row);
             for (int i = 0; i < nx; i++) {
                 const double g = (row[i] - HU_OFFSET) * scale + 0.5;
-                grey[i] = g >= 1 ? g < GREY_MAX ? (uint16_t)g : GREY_MAX : 0; /* not a number: 0 */
+                grey[i] = g >= 1 && g < INFINITY ? g < GREY_MAX ? (uint16_t)g : GREY_MAX : 0; /* not finite: padding */
             }
-        }
-}
-
-/* Infinite numbers too are padding. */
-static void lose_infinite(const Pass *p)
-{
-    for (int k = 0; k < p->given->box.dims[2]; k++)
-        for (int j = 0; p->ranges[k].n_lost && j < p->given->box.dims[1]; j++) {
-            read_row(p->given, j, k, p->rows[0]);
-            for (int i = 0; i < p->given->box.dims[0]; i++)
-                if (!isfinite(p->rows[0][i]))
-                    p->volume
-                        ->grey[((size_t)k * (size_t)p->given->box.dims[1] + (size_t)j) * (size_t)p->given->box.dims[0] +
-                               (size_t)i] = 0;
         }
 }
 
@@ -212,7 +198,6 @@ static CtsStatus fill(const Pass *p, CtsVolume *v, int n_threads, CtsReport *rep
     if (has_words(p->given))
         return CTS_OK;
     cts_parallel(n_threads, n, 0, make_slices, (void *)p);
-    lose_infinite(p);
     return CTS_OK;
 }
 

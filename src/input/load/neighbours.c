@@ -1,6 +1,7 @@
 #include "input/load/neighbours.h"
 
 #include "base/mem.h"
+#include "base/order.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -17,12 +18,6 @@ typedef struct Samples {
 static const uint16_t *sample(const Samples *s, int k)
 {
     return s->of + (size_t)k * CTS_SAMPLES;
-}
-
-static int by_int(const void *a, const void *b)
-{
-    const int x = *(const int *)a, y = *(const int *)b;
-    return (x > y) - (x < y);
 }
 
 /* A slice against what its neighbours foretell, in half grey levels: twice the slice, the sum of both. Beside the first
@@ -76,7 +71,7 @@ static double off_by(const Beside *b, bool air)
     for (int i = 0; i < CTS_SAMPLES; i++)
         if (is_in(b, i, air))
             apart[n++] = abs(b->near[i] - b->other[i]);
-    qsort(apart, (size_t)n, sizeof *apart, by_int);
+    qsort(apart, (size_t)n, sizeof *apart, cts_by_int);
     const int agree = apart[n / 2], differ = apart[n * 3 / 4];
     for (int i = 0; i < CTS_SAMPLES; i++)
         if (is_in(b, i, air) && abs(b->near[i] - b->other[i]) <= agree) {
@@ -84,7 +79,7 @@ static double off_by(const Beside *b, bool air)
             above += d > 0;
             below += d < 0;
         }
-    qsort(off, (size_t)n_off, sizeof *off, by_int);
+    qsort(off, (size_t)n_off, sizeof *off, cts_by_int);
     const double median = off[n_off / 2] / 2.0;
     return 10 * (above > below ? above : below) >= 9 * n_off && fabs(median) > differ ? median : 0;
 }

@@ -5,7 +5,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "input/files/archive.h"
 #include "input/files/scan.h"
 #include "input/files/texts.h"
 #include "input/header/dcm_read.h"
@@ -32,9 +31,7 @@ void cts_series_list_free(CtsSeriesList **list)
     for (size_t i = 0; i < (*list)->n; i++)
         clear_series(&(*list)->items[i]);
     free((*list)->items);
-    for (size_t i = 0; i < (*list)->n_archives; i++)
-        cts_archive_free(&(*list)->archives[i]);
-    free((*list)->archives);
+    cts_archives_free(&(*list)->archives);
     for (size_t i = 0; i < (*list)->n_texts; i++)
         cts_texts_free(&(*list)->texts[i]);
     free((*list)->texts);
@@ -322,9 +319,7 @@ static CtsStatus find_slices(Search *s, const CtsArchives *archives, const char 
     if (st)
         return st;
     s->list->archives = s->files.archives;
-    s->list->n_archives = s->files.n_archives;
     s->files.archives = NULL;
-    s->files.n_archives = 0;
     s->list->findings = s->files.findings;
     s->files.findings = (CtsFindings){0};
     if ((st = read_headers(s, n_threads, err)) || (st = follow_directories(s, n_threads, err)) ||

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "input/series/series_judge.h"
 
+#include "base/order.h"
 #include "base/text.h"
 #include "base/vec3.h"
 #include "input/header/dcm_readers.h"
@@ -12,19 +13,33 @@
 
 enum { MAX_SLICES = 20000, MIN_SHARE_PERCENT = 90 };
 
-static void refuse(CtsSeries *series, CtsStatus status, const char *format, ...) __attribute__((format(printf, 3, 4)));
-
-static void refuse(CtsSeries *series, CtsStatus status, const char *format, ...)
+static void end(CtsSeries *series, CtsStatus status, const char *format, va_list args)
 {
-    if (series->refusal)
-        return;
-    va_list args;
-    va_start(args, format);
     vsnprintf(series->reason, sizeof series->reason, format, args);
     cts_text_clean(series->reason);
-    va_end(args);
     series->refusal = status;
-    cts_findings_add(&series->findings, "refused", CTS_REFUSAL, "%s", series->reason);
+    cts_findings_add(&series->findings, series->passed ? "passed" : "refused", series->passed ? CTS_NOTE : CTS_REFUSAL,
+                     "%s", series->reason);
+}
+
+static void __attribute__((format(printf, 3, 4))) refuse(CtsSeries *series, CtsStatus status, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    if (!series->refusal)
+        end(series, status, format, args);
+    va_end(args);
+}
+
+/* Not refused for a fault: by its nature it is no volume. */
+static void __attribute__((format(printf, 2, 3))) pass(CtsSeries *series, const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    series->passed |= !series->refusal;
+    if (!series->refusal)
+        end(series, CTS_ERR_GEOMETRY, format, args);
+    va_end(args);
 }
 
 static const char *plural(int n)
@@ -46,22 +61,6 @@ static bool same_grid(const CtsSlice *a, const CtsSlice *b)
            same_direction(a->column_lps, b->column_lps) &&
            fabs(a->row_spacing_mm - b->row_spacing_mm) <= 1e-4 * b->row_spacing_mm &&
            fabs(a->column_spacing_mm - b->column_spacing_mm) <= 1e-4 * b->column_spacing_mm;
-}
-
-/* Not refused for a fault: by its nature it is no volume. */
-static void pass(CtsSeries *series, const char *format, ...) __attribute__((format(printf, 2, 3)));
-
-static void pass(CtsSeries *series, const char *format, ...)
-{
-    if (series->refusal)
-        return;
-    va_list args;
-    va_start(args, format);
-    vsnprintf(series->reason, sizeof series->reason, format, args);
-    va_end(args);
-    series->refusal = CTS_ERR_GEOMETRY;
-    series->passed = true;
-    cts_findings_add(&series->findings, "passed", CTS_NOTE, "%s", series->reason);
 }
 
 typedef CtsStatus (*pick_fn)(const CtsSliceSet *set, CtsSeries *series, bool *keep);
@@ -234,12 +233,6 @@ static void check_modality(const CtsSliceSet *set, CtsSeries *series)
     }
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Positions nearer than *same_mm are one position; negative when all are. */
 static CtsStatus same_position(const CtsSliceSet *set, double *same_mm, CtsError *err)
 {
@@ -253,7 +246,7 @@ static CtsStatus same_position(const CtsSliceSet *set, double *same_mm, CtsError
         if (gap > 1e-3)
             gaps[n++] = gap;
     }
-    qsort(gaps, (size_t)n, sizeof *gaps, by_value);
+    qsort(gaps, (size_t)n, sizeof *gaps, cts_by_double);
     *same_mm = n ? cts_slice_stack_tolerance_mm(gaps[(n - 1) / 2]) : -1;
     free(gaps);
     return CTS_OK;
@@ -386,15 +379,9 @@ static bool each_in_order(const CtsSliceSet *set)
     return true;
 }
 
-static int by_number(const void *a, const void *b)
-{
-    const int x = *(const int *)a, y = *(const int *)b;
-    return (x > y) - (x < y);
-}
-
 static bool distinct(int *numbers, int n)
 {
-    qsort(numbers, (size_t)n, sizeof *numbers, by_number);
+    qsort(numbers, (size_t)n, sizeof *numbers, cts_by_int);
     for (int i = 1; i < n; i++)
         if (numbers[i] == numbers[i - 1])
             return false;

@@ -1,6 +1,7 @@
 #define _GNU_SOURCE
 #include "input/series/series_judge.h"
 
+#include "base/order.h"
 #include "input/files/file_bytes.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
@@ -233,11 +234,6 @@ static bool in_turn(const CtsSliceSet *parts, int n_parts)
     return true;
 }
 
-static int by_label(const void *a, const void *b)
-{
-    return compare_numbers(*(const double *)a, *(const double *)b);
-}
-
 /* The set's slices by rising label, into parts that only borrow them. *n_parts is 0 when there are too many. */
 static CtsStatus deal(const CtsSliceSet *set, const double *part, CtsSliceSet *parts, int max_parts, int *n_parts,
                       CtsError *err)
@@ -248,7 +244,7 @@ static CtsStatus deal(const CtsSliceSet *set, const double *part, CtsSliceSet *p
     if (!labels)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     memcpy(labels, part, (size_t)set->n * sizeof *labels);
-    qsort(labels, (size_t)set->n, sizeof *labels, by_label);
+    qsort(labels, (size_t)set->n, sizeof *labels, cts_by_double);
     for (int i = 0; i < set->n; i++)
         if (i == 0 || labels[i] != labels[i - 1])
             labels[n_labels++] = labels[i];

@@ -1,14 +1,9 @@
 #include "input/series/slice_stack.h"
 
+#include "base/order.h"
 #include "base/vec3.h"
 #include <stdlib.h>
 #include <string.h>
-
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
 
 double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *slice)
 {
@@ -167,7 +162,7 @@ CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceSta
         if (i > 0)
             gaps[i - 1] = sorted[i - 1] = stack->layer[i] - stack->layer[i - 1];
     }
-    qsort(sorted, (size_t)n - 1, sizeof *sorted, by_value);
+    qsort(sorted, (size_t)n - 1, sizeof *sorted, cts_by_double);
     stack->spacing_mm = sorted[(n - 2) / 2];
     stack->smallest_gap_mm = sorted[0];
     stack->largest_gap_mm = sorted[n - 2];

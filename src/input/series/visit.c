@@ -58,12 +58,6 @@ static CtsStatus add_file(void *context, const CtsFile *file, const char *archiv
     return s->n == GROUP ? flush(s, err) : CTS_OK;
 }
 
-static CtsStatus take_archive(void *context, const char *path, CtsArchive *archive, CtsError *err)
-{
-    Search *const s = context;
-    return cts_archives_add(s->asked->archives, path, archive, err);
-}
-
 static void free_found(Found *f)
 {
     cts_object_free(&f->object);
@@ -178,7 +172,7 @@ CtsStatus cts_archive_search(const CtsArchiveSearch *asked, CtsArchiveCounts *co
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     s->asked = asked;
     s->counts = counts;
-    s->scan = (CtsScan){.found = add_file, .take_archive = take_archive, .context = s};
+    s->scan = (CtsScan){.found = add_file, .context = s, .kept = asked->archives};
     s->n_threads = cts_threads(asked->n_threads);
     s->scratch = calloc((size_t)s->n_threads, sizeof *s->scratch);
     CtsStatus st = s->scratch ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");

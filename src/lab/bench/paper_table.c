@@ -3,6 +3,7 @@
 
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/order.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -74,12 +75,6 @@ static CtsStatus run_round(const CtsPaperSettings *settings, const CtsVolume *le
     return st;
 }
 
-static int by_value(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-    return (x > y) - (x < y);
-}
-
 /* Each round's share of classic's time: what slows the machine slows both. */
 static void sum_up(CtsPaperTable *table)
 {
@@ -88,11 +83,11 @@ static void sum_up(CtsPaperTable *table)
         CtsPaperRow *row = &table->rows[i];
         for (int round = 0; round < CTS_PAPER_ROUNDS; round++)
             share[round] = 100 * row->ms[round] / table->rows[0].ms[round];
-        qsort(share, CTS_PAPER_ROUNDS, sizeof *share, by_value);
+        qsort(share, CTS_PAPER_ROUNDS, sizeof *share, cts_by_double);
         row->percent = share[CTS_PAPER_ROUNDS / 2];
         row->percent_low = share[CTS_PAPER_ROUNDS / 4];
         row->percent_high = share[CTS_PAPER_ROUNDS - 1 - CTS_PAPER_ROUNDS / 4];
-        qsort(row->ms, CTS_PAPER_ROUNDS, sizeof *row->ms, by_value);
+        qsort(row->ms, CTS_PAPER_ROUNDS, sizeof *row->ms, cts_by_double);
         row->median_ms = row->ms[CTS_PAPER_ROUNDS / 2];
     }
 }

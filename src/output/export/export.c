@@ -15,55 +15,8 @@ CTS_BY_ID(char *const, cts_sc_compression_names, CTS_SC_N_COMPRESSIONS, [CTS_SC_
 
 enum { MAGIC_BYTES = 4, HEAD_BYTES = 132 };
 
-static const CtsFormat formats[] = {
-    {
-        .info = {"png", "PNG, 16 bits a channel (or 8)", .has_alpha = true, .read_back = true},
-        .magic = "\x89PNG",
-        .begin = cts_png_begin,
-        .rows = cts_png_rows,
-        .finish = cts_png_finish,
-        .close = cts_png_close,
-        .read = cts_png_read,
-    },
-    {
-        .info = {"exr", "OpenEXR", .has_depth = true, .has_alpha = true, .read_back = true},
-        .magic = "\x76\x2f\x31\x01",
-        .begin = cts_exr_begin,
-        .rows = cts_exr_rows,
-        .finish = cts_exr_finish,
-        .close = cts_exr_close,
-        .read = cts_exr_read,
-    },
-    {
-        .info = {"dcm", "DICOM secondary capture", .many_frames = true, .is_object = true, .read_back = true},
-        .magic_offset = 128,
-        .magic = "DICM",
-        .check = cts_sc_check,
-        .check_size = cts_sc_check_size,
-        .begin = cts_sc_begin,
-        .rows = cts_sc_rows,
-        .finish = cts_sc_finish,
-        .close = cts_sc_close,
-        .read = cts_sc_read,
-    },
-    {
-        .info = {.name = "jpg", .about = "JPEG, 8 bits a channel"},
-        .check_size = cts_jpg_check_size,
-        .begin = cts_jpg_begin,
-        .rows = cts_jpg_rows,
-        .finish = cts_jpg_finish,
-        .close = cts_jpg_close,
-    },
-    {
-        .info = {"webp", "WebP, 8 bits a channel; a rotation is one animated file", .many_frames = true,
-                 .has_alpha = true},
-        .check_size = cts_webp_check_size,
-        .begin = cts_webp_begin,
-        .rows = cts_webp_rows,
-        .finish = cts_webp_finish,
-        .close = cts_webp_close,
-    },
-};
+static const CtsFormat *const formats[] = {&cts_format_png, &cts_format_exr, &cts_format_dcm, &cts_format_jpg,
+                                           &cts_format_webp};
 enum { N_FORMATS = sizeof formats / sizeof *formats };
 
 static const CtsFormat *format_of(const char *path)
@@ -71,14 +24,14 @@ static const CtsFormat *format_of(const char *path)
     const char *slash = strrchr(path, '/');
     const char *dot = strrchr(slash ? slash : path, '.');
     for (int i = 0; dot && i < N_FORMATS; i++)
-        if (strcasecmp(dot + 1, formats[i].info.name) == 0)
-            return &formats[i];
+        if (strcasecmp(dot + 1, formats[i]->info.name) == 0)
+            return formats[i];
     return NULL;
 }
 
 const CtsFormatInfo *cts_format(size_t index)
 {
-    return index < N_FORMATS ? &formats[index].info : NULL;
+    return index < N_FORMATS ? &formats[index]->info : NULL;
 }
 
 const char *cts_format_endings(bool (*wanted)(const CtsFormatInfo *format), char text[CTS_ENDINGS_MAX])
@@ -86,8 +39,8 @@ const char *cts_format_endings(bool (*wanted)(const CtsFormatInfo *format), char
     const char *names[N_FORMATS];
     int n = 0;
     for (int i = 0; i < N_FORMATS; i++)
-        if (!wanted || wanted(&formats[i].info))
-            names[n++] = formats[i].info.name;
+        if (!wanted || wanted(&formats[i]->info))
+            names[n++] = formats[i]->info.name;
     text[0] = 0;
     for (int i = 0; i < n; i++)
         snprintf(text + strlen(text), CTS_ENDINGS_MAX - strlen(text), "%s.%s",
@@ -130,6 +83,9 @@ CtsStatus cts_export_check_size(const char *path, int width, int height, int n_f
     if (n_frames < 1 || (n_frames > 1 && !format->info.many_frames))
         return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s file holds one picture, not %d", path, format->info.name,
                         n_frames);
+    if (format->most_side && (width > format->most_side || height > format->most_side))
+        return cts_fail(err, CTS_ERR_USAGE, "%s: a .%s has at most %d pixels a side, not %dx%d (take .png)", path,
+                        format->info.name, format->most_side, width, height);
     return format->check_size ? format->check_size(path, width, height, n_frames, grey, settings, err) : CTS_OK;
 }
 
@@ -265,8 +221,8 @@ CtsStatus cts_picture_read(const char *path, CtsPicture **picture, CtsError *err
     if (failed)
         return cts_fail(err, CTS_ERR_READ, "%s: cannot be read: %s", path, strerror(failed));
     for (int i = 0; i < N_FORMATS; i++)
-        if (formats[i].info.read_back && n >= formats[i].magic_offset + MAGIC_BYTES &&
-            memcmp(head + formats[i].magic_offset, formats[i].magic, MAGIC_BYTES) == 0)
-            return formats[i].read(path, picture, err);
+        if (formats[i]->info.read_back && n >= formats[i]->magic_offset + MAGIC_BYTES &&
+            memcmp(head + formats[i]->magic_offset, formats[i]->magic, MAGIC_BYTES) == 0)
+            return formats[i]->read(path, picture, err);
     return fail_unknown(path, CTS_ERR_READ, "is no picture that can be read", err);
 }

@@ -1,6 +1,6 @@
 /* OpenEXR through OpenEXRCore: scene-linear half floats with premultiplied alpha (1 over a background), and depth as
  * float. */
-#include "output/export/format.h"
+#include "output/export/exr.h"
 
 #include "base/cpu.h"
 #include "base/mem.h"
@@ -34,9 +34,7 @@ typedef struct ExrEncoder {
     float *rgba;
 } ExrEncoder;
 
-/* Keeps the library from printing. It is called with the file's lock held, so that asking the file for the writer would
- * wait for ever; failed() tells what is wrong. */
-static void on_error(exr_const_context_t file, exr_result_t code, const char *message)
+void cts_exr_say_nothing(exr_const_context_t file, exr_result_t code, const char *message)
 {
     (void)file;
     (void)code;
@@ -264,7 +262,7 @@ static void write_chunks(ExrWriter *w, const CtsPicture *band)
     }
 }
 
-CtsStatus cts_exr_begin(CtsExportJob *job, CtsError *err)
+static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     CtsStatus st;
     ExrWriter *w = job->state = calloc(1, sizeof *w);
@@ -272,7 +270,7 @@ CtsStatus cts_exr_begin(CtsExportJob *job, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     *w = (ExrWriter){.job = job, .err = err, .n_threads = cts_threads(job->settings.n_threads)};
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
-    setup.error_handler_fn = on_error;
+    setup.error_handler_fn = cts_exr_say_nothing;
     setup.user_data = w;
     setup.write_fn = on_write;
     setup.zip_level = ZIP_LEVEL;
@@ -287,7 +285,7 @@ CtsStatus cts_exr_begin(CtsExportJob *job, CtsError *err)
     return st;
 }
 
-CtsStatus cts_exr_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
     ExrWriter *w = job->state;
     w->err = err;
@@ -295,7 +293,7 @@ CtsStatus cts_exr_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
     return w->status;
 }
 
-CtsStatus cts_exr_finish(CtsExportJob *job, CtsError *err)
+static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     ExrWriter *w = job->state;
     w->err = err;
@@ -305,7 +303,7 @@ CtsStatus cts_exr_finish(CtsExportJob *job, CtsError *err)
     return w->status;
 }
 
-void cts_exr_close(CtsExportJob *job)
+static void release(CtsExportJob *job)
 {
     ExrWriter *w = job->state;
     if (!w)
@@ -321,3 +319,13 @@ void cts_exr_close(CtsExportJob *job)
     cts_free(&w->encoders);
     free(w);
 }
+
+const CtsFormat cts_format_exr = {
+    .info = {"exr", "OpenEXR", .has_depth = true, .has_alpha = true, .read_back = true},
+    .magic = "\x76\x2f\x31\x01",
+    .begin = begin,
+    .rows = add_rows,
+    .finish = finish,
+    .close = release,
+    .read = cts_exr_read,
+};

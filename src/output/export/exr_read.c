@@ -1,5 +1,5 @@
 /* OpenEXR read back through OpenEXRCore: one scanline part with R G B, A and Z if there, or Y. */
-#include "output/export/format.h"
+#include "output/export/exr.h"
 
 #include "base/mem.h"
 #include "ctsplat/bounds.h"
@@ -34,15 +34,6 @@ static CtsStatus refuse(ExrReader *r, const char *why)
     if (!r->status)
         r->status = cts_fail(r->err, CTS_ERR_READ, "%s: not an OpenEXR picture that can be read: %s", r->path, why);
     return r->status;
-}
-
-/* The library may call this with its context locked, so nothing can be asked of that here (exr_get_user_data() would
- * wait for ever); the code that the failing call returns says what was wrong. */
-static void on_error(exr_const_context_t file, exr_result_t code, const char *message)
-{
-    (void)file;
-    (void)code;
-    (void)message;
 }
 
 static CtsStatus check(ExrReader *r, exr_result_t code)
@@ -171,7 +162,7 @@ static bool lets_through(const CtsPicture *p)
 static CtsStatus read_all(ExrReader *r)
 {
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
-    setup.error_handler_fn = on_error;
+    setup.error_handler_fn = cts_exr_say_nothing;
     setup.user_data = r;
     setup.max_image_width = setup.max_image_height = CTS_MAX_SIDE;
     setup.flags = EXR_CONTEXT_FLAG_DISABLE_CHUNK_RECONSTRUCTION;

@@ -1,4 +1,4 @@
-/* The table of file formats: one row each. */
+/* What each file format is: one row in its own file, listed in export.c. */
 #ifndef CTS_EXPORT_FORMAT_H
 #define CTS_EXPORT_FORMAT_H
 
@@ -27,6 +27,7 @@ typedef struct CtsFormat {
     /* How a file of this format starts. */
     size_t magic_offset;
     const char *magic; /* 4 bytes */
+    int most_side;     /* of a picture, in pixels; 0: as many as a picture can have */
     /* Before any work; may be NULL. */
     CtsStatus (*check)(const char *path, const CtsExportSettings *settings, CtsError *err);
     CtsStatus (*check_size)(const char *path, int width, int height, int n_frames, bool grey,
@@ -40,39 +41,9 @@ typedef struct CtsFormat {
     CtsStatus (*read)(const char *path, CtsPicture **picture, CtsError *err); /* NULL: not read_back */
 } CtsFormat;
 
-CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err);
-CtsStatus cts_png_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err);
-CtsStatus cts_png_finish(CtsExportJob *job, CtsError *err);
-void cts_png_close(CtsExportJob *job);
+extern const CtsFormat cts_format_png, cts_format_exr, cts_format_dcm, cts_format_jpg, cts_format_webp;
+
 CtsStatus cts_png_read(const char *path, CtsPicture **picture, CtsError *err);
-
-CtsStatus cts_jpg_check_size(const char *path, int width, int height, int n_frames, bool grey,
-                             const CtsExportSettings *settings, CtsError *err);
-CtsStatus cts_jpg_begin(CtsExportJob *job, CtsError *err);
-CtsStatus cts_jpg_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err);
-CtsStatus cts_jpg_finish(CtsExportJob *job, CtsError *err);
-void cts_jpg_close(CtsExportJob *job);
-
-CtsStatus cts_webp_check_size(const char *path, int width, int height, int n_frames, bool grey,
-                              const CtsExportSettings *settings, CtsError *err);
-CtsStatus cts_webp_begin(CtsExportJob *job, CtsError *err);
-CtsStatus cts_webp_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err);
-CtsStatus cts_webp_finish(CtsExportJob *job, CtsError *err);
-void cts_webp_close(CtsExportJob *job);
-
-CtsStatus cts_exr_begin(CtsExportJob *job, CtsError *err);
-CtsStatus cts_exr_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err);
-CtsStatus cts_exr_finish(CtsExportJob *job, CtsError *err);
-void cts_exr_close(CtsExportJob *job);
 CtsStatus cts_exr_read(const char *path, CtsPicture **picture, CtsError *err);
-
-CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsError *err);
-CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frames, bool grey,
-                            const CtsExportSettings *settings, CtsError *err);
-CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err);
-CtsStatus cts_sc_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err);
-CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err);
-void cts_sc_close(CtsExportJob *job);
-CtsStatus cts_sc_read(const char *path, CtsPicture **picture, CtsError *err);
 
 #endif

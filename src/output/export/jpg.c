@@ -72,16 +72,6 @@ static void sink_end(j_compress_ptr jpeg)
     write_buffer(w, sizeof w->buffer - w->sink.free_in_buffer);
 }
 
-CtsStatus cts_jpg_check_size(const char *path, int width, int height, int n_frames, bool grey,
-                             const CtsExportSettings *settings, CtsError *err)
-{
-    (void)n_frames, (void)grey, (void)settings;
-    if (width > MOST_SIDE || height > MOST_SIDE)
-        return cts_fail(err, CTS_ERR_USAGE, "%s: a .jpg has at most %d pixels a side, not %dx%d (take .png)", path,
-                        MOST_SIDE, width, height);
-    return CTS_OK;
-}
-
 /* Colours at full resolution: the edges of a render are where its colours change. */
 static void start(JpgWriter *w)
 {
@@ -108,7 +98,7 @@ static void start(JpgWriter *w)
                       (unsigned)(n < (int)sizeof text ? n : (int)sizeof text - 1));
 }
 
-CtsStatus cts_jpg_begin(CtsExportJob *job, CtsError *err)
+static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     JpgWriter *w = job->state = calloc(1, sizeof *w);
     if (!w)
@@ -131,7 +121,7 @@ CtsStatus cts_jpg_begin(CtsExportJob *job, CtsError *err)
     return st;
 }
 
-CtsStatus cts_jpg_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
     JpgWriter *const w = job->state;
     w->err = err;
@@ -144,7 +134,7 @@ CtsStatus cts_jpg_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_jpg_finish(CtsExportJob *job, CtsError *err)
+static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     JpgWriter *const w = job->state;
     w->err = err;
@@ -154,7 +144,7 @@ CtsStatus cts_jpg_finish(CtsExportJob *job, CtsError *err)
     return CTS_OK;
 }
 
-void cts_jpg_close(CtsExportJob *job)
+static void release(CtsExportJob *job)
 {
     JpgWriter *const w = job->state;
     if (!w)
@@ -163,3 +153,12 @@ void cts_jpg_close(CtsExportJob *job)
     cts_free(&w->row);
     free(w);
 }
+
+const CtsFormat cts_format_jpg = {
+    .info = {.name = "jpg", .about = "JPEG, 8 bits a channel"},
+    .most_side = MOST_SIDE,
+    .begin = begin,
+    .rows = add_rows,
+    .finish = finish,
+    .close = release,
+};

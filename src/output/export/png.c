@@ -207,7 +207,7 @@ static void pack_strips(void *context, int worker, size_t first, size_t end)
     }
 }
 
-CtsStatus cts_png_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
     PngWriter *w = job->state;
     const size_t n = (size_t)((band->height + w->rows_per_strip - 1) / w->rows_per_strip);
@@ -230,7 +230,7 @@ CtsStatus cts_png_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
     return st;
 }
 
-CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
+static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     const CtsExportHead *head = &job->head;
     CtsStatus st;
@@ -254,7 +254,7 @@ CtsStatus cts_png_begin(CtsExportJob *job, CtsError *err)
     return (st = write_start(w)) ? st : write_chunk(w, "IDAT", "\x78\x01", 2);
 }
 
-CtsStatus cts_png_finish(CtsExportJob *job, CtsError *err)
+static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     PngWriter *w = job->state;
     const uint32_t adler = htobe32(w->adler);
@@ -263,7 +263,7 @@ CtsStatus cts_png_finish(CtsExportJob *job, CtsError *err)
     return st ? st : write_chunk(w, "IEND", NULL, 0); /* png_write_end() knows nothing of our IDATs */
 }
 
-void cts_png_close(CtsExportJob *job)
+static void release(CtsExportJob *job)
 {
     PngWriter *w = job->state;
     if (!w)
@@ -276,3 +276,13 @@ void cts_png_close(CtsExportJob *job)
     cts_free(&w->words);
     free(w);
 }
+
+const CtsFormat cts_format_png = {
+    .info = {"png", "PNG, 16 bits a channel (or 8)", .has_alpha = true, .read_back = true},
+    .magic = "\x89PNG",
+    .begin = begin,
+    .rows = add_rows,
+    .finish = finish,
+    .close = release,
+    .read = cts_png_read,
+};

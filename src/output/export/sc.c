@@ -31,7 +31,6 @@ static const struct {
 static const char native_uid[] = "1.2.840.10008.1.2.1";
 
 typedef struct ScWriter {
-    CtsScSource facts;
     CtsScSpool spool;
     CtsHash *hash;                       /* of the frames' views and pixels */
     uint8_t *rows;                       /* samples on their way to the spool */
@@ -52,7 +51,7 @@ static CtsStatus check_description(const char *path, const char *text, CtsError 
                : cts_fail(err, CTS_ERR_USAGE, "%s: a series description has at most %d characters", path, MAX);
 }
 
-CtsStatus cts_sc_check(const char *path, const CtsExportSettings *settings, CtsError *err)
+static CtsStatus check(const char *path, const CtsExportSettings *settings, CtsError *err)
 {
     const CtsSeries *source = settings->source;
     if (settings->series_description) {
@@ -108,7 +107,7 @@ static size_t row_bytes_of(int width, bool grey)
     return (size_t)width * (grey ? 2 : 3);
 }
 
-CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frames, bool grey,
+static CtsStatus check_size(const char *path, int width, int height, int n_frames, bool grey,
                             const CtsExportSettings *settings, CtsError *err)
 {
     const uint64_t frame_bytes = (uint64_t)row_bytes_of(width, grey) * (uint64_t)height;
@@ -126,7 +125,7 @@ CtsStatus cts_sc_check_size(const char *path, int width, int height, int n_frame
     return CTS_OK;
 }
 
-CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
+static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     enum { ROWS_BYTES = 4 << 20 };
     const CtsExportHead *head = &job->head;
@@ -141,8 +140,7 @@ CtsStatus cts_sc_begin(CtsExportJob *job, CtsError *err)
     const CtsScFrame frame = {
         .width = head->width, .height = head->height, .grey = head->grey, .n_threads = job->settings.n_threads};
     const CtsDcmWriters *dcm = NULL;
-    if ((st = cts_dcm_writers(&dcm, err)) || (st = dcm->sc_source(job->settings.source->slices[0], &w->facts, err)) ||
-        (st = cts_alloc_array(&w->rows, (size_t)w->max_rows * row_bytes, err)) ||
+    if ((st = cts_dcm_writers(&dcm, err)) || (st = cts_alloc_array(&w->rows, (size_t)w->max_rows * row_bytes, err)) ||
         (st = cts_alloc_array(&w->azimuth_deg, (size_t)head->n_frames, err)) ||
         (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)) || (st = cts_hash_start(&w->hash, err)))
         return st;
@@ -171,7 +169,7 @@ static void sample_rows(void *context, int worker, size_t first, size_t end)
     }
 }
 
-CtsStatus cts_sc_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
     ScWriter *w = job->state;
     const bool grey = job->head.grey;
@@ -217,24 +215,22 @@ static void fill(const CtsExportJob *job, const CtsScWords *words, const CtsScNa
         .image_type = words->image_type,
         .series_description = words->series_description,
         .derivation = words->derivation,
-        .n_derivation_codes = words->n_codes,
+        .derivation_code = words->mode,
         .view = words->view,
         .azimuth_deg = w->azimuth_deg,
         .elevation_deg = w->elevation_deg,
         .mm_per_pixel = head->info.mm_per_pixel,
         .patient_orientation = words->patient_orientation,
-        .burned_in = w->facts.burned_in || head->info.annotated,
+        .burned_in = (source->slices[0]->odd & CTS_ODD_BURNED_IN) || head->info.annotated,
         .recognizable = head->info.shows_skin,
         .source = source,
         .labels = job->settings.labels,
-        .source_class_uid = w->facts.sop_class_uid,
         .lossy = lossy_slice(source),
         .pseudonym = names->pseudonym[0] ? names->pseudonym : NULL,
     };
-    memcpy(object->derivation_codes, words->codes, sizeof words->codes);
 }
 
-CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err)
+static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     ScWriter *w = job->state;
     CtsScWords words;
@@ -245,8 +241,9 @@ CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err)
     uint8_t pixels[CTS_DIGEST_BYTES], profile[CTS_ICC_BYTES];
     const CtsDcmWriters *dcm = NULL;
     CtsStatus st;
+    cts_sc_words(job, &words);
     if ((st = cts_dcm_writers(&dcm, err)) || (st = cts_hash_finish(&w->hash, pixels, err)) ||
-        (st = cts_sc_words(job, &words, err)) || (st = cts_sc_names(job, &w->facts, &words, pixels, &names, err)))
+        (st = cts_sc_names(job, &words, pixels, &names, err)))
         return st;
     fill(job, &words, &names, &object);
     cts_date_now(&now);
@@ -264,7 +261,7 @@ CtsStatus cts_sc_finish(CtsExportJob *job, CtsError *err)
     return cts_sc_spool_copy(&w->spool, job->temp, err);
 }
 
-void cts_sc_close(CtsExportJob *job)
+static void release(CtsExportJob *job)
 {
     ScWriter *w = job->state;
     uint8_t digest[CTS_DIGEST_BYTES];
@@ -279,7 +276,7 @@ void cts_sc_close(CtsExportJob *job)
     free(w);
 }
 
-CtsStatus cts_sc_read(const char *path, CtsPicture **picture, CtsError *err)
+static CtsStatus read_back(const char *path, CtsPicture **picture, CtsError *err)
 {
     CtsScPixels pixels = {0};
     *picture = NULL;
@@ -297,3 +294,16 @@ end:
     cts_free(&pixels.samples);
     return st;
 }
+
+const CtsFormat cts_format_dcm = {
+    .info = {"dcm", "DICOM secondary capture", .many_frames = true, .is_object = true, .read_back = true},
+    .magic_offset = 128,
+    .magic = "DICM",
+    .check = check,
+    .check_size = check_size,
+    .begin = begin,
+    .rows = add_rows,
+    .finish = finish,
+    .close = release,
+    .read = read_back,
+};

@@ -7,8 +7,7 @@
 #include <stdio.h>
 #include <string.h>
 
-/* key: NULL where the identity stays. */
-static CtsStatus start_hash(CtsHash **hash, const CtsKey *key, const char *purpose, const CtsSeries *source,
+CtsStatus cts_sc_hash_start(CtsHash **hash, const CtsKey *key, const char *purpose, const CtsSeries *source,
                             CtsError *err)
 {
     const CtsStatus st = cts_hash_start_keyed(hash, key, err);
@@ -22,7 +21,7 @@ static CtsStatus start_hash(CtsHash **hash, const CtsKey *key, const char *purpo
     return CTS_OK;
 }
 
-static CtsStatus finish_uid(CtsHash **hash, char uid[65], CtsError *err)
+CtsStatus cts_sc_hash_finish(CtsHash **hash, char uid[65], CtsError *err)
 {
     uint8_t digest[CTS_DIGEST_BYTES];
     const CtsStatus st = cts_hash_finish(hash, digest, err);
@@ -32,21 +31,21 @@ static CtsStatus finish_uid(CtsHash **hash, char uid[65], CtsError *err)
 }
 
 /* The study the picture joins: the source's, or another one for all pictures of that study when identity goes. */
-static CtsStatus name_study(const CtsExportJob *job, const CtsKey *key, const CtsScSource *facts, CtsScNames *names,
-                            CtsError *err)
+static CtsStatus name_study(const CtsExportJob *job, const CtsKey *key, CtsScNames *names, CtsError *err)
 {
+    const char *const study_uid = job->settings.source->slices[0]->identity[CTS_STUDY_UID];
     CtsHash *hash;
     uint8_t digest[CTS_DIGEST_BYTES];
-    const bool known = facts->study_uid[0];
-    snprintf(names->study_uid, sizeof names->study_uid, "%s", facts->study_uid);
+    const bool known = *study_uid;
+    snprintf(names->study_uid, sizeof names->study_uid, "%s", study_uid);
     if (known && !job->settings.deidentify)
         return CTS_OK;
-    CtsStatus st = start_hash(&hash, key, "study", known ? NULL : job->settings.source, err);
+    CtsStatus st = cts_sc_hash_start(&hash, key, "study", known ? NULL : job->settings.source, err);
     if (st)
         return st;
-    cts_hash_text(hash, facts->study_uid);
-    if ((st = finish_uid(&hash, names->study_uid, err)) || !job->settings.deidentify ||
-        (st = start_hash(&hash, key, "patient", NULL, err)))
+    cts_hash_text(hash, study_uid);
+    if ((st = cts_sc_hash_finish(&hash, names->study_uid, err)) || !job->settings.deidentify ||
+        (st = cts_sc_hash_start(&hash, key, "patient", NULL, err)))
         return st;
     cts_hash_text(hash, names->study_uid);
     if ((st = cts_hash_finish(&hash, digest, err)))
@@ -59,14 +58,14 @@ static CtsStatus name_study(const CtsExportJob *job, const CtsKey *key, const Ct
 
 /* The source's number, then three digits: a hundred for each mode, 400 more for rotations, and the preset's own number.
  * Presets that are not built in share 81 to 99. */
-static CtsStatus number_series(const CtsExportJob *job, const CtsScSource *facts, CtsScNames *names, CtsError *err)
+static CtsStatus number_series(const CtsExportJob *job, CtsScNames *names, CtsError *err)
 {
     enum { FIRST_OTHER = 81, N_OTHER = 19 };
     const CtsPictureInfo *info = &job->head.info;
     CtsHash *hash;
     uint8_t digest[CTS_DIGEST_BYTES];
     int preset = cts_preset_number(info->preset);
-    CtsStatus st = start_hash(&hash, NULL, "series number", NULL, err);
+    CtsStatus st = cts_sc_hash_start(&hash, NULL, "series number", NULL, err);
     if (st)
         return st;
     cts_hash_text(hash, info->preset);
@@ -74,16 +73,17 @@ static CtsStatus number_series(const CtsExportJob *job, const CtsScSource *facts
         return st;
     if (!preset)
         preset = FIRST_OTHER + digest[0] % N_OTHER;
-    names->series_number = cts_sc_series_number(facts, 100 * (int)info->mode + 400 * (job->head.n_frames > 1) + preset);
+    names->series_number =
+        cts_sc_series_number(job->settings.source, 100 * (int)info->mode + 400 * (job->head.n_frames > 1) + preset);
     if (job->settings.series_number > 0)
         names->series_number = job->settings.series_number;
     return CTS_OK;
 }
 
-int cts_sc_series_number(const CtsScSource *facts, int own)
+int cts_sc_series_number(const CtsSeries *source, int own)
 {
-    const int most = INT32_MAX / 1000 - 1, source = facts->series_number < 0 ? 0 : facts->series_number;
-    return (source > most ? source % 1000000 : source) * 1000 + own;
+    const int most = INT32_MAX / 1000 - 1, number = source->series_number < 0 ? 0 : source->series_number;
+    return (number > most ? number % 1000000 : number) * 1000 + own;
 }
 
 /* Views of a preset share its series, and have an order of their own. */
@@ -112,33 +112,33 @@ static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsKey 
     char text[160];
     if (job->settings.new_uids)
         return (st = cts_uid_random(names->series_uid, err)) ? st : cts_uid_random(names->sop_uid, err);
-    if ((st = start_hash(&hash, key, "series", job->settings.source, err)))
+    if ((st = cts_sc_hash_start(&hash, key, "series", job->settings.source, err)))
         return st;
     snprintf(text, sizeof text, "%d %d", job->settings.deidentify, names->series_number);
     cts_hash_text(hash, text);
     cts_hash_text(hash, words->series_description);
     cts_hash_text(hash, CTS_VERSION);
-    if ((st = finish_uid(&hash, names->series_uid, err)) ||
-        (st = start_hash(&hash, key, "instance", job->settings.source, err)))
+    if ((st = cts_sc_hash_finish(&hash, names->series_uid, err)) ||
+        (st = cts_sc_hash_start(&hash, key, "instance", job->settings.source, err)))
         return st;
     cts_hash_text(hash, names->series_uid);
     cts_hash_text(hash, words->derivation);
     snprintf(text, sizeof text, "%dx%d %d", head->width, head->height, head->grey);
     cts_hash_text(hash, text);
     cts_hash_bytes(hash, pixels, CTS_DIGEST_BYTES);
-    return finish_uid(&hash, names->sop_uid, err);
+    return cts_sc_hash_finish(&hash, names->sop_uid, err);
 }
 
-CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScSource *facts, const CtsScWords *words,
-                       const uint8_t pixels[CTS_DIGEST_BYTES], CtsScNames *names, CtsError *err)
+CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScWords *words, const uint8_t pixels[CTS_DIGEST_BYTES],
+                       CtsScNames *names, CtsError *err)
 {
     CtsStatus st;
     CtsKey site;
     const CtsKey *const key = job->settings.deidentify ? &site : NULL;
     memset(names, 0, sizeof *names);
     names->instance_number = instance_number(job);
-    if ((key && (st = cts_key_load(job->settings.key, true, &site, err))) ||
-        (st = name_study(job, key, facts, names, err)) || (st = number_series(job, facts, names, err)))
+    if ((key && (st = cts_key_load(job->settings.key, true, &site, err))) || (st = name_study(job, key, names, err)) ||
+        (st = number_series(job, names, err)))
         return st;
     return name_series_and_instance(job, key, words, pixels, names, err);
 }

@@ -1,7 +1,6 @@
 #include "output/export/sc_words.h"
 
 #include "base/by_id.h"
-#include "output/export/uid.h"
 #include "output/image/describe.h"
 #include <stdio.h>
 #include <string.h>
@@ -39,49 +38,6 @@ static void ascii_copy(char *to, size_t size, const char *from)
     to[n] = 0;
 }
 
-/* No registry of terms knows ctsplat's own: each is a URN made of what it means. */
-static CtsStatus own_term(const char *kind, const char *name, char urn[80], CtsError *err)
-{
-    CtsHash *hash;
-    uint8_t digest[CTS_DIGEST_BYTES];
-    char uid[65];
-    CtsStatus st = cts_hash_start(&hash, err);
-    if (st)
-        return st;
-    cts_hash_text(hash, "ctsplat term");
-    cts_hash_text(hash, kind);
-    cts_hash_text(hash, name);
-    if (!(st = cts_hash_finish(&hash, digest, err))) {
-        cts_uid_from_digest(digest, uid);
-        snprintf(urn, 80, "urn:oid:%s", uid);
-    }
-    return st;
-}
-
-static void add_code(CtsScWords *words, const char *value, const char *scheme, const char *meaning)
-{
-    words->codes[words->n_codes++] = (CtsScCode){value, scheme, meaning};
-}
-
-static CtsStatus add_codes(const CtsExportJob *job, const char *preset, CtsScWords *words, CtsError *err)
-{
-    const CtsPictureInfo *info = &job->head.info;
-    const bool measured = job->report && job->report->verified.pixels > 0;
-    CtsStatus st;
-    snprintf(words->preset_meaning, sizeof words->preset_meaning, "ctsplat preset %.46s", preset);
-    snprintf(words->engine_meaning, sizeof words->engine_meaning, "ctsplat engine %.40s", info->engine);
-    add_code(words, mode_terms[info->mode].code, "DCM", mode_terms[info->mode].meaning);
-    if ((st = own_term("preset", info->preset, words->preset_urn, err)) ||
-        (st = own_term("engine", info->engine, words->engine_urn, err)) ||
-        (st = own_term("error", "rmse", words->error_urn, err)))
-        return st;
-    add_code(words, words->preset_urn, NULL, words->preset_meaning);
-    add_code(words, words->engine_urn, NULL, words->engine_meaning);
-    if (measured)
-        add_code(words, words->error_urn, NULL, "Error measured against ray casting");
-    return CTS_OK;
-}
-
 /* What is known of the picture's error at this time. */
 static void describe_error(const CtsExportJob *job, char *text, size_t size)
 {
@@ -96,7 +52,7 @@ static void describe_error(const CtsExportJob *job, char *text, size_t size)
              rmse, largest);
 }
 
-CtsStatus cts_sc_words(const CtsExportJob *job, CtsScWords *words, CtsError *err)
+void cts_sc_words(const CtsExportJob *job, CtsScWords *words)
 {
     const CtsPictureInfo *info = &job->head.info;
     const int n_frames = job->head.n_frames;
@@ -104,6 +60,7 @@ CtsStatus cts_sc_words(const CtsExportJob *job, CtsScWords *words, CtsError *err
                                                                                                        error[120];
     memset(words, 0, sizeof *words);
     words->image_type = mode_terms[info->mode].image_type;
+    words->mode = (CtsScCode){mode_terms[info->mode].code, "DCM", mode_terms[info->mode].meaning};
     ascii_copy(preset, sizeof preset, info->preset);
     ascii_copy(engine, sizeof engine, info->engine);
     cts_describe_view(info, view, sizeof view);
@@ -139,5 +96,4 @@ CtsStatus cts_sc_words(const CtsExportJob *job, CtsScWords *words, CtsError *err
         cts_describe_direction(to_feet, down);
         snprintf(words->patient_orientation, sizeof words->patient_orientation, "%s\\%s", right, down);
     }
-    return add_codes(job, preset, words, err);
 }

@@ -7,7 +7,6 @@
 #include "output/export/date.h"
 #include "output/export/icc.h"
 #include "output/export/sc_words.h"
-#include "output/export/uid.h"
 #include "output/image/describe.h"
 #include "output/objects/dcm_writers.h"
 #include <math.h>
@@ -77,20 +76,12 @@ static void fill_transfer(const CtsStateScene *scene, CtsDcmState *s)
 static CtsStatus uid_of(const char *purpose, const CtsStateScene *scene, const char *text, char uid[65], CtsError *err)
 {
     CtsHash *hash;
-    uint8_t digest[CTS_DIGEST_BYTES];
-    CtsStatus st = cts_hash_start(&hash, err);
+    const CtsStatus st = cts_sc_hash_start(&hash, NULL, purpose, scene->source, err);
     if (st)
         return st;
-    cts_hash_text(hash, "ctsplat");
-    cts_hash_text(hash, purpose);
-    cts_hash_text(hash, scene->source->uid);
-    for (int i = 0; i < scene->source->n_slices; i++)
-        cts_hash_text(hash, scene->source->slices[i]->sop_uid);
     cts_hash_text(hash, text);
     cts_hash_text(hash, CTS_VERSION);
-    if (!(st = cts_hash_finish(&hash, digest, err)))
-        cts_uid_from_digest(digest, uid);
-    return st;
+    return cts_sc_hash_finish(&hash, uid, err);
 }
 
 /* One option a line, as on the command line. */
@@ -118,7 +109,6 @@ static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
 }
 
 typedef struct Names {
-    CtsScSource facts;
     char study_uid[65], series_uid[65], sop_uid[65], frame_uid[65], input_uid[65];
 } Names;
 
@@ -127,9 +117,9 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
     char view[80];
     CtsHash *hash;
     char all[2 * CTS_DIGEST_BYTES + 1];
-    const CtsDcmWriters *dcm = NULL;
-    CtsStatus st = cts_dcm_writers(&dcm, err);
-    if (st || (st = dcm->sc_source(scene->source->slices[0], &names->facts, err)) || (st = cts_hash_start(&hash, err)))
+    const char *const *const identity = scene->source->slices[0]->identity;
+    CtsStatus st = cts_hash_start(&hash, err);
+    if (st)
         return st;
     cts_describe_view(scene->info, view, sizeof view);
     cts_hash_text(hash, s->preset);
@@ -138,8 +128,8 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
     cts_hash_text(hash, s->capture_uid);
     if ((st = cts_hash_hex(&hash, all, err)))
         return st;
-    snprintf(names->study_uid, sizeof names->study_uid, "%s", names->facts.study_uid);
-    snprintf(names->frame_uid, sizeof names->frame_uid, "%s", scene->source->slices[0]->identity[CTS_FRAME_UID]);
+    snprintf(names->study_uid, sizeof names->study_uid, "%s", identity[CTS_STUDY_UID]);
+    snprintf(names->frame_uid, sizeof names->frame_uid, "%s", identity[CTS_FRAME_UID]);
     if ((!names->study_uid[0] && (st = uid_of("study", scene, "", names->study_uid, err))) ||
         (!names->frame_uid[0] && (st = uid_of("frame of reference", scene, "", names->frame_uid, err))) ||
         (st = uid_of("states", scene, "", names->series_uid, err)) ||
@@ -153,9 +143,7 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState
 {
     const CtsPreset *p = scene->preset;
     const CtsExportJob job = {.head = {.n_frames = 1, .info = *scene->info}};
-    const CtsStatus st = cts_sc_words(&job, words, err);
-    if (st)
-        return st;
+    cts_sc_words(&job, words);
     s->source = scene->source;
     s->version = CTS_VERSION;
     s->description = words->description;
@@ -217,8 +205,7 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
     s->sop_uid = names.sop_uid;
     s->frame_uid = names.frame_uid;
     s->input_uid = names.input_uid;
-    s->source_class_uid = names.facts.sop_class_uid;
-    s->series_number = cts_sc_series_number(&names.facts, 999);
+    s->series_number = cts_sc_series_number(scene->source, 999);
     s->icc_profile = profile;
     s->n_icc_profile = cts_icc_srgb(profile);
     st = write_file(path, s, force, err);

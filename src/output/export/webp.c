@@ -17,16 +17,6 @@ typedef struct WebpWriter {
     int n_rows, n_frames;    /* that are there */
 } WebpWriter;
 
-CtsStatus cts_webp_check_size(const char *path, int width, int height, int n_frames, bool grey,
-                              const CtsExportSettings *settings, CtsError *err)
-{
-    (void)n_frames, (void)grey, (void)settings;
-    if (width > WEBP_MAX_DIMENSION || height > WEBP_MAX_DIMENSION)
-        return cts_fail(err, CTS_ERR_USAGE, "%s: a .webp has at most %d pixels a side, not %dx%d (take .png)", path,
-                        WEBP_MAX_DIMENSION, width, height);
-    return CTS_OK;
-}
-
 static CtsStatus fail_webp(const CtsExportJob *job, const char *what, CtsError *err)
 {
     return cts_fail(err, CTS_ERR_OUTPUT, "%s: libwebp: %s", job->path, what);
@@ -43,7 +33,7 @@ static CtsStatus begin_animation(const CtsExportJob *job, WebpWriter *w, CtsErro
     return w->frames ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
 }
 
-CtsStatus cts_webp_begin(CtsExportJob *job, CtsError *err)
+static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     const int quality = job->settings.quality;
     WebpWriter *w = job->state = calloc(1, sizeof *w);
@@ -91,7 +81,7 @@ static CtsStatus add_frame(const CtsExportJob *job, WebpWriter *w, CtsError *err
                : cts_fail(err, CTS_ERR_OUTPUT, "%s: libwebp could not write it (error %d)", job->path, why);
 }
 
-CtsStatus cts_webp_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
+static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
     WebpWriter *const w = job->state;
     for (int y = 0; y < band->height; y++)
@@ -103,7 +93,7 @@ CtsStatus cts_webp_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err
     return st;
 }
 
-CtsStatus cts_webp_finish(CtsExportJob *job, CtsError *err)
+static CtsStatus finish(CtsExportJob *job, CtsError *err)
 {
     WebpWriter *const w = job->state;
     WebPData file;
@@ -120,7 +110,7 @@ CtsStatus cts_webp_finish(CtsExportJob *job, CtsError *err)
     return st;
 }
 
-void cts_webp_close(CtsExportJob *job)
+static void release(CtsExportJob *job)
 {
     WebpWriter *const w = job->state;
     if (!w)
@@ -129,3 +119,12 @@ void cts_webp_close(CtsExportJob *job)
     cts_free(&w->rgba);
     free(w);
 }
+
+const CtsFormat cts_format_webp = {
+    .info = {"webp", "WebP, 8 bits a channel; a rotation is one animated file", .many_frames = true, .has_alpha = true},
+    .most_side = WEBP_MAX_DIMENSION,
+    .begin = begin,
+    .rows = add_rows,
+    .finish = finish,
+    .close = release,
+};

@@ -3,16 +3,13 @@
 #include "input/header/dcm_door.hpp"
 #include "output/objects/dcm_put.hpp"
 
-#include "input/files/file_bytes.h"
-#include "input/header/dcm_read.h"
-#include <cerrno>
+#include "input/header/head.h"
 #include <cstdio>
 #include <cstring>
+#include <dcmtk/dcmdata/dcistrmb.h>
 #include <dcmtk/dcmdata/dcostrmb.h>
 #include <memory>
 #include <string>
-#include <sys/mman.h>
-#include <unistd.h>
 #include <vector>
 
 namespace
@@ -85,39 +82,15 @@ OFCondition put_meta(DcmFileFormat &file, E_TransferSyntax syntax)
         .state();
 }
 
-/* A path for what DCMTK is to read: an archive's member is put into a file without a name, up to its pixels. */
-class SourcePath
-{
-  public:
-    explicit SourcePath(const CtsSlice &slice) : path_(slice.path)
+/* Closed whatever is thrown. */
+struct OpenHead {
+    CtsScratch scratch = {};
+    CtsHead head = {};
+    ~OpenHead()
     {
-        if (!slice.memory)
-            return;
-        const uint64_t n = slice.syntax && slice.syntax->deflated ? slice.file_bytes : slice.pixel_offset;
-        fd_ = memfd_create("slice", MFD_CLOEXEC);
-        path_ = "/proc/self/fd/" + std::to_string(fd_);
-        for (uint64_t done = 0; fd_ >= 0 && done < n;) {
-            const ssize_t put = write(fd_, slice.memory + done, static_cast<size_t>(n - done));
-            if (put < 0 && errno != EINTR)
-                break;
-            done += put > 0 ? static_cast<uint64_t>(put) : 0;
-        }
+        cts_head_close(&head);
+        cts_scratch_free(&scratch);
     }
-    ~SourcePath()
-    {
-        if (fd_ >= 0)
-            close(fd_);
-    }
-    SourcePath(const SourcePath &) = delete;
-    SourcePath &operator=(const SourcePath &) = delete;
-    const char *text() const
-    {
-        return path_.c_str();
-    }
-
-  private:
-    std::string path_;
-    int fd_ = -1;
 };
 
 } // namespace
@@ -180,16 +153,22 @@ const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag)
     return item.findAndGetString(tag, text).good() && text ? text : "";
 }
 
-CtsStatus cts_dcm_load_slice(DcmFileFormat &file, const CtsSlice &slice, CtsError *err)
+CtsStatus cts_dcm_load_slice(DcmDataset &data, const CtsSlice &slice, CtsError *err)
 {
     CtsFileBytes now;
-    const CtsStatus st = cts_slice_open(&slice, &now, err);
+    OpenHead open;
+    const CtsFile file = {slice.path, false, slice.memory, slice.file_bytes};
+    CtsStatus st = cts_slice_open(&slice, &now, err);
     cts_file_bytes_close(&now);
-    if (st)
+    if (st || (st = cts_head_open(&open.head, &file, &open.scratch, err)))
         return cts_context(err, "%s", slice.path);
-    const SourcePath path(slice);
-    const OFCondition state =
-        file.loadFileUntilTag(path.text(), EXS_Unknown, EGL_noChange, DCM_MaxReadLength, ERM_autoDetect, DCM_PixelData);
+    const CtsDataSet &set = open.head.data_set;
+    DcmInputBufferStream in;
+    in.setBuffer(set.bytes, static_cast<offile_off_t>(set.n));
+    in.setEos();
+    data.transferInit();
+    const OFCondition state = data.read(in, DcmXfer(set.native->uid).getXfer(), EGL_noChange);
+    data.transferEnd();
     return state.good() ? CTS_OK
                         : cts_fail(err, cts_dcm_status(state, CTS_ERR_READ),
                                    "%s: cannot be read for a DICOM output: %s", slice.path, state.text());

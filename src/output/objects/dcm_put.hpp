@@ -131,10 +131,7 @@ inline Put &Put::code(const DcmTagKey &sequence, const CtsScCode &code)
 {
     if (DcmItem *made = item(sequence)) {
         Put to(*made);
-        if (code.scheme)
-            to.text(DCM_CodeValue, code.value).text(DCM_CodingSchemeDesignator, code.scheme);
-        else
-            to.text(DCM_URNCodeValue, code.value);
+        to.text(DCM_CodeValue, code.value).text(DCM_CodingSchemeDesignator, code.scheme);
         keep(to.text(DCM_CodeMeaning, code.meaning).state());
     }
     return *this;
@@ -161,9 +158,8 @@ OFCondition cts_dcm_drop_zeros(DcmElement &element);
 /* The value as text; "" where there is none. */
 const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag);
 
-/* The data set of a slice's file up to its pixels. The file must be the one that was scanned: its framing was looked
- * over then, before DCMTK first saw it. */
-CtsStatus cts_dcm_load_slice(DcmFileFormat &file, const CtsSlice &slice, CtsError *err);
+/* The data set of a slice's file up to its pixels; the file must be the one that was scanned. */
+CtsStatus cts_dcm_load_slice(DcmDataset &data, const CtsSlice &slice, CtsError *err);
 
 /* The patient's and the study's attributes: the source's as they stand, or the pseudonym's. */
 void cts_dcm_put_study(Put &put, DcmItem &source, const char *pseudonym);

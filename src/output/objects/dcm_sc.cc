@@ -80,12 +80,12 @@ CtsStatus put_lossy(Put &put, const CtsScObject &object, CtsError *err)
     put.text(DCM_LossyImageCompression, object.lossy ? "01" : "00");
     if (!object.lossy)
         return CTS_OK;
-    DcmFileFormat lossy;
+    DcmDataset lossy;
     const CtsStatus st = cts_dcm_load_slice(lossy, *object.lossy, err);
     if (st)
         return st;
-    cts_dcm_copy(put, *lossy.getDataset(), DCM_LossyImageCompressionRatio);
-    cts_dcm_copy(put, *lossy.getDataset(), DCM_LossyImageCompressionMethod);
+    cts_dcm_copy(put, lossy, DCM_LossyImageCompressionRatio);
+    cts_dcm_copy(put, lossy, DCM_LossyImageCompressionMethod);
     return CTS_OK;
 }
 
@@ -95,8 +95,7 @@ void put_image(Put &put, const CtsScObject &object)
     snprintf(image_type, sizeof image_type, "DERIVED\\SECONDARY\\%s", object.image_type);
     put.text(DCM_ImageType, image_type).text(DCM_PatientOrientation, object.patient_orientation);
     put.text(DCM_DerivationDescription, object.derivation);
-    for (int i = 0; i < object.n_derivation_codes; i++)
-        put.code(DCM_DerivationCodeSequence, object.derivation_codes[i]);
+    put.code(DCM_DerivationCodeSequence, object.derivation_code);
     put.code(DCM_ViewCodeSequence, object.view);
     if (object.mm_per_pixel > 0) {
         const double spacing_mm[2] = {object.mm_per_pixel, object.mm_per_pixel};
@@ -137,8 +136,8 @@ void put_references(Put &put, const CtsScObject &object)
     in_series.text(DCM_SeriesInstanceUID, source.uid);
     const CtsScCode purpose = {"121322", "DCM", "Source image for image processing operation"};
     cts_dcm_each_instance(source, [&](const char *uid) {
-        in_series.reference(DCM_ReferencedInstanceSequence, object.source_class_uid, uid);
-        if (DcmItem *image = put.reference(DCM_SourceImageSequence, object.source_class_uid, uid)) {
+        in_series.reference(DCM_ReferencedInstanceSequence, object.source->slices[0]->class_uid, uid);
+        if (DcmItem *image = put.reference(DCM_SourceImageSequence, object.source->slices[0]->class_uid, uid)) {
             Put to(*image);
             to.text(DCM_SpatialLocationsPreserved, "NO").code(DCM_PurposeOfReferenceCodeSequence, purpose);
             put.keep(to.state());
@@ -186,13 +185,14 @@ void put_pixels(Put &put, const CtsScObject &object)
 
 CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context, CtsError *err)
 {
-    DcmFileFormat source, file;
+    DcmFileFormat file;
+    DcmDataset source;
     CtsStatus st = cts_dcm_start(err);
     if (st || (st = cts_dcm_load_slice(source, *object.source->slices[0], err)))
         return st;
     Put put(*file.getDataset());
-    cts_dcm_put_study(put, *source.getDataset(), object.pseudonym);
-    put_side(put, *source.getDataset());
+    cts_dcm_put_study(put, source, object.pseudonym);
+    put_side(put, source);
     put_series_and_equipment(put, object);
     if ((st = put_lossy(put, object, err)))
         return st;
@@ -210,33 +210,7 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
     return cts_dcm_stream(file, DcmXfer(object.syntax_uid).getXfer(), sink, context, err);
 }
 
-void copy_text(char *to, size_t size, const char *text)
-{
-    snprintf(to, size, "%s", text);
-}
-
-CtsStatus read_source(const CtsSlice &slice, CtsScSource *source, CtsError *err)
-{
-    DcmFileFormat file;
-    CtsStatus st = cts_dcm_start(err);
-    if (st || (st = cts_dcm_load_slice(file, slice, err)))
-        return st;
-    DcmDataset &data = *file.getDataset();
-    copy_text(source->study_uid, sizeof source->study_uid, cts_dcm_text(data, DCM_StudyInstanceUID));
-    copy_text(source->sop_class_uid, sizeof source->sop_class_uid, cts_dcm_text(data, DCM_SOPClassUID));
-    cts_dcm_parse_is(cts_dcm_text(data, DCM_SeriesNumber), strlen(cts_dcm_text(data, DCM_SeriesNumber)),
-                     &source->series_number);
-    source->burned_in = strcmp(cts_dcm_text(data, DCM_BurnedInAnnotation), "YES") == 0;
-    return CTS_OK;
-}
-
 } // namespace
-
-extern "C" CtsStatus cts_dcm_sc_source(const CtsSlice *slice, CtsScSource *source, CtsError *err)
-{
-    *source = CtsScSource{};
-    return cts_dcm_guarded(err, CTS_ERR_READ, [&] { return read_source(*slice, source, err); });
-}
 
 extern "C" CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink, void *context, CtsError *err)
 {

@@ -15,21 +15,10 @@
 extern "C" {
 #endif
 
-/* What a source slice's header says that the caller decides by. Texts are "" where missing. */
-typedef struct CtsScSource {
-    char study_uid[65], sop_class_uid[65];
-    int series_number; /* 0 where missing */
-    bool burned_in;    /* (0028,0301) is YES */
-} CtsScSource;
-
-CtsStatus cts_dcm_sc_source(const CtsSlice *slice, CtsScSource *source, CtsError *err);
-
-/* A coded term; without a scheme, value is a URN. */
+/* A coded term. */
 typedef struct CtsScCode {
     const char *value, *scheme, *meaning;
 } CtsScCode;
-
-enum { CTS_SC_MAX_CODES = 4 };
 
 /* All texts are ASCII and fit their attribute. */
 typedef struct CtsScObject {
@@ -45,9 +34,7 @@ typedef struct CtsScObject {
     const char *image_type; /* value 3 of (0008,0008) */
     const char *series_description;
     const char *derivation;
-    CtsScCode derivation_codes[CTS_SC_MAX_CODES];
-    int n_derivation_codes;
-    CtsScCode view;
+    CtsScCode derivation_code, view;
     const double *azimuth_deg, *elevation_deg; /* of each frame */
     double mm_per_pixel;                       /* 0: not known */
     const char *patient_orientation;           /* (0020,0020), "" for several frames */
@@ -58,8 +45,7 @@ typedef struct CtsScObject {
     /* Patient and study are copied from the first slice's file, byte for byte. */
     const CtsSeries *source;
     const CtsLabels *labels; /* that are seen, too; NULL: none */
-    const char *source_class_uid;
-    const CtsSlice *lossy; /* a slice whose pixels went through lossy compression; NULL when there is none */
+    const CtsSlice *lossy;   /* a slice whose pixels went through lossy compression; NULL when there is none */
     /* NULL, or the identity to put in the patient's and the study's place: then nothing that identifies is copied and
      * no source object is named. */
     const char *pseudonym;

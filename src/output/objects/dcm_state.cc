@@ -38,8 +38,9 @@ void put_input(Put &put, const CtsDcmState &s)
     if (DcmItem *item = put.item(DCM_VolumetricPresentationInputSetSequence)) {
         Put set(*item);
         set.text(DCM_VolumetricPresentationInputSetUID, s.input_uid).text(DCM_PresentationInputType, "VOLUME");
-        cts_dcm_each_instance(
-            *s.source, [&](const char *uid) { set.reference(DCM_ReferencedImageSequence, s.source_class_uid, uid); });
+        cts_dcm_each_instance(*s.source, [&](const char *uid) {
+            set.reference(DCM_ReferencedImageSequence, s.source->slices[0]->class_uid, uid);
+        });
         put.keep(set.state());
     }
     if (DcmItem *item = put.item(DCM_VolumetricPresentationStateInputSequence)) {
@@ -62,7 +63,7 @@ void put_input(Put &put, const CtsDcmState &s)
         Put series(*item);
         series.text(DCM_SeriesInstanceUID, s.source->uid);
         cts_dcm_each_instance(*s.source, [&](const char *uid) {
-            series.reference(DCM_ReferencedInstanceSequence, s.source_class_uid, uid);
+            series.reference(DCM_ReferencedInstanceSequence, s.source->slices[0]->class_uid, uid);
         });
         put.keep(series.state());
     }
@@ -131,12 +132,13 @@ void put_private(Put &put, uint16_t number, const char *text)
 
 CtsStatus write_state(const CtsDcmState &s, CtsScSink sink, void *context, CtsError *err)
 {
-    DcmFileFormat source, file;
+    DcmFileFormat file;
+    DcmDataset source;
     CtsStatus st = cts_dcm_start(err);
     if (st || (st = cts_dcm_load_slice(source, *s.source->slices[0], err)))
         return st;
     Put put(*file.getDataset());
-    cts_dcm_put_study(put, *source.getDataset(), nullptr);
+    cts_dcm_put_study(put, source, nullptr);
     put_names(put, s);
     put_input(put, s);
     put_view(put, s);

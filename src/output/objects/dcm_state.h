@@ -34,7 +34,6 @@ typedef struct CtsDcmState {
     uint16_t tables[4][CTS_STATE_ENTRIES];    /* red, green, blue, opacity */
     const uint8_t *icc_profile;
     size_t n_icc_profile;
-    const char *source_class_uid;
     char capture_class_uid[65], capture_uid[65]; /* "": no picture is referenced */
     const char *preset, *options;                /* private, byte by byte */
 } CtsDcmState;

@@ -2,5 +2,5 @@
 
 #include "base/load_part.h"
 
-CTS_PART_TABLE(CtsDcmWriters, cts_dcm_writers, .sc_source = cts_dcm_sc_source, .sc_write = cts_dcm_sc_write,
-               .sc_encode = cts_dcm_sc_encode, .state_write = cts_dcm_state_write)
+CTS_PART_TABLE(CtsDcmWriters, cts_dcm_writers, .sc_write = cts_dcm_sc_write, .sc_encode = cts_dcm_sc_encode,
+               .state_write = cts_dcm_state_write)

@@ -10,7 +10,6 @@ extern "C" {
 #endif
 
 typedef struct CtsDcmWriters {
-    __typeof__(cts_dcm_sc_source) *sc_source;
     __typeof__(cts_dcm_sc_write) *sc_write;
     __typeof__(cts_dcm_sc_encode) *sc_encode;
     __typeof__(cts_dcm_state_write) *state_write;
