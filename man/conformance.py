@@ -34,7 +34,7 @@ def named(name):
 
 def attributes(*names):
     keys = [k for n in names for k in re.findall(r"DCM_(?:RETIRED_)?([A-Z]\w+)", source(n))]
-    return sorted(set(keys) - {"MaxReadLength"})
+    return sorted(set(keys))
 
 
 codecs = {"NATIVE": "ctsplat", "RLE": "DCMTK", "JPEG": "DCMTK", "JPEG_LS": "DCMTK", "JPEG_2000": "OpenJPEG",
@@ -154,7 +154,8 @@ statement = [
     (S, "Copied from the source to each object, unless --deidentify is given"),
     (P, ", ".join(attributes("output/objects/dcm_study.cc")) + "."),
     (S, "Written to secondary captures"),
-    (P, ", ".join(attributes("output/objects/dcm_sc.cc", "output/objects/dcm_put.cc", "output/objects/dcm_put.hpp")) + "."),
+    (P, "PixelData, " +
+     ", ".join(attributes("output/objects/dcm_sc.cc", "output/objects/dcm_put.cc", "output/objects/dcm_put.hpp")) + "."),
     (S, "Written to presentation states"),
     (P, ", ".join(attributes("output/objects/dcm_state.cc", "output/objects/dcm_put.cc", "output/objects/dcm_put.hpp"))
      + ". Private attributes of group 0073, creator CTSPLAT STATE 1: (0073,xx01) the preset, (0073,xx02) the options."),

@@ -11,7 +11,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     uint8_t *room = calloc(1, ROOM);
     CtsArchive *archive = NULL;
     CtsError err = {0};
-    if (room && !cts_archive_unpack(data, n, room, ROOM, &err) && !cts_archive_list(room, ROOM, &archive, &err))
+    if (room && !cts_archive_unpack(NULL, data, n, room, ROOM, &err) && !cts_archive_list(room, ROOM, &archive, &err))
         for (int i = 0; i < archive->n_members; i++) {
             const CtsMember m = archive->members[i];
             assert(m.name[0] && m.n_bytes > 0 && m.bytes >= room && m.n_bytes <= (uint64_t)(room + ROOM - m.bytes));

@@ -5,10 +5,11 @@
 #include "input/files/file_bytes.h"
 #include <string.h>
 
-static CtsStatus inflate_from(const CtsFrameFormat *f, uint64_t n_before, const uint8_t *stream, size_t n, void *pixels,
-                              CtsError *err)
+/* A frame of its own, or a part of a deflated data set. */
+static CtsStatus inflate_frame(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
 {
     size_t got = 0;
+    const uint64_t n_before = f->syntax->deflated ? f->n_before : 0;
     const CtsStatus st = cts_inflate(stream, n, n_before, pixels, cts_frame_bytes(f), &got, err);
     if (!st && got < cts_frame_bytes(f))
         return cts_fail(err, CTS_ERR_PIXELS, "truncated: PixelData needs %zu bytes, %zu left", cts_frame_bytes(f), got);
@@ -29,23 +30,13 @@ static CtsStatus decode_by_dcmtk(const CtsFrameFormat *f, const uint8_t *stream,
     return st ? st : dcm->decode(f, stream, n, pixels, err);
 }
 
-static CtsStatus inflate_pixels(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
-{
-    return inflate_from(f, f->n_before, stream, n, pixels, err);
-}
-
-static CtsStatus inflate_frame(const CtsFrameFormat *f, const uint8_t *stream, size_t n, void *pixels, CtsError *err)
-{
-    return inflate_from(f, 0, stream, n, pixels, err);
-}
-
 /* By CtsCodec. What the check refuses never reaches the decoder. */
 static const struct {
     CtsStatus (*check)(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
     cts_decode_fn decode;
     CtsStatus (*prepare)(CtsError *err); /* CtsSandbox */
 } codecs[CTS_N_CODECS] = {
-    [CTS_CODEC_NATIVE] = {NULL, inflate_pixels, NULL}, /* compressed only as a part of a deflated data set */
+    [CTS_CODEC_NATIVE] = {NULL, inflate_frame, NULL}, /* compressed only as a part of a deflated data set */
     [CTS_CODEC_RLE] = {cts_codec_check_rle, decode_by_dcmtk, start_dcmtk},
     [CTS_CODEC_JPEG] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},
     [CTS_CODEC_JPEG_LS] = {cts_codec_check_jpeg, decode_by_dcmtk, start_dcmtk},

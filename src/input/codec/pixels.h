@@ -26,7 +26,4 @@ bool cts_slice_begin(const CtsSlice *slice, CtsSandbox **decoder);
 /* Takes the items' own 8 bytes out from between the fragments of a frame; most have one, which stays where it is. */
 CtsStatus cts_join_fragments(uint8_t **stream, size_t *n, CtsError *err);
 
-/* Takes the items' own 8 bytes out from between the fragments of a frame; most have one, which stays where it is. */
-CtsStatus cts_join_fragments(uint8_t **stream, size_t *n, CtsError *err);
-
 #endif

@@ -110,8 +110,10 @@ static CtsStatus unpack_members(Writer *w, zip_t *zip, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_archive_unpack(const uint8_t *stream, size_t n, uint8_t *room, size_t n_room, CtsError *err)
+CtsStatus cts_archive_unpack(const void *order, const uint8_t *stream, size_t n, void *room, size_t n_room,
+                             CtsError *err)
 {
+    (void)order;
     Writer w = {room, n_room - sizeof(Record) - ALIGNMENT, 0};
     zip_error_t why;
     zip_error_init(&why);
@@ -126,13 +128,6 @@ CtsStatus cts_archive_unpack(const uint8_t *stream, size_t n, uint8_t *room, siz
     const CtsStatus st = unpack_members(&w, zip, err);
     zip_discard(zip);
     return st;
-}
-
-static CtsStatus unpack_apart(const void *order, const uint8_t *stream, size_t n, void *room, size_t n_room,
-                              CtsError *err)
-{
-    (void)order;
-    return cts_archive_unpack(stream, n, room, n_room, err);
 }
 
 static int by_name(const void *a, const void *b)
@@ -176,7 +171,7 @@ CtsStatus cts_archive_list(const uint8_t *bytes, size_t n, CtsArchive **archive,
 {
     if (!(*archive = calloc(1, sizeof **archive)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    (*archive)->unpacker = cts_sandbox_make(unpack_apart, "unpacker");
+    (*archive)->unpacker = cts_sandbox_make(cts_archive_unpack, "unpacker");
     const CtsStatus st = list_members(*archive, bytes, n, err);
     if (st)
         cts_archive_free(archive);
@@ -195,7 +190,7 @@ static CtsStatus run(CtsArchive *a, const CtsFileBytes *file, CtsError *err)
                         (unsigned long long)(n >> 20));
     uint8_t *stream;
     const void *bytes;
-    a->unpacker = cts_sandbox_make(unpack_apart, "unpacker");
+    a->unpacker = cts_sandbox_make(cts_archive_unpack, "unpacker");
     a->unpacker.memory_limit = UNPACKING_MEMORY;
     a->unpacker.cpu_limit_s = UNPACKING_CPU_S + (int)(n >> 22);
     CtsStatus st = cts_sandbox_room(&a->unpacker, (size_t)n, (size_t)limit, &stream, err);

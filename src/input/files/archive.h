@@ -35,7 +35,7 @@ void cts_archive_free(CtsArchive **archive);
 
 /* The two halves of opening one, on a room of n_room bytes (4096 or more): what the child does, and what the program
  * makes of it, trusting none of it. */
-CtsStatus cts_archive_unpack(const uint8_t *zip, size_t n, uint8_t *room, size_t n_room, CtsError *err);
+CtsStatus cts_archive_unpack(const void *order, const uint8_t *zip, size_t n, void *room, size_t n_room, CtsError *err);
 CtsStatus cts_archive_list(const uint8_t *room, size_t n_room, CtsArchive **archive, CtsError *err);
 
 #endif

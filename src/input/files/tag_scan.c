@@ -150,6 +150,14 @@ static const struct {
     {0x00281053, true},  {0x00281054, false}, {0x00282110, false}, {0x00283000, false},
 };
 
+bool cts_scan_notes(uint32_t tag)
+{
+    for (int i = 0; i < CTS_N_HEADER_TAGS; i++)
+        if (header_tags[i].tag == tag)
+            return true;
+    return false;
+}
+
 typedef struct Frame {
     uint64_t end; /* UNDEFINED: until its delimiter */
     bool item;    /* else a sequence */

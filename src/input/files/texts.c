@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { BLOCK_BYTES = 64 << 10, FIRST_SLOTS = 64 };
+enum { BLOCK_BYTES = 64 << 10 };
 
 typedef struct CtsTextBlock {
     struct CtsTextBlock *next;
@@ -31,45 +31,15 @@ const char *cts_texts_keep(CtsTexts *t, const char *text, size_t n)
     return copy;
 }
 
-static uint64_t hash_of(const char *text, size_t n)
-{
-    uint64_t h = 14695981039346656037u;
-    for (size_t i = 0; i < n; i++)
-        h = (h ^ (uint8_t)text[i]) * 1099511628211u;
-    return h ^ h >> 32;
-}
-
-/* The slot that holds the text, or the empty one where it belongs. */
-static const char **slot_of(const char **slots, size_t n_slots, const char *text, size_t n)
-{
-    for (size_t i = (size_t)hash_of(text, n) & (n_slots - 1);; i = (i + 1) & (n_slots - 1))
-        if (!slots[i] || (strncmp(slots[i], text, n) == 0 && !slots[i][n]))
-            return &slots[i];
-}
-
-static int grow(CtsTexts *t)
-{
-    const size_t n_slots = t->n_slots ? 2 * t->n_slots : FIRST_SLOTS;
-    const char **slots = calloc(n_slots, sizeof *slots);
-    if (!slots)
-        return 0;
-    for (size_t i = 0; i < t->n_slots; i++)
-        if (t->shared[i])
-            *slot_of(slots, n_slots, t->shared[i], strlen(t->shared[i])) = t->shared[i];
-    free(t->shared);
-    t->shared = slots;
-    t->n_slots = n_slots;
-    return 1;
-}
-
 const char *cts_texts_share(CtsTexts *t, const char *text, size_t n)
 {
+    uint32_t hash = 2166136261u;
     n = strnlen(text, n);
-    if (2 * t->n_shared >= t->n_slots && !grow(t))
-        return NULL;
-    const char **slot = slot_of(t->shared, t->n_slots, text, n);
-    if (!*slot && (*slot = cts_texts_keep(t, text, n)))
-        t->n_shared++;
+    for (size_t i = 0; i < n; i++)
+        hash = (hash ^ (uint8_t)text[i]) * 16777619u;
+    const char **slot = &t->shared[(hash ^ hash >> 16) % CTS_TEXT_SLOTS];
+    if (!*slot || strncmp(*slot, text, n) != 0 || (*slot)[n])
+        *slot = cts_texts_keep(t, text, n);
     return *slot;
 }
 
@@ -79,6 +49,5 @@ void cts_texts_free(CtsTexts *t)
         next = b->next;
         free(b);
     }
-    free(t->shared);
     *t = (CtsTexts){0};
 }

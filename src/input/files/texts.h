@@ -1,4 +1,4 @@
-/* The texts of many slices in a few blocks: what repeats stands there once, and all go at once. */
+/* The texts of many slices in a few blocks: what repeats from slice to slice stands there once, and all go at once. */
 #ifndef CTS_DICOM_TEXTS_H
 #define CTS_DICOM_TEXTS_H
 
@@ -8,16 +8,17 @@
 extern "C" {
 #endif
 
+enum { CTS_TEXT_SLOTS = 256 };
+
 /* Zero-initialise; free with cts_texts_free(). One thread at a time. */
 typedef struct CtsTexts {
     struct CtsTextBlock *blocks;
-    const char **shared; /* n_shared texts in n_slots slots, a power of two, by their hashes */
-    size_t n_shared, n_slots;
+    const char *shared[CTS_TEXT_SLOTS]; /* by their hashes, the last one of each */
 } CtsTexts;
 
 /* A copy of n bytes and a 0 after them. NULL without memory. */
 const char *cts_texts_keep(CtsTexts *texts, const char *text, size_t n);
-/* The same pointer for the same text; what follows a 0 byte is left out. NULL without memory. */
+/* The same, or a text like it that is there; what follows a 0 byte is left out. NULL without memory. */
 const char *cts_texts_share(CtsTexts *texts, const char *text, size_t n);
 void cts_texts_free(CtsTexts *texts);
 

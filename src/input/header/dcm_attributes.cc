@@ -2,6 +2,7 @@
 
 #include <cstdio>
 #include <cstring>
+#include <stdexcept>
 
 namespace
 {
@@ -88,6 +89,8 @@ bool find_scanned(const CtsDataSet &set, const DcmTagKey &tag, CtsElement *found
                             value.is_sequence};
         return true;
     }
+    if (!cts_scan_notes(number))
+        throw std::logic_error("a tag that the scan does not note");
     return false;
 }
 

@@ -1,10 +1,8 @@
 /* Secondary captures: what the object says of itself. The encoding is dicom/dcm_sc's. */
 #include "output/export/format.h"
 
-#include "base/cpu.h"
 #include "base/hash.h"
 #include "base/mem.h"
-#include "base/parallel.h"
 #include "output/export/date.h"
 #include "output/export/icc.h"
 #include "output/export/sc_spool.h"
@@ -33,8 +31,7 @@ static const char native_uid[] = "1.2.840.10008.1.2.1";
 typedef struct ScWriter {
     CtsScSpool spool;
     CtsHash *hash;                       /* of the frames' views and pixels */
-    uint8_t *rows;                       /* samples on their way to the spool */
-    int max_rows;                        /* that rows has room for */
+    uint16_t *row;                       /* samples on their way to the spool; where they are of 8 bits, bytes */
     double *azimuth_deg, *elevation_deg; /* of each frame */
     int n_frames;                        /* begun */
 } ScWriter;
@@ -127,20 +124,18 @@ static CtsStatus check_size(const char *path, int width, int height, int n_frame
 
 static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
-    enum { ROWS_BYTES = 4 << 20 };
     const CtsExportHead *head = &job->head;
-    const size_t row_bytes = row_bytes_of(head->width, head->grey);
     CtsStatus st;
     if (!job->settings.source)
         return cts_fail(err, CTS_ERR_USAGE, "%s: a secondary capture needs the series it was made of", job->path);
     ScWriter *w = job->state = calloc(1, sizeof *w);
     if (!w)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
-    w->max_rows = ROWS_BYTES / row_bytes > 0 ? (int)(ROWS_BYTES / row_bytes) : 1;
     const CtsScFrame frame = {
         .width = head->width, .height = head->height, .grey = head->grey, .n_threads = job->settings.n_threads};
     const CtsDcmWriters *dcm = NULL;
-    if ((st = cts_dcm_writers(&dcm, err)) || (st = cts_alloc_array(&w->rows, (size_t)w->max_rows * row_bytes, err)) ||
+    if ((st = cts_dcm_writers(&dcm, err)) ||
+        (st = cts_alloc_bytes((void **)&w->row, row_bytes_of(head->width, head->grey), 1, err)) ||
         (st = cts_alloc_array(&w->azimuth_deg, (size_t)head->n_frames, err)) ||
         (st = cts_alloc_array(&w->elevation_deg, (size_t)head->n_frames, err)) || (st = cts_hash_start(&w->hash, err)))
         return st;
@@ -148,31 +143,9 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
                              head->n_frames, err);
 }
 
-typedef struct Samples {
-    const CtsPicture *band;
-    int first_row; /* of the band */
-    bool grey;
-    uint8_t *rows;
-    size_t row_bytes;
-} Samples;
-
-static void sample_rows(void *context, int worker, size_t first, size_t end)
-{
-    const Samples *const s = context;
-    (void)worker;
-    for (size_t i = first; i < end; i++) {
-        uint8_t *to = s->rows + i * s->row_bytes;
-        if (s->grey)
-            cts_samples_row16(s->band, s->first_row + (int)i, 1, (uint16_t *)(void *)to);
-        else
-            cts_samples_row8(s->band, s->first_row + (int)i, 3, to);
-    }
-}
-
 static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *err)
 {
     ScWriter *w = job->state;
-    const bool grey = job->head.grey;
     const size_t row_bytes = row_bytes_of(job->head.width, job->head.grey);
     CtsStatus st = CTS_OK;
     if (band->first_row == 0) {
@@ -183,12 +156,13 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
         w->elevation_deg[w->n_frames] = band->info.elevation_deg;
         w->n_frames++;
     }
-    for (int y = 0; y < band->height && !st; y += w->max_rows) {
-        const int left = band->height - y, n = left < w->max_rows ? left : w->max_rows;
-        Samples samples = {band, y, grey, w->rows, row_bytes};
-        cts_parallel(cts_threads(job->settings.n_threads), (size_t)n, 0, sample_rows, &samples);
-        cts_hash_bytes(w->hash, w->rows, (size_t)n * row_bytes);
-        st = cts_sc_spool_write(&w->spool, w->rows, (size_t)n * row_bytes, err);
+    for (int y = 0; y < band->height && !st; y++) {
+        if (job->head.grey)
+            cts_samples_row16(band, y, 1, w->row);
+        else
+            cts_samples_row8(band, y, 3, (uint8_t *)w->row);
+        cts_hash_bytes(w->hash, w->row, row_bytes);
+        st = cts_sc_spool_write(&w->spool, w->row, row_bytes, err);
     }
     return st;
 }
@@ -270,7 +244,7 @@ static void release(CtsExportJob *job)
     if (w->hash)
         cts_hash_finish(&w->hash, digest, NULL);
     cts_sc_spool_close(&w->spool);
-    cts_free(&w->rows);
+    cts_free(&w->row);
     cts_free(&w->azimuth_deg);
     cts_free(&w->elevation_deg);
     free(w);
