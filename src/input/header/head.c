@@ -184,6 +184,23 @@ CtsElements cts_head_elements(const CtsHead *h)
                          .big_endian = set->native->big_endian};
 }
 
+CtsStatus cts_slice_head_open(CtsSliceHead *h, const CtsSlice *slice, CtsError *err)
+{
+    CtsFileBytes now;
+    *h = (CtsSliceHead){.head.file.fd = -1};
+    CtsStatus st = cts_slice_open(slice, &now, err);
+    cts_file_bytes_close(&now);
+    if (!st)
+        st = cts_head_open(&h->head, &(CtsFile){slice->path, false, slice->memory, slice->file_bytes}, &h->scratch, err);
+    return st ? cts_context(err, "%s", slice->path) : st;
+}
+
+void cts_slice_head_close(CtsSliceHead *h)
+{
+    cts_head_close(&h->head);
+    cts_scratch_free(&h->scratch);
+}
+
 CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err)
 {
     CtsScratch scratch = {0};

@@ -31,6 +31,14 @@ void cts_head_close(CtsHead *head);
 /* All elements in front of the pixels. */
 CtsElements cts_head_elements(const CtsHead *head);
 
+/* The header of a slice's file, which must be the one that was scanned. CTS_ERR_READ with its path. Close in any case. */
+typedef struct CtsSliceHead {
+    CtsScratch scratch;
+    CtsHead head;
+} CtsSliceHead;
+CtsStatus cts_slice_head_open(CtsSliceHead *slice_head, const CtsSlice *slice, CtsError *err);
+void cts_slice_head_close(CtsSliceHead *slice_head);
+
 /* What an object is called: "" where it does not say. CTS_ERR_READ, with the path, for what is no DICOM file. */
 typedef struct CtsDcmIds {
     char class_uid[65], sop_uid[65], syntax_uid[65];

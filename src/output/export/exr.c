@@ -1,6 +1,6 @@
 /* OpenEXR through OpenEXRCore: scene-linear half floats with premultiplied alpha (1 over a background), and depth as
  * float. */
-#include "output/export/exr.h"
+#include "output/export/format.h"
 
 #include "base/cpu.h"
 #include "base/mem.h"
@@ -34,7 +34,9 @@ typedef struct ExrEncoder {
     float *rgba;
 } ExrEncoder;
 
-void cts_exr_say_nothing(exr_const_context_t file, exr_result_t code, const char *message)
+/* Keeps the library from printing. It is called with the file's lock held, so that asking the file for anything would
+ * wait for ever; the code that the failing call returns tells what is wrong. */
+static void say_nothing(exr_const_context_t file, exr_result_t code, const char *message)
 {
     (void)file;
     (void)code;
@@ -270,7 +272,7 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
     *w = (ExrWriter){.job = job, .err = err, .n_threads = cts_threads(job->settings.n_threads)};
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
-    setup.error_handler_fn = cts_exr_say_nothing;
+    setup.error_handler_fn = say_nothing;
     setup.user_data = w;
     setup.write_fn = on_write;
     setup.zip_level = ZIP_LEVEL;

@@ -199,9 +199,26 @@ static void fill(const CtsExportJob *job, const CtsScWords *words, const CtsScNa
         .recognizable = head->info.shows_skin,
         .source = source,
         .labels = job->settings.labels,
-        .lossy = lossy_slice(source),
         .pseudonym = names->pseudonym[0] ? names->pseudonym : NULL,
     };
+}
+
+static CtsStatus write_head(const CtsExportJob *job, const CtsDcmWriters *dcm, CtsScObject *object, CtsError *err)
+{
+    const CtsSlice *lossy = lossy_slice(object->source);
+    CtsSliceHead first, of_lossy;
+    CtsStatus st = cts_slice_head_open(&first, object->source->slices[0], err);
+    object->header = &first.head.data_set;
+    if (!st && lossy) {
+        st = cts_slice_head_open(&of_lossy, lossy, err);
+        object->lossy = &of_lossy.head.data_set;
+    }
+    if (!st)
+        st = dcm->sc_write(object, sink, job->temp, err);
+    if (object->lossy)
+        cts_slice_head_close(&of_lossy);
+    cts_slice_head_close(&first);
+    return st;
 }
 
 static CtsStatus finish(CtsExportJob *job, CtsError *err)
@@ -230,7 +247,7 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
     object.icc_profile = profile;
     object.n_icc_profile = cts_icc_srgb(profile);
     warn(job, object.recognizable);
-    if ((st = dcm->sc_write(&object, sink, job->temp, err)))
+    if ((st = write_head(job, dcm, &object, err)))
         return st;
     return cts_sc_spool_copy(&w->spool, job->temp, err);
 }

@@ -167,16 +167,20 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState
     return CTS_OK;
 }
 
-static CtsStatus write_file(const char *path, const CtsDcmState *s, bool force, CtsError *err)
+static CtsStatus write_file(const char *path, CtsDcmState *s, bool force, CtsError *err)
 {
     CtsTempFile *temp = NULL;
-    CtsStatus st = cts_temp_open(&temp, path, err);
+    CtsSliceHead first;
     const CtsDcmWriters *dcm = NULL;
-    if (!st && !(st = cts_dcm_writers(&dcm, err)) && !(st = dcm->state_write(s, sink, temp, err))) {
+    CtsStatus st = cts_slice_head_open(&first, s->source->slices[0], err);
+    s->header = &first.head.data_set;
+    if (!st && !(st = cts_temp_open(&temp, path, err)) && !(st = cts_dcm_writers(&dcm, err)) &&
+        !(st = dcm->state_write(s, sink, temp, err))) {
         cts_temp_keep_private(temp);
         st = cts_temp_commit(&temp, force, NULL, err);
     }
     cts_temp_discard(&temp);
+    cts_slice_head_close(&first);
     return st;
 }
 

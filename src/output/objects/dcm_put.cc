@@ -3,7 +3,6 @@
 #include "input/header/dcm_door.hpp"
 #include "output/objects/dcm_put.hpp"
 
-#include "input/header/head.h"
 #include <cstdio>
 #include <cstring>
 #include <dcmtk/dcmdata/dcistrmb.h>
@@ -82,17 +81,6 @@ OFCondition put_meta(DcmFileFormat &file, E_TransferSyntax syntax)
         .state();
 }
 
-/* Closed whatever is thrown. */
-struct OpenHead {
-    CtsScratch scratch = {};
-    CtsHead head = {};
-    ~OpenHead()
-    {
-        cts_head_close(&head);
-        cts_scratch_free(&scratch);
-    }
-};
-
 } // namespace
 
 OFCondition cts_dcm_drop_zeros(DcmElement &element)
@@ -153,16 +141,8 @@ const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag)
     return item.findAndGetString(tag, text).good() && text ? text : "";
 }
 
-CtsStatus cts_dcm_load_slice(DcmDataset &data, const CtsSlice &slice, CtsError *err)
+CtsStatus cts_dcm_load(DcmDataset &data, const CtsDataSet &set, CtsError *err)
 {
-    CtsFileBytes now;
-    OpenHead open;
-    const CtsFile file = {slice.path, false, slice.memory, slice.file_bytes};
-    CtsStatus st = cts_slice_open(&slice, &now, err);
-    cts_file_bytes_close(&now);
-    if (st || (st = cts_head_open(&open.head, &file, &open.scratch, err)))
-        return cts_context(err, "%s", slice.path);
-    const CtsDataSet &set = open.head.data_set;
     DcmInputBufferStream in;
     in.setBuffer(set.bytes, static_cast<offile_off_t>(set.n));
     in.setEos();
@@ -171,7 +151,7 @@ CtsStatus cts_dcm_load_slice(DcmDataset &data, const CtsSlice &slice, CtsError *
     data.transferEnd();
     return state.good() ? CTS_OK
                         : cts_fail(err, cts_dcm_status(state, CTS_ERR_READ),
-                                   "%s: cannot be read for a DICOM output: %s", slice.path, state.text());
+                                   "a slice cannot be read for a DICOM output: %s", state.text());
 }
 
 CtsStatus cts_dcm_stream(DcmFileFormat &file, E_TransferSyntax syntax, CtsScSink sink, void *context, CtsError *err)

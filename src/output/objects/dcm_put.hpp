@@ -158,8 +158,8 @@ OFCondition cts_dcm_drop_zeros(DcmElement &element);
 /* The value as text; "" where there is none. */
 const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag);
 
-/* The data set of a slice's file up to its pixels; the file must be the one that was scanned. */
-CtsStatus cts_dcm_load_slice(DcmDataset &data, const CtsSlice &slice, CtsError *err);
+/* A header for DCMTK. */
+CtsStatus cts_dcm_load(DcmDataset &data, const CtsDataSet &set, CtsError *err);
 
 /* The patient's and the study's attributes: the source's as they stand, or the pseudonym's. */
 void cts_dcm_put_study(Put &put, DcmItem &source, const char *pseudonym);

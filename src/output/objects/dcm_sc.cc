@@ -81,7 +81,7 @@ CtsStatus put_lossy(Put &put, const CtsScObject &object, CtsError *err)
     if (!object.lossy)
         return CTS_OK;
     DcmDataset lossy;
-    const CtsStatus st = cts_dcm_load_slice(lossy, *object.lossy, err);
+    const CtsStatus st = cts_dcm_load(lossy, *object.lossy, err);
     if (st)
         return st;
     cts_dcm_copy(put, lossy, DCM_LossyImageCompressionRatio);
@@ -188,7 +188,7 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
     DcmFileFormat file;
     DcmDataset source;
     CtsStatus st = cts_dcm_start(err);
-    if (st || (st = cts_dcm_load_slice(source, *object.source->slices[0], err)))
+    if (st || (st = cts_dcm_load(source, *object.header, err)))
         return st;
     Put put(*file.getDataset());
     cts_dcm_put_study(put, source, object.pseudonym);

@@ -6,7 +6,7 @@
 #include "ctsplat/labels.h"
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
-#include "input/header/slice.h"
+#include "input/header/head.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -42,10 +42,10 @@ typedef struct CtsScObject {
     const uint8_t *icc_profile; /* of the colours; not used where grey */
     size_t n_icc_profile;
 
-    /* Patient and study are copied from the first slice's file, byte for byte. */
     const CtsSeries *source;
+    const CtsDataSet *header; /* of its first slice: patient and study are copied from it, byte for byte */
     const CtsLabels *labels; /* that are seen, too; NULL: none */
-    const CtsSlice *lossy;   /* a slice whose pixels went through lossy compression; NULL when there is none */
+    const CtsDataSet *lossy; /* of a slice whose pixels went through lossy compression; NULL when there is none */
     /* NULL, or the identity to put in the patient's and the study's place: then nothing that identifies is copied and
      * no source object is named. */
     const char *pseudonym;

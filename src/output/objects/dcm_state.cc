@@ -135,7 +135,7 @@ CtsStatus write_state(const CtsDcmState &s, CtsScSink sink, void *context, CtsEr
     DcmFileFormat file;
     DcmDataset source;
     CtsStatus st = cts_dcm_start(err);
-    if (st || (st = cts_dcm_load_slice(source, *s.source->slices[0], err)))
+    if (st || (st = cts_dcm_load(source, *s.header, err)))
         return st;
     Put put(*file.getDataset());
     cts_dcm_put_study(put, source, nullptr);

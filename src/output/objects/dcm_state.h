@@ -2,7 +2,6 @@
 #ifndef CTS_DICOM_DCM_STATE_H
 #define CTS_DICOM_DCM_STATE_H
 
-#include "input/header/head.h"
 #include "output/objects/dcm_sc.h"
 
 #ifdef __cplusplus
@@ -18,6 +17,7 @@ enum { CTS_STATE_GROUP = 0x0073, CTS_STATE_CREATOR = 0x0010, CTS_STATE_PRESET = 
 
 typedef struct CtsDcmState {
     const CtsSeries *source;
+    const CtsDataSet *header; /* of its first slice */
     const char *sop_uid, *series_uid, *study_uid, *frame_uid, *input_uid;
     int series_number;
     const char *date, *time, *version;
