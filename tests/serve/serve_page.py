@@ -53,6 +53,31 @@ def key(browser, name, text=None):
         browser.devtools('Input.dispatchKeyEvent', {'type': kind, 'key': name, **({'text': text} if text and kind == 'keyDown' else {})})
 
 
+def tab_to(browser, selector):
+    for _ in range(60):
+        browser.press('Tab')
+        if browser.run(f"return document.activeElement.matches('{selector}')"):
+            return
+    raise AssertionError(f'no way to {selector} by keys')
+
+
+def by_keys(browser):
+    """A hand on the keyboard alone."""
+    tab_to(browser, '.card')
+    rested(browser, lambda: browser.press('Enter'))
+    assert browser.run("return document.activeElement.id") == 'stage'
+    assert rested(browser, lambda: browser.press('Left', 'Up')).startswith('355°, 5°')
+    tab_to(browser, '#sides button')
+    assert rested(browser, lambda: browser.press('Enter')).startswith('0°, 0°')
+    tab_to(browser, '[data-name=skin]')
+    rested(browser, lambda: browser.press('Space'))
+    assert browser.run("return document.querySelector('[data-name=skin]').getAttribute('aria-checked')") == 'true'
+    tab_to(browser, '#label-list input')
+    rested(browser, lambda: browser.press('Space'))
+    assert "--preset skin" in (said := browser.run("return document.querySelector('#command').textContent")) and '--hide' in said
+    tab_to(browser, '#downloads a')
+
+
 def downloads(browser, server):
     """The picture, and the command that makes the same one."""
     base = browser.run("return document.querySelector('#downloads a').getAttribute('href')")
@@ -127,7 +152,7 @@ with Server(ctsplat, data, '--labels', folder) as whole:
                 choose(window, whole)
             else:
                 until(window, "document.querySelectorAll('.card').length === 1")
-                rested(window, lambda: window.run("document.querySelector('.card').click()"))
+                by_keys(window)
                 assert window.run('return document.documentElement.scrollWidth') <= wide
                 shot(window, 'phone')
             said = window.messages()

@@ -118,7 +118,9 @@ function showCommand() {
   const quoted = value => /^[\w.,-]*$/.test(value) ? value : `'${value.replaceAll("'", "'\\''")}'`;
   const labels = id('labels').hidden ? '' : '--labels LABELS ';
   const text = labels + Object.entries(words()).map(([name, value]) => `--${name} ${quoted(value)}`.trim()).join(' ');
-  id('command').textContent = `ctsplat render PATH -o picture.png --png-bits 8 ${text}`;
+  // Lines end between words, not at the first of two hyphens.
+  const command = `ctsplat render PATH -o picture.png --png-bits 8 ${text}`.split(' ');
+  id('command').replaceChildren(...command.flatMap(word => [element('span', {textContent: word}), ' ']));
   for (const a of id('downloads').children)
     a.href = path(a.dataset.ending);
 }
