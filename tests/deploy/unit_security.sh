@@ -1,12 +1,14 @@
 #!/bin/sh
-# What systemd itself says of the node's unit: unit_security.sh SOURCE_ROOT
+# What systemd itself says of the units: unit_security.sh SOURCE_ROOT
 set -eu
 command -v systemd-analyze >/dev/null || { echo "skip: no systemd-analyze"; exit 77; }
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-unit=$work/ctsplat-node.service
-sed "s#@BINDIR@#/usr/bin#" "$1/src/app/deploy/ctsplat-node.service" >"$unit"
-systemd-analyze security --offline=true --no-pager "$unit" >"$work/said" 2>&1 || true
-exposure=$(sed -n 's/.*Overall exposure level for .*: \([0-9.]*\) .*/\1/p' "$work/said")
-[ -n "$exposure" ] || { echo "skip: this systemd-analyze does not judge a file: $(head -n 1 "$work/said")"; exit 77; }
-awk "BEGIN { exit !($exposure < 1.5) }" || { cat "$work/said"; echo "FAIL: exposure $exposure"; exit 1; }
+for name in node serve; do
+    unit=$work/ctsplat-$name.service
+    sed "s#@BINDIR@#/usr/bin#" "$1/src/app/deploy/ctsplat-$name.service" >"$unit"
+    systemd-analyze security --offline=true --no-pager "$unit" >"$work/said" 2>&1 || true
+    exposure=$(sed -n 's/.*Overall exposure level for .*: \([0-9.]*\) .*/\1/p' "$work/said")
+    [ -n "$exposure" ] || { echo "skip: this systemd-analyze does not judge a file: $(head -n 1 "$work/said")"; exit 77; }
+    awk "BEGIN { exit !($exposure < 1.5) }" || { cat "$work/said"; echo "FAIL: $name: exposure $exposure"; exit 1; }
+done

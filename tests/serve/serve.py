@@ -67,7 +67,7 @@ def words(server, series):
                         ('`swivel`: `rotation`', 'swivel=40,20&rotation=3'), ('`swivel` 20,40', 'swivel=20,40'),
                         ('not X,Y,Z', 'centre=1,2'), ('more than 64', '&'.join(['size=8x8'] * 70))]:
         server.refused(400, text, picture + query)
-    server.refused(400, '16383', f'/series/{series}/picture.webp?size=17000x8')
+    server.refused(400, r'^a \.webp has at most 16383', f'/series/{series}/picture.webp?size=17000x8')
     server.refused(404, 'no such series', '/series/0123456789abcdef/picture.png')
     server.refused(404, 'format', f'/series/{series}/picture.gif')
     server.refused(404, 'no such address', '/nothing')

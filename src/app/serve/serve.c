@@ -90,8 +90,10 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
         free(url);
         return st;
     }
-    if (!(st = cts_guard_token(server, err)) && !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err)))
+    if (!(st = cts_guard_token(server, err)) && !(st = cts_temp_folder("ctsplat-serve-", &server->folder, err))) {
+        cts_names_add(&server->names, server->folder);
         st = begin_threads(server, &http, &settings, err);
+    }
     if (!st)
         tell_ready(server, told, url);
     while (!st && !*stop)

@@ -33,7 +33,7 @@ typedef struct CtsServer {
     char *folder;     /* for pictures on their way, which have no name there once they are whole */
     char token[4097]; /* "": none is needed */
     bool local_socket, tls;
-    CtsNames names;       /* of input files, which nobody is told */
+    CtsNames names;       /* of input files and of the folder, which nobody is told */
     pthread_mutex_t lock; /* of all below */
     pthread_cond_t work;
     CtsShelf shelf;
