@@ -153,9 +153,9 @@ try:
 
     # It refuses, or stays away: the file stays, and the message says how to send it.
     said = run(data, *look, '-o', 'refused.dcm', '--send', 'NOBODY@127.0.0.1:%d' % pacs.dicom, code=5)
-    assert 'refused.dcm' in said and 'storescu' in said and os.path.exists('refused.dcm'), said
+    assert 'refused.dcm' in said and 'dcmsend' in said and os.path.exists('refused.dcm'), said
     pacs.kill()
-    for peer, words in ((dimse, 'storescu'), (web, '--force')):
+    for peer, words in ((dimse, 'dcmsend'), (web, '--force')):
         said = run(data, *look, '-o', 'kept.dcm', '--force', '--send', peer, code=5)
         assert words in said and said.count('\n') == 1, said
         pydicom.dcmread('kept.dcm').pixel_array

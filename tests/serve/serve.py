@@ -159,11 +159,15 @@ def states(study, uid, slices):
             render('png', '--preset', 'skin', '--view', 'left', '--size', '64x48', '--png-bits', '8')
         server.refused(400, 'preset: does not go', base + '?preset=bone')
         server.refused(400, 'does not go', base + '?renderedvolumetricmetadata=yes')
-        server.refused(400, 'private attributes', base.replace(state.SOPInstanceUID, '1.2.3.4'))
+        server.refused(400, '^[^/]*private attributes', base.replace(state.SOPInstanceUID, '1.2.3.4'))
         one = f'/studies/{study}/series/{uid}/instances/%s/rendered3D'
         server.refused(400, '1 of the 48 slices', one % slices)
         server.refused(404, 'no such object', one % '1.2.3')
         server.refused(404, 'no such series', base.replace(study, '1.2.3'))
+    os.makedirs(f'all/of-{uid}')
+    stranger.save_as(f'all/of-{uid}/1.2.3.4.dcm')
+    with Server(ctsplat, 'all/of-{series_uid}') as server:
+        server.refused(400, '^[^/]*private attributes', one % '1.2.3.4')
 
 
 def labels():

@@ -101,24 +101,12 @@ static CtsStatus queue(CtsServer *server, CtsErrand *e, Target target, CtsError 
     return st;
 }
 
-/* It is what is asked for, and no fault of ours; where it lies is nobody's business. */
-static CtsStatus refuse_state(const char *path, CtsError *err)
-{
-    CtsNames names = {0};
-    cts_names_add(&names, path);
-    char *const text = cts_without_names(err->text, &names, NULL);
-    cts_fail(err, CTS_ERR_USAGE, "%s", text ? text : "the presentation state cannot be read");
-    free(text);
-    cts_names_free(&names);
-    return CTS_ERR_USAGE;
-}
-
 static CtsStatus prepare(CtsServer *server, CtsErrand *e, const CtsFormatInfo *format, CtsError *err)
 {
     CtsStatus st = cts_asked_words(&e->asked, format, server->folder, ++server->n_pictures,
                                    server->options->render.n_threads, &e->report, err);
     if (st == CTS_ERR_READ && e->asked.state_path)
-        st = refuse_state(e->asked.state_path, err);
+        st = CTS_ERR_USAGE; /* it is what is asked for, and no fault of ours */
     e->asked.job.render.stop = e->asked.job.source.stop = &e->stop;
     return st;
 }

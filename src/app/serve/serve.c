@@ -37,6 +37,16 @@ static CtsStatus read_pem(const char *path, char **text, CtsError *err)
     return st || n ? st : cts_fail(err, CTS_ERR_READ, "%s: is empty", path);
 }
 
+/* What lies below where series are found when they are asked for is named in no message either. */
+static void add_place(CtsNames *names, const char *path)
+{
+    const char *place = strstr(path, CTS_SHELF_PLACE);
+    char *const before = place ? strndup(path, (size_t)(place - path)) : NULL;
+    if (before)
+        cts_names_add(names, before);
+    free(before);
+}
+
 static CtsStatus search(CtsServer *server, const CtsServeTold *told, CtsError *err)
 {
     CtsReport report = {0};
@@ -46,6 +56,8 @@ static CtsStatus search(CtsServer *server, const CtsServeTold *told, CtsError *e
     const CtsSeriesList *const list = server->shelf.list;
     for (size_t i = 0; list && i < list->n_paths; i++)
         cts_names_add(&server->names, list->paths[i]);
+    for (int i = 0; i < server->options->paths.n; i++)
+        add_place(&server->names, server->options->paths.items[i]);
     for (size_t i = 0; list && i < list->n; i++)
         n += list->items[i].renderable;
     cts_report_free(&report);

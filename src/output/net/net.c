@@ -62,23 +62,13 @@ static void rest(const CtsNet *net, int ms)
         nanosleep(&(struct timespec){.tv_nsec = 50 * 1000000}, NULL);
 }
 
-/* The words with which a file can be sent by hand. */
-static void by_hand(const CtsPeer *peer, const CtsNet *net, const CtsParcel *parcel, char *text, size_t size)
+/* How a file can be sent by hand; dcmsend knows no TLS. */
+static void by_hand(const CtsPeer *peer, const CtsNet *net, char *text, size_t size)
 {
-    static const struct {
-        const char *syntax_uid, *option;
-    } options[] = {
-        {"1.2.840.10008.1.2.5", " -xr"}, {"1.2.840.10008.1.2.4.70", " -xs"}, {"1.2.840.10008.1.2.4.90", " -xv"}};
-    const char *option = "";
-    for (size_t i = 0; i < sizeof options / sizeof *options; i++)
-        if (strcmp(parcel->ids.syntax_uid, options[i].syntax_uid) == 0)
-            option = options[i].option;
-    if (peer->web)
+    if (peer->web || net->tls_ca || net->tls_key)
         snprintf(text, size, "run the same command again with --force");
     else
-        snprintf(text, size, "storescu%s -aet %s -aec %s%s %s %d FILE",
-                 net->tls_ca || net->tls_key ? " +tla +cf CA" : "", net->own_aet, peer->aet, option, peer->host,
-                 peer->port);
+        snprintf(text, size, "dcmsend -aet %s -aec %s %s %d FILE", net->own_aet, peer->aet, peer->host, peer->port);
 }
 
 static CtsStatus pack(const char *const *paths, int n, CtsParcel *parcels, CtsError *err)
@@ -130,7 +120,7 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
             char how[500];
             while (parcels[first].sent)
                 first++;
-            by_hand(peer, &net, &parcels[first], how, sizeof how);
+            by_hand(peer, &net, how, sizeof how);
             st = cts_fail(err, CTS_ERR_OUTPUT, "%s: is written, but not sent: %.400s (it stays; to send it: %s)",
                           parcels[first].path, result.error.text, how);
         }
