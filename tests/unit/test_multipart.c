@@ -93,6 +93,7 @@ static void test_damage(void **state)
     memset(long_header + strlen(long_header), 'x', sizeof long_header - strlen(long_header));
     assert_int_equal(split(type, long_header, sizeof long_header, 100, &parts), CTS_ERR_READ);
     assert_int_equal(split(type, "\r\n---b-junk\r\n\r\n", 15, 3, &parts), CTS_ERR_READ);
+    assert_int_equal(split(type, "\r\n---b--x\r\n\r\none\r\n---b---", 27, 3, &parts), CTS_ERR_READ);
     static const char *const types[] = {"",
                                         "text/html",
                                         "multipart/related",

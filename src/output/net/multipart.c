@@ -1,3 +1,4 @@
+#define _GNU_SOURCE
 #include "output/net/multipart.h"
 
 #include <stdio.h>
@@ -32,82 +33,62 @@ CtsStatus cts_multipart_start(CtsMultipart *m, const char *content_type, const C
     return CTS_OK;
 }
 
-/* One more byte of the body: held back while it may belong to a delimiter. */
-static CtsStatus take_body(CtsMultipart *m, char byte, bool store, CtsError *err)
+static void drop(CtsMultipart *m, size_t n)
 {
-    CtsStatus st = CTS_OK;
-    m->held[m->n_held++] = byte;
-    while (m->n_held > 0 && memcmp(m->held, m->delimiter, m->n_held) != 0) {
-        /* A delimiter starts with CR and has no other: what is held can only start anew at its next CR. */
-        const char *next = memchr(m->held + 1, '\r', m->n_held - 1);
-        const size_t n = next ? (size_t)(next - m->held) : m->n_held;
-        if (store && (st = m->sink.bytes(m->sink.context, m->held, n, err)))
-            return st;
-        memmove(m->held, m->held + n, m->n_held - n);
-        m->n_held -= n;
-    }
-    if (m->n_held < m->n_delimiter)
-        return CTS_OK;
-    m->n_held = 0;
-    m->state = CTS_PART_LINE;
-    return store ? m->sink.end(m->sink.context, err) : CTS_OK;
+    m->n_held -= n;
+    memmove(m->held, m->held + n, m->n_held);
 }
 
-/* The rest of a delimiter's line: "--" ends everything. */
-static CtsStatus take_line(CtsMultipart *m, char byte, CtsError *err)
+/* Up to a delimiter, or to where one may have begun: then there is nothing to do before more comes. */
+static CtsStatus take_body(CtsMultipart *m, bool *more, CtsError *err)
 {
-    if (m->n_held == 4)
-        return cts_fail(err, CTS_ERR_READ, "the peer's multipart answer is damaged after a boundary");
-    if (byte != ' ' && byte != '\t')
-        m->held[m->n_held++] = byte;
-    if (m->n_held == 2 && memcmp(m->held, "--", 2) == 0)
+    const char *at = memmem(m->held, m->n_held, m->delimiter, m->n_delimiter);
+    const size_t kept = m->n_held < m->n_delimiter ? m->n_held : m->n_delimiter - 1;
+    const size_t n = at ? (size_t)(at - m->held) : m->n_held - kept;
+    const bool inside = m->state == CTS_PART_BODY;
+    CtsStatus st = inside && n ? m->sink.bytes(m->sink.context, m->held, n, err) : CTS_OK;
+    *more = !at;
+    drop(m, at ? n + m->n_delimiter : n);
+    if (st || !at)
+        return st;
+    m->state = CTS_PART_HEADER;
+    return inside ? m->sink.end(m->sink.context, err) : CTS_OK;
+}
+
+/* The rest of a delimiter's line, of which "--" ends everything, and a header to its blank line, which may come at
+ * once. */
+static CtsStatus take_header(CtsMultipart *m, bool *more, CtsError *err)
+{
+    const char *blank_line = memmem(m->held, m->n_held, "\r\n\r\n", 4);
+    size_t n = 0;
+    while (n < m->n_held && (m->held[n] == ' ' || m->held[n] == '\t'))
+        n++;
+    *more = !blank_line;
+    if (m->n_held >= 2 && memcmp(m->held, "--", 2) == 0)
         m->state = CTS_PART_AFTER;
-    else if (m->n_held == 2 && memcmp(m->held, "\r\n", 2) == 0)
-        m->state = CTS_PART_HEADER; /* held: a header may be empty, and then its blank line comes at once */
-    return CTS_OK;
-}
-
-static CtsStatus take_header(CtsMultipart *m, char byte, CtsError *err)
-{
-    if (m->n_held == CTS_MAX_PART_HEADER)
+    else if (n < m->n_held && m->held[n] != '\r' && !(m->n_held == 1 && m->held[0] == '-'))
+        return cts_fail(err, CTS_ERR_READ, "the peer's multipart answer is damaged after a boundary");
+    else if (blank_line) {
+        drop(m, (size_t)(blank_line - m->held) + 4);
+        m->state = CTS_PART_BODY;
+        return m->sink.begin(m->sink.context, err);
+    } else if (m->n_held > CTS_MAX_PART_HEADER)
         return cts_fail(err, CTS_ERR_READ, "the peer's multipart answer has a header of more than %d bytes",
                         CTS_MAX_PART_HEADER);
-    m->held[m->n_held++] = byte;
-    if (m->n_held < 4 || memcmp(m->held + m->n_held - 4, "\r\n\r\n", 4) != 0)
-        return CTS_OK;
-    m->n_held = 0;
-    m->state = CTS_PART_BODY;
-    return m->sink.begin(m->sink.context, err);
-}
-
-/* The bytes of a body that cannot belong to a delimiter, in one go. */
-static size_t plain_run(const CtsMultipart *m, const char *bytes, size_t n)
-{
-    if (m->state != CTS_PART_BODY || m->n_held > 0)
-        return 0;
-    const char *cr = memchr(bytes, '\r', n);
-    return cr ? (size_t)(cr - bytes) : n;
+    return CTS_OK;
 }
 
 CtsStatus cts_multipart_feed(CtsMultipart *m, const char *bytes, size_t n, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    for (size_t i = 0; i < n && !st;) {
-        const size_t run = plain_run(m, bytes + i, n - i);
-        if (run > 0) {
-            st = m->sink.bytes(m->sink.context, bytes + i, run, err);
-            i += run;
-            continue;
-        }
-        const char byte = bytes[i++];
-        if (m->state == CTS_PART_BEFORE)
-            st = take_body(m, byte, false, err);
-        else if (m->state == CTS_PART_LINE)
-            st = take_line(m, byte, err);
-        else if (m->state == CTS_PART_HEADER)
-            st = take_header(m, byte, err);
-        else if (m->state == CTS_PART_BODY)
-            st = take_body(m, byte, true, err);
+    while (n > 0 && !st && m->state != CTS_PART_AFTER) {
+        const size_t room = sizeof m->held - m->n_held, part = n < room ? n : room;
+        memcpy(m->held + m->n_held, bytes, part);
+        m->n_held += part;
+        bytes += part;
+        n -= part;
+        for (bool more = false; !st && !more && m->state != CTS_PART_AFTER;)
+            st = m->state == CTS_PART_HEADER ? take_header(m, &more, err) : take_body(m, &more, err);
     }
     return st;
 }

@@ -20,8 +20,8 @@ typedef struct CtsMultipart {
     CtsPartSink sink;
     char delimiter[CTS_MAX_BOUNDARY + 5]; /* CR LF -- boundary */
     size_t n_delimiter;
-    enum { CTS_PART_BEFORE, CTS_PART_LINE, CTS_PART_HEADER, CTS_PART_BODY, CTS_PART_AFTER } state;
-    char held[CTS_MAX_PART_HEADER]; /* what may be the start of a delimiter, or a header so far */
+    enum { CTS_PART_BEFORE, CTS_PART_HEADER, CTS_PART_BODY, CTS_PART_AFTER } state;
+    char held[2 * CTS_MAX_PART_HEADER]; /* what came last: the start of a delimiter, perhaps, or a header so far */
     size_t n_held;
 } CtsMultipart;
 
