@@ -103,28 +103,42 @@ def parts(mask):
     return n
 
 
+def boxed(mask):
+    """The box that holds all of a mask, as slices, and what is in it: organs are small beside their scan."""
+    sides = [np.nonzero(mask.any(axis=axes))[0] for axes in ((1, 2), (0, 2), (0, 1))]
+    box = tuple(slice(side[0], side[-1] + 1) if side.size else slice(0, 0) for side in sides)
+    return box, mask[box].copy()
+
+
+def touches_edge(box, shape):
+    return any(side.stop > side.start and (side.start == 0 or side.stop == n) for side, n in zip(box, shape))
+
+
 def compare(name, scan, found, masks, hu=True, count_parts=True):
-    """masks: by number."""
+    """masks: by number, whole or boxed."""
+    masks = {number: mask if isinstance(mask, tuple) else boxed(mask) for number, mask in masks.items()}
     labels = {label['number']: label for label in found}
     check(f'{name}: which labels', sorted(labels) == sorted(masks), f'{sorted(labels)} {sorted(masks)}')
     values, padding = scan.hu() if hu else (None, None)
     area = scan.spacing[0] * scan.spacing[1]
-    held = sum(mask.astype(int) for mask in masks.values())
-    for number, mask in masks.items():
+    held = np.zeros(scan.shape, np.uint8)
+    for box, mask in masks.values():
+        held[box] += mask
+    for number, (box, mask) in masks.items():
         label = labels.get(number)
         if not label:
             continue
-        expected = {'voxels': int(mask.sum()), 'overlap': int((mask & (held > 1)).sum()), 'empty': not mask.any(),
-                    'touches_edge': bool(mask[[0, -1]].any() or mask[:, [0, -1]].any() or mask[:, :, [0, -1]].any())}
+        expected = {'voxels': int(mask.sum()), 'overlap': int((mask & (held[box] > 1)).sum()), 'empty': not mask.any(),
+                    'touches_edge': touches_edge(box, scan.shape)}
         if count_parts:
             expected['parts'] = parts(mask)
         for key, value in expected.items():
             check(f'{name}: {number} {key}', label[key] == value, f'{label[key]} {value}')
-        ml = (mask.sum(axis=(1, 2)) * area * scan.thickness).sum() / 1000
+        ml = (mask.sum(axis=(1, 2)) * area * scan.thickness[box[0]]).sum() / 1000
         check(f'{name}: {number} ml', abs(label['ml'] - ml) < 1e-9 + 1e-6 * ml, f'{label["ml"]} {ml}')
         if values is None:
             continue
-        seen = values[mask & ~padding]
+        seen = values[box][mask & ~padding[box]]
         if seen.size == 0:
             check(f'{name}: {number} HU of none', label['hu_mean'] is None and label['hu_sd'] is None)
             continue
@@ -649,17 +663,16 @@ def shared_nifti(folder, path):
     volume = np.frombuffer(data, kind, dims[1] * dims[2] * dims[3], offset).reshape(dims[3], dims[2], dims[1])
     matrix = np.array(struct.unpack('<12f', data[280:328])).reshape(3, 4)
     lps = np.diag([-1, -1, 1]) @ matrix
-    index = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     rotation = np.linalg.inv(lps[:, :3])
     origin = rotation @ (scan.position[0] - lps[:, 3])
     steps = [rotation @ (scan.row * scan.spacing[1]), rotation @ (scan.column * scan.spacing[0])]
-    k, j, i = np.meshgrid(*(np.arange(n) for n in scan.shape), indexing='ij')
-    del index
-    at = [np.rint(origin[a] + i * steps[0][a] + j * steps[1][a] +
-                  (rotation[a] @ (scan.position[k] - scan.position[0])[..., None])[..., 0]).astype(int)
-          for a in range(3)]
-    numbers = volume[at[2], at[1], at[0]]
-    masks = {int(n): numbers == n for n in np.unique(numbers) if n}
+    j, i = np.meshgrid(*(np.arange(n) for n in scan.shape[1:]), indexing='ij')
+    numbers = np.empty(scan.shape, kind)
+    for k in range(scan.shape[0]):
+        shift = rotation @ (scan.position[k] - scan.position[0])
+        at = [np.rint(origin[a] + i * steps[0][a] + j * steps[1][a] + shift[a]).astype(int) for a in range(3)]
+        numbers[k] = volume[at[2], at[1], at[0]]
+    masks = {int(n): boxed(numbers == n) for n in np.unique(numbers) if n}
     code, text, found = info(folder, path)
     check(f'{path} is read', code == 0, text)
     if code == 0:
