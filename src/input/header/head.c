@@ -191,7 +191,8 @@ CtsStatus cts_slice_head_open(CtsSliceHead *h, const CtsSlice *slice, CtsError *
     CtsStatus st = cts_slice_open(slice, &now, err);
     cts_file_bytes_close(&now);
     if (!st)
-        st = cts_head_open(&h->head, &(CtsFile){slice->path, false, slice->memory, slice->file_bytes}, &h->scratch, err);
+        st =
+            cts_head_open(&h->head, &(CtsFile){slice->path, false, slice->memory, slice->file_bytes}, &h->scratch, err);
     return st ? cts_context(err, "%s", slice->path) : st;
 }
 

@@ -31,7 +31,8 @@ void cts_head_close(CtsHead *head);
 /* All elements in front of the pixels. */
 CtsElements cts_head_elements(const CtsHead *head);
 
-/* The header of a slice's file, which must be the one that was scanned. CTS_ERR_READ with its path. Close in any case. */
+/* The header of a slice's file, which must be the one that was scanned. CTS_ERR_READ with its path. Close in any
+ * case. */
 typedef struct CtsSliceHead {
     CtsScratch scratch;
     CtsHead head;
