@@ -141,10 +141,9 @@ typedef struct CtsWordWatch {
 
 /* Decode the pixels, in parallel, each slice straight into its place. The list that holds the series must still be
  * there. Refuses a series that is not renderable. Adds the decode and grey stages and the series' warnings to report.
- * table_goes: cts_volume_remove_table() comes next, and what it looks for first is marked while slices are read.
  * watch: NULL: nobody. */
-CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, const CtsWordWatch *watch, int n_threads,
-                          CtsScanned **scanned, CtsReport *report, CtsError *err);
+CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, int n_threads, CtsScanned **scanned,
+                          CtsReport *report, CtsError *err);
 
 void cts_scanned_free(CtsScanned **scanned);
 

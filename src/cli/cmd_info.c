@@ -30,7 +30,7 @@ static CtsStatus read_pixels(const CtsSource *source, const CtsSeries *series, C
     if (st)
         goto end;
     st = loaded.labels ? cts_source_read(source, &loaded, &report, &why)
-                       : cts_series_scan(series, false, NULL, source->n_threads, &loaded.scanned, &report, &why);
+                       : cts_series_scan(series, NULL, source->n_threads, &loaded.scanned, &report, &why);
     if (!st) {
         cts_pixel_facts(facts, loaded.scanned->even);
         facts->has_labels = loaded.labels;

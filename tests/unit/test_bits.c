@@ -3,7 +3,6 @@
 
 #include "base/cpu.h"
 #include "core/table/morphology.h"
-#include "core/volume/macrocells.h"
 #include "core/volume/threshold.h"
 #include "ctsplat/volume.h"
 #include <stdbool.h>
@@ -175,55 +174,9 @@ static void test_morphology(void **state)
     assert_true(disk.diamond + disk.box[0] == 16 && disk.diamond + disk.box[1] == 4);
 }
 
-/* Voxels marked as slices are added, in parts and out of order, are those of a threshold; they are handed over once,
- * and for no other level. */
-static void test_marks(void **state)
-{
-    (void)state;
-    static const int boxes[][3] = {{64, 9, 5}, {130, 31, 9}, {63, 4, 8}, {1, 1, 1}, {200, 17, 3}};
-    for (size_t i = 0; i < sizeof boxes / sizeof *boxes; i++)
-        for (int kind = 0; kind < 2; kind++) {
-            CtsVolume *v = NULL;
-            CtsMacrocells *m = NULL;
-            CtsBits marked = {0}, truth = {0};
-            uint64_t n_runs = 0, n_truth = 0;
-            uint32_t seed = 5;
-            const int *n = boxes[i], *dims = boxes[i];
-            assert_int_equal(cts_volume_new(&v, n[0], n[1], n[2], NULL), CTS_OK);
-            for (size_t at = 0; at < cts_volume_n_voxels(v); at++) {
-                seed = seed * 1664525 + 1013904223;
-                v->grey[at] = (uint16_t)(kind ? seed >> 16 : 900 + (seed >> 24));
-            }
-            const uint16_t min = kind ? 40000 : 1000;
-            assert_int_equal(cts_macrocells_begin(&m, dims, NULL), CTS_OK);
-            assert_int_equal(cts_macrocells_mark(m, min, NULL), CTS_OK);
-            for (int k = n[2] - 1; k >= 0; k--)
-                for (int j = 0; j < n[1]; j += 7)
-                    cts_macrocells_add(m, k, v->grey + (size_t)k * (size_t)n[0] * (size_t)n[1], j,
-                                       j + 7 < n[1] ? j + 7 : n[1]);
-            cts_macrocells_end(m, 2);
-            assert_int_equal(cts_bits_new(&truth, dims, NULL), CTS_OK);
-            cts_bits_threshold(&truth, v->grey, min, 1);
-            for (int k = 0; k < n[2]; k++)
-                for (int j = 0; j < n[1]; j++)
-                    n_truth += cts_bits_count_runs(cts_bits_row(&truth, j, k), truth.row_words);
-            assert_true(cts_macrocells_take_marks(m, min, &marked, &n_runs));
-            assert_memory_equal(marked.words, truth.words, cts_bits_n_words(&truth) * sizeof *truth.words);
-            assert_true(n_runs == n_truth);
-            assert_false(cts_macrocells_take_marks(m, min, &marked, &n_runs));
-            cts_bits_free(&marked);
-            assert_int_equal(cts_macrocells_mark(m, min, NULL), CTS_OK);
-            assert_false(cts_macrocells_take_marks(m, min + 1, &marked, &n_runs));
-            cts_bits_free(&truth);
-            cts_macrocells_free(&m);
-            cts_volume_free(&v);
-        }
-}
-
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_marks),
         cmocka_unit_test(test_threshold),
         cmocka_unit_test(test_morphology),
         cmocka_unit_test(test_far_reach),

@@ -155,7 +155,7 @@ static void test_scanned(void **state)
     CtsVolume *alone = load(s, 2), *first = NULL, *last = NULL;
     CtsScanned *scanned = NULL;
     CtsMadeUp made = {0};
-    assert_int_equal(cts_series_scan(s, false, NULL, 2, &scanned, NULL, &f.err), CTS_OK);
+    assert_int_equal(cts_series_scan(s, NULL, 2, &scanned, NULL, &f.err), CTS_OK);
     assert_int_equal(scanned->n_slices, 7);
     for (int k = 0; k < 7; k++)
         assert_true(scanned->position_lps[k][2] == z[k] && scanned->layer[k] == 2 * z[k]);

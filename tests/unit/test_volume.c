@@ -204,18 +204,38 @@ static void test_crop_borders(void **state)
     cts_volume_free(&v);
 }
 
-static void check_macrocells(const CtsVolume *v)
+/* Each range from its voxels, one by one. */
+static void check_ranges(const CtsVolume *v, const CtsRange *range, const int n[3], int size)
 {
-    CtsMacrocells *fresh;
-    assert_int_equal(cts_macrocells_new(&fresh, v, 1, NULL), CTS_OK);
-    const size_t n = (size_t)fresh->n[0] * (size_t)fresh->n[1] * (size_t)fresh->n[2];
-    const size_t n_fine = (size_t)fresh->n_fine[0] * (size_t)fresh->n_fine[1] * (size_t)fresh->n_fine[2];
-    assert_memory_equal(fresh->n, v->macrocells->n, sizeof fresh->n);
-    assert_memory_equal(fresh->n_fine, v->macrocells->n_fine, sizeof fresh->n_fine);
-    assert_memory_equal(fresh->range, v->macrocells->range, n * sizeof *fresh->range);
-    assert_memory_equal(fresh->fine, v->macrocells->fine, n_fine * sizeof *fresh->fine);
-    assert_memory_equal(&fresh->all, &v->macrocells->all, sizeof fresh->all);
-    cts_macrocells_free(&fresh);
+    for (int at = 0; at < n[0] * n[1] * n[2]; at++) {
+        const int low[3] = {at % n[0] * size, at / n[0] % n[1] * size, at / (n[0] * n[1]) * size};
+        CtsRange truth = {65535, 0};
+        for (int k = low[2]; k <= low[2] + size && k < v->dims[2]; k++)
+            for (int j = low[1]; j <= low[1] + size && j < v->dims[1]; j++)
+                for (int i = low[0]; i <= low[0] + size && i < v->dims[0]; i++) {
+                    const uint16_t grey = v->grey[(k * v->dims[1] + j) * v->dims[0] + i];
+                    truth.low = grey < truth.low ? grey : truth.low;
+                    truth.high = grey > truth.high ? grey : truth.high;
+                }
+        assert_true(range[at].low == truth.low && range[at].high == truth.high);
+    }
+}
+
+static void test_macrocells(void **state)
+{
+    (void)state;
+    static const int dims[][3] = {{21, 19, 10}, {9, 8, 5}, {17, 1, 9}, {1, 1, 1}, {5, 33, 16}, {4, 4, 4}};
+    for (size_t d = 0; d < sizeof dims / sizeof *dims; d++) {
+        CtsVolume *v = NULL;
+        assert_int_equal(cts_volume_new(&v, dims[d][0], dims[d][1], dims[d][2], NULL), CTS_OK);
+        for (size_t i = 0; i < cts_volume_n_voxels(v); i++)
+            v->grey[i] = (uint16_t)((uint32_t)i * 2654435761u >> 11);
+        assert_int_equal(cts_volume_prepare(v, 1 + (int)d % 3, NULL), CTS_OK);
+        check_ranges(v, v->macrocells->range, v->macrocells->n, CTS_MACROCELL);
+        check_ranges(v, v->macrocells->fine, v->macrocells->n_fine, CTS_FINE_MACROCELL);
+        check_ranges(v, &v->macrocells->all, (const int[]){1, 1, 1}, 64);
+        cts_volume_free(&v);
+    }
 }
 
 /* Rows of macro-cells: the fast version against the plain one, for every width up to a few vectors; what lies around
@@ -254,28 +274,6 @@ static void test_fold(void **state)
                 }
                 free(rows);
             }
-}
-
-/* Blocks from rows that come in parts of any size. */
-static void test_macrocells_in_parts(void **state)
-{
-    (void)state;
-    const int nx = 21, ny = 19, nz = 10;
-    CtsVolume *v = NULL;
-    assert_int_equal(cts_volume_new(&v, nx, ny, nz, NULL), CTS_OK);
-    for (uint32_t i = 0; i < (uint32_t)(nx * ny * nz); i++)
-        v->grey[i] = (uint16_t)(i * 2654435761u >> 11);
-    for (int part = 1; part <= ny; part++) {
-        assert_int_equal(cts_macrocells_begin(&v->macrocells, v->dims, NULL), CTS_OK);
-        for (int k = 0; k < nz; k++)
-            for (int first = 0; first < ny; first += part)
-                cts_macrocells_add(v->macrocells, k, v->grey + k * nx * ny, first,
-                                   first + part < ny ? first + part : ny);
-        cts_macrocells_end(v->macrocells, 1);
-        check_macrocells(v);
-        cts_macrocells_free(&v->macrocells);
-    }
-    cts_volume_free(&v);
 }
 
 /* Whole slices, cropped twice. */
@@ -363,7 +361,7 @@ int main(void)
         cmocka_unit_test(test_new),          cmocka_unit_test(test_geometry),
         cmocka_unit_test(test_inverse),      cmocka_unit_test(test_crop),
         cmocka_unit_test(test_crop_borders), cmocka_unit_test(test_crop_slices),
-        cmocka_unit_test(test_fold),         cmocka_unit_test(test_macrocells_in_parts),
+        cmocka_unit_test(test_fold),         cmocka_unit_test(test_macrocells),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

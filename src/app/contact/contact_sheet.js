@@ -161,23 +161,6 @@ function kept(key, value) {
   catch { return null; }
 }
 
-const THEMES = {auto: '◐ Auto', light: '☀ Light', dark: '☾ Dark'};
-let theme = kept('theme') in THEMES ? kept('theme') : 'auto';
-const dark = matchMedia('(prefers-color-scheme: dark)');
-function paint() {
-  const isDark = theme === 'auto' ? dark.matches : theme === 'dark';
-  document.documentElement.dataset.theme = isDark ? 'dark' : 'light';
-  $('#theme').textContent = THEMES[theme];
-  $('#theme').setAttribute('aria-label', `Colours: ${theme}`);
-}
-$('#theme').addEventListener('click', () => {
-  const names = Object.keys(THEMES);
-  theme = names[(names.indexOf(theme) + 1) % names.length];
-  kept('theme', theme);
-  paint();
-});
-dark.addEventListener('change', paint);
-
 function resize() {
   document.documentElement.style.setProperty('--preview', `${size.value}rem`);
   series.forEach(s => s.filled && spread(s));

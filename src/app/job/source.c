@@ -227,8 +227,7 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
     cts_scanned_free(&loaded->scanned);
     CtsStatus st = labels ? cts_labels_begin(labels, err) : CTS_OK;
     if (!st)
-        st = cts_series_scan(loaded->series, source->remove_table, &watch, source->n_threads, &loaded->scanned, report,
-                             err);
+        st = cts_series_scan(loaded->series, &watch, source->n_threads, &loaded->scanned, report, err);
     if (st || !labels)
         return st;
     const CtsMeter meter = cts_meter_start(report);

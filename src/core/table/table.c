@@ -54,10 +54,8 @@ static void removal_free(Removal *r)
 
 static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
 {
-    CtsStatus st;
-    if (v->macrocells && cts_macrocells_take_marks(v->macrocells, cts_dense_grey(v), &r->dense, &r->n_runs))
-        return CTS_OK; /* as slices were read */
-    if (!(st = cts_bits_new(&r->dense, v->dims, err)))
+    const CtsStatus st = cts_bits_new(&r->dense, v->dims, err);
+    if (!st)
         r->n_runs = cts_bits_threshold(&r->dense, v->grey, cts_dense_grey(v), r->n_threads);
     return st;
 }

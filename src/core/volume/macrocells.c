@@ -3,7 +3,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/volume/threshold.h"
 #include "core/volume/fold.h"
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -28,12 +27,12 @@ static inline void widen(CtsRange *r, CtsRange other)
     r->high = max16(r->high, other.high);
 }
 
-/* Rows first <= bj < end of a slice's fine macro-cells, widened in range[bj * n_fine[0] + bi]. */
-static void fold_slice(const CtsMacrocells *b, const uint16_t *slice, int first, int end, CtsRange *range)
+/* The range of a layer's fine macro-cells, range[bj * n_fine[0] + bi], widened by a slice. */
+static void fold_slice(const CtsMacrocells *b, const uint16_t *slice, CtsRange *range)
 {
     const cts_fold_fn fold = cts_fold(cts_cpu_flags());
     const int nx = b->dims[0], ny = b->dims[1];
-    for (int bj = first; bj < end; bj++) {
+    for (int bj = 0; bj < b->n_fine[1]; bj++) {
         const int j0 = bj * CTS_FINE_MACROCELL, n_rows = ny - j0 < REACH ? ny - j0 : REACH;
         fold(slice + (size_t)j0 * (size_t)nx, (size_t)nx, n_rows, nx, range + (size_t)bj * (size_t)b->n_fine[0],
              b->n_fine[0]);
@@ -65,15 +64,7 @@ static void count_macrocells(CtsMacrocells *b, int axis, int n)
     b->n_fine[axis] = (cells - 1) / CTS_FINE_MACROCELL + 1;
 }
 
-static void forget_marks(CtsMacrocells *b)
-{
-    if (b->dense)
-        cts_bits_free(b->dense);
-    cts_free(&b->dense);
-    cts_free(&b->dense_runs);
-}
-
-CtsStatus cts_macrocells_begin(CtsMacrocells **macrocells, const int dims[3], CtsError *err)
+CtsStatus cts_macrocells_new_unset(CtsMacrocells **macrocells, const int dims[3], CtsError *err)
 {
     CtsStatus st = CTS_OK;
     CtsMacrocells *b = *macrocells = calloc(1, sizeof *b);
@@ -81,84 +72,10 @@ CtsStatus cts_macrocells_begin(CtsMacrocells **macrocells, const int dims[3], Ct
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     for (int axis = 0; axis < 3; axis++)
         count_macrocells(b, axis, dims[axis]);
-    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
     if ((st = cts_alloc_array(&b->range, product(b->n), err)) ||
-        (st = cts_alloc_array(&b->fine, product(b->n_fine), err)) ||
-        (st = cts_alloc_array(&b->shared, layer * ((size_t)b->n_fine[2] + 1), err)) ||
-        (st = cts_alloc_zeroed(&b->begun, (size_t)b->n_fine[2], err)))
+        (st = cts_alloc_array(&b->fine, product(b->n_fine), err)))
         cts_macrocells_free(macrocells);
     return st;
-}
-
-CtsStatus cts_macrocells_mark(CtsMacrocells *b, uint16_t dense_min, CtsError *err)
-{
-    CtsStatus st = cts_alloc_zeroed(&b->dense, 1, err);
-    if (st || (st = cts_bits_new(b->dense, b->dims, err)) ||
-        (st = cts_alloc_zeroed(&b->dense_runs, (size_t)b->dims[2], err)))
-        forget_marks(b);
-    b->dense_min = dense_min;
-    return st;
-}
-
-bool cts_macrocells_take_marks(CtsMacrocells *b, uint16_t dense_min, CtsBits *dense, uint64_t *n_runs)
-{
-    const bool has = b->dense && b->dense_min == dense_min;
-    *n_runs = 0;
-    for (int k = 0; has && k < b->dims[2]; k++)
-        *n_runs += b->dense_runs[k];
-    if (has) {
-        *dense = *b->dense;
-        b->dense->words = NULL;
-    }
-    forget_marks(b);
-    return has;
-}
-
-static void mark_rows(CtsMacrocells *b, int k, const uint16_t *slice, int first, int end)
-{
-    const int nx = b->dims[0];
-    for (int j = first; j < end; j++) {
-        uint64_t *row = cts_bits_row(b->dense, j, k);
-        cts_bits_threshold_row(row, slice + (size_t)j * (size_t)nx, nx, b->dense_min);
-        b->dense_runs[k] += cts_bits_count_runs(row, b->dense->row_words);
-    }
-}
-
-/* How many rows of fine macro-cells the first n_rows rows of a slice complete. */
-static int complete_rows(const CtsMacrocells *b, int n_rows)
-{
-    return n_rows == b->dims[1] ? b->n_fine[1] : n_rows > 0 ? (n_rows - 1) / CTS_FINE_MACROCELL : 0;
-}
-
-/* By who adds its first slice, which takes the system's time to find memory off who began. */
-static CtsRange *begin_layer(CtsMacrocells *b, int bk)
-{
-    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
-    CtsRange *const own = b->fine + (size_t)bk * layer;
-    if (!b->begun[bk])
-        clear(own, layer);
-    b->begun[bk] = true;
-    return own;
-}
-
-void cts_macrocells_add(CtsMacrocells *b, int k, const uint16_t *slice, int first, int end)
-{
-    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
-    const int bk = k / CTS_FINE_MACROCELL, bj0 = complete_rows(b, first), bj1 = complete_rows(b, end);
-    if (b->dense)
-        mark_rows(b, k, slice, first, end);
-    CtsRange *const own = bk < b->n_fine[2] ? begin_layer(b, bk) : NULL;
-    if (k % CTS_FINE_MACROCELL > 0) {
-        fold_slice(b, slice, bj0, bj1, own);
-        return;
-    }
-    /* The slice on which two macro-cells meet: kept apart, since the macro-cell before may be another thread's. */
-    CtsRange *shared = b->shared + (size_t)bk * layer;
-    const size_t at = (size_t)bj0 * (size_t)b->n_fine[0], n = (size_t)(bj1 - bj0) * (size_t)b->n_fine[0];
-    clear(shared + at, n);
-    fold_slice(b, slice, bj0, bj1, shared);
-    if (own)
-        widen_row(own + at, shared + at, (int)n);
 }
 
 /* One row of coarse macro-cells from the up to four rows of fine ones that it covers. */
@@ -214,49 +131,33 @@ void cts_macrocells_sum(CtsMacrocells *b, int n_threads)
     b->all = atomic_load(&summing.all);
 }
 
-static void add_shared(void *context, int worker, size_t first, size_t end)
-{
-    CtsMacrocells *const b = context;
-    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1];
-    (void)worker;
-    for (size_t bk = first; bk < end; bk++) {
-        CtsRange *const own = begin_layer(b, (int)bk);
-        if (((int)bk + 1) * CTS_FINE_MACROCELL < b->dims[2])
-            widen_row(own, b->shared + (bk + 1) * layer, (int)layer);
-    }
-}
-
-void cts_macrocells_end(CtsMacrocells *b, int n_threads)
-{
-    cts_parallel(n_threads, (size_t)b->n_fine[2], 0, add_shared, b);
-    cts_macrocells_sum(b, n_threads);
-    cts_free(&b->shared);
-    cts_free(&b->begun);
-}
-
-typedef struct Adding {
+typedef struct Folding {
     CtsMacrocells *macrocells;
     const CtsVolume *volume;
-} Adding;
+} Folding;
 
-/* The slices of one layer of macro-cells are one worker's. */
-static void add_slices(void *context, int worker, size_t first, size_t end)
+/* Layers of fine macro-cells; the slice on which two of them meet is folded into both. */
+static void fold_layers(void *context, int worker, size_t first, size_t end)
 {
-    const Adding *const a = context;
-    const CtsVolume *v = a->volume;
+    const Folding *const f = context;
+    const CtsMacrocells *const b = f->macrocells;
+    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1], slice = (size_t)b->dims[0] * (size_t)b->dims[1];
     (void)worker;
-    for (size_t k = first; k < end; k++)
-        cts_macrocells_add(a->macrocells, (int)k, v->grey + k * (size_t)v->dims[0] * (size_t)v->dims[1], 0, v->dims[1]);
+    for (size_t bk = first; bk < end; bk++) {
+        clear(b->fine + bk * layer, layer);
+        for (size_t k = bk * CTS_FINE_MACROCELL; k < bk * CTS_FINE_MACROCELL + REACH && k < (size_t)b->dims[2]; k++)
+            fold_slice(b, f->volume->grey + k * slice, b->fine + bk * layer);
+    }
 }
 
 CtsStatus cts_macrocells_new(CtsMacrocells **macrocells, const CtsVolume *volume, int n_threads, CtsError *err)
 {
-    const CtsStatus st = cts_macrocells_begin(macrocells, volume->dims, err);
+    const CtsStatus st = cts_macrocells_new_unset(macrocells, volume->dims, err);
     if (st)
         return st;
-    Adding adding = {*macrocells, volume};
-    cts_parallel(n_threads, (size_t)volume->dims[2], CTS_FINE_MACROCELL, add_slices, &adding);
-    cts_macrocells_end(*macrocells, n_threads);
+    Folding folding = {*macrocells, volume};
+    cts_parallel(n_threads, (size_t)(*macrocells)->n_fine[2], 0, fold_layers, &folding);
+    cts_macrocells_sum(*macrocells, n_threads);
     return CTS_OK;
 }
 
@@ -269,15 +170,13 @@ static void map_ranges(CtsRange *to, const CtsRange *from, size_t n, const uint1
 CtsStatus cts_macrocells_map(CtsMacrocells **mapped, const CtsMacrocells *macrocells, const uint16_t *level,
                              CtsError *err)
 {
-    const CtsStatus st = cts_macrocells_begin(mapped, macrocells->dims, err);
+    const CtsStatus st = cts_macrocells_new_unset(mapped, macrocells->dims, err);
     if (st)
         return st;
     CtsMacrocells *m = *mapped;
     map_ranges(m->range, macrocells->range, product(m->n), level);
     map_ranges(m->fine, macrocells->fine, product(m->n_fine), level);
     map_ranges(&m->all, &macrocells->all, 1, level);
-    cts_free(&m->shared);
-    cts_free(&m->begun);
     return CTS_OK;
 }
 
@@ -287,9 +186,6 @@ void cts_macrocells_free(CtsMacrocells **macrocells)
         return;
     cts_free(&(*macrocells)->range);
     cts_free(&(*macrocells)->fine);
-    cts_free(&(*macrocells)->shared);
-    cts_free(&(*macrocells)->begun);
-    forget_marks(*macrocells);
     free(*macrocells);
     *macrocells = NULL;
 }

@@ -141,7 +141,7 @@ static void show_layers(void *context, int worker, size_t begin, size_t end)
 static CtsStatus show_macrocells(CtsOwners *o, const CtsVolume *volume, int n_threads, CtsError *err)
 {
     const CtsMacrocells *const all = volume->macrocells;
-    const CtsStatus st = cts_macrocells_begin(&o->shown->macrocells, volume->dims, err);
+    const CtsStatus st = cts_macrocells_new_unset(&o->shown->macrocells, volume->dims, err);
     const size_t n = (size_t)o->n_block[0] * (size_t)o->n_block[1] * (size_t)o->n_block[2];
     CtsMacrocells *const m = o->shown->macrocells;
     for (size_t i = 0; !st && i < n; i++)
@@ -150,8 +150,6 @@ static CtsStatus show_macrocells(CtsOwners *o, const CtsVolume *volume, int n_th
                                                        : all->fine[i];
     if (st)
         return st;
-    cts_free(&m->shared);
-    cts_free(&m->begun);
     cts_macrocells_sum(m, n_threads);
     return CTS_OK;
 }

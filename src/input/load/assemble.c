@@ -7,8 +7,6 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "core/volume/grey.h"
-#include "core/volume/macrocells.h"
-#include "core/volume/threshold.h"
 #include "core/volume/volume_new.h"
 #include "input/codec/pixels.h"
 #include "input/header/slice.h"
@@ -23,7 +21,7 @@
 #include <string.h>
 
 #define HU_OFFSET (-1024.0)
-enum { GREY_MAX = 65535, CELL_LOCKS = 16 };
+enum { GREY_MAX = 65535 };
 
 /* What the threads share while slices become layers. */
 typedef struct Assembly {
@@ -36,9 +34,6 @@ typedef struct Assembly {
     bool whole_numbers;                     /* every slope and intercept is one */
     CtsStoredRange *ranges;                 /* of each slice */
     uint16_t *samples;                      /* CTS_SAMPLES of each slice */
-    CtsMacrocells *macrocells;              /* made on the way while a slice is in the cache; NULL: not now */
-    pthread_mutex_t cell_locks[CELL_LOCKS]; /* each of some layers of them */
-    bool compressed;
     double busy[CTS_N_STAGES];
     uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
     char **faults; /* of slices whose pixels are damaged, else NULL; the caller's, n_slices of them */
@@ -64,11 +59,10 @@ typedef struct Arrival {
     int k;
     CtsStored stored;
     cts_grey_whole_fn to_grey;
-    int n_rows; /* whole ones so far */
     double grey_ms;
 } Arrival;
 
-/* Words first <= n < end become grey levels and part of their macro-cells while they are in the cache. */
+/* Words first <= n < end become grey levels while they are in the cache. */
 static void take_words(void *context, const uint16_t *at, size_t first, size_t end)
 {
     Arrival *const in = context;
@@ -85,14 +79,6 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
         memcpy(layer + first, at, (end - first) * sizeof *at);
     CtsStoredRange *const all = &a->ranges[in->k];
     *all = cts_stored_range_join(*all, r);
-    const int n_rows = (int)(end / (size_t)s->columns);
-    if (a->macrocells) {
-        pthread_mutex_t *const lock = &a->cell_locks[in->k / CTS_FINE_MACROCELL % CELL_LOCKS];
-        pthread_mutex_lock(lock);
-        cts_macrocells_add(a->macrocells, in->k, layer, in->n_rows, n_rows);
-        pthread_mutex_unlock(lock);
-    }
-    in->n_rows = n_rows;
     in->grey_ms += cts_wall_ms() - start;
 }
 
@@ -149,7 +135,6 @@ typedef struct Reading {
     cts_grey_whole_fn to_grey;
     Reader *readers;
     pthread_mutex_t lock; /* of the assembly's failures */
-    int n_groups;         /* units of several slices; further ones are single slices */
 } Reading;
 
 static bool is_stopped(const CtsWordWatch *watch)
@@ -176,10 +161,12 @@ static void read_held(Reading *r, Reader *reader)
 }
 
 /* While a worker takes a slice from its decoder, the next is decoded. */
-static void read_some(Reading *r, Reader *reader, int first, int end)
+static void read_some(void *context, int worker, size_t first, size_t end)
 {
+    Reading *const r = context;
+    Reader *const reader = &r->readers[worker];
     const Assembly *const a = r->assembly;
-    for (int k = first; k < end && k < a->n_slices; k++) {
+    for (int k = (int)first; k < (int)end; k++) {
         const bool begun =
             k <= atomic_load(&a->stop) && !is_stopped(a->watch) && cts_slice_begin(&a->slices[k], &reader->decoder);
         read_held(r, reader);
@@ -187,20 +174,6 @@ static void read_some(Reading *r, Reader *reader, int first, int end)
             reader->held = k;
         else
             read_one(r, reader, k);
-    }
-}
-
-/* A unit is the slices of one layer of macro-cells, which no other worker then waits for, nor for their memory; towards
- * the end of a compressed series one slice, so that all workers end at once. */
-static void read_units(void *context, int worker, size_t first, size_t end)
-{
-    Reading *const r = context;
-    for (int u = (int)first; u < (int)end; u++) {
-        const int single = u - r->n_groups, k = r->n_groups * CTS_FINE_MACROCELL + single;
-        if (single < 0)
-            read_some(r, &r->readers[worker], u * CTS_FINE_MACROCELL, (u + 1) * CTS_FINE_MACROCELL);
-        else
-            read_some(r, &r->readers[worker], k, k + 1);
     }
 }
 
@@ -215,18 +188,10 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
                        .lock = PTHREAD_MUTEX_INITIALIZER};
     for (int t = 0; t < a->n_threads; t++)
         readers[t].held = -1;
-    for (int i = 0; i < CELL_LOCKS; i++)
-        pthread_mutex_init(&a->cell_locks[i], NULL);
-    const int n_tail = a->compressed ? CTS_FINE_MACROCELL * a->n_threads : 0;
-    reading.n_groups = n_tail < a->n_slices ? (a->n_slices - n_tail + CTS_FINE_MACROCELL - 1) / CTS_FINE_MACROCELL : 0;
-    const int n_grouped = reading.n_groups * CTS_FINE_MACROCELL;
-    const int n_single = n_grouped < a->n_slices ? a->n_slices - n_grouped : 0;
-    cts_parallel(a->n_threads, (size_t)(reading.n_groups + n_single), 1, read_units, &reading);
+    cts_parallel(a->n_threads, (size_t)a->n_slices, 1, read_some, &reading);
     for (int t = 0; t < a->n_threads; t++)
         read_held(&reading, &readers[t]);
     pthread_mutex_destroy(&reading.lock);
-    for (int i = 0; i < CELL_LOCKS; i++)
-        pthread_mutex_destroy(&a->cell_locks[i]);
     a->busy[CTS_STAGE_DECODE] = a->busy[CTS_STAGE_GREY] = 0;
     for (int t = 0; t < a->n_threads; t++) {
         a->busy[CTS_STAGE_DECODE] += readers[t].busy[CTS_STAGE_DECODE];
@@ -423,7 +388,6 @@ typedef struct Loading {
     char **faults; /* what was found of damaged ones while they were read; owned */
     int n_slices, n_threads;
     bool some_dropped;
-    bool marks_dense; /* for who removes the table */
 } Loading;
 
 static CtsStatus read_nifti(Loading *in, CtsReport *report, CtsError *err)
@@ -501,26 +465,7 @@ static CtsStatus plan_stack(const Loading *in, CtsSliceStack *stack, CtsReport *
     return st;
 }
 
-/* Grey levels and range of every slice; macro-cells of what is not converted or resampled later. */
-static CtsStatus read_layers(Assembly *a, bool even, bool marks_dense, CtsVolume *v, CtsReport *report, CtsError *err)
-{
-    CtsStatus st = CTS_OK;
-    if (a->whole_numbers && even)
-        st = cts_macrocells_begin(&a->macrocells, v->dims, err);
-    if (!st && a->macrocells && marks_dense)
-        st = cts_macrocells_mark(a->macrocells, cts_dense_grey(v), err);
-    if (!st)
-        st = read_slices(a, report, err);
-    if (!st && a->macrocells) {
-        cts_macrocells_end(a->macrocells, a->n_threads);
-        v->macrocells = a->macrocells;
-        a->macrocells = NULL;
-    }
-    cts_macrocells_free(&a->macrocells);
-    return st;
-}
-
-static CtsStatus fill(const Loading *in, bool even, int offset, CtsVolume *v, CtsReport *report, CtsError *err)
+static CtsStatus fill(const Loading *in, int offset, CtsVolume *v, CtsReport *report, CtsError *err)
 {
     const int n_threads = in->n_threads;
     Assembly a = {.slices = in->slices,
@@ -532,15 +477,13 @@ static CtsStatus fill(const Loading *in, bool even, int offset, CtsVolume *v, Ct
                   .whole_numbers = true};
     a.layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
     a.first = v->grey + (size_t)offset * a.layer_voxels;
-    for (int k = 0; k < a.n_slices; k++) {
+    for (int k = 0; k < a.n_slices; k++)
         a.whole_numbers &= whole_number(a.slices[k].slope) && whole_number(a.slices[k].intercept);
-        a.compressed |= cts_slice_is_compressed(&a.slices[k]);
-    }
     CtsStatus st = cts_alloc_array(&a.ranges, (size_t)a.n_slices, err);
     if (!st)
         st = cts_alloc_array(&a.samples, (size_t)a.n_slices * CTS_SAMPLES, err);
     if (!st)
-        st = read_layers(&a, even, in->marks_dense, v, report, err);
+        st = read_slices(&a, report, err);
     if (!st) {
         find_hu_range(&a, v);
         st = check_range(&a, v, err);
@@ -616,7 +559,7 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScan
     if (!even) /* on average */
         v->slice_layers = (int)fmax(floor((stack.n_layers - 1.0) / fmax(in->n_slices - 1, 1) + 0.5), 1);
     place_volume(v, in->slices, in->n_slices, &stack);
-    st = fill(in, even, offset, v, report, err);
+    st = fill(in, offset, v, report, err);
 end:
     if (st)
         cts_scanned_free(scanned);
@@ -625,10 +568,10 @@ end:
 }
 
 /* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
-static CtsStatus load(const CtsSeries *series, bool marks_dense, const CtsWordWatch *watch, int n_threads,
+static CtsStatus load(const CtsSeries *series, const CtsWordWatch *watch, int n_threads,
                       CtsScanned **scanned, CtsReport *report, CtsError *err)
 {
-    Loading in = {.watch = watch, .marks_dense = marks_dense};
+    Loading in = {.watch = watch};
     CtsError why = {0};
     CtsStatus st = begin_loading(&in, series, n_threads, report, &why);
     int n_bad = 0;
@@ -648,8 +591,8 @@ static CtsStatus load(const CtsSeries *series, bool marks_dense, const CtsWordWa
     return st;
 }
 
-CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, const CtsWordWatch *watch, int n_threads,
-                          CtsScanned **scanned, CtsReport *report, CtsError *err)
+CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, int n_threads, CtsScanned **scanned,
+                          CtsReport *report, CtsError *err)
 {
     double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
     *scanned = NULL;
@@ -660,10 +603,10 @@ CtsStatus cts_series_scan(const CtsSeries *series, bool table_goes, const CtsWor
     }
     if (report)
         stage_times(report, &wall_before, &cpu_before);
-    const CtsStatus st = load(series, table_goes, watch, cts_threads(n_threads), scanned, report, err);
+    const CtsStatus st = load(series, watch, cts_threads(n_threads), scanned, report, err);
     if (report)
         stage_times(report, &wall_after, &cpu_after);
-    /* What is not reading slices is making grey levels of them: memory, fractions, macro-cell ranges. */
+    /* What is not reading slices is making grey levels of them: memory, fractions. */
     wall = cts_wall_ms() - wall - (wall_after - wall_before);
     cpu = cts_cpu_ms() - cpu - (cpu_after - cpu_before);
     cts_report_stage(report, CTS_STAGE_GREY, fmax(wall, 0), fmax(cpu, 0), 0, 0);

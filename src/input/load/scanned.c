@@ -98,7 +98,6 @@ CtsStatus cts_scanned_volume(CtsScanned *s, CtsInterpolation how, bool hand_over
     const CtsStatus st = hand_over ? take(s, volume, err) : copy(s, volume, err);
     if (st)
         return st;
-    s->even->macrocells = NULL; /* go to the first volume: they are its own while nothing has changed it */
     if (s->layer)
         resample(s, *volume, how, cts_threads(n_threads), made);
     return CTS_OK;
@@ -110,7 +109,7 @@ CtsStatus cts_series_load(const CtsSeries *series, int n_threads, const volatile
     CtsScanned *scanned = NULL;
     CtsMadeUp made = {0};
     *volume = NULL;
-    CtsStatus st = cts_series_scan(series, false, &(CtsWordWatch){.stop = stop}, n_threads, &scanned, report, err);
+    CtsStatus st = cts_series_scan(series, &(CtsWordWatch){.stop = stop}, n_threads, &scanned, report, err);
     if (!st)
         st = cts_scanned_volume(scanned, CTS_INTERPOLATION_LINEAR, true, n_threads, volume, &made, err);
     cts_scanned_free(&scanned);
