@@ -14,7 +14,7 @@ src/base          | | openssl/ jansson.h dlfcn.h link.h seccomp.h malloc.h
 src/core/volume   | | immintrin.h emmintrin.h
 src/core/labels   | core/volume/ |
 src/core/table    | core/volume/ |
-src/core/transfer | |
+src/core/transfer | | expat.h
 src/core/scene    | core/volume/ core/transfer/lut.h |
 src/input/files   | | zlib.h zip.h
 src/input/header  | core/volume/stored.h core/volume/box.h input/files/ |

@@ -7,6 +7,7 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
 {
+    static const char *const names[] = {"fuzz.json", "fuzz.vp", "fuzz.xml"};
     char *text = malloc(n + 2);
     CtsPreset preset;
     CtsError err = {0};
@@ -16,7 +17,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     }
     memcpy(text, data, n);
     text[n] = 0;
-    const CtsStatus st = cts_preset_parse(text, n, "fuzz.json", NULL, &preset, &err);
+    const CtsStatus st = cts_preset_parse(text, n, names[data[0] % 3], NULL, &preset, &err);
     assert(st == CTS_OK || (err.text[0] && err.status == st));
     for (int i = 1; !st && i < preset.n_opacity; i++)
         assert(preset.opacity[i].hu >= preset.opacity[i - 1].hu);

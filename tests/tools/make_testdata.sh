@@ -126,3 +126,20 @@ cat >"$fuzz/preset/json" <<'END'
   "colour_points": [ {"hu": 0, "rgb": [0, 0, 0]}, {"hu": 1000, "rgb": [1, 1, 1]} ],
   "shade": {"ambient": 0.2, "diffuse": 0.8, "specular": 0.3, "power": 20}, "remove_table": true }
 END
+cat >"$fuzz/preset/vp" <<'END'
+1
+1
+0.9
+0.1
+0.2
+10
+4 100 0 1000 1
+4 0 1 255 1
+8 100 0 0 0 1000 1 1 1
+END
+cat >"$fuzz/preset/xml" <<'END'
+<?xml version="1.0"?>
+<MRML><VolumeProperty name="tiny" gradientOpacity="4 0 1 255 1" scalarOpacity="4 100 0 1000 1" specular="0.2"
+  interpolation="1" shade="1" ambient="0.1" diffuse="0.9" colorTransfer="8 100 0 0 0 1000 1 1 1" specularPower="10"/>
+</MRML>
+END

@@ -173,6 +173,71 @@ static void json_round_trip(void **state)
     }
 }
 
+#define VP_OPACITY "8 -3024 0 -16.4458 0 641.385 0.715686 3071 0.705882"
+#define VP_COLOUR "16 -3024 0 0 0 -16.4458 0.729412 0.254902 0.301961 641.385 0.905882 0.815686 0.552941 3071 1 1 1"
+#define VP "1\n1\n0.9\n0.1\n0.2\n10\n" VP_OPACITY "\n4 0 1 255 1\n" VP_COLOUR "\n"
+#define XML_ELEMENT(name)                                                                                              \
+    "<VolumeProperty name=\"" name "\" interpolation=\"1\" shade=\"1\" diffuse=\"0.9\" ambient=\"0.1\" "               \
+    "specular=\"0.2\" specularPower=\"10\" scalarOpacity=\"" VP_OPACITY "\" gradientOpacity=\"4 0 1 255 1\" "          \
+    "colorTransfer=\"" VP_COLOUR "\" effectiveRange=\"-16.4458 641.385\"/>"
+#define XML "<?xml version=\"1.0\"?>\n<MRML>\n" XML_ELEMENT("CT-Bone") "\n" XML_ELEMENT("Other") "\n</MRML>\n"
+
+static const CtsPreset *slicer_bone(void)
+{
+    const CtsPreset *p;
+    for (size_t i = 0; (p = cts_preset_builtin(i)); i++)
+        if (!strcmp(p->name, "ct-bone"))
+            return p;
+    return NULL;
+}
+
+/* Slicer's own text gives the built-in preset of that name, but for the table, of which a file says nothing. */
+static void slicer_text(void **state)
+{
+    (void)state;
+    CtsPreset p, expected = *slicer_bone();
+    CtsError err = {0};
+    expected.remove_table = false;
+    assert_int_equal(cts_preset_parse(XML, strlen(XML), "presets.xml", "ct-BONE", &p, &err), CTS_OK);
+    strcpy(expected.name, "CT-Bone");
+    same(&p, &expected);
+    assert_string_equal(p.note, "");
+    assert_int_equal(cts_preset_parse(VP, strlen(VP), "folder/My Bone.vp", NULL, &p, &err), CTS_OK);
+    strcpy(expected.name, "My Bone");
+    expected.window_low_hu = -3024; /* a .vp file has no effective range */
+    expected.window_high_hu = 3071;
+    same(&p, &expected);
+
+    assert_int_equal(cts_preset_parse(XML, strlen(XML), "f", NULL, &p, &err), CTS_ERR_PRESET);
+    assert_string_equal(err.text, "f: holds 2 presets (take one by adding #NAME: CT-Bone Other)");
+    assert_int_equal(cts_preset_parse(XML, strlen(XML), "f", "none", &p, &err), CTS_ERR_PRESET);
+    assert_non_null(strstr(err.text, "there are: CT-Bone Other"));
+}
+
+static void slicer_text_refused(void **state)
+{
+    (void)state;
+    refused("1\n1\n", 3, "scalarOpacity is missing");
+    refused("1\n1\nx\n", 3, "diffuse is not a number");
+    refused("1\n1\n0.9\n0.1\n0.2\n10\n7 0 1 2\n", 7, "scalarOpacity does not begin with the count");
+    refused("1\n1\n0.9\n0.1\n0.2\n10\n4 0 1 2\n", 7, "has 3 numbers where it says 4");
+    refused("1\n1\n0.9\n0.1\n0.2\n10\n4 0 1 2 1 3\n", 7, "more numbers than the 4");
+    refused("1\n1\n0.9\n0.1\n0.2\n10\n4 0 1 -2 1\n", 7, "falls from 0 to -2");
+    refused("1\n1\n0.9\n0.1\n0.2\n10\n4 0 1 2 1.5\n", 7, "1.5");
+    refused("1\n1\n0.9\n0.1\n0.2\n10\n4 0 1 2 nan\n", 7, "");
+    refused("1\n1\n0.9\n0.1\n0.2\n10\n1e300 0 1 2 0\n", 7, "count");
+    refused("1\n1\n0.9\n0.1\n0.2\n10\n2 0 1\n2 0 1\n\n", 9, "colorTransfer is missing");
+    refused(VP "more", 10, "after the nine lines");
+    refused("<MRML>\n<VolumeProperty\nname=\"x\"/>", 3, "");
+    refused("<MRML>\n\n<VolumeProperty\nname=\"x\"/></MRML>", 3, "scalarOpacity");
+    refused("<!DOCTYPE a [<!ENTITY b \"c\">]><MRML/>", 1, "document type");
+    CtsPreset p;
+    CtsError err = {0};
+    assert_int_equal(parse("<MRML></MRML>", &p, &err), CTS_ERR_PRESET);
+    assert_string_equal(err.text, "f: holds no VolumeProperty");
+    assert_int_equal(cts_preset_parse("1\n\0", 3, "f", NULL, &p, &err), CTS_ERR_PRESET);
+}
+
 #define SLICER_COMPONENT                                                                                               \
     "{\"shade\": true, \"scalarOpacityUnitDistance\": 2,\n"                                                            \
     "\"lighting\": {\"ambient\": 0.1, \"diffuse\": 0.9, \"specular\": 0.2, \"specularPower\": 10},\n"                  \
@@ -209,9 +274,6 @@ static void slicer_json(void **state)
     refused(SLICER_JSON(""), 3, "components has 0 entries");
     refused(SLICER_JSON("{\n\"scalarOpacity\": {\"points\": [{\"x\": 1, \"y\":\n2}]}}"), 5, "y is 2");
     refused("{\"volumeProperties\": 7}", 1, "not a list");
-    /* Its older forms. */
-    refused("1\n1\n0.9\n0.1\n0.2\n10\n", 1, ".vp.json");
-    refused("<?xml version=\"1.0\"?>\n<MRML/>", 1, ".vp.json");
 }
 
 /* Whatever the bytes, a preset that is taken keeps the promises of ctsplat/preset.h. */
@@ -249,13 +311,13 @@ static void mutations(void **state)
         "0.25},"
         "{\"hu\": 1.5e2, \"rgb\": [0, 0.5, 1], \"opacity\": 1}], \"mode\": \"mip\", \"shade\": {\"power\": 7},\n"
         "\"background\": \"#ff8000\", \"unit_distance_mm\": 2, \"remove_table\": false}",
-        SLICER_JSON(SLICER_COMPONENT)};
+        VP, XML, SLICER_JSON(SLICER_COMPONENT)};
     const char bytes[] = "0123456789-+.eE,:{}[]\"\\ \n\r\t<>/#nulltruefalse\0\x01\x7f\xc3\xff";
     uint32_t seed = 20261121;
     CtsPreset preset;
     int taken = 0;
     for (int round = 0; round < 40000; round++) {
-        const char *text = seeds[round % 2];
+        const char *text = seeds[round % 4];
         size_t n = strlen(text);
         char *copy = malloc(2 * n + 16);
         memcpy(copy, text, n);
@@ -323,9 +385,11 @@ static void sizes(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(json_read),  cmocka_unit_test(json_window),     cmocka_unit_test(json_refused),
-        cmocka_unit_test(json_lines), cmocka_unit_test(json_round_trip), cmocka_unit_test(slicer_json),
-        cmocka_unit_test(mutations),  cmocka_unit_test(sizes),
+        cmocka_unit_test(json_read),           cmocka_unit_test(json_window),
+        cmocka_unit_test(json_refused),        cmocka_unit_test(json_lines),
+        cmocka_unit_test(json_round_trip),     cmocka_unit_test(slicer_text),
+        cmocka_unit_test(slicer_text_refused), cmocka_unit_test(slicer_json),
+        cmocka_unit_test(mutations),           cmocka_unit_test(sizes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

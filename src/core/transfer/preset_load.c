@@ -131,10 +131,17 @@ CtsStatus cts_preset_parse(const char *text, size_t size, const char *name, cons
         first++;
     if (first == size)
         return cts_fail(err, CTS_ERR_PRESET, "%s: line 1: the preset is empty", name);
-    if (text[first] == '<' || (text[first] >= '0' && text[first] <= '9'))
-        return cts_fail(err, CTS_ERR_PRESET,
-                        "%s: line 1: no JSON (3D Slicer saves its older forms, .vp and XML, as .vp.json)", name);
-    st = parse_json(text, size, name, which, preset, err);
+    if (text[first] == '<') {
+        st = cts_preset_from_xml(text, size, name, which, preset, err);
+    } else if (text[first] >= '0' && text[first] <= '9' && !which) {
+        char *copy = memchr(text, 0, size) ? NULL : strndup(text, size);
+        if (!copy)
+            return cts_fail(err, CTS_ERR_PRESET, "%s: not a preset: a byte 0 in its text", name);
+        st = cts_preset_from_vp(copy, name, preset, err);
+        free(copy);
+    } else {
+        st = parse_json(text, size, name, which, preset, err);
+    }
     if (!st && !preset->name[0])
         name_after_file(preset, name);
     return st;

@@ -34,4 +34,34 @@ CtsStatus cts_preset_from_json(const CtsJson *json, const char *which, CtsPreset
 /* Slicer's volume property JSON. */
 CtsStatus cts_preset_from_slicer_json(const CtsJson *json, const char *which, CtsPreset *preset, CtsError *err);
 
+/* One value of a Slicer volume property as text, and the line of its file. */
+typedef struct CtsVtkText {
+    const char *text; /* NULL: not given */
+    int line;
+} CtsVtkText;
+
+/* In the order of the lines of a .vp file. */
+enum {
+    CTS_VTK_INTERPOLATION,
+    CTS_VTK_SHADE,
+    CTS_VTK_DIFFUSE,
+    CTS_VTK_AMBIENT,
+    CTS_VTK_SPECULAR,
+    CTS_VTK_POWER,
+    CTS_VTK_OPACITY,
+    CTS_VTK_GRADIENT,
+    CTS_VTK_COLOUR,
+    CTS_VTK_N_LINES,
+    CTS_VTK_RANGE = CTS_VTK_N_LINES, /* effectiveRange, in XML alone */
+    CTS_VTK_N
+};
+/* Their names as XML attributes. */
+extern const char *const cts_vtk_names[CTS_VTK_N];
+
+CtsStatus cts_preset_from_vtk(const char *name, const CtsVtkText values[CTS_VTK_N], CtsPreset *preset, CtsError *err);
+/* text ends with a 0 byte. */
+CtsStatus cts_preset_from_vp(const char *text, const char *name, CtsPreset *preset, CtsError *err);
+CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, const char *which, CtsPreset *preset,
+                              CtsError *err);
+
 #endif

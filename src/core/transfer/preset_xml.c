@@ -1,0 +1,101 @@
+/* Slicer's presets.xml (or a scene): the VolumeProperty element asked for. */
+#include "core/transfer/preset_read.h"
+
+#include <expat.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+typedef struct Search {
+    XML_Parser parser;
+    const char *which; /* NULL: the only one */
+    char *texts[CTS_VTK_N];
+    int line;
+    int n_found, n_chosen;
+    char name[64];
+    char names[500]; /* of all found, for the message */
+    bool failed;     /* out of memory, or a document type */
+    const char *why;
+} Search;
+
+static const char *attribute(const char *const *attributes, const char *name)
+{
+    for (; *attributes; attributes += 2)
+        if (!strcmp(attributes[0], name))
+            return attributes[1];
+    return NULL;
+}
+
+static void give_up(Search *search, const char *why)
+{
+    search->failed = true;
+    search->why = why;
+    XML_StopParser(search->parser, XML_FALSE);
+}
+
+static void on_element(void *user, const char *element, const char **attributes)
+{
+    Search *search = user;
+    if (strcmp(element, "VolumeProperty"))
+        return;
+    const char *name = attribute(attributes, "name");
+    search->n_found++;
+    const size_t n = strlen(search->names);
+    snprintf(search->names + n, sizeof search->names - n, " %.60s", name ? name : "(no name)");
+    if (search->which && (!name || strcasecmp(name, search->which)))
+        return;
+    if (search->n_chosen++)
+        return;
+    snprintf(search->name, sizeof search->name, "%s", name ? name : "");
+    search->line = (int)XML_GetCurrentLineNumber(search->parser);
+    for (int i = 0; i < CTS_VTK_N; i++) {
+        const char *text = attribute(attributes, cts_vtk_names[i]);
+        if (text && !(search->texts[i] = strdup(text)))
+            give_up(search, "out of memory");
+    }
+}
+
+/* Presets need none, and entities are a way to blow a file up. */
+static void on_doctype(void *user, const char *name, const char *sysid, const char *pubid, int has_internal_subset)
+{
+    (void)name, (void)sysid, (void)pubid, (void)has_internal_subset;
+    give_up(user, "a document type is not allowed");
+}
+
+CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, const char *which, CtsPreset *preset,
+                              CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    Search search = {.which = which};
+    CtsVtkText values[CTS_VTK_N];
+    search.parser = XML_ParserCreate(NULL);
+    if (!search.parser)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    XML_SetUserData(search.parser, &search);
+    XML_SetElementHandler(search.parser, on_element, NULL);
+    XML_SetStartDoctypeDeclHandler(search.parser, on_doctype);
+    if (XML_Parse(search.parser, text, (int)size, 1) != XML_STATUS_OK) {
+        st = cts_fail(err, CTS_ERR_PRESET, "%s: line %d: %s", name, (int)XML_GetCurrentLineNumber(search.parser),
+                      search.failed ? search.why : XML_ErrorString(XML_GetErrorCode(search.parser)));
+        goto end;
+    }
+    if (!search.n_found)
+        st = cts_fail(err, CTS_ERR_PRESET, "%s: holds no VolumeProperty", name);
+    else if (which && !search.n_chosen)
+        st = cts_fail(err, CTS_ERR_PRESET, "%s: holds no preset %.60s; there are:%s", name, which, search.names);
+    else if (search.n_chosen > 1)
+        st = cts_fail(err, CTS_ERR_PRESET, "%s: holds %d presets (take one by adding #NAME:%s)", name, search.n_found,
+                      search.names);
+    if (st)
+        goto end;
+    for (int i = 0; i < CTS_VTK_N; i++)
+        values[i] = (CtsVtkText){search.texts[i], search.line};
+    if (!(st = cts_preset_from_vtk(name, values, preset, err)))
+        cts_preset_set_name(preset, search.name);
+end:
+    for (int i = 0; i < CTS_VTK_N; i++)
+        free(search.texts[i]);
+    XML_ParserFree(search.parser);
+    return st;
+}
