@@ -70,6 +70,12 @@ static double width_mm(const CtsRenderSettings *s)
     return 0.9 * s->mm_per_pixel * s->width;
 }
 
+static double width_framed_mm(const CtsVolume *v, const CtsPreset *p, const CtsRenderSettings *settings)
+{
+    const CtsRenderSettings s = framed(v, p, settings);
+    return width_mm(&s);
+}
+
 /* On a sheared lattice: as wide as the ball's voxels lie apart, and up to a voxel more on either side; a ray's distance
  * off. */
 static void test_ends(void **state)
@@ -144,6 +150,37 @@ static void test_specks(void **state)
         assert_true(fabs(width_mm(&f) - (side == 1 ? 27.4 : 46.4)) < 0.8);
         cts_volume_free(&v);
     }
+}
+
+/* Where little is shown a ray tells nothing of a speck's area: many of a hundredth of a voxel's around a small block.
+ */
+static void test_small_specks(void **state)
+{
+    (void)state;
+    const CtsPreset p = preset_above(200);
+    const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 0, 0);
+    CtsVolume *v = make_ball();
+    for (int n = 0; n < SIDE * SIDE * SIDE; n++) {
+        const int i = n % SIDE, j = n / SIDE % SIDE, k = n / SIDE / SIDE;
+        const bool block = abs(i - 30) <= 4 && abs(j - 30) <= 4 && abs(k - 30) <= 4;
+        v->grey[n] = block ? 1524 : i % 7 == 2 && j == 30 && k % 7 == 2 ? 1470 : 0;
+    }
+    assert_true(fabs(width_framed_mm(v, &p, &s) - 8.4) < 0.5);
+    cts_volume_free(&v);
+}
+
+/* Layers thinner than the rays of a look at the whole lie apart are framed from the side too, wherever they are. */
+static void test_thin(void **state)
+{
+    (void)state;
+    CtsVolume *v = make_ball();
+    const CtsPreset p = preset_above(200);
+    const CtsRenderSettings s = settings_of(CTS_ENGINE_TILED, 90, 0);
+    memcpy(v->grey, v->grey + 38 * SIDE * SIDE, sizeof(uint16_t) * 2 * SIDE * SIDE);
+    v->dims[2] = 2;
+    v->step_lps[2][2] = 0.05;
+    assert_true(fabs(width_framed_mm(v, &p, &s) - 26.4) < 1);
+    cts_volume_free(&v);
 }
 
 /* Something small in a large volume that may show everywhere is looked at more closely. */
@@ -314,9 +351,10 @@ static void test_otherwise(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_ends),     cmocka_unit_test(test_haze),      cmocka_unit_test(test_specks),
-        cmocka_unit_test(test_small),    cmocka_unit_test(test_slab),      cmocka_unit_test(test_pictures),
-        cmocka_unit_test(test_rotation), cmocka_unit_test(test_otherwise),
+        cmocka_unit_test(test_ends),      cmocka_unit_test(test_haze),     cmocka_unit_test(test_specks),
+        cmocka_unit_test(test_small),     cmocka_unit_test(test_slab),     cmocka_unit_test(test_small_specks),
+        cmocka_unit_test(test_thin),      cmocka_unit_test(test_pictures), cmocka_unit_test(test_rotation),
+        cmocka_unit_test(test_otherwise),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

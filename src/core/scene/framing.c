@@ -23,6 +23,8 @@ enum { N_LEAST = sizeof LEAST_OPACITY / sizeof *LEAST_OPACITY };
 /* Rays of a look, along rows and columns. Their ends are half a ray's distance off, below 1 % where what is shown goes
  * over LEAST_FOUND of them; where it does not, there is a closer look. */
 enum { LOOK = 128, LEAST_FOUND = LOOK / 2, MOST_LOOKS = 6 };
+/* A part of so many rays, which tell little of its area, is looked at by so many for each, along rows and columns. */
+enum { SURE = 16, FINER = 4 };
 /* Every so many rays come first; between four that show something all do, as holes change no frame. */
 enum { SPARSE = 4 };
 /* Views of a rotation that are looked at: nothing reaches 1 % further in those between, 7.5 degrees off at most. */
@@ -213,7 +215,7 @@ typedef struct Ray {
     int n, ahead[3]; /* where a macro-cell ends, from where it begins */
 } Ray;
 
-static bool ray_of(const CtsView *view, int x, int y, Ray *ray)
+static bool ray_of(const CtsView *view, double x, double y, Ray *ray)
 {
     double start[3], near_mm = view->near_mm, far_mm = view->far_mm;
     cts_view_ray(view, x, y, start);
@@ -327,7 +329,7 @@ static bool ray_shows(const Look *l, const Ray *ray)
     return l->whole_rays ? shows_enough(v, &met) : met.depth >= l->least_depth;
 }
 
-static bool look_along(const Look *l, int x, int y)
+static bool look_along(const Look *l, double x, double y)
 {
     Ray ray;
     return ray_of(&l->view, x, y, &ray) && ray_shows(l, &ray);
@@ -395,10 +397,36 @@ static int take_part(Look *l, int x, int y, Box *box)
     return n;
 }
 
+static bool reaches_past(const Box *part, const Box *box)
+{
+    return part->low[0] < box->low[0] || part->low[1] < box->low[1] || part->high[0] > box->high[0] ||
+           part->high[1] > box->high[1];
+}
+
+/* The largest part of what lies in a box and a ray around it, in rays. */
+static double closer_area(const Look *l, const Box *box)
+{
+    const int n[2] = {(box->high[0] - box->low[0] + 3) * FINER, (box->high[1] - box->low[1] + 3) * FINER};
+    const double from[2] = {box->low[0] - 1.5 + 0.5 / FINER, box->low[1] - 1.5 + 0.5 / FINER};
+    Look closer = {.visible = l->visible};
+    Box part;
+    int most = 0;
+    for (int y = 0; y < n[1]; y++)
+        for (int x = 0; x < n[0]; x++)
+            closer.shown[y][x] = look_along(l, from[0] + (double)x / FINER, from[1] + (double)y / FINER);
+    for (int y = 0; y < n[1]; y++)
+        for (int x = 0; x < n[0]; x++) {
+            const int area = closer.shown[y][x] ? take_part(&closer, x, y, &part) : 0;
+            most = area > most ? area : most;
+        }
+    return (double)most / (FINER * FINER);
+}
+
 /* The box of what is shown but for specks; false where nothing is. */
 static bool take_box(Look *l, Box *box)
 {
-    int n_shown = 0;
+    Box unsure[LOOK * LOOK / 4]; /* parts lie a ray apart */
+    int n_shown = 0, n_unsure = 0;
     *box = (Box){{LOOK, LOOK}, {-1, -1}};
     for (int y = 0; y < LOOK; y++)
         for (int x = 0; x < LOOK; x++)
@@ -406,9 +434,15 @@ static bool take_box(Look *l, Box *box)
     for (int y = 0; y < LOOK; y++)
         for (int x = 0; x < LOOK; x++) {
             Box part;
-            if (l->shown[y][x] && take_part(l, x, y, &part) >= SPECK * n_shown)
+            const int area = l->shown[y][x] ? take_part(l, x, y, &part) : 0;
+            if (area >= SURE && area >= SPECK * n_shown)
                 widen(box, &part);
+            else if (area > 0 && area >= SPECK * n_shown)
+                unsure[n_unsure++] = part;
         }
+    for (int i = 0; i < n_unsure; i++)
+        if (reaches_past(&unsure[i], box) && closer_area(l, &unsure[i]) >= SPECK * n_shown)
+            widen(box, &unsure[i]);
     return box->high[0] >= 0;
 }
 
@@ -440,34 +474,43 @@ static Span within(Span span, Span volume)
     return (Span){fmax(span.low_mm, volume.low_mm), fmin(span.high_mm, volume.high_mm)};
 }
 
-/* Looks at what lies between the spans to the right and up, with a ray to spare, and narrows them. */
-static bool look(Look *l, const CtsRenderSettings *s, Span span[2], Box *box)
+static double ray_mm(Span span)
+{
+    return (span.high_mm - span.low_mm) / (LOOK - 2);
+}
+
+/* Looks at what lies between the spans to the right and up, each with rays of its own, so that none passes a thin
+ * volume by; one to spare lies behind either end. */
+static bool look(Look *l, const CtsRenderSettings *s, const Span span[2], Box *box)
 {
     const CtsVolume *volume = l->visible->volume;
-    const double longer_mm = fmax(span[0].high_mm - span[0].low_mm, span[1].high_mm - span[1].low_mm);
     CtsRenderSettings small = *s;
     CtsViewAxes axes;
     double centre_lps[3];
     small.width = small.height = LOOK;
-    small.mm_per_pixel = longer_mm / (LOOK - 2);
+    small.mm_per_pixel = 1;
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
     for (int c = 0; c < 3; c++)
         centre_lps[c] = middle(span[0]) * axes.right_lps[c] + middle(span[1]) * axes.up_lps[c];
-    if (!(longer_mm > 0) || cts_view_init(&l->view, volume, &small, NULL))
+    if (cts_view_init(&l->view, volume, &small, NULL))
         return false;
     cts_view_aim(&l->view, centre_lps);
     if (s->slab_mm > 0)
         cts_view_set_slab(&l->view, volume, s->slab_mm, s->slab_at_mm);
+    for (int a = 0; a < 3; a++) {
+        l->view.right_vox[a] *= ray_mm(span[0]);
+        l->view.up_vox[a] *= ray_mm(span[1]);
+    }
     cts_parallel(cts_threads(s->n_threads), LOOK / SPARSE, 0, look_here_and_there, l);
     cts_parallel(cts_threads(s->n_threads), LOOK, 0, look_between, l);
-    if (!take_box(l, box))
-        return false;
-    const double mm = small.mm_per_pixel, x_mm = middle(span[0]) - mm * LOOK / 2,
-                 y_mm = middle(span[1]) + mm * LOOK / 2;
-    span[0] =
-        within((Span){x_mm + mm * box->low[0], x_mm + mm * (box->high[0] + 1)}, span_of_box(volume, axes.right_lps));
-    span[1] = within((Span){y_mm - mm * (box->high[1] + 1), y_mm - mm * box->low[1]}, span_of_box(volume, axes.up_lps));
-    return true;
+    return take_box(l, box);
+}
+
+/* To what was found between low and high, and so many rays more on either side. */
+static Span narrowed(Span span, int low, int high, double more)
+{
+    const double mm = ray_mm(span), first_mm = middle(span) - mm * LOOK / 2;
+    return (Span){first_mm + mm * (low - more), first_mm + mm * (high + 1 + more)};
 }
 
 /* To the right and up, in the settings' view. */
@@ -478,18 +521,21 @@ static bool find_spans(const CtsVisible *v, const CtsRenderSettings *s, Span spa
     Box box = {{0, 0}, {0, 0}};
     cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
     for (int least = 0; least < N_LEAST; least++) {
-        bool found = true;
+        const Span whole[2] = {span_of_box(v->volume, axes.right_lps), span_of_box(v->volume, axes.up_lps)};
         l.least_depth = (float)-log1p(-LEAST_OPACITY[least]);
         l.whole_rays = least == 0 && shows_whole_rays(v);
-        span[0] = span_of_box(v->volume, axes.right_lps);
-        span[1] = span_of_box(v->volume, axes.up_lps);
-        for (int n = 0; n < MOST_LOOKS && found; n++) {
-            found = look(&l, s, span, &box);
-            if (found && (box.high[0] - box.low[0] >= LEAST_FOUND || box.high[1] - box.low[1] >= LEAST_FOUND))
+        memcpy(span, whole, sizeof whole);
+        for (int n = 1; look(&l, s, span, &box); n++) {
+            const int n_found[2] = {box.high[0] - box.low[0], box.high[1] - box.low[1]};
+            const bool up = n_found[1] * ray_mm(span[1]) > n_found[0] * ray_mm(span[0]);
+            const bool last = n == MOST_LOOKS || n_found[up] >= LEAST_FOUND;
+            /* A closer look begins at the rays that show nothing. */
+            span[0] = within(narrowed(span[0], box.low[0], box.high[0], last ? 0 : 0.5), whole[0]);
+            span[1] =
+                within(narrowed(span[1], LOOK - 1 - box.high[1], LOOK - 1 - box.low[1], last ? 0 : 0.5), whole[1]);
+            if (last)
                 return true;
         }
-        if (found)
-            return true;
     }
     return false;
 }
