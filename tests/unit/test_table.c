@@ -1,6 +1,7 @@
 /* Table removal on volumes made from formulas: what is body stays to the bit, its rim too, and what is not goes. */
 #include "unit.h"
 
+#include "core/table/contact.h"
 #include "ctsplat/table.h"
 #include <math.h>
 #include <stdbool.h>
@@ -276,6 +277,35 @@ static void test_head_on_holder(void **state)
     cts_report_free(&report);
     cts_volume_free(&before);
     cts_volume_free(&after);
+}
+
+/* A plate of 8 voxels that is known from row 60 on; from 40 to 55 an ear lies against it, before and behind that it is
+ * thin. Where it was found it may have wavered: its far face stands out by a voxel there. */
+static void test_contact(void **state)
+{
+    (void)state;
+    for (int wavers = 0; wavers < 4; wavers++) {
+        const bool across = wavers & 1;
+        CtsBits there = {0}, plates = {0};
+        CtsError err;
+        const int dims[3] = {128, 128, 1};
+        assert_int_equal(cts_bits_new(&there, dims, &err), CTS_OK);
+        assert_int_equal(cts_bits_new(&plates, dims, &err), CTS_OK);
+        for (int n = 10; n <= 100; n++)
+            for (int m = 20; m <= (n >= 40 && n <= 55 ? 60 : 27); m++) {
+                cts_bits_set(&there, across ? n : m, across ? m : n, 0);
+                if (n >= 60 && m >= 20 + (wavers >> 1))
+                    cts_bits_set(&plates, across ? n : m, across ? m : n, 0);
+            }
+        cts_contact_add(&there, &there, &plates);
+        for (int n = 10; n <= 100; n++)
+            for (int m = 22; m <= 60; m++) {
+                const bool is_plate = cts_bits_get(&plates, across ? n : m, across ? m : n, 0);
+                assert_true(m == 27 || is_plate == (m < 27)); /* the last one is the ear's where it lies against it */
+            }
+        cts_bits_free(&there);
+        cts_bits_free(&plates);
+    }
 }
 
 static void test_prone(void **state)
@@ -623,11 +653,11 @@ static void test_odd(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_head_on_holder), cmocka_unit_test(test_prone),  cmocka_unit_test(test_trunk_on_table),
-        cmocka_unit_test(test_broad_contact),  cmocka_unit_test(test_mask),   cmocka_unit_test(test_thick_gone),
-        cmocka_unit_test(test_uncertain),      cmocka_unit_test(test_shares), cmocka_unit_test(test_orientations),
-        cmocka_unit_test(test_limbs),          cmocka_unit_test(test_inside), cmocka_unit_test(test_nothing_to_remove),
-        cmocka_unit_test(test_tiny),           cmocka_unit_test(test_odd),
+        cmocka_unit_test(test_head_on_holder),    cmocka_unit_test(test_contact),       cmocka_unit_test(test_prone),
+        cmocka_unit_test(test_trunk_on_table),    cmocka_unit_test(test_broad_contact), cmocka_unit_test(test_mask),
+        cmocka_unit_test(test_thick_gone),        cmocka_unit_test(test_uncertain),     cmocka_unit_test(test_shares),
+        cmocka_unit_test(test_orientations),      cmocka_unit_test(test_limbs),         cmocka_unit_test(test_inside),
+        cmocka_unit_test(test_nothing_to_remove), cmocka_unit_test(test_tiny),          cmocka_unit_test(test_odd),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -34,13 +34,22 @@ static bool follow(const Face *f, int along, int *across)
     return false;
 }
 
+/* How far behind the face a plate begins, which was found over a longer way and wavered there; more than WAVER where
+ * none does. */
+static int recess(const Face *f, int along, int across)
+{
+    int n = 0;
+    while (n <= WAVER && !get(f, f->plates, along, across - n * f->side))
+        n++;
+    return n;
+}
+
 /* The plate's thickness near its end at (along, across), where it may taper: the largest some steps away from there. 0
  * where it is no longer along than across, as a plate is that runs the other way. */
 static int thickness(const Face *f, int along, int across, int step)
 {
-    int most = 0, s = 0;
-    for (; s <= TAPER && get(f, f->plates, along, across); s++) {
-        int n = 1;
+    int most = 0, s = 0, n;
+    for (; s <= TAPER && (n = recess(f, along, across)) <= WAVER; s++) {
         while (get(f, f->plates, along, across - n * f->side))
             n++;
         most = n > most ? n : most;
@@ -68,33 +77,40 @@ static void set_strip(const Face *f, int along, int across, int thick)
     }
 }
 
-/* From the plate's end at (along, across) on, to where it comes out of what is thicker: at the next plate, or thin as
- * it went in, and then on to its end. The strip is set. */
+/* From the plate's end at (along, across) on: as far as it is thin, and through what is thicker to where it comes out
+ * of that, at the next plate or thin as it went in, and so on. The strip is set. */
 static void bridge(const Face *f, int along, int across)
 {
     const int left = thickness(f, along, across, -f->way);
-    int end = along, at = across, thick = left;
-    if (!left)
+    int end = along + f->way, at = across, thin = 0, n;
+    bool met = false;
+    if (!left || !follow(f, end, &at))
         return;
-    do {
-        end += f->way;
-        if (!follow(f, end, &at))
-            return;
-    } while (!get(f, f->plates, end, at) && depth(f, end, at, left + 2) > left + 1);
-    if (get(f, f->plates, end, at)) {
-        const int right = thickness(f, end, at, f->way);
-        thick = right && right < left ? right : left;
-    }
-    /* The voxel that was added on the near side is the patient's. */
-    for (int a = along + f->way; a != end; a += f->way) {
-        follow(f, a, &across);
-        set_strip(f, a, across, thick - 1);
-    }
-    for (; !get(f, f->plates, end, at) && depth(f, end, at, left + 2) <= left + 1;) {
-        set_strip(f, end, at, left + 1);
-        end += f->way;
-        if (!follow(f, end, &at))
-            return;
+    while (!met) {
+        while (!(met = get(f, f->plates, end, at)) && (n = depth(f, end, at, left + 2)) <= left + 1) {
+            set_strip(f, end, at, left + 1);
+            thin = n > thin ? n : thin;
+            along = end;
+            across = at;
+            end += f->way;
+            if (!follow(f, end, &at))
+                return;
+        }
+        while (!(met = get(f, f->plates, end, at)) && depth(f, end, at, left + 2) > left + 1) {
+            end += f->way;
+            if (!follow(f, end, &at))
+                return;
+        }
+        /* A curved plate is less thick here than further away, measured across. */
+        int thick = thin && thin < left ? thin : left;
+        if (met && (n = thickness(f, end, at, f->way)))
+            thick = n < thick ? n : thick;
+        /* The voxel that was added on the near side is the patient's. */
+        for (along += f->way; along != end; along += f->way) {
+            follow(f, along, &across);
+            set_strip(f, along, across, thick - 1);
+        }
+        along -= f->way;
     }
 }
 
@@ -130,8 +146,11 @@ static void add_from_ends(const CtsBits *always, const CtsBits *ever, CtsBits *p
                 const int i = 64 * (int)w + __builtin_ctzll(ends), along = axis ? j : i, across = axis ? i : j;
                 for (int side = -1; side <= 1; side += 2) {
                     const Face f = {always, ever, plates, axis, side, way};
-                    if (is_face(&f, along, across))
-                        bridge(&f, along, across);
+                    int at = across;
+                    while (at != across + WAVER * side && get(&f, always, along, at + side))
+                        at += side;
+                    if (is_face(&f, along, at))
+                        bridge(&f, along, at);
                 }
             }
         }
