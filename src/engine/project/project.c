@@ -12,7 +12,7 @@
 typedef struct Projecting {
     const CtsScene *scene;
     CtsProjection projection;
-    cts_project_tile_fn tile; /* NULL: ray by ray, the plain way */
+    cts_project_tile_fn tile;
     CtsProjectScratch *scratch;
     CtsPicture *picture;
 } Projecting;
@@ -35,16 +35,6 @@ static float *pixel_of(const CtsPicture *picture, int x, int y)
     return picture->pixels + 4 * ((size_t)y * (size_t)picture->width + (size_t)x);
 }
 
-static void project_row(const Projecting *pr, int y)
-{
-    const CtsProjector *p = &pr->projection.projector;
-    for (int x = 0; x < pr->picture->width; x++) {
-        CtsProjectedRay ray;
-        if (cts_project_clip(p->view, x, pr->picture->first_row + y, &ray))
-            show(pr, cts_project_along(p, &ray), pixel_of(pr->picture, x, y));
-    }
-}
-
 static void project_tiles(const Projecting *pr, int worker, int y)
 {
     const CtsPicture *picture = pr->picture;
@@ -63,10 +53,7 @@ static void project_some(void *context, int worker, size_t first, size_t end)
 {
     const Projecting *const pr = context;
     for (size_t i = first; i < end && !cts_scene_stopped(pr->scene); i++)
-        if (pr->tile)
-            project_tiles(pr, worker, (int)i * CTS_PROJECT_TILE);
-        else
-            project_row(pr, (int)i);
+        project_tiles(pr, worker, (int)i * CTS_PROJECT_TILE);
 }
 
 /* Levels that the window shows as black or white need not be told apart. */
@@ -132,7 +119,10 @@ static CtsSeenCells look_into_cells(const CtsProjector *p, const int block[3])
         const int i = c % N, j = c / N % N, k = c / N / N,
                   cell[3] = {N * block[0] + i, N * block[1] + j, N * block[2] + k};
         int n_inside = p->body ? 0 : 8;
-        if (cell[0] > p->view->dims[0] - 2 || cell[1] > p->view->dims[1] - 2 || cell[2] > p->view->dims[2] - 2)
+        bool inside = true;
+        for (int a = 0; a < 3; a++)
+            inside &= cell[a] == 0 || cell[a] <= p->view->dims[a] - 2;
+        if (!inside)
             continue;
         for (int m = 0; p->body && m < 8; m++)
             n_inside += field[k + (m >> 2)][j + (m >> 1 & 1)][i + (m & 1)] > CTS_BODY_LEVEL;
@@ -182,11 +172,9 @@ static CtsStatus prepare(Projecting *pr, int n_threads, Seeing *seeing, CtsError
     CtsStatus st;
     CtsProjection *p = &pr->projection;
     const CtsProjector *projector = &p->projector;
-    const int *dims = projector->view->dims, *n = projector->macrocells->n_fine;
+    const int *n = projector->macrocells->n_fine;
     const double *forward = projector->view->forward_vox;
     const unsigned cpu = cts_cpu_flags();
-    if (dims[0] < 2 || dims[1] < 2 || dims[2] < 2)
-        return CTS_OK;
     for (int a = 0; a < 3; a++)
         p->axes[2] = fabs(forward[a]) > fabs(forward[p->axes[2]]) ? a : p->axes[2];
     p->axes[0] = p->axes[2] == 0;
@@ -224,15 +212,21 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
     const int n_threads = scene->settings->n_threads;
     Projecting pr = {.scene = scene,
                      .picture = picture,
-                     .projection.projector = {.volume = v,
-                                              .macrocells = macrocells,
-                                              .view = &scene->view,
-                                              .mode = scene->preset->mode,
-                                              .body = cts_scene_body(scene),
-                                              .owners = v->owners && v->owners->shown ? v->owners : NULL,
-                                              .stride = {1, v->dims[0], (ptrdiff_t)v->dims[0] * v->dims[1]}}};
+                     .projection.projector = {
+                         .volume = v,
+                         .macrocells = macrocells,
+                         .view = &scene->view,
+                         .mode = scene->preset->mode,
+                         .body = cts_scene_body(scene),
+                         .owners = v->owners && v->owners->shown ? v->owners : NULL,
+                     }};
     const CtsMode mode = scene->preset->mode;
     Seeing seeing = {0};
+    ptrdiff_t stride = 1;
+    for (int a = 0; a < 3; a++) {
+        pr.projection.projector.stride[a] = v->dims[a] > 1 ? stride : 0;
+        stride *= v->dims[a];
+    }
     cts_report_plan(report, "mode %s: each ray through the cells it crosses, extremes and means of the cubic in each",
                     cts_mode_names[mode]);
     cts_report_plan(report, mode == CTS_MODE_AVERAGE
@@ -245,9 +239,9 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     set_window(scene, &pr.projection);
     CtsStatus st = prepare(&pr, n_threads, &seeing, err);
-    const int step = pr.tile ? CTS_PROJECT_TILE : 1;
     if (!st)
-        cts_parallel(n_threads, (size_t)((picture->height + step - 1) / step), 1, project_some, &pr);
+        cts_parallel(n_threads, (size_t)((picture->height + CTS_PROJECT_TILE - 1) / CTS_PROJECT_TILE), 1, project_some,
+                     &pr);
     free_scratch(&pr, n_threads);
     cts_free(&seeing.sees);
     cts_free(&seeing.cells);

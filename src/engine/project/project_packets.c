@@ -107,7 +107,6 @@ static int clamp_macrocell(double at_vox, int n)
     return at < 0 ? 0 : at < n - 1 ? (int)at : n - 1;
 }
 
-/* Rays of no length are left to the plain way. */
 static Packet packet_of(const CtsProjection *p, const Way *w, int x, int y, int width, double *grey)
 {
     Packet r = {.t0 = vd_of(1), .first = INT32_MAX, .last = -1};
@@ -119,7 +118,7 @@ static Packet packet_of(const CtsProjection *p, const Way *w, int x, int y, int 
         grey[l] = INFINITY;
         const bool hits = cts_project_clip(p->projector.view, x + l, y, &ray);
         if (hits && !(ray.t1 > ray.t0))
-            grey[l] = cts_project_along(&p->projector, &ray);
+            grey[l] = cts_project_point(&p->projector, &ray);
         for (int a = 0; a < 3; a++)
             r.start[a][l] = ray.start[a];
         for (int m = 0; m < 2; m++) {
@@ -187,7 +186,7 @@ INLINE Common common_of(const CtsProjection *p, const Box *box, int layer)
 /* The cell of axis a that holds this place, the nearest one for places outside. */
 INLINE vi cell_at(const CtsProjection *p, int a, vd place)
 {
-    const vd last = vd_of(p->projector.view->dims[a] - 2);
+    const vd last = vd_of(p->projector.view->dims[a] > 1 ? p->projector.view->dims[a] - 2 : 0);
     return __builtin_convertvector(vd_min(vd_max(place, vd_of(0)), last), vi);
 }
 
@@ -230,6 +229,12 @@ INLINE void load_corners(const CtsProjection *p, const vi cell[3], vd value[8])
     const uint16_t *grey = p->projector.volume->grey;
     const ptrdiff_t row = p->projector.stride[1], slice = p->projector.stride[2];
     uint32_t pair[4][LANES];
+    if (!p->projector.stride[0]) { /* no voxel lies beside another */
+        for (int i = 0; i < 4 * LANES; i++)
+            value[i / LANES * 2][i % LANES] = value[i / LANES * 2 + 1][i % LANES] =
+                grey[(cell[1][i % LANES] + (i / LANES & 1)) * row + (cell[2][i % LANES] + i / LANES / 2) * slice];
+        return;
+    }
     for (int l = 0; l < LANES; l++) {
         const uint16_t *at = grey + cell[0][l] + cell[1][l] * row + cell[2][l] * slice;
         memcpy(&pair[0][l], at, sizeof **pair);
@@ -262,7 +267,6 @@ static CtsProjectedRay ray_of(const Way *w, const Packet *r, int lane)
     for (int a = 0; a < 3; a++) {
         ray.start[a] = r->start[a][lane];
         ray.step[a] = w->step[a];
-        ray.per_step[a] = w->per_step[a];
     }
     return ray;
 }

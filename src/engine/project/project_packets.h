@@ -15,7 +15,7 @@ typedef struct CtsSeenCells {
 } CtsSeenCells;
 enum { CTS_ALL_CELLS = -1, CTS_NO_CELL = -2 };
 
-/* What all tiles of a picture share. Volumes of at least two voxels along each axis. */
+/* What all tiles of a picture share. */
 typedef struct CtsProjection {
     CtsProjector projector;
     int axes[3]; /* of the volume: axes[2] is crossed layer by layer, as the ray goes fastest along it */
@@ -33,9 +33,9 @@ typedef struct CtsProjectScratch {
     int *order;
 } CtsProjectScratch;
 
-/* grey[8 * row + column] of the tile that begins at (x, y) of the view, so many pixels wide and high: as
- * cts_project_along() has it, infinite where the ray misses the box, but for levels below `least` and above `enough`.
- * The same numbers on every path. */
+/* grey[8 * row + column] of the tile that begins at (x, y) of the view, so many pixels wide and high: the
+ * largest, smallest or mean level, infinite where nothing is seen, but for levels below `least` and above `enough`. The
+ * same numbers on every path. */
 typedef void (*cts_project_tile_fn)(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y,
                                     int width, int height, double *grey);
 void cts_project_tile(const CtsProjection *projection, const CtsProjectScratch *scratch, int x, int y, int width,

@@ -1,15 +1,6 @@
 #include "engine/project/project_ray.h"
 
-#include "base/mutation.h"
 #include <math.h>
-
-/* A walk through boxes of `size` cells along a ray: the box that holds the ray from t to next (Amanatides and Woo). */
-typedef struct Walk {
-    const CtsProjectedRay *ray;
-    int size, box[3], last[3];
-    double face[3]; /* t at which the ray leaves the box by each axis */
-    double t, next, end;
-} Walk;
 
 bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *ray)
 {
@@ -20,13 +11,11 @@ bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *
     double fastest = 0;
     for (int a = 0; a < 3; a++) {
         const double last = view->dims[a] - 1, step = ray->step[a] = view->forward_vox[a];
-        ray->per_step[a] = 0;
         if (step == 0) {
             if (ray->start[a] < -hair_vox || ray->start[a] > last + hair_vox)
                 return false;
             continue;
         }
-        ray->per_step[a] = 1 / step;
         const double in = (0 - ray->start[a]) / step, out = (last - ray->start[a]) / step;
         ray->t0 = fmax(ray->t0, fmin(in, out));
         ray->t1 = fmin(ray->t1, fmax(in, out));
@@ -39,57 +28,6 @@ bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *
     return ray->t1 >= ray->t0;
 }
 
-static double face_t(const Walk *w, int a)
-{
-    const double step = w->ray->step[a];
-    return step == 0 ? INFINITY : ((w->box[a] + (step > 0)) * w->size - w->ray->start[a]) * w->ray->per_step[a];
-}
-
-static void find_next(Walk *w)
-{
-    double next = w->face[0] < w->face[1] ? w->face[0] : w->face[1];
-    next = w->face[2] < next ? w->face[2] : next;
-    w->next = next < w->end ? next : w->end;
-}
-
-static Walk begin(const CtsProjector *p, const CtsProjectedRay *ray, int size, double from, double to)
-{
-    Walk w = {.ray = ray, .size = size, .t = from, .end = to};
-    const double middle = from + 1e-9 * (to - from); /* just behind a face, in the box that the ray enters */
-    for (int a = 0; a < 3; a++) {
-        const int cells = p->view->dims[a] > 1 ? p->view->dims[a] - 1 : 1;
-        w.last[a] = (cells - 1) / size;
-        const double at = ray->start[a] + middle * ray->step[a];
-        const int box = at > 0 ? (int)at / size : 0;
-        w.box[a] = box < w.last[a] ? box : w.last[a];
-        w.face[a] = face_t(&w, a);
-    }
-    find_next(&w);
-    return w;
-}
-
-/* Into the next box; false at the end. Boxes passed in no time (a ray through an edge) are passed at once. */
-static bool advance(Walk *w)
-{
-    do {
-        w->t = w->next > w->t ? w->next : w->t;
-        if (!(w->t < w->end))
-            return false;
-        for (int a = 0; a < 3; a++)
-            if (w->face[a] <= w->t) {
-                const int box = w->box[a] + (w->ray->step[a] > 0 ? 1 : -1);
-                if (box < 0 || box > w->last[a]) {
-                    w->face[a] = INFINITY; /* a rounding behind the volume's face */
-                    continue;
-                }
-                w->box[a] = box;
-                w->face[a] = face_t(w, a);
-            }
-        find_next(w);
-    } while (!(w->next > w->t));
-    return true;
-}
-
 /* The eight corners of a cell; an axis of one voxel repeats it. */
 static void corners(const CtsProjector *p, const int cell[3], double value[8])
 {
@@ -97,7 +35,7 @@ static void corners(const CtsProjector *p, const int cell[3], double value[8])
     for (int c = 0; c < 8; c++) {
         ptrdiff_t at = 0;
         for (int a = 0; a < 3; a++)
-            at += (c >> a & 1) && p->view->dims[a] > 1 ? p->stride[a] : 0;
+            at += c >> a & 1 ? p->stride[a] : 0;
         value[c] = base[at];
     }
 }
@@ -284,64 +222,15 @@ void cts_project_mean_in(const CtsProjector *p, const CtsProjectedRay *ray, cons
     }
 }
 
-static CtsRange macrocell_range(const CtsProjector *p, const int macrocell[3])
+double cts_project_point(const CtsProjector *p, const CtsProjectedRay *ray)
 {
-    const int *n = p->macrocells->n_fine;
-    return p->macrocells
-        ->fine[((size_t)macrocell[2] * (size_t)n[1] + (size_t)macrocell[1]) * (size_t)n[0] + (size_t)macrocell[0]];
-}
-
-/* sign 1: the largest, -1: the smallest grey level; -INFINITY times sign where nothing is seen. Macro-cells and cells
- * that cannot beat what was found are passed over. */
-static double extreme(const CtsProjector *p, const CtsProjectedRay *ray, double sign)
-{
-    double best = -INFINITY; /* times sign */
-    Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
-    do {
-        const CtsRange r = macrocell_range(p, macrocells.box);
-        if ((sign > 0 ? r.high : -r.low) <= best)
-            continue;
-        Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
-        do {
-            double v[8], bound = -INFINITY;
-            const CtsSees sees = cts_project_sees_way(p, ray, cells.box, cells.t, cells.next);
-            if (sees == CTS_SEES_NONE)
-                continue;
-            corners(p, cells.box, v);
-            for (int c = 0; c < 8; c++)
-                bound = sign * v[c] > bound ? sign * v[c] : bound;
-            if (bound > best)
-                cts_project_extreme_in(p, ray, cells.box, cells.t, cells.next, sees, sign, &best);
-        } while (advance(&cells));
-    } while (advance(&macrocells));
-    return sign * best;
-}
-
-/* The mean grey level, INFINITY where nothing is seen: Simpson's rule is exact for a cubic. */
-static double mean(const CtsProjector *p, const CtsProjectedRay *ray)
-{
-    if (!(ray->t1 > ray->t0))
-        return extreme(p, ray, 1);
-    double sum = 0, length = 0;
-    Walk macrocells = begin(p, ray, CTS_FINE_MACROCELL, ray->t0, ray->t1);
-    do {
-        const CtsRange r = macrocell_range(p, macrocells.box);
-        if (r.low == r.high && !p->body && !p->owners) {
-            sum += r.low * (macrocells.next - macrocells.t) * (CTS_MUTATED(AVERAGE_BLOCK) ? 0.98 : 1);
-            length += macrocells.next - macrocells.t;
-            continue;
-        }
-        Walk cells = begin(p, ray, 1, macrocells.t, macrocells.next);
-        do {
-            const CtsSees sees = cts_project_sees_way(p, ray, cells.box, cells.t, cells.next);
-            if (sees != CTS_SEES_NONE)
-                cts_project_mean_in(p, ray, cells.box, cells.t, cells.next, sees, &sum, &length);
-        } while (advance(&cells));
-    } while (advance(&macrocells));
-    return length > 0 ? sum / length : INFINITY;
-}
-
-double cts_project_along(const CtsProjector *p, const CtsProjectedRay *ray)
-{
-    return p->mode == CTS_MODE_AVERAGE ? mean(p, ray) : extreme(p, ray, p->mode == CTS_MODE_MIP ? 1 : -1);
+    int cell[3];
+    double best = -INFINITY;
+    for (int a = 0; a < 3; a++) {
+        const int last = p->view->dims[a] > 1 ? p->view->dims[a] - 2 : 0;
+        cell[a] = (int)fmin(fmax(ray->start[a] + ray->t0 * ray->step[a], 0), last);
+    }
+    const CtsSees sees = cts_project_sees_way(p, ray, cell, ray->t0, ray->t0);
+    return sees != CTS_SEES_NONE && cts_project_extreme_in(p, ray, cell, ray->t0, ray->t0, sees, 1, &best) ? best
+                                                                                                           : INFINITY;
 }

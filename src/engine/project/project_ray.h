@@ -1,4 +1,4 @@
-/* One ray of the modes mip, minip and average, cell by cell: the plain way, and the truth for the packets. */
+/* One ray of the modes mip, minip and average within one cell, which may be seen in part. */
 #ifndef CTS_TILED_PROJECT_RAY_H
 #define CTS_TILED_PROJECT_RAY_H
 
@@ -14,18 +14,18 @@ typedef struct CtsProjector {
     CtsMode mode;
     const CtsBodyMask *body; /* what alone is seen; NULL: all */
     const CtsOwners *owners; /* some of whom are hidden; NULL: nobody is */
-    ptrdiff_t stride[3];     /* of voxels */
+    ptrdiff_t stride[3];     /* of voxels; 0 along an axis of one */
 } CtsProjector;
 
 /* A ray in voxel coordinates: start + t * step, t in mm, inside the box from t0 to t1. */
 typedef struct CtsProjectedRay {
-    double start[3], step[3], per_step[3], t0, t1; /* per_step is 0 where step is */
+    double start[3], step[3], t0, t1;
 } CtsProjectedRay;
 
 /* Pixel (x, y)'s ray; false where it misses the box. */
 bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *ray);
-/* Its largest, smallest or mean grey level, as the mode asks; infinite where nothing is seen. */
-double cts_project_along(const CtsProjector *projector, const CtsProjectedRay *ray);
+/* The grey level at t0 of a ray that has no length, as at a corner of the box; infinite where nothing is seen. */
+double cts_project_point(const CtsProjector *projector, const CtsProjectedRay *ray);
 
 /* What is seen of a cell that the ray is in from t = `from` to `to`. */
 CtsSees cts_project_sees_way(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from,
