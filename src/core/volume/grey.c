@@ -29,8 +29,8 @@ whole_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *store
 
 /* The same for slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so
  * grey = u + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. */
-static inline __attribute__((always_inline)) CtsStoredRange slope_one_padded(uint16_t *to, const uint16_t *words,
-                                                                             size_t n, const CtsStored *s, int32_t rise)
+static inline __attribute__((always_inline)) CtsStoredRange slope_one(uint16_t *to, const uint16_t *words,
+                                                                      size_t n, const CtsStored *s, int32_t rise)
 {
     const int32_t smallest = s->is_signed ? -(1 << (s->bits - 1)) : 0, last = (int32_t)((1u << s->bits) - 1);
     const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)last, shift = (uint16_t)s->shift;
@@ -59,38 +59,12 @@ static inline __attribute__((always_inline)) CtsStoredRange slope_one_padded(uin
     return low > high ? (CtsStoredRange){INT32_MAX, INT32_MIN} : (CtsStoredRange){low + smallest, high + smallest};
 }
 
-/* The same again for slices without padding, which is half the work. shift is a constant where it is 0: then all stays
- * in 16 bits. */
-static inline __attribute__((always_inline)) CtsStoredRange
-slope_one_bare(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *s, int32_t rise, int shift)
-{
-    const int32_t smallest = s->is_signed ? -(1 << (s->bits - 1)) : 0;
-    const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)((1u << s->bits) - 1);
-    const uint16_t floor_u = (uint16_t)(rise < 0 ? -rise : 0), ceil_u = (uint16_t)(rise > 0 ? 65535 - rise : 65535);
-    uint16_t low = 0xFFFF, high = 0;
-    for (size_t i = 0; i < n; i++) {
-        const uint16_t u = (uint16_t)(((words[i] >> shift) & mask) ^ sign);
-        uint16_t clamped = u < floor_u ? floor_u : u;
-        clamped = clamped > ceil_u ? ceil_u : clamped;
-        to[i] = (uint16_t)(clamped + rise);
-        low = u < low ? u : low;
-        high = u > high ? u : high;
-    }
-    return low > high ? (CtsStoredRange){INT32_MAX, INT32_MIN} : (CtsStoredRange){low + smallest, high + smallest};
-}
-
 static inline __attribute__((always_inline)) CtsStoredRange
 any_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
 {
     const int32_t rise = offset - (stored->is_signed ? 1 << (stored->bits - 1) : 0);
-    const bool bare = stored->padding_low > stored->padding_high && stored->padding_word < 0;
-    if (slope == 1 && rise >= -65535 && rise <= 65535) {
-        if (!bare)
-            return slope_one_padded(to, words, n, stored, rise);
-        return stored->shift ? slope_one_bare(to, words, n, stored, rise, stored->shift)
-                             : slope_one_bare(to, words, n, stored, rise, 0);
-    }
-    return whole_body(to, words, n, stored, slope, offset);
+    return slope == 1 && rise >= -65535 && rise <= 65535 ? slope_one(to, words, n, stored, rise)
+                                                         : whole_body(to, words, n, stored, slope, offset);
 }
 
 /* In place is a case of its own: compilers see that nothing overlaps. */

@@ -161,25 +161,6 @@ CtsStatus cts_macrocells_new(CtsMacrocells **macrocells, const CtsVolume *volume
     return CTS_OK;
 }
 
-static void map_ranges(CtsRange *to, const CtsRange *from, size_t n, const uint16_t *level)
-{
-    for (size_t i = 0; i < n; i++)
-        to[i] = (CtsRange){level[from[i].low], level[from[i].high]};
-}
-
-CtsStatus cts_macrocells_map(CtsMacrocells **mapped, const CtsMacrocells *macrocells, const uint16_t *level,
-                             CtsError *err)
-{
-    const CtsStatus st = cts_macrocells_new_unset(mapped, macrocells->dims, err);
-    if (st)
-        return st;
-    CtsMacrocells *m = *mapped;
-    map_ranges(m->range, macrocells->range, product(m->n), level);
-    map_ranges(m->fine, macrocells->fine, product(m->n_fine), level);
-    map_ranges(&m->all, &macrocells->all, 1, level);
-    return CTS_OK;
-}
-
 void cts_macrocells_free(CtsMacrocells **macrocells)
 {
     if (!*macrocells)

@@ -29,10 +29,6 @@ CtsStatus cts_macrocells_new_unset(CtsMacrocells **macrocells, const int dims[3]
 void cts_macrocells_sum(CtsMacrocells *macrocells, int n_threads);
 void cts_macrocells_free(CtsMacrocells **macrocells);
 
-/* Those of the volume in which grey level g has become level[g]; levels never fall as g rises. */
-CtsStatus cts_macrocells_map(CtsMacrocells **mapped, const CtsMacrocells *macrocells, const uint16_t *level,
-                             CtsError *err);
-
 /* Those of a volume, by n_threads. */
 CtsStatus cts_macrocells_new(CtsMacrocells **macrocells, const CtsVolume *volume, int n_threads, CtsError *err);
 

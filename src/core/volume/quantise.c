@@ -4,7 +4,6 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "core/volume/body_mask.h"
-#include "core/volume/macrocells.h"
 #include "core/volume/volume_new.h"
 #include <math.h>
 
@@ -54,7 +53,7 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
     if (volume->body)
         st = cts_body_mask_copy(&q->body, volume->body, err);
     if (!st && volume->macrocells)
-        st = cts_macrocells_map(&q->macrocells, volume->macrocells, level, err);
+        st = cts_volume_prepare(q, n_threads, err);
 end:
     if (st)
         cts_volume_free(&q);
