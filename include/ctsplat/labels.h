@@ -44,6 +44,7 @@ typedef struct CtsLabelShare {
 typedef struct CtsLabel {
     CtsLabelFact fact; /* its counts once cts_labels_count() has been called; the name is owned */
     bool surrounds;    /* the body's outline, or what supports it: owns what nothing else does */
+    size_t object;     /* 1 + which of the objects it is a BINARY segment of, in the series' space; else 0 */
     bool coloured;     /* the file has a colour for it, */
     double rgb[3];     /* display values 0..1 */
     CtsLabelRun *runs; /* n_runs, by rising row and place; no two touch; owned */
@@ -94,6 +95,14 @@ typedef struct CtsLabelChoice {
  * made of. Where nothing is hidden and all looks alike it stays without. CTS_ERR_USAGE for what names no label. */
 CtsStatus cts_volume_take_labels(CtsVolume *volume, const CtsLabels *labels, const CtsLabelChoice *choice,
                                  int n_threads, CtsReport *report, CtsError *err);
+
+/* What of a choice can be said by whole segments, as PS3.3 C.11.24 crops: those alone that are included, without those
+ * that are excluded. Of labels that come from BINARY segmentations of that study, and hide no more nor less than the
+ * picture does. crop[i], of labels->n, all CTS_CROP_NONE before: of label i. *unsaid: why some of it cannot be said, or
+ * NULL. */
+typedef enum CtsLabelCrop { CTS_CROP_NONE, CTS_CROP_INCLUDE, CTS_CROP_EXCLUDE } CtsLabelCrop;
+CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice, const char *study_uid,
+                          CtsLabelCrop *crop, const char **unsaid, CtsError *err);
 
 /* The colours in which a volume shows labels: of number i, in rgb; its name, which is the volume's; NULL past the last.
  */

@@ -15,6 +15,9 @@ extern "C" {
 #endif
 #pragma GCC visibility push(default)
 
+struct CtsLabels;
+struct CtsLabelChoice;
+
 /* One thing that ctsplat is told, in its own words: an option's name and its argument (ctsplat/job.h). from: who says
  * so, such as a file, for messages; NULL: the caller. */
 typedef struct CtsWord {
@@ -33,6 +36,9 @@ typedef struct CtsStateScene {
     const char *capture;  /* the .dcm of the picture, or NULL */
     const CtsWord *words; /* what ctsplat was told besides the preset; n_words */
     int n_words;
+    const struct CtsLabels *labels; /* (ctsplat/labels.h) that the picture shows or hides, or NULL; and what of them */
+    const struct CtsLabelChoice *choice;
+    CtsReport *report; /* gets what of the labels the standard's attributes cannot say; may be NULL */
 } CtsStateScene;
 
 /* Written whole or not at all. CTS_ERR_OUTPUT where path exists, without force. The UIDs follow from the scene. */

@@ -78,6 +78,10 @@ ok render $see --labels "$labels/first" --hide 2:1 -o second.png
 # A state tells what is seen of the labels, not where they lie.
 ok render $see --show 1 -o shown.png --write-state state.dcm
 ! grep -aq "$labels" state.dcm || fail "a state tells where label files lie"
+has err 'does not tell other programs which labels are hidden: they are no segments of a BINARY'
+ok render $see --label-colours -o shown.png --write-state state.dcm --force
+has err 'does not tell other programs the looks of labels'
+ok render $see --show 1 -o shown.png --write-state state.dcm --force
 ok render "$data/phantom" --state state.dcm --labels "$labels/binary" -o state.png
 cmp shown.png state.png || fail "a state with its labels makes another picture"
 refused 2 'there are no labels' render "$data/phantom" --state state.dcm -o x.png
@@ -107,3 +111,18 @@ for asked in '' '--show liver --deidentify'; do
     ok render $liver $asked --force -o unseen.dcm
     ! grep -aq $segmentation unseen.dcm || fail "render $asked: refers to a segmentation"
 done
+# Other programs are told by whole segments what a picture hides.
+while read -r way asked; do
+    ok render $liver $asked --force -o seen.png --write-state state.dcm
+    [ ! -s err ] || fail "render $asked: a state that says all is told of: $(cat err)"
+    for word in INCLUDE_SEG EXCLUDE_SEG BOUNDING_BOX; do
+        case $way in *$word*) grep -aq $word state.dcm ;; *) ! grep -aq $word state.dcm ;; esac ||
+            fail "render $asked: $word"
+    done
+    grep -aq $segmentation state.dcm || [ "$way" = none ] || fail "render $asked: no segmentation"
+done <<'LIST'
+INCLUDE_SEG --show liver
+EXCLUDE_SEG --hide liver
+BOUNDING_BOX,INCLUDE_SEG --hide rest --crop -200,180,-200,180,-200,200
+none --show all,rest
+LIST

@@ -173,11 +173,48 @@ static void colours_of_files(void **state)
     }
 }
 
+/* Of a choice: for each label N, I or E, and whether some of it cannot be said by whole segments. */
+static void crops_by_segment(void **state)
+{
+    static const struct {
+        const char *show, *hide, *study, *crop;
+        bool unsaid;
+    } cases[] = {
+        {NULL, "lesion", "1.2", "NNNEN", false},        {NULL, "1:brain", "1.2", "NNNNN", true},
+        {"lesion", NULL, "1.2", "NNNIN", false},        {"1:brain", "lesion", "1.2", "NNIEN", false},
+        {"lesion", "1:brain", "1.2", "NNNIN", false},   {"bone*,1:brain", "lesion", "1.2", "IIIEN", false},
+        {NULL, "all,rest", "1.2", "NNNNN", true},       {NULL, "lesion", "1.3", "NNNNN", true},
+        {NULL, "2:brain,lesion", "1.2", "NNNNN", true}, {NULL, "rest", "1.2", "NNNNN", true},
+    };
+    (void)state;
+    CtsVolume *v = phantom_head(NX, NY, NZ, 20);
+    CtsLabels *labels = some_labels(v);
+    CtsError err = {0};
+    const CtsLabelObject object = {.class_uid = "1", .sop_uid = "2", .series_uid = "3", .study_uid = "1.2"};
+    assert_int_equal(cts_labels_add_object(labels, &object, &err), CTS_OK);
+    for (int n = 0; n < N_LABELS; n++) {
+        labels->items[n].fact.overlap = n < 4;
+        labels->items[n].object = n < 4; /* the last one comes from elsewhere */
+    }
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        CtsLabelCrop crop[N_LABELS] = {CTS_CROP_NONE};
+        const char *unsaid = NULL;
+        const CtsLabelChoice choice = {.show = cases[i].show, .hide = cases[i].hide};
+        assert_int_equal(cts_labels_crop(labels, &choice, cases[i].study, crop, &unsaid, &err), CTS_OK);
+        for (int n = 0; n < N_LABELS; n++)
+            assert_int_equal("NIE"[crop[n]], cases[i].crop[n]);
+        assert_int_equal(unsaid != NULL, cases[i].unsaid);
+    }
+    cts_labels_free(&labels);
+    cts_volume_free(&v);
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(lists),
         cmocka_unit_test(refused),
+        cmocka_unit_test(crops_by_segment),
         cmocka_unit_test(colours_of_files),
         cmocka_unit_test(same_bytes_and_near_reference),
     };

@@ -274,7 +274,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
 
 /* The recipe beside the pictures. */
 static CtsStatus write_state(const CtsJob *job, const CtsPreset *preset, const CtsLoaded *loaded,
-                             const CtsPictureInfo *first, CtsError *err)
+                             const CtsPictureInfo *first, CtsReport *report, CtsError *err)
 {
     const CtsSwitch shade = job->render.shade;
     CtsStateScene scene = {
@@ -287,6 +287,9 @@ static CtsStatus write_state(const CtsJob *job, const CtsPreset *preset, const C
         .source = loaded->series,
         .words = job->words,
         .n_words = job->n_words,
+        .labels = loaded->volume->owners ? loaded->labels : NULL,
+        .choice = &job->source.choice,
+        .report = report,
     };
     memcpy(scene.crop_low_lps, job->source.crop_low_lps, sizeof scene.crop_low_lps);
     memcpy(scene.crop_high_lps, job->source.crop_high_lps, sizeof scene.crop_high_lps);
@@ -346,7 +349,8 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
         st = render_frames(job, loaded->volume, prepared->renderer, &files, report, err);
     const CtsMeter meter = cts_meter_start(report);
     if (!st && job->outputs.state && !job->render.explain)
-        st = write_state(job, &prepared->preset, loaded, &files.first, err);
+        st = write_state(job, &prepared->preset, loaded, &files.first, report, err);
+    cts_watch_findings(watch, report);
     cts_files_end(&files);
     cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
     return st;

@@ -178,6 +178,78 @@ const char *cts_volume_label_colour(const CtsVolume *v, size_t i, double rgb[3])
     return NULL;
 }
 
+static bool overlap(const CtsLabel *a, const CtsLabel *b)
+{
+    for (size_t i = 0, j = 0; a->fact.overlap && b->fact.overlap && i < a->n_runs && j < b->n_runs;) {
+        const CtsLabelRun p = a->runs[i], q = b->runs[j];
+        if (p.row == q.row && p.first < q.end && q.first < p.end)
+            return true;
+        if (p.row < q.row || (p.row == q.row && p.end <= q.end))
+            i++;
+        else
+            j++;
+    }
+    return false;
+}
+
+/* Whether hidden labels take from shown ones, and these from them. */
+static void compare_hidden(const Deciding *d, bool *take, bool *yield)
+{
+    *take = *yield = false;
+    for (size_t a = 0; a < d->n_owners; a++)
+        for (size_t b = 0; b < d->n_owners; b++) {
+            const size_t i = d->owners[a], j = d->owners[b];
+            if (look_of(d, i) == CTS_LOOK_HIDDEN && look_of(d, j) != CTS_LOOK_HIDDEN &&
+                overlap(&d->labels->items[i], &d->labels->items[j]))
+                *(yields(d, i, j) ? yield : take) = true;
+        }
+}
+
+/* Crops by the labels that are hidden, or by those that are not; all of them, or none. */
+static void crop_by(const Deciding *d, bool hidden, const char *study_uid, CtsLabelCrop *crop, const char **unsaid)
+{
+    size_t n = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (size_t a = 0; a < d->n_owners; a++) {
+            const CtsLabel *const l = &d->labels->items[d->owners[a]];
+            const CtsLabelObject *const o = l->object ? &d->labels->objects[l->object - 1] : NULL;
+            if ((look_of(d, d->owners[a]) == CTS_LOOK_HIDDEN) != hidden)
+                continue;
+            if (pass)
+                crop[d->owners[a]] = hidden ? CTS_CROP_EXCLUDE : CTS_CROP_INCLUDE;
+            else if (!o || !*o->sop_uid || !*o->series_uid || strcmp(o->study_uid, study_uid) != 0) {
+                *unsaid = "they are no segments of a BINARY segmentation of this study";
+                return;
+            }
+            n++;
+        }
+    if (!n)
+        *unsaid = "no segment is seen";
+}
+
+CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice, const char *study_uid,
+                          CtsLabelCrop *crop, const char **unsaid, CtsError *err)
+{
+    Deciding d = {.labels = labels, .choice = choice};
+    bool any_hidden = false, take, yield;
+    const CtsStatus st = decide(&d, err);
+    *unsaid = NULL;
+    if (!st) {
+        const bool alone = look_of(&d, labels->n) == CTS_LOOK_HIDDEN;
+        for (size_t a = 0; a < d.n_owners; a++)
+            any_hidden |= look_of(&d, d.owners[a]) == CTS_LOOK_HIDDEN;
+        compare_hidden(&d, &take, &yield);
+        if (alone)
+            crop_by(&d, false, study_uid, crop, unsaid);
+        if (any_hidden && (take || !alone) && yield)
+            *unsaid = "shown labels lie within hidden ones";
+        else if (any_hidden && (take || !alone))
+            crop_by(&d, true, study_uid, crop, unsaid);
+    }
+    forget(&d);
+    return st;
+}
+
 static bool all_alike(const Deciding *d)
 {
     bool alike = look_of(d, d->labels->n) == CTS_LOOK_PRESET;

@@ -56,6 +56,7 @@ typedef struct Seg {
     int first_plane;   /* the frames of a mask that is placed */
     const int *planes; /* which they are; NULL: all, from first_plane on */
     bool has_strangers;
+    bool crops;      /* a volume, in a presentation state */
     double held_mm3; /* by labels, in the file */
 } Seg;
 
@@ -83,6 +84,7 @@ static CtsStatus read_segments(Seg *s, CtsError *err)
         const CtsStatus st = cts_labels_add(labels, s->reading->file, number, name, CTS_LABEL_SEG, err);
         if (st)
             return st;
+        labels->items[labels->n - 1].object = s->crops ? labels->n_objects + 1 : 0;
         int lab[3];
         if (cts_elements_shorts(item, DISPLAY_LAB, lab, 3))
             cts_label_take_lab(&labels->items[labels->n - 1], lab);
@@ -382,8 +384,10 @@ CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsPlainObjec
         st = cts_alloc_array(&s.label_of, MOST_NUMBERS, err);
     for (int i = 0; !st && i < MOST_NUMBERS; i++)
         s.label_of[i] = -1;
-    if (!st && !(st = read_type(&s, err)) && !(st = read_shape(&s, err)))
+    if (!st && !(st = read_type(&s, err)) && !(st = read_shape(&s, err))) {
+        s.crops = s.type == BINARY && cts_label_shares_space(frame_uid, reading->series);
         st = read_all(&s, err);
+    }
     cts_sandbox_stop(&s.decoder);
     cts_free(&s.label_of);
     cts_free(&s.position_lps);

@@ -4,6 +4,7 @@
 #include "base/by_id.h"
 #include "base/file.h"
 #include "base/hash.h"
+#include "base/mem.h"
 #include "output/export/date.h"
 #include "output/export/icc.h"
 #include "output/export/sc_words.h"
@@ -126,6 +127,8 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
     cts_hash_text(hash, s->options);
     cts_hash_text(hash, view);
     cts_hash_text(hash, s->capture_uid);
+    for (size_t i = 0; scene->labels && i < scene->labels->n_objects; i++)
+        cts_hash_text(hash, scene->labels->objects[i].sop_uid);
     if ((st = cts_hash_hex(&hash, all, err)))
         return st;
     snprintf(names->study_uid, sizeof names->study_uid, "%s", identity[CTS_STUDY_UID]);
@@ -136,6 +139,27 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
         (st = uid_of("input", scene, all, names->input_uid, err)))
         return st;
     return uid_of("state", scene, all, names->sop_uid, err);
+}
+
+/* What is hidden of the labels, by whole segments; what cannot be said so is told. */
+static CtsStatus fill_labels(const CtsStateScene *scene, CtsDcmState *s, CtsLabelCrop **crop, CtsError *err)
+{
+    const char *unsaid = NULL;
+    if (!scene->labels)
+        return CTS_OK;
+    CtsStatus st = cts_alloc_zeroed(crop, scene->labels->n + 1, err);
+    if (st || (st = cts_labels_crop(scene->labels, scene->choice, s->study_uid, *crop, &unsaid, err)))
+        return st;
+    s->labels = scene->labels;
+    s->label_crop = *crop;
+    if (unsaid)
+        cts_report_finding(scene->report, "state_left_out", CTS_WARNING,
+                           "the presentation state does not tell other programs which labels are hidden: %s", unsaid);
+    if (scene->choice->n_looks || scene->choice->own_colours)
+        cts_report_finding(scene->report, "state_left_out", CTS_WARNING,
+                           "the presentation state does not tell other programs the looks of labels: the standard has "
+                           "no place for them");
+    return CTS_OK;
 }
 
 /* Everything but the names and the private texts. */
@@ -191,6 +215,7 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
     struct tm now;
     char date[9], time[7], *options = NULL, *preset = cts_preset_to_json(scene->preset);
     uint8_t profile[CTS_ICC_BYTES];
+    CtsLabelCrop *crop = NULL;
     CtsDcmState *s = calloc(1, sizeof *s);
     CtsStatus st = s && preset ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     if (st || (st = fill(scene, &words, s, err)) || (st = write_options(scene, &options, err)))
@@ -212,8 +237,10 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
     s->series_number = cts_sc_series_number(scene->source, 999);
     s->icc_profile = profile;
     s->n_icc_profile = cts_icc_srgb(profile);
-    st = write_file(path, s, force, err);
+    if (!(st = fill_labels(scene, s, &crop, err)))
+        st = write_file(path, s, force, err);
 end:
+    cts_free(&crop);
     free(options);
     free(preset);
     free(s);

@@ -28,6 +28,7 @@ class Put
     /* Decimal strings (DS), each of at most 16 characters. */
     Put &decimals(const DcmTagKey &tag, const double *values, int n);
     Put &word(const DcmTagKey &tag, int value);
+    Put &words(const DcmTagKey &tag, const std::vector<Uint16> &values);
     Put &doubles(const DcmTag &tag, const double *values, int n);
     Put &floats(const DcmTagKey &tag, const double *values, int n);
     Put &bytes(const DcmTagKey &tag, const uint8_t *values, size_t n);
@@ -79,6 +80,13 @@ inline Put &Put::decimals(const DcmTagKey &tag, const double *values, int n)
 inline Put &Put::word(const DcmTagKey &tag, int value)
 {
     return keep(state_.good() ? item_.putAndInsertUint16(DcmTag(tag), static_cast<Uint16>(value)) : state_);
+}
+
+inline Put &Put::words(const DcmTagKey &tag, const std::vector<Uint16> &values)
+{
+    return keep(state_.good() ? item_.putAndInsertUint16Array(DcmTag(tag), values.data(),
+                                                              static_cast<unsigned long>(values.size()))
+                              : state_);
 }
 
 inline Put &Put::doubles(const DcmTag &tag, const double *values, int n)
@@ -148,6 +156,9 @@ template <typename Add> void cts_dcm_each_instance(const CtsSeries &source, Add 
         last = uid;
     }
 }
+
+/* References to the objects of one study that labels come from. */
+void cts_dcm_put_label_series(Put &put, const CtsLabels &labels, const char *study_uid);
 
 /* An element as it stands in `from`, value bytes and all, but without private elements inside; nothing where there is
  * none. */

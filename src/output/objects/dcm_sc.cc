@@ -106,23 +106,6 @@ void put_image(Put &put, const CtsScObject &object)
     put.text(DCM_RecognizableVisualFeatures, object.recognizable ? "YES" : "NO");
 }
 
-/* What labels come from, of the same study. */
-void put_label_references(Put &put, const CtsScObject &object)
-{
-    for (size_t i = 0; object.labels && i < object.labels->n_objects; i++) {
-        const CtsLabelObject &label = object.labels->objects[i];
-        if (!*label.sop_uid || !*label.series_uid || strcmp(label.study_uid, object.study_uid) != 0)
-            continue;
-        DcmItem *series = put.item(DCM_ReferencedSeriesSequence);
-        if (!series)
-            return;
-        Put in_series(*series);
-        in_series.text(DCM_SeriesInstanceUID, label.series_uid);
-        in_series.reference(DCM_ReferencedInstanceSequence, label.class_uid, label.sop_uid);
-        put.keep(in_series.state());
-    }
-}
-
 /* Every slice the picture was made of. An enhanced object is one instance with many slices. */
 void put_references(Put &put, const CtsScObject &object)
 {
@@ -199,7 +182,8 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
     put_image(put, object);
     if (!object.pseudonym) {
         put_references(put, object);
-        put_label_references(put, object);
+        if (object.labels)
+            cts_dcm_put_label_series(put, *object.labels, object.study_uid);
     }
     if (object.n_frames > 1)
         put_frames(put, object);

@@ -32,6 +32,52 @@ void put_names(Put &put, const CtsDcmState &s)
         put.reference(DCM_RenderedImageReferenceSequence, s.capture_class_uid, s.capture_uid);
 }
 
+/* Another way to crop, with its number. */
+template <typename Fill> void put_crop(Put &put, std::vector<Uint16> &numbers, const char *method, Fill fill)
+{
+    if (DcmItem *item = put.item(DCM_VolumeCroppingSequence)) {
+        Put crop(*item);
+        numbers.push_back(static_cast<Uint16>(numbers.size() + 1));
+        crop.word(DCM_CroppingSpecificationNumber, numbers.back()).text(DCM_VolumeCroppingMethod, method);
+        fill(crop);
+        put.keep(crop.state());
+    }
+}
+
+/* The segments that are cropped by in one way, by their segmentations; false where there are none. */
+bool put_segments(Put *put, const CtsDcmState &s, CtsLabelCrop way)
+{
+    bool any = false;
+    for (size_t o = 0; s.labels && o < s.labels->n_objects; o++) {
+        std::vector<Uint16> segments;
+        for (size_t i = 0; i < s.labels->n; i++)
+            if (s.label_crop[i] == way && s.labels->items[i].object == o + 1)
+                segments.push_back(static_cast<Uint16>(s.labels->items[i].fact.number));
+        any |= !segments.empty();
+        if (!put || segments.empty())
+            continue;
+        const CtsLabelObject &object = s.labels->objects[o];
+        if (DcmItem *item = put->reference(DCM_ReferencedImageSequence, object.class_uid, object.sop_uid))
+            put->keep(Put(*item).words(DCM_ReferencedSegmentNumber, segments).state());
+    }
+    return any;
+}
+
+/* The box, and the segments, that are kept (PS3.3 C.11.24). */
+void put_crops(Put &put, const CtsDcmState &s)
+{
+    std::vector<Uint16> numbers;
+    if (s.cropped)
+        put_crop(put, numbers, "BOUNDING_BOX", [&](Put &crop) { crop.doubles(DCM_BoundingBoxCrop, s.crop_lps, 6); });
+    for (const CtsLabelCrop way : {CTS_CROP_INCLUDE, CTS_CROP_EXCLUDE})
+        if (put_segments(nullptr, s, way))
+            put_crop(put, numbers, way == CTS_CROP_INCLUDE ? "INCLUDE_SEG" : "EXCLUDE_SEG",
+                     [&](Put &crop) { put_segments(&crop, s, way); });
+    put.text(DCM_GlobalCrop, numbers.empty() ? "NO" : "YES");
+    if (!numbers.empty())
+        put.words(DCM_GlobalCroppingSpecificationIndex, numbers);
+}
+
 /* The volume, its window, the box that is kept, and the instances again for whoever follows references. */
 void put_input(Put &put, const CtsDcmState &s)
 {
@@ -50,15 +96,7 @@ void put_input(Put &put, const CtsDcmState &s)
         input.text(DCM_VOILUTFunction, "LINEAR_EXACT").text(DCM_Crop, "NO");
         put.keep(input.state());
     }
-    put.text(DCM_GlobalCrop, s.cropped ? "YES" : "NO");
-    if (s.cropped) {
-        put.word(DCM_GlobalCroppingSpecificationIndex, 1);
-        if (DcmItem *item = put.item(DCM_VolumeCroppingSequence)) {
-            Put crop(*item);
-            crop.word(DCM_CroppingSpecificationNumber, 1).text(DCM_VolumeCroppingMethod, "BOUNDING_BOX");
-            put.keep(crop.doubles(DCM_BoundingBoxCrop, s.crop_lps, 6).state());
-        }
-    }
+    put_crops(put, s);
     if (DcmItem *item = put.item(DCM_ReferencedSeriesSequence)) {
         Put series(*item);
         series.text(DCM_SeriesInstanceUID, s.source->uid);
@@ -67,6 +105,8 @@ void put_input(Put &put, const CtsDcmState &s)
         });
         put.keep(series.state());
     }
+    if (s.labels)
+        cts_dcm_put_label_series(put, *s.labels, s.study_uid);
 }
 
 void put_view(Put &put, const CtsDcmState &s)

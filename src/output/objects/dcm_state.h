@@ -2,6 +2,7 @@
 #ifndef CTS_DICOM_DCM_STATE_H
 #define CTS_DICOM_DCM_STATE_H
 
+#include "ctsplat/labels.h"
 #include "output/objects/dcm_sc.h"
 
 #ifdef __cplusplus
@@ -30,6 +31,8 @@ typedef struct CtsDcmState {
     double ambient, diffuse, specular, shininess; /* each 0..1 */
     bool cropped;
     double crop_lps[6];                       /* two opposite corners */
+    const CtsLabels *labels;                  /* that the volume is cropped by, or NULL */
+    const CtsLabelCrop *label_crop;           /* of each */
     double window_centre_hu, window_width_hu; /* that the tables below span */
     uint16_t tables[4][CTS_STATE_ENTRIES];    /* red, green, blue, opacity */
     const uint8_t *icc_profile;

@@ -123,6 +123,21 @@ const DcmTagKey as_is[] = {DCM_IssuerOfPatientID,
 
 } // namespace
 
+void cts_dcm_put_label_series(Put &put, const CtsLabels &labels, const char *study_uid)
+{
+    for (size_t i = 0; i < labels.n_objects; i++) {
+        const CtsLabelObject &label = labels.objects[i];
+        if (!*label.sop_uid || !*label.series_uid || strcmp(label.study_uid, study_uid) != 0)
+            continue;
+        if (DcmItem *series = put.item(DCM_ReferencedSeriesSequence)) {
+            Put in_series(*series);
+            in_series.text(DCM_SeriesInstanceUID, label.series_uid);
+            in_series.reference(DCM_ReferencedInstanceSequence, label.class_uid, label.sop_uid);
+            put.keep(in_series.state());
+        }
+    }
+}
+
 void cts_dcm_put_study(Put &put, DcmItem &source, const char *pseudonym)
 {
     for (const DcmTagKey &tag : always)
