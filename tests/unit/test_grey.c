@@ -1,7 +1,8 @@
 /* Stored words to grey levels: the fast version against the plain one, both against the formula. */
 #include "base/cpu.h"
-#include "unit.h"
 #include "core/volume/grey.h"
+#include "ctsplat/series.h"
+#include "unit.h"
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -116,12 +117,70 @@ static void test_all_padding(void **state)
     assert_true(r.low > r.high && words[0] == 0 && words[2] == 0);
 }
 
+/* Numbers in memory by the formula, on each path, packed and strewn: ends of ranges, and what is no number. */
+static void check_given(CtsNumber number, size_t size, const double *hu, double step, size_t gap)
+{
+    enum { NX = 37, NY = 3, NZ = 5 };
+    static uint8_t bytes[NX * NY * NZ * 2 * sizeof(double)];
+    for (size_t i = 0; i < NX * NY * NZ; i++) {
+        const int32_t whole = isfinite(hu[i]) ? (int32_t)hu[i] : 0;
+        const float narrow = (float)hu[i];
+        memcpy(bytes + i * gap * size,
+               number == CTS_INT32     ? (const void *)&whole
+               : number == CTS_FLOAT32 ? (const void *)&narrow
+                                       : (const void *)&hu[i],
+               size);
+    }
+    const ptrdiff_t stride = (ptrdiff_t)(gap * size);
+    const CtsGivenHu given = {.bytes = bytes,
+                              .number = number,
+                              .dims = {NX, NY, NZ},
+                              .stride_bytes = {stride, NX * stride, NX * NY * stride},
+                              .step_lps = {{1, 0, 0}, {0, 1, 0}, {0, 0, 2}}};
+    for (unsigned mask = 0; mask < 2; mask++) {
+        CtsScanned *scanned = NULL;
+        CtsError err = {0};
+        double low = INFINITY, high = -INFINITY;
+        cts_cpu_set_mask(mask ? ~0u : 0);
+        if (cts_scanned_of_hu(&given, 2, &scanned, NULL, &err))
+            fail_msg("%s", err.text);
+        for (size_t i = 0; i < NX * NY * NZ; i++) {
+            const double x = number == CTS_INT32 && !isfinite(hu[i]) ? 0 : number == CTS_FLOAT32 ? (float)hu[i] : hu[i];
+            const double grey = fmin(fmax(floor((x + 1024) / step + 0.5), 0), 65535);
+            assert_int_equal(scanned->even->grey[i], isfinite(x) ? (uint16_t)grey : 0);
+            low = isfinite(x) ? fmin(low, x) : low;
+            high = isfinite(x) ? fmax(high, x) : high;
+        }
+        assert_true(scanned->even->hu_min == low && scanned->even->hu_max == high && scanned->even->hu_step == step);
+        cts_scanned_free(&scanned);
+    }
+    cts_cpu_set_mask(~0u);
+}
+
+static void test_given(void **state)
+{
+    static const double ugly[] = {-1024, -1024.5, -0.0, 3071, -65536, NAN, INFINITY, -INFINITY};
+    double hu[37 * 3 * 5];
+    (void)state;
+    for (int ugliness = 0; ugliness < 3; ugliness++)
+        for (size_t gap = 1; gap <= 2; gap++) {
+            for (size_t i = 0; i < sizeof hu / sizeof *hu; i++)
+                hu[i] = ugliness == 2 && i % 5 == 0 ? ugly[i / 5 % 8] : (double)(i * 7919 % 4000) - 1000;
+            check_given(CTS_INT32, 4, hu, 1, gap);
+            for (size_t i = 0; ugliness && i < sizeof hu / sizeof *hu; i++)
+                hu[i] += i % 5 ? 0.03125 * (double)(i % 32) : 0;
+            check_given(CTS_FLOAT32, 4, hu, ugliness ? 0.0625 : 1, gap);
+            check_given(CTS_FLOAT64, 8, hu, ugliness ? 0.0625 : 1, gap);
+        }
+}
+
 int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_whole),
         cmocka_unit_test(test_table),
         cmocka_unit_test(test_all_padding),
+        cmocka_unit_test(test_given),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

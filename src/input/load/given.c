@@ -9,6 +9,7 @@
 #include "core/volume/grey.h"
 #include "core/volume/volume_new.h"
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
 #define HU_OFFSET (-1024.0)
@@ -34,33 +35,6 @@ static Given stored(const CtsGivenHu *g)
 static const size_t number_bytes[CTS_N_NUMBERS] = {
     [CTS_INT16] = 2, [CTS_UINT16] = 2, [CTS_INT32] = 4, [CTS_FLOAT32] = 4, [CTS_FLOAT64] = 8};
 
-/* Row (j, k) as numbers; row has room for dims[0]. */
-static void read_row(const Given *g, int j, int k, double *row)
-{
-    const CtsBox *const b = &g->box;
-    const uint8_t *at = g->bytes + b->first + j * b->stride[1] + k * b->stride[2];
-    const ptrdiff_t step = b->stride[0];
-    const int n = b->dims[0];
-    switch (g->number) {
-#define READ(NUMBER, type)                                                                                             \
-    case NUMBER:                                                                                                       \
-        for (int i = 0; i < n; i++) {                                                                                  \
-            type x;                                                                                                    \
-            memcpy(&x, at + i * step, sizeof x);                                                                       \
-            row[i] = (double)x;                                                                                        \
-        }                                                                                                              \
-        break;
-        READ(CTS_INT16, int16_t)
-        READ(CTS_UINT16, uint16_t)
-        READ(CTS_INT32, int32_t)
-        READ(CTS_FLOAT32, float)
-        READ(CTS_FLOAT64, double)
-#undef READ
-    case CTS_N_NUMBERS:
-        break;
-    }
-}
-
 typedef struct Range {
     double low, high;
     bool whole; /* every number is one */
@@ -71,78 +45,170 @@ typedef struct Pass {
     const Given *given;
     CtsVolume *volume;
     Range *ranges; /* by slice */
-    double **rows; /* by worker */
+    void **rows;   /* by worker: room for numbers of a row */
     cts_grey_whole_fn to_grey;
+    bool avx2;
 } Pass;
+
+/* Numbers of row (j, k): where they lie, or gathered. */
+static inline const void *row_of(const Pass *p, int j, int k, void *gathered)
+{
+    const CtsBox *const b = &p->given->box;
+    const uint8_t *const at = p->given->bytes + b->first + j * b->stride[1] + k * b->stride[2];
+    const size_t size = number_bytes[p->given->number];
+    if (b->stride[0] == (ptrdiff_t)size && (uintptr_t)at % size == 0)
+        return at;
+    for (int i = 0; i < b->dims[0]; i++)
+        memcpy((uint8_t *)gathered + (size_t)i * size, at + i * b->stride[0], size);
+    return gathered;
+}
+
+static inline uint16_t *grey_of(const Pass *p, int j, int k)
+{
+    const int *const dims = p->volume->dims;
+    return p->volume->grey + ((size_t)k * (size_t)dims[1] + (size_t)j) * (size_t)dims[0];
+}
+
+/* Extremes are those of integers that rise as the numbers do, and wholeness is asked for by a sum that has no room for
+ * a fraction (where |x| passes a quarter of it, x is no HU either), so that both become vector code. A row that holds
+ * what is not finite is looked at number by number. */
+#define RANGE_OF(NAME, type, Bits, MAX, INFINITE, ROOMY)                                                               \
+    static inline __attribute__((always_inline)) Range NAME(const type *row, size_t n)                                 \
+    {                                                                                                                  \
+        Range r = {INFINITY, -INFINITY, true, 0};                                                                      \
+        Bits low = MAX, high = -(MAX)-1, largest = 0, odd = 0;                                                         \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            Bits bits;                                                                                                 \
+            memcpy(&bits, &row[i], sizeof bits);                                                                       \
+            const Bits size = bits & MAX, rising = bits < 0 ? bits ^ MAX : bits;                                       \
+            low = rising < low ? rising : low;                                                                         \
+            high = rising > high ? rising : high;                                                                      \
+            largest = size > largest ? size : largest;                                                                 \
+            odd |= (row[i] + ROOMY) - ROOMY != row[i];                                                                 \
+        }                                                                                                              \
+        if (largest < INFINITE) {                                                                                      \
+            type ends[2];                                                                                              \
+            low = low < 0 ? low ^ MAX : low;                                                                           \
+            high = high < 0 ? high ^ MAX : high;                                                                       \
+            memcpy(&ends[0], &low, sizeof low);                                                                        \
+            memcpy(&ends[1], &high, sizeof high);                                                                      \
+            return (Range){(double)ends[0] + 0.0, (double)ends[1] + 0.0, !odd, 0};                                     \
+        }                                                                                                              \
+        for (size_t i = 0; i < n; i++) {                                                                               \
+            const double x = (double)row[i];                                                                           \
+            const bool lost = !isfinite(x);                                                                            \
+            r.n_lost += lost;                                                                                          \
+            r.low = !lost && x < r.low ? x : r.low;                                                                    \
+            r.high = !lost && x > r.high ? x : r.high;                                                                 \
+            r.whole &= lost || x == floor(x);                                                                          \
+        }                                                                                                              \
+        return r;                                                                                                      \
+    }
+RANGE_OF(range_of_floats, float, int32_t, INT32_MAX, 0x7F800000, 12582912.0F)
+RANGE_OF(range_of_doubles, double, int64_t, INT64_MAX, INT64_C(0x7FF0000000000000), 6755399441055744.0)
+#undef RANGE_OF
+
+static inline __attribute__((always_inline)) Range range_of_integers(const int32_t *row, size_t n)
+{
+    int32_t low = INT32_MAX, high = INT32_MIN;
+    for (size_t i = 0; i < n; i++) {
+        low = row[i] < low ? row[i] : low;
+        high = row[i] > high ? row[i] : high;
+    }
+    return (Range){low, high, true, 0};
+}
+
+static Range join(Range a, Range b)
+{
+    return (Range){fmin(a.low, b.low), fmax(a.high, b.high), a.whole && b.whole, a.n_lost + b.n_lost};
+}
+
+/* What is not finite is padding, 0: then x - x is no number. */
+#define GREY_OF(row)                                                                                                   \
+    for (size_t i = 0; i < n; i++) {                                                                                   \
+        const double x = (double)(row)[i];                                                                             \
+        double g = (x - HU_OFFSET) * scale + 0.5 + (x - x);                                                            \
+        g = g >= 0 ? g : 0;                                                                                            \
+        g = g <= GREY_MAX ? g : GREY_MAX;                                                                              \
+        grey[i] = (uint16_t)(int32_t)g;                                                                                \
+    }
+
+/* Looks at a slice, or makes grey levels of it. */
+static inline __attribute__((always_inline)) void any_slice(const Pass *p, int k, bool looks, void *gathered)
+{
+    const size_t n = (size_t)p->given->box.dims[0];
+    const double scale = 1 / p->volume->hu_step;
+    Range all = {INFINITY, -INFINITY, true, 0};
+    for (int j = 0; j < p->given->box.dims[1]; j++) {
+        const void *const row = row_of(p, j, k, gathered);
+        uint16_t *const restrict grey = grey_of(p, j, k);
+        const bool doubles = p->given->number == CTS_FLOAT64, floats = p->given->number == CTS_FLOAT32;
+        if (looks)
+            all = join(all, doubles  ? range_of_doubles(row, n)
+                            : floats ? range_of_floats(row, n)
+                                     : range_of_integers(row, n));
+        else if (doubles)
+            GREY_OF((const double *)row)
+        else if (floats)
+            GREY_OF((const float *)row)
+        else
+            GREY_OF((const int32_t *)row)
+    }
+    if (looks)
+        p->ranges[k] = all;
+}
+#undef GREY_OF
+
+#if defined(__x86_64__)
+__attribute__((target("avx2"))) static void slice_avx2(const Pass *p, int k, bool looks, void *gathered)
+{
+    any_slice(p, k, looks, gathered);
+}
+#endif
+
+static void slice(const Pass *p, int k, bool looks, void *gathered)
+{
+#if defined(__x86_64__)
+    if (p->avx2) {
+        slice_avx2(p, k, looks, gathered);
+        return;
+    }
+#endif
+    any_slice(p, k, looks, gathered);
+}
 
 static bool has_words(const Given *g)
 {
     return g->number == CTS_INT16 || g->number == CTS_UINT16;
 }
 
-/* Numbers of 16 bits become grey levels at once, as a slice's stored words do. words has room for a row. */
-static Range convert_slice(const Pass *p, int k, uint16_t *words)
+/* Numbers of 16 bits become grey levels at once, as a slice's stored words do. */
+static Range convert_slice(const Pass *p, int k, void *gathered)
 {
-    const CtsBox *const b = &p->given->box;
     const CtsStored stored = {
         .bits = 16, .is_signed = p->given->number == CTS_INT16, .padding_low = 1, .padding_word = -1};
     CtsStoredRange range = {INT32_MAX, INT32_MIN};
-    for (int j = 0; j < b->dims[1]; j++) {
-        const uint8_t *const at = p->given->bytes + b->first + j * b->stride[1] + k * b->stride[2];
-        uint16_t *const grey = p->volume->grey + ((size_t)k * (size_t)b->dims[1] + (size_t)j) * (size_t)b->dims[0];
-        if (b->stride[0] == sizeof *words)
-            memcpy(words, at, (size_t)b->dims[0] * sizeof *words);
-        else
-            for (int i = 0; i < b->dims[0]; i++)
-                memcpy(&words[i], at + i * b->stride[0], sizeof *words);
-        range = cts_stored_range_join(range, p->to_grey(grey, words, (size_t)b->dims[0], &stored, 1, (int)-HU_OFFSET));
-    }
+    for (int j = 0; j < p->given->box.dims[1]; j++)
+        range = cts_stored_range_join(range, p->to_grey(grey_of(p, j, k), row_of(p, j, k, gathered),
+                                                        (size_t)p->given->box.dims[0], &stored, 1, (int)-HU_OFFSET));
     return (Range){range.low, range.high, true, 0};
 }
 
 static void look_at_slices(void *context, int worker, size_t first, size_t end)
 {
     const Pass *const p = context;
-    double *const row = p->rows[worker];
-    for (int k = (int)first; k < (int)end; k++) {
-        Range r = {INFINITY, -INFINITY, true, 0};
-        if (has_words(p->given)) {
-            p->ranges[k] = convert_slice(p, k, (uint16_t *)row);
-            continue;
-        }
-        for (int j = 0; j < p->given->box.dims[1]; j++) {
-            read_row(p->given, j, k, row);
-            for (int i = 0; i < p->given->box.dims[0]; i++) {
-                const double x = row[i];
-                if (!isfinite(x)) {
-                    r.n_lost++;
-                    continue;
-                }
-                r.low = x < r.low ? x : r.low;
-                r.high = x > r.high ? x : r.high;
-                r.whole &= x == floor(x);
-            }
-        }
-        p->ranges[k] = r;
-    }
+    for (int k = (int)first; k < (int)end; k++)
+        if (has_words(p->given))
+            p->ranges[k] = convert_slice(p, k, p->rows[worker]);
+        else
+            slice(p, k, true, p->rows[worker]);
 }
 
 static void make_slices(void *context, int worker, size_t first, size_t end)
 {
     const Pass *const p = context;
-    const CtsVolume *const v = p->volume;
-    const int nx = v->dims[0], ny = v->dims[1];
-    double *const row = p->rows[worker];
-    const double scale = 1 / v->hu_step;
     for (int k = (int)first; k < (int)end; k++)
-        for (int j = 0; j < ny; j++) {
-            uint16_t *const grey = v->grey + ((size_t)k * (size_t)ny + (size_t)j) * (size_t)nx;
-            read_row(p->given, j, k, row);
-            for (int i = 0; i < nx; i++) {
-                const double g = (row[i] - HU_OFFSET) * scale + 0.5;
-                grey[i] = g >= 1 && g < INFINITY ? g < GREY_MAX ? (uint16_t)g : GREY_MAX : 0; /* not finite: padding */
-            }
-        }
+        slice(p, k, false, p->rows[worker]);
 }
 
 static CtsStatus check(const CtsGivenHu *g, CtsError *err)
@@ -166,12 +232,8 @@ static CtsStatus check(const CtsGivenHu *g, CtsError *err)
 static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsReport *report, CtsError *err)
 {
     Range all = {INFINITY, -INFINITY, true, 0};
-    for (int k = 0; k < p->given->box.dims[2]; k++) {
-        all.low = fmin(all.low, p->ranges[k].low);
-        all.high = fmax(all.high, p->ranges[k].high);
-        all.whole &= p->ranges[k].whole;
-        all.n_lost += p->ranges[k].n_lost;
-    }
+    for (int k = 0; k < p->given->box.dims[2]; k++)
+        all = join(all, p->ranges[k]);
     v->hu_min = all.low <= all.high ? all.low : HU_OFFSET;
     v->hu_max = all.low <= all.high ? all.high : HU_OFFSET;
     if (v->hu_min < -65536 || v->hu_max > 131072)
@@ -226,16 +288,18 @@ CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned *
     n_threads = cts_threads(n_threads);
     const Given as_scanned = stored(given);
     const CtsBox *const box = &as_scanned.box;
-    Pass pass = {.given = &as_scanned, .to_grey = cts_grey_whole(cts_cpu_flags())};
+    Pass pass = {
+        .given = &as_scanned, .to_grey = cts_grey_whole(cts_cpu_flags()), .avx2 = cts_cpu_flags() & CTS_CPU_AVX2};
     if (!(st = place(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
         st = cts_alloc_zeroed(&pass.rows, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
-        st = cts_alloc_array(&pass.rows[t], (size_t)box->dims[0], err);
+        if (!(pass.rows[t] = malloc((size_t)box->dims[0] * sizeof(double))))
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     pass.volume = (*scanned)->even;
     if (!st)
         st = fill(&pass, pass.volume, n_threads, report, err);
     for (int t = 0; pass.rows && t < n_threads; t++)
-        cts_free(&pass.rows[t]);
+        free(pass.rows[t]);
     cts_free(&pass.rows);
     cts_free(&pass.ranges);
     if (st)
