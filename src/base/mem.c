@@ -21,14 +21,14 @@ static CtsStatus checked_size(size_t n, size_t size, size_t *bytes, CtsError *er
 }
 
 /* The block's own start stands just before it, so that fresh zeroed pages can come from calloc() untouched. */
-static CtsStatus aligned_block(void **block, size_t n, size_t size, bool zeroed, bool sparse, CtsError *err)
+static CtsStatus aligned_block(void **block, size_t n, size_t size, bool zeroed, CtsError *err)
 {
     size_t bytes;
     *block = NULL;
     const CtsStatus st = checked_size(n, size, &bytes, err);
     if (st)
         return st;
-    const bool huge = bytes >= HUGE_FROM && !sparse;
+    const bool huge = bytes >= HUGE_FROM;
     const size_t huge_bytes = huge ? (bytes + HUGE_PAGE / 2) / HUGE_PAGE * HUGE_PAGE : 0;
     const size_t alignment = huge ? HUGE_PAGE : CTS_ALIGNMENT;
     const size_t total = (bytes > huge_bytes ? bytes : huge_bytes) + alignment + sizeof(void *);
@@ -46,17 +46,12 @@ static CtsStatus aligned_block(void **block, size_t n, size_t size, bool zeroed,
 
 CtsStatus cts_alloc_bytes(void **block, size_t n, size_t size, CtsError *err)
 {
-    return aligned_block(block, n, size, false, false, err);
+    return aligned_block(block, n, size, false, err);
 }
 
 CtsStatus cts_alloc_zeroed_bytes(void **block, size_t n, size_t size, CtsError *err)
 {
-    return aligned_block(block, n, size, true, false, err);
-}
-
-CtsStatus cts_alloc_sparse_bytes(void **block, size_t n, size_t size, CtsError *err)
-{
-    return aligned_block(block, n, size, true, true, err);
+    return aligned_block(block, n, size, true, err);
 }
 
 void cts_free_bytes(void *block)

@@ -12,18 +12,15 @@ extern "C" {
 
 enum { CTS_ALIGNMENT = 64 };
 
-/* n * size bytes aligned to 64, zeroed for cts_alloc_zeroed and cts_alloc_sparse, of which the latter is for blocks
- * that are touched here and there; n or size 0 gives a block that may be freed but not used. On failure *block is NULL
- * and the status CTS_ERR_MEMORY. */
+/* n * size bytes aligned to 64, zeroed for cts_alloc_zeroed; n or size 0 gives a block that may be freed but not used.
+ * On failure *block is NULL and the status CTS_ERR_MEMORY. */
 CtsStatus cts_alloc_bytes(void **block, size_t n, size_t size, CtsError *err);
 CtsStatus cts_alloc_zeroed_bytes(void **block, size_t n, size_t size, CtsError *err);
-CtsStatus cts_alloc_sparse_bytes(void **block, size_t n, size_t size, CtsError *err);
 void cts_free_bytes(void *block);
 
 /* For a pointer variable p of any type: cts_alloc_array(&p, n, err). */
 #define cts_alloc_array(p, n, err) cts_alloc_bytes((void **)(p), (n), sizeof **(p), (err))
 #define cts_alloc_zeroed(p, n, err) cts_alloc_zeroed_bytes((void **)(p), (n), sizeof **(p), (err))
-#define cts_alloc_sparse(p, n, err) cts_alloc_sparse_bytes((void **)(p), (n), sizeof **(p), (err))
 /* Frees and leaves NULL behind. */
 #define cts_free(p) (cts_free_bytes(*(p)), (void)(*(p) = NULL))
 

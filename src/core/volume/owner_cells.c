@@ -106,23 +106,6 @@ int cts_look_of_place(const CtsOwners *o, size_t at)
     return look;
 }
 
-int cts_look_of_cell(const CtsOwners *o, const int cell[3])
-{
-    int look = -1;
-    for (int m = 0; m < 8; m++) {
-        size_t in_plane;
-        double share;
-        const size_t at = corner_of(o, cell, m, &in_plane, &share);
-        for (int behind = 0; behind <= (share > 0); behind++) {
-            const int here = cts_look_of_place(o, at + (behind ? in_plane : 0));
-            if (here == CTS_LOOKS_DIFFER || (look >= 0 && here != look))
-                return CTS_LOOKS_DIFFER;
-            look = here;
-        }
-    }
-    return look;
-}
-
 /* Fields along a way, by their Bernstein numbers. */
 typedef struct Fields {
     int n, look[CTS_CELL_OWNERS];
@@ -272,6 +255,11 @@ int cts_owner_stretches(const CtsOwners *o, const int cell[3], const double from
     CtsCellOwners in_cell;
     Fields f;
     Cutting c = {stretch, 0};
+    const int look = cts_look_of_cell(o, cell);
+    if (look != CTS_LOOKS_DIFFER) {
+        stretch[0] = (CtsStretch){1, look};
+        return 1;
+    }
     cts_cell_owners(o, cell, &in_cell);
     f.n = in_cell.n;
     for (int i = 0; i < f.n; i++) {

@@ -81,27 +81,30 @@ typedef struct Finishing {
     const CtsVolume *volume;
 } Finishing;
 
-/* The one look of voxels first[] to last[], or CTS_LOOKS_DIFFER. */
-static uint8_t common_look(const CtsOwners *o, const int first[3], const int last[3])
+/* The one look of all owners of the voxels of n x n x n cells, or CTS_LOOKS_DIFFER. */
+static int look_of_cells(const CtsOwners *o, const int first[3], int n)
 {
     const size_t nx = (size_t)o->dims[0], ny = (size_t)o->dims[1];
-    const int end = o->plane[last[2]] + (o->share[last[2]] > 0);
-    int before = -1;
-    uint8_t look = 0;
-    for (int p = o->plane[first[2]]; p <= end; p++)
-        for (int j = first[1]; j <= last[1]; j++) {
-            const size_t row = ((size_t)p * ny + (size_t)j) * nx;
-            for (int i = first[0]; i <= last[0]; i++) {
-                if (o->owner[row + (size_t)i] == before && !o->is_shared)
-                    continue;
-                const int here = cts_look_of_place(o, row + (size_t)i);
-                if (here == CTS_LOOKS_DIFFER || (before >= 0 && here != look))
+    int last[3];
+    for (int a = 0; a < 3; a++)
+        last[a] = first[a] + n < o->dims[a] ? first[a] + n : o->dims[a] - 1;
+    const int p0 = o->plane[first[2]], end = o->plane[last[2]] + (o->share[last[2]] > 0);
+    const size_t first_at = ((size_t)p0 * ny + (size_t)first[1]) * nx + (size_t)first[0];
+    const uint16_t *const one = &o->owner[first_at];
+    const int look = cts_look_of_place(o, first_at), n_i = last[0] - first[0] + 1, n_j = last[1] - first[1] + 1;
+    for (int p = 0; p <= end - p0; p++)
+        for (int j = 0; j < n_j; j++) {
+            const uint16_t *const row = one + ((size_t)p * ny + (size_t)j) * nx;
+            for (int i = 0; i < n_i; i++)
+                if ((row[i] != *one || o->is_shared) && cts_look_of_place(o, (size_t)(row + i - o->owner)) != look)
                     return CTS_LOOKS_DIFFER;
-                before = o->owner[row + (size_t)i];
-                look = (uint8_t)here;
-            }
         }
     return look;
+}
+
+int cts_look_of_cell(const CtsOwners *o, const int cell[3])
+{
+    return look_of_cells(o, cell, 1);
 }
 
 static void find_blocks(void *context, int worker, size_t begin, size_t end)
@@ -111,13 +114,9 @@ static void find_blocks(void *context, int worker, size_t begin, size_t end)
     (void)worker;
     for (size_t row = begin; row < end; row++)
         for (int b = 0; b < o->n_block[0]; b++) {
-            const int block[3] = {b, (int)(row % (size_t)o->n_block[1]), (int)(row / (size_t)o->n_block[1])};
-            int first[3], last[3];
-            for (int a = 0; a < 3; a++) {
-                first[a] = block[a] * CTS_FINE_MACROCELL;
-                last[a] = first[a] + CTS_FINE_MACROCELL < o->dims[a] ? first[a] + CTS_FINE_MACROCELL : o->dims[a] - 1;
-            }
-            o->block[row * (size_t)o->n_block[0] + (size_t)b] = common_look(o, first, last);
+            const int first[3] = {b * CTS_FINE_MACROCELL, (int)(row % (size_t)o->n_block[1]) * CTS_FINE_MACROCELL,
+                                  (int)(row / (size_t)o->n_block[1]) * CTS_FINE_MACROCELL};
+            o->block[row * (size_t)o->n_block[0] + (size_t)b] = (uint8_t)look_of_cells(o, first, CTS_FINE_MACROCELL);
         }
 }
 

@@ -33,7 +33,8 @@ typedef struct Packet {
     vmask fresh; /* just cut at a knot */
     vi look;     /* of who owns the place; and the next one's begins at edge, where it does so within the cell */
     vf edge;
-    int owned[LANES][3]; /* the cells that edges were looked for in */
+    int owned[LANES][3];  /* the cells that edges were looked for in */
+    int last_look[LANES]; /* from the edge on to the end of the cell; -1: edges follow */
     int ray[LANES];
     /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, and its centre in mm. */
     vf faint_colour[3], faint_weight, faint_centre;
@@ -387,7 +388,7 @@ INLINE Effect integrate(const March *m, const Cubic *c, vf length)
     const vf bend = 6 * bent * vf_max(e.at[0].rise, e.at[1].rise) / clear;
     const vf off = (real)0.0375f * turn2 * turn2 + bend * ((real)(1 / 1440.0) * bend + (real)(1 / 120.0) * turn2);
     e.wrong = m->p->light * (by_log * length * off * (1 - e.taken[0]) +
-                            (real)1.73f * apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
+                             (real)1.73f * apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
     return e;
 }
 

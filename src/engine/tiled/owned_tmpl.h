@@ -31,6 +31,7 @@ OUTLINE void find_edge(March *m, int l)
         i++;
     p->look[l] = stretch[i].look;
     p->edge[l] = i + 1 < n && !CTS_MUTATED(EDGES) ? (real)(at + stretch[i].end * (leave - at)) : FAR_MM;
+    p->last_look[l] = i + 2 == n ? stretch[i + 1].look : -1;
 }
 
 INLINE void find_looks(March *m, vmask lanes)
@@ -45,8 +46,12 @@ INLINE void find_looks(March *m, vmask lanes)
     for (unsigned left = bits_of(lanes & ~alike); left; left &= left - 1) {
         const int l = __builtin_ctz(left), *const cell = p->owned[l];
         const bool same = cell[0] == p->cell[0][l] && cell[1] == p->cell[1][l] && cell[2] == p->cell[2][l];
-        if (!same || p->at[l] >= p->edge[l])
+        if (same && p->at[l] >= p->edge[l] && p->last_look[l] >= 0) {
+            p->look[l] = p->last_look[l];
+            p->edge[l] = FAR_MM;
+        } else if (!same || p->at[l] >= p->edge[l]) {
             find_edge(m, l);
+        }
     }
 }
 

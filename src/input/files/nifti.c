@@ -307,7 +307,9 @@ CtsStatus cts_nifti_read(CtsNifti *f, double *values, size_t n, CtsError *err)
         const CtsStatus st = read_bytes(f, bytes, part * (size_t)f->bytes, err);
         if (st)
             return st;
-        for (size_t i = 0; i < part; i++) {
+        for (size_t i = 0; i < part && f->bytes == 1 && !f->is_signed; i++) /* label maps, mostly */
+            values[done + i] = f->slope * bytes[i] + f->intercept;
+        for (size_t i = 0; i < part && (f->bytes > 1 || f->is_signed); i++) {
             const uint8_t *const p = bytes + i * (size_t)f->bytes;
             const double x = !f->is_whole   ? real_at(f, p, f->bytes)
                              : f->is_signed ? (double)signed_at(f, p, f->bytes)

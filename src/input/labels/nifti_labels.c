@@ -25,15 +25,17 @@ static CtsStatus read_numbers(Map *m, CtsError *err)
     double values[PART];
     CtsStatus st = cts_nifti_count(&m->nifti, sizeof *m->numbers, &n, err);
     if (!st)
-        st = cts_alloc_sparse(&m->numbers, n, err);
+        st = cts_alloc_zeroed(&m->numbers, n, err);
     for (size_t done = 0; !st && done < n;) {
         const size_t part = n - done < PART ? n - done : PART;
         st = cts_nifti_read(&m->nifti, values, part, err);
         for (size_t i = 0; !st && i < part; i++) {
             const double x = values[i];
+            if (x == 0)
+                continue; /* most of them */
             if (!(x >= 0 && x <= UINT16_MAX) || x != floor(x))
                 st = cts_fail(err, CTS_ERR_PIXELS, "holds %g, which is no number of a label (whole, 0 to 65535)", x);
-            else if (x > 0)
+            else
                 m->numbers[done + i] = (uint16_t)x;
         }
         done += part;
@@ -95,8 +97,10 @@ static CtsStatus add_labels(Map *m, CtsError *err)
         m->label_of[v] = -1;
     for (size_t i = 0; !st && i < n; i++) {
         const int v = m->numbers[i];
-        n_numbers += v && m->label_of[v] < 0;
-        m->label_of[v] = v ? 0 : -1;
+        if (!v || m->label_of[v] == 0)
+            continue;
+        n_numbers++;
+        m->label_of[v] = 0;
     }
     for (int v = 1; !st && v < CTS_MASK_VALUES; v++)
         if (m->label_of[v] >= 0)
