@@ -42,7 +42,8 @@ def check(name, good, text=''):
 
 def info(path, *labels, names=None):
     options = [word for label in labels for word in ('--labels', label)] + (['--label-names', names] if names else [])
-    run = subprocess.run([CTSPLAT, 'info', '--json', path, *options], capture_output=True, text=True)
+    run = subprocess.run([CTSPLAT, 'info', '--json', path, *options], capture_output=True, text=True,
+                         env={**os.environ, 'MALLOC_PERTURB_': '20'})
     return run.returncode, run.stderr, json.loads(run.stdout) if run.returncode == 0 else None
 
 
