@@ -28,15 +28,15 @@ static inline size_t cts_bits_n_words(const CtsBits *bits)
     return bits->row_words * (size_t)bits->dims[1] * (size_t)bits->dims[2];
 }
 
-/* Smaller masks are done before a team of threads has gathered. */
-static inline bool cts_bits_is_large(const CtsBits *bits)
-{
-    return cts_bits_n_words(bits) > 1 << 16;
-}
-
 static inline uint64_t *cts_bits_row(const CtsBits *bits, int j, int k)
 {
     return bits->words + ((size_t)k * (size_t)bits->dims[1] + (size_t)j) * bits->row_words;
+}
+
+/* Slice k by itself, of the same words. */
+static inline CtsBits cts_bits_slice(const CtsBits *bits, int k)
+{
+    return (CtsBits){{bits->dims[0], bits->dims[1], 1}, bits->row_words, cts_bits_row(bits, 0, k)};
 }
 
 static inline bool cts_bits_get(const CtsBits *bits, int i, int j, int k)

@@ -16,6 +16,13 @@ enum CtsCpuPlace { CTS_CPU_PATHS(CTS_CPU_PLACE) };
 #define CTS_CPU_FLAG(name, needs) CTS_CPU_##name = 1 << CTS_CPU_PLACE_##name,
 enum CtsCpuFlag { CTS_CPU_PATHS(CTS_CPU_FLAG) };
 
+/* In front of a function that plain C loops are compiled into a second time, for processors that have the flag. */
+#if defined(__x86_64__)
+#define CTS_TARGET_AVX2 __attribute__((target("avx2")))
+#else
+#define CTS_TARGET_AVX2
+#endif
+
 /* The flags that this processor has and the mask lets through: whoever has more than one SIMD path chooses by them. */
 unsigned cts_cpu_flags(void);
 /* For tests: flags outside the mask count as missing from now on, in the whole process. ~0u lets all through. */

@@ -99,7 +99,7 @@ static void check_morphology(int nx, int ny, CtsReach reach, uint32_t seed)
                 cts_bits_set(&in, i, j, 0);
     cts_dilate_section(&m, in.words, reach, wide.words);
     cts_bits_combine(&open, CTS_BITS_OR, &in);
-    cts_open_sections(&m, 1, &open, reach);
+    cts_each_section(&m, 1, cts_open_section, &open, reach, &open);
     cts_thin_section(&m, in.words, reach, thin.words);
     for (int j = 0; j < ny; j++)
         for (int i = 0; i < nx; i++)

@@ -4,7 +4,6 @@
 #include "base/parallel.h"
 #include "core/table/parts.h"
 #include <math.h>
-#include <stdatomic.h>
 #include <string.h>
 
 /* Fingers and the tips of ears are twice as thick, blankets, tubes and plates are not. */
@@ -58,7 +57,8 @@ static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, C
     if ((st = cts_bits_new_unset(&others, plan->dims, err)))
         goto end;
     cts_parts_paint(p, sized, NULL, &others);
-    cts_open_sections(workers, n_threads, &others, cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm));
+    cts_each_section(workers, n_threads, cts_open_section, &others, cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm),
+                     &others);
     if ((st = count_in(p, &others, &thick, err)))
         goto end;
     for (uint32_t n = 0; n < p->n_parts; n++)
@@ -72,42 +72,6 @@ end:
     return st;
 }
 
-/* Loops over sections that may change bits. */
-typedef struct Sections {
-    const CtsBits *sections, *extruded;
-    CtsBits *bits;
-    CtsMorphology *workers;
-} Sections;
-
-static void extend_by_voxel(void *context, int worker, size_t first, size_t end)
-{
-    const Sections *const s = context;
-    const size_t n_words = s->bits->row_words * (size_t)s->bits->dims[1];
-    for (int k = (int)first; k < (int)end; k++) {
-        uint64_t *words = cts_bits_row(s->bits, 0, k);
-        const uint64_t *there = cts_bits_row(s->sections, 0, k), *table = cts_bits_row(s->extruded, 0, k);
-        if (!cts_bits_count_slice(s->extruded, k))
-            continue;
-        cts_dilate_section(&s->workers[worker], words, ONE, words);
-        for (size_t w = 0; w < n_words; w++)
-            words[w] &= there[w] & ~table[w];
-    }
-}
-
-/* What stands without the extruded and the voxel next to it. */
-static void take_extruded(void *context, int worker, size_t first, size_t end)
-{
-    const Sections *const s = context;
-    const size_t n_words = s->bits->row_words * (size_t)s->bits->dims[1];
-    for (int k = (int)first; k < (int)end; k++) {
-        uint64_t *words = cts_bits_row(s->bits, 0, k);
-        const uint64_t *there = cts_bits_row(s->sections, 0, k);
-        cts_dilate_section(&s->workers[worker], cts_bits_row(s->extruded, 0, k), ONE, words);
-        for (size_t w = 0; w < n_words; w++)
-            words[w] = there[w] & ~words[w];
-    }
-}
-
 /* The patient's dense bits: what hangs together once the extruded is taken away with the voxel next to it, which then
  * comes back. */
 static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections, const CtsBits *extruded,
@@ -119,15 +83,18 @@ static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections,
     CtsBits *const rest = &body->foreign; /* first what is no plate, then what is foreign */
     if ((st = cts_bits_new_unset(rest, plan->dims, err)) || (st = cts_bits_new_unset(&body->dense, plan->dims, err)))
         return st;
-    Sections taking = {sections, extruded, rest, workers}, extending = {sections, extruded, &body->dense, workers};
-    cts_parallel(n_threads, (size_t)plan->dims[2], 0, take_extruded, &taking);
+    cts_each_section(workers, n_threads, cts_dilate_section, extruded, ONE, rest);
+    cts_bits_combine(rest, CTS_BITS_NOT, rest);
+    cts_bits_combine(rest, CTS_BITS_AND, sections);
     if ((st = cts_parts_find(&parts, rest, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
         (st = cts_alloc_array(&sized, parts.n_parts, err)) ||
         (st = choose_patient(plan, &parts, workers, n_threads, flags, sized, err)))
         goto end;
     cts_parts_paint(&parts, flags, NULL, &body->dense);
     cts_parts_paint(&parts, sized, extruded, rest);
-    cts_parallel(n_threads, (size_t)plan->dims[2], 0, extend_by_voxel, &extending);
+    cts_each_section(workers, n_threads, cts_dilate_section, &body->dense, ONE, &body->dense);
+    cts_bits_combine(&body->dense, CTS_BITS_AND, sections);
+    cts_bits_combine(&body->dense, CTS_BITS_AND_NOT, extruded);
     for (uint32_t n = 0; n < parts.n_parts; n++)
         body->mm3 += flags[n] ? (double)parts.parts[n].n_voxels * plan->voxel_mm3 : 0;
 end:
@@ -149,46 +116,26 @@ static bool in_view(const int dims[3], int i, int j)
     return x * x + y * y < 1;
 }
 
-static void sample_run(const CtsSectionPlan *plan, const CtsVolume *v, const CtsRun *run, int j, int k, Sample *sample)
+static double hu_at(const CtsSectionPlan *plan, const CtsVolume *v, uint32_t i, int j, int k)
 {
     const size_t stride[3] = {1, (size_t)v->dims[0], (size_t)v->dims[0] * (size_t)v->dims[1]};
-    const uint16_t *row =
-        v->grey + (size_t)j * stride[plan->axis[1]] + (size_t)k * (size_t)plan->n_slices * stride[plan->axis[2]];
+    return cts_volume_hu(v, v->grey[i * stride[plan->axis[0]] + (size_t)j * stride[plan->axis[1]] +
+                                    (size_t)k * (size_t)plan->n_slices * stride[plan->axis[2]]]);
+}
+
+static void sample_run(const CtsSectionPlan *plan, const CtsVolume *v, const CtsRun *run, int j, int k, Sample *sample)
+{
     for (uint32_t i = (run->first + SAMPLE_COLUMNS - 1) / SAMPLE_COLUMNS * SAMPLE_COLUMNS; i < run->end;
          i += SAMPLE_COLUMNS) {
         const bool seen = in_view(plan->dims, (int)i, j);
         sample->n += seen;
-        sample->n_lung += seen && cts_volume_hu(v, row[i * stride[plan->axis[0]]]) > LUNG_HU;
+        sample->n_lung += seen && hu_at(plan, v, i, j, k) > LUNG_HU;
     }
 }
 
-/* What of the air is looked at, part by part. */
-typedef struct Sampling {
-    const CtsSectionPlan *plan;
-    const CtsVolume *volume;
-    const CtsParts *air;
-    const uint8_t *outside;
-    Sample *samples;
-} Sampling;
-
-/* A part of the air lies in one section. */
-static void sample_sections(void *context, int worker, size_t first, size_t end)
-{
-    const Sampling *const s = context;
-    const CtsParts *air = s->air;
-    (void)worker;
-    for (int k = (int)first; k < (int)end; k++)
-        for (int j = 0; j < air->dims[1]; j += SAMPLE_ROWS) {
-            const size_t row = (size_t)k * (size_t)air->dims[1] + (size_t)j;
-            for (uint32_t r = air->row_start[row]; r < air->row_start[row + 1]; r++)
-                if (s->outside[air->runs[r].part])
-                    sample_run(s->plan, s->volume, &air->runs[r], j, k, &s->samples[air->runs[r].part]);
-        }
-}
-
 /* outside[]: the parts of the air that reach the border of a section and are no lung. */
-static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *air, int n_threads,
-                              uint8_t *outside, CtsError *err)
+static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *air, uint8_t *outside,
+                              CtsError *err)
 {
     Sample *samples;
     const CtsStatus st = cts_alloc_zeroed(&samples, air->n_parts, err);
@@ -198,8 +145,13 @@ static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, co
         const CtsPart *p = &air->parts[n];
         outside[n] = p->lo[0] == 0 || p->lo[1] == 0 || p->hi[0] == air->dims[0] - 1 || p->hi[1] == air->dims[1] - 1;
     }
-    Sampling sampling = {plan, v, air, outside, samples};
-    cts_parallel(n_threads, (size_t)air->dims[2], 0, sample_sections, &sampling);
+    for (int k = 0; k < air->dims[2]; k++)
+        for (int j = 0; j < air->dims[1]; j += SAMPLE_ROWS) {
+            const size_t row = (size_t)k * (size_t)air->dims[1] + (size_t)j;
+            for (uint32_t r = air->row_start[row]; r < air->row_start[row + 1]; r++)
+                if (outside[air->runs[r].part])
+                    sample_run(plan, v, &air->runs[r], j, k, &samples[air->runs[r].part]);
+        }
     for (uint32_t n = 0; n < air->n_parts; n++)
         if (2 * samples[n].n_lung > samples[n].n)
             outside[n] = 0;
@@ -207,14 +159,7 @@ static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, co
     return st;
 }
 
-static CtsBits sections_of(const CtsBits *bits, size_t first, size_t end)
-{
-    return (CtsBits){.dims = {bits->dims[0], bits->dims[1], (int)(end - first)},
-                     .row_words = bits->row_words,
-                     .words = cts_bits_row(bits, 0, (int)first)};
-}
-
-static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, int n_threads, CtsBody *body, CtsError *err)
+static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, CtsBody *body, CtsError *err)
 {
     CtsStatus st;
     CtsBits air = {0};
@@ -224,7 +169,7 @@ static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, int 
         return st;
     cts_bits_combine(&air, CTS_BITS_NOT, &body->dense);
     if ((st = cts_parts_find_in_slices(&parts, &air, err)) || (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
-        (st = tell_outside(plan, v, &parts, n_threads, outside, err)) ||
+        (st = tell_outside(plan, v, &parts, outside, err)) ||
         (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
         goto end;
     cts_parts_paint(&parts, outside, NULL, &body->whole);
@@ -236,48 +181,6 @@ end:
     cts_parts_free(&parts);
     cts_free(&outside);
     return st;
-}
-
-typedef struct Measuring {
-    const CtsBody *body;
-    CtsReach reach;
-    CtsMorphology *workers;
-    CtsBits *scratch;
-    _Atomic uint64_t n_thin;
-} Measuring;
-
-static void measure_sections(void *context, int worker, size_t first, size_t end)
-{
-    Measuring *const m = context;
-    const CtsBody *body = m->body;
-    const size_t n_words = body->whole.row_words * (size_t)body->whole.dims[1];
-    for (int k = (int)first; k < (int)end; k++) {
-        uint64_t *thin = cts_bits_row(m->scratch, 0, k), n_thin = 0;
-        const uint64_t *dense = cts_bits_row(&body->dense, 0, k);
-        cts_thin_section(&m->workers[worker], cts_bits_row(&body->whole, 0, k), m->reach, thin);
-        for (size_t w = 0; w < n_words; w++) {
-            thin[w] &= dense[w];
-            n_thin += (uint64_t)cts_popcount(thin[w]);
-        }
-        atomic_fetch_add(&m->n_thin, n_thin);
-    }
-}
-
-/* thin: becomes what of the dense stands out thin. */
-static void measure_thin(const CtsSectionPlan *plan, CtsMorphology *workers, CtsBits *thin, int n_threads,
-                         CtsBody *body)
-{
-    Measuring m = {
-        .body = body, .reach = cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm), .workers = workers, .scratch = thin};
-    cts_parallel(n_threads, (size_t)plan->dims[2], 1, measure_sections, &m);
-    body->thin_mm3 = (double)atomic_load(&m.n_thin) * plan->voxel_mm3;
-}
-
-static uint16_t grey_of(const CtsSectionPlan *plan, const CtsVolume *v, uint32_t i, int j, int k)
-{
-    const size_t stride[3] = {1, (size_t)v->dims[0], (size_t)v->dims[0] * (size_t)v->dims[1]};
-    return v->grey[i * stride[plan->axis[0]] + (size_t)j * stride[plan->axis[1]] +
-                   (size_t)k * (size_t)plan->n_slices * stride[plan->axis[2]]];
 }
 
 static bool is_long(const CtsSectionPlan *plan, const CtsPart *part)
@@ -301,8 +204,7 @@ static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, c
     for (int row = 0; row < p->dims[1] * p->dims[2]; row++)
         for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
             for (uint32_t i = p->runs[r].first; i < p->runs[r].end && flags[p->runs[r].part]; i++)
-                n_bone[p->runs[r].part] +=
-                    cts_volume_hu(v, grey_of(plan, v, i, row % p->dims[1], row / p->dims[1])) > BONE_HU;
+                n_bone[p->runs[r].part] += hu_at(plan, v, i, row % p->dims[1], row / p->dims[1]) > BONE_HU;
     for (uint32_t part = 0; part < p->n_parts; part++) {
         flags[part] = flags[part] && 2 * n_bone[part] < p->parts[part].n_voxels;
         n += flags[part] ? p->parts[part].n_voxels : 0;
@@ -313,8 +215,8 @@ static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, c
 }
 
 /* Takes masks and straps that lie on the body for foreign. */
-static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, CtsBits *thin, int n_threads,
-                             CtsBody *body, CtsError *err)
+static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, CtsBits *thin, CtsBody *body,
+                             CtsError *err)
 {
     CtsStatus st;
     CtsParts parts = {0};
@@ -330,7 +232,7 @@ static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, Cts
     body->mm3 -= mm3;
     body->thin_mm3 -= mm3;
     cts_bits_free(&body->whole);
-    st = find_whole(plan, v, n_threads, body, err);
+    st = find_whole(plan, v, body, err);
 end:
     cts_parts_free(&parts);
     cts_free(&flags);
@@ -343,9 +245,12 @@ CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const Ct
     CtsBits thin = {0};
     CtsStatus st;
     if (!(st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) &&
-        !(st = find_whole(plan, v, n_threads, body, err)) && !(st = cts_bits_new_unset(&thin, plan->dims, err))) {
-        measure_thin(plan, workers, &thin, n_threads, body);
-        st = drop_shells(plan, v, &thin, n_threads, body, err);
+        !(st = find_whole(plan, v, body, err)) && !(st = cts_bits_new_unset(&thin, plan->dims, err))) {
+        cts_each_section(workers, n_threads, cts_thin_section, &body->whole,
+                         cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm), &thin);
+        cts_bits_combine(&thin, CTS_BITS_AND, &body->dense);
+        body->thin_mm3 = (double)cts_bits_count(&thin) * plan->voxel_mm3;
+        st = drop_shells(plan, v, &thin, body, err);
     }
     cts_bits_free(&thin);
     return st;
@@ -393,7 +298,7 @@ static void share_sections(void *context, int worker, size_t first, size_t end)
     const Sharing *const s = context;
     const int *const dims = s->plan->dims, n = s->n[0];
     uint16_t *const counts = s->counts + (size_t)worker * (size_t)n * (size_t)dims[1];
-    CtsBits narrow = sections_of(&s->narrow, (size_t)worker, (size_t)worker + 1);
+    CtsBits narrow = cts_bits_slice(&s->narrow, worker);
     for (int k = (int)first; k < (int)end; k++) {
         narrow_section(s->whole, k, cts_reach_mm(SKIN_MM, s->plan->spacing_mm), &s->workers[worker], &narrow);
         for (int j = 0; j < dims[1]; j++)

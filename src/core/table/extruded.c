@@ -120,12 +120,6 @@ end:
     return st;
 }
 
-static CtsBits section_of(const CtsBits *bits, int k)
-{
-    return (CtsBits){
-        .dims = {bits->dims[0], bits->dims[1], 1}, .row_words = bits->row_words, .words = cts_bits_row(bits, 0, k)};
-}
-
 static void clear_section(CtsBits *section)
 {
     memset(section->words, 0, cts_bits_n_words(section) * sizeof *section->words);
@@ -136,7 +130,7 @@ static void clear_section(CtsBits *section)
 static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err)
 {
     CtsStatus st;
-    CtsBits plates = section_of(&s->plates, n), doubtful = section_of(&s->doubtful, n);
+    CtsBits plates = cts_bits_slice(&s->plates, n), doubtful = cts_bits_slice(&s->doubtful, n);
     clear_section(&plates);
     clear_section(&doubtful);
     look_along(s, window_at(&s->windows, n), w);
@@ -158,11 +152,11 @@ static void follow_plates(const Search *s, int n, Worker *w)
 {
     const Window window = window_at(&s->shorter, n);
     const CtsReach waver = {.diamond = 1, .box = {1, 1}};
-    CtsBits followed = section_of(&s->followed, n);
+    CtsBits followed = cts_bits_slice(&s->followed, n);
     clear_section(&followed);
     for (int l = 0; l < s->windows.n; l++) {
         const Window longer = window_at(&s->windows, l);
-        const CtsBits plates = section_of(&s->plates, l);
+        const CtsBits plates = cts_bits_slice(&s->plates, l);
         if (longer.first <= window.first && longer.end >= window.end)
             cts_bits_combine(&followed, CTS_BITS_OR, &plates);
     }
@@ -179,20 +173,10 @@ static void follow_plates(const Search *s, int n, Worker *w)
 }
 
 typedef struct Looking {
-    Search *search;
-    const CtsBits *sections;
+    const Search *search;
     Worker *workers;
     atomic_int n_failed;
 } Looking;
-
-static void widen_sections(void *context, int worker, size_t first, size_t end)
-{
-    const Looking *const l = context;
-    const CtsReach one = {.diamond = 1};
-    for (int k = (int)first; k < (int)end; k++)
-        cts_dilate_section(l->workers[worker].morphology, cts_bits_row(l->sections, 0, k), one,
-                           cts_bits_row(&l->search->wide, 0, k));
-}
 
 static void look_at_windows(void *context, int worker, size_t first, size_t end)
 {
@@ -217,8 +201,8 @@ static CtsStatus search(Search *s, const CtsBits *sections, CtsMorphology *morph
         st = worker_new(&workers[t], sections->dims, &morphology[t], err);
     if (st)
         goto end;
-    Looking looking = {.search = s, .sections = sections, .workers = workers};
-    cts_parallel(n_threads, (size_t)sections->dims[2], 0, widen_sections, &looking);
+    Looking looking = {.search = s, .workers = workers};
+    cts_each_section(morphology, n_threads, cts_dilate_section, sections, (CtsReach){.diamond = 1}, &s->wide);
     cts_parallel(n_threads, (size_t)s->windows.n, 1, look_at_windows, &looking);
     cts_parallel(n_threads, (size_t)s->shorter.n, 1, follow_in_windows, &looking);
     if (atomic_load(&looking.n_failed))

@@ -97,15 +97,10 @@ static void leap_plain(Way way, const uint64_t *in, uint64_t *out, size_t n_word
     leap_words(way, in, out, n_words, n, rows);
 }
 
-#if defined(__x86_64__)
-__attribute__((target("avx2"))) static void leap_avx2(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n,
-                                                      ptrdiff_t rows)
+CTS_TARGET_AVX2 static void leap_avx2(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
 {
     leap_words(way, in, out, n_words, n, rows);
 }
-#else
-#define leap_avx2 leap_plain
-#endif
 
 /* m->a a leap further; `reach` rows outside the section on either side may then hold something. */
 static void leap(CtsMorphology *m, Way way, int n, int reach)
@@ -187,7 +182,7 @@ void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, ui
     write_section(m, out);
 }
 
-static void open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach)
+static void opened(CtsMorphology *m, const uint64_t *in, CtsReach reach)
 {
     read_section(m, in);
     invert(m);
@@ -196,36 +191,42 @@ static void open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach)
     dilate(m, reach);
 }
 
-/* Sections that are opened in place. */
-typedef struct Opening {
-    CtsMorphology *workers;
-    CtsBits *bits;
-    CtsReach reach;
-} Opening;
-
-static void open_some(void *context, int worker, size_t first, size_t end)
+void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
-    const Opening *const o = context;
-    for (int k = (int)first; k < (int)end; k++) {
-        uint64_t *words = cts_bits_row(o->bits, 0, k);
-        if (!cts_bits_count_slice(o->bits, k))
-            continue;
-        open_section(&o->workers[worker], words, o->reach);
-        write_section(&o->workers[worker], words);
-    }
-}
-
-void cts_open_sections(CtsMorphology *workers, int n_threads, CtsBits *bits, CtsReach reach)
-{
-    Opening opening = {workers, bits, reach};
-    cts_parallel(n_threads, (size_t)bits->dims[2], 1, open_some, &opening);
+    opened(m, in, reach);
+    write_section(m, out);
 }
 
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out)
 {
-    open_section(m, in, reach);
+    opened(m, in, reach);
     dilate(m, ONE);
     for (size_t j = 0; j < m->n_rows; j++)
         for (size_t w = 0; w < m->row_words; w++)
             out[j * m->row_words + w] = in[j * m->row_words + w] & ~m->a[j * m->stride + w];
+}
+
+typedef struct Sections {
+    CtsMorphology *workers;
+    cts_section_fn change;
+    const CtsBits *in;
+    CtsReach reach;
+    CtsBits *out;
+} Sections;
+
+static void change_some(void *context, int worker, size_t first, size_t end)
+{
+    const Sections *const s = context;
+    for (int k = (int)first; k < (int)end; k++)
+        if (cts_bits_count_slice(s->in, k))
+            s->change(&s->workers[worker], cts_bits_row(s->in, 0, k), s->reach, cts_bits_row(s->out, 0, k));
+        else
+            memset(cts_bits_row(s->out, 0, k), 0, s->workers->n_words * sizeof *s->out->words);
+}
+
+void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,
+                      CtsBits *out)
+{
+    Sections sections = {workers, change, in, reach, out};
+    cts_parallel(n_threads, (size_t)in->dims[2], 1, change_some, &sections);
 }

@@ -29,10 +29,13 @@ void cts_morphologies_free(CtsMorphology **workers, int n_threads);
 
 /* Sections of n_words words; in and out may be the same. Outside the section lies nothing for dilation, and for opening
  * whatever lies at its border goes on, as a patient does whom the field of view cuts off. */
+typedef void (*cts_section_fn)(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
 /* What an opening takes away from a section for good: opened, grown back by a voxel, the rest. */
 void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
-/* Opens all sections, in place. */
-void cts_open_sections(CtsMorphology *workers, int n_threads, CtsBits *bits, CtsReach reach);
+/* One of these for all sections, which may be changed in place. */
+void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,
+                      CtsBits *out);
 
 #endif

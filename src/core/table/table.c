@@ -76,60 +76,42 @@ static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
     return false;
 }
 
+/* Each section of the body with its neighbours'. */
+static void join_neighbours(const CtsBits *whole, CtsBits *joined)
+{
+    for (int k = 0; k < whole->dims[2]; k++) {
+        CtsBits slice = cts_bits_slice(joined, k);
+        for (int from = k > 0 ? k - 1 : k; from <= k + 1 && from < whole->dims[2]; from++) {
+            const CtsBits beside = cts_bits_slice(whole, from);
+            cts_bits_combine(&slice, CTS_BITS_OR, &beside);
+        }
+    }
+}
+
 /* Air are the voxels beyond the rim of the body, and in the rim the ramp of what is foreign, but for the voxels next to
  * the body. */
-static void find_gone(Removal *r, int k, CtsMorphology *m, uint64_t *scratch)
+static CtsStatus find_gone(Removal *r, CtsError *err)
 {
-    const CtsBits *whole = &r->body.whole;
+    CtsStatus st;
+    CtsBits near = {0}, ramp = {0};
+    CtsBits *const gone = &r->gone, *const foreign = &r->body.foreign;
     const CtsReach one = {.diamond = 1}, two = {.diamond = 1, .box = {1, 1}};
     CtsReach rim = cts_reach_mm(RIM_MM, r->plan.spacing_mm);
-    const int last = r->plan.dims[2] - 1;
-    const uint64_t *own = cts_bits_row(whole, 0, k), *before = cts_bits_row(whole, 0, k ? k - 1 : 0);
-    const uint64_t *behind = cts_bits_row(whole, 0, k < last ? k + 1 : last);
-    uint64_t *gone = cts_bits_row(&r->gone, 0, k);
     for (int n = 0; n < 2; n++)
         rim.box[n] = rim.diamond + rim.box[n] < 2 ? 2 - rim.diamond : rim.box[n];
-    for (size_t w = 0; w < m->n_words; w++)
-        scratch[w] = own[w] | before[w] | behind[w];
-    cts_dilate_section(m, scratch, rim, gone);
-    for (size_t w = 0; w < m->n_words; w++)
-        gone[w] = ~gone[w];
-    for (size_t w = m->row_words - 1; w < m->n_words; w += m->row_words)
-        gone[w] &= m->last_word;
-    if (!cts_bits_count_slice(&r->body.foreign, k))
-        return;
-    const uint64_t *foreign = cts_bits_row(&r->body.foreign, 0, k);
-    uint64_t *const near = scratch + m->n_words;
-    cts_dilate_section(m, foreign, two, scratch);
-    cts_dilate_section(m, own, one, near);
-    for (size_t w = 0; w < m->n_words; w++)
-        gone[w] |= foreign[w] | (scratch[w] & ~near[w]);
-}
-
-typedef struct Finding {
-    Removal *removal;
-    CtsMorphology *workers;
-    uint64_t *scratch;
-    size_t n_scratch; /* of each worker */
-} Finding;
-
-static void find_some_gone(void *context, int worker, size_t first, size_t end)
-{
-    const Finding *const f = context;
-    for (int k = (int)first; k < (int)end; k++)
-        find_gone(f->removal, k, &f->workers[worker], f->scratch + f->n_scratch * (size_t)worker);
-}
-
-static CtsStatus find_all_gone(Removal *r, CtsError *err)
-{
-    uint64_t *scratch = NULL;
-    const size_t n_words = r->sections.row_words * (size_t)r->sections.dims[1];
-    CtsStatus st = cts_bits_new_unset(&r->gone, r->plan.dims, err);
-    if (!st && !(st = cts_alloc_array(&scratch, 2 * n_words * (size_t)r->n_threads, err))) {
-        Finding finding = {r, r->workers, scratch, 2 * n_words};
-        cts_parallel(r->n_threads, (size_t)r->plan.dims[2], 1, find_some_gone, &finding);
+    if (!(st = cts_bits_new(gone, r->plan.dims, err)) && !(st = cts_bits_new_unset(&near, r->plan.dims, err)) &&
+        !(st = cts_bits_new_unset(&ramp, r->plan.dims, err))) {
+        join_neighbours(&r->body.whole, gone);
+        cts_each_section(r->workers, r->n_threads, cts_dilate_section, gone, rim, gone);
+        cts_bits_combine(gone, CTS_BITS_NOT, gone);
+        cts_each_section(r->workers, r->n_threads, cts_dilate_section, foreign, two, &ramp);
+        cts_each_section(r->workers, r->n_threads, cts_dilate_section, &r->body.whole, one, &near);
+        cts_bits_combine(&ramp, CTS_BITS_AND_NOT, &near);
+        cts_bits_combine(gone, CTS_BITS_OR, foreign);
+        cts_bits_combine(gone, CTS_BITS_OR, &ramp);
     }
-    cts_free(&scratch);
+    cts_bits_free(&near);
+    cts_bits_free(&ramp);
     return st;
 }
 
@@ -188,7 +170,8 @@ static void clear(Removal *r, CtsVolume *v)
 static double report_lost(Removal *r, CtsReport *report)
 {
     cts_bits_combine(&r->gone, CTS_BITS_AND, &r->sections);
-    cts_open_sections(r->workers, r->n_threads, &r->gone, cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm));
+    cts_each_section(r->workers, r->n_threads, cts_open_section, &r->gone,
+                     cts_reach_mm(NO_SHELL_RADIUS_MM, r->plan.spacing_mm), &r->gone);
     const double lost_mm3 = (double)cts_bits_count(&r->gone) * r->plan.voxel_mm3;
     if (lost_mm3 > LOST_SHARE * r->body.mm3)
         cts_report_finding(
@@ -221,7 +204,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, C
         (st = cts_extruded_find(&r->plan, &r->sections, r->workers, r->n_threads, &r->extruded, err)) ||
         (st = cts_body_find(&r->plan, seen, &r->sections, &r->extruded.plates, r->workers, r->n_threads, &r->body,
                             err)) ||
-        (st = find_all_gone(r, err)))
+        (st = find_gone(r, err)))
         return st;
     if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
         return st;
