@@ -2,7 +2,6 @@
 
 #include "base/mem.h"
 #include "base/mutation.h"
-#include "base/parallel.h"
 #include <math.h>
 #include <stdlib.h>
 
@@ -76,53 +75,37 @@ static int settled_level(const CtsPreset *preset, const CtsVolume *volume, const
     return past;
 }
 
-enum { MOST_WORKERS = 64 };
-
-typedef struct Fill {
-    CtsLut *lut;
-    const CtsPreset *preset;
-    const CtsVolume *volume;
-    const CtsVoidKey *key;
-    double extinction_scale;
-    double *most; /* the largest extinction that each worker met */
-} Fill;
-
-static void fill_levels(void *context, int worker, size_t first, size_t end)
+static void fill_levels(CtsLut *l, const CtsPreset *preset, const CtsVolume *volume, const CtsVoidKey *key,
+                        double extinction_scale)
 {
-    const Fill *const f = context;
-    for (size_t g = first; g < end; g++) {
-        const double hu = cts_volume_hu(f->volume, (uint16_t)g);
+    for (int g = 0; g < l->n; g++) {
+        const double hu = cts_volume_hu(volume, (uint16_t)g);
         double rgb[3];
-        cts_preset_colour(f->preset, hu, rgb);
+        cts_preset_colour(preset, hu, rgb);
         for (int c = 0; c < 3; c++)
-            f->lut->rgb[g][c] = (float)rgb[c];
-        const bool drops = f->key && cts_void_key_drops(f->key, hu);
-        const double extinction = drops ? 0 : cts_preset_extinction_per_mm(f->preset, hu) * f->extinction_scale;
-        f->lut->extinction_per_mm[g] = (float)extinction;
-        f->most[worker] = fmax(f->most[worker], extinction);
+            l->rgb[g][c] = (float)rgb[c];
+        const bool drops = key && cts_void_key_drops(key, hu);
+        const double extinction = drops ? 0 : cts_preset_extinction_per_mm(preset, hu) * extinction_scale;
+        l->extinction_per_mm[g] = (float)extinction;
+        l->max_extinction_per_mm = fmax(l->max_extinction_per_mm, extinction);
     }
 }
 
 CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, const CtsVoidKey *key,
-                      double extinction_scale, int n_threads, CtsError *err)
+                      double extinction_scale, CtsError *err)
 {
     CtsStatus st;
-    double most[MOST_WORKERS] = {0};
     CtsLut *l = *lut = calloc(1, sizeof *l);
     if (!l)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     const size_t n = (size_t)settled_level(preset, volume, key) + 1;
     l->n = (int)n;
-    if ((st = cts_alloc_array(&l->rgb, n, err)) || (st = cts_alloc_array(&l->extinction_per_mm, n, err)) ||
-        (st = cts_alloc_array(&l->visible_below, 2 * n, err))) {
-        cts_lut_free(lut);
-        return st;
+    if (!(st = cts_alloc_array(&l->rgb, n, err)) && !(st = cts_alloc_array(&l->extinction_per_mm, n, err)) &&
+        !(st = cts_alloc_array(&l->visible_below, 2 * n, err))) {
+        fill_levels(l, preset, volume, key, extinction_scale);
+        st = find_visible(l, preset, volume, key, err);
     }
-    Fill fill = {l, preset, volume, key, extinction_scale, most};
-    cts_parallel(n_threads < MOST_WORKERS ? n_threads : MOST_WORKERS, n, 0, fill_levels, &fill);
-    for (int w = 0; w < MOST_WORKERS; w++)
-        l->max_extinction_per_mm = fmax(l->max_extinction_per_mm, most[w]);
-    if ((st = find_visible(l, preset, volume, key, err)))
+    if (st)
         cts_lut_free(lut);
     return st;
 }

@@ -25,7 +25,7 @@ typedef struct CtsLut {
 /* extinction_scale multiplies every extinction: 1, or for --opacity-unit voxel the factor that makes the preset's
  * unit one voxel along the ray. What the key (NULL: none) drops is invisible. Free with cts_lut_free(). */
 CtsStatus cts_lut_new(CtsLut **lut, const CtsPreset *preset, const CtsVolume *volume, const CtsVoidKey *key,
-                      double extinction_scale, int n_threads, CtsError *err);
+                      double extinction_scale, CtsError *err);
 void cts_lut_free(CtsLut **lut);
 
 /* False when nothing from level low to level high has any extinction, between levels either: exact, however the voxels

@@ -43,33 +43,6 @@ typedef struct Box {
 
 static const Box EMPTY = {{INT_MAX, INT_MAX, INT_MAX}, {-1, -1, -1}};
 
-/* Where each index axis runs along one patient axis, the box is the same for all rows; false where it is not so. */
-static bool straight_box(const CtsVolume *v, const double lo[3], const double hi[3], Box *box)
-{
-    bool taken[3] = {false, false, false};
-    *box = EMPTY;
-    for (int axis = 0; axis < 3; axis++) {
-        int along = 0;
-        for (int c = 0; c < 3; c++)
-            along = v->step_lps[axis][c] != 0 ? c : along;
-        for (int c = 0; c < 3; c++)
-            if ((c == along) != (v->step_lps[axis][c] != 0) || taken[along])
-                return false;
-        taken[along] = true;
-        for (int n = 0; n < v->dims[axis]; n++) {
-            const double x = v->origin_lps[along] + n * v->step_lps[axis][along];
-            if (!(x >= lo[along] - 1e-6 && x <= hi[along] + 1e-6))
-                continue;
-            box->lo[axis] = n < box->lo[axis] ? n : box->lo[axis];
-            box->hi[axis] = n;
-        }
-    }
-    for (int axis = 0; axis < 3; axis++)
-        if (box->hi[axis] < 0)
-            *box = EMPTY;
-    return true;
-}
-
 /* The box of what the rows keep. */
 static Box find_box(const CtsVolume *v, const double lo[3], const double hi[3])
 {
@@ -90,16 +63,15 @@ static Box find_box(const CtsVolume *v, const double lo[3], const double hi[3])
 }
 
 /* Rows of the box to the front, one after the other; what is not between first and last of its row becomes air. */
-static void move_rows(CtsVolume *v, const Box *box, bool straight, const double lo[3], const double hi[3])
+static void move_rows(CtsVolume *v, const Box *box, const double lo[3], const double hi[3])
 {
     const size_t nx = (size_t)v->dims[0], ny = (size_t)v->dims[1], n = (size_t)(box->hi[0] - box->lo[0] + 1);
     uint16_t *to = v->grey;
     for (int k = box->lo[2]; k <= box->hi[2]; k++)
         for (int j = box->lo[1]; j <= box->hi[1]; j++, to += n) {
             const uint16_t *row = v->grey + ((size_t)k * ny + (size_t)j) * nx;
-            int first = box->lo[0], last = box->hi[0];
-            if (!straight)
-                row_run(v, j, k, lo, hi, &first, &last);
+            int first, last;
+            row_run(v, j, k, lo, hi, &first, &last);
             if (first > last) {
                 memset(to, 0, n * sizeof *to);
                 continue;
@@ -113,10 +85,7 @@ static void move_rows(CtsVolume *v, const Box *box, bool straight, const double 
 
 CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_lps[3], CtsError *err)
 {
-    Box box;
-    const bool straight = straight_box(v, lo_lps, hi_lps, &box);
-    if (!straight)
-        box = find_box(v, lo_lps, hi_lps);
+    const Box box = find_box(v, lo_lps, hi_lps);
     if (box.hi[0] < 0) {
         double low[3], high[3];
         cts_volume_box_lps(v, low, high);
@@ -126,9 +95,7 @@ CtsStatus cts_volume_crop(CtsVolume *v, const double lo_lps[3], const double hi_
                         low[0], high[0], low[1], high[1], low[2], high[2]);
     }
     const int n[3] = {box.hi[0] - box.lo[0] + 1, box.hi[1] - box.lo[1] + 1, box.hi[2] - box.lo[2] + 1};
-    if (straight && !memcmp(n, v->dims, sizeof n))
-        return CTS_OK;
-    move_rows(v, &box, straight, lo_lps, hi_lps);
+    move_rows(v, &box, lo_lps, hi_lps);
     for (int c = 0; c < 3; c++)
         for (int axis = 0; axis < 3; axis++)
             v->origin_lps[c] += box.lo[axis] * v->step_lps[axis][c];

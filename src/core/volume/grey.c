@@ -3,32 +3,9 @@
 #include "base/cpu.h"
 #include <math.h>
 
-/* Integers alone, so that every compilation of it gives the same bytes. */
-static inline __attribute__((always_inline)) CtsStoredRange
-whole_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
-{
-    const CtsStored s = *stored;
-    const int32_t sign = s.is_signed ? 1 << (s.bits - 1) : 0, mask = (int32_t)((1u << s.bits) - 1);
-    int32_t low = INT32_MAX, high = INT32_MIN;
-    for (size_t i = 0; i < n; i++) {
-        const int32_t word = words[i];
-        const int32_t value = (((word >> s.shift) & mask) ^ sign) - sign;
-        /* All ones for padding: bit operations keep the loop free of branches, so that it becomes vector code. */
-        const int32_t padding = -(((value >= s.padding_low) & (value <= s.padding_high)) | (word == s.padding_word));
-        int32_t grey = slope * value + offset;
-        grey = grey < 0 ? 0 : grey;
-        grey = grey > 65535 ? 65535 : grey;
-        to[i] = (uint16_t)(grey & ~padding);
-        const int32_t for_low = (value & ~padding) | (INT32_MAX & padding);
-        const int32_t for_high = (value & ~padding) | (INT32_MIN & padding);
-        low = for_low < low ? for_low : low;
-        high = for_high > high ? for_high : high;
-    }
-    return (CtsStoredRange){low, high};
-}
-
-/* The same for slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so
- * grey = u + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. */
+/* For slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so
+ * grey = u + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. Integers alone, so
+ * that every compilation of it gives the same bytes. */
 static inline __attribute__((always_inline)) CtsStoredRange slope_one(uint16_t *to, const uint16_t *words,
                                                                       size_t n, const CtsStored *s, int32_t rise)
 {
@@ -59,21 +36,6 @@ static inline __attribute__((always_inline)) CtsStoredRange slope_one(uint16_t *
     return low > high ? (CtsStoredRange){INT32_MAX, INT32_MIN} : (CtsStoredRange){low + smallest, high + smallest};
 }
 
-static inline __attribute__((always_inline)) CtsStoredRange
-any_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
-{
-    const int32_t rise = offset - (stored->is_signed ? 1 << (stored->bits - 1) : 0);
-    return slope == 1 && rise >= -65535 && rise <= 65535 ? slope_one(to, words, n, stored, rise)
-                                                         : whole_body(to, words, n, stored, slope, offset);
-}
-
-/* In place is a case of its own: compilers see that nothing overlaps. */
-static inline __attribute__((always_inline)) CtsStoredRange
-fast_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
-{
-    return to == words ? any_body(to, to, n, stored, slope, offset) : any_body(to, words, n, stored, slope, offset);
-}
-
 CtsStoredRange cts_grey_whole_plain(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
                                     int32_t slope, int32_t offset)
 {
@@ -91,28 +53,31 @@ CtsStoredRange cts_grey_whole_plain(uint16_t *to, const uint16_t *words, size_t 
     return range;
 }
 
+/* In place is a case of its own: compilers see that nothing overlaps. */
+static inline __attribute__((always_inline)) CtsStoredRange
+fast_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope, int32_t offset)
+{
+    const int32_t rise = offset - (stored->is_signed ? 1 << (stored->bits - 1) : 0);
+    if (slope != 1 || rise < -65535 || rise > 65535)
+        return cts_grey_whole_plain(to, words, n, stored, slope, offset);
+    return to == words ? slope_one(to, to, n, stored, rise) : slope_one(to, words, n, stored, rise);
+}
+
 static CtsStoredRange whole_vector(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
                                    int32_t slope, int32_t offset)
 {
     return fast_body(to, words, n, stored, slope, offset);
 }
 
-#if defined(__x86_64__)
-__attribute__((target("avx2"))) static CtsStoredRange whole_avx2(uint16_t *to, const uint16_t *words, size_t n,
-                                                                 const CtsStored *stored, int32_t slope, int32_t offset)
+CTS_TARGET_AVX2 static CtsStoredRange whole_avx2(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
+                                                 int32_t slope, int32_t offset)
 {
     return fast_body(to, words, n, stored, slope, offset);
 }
-#endif
 
 cts_grey_whole_fn cts_grey_whole(unsigned cpu)
 {
-#if defined(__x86_64__)
-    if (cpu & CTS_CPU_AVX2)
-        return whole_avx2;
-#endif
-    (void)cpu;
-    return whole_vector;
+    return cpu & CTS_CPU_AVX2 ? whole_avx2 : whole_vector;
 }
 
 void cts_grey_table(uint16_t table[65536], const CtsStored *stored, double slope, double intercept, double hu_offset,

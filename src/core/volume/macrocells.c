@@ -4,7 +4,6 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "core/volume/fold.h"
-#include <stdatomic.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -98,37 +97,21 @@ static void sum_row(CtsMacrocells *b, int bj, int bk)
     }
 }
 
-typedef struct Summing {
-    CtsMacrocells *macrocells;
-    _Atomic CtsRange all;
-} Summing;
-
 static void sum_layers(void *context, int worker, size_t first, size_t end)
 {
-    Summing *const s = context;
-    CtsMacrocells *const b = s->macrocells;
-    const size_t layer = (size_t)b->n[0] * (size_t)b->n[1];
-    CtsRange sum = {65535, 0};
+    CtsMacrocells *const b = context;
     (void)worker;
-    for (size_t bk = first; bk < end; bk++) {
+    for (size_t bk = first; bk < end; bk++)
         for (int bj = 0; bj < b->n[1]; bj++)
             sum_row(b, bj, (int)bk);
-        for (size_t i = bk * layer; i < (bk + 1) * layer; i++)
-            widen(&sum, b->range[i]);
-    }
-    CtsRange before = atomic_load(&s->all), after;
-    do {
-        after = before;
-        widen(&after, sum);
-    } while (!atomic_compare_exchange_weak(&s->all, &before, after));
 }
 
 void cts_macrocells_sum(CtsMacrocells *b, int n_threads)
 {
-    Summing summing = {.macrocells = b};
-    atomic_init(&summing.all, ((CtsRange){65535, 0}));
-    cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, &summing);
-    b->all = atomic_load(&summing.all);
+    cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, b);
+    clear(&b->all, 1);
+    for (size_t i = 0; i < product(b->n); i++)
+        widen(&b->all, b->range[i]);
 }
 
 typedef struct Folding {

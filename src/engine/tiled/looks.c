@@ -11,8 +11,7 @@ static CtsStatus init_look(TiledLooks *looks, const CtsScene *scene, int look, C
     if (look != CTS_LOOK_HIDDEN)
         cts_owner_preset(l, scene->preset, &preset);
     if (look != CTS_LOOK_HIDDEN && (l->preset || l->opacity >= 0))
-        st = cts_lut_new(&looks->own[look], &preset, scene->volume, NULL, scene->extinction_scale,
-                         scene->settings->n_threads, err);
+        st = cts_lut_new(&looks->own[look], &preset, scene->volume, NULL, scene->extinction_scale, err);
     if (st)
         return st;
     own.preset = &preset;

@@ -47,7 +47,6 @@ typedef struct Pass {
     Range *ranges; /* by slice */
     void **rows;   /* by worker: room for numbers of a row */
     cts_grey_whole_fn to_grey;
-    bool avx2;
 } Pass;
 
 /* Numbers of row (j, k): where they lie, or gathered. */
@@ -159,22 +158,17 @@ static inline __attribute__((always_inline)) void any_slice(const Pass *p, int k
 }
 #undef GREY_OF
 
-#if defined(__x86_64__)
-__attribute__((target("avx2"))) static void slice_avx2(const Pass *p, int k, bool looks, void *gathered)
+CTS_TARGET_AVX2 static void slice_avx2(const Pass *p, int k, bool looks, void *gathered)
 {
     any_slice(p, k, looks, gathered);
 }
-#endif
 
 static void slice(const Pass *p, int k, bool looks, void *gathered)
 {
-#if defined(__x86_64__)
-    if (p->avx2) {
+    if (cts_cpu_flags() & CTS_CPU_AVX2)
         slice_avx2(p, k, looks, gathered);
-        return;
-    }
-#endif
-    any_slice(p, k, looks, gathered);
+    else
+        any_slice(p, k, looks, gathered);
 }
 
 static bool has_words(const Given *g)
@@ -288,8 +282,7 @@ CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned *
     n_threads = cts_threads(n_threads);
     const Given as_scanned = stored(given);
     const CtsBox *const box = &as_scanned.box;
-    Pass pass = {
-        .given = &as_scanned, .to_grey = cts_grey_whole(cts_cpu_flags()), .avx2 = cts_cpu_flags() & CTS_CPU_AVX2};
+    Pass pass = {.given = &as_scanned, .to_grey = cts_grey_whole(cts_cpu_flags())};
     if (!(st = place(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
         st = cts_alloc_zeroed(&pass.rows, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)

@@ -264,7 +264,7 @@ static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsE
         CtsStatus st = find_key(f, scene, report, err);
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
         if (st || (st = cts_lut_new(&f->lut, p, f->volume, f->key_found ? &f->key.key : NULL, scene->extinction_scale,
-                                    scene->settings->n_threads, err)))
+                                    err)))
             return st;
         f->lut_scale = scene->extinction_scale;
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)f->lut->n, 0);
