@@ -109,7 +109,7 @@ void compare_bytes(DcmItem &theirs, const uint8_t *bytes, size_t n, const CtsSyn
                    const char *how)
 {
     static CtsDataScan scan;
-    if (cts_scan_data(bytes, n, UINT64_MAX, 0, native, &scan) != CTS_SCAN_DONE)
+    if (cts_scan_data(bytes, n, UINT64_MAX, 0, native, CTS_MAX_HEADER_BYTES, &scan) != CTS_SCAN_DONE)
         return;
     const CtsDataSet set = {bytes, scan.header_end, &scan, native};
     CtsAttributes ours{set};
@@ -150,7 +150,8 @@ int visit(const char *path, const struct stat *info, int type, struct FTW *)
         return 0;
     const CtsSyntax *native = cts_syntax_native(named->explicit_vr, named->big_endian);
     const uint8_t *const start = bytes.data() + meta.data_offset;
-    if (cts_scan_data(start, bytes.size() - meta.data_offset, UINT64_MAX, 0, native, &scan) != CTS_SCAN_DONE)
+    if (cts_scan_data(start, bytes.size() - meta.data_offset, UINT64_MAX, 0, native, CTS_MAX_HEADER_BYTES, &scan) !=
+        CTS_SCAN_DONE)
         return 0;
     DcmDataset data;
     DcmInputBufferStream in;

@@ -9,7 +9,7 @@
 
 enum { N_SLICES = 10, COLUMNS = 28, ROWS = 24 };
 
-static CtsStatus read_dicom(const CtsLabelReading *reading, const CtsFileBytes *file, CtsError *err)
+static CtsStatus read_dicom(const CtsLabelReading *reading, const CtsFile *file, CtsError *err)
 {
     CtsPlainObject object;
     CtsStatus st = cts_plain_open(&object, file, err);
@@ -50,12 +50,13 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     CtsError err = {0};
     char class_uid[65];
     const CtsFileBytes file = cts_file_bytes_in_memory(data, n);
+    const CtsFile member = {.path = "fuzz", .memory = data, .n_memory = n};
     const CtsLabelNames names = {0};
     if (cts_label_grid_of(&grid, &series, &err) || cts_labels_new(&labels, &grid, &err))
         return 0;
     const CtsLabelReading reading = {.series = &series, .labels = labels, .file = 1, .names = &names};
     const CtsStatus st = cts_nifti_is(data, n)                    ? cts_label_read_nifti(&reading, &file, &err)
-                         : cts_plain_is_dicom(data, n, class_uid) ? read_dicom(&reading, &file, &err)
+                         : cts_plain_is_dicom(data, n, class_uid) ? read_dicom(&reading, &member, &err)
                                                                   : CTS_OK;
     assert(!st == !err.text[0]);
     if (!st && !cts_labels_begin(labels, &err) && !cts_labels_count(labels, number, N_SLICES, NULL, &err))

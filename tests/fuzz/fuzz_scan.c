@@ -12,7 +12,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     if (!named || named->deflated)
         return 0;
     const CtsSyntax *native = cts_syntax_native(named->explicit_vr, named->big_endian);
-    if (cts_scan_data(data, n, n, meta.data_offset, native, &scan) != CTS_SCAN_DONE)
+    if (cts_scan_data(data, n, n, meta.data_offset, native, CTS_MAX_HEADER_BYTES, &scan) != CTS_SCAN_DONE)
         return 0;
     assert(scan.header_end >= meta.data_offset && scan.header_end <= n);
     const CtsDataSet set = {data + meta.data_offset, scan.header_end - meta.data_offset, &scan, native};

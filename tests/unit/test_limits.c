@@ -1,15 +1,15 @@
 #define _GNU_SOURCE
 /* Limits on what is read: at each of them, and one beyond. */
 #include "base/mem.h"
-#include "input/codec/codec_check.h"
-#include "input/header/dcm_read.h"
-#include "input/files/file_bytes.h"
-#include "input/header/pixel_places.h"
-#include "input/files/scan.h"
-#include "input/series/series_judge.h"
-#include "input/files/tag_scan.h"
 #include "dicom_files.h"
 #include "folder.h"
+#include "input/codec/codec_check.h"
+#include "input/files/file_bytes.h"
+#include "input/files/scan.h"
+#include "input/files/tag_scan.h"
+#include "input/header/dcm_read.h"
+#include "input/header/pixel_places.h"
+#include "input/series/series_judge.h"
 #include <zlib.h>
 
 /* A stack of invented slices; NULL members are what no judge looks at. */
@@ -110,7 +110,8 @@ static void test_header(void **state)
         memcpy(bytes, head, HEAD);
         memcpy(bytes + HEAD + n, pixels, sizeof pixels);
         const size_t n_all = HEAD + n + sizeof pixels;
-        const CtsScanResult result = cts_scan_data(bytes, n_all, n_all, 0, cts_syntax_native(true, false), &found);
+        const CtsScanResult result =
+            cts_scan_data(bytes, n_all, n_all, 0, cts_syntax_native(true, false), CTS_MAX_HEADER_BYTES, &found);
         assert_int_equal(result, more ? CTS_SCAN_BAD : CTS_SCAN_DONE);
         if (more)
             assert_non_null(strstr(found.why, "64 MiB"));

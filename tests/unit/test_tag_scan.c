@@ -1,6 +1,6 @@
 /* The framing of files, sound and broken: where the pixels are, how deep it nests, and that nothing is believed. */
-#include "input/files/tag_scan.h"
 #include "dicom_files.h"
+#include "input/files/tag_scan.h"
 
 static const CtsSyntax *explicit_le(void)
 {
@@ -9,7 +9,7 @@ static const CtsSyntax *explicit_le(void)
 
 static CtsScanResult scan(const Bytes *b, const CtsSyntax *syntax, CtsDataScan *found)
 {
-    return cts_scan_data(b->data, b->n, b->n, 0, syntax, found);
+    return cts_scan_data(b->data, b->n, b->n, 0, syntax, CTS_MAX_HEADER_BYTES, found);
 }
 
 static void put_pixel_tag(Bytes *b)
@@ -29,7 +29,8 @@ static void test_whole_file(void **state)
     assert_true(meta.has_preamble && meta.has_meta);
     assert_string_equal(meta.syntax_uid, "1.2.840.10008.1.2.1");
     assert_string_equal(meta.sop_class_uid, "1.2.840.10008.5.1.4.1.1.2");
-    assert_int_equal(cts_scan_data(b.data, b.n, b.n, meta.data_offset, explicit_le(), &data), CTS_SCAN_DONE);
+    assert_int_equal(cts_scan_data(b.data, b.n, b.n, meta.data_offset, explicit_le(), CTS_MAX_HEADER_BYTES, &data),
+                     CTS_SCAN_DONE);
     assert_true(data.has_pixels && !data.encapsulated && data.pixel_words && data.depth == 0);
     assert_int_equal(data.pixel_bytes, pixel_bytes);
     assert_int_equal(data.pixel_offset, b.n - pixel_bytes);
@@ -37,7 +38,8 @@ static void test_whole_file(void **state)
     /* However few bytes are at hand, the answer is the same or a wish for more, and the wish can be met. */
     for (size_t n = meta.data_offset; n < b.n; n++) {
         CtsDataScan part;
-        const CtsScanResult result = cts_scan_data(b.data, n, b.n, meta.data_offset, explicit_le(), &part);
+        const CtsScanResult result =
+            cts_scan_data(b.data, n, b.n, meta.data_offset, explicit_le(), CTS_MAX_HEADER_BYTES, &part);
         assert_true(result == CTS_SCAN_MORE ? part.need > n && part.need <= b.n + 12
                                             : part.pixel_offset == data.pixel_offset);
     }
@@ -48,7 +50,7 @@ static void test_whole_file(void **state)
         uint8_t *copy = malloc(n ? n : 1);
         memcpy(copy, b.data, n);
         if (cts_scan_meta(copy, n, n, &first) == CTS_SCAN_DONE &&
-            cts_scan_data(copy, n, n, first.data_offset, explicit_le(), &part) == CTS_SCAN_DONE)
+            cts_scan_data(copy, n, n, first.data_offset, explicit_le(), CTS_MAX_HEADER_BYTES, &part) == CTS_SCAN_DONE)
             assert_false(part.has_pixels);
         free(copy);
     }
@@ -65,7 +67,7 @@ static void test_last_value(void **state)
     put_text(&b, 0x00080016, "UI", "1.2.3");
     put_element(&b, 0x00091010, "OB", value, sizeof value);
     for (size_t n = 0; n < b.n; n++) {
-        assert_int_equal(cts_scan_data(b.data, n, b.n, 0, explicit_le(), &found), CTS_SCAN_MORE);
+        assert_int_equal(cts_scan_data(b.data, n, b.n, 0, explicit_le(), CTS_MAX_HEADER_BYTES, &found), CTS_SCAN_MORE);
         assert_true(found.need > n && found.need <= b.n + 12);
     }
     assert_int_equal(scan(&b, explicit_le(), &found), CTS_SCAN_DONE);
@@ -305,10 +307,11 @@ static void test_wrong_bytes(void **state)
             uint8_t *copy = malloc(b.n);
             memcpy(copy, b.data, b.n);
             copy[i] = (uint8_t)(bit < 8 ? copy[i] ^ 1 << bit : 0xFF);
-            if (cts_scan_data(copy, b.n, b.n, 0, explicit_le(), &found) == CTS_SCAN_DONE && found.has_pixels)
+            if (cts_scan_data(copy, b.n, b.n, 0, explicit_le(), CTS_MAX_HEADER_BYTES, &found) == CTS_SCAN_DONE &&
+                found.has_pixels)
                 assert_true(found.pixel_offset <= b.n && found.header_end < found.pixel_offset);
-            cts_scan_data(copy, b.n, b.n, 0, cts_syntax_native(false, false), &found);
-            cts_scan_data(copy, b.n, b.n, 0, cts_syntax_native(true, true), &found);
+            cts_scan_data(copy, b.n, b.n, 0, cts_syntax_native(false, false), CTS_MAX_HEADER_BYTES, &found);
+            cts_scan_data(copy, b.n, b.n, 0, cts_syntax_native(true, true), CTS_MAX_HEADER_BYTES, &found);
             free(copy);
         }
     free(b.data);

@@ -174,7 +174,7 @@ typedef struct Walk {
     /* An implicit VR element that begins like a sequence may be one. When it turns out not to be, skip it. */
     int maybe_height;
     uint64_t maybe_end;
-    size_t start;
+    size_t start, most;
     int next_tag; /* of header_tags, the first that is not below the last element's */
     CtsDataScan *scan;
 } Walk;
@@ -356,7 +356,7 @@ static CtsScanResult step(Walk *w, bool *stop)
         return CTS_SCAN_DONE;
     }
     if (!top && (w->pos >= w->total || w->total - w->pos < 8)) {
-        if (w->pos > w->n && w->pos - w->start <= CTS_MAX_HEADER_BYTES)
+        if (w->pos > w->n && w->pos - w->start <= w->most)
             return more(w, w->pos);
         *stop = true; /* up to 7 bytes of padding may follow the last element */
         return CTS_SCAN_DONE;
@@ -385,7 +385,7 @@ static CtsScanResult step(Walk *w, bool *stop)
 }
 
 CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
-                            CtsDataScan *scan)
+                            size_t most, CtsDataScan *scan)
 {
     *scan = (CtsDataScan){0};
     Walk w = {.bytes = bytes,
@@ -395,6 +395,7 @@ CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size
               .explicit_vr = syntax->explicit_vr,
               .big = syntax->big_endian,
               .start = start,
+              .most = most,
               .scan = scan};
     if (start + 8 <= n && known_vr(bytes + start + 4) != syntax->explicit_vr) {
         snprintf(scan->why, sizeof scan->why, "the data set is not in the %s VR that its transfer syntax promises",
@@ -405,8 +406,8 @@ CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size
         const CtsScanResult result = step(&w, &stop);
         if (result != CTS_SCAN_DONE)
             return result;
-        if (w.pos - start > CTS_MAX_HEADER_BYTES) {
-            snprintf(scan->why, sizeof scan->why, "more than 64 MiB stand before the pixels");
+        if (w.pos - start > most) {
+            snprintf(scan->why, sizeof scan->why, "more than %zu MiB stand before the pixels", most >> 20);
             return CTS_SCAN_BAD;
         }
     }

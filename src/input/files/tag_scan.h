@@ -18,7 +18,7 @@ extern "C" {
 
 enum {
     CTS_MAX_NESTING = 64,           /* sequences inside sequences, as in DCMTK from 3.7.0 on */
-    CTS_MAX_HEADER_BYTES = 64 << 20 /* everything before PixelData */
+    CTS_MAX_HEADER_BYTES = 64 << 20 /* everything before PixelData, of a slice */
 };
 
 typedef enum CtsScanResult {
@@ -79,9 +79,10 @@ typedef struct CtsDataScan {
     int depth;             /* deepest nesting met */
 } CtsDataScan;
 
-/* The data set from `start` on. `total` is the number of bytes there really are (n or more). */
+/* The data set from `start` on. `total` is the number of bytes there really are (n or more), `most` how many may stand
+ * before the pixels. */
 CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
-                            CtsDataScan *scan);
+                            size_t most, CtsDataScan *scan);
 
 #ifdef __cplusplus
 }

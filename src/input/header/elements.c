@@ -4,7 +4,7 @@
 #include "input/header/dcm_read.h"
 #include <string.h>
 
-enum { ITEM = 0xFFFEE000, ITEM_END = 0xFFFEE00D, SEQUENCE_END = 0xFFFEE0DD, DEEPEST = 32 };
+enum { ITEM = 0xFFFEE000, ITEM_END = 0xFFFEE00D, SEQUENCE_END = 0xFFFEE0DD, DEEPEST = 2 * CTS_MAX_NESTING };
 
 /* Behind a sequence of undefined length, its delimiter taken in; NULL where it has none. *inner: where that begins. */
 static const uint8_t *skip_items(CtsElements rest, const uint8_t **inner, int depth);
@@ -128,31 +128,6 @@ CtsElements cts_elements_item(CtsElements elements, uint32_t sequence_tag)
 {
     CtsElements sequence = cts_elements_find(elements, sequence_tag), item;
     return cts_items_next(&sequence, &item) ? item : (CtsElements){.at = sequence.end, .end = sequence.end};
-}
-
-/* An element is taken for a sequence when it begins with an item: implicit VR does not tell. */
-static bool is_sequence(const CtsElement *e)
-{
-    return e->value.end - e->value.at >= 8 && memcmp(e->value.at, "\xFE\xFF\x00\xE0", 4) == 0;
-}
-
-static bool sound(CtsElements elements, int depth)
-{
-    CtsElement e;
-    while (next(&elements, &e, depth)) {
-        CtsElements item;
-        if (!e.undefined && !is_sequence(&e))
-            continue;
-        while (cts_items_next(&e.value, &item))
-            if (depth >= DEEPEST || (!sound(item, depth + 1) && e.undefined))
-                return false;
-    }
-    return !elements.damaged;
-}
-
-bool cts_elements_are_sound(CtsElements elements)
-{
-    return sound(elements, 0);
 }
 
 bool cts_elements_text(CtsElements elements, uint32_t tag, char *text, size_t size)

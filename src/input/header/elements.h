@@ -36,9 +36,6 @@ CtsElements cts_elements_find(CtsElements elements, uint32_t tag);
 /* The first item of a sequence. */
 CtsElements cts_elements_item(CtsElements elements, uint32_t sequence_tag);
 
-/* Whether all of it can be walked, items of items too. */
-bool cts_elements_are_sound(CtsElements elements);
-
 /* Values: text without the blanks around it, cut to its size; whether there was any. */
 bool cts_elements_text(CtsElements elements, uint32_t tag, char *text, size_t size);
 /* US, UL or IS; false where there is no such number. */

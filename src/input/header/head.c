@@ -36,11 +36,16 @@ static CtsStatus read_up_to(CtsHead *h, uint64_t n, CtsError *err)
     return st;
 }
 
+static size_t most_header(const CtsHead *h)
+{
+    return h->scratch->most_header ? h->scratch->most_header : CTS_MAX_HEADER_BYTES;
+}
+
 static CtsStatus scan_plain(CtsHead *h, CtsError *err)
 {
     for (;;) {
-        const CtsScanResult result =
-            cts_scan_data(h->scratch->file, h->n, h->file.n_bytes, h->meta.data_offset, h->data_set.native, &h->scan);
+        const CtsScanResult result = cts_scan_data(h->scratch->file, h->n, h->file.n_bytes, h->meta.data_offset,
+                                                   h->data_set.native, most_header(h), &h->scan);
         if (result == CTS_SCAN_BAD)
             return cts_fail(err, CTS_ERR_READ, "damaged or cut short: %s", h->scan.why);
         if (result == CTS_SCAN_DONE)
@@ -104,8 +109,8 @@ static CtsStatus scan_deflated(CtsHead *h, CtsError *err)
             return cts_fail(err, CTS_ERR_READ, "more than 64 MiB stand before the pixels");
         if ((st = inflate_head(h, want, &got, err)))
             break;
-        const CtsScanResult result =
-            cts_scan_data(s->inflated, got, got < want ? got : UINT64_MAX, 0, h->data_set.native, &h->scan);
+        const CtsScanResult result = cts_scan_data(s->inflated, got, got < want ? got : UINT64_MAX, 0,
+                                                   h->data_set.native, CTS_MAX_HEADER_BYTES, &h->scan);
         if (result == CTS_SCAN_BAD || (result == CTS_SCAN_MORE && got < want))
             return cts_fail(err, CTS_ERR_READ, "damaged or cut short: %s",
                             result == CTS_SCAN_BAD ? h->scan.why : "its header does not end");

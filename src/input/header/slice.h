@@ -123,6 +123,7 @@ CtsSliceLabel cts_slice_label(const CtsSlice *slice);
 typedef struct CtsScratch {
     uint8_t *file, *inflated;
     size_t file_capacity, inflated_capacity;
+    size_t most_header;          /* what may stand before the pixels; 0: CTS_MAX_HEADER_BYTES */
     struct CtsSandbox *inflater; /* a process for deflated headers, started when the first comes */
     CtsTexts texts;              /* of the slices whose headers were read; may be taken out */
 } CtsScratch;

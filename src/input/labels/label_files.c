@@ -99,11 +99,11 @@ static CtsStatus keep_object(Search *s, const CtsPlainObject *object, CtsError *
     return cts_labels_add_object(s->reading.labels, &kept, err);
 }
 
-static CtsStatus read_object(Search *s, const Opened *o, CtsError *err)
+static CtsStatus read_object(Search *s, const CtsFile *file, CtsError *err)
 {
     CtsPlainObject object;
     bool seen = false;
-    CtsStatus st = cts_plain_open(&object, &o->bytes, err);
+    CtsStatus st = cts_plain_open(&object, file, err);
     const int kind = st ? -1 : object_kind(object.class_uid);
     const bool wanted = kind >= 0 && (!s->only_referring || cts_label_refers(object.elements, s->reading.series));
     if (!st && kind < 0 && !s->in_folder) {
@@ -141,7 +141,7 @@ static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
         ;
     } else if (o.is_dicom) {
         if (!s->in_folder || !o.class_uid[0] || object_kind(o.class_uid) >= 0)
-            st = read_object(s, &o, err);
+            st = read_object(s, file, err);
     } else if (!other && cts_nifti_is(o.head, o.n_head)) {
         char stem[256];
         stem_of(file->path, stem, sizeof stem);
@@ -281,16 +281,14 @@ CtsStatus cts_labels_read(const CtsLabelRequest *request, const CtsSeries *serie
 /* Whether the label file at path is this series'. */
 static bool belongs(const char *path, const CtsSeries *series)
 {
-    Opened o;
-    CtsPlainObject object = {0};
+    CtsPlainObject object;
     char uid[65] = "";
     bool yes = false;
-    if (!open_label(&(CtsFile){.path = path}, &o, NULL) && o.is_dicom && !cts_plain_open(&object, &o.bytes, NULL)) {
+    if (!cts_plain_open(&object, &(CtsFile){.path = path}, NULL)) {
         cts_elements_text(object.elements, FRAME_UID, uid, sizeof uid);
         yes = cts_label_refers(object.elements, series) || cts_label_shares_space(uid, series);
     }
     cts_plain_close(&object);
-    cts_file_bytes_close(&o.bytes);
     return yes;
 }
 

@@ -3,19 +3,20 @@
 #define CTS_LABELS_PLAIN_OBJECT_H
 
 #include "ctsplat/status.h"
-#include "input/files/file_bytes.h"
-#include "input/files/syntax.h"
-#include "input/header/elements.h"
+#include "input/header/head.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
 
 typedef struct CtsPlainObject {
-    const CtsFileBytes *file;
-    uint8_t *header; /* owned: the file up to its pixels, or a deflated data set whole */
-    size_t capacity;
-    char class_uid[65], syntax_uid[65], charset[65];
+    CtsHead head;
+    CtsScratch scratch;
+    char class_uid[65], charset[65];
     const CtsSyntax *syntax;
     CtsElements elements; /* in front of the pixels */
     bool has_pixels, encapsulated;
-    CtsFileBytes source;                /* of the pixels */
+    CtsFileBytes source;                /* of the pixels: the file, or a deflated data set */
+    uint8_t *inflated;                  /* owned: that data set; else NULL */
     uint64_t pixel_offset, pixel_bytes; /* of the value; where encapsulated all that is left of the source */
 } CtsPlainObject;
 
@@ -23,7 +24,7 @@ typedef struct CtsPlainObject {
 bool cts_plain_is_dicom(const uint8_t *head, size_t n, char class_uid[65]);
 
 /* Close in any case. CTS_ERR_READ for what is damaged or claims more bytes than the file has. */
-CtsStatus cts_plain_open(CtsPlainObject *object, const CtsFileBytes *file, CtsError *err);
+CtsStatus cts_plain_open(CtsPlainObject *object, const CtsFile *file, CtsError *err);
 void cts_plain_close(CtsPlainObject *object);
 
 /* A text as UTF-8, by the object's character set, cut to its size. */
