@@ -53,7 +53,7 @@ typedef struct TiledJob {
     float frame[3][3];       /* its frame */
     float least_lit;         /* what weighs less is lit together with what follows */
     float turn;              /* a stretch is lit as a whole where its weight times its normal's turning is less */
-    float alike;             /* pixels that differ by less stand for those between them; 0: none do */
+    float alike;             /* pixels that lie between others to so much are not marched; 0: all are */
     bool want_depth;
     double camera_mm; /* from the camera plane to the plane through the view's centre */
 } TiledJob;

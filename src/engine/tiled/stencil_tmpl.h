@@ -16,13 +16,13 @@ INLINE int difference(const TiledJob *j, const uint16_t *v, int at, int axis)
 
 OUTLINE void load_corners_each(const TiledJob *j, const vi cell[3], vmask lanes, Corners *k)
 {
-    const unsigned bits = bits_of(lanes);
-    for (int l = 0; l < LANES; l++)
+    for (unsigned left = bits_of(lanes); left; left &= left - 1)
         for (int i = 0; i < 8; i++) {
+            const int l = __builtin_ctz(left);
             ptrdiff_t away = 0;
             int at[3];
             for (int a = 0; a < 3; a++) {
-                at[a] = bits >> l & 1 ? (int)cell[a][l] + (j->dims[a] > 1 ? i >> a & 1 : 0) : 0;
+                at[a] = (int)cell[a][l] + (j->dims[a] > 1 ? i >> a & 1 : 0);
                 away += at[a] * j->stride[a];
             }
             k->level[i][l] = j->grey[away];
@@ -99,10 +99,11 @@ OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Co
 INLINE void load_corners(const TiledJob *j, const vi cell[3], vmask lanes, Corners *k)
 {
 #ifdef GATHERS
-    if (bits_of(is_inner(j, cell, lanes)) == bits_of(lanes)) {
-        gather_corners(j, cell, lanes, k);
-        return;
-    }
+    const vmask inner = is_inner(j, cell, lanes);
+    gather_corners(j, cell, inner, k);
+    lanes &= ~inner;
+#else
+    memset(k, 0, sizeof *k);
 #endif
     load_corners_each(j, cell, lanes, k);
 }

@@ -98,19 +98,11 @@ typedef struct Tolerances {
     double faint;    /* what weighs less is lit with what follows; */
     double turn;     /* and by so much a normal may turn, weighed */
     double touch_hu; /* levels are known to so many */
-    double alike;    /* pixels that differ by less stand for those between them */
+    double alike;    /* pixels that are off by less from what lies between others are told by those */
 } Tolerances;
-static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 5}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7, 0};
-/* Of a smaller error hardly any pixels are so much alike, and rays side by side are marched faster; and pixels further
- * apart than voxels hide what is between them. */
-static const double ALIKE_FROM = 5.0 / 255;
-
-static bool is_draft(const CtsScene *scene)
-{
-    const CtsVolume *const v = scene->volume;
-    const double voxel_mm = fmin(cts_volume_spacing_mm(v, 0), cts_volume_spacing_mm(v, 1));
-    return cts_scene_error_asked(scene) >= ALIKE_FROM && scene->view.mm_per_pixel <= voxel_mm;
-}
+static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 1.5}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7, 0};
+/* Of a smaller error hardly any pixels are so much alike, and what is thin and missed is more than it. */
+static const double ALIKE_FROM = 4.0 / 255;
 
 static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const Tolerances *may)
 {
@@ -135,7 +127,7 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const
     j->least_lit = (float)(may->faint * asked);
     j->turn = (float)(may->turn * asked);
     j->touch = (float)(may->touch_hu / v->hu_step);
-    j->alike = is_draft(scene) ? (float)(may->alike * asked) : 0;
+    j->alike = asked >= ALIKE_FROM ? (float)(may->alike * asked) : 0;
     j->camera_mm = cts_volume_diagonal_mm(v) / 2 + CTS_MUTATED(DEPTH_SLAB);
 }
 
@@ -232,7 +224,7 @@ static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocell
         goto end;
     if (counts.between > 0)
         cts_report_plan(
-            report, "%llu of %llu pixels lie between five that differ by less than %.3g/255, and are as they are",
+            report, "%llu of %llu pixels lie between others that tell them to about %.3g/255, and were not marched",
             (unsigned long long)counts.between,
             (unsigned long long)picture->width * (unsigned long long)picture->height, 255 * (double)job.alike);
     report_counts(&counts, scene, &job.mask, cts_wall_ms() - wall, cts_cpu_ms() - cpu, report);

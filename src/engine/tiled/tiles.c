@@ -1,5 +1,5 @@
-/* The rays of a tile are marched as one list; those of a draft in two, for where a few pixels are alike they stand for
- * all between them. */
+/* The rays of a tile are marched as one list; those of a draft in two: every fourth pixel each way and one anywhere
+ * between four of them, then every second or all, where these show that those do not tell what lies between them. */
 #include "engine/tiled/tiles.h"
 
 #include "base/chance.h"
@@ -9,6 +9,8 @@
 #include <string.h>
 
 enum { TILE = 32, SQUARE = 4, SQUARES = TILE / SQUARE, PART = TILE / 4 };
+/* Squares that are off by so many times what is alike are marched whole. */
+#define HALF_FROM 3.0f
 _Static_assert(TILE *TILE == TILED_RAYS, "a tile is a list of rays");
 _Static_assert(CTS_BAND_ROWS % TILE == 0, "a band of rows is whole tiles, or the picture would depend on it");
 
@@ -81,7 +83,8 @@ static void find_reach(Tile *t)
 typedef struct Square {
     int x[2], y[2];
     int within[2]; /* a pixel inside, anywhere, as what is thin and regular may miss all of a pattern's */
-    bool alike, differs;
+    bool empty;
+    float off, worst; /* what lies between the corners is off by about so much; here, and beside it */
 } Square;
 
 static int corner(int square, int n)
@@ -100,82 +103,111 @@ static Square square_of(const Tile *t, int number)
     return s;
 }
 
-/* Its corners and the pixel within, in this order. */
-static void five_of(const Tile *t, const Square *s, size_t five[5])
-{
-    for (int i = 0; i < 4; i++)
-        five[i] = place_of(t, s->x[i & 1], s->y[i >> 1]);
-    five[4] = place_of(t, s->within[0], s->within[1]);
-}
-
-/* Where all are empty, what is thin would be lost that stands out most, and rays through nothing take no time: such a
- * square is neither alike nor different. */
-static void compare_five(const Tile *t, Square *s)
-{
-    const float *const pixels = t->tiles->picture->pixels;
-    size_t five[5];
-    float off = 0, largest = 0;
-    five_of(t, s, five);
-    for (size_t c = 0; c < 4; c++) {
-        float least = pixels[4 * five[0] + c], most = least;
-        for (int i = 1; i < 5; i++) {
-            const float v = pixels[4 * five[i] + c];
-            least = v < least ? v : least;
-            most = v > most ? v : most;
-        }
-        off = most - least > off ? most - least : off;
-        largest = most;
-    }
-    s->differs = off > t->tiles->job->alike;
-    s->alike = !s->differs && largest > 0;
-}
-
-/* What differs goes on next to it, often: its neighbours stand for nobody. And where most of a tile differs, what does
- * not is alike by chance. */
-static void mind_others(Square *squares)
-{
-    int n_alike = 0, n_not = 0;
-    for (int i = 0; i < SQUARES * SQUARES; i++) {
-        const int x = i % SQUARES;
-        const bool beside = squares[i].differs || (x > 0 && squares[i - 1].differs) ||
-                            (x + 1 < SQUARES && squares[i + 1].differs) ||
-                            (i >= SQUARES && squares[i - SQUARES].differs) ||
-                            (i + SQUARES < SQUARES * SQUARES && squares[i + SQUARES].differs);
-        squares[i].alike = squares[i].alike && !beside;
-        n_alike += squares[i].alike;
-        n_not += beside;
-    }
-    for (int i = 0; i < SQUARES * SQUARES; i++)
-        squares[i].alike = squares[i].alike && n_alike > n_not;
-}
-
 static float part_of(int at, const int ends[2])
 {
     return ends[1] > ends[0] ? (float)(at - ends[0]) / (float)(ends[1] - ends[0]) : 0;
 }
 
-/* What nobody marched lies between the corners; half of what they may differ by stands for what it may err by. */
-static void fill(Tile *t, const Square *s)
+/* The corners of a rectangle of pixels, and what they say of those between them. */
+typedef struct Corners {
+    const float *at[4];
+    int x[2], y[2];
+} Corners;
+
+static Corners corners_of(const Tile *t, const int x[2], const int y[2])
+{
+    Corners k = {.x = {x[0], x[1]}, .y = {y[0], y[1]}};
+    for (int i = 0; i < 4; i++)
+        k.at[i] = t->tiles->picture->pixels + 4 * place_of(t, x[i & 1], y[i >> 1]);
+    return k;
+}
+
+static float between(const Corners *k, int x, int y, size_t c)
+{
+    const float u = part_of(x, k->x), v = part_of(y, k->y);
+    const float ab = k->at[0][c] + u * (k->at[1][c] - k->at[0][c]), de = k->at[2][c] + u * (k->at[3][c] - k->at[2][c]);
+    return ab + v * (de - ab);
+}
+
+/* By the pixel within, and by how far the corners are from one plane. */
+static void look_within(const Tile *t, Square *s)
+{
+    const Corners k = corners_of(t, s->x, s->y);
+    const float *const within = t->tiles->picture->pixels + 4 * place_of(t, s->within[0], s->within[1]);
+    float largest = 0;
+    for (size_t c = 0; c < 4; c++) {
+        const float twist = (k.at[0][c] - k.at[1][c]) - (k.at[2][c] - k.at[3][c]);
+        s->off = fmaxf(s->off, fabsf(twist) / 4);
+        s->off = fmaxf(s->off, fabsf(within[c] - between(&k, s->within[0], s->within[1], c)));
+        largest = fmaxf(largest, within[c]);
+        for (int i = 0; i < 4; i++)
+            largest = fmaxf(largest, k.at[i][c]);
+    }
+    s->empty = !(largest > 0);
+}
+
+/* What goes on in a square goes on next to it, often. */
+static void look_beside(Square *squares)
+{
+    for (int i = 0; i < SQUARES * SQUARES; i++) {
+        const int x = i % SQUARES, y = i / SQUARES;
+        squares[i].worst = squares[i].off;
+        for (int side = 0; side < 4; side++) {
+            const int bx = x + (side == 0) - (side == 1), by = y + (side == 2) - (side == 3);
+            if (bx >= 0 && bx < SQUARES && by >= 0 && by < SQUARES)
+                squares[i].worst = fmaxf(squares[i].worst, squares[by * SQUARES + bx].off);
+        }
+    }
+}
+
+/* Where a square is empty, what is thin would be lost that stands out most, and rays through nothing take no time. */
+static bool is_whole(const Tile *t, const Square *s)
+{
+    return s->empty || s->worst > HALF_FROM * t->tiles->job->alike;
+}
+
+static bool is_half(const Tile *t, const Square *s)
+{
+    return !is_whole(t, s) && s->worst > t->tiles->job->alike;
+}
+
+static int middle(const int ends[2])
+{
+    return (ends[0] + ends[1] + 1) / 2;
+}
+
+static void list_half(Tile *t, const Square *s)
+{
+    const int x[3] = {s->x[0], middle(s->x), s->x[1]}, y[3] = {s->y[0], middle(s->y), s->y[1]};
+    for (int i = 0; i < 9; i++)
+        list_pixel(t, x[i % 3], y[i / 3]);
+}
+
+/* What nobody marched lies between the corners. */
+static void fill(Tile *t, const int x[2], const int y[2], float bound)
 {
     CtsPicture *const p = t->tiles->picture;
-    size_t five[5];
-    five_of(t, s, five);
-    for (int y = s->y[0]; y <= s->y[1]; y++)
-        for (int x = s->x[0]; x <= s->x[1]; x++) {
-            if (t->known[y][x])
+    const Corners k = corners_of(t, x, y);
+    for (int j = y[0]; j <= y[1]; j++)
+        for (int i = x[0]; i <= x[1]; i++) {
+            if (t->known[j][i])
                 continue;
-            const float u = part_of(x, s->x), v = part_of(y, s->y);
-            const size_t at = place_of(t, x, y);
-            for (size_t c = 0; c < 4; c++) {
-                const float a = p->pixels[4 * five[0] + c], b = p->pixels[4 * five[1] + c];
-                const float d = p->pixels[4 * five[2] + c], e = p->pixels[4 * five[3] + c];
-                const float ab = a + u * (b - a), de = d + u * (e - d);
-                p->pixels[4 * at + c] = ab + v * (de - ab);
-            }
-            p->bound[at] = t->tiles->job->alike / 2;
-            t->known[y][x] = true;
+            const size_t at = place_of(t, i, j);
+            for (size_t c = 0; c < 4; c++)
+                p->pixels[4 * at + c] = between(&k, i, j, c);
+            p->bound[at] = bound;
+            t->known[j][i] = true;
             t->scratch->counts.between++;
         }
+}
+
+/* At half the distance errors of what bends are a quarter, of what breaks a half. */
+static void fill_half(Tile *t, const Square *s)
+{
+    const int xm = middle(s->x), ym = middle(s->y);
+    for (int i = 0; i < 4; i++)
+        fill(t, (const int[]){i & 1 ? xm : s->x[0], i & 1 ? s->x[1] : xm},
+             (const int[]){i >> 1 ? ym : s->y[0], i >> 1 ? s->y[1] : ym}, s->worst / 1 + t->tiles->job->alike / 1);
 }
 
 static void list_square(Tile *t, const Square *s)
@@ -207,15 +239,19 @@ static void run_draft(Tile *t)
     }
     march_listed(t);
     for (int i = 0; i < SQUARES * SQUARES; i++)
-        compare_five(t, &squares[i]);
-    mind_others(squares);
+        look_within(t, &squares[i]);
+    look_beside(squares);
     for (int i = 0; i < SQUARES * SQUARES; i++)
-        if (!squares[i].alike)
+        if (is_whole(t, &squares[i]))
             list_square(t, &squares[i]);
+        else if (is_half(t, &squares[i]))
+            list_half(t, &squares[i]);
     march_listed(t);
     for (int i = 0; i < SQUARES * SQUARES; i++)
-        if (squares[i].alike)
-            fill(t, &squares[i]);
+        if (is_half(t, &squares[i]))
+            fill_half(t, &squares[i]);
+        else if (!is_whole(t, &squares[i]))
+            fill(t, squares[i].x, squares[i].y, squares[i].worst * 2 + t->tiles->job->alike / 1);
 }
 
 static void run_some_tiles(void *context, int worker, size_t first, size_t end)
