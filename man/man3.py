@@ -44,7 +44,7 @@ def header_page(path, version):
     source = path.read_text()
     about = re.sub(r"\s*\n \*\s*", " ", re.match(r"/\*(.*?)\*/", source, re.S).group(1)).strip()
     first, _, more = about.partition(". ")
-    body = source.split("#pragma GCC visibility push(default)\n")[1].split("#pragma GCC visibility pop")[0]
+    body = source.split("\nCTS_API_BEGIN\n")[1].split("\nCTS_API_END\n")[0] + "\n"
     names, stem = functions(body), f"ctsplat-{path.stem}"
     text = "".join(verbatim(code) + said if code else said for said, code in blocks(body))
     return names, page(stem, f"{', '.join([stem] + names)} \\- {escape(first.rstrip('.'))}", version, [
@@ -59,7 +59,7 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     listed = ""
     for path in sorted((root / "include/ctsplat").glob("*.h")):
-        if path.stem == "ctsplat":
+        if path.stem in ("api", "ctsplat"):
             continue
         names, text = header_page(path, version)
         (folder / f"ctsplat-{path.stem}.3").write_text(text)

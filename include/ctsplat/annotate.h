@@ -7,10 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 /* orientation: which way of the patient each edge points, as A P L R H F and pairs like LA.
  * scale: a bar of a round length (1, 2 or 5 times a power of ten) near a fifth of the width, with its length in mm.
@@ -32,8 +29,5 @@ typedef struct CtsLegendEntry {
 CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries, size_t n, int *n_left_out,
                               CtsError *err);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -5,10 +5,7 @@
 #include "ctsplat/status.h"
 #include <stdbool.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 enum {
     CTS_MAX_SIDE = 32768,     /* pixels of a picture, each way */
@@ -47,8 +44,5 @@ const CtsBounds *cts_setting_bounds(CtsSetting setting);
 /* CTS_ERR_USAGE with the setting's name and range when value lies outside. */
 CtsStatus cts_setting_check(CtsSetting setting, double value, CtsError *err);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -8,10 +8,7 @@
 #include "ctsplat/status.h"
 #include <stdbool.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 typedef enum CtsScCompression {
     CTS_SC_NONE,
@@ -95,8 +92,5 @@ CtsStatus cts_export(const CtsPicture *const *frames, int n_frames, const char *
 /* Read a PNG, EXR or secondary capture (its first frame) back as display values. */
 CtsStatus cts_picture_read(const char *path, CtsPicture **picture, CtsError *err);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -4,10 +4,7 @@
 
 #include "ctsplat/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 /* Compressed pixels, deflated headers and zip files are read by processes of their own, which one helper process forks.
  * The helper is forked once, when the first of them is wanted. A program with threads calls this before it starts them
@@ -17,8 +14,5 @@ extern "C" {
  * program's and ends with it. A process that the program forks has a helper of its own. Thread-safe. */
 CtsStatus cts_helper_start(CtsError *err);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -9,10 +9,7 @@
 #include "ctsplat/status.h"
 #include <signal.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 /* The words of a job. name: an option of `ctsplat render` as ctsplat(1) has it, without its dashes ("preset", "view",
  * "size"), or "path": what to search for series, which may stand there several times, as "output" may; of other names
@@ -55,8 +52,5 @@ const CtsScanned *cts_session_scanned(const CtsSession *session);
 /* The session's too; NULL where it was not read from DICOM. */
 const CtsSeries *cts_session_series(const CtsSession *session);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -7,10 +7,7 @@
 #include "ctsplat/series.h"
 #include "ctsplat/status.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 typedef struct CtsLabelRequest {
     const char *const *paths; /* files, folders of masks, "auto"; {series_uid} and * are filled in */
@@ -37,8 +34,5 @@ CtsStatus cts_labels_choose(const CtsLabelRequest *request, const CtsSeriesList 
  * do, to be freed with free(). Of "auto" it is empty. */
 CtsStatus cts_labels_stamp(const char *path, const char *series_uid, char **stamp, CtsError *err);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

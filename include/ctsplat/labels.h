@@ -9,10 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 struct CtsStored;    /* src/core/volume/stored.h */
 struct CtsLabelSums; /* src/core/labels/label_sums.c */
@@ -108,8 +105,5 @@ CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice,
  */
 const char *cts_volume_label_colour(const CtsVolume *volume, size_t i, double rgb[3]);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

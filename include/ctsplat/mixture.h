@@ -7,10 +7,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 enum { CTS_MAX_TISSUES = 7, CTS_MAX_KEY_RANGES = 16 };
 
@@ -76,8 +73,5 @@ bool cts_void_key_drops(const CtsVoidKey *key, double hu);
 enum { CTS_KEY_TEXT = 160 };
 void cts_void_key_text(const CtsVoidKey *key, char text[CTS_KEY_TEXT]);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

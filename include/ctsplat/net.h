@@ -7,10 +7,7 @@
 #include <signal.h>
 #include <stdbool.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 /* AET@HOST:PORT, or the root of a DICOMweb service: http://... or https://... */
 typedef struct CtsPeer {
@@ -85,8 +82,5 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *net, const char *stud
 /* Removes the folder and what is in it; does nothing when there is none. */
 void cts_net_forget(CtsFetched *fetched);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -7,10 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 /* How a picture was made: what exporters write beside the pixels. Holds no patient data. */
 typedef struct CtsPictureInfo {
@@ -67,8 +64,5 @@ typedef struct CtsDifference {
 /* Over display values 0..1 (clamped) of red, green and blue. CTS_ERR_USAGE when the sizes differ. */
 CtsStatus cts_picture_compare(const CtsPicture *a, const CtsPicture *b, CtsDifference *difference, CtsError *err);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -6,10 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 enum { CTS_MAX_POINTS = 256 };
 
@@ -80,8 +77,5 @@ bool cts_preset_is_grey(const CtsPreset *preset, CtsMode mode);
 /* JSON text as in a preset file, to be freed by the caller with free(). */
 char *cts_preset_to_json(const CtsPreset *preset);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

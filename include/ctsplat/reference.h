@@ -10,10 +10,7 @@
 #include "ctsplat/volume.h"
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 /* Pixels of one scene with their true values; made once, to judge any number of pictures of that scene. */
 typedef struct CtsReference CtsReference;
@@ -31,8 +28,5 @@ void cts_reference_free(CtsReference **reference);
 CtsStatus cts_reference_compare(const CtsReference *reference, const CtsPicture *picture, CtsVerified *verified,
                                 CtsError *err);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -10,10 +10,7 @@
 #include <signal.h>
 #include <stdbool.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 typedef enum CtsEngineId {
     CTS_ENGINE_CLASSIC,
@@ -129,8 +126,5 @@ CtsStatus cts_render_bands(CtsRenderer *renderer, double azimuth_deg, double ele
 bool cts_render_again(CtsRenderer *renderer, const CtsRenderSettings *settings);
 void cts_render_end(CtsRenderer **renderer);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -5,14 +5,12 @@
 #ifndef CTSPLAT_REPORT_H
 #define CTSPLAT_REPORT_H
 
+#include "ctsplat/api.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 typedef enum CtsStage {
     CTS_STAGE_SCAN,
@@ -156,8 +154,5 @@ void cts_findings_add(CtsFindings *findings, const char *code, CtsSeverity sever
     __attribute__((format(printf, 4, 5)));
 void cts_findings_free(CtsFindings *findings);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -8,10 +8,7 @@
 #include <signal.h>
 #include <stdbool.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 struct CtsStored; /* src/core/volume/stored.h */
 struct CtsSlice;  /* src/input/header/slice.h */
@@ -175,8 +172,5 @@ CtsStatus cts_scanned_volume(CtsScanned *scanned, CtsInterpolation how, bool han
 CtsStatus cts_series_load(const CtsSeries *series, int n_threads, const volatile sig_atomic_t *stop, CtsVolume **volume,
                           CtsReport *report, CtsError *err);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

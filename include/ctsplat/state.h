@@ -10,10 +10,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 struct CtsLabels;
 struct CtsLabelChoice;
@@ -58,8 +55,5 @@ CtsStatus cts_state_read(const char *path, CtsState **state, CtsError *err);
 CtsStatus cts_state_uid(const char *path, char sop_uid[65], CtsError *err);
 void cts_state_free(CtsState **state);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

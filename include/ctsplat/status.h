@@ -2,10 +2,9 @@
 #ifndef CTSPLAT_STATUS_H
 #define CTSPLAT_STATUS_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+#include "ctsplat/api.h"
+
+CTS_API_BEGIN
 
 /* Groups leave gaps so that they can grow. */
 typedef enum CtsStatus {
@@ -35,8 +34,5 @@ CtsStatus cts_fail(CtsError *err, CtsStatus status, const char *format, ...) __a
 /* Put what the caller was doing in front of the message: "reading IM3: ..."; returns err's status. */
 CtsStatus cts_context(CtsError *err, const char *format, ...) __attribute__((format(printf, 2, 3)));
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

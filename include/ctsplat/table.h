@@ -6,10 +6,7 @@
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 /* Set to grey 0 what lies outside the patient. Two ideas tell the table from the patient, on what is denser than
  * -350 HU in sections across the scanner's axis:
@@ -43,8 +40,5 @@ extern "C" {
 CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, int n_threads, CtsReport *report,
                                   CtsError *err);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -7,10 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
-#pragma GCC visibility push(default)
+CTS_API_BEGIN
 
 struct CtsMacrocells; /* src/core/volume/macrocells.h */
 struct CtsBodyMask;   /* src/core/volume/body_mask.h */
@@ -116,8 +113,5 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
 CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t **count, CtsError *err);
 void cts_volume_histogram_free(uint64_t **count);
 
-#pragma GCC visibility pop
-#ifdef __cplusplus
-}
-#endif
+CTS_API_END
 #endif

@@ -2,12 +2,11 @@
 #ifndef CTS_BASE_CLOCK_H
 #define CTS_BASE_CLOCK_H
 
+#include "ctsplat/api.h"
 #include <stdint.h>
 #include <sys/resource.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 double cts_wall_ms(void);          /* monotonic */
 double cts_cpu_ms(void);           /* this process, all threads, its children that have ended, and what was added */
@@ -24,7 +23,5 @@ CtsUtc cts_utc_now(void);
 double cts_cpu_add_usage(const struct rusage *usage);
 void cts_cpu_add_ms(double ms);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

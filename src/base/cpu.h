@@ -2,9 +2,9 @@
 #ifndef CTS_BASE_CPU_H
 #define CTS_BASE_CPU_H
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+#include "ctsplat/api.h"
+
+CTS_C_BEGIN
 
 /* What loops may be compiled for, each with what a processor must have for it. */
 #define CTS_CPU_PATHS(path)                                                                                            \
@@ -37,7 +37,5 @@ double cts_cpu_quota(const char *groups_path, const char *mounts_path);
 int cts_threads_why(int n, const char **why);
 int cts_threads(int n);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -7,9 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* Short writes are gone on with; false, with errno, where it cannot be written. */
 bool cts_write_all(int fd, const void *data, size_t n);
@@ -46,7 +44,5 @@ CtsStatus cts_temp_folder(const char *prefix, char **folder, CtsError *err);
  * is a regular file). */
 CtsStatus cts_file_check_writable(const char *path, bool force, CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

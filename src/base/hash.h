@@ -7,9 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 enum { CTS_DIGEST_BYTES = 32 };
 
@@ -26,7 +24,5 @@ CtsStatus cts_hash_finish(CtsHash **hash, uint8_t digest[CTS_DIGEST_BYTES], CtsE
 /* The same as 64 hex digits and a 0. */
 CtsStatus cts_hash_hex(CtsHash **hash, char hex[2 * CTS_DIGEST_BYTES + 1], CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

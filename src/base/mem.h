@@ -6,9 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 enum { CTS_ALIGNMENT = 64 };
 
@@ -41,7 +39,5 @@ static inline int cts_mul_overflows(size_t a, size_t b, size_t *product)
     return __builtin_mul_overflow(a, b, product);
 }
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

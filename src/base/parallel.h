@@ -2,11 +2,10 @@
 #ifndef CTS_BASE_PARALLEL_H
 #define CTS_BASE_PARALLEL_H
 
+#include "ctsplat/api.h"
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* Items first to end - 1 of a loop. worker is 0 to n_threads - 1, and no two calls that run at the same time have the
  * same: what belongs to scratch[worker] needs no lock. Which worker gets which items is left open, so a result must
@@ -25,7 +24,5 @@ void cts_parallel(int n_threads, size_t n, size_t chunk, cts_work_fn work, void 
  * a loop inside a loop is part of that one. What a process takes besides is its serial part. */
 double cts_parallel_ms(void);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

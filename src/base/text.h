@@ -2,12 +2,11 @@
 #ifndef CTS_BASE_TEXT_H
 #define CTS_BASE_TEXT_H
 
+#include "ctsplat/api.h"
 #include <stdbool.h>
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* Bytes of the UTF-8 character at p, of which n > 0 are there; 1 where there is none. *safe: it is one, and may be
  * shown, unlike controls and marks that turn the writing direction or break a line. */
@@ -22,7 +21,5 @@ bool cts_uid_is_valid(const char *uid);
 /* The colour that #RRGGBB, whatever follows, stands for, each part 0 to 1; false where text begins otherwise. */
 bool cts_text_rgb(const char *text, double rgb[3]);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

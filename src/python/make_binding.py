@@ -17,8 +17,7 @@ def declarations(folder):
         with open(os.path.join(folder, name + ".h"), encoding="utf-8") as file:
             text += file.read()
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-    text = re.sub(r"#ifdef __cplusplus\n.*?#endif", "", text, flags=re.S)
-    text = re.sub(r"^\s*#.*$", "", text, flags=re.M)
+    text = re.sub(r"^\s*#.*$|^CTS_API_(BEGIN|END)$", "", text, flags=re.M)
     text = re.sub(r"__attribute__\s*\(\(.*?\)\)(?=;)", "", text, flags=re.S)
     return re.sub(r"static inline [^{]*\{.*?\n\}", "", text, flags=re.S)
 

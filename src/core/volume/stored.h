@@ -2,13 +2,12 @@
 #ifndef CTS_DICOM_STORED_H
 #define CTS_DICOM_STORED_H
 
+#include "ctsplat/api.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* How one slice's words are read: shifted right, masked, sign-extended, then padding told from pixels. */
 typedef struct CtsStored {
@@ -38,7 +37,5 @@ CtsStoredRange cts_stored_range(const uint16_t *words, size_t n, const CtsStored
 /* Of what two ranges hold. */
 CtsStoredRange cts_stored_range_join(CtsStoredRange a, CtsStoredRange b);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -9,9 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* What the header says of one frame of grey pixels, or of a picture's colours: red, green, blue. */
 typedef struct CtsFrameFormat {
@@ -51,7 +49,5 @@ bool cts_codec_fits(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n)
 CtsStatus cts_codec_room(CtsSandbox *sandbox, const CtsFrameFormat *format, size_t n, uint8_t **stream, CtsError *err);
 void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uint8_t *stream, size_t n);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

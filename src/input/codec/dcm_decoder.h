@@ -2,11 +2,10 @@
 #ifndef CTS_DICOM_DCM_DECODER_H
 #define CTS_DICOM_DCM_DECODER_H
 
+#include "ctsplat/api.h"
 #include "input/codec/codec.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 typedef struct CtsDcmDecoder {
     CtsStatus (*start)(CtsError *err); /* before the first decoding */
@@ -15,7 +14,5 @@ typedef struct CtsDcmDecoder {
 
 CtsStatus cts_dcm_decoder(const CtsDcmDecoder **decoder, CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -6,9 +6,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 typedef struct CtsFileBytes {
     int fd;
@@ -34,7 +32,5 @@ CtsStatus cts_bytes_reserve(uint8_t **bytes, size_t *capacity, size_t n, CtsErro
 CtsStatus cts_inflate(const uint8_t *deflated, size_t n_deflated, uint64_t skip, uint8_t *bytes, size_t n, size_t *got,
                       CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -2,11 +2,10 @@
 #ifndef CTS_DICOM_SYNTAX_H
 #define CTS_DICOM_SYNTAX_H
 
+#include "ctsplat/api.h"
 #include <stdbool.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 typedef enum CtsCodec {
     CTS_CODEC_NATIVE, /* pixels as they are */
@@ -14,8 +13,8 @@ typedef enum CtsCodec {
     CTS_CODEC_JPEG,
     CTS_CODEC_JPEG_LS,
     CTS_CODEC_JPEG_2000, /* high-throughput streams (HTJ2K, Rec. ITU-T T.814) too */
-    CTS_CODEC_DEFLATE, /* each frame alone */
-    CTS_CODEC_NONE, /* named here, but this build cannot decode it */
+    CTS_CODEC_DEFLATE,   /* each frame alone */
+    CTS_CODEC_NONE,      /* named here, but this build cannot decode it */
     CTS_N_CODECS
 } CtsCodec;
 
@@ -43,7 +42,5 @@ static inline bool cts_syntax_encapsulated(const CtsSyntax *syntax)
     return syntax->codec != CTS_CODEC_NATIVE;
 }
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

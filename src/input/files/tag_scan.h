@@ -7,14 +7,13 @@
 #ifndef CTS_DICOM_TAG_SCAN_H
 #define CTS_DICOM_TAG_SCAN_H
 
+#include "ctsplat/api.h"
 #include "input/files/syntax.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 enum {
     CTS_MAX_NESTING = 64,           /* sequences inside sequences, as in DCMTK from 3.7.0 on */
@@ -84,7 +83,5 @@ typedef struct CtsDataScan {
 CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
                             size_t most, CtsDataScan *scan);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -2,11 +2,10 @@
 #ifndef CTS_DICOM_TEXTS_H
 #define CTS_DICOM_TEXTS_H
 
+#include "ctsplat/api.h"
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 enum { CTS_TEXT_SLOTS = 256 };
 
@@ -22,7 +21,5 @@ const char *cts_texts_keep(CtsTexts *texts, const char *text, size_t n);
 const char *cts_texts_share(CtsTexts *texts, const char *text, size_t n);
 void cts_texts_free(CtsTexts *texts);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -9,9 +9,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* Before any other use of DCMTK, by whoever uses it: its log goes to a counter instead of stderr, the decoders are
  * registered, the data dictionary is loaded, which takes several ms. Later calls return the first one's result. */
@@ -50,7 +48,5 @@ int cts_dcm_parse_ds(const char *text, size_t n_bytes, double *values, int n_val
 /* An integer string (IS). */
 int cts_dcm_parse_is(const char *text, size_t n_bytes, int *value);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

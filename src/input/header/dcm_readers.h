@@ -5,11 +5,10 @@
 #ifndef CTS_DICOM_DCM_READERS_H
 #define CTS_DICOM_DCM_READERS_H
 
+#include "ctsplat/api.h"
 #include "input/header/dcm_read.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 typedef struct CtsDcmReaders {
     __typeof__(cts_dcm_start) *start;
@@ -20,7 +19,5 @@ typedef struct CtsDcmReaders {
 /* CTS_ERR_INTERNAL when the library is not there. */
 CtsStatus cts_dcm_readers(const CtsDcmReaders **readers, CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

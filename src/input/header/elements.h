@@ -3,13 +3,12 @@
 #ifndef CTS_HEADER_ELEMENTS_H
 #define CTS_HEADER_ELEMENTS_H
 
+#include "ctsplat/api.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* Elements that have not been looked at yet: of a data set, an item or, as items, of a sequence. */
 typedef struct CtsElements {
@@ -45,7 +44,5 @@ bool cts_elements_shorts(CtsElements elements, uint32_t tag, int *values, int n)
 /* DS or IS, exactly n of them. */
 bool cts_elements_decimals(CtsElements elements, uint32_t tag, double *values, int n);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -2,14 +2,13 @@
 #ifndef CTS_HEADER_HEAD_H
 #define CTS_HEADER_HEAD_H
 
+#include "ctsplat/api.h"
 #include "input/files/file_bytes.h"
 #include "input/files/scan.h"
 #include "input/header/dcm_read.h"
 #include "input/header/elements.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 typedef struct CtsHead {
     CtsFileBytes file; /* open until the end */
@@ -46,7 +45,5 @@ typedef struct CtsDcmIds {
 } CtsDcmIds;
 CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

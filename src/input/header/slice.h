@@ -10,9 +10,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 struct CtsFile;      /* scan.h */
 struct CtsFileBytes; /* file_bytes.h */
@@ -170,7 +168,5 @@ CtsStatus cts_slice_open(const CtsSlice *slice, struct CtsFileBytes *file, CtsEr
 CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,
                                    size_t *n_refused, CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -7,9 +7,7 @@
 #include "input/header/slice.h"
 #include <stdbool.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 typedef enum CtsStackKind {
     CTS_STACK_EVEN,    /* slice k is layer k */
@@ -46,7 +44,5 @@ double cts_slice_stack_position_mm(const CtsSlice *reference, const CtsSlice *sl
 /* What two gaps may differ by and count as the same: 0.02 mm or 1 % of the median, but never a quarter of it. */
 double cts_slice_stack_tolerance_mm(double median_gap_mm);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

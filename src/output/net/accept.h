@@ -3,12 +3,11 @@
 #ifndef CTS_NET_ACCEPT_H
 #define CTS_NET_ACCEPT_H
 
+#include "ctsplat/api.h"
 #include "output/net/peer.h"
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* What the peer is told of an object. */
 typedef enum CtsStoredAs { CTS_STORED, CTS_STORED_NOT_CT, CTS_STORED_NO_ROOM } CtsStoredAs;
@@ -40,7 +39,5 @@ void cts_accept(const CtsAcceptRules *rules, int socket, CtsVisit *visit);
 /* Whether the TLS files are good: before any peer comes. */
 CtsStatus cts_accept_check(const CtsNet *net, CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -5,9 +5,7 @@
 #include "ctsplat/status.h"
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 enum {
     CTS_INBOX_MAX_FILES = 50000,
@@ -36,7 +34,5 @@ void cts_inbox_cut(CtsInbox *inbox, int n);
 /* Folder and files, and the lock. */
 void cts_inbox_remove(char **folder, int *lock);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -2,11 +2,10 @@
 #ifndef CTS_NET_LISTENER_H
 #define CTS_NET_LISTENER_H
 
+#include "ctsplat/api.h"
 #include "output/net/peer.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* HOST:PORT, an address of IPv6 in brackets; port 0 is any free one. CTS_ERR_USAGE for another
  * text, CTS_ERR_INTERNAL when it cannot be listened at. */
@@ -14,8 +13,6 @@ CtsStatus cts_listen(const char *text, int *listener, CtsError *err);
 /* The same, as the listener has it by now. */
 void cts_listener_name(int listener, char *text, size_t size);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 
 #endif

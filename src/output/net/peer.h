@@ -8,9 +8,7 @@
 #include "output/net/inbox.h"
 #include <stddef.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 bool cts_aet_is_valid(const char *aet, size_t n);
 /* Whether a URL names this machine. */
@@ -67,7 +65,5 @@ bool cts_net_stopped(const CtsNet *net);
 /* The peer has confirmed it. */
 void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

@@ -11,9 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 /* A coded term. */
 typedef struct CtsScCode {
@@ -44,8 +42,8 @@ typedef struct CtsScObject {
 
     const CtsSeries *source;
     const CtsDataSet *header; /* of its first slice: patient and study are copied from it, byte for byte */
-    const CtsLabels *labels; /* that are seen, too; NULL: none */
-    const CtsDataSet *lossy; /* of a slice whose pixels went through lossy compression; NULL when there is none */
+    const CtsLabels *labels;  /* that are seen, too; NULL: none */
+    const CtsDataSet *lossy;  /* of a slice whose pixels went through lossy compression; NULL when there is none */
     /* NULL, or the identity to put in the patient's and the study's place: then nothing that identifies is copied and
      * no source object is named. */
     const char *pseudonym;
@@ -83,7 +81,5 @@ typedef struct CtsScPixels {
 
 CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

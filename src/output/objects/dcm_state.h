@@ -5,9 +5,7 @@
 #include "ctsplat/labels.h"
 #include "output/objects/dcm_sc.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 enum { CTS_STATE_ENTRIES = 4096 };
 
@@ -47,7 +45,5 @@ CtsStatus cts_dcm_state_write(const CtsDcmState *state, CtsScSink sink, void *co
  * where it does not tell). */
 CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif

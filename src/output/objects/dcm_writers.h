@@ -2,12 +2,11 @@
 #ifndef CTS_DICOM_DCM_WRITERS_H
 #define CTS_DICOM_DCM_WRITERS_H
 
+#include "ctsplat/api.h"
 #include "output/objects/dcm_sc.h"
 #include "output/objects/dcm_state.h"
 
-#ifdef __cplusplus
-extern "C" {
-#endif
+CTS_C_BEGIN
 
 typedef struct CtsDcmWriters {
     __typeof__(cts_dcm_sc_write) *sc_write;
@@ -17,7 +16,5 @@ typedef struct CtsDcmWriters {
 
 CtsStatus cts_dcm_writers(const CtsDcmWriters **writers, CtsError *err);
 
-#ifdef __cplusplus
-}
-#endif
+CTS_C_END
 #endif
