@@ -6,28 +6,20 @@
 #include "app/job/watch.h"
 #include "ctsplat/picture.h"
 
-/* A file that stands, whole, and is not told of yet. */
-typedef struct CtsFileEnded {
-    char *name; /* owned; NULL: none */
-    uint64_t bytes;
-} CtsFileEnded;
-
 typedef struct CtsFiles {
     const CtsOutputs *outputs;
     const CtsExportSettings *settings;
     const CtsWatch *watch;
     CtsExport **exports;  /* by output: the file being written, or NULL */
-    CtsFileEnded *ended;  /* by output */
     CtsPictureInfo first; /* how the first frame was made */
 } CtsFiles;
 
 CtsStatus cts_files_begin(CtsFiles *files, CtsError *err);
 /* One band of frame: a file begins with the first band it holds. */
 CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, CtsReport *report, CtsError *err);
-/* Ends the files that are whole with this frame; the report knows what its verification found. */
+/* Ends the files that are whole with this frame, and tells who watches; the report knows what its verification found.
+ */
 CtsStatus cts_files_frame_done(CtsFiles *files, int frame, CtsReport *report, CtsError *err);
-/* Tells who watches of the files that have ended. */
-void cts_files_tell(CtsFiles *files);
 /* What is not whole by now is given up. */
 void cts_files_end(CtsFiles *files);
 

@@ -2,13 +2,11 @@
 
 #include "app/job/files.h"
 #include "app/job/fit_window.h"
-#include "app/job/held.h"
 #include "app/job/saturation.h"
 #include "base/cpu.h"
 #include "base/limits.h"
 #include "base/mem.h"
 #include "base/meter.h"
-#include "base/parallel.h"
 #include "ctsplat/annotate.h"
 #include "ctsplat/labels.h"
 #include <math.h>
@@ -65,7 +63,6 @@ typedef struct Frame {
     CtsReport *report;
     int number;
     CtsSaturation saturation;
-    CtsHeld *held; /* where it goes to be written later; NULL: into the files, band by band */
 } Frame;
 
 static CtsStatus stopped(const CtsJob *job, CtsError *err)
@@ -132,12 +129,8 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     cts_saturation_add(&frame->saturation, band);
     if (!(st = annotate(frame, band, err)) && frame->files->watch->band)
         frame->files->watch->band(frame->files->watch->context, frame->number, band);
-    if (!st && !(st = stopped(job, err))) {
-        if (frame->held && band->height == band->whole_height)
-            cts_held_take(frame->held, band, frame->number);
-        else
-            st = cts_files_rows(frame->files, frame->number, band, frame->report, err);
-    }
+    if (!st && !(st = stopped(job, err)))
+        st = cts_files_rows(frame->files, frame->number, band, frame->report, err);
     const double done = (double)(band->first_row + band->height) / band->whole_height;
     tell_step(frame, frame->files->watch, done);
     cts_meter_stop(meter, frame->report, CTS_STAGE_EXPORT);
@@ -158,54 +151,13 @@ static CtsStatus render_frame(CtsRenderer *renderer, Frame *frame, const CtsWatc
 {
     const CtsJob *job = frame->job;
     const double azimuth_deg = job->render.azimuth_deg + turn_deg(job, frame->number);
-    const CtsBandSink sink = {
-        .take = finish_band, .context = frame, .max_rows = watch->step && !frame->held ? WATCHED_ROWS : 0};
+    const CtsBandSink sink = {.take = finish_band, .context = frame, .max_rows = watch->step ? WATCHED_ROWS : 0};
     const CtsMeter meter = cts_meter_start(frame->report);
     tell_step(frame, watch, 0);
     const CtsStatus st = cts_render_bands(renderer, azimuth_deg, job->render.elevation_deg, &sink, frame->report, err);
     cts_watch_findings(watch, frame->report);
     cts_meter_stop(meter, frame->report, CTS_STAGE_COMPOSITE);
     return st ? st : stopped(job, err);
-}
-
-/* A frame is rendered while the one before goes into its files. */
-typedef struct Turn {
-    CtsRenderer *renderer;
-    Frame *frame;
-    CtsHeld *before;
-    enum { RENDERS, WRITES } first; /* without the one or the other, too */
-    CtsStatus status[2];
-    CtsError error[2];
-} Turn;
-
-static void take_turn(void *context, int worker, size_t first, size_t end)
-{
-    Turn *const t = context;
-    CtsFiles *files = t->frame->files;
-    (void)worker;
-    for (size_t i = t->first + first; i < t->first + end; i++)
-        t->status[i] = i == RENDERS ? render_frame(t->renderer, t->frame, files->watch, &t->error[i])
-                                    : cts_held_write(t->before, files, &t->error[i]);
-}
-
-static CtsStatus run_turn(Turn *t, bool renders, CtsError *err)
-{
-    CtsReport *report = t->frame->report;
-    CtsStageTime stages[CTS_N_STAGES];
-    const bool writes = t->before->picture.pixels;
-    memcpy(stages, report->stages, sizeof stages);
-    const CtsMeter meter = cts_meter_start(report);
-    t->first = renders ? RENDERS : WRITES;
-    cts_parallel(cts_threads(t->frame->job->render.n_threads), (size_t)renders + writes, 1, take_turn, t);
-    cts_meter_stop(meter, report, CTS_STAGE_EXPORT);
-    if (writes)
-        cts_held_tell(t->before, t->frame->files, stages, report);
-    for (int i = WRITES; i >= RENDERS; i--)
-        if (t->status[i]) {
-            *err = t->error[i];
-            return t->status[i];
-        }
-    return CTS_OK;
 }
 
 /* One verdict on all frames: pooled rmse and interval, the largest maximum and percentile. */
@@ -235,36 +187,20 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
 {
     CtsVerified pooled = {0};
     CtsStatus st = CTS_OK;
-    CtsReport writing = {0};
-    CtsHeld held[2] = {{.writing = &writing}, {.writing = &writing}};
     Frame frame = {.job = job, .volume = volume, .files = files, .report = report};
     if (n_frames_of(job) > 1)
         cts_report_skip(report, "loading again", "%d frames share one volume, cropped and without its table once",
                         n_frames_of(job));
     /* The plan of one view stands for all of a rotation. */
     const int n_frames = job->render.explain ? 1 : n_frames_of(job);
-    const bool holds = n_frames > 1 && cts_threads(job->render.n_threads) > 1;
     for (; frame.number < n_frames && !st; frame.number++) {
-        Turn turn = {.renderer = renderer, .frame = &frame, .before = &held[(frame.number + 1) % 2]};
-        CtsHeld *const own = &held[frame.number % 2];
-        frame.held = holds ? own : NULL;
-        if ((st = run_turn(&turn, true, err)))
+        if ((st = render_frame(renderer, &frame, files->watch, err)))
             break;
         add_verified(&pooled, &report->verified);
         if (frame.number == n_frames - 1)
             report->verified = pooled;
-        own->verified = report->verified;
-        if (!own->picture.pixels)
-            st = cts_files_frame_done(files, frame.number, report, err);
-        cts_files_tell(files);
+        st = cts_files_frame_done(files, frame.number, report, err);
     }
-    if (!st) {
-        Turn last = {.frame = &frame, .before = &held[(n_frames + 1) % 2]};
-        st = run_turn(&last, false, err);
-    }
-    for (int i = 0; i < 2; i++)
-        cts_held_free(&held[i]);
-    cts_report_free(&writing);
     report->verified = pooled;
     if (!st)
         cts_saturation_tell(&frame.saturation, &files->first, report);
