@@ -24,44 +24,21 @@ typedef struct Drawing {
     CtsPicture *picture;
 } Drawing;
 
-/* By columns, rows and slices, how many voxels the labels hold there. */
-static void count_held(const CtsLabels *labels, uint64_t *held[3])
+/* The centre of what the labels hold; nothing: of the scan. */
+static void find_middle(Drawing *d)
 {
-    const uint32_t rows = (uint32_t)labels->grid.rows;
-    for (size_t i = 0; i < labels->n; i++)
-        for (size_t r = 0; !labels->items[i].surrounds && r < labels->items[i].n_runs; r++) {
-            const CtsLabelRun run = labels->items[i].runs[r];
-            for (int x = run.first; x < run.end; x++)
-                held[0][x]++;
-            held[1][run.row % rows] += (uint64_t)(run.end - run.first);
-            held[2][run.row / rows] += (uint64_t)(run.end - run.first);
+    double n = 0, sum[3] = {0};
+    for (size_t i = 0; i < d->labels->n; i++)
+        for (size_t r = 0; !d->labels->items[i].surrounds && r < d->labels->items[i].n_runs; r++) {
+            const CtsLabelRun run = d->labels->items[i].runs[r];
+            const double length = run.end - run.first;
+            n += length;
+            sum[0] += length * (run.first + run.end - 1) / 2;
+            sum[1] += length * (run.row % (uint32_t)d->dims[1]);
+            sum[2] += length * (run.row / (uint32_t)d->dims[1]);
         }
-}
-
-static int median(const uint64_t *held, int n)
-{
-    uint64_t all = 0, before = 0;
-    for (int i = 0; i < n; i++)
-        all += held[i];
-    for (int i = 0; i < n && all; i++)
-        if ((before += held[i]) * 2 >= all)
-            return i;
-    return n / 2;
-}
-
-static CtsStatus find_middle(Drawing *d, CtsError *err)
-{
-    uint64_t *held[3] = {NULL};
-    CtsStatus st = CTS_OK;
-    for (int a = 0; a < 3 && !st; a++)
-        st = cts_alloc_zeroed(&held[a], (size_t)d->dims[a], err);
-    if (!st)
-        count_held(d->labels, held);
-    for (int a = 0; a < 3; a++) {
-        d->middle[a] = st ? 0 : median(held[a], d->dims[a]);
-        cts_free(&held[a]);
-    }
-    return st;
+    for (int a = 0; a < 3; a++)
+        d->middle[a] = n > 0 ? (int)(sum[a] / n) : d->dims[a] / 2;
 }
 
 /* Large ones first, so that small ones lie over them. */
@@ -199,8 +176,7 @@ CtsStatus cts_label_slices(const CtsScanned *scanned, const CtsLabels *labels, C
     Drawing d = {.scanned = scanned, .labels = labels, .dims = {g->columns, g->rows, g->n_slices}};
     CtsStatus st = cts_picture_new(picture, 3 * SIDE, SIDE, 4, err);
     d.picture = *picture;
-    if (!st)
-        st = find_middle(&d, err);
+    find_middle(&d);
     measure(&d);
     for (int square = 0; square < 3 && !st; square++)
         st = draw_square(&d, square, err);
