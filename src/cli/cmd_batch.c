@@ -8,25 +8,21 @@
 #include "cli/message.h"
 #include "cli/progress.h"
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 static void on_warning(void *context, const char *text)
 {
     (void)context;
-    cli_progress_clear();
     cli_warning("%s", text);
 }
 
 static void on_series(void *context, const char *text, bool failed)
 {
     (void)context;
-    if (failed) {
-        cli_progress_clear();
+    if (failed)
         cli_warning("%s", text);
-    } else if (!cli_progress_shows()) {
+    else if (!cli_progress_shows())
         cli_note("%s", text);
-    }
 }
 
 /* On a terminal at once, else a line a minute. */

@@ -12,14 +12,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-static bool has_finding(const CtsFindings *findings, const CtsFinding *finding)
-{
-    for (size_t i = 0; i < findings->n; i++)
-        if (!strcmp(findings->items[i].code, finding->code) && !strcmp(findings->items[i].text, finding->text))
-            return true;
-    return false;
-}
-
 /* A series whose pixels are refused is a fact about it, not a failure of info; labels that are refused are one. */
 static CtsStatus read_pixels(const CtsSource *source, const CtsSeries *series, CtsPixelFacts *facts, CtsError *err)
 {
@@ -48,7 +40,7 @@ static CtsStatus read_pixels(const CtsSource *source, const CtsSeries *series, C
     report.n_labels = 0;
     for (size_t i = 0; i < report.findings.n; i++) {
         const CtsFinding *f = &report.findings.items[i];
-        if (!has_finding(&series->findings, f) && !has_finding(&facts->findings, f))
+        if (!cts_findings_have(&series->findings, f) && !cts_findings_have(&facts->findings, f))
             cts_findings_add(&facts->findings, f->code, f->severity, "%s", f->text);
     }
 end:

@@ -18,7 +18,7 @@ typedef struct CtsBatchProgress {
     double seconds_left; /* by the pictures that are to come; negative: not known yet */
 } CtsBatchProgress;
 
-/* For people: lines and a forecast. Any may be NULL but warning. */
+/* For people: lines and a forecast. */
 typedef struct CtsBatchTold {
     void (*warning)(void *context, const char *text);
     /* A series came to its end; text is one line on it. */

@@ -183,8 +183,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     char name[80];
     uint64_t key = p->last_key;
     p->n_files++;
-    if (p->settings->told.searching)
-        p->settings->told.searching(p->settings->told.context, p->n_files);
+    p->settings->told.searching(p->settings->told.context, p->n_files);
     if (file->why)
         return take_lost(p, file, err);
     if (file->labels_of)

@@ -15,7 +15,6 @@ enum { CTS_CHILD_NO_MEMORY = 3 };
 /* Messages to the parent, each a line. A line of the journal stands behind the last four, with all that it might tell
  * (cts_line_forget()): */
 #define CTS_CHILD_LOADED "loaded"     /* the volume is read: waits for a byte */
-#define CTS_CHILD_RENDERED "rendered" /* no more is rendered until the next "loaded" */
 #define CTS_CHILD_BEGUN "begun "      /* what is known of the series; not for the journal yet */
 #define CTS_CHILD_LINE "line "        /* not final: there is more to come of this series */
 #define CTS_CHILD_LAST "last "        /* final */

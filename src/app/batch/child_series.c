@@ -38,7 +38,8 @@ static void take_line(CtsBatchChild *c, const char *uid)
     input = json_string_value(json_object_get(c->known, "input_sha256"));
     c->line = cts_child_new_line(c->settings, c->series, uid, c->folder);
     if (c->known && (!input || strcmp(input, c->series->input_sha256))) {
-        cts_line_drop_all(c->known, c->settings);
+        cts_line_drop(c->known, "outputs", c->settings, NULL, NULL);
+        cts_line_drop(c->known, "thumbnails", c->settings, NULL, NULL);
         json_decref(c->known);
         c->known = NULL;
     }
@@ -61,16 +62,16 @@ static CtsStatus find_missing(CtsBatchChild *c, CtsBatchPicture *p, CtsError *er
         char *path;
         if (cts_line_stands(s, c->line, p, s->lists->formats[f]))
             continue;
-        cts_line_drop(c->line, s, p, s->lists->formats[f]);
+        cts_line_drop(c->line, "outputs", s, p, s->lists->formats[f]);
         if (asprintf(&path, "%s/%s/%s.%s", s->options->output_dir, c->folder, stem, s->lists->formats[f]) < 0)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         p->paths[n++] = path;
     }
     if (n)
-        cts_line_drop_error(c->line, s, p);
+        cts_line_drop(c->line, "errors", s, p, NULL);
     if (n || !cts_line_stands(s, c->line, p, NULL)) {
         char *path;
-        cts_line_drop(c->line, s, p, NULL);
+        cts_line_drop(c->line, "thumbnails", s, p, NULL);
         if (asprintf(&path, "%s/%s/thumbs/%s", s->options->output_dir, c->folder, stem) < 0)
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
         p->thumb_stem = path;
@@ -90,7 +91,7 @@ static CtsStatus make_folders(CtsBatchChild *c, CtsError *err)
         struct stat info;
         if (lstat(path, &info) || !S_ISDIR(info.st_mode))
             return cts_fail(err, CTS_ERR_OUTPUT, "%s: is no folder (a link is not followed out of -O)", path);
-        cts_sweep(path, 0, "");
+        cts_sweep(path, "");
     }
     return CTS_OK;
 }
@@ -269,22 +270,14 @@ CtsStatus cts_child_label_slices(CtsBatchChild *c, const char *path, uint64_t by
                : CTS_OK;
 }
 
-static bool is_among(const CtsFinding *finding, const CtsFinding *items, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        if (!strcmp(items[i].code, finding->code) && !strcmp(items[i].text, finding->text))
-            return true;
-    return false;
-}
-
 /* The report's findings up to n that the line does not have yet; preset: whose they are, or NULL: of the series, which
  * the report has once each time that it is read. */
 static void tell_findings(CtsBatchChild *c, const CtsFindings *findings, size_t n, const char *preset)
 {
     for (; c->n_findings < n; c->n_findings++) {
         const CtsFinding *f = &findings->items[c->n_findings];
-        if (!is_among(f, c->now->findings.items, c->now->findings.n) &&
-            (preset || !is_among(f, findings->items, c->n_findings)))
+        if (!cts_findings_have(&c->now->findings, f) &&
+            (preset || !cts_findings_have(&(CtsFindings){findings->items, c->n_findings}, f)))
             add_finding(c, f, preset);
     }
 }

@@ -2,6 +2,7 @@
 #include "app/batch/line.h"
 
 #include "app/batch/batch_plan.h"
+#include "app/contact/journal_lines.h"
 #include "base/json.h"
 #include <ctype.h>
 #include <errno.h>
@@ -56,16 +57,10 @@ void cts_line_stem(const CtsBatchSettings *s, const CtsBatchPicture *picture, ch
             *c = '_';
 }
 
-/* Paths in the journal are ours, but anybody may have written there. */
-static bool is_below(const char *path)
-{
-    return path[0] && path[0] != '/' && !strstr(path, "..");
-}
-
 bool cts_line_path(const CtsBatchSettings *s, const json_t *entry, char *path, size_t size)
 {
     const char *name = cts_json_text_of(entry, "path");
-    const int n = is_below(name) ? snprintf(path, size, "%s/%s", s->options->output_dir, name) : -1;
+    const int n = cts_journal_path_is_safe(name) ? snprintf(path, size, "%s/%s", s->options->output_dir, name) : -1;
     return n > 0 && (size_t)n < size;
 }
 
@@ -240,8 +235,8 @@ bool cts_line_settled(const CtsBatchSettings *s, const json_t *line, const char 
     return true;
 }
 
-static void drop(json_t *line, const char *list, const CtsBatchSettings *s, const CtsBatchPicture *picture,
-                 const char *format)
+void cts_line_drop(json_t *line, const char *list, const CtsBatchSettings *s, const CtsBatchPicture *picture,
+                   const char *format)
 {
     json_t *entries = json_object_get(line, list);
     for (size_t i = json_array_size(entries); i-- > 0;) {
@@ -253,20 +248,4 @@ static void drop(json_t *line, const char *list, const CtsBatchSettings *s, cons
             unlink(full);
         json_array_remove(entries, i);
     }
-}
-
-void cts_line_drop(json_t *line, const CtsBatchSettings *s, const CtsBatchPicture *picture, const char *format)
-{
-    drop(line, format ? "outputs" : "thumbnails", s, picture, format);
-}
-
-void cts_line_drop_error(json_t *line, const CtsBatchSettings *s, const CtsBatchPicture *picture)
-{
-    drop(line, "errors", s, picture, NULL);
-}
-
-void cts_line_drop_all(json_t *line, const CtsBatchSettings *s)
-{
-    drop(line, "outputs", s, NULL, NULL);
-    drop(line, "thumbnails", s, NULL, NULL);
 }

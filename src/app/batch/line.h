@@ -42,12 +42,10 @@ int cts_line_n_waiting(const CtsBatchSettings *settings, const json_t *line);
 /* The full path of an entry's file; false where it is none of -O. */
 bool cts_line_path(const CtsBatchSettings *settings, const json_t *entry, char *path, size_t size);
 
-/* This picture's files of a format (NULL: its thumbnails) do not stand: they leave the line and the disk. */
-void cts_line_drop(json_t *line, const CtsBatchSettings *settings, const CtsBatchPicture *picture, const char *format);
-/* What was measured of this picture's error leaves the line. */
-void cts_line_drop_error(json_t *line, const CtsBatchSettings *settings, const CtsBatchPicture *picture);
-/* All files that the line tells of leave the line and the disk: their input has changed. */
-void cts_line_drop_all(json_t *line, const CtsBatchSettings *settings);
+/* What the line's list "outputs", "thumbnails" or "errors" has of this picture, NULL: of all, in this format, NULL: in
+ * any, leaves the line, and files leave the disk. */
+void cts_line_drop(json_t *line, const char *list, const CtsBatchSettings *settings, const CtsBatchPicture *picture,
+                   const char *format);
 
 /* Size, time and SHA-256 of the entry's file. */
 CtsStatus cts_line_file_facts(const CtsBatchSettings *settings, json_t *entry, CtsError *err);

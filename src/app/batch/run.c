@@ -21,8 +21,8 @@
 
 /* How often the clock is looked at; and how many series in a row may fail to be sent before a PACS is left alone. */
 enum { TICK_MS = 200, SYNC_MS = 2000, MOST_UNSENT = 3 };
-/* As many as render, as many again that write what they have rendered, one that reads ahead, and the sender. */
-#define N_WORKERS(n_jobs) (2 * (n_jobs) + 2)
+/* As many as render, one that reads ahead, and the sender. */
+#define N_WORKERS(n_jobs) ((n_jobs) + 2)
 /* A volume of 16-bit voxels, its copies while it is worked on, and what a picture takes. */
 static const double BYTES_PER_VOXEL = 5, BYTES_PER_SERIES = 200e6;
 
@@ -70,8 +70,7 @@ static void tell_progress(Run *r)
                                        .seconds_left =
                                            r->n_pictures ? spent_s * n_pictures_left(r) / (double)r->n_pictures : -1};
     r->told_ms = cts_wall_ms();
-    if (told->progress)
-        told->progress(told->context, &progress);
+    told->progress(told->context, &progress);
 }
 
 static void forget(void *context, json_t *line)
@@ -110,8 +109,7 @@ static void tell_series(Run *r, const json_t *line)
     else
         snprintf(text, sizeof text, "%.80s: %s: %.600s%s%.600s", uid, status, cts_json_text_of(line, "reason_file"),
                  json_object_get(line, "reason_file") ? ": " : "", cts_json_text_of(line, "reason"));
-    if (told->series)
-        told->series(told->context, text, !done && strcmp(status, "passed"));
+    told->series(told->context, text, !done && strcmp(status, "passed"));
 }
 
 /* A line that is the last of a series in this run; stood: nothing was made. */
@@ -201,8 +199,7 @@ static void set_phase(const Run *r, CtsWorker *w, CtsWorkerPhase phase)
 {
     const double limit_ms = 1000 * r->settings->options->series_timeout_s;
     w->phase = phase;
-    if (phase != CTS_WORKER_WRITES)
-        w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
+    w->deadline_ms = limit_ms > 0 && phase != CTS_WORKER_WAITS ? cts_wall_ms() + limit_ms : INFINITY;
 }
 
 /* The first that is heard of a worker tells how many pictures its series lacks. */
@@ -221,8 +218,8 @@ static void take_message(void *context, CtsWorker *w, const char *message)
     static const char *const words[] = {CTS_CHILD_BEGUN, CTS_CHILD_LINE, CTS_CHILD_LAST, CTS_CHILD_STANDS};
     Run *const r = context;
     size_t which = 0;
-    if (!strcmp(message, CTS_CHILD_LOADED) || !strcmp(message, CTS_CHILD_RENDERED)) {
-        set_phase(r, w, *message == *CTS_CHILD_LOADED ? CTS_WORKER_WAITS : CTS_WORKER_WRITES);
+    if (!strcmp(message, CTS_CHILD_LOADED)) {
+        set_phase(r, w, CTS_WORKER_WAITS);
         return;
     }
     while (which < 4 && strncmp(message, words[which], strlen(words[which])))
@@ -261,7 +258,7 @@ static void sweep_series(const Run *r, const CtsWorker *w)
     for (int deep = 0; deep < 2; deep++)
         if (snprintf(path, sizeof path, "%s/%s%s", r->settings->options->output_dir, w->series.folder,
                      deep ? "/thumbs" : "") < PATH_MAX)
-            cts_sweep(path, w->pid, "");
+            cts_sweep(path, "");
 }
 
 static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage)
@@ -281,7 +278,7 @@ static void end_worker(Run *r, CtsWorker *w, int how, const struct rusage *usage
     tell_progress(r);
 }
 
-/* One that has no process; how many read, wait or render. */
+/* One that has no process; how many have one. */
 static CtsWorker *free_worker(const Run *r, int *n_at_work)
 {
     CtsWorker *found = NULL;
@@ -290,7 +287,7 @@ static CtsWorker *free_worker(const Run *r, int *n_at_work)
         if (!r->workers[i].pid)
             found = &r->workers[i];
         else
-            *n_at_work += r->workers[i].phase < CTS_WORKER_WRITES;
+            ++*n_at_work;
     }
     return found;
 }

@@ -82,10 +82,6 @@ static void on_band(void *context, int frame, CtsPicture *band)
         st = cts_thumbnail_begin(&w->thumb, w->picture->thumb_stem, CTS_THUMBNAIL_SIDE, band, n_frames, &err);
     if (!st)
         st = cts_thumbnail_rows(w->thumb, band, &err);
-    /* Though not all of it is written: another series may render. */
-    if (!st && w->child->n_left == 1 && frame == n_frames - 1 &&
-        band->first_row + band->height == w->settings->job.render.height)
-        st = cts_child_send(w->child, CTS_CHILD_RENDERED "\n", &err);
     keep(w, st, &err);
 }
 

@@ -11,7 +11,6 @@ typedef enum CtsWorkerPhase {
     CTS_WORKER_READS,
     CTS_WORKER_WAITS, /* to render */
     CTS_WORKER_RENDERS,
-    CTS_WORKER_WRITES, /* what it has rendered */
     CTS_WORKER_SENDS   /* and nothing else, in all its life */
 } CtsWorkerPhase;
 

@@ -1,27 +1,12 @@
 #include "app/contact/contact_card.h"
 
+#include "app/contact/journal_lines.h"
 #include "base/json.h"
-#include <stdbool.h>
 #include <string.h>
 
 static const char *const kept[] = {"series_uid", "status",         "reason",     "reason_file", "exit_code", "ended",
                                    "files",      "sources",        "unfinished", "geometry",    "findings",  "stages",
                                    "wall_ms",    "peak_rss_bytes", "threads",    "labels"};
-
-/* A relative path that stays below where it starts. */
-static bool is_safe(const char *path)
-{
-    if (!path || !*path || *path == '/')
-        return false;
-    for (const char *part = path;; part++) {
-        const size_t n = strcspn(part, "/");
-        if (n == 0 || (n == 1 && *part == '.') || (n == 2 && !strncmp(part, "..", 2)))
-            return false;
-        part += n;
-        if (!*part)
-            return true;
-    }
-}
 
 /* The picture of this preset and view, a new one where there is none; the array's. Neighbours are mostly the same. */
 static json_t *picture_of(json_t *pictures, const json_t *file)
@@ -41,7 +26,7 @@ static json_t *picture_of(json_t *pictures, const json_t *file)
 static void add_output(json_t *pictures, const json_t *output, const char *folder)
 {
     const char *path = cts_json_text_of(output, "path");
-    if (!is_safe(path))
+    if (!cts_journal_path_is_safe(path))
         return;
     json_t *files = json_object_get(picture_of(pictures, output), "files");
     json_t *entry = json_object_get(files, cts_json_text_of(output, "format"));
@@ -52,11 +37,15 @@ static void add_output(json_t *pictures, const json_t *output, const char *folde
                             json_pack("{s:s+, s:i}", "first", folder, path, "frames", 1));
 }
 
-static void add_thumbnail(json_t *pictures, const json_t *thumbnail, const char *folder)
+static void add_thumbnail(json_t *card, json_t *pictures, const json_t *thumbnail, const char *folder)
 {
     const char *path = cts_json_text_of(thumbnail, "path");
-    if (!is_safe(path) || json_object_get(thumbnail, "labels"))
+    if (!cts_journal_path_is_safe(path))
         return;
+    if (json_object_get(thumbnail, "labels")) {
+        json_object_set_new(card, "label_slices", json_pack("s+", folder, path));
+        return;
+    }
     json_t *picture = picture_of(pictures, thumbnail);
     if (json_integer_value(json_object_get(thumbnail, "frames")) <= 1) {
         json_object_set_new(picture, "thumb", json_pack("s+", folder, path));
@@ -79,10 +68,7 @@ json_t *cts_contact_card(const json_t *line, const char *folder)
             json_object_set(card, kept[i], value);
     }
     json_array_foreach(json_object_get(line, "outputs"), i, file) add_output(pictures, file, folder);
-    json_array_foreach(json_object_get(line, "thumbnails"), i, file) add_thumbnail(pictures, file, folder);
-    json_array_foreach(json_object_get(line, "thumbnails"), i,
-                       file) if (json_object_get(file, "labels") && is_safe(cts_json_text_of(file, "path")))
-        json_object_set_new(card, "label_slices", json_pack("s+", folder, cts_json_text_of(file, "path")));
+    json_array_foreach(json_object_get(line, "thumbnails"), i, file) add_thumbnail(card, pictures, file, folder);
     if (json_object_set_new(card, "pictures", pictures)) {
         json_decref(card);
         return NULL;

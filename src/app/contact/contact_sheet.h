@@ -14,7 +14,7 @@ typedef struct CtsContactRun {
 } CtsContactRun;
 
 typedef struct CtsContactWanted {
-    const CtsContactRun *run; /* NULL: all is over */
+    const CtsContactRun *run;                    /* NULL: all is over */
     void (*change)(void *context, json_t *line); /* of the journal, before it is shown; or NULL */
     void *context;
 } CtsContactWanted;

@@ -15,6 +15,20 @@ bool cts_is_journal(const char *name)
            (sscanf(name, "batch-%9d-of-%9d.jsonl%n", &shard, &n_shards, &n) == 2 && n > 0 && !name[n]);
 }
 
+bool cts_journal_path_is_safe(const char *path)
+{
+    if (*path == '/')
+        return false;
+    for (const char *part = path;; part++) {
+        const size_t n = strcspn(part, "/");
+        if (n == 0 || (n == 1 && *part == '.') || (n == 2 && !strncmp(part, "..", 2)))
+            return false;
+        part += n;
+        if (!*part)
+            return true;
+    }
+}
+
 const CtsJournalLine *cts_journal_lines_find(const CtsJournalLines *lines, const char *series_uid)
 {
     const json_t *place = json_object_get(lines->places, series_uid);

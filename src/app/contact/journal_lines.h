@@ -30,6 +30,8 @@ typedef struct CtsJournalLines {
 } CtsJournalLines;
 
 bool cts_is_journal(const char *name);
+/* Whether a path in a line, where anybody may have written, stays below where it starts. */
+bool cts_journal_path_is_safe(const char *path);
 
 /* Takes the whole lines of a file; *end is where the last one ends. Takes fd over, whatever comes of it. Of one file
  * the last line of a series counts, and of several files the one that ended last. */

@@ -90,6 +90,14 @@ void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume)
     cts_volume_box_lps(volume, facts->box_low_lps, facts->box_high_lps);
 }
 
+bool cts_findings_have(const CtsFindings *findings, const CtsFinding *finding)
+{
+    for (size_t i = 0; i < findings->n; i++)
+        if (!strcmp(findings->items[i].code, finding->code) && !strcmp(findings->items[i].text, finding->text))
+            return true;
+    return false;
+}
+
 json_t *cts_finding_json(const CtsFinding *finding)
 {
     return json_pack("{s:o,s:s,s:o}", "code", cts_json_new_text(finding->code), "severity",

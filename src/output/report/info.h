@@ -23,6 +23,8 @@ typedef struct CtsPixelFacts {
 /* What the volume tells. */
 void cts_pixel_facts(CtsPixelFacts *facts, const CtsVolume *volume);
 
+/* Whether the same is among the findings. */
+bool cts_findings_have(const CtsFindings *findings, const CtsFinding *finding);
 struct json_t *cts_finding_json(const CtsFinding *finding);
 struct json_t *cts_label_json(const CtsLabelFact *label);
 struct json_t *cts_table_json(const CtsTableFact *table);
