@@ -5,7 +5,6 @@
 #include "output/report/text_table.h"
 #include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 static void add_row(CtsTable *table, const CtsPreset *p, bool own)
 {
@@ -28,15 +27,6 @@ static CtsStatus append(json_t *list, const CtsPreset *preset, CtsError *err)
     return CTS_OK;
 }
 
-static bool is_builtin(const char *name)
-{
-    const CtsPreset *preset;
-    for (size_t i = 0; (preset = cts_preset_builtin(i)); i++)
-        if (!strcmp(preset->name, name))
-            return true;
-    return false;
-}
-
 /* All presets, into a table or a JSON list, whichever is there. A preset of the user's that is broken, or that a
  * built-in one hides, is a warning: the others can be used. */
 static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
@@ -52,7 +42,7 @@ static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
     CtsPreset *own = malloc(sizeof *own);
     for (size_t i = 0; own && names && names[i] && !st; i++) {
         CtsError why;
-        if (is_builtin(names[i])) {
+        if (cts_preset_number(names[i])) {
             cli_warning("your preset %s.json: a built-in preset has its name and comes first (give the file another "
                         "name, or its path)",
                         names[i]);
@@ -81,7 +71,7 @@ static void print_one(const CtsPreset *p)
     else
         printf(", unlit");
     printf(", table %s\n\n", p->remove_table ? "removed" : "kept");
-    const char *const advice = is_builtin(p->name) ? cts_preset_advice(p->name) : NULL;
+    const char *const advice = cts_preset_advice(p->name);
     if (advice)
         printf("%s\n\n", advice);
     CtsTable *opacity = cts_table_new((const char *const[]){">HU", ">opacity"}, 2);

@@ -7,10 +7,9 @@
 #include <string.h>
 
 /* One message is one line, whatever stands in a header or a file name. */
-__attribute__((format(printf, 2, 0))) static void print_line(const char *prefix, const char *format, va_list args)
+static void print_line(const char *prefix, const char *text)
 {
-    char text[1200], line[sizeof text];
-    vsnprintf(text, sizeof text, format, args);
+    char line[1200];
     cli_with_options(text, line, sizeof line);
     for (char *c = line; *c; c++)
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
@@ -19,11 +18,18 @@ __attribute__((format(printf, 2, 0))) static void print_line(const char *prefix,
     fprintf(stderr, "ctsplat: %s%s\n", prefix, line);
 }
 
+__attribute__((format(printf, 2, 0))) static void print_text(const char *prefix, const char *format, va_list args)
+{
+    char text[1200];
+    vsnprintf(text, sizeof text, format, args);
+    print_line(prefix, text);
+}
+
 void cli_warning(const char *format, ...)
 {
     va_list args;
     va_start(args, format);
-    print_line("warning: ", format, args);
+    print_text("warning: ", format, args);
     va_end(args);
 }
 
@@ -31,21 +37,13 @@ void cli_note(const char *format, ...)
 {
     va_list args;
     va_start(args, format);
-    print_line("", format, args);
-    va_end(args);
-}
-
-__attribute__((format(printf, 1, 2))) static void print_error(const char *format, ...)
-{
-    va_list args;
-    va_start(args, format);
-    print_line("error: ", format, args);
+    print_text("", format, args);
     va_end(args);
 }
 
 void cli_error(const CtsError *err)
 {
-    print_error("%s", err->text);
+    print_line("error: ", err->text);
 }
 
 void cli_print_findings(const CtsFindings *findings, size_t from)

@@ -9,10 +9,7 @@
 #include "base/sanitized.h"
 #include "base/walls.h"
 #include "output/net/listener.h"
-#include <arpa/inet.h>
-#include <errno.h>
 #include <limits.h>
-#include <netinet/in.h>
 #include <poll.h>
 #include <signal.h>
 #include <stdio.h>

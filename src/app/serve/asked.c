@@ -47,9 +47,7 @@ const char *cts_media_type_of(const CtsFormatInfo *format)
 /* A client names no files: a preset is one of those that have names here, or stands in the request itself. */
 static CtsStatus check_preset(const char *name, CtsError *err)
 {
-    bool known = name[0] == '{';
-    for (size_t i = 0; !known && cts_preset_builtin(i); i++)
-        known = !strcmp(cts_preset_builtin(i)->name, name);
+    bool known = name[0] == '{' || cts_preset_number(name);
     char **const own = known ? NULL : cts_preset_user_names();
     for (size_t i = 0; !known && own && own[i]; i++)
         known = !strcmp(own[i], name);

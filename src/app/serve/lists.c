@@ -3,7 +3,6 @@
 
 #include "base/json.h"
 #include <jansson.h>
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 

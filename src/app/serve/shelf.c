@@ -2,9 +2,9 @@
 #include "app/serve/shelf.h"
 
 #include "base/mem.h"
+#include "base/text.h"
 #include "input/header/slice.h"
 #include "output/report/masked.h"
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -109,12 +109,6 @@ char *cts_shelf_path(const char *pattern, const char *uid, const char *more)
     return path;
 }
 
-static bool is_uid(const char *text)
-{
-    const size_t n = strlen(text);
-    return n > 0 && n <= 64 && strspn(text, "0123456789.") == n && text[0] != '.';
-}
-
 char *cts_shelf_state(const CtsShelf *shelf, const char *series_uid, const char *sop_uid)
 {
     const CtsTextList *const paths = &shelf->options->paths;
@@ -123,7 +117,7 @@ char *cts_shelf_state(const CtsShelf *shelf, const char *series_uid, const char 
         if (!strcmp(shelf->states[i].sop_uid, sop_uid))
             return strdup(shelf->states[i].path);
     snprintf(name, sizeof name, "/%s.dcm", sop_uid);
-    for (int i = 0; i < paths->n && is_uid(series_uid) && is_uid(sop_uid); i++) {
+    for (int i = 0; i < paths->n && cts_uid_is_valid(series_uid) && cts_uid_is_valid(sop_uid); i++) {
         char *const path = cts_shelf_path(paths->items[i], series_uid, name);
         if (path && !cts_state_uid(path, uid, NULL) && !strcmp(uid, sop_uid))
             return path;
@@ -229,7 +223,7 @@ CtsStatus cts_shelf_by_uid(CtsShelf *shelf, const char *study_uid, const char *u
     *found = find_uid(shelf, study_uid, uid);
     if (*found)
         return CTS_OK;
-    if (!is_uid(study_uid) || !is_uid(uid) || !can_be_had(shelf))
+    if (!cts_uid_is_valid(study_uid) || !cts_uid_is_valid(uid) || !can_be_had(shelf))
         return cts_fail(err, CTS_ERR_NO_SERIES, "there is no such series here");
     const CtsStatus st = add(shelf, study_uid, uid, 0, found, err);
     if (!st)

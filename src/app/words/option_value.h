@@ -19,19 +19,8 @@ CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg,
 /* Likewise a format by its name. */
 CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err);
 
-CtsStatus cts_parse_annotate(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_background(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_centre(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_format(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_from(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_kernel(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_memory(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_send(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_shard(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_size(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_swivel(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_view(CtsOptions *options, const char *text, CtsError *err);
-CtsStatus cts_parse_window(CtsOptions *options, const char *text, CtsError *err);
+CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_parse_crop, cts_parse_format,
+    cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard, cts_parse_size,
+    cts_parse_swivel, cts_parse_view, cts_parse_window;
 
 #endif

@@ -1,7 +1,6 @@
 #include "app/words/options.h"
 
 #include "app/words/option_value.h"
-#include "app/words/word_lists.h"
 #include "base/mem.h"
 #include "base/near_word.h"
 #include <stdio.h>

@@ -116,6 +116,9 @@ typedef enum CtsOptionKind {
     CTS_PARSED  /* parse() */
 } CtsOptionKind;
 
+/* Takes an option's argument. */
+typedef CtsStatus CtsOptionParser(CtsOptions *options, const char *text, CtsError *err);
+
 /* What has to be made anew where a batch goes on with another value. */
 typedef enum CtsTouches {
     CTS_TOUCHES_PICTURES,
@@ -138,7 +141,7 @@ typedef struct CtsOption {
     CtsBounds own;      /* the bounds of what is no setting of the library */
     const char *const *choices;
     int n_choices, first;
-    CtsStatus (*parse)(CtsOptions *options, const char *text, CtsError *err); /* text: the argument */
+    CtsOptionParser *parse;
     const char *several; /* the option of batch that takes several; NULL: the last one given holds */
 } CtsOption;
 
