@@ -106,7 +106,8 @@ void cts_tiled_march_exact_avx512(const TiledJob *job, TiledRays *rays, TiledCou
 
 /* Adds the ray of pixel (x, y), unless it misses the box. from_mm is counted from the plane through the view centre. */
 void cts_tiled_add_ray(const TiledJob *job, TiledRays *rays, int x, int y, double from_mm);
-/* No ray of the pixels from x[0], y[0] to x[1], y[1] meets anything before so far; INFINITY: none meets anything. */
-double cts_tiled_reach_mm(const TiledJob *job, const int x[2], const int y[2]);
+/* No ray of the pixels from x[0], y[0] to x[1], y[1] meets anything before so far, as none does before `from`;
+ * INFINITY: none meets anything. */
+double cts_tiled_reach_mm(const TiledJob *job, const int x[2], const int y[2], double from);
 
 #endif

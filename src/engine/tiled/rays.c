@@ -78,10 +78,10 @@ static double leap(const TiledJob *j, const Beam *b, double at)
     return leave;
 }
 
-double cts_tiled_reach_mm(const TiledJob *j, const int x[2], const int y[2])
+double cts_tiled_reach_mm(const TiledJob *j, const int x[2], const int y[2], double from)
 {
     Beam b = {{INFINITY, INFINITY, INFINITY}, {-INFINITY, -INFINITY, -INFINITY}};
-    double at = j->view.near_mm, end = j->view.far_mm, fastest = 0;
+    double at = larger(from, j->view.near_mm), end = j->view.far_mm, fastest = 0;
     for (int i = 0; i < 4; i++) {
         double start[3];
         cts_view_ray(&j->view, x[i & 1], y[i >> 1], start);

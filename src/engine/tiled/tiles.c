@@ -68,14 +68,18 @@ static void march_listed(Tile *t)
     rays->n = 0;
 }
 
+/* First all of them together. */
 static void find_reach(Tile *t)
 {
-    const int first_row = t->tiles->picture->first_row;
+    const TiledJob *const job = t->tiles->job;
+    const int first_row = t->tiles->picture->first_row + t->y0;
+    const double all = cts_tiled_reach_mm(job, (const int[]){t->x0, t->x0 + TILE - 1},
+                                          (const int[]){first_row, first_row + TILE - 1}, -INFINITY);
     for (int j = 0; j < TILE / PART; j++)
         for (int i = 0; i < TILE / PART; i++) {
-            const int x = t->x0 + i * PART, y = first_row + t->y0 + j * PART;
+            const int x = t->x0 + i * PART, y = first_row + j * PART;
             t->reach_mm[j][i] =
-                cts_tiled_reach_mm(t->tiles->job, (const int[]){x, x + PART - 1}, (const int[]){y, y + PART - 1});
+                cts_tiled_reach_mm(job, (const int[]){x, x + PART - 1}, (const int[]){y, y + PART - 1}, all);
         }
 }
 
