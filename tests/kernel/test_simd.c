@@ -99,9 +99,37 @@ static void mark(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint6
     fill_grey(value, N);
     for (int i = 0; i < N; i++)
         old[i] = below(3) ? value[i] : (uint16_t)random_u32();
-    plain->mark(value, old, n, marks[0]);
-    fast->mark(value, old, n, marks[1]);
+    const uint16_t *const before = below(3) ? old : NULL;
+    plain->mark(value, before, n, marks[0]);
+    fast->mark(value, before, n, marks[1]);
     same("mark", marks[0], marks[1], sizeof marks[0], mask, seed, 0, n);
+}
+
+/* Against the definition, too. */
+static void column_range(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)
+{
+    uint16_t rows[5][N], low[3][N], high[3][N];
+    const uint16_t *row[5];
+    for (int r = 0; r < 5; r++) {
+        fill_grey(rows[r], N);
+        row[r] = rows[r];
+    }
+    memset(low, 1, sizeof low);
+    memset(high, 1, sizeof high);
+    const int n_rows = 1 + below(5), i0 = below(N), i1 = i0 + below(N - i0 + 1);
+    plain->column_range(row, n_rows, i0, i1, low[0], high[0]);
+    fast->column_range(row, n_rows, i0, i1, low[1], high[1]);
+    for (int i = i0; i < i1; i++) {
+        low[2][i] = high[2][i] = rows[0][i];
+        for (int r = 1; r < n_rows; r++) {
+            low[2][i] = rows[r][i] < low[2][i] ? rows[r][i] : low[2][i];
+            high[2][i] = rows[r][i] > high[2][i] ? rows[r][i] : high[2][i];
+        }
+    }
+    same("column_range, low", low[0], low[1], sizeof low[0], mask, seed, i0, i1);
+    same("column_range, high", high[0], high[1], sizeof high[0], mask, seed, i0, i1);
+    same("column_range, low, defined", low[2], low[1], sizeof low[0], mask, seed, i0, i1);
+    same("column_range, high, defined", high[2], high[1], sizeof high[0], mask, seed, i0, i1);
 }
 
 /* Places on a lattice of N columns and ROWS rows, sampled; pixels are then blended, unlit and lit. */
@@ -134,13 +162,13 @@ static void pixels(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uin
         ((uint32_t *)sheets)[i] = below(3) ? random_u32() % (65535u * CTS_WEIGHT_ONE) : 0;
     for (size_t i = 0; i < sizeof field / sizeof(float); i++)
         ((float *)field)[i] = i % 4 == 3 || below(5) == 0 ? 0 : (float)(below(131071) - 65535);
+    const int top = below(2) ? 65535 : 200 + below(65000), low = below(200), high = top - below(200);
     for (int i = 0; i < 65536; i++) {
-        const float alpha = below(3) ? unit_float() : 0;
+        const float alpha = i >= low && i <= high && below(3) ? unit_float() : 0;
         for (int c = 0; c < 4; c++)
             entry[i][c] = c < 3 ? alpha * unit_float() : -alpha;
     }
-    const int top = below(2) ? 65535 : 200 + below(65000);
-    const CtsEntries entries = {entry, (uint16_t)below(200), (uint16_t)(top - below(200)), (uint16_t)top};
+    const CtsEntries entries = {entry, (uint16_t)low, (uint16_t)high, (uint16_t)top};
     const CtsSheetPair pair = {sheets[0][0], below(2) ? sheets[1][0] : NULL, N + 2 * EDGE, unit_float(), top};
     CtsShade shade = {.ambient = 0.2f, .diffuse = 0.7f, .specular = 0.3f, .n_power = 64};
     float power[65];
@@ -229,6 +257,12 @@ static void test_marks(void **unused)
     each_path(mark);
 }
 
+static void test_ranges(void **unused)
+{
+    (void)unused;
+    each_path(column_range);
+}
+
 static void test_pixels(void **unused)
 {
     (void)unused;
@@ -244,6 +278,7 @@ static void test_gradient(void **unused)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_scatter), cmocka_unit_test(test_marks),
-                                       cmocka_unit_test(test_pixels), cmocka_unit_test(test_gradient)};
+                                       cmocka_unit_test(test_ranges), cmocka_unit_test(test_pixels),
+                                       cmocka_unit_test(test_gradient)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -11,6 +11,7 @@
 #define SHUFFLE __builtin_shufflevector
 #define CONVERT __builtin_convertvector
 
+VECTOR(uint8_t, Byte8, 8);
 VECTOR(uint16_t, Short8, 16);
 VECTOR(uint32_t, Word2, 8);
 VECTOR(uint32_t, Word4, 16);
@@ -108,26 +109,57 @@ static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
     }
 }
 
-/* 64 bytes, each 0 or 1, as bits: byte k of eight moves from bit 8 k to bit 56 + k. */
-INLINE uint64_t bits_of(const uint8_t is[64])
+/* Eight bytes, each 0 or 1, as bits: byte k moves from bit 8 k to bit 56 + k. */
+INLINE unsigned byte_bits(uint64_t bytes)
 {
-    uint64_t bits = 0;
-    for (int i = 0; i < 8; i++) {
-        uint64_t eight;
-        memcpy(&eight, is + 8 * i, sizeof eight);
-        bits |= (eight * UINT64_C(0x0102040810204080) >> 56) << 8 * i;
-    }
-    return bits;
+    return (unsigned)(bytes * UINT64_C(0x0102040810204080) >> 56);
 }
 
 static void mark(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks)
 {
     for (int i = 0; i < n; i += 64) {
-        const int past = n - i < 64 ? n - i : 64;
-        uint8_t is[64] = {0};
-        for (int k = 0; k < past; k++)
-            is[k] = value[i + k] != old[i + k];
-        marks[i / 64] = bits_of(is);
+        int k = i;
+        marks[i / 64] = 0;
+        for (; k < i + 64 && k + 8 <= n; k += 8) {
+            Short8 change = *(const Short8 *)(value + k);
+            if (old)
+                change ^= *(const Short8 *)(old + k);
+            const Byte8 is = CONVERT((Short8)(change != 0) & 1, Byte8);
+            marks[i / 64] |= (uint64_t)byte_bits(*(const uint64_t *)&is) << (k - i);
+        }
+        for (; k < i + 64 && k < n; k++)
+            marks[i / 64] |= (uint64_t)(value[k] != (old ? old[k] : 0)) << (k - i);
+    }
+}
+
+INLINE void column_range_8(const uint16_t *const *row, int n, int i, uint16_t *low, uint16_t *high)
+{
+    Short8 least = *(const Short8 *)(row[0] + i), most = least;
+    for (int r = 1; r < n; r++) {
+        const Short8 here = *(const Short8 *)(row[r] + i);
+        const Short8 less = (Short8)(here < least), more = (Short8)(here > most);
+        least = (here & less) | (least & ~less);
+        most = (here & more) | (most & ~more);
+    }
+    *(Short8 *)(low + i) = least;
+    *(Short8 *)(high + i) = most;
+}
+
+static void column_range(const uint16_t *const *row, int n, int i0, int i1, uint16_t *low, uint16_t *high)
+{
+    int i = i0;
+    for (; i + 8 <= i1; i += 8)
+        column_range_8(row, n, i, low, high);
+    if (i < i1 && i1 - 8 >= i0) {
+        column_range_8(row, n, i1 - 8, low, high);
+        return;
+    }
+    for (; i < i1; i++) {
+        low[i] = high[i] = row[0][i];
+        for (int r = 1; r < n; r++) {
+            low[i] = row[r][i] < low[i] ? row[r][i] : low[i];
+            high[i] = row[r][i] > high[i] ? row[r][i] : high[i];
+        }
     }
 }
 
@@ -217,15 +249,12 @@ static void sample(const CtsSheetPair *sheets, const CtsPlaces *places, int n, u
         sample_row(sheets, places, n, grey, false);
 }
 
-/* Which of up to 64 samples may show. */
-INLINE uint64_t shown_64(const uint16_t *grey, int n, const CtsEntries *entries)
+/* Which of up to eight samples may show; reads eight. */
+INLINE unsigned shown_8(const uint16_t *grey, int n, const CtsEntries *entries)
 {
-    const uint16_t low = entries->low, range = (uint16_t)(entries->high - low);
-    const int past = n < 64 ? n : 64;
-    uint8_t is[64] = {0};
-    for (int i = 0; i < past; i++)
-        is[i] = (uint16_t)(grey[i] - low) <= range;
-    return bits_of(is);
+    const Short8 above = *(const Short8 *)grey - entries->low;
+    const Byte8 is = CONVERT((Short8)(above <= (uint16_t)(entries->high - entries->low)) & 1, Byte8);
+    return byte_bits(*(const uint64_t *)&is) & (n < 8 ? (1u << n) - 1 : 255);
 }
 
 /* Add transmittance times entry, then let what is left of almost nothing be nothing. Returns whether that closed it. */
@@ -240,17 +269,36 @@ INLINE bool blend_one(float *pixel, Float4 entry)
     return closes & (old[3] > 0);
 }
 
+/* The same of two pixels side by side; lanes other than 3 and 7 of the result mean nothing. */
+INLINE Int8 blend_two(float *pixels, const float first[4], const float second[4])
+{
+    static const Int8 transmittance = {0, 0, 0, -1, 0, 0, 0, -1};
+    const Float8 old = *(const Float8 *)pixels, left = SHUFFLE(old, old, 3, 3, 3, 3, 7, 7, 7, 7);
+    const Float8 entry = SHUFFLE(*(const Float4 *)first, *(const Float4 *)second, 0, 1, 2, 3, 4, 5, 6, 7);
+    const Float8 new = old + left *entry;
+    const Int8 closes = (new < CTS_OPAQUE_BELOW) & transmittance;
+    *(Float8 *)pixels = (Float8)((Int8) new & ~closes);
+    return closes & (old > 0);
+}
+
+/* By eights where any shows, as an entry of alpha 0 leaves its pixel as it is. */
 static bool blend(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries)
 {
-    bool closed = false;
+    const float(*const entry)[4] = (const float(*)[4])entries->entry;
+    Int8 closed = {0};
+    bool last_closed = false;
     if (entries->low > entries->high)
         return false;
-    for (int i = 0; i < n; i += 64)
-        for (uint64_t shown = shown_64(grey + i, n - i, entries); shown; shown &= shown - 1) {
-            const int at = i + __builtin_ctzll(shown);
-            closed |= blend_one(pixels + 4 * (size_t)at, *(const Float4 *)entries->entry[grey[at]]);
-        }
-    return closed;
+    for (int i = 0; i < n; i += 8) {
+        if (!shown_8(grey + i, n - i, entries))
+            continue;
+        int k = i;
+        for (; k < i + 8 && k + 2 <= n; k += 2)
+            closed |= blend_two(pixels + 4 * (size_t)k, entry[grey[k]], entry[grey[k + 1]]);
+        if (k < i + 8 && k < n)
+            last_closed = blend_one(pixels + 4 * (size_t)k, *(const Float4 *)entry[grey[k]]);
+    }
+    return last_closed || closed[3] || closed[7];
 }
 
 INLINE Float4 lerp_4(const float a[4], const float b[4], float t)
@@ -291,9 +339,9 @@ static bool light(float *pixels, const uint16_t *grey, int n, const CtsEntries *
     bool closed = false;
     if (entries->low > entries->high)
         return false;
-    for (int i = 0; i < n; i += 64)
-        for (uint64_t shown = shown_64(grey + i, n - i, entries); shown; shown &= shown - 1) {
-            const int at = i + __builtin_ctzll(shown);
+    for (int i = 0; i < n; i += 8)
+        for (unsigned shown = shown_8(grey + i, n - i, entries); shown; shown &= shown - 1) {
+            const int at = i + __builtin_ctz(shown);
             if (pixels[4 * (size_t)at + 3] > 0)
                 closed |= light_one(pixels + 4 * (size_t)at, entries->entry[grey[at]], places, light, at);
         }
@@ -353,5 +401,5 @@ static void gradient(const CtsGradientRows *rows, int i0, int i1, float (*gradie
 
 void cts_simd_init_plain(CtsSimd *simd)
 {
-    *simd = (CtsSimd){scatter, mark, place, sample, blend, light, gradient};
+    *simd = (CtsSimd){scatter, mark, column_range, place, sample, blend, light, gradient};
 }

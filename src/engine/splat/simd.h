@@ -72,8 +72,10 @@ typedef struct CtsSimd {
     /* Add the footprints of those of n voxels whose bit in marks is set (bit i & 63 of word i / 64; none past n).
      * Touches up to CTS_MAX_TAPS columns right of a footprint, unchanged. */
     void (*scatter)(const CtsScatter *job, const uint64_t *marks, int n);
-    /* Set bit i where value[i] differs from old[i]; whole words, bits past n are 0. */
+    /* Set bit i where value[i] differs from old[i], or from 0 where old is NULL; whole words, bits past n are 0. */
     void (*mark)(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks);
+    /* The smallest and the largest of n rows in each of columns i0..i1-1. */
+    void (*column_range)(const uint16_t *const *row, int n, int i0, int i1, uint16_t *low, uint16_t *high);
     /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, held within 0..last. May write what
      * it likes up to the next multiple of 8. */
     void (*place)(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac);

@@ -12,8 +12,11 @@ CtsStatus cts_swath_work_init(CtsSwathWork *w, const CtsPaperPlan *p, CtsError *
 {
     const size_t n_marks = (size_t)p->stack.n[0] / 64 + 1, n_words = (size_t)p->patches.n_words;
     CtsStatus st;
-    if ((st = cts_alloc_array(&w->marks, n_marks, err)) || (st = cts_alloc_array(&w->changed, n_marks, err)) ||
-        (st = cts_alloc_array(&w->needed, n_words * NEEDED_ROWS, err)))
+    if ((st = cts_alloc_array(&w->marks, n_marks, err)) || (st = cts_alloc_array(&w->taken, n_marks, err)) ||
+        (st = cts_alloc_array(&w->changed, n_marks, err)) ||
+        (st = cts_alloc_array(&w->needed, n_words * NEEDED_ROWS, err)) ||
+        (st = cts_alloc_zeroed(&w->low, (size_t)p->stack.n[0] + 4 * CTS_PATCH, err)) ||
+        (st = cts_alloc_zeroed(&w->high, (size_t)p->stack.n[0] + 4 * CTS_PATCH, err)))
         return st;
     return cts_alloc_array(&w->row, n_words, err);
 }
@@ -21,9 +24,25 @@ CtsStatus cts_swath_work_init(CtsSwathWork *w, const CtsPaperPlan *p, CtsError *
 void cts_swath_work_free(CtsSwathWork *w)
 {
     cts_free(&w->marks);
+    cts_free(&w->taken);
     cts_free(&w->changed);
     cts_free(&w->needed);
     cts_free(&w->row);
+    cts_free(&w->low);
+    cts_free(&w->high);
+}
+
+static void take_all(CtsSwathWork *w, int n_words)
+{
+    memset(w->needed, 255, (size_t)NEEDED_ROWS * (size_t)n_words * sizeof *w->needed);
+}
+
+static bool any_bits(const uint64_t *bits, int n_words)
+{
+    uint64_t any = 0;
+    for (int i = 0; i < n_words; i++)
+        any |= bits[i];
+    return any != 0;
 }
 
 /* The patches that the sheet must hold, of the swath's rows and, where another swath has their edge, of the row before;
@@ -31,17 +50,37 @@ void cts_swath_work_free(CtsSwathWork *w)
 static bool find_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     const int n_words = p->patches.n_words, first = p->by_swaths ? 1 : 0;
-    const size_t n = (size_t)NEEDED_ROWS * (size_t)n_words;
-    uint64_t any = 0;
-    memset(w->needed, 0, n * sizeof *w->needed);
+    memset(w->needed, 0, (size_t)NEEDED_ROWS * (size_t)n_words * sizeof *w->needed);
     for (int r = first; r <= CTS_SWATH; r++)
         cts_paper_needed(p, s, swath * CTS_SWATH - 1 + r, w->needed + (size_t)r * (size_t)n_words);
-    for (size_t i = 0; i < n; i++)
-        any |= w->needed[i];
-    /* With reuse a sheet keeps account by whole swaths. */
-    if (p->reuse && any)
-        memset(w->needed, 255, n * sizeof *w->needed);
-    return any != 0;
+    return any_bits(w->needed, NEEDED_ROWS * n_words);
+}
+
+/* Clear the bits of a row of patches that show nothing on the step's layer itself, which macro-cells know only with
+ * those before and behind and all around. */
+static void judge(const CtsPaperPlan *p, CtsSwathWork *w, int s, int patch_v, uint64_t *row)
+{
+    enum { MOST_ROWS = 3 * CTS_PATCH };
+    const int apron = p->rule.apron, width = CTS_PATCH + 1 + 2 * apron, n = p->stack.n[0];
+    const int v0 = patch_v * CTS_PATCH - apron;
+    const uint16_t *rows[MOST_ROWS];
+    uint16_t *const low = w->low + CTS_PATCH, *const high = w->high + CTS_PATCH;
+    int n_rows = 0;
+    for (int v = v0; v < v0 + width; v++)
+        if (v >= 0 && v < p->stack.n[1])
+            rows[n_rows++] = cts_paper_row(p, w->store, s, v);
+    const bool air = n_rows < width;
+    for (int t = 0, past; cts_next_run(row, p->patches.n[0], &t, &past); t = past) {
+        const int u0 = t * CTS_PATCH - apron, u1 = past * CTS_PATCH + apron + 1;
+        p->simd.column_range(rows, n_rows, u0 > 0 ? u0 : 0, u1 < n ? u1 : n, low, high);
+        for (int i = t; i < past; i++) {
+            CtsRange range = {air ? 0 : UINT16_MAX, 0};
+            for (int u = i * CTS_PATCH - apron; u < i * CTS_PATCH - apron + width; u++)
+                range = cts_range_union(range, (CtsRange){low[u], high[u]});
+            if (!cts_range_visible(&p->rule, range))
+                row[i / 64] &= ~(UINT64_C(1) << (i & 63));
+        }
+    }
 }
 
 /* w->row becomes the patches of rows first..last, of those found, that any of them needs. */
@@ -93,8 +132,8 @@ static void clear_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
     }
 }
 
-/* Mark the voxels that reach into a needed patch of rows[0]..rows[1]; returns how many. */
-static uint64_t mark_needed(const CtsPaperPlan *p, CtsSwathWork *w, int swath, const int rows[2])
+/* Mark the voxels that reach into a needed patch of rows[0]..rows[1]. */
+static void mark_needed(const CtsPaperPlan *p, CtsSwathWork *w, int swath, const int rows[2])
 {
     const int n = p->stack.n[0], beside = p->footprint.apron;
     needed_rows(p, w, swath, rows[0], rows[1]);
@@ -103,7 +142,6 @@ static uint64_t mark_needed(const CtsPaperPlan *p, CtsSwathWork *w, int swath, c
         const int i0 = t * CTS_PATCH - beside, i1 = past * CTS_PATCH + beside + 1;
         cts_bits_fill(w->marks, i0 > 0 ? i0 : 0, i1 < n ? i1 : n);
     }
-    return cts_bits_count_run(w->marks, 0, n);
 }
 
 /* The patches that any row of lattice rows v0..v1-1 within reach of voxel row j belongs to: first to last row of them.
@@ -116,28 +154,29 @@ static void rows_around(const CtsPaperPlan *p, int j, int v0, int v1, int rows[2
     cts_patch_rows(&p->patches, at + reach < v1 - 1 ? at + reach : v1 - 1, density, &unused, &rows[1]);
 }
 
-/* Ask early for the marked voxels of a row, in the layer that comes next: of a layer's rows little is read, too little
- * for the processor to see where it goes on. */
-static void ask_for_row(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int j)
-{
-    const uint16_t *row = cts_paper_row(p, w->store, s + 1, j);
-    for (int i = 0; i < p->stack.n[0]; i += 64) {
-        const uint64_t marks = w->marks[i / 64];
-        if (marks & UINT32_MAX)
-            __builtin_prefetch(row + i);
-        if (marks >> 32)
-            __builtin_prefetch(row + i + 32);
-    }
-}
-
-/* Mark what changed since the sheet was made; returns how many voxels. */
-static uint64_t mark_changes(const CtsPaperPlan *p, CtsSwathWork *w, const CtsScatter *job)
+/* Of the marked voxels of a row those that add anything, into w->taken; returns how many. */
+static uint64_t take_marked(const CtsPaperPlan *p, CtsSwathWork *w, const uint16_t *row)
 {
     const int n = p->stack.n[0];
-    p->simd.mark(job->value, job->old, n, w->marks);
+    for (int i = 0; i < n; i += 64) {
+        uint64_t *const taken = &w->taken[i / 64], marks = w->marks[i / 64];
+        *taken = marks;
+        if (!marks || !p->skip_void)
+            continue;
+        p->simd.mark(row + i, NULL, n - i < 64 ? n - i : 64, taken);
+        *taken &= marks;
+    }
+    return cts_bits_count_run(w->taken, 0, n);
+}
+
+/* Take what changed since the sheet was made; returns how many voxels. */
+static uint64_t take_changes(const CtsPaperPlan *p, CtsSwathWork *w, const CtsScatter *job)
+{
+    const int n = p->stack.n[0];
+    p->simd.mark(job->value, job->old, n, w->taken);
     for (int i = 0; i < n / 64 + 1; i++)
-        w->changed[i] |= w->marks[i];
-    return cts_bits_count_run(w->marks, 0, n);
+        w->changed[i] |= w->taken[i];
+    return cts_bits_count_run(w->taken, 0, n);
 }
 
 /* Sums of changes kept in float, to prove that it would be noticed. */
@@ -160,7 +199,7 @@ static void splat(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, bool
     /* The far edge's voxels too, which change what lies before it. */
     const int j0 = -floor_div(reach - v0, density), j1 = floor_div(v1 + reach, density) + 1;
     int marked[2] = {-1, -1};
-    uint64_t n_marked = 0;
+    uint64_t n_taken = 0;
     const uint64_t before = w->splatted;
     memset(w->changed, 0, ((size_t)p->stack.n[0] / 64 + 1) * sizeof *w->changed);
     if (!held)
@@ -171,20 +210,19 @@ static void splat(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, bool
         int rows[2];
         if (held) {
             job.old = cts_paper_row(p, w->store, s - p->n_sheets, j);
-            n_marked = mark_changes(p, w, &job);
+            n_taken = take_changes(p, w, &job);
         } else if (reaches) {
             rows_around(p, j, v0, v1, rows);
             if (rows[0] != marked[0] || rows[1] != marked[1])
-                n_marked = mark_needed(p, w, swath, rows);
+                mark_needed(p, w, swath, rows);
             memcpy(marked, rows, sizeof marked);
+            n_taken = take_marked(p, w, job.value);
         }
-        if (!reaches || n_marked == 0)
+        if (!reaches || n_taken == 0)
             continue;
-        if (p->skip_void && s + 1 < p->stack.n_layers)
-            ask_for_row(p, w, s, j);
-        p->simd.scatter(&job, w->marks, p->stack.n[0]);
+        p->simd.scatter(&job, w->taken, p->stack.n[0]);
         if (j >= own0 && j < own1)
-            w->splatted += n_marked;
+            w->splatted += n_taken;
     }
     if (held)
         w->reused += (uint64_t)(own1 - own0) * (uint64_t)p->stack.n[0] - (w->splatted - before);
@@ -208,10 +246,22 @@ static void gradient_row(const CtsPaperPlan *p, const CtsStack *s, int k, int v,
     p->simd.gradient(&rows, u0, u1, field + (size_t)v * p->gradient_stride);
 }
 
+/* The patches that the one plane of a step looks at, which are known once all swaths are splatted. */
+static bool take_shown(const CtsPaperPlan *p, CtsSwathWork *w, int swath)
+{
+    const int n_words = p->patches.n_words, before = swath * CTS_SWATH - 1;
+    memset(w->needed, 0, (size_t)NEEDED_ROWS * (size_t)n_words * sizeof *w->needed);
+    for (int r = p->by_swaths || swath == 0 ? 1 : 0; r <= CTS_SWATH && before + r < p->patches.n[1]; r++)
+        memcpy(w->needed + (size_t)r * (size_t)n_words, p->shown + (size_t)(before + r) * (size_t)n_words,
+               (size_t)n_words * sizeof *w->needed);
+    return any_bits(w->needed, NEEDED_ROWS * n_words);
+}
+
 void cts_swath_gradients(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     const bool far_edge = p->by_swaths && swath < p->patches.n_swaths - 1;
-    const int past = find_needed(p, w, s, swath) ? cts_swath_start(&p->patches, swath + 1, 1) + far_edge : 0;
+    const bool needed = p->shown && p->samples == 1 ? take_shown(p, w, swath) : find_needed(p, w, s, swath);
+    const int past = needed ? cts_swath_start(&p->patches, swath + 1, 1) + far_edge : 0;
     for (int v = cts_swath_start(&p->patches, swath, 1); v < past; v++) {
         int first, last;
         cts_patch_rows(&p->patches, v, 1, &first, &last);
@@ -224,17 +274,54 @@ void cts_swath_gradients(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
     }
 }
 
+/* Ask early for the next layer's voxels where something may show: of a layer's rows little is read, too little for the
+ * processor to see where it goes on. */
+static void ask_for_next(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int patch_v, const uint64_t *shown)
+{
+    for (int v = patch_v * CTS_PATCH; v < (patch_v + 1) * CTS_PATCH && v < p->stack.n[1]; v++) {
+        const uint16_t *row = cts_paper_row(p, w->store, s + 1, v);
+        for (int t = 0, past; cts_next_run(shown, p->patches.n[0], &t, &past); t = past)
+            for (int u = t * CTS_PATCH; u < past * CTS_PATCH && u < p->stack.n[0]; u += 32)
+                __builtin_prefetch(row + u);
+    }
+}
+
+/* What is to be composited of the swath, and with void skipping by itself what the sheet must hold of it. */
+static void find_shown(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
+{
+    const size_t n_words = (size_t)p->patches.n_words;
+    for (int i = 0; i < CTS_SWATH && swath * CTS_SWATH + i < p->patches.n[1]; i++) {
+        const int r = swath * CTS_SWATH + i;
+        uint64_t *const shown = p->shown + (size_t)r * n_words;
+        cts_paper_shown(p, s, r, shown);
+        if (p->skip_void && s + 1 < p->stack.n_layers)
+            ask_for_next(p, w, s, r, shown);
+        if (!p->skip_void || p->samples > 1)
+            continue;
+        judge(p, w, s, r, shown);
+        memcpy(w->needed + (size_t)(i + 1) * n_words, shown, n_words * sizeof *shown);
+    }
+}
+
 bool cts_swath_splat(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     int *const holds = &w->store->sheet[s % p->n_sheets].step[swath];
-    const bool held = p->reuse && *holds == s - p->n_sheets && *holds >= 0, needed = find_needed(p, w, s, swath);
+    const bool held = p->reuse && *holds == s - p->n_sheets && *holds >= 0;
+    bool needed = find_needed(p, w, s, swath);
+    if (p->skip_void)
+        find_shown(p, w, s, swath);
+    /* A sheet keeps account by whole swaths, and lasts longest where nothing is left out. */
+    if (p->reuse)
+        take_all(w, p->patches.n_words);
+    else
+        needed = needed && any_bits(w->needed, NEEDED_ROWS * p->patches.n_words);
     if (needed) {
         splat(p, w, s, swath, held);
         *holds = s;
     }
-    if (p->reuse && !p->skip_void)
+    if (p->reuse && !p->skip_void) {
         cts_quiet_swath(p, w->store, s, swath, held ? w->changed : NULL);
-    for (int r = swath * CTS_SWATH; r < (swath + 1) * CTS_SWATH && r < p->patches.n[1] && p->shown; r++)
-        cts_paper_shown(p, s, r, p->shown + (size_t)r * (size_t)p->patches.n_words);
+        find_shown(p, w, s, swath);
+    }
     return needed;
 }

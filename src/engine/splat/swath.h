@@ -7,9 +7,10 @@
 
 /* One thread's scratch and counts. */
 typedef struct CtsSwathWork {
-    CtsPaperStore *store;      /* borrowed */
-    uint64_t *marks, *changed; /* a bit for each voxel of a row */
-    uint64_t *needed, *row;    /* bits for each patch of the rows that a swath meets, and for one */
+    CtsPaperStore *store;              /* borrowed */
+    uint64_t *marks, *taken, *changed; /* a bit for each voxel of a row: may be splatted, are, and did change */
+    uint64_t *needed, *row;            /* bits for each patch of the rows that a swath meets, and for one */
+    uint16_t *low, *high;              /* of the columns of a row of patches, and of some air on either side */
     /* Voxels that stand in what is needed, with their footprint added or left as they were; each of one swath alone. */
     uint64_t splatted, reused;
 } CtsSwathWork;
