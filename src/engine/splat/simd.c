@@ -109,9 +109,12 @@ static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
     }
 }
 
-/* Eight bytes, each 0 or 1, as bits: byte k moves from bit 8 k to bit 56 + k. */
-INLINE unsigned byte_bits(uint64_t bytes)
+/* Eight lanes, each 0 or 1, as bits: of whole bytes, k moves from bit 8 k to bit 56 + k. */
+INLINE unsigned lane_bits(Short8 lanes)
 {
+    const Byte8 narrow = CONVERT(lanes, Byte8);
+    uint64_t bytes;
+    memcpy(&bytes, &narrow, sizeof bytes);
     return (unsigned)(bytes * UINT64_C(0x0102040810204080) >> 56);
 }
 
@@ -124,8 +127,7 @@ static void mark(const uint16_t *value, const uint16_t *old, int n, uint64_t *ma
             Short8 change = *(const Short8 *)(value + k);
             if (old)
                 change ^= *(const Short8 *)(old + k);
-            const Byte8 is = CONVERT((Short8)(change != 0) & 1, Byte8);
-            marks[i / 64] |= (uint64_t)byte_bits(*(const uint64_t *)&is) << (k - i);
+            marks[i / 64] |= (uint64_t)lane_bits((Short8)(change != 0) & 1) << (k - i);
         }
         for (; k < i + 64 && k < n; k++)
             marks[i / 64] |= (uint64_t)(value[k] != (old ? old[k] : 0)) << (k - i);
@@ -253,8 +255,8 @@ static void sample(const CtsSheetPair *sheets, const CtsPlaces *places, int n, u
 INLINE unsigned shown_8(const uint16_t *grey, int n, const CtsEntries *entries)
 {
     const Short8 above = *(const Short8 *)grey - entries->low;
-    const Byte8 is = CONVERT((Short8)(above <= (uint16_t)(entries->high - entries->low)) & 1, Byte8);
-    return byte_bits(*(const uint64_t *)&is) & (n < 8 ? (1u << n) - 1 : 255);
+    const Short8 is = (Short8)(above <= (uint16_t)(entries->high - entries->low)) & 1;
+    return lane_bits(is) & (n < 8 ? (1u << n) - 1 : 255);
 }
 
 /* Add transmittance times entry, then let what is left of almost nothing be nothing. Returns whether that closed it. */

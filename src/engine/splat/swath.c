@@ -12,7 +12,7 @@ CtsStatus cts_swath_work_init(CtsSwathWork *w, const CtsPaperPlan *p, CtsError *
 {
     const size_t n_marks = (size_t)p->stack.n[0] / 64 + 1, n_words = (size_t)p->patches.n_words;
     CtsStatus st;
-    if ((st = cts_alloc_array(&w->marks, n_marks, err)) || (st = cts_alloc_array(&w->taken, n_marks, err)) ||
+    if ((st = cts_alloc_array(&w->marks, n_marks, err)) || (st = cts_alloc_zeroed(&w->taken, n_marks, err)) ||
         (st = cts_alloc_array(&w->changed, n_marks, err)) ||
         (st = cts_alloc_array(&w->needed, n_words * NEEDED_ROWS, err)) ||
         (st = cts_alloc_zeroed(&w->low, (size_t)p->stack.n[0] + 4 * CTS_PATCH, err)) ||
