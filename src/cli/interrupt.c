@@ -60,11 +60,6 @@ void cli_interrupt_removes(const char *folder)
     empty_folder = folder;
 }
 
-CtsStatus cli_interrupted(CtsError *err)
-{
-    return cli_stop ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;
-}
-
 void cli_interrupt_asks(void)
 {
     may_exit = 0;

@@ -2,7 +2,6 @@
 #ifndef CTS_CLI_INTERRUPT_H
 #define CTS_CLI_INTERRUPT_H
 
-#include "ctsplat/status.h"
 #include <signal.h>
 #include <stddef.h>
 
@@ -10,8 +9,6 @@
 extern volatile sig_atomic_t cli_stop;
 
 void cli_interrupt_init(void);
-/* CTS_ERR_INTERRUPTED when a signal asked to stop. */
-CtsStatus cli_interrupted(CtsError *err);
 /* At first a signal ends the process at once, which suits work that leaves nothing behind and cannot be asked to stop,
  * such as reading a series. From this call on it sets cli_stop. */
 void cli_interrupt_asks(void);

@@ -40,7 +40,6 @@ struct CtsPlan {
     Entry *entries;
     Unit *units;
     size_t n_entries, n_units;
-    CtsArchiveCounts counts;
     CtsArchives *archives;
     char last_uid[80];
     uint64_t last_key;
@@ -60,7 +59,8 @@ typedef struct Record {
     bool lost; /* it cannot be read; its name is that of its folder */
 } Record;
 
-CtsStatus cts_plan_key(const char *uid, uint64_t *key, CtsError *err)
+/* The first 64 bits of SHA-256 of a UID: what shards are dealt by, and the 16 hex digits of names. */
+static CtsStatus plan_key(const char *uid, uint64_t *key, CtsError *err)
 {
     CtsHash *hash;
     char hex[65];
@@ -91,17 +91,17 @@ static CtsStatus name_series(const CtsArchiveFile *file, char name[80], uint64_t
     CtsStatus st;
     if (file->series_uid[0]) {
         snprintf(name, 80, "%s", file->series_uid);
-        return cts_plan_key(name, key, err);
+        return plan_key(name, key, err);
     }
     const char *const path = file->path, *const slash = file->is_alone ? path + strlen(path) : strrchr(path, '/');
     char *folder = slash ? strndup(path, (size_t)(slash - path)) : strdup(".");
     uint64_t folder_key = 0;
-    st = folder ? cts_plan_key(folder, &folder_key, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    st = folder ? plan_key(folder, &folder_key, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     free(folder);
     if (st)
         return st;
     snprintf(name, 80, "uid-%016llx", (unsigned long long)folder_key);
-    return cts_plan_key(name, key, err);
+    return plan_key(name, key, err);
 }
 
 static CtsStatus add_entry(Entry **entries, size_t *n, Entry entry, CtsError *err)
@@ -247,7 +247,7 @@ static CtsStatus owner_of(const CtsPlan *p, const Entry *lost, uint64_t *key, bo
         st =
             cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files is gone: %s", p->options->output_dir, strerror(errno));
     if (!st)
-        st = cts_plan_key(text + sizeof(Record) + strlen(text + sizeof(Record)) + 1, key, err);
+        st = plan_key(text + sizeof(Record) + strlen(text + sizeof(Record)) + 1, key, err);
     free(text);
     return st;
 }
@@ -259,7 +259,7 @@ static CtsStatus place_lost(CtsPlan *p, CtsError *err)
     if (p->n_homes)
         qsort(p->homes, p->n_homes, sizeof *p->homes, by_home);
     if (p->options->series_uid)
-        st = cts_plan_key(p->options->series_uid, &asked_for, err);
+        st = plan_key(p->options->series_uid, &asked_for, err);
     for (size_t k = 0; k < p->n_lost && !st; k++) {
         const Entry *lost = &p->lost[k];
         uint64_t key;
@@ -304,7 +304,8 @@ static FILE *nameless_file(const char *folder)
     return fd < 0 ? NULL : fdopen(fd, "w+");
 }
 
-CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsError *err)
+CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsPlanFound *found,
+                       CtsError *err)
 {
     CtsStatus st;
     const CtsOptions *const o = settings->options;
@@ -325,12 +326,14 @@ CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const C
                                      .context = p,
                                      .archives = &p->archives,
                                      .stop = settings->stop};
-    if ((st = cts_archive_search(&search, &p->counts, err)))
+    if ((st = cts_archive_search(&search, &found->counts, err)))
         goto end;
     if (fflush(p->list))
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", o->output_dir, strerror(errno));
     if (!st && !(st = place_lost(p, err)))
         st = make_units(p, err);
+    found->n_series = p->n_units;
+    found->archives = p->archives;
     if (p->n_warnings > MOST_WARNINGS) {
         char text[80];
         snprintf(text, sizeof text, "%d more folders cannot be searched", p->n_warnings - MOST_WARNINGS);
@@ -361,21 +364,6 @@ void cts_plan_free(CtsPlan **plan)
     cts_archives_free(&p->archives);
     free(p);
     *plan = NULL;
-}
-
-const CtsArchives *cts_plan_archives(const CtsPlan *plan)
-{
-    return plan->archives;
-}
-
-size_t cts_plan_n_series(const CtsPlan *plan)
-{
-    return plan->n_units;
-}
-
-CtsArchiveCounts cts_plan_counts(const CtsPlan *plan)
-{
-    return plan->counts;
 }
 
 /* A record as it stands in memory. */

@@ -26,22 +26,22 @@ typedef struct CtsPlanSeries {
     size_t n_label_files;
 } CtsPlanSeries;
 
+typedef struct CtsPlanFound {
+    size_t n_series;
+    CtsArchiveCounts counts;
+    const CtsArchives *archives; /* the zip files among the paths, unpacked; NULL: there are none. The plan's */
+} CtsPlanFound;
+
 /* The list of files is kept below -O, in a file without a name. key: series are named under it; NULL: as they are. Both
  * are the caller's, as long as the plan is there. Memory: 24 to 40 bytes a file and 24 a series. Files that cannot be
  * read go with the one series that has slices in their folder; where none or several have, they are one of their own.
  * Each folder that cannot be searched is a warning, up to a dozen. */
-CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsError *err);
+CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsPlanFound *found,
+                       CtsError *err);
 void cts_plan_free(CtsPlan **plan);
 
-/* The zip files among the paths, unpacked; NULL when there are none. The plan's. */
-const CtsArchives *cts_plan_archives(const CtsPlan *plan);
-size_t cts_plan_n_series(const CtsPlan *plan);
-CtsArchiveCounts cts_plan_counts(const CtsPlan *plan);
 /* Series i in the order in which their first files were met. Free with cts_plan_series_free(). */
 CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, CtsError *err);
 void cts_plan_series_free(CtsPlanSeries *series);
-
-/* The first 64 bits of SHA-256 of a UID: what shards are dealt by, and the 16 hex digits above. */
-CtsStatus cts_plan_key(const char *uid, uint64_t *key, CtsError *err);
 
 #endif

@@ -30,6 +30,7 @@ typedef struct Run {
     const CtsBatchSettings *settings;
     CtsBatchResult *result;
     CtsPlan *plan;
+    CtsPlanFound found;
     CtsJournal *journal;
     CtsWorker *workers; /* the first one sends */
     int n_workers, n_jobs, n_threads;
@@ -336,7 +337,7 @@ static bool start_next(Run *r)
     int n_at_work;
     CtsError err = {0};
     CtsWorker *w = free_worker(r, &n_at_work);
-    while (w && n_at_work <= r->n_jobs && r->next < cts_plan_n_series(r->plan) && !r->status && !interrupted(r)) {
+    while (w && n_at_work <= r->n_jobs && r->next < r->found.n_series && !r->status && !interrupted(r)) {
         CtsStatus st = cts_plan_series(r->plan, r->next, &w->series, &err);
         if (st) {
             give_up(r, st, &err);
@@ -354,10 +355,10 @@ static bool start_next(Run *r)
             cts_plan_series_free(&w->series);
             return false;
         }
-        const size_t left = cts_plan_n_series(r->plan) - r->next + (size_t)n_at_work;
+        const size_t left = r->found.n_series - r->next + (size_t)n_at_work;
         const int at_once = left < (size_t)r->n_jobs ? (int)left : r->n_jobs;
-        st = cts_work_start(r->settings, r->journal, cts_plan_archives(r->plan), &w->series, threads_of_one(r, at_once),
-                            &w->pid, &w->socket, &err);
+        st = cts_work_start(r->settings, r->journal, r->found.archives, &w->series, threads_of_one(r, at_once), &w->pid,
+                            &w->socket, &err);
         if (st) {
             w->pid = 0;
             cts_plan_series_free(&w->series);
@@ -508,11 +509,11 @@ static CtsStatus search(Run *r, CtsError *err)
     const CtsExportSettings *e = &o->export;
     CtsStatus st = e->deidentify ? cts_key_load(e->key, o->shard.n == 1, &r->key, err) : CTS_OK;
     if (!st)
-        st = cts_plan_new(&r->plan, r->settings, e->deidentify ? &r->key : NULL, err);
+        st = cts_plan_new(&r->plan, r->settings, e->deidentify ? &r->key : NULL, &r->found, err);
     if (st)
         return st;
-    const CtsArchiveCounts counts = cts_plan_counts(r->plan);
-    r->result->n_series = r->result->n_uids = r->n_unknown = cts_plan_n_series(r->plan);
+    const CtsArchiveCounts counts = r->found.counts;
+    r->result->n_series = r->result->n_uids = r->n_unknown = r->found.n_series;
     r->result->n_unreadable = counts.n_unreadable;
     r->result->n_packed = counts.n_packed;
     if (!r->result->n_series && o->shard.n == 1 && o->series_uid)

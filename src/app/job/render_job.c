@@ -102,12 +102,12 @@ static CtsStatus name_labels(const Frame *frame, CtsPicture *band, int *n, int *
 
 static CtsStatus annotate(const Frame *frame, CtsPicture *band, CtsError *err)
 {
-    const bool orientation = frame->job->annotate_orientation, scale = frame->job->annotate_scale;
+    const bool orientation = frame->job->annotate.orientation, scale = frame->job->annotate.scale;
     int n_left_out = 0, n_names_left_out = 0, n = 4 * orientation + scale;
     CtsStatus st = CTS_OK;
     if (orientation || scale)
         st = cts_annotate(band, orientation, scale, &n_left_out, err);
-    if (!st && frame->job->annotate_labels)
+    if (!st && frame->job->annotate.labels)
         st = name_labels(frame, band, &n, &n_names_left_out, err);
     n_left_out += n_names_left_out;
     if (n_left_out > 0 && frame->number == 0 && band->first_row == 0)
@@ -219,7 +219,7 @@ static CtsStatus write_state(const CtsJob *job, const CtsPreset *preset, const C
         .width = job->render.width,
         .height = job->render.height,
         .shaded = shade == CTS_AS_PRESET ? preset->shade : shade == CTS_ON,
-        .cropped = job->source.crop,
+        .cropped = job->source.crop.given,
         .source = loaded->series,
         .words = job->words,
         .n_words = job->n_words,
@@ -227,8 +227,8 @@ static CtsStatus write_state(const CtsJob *job, const CtsPreset *preset, const C
         .choice = &job->source.choice,
         .report = report,
     };
-    memcpy(scene.crop_low_lps, job->source.crop_low_lps, sizeof scene.crop_low_lps);
-    memcpy(scene.crop_high_lps, job->source.crop_high_lps, sizeof scene.crop_high_lps);
+    memcpy(scene.crop_low_lps, job->source.crop.low_lps, sizeof scene.crop_low_lps);
+    memcpy(scene.crop_high_lps, job->source.crop.high_lps, sizeof scene.crop_high_lps);
     for (int i = job->outputs.n - 1; i >= 0; i--)
         if (cts_output_is_dicom(&job->outputs, i))
             scene.capture = job->outputs.paths[i];

@@ -11,6 +11,11 @@
 #include "ctsplat/render.h"
 #include "ctsplat/state.h"
 
+/* What is drawn on a picture. */
+typedef struct CtsMarks {
+    bool orientation, scale, labels;
+} CtsMarks;
+
 /* Plain data; what it points at is the caller's. */
 typedef struct CtsJob {
     CtsSource source;
@@ -19,7 +24,7 @@ typedef struct CtsJob {
     CtsExportSettings export; /* its source is filled in by the job */
     CtsOutputs outputs;
     double swivel_step_deg; /* the outputs' rotation swings to and fro by so much a frame; 0: it goes round */
-    bool annotate_orientation, annotate_scale, annotate_labels;
+    CtsMarks annotate;
     const CtsWord *words; /* what outputs.state is to hold beside the preset */
     int n_words;
 } CtsJob;

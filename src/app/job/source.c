@@ -134,8 +134,8 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, const CtsVolume
         st = cts_volume_remove_table(volume, seen, source->n_threads, report, err);
     else
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
-    if (!st && source->crop)
-        st = cts_volume_crop(volume, source->crop_low_lps, source->crop_high_lps, err);
+    if (!st && source->crop.given)
+        st = cts_volume_crop(volume, source->crop.low_lps, source->crop.high_lps, err);
     if (st || (st = interpolate(source, volume, made, report, err)))
         return st;
     const CtsMeter meter = cts_meter_start(report);
@@ -178,9 +178,10 @@ char *cts_source_choice(const CtsSource *source)
     size_t size = 0;
     FILE *out = open_memstream(&text, &size);
     if (out)
-        fprintf(out, "%d %d %a %d\n", source->remove_table, source->interpolation, source->smooth_mm, source->crop);
-    for (int i = 0; out && source->crop && i < 3; i++)
-        fprintf(out, "%a %a\n", source->crop_low_lps[i], source->crop_high_lps[i]);
+        fprintf(out, "%d %d %a %d\n", source->remove_table, source->interpolation, source->smooth_mm,
+                source->crop.given);
+    for (int i = 0; out && source->crop.given && i < 3; i++)
+        fprintf(out, "%a %a\n", source->crop.low_lps[i], source->crop.high_lps[i]);
     for (int i = 0; out && i < 3; i++)
         fprintf(out, "%c%s\n", lists[i] ? '+' : '-', lists[i] ? lists[i] : "");
     for (int i = 0; out && i < c->n_looks; i++)

@@ -9,6 +9,12 @@
 #include "ctsplat/volume.h"
 #include <stdbool.h>
 
+/* A box of patient coordinates, mm. */
+typedef struct CtsCropBox {
+    bool given;
+    double low_lps[3], high_lps[3];
+} CtsCropBox;
+
 /* Which series, and what of it. Plain data; strings are the caller's. */
 typedef struct CtsSource {
     const char *const *paths;
@@ -30,8 +36,7 @@ typedef struct CtsSource {
     const char *table_kept_by;      /* why not, as the report tells it: "the preset" */
     CtsInterpolation interpolation; /* between slices that are thick or unevenly spaced */
     double smooth_mm;               /* standard deviation of a Gaussian on the volume; 0: none */
-    bool crop;
-    double crop_low_lps[3], crop_high_lps[3]; /* mm */
+    CtsCropBox crop;
 } CtsSource;
 
 typedef struct CtsLoaded {

@@ -245,9 +245,9 @@ CtsStatus cts_parse_annotate(CtsOptions *options, const char *text, CtsError *er
 {
     static const char *const names[] = {"orientation", "scale", "labels"};
     enum { N_NAMES = sizeof names / sizeof *names };
-    struct CtsMarks *const marks = &options->annotate;
+    CtsMarks *const marks = &options->annotate;
     bool *const which_of[N_NAMES] = {&marks->orientation, &marks->scale, &marks->labels};
-    *marks = (struct CtsMarks){false, false, false};
+    *marks = (CtsMarks){false, false, false};
     if (!strcmp(text, "none"))
         return CTS_OK;
     for (const char *word = text;; word++) {

@@ -3,13 +3,10 @@
 #ifndef CTS_WORDS_OPTIONS_H
 #define CTS_WORDS_OPTIONS_H
 
+#include "app/job/render_job.h"
 #include "app/words/look_file.h"
 #include "ctsplat/bounds.h"
-#include "ctsplat/export.h"
 #include "ctsplat/job.h"
-#include "ctsplat/net.h"
-#include "ctsplat/render.h"
-#include "ctsplat/state.h"
 
 /* Whose an option is; CTS_FOR_JOB is cts_words_run(), CTS_FOR_REQUEST what a client may ask `serve` for: nothing that
  * names a file. */
@@ -56,10 +53,7 @@ typedef struct CtsOptions {
         bool given, none;
         double rgb[3];
     } background;
-    struct CtsBox {
-        bool given;
-        double low_lps[3], high_lps[3];
-    } crop;
+    CtsCropBox crop;
     CtsSwitch remove_table;
     int interpolation; /* CtsInterpolation */
     double smooth_mm;
@@ -67,9 +61,7 @@ typedef struct CtsOptions {
         bool given;
         double low_hu, high_hu;
     } window;
-    struct CtsMarks {
-        bool orientation, scale, labels;
-    } annotate;
+    CtsMarks annotate;
     CtsExportSettings export;
     struct CtsGivenPeer {
         bool given;

@@ -2,8 +2,6 @@
 #ifndef CTS_WORDS_WORD_LISTS_H
 #define CTS_WORDS_WORD_LISTS_H
 
-#include <stddef.h>
-
 /* Longest text with its lists in place. */
 enum { CTS_WORD_LISTS_MAX = 600 };
 

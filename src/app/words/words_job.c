@@ -7,7 +7,7 @@
 
 CtsSource cts_options_source(const CtsOptions *options, const CtsPreset *preset)
 {
-    CtsSource source = {
+    return (CtsSource){
         .paths = options->paths.items,
         .n_paths = options->paths.n,
         .from = options->from.given ? &options->from.peer : NULL,
@@ -30,11 +30,8 @@ CtsSource cts_options_source(const CtsOptions *options, const CtsPreset *preset)
         .table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset",
         .interpolation = (CtsInterpolation)options->interpolation,
         .smooth_mm = options->smooth_mm,
-        .crop = options->crop.given,
+        .crop = options->crop,
     };
-    memcpy(source.crop_low_lps, options->crop.low_lps, sizeof source.crop_low_lps);
-    memcpy(source.crop_high_lps, options->crop.high_lps, sizeof source.crop_high_lps);
-    return source;
 }
 
 CtsJob cts_options_job(const CtsOptions *options)
@@ -51,9 +48,7 @@ CtsJob cts_options_job(const CtsOptions *options)
         .swivel_step_deg = options->swivel_step_deg,
         .words = options->recipe,
         .n_words = options->n_recipe,
-        .annotate_orientation = options->annotate.orientation,
-        .annotate_scale = options->annotate.scale,
-        .annotate_labels = options->annotate.labels,
+        .annotate = options->annotate,
     };
     /* The preset has them. */
     job.render.mode = -1;
