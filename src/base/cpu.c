@@ -4,7 +4,6 @@
 #include <math.h>
 #include <sched.h>
 #include <stdatomic.h>
-#include <stdbool.h>
 #include <stdlib.h>
 
 enum { MOST_THREADS = 1024 };

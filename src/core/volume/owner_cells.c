@@ -1,6 +1,5 @@
 /* Owners within one cell. Along a straight way their fields are cubics; by their Bernstein numbers it is known where
  * one lies above another, and where it is not the way is cut, at the root where two alone are left. */
-#include "base/mutation.h"
 #include "core/volume/owners.h"
 #include <math.h>
 #include <stdlib.h>

@@ -2,7 +2,6 @@
 #include "engine/splat/simd.h"
 
 #include "base/mutation.h"
-#include <math.h>
 #include <string.h>
 
 #define INLINE static inline __attribute__((always_inline))

@@ -1,6 +1,5 @@
 #include "engine/tiled/pieces.h"
 
-#include "base/mutation.h"
 #include <math.h>
 #include <stdlib.h>
 

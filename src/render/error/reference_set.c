@@ -1,6 +1,5 @@
 #include "render/error/reference_set.h"
 
-#include "base/clock.h"
 #include "base/mem.h"
 #include "engine/raycast/raycast.h"
 #include "core/scene/framing.h"
