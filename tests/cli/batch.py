@@ -300,7 +300,7 @@ def test_kill(b):
 
 def test_lock(b):
     """A second batch on one DIR says so and leaves."""
-    archive = b.archive("lock", 20)
+    archive = b.archive("lock", 4)
     first = b.start("batch", archive, "-O", "o", *OPTIONS)
     while not os.path.exists("o/batch.jsonl"):
         time.sleep(0.01)
@@ -311,7 +311,7 @@ def test_lock(b):
     check(third.returncode == 1 and "at work" in third.stderr, third.stderr)
     first.send_signal(signal.SIGCONT)
     check(first.wait() == 0, first.stderr.read())
-    check(len(b.outputs("o")) == 20 * (N_OUTPUTS + 4), "outputs")
+    check(len(b.outputs("o")) == 4 * (N_OUTPUTS + 4), "outputs")
 
 
 def test_shards(b):

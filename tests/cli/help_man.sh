@@ -10,43 +10,12 @@ awk '/^\.SH/ { on = $2 == "OPTIONS" } on' "$man" | tr -d '\\' | grep -E '^\.BR? 
 # The first word after .TP is the entry; other mentions are references, which must exist too.
 diff help-options man-options >difference || fail "options of --help (<) and of the man page (>) differ: $(cat difference)"
 
-# entry OPTION: the text of its entry in the man page, on one line
-entry()
-{
-    tr -d '\\' <"$man" | sed 's/f[IRB]//g' | awk -v option="$1" '
-        /^\.(TP|SH)/ { on = 0 } before == ".TP" { on = $0 ~ option "([^a-z-]|$)" } on { printf "%s ", $0 } { before = $0 }'
-}
-
-# Ranges that --help prints from the library's bounds, and the names of what it lists from tables: the man page has them.
-for command in info render bench check compare presets receive; do
-    ok $command --help
-    awk '/^  (-., |    )--/ { printf "\n"; sub(/^ *(-., )?/, "") } { printf "%s ", $0 }' out |
-        sed 's/  */ /g' | grep -e '^--' >entries
-    while read -r option rest; do
-        range=$(printf '%s\n' "$rest" | grep -oE '\([-0-9.e]+ to [-0-9.e+]+' | tr -d '(' | head -1)
-        [ -z "$range" ] || entry $option | grep -qF -e "$range" ||
-            fail "$option: --help says $range, the man page does not"
-        for word in $(printf '%s\n' "$rest" | grep -oE '\.[a-z]{3}([^a-z]|$)' | grep -oE '\.[a-z]+'); do
-            entry $option | grep -qF -e "$word" || fail "$option: the man page does not know $word"
-        done
-        case ${rest%% (*} in "NAME "[!o]*[\;:]* | "NAME["*)
-            for word in $(printf '%s\n' "$rest" | sed 's/^[^ ]* //; s/[;:].*//'); do
-                entry $option | grep -qw -e "$word" || fail "$option: the man page does not know $word"
-            done ;;
-        esac
-    done <entries
-done
-[ -n "$(entry --threads)" ] || fail "the test finds no entries"
+py help_man.py "$work/help" "$man"
 
 ok --help
 awk '/^Commands:/ { on = 1; next } /^$/ { on = 0 } on && /^  [a-z]/ { print $1 }' out | sort >help-commands
 awk '/^\.SH/ { on = $2 == "COMMANDS" } on && /^\.B / { print $2 }' "$man" | sort >man-commands
 diff help-commands man-commands || fail "the commands differ"
-
-# Every option has an entry of its own.
-for option in $(cat help-options); do
-    tr -d '\\' <"$man" | grep -A1 '^\.TP' | grep -qE "^\.BR? .*$option( |\"|\$)" || fail "$option has no entry in the man page"
-done
 
 # The built-in presets stand in their own page: ours each by name, Slicer's by the first and the last.
 ok presets

@@ -32,10 +32,11 @@ offers()
 # expect OFFERED WORD...: each word is among what is offered for the words in $typed
 expect()
 {
-    local word
+    local word all
     offers "${typed[@]}" >offered
+    all=$'\n'$(<offered)$'\n'
     for word; do
-        grep -qxF -e "$word" offered || fail "bash does not offer $word for: ctsplat ${typed[*]}"
+        [[ $all == *$'\n'"$word"$'\n'* ]] || fail "bash does not offer $word for: ctsplat ${typed[*]}"
     done
 }
 

@@ -70,7 +70,7 @@ static void copy_series(Series *s, const char *name)
         uint8_t *bytes = slurp(path, &n);
         write_bytes(s->folder, e->d_name, bytes, n);
         if (strcmp(e->d_name, victim_name) == 0)
-            s->victim = (Bytes){bytes, n};
+            s->victim = (Bytes){.data = bytes, .n = n};
         else
             free(bytes);
     }

@@ -109,16 +109,16 @@ void compare_bytes(DcmItem &theirs, const uint8_t *bytes, size_t n, const CtsSyn
                    const char *how)
 {
     static CtsDataScan scan;
-    if (cts_scan_data(bytes, n, UINT64_MAX, 0, native, CTS_MAX_HEADER_BYTES, &scan) != CTS_SCAN_DONE)
+    if (cts_scan_data(bytes, n, n, 0, native, CTS_MAX_HEADER_BYTES, &scan) != CTS_SCAN_DONE)
         return;
     const CtsDataSet set = {bytes, scan.header_end, &scan, native};
     CtsAttributes ours{set};
     compare(theirs, ours, path, how);
 }
 
-void compare_anew(DcmDataset &data, E_TransferSyntax syntax, const char *path, const char *how)
+void compare_anew(DcmDataset &data, E_TransferSyntax syntax, size_t room, const char *path, const char *how)
 {
-    std::vector<uint8_t> bytes(4 << 20);
+    std::vector<uint8_t> bytes(room);
     DcmOutputBufferStream out(bytes.data(), static_cast<offile_off_t>(bytes.size()));
     data.remove(DCM_PixelData);
     data.transferInit();
@@ -136,7 +136,7 @@ int visit(const char *path, const struct stat *info, int type, struct FTW *)
 {
     CtsMetaScan meta;
     static CtsDataScan scan;
-    if (type != FTW_F || info->st_size < 132)
+    if (type != FTW_F || info->st_size < 132 || std::strstr(path, "/uid-control")) /* refused; DCMTK mends it */
         return 0;
     std::vector<uint8_t> bytes(static_cast<size_t>(info->st_size));
     FILE *file = std::fopen(path, "rbe");
@@ -163,9 +163,10 @@ int visit(const char *path, const struct stat *info, int type, struct FTW *)
     if (parsed.bad())
         return 0;
     n_read++;
+    const size_t room = 2 * scan.header_end + 1024;
     compare_bytes(data, start, scan.header_end, native, path, "as it is");
-    compare_anew(data, EXS_LittleEndianImplicit, path, "with implicit VR");
-    compare_anew(data, EXS_BigEndianExplicit, path, "in big endian");
+    compare_anew(data, EXS_LittleEndianImplicit, room, path, "with implicit VR");
+    compare_anew(data, EXS_BigEndianExplicit, room, path, "in big endian");
     return 0;
 }
 
@@ -179,5 +180,5 @@ int main(int argc, char **argv)
         return 1;
     }
     std::printf("%d files, %d values, %d of them wrong\n", n_read, n_values, n_wrong);
-    return n_wrong || n_read < 50;
+    return n_wrong || n_values < 10000;
 }

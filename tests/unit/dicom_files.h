@@ -7,13 +7,16 @@
 
 typedef struct Bytes {
     uint8_t *data;
-    size_t n;
+    size_t n, room;
 } Bytes;
 
 static inline void put(Bytes *b, const void *data, size_t n)
 {
-    b->data = realloc(b->data, b->n + n + 1);
-    assert_non_null(b->data);
+    if (b->n + n >= b->room) {
+        b->room = 2 * (b->n + n) + 64;
+        b->data = realloc(b->data, b->room);
+        assert_non_null(b->data);
+    }
     if (n)
         memcpy(b->data + b->n, data, n);
     b->n += n;

@@ -373,7 +373,8 @@ static Bytes encapsulated(const Object *o, int pieces, Table table)
         stream.data[stream.n] = 0;
         put32(&offsets, (uint32_t)items.n + (table == WRONG_TABLE && k == 2 ? 4 : 0));
         for (int i = 0; i < pieces; i++) {
-            const Bytes part = {stream.data + (size_t)i * piece, i + 1 < pieces ? piece : even - (size_t)i * piece};
+            const Bytes part = {.data = stream.data + (size_t)i * piece,
+                                .n = i + 1 < pieces ? piece : even - (size_t)i * piece};
             put_item(&items, &part);
         }
         free(stream.data);
