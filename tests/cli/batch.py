@@ -350,7 +350,7 @@ def test_bad(b):
         for line in b.lines("large").values():
             check(line["status"] == "failed" and "memory" in line["reason"], line)
     # A process that crashes.
-    many = b.archive("many", 30)
+    many = b.archive("many", 12)
     run = b.start("batch", many, "-O", "o", "--jobs", "1", *OPTIONS)
     crashed = 0
     while run.poll() is None and not crashed:
@@ -360,18 +360,18 @@ def test_bad(b):
                 crashed += 1
             except ProcessLookupError:
                 pass
-    shutil.rmtree(many + "/series29", ignore_errors=True) # gone, or late
+    shutil.rmtree(many + "/series11", ignore_errors=True) # gone, or late
     messages = run.communicate()[1]
     check(run.returncode == 8, run.returncode, messages)
     failed = [line for line in b.lines("o").values() if line["status"] == "failed"]
     check(any("crashed" in line["reason"] for line in failed), failed, messages)
-    check(len(b.lines("o")) == 30, len(b.lines("o")))
+    check(len(b.lines("o")) == 12, len(b.lines("o")))
     b.outputs("o")
 
 
 def test_signals(b):
     """SIGTERM and SIGINT: 130 within moments, nothing half-written, and the next run goes on."""
-    archive = b.archive("signals", 20)
+    archive = b.archive("signals", 8)
     for i, name in enumerate((signal.SIGTERM, signal.SIGINT)):
         run = b.start("batch", archive, "-O", "o%d" % i, *OPTIONS,
                       preexec_fn=lambda: signal.signal(signal.SIGINT, signal.default_int_handler))
@@ -384,7 +384,7 @@ def test_signals(b):
             check(messages.count("error: interrupted") == 1, messages)
         b.outputs("o%d" % i)
         b.ok(0, archive, "-O", "o%d" % i, *OPTIONS)
-        check(len(b.outputs("o%d" % i)) == 20 * (N_OUTPUTS + 4), "outputs")
+        check(len(b.outputs("o%d" % i)) == 8 * (N_OUTPUTS + 4), "outputs")
 
 
 def test_outputs(b):
