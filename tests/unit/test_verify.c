@@ -56,7 +56,7 @@ static CtsVerified verdict(const Case *c, size_t n, const float *bound, int tria
     CtsError err;
     assert_int_equal(cts_verify_begin(&verify, &c->store.scene, n, &err), CTS_OK);
     verify.seed += (uint64_t)trial * 7919;
-    cts_verify_take_bounded(&verify, c->picture, bound);
+    cts_verify_take(&verify, c->picture, bound);
     assert_int_equal(cts_verify_choose(&verify, &err), CTS_OK);
     double weight = 0;
     for (size_t i = 0; i < verify.reference->n; i++)
@@ -180,13 +180,13 @@ static void test_chosen(void **state)
     CtsError err;
     assert_int_equal(cts_verify_begin(&whole, &c.store.scene, PIXELS, &err), CTS_OK);
     assert_int_equal(cts_verify_begin(&parts, &c.store.scene, PIXELS, &err), CTS_OK);
-    cts_verify_take(&whole, c.picture);
+    cts_verify_take(&whole, c.picture, NULL);
     for (int row = 0; row < SIZE; row += CTS_BAND_ROWS) {
         CtsPicture band = *c.picture;
         band.first_row = row;
         band.height = row + CTS_BAND_ROWS < SIZE ? CTS_BAND_ROWS : SIZE - row;
         band.pixels += (size_t)row * SIZE * (size_t)band.n_channels;
-        cts_verify_take(&parts, &band);
+        cts_verify_take(&parts, &band, NULL);
     }
     assert_int_equal(cts_verify_choose(&whole, &err), CTS_OK);
     assert_int_equal(cts_verify_choose(&parts, &err), CTS_OK);
@@ -199,7 +199,7 @@ static void test_chosen(void **state)
     cts_verify_free(&whole);
     cts_verify_free(&parts);
     assert_int_equal(cts_verify_begin(&whole, &c.store.scene, 2 * SIZE * SIZE, &err), CTS_OK);
-    cts_verify_take(&whole, c.picture);
+    cts_verify_take(&whole, c.picture, NULL);
     assert_int_equal(cts_verify_choose(&whole, &err), CTS_OK);
     fill_truth(&whole, &c);
     assert_int_equal(cts_reference_judge(whole.reference, (const float(*)[4])whole.found, &verified, &err), CTS_OK);

@@ -5,6 +5,11 @@
 #include "engine/raycast/raycaster.h"
 #include <math.h>
 
+/* Largest change that refining a stretch may still make, in display values: many stretches add up along a ray to 1e-7
+ * at most, and the finer rule, which is the one used, errs far less than the two rules differ. Light ends at DARK. */
+#define TOLERANCE 1e-9
+#define DARK 1e-12
+
 /* A stretch deeper than this is halved before it is looked at, so that light ends near its front. */
 #define DEEP 8.0
 
@@ -83,7 +88,7 @@ static bool add(const Stretch *s, double a, double b, const double rgb[3], doubl
         light->rgb[c] += light->transmittance * rgb[c];
     light->depth += depth;
     light->transmittance = exp(-light->depth);
-    return light->transmittance >= s->caster->dark;
+    return light->transmittance >= DARK;
 }
 
 /* One colour and one extinction: the closed form. */
@@ -104,7 +109,7 @@ static bool sees_all_light(const Stretch *s, double a, double b, double depth)
 {
     const CtsPreset *p = s->caster->preset;
     return !s->gradient ||
-           depth * s->light->transmittance * (p->ambient + p->diffuse + p->specular) <= s->caster->tolerance ||
+           depth * s->light->transmittance * (p->ambient + p->diffuse + p->specular) <= TOLERANCE ||
            cts_raycast_turns_little(s->caster, s->framed, a, b);
 }
 
@@ -124,7 +129,7 @@ static bool add_stretch(const Stretch *s, double a, double b)
         double change = fabs(fine.depth - coarse.depth);
         for (int c = 0; c < 3; c++)
             change = fmax(change, fabs(fine.rgb[c] - coarse.rgb[c]));
-        if ((change * left <= s->caster->tolerance && sees_all_light(s, a, b, fine.depth)) || !halve)
+        if ((change * left <= TOLERANCE && sees_all_light(s, a, b, fine.depth)) || !halve)
             return add(s, a, b, fine.rgb, fine.depth);
     }
     const double middle = 0.5 * (a + b);

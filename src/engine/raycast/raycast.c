@@ -10,11 +10,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-/* Many stretches add up along a ray to 1e-7 at most, and the finer rule, which is the one used, errs far less than the
- * two rules differ. */
-#define TOLERANCE 1e-9
-#define DARK 1e-12
-
 static CtsStatus make_field(CtsField **field, const CtsScene *scene, size_t n_rays, CtsError *err)
 {
     const CtsRenderSettings *s = scene->settings;
@@ -63,8 +58,6 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
     memcpy(r->frame[1], r->view.up_vox, sizeof r->frame[1]);
     memcpy(r->frame[2], r->view.forward_vox, sizeof r->frame[2]);
     r->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
-    r->tolerance = TOLERANCE;
-    r->dark = DARK;
     r->least_gradient2 = 1e-18 * scene->volume->hu_step * scene->volume->hu_step;
     if (!st && !field)
         st = make_field(&r->own_field, scene, n_rays, err);
@@ -83,13 +76,6 @@ void cts_raycaster_free(CtsRaycaster **caster)
     free((*caster)->looks);
     free(*caster);
     *caster = NULL;
-}
-
-void cts_raycaster_loosen(CtsRaycaster *caster, double error)
-{
-    /* Of the stretches of a ray a few take most of the light. */
-    caster->tolerance = fmax(caster->tolerance, 0.1 * error);
-    caster->dark = fmax(caster->dark, 0.1 * error);
 }
 
 /* A piece of a ray, stretch by stretch as they look. */

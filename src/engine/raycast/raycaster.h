@@ -21,8 +21,6 @@ typedef struct CtsRaycaster {
     const struct CtsBodyMask *body; /* what minip and average look at; NULL: all */
     double frame[3][3];     /* a gradient in HU/voxel to HU/mm to the right, up and along the viewing direction */
     double camera_mm;       /* from the camera plane to t = 0 of every ray */
-    double tolerance;       /* largest change that refining a stretch may still make, in display values */
-    double dark;            /* light ends when less than this is left */
     double least_gradient2; /* below this square (HU/voxel) there is no gradient but rounding */
 } CtsRaycaster;
 
@@ -55,7 +53,5 @@ void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba
 CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, size_t n_rays,
                             CtsError *err);
 void cts_raycaster_free(CtsRaycaster **caster);
-/* Let rays be off by about `error`, in display values, instead of 1e-7. */
-void cts_raycaster_loosen(CtsRaycaster *caster, double error);
 
 #endif

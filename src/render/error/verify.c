@@ -184,17 +184,12 @@ static void offer_pixels(CtsVerify *v, const CtsPicture *band, const float *boun
         }
 }
 
-void cts_verify_take_bounded(CtsVerify *v, const CtsPicture *band, const float *bound)
+void cts_verify_take(CtsVerify *v, const CtsPicture *band, const float *bound)
 {
     if (v->choosing)
         offer_pixels(v, band, bound);
     for (size_t i = 0; v->reference && i < v->reference->n; i++)
         cts_reference_find(v->reference, band, i, v->found[i]);
-}
-
-void cts_verify_take(CtsVerify *v, const CtsPicture *band)
-{
-    cts_verify_take_bounded(v, band, NULL);
 }
 
 /* Neighbouring classes that are sampled as one. */

@@ -26,11 +26,10 @@ typedef struct CtsVerify {
 } CtsVerify;
 
 CtsStatus cts_verify_begin(CtsVerify *verify, const CtsScene *scene, size_t n, CtsError *err);
-/* Errors are taken for large where neighbours differ much. */
-void cts_verify_take(CtsVerify *verify, const CtsPicture *band);
 /* bound: what each pixel's error, rms over red, green and blue, hardly exceeds, as far as the engine knows; errors are
- * taken for large where it says so. It is not believed: half of the pixels lie anywhere. NULL: as above. */
-void cts_verify_take_bounded(CtsVerify *verify, const CtsPicture *band, const float *bound);
+ * taken for large where it says so. It is not believed: half of the pixels lie anywhere. NULL: where neighbours differ
+ * much. */
+void cts_verify_take(CtsVerify *verify, const CtsPicture *band, const float *bound);
 /* Ends the choice; the true values are left zero. */
 CtsStatus cts_verify_choose(CtsVerify *verify, CtsError *err);
 /* Does the pixels again. */

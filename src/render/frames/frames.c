@@ -409,7 +409,7 @@ CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture 
     if (st)
         cts_picture_free(band);
     else
-        cts_verify_take_bounded(&frame->verify, *band, (*band)->bound);
+        cts_verify_take(&frame->verify, *band, (*band)->bound);
     return st;
 }
 
