@@ -45,7 +45,7 @@ typedef struct CtsLabel {
     bool coloured;     /* the file has a colour for it, */
     double rgb[3];     /* display values 0..1 */
     CtsLabelRun *runs; /* n_runs, by rising row and place; no two touch; owned */
-    size_t n_runs, room;
+    size_t n_runs;
     CtsLabelShare *shares; /* n_shares, by rising row and column; of other voxels it has all or nothing; owned */
     size_t n_shares;
     struct CtsLabelSums *sums; /* while slices are read */
@@ -61,7 +61,7 @@ typedef struct CtsLabels {
     CtsLabelObject *objects; /* n_objects; owned */
     size_t n_objects;
     CtsLabel *items; /* n, in the order of the files, in each by rising number */
-    size_t n, room;
+    size_t n;
     bool counted;
 } CtsLabels;
 

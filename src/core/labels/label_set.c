@@ -46,27 +46,12 @@ void cts_labels_free(CtsLabels **labels)
     cts_free(labels);
 }
 
-/* One more of them, twice the room when it is full. */
-static CtsStatus grow(void **items, size_t n, size_t *room, size_t size, CtsError *err)
-{
-    if (n < *room)
-        return CTS_OK;
-    const size_t wanted = *room ? 2 * *room : 16;
-    size_t n_bytes;
-    void *grown = cts_mul_overflows(wanted, size, &n_bytes) ? NULL : realloc(*items, n_bytes);
-    if (!grown)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *items = grown;
-    *room = wanted;
-    return CTS_OK;
-}
-
 CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *name, CtsLabelSource source,
                          CtsError *err)
 {
     if (labels->n >= CTS_MAX_LABELS)
         return cts_fail(err, CTS_ERR_READ, "more than %d labels", CTS_MAX_LABELS);
-    CtsStatus st = grow((void **)&labels->items, labels->n, &labels->room, sizeof *labels->items, err);
+    CtsStatus st = cts_grow(&labels->items, labels->n, err);
     char *copy = st ? NULL : strdup(name);
     if (st || !copy)
         return st ? st : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
@@ -77,12 +62,10 @@ CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *na
 
 CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object, CtsError *err)
 {
-    CtsLabelObject *const grown = realloc(labels->objects, (labels->n_objects + 1) * sizeof *grown);
-    if (!grown)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    labels->objects = grown;
-    grown[labels->n_objects++] = *object;
-    return CTS_OK;
+    const CtsStatus st = cts_grow(&labels->objects, labels->n_objects, err);
+    if (!st)
+        labels->objects[labels->n_objects++] = *object;
+    return st;
 }
 
 CtsStatus cts_label_add_run(CtsLabel *l, uint32_t row, int first, int end, CtsError *err)
@@ -92,7 +75,7 @@ CtsStatus cts_label_add_run(CtsLabel *l, uint32_t row, int first, int end, CtsEr
         last->end = (uint16_t)end;
         return CTS_OK;
     }
-    const CtsStatus st = grow((void **)&l->runs, l->n_runs, &l->room, sizeof *l->runs, err);
+    const CtsStatus st = cts_grow(&l->runs, l->n_runs, err);
     if (!st)
         l->runs[l->n_runs++] = (CtsLabelRun){row, (uint16_t)first, (uint16_t)end};
     return st;
@@ -165,9 +148,4 @@ void cts_label_sort_runs(CtsLabel *l)
             l->runs[n++] = r;
     }
     l->n_runs = n;
-    CtsLabelRun *const fitting = n ? realloc(l->runs, n * sizeof *l->runs) : NULL;
-    if (fitting) {
-        l->runs = fitting;
-        l->room = n;
-    }
 }

@@ -169,8 +169,8 @@ typedef struct Walk {
     const uint8_t *bytes;
     uint64_t n, total, pos;
     bool explicit_vr, big;
-    int height; /* of the stack */
-    Frame stack[2 * CTS_MAX_NESTING];
+    int height;   /* of the stack */
+    Frame *stack; /* 2 * CTS_MAX_NESTING */
     /* An implicit VR element that begins like a sequence may be one. When it turns out not to be, skip it. */
     int maybe_height;
     uint64_t maybe_end;
@@ -387,8 +387,10 @@ static CtsScanResult step(Walk *w, bool *stop)
 CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
                             size_t most, CtsDataScan *scan)
 {
+    Frame stack[2 * CTS_MAX_NESTING];
     *scan = (CtsDataScan){0};
     Walk w = {.bytes = bytes,
+              .stack = stack,
               .n = n,
               .total = total,
               .pos = start,
@@ -413,4 +415,17 @@ CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size
     }
     scan->header_end = (size_t)w.pos;
     return CTS_SCAN_DONE;
+}
+
+size_t cts_scan_undefined(const uint8_t *bytes, size_t n, bool explicit_vr, bool big, bool is_item, bool is_raw)
+{
+    Frame stack[2 * CTS_MAX_NESTING];
+    CtsDataScan scan = {.depth = 0};
+    bool stop = false;
+    Walk w = {
+        .bytes = bytes, .stack = stack, .n = n, .total = n, .explicit_vr = explicit_vr, .big = big, .scan = &scan};
+    push(&w, is_item, UNDEFINED, !explicit_vr, is_raw);
+    while (w.height && step(&w, &stop) == CTS_SCAN_DONE)
+        ;
+    return w.height ? 0 : (size_t)w.pos;
 }

@@ -83,5 +83,9 @@ typedef struct CtsDataScan {
 CtsScanResult cts_scan_data(const uint8_t *bytes, size_t n, uint64_t total, size_t start, const CtsSyntax *syntax,
                             size_t most, CtsDataScan *scan);
 
+/* How many bytes a value of undefined length takes that begins here, its delimiter's 8 with them; is_item: an item that
+ * does; is_raw: its items are fragments. 0: it has no end among the n bytes, or is damaged. */
+size_t cts_scan_undefined(const uint8_t *bytes, size_t n, bool explicit_vr, bool big, bool is_item, bool is_raw);
+
 CTS_C_END
 #endif

@@ -4,84 +4,42 @@
 #include "input/header/dcm_read.h"
 #include <string.h>
 
-enum { ITEM = 0xFFFEE000, ITEM_END = 0xFFFEE00D, SEQUENCE_END = 0xFFFEE0DD, DEEPEST = 2 * CTS_MAX_NESTING };
+enum { ITEM = 0xFFFEE000, DELIMITER_BYTES = 8 };
 
-/* Behind a sequence of undefined length, its delimiter taken in; NULL where it has none. *inner: where that begins. */
-static const uint8_t *skip_items(CtsElements rest, const uint8_t **inner, int depth);
+/* Goes on behind a value of undefined length, or an item, whose end is found. */
+static bool skip_undefined(CtsElements *rest, CtsElements *value, bool is_item, bool is_raw)
+{
+    const size_t n = cts_scan_undefined(value->at, (size_t)(rest->end - value->at), value->explicit_vr,
+                                        value->big_endian, is_item, is_raw);
+    rest->damaged = n == 0;
+    rest->at = n ? value->at + n : rest->end;
+    value->end = n ? rest->at - DELIMITER_BYTES : value->at;
+    return n > 0;
+}
 
-/* One element's place; fragments are skipped like items. */
-static bool next(CtsElements *rest, CtsElement *e, int depth)
+bool cts_elements_next(CtsElements *rest, CtsElement *e)
 {
     CtsRawElement raw;
     const size_t n = (size_t)(rest->end - rest->at);
     if (n == 0 || rest->damaged)
         return false;
     rest->damaged = true; /* until it is clear that it is not */
-    if (depth > DEEPEST || !cts_read_element(rest->at, n, rest->explicit_vr, rest->big_endian, &raw))
+    if (!cts_read_element(rest->at, n, rest->explicit_vr, rest->big_endian, &raw))
         return false;
     const uint8_t *const value = rest->at + raw.n_bytes;
-    const bool raw_vr = memcmp(raw.vr, "UN", 2) == 0;
+    const bool is_un = memcmp(raw.vr, "UN", 2) == 0, is_raw = raw.vr[0] == 'O';
     *e = (CtsElement){
         .tag = raw.tag,
         .vr = {raw.vr[0], raw.vr[1]},
-        .value = {.at = value, .explicit_vr = rest->explicit_vr && !raw_vr, .big_endian = rest->big_endian && !raw_vr},
+        .value = {.at = value, .explicit_vr = rest->explicit_vr && !is_un, .big_endian = rest->big_endian && !is_un},
         .undefined = raw.length == UINT32_MAX};
-    if (e->undefined) {
-        CtsElements behind = e->value;
-        behind.end = rest->end;
-        rest->at = skip_items(behind, &e->value.end, depth + 1);
-        rest->damaged = !rest->at;
-        rest->at = rest->at ? rest->at : rest->end;
-        return !rest->damaged;
-    }
+    if (e->undefined)
+        return skip_undefined(rest, &e->value, false, is_raw);
     if (raw.length > n - raw.n_bytes)
         return false;
     rest->at = e->value.end = value + raw.length;
     rest->damaged = false;
     return true;
-}
-
-static const uint8_t *skip_item(CtsElements rest, const uint8_t **inner, int depth)
-{
-    CtsElement e;
-    while (rest.at < rest.end) {
-        const uint8_t *const here = rest.at;
-        CtsRawElement raw;
-        if (!cts_read_element(here, (size_t)(rest.end - here), rest.explicit_vr, rest.big_endian, &raw))
-            return NULL;
-        *inner = here;
-        if (raw.tag == ITEM_END)
-            return here + raw.n_bytes;
-        if (!next(&rest, &e, depth))
-            return NULL;
-    }
-    return NULL;
-}
-
-static const uint8_t *skip_items(CtsElements rest, const uint8_t **inner, int depth)
-{
-    while (depth <= DEEPEST && rest.end - rest.at >= 8) {
-        CtsRawElement raw;
-        const uint8_t *ignored;
-        const uint8_t *const here = rest.at;
-        if (!cts_read_element(here, (size_t)(rest.end - here), rest.explicit_vr, rest.big_endian, &raw))
-            return NULL;
-        rest.at += raw.n_bytes;
-        *inner = here;
-        if (raw.tag == SEQUENCE_END)
-            return rest.at;
-        if (raw.tag != ITEM || (raw.length != UINT32_MAX && raw.length > (size_t)(rest.end - rest.at)))
-            return NULL;
-        rest.at = raw.length == UINT32_MAX ? skip_item(rest, &ignored, depth + 1) : rest.at + raw.length;
-        if (!rest.at)
-            return NULL;
-    }
-    return NULL;
-}
-
-bool cts_elements_next(CtsElements *rest, CtsElement *e)
-{
-    return next(rest, e, 0);
 }
 
 bool cts_items_next(CtsElements *rest, CtsElements *item)
@@ -96,16 +54,11 @@ bool cts_items_next(CtsElements *rest, CtsElements *item)
     *item = *rest;
     item->at += raw.n_bytes;
     item->damaged = false;
-    if (raw.length == UINT32_MAX) {
-        const uint8_t *const behind = skip_item(*item, &item->end, 0);
-        if (!behind)
-            return false;
-        rest->at = behind;
-    } else if (raw.length > n - raw.n_bytes) {
+    if (raw.length == UINT32_MAX)
+        return skip_undefined(rest, item, true, false);
+    if (raw.length > n - raw.n_bytes)
         return false;
-    } else {
-        rest->at = item->end = item->at + raw.length;
-    }
+    rest->at = item->end = item->at + raw.length;
     rest->damaged = false;
     return true;
 }

@@ -36,28 +36,14 @@ typedef struct Outline {
     const CtsLabelGrid *grid;
     double inverse[2][3];
     Contour *contours;
-    size_t n_contours, contour_room;
+    size_t n_contours;
     double (*points)[3]; /* LPS */
     double (*pixels)[2]; /* the same as pixels of the slice that is being filled */
-    size_t n_points, point_room, pixel_room, n_read;
+    size_t n_points, n_read;
     size_t n_ignored;         /* contours that enclose nothing */
     size_t n_off, n_unfilled; /* planes that no slice takes; slices without a plane between two with one */
     double *crossings;
-    size_t crossing_room;
 } Outline;
-
-static CtsStatus reserve(void **items, size_t *room, size_t n, size_t size, CtsError *err)
-{
-    if (n <= *room)
-        return CTS_OK;
-    const size_t wanted = n > 2 * *room ? n : 2 * *room;
-    void *grown = realloc(*items, wanted * size);
-    if (!grown)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *items = grown;
-    *room = wanted;
-    return CTS_OK;
-}
 
 static size_t n_values_of(CtsElements value)
 {
@@ -86,15 +72,13 @@ static CtsStatus add_points(Outline *o, const double (*lps)[3], size_t n, CtsErr
     if (!(high - low <= 0.2 * gap_mm + 0.01))
         return cts_fail(err, CTS_ERR_GEOMETRY, "a contour is not parallel to the slices: it spans %.3g mm across them",
                         high - low);
-    CtsStatus st = reserve((void **)&o->contours, &o->contour_room, o->n_contours + 1, sizeof *o->contours, err);
-    if (!st)
-        st = reserve((void **)&o->points, &o->point_room, o->n_points + n, sizeof *o->points, err);
+    CtsStatus st = cts_grow(&o->contours, o->n_contours, err);
     if (st)
         return st;
     o->contours[o->n_contours++] = (Contour){(low + high) / 2, o->n_points, n};
-    for (size_t i = 0; i < n; i++)
+    for (size_t i = 0; i < n && !(st = cts_grow(&o->points, o->n_points, err)); i++)
         memcpy(o->points[o->n_points++], lps[i], sizeof *o->points);
-    return CTS_OK;
+    return st;
 }
 
 static CtsStatus add_contour(Outline *o, CtsElements item, CtsError *err)
@@ -136,7 +120,7 @@ static CtsStatus find_crossings(Outline *o, const Contour *first, const Contour 
             const double *a = o->pixels[c->first + before], *b = o->pixels[c->first + i];
             if ((a[1] > row) == (b[1] > row))
                 continue;
-            const CtsStatus st = reserve((void **)&o->crossings, &o->crossing_room, *n + 1, sizeof *o->crossings, err);
+            const CtsStatus st = cts_grow(&o->crossings, *n, err);
             if (st)
                 return st;
             o->crossings[(*n)++] = snapped((b[0] - a[0]) * (row - a[1]) / (b[1] - a[1]) + a[0]);
@@ -306,10 +290,11 @@ static CtsStatus read_structure(Outline *o, const CtsPlainObject *object, CtsEle
     while (!st && cts_items_next(&contours, &contour))
         st = add_contour(o, contour, err);
     if (!st)
-        st = reserve((void **)&o->pixels, &o->pixel_room, o->n_points, sizeof *o->pixels, err);
+        st = cts_alloc_array(&o->pixels, o->n_points, err);
     if (!st)
         st = fill_slices(o, label, err);
     *held += st ? 0 : area_of(o);
+    cts_free(&o->pixels);
     return st;
 }
 
@@ -360,7 +345,6 @@ CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsPlain
         tell(&o);
     free(o.contours);
     free(o.points);
-    free(o.pixels);
     free(o.crossings);
     return st;
 }
