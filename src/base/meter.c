@@ -5,7 +5,7 @@
 static void sum_stages(const CtsReport *report, double *wall_ms, double *cpu_ms)
 {
     *wall_ms = *cpu_ms = 0;
-    for (int s = 0; s < CTS_N_STAGES; s++) {
+    for (int s = 0; report && s < CTS_N_STAGES; s++) {
         *wall_ms += report->stages[s].wall_ms;
         *cpu_ms += report->stages[s].cpu_ms;
     }

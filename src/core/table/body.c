@@ -86,7 +86,7 @@ static CtsStatus find_dense(const CtsSectionPlan *plan, const CtsBits *sections,
     cts_each_section(workers, n_threads, cts_dilate_section, extruded, ONE, rest);
     cts_bits_combine(rest, CTS_BITS_NOT, rest);
     cts_bits_combine(rest, CTS_BITS_AND, sections);
-    if ((st = cts_parts_find(&parts, rest, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
+    if ((st = cts_parts_find(&parts, rest, true, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
         (st = cts_alloc_array(&sized, parts.n_parts, err)) ||
         (st = choose_patient(plan, &parts, workers, n_threads, flags, sized, err)))
         goto end;
@@ -168,9 +168,8 @@ static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, CtsB
     if ((st = cts_bits_new_unset(&air, plan->dims, err)))
         return st;
     cts_bits_combine(&air, CTS_BITS_NOT, &body->dense);
-    if ((st = cts_parts_find_in_slices(&parts, &air, err)) || (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
-        (st = tell_outside(plan, v, &parts, outside, err)) ||
-        (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
+    if ((st = cts_parts_find(&parts, &air, false, err)) || (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
+        (st = tell_outside(plan, v, &parts, outside, err)) || (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
         goto end;
     cts_parts_paint(&parts, outside, NULL, &body->whole);
     /* What was painted is outside: of the foreign that alone stays, and the whole is the rest. */
@@ -222,7 +221,7 @@ static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, Cts
     CtsParts parts = {0};
     uint8_t *flags = NULL;
     double mm3 = 0;
-    if ((st = cts_parts_find(&parts, thin, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
+    if ((st = cts_parts_find(&parts, thin, true, err)) || (st = cts_alloc_array(&flags, parts.n_parts, err)) ||
         (st = choose_shells(plan, v, &parts, flags, &mm3, err)) || mm3 == 0 || mm3 > SHELL_SHARE * body->mm3)
         goto end;
     cts_parts_paint(&parts, flags, NULL, thin);

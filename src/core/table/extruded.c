@@ -103,7 +103,7 @@ static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts,
     uint64_t *count = NULL;
     uint8_t *chosen = NULL;
     CtsParts *const p = &w->parts;
-    CtsStatus st = cts_parts_find(p, &w->thin, err);
+    CtsStatus st = cts_parts_find(p, &w->thin, false, err);
     if (st || (st = cts_alloc_zeroed(&count, p->n_parts, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
         goto end;
     for (int j = 0; j < w->always.dims[1]; j++)

@@ -110,7 +110,7 @@ static CtsStatus number_parts(CtsParts *p, CtsError *err)
     return st;
 }
 
-static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, CtsError *err)
+CtsStatus cts_parts_find(CtsParts *p, const CtsBits *bits, bool across_slices, CtsError *err)
 {
     const size_t ny = (size_t)bits->dims[1];
     CtsStatus st = list_runs(p, bits, err);
@@ -123,16 +123,6 @@ static CtsStatus find(CtsParts *p, const CtsBits *bits, bool across_slices, CtsE
     if (st || (st = number_parts(p, err)))
         cts_parts_free(p);
     return st;
-}
-
-CtsStatus cts_parts_find(CtsParts *p, const CtsBits *bits, CtsError *err)
-{
-    return find(p, bits, true, err);
-}
-
-CtsStatus cts_parts_find_in_slices(CtsParts *p, const CtsBits *bits, CtsError *err)
-{
-    return find(p, bits, false, err);
 }
 
 void cts_parts_free(CtsParts *p)

@@ -26,10 +26,9 @@ typedef struct CtsParts {
     uint32_t n_parts;
 } CtsParts;
 
-/* A zero-initialised CtsParts may be freed; finding frees what it held before. */
-CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, CtsError *err);
-/* The same, but voxels of different slices never belong together. */
-CtsStatus cts_parts_find_in_slices(CtsParts *parts, const CtsBits *bits, CtsError *err);
+/* A zero-initialised CtsParts may be freed; finding frees what it held before. across_slices false: voxels of different
+ * slices never belong together. */
+CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, bool across_slices, CtsError *err);
 void cts_parts_free(CtsParts *parts);
 
 /* Set the bits of the parts whose flag is set, in one slice, whose other bits stay as they are. */

@@ -29,6 +29,14 @@ void cts_preset_default_window(CtsPreset *preset)
     preset->window_high_hu = high;
 }
 
+void cts_preset_hint_window(CtsPreset *preset, double low_hu, double high_hu)
+{
+    if (!(low_hu < high_hu && fabs(low_hu) <= CTS_PRESET_MAX_HU && fabs(high_hu) <= CTS_PRESET_MAX_HU))
+        return;
+    preset->window_low_hu = low_hu;
+    preset->window_high_hu = high_hu;
+}
+
 bool cts_preset_set_name(CtsPreset *preset, const char *text)
 {
     const size_t n = strlen(text);

@@ -15,8 +15,9 @@ enum { CTS_PRESET_MAX_BYTES = 1 << 20 };
 
 /* A valid preset but for name and points: composite, unlit, black background, 1 mm. */
 void cts_preset_init(CtsPreset *preset);
-/* The window where none was given: the range of the points. */
+/* The window where none was given: the range of the points; and one that another program hints at, where it is one. */
 void cts_preset_default_window(CtsPreset *preset);
+void cts_preset_hint_window(CtsPreset *preset, double low_hu, double high_hu);
 /* Text as a preset's name: at most 63 bytes, no control characters or slashes, so that it can stand in a file name. */
 bool cts_preset_set_name(CtsPreset *preset, const char *text);
 /* Append to what cannot be had. */

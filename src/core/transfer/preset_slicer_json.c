@@ -138,13 +138,8 @@ CtsStatus cts_preset_from_slicer_json(const CtsJson *json, const char *which, Ct
         cts_preset_set_name(preset, name);
 
     cts_preset_default_window(preset);
-    if (cts_json_member(&property, "effectiveRange", &range)) {
-        const double low = json_number_value(json_array_get(range.value, 0)),
-                     high = json_number_value(json_array_get(range.value, 1));
-        if (high > low && fabs(low) <= CTS_PRESET_MAX_HU && fabs(high) <= CTS_PRESET_MAX_HU) {
-            preset->window_low_hu = low;
-            preset->window_high_hu = high;
-        }
-    }
+    if (cts_json_member(&property, "effectiveRange", &range))
+        cts_preset_hint_window(preset, json_number_value(json_array_get(range.value, 0)),
+                               json_number_value(json_array_get(range.value, 1)));
     return CTS_OK;
 }

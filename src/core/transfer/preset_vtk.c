@@ -141,11 +141,8 @@ CtsStatus cts_preset_from_vtk(const char *name, const CtsVtkText values[CTS_VTK_
     cts_preset_default_window(preset);
     const char *range = values[CTS_VTK_RANGE].text;
     double low, high;
-    if (range && next_number(&range, &low) && next_number(&range, &high) && at_end(range) && low < high &&
-        fabs(low) <= CTS_PRESET_MAX_HU && fabs(high) <= CTS_PRESET_MAX_HU) {
-        preset->window_low_hu = low;
-        preset->window_high_hu = high;
-    }
+    if (range && next_number(&range, &low) && next_number(&range, &high) && at_end(range))
+        cts_preset_hint_window(preset, low, high);
     return CTS_OK;
 }
 

@@ -156,15 +156,9 @@ static CtsStatus show_macrocells(CtsOwners *o, const CtsVolume *volume, int n_th
 static CtsStatus show(CtsOwners *o, const CtsVolume *volume, int n_threads, CtsError *err)
 {
     const Finishing f = {o, volume};
-    const CtsStatus st = cts_volume_new_unset(&o->shown, o->dims[0], o->dims[1], o->dims[2], err);
+    const CtsStatus st = cts_volume_new_like(&o->shown, volume, o->dims[2], err);
     if (st)
         return st;
-    uint16_t *const grey = o->shown->grey;
-    *o->shown = *volume;
-    o->shown->grey = grey;
-    o->shown->macrocells = NULL;
-    o->shown->body = NULL;
-    o->shown->owners = NULL;
     cts_parallel(n_threads, (size_t)o->dims[2], 1, show_layers, (void *)&f);
     return volume->macrocells ? show_macrocells(o, volume, n_threads, err) : CTS_OK;
 }

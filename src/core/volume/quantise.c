@@ -32,22 +32,14 @@ CtsStatus cts_volume_quantise(const CtsVolume *volume, int bits, double low_hu, 
     CtsVolume *q = NULL;
     const int top = (1 << bits) - 1;
     CtsStatus st = cts_alloc_array(&level, N_GREY, err);
-    if (st || (st = cts_volume_new_unset(&q, volume->dims[0], volume->dims[1], volume->dims[2], err)))
+    if (st || (st = cts_volume_new_like(&q, volume, volume->dims[2], err)))
         goto end;
     for (int g = 0; g < N_GREY; g++) {
         const double at = (cts_volume_hu(volume, (uint16_t)g) - low_hu) / (high_hu - low_hu) * top;
         level[g] = (uint16_t)floor(fmin(fmax(at, 0), top) + 0.5);
     }
-    for (int c = 0; c < 3; c++) {
-        q->origin_lps[c] = volume->origin_lps[c];
-        for (int axis = 0; axis < 3; axis++)
-            q->step_lps[axis][c] = volume->step_lps[axis][c];
-    }
-    q->slice_layers = volume->slice_layers;
     q->hu_offset = low_hu;
     q->hu_step = (high_hu - low_hu) / top;
-    q->hu_min = volume->hu_min;
-    q->hu_max = volume->hu_max;
     Mapping mapping = {volume->grey, level, q->grey};
     cts_parallel(cts_threads(n_threads), cts_volume_n_voxels(volume), 0, map_voxels, &mapping);
     if (volume->body)

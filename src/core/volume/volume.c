@@ -17,6 +17,20 @@ CtsStatus cts_volume_new_unset(CtsVolume **volume, int nx, int ny, int nz, CtsEr
     return st;
 }
 
+CtsStatus cts_volume_new_like(CtsVolume **volume, const CtsVolume *like, int n_layers, CtsError *err)
+{
+    const CtsStatus st = cts_volume_new_unset(volume, like->dims[0], like->dims[1], n_layers, err);
+    if (st)
+        return st;
+    uint16_t *const grey = (*volume)->grey;
+    **volume = *like;
+    (*volume)->grey = grey;
+    (*volume)->body = NULL;
+    (*volume)->macrocells = NULL;
+    (*volume)->owners = NULL;
+    return CTS_OK;
+}
+
 CtsStatus cts_volume_new_empty(CtsVolume **volume, int nx, int ny, int nz, CtsError *err)
 {
     *volume = NULL;

@@ -2,10 +2,11 @@
  * times as long, and asks the environment which file to read. */
 #include <dcmtk/config/osconfig.h>
 
-#include "input/files/file_bytes.h"
+#include "base/file.h"
 #include "input/header/dcm_door.hpp"
 
 #include <cstdio>
+#include <cstdlib>
 #include <cstring>
 #include <dcmtk/dcmdata/dcdicent.h>
 #include <dcmtk/dcmdata/dcdict.h>
@@ -14,6 +15,8 @@
 
 namespace
 {
+
+const size_t MAX_BYTES = 4 << 20;
 
 /* The dictionary is made by the first who asks for it, and from outside only by naming the member: an explicit
  * instantiation may name private ones. */
@@ -76,33 +79,13 @@ bool add_line(DcmDataDictionary &dictionary, char *line)
     return true;
 }
 
-bool fill(DcmDataDictionary &dictionary, std::string &text)
+bool fill(DcmDataDictionary &dictionary, char *text)
 {
     char *rest = nullptr;
-    for (char *line = strtok_r(&text[0], "\n", &rest); line; line = strtok_r(nullptr, "\n", &rest))
+    for (char *line = strtok_r(text, "\n", &rest); line; line = strtok_r(nullptr, "\n", &rest))
         if (*line == '(' && !add_line(dictionary, line))
             return false;
     return true;
-}
-
-CtsStatus read_text(const std::string &path, std::string &text, CtsError *err)
-{
-    enum { MAX_BYTES = 16 << 20 };
-    CtsFileBytes file;
-    CtsStatus st = cts_file_bytes_open(&file, path.c_str(), err);
-    if (!st && (file.fd < 0 || file.n_bytes > MAX_BYTES))
-        st = cts_fail(err, CTS_ERR_INTERNAL, "is no dictionary");
-    try {
-        if (!st) {
-            text.resize(static_cast<size_t>(file.n_bytes));
-            st = cts_file_bytes_read(&file, &text[0], text.size(), 0, err);
-        }
-    } catch (...) {
-        cts_file_bytes_close(&file);
-        throw;
-    }
-    cts_file_bytes_close(&file);
-    return st;
 }
 
 } // namespace
@@ -110,14 +93,15 @@ CtsStatus read_text(const std::string &path, std::string &text, CtsError *err)
 CtsStatus cts_dcm_load_dictionary(CtsError *err)
 {
     const std::string paths = DCM_DICT_DEFAULT_PATH, path = paths.substr(0, paths.find(':'));
-    static std::string text; /* which the dictionary takes its names from */
+    static char *text; /* which the dictionary takes its names from */
+    size_t n;
     CtsError why = {};
     if (the_dictionary()) /* the caller of the library uses DCMTK too */
         return CTS_OK;
-    if (read_text(path, text, &why))
+    std::free(text);
+    if (cts_file_text(path.c_str(), MAX_BYTES, CTS_ERR_INTERNAL, &text, &n, &why))
         return cts_fail(err, CTS_ERR_INTERNAL,
-                        "DCMTK's data dictionary cannot be loaded: %s: %s (install DCMTK's data files)", path.c_str(),
-                        why.text);
+                        "DCMTK's data dictionary cannot be loaded: %s (install DCMTK's data files)", why.text);
     std::unique_ptr<DcmDataDictionary> made(new DcmDataDictionary(OFFalse, OFFalse));
     if (!fill(*made, text))
         return cts_fail(err, CTS_ERR_INTERNAL, "DCMTK's data dictionary cannot be loaded: %s is damaged", path.c_str());

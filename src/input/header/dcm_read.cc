@@ -1,4 +1,5 @@
 /* Attributes -> slice record. Nothing here needs DCMTK loaded. */
+#include "base/vec3.h"
 #include "input/header/dcm_attributes.hpp"
 #include "input/header/dcm_door.hpp"
 
@@ -278,11 +279,6 @@ void read_padding(CtsAttributes &item, CtsSlice *s)
     }
 }
 
-double dot(const double *a, const double *b)
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
 /* (0020,0037), made orthonormal; off by more than 0.001 is odd, by more than 0.01 no reading is right. */
 void read_orientation(CtsAttributes &item, CtsSlice *s)
 {
@@ -292,9 +288,9 @@ void read_orientation(CtsAttributes &item, CtsSlice *s)
         return;
     }
     const double *row = v, *column = v + 3;
-    const double row_norm = std::sqrt(dot(row, row)), column_norm = std::sqrt(dot(column, column));
+    const double row_norm = cts_norm3(row), column_norm = cts_norm3(column);
     const double off =
-        std::fmax(std::fmax(std::fabs(row_norm - 1), std::fabs(column_norm - 1)), std::fabs(dot(row, column)));
+        std::fmax(std::fmax(std::fabs(row_norm - 1), std::fabs(column_norm - 1)), std::fabs(cts_dot3(row, column)));
     if (!(off <= 1e-2)) {
         cts_slice_fault(s, CTS_ERR_GEOMETRY,
                         "ImageOrientationPatient (0020,0037) is not two unit vectors at right angles");
@@ -304,16 +300,13 @@ void read_orientation(CtsAttributes &item, CtsSlice *s)
         s->odd |= CTS_ODD_ORIENTATION;
     for (int c = 0; c < 3; c++)
         s->row_lps[c] = row[c] / row_norm;
-    const double along = dot(column, s->row_lps);
+    const double along = cts_dot3(column, s->row_lps);
     for (int c = 0; c < 3; c++)
         s->column_lps[c] = column[c] - along * s->row_lps[c];
-    const double norm = std::sqrt(dot(s->column_lps, s->column_lps));
+    const double norm = cts_norm3(s->column_lps);
     for (int c = 0; c < 3; c++)
         s->column_lps[c] /= norm;
-    for (int c = 0; c < 3; c++) {
-        const int d = (c + 1) % 3, e = (c + 2) % 3;
-        s->normal_lps[c] = s->row_lps[d] * s->column_lps[e] - s->row_lps[e] * s->column_lps[d];
-    }
+    cts_cross3(s->row_lps, s->column_lps, s->normal_lps);
 }
 
 void read_geometry(CtsAttributes &item, CtsSlice *s)

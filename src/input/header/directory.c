@@ -1,6 +1,5 @@
 /* DICOMDIR records -> file names. */
 #define _GNU_SOURCE
-#include "base/mem.h"
 #include "input/header/head.h"
 
 #include <stdlib.h>
@@ -47,11 +46,20 @@ static char *file_beside(const char *directory, const char *file)
     return path;
 }
 
-static CtsStatus add_files(const char *directory, CtsElements records, char ***files, size_t *n_files,
-                           size_t *n_refused, CtsError *err)
+CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, void *context, size_t *n_refused,
+                                   CtsError *err)
 {
+    CtsHead head;
+    CtsScratch scratch = {0};
+    CtsElement records;
     CtsElements record;
-    while (cts_items_next(&records, &record)) {
+    *n_refused = 0;
+    CtsStatus st = cts_head_open(&head, &(CtsFile){.path = path}, &scratch, err);
+    if (!st && (head.kind != CTS_FILE_DICOM || !cts_elements_get(cts_head_elements(&head), RECORDS, &records)))
+        st = cts_fail(err, CTS_ERR_READ, "cannot be read as a DICOMDIR (name the folder instead)");
+    if (st)
+        cts_context(err, "%s", path);
+    while (!st && cts_items_next(&records.value, &record)) {
         char id[256];
         if (!cts_elements_text(record, FILE_ID, id, sizeof id))
             continue;
@@ -59,27 +67,11 @@ static CtsStatus add_files(const char *directory, CtsElements records, char ***f
             ++*n_refused;
             continue;
         }
-        if (cts_grow(files, *n_files, err))
-            return CTS_ERR_MEMORY;
-        if (!((*files)[*n_files] = file_beside(directory, id)))
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        ++*n_files;
+        char *const file = file_beside(path, id);
+        st = file ? found(context, file, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        free(file);
     }
-    return CTS_OK;
-}
-
-CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,
-                                   size_t *n_refused, CtsError *err)
-{
-    CtsHead head;
-    CtsElement records;
-    *files = NULL;
-    *n_files = *n_refused = 0;
-    CtsStatus st = cts_head_open(&head, &(CtsFile){.path = path}, scratch, err);
-    if (!st && (head.kind != CTS_FILE_DICOM || !cts_elements_get(cts_head_elements(&head), RECORDS, &records)))
-        st = cts_fail(err, CTS_ERR_READ, "cannot be read as a DICOMDIR (name the folder instead)");
-    if (!st)
-        st = add_files(path, records.value, files, n_files, n_refused, err);
     cts_head_close(&head);
+    cts_scratch_free(&scratch);
     return st;
 }

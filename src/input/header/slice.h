@@ -164,9 +164,11 @@ void cts_slice_sample(const CtsSlice *slice, const uint16_t *words, bool are_gre
 /* The slice's file, as cts_file_bytes_open(); CTS_ERR_READ when it is not the one any more whose header was read. */
 CtsStatus cts_slice_open(const CtsSlice *slice, struct CtsFileBytes *file, CtsError *err);
 
-/* The file names in a DICOMDIR, with its own folder in front; free each and the array with free(). */
-CtsStatus cts_slice_read_directory(const char *path, CtsScratch *scratch, char ***files, size_t *n_files,
-                                   size_t *n_refused, CtsError *err);
+/* Calls found with each file name in a DICOMDIR, its own folder in front, for as long as that succeeds. *n_refused: how
+ * many lead out of the folder. */
+typedef CtsStatus (*cts_named_file_fn)(void *context, const char *path, CtsError *err);
+CtsStatus cts_slice_read_directory(const char *path, cts_named_file_fn found, void *context, size_t *n_refused,
+                                   CtsError *err);
 
 CTS_C_END
 #endif

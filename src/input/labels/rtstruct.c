@@ -2,7 +2,6 @@
 #include "base/mem.h"
 #include "base/order.h"
 #include "base/vec3.h"
-#include "input/header/dcm_read.h"
 #include "input/labels/mask.h"
 #include <math.h>
 #include <stdlib.h>
@@ -84,8 +83,7 @@ static CtsStatus add_points(Outline *o, const double (*lps)[3], size_t n, CtsErr
 static CtsStatus add_contour(Outline *o, CtsElements item, CtsError *err)
 {
     char type[17];
-    const CtsElements data = cts_elements_find(item, CONTOUR_DATA);
-    const size_t n = n_values_of(data);
+    const size_t n = n_values_of(cts_elements_find(item, CONTOUR_DATA));
     cts_elements_text(item, CONTOUR_TYPE, type, sizeof type);
     const bool closed = !strcmp(type, "CLOSED_PLANAR") || !strcmp(type, "CLOSEDPLANAR_XOR") || !type[0];
     if (!closed || n < 9) {
@@ -96,13 +94,10 @@ static CtsStatus add_contour(Outline *o, CtsElements item, CtsError *err)
     if (o->n_read > MOST_POINTS)
         return cts_fail(err, CTS_ERR_READ, "has more than %d contour points", MOST_POINTS);
     double(*lps)[3] = malloc(n * sizeof(double));
-    size_t n_bytes = (size_t)(data.end - data.at);
-    while (n_bytes && (data.at[n_bytes - 1] == ' ' || data.at[n_bytes - 1] == 0))
-        n_bytes--;
     CtsStatus st = CTS_OK;
     if (!lps)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    else if (n % 3 || !cts_dcm_parse_ds((const char *)data.at, n_bytes, lps[0], (int)n))
+    else if (n % 3 || !cts_elements_decimals(item, CONTOUR_DATA, lps[0], (int)n))
         st = cts_fail(err, CTS_ERR_READ, "a contour's ContourData (3006,0050) is not points of three numbers");
     if (!st)
         st = add_points(o, (const double(*)[3])lps, n / 3, err);

@@ -5,6 +5,7 @@
 #include "base/cpu.h"
 #include "base/helper_process.h"
 #include "base/mem.h"
+#include "base/meter.h"
 #include "base/parallel.h"
 #include "core/volume/grey.h"
 #include "core/volume/volume_new.h"
@@ -31,9 +32,9 @@ typedef struct Assembly {
     int n_slices, n_threads;
     uint16_t *first; /* where slice 0 goes; slice k lies layer_voxels further for each k */
     size_t layer_voxels;
-    bool whole_numbers;                     /* every slope and intercept is one */
-    CtsStoredRange *ranges;                 /* of each slice */
-    uint16_t *samples;                      /* CTS_SAMPLES of each slice */
+    bool whole_numbers;     /* every slope and intercept is one */
+    CtsStoredRange *ranges; /* of each slice */
+    uint16_t *samples;      /* CTS_SAMPLES of each slice */
     double busy[CTS_N_STAGES];
     uint64_t items[CTS_N_STAGES], bytes[CTS_N_STAGES];
     char **faults; /* of slices whose pixels are damaged, else NULL; the caller's, n_slices of them */
@@ -502,13 +503,6 @@ static CtsStatus fill(const Loading *in, int offset, CtsVolume *v, CtsReport *re
     return st;
 }
 
-/* Time of the stages of loading so far. */
-static void stage_times(const CtsReport *report, double *wall_ms, double *cpu_ms)
-{
-    *wall_ms = report->stages[CTS_STAGE_DECODE].wall_ms + report->stages[CTS_STAGE_GREY].wall_ms;
-    *cpu_ms = report->stages[CTS_STAGE_DECODE].cpu_ms + report->stages[CTS_STAGE_GREY].cpu_ms;
-}
-
 /* "series UID: " in front of a failure; by its file or folder where the data has no UID. */
 static CtsStatus in_series(const CtsSeries *series, CtsError *err)
 {
@@ -568,8 +562,8 @@ end:
 }
 
 /* A slice that turns out to be damaged is left out like one that was never there, and the rest is read again. */
-static CtsStatus load(const CtsSeries *series, const CtsWordWatch *watch, int n_threads,
-                      CtsScanned **scanned, CtsReport *report, CtsError *err)
+static CtsStatus load(const CtsSeries *series, const CtsWordWatch *watch, int n_threads, CtsScanned **scanned,
+                      CtsReport *report, CtsError *err)
 {
     Loading in = {.watch = watch};
     CtsError why = {0};
@@ -594,22 +588,16 @@ static CtsStatus load(const CtsSeries *series, const CtsWordWatch *watch, int n_
 CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, int n_threads, CtsScanned **scanned,
                           CtsReport *report, CtsError *err)
 {
-    double wall = cts_wall_ms(), cpu = cts_cpu_ms(), wall_before = 0, cpu_before = 0, wall_after = 0, cpu_after = 0;
+    const CtsMeter meter = cts_meter_start(report);
     *scanned = NULL;
     if (!series->renderable) {
         cts_fail(err, series->refusal, "%s", series->reason);
         in_series(series, err);
         return series->refusal;
     }
-    if (report)
-        stage_times(report, &wall_before, &cpu_before);
     const CtsStatus st = load(series, watch, cts_threads(n_threads), scanned, report, err);
-    if (report)
-        stage_times(report, &wall_after, &cpu_after);
     /* What is not reading slices is making grey levels of them: memory, fractions. */
-    wall = cts_wall_ms() - wall - (wall_after - wall_before);
-    cpu = cts_cpu_ms() - cpu - (cpu_after - cpu_before);
-    cts_report_stage(report, CTS_STAGE_GREY, fmax(wall, 0), fmax(cpu, 0), 0, 0);
+    cts_meter_stop(meter, report, CTS_STAGE_GREY);
     for (size_t i = 0; !st && i < series->findings.n; i++)
         cts_report_finding(report, series->findings.items[i].code, series->findings.items[i].severity, "%s",
                            series->findings.items[i].text);

@@ -31,15 +31,11 @@ static CtsStatus copy(CtsScanned *s, CtsVolume **volume, CtsError *err)
     if (!cts_memory_allows((double)n_bytes, cts_memory_available()))
         return cts_fail(err, CTS_ERR_MEMORY, "another volume of one scan needs %.0f MiB more memory than is free",
                         (double)n_bytes / 1048576);
-    const CtsStatus st = cts_volume_new_unset(volume, even->dims[0], even->dims[1], s->n_slots, err);
+    const CtsStatus st = cts_volume_new_like(volume, even, s->n_slots, err);
     if (st)
         return st;
-    uint16_t *const grey = (*volume)->grey;
-    **volume = *even;
-    (*volume)->grey = grey;
-    (*volume)->body = NULL;
     const size_t first = (size_t)s->offset * layer_voxels(s);
-    memcpy(grey + first, even->grey + first, (size_t)s->n_slices * layer_voxels(s) * sizeof *grey);
+    memcpy((*volume)->grey + first, even->grey + first, (size_t)s->n_slices * layer_voxels(s) * sizeof *even->grey);
     return CTS_OK;
 }
 

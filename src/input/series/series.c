@@ -123,22 +123,16 @@ static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
     return failed ? cts_fail(err, CTS_ERR_MEMORY, "out of memory while headers were read") : CTS_OK;
 }
 
+static CtsStatus add_named(void *context, const char *path, CtsError *err)
+{
+    return cts_file_list_add(context, path, false, err);
+}
+
 /* Add the files that one DICOMDIR names. */
 static CtsStatus follow_directory(Search *s, const char *path, CtsError *err)
 {
-    char **files = NULL;
-    size_t n_files = 0, n_refused = 0;
-    CtsScratch scratch = {0};
-    CtsStatus st = cts_slice_read_directory(path, &scratch, &files, &n_files, &n_refused, err);
-    if (st)
-        cts_context(err, "%s", path);
-    for (size_t i = 0; i < n_files; i++) {
-        if (!st)
-            st = cts_file_list_add(&s->files, files[i], false, err);
-        free(files[i]);
-    }
-    free(files);
-    cts_scratch_free(&scratch);
+    size_t n_refused = 0;
+    const CtsStatus st = cts_slice_read_directory(path, add_named, &s->files, &n_refused, err);
     if (n_refused)
         cts_findings_add(&s->list->findings, "directory_escapes", CTS_WARNING,
                          "%s: %zu of its files do not lie in its folder; left out", path, n_refused);

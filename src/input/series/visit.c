@@ -73,22 +73,18 @@ static void tell_archive(const Found *f, CtsArchiveFile *file)
         file->mtime_ns = (int64_t)info.st_mtim.tv_sec * 1000000000 + info.st_mtim.tv_nsec;
 }
 
+static CtsStatus add_named(void *context, const char *path, CtsError *err)
+{
+    return add_file(context, &(CtsFile){.path = path}, NULL, err);
+}
+
 /* The files that a DICOMDIR names, into the next group. */
 static CtsStatus follow(Search *s, const char *path, CtsError *err)
 {
-    char **files = NULL;
-    size_t n_files = 0, n_refused = 0;
-    CtsStatus st = cts_slice_read_directory(path, &s->scratch[0], &files, &n_files, &n_refused, err);
-    if (st)
-        cts_context(err, "%s", path);
+    size_t n_refused;
     s->in_directory = true;
-    for (size_t i = 0; i < n_files; i++) {
-        if (!st)
-            st = add_file(s, &(CtsFile){.path = files[i]}, NULL, err);
-        free(files[i]);
-    }
+    const CtsStatus st = cts_slice_read_directory(path, add_named, s, &n_refused, err);
     s->in_directory = false;
-    free(files);
     return st;
 }
 
