@@ -61,23 +61,25 @@ static int allow_own_signals(scmp_filter_ctx filter)
     return seccomp_rule_add(filter, SCMP_ACT_ALLOW, SCMP_SYS(tgkill), 1, own);
 }
 
+static int add_calls(scmp_filter_ctx filter, uint32_t action, const int *calls, size_t n)
+{
+    int result = filter ? 0 : -ENOMEM;
+    for (size_t i = 0; !result && i < n; i++)
+        result = seccomp_rule_add(filter, action, calls[i], 0);
+    return result;
+}
+#define ADD_CALLS(filter, action, calls) add_calls(filter, action, calls, sizeof calls / sizeof *calls)
+
 static int load_filter(void)
 {
     scmp_filter_ctx filter = seccomp_init(CTS_SANITIZED ? SCMP_ACT_ALLOW : SCMP_ACT_KILL_PROCESS);
-    int result = filter ? 0 : -ENOMEM;
-    if (CTS_SANITIZED) {
-        for (size_t i = 0; !result && i < sizeof denied / sizeof *denied; i++)
-            result = seccomp_rule_add(filter, SCMP_ACT_KILL_PROCESS, denied[i], 0);
-    } else {
-        for (size_t i = 0; !result && i < sizeof allowed / sizeof *allowed; i++)
-            result = seccomp_rule_add(filter, SCMP_ACT_ALLOW, allowed[i], 0);
-        for (size_t i = 0; !result && i < sizeof refused / sizeof *refused; i++)
-            result = seccomp_rule_add(filter, SCMP_ACT_ERRNO(EACCES), refused[i], 0);
-        if (!result)
-            result = allow_data_memory(filter);
-        if (!result)
-            result = allow_own_signals(filter);
-    }
+    int result;
+    if (CTS_SANITIZED)
+        result = ADD_CALLS(filter, SCMP_ACT_KILL_PROCESS, denied);
+    else
+        (void)((result = ADD_CALLS(filter, SCMP_ACT_ALLOW, allowed)) ||
+               (result = ADD_CALLS(filter, SCMP_ACT_ERRNO(EACCES), refused)) || (result = allow_data_memory(filter)) ||
+               (result = allow_own_signals(filter)));
     if (!result)
         result = seccomp_load(filter); /* sets "no new privileges" too */
     seccomp_release(filter);
@@ -158,9 +160,7 @@ int cts_walls_stay_inside(void)
                                    SCMP_SYS(bind),   SCMP_SYS(listen),          SCMP_SYS(accept), SCMP_SYS(accept4),
                                    SCMP_SYS(ptrace), SCMP_SYS(process_vm_readv)};
     scmp_filter_ctx filter = seccomp_init(SCMP_ACT_ALLOW);
-    int result = filter ? 0 : -ENOMEM;
-    for (size_t i = 0; !result && i < sizeof reaching / sizeof *reaching; i++)
-        result = seccomp_rule_add(filter, SCMP_ACT_KILL_PROCESS, reaching[i], 0);
+    int result = ADD_CALLS(filter, SCMP_ACT_KILL_PROCESS, reaching);
     if (!result)
         result = seccomp_load(filter);
     seccomp_release(filter);

@@ -23,20 +23,6 @@ static const double SKIN_MM = 3;
 static const double AROUND_MM = 3;
 static const CtsReach ONE = {.diamond = 1};
 
-/* For each part, how many of its voxels are set in bits. */
-static CtsStatus count_in(const CtsParts *p, const CtsBits *bits, uint64_t **count, CtsError *err)
-{
-    const CtsStatus st = cts_alloc_zeroed(count, p->n_parts, err);
-    for (int k = 0; !st && k < bits->dims[2]; k++)
-        for (int j = 0; j < bits->dims[1]; j++) {
-            const uint64_t *row = cts_bits_row(bits, j, k);
-            const size_t at = (size_t)k * (size_t)bits->dims[1] + (size_t)j;
-            for (uint32_t r = p->row_start[at]; r < p->row_start[at + 1]; r++)
-                (*count)[p->runs[r].part] += cts_bits_count_run(row, (int)p->runs[r].first, (int)p->runs[r].end);
-        }
-    return st;
-}
-
 /* flags[]: the largest part, and of the others of some size those that are mostly thick; sized[]: these others. */
 static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, CtsMorphology *workers, int n_threads,
                                 uint8_t *flags, uint8_t *sized, CtsError *err)
@@ -59,7 +45,7 @@ static CtsStatus choose_patient(const CtsSectionPlan *plan, const CtsParts *p, C
     cts_parts_paint(p, sized, NULL, &others);
     cts_each_section(workers, n_threads, cts_open_section, &others, cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm),
                      &others);
-    if ((st = count_in(p, &others, &thick, err)))
+    if ((st = cts_parts_count_in(p, &others, &thick, err)))
         goto end;
     for (uint32_t n = 0; n < p->n_parts; n++)
         if (sized[n] && 2 * thick[n] >= p->parts[n].n_voxels) {

@@ -103,26 +103,19 @@ static CtsStatus choose_parts(const Search *s, Worker *w, CtsBits *chosen_parts,
     uint64_t *count = NULL;
     uint8_t *chosen = NULL;
     CtsParts *const p = &w->parts;
-    CtsStatus st = cts_parts_find(p, &w->thin, false, err);
-    if (st || (st = cts_alloc_zeroed(&count, p->n_parts, err)) || (st = cts_alloc_array(&chosen, p->n_parts, err)))
+    CtsStatus st;
+    if ((st = cts_parts_find(p, &w->thin, false, err)) || (st = cts_parts_count_in(p, &w->always, &count, err)) ||
+        (st = cts_alloc_array(&chosen, p->n_parts, err)))
         goto end;
-    for (int j = 0; j < w->always.dims[1]; j++)
-        for (uint32_t r = p->row_start[j]; r < p->row_start[j + 1]; r++)
-            count[p->runs[r].part] +=
-                cts_bits_count_run(cts_bits_row(&w->always, j, 0), (int)p->runs[r].first, (int)p->runs[r].end);
     for (uint32_t n = 0; n < p->n_parts; n++)
         chosen[n] = (double)count[n] >= s->sure_voxels ||
                     ((double)count[n] >= s->least_voxels && 2 * count[n] >= p->parts[n].n_voxels);
-    cts_parts_paint_slice(p, chosen, chosen_parts, 0);
+    cts_parts_paint(p, chosen, NULL, chosen_parts);
+    cts_bits_combine(chosen_parts, CTS_BITS_AND, &w->always);
 end:
     cts_free(&count);
     cts_free(&chosen);
     return st;
-}
-
-static void clear_section(CtsBits *section)
-{
-    memset(section->words, 0, cts_bits_n_words(section) * sizeof *section->words);
 }
 
 /* A plate is thin in all sections together and always there: that tells it from the patient's ears, skin and walls,
@@ -131,19 +124,13 @@ static CtsStatus look_at_window(const Search *s, int n, Worker *w, CtsError *err
 {
     CtsStatus st;
     CtsBits plates = cts_bits_slice(&s->plates, n), doubtful = cts_bits_slice(&s->doubtful, n);
-    clear_section(&plates);
-    clear_section(&doubtful);
     look_along(s, window_at(&s->windows, n), w);
     cts_thin_section(w->morphology, w->ever.words, s->reach, w->thin.words);
     if ((st = choose_parts(s, w, &plates, err)))
         return st;
-    cts_bits_combine(&plates, CTS_BITS_AND, &w->always);
     cts_contact_add(&w->always, &w->ever, &plates);
     cts_thin_section(w->morphology, w->ever.words, s->doubt_reach, w->thin.words);
-    if ((st = choose_parts(s, w, &doubtful, err)))
-        return st;
-    cts_bits_combine(&doubtful, CTS_BITS_AND, &w->always);
-    return st;
+    return choose_parts(s, w, &doubtful, err);
 }
 
 /* A plate's end moves where the plate is cut askew, so that it ends before what touches it does; over a shorter way it
@@ -153,7 +140,7 @@ static void follow_plates(const Search *s, int n, Worker *w)
     const Window window = window_at(&s->shorter, n);
     const CtsReach waver = {.diamond = 1, .box = {1, 1}};
     CtsBits followed = cts_bits_slice(&s->followed, n);
-    clear_section(&followed);
+    memset(followed.words, 0, cts_bits_n_words(&followed) * sizeof *followed.words);
     for (int l = 0; l < s->windows.n; l++) {
         const Window longer = window_at(&s->windows, l);
         const CtsBits plates = cts_bits_slice(&s->plates, l);
@@ -214,54 +201,17 @@ end:
     return st;
 }
 
-typedef struct Gathering {
-    const Search *search;
-    const CtsBits *sections;
-    CtsExtruded *extruded;
-} Gathering;
-
-/* Words first to first + n of what was found in the windows over section k. */
-static void add_found(const Windows *windows, const CtsBits *found, int k, size_t first, size_t n, uint64_t *to)
+/* Each section has what was found in the windows over it. */
+static void gather(const Windows *windows, const CtsBits *found, CtsBits *to)
 {
     for (int at = 0; at < windows->n; at++) {
+        const CtsBits from = cts_bits_slice(found, at);
         const Window window = window_at(windows, at);
-        const uint64_t *from = cts_bits_row(found, 0, at) + first;
-        if (k < window.first || k >= window.end)
-            continue;
-        for (size_t w = 0; w < n; w++)
-            to[w] |= from[w];
-    }
-}
-
-/* Each section has what was found in the windows over it, piece by piece, so that a piece stays in the nearest cache.
- */
-static void gather_section(const Gathering *g, int k)
-{
-    enum { PIECE = 512 };
-    const Search *const s = g->search;
-    const size_t n_words = g->sections->row_words * (size_t)g->sections->dims[1];
-    for (size_t first = 0; first < n_words; first += PIECE) {
-        const size_t n = n_words - first < PIECE ? n_words - first : PIECE;
-        const uint64_t *there = cts_bits_row(g->sections, 0, k) + first;
-        uint64_t *plates = cts_bits_row(&g->extruded->plates, 0, k) + first;
-        uint64_t *doubtful = cts_bits_row(&g->extruded->doubtful, 0, k) + first;
-        memset(plates, 0, n * sizeof *plates);
-        memset(doubtful, 0, n * sizeof *doubtful);
-        add_found(&s->windows, &s->plates, k, first, n, plates);
-        add_found(&s->shorter, &s->followed, k, first, n, plates);
-        add_found(&s->windows, &s->doubtful, k, first, n, doubtful);
-        for (size_t w = 0; w < n; w++) {
-            plates[w] &= there[w];
-            doubtful[w] &= there[w];
+        for (int k = window.first; k < window.end; k++) {
+            CtsBits section = cts_bits_slice(to, k);
+            cts_bits_combine(&section, CTS_BITS_OR, &from);
         }
     }
-}
-
-static void gather_sections(void *context, int worker, size_t first, size_t end)
-{
-    (void)worker;
-    for (size_t k = first; k < end; k++)
-        gather_section(context, (int)k);
 }
 
 CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
@@ -276,9 +226,8 @@ CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections,
     s.sure_voxels = SURE_MM2 / mm2;
     s.windows = windows_of(plan, EXTRUDED_MM);
     s.shorter = windows_of(plan, FOLLOWED_MM);
-    CtsStatus (*const new_mask)(CtsBits *, const int *, CtsError *) = s.windows.n ? cts_bits_new_unset : cts_bits_new;
-    if ((st = new_mask(&extruded->plates, plan->dims, err)) || (st = new_mask(&extruded->doubtful, plan->dims, err)) ||
-        s.windows.n == 0)
+    if ((st = cts_bits_new(&extruded->plates, plan->dims, err)) ||
+        (st = cts_bits_new(&extruded->doubtful, plan->dims, err)) || s.windows.n == 0)
         return st;
     const int by_window[3] = {plan->dims[0], plan->dims[1], s.windows.n};
     const int by_shorter[3] = {plan->dims[0], plan->dims[1], s.shorter.n};
@@ -286,8 +235,11 @@ CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections,
         (st = cts_bits_new_unset(&s.doubtful, by_window, err)) ||
         (st = cts_bits_new_unset(&s.followed, by_shorter, err)) || (st = search(&s, sections, workers, n_threads, err)))
         goto end;
-    Gathering gathering = {&s, sections, extruded};
-    cts_parallel(n_threads, (size_t)plan->dims[2], 0, gather_sections, &gathering);
+    gather(&s.windows, &s.plates, &extruded->plates);
+    gather(&s.shorter, &s.followed, &extruded->plates);
+    gather(&s.windows, &s.doubtful, &extruded->doubtful);
+    cts_bits_combine(&extruded->plates, CTS_BITS_AND, sections);
+    cts_bits_combine(&extruded->doubtful, CTS_BITS_AND, sections);
 end:
     cts_bits_free(&s.wide);
     cts_bits_free(&s.plates);

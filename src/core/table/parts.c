@@ -125,22 +125,24 @@ CtsStatus cts_parts_find(CtsParts *p, const CtsBits *bits, bool across_slices, C
     return st;
 }
 
+CtsStatus cts_parts_count_in(const CtsParts *p, const CtsBits *bits, uint64_t **count, CtsError *err)
+{
+    const CtsStatus st = cts_alloc_zeroed(count, p->n_parts, err);
+    for (int k = 0; !st && k < bits->dims[2]; k++)
+        for (int j = 0; j < bits->dims[1]; j++) {
+            const uint64_t *row = cts_bits_row(bits, j, k);
+            const size_t at = (size_t)k * (size_t)bits->dims[1] + (size_t)j;
+            for (uint32_t r = p->row_start[at]; r < p->row_start[at + 1]; r++)
+                (*count)[p->runs[r].part] += cts_bits_count_run(row, (int)p->runs[r].first, (int)p->runs[r].end);
+        }
+    return st;
+}
+
 void cts_parts_free(CtsParts *p)
 {
     cts_free(&p->runs);
     cts_free(&p->row_start);
     cts_free(&p->parts);
-}
-
-void cts_parts_paint_slice(const CtsParts *p, const uint8_t *flags, CtsBits *bits, int k)
-{
-    for (int j = 0; j < p->dims[1]; j++) {
-        const size_t row = (size_t)k * (size_t)p->dims[1] + (size_t)j;
-        uint64_t *words = cts_bits_row(bits, j, k);
-        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
-            if (flags[p->runs[r].part])
-                cts_bits_fill(words, (int)p->runs[r].first, (int)p->runs[r].end);
-    }
 }
 
 void cts_parts_paint(const CtsParts *p, const uint8_t *flags, const CtsBits *under, CtsBits *bits)
@@ -150,6 +152,8 @@ void cts_parts_paint(const CtsParts *p, const uint8_t *flags, const CtsBits *und
         memcpy(bits->words, under->words, n_bytes);
     else
         memset(bits->words, 0, n_bytes);
-    for (int k = 0; k < p->dims[2]; k++)
-        cts_parts_paint_slice(p, flags, bits, k);
+    for (int row = 0; row < p->dims[1] * p->dims[2]; row++)
+        for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
+            if (flags[p->runs[r].part])
+                cts_bits_fill(cts_bits_row(bits, row, 0), (int)p->runs[r].first, (int)p->runs[r].end);
 }

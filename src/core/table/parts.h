@@ -31,9 +31,10 @@ typedef struct CtsParts {
 CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, bool across_slices, CtsError *err);
 void cts_parts_free(CtsParts *parts);
 
-/* Set the bits of the parts whose flag is set, in one slice, whose other bits stay as they are. */
-void cts_parts_paint_slice(const CtsParts *parts, const uint8_t *flags, CtsBits *bits, int k);
-/* The same in all slices; all other bits become those of `under` (NULL: 0). */
+/* For each part, how many of its voxels are set in bits; free with cts_free(). */
+CtsStatus cts_parts_count_in(const CtsParts *parts, const CtsBits *bits, uint64_t **count, CtsError *err);
+
+/* Set the bits of the parts whose flag is set; all other bits become those of `under` (NULL: 0). */
 void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, const CtsBits *under, CtsBits *bits);
 
 #endif

@@ -102,26 +102,16 @@ CtsStatus cts_preset_read_light(const CtsJsonAt *at, const char *power, CtsPrese
     return st;
 }
 
-static CtsStatus read_points(const CtsJsonAt *points, bool with_colour, CtsPreset *preset, CtsError *err)
+static CtsStatus read_points(const CtsJsonAt *points, bool opacity, bool colour, CtsPreset *preset, CtsError *err)
 {
-    static const char *const keys[] = {"hu", "opacity", "rgb"};
+    static const char *const keys[] = {"hu", "opacity", "rgb"}, *const colour_keys[] = {"hu", "rgb"};
     CtsStatus st = cts_json_check_array(points, 1, CTS_MAX_POINTS, err);
     for (size_t i = 0; !st && i < json_array_size(points->value); i++) {
         const CtsJsonAt point = cts_json_element(points, i);
-        if (!(st = cts_json_check_keys(&point, keys, with_colour ? 3 : 2, err)) &&
-            !(st = cts_preset_read_opacity(&point, "hu", "opacity", preset, err)) && with_colour)
-            st = cts_preset_read_colour(&point, "hu", "rgb", preset, err);
-    }
-    return st;
-}
-
-static CtsStatus read_colour_points(const CtsJsonAt *points, CtsPreset *preset, CtsError *err)
-{
-    static const char *const keys[] = {"hu", "rgb"};
-    CtsStatus st = cts_json_check_array(points, 1, CTS_MAX_POINTS, err);
-    for (size_t i = 0; !st && i < json_array_size(points->value); i++) {
-        const CtsJsonAt point = cts_json_element(points, i);
-        if (!(st = cts_json_check_keys(&point, keys, 2, err)))
+        st = cts_json_check_keys(&point, opacity ? keys : colour_keys, opacity && colour ? 3 : 2, err);
+        if (!st && opacity)
+            st = cts_preset_read_opacity(&point, "hu", "opacity", preset, err);
+        if (!st && colour)
             st = cts_preset_read_colour(&point, "hu", "rgb", preset, err);
     }
     return st;
@@ -202,8 +192,8 @@ static CtsStatus read_preset(const CtsJsonAt *root, CtsPreset *preset, CtsError 
     const bool own_colours = cts_json_member(root, "colour_points", &colour_points);
     if (!cts_json_member(root, "points", &at))
         return cts_json_fail(root, err, "points is missing");
-    if ((st = read_points(&at, !own_colours, preset, err)) ||
-        (own_colours && (st = read_colour_points(&colour_points, preset, err))))
+    if ((st = read_points(&at, true, !own_colours, preset, err)) ||
+        (own_colours && (st = read_points(&colour_points, false, true, preset, err))))
         return st;
     cts_preset_default_window(preset);
 

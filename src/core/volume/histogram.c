@@ -16,26 +16,22 @@ static void count_voxels(void *context, int worker, size_t first, size_t end)
 {
     const Count *const c = context;
     uint64_t *mine = c->tables + (size_t)worker * TABLES * N_GREY;
-    for (size_t i = first * TABLES; i < end * TABLES; i += TABLES)
-        for (int t = 0; t < TABLES; t++)
-            mine[(size_t)t * N_GREY + c->grey[i + (size_t)t]]++;
+    for (size_t i = first; i < end; i++)
+        mine[i % TABLES * N_GREY + c->grey[i]]++;
 }
 
 CtsStatus cts_volume_histogram(const CtsVolume *volume, int n_threads, uint64_t **count, CtsError *err)
 {
     CtsStatus st;
     uint64_t *tables = NULL;
-    const uint16_t *grey = volume->grey;
-    const size_t n = cts_volume_n_voxels(volume), whole = n / TABLES;
+    const size_t n = cts_volume_n_voxels(volume);
     const int asked = cts_threads(n_threads), parts = asked < MOST_PARTS ? asked : MOST_PARTS;
     *count = NULL;
     if ((st = cts_alloc_zeroed(&tables, (size_t)parts * TABLES * N_GREY, err)) ||
         (st = cts_alloc_zeroed(count, N_GREY, err)))
         goto end;
-    Count job = {grey, tables};
-    cts_parallel(parts, whole, 0, count_voxels, &job);
-    for (size_t i = whole * TABLES; i < n; i++)
-        tables[grey[i]]++;
+    Count job = {volume->grey, tables};
+    cts_parallel(parts, n, 0, count_voxels, &job);
     for (size_t t = 0; t < (size_t)parts * TABLES; t++)
         for (size_t g = 0; g < N_GREY; g++)
             (*count)[g] += tables[t * N_GREY + g];

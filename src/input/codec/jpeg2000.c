@@ -104,9 +104,6 @@ static CtsStatus take_samples(const CtsFrameFormat *f, const opj_image_comp_t *c
     if (f->bits_allocated == 8)
         for (size_t i = 0; i < n; i++)
             bytes[i * step] = (uint8_t)c->data[i];
-    else if (step == 1)
-        for (size_t i = 0; i < n; i++)
-            words[i] = (uint16_t)c->data[i];
     else
         for (size_t i = 0; i < n; i++)
             words[i * step] = (uint16_t)c->data[i];

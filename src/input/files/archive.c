@@ -130,7 +130,7 @@ CtsStatus cts_archive_unpack(const void *order, const uint8_t *stream, size_t n,
     return st;
 }
 
-static int by_name(const void *a, const void *b)
+int cts_member_by_name(const void *a, const void *b)
 {
     return strcmp(((const CtsMember *)a)->name, ((const CtsMember *)b)->name);
 }
@@ -146,7 +146,7 @@ static CtsStatus list_members(CtsArchive *a, const uint8_t *bytes, size_t n, Cts
         pos += sizeof r;
         if (r.n_name == 0) {
             if (a->n_members)
-                qsort(a->members, (size_t)a->n_members, sizeof *a->members, by_name);
+                qsort(a->members, (size_t)a->n_members, sizeof *a->members, cts_member_by_name);
             return CTS_OK;
         }
         if (r.n_name > MAX_NAME || n - pos < (size_t)r.n_name + 1 || bytes[pos + r.n_name] ||

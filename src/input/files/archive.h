@@ -18,6 +18,9 @@ typedef struct CtsMember {
     bool is_bad; /* cannot be unpacked: encrypted, damaged; bytes then says why, as text */
 } CtsMember;
 
+/* For qsort() and bsearch(). */
+int cts_member_by_name(const void *a, const void *b);
+
 typedef struct CtsArchive {
     CtsMember *members; /* n_members, in order of name */
     int n_members, n_other;

@@ -16,11 +16,6 @@ struct CtsArchives {
     size_t n;
 };
 
-static int by_name(const void *a, const void *b)
-{
-    return strcmp(((const CtsMember *)a)->name, ((const CtsMember *)b)->name);
-}
-
 CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive *archive, CtsError *err)
 {
     CtsArchives *all = *archives ? *archives : calloc(1, sizeof *all);
@@ -42,8 +37,8 @@ bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *f
         if (strncmp(path, kept->path, n) || path[n] != '/')
             continue;
         const CtsMember wanted = {.name = path + n + 1};
-        const CtsMember *member =
-            bsearch(&wanted, kept->archive->members, (size_t)kept->archive->n_members, sizeof wanted, by_name);
+        const CtsMember *member = bsearch(&wanted, kept->archive->members, (size_t)kept->archive->n_members,
+                                          sizeof wanted, cts_member_by_name);
         if (!member || member->is_bad)
             continue;
         *file = (CtsFile){.path = path, .memory = member->bytes, .n_memory = member->n_bytes};

@@ -1,9 +1,9 @@
-/* A look at the framing of a DICOM file before DCMTK parses it: tags and lengths, no values.
+/* A look at the framing of a DICOM file before its elements are read: tags and lengths, no values.
  *
- * DCMTK 3.6.7 allocates whatever an element's length claims and recurses once for each nested sequence, so a file of a
- * few hundred bytes can take gigabytes or the stack. This scanner walks the tags up to PixelData without recursion,
- * compares every length with the bytes the file has, and says where the pixels lie, so that DCMTK is handed a buffer
- * that ends before them and the pixels are never parsed. */
+ * Lengths come from outside, and sequences may be nested as deep as a file's bytes allow. This scanner walks the tags
+ * up to PixelData without recursion, compares every length with the bytes the file has, and says where the pixels lie.
+ * What it lets through may be walked plainly, and given to DCMTK 3.6.7, which allocates whatever a length claims and
+ * recurses once for each nested sequence. */
 #ifndef CTS_DICOM_TAG_SCAN_H
 #define CTS_DICOM_TAG_SCAN_H
 

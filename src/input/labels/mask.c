@@ -120,10 +120,9 @@ static CtsStatus place_shares(const Placing *p, int slice, const Affine *a, cons
         for (int i = 0; i < p->grid->columns && !st; i++) {
             const double x = a->at[0] + i * a->by[0][0], y = a->at[1] + j * a->by[1][1];
             if (x >= 0 && y >= 0 && x < p->mask->columns && y < p->mask->rows)
-                st = add_share(p, slice, j, i, plane->sharer,
-                               (double)plane->shares[(size_t)y * (size_t)p->mask->columns + (size_t)x] /
-                                   CTS_WHOLE_SHARE,
-                               err);
+                st = add_share(
+                    p, slice, j, i, plane->sharer,
+                    (double)plane->shares[(size_t)y * (size_t)p->mask->columns + (size_t)x] / CTS_WHOLE_SHARE, err);
         }
     return st;
 }
@@ -161,19 +160,10 @@ static int plane_behind(const Placing *p, double at_mm)
     return low;
 }
 
-/* The plane nearest to a place along the normal; NULL: none stands for it. */
-static const Place *plane_at(const Placing *p, double at_mm)
-{
-    const int behind = plane_behind(p, at_mm);
-    const Place *const b = behind < p->mask->n_planes ? &p->sorted[behind] : NULL;
-    const Place *const a = behind > 0 ? &p->sorted[behind - 1] : NULL;
-    const Place *const nearest = !a || (b && b->at_mm - at_mm <= at_mm - a->at_mm) ? b : a;
-    return fabs(nearest->at_mm - at_mm) <= p->reach_mm ? nearest : NULL;
-}
-
 /* The planes before and behind a place along the normal, -1 for none, and how much of what lies there each makes out:
- * straight from plane to plane, and to nothing where the next one is left out. */
-static void planes_about(const Placing *p, double at_mm, int plane[2], double weight[2])
+ * straight from plane to plane, and to nothing where the next one is left out. Returns the nearest; -1: none stands for
+ * the place. */
+static int planes_about(const Placing *p, double at_mm, int plane[2], double weight[2])
 {
     const int behind = plane_behind(p, at_mm);
     const double gap = gap_of(p);
@@ -185,10 +175,12 @@ static void planes_about(const Placing *p, double at_mm, int plane[2], double we
             away[s] = fabs(p->sorted[n].at_mm - at_mm);
     }
     for (int s = 0; s < 2; s++)
-        weight[s] = away[s] <= p->same_mm               ? 1
-                    : away[!s] <= p->same_mm            ? 0
-                    : away[0] + away[1] <= 1.5 * gap    ? away[!s] / (away[0] + away[1])
-                                                        : fmax(0, 1 - away[s] / gap);
+        weight[s] = away[s] <= p->same_mm            ? 1
+                    : away[!s] <= p->same_mm         ? 0
+                    : away[0] + away[1] <= 1.5 * gap ? away[!s] / (away[0] + away[1])
+                                                     : fmax(0, 1 - away[s] / gap);
+    const int nearest = away[1] <= away[0];
+    return away[nearest] <= p->reach_mm ? plane[nearest] : -1;
 }
 
 static CtsStatus read_plane(const Placing *p, int number, CtsMaskPlane *plane, CtsError *err)
@@ -272,16 +264,15 @@ static void mix_plane(const Field *f, int plane, double weight, double x, double
 }
 
 /* The value of the pixel nearest to a point: a tie goes one way whatever the last digits are. */
-static int nearest_value(const Field *f, const Place *nearest, double u, double v)
+static int nearest_value(const Field *f, int plane, double u, double v)
 {
     const CtsMask *const m = f->placing->mask;
-    if (!nearest)
+    if (plane < 0)
         return 0;
-    const double x = floor(u - f->origin[nearest->plane][0] + 0.5 + 1e-9);
-    const double y = floor(v - f->origin[nearest->plane][1] + 0.5 + 1e-9);
+    const double x = floor(u - f->origin[plane][0] + 0.5 + 1e-9), y = floor(v - f->origin[plane][1] + 0.5 + 1e-9);
     if (!(x >= 0 && y >= 0 && x < m->columns && y < m->rows))
         return 0;
-    return f->values[((size_t)nearest->plane * (size_t)m->rows + (size_t)y) * (size_t)m->columns + (size_t)x];
+    return f->values[((size_t)plane * (size_t)m->rows + (size_t)y) * (size_t)m->columns + (size_t)x];
 }
 
 static CtsStatus resample_row(const Field *f, int slice, int row, CtsError *err)
@@ -302,12 +293,12 @@ static CtsStatus resample_row(const Field *f, int slice, int row, CtsError *err)
         if (i < g->columns) {
             const double at_mm = cts_dot3(at, p->normal_lps);
             const double u = cts_dot3(p->inverse[0], at), v = cts_dot3(p->inverse[1], at);
-            planes_about(p, at_mm, plane, weight);
+            const int nearest = planes_about(p, at_mm, plane, weight);
             for (int s = 0; s < 2; s++)
                 if (plane[s] >= 0 && weight[s] > 0)
                     mix_plane(f, plane[s], weight[s], snapped(u - f->origin[plane[s]][0]),
                               snapped(v - f->origin[plane[s]][1]), &mix);
-            here = nearest_value(f, plane_at(p, at_mm), u, v);
+            here = nearest_value(f, nearest, u, v);
         }
         for (int n = 0; n < mix.n && !st; n++)
             st = add_share(p, slice, row, i, mix.value[n], mix.share[n], err);
