@@ -2,7 +2,8 @@
  * those around it that reach in, looked up in the transfer function. A patch without a visible level in its range is
  * left out; its samples would have had alpha 0, so the picture keeps its bytes.
  *
- * Ranges are those of the volume's fine macro-cells, so a patch is judged for the layers of a macro-cell at once. */
+ * Ranges are those of the volume's fine macro-cells, so a patch is judged for the layers of a macro-cell at once; what
+ * they leave is judged again by the voxels of its own layer, where planes lie on layers alone (swath.c). */
 #ifndef CTS_SPLAT_VOID_H
 #define CTS_SPLAT_VOID_H
 
