@@ -17,9 +17,9 @@ typedef struct Rays {
     CtsRaycaster *caster;
 } Rays;
 
-/* Aims a caster at what rays holds; n_rays as in cts_raycaster_new(). */
+/* Aims a caster at what rays holds. */
 static inline void rays_aim(Rays *r, double azimuth_deg, double elevation_deg, double mm_per_pixel,
-                            const CtsField *field, size_t n_rays)
+                            const CtsField *field)
 {
     CtsError err = {0};
     cts_raycaster_free(&r->caster);
@@ -31,7 +31,7 @@ static inline void rays_aim(Rays *r, double azimuth_deg, double elevation_deg, d
     r->settings.mm_per_pixel = mm_per_pixel;
     r->scene = (CtsScene){.volume = r->volume, .preset = &r->preset, .settings = &r->settings, .extinction_scale = 1};
     assert_int_equal(cts_view_init(&r->scene.view, r->volume, &r->settings, &err), CTS_OK);
-    assert_int_equal(cts_raycaster_new(&r->caster, &r->scene, field, n_rays, &err), CTS_OK);
+    assert_int_equal(cts_raycaster_new(&r->caster, &r->scene, field, &err), CTS_OK);
 }
 
 static inline void rays_free(Rays *r)

@@ -18,7 +18,7 @@ static void aim(Rays *r, const int dims[3], CtsHuFormula hu, const void *data, d
     CtsError err = {0};
     const double spacing_mm[3] = {1, 1, 1};
     assert_int_equal(cts_check_volume(&r->volume, dims, spacing_mm, 1, hu, data, &err), CTS_OK);
-    rays_aim(r, azimuth_deg, elevation_deg, 0.05, NULL, 1);
+    rays_aim(r, azimuth_deg, elevation_deg, 0.05, NULL);
 }
 
 /* A normal that sweeps past the viewing direction within one piece: tan(n, v) = slope (u - u0), hence the highlight

@@ -63,10 +63,9 @@ struct CtsField {
  * without thickness: rays within its plane see it, others cross it in a point. */
 bool cts_ray_of_pixel(const CtsView *view, double x, double y, CtsRay *ray);
 
-/* Trilinear between voxel centres. The preset says what gradients at the border are taken to. With n_rays large it uses
- * or makes the volume's macro-cells, so that rays can leap over what is not wanted. volume must outlive the field. */
-CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, size_t n_rays,
-                              int n_threads, CtsError *err);
+/* Trilinear between voxel centres. The preset says what gradients at the border are taken to. volume must outlive the
+ * field. */
+CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, CtsError *err);
 /* Any kernel: the layers across the view's principal axis are sheets, each voxel's kernel spread within its layer,
  * weights normalised at every position (cone-paper apart) and voxels beyond the border counted as grey 0; between two
  * layers HU runs straight. What the splatting engines tend to with ever finer tables and sub-sheets. The pieces are

@@ -10,11 +10,11 @@
 #include <stdlib.h>
 #include <string.h>
 
-static CtsStatus make_field(CtsField **field, const CtsScene *scene, size_t n_rays, CtsError *err)
+static CtsStatus make_field(CtsField **field, const CtsScene *scene, CtsError *err)
 {
     const CtsRenderSettings *s = scene->settings;
     if (s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1)
-        return cts_field_trilinear(field, scene->volume, scene->preset, n_rays, s->n_threads, err);
+        return cts_field_trilinear(field, scene->volume, scene->preset, err);
     return cts_field_kernel(field, scene->volume, &scene->view, s->kernel, s->kernel_radius, scene->preset, err);
 }
 
@@ -38,8 +38,7 @@ static CtsStatus make_transfers(CtsRaycaster *r, const CtsScene *scene, CtsError
     return CTS_OK;
 }
 
-CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, size_t n_rays,
-                            CtsError *err)
+CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     CtsRaycaster *r = *caster = calloc(1, sizeof *r);
@@ -60,7 +59,7 @@ CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const 
     r->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
     r->least_gradient2 = 1e-18 * scene->volume->hu_step * scene->volume->hu_step;
     if (!st && !field)
-        st = make_field(&r->own_field, scene, n_rays, err);
+        st = make_field(&r->own_field, scene, err);
     if (r->own_field)
         r->field = r->own_field;
     if (st)
@@ -168,7 +167,7 @@ static void cast_rays(void *context, int worker, size_t first, size_t end)
 CtsStatus cts_raycast_pixels(const CtsScene *scene, const int (*xy)[2], size_t n, double (*rgba)[4], CtsError *err)
 {
     CtsRaycaster *caster;
-    const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, n, err);
+    const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, err);
     if (st)
         return st;
     Rays rays = {scene, caster, xy, rgba};
@@ -222,7 +221,7 @@ static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsReport *r
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     const size_t n = (size_t)picture->width * (size_t)picture->height;
     CtsRaycaster *caster;
-    const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, n, err);
+    const CtsStatus st = cts_raycaster_new(&caster, scene, NULL, err);
     if (st)
         return st;
     Rows rows = {scene, caster, picture};

@@ -48,10 +48,8 @@ bool cts_raycast_turns_little(const CtsRaycaster *caster, const double (*framed)
  * (may be NULL) is as in CtsPicture. */
 void cts_raycast_ray(const CtsRaycaster *caster, double x, double y, double rgba[4], double *depth_mm);
 
-/* field is borrowed; NULL makes the one of the scene's volume and kernel, which cts_raycaster_free() frees. n_rays is
- * how many rays are to come, to choose what preparation is worth its time. */
-CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, size_t n_rays,
-                            CtsError *err);
+/* field is borrowed; NULL makes the one of the scene's volume and kernel, which cts_raycaster_free() frees. */
+CtsStatus cts_raycaster_new(CtsRaycaster **caster, const CtsScene *scene, const CtsField *field, CtsError *err);
 void cts_raycaster_free(CtsRaycaster **caster);
 
 #endif

@@ -1,4 +1,4 @@
-/* The trilinear field: cell by cell along the ray, leaping over macro-cells that hold nothing wanted. */
+/* The trilinear field, cell by cell along the ray: a judge shares no macro-cells with what it judges. */
 #include "base/mutation.h"
 #include "core/scene/shade.h"
 #include "core/volume/macrocells.h"
@@ -8,18 +8,12 @@
 #include <math.h>
 #include <stdlib.h>
 
-/* A few rays do without macro-cells: making them costs more, and a sample that judges an engine should not share them.
- */
-enum { RAYS_WORTH_MACROCELLS = 20000 };
-
 typedef struct Trilinear {
     CtsField field;
     const CtsVolume *volume;
     const CtsVolume *shown; /* what gradients are taken of: air where labels are hidden */
     int n_cells[3];         /* dims - 1, but at least 1: an axis of one voxel is a cell without change along it */
     size_t stride[3];       /* to the next voxel; 0 along an axis of one voxel */
-    const CtsMacrocells *macrocells; /* NULL where rays are few */
-    CtsMacrocells *own_macrocells;   /* where the volume came without */
     bool air_beyond;
 } Trilinear;
 
@@ -84,24 +78,6 @@ static void find_cell(const Trilinear *t, const CtsRay *ray, double t_mm, int ce
     }
 }
 
-/* True, and the walk at the macro-cell's end, when the macro-cell of the current cell holds nothing wanted. */
-static bool leap(const Trilinear *t, CtsRayWalk *walk)
-{
-    const CtsMacrocells *macrocells = t->macrocells;
-    int low[3], high[3];
-    size_t at[3];
-    for (int axis = 0; axis < 3; axis++) {
-        at[axis] = (size_t)(walk->cell[axis] / CTS_MACROCELL);
-        low[axis] = (int)at[axis] * CTS_MACROCELL;
-        high[axis] = low[axis] + CTS_MACROCELL < t->n_cells[axis] ? low[axis] + CTS_MACROCELL : t->n_cells[axis];
-    }
-    const size_t nx = (size_t)macrocells->n[0], ny = (size_t)macrocells->n[1];
-    if (wanted(t, walk->wanted, macrocells->range[(at[2] * ny + at[1]) * nx + at[0]]))
-        return false;
-    walk->t_mm = fmax(nextafter(walk->t_mm, INFINITY), leave_mm(walk->ray, low, high));
-    return true;
-}
-
 static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
 {
     const Trilinear *t = (const Trilinear *)field;
@@ -109,8 +85,6 @@ static bool next(const CtsField *field, CtsRayWalk *walk, CtsRayPiece *piece)
     while (!walk->started || walk->t_mm < ray->t1_mm) {
         find_cell(t, ray, walk->t_mm, walk->cell);
         walk->started = true;
-        if (t->macrocells && leap(t, walk))
-            continue;
         int end[3];
         for (int axis = 0; axis < 3; axis++)
             end[axis] = walk->cell[axis] + 1;
@@ -168,14 +142,11 @@ static void gradient(const CtsField *field, const CtsRayWalk *walk, const CtsRay
 
 static void trilinear_free(CtsField **field)
 {
-    Trilinear *t = (Trilinear *)*field;
-    cts_macrocells_free(&t->own_macrocells);
-    free(t);
+    free(*field);
     *field = NULL;
 }
 
-CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, size_t n_rays,
-                              int n_threads, CtsError *err)
+CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const CtsPreset *preset, CtsError *err)
 {
     *field = NULL;
     Trilinear *t = calloc(1, sizeof *t);
@@ -193,11 +164,5 @@ CtsStatus cts_field_trilinear(CtsField **field, const CtsVolume *volume, const C
         stride *= (size_t)dim;
     }
     *field = &t->field;
-    if (n_rays < RAYS_WORTH_MACROCELLS)
-        return CTS_OK;
-    const CtsStatus st = volume->macrocells ? CTS_OK : cts_macrocells_new(&t->own_macrocells, volume, n_threads, err);
-    t->macrocells = volume->macrocells ? volume->macrocells : t->own_macrocells;
-    if (st)
-        cts_field_free(field);
-    return st;
+    return CTS_OK;
 }
