@@ -280,6 +280,50 @@ static void between_levels(void **state)
     cts_volume_free(&v);
 }
 
+/* A cell that rays cross along a diagonal, where the field rises and falls again, alike at both points of Gauss' rule:
+ * what is opaque shows the colour that it has where rays enter. */
+static void opaque_bump(void **state)
+{
+    (void)state;
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, 2, 2, 2, &err), CTS_OK);
+    for (int at = 0; at < 8; at++)
+        v->grey[at] = (uint16_t)(1024 + 400 * ((at & 1) != (at >> 1 & 1)));
+    CtsPreset preset = {.name = "opaque", .unit_distance_mm = 1, .n_opacity = 1, .n_colour = 2};
+    preset.opacity[0] = (CtsOpacityPoint){-100, 1};
+    preset.colour[0] = (CtsColourPoint){0, {0, 0, 0}};
+    preset.colour[1] = (CtsColourPoint){400, {1, 1, 1}};
+    for (int turned = 0; turned < 4; turned++) {
+        CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 33, 45 + 90 * turned, 0);
+        s.shade = CTS_OFF;
+        s.mm_per_pixel = 0.02;
+        hold_to_bound(v, &preset, s, "bump");
+    }
+    cts_volume_free(&v);
+}
+
+/* Faint shells whose sides are seen one by one: what lies between two of them has no gradient, and lights neither. */
+static void faint_shells(void **state)
+{
+    (void)state;
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, 8, 37, 8, &err), CTS_OK);
+    for (int at = 0; at < 8 * 37 * 8; at++)
+        v->grey[at] = (uint16_t)(1024 + 600 * (at / 8 % 37 % 6 >= 3));
+    CtsPreset preset = preset_named("lung");
+    preset.n_opacity = 3;
+    preset.opacity[0] = (CtsOpacityPoint){200, 0};
+    preset.opacity[1] = (CtsOpacityPoint){300, 0.016};
+    preset.opacity[2] = (CtsOpacityPoint){400, 0};
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 33, 0, 0);
+    s.shade = CTS_ON;
+    s.mm_per_pixel = 0.1;
+    hold_to_bound(v, &preset, s, "shells");
+    cts_volume_free(&v);
+}
+
 /* Every built-in preset at the default: also those whose opacity jumps and whose colours change within a few HU. */
 static void hard_presets(void **state)
 {
@@ -478,10 +522,11 @@ static void modes_by_packets(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_bytes),       cmocka_unit_test(constant_slab),  cmocka_unit_test(near_reference),
-        cmocka_unit_test(thin_and_hard),    cmocka_unit_test(between_levels), cmocka_unit_test(hard_presets),
-        cmocka_unit_test(falls_as_asked),   cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),
-        cmocka_unit_test(modes_by_packets), cmocka_unit_test(drafts_between), cmocka_unit_test(step_near_level),
+        cmocka_unit_test(same_bytes),     cmocka_unit_test(constant_slab),   cmocka_unit_test(near_reference),
+        cmocka_unit_test(thin_and_hard),  cmocka_unit_test(between_levels),  cmocka_unit_test(opaque_bump),
+        cmocka_unit_test(faint_shells),   cmocka_unit_test(hard_presets),    cmocka_unit_test(falls_as_asked),
+        cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),     cmocka_unit_test(modes_by_packets),
+        cmocka_unit_test(drafts_between), cmocka_unit_test(step_near_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

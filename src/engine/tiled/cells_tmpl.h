@@ -36,8 +36,9 @@ typedef struct Packet {
     int owned[LANES][3];  /* the cells that edges were looked for in */
     int last_look[LANES]; /* from the edge on to the end of the cell; -1: edges follow */
     int ray[LANES];
-    /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, and its centre in mm. */
-    vf faint_colour[3], faint_weight, faint_centre;
+    /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, its centre, and where the
+     * last of them ends, in mm. */
+    vf faint_colour[3], faint_weight, faint_centre, faint_end;
 } Packet;
 
 /* Packets take turns: while one waits for voxels the processor goes on with the other. */
@@ -49,7 +50,7 @@ typedef struct March {
     TiledRays *rays;
     TiledCounts *counts;
     int next; /* ray */
-    real step[3], inverse[3], far[3], tolerance, dark, touch, least_lit, turn, sharp;
+    real step[3], inverse[3], far[3], cell_mm, tolerance, dark, touch, least_lit, turn, sharp;
     whole ahead[3], behind[3];
     Packet packet[PACKETS], *p; /* the one whose turn it is */
 } March;
@@ -307,8 +308,8 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
 
 /* What the transfer function says of a level. */
 typedef struct Look {
-    vf extinction; /* per mm, to the base of 2 */
-    vf opacity, rise;
+    vf extinction;          /* per mm, to the base of 2 */
+    vf opacity, rise, tint; /* slopes: of opacity, and of the colour that turns most */
     vf rgb[3];
 } Look;
 
@@ -347,6 +348,7 @@ INLINE Look look_at(const TiledPieces *t, vf level)
     l.extinction = select_f(vf_lt(opaque, opacity), most, vf_min(by_log, most));
     l.opacity = opacity;
     l.rise = vf_abs(rise[0]);
+    l.tint = vf_max(vf_max(vf_abs(rise[1]), vf_abs(rise[2])), vf_abs(rise[3]));
     for (int c = 0; c < 3; c++)
         l.rgb[c] = value[c + 1];
     return l;
@@ -368,8 +370,9 @@ INLINE Effect integrate(const March *m, const Cubic *c, vf length)
     const TiledPieces *const t = m->pieces;
     const vf *const b = c->b;
     const vf half = (real)0.5f * length;
+    const vf first = GAUSS_A * b[0] + GAUSS_B * b[1] + GAUSS_C * b[2] + GAUSS_D * b[3];
     Effect e;
-    e.at[0] = look_at(t, GAUSS_A * b[0] + GAUSS_B * b[1] + GAUSS_C * b[2] + GAUSS_D * b[3]);
+    e.at[0] = look_at(t, first);
     e.at[1] =
         CTS_MUTATED(GAUSS) ? e.at[0] : look_at(t, GAUSS_D * b[0] + GAUSS_C * b[1] + GAUSS_B * b[2] + GAUSS_A * b[3]);
     vf apart = vf_of(0);
@@ -379,6 +382,9 @@ INLINE Effect integrate(const March *m, const Cubic *c, vf length)
     }
     for (int k = 0; k < 3; k++)
         apart = vf_max(apart, vf_abs(e.at[0].rgb[k] - e.at[1].rgb[k]));
+    /* Of a straight field the first is nearly all; one that turns may look alike at both points, and not where it
+     * enters, which is all that is seen of what is opaque. */
+    apart = vf_max((real)1.73f * apart, 4 * e.at[0].tint * vf_abs(first - b[0]));
     const vf depth = (real)M_LN2 * (e.depth[0] + e.depth[1]);
     const real by_log = (real)t->by_log2, unit = (real)M_LN2 / by_log;
     const vf turn = unit * (e.at[0].extinction - e.at[1].extinction), turn2 = turn * turn;
@@ -388,7 +394,7 @@ INLINE Effect integrate(const March *m, const Cubic *c, vf length)
     const vf bend = 6 * bent * vf_max(e.at[0].rise, e.at[1].rise) / clear;
     const vf off = (real)0.0375f * turn2 * turn2 + bend * ((real)(1 / 1440.0) * bend + (real)(1 / 120.0) * turn2);
     e.wrong = m->p->light * (by_log * length * off * (1 - e.taken[0]) +
-                             (real)1.73f * apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
+                             apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
     return e;
 }
 
@@ -611,6 +617,7 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         m.ahead[a] = step > 0;
         m.behind[a] = m.ahead[a] - 1;
     }
+    m.cell_mm = (real)(1 / fmax(fmax(fabs(j->step[0]), fabs(j->step[1])), fabs(j->step[2])));
     m.tolerance = j->tolerance;
     m.dark = j->dark;
     m.touch = j->touch;

@@ -314,8 +314,14 @@ INLINE void await_light(March *m, Lit *lit, const Effect *e, const vf weight[2],
     const vf centre = (real)0.5f * (first_half + second * (1 + second_half - first_half));
     const vmask bright = lanes & vf_le(vf_of(m->least_lit), all),
                 faint = CTS_MUTATED(FAINT) ? mask_of(0) : lanes & ~bright;
+    /* Between what lies apart there may be no gradient. */
+    const vmask takes = faint & vf_lt(vf_of(0), all);
+    const vmask apart = takes & vf_lt(vf_of(0), p->faint_weight) & vf_lt(p->faint_end + m->cell_mm, p->at);
+    for (unsigned left = bits_of(apart); left; left &= left - 1)
+        end_pending(m, lit, __builtin_ctz(left));
     for (int c = 0; c < 3; c++)
         p->faint_colour[c] += select_f(faint, colour[c], vf_of(0));
+    p->faint_end = select_f(takes, p->at + length, p->faint_end);
     p->faint_weight += select_f(faint, all, vf_of(0));
     p->faint_centre += select_f(faint, all * (p->at + centre * length), vf_of(0));
     unsigned due = bits_of(bright | (faint & vf_le(vf_of(m->least_lit), p->faint_weight)));

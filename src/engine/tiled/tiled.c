@@ -101,8 +101,15 @@ typedef struct Tolerances {
     double alike;    /* pixels that are off by less from what lies between others are told by those */
 } Tolerances;
 static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 1.5}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7, 0};
-/* Of a smaller error hardly any pixels are so much alike, and what is thin and missed is more than it. */
-static const double ALIKE_FROM = 4.0 / 255;
+/* Of a smaller error hardly any pixels are so much alike. And what is thin may be missed: a pixel that is wrong from
+ * black to white is to count for little in the picture's error, an eighth of what is asked for. */
+static const double ALIKE_FROM = 4.0 / 255, MISSED = 1.0 / 8;
+
+static bool is_draft(const CtsScene *scene)
+{
+    const double asked = cts_scene_error_asked(scene), pixels = (double)scene->view.width * scene->view.height;
+    return asked >= ALIKE_FROM && 1 / sqrt(pixels) <= MISSED * asked;
+}
 
 static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const Tolerances *may)
 {
@@ -127,7 +134,7 @@ static void init_job(TiledJob *j, const CtsScene *scene, const Kept *kept, const
     j->least_lit = (float)(may->faint * asked);
     j->turn = (float)(may->turn * asked);
     j->touch = (float)(may->touch_hu / v->hu_step);
-    j->alike = asked >= ALIKE_FROM ? (float)(may->alike * asked) : 0;
+    j->alike = is_draft(scene) ? (float)(may->alike * asked) : 0;
     j->camera_mm = cts_volume_diagonal_mm(v) / 2 + CTS_MUTATED(DEPTH_SLAB);
 }
 
@@ -258,8 +265,7 @@ static void run_some_again(void *context, int worker, size_t first, size_t end)
             const uint32_t at = a->place[first];
             memset(a->rgba[first], 0, sizeof a->rgba[first]);
             which[rays->n] = first; /* stays only where the ray does not miss the box */
-            cts_tiled_add_ray(a->job, rays, (int)(at % width), a->band->first_row + (int)(at / width),
-                              -INFINITY);
+            cts_tiled_add_ray(a->job, rays, (int)(at % width), a->band->first_row + (int)(at / width), -INFINITY);
         }
         a->march(a->job, rays, &a->scratch[worker].counts);
         for (int i = 0; i < rays->n; i++)

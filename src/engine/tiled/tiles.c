@@ -187,6 +187,20 @@ static void list_half(Tile *t, const Square *s)
         list_pixel(t, x[i % 3], y[i / 3]);
 }
 
+/* Where some see nothing, the nearest tells. */
+static float depth_between(const Tile *t, const Corners *k, int x, int y)
+{
+    const float u = part_of(x, k->x), v = part_of(y, k->y);
+    float mm[4];
+    bool all = true;
+    for (int i = 0; i < 4; i++) {
+        mm[i] = t->tiles->picture->depth_mm[place_of(t, k->x[i & 1], k->y[i >> 1])];
+        all = all && isfinite(mm[i]);
+    }
+    const float ab = mm[0] + u * (mm[1] - mm[0]), de = mm[2] + u * (mm[3] - mm[2]);
+    return all ? ab + v * (de - ab) : mm[(u > 0.5F) + 2 * (v > 0.5F)];
+}
+
 /* What nobody marched lies between the corners. */
 static void fill(Tile *t, const int x[2], const int y[2], float bound)
 {
@@ -200,6 +214,8 @@ static void fill(Tile *t, const int x[2], const int y[2], float bound)
             for (size_t c = 0; c < 4; c++)
                 p->pixels[4 * at + c] = between(&k, i, j, c);
             p->bound[at] = bound;
+            if (p->depth_mm)
+                p->depth_mm[at] = depth_between(t, &k, i, j);
             t->known[j][i] = true;
             t->scratch->counts.between++;
         }
@@ -262,12 +278,16 @@ static void run_some_tiles(void *context, int worker, size_t first, size_t end)
 {
     const Tiles *const tiles = context;
     const CtsPicture *const p = tiles->picture;
-    const bool draft = tiles->job->alike > 0 && p->bound && !p->depth_mm;
+    const bool draft = tiles->job->alike > 0 && p->bound;
     for (size_t tile = first; tile < end && !cts_scene_stopped(tiles->scene); tile++) {
         const int x0 = (int)tile % tiles->across * TILE, y0 = (int)tile / tiles->across * TILE;
-        Tile t = {
-            tiles,    &tiles->scratch[worker], x0, y0, {at_most(p->width - x0, TILE), at_most(p->height - y0, TILE)},
-            {{false}}, {{0}}};
+        Tile t = {tiles,
+                  &tiles->scratch[worker],
+                  x0,
+                  y0,
+                  {at_most(p->width - x0, TILE), at_most(p->height - y0, TILE)},
+                  {{false}},
+                  {{0}}};
         find_reach(&t);
         t.scratch->rays.n = 0;
         (draft ? run_draft : run_whole)(&t);
