@@ -30,6 +30,10 @@ enum { SPARSE = 4 };
 /* Views of a rotation that are looked at: nothing reaches 1 % further in those between, 7.5 degrees off at most. */
 enum { MOST_VIEWS = 24 };
 
+/* Macro-cells are passed by GROUP of them each way where none of these shows anything, or in minip and average is
+ * looked at. What a macro-cell shows: nothing of its own, or maybe something. */
+enum { GROUP = 4, SHOWS_NOTHING = 1, SHOWS = 2 };
+
 struct CtsVisible {
     const CtsVolume *volume;
     const CtsMacrocells *macrocells;
@@ -42,7 +46,7 @@ struct CtsVisible {
     size_t n_levels;
     CtsMode mode;
     const CtsBodyMask *body; /* what minip and average look at; NULL: all */
-    uint8_t *shows;          /* macro-cells in which something may show, or in minip and average is looked at */
+    uint8_t *shows;          /* of each macro-cell; 0: nothing in its whole group */
     bool any;
 };
 
@@ -130,8 +134,8 @@ static void list_some_cells(void *context, int worker, size_t first, size_t end)
     (void)worker;
     for (size_t n = first * layer; n < end * layer; n++) {
         const int at[3] = {(int)(n % row), (int)(n % layer / row), (int)(n / layer)};
-        v->shows[n] =
-            v->owners ? looks_show(v, at, v->macrocells->range[n]) : function_shows(v, 0, v->macrocells->range[n]);
+        const CtsRange range = v->macrocells->range[n];
+        v->shows[n] = (v->owners ? looks_show(v, at, range) : function_shows(v, 0, range)) ? SHOWS : SHOWS_NOTHING;
     }
 }
 
@@ -146,8 +150,40 @@ static void list_seen_cells(CtsVisible *v)
             low[a] = at[a] * CTS_MACROCELL;
             high[a] = low[a] + CTS_MACROCELL;
         }
-        v->shows[i] = !v->body || cts_body_mask_sees(v->body, low, high) != CTS_SEES_NONE;
+        v->shows[i] = !v->body || cts_body_mask_sees(v->body, low, high) != CTS_SEES_NONE ? SHOWS : SHOWS_NOTHING;
     }
+}
+
+enum { IN_GROUP = GROUP * GROUP * GROUP };
+
+/* The i-th macro-cell of a group that begins there; NULL where the volume ends before. */
+static uint8_t *cell_of_group(const CtsVisible *v, const int first[3], int i)
+{
+    const int *const n = v->macrocells->n;
+    const int x = first[0] + i % GROUP, y = first[1] + i / GROUP % GROUP, z = first[2] + i / GROUP / GROUP;
+    return x < n[0] && y < n[1] && z < n[2]
+               ? &v->shows[((size_t)z * (size_t)n[1] + (size_t)y) * (size_t)n[0] + (size_t)x]
+               : NULL;
+}
+
+static void list_groups(const CtsVisible *v)
+{
+    const int *const n = v->macrocells->n;
+    int at[3];
+    for (at[2] = 0; at[2] < n[2]; at[2] += GROUP)
+        for (at[1] = 0; at[1] < n[1]; at[1] += GROUP)
+            for (at[0] = 0; at[0] < n[0]; at[0] += GROUP) {
+                bool shows = false;
+                for (int i = 0; i < IN_GROUP && !shows; i++) {
+                    const uint8_t *const cell = cell_of_group(v, at, i);
+                    shows = cell && *cell == SHOWS;
+                }
+                for (int i = 0; i < IN_GROUP && !shows; i++) {
+                    uint8_t *const cell = cell_of_group(v, at, i);
+                    if (cell)
+                        *cell = 0;
+                }
+            }
 }
 
 static CtsStatus list_cells(CtsVisible *v, int n_threads, CtsError *err)
@@ -157,9 +193,10 @@ static CtsStatus list_cells(CtsVisible *v, int n_threads, CtsError *err)
     if (st)
         return st;
     cts_parallel(cts_threads(n_threads), (size_t)n[2], 0, list_some_cells, v);
-    v->any = memchr(v->shows, 1, (size_t)n[0] * (size_t)n[1] * (size_t)n[2]) != NULL;
+    v->any = memchr(v->shows, SHOWS, (size_t)n[0] * (size_t)n[1] * (size_t)n[2]) != NULL;
     if (shows_whole_rays(v))
         list_seen_cells(v);
+    list_groups(v);
     return CTS_OK;
 }
 
@@ -212,7 +249,7 @@ typedef struct Look {
 typedef struct Ray {
     float start[3], step[3], per_voxel[3]; /* per_voxel: samples */
     float sample_mm;
-    int n, ahead[3]; /* where a macro-cell ends, from where it begins */
+    int n, ahead[3]; /* 1: a macro-cell ends where the next one begins, 0: where it does */
 } Ray;
 
 static bool ray_of(const CtsView *view, double x, double y, Ray *ray)
@@ -239,7 +276,7 @@ static bool ray_of(const CtsView *view, double x, double y, Ray *ray)
         ray->step[axis] = (float)(view->forward_vox[axis] * step_mm);
         ray->start[axis] = (float)(start[axis] + near_mm * view->forward_vox[axis]);
         ray->per_voxel[axis] = ray->step[axis] != 0 ? 1 / ray->step[axis] : 0;
-        ray->ahead[axis] = ray->step[axis] > 0 ? CTS_MACROCELL : 0;
+        ray->ahead[axis] = ray->step[axis] > 0;
     }
     return true;
 }
@@ -272,12 +309,14 @@ static const float *extinction_at(const CtsVisible *v, const float at[3])
     return v->extinction + v->function[cts_look_of_voxel(v->owners, voxel[0], voxel[1], voxel[2])] * v->n_levels;
 }
 
-/* How many samples lie between here and the end of a macro-cell, along the axis that gets there first. */
-static int samples_to_end(const Ray *ray, const float at[3], const int block[3])
+/* How many samples lie between here and the end of so many macro-cells each way, along the axis that gets there first.
+ */
+static int samples_to_end(const Ray *ray, const float at[3], const int block[3], int cells)
 {
     float least = (float)ray->n;
     for (int axis = 0; axis < 3; axis++) {
-        const float n = ((float)(block[axis] * CTS_MACROCELL + ray->ahead[axis]) - at[axis]) * ray->per_voxel[axis];
+        const int end = (block[axis] / cells + ray->ahead[axis]) * cells * CTS_MACROCELL;
+        const float n = ((float)end - at[axis]) * ray->per_voxel[axis];
         least = ray->step[axis] != 0 && n < least ? n : least;
     }
     return least > 0 ? (int)least : 0;
@@ -311,8 +350,10 @@ static bool ray_shows(const Look *l, const Ray *ray)
             cell[axis] = cell[axis] < 0 ? 0 : cell[axis];
         }
         const int block[3] = {cell[0] / CTS_MACROCELL, cell[1] / CTS_MACROCELL, cell[2] / CTS_MACROCELL};
-        if (!v->shows[((size_t)block[2] * (size_t)n[1] + (size_t)block[1]) * (size_t)n[0] + (size_t)block[0]]) {
-            i += samples_to_end(ray, at, block);
+        const int shows =
+            v->shows[((size_t)block[2] * (size_t)n[1] + (size_t)block[1]) * (size_t)n[0] + (size_t)block[0]];
+        if (shows != SHOWS) {
+            i += samples_to_end(ray, at, block, shows == SHOWS_NOTHING ? 1 : GROUP);
             continue;
         }
         const float grey = grey_at(v->volume, at, cell), *const extinction = extinction_at(v, at);
