@@ -309,18 +309,18 @@ static void faint_shells(void **state)
     (void)state;
     CtsVolume *v = NULL;
     CtsError err;
-    assert_int_equal(cts_volume_new(&v, 8, 37, 8, &err), CTS_OK);
-    for (int at = 0; at < 8 * 37 * 8; at++)
-        v->grey[at] = (uint16_t)(1024 + 600 * (at / 8 % 37 % 6 >= 3));
+    assert_int_equal(cts_volume_new(&v, 8, 61, 8, &err), CTS_OK);
+    for (int at = 0; at < 8 * 61 * 8; at++)
+        v->grey[at] = (uint16_t)(1024 + 600 * (at / 8 % 61 % 12 >= 6));
     CtsPreset preset = preset_named("lung");
     preset.n_opacity = 3;
     preset.opacity[0] = (CtsOpacityPoint){200, 0};
     preset.opacity[1] = (CtsOpacityPoint){300, 0.016};
     preset.opacity[2] = (CtsOpacityPoint){400, 0};
-    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 33, 0, 0);
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 160, 0, 0);
     s.shade = CTS_ON;
-    s.mm_per_pixel = 0.1;
-    hold_to_bound(v, &preset, s, "shells");
+    s.mm_per_pixel = 0.02;
+    assert_true(hold_to_bound(v, &preset, s, "shells") <= 0.5 / 255);
     cts_volume_free(&v);
 }
 
