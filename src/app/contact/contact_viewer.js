@@ -188,7 +188,6 @@ if (run?.goes_on)
     if (!busy) location.reload();
   }, 5000);
 
-paint();
 resize();
 setUp();
 show();
