@@ -52,7 +52,7 @@ read_classes = [(keyword_of[uid], uid) for _, uid in read_classes] + [
     for uid in re.findall(r'"([0-9.]+)"', label_uids)]
 models = [(k, uid_of[k]) for k in
           dict.fromkeys(re.findall(r"UID_((?:FIND|GET|MOVE)\w+)", source("output/net/dimse.cc")))]
-storage = "output/net/ct_storage.hpp"
+storage = "output/net/dimse.hpp"
 ct_classes, captures = listed(storage, "cts_ct_classes"), listed(storage, "cts_capture_classes")
 
 P, H, S, T = "p", "h", "s", "t"

@@ -1,6 +1,5 @@
 /* The share of the processors that control groups leave to this process: cgroup v2's cpu.max and v1's cfs quota, of the
  * process's own group and of all those around it. */
-#define _GNU_SOURCE
 #include "base/cpu.h"
 
 #include <limits.h>

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "base/helper_process.h"
 
 #include "base/clock.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "base/load_part.h"
 
 #include <dlfcn.h>
@@ -47,16 +46,6 @@ static CtsStatus open_part(const char *file, void **part, CtsError *err)
     return cts_fail(err, CTS_ERR_INTERNAL, "%s is not where it was installed", file);
 }
 
-CtsStatus cts_part_load(const char *file, const char *name, void **symbol, CtsError *err)
-{
-    void *part;
-    const CtsStatus st = open_part(file, &part, err);
-    if (st)
-        return st;
-    *symbol = dlsym(part, name);
-    return *symbol ? CTS_OK : cts_fail(err, CTS_ERR_INTERNAL, "%s is of another program (install it anew)", file);
-}
-
 /* The state of this file. */
 static pthread_mutex_t lock = PTHREAD_MUTEX_INITIALIZER;
 
@@ -77,13 +66,15 @@ static void mind_forks(void)
 
 static CtsStatus load_table(const char *file, const char *name, const void **table, CtsError *err)
 {
-    void *symbol;
+    void *part;
     CtsStatus (*tell)(const void **table, CtsError *err);
-    const CtsStatus st = cts_part_load(file, name, &symbol, err);
+    const CtsStatus st = open_part(file, &part, err);
+    void *const symbol = st ? NULL : dlsym(part, name);
+    memcpy(&tell, &symbol, sizeof tell);
     if (st)
         return st;
-    memcpy(&tell, &symbol, sizeof tell);
-    return tell(table, err);
+    return tell ? tell(table, err)
+                : cts_fail(err, CTS_ERR_INTERNAL, "%s is of another program (install it anew)", file);
 }
 
 CtsStatus cts_part_table(const char *file, const char *name, const void **kept, const void **table, CtsError *err)

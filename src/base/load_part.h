@@ -4,14 +4,10 @@
 #define CTS_BASE_LOAD_PART_H
 
 #include "ctsplat/status.h"
-#include <stddef.h>
 
-/* What `name` stands for in the library `file`, which lies beside the object that this code is in: where it was built,
- * or installed. It stays loaded. CTS_ERR_INTERNAL when it is not there or of another program. */
-CtsStatus cts_part_load(const char *file, const char *name, void **symbol, CtsError *err);
-
-/* What the function `name` of the library tells: a table of its own. *kept, NULL at first, remembers it. Thread-safe;
- * no process is forked meanwhile. */
+/* What the function `name` of the library `file` tells: a table of its own. The library lies beside the object that
+ * this code is in: where it was built, or installed. It stays loaded, and *kept, NULL at first, remembers the table.
+ * Thread-safe; no process is forked meanwhile. CTS_ERR_INTERNAL when it is not there or of another program. */
 CtsStatus cts_part_table(const char *file, const char *name, const void **kept, const void **table, CtsError *err);
 
 /* The function `name`, which finds that table for its callers. */

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "ctsplat/report.h"
 
 #include "base/by_id.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "base/sandbox.h"
 
 #include "base/helper_process.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "base/site_key.h"
 
 #include "base/hash.h"

@@ -1,4 +1,5 @@
-/* ctsplat serve: the command line as a server, and where to find it. */
+/* ctsplat serve and ctsplat receive: until a signal stops them. */
+#include "app/node/node.h"
 #include "app/serve/serve.h"
 #include "cli/commands.h"
 #include "cli/interrupt.h"
@@ -22,4 +23,13 @@ CtsStatus cli_serve(const CtsOptions *options, int *exit_code, CtsError *err)
     (void)exit_code;
     cli_interrupt_asks();
     return cts_serve(options, &cli_stop, &(CtsServeTold){ready, note}, err);
+}
+
+CtsStatus cli_receive(const CtsOptions *options, int *exit_code, CtsError *err)
+{
+    (void)exit_code;
+    if (!options->output_dir)
+        return cts_fail(err, CTS_ERR_USAGE, "receive: no folder to write into (give -O DIR)");
+    cli_interrupt_asks();
+    return cts_receive(options, note, err);
 }

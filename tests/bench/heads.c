@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 /* Reads the first 4 KiB of each file named on standard input, a line each: what looking at many files costs at least.
  */
 #include <fcntl.h>

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 /* Preloaded into programs that would listen on every address (storescp has no option for it): they listen on the
  * loopback alone. */
 #include <dlfcn.h>

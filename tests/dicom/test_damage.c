@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 /* Files cut short, changed and lying: test_damage TESTDATA. A loaded volume is the right one or there is none; whatever
  * the bytes, the reader ends and stays in its memory (the sanitizer build watches). */
 #include "base/sanitized.h"

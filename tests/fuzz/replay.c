@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 /* Runs a fuzz target over files, whole, cut short and with single bytes changed: TARGET FOLDER... */
 #include "fuzz.h"
 #include <ftw.h>

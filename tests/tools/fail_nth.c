@@ -4,7 +4,6 @@
  * ones fail too. Calls are counted over all threads; a child does not fail, or with CTS_FAIL_CHILD=1 children alone do.
  * When the call was reached, a line is put at the end of the file CTS_FAIL_TOLD. */
 #undef _FILE_OFFSET_BITS /* both names of a call are wanted: open() and open64() */
-#define _GNU_SOURCE
 #include <dlfcn.h>
 #include <errno.h>
 #include <fcntl.h>

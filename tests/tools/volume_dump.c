@@ -1,6 +1,5 @@
 /* volume_dump PATH [--series UID] [--threads N] [--raw FILE] [--repeat N] [--list]: what the reader makes of a folder,
  * as lines of "key value", for tests that compare it with other readers and for the reading benchmark. */
-#define _GNU_SOURCE
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/mem.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 /* The contact sheet's data: which line of which journal counts, what is gathered, and what cannot break the page. */
 #include "app/contact/contact_sheet.h"
 #include "folder.h"

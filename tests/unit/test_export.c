@@ -1,5 +1,4 @@
 /* Pictures in files: what is written is what is read back, whole or not at all. */
-#define _GNU_SOURCE
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "ctsplat/export.h"

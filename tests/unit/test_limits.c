@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 /* Limits on what is read: at each of them, and one beyond. */
 #include "base/mem.h"
 #include "dicom_files.h"

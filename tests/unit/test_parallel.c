@@ -1,5 +1,4 @@
 /* Work shared out among threads, and how many there are to be. */
-#define _GNU_SOURCE
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/parallel.h"

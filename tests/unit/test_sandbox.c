@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 /* Codecs in a process of their own: what they do to themselves stays there. */
 #include "../tools/htj2k_stream.h"
 #include "base/clock.h"

@@ -1,5 +1,4 @@
 /* Secondary captures: what stands in the file, what is copied, what repeats, what comes back. */
-#define _GNU_SOURCE
 #include "ctsplat/export.h"
 #include "output/export/icc.h"
 #include "output/export/sc_words.h"

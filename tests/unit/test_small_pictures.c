@@ -1,5 +1,4 @@
 /* Pictures of 8 bits a channel, made to be sent: what others' decoders read is what was written. */
-#define _GNU_SOURCE
 #include "output/image/srgb.h"
 #include "pictures.h"
 

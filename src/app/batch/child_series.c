@@ -1,5 +1,4 @@
 /* A series as its own process makes it: what is missing of it, and what came of it. */
-#define _GNU_SOURCE
 #include "app/batch/child_series.h"
 #include "app/batch/sweep.h"
 #include "base/clock.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/batch/journal.h"
 
 #include "app/contact/journal_lines.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/batch/line.h"
 
 #include "app/batch/batch_plan.h"

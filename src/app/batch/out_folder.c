@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/batch/batch.h"
 
 #include "base/file.h"

@@ -1,5 +1,4 @@
 /* The batch's own process: reads nothing but headers, hands out series, keeps the journal. */
-#define _GNU_SOURCE
 #include "app/batch/child.h"
 #include "app/batch/sweep.h"
 #include "app/batch/worker.h"

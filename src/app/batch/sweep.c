@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/batch/sweep.h"
 
 #include <dirent.h>

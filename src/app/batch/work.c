@@ -1,5 +1,4 @@
 /* A series of the batch as render jobs: one volume for all its pictures. */
-#define _GNU_SOURCE
 #include "app/batch/child_series.h"
 #include "app/contact/label_slices.h"
 #include "base/clock.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/batch/worker.h"
 
 #include "app/batch/child.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/contact/contact_sheet.h"
 
 #include "app/contact/contact_card.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/contact/journal_lines.h"
 
 #include "base/mem.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/contact/thumbnail.h"
 
 #include "base/file.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/job/outputs.h"
 
 #include "base/file.h"

@@ -1,4 +1,4 @@
-#include "app/node/allow.h"
+#include "app/node/node.h"
 
 #include "base/mem.h"
 #include "output/net/peer.h"

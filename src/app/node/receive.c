@@ -1,10 +1,5 @@
-#define _GNU_SOURCE
-#include "app/node/receive.h"
+#include "app/node/node.h"
 
-#include "app/node/allow.h"
-#include "app/node/record.h"
-#include "app/node/spool.h"
-#include "app/node/visits.h"
 #include "base/clock.h"
 #include "base/sanitized.h"
 #include "base/walls.h"
@@ -25,7 +20,7 @@
 enum { TELL_MS = 60000, GRACE_MS = 2000, PAUSE_MS = 10, CHILD_BYTES = 512 << 20, CHILD_FILES = 64 };
 
 typedef struct Receiver {
-    const CtsReceiveSettings *settings;
+    const CtsOptions *options;
     const CtsWay *way;
     CtsNet net;
     char record[PATH_MAX];
@@ -50,7 +45,7 @@ typedef struct Served {
 static bool allows(void *context, const char *calling_aet)
 {
     const Served *s = context;
-    alarm((unsigned)s->receiver->settings->deadline_s);
+    alarm((unsigned)s->receiver->options->deadline_s);
     return cts_allow_has(&s->receiver->allow, &s->visitor->address, calling_aet);
 }
 
@@ -227,45 +222,46 @@ static void receive_all(Receiver *r)
 
 static void take_settings(Receiver *r)
 {
-    const CtsReceiveSettings *s = r->settings;
-    r->net = cts_net_with_defaults(s->net);
-    r->visits.most_of_one = s->most_of_one;
-    r->visits.most_a_minute = s->most_a_minute;
-    r->spool = (CtsSpool){.folder = s->folder,
-                          .most_object_bytes = (uint64_t)(s->object_mib * 1048576),
-                          .free_percent = s->free_percent,
+    const CtsOptions *o = r->options;
+    r->net = cts_net_with_defaults(&o->net);
+    r->visits.most_of_one = o->most_of_one;
+    r->visits.most_a_minute = o->most_a_minute;
+    r->spool = (CtsSpool){.folder = o->output_dir,
+                          .most_object_bytes = (uint64_t)(o->object_mib * 1048576),
+                          .free_percent = o->free_percent,
                           .lock = -1};
-    if (s->record)
-        snprintf(r->record, sizeof r->record, "%s", s->record);
+    if (o->log)
+        snprintf(r->record, sizeof r->record, "%s", o->log);
     else
-        snprintf(r->record, sizeof r->record, "%.4000s/received.jsonl", s->folder);
+        snprintf(r->record, sizeof r->record, "%.4000s/received.jsonl", o->output_dir);
 }
 
 static CtsStatus prepare(Receiver *r, CtsError *err)
 {
-    const CtsReceiveSettings *s = r->settings;
+    const CtsOptions *o = r->options;
     const CtsPeer dimse = {0};
     CtsStatus st;
-    if (s->net->tls_ca && !s->net->tls_key)
+    if (o->net.tls_ca && !o->net.tls_key)
         return cts_fail(err, CTS_ERR_USAGE,
                         "`tls-ca` asks peers for certificates, and ours is missing (give `tls-key`)");
-    if ((st = cts_net_check(NULL, s->net, err)) || (st = cts_allow_parse(s->allow, s->n_allow, &r->allow, err)) ||
+    if ((st = cts_net_check(NULL, &o->net, err)) ||
+        (st = cts_allow_parse(o->allow.items, o->allow.n, &r->allow, err)) ||
         (st = cts_way_find(&dimse, &r->way, err)) || (st = r->way->accept_check(&r->net, err)) ||
         (st = cts_visits_open(&r->visits, err)) || (st = cts_spool_open(&r->spool, err)) ||
         (st = cts_record_check(r->record, err)))
         return st;
     for (int i = 0; i < CTS_MOST_VISITS; i++)
         remove_part(r, i);
-    return cts_listen(s->listen, &r->listener, err);
+    return cts_listen(o->listen, &r->listener, err);
 }
 
-CtsStatus cts_receive(const CtsReceiveSettings *settings, CtsError *err)
+CtsStatus cts_receive(const CtsOptions *options, void (*told)(const char *text), CtsError *err)
 {
     char text[200], where[80];
     Receiver *r = calloc(1, sizeof *r);
     if (!r)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    r->settings = settings;
+    r->options = options;
     r->listener = -1;
     take_settings(r);
     r->err = err;
@@ -273,9 +269,9 @@ CtsStatus cts_receive(const CtsReceiveSettings *settings, CtsError *err)
     if (!st) {
         cts_listener_name(r->listener, where, sizeof where);
         snprintf(text, sizeof text, "listens at %s as %s", where, r->net.own_aet);
-        settings->told(text);
-        if (!settings->n_allow)
-            settings->told("nobody but this machine may send (--allow AET@ADDRESS lets others)");
+        told(text);
+        if (!options->allow.n)
+            told("nobody but this machine may send (--allow AET@ADDRESS lets others)");
         receive_all(r);
         st = r->status;
     }

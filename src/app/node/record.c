@@ -1,5 +1,4 @@
-#define _GNU_SOURCE
-#include "app/node/record.h"
+#include "app/node/node.h"
 
 #include "base/clock.h"
 #include "base/json.h"

@@ -1,5 +1,4 @@
-#define _GNU_SOURCE
-#include "app/node/spool.h"
+#include "app/node/node.h"
 
 #include "base/hash.h"
 #include "input/files/scan.h"

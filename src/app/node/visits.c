@@ -1,4 +1,4 @@
-#include "app/node/visits.h"
+#include "app/node/node.h"
 
 #include <errno.h>
 #include <stdio.h>

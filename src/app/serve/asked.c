@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/serve/asked.h"
 
 #include <stdarg.h>

@@ -1,5 +1,4 @@
 /* Where the server listens: an address, a socket in a folder, or what systemd hands over. */
-#define _GNU_SOURCE
 #include "app/serve/server.h"
 
 #include "output/net/listener.h"

@@ -1,5 +1,4 @@
 /* Pictures that were asked for: who waits, who is served, who has gone. */
-#define _GNU_SOURCE
 #include "app/serve/server.h"
 
 #include "app/job/fit_window.h"

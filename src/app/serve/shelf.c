@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/serve/shelf.h"
 
 #include "base/mem.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "app/words/look_file.h"
 
 #include "base/file.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "core/labels/label_set.h"

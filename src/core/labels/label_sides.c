@@ -1,6 +1,5 @@
 /* Labels that come in pairs, of the left and of the right: the left one lies left of the other. So a mask is found out
  * that was mirrored where the body is symmetric, and no voxel of it in air. */
-#define _GNU_SOURCE
 #include "base/mem.h"
 #include "core/labels/label_set.h"
 #include <stdio.h>

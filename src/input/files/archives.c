@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "input/files/archives.h"
 
 #include "base/mem.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "input/files/file_bytes.h"
 
 #include <errno.h>

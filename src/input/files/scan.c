@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "input/files/scan.h"
 
 #include "base/mem.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "input/files/texts.h"
 
 #include <stdint.h>

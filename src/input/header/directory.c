@@ -1,5 +1,4 @@
 /* DICOMDIR records -> file names. */
-#define _GNU_SOURCE
 #include "input/header/head.h"
 
 #include <stdlib.h>

@@ -1,5 +1,4 @@
 /* Text of any DICOM character set, safe to show. */
-#define _GNU_SOURCE
 #include "base/text.h"
 #include "input/header/dcm_readers.h"
 #include <stdlib.h>

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "ctsplat/label_files.h"
 
 #include "base/mem.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "input/series/series_judge.h"
 
 #include "base/order.h"

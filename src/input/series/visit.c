@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "ctsplat/series.h"
 
 #include "base/cpu.h"

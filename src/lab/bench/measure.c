@@ -1,5 +1,4 @@
 /* One setting in a process of its own, so that its peak of memory is its own, and a crash costs one row. */
-#define _GNU_SOURCE
 #include "base/clock.h"
 #include "base/file.h"
 #include "base/order.h"

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "output/export/date.h"
 
 #include <errno.h>

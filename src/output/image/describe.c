@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "output/image/describe.h"
 
 #include "base/vec3.h"

@@ -1,7 +1,6 @@
 #include "output/net/accept.h"
 
-#include "output/net/ct_storage.hpp"
-#include "output/net/transport.hpp"
+#include "output/net/dimse.hpp"
 
 #include <cstdio>
 #include <cstdlib>

@@ -3,10 +3,8 @@
 
 #include "input/header/dcm_door.hpp"
 #include "output/net/accept.h"
-#include "output/net/ct_storage.hpp"
-#include "output/net/move_listener.hpp"
+#include "output/net/dimse.hpp"
 #include "output/net/peer.h"
-#include "output/net/scu.hpp"
 
 #include <algorithm>
 #include <cstdlib>

@@ -1,5 +1,4 @@
-#define _GNU_SOURCE
-#include "output/net/inbox.h"
+#include "output/net/peer.h"
 
 #include "base/file.h"
 #include <dirent.h>

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "output/net/listener.h"
 
 #include <errno.h>

@@ -1,4 +1,4 @@
-#include "output/net/move_listener.hpp"
+#include "output/net/dimse.hpp"
 
 #include "output/net/listener.h"
 

@@ -1,5 +1,4 @@
-#define _GNU_SOURCE
-#include "output/net/multipart.h"
+#include "output/net/web.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -2,7 +2,6 @@
 
 #include "base/mem.h"
 #include "base/text.h"
-
 #include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>

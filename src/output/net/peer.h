@@ -5,10 +5,38 @@
 #include "base/text.h"
 #include "ctsplat/net.h"
 #include "input/header/head.h"
-#include "output/net/inbox.h"
 #include <stddef.h>
+#include <stdint.h>
 
 CTS_C_BEGIN
+
+enum {
+    CTS_INBOX_MAX_FILES = 50000,
+    CTS_INBOX_MAX_FILE_MIB = 4096, /* an enhanced object holds all slices */
+    CTS_INBOX_MAX_MIB = 65536
+};
+
+/* The folder that fetched files go to: private, with names of our own, under limits. */
+typedef struct CtsInbox {
+    char *folder; /* owned */
+    int lock;     /* held while the folder is in use */
+    int n_files;
+    uint64_t n_bytes; /* of the files that are complete */
+} CtsInbox;
+
+/* In $TMPDIR or /tmp, mode 0700. Removes those there whose programs were killed. */
+CtsStatus cts_inbox_make(CtsInbox *inbox, CtsError *err);
+/* The next file's path, to be freed with free(); it does not exist. CTS_ERR_READ past the limits, the disk's free space
+ * (of which a tenth is left) among them. */
+CtsStatus cts_inbox_next(CtsInbox *inbox, char **path, CtsError *err);
+/* The file being received has n_bytes by now. CTS_ERR_READ when that is too much for a file, the inbox or the disk. */
+CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err);
+/* That file is complete. CTS_ERR_READ when it made the inbox too large. */
+CtsStatus cts_inbox_keep(CtsInbox *inbox, const char *path, CtsError *err);
+/* Without the files after the first n. */
+void cts_inbox_cut(CtsInbox *inbox, int n);
+/* Folder and files, and the lock. */
+void cts_inbox_remove(char **folder, int *lock);
 
 bool cts_aet_is_valid(const char *aet, size_t n);
 /* Whether a URL names this machine. */
@@ -49,11 +77,14 @@ typedef struct CtsWay {
 } CtsWay;
 
 /* The ways stand in a library of their own, CTS_NET_PART, with all that only the network needs: loading it takes
- * longer than starting the rest of the program. It shows cts_net_way() alone; the ways use none of the program's state.
+ * longer than starting the rest of the program. It shows cts_net_ways() alone; the ways use none of the program's
+ * state.
  */
 extern const CtsWay cts_way_dimse, cts_way_web;
-typedef const CtsWay *(*cts_net_way_fn)(bool web);
-const CtsWay *cts_net_way(bool web);
+typedef struct CtsNetWays {
+    const CtsWay *dimse, *web;
+} CtsNetWays;
+CtsStatus cts_net_ways(const CtsNetWays **ways, CtsError *err);
 /* Loads the library when first called, and makes DCMTK ready. */
 CtsStatus cts_way_find(const CtsPeer *peer, const CtsWay **way, CtsError *err);
 
@@ -66,4 +97,5 @@ bool cts_net_stopped(const CtsNet *net);
 void cts_parcel_is_sent(CtsParcel *parcel, const CtsNet *net);
 
 CTS_C_END
+
 #endif

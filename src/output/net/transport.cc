@@ -1,4 +1,4 @@
-#include "output/net/transport.hpp"
+#include "output/net/dimse.hpp"
 
 #include <dcmtk/dcmnet/dcmtrans.h>
 #include <dcmtk/dcmtls/tlslayer.h>

@@ -1,8 +1,7 @@
 /* DICOMweb with libcurl (PS3.18): STOW-RS out, WADO-RS in. */
-#define _GNU_SOURCE
-#include "output/net/multipart.h"
-#include "output/net/peer.h"
-#include "output/net/web_find.h"
+#include "output/net/web.h"
+
+#include "base/load_part.h"
 
 #include <curl/curl.h>
 #include <errno.h>
@@ -431,3 +430,5 @@ static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequ
 }
 
 const CtsWay cts_way_web = {.send = web_send, .fetch = web_fetch, .find = cts_web_find};
+
+CTS_PART_TABLE(CtsNetWays, cts_net_ways, &cts_way_dimse, &cts_way_web)

@@ -1,4 +1,4 @@
-#include "output/net/web_find.h"
+#include "output/net/web.h"
 
 #include <ctype.h>
 #include <stdio.h>

@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "output/report/gnuplot.h"
 
 #include "base/by_id.h"

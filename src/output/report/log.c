@@ -1,4 +1,3 @@
-#define _GNU_SOURCE
 #include "output/report/log.h"
 
 #include "base/clock.h"

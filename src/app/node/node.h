@@ -1,0 +1,115 @@
+/* The receiver: listens on one address, and serves each peer that may send in a process of its own. */
+#ifndef CTS_NODE_NODE_H
+#define CTS_NODE_NODE_H
+
+#include "app/words/options.h"
+#include "output/net/accept.h"
+#include <sys/socket.h>
+#include <sys/types.h>
+
+/* allow.c: who may send, by AE titles and addresses. An address as IPv6 has it; one of IPv4 is mapped (RFC
+ * 4291, 2.5.5.2). */
+typedef struct CtsAddress {
+    uint8_t bytes[16];
+} CtsAddress;
+
+typedef struct CtsAllow {
+    char aet[17]; /* "" for any */
+    CtsAddress address;
+    int n_bits; /* of the address that count */
+} CtsAllow;
+
+typedef struct CtsAllowList {
+    CtsAllow *items; /* owned */
+    int n;           /* 0: this machine alone, under any AE title */
+} CtsAllowList;
+
+CtsAddress cts_address_of(const struct sockaddr_storage *from);
+void cts_address_text(const CtsAddress *address, char *text, socklen_t size);
+
+/* Each text is AET@ADDRESS or AET@ADDRESS/BITS; the AE title may be *. CTS_ERR_USAGE names what is neither. */
+CtsStatus cts_allow_parse(const char *const *texts, int n, CtsAllowList *list, CtsError *err);
+/* Whether the address may send under this AE title; NULL: under any. */
+bool cts_allow_has(const CtsAllowList *list, const CtsAddress *address, const char *aet);
+void cts_allow_free(CtsAllowList *list);
+
+/* spool.c: the folder that received slices go to: one folder a study, names of our own, a limit on each object and on
+ * the disk. */
+typedef struct CtsSpool {
+    const char *folder;
+    uint64_t most_object_bytes;
+    double free_percent; /* of the disk that stay free */
+    int lock;
+} CtsSpool;
+
+/* Makes the folder (0750) where it is missing, and locks it. CTS_ERR_INTERNAL when another receiver is at work there.
+ */
+CtsStatus cts_spool_open(CtsSpool *spool, CtsError *err);
+void cts_spool_close(CtsSpool *spool);
+/* The path of visitor i's object while it comes. */
+void cts_spool_temp(const CtsSpool *spool, int i, char *path, size_t size);
+/* Whether an object of n_bytes may be there. */
+bool cts_spool_has_room(const CtsSpool *spool, uint64_t n_bytes);
+
+enum { CTS_SPOOL_STUDY = 80 };
+/* A complete object moves into its study's folder, whose name is told, once it is on the disk; what is no CT image, or
+ * not the one that its sender named, is removed. The same instance takes its former one's place (*replaced). */
+CtsStoredAs cts_spool_keep(const CtsSpool *spool, const char *path, const char *sop_uid, char study[CTS_SPOOL_STUDY],
+                           bool *replaced);
+
+enum { CTS_MOST_VISITS = 64, CTS_MOST_STUDIES_TOLD = 16 };
+
+/* visits.c: who is being received from, one process a peer, under limits. What it tells of itself is shared with the
+ * process that serves the peer, which writes it and may be no friend's any more. */
+typedef struct CtsVisitTold {
+    CtsVisit visit;
+    uint64_t n_replaced; /* objects that took the place of the same instance */
+    int n_studies;
+    struct CtsStudyTold {
+        char name[CTS_SPOOL_STUDY];
+        uint64_t n_objects;
+    } studies[CTS_MOST_STUDIES_TOLD]; /* the last one counts all others too */
+} CtsVisitTold;
+
+typedef struct CtsVisitor {
+    pid_t pid; /* 0: none */
+    CtsAddress address;
+    double start_ms;
+    CtsVisitTold *told;
+} CtsVisitor;
+
+/* How many associations an address has begun in this minute. */
+typedef struct CtsRate {
+    CtsAddress address;
+    double since_ms;
+    int n;
+} CtsRate;
+
+typedef struct CtsVisits {
+    CtsVisitor visitors[CTS_MOST_VISITS];
+    CtsVisitTold *shared; /* of all */
+    CtsRate rates[256];   /* the oldest makes room */
+    int most_of_one, most_a_minute;
+} CtsVisits;
+
+CtsStatus cts_visits_open(CtsVisits *visits, CtsError *err);
+void cts_visits_close(CtsVisits *visits);
+/* A place for a peer at this address, emptied; NULL when it, or all together, have as many as they may. */
+CtsVisitor *cts_visits_admit(CtsVisits *visits, const CtsAddress *address, double now_ms);
+CtsVisitor *cts_visits_find(CtsVisits *visits, pid_t pid);
+/* One more object of a study, by the process that serves the peer. */
+void cts_told_object(CtsVisitTold *told, const char *study, bool replaced);
+
+/* record.c: who sent what, when and how much: a file of JSON Lines, opened for each of them, so that it may be moved
+ * away. CTS_ERR_OUTPUT when the file (0640; "-" is standard error) cannot be written. */
+CtsStatus cts_record_check(const char *path, CtsError *err);
+/* An association that has ended, how being the wait status of its process. Nothing but the reason's text is believed of
+ * what that process told. */
+CtsStatus cts_record_visit(const char *path, const CtsVisitor *visitor, int how, double now_ms, CtsError *err);
+/* Connections that were closed at once, the last of them from this address. */
+CtsStatus cts_record_turned_away(const char *path, uint64_t n, const CtsAddress *last, CtsError *err);
+
+/* Until options->net.stop is set: CTS_OK. Options are those of the command `receive`; each line for people is told. */
+CtsStatus cts_receive(const CtsOptions *options, void (*told)(const char *text), CtsError *err);
+
+#endif
