@@ -1,7 +1,6 @@
-#include "cli/arguments.h"
+#include "cli/commands.h"
 
 #include "base/near_word.h"
-#include "cli/commands.h"
 #include <stdio.h>
 #include <string.h>
 

@@ -4,9 +4,7 @@
 #include "app/words/words_job.h"
 #include "base/clock.h"
 #include "cli/commands.h"
-#include "cli/interrupt.h"
-#include "cli/message.h"
-#include "cli/progress.h"
+#include "cli/terminal.h"
 #include <stdio.h>
 #include <string.h>
 

@@ -1,10 +1,7 @@
 /* ctsplat bench: error against run time, for each engine and setting on one series. */
 #include "app/words/words_job.h"
 #include "cli/commands.h"
-#include "cli/interrupt.h"
-#include "cli/message.h"
-#include "cli/progress.h"
-#include "cli/terminal_watch.h"
+#include "cli/terminal.h"
 #include "lab/bench/bench.h"
 #include "lab/bench/paper_table.h"
 #include "output/report/text_table.h"

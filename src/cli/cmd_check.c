@@ -1,7 +1,6 @@
 /* ctsplat check: the numerical stability suite. */
 #include "cli/commands.h"
-#include "cli/interrupt.h"
-#include "cli/print_json.h"
+#include "cli/terminal.h"
 #include "lab/check/check.h"
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
 /* ctsplat compare: how far two pictures are apart; exit 0 when equal to the bit, 1 when not. */
 #include "cli/commands.h"
-#include "cli/print_json.h"
+#include "cli/terminal.h"
 #include <math.h>
 #include <stdio.h>
 

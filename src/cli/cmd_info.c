@@ -4,9 +4,7 @@
 #include "base/json.h"
 #include "base/text.h"
 #include "cli/commands.h"
-#include "cli/interrupt.h"
-#include "cli/print_json.h"
-#include "cli/progress.h"
+#include "cli/terminal.h"
 #include "output/report/info.h"
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,7 +1,6 @@
 /* ctsplat presets: the list of them, or one in full. */
 #include "cli/commands.h"
-#include "cli/message.h"
-#include "cli/print_json.h"
+#include "cli/terminal.h"
 #include "output/report/text_table.h"
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,16 +1,11 @@
 /* ctsplat render: the command line as a job, its progress, its log and what it prints. */
-#include "app/words/word_lists.h"
+#include "app/words/options.h"
 #include "app/words/words_job.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/meter.h"
 #include "cli/commands.h"
-#include "cli/interrupt.h"
-#include "cli/message.h"
-#include "cli/option_names.h"
-#include "cli/progress.h"
-#include "cli/standard_output.h"
-#include "cli/terminal_watch.h"
+#include "cli/terminal.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

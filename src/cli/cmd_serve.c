@@ -1,9 +1,8 @@
 /* ctsplat serve and ctsplat receive: until a signal stops them. */
 #include "app/node/node.h"
-#include "app/serve/serve.h"
+#include "app/serve/server.h"
 #include "cli/commands.h"
-#include "cli/interrupt.h"
-#include "cli/message.h"
+#include "cli/terminal.h"
 #include <stdio.h>
 
 /* On standard output, for who starts it. */

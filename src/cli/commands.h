@@ -1,4 +1,4 @@
-/* The commands: what help prints of them, and what runs. */
+/* The commands: what help prints of them, what runs, and what reads their words. */
 #ifndef CTS_CLI_COMMANDS_H
 #define CTS_CLI_COMMANDS_H
 
@@ -21,5 +21,14 @@ enum { CLI_N_COMMANDS = CTS_FOR_JOB };
 extern const CliCommand cli_commands[CLI_N_COMMANDS];
 
 CliRun cli_batch, cli_bench, cli_check, cli_info, cli_render, cli_compare, cli_presets, cli_receive, cli_serve;
+
+/* argv[0] is the command's name. */
+CtsStatus cli_arguments(CtsOptions *options, int command, int argc, const char *const *argv, CtsError *err);
+
+/* What `ctsplat --help` and `ctsplat COMMAND --help` print. */
+void cli_help(void);
+void cli_help_command(int command);
+/* This program and the libraries it runs with. */
+void cli_version(void);
 
 #endif

@@ -1,8 +1,7 @@
 /* --help, printed from the tables. */
-#include "cli/help.h"
-
-#include "app/words/word_lists.h"
 #include "cli/commands.h"
+
+#include "app/words/options.h"
 
 #include <expat.h>
 #include <jansson.h>

@@ -1,4 +1,4 @@
-#include "cli/interrupt.h"
+#include "cli/terminal.h"
 
 #include <string.h>
 #include <unistd.h>

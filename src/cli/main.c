@@ -2,11 +2,8 @@
 #include "base/exit_code.h"
 #include "base/helper_process.h"
 #include "base/near_word.h"
-#include "cli/arguments.h"
 #include "cli/commands.h"
-#include "cli/help.h"
-#include "cli/interrupt.h"
-#include "cli/message.h"
+#include "cli/terminal.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <signal.h>

@@ -1,7 +1,6 @@
-#include "cli/standard_output.h"
+#include "cli/terminal.h"
 
 #include "base/file.h"
-#include "cli/interrupt.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>

@@ -3,7 +3,6 @@
 #include "base/vec3.h"
 #include "ctsplat/export.h"
 #include "output/image/samples.h"
-#include "output/image/srgb.h"
 #include "pictures.h"
 #include <openexr.h>
 #include <png.h>

@@ -1,5 +1,5 @@
 /* The contact sheet's slices: where they are cut, what is grey, what has the colour of an outline. */
-#include "app/contact/label_slices.h"
+#include "app/contact/thumbnail.h"
 #include "unit.h"
 #include <math.h>
 #include <string.h>

@@ -1,7 +1,6 @@
 /* Pictures in memory: rounding, curves, blending, samples. */
 #include "output/image/describe.h"
 #include "output/image/samples.h"
-#include "output/image/srgb.h"
 #include "pictures.h"
 #include <locale.h>
 

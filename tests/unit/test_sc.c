@@ -1,6 +1,5 @@
 /* Secondary captures: what stands in the file, what is copied, what repeats, what comes back. */
 #include "ctsplat/export.h"
-#include "output/export/icc.h"
 #include "output/export/sc_words.h"
 #include "output/image/samples.h"
 #include "pictures.h"

@@ -1,5 +1,5 @@
 /* Pictures of 8 bits a channel, made to be sent: what others' decoders read is what was written. */
-#include "output/image/srgb.h"
+#include "output/image/samples.h"
 #include "pictures.h"
 
 #include <jpeglib.h>

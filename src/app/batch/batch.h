@@ -3,9 +3,28 @@
 #ifndef CTS_BATCH_BATCH_H
 #define CTS_BATCH_BATCH_H
 
-#include "app/batch/batch_lists.h"
 #include "app/job/render_job.h"
+#include "app/words/options.h"
 #include <signal.h>
+
+typedef struct CtsBatchView {
+    const char *name; /* as the user wrote it; part of file names */
+    double azimuth_deg, elevation_deg;
+} CtsBatchView;
+
+typedef struct CtsBatchLists {
+    char *texts[3]; /* copies that the names point into */
+    const char **preset_names, **view_texts, **formats;
+    CtsPreset *presets;
+    CtsBatchView *views;
+    int n_presets, n_views, n_formats;
+    char *options, *dcm_options; /* the words that act on pictures, and on .dcm files alone: a change makes them anew */
+    char send_to[1100];          /* the PACS that .dcm files go to, as the journal names it; "": none */
+} CtsBatchLists;
+
+/* Free with cts_batch_lists_free(), also after a failure. */
+CtsStatus cts_batch_lists(const CtsOptions *options, CtsBatchLists *lists, CtsReport *report, CtsError *err);
+void cts_batch_lists_free(CtsBatchLists *lists);
 
 /* More series at once are not started, whatever is asked for. */
 enum { CTS_BATCH_MOST_JOBS = 256 };
@@ -55,5 +74,11 @@ CtsStatus cts_batch_check(const CtsBatchSettings *settings, CtsReport *report, C
 /* A series that is refused or fails is counted; a failure of the batch itself is the status. The contact sheet is
  * written now and then on the way, unless this is one shard of several. */
 CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err);
+
+/* Removes those whose names begin so; nobody else may be writing there. */
+void cts_sweep(const char *folder, const char *prefix);
+/* All of them below -O; of a shard its journal's alone, as other shards are at work: the folder of a series is swept
+ * when the series is made. */
+void cts_sweep_all(const char *folder, int shard, int n_shards);
 
 #endif

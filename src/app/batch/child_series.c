@@ -1,6 +1,6 @@
 /* A series as its own process makes it: what is missing of it, and what came of it. */
-#include "app/batch/child_series.h"
-#include "app/batch/sweep.h"
+#include "app/batch/batch.h"
+#include "app/batch/child.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/json.h"

@@ -1,4 +1,4 @@
-#include "app/batch/line.h"
+#include "app/batch/journal.h"
 
 #include "app/batch/batch_plan.h"
 #include "app/contact/journal_lines.h"

@@ -1,6 +1,6 @@
 /* A series of the batch as render jobs: one volume for all its pictures. */
-#include "app/batch/child_series.h"
-#include "app/contact/label_slices.h"
+#include "app/batch/child.h"
+#include "app/contact/thumbnail.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/helper_process.h"

@@ -26,4 +26,8 @@ typedef struct CtsContactWanted {
  * no journal. */
 CtsStatus cts_contact_sheet_write(const char *dir, const CtsContactWanted *wanted, CtsError *err);
 
+/* What stands before and behind the data, a JSON object in a script element. */
+extern const unsigned char cts_contact_head[], cts_contact_tail[];
+extern const size_t cts_contact_head_bytes, cts_contact_tail_bytes;
+
 #endif

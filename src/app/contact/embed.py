@@ -34,4 +34,4 @@ parts = text_of(page).split('@DATA@')
 assert len(parts) == 2, 'the page has one place for the data'
 head, tail = (part.replace('@POLICY@', policy).replace('@STYLE@', style).replace('@SCRIPT@', script) for part in parts)
 with open(output, 'w', encoding='ascii') as f:
-    f.write('#include "app/contact/contact_page.h"\n' + array('cts_contact_head', head) + array('cts_contact_tail', tail))
+    f.write('#include "app/contact/contact_sheet.h"\n' + array('cts_contact_head', head) + array('cts_contact_tail', tail))

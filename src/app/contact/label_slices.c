@@ -1,4 +1,4 @@
-#include "app/contact/label_slices.h"
+#include "app/contact/thumbnail.h"
 
 #include "base/mem.h"
 #include "base/vec3.h"

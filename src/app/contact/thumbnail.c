@@ -2,7 +2,7 @@
 
 #include "base/file.h"
 #include "base/mem.h"
-#include "output/image/srgb.h"
+#include "output/image/samples.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,8 +1,7 @@
 #include "app/job/render_job.h"
 
-#include "app/job/files.h"
 #include "app/job/fit_window.h"
-#include "app/job/saturation.h"
+#include "app/job/outputs.h"
 #include "base/cpu.h"
 #include "base/limits.h"
 #include "base/mem.h"
@@ -12,6 +11,60 @@
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
+
+/* Whether a picture is little but black or white, which a user should hear of. */
+typedef struct Saturation {
+    uint64_t n, n_black, n_white; /* pixels, and those at most, or at least, a grey level that the eye takes for it */
+    uint64_t n_seen, n_full;      /* of a projection: above black, and at the top of the window */
+} Saturation;
+
+/* Five grey levels of 255 are as good as none; a two-hundredth of a picture is as good as nothing of it. */
+enum { EVERY = 7 }; /* pixels: some tell of all */
+static const float black = 5.0f / 255, white = 250.0f / 255;
+static const double nearly_all = 0.995;
+
+/* Counts a band over its background, before anything is drawn on it. */
+static void saturation_add(Saturation *saturation, const CtsPicture *band)
+{
+    const size_t n = (size_t)band->width * (size_t)band->height, channels = (size_t)band->n_channels;
+    for (size_t i = 0; i < n; i += EVERY) {
+        const float *p = &band->pixels[i * channels], *last = p + (channels == 1 ? 0 : 2);
+        const float most = fmaxf(fmaxf(p[0], p[channels / 3]), *last);
+        const float least = fminf(fminf(p[0], p[channels / 3]), *last);
+        saturation->n_black += most <= black;
+        saturation->n_white += least >= white;
+        saturation->n_seen += p[0] > 0;
+        saturation->n_full += p[0] >= 1;
+        saturation->n++;
+    }
+}
+
+static bool is_told(const CtsReport *report, const char *code)
+{
+    for (size_t i = 0; report && i < report->findings.n; i++)
+        if (!strcmp(report->findings.items[i].code, code))
+            return true;
+    return false;
+}
+
+/* A warning where half of what a projection shows is white, or nearly all of a picture is black or white. */
+static void saturation_tell(const Saturation *s, const CtsPictureInfo *info, CtsReport *report)
+{
+    const bool projects = info->mode != CTS_MODE_COMPOSITE, is_black = (double)s->n_black > nearly_all * (double)s->n;
+    if (projects && 2 * s->n_full > s->n_seen)
+        cts_report_finding(report, "mostly_white", CTS_WARNING,
+                           "%.0f %% of what the picture shows is white, %g HU and more (move the `window` up, or show "
+                           "less at once by a `slab` of some 10 mm)",
+                           100.0 * (double)s->n_full / (double)s->n_seen, info->window_high_hu);
+    else if ((is_black || (double)s->n_white > nearly_all * (double)s->n) && !is_told(report, "nothing_visible"))
+        cts_report_finding(report, is_black ? "nearly_black" : "nearly_white", CTS_WARNING,
+                           projects
+                               ? "the picture is nearly all %s: little of it lies between %g and %g HU (move the "
+                                 "`window`; `mode` without a preset takes one that fits)"
+                               : "the picture is nearly all %s (see what HU the preset shows, the `background`, and "
+                                 "the scale)",
+                           is_black ? "black" : "white", info->window_low_hu, info->window_high_hu);
+}
 
 /* Bands of a picture that somebody watches: few enough to cost nothing, enough of them to see it go on. */
 enum { WATCHED_ROWS = 4 * CTS_BAND_ROWS };
@@ -62,7 +115,7 @@ typedef struct Frame {
     CtsFiles *files;
     CtsReport *report;
     int number;
-    CtsSaturation saturation;
+    Saturation saturation;
 } Frame;
 
 static CtsStatus stopped(const CtsJob *job, CtsError *err)
@@ -126,7 +179,7 @@ static CtsStatus finish_band(void *context, CtsPicture *band, CtsError *err)
     CtsStatus st;
     if (!job->preset->background_none)
         cts_picture_over(band, job->preset->background, job->render.n_threads);
-    cts_saturation_add(&frame->saturation, band);
+    saturation_add(&frame->saturation, band);
     if (!(st = annotate(frame, band, err)) && frame->files->watch->band)
         frame->files->watch->band(frame->files->watch->context, frame->number, band);
     if (!st && !(st = stopped(job, err)))
@@ -203,7 +256,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
     }
     report->verified = pooled;
     if (!st)
-        cts_saturation_tell(&frame.saturation, &files->first, report);
+        saturation_tell(&frame.saturation, &files->first, report);
     cts_watch_findings(files->watch, report);
     return st;
 }

@@ -1,4 +1,4 @@
-#include "app/serve/asked.h"
+#include "app/serve/server.h"
 
 #include <stdarg.h>
 #include <stdio.h>

@@ -1,6 +1,6 @@
 /* The parameters of PS3.18 8.3.5 as ctsplat's words. */
-#include "app/serve/asked.h"
-#include "app/words/option_value.h"
+#include "app/serve/server.h"
+#include "app/words/options.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

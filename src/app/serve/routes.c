@@ -1,5 +1,4 @@
 /* What an address stands for. */
-#include "app/serve/page_assets.h"
 #include "app/serve/server.h"
 
 #include <stdio.h>

@@ -1,7 +1,6 @@
 /* The server's life: search, open the door, wait, close it. */
-#include "app/serve/serve.h"
-
 #include "app/serve/server.h"
+
 #include "base/cpu.h"
 #include "base/file.h"
 #include "base/load_part.h"

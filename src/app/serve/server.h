@@ -1,13 +1,70 @@
-/* A server under way: what its files share. */
+/* Volumes that stay loaded, and pictures of them for whoever asks over HTTP: PS3.18 rendered3D, ctsplat's own words,
+ * and a page. A server under way: what its files share. */
 #ifndef CTS_SERVE_SERVER_H
 #define CTS_SERVE_SERVER_H
 
-#include "app/serve/asked.h"
 #include "app/serve/http.h"
 #include "app/serve/shelf.h"
+#include "app/words/words_job.h"
 #include "output/report/masked.h"
 #include <pthread.h>
 #include <signal.h>
+#include <stddef.h>
+
+/* asked.c, rendered.c: what a request asks for, in ctsplat's own words: its query, checked and ready to be made. */
+enum { CTS_ASKED_PARTS = 64, CTS_ASKED_MADE = 8 };
+
+/* A query: names and values as the request has them, or made here. */
+typedef struct CtsQuery {
+    struct {
+        const char *name, *value;
+    } parts[CTS_ASKED_PARTS];
+    char made[CTS_ASKED_MADE][96];
+    int n, n_made;
+    bool too_many;
+} CtsQuery;
+
+/* Texts must stay. */
+void cts_query_add(void *query, const char *name, const char *value);
+void cts_query_make(CtsQuery *query, const char *name, const char *format, ...) __attribute__((format(printf, 3, 4)));
+/* NULL where it is not given. */
+const char *cts_query_value(const CtsQuery *query, const char *name);
+
+typedef struct CtsAsked {
+    CtsQuery query; /* as ctsplat's own words */
+    const char *media_type;
+    bool metadata;                                  /* how the picture is made, not the picture */
+    double swivel_range_deg, swivel_step_deg, rate; /* 0: not asked for */
+    char *state_path;                               /* of the presentation state that is asked for; NULL: none */
+    char instance_uid[65];                          /* the object that must be the whole series; "": none */
+    char *path;                                     /* where the picture goes */
+    CtsOptions options;
+    CtsPreset preset;
+    CtsJob job; /* points at the two */
+} CtsAsked;
+
+/* By ctsplat's words; format: what the address ends in. CTS_ERR_USAGE for what no request may ask for. folder and
+ * serial name a file of its own. Free with cts_asked_free(), also after a failure. */
+CtsStatus cts_asked_words(CtsAsked *asked, const CtsFormatInfo *format, const char *folder, unsigned long serial,
+                          int n_threads, CtsReport *report, CtsError *err);
+void cts_asked_free(CtsAsked *asked);
+
+const char *cts_media_type_of(const CtsFormatInfo *format);
+
+/* The parameters of PS3.18 8.3.5 in query become words, and the media type one that accept (the header; may be NULL)
+ * takes; *format is NULL where it takes none. */
+CtsStatus cts_asked_rendered(CtsAsked *asked, const char *accept, const CtsFormatInfo **format, CtsError *err);
+
+/* The files of the page, put into C by page/embed_assets.py. */
+typedef struct CtsPageAsset {
+    const char *name; /* below the server's root; "" is the page itself */
+    const char *media_type;
+    const unsigned char *bytes;
+    size_t n_bytes;
+} CtsPageAsset;
+
+extern const CtsPageAsset cts_page_assets[];
+extern const size_t cts_page_n_assets;
 
 /* So many pictures are made at once, at most one less of any series, and so many wait; who comes then is told to come
  * back. One series that takes long to read, or one picture that takes long to make, leaves room for the others. */
@@ -87,5 +144,16 @@ char *cts_list_labels(CtsServer *server, const char *id);
 char *cts_list_module(const CtsErrand *errand);
 /* How the picture was made, for who shows it, on one line. */
 char *cts_list_scene(const CtsServer *server, const CtsErrand *errand);
+
+/* What the caller is told; text is one line. */
+typedef struct CtsServeTold {
+    void (*ready)(const char *url); /* where to find the page, its token in it where nobody else knows it */
+    void (*note)(const char *text);
+} CtsServeTold;
+
+/* Serves until *stop, or a signal that sets it, says so; requests under way are then answered with 503. Options are
+ * those of the command `serve`. */
+CtsStatus cts_serve(const CtsOptions *options, const volatile sig_atomic_t *stop, const CtsServeTold *told,
+                    CtsError *err);
 
 #endif

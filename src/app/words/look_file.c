@@ -1,4 +1,4 @@
-#include "app/words/look_file.h"
+#include "app/words/options.h"
 
 #include "base/file.h"
 #include "base/json.h"

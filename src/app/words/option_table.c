@@ -2,8 +2,6 @@
  * batch then makes its pictures anew. */
 #include "app/words/options.h"
 
-#include "app/words/option_value.h"
-
 #define ON(command) (1u << CTS_FOR_##command)
 #define ONE (ON(RENDER) | ON(JOB))
 #define RENDERING (ONE | ON(BATCH))

@@ -1,6 +1,5 @@
-#include "app/words/option_value.h"
+#include "app/words/options.h"
 
-#include "app/words/word_lists.h"
 #include "base/near_word.h"
 #include "base/text.h"
 #include <errno.h>

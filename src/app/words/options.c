@@ -1,6 +1,5 @@
 #include "app/words/options.h"
 
-#include "app/words/option_value.h"
 #include "base/mem.h"
 #include "base/near_word.h"
 #include <stdio.h>

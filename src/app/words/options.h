@@ -4,9 +4,9 @@
 #define CTS_WORDS_OPTIONS_H
 
 #include "app/job/render_job.h"
-#include "app/words/look_file.h"
 #include "ctsplat/bounds.h"
 #include "ctsplat/job.h"
+#include "ctsplat/state.h"
 
 /* Whose an option is; CTS_FOR_JOB is cts_words_run(), CTS_FOR_REQUEST what a client may ask `serve` for: nothing that
  * names a file. */
@@ -29,6 +29,17 @@ typedef struct CtsTextList {
     const char **items;
     int n;
 } CtsTextList;
+
+/* A look file's words, which say in JSON what the options of labels say; names are static, texts the look's own. */
+typedef struct CtsLook {
+    CtsWord *words;
+    char **texts;
+    int n;
+} CtsLook;
+
+/* Of a file, or of the JSON itself. Free with cts_look_free(), also after a failure. */
+CtsStatus cts_look_read(const char *file_or_json, CtsLook *look, CtsError *err);
+void cts_look_free(CtsLook *look);
 
 /* What was asked for, defaults where nothing was said. Strings are those of the words. */
 typedef struct CtsOptions {
@@ -166,5 +177,33 @@ char *cts_options_text(const CtsOptions *options, CtsTouches touches);
 
 /* The words, without names of files and of patients: what a log may tell. */
 void cts_options_command(const CtsOptions *options, char *text, size_t size);
+
+/* Texts whose lists come from the tables of the library: what a row adds there stands in help and messages here.
+ * Longest text with its lists in place. */
+enum { CTS_WORD_LISTS_MAX = 600 };
+
+/* text with these replaced, in out; returns out. {views}, {kernels}, {formats}: their names; of the formats' endings
+ * {outputs} has all, {objects} those of DICOM objects, {stacks} those of which one file holds a rotation. */
+const char *cts_word_lists(const char *text, char out[CTS_WORD_LISTS_MAX]);
+
+/* Option arguments that are more than a number or a word; each parser names the option it reads in its message.
+ * The whole of text as a finite decimal number, or as an integer; false when it is not one. */
+bool cts_number(const char *text, double *value);
+bool cts_integer(const char *text, int *value);
+/* n numbers with commas between them, no more and no fewer. */
+bool cts_numbers(const char *text, double *values, int n);
+
+/* The place of text's first length bytes among n names; -1 where there is none such, and err names them, and more. */
+int cts_name_find(const char *option, const char *text, size_t length, const char *const *names, int n,
+                  const char *more, CtsError *err);
+
+/* A view by its name or its two angles; option: whose argument it is. */
+CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg, double *elevation_deg, CtsError *err);
+/* Likewise a format by its name. */
+CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err);
+
+CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_parse_crop, cts_parse_format,
+    cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard, cts_parse_size,
+    cts_parse_swivel, cts_parse_view, cts_parse_window;
 
 #endif

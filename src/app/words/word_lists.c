@@ -1,4 +1,4 @@
-#include "app/words/word_lists.h"
+#include "app/words/options.h"
 
 #include "ctsplat/export.h"
 #include "ctsplat/render.h"

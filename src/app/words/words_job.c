@@ -1,6 +1,6 @@
 #include "app/words/words_job.h"
 
-#include "app/words/word_lists.h"
+#include "app/words/options.h"
 #include "base/cpu.h"
 #include <stdlib.h>
 #include <string.h>

@@ -3,7 +3,7 @@
 #include "base/cpu.h"
 #include "base/file.h"
 #include "lab/bench/bench_parts.h"
-#include "output/report/gnuplot.h"
+#include "output/report/bench_rows.h"
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

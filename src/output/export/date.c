@@ -1,4 +1,4 @@
-#include "output/export/date.h"
+#include "output/export/format.h"
 
 #include <errno.h>
 #include <stdlib.h>

@@ -6,9 +6,8 @@
 #include "base/mem.h"
 #include "base/parallel.h"
 #include "base/vec3.h"
-#include "output/export/date.h"
 #include "output/image/describe.h"
-#include "output/image/srgb.h"
+#include "output/image/samples.h"
 #include <openexr.h>
 #include <stdio.h>
 #include <stdlib.h>

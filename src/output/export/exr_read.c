@@ -3,7 +3,7 @@
 
 #include "base/mem.h"
 #include "ctsplat/bounds.h"
-#include "output/image/srgb.h"
+#include "output/image/samples.h"
 #include <math.h>
 #include <openexr.h>
 #include <string.h>

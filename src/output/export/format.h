@@ -3,7 +3,12 @@
 #define CTS_EXPORT_FORMAT_H
 
 #include "base/file.h"
+#include "ctsplat/api.h"
 #include "ctsplat/export.h"
+#include <stdbool.h>
+#include <time.h>
+
+CTS_C_BEGIN
 
 /* What is known of the pictures before their rows come. */
 typedef struct CtsExportHead {
@@ -45,5 +50,12 @@ extern const CtsFormat cts_format_png, cts_format_exr, cts_format_dcm, cts_forma
 
 CtsStatus cts_png_read(const char *path, CtsPicture **picture, CtsError *err);
 CtsStatus cts_exr_read(const char *path, CtsPicture **picture, CtsError *err);
+
+/* The time that outputs carry: SOURCE_DATE_EPOCH when it is set, so that files can be made again byte for byte.
+ * UTC from SOURCE_DATE_EPOCH (seconds since 1970), else local time now; returns whether it came from there. A value
+ * that is no whole number of seconds up to the year 9999 counts as unset. */
+bool cts_date_now(struct tm *date);
+
+CTS_C_END
 
 #endif

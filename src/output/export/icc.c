@@ -1,4 +1,4 @@
-#include "output/export/icc.h"
+#include "output/export/sc_words.h"
 
 #include <math.h>
 #include <string.h>

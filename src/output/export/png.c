@@ -1,4 +1,5 @@
-/* PNG, 16 or 8 bits a sample: libpng writes the file, deflate.c packs the pixels.
+/* PNG, 16 or 8 bits a sample: libpng writes the file, ISA-L packs the pixels: its level 1 packs as tightly as zlib's
+ * and takes a fifth of its time; its bytes are the same on every x86-64 with SSE4.2.
  *
  * libpng compresses on one thread, and at its default level takes many times longer than a render. The low bytes of a
  * render are noise: the fastest level finds nearly all that there is to find. So rows are cut into strips that are
@@ -8,7 +9,6 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "output/export/deflate.h"
 #include "output/image/describe.h"
 #include "output/image/samples.h"
 #include <endian.h>
@@ -19,6 +19,51 @@
 #include <stdlib.h>
 #include <string.h>
 #include <zlib.h>
+
+/* What one thread packs with, one piece after the other. */
+typedef struct Deflater {
+    struct isal_zstream z;
+    uint8_t work[ISAL_DEF_LVL1_DEFAULT];
+    size_t most, n_packed;
+    uint8_t bytes[]; /* most of a piece, then n_packed of it packed */
+} Deflater;
+
+static CtsStatus deflater_new(Deflater **deflater, size_t most, CtsError *err)
+{
+    /* Where nothing can be packed, deflate stores: 5 bytes for each block. */
+    const size_t n_packed = most + most / 512 + 1024;
+    const CtsStatus st = cts_alloc_zeroed_bytes((void **)deflater, 1, sizeof **deflater + most + n_packed, err);
+    if (st)
+        return st;
+    (*deflater)->most = most;
+    (*deflater)->n_packed = n_packed;
+    isal_deflate_init(&(*deflater)->z);
+    return CTS_OK;
+}
+
+/* Raw deflate of the first n of the deflater's bytes: all pieces but the last end on a byte with a block that is not
+ * final, so that the next can follow. *bytes is the caller's to free(). */
+static CtsStatus pack(Deflater *d, size_t n, bool last, uint8_t **bytes, size_t *n_bytes)
+{
+    struct isal_zstream *const z = &d->z;
+    isal_deflate_reset(z);
+    z->level = 1;
+    z->level_buf = d->work;
+    z->level_buf_size = sizeof d->work;
+    z->flush = last ? NO_FLUSH : SYNC_FLUSH;
+    z->end_of_stream = last;
+    z->next_in = d->bytes;
+    z->avail_in = (uint32_t)n;
+    z->next_out = d->bytes + d->most;
+    z->avail_out = (uint32_t)d->n_packed;
+    if (isal_deflate(z) != COMP_OK || z->avail_in != 0 || z->avail_out == 0)
+        return CTS_ERR_INTERNAL;
+    *n_bytes = d->n_packed - z->avail_out;
+    if (!(*bytes = malloc(*n_bytes)))
+        return CTS_ERR_MEMORY;
+    memcpy(*bytes, d->bytes + d->most, *n_bytes);
+    return CTS_OK;
+}
 
 enum { STRIP_BYTES = 512 << 10, FILTER_SUB = 1, FILTER_UP = 2 };
 
@@ -42,9 +87,9 @@ typedef struct PngWriter {
     size_t row_bytes;
     int rows_per_strip; /* a power of two: bands are whole strips */
     int n_threads;
-    CtsDeflater **deflaters; /* of each thread, made when it first wants one */
-    uint16_t *words;         /* a row of each thread */
-    uint32_t adler;          /* of all rows so far */
+    Deflater **deflaters; /* of each thread, made when it first wants one */
+    uint16_t *words;      /* a row of each thread */
+    uint32_t adler;       /* of all rows so far */
 } PngWriter;
 
 static void on_write(png_structp png, png_bytep data, size_t n)
@@ -168,12 +213,12 @@ static CtsStatus pack_strip(const PngWriter *w, int worker, const CtsPicture *ba
                             Strip *strip)
 {
     const size_t step = w->row_bytes + 1, bpp = (size_t)(w->n_samples * w->sample_bytes);
-    CtsDeflater **const deflater = &w->deflaters[worker];
+    Deflater **const deflater = &w->deflaters[worker];
     uint16_t *const words = w->words + (size_t)worker * w->row_bytes / 2;
-    const CtsStatus st = *deflater ? CTS_OK : cts_deflater_new(deflater, step * (size_t)w->rows_per_strip, NULL);
+    const CtsStatus st = *deflater ? CTS_OK : deflater_new(deflater, step * (size_t)w->rows_per_strip, NULL);
     if (st)
         return st;
-    uint8_t *const rows = cts_deflater_room(*deflater);
+    uint8_t *const rows = (*deflater)->bytes;
     for (int r = y; r < end; r++)
         convert_row(w, band, r, words, rows + step * (size_t)(r - y));
     for (int r = end - 1; r > y; r--) {
@@ -186,7 +231,7 @@ static CtsStatus pack_strip(const PngWriter *w, int worker, const CtsPicture *ba
         rows[i] = (uint8_t)(rows[i] - rows[i - bpp]);
     strip->n_filtered = step * (size_t)(end - y);
     strip->adler = isal_adler32(1, rows, strip->n_filtered);
-    return cts_deflate(*deflater, strip->n_filtered, last, &strip->bytes, &strip->n_bytes);
+    return pack(*deflater, strip->n_filtered, last, &strip->bytes, &strip->n_bytes);
 }
 
 typedef struct Packing {

@@ -1,7 +1,7 @@
-#include "output/export/sc_spool.h"
+#include "output/export/sc_words.h"
 
 #include "base/mem.h"
-#include "output/objects/dcm_writers.h"
+#include "output/objects/objects.h"
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>

@@ -1,7 +1,10 @@
 #include "output/export/sc_words.h"
 
 #include "base/by_id.h"
+#include "ctsplat/preset.h"
+#include "output/export/uid.h"
 #include "output/image/describe.h"
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -96,4 +99,140 @@ void cts_sc_words(const CtsExportJob *job, CtsScWords *words)
         cts_describe_direction(to_feet, down);
         snprintf(words->patient_orientation, sizeof words->patient_orientation, "%s\\%s", right, down);
     }
+}
+
+CtsStatus cts_sc_hash_start(CtsHash **hash, const CtsKey *key, const char *purpose, const CtsSeries *source,
+                            CtsError *err)
+{
+    const CtsStatus st = cts_hash_start_keyed(hash, key, err);
+    if (st)
+        return st;
+    cts_hash_text(*hash, "ctsplat");
+    cts_hash_text(*hash, purpose);
+    cts_hash_text(*hash, source ? source->uid : "");
+    for (int i = 0; source && i < source->n_slices; i++)
+        cts_hash_text(*hash, source->slices[i]->sop_uid);
+    return CTS_OK;
+}
+
+CtsStatus cts_sc_hash_finish(CtsHash **hash, char uid[65], CtsError *err)
+{
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const CtsStatus st = cts_hash_finish(hash, digest, err);
+    if (!st)
+        cts_uid_from_digest(digest, uid);
+    return st;
+}
+
+/* The study the picture joins: the source's, or another one for all pictures of that study when identity goes. */
+static CtsStatus name_study(const CtsExportJob *job, const CtsKey *key, CtsScNames *names, CtsError *err)
+{
+    const char *const study_uid = job->settings.source->slices[0]->identity[CTS_STUDY_UID];
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    const bool known = *study_uid;
+    snprintf(names->study_uid, sizeof names->study_uid, "%s", study_uid);
+    if (known && !job->settings.deidentify)
+        return CTS_OK;
+    CtsStatus st = cts_sc_hash_start(&hash, key, "study", known ? NULL : job->settings.source, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, study_uid);
+    if ((st = cts_sc_hash_finish(&hash, names->study_uid, err)) || !job->settings.deidentify ||
+        (st = cts_sc_hash_start(&hash, key, "patient", NULL, err)))
+        return st;
+    cts_hash_text(hash, names->study_uid);
+    if ((st = cts_hash_finish(&hash, digest, err)))
+        return st;
+    snprintf(names->pseudonym, sizeof names->pseudonym, "ANON-");
+    for (int i = 0; i < 8; i++)
+        snprintf(names->pseudonym + 5 + 2 * i, 3, "%02X", digest[i]);
+    return CTS_OK;
+}
+
+/* The source's number, then three digits: a hundred for each mode, 400 more for rotations, and the preset's own number.
+ * Presets that are not built in share 81 to 99. */
+static CtsStatus number_series(const CtsExportJob *job, CtsScNames *names, CtsError *err)
+{
+    enum { FIRST_OTHER = 81, N_OTHER = 19 };
+    const CtsPictureInfo *info = &job->head.info;
+    CtsHash *hash;
+    uint8_t digest[CTS_DIGEST_BYTES];
+    int preset = cts_preset_number(info->preset);
+    CtsStatus st = cts_sc_hash_start(&hash, NULL, "series number", NULL, err);
+    if (st)
+        return st;
+    cts_hash_text(hash, info->preset);
+    if ((st = cts_hash_finish(&hash, digest, err)))
+        return st;
+    if (!preset)
+        preset = FIRST_OTHER + digest[0] % N_OTHER;
+    names->series_number =
+        cts_sc_series_number(job->settings.source, 100 * (int)info->mode + 400 * (job->head.n_frames > 1) + preset);
+    if (job->settings.series_number > 0)
+        names->series_number = job->settings.series_number;
+    return CTS_OK;
+}
+
+int cts_sc_series_number(const CtsSeries *source, int own)
+{
+    const int most = INT32_MAX / 1000 - 1, number = source->series_number < 0 ? 0 : source->series_number;
+    return (number > most ? number % 1000000 : number) * 1000 + own;
+}
+
+/* Views of a preset share its series, and have an order of their own. */
+static int instance_number(const CtsExportJob *job)
+{
+    static const char *const views[] = {"anterior", "left", "posterior", "right", "head", "feet"};
+    const CtsPictureInfo *info = &job->head.info;
+    char view[80];
+    cts_describe_view(info, view, sizeof view);
+    for (int i = 0; i < 6; i++)
+        if (strcmp(view, views[i]) == 0)
+            return i + 1;
+    double azimuth_deg = fmod(info->azimuth_deg, 360);
+    if (azimuth_deg < 0)
+        azimuth_deg += 360;
+    return 10 + (int)((info->elevation_deg + 90) * 10 + 0.5) * 3600 + (int)(azimuth_deg * 10 + 0.5);
+}
+
+/* UIDs from all that makes the object what it is: the same input gives the same UIDs, another picture another one. */
+static CtsStatus name_series_and_instance(const CtsExportJob *job, const CtsKey *key, const CtsScWords *words,
+                                          const uint8_t pixels[CTS_DIGEST_BYTES], CtsScNames *names, CtsError *err)
+{
+    const CtsExportHead *head = &job->head;
+    CtsHash *hash;
+    CtsStatus st;
+    char text[160];
+    if (job->settings.new_uids)
+        return (st = cts_uid_random(names->series_uid, err)) ? st : cts_uid_random(names->sop_uid, err);
+    if ((st = cts_sc_hash_start(&hash, key, "series", job->settings.source, err)))
+        return st;
+    snprintf(text, sizeof text, "%d %d", job->settings.deidentify, names->series_number);
+    cts_hash_text(hash, text);
+    cts_hash_text(hash, words->series_description);
+    cts_hash_text(hash, CTS_VERSION);
+    if ((st = cts_sc_hash_finish(&hash, names->series_uid, err)) ||
+        (st = cts_sc_hash_start(&hash, key, "instance", job->settings.source, err)))
+        return st;
+    cts_hash_text(hash, names->series_uid);
+    cts_hash_text(hash, words->derivation);
+    snprintf(text, sizeof text, "%dx%d %d", head->width, head->height, head->grey);
+    cts_hash_text(hash, text);
+    cts_hash_bytes(hash, pixels, CTS_DIGEST_BYTES);
+    return cts_sc_hash_finish(&hash, names->sop_uid, err);
+}
+
+CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScWords *words, const uint8_t pixels[CTS_DIGEST_BYTES],
+                       CtsScNames *names, CtsError *err)
+{
+    CtsStatus st;
+    CtsKey site;
+    const CtsKey *const key = job->settings.deidentify ? &site : NULL;
+    memset(names, 0, sizeof *names);
+    names->instance_number = instance_number(job);
+    if ((key && (st = cts_key_load(job->settings.key, true, &site, err))) || (st = name_study(job, key, names, err)) ||
+        (st = number_series(job, names, err)))
+        return st;
+    return name_series_and_instance(job, key, words, pixels, names, err);
 }

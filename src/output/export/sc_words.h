@@ -4,7 +4,9 @@
 
 #include "base/hash.h"
 #include "output/export/format.h"
-#include "output/objects/dcm_sc.h"
+#include "output/objects/objects.h"
+#include <stddef.h>
+#include <stdint.h>
 
 /* Texts are ASCII and fit their attribute. */
 typedef struct CtsScWords {
@@ -34,5 +36,32 @@ typedef struct CtsScNames {
 /* pixels: the digest of all frames' views and samples. */
 CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScWords *words, const uint8_t pixels[CTS_DIGEST_BYTES],
                        CtsScNames *names, CtsError *err);
+
+/* The pixels of a secondary capture wait in a file of their own until the last has come: what the header says depends
+ * on them. Compressed ones are compressed on the way there, frame by frame, so that no more than one is in memory. */
+typedef struct CtsScSpool {
+    CtsTempFile *file;
+    const char *syntax_uid; /* NULL: not compressed */
+    CtsScFrame frame;       /* one frame; its samples are there only when they are compressed */
+    size_t n_frame_bytes;   /* that came so far */
+    uint32_t *offsets;      /* of each frame's first fragment behind the table of them */
+    int n_frames, max_frames;
+    uint64_t n_bytes; /* in the file */
+} CtsScSpool;
+
+/* frame: all but samples. The file stands beside path. */
+CtsStatus cts_sc_spool_open(CtsScSpool *spool, const char *path, const char *syntax_uid, const CtsScFrame *frame,
+                            int n_frames, CtsError *err);
+/* Samples in the order of the rows; words in this machine's order. */
+CtsStatus cts_sc_spool_write(CtsScSpool *spool, void *samples, size_t n_bytes, CtsError *err);
+/* The whole element PixelData (7FE0,0010), once all frames are there. */
+CtsStatus cts_sc_spool_copy(const CtsScSpool *spool, CtsTempFile *to, CtsError *err);
+void cts_sc_spool_close(CtsScSpool *spool);
+
+enum { CTS_ICC_BYTES = 600 };
+
+/* An ICC profile, version 4.3, of the input class, as DICOM wants it (PS3.3 C.11.15): sRGB (IEC 61966-2-1). Returns its
+ * length, which is a multiple of 4. The same bytes each time. */
+size_t cts_icc_srgb(uint8_t profile[CTS_ICC_BYTES]);
 
 #endif

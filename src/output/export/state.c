@@ -5,11 +5,10 @@
 #include "base/file.h"
 #include "base/hash.h"
 #include "base/mem.h"
-#include "output/export/date.h"
-#include "output/export/icc.h"
+#include "output/export/format.h"
 #include "output/export/sc_words.h"
 #include "output/image/describe.h"
-#include "output/objects/dcm_writers.h"
+#include "output/objects/objects.h"
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,8 +1,10 @@
-/* A picture's pixels as the integers that PNG and DICOM files hold. */
+/* A picture's pixels as the integers that files hold, and display values (sRGB, IEC 61966-2-1) to and from linear
+ * light. */
 #ifndef CTS_IMAGE_SAMPLES_H
 #define CTS_IMAGE_SAMPLES_H
 
 #include "ctsplat/picture.h"
+#include <math.h>
 #include <stdint.h>
 
 /* Red, green and blue are equal in every pixel. Alpha is not looked at. */
@@ -14,5 +16,20 @@ void cts_samples_row16(const CtsPicture *picture, int y, int n_samples, uint16_t
 
 /* The same with 8 bits a sample. */
 void cts_samples_row8(const CtsPicture *picture, int y, int n_samples, uint8_t *row);
+
+/* The curves go on above 1; negative values and NaN give 0. */
+double cts_srgb_to_linear(double display);
+double cts_linear_to_srgb(double linear);
+
+/* floor(v * largest + 0.5) after clamping to 0..1; NaN gives 0. */
+static inline uint16_t cts_round16(double v)
+{
+    return v > 0 ? v < 1 ? (uint16_t)(v * 65535 + 0.5) : 65535 : 0;
+}
+
+static inline uint8_t cts_round8(double v)
+{
+    return v > 0 ? v < 1 ? (uint8_t)(v * 255 + 0.5) : 255 : 0;
+}
 
 #endif

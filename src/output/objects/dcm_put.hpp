@@ -3,7 +3,7 @@
 #define CTS_DICOM_DCM_PUT_HPP
 
 #include "ctsplat/status.h"
-#include "output/objects/dcm_sc.h"
+#include "output/objects/objects.h"
 
 #include <cstdio>
 #include <cstring>

@@ -1,7 +1,7 @@
 /* One frame of a secondary capture compressed with DCMTK, so that no more than a frame is in memory. */
 #include <dcmtk/config/osconfig.h>
 
-#include "output/objects/dcm_sc.h"
+#include "output/objects/objects.h"
 
 #include "input/header/dcm_door.hpp"
 #include "input/header/dcm_read.h"

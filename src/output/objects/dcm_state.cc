@@ -1,7 +1,7 @@
 /* Volume Rendering Volumetric Presentation State (PS3.3 A.80.2): modules in the order of its table. */
 #include <dcmtk/config/osconfig.h>
 
-#include "output/objects/dcm_state.h"
+#include "output/objects/objects.h"
 
 #include "input/header/dcm_door.hpp"
 #include "input/header/dcm_read.h"

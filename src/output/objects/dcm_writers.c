@@ -1,4 +1,4 @@
-#include "output/objects/dcm_writers.h"
+#include "output/objects/objects.h"
 
 #include "base/load_part.h"
 

@@ -1,4 +1,4 @@
 #include "base/load_part.h"
-#include "output/objects/dcm_writers.h"
+#include "output/objects/objects.h"
 
 CTS_PART_DOOR(CtsDcmWriters, cts_dcm_writers, CTS_DCMTK_PART)

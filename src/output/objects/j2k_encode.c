@@ -1,6 +1,6 @@
 /* One frame as a JPEG 2000 code stream without loss, by OpenJPEG, in a process of its own: it crashes where memory is
  * short. */
-#include "output/objects/dcm_sc.h"
+#include "output/objects/objects.h"
 
 #include "base/sandbox.h"
 #include <openjpeg.h>

@@ -1,5 +1,5 @@
 /* A secondary capture read back: framing and sizes are checked before anything is allocated or decoded. */
-#include "output/objects/dcm_sc.h"
+#include "output/objects/objects.h"
 
 #include "base/mem.h"
 #include "ctsplat/bounds.h"

@@ -1,5 +1,5 @@
 /* What ctsplat wrote into a presentation state besides the standard's attributes. */
-#include "output/objects/dcm_state.h"
+#include "output/objects/objects.h"
 
 #include "input/header/head.h"
 #include <stdlib.h>

@@ -14,5 +14,5 @@ for i, path in enumerate(files):
     arrays.append(f'static const unsigned char asset_{i}[] = {{\n{lines}}};\n')
     rows.append(f'    {{"{"" if ending == ".html" else name}", "{TYPES[ending]}", asset_{i}, sizeof asset_{i}}},\n')
 with open(output, 'w', encoding='ascii') as f:
-    f.write('#include "app/serve/page_assets.h"\n' + ''.join(arrays) + 'const CtsPageAsset cts_page_assets[] = {\n' +
+    f.write('#include "app/serve/server.h"\n' + ''.join(arrays) + 'const CtsPageAsset cts_page_assets[] = {\n' +
             ''.join(rows) + f'}};\nconst size_t cts_page_n_assets = {len(files)};\n')

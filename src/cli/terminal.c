@@ -1,0 +1,213 @@
+#include "cli/terminal.h"
+
+#include "app/words/options.h"
+#include "base/clock.h"
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+/* Settings whose option is not called like them. */
+static const struct {
+    const char *setting, *option;
+} renamed[] = {
+    {"void_key", "--void key"},      {"width", "--size"},           {"height", "--size"},
+    {"tolerance_hu", "--tolerance"}, {"azimuth_deg", "--view"},     {"elevation_deg", "--view"},
+    {"n_threads", "--threads"},      {"kernel_radius", "--kernel"}, {"compression", "--compress"},
+    {"frames", "--rotation"},
+};
+
+/* Writes the option of the setting; false where there is none. */
+static bool put_option(FILE *out, const char *setting, size_t length)
+{
+    for (size_t i = 0; i < sizeof renamed / sizeof *renamed; i++)
+        if (strlen(renamed[i].setting) == length && !strncmp(renamed[i].setting, setting, length)) {
+            fputs(renamed[i].option, out);
+            return true;
+        }
+    for (const CtsOption *o = cts_options; o->name; o++) {
+        size_t same = 0;
+        while (same < length && o->name[same] == (setting[same] == '_' ? '-' : setting[same]))
+            same++;
+        if (same == length && !o->name[same]) {
+            fprintf(out, o->commands == 1u << CTS_FOR_JOB ? "%.0sPATH" : "--%s", o->name);
+            return true;
+        }
+    }
+    return false;
+}
+
+const char *cli_with_options(const char *text, char *out, size_t size)
+{
+    out[0] = 0;
+    FILE *file = fmemopen(out, size, "w");
+    while (file && *text) {
+        const size_t n = *text == '`' ? strcspn(text + 1, "`") : 0;
+        if (n > 0 && text[1 + n] == '`' && put_option(file, text + 1, n))
+            text += n + 2;
+        else
+            fputc(*text++, file);
+    }
+    if (file)
+        fclose(file);
+    out[size - 1] = 0;
+    return out;
+}
+
+enum { BAR_WIDTH = 24 };
+
+bool cli_progress_shows(void)
+{
+    const char *term = getenv("TERM");
+    return isatty(STDERR_FILENO) && term && strcmp(term, "dumb");
+}
+
+void cli_progress(double done, int all, const char *what)
+{
+    if (!cli_progress_shows())
+        return;
+    const int filled = all > 0 ? (int)(BAR_WIDTH * done / all) : 0;
+    char bar[BAR_WIDTH + 1];
+    memset(bar, ' ', BAR_WIDTH);
+    memset(bar, '#', (size_t)filled);
+    bar[BAR_WIDTH] = 0;
+    fprintf(stderr, "\r\033[K[%s] %s", bar, what);
+    fflush(stderr);
+}
+
+CliTimeLeft cli_time_left(double seconds)
+{
+    CliTimeLeft left = {""};
+    if (seconds >= 5400)
+        snprintf(left.text, sizeof left.text, ", about %.1f hours left", seconds / 3600);
+    else if (seconds >= 90)
+        snprintf(left.text, sizeof left.text, ", about %.0f minutes left", seconds / 60);
+    else if (seconds >= 0)
+        snprintf(left.text, sizeof left.text, ", about %.0f seconds left", seconds);
+    return left;
+}
+
+void cli_progress_clear(void)
+{
+    if (!cli_progress_shows())
+        return;
+    fputs("\r\033[K", stderr);
+    fflush(stderr);
+}
+
+/* One message is one line, whatever stands in a header or a file name. */
+static void print_line(const char *prefix, const char *text)
+{
+    char line[1200];
+    cli_with_options(text, line, sizeof line);
+    for (char *c = line; *c; c++)
+        if ((unsigned char)*c < 0x20 || *c == 0x7f)
+            *c = '?';
+    cli_progress_clear();
+    fprintf(stderr, "ctsplat: %s%s\n", prefix, line);
+}
+
+__attribute__((format(printf, 2, 0))) static void print_text(const char *prefix, const char *format, va_list args)
+{
+    char text[1200];
+    vsnprintf(text, sizeof text, format, args);
+    print_line(prefix, text);
+}
+
+void cli_warning(const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    print_text("warning: ", format, args);
+    va_end(args);
+}
+
+void cli_note(const char *format, ...)
+{
+    va_list args;
+    va_start(args, format);
+    print_text("", format, args);
+    va_end(args);
+}
+
+void cli_error(const CtsError *err)
+{
+    print_line("error: ", err->text);
+}
+
+void cli_print_findings(const CtsFindings *findings, size_t from)
+{
+    for (size_t i = from; i < findings->n; i++) {
+        const CtsFinding *f = &findings->items[i];
+        bool told = f->severity != CTS_WARNING;
+        for (size_t before = 0; before < i && !told; before++)
+            told = findings->items[before].severity == CTS_WARNING && !strcmp(findings->items[before].text, f->text);
+        if (!told)
+            cli_warning("%s", f->text);
+    }
+}
+
+CtsStatus cli_print_json(json_t *value, CtsError *err)
+{
+    char *text = value ? json_dumps(value, JSON_INDENT(2) | JSON_REAL_PRECISION(15)) : NULL;
+    json_decref(value);
+    if (!text)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    printf("%s\n", text);
+    free(text);
+    return CTS_OK;
+}
+
+/* Steps after searching and reading are frames, which take about as long each. */
+static void step(void *context, double done, int all, const char *what)
+{
+    enum { FIRST_FRAME = 2 };
+    CliWatch *seen = context;
+    char text[128];
+    const double now_ms = cts_wall_ms(), frames = done - FIRST_FRAME;
+    if (frames <= 0)
+        seen->frames_start_ms = now_ms;
+    const bool knows = all > FIRST_FRAME + 1 && frames >= 1;
+    snprintf(text, sizeof text, "%s%s", what,
+             cli_time_left(knows ? (now_ms - seen->frames_start_ms) / 1000 / frames * (all - done) : -1).text);
+    cli_progress(done, all, text);
+}
+
+static void findings(void *context, const CtsReport *report)
+{
+    CliWatch *seen = context;
+    cli_print_findings(&report->findings, seen->n_findings);
+    seen->n_findings = report->findings.n;
+}
+
+static void found(void *context, const CtsSeriesList *list)
+{
+    const CliWatch *seen = context;
+    for (size_t i = 0; seen->log && seen->names && i < list->n_paths; i++)
+        cts_names_add(seen->names, list->paths[i]);
+}
+
+static void loaded(void *context)
+{
+    (void)context;
+    cli_interrupt_asks();
+}
+
+static void output(void *context, const char *path, const char *format, uint64_t bytes)
+{
+    const CliWatch *seen = context;
+    if (!seen->told_later || strcmp(path, seen->told_later))
+        cts_log_output(seen->log, path, format, bytes);
+}
+
+CtsWatch cli_watch(CliWatch *seen)
+{
+    return (CtsWatch){.context = seen,
+                      .step = cli_progress_shows() ? step : NULL,
+                      .findings = findings,
+                      .found = found,
+                      .loaded = loaded,
+                      .output = output};
+}
