@@ -38,7 +38,7 @@ src/lab/bench     | output/report/ |
 src/app/job       | |
 src/app/words     | app/job/ |
 src/app/contact   | output/image/ | jansson.h webp/
-src/app/batch     | output/export/uid.h output/report/ app/job/ app/words/ app/contact/ | jansson.h
+src/app/batch     | output/export/sc_words.h output/report/ app/job/ app/words/ app/contact/ | jansson.h
 src/app/node      | input/files/scan.h input/header/slice.h output/net/ app/words/ | arpa/inet.h netinet/
 src/app/serve     | input/header/slice.h output/net/listener.h output/report/masked.h app/job/ app/words/ | microhttpd.h jansson.h arpa/inet.h netinet/in.h sys/un.h
 src/cli           | output/report/ lab/check/ lab/bench/ app/ | jansson.h png.h openexr_base.h expat.h

@@ -1,5 +1,5 @@
 /* ctsplat bench: error against run time, for each engine and setting on one series. */
-#include "app/words/words_job.h"
+#include "app/words/options.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"
 #include "lab/bench/bench.h"

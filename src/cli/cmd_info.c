@@ -1,6 +1,6 @@
 /* ctsplat info: headers of every series, and the HU range of those that can be rendered. */
 #include "app/job/source.h"
-#include "app/words/words_job.h"
+#include "app/words/options.h"
 #include "base/json.h"
 #include "base/text.h"
 #include "cli/commands.h"

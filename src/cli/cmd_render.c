@@ -1,6 +1,5 @@
 /* ctsplat render: the command line as a job, its progress, its log and what it prints. */
 #include "app/words/options.h"
-#include "app/words/words_job.h"
 #include "base/clock.h"
 #include "base/exit_code.h"
 #include "base/meter.h"

@@ -21,7 +21,7 @@ CtsStatus cli_serve(const CtsOptions *options, int *exit_code, CtsError *err)
 {
     (void)exit_code;
     cli_interrupt_asks();
-    return cts_serve(options, &cli_stop, &(CtsServeTold){ready, note}, err);
+    return cts_serve(options, ready, note, err);
 }
 
 CtsStatus cli_receive(const CtsOptions *options, int *exit_code, CtsError *err)

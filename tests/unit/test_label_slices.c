@@ -1,5 +1,5 @@
 /* The contact sheet's slices: where they are cut, what is grey, what has the colour of an outline. */
-#include "app/contact/thumbnail.h"
+#include "app/contact/contact_sheet.h"
 #include "unit.h"
 #include <math.h>
 #include <string.h>

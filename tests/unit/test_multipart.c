@@ -1,7 +1,7 @@
 /* Multipart bodies, cut into pieces of every length, and what a peer may write wrong. */
 #include "unit.h"
 
-#include "output/net/web.h"
+#include "output/net/multipart.h"
 #include "output/net/peer.h"
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,5 @@
 /* Thumbnails: means in linear light, frames in their slots, the same bytes however the bands come. */
-#include "app/contact/thumbnail.h"
+#include "app/contact/contact_sheet.h"
 #include "base/mem.h"
 #include "pictures.h"
 #include <webp/decode.h>

@@ -1,7 +1,6 @@
 #include "app/batch/batch.h"
 
 #include "app/words/options.h"
-#include "app/words/words_job.h"
 #include "ctsplat/label_files.h"
 #include "ctsplat/preset.h"
 #include <stdio.h>

@@ -3,7 +3,7 @@
 #include "base/mem.h"
 #include "base/text.h"
 #include "ctsplat/label_files.h"
-#include "output/export/uid.h"
+#include "output/export/sc_words.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>

@@ -1,7 +1,6 @@
 /* The batch's own process: reads nothing but headers, hands out series, keeps the journal. */
 #include "app/batch/batch.h"
 #include "app/batch/child.h"
-#include "app/batch/worker.h"
 #include "app/contact/contact_sheet.h"
 #include "base/clock.h"
 #include "base/cpu.h"

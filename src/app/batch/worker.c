@@ -1,6 +1,5 @@
-#include "app/batch/worker.h"
-
 #include "app/batch/child.h"
+
 #include <errno.h>
 #include <signal.h>
 #include <stdio.h>

@@ -1,4 +1,4 @@
-#include "app/contact/thumbnail.h"
+#include "app/contact/contact_sheet.h"
 
 #include "base/mem.h"
 #include "base/vec3.h"

@@ -27,7 +27,9 @@ int cts_output_n_frames(const CtsOutputs *outputs, int output)
     return outputs->rotation > 0 && holds_frames(outputs->paths[output]) ? outputs->rotation : 1;
 }
 
-char *cts_output_name(const CtsOutputs *outputs, int output, int frame)
+/* Frame 7 of 36 of "a/head.png" is "a/head-007.png"; a file that holds all frames has its path as it is. Free with
+ * free(); NULL when memory runs out. */
+static char *name_of(const CtsOutputs *outputs, int output, int frame)
 {
     const char *path = outputs->paths[output];
     if (!outputs->rotation || holds_frames(path))
@@ -108,7 +110,7 @@ CtsStatus cts_outputs_check(const CtsOutputs *outputs, const CtsExportSettings *
                 return cts_fail(err, CTS_ERR_USAGE, "%s: given twice with -o", path);
         const int n_files = outputs->rotation && !holds_frames(path) ? outputs->rotation : 1;
         for (int frame = 0; frame < n_files; frame++) {
-            char *name = cts_output_name(outputs, i, frame);
+            char *name = name_of(outputs, i, frame);
             st = name ? check_one(name, settings, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
             free(name);
             if (st)
@@ -141,7 +143,7 @@ static CtsStatus write_rows(CtsFiles *files, int output, int frame, const CtsPic
 {
     CtsExport **export = &files->exports[output];
     CtsStatus st = CTS_OK;
-    char *name = cts_output_name(files->outputs, output, frame);
+    char *name = name_of(files->outputs, output, frame);
     if (!name)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!*export)
@@ -166,7 +168,7 @@ CtsStatus cts_files_rows(CtsFiles *files, int frame, const CtsPicture *band, Cts
 static CtsStatus end_file(CtsFiles *files, int output, int frame, CtsError *err)
 {
     uint64_t bytes;
-    char *name = cts_output_name(files->outputs, output, frame);
+    char *name = name_of(files->outputs, output, frame);
     const CtsStatus st =
         name ? cts_export_end(&files->exports[output], &bytes, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st && files->watch->output)

@@ -14,10 +14,6 @@ typedef struct CtsOutputs {
     int rotation;      /* frames, or 0: one picture, and paths as they are */
 } CtsOutputs;
 
-/* Frame 7 of 36 of "a/head.png" is "a/head-007.png"; a file that holds all frames has its path as it is. Free with
- * free(); NULL when memory runs out. */
-char *cts_output_name(const CtsOutputs *outputs, int output, int frame);
-
 /* How many frames this output's file holds: all, where its format holds several. */
 int cts_output_n_frames(const CtsOutputs *outputs, int output);
 

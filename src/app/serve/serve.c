@@ -46,7 +46,7 @@ static void add_place(CtsNames *names, const char *path)
     free(before);
 }
 
-static CtsStatus search(CtsServer *server, const CtsServeTold *told, CtsError *err)
+static CtsStatus search(CtsServer *server, void (*note)(const char *text), CtsError *err)
 {
     CtsReport report = {0};
     char text[160];
@@ -63,17 +63,17 @@ static CtsStatus search(CtsServer *server, const CtsServeTold *told, CtsError *e
     if (!st) {
         snprintf(text, sizeof text, "%zu series, %zu of them volumes; %llu MiB for those that are loaded",
                  list ? list->n : 0, n, (unsigned long long)(server->shelf.most_bytes >> 20));
-        told->note(text);
+        note(text);
     }
     return st;
 }
 
-static void tell_ready(const CtsServer *server, const CtsServeTold *told, const char *url)
+static void tell_ready(const CtsServer *server, void (*ready)(const char *url), const char *url)
 {
     char text[8192];
     const bool made = server->token[0] && !server->options->token_file;
     snprintf(text, sizeof text, "%s%s%s", url, made ? "?token=" : "", made ? server->token : "");
-    told->ready(text);
+    ready(text);
 }
 
 /* Threads of the server take no signals: they are for who waits for them. */
@@ -90,7 +90,7 @@ static CtsStatus begin_threads(CtsServer *server, CtsHttpServer **http, const Ct
 }
 
 static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, const char *key,
-                                  const volatile sig_atomic_t *stop, const CtsServeTold *told, CtsError *err)
+                                  void (*ready)(const char *url), CtsError *err)
 {
     char *url;
     CtsHttpServer *http = NULL;
@@ -106,8 +106,8 @@ static CtsStatus listen_and_serve(CtsServer *server, const char *certificate, co
         st = begin_threads(server, &http, &settings, err);
     }
     if (!st)
-        tell_ready(server, told, url);
-    while (!st && !*stop)
+        tell_ready(server, ready, url);
+    while (!st && !*server->options->net.stop)
         cts_errands_watch(server, WATCH_MS);
     cts_errands_end(server);
     if (http)
@@ -131,7 +131,7 @@ static CtsStatus check(const CtsOptions *o, CtsError *err)
     return CTS_OK;
 }
 
-CtsStatus cts_serve(const CtsOptions *options, const volatile sig_atomic_t *stop, const CtsServeTold *told,
+CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), void (*note)(const char *text),
                     CtsError *err)
 {
     CtsOptions own = *options;
@@ -148,8 +148,8 @@ CtsStatus cts_serve(const CtsOptions *options, const volatile sig_atomic_t *stop
     if (!(st = cts_helper_start(err)) && !(st = cts_http(&server->http, err)) &&
         (!options->net.tls_key || (!(st = read_pem(options->net.tls_certificate, &certificate, err)) &&
                                    !(st = read_pem(options->net.tls_key, &key, err)))) &&
-        !(st = search(server, told, err)))
-        st = listen_and_serve(server, certificate, key, stop, told, err);
+        !(st = search(server, note, err)))
+        st = listen_and_serve(server, certificate, key, ready, err);
     cts_shelf_free(&server->shelf);
     cts_names_free(&server->names);
     pthread_mutex_destroy(&server->lock);

@@ -5,7 +5,7 @@
 
 #include "app/serve/http.h"
 #include "app/serve/shelf.h"
-#include "app/words/words_job.h"
+#include "app/words/options.h"
 #include "output/report/masked.h"
 #include <pthread.h>
 #include <signal.h>
@@ -145,15 +145,10 @@ char *cts_list_module(const CtsErrand *errand);
 /* How the picture was made, for who shows it, on one line. */
 char *cts_list_scene(const CtsServer *server, const CtsErrand *errand);
 
-/* What the caller is told; text is one line. */
-typedef struct CtsServeTold {
-    void (*ready)(const char *url); /* where to find the page, its token in it where nobody else knows it */
-    void (*note)(const char *text);
-} CtsServeTold;
-
-/* Serves until *stop, or a signal that sets it, says so; requests under way are then answered with 503. Options are
- * those of the command `serve`. */
-CtsStatus cts_serve(const CtsOptions *options, const volatile sig_atomic_t *stop, const CtsServeTold *told,
+/* Serves until options->net.stop is set; requests under way are then answered with 503. Options are those of the
+ * command `serve`. ready is told where to find the page, its token in it where nobody else knows it; note what is
+ * found. */
+CtsStatus cts_serve(const CtsOptions *options, void (*ready)(const char *url), void (*note)(const char *text),
                     CtsError *err);
 
 #endif

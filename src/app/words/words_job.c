@@ -1,6 +1,5 @@
-#include "app/words/words_job.h"
-
 #include "app/words/options.h"
+
 #include "base/cpu.h"
 #include <stdlib.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "app/words/words_job.h"
+#include "app/words/options.h"
 
 #include "base/cpu.h"
 #include "base/mem.h"

@@ -10,6 +10,31 @@
 #include <string.h>
 #include <strings.h>
 
+static const long long last_second = 253402300799; /* 9999-12-31 23:59:59: DICOM dates have four digits a year */
+
+bool cts_date_now(struct tm *date)
+{
+    const char *text = getenv("SOURCE_DATE_EPOCH");
+    if (text && *text >= '0' && *text <= '9') {
+        char *end;
+        errno = 0;
+        const long long seconds = strtoll(text, &end, 10);
+        if (!errno && !*end && seconds <= last_second && gmtime_r(&(time_t){(time_t)seconds}, date))
+            return true;
+    }
+    const time_t now = time(NULL);
+    localtime_r(&now, date);
+    return false;
+}
+
+void cts_date_texts(char date[9], char time[7])
+{
+    struct tm now;
+    cts_date_now(&now);
+    strftime(date, 9, "%Y%m%d", &now);
+    strftime(time, 7, "%H%M%S", &now);
+}
+
 CTS_BY_ID(char *const, cts_sc_compression_names, CTS_SC_N_COMPRESSIONS, [CTS_SC_NONE] = "none", [CTS_SC_RLE] = "rle",
           [CTS_SC_JPEG_LOSSLESS] = "jpeg-lossless", [CTS_SC_JPEG_2000] = "jpeg-2000");
 

@@ -48,13 +48,12 @@ typedef struct CtsFormat {
 
 extern const CtsFormat cts_format_png, cts_format_exr, cts_format_dcm, cts_format_jpg, cts_format_webp;
 
-CtsStatus cts_png_read(const char *path, CtsPicture **picture, CtsError *err);
-CtsStatus cts_exr_read(const char *path, CtsPicture **picture, CtsError *err);
-
 /* The time that outputs carry: SOURCE_DATE_EPOCH when it is set, so that files can be made again byte for byte.
  * UTC from SOURCE_DATE_EPOCH (seconds since 1970), else local time now; returns whether it came from there. A value
  * that is no whole number of seconds up to the year 9999 counts as unset. */
 bool cts_date_now(struct tm *date);
+/* The same as DICOM writes it. */
+void cts_date_texts(char date[9], char time[7]);
 
 CTS_C_END
 

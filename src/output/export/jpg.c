@@ -11,18 +11,17 @@
 
 #include <jpeglib.h> /* needs FILE and size_t */
 
-enum { MOST_SIDE = 65500, BUFFER_BYTES = 64 << 10, DOTS_PER_CM = 2 };
+enum { MOST_SIDE = 65500, DOTS_PER_CM = 2 };
 
 typedef struct JpgWriter {
     const CtsExportJob *job;
     struct jpeg_compress_struct jpeg;
     struct jpeg_error_mgr errors;
-    struct jpeg_destination_mgr sink;
+    FILE *sink;    /* into the job's temp */
     CtsError *err; /* of the call under way */
     CtsStatus status;
     jmp_buf failed;
     uint8_t *row;
-    uint8_t buffer[BUFFER_BYTES];
 } JpgWriter;
 
 static JpgWriter *writer_of(j_common_ptr jpeg)
@@ -35,7 +34,8 @@ static void on_error(j_common_ptr jpeg)
     JpgWriter *const w = writer_of(jpeg);
     char text[JMSG_LENGTH_MAX];
     jpeg->err->format_message(jpeg, text);
-    w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: libjpeg: %s", w->job->path, text);
+    if (!w->status) /* write_some() has not said more already */
+        w->status = cts_fail(w->err, CTS_ERR_OUTPUT, "%s: libjpeg: %s", w->job->path, text);
     longjmp(w->failed, 1);
 }
 
@@ -44,32 +44,11 @@ static void on_message(j_common_ptr jpeg)
     (void)jpeg;
 }
 
-static void write_buffer(JpgWriter *w, size_t n)
+static ssize_t write_some(void *context, const char *bytes, size_t n)
 {
-    w->status = cts_temp_write(w->job->temp, w->buffer, n, w->err);
-    if (w->status)
-        longjmp(w->failed, 1);
-    w->sink.next_output_byte = w->buffer;
-    w->sink.free_in_buffer = sizeof w->buffer;
-}
-
-static void sink_begin(j_compress_ptr jpeg)
-{
-    JpgWriter *const w = writer_of((j_common_ptr)jpeg);
-    w->sink.next_output_byte = w->buffer;
-    w->sink.free_in_buffer = sizeof w->buffer;
-}
-
-static boolean sink_full(j_compress_ptr jpeg)
-{
-    write_buffer(writer_of((j_common_ptr)jpeg), BUFFER_BYTES);
-    return TRUE;
-}
-
-static void sink_end(j_compress_ptr jpeg)
-{
-    JpgWriter *const w = writer_of((j_common_ptr)jpeg);
-    write_buffer(w, sizeof w->buffer - w->sink.free_in_buffer);
+    JpgWriter *const w = context;
+    w->status = cts_temp_write(w->job->temp, bytes, n, w->err);
+    return w->status ? 0 : (ssize_t)n;
 }
 
 /* Colours at full resolution: the edges of a render are where its colours change. */
@@ -112,9 +91,9 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     if (setjmp(w->failed))
         return w->status;
     jpeg_create_compress(&w->jpeg);
-    w->sink = (struct jpeg_destination_mgr){
-        .init_destination = sink_begin, .empty_output_buffer = sink_full, .term_destination = sink_end};
-    w->jpeg.dest = &w->sink;
+    if (!(w->sink = fopencookie(w, "w", (cookie_io_functions_t){.write = write_some})))
+        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    jpeg_stdio_dest(&w->jpeg, w->sink);
     const CtsStatus st = cts_alloc_array(&w->row, (size_t)job->head.width * 3, err);
     if (!st)
         start(w);
@@ -150,6 +129,9 @@ static void release(CtsExportJob *job)
     if (!w)
         return;
     jpeg_destroy_compress(&w->jpeg);
+    w->err = NULL;
+    if (w->sink)
+        fclose(w->sink);
     cts_free(&w->row);
     free(w);
 }

@@ -165,39 +165,31 @@ static CtsStatus add_rows(CtsExportJob *job, const CtsPicture *band, CtsError *e
 }
 
 /* What the object says besides what it copies. */
-static void fill(const CtsExportJob *job, const CtsScWords *words, const CtsScNames *names, CtsScObject *object)
+static CtsScObject object_of(const CtsExportJob *job, const CtsScWords *words, const CtsScNames *names)
 {
     const ScWriter *w = job->state;
     const CtsExportHead *head = &job->head;
     const CtsSeries *source = job->settings.source;
-    *object = (CtsScObject){
+    CtsScObject object = {
+        .words = words,
+        .names = names,
         .width = head->width,
         .height = head->height,
         .n_frames = head->n_frames,
         .grey = head->grey,
         .syntax_uid = w->spool.syntax_uid ? w->spool.syntax_uid : native_uid,
         .reversible_ycc = job->settings.compression == CTS_SC_JPEG_2000 && !head->grey,
-        .study_uid = names->study_uid,
-        .series_uid = names->series_uid,
-        .sop_uid = names->sop_uid,
-        .series_number = names->series_number,
-        .instance_number = names->instance_number,
-        .version = CTS_VERSION,
-        .image_type = words->image_type,
-        .series_description = words->series_description,
-        .derivation = words->derivation,
-        .derivation_code = words->mode,
-        .view = words->view,
         .azimuth_deg = w->azimuth_deg,
         .elevation_deg = w->elevation_deg,
         .mm_per_pixel = head->info.mm_per_pixel,
-        .patient_orientation = words->patient_orientation,
         .burned_in = (source->slices[0]->odd & CTS_ODD_BURNED_IN) || head->info.annotated,
         .recognizable = head->info.shows_skin,
         .source = source,
         .labels = job->settings.labels,
-        .pseudonym = names->pseudonym[0] ? names->pseudonym : NULL,
     };
+    if (!job->settings.deidentify)
+        cts_date_texts(object.date, object.time);
+    return object;
 }
 
 static CtsStatus write_head(const CtsExportJob *job, const CtsDcmWriters *dcm, CtsScObject *object, CtsError *err)
@@ -223,26 +215,14 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
     ScWriter *w = job->state;
     CtsScWords words;
     CtsScNames names;
-    CtsScObject object;
-    struct tm now;
-    char date[9], time[7];
-    uint8_t pixels[CTS_DIGEST_BYTES], profile[CTS_ICC_BYTES];
+    uint8_t pixels[CTS_DIGEST_BYTES];
     const CtsDcmWriters *dcm = NULL;
     CtsStatus st;
     cts_sc_words(job, &words);
     if ((st = cts_dcm_writers(&dcm, err)) || (st = cts_hash_finish(&w->hash, pixels, err)) ||
         (st = cts_sc_names(job, &words, pixels, &names, err)))
         return st;
-    fill(job, &words, &names, &object);
-    cts_date_now(&now);
-    strftime(date, sizeof date, "%Y%m%d", &now);
-    strftime(time, sizeof time, "%H%M%S", &now);
-    if (!job->settings.deidentify) {
-        object.date = date;
-        object.time = time;
-    }
-    object.icc_profile = profile;
-    object.n_icc_profile = cts_icc_srgb(profile);
+    CtsScObject object = object_of(job, &words, &names);
     warn(job, object.recognizable);
     if ((st = write_head(job, dcm, &object, err)))
         return st;

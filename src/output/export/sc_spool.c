@@ -2,6 +2,7 @@
 
 #include "base/mem.h"
 #include "output/objects/objects.h"
+#include <endian.h>
 #include <errno.h>
 #include <stdlib.h>
 #include <string.h>
@@ -9,19 +10,11 @@
 
 static const uint32_t item_tag = 0xE000FFFE, delimiter_tag = 0xE0DDFFFE; /* (FFFE,E000), (FFFE,E0DD) */
 
-static void little32(uint8_t to[4], uint32_t value)
-{
-    for (int i = 0; i < 4; i++)
-        to[i] = (uint8_t)(value >> 8 * i);
-}
-
 /* The head of an item, a delimiter or a value: two numbers of 32 bits. */
 static CtsStatus put_pair(CtsTempFile *to, uint32_t first, uint32_t second, CtsError *err)
 {
-    uint8_t bytes[8];
-    little32(bytes, first);
-    little32(bytes + 4, second);
-    return cts_temp_write(to, bytes, sizeof bytes, err);
+    const uint32_t pair[2] = {htole32(first), htole32(second)};
+    return cts_temp_write(to, pair, sizeof pair, err);
 }
 
 CtsStatus cts_sc_spool_open(CtsScSpool *spool, const char *path, const char *syntax_uid, const CtsScFrame *frame,
@@ -56,19 +49,13 @@ static CtsStatus compress(CtsScSpool *spool, CtsError *err)
     return st ? st : dcm->sc_encode(spool->syntax_uid, &spool->frame, put_fragment, spool, err);
 }
 
-static void make_little_endian(uint16_t *words, size_t n)
-{
-    const uint16_t one = 1;
-    for (size_t i = 0; i < n && !*(const uint8_t *)&one; i++)
-        words[i] = (uint16_t)(words[i] << 8 | words[i] >> 8);
-}
-
 CtsStatus cts_sc_spool_write(CtsScSpool *spool, void *samples, size_t n_bytes, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     if (!spool->syntax_uid) {
-        if (spool->frame.grey)
-            make_little_endian(samples, n_bytes / 2);
+        uint16_t *const words = samples;
+        for (size_t i = 0; spool->frame.grey && i < n_bytes / 2; i++)
+            words[i] = htole16(words[i]);
         st = cts_temp_write(spool->file, samples, n_bytes, err);
         spool->n_bytes += n_bytes;
     } else {
@@ -111,9 +98,8 @@ static CtsStatus put_offsets(const CtsScSpool *spool, CtsTempFile *to, CtsError 
     const int n = spool->n_bytes <= UINT32_MAX ? spool->n_frames : 0;
     CtsStatus st = put_pair(to, item_tag, 4 * (uint32_t)n, err);
     for (int i = 0; i < n && !st; i++) {
-        uint8_t offset[4];
-        little32(offset, spool->offsets[i]);
-        st = cts_temp_write(to, offset, sizeof offset, err);
+        const uint32_t offset = htole32(spool->offsets[i]);
+        st = cts_temp_write(to, &offset, sizeof offset, err);
     }
     return st;
 }
@@ -125,9 +111,8 @@ CtsStatus cts_sc_spool_copy(const CtsScSpool *spool, CtsTempFile *to, CtsError *
     CtsStatus st = cts_temp_write(to, "\xe0\x7f\x10\x00", 4, err);
     if (st || (st = cts_temp_write(to, words ? "OW\0" : "OB\0", 4, err)))
         return st;
-    uint8_t length[4];
-    little32(length, n);
-    if ((st = cts_temp_write(to, length, sizeof length, err)) ||
+    const uint32_t length = htole32(n);
+    if ((st = cts_temp_write(to, &length, sizeof length, err)) ||
         (spool->syntax_uid && (st = put_offsets(spool, to, err))) || (st = copy_file(spool, to, err)))
         return st;
     if (spool->syntax_uid)

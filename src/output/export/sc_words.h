@@ -8,13 +8,9 @@
 #include <stddef.h>
 #include <stdint.h>
 
-/* Texts are ASCII and fit their attribute. */
-typedef struct CtsScWords {
-    const char *image_type;
-    char series_description[65], description[65]; /* of all views; of this one */
-    char derivation[1000], patient_orientation[17];
-    CtsScCode mode, view;
-} CtsScWords;
+/* DICOM UIDs of ctsplat's own making: "2.25." and a UUID as a decimal number (PS3.5 B.2). The UID that stands for
+ * another one under a key. */
+CtsStatus cts_uid_keyed(const CtsKey *key, const char *purpose, const char *uid, char keyed[65], CtsError *err);
 
 void cts_sc_words(const CtsExportJob *job, CtsScWords *words);
 
@@ -26,12 +22,6 @@ CtsStatus cts_sc_hash_finish(CtsHash **hash, char uid[65], CtsError *err);
 
 /* The number of a series made of the source's: own (1 to 999) behind the source's number. */
 int cts_sc_series_number(const CtsSeries *source, int own);
-
-typedef struct CtsScNames {
-    char study_uid[65], series_uid[65], sop_uid[65];
-    char pseudonym[65]; /* "" where the identity stays */
-    int series_number, instance_number;
-} CtsScNames;
 
 /* pixels: the digest of all frames' views and samples. */
 CtsStatus cts_sc_names(const CtsExportJob *job, const CtsScWords *words, const uint8_t pixels[CTS_DIGEST_BYTES],
@@ -57,11 +47,5 @@ CtsStatus cts_sc_spool_write(CtsScSpool *spool, void *samples, size_t n_bytes, C
 /* The whole element PixelData (7FE0,0010), once all frames are there. */
 CtsStatus cts_sc_spool_copy(const CtsScSpool *spool, CtsTempFile *to, CtsError *err);
 void cts_sc_spool_close(CtsScSpool *spool);
-
-enum { CTS_ICC_BYTES = 600 };
-
-/* An ICC profile, version 4.3, of the input class, as DICOM wants it (PS3.3 C.11.15): sRGB (IEC 61966-2-1). Returns its
- * length, which is a multiple of 4. The same bytes each time. */
-size_t cts_icc_srgb(uint8_t profile[CTS_ICC_BYTES]);
 
 #endif

@@ -108,11 +108,7 @@ static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)
     return cts_temp_write(context, bytes, n, err);
 }
 
-typedef struct Names {
-    char study_uid[65], series_uid[65], sop_uid[65], frame_uid[65], input_uid[65];
-} Names;
-
-static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, Names *names, CtsError *err)
+static CtsStatus choose_names(const CtsStateScene *scene, CtsDcmState *s, CtsError *err)
 {
     char view[80];
     CtsHash *hash;
@@ -130,14 +126,13 @@ static CtsStatus choose_names(const CtsStateScene *scene, const CtsDcmState *s, 
         cts_hash_text(hash, scene->labels->objects[i].sop_uid);
     if ((st = cts_hash_hex(&hash, all, err)))
         return st;
-    snprintf(names->study_uid, sizeof names->study_uid, "%s", identity[CTS_STUDY_UID]);
-    snprintf(names->frame_uid, sizeof names->frame_uid, "%s", identity[CTS_FRAME_UID]);
-    if ((!names->study_uid[0] && (st = uid_of("study", scene, "", names->study_uid, err))) ||
-        (!names->frame_uid[0] && (st = uid_of("frame of reference", scene, "", names->frame_uid, err))) ||
-        (st = uid_of("states", scene, "", names->series_uid, err)) ||
-        (st = uid_of("input", scene, all, names->input_uid, err)))
+    snprintf(s->study_uid, sizeof s->study_uid, "%s", identity[CTS_STUDY_UID]);
+    snprintf(s->frame_uid, sizeof s->frame_uid, "%s", identity[CTS_FRAME_UID]);
+    if ((!s->study_uid[0] && (st = uid_of("study", scene, "", s->study_uid, err))) ||
+        (!s->frame_uid[0] && (st = uid_of("frame of reference", scene, "", s->frame_uid, err))) ||
+        (st = uid_of("states", scene, "", s->series_uid, err)) || (st = uid_of("input", scene, all, s->input_uid, err)))
         return st;
-    return uid_of("state", scene, all, names->sop_uid, err);
+    return uid_of("state", scene, all, s->sop_uid, err);
 }
 
 /* What is hidden of the labels, by whole segments; what cannot be said so is told. */
@@ -168,7 +163,6 @@ static CtsStatus fill(const CtsStateScene *scene, CtsScWords *words, CtsDcmState
     const CtsExportJob job = {.head = {.n_frames = 1, .info = *scene->info}};
     cts_sc_words(&job, words);
     s->source = scene->source;
-    s->version = CTS_VERSION;
     s->description = words->description;
     s->view = words->view;
     s->method = methods[scene->info->mode];
@@ -210,10 +204,7 @@ static CtsStatus write_file(const char *path, CtsDcmState *s, bool force, CtsErr
 CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool force, CtsError *err)
 {
     CtsScWords words;
-    Names names = {0};
-    struct tm now;
-    char date[9], time[7], *options = NULL, *preset = cts_preset_to_json(scene->preset);
-    uint8_t profile[CTS_ICC_BYTES];
+    char *options = NULL, *preset = cts_preset_to_json(scene->preset);
     CtsLabelCrop *crop = NULL;
     CtsDcmState *s = calloc(1, sizeof *s);
     CtsStatus st = s && preset ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
@@ -221,21 +212,10 @@ CtsStatus cts_state_write(const char *path, const CtsStateScene *scene, bool for
         goto end;
     s->preset = preset;
     s->options = options;
-    if ((st = choose_names(scene, s, &names, err)))
+    if ((st = choose_names(scene, s, err)))
         goto end;
-    cts_date_now(&now);
-    strftime(date, sizeof date, "%Y%m%d", &now);
-    strftime(time, sizeof time, "%H%M%S", &now);
-    s->date = date;
-    s->time = time;
-    s->study_uid = names.study_uid;
-    s->series_uid = names.series_uid;
-    s->sop_uid = names.sop_uid;
-    s->frame_uid = names.frame_uid;
-    s->input_uid = names.input_uid;
+    cts_date_texts(s->date, s->time);
     s->series_number = cts_sc_series_number(scene->source, 999);
-    s->icc_profile = profile;
-    s->n_icc_profile = cts_icc_srgb(profile);
     if (!(st = fill_labels(scene, s, &crop, err)))
         st = write_file(path, s, force, err);
 end:

@@ -1,4 +1,4 @@
-#include "output/net/web.h"
+#include "output/net/multipart.h"
 
 #include <stdio.h>
 #include <string.h>

@@ -1,8 +1,9 @@
-/* DICOMweb with libcurl (PS3.18): STOW-RS out, WADO-RS in. */
-#include "output/net/web.h"
+/* DICOMweb with libcurl (PS3.18): STOW-RS out, WADO-RS in, QIDO-RS to ask. */
+#include "output/net/multipart.h"
+#include "output/net/peer.h"
 
 #include "base/load_part.h"
-
+#include <ctype.h>
 #include <curl/curl.h>
 #include <errno.h>
 #include <jansson.h>
@@ -12,7 +13,7 @@
 #include <string.h>
 #include <strings.h>
 
-enum { MAX_CREDENTIALS = 4096, MAX_ANSWER = 1 << 20 };
+enum { MAX_CREDENTIALS = 4096, MAX_ANSWER = 1 << 20, MAX_QUERY = 1200 };
 
 /* One request and what it needs to be kept alive. */
 typedef struct Web {
@@ -77,7 +78,7 @@ static bool add_header(Web *web, const char *line)
 static CtsStatus web_open(Web *web, const CtsPeer *peer, const CtsNet *net, const char *what, const char *accept,
                           CtsError *err)
 {
-    char url[CTS_WEB_QUERY + sizeof peer->url];
+    char url[MAX_QUERY + sizeof peer->url];
     *web = (Web){.net = net, .answer = malloc(MAX_ANSWER + 1)};
     CtsStatus st = read_credentials(net, web->credentials, err);
     if (st)
@@ -345,15 +346,33 @@ static CtsStatus judge_download(const Download *d, CURLcode code, long status, C
     return d->started ? cts_multipart_finish(&d->multipart, err) : CTS_OK;
 }
 
+/* The first value of an attribute of DICOM's JSON model (PS3.18 F.2), as text ("" for none) or as a number. */
+static const json_t *first_value(const json_t *object, const char *tag)
+{
+    return json_array_get(json_object_get(json_object_get(object, tag), "Value"), 0);
+}
+
+static const char *text_of(const json_t *object, const char *tag)
+{
+    const char *text = json_string_value(first_value(object, tag));
+    return text ? text : "";
+}
+
+static json_int_t integer_of(const json_t *object, const char *tag)
+{
+    const json_t *value = first_value(object, tag);
+    return json_is_string(value) ? atoi(json_string_value(value)) : json_integer_value(value);
+}
+
 /* The sum of NumberOfSeriesRelatedInstances (0020,1209) over the series of an answer to QIDO-RS. */
 static int count_instances(const json_t *answer, const char *series_uid)
 {
     json_int_t n = 0;
     for (size_t i = 0; i < json_array_size(answer); i++) {
         const json_t *series = json_array_get(answer, i);
-        const char *uid = cts_web_text(series, "0020000E");
+        const char *uid = text_of(series, "0020000E");
         if (!series_uid || strcmp(uid, series_uid) == 0)
-            n += cts_web_integer(series, "00201209");
+            n += integer_of(series, "00201209");
     }
     return n > 0 && n <= CTS_INBOX_MAX_FILES ? (int)n : 0;
 }
@@ -375,7 +394,8 @@ static CtsStatus judge_answer(const Web *web, CURLcode code, long status, CtsErr
                : CTS_OK;
 }
 
-CtsStatus cts_web_ask(const CtsPeer *peer, const CtsNet *net, const char *what, json_t **told, CtsError *err)
+/* What the peer answers to GET of its root and `what`, the caller's to release; NULL when it has nothing (204). */
+static CtsStatus ask(const CtsPeer *peer, const CtsNet *net, const char *what, json_t **told, CtsError *err)
 {
     Web web;
     long status = 0;
@@ -398,7 +418,7 @@ static void web_count(const CtsPeer *peer, const CtsNet *net, const CtsRequest *
     json_t *told = NULL;
     snprintf(what, sizeof what, "studies/%s/series?includefield=00201209%s%s", request->study_uid,
              request->series_uid ? "&SeriesInstanceUID=" : "", request->series_uid ? request->series_uid : "");
-    if (!cts_web_ask(peer, net, what, &told, NULL))
+    if (!ask(peer, net, what, &told, NULL))
         *request->n_promised = count_instances(told, request->series_uid);
     json_decref(told);
 }
@@ -429,6 +449,63 @@ static CtsStatus web_fetch(const CtsPeer *peer, const CtsNet *net, const CtsRequ
     return st;
 }
 
-const CtsWay cts_way_web = {.send = web_send, .fetch = web_fetch, .find = cts_web_find};
+/* NAME=VALUE behind what stands in the text, percent-encoded (RFC 3986, 2.3). */
+static void add_key(char text[MAX_QUERY], const char *name, const char *value)
+{
+    size_t n = strlen(text);
+    if (!value)
+        return;
+    n += (size_t)snprintf(text + n, MAX_QUERY - n, "%c%s=", strchr(text, '?') ? '&' : '?', name);
+    for (const char *c = value; *c && n + 4 < MAX_QUERY; c++)
+        n += (size_t)snprintf(text + n, MAX_QUERY - n,
+                              isalnum((unsigned char)*c) || strchr("-._~*", *c) ? "%c" : "%%%02X", (unsigned char)*c);
+}
+
+static CtsStatus find_series(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *q, const json_t *study,
+                             CtsFound *found, CtsError *err)
+{
+    const char *study_uid = text_of(study, "0020000D");
+    char what[MAX_QUERY];
+    json_t *told = NULL;
+    if (!cts_uid_is_valid(study_uid))
+        return CTS_OK;
+    snprintf(what, sizeof what, "studies/%s/series", study_uid);
+    add_key(what, "SeriesInstanceUID", q->series_uid);
+    add_key(what, "Modality", q->modality);
+    add_key(what, "includefield", "00201209");
+    add_key(what, "includefield", "0008103E");
+    CtsStatus st = ask(peer, net, what, &told, err);
+    for (size_t i = 0; i < json_array_size(told) && !st; i++) {
+        const json_t *answer = json_array_get(told, i);
+        CtsFoundSeries series = {.n_objects = (int)integer_of(answer, "00201209")};
+        snprintf(series.study_uid, sizeof series.study_uid, "%s", study_uid);
+        snprintf(series.study_date, sizeof series.study_date, "%s", text_of(study, "00080020"));
+        snprintf(series.series_uid, sizeof series.series_uid, "%s", text_of(answer, "0020000E"));
+        snprintf(series.modality, sizeof series.modality, "%s", text_of(answer, "00080060"));
+        snprintf(series.description, sizeof series.description, "%s", text_of(answer, "0008103E"));
+        st = cts_found_add(found, &series, err);
+    }
+    json_decref(told);
+    return st;
+}
+
+/* QIDO-RS: the series that a query names (PS3.18 10.6). */
+static CtsStatus web_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *q, CtsFound *found,
+                          CtsError *err)
+{
+    char what[MAX_QUERY] = "studies";
+    json_t *studies = NULL;
+    add_key(what, "StudyInstanceUID", q->study_uid);
+    add_key(what, "AccessionNumber", q->accession);
+    add_key(what, "PatientID", q->patient_id);
+    add_key(what, "StudyDate", q->study_date);
+    CtsStatus st = ask(peer, net, what, &studies, err);
+    for (size_t i = 0; i < json_array_size(studies) && !st && !cts_net_stopped(net); i++)
+        st = find_series(peer, net, q, json_array_get(studies, i), found, err);
+    json_decref(studies);
+    return st;
+}
+
+const CtsWay cts_way_web = {.send = web_send, .fetch = web_fetch, .find = web_find};
 
 CTS_PART_TABLE(CtsNetWays, cts_net_ways, &cts_way_dimse, &cts_way_web)

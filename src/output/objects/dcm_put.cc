@@ -135,6 +135,12 @@ void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag, bool filled)
         put.element(copy.release());
 }
 
+Put &cts_dcm_put_profile(Put &put, const DcmTagKey &tag)
+{
+    uint8_t profile[CTS_ICC_BYTES];
+    return put.bytes(tag, profile, cts_icc_srgb(profile));
+}
+
 const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag)
 {
     const char *text = nullptr;

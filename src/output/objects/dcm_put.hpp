@@ -166,6 +166,9 @@ void cts_dcm_copy(Put &put, DcmItem &from, const DcmTagKey &tag, bool filled = f
 /* Without the zeros that pad its texts. */
 OFCondition cts_dcm_drop_zeros(DcmElement &element);
 
+/* The profile of ctsplat's colours. */
+Put &cts_dcm_put_profile(Put &put, const DcmTagKey &tag);
+
 /* The value as text; "" where there is none. */
 const char *cts_dcm_text(DcmItem &item, const DcmTagKey &tag);
 

@@ -1,6 +1,7 @@
 /* Secondary captures written with DCMTK (PS3.3 A.8.1, A.8.4 and A.8.5). */
 #include <dcmtk/config/osconfig.h>
 
+#include "base/load_part.h"
 #include "input/header/dcm_door.hpp"
 #include "output/objects/dcm_put.hpp"
 
@@ -55,22 +56,22 @@ const char *class_uid(const CtsScObject &object)
 
 void put_series_and_equipment(Put &put, const CtsScObject &object)
 {
-    put.text(DCM_StudyInstanceUID, object.study_uid).text(DCM_SeriesInstanceUID, object.series_uid);
-    put.text(DCM_SOPInstanceUID, object.sop_uid).text(DCM_SOPClassUID, class_uid(object));
+    put.text(DCM_StudyInstanceUID, object.names->study_uid).text(DCM_SeriesInstanceUID, object.names->series_uid);
+    put.text(DCM_SOPInstanceUID, object.names->sop_uid).text(DCM_SOPClassUID, class_uid(object));
     put.text(DCM_Modality, object.source->modality[0] ? object.source->modality : "CT");
-    put.number(DCM_SeriesNumber, object.series_number).number(DCM_InstanceNumber, object.instance_number);
-    put.text(DCM_SeriesDescription, object.series_description).text(DCM_ConversionType, "WSD");
+    put.number(DCM_SeriesNumber, object.names->series_number).number(DCM_InstanceNumber, object.names->instance_number);
+    put.text(DCM_SeriesDescription, object.words->series_description).text(DCM_ConversionType, "WSD");
     /* SeriesDate and SeriesTime would have to be those of views that were made before. */
     for (const DcmTagKey &tag : {DCM_InstanceCreationDate, DCM_ContentDate, DCM_DateOfSecondaryCapture})
-        if (object.date)
+        if (*object.date)
             put.text(tag, object.date);
     for (const DcmTagKey &tag : {DCM_InstanceCreationTime, DCM_ContentTime, DCM_TimeOfSecondaryCapture})
-        if (object.time)
+        if (*object.time)
             put.text(tag, object.time);
     for (const DcmTagKey &tag : {DCM_Manufacturer, DCM_ManufacturerModelName, DCM_SecondaryCaptureDeviceManufacturer,
                                  DCM_SecondaryCaptureDeviceManufacturerModelName})
         put.text(tag, "ctsplat");
-    put.text(DCM_SoftwareVersions, object.version).text(DCM_SecondaryCaptureDeviceSoftwareVersions, object.version);
+    put.text(DCM_SoftwareVersions, CTS_VERSION).text(DCM_SecondaryCaptureDeviceSoftwareVersions, CTS_VERSION);
     put.text(DCM_DeviceSerialNumber, "0");
 }
 
@@ -92,11 +93,11 @@ CtsStatus put_lossy(Put &put, const CtsScObject &object, CtsError *err)
 void put_image(Put &put, const CtsScObject &object)
 {
     char image_type[64];
-    snprintf(image_type, sizeof image_type, "DERIVED\\SECONDARY\\%s", object.image_type);
-    put.text(DCM_ImageType, image_type).text(DCM_PatientOrientation, object.patient_orientation);
-    put.text(DCM_DerivationDescription, object.derivation);
-    put.code(DCM_DerivationCodeSequence, object.derivation_code);
-    put.code(DCM_ViewCodeSequence, object.view);
+    snprintf(image_type, sizeof image_type, "DERIVED\\SECONDARY\\%s", object.words->image_type);
+    put.text(DCM_ImageType, image_type).text(DCM_PatientOrientation, object.words->patient_orientation);
+    put.text(DCM_DerivationDescription, object.words->derivation);
+    put.code(DCM_DerivationCodeSequence, object.words->mode);
+    put.code(DCM_ViewCodeSequence, object.words->view);
     if (object.mm_per_pixel > 0) {
         const double spacing_mm[2] = {object.mm_per_pixel, object.mm_per_pixel};
         put.decimals(DCM_PixelSpacing, spacing_mm, 2).text(DCM_PixelSpacingCalibrationType, "GEOMETRY");
@@ -163,7 +164,7 @@ void put_pixels(Put &put, const CtsScObject &object)
         put.text(DCM_PresentationLUTShape, "IDENTITY");
     }
     if (!object.grey)
-        put.bytes(DCM_ICCProfile, object.icc_profile, object.n_icc_profile).text(DCM_ColorSpace, "SRGB");
+        cts_dcm_put_profile(put, DCM_ICCProfile).text(DCM_ColorSpace, "SRGB");
 }
 
 CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context, CtsError *err)
@@ -173,17 +174,18 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
     CtsStatus st = cts_dcm_start(err);
     if (st || (st = cts_dcm_load(source, *object.header, err)))
         return st;
+    const char *const pseudonym = object.names->pseudonym;
     Put put(*file.getDataset());
-    cts_dcm_put_study(put, source, object.pseudonym);
+    cts_dcm_put_study(put, source, *pseudonym ? pseudonym : nullptr);
     put_side(put, source);
     put_series_and_equipment(put, object);
     if ((st = put_lossy(put, object, err)))
         return st;
     put_image(put, object);
-    if (!object.pseudonym) {
+    if (!*pseudonym) {
         put_references(put, object);
         if (object.labels)
-            cts_dcm_put_label_series(put, *object.labels, object.study_uid);
+            cts_dcm_put_label_series(put, *object.labels, object.names->study_uid);
     }
     if (object.n_frames > 1)
         put_frames(put, object);
@@ -199,4 +201,8 @@ CtsStatus write_object(const CtsScObject &object, CtsScSink sink, void *context,
 extern "C" CtsStatus cts_dcm_sc_write(const CtsScObject *object, CtsScSink sink, void *context, CtsError *err)
 {
     return cts_dcm_guarded(err, CTS_ERR_OUTPUT, [&] { return write_object(*object, sink, context, err); });
+}
+
+extern "C" {
+CTS_PART_TABLE(CtsDcmWriters, cts_dcm_writers, cts_dcm_sc_write, cts_dcm_sc_encode, cts_dcm_state_write)
 }

@@ -23,7 +23,7 @@ void put_names(Put &put, const CtsDcmState &s)
     put.number(DCM_SeriesNumber, s.series_number).text(DCM_SeriesDescription, "ctsplat states");
     put.text(DCM_SeriesDate, s.date).text(DCM_SeriesTime, s.time);
     put.text(DCM_Manufacturer, "ctsplat").text(DCM_ManufacturerModelName, "ctsplat");
-    put.text(DCM_DeviceSerialNumber, "0").text(DCM_SoftwareVersions, s.version);
+    put.text(DCM_DeviceSerialNumber, "0").text(DCM_SoftwareVersions, CTS_VERSION);
     put.text(DCM_FrameOfReferenceUID, s.frame_uid).text(DCM_PositionReferenceIndicator, "");
     put.number(DCM_InstanceNumber, 1).text(DCM_ContentLabel, "CTSPLAT").text(DCM_ContentDescription, s.description);
     put.text(DCM_ContentCreatorName, "ctsplat").text(DCM_PresentationCreationDate, s.date);
@@ -155,7 +155,7 @@ void put_display(Put &put, const CtsDcmState &s)
         }
         put.keep(stream.state());
     }
-    put.bytes(DCM_ICCProfile, s.icc_profile, s.n_icc_profile).text(DCM_ColorSpace, "SRGB");
+    cts_dcm_put_profile(put, DCM_ICCProfile).text(DCM_ColorSpace, "SRGB");
 }
 
 void put_private(Put &put, uint16_t number, const char *text)

@@ -19,35 +19,38 @@ typedef struct CtsScCode {
     const char *value, *scheme, *meaning;
 } CtsScCode;
 
-/* All texts are ASCII and fit their attribute. */
-typedef struct CtsScObject {
-    int width, height, n_frames; /* more than one frame makes a multi-frame object */
-    bool grey;                   /* 16-bit words (MONOCHROME2), else 8-bit red, green, blue */
-    const char *syntax_uid;      /* that the pixels come in */
-    bool reversible_ycc;         /* colours are stored as JPEG 2000's reversible transform of RGB */
+/* What a secondary capture says of itself. Texts are ASCII and fit their attribute. */
+typedef struct CtsScWords {
+    const char *image_type;                         /* value 3 of (0008,0008) */
+    char series_description[65], description[65];   /* of all views; of this one */
+    char derivation[1000], patient_orientation[17]; /* (0020,0020), "" for several frames */
+    CtsScCode mode, view;
+} CtsScWords;
 
-    const char *study_uid, *series_uid, *sop_uid;
+/* What it is called. */
+typedef struct CtsScNames {
+    char study_uid[65], series_uid[65], sop_uid[65];
+    /* "", or the identity to put in the patient's and the study's place: then nothing that identifies is copied and no
+     * source object is named. */
+    char pseudonym[65];
     int series_number, instance_number;
-    const char *date, *time; /* of the making: YYYYMMDD and HHMMSS; NULL: not told */
-    const char *version;
-    const char *image_type; /* value 3 of (0008,0008) */
-    const char *series_description;
-    const char *derivation;
-    CtsScCode derivation_code, view;
+} CtsScNames;
+
+typedef struct CtsScObject {
+    const CtsScWords *words;
+    const CtsScNames *names;
+    int width, height, n_frames;               /* more than one frame makes a multi-frame object */
+    bool grey;                                 /* 16-bit words (MONOCHROME2), else 8-bit red, green, blue */
+    const char *syntax_uid;                    /* that the pixels come in */
+    bool reversible_ycc;                       /* colours are stored as JPEG 2000's reversible transform of RGB */
+    char date[9], time[7];                     /* of the making: YYYYMMDD and HHMMSS; "": not told */
     const double *azimuth_deg, *elevation_deg; /* of each frame */
     double mm_per_pixel;                       /* 0: not known */
-    const char *patient_orientation;           /* (0020,0020), "" for several frames */
     bool burned_in, recognizable;
-    const uint8_t *icc_profile; /* of the colours; not used where grey */
-    size_t n_icc_profile;
-
     const CtsSeries *source;
     const CtsDataSet *header; /* of its first slice: patient and study are copied from it, byte for byte */
     const CtsLabels *labels;  /* that are seen, too; NULL: none */
     const CtsDataSet *lossy;  /* of a slice whose pixels went through lossy compression; NULL when there is none */
-    /* NULL, or the identity to put in the patient's and the study's place: then nothing that identifies is copied and
-     * no source object is named. */
-    const char *pseudonym;
 } CtsScObject;
 
 /* Takes the encoded file piece by piece. */
@@ -82,6 +85,13 @@ typedef struct CtsScPixels {
 
 CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err);
 
+enum { CTS_ICC_BYTES = 600 };
+
+/* The colours of ctsplat's pictures in words that colour management knows: an ICC profile, version 4.3, of the input
+ * class, as DICOM wants it (PS3.3 C.11.15): sRGB (IEC 61966-2-1). Returns its length, which is a multiple of 4. The
+ * same bytes each time. */
+size_t cts_icc_srgb(uint8_t profile[CTS_ICC_BYTES]);
+
 enum { CTS_STATE_ENTRIES = 4096 };
 
 /* ctsplat's own block of attributes: what the standard's cannot carry to the last bit. */
@@ -92,9 +102,9 @@ enum { CTS_STATE_GROUP = 0x0073, CTS_STATE_CREATOR = 0x0010, CTS_STATE_PRESET = 
 typedef struct CtsDcmState {
     const CtsSeries *source;
     const CtsDataSet *header; /* of its first slice */
-    const char *sop_uid, *series_uid, *study_uid, *frame_uid, *input_uid;
+    char sop_uid[65], series_uid[65], study_uid[65], frame_uid[65], input_uid[65];
     int series_number;
-    const char *date, *time, *version;
+    char date[9], time[7];
     const char *description; /* ASCII */
     CtsScCode view;
     const char *method; /* (0070,120D) */
@@ -103,13 +113,11 @@ typedef struct CtsDcmState {
     bool shaded;
     double ambient, diffuse, specular, shininess; /* each 0..1 */
     bool cropped;
-    double crop_lps[6];                       /* two opposite corners */
-    const CtsLabels *labels;                  /* that the volume is cropped by, or NULL */
-    const CtsLabelCrop *label_crop;           /* of each */
-    double window_centre_hu, window_width_hu; /* that the tables below span */
-    uint16_t tables[4][CTS_STATE_ENTRIES];    /* red, green, blue, opacity */
-    const uint8_t *icc_profile;
-    size_t n_icc_profile;
+    double crop_lps[6];                          /* two opposite corners */
+    const CtsLabels *labels;                     /* that the volume is cropped by, or NULL */
+    const CtsLabelCrop *label_crop;              /* of each */
+    double window_centre_hu, window_width_hu;    /* that the tables below span */
+    uint16_t tables[4][CTS_STATE_ENTRIES];       /* red, green, blue, opacity */
     char capture_class_uid[65], capture_uid[65]; /* "": no picture is referenced */
     const char *preset, *options;                /* private, byte by byte */
 } CtsDcmState;

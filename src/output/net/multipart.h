@@ -1,12 +1,12 @@
-/* What the files of DICOMweb share. */
-#ifndef CTS_NET_WEB_H
-#define CTS_NET_WEB_H
+/* multipart/related bodies (RFC 2046) taken apart while they come. */
+#ifndef CTS_NET_MULTIPART_H
+#define CTS_NET_MULTIPART_H
 
-#include "output/net/peer.h"
-#include <jansson.h>
+#include "ctsplat/status.h"
+#include <stdbool.h>
+#include <stddef.h>
 
-/* multipart/related bodies (RFC 2046) taken apart while they come: one call for the start of a part, some for its
- * bytes, one for its end. A failure ends all. */
+/* One call for the start of a part, some for its bytes, one for its end. A failure ends all. */
 typedef struct CtsPartSink {
     CtsStatus (*begin)(void *context, CtsError *err);
     CtsStatus (*bytes)(void *context, const void *bytes, size_t n, CtsError *err);
@@ -30,17 +30,5 @@ CtsStatus cts_multipart_start(CtsMultipart *m, const char *content_type, const C
 CtsStatus cts_multipart_feed(CtsMultipart *m, const char *bytes, size_t n, CtsError *err);
 /* CTS_ERR_READ when the last delimiter did not come. */
 CtsStatus cts_multipart_finish(const CtsMultipart *m, CtsError *err);
-
-/* QIDO-RS: the series that a query names (PS3.18 10.6). */
-enum { CTS_WEB_QUERY = 1200 };
-
-/* What the peer answers to GET of its root and `what`, the caller's to release; NULL when it has nothing (204). */
-CtsStatus cts_web_ask(const CtsPeer *peer, const CtsNet *net, const char *what, json_t **told, CtsError *err);
-/* The first value of an attribute of DICOM's JSON model (PS3.18 F.2), as text ("" for none) or as a number. */
-const char *cts_web_text(const json_t *object, const char *tag);
-json_int_t cts_web_integer(const json_t *object, const char *tag);
-
-CtsStatus cts_web_find(const CtsPeer *peer, const CtsNet *net, const CtsSeriesQuery *query, CtsFound *found,
-                       CtsError *err);
 
 #endif

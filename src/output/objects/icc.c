@@ -1,4 +1,4 @@
-#include "output/export/sc_words.h"
+#include "output/objects/objects.h"
 
 #include <math.h>
 #include <string.h>
