@@ -86,7 +86,7 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
         goto end;
     CliWatch seen = {0};
     const CtsWatch watch = cli_watch(&seen);
-    CtsSource source = cts_options_source(options, preset);
+    CtsSource source = cts_options_source(options, preset->remove_table);
     source.interpolation = CTS_INTERPOLATION_LINEAR; /* what is measured is the engines on the voxels as they are */
     st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_interrupt_asks();

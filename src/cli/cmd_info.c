@@ -57,8 +57,7 @@ static CtsStatus choose(const CtsSource *source, const CtsSeriesList *list, cons
 
 static CtsStatus read_each(const CtsOptions *options, const CtsSeriesList *list, CtsPixelFacts *facts, CtsError *err)
 {
-    const CtsPreset none = {0};
-    const CtsSource source = cts_options_source(options, &none);
+    const CtsSource source = cts_options_source(options, false);
     CtsSource plain = source;
     const CtsSeries *labelled;
     plain.n_labels = 0;

@@ -142,7 +142,7 @@ static CtsStatus put_files(const CtsOptions *options, FILE *out, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     char *text = NULL;
-    if (options->label_names && !(st = cts_labels_stamp(options->label_names, "", &text, err)))
+    if (options->source.label_names && !(st = cts_labels_stamp(options->source.label_names, "", &text, err)))
         fputs(text, out);
     free(text);
     for (int i = 0; i < options->label_looks.n && !st; i++) {

@@ -194,7 +194,7 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
     snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
     p->last_key = key;
     if ((st = add_home(p, (Home){folder_key(file->path), key}, err)) ||
-        (p->options->series_uid && strcmp(file->series_uid, p->options->series_uid)))
+        (p->options->source.series_uid && strcmp(file->series_uid, p->options->source.series_uid)))
         return st;
     return is_mine(p, key) ? keep_record(p, file, name, key, err) : CTS_OK;
 }
@@ -257,15 +257,15 @@ static CtsStatus place_lost(CtsPlan *p, CtsError *err)
     uint64_t asked_for = 0;
     if (p->n_homes)
         qsort(p->homes, p->n_homes, sizeof *p->homes, by_home);
-    if (p->options->series_uid)
-        st = plan_key(p->options->series_uid, &asked_for, err);
+    if (p->options->source.series_uid)
+        st = plan_key(p->options->source.series_uid, &asked_for, err);
     for (size_t k = 0; k < p->n_lost && !st; k++) {
         const Entry *lost = &p->lost[k];
         uint64_t key;
         bool homeless;
         if ((st = owner_of(p, lost, &key, &homeless, err)))
             return st;
-        if (is_mine(p, key) && (!p->options->series_uid || (!homeless && key == asked_for)))
+        if (is_mine(p, key) && (!p->options->source.series_uid || (!homeless && key == asked_for)))
             st = add_entry(&p->entries, &p->n_entries, (Entry){key, lost->offset, lost->size}, err);
     }
     return st;

@@ -45,7 +45,6 @@ typedef struct CtsBatchChild {
 /* run is called in the new process, and does not return. */
 CtsStatus cts_child_fork(CtsBatchChild *child, void (*run)(CtsBatchChild *child), pid_t *pid, int *socket,
                          CtsError *err);
-CtsStatus cts_child_send(const CtsBatchChild *child, const char *message, CtsError *err);
 /* The word and the line behind it. */
 CtsStatus cts_child_send_line(const CtsBatchChild *child, const char *word, CtsError *err);
 
@@ -64,7 +63,7 @@ CtsStatus cts_work_start(const CtsBatchSettings *settings, CtsJournal *journal, 
 CtsStatus cts_sender_start(const CtsBatchSettings *settings, CtsJournal *journal, const json_t *line, pid_t *pid,
                            int *socket, CtsError *err);
 
-/* child_series.c: what a process tells of a series that it makes: cts_child_begin(), then the volume is read,
+/* What a process tells of a series that it makes: cts_child_begin(), then the volume is read,
  * cts_child_loaded(), then for each picture its files and cts_child_picture_done(), and cts_child_end() with what came
  * of it. What has to be made of a series: the child's pictures. None: it all stands, or it cannot be rendered; then
  * cts_child_end() comes next. */

@@ -514,8 +514,8 @@ static CtsStatus search(Run *r, CtsError *err)
     r->result->n_series = r->result->n_uids = r->n_unknown = r->found.n_series;
     r->result->n_unreadable = counts.n_unreadable;
     r->result->n_packed = counts.n_packed;
-    if (!r->result->n_series && o->shard.n == 1 && o->series_uid)
-        return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->series_uid);
+    if (!r->result->n_series && o->shard.n == 1 && o->source.series_uid)
+        return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->source.series_uid);
     if (!r->result->n_series && o->shard.n == 1)
         return cts_fail(err, CTS_ERR_NO_SERIES,
                         "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (name these, "

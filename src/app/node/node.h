@@ -100,7 +100,7 @@ CtsVisitor *cts_visits_find(CtsVisits *visits, pid_t pid);
 /* One more object of a study, by the process that serves the peer. */
 void cts_told_object(CtsVisitTold *told, const char *study, bool replaced);
 
-/* record.c: who sent what, when and how much: a file of JSON Lines, opened for each of them, so that it may be moved
+/* The record: who sent what, when and how much: a file of JSON Lines, opened for each of them, so that it may be moved
  * away. CTS_ERR_OUTPUT when the file (0640; "-" is standard error) cannot be written. */
 CtsStatus cts_record_check(const char *path, CtsError *err);
 /* An association that has ended, how being the wait status of its process. Nothing but the reason's text is believed of

@@ -1,9 +1,18 @@
 #include "app/node/node.h"
 
+#include "base/clock.h"
+#include "base/json.h"
+#include <arpa/inet.h>
 #include <errno.h>
+#include <fcntl.h>
+#include <math.h>
+#include <netinet/in.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 CtsStatus cts_visits_open(CtsVisits *v, CtsError *err)
 {
@@ -84,4 +93,98 @@ void cts_told_object(CtsVisitTold *told, const char *study, bool replaced)
         snprintf(told->studies[i].name, sizeof told->studies[i].name, "others");
     }
     told->studies[i].n_objects++;
+}
+
+static int open_record(const char *path)
+{
+    return strcmp(path, "-") ? open(path, O_WRONLY | O_APPEND | O_CREAT | O_CLOEXEC | O_NOFOLLOW, 0640)
+                             : fcntl(STDERR_FILENO, F_DUPFD_CLOEXEC, 3);
+}
+
+CtsStatus cts_record_check(const char *path, CtsError *err)
+{
+    const int fd = open_record(path);
+    if (fd < 0)
+        return cts_fail(err, CTS_ERR_OUTPUT, "%s: %s (the record of what is received)", path, strerror(errno));
+    close(fd);
+    return CTS_OK;
+}
+
+static json_t *new_line(const char *event, const CtsAddress *address)
+{
+    char address_text[INET6_ADDRSTRLEN];
+    cts_address_text(address, address_text, sizeof address_text);
+    return json_pack("{s:s,s:s,s:s}", "event", event, "time", cts_utc_now().text, "address", address_text);
+}
+
+/* Takes the line over. One write, so that lines of several writers do not mix. */
+static CtsStatus append(const char *path, json_t *line, CtsError *err)
+{
+    char *text = json_dumps(line, JSON_COMPACT | JSON_REAL_PRECISION(12));
+    const size_t n = text ? strlen(text) : 0;
+    const int fd = open_record(path);
+    ssize_t put = -1;
+    json_decref(line);
+    if (fd >= 0 && text) {
+        text[n] = '\n'; /* in place of the final 0 */
+        put = write(fd, text, n + 1);
+    }
+    const CtsStatus st = put == (ssize_t)n + 1
+                             ? CTS_OK
+                             : cts_fail(err, CTS_ERR_OUTPUT, "%s: cannot be written: %s", path, strerror(errno));
+    if (fd >= 0)
+        close(fd);
+    free(text);
+    return st;
+}
+
+static json_t *text_of(const char *text, size_t size)
+{
+    char *copy = strndup(text, size);
+    json_t *value = cts_json_new_text(copy ? copy : "");
+    free(copy);
+    return value;
+}
+
+static json_t *studies_of(const CtsVisitTold *told)
+{
+    json_t *studies = json_array();
+    for (int i = 0; i < told->n_studies && i < CTS_MOST_STUDIES_TOLD; i++)
+        json_array_append_new(studies, json_pack("{s:o,s:I}", "study", text_of(told->studies[i].name, CTS_SPOOL_STUDY),
+                                                 "objects", (json_int_t)told->studies[i].n_objects));
+    return studies;
+}
+
+static json_t *end_of(const CtsVisit *visit, int how)
+{
+    if (!WIFSIGNALED(how))
+        return text_of(visit->end, sizeof visit->end);
+    if (WTERMSIG(how) == SIGALRM)
+        return json_string("broken off: it took longer than it may");
+    if (WTERMSIG(how) == SIGTERM)
+        return json_string("broken off: the receiver was stopped");
+    return json_sprintf("broken off: its process ended by signal %d", WTERMSIG(how));
+}
+
+CtsStatus cts_record_visit(const char *path, const CtsVisitor *visitor, int how, double now_ms, CtsError *err)
+{
+    const CtsVisit *visit = &visitor->told->visit;
+    json_t *line = new_line("association", &visitor->address);
+    json_t *certificate = visit->certificate[0] ? text_of(visit->certificate, sizeof visit->certificate) : NULL;
+    json_object_update_new(
+        line, json_pack("{s:o,s:o,s:o*,s:o,s:I,s:I,s:I,s:I,s:o,s:o}", "calling_aet",
+                        text_of(visit->calling_aet, sizeof visit->calling_aet), "called_aet",
+                        text_of(visit->called_aet, sizeof visit->called_aet), "certificate", certificate, "seconds",
+                        cts_json_new_number(round(now_ms - visitor->start_ms) / 1000), "objects",
+                        (json_int_t)visit->n_objects, "refused", (json_int_t)visit->n_refused, "replaced",
+                        (json_int_t)visitor->told->n_replaced, "bytes", (json_int_t)visit->n_bytes, "studies",
+                        studies_of(visitor->told), "end", end_of(visit, how)));
+    return append(path, line, err);
+}
+
+CtsStatus cts_record_turned_away(const char *path, uint64_t n, const CtsAddress *last, CtsError *err)
+{
+    json_t *line = new_line("turned_away", last);
+    json_object_set_new(line, "connections", json_integer((json_int_t)n));
+    return append(path, line, err);
 }

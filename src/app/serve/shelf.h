@@ -94,7 +94,6 @@ CtsStatus cts_shelf_make(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *she
 
 /* What is loaded of a series goes; nobody uses it. */
 void cts_shelf_drop(CtsShelf *shelf, CtsShelved *shelved);
-void cts_cut_free(CtsCut *cut);
 
 /* A renderer for the job, whose preset's window is known: one that is idle, else *lens is a new one that the caller
  * prepares without the lock. NULL without memory. */

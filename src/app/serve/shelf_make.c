@@ -16,7 +16,7 @@ static void free_lens(CtsLens *lens)
     free(lens);
 }
 
-void cts_cut_free(CtsCut *cut)
+static void free_cut(CtsCut *cut)
 {
     for (CtsLens *l = cut->lenses, *next; l; l = next) {
         next = l->next;
@@ -85,7 +85,7 @@ static void drop_cut(CtsShelf *shelf, CtsShelved *s, CtsCut *cut)
         link = &(*link)->next;
     *link = cut->next;
     shelf->bytes -= cut->bytes;
-    cts_cut_free(cut);
+    free_cut(cut);
 }
 
 void cts_shelf_drop(CtsShelf *shelf, CtsShelved *s)
@@ -209,7 +209,7 @@ static CtsStatus read_slices(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved 
     whole.n_paths = shelf->options->paths.n;
     whole.labels = shelf->options->labels.items;
     whole.n_labels = shelf->options->labels.n;
-    whole.label_names = shelf->options->label_names;
+    whole.label_names = shelf->options->source.label_names;
     whole.labels_unnamed = true;
     whole.choice = (CtsLabelChoice){0};
     if (!s->loaded.labels)
@@ -266,7 +266,7 @@ CtsStatus cts_shelf_make(CtsShelf *shelf, pthread_mutex_t *lock, CtsShelved *s, 
         }
     }
     if (st && made)
-        cts_cut_free(made);
+        free_cut(made);
     *cut = st ? NULL : made;
     return st;
 }

@@ -183,10 +183,10 @@ CtsStatus cts_parse_crop(CtsOptions *options, const char *text, CtsError *err)
         if (box[2 * a] > box[2 * a + 1])
             return cts_fail(err, CTS_ERR_USAGE, "`crop` %s: %c goes from %g down to %g (the smaller value comes first)",
                             text, "xyz"[a], box[2 * a], box[2 * a + 1]);
-        options->crop.low_lps[a] = box[2 * a];
-        options->crop.high_lps[a] = box[2 * a + 1];
+        options->source.crop.low_lps[a] = box[2 * a];
+        options->source.crop.high_lps[a] = box[2 * a + 1];
     }
-    options->crop.given = true;
+    options->source.crop.given = true;
     return CTS_OK;
 }
 

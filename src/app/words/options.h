@@ -52,22 +52,15 @@ typedef struct CtsOptions {
     CtsRenderSettings render;
     int rotation;           /* frames; 0: off */
     double swivel_step_deg; /* the rotation is a swivel; 0: it is none */
-    const char *series_uid;
-    CtsTextList labels;
-    const char *label_names; /* NULL when not given */
-    const char *show, *hide, *label_order;
-    CtsTextList label_looks;
-    bool label_colours;
+    CtsSource source;       /* as far as an option is a field of it; cts_options_source() has all */
+    CtsTextList labels, label_looks;
     const char *look_path; /* NULL when not given */
     CtsLook look;          /* of it */
     struct CtsBackground {
         bool given, none;
         double rgb[3];
     } background;
-    CtsCropBox crop;
     CtsSwitch remove_table;
-    int interpolation; /* CtsInterpolation */
-    double smooth_mm;
     struct CtsWindow {
         bool given;
         double low_hu, high_hu;
@@ -206,7 +199,8 @@ CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_
     cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard, cts_parse_size,
     cts_parse_swivel, cts_parse_view, cts_parse_window;
 
-CtsSource cts_options_source(const CtsOptions *options, const CtsPreset *preset);
+/* removes_table: what the preset says. */
+CtsSource cts_options_source(const CtsOptions *options, bool removes_table);
 
 /* What all jobs of these words share, whatever their preset, which is NULL, and their view. */
 CtsJob cts_options_job(const CtsOptions *options);

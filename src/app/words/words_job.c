@@ -4,40 +4,30 @@
 #include <stdlib.h>
 #include <string.h>
 
-CtsSource cts_options_source(const CtsOptions *options, const CtsPreset *preset)
+CtsSource cts_options_source(const CtsOptions *options, bool removes_table)
 {
-    return (CtsSource){
-        .paths = options->paths.items,
-        .n_paths = options->paths.n,
-        .from = options->from.given ? &options->from.peer : NULL,
-        .net = &options->net,
-        .study_uid = options->find.study_uid,
-        .peer_series_uid = options->find.series_uid,
-        .series_uid = options->series_uid,
-        .labels = options->labels.items,
-        .n_labels = options->labels.n,
-        .label_names = options->label_names,
-        .choice = {.show = options->show,
-                   .hide = options->hide,
-                   .order = options->label_order,
-                   .looks = options->label_looks.items,
-                   .n_looks = options->label_looks.n,
-                   .own_colours = options->label_colours},
-        .stop = options->net.stop,
-        .n_threads = options->render.n_threads,
-        .remove_table = options->remove_table == CTS_AS_PRESET ? preset->remove_table : options->remove_table == CTS_ON,
-        .table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset",
-        .interpolation = (CtsInterpolation)options->interpolation,
-        .smooth_mm = options->smooth_mm,
-        .crop = options->crop,
-    };
+    CtsSource source = options->source;
+    source.paths = options->paths.items;
+    source.n_paths = options->paths.n;
+    source.from = options->from.given ? &options->from.peer : NULL;
+    source.net = &options->net;
+    source.study_uid = options->find.study_uid;
+    source.peer_series_uid = options->find.series_uid;
+    source.labels = options->labels.items;
+    source.n_labels = options->labels.n;
+    source.choice.looks = options->label_looks.items;
+    source.choice.n_looks = options->label_looks.n;
+    source.stop = options->net.stop;
+    source.n_threads = options->render.n_threads;
+    source.remove_table = options->remove_table == CTS_AS_PRESET ? removes_table : options->remove_table == CTS_ON;
+    source.table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset";
+    return source;
 }
 
 CtsJob cts_options_job(const CtsOptions *options)
 {
-    const CtsPreset none = {0};
     CtsJob job = {
-        .source = cts_options_source(options, &none),
+        .source = cts_options_source(options, false),
         .render = options->render,
         .export = options->export,
         .outputs = {.paths = options->outputs.items,

@@ -144,7 +144,7 @@ static CtsStatus words_run(CtsSession *session, const CtsWord *words, int n_word
     CtsError unseen;
     err = err ? err : &unseen;
     CtsStatus st = take_words(&options, words, n_words, stop, err);
-    if (!st && session && (options.paths.n || options.from.given || options.series_uid))
+    if (!st && session && (options.paths.n || options.from.given || options.source.series_uid))
         st =
             cts_fail(err, CTS_ERR_USAGE, "the series is loaded already (`path`, `series` and `from` name another one)");
     if (!st && session && options.labels.n)
@@ -190,7 +190,7 @@ CtsStatus cts_session_open(CtsSession **session, const CtsWord *words, int n_wor
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     CtsStatus st = take_words(&options, words, n_words, stop, err);
     if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err))) {
-        CtsSource source = cts_options_source(&options, &(CtsPreset){.remove_table = true});
+        CtsSource source = cts_options_source(&options, true);
         source.n_threads = cts_threads(source.n_threads);
         st = cts_source_scan(&source, &(CtsWatch){0}, 2, &s->loaded, report ? report : &own, err);
     }

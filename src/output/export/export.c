@@ -131,7 +131,9 @@ void cts_export_discard(CtsExport **output)
     CtsExport *e = *output;
     if (!e)
         return;
-    e->format->close(&e->job);
+    if (e->job.state)
+        e->format->close(&e->job);
+    free(e->job.state);
     cts_temp_discard(&e->job.temp);
     free(e->job.path);
     free(e);
@@ -162,7 +164,8 @@ CtsStatus cts_export_begin(CtsExport **output, const char *path, const CtsPictur
         .has_depth = first->depth_mm,
         .info = first->info,
     };
-    if (!e->job.path)
+    e->job.state = calloc(1, e->format->state_bytes);
+    if (!e->job.path || !e->job.state)
         st = cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", path);
     else if (!(st = cts_temp_open(&e->job.temp, path, err)))
         st = e->format->begin(&e->job, err);

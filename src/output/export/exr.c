@@ -269,9 +269,7 @@ static void write_chunks(ExrWriter *w, const CtsPicture *band)
 static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     CtsStatus st;
-    ExrWriter *w = job->state = calloc(1, sizeof *w);
-    if (!w)
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    ExrWriter *w = job->state;
     *w = (ExrWriter){.job = job, .err = err, .n_threads = cts_threads(job->settings.n_threads)};
     exr_context_initializer_t setup = EXR_DEFAULT_CONTEXT_INITIALIZER;
     setup.error_handler_fn = say_nothing;
@@ -310,8 +308,6 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
 static void release(CtsExportJob *job)
 {
     ExrWriter *w = job->state;
-    if (!w)
-        return;
     w->err = NULL;
     for (int t = 0; t < w->n_threads && w->encoders; t++) {
         if (w->file)
@@ -321,7 +317,6 @@ static void release(CtsExportJob *job)
     if (w->file)
         exr_finish(&w->file);
     cts_free(&w->encoders);
-    free(w);
 }
 
 /* No compression of OpenEXR's shrinks more: a file that promises more pixels is cut short or a trap. */
@@ -512,6 +507,7 @@ static CtsStatus read_exr(const char *path, CtsPicture **picture, CtsError *err)
 const CtsFormat cts_format_exr = {
     .info = {"exr", "OpenEXR", .has_depth = true, .has_alpha = true, .read_back = true},
     .magic = "\x76\x2f\x31\x01",
+    .state_bytes = sizeof(ExrWriter),
     .begin = begin,
     .rows = add_rows,
     .finish = finish,

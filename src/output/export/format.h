@@ -24,7 +24,7 @@ typedef struct CtsExportJob {
     CtsExportSettings settings;
     CtsTempFile *temp; /* where the bytes go; export.c opens and commits it */
     CtsReport *report; /* for findings; may be NULL */
-    void *state;       /* the format's own, from begin to close */
+    void *state;       /* the format's own, zeroed before begin */
 } CtsExportJob;
 
 typedef struct CtsFormat {
@@ -37,8 +37,9 @@ typedef struct CtsFormat {
     CtsStatus (*check)(const char *path, const CtsExportSettings *settings, CtsError *err);
     CtsStatus (*check_size)(const char *path, int width, int height, int n_frames, bool grey,
                             const CtsExportSettings *settings, CtsError *err);
-    /* One after the other: rows for each band of each frame, in order. close frees job->state, also after a failure of
-     * any of the others, begin included; then state may be NULL. */
+    size_t state_bytes; /* of job->state */
+    /* One after the other: rows for each band of each frame, in order. close frees what job->state holds, also after a
+     * failure of any of the others, begin included. */
     CtsStatus (*begin)(CtsExportJob *job, CtsError *err);
     CtsStatus (*rows)(CtsExportJob *job, const CtsPicture *band, CtsError *err);
     CtsStatus (*finish)(CtsExportJob *job, CtsError *err);

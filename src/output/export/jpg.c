@@ -79,9 +79,7 @@ static void start(JpgWriter *w)
 
 static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
-    JpgWriter *w = job->state = calloc(1, sizeof *w);
-    if (!w)
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    JpgWriter *w = job->state;
     w->job = job;
     w->err = err;
     w->jpeg.err = jpeg_std_error(&w->errors);
@@ -126,19 +124,17 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
 static void release(CtsExportJob *job)
 {
     JpgWriter *const w = job->state;
-    if (!w)
-        return;
     jpeg_destroy_compress(&w->jpeg);
     w->err = NULL;
     if (w->sink)
         fclose(w->sink);
     cts_free(&w->row);
-    free(w);
 }
 
 const CtsFormat cts_format_jpg = {
     .info = {.name = "jpg", .about = "JPEG, 8 bits a channel"},
     .most_side = MOST_SIDE,
+    .state_bytes = sizeof(JpgWriter),
     .begin = begin,
     .rows = add_rows,
     .finish = finish,

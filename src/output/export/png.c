@@ -282,9 +282,7 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     const CtsExportHead *head = &job->head;
     CtsStatus st;
-    PngWriter *w = job->state = calloc(1, sizeof *w);
-    if (!w)
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    PngWriter *w = job->state;
     *w = (PngWriter){.job = job, .err = err, .adler = 1, .rows_per_strip = CTS_BAND_ROWS};
     w->n_samples = head->has_alpha ? 4 : head->grey ? 1 : 3;
     w->sample_bytes = job->settings.png_8_bits ? 1 : 2;
@@ -314,15 +312,12 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
 static void release(CtsExportJob *job)
 {
     PngWriter *w = job->state;
-    if (!w)
-        return;
     if (w->png)
         png_destroy_write_struct(&w->png, &w->info);
     for (int t = 0; w->deflaters && t < w->n_threads; t++)
         cts_free(&w->deflaters[t]);
     cts_free(&w->deflaters);
     cts_free(&w->words);
-    free(w);
 }
 
 /* Deflate cannot shrink more than 1032 times: a file that promises more is cut short or a trap. */
@@ -429,6 +424,7 @@ static CtsStatus read_png(const char *path, CtsPicture **picture, CtsError *err)
 const CtsFormat cts_format_png = {
     .info = {"png", "PNG, 16 bits a channel (or 8)", .has_alpha = true, .read_back = true},
     .magic = "\x89PNG",
+    .state_bytes = sizeof(PngWriter),
     .begin = begin,
     .rows = add_rows,
     .finish = finish,

@@ -125,9 +125,7 @@ static CtsStatus begin(CtsExportJob *job, CtsError *err)
     CtsStatus st;
     if (!job->settings.source)
         return cts_fail(err, CTS_ERR_USAGE, "%s: a secondary capture needs the series it was made of", job->path);
-    ScWriter *w = job->state = calloc(1, sizeof *w);
-    if (!w)
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    ScWriter *w = job->state;
     const CtsScFrame frame = {
         .width = head->width, .height = head->height, .grey = head->grey, .n_threads = job->settings.n_threads};
     const CtsDcmWriters *dcm = NULL;
@@ -233,15 +231,12 @@ static void release(CtsExportJob *job)
 {
     ScWriter *w = job->state;
     uint8_t digest[CTS_DIGEST_BYTES];
-    if (!w)
-        return;
     if (w->hash)
         cts_hash_finish(&w->hash, digest, NULL);
     cts_sc_spool_close(&w->spool);
     cts_free(&w->row);
     cts_free(&w->azimuth_deg);
     cts_free(&w->elevation_deg);
-    free(w);
 }
 
 static CtsStatus read_back(const char *path, CtsPicture **picture, CtsError *err)
@@ -269,6 +264,7 @@ const CtsFormat cts_format_dcm = {
     .magic = "DICM",
     .check = check,
     .check_size = check_size,
+    .state_bytes = sizeof(ScWriter),
     .begin = begin,
     .rows = add_rows,
     .finish = finish,

@@ -36,9 +36,7 @@ static CtsStatus begin_animation(const CtsExportJob *job, WebpWriter *w, CtsErro
 static CtsStatus begin(CtsExportJob *job, CtsError *err)
 {
     const int quality = job->settings.quality;
-    WebpWriter *w = job->state = calloc(1, sizeof *w);
-    if (!w)
-        return cts_fail(err, CTS_ERR_MEMORY, "%s: out of memory", job->path);
+    WebpWriter *w = job->state;
     if (!WebPConfigPreset(&w->config, WEBP_PRESET_DEFAULT, (float)(quality ? quality : CTS_QUALITY_DEFAULT)))
         return fail_webp(job, "another version than it was built with", err);
     w->config.method = METHOD;
@@ -113,16 +111,14 @@ static CtsStatus finish(CtsExportJob *job, CtsError *err)
 static void release(CtsExportJob *job)
 {
     WebpWriter *const w = job->state;
-    if (!w)
-        return;
     WebPAnimEncoderDelete(w->frames);
     cts_free(&w->rgba);
-    free(w);
 }
 
 const CtsFormat cts_format_webp = {
     .info = {"webp", "WebP, 8 bits a channel; a rotation is one animated file", .many_frames = true, .has_alpha = true},
     .most_side = WEBP_MAX_DIMENSION,
+    .state_bytes = sizeof(WebpWriter),
     .begin = begin,
     .rows = add_rows,
     .finish = finish,

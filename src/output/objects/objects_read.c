@@ -1,4 +1,5 @@
-/* A secondary capture read back: framing and sizes are checked before anything is allocated or decoded. */
+/* Secondary captures and presentation states read back: framing and sizes are checked before anything is allocated or
+ * decoded. */
 #include "output/objects/objects.h"
 
 #include "base/mem.h"
@@ -7,6 +8,7 @@
 #include "input/codec/pixels.h"
 #include "input/header/head.h"
 #include "input/header/pixel_places.h"
+#include <stdlib.h>
 #include <string.h>
 
 typedef struct ScHeader {
@@ -26,14 +28,18 @@ typedef struct ScFile {
     size_t frame_bytes;
 } ScFile;
 
+static CtsStatus open_head(const char *path, CtsHead *head, CtsScratch *scratch, CtsError *err)
+{
+    const CtsStatus st = cts_head_open(head, &(CtsFile){.path = path}, scratch, err);
+    return st || head->kind == CTS_FILE_DICOM ? st : cts_fail(err, CTS_ERR_READ, "is no DICOM file");
+}
+
 static CtsStatus open_file(const char *path, ScFile *f, CtsError *err)
 {
-    const CtsStatus st = cts_head_open(&f->head, &(CtsFile){.path = path}, &f->scratch, err);
+    const CtsStatus st = open_head(path, &f->head, &f->scratch, err);
     const CtsSyntax *const syntax = f->head.syntax;
     if (st)
         return st;
-    if (f->head.kind != CTS_FILE_DICOM)
-        return cts_fail(err, CTS_ERR_READ, "is no DICOM file");
     if (f->head.odd & CTS_ODD_NO_SYNTAX)
         return cts_fail(err, CTS_ERR_READ, "damaged: it names no transfer syntax");
     if (!syntax || syntax->codec == CTS_CODEC_NONE || syntax->big_endian || syntax->deflated)
@@ -158,5 +164,44 @@ CtsStatus cts_dcm_sc_read(const char *path, CtsScPixels *pixels, CtsError *err)
     cts_free(&f.frame);
     cts_head_close(&f.head);
     cts_scratch_free(&f.scratch);
+    return st ? cts_context(err, "%s", path) : st;
+}
+
+enum { CLASS = 0x00080016, REFERENCED_SERIES = 0x00081115, SERIES_UID = 0x0020000E };
+
+static char *text_of(CtsElements all, uint16_t element)
+{
+    const CtsElements value = cts_elements_find(all, (uint32_t)CTS_STATE_GROUP << 16 | element);
+    return value.at < value.end ? strndup((const char *)value.at, (size_t)(value.end - value.at)) : NULL;
+}
+
+static CtsStatus read_texts(CtsElements all, char **preset, char **options, char source_uid[65], CtsError *err)
+{
+    char class_uid[65], creator[65];
+    cts_elements_text(all, CLASS, class_uid, sizeof class_uid);
+    if (strcmp(class_uid, CTS_STATE_CLASS) != 0)
+        return cts_fail(err, CTS_ERR_READ, "is no Volume Rendering Volumetric Presentation State");
+    cts_elements_text(all, (uint32_t)CTS_STATE_GROUP << 16 | CTS_STATE_CREATOR, creator, sizeof creator);
+    if (strcmp(creator, CTS_STATE_BLOCK) == 0) {
+        *preset = text_of(all, CTS_STATE_PRESET);
+        *options = text_of(all, CTS_STATE_OPTIONS);
+        cts_elements_text(cts_elements_item(all, REFERENCED_SERIES), SERIES_UID, source_uid, 65);
+    }
+    return *preset && *options ? CTS_OK
+                               : cts_fail(err, CTS_ERR_READ,
+                                          "is not of ctsplat's making: what it says in private attributes is missing");
+}
+
+CtsStatus cts_dcm_state_read(const char *path, char **preset, char **options, char source_uid[65], CtsError *err)
+{
+    CtsScratch scratch = {0};
+    CtsHead head;
+    *preset = *options = NULL;
+    source_uid[0] = 0;
+    CtsStatus st = open_head(path, &head, &scratch, err);
+    if (!st)
+        st = read_texts(cts_head_elements(&head), preset, options, source_uid, err);
+    cts_head_close(&head);
+    cts_scratch_free(&scratch);
     return st ? cts_context(err, "%s", path) : st;
 }
