@@ -76,16 +76,30 @@ static CTS_BY_ID(
     [CTS_MODE_MINIP] = {"MIN_IP", "MinIP", "Minimum intensity projection", "113079", "Minimum intensity projection"},
     [CTS_MODE_AVERAGE] = {"AVERAGE_IP", "Average", "Average intensity projection", "113074", "Volume rendering"});
 
-/* The side that is looked at, of SNOMED CT; the last for all others. */
+/* The side that is looked at, of SNOMED CT, in the order that views of a preset have in its series; the last for all
+ * others. */
 static const struct {
     const char *view;
     CtsScCode code;
 } view_codes[] = {
-    {"anterior", {"255549009", "SCT", "Anterior"}}, {"posterior", {"255551008", "SCT", "Posterior"}},
-    {"left", {"7771000", "SCT", "Left"}},           {"right", {"24028007", "SCT", "Right"}},
-    {"head", {"264217000", "SCT", "Superior"}},     {"feet", {"261089000", "SCT", "Inferior"}},
+    {"anterior", {"255549009", "SCT", "Anterior"}},
+    {"left", {"7771000", "SCT", "Left"}},
+    {"posterior", {"255551008", "SCT", "Posterior"}},
+    {"right", {"24028007", "SCT", "Right"}},
+    {"head", {"264217000", "SCT", "Superior"}},
+    {"feet", {"261089000", "SCT", "Inferior"}},
     {"", {"399182000", "SCT", "Oblique"}},
 };
+
+static int place_of_view(const CtsPictureInfo *info)
+{
+    char view[80];
+    int i = 0;
+    cts_describe_view(info, view, sizeof view);
+    while (*view_codes[i].view && strcmp(view, view_codes[i].view) != 0)
+        i++;
+    return i;
+}
 
 /* Own texts stay ASCII, whatever character set the source's attributes have, and a backslash would part values. */
 static void ascii_copy(char *to, size_t size, const char *from)
@@ -144,10 +158,7 @@ void cts_sc_words(const CtsExportJob *job, CtsScWords *words)
         "%s by engine %s, preset %s, orthographic, %sview %s (azimuth %s, elevation %s degrees), %s mm per pixel%s, "
         "ctsplat %s, not for diagnostic use",
         mode_terms[info->mode].long_name, engine, preset, step, view, angles[0], angles[1], scale, error, CTS_VERSION);
-    size_t i = 0;
-    while (*view_codes[i].view && strcmp(view, view_codes[i].view) != 0)
-        i++;
-    words->view = view_codes[i].code;
+    words->view = view_codes[place_of_view(info)].code;
     if (n_frames == 1) {
         char right[4], down[4];
         const double to_feet[3] = {-info->up_lps[0], -info->up_lps[1], -info->up_lps[2]};
@@ -239,13 +250,10 @@ int cts_sc_series_number(const CtsSeries *source, int own)
 /* Views of a preset share its series, and have an order of their own. */
 static int instance_number(const CtsExportJob *job)
 {
-    static const char *const views[] = {"anterior", "left", "posterior", "right", "head", "feet"};
     const CtsPictureInfo *info = &job->head.info;
-    char view[80];
-    cts_describe_view(info, view, sizeof view);
-    for (int i = 0; i < 6; i++)
-        if (strcmp(view, views[i]) == 0)
-            return i + 1;
+    const int place = place_of_view(info);
+    if (*view_codes[place].view)
+        return place + 1;
     double azimuth_deg = fmod(info->azimuth_deg, 360);
     if (azimuth_deg < 0)
         azimuth_deg += 360;

@@ -1,16 +1,10 @@
 #include "output/image/describe.h"
 
 #include "base/vec3.h"
+#include "ctsplat/render.h"
 #include <locale.h>
 #include <math.h>
 #include <stdio.h>
-
-static const struct {
-    double azimuth_deg, elevation_deg;
-    const char *name;
-} views[] = {
-    {0, 0, "anterior"}, {180, 0, "posterior"}, {90, 0, "left"}, {270, 0, "right"}, {0, 90, "head"}, {0, -90, "feet"},
-};
 
 void cts_describe_number(double value, int n_digits, char *text, size_t size)
 {
@@ -33,12 +27,10 @@ static void number_pair(double a, double b, char *text, size_t size)
 
 void cts_describe_view(const CtsPictureInfo *info, char *text, size_t size)
 {
-    double azimuth_deg = fmod(info->azimuth_deg, 360);
-    if (azimuth_deg < 0)
-        azimuth_deg += 360;
-    for (size_t i = 0; i < sizeof views / sizeof *views; i++)
-        if (azimuth_deg == views[i].azimuth_deg && info->elevation_deg == views[i].elevation_deg) {
-            snprintf(text, size, "%s", views[i].name);
+    for (int i = 0; i < CTS_N_VIEWS; i++)
+        if (fmod(info->azimuth_deg - cts_views[i].azimuth_deg, 360) == 0 &&
+            info->elevation_deg == cts_views[i].elevation_deg) {
+            snprintf(text, size, "%s", cts_views[i].name);
             return;
         }
     number_pair(info->azimuth_deg, info->elevation_deg, text, size);

@@ -1,4 +1,0 @@
-#include "base/load_part.h"
-#include "output/objects/objects.h"
-
-CTS_PART_DOOR(CtsDcmWriters, cts_dcm_writers, CTS_DCMTK_PART)
