@@ -248,11 +248,12 @@ def check_width(browser, what):
 
 def check_runs(ctsplat, testdata):
     """The page of one series, without anybody at it: its script comes to its end, and a card stands there."""
-    with tempfile.TemporaryDirectory() as folder:
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         subprocess.run([ctsplat, 'batch', os.path.join(testdata, 'phantom'), '-O', folder, '--size', '64x64'],
                        check=True, stderr=subprocess.DEVNULL)
         page = subprocess.run(['chromium', '--headless', '--no-sandbox', '--disable-gpu', '--dump-dom',
-                               f'--user-data-dir={folder}/profile', f'file://{folder}/index.html'],
+                               '--disable-dev-shm-usage', '--disable-background-networking',
+                               '--host-resolver-rules=MAP * ~NOTFOUND', f'--user-data-dir={folder}/profile', f'file://{folder}/index.html'],
                               capture_output=True, text=True, timeout=200).stdout
         check('data-ready="true"' in page and '<article class="card done' in page, 'the page does not run')
 
