@@ -253,8 +253,8 @@ def check_runs(ctsplat, testdata):
                        check=True, stderr=subprocess.DEVNULL)
         page = subprocess.run(['chromium', '--headless', '--no-sandbox', '--disable-gpu', '--dump-dom',
                                '--disable-dev-shm-usage', '--disable-background-networking',
-                               '--host-resolver-rules=MAP * ~NOTFOUND', f'--user-data-dir={folder}/profile', f'file://{folder}/index.html'],
-                              capture_output=True, text=True, timeout=200).stdout
+                               '--host-resolver-rules=MAP * ~NOTFOUND', f'--user-data-dir={folder}/profile',
+                               f'file://{folder}/index.html'], capture_output=True, text=True, timeout=200).stdout
         check('data-ready="true"' in page and '<article class="card done' in page, 'the page does not run')
 
 
