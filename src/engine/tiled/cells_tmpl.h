@@ -282,20 +282,24 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
     }
     const vf *const b = c->b;
     vf power[4] = {b[0], 3 * (b[1] - b[0]), 3 * (b[0] - 2 * b[1] + b[2]), b[3] - b[0] + 3 * (b[1] - b[2])};
-    vf root = vf_of(1);
-    const vf least = vf_max(vf_of(LEAST_SHARE), LEAST_MM / vf_max(*length, vf_of((real)1e-9f)));
+    /* A field meets first, of the levels between its ends, the one nearest to where it starts. */
+    vmask crosses = mask_of(0);
+    vf knot = vf_of(0), jump = vf_of(0), away = vf_of(FAR_MM);
     for (int i = 0; i < cuts->n; i++) {
-        const real knot = change_of(m->pieces, cuts->knot[i]);
-        const vf shifted[4] = {power[0] - knot, power[1], power[2], power[3]}, at_end = b[3] - knot;
-        const vmask crosses = cuts->lanes[i] & differ(vf_lt(shifted[0], vf_of(0)), vf_lt(at_end, vf_of(0)));
-        if (!bits_of(crosses))
-            continue;
-        vf off;
-        const vf at = find_root(shifted, at_end, ROUNDED_BY * m->touch, &off);
-        const vf worth = off * *length * (real)m->pieces->jump[cuts->knot[i]];
-        root = select_f(crosses, vf_min(root, vf_max(at, least)), root);
-        cuts->wrong += select_f(crosses, m->p->light * vf_min(worth, vf_of(1)), vf_of(0));
+        const vf other = vf_of(change_of(m->pieces, cuts->knot[i])), other_away = vf_abs(other - b[0]);
+        const vmask between = cuts->lanes[i] & differ(vf_lt(b[0], other), vf_lt(b[3], other));
+        const vmask nearer = between & vf_lt(other_away, away);
+        knot = select_f(nearer, other, knot);
+        away = select_f(nearer, other_away, away);
+        jump = select_f(nearer, vf_of((real)m->pieces->jump[cuts->knot[i]]), jump);
+        crosses |= between;
     }
+    vf off;
+    const vf least = vf_max(vf_of(LEAST_SHARE), LEAST_MM / vf_max(*length, vf_of((real)1e-9f)));
+    const vf shifted[4] = {power[0] - knot, power[1], power[2], power[3]};
+    const vf at = find_root(shifted, b[3] - knot, ROUNDED_BY * m->touch, &off);
+    vf root = select_f(crosses, vf_min(vf_max(at, least), vf_of(1)), vf_of(1));
+    cuts->wrong += select_f(crosses, m->p->light * vf_min(off * *length * jump, vf_of(1)), vf_of(0));
     *at_knot = vf_lt(root, vf_of(1 - LEAST_SHARE));
     root = select_f(*at_knot, root, vf_of(1));
     const vf p1 = power[1] * root, p2 = power[2] * root * root, p3 = power[3] * root * root * root;
