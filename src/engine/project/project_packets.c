@@ -271,35 +271,59 @@ static CtsProjectedRay ray_of(const Way *w, const Packet *r, int lane)
     return ray;
 }
 
-/* Of the lanes in the mask, those whose way through the cell is seen whole, and in part. */
-static vm seen_of(const CtsProjection *p, const Way *w, const Packet *r, vm mask, const vi cell[3], const vd t[2],
-                  vm *partly)
+/* What the rays see of the way through their cells, as many stretches as the ray has that is cut most often; from first
+ * to last, which are the same where a ray has fewer. */
+typedef struct Seen {
+    int n;
+    vd first[CTS_CELL_STRETCHES], last[CTS_CELL_STRETCHES];
+} Seen;
+
+static CtsSeenCells seen_cells(const CtsProjection *p, const int cell[3], int *bit)
 {
     const int *const n = p->projector.macrocells->n_fine;
-    *partly = mask & 0;
-    for (int l = 0; l < LANES; l++) {
-        const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
-        const int32_t place =
-            p->sees[((size_t)(at[2] / CTS_FINE_MACROCELL) * (size_t)n[1] + (size_t)(at[1] / CTS_FINE_MACROCELL)) *
-                        (size_t)n[0] +
-                    (size_t)(at[0] / CTS_FINE_MACROCELL)];
-        const int bit = at[0] % CTS_FINE_MACROCELL + at[1] % CTS_FINE_MACROCELL * CTS_FINE_MACROCELL +
-                        at[2] % CTS_FINE_MACROCELL * CTS_FINE_MACROCELL * CTS_FINE_MACROCELL;
-        const CtsSeenCells cells = place >= 0               ? p->cells[place]
-                                   : place == CTS_ALL_CELLS ? (CtsSeenCells){UINT64_MAX, UINT64_MAX}
-                                                            : (CtsSeenCells){0, 0};
-        CtsSees sees = cells.all >> bit & 1 ? CTS_SEES_ALL : CTS_SEES_NONE;
-        if (mask[l] && sees == CTS_SEES_NONE && cells.some >> bit & 1) {
-            const CtsProjectedRay ray = ray_of(w, r, l);
-            sees = cts_project_sees_way(&p->projector, &ray, at, t[0][l], t[1][l]);
-        }
-        (*partly)[l] = mask[l] && sees == CTS_SEES_SOME ? -1 : 0;
-        mask[l] = mask[l] && sees == CTS_SEES_ALL ? -1 : 0;
+    size_t at = 0;
+    *bit = 0;
+    for (int a = 2; a >= 0; a--) {
+        at = at * (size_t)n[a] + (size_t)(cell[a] / CTS_FINE_MACROCELL);
+        *bit = *bit * CTS_FINE_MACROCELL + cell[a] % CTS_FINE_MACROCELL;
     }
-    return mask;
+    const int32_t place = p->sees[at];
+    const uint64_t all = place == CTS_ALL_CELLS ? UINT64_MAX : 0;
+    return place >= 0 ? p->cells[place] : (CtsSeenCells){all, all};
 }
 
-/* The largest of the cubic between two times, as in project_ray.c. */
+/* Of the lanes in the mask, between two times. */
+static void look_what_is_seen(const CtsProjection *p, const Way *w, const Packet *r, vm mask, const vi cell[3],
+                              const vd t[2], bool sees_all, Seen *seen)
+{
+    seen->n = 1;
+    seen->first[0] = t[0];
+    seen->last[0] = t[1];
+    for (int l = 0; l < LANES && !sees_all; l++) {
+        double first[CTS_CELL_STRETCHES], last[CTS_CELL_STRETCHES];
+        const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
+        int bit, n = 0;
+        if (!mask[l])
+            continue;
+        const CtsSeenCells cells = seen_cells(p, at, &bit);
+        if (cells.all >> bit & 1)
+            continue;
+        seen->last[0][l] = t[0][l];
+        if (cells.some >> bit & 1) {
+            const CtsProjectedRay ray = ray_of(w, r, l);
+            n = cts_project_stretches(&p->projector, &ray, at, t[0][l], t[1][l], first, last);
+        }
+        for (; seen->n < n; seen->n++)
+            seen->first[seen->n] = seen->last[seen->n] = t[0];
+        for (int i = 0; i < n; i++) {
+            seen->first[i][l] = first[i];
+            seen->last[i][l] = last[i];
+        }
+    }
+}
+
+/* Inside a cell the field is a cubic in t, here c0 + c1 s + c2 s^2 + c3 s^3 through four of its values: the largest
+ * between two times is that at an end or, where the derivative vanishes, at a turning point. */
 INLINE vd largest_between(const Way *w, const Packet *r, const vi cell[3], const vd v[8], vd from, vd to)
 {
     const vd d = to - from;
@@ -328,26 +352,11 @@ typedef struct Found {
     vm seen;
 } Found;
 
-/* Lanes whose cell is seen in part, one by one. */
-static void look_at_parts(const CtsProjection *p, const Way *w, const Packet *r, const vi cell[3], const vd t[2],
-                          vm lanes, Found *found)
-{
-    for (int l = 0; l < LANES; l++) {
-        const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
-        const CtsProjectedRay ray = ray_of(w, r, l);
-        double best = found->best[l];
-        if (!lanes[l] ||
-            !cts_project_extreme_in(&p->projector, &ray, at, t[0][l], t[1][l], CTS_SEES_SOME, p->sign, &best))
-            continue;
-        found->best[l] = best;
-        found->seen[l] = -1;
-    }
-}
-
 /* Some of the rays may find more in layer k of cells; those not seen yet need only be told whether they see. */
 static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Found *found)
 {
     vd t[4];
+    Seen seen;
     cut_layer(p, w, r, k, t);
     for (int n = 0; n < 3; n++) {
         vm some = r->inside & (t[n] < t[n + 1]);
@@ -364,17 +373,15 @@ static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r,
         some &= (most > found->best) | ~found->seen;
         if (!any(some))
             continue;
-        if (!sees_all) {
-            vm partly;
-            some = seen_of(p, w, r, some, cell, t + n, &partly);
-            look_at_parts(p, w, r, cell, t + n, partly, found);
+        look_what_is_seen(p, w, r, some, cell, t + n, sees_all, &seen);
+        for (int i = 0; i < seen.n; i++) {
+            const vm here = some & (seen.first[i] < seen.last[i]), may = here & (most > found->best);
+            found->seen |= here;
+            if (!any(may))
+                continue;
+            const vd largest = vd_min(largest_between(w, r, cell, v, seen.first[i], seen.last[i]), most);
+            found->best = pick(may, vd_max(found->best, largest), found->best);
         }
-        found->seen |= some;
-        some &= most > found->best;
-        if (!any(some))
-            continue;
-        const vd largest = vd_min(largest_between(w, r, cell, v, t[n], t[n + 1]), most);
-        found->best = pick(some, vd_max(found->best, largest), found->best);
     }
 }
 
@@ -464,46 +471,29 @@ typedef struct Summed {
     vd sum, length;
 } Summed;
 
-/* Of the lanes in the mask, those whose cell is seen whole; what is seen of the others is summed. */
-static vm sum_parts(const CtsProjection *p, const Way *w, const Packet *r, const vi cell[3], const vd t[2], vm mask,
-                    Summed *s)
-{
-    vm partly;
-    mask = seen_of(p, w, r, mask, cell, t, &partly);
-    for (int l = 0; l < LANES; l++) {
-        const int at[3] = {cell[0][l], cell[1][l], cell[2][l]};
-        const CtsProjectedRay ray = ray_of(w, r, l);
-        double sum = s->sum[l], length = s->length[l];
-        if (!partly[l])
-            continue;
-        cts_project_mean_in(&p->projector, &ray, at, t[0][l], t[1][l], CTS_SEES_SOME, &sum, &length);
-        s->sum[l] = sum;
-        s->length[l] = length;
-    }
-    return mask;
-}
-
 /* Two points of Gauss's rule are exact for a cubic. */
 INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Summed *s)
 {
     const double apart = 0.57735026918962576451; /* 1 / sqrt(3) */
     vd t[4];
+    Seen seen;
     cut_layer(p, w, r, k, t);
     for (int n = 0; n < 3; n++) {
-        vm some = r->inside & (t[n] < t[n + 1]);
+        const vm some = r->inside & (t[n] < t[n + 1]);
         vi cell[3];
         vd v[8];
         if (!any(some))
             continue;
-        const vd middle = (t[n] + t[n + 1]) / 2, half = (t[n + 1] - t[n]) / 2;
-        cells_at(p, w, r, middle, k, cell);
-        if (!sees_all && !any(some = sum_parts(p, w, r, cell, t + n, some, s)))
-            continue;
+        cells_at(p, w, r, (t[n] + t[n + 1]) / 2, k, cell);
         load_corners(p, cell, v);
-        const vd one = field_at_vd(w, r, cell, v, middle - half * apart);
-        const vd two = field_at_vd(w, r, cell, v, middle + half * apart);
-        s->sum += pick(some, half * (one + two), vd_of(0));
-        s->length += pick(some, 2 * half, vd_of(0));
+        look_what_is_seen(p, w, r, some, cell, t + n, sees_all, &seen);
+        for (int i = 0; i < seen.n; i++) {
+            const vd middle = (seen.first[i] + seen.last[i]) / 2, half = (seen.last[i] - seen.first[i]) / 2;
+            const vd one = field_at_vd(w, r, cell, v, middle - half * apart);
+            const vd two = field_at_vd(w, r, cell, v, middle + half * apart);
+            s->sum += pick(some, half * (one + two), vd_of(0));
+            s->length += pick(some, 2 * half, vd_of(0));
+        }
     }
 }
 

@@ -1,4 +1,4 @@
-/* One ray of the modes mip, minip and average within one cell, which may be seen in part. */
+/* One ray of the modes mip, minip and average, and which stretches of it are seen within one cell. */
 #ifndef CTS_TILED_PROJECT_RAY_H
 #define CTS_TILED_PROJECT_RAY_H
 
@@ -27,15 +27,9 @@ bool cts_project_clip(const CtsView *view, double x, double y, CtsProjectedRay *
 /* The grey level at t0 of a ray that has no length, as at a corner of the box; infinite where nothing is seen. */
 double cts_project_point(const CtsProjector *projector, const CtsProjectedRay *ray);
 
-/* What is seen of a cell that the ray is in from t = `from` to `to`. */
-CtsSees cts_project_sees_way(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from,
-                             double to);
-/* *best becomes the largest (sign 1, or the smallest times -1) of what it was and what is seen there, at least in part;
- * false, and nothing has changed, where nothing is. */
-bool cts_project_extreme_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from,
-                            double to, CtsSees sees, double sign, double *best);
-/* Grey level times length, and length. */
-void cts_project_mean_in(const CtsProjector *p, const CtsProjectedRay *ray, const int cell[3], double from, double to,
-                         CtsSees sees, double *sum, double *length);
+/* What is seen of a cell that the ray is in from t = `from` to `to`: stretches first[] to last[] of it, in order, and
+ * how many. */
+int cts_project_stretches(const CtsProjector *projector, const CtsProjectedRay *ray, const int cell[3], double from,
+                          double to, double first[CTS_CELL_STRETCHES], double last[CTS_CELL_STRETCHES]);
 
 #endif
