@@ -1,7 +1,7 @@
 /* The frame around what is visible: how far it reaches, by formula; what the picture then holds. */
 #include "base/vec3.h"
-#include "core/scene/framing.h"
 #include "core/scene/view.h"
+#include "render/framing/framing.h"
 #include "scenes.h"
 
 enum { SIDE = 61 };
@@ -33,14 +33,6 @@ static CtsPreset preset_above(double hu)
     return p;
 }
 
-static CtsVisible *visible_of(const CtsVolume *v, const CtsPreset *p)
-{
-    CtsVisible *visible = NULL;
-    CtsError err;
-    assert_int_equal(cts_visible_new(&visible, v, p, 2, &err), CTS_OK);
-    return visible;
-}
-
 static CtsRenderSettings settings_of(CtsEngineId engine, double azimuth_deg, double elevation_deg)
 {
     CtsRenderSettings s;
@@ -58,10 +50,8 @@ static CtsRenderSettings settings_of(CtsEngineId engine, double azimuth_deg, dou
 static CtsRenderSettings framed(const CtsVolume *v, const CtsPreset *p, const CtsRenderSettings *settings)
 {
     CtsRenderSettings s = *settings;
-    CtsVisible *visible = visible_of(v, p);
-    assert_true(cts_visible_any(visible));
-    cts_framing_find(visible, &s);
-    cts_visible_free(&visible);
+    CtsError err;
+    assert_int_equal(cts_framing_settle(v, p, &s, &err), CTS_OK);
     return s;
 }
 
@@ -207,7 +197,6 @@ static void test_slab(void **state)
     (void)state;
     CtsVolume *v = make_ball();
     const CtsPreset p = preset_above(200);
-    CtsVisible *visible = visible_of(v, &p);
     CtsRenderSettings s;
     cts_render_defaults(&s);
     s.fit = CTS_FIT_VISIBLE;
@@ -226,7 +215,7 @@ static void test_slab(void **state)
             CtsRenderSettings slab = s;
             slab.slab_mm = 0.1;
             slab.slab_at_mm = cts_dot3(from_ball, axes.forward_lps) + off;
-            cts_framing_find(visible, &slab);
+            slab = framed(v, &p, &slab);
             /* Cells between voxels count whole: a voxel more at most, the nearer side of the disc's plane too. */
             const double radius_mm = 0.9 * 50 * slab.mm_per_pixel;
             assert_true(radius_mm > sqrt(13.5 * 13.5 - off * off) - 0.5 &&
@@ -235,16 +224,15 @@ static void test_slab(void **state)
         CtsRenderSettings far = s, whole = s, turned = s;
         far.slab_mm = 1;
         far.slab_at_mm = 1e4;
-        cts_framing_find(visible, &far);
+        far = framed(v, &p, &far);
         assert_true(far.mm_per_pixel == 0 && !far.centre_given);
         whole.rotation_frames = turned.rotation_frames = 5;
         turned.slab_mm = 1;
         turned.slab_at_mm = 20;
-        cts_framing_find(visible, &whole);
-        cts_framing_find(visible, &turned);
+        whole = framed(v, &p, &whole);
+        turned = framed(v, &p, &turned);
         assert_true(turned.mm_per_pixel > 0 && turned.mm_per_pixel < whole.mm_per_pixel);
     }
-    cts_visible_free(&visible);
     cts_volume_free(&v);
 }
 

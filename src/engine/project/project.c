@@ -72,11 +72,24 @@ static void set_window(const CtsScene *scene, CtsProjection *p)
     p->enough = p->sign > 0 ? high : -low;
 }
 
-/* Which of the cells of each fine macro-cell are seen. */
-typedef struct Seeing {
-    const CtsProjector *projector;
+struct CtsSeen {
+    const struct CtsBodyMask *body; /* of this body's inside */
     int32_t *sees;
     CtsSeenCells *cells;
+};
+
+void cts_seen_free(CtsSeen **seen)
+{
+    if (!*seen)
+        return;
+    cts_free(&(*seen)->sees);
+    cts_free(&(*seen)->cells);
+    cts_free(seen);
+}
+
+typedef struct Seeing {
+    const CtsProjector *projector;
+    CtsSeen *seen;
 } Seeing;
 
 static void look_into_rows(void *context, int worker, size_t first, size_t end)
@@ -96,9 +109,9 @@ static void look_into_rows(void *context, int worker, size_t first, size_t end)
                 high[a] = low[a] + CTS_FINE_MACROCELL;
             }
             const CtsSees body = p->body ? cts_body_mask_sees(p->body, low, high) : CTS_SEES_ALL;
-            s->sees[block] = look == CTS_LOOK_HIDDEN || body == CTS_SEES_NONE    ? CTS_NO_CELL
-                             : look == CTS_LOOKS_DIFFER || body == CTS_SEES_SOME ? 0
-                                                                                 : CTS_ALL_CELLS;
+            s->seen->sees[block] = look == CTS_LOOK_HIDDEN || body == CTS_SEES_NONE    ? CTS_NO_CELL
+                                   : look == CTS_LOOKS_DIFFER || body == CTS_SEES_SOME ? 0
+                                                                                       : CTS_ALL_CELLS;
         }
 }
 
@@ -142,32 +155,40 @@ static void look_closely(void *context, int worker, size_t first, size_t end)
     (void)worker;
     for (size_t row = first; row < end; row++)
         for (int i = 0; i < n[0]; i++) {
-            const int32_t place = s->sees[row * (size_t)n[0] + (size_t)i];
+            const int32_t place = s->seen->sees[row * (size_t)n[0] + (size_t)i];
             const int at[3] = {i, (int)(row % (size_t)n[1]), (int)(row / (size_t)n[1])};
             if (place >= 0)
-                s->cells[place] = look_into_cells(s->projector, at);
+                s->seen->cells[place] = look_into_cells(s->projector, at);
         }
 }
 
-static CtsStatus find_seen(const CtsProjector *projector, int n_threads, Seeing *s, CtsError *err)
+/* Once for all views. */
+static CtsStatus find_seen(const CtsProjector *projector, int n_threads, CtsSeen **seen, CtsError *err)
 {
     const int *const n = projector->macrocells->n_fine;
     const size_t n_rows = (size_t)n[1] * (size_t)n[2], n_blocks = n_rows * (size_t)n[0];
     int32_t n_some = 0;
-    CtsStatus st = cts_alloc_array(&s->sees, n_blocks, err);
-    if (st)
-        return st;
-    s->projector = projector;
-    cts_parallel(n_threads, n_rows, 0, look_into_rows, s);
+    CtsStatus st;
+    if (*seen && (*seen)->body == projector->body)
+        return CTS_OK;
+    cts_seen_free(seen);
+    if ((st = cts_alloc_zeroed(seen, 1, err)) || (st = cts_alloc_array(&(*seen)->sees, n_blocks, err)))
+        goto end;
+    Seeing s = {projector, *seen};
+    (*seen)->body = projector->body;
+    cts_parallel(n_threads, n_rows, 0, look_into_rows, &s);
     for (size_t i = 0; i < n_blocks; i++)
-        if (s->sees[i] >= 0)
-            s->sees[i] = n_some++;
-    if (!(st = cts_alloc_array(&s->cells, (size_t)n_some, err)))
-        cts_parallel(n_threads, n_rows, 0, look_closely, s);
+        if ((*seen)->sees[i] >= 0)
+            (*seen)->sees[i] = n_some++;
+    if (!(st = cts_alloc_array(&(*seen)->cells, (size_t)n_some, err)))
+        cts_parallel(n_threads, n_rows, 0, look_closely, &s);
+end:
+    if (st)
+        cts_seen_free(seen);
     return st;
 }
 
-static CtsStatus prepare(Projecting *pr, int n_threads, Seeing *seeing, CtsError *err)
+static CtsStatus prepare(Projecting *pr, int n_threads, CtsSeen **seen, CtsError *err)
 {
     CtsStatus st;
     CtsProjection *p = &pr->projection;
@@ -186,10 +207,12 @@ static CtsStatus prepare(Projecting *pr, int n_threads, Seeing *seeing, CtsError
         if ((st = cts_alloc_array(&pr->scratch[t].bound, n_layers, err)) ||
             (st = cts_alloc_array(&pr->scratch[t].order, n_layers, err)))
             return st;
-    if ((projector->body || projector->owners) && (st = find_seen(projector, n_threads, seeing, err)))
-        return st;
-    p->sees = seeing->sees;
-    p->cells = seeing->cells;
+    if (projector->body || projector->owners) {
+        if ((st = find_seen(projector, n_threads, seen, err)))
+            return st;
+        p->sees = (*seen)->sees;
+        p->cells = (*seen)->cells;
+    }
     pr->tile = cpu & CTS_CPU_AVX512 ? cts_project_tile_avx512
                : cpu & CTS_CPU_AVX2 ? cts_project_tile_avx2
                                     : cts_project_tile;
@@ -205,8 +228,8 @@ static void free_scratch(Projecting *pr, int n_threads)
     cts_free(&pr->scratch);
 }
 
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsPicture *picture, CtsReport *report,
-                      CtsError *err)
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsSeen **seen, CtsPicture *picture,
+                      CtsReport *report, CtsError *err)
 {
     const CtsVolume *v = scene->volume;
     const int n_threads = scene->settings->n_threads;
@@ -221,7 +244,6 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
                          .owners = v->owners && v->owners->shown ? v->owners : NULL,
                      }};
     const CtsMode mode = scene->preset->mode;
-    Seeing seeing = {0};
     ptrdiff_t stride = 1;
     for (int a = 0; a < 3; a++) {
         pr.projection.projector.stride[a] = v->dims[a] > 1 ? stride : 0;
@@ -238,13 +260,11 @@ CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, Ct
         return CTS_OK;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     set_window(scene, &pr.projection);
-    CtsStatus st = prepare(&pr, n_threads, &seeing, err);
+    CtsStatus st = prepare(&pr, n_threads, seen, err);
     if (!st)
         cts_parallel(n_threads, (size_t)((picture->height + CTS_PROJECT_TILE - 1) / CTS_PROJECT_TILE), 1, project_some,
                      &pr);
     free_scratch(&pr, n_threads);
-    cts_free(&seeing.sees);
-    cts_free(&seeing.cells);
     if (st)
         return st;
     if (cts_scene_stopped(scene))

@@ -6,8 +6,13 @@
 #include "core/scene/engine.h"
 #include "core/volume/macrocells.h"
 
-/* picture NULL: only make the plan. */
-CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsPicture *picture, CtsReport *report,
-                      CtsError *err);
+/* Which cells of a volume are seen, where not all are. */
+typedef struct CtsSeen CtsSeen;
+void cts_seen_free(CtsSeen **seen);
+
+/* *seen: NULL, or what an earlier picture of the volume left there; the caller frees it. picture NULL: only make the
+ * plan. */
+CtsStatus cts_project(const CtsScene *scene, const CtsMacrocells *macrocells, CtsSeen **seen, CtsPicture *picture,
+                      CtsReport *report, CtsError *err);
 
 #endif

@@ -23,6 +23,7 @@ typedef struct Kept {
     int mask_frame;
     TiledLooks looks; /* of the scale that they were made for */
     double looks_scale;
+    CtsSeen *seen; /* by mip and its kin */
 } Kept;
 
 static void free_kept(void *kept)
@@ -33,6 +34,7 @@ static void free_kept(void *kept)
     cts_macrocells_free(&k->own_macrocells);
     cts_tiled_mask_free(&k->mask);
     cts_tiled_looks_free(&k->looks);
+    cts_seen_free(&k->seen);
     free(k);
 }
 
@@ -313,7 +315,7 @@ static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsRep
     if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, report, err)))
         goto end;
     st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, macrocells, picture, report, err)
-                                                   : cts_project(scene, macrocells, picture, report, err);
+                                                   : cts_project(scene, macrocells, &kept->seen, picture, report, err);
 end:
     if (!scene->kept)
         free_kept(kept);

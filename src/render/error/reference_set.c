@@ -1,9 +1,9 @@
 #include "render/error/reference_set.h"
 
 #include "base/mem.h"
-#include "engine/raycast/raycast.h"
-#include "core/scene/framing.h"
 #include "core/scene/resolve.h"
+#include "engine/raycast/raycast.h"
+#include "render/framing/framing.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -3,10 +3,10 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
-#include "core/scene/framing.h"
 #include "core/volume/owners.h"
 #include "render/frames/engines.h"
 #include "render/frames/key.h"
+#include "render/framing/framing.h"
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
@@ -26,7 +26,7 @@ struct CtsFrames {
     bool key_found, key_told;
     void *kept;               /* the engine's */
     int n_begun;              /* frames */
-    CtsVisible *visible;      /* made when a frame is fitted to it */
+    void *kept_to_look;       /* the same of the engine that looks what is visible, where it is another */
     CtsRenderSettings fitted; /* of the last view that was fitted, where is_fitted says so */
     bool is_fitted;
 };
@@ -136,7 +136,7 @@ void cts_frames_free(CtsFrames **frames)
     if (f->kept && f->engine->forget)
         f->engine->forget(f->kept);
     cts_lut_free(&f->lut);
-    cts_visible_free(&f->visible);
+    cts_engine_tiled.forget(f->kept_to_look);
     cts_volume_free(&f->quantised);
     free(f);
     *frames = NULL;
@@ -263,8 +263,8 @@ static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsE
         cts_lut_free(&f->lut);
         CtsStatus st = find_key(f, scene, report, err);
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        if (st || (st = cts_lut_new(&f->lut, p, f->volume, f->key_found ? &f->key.key : NULL, scene->extinction_scale,
-                                    err)))
+        if (st ||
+            (st = cts_lut_new(&f->lut, p, f->volume, f->key_found ? &f->key.key : NULL, scene->extinction_scale, err)))
             return st;
         f->lut_scale = scene->extinction_scale;
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, (uint64_t)f->lut->n, 0);
@@ -273,15 +273,14 @@ static CtsStatus find_lut(CtsFrames *f, CtsScene *scene, CtsReport *report, CtsE
     return CTS_OK;
 }
 
-static void tell_framing(const CtsRenderSettings *s, const CtsVisible *visible, CtsReport *report)
+static void tell_framing(const CtsRenderSettings *s, CtsReport *report)
 {
-    if (!cts_visible_any(visible))
-        cts_report_finding(report, "nothing_visible", CTS_WARNING,
-                           "nothing of this volume is visible with this preset (see what HU it shows, the range of the "
-                           "series' HU, and what a crop leaves)");
-    else if (!s->centre_given)
-        cts_report_finding(report, "nothing_visible", CTS_WARNING,
-                           "nothing that this preset shows lies in the slab (see `slab_at`)");
+    if (!s->centre_given)
+        cts_report_finding(report, "nothing_visible", CTS_WARNING, "%s",
+                           s->slab_mm > 0
+                               ? "nothing that this preset shows lies in the slab (see `slab_at`)"
+                               : "nothing of this volume is visible with this preset (see what HU it shows, the range "
+                                 "of the series' HU, and what a crop leaves)");
     else
         cts_report_plan(report,
                         "frame: %.4g x %.4g mm about %.1f,%.1f,%.1f, %.4g mm a pixel, around all that is visible",
@@ -307,19 +306,17 @@ CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSetti
         return CTS_OK;
     if (!framed_already(f, s)) {
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        CtsPreset preset = f->preset;
-        if (s->mode >= 0)
-            preset.mode = (CtsMode)s->mode;
-        const CtsStatus st =
-            f->visible ? CTS_OK : cts_visible_new(&f->visible, f->original, &preset, cts_threads(s->n_threads), err);
+        const bool alike = f->engine == &cts_engine_tiled && f->volume == f->original;
+        const CtsFramed what = {f->original, &f->preset, alike ? &f->kept : &f->kept_to_look, f->n_begun};
+        CtsRenderSettings fitted = *s;
+        fitted.centre_given = false;
+        const CtsStatus st = cts_framing_find(&what, &fitted, err);
         if (st)
             return st;
-        f->fitted = *s;
-        f->fitted.centre_given = false;
+        f->fitted = fitted;
         f->is_fitted = true;
-        cts_framing_find(f->visible, &f->fitted);
         cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
-        tell_framing(&f->fitted, f->visible, report);
+        tell_framing(&f->fitted, report);
     }
     s->mm_per_pixel = f->fitted.mm_per_pixel;
     if (s->centre_given)

@@ -1,0 +1,350 @@
+#include "render/framing/framing.h"
+
+#include "base/vec3.h"
+#include "core/scene/resolve.h"
+#include <math.h>
+#include <string.h>
+
+/* The share of the picture's tighter side that what is visible fills. */
+#define FILLED 0.9
+/* Parts of what is shown that have less than this share of it are specks. */
+#define SPECK 0.001
+/* Shown is what takes away 1/16 of the light: less is haze. Where nothing does, what 8 bits hold is shown; and in minip
+ * and average, where no ray as a whole is brighter than black, what by itself is. */
+static const double HAZE = 1.0 / 16, DARKEST = 1.0 / 255;
+/* Rays of a look, along rows and columns. Their ends are half a ray's distance off, below 1 % where what is shown goes
+ * over LEAST_FOUND of them; where it does not, there is a closer look. */
+enum { LOOK = 128, LEAST_FOUND = LOOK / 2, MOST_LOOKS = 6 };
+/* A part of so many rays, which tell little of its area, is looked at by so many for each, along rows and columns. */
+enum { SURE = 16, FINER = 4 };
+/* Views of a rotation that are looked at: nothing reaches 1 % further in those between, 7.5 degrees off at most. */
+enum { MOST_VIEWS = 24 };
+
+/* What the looks for a frame share. */
+typedef struct Looking {
+    const CtsFramed *what;
+    CtsLut *lut;
+    double lut_scale; /* extinction_scale that it was made for */
+} Looking;
+
+/* A small picture of what is shown: rays that go through the same volume in the same direction. */
+typedef struct Look {
+    CtsSceneStore store;
+    double least; /* brighter is shown, or more opaque */
+    uint8_t shown[LOOK][LOOK];
+} Look;
+
+/* Draws n[0] x n[1] of the rays, `apart` of a look's from one another, from that one on. */
+static CtsStatus draw(Look *l, const double from[2], double apart, const int n[2], CtsError *err)
+{
+    CtsScene scene = l->store.scene;
+    CtsView *const v = &scene.view;
+    CtsPicture *picture = NULL;
+    v->width = n[0];
+    v->height = n[1];
+    for (int a = 0; a < 3; a++) {
+        v->centre_vox[a] += (from[0] + apart * (n[0] - 1) / 2 - (LOOK - 1) / 2.0) * v->right_vox[a] -
+                            (from[1] + apart * (n[1] - 1) / 2 - (LOOK - 1) / 2.0) * v->up_vox[a];
+        v->right_vox[a] *= apart;
+        v->up_vox[a] *= apart;
+    }
+    CtsStatus st = cts_picture_new(&picture, n[0], n[1], 4, err);
+    if (!st)
+        st = cts_engine_tiled.render(&scene, picture, NULL, err);
+    const int channel = scene.preset->mode == CTS_MODE_COMPOSITE ? 3 : 0;
+    memset(l->shown, 0, sizeof l->shown);
+    for (int i = 0; i < n[0] * n[1] && !st; i++)
+        l->shown[i / n[0]][i % n[0]] = picture->pixels[4 * i + channel] > l->least;
+    cts_picture_free(&picture);
+    return st;
+}
+
+/* Rays of a look: from low to high, high included. */
+typedef struct Box {
+    int low[2], high[2];
+} Box;
+
+static void widen(Box *box, const Box *by)
+{
+    for (int i = 0; i < 2; i++) {
+        box->low[i] = by->low[i] < box->low[i] ? by->low[i] : box->low[i];
+        box->high[i] = by->high[i] > box->high[i] ? by->high[i] : box->high[i];
+    }
+}
+
+/* Takes what hangs together with a ray that shows something, corners too, out of the look. */
+static int take_part(Look *l, int x, int y, Box *box)
+{
+    uint16_t open[LOOK * LOOK];
+    int n_open = 0, n = 0;
+    open[n_open++] = (uint16_t)(y * LOOK + x);
+    l->shown[y][x] = 0;
+    *box = (Box){{x, y}, {x, y}};
+    while (n_open > 0) {
+        const int at = open[--n_open];
+        const int px = at % LOOK, py = at / LOOK;
+        widen(box, &(Box){{px, py}, {px, py}});
+        n++;
+        for (int j = py > 0 ? py - 1 : 0; j <= py + 1 && j < LOOK; j++)
+            for (int i = px > 0 ? px - 1 : 0; i <= px + 1 && i < LOOK; i++)
+                if (l->shown[j][i]) {
+                    l->shown[j][i] = 0;
+                    open[n_open++] = (uint16_t)(j * LOOK + i);
+                }
+    }
+    return n;
+}
+
+static bool reaches_past(const Box *part, const Box *box)
+{
+    return part->low[0] < box->low[0] || part->low[1] < box->low[1] || part->high[0] > box->high[0] ||
+           part->high[1] > box->high[1];
+}
+
+/* The largest part of what lies in a box and a ray around it, in rays. */
+static CtsStatus closer_area(const Look *l, const Box *box, double *area, CtsError *err)
+{
+    const int n[2] = {(box->high[0] - box->low[0] + 3) * FINER, (box->high[1] - box->low[1] + 3) * FINER};
+    const double from[2] = {box->low[0] - 1.5 + 0.5 / FINER, box->low[1] - 1.5 + 0.5 / FINER};
+    Look closer = *l;
+    Box part;
+    int most = 0;
+    const CtsStatus st = draw(&closer, from, 1.0 / FINER, n, err);
+    for (int i = 0; i < LOOK * LOOK && !st; i++) {
+        const int rays = closer.shown[i / LOOK][i % LOOK] ? take_part(&closer, i % LOOK, i / LOOK, &part) : 0;
+        most = rays > most ? rays : most;
+    }
+    *area = (double)most / (FINER * FINER);
+    return st;
+}
+
+/* The box of what is shown but for specks; high[0] < 0 where nothing is. */
+static CtsStatus take_box(Look *l, Box *box, CtsError *err)
+{
+    Box unsure[LOOK * LOOK / 4]; /* parts lie a ray apart */
+    int n_shown = 0, n_unsure = 0;
+    CtsStatus st = CTS_OK;
+    *box = (Box){{LOOK, LOOK}, {-1, -1}};
+    for (int i = 0; i < LOOK * LOOK; i++)
+        n_shown += l->shown[i / LOOK][i % LOOK];
+    for (int i = 0; i < LOOK * LOOK; i++) {
+        Box part;
+        const int area = l->shown[i / LOOK][i % LOOK] ? take_part(l, i % LOOK, i / LOOK, &part) : 0;
+        if (area >= SURE && area >= SPECK * n_shown)
+            widen(box, &part);
+        else if (area > 0 && area >= SPECK * n_shown)
+            unsure[n_unsure++] = part;
+    }
+    for (int i = 0; i < n_unsure && !st; i++) {
+        double area = 0;
+        if (reaches_past(&unsure[i], box) && !(st = closer_area(l, &unsure[i], &area, err)) && area >= SPECK * n_shown)
+            widen(box, &unsure[i]);
+    }
+    return st;
+}
+
+/* What is visible between its ends along a direction, dot products with points in patient coordinates. */
+typedef struct Span {
+    double low_mm, high_mm;
+} Span;
+
+static double middle(Span span)
+{
+    return 0.5 * (span.low_mm + span.high_mm);
+}
+
+/* The ends of the volume's box, which no order of its voxels changes. */
+static Span span_of_box(const CtsVolume *volume, const double direction_lps[3])
+{
+    const double origin = cts_dot3(volume->origin_lps, direction_lps);
+    Span span = {origin, origin};
+    for (int axis = 0; axis < 3; axis++) {
+        const double along = cts_dot3(volume->step_lps[axis], direction_lps) * (volume->dims[axis] - 1);
+        *(along > 0 ? &span.high_mm : &span.low_mm) += along;
+    }
+    return span;
+}
+
+/* What of a span lies in the volume, which may be thinner than a ray is wide. */
+static Span within(Span span, Span volume)
+{
+    return (Span){fmax(span.low_mm, volume.low_mm), fmin(span.high_mm, volume.high_mm)};
+}
+
+static double ray_mm(Span span)
+{
+    return (span.high_mm - span.low_mm) / (LOOK - 2);
+}
+
+/* Only with opacity by voxel does it depend on the view. */
+static CtsStatus find_lut(Looking *l, CtsScene *scene, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    if (!l->lut || l->lut_scale != scene->extinction_scale) {
+        cts_lut_free(&l->lut);
+        l->lut_scale = scene->extinction_scale;
+        st = cts_lut_new(&l->lut, scene->preset, scene->volume, NULL, scene->extinction_scale, err);
+    }
+    scene->lut = l->lut;
+    return st;
+}
+
+/* Looks at what lies between the spans to the right and up, each with rays of its own, so that none passes a thin
+ * volume by; one to spare lies behind either end. */
+static CtsStatus look(Looking *looking, const CtsRenderSettings *s, double least, const Span span[2], Box *box,
+                      CtsError *err)
+{
+    Look l = {.least = least};
+    CtsRenderSettings small = *s;
+    CtsViewAxes axes;
+    small.width = small.height = LOOK;
+    small.mm_per_pixel = 1;
+    small.shade = CTS_OFF;
+    small.centre_given = true;
+    cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
+    for (int c = 0; c < 3; c++)
+        small.centre_lps[c] = middle(span[0]) * axes.right_lps[c] + middle(span[1]) * axes.up_lps[c];
+    CtsStatus st = cts_scene_init(&l.store, looking->what->volume, looking->what->preset, &small, err);
+    if (st)
+        return st;
+    CtsScene *const scene = &l.store.scene;
+    scene->plan = (CtsPlan){.max_error = 255 * least / 2};
+    scene->kept = looking->what->kept;
+    scene->frame = looking->what->frame;
+    if (scene->preset->mode == CTS_MODE_COMPOSITE && (st = find_lut(looking, scene, err)))
+        return st;
+    for (int a = 0; a < 3; a++) {
+        scene->view.right_vox[a] *= ray_mm(span[0]);
+        scene->view.up_vox[a] *= ray_mm(span[1]);
+    }
+    st = draw(&l, (const double[]){0, 0}, 1, (const int[]){LOOK, LOOK}, err);
+    return st ? st : take_box(&l, box, err);
+}
+
+/* To what was found between low and high, and so many rays more on either side. */
+static Span narrowed(Span span, int low, int high, double more)
+{
+    const double mm = ray_mm(span), first_mm = middle(span) - mm * LOOK / 2;
+    return (Span){first_mm + mm * (low - more), first_mm + mm * (high + 1 + more)};
+}
+
+/* To the right and up, in the settings' view; *found says whether anything is shown. */
+static CtsStatus find_by(Looking *looking, const CtsRenderSettings *s, double least, Span span[2], bool *found,
+                         CtsError *err)
+{
+    CtsViewAxes axes;
+    CtsStatus st;
+    Box box;
+    cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
+    const Span whole[2] = {span_of_box(looking->what->volume, axes.right_lps),
+                           span_of_box(looking->what->volume, axes.up_lps)};
+    memcpy(span, whole, sizeof whole);
+    for (int n = 1; !(st = look(looking, s, least, span, &box, err)) && box.high[0] >= 0; n++) {
+        const int n_found[2] = {box.high[0] - box.low[0], box.high[1] - box.low[1]};
+        const bool up = n_found[1] * ray_mm(span[1]) > n_found[0] * ray_mm(span[0]);
+        *found = n == MOST_LOOKS || n_found[up] >= LEAST_FOUND;
+        /* A closer look begins at the rays that show nothing. */
+        const double more = *found ? 0 : 0.5;
+        span[0] = within(narrowed(span[0], box.low[0], box.high[0], more), whole[0]);
+        span[1] = within(narrowed(span[1], LOOK - 1 - box.high[1], LOOK - 1 - box.low[1], more), whole[1]);
+        if (*found)
+            break;
+    }
+    return st;
+}
+
+static CtsStatus find_spans(Looking *looking, const CtsRenderSettings *s, Span span[2], bool *found, CtsError *err)
+{
+    const bool composite = (s->mode >= 0 ? (CtsMode)s->mode : looking->what->preset->mode) == CTS_MODE_COMPOSITE;
+    CtsRenderSettings brightest = *s;
+    *found = false;
+    const CtsStatus st = find_by(looking, s, composite ? HAZE : DARKEST, span, found, err);
+    if (st || *found)
+        return st;
+    if (!composite)
+        brightest.mode = CTS_MODE_MIP;
+    return find_by(looking, &brightest, DARKEST, span, found, err);
+}
+
+/* half[0] and half[1] become no less than how far what is visible in this view reaches from the settings' centre. */
+static CtsStatus reach_from_centre(Looking *looking, const CtsRenderSettings *s, double half[2], CtsError *err)
+{
+    Span span[2];
+    bool found;
+    CtsViewAxes axes;
+    const CtsStatus st = find_spans(looking, s, span, &found, err);
+    cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
+    for (int i = 0; i < 2 && !st && found; i++) {
+        const double from_mm = cts_dot3(s->centre_lps, i ? axes.up_lps : axes.right_lps);
+        half[i] = fmax(half[i], fmax(span[i].high_mm - from_mm, from_mm - span[i].low_mm));
+    }
+    return st;
+}
+
+/* The centre of a rotation lies on the head-foot axis through the middle of what is visible from the front and from the
+ * left. */
+static CtsStatus frame_rotation(Looking *looking, CtsRenderSettings *s, double half[2], CtsError *err)
+{
+    CtsStatus st;
+    CtsRenderSettings view = *s;
+    Span front[2], left[2];
+    bool found[2];
+    view.slab_mm = view.slab_at_mm = view.elevation_deg = view.azimuth_deg = 0;
+    if ((st = find_spans(looking, &view, front, &found[0], err)))
+        return st;
+    view.azimuth_deg = 90;
+    if ((st = find_spans(looking, &view, left, &found[1], err)) || !found[0] || !found[1])
+        return st;
+    s->centre_lps[0] = middle(front[0]);
+    s->centre_lps[1] = middle(left[0]);
+    s->centre_lps[2] = middle(front[1]);
+    view = *s;
+    const int n = s->rotation_frames < MOST_VIEWS ? s->rotation_frames : MOST_VIEWS;
+    for (int i = 0; i < n && !st; i++) {
+        view.azimuth_deg = s->azimuth_deg + 360.0 * i / n;
+        st = reach_from_centre(looking, &view, half, err);
+    }
+    return st;
+}
+
+static CtsStatus frame_view(Looking *looking, CtsRenderSettings *s, double half[2], CtsError *err)
+{
+    CtsViewAxes axes;
+    Span span[2];
+    bool found;
+    const CtsStatus st = find_spans(looking, s, span, &found, err);
+    if (st || !found)
+        return st;
+    cts_view_axes(&axes, s->azimuth_deg, s->elevation_deg);
+    for (int c = 0; c < 3; c++)
+        s->centre_lps[c] = middle(span[0]) * axes.right_lps[c] + middle(span[1]) * axes.up_lps[c];
+    for (int i = 0; i < 2; i++)
+        half[i] = 0.5 * (span[i].high_mm - span[i].low_mm);
+    return st;
+}
+
+CtsStatus cts_framing_find(const CtsFramed *what, CtsRenderSettings *settings, CtsError *err)
+{
+    double half[2] = {0, 0};
+    CtsRenderSettings s = *settings;
+    Looking looking = {.what = what};
+    const CtsStatus st = (s.rotation_frames > 1 ? frame_rotation : frame_view)(&looking, &s, half, err);
+    cts_lut_free(&looking.lut);
+    s.mm_per_pixel = fmax(2 * half[0] / (FILLED * s.width), 2 * half[1] / (FILLED * s.height));
+    s.centre_given = true;
+    if (!st && s.mm_per_pixel > 0 && isfinite(s.mm_per_pixel))
+        *settings = s;
+    return st;
+}
+
+CtsStatus cts_framing_settle(const CtsVolume *volume, const CtsPreset *preset, CtsRenderSettings *settings,
+                             CtsError *err)
+{
+    void *kept = NULL;
+    const CtsFramed what = {volume, preset, &kept, 0};
+    if (settings->fit != CTS_FIT_VISIBLE || settings->mm_per_pixel != 0)
+        return CTS_OK;
+    const CtsStatus st = cts_framing_find(&what, settings, err);
+    cts_engine_tiled.forget(kept);
+    return st;
+}
