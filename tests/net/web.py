@@ -4,6 +4,7 @@ import glob
 import os
 import subprocess
 import sys
+import time
 
 import peers
 
@@ -108,6 +109,20 @@ for body, kind in ((json_list % ('00081199', uid), 'application/dicom+json'),
                    (xml_list % ('00081199', uid), 'application/dicom+xml')):
     answer(body.encode(), kind)
     run(data, '--size', '60x50', '-o', 'sent.dcm', '--force', '--send', web.url)
+
+# A peer that is busy is asked again after one second, and after two more.
+asked_at = []
+
+
+def busy():
+    asked_at.append(time.monotonic())
+    return web.stored() if len(asked_at) == 3 else (503, {'Content-Length': '0'}, b'')
+
+
+web.answer = busy
+run(data, '--size', '60x50', '-o', 'sent.dcm', '--force', '--send', web.url)
+first, second = asked_at[1] - asked_at[0], asked_at[2] - asked_at[1]
+assert first >= 1 and second >= 2 and first + second < 6, (first, second)
 
 # What comes must be what was asked for, and all of it by the peer's own count.
 other = [f.replace(study.encode(), study.encode()[:-1] + b'0') for f in files]

@@ -97,10 +97,9 @@ CtsStatus cts_net_send(const CtsPeer *peer, const CtsNet *given, const char *con
     CtsParcel *parcels = calloc((size_t)n_paths + 1, sizeof *parcels);
     CtsStatus st = parcels ? cts_net_check(peer, given, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (!st && !(st = pack(paths, n_paths, parcels, err)) && !(st = cts_way_find(peer, &way, err))) {
-        int sent = 0, pause_ms = 1000;
-        for (int k = 0; sent < n_paths && k < net.n_tries; k++, pause_ms *= 2) {
-            if (k > 0)
-                rest(&net, pause_ms);
+        int sent = 0;
+        for (int k = 0; sent < n_paths && k < net.n_tries; k++) {
+            rest(&net, k > 0 ? 500 << k : 0);
             if (cts_net_stopped(&net))
                 break;
             result = (CtsTry){0};
