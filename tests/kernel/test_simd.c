@@ -133,12 +133,13 @@ static void column_range(const CtsSimd *plain, const CtsSimd *fast, unsigned mas
 }
 
 /* Places on a lattice of N columns and ROWS rows, sampled; pixels are then blended, unlit and lit. */
+enum { WORDS = (N + 63) / 64 };
 typedef struct Pixels {
-    int32_t cell[2][N + 8];
-    float frac[2][N + 8];
-    uint16_t grey[N + 8];
-    float rgbt[N + 8][4];
-    int changed;
+    int32_t cell[2][64 * WORDS];
+    float frac[2][64 * WORDS];
+    uint16_t grey[64 * WORDS];
+    float rgbt[64 * WORDS][4];
+    uint64_t marks[WORDS], closed[WORDS];
 } Pixels;
 
 static void place_all(const CtsSimd *k, uint64_t seed, int n, int last, Pixels *p)
@@ -182,29 +183,39 @@ static void pixels(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uin
                             .second = below(2) ? (const float(*)[4])field[1][0] : NULL,
                             .stride = N + EDGE,
                             .weight = unit_float()};
-    for (int i = 0; i < N + 8; i++)
+    for (int i = 0; i < 64 * WORDS; i++)
         for (int c = 0; c < 4; c++)
             p[0].rgbt[i][c] = p[1].rgbt[i][c] = unit_float();
-    for (int i = 0; i < N + 8; i++) /* transmittance is 0 or at least this */
+    for (int i = 0; i < 64 * WORDS; i++) /* transmittance is 0 or at least this */
         if (p[0].rgbt[i][3] > 0 && p[0].rgbt[i][3] < CTS_OPAQUE_BELOW)
             p[0].rgbt[i][3] = p[1].rgbt[i][3] = CTS_OPAQUE_BELOW;
+    const int first = below(WORDS), past = first + 1 + below(WORDS - first), all = below(2), track = below(2);
+    for (int i = 0; i < n; i++)
+        if (all || below(3))
+            p[0].marks[i / 64] |= UINT64_C(1) << (i & 63);
+    memcpy(p[1].marks, p[0].marks, sizeof p[0].marks);
     const uint64_t places_seed = state;
     for (int path = 0; path < 2; path++) {
         const CtsSimd *k = path ? fast : plain;
         Pixels *to = &p[path];
         place_all(k, places_seed, n, last, to);
         const CtsPlaces places = {{to->cell[0], to->cell[1]}, {to->frac[0], to->frac[1]}, false};
-        k->sample(&pair, &places, n, to->grey);
-        to->changed = lit ? k->light(to->rgbt[0], to->grey, n, &entries, &places, &light)
-                          : k->blend(to->rgbt[0], to->grey, n, &entries);
+        const CtsRowMarks marks = {to->marks, first, past};
+        uint64_t *const closed = track ? to->closed : NULL;
+        k->sample(&pair, &places, &entries, &marks, to->grey);
+        if (lit)
+            k->light(to->rgbt[0], to->grey, &marks, &entries, &places, &light, closed);
+        else
+            k->blend(to->rgbt[0], n, to->grey, &marks, &entries, closed);
     }
     for (int axis = 0; axis < 2; axis++) {
         same("place, cells", p[0].cell[axis], p[1].cell[axis], (size_t)n * sizeof(int32_t), mask, seed, 0, n);
         same("place, fractions", p[0].frac[axis], p[1].frac[axis], (size_t)n * sizeof(float), mask, seed, 0, n);
     }
     same("sample", p[0].grey, p[1].grey, (size_t)n * sizeof(uint16_t), mask, seed, 0, n);
+    same("sample, marks", p[0].marks, p[1].marks, sizeof p[0].marks, mask, seed, 0, n);
     same(lit ? "light" : "blend", p[0].rgbt, p[1].rgbt, sizeof p[0].rgbt, mask, seed, 0, n);
-    same(lit ? "light, changed" : "blend, changed", &p[0].changed, &p[1].changed, sizeof(int), mask, seed, 0, n);
+    same(lit ? "light, closed" : "blend, closed", p[0].closed, p[1].closed, sizeof p[0].closed, mask, seed, 0, n);
 }
 
 static void gradient(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)

@@ -29,8 +29,9 @@ typedef struct CtsCompositor {
     CtsOcclusion *occlusion; /* NULL: look at all pixels, also behind opaque ones */
     CtsRasterRow row;
     uint16_t *grey;
-    int *border;        /* where one row of borders serves all of a plane: the first pixel behind that below a patch */
-    double border_base; /* of the plane that it is for */
+    uint64_t *shown;   /* pixels of a row that may show something */
+    int shown_row;     /* the row of patches that they look at, where the next row may have the same; or -1 */
+    CtsRowMarks marks; /* of those the ones that are open; then those that do show */
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */
     uint64_t samples;
     double timed_ms, timed_blend_ms; /* of the rows that are timed, one in sixteen: all of it, and blending */

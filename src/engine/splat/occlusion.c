@@ -10,29 +10,27 @@ CtsStatus cts_occlusion_init(CtsOcclusion *o, const CtsRaster *r, CtsError *err)
     *o = (CtsOcclusion){.width = r->width,
                         .height = r->height,
                         .first_row = r->first_row,
-                        .n_zones = (r->width + CTS_ZONE - 1) / CTS_ZONE,
+                        .n_words = (r->width + 63) / 64,
                         .inverse = {{r->by_y[1] / det, -r->by_y[0] / det}, {-r->by_x[1] / det, r->by_x[0] / det}}};
-    return cts_alloc_zeroed(&o->witness, (size_t)r->height * (size_t)o->n_zones, err);
+    return cts_alloc_zeroed(&o->closed, (size_t)r->height * (size_t)o->n_words, err);
 }
 
 void cts_occlusion_free(CtsOcclusion *o)
 {
-    cts_free(&o->witness);
+    cts_free(&o->closed);
 }
 
-void cts_occlusion_update(CtsOcclusion *o, const float *pixels, int y, int xa, int xb)
+/* Whether any of pixels x0..x1 of row y is open. */
+static bool row_open(const CtsOcclusion *o, int y, int x0, int x1)
 {
-    const float *row = pixels + 4 * (size_t)y * (size_t)o->width;
-    for (int b = xa / CTS_ZONE; b * CTS_ZONE < xb; b++) {
-        uint8_t *witness = &o->witness[(size_t)y * (size_t)o->n_zones + (size_t)b];
-        const int x0 = b * CTS_ZONE, n = o->width - x0 < CTS_ZONE ? o->width - x0 : CTS_ZONE;
-        if (*witness == CTS_ZONE || row[4 * (x0 + *witness) + 3] > 0)
-            continue;
-        int i = 0;
-        while (i < n && !(row[4 * (x0 + i) + 3] > 0))
-            i++;
-        *witness = (uint8_t)(i < n ? i : CTS_ZONE);
+    const uint64_t *closed = cts_occlusion_row(o, y);
+    for (int w = x0 / 64; w <= x1 / 64; w++) {
+        const uint64_t from = w == x0 / 64 ? ~UINT64_C(0) << (x0 & 63) : ~UINT64_C(0);
+        const uint64_t to = w == x1 / 64 ? ~UINT64_C(0) >> (63 - (x1 & 63)) : ~UINT64_C(0);
+        if (~closed[w] & from & to)
+            return true;
     }
+    return false;
 }
 
 /* Whole numbers within low..high, a pixel wider for rounding and clipped to from..past-1; false when none is left. */
@@ -60,7 +58,7 @@ static bool rectangle_open(const CtsOcclusion *o, const double centre[2], const 
         !pixels_within(y - y_half, y + y_half, from_y, past_y, &y0, &y1))
         return false;
     for (int y_at = y0; y_at <= y1; y_at++)
-        if (cts_occlusion_next(o, y_at, x0, x1 + 1, false) <= x1)
+        if (row_open(o, y_at, x0, x1))
             return true;
     return false;
 }

@@ -54,14 +54,14 @@ bool cts_raster_begin_row(CtsRasterRow *row, int y);
 /* Fill in cells and fractions of pixels xa..xb-1 of the row, as far as they do not come from the plane's tables. */
 void cts_raster_fill(CtsRasterRow *row, int xa, int xb);
 
-/* Where pixels from xa on fall. */
-static inline void cts_raster_places(const CtsRasterRow *row, int xa, CtsPlaces *places)
+/* Where the pixels of the row fall. */
+static inline void cts_raster_places(const CtsRasterRow *row, CtsPlaces *places)
 {
     places->level = !row->raster->moves[1];
-    places->cell[0] = row->columns[0].cell + xa;
-    places->frac[0] = row->columns[0].frac + xa;
-    places->cell[1] = places->level ? &row->level_cell : row->columns[1].cell + xa;
-    places->frac[1] = places->level ? &row->level_frac : row->columns[1].frac + xa;
+    places->cell[0] = row->columns[0].cell;
+    places->frac[0] = row->columns[0].frac;
+    places->cell[1] = places->level ? &row->level_cell : row->columns[1].cell;
+    places->frac[1] = places->level ? &row->level_frac : row->columns[1].frac;
 }
 
 /* The first pixel of xa..xb whose position along axis has passed lattice point at: reached it where positions rise,

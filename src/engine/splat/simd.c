@@ -61,22 +61,23 @@ INLINE void list_run(List *l, const CtsScatter *job, int i, int n, int end)
     }
 }
 
-/* Rows of taps one after the other, so that a row's weights stay in registers. n_vectors 0: at most four taps. */
+/* n_vectors 0: at most four taps. */
 INLINE void scatter_list(const CtsScatter *job, const List *l, int n_vectors)
 {
-    uint32_t *row = job->sheet;
-    for (int v = job->tap0; v < job->tap1; v++, row += job->stride) {
-        const Word8 *const weight = (const Word8 *)job->footprint->weight[v];
-        const Word4 four = *(const Word4 *)weight;
-        for (int turn = 0; turn < TURNS; turn++)
-            for (int k = turn; k < l->n; k += TURNS) {
-                uint32_t *const to = row + l->column[k];
+    const size_t stride = job->stride;
+    const int n_rows = job->tap1 - job->tap0;
+    for (int turn = 0; turn < TURNS; turn++)
+        for (int k = turn; k < l->n; k += TURNS) {
+            const uint32_t change = l->change[k];
+            uint32_t *to = job->sheet + l->column[k];
+            const Word8 *weight = (const Word8 *)job->footprint->weight[job->tap0];
+            for (int v = 0; v < n_rows; v++, to += stride, weight += CTS_MAX_TAPS / 8) {
                 if (n_vectors == 0)
-                    *(Word4 *)to += l->change[k] * four;
+                    *(Word4 *)to += change * *(const Word4 *)weight;
                 for (int i = 0; i < n_vectors; i++)
-                    ((Word8 *)to)[i] += l->change[k] * weight[i];
+                    ((Word8 *)to)[i] += change * weight[i];
             }
-    }
+        }
 }
 
 static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
@@ -108,29 +109,43 @@ static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
     }
 }
 
-/* Eight lanes, each 0 or 1, as bits: of whole bytes, k moves from bit 8 k to bit 56 + k. */
-INLINE unsigned lane_bits(Short8 lanes)
+/* 64 bits, of which bit 8 k + l stands in bit k of lane l: a square of bits that is turned over its diagonal. */
+INLINE uint64_t lane_bits(Short8 lanes)
 {
     const Byte8 narrow = CONVERT(lanes, Byte8);
-    uint64_t bytes;
-    memcpy(&bytes, &narrow, sizeof bytes);
-    return (unsigned)(bytes * UINT64_C(0x0102040810204080) >> 56);
+    uint64_t x, swap;
+    memcpy(&x, &narrow, sizeof x);
+    if (!x)
+        return 0;
+    swap = (x ^ x >> 7) & UINT64_C(0x00aa00aa00aa00aa);
+    x ^= swap ^ swap << 7;
+    swap = (x ^ x >> 14) & UINT64_C(0x0000cccc0000cccc);
+    x ^= swap ^ swap << 14;
+    swap = (x ^ x >> 28) & UINT64_C(0x00000000f0f0f0f0);
+    return x ^ swap ^ swap << 28;
+}
+
+INLINE uint64_t mark_64(const uint16_t *value, const uint16_t *old)
+{
+    Short8 lanes = {0};
+    for (int k = 0; k < 8; k++) {
+        Short8 change = *(const Short8 *)(value + 8 * k);
+        if (old)
+            change ^= *(const Short8 *)(old + 8 * k);
+        lanes |= (Short8)(change != 0) & (uint16_t)(1 << k);
+    }
+    return lane_bits(lanes);
 }
 
 static void mark(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks)
 {
-    for (int i = 0; i < n; i += 64) {
-        int k = i;
+    int i = 0;
+    for (; i + 64 <= n; i += 64)
+        marks[i / 64] = old ? mark_64(value + i, old + i) : mark_64(value + i, NULL);
+    if (i < n)
         marks[i / 64] = 0;
-        for (; k < i + 64 && k + 8 <= n; k += 8) {
-            Short8 change = *(const Short8 *)(value + k);
-            if (old)
-                change ^= *(const Short8 *)(old + k);
-            marks[i / 64] |= (uint64_t)lane_bits((Short8)(change != 0) & 1) << (k - i);
-        }
-        for (; k < i + 64 && k < n; k++)
-            marks[i / 64] |= (uint64_t)(value[k] != (old ? old[k] : 0)) << (k - i);
-    }
+    for (; i < n; i++)
+        marks[i / 64] |= (uint64_t)(value[i] != (old ? old[i] : 0)) << (i & 63);
 }
 
 INLINE void column_range_8(const uint16_t *const *row, int n, int i, uint16_t *low, uint16_t *high)
@@ -214,48 +229,78 @@ INLINE Float8 bilinear_8(const uint32_t *sheet, size_t stride, const int32_t *at
     return lerp(lerp(a, b, fu), lerp(c, d, fu), fv);
 }
 
-/* level: as in places. */
-INLINE void sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey, bool level)
+/* Which of 64 levels may show. */
+INLINE uint64_t shown_64(const uint16_t *grey, const CtsEntries *entries)
+{
+    const uint16_t low = entries->low, range = (uint16_t)(entries->high - low);
+    Short8 lanes = {0};
+    for (int k = 0; k < 8; k++)
+        lanes |= (Short8)(*(const Short8 *)(grey + 8 * k) - low <= range) & (uint16_t)(1 << k);
+    return lane_bits(lanes);
+}
+
+/* The levels of pixels i..i+7; level: as in places. */
+INLINE Short8 sample_8(const CtsSheetPair *sheets, const CtsPlaces *places, int i, bool level)
 {
     const size_t row = level ? (size_t)places->cell[1][0] * sheets->stride : 0;
-    for (int i = 0; i < n; i += 8) {
-        const Float8 fu = *(const Float8 *)(places->frac[0] + i);
-        Float8 fv = places->frac[1][0] - (Float8){0};
-        const int32_t *at = places->cell[0] + i;
-        Int8 oblique;
-        if (!level) {
-            fv = *(const Float8 *)(places->frac[1] + i);
-            oblique = *(const Int8 *)at + *(const Int8 *)(places->cell[1] + i) * (int32_t)sheets->stride;
-            at = (const int32_t *)&oblique;
-        }
-        Float8 value = bilinear_8(sheets->first + row, sheets->stride, at, fu, fv);
-        if (sheets->second)
-            value =
-                lerp(value, bilinear_8(sheets->second + row, sheets->stride, at, fu, fv), sheets->weight - (Float8){0});
-        value *= 2.0f / CTS_WEIGHT_ONE;
-        /* Beside 2^23 a float has no bits left for fractions: the nearest whole number, ties to even. */
-        Int8 whole = (Int8)(value + 0x1p23f) & 0x7fffff;
-        if (CTS_MUTATED(ROUNDING))
-            whole = CONVERT(value, Int8);
-        const Int8 above = whole > sheets->top;
-        *(Short8 *)(grey + i) = CONVERT((whole & ~above) | (sheets->top & above), Short8);
+    const Float8 fu = *(const Float8 *)(places->frac[0] + i);
+    Float8 fv = places->frac[1][0] - (Float8){0};
+    const int32_t *at = places->cell[0] + i;
+    Int8 oblique;
+    if (!level) {
+        fv = *(const Float8 *)(places->frac[1] + i);
+        oblique = *(const Int8 *)at + *(const Int8 *)(places->cell[1] + i) * (int32_t)sheets->stride;
+        at = (const int32_t *)&oblique;
     }
+    Float8 value = bilinear_8(sheets->first + row, sheets->stride, at, fu, fv);
+    if (sheets->second)
+        value = lerp(value, bilinear_8(sheets->second + row, sheets->stride, at, fu, fv), sheets->weight - (Float8){0});
+    value *= 2.0f / CTS_WEIGHT_ONE;
+    /* Beside 2^23 a float has no bits left for fractions: the nearest whole number, ties to even. */
+    Int8 whole = (Int8)(value + 0x1p23f) & 0x7fffff;
+    if (CTS_MUTATED(ROUNDING))
+        whole = CONVERT(value, Int8);
+    const Int8 above = whole > sheets->top;
+    return CONVERT((whole & ~above) | (sheets->top & above), Short8);
 }
 
-static void sample(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey)
+/* Where in its word the first eight with a mark begins, and where the last one ends. */
+INLINE int first_eight(uint64_t marks)
 {
-    if (places->level)
-        sample_row(sheets, places, n, grey, true);
-    else
-        sample_row(sheets, places, n, grey, false);
+    return __builtin_ctzll(marks) & 56;
 }
 
-/* Which of up to eight samples may show; reads eight. */
-INLINE unsigned shown_8(const uint16_t *grey, int n, const CtsEntries *entries)
+INLINE int past_eight(uint64_t marks)
 {
-    const Short8 above = *(const Short8 *)grey - entries->low;
-    const Short8 is = (Short8)(above <= (uint16_t)(entries->high - entries->low)) & 1;
-    return lane_bits(is) & (n < 8 ? (1u << n) - 1 : 255);
+    return 64 - (__builtin_clzll(marks) & 56);
+}
+
+INLINE uint64_t sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, const CtsRowMarks *marks,
+                           uint16_t *grey, bool level)
+{
+    uint64_t n = 0;
+    for (int w = marks->first; w < marks->past; w++) {
+        const uint64_t wanted = marks->bits[w];
+        const int end = wanted ? past_eight(wanted) : 0;
+        for (int at = wanted ? first_eight(wanted) : 0; at < end; at += 8)
+            if (wanted >> at & 255) {
+                *(Short8 *)(grey + 64 * w + at) = sample_8(sheets, places, 64 * w + at, level);
+                n++;
+            }
+    }
+    return n;
+}
+
+static uint64_t sample(const CtsSheetPair *sheets, const CtsPlaces *places, const CtsEntries *entries,
+                       const CtsRowMarks *marks, uint16_t *grey)
+{
+    const uint64_t n = places->level ? sample_row(sheets, places, marks, grey, true)
+                                     : sample_row(sheets, places, marks, grey, false);
+    /* Only now: to read what was written a moment ago would be to wait for it. */
+    for (int w = marks->first; w < marks->past; w++)
+        if (marks->bits[w])
+            marks->bits[w] &= shown_64(grey + 64 * w, entries);
+    return n;
 }
 
 /* Add transmittance times entry, then let what is left of almost nothing be nothing. Returns whether that closed it. */
@@ -270,36 +315,61 @@ INLINE bool blend_one(float *pixel, Float4 entry)
     return closes & (old[3] > 0);
 }
 
-/* The same of two pixels side by side; lanes other than 3 and 7 of the result mean nothing. */
-INLINE Int8 blend_two(float *pixels, const float first[4], const float second[4])
+/* The same of two pixels side by side, as far as masks let it; lanes other than 3 and 7 of the result mean nothing. */
+INLINE Int8 blend_two(float *pixels, const float first[4], const float second[4], Int8 mask)
 {
     static const Int8 transmittance = {0, 0, 0, -1, 0, 0, 0, -1};
     const Float8 old = *(const Float8 *)pixels, left = SHUFFLE(old, old, 3, 3, 3, 3, 7, 7, 7, 7);
-    const Float8 entry = SHUFFLE(*(const Float4 *)first, *(const Float4 *)second, 0, 1, 2, 3, 4, 5, 6, 7);
-    const Float8 new = old + left *entry;
+    const Float8 both = SHUFFLE(*(const Float4 *)first, *(const Float4 *)second, 0, 1, 2, 3, 4, 5, 6, 7);
+    const Float8 new = old + left *(Float8)((Int8)both & mask);
     const Int8 closes = (new < CTS_OPAQUE_BELOW) & transmittance;
     *(Float8 *)pixels = (Float8)((Int8) new & ~closes);
     return closes & (old > 0);
 }
 
-/* By eights where any shows, as an entry of alpha 0 leaves its pixel as it is. */
-static bool blend(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries)
+/* Eight pixels of which any is marked. The result says which closed, as blend_two() does. */
+INLINE Int8 blend_8(float *pixels, const uint16_t *grey, unsigned marks, const float (*entry)[4])
+{
+    static const Int8 masks[4] = {
+        {0}, {-1, -1, -1, -1}, {0, 0, 0, 0, -1, -1, -1, -1}, {-1, -1, -1, -1, -1, -1, -1, -1}};
+    Int8 closed = {0};
+    if (marks == 255)
+        for (int k = 0; k < 8; k += 2)
+            closed |= blend_two(pixels + 4 * k, entry[grey[k]], entry[grey[k + 1]], masks[3]);
+    else
+        for (int k = 0; k < 8; k += 2)
+            closed |= blend_two(pixels + 4 * k, entry[grey[k]], entry[grey[k + 1]], masks[marks >> k & 3]);
+    return closed;
+}
+
+INLINE unsigned opaque_8(const float *pixels, int n)
+{
+    unsigned bits = 0;
+    for (int k = 0; k < 8 && k < n; k++)
+        bits |= (unsigned)!(pixels[4 * k + 3] > 0) << k;
+    return bits;
+}
+
+static void blend(float *pixels, int width, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
+                  uint64_t *closed)
 {
     const float(*const entry)[4] = (const float(*)[4])entries->entry;
-    Int8 closed = {0};
-    bool last_closed = false;
-    if (entries->low > entries->high)
-        return false;
-    for (int i = 0; i < n; i += 8) {
-        if (!shown_8(grey + i, n - i, entries))
-            continue;
-        int k = i;
-        for (; k < i + 8 && k + 2 <= n; k += 2)
-            closed |= blend_two(pixels + 4 * (size_t)k, entry[grey[k]], entry[grey[k + 1]]);
-        if (k < i + 8 && k < n)
-            last_closed = blend_one(pixels + 4 * (size_t)k, *(const Float4 *)entry[grey[k]]);
-    }
-    return last_closed || closed[3] || closed[7];
+    for (int w = marks->first; w < marks->past; w++)
+        for (uint64_t left = marks->bits[w]; left;) {
+            const int at = first_eight(left), i = 64 * w + at;
+            const unsigned eight = left >> at & 255;
+            Int8 closes = {0};
+            left &= ~(UINT64_C(255) << at);
+            if (i + 8 <= width)
+                closes = blend_8(pixels + 4 * (size_t)i, grey + i, eight, entry);
+            else /* what is beyond is the next row's */
+                for (unsigned one = eight; one; one &= one - 1) {
+                    const int k = i + __builtin_ctz(one);
+                    closes[3] |= blend_one(pixels + 4 * (size_t)k, *(const Float4 *)entry[grey[k]]);
+                }
+            if (closed && (closes[3] | closes[7]))
+                closed[w] |= (uint64_t)opaque_8(pixels + 4 * (size_t)i, width - i) << at;
+        }
 }
 
 INLINE Float4 lerp_4(const float a[4], const float b[4], float t)
@@ -334,19 +404,16 @@ INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *place
     return blend_one(pixel, *(const Float4 *)entry * factor + whites);
 }
 
-static bool light(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
-                  const CtsLight *light)
+static void light(float *pixels, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
+                  const CtsPlaces *places, const CtsLight *light, uint64_t *closed)
 {
-    bool closed = false;
-    if (entries->low > entries->high)
-        return false;
-    for (int i = 0; i < n; i += 8)
-        for (unsigned shown = shown_8(grey + i, n - i, entries); shown; shown &= shown - 1) {
-            const int at = i + __builtin_ctz(shown);
-            if (pixels[4 * (size_t)at + 3] > 0)
-                closed |= light_one(pixels + 4 * (size_t)at, entries->entry[grey[at]], places, light, at);
+    for (int w = marks->first; w < marks->past; w++)
+        for (uint64_t left = marks->bits[w]; left; left &= left - 1) {
+            const int at = 64 * w + __builtin_ctzll(left);
+            float *const pixel = pixels + 4 * (size_t)at;
+            if (pixel[3] > 0 && light_one(pixel, entries->entry[grey[at]], places, light, at) && closed)
+                closed[w] |= left & -left;
         }
-    return closed;
 }
 
 /* By turns one of a and one of b, from the low and from the high half of each 128 bits. */

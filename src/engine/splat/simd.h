@@ -33,6 +33,12 @@ typedef struct CtsPlaces {
     bool level;
 } CtsPlaces;
 
+/* Bits for the pixels of a picture's row: words first..past-1, the others are not looked at. */
+typedef struct CtsRowMarks {
+    uint64_t *bits;
+    int first, past;
+} CtsRowMarks;
+
 /* One layer, or a plane between two: sheets at lattice point (0, 0); second is NULL on a layer. */
 typedef struct CtsSheetPair {
     const uint32_t *first, *second;
@@ -79,14 +85,17 @@ typedef struct CtsSimd {
     /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, held within 0..last. May write what
      * it likes up to the next multiple of 8. */
     void (*place)(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac);
-    /* Nearest grey levels of n samples, bilinear. May sample, and so must be able to, up to the next multiple of 8. */
-    void (*sample)(const CtsSheetPair *sheets, const CtsPlaces *places, int n, uint16_t *grey);
-    /* Blend n samples under n pixels of red, green, blue and transmittance, unlit. True when it may have changed any.
-     */
-    bool (*blend)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries);
+    /* Nearest grey levels of marked samples, bilinear, by eights of pixels, each of which it may sample whole. Only
+     * what may show stays marked. Returns how many eights there were. */
+    uint64_t (*sample)(const CtsSheetPair *sheets, const CtsPlaces *places, const CtsEntries *entries,
+                       const CtsRowMarks *marks, uint16_t *grey);
+    /* Blend marked samples, unlit, under a row of pixels of red, green, blue and transmittance. Bits are set in closed
+     * (unless NULL), in the same words, for those that it left opaque. */
+    void (*blend)(float *pixels, int width, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
+                  uint64_t *closed);
     /* The same, lit. */
-    bool (*light)(float *pixels, const uint16_t *grey, int n, const CtsEntries *entries, const CtsPlaces *places,
-                  const CtsLight *light);
+    void (*light)(float *pixels, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
+                  const CtsPlaces *places, const CtsLight *light, uint64_t *closed);
     /* Gradients of voxels i0..i1-1: differences along the row, along v and across the layers, and 0. */
     void (*gradient)(const CtsGradientRows *rows, int i0, int i1, float (*gradient)[4]);
 } CtsSimd;
