@@ -1,10 +1,9 @@
 /* Where voxels lie in the patient, and cropping. */
 #include "base/cpu.h"
 #include "base/vec3.h"
+#include "core/volume/macrocells.h"
 #include "ctsplat/volume.h"
 #include "unit.h"
-#include "core/volume/fold.h"
-#include "core/volume/macrocells.h"
 #include <limits.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -224,56 +223,21 @@ static void check_ranges(const CtsVolume *v, const CtsRange *range, const int n[
 static void test_macrocells(void **state)
 {
     (void)state;
-    static const int dims[][3] = {{21, 19, 10}, {9, 8, 5}, {17, 1, 9}, {1, 1, 1}, {5, 33, 16}, {4, 4, 4}};
-    for (size_t d = 0; d < sizeof dims / sizeof *dims; d++) {
+    static const int dims[][3] = {{21, 19, 10}, {9, 8, 5},    {17, 1, 9},   {1, 1, 1},    {5, 33, 16},
+                                  {4, 4, 4},    {1024, 3, 2}, {1025, 2, 1}, {1026, 5, 3}, {2050, 1, 2}};
+    for (size_t d = 0; d < 2 * sizeof dims / sizeof *dims; d++) {
         CtsVolume *v = NULL;
-        assert_int_equal(cts_volume_new(&v, dims[d][0], dims[d][1], dims[d][2], NULL), CTS_OK);
+        const int *const n = dims[d / 2];
+        cts_cpu_set_mask(d % 2 ? ~0u : 0); /* the last one leaves all */
+        assert_int_equal(cts_volume_new(&v, n[0], n[1], n[2], NULL), CTS_OK);
         for (size_t i = 0; i < cts_volume_n_voxels(v); i++)
             v->grey[i] = (uint16_t)((uint32_t)i * 2654435761u >> 11);
         assert_int_equal(cts_volume_prepare(v, 1 + (int)d % 3, NULL), CTS_OK);
         check_ranges(v, v->macrocells->range, v->macrocells->n, CTS_MACROCELL);
         check_ranges(v, v->macrocells->fine, v->macrocells->n_fine, CTS_FINE_MACROCELL);
-        check_ranges(v, &v->macrocells->all, (const int[]){1, 1, 1}, 64);
+        check_ranges(v, &v->macrocells->all, (const int[]){1, 1, 1}, 4096);
         cts_volume_free(&v);
     }
-}
-
-/* Rows of macro-cells: the fast version against the plain one, for every width up to a few vectors; what lies around
- * the ranges stays. */
-static void test_fold(void **state)
-{
-    (void)state;
-    enum { MOST = 80, STRIDE = 83, EDGE = 3 };
-    const unsigned masks[] = {0, cts_cpu_flags()};
-    uint16_t grey[5 * STRIDE];
-    for (uint32_t i = 0; i < 5 * STRIDE; i++)
-        grey[i] = (uint16_t)(i * 2654435761u >> 13);
-    for (int n = 1; n <= MOST; n++)
-        for (int n_rows = 1; n_rows <= 5; n_rows++)
-            for (int m = 0; m < 2; m++) {
-                const int n_macrocells = n > 1 ? (n - 2) / CTS_FINE_MACROCELL + 1 : 1;
-                /* A block of its own size, so that reading behind the last voxel is seen. */
-                const size_t n_voxels = (size_t)(n_rows - 1) * STRIDE + (size_t)n;
-                uint16_t *rows = malloc(n_voxels * sizeof *rows);
-                CtsRange plain[MOST / 4 + 2 * EDGE], fast[MOST / 4 + 2 * EDGE];
-                assert_non_null(rows);
-                memcpy(rows, grey, n_voxels * sizeof *rows);
-                for (int i = 0; i < MOST / 4 + 2 * EDGE; i++)
-                    plain[i] = fast[i] = (CtsRange){(uint16_t)(30000 + 500 * i), (uint16_t)(30000 - 400 * i)};
-                cts_fold_plain(rows, STRIDE, n_rows, n, plain + EDGE, n_macrocells);
-                cts_fold(masks[m])(rows, STRIDE, n_rows, n, fast + EDGE, n_macrocells);
-                assert_memory_equal(plain, fast, sizeof plain);
-                for (int b = 0; b < n_macrocells; b++) {
-                    uint16_t low = (uint16_t)(30000 + 500 * (b + EDGE)), high = (uint16_t)(30000 - 400 * (b + EDGE));
-                    for (int j = 0; j < n_rows; j++)
-                        for (int i = 4 * b; i <= 4 * b + 4 && i < n; i++) {
-                            low = rows[j * STRIDE + i] < low ? rows[j * STRIDE + i] : low;
-                            high = rows[j * STRIDE + i] > high ? rows[j * STRIDE + i] : high;
-                        }
-                    assert_true(plain[b + EDGE].low == low && plain[b + EDGE].high == high);
-                }
-                free(rows);
-            }
 }
 
 /* Whole slices, cropped twice. */
@@ -357,11 +321,9 @@ static void quantised_macrocells(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(quantised),         cmocka_unit_test(quantised_macrocells),
-        cmocka_unit_test(test_new),          cmocka_unit_test(test_geometry),
-        cmocka_unit_test(test_inverse),      cmocka_unit_test(test_crop),
-        cmocka_unit_test(test_crop_borders), cmocka_unit_test(test_crop_slices),
-        cmocka_unit_test(test_fold),         cmocka_unit_test(test_macrocells),
+        cmocka_unit_test(quantised),         cmocka_unit_test(quantised_macrocells), cmocka_unit_test(test_new),
+        cmocka_unit_test(test_geometry),     cmocka_unit_test(test_inverse),         cmocka_unit_test(test_crop),
+        cmocka_unit_test(test_crop_borders), cmocka_unit_test(test_crop_slices),     cmocka_unit_test(test_macrocells),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

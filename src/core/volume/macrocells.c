@@ -3,12 +3,11 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/volume/fold.h"
 #include <stdlib.h>
 #include <string.h>
 
-/* A fine macro-cell reaches over so many voxels. */
-enum { REACH = CTS_FINE_MACROCELL + 1 };
+/* A fine macro-cell reaches over so many voxels; columns are taken so many at a time, while they are in the cache. */
+enum { REACH = CTS_FINE_MACROCELL + 1, COLUMNS = 256 * CTS_FINE_MACROCELL };
 
 static inline uint16_t min16(uint16_t a, uint16_t b)
 {
@@ -26,33 +25,57 @@ static inline void widen(CtsRange *r, CtsRange other)
     r->high = max16(r->high, other.high);
 }
 
-/* The range of a layer's fine macro-cells, range[bj * n_fine[0] + bi], widened by a slice. */
-static void fold_slice(const CtsMacrocells *b, const uint16_t *slice, CtsRange *range)
+/* What of five rows is lower or higher than what a column has so far. */
+static inline __attribute__((always_inline)) void widen_columns(uint16_t *restrict low, uint16_t *restrict high,
+                                                                const uint16_t *const row[REACH], int n)
 {
-    const cts_fold_fn fold = cts_fold(cts_cpu_flags());
-    const int nx = b->dims[0], ny = b->dims[1];
-    for (int bj = 0; bj < b->n_fine[1]; bj++) {
-        const int j0 = bj * CTS_FINE_MACROCELL, n_rows = ny - j0 < REACH ? ny - j0 : REACH;
-        fold(slice + (size_t)j0 * (size_t)nx, (size_t)nx, n_rows, nx, range + (size_t)bj * (size_t)b->n_fine[0],
-             b->n_fine[0]);
+    const uint16_t *const a = row[0], *const b = row[1], *const c = row[2], *const d = row[3], *const e = row[4];
+    for (int i = 0; i < n; i++) {
+        low[i] = min16(low[i], min16(min16(min16(a[i], b[i]), min16(c[i], d[i])), e[i]));
+        high[i] = max16(high[i], max16(max16(max16(a[i], b[i]), max16(c[i], d[i])), e[i]));
     }
 }
 
-static void widen_row(CtsRange *restrict to, const CtsRange *restrict from, int n)
+/* The fine macro-cells along a row of them, by columns of voxels first: these are most of the work, and vectors'. */
+static inline __attribute__((always_inline)) void fold_any_row(const CtsMacrocells *b, const uint16_t *grey, int bj,
+                                                               int bk)
 {
-    for (int i = 0; i < n; i++)
-        widen(&to[i], from[i]);
+    const int nx = b->dims[0], ny = b->dims[1];
+    CtsRange *to = b->fine + ((size_t)bk * (size_t)b->n_fine[1] + (size_t)bj) * (size_t)b->n_fine[0];
+    for (int first = 0; first == 0 || first < nx - 1; first += COLUMNS) {
+        uint16_t low[COLUMNS + 1], high[COLUMNS + 1];
+        const int n = nx - first < COLUMNS + 1 ? nx - first : COLUMNS + 1;
+        memset(low, 0xff, sizeof low);
+        memset(high, 0, sizeof high);
+        for (int k = bk * CTS_FINE_MACROCELL; k < bk * CTS_FINE_MACROCELL + REACH && k < b->dims[2]; k++) {
+            const uint16_t *row[REACH];
+            for (int r = 0; r < REACH; r++) {
+                const int j = bj * CTS_FINE_MACROCELL + r;
+                row[r] = grey + ((size_t)k * (size_t)ny + (size_t)(j < ny ? j : ny - 1)) * (size_t)nx + first;
+            }
+            widen_columns(low, high, row, n);
+        }
+        for (int i = 0; i == 0 || i < n - 1; i += CTS_FINE_MACROCELL, to++) {
+            *to = (CtsRange){low[i], high[i]};
+            for (int c = i + 1; c < i + REACH && c < n; c++)
+                widen(to, (CtsRange){low[c], high[c]});
+        }
+    }
+}
+
+static void fold_row(const CtsMacrocells *b, const uint16_t *grey, int bj, int bk)
+{
+    fold_any_row(b, grey, bj, bk);
+}
+
+CTS_TARGET_AVX2 static void fold_row_avx2(const CtsMacrocells *b, const uint16_t *grey, int bj, int bk)
+{
+    fold_any_row(b, grey, bj, bk);
 }
 
 static size_t product(const int n[3])
 {
     return (size_t)n[0] * (size_t)n[1] * (size_t)n[2];
-}
-
-static void clear(CtsRange *range, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        range[i] = (CtsRange){65535, 0};
 }
 
 static void count_macrocells(CtsMacrocells *b, int axis, int n)
@@ -77,39 +100,32 @@ CtsStatus cts_macrocells_new_unset(CtsMacrocells **macrocells, const int dims[3]
     return st;
 }
 
-/* One row of coarse macro-cells from the up to four rows of fine ones that it covers. */
-static void sum_row(CtsMacrocells *b, int bj, int bk)
+/* A coarse macro-cell from the up to eight fine ones in it. */
+static void sum_fine(CtsMacrocells *b, int bi, int bj, int bk)
 {
-    enum { PART = 256 };
     const int *n = b->n, *nf = b->n_fine;
-    CtsRange *row = b->range + ((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0];
-    for (int first = 0; first < nf[0]; first += PART) {
-        CtsRange sum[PART + 1];
-        const int n_part = nf[0] - first < PART ? nf[0] - first : PART;
-        clear(sum, (size_t)n_part + 1);
-        for (int fk = 2 * bk; fk < 2 * bk + 2 && fk < nf[2]; fk++)
-            for (int fj = 2 * bj; fj < 2 * bj + 2 && fj < nf[1]; fj++)
-                widen_row(sum, b->fine + ((size_t)fk * (size_t)nf[1] + (size_t)fj) * (size_t)nf[0] + first, n_part);
-        for (int i = 0; i < n_part; i += 2) {
-            row[(first + i) / 2] = sum[i];
-            widen(&row[(first + i) / 2], sum[i + 1]);
-        }
-    }
+    CtsRange sum = {65535, 0};
+    for (int k = 2 * bk; k < 2 * bk + 2 && k < nf[2]; k++)
+        for (int j = 2 * bj; j < 2 * bj + 2 && j < nf[1]; j++)
+            for (int i = 2 * bi; i < 2 * bi + 2 && i < nf[0]; i++)
+                widen(&sum, b->fine[((size_t)k * (size_t)nf[1] + (size_t)j) * (size_t)nf[0] + (size_t)i]);
+    b->range[((size_t)bk * (size_t)n[1] + (size_t)bj) * (size_t)n[0] + (size_t)bi] = sum;
 }
 
 static void sum_layers(void *context, int worker, size_t first, size_t end)
 {
     CtsMacrocells *const b = context;
     (void)worker;
-    for (size_t bk = first; bk < end; bk++)
+    for (int bk = (int)first; bk < (int)end; bk++)
         for (int bj = 0; bj < b->n[1]; bj++)
-            sum_row(b, bj, (int)bk);
+            for (int bi = 0; bi < b->n[0]; bi++)
+                sum_fine(b, bi, bj, bk);
 }
 
 void cts_macrocells_sum(CtsMacrocells *b, int n_threads)
 {
     cts_parallel(n_threads, (size_t)b->n[2], 0, sum_layers, b);
-    clear(&b->all, 1);
+    b->all = (CtsRange){65535, 0};
     for (size_t i = 0; i < product(b->n); i++)
         widen(&b->all, b->range[i]);
 }
@@ -119,18 +135,14 @@ typedef struct Folding {
     const CtsVolume *volume;
 } Folding;
 
-/* Layers of fine macro-cells; the slice on which two of them meet is folded into both. */
+/* Layers of fine macro-cells. */
 static void fold_layers(void *context, int worker, size_t first, size_t end)
 {
     const Folding *const f = context;
-    const CtsMacrocells *const b = f->macrocells;
-    const size_t layer = (size_t)b->n_fine[0] * (size_t)b->n_fine[1], slice = (size_t)b->dims[0] * (size_t)b->dims[1];
     (void)worker;
-    for (size_t bk = first; bk < end; bk++) {
-        clear(b->fine + bk * layer, layer);
-        for (size_t k = bk * CTS_FINE_MACROCELL; k < bk * CTS_FINE_MACROCELL + REACH && k < (size_t)b->dims[2]; k++)
-            fold_slice(b, f->volume->grey + k * slice, b->fine + bk * layer);
-    }
+    for (int bk = (int)first; bk < (int)end; bk++)
+        for (int bj = 0; bj < f->macrocells->n_fine[1]; bj++)
+            (cts_cpu_flags() & CTS_CPU_AVX2 ? fold_row_avx2 : fold_row)(f->macrocells, f->volume->grey, bj, bk);
 }
 
 CtsStatus cts_macrocells_new(CtsMacrocells **macrocells, const CtsVolume *volume, int n_threads, CtsError *err)
