@@ -44,8 +44,10 @@ typedef struct Shaping {
     atomic_int n_failed;
 } Shaping;
 
+#define INLINE __attribute__((always_inline)) static inline
+/* Two pixels side by side. */
+typedef uint32_t __attribute__((aligned(2), may_alias)) Pair;
 typedef float Four __attribute__((vector_size(16)));
-typedef int32_t FourInts __attribute__((vector_size(16)));
 
 /* Where a block's grey levels come from, in pixels from there: x and y in the slice before, x and y in the one behind;
  * and how much of it does. */
@@ -53,15 +55,17 @@ typedef struct Move {
     Four from;
     float share;
 } Move;
+/* The same of many, number by number, each row with its first and its last once more at its ends. */
+enum { MOVE_NUMBERS = 5, SHARE = 4 };
 
 /* What one thread works with. */
 typedef struct Scratch {
     Field field[2];
-    uint16_t *grey, *row;       /* of both fields; two rows of blocks */
+    uint16_t *grey, *row;       /* of both fields; two rows of blocks, and two blocks */
     uint8_t *moves, *near;      /* for one gap: blocks that move, and those that do or whose neighbours in the row do */
     uint32_t *moving, *written; /* blocks whose moves are wanted, and those whose pixels may be made */
     size_t n_moving, n_written;
-    Move *move;
+    float *move[MOVE_NUMBERS], *moves_store;
     int16_t *store;
 } Scratch;
 
@@ -70,12 +74,17 @@ static size_t n_all_blocks(const Shaping *s)
     return (size_t)s->n_blocks[0] * (size_t)s->n_blocks[1];
 }
 
+static size_t place_of_move(const Shaping *s, int i, int j)
+{
+    return (size_t)j * (size_t)(s->n_blocks[0] + 2) + (size_t)(i + 1);
+}
+
 static void scratch_free(Scratch *c)
 {
     cts_free(&c->store);
     cts_free(&c->grey);
     cts_free(&c->row);
-    cts_free(&c->move);
+    cts_free(&c->moves_store);
     cts_free(&c->moves);
     cts_free(&c->near);
     cts_free(&c->moving);
@@ -84,11 +93,12 @@ static void scratch_free(Scratch *c)
 
 static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
 {
-    const size_t n = n_all_blocks(s);
+    const size_t n = n_all_blocks(s), n_moves = place_of_move(s, -1, s->n_blocks[1]);
     CtsStatus st;
     *c = (Scratch){.grey = NULL};
     if ((st = cts_alloc_array(&c->store, 2 * N_SURFACES * n, err)) || (st = cts_alloc_array(&c->grey, 2 * n, err)) ||
-        (st = cts_alloc_array(&c->row, 2 * (size_t)s->n_blocks[0], err)) || (st = cts_alloc_zeroed(&c->move, n, err)) ||
+        (st = cts_alloc_array(&c->row, 2 * (size_t)s->n_blocks[0] + 2, err)) ||
+        (st = cts_alloc_zeroed(&c->moves_store, MOVE_NUMBERS * n_moves, err)) ||
         (st = cts_alloc_array(&c->moves, n, err)) || (st = cts_alloc_array(&c->near, n, err)) ||
         (st = cts_alloc_array(&c->moving, n, err)) || (st = cts_alloc_array(&c->written, n, err))) {
         scratch_free(c);
@@ -98,6 +108,8 @@ static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
         c->field[i / N_SURFACES].distance[i % N_SURFACES] = c->store + (size_t)i * n;
     for (int i = 0; i < 2; i++)
         c->field[i].grey = c->grey + (size_t)i * n;
+    for (int i = 0; i < MOVE_NUMBERS; i++)
+        c->move[i] = c->moves_store + (size_t)i * n_moves;
     return CTS_OK;
 }
 
@@ -107,14 +119,22 @@ static int least(int a, int b)
 }
 
 /* Means of 2 x 2 pixels. */
-static void bin_row(const CtsShapeStack *t, const uint16_t *slice, int block_row, int n, uint16_t *to)
+static void bin_row(const CtsShapeStack *t, const uint16_t *slice, int block_row, int n, uint16_t *restrict to)
 {
     const uint16_t *const a = slice + (size_t)(BLOCK * block_row) * (size_t)t->n_columns;
     const uint16_t *const b = BLOCK * block_row + 1 < t->n_rows ? a + t->n_columns : a;
-    for (int i = 0; i < n; i++) {
-        const int x = BLOCK * i, next = least(x + 1, t->n_columns - 1);
-        to[i] = (uint16_t)(((uint32_t)a[x] + a[next] + b[x] + b[next] + 2) / 4);
-    }
+    for (int i = 0; i < t->n_columns / BLOCK; i++)
+        to[i] = (uint16_t)(((uint32_t)a[2 * i] + a[2 * i + 1] + b[2 * i] + b[2 * i + 1] + 2) / 4);
+    if (t->n_columns % BLOCK)
+        to[n - 1] = (uint16_t)((2U * a[2 * n - 2] + 2U * b[2 * n - 2] + 2) / 4);
+}
+
+/* Half of the middle one, a quarter of either of the others. */
+static void smooth_row(const uint16_t *before, const uint16_t *own, const uint16_t *behind, int n,
+                       uint16_t *restrict to)
+{
+    for (int i = 0; i < n; i++)
+        to[i] = (uint16_t)((before[i] + 2U * own[i] + behind[i] + 2) / 4);
 }
 
 /* Blocks, each with a quarter of what lies on either side of it, along rows and across: noise has no shape. */
@@ -122,10 +142,11 @@ static void read_blocks(const Shaping *s, const uint16_t *slice, uint16_t *rows,
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
     for (int j = 0; j < ny; j++) {
-        uint16_t *const to = grey + (size_t)j * (size_t)nx;
-        bin_row(s->stack, slice, j, nx, rows);
-        for (int i = 0; i < nx; i++)
-            to[i] = (uint16_t)((rows[i > 0 ? i - 1 : 0] + 2U * rows[i] + rows[least(i + 1, nx - 1)] + 2) / 4);
+        uint16_t *const bins = rows + 1; /* with its ends once more */
+        bin_row(s->stack, slice, j, nx, bins);
+        rows[0] = bins[0];
+        bins[nx] = bins[nx - 1];
+        smooth_row(rows, bins, bins + 1, nx, grey + (size_t)j * (size_t)nx);
     }
     uint16_t *above = rows, *own = rows + nx;
     memcpy(above, grey, (size_t)nx * sizeof *above);
@@ -133,8 +154,7 @@ static void read_blocks(const Shaping *s, const uint16_t *slice, uint16_t *rows,
         uint16_t *const row = grey + (size_t)j * (size_t)nx;
         const uint16_t *const below = j + 1 < ny ? row + nx : row;
         memcpy(own, row, (size_t)nx * sizeof *own);
-        for (int i = 0; i < nx; i++)
-            row[i] = (uint16_t)((above[i] + 2U * own[i] + below[i] + 2) / 4);
+        smooth_row(above, own, below == row ? own : below, nx, row);
         uint16_t *const t = above;
         above = own;
         own = t;
@@ -276,13 +296,15 @@ static void find_moves(const Shaping *s, Scratch *c)
 {
     const uint16_t *const a = c->field[0].grey, *const b = c->field[1].grey;
     const int alike = (int)s->alike;
-    memset(c->moves, 0, n_all_blocks(s));
+    uint8_t *restrict const moves = c->moves;
+    const size_t n = n_all_blocks(s);
+    memset(moves, 0, n);
     for (int l = 0; l < N_SURFACES; l++) {
         const int16_t *const d = c->field[0].distance[l], *const e = c->field[1].distance[l];
-        for (size_t i = 0; i < n_all_blocks(s); i++) {
+        for (size_t i = 0; i < n; i++) {
             const int moved = abs(e[i] - d[i]), off = least(abs(d[i]), abs(e[i]));
-            c->moves[i] |= (moved > (int)(SIDE * MOVES_FROM)) & (abs(b[i] - a[i]) > alike) &
-                           (((d[i] ^ e[i]) < 0) | (off < (int)GOES_WITH * moved + 2 * SIDE));
+            moves[i] |= (moved > (int)(SIDE * MOVES_FROM)) & (abs(b[i] - a[i]) > alike) &
+                        (((d[i] ^ e[i]) < 0) | (off < (int)GOES_WITH * moved + 2 * SIDE));
         }
     }
 }
@@ -328,79 +350,131 @@ static void list_blocks(const Shaping *s, Scratch *c)
     c->n_written = list_flagged(c->moves, n, 0, c->written);
 }
 
-/* Of a slice, between the four pixels from `p` on. */
-static float grey_between(const CtsShapeStack *t, const uint16_t *p, float u, float v)
-{
-    const float a = p[0], b = p[1], d = p[t->n_columns], e = p[t->n_columns + 1];
-    const float ab = a + u * (b - a), de = d + u * (e - d);
-    return ab + v * (de - ab);
-}
-
-/* A pixel's move from those of the four blocks around it: it lies a quarter of a block from the nearest. */
-static Move pixel_move(const Shaping *s, const Move *move, int x, int y)
-{
-    const int near_i = x / BLOCK, near_j = y / BLOCK, i = near_i + (x % BLOCK ? 1 : -1),
-              j = near_j + (y % BLOCK ? 1 : -1);
-    const int nx = s->n_blocks[0], far_i = i < 0 || i >= nx ? near_i : i;
-    const int far_j = j < 0 || j >= s->n_blocks[1] ? near_j : j;
-    const Move *const near_row = move + (size_t)near_j * (size_t)nx, *const far_row = move + (size_t)far_j * (size_t)nx;
-    const Move *const a = near_row + near_i, *const b = near_row + far_i, *const c = far_row + near_i,
-                      *const d = far_row + far_i;
-    return (Move){.from = 9.0F / 16 * a->from + 3.0F / 16 * b->from + 3.0F / 16 * c->from + 1.0F / 16 * d->from,
-                  .share = 9.0F / 16 * a->share + 3.0F / 16 * b->share + 3.0F / 16 * c->share + 1.0F / 16 * d->share};
-}
-
-static Four choose(FourInts mask, Four a, Four b)
-{
-    return (Four)((mask & (FourInts)a) | (~mask & (FourInts)b));
-}
-
 typedef struct Sums {
     uint64_t n_voxels, n_moved, differences;
 } Sums;
 
-/* A pixel `at` of the way between two slices; blended: what it is without a move. */
-static float make_pixel(const Shaping *s, const uint16_t *const slices[2], int x, int y, const Move *m, float way,
-                        float blended)
+/* A layer that is made, `way` (0..1) between two slices. */
+typedef struct Layer {
+    const uint16_t *slices[2];
+    uint16_t *grey; /* blended, before anything moves */
+    float way;
+} Layer;
+
+/* Pixels side by side, as the blocks of a row that are listed one behind the other. */
+enum { RUN_BLOCKS = 32, RUN = BLOCK * RUN_BLOCKS };
+typedef struct Run {
+    int x, y, n;
+    float move[MOVE_NUMBERS][RUN], grey[2][RUN];
+} Run;
+
+/* A pixel's move from those of the four blocks around it: it lies a quarter of a block from the nearest. */
+INLINE void between_blocks(const float *near, const float *far, int n, float *restrict to)
 {
-    const CtsShapeStack *const t = s->stack;
-    const size_t at = (size_t)y * (size_t)t->n_columns + (size_t)x;
-    const float differs = fabsf((float)slices[1][at] - slices[0][at]);
-    const float last_x = (float)(t->n_columns - 1), last_y = (float)(t->n_rows - 1);
-    const Four most = {last_x, last_y, last_x, last_y}, none = {0};
-    Four place = (Four){(float)x, (float)y, (float)x, (float)y} + m->from;
-    place = choose(place < none, none, place);
-    place = choose(place > most, most, place);
-    const FourInts cell = __builtin_convertvector(place, FourInts);
-    /* The last pixel is the end of the last cell. */
-    const FourInts first = cell + (cell == __builtin_convertvector(most, FourInts));
-    const Four on = place - __builtin_convertvector(first, Four);
-    const float a = grey_between(t, slices[0] + (size_t)first[1] * (size_t)t->n_columns + first[0], on[0], on[1]);
-    const float b = grey_between(t, slices[1] + (size_t)first[3] * (size_t)t->n_columns + first[2], on[2], on[3]);
-    const float believed = m->share * within(2 - fabsf(b - a) / fmaxf(differs / 2, s->edges), 0, 1);
-    return blended + believed * (a + way * (b - a) - blended);
+    for (int i = 0; i < n; i++) {
+        to[2 * i] = 9.0F / 16 * near[i] + 3.0F / 16 * near[i - 1] + 3.0F / 16 * far[i] + 1.0F / 16 * far[i - 1];
+        to[2 * i + 1] = 9.0F / 16 * near[i] + 3.0F / 16 * near[i + 1] + 3.0F / 16 * far[i] + 1.0F / 16 * far[i + 1];
+    }
 }
 
-static void write_block(const Shaping *s, const Move *move, uint32_t block, const uint16_t *const slices[2], float way,
-                        uint16_t *layer, Sums *sums)
+INLINE float clamped(float x, float high)
+{
+    return x < 0 ? 0 : x > high ? high : x;
+}
+
+INLINE float of_pair(uint32_t pair, int n)
+{
+    return (float)(int32_t)(pair >> 16 * (n ^ (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__)) & 0xffff);
+}
+
+/* Grey levels of a slice where the pixels of a run come from: between four of its pixels. */
+INLINE void find_grey(const CtsShapeStack *t, const uint16_t *slice, const Run *r, const float *dx, const float *dy,
+                      float *restrict grey)
+{
+    const int last_x = t->n_columns - 1, last_y = t->n_rows - 1;
+    const uint16_t *const row = slice + (size_t)r->y * (size_t)t->n_columns;
+    float u[RUN], v[RUN];
+    int32_t at[RUN];
+    for (int i = 0; i < r->n; i++) {
+        const float x = clamped((float)(r->x + i) + dx[i], (float)last_x),
+                    y = clamped((float)r->y + dy[i], (float)last_y);
+        /* The last pixel is the end of the last cell. */
+        const int32_t cx = (int32_t)x - ((int32_t)x == last_x), cy = (int32_t)y - ((int32_t)y == last_y);
+        u[i] = x - (float)cx;
+        v[i] = y - (float)cy;
+        at[i] = (cy - r->y) * t->n_columns + cx;
+    }
+    for (int i = 0; i < r->n; i++) {
+        const uint32_t above = *(const Pair *)(row + at[i]), below = *(const Pair *)(row + at[i] + t->n_columns);
+        const float a = of_pair(above, 0), b = of_pair(above, 1), d = of_pair(below, 0), e = of_pair(below, 1);
+        const float ab = a + u[i] * (b - a), de = d + u[i] * (e - d);
+        grey[i] = ab + v[i] * (de - ab);
+    }
+}
+
+INLINE void write_run(const Shaping *s, const Layer *l, Run *r, Sums *sums)
 {
     const CtsShapeStack *const t = s->stack;
-    const int x0 = BLOCK * (int)(block % (uint32_t)s->n_blocks[0]),
-              y0 = BLOCK * (int)(block / (uint32_t)s->n_blocks[0]);
-    for (int y = y0; y < least(y0 + BLOCK, t->n_rows); y++)
-        for (int x = x0; x < least(x0 + BLOCK, t->n_columns); x++) {
-            const size_t at = (size_t)y * (size_t)t->n_columns + (size_t)x;
-            const Move m = pixel_move(s, move, x, y);
-            if (m.share == 0)
-                continue;
-            const uint16_t made = (uint16_t)(int32_t)(make_pixel(s, slices, x, y, &m, way, layer[at]) + 0.5F);
-            const float straight = slices[0][at] + way * ((float)slices[1][at] - slices[0][at]);
-            if (made != layer[at]) {
-                sums->n_moved++;
-                sums->differences += (uint64_t)(int32_t)(fabsf(made - straight) + 0.5F);
-                layer[at] = made;
-            }
-        }
+    const size_t at = (size_t)r->y * (size_t)t->n_columns + (size_t)r->x;
+    const uint16_t *const before = l->slices[0] + at, *const behind = l->slices[1] + at;
+    uint16_t *restrict const to = l->grey + at;
+    const float way = l->way, edges = s->edges;
+    uint32_t n_moved = 0, differences = 0;
+    find_grey(t, l->slices[0], r, r->move[0], r->move[1], r->grey[0]);
+    find_grey(t, l->slices[1], r, r->move[2], r->move[3], r->grey[1]);
+    for (int i = 0; i < r->n; i++) {
+        const float a = r->grey[0][i], b = r->grey[1][i], own = (float)before[i], other = (float)behind[i];
+        const float straight = own + way * (other - own), half = fabsf(other - own) / 2, blended = (float)to[i];
+        const float alike = clamped(2 - fabsf(b - a) / (half > edges ? half : edges), 1);
+        const float made = blended + r->move[SHARE][i] * alike * (a + way * (b - a) - blended);
+        const int32_t level = (int32_t)(made + 0.5F), moved = level != to[i];
+        n_moved += (uint32_t)moved;
+        differences += (uint32_t)(moved * (int32_t)(fabsf((float)level - straight) + 0.5F));
+        to[i] = (uint16_t)level;
+    }
+    sums->n_moved += n_moved;
+    sums->differences += differences;
+}
+
+INLINE void write_blocks(const Shaping *s, const Scratch *c, const Layer *l, int i, int j, int n, Sums *sums)
+{
+    const CtsShapeStack *const t = s->stack;
+    for (int v = 0; v < least(BLOCK, t->n_rows - BLOCK * j); v++) {
+        Run r;
+        r.x = BLOCK * i;
+        r.y = BLOCK * j + v;
+        r.n = least(BLOCK * n, t->n_columns - r.x);
+        const int beside = j + 2 * v - 1, far_j = beside < 0 || beside >= s->n_blocks[1] ? j : beside;
+        const size_t near = place_of_move(s, i, j), far = place_of_move(s, i, far_j);
+        for (int k = 0; k < MOVE_NUMBERS; k++)
+            between_blocks(c->move[k] + near, c->move[k] + far, n, r.move[k]);
+        write_run(s, l, &r, sums);
+    }
+}
+
+INLINE void write_layer(const Shaping *s, const Scratch *c, const Layer *l, Sums *sums)
+{
+    const uint32_t nx = (uint32_t)s->n_blocks[0];
+    size_t n;
+    for (size_t k = 0; k < c->n_written; k += n) {
+        const uint32_t first = c->written[k], i = first % nx;
+        for (n = 1; n < RUN_BLOCKS && k + n < c->n_written && i + n < nx && c->written[k + n] == first + n;)
+            n++;
+        write_blocks(s, c, l, (int)i, (int)(first / nx), (int)n, sums);
+    }
+}
+
+CTS_TARGET_AVX2 static void write_layer_avx2(const Shaping *s, const Scratch *c, const Layer *l, Sums *sums)
+{
+    write_layer(s, c, l, sums);
+}
+
+static void set_move(const Shaping *s, const Scratch *c, uint32_t block, const Move *m)
+{
+    const int nx = s->n_blocks[0], i = (int)(block % (uint32_t)nx), j = (int)(block / (uint32_t)nx);
+    for (int side = i > 0 ? 0 : -1; side <= (i + 1 < nx ? 0 : 1); side++)
+        for (int k = 0; k < MOVE_NUMBERS; k++)
+            c->move[k][place_of_move(s, i + side, j)] = k == SHARE ? m->share : m->from[k];
 }
 
 static double place_of(const CtsShapeStack *t, int slice)
@@ -413,18 +487,19 @@ static void shape_gap(const Shaping *s, Scratch *c, int gap, Sums *sums)
     const CtsShapeStack *const t = s->stack;
     const double from = place_of(t, gap), to = place_of(t, gap + 1);
     const size_t layer = (size_t)t->n_columns * (size_t)t->n_rows;
-    const uint16_t *const slices[2] = {t->slices + (size_t)gap * layer, t->slices + (size_t)(gap + 1) * layer};
+    const uint16_t *const slice = t->slices + (size_t)gap * layer;
     list_blocks(s, c);
     for (int j = (int)floor(from) + 1; j < to && j < t->n_layers; j++) {
-        const float way = (float)((j - from) / (to - from));
+        const Layer made = {{slice, slice + layer}, t->layers + (size_t)j * layer, (float)((j - from) / (to - from))};
         sums->n_voxels += layer;
-        for (size_t n = 0; n < c->n_moving; n++)
-            c->move[c->moving[n]] = move_of(s, c, c->moving[n], way);
-        for (size_t n = 0; n < c->n_written; n++)
-            write_block(s, c->move, c->written[n], slices, way, t->layers + (size_t)j * layer, sums);
+        for (size_t n = 0; n < c->n_moving; n++) {
+            const Move m = move_of(s, c, c->moving[n], made.way);
+            set_move(s, c, c->moving[n], &m);
+        }
+        (cts_cpu_flags() & CTS_CPU_AVX2 ? write_layer_avx2 : write_layer)(s, c, &made, sums);
     }
     for (size_t n = 0; n < c->n_moving; n++)
-        c->move[c->moving[n]] = (Move){.share = 0};
+        set_move(s, c, c->moving[n], &(Move){.share = 0});
 }
 
 /* Gaps between slices; a field is read once for the two gaps at a slice. */
