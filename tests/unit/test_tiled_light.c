@@ -1,4 +1,5 @@
-/* The tiled engine's lighting where a formula knows it: a gradient that turns round within a slab, and a ball. */
+/* The tiled engine's lighting where a formula knows it: a gradient that turns round within a slab, and a ball; and
+ * errors of light that are to be told. */
 #include "base/cpu.h"
 #include "scenes.h"
 
@@ -126,8 +127,78 @@ static void flat(void **state)
     cts_volume_free(&v);
 }
 
+/* A lit picture's error, against the ray caster's, is not above what is told. */
+static void held(const CtsVolume *v, const CtsPreset *preset, CtsRenderSettings s)
+{
+    s.shade = CTS_ON;
+    for (int mask = 0; mask < N_MASKS; mask++) {
+        CtsReport report = {0};
+        double square = 0;
+        cts_cpu_set_mask(masks[mask]);
+        s.engine = CTS_ENGINE_TILED;
+        CtsPicture *p = render(v, preset, &s, &report);
+        s.engine = CTS_ENGINE_RAYCAST;
+        CtsPicture *q = render(v, preset, &s, NULL);
+        for (int at = 0; at < s.width * s.height; at++)
+            square += pow((double)(p->pixels[4 * at] - q->pixels[4 * at]), 2);
+        const double rms = sqrt(square / s.width / s.height);
+        if (!(rms <= report.bound.rmse))
+            fail_msg("mask %d: %.3g/255 rms, told %.3g", mask, 255 * rms, 255 * report.bound.rmse);
+        cts_report_free(&report);
+        cts_picture_free(&p);
+        cts_picture_free(&q);
+    }
+}
+
+/* White where HU lie from low to high, by so much opacity at the latter; lit where it faces the camera alone. */
+static CtsPreset white(double low, double high, double opacity)
+{
+    CtsPreset p = {.name = "white", .unit_distance_mm = 1, .n_opacity = 2, .n_colour = 1, .diffuse = 1, .power = 2};
+    p.opacity[0] = (CtsOpacityPoint){low, 0};
+    p.opacity[1] = (CtsOpacityPoint){high, opacity};
+    p.colour[0] = (CtsColourPoint){low, {1, 1, 1}};
+    return p;
+}
+
+/* Plates so thin and faint that each is lit as one: in front and behind they face the camera, half way they do not. */
+static void faint_turns(void **state)
+{
+    (void)state;
+    enum { NX = 12, NY = 42, SIZE = 96 };
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, NX, NY, NX, &err), CTS_OK);
+    for (int at = 0; at < NX * NY * NX; at++)
+        v->grey[at] = (uint16_t)(1024 + at % NX + (at / NX % NY % 5 == 2 ? 1000 : 0));
+    const CtsPreset preset = white(100, 1000, 0.01);
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 0, 0);
+    s.mm_per_pixel = 0.1;
+    s.max_error = 12;
+    held(v, &preset, s);
+    cts_volume_free(&v);
+}
+
+/* HU = 1000 x + (0, 25, 25, 0) by layers: between the inner two a normal turns by little, but past perpendicular. */
+static void past_perpendicular(void **state)
+{
+    (void)state;
+    enum { N = 12, SIZE = 96 };
+    static const int layer[4] = {0, 25, 25, 0};
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, N, 4, N, &err), CTS_OK);
+    for (int at = 0; at < N * 4 * N; at++)
+        v->grey[at] = (uint16_t)(1024 + 1000 * (at % N) + layer[at / N % 4]);
+    const CtsPreset preset = white(-4000, 20000, 0.3);
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 0, 0);
+    s.mm_per_pixel = 0.1;
+    held(v, &preset, s);
+    cts_volume_free(&v);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(turns_round), cmocka_unit_test(ball), cmocka_unit_test(flat)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(turns_round), cmocka_unit_test(ball), cmocka_unit_test(flat),
+                                       cmocka_unit_test(faint_turns), cmocka_unit_test(past_perpendicular)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

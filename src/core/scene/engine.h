@@ -42,10 +42,10 @@ typedef struct CtsEngine {
     /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over
      * nothing. A band is those rows of the whole, bit by bit. picture is NULL for --explain: only make the plan. */
     CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err);
-    /* Makes pixels of the band again, exactly, whose numbers in it stand in place; for an engine that keeps
-     * plan.max_error and fills picture->bound. Others know plan.samples alone, and have NULL here. */
+    /* Makes pixels of the band again, whose numbers in it stand in place, exactly but for what off says; for an engine
+     * that keeps plan.max_error and fills picture->bound. Others know plan.samples alone, and have NULL here. */
     CtsStatus (*again)(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n, float (*rgba)[4],
-                       CtsError *err);
+                       float *off, CtsError *err);
     unsigned modes;             /* bit 1 << CtsMode for each it can do */
     unsigned kernels;           /* bit 1 << CtsKernelId */
     bool exact;                 /* nothing is left to plan: every pixel is what the scene says */

@@ -9,6 +9,9 @@ enum { HALVINGS = 40, ROOT_STEPS = 40 };
 #define NEARLY_1 (1 - 0x1p-52)
 /* Between neighbouring levels, near one of them, a knot's place is known to a few digits in single precision. */
 #define FULL(rounded, rest) ((rounded) + (rest))
+/* Where a ray only touches a knot this march decides, as it is the judge. */
+#define DOUBTED(wrong) vf_of(0)
+#define JUDGES true
 #else
 enum { HALVINGS = 3, ROOT_STEPS = 3 };
 #define ROOT_OFF ((real)0)
@@ -17,6 +20,8 @@ enum { HALVINGS = 3, ROOT_STEPS = 3 };
 #define FAR_MM ((real)1e30)
 #define NEARLY_1 ((real)(1 - 0x1p-23))
 #define FULL(rounded, rest) (rounded)
+#define DOUBTED(wrong) (wrong)
+#define JUDGES false
 #endif
 enum { MOST_CUTS = 8, FEW_KNOTS = 4 };
 /* Levels are rounded by this share of what a ray may touch or not. */
@@ -37,8 +42,8 @@ typedef struct Packet {
     int last_look[LANES]; /* from the edge on to the end of the cell; -1: edges follow */
     int ray[LANES];
     /* Faint pieces of each lane, which wait for being worth a gradient: colour and weight, its centre, and where the
-     * last of them ends, in mm. */
-    vf faint_colour[3], faint_weight, faint_centre, faint_end;
+     * first of them begins and the last ends, in mm. */
+    vf faint_colour[3], faint_weight, faint_centre, faint_begin, faint_end;
 } Packet;
 
 /* Packets take turns: while one waits for voxels the processor goes on with the other. */
@@ -50,7 +55,7 @@ typedef struct March {
     TiledRays *rays;
     TiledCounts *counts;
     int next; /* ray */
-    real step[3], inverse[3], far[3], cell_mm, tolerance, dark, touch, least_lit, turn, sharp;
+    real step[3], inverse[3], far[3], cell_mm, tolerance, dark, touch, least_lit, turn, sharp, kinked;
     whole ahead[3], behind[3];
     Packet packet[PACKETS], *p; /* the one whose turn it is */
 } March;
@@ -451,7 +456,7 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
             p->sum[c] += colour[c];
     p->sum[3] += weight[0] + weight[1];
     p->light = CTS_MUTATED(ATTENUATION) ? p->light : p->light - weight[0] - weight[1];
-    p->bound += select_f(done, cuts.wrong + e.wrong, vf_of(0));
+    p->bound += select_f(done, DOUBTED(cuts.wrong) + e.wrong, vf_of(0));
     p->at = select_f(done & shorter, p->at + length, p->at);
     p->fresh = (p->fresh & ~done) | (done & fresh);
     p->active &= ~(done & (vf_le(p->end, p->at) | vf_lt(p->light, vf_of(m->dark))));
@@ -639,6 +644,8 @@ INLINE void march(const TiledJob *j, TiledRays *rays, TiledCounts *counts)
         Lit lit;
         /* What light bends by, over its peak by exp(-1/2) of the power in the mean; a step's bound holds up to 3. */
         m.sharp = (real)fmaxf(1, (j->shade->diffuse + 0.607f * j->shade->specular * j->shade->exponent) / 3);
+        /* Four of turning are one of light; powers of 2 and more have no kink. */
+        m.kinked = 4 * (real)(j->shade->diffuse + j->shade->specular * fmaxf(2 - j->shade->exponent, 0));
         memset(&lit, 0, sizeof lit);
         march_rays(&m, &lit);
         light_up(&m, &lit, true);

@@ -75,6 +75,23 @@ INLINE vf turning(const March *m, const Direction *a, const Direction *b)
     return select_f(vf_lt(vf_of(LEAST_SQUARE), vf_max(aa, bb)), vf_min(m->sharp * square, vf_of(4)), vf_of(0));
 }
 
+/* What light errs by, counted as turning, where normals turn past perpendicular: |n.v| has a kink there. Of numbers x
+ * from -a to b the mean of |x| is larger than |mean of x| by 2 a b / (a + b) at most. */
+INLINE vf passing(const March *m, const Direction *a, const Direction *b, const Direction *c)
+{
+    const Direction *const all[3] = {a, b, c};
+    vf low = vf_of(0), high = vf_of(0);
+    const vmask before = vf_lt(a->along, vf_of(0)), half = vf_lt(b->along, vf_of(0)), after = vf_lt(c->along, vf_of(0));
+    if (!bits_of(differ(before, half) | differ(half, after)))
+        return vf_of(0);
+    for (int i = 0; i < 3; i++) {
+        const vf facing = all[i]->along * vf_inverse_root(vf_max(dot(all[i], all[i]), vf_of(LEAST_SQUARE)));
+        low = vf_min(low, facing);
+        high = vf_max(high, facing);
+    }
+    return m->kinked * 2 * high * -low / vf_max(high - low, vf_of((real)1e-6f));
+}
+
 /* What a colour is multiplied with, and the white that is added, for a share of 1. */
 typedef struct Glow {
     vf colour, white;
@@ -163,7 +180,8 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
         const vf middle = s + part * centre_of((real)M_LN2 * (depth[0] + depth[1]));
         const Direction half = gradient_at(j, k, w->enter, w->way, middle),
                         after = gradient_at(j, k, w->enter, w->way, to);
-        const vf turn = (weight[0] + weight[1]) * (turning(m, &before, &half) + turning(m, &half, &after));
+        const vf turn = (weight[0] + weight[1]) *
+                        (turning(m, &before, &half) + turning(m, &half, &after) + passing(m, &before, &half, &after));
         const vmask taken = on & (vf_le(turn, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
         const Glow glow = glow_of(j->shade, &half);
         for (int i = 0; i < 2; i++)
@@ -241,9 +259,11 @@ OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
     const Direction centre = gradient_at(j, &k, w.enter, w.way, w.centre),
                     front = gradient_at(j, &k, w.enter, w.way, vf_of(0)),
                     back = gradient_at(j, &k, w.enter, w.way, vf_of(1));
-    const vf turn = w.weight * (turning(m, &front, &centre) + turning(m, &centre, &back));
+    const vf smooth = w.weight * (turning(m, &front, &centre) + turning(m, &centre, &back)),
+             turn = smooth + w.weight * passing(m, &front, &centre, &back);
+    /* Kinks are few, and worth steps to a judge alone. */
     const vmask stretch = lanes & vf_lt(vf_of(0), w.length),
-                turns = CTS_MUTATED(LIT_STEPS) ? mask_of(0) : stretch & vf_lt(vf_of(m->turn), turn);
+                turns = CTS_MUTATED(LIT_STEPS) ? mask_of(0) : stretch & vf_lt(vf_of(m->turn), JUDGES ? turn : smooth);
     const Glow glow = glow_of(j->shade, &centre);
     for (int l = 0; l < n; l++) {
         const int ray = lit->wait.ray[first + l];
@@ -253,7 +273,7 @@ OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
         }
         for (int c = 0; c < 3; c++)
             m->rays->rgba[ray][c] += (float)(w.colour[c][l] * glow.colour[l] + w.weight[l] * glow.white[l]);
-        m->rays->lit_bound[ray] += bits_of(stretch) >> l & 1 ? (float)((real)0.25f * turn[l]) : 0;
+        m->rays->lit_bound[ray] += (float)((real)0.25f * turn[l]);
     }
     for (int kind = 0; kind < TILED_TURNING; kind++)
         if (lit->turning[kind].n >= LANES)
@@ -279,26 +299,29 @@ OUTLINE void light_up(March *m, Lit *lit, bool all)
     m->counts->shade_ticks += cts_tiled_ticks() - begun;
 }
 
-/* The lane's faint pieces are lit at their centre. */
+/* The lane's faint pieces are lit at their centre; how its cell goes on tells how much they turn. */
 OUTLINE void end_pending(March *m, Lit *lit, int lane)
 {
     Packet *const p = m->p;
     if (p->ray[lane] < 0 || !(p->faint_weight[lane] > 0))
         return;
     const int i = lit->wait.n++;
-    const real mm = p->faint_centre[lane] / p->faint_weight[lane];
+    const real begin = p->faint_begin[lane], mm = p->faint_centre[lane] / p->faint_weight[lane],
+               length = p->faint_end[lane] - begin;
     lit->wait.ray[i] = p->ray[lane];
     lit->wait.look[i] = CTS_LOOK_PRESET; /* a point is taken in no steps */
     for (int a = 0; a < 3; a++) {
         const real vox = p->start[a][lane] + mm * m->step[a];
         const int last = m->job->n_cells[a] - 1, cell = vox < 0 ? 0 : vox < (real)last ? (int)vox : last;
         lit->wait.field[WAIT_CELL + a][i] = (real)cell;
-        lit->wait.field[WAIT_ENTER + a][i] = lit->wait.field[WAIT_LEAVE + a][i] = vox - (real)cell;
+        lit->wait.field[WAIT_ENTER + a][i] = vox - (real)cell + (begin - mm) * m->step[a];
+        lit->wait.field[WAIT_LEAVE + a][i] = vox - (real)cell + (begin + length - mm) * m->step[a];
         lit->wait.field[WAIT_COLOUR + a][i] = p->faint_colour[a][lane];
         p->faint_colour[a][lane] = 0;
     }
     lit->wait.field[WAIT_WEIGHT][i] = p->faint_weight[lane];
-    lit->wait.field[WAIT_CENTRE][i] = lit->wait.field[WAIT_LIGHT][i] = lit->wait.field[WAIT_LENGTH][i] = 0;
+    lit->wait.field[WAIT_CENTRE][i] = (mm - begin) / length;
+    lit->wait.field[WAIT_LIGHT][i] = lit->wait.field[WAIT_LENGTH][i] = 0;
     p->faint_weight[lane] = p->faint_centre[lane] = 0;
     if (lit->wait.n > WAITING - 2 * LANES)
         light_up(m, lit, false);
@@ -321,6 +344,7 @@ INLINE void await_light(March *m, Lit *lit, const Effect *e, const vf weight[2],
         end_pending(m, lit, __builtin_ctz(left));
     for (int c = 0; c < 3; c++)
         p->faint_colour[c] += select_f(faint, colour[c], vf_of(0));
+    p->faint_begin = select_f(takes & ~vf_lt(vf_of(0), p->faint_weight), p->at, p->faint_begin);
     p->faint_end = select_f(takes, p->at + length, p->faint_end);
     p->faint_weight += select_f(faint, all, vf_of(0));
     p->faint_centre += select_f(faint, all * (p->at + centre * length), vf_of(0));

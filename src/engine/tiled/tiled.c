@@ -102,7 +102,7 @@ typedef struct Tolerances {
     double touch_hu; /* levels are known to so many */
     double alike;    /* pixels that are off by less from what lies between others are told by those */
 } Tolerances;
-static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 1.5}, exact = {0.02, 0.01, 0.2, 0.1, 1e-7, 0};
+static const Tolerances fast = {1.5, 1, 2.5, 1, 0.1, 1.5}, exact = {0.002, 0.01, 1e-6, 0.02, 1e-7, 0};
 /* Of a smaller error hardly any pixels are so much alike. And what is thin may be missed: a pixel that is wrong from
  * black to white is to count for little in the picture's error, an eighth of what is asked for. */
 static const double ALIKE_FROM = 4.0 / 255, MISSED = 1.0 / 8;
@@ -248,7 +248,7 @@ typedef struct Again {
     const CtsScene *scene;
     const CtsPicture *band;
     const uint32_t *place;
-    float (*rgba)[4];
+    float (*rgba)[4], *off;
     TiledScratch *scratch; /* of each worker */
     cts_tiled_march_fn march;
 } Again;
@@ -266,17 +266,20 @@ static void run_some_again(void *context, int worker, size_t first, size_t end)
         for (; first < end && rays->n < AT_ONCE; first++) {
             const uint32_t at = a->place[first];
             memset(a->rgba[first], 0, sizeof a->rgba[first]);
+            a->off[first] = 0;
             which[rays->n] = first; /* stays only where the ray does not miss the box */
             cts_tiled_add_ray(a->job, rays, (int)(at % width), a->band->first_row + (int)(at / width), -INFINITY);
         }
         a->march(a->job, rays, &a->scratch[worker].counts);
-        for (int i = 0; i < rays->n; i++)
+        for (int i = 0; i < rays->n; i++) {
             memcpy(a->rgba[which[i]], rays->rgba[i], sizeof rays->rgba[i]);
+            a->off[which[i]] = rays->bound[i];
+        }
     }
 }
 
 static CtsStatus render_again(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
-                              float (*rgba)[4], CtsError *err)
+                              float (*rgba)[4], float *off, CtsError *err)
 {
     const int n_threads = scene->settings->n_threads;
     CtsStatus st;
@@ -284,7 +287,7 @@ static CtsStatus render_again(const CtsScene *scene, const CtsPicture *band, con
     TiledJob job;
     Kept *kept = NULL;
     const CtsMacrocells *macrocells;
-    Again a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba};
+    Again a = {.job = &job, .scene = scene, .band = band, .place = place, .rgba = rgba, .off = off};
     if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, NULL, err)) ||
         (st = find_mask(kept, scene, macrocells, NULL, err)))
         goto end;

@@ -41,7 +41,7 @@ typedef struct Keeping {
     size_t n_strips, n_again;
     int round;
     uint32_t *place; /* pixels of the band that are made again in this round, strip by strip */
-    float (*rgba)[4];
+    float (*rgba)[4], *off;
 } Keeping;
 
 /* A pixel that is known exactly has no bound any more. */
@@ -114,6 +114,12 @@ static void list_some(void *context, int worker, size_t first, size_t end)
     }
 }
 
+/* Nor is what was made again exact: what it is off by at most comes on top. */
+static double error_again(const Keeping *k, size_t i)
+{
+    return WORTH * (double)k->off[i];
+}
+
 /* What the pixels show that were made again, which are then put right. */
 static void judge_some(void *context, int worker, size_t first, size_t end)
 {
@@ -125,8 +131,10 @@ static void judge_some(void *context, int worker, size_t first, size_t end)
         for (size_t i = s->first_again; i < s->first_again + s->n_again; i++) {
             const size_t at = k->place[i];
             float *const pixel = k->band->pixels + 4 * at;
-            const double square = cts_square_of_error(k->scene->preset, pixel, k->rgba[i]), p = chance_at(k, s, at);
-            s->found += square * (1 - p) / p;
+            const double off = error_again(k, i), p = chance_at(k, s, at),
+                         error = sqrt(cts_square_of_error(k->scene->preset, pixel, k->rgba[i])) + off,
+                         square = error * error;
+            s->found += square * (1 - p) / p + off * off;
             if (p < 1)
                 s->beyond = fmax(s->beyond, square / square_at(k, at));
             if (!CTS_MUTATED(UNCAST))
@@ -152,10 +160,12 @@ static CtsStatus run_round(Keeping *k, const CtsEngine *engine, CtsError *err)
     }
     cts_free(&k->place);
     cts_free(&k->rgba);
-    if ((st = cts_alloc_array(&k->place, k->n_again, err)) || (st = cts_alloc_array(&k->rgba, k->n_again, err)))
+    cts_free(&k->off);
+    if ((st = cts_alloc_array(&k->place, k->n_again, err)) || (st = cts_alloc_array(&k->rgba, k->n_again, err)) ||
+        (st = cts_alloc_array(&k->off, k->n_again, err)))
         return st;
     cts_parallel(n_threads, k->n_strips, 1, list_some, k);
-    if (k->n_again > 0 && (st = engine->again(k->scene, k->band, k->place, k->n_again, k->rgba, err)))
+    if (k->n_again > 0 && (st = engine->again(k->scene, k->band, k->place, k->n_again, k->rgba, k->off, err)))
         return st;
     cts_parallel(n_threads, k->n_strips, 1, judge_some, k);
     return CTS_OK;
@@ -219,6 +229,7 @@ end:
     cts_free(&k.strips);
     cts_free(&k.place);
     cts_free(&k.rgba);
+    cts_free(&k.off);
     return st;
 }
 

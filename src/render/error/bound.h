@@ -7,7 +7,8 @@
  * them are put right. What the others err by together, e^2 (1 - p) / p summed over those made again has for its
  * expectation, and each term is at most a weight that is known, as long as e^2 <= b^2 + f^2: Chernoff's bound makes an
  * upper limit of that, which holds in 999 of 1000 pictures (cts_expectation_limit()). It asks of b only to be a bound,
- * not to be a good one; where a pixel shows that it is none, the weight grows by as much.
+ * not to be a good one; where a pixel shows that it is none, the weight grows by as much. What is made again has
+ * a bound as well, far smaller, which counts as error.
  *
  * Strips of CTS_BAND_ROWS rows are judged one by one, so that a picture is the same in bands of any size. Where a strip
  * errs by more than what is asked for, more of its pixels are made again, until it does not. */
