@@ -5,6 +5,7 @@
 #include "base/parallel.h"
 #include "engine/tiled/cell_distance.h"
 #include <stdatomic.h>
+#include <string.h>
 
 /* What shows lies between these levels. */
 typedef struct Bracket {
@@ -21,56 +22,76 @@ typedef struct Looking {
     Bracket *brackets;       /* of each look */
     int n_cells[3];
     ptrdiff_t stride[3]; /* to the next voxel; 0 along an axis of one */
-    uint8_t *distance;   /* of each block, to the next that shows something */
+    ptrdiff_t n_voxels;
+    uint8_t *distance; /* of each block, to the next that shows something */
     _Atomic int64_t n_visible;
 } Looking;
 
-/* Levels of the cells' corners, column by column: the smallest and largest of 2 x 2 rows. */
-typedef struct Columns {
-    uint16_t low[TILED_BLOCK + 1], high[TILED_BLOCK + 1];
-} Columns;
+/* Levels of a row of corners, those of a block's cells first. */
+typedef uint16_t Row __attribute__((vector_size(16)));
 
-static uint16_t smaller(uint16_t a, uint16_t b)
+static Row smaller(Row a, Row b)
 {
-    return a < b ? a : b;
+    const Row less = (Row)(a < b);
+    return (less & a) | (~less & b);
 }
 
-static uint16_t larger(uint16_t a, uint16_t b)
+static Row larger(Row a, Row b)
 {
-    return a > b ? a : b;
+    const Row less = (Row)(a < b);
+    return (less & b) | (~less & a);
 }
 
-static unsigned row_bits(const Looking *l, const Bracket *b, const uint16_t *v, int n)
+static Row next(Row row)
 {
-    Columns c;
-    const uint16_t *const below = v + l->stride[1], *const behind = v + l->stride[2],
-                          *const both = below + l->stride[2];
-    for (int i = 0; i <= n; i++) {
-        const ptrdiff_t at = i * l->stride[0];
-        c.low[i] = smaller(smaller(v[at], below[at]), smaller(behind[at], both[at]));
-        c.high[i] = larger(larger(v[at], below[at]), larger(behind[at], both[at]));
-    }
-    unsigned bits = 0;
-    for (int i = 0; i < n; i++) {
-        const int most = CTS_MUTATED(MASK_NEIGHBOUR) ? c.high[i] : larger(c.high[i], c.high[i + 1]);
-        bits |= (unsigned)(most > b->low && smaller(c.low[i], c.low[i + 1]) < b->high) << i;
-    }
-    return bits;
+    return __builtin_shufflevector(row, row, 1, 2, 3, 4, 5, 6, 7, 7);
+}
+
+static Row load_row(const Looking *l, ptrdiff_t at, int n)
+{
+    Row row = {0};
+    if (l->stride[0] == 1 && at + (ptrdiff_t)(sizeof row / sizeof row[0]) <= l->n_voxels)
+        memcpy(&row, l->volume->grey + at, sizeof row);
+    else
+        for (int i = 0; i <= n; i++)
+            row[i] = l->volume->grey[at + i * l->stride[0]];
+    return row;
+}
+
+/* Whether cells may show what lies above b->low and below b->high: bit i of cell i, by their corners' levels. */
+static unsigned row_bits(const Bracket *b, Row low, Row high)
+{
+    const Row from = (Row){0} + (uint16_t)(b->low + 1), to = (Row){0} + (uint16_t)(b->high - 1);
+    const Row most = CTS_MUTATED(MASK_NEIGHBOUR) ? high : larger(high, next(high));
+    const Row shows = (Row)(most >= from) & (Row)(smaller(low, next(low)) <= to);
+    return (shows[0] & 1U) | (shows[1] & 2U) | (shows[2] & 4U) | (shows[3] & 8U);
 }
 
 static void block_bits(const Looking *l, const Bracket *b, const int block[3], uint32_t cells[2])
 {
     int n[3];
-    const uint16_t *v = l->volume->grey;
+    ptrdiff_t at = 0;
+    Row low[TILED_BLOCK + 1][TILED_BLOCK], high[TILED_BLOCK + 1][TILED_BLOCK]; /* of two rows each */
     for (int a = 0; a < 3; a++) {
         const int rest = l->n_cells[a] - block[a] * TILED_BLOCK;
         n[a] = rest < TILED_BLOCK ? rest : TILED_BLOCK;
-        v += block[a] * TILED_BLOCK * l->stride[a];
+        at += block[a] * TILED_BLOCK * l->stride[a];
+    }
+    for (int k = 0; k <= n[2]; k++) {
+        Row row = load_row(l, at + k * l->stride[2], n[0]);
+        for (int j = 0; j < n[1]; j++) {
+            const Row below = load_row(l, at + k * l->stride[2] + (j + 1) * l->stride[1], n[0]);
+            low[k][j] = smaller(row, below);
+            high[k][j] = larger(row, below);
+            row = below;
+        }
     }
     cells[0] = cells[1] = 0;
     for (int k = 0; k < n[2]; k++)
         for (int j = 0; j < n[1]; j++)
-            cells[k / 2] |= row_bits(l, b, v + k * l->stride[2] + j * l->stride[1], n[0]) << (16 * (k % 2) + 4 * j);
+            cells[k / 2] |= (row_bits(b, smaller(low[k][j], low[k + 1][j]), larger(high[k][j], high[k + 1][j])) &
+                             ((1U << n[0]) - 1))
+                            << (16 * (k % 2) + 4 * j);
 }
 
 /* True where something in a block of one look may show, whose cells are then told apart. */
@@ -212,6 +233,7 @@ CtsStatus cts_tiled_mask_init(TiledMask *mask, const CtsScene *scene, const Tile
         l.stride[a] = dim > 1 ? stride : 0;
         stride *= dim;
     }
+    l.n_voxels = stride;
     l.bracket = bracket_of(scene->lut);
     if (looks && (st = cts_alloc_array(&l.brackets, (size_t)looks->n, err)))
         return st;
