@@ -6,6 +6,8 @@
 #include "input/header/slice.h"
 #include "input/labels/label_reading.h"
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 enum { N_SLICES = 10, COLUMNS = 28, ROWS = 24 };
 
@@ -49,11 +51,14 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     CtsLabels *labels = NULL;
     CtsError err = {0};
     char class_uid[65];
-    const CtsFileBytes file = cts_file_bytes_in_memory(data, n);
+    const CtsFileBytes file = {.fd = memfd_create("fuzz", MFD_CLOEXEC), .n_bytes = n};
     const CtsFile member = {.path = "fuzz", .memory = data, .n_memory = n};
     const CtsLabelNames names = {0};
-    if (cts_label_grid_of(&grid, &series, &err) || cts_labels_new(&labels, &grid, &err))
+    assert(write(file.fd, data, n) == (ssize_t)n);
+    if (cts_label_grid_of(&grid, &series, &err) || cts_labels_new(&labels, &grid, &err)) {
+        close(file.fd);
         return 0;
+    }
     const CtsLabelReading reading = {.series = &series, .labels = labels, .file = 1, .names = &names};
     const CtsStatus st = cts_nifti_is(data, n)                    ? cts_label_read_nifti(&reading, &file, &err)
                          : cts_plain_is_dicom(data, n, class_uid) ? read_dicom(&reading, &member, &err)
@@ -62,5 +67,6 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t n)
     if (!st && !cts_labels_begin(labels, &err) && !cts_labels_count(labels, number, N_SLICES, NULL, &err))
         check_runs(labels);
     cts_labels_free(&labels);
+    close(file.fd);
     return 0;
 }

@@ -2,20 +2,14 @@
 
 #include "base/mem.h"
 #include "base/vec3.h"
+#include <errno.h>
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <zlib.h>
+#include <unistd.h>
 
 enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MOST_EXTENSION = 16 << 20, MOST_DIM = 32767 };
 enum { MOST_PACKED = 1032 }; /* bytes that one byte of deflate can stand for: matches of 258 in 2 bits */
-
-struct CtsUnpacker {
-    z_stream stream;
-    uint8_t packed[CHUNK];
-    uint64_t at; /* next packed byte of the file */
-    bool ended;
-};
 
 /* All datatypes that hold one number a voxel. */
 static const struct {
@@ -55,41 +49,26 @@ const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path)
     return NULL;
 }
 
-static CtsStatus unpack(CtsNifti *f, uint8_t *bytes, size_t n, CtsError *err)
-{
-    struct CtsUnpacker *const u = f->unpacker;
-    u->stream.next_out = bytes;
-    while (n > 0) {
-        u->stream.avail_out = n < 1 << 30 ? (uInt)n : 1 << 30;
-        const uInt wanted = u->stream.avail_out;
-        if (u->stream.avail_in == 0 && u->at < f->file->n_bytes) {
-            const size_t part = f->file->n_bytes - u->at < CHUNK ? (size_t)(f->file->n_bytes - u->at) : CHUNK;
-            const CtsStatus st = cts_file_bytes_read(f->file, u->packed, part, u->at, err);
-            if (st)
-                return st;
-            u->at += part;
-            u->stream.next_in = u->packed;
-            u->stream.avail_in = (uInt)part;
-        }
-        const int result = u->ended ? Z_BUF_ERROR : inflate(&u->stream, Z_NO_FLUSH);
-        n -= wanted - u->stream.avail_out;
-        u->ended = result == Z_STREAM_END;
-        if (n > 0 && (u->ended || (result == Z_BUF_ERROR && u->stream.avail_in == 0 && u->at == f->file->n_bytes)))
-            return cts_fail(err, CTS_ERR_READ, "cut short: its gzip stream ends before the last voxel");
-        if (result != Z_OK && result != Z_STREAM_END && result != Z_BUF_ERROR)
-            return cts_fail(err, CTS_ERR_READ, "its gzip stream is damaged");
-    }
-    return CTS_OK;
-}
-
+/* zlib reads what is packed and what is not. */
 static CtsStatus read_bytes(CtsNifti *f, uint8_t *bytes, size_t n, CtsError *err)
 {
-    if (!f->unpacker && (f->at > f->file->n_bytes || n > f->file->n_bytes - f->at))
-        return cts_fail(err, CTS_ERR_READ, "cut short: it needs %llu bytes, and has %llu",
-                        (unsigned long long)(f->at + n), (unsigned long long)f->file->n_bytes);
-    const CtsStatus st = f->unpacker ? unpack(f, bytes, n, err) : cts_file_bytes_read(f->file, bytes, n, f->at, err);
-    f->at += n;
-    return st;
+    enum { MOST = 1 << 30 };
+    while (n > 0) {
+        const unsigned part = n < MOST ? (unsigned)n : MOST;
+        int why = Z_OK;
+        if (gzread(f->stream, bytes, part) != (int)part) {
+            gzerror(f->stream, &why);
+            return why == Z_MEM_ERROR    ? cts_fail(err, CTS_ERR_MEMORY, "out of memory")
+                   : why == Z_ERRNO      ? cts_fail(err, CTS_ERR_READ, "cannot be read: %s", strerror(errno))
+                   : why == Z_DATA_ERROR ? cts_fail(err, CTS_ERR_READ, "its gzip stream is damaged")
+                   : f->is_packed ? cts_fail(err, CTS_ERR_READ, "cut short: its gzip stream ends before the last voxel")
+                                  : cts_fail(err, CTS_ERR_READ, "cut short: its %llu bytes end before the last voxel",
+                                             (unsigned long long)f->file->n_bytes);
+        }
+        bytes += part;
+        n -= part;
+    }
+    return CTS_OK;
 }
 
 static uint64_t integer_at(const CtsNifti *f, const uint8_t *p, int n)
@@ -213,35 +192,32 @@ static CtsStatus read_shape(CtsNifti *f, const uint8_t *h, const Layout *l, CtsE
 /* What stands between the header and the voxels: 4 bytes, then blocks of a size, a code and text of any kind. */
 static CtsStatus read_extension(CtsNifti *f, uint64_t offset, CtsError *err)
 {
-    if (offset < f->at)
+    const uint64_t at = (uint64_t)gztell(f->stream);
+    if (offset < at)
         return cts_fail(err, CTS_ERR_READ, "its voxels begin inside its header");
-    uint64_t n = offset - f->at;
-    uint8_t skipped[4096];
-    CtsStatus st = CTS_OK;
-    if (n > 12 && n <= MOST_EXTENSION) {
-        if (!f->unpacker && n > f->file->n_bytes - f->at)
-            return cts_fail(err, CTS_ERR_READ, "cut short in its extension");
-        f->extension = malloc((size_t)n);
-        if (!f->extension)
-            return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-        f->n_extension = (size_t)n;
-        return read_bytes(f, (uint8_t *)f->extension, (size_t)n, err);
-    }
-    for (; n > 0 && !st; n -= n < sizeof skipped ? n : sizeof skipped)
-        st = read_bytes(f, skipped, n < sizeof skipped ? (size_t)n : sizeof skipped, err);
-    return st;
+    if (offset - at <= 12 || offset - at > MOST_EXTENSION) /* where the file ends before, reading on says so */
+        return gzseek(f->stream, (z_off_t)offset, SEEK_SET) < 0
+                   ? cts_fail(err, CTS_ERR_READ, "cut short in its extension")
+                   : CTS_OK;
+    if (!f->is_packed && offset > f->file->n_bytes)
+        return cts_fail(err, CTS_ERR_READ, "cut short in its extension");
+    if (!(f->extension = malloc((size_t)(offset - at))))
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    f->n_extension = (size_t)(offset - at);
+    return read_bytes(f, (uint8_t *)f->extension, f->n_extension, err);
 }
 
-static CtsStatus start_unpacking(CtsNifti *f, CtsError *err)
+static CtsStatus open_stream(CtsNifti *f, CtsError *err)
 {
-    f->unpacker = calloc(1, sizeof *f->unpacker);
-    if (!f->unpacker)
+    const int fd = f->file->memory ? -1 : dup(f->file->fd);
+    if (fd < 0 || lseek(fd, 0, SEEK_SET))
+        return cts_fail(err, CTS_ERR_READ, "cannot be read: %s", f->file->memory ? "it is no file" : strerror(errno));
+    if (!(f->stream = gzdopen(fd, "rb"))) {
+        close(fd);
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (inflateInit2(&f->unpacker->stream, 15 + 16) == Z_OK)
-        return CTS_OK;
-    free(f->unpacker);
-    f->unpacker = NULL;
-    return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    gzbuffer(f->stream, CHUNK);
+    return CTS_OK;
 }
 
 CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
@@ -251,9 +227,10 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
     *f = (CtsNifti){.file = file};
     if (file->n_bytes < 2)
         return cts_fail(err, CTS_ERR_READ, "is empty");
-    if ((st = cts_file_bytes_read(file, magic, 2, 0, err)) ||
-        (magic[0] == 0x1F && magic[1] == 0x8B && (st = start_unpacking(f, err))) ||
-        (st = read_bytes(f, h, SIZE_1, err)))
+    if ((st = cts_file_bytes_read(file, magic, 2, 0, err)))
+        return st;
+    f->is_packed = magic[0] == 0x1F && magic[1] == 0x8B;
+    if ((st = open_stream(f, err)) || (st = read_bytes(f, h, SIZE_1, err)))
         return st;
     f->big_endian = h[0] == 0;
     const uint64_t size = integer_at(f, h, 4);
@@ -278,9 +255,8 @@ CtsStatus cts_nifti_open(CtsNifti *f, const CtsFileBytes *file, CtsError *err)
 
 void cts_nifti_close(CtsNifti *f)
 {
-    if (f->unpacker)
-        inflateEnd(&f->unpacker->stream);
-    free(f->unpacker);
+    if (f->stream)
+        gzclose(f->stream);
     free(f->extension);
     *f = (CtsNifti){0};
 }
@@ -288,7 +264,7 @@ void cts_nifti_close(CtsNifti *f)
 CtsStatus cts_nifti_count(const CtsNifti *f, size_t bytes_each, size_t *n, CtsError *err)
 {
     const size_t n_row = (size_t)f->dims[0] * (size_t)f->dims[1];
-    const uint64_t most = f->unpacker ? f->file->n_bytes * MOST_PACKED : f->file->n_bytes;
+    const uint64_t most = f->is_packed ? f->file->n_bytes * MOST_PACKED : f->file->n_bytes;
     if (cts_mul_overflows(n_row, (size_t)f->dims[2], n) || *n > most / (uint64_t)f->bytes)
         return cts_fail(err, CTS_ERR_READ, "cut short: it claims %d x %d x %d voxels of %d bytes, and has %llu bytes",
                         f->dims[0], f->dims[1], f->dims[2], f->bytes, (unsigned long long)f->file->n_bytes);

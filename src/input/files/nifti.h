@@ -6,6 +6,7 @@
 #include "input/files/file_bytes.h"
 #include <stdbool.h>
 #include <stdint.h>
+#include <zlib.h>
 
 typedef struct CtsNifti {
     int dims[3];
@@ -18,8 +19,8 @@ typedef struct CtsNifti {
     /* Where the numbers come from: */
     const CtsFileBytes *file;
     bool big_endian;
-    struct CtsUnpacker *unpacker; /* of .gz; else NULL */
-    uint64_t at;                  /* next byte of the unpacked file */
+    bool is_packed; /* with gzip */
+    gzFile stream;  /* of the file unpacked */
 } CtsNifti;
 
 /* Whether a file that begins so is NIfTI, alone or packed with gzip. */
