@@ -1,13 +1,12 @@
 #include "input/codec/pixels.h"
 
-#include "input/codec/codec.h"
-#include "input/files/file_bytes.h"
 #include <string.h>
 
 /* What is read at a time, so that it is still in the nearest caches when it is looked at. */
 enum { PART_BYTES = 64 << 10 };
 
-CtsStatus cts_join_fragments(uint8_t **stream, size_t *n, CtsError *err)
+/* Takes the items' own 8 bytes out from between the fragments of a frame; most have one, which stays where it is. */
+static CtsStatus join_fragments(uint8_t **stream, size_t *n, CtsError *err)
 {
     uint8_t *const bytes = *stream;
     size_t n_joined = 0, pos = 0;
@@ -30,6 +29,21 @@ CtsStatus cts_join_fragments(uint8_t **stream, size_t *n, CtsError *err)
     return CTS_OK;
 }
 
+CtsStatus cts_codec_submit(CtsSandbox *decoder, const CtsFrameFormat *format, const CtsFileBytes *file, uint64_t offset,
+                           uint64_t end, CtsError *err)
+{
+    size_t n = (size_t)(end - offset);
+    uint8_t *stream;
+    CtsStatus st = cts_codec_room(decoder, format, n, &stream, err);
+    if (!st)
+        st = cts_file_bytes_read(file, stream, n, offset, err);
+    if (!st && !format->syntax->deflated)
+        st = join_fragments(&stream, &n, err);
+    if (!st)
+        cts_codec_send(decoder, format, stream, n);
+    return st;
+}
+
 /* What a decoder is given: the frame's fragments, or a deflated data set whole. */
 static void find_stream(const CtsSlice *s, uint64_t *offset, uint64_t *n)
 {
@@ -40,19 +54,13 @@ static void find_stream(const CtsSlice *s, uint64_t *offset, uint64_t *n)
 /* Hand the slice to its decoder. Only where it fits. */
 static CtsStatus submit(const CtsSlice *s, const CtsFrameFormat *format, CtsSandbox *decoder, CtsError *err)
 {
-    uint64_t offset, n_bytes;
-    uint8_t *stream;
+    uint64_t offset, n;
     CtsFileBytes file;
-    find_stream(s, &offset, &n_bytes);
-    size_t n = (size_t)n_bytes;
+    find_stream(s, &offset, &n);
     CtsStatus st = cts_slice_open(s, &file, err);
-    if (!st && !(st = cts_codec_room(decoder, format, n, &stream, err)))
-        st = cts_file_bytes_read(&file, stream, n, offset, err);
-    cts_file_bytes_close(&file);
-    if (!st && !s->syntax->deflated)
-        st = cts_join_fragments(&stream, &n, err);
     if (!st)
-        cts_codec_send(decoder, format, stream, n);
+        st = cts_codec_submit(decoder, format, &file, offset, offset + n, err);
+    cts_file_bytes_close(&file);
     return st;
 }
 

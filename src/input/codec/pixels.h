@@ -2,7 +2,8 @@
 #ifndef CTS_DICOM_PIXELS_H
 #define CTS_DICOM_PIXELS_H
 
-#include "base/sandbox.h"
+#include "input/codec/codec.h"
+#include "input/files/file_bytes.h"
 #include "input/header/slice.h"
 
 /* Its pixels come from a codec or are deflated. */
@@ -23,7 +24,8 @@ CtsStatus cts_slice_read_pixels(const CtsSlice *slice, CtsSandbox **decoder, uin
  * fails here fails again, and says why, when they are. */
 bool cts_slice_begin(const CtsSlice *slice, CtsSandbox **decoder);
 
-/* Takes the items' own 8 bytes out from between the fragments of a frame; most have one, which stays where it is. */
-CtsStatus cts_join_fragments(uint8_t **stream, size_t *n, CtsError *err);
+/* Reads a frame's fragments, or a deflated data set whole, and hands the stream to a sandbox of cts_codec_work(). */
+CtsStatus cts_codec_submit(CtsSandbox *decoder, const CtsFrameFormat *format, const CtsFileBytes *file, uint64_t offset,
+                           uint64_t end, CtsError *err);
 
 #endif

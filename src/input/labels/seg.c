@@ -1,7 +1,6 @@
 /* DICOM Segmentations (PS3.3 A.51, A.93, C.8.20): frames of one segment each, or of all their numbers. */
 #include "base/mem.h"
 #include "base/vec3.h"
-#include "input/codec/codec.h"
 #include "input/codec/pixels.h"
 #include "input/header/pixel_places.h"
 #include "input/labels/mask.h"
@@ -223,17 +222,9 @@ static CtsFrameFormat format_of(const Seg *s)
 static CtsStatus decode(Seg *s, int frame, const void **pixels, CtsError *err)
 {
     const CtsFrameFormat format = format_of(s);
-    size_t n = (size_t)(s->offset[frame + 1] - s->offset[frame]);
-    uint8_t *stream;
-    CtsStatus st = cts_codec_room(&s->decoder, &format, n, &stream, err);
-    if (!st)
-        st = cts_file_bytes_read(&s->object->source, stream, n, s->offset[frame], err);
-    if (st)
-        return st;
-    if ((st = cts_join_fragments(&stream, &n, err)))
-        return st;
-    cts_codec_send(&s->decoder, &format, stream, n);
-    return cts_sandbox_take(&s->decoder, pixels, err);
+    const CtsStatus st =
+        cts_codec_submit(&s->decoder, &format, &s->object->source, s->offset[frame], s->offset[frame + 1], err);
+    return st ? st : cts_sandbox_take(&s->decoder, pixels, err);
 }
 
 static void spread_bits(const uint8_t *bytes, int shift, size_t n, uint16_t value, uint16_t *values)

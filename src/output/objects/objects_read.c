@@ -4,7 +4,6 @@
 
 #include "base/mem.h"
 #include "ctsplat/bounds.h"
-#include "input/codec/codec.h"
 #include "input/codec/pixels.h"
 #include "input/header/head.h"
 #include "input/header/pixel_places.h"
@@ -102,17 +101,11 @@ static CtsStatus decode(ScFile *f, CtsError *err)
                                    .padding_word = -1};
     CtsSandbox decoder = cts_sandbox_make(cts_codec_work, "decoder");
     uint64_t *offset = NULL;
-    uint8_t *stream;
     const void *pixels;
     CtsStatus st = cts_find_frames(&f->head.file, f->head.scan.pixel_offset, h->n_frames, &offset, err);
-    size_t n = st ? 0 : (size_t)(offset[1] - offset[0]);
-    if (!st && !(st = cts_codec_room(&decoder, &format, n, &stream, err)) &&
-        !(st = cts_file_bytes_read(&f->head.file, stream, n, offset[0], err)) &&
-        !(st = cts_join_fragments(&stream, &n, err))) {
-        cts_codec_send(&decoder, &format, stream, n);
-        if (!(st = cts_sandbox_take(&decoder, &pixels, err)))
-            memcpy(f->frame, pixels, f->frame_bytes);
-    }
+    if (!st && !(st = cts_codec_submit(&decoder, &format, &f->head.file, offset[0], offset[1], err)) &&
+        !(st = cts_sandbox_take(&decoder, &pixels, err)))
+        memcpy(f->frame, pixels, f->frame_bytes);
     f->header.planar = false;
     cts_free(&offset);
     cts_sandbox_stop(&decoder);
