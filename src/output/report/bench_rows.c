@@ -4,12 +4,9 @@
 #include <errno.h>
 #include <jansson.h>
 #include <math.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 void cts_bench_mark_pareto(CtsBenchRows *rows)
 {
@@ -280,75 +277,54 @@ end:
     return end_text(f, good, html, err);
 }
 
-extern char **environ;
-
 CTS_BY_ID(
     char *const, cts_engine_colours,
     CTS_N_ENGINES, [CTS_ENGINE_CLASSIC] = "#7a3db8", [CTS_ENGINE_LAYERS] = "#1a8f6c", [CTS_ENGINE_VOID] = "#2f7fc1",
     [CTS_ENGINE_COMBINED] = "#c25a00", [CTS_ENGINE_TILED] = "#b3123f", [CTS_ENGINE_RAYCAST] = "#333333");
 
-/* The whole of a file from its start, with a 0 behind it. */
+/* All that a file or a pipe still holds, with a 0 behind it. */
 static char *read_all(FILE *file)
 {
     char *text = NULL;
-    long n;
-    if (fseek(file, 0, SEEK_END) || (n = ftell(file)) < 0 || fseek(file, 0, SEEK_SET) ||
-        !(text = malloc((size_t)n + 1)))
-        return NULL;
-    if (fread(text, 1, (size_t)n, file) != (size_t)n) {
-        free(text);
-        return NULL;
-    }
-    text[n] = '\0';
-    return text;
+    size_t room = 0;
+    if (getdelim(&text, &room, 0, file) >= 0)
+        return text;
+    free(text);
+    return ferror(file) ? NULL : strdup("");
 }
 
-/* Files stand in for pipes, so that neither side can wait for the other. */
-static CtsStatus run(FILE *in, FILE *out, FILE *complaints, CtsError *err)
+/* Files stand in for two of the pipes, so that neither side can wait for the other. */
+static CtsStatus run(FILE *in, FILE *complaints, char **svg, CtsError *err)
 {
-    char name[] = "gnuplot", dash[] = "-";
-    char *const argv[] = {name, dash, NULL};
-    posix_spawn_file_actions_t actions;
-    pid_t pid;
-    int status = 0, failed = posix_spawn_file_actions_init(&actions);
-    if (failed)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    failed = posix_spawn_file_actions_adddup2(&actions, fileno(in), STDIN_FILENO) ||
-             posix_spawn_file_actions_adddup2(&actions, fileno(out), STDOUT_FILENO) ||
-             posix_spawn_file_actions_adddup2(&actions, fileno(complaints), STDERR_FILENO);
-    if (!failed)
-        failed = posix_spawnp(&pid, name, &actions, NULL, argv, environ);
-    posix_spawn_file_actions_destroy(&actions);
-    if (failed)
-        return cts_fail(err, CTS_ERR_OUTPUT, "gnuplot cannot be run: %s (install the package gnuplot-nox)",
-                        strerror(failed));
-    TEMP_FAILURE_RETRY(waitpid(pid, &status, 0));
-    if (WIFEXITED(status) && WEXITSTATUS(status) == 0)
-        return CTS_OK;
+    char command[80];
+    snprintf(command, sizeof command, "gnuplot /proc/self/fd/%d 2>&%d", fileno(in), fileno(complaints));
+    FILE *const out = popen(command, "re");
+    if (!out)
+        return cts_fail(err, CTS_ERR_OUTPUT, "gnuplot cannot be run: %s", strerror(errno));
+    *svg = read_all(out);
+    const int status = pclose(out);
+    if (status == 0)
+        return *svg ? CTS_OK : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    rewind(complaints);
     char *why = read_all(complaints);
-    cts_fail(err, CTS_ERR_OUTPUT, "gnuplot failed: %.300s", why ? why : "");
+    cts_fail(err, CTS_ERR_OUTPUT, "gnuplot cannot be run, or fails (it is in the package gnuplot-nox): %.300s",
+             why ? why : "");
     free(why);
-    for (char *c = err ? err->text : NULL; c && *c; c++)
-        *c = *c == '\n' ? ' ' : *c;
+    free(*svg);
+    *svg = NULL;
     return CTS_ERR_OUTPUT;
 }
 
 CtsStatus cts_gnuplot(const char *script, char **svg, CtsError *err)
 {
-    CtsStatus st;
-    FILE *in = tmpfile(), *out = tmpfile(), *complaints = tmpfile();
+    FILE *in = tmpfile(), *complaints = tmpfile();
     *svg = NULL;
-    if (!in || !out || !complaints || fputs(script, in) < 0 || fflush(in) || fseek(in, 0, SEEK_SET)) {
-        st = cts_fail(err, CTS_ERR_OUTPUT, "no temporary file for gnuplot: %s", strerror(errno));
-        goto end;
-    }
-    if (!(st = run(in, out, complaints, err)) && !(*svg = read_all(out)))
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-end:
-    for (int i = 0; i < 3; i++) {
-        FILE *file = (FILE *[]){in, out, complaints}[i];
-        if (file)
-            fclose(file);
-    }
+    const CtsStatus st = !in || !complaints || fputs(script, in) < 0 || fflush(in)
+                             ? cts_fail(err, CTS_ERR_OUTPUT, "no temporary file for gnuplot: %s", strerror(errno))
+                             : run(in, complaints, svg, err);
+    if (in)
+        fclose(in);
+    if (complaints)
+        fclose(complaints);
     return st;
 }
