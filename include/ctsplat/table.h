@@ -5,6 +5,7 @@
 #include "ctsplat/report.h"
 #include "ctsplat/status.h"
 #include "ctsplat/volume.h"
+#include <stdbool.h>
 
 CTS_API_BEGIN
 
@@ -23,7 +24,8 @@ CTS_API_BEGIN
  * rim of 3 mm around it, at least 2 voxels within a section and one section beyond, which holds the partial-volume
  * ramp. Air at the border of the field of view counts as enclosed when it is a lung by its density.
  *
- * volume->body becomes the inside of the patient, 3 mm under the skin, with the air that it encloses.
+ * finds_inside: volume->body becomes the inside of the patient, 3 mm under the skin, with the air that it encloses, for
+ * the modes minip and average.
  *
  * The sections lie across the volume axis nearest to z, so axial, tilted, coronal and sagittal stacks, supine and
  * prone, head or feet first are all one.
@@ -37,8 +39,8 @@ CTS_API_BEGIN
  *
  * seen is what the table is told by: volume itself (NULL), or where its layers were made up of uneven slices the same
  * layers joined by straight lines, since plates stand still there. */
-CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, int n_threads, CtsReport *report,
-                                  CtsError *err);
+CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, bool finds_inside, int n_threads,
+                                  CtsReport *report, CtsError *err);
 
 CTS_API_END
 #endif

@@ -188,7 +188,7 @@ static void remove_table(CtsVolume *v, int n_threads, CtsReport *report)
 {
     CtsError err;
     *report = (CtsReport){0};
-    assert_int_equal(cts_volume_remove_table(v, NULL, n_threads, report, &err), CTS_OK);
+    assert_int_equal(cts_volume_remove_table(v, NULL, true, n_threads, report, &err), CTS_OK);
     assert_true(report->stages[CTS_STAGE_CLASSIFY].ran);
 }
 
@@ -642,10 +642,10 @@ static void test_odd(void **state)
     cts_report_free(&report);
     memset(v->step_lps[1], 0, sizeof v->step_lps[1]);
     CtsReport flat = {0};
-    assert_int_equal(cts_volume_remove_table(v, NULL, 2, &flat, &err), CTS_OK);
+    assert_int_equal(cts_volume_remove_table(v, NULL, true, 2, &flat, &err), CTS_OK);
     assert_true(is_skipped(&flat));
     cts_report_free(&flat);
-    assert_int_equal(cts_volume_remove_table(v, NULL, 0, NULL, NULL), CTS_OK);
+    assert_int_equal(cts_volume_remove_table(v, NULL, true, 0, NULL, NULL), CTS_OK);
     cts_volume_free(&before);
     cts_volume_free(&v);
 }

@@ -189,9 +189,12 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
     CtsStatus st = CTS_OK;
     const CtsBatchPicture *const pictures = w->child->pictures;
     const int n = w->child->n_pictures;
-    bool both = false;
-    for (int i = 0; i < n; i++)
-        both |= job_of(w->settings, &pictures[i]).source.remove_table;
+    bool both = false, inside = false;
+    for (int i = 0; i < n; i++) {
+        const CtsJob job = job_of(w->settings, &pictures[i]);
+        both |= job.source.remove_table;
+        inside |= cts_job_looks_inside(&job);
+    }
     for (int without_table = 0; without_table < 2; without_table++) {
         bool loaded = false;
         for (int i = 0; i < n && !st; i++) {
@@ -202,6 +205,7 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
             job.source.paths = w->label_paths;
             job.source.n_paths = w->n_label_paths;
             job.source.labels_listed = true;
+            job.source.inside_unseen = !inside;
             job.source.archives = w->child->archives;
             w->picture = &pictures[i];
             if (!loaded && (st = load(w, &job.source, without_table || !both, err)))

@@ -358,17 +358,25 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
     return st;
 }
 
+bool cts_job_looks_inside(const CtsJob *job)
+{
+    const CtsMode mode = job->render.mode >= 0 ? (CtsMode)job->render.mode : job->preset->mode;
+    return mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE;
+}
+
 CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err)
 {
     CtsLoaded loaded = {0};
+    CtsSource source = job->source;
     CtsStatus st;
     CtsMeter meter = cts_meter_start(report);
+    source.inside_unseen = !cts_job_looks_inside(job);
     st = cts_job_check(job, report, err);
     cts_watch_findings(watch, report);
     cts_meter_stop(meter, report, CTS_STAGE_SCAN);
     if (st)
         return st;
-    st = cts_source_load(&job->source, watch, n_steps_of(job), &loaded, report, err);
+    st = cts_source_load(&source, watch, n_steps_of(job), &loaded, report, err);
     if (watch->loaded)
         watch->loaded(watch->context);
     if (!st && !(st = stopped(job, err)))

@@ -52,6 +52,9 @@ CtsStatus cts_job_pictures(const CtsJob *job, const CtsLoaded *loaded, const Cts
 CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWatch *watch, CtsReport *report,
                          CtsError *err);
 
+/* Whether its pictures show the inside of the body alone. */
+bool cts_job_looks_inside(const CtsJob *job);
+
 /* Check, load, render. */
 CtsStatus cts_job_run(const CtsJob *job, const CtsWatch *watch, CtsReport *report, CtsError *err);
 

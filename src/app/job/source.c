@@ -131,7 +131,7 @@ static CtsStatus cut(const CtsSource *source, CtsVolume *volume, const CtsVolume
                     high[1], low[2], high[2]);
     /* The table is told from the patient by the whole, so it goes before the crop. */
     if (source->remove_table)
-        st = cts_volume_remove_table(volume, seen, source->n_threads, report, err);
+        st = cts_volume_remove_table(volume, seen, !source->inside_unseen, source->n_threads, report, err);
     else
         cts_report_skip(report, "table removal", "off by %s", source->table_kept_by);
     if (!st && source->crop.given)

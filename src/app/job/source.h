@@ -34,6 +34,7 @@ typedef struct CtsSource {
     int n_threads;                     /* 0: the cores this process may use */
     bool remove_table;
     const char *table_kept_by;      /* why not, as the report tells it: "the preset" */
+    bool inside_unseen;             /* no picture will look at the inside of the body, which then is not found */
     CtsInterpolation interpolation; /* between slices that are thick or unevenly spaced */
     double smooth_mm;               /* standard deviation of a Gaussian on the volume; 0: none */
     CtsCropBox crop;

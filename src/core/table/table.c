@@ -195,7 +195,8 @@ static void report_uncertain(const Removal *r, CtsReport *report)
                            kept_mm3 / 1000, 100 * kept_mm3 / r->body.mm3);
 }
 
-static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, CtsReport *report, CtsError *err)
+static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, bool finds_inside, CtsReport *report,
+                              CtsError *err)
 {
     CtsStatus st;
     if ((st = find_dense(r, seen, err)) || !is_usable(r, seen, report) ||
@@ -206,7 +207,9 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, C
                             err)) ||
         (st = find_gone(r, err)))
         return st;
-    if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
+    if (!finds_inside)
+        cts_report_skip(report, "inside of the body", "modes minip and average alone look at it");
+    else if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
         return st;
     report_uncertain(r, report);
     if (report)
@@ -228,8 +231,8 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, C
     return st;
 }
 
-CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, int n_threads, CtsReport *report,
-                                  CtsError *err)
+CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, bool finds_inside, int n_threads,
+                                  CtsReport *report, CtsError *err)
 {
     Removal r = {.n_threads = cts_threads(n_threads)};
     const double wall_ms = cts_wall_ms(), cpu_ms = cts_cpu_ms();
@@ -237,7 +240,7 @@ CtsStatus cts_volume_remove_table(CtsVolume *volume, const CtsVolume *seen, int 
         cts_report_skip(report, WHAT, "the voxel steps do not span space");
         return CTS_OK;
     }
-    const CtsStatus st = remove_table(&r, volume, seen ? seen : volume, report, err);
+    const CtsStatus st = remove_table(&r, volume, seen ? seen : volume, finds_inside, report, err);
     removal_free(&r);
     const uint64_t n = cts_volume_n_voxels(volume);
     cts_report_stage(report, CTS_STAGE_CLASSIFY, cts_wall_ms() - wall_ms, cts_cpu_ms() - cpu_ms, n,
