@@ -2,7 +2,7 @@
 #include "unit.h"
 
 #include "base/cpu.h"
-#include "core/table/morphology.h"
+#include "core/table/removal.h"
 #include "core/volume/threshold.h"
 #include "ctsplat/volume.h"
 #include <stdbool.h>

@@ -1,6 +1,6 @@
 /* An uneven stack becomes an even one in its own memory. */
+#include "input/load/load.h"
 #include "unit.h"
-#include "input/load/resample.h"
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>

@@ -1,8 +1,7 @@
-#include "core/table/body.h"
+#include "core/table/removal.h"
 
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/table/parts.h"
 #include <math.h>
 #include <string.h>
 

@@ -1,9 +1,7 @@
-#include "core/table/extruded.h"
+#include "core/table/removal.h"
 
 #include "base/mem.h"
 #include "base/parallel.h"
-#include "core/table/contact.h"
-#include "core/table/parts.h"
 #include <math.h>
 #include <stdatomic.h>
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "core/table/morphology.h"
+#include "core/table/removal.h"
 
 #include "base/cpu.h"
 #include "base/mem.h"

@@ -1,4 +1,4 @@
-#include "core/table/parts.h"
+#include "core/table/removal.h"
 
 #include "base/mem.h"
 #include <string.h>

@@ -1,4 +1,4 @@
-#include "engine/project/project_ray.h"
+#include "engine/project/project_packets.h"
 
 #include <math.h>
 

@@ -1,5 +1,5 @@
 /* Whose a ray is, within one cell: owners' fields are cubics along it, and so are their differences. */
-#include "engine/raycast/owned.h"
+#include "engine/raycast/raycaster.h"
 
 #include "base/mutation.h"
 #include "engine/raycast/cubic.h"

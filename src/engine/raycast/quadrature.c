@@ -1,4 +1,4 @@
-#include "engine/raycast/quadrature.h"
+#include "engine/raycast/raycaster.h"
 
 #include <math.h>
 

@@ -1,12 +1,70 @@
-/* The parts of the reference ray caster: derived once per picture, then read-only for all rays. */
+/* What a ray meets is field.h; what is made of it is here. */
 #ifndef CTS_RAYCAST_RAYCASTER_H
 #define CTS_RAYCAST_RAYCASTER_H
 
 #include "core/scene/engine.h"
+#include "core/volume/owners.h"
+#include "ctsplat/preset.h"
 #include "engine/raycast/field.h"
-#include "engine/raycast/owned.h"
-#include "engine/raycast/quadrature.h"
-#include "engine/raycast/transfer.h"
+
+/* The preset's transfer function cut at its knots, so that between two cuts opacity and colour are straight lines in HU
+ * and the extinction is either one smooth formula or the cap. Made from cts_preset_opacity() and cts_preset_colour().
+ */
+
+/* From low_hu up to, not including, high_hu; the first starts at -inf, the last ends at +inf. */
+typedef struct CtsSpan {
+    double low_hu, high_hu;
+    double at_hu;                  /* where the lines below have their first value */
+    double opacity, opacity_slope; /* per unit distance; slope per HU */
+    double rgb[3], rgb_slope[3];
+    bool visible;         /* opacity above 0 somewhere */
+    bool flat_extinction; /* extinction_per_mm holds everywhere */
+    bool flat_colour;
+    double extinction_per_mm;
+} CtsSpan;
+
+typedef struct CtsTransfer {
+    int n;
+    CtsSpan spans[4 * CTS_MAX_POINTS];
+    CtsHuRanges visible;
+    double unit_distance_mm, scale; /* scale as CtsScene.extinction_scale */
+} CtsTransfer;
+
+void cts_transfer_init(CtsTransfer *transfer, const CtsPreset *preset, double extinction_scale);
+
+/* Index of the span that holds hu; below: of the one that holds HU just below it. */
+int cts_transfer_find(const CtsTransfer *transfer, double hu);
+int cts_transfer_find_below(const CtsTransfer *transfer, double hu);
+
+/* Extinction per mm for an opacity per unit distance, capped, scaled. */
+double cts_transfer_extinction(const CtsTransfer *transfer, double opacity);
+
+/* Stretches of a ray within a cell, by how they look. */
+
+typedef struct CtsOwnedStretch {
+    double from, to; /* of the piece, 0 to 1 */
+    int look;
+} CtsOwnedStretch;
+
+/* The piece of a trilinear field that was handed out last, stretch by stretch; returns how many. */
+enum { CTS_OWNED_STRETCHES = 3 * CTS_CELL_OWNERS * CTS_CELL_OWNERS / 2 + 1 };
+int cts_raycast_owned(const CtsOwners *owners, const CtsRayWalk *walk, CtsOwnedStretch *stretch);
+
+/* Gauss-Legendre rules on 0..1 that also integrate up to each node, for the attenuation inside a piece. */
+
+enum { CTS_GAUSS_COARSE = 4, CTS_GAUSS_FINE = 7 };
+
+typedef struct CtsGauss {
+    int n;
+    double node[CTS_GAUSS_FINE], weight[CTS_GAUSS_FINE];
+    /* upto[k][j]: weight of node j in the integral from 0 to node k, exact for polynomials of degree below n. */
+    double upto[CTS_GAUSS_FINE][CTS_GAUSS_FINE];
+} CtsGauss;
+
+/* n is 1 to CTS_GAUSS_FINE. */
+void cts_gauss_init(CtsGauss *rule, int n);
+
+/* The parts of the reference ray caster: derived once per picture, then read-only for all rays. */
 
 typedef struct CtsRaycaster {
     const CtsPreset *preset;

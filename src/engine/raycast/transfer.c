@@ -1,4 +1,4 @@
-#include "engine/raycast/transfer.h"
+#include "engine/raycast/raycaster.h"
 
 #include <math.h>
 #include <stdlib.h>

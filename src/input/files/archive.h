@@ -1,13 +1,17 @@
-/* A zip file's members, unpacked in memory by a sandbox (base/sandbox.h): their names are data, no path is ever
- * made of them, and nothing is written anywhere. */
-#ifndef CTS_DICOM_ARCHIVE_H
-#define CTS_DICOM_ARCHIVE_H
+/* Zip files: one, and those that a list keeps. */
+#ifndef CTS_FILES_ARCHIVE_H
+#define CTS_FILES_ARCHIVE_H
 
 #include "base/sandbox.h"
+#include "ctsplat/series.h"
 #include "ctsplat/status.h"
+#include "input/files/scan.h"
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+
+/* A zip file's members, unpacked in memory by a sandbox (base/sandbox.h): their names are data, no path is ever
+ * made of them, and nothing is written anywhere. */
 
 enum { CTS_MAX_MEMBERS = 200000 };
 
@@ -40,5 +44,13 @@ void cts_archive_free(CtsArchive **archive);
  * makes of it, trusting none of it. */
 CtsStatus cts_archive_unpack(const void *order, const uint8_t *zip, size_t n, void *room, size_t n_room, CtsError *err);
 CtsStatus cts_archive_list(const uint8_t *room, size_t n_room, CtsArchive **archive, CtsError *err);
+
+/* Archives that stay in memory, and their members by path. */
+
+/* Takes archive over, in any case. *archives is made where it is NULL. */
+CtsStatus cts_archives_add(CtsArchives **archives, const char *path, CtsArchive *archive, CtsError *err);
+
+/* The file of this path, which stays the caller's; false when no archive has it. archives may be NULL. */
+bool cts_archives_find(const CtsArchives *archives, const char *path, CtsFile *file);
 
 #endif

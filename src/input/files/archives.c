@@ -1,4 +1,4 @@
-#include "input/files/archives.h"
+#include "input/files/archive.h"
 
 #include "base/mem.h"
 

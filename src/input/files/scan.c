@@ -1,7 +1,7 @@
 #include "input/files/scan.h"
 
 #include "base/mem.h"
-#include "input/files/archives.h"
+#include "input/files/archive.h"
 #include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>

@@ -1,4 +1,4 @@
-#include "input/labels/label_names.h"
+#include "input/labels/label_reading.h"
 
 #include "base/file.h"
 #include "base/json.h"

@@ -1,4 +1,4 @@
-#include "input/labels/mask.h"
+#include "input/labels/label_reading.h"
 
 #include "base/mem.h"
 #include "base/vec3.h"

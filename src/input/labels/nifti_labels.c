@@ -2,7 +2,7 @@
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "input/files/nifti.h"
-#include "input/labels/mask.h"
+#include "input/labels/label_reading.h"
 #include <math.h>
 #include <stdio.h>
 #include <string.h>

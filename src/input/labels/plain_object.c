@@ -1,4 +1,4 @@
-#include "input/labels/plain_object.h"
+#include "input/labels/label_reading.h"
 
 #include "base/text.h"
 #include "input/files/tag_scan.h"

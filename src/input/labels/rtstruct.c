@@ -2,7 +2,7 @@
 #include "base/mem.h"
 #include "base/order.h"
 #include "base/vec3.h"
-#include "input/labels/mask.h"
+#include "input/labels/label_reading.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

@@ -3,7 +3,7 @@
 #include "base/vec3.h"
 #include "input/codec/pixels.h"
 #include "input/header/pixel_places.h"
-#include "input/labels/mask.h"
+#include "input/labels/label_reading.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>

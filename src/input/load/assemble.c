@@ -10,9 +10,7 @@
 #include "core/volume/volume_new.h"
 #include "input/codec/pixels.h"
 #include "input/header/slice.h"
-#include "input/load/neighbours.h"
-#include "input/load/nifti_words.h"
-#include "input/load/resample.h"
+#include "input/load/load.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
 #include <pthread.h>

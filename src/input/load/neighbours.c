@@ -1,4 +1,4 @@
-#include "input/load/neighbours.h"
+#include "input/load/load.h"
 
 #include "base/mem.h"
 #include "base/order.h"

@@ -1,4 +1,4 @@
-#include "input/load/nifti_words.h"
+#include "input/load/load.h"
 
 #include "base/mem.h"
 #include "input/files/file_bytes.h"

@@ -1,4 +1,4 @@
-#include "input/load/resample.h"
+#include "input/load/load.h"
 
 #include "base/parallel.h"
 #include "core/volume/refine.h"

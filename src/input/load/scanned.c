@@ -3,7 +3,7 @@
 #include "core/volume/shape.h"
 #include "core/volume/volume_new.h"
 #include "ctsplat/series.h"
-#include "input/load/resample.h"
+#include "input/load/load.h"
 #include <stdlib.h>
 #include <string.h>
 

@@ -1,4 +1,4 @@
-#include "input/series/others.h"
+#include "input/series/series_judge.h"
 
 #include "base/mem.h"
 #include "input/header/dcm_readers.h"

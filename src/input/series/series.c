@@ -7,7 +7,6 @@
 #include "input/files/scan.h"
 #include "input/files/texts.h"
 #include "input/header/dcm_read.h"
-#include "input/series/others.h"
 #include "input/series/series_judge.h"
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,9 +1,11 @@
-/* From the slices of one SeriesInstanceUID to series that can be loaded, or that are refused with a reason. */
+/* From slices and other files to series. */
 #ifndef CTS_DICOM_SERIES_JUDGE_H
 #define CTS_DICOM_SERIES_JUDGE_H
 
 #include "ctsplat/series.h"
 #include "input/header/slice.h"
+
+/* From the slices of one SeriesInstanceUID to series that can be loaded, or that are refused with a reason. */
 
 /* Slices of one series while they are being sorted out; owns them. */
 enum { CTS_MAX_PARTS = 64 }; /* volumes in one series */
@@ -36,5 +38,16 @@ bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
  * have; NULL: nothing does. */
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
                               const char **by, CtsError *err);
+
+/* What files are that are no CT slices: counted by kind. */
+
+/* n files that are no DICOM; packed: NULL, or what they seem to be packed with. */
+CtsStatus cts_others_add_files(CtsSeriesList *list, int n, const char *packed, CtsError *err);
+/* n that are no files, and are not followed. */
+CtsStatus cts_others_add_special(CtsSeriesList *list, int n, CtsError *err);
+/* A DICOM object of this SOP class; "" where it names none. */
+CtsStatus cts_others_add_object(CtsSeriesList *list, const char *class_uid, CtsError *err);
+/* Once all are there: most frequent first, then by name. */
+void cts_others_sort(CtsSeriesList *list);
 
 #endif

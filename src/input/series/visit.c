@@ -2,7 +2,7 @@
 
 #include "base/cpu.h"
 #include "base/parallel.h"
-#include "input/files/archives.h"
+#include "input/files/archive.h"
 #include "input/files/scan.h"
 #include "input/header/slice.h"
 #include <stdlib.h>

@@ -1,0 +1,143 @@
+/* The steps of table removal. */
+#ifndef CTS_TABLE_REMOVAL_H
+#define CTS_TABLE_REMOVAL_H
+
+#include "base/bits.h"
+#include "core/volume/body_mask.h"
+#include "ctsplat/volume.h"
+
+/* A volume as sections across the scanner's axis, which run from the patient's head to the feet: what is denser than
+ * air, one bit a voxel, a few slices to a section. */
+
+/* Where the sections of a volume lie: axis[2] runs along the scanner, nearest to the patient's z; axis[0] and axis[1]
+ * are the columns and rows of a section, in the volume's order. */
+typedef struct CtsSectionPlan {
+    int axis[3];
+    int n_slices;         /* voxels along axis[2] that one section joins */
+    double spacing_mm[3]; /* between columns, rows and sections */
+    double voxel_mm3;     /* of one bit of a section */
+    int dims[3];          /* of the sections' bits */
+} CtsSectionPlan;
+
+/* False when the volume's steps do not span space. */
+bool cts_section_plan(const CtsVolume *volume, double thickness_mm, CtsSectionPlan *plan);
+
+/* A bit is set where any voxel of it is; dense has the volume's dimensions. */
+CtsStatus cts_sections_new(const CtsSectionPlan *plan, const CtsBits *dense, int n_threads, CtsBits *sections,
+                           CtsError *err);
+
+/* The bits of the sections along row (j, k) of the volume, as a row of a CtsBits of its dimensions. */
+void cts_sections_row(const CtsSectionPlan *plan, const CtsBits *sections, int nx, int j, int k, uint64_t *row);
+
+/* One section, a slice of a CtsBits, made wider and narrower. */
+
+/* How far a shape reaches: an octagon of `diamond` steps along the axes, then a box of these half sizes, in voxels. */
+typedef struct CtsReach {
+    int diamond, box[2];
+} CtsReach;
+
+/* The octagon nearest to a disk; at least 1 voxel along either axis. */
+CtsReach cts_reach_mm(double radius_mm, const double spacing_mm[2]);
+
+/* Scratch for sections of one size, of one thread. */
+typedef struct CtsMorphology {
+    size_t row_words, n_words;
+    uint64_t last_word;            /* the bits of a row's last word that lie inside */
+    size_t n_rows, stride, n_copy; /* of the two copies a and b, with margins: words from row to row, and in all */
+    bool avx2;
+    uint64_t *buffer, *a, *b;
+} CtsMorphology;
+
+CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *err);
+void cts_morphology_free(CtsMorphology *m);
+/* An array of one for each thread. */
+CtsStatus cts_morphologies_new(CtsMorphology **workers, const CtsBits *like, int n_threads, CtsError *err);
+void cts_morphologies_free(CtsMorphology **workers, int n_threads);
+
+/* Sections of n_words words; in and out may be the same. Outside the section lies nothing for dilation, and for opening
+ * whatever lies at its border goes on, as a patient does whom the field of view cuts off. */
+typedef void (*cts_section_fn)(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+void cts_dilate_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+void cts_open_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+/* What an opening takes away from a section for good: opened, grown back by a voxel, the rest. */
+void cts_thin_section(CtsMorphology *m, const uint64_t *in, CtsReach reach, uint64_t *out);
+/* One of these for all sections, which may be changed in place. */
+void cts_each_section(CtsMorphology *workers, int n_threads, cts_section_fn change, const CtsBits *in, CtsReach reach,
+                      CtsBits *out);
+
+/* The connected parts of a bit mask: voxels that share a face belong together. */
+
+/* Voxels first <= i < end of one row, all set, as long as possible. */
+typedef struct CtsRun {
+    uint32_t first, end;
+    uint32_t part; /* index into CtsParts.parts */
+} CtsRun;
+
+typedef struct CtsPart {
+    uint64_t n_voxels;
+    int lo[3], hi[3]; /* the box of its voxels, hi included */
+} CtsPart;
+
+/* Runs in order of rows, k * dims[1] + j; the runs of row r are row_start[r] <= n < row_start[r + 1]. Parts are in
+ * order of their first run. */
+typedef struct CtsParts {
+    int dims[3];
+    CtsRun *runs;
+    uint32_t *row_start;
+    uint64_t n_runs; /* of which UINT32_MAX - 1 can be told apart */
+    CtsPart *parts;
+    uint32_t n_parts;
+} CtsParts;
+
+/* A zero-initialised CtsParts may be freed; finding frees what it held before. across_slices false: voxels of different
+ * slices never belong together. */
+CtsStatus cts_parts_find(CtsParts *parts, const CtsBits *bits, bool across_slices, CtsError *err);
+void cts_parts_free(CtsParts *parts);
+
+/* For each part, how many of its voxels are set in bits; free with cts_free(). */
+CtsStatus cts_parts_count_in(const CtsParts *parts, const CtsBits *bits, uint64_t **count, CtsError *err);
+
+/* Set the bits of the parts whose flag is set; all other bits become those of `under` (NULL: 0). */
+void cts_parts_paint(const CtsParts *parts, const uint8_t *flags, const CtsBits *under, CtsBits *bits);
+
+/* What is drawn along the scanner's axis: the same thin cross-section for a good way. */
+
+/* Bits of the sections, in their dimensions: thin things that stand at the same place over 60 mm of the scanner's axis;
+ * and those, thicker ones among them, that may be such. None where there are fewer slices than that. */
+typedef struct CtsExtruded {
+    CtsBits plates, doubtful;
+} CtsExtruded;
+
+/* workers[]: one for each thread. A zero-initialised CtsExtruded may be freed. */
+CtsStatus cts_extruded_find(const CtsSectionPlan *plan, const CtsBits *sections, CtsMorphology *workers, int n_threads,
+                            CtsExtruded *extruded, CtsError *err);
+void cts_extruded_free(CtsExtruded *extruded);
+
+/* A plate under the patient's back, where both are one: found between the plate's two ends that stick out. */
+
+/* All of one section: what is always and ever there, and the plates found in it, to which the strips are added that
+ * continue a plate from where it meets something thicker to where it comes out again: along the far face, under which
+ * nothing lies, and as thick as the plate. */
+void cts_contact_add(const CtsBits *always, const CtsBits *ever, CtsBits *plates);
+
+/* The patient among the connected parts of what is denser than air, with what it encloses. */
+
+typedef struct CtsBody {
+    CtsBits dense;   /* the patient where it is denser than air */
+    CtsBits whole;   /* and what it encloses in a section */
+    CtsBits foreign; /* what is no patient, of some size */
+    double mm3;      /* of the dense bits */
+    double thin_mm3; /* of those that stand out thin from the whole */
+} CtsBody;
+
+/* sections without extruded is what there may be of the patient; both and the volume in memory as the plan has them.
+ * workers[]: one for each thread. */
+CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsBits *sections,
+                        const CtsBits *extruded, CtsMorphology *workers, int n_threads, CtsBody *body, CtsError *err);
+void cts_body_free(CtsBody *body);
+
+/* What minip and average look at: the whole body but for its outermost 3 mm, which hold the soft edge of the skin. */
+CtsStatus cts_body_inside(const CtsSectionPlan *plan, const CtsBits *whole, CtsMorphology *workers, int n_threads,
+                          CtsBodyMask **mask, CtsError *err);
+
+#endif
