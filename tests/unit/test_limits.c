@@ -7,7 +7,7 @@
 #include "input/files/scan.h"
 #include "input/files/tag_scan.h"
 #include "input/header/dcm_read.h"
-#include "input/header/pixel_places.h"
+#include "input/header/head.h"
 #include "input/series/series_judge.h"
 #include <zlib.h>
 

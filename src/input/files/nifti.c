@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+#include <zlib.h>
 
 enum { SIZE_1 = 348, SIZE_2 = 540, CHUNK = 1 << 16, MOST_EXTENSION = 16 << 20, MOST_DIM = 32767 };
 enum { MOST_PACKED = 1032 }; /* bytes that one byte of deflate can stand for: matches of 258 in 2 bits */

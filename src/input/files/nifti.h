@@ -6,7 +6,6 @@
 #include "input/files/file_bytes.h"
 #include <stdbool.h>
 #include <stdint.h>
-#include <zlib.h>
 
 typedef struct CtsNifti {
     int dims[3];
@@ -19,8 +18,8 @@ typedef struct CtsNifti {
     /* Where the numbers come from: */
     const CtsFileBytes *file;
     bool big_endian;
-    bool is_packed; /* with gzip */
-    gzFile stream;  /* of the file unpacked */
+    bool is_packed;          /* with gzip */
+    struct gzFile_s *stream; /* zlib's, of the file unpacked */
 } CtsNifti;
 
 /* Whether a file that begins so is NIfTI, alone or packed with gzip. */

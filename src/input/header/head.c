@@ -1,7 +1,6 @@
 #include "input/header/head.h"
 
 #include "base/sandbox.h"
-#include "input/header/nifti_slices.h"
 
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,12 +1,17 @@
-/* The header of a DICOM file: read as far as its pixels, its framing looked over, a deflated one inflated. */
-#ifndef CTS_HEADER_HEAD_H
-#define CTS_HEADER_HEAD_H
+/* Headers: of one file, and what stands in it of slices and pixels. */
+#ifndef CTS_DICOM_HEAD_H
+#define CTS_DICOM_HEAD_H
 
+#include "core/volume/box.h"
 #include "ctsplat/api.h"
 #include "input/files/file_bytes.h"
+#include "input/files/nifti.h"
 #include "input/files/scan.h"
 #include "input/header/dcm_read.h"
 #include "input/header/elements.h"
+#include "input/header/slice.h"
+
+/* The header of a DICOM file: read as far as its pixels, its framing looked over, a deflated one inflated. */
 
 CTS_C_BEGIN
 
@@ -45,5 +50,30 @@ typedef struct CtsDcmIds {
 } CtsDcmIds;
 CtsStatus cts_dcm_ids(const char *path, CtsDcmIds *ids, CtsError *err);
 
+/* Where in its file each frame's pixels lie. */
+
+/* n frames' places among the fragments of the value at pixel_offset: those of frame k lie between offset[k] and
+ * offset[k + 1], each with the 8 bytes of its item. n + 1 numbers, for cts_free(). */
+CtsStatus cts_find_frames(const CtsFileBytes *file, uint64_t pixel_offset, int n, uint64_t **offset, CtsError *err);
+
+/* For the n frames of one object, in order, whose pixel_offset and pixel_bytes still are those of the whole value of
+ * PixelData: set them to each frame's own. A fault where the bytes do not hold the frames, or do not tell which
+ * fragment begins which frame. */
+CtsStatus cts_place_fragments(const CtsFileBytes *file, CtsSlice *const *frames, int n, CtsError *err);
+void cts_place_native(const CtsFileBytes *file, CtsSlice *const *frames, int n);
+
+/* A NIfTI CT as slices: what a scanner's headers would have said of them. It has no patient and no UIDs. */
+
+/* Whether a file that begins so is one, alone or packed with gzip; of what gzip packed the name tells. */
+bool cts_nifti_slices_are(const char *path, const uint8_t *head, size_t n);
+
+/* Its voxels as a scanner would have stored them, in elements of the file: the slices lie along its third axis, as all
+ * converters write them. */
+CtsBox cts_nifti_box(const CtsNifti *nifti);
+
+/* Slices of 16-bit pixels into a zeroed object; where these are, and what HU they mean, is not told. */
+CtsStatus cts_nifti_slices(const CtsFile *source, const CtsFileBytes *file, CtsObject *object, CtsError *err);
+
 CTS_C_END
+
 #endif

@@ -1,4 +1,4 @@
-#include "input/header/nifti_slices.h"
+#include "input/header/head.h"
 
 #include "base/vec3.h"
 #include <math.h>

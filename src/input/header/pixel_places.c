@@ -1,4 +1,4 @@
-#include "input/header/pixel_places.h"
+#include "input/header/head.h"
 
 #include "base/mem.h"
 #include <stdlib.h>

@@ -1,6 +1,4 @@
 #include "input/header/head.h"
-#include "input/header/nifti_slices.h"
-#include "input/header/pixel_places.h"
 
 #include <string.h>
 

@@ -2,7 +2,7 @@
 #include "base/mem.h"
 #include "base/vec3.h"
 #include "input/codec/pixels.h"
-#include "input/header/pixel_places.h"
+#include "input/header/head.h"
 #include "input/labels/label_reading.h"
 #include <math.h>
 #include <stdlib.h>

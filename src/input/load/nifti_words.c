@@ -2,7 +2,7 @@
 
 #include "base/mem.h"
 #include "input/files/file_bytes.h"
-#include "input/header/nifti_slices.h"
+#include "input/header/head.h"
 #include <math.h>
 
 enum { PADDING = 65535, LAST = PADDING - 1 };

@@ -2,7 +2,6 @@
 
 #include "base/cpu.h"
 #include "base/file.h"
-#include "lab/bench/bench_parts.h"
 #include "output/report/bench_rows.h"
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,11 +1,14 @@
-/* `ctsplat bench`: error against run time, for each engine and setting on one volume. */
+/* The bench and its parts. */
 #ifndef CTS_BENCH_BENCH_H
 #define CTS_BENCH_BENCH_H
 
 #include "ctsplat/preset.h"
+#include "ctsplat/reference.h"
 #include "ctsplat/render.h"
 #include "ctsplat/volume.h"
 #include "output/report/bench_rows.h"
+
+/* `ctsplat bench`: error against run time, for each engine and setting on one volume. */
 
 typedef struct CtsBenchSettings {
     const CtsVolume *volume;
@@ -25,5 +28,15 @@ void cts_bench_free(CtsBenchRows *rows);
 CtsStatus cts_bench_write(const CtsBenchRows *rows, const char *folder, bool force, CtsError *err);
 /* Before any work: the folder's three files could be written, and gnuplot is there. */
 CtsStatus cts_bench_check_writable(const char *folder, bool force, CtsError *err);
+
+/* Parts of the bench. */
+
+/* The settings to measure; *rows is malloc'd. */
+CtsStatus cts_bench_plan(CtsBenchRow **rows, int *n, CtsError *err);
+
+/* Measures row in a child process, against the integral of its kernel and the trilinear one. A setting that cannot be
+ * rendered is left out with its reason, which is no failure. */
+CtsStatus cts_bench_measure(const CtsBenchSettings *settings, CtsReference *const own[CTS_N_KERNELS], CtsBenchRow *row,
+                            CtsError *err);
 
 #endif

@@ -3,7 +3,7 @@
 #include "base/file.h"
 #include "base/order.h"
 #include "base/parallel.h"
-#include "lab/bench/bench_parts.h"
+#include "lab/bench/bench.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <math.h>

@@ -1,5 +1,5 @@
 /* Which settings are measured: each engine with each of its kernels, and what each can be tuned by. */
-#include "lab/bench/bench_parts.h"
+#include "lab/bench/bench.h"
 
 #include <assert.h>
 #include <stdlib.h>

@@ -6,7 +6,6 @@
 #include "ctsplat/bounds.h"
 #include "input/codec/pixels.h"
 #include "input/header/head.h"
-#include "input/header/pixel_places.h"
 #include <stdlib.h>
 #include <string.h>
 
