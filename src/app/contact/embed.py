@@ -1,18 +1,22 @@
 #!/usr/bin/env python3
-"""Puts the page into C: embed.py OUTPUT PAGE.html STYLE.css SCRIPT.js...
+"""Puts the page into C: embed.py OUTPUT PAGE.html STYLE.css... SCRIPT.js...
 
-Style and script go into the page, and their hashes into its Content-Security-Policy, so that no other script runs
-whatever the data holds. The scripts become one. The page is cut where the data goes."""
+Styles and scripts go into the page, and their hashes into its Content-Security-Policy, so that no other script runs
+whatever the data holds. Of each kind one is made. The page is cut where the data goes."""
 import base64
 import hashlib
 import sys
 
-output, page, style, *scripts = sys.argv[1:]
+output, page, *others = sys.argv[1:]
 
 
 def text_of(path):
     with open(path, encoding='utf-8') as f:
         return f.read()
+
+
+def all_of(ending):
+    return '\n'.join(text_of(path) for path in others if path.endswith(ending))
 
 
 def source(text):
@@ -26,7 +30,7 @@ def array(name, text):
     return f'const unsigned char {name}[] = {{\n{rows}}};\nconst size_t {name}_bytes = {len(data)};\n'
 
 
-style, script = text_of(style), "'use strict';\n{\n" + '\n'.join(map(text_of, scripts)) + '}\n'
+style, script = all_of('.css'), "'use strict';\n{\n" + all_of('.js') + '}\n'
 # Pictures come from the page's own folder; on disk some browsers do not call that 'self'.
 policy = ("default-src 'none'; img-src 'self' file: data:; base-uri 'none'; form-action 'none'; "
           f"style-src {source(style)}; script-src {source(script)}")
