@@ -8,7 +8,7 @@ small="-p skin --size 200x900"
 ok render "$data/phantom" $small -o piped.png
 [ ! -s err ] || fail "words where nobody watches"
 TERM=xterm script -qec "'$ctsplat' render '$data/phantom' $small -o watched.png" /dev/null </dev/null >terminal
-cmp piped.png watched.png || fail "watching changes the picture"
+cmp piped.png watched.png || fail "watching changes the picture: $(tr '\r' '\n' <terminal)"
 # Searching, reading, and the picture in bands of 256 rows: from 2 to 3 of 3 steps, 24 marks wide.
 bars=$(tr '\r' '\n' <terminal | grep -c '] rendering')
 [ "$bars" -ge 5 ] || fail "the bar stands still while a picture is made: $(tr '\r' '\n' <terminal)"

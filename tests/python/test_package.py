@@ -22,7 +22,7 @@ SMALL = {"size": (96, 80)}
 
 def by_program(tmp_path, *options, path=PHANTOM, name="program.png"):
     target = tmp_path / name
-    subprocess.run([PROGRAM, "render", path, "-o", target, "--force", *options], check=True, stderr=subprocess.DEVNULL)
+    subprocess.run([PROGRAM, "render", path, "-o", target, "--force", *options], check=True)
     return target.read_bytes() if "--rotation" not in options else None
 
 
