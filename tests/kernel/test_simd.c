@@ -91,45 +91,30 @@ static void scatter(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, ui
     same("scatter", a, b, sizeof a, mask, seed, 0, n);
 }
 
+/* Against the definition, too. */
 static void mark(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)
 {
     uint16_t value[N], old[N];
-    uint64_t marks[2][(N + 63) / 64 + 1] = {{0}};
-    const int n = 1 + below(N);
+    uint64_t marks[3][(N + 63) / 64 + 1] = {{0}}, wanted[(N + 63) / 64];
+    const int n = 1 + below(N), least = below(2);
+    const uint16_t level = (uint16_t)(below(2) ? random_u32() : 1);
     fill_grey(value, N);
     for (int i = 0; i < N; i++)
         old[i] = below(3) ? value[i] : (uint16_t)random_u32();
-    const uint16_t *const before = below(3) ? old : NULL;
-    plain->mark(value, before, n, marks[0]);
-    fast->mark(value, before, n, marks[1]);
-    same("mark", marks[0], marks[1], sizeof marks[0], mask, seed, 0, n);
-}
-
-/* Against the definition, too. */
-static void column_range(const CtsSimd *plain, const CtsSimd *fast, unsigned mask, uint64_t seed)
-{
-    uint16_t rows[5][N], low[3][N], high[3][N];
-    const uint16_t *row[5];
-    for (int r = 0; r < 5; r++) {
-        fill_grey(rows[r], N);
-        row[r] = rows[r];
+    for (int i = 0; i < (N + 63) / 64; i++)
+        wanted[i] = below(3) ? (uint64_t)random_u32() << 32 | random_u32() : 0;
+    for (int path = 0; path < 2; path++) {
+        const CtsSimd *k = path ? fast : plain;
+        if (least)
+            k->reach(value, level, n, wanted, marks[path]);
+        else
+            k->differ(value, old, n, marks[path]);
     }
-    memset(low, 1, sizeof low);
-    memset(high, 1, sizeof high);
-    const int n_rows = 1 + below(5), i0 = below(N), i1 = i0 + below(N - i0 + 1);
-    plain->column_range(row, n_rows, i0, i1, low[0], high[0]);
-    fast->column_range(row, n_rows, i0, i1, low[1], high[1]);
-    for (int i = i0; i < i1; i++) {
-        low[2][i] = high[2][i] = rows[0][i];
-        for (int r = 1; r < n_rows; r++) {
-            low[2][i] = rows[r][i] < low[2][i] ? rows[r][i] : low[2][i];
-            high[2][i] = rows[r][i] > high[2][i] ? rows[r][i] : high[2][i];
-        }
-    }
-    same("column_range, low", low[0], low[1], sizeof low[0], mask, seed, i0, i1);
-    same("column_range, high", high[0], high[1], sizeof high[0], mask, seed, i0, i1);
-    same("column_range, low, defined", low[2], low[1], sizeof low[0], mask, seed, i0, i1);
-    same("column_range, high, defined", high[2], high[1], sizeof high[0], mask, seed, i0, i1);
+    for (int i = 0; i < n; i++)
+        if (least ? value[i] >= level && wanted[i / 64] >> (i & 63) & 1 : value[i] != old[i])
+            marks[2][i / 64] |= UINT64_C(1) << (i & 63);
+    same(least ? "reach" : "differ", marks[0], marks[1], sizeof marks[0], mask, seed, 0, n);
+    same(least ? "reach, defined" : "differ, defined", marks[2], marks[1], sizeof marks[0], mask, seed, 0, n);
 }
 
 /* Places on a lattice of N columns and ROWS rows, sampled; pixels are then blended, unlit and lit. */
@@ -268,12 +253,6 @@ static void test_marks(void **unused)
     each_path(mark);
 }
 
-static void test_ranges(void **unused)
-{
-    (void)unused;
-    each_path(column_range);
-}
-
 static void test_pixels(void **unused)
 {
     (void)unused;
@@ -289,7 +268,6 @@ static void test_gradient(void **unused)
 int main(void)
 {
     const struct CMUnitTest tests[] = {cmocka_unit_test(test_scatter), cmocka_unit_test(test_marks),
-                                       cmocka_unit_test(test_ranges), cmocka_unit_test(test_pixels),
-                                       cmocka_unit_test(test_gradient)};
+                                       cmocka_unit_test(test_pixels), cmocka_unit_test(test_gradient)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -43,6 +43,7 @@ CtsStatus cts_compositor_init(CtsCompositor *c, const CtsSimd *simd, const CtsPa
     if ((st = cts_raster_row_init(&c->row, raster, simd, err)) ||
         (st = cts_alloc_zeroed(&c->grey, (size_t)raster->width + 64, err)) ||
         (st = cts_alloc_array(&c->shown, (size_t)raster->width / 64 + 1, err)) ||
+        (st = cts_alloc_array(&c->border, (size_t)patches->n_cells[0] + 1, err)) ||
         (st = cts_alloc_array(&c->marks.bits, (size_t)raster->width / 64 + 1, err)))
         return st;
     /* Rays start in the plane through the centre, half a diagonal behind the camera plane. */
@@ -61,6 +62,7 @@ void cts_compositor_free(CtsCompositor *c)
     cts_raster_row_free(&c->row);
     cts_free(&c->grey);
     cts_free(&c->shown);
+    cts_free(&c->border);
     cts_free(&c->marks.bits);
 }
 
@@ -86,40 +88,67 @@ static bool is_timed(const CtsPlane *plane, int y)
     return plane->light && (y & 15) == 0;
 }
 
-/* Lattice points a patch, as a power of two. */
-static int patch_shift(const CtsCompositor *c, int axis)
+/* Lattice points a cell, as a power of two; along v those of all rows that are shown alike. */
+static int cell_shift(const CtsCompositor *c, int axis)
 {
-    return __builtin_ctz((unsigned)(CTS_PATCH * c->patches.density[axis]));
+    return __builtin_ctz((unsigned)((axis == 1 ? c->patches.row_cells : 1) * c->patches.density[axis]));
 }
 
-/* The patch that a pixel's cell lies in. */
-static int patch_at(const CtsCompositor *c, int axis, int x)
+static int n_cells(const CtsCompositor *c, int axis)
+{
+    return axis == 1 && c->patches.row_cells > 1 ? c->patches.n[1] : c->patches.n_cells[axis];
+}
+
+/* The cell that a pixel lies in. */
+static int cell_at(const CtsCompositor *c, int axis, int x)
 {
     const double at = c->row.base[axis] + c->row.raster->by_x[axis] * (double)x;
-    const int patch = at > 0 ? (int)at >> patch_shift(c, axis) : 0;
-    return patch < c->patches.n[axis] ? patch : c->patches.n[axis] - 1;
+    const int cell = at > 0 ? (int)at >> cell_shift(c, axis) : 0;
+    return cell < n_cells(c, axis) ? cell : n_cells(c, axis) - 1;
 }
 
-/* Where pixels xa..xb-1, which run through patches from the side `rising` says, pass the border below patch t. */
+/* Where pixels xa..xb-1, which run through cells from the side `rising` says, pass the border below cell t. */
 static int find_border(const CtsCompositor *c, int axis, int t, int xa, int xb)
 {
     const bool rising = c->row.raster->by_x[axis] > 0;
     if (t <= 0)
         return rising ? xa : xb;
-    if (t >= c->patches.n[axis])
+    if (t >= n_cells(c, axis))
         return rising ? xb : xa;
-    return cts_raster_passes(&c->row, axis, (double)(t << patch_shift(c, axis)), xa, xb);
+    return cts_raster_passes(&c->row, axis, (double)(t << cell_shift(c, axis)), xa, xb);
 }
 
-/* Mark pixels xa..xb-1, all within one row of patches, where those may show something. */
-static void mark_patch_row(const CtsCompositor *c, const CtsPlane *plane, int patch_row, int xa, int xb)
+/* All rows of all planes pass cells at the same pixels where the picture's rows run along the lattice's, and rays along
+ * u do not move. */
+static bool has_borders(const CtsCompositor *c)
 {
-    const uint64_t *shown = plane->shown + (size_t)patch_row * (size_t)c->patches.n_words;
+    return c->row.raster->filled && c->row.raster->by_layer[0] == 0;
+}
+
+static void set_borders(CtsCompositor *c)
+{
+    c->row.base[0] = c->row.layer_base[0];
+    for (int t = 0; t <= c->patches.n_cells[0]; t++)
+        c->border[t] = find_border(c, 0, t, c->row.columns[0].first, c->row.columns[0].past);
+    c->borders_known = true;
+}
+
+static int border(const CtsCompositor *c, int axis, int t, int xa, int xb)
+{
+    if (axis == 1 || !c->borders_known)
+        return find_border(c, axis, t, xa, xb);
+    return c->border[t] < xa ? xa : c->border[t] > xb ? xb : c->border[t];
+}
+
+/* Mark pixels xa..xb-1, all within one row of cells, where those may show something. */
+static void mark_cell_row(const CtsCompositor *c, const CtsPlane *plane, int row, int xa, int xb)
+{
+    const uint64_t *shown = plane->shown + (size_t)(row * c->patches.row_cells) * (size_t)c->patches.n_cell_words;
     const bool moves = c->row.raster->moves[0], rising = c->row.raster->by_x[0] > 0;
-    const int only = moves ? 0 : patch_at(c, 0, xa), n = moves ? c->patches.n[0] : only + 1;
+    const int only = moves ? 0 : cell_at(c, 0, xa), n = moves ? c->patches.n_cells[0] : only + 1;
     for (int t = only, past; xa < xb && cts_next_run(shown, n, &t, &past); t = past) {
-        const int from = moves ? find_border(c, 0, rising ? t : past, xa, xb) : xa;
-        const int to = moves ? find_border(c, 0, rising ? past : t, from, xb) : xb;
+        const int from = moves ? border(c, 0, rising ? t : past, xa, xb) : xa;
+        const int to = moves ? border(c, 0, rising ? past : t, from, xb) : xb;
         cts_bits_fill(c->shown, from, to);
         *(rising ? &xa : &xb) = rising ? to : from;
     }
@@ -133,11 +162,11 @@ static void mark_row(const CtsCompositor *c, const CtsPlane *plane)
     if (!plane->shown)
         cts_bits_fill(c->shown, c->row.x0, x1);
     else if (!moves)
-        mark_patch_row(c, plane, patch_at(c, 1, 0), c->row.x0, x1);
+        mark_cell_row(c, plane, cell_at(c, 1, 0), c->row.x0, x1);
     for (int x = c->row.x0; plane->shown && moves && x < x1;) {
-        const int patch_row = patch_at(c, 1, x);
-        const int past = find_border(c, 1, rising ? patch_row + 1 : patch_row, x, x1);
-        mark_patch_row(c, plane, patch_row, x, past);
+        const int cell_row = cell_at(c, 1, x);
+        const int past = border(c, 1, rising ? cell_row + 1 : cell_row, x, x1);
+        mark_cell_row(c, plane, cell_row, x, past);
         x = past;
     }
 }
@@ -146,10 +175,10 @@ static void mark_row(const CtsCompositor *c, const CtsPlane *plane)
 static void find_shown(CtsCompositor *c, const CtsPlane *plane)
 {
     const bool alike = c->row.raster->column_tables && c->row.raster->moves[0];
-    const int patch_row = !alike ? -1 : plane->shown ? patch_at(c, 1, 0) : 0;
-    if (patch_row >= 0 && patch_row == c->shown_row)
+    const int cell_row = !alike ? -1 : plane->shown ? cell_at(c, 1, 0) : 0;
+    if (cell_row >= 0 && cell_row == c->shown_row)
         return;
-    c->shown_row = patch_row;
+    c->shown_row = cell_row;
     c->marks.first = c->row.x0 / 64;
     c->marks.past = (c->row.x1 + 63) / 64;
     memset(c->shown + c->marks.first, 0, (size_t)(c->marks.past - c->marks.first) * sizeof *c->shown);
@@ -199,6 +228,8 @@ void cts_composite_rows(CtsCompositor *c, const CtsPlane *plane, int y0, int y1)
 {
     cts_raster_begin_plane(&c->row, plane->layer);
     c->shown_row = -1;
+    if (plane->shown && has_borders(c) && !c->borders_known)
+        set_borders(c);
     for (int y = y0; y < y1; y++) {
         const bool timed = is_timed(plane, y);
         const double start_ms = timed ? cts_wall_ms() : 0;

@@ -18,7 +18,7 @@ typedef struct CtsPlane {
     CtsSheetPair sheets;
     const CtsEntries *entries;
     const CtsLight *light; /* NULL: unlit */
-    const uint64_t *shown; /* by row of patches, a bit for each patch that may show something; NULL: all do */
+    const uint64_t *shown; /* by row of cells, a bit for each cell that may show something; NULL: all do */
 } CtsPlane;
 
 /* One thread's state. */
@@ -30,8 +30,10 @@ typedef struct CtsCompositor {
     CtsRasterRow row;
     uint16_t *grey;
     uint64_t *shown;   /* pixels of a row that may show something */
-    int shown_row;     /* the row of patches that they look at, where the next row may have the same; or -1 */
+    int shown_row;     /* the row of cells that they look at, where the next row may have the same; or -1 */
     CtsRowMarks marks; /* of those the ones that are open; then those that do show */
+    int *border;        /* where it is known for all planes: the first pixel behind that below a cell */
+    bool borders_known;
     double depth_mm[4]; /* from the camera plane: [0] + [1] * x + [2] * y + [3] * layer */
     uint64_t samples;
     double timed_ms, timed_blend_ms; /* of the rows that are timed, one in sixteen: all of it, and blending */

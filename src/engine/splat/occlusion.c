@@ -66,8 +66,7 @@ static bool rectangle_open(const CtsOcclusion *o, const double centre[2], const 
 void cts_occlusion_open_row(const CtsOcclusion *o, const CtsRaster *r, const CtsPatches *patches,
                             const CtsOcclusionQuery *query, int swath, uint64_t *row)
 {
-    enum { GROUP = 4 }; /* patches judged together */
-    const int size[2] = {GROUP * CTS_PATCH * patches->density[0], CTS_SWATH * CTS_PATCH * patches->density[1]};
+    const int size[2] = {CTS_PATCH * patches->density[0], CTS_SWATH * CTS_PATCH * patches->density[1]};
     double half[2], centre[2], start[2];
     for (int c = 0; c < 2; c++) {
         half[c] = 0.5 * size[c] + query->spread * fabs(r->by_layer[c]);
@@ -75,9 +74,9 @@ void cts_occlusion_open_row(const CtsOcclusion *o, const CtsRaster *r, const Cts
     }
     centre[1] = start[1] + (double)swath * size[1];
     memset(row, 0, (size_t)patches->n_words * sizeof *row);
-    for (int t = 0; t < patches->n[0]; t += GROUP) {
-        centre[0] = start[0] + (double)(t / GROUP) * size[0];
+    for (int t = 0; t < patches->n[0]; t++) {
+        centre[0] = start[0] + (double)t * size[0];
         if (rectangle_open(o, centre, half, query->y0, query->y1))
-            row[t / 64] |= UINT64_C(15) << (t & 63);
+            row[t / 64] |= UINT64_C(1) << (t & 63);
     }
 }

@@ -35,6 +35,7 @@ static CtsStatus plan_geometry(CtsPaperPlan *p, CtsReport *report, CtsError *err
         p->raster.first_row = p->picture->first_row;
     }
     p->patches = cts_patches(&p->stack, density);
+    p->patches.row_cells = p->raster.filled ? 1 : CTS_PATCH;
     p->samples = p->scene->plan.samples > 0 ? p->scene->plan.samples : 1;
     p->n_sheets = p->samples > 1 ? 2 : 1;
     p->n_threads = settings->n_threads;
@@ -122,6 +123,7 @@ static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, 
                              .slack = (uint16_t)p->tolerance,
                              .sum_low = p->footprint.sum_low,
                              .sum_high = p->footprint.sum_high};
+    p->least = cts_range_least(&p->rule);
     if ((st = plan_void(p, macrocells, report, err)))
         return st;
     return plan_reuse(p, report, err);
@@ -207,15 +209,16 @@ static CtsStatus plan_memory(CtsPaperPlan *p, CtsError *err)
     CtsStatus st;
     if (p->by_swaths ? (st = plan_swath_rows(p, err)) : (st = cts_paper_store_init(&p->store, p, err)))
         return st;
+    const size_t n_words = (size_t)p->patches.n_cell_words;
     for (int i = 0; i < p->n_sheets && p->reuse && !p->skip_void; i++)
-        if ((st = cts_quiet_init(&p->quiet[i], &p->patches, err)))
+        if ((st = cts_alloc_zeroed(&p->visible[i], (size_t)p->patches.n_swaths * CTS_SWATH_VOXELS * n_words, err)))
             return st;
     if (p->skip_void &&
         ((st = cts_occlusion_init(&p->occlusion, &p->raster, err)) ||
          (st = cts_alloc_zeroed(&p->open, (size_t)p->patches.n_swaths * (size_t)p->patches.n_words, err))))
         return st;
     return p->reuse || p->skip_void
-               ? cts_alloc_array(&p->shown, (size_t)p->patches.n[1] * (size_t)p->patches.n_words, err)
+               ? cts_alloc_array(&p->shown, (size_t)p->patches.n_cells[1] * n_words, err)
                : CTS_OK;
 }
 
@@ -254,7 +257,7 @@ void cts_paper_plan_free(CtsPaperPlan *p)
 {
     for (int i = 0; i < 2; i++) {
         cts_entries_free(&p->entries[i]);
-        cts_quiet_free(&p->quiet[i]);
+        cts_free(&p->visible[i]);
     }
     cts_paper_store_free(&p->store);
     cts_free(&p->swath_row);
@@ -293,11 +296,8 @@ void cts_paper_needed(const CtsPaperPlan *p, int step, int patch_v, uint64_t *ro
 
 void cts_paper_shown(const CtsPaperPlan *p, int step, int patch_v, uint64_t *row)
 {
-    memset(row, p->skip_void ? 0 : 255, (size_t)p->patches.n_words * sizeof *row);
-    if (p->skip_void)
-        open_patches(p, step, step - 1, patch_v, row);
-    else
-        cts_quiet_drop(p, step, patch_v / CTS_SWATH, row);
+    memset(row, 0, (size_t)p->patches.n_words * sizeof *row);
+    open_patches(p, step, step - 1, patch_v, row);
 }
 
 void cts_paper_find_open(const CtsPaperPlan *p, int step, int swath)

@@ -6,6 +6,8 @@
 #include "engine/splat/sheet.h"
 #include "engine/splat/void.h"
 
+enum { CTS_SWATH_VOXELS = CTS_SWATH_CELLS + 1 + 2 * CTS_PATCH }; /* rows of voxels that reach into a swath, at most */
+
 /* The layers that can be read and sampled at the moment, and their sheets: one store for all threads, or one for each.
  */
 typedef struct CtsPaperStore {
@@ -15,15 +17,6 @@ typedef struct CtsPaperStore {
     uint16_t *settled[3];    /* rows as they are splatted, where they differ from the volume's; step s in s % 3 */
     uint64_t *wanted;        /* with void skipping: by row of patches, what of a chunk of layers is to be loaded */
 } CtsPaperStore;
-
-/* What earlier layers tell of a sheet's patches, one column of a swath taken together: a column that did not change
- * since then has the range of grey levels it had, so it need not be looked at again; and where nothing of that range
- * can be seen, its samples need not be taken. */
-typedef struct CtsQuiet {
-    uint64_t *known; /* by swath, a bit for each column of patches */
-    uint64_t *empty; /* likewise: known to show nothing */
-    CtsRange *range; /* by swath and column, where known */
-} CtsQuiet;
 
 /* Threads only read it, but for the store, runs, and bits by swath, whose parts they own in turn. Layers are counted in
  * the order in which rays cross them ("step"), not as in the volume.
@@ -52,8 +45,10 @@ typedef struct CtsPaperPlan {
     CtsMacrocells *own_macrocells; /* where the volume has none */
     CtsOcclusion occlusion;        /* with skip_void */
     uint64_t *open;                /* with skip_void: by swath, patches that open pixels look at within some steps */
-    CtsQuiet quiet[2];             /* reuse without skip_void: of each sheet */
-    uint64_t *shown;               /* with either: by row of patches, what to composite */
+    uint16_t least;                /* no mixture of levels that are all below shows anything */
+    uint64_t *visible[2];          /* reuse without skip_void: of each sheet, by swath and row of voxels that reach in,
+                                    * the voxels of that level and above; what did not change is not asked again */
+    uint64_t *shown;               /* with either: by row of cells, what to composite */
 
     int tolerance; /* dead band, in grey levels */
 
@@ -110,8 +105,8 @@ static inline const uint16_t *cts_paper_row(const CtsPaperPlan *p, const CtsPape
     return cts_stack_row(&store->stack, cts_paper_layer(p, step), v);
 }
 
-/* Which of a row of patches the sheet of a step must hold, and which the planes that the step completes look at. Rows
- * outside the layer have none. */
+/* Which of a row of patches the sheet of a step must hold, and with skip_void which the planes that the step completes
+ * look at, as far as macro-cells know. Rows outside the layer have none. */
 void cts_paper_needed(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
 void cts_paper_shown(const CtsPaperPlan *plan, int step, int patch_v, uint64_t *row);
 

@@ -1,7 +1,7 @@
-/* Patches of a layer, CTS_PATCH voxels wide, as the volume's fine macro-cells are: what is skipped is skipped by
- * patches, kept as rows of bits.
+/* Patches of a layer, CTS_PATCH voxels wide, as the volume's fine macro-cells are, and within them cells, between 2 x 2
+ * voxels of the layer: what is skipped is skipped by patches, then by cells, kept as rows of bits.
  *
- * A patch's samples lie between its first and last lattice point, both included, so neighbours share an edge. What a
+ * A cell's samples lie between its first and last lattice point, both included, so neighbours share an edge. What a
  * layer needs is worked on in swaths of CTS_SWATH rows of patches; a swath owns the lattice rows from its first edge to
  * just before the next swath's, and the last swath its far edge too. */
 #ifndef CTS_SPLAT_PATCHES_H
@@ -11,12 +11,14 @@
 #include "engine/splat/footprint.h"
 #include "engine/splat/stack.h"
 
-enum { CTS_PATCH = CTS_FINE_MACROCELL, CTS_SWATH = 2 };
+enum { CTS_PATCH = CTS_FINE_MACROCELL, CTS_SWATH = 2, CTS_SWATH_CELLS = CTS_SWATH * CTS_PATCH };
 
 typedef struct CtsPatches {
     int n[2];     /* patches along u and v, at least 1 */
     int n_swaths; /* along v */
     int n_words;  /* of a row of bits, one a patch */
+    int n_cells[2], n_cell_words; /* likewise, one a cell or a voxel */
+    int row_cells; /* rows of cells that are shown alike: 1 or CTS_PATCH */
     int last_voxel[2];
     int density[2];
 } CtsPatches;
@@ -27,10 +29,12 @@ static inline CtsPatches cts_patches(const CtsStack *stack, const int density[2]
     for (int c = 0; c < 2; c++) {
         patches.last_voxel[c] = stack->n[c] - 1;
         patches.n[c] = patches.last_voxel[c] > 0 ? (patches.last_voxel[c] + CTS_PATCH - 1) / CTS_PATCH : 1;
+        patches.n_cells[c] = patches.last_voxel[c] > 0 ? patches.last_voxel[c] : 1;
         patches.density[c] = density[c];
     }
     patches.n_swaths = (patches.n[1] + CTS_SWATH - 1) / CTS_SWATH;
     patches.n_words = (patches.n[0] + 63) / 64;
+    patches.n_cell_words = stack->n[0] / 64 + 1;
     return patches;
 }
 

@@ -61,7 +61,7 @@ INLINE void list_run(List *l, const CtsScatter *job, int i, int n, int end)
     }
 }
 
-/* n_vectors 0: at most four taps. */
+/* A voxel's rows of taps, then the next one's. n_vectors 0: at most four taps. */
 INLINE void scatter_list(const CtsScatter *job, const List *l, int n_vectors)
 {
     const size_t stride = job->stride;
@@ -78,6 +78,32 @@ INLINE void scatter_list(const CtsScatter *job, const List *l, int n_vectors)
                     ((Word8 *)to)[i] += change * weight[i];
             }
         }
+}
+
+/* Of a few rows of taps one by one, as its weights then stay in registers. */
+INLINE void scatter_rows(const CtsScatter *job, const List *l, int n_vectors)
+{
+    uint32_t *row = job->sheet;
+    for (int v = job->tap0; v < job->tap1; v++, row += job->stride) {
+        const Word8 *const weight = (const Word8 *)job->footprint->weight[v];
+        const Word4 four = *(const Word4 *)weight;
+        for (int turn = 0; turn < TURNS; turn++)
+            for (int k = turn; k < l->n; k += TURNS) {
+                uint32_t *const to = row + l->column[k];
+                if (n_vectors == 0)
+                    *(Word4 *)to += l->change[k] * four;
+                for (int i = 0; i < n_vectors; i++)
+                    ((Word8 *)to)[i] += l->change[k] * weight[i];
+            }
+    }
+}
+
+INLINE void scatter_any(const CtsScatter *job, const List *l, int n_vectors)
+{
+    if (job->tap1 - job->tap0 < 4)
+        scatter_rows(job, l, n_vectors);
+    else
+        scatter_list(job, l, n_vectors);
 }
 
 static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
@@ -98,13 +124,13 @@ static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
         if (list.n < ENOUGH && i + 64 < n)
             continue;
         if (n_taps <= 4)
-            scatter_list(job, &list, 0);
+            scatter_any(job, &list, 0);
         else if (n_taps <= 8)
-            scatter_list(job, &list, 1);
+            scatter_any(job, &list, 1);
         else if (n_taps <= 16)
-            scatter_list(job, &list, 2);
+            scatter_any(job, &list, 2);
         else
-            scatter_list(job, &list, 4);
+            scatter_any(job, &list, 4);
         list.n = 0;
     }
 }
@@ -125,58 +151,35 @@ INLINE uint64_t lane_bits(Short8 lanes)
     return x ^ swap ^ swap << 28;
 }
 
-INLINE uint64_t mark_64(const uint16_t *value, const uint16_t *old)
-{
-    Short8 lanes = {0};
-    for (int k = 0; k < 8; k++) {
-        Short8 change = *(const Short8 *)(value + 8 * k);
-        if (old)
-            change ^= *(const Short8 *)(old + 8 * k);
-        lanes |= (Short8)(change != 0) & (uint16_t)(1 << k);
-    }
-    return lane_bits(lanes);
-}
-
-static void mark(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks)
+static void differ(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks)
 {
     int i = 0;
-    for (; i + 64 <= n; i += 64)
-        marks[i / 64] = old ? mark_64(value + i, old + i) : mark_64(value + i, NULL);
+    for (; i + 64 <= n; i += 64) {
+        Short8 lanes = {0};
+        for (int k = 0; k < 8; k++)
+            lanes |= (Short8)(*(const Short8 *)(value + i + 8 * k) != *(const Short8 *)(old + i + 8 * k)) &
+                     (uint16_t)(1 << k);
+        marks[i / 64] = lane_bits(lanes);
+    }
     if (i < n)
         marks[i / 64] = 0;
     for (; i < n; i++)
-        marks[i / 64] |= (uint64_t)(value[i] != (old ? old[i] : 0)) << (i & 63);
+        marks[i / 64] |= (uint64_t)(value[i] != old[i]) << (i & 63);
 }
 
-INLINE void column_range_8(const uint16_t *const *row, int n, int i, uint16_t *low, uint16_t *high)
+static void reach(const uint16_t *value, uint16_t least, int n, const uint64_t *wanted, uint64_t *marks)
 {
-    Short8 least = *(const Short8 *)(row[0] + i), most = least;
-    for (int r = 1; r < n; r++) {
-        const Short8 here = *(const Short8 *)(row[r] + i);
-        const Short8 less = (Short8)(here < least), more = (Short8)(here > most);
-        least = (here & less) | (least & ~less);
-        most = (here & more) | (most & ~more);
+    int i = 0;
+    for (; i + 64 <= n; i += 64) {
+        Short8 lanes = {0};
+        for (int k = 0; k < 8 && wanted[i / 64]; k++)
+            lanes |= (Short8)(*(const Short8 *)(value + i + 8 * k) >= least) & (uint16_t)(1 << k);
+        marks[i / 64] = lane_bits(lanes) & wanted[i / 64];
     }
-    *(Short8 *)(low + i) = least;
-    *(Short8 *)(high + i) = most;
-}
-
-static void column_range(const uint16_t *const *row, int n, int i0, int i1, uint16_t *low, uint16_t *high)
-{
-    int i = i0;
-    for (; i + 8 <= i1; i += 8)
-        column_range_8(row, n, i, low, high);
-    if (i < i1 && i1 - 8 >= i0) {
-        column_range_8(row, n, i1 - 8, low, high);
-        return;
-    }
-    for (; i < i1; i++) {
-        low[i] = high[i] = row[0][i];
-        for (int r = 1; r < n; r++) {
-            low[i] = row[r][i] < low[i] ? row[r][i] : low[i];
-            high[i] = row[r][i] > high[i] ? row[r][i] : high[i];
-        }
-    }
+    if (i < n)
+        marks[i / 64] = 0;
+    for (; i < n; i++)
+        marks[i / 64] |= (uint64_t)(value[i] >= least) << (i & 63) & wanted[i / 64];
 }
 
 static void place(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac)
@@ -281,12 +284,11 @@ INLINE uint64_t sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, 
     uint64_t n = 0;
     for (int w = marks->first; w < marks->past; w++) {
         const uint64_t wanted = marks->bits[w];
-        const int end = wanted ? past_eight(wanted) : 0;
-        for (int at = wanted ? first_eight(wanted) : 0; at < end; at += 8)
-            if (wanted >> at & 255) {
+        const int first = wanted ? first_eight(wanted) : 0, past = wanted ? past_eight(wanted) : 0;
+        for (int at = first; at < past; at += 8)
+            if (wanted >> at & 255)
                 *(Short8 *)(grey + 64 * w + at) = sample_8(sheets, places, 64 * w + at, level);
-                n++;
-            }
+        n += (uint64_t)(past - first) / 8;
     }
     return n;
 }
@@ -469,5 +471,5 @@ static void gradient(const CtsGradientRows *rows, int i0, int i1, float (*gradie
 
 void cts_simd_init_plain(CtsSimd *simd)
 {
-    *simd = (CtsSimd){scatter, mark, column_range, place, sample, blend, light, gradient};
+    *simd = (CtsSimd){scatter, differ, reach, place, sample, blend, light, gradient};
 }

@@ -78,15 +78,15 @@ typedef struct CtsSimd {
     /* Add the footprints of those of n voxels whose bit in marks is set (bit i & 63 of word i / 64; none past n).
      * Touches up to CTS_MAX_TAPS columns right of a footprint, unchanged. */
     void (*scatter)(const CtsScatter *job, const uint64_t *marks, int n);
-    /* Set bit i where value[i] differs from old[i], or from 0 where old is NULL; whole words, bits past n are 0. */
-    void (*mark)(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks);
-    /* The smallest and the largest of n rows in each of columns i0..i1-1. */
-    void (*column_range)(const uint16_t *const *row, int n, int i0, int i1, uint16_t *low, uint16_t *high);
+    /* Set bit i where value[i] differs from old[i]; whole words, bits past n are 0. */
+    void (*differ)(const uint16_t *value, const uint16_t *old, int n, uint64_t *marks);
+    /* Of the wanted ones those that are at least so much. */
+    void (*reach)(const uint16_t *value, uint16_t least, int n, const uint64_t *wanted, uint64_t *marks);
     /* Lattice cell and fraction of pixels x0..x0+n-1: position base + by_x * x, held within 0..last. May write what
      * it likes up to the next multiple of 8. */
     void (*place)(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac);
     /* Nearest grey levels of marked samples, bilinear, by eights of pixels, each of which it may sample whole. Only
-     * what may show stays marked. Returns how many eights there were. */
+     * what may show stays marked. Returns about how many eights there were. */
     uint64_t (*sample)(const CtsSheetPair *sheets, const CtsPlaces *places, const CtsEntries *entries,
                        const CtsRowMarks *marks, uint16_t *grey);
     /* Blend marked samples, unlit, under a row of pixels of red, green, blue and transmittance. Bits are set in closed

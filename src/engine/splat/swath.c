@@ -6,93 +6,174 @@
 #include "engine/splat/layers.h"
 #include <string.h>
 
-enum { NEEDED_ROWS = CTS_SWATH + 2 }; /* a swath's rows of patches, and those at either side */
-
 CtsStatus cts_swath_work_init(CtsSwathWork *w, const CtsPaperPlan *p, CtsError *err)
 {
-    const size_t n_marks = (size_t)p->stack.n[0] / 64 + 1, n_words = (size_t)p->patches.n_words;
+    const size_t n = (size_t)p->patches.n_cell_words;
     CtsStatus st;
-    if ((st = cts_alloc_array(&w->marks, n_marks, err)) || (st = cts_alloc_zeroed(&w->taken, n_marks, err)) ||
-        (st = cts_alloc_array(&w->changed, n_marks, err)) ||
-        (st = cts_alloc_array(&w->needed, n_words * NEEDED_ROWS, err)) ||
-        (st = cts_alloc_zeroed(&w->low, (size_t)p->stack.n[0] + 4 * CTS_PATCH, err)) ||
-        (st = cts_alloc_zeroed(&w->high, (size_t)p->stack.n[0] + 4 * CTS_PATCH, err)))
+    if ((st = cts_alloc_array(&w->marks, n, err)) || (st = cts_alloc_zeroed(&w->taken, n, err)) ||
+        (st = cts_alloc_array(&w->row, n, err)) || (st = cts_alloc_array(&w->cells, n * (CTS_SWATH_CELLS + 1), err)))
         return st;
-    return cts_alloc_array(&w->row, n_words, err);
+    return cts_alloc_zeroed(&w->visible, n * CTS_SWATH_VOXELS, err);
 }
 
 void cts_swath_work_free(CtsSwathWork *w)
 {
     cts_free(&w->marks);
     cts_free(&w->taken);
-    cts_free(&w->changed);
-    cts_free(&w->needed);
     cts_free(&w->row);
-    cts_free(&w->low);
-    cts_free(&w->high);
+    cts_free(&w->cells);
+    cts_free(&w->visible);
 }
 
-static void take_all(CtsSwathWork *w, int n_words)
+/* The words of rows of bits that are not 0, and one more on either side; false when all are. */
+static bool find_words(CtsSwathWork *w, const uint64_t *rows, int n_words, int n_rows)
 {
-    memset(w->needed, 255, (size_t)NEEDED_ROWS * (size_t)n_words * sizeof *w->needed);
+    w->first = n_words;
+    w->past = 0;
+    for (int r = 0; r < n_rows; r++)
+        for (int i = 0; i < n_words; i++)
+            if (rows[r * n_words + i]) {
+                w->first = i < w->first ? i : w->first;
+                w->past = i + 1 > w->past ? i + 1 : w->past;
+            }
+    const bool any = w->first < w->past;
+    w->first = w->first > 0 ? w->first - 1 : 0;
+    w->past = w->past < n_words ? w->past + 1 : n_words;
+    return any;
 }
 
-static bool any_bits(const uint64_t *bits, int n_words)
+/* to = rows first..past-1 of bits together; whether any is set. */
+static bool join_rows(const CtsSwathWork *w, const uint64_t *rows, int n_words, int first, int past, uint64_t *to)
 {
     uint64_t any = 0;
-    for (int i = 0; i < n_words; i++)
-        any |= bits[i];
+    for (int i = w->first; i < w->past; i++) {
+        uint64_t bits = 0;
+        for (int r = first; r < past; r++)
+            bits |= rows[r * n_words + i];
+        any |= to[i] = bits;
+    }
     return any != 0;
 }
 
-/* The patches that the sheet must hold, of the swath's rows and, where another swath has their edge, of the row before;
- * true when there are any. */
+/* Bit i of `to`: whether any of bits i + low .. i + high is set. */
+static void spread(const CtsSwathWork *w, const uint64_t *from, int low, int high, uint64_t *to)
+{
+    for (int i = w->first; i < w->past; i++) {
+        const uint64_t before = i > w->first ? from[i - 1] : 0, after = i + 1 < w->past ? from[i + 1] : 0;
+        uint64_t any = from[i];
+        for (int k = 1; k <= high; k++)
+            any |= from[i] >> k | after << (64 - k);
+        for (int k = 1; k <= -low; k++)
+            any |= from[i] << k | before >> (64 - k);
+        to[i] = any;
+    }
+}
+
+/* The cells of a row of patches. */
+static void cells_of(const CtsPatches *patches, const uint64_t *row, uint64_t *cells)
+{
+    for (int i = 0; i < patches->n_cell_words; i++) {
+        uint64_t x = i / 4 < patches->n_words ? row[i / 4] >> 16 * (i & 3) & 0xffff : 0;
+        x = (x | x << 24) & UINT64_C(0x000000ff000000ff);
+        x = (x | x << 12) & UINT64_C(0x000f000f000f000f);
+        x = (x | x << 6) & UINT64_C(0x0303030303030303);
+        x = (x | x << 3) & UINT64_C(0x1111111111111111);
+        cells[i] = x * 15;
+    }
+}
+
+/* Ask early for the next layer's voxels where something may show: of a layer's rows little is read, too little for the
+ * processor to see where it goes on. */
+static void ask_for_next(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int patch_v, const uint64_t *shown)
+{
+    for (int v = patch_v * CTS_PATCH; v < (patch_v + 1) * CTS_PATCH && v < p->stack.n[1]; v++) {
+        const uint16_t *row = cts_paper_row(p, w->store, s + 1, v);
+        for (int t = 0, past; cts_next_run(shown, p->patches.n[0], &t, &past); t = past)
+            for (int u = t * CTS_PATCH; u < past * CTS_PATCH && u < p->stack.n[0]; u += 32)
+                __builtin_prefetch(row + u);
+    }
+}
+
+static uint64_t *cell_row(const CtsPaperPlan *p, const CtsSwathWork *w, int v)
+{
+    return w->cells + (size_t)(v + 1) * (size_t)p->patches.n_cell_words;
+}
+
+/* The cells that the sheet must hold as far as macro-cells know, of the swath's rows and, where another swath has their
+ * edge, of the row before; true when there are any. */
 static bool find_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
-    const int n_words = p->patches.n_words, first = p->by_swaths ? 1 : 0;
-    memset(w->needed, 0, (size_t)NEEDED_ROWS * (size_t)n_words * sizeof *w->needed);
-    for (int r = first; r <= CTS_SWATH; r++)
-        cts_paper_needed(p, s, swath * CTS_SWATH - 1 + r, w->needed + (size_t)r * (size_t)n_words);
-    return any_bits(w->needed, NEEDED_ROWS * n_words);
-}
-
-/* Clear the bits of a row of patches that show nothing on the step's layer itself, which macro-cells know only with
- * those before and behind and all around. */
-static void judge(const CtsPaperPlan *p, CtsSwathWork *w, int s, int patch_v, uint64_t *row)
-{
-    enum { MOST_ROWS = 3 * CTS_PATCH };
-    const int apron = p->rule.apron, width = CTS_PATCH + 1 + 2 * apron, n = p->stack.n[0];
-    const int v0 = patch_v * CTS_PATCH - apron;
-    const uint16_t *rows[MOST_ROWS];
-    uint16_t *const low = w->low + CTS_PATCH, *const high = w->high + CTS_PATCH;
-    int n_rows = 0;
-    for (int v = v0; v < v0 + width; v++)
-        if (v >= 0 && v < p->stack.n[1])
-            rows[n_rows++] = cts_paper_row(p, w->store, s, v);
-    const bool air = n_rows < width;
-    for (int t = 0, past; cts_next_run(row, p->patches.n[0], &t, &past); t = past) {
-        const int u0 = t * CTS_PATCH - apron, u1 = past * CTS_PATCH + apron + 1;
-        p->simd.column_range(rows, n_rows, u0 > 0 ? u0 : 0, u1 < n ? u1 : n, low, high);
-        for (int i = t; i < past; i++) {
-            CtsRange range = {air ? 0 : UINT16_MAX, 0};
-            for (int u = i * CTS_PATCH - apron; u < i * CTS_PATCH - apron + width; u++)
-                range = cts_range_union(range, (CtsRange){low[u], high[u]});
-            if (!cts_range_visible(&p->rule, range))
-                row[i / 64] &= ~(UINT64_C(1) << (i & 63));
+    const int n_words = p->patches.n_cell_words;
+    memset(w->cells, p->skip_void ? 0 : 255, (size_t)(n_words * (CTS_SWATH_CELLS + 1)) * sizeof *w->cells);
+    for (int v = p->by_swaths ? 0 : -1; v < CTS_SWATH_CELLS && p->skip_void; v++) {
+        const int patch_v = swath * CTS_SWATH + (v < 0 ? -1 : v / CTS_PATCH);
+        if (v > 0 && v % CTS_PATCH > 0) {
+            memcpy(cell_row(p, w, v), cell_row(p, w, v - 1), (size_t)n_words * sizeof *w->cells);
+            continue;
         }
+        cts_paper_needed(p, s, patch_v, w->row);
+        cells_of(&p->patches, w->row, cell_row(p, w, v));
+        if (v >= 0 && s + 1 < p->stack.n_layers)
+            ask_for_next(p, w, s, patch_v, w->row);
     }
+    return find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1);
 }
 
-/* w->row becomes the patches of rows first..last, of those found, that any of them needs. */
-static void needed_rows(const CtsPaperPlan *p, CtsSwathWork *w, int swath, int first, int last)
+/* Where pixels cross rows of cells, some rows are shown alike. */
+static void make_alike(const CtsPaperPlan *p, uint64_t *rows, int n_rows)
 {
-    const int n_words = p->patches.n_words;
-    const uint64_t *from = w->needed + (size_t)(first - (CTS_SWATH * swath - 1)) * (size_t)n_words;
-    for (int i = 0; i < n_words; i++) {
-        w->row[i] = from[i];
-        for (int r = 1; r <= last - first; r++)
-            w->row[i] |= from[r * n_words + i];
+    const int n_words = p->patches.n_cell_words, n_alike = p->patches.row_cells;
+    for (int r = 0; r < n_rows && n_alike > 1; r += n_alike)
+        for (int i = 0; i < n_words; i++) {
+            uint64_t any = 0;
+            for (int k = r; k < r + n_alike && k < n_rows; k++)
+                any |= rows[k * n_words + i];
+            for (int k = r; k < r + n_alike && k < n_rows; k++)
+                rows[k * n_words + i] = any;
+        }
+}
+
+/* w->row becomes what any of rows first..last of the needed cells has, as far as they are the swath's to know; whether
+ * that is anything. */
+static bool needed_rows(const CtsPaperPlan *p, CtsSwathWork *w, int swath, int first, int last)
+{
+    const int v0 = swath * CTS_SWATH_CELLS - 1, past = last + 1 - v0;
+    return join_rows(w, w->cells, p->patches.n_cell_words, first > v0 ? first - v0 : 0,
+                     past < CTS_SWATH_CELLS + 1 ? past : CTS_SWATH_CELLS + 1, w->row);
+}
+
+/* Of row j the voxels of at least some level that reach into a needed cell; returns how many. */
+static uint64_t take_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, int j, uint16_t least,
+                            uint64_t *taken)
+{
+    const int apron = p->footprint.apron, from = 64 * w->first;
+    uint64_t n = 0;
+    memset(taken + w->first, 0, (size_t)(w->past - w->first) * sizeof *taken);
+    if (j < 0 || j >= p->stack.n[1] || !needed_rows(p, w, swath, j - 1 - apron, j + apron))
+        return 0;
+    spread(w, w->row, -1 - apron, apron, w->marks);
+    p->simd.reach(cts_paper_row(p, w->store, s, j) + from, least,
+                  (64 * w->past < p->stack.n[0] ? 64 * w->past : p->stack.n[0]) - from, w->marks + w->first,
+                  taken + w->first);
+    for (int i = w->first; i < w->past; i++)
+        n += (uint64_t)cts_popcount(taken[i]);
+    return n;
+}
+
+/* Drop cells that no voxel of the step's layer itself makes visible, which macro-cells know only with those before and
+ * behind and all around. */
+static void judge(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
+{
+    const int n_words = p->patches.n_cell_words, apron = p->rule.apron, j0 = swath * CTS_SWATH_CELLS - apron;
+    for (int r = 0; r < CTS_SWATH_CELLS + 1 + 2 * apron; r++)
+        take_needed(p, w, s, swath, j0 + r, p->least, w->visible + r * n_words);
+    for (int v = 0; v < CTS_SWATH_CELLS; v++) {
+        join_rows(w, w->visible, n_words, v, v + 2 + 2 * apron, w->marks);
+        spread(w, w->marks, -apron, 1 + apron, w->row);
+        for (int i = w->first; i < w->past; i++)
+            cell_row(p, w, v)[i] &= w->row[i];
     }
+    make_alike(p, cell_row(p, w, 0), CTS_SWATH_CELLS);
 }
 
 static int floor_div(int a, int b)
@@ -115,68 +196,48 @@ static CtsScatter scatter_row(const CtsPaperPlan *p, const CtsPaperStore *store,
                         .value = cts_paper_row(p, store, s, j)};
 }
 
+/* Rows of the lattice, by words in which any point is needed. */
 static void clear_needed(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, int v0, int v1)
 {
     const CtsSheet *sheet = &w->store->sheet[s % p->n_sheets];
-    const int lattice = CTS_PATCH * p->patches.density[0], end = sheet->last[0];
-    for (int v = v0, known = -1; v < v1; v++) {
-        int first, last;
-        cts_patch_rows(&p->patches, v, p->patches.density[1], &first, &last);
-        if (first != known || first != last)
-            needed_rows(p, w, swath, first, last);
-        known = first == last ? first : -1;
-        for (int t = 0, past; cts_next_run(w->row, p->patches.n[0], &t, &past); t = past) {
-            const int u0 = t * lattice, u1 = past * lattice < end ? past * lattice : end;
-            memset(sheet->origin + (size_t)v * sheet->stride + u0, 0, (size_t)(u1 + 1 - u0) * sizeof *sheet->origin);
+    const int width = 64 * p->patches.density[0], shift = __builtin_ctz((unsigned)p->patches.density[1]);
+    for (int v = v0; v < v1; v++) {
+        uint32_t *const row = sheet->origin + (size_t)v * sheet->stride;
+        const int below = v >> shift;
+        needed_rows(p, w, swath, v == below << shift ? below - 1 : below, below);
+        for (int first = w->first, past; first < w->past; first = past + 1) {
+            for (past = first; past < w->past && w->row[past]; past++)
+                ;
+            const int u1 = past * width < sheet->last[0] ? past * width : sheet->last[0];
+            if (past > first)
+                memset(row + first * width, 0, (size_t)(u1 + 1 - first * width) * sizeof *row);
         }
     }
-}
-
-/* Mark the voxels that reach into a needed patch of rows[0]..rows[1]. */
-static void mark_needed(const CtsPaperPlan *p, CtsSwathWork *w, int swath, const int rows[2])
-{
-    const int n = p->stack.n[0], beside = p->footprint.apron;
-    needed_rows(p, w, swath, rows[0], rows[1]);
-    memset(w->marks, 0, ((size_t)n / 64 + 1) * sizeof *w->marks);
-    for (int t = 0, past; cts_next_run(w->row, p->patches.n[0], &t, &past); t = past) {
-        const int i0 = t * CTS_PATCH - beside, i1 = past * CTS_PATCH + beside + 1;
-        cts_bits_fill(w->marks, i0 > 0 ? i0 : 0, i1 < n ? i1 : n);
-    }
-}
-
-/* The patches that any row of lattice rows v0..v1-1 within reach of voxel row j belongs to: first to last row of them.
- */
-static void rows_around(const CtsPaperPlan *p, int j, int v0, int v1, int rows[2])
-{
-    const int density = p->footprint.density[1], at = j * density, reach = p->footprint.reach[1];
-    int unused;
-    cts_patch_rows(&p->patches, at - reach > v0 ? at - reach : v0, density, &rows[0], &unused);
-    cts_patch_rows(&p->patches, at + reach < v1 - 1 ? at + reach : v1 - 1, density, &unused, &rows[1]);
-}
-
-/* Of the marked voxels of a row those that add anything, into w->taken; returns how many. */
-static uint64_t take_marked(const CtsPaperPlan *p, CtsSwathWork *w, const uint16_t *row)
-{
-    const int n = p->stack.n[0];
-    for (int i = 0; i < n; i += 64) {
-        uint64_t *const taken = &w->taken[i / 64], marks = w->marks[i / 64];
-        *taken = marks;
-        if (!marks || !p->skip_void)
-            continue;
-        p->simd.mark(row + i, NULL, n - i < 64 ? n - i : 64, taken);
-        *taken &= marks;
-    }
-    return cts_bits_count_run(w->taken, 0, n);
 }
 
 /* Take what changed since the sheet was made; returns how many voxels. */
 static uint64_t take_changes(const CtsPaperPlan *p, CtsSwathWork *w, const CtsScatter *job)
 {
-    const int n = p->stack.n[0];
-    p->simd.mark(job->value, job->old, n, w->taken);
-    for (int i = 0; i < n / 64 + 1; i++)
-        w->changed[i] |= w->taken[i];
-    return cts_bits_count_run(w->taken, 0, n);
+    p->simd.differ(job->value, job->old, p->stack.n[0], w->taken);
+    return cts_bits_count_run(w->taken, 0, p->stack.n[0]);
+}
+
+/* Row j of what layers know of a swath's voxels, or NULL: it does not reach in. */
+static uint64_t *visible_row(const CtsPaperPlan *p, int s, int swath, int j)
+{
+    const int apron = p->rule.apron, r = j - (swath * CTS_SWATH_CELLS - apron);
+    if (r < 0 || r >= CTS_SWATH_CELLS + 1 + 2 * apron)
+        return NULL;
+    return p->visible[s % p->n_sheets] +
+           ((size_t)swath * CTS_SWATH_VOXELS + (size_t)r) * (size_t)p->patches.n_cell_words;
+}
+
+/* Bring it up to date where voxels changed. */
+static void note_visible(const CtsPaperPlan *p, const CtsSwathWork *w, const uint16_t *value, uint64_t *visible)
+{
+    p->simd.reach(value, (uint16_t)(p->least + CTS_MUTATED(QUIET_RANGE)), p->stack.n[0], w->taken, w->marks);
+    for (int i = 0; 64 * i < p->stack.n[0]; i++)
+        visible[i] = (visible[i] & ~w->taken[i]) | w->marks[i];
 }
 
 /* Sums of changes kept in float, to prove that it would be noticed. */
@@ -188,7 +249,17 @@ static void drift(const CtsSheet *sheet, int v0, int v1)
                 (uint32_t)(float)sheet->origin[(size_t)v * sheet->stride + (size_t)u];
 }
 
-/* Whole footprints of every voxel that reaches into a needed patch: what falls beside needed points does no harm, as
+static void scatter_words(const CtsPaperPlan *p, const CtsSwathWork *w, CtsScatter job)
+{
+    const int from = 64 * w->first, past = 64 * w->past < p->stack.n[0] ? 64 * w->past : p->stack.n[0];
+    job.sheet += from * p->footprint.density[0];
+    job.value += from;
+    if (job.old)
+        job.old += from;
+    p->simd.scatter(&job, w->taken + w->first, past - from);
+}
+
+/* Whole footprints of every voxel that reaches into a needed cell: what falls beside needed points does no harm, as
  * nobody reads it. Where the sheet holds the swath, the changes of all voxels instead. */
 static void splat(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, bool held)
 {
@@ -198,34 +269,33 @@ static void splat(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath, bool
     const int own0 = cts_swath_start(&p->patches, swath, 1), own1 = cts_swath_start(&p->patches, swath + 1, 1);
     /* The far edge's voxels too, which change what lies before it. */
     const int j0 = -floor_div(reach - v0, density), j1 = floor_div(v1 + reach, density) + 1;
-    int marked[2] = {-1, -1};
-    uint64_t n_taken = 0;
+    const int n = p->stack.n[0];
+    uint64_t n_taken = (uint64_t)n;
     const uint64_t before = w->splatted;
-    memset(w->changed, 0, ((size_t)p->stack.n[0] / 64 + 1) * sizeof *w->changed);
     if (!held)
         clear_needed(p, w, s, swath, v0, v1);
+    if (!held && !p->skip_void) {
+        memset(w->taken, 0, (size_t)p->patches.n_cell_words * sizeof *w->taken);
+        cts_bits_fill(w->taken, 0, n);
+    }
     for (int j = j0 > 0 ? j0 : 0; j < j1 && j < p->stack.n[1]; j++) {
         CtsScatter job = scatter_row(p, w->store, s, j, v0, v1);
-        const bool reaches = job.tap0 < job.tap1;
-        int rows[2];
         if (held) {
             job.old = cts_paper_row(p, w->store, s - p->n_sheets, j);
             n_taken = take_changes(p, w, &job);
-        } else if (reaches) {
-            rows_around(p, j, v0, v1, rows);
-            if (rows[0] != marked[0] || rows[1] != marked[1])
-                mark_needed(p, w, swath, rows);
-            memcpy(marked, rows, sizeof marked);
-            n_taken = take_marked(p, w, job.value);
+        } else if (p->skip_void && job.tap0 < job.tap1) {
+            n_taken = take_needed(p, w, s, swath, j, 1, w->taken);
         }
-        if (!reaches || n_taken == 0)
+        if (p->visible[0] && visible_row(p, s, swath, j))
+            note_visible(p, w, job.value, visible_row(p, s, swath, j));
+        if (job.tap0 >= job.tap1 || n_taken == 0)
             continue;
-        p->simd.scatter(&job, w->taken, p->stack.n[0]);
+        scatter_words(p, w, job);
         if (j >= own0 && j < own1)
             w->splatted += n_taken;
     }
     if (held)
-        w->reused += (uint64_t)(own1 - own0) * (uint64_t)p->stack.n[0] - (w->splatted - before);
+        w->reused += (uint64_t)(own1 - own0) * (uint64_t)n - (w->splatted - before);
     if (CTS_MUTATED(FLOAT_DRIFT) && held)
         drift(&w->store->sheet[s % p->n_sheets], v0, v1);
 }
@@ -246,15 +316,24 @@ static void gradient_row(const CtsPaperPlan *p, const CtsStack *s, int k, int v,
     p->simd.gradient(&rows, u0, u1, field + (size_t)v * p->gradient_stride);
 }
 
-/* The patches that the one plane of a step looks at, which are known once all swaths are splatted. */
+/* The swath's rows of what is to be composited, and how many there are. */
+static uint64_t *shown_rows(const CtsPaperPlan *p, int swath, int *n_rows)
+{
+    const int v0 = swath * CTS_SWATH_CELLS, left = p->patches.n_cells[1] - v0;
+    *n_rows = left < CTS_SWATH_CELLS ? left : CTS_SWATH_CELLS;
+    return p->shown + (size_t)v0 * (size_t)p->patches.n_cell_words;
+}
+
+/* The cells that the one plane of a step looks at, which are known once all swaths are splatted. */
 static bool take_shown(const CtsPaperPlan *p, CtsSwathWork *w, int swath)
 {
-    const int n_words = p->patches.n_words, before = swath * CTS_SWATH - 1;
-    memset(w->needed, 0, (size_t)NEEDED_ROWS * (size_t)n_words * sizeof *w->needed);
-    for (int r = p->by_swaths || swath == 0 ? 1 : 0; r <= CTS_SWATH && before + r < p->patches.n[1]; r++)
-        memcpy(w->needed + (size_t)r * (size_t)n_words, p->shown + (size_t)(before + r) * (size_t)n_words,
-               (size_t)n_words * sizeof *w->needed);
-    return any_bits(w->needed, NEEDED_ROWS * n_words);
+    const int n_words = p->patches.n_cell_words;
+    int n_rows;
+    const uint64_t *shown = shown_rows(p, swath, &n_rows);
+    memset(w->cells, 0, (size_t)(n_words * (CTS_SWATH_CELLS + 1)) * sizeof *w->cells);
+    for (int v = p->by_swaths || swath == 0 ? 0 : -1; v < n_rows; v++)
+        memcpy(cell_row(p, w, v), shown + v * n_words, (size_t)n_words * sizeof *w->cells);
+    return find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1);
 }
 
 void cts_swath_gradients(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
@@ -263,65 +342,61 @@ void cts_swath_gradients(const CtsPaperPlan *p, CtsSwathWork *w, int s, int swat
     const bool needed = p->shown && p->samples == 1 ? take_shown(p, w, swath) : find_needed(p, w, s, swath);
     const int past = needed ? cts_swath_start(&p->patches, swath + 1, 1) + far_edge : 0;
     for (int v = cts_swath_start(&p->patches, swath, 1); v < past; v++) {
-        int first, last;
-        cts_patch_rows(&p->patches, v, 1, &first, &last);
-        needed_rows(p, w, swath, first, last);
-        for (int t = 0, end; cts_next_run(w->row, p->patches.n[0], &t, &end); t = end) {
-            const int u1 = end * CTS_PATCH < p->stack.n[0] ? end * CTS_PATCH + 1 : p->stack.n[0];
-            gradient_row(p, &w->store->stack, cts_paper_layer(p, s), v, t * CTS_PATCH, u1,
-                         w->store->gradient[s % p->n_sheets]);
-        }
+        memset(w->row, 0, (size_t)p->patches.n_cell_words * sizeof *w->row);
+        needed_rows(p, w, swath, v - 1, v);
+        for (int t = 0, end; cts_next_run(w->row, p->patches.n_cells[0], &t, &end); t = end)
+            gradient_row(p, &w->store->stack, cts_paper_layer(p, s), v, t,
+                         end < p->stack.n[0] ? end + 1 : p->stack.n[0], w->store->gradient[s % p->n_sheets]);
     }
 }
 
-/* Ask early for the next layer's voxels where something may show: of a layer's rows little is read, too little for the
- * processor to see where it goes on. */
-static void ask_for_next(const CtsPaperPlan *p, const CtsSwathWork *w, int s, int patch_v, const uint64_t *shown)
-{
-    for (int v = patch_v * CTS_PATCH; v < (patch_v + 1) * CTS_PATCH && v < p->stack.n[1]; v++) {
-        const uint16_t *row = cts_paper_row(p, w->store, s + 1, v);
-        for (int t = 0, past; cts_next_run(shown, p->patches.n[0], &t, &past); t = past)
-            for (int u = t * CTS_PATCH; u < past * CTS_PATCH && u < p->stack.n[0]; u += 32)
-                __builtin_prefetch(row + u);
-    }
-}
-
-/* What is to be composited of the swath, and with void skipping by itself what the sheet must hold of it. */
+/* What is to be composited of the swath: with void skipping what is needed on a layer, and between two what macro-cells
+ * know; else what the visible voxels of the sheets reach. */
 static void find_shown(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
-    const size_t n_words = (size_t)p->patches.n_words;
-    for (int i = 0; i < CTS_SWATH && swath * CTS_SWATH + i < p->patches.n[1]; i++) {
-        const int r = swath * CTS_SWATH + i;
-        uint64_t *const shown = p->shown + (size_t)r * n_words;
-        cts_paper_shown(p, s, r, shown);
-        if (p->skip_void && s + 1 < p->stack.n_layers)
-            ask_for_next(p, w, s, r, shown);
-        if (!p->skip_void || p->samples > 1)
-            continue;
-        judge(p, w, s, r, shown);
-        memcpy(w->needed + (size_t)(i + 1) * n_words, shown, n_words * sizeof *shown);
+    const int n_words = p->patches.n_cell_words, apron = p->rule.apron;
+    int n_rows;
+    uint64_t *const shown = shown_rows(p, swath, &n_rows);
+    for (int v = 0; v < n_rows; v++) {
+        uint64_t *const row = shown + v * n_words;
+        if (p->skip_void && p->samples == 1) {
+            memcpy(row, cell_row(p, w, v), (size_t)n_words * sizeof *row);
+        } else if (p->skip_void) {
+            cts_paper_shown(p, s, swath * CTS_SWATH + v / CTS_PATCH, w->row);
+            cells_of(&p->patches, w->row, row);
+        } else {
+            const int j0 = swath * CTS_SWATH_CELLS - apron, past = v + 2 + 2 * apron;
+            join_rows(w, visible_row(p, s, swath, j0), n_words, v, past, w->row);
+            if (p->n_sheets > 1) {
+                join_rows(w, visible_row(p, s + 1, swath, j0), n_words, v, past, w->marks);
+                for (int i = 0; i < n_words; i++)
+                    w->row[i] |= w->marks[i];
+            }
+            spread(w, w->row, -apron, 1 + apron, row);
+        }
     }
+    make_alike(p, shown, n_rows);
 }
 
 bool cts_swath_splat(CtsPaperPlan *p, CtsSwathWork *w, int s, int swath)
 {
     int *const holds = &w->store->sheet[s % p->n_sheets].step[swath];
+    const int n_words = p->patches.n_cell_words;
     const bool held = p->reuse && *holds == s - p->n_sheets && *holds >= 0;
     bool needed = find_needed(p, w, s, swath);
+    if (p->skip_void && needed && p->samples == 1)
+        judge(p, w, s, swath);
     if (p->skip_void)
         find_shown(p, w, s, swath);
     /* A sheet keeps account by whole swaths, and lasts longest where nothing is left out. */
     if (p->reuse)
-        take_all(w, p->patches.n_words);
-    else
-        needed = needed && any_bits(w->needed, NEEDED_ROWS * p->patches.n_words);
+        memset(w->cells, 255, (size_t)(n_words * (CTS_SWATH_CELLS + 1)) * sizeof *w->cells);
+    needed = find_words(w, w->cells, n_words, CTS_SWATH_CELLS + 1) && needed;
     if (needed) {
         splat(p, w, s, swath, held);
         *holds = s;
     }
-    if (p->reuse && !p->skip_void) {
-        cts_quiet_swath(p, w->store, s, swath, held ? w->changed : NULL);
+    if (p->visible[0])
         find_shown(p, w, s, swath);
-    }
     return needed;
 }

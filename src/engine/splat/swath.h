@@ -7,10 +7,11 @@
 
 /* One thread's scratch and counts. */
 typedef struct CtsSwathWork {
-    CtsPaperStore *store;              /* borrowed */
-    uint64_t *marks, *taken, *changed; /* a bit for each voxel of a row: may be splatted, are, and did change */
-    uint64_t *needed, *row;            /* bits for each patch of the rows that a swath meets, and for one */
-    uint16_t *low, *high;              /* of the columns of a row of patches, and of some air on either side */
+    CtsPaperStore *store;           /* borrowed */
+    uint64_t *marks, *taken, *row;  /* a bit for each voxel of a row: may be splatted, are; and for what else */
+    uint64_t *cells;                /* needed ones of the row before a swath and of its own */
+    int first, past;                /* words of a row within which all of that lies */
+    uint64_t *visible;              /* voxels of the rows that reach into it, where it is found anew */
     /* Voxels that stand in what is needed, with their footprint added or left as they were; each of one swath alone. */
     uint64_t splatted, reused;
 } CtsSwathWork;

@@ -23,6 +23,19 @@ bool cts_range_visible(const CtsRangeRule *rule, CtsRange range)
     return cts_lut_visible(rule->lut, sample_low(rule, range.low), sample_high(rule, range.high));
 }
 
+uint16_t cts_range_least(const CtsRangeRule *rule)
+{
+    int below = 0, least = UINT16_MAX;
+    while (below < least) {
+        const int middle = (below + least) / 2;
+        if (cts_range_visible(rule, (CtsRange){0, (uint16_t)middle}))
+            least = middle;
+        else
+            below = middle + 1;
+    }
+    return (uint16_t)least;
+}
+
 static void widen(CtsRange *range, CtsRange other)
 {
     *range = cts_range_union(*range, other);

@@ -3,7 +3,8 @@
  * left out; its samples would have had alpha 0, so the picture keeps its bytes.
  *
  * Ranges are those of the volume's fine macro-cells, so a patch is judged for the layers of a macro-cell at once; what
- * they leave is judged again by the voxels of its own layer, where planes lie on layers alone (swath.c). */
+ * they leave is judged again, cell by cell, by the voxels of its own layer, where planes lie on layers alone
+ * (swath.c). */
 #ifndef CTS_SPLAT_VOID_H
 #define CTS_SPLAT_VOID_H
 
@@ -20,6 +21,9 @@ typedef struct CtsRangeRule {
 
 /* False when no mixture of the grey levels of the range shows anything. */
 bool cts_range_visible(const CtsRangeRule *rule, CtsRange range);
+
+/* No mixture of levels below this shows anything. */
+uint16_t cts_range_least(const CtsRangeRule *rule);
 
 static inline CtsRange cts_range_union(CtsRange a, CtsRange b)
 {
