@@ -30,16 +30,20 @@ typedef struct Looking {
 /* Levels of a row of corners, those of a block's cells first. */
 typedef uint16_t Row __attribute__((vector_size(16)));
 
+/* By how much a exceeds b, or 0. */
+static Row excess(Row a, Row b)
+{
+    return (a - b) & (Row)(a > b);
+}
+
 static Row smaller(Row a, Row b)
 {
-    const Row less = (Row)(a < b);
-    return (less & a) | (~less & b);
+    return a - excess(a, b);
 }
 
 static Row larger(Row a, Row b)
 {
-    const Row less = (Row)(a < b);
-    return (less & b) | (~less & a);
+    return b + excess(a, b);
 }
 
 static Row next(Row row)
