@@ -4,9 +4,9 @@
 Volumes (noise, plates, wires, dots, a helix, balls, metal and haze, levels side by side; a series of DATA in every
 fourth round), presets (hard steps, peaks between levels, ramps, built-ins), views, scales and lights at random.
 Every picture by engine tiled is compared with the one by engine raycast. Faults are: a picture whose error is above the
-bound that its log tells, rms or largest; one above what was asked for, 0.5/255 rms by default, without a warning; one
-that is not made. Each is printed with the commands that show it, and its series is kept in soak-failures/. The same
---seed repeats the same scenes; --only N makes round N alone.
+bound that its log tells, rms or largest; one above what was asked for, 0.5/255 rms by default, without a warning or
+(by default, up to 1/255) a note; one that is not made. Each is printed with the commands that show it, and its series is
+kept in soak-failures/. The same --seed repeats the same scenes; --only N makes round N alone.
 
 With --large half of the pictures are large, most of them rotations. These are made by one thread and by three, whose
 files must be the same, and are verified by rays; where that leaves doubt, every frame is compared with the ray
@@ -164,18 +164,19 @@ def make_view(r):
 
 
 def read_log(path):
-    """The bound told, the error verified, and the codes of warnings."""
+    """The bound told, the error verified, and how it is said that it may be larger than asked: warning, note, or not."""
     with open(path) as f:
         events = [json.loads(line) for line in f]
     last = {e['event']: e for e in events}
-    return (last.get('bound'), last.get('error'),
-            [e['code'] for e in events if e['event'] == 'finding' and e['severity'] == 'warning'])
+    said = [e['severity'] for e in events if e['event'] == 'finding' and e['code'] == 'error_bound']
+    return last.get('bound'), last.get('error'), said[-1] if said else None
 
 
 class Sweep:
     def __init__(self, args):
         self.args = args
-        self.ratios, self.errors, self.faults, self.pictures, self.warned, self.series = [], [], 0, 0, 0, []
+        self.ratios, self.errors, self.faults, self.pictures, self.series = [], [], 0, 0, []
+        self.kinds = dict.fromkeys(['kept', 'noted', 'warned', 'warned in vain', 'silent'], 0)
         self.compared = 0
         for root, _, files in os.walk(args.data or os.devnull):
             if sum(name != 'DIRFILE' for name in files) >= 20:
@@ -186,8 +187,8 @@ class Sweep:
         return subprocess.run([os.path.abspath(self.args.ctsplat), *words], stdin=subprocess.DEVNULL,
                               capture_output=True, text=True, timeout=1200)
 
-    def held(self, bound, warnings, rms, most, asked, what):
-        """A fault's words, or None: an error held to what was told of it."""
+    def held(self, bound, said, rms, most, asked, what, frames=1):
+        """A fault's words, or None: an error held to what was told of it. Counts what kind of picture it is."""
         limit = (asked or 0.5) / 255
         if not bound:
             return 'no bound in the log'
@@ -201,9 +202,12 @@ class Sweep:
             faults.append('above its bound')
         if most > bound['max'] + ROUNDED_MOST:
             faults.append('a pixel above the largest told')
-        if rms > limit + ROUNDED and 'error_bound' not in warnings:
+        if rms > limit + ROUNDED and not said:
             faults.append('above %g/255 without a warning' % (asked or 0.5))
-        if rms < 0.25 * limit and 'error_bound' in warnings and self.args.cautious:
+        vain = rms <= limit and said == 'warning'
+        kind = 'warned in vain' if vain else {'warning': 'warned', 'note': 'noted'}.get(said, 'kept')
+        self.kinds['silent' if faults else kind] += frames
+        if rms < 0.25 * limit and vain and self.args.cautious:
             faults.append('warned in vain')
         return '; '.join(faults) + ': ' + says if faults else None
 
@@ -219,10 +223,9 @@ class Sweep:
             if done.returncode:
                 return 'exit %d: %s' % (done.returncode, done.stderr.strip()), [words]
         found = json.loads(self.run('compare', mine, exact, '--json').stdout)
-        bound, _, warnings = read_log(log)
+        bound, _, said = read_log(log)
         self.pictures += 1
-        self.warned += 'error_bound' in warnings
-        return (self.held(bound, warnings, found['rmse'], found['max'], asked, what),
+        return (self.held(bound, said, found['rmse'], found['max'], asked, what),
                 [one, two, ['compare', mine, exact]])
 
     def judge_large(self, folder, common, asked, what, depth):
@@ -241,16 +244,16 @@ class Sweep:
             if done.returncode:
                 return 'exit %d: %s' % (done.returncode, done.stderr.strip()), [words]
         frames = sorted(glob.glob(os.path.join(folder, 'large-1*.png')))
-        bound, verified, warnings = read_log(log)
+        bound, verified, said = read_log(log)
         self.pictures += len(frames)
-        self.warned += 'error_bound' in warnings
         for path in glob.glob(os.path.join(folder, 'large-1*')):
             if not filecmp.cmp(path, path.replace('large-1', 'large-3'), shallow=False):
                 return '%s differs by threads' % os.path.basename(path), commands
         # One frame may have all of the error that is told of them together.
         worst = verified['rmse'] * math.sqrt(len(frames))
         if not bound or worst < 0.5 * bound['rmse']:
-            return self.held(bound, warnings, verified['rmse_low'], verified['max'], asked, what), commands
+            return (self.held(bound, said, verified['rmse_low'], verified['max'], asked, what, len(frames)),
+                    commands)
         words = common + ['--engine', 'raycast', '-o', exact, '--force']
         done = self.run(*words)
         if done.returncode:
@@ -261,8 +264,8 @@ class Sweep:
         for frame in frames:
             commands.append(['compare', frame, frame.replace('large-1', 'large-exact')])
             found.append(json.loads(self.run(*commands[-1], '--json').stdout))
-        return (self.held(bound, warnings, max(f['rmse'] for f in found), max(f['max'] for f in found), asked, what),
-                commands)
+        return (self.held(bound, said, max(f['rmse'] for f in found), max(f['max'] for f in found), asked, what,
+                          len(frames)), commands)
 
     def round(self, number):
         r = random.Random(self.args.seed * 1000003 + number)
@@ -332,8 +335,8 @@ class Sweep:
             print('%8.3f/255 rms, asked %s: %s' % (255 * rms, asked or 'nothing', what))
         if self.compared:
             print('of the large ones %d compared pixel by pixel' % self.compared)
-        print('sweep: %d rounds, %d pictures, %d warnings, %d faults' % (
-            rounds, self.pictures, self.warned, self.faults))
+        print('sweep: %d rounds, %d pictures (%s), %d faults' % (
+            rounds, self.pictures, ', '.join('%d %s' % (n, kind) for kind, n in self.kinds.items()), self.faults))
 
 
 def main():
