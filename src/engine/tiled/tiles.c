@@ -150,12 +150,26 @@ static void look_within(const Tile *t, Square *s)
     s->empty = !(largest > 0);
 }
 
-/* What goes on in a square goes on next to it, often. */
+/* By how much squares that show something are off, in the mean. */
+static float mean_off(const Square *squares)
+{
+    float sum = 0;
+    int seen = 0;
+    for (int i = 0; i < SQUARES * SQUARES; i++) {
+        sum += squares[i].off;
+        seen += !squares[i].empty;
+    }
+    return seen > 0 ? sum / (float)seen : 0;
+}
+
+/* What goes on in a square goes on next to it, often. And where squares are off by more than half of what they may, in
+ * the mean of a tile, those that are off by less are so by chance. */
 static void look_beside(Square *squares)
 {
+    const float by_chance = 2 * mean_off(squares);
     for (int i = 0; i < SQUARES * SQUARES; i++) {
         const int x = i % SQUARES, y = i / SQUARES;
-        squares[i].worst = squares[i].off;
+        squares[i].worst = fmaxf(squares[i].off, by_chance);
         for (int side = 0; side < 4; side++) {
             const int bx = x + (side == 0) - (side == 1), by = y + (side == 2) - (side == 3);
             if (bx >= 0 && bx < SQUARES && by >= 0 && by < SQUARES)
