@@ -73,19 +73,6 @@ static CtsStatus run(const CtsOptions *options, CtsBatchLists *lists, CtsReport 
     return st ? st : cts_batch_run(&settings, result, err);
 }
 
-static void add_result(CtsBatchResult *all, const CtsBatchResult *one)
-{
-    all->n_series += one->n_series;
-    all->n_uids += one->n_uids;
-    all->n_done += one->n_done;
-    all->n_stood += one->n_stood;
-    all->n_passed += one->n_passed;
-    all->n_refused += one->n_refused;
-    all->n_failed += one->n_failed;
-    all->n_unreadable += one->n_unreadable;
-    all->n_packed += one->n_packed;
-}
-
 /* One series after the other, so that no more than one lies on the disk. Those that do not come are told and counted.
  */
 static CtsStatus run_each(const CtsOptions *options, const CtsFound *found, CtsBatchLists *lists, CtsReport *report,
@@ -95,19 +82,19 @@ static CtsStatus run_each(const CtsOptions *options, const CtsFound *found, CtsB
     for (int i = 0; i < found->n && !st; i++) {
         const CtsFoundSeries *s = &found->items[i];
         CtsFetched fetched;
-        CtsBatchResult result = {0};
         CtsOptions one = *options;
         st = cts_net_fetch(&options->from.peer, &options->net, s->study_uid, s->series_uid, &fetched, report, err);
         if (!st) {
             one.paths = (CtsTextList){(const char **)&fetched.folder, 1};
-            st = run(&one, lists, report, &result, err);
+            st = run(&one, lists, report, all, err);
         } else if (st == CTS_ERR_READ || st == CTS_ERR_NO_SERIES) {
             cli_warning("%s: not fetched: %s", s->series_uid, err->text);
-            result = (CtsBatchResult){.n_series = 1, .n_uids = 1, .n_failed = 1};
+            all->n_series++;
+            all->n_uids++;
+            all->n_failed++;
             st = CTS_OK;
         }
         cts_net_forget(&fetched);
-        add_result(all, &result);
     }
     return st;
 }

@@ -5,17 +5,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 
-static void add_row(CtsTable *table, const CtsPreset *p, bool own)
-{
-    cts_table_cell(table, "%s", p->name);
-    cts_table_cell(table, "%s", cts_mode_names[p->mode]);
-    cts_table_cell(table, "%g", p->window_low_hu);
-    cts_table_cell(table, "%g", p->window_high_hu);
-    cts_table_cell(table, "%s", p->shade ? "lit" : "unlit");
-    cts_table_cell(table, "%s", p->remove_table ? "removed" : "kept");
-    cts_table_cell(table, "%s", own ? "yours" : "built in");
-}
-
 static CtsStatus append(json_t *list, const CtsPreset *preset, CtsError *err)
 {
     char *text = cts_preset_to_json(preset);
@@ -26,17 +15,28 @@ static CtsStatus append(json_t *list, const CtsPreset *preset, CtsError *err)
     return CTS_OK;
 }
 
-/* All presets, into a table or a JSON list, whichever is there. A preset of the user's that is broken, or that a
- * built-in one hides, is a warning: the others can be used. */
+/* Into a table or a JSON list, whichever is there. */
+static CtsStatus add(CtsTable *table, json_t *list, const CtsPreset *p, bool own, CtsError *err)
+{
+    if (list)
+        return append(list, p, err);
+    cts_table_cell(table, "%s", p->name);
+    cts_table_cell(table, "%s", cts_mode_names[p->mode]);
+    cts_table_cell(table, "%g", p->window_low_hu);
+    cts_table_cell(table, "%g", p->window_high_hu);
+    cts_table_cell(table, "%s", p->shade ? "lit" : "unlit");
+    cts_table_cell(table, "%s", p->remove_table ? "removed" : "kept");
+    cts_table_cell(table, "%s", own ? "yours" : "built in");
+    return CTS_OK;
+}
+
+/* All presets. One of the user's that is broken, or that a built-in one hides, is a warning: the others can be used. */
 static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const CtsPreset *preset;
-    for (size_t i = 0; (preset = cts_preset_builtin(i)) && !st; i++) {
-        add_row(table, preset, false);
-        if (list)
-            st = append(list, preset, err);
-    }
+    for (size_t i = 0; (preset = cts_preset_builtin(i)) && !st; i++)
+        st = add(table, list, preset, false, err);
     char **names = cts_preset_user_names();
     CtsPreset *own = malloc(sizeof *own);
     for (size_t i = 0; own && names && names[i] && !st; i++) {
@@ -52,9 +52,7 @@ static CtsStatus list_all(CtsTable *table, json_t *list, CtsError *err)
             continue;
         }
         snprintf(own->name, sizeof own->name, "%s", names[i]);
-        add_row(table, own, true);
-        if (list)
-            st = append(list, own, err);
+        st = add(table, list, own, true, err);
     }
     free(own);
     free(names);

@@ -71,8 +71,8 @@ CtsStatus cts_folder_probe(const CtsBatchSettings *settings, CtsError *err);
 /* All that can be refused before any series is read. */
 CtsStatus cts_batch_check(const CtsBatchSettings *settings, CtsReport *report, CtsError *err);
 
-/* A series that is refused or fails is counted; a failure of the batch itself is the status. The contact sheet is
- * written now and then on the way, unless this is one shard of several. */
+/* What comes of it is added to the result. A series that is refused or fails is counted; a failure of the batch itself
+ * is the status. The contact sheet is written now and then on the way, unless this is one shard of several. */
 CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result, CtsError *err);
 
 /* Removes those whose names begin so; nobody else may be writing there. */

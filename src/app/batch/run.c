@@ -64,7 +64,7 @@ static void tell_progress(Run *r)
     const CtsBatchTold *told = &r->settings->told;
     const double spent_s = (cts_wall_ms() - r->start_ms) / 1000;
     const CtsBatchProgress progress = {.n_ended = r->n_uids_ended,
-                                       .n_series = r->result->n_uids,
+                                       .n_series = r->found.n_series,
                                        .n_pictures = r->n_pictures,
                                        .seconds_left =
                                            r->n_pictures ? spent_s * n_pictures_left(r) / (double)r->n_pictures : -1};
@@ -82,8 +82,8 @@ static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
 {
     const CtsBatchSettings *s = r->settings;
     const double start_ms = cts_wall_ms();
-    const CtsContactRun run = {.n_ended = r->n_uids_ended, .n_series = r->result->n_uids, .goes_on = !ends};
-    const bool whole = ends && r->n_uids_ended == r->result->n_uids;
+    const CtsContactRun run = {.n_ended = r->n_uids_ended, .n_series = r->found.n_series, .goes_on = !ends};
+    const bool whole = ends && r->n_uids_ended == r->found.n_series;
     const CtsContactWanted wanted = {.run = whole ? NULL : &run, .change = forget, .context = (void *)s};
     const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < fmax(500, 50 * r->sheet_took_ms);
     if (s->options->shard.n > 1 || (!ends && wait))
@@ -511,12 +511,14 @@ static CtsStatus search(Run *r, CtsError *err)
     if (st)
         return st;
     const CtsArchiveCounts counts = r->found.counts;
-    r->result->n_series = r->result->n_uids = r->n_unknown = r->found.n_series;
-    r->result->n_unreadable = counts.n_unreadable;
-    r->result->n_packed = counts.n_packed;
-    if (!r->result->n_series && o->shard.n == 1 && o->source.series_uid)
+    r->n_unknown = r->found.n_series;
+    r->result->n_series += r->found.n_series;
+    r->result->n_uids += r->found.n_series;
+    r->result->n_unreadable += counts.n_unreadable;
+    r->result->n_packed += counts.n_packed;
+    if (!r->found.n_series && o->shard.n == 1 && o->source.series_uid)
         return cts_fail(err, CTS_ERR_USAGE, "no series %.80s (ctsplat info lists them)", o->source.series_uid);
-    if (!r->result->n_series && o->shard.n == 1)
+    if (!r->found.n_series && o->shard.n == 1)
         return cts_fail(err, CTS_ERR_NO_SERIES,
                         "no CT slice among %llu files, %llu of them unreadable, %llu packed or NIfTI (name these, "
                         "and links to folders, themselves)",
@@ -530,7 +532,6 @@ CtsStatus cts_batch_run(const CtsBatchSettings *settings, CtsBatchResult *result
     CtsStatus st;
     const CtsOptions *o = settings->options;
     Run r = {.settings = settings, .result = result, .start_ms = cts_wall_ms(), .err = err};
-    *result = (CtsBatchResult){0};
     r.n_threads = cts_threads(o->render.n_threads);
     r.n_jobs = o->jobs ? o->jobs : r.n_threads + 1; /* one of them may wait for the disk */
     r.n_jobs = r.n_jobs < CTS_BATCH_MOST_JOBS ? r.n_jobs : CTS_BATCH_MOST_JOBS;
