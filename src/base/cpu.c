@@ -22,7 +22,7 @@ unsigned cts_cpu_flags(void)
 #define FIND(name, needs) flags |= needs ? CTS_CPU_##name : 0;
     CTS_CPU_PATHS(FIND)
 #endif
-    return flags & atomic_load(&cpu_mask);
+    return flags & (CTS_BUILT_FOR) & atomic_load(&cpu_mask);
 }
 
 int cts_cpu_cores(void)

@@ -23,7 +23,8 @@ enum CtsCpuFlag { CTS_CPU_PATHS(CTS_CPU_FLAG) };
 #define CTS_TARGET_AVX2
 #endif
 
-/* The flags that this processor has and the mask lets through: whoever has more than one SIMD path chooses by them. */
+/* The flags that this processor has, this build has code for (option simd) and the mask lets through: whoever has more
+ * than one SIMD path chooses by them. */
 unsigned cts_cpu_flags(void);
 /* For tests: flags outside the mask count as missing from now on, in the whole process. ~0u lets all through. */
 void cts_cpu_set_mask(unsigned mask);
