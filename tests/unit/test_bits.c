@@ -1,7 +1,6 @@
 /* Bit masks. */
 #include "unit.h"
 
-#include "base/cpu.h"
 #include "core/table/removal.h"
 #include "core/volume/threshold.h"
 #include "ctsplat/volume.h"
@@ -130,7 +129,6 @@ static void test_far_reach(void **state)
         const CtsReach reach = {
             (int)(random_next(&seed) % (unsigned)most),
             {(int)(random_next(&seed) % (unsigned)most), (int)(random_next(&seed) % (unsigned)most)}};
-        cts_cpu_set_mask(n % 5 < 2 ? 0 : ~0u); /* plain C, and what the processor has */
         int at[3][2];
         CtsBits in, wide;
         CtsMorphology m;
@@ -159,7 +157,6 @@ static void test_far_reach(void **state)
         cts_bits_free(&wide);
         cts_morphology_free(&m);
     }
-    cts_cpu_set_mask(~0u);
 }
 
 static void test_morphology(void **state)

@@ -1,6 +1,5 @@
 #include "core/table/removal.h"
 
-#include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include <math.h>
@@ -29,7 +28,6 @@ CtsStatus cts_morphology_new(CtsMorphology *m, const CtsBits *like, CtsError *er
     /* Between two rows at least a word: half of it is the one's margin, half the other's. */
     m->stride = like->row_words + (like->dims[0] % 64 != 0);
     m->n_rows = (size_t)like->dims[1];
-    m->avx2 = cts_cpu_flags() & CTS_CPU_AVX2;
     m->n_copy = m->stride * (m->n_rows + 2 * (MARGIN + EMPTY)) + 2;
     const CtsStatus st = cts_alloc_zeroed(&m->buffer, 2 * m->n_copy, err);
     m->a = m->buffer + 1 + (MARGIN + EMPTY) * m->stride;
@@ -71,10 +69,9 @@ static void write_section(const CtsMorphology *m, uint64_t *out)
 
 typedef enum Way { ALL_WAYS, ALONG, ACROSS } Way;
 
-/* One leap of n voxels, 1 to MARGIN: each stays, and goes to all four sides, or to two. Every variant below is this
- * one, compiled for its processors. */
-__attribute__((always_inline)) static inline void
-leap_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, size_t n_words, int n, ptrdiff_t rows)
+/* One leap of n voxels, 1 to MARGIN: each stays, and goes to all four sides, or to two. */
+static void leap_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, size_t n_words, int n,
+                       ptrdiff_t rows)
 {
     const int back = 64 - n;
     if (way == ALL_WAYS)
@@ -92,22 +89,12 @@ leap_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, size_t 
             out[i] = in[i] | in[(ptrdiff_t)i - rows] | in[(ptrdiff_t)i + rows];
 }
 
-static void leap_plain(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
-{
-    leap_words(way, in, out, n_words, n, rows);
-}
-
-CTS_TARGET_AVX2 static void leap_avx2(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
-{
-    leap_words(way, in, out, n_words, n, rows);
-}
-
 /* m->a a leap further; `reach` rows outside the section on either side may then hold something. */
 static void leap(CtsMorphology *m, Way way, int n, int reach)
 {
     const ptrdiff_t row = (ptrdiff_t)m->stride, from = -reach * row;
     const size_t n_words = m->stride * (m->n_rows + 2 * (size_t)reach);
-    (m->avx2 ? leap_avx2 : leap_plain)(way, m->a + from, m->b + from, n_words, n, n * row);
+    leap_words(way, m->a + from, m->b + from, n_words, n, n * row);
     uint64_t *const t = m->a;
     m->a = m->b;
     m->b = t;

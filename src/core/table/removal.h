@@ -44,7 +44,6 @@ typedef struct CtsMorphology {
     size_t row_words, n_words;
     uint64_t last_word;            /* the bits of a row's last word that lie inside */
     size_t n_rows, stride, n_copy; /* of the two copies a and b, with margins: words from row to row, and in all */
-    bool avx2;
     uint64_t *buffer, *a, *b;
 } CtsMorphology;
 
