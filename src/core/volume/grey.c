@@ -6,8 +6,8 @@
 /* For slope 1, which nearly every CT has, in 16-bit numbers: u counts stored values up from their smallest, so
  * grey = u + rise, and clamping u first keeps the sum inside 16 bits. |rise| must not exceed 65535. Integers alone, so
  * that every compilation of it gives the same bytes. */
-static inline __attribute__((always_inline)) CtsStoredRange slope_one(uint16_t *to, const uint16_t *words,
-                                                                      size_t n, const CtsStored *s, int32_t rise)
+static inline __attribute__((always_inline)) CtsStoredRange slope_one(uint16_t *to, const uint16_t *words, size_t n,
+                                                                      const CtsStored *s, int32_t rise)
 {
     const int32_t smallest = s->is_signed ? -(1 << (s->bits - 1)) : 0, last = (int32_t)((1u << s->bits) - 1);
     const uint16_t sign = (uint16_t)-smallest, mask = (uint16_t)last, shift = (uint16_t)s->shift;
@@ -63,21 +63,17 @@ fast_body(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored
     return to == words ? slope_one(to, to, n, stored, rise) : slope_one(to, words, n, stored, rise);
 }
 
-static CtsStoredRange whole_vector(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
-                                   int32_t slope, int32_t offset)
-{
-    return fast_body(to, words, n, stored, slope, offset);
-}
-
 CTS_TARGET_AVX2 static CtsStoredRange whole_avx2(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored,
                                                  int32_t slope, int32_t offset)
 {
     return fast_body(to, words, n, stored, slope, offset);
 }
 
-cts_grey_whole_fn cts_grey_whole(unsigned cpu)
+CtsStoredRange cts_grey_whole(uint16_t *to, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope,
+                              int32_t offset)
 {
-    return cpu & CTS_CPU_AVX2 ? whole_avx2 : whole_vector;
+    return cts_cpu_flags() & CTS_CPU_AVX2 ? whole_avx2(to, words, n, stored, slope, offset)
+                                          : fast_body(to, words, n, stored, slope, offset);
 }
 
 void cts_grey_table(uint16_t table[65536], const CtsStored *stored, double slope, double intercept, double hu_offset,

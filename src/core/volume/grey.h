@@ -8,13 +8,11 @@
 double cts_grey_finest_step(double hu_offset, double hu_max);
 
 /* grey = clamp(slope * stored + offset, 0, 65535), padding 0. |slope| * 65535 + |offset| must fit 31 bits.
- * In place, or from elsewhere. The plain version is the truth; the fast one gives the same bytes. */
-typedef CtsStoredRange (*cts_grey_whole_fn)(uint16_t *grey, const uint16_t *words, size_t n, const CtsStored *stored,
-                                            int32_t slope, int32_t offset);
+ * In place, or from elsewhere. The plain version is the truth; the other one gives the same bytes. */
+CtsStoredRange cts_grey_whole(uint16_t *grey, const uint16_t *words, size_t n, const CtsStored *stored, int32_t slope,
+                              int32_t offset);
 CtsStoredRange cts_grey_whole_plain(uint16_t *grey, const uint16_t *words, size_t n, const CtsStored *stored,
                                     int32_t slope, int32_t offset);
-/* The fastest version for these processor flags (base/cpu.h). */
-cts_grey_whole_fn cts_grey_whole(unsigned cpu);
 
 /* For a fractional rescale, cts_stored_range() alone first; then
  * grey = floor((slope * stored + intercept - hu_offset) / hu_step + 0.5), clamped, as a table of all words. */

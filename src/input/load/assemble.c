@@ -56,7 +56,6 @@ typedef struct Arrival {
     Assembly *assembly;
     int k;
     CtsStored stored;
-    cts_grey_whole_fn to_grey;
     double grey_ms;
 } Arrival;
 
@@ -70,8 +69,8 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
     const double start = cts_wall_ms();
     if (a->watch && a->watch->take)
         a->watch->take(a->watch->context, a->number[in->k], at, first, end, &in->stored, s->slope, s->intercept);
-    const CtsStoredRange r = a->whole_numbers ? in->to_grey(layer + first, at, end - first, &in->stored,
-                                                            (int32_t)s->slope, (int32_t)(s->intercept - HU_OFFSET))
+    const CtsStoredRange r = a->whole_numbers ? cts_grey_whole(layer + first, at, end - first, &in->stored,
+                                                               (int32_t)s->slope, (int32_t)(s->intercept - HU_OFFSET))
                                               : cts_stored_range(at, end - first, &in->stored);
     if (!a->whole_numbers && at != layer + first)
         memcpy(layer + first, at, (end - first) * sizeof *at);
@@ -80,11 +79,10 @@ static void take_words(void *context, const uint16_t *at, size_t first, size_t e
     in->grey_ms += cts_wall_ms() - start;
 }
 
-static CtsStatus read_slice(Assembly *a, int k, CtsSandbox **decoder, cts_grey_whole_fn to_grey,
-                            double busy[CTS_N_STAGES], CtsError *err)
+static CtsStatus read_slice(Assembly *a, int k, CtsSandbox **decoder, double busy[CTS_N_STAGES], CtsError *err)
 {
     const CtsSlice *s = &a->slices[k];
-    Arrival in = {.assembly = a, .k = k, .stored = cts_slice_stored(s), .to_grey = to_grey};
+    Arrival in = {.assembly = a, .k = k, .stored = cts_slice_stored(s)};
     const double start = cts_wall_ms();
     a->ranges[k] = (CtsStoredRange){INT32_MAX, INT32_MIN};
     const CtsStatus st = cts_slice_read_pixels(s, decoder, layer_of(a, k), take_words, &in, err);
@@ -130,7 +128,6 @@ typedef struct Reader {
 
 typedef struct Reading {
     Assembly *assembly;
-    cts_grey_whole_fn to_grey;
     Reader *readers;
     pthread_mutex_t lock; /* of the assembly's failures */
 } Reading;
@@ -144,7 +141,7 @@ static void read_one(Reading *r, Reader *reader, int k)
 {
     CtsError why = {0};
     if (k > atomic_load(&r->assembly->stop) || is_stopped(r->assembly->watch) ||
-        !read_slice(r->assembly, k, &reader->decoder, r->to_grey, reader->busy, &why))
+        !read_slice(r->assembly, k, &reader->decoder, reader->busy, &why))
         return;
     pthread_mutex_lock(&r->lock);
     note_failure(r->assembly, k, &why);
@@ -180,10 +177,7 @@ static CtsStatus read_each(Assembly *a, CtsError *err)
     Reader *readers = calloc((size_t)a->n_threads, sizeof *readers);
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    Reading reading = {.assembly = a,
-                       .to_grey = cts_grey_whole(cts_cpu_flags()),
-                       .readers = readers,
-                       .lock = PTHREAD_MUTEX_INITIALIZER};
+    Reading reading = {.assembly = a, .readers = readers, .lock = PTHREAD_MUTEX_INITIALIZER};
     for (int t = 0; t < a->n_threads; t++)
         readers[t].held = -1;
     cts_parallel(a->n_threads, (size_t)a->n_slices, 1, read_some, &reading);

@@ -46,7 +46,6 @@ typedef struct Pass {
     CtsVolume *volume;
     Range *ranges; /* by slice */
     void **rows;   /* by worker: room for numbers of a row */
-    cts_grey_whole_fn to_grey;
 } Pass;
 
 /* Numbers of row (j, k): where they lie, or gathered. */
@@ -183,7 +182,8 @@ static Range convert_slice(const Pass *p, int k, void *gathered)
         .bits = 16, .is_signed = p->given->number == CTS_INT16, .padding_low = 1, .padding_word = -1};
     CtsStoredRange range = {INT32_MAX, INT32_MIN};
     for (int j = 0; j < p->given->box.dims[1]; j++)
-        range = cts_stored_range_join(range, p->to_grey(grey_of(p, j, k), row_of(p, j, k, gathered),
+        range =
+            cts_stored_range_join(range, cts_grey_whole(grey_of(p, j, k), row_of(p, j, k, gathered),
                                                         (size_t)p->given->box.dims[0], &stored, 1, (int)-HU_OFFSET));
     return (Range){range.low, range.high, true, 0};
 }
@@ -282,7 +282,7 @@ CtsStatus cts_scanned_of_hu(const CtsGivenHu *given, int n_threads, CtsScanned *
     n_threads = cts_threads(n_threads);
     const Given as_scanned = stored(given);
     const CtsBox *const box = &as_scanned.box;
-    Pass pass = {.given = &as_scanned, .to_grey = cts_grey_whole(cts_cpu_flags())};
+    Pass pass = {.given = &as_scanned};
     if (!(st = place(*scanned, box, err)) && !(st = cts_alloc_array(&pass.ranges, (size_t)box->dims[2], err)))
         st = cts_alloc_zeroed(&pass.rows, (size_t)n_threads, err);
     for (int t = 0; !st && t < n_threads; t++)
