@@ -61,7 +61,7 @@ static CtsStatus parse_one(const char *text, CtsAllow *allow, CtsError *err)
 CtsStatus cts_allow_parse(const char *const *texts, int n, CtsAllowList *list, CtsError *err)
 {
     *list = (CtsAllowList){.n = n};
-    CtsStatus st = cts_alloc_bytes((void **)&list->items, (size_t)n + 1, sizeof *list->items, err);
+    CtsStatus st = cts_alloc_array(&list->items, (size_t)n + 1, err);
     for (int i = 0; i < n && !st; i++)
         st = parse_one(texts[i], &list->items[i], err);
     if (st)
@@ -92,6 +92,6 @@ bool cts_allow_has(const CtsAllowList *list, const CtsAddress *address, const ch
 
 void cts_allow_free(CtsAllowList *list)
 {
-    cts_free_bytes(list->items);
+    cts_free(&list->items);
     *list = (CtsAllowList){0};
 }

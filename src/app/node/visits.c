@@ -84,13 +84,11 @@ void cts_told_object(CtsVisitTold *told, const char *study, bool replaced)
     told->n_replaced += replaced;
     while (i < told->n_studies && strcmp(told->studies[i].name, study))
         i++;
-    if (i == CTS_MOST_STUDIES_TOLD)
-        i--;
+    const bool full = i == CTS_MOST_STUDIES_TOLD;
     if (i == told->n_studies) {
-        snprintf(told->studies[i].name, sizeof told->studies[i].name, "%s", study);
-        told->n_studies++;
-    } else if (i == CTS_MOST_STUDIES_TOLD - 1 && strcmp(told->studies[i].name, study)) {
-        snprintf(told->studies[i].name, sizeof told->studies[i].name, "others");
+        told->n_studies += !full;
+        i -= full;
+        snprintf(told->studies[i].name, sizeof told->studies[i].name, "%s", full ? "others" : study);
     }
     told->studies[i].n_objects++;
 }

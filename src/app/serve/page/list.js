@@ -3,8 +3,6 @@ import {ask, element, inTurn, status} from './ask.js';
 
 const THUMBNAIL = 'size=240x240&max-error=8&quality=80';
 
-export {status};
-
 function facts(series) {
   const [columns, rows, slices] = series.dims;
   const size = series.spacing_mm.map(mm => mm.toFixed(2)).join(' × ');

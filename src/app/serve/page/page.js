@@ -1,5 +1,6 @@
 // The page: a list of series; an address with a # and a series' name behind it opens the viewer.
-import {showList, status} from './list.js';
+import {status} from './ask.js';
+import {showList} from './list.js';
 import {close, open} from './viewer.js';
 
 let all = [];
