@@ -180,9 +180,9 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
         const vf middle = s + part * centre_of((real)M_LN2 * (depth[0] + depth[1]));
         const Direction half = gradient_at(j, k, w->enter, w->way, middle),
                         after = gradient_at(j, k, w->enter, w->way, to);
-        const vf turn = (weight[0] + weight[1]) *
-                        (turning(m, &before, &half) + turning(m, &half, &after) + passing(m, &before, &half, &after));
-        const vmask taken = on & (vf_le(turn, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
+        const vf all = weight[0] + weight[1], smooth = all * (turning(m, &before, &half) + turning(m, &half, &after)),
+                 turn = smooth + all * passing(m, &before, &half, &after);
+        const vmask taken = on & (vf_le(JUDGES ? turn : smooth, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
         const Glow glow = glow_of(j->shade, &half);
         for (int i = 0; i < 2; i++)
             for (int c = 0; c < 3; c++)
