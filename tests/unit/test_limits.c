@@ -2,7 +2,7 @@
 #include "base/mem.h"
 #include "dicom_files.h"
 #include "folder.h"
-#include "input/codec/codec_check.h"
+#include "input/codec/codec.h"
 #include "input/files/file_bytes.h"
 #include "input/files/scan.h"
 #include "input/files/tag_scan.h"

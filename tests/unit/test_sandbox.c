@@ -5,7 +5,6 @@
 #include "base/sandbox.h"
 #include "base/walls.h"
 #include "input/codec/codec.h"
-#include "input/codec/codec_check.h"
 #include "unit.h"
 #include <dirent.h>
 #include <errno.h>

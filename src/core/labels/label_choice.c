@@ -1,4 +1,4 @@
-#include "core/labels/label_choice.h"
+#include "core/labels/label_set.h"
 
 #include "base/near_word.h"
 #include <ctype.h>

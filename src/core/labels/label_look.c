@@ -1,5 +1,4 @@
 #include "base/text.h"
-#include "core/labels/label_choice.h"
 #include "core/labels/label_set.h"
 #include "core/volume/owners.h"
 #include <math.h>

@@ -1,7 +1,6 @@
 /* Labels become the owners of a volume's voxels. */
 #include "base/mem.h"
 #include "base/mutation.h"
-#include "core/labels/label_choice.h"
 #include "core/labels/label_set.h"
 #include "core/volume/owners.h"
 #include <stdlib.h>

@@ -1,6 +1,5 @@
 #include "input/codec/codec.h"
 
-#include "input/codec/codec_check.h"
 #include "input/codec/dcm_decoder.h"
 #include "input/files/file_bytes.h"
 #include <string.h>

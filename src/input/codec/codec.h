@@ -50,4 +50,18 @@ CtsStatus cts_codec_room(CtsSandbox *sandbox, const CtsFrameFormat *format, size
 void cts_codec_send(CtsSandbox *sandbox, const CtsFrameFormat *format, const uint8_t *stream, size_t n);
 
 CTS_C_END
+
+/* A compressed stream looked over before a decoder sees it: DCMTK 3.6.7 loops for ever on some, overruns on others. */
+
+/* What the header says of the frame. */
+typedef struct CtsCodecFrame {
+    int columns, rows, bits_allocated, n_samples;
+    int precision; /* what a JPEG stream says of itself; else 0 */
+} CtsCodecFrame;
+
+/* One frame's joined fragments, looked over as a JPEG or JPEG-LS stream, or as an RLE one. CTS_ERR_PIXELS when its size
+ * and precision are not the header's, or its markers or offsets are damaged. */
+CtsStatus cts_codec_check_jpeg(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
+CtsStatus cts_codec_check_rle(CtsCodecFrame *frame, const uint8_t *stream, size_t n, CtsError *err);
+
 #endif

@@ -1,4 +1,4 @@
-#include "input/codec/codec_check.h"
+#include "input/codec/codec.h"
 
 #include <stdbool.h>
 
