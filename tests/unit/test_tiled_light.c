@@ -196,9 +196,35 @@ static void past_perpendicular(void **state)
     cts_volume_free(&v);
 }
 
+/* Plates whose faces show between two levels: a ray errs at each of them alike, and so does one that judges it. */
+static void errs_alike(void **state)
+{
+    (void)state;
+    enum { NX = 12, NY = 102, SIZE = 96 };
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, NX, NY, NX, &err), CTS_OK);
+    for (int at = 0; at < NX * NY * NX; at++)
+        v->grey[at] = at / NX % NY % 3 == 1 ? 3524 : 1024;
+    CtsPreset preset = white(1485.02, 1485.5, 1);
+    preset.n_opacity = 3;
+    preset.opacity[2] = (CtsOpacityPoint){1485.98, 0};
+    preset.ambient = 1;
+    preset.diffuse = 0;
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, SIZE, 0, 3.2);
+    s.mm_per_pixel = 0.1;
+    s.max_error = 0.25;
+    held(v, &preset, s);
+    cts_volume_free(&v);
+}
+
 int main(void)
 {
-    const struct CMUnitTest tests[] = {cmocka_unit_test(turns_round), cmocka_unit_test(ball), cmocka_unit_test(flat),
-                                       cmocka_unit_test(faint_turns), cmocka_unit_test(past_perpendicular)};
+    const struct CMUnitTest tests[] = {cmocka_unit_test(turns_round),
+                                       cmocka_unit_test(ball),
+                                       cmocka_unit_test(flat),
+                                       cmocka_unit_test(faint_turns),
+                                       cmocka_unit_test(past_perpendicular),
+                                       cmocka_unit_test(errs_alike)};
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
