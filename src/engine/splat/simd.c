@@ -352,6 +352,13 @@ INLINE unsigned opaque_8(const float *pixels, int n)
     return bits;
 }
 
+/* Whether no transmittance of eight pixels is left, so that nothing can be added. */
+INLINE bool all_opaque(const float *pixels)
+{
+    const Int8 *two = (const Int8 *)pixels, any = two[0] | two[1] | two[2] | two[3];
+    return !(any[3] | any[7]);
+}
+
 static void blend(float *pixels, int width, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
                   uint64_t *closed)
 {
@@ -362,6 +369,8 @@ static void blend(float *pixels, int width, const uint16_t *grey, const CtsRowMa
             const unsigned eight = left >> at & 255;
             Int8 closes = {0};
             left &= ~(UINT64_C(255) << at);
+            if (i + 8 <= width && !closed && all_opaque(pixels + 4 * (size_t)i))
+                continue;
             if (i + 8 <= width)
                 closes = blend_8(pixels + 4 * (size_t)i, grey + i, eight, entry);
             else /* what is beyond is the next row's */
