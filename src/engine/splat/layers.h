@@ -9,8 +9,8 @@ typedef struct CtsChangeSample {
 } CtsChangeSample;
 
 /* Compare a few rows of a few layers with the one before them that their sheet was made of: how many of their voxels
- * changed, and how many would be splatted without reuse. */
-CtsStatus cts_layers_sample(const CtsPaperPlan *plan, CtsChangeSample *sample, CtsError *err);
+ * changed. */
+CtsChangeSample cts_layers_sample(const CtsPaperPlan *plan);
 
 /* True when adding changes costs less than splatting anew. */
 bool cts_layers_pay(CtsChangeSample sample, const CtsFootprint *footprint, bool skips_void);

@@ -88,14 +88,11 @@ static CtsStatus plan_void(CtsPaperPlan *p, const CtsMacrocells *macrocells, Cts
 }
 
 /* Whether reusing layers pays, told from a sample of them; the picture is the same with and without. */
-static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
+static void plan_reuse(CtsPaperPlan *p, CtsReport *report)
 {
-    CtsChangeSample sample;
     if (!p->reuse)
-        return CTS_OK;
-    const CtsStatus st = cts_layers_sample(p, &sample, err);
-    if (st)
-        return st;
+        return;
+    const CtsChangeSample sample = cts_layers_sample(p);
     const double percent = sample.voxels > 0 ? 100.0 * (double)sample.changed / (double)sample.voxels : 0;
     /* A tolerance changes the picture, so it is not dropped where reuse does not pay. */
     p->reuse =
@@ -103,11 +100,9 @@ static CtsStatus plan_reuse(CtsPaperPlan *p, CtsReport *report, CtsError *err)
     if (p->reuse)
         cts_report_plan(report, "layer reuse: %.0f %% of voxels change between layers, so only changes are splatted",
                         percent);
-    else if (sample.voxels == 0)
-        cts_report_skip(report, "layer reuse", "no layer has a visible one before it");
     else
-        cts_report_skip(report, "layer reuse", "it would not pay: %.0f %% of voxels change between layers", percent);
-    return CTS_OK;
+        cts_report_skip(report, "layer reuse", "it would not pay: %s%.0f %% of voxels change between layers",
+                        p->skip_void ? "void voxels are skipped, and " : "", percent);
 }
 
 static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, CtsReport *report, CtsError *err)
@@ -126,7 +121,8 @@ static CtsStatus plan_savings(CtsPaperPlan *p, const CtsMacrocells *macrocells, 
     p->least = cts_range_least(&p->rule);
     if ((st = plan_void(p, macrocells, report, err)))
         return st;
-    return plan_reuse(p, report, err);
+    plan_reuse(p, report);
+    return CTS_OK;
 }
 
 /* The place along v of picture row y, in a view whose picture rows run along the lattice's rows. */
