@@ -235,13 +235,13 @@ static void fill(Tile *t, const int x[2], const int y[2], float bound)
         }
 }
 
-/* At half the distance errors of what bends are a quarter, of what breaks a half. */
+/* At half the distance what bends is off by a quarter; what breaks, by as much where it does. */
 static void fill_half(Tile *t, const Square *s)
 {
     const int xm = middle(s->x), ym = middle(s->y);
     for (int i = 0; i < 4; i++)
         fill(t, (const int[]){i & 1 ? xm : s->x[0], i & 1 ? s->x[1] : xm},
-             (const int[]){i >> 1 ? ym : s->y[0], i >> 1 ? s->y[1] : ym}, s->worst / 1 + t->tiles->job->alike / 1);
+             (const int[]){i >> 1 ? ym : s->y[0], i >> 1 ? s->y[1] : ym}, s->worst + t->tiles->job->alike);
 }
 
 static void list_square(Tile *t, const Square *s)
@@ -285,7 +285,7 @@ static void run_draft(Tile *t)
         if (is_half(t, &squares[i]))
             fill_half(t, &squares[i]);
         else if (!is_whole(t, &squares[i]))
-            fill(t, squares[i].x, squares[i].y, squares[i].worst * 2 + t->tiles->job->alike / 1);
+            fill(t, squares[i].x, squares[i].y, 2 * squares[i].worst + t->tiles->job->alike);
 }
 
 static void run_some_tiles(void *context, int worker, size_t first, size_t end)
