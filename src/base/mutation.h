@@ -37,7 +37,7 @@
         fault(BOUND_LOW)         /* tiled: tells a twentieth of its error bound */                                     \
         fault(UNCAST)            /* tiled: pixels that are made again stay as they were */                             \
         fault(CUTS)              /* tiled: pieces are not cut at knots */                                              \
-        fault(KNOT_OFF)          /* tiled: the first knot is none */                                                   \
+        fault(KNOT_OFF)          /* tiled: a knot above a piece is none */                                             \
         fault(MASK_NEIGHBOUR)    /* tiled: cells judged without their last corners */                                  \
         fault(LAST_PIECE)        /* tiled: rays end a millimetre early */                                              \
         fault(START_LATE)        /* tiled: rays begin a millimetre late */                                             \

@@ -54,11 +54,6 @@ INLINE vi vi_max(vi a, vi b)
     return (vi)_mm256_max_epi32((__m256i)a, (__m256i)b);
 }
 
-INLINE vf vf_inverse_root(vf x)
-{
-    return 1.0f / (vf)_mm256_sqrt_ps((__m256)x);
-}
-
 INLINE unsigned bits_of(vmask mask)
 {
     return (unsigned)_mm256_movemask_ps((__m256)mask);

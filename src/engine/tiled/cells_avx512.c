@@ -54,11 +54,6 @@ INLINE vi vi_max(vi a, vi b)
     return (vi)_mm512_max_epi32((__m512i)a, (__m512i)b);
 }
 
-INLINE vf vf_inverse_root(vf x)
-{
-    return 1.0f / (vf)_mm512_sqrt_ps((__m512)x);
-}
-
 INLINE unsigned bits_of(vmask mask)
 {
     return mask;

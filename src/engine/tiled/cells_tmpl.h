@@ -1,8 +1,9 @@
 /* The march itself; see cells.h, and vec_tmpl.h for what it is written in. */
 
 #ifdef EXACT
-enum { HALVINGS = 40, ROOT_STEPS = 40 };
-#define ROOT_OFF ((real)1e-12)
+enum { HALVINGS = 40, ROOT_STEPS = 60 };
+#define ROOT_OFF ((real)1e-4)
+#define LEAST_STEP ((real)1e-14)
 #define LEAST_SHARE ((real)1e-9)
 #define LEAST_MM ((real)1e-11)
 #define FAR_MM ((real)1e60)
@@ -13,8 +14,9 @@ enum { HALVINGS = 40, ROOT_STEPS = 40 };
 #define DOUBTED(wrong) vf_of(0)
 #define JUDGES true
 #else
-enum { HALVINGS = 3, ROOT_STEPS = 3 };
-#define ROOT_OFF ((real)0)
+enum { HALVINGS = 3, ROOT_STEPS = 8 };
+#define ROOT_OFF ((real)0.1f)
+#define LEAST_STEP ((real)1e-7f)
 #define LEAST_SHARE ((real)2e-4)
 #define LEAST_MM ((real)6e-5)
 #define FAR_MM ((real)1e30)
@@ -23,7 +25,7 @@ enum { HALVINGS = 3, ROOT_STEPS = 3 };
 #define DOUBTED(wrong) (wrong)
 #define JUDGES false
 #endif
-enum { MOST_CUTS = 8, FEW_KNOTS = 4 };
+enum { MOST_CUTS = 12 };
 /* Levels are rounded by this share of what a ray may touch or not. */
 #define ROUNDED_BY ((real)0.003f)
 
@@ -64,6 +66,12 @@ typedef struct March {
 typedef struct Cubic {
     vf b[4];
 } Cubic;
+
+/* The mean. */
+INLINE vf middle_of(const Cubic *c)
+{
+    return (real)0.25f * (c->b[0] + c->b[1] + c->b[2] + c->b[3]);
+}
 
 INLINE int count(unsigned bits)
 {
@@ -127,85 +135,163 @@ INLINE void load_pairs(const TiledJob *j, const vi cell[3], vmask lanes, vi pair
 }
 #endif
 
-/* The field from `from` to `to` within the cell, both mm. */
-INLINE Cubic load_cubic(const March *m, vmask lanes, vf from, vf to)
+/* The field from p->at on, so many mm, within the cell: F = f + x fx + y fy + z fz + xy fxy + xz fxz + yz fyz + xyz
+ * fxyz about where a ray enters, from which it goes by `way`. */
+INLINE Cubic load_cubic(const March *m, vmask lanes, vf length)
 {
     const Packet *const p = m->p;
+    const real third = (real)(1 / 3.0);
     vi pair[4];
-    vf e[3][2], low[4], rise[4], f[2][2], d[2][2];
+    vf at[3], way[3], low[4], rise[4];
     load_pairs(m->job, p->cell, lanes, pair);
     for (int a = 0; a < 3; a++) {
-        const vf within = p->start[a] - to_float(p->cell[a]);
-        e[a][0] = within + from * m->step[a];
-        e[a][1] = within + to * m->step[a];
+        at[a] = p->start[a] - to_float(p->cell[a]) + p->at * m->step[a];
+        way[a] = length * m->step[a];
     }
     for (int i = 0; i < 4; i++) {
         low[i] = to_float(pair[i] & 0xffff);
         rise[i] = to_float(upper_half(pair[i])) - low[i];
     }
-    /* f[x][z], where a ray enters (0) or leaves (1): the level at y = 0; d: its rise along y. */
-    for (int x = 0; x < 2; x++)
-        for (int z = 0; z < 2; z++) {
-            const vf y0 = low[0] + e[0][x] * rise[0], y1 = low[1] + e[0][x] * rise[1];
-            const vf y0z = low[2] + e[0][x] * rise[2], y1z = low[3] + e[0][x] * rise[3];
-            f[x][z] = y0 + e[2][z] * (y0z - y0);
-            d[x][z] = y1 + e[2][z] * (y1z - y1) - f[x][z];
-        }
-    const vf *const y = e[1];
-    return (Cubic){
-        {f[0][0] + y[0] * d[0][0],
-         (f[1][0] + y[0] * d[1][0] + (f[0][0] + y[1] * d[0][0]) + (f[0][1] + y[0] * d[0][1])) * (real)(1 / 3.0),
-         (f[1][0] + y[1] * d[1][0] + (f[1][1] + y[0] * d[1][1]) + (f[0][1] + y[1] * d[0][1])) * (real)(1 / 3.0),
-         f[1][1] + y[1] * d[1][1]}};
+    /* First about the cell's corner. */
+    const vf y = low[1] - low[0], z = low[2] - low[0], xy = rise[1] - rise[0], xz = rise[2] - rise[0];
+    const vf yz = low[3] - low[2] - y, xyz = rise[3] - rise[2] - xy;
+    const vf fxy = xy + at[2] * xyz, fxz = xz + at[1] * xyz, fyz = yz + at[0] * xyz, fy0 = y + at[0] * xy;
+    const vf fx = rise[0] + at[1] * xy + at[2] * fxz, fy = fy0 + at[2] * fyz, fz = z + at[0] * xz + at[1] * fyz;
+    const vf first = low[0] + at[0] * rise[0] + at[1] * fy0 + at[2] * fz;
+    const vf c1 = third * (way[0] * fx + way[1] * fy + way[2] * fz), way_yz = way[1] * way[2];
+    const vf c2 = third * (way[0] * (way[1] * fxy + way[2] * fxz) + way_yz * fyz), c3 = way[0] * way_yz * xyz;
+    const vf b1 = first + c1, b2 = b1 + c1 + c2;
+    return (Cubic){{first, b1, b2, b2 + c1 + 2 * c2 + c3}};
 }
 
-INLINE real change_of(const TiledPieces *t, int k)
+/* A piece of the transfer function: a line from its begin on. */
+typedef struct Line {
+    vf begin, end, at[4], rise[4], tint; /* opacity, red, green, blue; by how much the colour that turns most rises */
+} Line;
+
+INLINE real knot_of(const TiledPieces *t, int k)
 {
-    return FULL((real)t->change[k], (real)t->change_rest[k]);
+    return FULL((real)t->end[1][k], (real)t->rest[1][k]);
+}
+
+INLINE vf end_of(const TiledPieces *t, int end, vi q)
+{
+    const int n = t->n_knots + 1;
+    return FULL(look_up(t->end[end], n, q), look_up(t->rest[end], n, q));
+}
+
+INLINE vi piece_of(const TiledPieces *t, vf level)
+{
+    vi q = vi_of(0);
+    if (t->n_knots <= 16) {
+        for (int k = 0; k < t->n_knots; k++)
+            q = select_i(vf_le(vf_of(knot_of(t, k)), level), vi_of(k + 1), q);
+        return q;
+    }
+    int bit = 1;
+    while (2 * bit <= t->n_knots)
+        bit *= 2;
+    for (; bit > 0; bit /= 2) {
+        const vi on = vi_min(q + bit, vi_of(t->n_knots));
+        q = select_i(vf_le(end_of(t, 0, on), level), on, q);
+    }
+    return q;
+}
+
+INLINE Line line_of(const TiledPieces *t, vi q)
+{
+    const int n = t->n_knots + 1;
+    Line l = {.begin = end_of(t, 0, q), .end = end_of(t, 1, q), .tint = look_up(t->tint, n, q)};
+    for (int c = 0; c < 4; c++) {
+        l.at[c] = look_up(t->at[c], n, q);
+        l.rise[c] = look_up(t->rise[c], n, q);
+    }
+    return l;
+}
+
+/* Extinction per mm to the base of 2. */
+INLINE vf extinction_of(const TiledPieces *t, vf opacity)
+{
+    const vf opaque = vf_of(NEARLY_1), most = vf_of((real)t->most);
+    const vf by_log = -(real)t->by_log2 * vf_log2_rest(vf_min(opacity, opaque));
+    return select_f(vf_lt(opaque, opacity), most, vf_min(by_log, most));
+}
+
+INLINE vf opacity_at(const Line *l, vf above)
+{
+    return vf_max(l->at[0] + l->rise[0] * above, vf_of(0));
+}
+
+/* Of a level in piece q or beside it, where that knot was not worth a cut. */
+INLINE vf opacity_beside(const TiledPieces *t, vi q, const Line *line, vf level)
+{
+    const int n = t->n_knots + 1;
+    q = select_i(vf_lt(level, line->begin), q - 1, select_i(vf_le(line->end, level), q + 1, q));
+    const vf above = level - end_of(t, 0, q);
+    return vf_max(look_up(t->at[0], n, q) + look_up(t->rise[0], n, q) * above, vf_of(0));
+}
+
+/* What two points show that take so much of a ray's light, of one channel. */
+INLINE vf colour_of(const Line *l, int c, const vf above[2], const vf weight[2])
+{
+    return l->at[c + 1] * (weight[0] + weight[1]) + l->rise[c + 1] * (weight[0] * above[0] + weight[1] * above[1]);
 }
 
 /* Knots that pieces are to be cut at. */
 typedef struct Cuts {
     int n;
-    int knot[MOST_CUTS];
+    vf knot[MOST_CUTS], jump[MOST_CUTS], bend[MOST_CUTS];
     vmask lanes[MOST_CUTS], all;
     vf wrong;    /* what a piece is wrong by for knots that it is not cut at */
     vmask halve; /* pieces that pass more knots than can be told apart */
 } Cuts;
 
-INLINE Cuts find_cuts(const March *m, const Cubic *c, vmask lanes, vf length)
+/* Lanes are to be cut at the last of the knots, which the field goes beyond by `over`, where it is worth it, and by
+ * `inside` further on than where it starts. */
+INLINE void weigh_knot(const March *m, Cuts *cuts, vmask lanes, vf over, vf inside, vf weight)
+{
+    const int i = cuts->n;
+    const vf touch = vf_of(m->touch);
+    const vmask passes = lanes & vf_lt((real)0.04f * touch, over), near = passes | (lanes & vf_lt(-touch, inside));
+    const vf worth = weight * (cuts->jump[i] + (real)0.25f * cuts->bend[i] * vf_max(over, touch));
+    const vmask cut = CTS_MUTATED(CUTS) ? mask_of(0) : passes & vf_lt(vf_of(m->tolerance), worth);
+    cuts->wrong += select_f(near & ~cut, worth, vf_of(0));
+    cuts->lanes[i] = cut;
+    cuts->all |= cut;
+}
+
+/* The knots at both ends of pieces q of the transfer function, where the middle of each lane's field lies, and those
+ * beyond. */
+INLINE Cuts find_cuts(const March *m, const Cubic *c, vi q, vmask lanes, vf length)
 {
     const TiledPieces *const t = m->pieces;
-    const vf weight = length * m->p->light;
-    const vf inner_low = vf_min(vf_min(c->b[1], c->b[2]), c->b[3]), low = vf_min(inner_low, c->b[0]);
-    const vf inner_high = vf_max(vf_max(c->b[1], c->b[2]), c->b[3]), high = vf_max(inner_high, c->b[0]);
+    const int n = t->n_knots + 1;
+    const vf *const b = c->b, weight = length * m->p->light;
+    vf inside[2] = {vf_min(vf_min(b[1], b[2]), b[3]), vf_max(vf_max(b[1], b[2]), b[3])};
+    const vf range[2] = {vf_min(inside[0], b[0]), vf_max(inside[1], b[0])};
     /* What a ray was just cut at it touches, where it starts. */
-    const vf touch_low = select_f(m->p->fresh, inner_low, low), touch_high = select_f(m->p->fresh, inner_high, high);
-    Cuts cuts = {.wrong = vf_of(0), .all = mask_of(0), .halve = mask_of(0)};
-    for (int k = CTS_MUTATED(KNOT_OFF); k < t->n_changes; k++) {
-        const real knot = change_of(t, k), jump = (real)t->jump[k], bend = (real)0.15f * (real)t->bend[k];
-        const vf over = vf_min(knot - low, high - knot);
-        const vmask near = lanes & vf_lt(vf_of(-m->touch), over);
-        /* A few are looked at without asking, as no processor foretells the answer. */
-        const bool many = t->n_changes > FEW_KNOTS;
-        if (many && !bits_of(near))
-            continue;
-        const vf worth = weight * (jump + bend * vf_max(over, vf_of(m->touch)));
-        const vmask passes = near & vf_lt(vf_of((real)0.04f * m->touch), over);
-        const vmask cut = CTS_MUTATED(CUTS) ? mask_of(0) : passes & vf_lt(vf_of(m->tolerance), worth);
-        const vf beside = vf_min(knot - touch_low, touch_high - knot);
-        const vmask touches = near & vf_lt(vf_of(-m->touch), beside) & vf_lt(beside, vf_of(m->touch));
-        cuts.wrong += select_f((passes | touches) & ~cut, vf_min(2 * worth, m->p->light), vf_of(0));
-        if (many && !bits_of(cut))
-            continue;
-        if (cuts.n == MOST_CUTS) {
-            cuts.halve |= cut;
-            continue;
+    for (int end = 0; end < 2; end++)
+        inside[end] = select_f(m->p->fresh, inside[end], range[end]);
+    Cuts cuts = {.n = 0, .wrong = vf_of(0), .all = mask_of(0), .halve = mask_of(0)};
+    for (int away = 0;; away++) {
+        const vi at[2] = {vi_max(q - away, vi_of(0)), vi_min(q + away, vi_of(n - 1))};
+        for (int end = 0; end < (CTS_MUTATED(KNOT_OFF) ? 1 : 2); end++, cuts.n++) {
+            const vf knot = cuts.knot[cuts.n] = end_of(t, end, at[end]);
+            cuts.jump[cuts.n] = look_up(t->jump[end], n, at[end]);
+            cuts.bend[cuts.n] = look_up(t->bend[end], n, at[end]);
+            weigh_knot(m, &cuts, lanes, end ? range[1] - knot : knot - range[0],
+                       end ? inside[1] - knot : knot - inside[0], weight);
         }
-        cuts.knot[cuts.n] = k;
-        cuts.lanes[cuts.n++] = cut;
-        cuts.all |= cut;
+        const vmask more = lanes & (vf_lt(range[0] - m->touch, look_up(t->beyond[0], n, at[0])) |
+                                    vf_lt(look_up(t->beyond[1], n, at[1]), range[1] + m->touch));
+        if (!bits_of(more))
+            break;
+        if (cuts.n + 2 > MOST_CUTS) {
+            cuts.halve = more;
+            break;
+        }
     }
+    cuts.wrong = vf_min(2 * cuts.wrong, m->p->light);
     return cuts;
 }
 
@@ -215,14 +301,13 @@ INLINE vmask differ(vmask a, vmask b)
 }
 
 /* Pieces that pass a knot more than once, as far as their numbers tell. */
-INLINE vmask passes_again(const March *m, const Cubic *c, const Cuts *cuts)
+INLINE vmask passes_again(const Cubic *c, const Cuts *cuts)
 {
     vmask again = mask_of(0);
     for (int i = 0; i < cuts->n; i++) {
-        const vf knot = vf_of(change_of(m->pieces, cuts->knot[i]));
         vmask below[4], turn[3];
         for (int k = 0; k < 4; k++)
-            below[k] = vf_lt(c->b[k], knot);
+            below[k] = vf_lt(c->b[k], cuts->knot[i]);
         for (int k = 0; k < 3; k++)
             turn[k] = differ(below[k], below[k + 1]);
         again |= cuts->lanes[i] & ((turn[0] & turn[1]) | (turn[1] & turn[2]) | (turn[0] & turn[2]));
@@ -243,29 +328,28 @@ INLINE void halve(Cubic *c, vf *length, vmask lanes)
     *length = select_f(lanes, h * *length, *length);
 }
 
-/* Where the cubic c[0] + c[1] s + ... crosses 0 between ends of different sign: by the Illinois rule, and Newton's at
- * last, whose last step, and what rounding the cubic by `rounded` makes of it, the place is off by at most. */
-INLINE vf find_root(const vf c[4], vf at_end, real rounded, vf *off)
+/* Where the cubic c[0] + c[1] s + ... crosses 0 between ends of different sign, to within what counts: Newton's steps,
+ * and halves where they leave what is between. By how much it is off at most, its last step, and what rounding the
+ * cubic by `rounded` makes of it; that, times jump and bend by how far the field is beyond, is *wrong. */
+INLINE vf find_root(const March *m, const vf c[4], vf at_end, vf jump, vf bend, vmask lanes, vf *wrong)
 {
-    vf low = vf_of(0), high = vf_of(1), f_low = c[0], f_high = at_end, s = high;
-    for (int i = 0; i < ROOT_STEPS; i++) {
-        const vf across = f_low - f_high, before = s;
-        s = low + (high - low) * (f_low / select_f(vf_lt(vf_of(0), vf_abs(across)), across, vf_of(1)));
-        const vf f = ((c[3] * s + c[2]) * s + c[1]) * s + c[0];
-        const vmask other = differ(vf_lt(f, vf_of(0)), vf_lt(f_low, vf_of(0)));
-        low = select_f(other, low, s);
-        high = select_f(other, s, high);
-        f_low = select_f(other, (real)0.5f * f_low, f);
-        f_high = select_f(other, f, (real)0.5f * f_high);
-        if (ROOT_OFF > 0 && !bits_of(vf_lt(vf_of(ROOT_OFF), vf_abs(s - before))))
-            break;
-    }
-    for (int i = 0; i < 2; i++) {
+    const vf across = c[0] - at_end;
+    const vmask falls = vf_lt(vf_of(0), c[0]);
+    vf low = vf_of(0), high = vf_of(1);
+    vf s = c[0] / select_f(vf_lt(vf_of(0), vf_abs(across)), across, vf_of(1));
+    *wrong = vf_of(0);
+    for (int i = 0; i < ROOT_STEPS && bits_of(lanes); i++) {
         const vf f = ((c[3] * s + c[2]) * s + c[1]) * s + c[0], slope = (3 * c[3] * s + 2 * c[2]) * s + c[1];
+        const vmask before = ~differ(vf_lt(vf_of(0), f), falls);
+        low = select_f(before, s, low);
+        high = select_f(before, high, s);
         const vf by_slope = 1 / vf_max(vf_abs(slope), vf_of((real)1e-12f)), step = vf_abs(f) * by_slope;
-        const vf to = s - select_f(differ(vf_lt(f, vf_of(0)), vf_lt(slope, vf_of(0))), -step, step);
-        *off = vf_min(step, high - low) + rounded * by_slope;
-        s = vf_min(vf_max(to, low), high);
+        const vf to = s + select_f(before, step, -step),
+                 off = vf_min(step, high - low) + ROUNDED_BY * m->touch * by_slope;
+        const vmask within = vf_le(low, to) & vf_le(to, high);
+        s = select_f(lanes, select_f(within, to, (real)0.5f * (low + high)), s);
+        *wrong = select_f(lanes, off * (jump + bend * vf_abs(f)), *wrong);
+        lanes &= vf_lt(vf_of(ROOT_OFF * m->tolerance), *wrong) & vf_lt(vf_of(LEAST_STEP), step);
     }
     return s;
 }
@@ -275,7 +359,7 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
 {
     vmask shorter = mask_of(0);
     for (int i = 0;; i++) {
-        const vmask again = passes_again(m, c, cuts) & vf_lt(vf_of(LEAST_MM), *length);
+        const vmask again = passes_again(c, cuts) & vf_lt(vf_of(LEAST_MM), *length);
         if (!bits_of(again))
             break;
         if (i == HALVINGS) { /* it may well only touch */
@@ -289,22 +373,24 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
     vf power[4] = {b[0], 3 * (b[1] - b[0]), 3 * (b[0] - 2 * b[1] + b[2]), b[3] - b[0] + 3 * (b[1] - b[2])};
     /* A field meets first, of the levels between its ends, the one nearest to where it starts. */
     vmask crosses = mask_of(0);
-    vf knot = vf_of(0), jump = vf_of(0), away = vf_of(FAR_MM);
+    vf knot = vf_of(0), jump = vf_of(0), bend = vf_of(0), away = vf_of(FAR_MM);
     for (int i = 0; i < cuts->n; i++) {
-        const vf other = vf_of(change_of(m->pieces, cuts->knot[i])), other_away = vf_abs(other - b[0]);
+        const vf other = cuts->knot[i], other_away = vf_abs(other - b[0]);
         const vmask between = cuts->lanes[i] & differ(vf_lt(b[0], other), vf_lt(b[3], other));
         const vmask nearer = between & vf_lt(other_away, away);
         knot = select_f(nearer, other, knot);
         away = select_f(nearer, other_away, away);
-        jump = select_f(nearer, vf_of((real)m->pieces->jump[cuts->knot[i]]), jump);
+        jump = select_f(nearer, cuts->jump[i], jump);
+        bend = select_f(nearer, cuts->bend[i], bend);
         crosses |= between;
     }
-    vf off;
+    vf wrong;
+    const vf weight = m->p->light * *length;
     const vf least = vf_max(vf_of(LEAST_SHARE), LEAST_MM / vf_max(*length, vf_of((real)1e-9f)));
     const vf shifted[4] = {power[0] - knot, power[1], power[2], power[3]};
-    const vf at = find_root(shifted, b[3] - knot, ROUNDED_BY * m->touch, &off);
+    const vf at = find_root(m, shifted, b[3] - knot, weight * jump, weight * bend, crosses, &wrong);
     vf root = select_f(crosses, vf_min(vf_max(at, least), vf_of(1)), vf_of(1));
-    cuts->wrong += select_f(crosses, m->p->light * vf_min(off * *length * jump, vf_of(1)), vf_of(0));
+    cuts->wrong += vf_min(wrong, m->p->light);
     *at_knot = vf_lt(root, vf_of(1 - LEAST_SHARE));
     root = select_f(*at_knot, root, vf_of(1));
     const vf p1 = power[1] * root, p2 = power[2] * root * root, p3 = power[3] * root * root * root;
@@ -315,54 +401,6 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
     return shorter | *at_knot;
 }
 
-/* What the transfer function says of a level. */
-typedef struct Look {
-    vf extinction;          /* per mm, to the base of 2 */
-    vf opacity, rise, tint; /* slopes: of opacity, and of the colour that turns most */
-    vf rgb[3];
-} Look;
-
-INLINE vi piece_of(const TiledPieces *t, vf level)
-{
-    vi q = vi_of(0);
-    if (t->n_knots <= 16) {
-        for (int k = 0; k < t->n_knots; k++)
-            q = select_i(vf_le(vf_of(FULL((real)t->knot[k], (real)t->rest[k])), level), vi_of(k + 1), q);
-        return q;
-    }
-    int bit = 1;
-    while (2 * bit <= t->n_knots)
-        bit *= 2;
-    for (; bit > 0; bit /= 2) {
-        const vi on = vi_min(q + bit, vi_of(t->n_knots));
-        const vf knot = FULL(look_up(t->knot, TILED_KNOTS, on - 1), look_up(t->rest, TILED_KNOTS, on - 1));
-        q = select_i(vf_le(knot, level), on, q);
-    }
-    return q;
-}
-
-INLINE Look look_at(const TiledPieces *t, vf level)
-{
-    Look l;
-    vf value[4], rise[4];
-    const int n = t->n_knots + 1;
-    const vi q = piece_of(t, level);
-    const vf above = level - FULL(look_up(t->from, n, q), look_up(t->from_rest, n, q));
-    for (int c = 0; c < 4; c++) {
-        rise[c] = look_up(t->rise[c], n, q);
-        value[c] = look_up(t->at[c], n, q) + rise[c] * above;
-    }
-    const vf opaque = vf_of(NEARLY_1), most = vf_of((real)t->most), opacity = vf_max(value[0], vf_of(0));
-    const vf by_log = -(real)t->by_log2 * vf_log2_rest(vf_min(opacity, opaque));
-    l.extinction = select_f(vf_lt(opaque, opacity), most, vf_min(by_log, most));
-    l.opacity = opacity;
-    l.rise = vf_abs(rise[0]);
-    l.tint = vf_max(vf_max(vf_abs(rise[1]), vf_abs(rise[2])), vf_abs(rise[3]));
-    for (int c = 0; c < 3; c++)
-        l.rgb[c] = value[c + 1];
-    return l;
-}
-
 #define GAUSS_A ((real)0.490562612)
 #define GAUSS_B ((real)0.394337567)
 #define GAUSS_C ((real)0.105662433)
@@ -370,37 +408,34 @@ INLINE Look look_at(const TiledPieces *t, vf level)
 
 /* What a piece does to its rays. */
 typedef struct Effect {
-    Look at[2];
-    vf depth[2], taken[2], wrong; /* taken: shares of the light that reaches each half */
+    vf above[2], depth[2], taken[2], wrong; /* taken: shares of the light that reaches each half */
 } Effect;
 
-INLINE Effect integrate(const March *m, const Cubic *c, vf length)
+INLINE Effect integrate(const March *m, const Cubic *c, vi q, const Line *line, vf length)
 {
     const TiledPieces *const t = m->pieces;
     const vf *const b = c->b;
     const vf half = (real)0.5f * length;
     const vf first = GAUSS_A * b[0] + GAUSS_B * b[1] + GAUSS_C * b[2] + GAUSS_D * b[3];
-    Effect e;
-    e.at[0] = look_at(t, first);
-    e.at[1] =
-        CTS_MUTATED(GAUSS) ? e.at[0] : look_at(t, GAUSS_D * b[0] + GAUSS_C * b[1] + GAUSS_B * b[2] + GAUSS_A * b[3]);
-    vf apart = vf_of(0);
+    const vf second = CTS_MUTATED(GAUSS) ? first : GAUSS_D * b[0] + GAUSS_C * b[1] + GAUSS_B * b[2] + GAUSS_A * b[3];
+    Effect e = {.above = {first - line->begin, second - line->begin}};
+    vf opacity[2], extinction[2];
     for (int i = 0; i < 2; i++) {
-        e.depth[i] = e.at[i].extinction * half;
+        opacity[i] = opacity_beside(t, q, line, i ? second : first);
+        extinction[i] = extinction_of(t, opacity[i]);
+        e.depth[i] = extinction[i] * half;
         e.taken[i] = vf_taken(e.depth[i]);
     }
-    for (int k = 0; k < 3; k++)
-        apart = vf_max(apart, vf_abs(e.at[0].rgb[k] - e.at[1].rgb[k]));
     /* Of a straight field the first is nearly all; one that turns may look alike at both points, and not where it
      * enters, which is all that is seen of what is opaque. */
-    apart = vf_max((real)1.73f * apart, 4 * e.at[0].tint * vf_abs(first - b[0]));
+    const vf apart = line->tint * vf_max((real)1.73f * vf_abs(second - first), 4 * vf_abs(first - b[0]));
     const vf depth = (real)M_LN2 * (e.depth[0] + e.depth[1]);
     const real by_log = (real)t->by_log2, unit = (real)M_LN2 / by_log;
-    const vf turn = unit * (e.at[0].extinction - e.at[1].extinction), turn2 = turn * turn;
+    const vf turn = unit * (extinction[0] - extinction[1]), turn2 = turn * turn;
     /* How the logarithm's argument bends: its second derivative, by itself, beside that of two points alike. */
     const vf bent = vf_max(vf_abs(b[0] - 2 * b[1] + b[2]), vf_abs(b[1] - 2 * b[2] + b[3]));
-    const vf clear = 1 - vf_min(vf_max(e.at[0].opacity, e.at[1].opacity), vf_of((real)0.999f));
-    const vf bend = 6 * bent * vf_max(e.at[0].rise, e.at[1].rise) / clear;
+    const vf clear = 1 - vf_min(vf_max(opacity[0], opacity[1]), vf_of((real)0.999f));
+    const vf bend = 6 * bent * vf_abs(line->rise[0]) / clear;
     const vf off = (real)0.0375f * turn2 * turn2 + bend * ((real)(1 / 1440.0) * bend + (real)(1 / 120.0) * turn2);
     e.wrong = m->p->light * (by_log * length * off * (1 - e.taken[0]) +
                              apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
@@ -432,12 +467,16 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
     Packet *const p = m->p;
     const vf all = vf_min(leave, p->end), to = vf_min(all, vf_min(p->until, p->edge));
     vf length = to - p->at;
-    Cubic cubic = load_cubic(m, lanes, p->at, to);
-    Cuts cuts = find_cuts(m, &cubic, lanes, length);
+    Cubic cubic = load_cubic(m, lanes, length);
+    vi q = piece_of(m->pieces, middle_of(&cubic));
+    Cuts cuts = find_cuts(m, &cubic, q, lanes, length);
     vmask shorter = vf_lt(to, all), fresh = mask_of(0);
-    if (bits_of(cuts.all))
+    if (bits_of(cuts.all)) {
         shorter |= cut_at_knots(m, &cubic, &length, &cuts, &fresh);
-    const Effect e = integrate(m, &cubic, length);
+        q = piece_of(m->pieces, middle_of(&cubic));
+    }
+    const Line line = line_of(m->pieces, q);
+    const Effect e = integrate(m, &cubic, q, &line, length);
     const vmask wrong = CTS_MUTATED(HALVES) ? mask_of(0) : vf_lt(vf_of(m->tolerance), e.wrong) | cuts.halve;
     const vmask again = lanes & wrong & vf_lt(vf_of(2 * LEAST_MM), length);
     const vmask done = lanes & ~again;
@@ -448,9 +487,9 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
     const vf weight[2] = {select_f(done, first, vf_of(0)), select_f(done, second, vf_of(0))};
     vf colour[3];
     for (int c = 0; c < 3; c++)
-        colour[c] = weight[0] * e.at[0].rgb[c] + weight[1] * e.at[1].rgb[c];
+        colour[c] = colour_of(&line, c, e.above, weight);
     if (lit)
-        await_light(m, lit, &e, weight, colour, length, done);
+        await_light(m, lit, &e, q, weight, colour, length, done);
     else
         for (int c = 0; c < 3; c++)
             p->sum[c] += colour[c];

@@ -12,6 +12,7 @@ enum {
     WAIT_CENTRE,      /* of that, 0..1 */
     WAIT_LIGHT,       /* what reaches it */
     WAIT_LENGTH,      /* mm; 0: it is a point */
+    WAIT_PIECE,       /* of the transfer function */
     WAIT_FIELDS
 };
 enum { WAITING = 8 * LANES };
@@ -119,7 +120,7 @@ static void leave_waiting(Waiting *all, int done)
 
 /* What waits: LANES of it from entry `first` on. */
 typedef struct Wait {
-    vi cell[3];
+    vi cell[3], piece;
     vf enter[3], way[3], colour[3], weight, centre, light, length;
 } Wait;
 
@@ -143,6 +144,7 @@ INLINE Wait load_wait(const Waiting *all, int first)
     w.centre = wait_field(all, WAIT_CENTRE, first);
     w.light = wait_field(all, WAIT_LIGHT, first);
     w.length = wait_field(all, WAIT_LENGTH, first);
+    w.piece = to_int(wait_field(all, WAIT_PIECE, first));
     return w;
 }
 
@@ -160,20 +162,20 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
                             vf sum[4])
 {
     const TiledJob *const j = m->job;
+    const Line line = line_of(pieces, w->piece);
     vf at[3], s = vf_of(0), step = vf_of((real)0.5f), light = w->light;
     const real shortest = (real)1 / (1 << LIGHT_HALVINGS);
     Direction before = gradient_at(j, k, w->enter, w->way, s);
     vmask on = lanes;
     while (bits_of(on)) {
         const vf to = vf_min(s + step, vf_of(1)), part = to - s, mm = (real)0.5f * part * w->length;
-        Look look[2];
-        vf weight[2], depth[2], left = light;
+        vf above[2], weight[2], depth[2], left = light;
         for (int i = 0; i < 2; i++) {
             const vf point = s + part * (i ? (real)0.788675135 : (real)0.211324865);
             for (int a = 0; a < 3; a++)
                 at[a] = w->enter[a] + point * w->way[a];
-            look[i] = look_at(pieces, between(k->level, at));
-            depth[i] = look[i].extinction * mm;
+            above[i] = between(k->level, at) - line.begin;
+            depth[i] = extinction_of(pieces, opacity_at(&line, above[i])) * mm;
             weight[i] = left * vf_taken(depth[i]);
             left -= weight[i];
         }
@@ -184,9 +186,8 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
                  turn = smooth + all * passing(m, &before, &half, &after);
         const vmask taken = on & (vf_le(JUDGES ? turn : smooth, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
         const Glow glow = glow_of(j->shade, &half);
-        for (int i = 0; i < 2; i++)
-            for (int c = 0; c < 3; c++)
-                sum[c] += select_f(taken, weight[i] * (look[i].rgb[c] * glow.colour + glow.white), vf_of(0));
+        for (int c = 0; c < 3; c++)
+            sum[c] += select_f(taken, colour_of(&line, c, above, weight) * glow.colour + all * glow.white, vf_of(0));
         light = select_f(taken, left, light);
         sum[3] += select_f(taken, (real)0.25f * turn, vf_of(0));
         step = select_f(taken, 2 * part, (real)0.5f * part);
@@ -321,14 +322,14 @@ OUTLINE void end_pending(March *m, Lit *lit, int lane)
     }
     lit->wait.field[WAIT_WEIGHT][i] = p->faint_weight[lane];
     lit->wait.field[WAIT_CENTRE][i] = (mm - begin) / length;
-    lit->wait.field[WAIT_LIGHT][i] = lit->wait.field[WAIT_LENGTH][i] = 0;
+    lit->wait.field[WAIT_LIGHT][i] = lit->wait.field[WAIT_LENGTH][i] = lit->wait.field[WAIT_PIECE][i] = 0;
     p->faint_weight[lane] = p->faint_centre[lane] = 0;
     if (lit->wait.n > WAITING - 2 * LANES)
         light_up(m, lit, false);
 }
 
 /* Pieces that have taken this much light wait for theirs. */
-INLINE void await_light(March *m, Lit *lit, const Effect *e, const vf weight[2], const vf colour[3], vf length,
+INLINE void await_light(March *m, Lit *lit, const Effect *e, vi q, const vf weight[2], const vf colour[3], vf length,
                         vmask lanes)
 {
     Packet *const p = m->p;
@@ -376,6 +377,7 @@ INLINE void await_light(March *m, Lit *lit, const Effect *e, const vf weight[2],
         lit->wait.field[WAIT_CENTRE][i] = centre[l];
         lit->wait.field[WAIT_LIGHT][i] = p->light[l];
         lit->wait.field[WAIT_LENGTH][i] = length[l];
+        lit->wait.field[WAIT_PIECE][i] = (real)q[l];
     }
     if (lit->wait.n > WAITING - 2 * LANES)
         light_up(m, lit, false);

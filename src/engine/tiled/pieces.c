@@ -2,6 +2,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 /* HU that are knots, in any order. */
 typedef struct Knots {
@@ -41,6 +42,11 @@ static void list_knots(const CtsPreset *p, Knots *k)
     k->n = n;
 }
 
+/* A piece: opacity and colours, at its begin and by level. */
+typedef struct Line {
+    double begin, at[4], rise[4];
+} Line;
+
 /* Opacity, at most that of the largest extinction, and colour. */
 static void look(const CtsPreset *p, double hu, double value[4])
 {
@@ -48,17 +54,20 @@ static void look(const CtsPreset *p, double hu, double value[4])
     cts_preset_colour(p, hu, value + 1);
 }
 
-/* Of the piece between two HU, from two places inside it: at its very ends a step may have its other side. */
-static void find_piece(const CtsPreset *p, double low, double high, double at_low[4], double rise[4])
+/* Between two HU, from two places inside it: at its very ends a step may have its other side. */
+static Line find_line(const CtsPreset *p, const CtsVolume *v, double low, double high)
 {
+    Line l = {.begin = (low - v->hu_offset) / v->hu_step};
     double a[4], b[4];
     const double first = low + 0.25 * (high - low), second = low + 0.75 * (high - low);
     look(p, first, a);
     look(p, second, b);
     for (int c = 0; c < 4; c++) {
-        rise[c] = (b[c] - a[c]) / (second - first);
-        at_low[c] = a[c] - rise[c] * (first - low);
+        const double rise = (b[c] - a[c]) / (second - first);
+        l.at[c] = a[c] - rise * (first - low);
+        l.rise[c] = rise * v->hu_step;
     }
+    return l;
 }
 
 static double extinction(const TiledPieces *t, double opacity)
@@ -67,36 +76,30 @@ static double extinction(const TiledPieces *t, double opacity)
     return opacity < 1 ? fmin(-log1p(-fmax(opacity, 0)) * (double)t->by_log2, most) : most;
 }
 
-/* What a knot changes: extinction, and colours weighed with it. */
-static void find_changes(TiledPieces *t)
+/* What changes at a level between two pieces: extinction, and colours weighed with it. */
+static bool find_change(const TiledPieces *t, const Line *below, const Line *above, double level, double *jump,
+                        double *bend)
 {
-    for (int k = 0; k < t->n_knots; k++) {
-        double side[2], slope[2], colour[2][3], tint[2][3];
-        for (int i = 0; i < 2; i++) {
-            const int q = k + i;
-            const double away = (double)(t->knot[k] - t->from[q]);
-            const double opacity = (double)t->at[0][q] + (double)t->rise[0][q] * away;
-            /* The mean slope over a level, as that at opacity 1 has no end. */
-            side[i] = extinction(t, opacity);
-            slope[i] = (i ? 1 : -1) * (extinction(t, opacity + (i ? 1 : -1) * (double)t->rise[0][q]) - side[i]);
-            for (int c = 0; c < 3; c++) {
-                tint[i][c] = (double)t->rise[c + 1][q];
-                colour[i][c] = (double)t->at[c + 1][q] + tint[i][c] * away;
-            }
-        }
-        const double most = fmax(side[0], side[1]);
-        double jump = fabs(side[1] - side[0]), bend = fabs(slope[1] - slope[0]);
-        for (int c = 0; c < 3; c++) {
-            jump = fmax(jump, most * fabs(colour[1][c] - colour[0][c]));
-            bend = fmax(bend, most * fabs(tint[1][c] - tint[0][c]));
-        }
-        const int n = t->n_changes;
-        t->change[n] = t->knot[k];
-        t->change_rest[n] = t->rest[k];
-        t->jump[n] = jump > 1e-6 * most ? (float)jump : 0;
-        t->bend[n] = (float)bend;
-        t->n_changes += t->jump[n] > 0 || bend > 0;
+    const Line *const sides[2] = {below, above};
+    double side[2], slope[2], colour[2][3];
+    for (int i = 0; i < 2; i++) {
+        const Line *const l = sides[i];
+        const double away = level - l->begin, opacity = l->at[0] + l->rise[0] * away;
+        /* The mean slope over a level, as that at opacity 1 has no end. */
+        side[i] = extinction(t, opacity);
+        slope[i] = (i ? 1 : -1) * (extinction(t, opacity + (i ? 1 : -1) * l->rise[0]) - side[i]);
+        for (int c = 0; c < 3; c++)
+            colour[i][c] = l->at[c + 1] + l->rise[c + 1] * away;
     }
+    const double most = fmax(side[0], side[1]), least = 1e-6 * most;
+    *jump = fabs(side[1] - side[0]);
+    *bend = fabs(slope[1] - slope[0]);
+    for (int c = 0; c < 3; c++) {
+        *jump = fmax(*jump, most * fabs(colour[1][c] - colour[0][c]));
+        *bend = fmax(*bend, most * fabs(above->rise[c + 1] - below->rise[c + 1]));
+    }
+    *jump = *jump > least ? *jump : 0;
+    return *jump > 0 || *bend > least * 1e-3;
 }
 
 static void find_colours(TiledPieces *t, const CtsScene *scene)
@@ -114,39 +117,66 @@ static void find_colours(TiledPieces *t, const CtsScene *scene)
         t->colours = 1;
 }
 
-static void split(double level, float *rounded, float *rest)
+/* Where nothing is beyond. */
+#define NEVER 1e30f
+
+static void set_end(TiledPieces *t, int end, int piece, double level, double jump, double bend)
 {
-    *rounded = (float)level;
-    *rest = (float)(level - (double)*rounded);
+    t->end[end][piece] = (float)level;
+    t->rest[end][piece] = (float)(level - (double)t->end[end][piece]);
+    t->jump[end][piece] = (float)jump;
+    t->bend[end][piece] = (float)bend;
+}
+
+static void set_line(TiledPieces *t, int piece, const Line *l)
+{
+    for (int c = 0; c < 4; c++) {
+        t->at[c][piece] = (float)l->at[c];
+        t->rise[c][piece] = (float)l->rise[c];
+        t->tint[piece] = fmaxf(t->tint[piece], c > 0 ? fabsf(t->rise[c][piece]) : 0);
+    }
+}
+
+/* Knots that change nothing are left out, so that the pieces beside them are one. */
+static void set_pieces(TiledPieces *t, const CtsPreset *p, const CtsVolume *v, const Knots *knots)
+{
+    const double first = knots->n > 0 ? knots->hu[0] : 0;
+    Line below = find_line(p, v, first - 2, first);
+    memset(below.rise, 0, sizeof below.rise);
+    set_end(t, 0, 0, -(double)NEVER, 0, 0);
+    set_line(t, 0, &below);
+    for (int k = 0; k < knots->n; k++) {
+        const double hu = knots->hu[k], level = (hu - v->hu_offset) / v->hu_step;
+        const bool last = k + 1 == knots->n;
+        Line above = find_line(p, v, hu, last ? hu + 2 : knots->hu[k + 1]);
+        double jump, bend;
+        if (last)
+            memset(above.rise, 0, sizeof above.rise);
+        if (!find_change(t, &below, &above, level, &jump, &bend))
+            continue;
+        set_end(t, 1, t->n_knots++, level, jump, bend);
+        set_end(t, 0, t->n_knots, level, jump, bend);
+        set_line(t, t->n_knots, &above);
+        below = above;
+    }
+    set_end(t, 1, t->n_knots, (double)NEVER, 0, 0);
+    for (int q = 0; q <= t->n_knots; q++) {
+        t->beyond[0][q] = q > 0 ? t->end[0][q - 1] : -NEVER;
+        t->beyond[1][q] = q < t->n_knots ? t->end[1][q + 1] : NEVER;
+    }
 }
 
 void cts_tiled_pieces_init(TiledPieces *t, const CtsScene *scene)
 {
     const CtsPreset *const p = scene->preset;
-    const CtsVolume *const v = scene->volume;
     Knots knots;
+    int low, high;
     *t = (TiledPieces){.by_log2 = (float)(scene->extinction_scale / p->unit_distance_mm),
                        .most = (float)(CTS_MAX_EXTINCTION_PER_MM * scene->extinction_scale / M_LN2)};
     list_knots(p, &knots);
-    t->n_knots = knots.n;
-    for (int q = 0; q <= knots.n; q++) {
-        const double low = q > 0 ? knots.hu[q - 1] : knots.n > 0 ? knots.hu[0] - 2 : 0;
-        const double high = q < knots.n ? knots.hu[q] : low + 2;
-        double at[4], rise[4];
-        find_piece(p, low, high, at, rise);
-        split((low - v->hu_offset) / v->hu_step, &t->from[q], &t->from_rest[q]);
-        if (q < knots.n)
-            split((high - v->hu_offset) / v->hu_step, &t->knot[q], &t->rest[q]);
-        for (int c = 0; c < 4; c++) {
-            const bool ends = q == 0 || q == knots.n;
-            t->at[c][q] = (float)at[c];
-            t->rise[c][q] = ends ? 0 : (float)(rise[c] * v->hu_step);
-        }
-    }
-    int low, high;
+    set_pieces(t, p, scene->volume, &knots);
     cts_lut_visible_levels(scene->lut, &low, &high);
     t->low = low > 0 ? (float)low : -INFINITY;
     t->high = high < CTS_N_GREY - 1 ? (float)high : INFINITY;
-    find_changes(t);
     find_colours(t, scene);
 }

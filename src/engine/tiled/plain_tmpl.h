@@ -116,10 +116,3 @@ INLINE void load_pairs(const TiledJob *j, const vi cell[3], vmask lanes, vi pair
         }
     }
 }
-
-INLINE vf vf_inverse_root(vf x)
-{
-    for (int l = 0; l < LANES; l++)
-        x[l] = 1 / (sizeof(real) == 4 ? (real)sqrtf((float)x[l]) : (real)sqrt((double)x[l]));
-    return x;
-}
