@@ -76,9 +76,9 @@ INLINE vmask vi_above(vi a, vi b)
     return _mm512_cmpgt_epu32_mask((__m512i)a, (__m512i)b);
 }
 
-INLINE vmask has_bit(vi words, vi bit)
+INLINE vmask share_bits(vi a, vi b)
 {
-    return _mm512_test_epi32_mask((__m512i)words, _mm512_sllv_epi32(_mm512_set1_epi32(1), (__m512i)bit));
+    return _mm512_test_epi32_mask((__m512i)a, (__m512i)b);
 }
 
 INLINE vi load_words(const TiledMask *mask, const vi cell[3], vmask lanes)

@@ -85,18 +85,22 @@ typedef struct Faces {
     vf t[3], nearest; /* mm */
 } Faces;
 
-/* What rays have around them: a cell that may show something, or one that does not, or so many blocks of them. */
+/* What rays have around them: a cell that may show something, or one that does not, or a corner of 2^3, half of a
+ * block, or so many blocks of them. */
 INLINE Faces find_faces(const March *m)
 {
     const Packet *const p = m->p;
     Faces f;
     const vi word = load_words(&m->job->mask, p->cell, p->active);
-    const vmask far = ~vi_above(word, vi_of(TILED_FAR));
-    f.shows = p->active & ~far & has_bit(word, (p->cell[0] & 3) | (p->cell[1] & 3) << 2 | (p->cell[2] & 1) << 4);
-    f.leaping = p->active & far & vi_lt(vi_of(0), word);
-    const vi distance = word - (CTS_MUTATED(LEAP_FAR) ? -1 : 0);
+    const vmask tells = vi_above(word, vi_of(TILED_FAR)), far = ~tells & vi_lt(vi_of(0), word);
+    const vi corner = (p->cell[0] & 2) | (p->cell[1] & 2) << 2, in_corner = (p->cell[0] & 1) | (p->cell[1] & 1) << 2;
+    f.shows = p->active & tells & share_bits(word, vi_of(1) << (corner | in_corner | (p->cell[2] & 1) << 4));
+    f.leaping = p->active & ~(tells & share_bits(word, vi_of(0x330033) << corner));
+    const vi distance = select_i(far, word, vi_of(1)) - (CTS_MUTATED(LEAP_FAR) ? -1 : 0);
+    const vi across = select_i(tells, vi_of(1), vi_of(2)), up = select_i(far, vi_of(2), vi_of(1));
     for (int a = 0; a < 3; a++) {
-        const vi past = ((p->cell[a] >> 2) + (m->ahead[a] ? distance : 1 - distance)) << 2;
+        const vi size = a < 2 ? across : up, past = ((p->cell[a] >> size) + (m->ahead[a] ? distance : 1 - distance))
+                                                    << size;
         f.face[a] = select_i(f.leaping, past, p->cell[a] + m->ahead[a]);
         f.t[a] = (to_float(f.face[a]) - p->start[a]) * m->inverse[a] + m->far[a];
     }

@@ -77,9 +77,9 @@ INLINE vmask vi_above(vi a, vi b)
     return (vu)a > (vu)b;
 }
 
-INLINE vmask has_bit(vi words, vi bit)
+INLINE vmask share_bits(vi a, vi b)
 {
-    return (words >> bit & 1) != 0;
+    return (a & b) != 0;
 }
 
 INLINE vi load_words(const TiledMask *mask, const vi cell[3], vmask lanes)

@@ -5,7 +5,7 @@
  *   vf_min, vf_max, vi_min, vi_max (the second where the first is not smaller, or larger)
  *   vmask with vf_lt, vf_le, vi_lt, & | ~, bits_of(mask), mask_of(bits); select_f and select_i(mask, yes, no)
  *   look_up(table, n, index): table[index], of n entries
- *   vi_above(a, b): a > b, both without sign; has_bit(words, bit)
+ *   vi_above(a, b): a > b, both without sign; share_bits(a, b): (a & b) != 0
  *   load_words(mask, cell, lanes): what the mask says of cells
  *   load_pairs(job, cell, lanes): the levels of two voxels side by side, the first in the lower half
  *   load_bytes(from, at, lanes): from[at]; three bytes behind the last may be read, too
