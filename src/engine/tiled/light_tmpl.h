@@ -78,15 +78,16 @@ INLINE vf turning(const March *m, const Direction *a, const Direction *b)
 
 /* What light errs by, counted as turning, where normals turn past perpendicular: |n.v| has a kink there. Of numbers x
  * from -a to b the mean of |x| is larger than |mean of x| by 2 a b / (a + b) at most. */
-INLINE vf passing(const March *m, const Direction *a, const Direction *b, const Direction *c)
+INLINE vf passing(const March *m, const Direction *const *way, int n)
 {
-    const Direction *const all[3] = {a, b, c};
     vf low = vf_of(0), high = vf_of(0);
-    const vmask before = vf_lt(a->along, vf_of(0)), half = vf_lt(b->along, vf_of(0)), after = vf_lt(c->along, vf_of(0));
-    if (!bits_of(differ(before, half) | differ(half, after)))
+    vmask pass = mask_of(0);
+    for (int i = 1; i < n; i++)
+        pass |= differ(vf_lt(way[i - 1]->along, vf_of(0)), vf_lt(way[i]->along, vf_of(0)));
+    if (!bits_of(pass))
         return vf_of(0);
-    for (int i = 0; i < 3; i++) {
-        const vf facing = all[i]->along * vf_inverse_root(vf_max(dot(all[i], all[i]), vf_of(LEAST_SQUARE)));
+    for (int i = 0; i < n; i++) {
+        const vf facing = way[i]->along * vf_inverse_root(vf_max(dot(way[i], way[i]), vf_of(LEAST_SQUARE)));
         low = vf_min(low, facing);
         high = vf_max(high, facing);
     }
@@ -157,40 +158,58 @@ INLINE vf centre_of(vf depth)
 
 enum { LIGHT_HALVINGS = sizeof(real) == 4 ? 9 : 14 };
 
-/* Takes stretches in steps over each of which the normal turns little; sum[3] is the bound. */
+/* What light at two points leaves of what it errs by at one: the fourth power of how far normals turn, where light is
+ * taken evenly, and a quarter of the square where what is opaque takes it (a share) before its points. */
+INLINE vf left_by_two(vf turn, vf share)
+{
+    return turn * ((real)0.25f * share + (real)0.1f * turn);
+}
+
+/* Takes stretches in steps over each of which the normal turns little, two points each; sum[3] is the bound. */
 OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wait *w, const Corners *k, vmask lanes,
                             vf sum[4])
 {
     const TiledJob *const j = m->job;
     const Line line = line_of(pieces, w->piece);
-    vf at[3], s = vf_of(0), step = vf_of((real)0.5f), light = w->light;
+    vf s = vf_of(0), step = vf_of((real)0.5f), light = w->light;
     const real shortest = (real)1 / (1 << LIGHT_HALVINGS);
     Direction before = gradient_at(j, k, w->enter, w->way, s);
     vmask on = lanes;
     while (bits_of(on)) {
-        const vf to = vf_min(s + step, vf_of(1)), part = to - s, mm = (real)0.5f * part * w->length;
-        vf above[2], weight[2], depth[2], left = light;
+        const vf to = vf_min(s + step, vf_of(1)), part = to - s, half = (real)0.5f * part;
+        vf weight[2], shown[3] = {vf_of(0), vf_of(0), vf_of(0)}, left = light;
+        Direction at_point[2];
         for (int i = 0; i < 2; i++) {
             const vf point = s + part * (i ? (real)0.788675135 : (real)0.211324865);
+            vf at[3];
             for (int a = 0; a < 3; a++)
                 at[a] = w->enter[a] + point * w->way[a];
-            above[i] = between(k->level, at) - line.begin;
-            depth[i] = extinction_of(pieces, opacity_at(&line, above[i])) * mm;
-            weight[i] = left * vf_taken(depth[i]);
+            const vf above = between(k->level, at) - line.begin;
+            const vf depth = extinction_of(pieces, opacity_at(&line, above)) * half * w->length,
+                     share = vf_taken(depth);
+            weight[i] = left * share;
             left -= weight[i];
+            /* Of what is faint the point is Gauss', of what is opaque the centre of its light. */
+            const vf gauss = (i ? (real)0.077350269 : -(real)0.077350269) * (1 - share);
+            at_point[i] =
+                gradient_at(j, k, w->enter, w->way, s + half * ((real)i + centre_of((real)M_LN2 * depth) + gauss));
+            const Glow glow = glow_of(j->shade, &at_point[i]);
+            for (int c = 0; c < 3; c++)
+                shown[c] += weight[i] * ((line.at[c + 1] + line.rise[c + 1] * above) * glow.colour + glow.white);
         }
-        const vf middle = s + part * centre_of((real)M_LN2 * (depth[0] + depth[1]));
-        const Direction half = gradient_at(j, k, w->enter, w->way, middle),
-                        after = gradient_at(j, k, w->enter, w->way, to);
-        const vf all = weight[0] + weight[1], smooth = all * (turning(m, &before, &half) + turning(m, &half, &after)),
-                 turn = smooth + all * passing(m, &before, &half, &after);
-        const vmask taken = on & (vf_le(JUDGES ? turn : smooth, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
-        const Glow glow = glow_of(j->shade, &half);
+        const Direction after = gradient_at(j, k, w->enter, w->way, to);
+        const vf all = weight[0] + weight[1];
+        const vf turn = turning(m, &before, &at_point[0]) + turning(m, &at_point[0], &at_point[1]) +
+                        turning(m, &at_point[1], &after);
+        const vf smooth = all * left_by_two(turn, all / light);
+        const vf off = smooth + (real)0.5f * all *
+                                    passing(m, (const Direction *const[]){&before, at_point, at_point + 1, &after}, 4);
+        const vmask taken = on & (vf_le(JUDGES ? off : smooth, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
         for (int c = 0; c < 3; c++)
-            sum[c] += select_f(taken, colour_of(&line, c, above, weight) * glow.colour + all * glow.white, vf_of(0));
+            sum[c] += select_f(taken, shown[c], vf_of(0));
+        sum[3] += select_f(taken, (real)0.25f * off, vf_of(0));
         light = select_f(taken, left, light);
-        sum[3] += select_f(taken, (real)0.25f * turn, vf_of(0));
-        step = select_f(taken, 2 * part, (real)0.5f * part);
+        step = select_f(taken, 2 * part, half);
         before.right = select_f(taken, after.right, before.right);
         before.up = select_f(taken, after.up, before.up);
         before.along = select_f(taken, after.along, before.along);
@@ -261,7 +280,7 @@ OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
                     front = gradient_at(j, &k, w.enter, w.way, vf_of(0)),
                     back = gradient_at(j, &k, w.enter, w.way, vf_of(1));
     const vf smooth = w.weight * (turning(m, &front, &centre) + turning(m, &centre, &back)),
-             turn = smooth + w.weight * passing(m, &front, &centre, &back);
+             turn = smooth + w.weight * passing(m, (const Direction *const[]){&front, &centre, &back}, 3);
     /* Kinks are few, and worth steps to a judge alone. */
     const vmask stretch = lanes & vf_lt(vf_of(0), w.length),
                 turns = CTS_MUTATED(LIT_STEPS) ? mask_of(0) : stretch & vf_lt(vf_of(m->turn), JUDGES ? turn : smooth);
