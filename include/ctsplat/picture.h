@@ -39,7 +39,9 @@ typedef struct CtsPicture {
     float *depth_mm; /* distance of the first visible surface from the camera plane (the plane through the nearest
                         corner of the volume's bounding sphere) along the view; +inf where empty; may be NULL */
     float *bound;    /* what each pixel's error, rms over red, green and blue, does not exceed as far as the engine
-                        knows; NULL: it does not tell */
+                        knows; NULL: it does not tell. Negative while it is made: no ray went through the pixel */
+    double missed, missed_most; /* what those without rays err by together, its square as an estimate has it, and the
+                                   largest term of that */
     bool has_alpha;  /* false once blended over a background: alpha is then 1 everywhere */
     CtsPictureInfo info;
 } CtsPicture;

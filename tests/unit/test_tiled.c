@@ -412,6 +412,31 @@ static void drafts_between(void **state)
     cts_volume_free(&ball);
 }
 
+/* Specks of hardly a pixel on an even ground, so few that no judged pixel need be one of them: those that are drawn
+ * tell how many there are. */
+static void drafts_miss_specks(void **state)
+{
+    (void)state;
+    enum { N = 1024 };
+    CtsPreset bright = slab_preset(4);
+    bright.colour[0] = (CtsColourPoint){-1000, {0.1, 0.1, 0.1}};
+    bright.colour[1] = (CtsColourPoint){1000, {1, 1, 1}};
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, N / 2, 0, 0);
+    s.mm_per_pixel = 2;
+    s.max_error = 8;
+    s.shade = CTS_OFF;
+    for (uint64_t seed = 1; seed <= 4; seed++) {
+        CtsVolume *v = NULL;
+        CtsError err;
+        uint64_t random = seed;
+        assert_int_equal(cts_volume_new(&v, N, 2, N, &err), CTS_OK);
+        for (int i = 0; i < N * 2 * N; i++)
+            v->grey[i] = scene_random(&random) % 4000 == 0 ? 2024 : 24;
+        hold_to_bound(v, &bright, s, "specks");
+        cts_volume_free(&v);
+    }
+}
+
 /* Nothing visible, one voxel, one layer: empty pictures, no fault. */
 static void degenerate(void **state)
 {
@@ -522,11 +547,11 @@ static void modes_by_packets(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_bytes),     cmocka_unit_test(constant_slab),   cmocka_unit_test(near_reference),
-        cmocka_unit_test(thin_and_hard),  cmocka_unit_test(between_levels),  cmocka_unit_test(opaque_bump),
-        cmocka_unit_test(faint_shells),   cmocka_unit_test(hard_presets),    cmocka_unit_test(falls_as_asked),
-        cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),     cmocka_unit_test(modes_by_packets),
-        cmocka_unit_test(drafts_between), cmocka_unit_test(step_near_level),
+        cmocka_unit_test(same_bytes),     cmocka_unit_test(constant_slab),      cmocka_unit_test(near_reference),
+        cmocka_unit_test(thin_and_hard),  cmocka_unit_test(between_levels),     cmocka_unit_test(opaque_bump),
+        cmocka_unit_test(faint_shells),   cmocka_unit_test(hard_presets),       cmocka_unit_test(falls_as_asked),
+        cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),        cmocka_unit_test(modes_by_packets),
+        cmocka_unit_test(drafts_between), cmocka_unit_test(drafts_miss_specks), cmocka_unit_test(step_near_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -37,6 +37,19 @@ static inline double cts_scene_error_asked(const CtsScene *scene)
     return (scene->plan.max_error > 0 ? scene->plan.max_error : 0.5) / 255;
 }
 
+/* What a pixel, as it shows on the preset's background, is off by against another: its square, the mean of the
+ * channels. */
+static inline double cts_scene_square_of_error(const CtsScene *scene, const float *pixel, const float *rgba)
+{
+    double square = 0;
+    for (int c = 0; c < 3; c++) {
+        const double behind = scene->preset->background_none ? 0 : scene->preset->background[c];
+        const double off = (double)(pixel[c] - rgba[c]) + (double)(rgba[3] - pixel[3]) * behind;
+        square += off * off / 3;
+    }
+    return square;
+}
+
 typedef struct CtsEngine {
     const char *name; /* as in --engine */
     /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over

@@ -78,6 +78,9 @@ typedef struct TiledCounts {
     uint64_t skips, pieces, lit; /* lanes that stepped through void, evaluated a piece, were lit */
     uint64_t between;            /* pixels that others stand for */
     uint64_t ticks, shade_ticks; /* all of a march, and its part for light */
+    /* What those between err by: its square as the draws have it, and the largest of them; in 2^-32, as whole numbers
+     * have the same sum in any order. */
+    uint64_t missed, missed_most;
 } TiledCounts;
 
 static inline uint64_t cts_tiled_ticks(void)

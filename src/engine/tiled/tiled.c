@@ -231,6 +231,8 @@ static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocell
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
     if ((st = cts_tiled_run(&job, path.march, scene, picture, &counts, err)))
         goto end;
+    picture->missed = ldexp((double)counts.missed, -32);
+    picture->missed_most = ldexp((double)counts.missed_most, -32);
     if (counts.between > 0)
         cts_report_plan(
             report, "%llu of %llu pixels lie between others that tell them to about %.3g/255, and were not marched",

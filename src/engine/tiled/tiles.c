@@ -1,5 +1,6 @@
 /* The rays of a tile are marched as one list; those of a draft in two: every fourth pixel each way and one anywhere
- * between four of them, then every second or all, where these show that those do not tell what lies between them. */
+ * between four of them, then every second or all, where these show that those do not tell what lies between them. What
+ * the pixels err by that have no rays, those drawn by chance tell. */
 #include "engine/tiled/tiles.h"
 
 #include "base/chance.h"
@@ -8,7 +9,7 @@
 #include <math.h>
 #include <string.h>
 
-enum { TILE = 32, SQUARE = 4, SQUARES = TILE / SQUARE, PART = TILE / 4 };
+enum { TILE = 32, SQUARE = 4, SQUARES = TILE / SQUARE, PART = TILE / 4, OTHERS = SQUARE * SQUARE - 1 };
 /* Squares that are off by so many times what is alike are marched whole. */
 #define HALF_FROM 3.0f
 _Static_assert(TILE *TILE == TILED_RAYS, "a tile is a list of rays");
@@ -83,12 +84,16 @@ static void find_reach(Tile *t)
         }
 }
 
+/* Which pixels of a square have rays: corners and the drawn one, every second of every second row, or all. */
+typedef enum Rays { FEW, HALF, ALL } Rays;
+
 /* A square's corners belong to its neighbours too; the last pixels of a tile end its last squares. */
 typedef struct Square {
     int x[2], y[2];
-    int within[2]; /* a pixel inside, anywhere, as what is thin and regular may miss all of a pattern's */
-    bool empty;
-    float off, worst; /* what lies between the corners is off by about so much; here, and beside it */
+    int drawn[2]; /* one of its other pixels, any, as what is thin and regular may miss all of a pattern's */
+    bool empty, empty_corners;
+    float twist, off; /* what lies between the corners is off by about so much: as they say, and the drawn one too */
+    Rays rays, rays_undrawn; /* and what it would have if none were drawn */
 } Square;
 
 static int corner(int square, int n)
@@ -102,8 +107,9 @@ static Square square_of(const Tile *t, int number)
     Square s = {.x = {corner(i, t->n[0]), corner(i + 1, t->n[0])}, .y = {corner(j, t->n[1]), corner(j + 1, t->n[1])}};
     const uint64_t chance =
         cts_chance_bits((uint64_t)(t->tiles->picture->first_row + t->y0 + s.y[0]) << 32 | (uint64_t)(t->x0 + s.x[0]));
-    s.within[0] = at_most(s.x[0] + 1 + (int)(chance >> 62) % 3, s.x[1]);
-    s.within[1] = at_most(s.y[0] + 1 + (int)(chance >> 60 & 3) % 3, s.y[1]);
+    const int drawn = 1 + (int)((chance >> 32) * OTHERS >> 32);
+    s.drawn[0] = at_most(s.x[0] + drawn % SQUARE, s.x[1]);
+    s.drawn[1] = at_most(s.y[0] + drawn / SQUARE, s.y[1]);
     return s;
 }
 
@@ -133,25 +139,52 @@ static float between(const Corners *k, int x, int y, size_t c)
     return ab + v * (de - ab);
 }
 
-/* By the pixel within, and by how far the corners are from one plane. */
+static const float *drawn_pixel(const Tile *t, const Square *s)
+{
+    return t->tiles->picture->pixels + 4 * place_of(t, s->drawn[0], s->drawn[1]);
+}
+
+/* By the drawn pixel, and by how far the corners are from one plane. */
 static void look_within(const Tile *t, Square *s)
 {
     const Corners k = corners_of(t, s->x, s->y);
-    const float *const within = t->tiles->picture->pixels + 4 * place_of(t, s->within[0], s->within[1]);
-    float largest = 0;
+    const float *const drawn = drawn_pixel(t, s);
+    float off = 0, largest = 0, corner = 0;
     for (size_t c = 0; c < 4; c++) {
         const float twist = (k.at[0][c] - k.at[1][c]) - (k.at[2][c] - k.at[3][c]);
-        s->off = fmaxf(s->off, fabsf(twist) / 4);
-        s->off = fmaxf(s->off, fabsf(within[c] - between(&k, s->within[0], s->within[1], c)));
-        largest = fmaxf(largest, within[c]);
+        s->twist = fmaxf(s->twist, fabsf(twist) / 4);
+        off = fmaxf(off, fabsf(drawn[c] - between(&k, s->drawn[0], s->drawn[1], c)));
+        largest = fmaxf(largest, drawn[c]);
         for (int i = 0; i < 4; i++)
-            largest = fmaxf(largest, k.at[i][c]);
+            corner = fmaxf(corner, k.at[i][c]);
     }
-    s->empty = !(largest > 0);
+    s->off = fmaxf(s->twist, off);
+    s->empty_corners = !(corner > 0);
+    s->empty = s->empty_corners && !(largest > 0);
 }
 
-/* By how much squares that show something are off, in the mean. */
-static float mean_off(const Square *squares)
+static float worst_beside(const Square *squares, int number)
+{
+    const int x = number % SQUARES, y = number / SQUARES;
+    float worst = 0;
+    for (int side = 0; side < 4; side++) {
+        const int bx = x + (side == 0) - (side == 1), by = y + (side == 2) - (side == 3);
+        if (bx >= 0 && bx < SQUARES && by >= 0 && by < SQUARES)
+            worst = fmaxf(worst, squares[by * SQUARES + bx].off);
+    }
+    return worst;
+}
+
+/* Where a square is empty, what is thin would be lost that stands out most, and rays through nothing take no time. */
+static Rays rays_of(const Tile *t, bool empty, float off)
+{
+    const float alike = t->tiles->job->alike;
+    return empty || off > HALF_FROM * alike ? ALL : off > alike ? HALF : FEW;
+}
+
+/* What goes on in a square goes on next to it, often. And where squares are off by more than half of what they may, in
+ * the mean of a tile, those that are off by less are so by chance. */
+static void choose_rays(const Tile *t, Square *squares)
 {
     float sum = 0;
     int seen = 0;
@@ -159,34 +192,13 @@ static float mean_off(const Square *squares)
         sum += squares[i].off;
         seen += !squares[i].empty;
     }
-    return seen > 0 ? sum / (float)seen : 0;
-}
-
-/* What goes on in a square goes on next to it, often. And where squares are off by more than half of what they may, in
- * the mean of a tile, those that are off by less are so by chance. */
-static void look_beside(Square *squares)
-{
-    const float by_chance = 2 * mean_off(squares);
+    const float by_chance = seen > 0 ? 2 / (float)seen : 0;
     for (int i = 0; i < SQUARES * SQUARES; i++) {
-        const int x = i % SQUARES, y = i / SQUARES;
-        squares[i].worst = fmaxf(squares[i].off, by_chance);
-        for (int side = 0; side < 4; side++) {
-            const int bx = x + (side == 0) - (side == 1), by = y + (side == 2) - (side == 3);
-            if (bx >= 0 && bx < SQUARES && by >= 0 && by < SQUARES)
-                squares[i].worst = fmaxf(squares[i].worst, squares[by * SQUARES + bx].off);
-        }
+        Square *const s = &squares[i];
+        const float beside = worst_beside(squares, i), undrawn = sum - s->off + s->twist;
+        s->rays = rays_of(t, s->empty, fmaxf(fmaxf(s->off, beside), by_chance * sum));
+        s->rays_undrawn = rays_of(t, s->empty_corners, fmaxf(fmaxf(s->twist, beside), by_chance * undrawn));
     }
-}
-
-/* Where a square is empty, what is thin would be lost that stands out most, and rays through nothing take no time. */
-static bool is_whole(const Tile *t, const Square *s)
-{
-    return s->empty || s->worst > HALF_FROM * t->tiles->job->alike;
-}
-
-static bool is_half(const Tile *t, const Square *s)
-{
-    return !is_whole(t, s) && s->worst > t->tiles->job->alike;
 }
 
 static int middle(const int ends[2])
@@ -216,7 +228,7 @@ static float depth_between(const Tile *t, const Corners *k, int x, int y)
 }
 
 /* What nobody marched lies between the corners. */
-static void fill(Tile *t, const int x[2], const int y[2], float bound)
+static void fill(Tile *t, const int x[2], const int y[2])
 {
     CtsPicture *const p = t->tiles->picture;
     const Corners k = corners_of(t, x, y);
@@ -227,7 +239,7 @@ static void fill(Tile *t, const int x[2], const int y[2], float bound)
             const size_t at = place_of(t, i, j);
             for (size_t c = 0; c < 4; c++)
                 p->pixels[4 * at + c] = between(&k, i, j, c);
-            p->bound[at] = bound;
+            p->bound[at] = -HALF_FROM * t->tiles->job->alike;
             if (p->depth_mm)
                 p->depth_mm[at] = depth_between(t, &k, i, j);
             t->known[j][i] = true;
@@ -235,13 +247,42 @@ static void fill(Tile *t, const int x[2], const int y[2], float bound)
         }
 }
 
-/* At half the distance what bends is off by a quarter; what breaks, by as much where it does. */
+static void halve(const int ends[2], bool second, int half[2])
+{
+    half[0] = second ? middle(ends) : ends[0];
+    half[1] = second ? ends[1] : middle(ends);
+}
+
 static void fill_half(Tile *t, const Square *s)
 {
-    const int xm = middle(s->x), ym = middle(s->y);
-    for (int i = 0; i < 4; i++)
-        fill(t, (const int[]){i & 1 ? xm : s->x[0], i & 1 ? s->x[1] : xm},
-             (const int[]){i >> 1 ? ym : s->y[0], i >> 1 ? s->y[1] : ym}, s->worst + t->tiles->job->alike);
+    for (int i = 0; i < 4; i++) {
+        int x[2], y[2];
+        halve(s->x, i & 1, x);
+        halve(s->y, i >> 1, y);
+        fill(t, x, y);
+    }
+}
+
+/* Which pixel is drawn has nothing to do with what rays its square would have without it. So one that errs where it
+ * would have had none stands for the others, which were not drawn: to find it took luck, 1 in OTHERS. */
+static void tell_drawn(const Tile *t, const Square *s)
+{
+    if (s->rays_undrawn == ALL)
+        return;
+    int x[2] = {s->x[0], s->x[1]}, y[2] = {s->y[0], s->y[1]};
+    if (s->rays_undrawn == HALF) {
+        halve(s->x, s->drawn[0] > middle(s->x), x);
+        halve(s->y, s->drawn[1] > middle(s->y), y);
+    }
+    const Corners k = corners_of(t, x, y);
+    float told[4];
+    for (size_t c = 0; c < 4; c++)
+        told[c] = between(&k, s->drawn[0], s->drawn[1], c);
+    const double square = cts_scene_square_of_error(t->tiles->scene, drawn_pixel(t, s), told);
+    const uint64_t missed = (uint64_t)ceil(ldexp((OTHERS - 1) * fmin(square, 1), 32));
+    TiledCounts *const counts = &t->scratch->counts;
+    counts->missed += missed;
+    counts->missed_most = missed > counts->missed_most ? missed : counts->missed_most;
 }
 
 static void list_square(Tile *t, const Square *s)
@@ -269,23 +310,25 @@ static void run_draft(Tile *t)
         squares[i] = square_of(t, i);
         for (int k = 0; k < 4; k++)
             list_pixel(t, s->x[k & 1], s->y[k >> 1]);
-        list_pixel(t, s->within[0], s->within[1]);
+        list_pixel(t, s->drawn[0], s->drawn[1]);
     }
     march_listed(t);
     for (int i = 0; i < SQUARES * SQUARES; i++)
         look_within(t, &squares[i]);
-    look_beside(squares);
+    choose_rays(t, squares);
     for (int i = 0; i < SQUARES * SQUARES; i++)
-        if (is_whole(t, &squares[i]))
+        if (squares[i].rays == ALL)
             list_square(t, &squares[i]);
-        else if (is_half(t, &squares[i]))
+        else if (squares[i].rays == HALF)
             list_half(t, &squares[i]);
     march_listed(t);
     for (int i = 0; i < SQUARES * SQUARES; i++)
-        if (is_half(t, &squares[i]))
+        tell_drawn(t, &squares[i]);
+    for (int i = 0; i < SQUARES * SQUARES; i++)
+        if (squares[i].rays == HALF)
             fill_half(t, &squares[i]);
-        else if (!is_whole(t, &squares[i]))
-            fill(t, squares[i].x, squares[i].y, 2 * squares[i].worst + t->tiles->job->alike);
+        else if (squares[i].rays == FEW)
+            fill(t, squares[i].x, squares[i].y);
 }
 
 static void run_some_tiles(void *context, int worker, size_t first, size_t end)
@@ -324,6 +367,8 @@ CtsStatus cts_tiled_run(const TiledJob *job, cts_tiled_march_fn march, const Cts
         total->pieces += c->pieces;
         total->lit += c->lit;
         total->between += c->between;
+        total->missed += c->missed;
+        total->missed_most = c->missed_most > total->missed_most ? c->missed_most : total->missed_most;
         total->ticks += c->ticks;
         total->shade_ticks += c->shade_ticks;
     }

@@ -27,7 +27,8 @@ typedef struct Strip {
     size_t first, end; /* its pixels */
     bool open;         /* judged in this round */
     double chance;     /* of a pixel to be made again is this times b^2 + f^2 */
-    size_t first_again, n_again, n_made;
+    size_t first_again, n_again, n_made, n_between;
+    double share; /* for each pixel that had a ray so many err as it does: what lies between errs as they do, besides */
     double found, beyond, most;
 } Strip;
 
@@ -44,19 +45,9 @@ typedef struct Keeping {
     float (*rgba)[4], *off;
 } Keeping;
 
-/* A pixel that is known exactly has no bound any more. */
-#define KNOWN -1.0f
-
-double cts_square_of_error(const CtsPreset *preset, const float *pixel, const float *rgba)
-{
-    double square = 0;
-    for (int c = 0; c < 3; c++) {
-        const double behind = preset->background_none ? 0 : preset->background[c];
-        const double off = (double)(pixel[c] - rgba[c]) + (double)(rgba[3] - pixel[3]) * behind;
-        square += off * off / 3;
-    }
-    return square;
-}
+/* A pixel that is known exactly has no bound any more. Nor are those judged whose bounds are negative: of them the
+ * engine tells. */
+#define KNOWN -INFINITY
 
 static double square_at(const Keeping *k, size_t at)
 {
@@ -77,6 +68,17 @@ static bool is_drawn(const Keeping *k, const Strip *s, size_t at)
     return (double)(cts_chance_bits(number) >> 11) * 0x1p-53 < chance_at(k, s, at);
 }
 
+static double share_of(const Keeping *k, Strip *s)
+{
+    size_t n_seen = 0;
+    for (size_t i = s->first; i < s->end; i++) {
+        const bool between = k->band->bound[i] < 0;
+        s->n_between += between;
+        n_seen += !between && k->band->pixels[4 * i + 3] > 0;
+    }
+    return n_seen > 0 ? 1 + (double)s->n_between / (double)n_seen : 1;
+}
+
 /* How many pixels of each strip are made again: so many as are worth the error asked for, few where the strip is good
  * and where it is so bad that more would tell no more. */
 static void count_some(void *context, int worker, size_t first, size_t end)
@@ -90,6 +92,7 @@ static void count_some(void *context, int worker, size_t first, size_t end)
         if (!s->open)
             continue;
         const double most = (double)(s->end - s->first) * fmin(k->small + 1.0 / (k->round == 0 ? FIRST : MOST), 1);
+        s->share = k->round == 0 ? share_of(k, s) : s->share;
         s->chance = k->round == 0 ? 1 / (k->one_in * asked * asked) : MORE * s->chance;
         double expected = 0;
         for (size_t i = s->first; i < s->end; i++)
@@ -132,9 +135,9 @@ static void judge_some(void *context, int worker, size_t first, size_t end)
             const size_t at = k->place[i];
             float *const pixel = k->band->pixels + 4 * at;
             const double off = error_again(k, i), p = chance_at(k, s, at),
-                         error = sqrt(cts_square_of_error(k->scene->preset, pixel, k->rgba[i])) + off,
+                         error = sqrt(cts_scene_square_of_error(k->scene, pixel, k->rgba[i])) + off,
                          square = error * error;
-            s->found += square * (1 - p) / p + off * off;
+            s->found += s->share * square * (1 - p) / p + off * off;
             if (p < 1)
                 s->beyond = fmax(s->beyond, square / square_at(k, at));
             if (!CTS_MUTATED(UNCAST))
@@ -179,8 +182,8 @@ static void find_some_largest(void *context, int worker, size_t first, size_t en
         Strip *const s = &k->strips[strip];
         for (size_t i = s->first; i < s->end; i++) {
             float *const bound = &k->band->bound[i];
-            *bound = *bound > 0 ? *bound : 0;
             s->most = fmax(s->most, WORTH * (double)*bound);
+            *bound = isfinite(*bound) ? fabsf(*bound) : 0;
         }
     }
 }
@@ -217,11 +220,14 @@ CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsEngine *engine, const Ct
     for (size_t i = 0; i < k.n_strips; i++) {
         const Strip *const s = &k.strips[i];
         bound->found += s->found;
-        bound->weight = fmax(bound->weight, 1 / s->chance);
+        bound->weight = fmax(bound->weight, s->share / s->chance);
         bound->beyond = fmax(bound->beyond, s->beyond);
         bound->most = fmax(bound->most, s->most);
         bound->again += s->n_made;
+        bound->between += s->n_between;
     }
+    bound->missed += band->missed;
+    bound->missed_most = fmax(bound->missed_most, band->missed_most);
     bound->pixels += n;
 end:
     bound->wall_ms += cts_wall_ms() - wall;
@@ -235,8 +241,9 @@ end:
 
 double cts_bound_rmse(const CtsFrameBound *bound)
 {
-    const double weight = bound->weight * fmax(bound->beyond, 1);
-    return ROUNDED + sqrt(cts_mean_limit(bound->found, weight, (double)bound->pixels));
+    const double weight = bound->weight * fmax(bound->beyond, 1), n = (double)bound->pixels;
+    return ROUNDED +
+           sqrt(cts_mean_limit(bound->found, weight, n) + cts_mean_limit(bound->missed, bound->missed_most, n));
 }
 
 void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport *report)
@@ -247,11 +254,12 @@ void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport
                  asked = cts_scene_error_asked(scene), floor = FLOOR * asked;
     CtsErrorBound *told = &report->bound;
     /* Of a rotation the worst frame stands for all. Bounds are worth what pixels have shown, floor included; one
-     * channel may have all of a pixel's error; and of the pixels that nobody looked at one may err twice as much. */
+     * channel may have all of a pixel's error; and of the pixels that nobody looked at one may err twice as much, or be
+     * anything where there was no ray. */
     const double largest = 2 * sqrt(3 * fmax(bound->beyond, 1) * (bound->most * bound->most + floor * floor));
     told->known = true;
     told->rmse = fmax(told->rmse, rmse);
-    told->max = fmax(told->max, fmin(largest / WORTH, 1));
+    told->max = fmax(told->max, bound->between > 0 ? 1 : fmin(largest / WORTH, 1));
     told->cast += bound->again;
     cts_report_stage(report, CTS_STAGE_COMPOSITE, bound->wall_ms, bound->cpu_ms, bound->again, 0);
     cts_report_plan(report,

@@ -10,6 +10,9 @@
  * not to be a good one; where a pixel shows that it is none, the weight grows by as much. What is made again has
  * a bound as well, far smaller, which counts as error.
  *
+ * Pixels to which the engine sent no ray are not judged so: it says itself what those err by, by an estimate that has a
+ * largest term as well, beside what the pixels err by between which they lie.
+ *
  * Strips of CTS_BAND_ROWS rows are judged one by one, so that a picture is the same in bands of any size. Where a strip
  * errs by more than what is asked for, more of its pixels are made again, until it does not. */
 #ifndef CTS_RENDER_BOUND_H
@@ -19,16 +22,14 @@
 
 /* Zeroed, it is a frame of which nothing is known. */
 typedef struct CtsFrameBound {
-    uint64_t pixels, again; /* of the frame, and those of them that were made again */
-    double most;            /* the largest of the engine's bounds that are left */
-    double found, weight;   /* sum of e^2 (1 - p) / p, and the largest that a term may have */
-    double beyond;          /* the largest e^2 / (b^2 + f^2) that a pixel has shown */
+    uint64_t pixels, again;     /* of the frame, and those of them that were made again */
+    double most;                /* the largest of the engine's bounds that are left */
+    double found, weight;       /* sum of e^2 (1 - p) / p, and the largest that a term may have */
+    double beyond;              /* the largest e^2 / (b^2 + f^2) that a pixel has shown */
+    uint64_t between;           /* pixels that had no ray, */
+    double missed, missed_most; /* what the engine says of them (CtsPicture) */
     double wall_ms, cpu_ms;
 } CtsFrameBound;
-
-/* What a pixel, as it shows on the preset's background, is off by against rgba: its square, the mean of the channels.
- */
-double cts_square_of_error(const CtsPreset *preset, const float *pixel, const float *rgba);
 
 /* Takes a band whose bounds the engine gave, and puts its worst pixels right. */
 CtsStatus cts_bound_keep(CtsFrameBound *bound, const CtsEngine *engine, const CtsScene *scene, CtsPicture *band,
