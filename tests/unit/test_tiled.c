@@ -1,4 +1,5 @@
 /* The tiled engine: the same bytes on every path, close to the float64 reference, exact where formulas are known. */
+#include "base/chance.h"
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/sanitized.h"
@@ -303,6 +304,40 @@ static void opaque_bump(void **state)
     cts_volume_free(&v);
 }
 
+/* Opaque stripes narrower than a level: fields that cross a stripe twice within a cell, or touch its edge at the end of
+ * one, where which crossing is the first decides the colour; and a peak of opacity between two levels, lit in steps. */
+static void narrow_stripes(void **state)
+{
+    (void)state;
+    CtsVolume *v = NULL;
+    CtsError err;
+    assert_int_equal(cts_volume_new(&v, 9, 9, 9, &err), CTS_OK);
+    for (uint64_t at = 0; at < 9 * 9 * 9; at++)
+        v->grey[at] = (uint16_t)(1524 + (cts_chance_bits(at + 1) >> 63));
+    CtsPreset stripes = {.name = "stripes", .unit_distance_mm = 1, .n_opacity = 4, .n_colour = 3};
+    stripes.opacity[0] = (CtsOpacityPoint){500.12305549489855, 0};
+    stripes.opacity[1] = (CtsOpacityPoint){500.12305549489855, 1};
+    stripes.opacity[2] = (CtsOpacityPoint){500.7191570985, 1};
+    stripes.opacity[3] = (CtsOpacityPoint){500.7191570985, 0};
+    stripes.colour[0] = (CtsColourPoint){500.4628946090881, {0, 0, 0}};
+    stripes.colour[1] = (CtsColourPoint){500.4628946090881, {1, 1, 1}};
+    stripes.colour[2] = (CtsColourPoint){500.7191570985, {1, 1, 1}};
+    CtsPreset peak = preset_named("bone");
+    peak.n_opacity = 3;
+    peak.opacity[0] = (CtsOpacityPoint){500.02, 0};
+    peak.opacity[1] = (CtsOpacityPoint){500.5, 1};
+    peak.opacity[2] = (CtsOpacityPoint){500.98, 0};
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 160, 723, -47.63);
+    s.mm_per_pixel = 0.03;
+    s.shade = CTS_OFF;
+    hold_to_bound(v, &stripes, s, "stripes");
+    s.width = s.height = 24; /* all pixels are made again */
+    s.mm_per_pixel = 0.2;
+    s.shade = CTS_ON;
+    assert_true(hold_to_bound(v, &peak, s, "peak") < 0.01 / 255);
+    cts_volume_free(&v);
+}
+
 /* Faint shells whose sides are seen one by one: what lies between two of them has no gradient, and lights neither. */
 static void faint_shells(void **state)
 {
@@ -547,11 +582,12 @@ static void modes_by_packets(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_bytes),     cmocka_unit_test(constant_slab),      cmocka_unit_test(near_reference),
-        cmocka_unit_test(thin_and_hard),  cmocka_unit_test(between_levels),     cmocka_unit_test(opaque_bump),
-        cmocka_unit_test(faint_shells),   cmocka_unit_test(hard_presets),       cmocka_unit_test(falls_as_asked),
-        cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),        cmocka_unit_test(modes_by_packets),
-        cmocka_unit_test(drafts_between), cmocka_unit_test(drafts_miss_specks), cmocka_unit_test(step_near_level),
+        cmocka_unit_test(same_bytes),       cmocka_unit_test(constant_slab),  cmocka_unit_test(near_reference),
+        cmocka_unit_test(thin_and_hard),    cmocka_unit_test(between_levels), cmocka_unit_test(opaque_bump),
+        cmocka_unit_test(narrow_stripes),   cmocka_unit_test(faint_shells),   cmocka_unit_test(hard_presets),
+        cmocka_unit_test(falls_as_asked),   cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),
+        cmocka_unit_test(modes_by_packets), cmocka_unit_test(drafts_between), cmocka_unit_test(drafts_miss_specks),
+        cmocka_unit_test(step_near_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

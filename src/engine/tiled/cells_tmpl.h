@@ -221,11 +221,6 @@ INLINE vf extinction_of(const TiledPieces *t, vf opacity)
     return select_f(vf_lt(opaque, opacity), most, vf_min(by_log, most));
 }
 
-INLINE vf opacity_at(const Line *l, vf above)
-{
-    return vf_max(l->at[0] + l->rise[0] * above, vf_of(0));
-}
-
 /* Of a level in piece q or beside it, where that knot was not worth a cut. */
 INLINE vf opacity_beside(const TiledPieces *t, vi q, const Line *line, vf level)
 {
@@ -332,19 +327,32 @@ INLINE void halve(Cubic *c, vf *length, vmask lanes)
     *length = select_f(lanes, h * *length, *length);
 }
 
-/* Where the cubic c[0] + c[1] s + ... crosses 0 between ends of different sign, to within what counts: Newton's steps,
- * and halves where they leave what is between. By how much it is off at most, its last step, and what rounding the
- * cubic by `rounded` makes of it; that, times jump and bend by how far the field is beyond, is *wrong. */
-INLINE vf find_root(const March *m, const vf c[4], vf at_end, vf jump, vf bend, vmask lanes, vf *wrong)
+/* Where Bernstein's polygon first crosses 0. */
+INLINE vf first_crossing(const vf b[4])
 {
-    const vf across = c[0] - at_end;
-    const vmask falls = vf_lt(vf_of(0), c[0]);
-    vf low = vf_of(0), high = vf_of(1);
-    vf s = c[0] / select_f(vf_lt(vf_of(0), vf_abs(across)), across, vf_of(1));
+    vf from = b[2], to = b[3], side = vf_of(2);
+    for (int i = 1; i >= 0; i--) {
+        const vmask here = differ(vf_lt(b[i], vf_of(0)), vf_lt(b[i + 1], vf_of(0)));
+        from = select_f(here, b[i], from);
+        to = select_f(here, b[i + 1], to);
+        side = select_f(here, vf_of((real)i), side);
+    }
+    const vf across = from - to;
+    return (side + from / select_f(vf_lt(vf_of(0), vf_abs(across)), across, vf_of(1))) * (real)(1 / 3.0);
+}
+
+/* Where the cubic c[0] + c[1] s + ..., whose Bernstein numbers are b, crosses 0 between ends of different sign, to
+ * within what counts: Newton's steps, and halves where they leave what is between. By how much it is off at most, its
+ * last step, and what rounding the cubic makes of it; that, times jump and bend by how far the field is beyond, is
+ * *wrong. From where the polygon crosses, as an end that all but touches 0 is no crossing. */
+INLINE vf find_root(const March *m, const vf c[4], const vf b[4], vf jump, vf bend, vmask lanes, vf *wrong)
+{
+    const vmask below = vf_lt(c[0], vf_of(0));
+    vf low = vf_of(0), high = vf_of(1), s = first_crossing(b);
     *wrong = vf_of(0);
     for (int i = 0; i < ROOT_STEPS && bits_of(lanes); i++) {
         const vf f = ((c[3] * s + c[2]) * s + c[1]) * s + c[0], slope = (3 * c[3] * s + 2 * c[2]) * s + c[1];
-        const vmask before = ~differ(vf_lt(vf_of(0), f), falls);
+        const vmask before = ~differ(vf_lt(f, vf_of(0)), below);
         low = select_f(before, s, low);
         high = select_f(before, high, s);
         const vf by_slope = 1 / vf_max(vf_abs(slope), vf_of((real)1e-12f)), step = vf_abs(f) * by_slope;
@@ -392,7 +400,8 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
     const vf weight = m->p->light * *length;
     const vf least = vf_max(vf_of(LEAST_SHARE), LEAST_MM / vf_max(*length, vf_of((real)1e-9f)));
     const vf shifted[4] = {power[0] - knot, power[1], power[2], power[3]};
-    const vf at = find_root(m, shifted, b[3] - knot, weight * jump, weight * bend, crosses, &wrong);
+    const vf above[4] = {shifted[0], b[1] - knot, b[2] - knot, b[3] - knot};
+    const vf at = find_root(m, shifted, above, weight * jump, weight * bend, crosses, &wrong);
     vf root = select_f(crosses, vf_min(vf_max(at, least), vf_of(1)), vf_of(1));
     cuts->wrong += vf_min(wrong, m->p->light);
     *at_knot = vf_lt(root, vf_of(1 - LEAST_SHARE));

@@ -184,8 +184,8 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
             vf at[3];
             for (int a = 0; a < 3; a++)
                 at[a] = w->enter[a] + point * w->way[a];
-            const vf above = between(k->level, at) - line.begin;
-            const vf depth = extinction_of(pieces, opacity_at(&line, above)) * half * w->length,
+            const vf level = between(k->level, at), above = level - line.begin;
+            const vf depth = extinction_of(pieces, opacity_beside(pieces, w->piece, &line, level)) * half * w->length,
                      share = vf_taken(depth);
             weight[i] = left * share;
             left -= weight[i];
