@@ -52,7 +52,7 @@ static const Proof proofs[] = {
     PROOF(AVERAGE_BLOCK, "average of one grey level"),
     PROOF(DEPTH_SLAB, "depth: an opaque plane"),
     PROOF(BOUND_LOW, "a step, lit, oblique"),
-    PROOF(UNCAST, "grazing bright dots"),
+    PROOF(UNCAST, "peak: opaque, one HU wide"),
     PROOF(CUTS, "grazing a dot"),
     PROOF(KNOT_OFF, "grazing a dot"),
     PROOF(MASK_NEIGHBOUR, "ball: chords"),
