@@ -168,10 +168,12 @@ INLINE Cubic load_cubic(const March *m, vmask lanes, vf length)
     return (Cubic){{first, b1, b2, b2 + c1 + 2 * c2 + c3}};
 }
 
-/* A piece of the transfer function: a line from its begin on. */
-typedef struct Line {
-    vf begin, end, at[4], rise[4], tint; /* opacity, red, green, blue; by how much the colour that turns most rises */
-} Line;
+/* What the transfer function says of a level. */
+typedef struct Look {
+    vf extinction;          /* per mm, to the base of 2 */
+    vf opacity, rise, tint; /* slopes: of opacity, and of the colour that turns most */
+    vf rgb[3];
+} Look;
 
 INLINE real knot_of(const TiledPieces *t, int k)
 {
@@ -202,38 +204,19 @@ INLINE vi piece_of(const TiledPieces *t, vf level)
     return q;
 }
 
-INLINE Line line_of(const TiledPieces *t, vi q)
+/* Of a level in piece q, or beside it where the knot between was not worth a cut. */
+INLINE Look look_at(const TiledPieces *t, vi q, vf level)
 {
     const int n = t->n_knots + 1;
-    Line l = {.begin = end_of(t, 0, q), .end = end_of(t, 1, q), .tint = look_up(t->tint, n, q)};
-    for (int c = 0; c < 4; c++) {
-        l.at[c] = look_up(t->at[c], n, q);
-        l.rise[c] = look_up(t->rise[c], n, q);
-    }
+    q = select_i(vf_lt(level, end_of(t, 0, q)), q - 1, select_i(vf_le(end_of(t, 1, q), level), q + 1, q));
+    const vf above = level - end_of(t, 0, q), opaque = vf_of(NEARLY_1), most = vf_of((real)t->most);
+    Look l = {.rise = look_up(t->rise[0], n, q), .tint = look_up(t->tint, n, q)};
+    l.opacity = vf_max(look_up(t->at[0], n, q) + l.rise * above, vf_of(0));
+    const vf by_log = -(real)t->by_log2 * vf_log2_rest(vf_min(l.opacity, opaque));
+    l.extinction = select_f(vf_lt(opaque, l.opacity), most, vf_min(by_log, most));
+    for (int c = 0; c < 3; c++)
+        l.rgb[c] = look_up(t->at[c + 1], n, q) + look_up(t->rise[c + 1], n, q) * above;
     return l;
-}
-
-/* Extinction per mm to the base of 2. */
-INLINE vf extinction_of(const TiledPieces *t, vf opacity)
-{
-    const vf opaque = vf_of(NEARLY_1), most = vf_of((real)t->most);
-    const vf by_log = -(real)t->by_log2 * vf_log2_rest(vf_min(opacity, opaque));
-    return select_f(vf_lt(opaque, opacity), most, vf_min(by_log, most));
-}
-
-/* Of a level in piece q or beside it, where that knot was not worth a cut. */
-INLINE vf opacity_beside(const TiledPieces *t, vi q, const Line *line, vf level)
-{
-    const int n = t->n_knots + 1;
-    q = select_i(vf_lt(level, line->begin), q - 1, select_i(vf_le(line->end, level), q + 1, q));
-    const vf above = level - end_of(t, 0, q);
-    return vf_max(look_up(t->at[0], n, q) + look_up(t->rise[0], n, q) * above, vf_of(0));
-}
-
-/* What two points show that take so much of a ray's light, of one channel. */
-INLINE vf colour_of(const Line *l, int c, const vf above[2], const vf weight[2])
-{
-    return l->at[c + 1] * (weight[0] + weight[1]) + l->rise[c + 1] * (weight[0] * above[0] + weight[1] * above[1]);
 }
 
 /* Knots that pieces are to be cut at. */
@@ -421,34 +404,37 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
 
 /* What a piece does to its rays. */
 typedef struct Effect {
-    vf above[2], depth[2], taken[2], wrong; /* taken: shares of the light that reaches each half */
+    Look at[2];
+    vf depth[2], taken[2], wrong; /* taken: shares of the light that reaches each half */
 } Effect;
 
-INLINE Effect integrate(const March *m, const Cubic *c, vi q, const Line *line, vf length)
+INLINE Effect integrate(const March *m, const Cubic *c, vi q, vf length)
 {
     const TiledPieces *const t = m->pieces;
     const vf *const b = c->b;
     const vf half = (real)0.5f * length;
     const vf first = GAUSS_A * b[0] + GAUSS_B * b[1] + GAUSS_C * b[2] + GAUSS_D * b[3];
-    const vf second = CTS_MUTATED(GAUSS) ? first : GAUSS_D * b[0] + GAUSS_C * b[1] + GAUSS_B * b[2] + GAUSS_A * b[3];
-    Effect e = {.above = {first - line->begin, second - line->begin}};
-    vf opacity[2], extinction[2];
+    const vf second = GAUSS_D * b[0] + GAUSS_C * b[1] + GAUSS_B * b[2] + GAUSS_A * b[3];
+    Effect e;
+    e.at[0] = look_at(t, q, first);
+    e.at[1] = CTS_MUTATED(GAUSS) ? e.at[0] : look_at(t, q, second);
+    vf apart = vf_of(0);
     for (int i = 0; i < 2; i++) {
-        opacity[i] = opacity_beside(t, q, line, i ? second : first);
-        extinction[i] = extinction_of(t, opacity[i]);
-        e.depth[i] = extinction[i] * half;
+        e.depth[i] = e.at[i].extinction * half;
         e.taken[i] = vf_taken(e.depth[i]);
     }
+    for (int k = 0; k < 3; k++)
+        apart = vf_max(apart, vf_abs(e.at[0].rgb[k] - e.at[1].rgb[k]));
     /* Of a straight field the first is nearly all; one that turns may look alike at both points, and not where it
      * enters, which is all that is seen of what is opaque. */
-    const vf apart = line->tint * vf_max((real)1.73f * vf_abs(second - first), 4 * vf_abs(first - b[0]));
+    apart = vf_max((real)1.73f * apart, 4 * e.at[0].tint * vf_abs(first - b[0]));
     const vf depth = (real)M_LN2 * (e.depth[0] + e.depth[1]);
     const real by_log = (real)t->by_log2, unit = (real)M_LN2 / by_log;
-    const vf turn = unit * (extinction[0] - extinction[1]), turn2 = turn * turn;
+    const vf turn = unit * (e.at[0].extinction - e.at[1].extinction), turn2 = turn * turn;
     /* How the logarithm's argument bends: its second derivative, by itself, beside that of two points alike. */
     const vf bent = vf_max(vf_abs(b[0] - 2 * b[1] + b[2]), vf_abs(b[1] - 2 * b[2] + b[3]));
-    const vf clear = 1 - vf_min(vf_max(opacity[0], opacity[1]), vf_of((real)0.999f));
-    const vf bend = 6 * bent * vf_abs(line->rise[0]) / clear;
+    const vf clear = 1 - vf_min(vf_max(e.at[0].opacity, e.at[1].opacity), vf_of((real)0.999f));
+    const vf bend = 6 * bent * vf_max(vf_abs(e.at[0].rise), vf_abs(e.at[1].rise)) / clear;
     const vf off = (real)0.0375f * turn2 * turn2 + bend * ((real)(1 / 1440.0) * bend + (real)(1 / 120.0) * turn2);
     e.wrong = m->p->light * (by_log * length * off * (1 - e.taken[0]) +
                              apart * vf_min(vf_of((real)0.25f), (real)0.0112f * depth * depth));
@@ -488,8 +474,7 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
         shorter |= cut_at_knots(m, &cubic, &length, &cuts, &fresh);
         q = piece_of(m->pieces, middle_of(&cubic));
     }
-    const Line line = line_of(m->pieces, q);
-    const Effect e = integrate(m, &cubic, q, &line, length);
+    const Effect e = integrate(m, &cubic, q, length);
     const vmask wrong = CTS_MUTATED(HALVES) ? mask_of(0) : vf_lt(vf_of(m->tolerance), e.wrong) | cuts.halve;
     const vmask again = lanes & wrong & vf_lt(vf_of(2 * LEAST_MM), length);
     const vmask done = lanes & ~again;
@@ -500,7 +485,7 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
     const vf weight[2] = {select_f(done, first, vf_of(0)), select_f(done, second, vf_of(0))};
     vf colour[3];
     for (int c = 0; c < 3; c++)
-        colour[c] = colour_of(&line, c, e.above, weight);
+        colour[c] = weight[0] * e.at[0].rgb[c] + weight[1] * e.at[1].rgb[c];
     if (lit)
         await_light(m, lit, &e, q, weight, colour, length, done);
     else

@@ -170,7 +170,6 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
                             vf sum[4])
 {
     const TiledJob *const j = m->job;
-    const Line line = line_of(pieces, w->piece);
     vf s = vf_of(0), step = vf_of((real)0.5f), light = w->light;
     const real shortest = (real)1 / (1 << LIGHT_HALVINGS);
     Direction before = gradient_at(j, k, w->enter, w->way, s);
@@ -184,9 +183,8 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
             vf at[3];
             for (int a = 0; a < 3; a++)
                 at[a] = w->enter[a] + point * w->way[a];
-            const vf level = between(k->level, at), above = level - line.begin;
-            const vf depth = extinction_of(pieces, opacity_beside(pieces, w->piece, &line, level)) * half * w->length,
-                     share = vf_taken(depth);
+            const Look look = look_at(pieces, w->piece, between(k->level, at));
+            const vf depth = look.extinction * half * w->length, share = vf_taken(depth);
             weight[i] = left * share;
             left -= weight[i];
             /* Of what is faint the point is Gauss', of what is opaque the centre of its light. */
@@ -195,7 +193,7 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
                 gradient_at(j, k, w->enter, w->way, s + half * ((real)i + centre_of((real)M_LN2 * depth) + gauss));
             const Glow glow = glow_of(j->shade, &at_point[i]);
             for (int c = 0; c < 3; c++)
-                shown[c] += weight[i] * ((line.at[c + 1] + line.rise[c + 1] * above) * glow.colour + glow.white);
+                shown[c] += weight[i] * (look.rgb[c] * glow.colour + glow.white);
         }
         const Direction after = gradient_at(j, k, w->enter, w->way, to);
         const vf all = weight[0] + weight[1];
