@@ -412,6 +412,35 @@ static void falls_as_asked(void **state)
     cts_volume_free(&v);
 }
 
+/* A draft of grain, where the judged pixels say so little that more would be told than was asked for: more of them are
+ * judged, and nothing is warned of. */
+static void drafts_work_on(void **state)
+{
+    (void)state;
+    CtsVolume *v = NULL;
+    CtsError err;
+    CtsReport report = {0};
+    enum { SIZE = 48 };
+    assert_int_equal(cts_volume_new(&v, SIZE, SIZE, SIZE, &err), CTS_OK);
+    for (int at = 0; at < SIZE * SIZE * SIZE; at++) {
+        const int x = at % SIZE - SIZE / 2, y = at / SIZE % SIZE - SIZE / 2, z = at / SIZE / SIZE - SIZE / 2;
+        int grain = 0;
+        for (uint64_t i = 0; i < 4; i++)
+            grain += (int)(cts_chance_bits(4 * (uint64_t)at + i) >> 56) - 128;
+        v->grey[at] = (uint16_t)(x * x + y * y + z * z < 22 * 22 ? 1024 + grain * 2 / 5 : 24);
+    }
+    CtsPreset preset = preset_named("ct-bone");
+    preset.unit_distance_mm /= 2;
+    CtsRenderSettings s = settings_for(CTS_ENGINE_TILED, 300, 30, 20);
+    s.mm_per_pixel = 0.17;
+    s.max_error = 16;
+    CtsPicture *p = render(v, &preset, &s, &report);
+    assert_true(report.bound.known && report.bound.rmse < 1.005 * 16 / 255);
+    cts_picture_free(&p);
+    cts_report_free(&report);
+    cts_volume_free(&v);
+}
+
 /* Bright columns that lie between the pixels a draft looks at, every fourth: it finds out, or warns. Balls: pixels
  * that are alike stand for others, and what they show stays within what was asked for. */
 static void drafts_between(void **state)
@@ -582,12 +611,12 @@ static void modes_by_packets(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(same_bytes),       cmocka_unit_test(constant_slab),  cmocka_unit_test(near_reference),
-        cmocka_unit_test(thin_and_hard),    cmocka_unit_test(between_levels), cmocka_unit_test(opaque_bump),
-        cmocka_unit_test(narrow_stripes),   cmocka_unit_test(faint_shells),   cmocka_unit_test(hard_presets),
-        cmocka_unit_test(falls_as_asked),   cmocka_unit_test(degenerate),     cmocka_unit_test(modes_exact),
-        cmocka_unit_test(modes_by_packets), cmocka_unit_test(drafts_between), cmocka_unit_test(drafts_miss_specks),
-        cmocka_unit_test(step_near_level),
+        cmocka_unit_test(same_bytes),         cmocka_unit_test(constant_slab),   cmocka_unit_test(near_reference),
+        cmocka_unit_test(thin_and_hard),      cmocka_unit_test(between_levels),  cmocka_unit_test(opaque_bump),
+        cmocka_unit_test(narrow_stripes),     cmocka_unit_test(faint_shells),    cmocka_unit_test(hard_presets),
+        cmocka_unit_test(falls_as_asked),     cmocka_unit_test(degenerate),      cmocka_unit_test(modes_exact),
+        cmocka_unit_test(modes_by_packets),   cmocka_unit_test(drafts_between),  cmocka_unit_test(drafts_work_on),
+        cmocka_unit_test(drafts_miss_specks), cmocka_unit_test(step_near_level),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -49,6 +49,13 @@ typedef struct Keeping {
  * engine tells. */
 #define KNOWN -INFINITY
 
+/* What ctsplat aims at by itself, and misses by less than a step of eight bits, nobody sees. */
+static double warned_from(const CtsScene *scene)
+{
+    const double asked = cts_scene_error_asked(scene);
+    return scene->plan.max_error > 0 ? 1.005 * asked : fmax(asked, 1.0 / 255);
+}
+
 static double square_at(const Keeping *k, size_t at)
 {
     const double bound = WORTH * (double)k->band->bound[at];
@@ -123,6 +130,23 @@ static double error_again(const Keeping *k, size_t i)
     return WORTH * (double)k->off[i];
 }
 
+/* What all of a picture like this strip would be told to err by, squared. */
+static double told_square(const Keeping *k, const Strip *s)
+{
+    const double pixels = (double)k->scene->view.width * k->scene->view.height, n = (double)(s->end - s->first);
+    return cts_mean_limit(s->found * pixels / n, s->share / s->chance * fmax(s->beyond, 1), pixels);
+}
+
+/* Whether a strip is to be judged by more of its pixels: it errs too much, or, as far as those tell that were made
+ * again, may err so much that a warning would be due. */
+static bool needs_more(const Keeping *k, const Strip *s)
+{
+    const double n = (double)(s->end - s->first), asked = cts_scene_error_asked(k->scene);
+    const double aimed = AIMED * asked, warned = warned_from(k->scene);
+    return (double)s->n_made < n * fmin(k->small + 1.0 / MOST, 1) &&
+           (s->found > n * aimed * aimed || told_square(k, s) > warned * warned);
+}
+
 /* What the pixels show that were made again, which are then put right. */
 static void judge_some(void *context, int worker, size_t first, size_t end)
 {
@@ -146,8 +170,7 @@ static void judge_some(void *context, int worker, size_t first, size_t end)
         for (size_t i = s->first_again; i < s->first_again + s->n_again; i++)
             k->band->bound[k->place[i]] = KNOWN;
         s->n_made += s->n_again;
-        const double n = (double)(s->end - s->first), aimed = AIMED * cts_scene_error_asked(k->scene);
-        s->open = s->open && s->found > n * aimed * aimed && (double)s->n_made < n * fmin(k->small + 1.0 / MOST, 1);
+        s->open = s->open && needs_more(k, s);
     }
 }
 
@@ -266,8 +289,7 @@ void cts_bound_tell(const CtsFrameBound *bound, const CtsScene *scene, CtsReport
                     "%llu of %llu pixels made again in double precision, to judge the others and to mend the worst",
                     (unsigned long long)bound->again, (unsigned long long)bound->pixels);
     const bool kept = rmse <= 1.005 * asked, by_default = !(scene->plan.max_error > 0);
-    /* What ctsplat aims at by itself, and misses by less than a step of eight bits, nobody sees. */
-    const bool is_note = kept || (by_default && 255 * rmse <= 1);
+    const bool is_note = kept || rmse <= warned_from(scene);
     if (!kept || !by_default)
         cts_report_finding(report, kept ? "max_error" : "error_bound", is_note ? CTS_NOTE : CTS_WARNING,
                            "the picture's error is at most about %.2g/255 rms, %s %.2g%s", 255 * rmse,
