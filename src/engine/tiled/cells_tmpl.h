@@ -224,8 +224,9 @@ typedef struct Cuts {
     int n;
     vf knot[MOST_CUTS], jump[MOST_CUTS], bend[MOST_CUTS];
     vmask lanes[MOST_CUTS], all;
-    vf wrong;    /* what a piece is wrong by for knots that it is not cut at */
-    vmask halve; /* pieces that pass more knots than can be told apart */
+    vf wrong;    /* what a piece is wrong by for knots that it is not cut at, */
+    vf passed;   /* those alone that it does pass */
+    vmask halve; /* pieces that pass more knots than can be told apart, or too much of them */
 } Cuts;
 
 /* Lanes are to be cut at the last of the knots, which the field goes beyond by `over`, where it is worth it, and by
@@ -238,6 +239,7 @@ INLINE void weigh_knot(const March *m, Cuts *cuts, vmask lanes, vf over, vf insi
     const vf worth = weight * (cuts->jump[i] + (real)0.25f * cuts->bend[i] * vf_max(over, touch));
     const vmask cut = CTS_MUTATED(CUTS) ? mask_of(0) : passes & vf_lt(vf_of(m->tolerance), worth);
     cuts->wrong += select_f(near & ~cut, worth, vf_of(0));
+    cuts->passed += select_f(passes & ~cut, worth, vf_of(0));
     cuts->lanes[i] = cut;
     cuts->all |= cut;
 }
@@ -254,7 +256,7 @@ INLINE Cuts find_cuts(const March *m, const Cubic *c, vi q, vmask lanes, vf leng
     /* What a ray was just cut at it touches, where it starts. */
     for (int end = 0; end < 2; end++)
         inside[end] = select_f(m->p->fresh, inside[end], range[end]);
-    Cuts cuts = {.n = 0, .wrong = vf_of(0), .all = mask_of(0), .halve = mask_of(0)};
+    Cuts cuts = {.n = 0, .wrong = vf_of(0), .passed = vf_of(0), .all = mask_of(0), .halve = mask_of(0)};
     for (int away = 0;; away++) {
         const vi at[2] = {vi_max(q - away, vi_of(0)), vi_min(q + away, vi_of(n - 1))};
         for (int end = 0; end < (CTS_MUTATED(KNOT_OFF) ? 1 : 2); end++, cuts.n++) {
@@ -273,6 +275,7 @@ INLINE Cuts find_cuts(const March *m, const Cubic *c, vi q, vmask lanes, vf leng
             break;
         }
     }
+    cuts.halve |= CTS_MUTATED(CUTS) ? mask_of(0) : vf_lt(vf_of(m->tolerance), cuts.passed) & ~cuts.all;
     cuts.wrong = vf_min(2 * cuts.wrong, m->p->light);
     return cuts;
 }
