@@ -1,20 +1,17 @@
-"""The C source of ctsplat._ctsplat, made from the public headers: make_binding.py OUTPUT HEADER_FOLDER
+"""The C source of ctsplat._ctsplat, made from the public headers: make_binding.py OUTPUT HEADER...
 
 cffi wants declarations without comments, preprocessor lines, attributes and inline functions; nothing is declared twice.
 """
-import os
 import re
 import sys
 
 import cffi
 
-HEADERS = "status report preset picture volume series state export job".split()
 
-
-def declarations(folder):
+def declarations(headers):
     text = ""
-    for name in HEADERS:
-        with open(os.path.join(folder, name + ".h"), encoding="utf-8") as file:
+    for header in headers:
+        with open(header, encoding="utf-8") as file:
             text += file.read()
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
     text = re.sub(r"^\s*#.*$|^CTS_API_(BEGIN|END)$", "", text, flags=re.M)
@@ -53,9 +50,9 @@ static void interrupts_pass(void)
 """
 
 
-def main(output, folder):
+def main(output, *headers):
     ffi = cffi.FFI()
-    ffi.cdef("typedef int sig_atomic_t;\n" + declarations(folder) + """
+    ffi.cdef("typedef int sig_atomic_t;\n" + declarations(headers) + """
 void free(void *);
 volatile sig_atomic_t *interrupts_stop(void);
 void interrupts_pass(void);
