@@ -10,7 +10,7 @@ set -eu
 
 table='
 include/ctsplat | ctsplat/ |
-src/base          | | openssl/ jansson.h dlfcn.h link.h seccomp.h malloc.h
+src/base          | | immintrin.h openssl/ jansson.h dlfcn.h link.h seccomp.h malloc.h
 src/core/volume   | | emmintrin.h
 src/core/labels   | core/volume/ |
 src/core/table    | core/volume/ |

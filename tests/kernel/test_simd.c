@@ -1,7 +1,7 @@
 /* Splatting's hot loops on ugly input: every SIMD path against plain C, to the bit, what lies around the output
  * included. A failure prints the parameters that show it again. */
 #include "base/cpu.h"
-#include "engine/splat/simd.h"
+#include "engine/splat/loops.h"
 #include "unit.h"
 #include <stdio.h>
 #include <string.h>

@@ -6,7 +6,7 @@
 #define CTS_SPLAT_RASTER_H
 
 #include "core/scene/view.h"
-#include "engine/splat/simd.h"
+#include "engine/splat/loops.h"
 #include "engine/splat/stack.h"
 
 typedef struct CtsRaster {

@@ -1,2 +1,2 @@
 #define cts_simd_init_plain cts_simd_init_avx2
-#include "engine/splat/simd.c"
+#include "engine/splat/loops.c"

@@ -1,5 +1,5 @@
 /* Each hot loop in a compiler's vectors: no vector changes a bit. Compiled again for each instruction set. */
-#include "engine/splat/simd.h"
+#include "engine/splat/loops.h"
 
 #include "base/mutation.h"
 #include <string.h>

@@ -1,7 +1,7 @@
 /* The hot loops of the paper's engines, one instruction set a struct. All are exact: integers, or float32 in one fixed
  * order without fused operations, so that the choice never changes a bit of a picture. */
-#ifndef CTS_SPLAT_SIMD_H
-#define CTS_SPLAT_SIMD_H
+#ifndef CTS_SPLAT_LOOPS_H
+#define CTS_SPLAT_LOOPS_H
 
 #include "base/cpu.h"
 #include "core/scene/shade.h"

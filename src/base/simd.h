@@ -1,0 +1,326 @@
+/* SIMD vectors for kernels: GCC vector types, and the operations that C's operators do not express.
+ *
+ * A kernel is a file that is compiled once for each SIMD path; base/cpu.h chooses at run time. Every operation gives
+ * the same bits on every path: integers wrap, floats are rounded after each operation and never fused.
+ *
+ * Vectors of one register have LANES lanes: 16 with AVX-512, 8 with AVX2, else 4, the registers of SSE2 and NEON. C's
+ * operators and casts work on them.
+ *
+ * - vf, vi, vu: float, int32_t, uint32_t lanes
+ * - vs: int16_t, two for each lane
+ * - vmask: one truth value a lane, made by vf_lt() and the like, combined by & | ~
+ *
+ * Vectors of sixteen lanes, the same on every path, consist of N_PARTS registers. They are structs: functions instead
+ * of operators (wf_add(), wi_and()), and SIMD_EACH() derives further ones from operations on registers.
+ *
+ * - wf, wi: float and int32_t lanes
+ * - ws: 32 int16_t
+ * - wmask: one truth value a lane
+ *
+ * Defined before this header is included:
+ *
+ * - SIMD_DOUBLE: vf, vi, vu have eight lanes of 64 bits, in plain C on every path; there is no wf
+ * - SIMD_PLAIN: plain C, whatever the compiler's flags */
+#ifndef CTS_BASE_SIMD_H
+#define CTS_BASE_SIMD_H
+
+#include "base/sanitized.h"
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+#include <string.h>
+
+#if defined(SIMD_PLAIN) || defined(SIMD_DOUBLE)
+#define SIMD_PATH_PLAIN
+#elif defined(__AVX512F__) && defined(__AVX512BW__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
+#define SIMD_PATH_AVX512
+#elif defined(__AVX2__)
+#define SIMD_PATH_AVX2
+#else
+#define SIMD_PATH_PLAIN
+#endif
+
+#ifdef SIMD_DOUBLE
+#define LANES 8
+typedef double real;
+typedef int64_t whole;
+typedef uint64_t natural;
+#else
+#if defined(SIMD_PATH_AVX512)
+#define LANES 16
+#elif defined(SIMD_PATH_AVX2)
+#define LANES 8
+#else
+#define LANES 4
+#endif
+typedef float real;
+typedef int32_t whole;
+typedef uint32_t natural;
+#endif
+
+#define SIMD_VECTOR(element) __attribute__((vector_size(LANES * sizeof(element))))
+typedef real vf SIMD_VECTOR(real);
+typedef whole vi SIMD_VECTOR(real);
+typedef natural vu SIMD_VECTOR(real);
+typedef int16_t vs SIMD_VECTOR(real);
+
+/* Functions of SIMD paths are always inlined. In plain C, and with sanitizers, whose code is several times as long, the
+ * compiler decides. */
+#if defined(__FMA__) && !CTS_SANITIZED
+#define INLINE static inline __attribute__((always_inline))
+#else
+#define INLINE static inline
+#endif
+/* For functions that hot loops call seldom. */
+#define OUTLINE static __attribute__((noinline))
+
+INLINE vf vf_of(real x)
+{
+    return x - (vf){0};
+}
+
+INLINE vi vi_of(whole x)
+{
+    return x - (vi){0};
+}
+
+INLINE vs vs_of(int16_t x)
+{
+    return x - (vs){0};
+}
+
+INLINE vf vf_load(const real *from)
+{
+    vf v;
+    memcpy(&v, from, sizeof v);
+    return v;
+}
+
+INLINE vi vi_load(const whole *from)
+{
+    vi v;
+    memcpy(&v, from, sizeof v);
+    return v;
+}
+
+INLINE vs vs_load(const int16_t *from)
+{
+    vs v;
+    memcpy(&v, from, sizeof v);
+    return v;
+}
+
+INLINE void vf_store(real *to, vf v)
+{
+    memcpy(to, &v, sizeof v);
+}
+
+INLINE void vi_store(whole *to, vi v)
+{
+    memcpy(to, &v, sizeof v);
+}
+
+INLINE void vs_store(int16_t *to, vs v)
+{
+    memcpy(to, &v, sizeof v);
+}
+
+INLINE vf to_float(vi a)
+{
+    return __builtin_convertvector(a, vf);
+}
+
+/* Rounds towards 0. Values outside the range of an integer are undefined. */
+INLINE vi to_int(vf a)
+{
+    return __builtin_convertvector(a, vi);
+}
+
+INLINE vf vf_abs(vf a)
+{
+    return (vf)((vi)a & (sizeof(real) == 4 ? (whole)INT32_MAX : (whole)INT64_MAX));
+}
+
+/* 16 bits of each 32, as unsigned integers. */
+INLINE vi lower_half(vi pair)
+{
+    return pair & 0xffff;
+}
+
+INLINE vi upper_half(vi pair)
+{
+    return (vi)((vu)pair >> 16) & 0xffff;
+}
+
+/* Each path defines:
+ *
+ * - vf_min, vf_max, vi_min, vi_max: the second operand unless the first is smaller, or larger
+ * - vf_lt, vf_le, vi_lt, vi_eq: comparisons, false for NaN; vu_lt: of vi as unsigned integers; vi_test: (a & b) != 0
+ * - vf_select, vi_select(mask, yes, no)
+ * - mask_bits(mask): bit l for lane l, and its inverse mask_of_bits(bits)
+ * - vf_look_up(table, n, index): table[index] of n entries; LANES entries may be read where n is less
+ *
+ * and, unless SIMD_DOUBLE is defined, with 0 in the lanes outside a mask, for which nothing is read:
+ *
+ * - vi_gather(from, index, mask): from[index] of 32 bits
+ * - vi_gather_bytes(from, index, mask): from[index] of 8 bits; the three bytes behind may be read, too
+ * - vi_gather_pairs(from, index, mask): from[index] of 16 bits in the lower half, from[index + 1] in the upper half
+ * - vi_gather_64(from, index, mask, &second): from[index] of two int32_t, the first returned
+ * - vs_madd(a, b): a[2 l] * b[2 l] + a[2 l + 1] * b[2 l + 1] in lane l, 32 bits
+ * - vs_permute_rows(table, index): a row is eight int16_t; element index (0..7) of the same row of the table
+ * - ws_permute(table, index): element index (0..31) of the table
+ * - ws_permute2(low, high, index): element index (0..63) of two tables one after the other
+ * - ws_load_rows(from, stride, n): n (1..4) rows of eight int16_t that begin `stride` elements apart; then 0 */
+#if defined(SIMD_DOUBLE)
+#include "base/simd_plain_tmpl.h"
+#else
+enum { N_PARTS = 16 / LANES };
+typedef struct ws {
+    vs part[N_PARTS];
+} ws;
+#if defined(SIMD_PATH_AVX512)
+#include "base/simd_avx512_tmpl.h"
+#elif defined(SIMD_PATH_AVX2)
+#include "base/simd_avx2_tmpl.h"
+#else
+#include "base/simd_plain_tmpl.h"
+#endif
+#endif
+
+INLINE bool mask_any(vmask mask)
+{
+    return mask_bits(mask) != 0;
+}
+
+INLINE vmask vf_gt(vf a, vf b)
+{
+    return vf_lt(b, a);
+}
+
+INLINE vmask vi_gt(vi a, vi b)
+{
+    return vi_lt(b, a);
+}
+
+#ifndef SIMD_DOUBLE
+typedef struct wf {
+    vf part[N_PARTS];
+} wf;
+typedef struct wi {
+    vi part[N_PARTS];
+} wi;
+typedef struct wmask {
+    vmask part[N_PARTS];
+} wmask;
+
+/* Defines a function on sixteen lanes: `value` computes part[p] of its result. */
+#define SIMD_EACH(type, name, parameters, value)                                                                       \
+    INLINE type name parameters                                                                                        \
+    {                                                                                                                  \
+        type result;                                                                                                   \
+        for (int p = 0; p < N_PARTS; p++)                                                                              \
+            result.part[p] = value;                                                                                    \
+        return result;                                                                                                 \
+    }
+
+SIMD_EACH(wf, wf_of, (float x), vf_of(x))
+SIMD_EACH(wi, wi_of, (int32_t x), vi_of(x))
+SIMD_EACH(ws, ws_of, (int16_t x), vs_of(x))
+SIMD_EACH(wf, wf_load, (const float *from), vf_load(from + LANES * p))
+SIMD_EACH(wi, wi_load, (const int32_t *from), vi_load(from + LANES * p))
+SIMD_EACH(ws, ws_load, (const int16_t *from), vs_load(from + 2 * LANES * p))
+
+SIMD_EACH(wf, wf_add, (wf a, wf b), a.part[p] + b.part[p])
+SIMD_EACH(wf, wf_sub, (wf a, wf b), a.part[p] - b.part[p])
+SIMD_EACH(wf, wf_mul, (wf a, wf b), a.part[p] * b.part[p])
+SIMD_EACH(wf, wf_div, (wf a, wf b), a.part[p] / b.part[p])
+SIMD_EACH(wf, wf_min, (wf a, wf b), vf_min(a.part[p], b.part[p]))
+SIMD_EACH(wf, wf_max, (wf a, wf b), vf_max(a.part[p], b.part[p]))
+SIMD_EACH(wf, wf_abs, (wf a), vf_abs(a.part[p]))
+SIMD_EACH(wmask, wf_lt, (wf a, wf b), vf_lt(a.part[p], b.part[p]))
+SIMD_EACH(wmask, wf_le, (wf a, wf b), vf_le(a.part[p], b.part[p]))
+SIMD_EACH(wmask, wf_gt, (wf a, wf b), vf_gt(a.part[p], b.part[p]))
+SIMD_EACH(wf, wf_select, (wmask mask, wf yes, wf no), vf_select(mask.part[p], yes.part[p], no.part[p]))
+
+SIMD_EACH(wi, wi_add, (wi a, wi b), (vi)((vu)a.part[p] + (vu)b.part[p]))
+SIMD_EACH(wi, wi_sub, (wi a, wi b), (vi)((vu)a.part[p] - (vu)b.part[p]))
+SIMD_EACH(wi, wi_mul, (wi a, wi b), (vi)((vu)a.part[p] * (vu)b.part[p]))
+SIMD_EACH(wi, wi_and, (wi a, wi b), a.part[p] & b.part[p])
+SIMD_EACH(wi, wi_or, (wi a, wi b), a.part[p] | b.part[p])
+SIMD_EACH(wi, wi_shl, (wi a, int bits), (vi)((vu)a.part[p] << bits))
+SIMD_EACH(wi, wi_shr, (wi a, int bits), a.part[p] >> bits) /* arithmetic shift */
+SIMD_EACH(wi, wi_min, (wi a, wi b), vi_min(a.part[p], b.part[p]))
+SIMD_EACH(wi, wi_max, (wi a, wi b), vi_max(a.part[p], b.part[p]))
+SIMD_EACH(wmask, wi_lt, (wi a, wi b), vi_lt(a.part[p], b.part[p]))
+SIMD_EACH(wmask, wi_gt, (wi a, wi b), vi_gt(a.part[p], b.part[p]))
+SIMD_EACH(wmask, wi_eq, (wi a, wi b), vi_eq(a.part[p], b.part[p]))
+SIMD_EACH(wi, wi_select, (wmask mask, wi yes, wi no), vi_select(mask.part[p], yes.part[p], no.part[p]))
+SIMD_EACH(wi, wi_lower_half, (wi pair), lower_half(pair.part[p]))
+SIMD_EACH(wi, wi_upper_half, (wi pair), upper_half(pair.part[p]))
+
+SIMD_EACH(wf, wi_to_float, (wi a), to_float(a.part[p]))
+SIMD_EACH(wi, wf_to_int, (wf a), to_int(a.part[p]))
+/* Nearest integer, ties to even, of -2^22..2^22: added to 1.5 * 2^23 a float has no bits left for a fraction. */
+SIMD_EACH(wi, wf_round, (wf a), (vi)(a.part[p] + 0x1.8p23f) - (vi)vf_of(0x1.8p23f))
+/* The same bits. */
+SIMD_EACH(wf, wi_as_float, (wi a), (vf)a.part[p])
+SIMD_EACH(wi, wf_as_int, (wf a), (vi)a.part[p])
+
+SIMD_EACH(ws, ws_add, (ws a, ws b), (vs)(a.part[p] + b.part[p]))
+SIMD_EACH(ws, ws_sub, (ws a, ws b), (vs)(a.part[p] - b.part[p]))
+SIMD_EACH(wi, ws_madd, (ws a, ws b), vs_madd(a.part[p], b.part[p]))
+SIMD_EACH(ws, ws_permute_rows, (ws table, ws index), vs_permute_rows(table.part[p], index.part[p]))
+
+SIMD_EACH(wf, wf_look_up, (const float *table, int n, wi index), vf_look_up(table, n, index.part[p]))
+SIMD_EACH(wi, wi_gather, (const void *from, wi at, wmask mask), vi_gather(from, at.part[p], mask.part[p]))
+SIMD_EACH(wi, wi_gather_pairs, (const void *from, wi at, wmask mask), vi_gather_pairs(from, at.part[p], mask.part[p]))
+SIMD_EACH(wi, wi_gather_64, (const int32_t (*from)[2], wi at, wmask mask, wi *second),
+          vi_gather_64(from, at.part[p], mask.part[p], &second->part[p]))
+
+SIMD_EACH(wmask, wmask_and, (wmask a, wmask b), a.part[p] & b.part[p])
+SIMD_EACH(wmask, wmask_or, (wmask a, wmask b), a.part[p] | b.part[p])
+SIMD_EACH(wmask, wmask_not, (wmask a), (vmask)~a.part[p])
+SIMD_EACH(wmask, wmask_of_bits, (unsigned bits), mask_of_bits(bits >> LANES * p & ((1U << LANES) - 1)))
+
+INLINE void wf_store(float *to, wf v)
+{
+    for (int p = 0; p < N_PARTS; p++)
+        vf_store(to + LANES * p, v.part[p]);
+}
+
+INLINE void wi_store(int32_t *to, wi v)
+{
+    for (int p = 0; p < N_PARTS; p++)
+        vi_store(to + LANES * p, v.part[p]);
+}
+
+INLINE void ws_store(int16_t *to, ws v)
+{
+    for (int p = 0; p < N_PARTS; p++)
+        vs_store(to + 2 * LANES * p, v.part[p]);
+}
+
+/* Bit l for lane l. */
+INLINE unsigned wmask_bits(wmask mask)
+{
+    unsigned bits = 0;
+    for (int p = 0; p < N_PARTS; p++)
+        bits |= mask_bits(mask.part[p]) << LANES * p;
+    return bits;
+}
+
+INLINE bool wmask_any(wmask mask)
+{
+    vmask any = mask.part[0];
+    for (int p = 1; p < N_PARTS; p++)
+        any |= mask.part[p];
+    return mask_any(any);
+}
+
+INLINE bool wmask_all(wmask mask)
+{
+    return wmask_bits(mask) == 0xffff;
+}
+#endif
+
+#endif

@@ -1,0 +1,168 @@
+/* Operations of base/simd.h with AVX2. */
+#include <immintrin.h>
+
+typedef vi vmask;
+
+INLINE vf vf_select(vmask mask, vf yes, vf no)
+{
+    return (vf)_mm256_blendv_ps((__m256)no, (__m256)yes, (__m256)mask);
+}
+
+INLINE vi vi_select(vmask mask, vi yes, vi no)
+{
+    return (vi)_mm256_blendv_epi8((__m256i)no, (__m256i)yes, (__m256i)mask);
+}
+
+INLINE vmask vf_lt(vf a, vf b)
+{
+    return a < b;
+}
+
+INLINE vmask vf_le(vf a, vf b)
+{
+    return a <= b;
+}
+
+INLINE vmask vi_lt(vi a, vi b)
+{
+    return a < b;
+}
+
+INLINE vmask vi_eq(vi a, vi b)
+{
+    return a == b;
+}
+
+INLINE vmask vu_lt(vi a, vi b)
+{
+    return (vu)a < (vu)b;
+}
+
+INLINE vmask vi_test(vi a, vi b)
+{
+    return (a & b) != 0;
+}
+
+INLINE vf vf_min(vf a, vf b)
+{
+    return (vf)_mm256_min_ps((__m256)a, (__m256)b);
+}
+
+INLINE vf vf_max(vf a, vf b)
+{
+    return (vf)_mm256_max_ps((__m256)a, (__m256)b);
+}
+
+INLINE vi vi_min(vi a, vi b)
+{
+    return (vi)_mm256_min_epi32((__m256i)a, (__m256i)b);
+}
+
+INLINE vi vi_max(vi a, vi b)
+{
+    return (vi)_mm256_max_epi32((__m256i)a, (__m256i)b);
+}
+
+INLINE unsigned mask_bits(vmask mask)
+{
+    return (unsigned)_mm256_movemask_ps((__m256)mask);
+}
+
+INLINE vmask mask_of_bits(unsigned bits)
+{
+    const vi bit = {1, 2, 4, 8, 16, 32, 64, 128};
+    return (vi_of((int32_t)bits) & bit) == bit;
+}
+
+INLINE vf vf_look_up(const float *table, int n, vi index)
+{
+    if (n <= LANES)
+        return (vf)_mm256_permutevar8x32_ps(_mm256_loadu_ps(table), (__m256i)index);
+    return (vf)_mm256_i32gather_ps(table, (__m256i)index, 4);
+}
+
+INLINE vi vi_gather(const void *from, vi index, vmask mask)
+{
+    return (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 4);
+}
+
+INLINE vi vi_gather_bytes(const void *from, vi index, vmask mask)
+{
+    return (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 1) & 255;
+}
+
+INLINE vi vi_gather_pairs(const void *from, vi index, vmask mask)
+{
+    return (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 2);
+}
+
+INLINE __m256 four_of_64(const int32_t (*from)[2], __m128i index, __m128i mask)
+{
+    return (__m256)_mm256_mask_i32gather_epi64(_mm256_setzero_si256(), (const void *)from, index,
+                                               _mm256_cvtepi32_epi64(mask), 8);
+}
+
+INLINE vi vi_gather_64(const int32_t (*from)[2], vi index, vmask mask, vi *second)
+{
+    const __m256i at = (__m256i)index, lanes = (__m256i)mask;
+    const __m256 low = four_of_64(from, _mm256_castsi256_si128(at), _mm256_castsi256_si128(lanes));
+    const __m256 high = four_of_64(from, _mm256_extracti128_si256(at, 1), _mm256_extracti128_si256(lanes, 1));
+    const __m256d even = (__m256d)_mm256_shuffle_ps(low, high, 0x88), odd = (__m256d)_mm256_shuffle_ps(low, high, 0xdd);
+    *second = (vi)_mm256_permute4x64_pd(odd, 0xd8);
+    return (vi)_mm256_permute4x64_pd(even, 0xd8);
+}
+
+INLINE vi vs_madd(vs a, vs b)
+{
+    return (vi)_mm256_madd_epi16((__m256i)a, (__m256i)b);
+}
+
+/* Byte offsets of both bytes of each element. */
+INLINE __m256i byte_index(vs index)
+{
+    return (__m256i)(index * 0x0202 + 0x0100);
+}
+
+INLINE vs vs_permute_rows(vs table, vs index)
+{
+    return (vs)_mm256_shuffle_epi8((__m256i)table, byte_index(index));
+}
+
+/* Selects from rows of eight elements, row by row: a byte shuffle gives 0 where bit 7 of its offset is set, which the
+ * saturating addition sets for offsets outside the row. */
+INLINE vs select_from_rows(const ws *table, int n_parts, vs index)
+{
+    const __m256i byte = byte_index(index), bit_7 = _mm256_set1_epi8(0x70);
+    __m256i v = _mm256_setzero_si256();
+    for (int r = 0; r < 2 * n_parts; r++) {
+        const __m256i two = (__m256i)table[r / 4].part[r / 2 % 2];
+        const __m256i row = r % 2 ? _mm256_permute2x128_si256(two, two, 0x11) : _mm256_permute2x128_si256(two, two, 0);
+        const __m256i offset = _mm256_adds_epu8(_mm256_sub_epi8(byte, _mm256_set1_epi8((char)(16 * r))), bit_7);
+        v = _mm256_or_si256(v, _mm256_shuffle_epi8(row, offset));
+    }
+    return (vs)v;
+}
+
+INLINE ws ws_permute(ws table, ws index)
+{
+    return (ws){{select_from_rows(&table, 2, index.part[0]), select_from_rows(&table, 2, index.part[1])}};
+}
+
+INLINE ws ws_permute2(ws low, ws high, ws index)
+{
+    const ws table[2] = {low, high};
+    return (ws){{select_from_rows(table, 4, index.part[0]), select_from_rows(table, 4, index.part[1])}};
+}
+
+INLINE __m128i one_row(const int16_t *from, ptrdiff_t stride, int n, int row)
+{
+    return row < n ? _mm_loadu_si128((const __m128i *)(from + row * stride)) : _mm_setzero_si128();
+}
+
+INLINE ws ws_load_rows(const int16_t *from, ptrdiff_t stride, int n)
+{
+    ws rows;
+    for (int p = 0; p < 2; p++)
+        rows.part[p] = (vs)_mm256_set_m128i(one_row(from, stride, n, 2 * p + 1), one_row(from, stride, n, 2 * p));
+    return rows;
+}

@@ -1,0 +1,175 @@
+/* Operations of base/simd.h in plain C, which the other paths are compared with. */
+
+typedef vi vmask;
+
+INLINE vf vf_select(vmask mask, vf yes, vf no)
+{
+    return (vf)((mask & (vi)yes) | (~mask & (vi)no));
+}
+
+INLINE vi vi_select(vmask mask, vi yes, vi no)
+{
+    return (mask & yes) | (~mask & no);
+}
+
+INLINE vmask vf_lt(vf a, vf b)
+{
+    return a < b;
+}
+
+INLINE vmask vf_le(vf a, vf b)
+{
+    return a <= b;
+}
+
+INLINE vmask vi_lt(vi a, vi b)
+{
+    return a < b;
+}
+
+INLINE vmask vi_eq(vi a, vi b)
+{
+    return a == b;
+}
+
+INLINE vmask vu_lt(vi a, vi b)
+{
+    return (vu)a < (vu)b;
+}
+
+INLINE vmask vi_test(vi a, vi b)
+{
+    return (a & b) != 0;
+}
+
+INLINE vf vf_min(vf a, vf b)
+{
+    return vf_select(a < b, a, b);
+}
+
+INLINE vf vf_max(vf a, vf b)
+{
+    return vf_select(a > b, a, b);
+}
+
+INLINE vi vi_min(vi a, vi b)
+{
+    return vi_select(a < b, a, b);
+}
+
+INLINE vi vi_max(vi a, vi b)
+{
+    return vi_select(a > b, a, b);
+}
+
+INLINE unsigned mask_bits(vmask mask)
+{
+    unsigned bits = 0;
+    for (int l = 0; l < LANES; l++)
+        bits |= (unsigned)(mask[l] & 1) << l;
+    return bits;
+}
+
+INLINE vmask mask_of_bits(unsigned bits)
+{
+    vmask m;
+    for (int l = 0; l < LANES; l++)
+        m[l] = -(whole)(bits >> l & 1);
+    return m;
+}
+
+INLINE vf vf_look_up(const float *table, int n, vi index)
+{
+    vf v;
+    (void)n;
+    for (int l = 0; l < LANES; l++)
+        v[l] = (real)table[index[l]];
+    return v;
+}
+
+#ifndef SIMD_DOUBLE
+INLINE vi vi_gather(const void *from, vi index, vmask mask)
+{
+    vi v = vi_of(0);
+    for (int l = 0; l < LANES; l++)
+        if (mask[l]) {
+            int32_t one;
+            memcpy(&one, (const char *)from + 4 * (ptrdiff_t)index[l], sizeof one);
+            v[l] = one;
+        }
+    return v;
+}
+
+INLINE vi vi_gather_bytes(const void *from, vi index, vmask mask)
+{
+    vi v = vi_of(0);
+    for (int l = 0; l < LANES; l++)
+        if (mask[l])
+            v[l] = ((const uint8_t *)from)[index[l]];
+    return v;
+}
+
+INLINE vi vi_gather_pairs(const void *from, vi index, vmask mask)
+{
+    vi v = vi_of(0);
+    for (int l = 0; l < LANES; l++)
+        if (mask[l]) {
+            uint16_t pair[2];
+            memcpy(pair, (const char *)from + 2 * (ptrdiff_t)index[l], sizeof pair);
+            v[l] = (int32_t)(pair[0] | (uint32_t)pair[1] << 16);
+        }
+    return v;
+}
+
+INLINE vi vi_gather_64(const int32_t (*from)[2], vi index, vmask mask, vi *second)
+{
+    vi first = vi_of(0);
+    *second = vi_of(0);
+    for (int l = 0; l < LANES; l++)
+        if (mask[l]) {
+            first[l] = from[index[l]][0];
+            (*second)[l] = from[index[l]][1];
+        }
+    return first;
+}
+
+/* The sum wraps where all four are INT16_MIN. */
+INLINE vi vs_madd(vs a, vs b)
+{
+    const vu lower = (vu)(((vi)a << 16 >> 16) * ((vi)b << 16 >> 16));
+    return (vi)(lower + (vu)(((vi)a >> 16) * ((vi)b >> 16)));
+}
+
+INLINE vs vs_permute_rows(vs table, vs index)
+{
+    vs v;
+    for (int l = 0; l < 2 * LANES; l++)
+        v[l] = table[(l & ~7) | index[l]];
+    return v;
+}
+
+INLINE ws ws_permute2(ws low, ws high, ws index)
+{
+    int16_t table[64], at[32];
+    memcpy(table, &low, sizeof low);
+    memcpy(table + 32, &high, sizeof high);
+    memcpy(at, &index, sizeof index);
+    for (int l = 0; l < 32; l++)
+        at[l] = table[at[l]];
+    memcpy(&index, at, sizeof index);
+    return index;
+}
+
+INLINE ws ws_permute(ws table, ws index)
+{
+    return ws_permute2(table, table, index);
+}
+
+INLINE ws ws_load_rows(const int16_t *from, ptrdiff_t stride, int n)
+{
+    ws rows = {{{0}}};
+    for (int r = 0; r < n; r++)
+        memcpy(&rows.part[r], from + r * stride, sizeof rows.part[r]);
+    return rows;
+}
+#endif
