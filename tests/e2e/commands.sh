@@ -2,6 +2,9 @@
 # batch and rotations get small pictures, or they would take minutes; a PACS that is not there is all that a command with
 # one fails at; a server is ended when it has told its address. Sanitizers see as much in a small picture.
 [ "$CTS_SANITIZE" = none ] && large=' no such line' || large=
+# Looks by name need a series whose labels have these names.
+shared=$root/../shared/data
+[ -d "$shared/body-j2k" ] && no_shared=' no such line' || no_shared=
 mkdir -p bin archive
 ln -s "$ctsplat" bin/ctsplat
 cp -r "$data/phantom" archive/first
@@ -27,14 +30,20 @@ n=0
 for page in "$root/README.md" "$root"/man/*.[0-9]; do
     mkdir -p "$work/page/scans"
     cd "$work/page"
-    ln -s "$data/phantom" scans/head
+    for series in head chest skull; do
+        ln -s "$data/phantom" scans/$series
+    done
+    ln -s "$shared/body-j2k" scans/trunk
+    ln -s "$shared/labels/body-j2k/31-organs.nii.gz" scans/organs.nii.gz
     ln -s ../archive archive
-    cp "$root/man/glass.json" .
+    cp "$root/man/glass.json" "$root/man/trunk.json" .
     cp "$data/fuzz/labels/binary" scans/organs.dcm
     commands "$page" >../commands
     while IFS= read -r line <&3; do
         n=$((n + 1))
         case $line in
+            *' scans/trunk '*"$no_shared")
+                echo "skipped: $line (no $shared)" ;;
             *' --from '*)
                 try "$line"
                 [ "$code" != 2 ] && grep -q 'pacs.example.org' ../err || fail "exit code $code: $(cat ../err)" ;;
@@ -56,7 +65,7 @@ for page in "$root/README.md" "$root"/man/*.[0-9]; do
                 [ "$code" = 0 ] || fail "exit code $code: $(cat ../err)" ;;
         esac
     done 3<../commands
-    case $page in *.md) [ -s head.png ] && [ -s preview.jpg ] && [ -s glass.png ] && [ -s turn.webp ] || fail "pictures are missing" ;; esac
+    case $page in *.md) [ -s head.png ] && [ -s preview.jpg ] && [ -s chest.jpg ] && [ -s turn.webp ] || fail "pictures are missing" ;; esac
     cd "$work" && rm -r page
 done
 [ $n -ge 16 ] || fail "only $n commands were found"

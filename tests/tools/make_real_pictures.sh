@@ -1,0 +1,27 @@
+#!/bin/sh
+# Makes README.md's pictures of real CT series again, by the commands that stand in README.md: make_real_pictures.sh
+# CTSPLAT [DATA], of a build folder. DATA, ../shared/data by default, holds the series; where each is from and under which
+# licence stands in man/PICTURES.md.
+set -eu
+
+cd "$(dirname "$0")/../.."
+ctsplat=$(realpath "$1") man=$PWD/man data=$(realpath "${2:-../shared/data}")
+
+scratch=$(mktemp -d)
+trap 'rm -rf "$scratch"' EXIT
+mkdir "$scratch/scans"
+ln -s "$data/chest-ge" "$scratch/scans/chest"
+ln -s "$data/head-phantom/S2020" "$scratch/scans/skull"
+ln -s "$data/body-j2k" "$scratch/scans/trunk"
+ln -s "$data/labels/body-j2k/31-organs.nii.gz" "$scratch/scans/organs.nii.gz"
+ln -s "$ctsplat" "$scratch/ctsplat"
+ln -s "$man/glass.json" "$man/trunk.json" "$scratch"
+
+for name in chest skull trunk; do
+    command=$(sed -n "s|^    \(ctsplat render scans/$name .* -o $name.jpg\)$|\1|p" README.md)
+    [ -n "$command" ] || { echo "README.md has no command for $name.jpg" >&2; exit 1; }
+    (cd "$scratch" && PATH=$scratch:$PATH sh -c "$command")
+    # A page is read over networks, and shows pictures at most so wide.
+    [ "$(wc -c <"$scratch/$name.jpg")" -lt 250000 ] || { echo "$name.jpg is too large for a page" >&2; exit 1; }
+    cp "$scratch/$name.jpg" "$man/$name.jpg"
+done
