@@ -164,8 +164,8 @@ statement = [
         "writes itself is ASCII (ISO-IR 6)."),
     (H, "Security"),
     (P, "For ports, users, keys and records see ctsplat-security(7). Secure transport: TLS by the BCP 195 profile, with --tls-ca, --tls-key and --tls-cert. De-identification: the "
-        "Basic Application Confidentiality Profile (PS3.15 E.2), with --deidentify; RecognizableVisualFeatures says "
-        "whether a picture may show a face. No audit trail, no user identity negotiation, no digital signatures. "
+        "Basic Application Confidentiality Profile (PS3.15 E.2), with --deidentify; RecognizableVisualFeatures is YES "
+        "whenever skin may be visible, by the preset, the window or the look of labels. No audit trail, no user identity negotiation, no digital signatures. "
         "Compressed pixels are decoded in processes without files and network."),
     (H, "Configuration"),
     (P, "Options of the command line; settings of the node in /etc/ctsplat/node.conf, see ctsplat-node(1)."),

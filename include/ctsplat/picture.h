@@ -19,9 +19,9 @@ typedef struct CtsPictureInfo {
     double window_low_hu, window_high_hu; /* grey pictures: HU shown as black and white */
     /* The camera: unit vectors and the picture's centre, patient coordinates (LPS, mm). */
     double right_lps[3], up_lps[3], forward_lps[3], centre_lps[3];
-    bool grey;         /* grey whatever the volume: a projection, or a preset without colours, over grey or nothing */
+    bool grey; /* no pixel can have a colour: preset, background and all labels are grey, or it is a projection */
     bool light_behind; /* behind what is visible it is nearer to white than to black */
-    bool shows_skin;   /* a composite that lets skin be seen: a face may be recognised */
+    bool shows_skin;   /* skin may be visible: a face may be recognised */
     bool annotated;    /* marks are drawn on it */
     double camera_mm;  /* how far before centre_lps the camera plane stands, where depth is 0 */
 } CtsPictureInfo;
@@ -42,7 +42,7 @@ typedef struct CtsPicture {
                         knows; NULL: it does not tell. Negative while it is made: no ray went through the pixel */
     double missed, missed_most; /* what those without rays err by together, its square as an estimate has it, and the
                                    largest term of that */
-    bool has_alpha;  /* false once blended over a background: alpha is then 1 everywhere */
+    bool has_alpha;             /* false once blended over a background: alpha is then 1 everywhere */
     CtsPictureInfo info;
 } CtsPicture;
 

@@ -71,7 +71,8 @@ double cts_preset_opacity(const CtsPreset *preset, double hu);
 double cts_preset_extinction_per_mm(const CtsPreset *preset, double hu);
 void cts_preset_colour(const CtsPreset *preset, double hu, double rgb[3]);
 
-/* True when nothing can get a colour in this mode, whatever the volume; the background is another matter. */
+/* True when nothing gets a colour by the preset and its background in this mode, whatever the volume; labels may have
+ * colours of their own. */
 bool cts_preset_is_grey(const CtsPreset *preset, CtsMode mode);
 
 /* JSON text as in a preset file, to be freed by the caller with free(). */

@@ -86,9 +86,7 @@ static CtsStatus check_sizes(const CtsJob *job, CtsError *err)
     CtsStatus st = CTS_OK;
     const CtsPreset *p = job->preset;
     const CtsMode mode = job->render.mode >= 0 ? (CtsMode)job->render.mode : p->mode;
-    const bool grey_behind =
-        p->background_none || (p->background[0] == p->background[1] && p->background[1] == p->background[2]);
-    const bool grey = cts_preset_is_grey(p, mode) && grey_behind;
+    const bool grey = cts_preset_is_grey(p, mode); /* labels may have colours: each file looks again when it begins */
     for (int i = 0; i < job->outputs.n && !st; i++)
         st = cts_export_check_size(job->outputs.paths[i], job->render.width, job->render.height,
                                    cts_output_n_frames(&job->outputs, i), grey, &job->export, err);

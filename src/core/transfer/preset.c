@@ -77,12 +77,15 @@ void cts_preset_colour(const CtsPreset *preset, double hu, double rgb[3])
         rgb[c] = mix(preset->colour[p.lower].rgb[c], preset->colour[p.upper].rgb[c], p.fraction);
 }
 
+static bool is_grey(const double rgb[3])
+{
+    return rgb[0] == rgb[1] && rgb[1] == rgb[2];
+}
+
 bool cts_preset_is_grey(const CtsPreset *preset, CtsMode mode)
 {
-    for (int i = 0; i < preset->n_colour && mode == CTS_MODE_COMPOSITE; i++) {
-        const double *rgb = preset->colour[i].rgb;
-        if (rgb[0] != rgb[1] || rgb[1] != rgb[2])
-            return false;
-    }
-    return true;
+    bool grey = preset->background_none || is_grey(preset->background);
+    for (int i = 0; grey && i < preset->n_colour && mode == CTS_MODE_COMPOSITE; i++)
+        grey = is_grey(preset->colour[i].rgb);
+    return grey;
 }

@@ -56,6 +56,7 @@ void cts_owners_free(CtsOwners **owners)
     cts_free(&o->plane);
     cts_free(&o->share);
     cts_free(&o->look);
+    cts_free(&o->on_skin);
     cts_free(&o->block);
     cts_volume_free(&o->shown);
     cts_free(owners);
@@ -182,8 +183,8 @@ CtsStatus cts_owners_finish(CtsOwners *o, const CtsVolume *volume, int n_threads
 {
     Finishing f = {o, volume};
     bool hides = false;
-    const CtsStatus st = mark_shared(o, err);
-    if (st)
+    CtsStatus st = mark_shared(o, err);
+    if (st || (st = cts_owners_find_skin(o, volume, n_threads, err)))
         return st;
     cts_parallel(cts_threads(n_threads), (size_t)o->n_block[1] * (size_t)o->n_block[2], 16, find_blocks, &f);
     for (int i = 0; i < o->n; i++)

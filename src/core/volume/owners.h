@@ -51,6 +51,7 @@ typedef struct CtsOwners {
     uint8_t *block;   /* of each fine macro-cell: the one look that all its voxels have, or CTS_LOOKS_DIFFER */
     int n_block[3];   /* fine macro-cells along each axis */
     char **name;      /* of each owner that is seen in a colour of its own; else NULL */
+    bool *on_skin;    /* of each owner: it may hold skin, as the rest always may */
     CtsVolume *shown; /* the volume with air for hidden voxels; NULL where nothing is hidden */
 } CtsOwners;
 
@@ -58,6 +59,8 @@ typedef struct CtsOwners {
 CtsStatus cts_owners_new(CtsOwners **owners, const CtsVolume *volume, int n, int n_planes, CtsError *err);
 /* Once owners and looks stand: blocks, and what of the volume is shown. */
 CtsStatus cts_owners_finish(CtsOwners *owners, const CtsVolume *volume, int n_threads, CtsError *err);
+/* A step of finishing that is a file of its own: fills on_skin. */
+CtsStatus cts_owners_find_skin(CtsOwners *owners, const CtsVolume *volume, int n_threads, CtsError *err);
 void cts_owners_free(CtsOwners **owners);
 
 /* True where a label has a look of its own. */

@@ -88,7 +88,7 @@ static void warn(const CtsExportJob *job, bool recognizable)
 {
     if (recognizable && job->settings.deidentify)
         cts_report_finding(job->report, "recognizable_features", CTS_WARNING,
-                           "the preset shows skin: a face can tell who this is, whatever the header says");
+                           "skin may be visible: a face can tell who this is, whatever the header says");
 }
 
 static CtsStatus sink(void *context, const void *bytes, size_t n, CtsError *err)

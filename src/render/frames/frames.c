@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "core/scene/visible.h"
 #include "core/volume/owners.h"
 #include "render/frames/engines.h"
 #include "render/frames/key.h"
@@ -17,6 +18,7 @@ struct CtsFrames {
     const CtsVolume *volume; /* what the engine gets: the caller's, or quantised */
     const CtsVolume *original;
     CtsVolume *quantised;
+    const CtsOwners *owners; /* of the caller's volume, or NULL */
     CtsPreset preset;
     CtsRenderSettings settings;
     const CtsEngine *engine;
@@ -108,6 +110,7 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
     CtsStatus st;
     CtsSceneStore store;
     const CtsEngine *engine = NULL;
+    const CtsOwners *const owners = volume->owners;
     *frames = NULL;
     if ((st = cts_scene_init(&store, volume, preset, settings, err)) ||
         (st = choose_engine(&store.settings, store.preset.mode, &engine, err)) ||
@@ -116,7 +119,12 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
     CtsFrames *f = calloc(1, sizeof *f);
     if (!f)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    *f = (CtsFrames){.volume = volume, .original = volume, .preset = *preset, .settings = *settings, .engine = engine};
+    *f = (CtsFrames){.volume = volume,
+                     .original = volume,
+                     .owners = owners,
+                     .preset = *preset,
+                     .settings = *settings,
+                     .engine = engine};
     if (settings->grey_bits < 16) {
         st = cts_volume_quantise(volume, settings->grey_bits, preset->window_low_hu, preset->window_high_hu,
                                  settings->n_threads, &f->quantised, err);
@@ -180,15 +188,6 @@ const CtsVolume *cts_frames_volume(const CtsFrames *frames)
     return frames->original;
 }
 
-/* From where skin meets air up to soft tissue: what is seen of it outlines a face. */
-static bool shows_skin(const CtsPreset *preset)
-{
-    bool seen = false;
-    for (double hu = -700; hu <= 80 && preset->mode == CTS_MODE_COMPOSITE; hu += 20)
-        seen = seen || cts_preset_extinction_per_mm(preset, hu) > 0.01;
-    return seen;
-}
-
 /* What most of the picture's edges show. Of a projection that is the air in the box. */
 static bool is_light_behind(const CtsPreset *preset)
 {
@@ -197,11 +196,11 @@ static bool is_light_behind(const CtsPreset *preset)
            0.2126 * rgb[0] + 0.7152 * rgb[1] + 0.0722 * rgb[2] > 0.5;
 }
 
-static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *engine_name)
+static void fill_info(CtsPictureInfo *info, const CtsFrames *frames, const CtsScene *scene)
 {
     const CtsView *view = &scene->view;
     memcpy(info->preset, scene->preset->name, sizeof info->preset);
-    strncpy(info->engine, engine_name, sizeof info->engine - 1);
+    strncpy(info->engine, frames->engine->name, sizeof info->engine - 1);
     info->mode = scene->preset->mode;
     info->azimuth_deg = view->azimuth_deg;
     info->elevation_deg = view->elevation_deg;
@@ -213,8 +212,8 @@ static void fill_info(CtsPictureInfo *info, const CtsScene *scene, const char *e
     memcpy(info->forward_lps, view->forward_lps, sizeof info->forward_lps);
     memcpy(info->centre_lps, view->centre_lps, sizeof info->centre_lps);
     info->light_behind = is_light_behind(scene->preset);
-    info->shows_skin = shows_skin(scene->preset);
-    info->grey = cts_preset_is_grey(scene->preset, scene->preset->mode);
+    info->shows_skin = cts_scene_shows_skin(scene->preset, scene->extinction_scale, frames->owners);
+    info->grey = cts_scene_is_grey(scene->preset, frames->owners);
     info->camera_mm = 0.5 * cts_volume_diagonal_mm(scene->volume);
 }
 
@@ -375,7 +374,7 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     (*picture)->first_row = first_row;
     (*picture)->whole_height = s->height;
     const size_t n = (size_t)s->width * (size_t)n_rows;
-    fill_info(&(*picture)->info, scene, frame->frames->engine->name);
+    fill_info(&(*picture)->info, frame->frames, scene);
     if (scene->preset->mode != CTS_MODE_COMPOSITE)
         return CTS_OK;
     if (frame->frames->engine->again && (st = cts_alloc_zeroed(&(*picture)->bound, n, err)))

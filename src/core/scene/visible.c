@@ -1,0 +1,51 @@
+#include "core/scene/visible.h"
+
+bool cts_scene_is_grey(const CtsPreset *preset, const CtsOwners *owners)
+{
+    bool grey = cts_preset_is_grey(preset, preset->mode);
+    for (int i = 0; grey && owners && i < owners->n; i++) {
+        const int look = owners->look[i];
+        if (look < CTS_LOOK_OWN)
+            continue;
+        CtsPreset own;
+        cts_owner_preset(&owners->looks[look], preset, &own);
+        own.background_none = true; /* the picture's is behind all of it */
+        grey = cts_preset_is_grey(&own, CTS_MODE_COMPOSITE);
+    }
+    return grey;
+}
+
+/* HU from where skin meets air up to soft tissue, and how finely presets are asked in between. */
+enum { SKIN_LOW_HU = -700, SKIN_HIGH_HU = 80, SKIN_STEP_HU = 10 };
+/* Extinction per mm with which 20 mm, what rays along the outline of a face pass, show 1/16: -ln(15/16) / 20. */
+static const double outline_per_mm = 0.0032;
+
+static bool preset_shows_skin(const CtsPreset *preset, double extinction_scale)
+{
+    for (double hu = SKIN_LOW_HU; hu <= SKIN_HIGH_HU; hu += SKIN_STEP_HU)
+        if (cts_preset_extinction_per_mm(preset, hu) * extinction_scale > outline_per_mm)
+            return true;
+    return false;
+}
+
+/* Under a window skin stands out from the air about it where black lies below soft tissue. */
+static bool look_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsOwners *owners, int look)
+{
+    if (look == CTS_LOOK_HIDDEN)
+        return false;
+    if (preset->mode != CTS_MODE_COMPOSITE)
+        return preset->window_low_hu < SKIN_HIGH_HU;
+    if (look < CTS_LOOK_OWN)
+        return preset_shows_skin(preset, extinction_scale);
+    CtsPreset own;
+    cts_owner_preset(&owners->looks[look], preset, &own);
+    return preset_shows_skin(&own, extinction_scale);
+}
+
+bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsOwners *owners)
+{
+    bool shown = !owners && look_shows_skin(preset, extinction_scale, NULL, CTS_LOOK_PRESET);
+    for (int i = 0; !shown && owners && i < owners->n; i++)
+        shown = owners->on_skin[i] && look_shows_skin(preset, extinction_scale, owners, owners->look[i]);
+    return shown;
+}

@@ -1,0 +1,16 @@
+/* Properties of a picture that follow from its scene, and not from its pixels. Every output asks here. */
+#ifndef CTS_SCENE_VISIBLE_H
+#define CTS_SCENE_VISIBLE_H
+
+#include "core/volume/owners.h"
+#include "ctsplat/preset.h"
+#include <stdbool.h>
+
+/* True when no pixel can have a colour: the preset, its background, and how each label is shown are grey. preset: mode
+ * as the settings ask; owners: the volume's, or NULL. */
+bool cts_scene_is_grey(const CtsPreset *preset, const CtsOwners *owners);
+
+/* True when skin may be visible, so that a face may be recognised; in doubt too. extinction_scale as in CtsScene. */
+bool cts_scene_shows_skin(const CtsPreset *preset, double extinction_scale, const CtsOwners *owners);
+
+#endif
