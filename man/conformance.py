@@ -147,6 +147,14 @@ statement = [
     (S, "Transfer syntaxes read"),
     (T, ("Transfer syntax", "UID", "decoded by"), syntaxes),
     (P, "Pixels of 8 or 16 bits allocated, one sample a pixel, in Hounsfield units."),
+    (S, "Series in doubt"),
+    (P, "What is odd about a series has a code, in info --json and in the journal of a batch."),
+    (T, ("Code", "When", "What is done"),
+     [("missing_slices", "a gap is a multiple of the others, or SliceThickness is at most 0.6 of a gap over which "
+       "InstanceNumber steps by n, a step is as long as SliceThickness or the smallest gap within 25 %, and the numbers "
+       "between are not those of other objects of the study",
+       "warning where a tenth or less is missing, or every 2nd or 3rd slice is there; else refused unless "
+       "--allow-missing-slices is given")]),
     (S, "Transfer syntaxes written"),
     (T, ("Transfer syntax", "UID", "--compress"), written),
     (H, "Attributes"),

@@ -7,12 +7,35 @@
 #include "ctsplat/volume.h"
 #include <signal.h>
 #include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
 
 CTS_API_BEGIN
 
 struct CtsStored; /* src/core/volume/stored.h */
 struct CtsSlice;  /* src/input/header/slice.h */
 struct CtsTexts;  /* src/input/files/texts.h */
+
+/* Instance numbers (0020,0013) of the objects of all studies that are there: a number that a series skips may be
+ * another object's. Zero-initialise; sort once all are added. */
+typedef struct CtsStudyNumbers {
+    uint64_t *keys; /* n hashes of study and number; owned */
+    size_t n;
+} CtsStudyNumbers;
+CtsStatus cts_study_numbers_add(CtsStudyNumbers *numbers, const char *study_uid, int number, CtsError *err);
+void cts_study_numbers_sort(CtsStudyNumbers *numbers);
+bool cts_study_numbers_have(const CtsStudyNumbers *numbers, const char *study_uid, int number);
+void cts_study_numbers_free(CtsStudyNumbers *numbers);
+
+/* Which of the two places that a NIfTI file may give its voxels holds where they disagree. AUTO: the sform, or of a
+ * label map the form that equals the CT's grid. */
+typedef enum CtsNiftiForm { CTS_NIFTI_FORM_AUTO, CTS_NIFTI_FORM_S, CTS_NIFTI_FORM_Q } CtsNiftiForm;
+
+/* What the user decides of series in doubt. All 0: nothing. */
+typedef struct CtsSeriesRules {
+    bool allow_missing_slices; /* a series in which slices are missing is rendered, with a warning */
+    CtsNiftiForm nifti_form;
+} CtsSeriesRules;
 
 typedef struct CtsSeries {
     char uid[65]; /* SeriesInstanceUID (0020,000E); "" where the data has none */
@@ -30,6 +53,7 @@ typedef struct CtsSeries {
                            * two positions to tell) */
     double tilt_deg;      /* angle between the slice normal and the line of positions */
     bool no_patient;      /* a NIfTI file: no DICOM object can be made of it */
+    CtsSeriesRules rules; /* by which it was judged, and will be loaded */
     bool renderable;
     bool passed;       /* not renderable, as it is no volume by its nature: a scout, a dose page, a single slice */
     CtsStatus refusal; /* why not, when not renderable: the status that loading would return */
@@ -71,9 +95,16 @@ CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, 
 void cts_series_list_free(CtsSeriesList **list);
 
 void cts_archives_free(CtsArchives **archives);
-/* The same, where paths may name members too: "FILE.zip/MEMBER". archives may be NULL, and must outlast the list. */
-CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *paths, int n_paths, int n_threads,
-                                CtsSeriesList **list, CtsReport *report, CtsError *err);
+/* The same by other rules, and among more than the paths. Plain data; all of it must outlast the call, and archives the
+ * list. */
+typedef struct CtsSeriesSearch {
+    const char *const *paths;
+    int n_paths, n_threads;
+    CtsSeriesRules rules;
+    const CtsArchives *archives;    /* paths may name members too: "FILE.zip/MEMBER"; NULL: none */
+    const CtsStudyNumbers *numbers; /* of more objects than the paths hold; NULL: of theirs */
+} CtsSeriesSearch;
+CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list, CtsReport *report, CtsError *err);
 /* What was passed over, as text: "3 MR Image, 1 not DICOM"; "" for nothing. Cut to its size. */
 void cts_series_list_others(const CtsSeriesList *list, char *text, size_t size);
 
@@ -84,6 +115,9 @@ typedef struct CtsArchiveFile {
     const char *series_uid, *sop_uid;
     bool is_alone;         /* a series of its own, without a UID */
     const char *labels_of; /* a segmentation or a structure set: the study that it is of; NULL: none */
+    const char *study_uid; /* of a slice; "" where it tells none */
+    bool has_number;
+    int instance_number; /* of a slice alone in its object */
     uint64_t bytes;
     int64_t mtime_ns;
     uint64_t n_voxels; /* of all its frames that the header tells of */

@@ -140,7 +140,11 @@ CtsStatus cli_info(const CtsOptions *options, int *exit_code, CtsError *err)
         return tell_found(options, err);
     CtsSeriesList *list = NULL;
     CtsPixelFacts *facts = NULL;
-    if ((st = cts_series_find(options->paths.items, options->paths.n, options->render.n_threads, &list, NULL, err)))
+    const CtsSeriesSearch search = {.paths = options->paths.items,
+                                    .n_paths = options->paths.n,
+                                    .n_threads = options->render.n_threads,
+                                    .rules = options->source.rules};
+    if ((st = cts_series_search(&search, &list, NULL, err)))
         goto end;
     facts = calloc(list->n + 1, sizeof *facts);
     if (!facts) {

@@ -56,7 +56,8 @@ static void test_slices(void **state)
         CtsError err = {0};
         int n_series = 0;
         CtsSliceSet set = stack_of(n, 4);
-        assert_int_equal(cts_series_judge(&set, series, &n_series, &err), CTS_OK);
+        assert_int_equal(cts_series_judge(&set, &(CtsSeriesRules){0}, &(CtsStudyNumbers){0}, series, &n_series, &err),
+                         CTS_OK);
         assert_int_equal(n_series, 1);
         assert_int_equal(series[0].refusal, n <= 20000 ? CTS_OK : CTS_ERR_GEOMETRY);
         assert_true(n <= 20000 || strstr(series[0].reason, "has 20001 slices, more than 20000"));
@@ -85,7 +86,8 @@ static void test_volume(void **state)
     CtsSliceSet set = stack_of(20000, 4096);
     if ((double)cts_memory_available() > 1e12)
         skip();
-    assert_int_equal(cts_series_judge(&set, series, &n_series, &err), CTS_OK);
+    assert_int_equal(cts_series_judge(&set, &(CtsSeriesRules){0}, &(CtsStudyNumbers){0}, series, &n_series, &err),
+                     CTS_OK);
     assert_true(series[0].renderable);
     assert_int_equal(cts_series_load(&series[0], 1, NULL, &volume, NULL, &err), CTS_ERR_MEMORY);
     assert_non_null(strstr(err.text, "needs 640000 MiB of memory"));

@@ -45,7 +45,7 @@ static Fake *at(const double *z, int n)
 
 static CtsStatus plan(Fake *f)
 {
-    return cts_slice_stack_plan(f->order, f->n, &f->stack, &f->err);
+    return cts_slice_stack_plan(f->order, f->n, false, &f->stack, &f->err);
 }
 
 static void done(Fake *f)

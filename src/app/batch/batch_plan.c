@@ -47,6 +47,7 @@ struct CtsPlan {
     Home *homes;
     CtsBatchLabelFile *label_files;
     size_t n_label_files;
+    CtsStudyNumbers numbers;
     uint64_t n_files;
     int n_warnings;
 };
@@ -193,7 +194,8 @@ static CtsStatus take_file(void *context, const CtsArchiveFile *file, CtsError *
         return st;
     snprintf(p->last_uid, sizeof p->last_uid, "%s", name);
     p->last_key = key;
-    if ((st = add_home(p, (Home){folder_key(file->path), key}, err)) ||
+    if ((file->has_number && (st = cts_study_numbers_add(&p->numbers, file->study_uid, file->instance_number, err))) ||
+        (st = add_home(p, (Home){folder_key(file->path), key}, err)) ||
         (p->options->source.series_uid && strcmp(file->series_uid, p->options->source.series_uid)))
         return st;
     return is_mine(p, key) ? keep_record(p, file, name, key, err) : CTS_OK;
@@ -329,6 +331,7 @@ CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const C
         goto end;
     if (fflush(p->list))
         st = cts_fail(err, CTS_ERR_OUTPUT, "%s: the list of files cannot be kept: %s", o->output_dir, strerror(errno));
+    cts_study_numbers_sort(&p->numbers);
     if (!st && !(st = place_lost(p, err)))
         st = make_units(p, err);
     found->n_series = p->n_units;
@@ -360,6 +363,7 @@ void cts_plan_free(CtsPlan **plan)
         free(p->label_files[i].study_uid);
     }
     free(p->label_files);
+    cts_study_numbers_free(&p->numbers);
     cts_archives_free(&p->archives);
     free(p);
     *plan = NULL;
@@ -450,7 +454,8 @@ CtsStatus cts_plan_series(const CtsPlan *plan, size_t i, CtsPlanSeries *series, 
     *series = (CtsPlanSeries){.text = malloc(size),
                               .paths = malloc(unit->n * sizeof *series->paths),
                               .label_files = plan->label_files,
-                              .n_label_files = plan->n_label_files};
+                              .n_label_files = plan->n_label_files,
+                              .numbers = &plan->numbers};
     File *files = malloc(unit->n * sizeof *files);
     if (!series->text || !series->paths || !files)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory for the files of a series");

@@ -24,6 +24,7 @@ typedef struct CtsPlanSeries {
     char *text;                           /* what paths points into */
     const CtsBatchLabelFile *label_files; /* n_label_files, of all series; the plan's */
     size_t n_label_files;
+    const CtsStudyNumbers *numbers; /* of the slices of all series; the plan's */
 } CtsPlanSeries;
 
 typedef struct CtsPlanFound {
@@ -33,7 +34,7 @@ typedef struct CtsPlanFound {
 } CtsPlanFound;
 
 /* The list of files is kept below -O, in a file without a name. key: series are named under it; NULL: as they are. Both
- * are the caller's, as long as the plan is there. Memory: 24 to 40 bytes a file and 24 a series. Files that cannot be
+ * are the caller's, as long as the plan is there. Memory: 32 to 48 bytes a file and 24 a series. Files that cannot be
  * read go with the one series that has slices in their folder; where none or several have, they are one of their own.
  * Each folder that cannot be searched is a warning, up to a dozen. */
 CtsStatus cts_plan_new(CtsPlan **plan, const CtsBatchSettings *settings, const CtsKey *key, CtsPlanFound *found,

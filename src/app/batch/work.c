@@ -270,7 +270,13 @@ static CtsStatus render_all(CtsBatchChild *c, CtsError *err)
     const CtsPlanSeries *const s = c->series;
     CtsSeriesList *list = NULL;
     CtsReport scan = {0};
-    CtsStatus st = cts_series_find_among(c->archives, s->paths, s->n_paths, c->n_threads, &list, &scan, err);
+    const CtsSeriesSearch search = {.paths = s->paths,
+                                    .n_paths = s->n_paths,
+                                    .n_threads = c->n_threads,
+                                    .rules = c->settings->options->source.rules,
+                                    .archives = c->archives,
+                                    .numbers = s->numbers};
+    CtsStatus st = cts_series_search(&search, &list, &scan, err);
     for (size_t i = 0; !st && i < list->n; i++) {
         Work work = {.child = c, .settings = c->settings, .loaded.series = &list->items[i]};
         for (size_t f = 0; f < list->findings.n; f++)

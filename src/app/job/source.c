@@ -55,7 +55,9 @@ static CtsStatus find(const CtsSource *source, CtsLoaded *loaded, CtsReport *rep
     if (source->from && (st = cts_net_fetch(source->from, source->net, source->study_uid, source->peer_series_uid,
                                             &loaded->fetched, report, err)))
         return cts_context(err, "`from`");
-    if ((st = cts_series_find(paths, n_paths, source->n_threads, &loaded->list, report, err)) ||
+    const CtsSeriesSearch search = {
+        .paths = paths, .n_paths = n_paths, .n_threads = source->n_threads, .rules = source->rules};
+    if ((st = cts_series_search(&search, &loaded->list, report, err)) ||
         (st = cts_series_choose(loaded->list, source->series_uid, &loaded->series, err)))
         return st;
     if (report)

@@ -31,6 +31,7 @@ typedef struct CtsSource {
     const char *label_names;           /* a file of names for the numbers of label maps; NULL: none */
     CtsLabelChoice choice;             /* what is seen of them */
     const volatile sig_atomic_t *stop; /* ends the reading; NULL: nobody */
+    CtsSeriesRules rules;              /* what the user decides of series in doubt */
     int n_threads;                     /* 0: the cores this process may use */
     bool remove_table;
     const char *table_kept_by;      /* why not, as the report tells it: "the preset" */

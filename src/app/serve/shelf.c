@@ -151,8 +151,10 @@ CtsStatus cts_shelf_fill(CtsShelf *shelf, const CtsOptions *options, CtsReport *
         if (!strstr(options->paths.items[i], CTS_SHELF_PLACE))
             paths[n++] = options->paths.items[i];
     st = find_key(shelf, err);
+    const CtsSeriesSearch search = {
+        .paths = paths, .n_paths = n, .n_threads = options->render.n_threads, .rules = options->source.rules};
     if (!st && n)
-        st = cts_series_find(paths, n, options->render.n_threads, &shelf->list, report, err);
+        st = cts_series_search(&search, &shelf->list, report, err);
     for (size_t i = 0; !st && shelf->list && i < shelf->list->n; i++) {
         CtsSeries *const series = &shelf->list->items[i];
         CtsShelved *s;

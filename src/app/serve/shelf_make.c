@@ -162,7 +162,9 @@ static void give_up(CtsShelf *shelf, pthread_mutex_t *lock, uint64_t bytes)
 
 static CtsStatus look_in(const char *path, const CtsSource *source, CtsShelved *s, CtsReport *report, CtsError *err)
 {
-    const CtsStatus st = cts_series_find(&path, 1, source->n_threads, &s->loaded.list, report, err);
+    const CtsSeriesSearch search = {
+        .paths = &path, .n_paths = 1, .n_threads = source->n_threads, .rules = source->rules};
+    const CtsStatus st = cts_series_search(&search, &s->loaded.list, report, err);
     return st ? st : cts_series_choose(s->loaded.list, s->uid, &s->loaded.series, err);
 }
 

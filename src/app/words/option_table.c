@@ -77,6 +77,8 @@ const CtsOption cts_options[] = {
      "what the middle of the picture shows, millimetres in patient coordinates (LPS)", "as --fit says", PARSED(centre)},
     {0, "series", "UID", PICTURES, SAME, "which series, when PATH holds several", "the one with the most slices",
      TEXT(source.series_uid)},
+    {0, "allow-missing-slices", NULL, PICTURES | ON(SERVE) | ON(INFO), FRESH,
+     "render a series in which slices are missing, with a warning", NULL, FLAG(source.rules.allow_missing_slices)},
     {0, "labels", "PATH", PICTURES | ON(SERVE) | ON(INFO), FRESH,
      "segmentations: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "
      "auto: what lies beside the series and refers to it; {series_uid} and * are filled in; may be repeated",

@@ -26,6 +26,7 @@ const Place places[] = {
     {DCM_TemporalPositionIdentifier, DCM_FrameContentSequence, DCM_TemporalPositionIndex, true},
     {DCM_StackID, DCM_FrameContentSequence, DCM_StackID},
     {DCM_KVP, DCM_CTXRayDetailsSequence, DCM_KVP},
+    {DCM_SliceThickness, DCM_PixelMeasuresSequence, DCM_SliceThickness},
 };
 
 const Place *place_of(const DcmTagKey &tag)

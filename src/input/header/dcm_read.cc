@@ -153,6 +153,7 @@ void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
         s->time_s = seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
     s->kvp = positive_number(item, DCM_KVP);
     s->trigger_ms = positive_number(item, DCM_TriggerTime);
+    s->thickness_mm = positive_number(item, DCM_SliceThickness);
     const std::string_view image_type = cts_attribute_text(item, DCM_ImageType);
     for (int i = 2; i < 8; i++)
         s->localizer |= part_of(image_type, i) == "LOCALIZER";
@@ -375,8 +376,8 @@ try {
     object->kind = kind_of(item, sop_class);
     object->class_uid =
         cts_dcm_share(*texts, object->kind == CTS_OBJECT_DIRECTORY ? std::string_view(directory_class) : sop_class, 64);
-    if (object->kind == CTS_OBJECT_LABELS)
-        object->study_uid = cts_dcm_share(*texts, cts_attribute_text(item, DCM_StudyInstanceUID), 64);
+    object->study_uid = cts_dcm_share(*texts, cts_attribute_text(item, DCM_StudyInstanceUID), 64);
+    object->has_number = integer(item, DCM_InstanceNumber, &object->instance_number);
     if (object->kind == CTS_OBJECT_CT) {
         cts_dcm_make_room(object, 1);
         cts_dcm_read_slice(item, *texts, cts_dcm_add_slice(object));

@@ -39,6 +39,7 @@ static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, co
                   .series_number = -1,
                   .kvp = -1,
                   .trigger_ms = -1,
+                  .thickness_mm = -1,
                   .time_s = -1,
                   .n_frames = box->dims[2],
                   .stack_id = "",

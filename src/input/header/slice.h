@@ -72,6 +72,7 @@ typedef struct CtsSlice {
     bool has_acquisition, has_temporal, has_instance;
     int acquisition_number, instance_number, temporal_index;
     double kvp, trigger_ms; /* (0018,0060), (0018,1060); negative when missing */
+    double thickness_mm;    /* (0018,0050); negative when missing */
     double time_s;          /* AcquisitionTime, else ContentTime, in seconds of the day; negative when missing */
     bool told_lossless;     /* (0028,2110) is 00 */
     bool localizer;         /* a scout */
@@ -134,7 +135,9 @@ typedef enum CtsFileKind { CTS_FILE_NOT_DICOM, CTS_FILE_DICOM, CTS_FILE_NIFTI, C
 typedef struct CtsObject {
     CtsObjectKind kind;
     const char *class_uid; /* of DICOM; "" where it names none */
-    const char *study_uid; /* of labels; else NULL */
+    const char *study_uid; /* of DICOM; "" where it names none */
+    bool has_number;
+    int instance_number; /* (0020,0013) of DICOM */
     CtsSlice **slices;     /* n_slices of them, owned; none unless kind is CT or enhanced CT */
     int n_slices;
     const char *packed; /* no DICOM, but looks like this packer's: "gzip"; or NIfTI that was not named; else NULL */

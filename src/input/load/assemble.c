@@ -443,14 +443,15 @@ static void drop_bad(Loading *in, CtsReport *report)
 
 /* Where the slices lie; what the loss of some has made of the stack is told here, for the series' own findings do not.
  */
-static CtsStatus plan_stack(const Loading *in, CtsSliceStack *stack, CtsReport *report, CtsError *err)
+static CtsStatus plan_stack(const CtsSeries *series, const Loading *in, CtsSliceStack *stack, CtsReport *report,
+                            CtsError *err)
 {
     const CtsSlice **slices;
     CtsStatus st = cts_alloc_bytes((void **)&slices, (size_t)in->n_slices, sizeof *slices, err);
     for (int k = 0; !st && k < in->n_slices; k++)
         slices[k] = &in->slices[k];
     if (!st)
-        st = cts_slice_stack_plan(slices, in->n_slices, stack, err);
+        st = cts_slice_stack_plan(slices, in->n_slices, series->rules.allow_missing_slices, stack, err);
     if (!st && in->some_dropped && report)
         cts_slice_stack_findings(stack, slices, in->n_slices, &report->findings);
     cts_free_bytes(slices);
@@ -530,7 +531,7 @@ static CtsStatus load_slices(const CtsSeries *series, const Loading *in, CtsScan
     CtsSliceStack stack = {0};
     CtsVolume *v;
     CtsStatus st = cts_alloc_zeroed(scanned, 1, err);
-    if (st || (st = plan_stack(in, &stack, report, err)) || (st = place_slices(*scanned, in, &stack, err)))
+    if (st || (st = plan_stack(series, in, &stack, report, err)) || (st = place_slices(*scanned, in, &stack, err)))
         goto end;
     const bool even = stack.kind == CTS_STACK_EVEN;
     const int offset = (*scanned)->offset;

@@ -53,6 +53,8 @@ typedef struct Search {
     size_t n_headers;
     uint64_t bytes_read;
     CtsSeriesList *list;
+    const CtsSeriesSearch *asked;
+    CtsStudyNumbers numbers; /* of all objects, where asked has none */
 } Search;
 
 static bool read_one(const CtsFile *file, CtsScratch *scratch, Header *header, uint64_t *bytes_read)
@@ -206,6 +208,18 @@ static CtsStatus count_others(const Search *s, CtsError *err)
     return st;
 }
 
+static CtsStatus number_objects(Search *s, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (size_t i = 0; !st && !s->asked->numbers && i < s->n_headers; i++) {
+        const CtsObject *object = &s->headers[i].object;
+        if (object->has_number)
+            st = cts_study_numbers_add(&s->numbers, object->study_uid, object->instance_number, err);
+    }
+    cts_study_numbers_sort(&s->numbers);
+    return st;
+}
+
 /* The slices of all objects move to *slices. */
 static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
 {
@@ -225,8 +239,9 @@ static CtsStatus collect(Search *s, CtsSlice ***slices, size_t *n_slices, CtsErr
     return CTS_OK;
 }
 
-static CtsStatus add_series(CtsSeriesList *list, CtsSliceSet *set, CtsError *err)
+static CtsStatus add_series(const Search *s, CtsSliceSet *set, CtsError *err)
 {
+    CtsSeriesList *const list = s->list;
     int n = 0;
     CtsSeries *items = realloc(list->items, (list->n + CTS_MAX_PARTS) * sizeof *items);
     if (!items) {
@@ -235,7 +250,8 @@ static CtsStatus add_series(CtsSeriesList *list, CtsSliceSet *set, CtsError *err
     }
     list->items = items;
     memset(items + list->n, 0, CTS_MAX_PARTS * sizeof *items);
-    const CtsStatus st = cts_series_judge(set, items + list->n, &n, err);
+    const CtsStatus st = cts_series_judge(set, &s->asked->rules, s->asked->numbers ? s->asked->numbers : &s->numbers,
+                                          items + list->n, &n, err);
     list->n += st ? CTS_MAX_PARTS : (size_t)n;
     return st;
 }
@@ -266,8 +282,9 @@ static int by_size(const void *a, const void *b)
     return order ? order : x->part - y->part;
 }
 
-static CtsStatus group(CtsSlice **slices, size_t n, CtsSeriesList *list, CtsError *err)
+static CtsStatus group(const Search *s, CtsSlice **slices, size_t n, CtsError *err)
 {
+    CtsSeriesList *const list = s->list;
     CtsStatus st = CTS_OK;
     if (n)
         qsort(slices, n, sizeof *slices, by_series_and_path);
@@ -283,7 +300,7 @@ static CtsStatus group(CtsSlice **slices, size_t n, CtsSeriesList *list, CtsErro
             else
                 cts_slice_free(slices[i]);
         if (!st)
-            st = add_series(list, &set, err);
+            st = add_series(s, &set, err);
         else
             free(set.items);
     }
@@ -304,10 +321,11 @@ static CtsStatus list_paths(const Search *s, CtsError *err)
 }
 
 /* The slices of all files that the paths name, and what else there is. */
-static CtsStatus find_slices(Search *s, const CtsArchives *archives, const char *const *paths, int n_paths,
-                             int n_threads, CtsSlice ***slices, size_t *n_slices, CtsError *err)
+static CtsStatus find_slices(Search *s, CtsSlice ***slices, size_t *n_slices, CtsError *err)
 {
-    CtsStatus st = cts_scan_paths(archives, paths, n_paths, &s->files, err);
+    const CtsSeriesSearch *const asked = s->asked;
+    const int n_threads = cts_threads(asked->n_threads);
+    CtsStatus st = cts_scan_paths(asked->archives, asked->paths, asked->n_paths, &s->files, err);
     if (st)
         return st;
     s->list->archives = s->files.archives;
@@ -315,7 +333,8 @@ static CtsStatus find_slices(Search *s, const CtsArchives *archives, const char 
     s->list->findings = s->files.findings;
     s->files.findings = (CtsFindings){0};
     if ((st = read_headers(s, n_threads, err)) || (st = follow_directories(s, n_threads, err)) ||
-        (st = count_others(s, err)) || (st = collect(s, slices, n_slices, err)) || (st = list_paths(s, err)))
+        (st = count_others(s, err)) || (st = number_objects(s, err)) || (st = collect(s, slices, n_slices, err)) ||
+        (st = list_paths(s, err)))
         return st;
     return take_texts(s->list, &s->files.texts) /* the slices' paths */
                ? CTS_OK
@@ -352,28 +371,28 @@ static void free_search(Search *s)
 CtsStatus cts_series_find(const char *const *paths, int n_paths, int n_threads, CtsSeriesList **list, CtsReport *report,
                           CtsError *err)
 {
-    return cts_series_find_among(NULL, paths, n_paths, n_threads, list, report, err);
+    const CtsSeriesSearch search = {.paths = paths, .n_paths = n_paths, .n_threads = n_threads};
+    return cts_series_search(&search, list, report, err);
 }
 
-CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *paths, int n_paths, int n_threads,
-                                CtsSeriesList **list, CtsReport *report, CtsError *err)
+CtsStatus cts_series_search(const CtsSeriesSearch *search, CtsSeriesList **list, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    Search s = {0};
+    Search s = {.asked = search};
     CtsSlice **slices = NULL;
     size_t n_slices = 0;
     *list = NULL;
     if (!(s.list = calloc(1, sizeof *s.list)))
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    CtsStatus st = find_slices(&s, archives, paths, n_paths, cts_threads(n_threads), &slices, &n_slices, err);
+    CtsStatus st = find_slices(&s, &slices, &n_slices, err);
     const size_t n_headers = s.n_headers;
     free_search(&s);
     if (!st)
-        st = group(slices, n_slices, s.list, err);
+        st = group(&s, slices, n_slices, err);
     if (!st && s.list->n == 0) {
         st = nothing_found(&s, err);
-        if (n_paths == 1)
-            cts_context(err, "%s", paths[0]);
+        if (search->n_paths == 1)
+            cts_context(err, "%s", search->paths[0]);
     }
     if (!st) {
         *list = s.list;
@@ -381,6 +400,7 @@ CtsStatus cts_series_find_among(const CtsArchives *archives, const char *const *
     }
     cts_report_stage(report, CTS_STAGE_SCAN, cts_wall_ms() - wall, cts_cpu_ms() - cpu, n_headers, s.bytes_read);
     free(slices);
+    cts_study_numbers_free(&s.numbers);
     cts_series_list_free(&s.list);
     return st;
 }

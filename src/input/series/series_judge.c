@@ -324,12 +324,44 @@ static void take_slices(CtsSeries *series, CtsSliceSet *set)
     *set = (CtsSliceSet){0};
 }
 
-static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
+/* Slices that are missing everywhere leave no gap that is wider than others; their numbers show it. Evenly thinned to
+ * every 2nd or 3rd, the picture is coarse and true. n_in_gaps of them were already reported. */
+static void judge_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers, int n_in_gaps, CtsSeries *series)
+{
+    const CtsMissingSlices missing = cts_slice_set_missing(set, numbers);
+    char what[300];
+    if (!missing.n)
+        return;
+    const CtsSlice *a = set->items[missing.first], *b = set->items[missing.first + 1];
+    const bool is_thinned = missing.every == 2 || missing.every == 3;
+    if (missing.every)
+        snprintf(what, sizeof what,
+                 "only every %d%s slice is there: InstanceNumber (0020,0013) steps by %d, and slices of %.3g mm lie "
+                 "%.3g mm apart",
+                 missing.every,
+                 missing.every == 2   ? "nd"
+                 : missing.every == 3 ? "rd"
+                                      : "th",
+                 missing.every, missing.thickness_mm, missing.gap_mm);
+    else
+        snprintf(what, sizeof what,
+                 "%d of %d slices missing: InstanceNumber (0020,0013) steps from %d to %d between slices of %.3g mm "
+                 "that lie %.3g mm apart",
+                 missing.n, set->n + missing.n, a->instance_number, b->instance_number, missing.thickness_mm,
+                 missing.gap_mm);
+    if (!is_thinned && !series->rules.allow_missing_slices && cts_slice_stack_lacks_many(missing.n, set->n))
+        refuse(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)", what);
+    else if (missing.n > n_in_gaps)
+        cts_findings_add(&series->findings, "missing_slices", CTS_WARNING, "%s; what lies between is interpolated",
+                         what);
+}
+
+static CtsStatus judge_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, CtsSeries *series, CtsError *err)
 {
     CtsSliceStack stack;
     CtsError why = {0};
     const CtsSlice *const *slices = (const CtsSlice *const *)set->items;
-    const CtsStatus st = cts_slice_stack_plan(slices, set->n, &stack, &why);
+    const CtsStatus st = cts_slice_stack_plan(slices, set->n, series->rules.allow_missing_slices, &stack, &why);
     if (st == CTS_ERR_MEMORY) {
         *err = why;
         return st;
@@ -343,39 +375,9 @@ static CtsStatus judge_stack(CtsSliceSet *set, CtsSeries *series, CtsError *err)
     if (set->n == 2)
         cts_findings_add(&series->findings, "two_slices", CTS_WARNING, "only 2 slices: a very thin volume");
     cts_slice_stack_findings(&stack, slices, set->n, &series->findings);
+    judge_numbers(set, numbers, stack.n_missing, series);
     cts_slice_stack_free(&stack);
     return CTS_OK;
-}
-
-/* Slices first <= i < end rise or fall in number, whichever. Numbers that repeat tell no order. */
-static bool in_order(const CtsSliceSet *set, int first, int end)
-{
-    int n_rising = 0, n_falling = 0;
-    for (int i = first + 1; i < end; i++) {
-        const int a = set->items[i - 1]->instance_number, b = set->items[i]->instance_number;
-        n_rising += a < b;
-        n_falling += a > b;
-    }
-    return !n_rising || !n_falling;
-}
-
-/* The slice after the last of those that share i's acquisition. */
-static int acquisition_end(const CtsSliceSet *set, int i)
-{
-    int end = i + 1;
-    while (end < set->n && set->items[i]->has_acquisition && set->items[end]->has_acquisition &&
-           set->items[end]->acquisition_number == set->items[i]->acquisition_number)
-        end++;
-    return end;
-}
-
-/* Acquisitions that follow each other along the stack, each in an order of its own. */
-static bool each_in_order(const CtsSliceSet *set)
-{
-    for (int i = 0, end; i < set->n; i = end)
-        if ((end = acquisition_end(set, i)) < i + 3 || !in_order(set, i, end))
-            return false;
-    return true;
 }
 
 static bool distinct(int *numbers, int n)
@@ -398,7 +400,7 @@ static CtsStatus check_order(const CtsSliceSet *set, CtsSeries *series, CtsError
         numbers[n] = set->items[n]->instance_number;
         n++;
     }
-    if (n == set->n && !in_order(set, 0, n) && !each_in_order(set) && distinct(numbers, n))
+    if (n == set->n && !cts_slice_set_in_order(set, 0, n) && !cts_slice_set_each_in_order(set) && distinct(numbers, n))
         cts_findings_add(&series->findings, "order_conflict", CTS_WARNING,
                          "InstanceNumber (0020,0013) neither rises nor falls with the slices' positions (0020,0032), "
                          "by which they are shown");
@@ -434,13 +436,13 @@ static void describe_refused(CtsSliceSet *set, CtsSeries *series)
     if (set->n < 2)
         return;
     cts_slice_set_sort(set, set->items[0]);
-    cts_slice_stack_plan((const CtsSlice *const *)set->items, set->n, &stack, NULL);
+    cts_slice_stack_plan((const CtsSlice *const *)set->items, set->n, true, &stack, NULL);
     series->spacing_mm[2] = stack.spacing_mm;
     series->tilt_deg = stack.tilt_deg;
     cts_slice_stack_free(&stack);
 }
 
-static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, bool whole, CtsError *err)
+static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, const CtsStudyNumbers *numbers, bool whole, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const CtsSlice *middle = set->items[set->n / 2];
@@ -450,7 +452,7 @@ static CtsStatus finish(CtsSeries *series, CtsSliceSet *set, bool whole, CtsErro
     if (series->refusal)
         describe_refused(set, series);
     else if (!st)
-        st = judge_stack(set, series, err);
+        st = judge_stack(set, numbers, series, err);
     if (!st && whole && !series->refusal)
         note_first_number(set, series);
     if (!st && !series->refusal)
@@ -542,11 +544,14 @@ static void copy_findings(CtsFindings *to, const CtsFindings *from)
         cts_findings_add(to, from->items[i].code, from->items[i].severity, "%s", from->items[i].text);
 }
 
-CtsStatus cts_series_judge(CtsSliceSet *set, CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err)
+CtsStatus cts_series_judge(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
+                           CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err)
 {
     CtsSliceSet parts[CTS_MAX_PARTS] = {0};
     int n_parts = 0;
     *n_series = 1;
+    for (int p = 0; p < CTS_MAX_PARTS; p++)
+        series[p].rules = *rules;
     CtsStatus st = sort_out(set, &series[0], err);
     if (!st && series[0].refusal) {
         parts[0] = *set;
@@ -558,7 +563,7 @@ CtsStatus cts_series_judge(CtsSliceSet *set, CtsSeries series[CTS_MAX_PARTS], in
     for (int p = 1; !st && p < n_parts; p++)
         copy_findings(&series[p].findings, &series[0].findings);
     for (int p = 0; !st && p < n_parts; p++)
-        st = finish(&series[p], &parts[p], n_parts == 1, err);
+        st = finish(&series[p], &parts[p], numbers, n_parts == 1, err);
     if (!st)
         *n_series = n_parts;
     for (int p = 0; p < n_parts; p++)

@@ -19,9 +19,11 @@ void cts_slice_set_free(CtsSliceSet *set);
 /* Keep the slices for which keep[i] is set, free the others. */
 void cts_slice_set_filter(CtsSliceSet *set, const bool *keep);
 
-/* Judge a set, which is emptied; fills the first of CTS_MAX_PARTS zeroed series, or several where one series UID holds
- * several volumes. Fails only for want of memory; the series are the caller's to free then too. */
-CtsStatus cts_series_judge(CtsSliceSet *set, CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err);
+/* Judge a set by the rules, with the numbers of all objects around it; it is emptied; fills the first of CTS_MAX_PARTS
+ * zeroed series, or several where one series UID holds several volumes. Fails only for want of memory; the series are
+ * the caller's to free then too. */
+CtsStatus cts_series_judge(CtsSliceSet *set, const CtsSeriesRules *rules, const CtsStudyNumbers *numbers,
+                           CtsSeries series[CTS_MAX_PARTS], int *n_series, CtsError *err);
 
 /* Sort along the normal of `reference`; slices at one position by acquisition, time and name. */
 void cts_slice_set_sort(CtsSliceSet *set, const CtsSlice *reference);
@@ -38,6 +40,24 @@ bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
  * have; NULL: nothing does. */
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
                               const char **by, CtsError *err);
+
+/* Whether slices rise or fall in number, first <= i < end, whichever; numbers that repeat show no order. */
+bool cts_slice_set_in_order(const CtsSliceSet *set, int first, int end);
+/* The slice after the last of those that share i's acquisition. */
+int cts_slice_set_acquisition_end(const CtsSliceSet *set, int i);
+/* Acquisitions of three slices or more that follow each other along the stack, each in an order of its own. */
+bool cts_slice_set_each_in_order(const CtsSliceSet *set);
+
+/* Slices that instance numbers (0020,0013) count between those that are there: a gap of a sorted set holds n - 1 of
+ * them where the number steps by n over it, the slices are much thinner than it, a slice a step is a step as thick as
+ * they are or as the smallest gap is, and most of the numbers that are passed are no other object's of the study. */
+typedef struct CtsMissingSlices {
+    int n;     /* 0: none */
+    int every; /* where every gap holds as many: n of it; else 0 */
+    int first; /* the first gap that holds some follows this slice; of it: */
+    double gap_mm, thickness_mm;
+} CtsMissingSlices;
+CtsMissingSlices cts_slice_set_missing(const CtsSliceSet *set, const CtsStudyNumbers *numbers);
 
 /* What files are that are no CT slices: counted by kind. */
 

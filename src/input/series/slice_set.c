@@ -154,7 +154,7 @@ static bool is_whole(const CtsSliceSet *part, double same_mm)
 {
     CtsSliceStack stack;
     if (part->n < 2 || cts_slice_set_repeats(part, same_mm) ||
-        cts_slice_stack_plan((const CtsSlice *const *)part->items, part->n, &stack, NULL))
+        cts_slice_stack_plan((const CtsSlice *const *)part->items, part->n, false, &stack, NULL))
         return false;
     const bool even = stack.kind == CTS_STACK_EVEN;
     cts_slice_stack_free(&stack);

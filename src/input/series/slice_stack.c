@@ -123,17 +123,22 @@ static void follow_line(CtsSliceStack *s, const CtsSlice *const *slices, int n)
     }
 }
 
-static CtsStatus judge(const CtsSliceStack *s, const CtsSlice *const *slices, int n, CtsError *err)
+bool cts_slice_stack_lacks_many(int n_missing, int n)
+{
+    return (int64_t)n_missing * 10 > (int64_t)n + n_missing;
+}
+
+static CtsStatus judge(const CtsSliceStack *s, const CtsSlice *const *slices, int n, bool allow_missing, CtsError *err)
 {
     const CtsSlice *middle = slices[n / 2];
     const double pixel_mm = fmin(middle->row_spacing_mm, middle->column_spacing_mm);
-    if (s->n_missing * 10 > n + s->n_missing) {
+    if (!allow_missing && cts_slice_stack_lacks_many(s->n_missing, n)) {
         const double at = cts_slice_stack_position_mm(middle, slices[s->first_gap]);
         const double next = cts_slice_stack_position_mm(middle, slices[s->first_gap + 1]);
         return cts_fail(
             err, CTS_ERR_GEOMETRY,
             "%d of %d slices missing: a gap of %.3f mm from position %.3f to %.3f mm along the slice normal, "
-            "elsewhere %.3f mm (fetch the whole series)",
+            "elsewhere %.3f mm (fetch the whole series, or give `allow-missing-slices`)",
             s->n_missing, n + s->n_missing, next - at, at, next, s->spacing_mm);
     }
     if (s->tilt_deg > 60)
@@ -146,7 +151,8 @@ static CtsStatus judge(const CtsSliceStack *s, const CtsSlice *const *slices, in
     return CTS_OK;
 }
 
-CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceStack *stack, CtsError *err)
+CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, bool allow_missing, CtsSliceStack *stack,
+                               CtsError *err)
 {
     *stack = (CtsSliceStack){0};
     double *gaps = malloc(2 * (size_t)n * sizeof *gaps);
@@ -173,7 +179,7 @@ CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceSta
         classify(stack, gaps, n);
         place(stack, gaps, n);
         follow_line(stack, slices, n);
-        st = judge(stack, slices, n, err);
+        st = judge(stack, slices, n, allow_missing, err);
     }
     free(gaps);
     if (st) {

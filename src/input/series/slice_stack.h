@@ -29,10 +29,14 @@ typedef struct CtsSliceStack {
 
 enum { CTS_STACK_GROWTH = 4 }; /* an unequal stack becomes at most this many times its slices */
 
+/* Whether so many missing slices are more than a tenth of all. */
+bool cts_slice_stack_lacks_many(int n_missing, int n);
+
 /* Slices sorted along the normal, no two at one position, 2 or more. CTS_ERR_GEOMETRY when they make no volume: more
- * than a tenth is missing, or they lie beside each other rather than on a line; the numbers found stay in stack then,
- * but no layers, so that a refused series can still be described. */
-CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, CtsSliceStack *stack, CtsError *err);
+ * than a tenth is missing (unless allow_missing), or they lie beside each other rather than on a line; the numbers
+ * found stay in stack then, but no layers, so that a refused series can still be described. */
+CtsStatus cts_slice_stack_plan(const CtsSlice *const *slices, int n, bool allow_missing, CtsSliceStack *stack,
+                               CtsError *err);
 void cts_slice_stack_free(CtsSliceStack *stack);
 
 /* The stack's warnings. */

@@ -95,6 +95,9 @@ static CtsStatus hand_on(Search *s, const Found *f, char **directory, CtsError *
         const CtsSlice *slice = f->object.slices[0];
         file.series_uid = slice->series_uid;
         file.sop_uid = slice->sop_uid;
+        file.study_uid = slice->identity[CTS_STUDY_UID];
+        file.has_number = slice->has_instance && !slice->n_frames;
+        file.instance_number = slice->instance_number;
         file.is_alone = f->kind == CTS_FILE_NIFTI;
         file.bytes = slice->file_bytes;
         file.mtime_ns = slice->mtime_ns;
