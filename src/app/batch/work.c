@@ -23,7 +23,9 @@ typedef struct Work {
     bool told; /* the batch knows that it is read */
     CtsReport report;
     CtsLog *log;
-    CtsNames names; /* that the log does not tell */
+    CtsNames names;       /* that the log does not tell */
+    CtsPrepared prepared; /* for pictures of one preset, and of one volume */
+    int prepared_preset;
     /* One picture: */
     const CtsBatchPicture *picture;
     CtsThumbnail *thumb;
@@ -165,6 +167,19 @@ static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err
     return st;
 }
 
+/* Views of one preset share its renderer, but for a window that is fitted to each view. */
+static CtsStatus prepare(Work *w, const CtsJob *job, CtsError *err)
+{
+    const CtsPreset *const p = job->preset;
+    const bool is_fitted = p->mode != CTS_MODE_COMPOSITE && !(p->window_low_hu < p->window_high_hu);
+    if (w->prepared.renderer && w->prepared_preset == w->picture->preset && !is_fitted &&
+        cts_job_again(job, &w->prepared))
+        return CTS_OK;
+    cts_render_end(&w->prepared.renderer);
+    w->prepared_preset = w->picture->preset;
+    return cts_job_prepare(job, w->loaded.volume, &w->prepared, &w->report, err);
+}
+
 static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
 {
     const CtsWatch watch = {.context = w, .band = on_band, .output = on_output};
@@ -172,7 +187,9 @@ static CtsStatus render_picture(Work *w, const CtsJob *job, CtsError *err)
     w->status = CTS_OK;
     w->report.verified = (CtsVerified){0};
     cts_log_picture(w->log, job->preset->name, &job->render, job->outputs.rotation ? job->outputs.rotation : 1);
-    CtsStatus st = cts_job_render(job, &w->loaded, &watch, &w->report, err);
+    CtsStatus st = prepare(w, job, err);
+    if (!st)
+        st = cts_job_pictures(job, &w->loaded, &w->prepared, &watch, &w->report, err);
     if (!st && w->status) {
         *err = w->err;
         st = w->status;
@@ -213,6 +230,7 @@ static CtsStatus render_pictures(Work *w, CtsError *err)
             loaded = true;
             st = render_picture(w, &job, err);
         }
+        cts_render_end(&w->prepared.renderer);
     }
     return st;
 }
