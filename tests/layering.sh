@@ -31,7 +31,7 @@ src/render/error  | core/scene/ engine/raycast/ render/framing/ |
 src/render/frames | core/volume/owners.h core/scene/ render/framing/ render/error/ |
 src/output/image  | |
 src/output/objects | input/header/ input/codec/ | openjpeg.h
-src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h isa-l.h jpeglib.h webp/
+src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h jpeglib.h webp/
 src/output/net    | input/header/ | curl/ jansson.h netdb.h netinet/ openssl/
 src/output/report | | jansson.h
 src/lab/check     | |
