@@ -38,11 +38,10 @@ typedef struct CtsPicture {
     float *pixels;
     float *depth_mm; /* distance of the first visible surface from the camera plane (the plane through the nearest
                         corner of the volume's bounding sphere) along the view; +inf where empty; may be NULL */
-    float *bound;    /* what each pixel's error, rms over red, green and blue, does not exceed as far as the engine
-                        knows; NULL: it does not tell. Negative while it is made: no ray went through the pixel */
-    double missed, missed_most; /* what those without rays err by together, its square as an estimate has it, and the
-                                   largest term of that */
-    bool has_alpha;             /* false once blended over a background: alpha is then 1 everywhere */
+    float *bound;    /* upper limit of each pixel's error, rms over red, green and blue, as far as the engine can tell;
+                        of a pixel interpolated between others an estimate; 0: re-rendered at reference precision. NULL:
+                        the engine has no bound */
+    bool has_alpha;  /* false once blended over a background: alpha is then 1 everywhere */
     CtsPictureInfo info;
 } CtsPicture;
 

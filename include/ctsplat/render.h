@@ -33,6 +33,17 @@ typedef enum CtsKernelId {
 } CtsKernelId;
 extern const char *const cts_kernel_names[CTS_N_KERNELS];
 
+/* How finely an engine that has levels works, from the cheapest on. */
+typedef enum CtsEngineLevel {
+    CTS_LEVEL_AUTO, /* as max_error needs */
+    CTS_LEVEL_LATTICE,
+    CTS_LEVEL_SHEETS,
+    CTS_LEVEL_HALF_SHEETS,
+    CTS_LEVEL_HYBRID,
+    CTS_N_LEVELS
+} CtsEngineLevel;
+extern const char *const cts_engine_level_names[CTS_N_LEVELS];
+
 /* Views that have a name. */
 typedef struct CtsNamedView {
     const char *name;
@@ -63,6 +74,7 @@ typedef struct CtsRenderSettings {
     CtsKernelId kernel;
     double kernel_radius;   /* voxels; 0: the kernel's own */
     int samples;            /* sub-sheets per layer; 0: chosen by the engine */
+    CtsEngineLevel level;   /* of an engine that has levels */
     double max_error;       /* in 1/255 rms, kept as far as rays that are cast tell; 0: the engine's default */
     bool void_key;          /* engines void and combined take improbable voxels for void (lossy; the
                              * report tells what is lost); the others warn that they have no use for it */

@@ -88,8 +88,12 @@ typedef struct CtsVerified {
  * bits; of several pictures the largest. */
 typedef struct CtsErrorBound {
     bool known;
-    double rmse, max;
-    uint64_t cast; /* pixels that were cast one by one to keep it */
+    double rmse;     /* holds in 999 of 1000 pictures */
+    double max;      /* of a channel of a pixel; negative where nothing bounds it (an engine that only estimates its
+                        errors, or pixels that were interpolated between others) */
+    uint64_t cast;   /* pixels that were re-rendered one by one for it */
+    char engine[16]; /* that rendered the picture */
+    char level[16];  /* of that engine; "" where it has none */
 } CtsErrorBound;
 
 typedef enum CtsLabelSource { CTS_LABEL_SEG, CTS_LABEL_RTSTRUCT, CTS_LABEL_NIFTI, CTS_N_LABEL_SOURCES } CtsLabelSource;

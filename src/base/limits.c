@@ -58,10 +58,11 @@ void cts_error_limits(CtsVerified *v)
     v->rmse_low = sqrt(low);
 }
 
-double cts_expectation_limit(double sum)
+/* Upper limit of the expectation of a sum of independent terms of 0..1; it is too low with a probability of exp(-odds)
+ * at most. A sum with expectation m comes out at s < m or lower with a probability of exp(s - m - s log(s / m)) at
+ * most. */
+static double expectation_limit(double sum, double odds)
 {
-    /* A sum with expectation m comes out at s < m or lower with a probability of exp(s - m - s log(s / m)) at most. */
-    const double odds = log(1000);
     double low = sum, high = sum + 3 * odds + 2 * sqrt(odds * sum);
     for (int i = 0; i < 60; i++) {
         const double middle = 0.5 * (low + high);
@@ -73,7 +74,7 @@ double cts_expectation_limit(double sum)
     return high;
 }
 
-double cts_mean_limit(double sum, double most, double n)
+double cts_mean_limit(double sum, double most, double n, int n_limits)
 {
-    return most > 0 ? most * cts_expectation_limit(sum / most) / n : 0;
+    return most > 0 ? most * expectation_limit(sum / most, log(1000 * fmax(n_limits, 1))) / n : 0;
 }

@@ -8,10 +8,10 @@
  * hold for any picture, as they assume nothing of pixels that were not sampled. A pixel's squared error is 0..1. */
 void cts_error_limits(CtsVerified *verified);
 
-/* What the expectation of a sum of independent terms, each 0..1, does not exceed with a probability of 99.9 %, when the
- * sum came out like this (Chernoff's bound). */
-double cts_expectation_limit(double sum);
-/* Likewise the mean of all, when n of them, drawn by chance, had this sum, and none is larger than `most`. */
-double cts_mean_limit(double sum, double most, double n);
+/* Upper limit (Chernoff's bound) of the mean of n numbers, when independent random terms, none larger than `most`,
+ * whose expectations sum to the sum of all n, came out with this sum. It holds with a probability of 99.9 %. n_limits
+ * limits (0 counts as 1) that are computed so hold all together with that probability: each has its part of the chance
+ * to fail (union bound). */
+double cts_mean_limit(double sum, double most, double n, int n_limits);
 
 #endif

@@ -195,12 +195,13 @@ class Sweep:
         if rms > 1e-4 / 255 and bound['rmse'] > 0:
             self.ratios.append((bound['rmse'] / max(rms, ROUNDED), what))
         self.errors.append((rms, what, asked))
+        largest = 1 if bound['max'] is None else bound['max']
         says = '%.3f/255 rms, told %.3f; largest %.2f/255, told %.2f; asked %s' % (
-            255 * rms, 255 * bound['rmse'], 255 * most, 255 * bound['max'], asked or 'nothing')
+            255 * rms, 255 * bound['rmse'], 255 * most, 255 * largest, asked or 'nothing')
         faults = []
         if rms > bound['rmse'] + ROUNDED:
             faults.append('above its bound')
-        if most > bound['max'] + ROUNDED_MOST:
+        if most > largest + ROUNDED_MOST:
             faults.append('a pixel above the largest told')
         if rms > limit + ROUNDED and not said:
             faults.append('above %g/255 without a warning' % (asked or 0.5))

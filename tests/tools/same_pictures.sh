@@ -53,6 +53,7 @@ for series; do
         scene "$series" exr -p bone --view "$view" --size 200x200 --mm-per-pixel 0.2
         scene "$series" png -p skin --view "$view" --size 200x200 --mm-per-pixel 3 --threads 1
         scene "$series" png -p bone --view "$view" --size 120x120 --max-error 0.1
+        scene "$series" exr -p skin --view "$view" --size 160x128 --max-error 16
         scene "$series" png -p bone --view "$view" --size 96x96 --engine void --void key
         scene "$series" png -p bone --view "$view" --size 96x96 --engine layers --tolerance 20 --grey-bits 8
         scene "$series" png -p bone --view "$view" --size 96x96 --opacity-unit voxel

@@ -13,9 +13,35 @@
 
 /* How finely an engine is to work: as the settings ask, or as it was found that their error is kept. */
 typedef struct CtsPlan {
-    int samples;      /* sub-sheets per layer; 0: chosen by the engine */
-    double max_error; /* in 1/255 rms; 0: the engine's default */
+    int samples;          /* sub-sheets per layer; 0: chosen by the engine */
+    double max_error;     /* in 1/255 rms; 0: the engine's default */
+    CtsEngineLevel level; /* of an engine that has levels (CtsEngine.levels); CTS_LEVEL_AUTO: as max_error needs */
+    int n_tried; /* levels that were tried before this one was chosen, itself among them, which share the chance that a
+                    limit of the error is too low; 0 counts as 1 */
 } CtsPlan;
+
+/* How a pixel was found. */
+typedef enum CtsPixelOrigin {
+    CTS_PIXEL_RENDERED,     /* by the engine; one whose ray misses the volume, too */
+    CTS_PIXEL_INTERPOLATED, /* from rendered pixels */
+    CTS_PIXEL_REFERENCE,    /* re-rendered by error control */
+} CtsPixelOrigin;
+
+/* What an engine hands to error control (render/error) beside the pixels of a band. Zeroed before it renders. */
+typedef struct CtsErrorMap {
+    uint8_t *origin;  /* CtsPixelOrigin of each pixel */
+    float *indicator; /* of each pixel's error, rms over red, green and blue, at least 0. The larger, the likelier a
+                         pixel is re-rendered; the engine's row says whether it bounds the error */
+    double interpolation_error;         /* estimate of the sum of the squared errors of the interpolated pixels */
+    double largest_interpolation_error; /* largest term of that estimate */
+} CtsErrorMap;
+
+/* What an engine's indicators are. */
+typedef enum CtsIndicator {
+    CTS_INDICATOR_NONE,     /* it has none: there is no error control, and samples a layer are chosen by trial */
+    CTS_INDICATOR_ESTIMATE, /* likely errors; nothing bounds the largest */
+    CTS_INDICATOR_BOUND,    /* upper limits, as far as the engine can tell: the picture's `bound` */
+} CtsIndicator;
 
 typedef struct CtsScene {
     const CtsVolume *volume;
@@ -53,14 +79,18 @@ static inline double cts_scene_square_of_error(const CtsScene *scene, const floa
 typedef struct CtsEngine {
     const char *name; /* as in --engine */
     /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over
-     * nothing. A band is those rows of the whole, bit by bit. picture is NULL for --explain: only make the plan. */
-    CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err);
-    /* Makes pixels of the band again, whose numbers in it stand in place, exactly but for what off says; for an engine
-     * that keeps plan.max_error and fills picture->bound. Others know plan.samples alone, and have NULL here. */
-    CtsStatus (*again)(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n, float (*rgba)[4],
-                       float *off, CtsError *err);
+     * nothing. A band is those rows of the whole, bit by bit. picture is NULL for --explain: only make the plan. errors
+     * is NULL where no error control follows; always for an engine without indicator. */
+    CtsStatus (*render)(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
+                        CtsError *err);
+    /* Renders n pixels of a band, whose numbers in it stand in place, at reference precision; off: error bounds. Error
+     * control re-renders pixels by it, its own engine's and those of engines that have NULL here. */
+    CtsStatus (*render_pixels)(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
+                               float (*rgba)[4], float *off, CtsError *err);
+    CtsIndicator indicator;     /* what it writes to CtsErrorMap; with one it keeps plan.max_error by itself */
     unsigned modes;             /* bit 1 << CtsMode for each it can do */
     unsigned kernels;           /* bit 1 << CtsKernelId */
+    unsigned levels;            /* bit 1 << CtsEngineLevel; 0: it has none */
     bool exact;                 /* nothing is left to plan: every pixel is what the scene says */
     bool repeats_layers;        /* goes through all layers for each band of rows */
     bool skips_void;            /* leaves out what is provably invisible */

@@ -3,8 +3,8 @@
 #include "base/cpu.h"
 #include "base/mutation.h"
 #include "base/vec3.h"
-#include "ctsplat/bounds.h"
 #include "core/scene/kernel.h"
+#include "ctsplat/bounds.h"
 #include <math.h>
 #include <stddef.h>
 
@@ -34,8 +34,9 @@ CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
         const bool whole = cts_setting_bounds(fields[i].setting)->whole;
         st = cts_setting_check(fields[i].setting, whole ? *(const int *)field : *(const double *)field, err);
     }
-    if (!st && ((unsigned)s->engine >= CTS_N_ENGINES || (unsigned)s->kernel >= CTS_N_KERNELS))
-        st = cts_fail(err, CTS_ERR_USAGE, "no such engine or kernel");
+    if (!st && ((unsigned)s->engine >= CTS_N_ENGINES || (unsigned)s->kernel >= CTS_N_KERNELS ||
+                (unsigned)s->level >= CTS_N_LEVELS))
+        st = cts_fail(err, CTS_ERR_USAGE, "no such engine, kernel or level");
     if (!st && (!(s->slab_mm >= 0) || !isfinite(s->slab_mm) || !isfinite(s->slab_at_mm)))
         st = cts_fail(err, CTS_ERR_USAGE, "a slab of %g mm at %g mm (a positive thickness, a place in mm)", s->slab_mm,
                       s->slab_at_mm);
@@ -66,7 +67,7 @@ CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const Ct
         p->shade = false;
     CtsScene *scene = &store->scene;
     *scene = (CtsScene){.volume = volume, .preset = p, .settings = s, .extinction_scale = 1};
-    scene->plan = (CtsPlan){.samples = s->samples, .max_error = s->max_error};
+    scene->plan = (CtsPlan){.samples = s->samples, .max_error = s->max_error, .level = s->level};
     if ((st = cts_view_init(&scene->view, volume, s, err)))
         return st;
     if (s->slab_mm > 0)

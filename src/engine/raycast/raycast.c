@@ -212,8 +212,10 @@ static void render_rows(void *context, int worker, size_t first, size_t end)
         render_row(r->caster, r->picture, (int)y);
 }
 
-static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
+static CtsStatus render(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
+                        CtsError *err)
 {
+    (void)errors;
     plan(scene, report);
     cts_scene_tell_parts(scene, report);
     if (!picture)

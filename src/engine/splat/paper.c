@@ -373,8 +373,10 @@ static CtsStatus render(const CtsScene *scene, bool reuse_layers, bool skip_void
 enum { COMPOSITE = 1u << CTS_MODE_COMPOSITE, EVERY_KERNEL = (1u << CTS_N_KERNELS) - 1 };
 
 #define ENGINE(id, reuse_layers, without_void)                                                                         \
-    static CtsStatus render_##id(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)         \
+    static CtsStatus render_##id(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,   \
+                                 CtsError *err)                                                                        \
     {                                                                                                                  \
+        (void)errors;                                                                                                  \
         return render(scene, reuse_layers, without_void, picture, report, err);                                        \
     }                                                                                                                  \
     const CtsEngine cts_engine_##id = {                                                                                \

@@ -20,8 +20,8 @@
  *
  * Where a ray only just touches a knot, rounding decides; pieces count as wrong by all that they may hide. The sum over
  * a ray, each piece weighed with the light that reaches it, is the bound of its pixel; pixels whose bounds are too
- * large are marched again in double precision (cts_tiled_again()), and so are those that judge what the bounds are
- * worth (render/error/bound.h).
+ * large are marched again in double precision (render_pixels()), and so are those that judge what the bounds are
+ * worth (render/error/error_control.h).
  *
  * LIGHT is no polynomial. It adds to a ray without changing its depth, so that stretches wait for it in a queue until
  * vectors are full, and in others where they are to be lit in steps (light_tmpl.h). What came of each is added at last,

@@ -208,7 +208,7 @@ static void report_counts(const TiledCounts *c, const CtsScene *scene, const Til
 }
 
 static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocells *macrocells, CtsPicture *picture,
-                           CtsReport *report, CtsError *err)
+                           CtsErrorMap *errors, CtsReport *report, CtsError *err)
 {
     CtsStatus st;
     CtsShade shade = {0};
@@ -229,10 +229,8 @@ static CtsStatus composite(const CtsScene *scene, Kept *kept, const CtsMacrocell
         goto end;
     job.want_depth = picture->depth_mm;
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    if ((st = cts_tiled_run(&job, path.march, scene, picture, &counts, err)))
+    if ((st = cts_tiled_run(&job, path.march, scene, picture, errors, &counts, err)))
         goto end;
-    picture->missed = ldexp((double)counts.missed, -32);
-    picture->missed_most = ldexp((double)counts.missed_most, -32);
     if (counts.between > 0)
         cts_report_plan(
             report, "%llu of %llu pixels lie between others that tell them to about %.3g/255, and were not marched",
@@ -280,8 +278,8 @@ static void run_some_again(void *context, int worker, size_t first, size_t end)
     }
 }
 
-static CtsStatus render_again(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
-                              float (*rgba)[4], float *off, CtsError *err)
+static CtsStatus render_pixels(const CtsScene *scene, const CtsPicture *band, const uint32_t *place, size_t n,
+                               float (*rgba)[4], float *off, CtsError *err)
 {
     const int n_threads = scene->settings->n_threads;
     CtsStatus st;
@@ -312,14 +310,15 @@ end:
     return st;
 }
 
-static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsReport *report, CtsError *err)
+static CtsStatus render_tiled(const CtsScene *scene, CtsPicture *picture, CtsErrorMap *errors, CtsReport *report,
+                              CtsError *err)
 {
     CtsStatus st;
     Kept *kept = NULL;
     const CtsMacrocells *macrocells;
     if ((st = open_kept(scene, &kept, err)) || (st = find_macrocells(kept, scene, &macrocells, report, err)))
         goto end;
-    st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, macrocells, picture, report, err)
+    st = scene->preset->mode == CTS_MODE_COMPOSITE ? composite(scene, kept, macrocells, picture, errors, report, err)
                                                    : cts_project(scene, macrocells, &kept->seen, picture, report, err);
 end:
     if (!scene->kept)
@@ -330,7 +329,8 @@ end:
 const CtsEngine cts_engine_tiled = {
     .name = "tiled",
     .render = render_tiled,
-    .again = render_again,
+    .render_pixels = render_pixels,
+    .indicator = CTS_INDICATOR_BOUND,
     .skips_void = true,
     .cuts_slabs = true,
     .knows_owners = true,

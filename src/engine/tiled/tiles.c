@@ -20,6 +20,7 @@ typedef struct Tiles {
     cts_tiled_march_fn march;
     const CtsScene *scene;
     CtsPicture *picture;
+    CtsErrorMap *errors;   /* NULL: not wanted */
     TiledScratch *scratch; /* of each worker */
     int across;
 } Tiles;
@@ -61,8 +62,8 @@ static void march_listed(Tile *t)
         const size_t at = (size_t)(rays->y[i] - p->first_row) * (size_t)p->width + rays->x[i];
         for (int c = 0; c < 4; c++)
             p->pixels[4 * at + (size_t)c] = rays->rgba[i][c];
-        if (p->bound)
-            p->bound[at] = rays->bound[i];
+        if (t->tiles->errors)
+            t->tiles->errors->indicator[at] = rays->bound[i];
         if (p->depth_mm)
             p->depth_mm[at] = rays->depth_mm[i];
     }
@@ -231,6 +232,7 @@ static float depth_between(const Tile *t, const Corners *k, int x, int y)
 static void fill(Tile *t, const int x[2], const int y[2])
 {
     CtsPicture *const p = t->tiles->picture;
+    CtsErrorMap *const errors = t->tiles->errors;
     const Corners k = corners_of(t, x, y);
     for (int j = y[0]; j <= y[1]; j++)
         for (int i = x[0]; i <= x[1]; i++) {
@@ -239,7 +241,8 @@ static void fill(Tile *t, const int x[2], const int y[2])
             const size_t at = place_of(t, i, j);
             for (size_t c = 0; c < 4; c++)
                 p->pixels[4 * at + c] = between(&k, i, j, c);
-            p->bound[at] = -HALF_FROM * t->tiles->job->alike;
+            errors->origin[at] = CTS_PIXEL_INTERPOLATED;
+            errors->indicator[at] = HALF_FROM * t->tiles->job->alike;
             if (p->depth_mm)
                 p->depth_mm[at] = depth_between(t, &k, i, j);
             t->known[j][i] = true;
@@ -335,7 +338,7 @@ static void run_some_tiles(void *context, int worker, size_t first, size_t end)
 {
     const Tiles *const tiles = context;
     const CtsPicture *const p = tiles->picture;
-    const bool draft = tiles->job->alike > 0 && p->bound;
+    const bool draft = tiles->job->alike > 0 && tiles->errors;
     for (size_t tile = first; tile < end && !cts_scene_stopped(tiles->scene); tile++) {
         const int x0 = (int)tile % tiles->across * TILE, y0 = (int)tile / tiles->across * TILE;
         Tile t = {tiles,
@@ -352,11 +355,11 @@ static void run_some_tiles(void *context, int worker, size_t first, size_t end)
 }
 
 CtsStatus cts_tiled_run(const TiledJob *job, cts_tiled_march_fn march, const CtsScene *scene, CtsPicture *picture,
-                        TiledCounts *total, CtsError *err)
+                        CtsErrorMap *errors, TiledCounts *total, CtsError *err)
 {
     const int n_threads = scene->settings->n_threads;
     CtsStatus st;
-    Tiles t = {job, march, scene, picture, NULL, (picture->width + TILE - 1) / TILE};
+    Tiles t = {job, march, scene, picture, errors, NULL, (picture->width + TILE - 1) / TILE};
     if ((st = cts_alloc_zeroed(&t.scratch, (size_t)n_threads, err)))
         return st;
     const int down = (picture->height + TILE - 1) / TILE;
@@ -371,6 +374,10 @@ CtsStatus cts_tiled_run(const TiledJob *job, cts_tiled_march_fn march, const Cts
         total->missed_most = c->missed_most > total->missed_most ? c->missed_most : total->missed_most;
         total->ticks += c->ticks;
         total->shade_ticks += c->shade_ticks;
+    }
+    if (errors) {
+        errors->interpolation_error = ldexp((double)total->missed, -32);
+        errors->largest_interpolation_error = ldexp((double)total->missed_most, -32);
     }
     cts_free(&t.scratch);
     return cts_scene_stopped(scene) ? cts_fail(err, CTS_ERR_INTERRUPTED, "interrupted") : CTS_OK;

@@ -5,8 +5,8 @@
 #include "core/scene/engine.h"
 #include "engine/tiled/cells.h"
 
-/* Fills the zeroed picture, with bounds and depth where it has room for them; adds to *total. */
+/* Fills the zeroed picture, with depth where it has room for it, and errors unless it is NULL; adds to *total. */
 CtsStatus cts_tiled_run(const TiledJob *job, cts_tiled_march_fn march, const CtsScene *scene, CtsPicture *picture,
-                        TiledCounts *total, CtsError *err);
+                        CtsErrorMap *errors, TiledCounts *total, CtsError *err);
 
 #endif

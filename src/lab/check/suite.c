@@ -97,8 +97,9 @@ void cts_check_worst_value(CtsCheckRun *run, const CtsCheckWorst *worst, double 
 {
     run->scene.x = worst->x;
     run->scene.y = worst->y;
+    const CtsErrorBound *const told = &run->told;
     const bool above =
-        run->told.known && (worst->rms > run->told.rmse + UNTOLD || worst->most > run->told.max + UNTOLD);
+        told->known && (worst->rms > told->rmse + UNTOLD || (told->max >= 0 && worst->most > told->max + UNTOLD));
     state(run, worst->expected, worst->found, worst->error, bound,
           worst->dark ? "a pixel has lost half of its light"
           : above     ? "the error is above what the report tells"

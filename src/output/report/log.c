@@ -230,8 +230,9 @@ void cts_log_report(CtsLog *log, const CtsReport *report)
                             "reused", (json_int_t)v->reused, "splatted", (json_int_t)v->splatted));
     if (b->known)
         add_event(log, "bound",
-                  json_pack("{s:f,s:f,s:s,s:I}", "rmse", b->rmse, "max", b->max, "kind", "estimated", "cast",
-                            (json_int_t)b->cast));
+                  json_pack("{s:f,s:o,s:s,s:I,s:s,s:s?}", "rmse", b->rmse, "max",
+                            b->max >= 0 ? json_real(b->max) : json_null(), "kind", "estimated", "cast",
+                            (json_int_t)b->cast, "engine", b->engine, "level", *b->level ? b->level : NULL));
     if (report->verified.pixels)
         add_event(log, "error", cts_error_json(report));
 }

@@ -36,10 +36,10 @@ class Finding(NamedTuple):
 
 
 class Bound(NamedTuple):
-    """What the error of a picture does not exceed, in display values 0 to 1: rms, and of any one pixel."""
+    """Upper limits of a picture's error, in display values 0 to 1: rms, and of any one pixel (None: nothing bounds it)."""
 
     rmse: float
-    max: float
+    max: Optional[float]
     kind: str
 
 
@@ -75,7 +75,7 @@ class _Report:
 
     def bound(self) -> Optional[Bound]:
         b = self.c.bound
-        return Bound(b.rmse, b.max, "estimated") if b.known else None
+        return Bound(b.rmse, b.max if b.max >= 0 else None, "estimated") if b.known else None
 
 
 _FLAGS = {"deidentify", "explain", "force", "insecure_http", "label_colours", "new_uids", "show_paths"}

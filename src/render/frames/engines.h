@@ -5,5 +5,7 @@
 #include "core/scene/engine.h"
 
 const CtsEngine *cts_engine(CtsEngineId id);
+/* The engine that re-renders an engine's pixels for error control: itself, else the first that can. */
+CtsEngineId cts_engine_march(CtsEngineId id);
 
 #endif

@@ -26,10 +26,10 @@ struct CtsFrames {
     double lut_scale; /* extinction_scale that lut was made for */
     CtsFoundKey key;
     bool key_found, key_told;
-    void *kept;               /* the engine's */
-    int n_begun;              /* frames */
-    void *kept_to_look;       /* the same of the engine that looks what is visible, where it is another */
-    CtsRenderSettings fitted; /* of the last view that was fitted, where is_fitted says so */
+    void *kept[CTS_N_ENGINES]; /* by each engine that renders from volume: the chosen one, and the exact march */
+    void *kept_of_original;    /* by the engine that looks what is visible, where volume is quantised */
+    int n_begun;               /* frames */
+    CtsRenderSettings fitted;  /* of the last view that was fitted, where is_fitted says so */
     bool is_fitted;
 };
 
@@ -63,6 +63,8 @@ static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const C
     if (!(e->kernels >> s->kernel & 1))
         return cts_fail(err, CTS_ERR_USAGE, "engine %s has no kernel %s (%s have)", e->name,
                         cts_kernel_names[s->kernel], with_bit(offsetof(CtsEngine, kernels), (int)s->kernel, names));
+    if (s->level && !(e->levels >> s->level & 1))
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no level %s", e->name, cts_engine_level_names[s->level]);
     if (s->slab_mm > 0 && !e->cuts_slabs)
         return cts_fail(err, CTS_ERR_USAGE, "engine %s cuts no slab (tiled and raycast do)", e->name);
     *engine = e;
@@ -141,10 +143,11 @@ void cts_frames_free(CtsFrames **frames)
     CtsFrames *f = *frames;
     if (!f)
         return;
-    if (f->kept && f->engine->forget)
-        f->engine->forget(f->kept);
+    for (int i = 0; i < CTS_N_ENGINES; i++)
+        if (f->kept[i])
+            cts_engine((CtsEngineId)i)->forget(f->kept[i]);
     cts_lut_free(&f->lut);
-    cts_engine_tiled.forget(f->kept_to_look);
+    cts_engine_tiled.forget(f->kept_of_original);
     cts_volume_free(&f->quantised);
     free(f);
     *frames = NULL;
@@ -305,8 +308,8 @@ CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSetti
         return CTS_OK;
     if (!framed_already(f, s)) {
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        const bool alike = f->engine == &cts_engine_tiled && f->volume == f->original;
-        const CtsFramed what = {f->original, &f->preset, alike ? &f->kept : &f->kept_to_look, f->n_begun};
+        void **const kept = f->volume == f->original ? &f->kept[CTS_ENGINE_TILED] : &f->kept_of_original;
+        const CtsFramed what = {f->original, &f->preset, kept, f->n_begun};
         CtsRenderSettings fitted = *s;
         fitted.centre_given = false;
         const CtsStatus st = cts_framing_find(&what, &fitted, err);
@@ -348,12 +351,16 @@ CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *f, const CtsFrameTask *tas
         (st = cts_scene_init(&frame->store, f->volume, &f->preset, &settings, err)))
         return st;
     frame->store.scene.plan = task->plan;
-    frame->store.scene.kept = &f->kept;
+    frame->store.scene.kept = &f->kept[settings.engine];
     frame->store.scene.frame = f->n_begun++;
     if ((st = find_lut(f, &frame->store.scene, report, err)))
         return st;
     tell_key(f, report);
     tell_left_out(frame, report);
+    const CtsEngineId march = cts_engine_march(settings.engine);
+    CtsErrorControl *const control = &frame->error_control;
+    *control = (CtsErrorControl){.engine = f->engine, .march = cts_engine(march), .scene = frame->store.scene};
+    control->scene.kept = &f->kept[march];
     const bool lossy = report && report->key_loss > 0;
     const int n = task->n_verified > 0 ? task->n_verified : lossy ? task->least_lossy : 0;
     if (n == 0 || task->explain)
@@ -377,8 +384,6 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     fill_info(&(*picture)->info, frame->frames, scene);
     if (scene->preset->mode != CTS_MODE_COMPOSITE)
         return CTS_OK;
-    if (frame->frames->engine->again && (st = cts_alloc_zeroed(&(*picture)->bound, n, err)))
-        return st;
     if (!frame->want_depth)
         return CTS_OK;
     if ((st = cts_alloc_array(&(*picture)->depth_mm, n, err)))
@@ -388,24 +393,42 @@ static CtsStatus new_band(const CtsFrame *frame, int first_row, int n_rows, CtsP
     return CTS_OK;
 }
 
+static CtsStatus new_error_map(CtsErrorMap *errors, const CtsPicture *band, CtsError *err)
+{
+    const size_t n = (size_t)band->width * (size_t)band->height;
+    const CtsStatus st = cts_alloc_zeroed(&errors->origin, n, err);
+    return st ? st : cts_alloc_zeroed(&errors->indicator, n, err);
+}
+
 CtsStatus cts_frame_explain(CtsFrame *frame, CtsReport *report, CtsError *err)
 {
-    return frame->frames->engine->render(&frame->store.scene, NULL, report, err);
+    return frame->frames->engine->render(&frame->store.scene, NULL, NULL, report, err);
 }
 
 CtsStatus cts_frame_rows(CtsFrame *frame, int first_row, int n_rows, CtsPicture **band, CtsReport *report,
                          CtsError *err)
 {
+    const CtsEngine *const engine = frame->frames->engine;
+    const CtsScene *const scene = &frame->store.scene;
+    CtsErrorMap errors = {0};
     *band = NULL;
     CtsStatus st = new_band(frame, first_row, n_rows, band, err);
+    if (!st && engine->indicator && scene->preset->mode == CTS_MODE_COMPOSITE)
+        st = new_error_map(&errors, *band, err);
     if (!st)
-        st = frame->frames->engine->render(&frame->store.scene, *band, report, err);
-    if (!st && (*band)->bound)
-        st = cts_bound_keep(&frame->bound, frame->frames->engine, &frame->store.scene, *band, err);
+        st = engine->render(scene, *band, errors.indicator ? &errors : NULL, report, err);
+    if (!st && errors.indicator)
+        st = cts_error_control_enforce(&frame->error_control, *band, &errors, err);
     if (st)
         cts_picture_free(band);
     else
-        cts_verify_take(&frame->verify, *band, (*band)->bound);
+        cts_verify_take(&frame->verify, *band, errors.indicator);
+    if (!st && engine->indicator == CTS_INDICATOR_BOUND) {
+        (*band)->bound = errors.indicator;
+        errors.indicator = NULL;
+    }
+    cts_free(&errors.origin);
+    cts_free(&errors.indicator);
     return st;
 }
 
@@ -414,7 +437,7 @@ CtsStatus cts_frame_end(CtsFrame *frame, CtsStatus st, CtsReport *report, CtsErr
     if (!st && !frame->explain)
         st = cts_verify_end(&frame->verify, report, err);
     if (!st)
-        cts_bound_tell(&frame->bound, &frame->store.scene, report);
+        cts_error_control_report(&frame->error_control, report);
     cts_verify_free(&frame->verify);
     return st;
 }

@@ -4,12 +4,12 @@
 #ifndef CTS_RENDER_FRAMES_H
 #define CTS_RENDER_FRAMES_H
 
-#include "ctsplat/render.h"
-#include "ctsplat/report.h"
-#include "render/error/bound.h"
-#include "render/error/verify.h"
 #include "core/scene/engine.h"
 #include "core/scene/resolve.h"
+#include "ctsplat/render.h"
+#include "ctsplat/report.h"
+#include "render/error/error_control.h"
+#include "render/error/verify.h"
 
 typedef struct CtsFrames CtsFrames;
 
@@ -47,7 +47,7 @@ typedef struct CtsFrame {
     CtsSceneStore store;
     CtsScene original; /* store's scene of the volume before quantising: what that loses is part of the error */
     CtsVerify verify;
-    CtsFrameBound bound;
+    CtsErrorControl error_control;
 } CtsFrame;
 
 CtsStatus cts_frame_begin(CtsFrame *frame, CtsFrames *frames, const CtsFrameTask *task, CtsReport *report,

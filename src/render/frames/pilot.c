@@ -97,8 +97,8 @@ CtsStatus cts_pilot_plan(CtsFrames *frames, const double view_deg[2], CtsPlan *p
     CtsStatus st = cts_frames_view(frames, view_deg, &asked, report, err);
     if (st)
         return st;
-    *plan = (CtsPlan){.samples = asked.samples, .max_error = asked.max_error};
-    if (!(asked.max_error > 0) || asked.samples > 0 || engine->exact || engine->again)
+    *plan = (CtsPlan){.samples = asked.samples, .max_error = asked.max_error, .level = asked.level};
+    if (!(asked.max_error > 0) || asked.samples > 0 || engine->exact || engine->indicator)
         return CTS_OK;
     if ((st = cts_scene_init(&store, cts_frames_volume(frames), cts_frames_preset(frames), &asked, err)) ||
         store.preset.mode != CTS_MODE_COMPOSITE)

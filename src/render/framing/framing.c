@@ -50,7 +50,7 @@ static CtsStatus draw(Look *l, const double from[2], double apart, const int n[2
     }
     CtsStatus st = cts_picture_new(&picture, n[0], n[1], 4, err);
     if (!st)
-        st = cts_engine_tiled.render(&scene, picture, NULL, err);
+        st = cts_engine_tiled.render(&scene, picture, NULL, NULL, err);
     const int channel = scene.preset->mode == CTS_MODE_COMPOSITE ? 3 : 0;
     memset(l->shown, 0, sizeof l->shown);
     for (int i = 0; i < n[0] * n[1] && !st; i++)

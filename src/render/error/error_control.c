@@ -1,0 +1,315 @@
+#include "render/error/error_control.h"
+
+#include "base/chance.h"
+#include "base/clock.h"
+#include "base/limits.h"
+#include "base/mem.h"
+#include "base/mutation.h"
+#include "base/parallel.h"
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Rounding error of single precision, rms, where nothing else errs. */
+#define ROUNDING 1e-5
+
+/* Indicators count by this share: errors are far smaller than the march's bounds, hardly ever more than half. */
+#define WORTH 0.5
+/* The floor f as a share of the requested error. */
+#define FLOOR 0.25
+
+enum {
+    ONE_IN = 512, /* of so many pixels one is re-rendered to estimate the error; more of a small picture */
+    FIRST = 256,  /* of so many pixels of a strip at most one is re-rendered in the first round, */
+    MOST = 12,    /* and in all rounds */
+    MORE = 6,     /* the probability grows by this factor from round to round */
+    ROUNDS = 4,   /* at most */
+    SMALL = 1024, /* so many pixels of a picture may be re-rendered in any case */
+};
+
+/* State of one strip of CTS_BAND_ROWS rows. */
+typedef struct Strip {
+    size_t first, end;  /* its pixels */
+    bool open;          /* takes part in this round */
+    double chance;      /* probability of a pixel to be re-rendered, divided by b^2 + f^2 */
+    size_t first_drawn; /* of this round's pixels, in Round.place */
+    size_t n_drawn;     /* this round's pixels */
+    size_t n_made;      /* pixels re-rendered in all rounds */
+    size_t n_interpolated;
+    double share; /* pixels with the error of one: a rendered pixel's error is in those interpolated from it, too */
+    double sum, excess, largest; /* as in CtsErrorControl */
+} Strip;
+
+typedef struct Round {
+    const CtsErrorControl *control;
+    CtsPicture *band;
+    CtsErrorMap *errors;
+    double floor;  /* f^2 */
+    double small;  /* share of a small picture that may be re-rendered in any case */
+    double one_in; /* one pixel of so many is re-rendered where the indicators equal the requested error */
+    Strip *strips;
+    size_t n_strips;
+    int number;
+    size_t n_drawn;
+    uint32_t *place;        /* pixels of the band that are re-rendered in this round, strip by strip */
+    float (*rgba)[4], *off; /* their values, and the exact march's error bounds */
+} Round;
+
+/* Without --max-error, missing the default target is reported from a step of 8 bits on. */
+static double warned_from(const CtsScene *scene)
+{
+    const double asked = cts_scene_error_asked(scene);
+    return scene->plan.max_error > 0 ? 1.005 * asked : fmax(asked, 1.0 / 255);
+}
+
+/* b^2 + f^2; 0: the pixel is not sampled. */
+static double square_at(const Round *r, size_t at)
+{
+    const double indicator = WORTH * (double)r->errors->indicator[at];
+    return r->errors->origin[at] == CTS_PIXEL_RENDERED ? indicator * indicator + r->floor : 0;
+}
+
+static double chance_at(const Round *r, const Strip *s, size_t at)
+{
+    return fmin(s->chance * square_at(r, at), 1);
+}
+
+/* By a number that is uniform over 0..1, another for each pixel of the view and each round. */
+static bool is_drawn(const Round *r, const Strip *s, size_t at)
+{
+    const uint64_t place = (uint64_t)r->band->first_row * (uint64_t)r->band->width + at;
+    const uint64_t number = place + ((uint64_t)r->number << 60) + 1;
+    return (double)(cts_chance_bits(number) >> 11) * 0x1p-53 < chance_at(r, s, at);
+}
+
+static double share_of(const Round *r, Strip *s)
+{
+    size_t n_visible = 0;
+    for (size_t i = s->first; i < s->end; i++) {
+        const bool interpolated = r->errors->origin[i] == CTS_PIXEL_INTERPOLATED;
+        s->n_interpolated += interpolated;
+        n_visible += !interpolated && r->band->pixels[4 * i + 3] > 0;
+    }
+    return n_visible > 0 ? 1 + (double)s->n_interpolated / (double)n_visible : 1;
+}
+
+/* Count the pixels of each strip that are re-rendered: as many as the requested error needs; few where the strip is
+ * good, and where it is so bad that more would not change the estimate. */
+static void count_some(void *context, int worker, size_t first, size_t end)
+{
+    const Round *const r = context;
+    const double asked = cts_scene_error_asked(&r->control->scene);
+    (void)worker;
+    for (size_t strip = first; strip < end; strip++) {
+        Strip *const s = &r->strips[strip];
+        s->n_drawn = 0;
+        if (!s->open)
+            continue;
+        const double most = (double)(s->end - s->first) * fmin(r->small + 1.0 / (r->number == 0 ? FIRST : MOST), 1);
+        s->share = r->number == 0 ? share_of(r, s) : s->share;
+        s->chance = r->number == 0 ? 1 / (r->one_in * asked * asked) : MORE * s->chance;
+        double expected = 0;
+        for (size_t i = s->first; i < s->end; i++)
+            expected += chance_at(r, s, i);
+        if (expected > most)
+            s->chance *= most / expected;
+        for (size_t i = s->first; i < s->end; i++)
+            s->n_drawn += is_drawn(r, s, i);
+    }
+}
+
+static void list_some(void *context, int worker, size_t first, size_t end)
+{
+    const Round *const r = context;
+    (void)worker;
+    for (size_t strip = first; strip < end; strip++) {
+        const Strip *const s = &r->strips[strip];
+        uint32_t *place = r->place + s->first_drawn;
+        for (size_t i = s->first; i < s->end && s->n_drawn > 0; i++)
+            if (is_drawn(r, s, i))
+                *place++ = (uint32_t)i;
+    }
+}
+
+/* Limit of the squared error of a whole picture like this strip. */
+static double limit_of(const Round *r, const Strip *s)
+{
+    const CtsView *const view = &r->control->scene.view;
+    const double pixels = (double)view->width * view->height, n = (double)(s->end - s->first);
+    return cts_mean_limit(s->sum * pixels / n, s->share / s->chance * fmax(s->excess, 1), pixels,
+                          r->control->scene.plan.n_tried);
+}
+
+/* True where the strip's error is larger than requested, or may be so large that a warning would be due, and pixels are
+ * left to re-render. */
+static bool needs_more(const Round *r, const Strip *s)
+{
+    const double n = (double)(s->end - s->first), asked = cts_scene_error_asked(&r->control->scene);
+    const double warned = warned_from(&r->control->scene);
+    return (double)s->n_made < n * fmin(r->small + 1.0 / MOST, 1) &&
+           (s->sum > n * asked * asked || limit_of(r, s) > warned * warned);
+}
+
+/* Estimate the strips' errors from the re-rendered pixels, and replace these. */
+static void estimate_some(void *context, int worker, size_t first, size_t end)
+{
+    const Round *const r = context;
+    (void)worker;
+    for (size_t strip = first; strip < end; strip++) {
+        Strip *const s = &r->strips[strip];
+        s->sum = s->open ? 0 : s->sum;
+        for (size_t i = s->first_drawn; i < s->first_drawn + s->n_drawn; i++) {
+            const size_t at = r->place[i];
+            float *const pixel = r->band->pixels + 4 * at;
+            const double off = WORTH * (double)r->off[i], p = chance_at(r, s, at),
+                         error = sqrt(cts_scene_square_of_error(&r->control->scene, pixel, r->rgba[i])) + off,
+                         square = error * error;
+            s->sum += s->share * square * (1 - p) / p + off * off;
+            if (p < 1)
+                s->excess = fmax(s->excess, square / square_at(r, at));
+            if (!CTS_MUTATED(UNCAST))
+                memcpy(pixel, r->rgba[i], sizeof r->rgba[i]);
+        }
+        for (size_t i = s->first_drawn; i < s->first_drawn + s->n_drawn; i++) {
+            r->errors->origin[r->place[i]] = CTS_PIXEL_REFERENCE;
+            r->errors->indicator[r->place[i]] = 0;
+        }
+        s->n_made += s->n_drawn;
+        s->open = s->open && needs_more(r, s);
+    }
+}
+
+static CtsStatus run_round(Round *r, CtsError *err)
+{
+    const CtsErrorControl *const c = r->control;
+    const int n_threads = c->scene.settings->n_threads;
+    CtsStatus st;
+    cts_parallel(n_threads, r->n_strips, 1, count_some, r);
+    r->n_drawn = 0;
+    for (size_t i = 0; i < r->n_strips; i++) {
+        r->strips[i].first_drawn = r->n_drawn;
+        r->n_drawn += r->strips[i].n_drawn;
+    }
+    cts_free(&r->place);
+    cts_free(&r->rgba);
+    cts_free(&r->off);
+    if ((st = cts_alloc_array(&r->place, r->n_drawn, err)) || (st = cts_alloc_array(&r->rgba, r->n_drawn, err)) ||
+        (st = cts_alloc_array(&r->off, r->n_drawn, err)))
+        return st;
+    cts_parallel(n_threads, r->n_strips, 1, list_some, r);
+    if (r->n_drawn > 0 &&
+        (st = c->march->render_pixels(&c->scene, r->band, r->place, r->n_drawn, r->rgba, r->off, err)))
+        return st;
+    cts_parallel(n_threads, r->n_strips, 1, estimate_some, r);
+    return CTS_OK;
+}
+
+static void find_some_largest(void *context, int worker, size_t first, size_t end)
+{
+    const Round *const r = context;
+    (void)worker;
+    for (size_t strip = first; strip < end; strip++) {
+        Strip *const s = &r->strips[strip];
+        for (size_t i = s->first; i < s->end; i++)
+            if (r->errors->origin[i] == CTS_PIXEL_RENDERED)
+                s->largest = fmax(s->largest, WORTH * (double)r->errors->indicator[i]);
+    }
+}
+
+static bool any_open(const Round *r)
+{
+    for (size_t i = 0; i < r->n_strips; i++)
+        if (r->strips[i].open)
+            return true;
+    return false;
+}
+
+CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, CtsErrorMap *errors, CtsError *err)
+{
+    const CtsScene *const scene = &control->scene;
+    const double wall = cts_wall_ms(), cpu = cts_cpu_ms(), floor = FLOOR * cts_scene_error_asked(scene);
+    const double pixels = (double)scene->view.width * scene->view.height;
+    const size_t n = (size_t)band->width * (size_t)band->height, strip = (size_t)band->width * CTS_BAND_ROWS;
+    Round r = {.control = control,
+               .band = band,
+               .errors = errors,
+               .floor = floor * floor,
+               .n_strips = (n + strip - 1) / strip,
+               .small = SMALL / pixels,
+               .one_in = fmax(fmin(pixels / ONE_IN, ONE_IN), 1)};
+    CtsStatus st;
+    if ((st = cts_alloc_zeroed(&r.strips, r.n_strips, err)))
+        return st;
+    for (size_t i = 0; i < r.n_strips; i++)
+        r.strips[i] = (Strip){.first = i * strip, .end = i + 1 < r.n_strips ? (i + 1) * strip : n, .open = true};
+    for (; r.number < ROUNDS && any_open(&r); r.number++)
+        if ((st = run_round(&r, err)))
+            goto end;
+    cts_parallel(scene->settings->n_threads, r.n_strips, 1, find_some_largest, &r);
+    for (size_t i = 0; i < r.n_strips; i++) {
+        const Strip *const s = &r.strips[i];
+        control->sum += s->sum;
+        control->largest_term = fmax(control->largest_term, s->share / s->chance);
+        control->excess = fmax(control->excess, s->excess);
+        control->largest = fmax(control->largest, s->largest);
+        control->n_rerendered += s->n_made;
+        control->n_interpolated += s->n_interpolated;
+    }
+    control->interpolation += errors->interpolation_error;
+    control->largest_interpolation = fmax(control->largest_interpolation, errors->largest_interpolation_error);
+    control->n_pixels += n;
+end:
+    control->wall_ms += cts_wall_ms() - wall;
+    control->cpu_ms += cts_cpu_ms() - cpu;
+    cts_free(&r.strips);
+    cts_free(&r.place);
+    cts_free(&r.rgba);
+    cts_free(&r.off);
+    return st;
+}
+
+double cts_error_control_rmse(const CtsErrorControl *c)
+{
+    const double largest_term = c->largest_term * fmax(c->excess, 1), n = (double)c->n_pixels;
+    const int n_tried = c->scene.plan.n_tried;
+    return ROUNDING + sqrt(cts_mean_limit(c->sum, largest_term, n, n_tried) +
+                           cts_mean_limit(c->interpolation, c->largest_interpolation, n, n_tried));
+}
+
+/* Largest error of a pixel; negative where nothing bounds it. Re-rendered pixels show how far errors exceed the bounds,
+ * floor included; one channel may have all of a pixel's error; and a pixel that was not sampled may err twice as much.
+ */
+static double largest_error(const CtsErrorControl *c)
+{
+    const double floor = FLOOR * cts_scene_error_asked(&c->scene);
+    const double largest = 2 * sqrt(3 * fmax(c->excess, 1) * (c->largest * c->largest + floor * floor));
+    return c->engine->indicator == CTS_INDICATOR_BOUND && c->n_interpolated == 0 ? fmin(largest / WORTH, 1) : -1;
+}
+
+void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
+{
+    if (!report || c->n_pixels == 0)
+        return;
+    const double rmse = cts_error_control_rmse(c) * (CTS_MUTATED(BOUND_LOW) ? 0.05 : 1),
+                 asked = cts_scene_error_asked(&c->scene), largest = largest_error(c);
+    CtsErrorBound *bound = &report->bound;
+    /* The worst frame of a rotation stands for all. */
+    bound->max = (bound->known && bound->max < 0) || largest < 0 ? -1 : fmax(bound->max, largest);
+    bound->known = true;
+    bound->rmse = fmax(bound->rmse, rmse);
+    bound->cast += c->n_rerendered;
+    snprintf(bound->engine, sizeof bound->engine, "%s", c->engine->name);
+    if (c->engine->levels)
+        snprintf(bound->level, sizeof bound->level, "%s", cts_engine_level_names[c->scene.plan.level]);
+    cts_report_stage(report, CTS_STAGE_COMPOSITE, c->wall_ms, c->cpu_ms, c->n_rerendered, 0);
+    cts_report_plan(
+        report, "%llu of %llu pixels re-rendered in double precision, to estimate the error and to correct the worst",
+        (unsigned long long)c->n_rerendered, (unsigned long long)c->n_pixels);
+    const bool kept = rmse <= 1.005 * asked, by_default = !(c->scene.plan.max_error > 0);
+    const bool is_note = kept || rmse <= warned_from(&c->scene);
+    if (!kept || !by_default)
+        cts_report_finding(report, kept ? "max_error" : "error_bound", is_note ? CTS_NOTE : CTS_WARNING,
+                           "the picture's error is at most about %.2g/255 rms, %s %.2g%s", 255 * rmse,
+                           by_default ? "aimed at" : "asked for", 255 * asked,
+                           kept ? "" : " (engine raycast is exact)");
+}

@@ -1,0 +1,48 @@
+/* Error control: estimates the error of a frame from re-rendered pixels, and corrects the worst pixels.
+ *
+ * The engine gives each pixel an error indicator b (CtsErrorMap), which is cheap and need not be good. The frame's
+ * error e is estimated from a sample: a pixel is re-rendered by the exact march (CtsEngine.render_pixels) with a
+ * probability p that grows with b^2 + f^2, where the floor f gives every pixel a chance; the worst pixels are
+ * re-rendered in any case. All of them are replaced. The sum of e^2 (1 - p) / p over the re-rendered pixels has the
+ * squared error of the others for its expectation. Each of its terms has a known upper limit as long as
+ * e^2 <= b^2 + f^2, so Chernoff's bound gives an upper limit of the sum that holds in 999 of 1000 pictures
+ * (cts_mean_limit()). Where a re-rendered pixel shows that e^2 exceeds b^2 + f^2, the limit of the terms grows by as
+ * much. The exact march has an error bound too, far smaller, which counts as error.
+ *
+ * Interpolated pixels are not sampled. The engine itself estimates their common error, with the largest term of that
+ * estimate, in addition to the errors of the pixels that they were interpolated from.
+ *
+ * Strips of CTS_BAND_ROWS rows are processed one by one, so that a picture is the same in bands of any size. Where a
+ * strip's error is larger than requested, more of its pixels are re-rendered, round by round. */
+#ifndef CTS_RENDER_ERROR_CONTROL_H
+#define CTS_RENDER_ERROR_CONTROL_H
+
+#include "core/scene/engine.h"
+
+/* Of one frame. The caller sets the first three fields and zeroes the others. */
+typedef struct CtsErrorControl {
+    const CtsEngine *engine; /* rendered the frame */
+    const CtsEngine *march;  /* re-renders pixels: a row with render_pixels, the same or another */
+    CtsScene scene;          /* of the frame, as march gets it: `kept` is what march keeps */
+    uint64_t n_pixels;       /* of the bands so far */
+    uint64_t n_rerendered;   /* of them */
+    uint64_t n_interpolated; /* of them */
+    double largest;          /* largest indicator of a pixel that was not re-rendered */
+    double sum;              /* of e^2 (1 - p) / p */
+    double largest_term;     /* upper limit of its terms while e^2 <= b^2 + f^2 */
+    double excess;           /* largest e^2 / (b^2 + f^2) of a re-rendered pixel */
+    double interpolation;    /* sum over the bands of CtsErrorMap.interpolation_error */
+    double largest_interpolation;
+    double wall_ms, cpu_ms;
+} CtsErrorControl;
+
+/* Takes a band with what its engine indicated, and corrects its worst pixels. On return the origin of re-rendered
+ * pixels is CTS_PIXEL_REFERENCE, and their indicator 0. */
+CtsStatus cts_error_control_enforce(CtsErrorControl *control, CtsPicture *band, CtsErrorMap *errors, CtsError *err);
+/* Upper limit of the frame's error, rms. */
+double cts_error_control_rmse(const CtsErrorControl *control);
+/* Fills report->bound, and adds a warning where the error may be larger than requested. Nothing for a frame that
+ * cts_error_control_enforce() has not seen. */
+void cts_error_control_report(const CtsErrorControl *control, CtsReport *report);
+
+#endif
