@@ -154,7 +154,11 @@ statement = [
        "InstanceNumber steps by n, a step is as long as SliceThickness or the smallest gap within 25 %, and the numbers "
        "between are not those of other objects of the study",
        "warning where a tenth or less is missing, or every 2nd or 3rd slice is there; else refused unless "
-       "--allow-missing-slices is given")]),
+       "--allow-missing-slices is given"),
+      ("nifti_forms", "the sform and the qform of a NIfTI file differ: voxel size by more than 1 %, an axis by more than 1 "
+       "degree, a corner by more than a voxel", "warning, the sform is taken; refused where one is mirrored or an axis "
+       "differs by more than 45 degrees, unless --nifti-form decides"),
+      ("nifti_form_taken", "such a label map, one form of which equals the grid of the CT", "note, that form is taken")]),
     (S, "Transfer syntaxes written"),
     (T, ("Transfer syntax", "UID", "--compress"), written),
     (H, "Attributes"),

@@ -34,7 +34,8 @@
 
 static const char *const interpolations[] = {"shape", "cubic", "linear"}, *const switches[] = {"on", "off"},
                          *const void_rules[] = {"strict", "key"}, *const units[] = {"mm", "voxel"},
-                         *const png_bits[] = {"16", "8"}, *const reuses[] = {"auto", "always"};
+                         *const png_bits[] = {"16", "8"}, *const nifti_forms[] = {"sform", "qform"},
+                         *const reuses[] = {"auto", "always"};
 
 const CtsOption cts_options[] = {
     {0, "path", "PATH", ON(JOB), SAME, "a file, folder, zip file, DICOMDIR or NIfTI CT to search for series", NULL,
@@ -79,6 +80,10 @@ const CtsOption cts_options[] = {
      TEXT(source.series_uid)},
     {0, "allow-missing-slices", NULL, PICTURES | ON(SERVE) | ON(INFO), FRESH,
      "render a series in which slices are missing, with a warning", NULL, FLAG(source.rules.allow_missing_slices)},
+    {0, "nifti-form", "sform or qform", PICTURES | ON(SERVE) | ON(INFO), FRESH,
+     "which of two forms that disagree places a NIfTI file",
+     "the sform, with a warning; refused where left and right or an axis differ",
+     CHOICE(source.rules.nifti_form, nifti_forms), .first = CTS_NIFTI_FORM_S},
     {0, "labels", "PATH", PICTURES | ON(SERVE) | ON(INFO), FRESH,
      "segmentations: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "
      "auto: what lies beside the series and refers to it; {series_uid} and * are filled in; may be repeated",

@@ -4,6 +4,7 @@
 #include "base/vec3.h"
 #include <errno.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
@@ -131,41 +132,125 @@ static void from_quaternion(const CtsNifti *f, const uint8_t *h, const Layout *l
     }
 }
 
+/* The volume that the steps span, negative where they are left-handed. */
+static double spanned(const CtsNiftiPlace *p)
+{
+    double normal[3];
+    cts_cross3(p->step_lps[0], p->step_lps[1], normal);
+    return cts_dot3(normal, p->step_lps[2]);
+}
+
+/* Of RAS rows in units of so many mm; LPS: x and y turn round. */
+static void set_place(CtsNiftiPlace *p, const double m[3][4], double mm)
+{
+    for (int row = 0; row < 3; row++) {
+        const double sign = row < 2 ? -mm : mm;
+        p->origin_lps[row] = sign * m[row][3];
+        for (int axis = 0; axis < 3; axis++)
+            p->step_lps[axis][row] = sign * m[row][axis];
+    }
+    const double sides = cts_norm3(p->step_lps[0]) * cts_norm3(p->step_lps[1]) * cts_norm3(p->step_lps[2]);
+    p->given = fabs(spanned(p)) > 1e-3 * sides && isfinite(sides + cts_norm3(p->origin_lps));
+}
+
 static CtsStatus read_place(CtsNifti *f, const uint8_t *h, const Layout *l, CtsError *err)
 {
     double m[3][4];
     const int64_t q_code = signed_at(f, h + l->forms, l->form_bytes),
                   s_code = signed_at(f, h + l->forms + l->form_bytes, l->form_bytes);
-    if (s_code > 0)
-        for (int i = 0; i < 12; i++)
-            m[i / 4][i % 4] = real_of(f, h, l, l->rows, i);
-    else if (q_code > 0)
-        from_quaternion(f, h, l, m);
-    else
-        return cts_fail(err, CTS_ERR_GEOMETRY, "has neither an sform nor a qform: nobody knows where it lies");
     const int units = h[l->units + (l == &layouts[1] && f->big_endian ? 3 : 0)] & 7;
     const double mm = units == 1 ? 1000 : units == 3 ? 0.001 : 1;
-    /* RAS to LPS: x and y turn round. */
-    for (int row = 0; row < 3; row++) {
-        const double sign = row < 2 ? -mm : mm;
-        f->origin_lps[row] = sign * m[row][3];
-        for (int axis = 0; axis < 3; axis++)
-            f->step_lps[axis][row] = sign * m[row][axis];
+    if (s_code > 0) {
+        for (int i = 0; i < 12; i++)
+            m[i / 4][i % 4] = real_of(f, h, l, l->rows, i);
+        set_place(&f->sform, m, mm);
     }
-    double normal[3];
-    cts_cross3(f->step_lps[0], f->step_lps[1], normal);
-    const double volume = fabs(cts_dot3(normal, f->step_lps[2])),
-                 sides = cts_norm3(f->step_lps[0]) * cts_norm3(f->step_lps[1]) * cts_norm3(f->step_lps[2]);
-    if (!(volume > 1e-3 * sides) || !isfinite(sides + cts_norm3(f->origin_lps)))
+    if (q_code > 0) {
+        from_quaternion(f, h, l, m);
+        set_place(&f->qform, m, mm);
+    }
+    if (s_code <= 0 && q_code <= 0)
+        return cts_fail(err, CTS_ERR_GEOMETRY, "has neither an sform nor a qform: nobody knows where it lies");
+    if (!f->sform.given && !f->qform.given)
         return cts_fail(err, CTS_ERR_GEOMETRY, "its axes do not span space");
+    cts_nifti_take_form(f, CTS_NIFTI_FORM_AUTO);
     return CTS_OK;
+}
+
+void cts_nifti_take_form(CtsNifti *f, CtsNiftiForm form)
+{
+    const bool wants_q = form == CTS_NIFTI_FORM_Q;
+    const CtsNiftiPlace *place = (wants_q ? f->qform.given : !f->sform.given) ? &f->qform : &f->sform;
+    memcpy(f->origin_lps, place->origin_lps, sizeof f->origin_lps);
+    memcpy(f->step_lps, place->step_lps, sizeof f->step_lps);
+}
+
+/* The largest displacement of a corner in voxels, with the voxel sizes of the one place in both, and in mm. */
+static double corner_off(const CtsNifti *f, const double size_mm[3], double *off_mm)
+{
+    double most = 0;
+    *off_mm = 0;
+    for (int corner = 0; corner < 8; corner++) {
+        double off[3], voxels = 0;
+        for (int c = 0; c < 3; c++) {
+            off[c] = f->sform.origin_lps[c] - f->qform.origin_lps[c];
+            for (int a = 0; a < 3; a++)
+                if (corner >> a & 1)
+                    off[c] += (f->dims[a] - 1) * size_mm[a] *
+                              (f->sform.step_lps[a][c] / cts_norm3(f->sform.step_lps[a]) -
+                               f->qform.step_lps[a][c] / cts_norm3(f->qform.step_lps[a]));
+        }
+        for (int a = 0; a < 3; a++)
+            voxels = fmax(voxels, fabs(cts_dot3(off, f->sform.step_lps[a])) / (size_mm[a] * size_mm[a]));
+        if (voxels > most) {
+            most = voxels;
+            *off_mm = cts_norm3(off);
+        }
+    }
+    return most;
+}
+
+CtsNiftiForms cts_nifti_compare_forms(const CtsNifti *f, char text[CTS_NIFTI_FORMS_TEXT])
+{
+    const double pi = 3.14159265358979323846;
+    double s_mm[3], q_mm[3], off_mm, most_deg = 0, most_share = 0;
+    int turned = 0;
+    text[0] = 0;
+    if (!f->sform.given || !f->qform.given)
+        return CTS_NIFTI_FORMS_AGREE;
+    for (int a = 0; a < 3; a++) {
+        s_mm[a] = cts_norm3(f->sform.step_lps[a]);
+        q_mm[a] = cts_norm3(f->qform.step_lps[a]);
+        const double cosine = cts_dot3(f->sform.step_lps[a], f->qform.step_lps[a]) / (s_mm[a] * q_mm[a]);
+        const double deg = acos(fmin(fmax(cosine, -1), 1)) * (180 / pi);
+        most_share = fmax(most_share, fabs(s_mm[a] - q_mm[a]) / fmax(s_mm[a], q_mm[a]));
+        if (deg > most_deg) {
+            most_deg = deg;
+            turned = a;
+        }
+    }
+    const bool mirrored = spanned(&f->sform) * spanned(&f->qform) < 0;
+    if (mirrored)
+        snprintf(text, CTS_NIFTI_FORMS_TEXT, "one is the other mirrored");
+    else if (most_deg > 1)
+        snprintf(text, CTS_NIFTI_FORMS_TEXT, "their axes %d point %.3g degrees apart", turned + 1, most_deg);
+    else if (most_share > 0.01)
+        snprintf(text, CTS_NIFTI_FORMS_TEXT,
+                 "voxels of %.4g x %.4g x %.4g mm by one, %.4g x %.4g x %.4g mm by the other", s_mm[0], s_mm[1],
+                 s_mm[2], q_mm[0], q_mm[1], q_mm[2]);
+    else if (corner_off(f, s_mm, &off_mm) > 1)
+        snprintf(text, CTS_NIFTI_FORMS_TEXT, "a corner lies %.3g mm apart", off_mm);
+    return mirrored || most_deg > 45 ? CTS_NIFTI_FORMS_CONTRADICT
+           : text[0]                 ? CTS_NIFTI_FORMS_DIFFER
+                                     : CTS_NIFTI_FORMS_AGREE;
 }
 
 static CtsStatus read_shape(CtsNifti *f, const uint8_t *h, const Layout *l, CtsError *err)
 {
     const int64_t n_dims = signed_at(f, h + l->dim, l->dim_bytes);
     for (int i = 1; i <= 7; i++) {
-        const int64_t n = i <= n_dims ? signed_at(f, h + l->dim + i * l->dim_bytes, l->dim_bytes) : 1;
+        int64_t n = i <= n_dims ? signed_at(f, h + l->dim + i * l->dim_bytes, l->dim_bytes) : 1;
+        n = i > 3 && n == 0 ? 1 : n; /* some writers count dimensions that they leave empty */
         if (n < 1 || n > MOST_DIM || n_dims < 1 || n_dims > 7)
             return cts_fail(err, CTS_ERR_READ, "its dimension %d is %lld (1 to %d)", i, (long long)n, MOST_DIM);
         if (i > 3 && n > 1)

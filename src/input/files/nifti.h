@@ -2,14 +2,22 @@
 #ifndef CTS_FILES_NIFTI_H
 #define CTS_FILES_NIFTI_H
 
+#include "ctsplat/series.h"
 #include "ctsplat/status.h"
 #include "input/files/file_bytes.h"
 #include <stdbool.h>
 #include <stdint.h>
 
+/* Where voxels lie: the centre of the first one, and from voxel to voxel. */
+typedef struct CtsNiftiPlace {
+    bool given;                           /* with a code above 0, and axes that span space */
+    double origin_lps[3], step_lps[3][3]; /* mm */
+} CtsNiftiPlace;
+
 typedef struct CtsNifti {
     int dims[3];
-    double origin_lps[3], step_lps[3][3]; /* mm: the centre of the first voxel, and from voxel to voxel */
+    CtsNiftiPlace sform, qform;
+    double origin_lps[3], step_lps[3][3]; /* of the form that was taken: the sform, else the qform */
     double slope, intercept;              /* value = slope * number + intercept */
     int datatype, bytes;                  /* of a number */
     bool is_whole, is_signed;             /* an integer type */
@@ -30,6 +38,19 @@ const char *cts_nifti_other(const uint8_t *head, size_t n, const char *path);
 /* Reads up to the first number. Close in any case. */
 CtsStatus cts_nifti_open(CtsNifti *nifti, const CtsFileBytes *file, CtsError *err);
 void cts_nifti_close(CtsNifti *nifti);
+
+/* How two places of the same voxels differ; of what is less than DIFFER nobody is told. */
+typedef enum CtsNiftiForms {
+    CTS_NIFTI_FORMS_AGREE,  /* or one is not given */
+    CTS_NIFTI_FORMS_DIFFER, /* voxel size by more than 1 %, an axis by more than 1 degree, or, sizes aside, a corner by
+                             * more than a voxel */
+    CTS_NIFTI_FORMS_CONTRADICT /* one is mirrored, or an axis points elsewhere by more than 45 degrees */
+} CtsNiftiForms;
+enum { CTS_NIFTI_FORMS_TEXT = 240 };
+/* text: what the difference is, by subject "its sform and its qform". */
+CtsNiftiForms cts_nifti_compare_forms(const CtsNifti *nifti, char text[CTS_NIFTI_FORMS_TEXT]);
+/* Take this form where it is given, else the other; AUTO: the sform first. */
+void cts_nifti_take_form(CtsNifti *nifti, CtsNiftiForm form);
 
 /* How many numbers there are, each of which takes so many bytes once it is read. Refuses more than memory has room for,
  * and more than the file can hold. */

@@ -71,8 +71,10 @@ bool cts_nifti_slices_are(const char *path, const uint8_t *head, size_t n);
  * converters write them. */
 CtsBox cts_nifti_box(const CtsNifti *nifti);
 
-/* Slices of 16-bit pixels into a zeroed object; where these are, and what HU they mean, is not told. */
-CtsStatus cts_nifti_slices(const CtsFile *source, const CtsFileBytes *file, CtsObject *object, CtsError *err);
+/* Slices of 16-bit pixels into a zeroed object, placed by this form; where these are, and what HU they mean, is not
+ * told. */
+CtsStatus cts_nifti_slices(const CtsFile *source, const CtsFileBytes *file, CtsNiftiForm form, CtsObject *object,
+                           CtsError *err);
 
 CTS_C_END
 

@@ -94,16 +94,33 @@ static CtsStatus add_slices(const CtsBox *box, const CtsSlice *common, CtsObject
     return CTS_OK;
 }
 
-CtsStatus cts_nifti_slices(const CtsFile *source, const CtsFileBytes *file, CtsObject *object, CtsError *err)
+/* Nobody but the user knows which one is right. */
+static void check_forms(const CtsNifti *nifti, CtsObject *object)
+{
+    char text[CTS_NIFTI_FORMS_TEXT];
+    if (cts_nifti_compare_forms(nifti, text) != CTS_NIFTI_FORMS_CONTRADICT)
+        return;
+    for (int k = 0; k < object->n_slices; k++)
+        cts_slice_fault(object->slices[k], CTS_ERR_GEOMETRY,
+                        "its sform and its qform contradict each other: %s (say which holds: `nifti-form` sform or "
+                        "qform)",
+                        text);
+}
+
+CtsStatus cts_nifti_slices(const CtsFile *source, const CtsFileBytes *file, CtsNiftiForm form, CtsObject *object,
+                           CtsError *err)
 {
     CtsNifti nifti;
     CtsStatus st = cts_nifti_open(&nifti, file, err);
     if (!st) {
+        cts_nifti_take_form(&nifti, form);
         const CtsBox box = cts_nifti_box(&nifti);
         const CtsSlice common = common_slice(source, file, &box);
         object->kind = CTS_OBJECT_NIFTI;
         object->class_uid = "";
         st = add_slices(&box, &common, object, err);
+        if (!st && form == CTS_NIFTI_FORM_AUTO)
+            check_forms(&nifti, object);
     }
     cts_nifti_close(&nifti);
     return st;

@@ -3,6 +3,7 @@
 #define CTS_DICOM_SLICE_H
 
 #include "core/volume/stored.h"
+#include "ctsplat/series.h"
 #include "ctsplat/status.h"
 #include "input/files/syntax.h"
 #include "input/files/texts.h"
@@ -122,6 +123,7 @@ CtsSliceLabel cts_slice_label(const CtsSlice *slice);
 typedef struct CtsScratch {
     uint8_t *file, *inflated;
     size_t file_capacity, inflated_capacity;
+    CtsNiftiForm nifti_form;     /* places a NIfTI CT */
     size_t most_header;          /* what may stand before the pixels; 0: CTS_MAX_HEADER_BYTES */
     struct CtsSandbox *inflater; /* a process for deflated headers, started when the first comes */
     CtsTexts texts;              /* of the slices whose headers were read; may be taken out */
@@ -138,7 +140,7 @@ typedef struct CtsObject {
     const char *study_uid; /* of DICOM; "" where it names none */
     bool has_number;
     int instance_number; /* (0020,0013) of DICOM */
-    CtsSlice **slices;     /* n_slices of them, owned; none unless kind is CT or enhanced CT */
+    CtsSlice **slices;   /* n_slices of them, owned; none unless kind is CT or enhanced CT */
     int n_slices;
     const char *packed; /* no DICOM, but looks like this packer's: "gzip"; or NIfTI that was not named; else NULL */
 } CtsObject;

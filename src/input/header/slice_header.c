@@ -88,7 +88,7 @@ CtsFileKind cts_slice_read_header(const CtsFile *source, CtsScratch *scratch, Ct
         st = complete(&h, source, object, err);
     /* In a folder it may be a mask or a picture of anything. */
     if (!st && h.kind == CTS_FILE_NIFTI && source->named)
-        st = cts_nifti_slices(source, &h.file, object, err);
+        st = cts_nifti_slices(source, &h.file, scratch->nifti_form, object, err);
     else if (h.kind == CTS_FILE_NIFTI)
         object->packed = "NIfTI";
     else if (!st && h.kind == CTS_FILE_NOT_DICOM && h.n)

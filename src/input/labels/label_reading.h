@@ -77,6 +77,10 @@ CtsStatus cts_label_read_seg(const CtsLabelReading *reading, const CtsPlainObjec
 CtsStatus cts_label_read_rtstruct(const CtsLabelReading *reading, const CtsPlainObject *object, CtsError *err);
 CtsStatus cts_label_read_nifti(const CtsLabelReading *reading, const CtsFileBytes *file, CtsError *err);
 
+/* Which of a label map's two forms holds: where they differ the one that equals the series' grid. CTS_ERR_GEOMETRY
+ * where they contradict each other and neither does, or both do. */
+CtsStatus cts_label_take_form(const CtsLabelReading *reading, CtsNifti *nifti, CtsError *err);
+
 /* The scanned slices of a series as a grid; free with cts_label_grid_free(). */
 CtsStatus cts_label_grid_of(CtsLabelGrid *grid, const CtsSeries *series, CtsError *err);
 

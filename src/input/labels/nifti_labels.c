@@ -178,7 +178,8 @@ CtsStatus cts_label_read_nifti(const CtsLabelReading *reading, const CtsFileByte
 {
     Map m = {.reading = reading};
     CtsStatus st = cts_nifti_open(&m.nifti, file, err);
-    if (!st && !(st = read_numbers(&m, err)) && !(st = find_names(&m, err)) && !(st = add_labels(&m, err)))
+    if (!st && !(st = cts_label_take_form(reading, &m.nifti, err)) && !(st = read_numbers(&m, err)) &&
+        !(st = find_names(&m, err)) && !(st = add_labels(&m, err)))
         st = place(&m, err);
     cts_nifti_close(&m.nifti);
     cts_label_names_free(&m.names);

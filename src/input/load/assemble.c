@@ -382,11 +382,11 @@ typedef struct Loading {
     bool some_dropped;
 } Loading;
 
-static CtsStatus read_nifti(Loading *in, CtsReport *report, CtsError *err)
+static CtsStatus read_nifti(const CtsSeries *series, Loading *in, CtsReport *report, CtsError *err)
 {
     const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-    const CtsStatus st =
-        cts_nifti_words(in->slices, in->n_slices, in->watch ? in->watch->stop : NULL, &in->words, report, err);
+    const CtsStatus st = cts_nifti_words(in->slices, in->n_slices, series->rules.nifti_form,
+                                         in->watch ? in->watch->stop : NULL, &in->words, report, err);
     cts_report_stage(report, CTS_STAGE_DECODE, cts_wall_ms() - wall, cts_cpu_ms() - cpu, 0, 0);
     return st;
 }
@@ -408,7 +408,7 @@ static CtsStatus begin_loading(Loading *in, const CtsSeries *series, int n_threa
     in->n_slices = series->n_slices;
     in->n_threads = n_threads;
     if (!st && series->slices[0]->kind == CTS_OBJECT_NIFTI)
-        st = read_nifti(in, report, err);
+        st = read_nifti(series, in, report, err);
     /* Before there are threads and a volume. */
     return !st && compressed ? cts_helper_start(err) : st;
 }

@@ -12,11 +12,12 @@
 
 /* Voxels of a NIfTI CT -> 16-bit pixels in memory, which are read like those of any slice. */
 
-/* Reads all voxels of the file whose n slices these are, and tells each slice where its pixels lie and what HU they
- * mean: exactly where the values are whole and span at most 65535, else to 1/131068 of their span. What is not finite
- * is padding. stop: as of a CtsWordWatch. *words is the caller's, also after a failure; free with cts_free(). */
-CtsStatus cts_nifti_words(CtsSlice *slices, int n, const volatile sig_atomic_t *stop, uint16_t **words,
-                          CtsReport *report, CtsError *err);
+/* Reads all voxels of the file whose n slices these are, placed by this form, and tells each slice where its pixels lie
+ * and what HU they mean: exactly where the values are whole and span at most 65535, else to 1/131068 of their span.
+ * What is not finite is padding. stop: as of a CtsWordWatch. *words is the caller's, also after a failure; free with
+ * cts_free(). */
+CtsStatus cts_nifti_words(CtsSlice *slices, int n, CtsNiftiForm form, const volatile sig_atomic_t *stop,
+                          uint16_t **words, CtsReport *report, CtsError *err);
 
 /* What no header tells: whether the values of a series, the order of its slices and its lengths can be right, by
  * samples of all slices. */

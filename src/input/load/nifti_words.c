@@ -112,8 +112,17 @@ static void tell(const CtsNifti *nifti, const CtsBox *box, const Values *v, CtsR
                            v->n_lost);
 }
 
-CtsStatus cts_nifti_words(CtsSlice *slices, int n, const volatile sig_atomic_t *stop, uint16_t **words,
-                          CtsReport *report, CtsError *err)
+static void tell_forms(const CtsNifti *nifti, CtsReport *report)
+{
+    char text[CTS_NIFTI_FORMS_TEXT];
+    if (cts_nifti_compare_forms(nifti, text) == CTS_NIFTI_FORMS_DIFFER)
+        cts_report_finding(
+            report, "nifti_forms", CTS_WARNING,
+            "its sform and its qform differ: %s; the sform is taken (`nifti-form` qform takes the other)", text);
+}
+
+CtsStatus cts_nifti_words(CtsSlice *slices, int n, CtsNiftiForm form, const volatile sig_atomic_t *stop,
+                          uint16_t **words, CtsReport *report, CtsError *err)
 {
     CtsFileBytes file = {.fd = -1};
     CtsNifti nifti = {0};
@@ -122,11 +131,14 @@ CtsStatus cts_nifti_words(CtsSlice *slices, int n, const volatile sig_atomic_t *
     if (!st && !(st = cts_nifti_open(&nifti, &file, err)) && !(st = read_values(&nifti, stop, &values, err)))
         st = cts_alloc_array(words, values.n, err);
     if (!st) {
+        cts_nifti_take_form(&nifti, form);
         const CtsBox box = cts_nifti_box(&nifti);
         const Scale scale = scale_of(&values);
         make_words(&values, &box, scale, *words);
         tell_slices(slices, n, scale, *words);
         tell(&nifti, &box, &values, report);
+        if (form == CTS_NIFTI_FORM_AUTO)
+            tell_forms(&nifti, report);
     }
     cts_free(&values.items);
     cts_nifti_close(&nifti);

@@ -111,6 +111,8 @@ static CtsStatus read_headers(Search *s, int n_threads, CtsError *err)
     Reader *readers = calloc((size_t)n_threads, sizeof *readers);
     if (!readers)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (int t = 0; t < n_threads; t++)
+        readers[t].scratch.nifti_form = s->asked->rules.nifti_form;
     Reading reading = {s, first, readers};
     cts_parallel(n_threads, n - first, 8, read_some, &reading);
     bool failed = false;
