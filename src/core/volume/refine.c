@@ -25,17 +25,43 @@ CtsRefineWeights cts_refine_weights(double t, const double distance[3])
                               .d = (float)rise_cd};
 }
 
-void cts_refine_row(uint16_t *to, const uint16_t *const slices[4], int n, const CtsRefineWeights *w)
+/* first, last: the stack begins or ends with the inner slices, and goes on as it was. */
+static inline __attribute__((always_inline)) void refine_part(uint16_t *restrict to, const uint16_t *const slices[4],
+                                                              int n, const CtsRefineWeights *w, bool first, bool last)
 {
     const uint16_t *const pa = slices[0], *const pb = slices[1], *const pc = slices[2], *const pd = slices[3];
     for (int i = 0; i < n; i++) {
         const float b = pb[i], c = pc[i];
-        /* Where the stack ends, it goes on as it was. */
-        const float a = pa == pb ? 2 * b - c : (float)pa[i], d = pd == pc ? 2 * c - b : (float)pd[i];
+        const float a = first ? 2 * b - c : (float)pa[i], d = last ? 2 * c - b : (float)pd[i];
         const float y = w->a * a + w->b * b + w->c * c + w->d * d;
         const float low = b < c ? b : c, high = b < c ? c : b;
         to[i] = (uint16_t)(int32_t)((y < low ? low : y > high ? high : y) + 0.5f);
     }
+}
+
+static inline __attribute__((always_inline)) void refine_any(uint16_t *to, const uint16_t *const slices[4], int n,
+                                                             const CtsRefineWeights *w)
+{
+    const bool first = slices[0] == slices[1], last = slices[3] == slices[2];
+    if (!first && !last)
+        refine_part(to, slices, n, w, false, false);
+    else
+        refine_part(to, slices, n, w, first, last);
+}
+
+static void refine_plain(uint16_t *to, const uint16_t *const slices[4], int n, const CtsRefineWeights *w)
+{
+    refine_any(to, slices, n, w);
+}
+
+CTS_TARGET_AVX2 static void refine_avx2(uint16_t *to, const uint16_t *const slices[4], int n, const CtsRefineWeights *w)
+{
+    refine_any(to, slices, n, w);
+}
+
+void cts_refine_row(uint16_t *to, const uint16_t *const slices[4], int n, const CtsRefineWeights *weights)
+{
+    (cts_cpu_flags() & CTS_CPU_AVX2 ? refine_avx2 : refine_plain)(to, slices, n, weights);
 }
 
 enum { CHUNK = 16384 }; /* voxels of one slice that a thread takes at a time */

@@ -29,6 +29,8 @@ static const float GOES_WITH = 3;
  * each other are. */
 static const double ALIKE_HU = 100, EDGES_HU = 300;
 
+#define INLINE __attribute__((always_inline)) static inline
+
 /* One slice as blocks: grey levels, then for each surface how far it lies off, positive inside. */
 typedef struct Field {
     uint16_t *grey;
@@ -44,10 +46,12 @@ typedef struct Shaping {
     atomic_int n_failed;
 } Shaping;
 
-#define INLINE __attribute__((always_inline)) static inline
 /* Two pixels side by side. */
 typedef uint32_t __attribute__((aligned(2), may_alias)) Pair;
 typedef float Four __attribute__((vector_size(16)));
+/* Distances side by side. */
+enum { EIGHT = 8 };
+typedef int16_t Eight __attribute__((vector_size(2 * EIGHT)));
 
 /* Where a block's grey levels come from, in pixels from there: x and y in the slice before, x and y in the one behind;
  * and how much of it does. */
@@ -57,6 +61,8 @@ typedef struct Move {
 } Move;
 /* The same of many, number by number, each row with its first and its last once more at its ends. */
 enum { MOVE_NUMBERS = 5, SHARE = 4 };
+/* Pixels whose numbers are worked out together: reading a row's moves goes on past its last block by as many. */
+enum { VECTOR = 8 };
 
 /* What one thread works with. */
 typedef struct Scratch {
@@ -98,7 +104,7 @@ static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
     *c = (Scratch){.grey = NULL};
     if ((st = cts_alloc_array(&c->store, 2 * N_SURFACES * n, err)) || (st = cts_alloc_array(&c->grey, 2 * n, err)) ||
         (st = cts_alloc_array(&c->row, 2 * (size_t)s->n_blocks[0] + 2, err)) ||
-        (st = cts_alloc_zeroed(&c->moves_store, MOVE_NUMBERS * n_moves, err)) ||
+        (st = cts_alloc_zeroed(&c->moves_store, MOVE_NUMBERS * n_moves + VECTOR / BLOCK, err)) ||
         (st = cts_alloc_array(&c->moves, n, err)) || (st = cts_alloc_array(&c->near, n, err)) ||
         (st = cts_alloc_array(&c->moving, n, err)) || (st = cts_alloc_array(&c->written, n, err))) {
         scratch_free(c);
@@ -113,13 +119,13 @@ static CtsStatus scratch_new(const Shaping *s, Scratch *c, CtsError *err)
     return CTS_OK;
 }
 
-static int least(int a, int b)
+INLINE int least(int a, int b)
 {
     return a < b ? a : b;
 }
 
 /* Means of 2 x 2 pixels. */
-static void bin_row(const CtsShapeStack *t, const uint16_t *slice, int block_row, int n, uint16_t *restrict to)
+INLINE void bin_row(const CtsShapeStack *t, const uint16_t *slice, int block_row, int n, uint16_t *restrict to)
 {
     const uint16_t *const a = slice + (size_t)(BLOCK * block_row) * (size_t)t->n_columns;
     const uint16_t *const b = BLOCK * block_row + 1 < t->n_rows ? a + t->n_columns : a;
@@ -130,7 +136,7 @@ static void bin_row(const CtsShapeStack *t, const uint16_t *slice, int block_row
 }
 
 /* Half of the middle one, a quarter of either of the others. */
-static void smooth_row(const uint16_t *before, const uint16_t *own, const uint16_t *behind, int n,
+INLINE void smooth_row(const uint16_t *before, const uint16_t *own, const uint16_t *behind, int n,
                        uint16_t *restrict to)
 {
     for (int i = 0; i < n; i++)
@@ -138,7 +144,7 @@ static void smooth_row(const uint16_t *before, const uint16_t *own, const uint16
 }
 
 /* Blocks, each with a quarter of what lies on either side of it, along rows and across: noise has no shape. */
-static void read_blocks(const Shaping *s, const uint16_t *slice, uint16_t *rows, uint16_t *grey)
+INLINE void read_blocks(const Shaping *s, const uint16_t *slice, uint16_t *rows, uint16_t *grey)
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
     for (int j = 0; j < ny; j++) {
@@ -162,21 +168,21 @@ static void read_blocks(const Shaping *s, const uint16_t *slice, uint16_t *rows,
 }
 
 /* From a block to where the grey level passes the surface's on the way to a neighbour; FAR where it does not. */
-static int to_crossing(uint16_t own, uint16_t other, uint16_t level)
+INLINE int to_crossing(uint16_t own, uint16_t other, uint16_t level)
 {
     if ((own >= level) == (other >= level))
         return FAR;
     return (int)(SIDE * (own - (level - 0.5F)) / ((float)own - other) + 0.5F);
 }
 
-static int16_t begin_distance(const uint16_t *at, const uint16_t *above, const uint16_t *below, int to_left,
+INLINE int16_t begin_distance(const uint16_t *at, const uint16_t *above, const uint16_t *below, int to_left,
                               int to_right, uint16_t level)
 {
     return (int16_t)least(least(to_crossing(*at, at[to_left], level), to_crossing(*at, at[to_right], level)),
                           least(to_crossing(*at, *above, level), to_crossing(*at, *below, level)));
 }
 
-static void begin_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
+INLINE void begin_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
     for (int j = 0; j < ny; j++, d += nx) {
@@ -189,45 +195,96 @@ static void begin_distances(const Shaping *s, const uint16_t *grey, uint16_t lev
                                (in == (above[i] >= level)) & (in == (below[i] >= level));
             d[i] = alike ? FAR : 0;
         }
-        for (int i = 1; i + 1 < nx; i++)
-            if (!d[i])
+        for (int i = 1; i + 1 < nx; i++) {
+            static const int16_t far[] = {FAR, FAR, FAR, FAR};
+            if (i + 4 < nx && !memcmp(d + i, far, sizeof far))
+                i += 3;
+            else if (!d[i])
                 d[i] = begin_distance(row + i, above + i, below + i, -1, 1, level);
+        }
         d[nx - 1] = begin_distance(row + nx - 1, above + nx - 1, below + nx - 1, nx > 1 ? -1 : 0, 0, level);
         d[0] = begin_distance(row, above, below, 0, nx > 1, level);
     }
 }
 
-static int16_t nearer(int16_t a, int16_t b)
+INLINE int16_t nearer(int16_t a, int16_t b)
 {
     return a < b ? a : b;
 }
 
 /* The distances of a row from those of the row that was gone over before. */
-static void reach_row(int16_t *restrict d, const int16_t *restrict known, int n)
+INLINE void reach_row(int16_t *restrict d, const int16_t *restrict known, int n)
 {
-    for (int i = 0; i < n; i++)
+    for (int i = 1; i + 1 < n; i++)
+        d[i] = nearer(nearer(d[i], (int16_t)(known[i] + SIDE)), (int16_t)(nearer(known[i - 1], known[i + 1]) + CORNER));
+    for (int i = 0; i<n; i += n> 1 ? n - 1 : 1) {
         d[i] = nearer(d[i], (int16_t)(known[i] + SIDE));
-    for (int i = 1; i < n; i++)
-        d[i] = nearer(d[i], (int16_t)(known[i - 1] + CORNER));
-    for (int i = 0; i + 1 < n; i++)
-        d[i] = nearer(d[i], (int16_t)(known[i + 1] + CORNER));
+        if (n > 1)
+            d[i] = nearer(d[i], (int16_t)(known[i > 0 ? i - 1 : 1] + CORNER));
+    }
+}
+
+INLINE Eight nearest(Eight a, Eight b)
+{
+    return a + ((b - a) & (Eight)(b < a));
+}
+
+/* The distances of a row from those to the left: within eight by doubling steps, then from the eight before. */
+INLINE void reach_right(int16_t *row, int n)
+{
+    const Eight far = (Eight){0} + (int16_t)FAR, steps = {1, 2, 3, 4, 5, 6, 7, 8};
+    int16_t v = FAR;
+    int i = 0;
+    for (; i + EIGHT <= n; i += EIGHT) {
+        Eight x;
+        memcpy(&x, row + i, sizeof x);
+        x = nearest(x, SIDE + __builtin_shufflevector(far, x, 0, 8, 9, 10, 11, 12, 13, 14));
+        x = nearest(x, 2 * SIDE + __builtin_shufflevector(far, x, 0, 1, 8, 9, 10, 11, 12, 13));
+        x = nearest(x, 4 * SIDE + __builtin_shufflevector(far, x, 0, 1, 2, 3, 8, 9, 10, 11));
+        x = nearest(x, v + SIDE * steps);
+        memcpy(row + i, &x, sizeof x);
+        v = x[EIGHT - 1];
+    }
+    for (; i < n; i++)
+        row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
+}
+
+/* The same from those to the right. */
+INLINE void reach_left(int16_t *row, int n)
+{
+    const Eight far = (Eight){0} + (int16_t)FAR, steps = {8, 7, 6, 5, 4, 3, 2, 1};
+    int16_t v = FAR;
+    int i = n;
+    for (; i >= EIGHT; i -= EIGHT) {
+        Eight x;
+        memcpy(&x, row + i - EIGHT, sizeof x);
+        x = nearest(x, SIDE + __builtin_shufflevector(x, far, 1, 2, 3, 4, 5, 6, 7, 8));
+        x = nearest(x, 2 * SIDE + __builtin_shufflevector(x, far, 2, 3, 4, 5, 6, 7, 8, 9));
+        x = nearest(x, 4 * SIDE + __builtin_shufflevector(x, far, 4, 5, 6, 7, 8, 9, 10, 11));
+        x = nearest(x, v + SIDE * steps);
+        memcpy(row + i - EIGHT, &x, sizeof x);
+        v = x[0];
+    }
+    while (i-- > 0)
+        row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
 }
 
 /* One way over the blocks, row by row: from the row before, and from what is known of the own one. */
-static void sweep(const Shaping *s, int16_t *d, int way)
+INLINE void sweep(const Shaping *s, int16_t *d, int way)
 {
     const int nx = s->n_blocks[0], ny = s->n_blocks[1];
     for (int j = way > 0 ? 0 : ny - 1; j >= 0 && j < ny; j += way) {
         int16_t *const row = d + (size_t)j * (size_t)nx;
         if (j - way >= 0 && j - way < ny)
             reach_row(row, row - way * nx, nx);
-        int16_t v = FAR;
-        for (int i = way > 0 ? 0 : nx - 1; i >= 0 && i < nx; i += way)
-            row[i] = v = nearer(row[i], (int16_t)(v + SIDE));
+        if (way > 0)
+            reach_right(row, nx);
+        else
+            reach_left(row, nx);
     }
 }
 
-static void find_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
+INLINE void find_distances(const Shaping *s, const uint16_t *grey, uint16_t level, int16_t *d)
 {
     begin_distances(s, grey, level, d);
     sweep(s, d, 1);
@@ -236,12 +293,22 @@ static void find_distances(const Shaping *s, const uint16_t *grey, uint16_t leve
         d[i] = (int16_t)(grey[i] < level ? -d[i] : d[i]);
 }
 
-static void read_field(const Shaping *s, int slice, Scratch *c, Field *field)
+INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, Field *field)
 {
     const size_t n = (size_t)s->stack->n_columns * (size_t)s->stack->n_rows;
     read_blocks(s, s->stack->slices + (size_t)slice * n, c->row, field->grey);
     for (int l = 0; l < N_SURFACES; l++)
         find_distances(s, field->grey, s->level[l], field->distance[l]);
+}
+
+static void read_field(const Shaping *s, int slice, Scratch *c, Field *field)
+{
+    read_any_field(s, slice, c, field);
+}
+
+CTS_TARGET_AVX2 static void read_field_avx2(const Shaping *s, int slice, Scratch *c, Field *field)
+{
+    read_any_field(s, slice, c, field);
 }
 
 /* A way of so many blocks along the direction in which a distance rises is added to from[x] and from[x + 1]. */
@@ -292,7 +359,7 @@ static Move move_of(const Shaping *s, const Scratch *c, uint32_t at, float way)
 
 /* Blocks that move somewhere on the way from slice to slice, where move_of() lets the others rest, and differ by more
  * than noise. */
-static void find_moves(const Shaping *s, Scratch *c)
+INLINE void find_any_moves(const Shaping *s, Scratch *c)
 {
     const uint16_t *const a = c->field[0].grey, *const b = c->field[1].grey;
     const int alike = (int)s->alike;
@@ -307,6 +374,16 @@ static void find_moves(const Shaping *s, Scratch *c)
                         (((d[i] ^ e[i]) < 0) | (off < (int)GOES_WITH * moved + 2 * SIDE));
         }
     }
+}
+
+static void find_moves(const Shaping *s, Scratch *c)
+{
+    find_any_moves(s, c);
+}
+
+CTS_TARGET_AVX2 static void find_moves_avx2(const Shaping *s, Scratch *c)
+{
+    find_any_moves(s, c);
 }
 
 /* Adds the numbers of the blocks that are flagged to a list. */
@@ -328,7 +405,7 @@ static size_t list_flagged(const uint8_t *flags, size_t n, size_t first, uint32_
 static void list_blocks(const Shaping *s, Scratch *c)
 {
     const size_t nx = (size_t)s->n_blocks[0], ny = (size_t)s->n_blocks[1], n = n_all_blocks(s);
-    find_moves(s, c);
+    (cts_cpu_flags() & CTS_CPU_AVX2 ? find_moves_avx2 : find_moves)(s, c);
     c->n_moving = list_flagged(c->moves, n, 0, c->moving);
     for (size_t j = 0; j < ny; j++) {
         const uint8_t *const own = c->moves + j * nx;
@@ -361,11 +438,14 @@ typedef struct Layer {
     float way;
 } Layer;
 
-/* Pixels side by side, as the blocks of a row that are listed one behind the other. */
+/* Pixels side by side, as the blocks of a row that are listed one behind the other; numbers are worked out for whole
+ * vectors of them, which hold what is left of other runs beyond n. */
 enum { RUN_BLOCKS = 32, RUN = BLOCK * RUN_BLOCKS };
 typedef struct Run {
-    int x, y, n;
+    int x, y, n, n_whole;
     float move[MOVE_NUMBERS][RUN], grey[2][RUN];
+    uint16_t before[RUN], behind[RUN], blended[RUN];
+    int32_t level[RUN], difference[RUN];
 } Run;
 
 /* A pixel's move from those of the four blocks around it: it lies a quarter of a block from the nearest. */
@@ -395,7 +475,7 @@ INLINE void find_grey(const CtsShapeStack *t, const uint16_t *slice, const Run *
     const uint16_t *const row = slice + (size_t)r->y * (size_t)t->n_columns;
     float u[RUN], v[RUN];
     int32_t at[RUN];
-    for (int i = 0; i < r->n; i++) {
+    for (int i = 0; i < r->n_whole; i++) {
         const float x = clamped((float)(r->x + i) + dx[i], (float)last_x),
                     y = clamped((float)r->y + dy[i], (float)last_y);
         /* The last pixel is the end of the last cell. */
@@ -404,7 +484,7 @@ INLINE void find_grey(const CtsShapeStack *t, const uint16_t *slice, const Run *
         v[i] = y - (float)cy;
         at[i] = (cy - r->y) * t->n_columns + cx;
     }
-    for (int i = 0; i < r->n; i++) {
+    for (int i = 0; i < r->n_whole; i++) {
         const uint32_t above = *(const Pair *)(row + at[i]), below = *(const Pair *)(row + at[i] + t->n_columns);
         const float a = of_pair(above, 0), b = of_pair(above, 1), d = of_pair(below, 0), e = of_pair(below, 1);
         const float ab = a + u[i] * (b - a), de = d + u[i] * (e - d);
@@ -416,51 +496,59 @@ INLINE void write_run(const Shaping *s, const Layer *l, Run *r, Sums *sums)
 {
     const CtsShapeStack *const t = s->stack;
     const size_t at = (size_t)r->y * (size_t)t->n_columns + (size_t)r->x;
-    const uint16_t *const before = l->slices[0] + at, *const behind = l->slices[1] + at;
+    const size_t n_bytes = (size_t)r->n * sizeof *l->grey;
     uint16_t *restrict const to = l->grey + at;
     const float way = l->way, edges = s->edges;
     uint32_t n_moved = 0, differences = 0;
+    memcpy(r->before, l->slices[0] + at, n_bytes);
+    memcpy(r->behind, l->slices[1] + at, n_bytes);
+    memcpy(r->blended, to, n_bytes);
     find_grey(t, l->slices[0], r, r->move[0], r->move[1], r->grey[0]);
     find_grey(t, l->slices[1], r, r->move[2], r->move[3], r->grey[1]);
-    for (int i = 0; i < r->n; i++) {
-        const float a = r->grey[0][i], b = r->grey[1][i], own = (float)before[i], other = (float)behind[i];
-        const float straight = own + way * (other - own), half = fabsf(other - own) / 2, blended = (float)to[i];
+    for (int i = 0; i < r->n_whole; i++) {
+        const float a = r->grey[0][i], b = r->grey[1][i], own = (float)r->before[i], other = (float)r->behind[i];
+        const float straight = own + way * (other - own), half = fabsf(other - own) / 2, blended = (float)r->blended[i];
         const float alike = clamped(2 - fabsf(b - a) / (half > edges ? half : edges), 1);
         const float made = blended + r->move[SHARE][i] * alike * (a + way * (b - a) - blended);
-        const int32_t level = (int32_t)(made + 0.5F), moved = level != to[i];
+        r->level[i] = (int32_t)(made + 0.5F);
+        r->difference[i] = (int32_t)(fabsf((float)r->level[i] - straight) + 0.5F);
+    }
+    for (int i = 0; i < r->n; i++) {
+        const int32_t moved = r->level[i] != r->blended[i];
         n_moved += (uint32_t)moved;
-        differences += (uint32_t)(moved * (int32_t)(fabsf((float)level - straight) + 0.5F));
-        to[i] = (uint16_t)level;
+        differences += (uint32_t)(moved * r->difference[i]);
+        to[i] = (uint16_t)r->level[i];
     }
     sums->n_moved += n_moved;
     sums->differences += differences;
 }
 
-INLINE void write_blocks(const Shaping *s, const Scratch *c, const Layer *l, int i, int j, int n, Sums *sums)
+INLINE void write_blocks(const Shaping *s, const Scratch *c, const Layer *l, int i, int j, int n, Run *r, Sums *sums)
 {
     const CtsShapeStack *const t = s->stack;
     for (int v = 0; v < least(BLOCK, t->n_rows - BLOCK * j); v++) {
-        Run r;
-        r.x = BLOCK * i;
-        r.y = BLOCK * j + v;
-        r.n = least(BLOCK * n, t->n_columns - r.x);
+        r->x = BLOCK * i;
+        r->y = BLOCK * j + v;
+        r->n = least(BLOCK * n, t->n_columns - r->x);
+        r->n_whole = (r->n + VECTOR - 1) / VECTOR * VECTOR;
         const int beside = j + 2 * v - 1, far_j = beside < 0 || beside >= s->n_blocks[1] ? j : beside;
         const size_t near = place_of_move(s, i, j), far = place_of_move(s, i, far_j);
         for (int k = 0; k < MOVE_NUMBERS; k++)
-            between_blocks(c->move[k] + near, c->move[k] + far, n, r.move[k]);
-        write_run(s, l, &r, sums);
+            between_blocks(c->move[k] + near, c->move[k] + far, r->n_whole / BLOCK, r->move[k]);
+        write_run(s, l, r, sums);
     }
 }
 
 INLINE void write_layer(const Shaping *s, const Scratch *c, const Layer *l, Sums *sums)
 {
     const uint32_t nx = (uint32_t)s->n_blocks[0];
+    Run r = {.n = 0};
     size_t n;
     for (size_t k = 0; k < c->n_written; k += n) {
         const uint32_t first = c->written[k], i = first % nx;
         for (n = 1; n < RUN_BLOCKS && k + n < c->n_written && i + n < nx && c->written[k + n] == first + n;)
             n++;
-        write_blocks(s, c, l, (int)i, (int)(first / nx), (int)n, sums);
+        write_blocks(s, c, l, (int)i, (int)(first / nx), (int)n, &r, sums);
     }
 }
 
@@ -509,13 +597,14 @@ static void shape_gaps(void *context, int worker, size_t first, size_t end)
     Scratch c;
     Sums sums = {0, 0, 0};
     (void)worker;
+    const bool has_avx2 = cts_cpu_flags() & CTS_CPU_AVX2;
     if (scratch_new(s, &c, NULL)) {
         atomic_fetch_add(&s->n_failed, 1);
         return;
     }
-    read_field(s, (int)first, &c, &c.field[0]);
+    (has_avx2 ? read_field_avx2 : read_field)(s, (int)first, &c, &c.field[0]);
     for (size_t gap = first; gap < end; gap++) {
-        read_field(s, (int)gap + 1, &c, &c.field[1]);
+        (has_avx2 ? read_field_avx2 : read_field)(s, (int)gap + 1, &c, &c.field[1]);
         shape_gap(s, &c, (int)gap, &sums);
         const Field t = c.field[0];
         c.field[0] = c.field[1];
