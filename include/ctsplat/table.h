@@ -22,7 +22,9 @@ CTS_API_BEGIN
  *
  * Kept to the bit: the patient, whatever is attached to it or enclosed by it within a section (lungs, bowel gas), and a
  * rim of 3 mm around it, at least 2 voxels within a section and one section beyond, which holds the partial-volume
- * ramp. Air at the border of the field of view counts as enclosed when it is a lung by its density.
+ * ramp. Air at the border of the field of view counts as enclosed when it is a lung by its density: above -930 HU, or
+ * 70 HU above room air where the scanner puts that higher. Such room air is the darkest large peak of what reaches the
+ * border, and a table stands in it, or it is one sharp level than which nothing is darker.
  *
  * finds_inside: volume->body becomes the inside of the patient, 3 mm under the skin, with the air that it encloses, for
  * the modes minip and average.
@@ -33,9 +35,9 @@ CTS_API_BEGIN
  * The report gets one of: a skip "table removal" with the reason when nothing lies outside the body, and the volume is
  * left as it was; a note `table_removed` with the number of voxels. When thin parts that hang on the body make up more
  * than 5 % of it, they stay, with the warning `table_removal_uncertain`; the same where more than 0.1 % of it went as
- * something thicker than 20 mm. The time counts as stage classify. Memory:
- * about an eighth of the volume. n_threads 0: all cores; threads never change the result. Fails with CTS_ERR_MEMORY
- * only.
+ * something thicker than 20 mm, and where a table stands in what is as dense as lungs and has no peak. The time counts
+ * as stage classify. Memory: about an eighth of the volume. n_threads 0: all cores; threads never change the result.
+ * Fails with CTS_ERR_MEMORY only.
  *
  * seen is what the table is told by: volume itself (NULL), or where its layers were made up of uneven slices the same
  * layers joined by straight lines, since plates stand still there. */

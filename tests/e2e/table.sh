@@ -22,3 +22,30 @@ goes()
 goes chest-ge 900 980
 goes head-phantom/S2020 170 190
 goes head-tilt-ge 74 80
+
+# Room air above -930 HU, as cone beams have it: the same goes, of every second pixel.
+python=/usr/bin/python3
+[ -x $python ] || python=python3
+$python -c 'import numpy, pydicom' 2>/dev/null || exit 0
+coarse='PixelSpacing=[2 * float(a) for a in d.PixelSpacing]'
+chest=$shared/chest-ge
+shared=.
+set_hu()
+{
+    rm -rf edited
+    $python "$root/tests/e2e/hu_edit.py" "$chest" edited "$@" || fail "the series cannot be made: $*"
+}
+set_hu 'np.maximum(hu[:, ::2, ::2], -867)' "$coarse"
+goes edited 900 1000
+set_hu 'np.where(hu < 0, hu * 0.76, hu)[:, ::2, ::2] + rng.normal(0, 40, (100, 256, 256))' "$coarse"
+goes edited 950 1100
+# No level of air: in doubt, in one line.
+set_hu 'np.where(hu < -600, -900 + i, hu)[:, ::2, ::2]' "$coarse"
+ok render edited --size 64x64 -o out.png --force
+has err '^ctsplat: warning: .*the air around the body is as dense as lungs'
+[ "$(wc -l <err)" = 1 ] || fail "more than a line: $(cat err)"
+# Lungs that the field of view cuts are no room air, and no doubt.
+set_hu 'hu[:, 150:320, 150:370]' \
+    'ImagePositionPatient=[float(a) for a in np.array(d.ImagePositionPatient, float) + [134.8, 134.8, 0]]'
+ok render edited --size 64x64 -o out.png --force
+[ ! -s err ] || fail "cropped lungs: $(cat err)"

@@ -349,6 +349,96 @@ static void test_trunk_on_table(void **state)
     cts_volume_free(&after);
 }
 
+/* Room air of a scanner that calls it so many HU, with the patient and the table as they were. */
+static void raise_air(CtsVolume *v, double air_hu)
+{
+    for (size_t n = 0; n < cts_volume_n_voxels(v); n++) {
+        const double hu = cts_volume_hu(v, v->grey[n]);
+        v->grey[n] = (uint16_t)lround((hu < 0 ? hu * air_hu / -1000 : hu) - v->hu_offset);
+    }
+}
+
+static void test_raised_air(void **state)
+{
+    (void)state;
+    const Solid solids[] = {
+        {ellipsoid, {0, 0, 0, 150, 100, 900}, 40, true},
+        {box, {0, 112, 0, 210, 6, 999}, -950, false},  /* mattress */
+        {box, {0, 104, 0, 210, 1.5, 999}, 0, false},   /* its cover */
+        {box, {0, 130, 0, 220, 1.5, 999}, 100, false}, /* table */
+    };
+    const Scene s = {solids, N(solids), {160, 112, 40}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}}, {0, 20, 0}, 0};
+    const Scene alone = {solids, 1, {160, 112, 40}, {{3, 0, 0}, {0, 3, 0}, {0, 0, 3}}, {0, 20, 0}, 0};
+    const double levels[] = {-900, -867, -849, -760, -600};
+    for (size_t n = 0; n < sizeof levels / sizeof *levels; n++) {
+        CtsVolume *before = make(&s), *after;
+        CtsReport report;
+        raise_air(before, levels[n]);
+        after = copy(before);
+        remove_table(after, 2, &report);
+        const Tally t = tally(&s, before, after, 3);
+        if (t.body_changed || t.rim_changed || t.foreign_left || !finding(&report, "table_removed") ||
+            finding(&report, "table_removal_uncertain"))
+            fail_msg(
+                "air of %g HU: %d voxels of the body and %d of its rim changed, %d of the table stay, and the report "
+                "has no note, or a doubt",
+                levels[n], t.body_changed, t.rim_changed, t.foreign_left);
+        cts_report_free(&report);
+        cts_volume_free(&before);
+        cts_volume_free(&after);
+        /* Without a table only minip and average know: the air is outside the body. */
+        after = make(&alone);
+        raise_air(after, levels[n]);
+        remove_table(after, 2, &report);
+        assert_true(is_skipped(&report) && report.findings.n == 0);
+        assert_int_equal(*after->body->share, 0);
+        cts_report_free(&report);
+        cts_volume_free(&after);
+    }
+}
+
+/* A field of view within the chest: lungs reach its border, and nothing else. They are no room air, as their density
+ * varies, or as the windpipe is darker; and where a table stands in what has no level, that is a doubt. */
+static void test_lungs_at_border(void **state)
+{
+    (void)state;
+    enum { VARYING, WITH_WINDPIPE, WITH_TABLE, N_KINDS };
+    for (int kind = 0; kind < N_KINDS; kind++) {
+        const Solid solids[] = {
+            {box, {0, 0, 0, 40, 999, 999}, 40, true},
+            {box, {0, 90, 0, 999, 1.5, 999}, 100, false},
+        };
+        const Scene s = {solids, kind == WITH_TABLE ? 2 : 1, {128, 128, 50}, AXIAL, {0, 0, 0}, 0};
+        CtsVolume *v = make(&s), *before;
+        size_t n = 0;
+        for (int k = 0; k < v->dims[2]; k++)
+            for (int j = 0; j < v->dims[1]; j++)
+                for (int i = 0; i < v->dims[0]; i++, n++) {
+                    double p[3];
+                    voxel_lps(&s, i, j, k, p);
+                    /* One density for 8 x 8 voxels, as it varies over more than noise does. */
+                    const uint32_t seed = (uint32_t)(i / 8 * 7919 + j / 8 * 104729 + k * 31 + 1) * 2654435761u;
+                    const double spread = kind == WITH_TABLE ? 500 : 160, share = (seed >> 16) / 65536.0;
+                    if (kind == WITH_WINDPIPE && hypot(p[0], p[1]) < 10)
+                        v->grey[n] = 24;
+                    else if (v->grey[n] < 600)
+                        v->grey[n] = (uint16_t)(1024 - 850 + (kind == WITH_WINDPIPE ? 0 : spread * (share - 0.2)));
+                }
+        before = copy(v);
+        CtsReport report;
+        remove_table(v, 2, &report);
+        if (!is_skipped(&report))
+            fail_msg("kind %d: something went: %s", kind, report.findings.n ? report.findings.items[0].text : "");
+        assert_memory_equal(v->grey, before->grey, cts_volume_n_voxels(v) * sizeof *v->grey);
+        assert_int_equal(report.findings.n, kind == WITH_TABLE);
+        if (kind == WITH_TABLE)
+            assert_string_equal(report.findings.items[0].code, "table_removal_uncertain");
+        cts_report_free(&report);
+        cts_volume_free(&before);
+        cts_volume_free(&v);
+    }
+}
+
 /* No mattress: the flattened back lies on the table's skin over 160 mm and all slices. */
 static void test_broad_contact(void **state)
 {
@@ -653,11 +743,23 @@ static void test_odd(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_head_on_holder),    cmocka_unit_test(test_contact),       cmocka_unit_test(test_prone),
-        cmocka_unit_test(test_trunk_on_table),    cmocka_unit_test(test_broad_contact), cmocka_unit_test(test_mask),
-        cmocka_unit_test(test_thick_gone),        cmocka_unit_test(test_uncertain),     cmocka_unit_test(test_shares),
-        cmocka_unit_test(test_orientations),      cmocka_unit_test(test_limbs),         cmocka_unit_test(test_inside),
-        cmocka_unit_test(test_nothing_to_remove), cmocka_unit_test(test_tiny),          cmocka_unit_test(test_odd),
+        cmocka_unit_test(test_head_on_holder),
+        cmocka_unit_test(test_contact),
+        cmocka_unit_test(test_prone),
+        cmocka_unit_test(test_trunk_on_table),
+        cmocka_unit_test(test_raised_air),
+        cmocka_unit_test(test_lungs_at_border),
+        cmocka_unit_test(test_broad_contact),
+        cmocka_unit_test(test_mask),
+        cmocka_unit_test(test_thick_gone),
+        cmocka_unit_test(test_uncertain),
+        cmocka_unit_test(test_shares),
+        cmocka_unit_test(test_orientations),
+        cmocka_unit_test(test_limbs),
+        cmocka_unit_test(test_inside),
+        cmocka_unit_test(test_nothing_to_remove),
+        cmocka_unit_test(test_tiny),
+        cmocka_unit_test(test_odd),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

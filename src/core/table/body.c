@@ -9,10 +9,6 @@
 static const double THICK_RADIUS_MM = 3;
 /* Parts smaller than this are noise; they stay only in the rim around the patient. */
 static const double NOISE_MM3 = 500;
-/* Air is -1000 HU, a lung, even an emphysematous one, is mostly denser. */
-static const double LUNG_HU = -930;
-/* Of the air at the border one voxel in so many is looked at, along rows and across. */
-enum { SAMPLE_COLUMNS = 32, SAMPLE_ROWS = 16 };
 /* A thin thing that is longer than an ear, a nose or a fold of skin is a mask, a strap or a blanket, but not where it
  * is bone, or where such things make up more of the body than a mask does of a head: that may be all that there is. */
 static const double SHELL_MM = 100, BONE_HU = 300, SHELL_SHARE = 0.1;
@@ -89,62 +85,8 @@ end:
     return st;
 }
 
-/* Voxels of an air part that were looked at, and how many of them are as dense as a lung. */
-typedef struct Sample {
-    uint32_t n, n_lung;
-} Sample;
-
-/* A field of view is round, and beyond it lies padding. */
-static bool in_view(const int dims[3], int i, int j)
-{
-    const double x = (2.0 * i + 1) / dims[0] - 1, y = (2.0 * j + 1) / dims[1] - 1;
-    return x * x + y * y < 1;
-}
-
-static double hu_at(const CtsSectionPlan *plan, const CtsVolume *v, uint32_t i, int j, int k)
-{
-    const size_t stride[3] = {1, (size_t)v->dims[0], (size_t)v->dims[0] * (size_t)v->dims[1]};
-    return cts_volume_hu(v, v->grey[i * stride[plan->axis[0]] + (size_t)j * stride[plan->axis[1]] +
-                                    (size_t)k * (size_t)plan->n_slices * stride[plan->axis[2]]]);
-}
-
-static void sample_run(const CtsSectionPlan *plan, const CtsVolume *v, const CtsRun *run, int j, int k, Sample *sample)
-{
-    for (uint32_t i = (run->first + SAMPLE_COLUMNS - 1) / SAMPLE_COLUMNS * SAMPLE_COLUMNS; i < run->end;
-         i += SAMPLE_COLUMNS) {
-        const bool seen = in_view(plan->dims, (int)i, j);
-        sample->n += seen;
-        sample->n_lung += seen && hu_at(plan, v, i, j, k) > LUNG_HU;
-    }
-}
-
-/* outside[]: the parts of the air that reach the border of a section and are no lung. */
-static CtsStatus tell_outside(const CtsSectionPlan *plan, const CtsVolume *v, const CtsParts *air, uint8_t *outside,
-                              CtsError *err)
-{
-    Sample *samples;
-    const CtsStatus st = cts_alloc_zeroed(&samples, air->n_parts, err);
-    if (st)
-        return st;
-    for (uint32_t n = 0; n < air->n_parts; n++) {
-        const CtsPart *p = &air->parts[n];
-        outside[n] = p->lo[0] == 0 || p->lo[1] == 0 || p->hi[0] == air->dims[0] - 1 || p->hi[1] == air->dims[1] - 1;
-    }
-    for (int k = 0; k < air->dims[2]; k++)
-        for (int j = 0; j < air->dims[1]; j += SAMPLE_ROWS) {
-            const size_t row = (size_t)k * (size_t)air->dims[1] + (size_t)j;
-            for (uint32_t r = air->row_start[row]; r < air->row_start[row + 1]; r++)
-                if (outside[air->runs[r].part])
-                    sample_run(plan, v, &air->runs[r], j, k, &samples[air->runs[r].part]);
-        }
-    for (uint32_t n = 0; n < air->n_parts; n++)
-        if (2 * samples[n].n_lung > samples[n].n)
-            outside[n] = 0;
-    cts_free(&samples);
-    return st;
-}
-
-static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, CtsBody *body, CtsError *err)
+static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, bool has_table, CtsBody *body,
+                            CtsError *err)
 {
     CtsStatus st;
     CtsBits air = {0};
@@ -154,7 +96,9 @@ static CtsStatus find_whole(const CtsSectionPlan *plan, const CtsVolume *v, CtsB
         return st;
     cts_bits_combine(&air, CTS_BITS_NOT, &body->dense);
     if ((st = cts_parts_find(&parts, &air, false, err)) || (st = cts_alloc_array(&outside, parts.n_parts, err)) ||
-        (st = tell_outside(plan, v, &parts, outside, err)) || (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
+
+        (st = cts_air_outside(plan, v, &parts, has_table, &body->air, outside, err)) ||
+        (st = cts_bits_new_unset(&body->whole, plan->dims, err)))
         goto end;
     cts_parts_paint(&parts, outside, NULL, &body->whole);
     /* What was painted is outside: of the foreign that alone stays, and the whole is the rest. */
@@ -188,7 +132,8 @@ static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, c
     for (int row = 0; row < p->dims[1] * p->dims[2]; row++)
         for (uint32_t r = p->row_start[row]; r < p->row_start[row + 1]; r++)
             for (uint32_t i = p->runs[r].first; i < p->runs[r].end && flags[p->runs[r].part]; i++)
-                n_bone[p->runs[r].part] += hu_at(plan, v, i, row % p->dims[1], row / p->dims[1]) > BONE_HU;
+                n_bone[p->runs[r].part] +=
+                    cts_section_hu(plan, v, (int)i, row % p->dims[1], row / p->dims[1]) > BONE_HU;
     for (uint32_t part = 0; part < p->n_parts; part++) {
         flags[part] = flags[part] && 2 * n_bone[part] < p->parts[part].n_voxels;
         n += flags[part] ? p->parts[part].n_voxels : 0;
@@ -199,8 +144,8 @@ static CtsStatus choose_shells(const CtsSectionPlan *plan, const CtsVolume *v, c
 }
 
 /* Takes masks and straps that lie on the body for foreign. */
-static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, CtsBits *thin, CtsBody *body,
-                             CtsError *err)
+static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, bool has_table, CtsBits *thin,
+                             CtsBody *body, CtsError *err)
 {
     CtsStatus st;
     CtsParts parts = {0};
@@ -216,7 +161,7 @@ static CtsStatus drop_shells(const CtsSectionPlan *plan, const CtsVolume *v, Cts
     body->mm3 -= mm3;
     body->thin_mm3 -= mm3;
     cts_bits_free(&body->whole);
-    st = find_whole(plan, v, body, err);
+    st = find_whole(plan, v, has_table, body, err);
 end:
     cts_parts_free(&parts);
     cts_free(&flags);
@@ -228,13 +173,14 @@ CtsStatus cts_body_find(const CtsSectionPlan *plan, const CtsVolume *v, const Ct
 {
     CtsBits thin = {0};
     CtsStatus st;
+    const bool has_table = cts_bits_count(extruded) > 0;
     if (!(st = find_dense(plan, sections, extruded, workers, n_threads, body, err)) &&
-        !(st = find_whole(plan, v, body, err)) && !(st = cts_bits_new_unset(&thin, plan->dims, err))) {
+        !(st = find_whole(plan, v, has_table, body, err)) && !(st = cts_bits_new_unset(&thin, plan->dims, err))) {
         cts_each_section(workers, n_threads, cts_thin_section, &body->whole,
                          cts_reach_mm(THICK_RADIUS_MM, plan->spacing_mm), &thin);
         cts_bits_combine(&thin, CTS_BITS_AND, &body->dense);
         body->thin_mm3 = (double)cts_bits_count(&thin) * plan->voxel_mm3;
-        st = drop_shells(plan, v, &thin, body, err);
+        st = drop_shells(plan, v, has_table, &thin, body, err);
     }
     cts_bits_free(&thin);
     return st;

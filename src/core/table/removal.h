@@ -119,6 +119,20 @@ void cts_extruded_free(CtsExtruded *extruded);
  * nothing lies, and as thick as the plate. */
 void cts_contact_add(const CtsBits *always, const CtsBits *ever, CtsBits *plates);
 
+/* The HU at a place of the sections: of the first slice of section k. */
+double cts_section_hu(const CtsSectionPlan *plan, const CtsVolume *volume, int i, int j, int k);
+
+/* The level of the air around the patient, found when it is first needed. */
+typedef struct CtsAirLevel {
+    double lung_hu;  /* air above this is a lung; 0: not found yet */
+    bool is_unknown; /* a table stands in what looks like lungs, and room air has no level of its own */
+} CtsAirLevel;
+
+/* outside[]: the parts of the air that reach the border of a section and are no lung. has_table: plates were found.
+ * *level is found where it is not yet known. */
+CtsStatus cts_air_outside(const CtsSectionPlan *plan, const CtsVolume *volume, const CtsParts *air, bool has_table,
+                          CtsAirLevel *level, uint8_t *outside, CtsError *err);
+
 /* The patient among the connected parts of what is denser than air, with what it encloses. */
 
 typedef struct CtsBody {
@@ -127,6 +141,7 @@ typedef struct CtsBody {
     CtsBits foreign; /* what is no patient, of some size */
     double mm3;      /* of the dense bits */
     double thin_mm3; /* of those that stand out thin from the whole */
+    CtsAirLevel air;
 } CtsBody;
 
 /* sections without extruded is what there may be of the patient; both and the volume in memory as the plan has them.

@@ -180,6 +180,15 @@ static double report_lost(Removal *r, CtsReport *report)
     return lost_mm3;
 }
 
+/* Nothing is outside the patient where room air cannot be told from lungs. */
+static void report_air(const Removal *r, CtsReport *report)
+{
+    if (r->body.air.is_unknown)
+        cts_report_finding(report, "table_removal_uncertain", CTS_WARNING,
+                           "the air around the body is as dense as lungs and has no level of its own: the table may "
+                           "stay in the picture (take it out by a crop)");
+}
+
 /* What may be table, yet stays: thin parts, and what goes along the scanner's axis as a table does. */
 static void report_uncertain(const Removal *r, CtsReport *report)
 {
@@ -209,6 +218,7 @@ static CtsStatus remove_table(Removal *r, CtsVolume *v, const CtsVolume *seen, b
         cts_report_skip(report, "inside of the body", "modes minip and average alone look at it");
     else if ((st = cts_body_inside(&r->plan, &r->body.whole, r->workers, r->n_threads, &v->body, err)))
         return st;
+    report_air(r, report);
     report_uncertain(r, report);
     if (report)
         report->table = (CtsTableFact){.known = true, .body_mm3 = r->body.mm3};
