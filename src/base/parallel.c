@@ -1,6 +1,7 @@
 #include "base/parallel.h"
 
 #include "base/clock.h"
+#include "base/thread.h"
 
 #include <pthread.h>
 #include <signal.h>
@@ -134,7 +135,7 @@ static bool add_helper(void)
     sigset_t all, before;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &before);
-    const bool added = !pthread_create(&thread, NULL, help, NULL);
+    const bool added = !cts_thread_start(&thread, help, NULL);
     pthread_sigmask(SIG_SETMASK, &before, NULL);
     pool.n_helpers += added;
     return added;

@@ -2,6 +2,7 @@
 #include "base/exit_code.h"
 #include "base/helper_process.h"
 #include "base/near_word.h"
+#include "base/thread.h"
 #include "cli/commands.h"
 #include "cli/terminal.h"
 #include <errno.h>
@@ -72,6 +73,21 @@ static void hold_standard_files(void)
             _exit(1);
 }
 
+typedef struct Call {
+    int argc;
+    const char *const *argv;
+    int *exit_code;
+    CtsError *err;
+    CtsStatus status;
+} Call;
+
+static void *run_call(void *context)
+{
+    Call *const call = context;
+    call->status = run(call->argc, call->argv, call->exit_code, call->err);
+    return NULL;
+}
+
 int main(int argc, char **argv)
 {
     hold_standard_files();
@@ -84,7 +100,9 @@ int main(int argc, char **argv)
 
     CtsError err = {0};
     int exit_code = 0;
-    CtsStatus st = run(argc, (const char *const *)argv, &exit_code, &err);
+    Call call = {.argc = argc, .argv = (const char *const *)argv, .exit_code = &exit_code, .err = &err};
+    cts_thread_with_stack(run_call, &call);
+    CtsStatus st = call.status;
     /* Output that did not reach its reader is not done, as with a full disk. */
     const bool lost = fflush(stdout) || ferror(stdout);
     if (lost && errno == EPIPE) {

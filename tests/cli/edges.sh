@@ -80,3 +80,15 @@ modes=$(stat -c %a a.png a.dcm s.dcm b.dcm | tr '\n' ' ')
 ok batch "$data/syntax/explicit" -O unnamed $draw --deidentify --series-number 7
 has err 'series-number acts on .*dcm outputs'
 ! grep -q "deidentify acts on" err || fail "--deidentify acts on a batch without DICOM outputs, too"
+
+# A small stack (ulimit -s) changes nothing.
+last="a stack of 256 KiB"
+code=0
+"$ctsplat" render "$data/phantom" $draw -o usual.png || fail "no picture"
+(
+    ulimit -s 256
+    "$ctsplat" render "$data/phantom" --size 24x20 --threads 2 -o small.png -o small.exr -o small.dcm &&
+        "$ctsplat" batch "$data/syntax/explicit" -O small $draw
+) >out 2>err || code=$?
+[ $code = 0 ] || fail "exit code $code, expected 0: $(cat err)"
+cmp usual.png small.png || fail "another picture"

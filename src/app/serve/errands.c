@@ -3,6 +3,7 @@
 
 #include "app/job/fit_window.h"
 #include "base/clock.h"
+#include "base/thread.h"
 #include <errno.h>
 #include <fcntl.h>
 #include <poll.h>
@@ -217,7 +218,7 @@ static void *work(void *context)
 CtsStatus cts_errands_begin(CtsServer *server, CtsError *err)
 {
     for (; server->n_workers < CTS_SERVE_WORKERS; server->n_workers++)
-        if (pthread_create(&server->workers[server->n_workers], NULL, work, server))
+        if (cts_thread_start(&server->workers[server->n_workers], work, server))
             return cts_fail(err, CTS_ERR_MEMORY, "no threads can be had");
     return CTS_OK;
 }
