@@ -1,5 +1,6 @@
 #include "base/mem.h"
 
+#include <math.h>
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
@@ -73,7 +74,7 @@ CtsStatus cts_grow_bytes(void **items, size_t n, size_t size, CtsError *err)
     return CTS_OK;
 }
 
-uint64_t cts_memory_available(void)
+static uint64_t machine_available(void)
 {
     unsigned long long kib = 0;
     char line[128];
@@ -88,6 +89,15 @@ uint64_t cts_memory_available(void)
     if (kib == 0 && !sysinfo(&machine))
         return (uint64_t)machine.freeram * machine.mem_unit;
     return (uint64_t)kib * 1024;
+}
+
+uint64_t cts_memory_available(void)
+{
+    const uint64_t machine = machine_available();
+    const double quota = cts_memory_quota("/proc/self/cgroup", "/proc/self/mountinfo");
+    if (isinf(quota) || (machine > 0 && quota > (double)machine))
+        return machine;
+    return quota > 1 ? (uint64_t)quota : 1; /* 0 would mean that nobody knows */
 }
 
 int cts_memory_allows(double n_bytes, uint64_t free_bytes)

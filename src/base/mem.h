@@ -27,8 +27,12 @@ void cts_free_bytes(void *block);
 CtsStatus cts_grow_bytes(void **items, size_t n, size_t size, CtsError *err);
 #define cts_grow(p, n, err) cts_grow_bytes((void **)(p), (size_t)(n), sizeof **(p), (err))
 
-/* Bytes that could be had without swapping, 0 when the system does not tell. */
+/* Bytes that could be had without swapping: of the machine's, or what control groups leave of theirs where that is
+ * less; 0 when the system does not tell. */
 uint64_t cts_memory_available(void);
+/* Bytes that control groups leave to this process, with the files in memory that would give way; INFINITY without a
+ * limit. The paths are /proc/self/cgroup and /proc/self/mountinfo. */
+double cts_memory_quota(const char *groups_path, const char *mounts_path);
 /* Whether a volume may take so many: 60 % of what is free (0: nobody knows), so that a batch does not drive its machine
  * into swap. */
 int cts_memory_allows(double n_bytes, uint64_t free_bytes);

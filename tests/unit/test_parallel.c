@@ -1,6 +1,7 @@
 /* Work shared out among threads, and how many there are to be. */
 #include "base/clock.h"
 #include "base/cpu.h"
+#include "base/mem.h"
 #include "base/parallel.h"
 #include "folder.h"
 #include "unit.h"
@@ -193,7 +194,10 @@ static void write_text(const char *folder, const char *name, const char *text, c
 }
 
 /* A hierarchy that is mounted at `mount`, whose own group's files say what is expected. */
-static void check_quota(const char *groups, const char *mount_line, const char *const files[][2], double expected)
+typedef double (*Quota)(const char *groups_path, const char *mounts_path);
+
+static void check_limit(Quota quota, const char *groups, const char *mount_line, const char *const files[][2],
+                        double expected)
 {
     char folder[64], path[400], groups_path[400], mounts[400], line[600];
     make_folder(folder);
@@ -202,12 +206,16 @@ static void check_quota(const char *groups, const char *mount_line, const char *
     snprintf(line, sizeof line, mount_line, folder);
     write_text(folder, "groups", groups, groups_path);
     write_text(folder, "mounts", line, mounts);
-    const double found = cts_cpu_quota(groups_path, mounts);
-    if (isinf(expected))
-        assert_true(isinf(found));
-    else
-        assert_true(fabs(found - expected) < 1e-12);
+    const double found = quota(groups_path, mounts);
+    if (isinf(expected) ? !isinf(found) : !(fabs(found - expected) < 1e-12))
+        fail_msg("groups %s, mount %s, file %s: expected %g, found %g", groups, mount_line, files[0][0], expected,
+                 found);
     remove_folder(folder);
+}
+
+static void check_quota(const char *groups, const char *mount_line, const char *const files[][2], double expected)
+{
+    check_limit(cts_cpu_quota, groups, mount_line, files, expected);
 }
 
 /* A helper forks in its last items, when the loop has nothing left for others and its caller waits. */
@@ -267,6 +275,49 @@ static void test_quota(void **state)
     assert_true(isinf(cts_cpu_quota("absent", "absent")));
 }
 
+/* A limit less what is in use, files in memory aside; groups around the process's own count too. */
+static void test_memory_quota(void **state)
+{
+    (void)state;
+    const char *v2 = "35 24 0:30 / %s rw,nosuid - cgroup2 cgroup2 rw\n";
+    const char *v1 = "33 24 0:29 / %s rw - cgroup cgroup rw,memory\n";
+    const char *const none[][2] = {{"memory.current", "1000\n"}, {NULL, NULL}};
+    const char *const max[][2] = {{"memory.max", "max\n"}, {"memory.current", "1000\n"}, {NULL, NULL}};
+    const char *const limit[][2] = {{"memory.max", "536870912\n"},
+                                    {"memory.high", "max\n"},
+                                    {"memory.current", "136870912\n"},
+                                    {"memory.stat", "anon 90\nfile 5\ninactive_file 20000000\nactive_file 16870912\n"},
+                                    {NULL, NULL}};
+    const char *const high[][2] = {
+        {"memory.max", "536870912\n"}, {"memory.high", "300000000\n"}, {"memory.current", "400000000\n"}, {NULL, NULL}};
+    const char *const old[][2] = {{"memory.limit_in_bytes", "200000000\n"},
+                                  {"memory.usage_in_bytes", "150000000\n"},
+                                  {"memory.stat", "inactive_file 7\ntotal_inactive_file 30000000\n"},
+                                  {NULL, NULL}};
+    const char *const old_none[][2] = {
+        {"memory.limit_in_bytes", "9223372036854771712\n"}, {"memory.usage_in_bytes", "5\n"}, {NULL, NULL}};
+    const struct {
+        const char *groups, *mount;
+        const char *const (*files)[2];
+        double expected;
+    } cases[] = {
+        {"0::/\n", v2, none, INFINITY},
+        {"0::/\n", v2, max, INFINITY},
+        {"0::/\n", v2, limit, 436870912},
+        {"0::/a/b\n", v2, limit, 436870912},
+        {"0::/pod/a\n", "35 24 0:30 /pod/a %s rw - cgroup2 cgroup2 rw\n", limit, 436870912},
+        {"0::/\n", v2, high, 0},
+        {"4:memory:/job\n", v1, old, 80000000},
+        {"4:cpu:/job\n", v1, old, INFINITY},
+        {"4:memory:/\n", v1, old_none, INFINITY},
+        {"4:memory:/\n", "33 24 0:29 / %s rw - cgroup cgroup rw,cpu\n", old, INFINITY},
+    };
+    for (size_t n = 0; n < sizeof cases / sizeof *cases; n++)
+        check_limit(cts_memory_quota, cases[n].groups, cases[n].mount, cases[n].files, cases[n].expected);
+    assert_true(isinf(cts_memory_quota("absent", "absent")));
+    assert_true(cts_memory_available() > 0);
+}
+
 static void test_environment(void **state)
 {
     (void)state;
@@ -301,8 +352,8 @@ int main(void)
         cmocka_unit_test(test_each_item_once), cmocka_unit_test(test_nested),
         cmocka_unit_test(test_many_callers),   cmocka_unit_test(test_alone_at_fork),
         cmocka_unit_test(test_after_fork),     cmocka_unit_test(test_fork_by_helper),
-        cmocka_unit_test(test_quota),          cmocka_unit_test(test_environment),
-        cmocka_unit_test(test_shared_time),
+        cmocka_unit_test(test_quota),          cmocka_unit_test(test_memory_quota),
+        cmocka_unit_test(test_environment),    cmocka_unit_test(test_shared_time),
     };
     if (pthread_atfork(count_threads, NULL, NULL))
         return 1;

@@ -140,6 +140,40 @@ static void test_near(void **state)
     cts_options_free(&options);
 }
 
+static void test_sizes(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text;
+        double bytes; /* 0: refused */
+    } sizes[] = {{"6G", 0x1.8p32},
+                 {"2GiB", 0x1p31},
+                 {"2gib", 0x1p31},
+                 {"2GB", 0x1p31},
+                 {"512M", 0x1p29},
+                 {"1.5GiB", 1.5 * 0x1p30},
+                 {"1048576", 0x1p20},
+                 {"1T", 0x1p40},
+                 {"2GiBs", 0},
+                 {"2Gi", 0x1p31},
+                 {"GiB", 0},
+                 {"2 GiB", 0},
+                 {"1k", 0},
+                 {"-2G", 0},
+                 {"", 0},
+                 {"2B", 0}};
+    for (size_t n = 0; n < sizeof sizes / sizeof *sizes; n++) {
+        CtsOptions options;
+        CtsError err = {0};
+        cts_options_begin(&options);
+        const CtsStatus st = take(&options, CTS_FOR_SERVE, "memory", sizes[n].text, &err);
+        if (st != (sizes[n].bytes ? CTS_OK : CTS_ERR_USAGE) || (double)options.memory_bytes != sizes[n].bytes)
+            fail_msg("memory %s: expected %g bytes, found %g and status %d", sizes[n].text, sizes[n].bytes,
+                     (double)options.memory_bytes, st);
+        cts_options_free(&options);
+    }
+}
+
 static void *bytes_of(const char *path, size_t *n)
 {
     FILE *file = fopen(path, "rb");
@@ -194,7 +228,7 @@ int main(void)
 {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(test_rows), cmocka_unit_test(test_batch_sees_all), cmocka_unit_test(test_defaults),
-        cmocka_unit_test(test_near), cmocka_unit_test(test_memory),
+        cmocka_unit_test(test_near), cmocka_unit_test(test_memory),         cmocka_unit_test(test_sizes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

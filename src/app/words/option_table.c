@@ -248,7 +248,7 @@ const CtsOption cts_options[] = {
     {0, "series-memory", "MIB", ON(BATCH), SAME,
      "give up a series that needs more memory; 0: what the machine can spare", "0", NUMBER(series_mib), RANGE(0, 1e9)},
     {0, "memory", "SIZE", ON(SERVE), SAME,
-     "how much the loaded volumes may take, such as 6G; what was not asked for longest goes first",
+     "how much the loaded volumes may take, such as 6G or 2GiB; what was not asked for longest goes first",
      "half of what is free", PARSED(memory)},
     {0, "token-file", "FILE", ON(SERVE), SAME, "what every request must bring, 16 characters or more",
      "one made at the start", TEXT(token_file)},

@@ -8,6 +8,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 bool cts_number(const char *text, double *value)
 {
@@ -216,17 +217,20 @@ CtsStatus cts_parse_swivel(CtsOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+/* K, M, G and T are powers of 1024, and so are KiB to TiB; KB to TB too, as memory is counted so. */
 CtsStatus cts_parse_memory(CtsOptions *options, const char *text, CtsError *err)
 {
-    static const char units[] = "KMGT";
+    static const char units[] = "KMGTkmgt";
     char number[32];
     double size;
     const size_t n = strcspn(text, units);
-    const char *unit = text[n] ? strchr(units, text[n]) : NULL;
-    const double bytes = unit ? ldexp(1, 10 * (int)(unit - units + 1)) : 1;
+    const char *const unit = text[n] ? strchr(units, text[n]) : NULL, *const rest = text + n + (unit != NULL);
+    const double bytes = unit ? ldexp(1, 10 * (int)((unit - units) % 4 + 1)) : 1;
+    const bool is_unit =
+        !*rest || (unit && (!strcasecmp(rest, "B") || !strcasecmp(rest, "i") || !strcasecmp(rest, "iB")));
     snprintf(number, sizeof number, "%.*s", (int)(n < sizeof number ? n : 0), text);
-    if ((unit && text[n + 1]) || !cts_number(number, &size) || size * bytes < 1 << 20 || size * bytes > 1e15)
-        return cts_fail(err, CTS_ERR_USAGE, "`memory` %s: not a size of 1M or more, such as 6G", text);
+    if (!is_unit || !cts_number(number, &size) || size * bytes < 1 << 20 || size * bytes > 1e15)
+        return cts_fail(err, CTS_ERR_USAGE, "`memory` %s: not a size of 1M or more, such as 6G or 2GiB", text);
     options->memory_bytes = (uint64_t)(size * bytes);
     return CTS_OK;
 }

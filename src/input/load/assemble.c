@@ -331,7 +331,7 @@ static CtsStatus check_memory(int nx, int ny, int n_layers, CtsError *err)
     const double need = (double)nx * ny * n_layers * sizeof(uint16_t);
     const uint64_t free_bytes = cts_memory_available();
     if (!cts_memory_allows(need, free_bytes))
-        return cts_fail(err, CTS_ERR_MEMORY, "the volume needs %.0f MiB of memory, and this machine has %.0f MiB free",
+        return cts_fail(err, CTS_ERR_MEMORY, "the volume needs %.0f MiB of memory, and %.0f MiB are free",
                         need / 1048576, (double)free_bytes / 1048576);
     return CTS_OK;
 }
