@@ -67,6 +67,9 @@ warned identity_incomplete 'is empty in 1 of 48 slices, and has one value in the
 case_of 'IM0003.dcm' '0008,0060,CS=MR'
 refused 4 'Modality \(0008,0060\) is MR' render c --size 32x32 -o refused.png
 
+case_of 'IM*' '0008,0060,CS=ct' '0028,1054,LO=Hounsfield Unit(s)'
+quiet
+
 types='["SUBTRACTION", "IODINE_MAP", "PERFUSION", "MATERIAL", "MAT_SPECIFIC", "ELECTRON_DENSITY"]'
 case_of 'IM*' "0008,0008,CS=DERIVED\\PRIMARY\\AXIAL\\{$types[k%6]}"
 warned not_hu '48 of 48 slices .* another quantity'

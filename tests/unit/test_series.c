@@ -202,6 +202,14 @@ CHANGE(huge_intercept, s->intercept = "1e9")
 CHANGE(not_hu, s->rescale_type = "OD")
 CHANGE(unspecified, s->rescale_type = "US")
 CHANGE(is_hu, s->rescale_type = "HU")
+CHANGE(spelt_hu, s->rescale_type = ((const char *[]){"hu", "HOUNSFIELD", "Hounsfield Unit", "Hounsfield Units",
+                                                     "Hounsfield Unit(s)", "Houndsfield Unit", " Hu ", "H U"})[k % 8])
+CHANGE(spelt_unspecified, s->rescale_type = "UNSPECIFIED")
+CHANGE(small_z_eff, s->rescale_type = "z_eff")
+CHANGE(electron_density, s->rescale_type = "ED")
+CHANGE(many_without_place,
+       (s->frames = "40", s->position = s->orientation = s->spacing = NULL, s->type = "DERIVED\\PRIMARY"))
+CHANGE(private_syntax, s->syntax = "1.2.840.113619.5.2")
 CHANGE(no_spacing, s->spacing = NULL)
 CHANGE(zero_spacing, s->spacing = "0\\0.5")
 CHANGE(one_spacing, s->spacing = "0.5")
@@ -260,6 +268,13 @@ static const Case cases[] = {
     {"slope -1", falling, CTS_OK, "negative_slope", NULL, 20},
     {"unspecified", unspecified, CTS_OK, "rescale_unspecified", NULL, 20},
     {"HU", is_hu, CTS_OK, NULL, NULL, 20},
+    {"HU in other spellings", spelt_hu, CTS_OK, NULL, NULL, 20},
+    {"UNSPECIFIED", spelt_unspecified, CTS_OK, "rescale_unspecified", NULL, 20},
+    {"no other word in small letters", small_z_eff, CTS_ERR_PIXELS, NULL, "is z_eff, not HU", 20},
+    {"electron density", electron_density, CTS_OK, "not_hu", NULL, 20},
+    {"many frames without a place", many_without_place, CTS_ERR_PIXELS, NULL, "NumberOfFrames (0028,0008) is not 1",
+     20},
+    {"private syntax", private_syntax, CTS_ERR_SYNTAX, NULL, "1.2.840.113619.5.2", 20},
     {"no spacing", no_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
     {"spacing 0", zero_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
     {"one spacing", one_spacing, CTS_ERR_GEOMETRY, NULL, "(0028,0030)", 20},
@@ -346,6 +361,61 @@ static void test_cases(void **state)
         cts_volume_free(&v);
         done(&f);
     }
+}
+
+/* One object of many frames is no single slice, which would only be passed. */
+static void test_many_frames(void **state)
+{
+    (void)state;
+    Found f;
+    make_folder(f.folder);
+    Slice s = sound_slice();
+    many_without_place(&s, 0);
+    s.frame = NULL;
+    write_slice(f.folder, "cone", &s);
+    find(&f);
+    assert_int_equal(f.list->n, 1);
+    assert_int_equal(f.list->items[0].refusal, CTS_ERR_PIXELS);
+    assert_true(!f.list->items[0].passed && strstr(f.list->items[0].reason, "NumberOfFrames (0028,0008) is not 1"));
+    done(&f);
+}
+
+/* A data set in implicit VR under a UID that is unknown: the UID is named, and nothing is called damaged. */
+static void test_private_syntax(void **state)
+{
+    (void)state;
+    Found f;
+    make_folder(f.folder);
+    for (int k = 0; k < 4; k++) {
+        StackTexts t;
+        char name[16];
+        Slice s = stack_slice(&t, k, 0, 0, 2 * k);
+        Bytes b = {0}, explicit_vr = {0};
+        s.syntax = k % 2 ? "1.2.840.113619.5.2" : "1.2.840.10008.1.20";
+        put_meta(&b, &s);
+        put_header(&explicit_vr, &s);
+        for (size_t at = 0; at < explicit_vr.n;) { /* short forms all */
+            const size_t n = explicit_vr.data[at + 6] | (size_t)explicit_vr.data[at + 7] << 8;
+            put(&b, explicit_vr.data + at, 4);
+            put32(&b, (uint32_t)n);
+            put(&b, explicit_vr.data + at + 8, n);
+            at += 8 + n;
+        }
+        put_tag(&b, 0x7FE00010);
+        put32(&b, SLICE_COLUMNS * SLICE_ROWS * 2);
+        for (int i = 0; i < SLICE_COLUMNS * SLICE_ROWS; i++)
+            put16(&b, 1000);
+        snprintf(name, sizeof name, "%d", k);
+        write_bytes(f.folder, name, b.data, b.n);
+        free(b.data);
+        free(explicit_vr.data);
+    }
+    find(&f);
+    assert_int_equal(f.status, CTS_OK);
+    assert_int_equal(f.list->n_unreadable, 0);
+    assert_int_equal(f.list->items[0].refusal, CTS_ERR_SYNTAX);
+    assert_non_null(strstr(f.list->items[0].reason, "transfer syntax 1.2.840.10008.1.20 is unknown"));
+    done(&f);
 }
 
 /* Pixels below 0 that the header calls unsigned: air would be the brightest of all. */
@@ -743,12 +813,13 @@ static void test_stopped(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_sorted),       cmocka_unit_test(test_normal_down),  cmocka_unit_test(test_resampled),
-        cmocka_unit_test(test_scanned),      cmocka_unit_test(test_cases),        cmocka_unit_test(test_no_volume),
-        cmocka_unit_test(test_wrong_sign),   cmocka_unit_test(test_deep_folders), cmocka_unit_test(test_copies),
-        cmocka_unit_test(test_phases),       cmocka_unit_test(test_choose),       cmocka_unit_test(test_folders),
-        cmocka_unit_test(test_any_threads),  cmocka_unit_test(test_description),  cmocka_unit_test(test_blank),
-        cmocka_unit_test(test_first_number), cmocka_unit_test(test_stopped),
+        cmocka_unit_test(test_sorted),         cmocka_unit_test(test_normal_down), cmocka_unit_test(test_resampled),
+        cmocka_unit_test(test_scanned),        cmocka_unit_test(test_cases),       cmocka_unit_test(test_many_frames),
+        cmocka_unit_test(test_private_syntax), cmocka_unit_test(test_no_volume),   cmocka_unit_test(test_wrong_sign),
+        cmocka_unit_test(test_deep_folders),   cmocka_unit_test(test_copies),      cmocka_unit_test(test_phases),
+        cmocka_unit_test(test_choose),         cmocka_unit_test(test_folders),     cmocka_unit_test(test_any_threads),
+        cmocka_unit_test(test_description),    cmocka_unit_test(test_blank),       cmocka_unit_test(test_first_number),
+        cmocka_unit_test(test_stopped),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -67,6 +67,16 @@ double seconds_of_day(std::string_view text)
     return hours * 3600 + minutes * 60 + std::fmod(t, 100);
 }
 
+/* Capitals without blanks, which hand-written headers differ by. */
+std::string plain_word(std::string_view text)
+{
+    std::string word;
+    for (const char c : text)
+        if (c != ' ')
+            word += static_cast<char>(c >= 'a' && c <= 'z' ? c - 'a' + 'A' : c);
+    return word;
+}
+
 CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
 {
     if (sop_class == ct_class)
@@ -77,7 +87,7 @@ CtsObjectKind kind_of(CtsAttributes &item, std::string_view sop_class)
         return CTS_OBJECT_DIRECTORY;
     if (std::find(std::begin(label_classes), std::end(label_classes), sop_class) != std::end(label_classes))
         return CTS_OBJECT_LABELS;
-    if (sop_class.empty() && cts_attribute_text(item, DCM_Modality) == "CT" &&
+    if (sop_class.empty() && plain_word(cts_attribute_text(item, DCM_Modality)) == "CT" &&
         cts_attribute_has(item, DCM_ImagePositionPatient))
         return CTS_OBJECT_CT;
     return CTS_OBJECT_OTHER;
@@ -92,6 +102,16 @@ bool names_quantity(std::string_view image_type)
             return true;
     for (int i = 2; i < 16; i++)
         if (part_of(image_type, i).substr(0, 4) == "MAT_")
+            return true;
+    return false;
+}
+
+/* As HU is written out, or misspelt, by programs that are met (RescaleType is a long string of free text). */
+bool is_hu(const std::string &word)
+{
+    for (const char *name : {"HU", "HOUNSFIELD", "HOUNSFIELDUNIT", "HOUNSFIELDUNITS", "HOUNSFIELDUNIT(S)",
+                             "HOUNDSFIELD", "HOUNDSFIELDUNIT", "HOUNDSFIELDUNITS", "HOUNDSFIELDUNIT(S)"})
+        if (word == name)
             return true;
     return false;
 }
@@ -208,9 +228,20 @@ bool read_shape(CtsAttributes &item, CtsSlice *s)
     return true;
 }
 
+/* Before its place is looked for, which an object of many frames has for each of them. */
+void read_frame_count(CtsAttributes &item, CtsSlice *s)
+{
+    int frames = 1;
+    if (!cts_attribute_has(item, DCM_NumberOfFrames) || cts_attribute_text(item, DCM_NumberOfFrames).empty() ||
+        (integer(item, DCM_NumberOfFrames, &frames) && frames == 1))
+        return;
+    cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: CT Image Storage holds one frame");
+    s->page = false; /* no screen capture */
+}
+
 void read_image_kind(CtsAttributes &item, CtsSlice *s)
 {
-    int samples = 1, frames = 1;
+    int samples = 1;
     if (cts_attribute_has(item, DCM_SamplesPerPixel) &&
         (!cts_attribute_word(item, DCM_SamplesPerPixel, &samples) || samples != 1))
         cts_slice_fault(s, CTS_ERR_PIXELS, "SamplesPerPixel (0028,0002) is not 1: a colour picture is no CT slice");
@@ -219,9 +250,6 @@ void read_image_kind(CtsAttributes &item, CtsSlice *s)
         s->odd |= CTS_ODD_MONOCHROME1;
     else if (!photometric.empty() && photometric != "MONOCHROME2")
         cts_slice_fault(s, CTS_ERR_PIXELS, "PhotometricInterpretation (0028,0004) is not MONOCHROME2: no CT slice");
-    if (cts_attribute_has(item, DCM_NumberOfFrames) && !cts_attribute_text(item, DCM_NumberOfFrames).empty() &&
-        (!integer(item, DCM_NumberOfFrames, &frames) || frames != 1))
-        cts_slice_fault(s, CTS_ERR_PIXELS, "NumberOfFrames (0028,0008) is not 1: CT Image Storage holds one frame");
 }
 
 void read_rescale(CtsAttributes &item, CtsSlice *s)
@@ -242,11 +270,12 @@ void read_rescale(CtsAttributes &item, CtsSlice *s)
     if (s->slope < 0)
         s->odd |= CTS_ODD_FALLING;
     const std::string_view type = cts_attribute_text(item, DCM_RescaleType);
-    if (type == "US")
+    const std::string word = plain_word(type);
+    if (word == "US" || word == "UNSPECIFIED")
         s->odd |= CTS_ODD_UNSPECIFIED;
     else if (is_quantity(type))
         s->odd |= CTS_ODD_NOT_HU;
-    else if (!type.empty() && type != "HU")
+    else if (!type.empty() && !is_hu(word))
         cts_slice_fault(s, CTS_ERR_PIXELS, "RescaleType (0028,1054) is %.*s, not HU",
                         static_cast<int>(type.size() < 16 ? type.size() : 16), type.data());
 }
@@ -342,6 +371,7 @@ const char *cts_dcm_share(CtsTexts &texts, std::string_view text, size_t longest
 void cts_dcm_read_slice(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
 {
     read_identity(item, texts, s);
+    read_frame_count(item, s);
     read_geometry(item, s);
     read_image_kind(item, s);
     if (read_shape(item, s))

@@ -107,9 +107,11 @@ bool cts_elements_integer(CtsElements elements, uint32_t tag, int *value)
         return n && cts_dcm_parse_is((const char *)v.at, n, value);
     if (n != 2 && n != 4)
         return false;
-    const uint32_t low = v.at[0] | (uint32_t)v.at[1] << 8, high = n == 4 ? v.at[2] | (uint32_t)v.at[3] << 8 : 0;
-    *value = (int)(high << 16 | low);
-    return high <= INT16_MAX;
+    uint32_t number = 0;
+    for (size_t i = 0; i < n; i++)
+        number |= (uint32_t)v.at[v.big_endian ? n - 1 - i : i] << 8 * i;
+    *value = (int)number;
+    return number <= INT32_MAX;
 }
 
 bool cts_elements_decimals(CtsElements elements, uint32_t tag, double *values, int n)
@@ -127,6 +129,6 @@ bool cts_elements_shorts(CtsElements elements, uint32_t tag, int *values, int n)
     if (v.end - v.at != 2 * n)
         return false;
     for (int i = 0; i < n; i++)
-        values[i] = v.at[2 * i] | v.at[2 * i + 1] << 8;
+        values[i] = v.at[2 * i + v.big_endian] | v.at[2 * i + !v.big_endian] << 8;
     return true;
 }

@@ -137,9 +137,20 @@ static CtsStatus find_syntax(CtsHead *h, CtsError *err)
         h->syntax_uid = h->syntax->uid;
     }
     h->data_set.scan = &h->scan;
+    /* One that is unknown hides the pixels, hardly ever the header. */
+    const CtsSyntax *looks =
+        h->syntax ? h->syntax : cts_scan_guess(h->scratch->file + h->meta.data_offset, h->n - h->meta.data_offset);
     h->data_set.native =
-        h->syntax ? cts_syntax_native(h->syntax->explicit_vr, h->syntax->big_endian) : cts_syntax_native(true, false);
+        looks ? cts_syntax_native(looks->explicit_vr, looks->big_endian) : cts_syntax_native(true, false);
     return CTS_OK;
+}
+
+/* What looks like damage is an encoding that nobody here knows. */
+static CtsStatus unknown_syntax(const CtsHead *h, CtsError *err)
+{
+    if (!*h->syntax_uid)
+        return CTS_ERR_READ;
+    return cts_fail(err, CTS_ERR_READ, "transfer syntax %s is unknown (convert it with gdcmconv --raw)", h->syntax_uid);
 }
 
 CtsStatus cts_head_open(CtsHead *h, const CtsFile *source, CtsScratch *scratch, CtsError *err)
@@ -169,7 +180,7 @@ CtsStatus cts_head_open(CtsHead *h, const CtsFile *source, CtsScratch *scratch, 
         return cts_fail(err, CTS_ERR_READ, "damaged or cut short: %s", h->meta.why);
     if ((st = find_syntax(h, err)) ||
         (st = h->syntax && h->syntax->deflated ? scan_deflated(h, err) : scan_plain(h, err)))
-        return st;
+        return st == CTS_ERR_READ && !h->syntax ? unknown_syntax(h, err) : st;
     h->kind = CTS_FILE_DICOM;
     return CTS_OK;
 }

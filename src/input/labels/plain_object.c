@@ -38,15 +38,15 @@ CtsStatus cts_plain_open(CtsPlainObject *o, const CtsFile *file, CtsError *err)
     CtsStatus st = cts_head_open(h, file, &o->scratch, err);
     if (!st && h->kind != CTS_FILE_DICOM)
         st = cts_fail(err, CTS_ERR_READ, "is no DICOM file");
-    if (!st && (!h->syntax || h->syntax->big_endian))
-        st = cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is not read for labels (convert it with dcmconv)",
-                      h->syntax_uid);
+    if (!st && !h->syntax)
+        st = cts_fail(err, CTS_ERR_SYNTAX, "transfer syntax %s is unknown (convert it with dcmconv)", h->syntax_uid);
     if (st)
         return st;
     o->syntax = h->syntax;
     o->elements = cts_head_elements(h);
     o->has_pixels = h->scan.has_pixels;
     o->encapsulated = h->scan.encapsulated;
+    o->pixel_words = h->scan.pixel_words;
     o->pixel_offset = h->scan.pixel_offset;
     o->pixel_bytes = h->scan.pixel_bytes;
     o->source = h->file;

@@ -184,14 +184,24 @@ static size_t frame_bytes(const Seg *s)
     return s->bits_allocated == 1 ? (n + 7) / 8 : n * (size_t)(s->bits_allocated / 8);
 }
 
-/* Frames follow each other without a gap, so one may begin in the middle of a byte. *shift: at which bit. */
+/* Frames follow each other without a gap, so one may begin in the middle of a byte. *shift: at which bit. Words of 16
+ * bits are read whole where a big-endian file swaps their bytes. */
 static CtsStatus read_native(Seg *s, int frame, int *shift, CtsError *err)
 {
+    const CtsPlainObject *const o = s->object;
+    const bool swapped = o->syntax->big_endian && (s->bits_allocated == 16 || o->pixel_words);
     const uint64_t bits = (uint64_t)s->rows * (uint64_t)s->columns * (uint64_t)s->bits_allocated;
-    const uint64_t first = bits * (uint64_t)frame, end = first + bits;
-    *shift = (int)(first % 8);
-    return cts_file_bytes_read(&s->object->source, s->bytes, (size_t)((end + 7) / 8 - first / 8),
-                               s->object->pixel_offset + first / 8, err);
+    const uint64_t first = bits * (uint64_t)frame, from = first / 8 - (swapped ? first / 8 % 2 : 0);
+    uint64_t end = (first + bits + 7) / 8;
+    end += swapped && end % 2 && end < o->pixel_bytes;
+    *shift = (int)(first - 8 * from);
+    const CtsStatus st = cts_file_bytes_read(&o->source, s->bytes, (size_t)(end - from), o->pixel_offset + from, err);
+    for (uint64_t i = 0; !st && swapped && i + 1 < end - from; i += 2) {
+        const uint8_t low = s->bytes[i + 1];
+        s->bytes[i + 1] = s->bytes[i];
+        s->bytes[i] = low;
+    }
+    return st;
 }
 
 static bool is_jpeg2000(const Seg *s)
@@ -266,14 +276,16 @@ static CtsStatus read_plane(void *context, int number, CtsMaskPlane *plane, CtsE
     const size_t n = (size_t)s->rows * (size_t)s->columns;
     const int frame = s->planes ? s->planes[number] : number;
     int shift = 0;
-    const void *pixels = s->bytes;
+    const void *pixels = NULL;
     CtsStatus st = s->offset ? decode(s, frame, &pixels, err) : read_native(s, frame, &shift, err);
+    if (!s->offset)
+        pixels = s->bytes + shift / 8;
     *plane = (CtsMaskPlane){s->values, s->shares, (uint16_t)(s->segment[frame] + 1)};
     if (st)
         return cts_context(err, "frame %d", frame + 1);
     if (s->bits_allocated > 1 || (s->offset && is_jpeg2000(s)))
         return take_pixels(s, pixels, n, frame, err);
-    spread_bits(pixels, shift, n, plane->sharer, s->values);
+    spread_bits(pixels, shift % 8, n, plane->sharer, s->values);
     return CTS_OK;
 }
 
@@ -359,7 +371,7 @@ static CtsStatus read_all(Seg *s, CtsError *err)
     CtsStatus st;
     const size_t n = (size_t)s->rows * (size_t)s->columns;
     if ((st = read_segments(s, err)) || (st = check_pixels(s, err)) || (st = read_frames(s, err)) ||
-        (st = cts_alloc_array(&s->values, n, err)) || (st = cts_alloc_array(&s->bytes, frame_bytes(s) + 2, err)) ||
+        (st = cts_alloc_array(&s->values, n, err)) || (st = cts_alloc_array(&s->bytes, frame_bytes(s) + 4, err)) ||
         (s->type == FRACTIONAL && (st = cts_alloc_array(&s->shares, n, err))))
         return st;
     return place_all(s, err);

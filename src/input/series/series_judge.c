@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 
 enum { MAX_SLICES = 20000, MIN_SHARE_PERCENT = 90 };
 
@@ -226,7 +227,7 @@ static void check_modality(const CtsSliceSet *set, CtsSeries *series)
 {
     for (int i = 0; i < set->n; i++) {
         const char *modality = set->items[i]->modality;
-        if (*modality && strcmp(modality, "CT") != 0)
+        if (*modality && strcasecmp(modality, "CT") != 0)
             refuse(series, CTS_ERR_PIXELS, "%s: Modality (0008,0060) is %.16s in an object of CT",
                    cts_slice_label(set->items[i]).text, modality);
     }
@@ -265,7 +266,7 @@ static void describe_odd(CtsSeries *series)
         {CTS_ODD_LOSSY, "lossy", "hold lossy compressed pixels (0028,2110)"},
         {CTS_ODD_LONG_PIXELS, "long_pixels", "have more PixelData (7FE0,0010) than they need; the rest is not read"},
         {CTS_ODD_UNSPECIFIED, "rescale_unspecified",
-         "have the RescaleType (0028,1054) US, unspecified; taken for Hounsfield units"},
+         "have the RescaleType (0028,1054) US or UNSPECIFIED; taken for Hounsfield units"},
         {CTS_ODD_FALLING, "negative_slope",
          "have a negative RescaleSlope (0028,1053), so that their largest stored values are the least dense"},
         {CTS_ODD_NOT_HU, "not_hu",
