@@ -17,10 +17,8 @@
  * - ws: 32 int16_t
  * - wmask: one truth value a lane
  *
- * Defined before this header is included:
- *
- * - SIMD_DOUBLE: vf, vi, vu have eight lanes of 64 bits, in plain C on every path; there is no wf
- * - SIMD_PLAIN: plain C, whatever the compiler's flags */
+ * SIMD_DOUBLE, defined before this header is included: vf, vi, vu have eight lanes of 64 bits, in plain C on every
+ * path, and there are no vectors of sixteen lanes. */
 #ifndef CTS_BASE_SIMD_H
 #define CTS_BASE_SIMD_H
 
@@ -30,7 +28,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#if defined(SIMD_PLAIN) || defined(SIMD_DOUBLE)
+#if defined(SIMD_DOUBLE)
 #define SIMD_PATH_PLAIN
 #elif defined(__AVX512F__) && defined(__AVX512BW__) && defined(__AVX512DQ__) && defined(__AVX512VL__)
 #define SIMD_PATH_AVX512
@@ -74,96 +72,53 @@ typedef int16_t vs SIMD_VECTOR(real);
 /* For functions that hot loops call seldom. */
 #define OUTLINE static __attribute__((noinline))
 
-INLINE vf vf_of(real x)
-{
-    return x - (vf){0};
-}
+/* Defines a function that returns `value`. */
+#define SIMD_OP(type, name, parameters, value)                                                                         \
+    INLINE type name parameters                                                                                        \
+    {                                                                                                                  \
+        return value;                                                                                                  \
+    }
 
-INLINE vi vi_of(whole x)
-{
-    return x - (vi){0};
-}
+SIMD_OP(vf, vf_of, (real x), x - (vf){0})
+SIMD_OP(vi, vi_of, (whole x), x - (vi){0})
+SIMD_OP(vs, vs_of, (int16_t x), x - (vs){0})
 
-INLINE vs vs_of(int16_t x)
-{
-    return x - (vs){0};
-}
+/* Unaligned loads and stores: name_load(), name_store(). */
+#define SIMD_MEMORY(name, element)                                                                                     \
+    INLINE name name##_load(const element *from)                                                                       \
+    {                                                                                                                  \
+        name v;                                                                                                        \
+        memcpy(&v, from, sizeof v);                                                                                    \
+        return v;                                                                                                      \
+    }                                                                                                                  \
+    INLINE void name##_store(element *to, name v)                                                                      \
+    {                                                                                                                  \
+        memcpy(to, &v, sizeof v);                                                                                      \
+    }
+SIMD_MEMORY(vf, real)
+SIMD_MEMORY(vi, whole)
+SIMD_MEMORY(vs, int16_t)
 
-INLINE vf vf_load(const real *from)
-{
-    vf v;
-    memcpy(&v, from, sizeof v);
-    return v;
-}
-
-INLINE vi vi_load(const whole *from)
-{
-    vi v;
-    memcpy(&v, from, sizeof v);
-    return v;
-}
-
-INLINE vs vs_load(const int16_t *from)
-{
-    vs v;
-    memcpy(&v, from, sizeof v);
-    return v;
-}
-
-INLINE void vf_store(real *to, vf v)
-{
-    memcpy(to, &v, sizeof v);
-}
-
-INLINE void vi_store(whole *to, vi v)
-{
-    memcpy(to, &v, sizeof v);
-}
-
-INLINE void vs_store(int16_t *to, vs v)
-{
-    memcpy(to, &v, sizeof v);
-}
-
-INLINE vf to_float(vi a)
-{
-    return __builtin_convertvector(a, vf);
-}
-
+SIMD_OP(vf, to_float, (vi a), __builtin_convertvector(a, vf))
 /* Rounds towards 0. Values outside the range of an integer are undefined. */
-INLINE vi to_int(vf a)
-{
-    return __builtin_convertvector(a, vi);
-}
-
-INLINE vf vf_abs(vf a)
-{
-    return (vf)((vi)a & (sizeof(real) == 4 ? (whole)INT32_MAX : (whole)INT64_MAX));
-}
-
+SIMD_OP(vi, to_int, (vf a), __builtin_convertvector(a, vi))
+SIMD_OP(vf, vf_abs, (vf a), (vf)((vi)(a) & (sizeof(real) == 4 ? (whole)INT32_MAX : (whole)INT64_MAX)))
 /* 16 bits of each 32, as unsigned integers. */
-INLINE vi lower_half(vi pair)
-{
-    return pair & 0xffff;
-}
+SIMD_OP(vi, lower_half, (vi pair), pair & 0xffff)
+SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
 
-INLINE vi upper_half(vi pair)
-{
-    return (vi)((vu)pair >> 16) & 0xffff;
-}
-
-/* Each path defines:
+/* Each path defines, with 0 in the lanes outside a gather's mask, for which nothing is read:
  *
  * - vf_min, vf_max, vi_min, vi_max: the second operand unless the first is smaller, or larger
  * - vf_lt, vf_le, vi_lt, vi_eq: comparisons, false for NaN; vu_lt: of vi as unsigned integers; vi_test: (a & b) != 0
  * - vf_select, vi_select(mask, yes, no)
  * - mask_bits(mask): bit l for lane l, and its inverse mask_of_bits(bits)
  * - vf_look_up(table, n, index): table[index] of n entries; LANES entries may be read where n is less
+ * - vi_gather_bytes(from, index, mask): from[index] of 8 bits; the three bytes behind may be read, too
  *
- * and, unless SIMD_DOUBLE is defined, with 0 in the lanes outside a mask, for which nothing is read:
+ * and, unless SIMD_DOUBLE is defined:
  *
  * - vi_gather(from, index, mask): from[index] of 32 bits
- * - vi_gather_bytes(from, index, mask): from[index] of 8 bits; the three bytes behind may be read, too
  * - vi_gather_pairs(from, index, mask): from[index] of 16 bits in the lower half, from[index + 1] in the upper half
  * - vi_gather_64(from, index, mask, &second): from[index] of two int32_t, the first returned
  * - vs_madd(a, b): a[2 l] * b[2 l] + a[2 l + 1] * b[2 l + 1] in lane l, 32 bits
@@ -171,6 +126,15 @@ INLINE vi upper_half(vi pair)
  * - ws_permute(table, index): element index (0..31) of the table
  * - ws_permute2(low, high, index): element index (0..63) of two tables one after the other
  * - ws_load_rows(from, stride, n): n (1..4) rows of eight int16_t that begin `stride` elements apart; then 0 */
+#ifndef SIMD_PATH_AVX512
+typedef vi vmask; /* 0 or -1 */
+SIMD_OP(vmask, vf_lt, (vf a, vf b), a < b)
+SIMD_OP(vmask, vf_le, (vf a, vf b), a <= b)
+SIMD_OP(vmask, vi_lt, (vi a, vi b), a < b)
+SIMD_OP(vmask, vi_eq, (vi a, vi b), a == b)
+SIMD_OP(vmask, vu_lt, (vi a, vi b), (vu)a < (vu)b)
+SIMD_OP(vmask, vi_test, (vi a, vi b), (a & b) != 0)
+#endif
 #if defined(SIMD_DOUBLE)
 #include "base/simd_plain_tmpl.h"
 #else
@@ -187,20 +151,9 @@ typedef struct ws {
 #endif
 #endif
 
-INLINE bool mask_any(vmask mask)
-{
-    return mask_bits(mask) != 0;
-}
-
-INLINE vmask vf_gt(vf a, vf b)
-{
-    return vf_lt(b, a);
-}
-
-INLINE vmask vi_gt(vi a, vi b)
-{
-    return vi_lt(b, a);
-}
+SIMD_OP(bool, mask_any, (vmask mask), mask_bits(mask) != 0)
+SIMD_OP(vmask, vf_gt, (vf a, vf b), vf_lt(b, a))
+SIMD_OP(vmask, vi_gt, (vi a, vi b), vi_lt(b, a))
 
 #ifndef SIMD_DOUBLE
 typedef struct wf {
@@ -226,9 +179,18 @@ typedef struct wmask {
 SIMD_EACH(wf, wf_of, (float x), vf_of(x))
 SIMD_EACH(wi, wi_of, (int32_t x), vi_of(x))
 SIMD_EACH(ws, ws_of, (int16_t x), vs_of(x))
-SIMD_EACH(wf, wf_load, (const float *from), vf_load(from + LANES * p))
-SIMD_EACH(wi, wi_load, (const int32_t *from), vi_load(from + LANES * p))
-SIMD_EACH(ws, ws_load, (const int16_t *from), vs_load(from + 2 * LANES * p))
+
+#define SIMD_WIDE_MEMORY(name, part_name, element)                                                                     \
+    SIMD_EACH(name, name##_load, (const element *from),                                                                \
+              part_name##_load(from + sizeof(part_name) / sizeof(element) * p))                                        \
+    INLINE void name##_store(element *to, name v)                                                                      \
+    {                                                                                                                  \
+        for (int p = 0; p < N_PARTS; p++)                                                                              \
+            part_name##_store(to + sizeof(part_name) / sizeof(element) * p, v.part[p]);                                \
+    }
+SIMD_WIDE_MEMORY(wf, vf, float)
+SIMD_WIDE_MEMORY(wi, vi, int32_t)
+SIMD_WIDE_MEMORY(ws, vs, int16_t)
 
 SIMD_EACH(wf, wf_add, (wf a, wf b), a.part[p] + b.part[p])
 SIMD_EACH(wf, wf_sub, (wf a, wf b), a.part[p] - b.part[p])
@@ -282,24 +244,6 @@ SIMD_EACH(wmask, wmask_or, (wmask a, wmask b), a.part[p] | b.part[p])
 SIMD_EACH(wmask, wmask_not, (wmask a), (vmask)~a.part[p])
 SIMD_EACH(wmask, wmask_of_bits, (unsigned bits), mask_of_bits(bits >> LANES * p & ((1U << LANES) - 1)))
 
-INLINE void wf_store(float *to, wf v)
-{
-    for (int p = 0; p < N_PARTS; p++)
-        vf_store(to + LANES * p, v.part[p]);
-}
-
-INLINE void wi_store(int32_t *to, wi v)
-{
-    for (int p = 0; p < N_PARTS; p++)
-        vi_store(to + LANES * p, v.part[p]);
-}
-
-INLINE void ws_store(int16_t *to, ws v)
-{
-    for (int p = 0; p < N_PARTS; p++)
-        vs_store(to + 2 * LANES * p, v.part[p]);
-}
-
 /* Bit l for lane l. */
 INLINE unsigned wmask_bits(wmask mask)
 {
@@ -317,10 +261,7 @@ INLINE bool wmask_any(wmask mask)
     return mask_any(any);
 }
 
-INLINE bool wmask_all(wmask mask)
-{
-    return wmask_bits(mask) == 0xffff;
-}
+SIMD_OP(bool, wmask_all, (wmask mask), wmask_bits(mask) == 0xffff)
 #endif
 
 #endif

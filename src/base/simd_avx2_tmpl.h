@@ -1,72 +1,13 @@
 /* Operations of base/simd.h with AVX2. */
 #include <immintrin.h>
 
-typedef vi vmask;
-
-INLINE vf vf_select(vmask mask, vf yes, vf no)
-{
-    return (vf)_mm256_blendv_ps((__m256)no, (__m256)yes, (__m256)mask);
-}
-
-INLINE vi vi_select(vmask mask, vi yes, vi no)
-{
-    return (vi)_mm256_blendv_epi8((__m256i)no, (__m256i)yes, (__m256i)mask);
-}
-
-INLINE vmask vf_lt(vf a, vf b)
-{
-    return a < b;
-}
-
-INLINE vmask vf_le(vf a, vf b)
-{
-    return a <= b;
-}
-
-INLINE vmask vi_lt(vi a, vi b)
-{
-    return a < b;
-}
-
-INLINE vmask vi_eq(vi a, vi b)
-{
-    return a == b;
-}
-
-INLINE vmask vu_lt(vi a, vi b)
-{
-    return (vu)a < (vu)b;
-}
-
-INLINE vmask vi_test(vi a, vi b)
-{
-    return (a & b) != 0;
-}
-
-INLINE vf vf_min(vf a, vf b)
-{
-    return (vf)_mm256_min_ps((__m256)a, (__m256)b);
-}
-
-INLINE vf vf_max(vf a, vf b)
-{
-    return (vf)_mm256_max_ps((__m256)a, (__m256)b);
-}
-
-INLINE vi vi_min(vi a, vi b)
-{
-    return (vi)_mm256_min_epi32((__m256i)a, (__m256i)b);
-}
-
-INLINE vi vi_max(vi a, vi b)
-{
-    return (vi)_mm256_max_epi32((__m256i)a, (__m256i)b);
-}
-
-INLINE unsigned mask_bits(vmask mask)
-{
-    return (unsigned)_mm256_movemask_ps((__m256)mask);
-}
+SIMD_OP(vf, vf_select, (vmask mask, vf yes, vf no), (vf)_mm256_blendv_ps((__m256)no, (__m256)yes, (__m256)mask))
+SIMD_OP(vi, vi_select, (vmask mask, vi yes, vi no), (vi)_mm256_blendv_epi8((__m256i)no, (__m256i)yes, (__m256i)mask))
+SIMD_OP(vf, vf_min, (vf a, vf b), (vf)_mm256_min_ps((__m256)a, (__m256)b))
+SIMD_OP(vf, vf_max, (vf a, vf b), (vf)_mm256_max_ps((__m256)a, (__m256)b))
+SIMD_OP(vi, vi_min, (vi a, vi b), (vi)_mm256_min_epi32((__m256i)a, (__m256i)b))
+SIMD_OP(vi, vi_max, (vi a, vi b), (vi)_mm256_max_epi32((__m256i)a, (__m256i)b))
+SIMD_OP(unsigned, mask_bits, (vmask mask), (unsigned)_mm256_movemask_ps((__m256)mask))
 
 INLINE vmask mask_of_bits(unsigned bits)
 {
@@ -81,26 +22,15 @@ INLINE vf vf_look_up(const float *table, int n, vi index)
     return (vf)_mm256_i32gather_ps(table, (__m256i)index, 4);
 }
 
-INLINE vi vi_gather(const void *from, vi index, vmask mask)
-{
-    return (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 4);
-}
-
-INLINE vi vi_gather_bytes(const void *from, vi index, vmask mask)
-{
-    return (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 1) & 255;
-}
-
-INLINE vi vi_gather_pairs(const void *from, vi index, vmask mask)
-{
-    return (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 2);
-}
-
-INLINE __m256 four_of_64(const int32_t (*from)[2], __m128i index, __m128i mask)
-{
-    return (__m256)_mm256_mask_i32gather_epi64(_mm256_setzero_si256(), (const void *)from, index,
-                                               _mm256_cvtepi32_epi64(mask), 8);
-}
+SIMD_OP(vi, vi_gather, (const void *from, vi index, vmask mask),
+        (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 4))
+SIMD_OP(vi, vi_gather_bytes, (const void *from, vi index, vmask mask),
+        (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 1) & 255)
+SIMD_OP(vi, vi_gather_pairs, (const void *from, vi index, vmask mask),
+        (vi)_mm256_mask_i32gather_epi32(_mm256_setzero_si256(), from, (__m256i)index, (__m256i)mask, 2))
+SIMD_OP(__m256, four_of_64, (const int32_t (*from)[2], __m128i index, __m128i mask),
+        (__m256)_mm256_mask_i32gather_epi64(_mm256_setzero_si256(), (const void *)from, index,
+                                            _mm256_cvtepi32_epi64(mask), 8))
 
 INLINE vi vi_gather_64(const int32_t (*from)[2], vi index, vmask mask, vi *second)
 {
@@ -112,21 +42,11 @@ INLINE vi vi_gather_64(const int32_t (*from)[2], vi index, vmask mask, vi *secon
     return (vi)_mm256_permute4x64_pd(even, 0xd8);
 }
 
-INLINE vi vs_madd(vs a, vs b)
-{
-    return (vi)_mm256_madd_epi16((__m256i)a, (__m256i)b);
-}
+SIMD_OP(vi, vs_madd, (vs a, vs b), (vi)_mm256_madd_epi16((__m256i)a, (__m256i)b))
 
 /* Byte offsets of both bytes of each element. */
-INLINE __m256i byte_index(vs index)
-{
-    return (__m256i)(index * 0x0202 + 0x0100);
-}
-
-INLINE vs vs_permute_rows(vs table, vs index)
-{
-    return (vs)_mm256_shuffle_epi8((__m256i)table, byte_index(index));
-}
+SIMD_OP(__m256i, byte_index, (vs index), (__m256i)(index * 0x0202 + 0x0100))
+SIMD_OP(vs, vs_permute_rows, (vs table, vs index), (vs)_mm256_shuffle_epi8((__m256i)table, byte_index(index)))
 
 /* Selects from rows of eight elements, row by row: a byte shuffle gives 0 where bit 7 of its offset is set, which the
  * saturating addition sets for offsets outside the row. */
@@ -154,10 +74,8 @@ INLINE ws ws_permute2(ws low, ws high, ws index)
     return (ws){{select_from_rows(table, 4, index.part[0]), select_from_rows(table, 4, index.part[1])}};
 }
 
-INLINE __m128i one_row(const int16_t *from, ptrdiff_t stride, int n, int row)
-{
-    return row < n ? _mm_loadu_si128((const __m128i *)(from + row * stride)) : _mm_setzero_si128();
-}
+SIMD_OP(__m128i, one_row, (const int16_t *from, ptrdiff_t stride, int n, int row),
+        row < n ? _mm_loadu_si128((const __m128i *)(from + row * stride)) : _mm_setzero_si128())
 
 INLINE ws ws_load_rows(const int16_t *from, ptrdiff_t stride, int n)
 {

@@ -3,75 +3,20 @@
 
 typedef __mmask16 vmask;
 
-INLINE vf vf_select(vmask mask, vf yes, vf no)
-{
-    return (vf)_mm512_mask_blend_ps(mask, (__m512)no, (__m512)yes);
-}
-
-INLINE vi vi_select(vmask mask, vi yes, vi no)
-{
-    return (vi)_mm512_mask_blend_epi32(mask, (__m512i)no, (__m512i)yes);
-}
-
-INLINE vmask vf_lt(vf a, vf b)
-{
-    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LT_OQ);
-}
-
-INLINE vmask vf_le(vf a, vf b)
-{
-    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LE_OQ);
-}
-
-INLINE vmask vi_lt(vi a, vi b)
-{
-    return _mm512_cmplt_epi32_mask((__m512i)a, (__m512i)b);
-}
-
-INLINE vmask vi_eq(vi a, vi b)
-{
-    return _mm512_cmpeq_epi32_mask((__m512i)a, (__m512i)b);
-}
-
-INLINE vmask vu_lt(vi a, vi b)
-{
-    return _mm512_cmplt_epu32_mask((__m512i)a, (__m512i)b);
-}
-
-INLINE vmask vi_test(vi a, vi b)
-{
-    return _mm512_test_epi32_mask((__m512i)a, (__m512i)b);
-}
-
-INLINE vf vf_min(vf a, vf b)
-{
-    return (vf)_mm512_min_ps((__m512)a, (__m512)b);
-}
-
-INLINE vf vf_max(vf a, vf b)
-{
-    return (vf)_mm512_max_ps((__m512)a, (__m512)b);
-}
-
-INLINE vi vi_min(vi a, vi b)
-{
-    return (vi)_mm512_min_epi32((__m512i)a, (__m512i)b);
-}
-
-INLINE vi vi_max(vi a, vi b)
-{
-    return (vi)_mm512_max_epi32((__m512i)a, (__m512i)b);
-}
-
-INLINE unsigned mask_bits(vmask mask)
-{
-    return mask;
-}
-
-INLINE vmask mask_of_bits(unsigned bits)
-{
-    return (vmask)bits;
-}
+SIMD_OP(vf, vf_select, (vmask mask, vf yes, vf no), (vf)_mm512_mask_blend_ps(mask, (__m512)no, (__m512)yes))
+SIMD_OP(vi, vi_select, (vmask mask, vi yes, vi no), (vi)_mm512_mask_blend_epi32(mask, (__m512i)no, (__m512i)yes))
+SIMD_OP(vmask, vf_lt, (vf a, vf b), _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LT_OQ))
+SIMD_OP(vmask, vf_le, (vf a, vf b), _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LE_OQ))
+SIMD_OP(vmask, vi_lt, (vi a, vi b), _mm512_cmplt_epi32_mask((__m512i)a, (__m512i)b))
+SIMD_OP(vmask, vi_eq, (vi a, vi b), _mm512_cmpeq_epi32_mask((__m512i)a, (__m512i)b))
+SIMD_OP(vmask, vu_lt, (vi a, vi b), _mm512_cmplt_epu32_mask((__m512i)a, (__m512i)b))
+SIMD_OP(vmask, vi_test, (vi a, vi b), _mm512_test_epi32_mask((__m512i)a, (__m512i)b))
+SIMD_OP(vf, vf_min, (vf a, vf b), (vf)_mm512_min_ps((__m512)a, (__m512)b))
+SIMD_OP(vf, vf_max, (vf a, vf b), (vf)_mm512_max_ps((__m512)a, (__m512)b))
+SIMD_OP(vi, vi_min, (vi a, vi b), (vi)_mm512_min_epi32((__m512i)a, (__m512i)b))
+SIMD_OP(vi, vi_max, (vi a, vi b), (vi)_mm512_max_epi32((__m512i)a, (__m512i)b))
+SIMD_OP(unsigned, mask_bits, (vmask mask), mask)
+SIMD_OP(vmask, mask_of_bits, (unsigned bits), (vmask)bits)
 
 INLINE vf vf_look_up(const float *table, int n, vi index)
 {
@@ -80,20 +25,12 @@ INLINE vf vf_look_up(const float *table, int n, vi index)
     return (vf)_mm512_i32gather_ps((__m512i)index, table, 4);
 }
 
-INLINE vi vi_gather(const void *from, vi index, vmask mask)
-{
-    return (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask, (__m512i)index, from, 4);
-}
-
-INLINE vi vi_gather_bytes(const void *from, vi index, vmask mask)
-{
-    return (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask, (__m512i)index, from, 1) & 255;
-}
-
-INLINE vi vi_gather_pairs(const void *from, vi index, vmask mask)
-{
-    return (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask, (__m512i)index, from, 2);
-}
+SIMD_OP(vi, vi_gather, (const void *from, vi index, vmask mask),
+        (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask, (__m512i)index, from, 4))
+SIMD_OP(vi, vi_gather_bytes, (const void *from, vi index, vmask mask),
+        (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask, (__m512i)index, from, 1) & 255)
+SIMD_OP(vi, vi_gather_pairs, (const void *from, vi index, vmask mask),
+        (vi)_mm512_mask_i32gather_epi32(_mm512_setzero_si512(), mask, (__m512i)index, from, 2))
 
 INLINE vi vi_gather_64(const int32_t (*from)[2], vi index, vmask mask, vi *second)
 {
@@ -106,16 +43,11 @@ INLINE vi vi_gather_64(const int32_t (*from)[2], vi index, vmask mask, vi *secon
     return (vi)_mm512_permutex2var_epi32(low, (__m512i)even, high);
 }
 
-INLINE vi vs_madd(vs a, vs b)
-{
-    return (vi)_mm512_madd_epi16((__m512i)a, (__m512i)b);
-}
+SIMD_OP(vi, vs_madd, (vs a, vs b), (vi)_mm512_madd_epi16((__m512i)a, (__m512i)b))
 
 /* A byte shuffle by the offsets of both bytes of each element. */
-INLINE vs vs_permute_rows(vs table, vs index)
-{
-    return (vs)_mm512_shuffle_epi8((__m512i)table, (__m512i)(index * 0x0202 + 0x0100));
-}
+SIMD_OP(vs, vs_permute_rows, (vs table, vs index),
+        (vs)_mm512_shuffle_epi8((__m512i)table, (__m512i)(index * 0x0202 + 0x0100)))
 
 INLINE ws ws_permute(ws table, ws index)
 {
@@ -127,10 +59,8 @@ INLINE ws ws_permute2(ws low, ws high, ws index)
     return (ws){{(vs)_mm512_permutex2var_epi16((__m512i)low.part[0], (__m512i)index.part[0], (__m512i)high.part[0])}};
 }
 
-INLINE __m512i add_row(__m512i rows, __mmask16 lanes, const int16_t *from)
-{
-    return _mm512_mask_broadcast_i32x4(rows, lanes, _mm_loadu_si128((const __m128i *)from));
-}
+SIMD_OP(__m512i, add_row, (__m512i rows, __mmask16 lanes, const int16_t *from),
+        _mm512_mask_broadcast_i32x4(rows, lanes, _mm_loadu_si128((const __m128i *)from)))
 
 INLINE ws ws_load_rows(const int16_t *from, ptrdiff_t stride, int n)
 {

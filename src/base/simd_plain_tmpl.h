@@ -1,66 +1,11 @@
 /* Operations of base/simd.h in plain C, which the other paths are compared with. */
 
-typedef vi vmask;
-
-INLINE vf vf_select(vmask mask, vf yes, vf no)
-{
-    return (vf)((mask & (vi)yes) | (~mask & (vi)no));
-}
-
-INLINE vi vi_select(vmask mask, vi yes, vi no)
-{
-    return (mask & yes) | (~mask & no);
-}
-
-INLINE vmask vf_lt(vf a, vf b)
-{
-    return a < b;
-}
-
-INLINE vmask vf_le(vf a, vf b)
-{
-    return a <= b;
-}
-
-INLINE vmask vi_lt(vi a, vi b)
-{
-    return a < b;
-}
-
-INLINE vmask vi_eq(vi a, vi b)
-{
-    return a == b;
-}
-
-INLINE vmask vu_lt(vi a, vi b)
-{
-    return (vu)a < (vu)b;
-}
-
-INLINE vmask vi_test(vi a, vi b)
-{
-    return (a & b) != 0;
-}
-
-INLINE vf vf_min(vf a, vf b)
-{
-    return vf_select(a < b, a, b);
-}
-
-INLINE vf vf_max(vf a, vf b)
-{
-    return vf_select(a > b, a, b);
-}
-
-INLINE vi vi_min(vi a, vi b)
-{
-    return vi_select(a < b, a, b);
-}
-
-INLINE vi vi_max(vi a, vi b)
-{
-    return vi_select(a > b, a, b);
-}
+SIMD_OP(vf, vf_select, (vmask mask, vf yes, vf no), (vf)((mask & (vi)yes) | (~mask & (vi)no)))
+SIMD_OP(vi, vi_select, (vmask mask, vi yes, vi no), (mask & yes) | (~mask & no))
+SIMD_OP(vf, vf_min, (vf a, vf b), vf_select(a < b, a, b))
+SIMD_OP(vf, vf_max, (vf a, vf b), vf_select(a > b, a, b))
+SIMD_OP(vi, vi_min, (vi a, vi b), vi_select(a < b, a, b))
+SIMD_OP(vi, vi_max, (vi a, vi b), vi_select(a > b, a, b))
 
 INLINE unsigned mask_bits(vmask mask)
 {
@@ -87,6 +32,15 @@ INLINE vf vf_look_up(const float *table, int n, vi index)
     return v;
 }
 
+INLINE vi vi_gather_bytes(const void *from, vi index, vmask mask)
+{
+    vi v = vi_of(0);
+    for (int l = 0; l < LANES; l++)
+        if (mask[l])
+            v[l] = ((const uint8_t *)from)[index[l]];
+    return v;
+}
+
 #ifndef SIMD_DOUBLE
 INLINE vi vi_gather(const void *from, vi index, vmask mask)
 {
@@ -97,15 +51,6 @@ INLINE vi vi_gather(const void *from, vi index, vmask mask)
             memcpy(&one, (const char *)from + 4 * (ptrdiff_t)index[l], sizeof one);
             v[l] = one;
         }
-    return v;
-}
-
-INLINE vi vi_gather_bytes(const void *from, vi index, vmask mask)
-{
-    vi v = vi_of(0);
-    for (int l = 0; l < LANES; l++)
-        if (mask[l])
-            v[l] = ((const uint8_t *)from)[index[l]];
     return v;
 }
 
@@ -160,10 +105,7 @@ INLINE ws ws_permute2(ws low, ws high, ws index)
     return index;
 }
 
-INLINE ws ws_permute(ws table, ws index)
-{
-    return ws_permute2(table, table, index);
-}
+SIMD_OP(ws, ws_permute, (ws table, ws index), ws_permute2(table, table, index))
 
 INLINE ws ws_load_rows(const int16_t *from, ptrdiff_t stride, int n)
 {

@@ -16,7 +16,7 @@ typedef double vd __attribute__((vector_size(64)));
 typedef int64_t vm __attribute__((vector_size(64))); /* a mask of lanes, 0 or -1 each */
 typedef int32_t vi __attribute__((vector_size(32)));
 
-/* As in vec_tmpl.h. */
+/* As in base/simd.h. */
 #if defined(__FMA__) && !CTS_SANITIZED
 #define INLINE static inline __attribute__((always_inline))
 #else

@@ -1,8 +1,9 @@
 /* The tiled engine's march: rays go through the volume cell by cell, several in the lanes of a vector.
  *
  * Between two faces of a cell the field along a ray is a cubic, known exactly by four Bernstein numbers, so that
- * nothing is missed between samples: there are none. One template (cells_tmpl.h) is compiled four times: cells_c.c with
- * plain C primitives, cells_avx2.c and cells_avx512.c with those instructions, and cells_exact.c in double precision.
+ * nothing is missed between samples: there are none. One template (cells_tmpl.h, in the vectors of base/simd.h) is
+ * compiled four times: cells_c.c in plain C, cells_avx2.c and cells_avx512.c with those instructions, and cells_exact.c
+ * in double precision.
  * The first three do the same operations for a ray, whatever lane it is in and whatever goes on in the others, so their
  * pictures are the same bytes.
  *

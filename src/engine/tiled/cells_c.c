@@ -1,11 +1,4 @@
-/* The march in plain C. */
-#define LANES 8
-#include "engine/tiled/vec_tmpl.h"
-
-#include "engine/tiled/plain_tmpl.h"
-
-#include "engine/tiled/log_tmpl.h"
-
+/* The march in plain C, and on each SIMD path (cells_avx2.c). */
 #include "engine/tiled/cells_tmpl.h"
 
 void cts_tiled_march_c(const TiledJob *job, TiledRays *rays, TiledCounts *counts)

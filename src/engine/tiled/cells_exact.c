@@ -1,13 +1,6 @@
 /* The march in double precision, lane by lane where it is not element-wise: for a few rays. Only logarithms and powers
  * are as in single precision. */
-#define LANES 8
-#define EXACT
-#include "engine/tiled/vec_tmpl.h"
-
-#include "engine/tiled/plain_tmpl.h"
-
-#include "engine/tiled/log_tmpl.h"
-
+#define SIMD_DOUBLE
 #include "engine/tiled/cells_tmpl.h"
 
 void cts_tiled_march_exact(const TiledJob *job, TiledRays *rays, TiledCounts *counts)

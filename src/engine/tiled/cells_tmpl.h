@@ -1,6 +1,12 @@
-/* The march itself; see cells.h, and vec_tmpl.h for what it is written in. */
+/* The march itself; see cells.h, and base/simd.h for the vectors. */
+#include "base/mutation.h"
+#include "base/simd.h"
+#include "engine/tiled/cells.h"
+#include "engine/tiled/loads_tmpl.h"
+#include "engine/tiled/log_tmpl.h"
+#include <math.h>
 
-#ifdef EXACT
+#ifdef SIMD_DOUBLE
 enum { HALVINGS = 40, ROOT_STEPS = 60 };
 #define ROOT_OFF ((real)1e-4)
 #define LEAST_STEP ((real)1e-14)
@@ -92,16 +98,16 @@ INLINE Faces find_faces(const March *m)
     const Packet *const p = m->p;
     Faces f;
     const vi word = load_words(&m->job->mask, p->cell, p->active);
-    const vmask tells = vi_above(word, vi_of(TILED_FAR)), far = ~tells & vi_lt(vi_of(0), word);
+    const vmask tells = vu_lt(vi_of(TILED_FAR), word), far = ~tells & vi_lt(vi_of(0), word);
     const vi corner = (p->cell[0] & 2) | (p->cell[1] & 2) << 2, in_corner = (p->cell[0] & 1) | (p->cell[1] & 1) << 2;
-    f.shows = p->active & tells & share_bits(word, vi_of(1) << (corner | in_corner | (p->cell[2] & 1) << 4));
-    f.leaping = p->active & ~(tells & share_bits(word, vi_of(0x330033) << corner));
-    const vi distance = select_i(far, word, vi_of(1)) - (CTS_MUTATED(LEAP_FAR) ? -1 : 0);
-    const vi across = select_i(tells, vi_of(1), vi_of(2)), up = select_i(far, vi_of(2), vi_of(1));
+    f.shows = p->active & tells & vi_test(word, vi_of(1) << (corner | in_corner | (p->cell[2] & 1) << 4));
+    f.leaping = p->active & ~(tells & vi_test(word, vi_of(0x330033) << corner));
+    const vi distance = vi_select(far, word, vi_of(1)) - (CTS_MUTATED(LEAP_FAR) ? -1 : 0);
+    const vi across = vi_select(tells, vi_of(1), vi_of(2)), up = vi_select(far, vi_of(2), vi_of(1));
     for (int a = 0; a < 3; a++) {
         const vi size = a < 2 ? across : up, past = ((p->cell[a] >> size) + (m->ahead[a] ? distance : 1 - distance))
                                                     << size;
-        f.face[a] = select_i(f.leaping, past, p->cell[a] + m->ahead[a]);
+        f.face[a] = vi_select(f.leaping, past, p->cell[a] + m->ahead[a]);
         f.t[a] = (to_float(f.face[a]) - p->start[a]) * m->inverse[a] + m->far[a];
     }
     f.nearest = vf_max(vf_min(vf_min(f.t[0], f.t[1]), f.t[2]), p->at);
@@ -112,7 +118,7 @@ INLINE Faces find_faces(const March *m)
 INLINE void move(March *m, const Faces *f, vmask moving)
 {
     Packet *const p = m->p;
-    const bool leaps = bits_of(f->leaping);
+    const bool leaps = mask_any(f->leaping);
     vmask outside = vf_le(p->end, f->nearest);
     for (int a = 0; a < 3; a++) {
         const vi last = vi_of(m->job->n_cells[a] - 1);
@@ -120,24 +126,15 @@ INLINE void move(March *m, const Faces *f, vmask moving)
         if (leaps) {
             const vi there = to_int(p->start[a] + f->nearest * m->step[a]);
             const vi on = m->ahead[a] ? vi_min(vi_max(there, cell), last) : vi_max(vi_min(there, cell), vi_of(0));
-            cell = select_i(f->leaping, on, cell);
+            cell = vi_select(f->leaping, on, cell);
         }
-        cell = select_i(moving & vf_le(f->t[a], f->nearest), f->face[a] + m->behind[a], cell);
-        outside |= vi_above(cell, last);
+        cell = vi_select(moving & vf_le(f->t[a], f->nearest), f->face[a] + m->behind[a], cell);
+        outside |= vu_lt(last, cell);
         p->cell[a] = cell;
     }
-    p->at = select_f(moving, f->nearest, p->at);
+    p->at = vf_select(moving, f->nearest, p->at);
     p->active &= ~(moving & outside);
 }
-
-#ifdef GATHERS
-INLINE void load_pairs(const TiledJob *j, const vi cell[3], vmask lanes, vi pair[4])
-{
-    const vi at = voxel_of(j, cell);
-    for (int i = 0; i < 4; i++)
-        pair[i] = load_pair(j->grey + (i & 1) * j->stride[1] + (i >> 1) * j->stride[2], at, lanes);
-}
-#endif
 
 /* The field from p->at on, so many mm, within the cell: F = f + x fx + y fy + z fz + xy fxy + xz fxz + yz fyz + xyz
  * fxyz about where a ray enters, from which it goes by `way`. */
@@ -153,7 +150,7 @@ INLINE Cubic load_cubic(const March *m, vmask lanes, vf length)
         way[a] = length * m->step[a];
     }
     for (int i = 0; i < 4; i++) {
-        low[i] = to_float(pair[i] & 0xffff);
+        low[i] = to_float(lower_half(pair[i]));
         rise[i] = to_float(upper_half(pair[i])) - low[i];
     }
     /* First about the cell's corner. */
@@ -183,7 +180,7 @@ INLINE real knot_of(const TiledPieces *t, int k)
 INLINE vf end_of(const TiledPieces *t, int end, vi q)
 {
     const int n = t->n_knots + 1;
-    return FULL(look_up(t->end[end], n, q), look_up(t->rest[end], n, q));
+    return FULL(vf_look_up(t->end[end], n, q), vf_look_up(t->rest[end], n, q));
 }
 
 INLINE vi piece_of(const TiledPieces *t, vf level)
@@ -191,7 +188,7 @@ INLINE vi piece_of(const TiledPieces *t, vf level)
     vi q = vi_of(0);
     if (t->n_knots <= 16) {
         for (int k = 0; k < t->n_knots; k++)
-            q = select_i(vf_le(vf_of(knot_of(t, k)), level), vi_of(k + 1), q);
+            q = vi_select(vf_le(vf_of(knot_of(t, k)), level), vi_of(k + 1), q);
         return q;
     }
     int bit = 1;
@@ -199,7 +196,7 @@ INLINE vi piece_of(const TiledPieces *t, vf level)
         bit *= 2;
     for (; bit > 0; bit /= 2) {
         const vi on = vi_min(q + bit, vi_of(t->n_knots));
-        q = select_i(vf_le(end_of(t, 0, on), level), on, q);
+        q = vi_select(vf_le(end_of(t, 0, on), level), on, q);
     }
     return q;
 }
@@ -208,14 +205,14 @@ INLINE vi piece_of(const TiledPieces *t, vf level)
 INLINE Look look_at(const TiledPieces *t, vi q, vf level)
 {
     const int n = t->n_knots + 1;
-    q = select_i(vf_lt(level, end_of(t, 0, q)), q - 1, select_i(vf_le(end_of(t, 1, q), level), q + 1, q));
+    q = vi_select(vf_lt(level, end_of(t, 0, q)), q - 1, vi_select(vf_le(end_of(t, 1, q), level), q + 1, q));
     const vf above = level - end_of(t, 0, q), opaque = vf_of(NEARLY_1), most = vf_of((real)t->most);
-    Look l = {.rise = look_up(t->rise[0], n, q), .tint = look_up(t->tint, n, q)};
-    l.opacity = vf_max(look_up(t->at[0], n, q) + l.rise * above, vf_of(0));
+    Look l = {.rise = vf_look_up(t->rise[0], n, q), .tint = vf_look_up(t->tint, n, q)};
+    l.opacity = vf_max(vf_look_up(t->at[0], n, q) + l.rise * above, vf_of(0));
     const vf by_log = -(real)t->by_log2 * vf_log2_rest(vf_min(l.opacity, opaque));
-    l.extinction = select_f(vf_lt(opaque, l.opacity), most, vf_min(by_log, most));
+    l.extinction = vf_select(vf_lt(opaque, l.opacity), most, vf_min(by_log, most));
     for (int c = 0; c < 3; c++)
-        l.rgb[c] = look_up(t->at[c + 1], n, q) + look_up(t->rise[c + 1], n, q) * above;
+        l.rgb[c] = vf_look_up(t->at[c + 1], n, q) + vf_look_up(t->rise[c + 1], n, q) * above;
     return l;
 }
 
@@ -237,9 +234,9 @@ INLINE void weigh_knot(const March *m, Cuts *cuts, vmask lanes, vf over, vf insi
     const vf touch = vf_of(m->touch);
     const vmask passes = lanes & vf_lt((real)0.04f * touch, over), near = passes | (lanes & vf_lt(-touch, inside));
     const vf worth = weight * (cuts->jump[i] + (real)0.25f * cuts->bend[i] * vf_max(over, touch));
-    const vmask cut = CTS_MUTATED(CUTS) ? mask_of(0) : passes & vf_lt(vf_of(m->tolerance), worth);
-    cuts->wrong += select_f(near & ~cut, worth, vf_of(0));
-    cuts->passed += select_f(passes & ~cut, worth, vf_of(0));
+    const vmask cut = CTS_MUTATED(CUTS) ? mask_of_bits(0) : passes & vf_lt(vf_of(m->tolerance), worth);
+    cuts->wrong += vf_select(near & ~cut, worth, vf_of(0));
+    cuts->passed += vf_select(passes & ~cut, worth, vf_of(0));
     cuts->lanes[i] = cut;
     cuts->all |= cut;
 }
@@ -255,27 +252,27 @@ INLINE Cuts find_cuts(const March *m, const Cubic *c, vi q, vmask lanes, vf leng
     const vf range[2] = {vf_min(inside[0], b[0]), vf_max(inside[1], b[0])};
     /* What a ray was just cut at it touches, where it starts. */
     for (int end = 0; end < 2; end++)
-        inside[end] = select_f(m->p->fresh, inside[end], range[end]);
-    Cuts cuts = {.n = 0, .wrong = vf_of(0), .passed = vf_of(0), .all = mask_of(0), .halve = mask_of(0)};
+        inside[end] = vf_select(m->p->fresh, inside[end], range[end]);
+    Cuts cuts = {.n = 0, .wrong = vf_of(0), .passed = vf_of(0), .all = mask_of_bits(0), .halve = mask_of_bits(0)};
     for (int away = 0;; away++) {
         const vi at[2] = {vi_max(q - away, vi_of(0)), vi_min(q + away, vi_of(n - 1))};
         for (int end = 0; end < (CTS_MUTATED(KNOT_OFF) ? 1 : 2); end++, cuts.n++) {
             const vf knot = cuts.knot[cuts.n] = end_of(t, end, at[end]);
-            cuts.jump[cuts.n] = look_up(t->jump[end], n, at[end]);
-            cuts.bend[cuts.n] = look_up(t->bend[end], n, at[end]);
+            cuts.jump[cuts.n] = vf_look_up(t->jump[end], n, at[end]);
+            cuts.bend[cuts.n] = vf_look_up(t->bend[end], n, at[end]);
             weigh_knot(m, &cuts, lanes, end ? range[1] - knot : knot - range[0],
                        end ? inside[1] - knot : knot - inside[0], weight);
         }
-        const vmask more = lanes & (vf_lt(range[0] - m->touch, look_up(t->beyond[0], n, at[0])) |
-                                    vf_lt(look_up(t->beyond[1], n, at[1]), range[1] + m->touch));
-        if (!bits_of(more))
+        const vmask more = lanes & (vf_lt(range[0] - m->touch, vf_look_up(t->beyond[0], n, at[0])) |
+                                    vf_lt(vf_look_up(t->beyond[1], n, at[1]), range[1] + m->touch));
+        if (!mask_any(more))
             break;
         if (cuts.n + 2 > MOST_CUTS) {
             cuts.halve = more;
             break;
         }
     }
-    cuts.halve |= CTS_MUTATED(CUTS) ? mask_of(0) : vf_lt(vf_of(m->tolerance), cuts.passed) & ~cuts.all;
+    cuts.halve |= CTS_MUTATED(CUTS) ? mask_of_bits(0) : vf_lt(vf_of(m->tolerance), cuts.passed) & ~cuts.all;
     cuts.wrong = vf_min(2 * cuts.wrong, m->p->light);
     return cuts;
 }
@@ -288,7 +285,7 @@ INLINE vmask differ(vmask a, vmask b)
 /* Pieces that pass a knot more than once, as far as their numbers tell. */
 INLINE vmask passes_again(const Cubic *c, const Cuts *cuts)
 {
-    vmask again = mask_of(0);
+    vmask again = mask_of_bits(0);
     for (int i = 0; i < cuts->n; i++) {
         vmask below[4], turn[3];
         for (int k = 0; k < 4; k++)
@@ -307,10 +304,10 @@ INLINE void halve(Cubic *c, vf *length, vmask lanes)
     const real h = (real)0.5f;
     const vf u0 = h * (b[0] + b[1]), u1 = h * (b[1] + b[2]), u2 = h * (b[2] + b[3]);
     const vf v0 = h * (u0 + u1), v1 = h * (u1 + u2);
-    b[1] = select_f(lanes, u0, b[1]);
-    b[2] = select_f(lanes, v0, b[2]);
-    b[3] = select_f(lanes, h * (v0 + v1), b[3]);
-    *length = select_f(lanes, h * *length, *length);
+    b[1] = vf_select(lanes, u0, b[1]);
+    b[2] = vf_select(lanes, v0, b[2]);
+    b[3] = vf_select(lanes, h * (v0 + v1), b[3]);
+    *length = vf_select(lanes, h * *length, *length);
 }
 
 /* Where Bernstein's polygon first crosses 0. */
@@ -319,12 +316,12 @@ INLINE vf first_crossing(const vf b[4])
     vf from = b[2], to = b[3], side = vf_of(2);
     for (int i = 1; i >= 0; i--) {
         const vmask here = differ(vf_lt(b[i], vf_of(0)), vf_lt(b[i + 1], vf_of(0)));
-        from = select_f(here, b[i], from);
-        to = select_f(here, b[i + 1], to);
-        side = select_f(here, vf_of((real)i), side);
+        from = vf_select(here, b[i], from);
+        to = vf_select(here, b[i + 1], to);
+        side = vf_select(here, vf_of((real)i), side);
     }
     const vf across = from - to;
-    return (side + from / select_f(vf_lt(vf_of(0), vf_abs(across)), across, vf_of(1))) * (real)(1 / 3.0);
+    return (side + from / vf_select(vf_lt(vf_of(0), vf_abs(across)), across, vf_of(1))) * (real)(1 / 3.0);
 }
 
 /* Where the cubic c[0] + c[1] s + ..., whose Bernstein numbers are b, crosses 0 between ends of different sign, to
@@ -336,17 +333,17 @@ INLINE vf find_root(const March *m, const vf c[4], const vf b[4], vf jump, vf be
     const vmask below = vf_lt(c[0], vf_of(0));
     vf low = vf_of(0), high = vf_of(1), s = first_crossing(b);
     *wrong = vf_of(0);
-    for (int i = 0; i < ROOT_STEPS && bits_of(lanes); i++) {
+    for (int i = 0; i < ROOT_STEPS && mask_any(lanes); i++) {
         const vf f = ((c[3] * s + c[2]) * s + c[1]) * s + c[0], slope = (3 * c[3] * s + 2 * c[2]) * s + c[1];
         const vmask before = ~differ(vf_lt(f, vf_of(0)), below);
-        low = select_f(before, s, low);
-        high = select_f(before, high, s);
+        low = vf_select(before, s, low);
+        high = vf_select(before, high, s);
         const vf by_slope = 1 / vf_max(vf_abs(slope), vf_of((real)1e-12f)), step = vf_abs(f) * by_slope;
-        const vf to = s + select_f(before, step, -step),
+        const vf to = s + vf_select(before, step, -step),
                  off = vf_min(step, high - low) + ROUNDED_BY * m->touch * by_slope;
         const vmask within = vf_le(low, to) & vf_le(to, high);
-        s = select_f(lanes, select_f(within, to, (real)0.5f * (low + high)), s);
-        *wrong = select_f(lanes, off * (jump + bend * vf_abs(f)), *wrong);
+        s = vf_select(lanes, vf_select(within, to, (real)0.5f * (low + high)), s);
+        *wrong = vf_select(lanes, off * (jump + bend * vf_abs(f)), *wrong);
         lanes &= vf_lt(vf_of(ROOT_OFF * m->tolerance), *wrong) & vf_lt(vf_of(LEAST_STEP), step);
     }
     return s;
@@ -355,13 +352,13 @@ INLINE vf find_root(const March *m, const vf c[4], const vf b[4], vf jump, vf be
 /* Ends pieces where they first cross a knot; the lanes that are shorter than they were. */
 OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vmask *at_knot)
 {
-    vmask shorter = mask_of(0);
+    vmask shorter = mask_of_bits(0);
     for (int i = 0;; i++) {
         const vmask again = passes_again(c, cuts) & vf_lt(vf_of(LEAST_MM), *length);
-        if (!bits_of(again))
+        if (!mask_any(again))
             break;
         if (i == HALVINGS) { /* it may well only touch */
-            cuts->wrong += select_f(again, m->p->light, vf_of(0));
+            cuts->wrong += vf_select(again, m->p->light, vf_of(0));
             break;
         }
         halve(c, length, again);
@@ -370,16 +367,16 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
     const vf *const b = c->b;
     vf power[4] = {b[0], 3 * (b[1] - b[0]), 3 * (b[0] - 2 * b[1] + b[2]), b[3] - b[0] + 3 * (b[1] - b[2])};
     /* A field meets first, of the levels between its ends, the one nearest to where it starts. */
-    vmask crosses = mask_of(0);
+    vmask crosses = mask_of_bits(0);
     vf knot = vf_of(0), jump = vf_of(0), bend = vf_of(0), away = vf_of(FAR_MM);
     for (int i = 0; i < cuts->n; i++) {
         const vf other = cuts->knot[i], other_away = vf_abs(other - b[0]);
         const vmask between = cuts->lanes[i] & differ(vf_lt(b[0], other), vf_lt(b[3], other));
         const vmask nearer = between & vf_lt(other_away, away);
-        knot = select_f(nearer, other, knot);
-        away = select_f(nearer, other_away, away);
-        jump = select_f(nearer, cuts->jump[i], jump);
-        bend = select_f(nearer, cuts->bend[i], bend);
+        knot = vf_select(nearer, other, knot);
+        away = vf_select(nearer, other_away, away);
+        jump = vf_select(nearer, cuts->jump[i], jump);
+        bend = vf_select(nearer, cuts->bend[i], bend);
         crosses |= between;
     }
     vf wrong;
@@ -388,14 +385,14 @@ OUTLINE vmask cut_at_knots(const March *m, Cubic *c, vf *length, Cuts *cuts, vma
     const vf shifted[4] = {power[0] - knot, power[1], power[2], power[3]};
     const vf above[4] = {shifted[0], b[1] - knot, b[2] - knot, b[3] - knot};
     const vf at = find_root(m, shifted, above, weight * jump, weight * bend, crosses, &wrong);
-    vf root = select_f(crosses, vf_min(vf_max(at, least), vf_of(1)), vf_of(1));
+    vf root = vf_select(crosses, vf_min(vf_max(at, least), vf_of(1)), vf_of(1));
     cuts->wrong += vf_min(wrong, m->p->light);
     *at_knot = vf_lt(root, vf_of(1 - LEAST_SHARE));
-    root = select_f(*at_knot, root, vf_of(1));
+    root = vf_select(*at_knot, root, vf_of(1));
     const vf p1 = power[1] * root, p2 = power[2] * root * root, p3 = power[3] * root * root * root;
-    c->b[1] = select_f(*at_knot, power[0] + (real)(1 / 3.0) * p1, b[1]);
-    c->b[2] = select_f(*at_knot, power[0] + (real)(2 / 3.0) * p1 + (real)(1 / 3.0) * p2, b[2]);
-    c->b[3] = select_f(*at_knot, power[0] + p1 + p2 + p3, b[3]);
+    c->b[1] = vf_select(*at_knot, power[0] + (real)(1 / 3.0) * p1, b[1]);
+    c->b[2] = vf_select(*at_knot, power[0] + (real)(2 / 3.0) * p1 + (real)(1 / 3.0) * p2, b[2]);
+    c->b[3] = vf_select(*at_knot, power[0] + p1 + p2 + p3, b[3]);
     *length *= root;
     return shorter | *at_knot;
 }
@@ -450,12 +447,12 @@ OUTLINE void find_surface(Packet *p, const Effect *e, vf length, vmask lanes)
     const vf before = p->light, between = before - before * e->taken[0], after = between - between * e->taken[1];
     const vf half = (real)0.5f * length, gone = vf_of((real)0.5f);
     const vmask sees = lanes & vf_lt(after, before);
-    p->first = select_f(sees & vf_le(vf_of(FAR_MM), p->first), p->at, p->first);
+    p->first = vf_select(sees & vf_le(vf_of(FAR_MM), p->first), p->at, p->first);
     const vmask first = vf_le(between, gone);
-    const vf from = select_f(first, before, between), depth = select_f(first, e->depth[0], e->depth[1]);
+    const vf from = vf_select(first, before, between), depth = vf_select(first, e->depth[0], e->depth[1]);
     const vf share = (vf_log2(from) + 1) / vf_max(depth, vf_of((real)1e-9f));
-    const vf mm = p->at + half * (vf_min(share, vf_of(1)) + select_f(first, vf_of(0), vf_of(1)));
-    p->surface = select_f(sees & vf_lt(gone, before) & vf_le(after, gone), mm, p->surface);
+    const vf mm = p->at + half * (vf_min(share, vf_of(1)) + vf_select(first, vf_of(0), vf_of(1)));
+    p->surface = vf_select(sees & vf_lt(gone, before) & vf_le(after, gone), mm, p->surface);
 }
 
 #include "engine/tiled/light_tmpl.h"
@@ -472,20 +469,20 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
     Cubic cubic = load_cubic(m, lanes, length);
     vi q = piece_of(m->pieces, middle_of(&cubic));
     Cuts cuts = find_cuts(m, &cubic, q, lanes, length);
-    vmask shorter = vf_lt(to, all), fresh = mask_of(0);
-    if (bits_of(cuts.all)) {
+    vmask shorter = vf_lt(to, all), fresh = mask_of_bits(0);
+    if (mask_any(cuts.all)) {
         shorter |= cut_at_knots(m, &cubic, &length, &cuts, &fresh);
         q = piece_of(m->pieces, middle_of(&cubic));
     }
     const Effect e = integrate(m, &cubic, q, length);
-    const vmask wrong = CTS_MUTATED(HALVES) ? mask_of(0) : vf_lt(vf_of(m->tolerance), e.wrong) | cuts.halve;
+    const vmask wrong = CTS_MUTATED(HALVES) ? mask_of_bits(0) : vf_lt(vf_of(m->tolerance), e.wrong) | cuts.halve;
     const vmask again = lanes & wrong & vf_lt(vf_of(2 * LEAST_MM), length);
     const vmask done = lanes & ~again;
-    p->until = select_f(again, p->at + (real)0.5f * length, select_f(done, vf_of(FAR_MM), p->until));
+    p->until = vf_select(again, p->at + (real)0.5f * length, vf_select(done, vf_of(FAR_MM), p->until));
     if (j->want_depth)
         find_surface(p, &e, length, done);
     const vf first = p->light * e.taken[0], between = p->light - first, second = between * e.taken[1];
-    const vf weight[2] = {select_f(done, first, vf_of(0)), select_f(done, second, vf_of(0))};
+    const vf weight[2] = {vf_select(done, first, vf_of(0)), vf_select(done, second, vf_of(0))};
     vf colour[3];
     for (int c = 0; c < 3; c++)
         colour[c] = weight[0] * e.at[0].rgb[c] + weight[1] * e.at[1].rgb[c];
@@ -496,8 +493,8 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
             p->sum[c] += colour[c];
     p->sum[3] += weight[0] + weight[1];
     p->light = CTS_MUTATED(ATTENUATION) ? p->light : p->light - weight[0] - weight[1];
-    p->bound += select_f(done, DOUBTED(cuts.wrong) + e.wrong, vf_of(0));
-    p->at = select_f(done & shorter, p->at + length, p->at);
+    p->bound += vf_select(done, DOUBTED(cuts.wrong) + e.wrong, vf_of(0));
+    p->at = vf_select(done & shorter, p->at + length, p->at);
     p->fresh = (p->fresh & ~done) | (done & fresh);
     p->active &= ~(done & (vf_le(p->end, p->at) | vf_lt(p->light, vf_of(m->dark))));
     return again | (done & shorter);
@@ -506,13 +503,13 @@ INLINE vmask take_piece(March *m, Lit *lit, vmask lanes, vf leave)
 /* Rays of one look after the other. */
 OUTLINE vmask take_pieces(March *m, Lit *lit, vmask lanes, vf leave)
 {
-    vmask stay = mask_of(0);
+    vmask stay = mask_of_bits(0);
     find_looks(m, lanes);
-    for (unsigned left = bits_of(lanes); left;) {
+    for (unsigned left = mask_bits(lanes); left;) {
         const vmask alike = first_alike(m, left);
         m->pieces = &m->job->looks->pieces[m->p->look[__builtin_ctz(left)]];
         stay |= take_piece(m, lit, alike, leave);
-        left &= ~bits_of(alike);
+        left &= ~mask_bits(alike);
     }
     return stay;
 }
@@ -521,7 +518,7 @@ OUTLINE vmask take_pieces(March *m, Lit *lit, vmask lanes, vf leave)
 INLINE void step(March *m, Lit *lit)
 {
     const Faces f = find_faces(m);
-    const int showing = count(bits_of(f.shows)), all = count(bits_of(m->p->active));
+    const int showing = count(mask_bits(f.shows)), all = count(mask_bits(m->p->active));
     vmask stay = f.shows;
     if (4 * showing >= 3 * all) {
         m->counts->pieces += (uint64_t)showing;
@@ -582,16 +579,16 @@ OUTLINE void approach(March *m)
             r->meets_mm[first + l] = 0;
             begin_ray(m, l, first + l);
         }
-        p->active = mask_of((1u << n) - 1);
+        p->active = mask_of_bits((1u << n) - 1);
         for (;;) {
             const Faces f = find_faces(m);
             const vmask moving = p->active & ~f.shows;
-            if (!bits_of(moving))
+            if (!mask_any(moving))
                 break;
-            m->counts->skips += (uint64_t)count(bits_of(moving));
+            m->counts->skips += (uint64_t)count(mask_bits(moving));
             move(m, &f, moving);
         }
-        const unsigned active = bits_of(p->active);
+        const unsigned active = mask_bits(p->active);
         for (int l = 0; l < n; l++) {
             if (!(active >> l & 1)) {
                 end_ray(m, l);
@@ -604,7 +601,7 @@ OUTLINE void approach(March *m)
         }
     }
     for (int i = 0; i < PACKETS; i++) {
-        m->packet[i].active = mask_of(0);
+        m->packet[i].active = mask_of_bits(0);
         for (int l = 0; l < LANES; l++)
             m->packet[i].ray[l] = -1;
     }
@@ -615,7 +612,7 @@ OUTLINE void refill(March *m, Lit *lit)
 {
     Packet *const p = m->p;
     unsigned begun = 0;
-    const unsigned active = bits_of(p->active);
+    const unsigned active = mask_bits(p->active);
     for (int l = 0; l < LANES; l++) {
         if (active >> l & 1)
             continue;
@@ -628,8 +625,8 @@ OUTLINE void refill(March *m, Lit *lit)
             begun |= 1u << l;
         }
     }
-    p->active |= mask_of(begun);
-    p->fresh &= ~mask_of(begun);
+    p->active |= mask_of_bits(begun);
+    p->fresh &= ~mask_of_bits(begun);
 }
 
 static void march_rays(March *m, Lit *lit)
@@ -639,10 +636,10 @@ static void march_rays(March *m, Lit *lit)
     do {
         any = false;
         for (m->p = m->packet; m->p < m->packet + PACKETS; m->p++) {
-            int active = count(bits_of(m->p->active));
+            int active = count(mask_bits(m->p->active));
             if (active <= LANES * 3 / 4 && m->next < m->rays->n_meeting) {
                 refill(m, lit);
-                active = count(bits_of(m->p->active));
+                active = count(mask_bits(m->p->active));
             }
             if (!active)
                 continue;

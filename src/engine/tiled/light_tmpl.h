@@ -73,7 +73,7 @@ INLINE vf turning(const March *m, const Direction *a, const Direction *b)
     const vf aa = dot(a, a), bb = dot(b, b);
     const vf squares = vf_max(aa * bb, vf_of(LEAST_SQUARE * LEAST_SQUARE + (real)1e-37f));
     const vf square = vf_max(2 - 2 * dot(a, b) * vf_inverse_root(squares), vf_of(0));
-    return select_f(vf_lt(vf_of(LEAST_SQUARE), vf_max(aa, bb)), vf_min(m->sharp * square, vf_of(4)), vf_of(0));
+    return vf_select(vf_lt(vf_of(LEAST_SQUARE), vf_max(aa, bb)), vf_min(m->sharp * square, vf_of(4)), vf_of(0));
 }
 
 /* What light errs by, counted as turning, where normals turn past perpendicular: |n.v| has a kink there. Of numbers x
@@ -81,10 +81,10 @@ INLINE vf turning(const March *m, const Direction *a, const Direction *b)
 INLINE vf passing(const March *m, const Direction *const *way, int n)
 {
     vf low = vf_of(0), high = vf_of(0);
-    vmask pass = mask_of(0);
+    vmask pass = mask_of_bits(0);
     for (int i = 1; i < n; i++)
         pass |= differ(vf_lt(way[i - 1]->along, vf_of(0)), vf_lt(way[i]->along, vf_of(0)));
-    if (!bits_of(pass))
+    if (!mask_any(pass))
         return vf_of(0);
     for (int i = 0; i < n; i++) {
         const vf facing = way[i]->along * vf_inverse_root(vf_max(dot(way[i], way[i]), vf_of(LEAST_SQUARE)));
@@ -105,8 +105,8 @@ INLINE Glow glow_of(const CtsShade *s, const Direction *g)
     const vmask has = vf_lt(vf_of(LEAST_SQUARE), square);
     const vf facing = vf_min(size * vf_inverse_root(vf_max(square, vf_of(LEAST_SQUARE))), vf_of(1));
     const vf power = vf_exp2(vf_min((real)s->exponent * vf_log2(vf_max(facing, vf_of((real)1e-30f))), vf_of(0)));
-    return (Glow){(real)s->ambient + select_f(has, (real)s->diffuse * facing, vf_of(0)),
-                  select_f(has, (real)s->specular * power, vf_of(0))};
+    return (Glow){(real)s->ambient + vf_select(has, (real)s->diffuse * facing, vf_of(0)),
+                  vf_select(has, (real)s->specular * power, vf_of(0))};
 }
 
 /* The first are done. */
@@ -174,7 +174,7 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
     const real shortest = (real)1 / (1 << LIGHT_HALVINGS);
     Direction before = gradient_at(j, k, w->enter, w->way, s);
     vmask on = lanes;
-    while (bits_of(on)) {
+    while (mask_any(on)) {
         const vf to = vf_min(s + step, vf_of(1)), part = to - s, half = (real)0.5f * part;
         vf weight[2], shown[3] = {vf_of(0), vf_of(0), vf_of(0)}, left = light;
         Direction at_point[2];
@@ -204,14 +204,14 @@ OUTLINE void light_in_steps(const March *m, const TiledPieces *pieces, const Wai
                                     passing(m, (const Direction *const[]){&before, at_point, at_point + 1, &after}, 4);
         const vmask taken = on & (vf_le(JUDGES ? off : smooth, vf_of(m->turn)) | vf_le(part, vf_of(shortest)));
         for (int c = 0; c < 3; c++)
-            sum[c] += select_f(taken, shown[c], vf_of(0));
-        sum[3] += select_f(taken, (real)0.25f * off, vf_of(0));
-        light = select_f(taken, left, light);
-        step = select_f(taken, 2 * part, half);
-        before.right = select_f(taken, after.right, before.right);
-        before.up = select_f(taken, after.up, before.up);
-        before.along = select_f(taken, after.along, before.along);
-        s = select_f(taken, to, s);
+            sum[c] += vf_select(taken, shown[c], vf_of(0));
+        sum[3] += vf_select(taken, (real)0.25f * off, vf_of(0));
+        light = vf_select(taken, left, light);
+        step = vf_select(taken, 2 * part, half);
+        before.right = vf_select(taken, after.right, before.right);
+        before.up = vf_select(taken, after.up, before.up);
+        before.along = vf_select(taken, after.along, before.along);
+        s = vf_select(taken, to, s);
         on &= vf_lt(s, vf_of(1)) & vf_lt(vf_of((real)1e-9f), light);
     }
 }
@@ -224,7 +224,7 @@ INLINE vmask waits_alike(const Waiting *all, int first, unsigned lanes)
         const int l = __builtin_ctz(left);
         alike |= (unsigned)(all->look[first + l] == all->look[first + __builtin_ctz(lanes)]) << l;
     }
-    return mask_of(alike);
+    return mask_of_bits(alike);
 }
 
 /* The first n of those of a kind that turn, in steps. */
@@ -232,16 +232,16 @@ OUTLINE void light_turning(const March *m, Lit *lit, int kind, int n)
 {
     const TiledJob *const j = m->job;
     Waiting *const turning = &lit->turning[kind];
-    const vmask lanes = mask_of((1u << n) - 1);
+    const vmask lanes = mask_of_bits((1u << n) - 1);
     const Wait w = load_wait(turning, 0);
     Corners k;
     vf sum[4] = {vf_of(0), vf_of(0), vf_of(0), vf_of(0)};
     load_corners(j, w.cell, lanes, &k);
-    for (unsigned left = bits_of(lanes); left;) {
+    for (unsigned left = mask_bits(lanes); left;) {
         const vmask alike = j->looks ? waits_alike(turning, 0, left) : lanes;
         const TiledPieces *const pieces = j->looks ? &j->looks->pieces[turning->look[__builtin_ctz(left)]] : &j->pieces;
         light_in_steps(m, pieces, &w, &k, alike, sum);
-        left &= ~bits_of(alike);
+        left &= ~mask_bits(alike);
     }
     for (int l = 0; l < n; l++)
         for (int c = 0; c < 4; c++)
@@ -270,7 +270,7 @@ static void move_waiting(Waiting *to, const Waiting *from, int i)
 OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
 {
     const TiledJob *const j = m->job;
-    const vmask lanes = mask_of((1u << n) - 1);
+    const vmask lanes = mask_of_bits((1u << n) - 1);
     const Wait w = load_wait(&lit->wait, first);
     Corners k;
     load_corners(j, w.cell, lanes, &k);
@@ -281,11 +281,12 @@ OUTLINE void light_some(const March *m, Lit *lit, int first, int n)
              turn = smooth + w.weight * passing(m, (const Direction *const[]){&front, &centre, &back}, 3);
     /* Kinks are few, and worth steps to a judge alone. */
     const vmask stretch = lanes & vf_lt(vf_of(0), w.length),
-                turns = CTS_MUTATED(LIT_STEPS) ? mask_of(0) : stretch & vf_lt(vf_of(m->turn), JUDGES ? turn : smooth);
+                turns =
+                    CTS_MUTATED(LIT_STEPS) ? mask_of_bits(0) : stretch & vf_lt(vf_of(m->turn), JUDGES ? turn : smooth);
     const Glow glow = glow_of(j->shade, &centre);
     for (int l = 0; l < n; l++) {
         const int ray = lit->wait.ray[first + l];
-        if (bits_of(turns) >> l & 1) {
+        if (mask_bits(turns) >> l & 1) {
             move_waiting(&lit->turning[kind_of_turning(m, turn[l])], &lit->wait, first + l);
             continue;
         }
@@ -354,22 +355,22 @@ INLINE void await_light(March *m, Lit *lit, const Effect *e, vi q, const vf weig
     const vf first_half = centre_of((real)M_LN2 * e->depth[0]), second_half = centre_of((real)M_LN2 * e->depth[1]);
     const vf centre = (real)0.5f * (first_half + second * (1 + second_half - first_half));
     const vmask bright = lanes & vf_le(vf_of(m->least_lit), all),
-                faint = CTS_MUTATED(FAINT) ? mask_of(0) : lanes & ~bright;
+                faint = CTS_MUTATED(FAINT) ? mask_of_bits(0) : lanes & ~bright;
     /* Between what lies apart there may be no gradient. */
     const vmask takes = faint & vf_lt(vf_of(0), all);
     const vmask apart = takes & vf_lt(vf_of(0), p->faint_weight) & vf_lt(p->faint_end + m->cell_mm, p->at);
-    for (unsigned left = bits_of(apart); left; left &= left - 1)
+    for (unsigned left = mask_bits(apart); left; left &= left - 1)
         end_pending(m, lit, __builtin_ctz(left));
     for (int c = 0; c < 3; c++)
-        p->faint_colour[c] += select_f(faint, colour[c], vf_of(0));
-    p->faint_begin = select_f(takes & ~vf_lt(vf_of(0), p->faint_weight), p->at, p->faint_begin);
-    p->faint_end = select_f(takes, p->at + length, p->faint_end);
-    p->faint_weight += select_f(faint, all, vf_of(0));
-    p->faint_centre += select_f(faint, all * (p->at + centre * length), vf_of(0));
-    unsigned due = bits_of(bright | (faint & vf_le(vf_of(m->least_lit), p->faint_weight)));
+        p->faint_colour[c] += vf_select(faint, colour[c], vf_of(0));
+    p->faint_begin = vf_select(takes & ~vf_lt(vf_of(0), p->faint_weight), p->at, p->faint_begin);
+    p->faint_end = vf_select(takes, p->at + length, p->faint_end);
+    p->faint_weight += vf_select(faint, all, vf_of(0));
+    p->faint_centre += vf_select(faint, all * (p->at + centre * length), vf_of(0));
+    unsigned due = mask_bits(bright | (faint & vf_le(vf_of(m->least_lit), p->faint_weight)));
     if (!due)
         return;
-    const unsigned now = bits_of(bright);
+    const unsigned now = mask_bits(bright);
     vf enter[3], leave[3];
     for (int a = 0; a < 3; a++) {
         const vf within = p->start[a] - to_float(p->cell[a]);

@@ -1,6 +1,6 @@
 /* Logarithm and power to the base of 2, as good as single precision has them, by the same operations on every path. */
 
-#ifdef EXACT
+#ifdef SIMD_DOUBLE
 enum { FRACTION_BITS = 52 };
 #define THREE_QUARTERS INT64_C(0x3fe8000000000000)
 #define ROOT_GUESS INT64_C(0x5fe6eb50c7b537a9)
@@ -39,7 +39,7 @@ INLINE vf vf_log2_rest(vf x)
     const vf rest = (real)1.0f - x;
     const vi exponent = ((vi)rest - THREE_QUARTERS) >> FRACTION_BITS;
     const vf u = (vf)((vi)rest - (exponent << FRACTION_BITS)) - (real)1.0f;
-    return log2_of(select_f(vf_lt(x, vf_of(0.25f)), -x, u), exponent);
+    return log2_of(vf_select(vf_lt(x, vf_of(0.25f)), -x, u), exponent);
 }
 
 /* 2^x for x of at most 0, 2^-125 for all below: relative error below 3e-7. *less: 1 - 2^x, as precise. */
@@ -54,7 +54,7 @@ INLINE vf exp2_of(vf x, vf *less)
     p = p * f + (real)0.693147182f;
     p = p * f;
     const vf power = (vf)((vi)(p + (real)1.0f) + (n << FRACTION_BITS));
-    *less = select_f(vf_lt(vf_of(-(real)0.5f), x), -p, (real)1.0f - power);
+    *less = vf_select(vf_lt(vf_of(-(real)0.5f), x), -p, (real)1.0f - power);
     return power;
 }
 

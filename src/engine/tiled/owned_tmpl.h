@@ -39,11 +39,11 @@ INLINE void find_looks(March *m, vmask lanes)
     Packet *const p = m->p;
     const TiledMask *const mask = &m->job->mask;
     const vi block = ((p->cell[2] >> 2) * mask->n[1] + (p->cell[1] >> 2)) * mask->n[0] + (p->cell[0] >> 2);
-    const vi look = load_bytes(m->job->looks->owners->block, block, lanes);
+    const vi look = vi_gather_bytes(m->job->looks->owners->block, block, lanes);
     const vmask alike = lanes & vi_lt(look, vi_of(CTS_LOOKS_DIFFER));
-    p->look = select_i(alike, look, p->look);
-    p->edge = select_f(alike, vf_of(FAR_MM), p->edge);
-    for (unsigned left = bits_of(lanes & ~alike); left; left &= left - 1) {
+    p->look = vi_select(alike, look, p->look);
+    p->edge = vf_select(alike, vf_of(FAR_MM), p->edge);
+    for (unsigned left = mask_bits(lanes & ~alike); left; left &= left - 1) {
         const int l = __builtin_ctz(left), *const cell = p->owned[l];
         const bool same = cell[0] == p->cell[0][l] && cell[1] == p->cell[1][l] && cell[2] == p->cell[2][l];
         if (same && p->at[l] >= p->edge[l] && p->last_look[l] >= 0) {
@@ -59,5 +59,5 @@ INLINE void find_looks(March *m, vmask lanes)
 INLINE vmask first_alike(const March *m, unsigned lanes)
 {
     const vi look = vi_of(m->p->look[__builtin_ctz(lanes)]);
-    return mask_of(lanes) & ~(vi_lt(m->p->look, look) | vi_lt(look, m->p->look));
+    return mask_of_bits(lanes) & ~(vi_lt(m->p->look, look) | vi_lt(look, m->p->look));
 }

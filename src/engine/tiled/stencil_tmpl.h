@@ -16,7 +16,7 @@ INLINE int difference(const TiledJob *j, const uint16_t *v, int at, int axis)
 
 OUTLINE void load_corners_each(const TiledJob *j, const vi cell[3], vmask lanes, Corners *k)
 {
-    for (unsigned left = bits_of(lanes); left; left &= left - 1)
+    for (unsigned left = mask_bits(lanes); left; left &= left - 1)
         for (int i = 0; i < 8; i++) {
             const int l = __builtin_ctz(left);
             ptrdiff_t away = 0;
@@ -44,7 +44,7 @@ INLINE vmask is_inner(const TiledJob *j, const vi cell[3], vmask lanes)
 
 INLINE vf lower(vi pair)
 {
-    return to_float(pair & 0xffff);
+    return to_float(lower_half(pair));
 }
 
 INLINE vf upper(vi pair)
@@ -59,7 +59,8 @@ OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Co
         for (int y = 0; y < 2; y++) {
             const ptrdiff_t row = y * j->stride[1] + z * j->stride[2];
             const int i = 2 * y + 4 * z;
-            const vi left = load_pair(j->shown + row - 1, at, lanes), right = load_pair(j->shown + row + 1, at, lanes);
+            const vi left = vi_gather_pairs(j->shown + row - 1, at, lanes),
+                     right = vi_gather_pairs(j->shown + row + 1, at, lanes);
             k->level[i] = upper(left);
             k->level[i + 1] = lower(right);
             k->rise[0][i] = lower(right) - lower(left);
@@ -73,12 +74,12 @@ OUTLINE void gather_corners(const TiledJob *j, const vi cell[3], vmask lanes, Co
             const int beside = i ^ 1 << axis; /* the cell's corner beyond, which is a step away where that is a voxel */
             vf before[2] = {k->level[beside], k->level[beside + 1]}, after[2] = {before[0], before[1]};
             if (low || !one) {
-                const vi pair = load_pair(j->shown + row - away, at, lanes);
+                const vi pair = vi_gather_pairs(j->shown + row - away, at, lanes);
                 before[0] = lower(pair);
                 before[1] = upper(pair);
             }
             if (!low || !one) {
-                const vi pair = load_pair(j->shown + row + away, at, lanes);
+                const vi pair = vi_gather_pairs(j->shown + row + away, at, lanes);
                 after[0] = lower(pair);
                 after[1] = upper(pair);
             }
