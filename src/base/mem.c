@@ -54,13 +54,39 @@ CtsStatus cts_alloc_zeroed_bytes(void **block, size_t n, size_t size, CtsError *
     return aligned_block(block, n, size, true, err);
 }
 
+static char *start_of(const void *block)
+{
+    char *start;
+    memcpy(&start, (const char *)block - sizeof(void *), sizeof start);
+    return start;
+}
+
 void cts_free_bytes(void *block)
 {
-    if (!block)
-        return;
-    char *start;
-    memcpy(&start, (char *)block - sizeof(void *), sizeof start);
-    free(start);
+    if (block)
+        free(start_of(block));
+}
+
+CtsStatus cts_resize_bytes(void **block, size_t n_kept, size_t n, size_t size, CtsError *err)
+{
+    size_t bytes;
+    const CtsStatus st = checked_size(n, size, &bytes, err);
+    if (st)
+        return st;
+    const size_t offset = (size_t)((char *)*block - start_of(*block));
+    char *const start = realloc(start_of(*block), offset + bytes + CTS_ALIGNMENT);
+    if (!start)
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory: %zu bytes asked for", bytes);
+    /* Pages move as they are; only a small block may come to lie otherwise. */
+    const size_t off = (uintptr_t)(start + offset) % CTS_ALIGNMENT;
+    char *const p = start + offset + (off ? CTS_ALIGNMENT - off : 0);
+    if (off)
+        memmove(p, start + offset, (n_kept < n ? n_kept : n) * size);
+    memcpy(p - sizeof(void *), &start, sizeof start);
+    if (bytes >= HUGE_FROM)
+        madvise(p, bytes / HUGE_PAGE * HUGE_PAGE, MADV_HUGEPAGE); /* advice only, as above */
+    *block = p;
+    return CTS_OK;
 }
 
 CtsStatus cts_grow_bytes(void **items, size_t n, size_t size, CtsError *err)

@@ -15,10 +15,14 @@ enum { CTS_ALIGNMENT = 64 };
 CtsStatus cts_alloc_bytes(void **block, size_t n, size_t size, CtsError *err);
 CtsStatus cts_alloc_zeroed_bytes(void **block, size_t n, size_t size, CtsError *err);
 void cts_free_bytes(void *block);
+/* A block with room for n items, of which the first n_kept are as they were in the old one; large ones are not copied.
+ * On failure the block is as it was. */
+CtsStatus cts_resize_bytes(void **block, size_t n_kept, size_t n, size_t size, CtsError *err);
 
 /* For a pointer variable p of any type: cts_alloc_array(&p, n, err). */
 #define cts_alloc_array(p, n, err) cts_alloc_bytes((void **)(p), (n), sizeof **(p), (err))
 #define cts_alloc_zeroed(p, n, err) cts_alloc_zeroed_bytes((void **)(p), (n), sizeof **(p), (err))
+#define cts_resize_array(p, n_kept, n, err) cts_resize_bytes((void **)(p), (n_kept), (n), sizeof **(p), (err))
 /* Frees and leaves NULL behind. */
 #define cts_free(p) (cts_free_bytes(*(p)), (void)(*(p) = NULL))
 

@@ -98,6 +98,30 @@ static void test_memory(void **state)
     assert_true(product == SIZE_MAX);
 }
 
+/* Small blocks, which may come to lie otherwise, and large ones, whose pages move: what is kept is as it was. */
+static void test_resize(void **state)
+{
+    (void)state;
+    static const size_t sizes[] = {1, 5, 63, 1000, 70000, 1300000, 5000000, 20};
+    CtsError err;
+    uint32_t *p = NULL;
+    assert_int_equal(cts_alloc_array(&p, sizes[0], &err), CTS_OK);
+    p[0] = 0;
+    for (size_t n = 1; n < sizeof sizes / sizeof *sizes; n++) {
+        const size_t kept = sizes[n] < sizes[n - 1] ? sizes[n] : sizes[n - 1];
+        assert_int_equal(cts_resize_array(&p, sizes[n - 1], sizes[n], &err), CTS_OK);
+        assert_int_equal((uintptr_t)p % CTS_ALIGNMENT, 0);
+        for (size_t i = 0; i < kept; i++)
+            assert_int_equal(p[i], i);
+        for (size_t i = kept; i < sizes[n]; i++)
+            p[i] = (uint32_t)i;
+    }
+    uint32_t *const before = p;
+    assert_int_equal(cts_resize_array(&p, 20, SIZE_MAX / sizeof *p, &err), CTS_ERR_MEMORY);
+    assert_true(p == before && p[19] == 19);
+    cts_free(&p);
+}
+
 static void test_threads(void **state)
 {
     (void)state;
@@ -180,9 +204,8 @@ static void test_lists(void **state)
 static void test_stage_names(void **state)
 {
     (void)state;
-    const char *const names[CTS_N_STAGES] = {"scan",      "labels", "decode",    "grey",  "classify",
-                                             "footprint",
-                                             "splat",  "composite", "shade", "warp", "export"};
+    const char *const names[CTS_N_STAGES] = {"scan",  "labels",    "decode", "grey", "classify", "footprint",
+                                             "splat", "composite", "shade",  "warp", "export"};
     for (int s = 0; s < CTS_N_STAGES; s++)
         assert_string_equal(cts_stage_names[s], names[s]);
 }
@@ -206,10 +229,10 @@ static void test_levels(void **state)
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_exit_codes),  cmocka_unit_test(test_fail),          cmocka_unit_test(test_fail_escapes),
-        cmocka_unit_test(test_fail_long),   cmocka_unit_test(test_memory),        cmocka_unit_test(test_threads),
-        cmocka_unit_test(test_region),      cmocka_unit_test(test_stages_add_up), cmocka_unit_test(test_lists),
-        cmocka_unit_test(test_stage_names), cmocka_unit_test(test_levels),
+        cmocka_unit_test(test_exit_codes), cmocka_unit_test(test_fail),        cmocka_unit_test(test_fail_escapes),
+        cmocka_unit_test(test_fail_long),  cmocka_unit_test(test_memory),      cmocka_unit_test(test_resize),
+        cmocka_unit_test(test_threads),    cmocka_unit_test(test_region),      cmocka_unit_test(test_stages_add_up),
+        cmocka_unit_test(test_lists),      cmocka_unit_test(test_stage_names), cmocka_unit_test(test_levels),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -64,37 +64,40 @@ void cts_refine_row(uint16_t *to, const uint16_t *const slices[4], int n, const 
     (cts_cpu_flags() & CTS_CPU_AVX2 ? refine_avx2 : refine_plain)(to, slices, n, weights);
 }
 
-enum { CHUNK = 16384 }; /* voxels of one slice that a thread takes at a time */
+enum { CHUNK = 4096 }; /* voxels of one layer that a thread follows down the stack */
 
 typedef struct Refining {
-    const uint16_t *from;
-    uint16_t *to;
-    size_t layer_voxels, n_chunks;
+    uint16_t *grey;
+    size_t layer_voxels;
     int n_slices, n_parts;
 } Refining;
 
-/* Item: a slice, and a chunk of its voxels; with the slice go the layers up to the next one. */
-static void refine_some(void *context, int worker, size_t first, size_t end)
+/* The slices of a column of chunks go to their places, the last one first, so that none is written over; with each go
+ * the layers up to the next one. */
+static void refine_column(const Refining *r, size_t at, int n)
+{
+    const size_t slice = r->layer_voxels, step = (size_t)r->n_parts * slice;
+    for (int k = r->n_slices - 1; k >= 0; k--) {
+        uint16_t *const b = r->grey + (size_t)k * step + at, *const from = r->grey + (size_t)k * slice + at;
+        if (k > 0)
+            memcpy(b, from, (size_t)n * sizeof *b);
+        if (k + 1 == r->n_slices)
+            continue;
+        const uint16_t *const c = b + step;
+        const uint16_t *const slices[4] = {k > 0 ? from - slice : b, b, c, k + 2 < r->n_slices ? c + step : c};
+        for (int part = 1; part < r->n_parts; part++) {
+            const CtsRefineWeights weights = cts_refine_weights((double)part / r->n_parts, (const double[]){1, 1, 1});
+            cts_refine_row(b + (size_t)part * slice, slices, n, &weights);
+        }
+    }
+}
+
+static void refine_columns(void *context, int worker, size_t first, size_t end)
 {
     const Refining *const r = context;
     (void)worker;
-    for (size_t item = first; item < end; item++) {
-        const int k = (int)(item / r->n_chunks);
-        const size_t at = item % r->n_chunks * CHUNK;
-        const int n = (int)(r->layer_voxels - at < CHUNK ? r->layer_voxels - at : CHUNK);
-        const uint16_t *const b = r->from + (size_t)k * r->layer_voxels + at;
-        uint16_t *to = r->to + (size_t)k * (size_t)r->n_parts * r->layer_voxels + at;
-        memcpy(to, b, (size_t)n * sizeof *to);
-        if (k + 1 == r->n_slices)
-            continue;
-        const uint16_t *const c = b + r->layer_voxels;
-        const uint16_t *const slices[4] = {k > 0 ? b - r->layer_voxels : b, b, c,
-                                           k + 2 < r->n_slices ? c + r->layer_voxels : c};
-        for (int part = 1; part < r->n_parts; part++) {
-            const CtsRefineWeights weights = cts_refine_weights((double)part / r->n_parts, (const double[]){1, 1, 1});
-            cts_refine_row(to + (size_t)part * r->layer_voxels, slices, n, &weights);
-        }
-    }
+    for (; first < end; first += CHUNK)
+        refine_column(r, first, (int)(end - first < CHUNK ? end - first : CHUNK));
 }
 
 int cts_volume_thickness(const CtsVolume *volume)
@@ -112,30 +115,26 @@ CtsStatus cts_volume_refine(CtsVolume *v, int n_parts, CtsInterpolation how, int
 {
     const size_t layer_voxels = (size_t)v->dims[0] * (size_t)v->dims[1];
     const int64_t n_layers = (int64_t)(v->dims[2] - 1) * n_parts + 1;
+    const size_t n_scanned = layer_voxels * (size_t)v->dims[2];
     size_t n;
-    uint16_t *grey = NULL;
     if (n_parts <= 1)
         return CTS_OK;
     if (n_layers > INT32_MAX || cts_mul_overflows(layer_voxels, (size_t)n_layers, &n))
         return cts_fail(err, CTS_ERR_MEMORY, "%d layers for each of %d slices are too many", n_parts, v->dims[2]);
-    const double need = (double)n * sizeof *grey;
+    const double need = (double)(n - n_scanned) * sizeof *v->grey;
     const uint64_t free_bytes = cts_memory_available();
     if (!cts_memory_allows(need, free_bytes))
         return cts_fail(err, CTS_ERR_MEMORY, "layers between the slices need %.0f MiB of memory, and %.0f MiB are free",
                         need / 1048576, (double)free_bytes / 1048576);
-    const CtsStatus st = cts_alloc_array(&grey, n, err);
+    const CtsStatus st = cts_resize_array(&v->grey, n_scanned, n, err);
     if (st)
         return st;
-    Refining refining = {.from = v->grey,
-                         .to = grey,
-                         .layer_voxels = layer_voxels,
-                         .n_chunks = (layer_voxels + CHUNK - 1) / CHUNK,
-                         .n_slices = v->dims[2],
-                         .n_parts = n_parts};
-    cts_parallel(cts_threads(n_threads), (size_t)v->dims[2] * refining.n_chunks, 0, refine_some, &refining);
+    Refining refining = {v->grey, layer_voxels, v->dims[2], n_parts};
+    cts_parallel(cts_threads(n_threads), layer_voxels, CHUNK, refine_columns, &refining);
     if (how == CTS_INTERPOLATION_SHAPE)
         cts_shape_layers(&(CtsShapeStack){.slices = v->grey,
-                                          .layers = grey,
+                                          .slice_step = (size_t)n_parts * layer_voxels,
+                                          .layers = v->grey,
                                           .n_columns = v->dims[0],
                                           .n_rows = v->dims[1],
                                           .n_slices = v->dims[2],
@@ -144,8 +143,6 @@ CtsStatus cts_volume_refine(CtsVolume *v, int n_parts, CtsInterpolation how, int
                                           .hu_offset = v->hu_offset,
                                           .hu_step = v->hu_step},
                          n_threads, made);
-    cts_free(&v->grey);
-    v->grey = grey;
     v->dims[2] = (int)n_layers;
     for (int c = 0; c < 3; c++)
         v->step_lps[2][c] /= n_parts;

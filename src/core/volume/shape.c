@@ -48,21 +48,29 @@ typedef struct Shaping {
 
 /* Two pixels side by side. */
 typedef uint32_t __attribute__((aligned(2), may_alias)) Pair;
-typedef float Four __attribute__((vector_size(16)));
 /* Distances side by side. */
 enum { EIGHT = 8 };
 typedef int16_t Eight __attribute__((vector_size(2 * EIGHT)));
 
 /* Where a block's grey levels come from, in pixels from there: x and y in the slice before, x and y in the one behind;
- * and how much of it does. */
-typedef struct Move {
-    Four from;
-    float share;
-} Move;
-/* The same of many, number by number, each row with its first and its last once more at its ends. */
+ * and how much of it does. Each number has an array of its own, each row with its first and its last once more at its
+ * ends. */
 enum { MOVE_NUMBERS = 5, SHARE = 4 };
 /* Pixels whose numbers are worked out together: reading a row's moves goes on past its last block by as many. */
 enum { VECTOR = 8 };
+
+/* Moves of so many blocks, worked out together; what is left of others stands beyond n. */
+enum { BATCH = 32 };
+typedef struct Direction {
+    float x[BATCH], y[BATCH];
+} Direction;
+typedef struct Batch {
+    int n, i[BATCH], j[BATCH];
+    int32_t known[BATCH];                                /* whether a surface is near in both slices */
+    float before[BATCH], difference[BATCH], rest[BATCH]; /* of a surface, in blocks; what has not moved yet */
+    Direction direction[2];
+    float move[MOVE_NUMBERS][BATCH];
+} Batch;
 
 /* What one thread works with. */
 typedef struct Scratch {
@@ -295,8 +303,7 @@ INLINE void find_distances(const Shaping *s, const uint16_t *grey, uint16_t leve
 
 INLINE void read_any_field(const Shaping *s, int slice, Scratch *c, Field *field)
 {
-    const size_t n = (size_t)s->stack->n_columns * (size_t)s->stack->n_rows;
-    read_blocks(s, s->stack->slices + (size_t)slice * n, c->row, field->grey);
+    read_blocks(s, s->stack->slices + (size_t)slice * s->stack->slice_step, c->row, field->grey);
     for (int l = 0; l < N_SURFACES; l++)
         find_distances(s, field->grey, s->level[l], field->distance[l]);
 }
@@ -311,54 +318,80 @@ CTS_TARGET_AVX2 static void read_field_avx2(const Shaping *s, int slice, Scratch
     read_any_field(s, slice, c, field);
 }
 
-/* A way of so many blocks along the direction in which a distance rises is added to from[x] and from[x + 1]. */
-static void go(const Shaping *s, const int16_t *d, int i, int j, float blocks, Four *from, int x_axis)
-{
-    const int nx = s->n_blocks[0];
-    const int16_t *const at = d + (size_t)j * (size_t)nx + i;
-    const float x = (float)(at[i + 1 < nx] - at[i > 0 ? -1 : 0]);
-    const float y = (float)(at[j + 1 < s->n_blocks[1] ? nx : 0] - at[j > 0 ? -nx : 0]);
-    const float length = sqrtf(x * x + y * y);
-    /* Midway between two surfaces there is no such direction. */
-    if (length > SIDE / 2) {
-        (*from)[x_axis] += BLOCK * blocks * x / length;
-        (*from)[x_axis + 1] += BLOCK * blocks * y / length;
-    }
-}
-
-static float within(float x, float low, float high)
+INLINE float within(float x, float low, float high)
 {
     return x < low ? low : x > high ? high : x;
 }
 
-/* What is at this block `at` of the way (0..1) from the one slice to the other: the body's surface first, and what does
- * not go with it may go with a bone. */
-static Move move_of(const Shaping *s, const Scratch *c, uint32_t at, float way)
+/* The direction in which a distance rises, and its length. */
+INLINE void read_direction(const Shaping *s, const int16_t *d, int i, int j, Direction *to, int n)
 {
-    Move m = {.share = 0};
-    float rest = 1;
-    const int i = (int)(at % (uint32_t)s->n_blocks[0]), j = (int)(at / (uint32_t)s->n_blocks[0]);
-    for (int l = 0; l < N_SURFACES; l++) {
-        const int16_t *const before = c->field[0].distance[l], *const behind = c->field[1].distance[l];
-        if (abs(before[at]) >= FAR / 2 || abs(behind[at]) >= FAR / 2)
-            continue;
-        const float difference = (float)(behind[at] - before[at]) * BLOCK_OF_UNIT, moved = fabsf(difference);
-        const float off = fabsf((float)before[at] * BLOCK_OF_UNIT + way * difference);
-        const float goes = rest * within(1 - (off - 1) / (GOES_WITH * moved + 1), 0, 1);
-        const float share = goes * within((moved - MOVES_FROM) / (MOVES_ALL - MOVES_FROM), 0, 1);
-        if (share > 0) {
-            go(s, before, i, j, share * way * difference, &m.from, 0);
-            go(s, behind, i, j, -share * (1 - way) * difference, &m.from, 2);
-            m.share += share;
-        }
-        rest -= goes;
-    }
-    m.share = within(4 * m.share, 0, 1);
-    return m;
+    const int nx = s->n_blocks[0];
+    const int16_t *const at = d + (size_t)j * (size_t)nx + i;
+    to->x[n] = (float)(at[i + 1 < nx] - at[i > 0 ? -1 : 0]);
+    to->y[n] = (float)(at[j + 1 < s->n_blocks[1] ? nx : 0] - at[j > 0 ? -nx : 0]);
 }
 
-/* Blocks that move somewhere on the way from slice to slice, where move_of() lets the others rest, and differ by more
- * than noise. */
+/* A way of so many blocks along a direction is added to x and y. Midway between two surfaces there is no direction. */
+INLINE void go(const Direction *d, int n, float blocks, float *x, float *y)
+{
+    const float length = sqrtf(d->x[n] * d->x[n] + d->y[n] * d->y[n]);
+    const bool leads = length > SIDE / 2;
+    *x += leads ? BLOCK * blocks * d->x[n] / length : 0;
+    *y += leads ? BLOCK * blocks * d->y[n] / length : 0;
+}
+
+/* What is at these blocks `way` (0..1) from the one slice to the other: the body's surface first, and what does not go
+ * with it may go with a bone. */
+INLINE void find_any_batch(const Shaping *s, const Scratch *c, const uint32_t *blocks, float way, Batch *m)
+{
+    const uint32_t nx = (uint32_t)s->n_blocks[0];
+    for (int n = 0; n < m->n; n++) {
+        m->i[n] = (int)(blocks[n] % nx);
+        m->j[n] = (int)(blocks[n] / nx);
+    }
+    memset(m->move, 0, sizeof m->move);
+    for (int n = 0; n < BATCH; n++)
+        m->rest[n] = 1;
+    for (int l = 0; l < N_SURFACES; l++) {
+        const int16_t *const before = c->field[0].distance[l], *const behind = c->field[1].distance[l];
+        for (int n = 0; n < m->n; n++) {
+            const int d = before[blocks[n]], e = behind[blocks[n]];
+            m->known[n] = abs(d) < FAR / 2 && abs(e) < FAR / 2;
+            m->before[n] = (float)d * BLOCK_OF_UNIT;
+            m->difference[n] = (float)(e - d) * BLOCK_OF_UNIT;
+            read_direction(s, before, m->i[n], m->j[n], &m->direction[0], n);
+            read_direction(s, behind, m->i[n], m->j[n], &m->direction[1], n);
+        }
+        for (int n = 0; n < BATCH; n++) {
+            const float difference = m->difference[n], moved = fabsf(difference);
+            const float off = fabsf(m->before[n] + way * difference);
+            const float with = m->rest[n] * within(1 - (off - 1) / (GOES_WITH * moved + 1), 0, 1);
+            const float goes = m->known[n] ? with : 0;
+            const float share = goes * within((moved - MOVES_FROM) / (MOVES_ALL - MOVES_FROM), 0, 1);
+            go(&m->direction[0], n, share * way * difference, &m->move[0][n], &m->move[1][n]);
+            go(&m->direction[1], n, -share * (1 - way) * difference, &m->move[2][n], &m->move[3][n]);
+            m->move[SHARE][n] += share;
+            m->rest[n] -= goes;
+        }
+    }
+    for (int n = 0; n < BATCH; n++)
+        m->move[SHARE][n] = within(4 * m->move[SHARE][n], 0, 1);
+}
+
+static void find_batch(const Shaping *s, const Scratch *c, const uint32_t *blocks, float way, Batch *m)
+{
+    find_any_batch(s, c, blocks, way, m);
+}
+
+CTS_TARGET_AVX2 static void find_batch_avx2(const Shaping *s, const Scratch *c, const uint32_t *blocks, float way,
+                                            Batch *m)
+{
+    find_any_batch(s, c, blocks, way, m);
+}
+
+/* Blocks that move somewhere on the way from slice to slice, where find_batch() lets the others rest, and differ by
+ * more than noise. */
 INLINE void find_any_moves(const Shaping *s, Scratch *c)
 {
     const uint16_t *const a = c->field[0].grey, *const b = c->field[1].grey;
@@ -557,12 +590,36 @@ CTS_TARGET_AVX2 static void write_layer_avx2(const Shaping *s, const Scratch *c,
     write_layer(s, c, l, sums);
 }
 
-static void set_move(const Shaping *s, const Scratch *c, uint32_t block, const Move *m)
+static void set_move(const Shaping *s, const Scratch *c, int i, int j, int number, float value)
 {
-    const int nx = s->n_blocks[0], i = (int)(block % (uint32_t)nx), j = (int)(block / (uint32_t)nx);
-    for (int side = i > 0 ? 0 : -1; side <= (i + 1 < nx ? 0 : 1); side++)
+    float *const move = c->move[number] + place_of_move(s, i, j);
+    move[0] = value;
+    if (i == 0)
+        move[-1] = value;
+    if (i + 1 == s->n_blocks[0])
+        move[1] = value;
+}
+
+/* The moves of all that is listed, for one layer. */
+static void set_moves(const Shaping *s, const Scratch *c, float way)
+{
+    Batch m = {.n = 0};
+    for (size_t first = 0; first < c->n_moving; first += (size_t)m.n) {
+        const size_t rest = c->n_moving - first;
+        m.n = rest < BATCH ? (int)rest : BATCH;
+        (cts_cpu_flags() & CTS_CPU_AVX2 ? find_batch_avx2 : find_batch)(s, c, c->moving + first, way, &m);
         for (int k = 0; k < MOVE_NUMBERS; k++)
-            c->move[k][place_of_move(s, i + side, j)] = k == SHARE ? m->share : m->from[k];
+            for (int n = 0; n < m.n; n++)
+                set_move(s, c, m.i[n], m.j[n], k, m.move[k][n]);
+    }
+}
+
+static void forget_moves(const Shaping *s, const Scratch *c)
+{
+    const uint32_t nx = (uint32_t)s->n_blocks[0];
+    for (size_t n = 0; n < c->n_moving; n++)
+        for (int k = 0; k < MOVE_NUMBERS; k++)
+            set_move(s, c, (int)(c->moving[n] % nx), (int)(c->moving[n] / nx), k, 0);
 }
 
 static double place_of(const CtsShapeStack *t, int slice)
@@ -575,19 +632,16 @@ static void shape_gap(const Shaping *s, Scratch *c, int gap, Sums *sums)
     const CtsShapeStack *const t = s->stack;
     const double from = place_of(t, gap), to = place_of(t, gap + 1);
     const size_t layer = (size_t)t->n_columns * (size_t)t->n_rows;
-    const uint16_t *const slice = t->slices + (size_t)gap * layer;
+    const uint16_t *const slice = t->slices + (size_t)gap * t->slice_step;
     list_blocks(s, c);
     for (int j = (int)floor(from) + 1; j < to && j < t->n_layers; j++) {
-        const Layer made = {{slice, slice + layer}, t->layers + (size_t)j * layer, (float)((j - from) / (to - from))};
+        const Layer made = {
+            {slice, slice + t->slice_step}, t->layers + (size_t)j * layer, (float)((j - from) / (to - from))};
         sums->n_voxels += layer;
-        for (size_t n = 0; n < c->n_moving; n++) {
-            const Move m = move_of(s, c, c->moving[n], made.way);
-            set_move(s, c, c->moving[n], &m);
-        }
+        set_moves(s, c, made.way);
         (cts_cpu_flags() & CTS_CPU_AVX2 ? write_layer_avx2 : write_layer)(s, c, &made, sums);
     }
-    for (size_t n = 0; n < c->n_moving; n++)
-        set_move(s, c, c->moving[n], &(Move){.share = 0});
+    forget_moves(s, c);
 }
 
 /* Gaps between slices; a field is read once for the two gaps at a slice. */

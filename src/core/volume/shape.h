@@ -7,9 +7,10 @@
 
 #include "ctsplat/volume.h"
 
-/* n_slices slices, one after the other, and n_layers layers made of them, as blended in place. */
+/* n_slices slices, which may be layers, and n_layers layers made of them, as blended in place. */
 typedef struct CtsShapeStack {
     const uint16_t *slices;
+    size_t slice_step; /* voxels from a slice to the next one */
     uint16_t *layers;
     int n_columns, n_rows, n_slices, n_layers;
     const double *layer; /* where each slice lies, in layers, rising; NULL: n_parts apart */

@@ -73,6 +73,7 @@ static void resample(const CtsScanned *s, CtsVolume *v, CtsInterpolation how, in
                        n_threads);
     if (how == CTS_INTERPOLATION_SHAPE && slices)
         cts_shape_layers(&(CtsShapeStack){.slices = slices,
+                                          .slice_step = layer_voxels(s),
                                           .layers = v->grey,
                                           .n_columns = v->dims[0],
                                           .n_rows = v->dims[1],
