@@ -155,6 +155,9 @@ statement = [
        "between are not those of other objects of the study",
        "warning where a tenth or less is missing, or every 2nd or 3rd slice is there; else refused unless "
        "--allow-missing-slices is given"),
+      ("concatenation_incomplete", "parts of a concatenation are missing by InConcatenationNumber, "
+       "InConcatenationTotalNumber or ConcatenationFrameOffsetNumber", "warning; refused where frames between others are, "
+       "as of missing slices"),
       ("nifti_forms", "the sform and the qform of a NIfTI file differ: voxel size by more than 1 %, an axis by more than 1 "
        "degree, a corner by more than a voxel", "warning, the sform is taken; refused where one is mirrored or an axis "
        "differs by more than 45 degrees, unless --nifti-form decides"),

@@ -143,6 +143,15 @@ bool cts_attribute_word(const CtsAttributes &item, const DcmTagKey &tag, int *va
     return true;
 }
 
+bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint32_t *value)
+{
+    CtsElement found;
+    if (!find(item, tag, &found) || (length_of(found) != 2 && length_of(found) != 4) || !is_one_of(found, "USUL"))
+        return false;
+    *value = number_of(found);
+    return true;
+}
+
 bool cts_attribute_pattern(const CtsAttributes &item, const DcmTagKey &tag, unsigned *pattern)
 {
     CtsElement found;

@@ -1,6 +1,7 @@
 /* Functional groups (PS3.3 C.7.6.16) -> one slice record a frame. */
 #include "input/header/dcm_attributes.hpp"
 
+#include <cstdint>
 #include <cstdlib>
 #include <new>
 
@@ -53,6 +54,11 @@ void cts_dcm_read_frames(const CtsDataSet &data_set, CtsTexts &texts, CtsObject 
     if (n_items != n_frames)
         return refuse(data_set, texts, object,
                       "Per-frame Functional Groups (5200,9230) are missing, or not as many as there are frames");
+    uint32_t number = 0, n_parts = 0, first = 0;
+    const bool has_number = cts_attribute_number(object_alone, DCM_InConcatenationNumber, &number),
+               has_total = cts_attribute_number(object_alone, DCM_InConcatenationTotalNumber, &n_parts),
+               has_first = cts_attribute_number(object_alone, DCM_ConcatenationFrameOffsetNumber, &first);
+    const char *concatenation = cts_dcm_share(texts, cts_attribute_text(object_alone, DCM_ConcatenationUID), 64);
     cts_dcm_make_room(object, n_frames);
     while (cts_items_next(&frames, &frame)) {
         CtsAttributes attributes{data_set, true, {frame, shared}};
@@ -60,6 +66,10 @@ void cts_dcm_read_frames(const CtsDataSet &data_set, CtsTexts &texts, CtsObject 
         slice->n_frames = n_frames;
         slice->frame = object->n_slices - 1;
         cts_dcm_read_slice(attributes, texts, slice);
+        slice->concatenation = concatenation;
+        slice->part_number = has_number && number <= UINT16_MAX ? static_cast<int>(number) : 0;
+        slice->n_parts = has_total && n_parts <= UINT16_MAX ? static_cast<int>(n_parts) : 0;
+        slice->first_frame = has_first ? static_cast<int64_t>(first) : -1;
         slice->stack_id = cts_dcm_share(texts, cts_attribute_text(attributes, DCM_StackID), 16);
     }
 }

@@ -43,6 +43,8 @@ static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, co
                   .time_s = -1,
                   .n_frames = box->dims[2],
                   .stack_id = "",
+                  .concatenation = "",
+                  .first_frame = -1,
                   .rows = box->dims[1],
                   .columns = box->dims[0],
                   .bits_allocated = 16,

@@ -80,6 +80,13 @@ typedef struct CtsSlice {
     bool page;              /* a dose report or the like: never had a place in a patient */
     int frame, n_frames;    /* of an object with many: which one, from 0; n_frames is 0 for a single slice */
     const char *stack_id;   /* (0020,9056), of a frame; at most 16 characters */
+    /* Of a frame's object, where it is a part of a concatenation (PS3.3 C.7.6.16.2.2.4): */
+    const char *concatenation; /* (0020,9161); "" where missing */
+    int part_number, n_parts;  /* (0020,9162), from 1, and (0020,9163); 0 where missing */
+    int64_t first_frame;       /* (0020,9228), from 0; negative where missing */
+    /* Of which parts are missing: what the series says of it, and how many frames between others that is. NULL, 0. */
+    const char *lacks;
+    int n_lacking;
 
     int rows, columns, bits_allocated, bits_stored, high_bit;
     bool is_signed;

@@ -287,7 +287,10 @@ static int by_size(const void *a, const void *b)
 static CtsStatus group(const Search *s, CtsSlice **slices, size_t n, CtsError *err)
 {
     CtsSeriesList *const list = s->list;
-    CtsStatus st = CTS_OK;
+    CtsTexts texts = {0};
+    CtsStatus st = cts_concatenations_check(slices, n, &texts, err);
+    if (!take_texts(list, &texts) && !st)
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (n)
         qsort(slices, n, sizeof *slices, by_series_and_path);
     for (size_t first = 0, end; first < n; first = end) {

@@ -357,6 +357,21 @@ static void judge_numbers(const CtsSliceSet *set, const CtsStudyNumbers *numbers
                          what);
 }
 
+/* A part at an end leaves no gap, and is warned of; one between others is so many missing slices. */
+static const char *judge_parts(const CtsSliceSet *set, CtsSeries *series)
+{
+    const CtsSlice *lacking = NULL;
+    for (int i = 0; i < set->n && !lacking; i++)
+        lacking = set->items[i]->lacks ? set->items[i] : NULL;
+    if (!lacking)
+        return NULL;
+    if (cts_slice_stack_lacks_many(lacking->n_lacking, set->n) && !series->rules.allow_missing_slices)
+        refuse(series, CTS_ERR_GEOMETRY, "%s (fetch the whole series, or give `allow-missing-slices`)", lacking->lacks);
+    else
+        cts_findings_add(&series->findings, "concatenation_incomplete", CTS_WARNING, "%s", lacking->lacks);
+    return lacking->lacks;
+}
+
 static CtsStatus judge_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, CtsSeries *series, CtsError *err)
 {
     CtsSliceStack stack;
@@ -369,8 +384,9 @@ static CtsStatus judge_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
     }
     series->spacing_mm[2] = stack.spacing_mm;
     series->tilt_deg = stack.tilt_deg;
+    const char *lacks = judge_parts(set, series);
     if (st) {
-        refuse(series, st, "%s", why.text);
+        refuse(series, st, "%s%s%s", lacks ? lacks : "", lacks ? "; " : "", why.text);
         return CTS_OK;
     }
     if (set->n == 2)

@@ -59,6 +59,10 @@ typedef struct CtsMissingSlices {
 } CtsMissingSlices;
 CtsMissingSlices cts_slice_set_missing(const CtsSliceSet *set, const CtsStudyNumbers *numbers);
 
+/* Says of each slice whose object is a part of a concatenation which parts of that are missing, by the numbers and
+ * offsets of those that are there. The words are kept in texts. */
+CtsStatus cts_concatenations_check(CtsSlice *const *slices, size_t n, CtsTexts *texts, CtsError *err);
+
 /* What files are that are no CT slices: counted by kind. */
 
 /* n files that are no DICOM; packed: NULL, or what they seem to be packed with. */
