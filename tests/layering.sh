@@ -26,9 +26,10 @@ src/engine/project | core/volume/ core/scene/ | immintrin.h
 src/engine/tiled  | core/volume/ core/scene/ engine/project/project.h |
 src/engine/splat  | core/volume/ core/transfer/ core/scene/ |
 src/engine/raycast | core/volume/ core/scene/ |
-src/render/framing | core/scene/ |
-src/render/error  | core/scene/ engine/raycast/ render/framing/ |
-src/render/frames | core/volume/owners.h core/scene/ render/framing/ render/error/ |
+src/render/engines | core/scene/ |
+src/render/framing | core/scene/ render/engines/ |
+src/render/error  | core/scene/ engine/raycast/ render/engines/ render/framing/ |
+src/render/frames | core/volume/owners.h core/scene/ render/engines/ render/framing/ render/error/ |
 src/output/image  | |
 src/output/objects | input/header/ input/codec/ | openjpeg.h
 src/output/export | output/image/ output/objects/ | png.h openexr.h zlib.h jpeglib.h webp/

@@ -12,15 +12,12 @@
 
 CTS_API_BEGIN
 
-typedef enum CtsEngineId {
-    CTS_ENGINE_CLASSIC,
-    CTS_ENGINE_LAYERS,
-    CTS_ENGINE_VOID,
-    CTS_ENGINE_COMBINED,
-    CTS_ENGINE_TILED,
-    CTS_ENGINE_RAYCAST,
-    CTS_N_ENGINES
-} CtsEngineId;
+/* The engines: row(ID, name) makes the id CTS_ENGINE_ID, and asks for the row cts_engine_name. */
+#define CTS_ENGINES(row)                                                                                               \
+    row(CLASSIC, classic) row(LAYERS, layers) row(VOID, void) row(COMBINED, combined) row(TILED, tiled)                \
+        row(RAYCAST, raycast)
+#define CTS_ENGINE_ID(id, name) CTS_ENGINE_##id,
+typedef enum CtsEngineId { CTS_ENGINES(CTS_ENGINE_ID) CTS_N_ENGINES } CtsEngineId;
 extern const char *const cts_engine_names[CTS_N_ENGINES];
 
 typedef enum CtsKernelId {

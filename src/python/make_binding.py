@@ -14,7 +14,8 @@ def declarations(headers):
         with open(header, encoding="utf-8") as file:
             text += file.read()
     text = re.sub(r"/\*.*?\*/", "", text, flags=re.S)
-    text = re.sub(r"^\s*#.*$|^CTS_API_(BEGIN|END)$", "", text, flags=re.M)
+    text = re.sub(r"^\s*#(.*\\\n)*.*$|^CTS_API_(BEGIN|END)$", "", text, flags=re.M)
+    text = re.sub(r"[A-Z_]+\([A-Z_]+\) (CTS_N_[A-Z]+)", r"\1, ...", text)  # ids of a list by macro: the compiler knows
     text = re.sub(r"__attribute__\s*\(\(.*?\)\)(?=;)", "", text, flags=re.S)
     return re.sub(r"static inline [^{]*\{.*?\n\}", "", text, flags=re.S)
 

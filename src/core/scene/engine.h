@@ -76,6 +76,7 @@ static inline double cts_scene_square_of_error(const CtsScene *scene, const floa
     return square;
 }
 
+/* Rows are defined by the engines, as cts_engine_NAME, and listed in render/engines. */
 typedef struct CtsEngine {
     const char *name; /* as in --engine */
     /* Fill picture (zeroed; its size, channels and info are set), which may be a band of the view; premultiplied, over
@@ -99,9 +100,6 @@ typedef struct CtsEngine {
     bool takes_key;             /* skips what counts as void by the scene's lut, so that --void key has a use */
     void (*forget)(void *kept); /* frees what render left in *scene->kept; NULL for an engine that keeps nothing */
 } CtsEngine;
-
-extern const CtsEngine cts_engine_classic, cts_engine_layers, cts_engine_void, cts_engine_combined, cts_engine_tiled,
-    cts_engine_raycast;
 
 /* What minip and average look at: the inside of the body; NULL: all that there is. */
 const struct CtsBodyMask *cts_scene_body(const CtsScene *scene);

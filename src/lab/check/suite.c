@@ -14,20 +14,8 @@
 
 CtsCheckFamily cts_check_family(CtsEngineId engine)
 {
-    switch (engine) {
-    case CTS_ENGINE_CLASSIC:
-    case CTS_ENGINE_LAYERS:
-    case CTS_ENGINE_VOID:
-    case CTS_ENGINE_COMBINED:
-        return CHECK_PAPER;
-    case CTS_ENGINE_TILED:
-        return CHECK_TILED;
-    case CTS_ENGINE_RAYCAST:
-        return CHECK_RAYCAST;
-    case CTS_N_ENGINES:
-        break;
-    }
-    return CHECK_N_FAMILIES;
+    const unsigned bit = 1u << engine;
+    return bit & CHECK_OF_PAPER ? CHECK_PAPER : bit & CHECK_OF_RAYCAST ? CHECK_RAYCAST : CHECK_TILED;
 }
 
 static void state(CtsCheckRun *run, double expected, double found, double error, double bound, const char *why)

@@ -16,12 +16,11 @@ CtsCheckFamily cts_check_family(CtsEngineId engine);
 enum {
     CHECK_OF_PAPER =
         1u << CTS_ENGINE_CLASSIC | 1u << CTS_ENGINE_LAYERS | 1u << CTS_ENGINE_VOID | 1u << CTS_ENGINE_COMBINED,
-    CHECK_OF_TILED = 1u << CTS_ENGINE_TILED,
     CHECK_OF_RAYCAST = 1u << CTS_ENGINE_RAYCAST,
+    CHECK_OF_ALL = (1u << CTS_N_ENGINES) - 1,
+    CHECK_OF_TILED = CHECK_OF_ALL & ~(CHECK_OF_PAPER | CHECK_OF_RAYCAST), /* engines that keep --max-error */
     CHECK_OF_FIELDS = CHECK_OF_TILED | CHECK_OF_RAYCAST, /* what lies between voxels, and the edges between labels */
-    CHECK_OF_ALL = CHECK_OF_PAPER | CHECK_OF_TILED | CHECK_OF_RAYCAST
 };
-_Static_assert(CHECK_OF_ALL == (1u << CTS_N_ENGINES) - 1, "an engine belongs to no family");
 
 /* What tiled promises of a picture's rms: the default of --max-error. */
 #define CHECK_PROMISED (0.5 / 255)

@@ -54,9 +54,6 @@ CtsStatus cts_bench_plot_script(const CtsBenchRows *rows, char **script, CtsErro
 /* HTML that needs no network: the plot (SVG text) and the table. */
 CtsStatus cts_bench_page(const CtsBenchRows *rows, const char *svg, char **html, CtsError *err);
 
-/* One colour an engine, in all plots. */
-extern const char *const cts_engine_colours[CTS_N_ENGINES];
-
 /* Runs gnuplot on a script that sets an SVG terminal and no output; *svg is what it drew, to be freed with free().
  * CTS_ERR_OUTPUT when gnuplot is not there or fails, with its own first words. */
 CtsStatus cts_gnuplot(const char *script, char **svg, CtsError *err);

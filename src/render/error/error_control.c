@@ -6,6 +6,7 @@
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
+#include "render/engines/engines.h"
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -306,10 +307,12 @@ void cts_error_control_report(const CtsErrorControl *c, CtsReport *report)
         report, "%llu of %llu pixels re-rendered in double precision, to estimate the error and to correct the worst",
         (unsigned long long)c->n_rerendered, (unsigned long long)c->n_pixels);
     const bool kept = rmse <= 1.005 * asked, by_default = !(c->scene.plan.max_error > 0);
+    char list[CTS_ENGINE_LIST_MAX];
     const bool is_note = kept || rmse <= warned_from(&c->scene);
     if (!kept || !by_default)
         cts_report_finding(report, kept ? "max_error" : "error_bound", is_note ? CTS_NOTE : CTS_WARNING,
-                           "the picture's error is at most about %.2g/255 rms, %s %.2g%s", 255 * rmse,
-                           by_default ? "aimed at" : "asked for", 255 * asked,
-                           kept ? "" : " (engine raycast is exact)");
+                           "the picture's error is at most about %.2g/255 rms, %s %.2g%s%s%s", 255 * rmse,
+                           by_default ? "aimed at" : "asked for", 255 * asked, kept ? "" : " (exact: ",
+                           kept ? "" : cts_engines_with(offsetof(CtsEngine, exact), CTS_ENGINE_FLAG, list),
+                           kept ? "" : ")");
 }

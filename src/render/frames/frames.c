@@ -5,7 +5,7 @@
 #include "base/mem.h"
 #include "core/scene/visible.h"
 #include "core/volume/owners.h"
-#include "render/frames/engines.h"
+#include "render/engines/engines.h"
 #include "render/frames/key.h"
 #include "render/framing/framing.h"
 #include <math.h>
@@ -33,40 +33,24 @@ struct CtsFrames {
     bool is_fitted;
 };
 
-/* "a, b and c": the engines that have this bit in that column of their row. */
-static const char *with_bit(size_t column, int bit, char names[128])
-{
-    const char *have[CTS_N_ENGINES];
-    int n = 0;
-    for (int i = 0; i < CTS_N_ENGINES; i++) {
-        const CtsEngine *e = cts_engine((CtsEngineId)i);
-        if (*(const unsigned *)((const char *)e + column) >> bit & 1)
-            have[n++] = e->name;
-    }
-    names[0] = 0;
-    for (int i = 0; i < n; i++)
-        snprintf(names + strlen(names), 128 - strlen(names), "%s%s",
-                 i == 0       ? ""
-                 : i == n - 1 ? " and "
-                              : ", ",
-                 have[i]);
-    return names;
-}
-
 static CtsStatus choose_engine(const CtsRenderSettings *s, CtsMode mode, const CtsEngine **engine, CtsError *err)
 {
-    char names[128];
+    char list[CTS_ENGINE_LIST_MAX];
     const CtsEngine *e = cts_engine(s->engine);
     if (!(e->modes >> mode & 1))
         return cts_fail(err, CTS_ERR_USAGE, "engine %s has no mode %s (%s have)", e->name, cts_mode_names[mode],
-                        with_bit(offsetof(CtsEngine, modes), (int)mode, names));
+                        cts_engines_with(offsetof(CtsEngine, modes), (int)mode, list));
     if (!(e->kernels >> s->kernel & 1))
         return cts_fail(err, CTS_ERR_USAGE, "engine %s has no kernel %s (%s have)", e->name,
-                        cts_kernel_names[s->kernel], with_bit(offsetof(CtsEngine, kernels), (int)s->kernel, names));
+                        cts_kernel_names[s->kernel],
+                        cts_engines_with(offsetof(CtsEngine, kernels), (int)s->kernel, list));
     if (s->level && !(e->levels >> s->level & 1))
-        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no level %s", e->name, cts_engine_level_names[s->level]);
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s has no level %s (%s have)", e->name,
+                        cts_engine_level_names[s->level],
+                        cts_engines_with(offsetof(CtsEngine, levels), (int)s->level, list));
     if (s->slab_mm > 0 && !e->cuts_slabs)
-        return cts_fail(err, CTS_ERR_USAGE, "engine %s cuts no slab (tiled and raycast do)", e->name);
+        return cts_fail(err, CTS_ERR_USAGE, "engine %s cuts no slab (%s do)", e->name,
+                        cts_engines_with(offsetof(CtsEngine, cuts_slabs), CTS_ENGINE_FLAG, list));
     *engine = e;
     return CTS_OK;
 }
@@ -80,6 +64,7 @@ static CtsStatus choose_volume(const CtsVolume *volume, const CtsSceneStore *sto
     const CtsOwners *const o = volume->owners;
     const bool by_edges =
         engine->knows_owners && s->kernel == CTS_KERNEL_TENT && s->kernel_radius == 1 && s->grey_bits == 16;
+    char list[CTS_ENGINE_LIST_MAX];
     *chosen = volume;
     if (cts_owners_coloured(o) && mode != CTS_MODE_COMPOSITE)
         return cts_fail(err, CTS_ERR_USAGE,
@@ -88,8 +73,8 @@ static CtsStatus choose_volume(const CtsVolume *volume, const CtsSceneStore *sto
                         cts_mode_names[mode]);
     if (cts_owners_coloured(o) && !by_edges)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "colours of labels: engines tiled and raycast alone have them, with kernel tent and 16 grey "
-                        "bits");
+                        "colours of labels: engines %s alone have them, with kernel tent and 16 grey bits",
+                        cts_engines_with(offsetof(CtsEngine, knows_owners), CTS_ENGINE_FLAG, list));
     if (o && o->shown && !by_edges && (mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE))
         return cts_fail(err, CTS_ERR_USAGE, "hidden labels: mode %s knows them with kernel tent and 16 grey bits alone",
                         cts_mode_names[mode]);
@@ -147,7 +132,7 @@ void cts_frames_free(CtsFrames **frames)
         if (f->kept[i])
             cts_engine((CtsEngineId)i)->forget(f->kept[i]);
     cts_lut_free(&f->lut);
-    cts_engine_tiled.forget(f->kept_of_original);
+    cts_engine(cts_engine_for_probes())->forget(f->kept_of_original);
     cts_volume_free(&f->quantised);
     free(f);
     *frames = NULL;
@@ -232,11 +217,12 @@ static CtsStatus find_key(CtsFrames *f, const CtsScene *scene, CtsReport *report
 
 static void tell_no_key(const CtsEngine *engine, CtsReport *report)
 {
+    char list[CTS_ENGINE_LIST_MAX];
     const char *const why = engine->skips_void ? "skips only what is provably invisible" : "skips no void";
     cts_report_skip(report, "void key", "engine %s %s", engine->name, why);
     cts_report_finding(report, "void_key_unused", CTS_WARNING,
-                       "`void_key`: engine %s %s, so nothing is lost (void and combined take the key)", engine->name,
-                       why);
+                       "`void_key`: engine %s %s, so nothing is lost (%s take the key)", engine->name, why,
+                       cts_engines_with(offsetof(CtsEngine, takes_key), CTS_ENGINE_FLAG, list));
 }
 
 /* Once for all frames, with the first report that there is. */
@@ -308,7 +294,7 @@ CtsStatus cts_frames_view(CtsFrames *f, const double view_deg[2], CtsRenderSetti
         return CTS_OK;
     if (!framed_already(f, s)) {
         const double wall = cts_wall_ms(), cpu = cts_cpu_ms();
-        void **const kept = f->volume == f->original ? &f->kept[CTS_ENGINE_TILED] : &f->kept_of_original;
+        void **const kept = f->volume == f->original ? &f->kept[cts_engine_for_probes()] : &f->kept_of_original;
         const CtsFramed what = {f->original, &f->preset, kept, f->n_begun};
         CtsRenderSettings fitted = *s;
         fitted.centre_given = false;

@@ -1,5 +1,6 @@
 #include "render/frames/pilot.h"
 
+#include "render/engines/engines.h"
 #include <math.h>
 #include <stdio.h>
 
@@ -46,6 +47,7 @@ static CtsStatus try_samples(const CtsReference *reference, CtsFrames *small, co
 
 static void tell_samples(const CtsRenderSettings *small, double asked, int samples, double best, CtsReport *report)
 {
+    char list[CTS_ENGINE_LIST_MAX];
     char sheets[32] = "the engine's own plan errs";
     if (samples > 0)
         snprintf(sheets, sizeof sheets, "%d sheets a layer err", samples);
@@ -53,10 +55,10 @@ static void tell_samples(const CtsRenderSettings *small, double asked, int sampl
         cts_report_finding(report, "max_error", CTS_NOTE, "`max_error` %g: %s by %.3g/255 rms on %d trial rays", asked,
                            sheets, best / MARGIN, small->width * small->height);
     else
-        cts_report_finding(
-            report, "max_error_missed", CTS_WARNING,
-            "`max_error` %g is not reached: %s by %.3g/255 rms on %d trial rays (engine raycast is exact)", asked,
-            sheets, best / MARGIN, small->width * small->height);
+        cts_report_finding(report, "max_error_missed", CTS_WARNING,
+                           "`max_error` %g is not reached: %s by %.3g/255 rms on %d trial rays (exact: %s)", asked,
+                           sheets, best / MARGIN, small->width * small->height,
+                           cts_engines_with(offsetof(CtsEngine, exact), CTS_ENGINE_FLAG, list));
 }
 
 /* How many samples a layer: first what the engine would do by itself, then 2, 4, 8 and so on. */

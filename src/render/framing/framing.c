@@ -2,6 +2,7 @@
 
 #include "base/vec3.h"
 #include "core/scene/resolve.h"
+#include "render/engines/engines.h"
 #include <math.h>
 #include <string.h>
 
@@ -50,7 +51,7 @@ static CtsStatus draw(Look *l, const double from[2], double apart, const int n[2
     }
     CtsStatus st = cts_picture_new(&picture, n[0], n[1], 4, err);
     if (!st)
-        st = cts_engine_tiled.render(&scene, picture, NULL, NULL, err);
+        st = cts_engine(cts_engine_for_probes())->render(&scene, picture, NULL, NULL, err);
     const int channel = scene.preset->mode == CTS_MODE_COMPOSITE ? 3 : 0;
     memset(l->shown, 0, sizeof l->shown);
     for (int i = 0; i < n[0] * n[1] && !st; i++)
@@ -345,6 +346,6 @@ CtsStatus cts_framing_settle(const CtsVolume *volume, const CtsPreset *preset, C
     if (settings->fit != CTS_FIT_VISIBLE || settings->mm_per_pixel != 0)
         return CTS_OK;
     const CtsStatus st = cts_framing_find(&what, settings, err);
-    cts_engine_tiled.forget(kept);
+    cts_engine(cts_engine_for_probes())->forget(kept);
     return st;
 }

@@ -6,7 +6,8 @@
 #include "ctsplat/render.h"
 #include "ctsplat/volume.h"
 
-/* Whose frames are looked for. kept and frame: as in CtsScene, of the tiled engine, which looks. */
+/* Whose frames are looked for. kept and frame: as in CtsScene, of the engine that draws
+ * small pictures (cts_engine_for_probes()). */
 typedef struct CtsFramed {
     const CtsVolume *volume;
     const CtsPreset *preset;

@@ -1,0 +1,20 @@
+/* The table of engines. Its rows are those of CTS_ENGINES (ctsplat/render.h). */
+#ifndef CTS_RENDER_ENGINES_H
+#define CTS_RENDER_ENGINES_H
+
+#include "core/scene/engine.h"
+#include <stddef.h>
+
+const CtsEngine *cts_engine(CtsEngineId id);
+
+/* The engine that re-renders an engine's pixels for error control: itself, else the first that can. */
+CtsEngineId cts_engine_march(CtsEngineId id);
+/* The engine that draws small pictures to find what is visible: it has every mode and error control. */
+CtsEngineId cts_engine_for_probes(void);
+
+enum { CTS_ENGINE_FLAG = -1, CTS_ENGINE_LIST_MAX = 128 };
+/* "a, b and c", for messages: the engines that have this bit in this column of their row (offsetof), or that have the
+ * column true (CTS_ENGINE_FLAG). Returns list. */
+const char *cts_engines_with(size_t column, int bit, char list[CTS_ENGINE_LIST_MAX]);
+
+#endif
