@@ -147,6 +147,8 @@ statement = [
     (S, "Transfer syntaxes read"),
     (T, ("Transfer syntax", "UID", "decoded by"), syntaxes),
     (P, "Pixels of 8 or 16 bits allocated, one sample a pixel, in Hounsfield units."),
+    (P, "RecommendedDisplayCIELabValue of a segment is read with the white point D65. PS3.3 C.10.7.1.1 has D50, but DCMTK, "
+        "highdicom and dcmjs write D65, and viewers read it so: a blue of theirs would show as violet."),
     (S, "Series in doubt"),
     (P, "What is odd about a series has a code, in info --json and in the journal of a batch."),
     (T, ("Code", "When", "What is done"),

@@ -32,12 +32,13 @@ static double srgb(double linear)
     return v <= 0.0031308 ? 12.92 * v : 1.055 * pow(v, 1 / 2.4) - 0.055;
 }
 
-/* CIELab under D50 to XYZ, and by Bradford's adaptation to D65 and sRGB (IEC 61966-2-1; Lindbloom's matrix). */
+/* CIELab to XYZ and sRGB (IEC 61966-2-1; Lindbloom's matrix), both under D65. PS3.3 C.10.7.1.1 has D50, but DCMTK,
+ * highdicom and dcmjs, by which nearly all files are written, and the viewers take D65. */
 void cts_label_take_lab(CtsLabel *l, const int lab[3])
 {
-    static const double white[3] = {0.96422, 1, 0.82521};
+    static const double white[3] = {0.95047, 1, 1.08883};
     static const double to_rgb[3][3] = {
-        {3.1338561, -1.6168667, -0.4906146}, {-0.9787684, 1.9161415, 0.0334540}, {0.0719453, -0.2289914, 1.4052427}};
+        {3.2404542, -1.5371385, -0.4985314}, {-0.9692660, 1.8760108, 0.0415560}, {0.0556434, -0.2040259, 1.0572252}};
     const double y = (lab[0] * 100 / 65535.0 + 16) / 116;
     const double t[3] = {y + (lab[1] * 255 / 65535.0 - 128) / 500, y, y - (lab[2] * 255 / 65535.0 - 128) / 200};
     double linear[3] = {0};
