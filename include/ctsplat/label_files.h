@@ -10,7 +10,7 @@
 CTS_API_BEGIN
 
 typedef struct CtsLabelRequest {
-    const char *const *paths; /* files, folders of masks, "auto"; {series_uid} and * are filled in */
+    const char *const *paths; /* files, folders of masks, "auto"; {series_uid}, {stem} and * are filled in */
     int n_paths;
     const char *names;               /* a file of names for the numbers of label maps; NULL: none */
     const char *const *series_paths; /* where the series was looked for: auto looks there and beside its slices */
@@ -31,8 +31,8 @@ CtsStatus cts_labels_choose(const CtsLabelRequest *request, const CtsSeriesList 
                             CtsError *err);
 
 /* Names, sizes and times of the files that one of request's paths names for a series: a text that changes where they
- * do, to be freed with free(). Of "auto" it is empty. */
-CtsStatus cts_labels_stamp(const char *path, const char *series_uid, char **stamp, CtsError *err);
+ * do, to be freed with free(). Of "auto" it is empty. ct: the path of a NIfTI CT, else NULL. */
+CtsStatus cts_labels_stamp(const char *path, const char *series_uid, const char *ct, char **stamp, CtsError *err);
 
 CTS_API_END
 #endif

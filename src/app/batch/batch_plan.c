@@ -412,12 +412,12 @@ static CtsStatus read_files(const CtsPlan *p, const Unit *unit, char *text, File
 }
 
 /* The label files of a series are its input, too. */
-static CtsStatus hash_labels(const CtsPlan *p, CtsHash *hash, const char *uid, CtsError *err)
+static CtsStatus hash_labels(const CtsPlan *p, CtsHash *hash, const char *uid, const char *ct, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     for (int i = 0; !st && i < p->options->labels.n; i++) {
         char *stamp;
-        if (!(st = cts_labels_stamp(p->options->labels.items[i], uid, &stamp, err)))
+        if (!(st = cts_labels_stamp(p->options->labels.items[i], uid, ct, &stamp, err)))
             cts_hash_text(hash, stamp);
         free(stamp);
     }
@@ -439,7 +439,7 @@ static CtsStatus hash_files(const CtsPlan *p, File *files, int n, const char *ui
         cts_hash_text(hash, numbers);
     }
     CtsStatus ended;
-    st = hash_labels(p, hash, uid, err);
+    st = hash_labels(p, hash, uid, n == 1 ? files[0].path : NULL, err);
     ended = cts_hash_hex(&hash, hex, st ? NULL : err);
     return st ? st : ended;
 }

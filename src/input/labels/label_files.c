@@ -6,7 +6,6 @@
 #include "input/header/dcm_readers.h"
 #include "input/header/slice.h"
 #include "input/labels/label_reading.h"
-#include <glob.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -123,13 +122,6 @@ static CtsStatus read_object(Search *s, const CtsFile *file, CtsError *err)
     return st;
 }
 
-/* The name of a file without its folders and its ending. */
-static void stem_of(const char *path, char *stem, size_t size)
-{
-    const char *const slash = strrchr(path, '/'), *const name = slash ? slash + 1 : path;
-    const char *const end = strstr(name, ".nii");
-    snprintf(stem, size, "%.*s", (int)(end ? end - name : (long)strlen(name)), name);
-}
 
 static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
 {
@@ -143,7 +135,7 @@ static CtsStatus read_file(Search *s, const CtsFile *file, CtsError *err)
             st = read_object(s, file, err);
     } else if (!other && cts_nifti_is(o.head, o.n_head)) {
         char stem[256];
-        stem_of(file->path, stem, sizeof stem);
+        cts_label_stem(file->path, stem, sizeof stem);
         s->reading.name = s->in_folder ? stem : NULL;
         s->reading.number++;
         if (!s->only_referring) {
@@ -223,35 +215,20 @@ static CtsStatus read_named(Search *s, const char *path, CtsError *err)
     return st;
 }
 
-char *cts_label_path(const char *pattern, const char *uid)
-{
-    static const char place[] = "{series_uid}";
-    const char *const at = strstr(pattern, place);
-    char *text;
-    if (!at)
-        return strdup(pattern);
-    return asprintf(&text, "%.*s%s%s", (int)(at - pattern), pattern, uid, at + strlen(place)) < 0 ? NULL : text;
-}
-
 static CtsStatus read_pattern(Search *s, const char *pattern, CtsError *err)
 {
-    glob_t found = {0};
-    struct stat info;
-    CtsStatus st = CTS_OK;
-    char *path = cts_label_path(pattern, s->reading.series->uid);
-    if (!path)
-        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!strcmp(path, "auto"))
-        st = read_beside(s, err);
-    else if (!strpbrk(path, "*?[") || !stat(path, &info))
-        st = read_named(s, path, err);
-    else if (glob(path, 0, NULL, &found) || !found.gl_pathc)
+    const CtsSeries *const series = s->reading.series;
+    const bool is_nifti = series->no_patient;
+    CtsLabelPaths paths;
+    if (!strcmp(pattern, "auto"))
+        return read_beside(s, err);
+    CtsStatus st = cts_label_paths(pattern, series->uid, is_nifti ? series->slices[0]->path : NULL, &paths, err);
+    if (!st && paths.n == 0)
         cts_report_finding(s->reading.report, "labels_missing", CTS_WARNING,
                            "label file %d: no file is named as its pattern says for this series", s->reading.file);
-    for (size_t i = 0; !st && i < found.gl_pathc; i++)
-        st = read_named(s, found.gl_pathv[i], err);
-    globfree(&found);
-    free(path);
+    for (size_t i = 0; !st && i < paths.n; i++)
+        st = read_named(s, paths.items[i], err);
+    cts_label_paths_free(&paths);
     return st;
 }
 

@@ -3,7 +3,6 @@
 #include "ctsplat/label_files.h"
 #include "input/files/scan.h"
 #include "input/labels/label_reading.h"
-#include <glob.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -32,24 +31,23 @@ static CtsStatus put(FILE *out, const char *path, CtsError *err)
     return st;
 }
 
-CtsStatus cts_labels_stamp(const char *pattern, const char *series_uid, char **stamp, CtsError *err)
+CtsStatus cts_labels_stamp(const char *pattern, const char *series_uid, const char *ct, char **stamp, CtsError *err)
 {
-    glob_t found = {0};
+    CtsLabelPaths paths;
     size_t size;
     *stamp = NULL;
-    char *path = cts_label_path(pattern, series_uid);
-    FILE *out = path ? open_memstream(stamp, &size) : NULL;
-    CtsStatus st = out ? put(out, path, err) : cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st && strpbrk(path, "*?[") && !glob(path, 0, NULL, &found))
-        for (size_t i = 0; !st && i < found.gl_pathc; i++)
-            st = put(out, found.gl_pathv[i], err);
-    globfree(&found);
+    CtsStatus st = cts_label_paths(pattern, series_uid, ct, &paths, err);
+    FILE *const out = st ? NULL : open_memstream(stamp, &size);
+    if (!st && !out)
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    for (size_t i = 0; !st && i < paths.n; i++)
+        st = put(out, paths.items[i], err);
+    cts_label_paths_free(&paths);
     if (out && fclose(out) && !st)
         st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     if (st) {
         free(*stamp);
         *stamp = NULL;
     }
-    free(path);
     return st;
 }
