@@ -56,12 +56,22 @@ typedef struct CtsLabelObject {
     char class_uid[65], sop_uid[65], series_uid[65], study_uid[65];
 } CtsLabelObject;
 
+/* A name for several labels of one file, as nnU-Net's regions are. */
+typedef struct CtsLabelRegion {
+    int file;     /* the how manyth, from 1 */
+    char *name;   /* owned */
+    int *numbers; /* n, of labels that the file may have; owned */
+    size_t n;
+} CtsLabelRegion;
+
 typedef struct CtsLabels {
     CtsLabelGrid grid;       /* owned */
     CtsLabelObject *objects; /* n_objects; owned */
     size_t n_objects;
     CtsLabel *items; /* n, in the order of the files, in each by rising number */
     size_t n;
+    CtsLabelRegion *regions; /* n_regions; owned */
+    size_t n_regions;
     bool counted;
 } CtsLabels;
 
@@ -78,15 +88,21 @@ void cts_labels_take_words(CtsLabels *labels, int slice, const uint16_t *words, 
 CtsStatus cts_labels_count(CtsLabels *labels, const int *slice_number, int n_kept, CtsReport *report, CtsError *err);
 
 /* What is to be seen of the labels. A list has commas between names (* stands for any letters, capitals are small
- * letters), numbers as the files have them, N:NAME for the label of the N-th file, `all` labels and the `rest`. */
+ * letters), numbers as the files have them, N:NAME for the label of the N-th file, `all` labels and the `rest`. A name
+ * may hold commas: the longest one that fits is taken; or the list is a JSON array of names. */
 typedef struct CtsLabelChoice {
     const char *show;  /* all else is hidden, and labels that it does not name count as rest; NULL: all is shown */
     const char *hide;  /* hidden, whatever show says; NULL: nothing */
     const char *order; /* own what several labels hold, the first named first; then the smallest; NULL: none */
     const char *const *looks; /* n_looks times NAME=LOOK: a preset, #RRGGBB or #RRGGBB:OPACITY; the last one holds */
     int n_looks;
-    bool own_colours; /* labels without a look have their files' colours, or one of a table */
+    bool show_present; /* names in show that no label has are left out, not refused */
+    bool own_colours;  /* labels without a look have their files' colours, or one of a table */
 } CtsLabelChoice;
+
+/* The names of a list `show` that these labels lack, with commas between them, to be freed with free(); *any: there are
+ * some that they have. */
+CtsStatus cts_labels_lacking(const CtsLabels *labels, const char *show, char **lacking, bool *any, CtsError *err);
 
 /* Gives the volume's voxels their owners, the last thing that is done to it: counted labels of the slices that it was
  * made of. Where nothing is hidden and all looks alike it stays without. CTS_ERR_USAGE for what names no label. */

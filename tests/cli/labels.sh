@@ -58,9 +58,9 @@ while read -r text why; do
     refused 2 "bad.json: line $why" render $see --look bad.json -o x.png
 done <<'END'
 {"show":~"1"} 2: show is not
-{"show":["1,2"]} 1: "1,2" is not one name
+{"show":["1",""]} 1: "" is no name
 {"shown":["1"]} 1: unknown key "shown"
-{"label":~{"1=2":"bone"}} 2: "1=2" names no label
+{"label":~{"":"bone"}} 2: "" names no label
 {"label":{"1":~{"name":"x"}}} 2: preset: line 1: points is missing
 {"label_colours":1} 1: label_colours is
 [] 1: the file is not an object

@@ -142,17 +142,20 @@ static CtsStatus put_files(const CtsOptions *options, FILE *out, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     char *text = NULL;
-    if (options->source.label_names && !(st = cts_labels_stamp(options->source.label_names, "", &text, err)))
+    if (options->source.label_names && !(st = cts_labels_stamp(options->source.label_names, "", NULL, &text, err)))
         fputs(text, out);
     free(text);
     for (int i = 0; i < options->label_looks.n && !st; i++) {
-        const char *const look = strchr(options->label_looks.items[i], '=');
+        const char *const text_of_it = options->label_looks.items[i], *const first = strchr(text_of_it, '=');
+        const char *look = strrchr(text_of_it, '=');
         CtsPreset preset;
         if (!look || !look[1] || look[1] == '#')
             continue;
-        if ((st = cts_preset_load(look + 1, &preset, err)))
-            return cts_context(err, "`label` %.*s", (int)(look - options->label_looks.items[i]),
-                               options->label_looks.items[i]);
+        /* Names may hold =, and so may presets. */
+        while (look > first && cts_preset_load(look + 1, &preset, NULL))
+            look = memrchr(text_of_it, '=', (size_t)(look - text_of_it));
+        if (look == first && (st = cts_preset_load(look + 1, &preset, err)))
+            return cts_context(err, "`label` %.*s", (int)(look - text_of_it), text_of_it);
         text = cts_preset_to_json(&preset);
         fputs(text ? text : "", out);
         free(text);

@@ -530,7 +530,7 @@ CtsStatus cts_child_end(CtsBatchChild *c, const CtsReport *report, CtsStatus sta
         else
             keep_findings(c);
         cts_child_tell_status(c, status, status ? why->text : "");
-        if (status && c->now && c->now->passed)
+        if (status && (c->passed || (c->now && c->now->passed)))
             json_object_set_new(c->line, "status", json_string("passed"));
         st = cts_child_send_line(c, stands ? CTS_CHILD_STANDS : CTS_CHILD_LAST, &err);
         c->told = true;
@@ -543,5 +543,6 @@ CtsStatus cts_child_end(CtsBatchChild *c, const CtsReport *report, CtsStatus sta
     c->start_cpu_ms = cts_cpu_ms();
     c->waited_ms = 0;
     c->n_findings = 0;
+    c->passed = false;
     return st;
 }

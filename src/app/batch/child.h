@@ -40,6 +40,7 @@ typedef struct CtsBatchChild {
     int n_pictures, n_left;
     size_t n_findings; /* of the report that the line has */
     bool told;         /* a last line was sent */
+    bool passed;       /* there is nothing of it to show */
 } CtsBatchChild;
 
 /* run is called in the new process, and does not return. */

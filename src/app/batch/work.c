@@ -41,6 +41,7 @@ static CtsJob job_of(const CtsBatchSettings *s, const CtsBatchPicture *picture)
     job.render.elevation_deg = s->lists->views[picture->view].elevation_deg;
     job.source.remove_table = job.preset->remove_table;
     job.source.labels_unnamed = true; /* in journal and sheet */
+    job.source.choice.show_present = true;
     job.outputs.paths = (const char *const *)picture->paths;
     job.outputs.n = 0;
     while (picture->paths && picture->paths[job.outputs.n])
@@ -139,6 +140,27 @@ static CtsStatus show_labels(Work *w, CtsError *err)
     return st;
 }
 
+/* Archives hold series of which some lack an organ: these show what they have, and are passed over where they have
+ * none of it. */
+static CtsStatus check_shown(Work *w, const CtsSource *source, CtsError *err)
+{
+    const char *const show = source->choice.show;
+    char *lacking = NULL;
+    bool any;
+    if (!show || !w->loaded.labels)
+        return CTS_OK;
+    CtsStatus st = cts_labels_lacking(w->loaded.labels, show, &lacking, &any, err);
+    if (!st && !any) {
+        w->child->passed = true;
+        st = cts_fail(err, CTS_ERR_PIXELS, "`show`: it has no label %s", lacking);
+    } else if (!st && *lacking) {
+        cts_report_finding(&w->report, "labels_lacking", CTS_NOTE,
+                           "`show`: no label is called %s; the others are shown", lacking);
+    }
+    free(lacking);
+    return st;
+}
+
 /* The volume as the picture wants it. Slices that had to be handed over to another are read again. */
 static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err)
 {
@@ -147,6 +169,8 @@ static CtsStatus load(Work *w, const CtsSource *source, bool last, CtsError *err
         const CtsMeter meter = cts_meter_start(&w->report);
         if (!w->told)
             st = cts_source_labels(source, &w->loaded, &w->report, err);
+        if (!st && !w->told)
+            st = check_shown(w, source, err);
         if (!st)
             st = cts_source_read(source, &w->loaded, &w->report, err);
         cts_meter_stop(meter, &w->report, CTS_STAGE_DECODE);

@@ -1,5 +1,6 @@
 #include "app/serve/server.h"
 
+#include <jansson.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -54,13 +55,19 @@ static CtsStatus check_preset(const char *name, CtsError *err)
     return known ? CTS_OK : cts_fail(err, CTS_ERR_PRESET, "preset %.60s: no such preset here (see /presets)", name);
 }
 
-/* NAME=LOOK, where LOOK is a colour or a preset, wherever the name may end. */
+/* NAME=LOOK, where LOOK is a colour or a preset. A name may hold = itself, so LOOK may begin behind each of them, and
+ * must name no file wherever it does: FILE#PRESET has a #. */
 static CtsStatus check_look(const char *text, CtsError *err)
 {
-    CtsStatus st = CTS_OK;
-    for (const char *equals = strchr(text, '='); equals && !st; equals = strchr(equals + 1, '='))
-        st = equals[1] == '#' ? CTS_OK : check_preset(equals + 1, err);
-    return st;
+    const char *const first = strchr(text, '='), *const last = strrchr(text, '=');
+    if (!first || last[1] == '#')
+        return first && strcspn(first, "/#") < (size_t)(last - first) ? check_preset(first + 1, err) : CTS_OK;
+    json_t *const own = first[1] == '{' ? json_loads(first + 1, 0, NULL) : NULL;
+    const bool is_own = own;
+    json_decref(own);
+    if (is_own)
+        return CTS_OK;
+    return check_preset(first + strcspn(first, "/#") < last ? first + 1 : last + 1, err);
 }
 
 static CtsStatus take_words(CtsAsked *asked, CtsError *err)

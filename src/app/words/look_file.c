@@ -31,26 +31,16 @@ static CtsStatus add(CtsLook *look, const CtsJson *json, const char *option, cha
 static CtsStatus take_list(const CtsJsonAt *root, const char *key, const char *option, CtsLook *look, CtsError *err)
 {
     CtsJsonAt list;
-    char *text = NULL;
-    size_t size;
     if (!cts_json_member(root, key, &list))
         return CTS_OK;
     CtsStatus st = cts_json_check_array(&list, 1, MOST_NAMES, err);
-    FILE *const out = st ? NULL : open_memstream(&text, &size);
-    for (size_t i = 0; out && !st && i < json_array_size(list.value); i++) {
+    for (size_t i = 0; !st && i < json_array_size(list.value); i++) {
         const CtsJsonAt at = cts_json_element(&list, i);
         const char *name;
-        if (!(st = cts_json_string(&at, &name, err)) && (!*name || strchr(name, ',')))
-            st = cts_json_fail(&at, err, "\"%.60s\" is not one name (commas stand between names)", name);
-        if (!st)
-            fprintf(out, "%s%s", i ? "," : "", name);
+        if (!(st = cts_json_string(&at, &name, err)) && !*name)
+            st = cts_json_fail(&at, err, "\"\" is no name");
     }
-    if (out && fclose(out) && !st)
-        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if (!st)
-        return add(look, root->json, option, text, err);
-    free(text);
-    return st;
+    return st ? st : add(look, root->json, option, json_dumps(list.value, JSON_COMPACT), err);
 }
 
 /* A preset that stands in the file itself is looked at here, where its place is known. */
@@ -70,8 +60,8 @@ static CtsStatus take_label(const CtsJsonAt *at, CtsLook *look, CtsError *err)
     CtsStatus st = CTS_OK;
     const char *name = NULL;
     char *text = NULL, *own = NULL;
-    if (!*at->key || strchr(at->key, '='))
-        return cts_json_fail(at, err, "\"%.60s\" names no label (it may hold no =)", at->key);
+    if (!*at->key)
+        return cts_json_fail(at, err, "\"\" names no label");
     if (!json_is_object(at->value))
         st = cts_json_string(at, &name, err);
     else if ((own = json_dumps(at->value, JSON_COMPACT)))

@@ -86,11 +86,13 @@ const CtsOption cts_options[] = {
      CHOICE(source.rules.nifti_form, nifti_forms), .first = CTS_NIFTI_FORM_S},
     {0, "labels", "PATH", PICTURES | ON(SERVE) | ON(INFO), FRESH,
      "segmentations: DICOM SEG, RT Structure Set, NIfTI label map, a folder of masks named by their files; "
-     "auto: what lies beside the series and refers to it; {series_uid} and * are filled in; may be repeated",
+     "auto: what lies beside the series and refers to it; {series_uid}, {stem} (of a NIfTI CT) and * are filled in; "
+     "may be "
+     "repeated",
      NULL, TEXTS(labels)},
     {0, "label-names", "FILE", PICTURES | ON(SERVE) | ON(INFO), FRESH,
-     "names for the numbers of label maps: JSON, nnU-Net's dataset.json or an ITK-SNAP table", "the file's own",
-     TEXT(source.label_names)},
+     "names, colours and regions for the numbers of label maps: JSON, nnU-Net's dataset.json or an ITK-SNAP table",
+     "the file's own", TEXT(source.label_names)},
     {0, "show", "LIST", LOOKS, FRESH,
      "labels that are seen, by name (* stands for any letters) or number, all, rest (what no label holds); all else is "
      "hidden",

@@ -43,7 +43,8 @@ static CtsStatus add_look(Deciding *d, const CtsOwnerLook *look, CtsError *err)
 static CtsStatus take_look(Deciding *d, const char *text, CtsError *err)
 {
     CtsOwnerLook look;
-    const char *const equals = strchr(text, '=');
+    const size_t length = cts_label_name_length(d->labels, text, '=');
+    const char *const equals = length ? text + length : strchr(text, '=');
     uint32_t *named = NULL;
     if (!equals || equals == text || !equals[1])
         return cts_fail(err, CTS_ERR_USAGE, "`label` %s: not NAME=LOOK", text);
@@ -92,8 +93,13 @@ static CtsStatus decide(Deciding *d, CtsError *err)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     d->looks[CTS_LOOK_HIDDEN].opacity = d->looks[CTS_LOOK_PRESET].opacity = -1;
     const CtsLabelChoice *const c = d->choice;
-    if ((c->show && (st = cts_label_find_list(d->labels, "show", c->show, d->shown, err))) ||
-        (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, err))) ||
+    char *lacking = NULL;
+    if (c->show && c->show_present)
+        st = cts_label_find_present(d->labels, c->show, d->shown, &lacking, err);
+    else if (c->show)
+        st = cts_label_find_list(d->labels, "show", c->show, d->shown, err);
+    free(lacking);
+    if (st || (c->hide && (st = cts_label_find_list(d->labels, "hide", c->hide, d->hidden, err))) ||
         (c->order && (st = cts_label_find_list(d->labels, "label-order", c->order, d->first, err))))
         return st;
     for (int i = 0; !st && i < c->n_looks; i++)

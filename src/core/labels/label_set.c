@@ -42,6 +42,11 @@ void cts_labels_free(CtsLabels **labels)
     }
     free((*labels)->items);
     free((*labels)->objects);
+    for (size_t i = 0; i < (*labels)->n_regions; i++) {
+        free((*labels)->regions[i].name);
+        cts_free(&(*labels)->regions[i].numbers);
+    }
+    free((*labels)->regions);
     cts_label_grid_free(&(*labels)->grid);
     cts_free(labels);
 }
@@ -66,6 +71,24 @@ CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object,
     if (!st)
         labels->objects[labels->n_objects++] = *object;
     return st;
+}
+
+CtsStatus cts_labels_add_region(CtsLabels *labels, int file, const char *name, const int *numbers, size_t n,
+                                CtsError *err)
+{
+    const CtsStatus st = cts_grow(&labels->regions, labels->n_regions, err);
+    if (st)
+        return st;
+    CtsLabelRegion region = {.file = file, .name = strdup(name), .n = n};
+    if (!region.name || cts_alloc_array(&region.numbers, n ? n : 1, NULL)) {
+        free(region.name);
+        return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    if (n)
+        memcpy(region.numbers, numbers, n * sizeof *numbers);
+    cts_text_clean(region.name);
+    labels->regions[labels->n_regions++] = region;
+    return CTS_OK;
 }
 
 CtsStatus cts_label_add_run(CtsLabel *l, uint32_t row, int first, int end, CtsError *err)

@@ -19,6 +19,9 @@ CtsStatus cts_labels_add(CtsLabels *labels, int file, int number, const char *na
                          CtsError *err);
 /* Another object that labels come from. */
 CtsStatus cts_labels_add_object(CtsLabels *labels, const CtsLabelObject *object, CtsError *err);
+/* A name for several labels of a file; name and numbers are copied. */
+CtsStatus cts_labels_add_region(CtsLabels *labels, int file, const char *name, const int *numbers, size_t n,
+                                CtsError *err);
 /* Voxels of one row, which may be there already; rows in any order. */
 CtsStatus cts_label_add_run(CtsLabel *label, uint32_t row, int first, int end, CtsError *err);
 /* A share, more than nothing and less than all, of a voxel; in any order. */
@@ -49,9 +52,18 @@ CtsStatus cts_labels_paint(const CtsLabels *labels, const size_t *label, const s
  * list it is, for messages. CTS_ERR_USAGE where it names none, or without a file what several files have. */
 CtsStatus cts_label_find(const CtsLabels *labels, const char *option, const char *item, size_t length, uint32_t value,
                          uint32_t *hit, CtsError *err);
-/* The same with all items of a list: values rise from 1 on, and what was hit keeps its value. */
+/* Whether an item names a label, a region, all or the rest. */
+bool cts_label_fits(const CtsLabels *labels, const char *item, size_t length);
+/* The length of the longest name that fits in front of a separator, a comma or =, since names may hold these; a comma
+ * is as good as the end. 0: none fits. */
+size_t cts_label_name_length(const CtsLabels *labels, const char *text, char separator);
+/* The same with all items of a list, a JSON array or names with commas between them: values rise from 1 on, and what
+ * was hit keeps its value. */
 CtsStatus cts_label_find_list(const CtsLabels *labels, const char *option, const char *list, uint32_t *hit,
                               CtsError *err);
+/* The same of a list `show` for what these labels have; what they lack, with commas between, is to be freed. */
+CtsStatus cts_label_find_present(const CtsLabels *labels, const char *show, uint32_t *hit, char **lacking,
+                                 CtsError *err);
 
 struct CtsOwnerLook;
 /* The look that a text asks for, without a name in front. */

@@ -17,8 +17,44 @@ static CtsStatus add(CtsLabelNames *names, int number, const char *name, size_t 
     char *const copy = cts_grow(&names->items, names->n, NULL) ? NULL : strndup(name, n);
     if (!copy)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    names->items[names->n++] = (CtsLabelName){number, copy};
+    names->items[names->n++] = (CtsLabelName){.number = number, .name = copy};
     return CTS_OK;
+}
+
+/* Of the name that was added last; values of 0 to most. */
+static void colour(CtsLabelNames *names, const double rgb[3], double most)
+{
+    CtsLabelName *const last = &names->items[names->n - 1];
+    last->coloured = true;
+    for (int c = 0; c < 3; c++) {
+        last->coloured &= rgb[c] >= 0 && rgb[c] <= most;
+        last->rgb[c] = rgb[c] / most;
+    }
+}
+
+/* nnU-Net's regions: {"whole tumor": [1, 2, 3]}. */
+static CtsStatus add_region(const char *what, const char *name, const json_t *list, CtsLabelNames *names, CtsError *err)
+{
+    const size_t n = json_array_size(list);
+    CtsStatus st = names->n_regions < MOST_NAMES ? cts_grow(&names->regions, names->n_regions, err)
+                                                 : cts_fail(err, CTS_ERR_USAGE, "more than %d names", MOST_NAMES);
+    CtsLabelRegion region = {.n = n};
+    if (!st)
+        st = cts_alloc_array(&region.numbers, n ? n : 1, err);
+    for (size_t i = 0; !st && i < n; i++) {
+        const json_t *const number = json_array_get(list, i);
+        if (!json_is_integer(number) || json_integer_value(number) < 0 || json_integer_value(number) > MOST_NAMES)
+            st = cts_fail(err, CTS_ERR_USAGE, "%s: \"%s\" is no list of numbers of labels", what, name);
+        else
+            region.numbers[i] = (int)json_integer_value(number);
+    }
+    if (!st && !(region.name = strdup(name)))
+        st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    if (st)
+        cts_free(&region.numbers);
+    else
+        names->regions[names->n_regions++] = region;
+    return st;
 }
 
 void cts_label_names_free(CtsLabelNames *names)
@@ -26,14 +62,19 @@ void cts_label_names_free(CtsLabelNames *names)
     for (size_t i = 0; i < names->n; i++)
         free(names->items[i].name);
     free(names->items);
+    for (size_t i = 0; i < names->n_regions; i++) {
+        free(names->regions[i].name);
+        cts_free(&names->regions[i].numbers);
+    }
+    free(names->regions);
     *names = (CtsLabelNames){0};
 }
 
-const char *cts_label_names_find(const CtsLabelNames *names, int number)
+const CtsLabelName *cts_label_names_find(const CtsLabelNames *names, int number)
 {
     for (size_t i = 0; i < names->n; i++)
         if (names->items[i].number == number)
-            return names->items[i].name;
+            return &names->items[i];
     return NULL;
 }
 
@@ -65,7 +106,9 @@ static CtsStatus parse_json(const char *what, const char *text, size_t n, CtsLab
             st = add(names, number, json_string_value(value), json_string_length(value), err);
         else if (json_is_integer(value) && json_integer_value(value) >= 0 && json_integer_value(value) <= MOST_NAMES)
             st = add(names, (int)json_integer_value(value), key, strlen(key), err);
-        else if (!json_is_array(value)) /* a region of nnU-Net, which is several labels */
+        else if (json_is_array(value))
+            st = add_region(what, key, value, names, err);
+        else
             st = cts_fail(err, CTS_ERR_USAGE, "%s: \"%s\" is neither a number of a label nor named by one", what, key);
     }
     cts_json_close(&json);
@@ -80,18 +123,22 @@ static CtsStatus parse_table(const char *what, const char *text, size_t n, CtsLa
     for (const char *p = text, *end = text + n; p < end && !st; line++) {
         const char *const stop = memchr(p, '\n', (size_t)(end - p)) ? memchr(p, '\n', (size_t)(end - p)) : end;
         char row[512];
-        int number = -1, skipped = 0;
+        int number = -1;
+        double rgb[3];
         snprintf(row, sizeof row, "%.*s", (int)(stop - p), p);
         const char *open = strchr(row, '"'), *close = open ? strchr(open + 1, '"') : NULL;
         const char *first = row + strspn(row, " \t\r");
         p = stop + 1;
         if (!*first || *first == '#')
             continue;
-        if (!close || sscanf(first, "%d %*d %*d %*d %*f %*d %*d %n", &number, &skipped) < 1 || number < 0)
+        const int n_read = close ? sscanf(first, "%d %lf %lf %lf", &number, &rgb[0], &rgb[1], &rgb[2]) : 0;
+        if (n_read < 1 || number < 0)
             return cts_fail(err, CTS_ERR_USAGE,
                             "%s: line %d is neither JSON nor a row of an ITK-SNAP table (1 255 0 0 1 1 1 \"liver\")",
                             what, line);
         st = add(names, number, open + 1, (size_t)(close - open - 1), err);
+        if (!st && n_read == 4)
+            colour(names, rgb, 255);
     }
     return st;
 }
@@ -103,7 +150,7 @@ CtsStatus cts_label_names_parse(const char *what, const char *text, size_t n, Ct
         blank++;
     CtsStatus st = blank < n && text[blank] == '{' ? parse_json(what, text, n, names, err)
                                                    : parse_table(what, text, n, names, err);
-    if (!st && names->n == 0)
+    if (!st && names->n == 0 && names->n_regions == 0)
         st = cts_fail(err, CTS_ERR_USAGE, "%s: names no label", what);
     return st;
 }
@@ -112,19 +159,35 @@ typedef struct Xml {
     CtsLabelNames *names;
     CtsStatus status;
     CtsError *err;
-    int number; /* of the label that is open; -1: none */
+    int number;    /* of the label that is open; -1: none */
+    double rgb[3]; /* 0 to 1; below 0: none */
     char name[256];
     size_t n;
 } Xml;
 
+/* An attribute's number, or -1. */
+static double part_of_colour(const char *text)
+{
+    char *end;
+    const double value = strtod(text, &end);
+    return end != text && !*end ? value : -1;
+}
+
 static void XMLCALL on_start(void *context, const char *element, const char **attributes)
 {
     Xml *const x = context;
+    static const char *const colours[] = {"Red", "Green", "Blue"};
     x->number = -1;
     x->n = 0;
-    for (; !strcmp(element, "Label") && *attributes; attributes += 2)
+    for (int c = 0; c < 3; c++)
+        x->rgb[c] = -1;
+    for (; !strcmp(element, "Label") && *attributes; attributes += 2) {
         if (!strcmp(attributes[0], "Key") && !number_of(attributes[1], &x->number))
             x->number = -1;
+        for (int c = 0; c < 3; c++)
+            if (!strcmp(attributes[0], colours[c]))
+                x->rgb[c] = part_of_colour(attributes[1]);
+    }
 }
 
 static void XMLCALL on_text(void *context, const char *text, int n)
@@ -138,8 +201,8 @@ static void XMLCALL on_end(void *context, const char *element)
 {
     Xml *const x = context;
     (void)element;
-    if (x->number >= 0 && x->n && !x->status)
-        x->status = add(x->names, x->number, x->name, x->n, x->err);
+    if (x->number >= 0 && x->n && !x->status && !(x->status = add(x->names, x->number, x->name, x->n, x->err)))
+        colour(x->names, x->rgb, 1);
     x->number = -1;
 }
 

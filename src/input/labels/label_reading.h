@@ -17,15 +17,20 @@
 typedef struct CtsLabelName {
     int number;
     char *name;
+    bool coloured;
+    double rgb[3]; /* display values 0..1 */
 } CtsLabelName;
 
 typedef struct CtsLabelNames {
     CtsLabelName *items;
     size_t n;
+    CtsLabelRegion *regions; /* n_regions, file not set: names for several numbers */
+    size_t n_regions;
 } CtsLabelNames;
 
-/* A JSON object of names by number or of numbers by name, nnU-Net's dataset.json, which has one as its "labels", or a
- * table of ITK-SNAP. what: how messages call it. CTS_ERR_USAGE when it is none of these. */
+/* A JSON object of names by number or of numbers by name, nnU-Net's dataset.json, which has one as its "labels" and
+ * may have regions there, or a table of ITK-SNAP, with colours. what: how messages call it. CTS_ERR_USAGE when it is
+ * none of these. */
 CtsStatus cts_label_names_parse(const char *what, const char *text, size_t n, CtsLabelNames *names, CtsError *err);
 CtsStatus cts_label_names_read(const char *path, CtsLabelNames *names, CtsError *err);
 /* Caret's XML (<Label Key="1">liver</Label>); names stays as it was where there is none. */
@@ -33,7 +38,7 @@ CtsStatus cts_label_names_xml(const char *text, size_t n, CtsLabelNames *names, 
 void cts_label_names_free(CtsLabelNames *names);
 
 /* NULL: it has none. */
-const char *cts_label_names_find(const CtsLabelNames *names, int number);
+const CtsLabelName *cts_label_names_find(const CtsLabelNames *names, int number);
 
 /* A DICOM object whose header is held in memory and whose pixels are read frame by frame. */
 
@@ -84,8 +89,18 @@ CtsStatus cts_label_take_form(const CtsLabelReading *reading, CtsNifti *nifti, C
 /* The scanned slices of a series as a grid; free with cts_label_grid_free(). */
 CtsStatus cts_label_grid_of(CtsLabelGrid *grid, const CtsSeries *series, CtsError *err);
 
-/* A pattern with the series' UID in it, to be freed with free(); NULL without memory. */
-char *cts_label_path(const char *pattern, const char *uid);
+/* The name of a file without its folders and its ending .nii or .nii.gz. */
+void cts_label_stem(const char *path, char *stem, size_t size);
+
+/* What a pattern with {series_uid}, {stem} and * names for a series; free with cts_label_paths_free(). ct: the path of
+ * a NIfTI CT, or NULL, for which {stem} names nothing. One that names a single file names it whether it is there or
+ * not. */
+typedef struct CtsLabelPaths {
+    char **items;
+    size_t n;
+} CtsLabelPaths;
+CtsStatus cts_label_paths(const char *pattern, const char *uid, const char *ct, CtsLabelPaths *paths, CtsError *err);
+void cts_label_paths_free(CtsLabelPaths *paths);
 
 /* Whether an object names the series, or one of its slices. */
 bool cts_label_refers(CtsElements elements, const CtsSeries *series);

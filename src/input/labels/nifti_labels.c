@@ -18,6 +18,9 @@ typedef struct Map {
     CtsLabelNames names;
 } Map;
 
+/* How far scl_slope, resampling and floats may leave a number from the whole one that was meant. */
+static const double rounding = 1e-3;
+
 static CtsStatus read_numbers(Map *m, CtsError *err)
 {
     enum { PART = 4096 };
@@ -33,10 +36,11 @@ static CtsStatus read_numbers(Map *m, CtsError *err)
             const double x = values[i];
             if (x == 0)
                 continue; /* most of them */
-            if (!(x >= 0 && x <= UINT16_MAX) || x != floor(x))
-                st = cts_fail(err, CTS_ERR_PIXELS, "holds %g, which is no number of a label (whole, 0 to 65535)", x);
+            const double whole = round(x);
+            if (!(whole >= 0 && whole <= UINT16_MAX) || !(fabs(x - whole) <= rounding))
+                st = cts_fail(err, CTS_ERR_PIXELS, "holds %.9g, which is no number of a label (whole, 0 to 65535)", x);
             else
-                m->numbers[done + i] = (uint16_t)x;
+                m->numbers[done + i] = (uint16_t)whole;
         }
         done += part;
     }
@@ -72,18 +76,39 @@ static CtsStatus add_label(Map *m, int number, bool alone, CtsError *err)
 {
     const CtsLabelReading *const r = m->reading;
     char name[512];
-    const char *known = cts_label_names_find(r->names, number);
+    const CtsLabelName *known = cts_label_names_find(r->names, number);
     known = known ? known : cts_label_names_find(&m->names, number);
     if (r->name && alone)
         snprintf(name, sizeof name, "%s", r->name);
     else if (known)
-        snprintf(name, sizeof name, "%s", known);
+        snprintf(name, sizeof name, "%s", known->name);
     else
         snprintf(name, sizeof name, "%s %d", r->name ? r->name : "label", number);
     const CtsStatus st =
         cts_labels_add(r->labels, r->file, r->name && alone ? r->number : number, name, CTS_LABEL_NIFTI, err);
-    if (!st)
-        m->label_of[number] = (int32_t)r->labels->n - 1;
+    if (st)
+        return st;
+    m->label_of[number] = (int32_t)r->labels->n - 1;
+    if (known && known->coloured && !(r->name && alone)) {
+        CtsLabel *const label = &r->labels->items[r->labels->n - 1];
+        label->coloured = true;
+        memcpy(label->rgb, known->rgb, sizeof label->rgb);
+    }
+    return CTS_OK;
+}
+
+/* Once for all masks of a folder. */
+static CtsStatus add_regions(const CtsLabelReading *r, const CtsLabelNames *names, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    for (size_t i = 0; !st && names && i < names->n_regions; i++) {
+        const CtsLabelRegion *const region = &names->regions[i];
+        bool known = false;
+        for (size_t k = 0; k < r->labels->n_regions; k++)
+            known |= r->labels->regions[k].file == r->file && !strcmp(r->labels->regions[k].name, region->name);
+        if (!known)
+            st = cts_labels_add_region(r->labels, r->file, region->name, region->numbers, region->n, err);
+    }
     return st;
 }
 
@@ -179,7 +204,8 @@ CtsStatus cts_label_read_nifti(const CtsLabelReading *reading, const CtsFileByte
     Map m = {.reading = reading};
     CtsStatus st = cts_nifti_open(&m.nifti, file, err);
     if (!st && !(st = cts_label_take_form(reading, &m.nifti, err)) && !(st = read_numbers(&m, err)) &&
-        !(st = find_names(&m, err)) && !(st = add_labels(&m, err)))
+        !(st = find_names(&m, err)) && !(st = add_labels(&m, err)) &&
+        !(st = add_regions(reading, reading->names, err)) && !(st = add_regions(reading, &m.names, err)))
         st = place(&m, err);
     cts_nifti_close(&m.nifti);
     cts_label_names_free(&m.names);

@@ -5,6 +5,7 @@
 
 A picture has the bytes that `ctsplat render` writes for the same words; options are its options, with underscores.
 """
+import json
 import os
 import queue
 import tempfile
@@ -93,9 +94,13 @@ def _values(name: str, value: Any) -> List[str]:
         return [os.fspath(value)]
     if isinstance(value, (int, float, np.integer, np.floating)):
         return [repr(value.item() if isinstance(value, np.generic) else value)]
+    if name == "label" and isinstance(value, dict):
+        return ["%s=%s" % item for item in value.items()]
     items = list(value)
     if name in ("label", "labels", "path"):
         return [os.fspath(item) for item in items]
+    if name in ("show", "hide", "label_order"):  # names may hold commas
+        return [json.dumps([str(item) for item in items])]
     return [("x" if name == "size" else ",").join(x for item in items for x in _values(name, item))]
 
 
@@ -145,8 +150,6 @@ class Preset:
                     **settings: Any) -> "Preset":
         """points: (HU, (red, green, blue), opacity per mm) with values 0 to 1, of rising HU. settings: the other keys
         of a preset file, such as shade=None or window=(low, high)."""
-        import json
-
         made = [{"hu": float(hu), "rgb": [float(c) for c in rgb], "opacity": float(o)} for hu, rgb, o in points]
         return cls(json.dumps({"name": name, "points": made, **settings}))
 
