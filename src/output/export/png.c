@@ -204,22 +204,19 @@ static void filter_up(const uint8_t *restrict row, const uint8_t *restrict above
         to[i] = (uint8_t)(row[i] - above[i]);
 }
 
-static int16_t magnitude(int v)
-{
-    return (int16_t)(v < 0 ? -v : v);
-}
-
 /* Each byte less the one of left, above and left above (step bytes before) that is nearest to left + above - left
- * above, ties in this order. */
+ * above, ties in this order. Types of 16 bits and abs() are what compilers make short vectors of: in int, or with `v <
+ * 0 ? -v : v`, the loop takes two to four times as long. */
 static void filter_paeth(const uint8_t *restrict row, const uint8_t *restrict above, size_t n, size_t step,
                          uint8_t *restrict to)
 {
     for (size_t i = 0; i < n; i++) {
         const int16_t left = row[i - step], up = above[i], corner = above[i - step];
-        const int16_t from_left = magnitude(up - corner), from_up = magnitude(left - corner),
-                      from_corner = magnitude(left + up - 2 * corner);
+        const int16_t rise = (int16_t)(up - corner), run = (int16_t)(left - corner);
+        const int16_t from_left = (int16_t)abs(rise), from_up = (int16_t)abs(run);
+        const int16_t from_corner = (int16_t)abs(rise + run);
+        const int16_t nearest = from_up < from_corner ? from_up : from_corner;
         const int16_t second = from_up <= from_corner ? up : corner;
-        const int16_t nearest = from_up <= from_corner ? from_up : from_corner;
         to[i] = (uint8_t)(row[i] - (from_left <= nearest ? left : second));
     }
 }
