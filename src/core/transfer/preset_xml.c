@@ -34,6 +34,16 @@ static void give_up(Search *search, const char *why)
     XML_StopParser(search->parser, XML_FALSE);
 }
 
+/* Line that is being read. The older function is deprecated from expat 2.9 on. */
+static int line_of(XML_Parser parser)
+{
+#if XML_MAJOR_VERSION > 2 || XML_MINOR_VERSION >= 9
+    return (int)XML_GetCurrentLineNumber64(parser);
+#else
+    return (int)XML_GetCurrentLineNumber(parser);
+#endif
+}
+
 static void on_element(void *user, const char *element, const char **attributes)
 {
     Search *search = user;
@@ -48,7 +58,7 @@ static void on_element(void *user, const char *element, const char **attributes)
     if (search->n_chosen++)
         return;
     snprintf(search->name, sizeof search->name, "%s", name ? name : "");
-    search->line = (int)XML_GetCurrentLineNumber(search->parser);
+    search->line = line_of(search->parser);
     for (int i = 0; i < CTS_VTK_N; i++) {
         const char *text = attribute(attributes, cts_vtk_names[i]);
         if (text && !(search->texts[i] = strdup(text)))
@@ -76,7 +86,7 @@ CtsStatus cts_preset_from_xml(const char *text, size_t size, const char *name, c
     XML_SetElementHandler(search.parser, on_element, NULL);
     XML_SetStartDoctypeDeclHandler(search.parser, on_doctype);
     if (XML_Parse(search.parser, text, (int)size, 1) != XML_STATUS_OK) {
-        st = cts_fail(err, CTS_ERR_PRESET, "%s: line %d: %s", name, (int)XML_GetCurrentLineNumber(search.parser),
+        st = cts_fail(err, CTS_ERR_PRESET, "%s: line %d: %s", name, line_of(search.parser),
                       search.failed ? search.why : XML_ErrorString(XML_GetErrorCode(search.parser)));
         goto end;
     }
