@@ -1,5 +1,6 @@
 #include "ctsplat/volume.h"
 
+#include "base/order.h"
 #include "base/vec3.h"
 
 double cts_volume_spacing_mm(const CtsVolume *volume, int axis)
@@ -27,7 +28,7 @@ double cts_volume_diagonal_mm(const CtsVolume *volume)
             for (int c = 0; c < 3; c++)
                 d[c] += sign * (volume->dims[axis] - 1) * volume->step_lps[axis][c];
         }
-        longest = fmax(longest, cts_norm3(d));
+        cts_raise_to(&longest, cts_norm3(d));
     }
     return longest;
 }

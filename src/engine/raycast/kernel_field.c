@@ -1,4 +1,5 @@
 /* Fields of kernels other than the trilinear one: no polynomials, so cubics are fitted to them piece by piece. */
+#include "base/order.h"
 #include "core/scene/shade.h"
 #include "ctsplat/bounds.h"
 #include "engine/raycast/cubic.h"
@@ -150,8 +151,8 @@ static bool wanted(const KernelField *f, const CtsRayWalk *walk, double t0, doub
         for (int j = low[1]; j <= high[1]; j++)
             for (int i = low[0]; i <= high[0]; i++) {
                 const double g = voxel_at(f, (const int[3]){i, j, k}, -1);
-                least = fmin(least, g);
-                most = fmax(most, g);
+                cts_lower_to(&least, g);
+                cts_raise_to(&most, g);
             }
     if (f->kernel == CTS_KERNEL_CONE_PAPER) { /* its weights sum to anything from 0 to 2 */
         least = 0;

@@ -1,5 +1,6 @@
 #include "lab/check/truth.h"
 
+#include "base/order.h"
 #include <math.h>
 #include <string.h>
 
@@ -192,7 +193,7 @@ static double default_scale(const CtsVolume *v, const CtsTruthCamera *camera)
         for (int c = 0; c < 3; c++)
             d[c] = (v->dims[0] - 1) * (s & 1 ? -1 : 1) * v->step_lps[0][c] +
                    (v->dims[1] - 1) * (s & 2 ? -1 : 1) * v->step_lps[1][c] + (v->dims[2] - 1) * v->step_lps[2][c];
-        longest = fmax(longest, sqrt(dot(d, d)));
+        cts_raise_to(&longest, sqrt(dot(d, d)));
     }
     return longest / (0.95 * fmin(camera->width, camera->height));
 }
