@@ -77,7 +77,14 @@ static void forget(void *context, json_t *line)
     cts_line_forget(line, context);
 }
 
-/* Not so often that the sheet of a large batch would be all that is written. ends: the batch does. */
+/* Time between two sheets: so long that the sheet of a large batch is not all that is written, but no longer than 10 s
+ * where that leaves half the time to the series, so that a slow disk leaves no stale sheet. */
+static double pause_ms(double sheet_took_ms)
+{
+    return fmax(500, fmin(50 * sheet_took_ms, fmax(10000, sheet_took_ms)));
+}
+
+/* Writes the sheet where that is due. ends: the batch does. */
 static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
 {
     const CtsBatchSettings *s = r->settings;
@@ -85,7 +92,7 @@ static CtsStatus write_sheet(Run *r, bool ends, CtsError *err)
     const CtsContactRun run = {.n_ended = r->n_uids_ended, .n_series = r->found.n_series, .goes_on = !ends};
     const bool whole = ends && r->n_uids_ended == r->found.n_series;
     const CtsContactWanted wanted = {.run = whole ? NULL : &run, .change = forget, .context = (void *)s};
-    const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < fmax(500, 50 * r->sheet_took_ms);
+    const bool wait = !r->sheet_stale || start_ms - r->sheet_ms < pause_ms(r->sheet_took_ms);
     if (s->options->shard.n > 1 || (!ends && wait))
         return CTS_OK;
     const CtsStatus st = cts_contact_sheet_write(s->options->output_dir, &wanted, err);
