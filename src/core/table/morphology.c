@@ -1,5 +1,6 @@
 #include "core/table/removal.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
 #include <math.h>
@@ -70,8 +71,8 @@ static void write_section(const CtsMorphology *m, uint64_t *out)
 typedef enum Way { ALL_WAYS, ALONG, ACROSS } Way;
 
 /* One leap of n voxels, 1 to MARGIN: each stays, and goes to all four sides, or to two. */
-static void leap_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, size_t n_words, int n,
-                       ptrdiff_t rows)
+static inline __attribute__((always_inline)) void
+leap_any_words(Way way, const uint64_t *restrict in, uint64_t *restrict out, size_t n_words, int n, ptrdiff_t rows)
 {
     const int back = 64 - n;
     if (way == ALL_WAYS)
@@ -89,12 +90,23 @@ static void leap_words(Way way, const uint64_t *restrict in, uint64_t *restrict 
             out[i] = in[i] | in[(ptrdiff_t)i - rows] | in[(ptrdiff_t)i + rows];
 }
 
+static void leap_words(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n, ptrdiff_t rows)
+{
+    leap_any_words(way, in, out, n_words, n, rows);
+}
+
+CTS_TARGET_AVX2 static void leap_words_avx2(Way way, const uint64_t *in, uint64_t *out, size_t n_words, int n,
+                                            ptrdiff_t rows)
+{
+    leap_any_words(way, in, out, n_words, n, rows);
+}
+
 /* m->a a leap further; `reach` rows outside the section on either side may then hold something. */
 static void leap(CtsMorphology *m, Way way, int n, int reach)
 {
     const ptrdiff_t row = (ptrdiff_t)m->stride, from = -reach * row;
     const size_t n_words = m->stride * (m->n_rows + 2 * (size_t)reach);
-    leap_words(way, m->a + from, m->b + from, n_words, n, n * row);
+    (cts_cpu_flags() & CTS_CPU_AVX2 ? leap_words_avx2 : leap_words)(way, m->a + from, m->b + from, n_words, n, n * row);
     uint64_t *const t = m->a;
     m->a = m->b;
     m->b = t;

@@ -1,5 +1,6 @@
 #include "engine/tiled/void_mask.h"
 
+#include "base/cpu.h"
 #include "base/mem.h"
 #include "base/mutation.h"
 #include "base/parallel.h"
@@ -27,31 +28,32 @@ typedef struct Looking {
     _Atomic int64_t n_visible;
 } Looking;
 
+#define INLINE __attribute__((always_inline)) static inline
 /* Levels of a row of corners, those of a block's cells first. */
 typedef uint16_t Row __attribute__((vector_size(16)));
 
 /* By how much a exceeds b, or 0. */
-static Row excess(Row a, Row b)
+INLINE Row excess(Row a, Row b)
 {
     return (a - b) & (Row)(a > b);
 }
 
-static Row smaller(Row a, Row b)
+INLINE Row smaller(Row a, Row b)
 {
     return a - excess(a, b);
 }
 
-static Row larger(Row a, Row b)
+INLINE Row larger(Row a, Row b)
 {
     return b + excess(a, b);
 }
 
-static Row next(Row row)
+INLINE Row next(Row row)
 {
     return __builtin_shufflevector(row, row, 1, 2, 3, 4, 5, 6, 7, 7);
 }
 
-static Row load_row(const Looking *l, ptrdiff_t at, int n)
+INLINE Row load_row(const Looking *l, ptrdiff_t at, int n)
 {
     Row row = {0};
     if (l->stride[0] == 1 && at + (ptrdiff_t)(sizeof row / sizeof row[0]) <= l->n_voxels)
@@ -62,16 +64,15 @@ static Row load_row(const Looking *l, ptrdiff_t at, int n)
     return row;
 }
 
-/* Whether cells may show what lies above b->low and below b->high: bit i of cell i, by their corners' levels. */
-static unsigned row_bits(const Bracket *b, Row low, Row high)
+/* All bits of element i where cell i may show what lies above b->low and below b->high, by its corners' levels. */
+INLINE Row row_shows(const Bracket *b, Row low, Row high)
 {
     const Row from = (Row){0} + (uint16_t)(b->low + 1), to = (Row){0} + (uint16_t)(b->high - 1);
     const Row most = CTS_MUTATED(MASK_NEIGHBOUR) ? high : larger(high, next(high));
-    const Row shows = (Row)(most >= from) & (Row)(smaller(low, next(low)) <= to);
-    return (shows[0] & 1U) | (shows[1] & 2U) | (shows[2] & 4U) | (shows[3] & 8U);
+    return (Row)(most >= from) & (Row)(smaller(low, next(low)) <= to);
 }
 
-static void block_bits(const Looking *l, const Bracket *b, const int block[3], uint32_t cells[2])
+INLINE void any_block_bits(const Looking *l, const Bracket *b, const int block[3], uint32_t cells[2])
 {
     int n[3];
     ptrdiff_t at = 0;
@@ -90,12 +91,28 @@ static void block_bits(const Looking *l, const Bracket *b, const int block[3], u
             row = below;
         }
     }
+    const Row cell = {1, 2, 4, 8};
+    const uint16_t in_row = (uint16_t)((1U << n[0]) - 1);
     cells[0] = cells[1] = 0;
-    for (int k = 0; k < n[2]; k++)
+    for (int k = 0; k < n[2]; k++) {
+        Row shows = {0};
         for (int j = 0; j < n[1]; j++)
-            cells[k / 2] |= (row_bits(b, smaller(low[k][j], low[k + 1][j]), larger(high[k][j], high[k + 1][j])) &
-                             ((1U << n[0]) - 1))
-                            << (16 * (k % 2) + 4 * j);
+            shows |=
+                (row_shows(b, smaller(low[k][j], low[k + 1][j]), larger(high[k][j], high[k + 1][j])) & cell & in_row)
+                << 4 * j;
+        const uint16_t in_layer = shows[0] | shows[1] | shows[2] | shows[3];
+        cells[k / 2] |= (uint32_t)in_layer << 16 * (k % 2);
+    }
+}
+
+static void block_bits(const Looking *l, const Bracket *b, const int block[3], uint32_t cells[2])
+{
+    any_block_bits(l, b, block, cells);
+}
+
+CTS_TARGET_AVX2 static void block_bits_avx2(const Looking *l, const Bracket *b, const int block[3], uint32_t cells[2])
+{
+    any_block_bits(l, b, block, cells);
 }
 
 /* True where something in a block of one look may show, whose cells are then told apart. */
@@ -105,7 +122,7 @@ static bool look_at_block(const Looking *l, const CtsLut *lut, const Bracket *b,
     const bool visible = lut && cts_lut_visible(lut, r.low, CTS_MUTATED(LEAP_RANGE) ? r.low : r.high);
     cells[0] = cells[1] = visible ? UINT32_MAX : 0;
     if (visible && (r.low <= b->low || r.high >= b->high))
-        block_bits(l, b, block, cells);
+        (cts_cpu_flags() & CTS_CPU_AVX2 ? block_bits_avx2 : block_bits)(l, b, block, cells);
     return visible;
 }
 
