@@ -178,6 +178,14 @@ CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, in
 
 void cts_scanned_free(CtsScanned **scanned);
 
+/* The filling outside a scan, which padding, rotating or masking has put there: at least 16 voxels of exactly one value
+ * above -700 HU in a row, or all of a row, from a corner of a slice on. False where there is none, and for a volume of
+ * a single value. */
+bool cts_scanned_find_fill(const CtsScanned *scanned, double *hu);
+/* Voxels of exactly this value that are connected to the border of the volume, by faces, become air. */
+CtsStatus cts_scanned_clear_fill(CtsScanned *scanned, double hu, int n_threads, uint64_t *n_cleared, CtsError *err);
+CtsStatus cts_scanned_copy(const CtsScanned *scanned, CtsScanned **copy, CtsError *err);
+
 /* HU from elsewhere than DICOM, a box of numbers in any order: voxel (a, b, c) is the number at
  * bytes + a * stride_bytes[0] + b * stride_bytes[1] + c * stride_bytes[2], and its centre lies at
  * origin_lps + a * step_lps[0] + b * step_lps[1] + c * step_lps[2] (mm). */

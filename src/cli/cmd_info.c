@@ -23,6 +23,7 @@ static CtsStatus read_pixels(const CtsSource *source, const CtsSeries *series, C
                        : cts_series_scan(series, NULL, source->n_threads, &loaded.scanned, &report, &why);
     if (!st) {
         cts_pixel_facts(facts, loaded.scanned->even);
+        cts_source_tell_fill(source, loaded.scanned, &report);
         facts->has_labels = loaded.labels;
     } else if (st == CTS_ERR_MEMORY || st == CTS_ERR_INTERRUPTED || st == CTS_ERR_INTERNAL) {
         *err = why;

@@ -74,6 +74,34 @@ def test_lost(scan, ijk, work):
     write_nifti(path, ijk + 1024, affine(scan))
     codes = [f['code'] for f in info(path)[2]['series'][0]['findings']]
     check('what may be no CT is told', 'no_air' in codes, str(codes))
+    # Isolated values that no scanner measures: the others' picture. More, or larger parts, are refused by what is there.
+    n = np.array(ijk.shape) // 2
+    def with_values(values):
+        changed = ijk.astype(float)
+        for number, value in enumerate(values):
+            changed[n[0] + 3 * number, n[1], n[2]] = value
+        return changed
+    for name, code, bad, good in [('three', 64, (3e5, -1e6, -3.4028e38), (ijk.max(), -1024, -1024)),
+                                  ('floats', 16, (7e4, -4e4), (ijk.max(), -1024)),
+                                  ('the least integer', 8, (-2 ** 31,), (-1024,))]:
+        write_nifti(path, with_values(good), affine(scan), code=code)
+        expected = picture(path, work)
+        write_nifti(path, with_values(bad), affine(scan), code=code)
+        check(f'outliers: {name}', picture(path, work) == expected, 'another picture')
+        series = info(path)[2]['series'][0]
+        check(f'outliers: {name}: range', [series['hu_min'], series['hu_max']] == [ijk.min(), ijk.max()], str(series))
+        found = [f for f in series['findings'] if f['severity'] == 'warning']
+        check(f'outliers: {name}: told', [f['code'] for f in found] == ['outliers'] and
+              found[0]['text'].startswith(f'{len(bad)} isolated voxel'), str(found))
+    large = ijk.astype(float)
+    large[n[0]:n[0] + 3, n[1]:n[1] + 3, n[2]] = 3e5
+    write_nifti(path, large, affine(scan), code=16)
+    check('outliers: a part of 9', f'values from {ijk.min()} to 300000 are no' in picture(path, work))
+    extended = ijk.astype(float)
+    extended[n[0], n[1], n[2]] = 30710
+    write_nifti(path, extended, affine(scan), code=16)
+    found = [f['code'] for f in info(path)[2]['series'][0]['findings'] if f['severity'] == 'warning']
+    check('an extended scale is told of', not found, str(found))
     holes[:] = np.nan
     write_nifti(path, holes, affine(scan), code=16)
     check('nothing finite', 'no number that is finite' in picture(path, work))

@@ -40,7 +40,7 @@ goes edited 900 1000
 set_hu 'np.where(hu < 0, hu * 0.76, hu)[:, ::2, ::2] + rng.normal(0, 40, (100, 256, 256))' "$coarse"
 goes edited 950 1100
 # No level of air: in doubt, in one line.
-set_hu 'np.where(hu < -600, -900 + i, hu)[:, ::2, ::2]' "$coarse"
+set_hu 'np.where(hu < -600, -900 + i + rng.normal(0, 20, hu.shape), hu)[:, ::2, ::2]' "$coarse"
 ok render edited --size 64x64 -o out.png --force
 has err '^ctsplat: warning: .*the air around the body is as dense as lungs'
 [ "$(wc -l <err)" = 1 ] || fail "more than a line: $(cat err)"

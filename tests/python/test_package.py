@@ -208,6 +208,37 @@ def test_errors(tmp_path, phantom):
     assert [f.code for f in lost.findings] == ["not_finite"]
 
 
+def test_outliers():
+    """Isolated values that no scanner measures, of each kind of number."""
+    hu = np.linspace(-1000, 1033, 32 * 32 * 32).round().reshape(32, 32, 32)
+    for kind, low, high in [(np.float64, -3.4e38, 3e5), (np.float32, -1e6, 7e4), (np.int32, -2 ** 31, 2 ** 31 - 1)]:
+        odd, even = hu.astype(kind), hu.astype(kind)
+        odd[3, 4, 5], odd[20, 20, 20] = low, high
+        even[3, 4, 5], even[20, 20, 20] = -1024, 1033
+        volume = ctsplat.Volume(odd, (1, 1, 1))
+        assert [f.code for f in volume.findings] == ["outliers"], kind
+        assert np.array_equal(volume.hu, even), kind
+    hu[::2] = 1e6
+    with pytest.raises(ctsplat.Error, match="from -.* to 1e\\+06 are no Hounsfield units"):
+        ctsplat.Volume(hu, (1, 1, 1))
+
+
+def test_fill():
+    hu = np.full((24, 24, 24), -1000, np.int16)
+    hu[6:18, 6:18, 6:18] = 40
+    filled = hu.copy()
+    filled[:4] = filled[:, :, 20:] = 0
+    hu[:4] = hu[:, :, 20:] = -1024
+    volume = ctsplat.Volume(filled, (1, 1, 1))
+    odd = volume.render("skin", **SMALL)
+    assert "constant_fill" in [f.code for f in odd.findings]
+    cleared = volume.render("skin", fill=0, **SMALL)
+    assert "constant_fill" not in [f.code for f in cleared.findings]
+    expected = ctsplat.Volume(hu, (1, 1, 1)).render("skin", **SMALL)
+    assert np.array_equal(cleared.array, expected.array) and not np.array_equal(odd.array, expected.array)
+    assert volume.hu[0, 0, 0] == 0
+
+
 def test_rotation(tmp_path, phantom):
     by_program(tmp_path, "--rotation", "5", "--size", "96x80", name="turn.png")
     for i, picture in enumerate(phantom.rotation(5, **SMALL)):

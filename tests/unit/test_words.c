@@ -32,8 +32,8 @@ static const char *sample_of(const CtsOption *o)
 {
     static const struct {
         const char *name, *value;
-    } samples[] = {{"size", "64x48"},     {"kernel", "cone:2"}, {"crop", "0,1,0,1,0,1"},
-                   {"annotate", "scale"}, {"centre", "1,2,3"},  {"swivel", "40,20"}};
+    } samples[] = {{"size", "64x48"},   {"kernel", "cone:2"}, {"crop", "0,1,0,1,0,1"}, {"annotate", "scale"},
+                   {"centre", "1,2,3"}, {"swivel", "40,20"},  {"fill", "-600"}};
     for (size_t i = 0; i < sizeof samples / sizeof *samples; i++)
         if (!strcmp(samples[i].name, o->name))
             return samples[i].value;

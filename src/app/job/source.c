@@ -180,8 +180,8 @@ char *cts_source_choice(const CtsSource *source)
     size_t size = 0;
     FILE *out = open_memstream(&text, &size);
     if (out)
-        fprintf(out, "%d %d %a %d\n", source->remove_table, source->interpolation, source->smooth_mm,
-                source->crop.given);
+        fprintf(out, "%d %d %a %d %d %a\n", source->remove_table, source->interpolation, source->smooth_mm,
+                source->crop.given, source->fill.given, source->fill.hu);
     for (int i = 0; out && source->crop.given && i < 3; i++)
         fprintf(out, "%a %a\n", source->crop.low_lps[i], source->crop.high_lps[i]);
     for (int i = 0; out && i < 3; i++)
@@ -239,12 +239,35 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
     return st;
 }
 
-CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+void cts_source_tell_fill(const CtsSource *source, const CtsScanned *scanned, CtsReport *report)
 {
-    CtsScanned *const scanned = loaded->scanned;
+    double hu;
+    if (!source->fill.given && cts_scanned_find_fill(scanned, &hu))
+        cts_report_finding(report, "constant_fill", CTS_WARNING,
+                           "voxels at the border of the volume have exactly %g HU, as filling outside a scan has, and "
+                           "count as tissue (`fill` %g makes air of them)",
+                           hu, hu);
+}
+
+/* The filling becomes air before layers are put between slices. */
+static CtsStatus clear_fill(const CtsSource *source, CtsScanned *scanned, CtsReport *report, CtsError *err)
+{
+    uint64_t n;
+    const CtsMeter meter = cts_meter_start(report);
+    const CtsStatus st = cts_scanned_clear_fill(scanned, source->fill.hu, source->n_threads, &n, err);
+    cts_meter_stop(meter, report, CTS_STAGE_GREY);
+    if (!st)
+        cts_report_finding(report, "fill_cleared", n ? CTS_NOTE : CTS_WARNING,
+                           "filling: %llu voxels of exactly %g HU that are connected to the border became air",
+                           (unsigned long long)n, source->fill.hu);
+    return st;
+}
+
+static CtsStatus view(const CtsSource *source, CtsScanned *scanned, bool last, CtsLoaded *loaded, CtsReport *report,
+                      CtsError *err)
+{
     CtsMadeUp made = {0}, straight = {0};
     CtsVolume *seen = NULL;
-    cts_volume_free(&loaded->volume);
     CtsStatus st = CTS_ERR_MEMORY;
     /* Between uneven slices a plate that is cut askew moves as a surface does; joined straight it stands still. */
     if (source->remove_table && scanned->layer && source->interpolation != CTS_INTERPOLATION_LINEAR &&
@@ -260,6 +283,25 @@ CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded,
         st = cut(source, loaded->volume, seen, &made, report, err);
     cts_volume_free(&seen);
     return st ? st : take_labels(source, loaded, report, err);
+}
+
+CtsStatus cts_source_view(const CtsSource *source, bool last, CtsLoaded *loaded, CtsReport *report, CtsError *err)
+{
+    CtsScanned *cleared = NULL;
+    cts_volume_free(&loaded->volume);
+    cts_source_tell_fill(source, loaded->scanned, report);
+    if (!source->fill.given)
+        return view(source, loaded->scanned, last, loaded, report, err);
+    /* Others want the slices as they were scanned; without memory for both they are read again. */
+    CtsStatus st = last ? CTS_ERR_MEMORY : cts_scanned_copy(loaded->scanned, &cleared, NULL);
+    if (!st || st == CTS_ERR_MEMORY) {
+        CtsScanned *const scanned = cleared ? cleared : loaded->scanned;
+        st = clear_fill(source, scanned, report, err);
+        if (!st)
+            st = view(source, scanned, true, loaded, report, err);
+    }
+    cts_scanned_free(&cleared);
+    return st;
 }
 
 CtsStatus cts_source_scan(const CtsSource *source, const CtsWatch *watch, int n_steps, CtsLoaded *loaded,

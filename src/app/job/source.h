@@ -15,6 +15,12 @@ typedef struct CtsCropBox {
     double low_lps[3], high_lps[3];
 } CtsCropBox;
 
+/* The value of voxels outside a scan. */
+typedef struct CtsFillValue {
+    bool given;
+    double hu;
+} CtsFillValue;
+
 /* Which series, and what of it. Plain data; strings are the caller's. */
 typedef struct CtsSource {
     const char *const *paths;
@@ -39,6 +45,7 @@ typedef struct CtsSource {
     CtsInterpolation interpolation; /* between slices that are thick or unevenly spaced */
     double smooth_mm;               /* standard deviation of a Gaussian on the volume; 0: none */
     CtsCropBox crop;
+    CtsFillValue fill; /* becomes air */
 } CtsSource;
 
 typedef struct CtsLoaded {
@@ -57,6 +64,8 @@ char *cts_source_choice(const CtsSource *source);
 CtsStatus cts_source_labels(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err);
 /* The slices of loaded->series, as they were scanned; the volume that was made of them before goes. */
 CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport *report, CtsError *err);
+/* The warning that slices hold a filling, where it is not the source's own. */
+void cts_source_tell_fill(const CtsSource *source, const CtsScanned *scanned, CtsReport *report);
 /* loaded->volume: of what was scanned the patient alone, and of it the part that is asked for, smoothed, and with
  * layers between thick slices. last: nobody will want another of these slices, which become the volume. Where there is
  * no memory for both they do so anyway: loaded->scanned->even->grey is NULL then. */

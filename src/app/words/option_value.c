@@ -217,6 +217,16 @@ CtsStatus cts_parse_swivel(CtsOptions *options, const char *text, CtsError *err)
     return CTS_OK;
 }
 
+CtsStatus cts_parse_fill(CtsOptions *options, const char *text, CtsError *err)
+{
+    static const double most = 131072; /* beyond any scanner's extended scale */
+    double hu;
+    if (!cts_number(text, &hu) || fabs(hu) > most)
+        return cts_fail(err, CTS_ERR_USAGE, "`fill` %s: not a number of HU, such as 0", text);
+    options->source.fill = (CtsFillValue){true, hu};
+    return CTS_OK;
+}
+
 /* K, M, G and T are powers of 1024, and so are KiB to TiB; KB to TB too, as memory is counted so. */
 CtsStatus cts_parse_memory(CtsOptions *options, const char *text, CtsError *err)
 {

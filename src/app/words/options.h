@@ -195,9 +195,9 @@ CtsStatus cts_view_of(const char *option, const char *text, double *azimuth_deg,
 /* Likewise a format by its name. */
 CtsStatus cts_format_of(const char *option, const char *text, const CtsFormatInfo **format, CtsError *err);
 
-CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_parse_crop, cts_parse_format,
-    cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard, cts_parse_size,
-    cts_parse_swivel, cts_parse_view, cts_parse_window;
+CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_parse_crop, cts_parse_fill,
+    cts_parse_format, cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard,
+    cts_parse_size, cts_parse_swivel, cts_parse_view, cts_parse_window;
 
 /* removes_table: what the preset says. */
 CtsSource cts_options_source(const CtsOptions *options, bool removes_table);

@@ -11,6 +11,7 @@
 #include "input/codec/pixels.h"
 #include "input/header/slice.h"
 #include "input/load/load.h"
+#include "input/load/outliers.h"
 #include "input/series/slice_stack.h"
 #include <math.h>
 #include <pthread.h>
@@ -304,8 +305,6 @@ static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *er
                         "its values from %g to %g look like unsigned pixels that PixelRepresentation (0028,0103) calls "
                         "signed (set it to 0 with dcmodify)",
                         v->hu_min, v->hu_max);
-    if (v->hu_min < -65536 || v->hu_max > 131072)
-        return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", v->hu_min, v->hu_max);
     /* Air as a huge number: below 0 read without a sign. No scan holds such numbers and no air. */
     if (v->hu_max > 32767 && v->hu_min > -200 && a->slices[0].kind != CTS_OBJECT_NIFTI)
         return cts_fail(err, CTS_ERR_PIXELS,
@@ -315,12 +314,54 @@ static CtsStatus check_range(const Assembly *a, const CtsVolume *v, CtsError *er
     return CTS_OK;
 }
 
-static void tell_range(const CtsVolume *v, bool whole_numbers, CtsReport *report)
+static void take_words_as_stored(CtsOutliers *outliers, const Assembly *a, int k, CtsStatus *st, CtsError *err)
+{
+    const CtsSlice *const s = &a->slices[k];
+    const CtsStored stored = cts_slice_stored(s);
+    const uint16_t *const words = layer_of(a, k);
+    for (size_t n = 0; n < a->layer_voxels && !*st; n++) {
+        const int32_t value = cts_stored_value(words[n], &stored);
+        if (!cts_stored_is_padding(words[n], value, &stored))
+            *st = cts_outliers_take(outliers, (size_t)k * a->layer_voxels + n, s->slope * value + s->intercept, err);
+    }
+}
+
+/* The range without isolated values that no scanner measures, which are listed. Grey levels do not tell them apart any
+ * more, so that words are read again where they have become such. */
+static CtsStatus leave_outliers_out(Assembly *a, const int dims[3], CtsOutliers *outliers, CtsVolume *v,
+                                    CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    const int slices_dims[3] = {dims[0], dims[1], a->n_slices};
+    if (a->whole_numbers) {
+        a->whole_numbers = false;
+        st = read_slices(a, report, err);
+    }
+    for (int k = 0; k < a->n_slices; k++)
+        take_words_as_stored(outliers, a, k, &st, err);
+    v->hu_min = outliers->rest_low;
+    v->hu_max = outliers->rest_high;
+    return st ? st : cts_outliers_judge(outliers, slices_dims, report, err);
+}
+
+/* Low ones are air already. */
+static void mend_outliers(const Assembly *a, const CtsOutliers *outliers, const CtsVolume *v)
+{
+    const double most = floor((outliers->rest_high - v->hu_offset) / v->hu_step + 0.5);
+    for (size_t n = 0; n < outliers->n; n++) {
+        uint16_t *const grey = &a->first[outliers->voxels[n]];
+        *grey = *grey ? (uint16_t)fmin(fmax(most, 0), GREY_MAX) : 0;
+    }
+}
+
+/* coarsest_hu: from word to word, of slices whose words are rounded already. */
+static void tell_range(const CtsVolume *v, bool whole_numbers, double coarsest_hu, CtsReport *report)
 {
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
     if (!whole_numbers)
         cts_report_finding(report, "fractional_rescale", CTS_NOTE,
-                           "the rescale slope or intercept has a fraction; grey levels are steps of %g HU", v->hu_step);
+                           "the rescale slope or intercept has a fraction; grey levels are steps of %g HU",
+                           fmax(v->hu_step, coarsest_hu));
     if (v->hu_max > top)
         cts_report_finding(report, "clamped_high", CTS_WARNING,
                            "values up to %g HU are shown as %g HU, the largest grey level", v->hu_max, top);
@@ -477,19 +518,26 @@ static CtsStatus fill(const Loading *in, int offset, CtsVolume *v, CtsReport *re
         st = cts_alloc_array(&a.samples, (size_t)a.n_slices * CTS_SAMPLES, err);
     if (!st)
         st = read_slices(&a, report, err);
-    if (!st) {
+    if (!st)
         find_hu_range(&a, v);
+    const bool whole_numbers = a.whole_numbers;
+    CtsOutliers outliers;
+    cts_outliers_begin(&outliers, (const int[3]){v->dims[0], v->dims[1], a.n_slices});
+    if (!st && (cts_is_outlier(v->hu_min) || cts_is_outlier(v->hu_max)))
+        st = leave_outliers_out(&a, v->dims, &outliers, v, report, err);
+    if (!st)
         st = check_range(&a, v, err);
-    }
     if (!st && !a.whole_numbers) {
-        v->hu_step = cts_grey_finest_step(HU_OFFSET, v->hu_max);
+        v->hu_step = whole_numbers ? 1 : cts_grey_finest_step(HU_OFFSET, v->hu_max);
         st = convert_fractions(&a, v->hu_step, err);
     }
     if (!st) {
-        tell_range(v, a.whole_numbers, report);
+        mend_outliers(&a, &outliers, v);
+        tell_range(v, whole_numbers, a.slices[0].kind == CTS_OBJECT_NIFTI ? a.slices[0].slope : 0, report);
         tell_blank(&a, report);
         st = cts_neighbours_tell(a.slices, a.n_slices, a.samples, report, err);
     }
+    cts_outliers_free(&outliers);
     cts_free(&a.samples);
     cts_free(&a.ranges);
     return st;

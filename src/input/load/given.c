@@ -8,6 +8,7 @@
 #include "core/volume/box.h"
 #include "core/volume/grey.h"
 #include "core/volume/volume_new.h"
+#include "input/load/outliers.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -223,15 +224,53 @@ static CtsStatus check(const CtsGivenHu *g, CtsError *err)
                : cts_fail(err, CTS_ERR_USAGE, "numbers of kind %d", (int)g->number);
 }
 
-static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsReport *report, CtsError *err)
+static double number_at(const Pass *p, const void *row, int i)
+{
+    return p->given->number == CTS_FLOAT64   ? ((const double *)row)[i]
+           : p->given->number == CTS_FLOAT32 ? (double)((const float *)row)[i]
+                                             : ((const int32_t *)row)[i];
+}
+
+/* The range without isolated values that no scanner measures, which are listed. */
+static CtsStatus leave_outliers_out(const Pass *p, Range *all, CtsOutliers *outliers, CtsReport *report, CtsError *err)
+{
+    const int *const dims = p->given->box.dims;
+    CtsStatus st = CTS_OK;
+    size_t voxel = 0;
+    for (int k = 0; k < dims[2]; k++)
+        for (int j = 0; j < dims[1]; j++) {
+            const void *const row = row_of(p, j, k, p->rows[0]);
+            for (int i = 0; !st && i < dims[0]; i++, voxel++) {
+                const double x = number_at(p, row, i);
+                if (isfinite(x))
+                    st = cts_outliers_take(outliers, voxel, x, err);
+            }
+        }
+    *all = (Range){outliers->rest_low, outliers->rest_high, outliers->rest_whole, all->n_lost};
+    return st ? st : cts_outliers_judge(outliers, dims, report, err);
+}
+
+/* Low ones are air already. */
+static void mend_outliers(const CtsOutliers *outliers, CtsVolume *v)
+{
+    const double most = floor((outliers->rest_high - v->hu_offset) / v->hu_step + 0.5);
+    for (size_t n = 0; n < outliers->n; n++) {
+        uint16_t *const grey = &v->grey[outliers->voxels[n]];
+        *grey = *grey ? (uint16_t)fmin(fmax(most, 0), GREY_MAX) : 0;
+    }
+}
+
+static CtsStatus settle_range(const Pass *p, CtsVolume *v, CtsOutliers *outliers, CtsReport *report, CtsError *err)
 {
     Range all = {INFINITY, -INFINITY, true, 0};
+    CtsStatus st;
     for (int k = 0; k < p->given->box.dims[2]; k++)
         all = join(all, p->ranges[k]);
+    if (all.low <= all.high && (cts_is_outlier(all.low) || cts_is_outlier(all.high)) &&
+        (st = leave_outliers_out(p, &all, outliers, report, err)))
+        return st;
     v->hu_min = all.low <= all.high ? all.low : HU_OFFSET;
     v->hu_max = all.low <= all.high ? all.high : HU_OFFSET;
-    if (v->hu_min < -65536 || v->hu_max > 131072)
-        return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", v->hu_min, v->hu_max);
     if (!all.whole)
         v->hu_step = cts_grey_finest_step(HU_OFFSET, v->hu_max);
     const double top = v->hu_offset + v->hu_step * GREY_MAX;
@@ -248,13 +287,15 @@ static CtsStatus fill(const Pass *p, CtsVolume *v, int n_threads, CtsReport *rep
 {
     const size_t n = (size_t)p->given->box.dims[2];
     cts_parallel(n_threads, n, 0, look_at_slices, (void *)p);
-    const CtsStatus st = settle_range(p, v, report, err);
-    if (st)
-        return st;
-    if (has_words(p->given))
-        return CTS_OK;
-    cts_parallel(n_threads, n, 0, make_slices, (void *)p);
-    return CTS_OK;
+    CtsOutliers outliers;
+    cts_outliers_begin(&outliers, p->given->box.dims);
+    const CtsStatus st = settle_range(p, v, &outliers, report, err);
+    if (!st && !has_words(p->given)) {
+        cts_parallel(n_threads, n, 0, make_slices, (void *)p);
+        mend_outliers(&outliers, v);
+    }
+    cts_outliers_free(&outliers);
+    return st;
 }
 
 static CtsStatus place(CtsScanned *s, const CtsBox *b, CtsError *err)

@@ -3,6 +3,7 @@
 #include "base/mem.h"
 #include "input/files/file_bytes.h"
 #include "input/header/head.h"
+#include "input/load/outliers.h"
 #include <math.h>
 
 enum { PADDING = 65535, LAST = PADDING - 1 };
@@ -25,7 +26,31 @@ static void look(Values *v, float x)
     v->whole &= x == floorf(x);
 }
 
-static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop, Values *v, CtsError *err)
+/* Isolated values that no scanner measures become padding where they are low, and the largest other value where they
+ * are high; the scale follows from the others. */
+static CtsStatus mend_outliers(Values *v, const int dims[3], CtsReport *report, CtsError *err)
+{
+    CtsOutliers outliers;
+    CtsStatus st = CTS_OK;
+    cts_outliers_begin(&outliers, dims);
+    for (size_t i = 0; !st && i < v->n; i++)
+        if (isfinite(v->items[i]))
+            st = cts_outliers_take(&outliers, i, v->items[i], err);
+    if (!st)
+        st = cts_outliers_judge(&outliers, dims, report, err);
+    for (size_t i = 0; !st && i < outliers.n; i++) {
+        float *const x = &v->items[outliers.voxels[i]];
+        *x = *x < 0 ? NAN : (float)outliers.rest_high;
+    }
+    v->low = outliers.rest_low;
+    v->high = outliers.rest_high;
+    v->whole = outliers.rest_whole;
+    cts_outliers_free(&outliers);
+    return st;
+}
+
+static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop, Values *v, CtsReport *report,
+                             CtsError *err)
 {
     enum { PART = 4096 };
     double part[PART];
@@ -41,7 +66,7 @@ static CtsStatus read_values(CtsNifti *nifti, const volatile sig_atomic_t *stop,
     }
     if (!st && !(v->low <= v->high))
         st = cts_fail(err, CTS_ERR_PIXELS, "holds no number that is finite");
-    return st;
+    return !st && (cts_is_outlier(v->low) || cts_is_outlier(v->high)) ? mend_outliers(v, nifti->dims, report, err) : st;
 }
 
 /* HU of a word and from word to word. */
@@ -128,7 +153,7 @@ CtsStatus cts_nifti_words(CtsSlice *slices, int n, CtsNiftiForm form, const vola
     CtsNifti nifti = {0};
     Values values = {0};
     CtsStatus st = cts_slice_open(&slices[0], &file, err);
-    if (!st && !(st = cts_nifti_open(&nifti, &file, err)) && !(st = read_values(&nifti, stop, &values, err)))
+    if (!st && !(st = cts_nifti_open(&nifti, &file, err)) && !(st = read_values(&nifti, stop, &values, report, err)))
         st = cts_alloc_array(words, values.n, err);
     if (!st) {
         cts_nifti_take_form(&nifti, form);

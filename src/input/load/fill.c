@@ -1,0 +1,201 @@
+/* The filling outside a scan: one value that padding, rotating or masking has put there. */
+#include "ctsplat/series.h"
+
+#include "base/bits.h"
+#include "base/cpu.h"
+#include "base/mem.h"
+#include "base/parallel.h"
+#include "core/volume/volume_new.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* Below this a constant is what the scanner calls air. */
+static const double FILL_HU = -700;
+/* So many equal voxels in a row are no tissue: the noise of a reconstruction makes two neighbours equal once in ten
+ * times at most. */
+enum { EQUAL = 16 };
+
+static size_t layer_voxels(const CtsScanned *s)
+{
+    return (size_t)s->even->dims[0] * (size_t)s->even->dims[1];
+}
+
+static const uint16_t *slice_of(const CtsScanned *s, int k)
+{
+    return s->even->grey + (size_t)(s->offset + k) * layer_voxels(s);
+}
+
+/* The first n voxels from `at` on, `step` apart, are equal. */
+static bool is_constant(const uint16_t *at, ptrdiff_t step, int n)
+{
+    for (int i = 1; i < n; i++)
+        if (at[i * step] != at[0])
+            return false;
+    return true;
+}
+
+/* The grey level from a corner of a slice along its row or its column; 0: none. */
+static uint16_t corner_level(const CtsVolume *v, const uint16_t *slice, bool right, bool bottom)
+{
+    const int nx = v->dims[0], ny = v->dims[1];
+    const uint16_t *const corner = slice + (bottom ? (size_t)(ny - 1) * (size_t)nx : 0) + (right ? nx - 1 : 0);
+    const bool along_row = is_constant(corner, right ? -1 : 1, nx < EQUAL ? nx : EQUAL);
+    const bool along_column = is_constant(corner, bottom ? -nx : nx, ny < EQUAL ? ny : EQUAL);
+    return along_row || along_column ? *corner : 0;
+}
+
+bool cts_scanned_find_fill(const CtsScanned *s, double *hu)
+{
+    const CtsVolume *const v = s->even;
+    uint16_t fill = 0;
+    if (!v->grey || v->hu_min == v->hu_max)
+        return false;
+    for (int k = 0; k < s->n_slices && !fill; k++)
+        for (int corner = 0; corner < 4 && !fill; corner++) {
+            const uint16_t level = corner_level(v, slice_of(s, k), corner & 1, corner & 2);
+            fill = level && cts_volume_hu(v, level) > FILL_HU ? level : 0;
+        }
+    *hu = cts_volume_hu(v, fill);
+    return fill;
+}
+
+/* Voxels of the fill's value, and those of them that are connected to the border so far. */
+typedef struct Flood {
+    const uint16_t *slices;
+    uint16_t level;
+    CtsBits equal, reached;
+} Flood;
+
+static void find_equal(void *context, int worker, size_t first, size_t end)
+{
+    const Flood *const f = context;
+    const int nx = f->equal.dims[0], ny = f->equal.dims[1];
+    (void)worker;
+    for (int k = (int)first; k < (int)end; k++)
+        for (int j = 0; j < ny; j++) {
+            const uint16_t *const row = f->slices + ((size_t)k * (size_t)ny + (size_t)j) * (size_t)nx;
+            uint64_t *const bits = cts_bits_row(&f->equal, j, k);
+            for (int i = 0; i < nx; i++)
+                bits[i >> 6] |= (uint64_t)(row[i] == f->level) << (i & 63);
+        }
+}
+
+/* Spreads what is reached of one word over its runs of equal voxels, to both sides. */
+static uint64_t spread(uint64_t reached, uint64_t equal)
+{
+    uint64_t up = equal, down = equal;
+    for (int n = 1; n < 64; n *= 2) {
+        reached |= (up & reached << n) | (down & reached >> n);
+        up &= up << n;
+        down &= down >> n;
+    }
+    return reached;
+}
+
+/* One row: what touches voxels that are reached in the rows beside it, and its runs. Returns whether it has grown. */
+static bool grow_row(const Flood *f, int j, int k)
+{
+    const int last_j = f->equal.dims[1] - 1, last_k = f->equal.dims[2] - 1, n_words = (int)f->equal.row_words;
+    const uint64_t *const equal = cts_bits_row(&f->equal, j, k);
+    const uint64_t *const beside[4] = {
+        cts_bits_row(&f->reached, j > 0 ? j - 1 : j, k), cts_bits_row(&f->reached, j < last_j ? j + 1 : j, k),
+        cts_bits_row(&f->reached, j, k > 0 ? k - 1 : k), cts_bits_row(&f->reached, j, k < last_k ? k + 1 : k)};
+    uint64_t *const reached = cts_bits_row(&f->reached, j, k);
+    uint64_t grown = 0;
+    for (int w = 0; w < n_words; w++) {
+        const uint64_t before = reached[w], carry = w ? reached[w - 1] >> 63 : 0;
+        const uint64_t touched = before | carry | beside[0][w] | beside[1][w] | beside[2][w] | beside[3][w];
+        reached[w] = spread(touched & equal[w], equal[w]);
+        grown |= reached[w] ^ before;
+    }
+    for (int w = n_words - 2; w >= 0; w--) {
+        const uint64_t before = reached[w];
+        reached[w] = spread((before | reached[w + 1] << 63) & equal[w], equal[w]);
+        grown |= reached[w] ^ before;
+    }
+    return grown;
+}
+
+/* Forward and backward over all rows until nothing grows. */
+static void flood(const Flood *f)
+{
+    const int nx = f->equal.dims[0], ny = f->equal.dims[1], nz = f->equal.dims[2];
+    for (int k = 0; k < nz; k++)
+        for (int j = 0; j < ny; j++) {
+            const uint64_t *const equal = cts_bits_row(&f->equal, j, k);
+            uint64_t *const reached = cts_bits_row(&f->reached, j, k);
+            const bool all = j == 0 || j == ny - 1 || k == 0 || k == nz - 1;
+            for (size_t w = 0; w < f->equal.row_words; w++)
+                reached[w] = all ? equal[w] : 0;
+            reached[0] |= equal[0] & 1;
+            reached[(nx - 1) >> 6] |= equal[(nx - 1) >> 6] & UINT64_C(1) << ((nx - 1) & 63);
+        }
+    for (bool grown = true; grown;) {
+        grown = false;
+        for (int row = 0; row < ny * nz; row++)
+            grown |= grow_row(f, row % ny, row / ny);
+        for (int row = ny * nz - 1; row >= 0 && grown; row--)
+            grow_row(f, row % ny, row / ny);
+    }
+}
+
+CtsStatus cts_scanned_clear_fill(CtsScanned *s, double hu, int n_threads, uint64_t *n_cleared, CtsError *err)
+{
+    const CtsVolume *const v = s->even;
+    const int dims[3] = {v->dims[0], v->dims[1], s->n_slices};
+    const double level = floor((hu - v->hu_offset) / v->hu_step + 0.5);
+    Flood f = {.slices = slice_of(s, 0)};
+    CtsStatus st;
+    *n_cleared = 0;
+    if (!(level >= 1 && level <= UINT16_MAX)) /* 0 is air already */
+        return CTS_OK;
+    f.level = (uint16_t)level;
+    if (!(st = cts_bits_new(&f.equal, dims, err)) && !(st = cts_bits_new_unset(&f.reached, dims, err))) {
+        cts_parallel(cts_threads(n_threads), (size_t)s->n_slices, 0, find_equal, &f);
+        flood(&f);
+        uint16_t *grey = v->grey + (size_t)s->offset * layer_voxels(s);
+        for (int k = 0; k < dims[2]; k++)
+            for (int j = 0; j < dims[1]; j++, grey += dims[0]) {
+                const uint64_t *const row = cts_bits_row(&f.reached, j, k);
+                for (int w = 0; w < (int)f.reached.row_words; w++)
+                    for (uint64_t bits = row[w]; bits; bits &= bits - 1)
+                        grey[64 * w + __builtin_ctzll(bits)] = 0;
+            }
+        *n_cleared = cts_bits_count(&f.reached);
+    }
+    cts_bits_free(&f.equal);
+    cts_bits_free(&f.reached);
+    return st;
+}
+
+CtsStatus cts_scanned_copy(const CtsScanned *s, CtsScanned **copy, CtsError *err)
+{
+    const size_t n = (size_t)s->n_slices, n_bytes = (size_t)s->n_slots * layer_voxels(s) * sizeof *s->even->grey;
+    CtsStatus st;
+    *copy = NULL;
+    if (!cts_memory_allows((double)n_bytes, cts_memory_available()))
+        return cts_fail(err, CTS_ERR_MEMORY, "another copy of the slices needs %.0f MiB more memory than is free",
+                        (double)n_bytes / 1048576);
+    if ((st = cts_alloc_zeroed(copy, 1, err)) || (st = cts_alloc_array(&(*copy)->position_lps, n, err)) ||
+        (st = cts_volume_new_like(&(*copy)->even, s->even, s->n_slots, err)))
+        goto end;
+    memcpy((*copy)->position_lps, s->position_lps, n * sizeof *s->position_lps);
+    (*copy)->n_slices = s->n_slices;
+    (*copy)->offset = s->offset;
+    (*copy)->n_slots = s->n_slots;
+    if (s->number && !(st = cts_alloc_array(&(*copy)->number, n, err)))
+        memcpy((*copy)->number, s->number, n * sizeof *s->number);
+    if (!st && s->layer) {
+        if (((*copy)->layer = malloc(n * sizeof *s->layer)))
+            memcpy((*copy)->layer, s->layer, n * sizeof *s->layer);
+        else
+            st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+    }
+    const size_t first = (size_t)s->offset * layer_voxels(s);
+    memcpy((*copy)->even->grey + first, s->even->grey + first, n * layer_voxels(s) * sizeof *s->even->grey);
+end:
+    if (st)
+        cts_scanned_free(copy);
+    return st;
+}

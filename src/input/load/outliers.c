@@ -1,0 +1,116 @@
+#include "input/load/outliers.h"
+
+#include "base/mem.h"
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+
+/* Beyond these they are no accidents. */
+enum { VOXELS_PER_OUTLIER = 10000, LARGEST_PART = 8 };
+
+static size_t n_voxels(const int dims[3])
+{
+    return (size_t)dims[0] * (size_t)dims[1] * (size_t)dims[2];
+}
+
+void cts_outliers_begin(CtsOutliers *o, const int dims[3])
+{
+    *o = (CtsOutliers){.most = n_voxels(dims) / VOXELS_PER_OUTLIER,
+                       .low = INFINITY,
+                       .high = -INFINITY,
+                       .rest_low = INFINITY,
+                       .rest_high = -INFINITY,
+                       .rest_whole = true};
+}
+
+CtsStatus cts_outliers_take(CtsOutliers *o, size_t voxel, double hu, CtsError *err)
+{
+    o->low = fmin(o->low, hu);
+    o->high = fmax(o->high, hu);
+    if (!cts_is_outlier(hu)) {
+        o->rest_low = fmin(o->rest_low, hu);
+        o->rest_high = fmax(o->rest_high, hu);
+        o->rest_whole &= hu == floor(hu);
+        return CTS_OK;
+    }
+    const CtsStatus st = o->n < o->most ? cts_grow(&o->voxels, o->n, err) : CTS_OK;
+    if (st)
+        return st;
+    if (o->n < o->most)
+        o->voxels[o->n] = voxel;
+    o->n++;
+    o->n_low += hu < 0;
+    o->n_high += hu > 0;
+    return CTS_OK;
+}
+
+static int by_size(const void *a, const void *b)
+{
+    const size_t x = *(const size_t *)a, y = *(const size_t *)b;
+    return (x > y) - (x < y);
+}
+
+static size_t root(size_t *parent, size_t n)
+{
+    while (parent[n] != n)
+        n = parent[n] = parent[parent[n]];
+    return n;
+}
+
+/* Joins voxel n with its neighbour at (i, j, k), if that is an outlier too. */
+static void join(const CtsOutliers *o, const int dims[3], int i, int j, int k, size_t n, size_t *parent)
+{
+    if (i < 0 || j < 0 || k < 0 || i >= dims[0] || j >= dims[1] || k >= dims[2])
+        return;
+    const size_t voxel = ((size_t)k * (size_t)dims[1] + (size_t)j) * (size_t)dims[0] + (size_t)i;
+    const size_t *const found = bsearch(&voxel, o->voxels, n, sizeof voxel, by_size);
+    if (found)
+        parent[root(parent, (size_t)(found - o->voxels))] = root(parent, n);
+}
+
+/* The number of voxels of the largest 26-connected part. */
+static CtsStatus largest_part(const CtsOutliers *o, const int dims[3], size_t *largest, CtsError *err)
+{
+    size_t *parent = NULL, *count = NULL;
+    CtsStatus st = cts_alloc_array(&parent, o->n, err);
+    if (!st)
+        st = cts_alloc_zeroed(&count, o->n, err);
+    const size_t nx = (size_t)dims[0], ny = (size_t)dims[1];
+    for (size_t n = 0; !st && n < o->n; n++) {
+        const int i = (int)(o->voxels[n] % nx), j = (int)(o->voxels[n] / nx % ny), k = (int)(o->voxels[n] / nx / ny);
+        parent[n] = n;
+        for (int by = 0; by < 13; by++) /* the half of the 26 neighbours that come before */
+            join(o, dims, i + by % 3 - 1, j + by / 3 % 3 - 1, k + by / 9 - 1, n, parent);
+    }
+    *largest = 0;
+    for (size_t n = 0; !st && n < o->n; n++) {
+        const size_t size = ++count[root(parent, n)];
+        *largest = size > *largest ? size : *largest;
+    }
+    cts_free(&parent);
+    cts_free(&count);
+    return st;
+}
+
+CtsStatus cts_outliers_judge(const CtsOutliers *o, const int dims[3], CtsReport *report, CtsError *err)
+{
+    CtsStatus st = CTS_OK;
+    size_t largest = 0;
+    if (o->n <= o->most && (st = largest_part(o, dims, &largest, err)))
+        return st;
+    if (o->n > o->most || largest > LARGEST_PART)
+        return cts_fail(err, CTS_ERR_PIXELS, "its values from %g to %g are no Hounsfield units", o->low, o->high);
+    if (o->n)
+        cts_report_finding(report, "outliers", CTS_WARNING,
+                           "%zu isolated voxel%s hold%s what no scanner measures (all values go from %g to %g HU): "
+                           "%zu low count as -1024 HU, %zu high as %g HU, the largest other value",
+                           o->n, o->n > 1 ? "s" : "", o->n > 1 ? "" : "s", o->low, o->high, o->n_low, o->n_high,
+                           o->rest_high);
+    return CTS_OK;
+}
+
+void cts_outliers_free(CtsOutliers *o)
+{
+    free(o->voxels);
+    *o = (CtsOutliers){0};
+}
