@@ -60,3 +60,17 @@ case_of 'IM*' '0020,0032,DS=0\0\{0.001 * k}'
 told spacing_implausible 'positions .* in metres'
 case_of 'IM*' '0028,0030,DS=0.05\0.05' '0020,0032,DS=0\0\{0.05 * k}' # a mouse in a micro-CT
 quiet
+case_of 'IM*' '0028,0030,DS=0.08\0.08' '0020,0032,DS=0\0\{0.2 * k}' # with thicker slices
+quiet
+ok render c --size 32x32 -o out.png --force --log log
+! grep -q table_remov log || fail "a table under a mouse: $(grep table_remov log)"
+has log 'table removal","why":"voxels and size are those of a specimen'
+case_of 'IM*' '0028,0030,DS=0.1\0.1' '0020,0032,DS=0\0\{0.01 * k}' # steps of 0.1 mm in centimetres
+told spacing_implausible 'positions .* in centimetres'
+# A speck of bone shows nearly nothing by the millimetre.
+case_of 'IM*' '0028,0030,DS=0.006\0.006' '0020,0032,DS=0\0\{0.006 * k}'
+ok render c --size 32x32 -o out.png --force --preset ct-bones
+has err 'nearly all black: .*--opacity-unit voxel'
+[ "$(wc -l <err)" = 1 ] || fail "more is said: $(cat err)"
+ok render c --size 32x32 -o out.png --force --preset ct-bones --opacity-unit voxel
+[ ! -s err ] || fail "by the voxel: $(cat err)"

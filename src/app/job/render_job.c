@@ -16,12 +16,16 @@
 typedef struct Saturation {
     uint64_t n, n_black, n_white; /* pixels, and those at most, or at least, a grey level that the eye takes for it */
     uint64_t n_seen, n_full;      /* of a projection: above black, and at the top of the window */
+    float most;                   /* the brightest pixel */
 } Saturation;
 
 /* Five grey levels of 255 are as good as none; a two-hundredth of a picture is as good as nothing of it. */
 enum { EVERY = 7 }; /* pixels: some tell of all */
 static const float black = 5.0f / 255, white = 250.0f / 255;
 static const double nearly_all = 0.995;
+/* Where voxels are a micro-CT's, rays are short, and opacity by millimetre leaves all of a picture darker than this. */
+static const float faint = 1 / 8.0f;
+static const double fine_mm = 0.2;
 
 /* Counts a band over its background, before anything is drawn on it. */
 static void saturation_add(Saturation *saturation, const CtsPicture *band)
@@ -31,6 +35,7 @@ static void saturation_add(Saturation *saturation, const CtsPicture *band)
         const float *p = &band->pixels[i * channels], *last = p + (channels == 1 ? 0 : 2);
         const float most = fmaxf(fmaxf(p[0], p[channels / 3]), *last);
         const float least = fminf(fminf(p[0], p[channels / 3]), *last);
+        saturation->most = fmaxf(saturation->most, most);
         saturation->n_black += most <= black;
         saturation->n_white += least >= white;
         saturation->n_seen += p[0] > 0;
@@ -48,9 +53,20 @@ static bool is_told(const CtsReport *report, const char *code)
 }
 
 /* A warning where half of what a projection shows is white, or nearly all of a picture is black or white. */
-static void saturation_tell(const Saturation *s, const CtsPictureInfo *info, CtsReport *report)
+static void saturation_tell(const Saturation *s, const CtsJob *job, const CtsVolume *v, const CtsPictureInfo *info,
+                            CtsReport *report)
 {
     const bool projects = info->mode != CTS_MODE_COMPOSITE, is_black = (double)s->n_black > nearly_all * (double)s->n;
+    double coarsest_mm = 0;
+    for (int a = 0; a < 3; a++)
+        coarsest_mm = fmax(coarsest_mm, cts_volume_spacing_mm(v, a));
+    if (!projects && !job->render.opacity_per_voxel && coarsest_mm <= fine_mm && (is_black || s->most < faint)) {
+        cts_report_finding(report, "nearly_black", CTS_WARNING,
+                           "the picture is nearly all black: opacity counts by millimetre, and voxels are %.2g mm wide "
+                           "(`opacity-unit` voxel counts by voxel)",
+                           coarsest_mm);
+        return;
+    }
     if (projects && 2 * s->n_full > s->n_seen)
         cts_report_finding(report, "mostly_white", CTS_WARNING,
                            "%.0f %% of what the picture shows is white, %g HU and more (move the `window` up, or show "
@@ -254,7 +270,7 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
     }
     report->verified = pooled;
     if (!st)
-        saturation_tell(&frame.saturation, &files->first, report);
+        saturation_tell(&frame.saturation, job, volume, &files->first, report);
     cts_watch_findings(files->watch, report);
     return st;
 }

@@ -239,10 +239,19 @@ CtsStatus cts_source_read(const CtsSource *source, CtsLoaded *loaded, CtsReport 
     return st;
 }
 
+/* Where the intercept is lost, air is what looks like filling. */
+static bool is_shifted(const CtsReport *report)
+{
+    for (size_t i = 0; report && i < report->findings.n; i++)
+        if (!strcmp(report->findings.items[i].code, "hu_implausible"))
+            return true;
+    return false;
+}
+
 void cts_source_tell_fill(const CtsSource *source, const CtsScanned *scanned, CtsReport *report)
 {
     double hu;
-    if (!source->fill.given && cts_scanned_find_fill(scanned, &hu))
+    if (!source->fill.given && !is_shifted(report) && cts_scanned_find_fill(scanned, &hu))
         cts_report_finding(report, "constant_fill", CTS_WARNING,
                            "voxels at the border of the volume have exactly %g HU, as filling outside a scan has, and "
                            "count as tissue (`fill` %g makes air of them)",

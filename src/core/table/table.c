@@ -58,11 +58,50 @@ static CtsStatus find_dense(Removal *r, const CtsVolume *v, CtsError *err)
     return st;
 }
 
+/* The size of what is dense along the volume's axes. */
+static void find_size(const Removal *r, const double spacing_mm[3], double size_mm[3])
+{
+    const int *const dims = r->dense.dims;
+    int low[3] = {dims[0], dims[1], dims[2]}, high[3] = {-1, -1, -1};
+    for (int k = 0; k < dims[2]; k++)
+        for (int j = 0; j < dims[1]; j++) {
+            const uint64_t *const row = cts_bits_row(&r->dense, j, k);
+            for (int w = 0; w < (int)r->dense.row_words; w++) {
+                if (!row[w])
+                    continue;
+                const int at[2][3] = {{64 * w + __builtin_ctzll(row[w]), j, k},
+                                      {64 * w + 63 - __builtin_clzll(row[w]), j, k}};
+                for (int a = 0; a < 3; a++) {
+                    low[a] = at[0][a] < low[a] ? at[0][a] : low[a];
+                    high[a] = at[1][a] > high[a] ? at[1][a] : high[a];
+                }
+            }
+        }
+    for (int a = 0; a < 3; a++)
+        size_mm[a] = high[a] < low[a] ? 0 : (high[a] - low[a] + 1) * spacing_mm[a];
+}
+
+static bool is_specimen(const Removal *r, const CtsVolume *v)
+{
+    double spacing_mm[3], size_mm[3] = {0, 0, 0};
+    for (int a = 0; a < 3; a++)
+        spacing_mm[a] = cts_volume_spacing_mm(v, a);
+    if (!cts_is_specimen(spacing_mm, size_mm)) /* by its voxels alone */
+        return false;
+    find_size(r, spacing_mm, size_mm);
+    return cts_is_specimen(spacing_mm, size_mm);
+}
+
 /* False, with the reason in the report, when there is nothing to work on. */
 static bool is_usable(const Removal *r, const CtsVolume *v, CtsReport *report)
 {
     if (!r->n_runs) {
         cts_report_skip(report, WHAT, "no voxel lies above %g HU", CTS_DENSE_HU);
+        return false;
+    }
+    if (is_specimen(r, v)) {
+        cts_report_skip(report, WHAT,
+                        "voxels and size are those of a specimen in a micro-CT, which no patient's table fits");
         return false;
     }
     if (r->n_runs <= cts_volume_n_voxels(v) / VOXELS_PER_RUN + RUNS_ANYWAY)

@@ -5,9 +5,21 @@
 #include "base/bits.h"
 #include "ctsplat/volume.h"
 #include <math.h>
+#include <stdbool.h>
 
 /* What counts as dense: below fat and skin, above foam, paper and most cloth. */
 static const double CTS_DENSE_HU = -350;
+
+/* Whether these are voxels, and tissue denser than that, of a micro-CT's specimen: no patient, and no table that fits
+ * one. Cone beams for teeth and ears of people have such voxels too, and show less than a head. */
+static inline bool cts_is_specimen(const double spacing_mm[3], const double size_mm[3])
+{
+    static const double finest_mm = 0.005, coarsest_mm = 0.2, largest_mm = 200;
+    for (int a = 0; a < 3; a++)
+        if (!(spacing_mm[a] >= finest_mm && spacing_mm[a] <= coarsest_mm && size_mm[a] < largest_mm))
+            return false;
+    return true;
+}
 
 /* The first grey level that does. */
 static inline uint16_t cts_dense_grey(const CtsVolume *v)

@@ -2,6 +2,7 @@
 
 #include "base/mem.h"
 #include "base/order.h"
+#include "core/volume/threshold.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -259,6 +260,8 @@ static void tell_hu(const Samples *s, uint32_t *level, int rim, CtsReport *repor
         return;
     memset(level, 0, N_GREY * sizeof *level);
     const uint64_t n = count_levels(s, false, level);
+    if (count_between(level, 1, AIR_BELOW) * 100 > n) /* there is air, and only filling around it */
+        return;
     const uint64_t body = count_between(level, rim + 900, rim + 1200),
                    between = count_between(level, rim + 200, rim + 800);
     const bool none_below_0 = count_between(level, 0, 1024) * 1000 < n,
@@ -270,14 +273,14 @@ static void tell_hu(const Samples *s, uint32_t *level, int rim, CtsReport *repor
                            rim - 1024);
 }
 
-/* The body's extent along columns or rows, in samples: from the first to the last hundredth of it. */
-static int body_samples(const Samples *s, bool rows)
+/* The body's extent along columns or rows, in samples of at least this level: from the first to the last hundredth. */
+static int body_samples(const Samples *s, bool rows, int level)
 {
     uint64_t count[CTS_SAMPLE_SIDE] = {0}, n = 0, below = 0;
     int first = -1, last = -1;
     for (int k = 0; k < s->n; k++)
         for (int i = 0; i < CTS_SAMPLES; i++) {
-            const int in = sample(s, k)[i] >= AIR_BELOW;
+            const int in = sample(s, k)[i] >= level;
             count[rows ? i / CTS_SAMPLE_SIDE : i % CTS_SAMPLE_SIDE] += (uint64_t)in;
             n += (uint64_t)in;
         }
@@ -298,6 +301,24 @@ static double mean_gap_mm(const Samples *s)
     return s->n > 1 ? sqrt(squares) / (s->n - 1) : 0;
 }
 
+/* The body's size along columns and rows. */
+static void find_size(const Samples *s, int level, double size_mm[2])
+{
+    const CtsSlice *m = &s->slices[s->n / 2];
+    size_mm[0] = m->columns * m->column_spacing_mm * body_samples(s, false, level) / CTS_SAMPLE_SIDE;
+    size_mm[1] = m->rows * m->row_spacing_mm * body_samples(s, true, level) / CTS_SAMPLE_SIDE;
+}
+
+/* What micro-CT scans: a mouse, a tooth. */
+static bool is_specimen(const Samples *s, double gap_mm)
+{
+    const CtsSlice *m = &s->slices[s->n / 2];
+    const double spacing_mm[3] = {m->column_spacing_mm, m->row_spacing_mm, gap_mm};
+    double size_mm[3] = {0, 0, gap_mm * s->n};
+    find_size(s, 1024 + (int)CTS_DENSE_HU, size_mm);
+    return cts_is_specimen(spacing_mm, size_mm);
+}
+
 /* By the size of the body, since small spacings are real in micro-CT, whose voxels are as long as wide. A body narrower
  * than a scanner's bore of 700 mm would be in metres is in metres; one seen whole within what a scanner's field of
  * 500 mm would be in centimetres is in centimetres, unless it has a micro-CT's voxels. */
@@ -308,11 +329,13 @@ static void tell_spacing(const Samples *s, int rim, CtsReport *report)
     const double field_mm = fmax(m->columns * m->column_spacing_mm, m->rows * m->row_spacing_mm);
     if (field_mm > 50 && gap_mm * 20 >= pixel_mm)
         return; /* whatever the body's size */
-    const double width_mm = m->columns * m->column_spacing_mm * body_samples(s, false) / CTS_SAMPLE_SIDE;
-    const double height_mm = m->rows * m->row_spacing_mm * body_samples(s, true) / CTS_SAMPLE_SIDE;
-    const double body_mm = fmax(width_mm, height_mm), longer = fmax(gap_mm / pixel_mm, pixel_mm / gap_mm);
+    double size_mm[2];
+    find_size(s, AIR_BELOW, size_mm);
+    const double body_mm = fmax(size_mm[0], size_mm[1]), longer = fmax(gap_mm / pixel_mm, pixel_mm / gap_mm);
     const char *lengths = NULL;
-    if (body_mm > 0 && body_mm < 0.7)
+    if (is_specimen(s, gap_mm)) /* no scanner's slices lie so much closer than its pixels */
+        lengths = gap_mm * 3 < pixel_mm ? "the positions (0020,0032) may be in centimetres" : NULL;
+    else if (body_mm > 0 && body_mm < 0.7)
         lengths = "PixelSpacing (0028,0030) may be in metres";
     else if (gap_mm * 20 < pixel_mm)
         lengths = "the positions (0020,0032) may be in metres";
@@ -320,8 +343,8 @@ static void tell_spacing(const Samples *s, int rim, CtsReport *report)
         lengths = "lengths may be in centimetres";
     if (lengths && s->n > 1)
         cts_report_finding(report, "spacing_implausible", CTS_WARNING,
-                           "the body is %.3g mm wide and %.3g mm high, its slices %.3g mm apart: %s", width_mm,
-                           height_mm, gap_mm, lengths);
+                           "the body is %.3g mm wide and %.3g mm high, its slices %.3g mm apart: %s", size_mm[0],
+                           size_mm[1], gap_mm, lengths);
 }
 
 CtsStatus cts_neighbours_tell(const CtsSlice *slices, int n, const uint16_t *samples, CtsReport *report, CtsError *err)
