@@ -82,11 +82,13 @@ CtsStatus cli_bench(const CtsOptions *options, int *exit_code, CtsError *err)
     CtsPreset *preset = malloc(sizeof *preset);
     if (!preset)
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
-    if ((st = cts_preset_load(options->preset, preset, err)) || (!options->paper && (st = make_folder(options, err))))
+    if ((st = cts_options_preset(options, options->preset, preset, &report, err)) ||
+        (!options->paper && (st = make_folder(options, err))))
         goto end;
     CliWatch seen = {0};
     const CtsWatch watch = cli_watch(&seen);
-    CtsSource source = cts_options_source(options, preset->remove_table);
+    CtsSource source = cts_options_source(options);
+    source.remove_table = preset->remove_table;
     source.interpolation = CTS_INTERPOLATION_LINEAR; /* what is measured is the engines on the voxels as they are */
     st = cts_source_load(&source, &watch, 2, &loaded, &report, err);
     cli_interrupt_asks();

@@ -58,7 +58,7 @@ static CtsStatus choose(const CtsSource *source, const CtsSeriesList *list, cons
 
 static CtsStatus read_each(const CtsOptions *options, const CtsSeriesList *list, CtsPixelFacts *facts, CtsError *err)
 {
-    const CtsSource source = cts_options_source(options, false);
+    const CtsSource source = cts_options_source(options);
     CtsSource plain = source;
     const CtsSeries *labelled;
     plain.n_labels = 0;

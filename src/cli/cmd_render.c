@@ -27,8 +27,7 @@ static void print_plan(const CtsJob *job, const CtsReport *report)
 {
     char line[sizeof report->findings.items->text + 64];
     const CtsRenderSettings *s = &job->render;
-    const CtsMode mode = s->mode >= 0 ? (CtsMode)s->mode : job->preset->mode;
-    printf("preset %s, mode %s, engine %s, kernel %s\n", job->preset->name, cts_mode_names[mode],
+    printf("preset %s, mode %s, engine %s, kernel %s\n", job->preset->name, cts_mode_names[job->preset->mode],
            cts_engine_names[s->engine], cts_kernel_names[s->kernel]);
     printf("%d x %d pixels, azimuth %g, elevation %g degrees", s->width, s->height, s->azimuth_deg, s->elevation_deg);
     if (job->outputs.rotation > 1)

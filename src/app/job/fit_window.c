@@ -19,18 +19,16 @@ static int by_value(const void *a, const void *b)
 static CtsStatus look(const CtsVolume *volume, const CtsPreset *wide, const CtsRenderSettings *settings,
                       double turn_deg, float *values, size_t *n, CtsError *err)
 {
-    CtsRenderSettings s = *settings;
+    CtsRenderSettings s;
     CtsPicture *picture = NULL;
+    cts_render_defaults(&s);
     s.width = s.height = SIDE;
-    s.mm_per_pixel = 0;
-    s.fit = CTS_FIT_VOLUME;
-    s.centre_given = s.void_key = s.explain = s.want_depth = false;
-    s.rotation_frames = s.samples = s.verify = 0;
-    s.engine = CTS_ENGINE_TILED;
-    s.kernel = CTS_KERNEL_TENT;
-    s.kernel_radius = s.tolerance_hu = 0;
-    s.grey_bits = 16;
-    s.azimuth_deg += turn_deg;
+    s.azimuth_deg = settings->azimuth_deg + turn_deg;
+    s.elevation_deg = settings->elevation_deg;
+    s.slab_mm = settings->slab_mm;
+    s.slab_at_mm = settings->slab_at_mm;
+    s.n_threads = settings->n_threads;
+    s.stop = settings->stop;
     const CtsStatus st = cts_render(volume, wide, &s, &picture, NULL, err);
     const double air =
         (volume->hu_offset + volume->hu_step - wide->window_low_hu) / (wide->window_high_hu - wide->window_low_hu);

@@ -101,8 +101,8 @@ static CtsStatus check_sizes(const CtsJob *job, CtsError *err)
 {
     CtsStatus st = CTS_OK;
     const CtsPreset *p = job->preset;
-    const CtsMode mode = job->render.mode >= 0 ? (CtsMode)job->render.mode : p->mode;
-    const bool grey = cts_preset_is_grey(p, mode); /* labels may have colours: each file looks again when it begins */
+    const bool grey =
+        cts_preset_is_grey(p, p->mode); /* labels may have colours: each file looks again when it begins */
     for (int i = 0; i < job->outputs.n && !st; i++)
         st = cts_export_check_size(job->outputs.paths[i], job->render.width, job->render.height,
                                    cts_output_n_frames(&job->outputs, i), grey, &job->export, err);
@@ -279,13 +279,12 @@ static CtsStatus render_frames(const CtsJob *job, const CtsVolume *volume, CtsRe
 static CtsStatus write_state(const CtsJob *job, const CtsPreset *preset, const CtsLoaded *loaded,
                              const CtsPictureInfo *first, CtsReport *report, CtsError *err)
 {
-    const CtsSwitch shade = job->render.shade;
     CtsStateScene scene = {
         .preset = preset,
         .info = first,
         .width = job->render.width,
         .height = job->render.height,
-        .shaded = shade == CTS_AS_PRESET ? preset->shade : shade == CTS_ON,
+        .shaded = preset->shade,
         .cropped = job->source.crop.given,
         .source = loaded->series,
         .words = job->words,
@@ -374,7 +373,7 @@ CtsStatus cts_job_render(const CtsJob *job, const CtsLoaded *loaded, const CtsWa
 
 bool cts_job_looks_inside(const CtsJob *job)
 {
-    const CtsMode mode = job->render.mode >= 0 ? (CtsMode)job->render.mode : job->preset->mode;
+    const CtsMode mode = job->preset->mode;
     return mode == CTS_MODE_MINIP || mode == CTS_MODE_AVERAGE;
 }
 

@@ -19,7 +19,7 @@ typedef struct CtsMarks {
 /* Plain data; what it points at is the caller's. */
 typedef struct CtsJob {
     CtsSource source;
-    const CtsPreset *preset; /* its background and remove_table as they are to be */
+    const CtsPreset *preset; /* effective: mode, shade, background, window and remove_table as they are to be */
     CtsRenderSettings render;
     CtsExportSettings export; /* its source is filled in by the job */
     CtsOutputs outputs;

@@ -199,8 +199,8 @@ CtsOptionParser cts_parse_annotate, cts_parse_background, cts_parse_centre, cts_
     cts_parse_format, cts_parse_from, cts_parse_kernel, cts_parse_memory, cts_parse_send, cts_parse_shard,
     cts_parse_size, cts_parse_swivel, cts_parse_view, cts_parse_window;
 
-/* removes_table: what the preset says. */
-CtsSource cts_options_source(const CtsOptions *options, bool removes_table);
+/* The caller sets remove_table, from the preset (cts_options_preset()). */
+CtsSource cts_options_source(const CtsOptions *options);
 
 /* What all jobs of these words share, whatever their preset, which is NULL, and their view. */
 CtsJob cts_options_job(const CtsOptions *options);

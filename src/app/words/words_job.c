@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-CtsSource cts_options_source(const CtsOptions *options, bool removes_table)
+CtsSource cts_options_source(const CtsOptions *options)
 {
     CtsSource source = options->source;
     source.paths = options->paths.items;
@@ -19,7 +19,6 @@ CtsSource cts_options_source(const CtsOptions *options, bool removes_table)
     source.choice.n_looks = options->label_looks.n;
     source.stop = options->net.stop;
     source.n_threads = options->render.n_threads;
-    source.remove_table = options->remove_table == CTS_AS_PRESET ? removes_table : options->remove_table == CTS_ON;
     source.table_kept_by = options->remove_table == CTS_OFF ? "--remove-table off" : "the preset";
     return source;
 }
@@ -27,7 +26,7 @@ CtsSource cts_options_source(const CtsOptions *options, bool removes_table)
 CtsJob cts_options_job(const CtsOptions *options)
 {
     CtsJob job = {
-        .source = cts_options_source(options, false),
+        .source = cts_options_source(options),
         .render = options->render,
         .export = options->export,
         .outputs = {.paths = options->outputs.items,

@@ -190,7 +190,8 @@ CtsStatus cts_session_open(CtsSession **session, const CtsWord *words, int n_wor
         return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
     CtsStatus st = take_words(&options, words, n_words, stop, err);
     if (!st && !(st = cts_options_end(&options, CTS_FOR_JOB, err))) {
-        CtsSource source = cts_options_source(&options, true);
+        CtsSource source = cts_options_source(&options);
+        source.remove_table = options.remove_table != CTS_OFF;
         source.n_threads = cts_threads(source.n_threads);
         st = cts_source_scan(&source, &(CtsWatch){0}, 2, &s->loaded, report ? report : &own, err);
     }

@@ -47,24 +47,29 @@ CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
     return st;
 }
 
+CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *settings)
+{
+    CtsPreset p = *preset;
+    if (settings->mode >= 0)
+        p.mode = (CtsMode)settings->mode;
+    if (settings->shade != CTS_AS_PRESET)
+        p.shade = settings->shade == CTS_ON;
+    p.shade = p.shade && p.mode == CTS_MODE_COMPOSITE;
+    return p;
+}
+
 CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const CtsPreset *preset,
                          const CtsRenderSettings *asked, CtsError *err)
 {
     CtsStatus st;
     CtsPreset *p = &store->preset;
     CtsRenderSettings *s = &store->settings;
-    *p = *preset;
     *s = *asked;
     if ((st = cts_scene_check(s, err)))
         return st;
     s->n_threads = cts_threads(s->n_threads);
     s->kernel_radius = cts_kernel_radius(s->kernel, s->kernel_radius);
-    if (s->mode >= 0)
-        p->mode = (CtsMode)s->mode;
-    if (s->shade != CTS_AS_PRESET)
-        p->shade = s->shade == CTS_ON;
-    if (p->mode != CTS_MODE_COMPOSITE)
-        p->shade = false;
+    *p = cts_scene_preset(preset, s);
     CtsScene *scene = &store->scene;
     *scene = (CtsScene){.volume = volume, .preset = p, .settings = s, .extinction_scale = 1};
     scene->plan = (CtsPlan){.samples = s->samples, .max_error = s->max_error, .level = s->level};

@@ -14,6 +14,9 @@ typedef struct CtsSceneStore {
 /* All that can be said of settings by themselves. */
 CtsStatus cts_scene_check(const CtsRenderSettings *settings, CtsError *err);
 
+/* The effective preset: the settings' mode and shade have gone into it. */
+CtsPreset cts_scene_preset(const CtsPreset *preset, const CtsRenderSettings *settings);
+
 /* Checks and resolves the settings. The scene has no lut yet. */
 CtsStatus cts_scene_init(CtsSceneStore *store, const CtsVolume *volume, const CtsPreset *preset,
                          const CtsRenderSettings *asked, CtsError *err);

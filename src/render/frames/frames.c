@@ -87,8 +87,7 @@ CtsStatus cts_render_check(const CtsPreset *preset, const CtsRenderSettings *set
 {
     const CtsEngine *engine;
     const CtsStatus st = cts_scene_check(settings, err);
-    return st ? st
-              : choose_engine(settings, settings->mode >= 0 ? (CtsMode)settings->mode : preset->mode, &engine, err);
+    return st ? st : choose_engine(settings, cts_scene_preset(preset, settings).mode, &engine, err);
 }
 
 CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsPreset *preset,
@@ -109,7 +108,7 @@ CtsStatus cts_frames_new(CtsFrames **frames, const CtsVolume *volume, const CtsP
     *f = (CtsFrames){.volume = volume,
                      .original = volume,
                      .owners = owners,
-                     .preset = *preset,
+                     .preset = store.preset,
                      .settings = *settings,
                      .engine = engine};
     if (settings->grey_bits < 16) {
@@ -319,9 +318,7 @@ static void tell_left_out(const CtsFrame *frame, CtsReport *report)
     const CtsPreset *p = &frame->store.preset;
     if (!p->shade)
         cts_report_skip(report, "lighting", "off in mode %s by %s", cts_mode_names[p->mode],
-                        p->mode != CTS_MODE_COMPOSITE            ? "its nature"
-                        : frame->store.settings.shade == CTS_OFF ? "the settings"
-                                                                 : "the preset");
+                        p->mode != CTS_MODE_COMPOSITE ? "its nature" : "the preset");
     if (!frame->want_depth)
         cts_report_skip(report, "depth", "not asked for");
     else if (p->mode != CTS_MODE_COMPOSITE)

@@ -256,7 +256,7 @@ static CtsStatus find_by(Looking *looking, const CtsRenderSettings *s, double le
 
 static CtsStatus find_spans(Looking *looking, const CtsRenderSettings *s, Span span[2], bool *found, CtsError *err)
 {
-    const bool composite = (s->mode >= 0 ? (CtsMode)s->mode : looking->what->preset->mode) == CTS_MODE_COMPOSITE;
+    const bool composite = looking->what->preset->mode == CTS_MODE_COMPOSITE;
     CtsRenderSettings brightest = *s;
     *found = false;
     const CtsStatus st = find_by(looking, s, composite ? HAZE : DARKEST, span, found, err);
@@ -342,7 +342,8 @@ CtsStatus cts_framing_settle(const CtsVolume *volume, const CtsPreset *preset, C
                              CtsError *err)
 {
     void *kept = NULL;
-    const CtsFramed what = {volume, preset, &kept, 0};
+    const CtsPreset effective = cts_scene_preset(preset, settings);
+    const CtsFramed what = {volume, &effective, &kept, 0};
     if (settings->fit != CTS_FIT_VISIBLE || settings->mm_per_pixel != 0)
         return CTS_OK;
     const CtsStatus st = cts_framing_find(&what, settings, err);

@@ -10,7 +10,7 @@
  * small pictures (cts_engine_for_probes()). */
 typedef struct CtsFramed {
     const CtsVolume *volume;
-    const CtsPreset *preset;
+    const CtsPreset *preset; /* effective: cts_scene_preset() */
     void **kept;
     int frame;
 } CtsFramed;
