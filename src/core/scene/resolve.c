@@ -4,35 +4,18 @@
 #include "base/mutation.h"
 #include "base/vec3.h"
 #include "core/scene/kernel.h"
-#include "ctsplat/bounds.h"
+#include "core/scene/settings.h"
 #include <math.h>
-#include <stddef.h>
-
-#define FIELD(setting, field)                                                                                          \
-    {                                                                                                                  \
-        CTS_SETTING_##setting, offsetof(CtsRenderSettings, field)                                                      \
-    }
-
-/* Where the settings that have bounds stand: an int where they are whole numbers, else a double. */
-static const struct {
-    CtsSetting setting;
-    size_t at;
-} fields[] = {
-    FIELD(WIDTH, width),         FIELD(HEIGHT, height),           FIELD(MM_PER_PIXEL, mm_per_pixel),
-    FIELD(AZIMUTH, azimuth_deg), FIELD(ELEVATION, elevation_deg), FIELD(KERNEL_RADIUS, kernel_radius),
-    FIELD(SAMPLES, samples),     FIELD(MAX_ERROR, max_error),     FIELD(TOLERANCE, tolerance_hu),
-    FIELD(GREY_BITS, grey_bits), FIELD(VERIFY, verify),           FIELD(THREADS, n_threads),
-};
-_Static_assert(sizeof fields / sizeof *fields == CTS_SETTING_FRAMES - CTS_SETTING_WIDTH,
-               "a setting of CtsRenderSettings has no row here");
 
 CtsStatus cts_scene_check(const CtsRenderSettings *s, CtsError *err)
 {
     CtsStatus st = CTS_OK;
-    for (size_t i = 0; i < sizeof fields / sizeof *fields && !st; i++) {
-        const void *field = (const char *)s + fields[i].at;
-        const bool whole = cts_setting_bounds(fields[i].setting)->whole;
-        st = cts_setting_check(fields[i].setting, whole ? *(const int *)field : *(const double *)field, err);
+    for (const CtsSettingRow *row = cts_setting_rows; row < cts_setting_rows + CTS_N_SETTING_ROWS && !st; row++) {
+        const void *field = (const char *)s + row->at;
+        if (!row->bounds)
+            continue;
+        const bool whole = cts_setting_bounds(row->bounds)->whole;
+        st = cts_setting_check(row->bounds, whole ? *(const int *)field : *(const double *)field, err);
     }
     if (!st && ((unsigned)s->engine >= CTS_N_ENGINES || (unsigned)s->kernel >= CTS_N_KERNELS ||
                 (unsigned)s->level >= CTS_N_LEVELS))

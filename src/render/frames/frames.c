@@ -3,6 +3,7 @@
 #include "base/clock.h"
 #include "base/cpu.h"
 #include "base/mem.h"
+#include "core/scene/settings.h"
 #include "core/scene/visible.h"
 #include "core/volume/owners.h"
 #include "render/engines/engines.h"
@@ -137,13 +138,13 @@ void cts_frames_free(CtsFrames **frames)
     *frames = NULL;
 }
 
-/* What the engine keeps, and the volume it gets, do not depend on the rest. */
 static bool keeps_what_is_made(const CtsRenderSettings *a, const CtsRenderSettings *b)
 {
-    return a->engine == b->engine && a->kernel == b->kernel && a->kernel_radius == b->kernel_radius &&
-           a->samples == b->samples && a->void_key == b->void_key && a->tolerance_hu == b->tolerance_hu &&
-           a->sees_hidden == b->sees_hidden && a->reuses_always == b->reuses_always && a->grey_bits == b->grey_bits &&
-           a->opacity_per_voxel == b->opacity_per_voxel && a->mode == b->mode && a->shade == b->shade;
+    bool same = true;
+    for (const CtsSettingRow *row = cts_setting_rows; row < cts_setting_rows + CTS_N_SETTING_ROWS; row++)
+        same = same && (row->remakes != CTS_REMAKES_RENDERER ||
+                        !memcmp((const char *)a + row->at, (const char *)b + row->at, row->size));
+    return same;
 }
 
 bool cts_frames_again(CtsFrames *f, const CtsRenderSettings *settings)

@@ -5,18 +5,6 @@
 #include "render/frames/pilot.h"
 #include <stdlib.h>
 
-void cts_render_defaults(CtsRenderSettings *settings)
-{
-    *settings = (CtsRenderSettings){
-        .width = 1024,
-        .height = 1024,
-        .engine = CTS_ENGINE_TILED,
-        .kernel = CTS_KERNEL_TENT,
-        .grey_bits = 16,
-        .mode = -1,
-    };
-}
-
 struct CtsRenderer {
     CtsFrames *frames;
     bool planned; /* plan holds what the first frame found, and all frames take it */
