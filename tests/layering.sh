@@ -22,7 +22,7 @@ src/input/codec   | input/files/ input/header/ | openjpeg.h
 src/input/series  | input/files/ input/header/ |
 src/input/load    | core/volume/ input/files/ input/header/ input/codec/ input/series/ |
 src/input/labels  | core/labels/ input/files/ input/header/ input/codec/ | expat.h
-src/engine/project | core/volume/ core/scene/ | immintrin.h
+src/engine/project | core/volume/ core/scene/ |
 src/engine/tiled  | core/volume/ core/scene/ engine/project/project.h |
 src/engine/splat  | core/volume/ core/transfer/ core/scene/ |
 src/engine/raycast | core/volume/ core/scene/ |

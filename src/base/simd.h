@@ -18,7 +18,9 @@
  * - wmask: one truth value a lane
  *
  * SIMD_DOUBLE, defined before this header is included: vf, vi, vu have eight lanes of 64 bits, in plain C on every
- * path, and there are no vectors of sixteen lanes. */
+ * path; vn has eight of int32_t; and there are no vectors of sixteen lanes.
+ *
+ * Vectors whose lanes do not depend on the path, such as the channels of a pixel: base/simd_fixed.h. */
 #ifndef CTS_BASE_SIMD_H
 #define CTS_BASE_SIMD_H
 
@@ -112,7 +114,7 @@ SIMD_OP(vi, upper_half, (vi pair), (vi)((vu)pair >> 16) & 0xffff)
  * - vf_min, vf_max, vi_min, vi_max: the second operand unless the first is smaller, or larger
  * - vf_lt, vf_le, vi_lt, vi_eq: comparisons, false for NaN; vu_lt: of vi as unsigned integers; vi_test: (a & b) != 0
  * - vf_select, vi_select(mask, yes, no)
- * - mask_bits(mask): bit l for lane l, and its inverse mask_of_bits(bits)
+ * - mask_any(mask); mask_bits(mask): bit l for lane l, and its inverse mask_of_bits(bits)
  * - vf_look_up(table, n, index): table[index] of n entries; LANES entries may be read where n is less
  * - vi_gather_bytes(from, index, mask): from[index] of 8 bits; the three bytes behind may be read, too
  *
@@ -136,6 +138,9 @@ SIMD_OP(vmask, vu_lt, (vi a, vi b), (vu)a < (vu)b)
 SIMD_OP(vmask, vi_test, (vi a, vi b), (a & b) != 0)
 #endif
 #if defined(SIMD_DOUBLE)
+typedef int32_t vn __attribute__((vector_size(LANES * sizeof(int32_t))));
+SIMD_OP(vn, vn_of, (int32_t x), x - (vn){0})
+SIMD_OP(vf, vn_to_float, (vn a), __builtin_convertvector(a, vf))
 #include "base/simd_plain_tmpl.h"
 #else
 enum { N_PARTS = 16 / LANES };
@@ -151,7 +156,6 @@ typedef struct ws {
 #endif
 #endif
 
-SIMD_OP(bool, mask_any, (vmask mask), mask_bits(mask) != 0)
 SIMD_OP(vmask, vf_gt, (vf a, vf b), vf_lt(b, a))
 SIMD_OP(vmask, vi_gt, (vi a, vi b), vi_lt(b, a))
 

@@ -15,6 +15,7 @@ SIMD_OP(vf, vf_min, (vf a, vf b), (vf)_mm512_min_ps((__m512)a, (__m512)b))
 SIMD_OP(vf, vf_max, (vf a, vf b), (vf)_mm512_max_ps((__m512)a, (__m512)b))
 SIMD_OP(vi, vi_min, (vi a, vi b), (vi)_mm512_min_epi32((__m512i)a, (__m512i)b))
 SIMD_OP(vi, vi_max, (vi a, vi b), (vi)_mm512_max_epi32((__m512i)a, (__m512i)b))
+SIMD_OP(bool, mask_any, (vmask mask), mask != 0)
 SIMD_OP(unsigned, mask_bits, (vmask mask), mask)
 SIMD_OP(vmask, mask_of_bits, (unsigned bits), (vmask)bits)
 

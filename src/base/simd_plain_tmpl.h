@@ -1,4 +1,8 @@
-/* Operations of base/simd.h in plain C, which the other paths are compared with. */
+/* Operations of base/simd.h in plain C, which the other paths are compared with. Compilers do not find how to test
+ * masks of eight lanes of 64 bits. */
+#if defined(SIMD_DOUBLE) && defined(__AVX2__)
+#include <immintrin.h>
+#endif
 
 SIMD_OP(vf, vf_select, (vmask mask, vf yes, vf no), (vf)((mask & (vi)yes) | (~mask & (vi)no)))
 SIMD_OP(vi, vi_select, (vmask mask, vi yes, vi no), (mask & yes) | (~mask & no))
@@ -6,6 +10,24 @@ SIMD_OP(vf, vf_min, (vf a, vf b), vf_select(a < b, a, b))
 SIMD_OP(vf, vf_max, (vf a, vf b), vf_select(a > b, a, b))
 SIMD_OP(vi, vi_min, (vi a, vi b), vi_select(a < b, a, b))
 SIMD_OP(vi, vi_max, (vi a, vi b), vi_select(a > b, a, b))
+
+#if defined(SIMD_DOUBLE) && defined(__AVX512DQ__)
+SIMD_OP(bool, mask_any, (vmask mask), _mm512_movepi64_mask((__m512i)mask) != 0)
+#elif defined(SIMD_DOUBLE) && defined(__AVX2__)
+INLINE bool mask_any(vmask mask)
+{
+    const __m256i *half = (const __m256i *)&mask, both = half[0] | half[1];
+    return !_mm256_testz_si256(both, both);
+}
+#else
+INLINE bool mask_any(vmask mask)
+{
+    whole any = 0;
+    for (int l = 0; l < LANES; l++)
+        any |= mask[l];
+    return any != 0;
+}
+#endif
 
 INLINE unsigned mask_bits(vmask mask)
 {

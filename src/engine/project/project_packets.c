@@ -1,83 +1,23 @@
-/* Packets of eight rays in double precision, as GCC vector types: element-wise C that compiles with and without vector
- * instructions, and gives the same bits. */
+/* Packets of eight rays in double precision. */
+#define SIMD_DOUBLE
 #include "engine/project/project_packets.h"
+#include "base/simd.h"
 
 #include "base/mutation.h"
-#include "base/sanitized.h"
 #include <math.h>
-#include <string.h>
-#if defined(__AVX2__)
-#include <immintrin.h>
-#endif
 
-enum { LANES = 8, ALL_LANES = 255 };
-
-typedef double vd __attribute__((vector_size(64)));
-typedef int64_t vm __attribute__((vector_size(64))); /* a mask of lanes, 0 or -1 each */
-typedef int32_t vi __attribute__((vector_size(32)));
-
-/* As in base/simd.h. */
-#if defined(__FMA__) && !CTS_SANITIZED
-#define INLINE static inline __attribute__((always_inline))
-#else
-#define INLINE static inline
-#endif
-
-INLINE vd vd_of(double x)
+INLINE vf vf_sqrt(vf a)
 {
-    return (vd){x, x, x, x, x, x, x, x};
-}
-
-INLINE vi vi_of(int32_t x)
-{
-    return (vi){x, x, x, x, x, x, x, x};
-}
-
-INLINE vd pick(vm mask, vd yes, vd no)
-{
-    return (vd)((mask & (vm)yes) | (~mask & (vm)no));
-}
-
-INLINE vd vd_max(vd a, vd b)
-{
-    return pick(a > b, a, b);
-}
-
-INLINE vd vd_min(vd a, vd b)
-{
-    return pick(a < b, a, b);
-}
-
-INLINE vd to_double(vi a)
-{
-    return __builtin_convertvector(a, vd);
-}
-
-INLINE vd vd_sqrt(vd a)
-{
-    vd r = a;
+    vf r = a;
     for (int l = 0; l < LANES; l++)
         r[l] = sqrt(a[l]);
     return r;
 }
 
-/* Whether any lane is set. */
-INLINE bool any(vm mask)
-{
-#if defined(__AVX512DQ__)
-    return _mm512_movepi64_mask((__m512i)mask) != 0;
-#elif defined(__AVX2__)
-    const __m256i *half = (const __m256i *)&mask, both = half[0] | half[1];
-    return !_mm256_testz_si256(both, both);
-#else
-    return mask[0] | mask[1] | mask[2] | mask[3] | mask[4] | mask[5] | mask[6] | mask[7];
-#endif
-}
-
 /* Eight neighbouring pixels of one row. */
 typedef struct Packet {
-    vd start[3], t0, t1;
-    vm inside;              /* rays with some length in the box */
+    vf start[3], t0, t1;
+    vmask inside;           /* rays with some length in the box */
     int first, last;        /* macro-cells along axes[2] that they cross */
     double low[2], high[2]; /* where the rays cross layer 0, along axes[0] and [1]: the lowest and the highest */
 } Packet;
@@ -109,7 +49,7 @@ static int clamp_macrocell(double at_vox, int n)
 
 static Packet packet_of(const CtsProjection *p, const Way *w, int x, int y, int width, double *grey)
 {
-    Packet r = {.t0 = vd_of(1), .first = INT32_MAX, .last = -1};
+    Packet r = {.t0 = vf_of(1), .first = INT32_MAX, .last = -1};
     const int k = p->axes[2], n = p->projector.macrocells->n_fine[k];
     for (int l = 0; l < LANES; l++) {
         CtsProjectedRay ray;
@@ -184,47 +124,47 @@ INLINE Common common_of(const CtsProjection *p, const Box *box, int layer)
 }
 
 /* The cell of axis a that holds this place, the nearest one for places outside. */
-INLINE vi cell_at(const CtsProjection *p, int a, vd place)
+INLINE vn cell_at(const CtsProjection *p, int a, vf place)
 {
-    const vd last = vd_of(p->projector.view->dims[a] > 1 ? p->projector.view->dims[a] - 2 : 0);
-    return __builtin_convertvector(vd_min(vd_max(place, vd_of(0)), last), vi);
+    const vf last = vf_of(p->projector.view->dims[a] > 1 ? p->projector.view->dims[a] - 2 : 0);
+    return __builtin_convertvector(vf_min(vf_max(place, vf_of(0)), last), vn);
 }
 
 /* The rays' way through layer k of cells is cut where they cross from cell to cell: t[0] to t[1] in the first, to t[2]
  * in the second, to t[3] in the third. No ray moves by more than a cell along the other axes. */
-INLINE void cut_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, vd t[4])
+INLINE void cut_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, vf t[4])
 {
     const int axis = p->axes[2];
-    const vd in = (vd_of(k) - r->start[axis]) * w->per_step[axis];
-    const vd out = (vd_of(k + 1) - r->start[axis]) * w->per_step[axis];
-    t[0] = vd_max(vd_min(in, out), r->t0);
-    t[3] = vd_min(vd_max(in, out), r->t1);
+    const vf in = (vf_of(k) - r->start[axis]) * w->per_step[axis];
+    const vf out = (vf_of(k + 1) - r->start[axis]) * w->per_step[axis];
+    t[0] = vf_max(vf_min(in, out), r->t0);
+    t[3] = vf_min(vf_max(in, out), r->t1);
     t[1] = t[2] = t[3];
     if (w->slope[0] == 0 && w->slope[1] == 0) /* straight along an axis, as many views are */
         return;
-    vd cut[2];
+    vf cut[2];
     for (int n = 0; n < 2; n++) {
         const int a = p->axes[n];
-        const vi from = cell_at(p, a, r->start[a] + t[0] * w->step[a]);
-        const vi to = cell_at(p, a, r->start[a] + t[3] * w->step[a]);
-        const vd face = vd_max(to_double(from), to_double(to));
-        const vd at = vd_min(vd_max((face - r->start[a]) * w->per_step[a], t[0]), t[3]);
-        cut[n] = pick(__builtin_convertvector(from != to, vm), at, t[3]);
+        const vn from = cell_at(p, a, r->start[a] + t[0] * w->step[a]);
+        const vn to = cell_at(p, a, r->start[a] + t[3] * w->step[a]);
+        const vf face = vf_max(vn_to_float(from), vn_to_float(to));
+        const vf at = vf_min(vf_max((face - r->start[a]) * w->per_step[a], t[0]), t[3]);
+        cut[n] = vf_select(__builtin_convertvector(from != to, vmask), at, t[3]);
     }
-    t[1] = vd_min(cut[0], cut[1]);
-    t[2] = vd_max(cut[0], cut[1]);
+    t[1] = vf_min(cut[0], cut[1]);
+    t[2] = vf_max(cut[0], cut[1]);
 }
 
 /* The cells in which the rays are at time t, of layer k. */
-INLINE void cells_at(const CtsProjection *p, const Way *w, const Packet *r, vd t, int k, vi cell[3])
+INLINE void cells_at(const CtsProjection *p, const Way *w, const Packet *r, vf t, int k, vn cell[3])
 {
     for (int n = 0; n < 2; n++)
         cell[p->axes[n]] = cell_at(p, p->axes[n], r->start[p->axes[n]] + t * w->step[p->axes[n]]);
-    cell[p->axes[2]] = vi_of(k);
+    cell[p->axes[2]] = vn_of(k);
 }
 
 /* Their eight corners, bit a of the index for axis a. */
-INLINE void load_corners(const CtsProjection *p, const vi cell[3], vd value[8])
+INLINE void load_corners(const CtsProjection *p, const vn cell[3], vf value[8])
 {
     const uint16_t *grey = p->projector.volume->grey;
     const ptrdiff_t row = p->projector.stride[1], slice = p->projector.stride[2];
@@ -243,21 +183,21 @@ INLINE void load_corners(const CtsProjection *p, const vi cell[3], vd value[8])
         memcpy(&pair[3][l], at + row + slice, sizeof **pair);
     }
     for (int n = 0; n < 4; n++) {
-        vi words;
+        vn words;
         memcpy(&words, pair[n], sizeof words);
-        const vd even = to_double(words & 0xffff), odd = to_double((words >> 16) & 0xffff);
+        const vf even = vn_to_float(words & 0xffff), odd = vn_to_float((words >> 16) & 0xffff);
         value[2 * n] = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ ? even : odd;
         value[2 * n + 1] = __BYTE_ORDER__ == __ORDER_LITTLE_ENDIAN__ ? odd : even;
     }
 }
 
-INLINE vd field_at_vd(const Way *w, const Packet *r, const vi cell[3], const vd v[8], vd t)
+INLINE vf field_at(const Way *w, const Packet *r, const vn cell[3], const vf v[8], vf t)
 {
-    vd f[3];
+    vf f[3];
     for (int a = 0; a < 3; a++)
-        f[a] = vd_min(vd_max(r->start[a] + t * w->step[a] - to_double(cell[a]), vd_of(0)), vd_of(1));
-    const vd y0 = (v[0] + f[0] * (v[1] - v[0])) * (1 - f[1]) + (v[2] + f[0] * (v[3] - v[2])) * f[1];
-    const vd y1 = (v[4] + f[0] * (v[5] - v[4])) * (1 - f[1]) + (v[6] + f[0] * (v[7] - v[6])) * f[1];
+        f[a] = vf_min(vf_max(r->start[a] + t * w->step[a] - vn_to_float(cell[a]), vf_of(0)), vf_of(1));
+    const vf y0 = (v[0] + f[0] * (v[1] - v[0])) * (1 - f[1]) + (v[2] + f[0] * (v[3] - v[2])) * f[1];
+    const vf y1 = (v[4] + f[0] * (v[5] - v[4])) * (1 - f[1]) + (v[6] + f[0] * (v[7] - v[6])) * f[1];
     return y0 + f[2] * (y1 - y0);
 }
 
@@ -275,7 +215,7 @@ static CtsProjectedRay ray_of(const Way *w, const Packet *r, int lane)
  * to last, which are the same where a ray has fewer. */
 typedef struct Seen {
     int n;
-    vd first[CTS_CELL_STRETCHES], last[CTS_CELL_STRETCHES];
+    vf first[CTS_CELL_STRETCHES], last[CTS_CELL_STRETCHES];
 } Seen;
 
 static CtsSeenCells seen_cells(const CtsProjection *p, const int cell[3], int *bit)
@@ -293,8 +233,8 @@ static CtsSeenCells seen_cells(const CtsProjection *p, const int cell[3], int *b
 }
 
 /* Of the lanes in the mask, between two times. */
-static void look_what_is_seen(const CtsProjection *p, const Way *w, const Packet *r, vm mask, const vi cell[3],
-                              const vd t[2], bool sees_all, Seen *seen)
+static void look_what_is_seen(const CtsProjection *p, const Way *w, const Packet *r, vmask mask, const vn cell[3],
+                              const vf t[2], bool sees_all, Seen *seen)
 {
     seen->n = 1;
     seen->first[0] = t[0];
@@ -324,63 +264,63 @@ static void look_what_is_seen(const CtsProjection *p, const Way *w, const Packet
 
 /* Inside a cell the field is a cubic in t, here c0 + c1 s + c2 s^2 + c3 s^3 through four of its values: the largest
  * between two times is that at an end or, where the derivative vanishes, at a turning point. */
-INLINE vd largest_between(const Way *w, const Packet *r, const vi cell[3], const vd v[8], vd from, vd to)
+INLINE vf largest_between(const Way *w, const Packet *r, const vn cell[3], const vf v[8], vf from, vf to)
 {
-    const vd d = to - from;
-    const vd a = field_at_vd(w, r, cell, v, from), b = field_at_vd(w, r, cell, v, from + d / 3);
-    const vd c = field_at_vd(w, r, cell, v, to - d / 3), e = field_at_vd(w, r, cell, v, to);
-    vd best = vd_max(a, e);
-    const vd c1 = (-11 * a + 18 * b - 9 * c + 2 * e) / 2, c2 = (18 * a - 45 * b + 36 * c - 9 * e) / 2;
-    const vd c3 = (-9 * a + 27 * b - 27 * c + 9 * e) / 2;
-    const vd half = c2 * c2 - 3 * c1 * c3;
-    const vm turns = half >= 0;
-    const vd root = vd_sqrt(pick(turns, half, vd_of(0)));
-    const vd q = -(c2 + pick(c2 < 0, -root, root)), turn[2] = {q / (3 * c3), c1 / q};
+    const vf d = to - from;
+    const vf a = field_at(w, r, cell, v, from), b = field_at(w, r, cell, v, from + d / 3);
+    const vf c = field_at(w, r, cell, v, to - d / 3), e = field_at(w, r, cell, v, to);
+    vf best = vf_max(a, e);
+    const vf c1 = (-11 * a + 18 * b - 9 * c + 2 * e) / 2, c2 = (18 * a - 45 * b + 36 * c - 9 * e) / 2;
+    const vf c3 = (-9 * a + 27 * b - 27 * c + 9 * e) / 2;
+    const vf half = c2 * c2 - 3 * c1 * c3;
+    const vmask turns = half >= 0;
+    const vf root = vf_sqrt(vf_select(turns, half, vf_of(0)));
+    const vf q = -(c2 + vf_select(c2 < 0, -root, root)), turn[2] = {q / (3 * c3), c1 / q};
     for (int n = 0; n < 2; n++) {
-        const vm between = turns & (turn[n] > 0) & (turn[n] < 1);
-        if (!any(between))
+        const vmask between = turns & (turn[n] > 0) & (turn[n] < 1);
+        if (!mask_any(between))
             continue;
-        const vd at = field_at_vd(w, r, cell, v, pick(between, from + turn[n] * d, from));
-        best = pick(between, vd_max(best, at), best);
+        const vf at = field_at(w, r, cell, v, vf_select(between, from + turn[n] * d, from));
+        best = vf_select(between, vf_max(best, at), best);
     }
     return best;
 }
 
 /* What a packet has found. */
 typedef struct Found {
-    vd best; /* times sign */
-    vm seen;
+    vf best; /* times sign */
+    vmask seen;
 } Found;
 
 /* Some of the rays may find more in layer k of cells; those not seen yet need only be told whether they see. */
 static void look_in_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Found *found)
 {
-    vd t[4];
+    vf t[4];
     Seen seen;
     cut_layer(p, w, r, k, t);
     for (int n = 0; n < 3; n++) {
-        vm some = r->inside & (t[n] < t[n + 1]);
-        vi cell[3];
-        vd v[8];
-        if (!any(some))
+        vmask some = r->inside & (t[n] < t[n + 1]);
+        vn cell[3];
+        vf v[8];
+        if (!mask_any(some))
             continue;
         cells_at(p, w, r, (t[n] + t[n + 1]) / 2, k, cell);
         load_corners(p, cell, v);
         for (int c = 0; c < 8; c++)
             v[c] *= p->sign;
-        const vd most =
-            vd_max(vd_max(vd_max(v[0], v[1]), vd_max(v[2], v[3])), vd_max(vd_max(v[4], v[5]), vd_max(v[6], v[7])));
+        const vf most =
+            vf_max(vf_max(vf_max(v[0], v[1]), vf_max(v[2], v[3])), vf_max(vf_max(v[4], v[5]), vf_max(v[6], v[7])));
         some &= (most > found->best) | ~found->seen;
-        if (!any(some))
+        if (!mask_any(some))
             continue;
         look_what_is_seen(p, w, r, some, cell, t + n, sees_all, &seen);
         for (int i = 0; i < seen.n; i++) {
-            const vm here = some & (seen.first[i] < seen.last[i]), may = here & (most > found->best);
+            const vmask here = some & (seen.first[i] < seen.last[i]), may = here & (most > found->best);
             found->seen |= here;
-            if (!any(may))
+            if (!mask_any(may))
                 continue;
-            const vd largest = vd_min(largest_between(w, r, cell, v, seen.first[i], seen.last[i]), most);
-            found->best = pick(may, vd_max(found->best, largest), found->best);
+            const vf largest = vf_min(largest_between(w, r, cell, v, seen.first[i], seen.last[i]), most);
+            found->best = vf_select(may, vf_max(found->best, largest), found->best);
         }
     }
 }
@@ -406,7 +346,7 @@ static int32_t bound_of(const CtsProjection *p, const Common *c)
 /* The least that a ray has found which might use more; infinite when none might. */
 INLINE double least_found(const CtsProjection *p, const Packet *r, const Found *found)
 {
-    const vd open = pick(r->inside & (found->best < p->enough), found->best, vd_of(INFINITY));
+    const vf open = vf_select(r->inside & (found->best < p->enough), found->best, vf_of(INFINITY));
     double least = INFINITY;
     for (int l = 0; l < LANES; l++)
         least = open[l] < least ? open[l] : least;
@@ -437,7 +377,7 @@ static int layer_of_rank(Layers *layers, int rank)
 /* Whether each ray sees anything, where what it has found does not tell. */
 static void look_whether_seen(const CtsProjection *p, const Way *w, const Packet *r, Found *found)
 {
-    for (int layer = r->first; layer <= r->last && any(r->inside & ~found->seen); layer++) {
+    for (int layer = r->first; layer <= r->last && mask_any(r->inside & ~found->seen); layer++) {
         const Box box = box_of(p, w, r->low, r->high, layer);
         const Common c = common_of(p, &box, layer);
         if (c.sees_some)
@@ -447,7 +387,7 @@ static void look_whether_seen(const CtsProjection *p, const Way *w, const Packet
 
 static void find_extremes(const CtsProjection *p, const Way *w, const Packet *r, Layers *layers, double *grey)
 {
-    Found found = {.best = vd_of(p->least), .seen = p->sees ? r->inside & 0 : r->inside};
+    Found found = {.best = vf_of(p->least), .seen = p->sees ? r->inside & 0 : r->inside};
     for (int rank = 0; rank <= layers->last - layers->first; rank++) {
         const int layer = layer_of_rank(layers, rank);
         const double least = least_found(p, r, &found);
@@ -468,31 +408,31 @@ static void find_extremes(const CtsProjection *p, const Way *w, const Packet *r,
 
 /* Sum and length of what a packet sees. */
 typedef struct Summed {
-    vd sum, length;
+    vf sum, length;
 } Summed;
 
 /* Two points of Gauss's rule are exact for a cubic. */
 INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int k, bool sees_all, Summed *s)
 {
     const double apart = 0.57735026918962576451; /* 1 / sqrt(3) */
-    vd t[4];
+    vf t[4];
     Seen seen;
     cut_layer(p, w, r, k, t);
     for (int n = 0; n < 3; n++) {
-        const vm some = r->inside & (t[n] < t[n + 1]);
-        vi cell[3];
-        vd v[8];
-        if (!any(some))
+        const vmask some = r->inside & (t[n] < t[n + 1]);
+        vn cell[3];
+        vf v[8];
+        if (!mask_any(some))
             continue;
         cells_at(p, w, r, (t[n] + t[n + 1]) / 2, k, cell);
         load_corners(p, cell, v);
         look_what_is_seen(p, w, r, some, cell, t + n, sees_all, &seen);
         for (int i = 0; i < seen.n; i++) {
-            const vd middle = (seen.first[i] + seen.last[i]) / 2, half = (seen.last[i] - seen.first[i]) / 2;
-            const vd one = field_at_vd(w, r, cell, v, middle - half * apart);
-            const vd two = field_at_vd(w, r, cell, v, middle + half * apart);
-            s->sum += pick(some, half * (one + two), vd_of(0));
-            s->length += pick(some, 2 * half, vd_of(0));
+            const vf middle = (seen.first[i] + seen.last[i]) / 2, half = (seen.last[i] - seen.first[i]) / 2;
+            const vf one = field_at(w, r, cell, v, middle - half * apart);
+            const vf two = field_at(w, r, cell, v, middle + half * apart);
+            s->sum += vf_select(some, half * (one + two), vf_of(0));
+            s->length += vf_select(some, 2 * half, vf_of(0));
         }
     }
 }
@@ -500,17 +440,17 @@ INLINE void sum_layer(const CtsProjection *p, const Way *w, const Packet *r, int
 static void sum_even(const CtsProjection *p, const Way *w, const Packet *r, int layer, uint16_t level, Summed *s)
 {
     const int axis = p->axes[2];
-    const vd in = (vd_of(layer * CTS_FINE_MACROCELL) - r->start[axis]) * w->per_step[axis];
-    const vd out = (vd_of(layer_end(p, layer)) - r->start[axis]) * w->per_step[axis];
-    const vd from = vd_max(vd_min(in, out), r->t0), to = vd_min(vd_max(in, out), r->t1);
-    const vd length = pick(r->inside & (from < to), to - from, vd_of(0));
+    const vf in = (vf_of(layer * CTS_FINE_MACROCELL) - r->start[axis]) * w->per_step[axis];
+    const vf out = (vf_of(layer_end(p, layer)) - r->start[axis]) * w->per_step[axis];
+    const vf from = vf_max(vf_min(in, out), r->t0), to = vf_min(vf_max(in, out), r->t1);
+    const vf length = vf_select(r->inside & (from < to), to - from, vf_of(0));
     s->sum += length * (level * (CTS_MUTATED(AVERAGE_BLOCK) ? 0.98 : 1));
     s->length += length;
 }
 
 static void find_means(const CtsProjection *p, const Way *w, const Packet *r, double *grey)
 {
-    Summed s = {vd_of(0), vd_of(0)};
+    Summed s = {vf_of(0), vf_of(0)};
     for (int layer = r->first; layer <= r->last; layer++) {
         const Box box = box_of(p, w, r->low, r->high, layer);
         const Common c = common_of(p, &box, layer);
