@@ -3,6 +3,7 @@
 #include "base/cpu.h"
 #include "base/mem.h"
 #include "base/parallel.h"
+#include "base/simd_fixed.h"
 #include <math.h>
 #include <stdatomic.h>
 #include <stdlib.h>
@@ -50,7 +51,6 @@ typedef struct Shaping {
 typedef uint32_t __attribute__((aligned(2), may_alias)) Pair;
 /* Distances side by side. */
 enum { EIGHT = 8 };
-typedef int16_t Eight __attribute__((vector_size(2 * EIGHT)));
 
 /* Where a block's grey levels come from, in pixels from there: x and y in the slice before, x and y in the one behind;
  * and how much of it does. Each number has an array of its own, each row with its first and its last once more at its
@@ -232,19 +232,19 @@ INLINE void reach_row(int16_t *restrict d, const int16_t *restrict known, int n)
     }
 }
 
-INLINE Eight nearest(Eight a, Eight b)
+INLINE i16x8 nearest(i16x8 a, i16x8 b)
 {
-    return a + ((b - a) & (Eight)(b < a));
+    return a + ((b - a) & (i16x8)(b < a));
 }
 
 /* The distances of a row from those to the left: within eight by doubling steps, then from the eight before. */
 INLINE void reach_right(int16_t *row, int n)
 {
-    const Eight far = (Eight){0} + (int16_t)FAR, steps = {1, 2, 3, 4, 5, 6, 7, 8};
+    const i16x8 far = (i16x8){0} + (int16_t)FAR, steps = {1, 2, 3, 4, 5, 6, 7, 8};
     int16_t v = FAR;
     int i = 0;
     for (; i + EIGHT <= n; i += EIGHT) {
-        Eight x;
+        i16x8 x;
         memcpy(&x, row + i, sizeof x);
         x = nearest(x, SIDE + __builtin_shufflevector(far, x, 0, 8, 9, 10, 11, 12, 13, 14));
         x = nearest(x, 2 * SIDE + __builtin_shufflevector(far, x, 0, 1, 8, 9, 10, 11, 12, 13));
@@ -260,11 +260,11 @@ INLINE void reach_right(int16_t *row, int n)
 /* The same from those to the right. */
 INLINE void reach_left(int16_t *row, int n)
 {
-    const Eight far = (Eight){0} + (int16_t)FAR, steps = {8, 7, 6, 5, 4, 3, 2, 1};
+    const i16x8 far = (i16x8){0} + (int16_t)FAR, steps = {8, 7, 6, 5, 4, 3, 2, 1};
     int16_t v = FAR;
     int i = n;
     for (; i >= EIGHT; i -= EIGHT) {
-        Eight x;
+        i16x8 x;
         memcpy(&x, row + i - EIGHT, sizeof x);
         x = nearest(x, SIDE + __builtin_shufflevector(x, far, 1, 2, 3, 4, 5, 6, 7, 8));
         x = nearest(x, 2 * SIDE + __builtin_shufflevector(x, far, 2, 3, 4, 5, 6, 7, 8, 9));

@@ -2,26 +2,10 @@
 #include "engine/splat/loops.h"
 
 #include "base/mutation.h"
+#include "base/simd_fixed.h"
 #include <string.h>
 
 #define INLINE static inline __attribute__((always_inline))
-#define VECTOR(type, name, bytes)                                                                                      \
-    typedef type name __attribute__((vector_size(bytes), aligned(sizeof(type)), may_alias))
-#define SHUFFLE __builtin_shufflevector
-#define CONVERT __builtin_convertvector
-
-VECTOR(uint8_t, Byte8, 8);
-VECTOR(uint16_t, Short8, 16);
-VECTOR(uint32_t, Word2, 8);
-VECTOR(uint32_t, Word4, 16);
-VECTOR(uint32_t, Word8, 32);
-VECTOR(int32_t, Int4, 16);
-VECTOR(int32_t, Int8, 32);
-VECTOR(int64_t, Long4, 32);
-VECTOR(float, Float4, 16);
-VECTOR(float, Float8, 32);
-VECTOR(double, Double4, 32);
-
 /* Voxels to splat: where their first tap goes, and the change of grey. Neighbours' footprints overlap, and to add to
  * what was stored a moment ago stalls; so of a list every TURNS-th voxel is taken before the next ones. */
 enum { TURNS = 4, ENOUGH = 128, MOST = ENOUGH + 64 + 8 };
@@ -32,28 +16,28 @@ typedef struct List {
     uint32_t change[MOST];
 } List;
 
-INLINE Int8 grey_8(const uint16_t *grey)
+INLINE i32x8 grey_8(const uint16_t *grey)
 {
-    const Short8 eight = *(const Short8 *)grey;
+    const u16x8 eight = *(const u16x8 *)grey;
     int32_t wide[8];
     for (int k = 0; k < 8; k++)
         wide[k] = eight[k];
-    return *(const Int8 *)wide;
+    return *(const i32x8 *)wide;
 }
 
 /* Add voxels i..i+n-1, eight at a time as long as that stays below voxel `end`. */
 INLINE void list_run(List *l, const CtsScatter *job, int i, int n, int end)
 {
     const int density = job->footprint->density[0], past = i + n;
-    const Int8 columns = (Int8){0, 1, 2, 3, 4, 5, 6, 7} * density;
+    const i32x8 columns = (i32x8){0, 1, 2, 3, 4, 5, 6, 7} * density;
     int at = l->n;
     l->n += n;
     for (; i < past && i + 8 <= end; i += 8, at += 8) {
-        Int8 change = grey_8(job->value + i);
+        i32x8 change = grey_8(job->value + i);
         if (job->old)
             change -= grey_8(job->old + i);
-        *(Int8 *)(l->column + at) = columns + i * density;
-        *(Int8 *)(l->change + at) = change;
+        *(i32x8 *)(l->column + at) = columns + i * density;
+        *(i32x8 *)(l->change + at) = change;
     }
     for (; i < past; i++, at++) {
         l->column[at] = i * density;
@@ -70,12 +54,12 @@ INLINE void scatter_list(const CtsScatter *job, const List *l, int n_vectors)
         for (int k = turn; k < l->n; k += TURNS) {
             const uint32_t change = l->change[k];
             uint32_t *to = job->sheet + l->column[k];
-            const Word8 *weight = (const Word8 *)job->footprint->weight[job->tap0];
+            const u32x8 *weight = (const u32x8 *)job->footprint->weight[job->tap0];
             for (int v = 0; v < n_rows; v++, to += stride, weight += CTS_MAX_TAPS / 8) {
                 if (n_vectors == 0)
-                    *(Word4 *)to += change * *(const Word4 *)weight;
+                    *(u32x4 *)to += change * *(const u32x4 *)weight;
                 for (int i = 0; i < n_vectors; i++)
-                    ((Word8 *)to)[i] += change * weight[i];
+                    ((u32x8 *)to)[i] += change * weight[i];
             }
         }
 }
@@ -85,15 +69,15 @@ INLINE void scatter_rows(const CtsScatter *job, const List *l, int n_vectors)
 {
     uint32_t *row = job->sheet;
     for (int v = job->tap0; v < job->tap1; v++, row += job->stride) {
-        const Word8 *const weight = (const Word8 *)job->footprint->weight[v];
-        const Word4 four = *(const Word4 *)weight;
+        const u32x8 *const weight = (const u32x8 *)job->footprint->weight[v];
+        const u32x4 four = *(const u32x4 *)weight;
         for (int turn = 0; turn < TURNS; turn++)
             for (int k = turn; k < l->n; k += TURNS) {
                 uint32_t *const to = row + l->column[k];
                 if (n_vectors == 0)
-                    *(Word4 *)to += l->change[k] * four;
+                    *(u32x4 *)to += l->change[k] * four;
                 for (int i = 0; i < n_vectors; i++)
-                    ((Word8 *)to)[i] += l->change[k] * weight[i];
+                    ((u32x8 *)to)[i] += l->change[k] * weight[i];
             }
     }
 }
@@ -136,9 +120,9 @@ static void scatter(const CtsScatter *job, const uint64_t *marks, int n)
 }
 
 /* 64 bits, of which bit 8 k + l stands in bit k of lane l: a square of bits that is turned over its diagonal. */
-INLINE uint64_t lane_bits(Short8 lanes)
+INLINE uint64_t lane_bits(u16x8 lanes)
 {
-    const Byte8 narrow = CONVERT(lanes, Byte8);
+    const u8x8 narrow = CONVERT(lanes, u8x8);
     uint64_t x, swap;
     memcpy(&x, &narrow, sizeof x);
     if (!x)
@@ -155,10 +139,10 @@ static void differ(const uint16_t *value, const uint16_t *old, int n, uint64_t *
 {
     int i = 0;
     for (; i + 64 <= n; i += 64) {
-        Short8 lanes = {0};
+        u16x8 lanes = {0};
         for (int k = 0; k < 8; k++)
-            lanes |= (Short8)(*(const Short8 *)(value + i + 8 * k) != *(const Short8 *)(old + i + 8 * k)) &
-                     (uint16_t)(1 << k);
+            lanes |=
+                (u16x8)(*(const u16x8 *)(value + i + 8 * k) != *(const u16x8 *)(old + i + 8 * k)) & (uint16_t)(1 << k);
         marks[i / 64] = lane_bits(lanes);
     }
     if (i < n)
@@ -171,9 +155,9 @@ static void reach(const uint16_t *value, uint16_t least, int n, const uint64_t *
 {
     int i = 0;
     for (; i + 64 <= n; i += 64) {
-        Short8 lanes = {0};
+        u16x8 lanes = {0};
         for (int k = 0; k < 8 && wanted[i / 64]; k++)
-            lanes |= (Short8)(*(const Short8 *)(value + i + 8 * k) >= least) & (uint16_t)(1 << k);
+            lanes |= (u16x8)(*(const u16x8 *)(value + i + 8 * k) >= least) & (uint16_t)(1 << k);
         marks[i / 64] = lane_bits(lanes) & wanted[i / 64];
     }
     if (i < n)
@@ -185,48 +169,48 @@ static void reach(const uint16_t *value, uint16_t least, int n, const uint64_t *
 static void place(double base, double by_x, int last, int x0, int n, int32_t *cell, float *frac)
 {
     const int last_cell = last > 1 ? last - 1 : 0;
-    const Double4 end = last - (Double4){0};
+    const f64x4 end = last - (f64x4){0};
     for (int i = 0; i < n; i += 4) {
-        const Double4 at = base + by_x * ((Double4){0, 1, 2, 3} + (x0 + i));
-        const Double4 up = (Double4)((Long4)at & (at > 0));
-        const Long4 inside = up < end;
-        const Double4 held = (Double4)(((Long4)up & inside) | ((Long4)end & ~inside));
-        Int4 down = CONVERT(held, Int4);
+        const f64x4 at = base + by_x * ((f64x4){0, 1, 2, 3} + (x0 + i));
+        const f64x4 up = (f64x4)((i64x4)at & (at > 0));
+        const i64x4 inside = up < end;
+        const f64x4 held = (f64x4)(((i64x4)up & inside) | ((i64x4)end & ~inside));
+        i32x4 down = CONVERT(held, i32x4);
         down += down > last_cell; /* the end belongs to the cell before it */
         double whole[4];
         for (int k = 0; k < 4; k++)
             whole[k] = down[k];
-        *(Int4 *)(cell + i) = down;
-        *(Float4 *)(frac + i) = CONVERT(held - *(const Double4 *)whole, Float4);
+        *(i32x4 *)(cell + i) = down;
+        *(f32x4 *)(frac + i) = CONVERT(held - *(const f64x4 *)whole, f32x4);
     }
 }
 
-INLINE Float8 lerp(Float8 a, Float8 b, Float8 t)
+INLINE f32x8 lerp(f32x8 a, f32x8 b, f32x8 t)
 {
     return a + (b - a) * t;
 }
 
-INLINE Word4 load_two(const uint32_t *a, const uint32_t *b)
+INLINE u32x4 load_two(const uint32_t *a, const uint32_t *b)
 {
-    return SHUFFLE(*(const Word2 *)a, *(const Word2 *)b, 0, 1, 2, 3);
+    return SHUFFLE(*(const u32x2 *)a, *(const u32x2 *)b, 0, 1, 2, 3);
 }
 
 /* Two lattice neighbours of each of eight samples, halved so that they fit a signed integer, which is what vector units
  * convert. Lanes are loaded as 0 1 4 5 and 2 3 6 7, so that one shuffle within 128-bit halves puts them in order. */
-INLINE void load_pairs(const uint32_t *sheet, const int32_t *at, Float8 *left, Float8 *right)
+INLINE void load_pairs(const uint32_t *sheet, const int32_t *at, f32x8 *left, f32x8 *right)
 {
-    const Word4 ab = load_two(sheet + at[0], sheet + at[1]), cd = load_two(sheet + at[2], sheet + at[3]);
-    const Word4 ef = load_two(sheet + at[4], sheet + at[5]), gh = load_two(sheet + at[6], sheet + at[7]);
-    const Word8 a = SHUFFLE(ab, ef, 0, 1, 2, 3, 4, 5, 6, 7);
-    const Word8 b = SHUFFLE(cd, gh, 0, 1, 2, 3, 4, 5, 6, 7);
-    const Float8 af = CONVERT((Int8)(a >> 1), Float8), bf = CONVERT((Int8)(b >> 1), Float8);
+    const u32x4 ab = load_two(sheet + at[0], sheet + at[1]), cd = load_two(sheet + at[2], sheet + at[3]);
+    const u32x4 ef = load_two(sheet + at[4], sheet + at[5]), gh = load_two(sheet + at[6], sheet + at[7]);
+    const u32x8 a = SHUFFLE(ab, ef, 0, 1, 2, 3, 4, 5, 6, 7);
+    const u32x8 b = SHUFFLE(cd, gh, 0, 1, 2, 3, 4, 5, 6, 7);
+    const f32x8 af = CONVERT((i32x8)(a >> 1), f32x8), bf = CONVERT((i32x8)(b >> 1), f32x8);
     *left = SHUFFLE(af, bf, 0, 2, 8, 10, 4, 6, 12, 14);
     *right = SHUFFLE(af, bf, 1, 3, 9, 11, 5, 7, 13, 15);
 }
 
-INLINE Float8 bilinear_8(const uint32_t *sheet, size_t stride, const int32_t *at, Float8 fu, Float8 fv)
+INLINE f32x8 bilinear_8(const uint32_t *sheet, size_t stride, const int32_t *at, f32x8 fu, f32x8 fv)
 {
-    Float8 a, b, c, d;
+    f32x8 a, b, c, d;
     load_pairs(sheet, at, &a, &b);
     load_pairs(sheet + stride, at, &c, &d);
     return lerp(lerp(a, b, fu), lerp(c, d, fu), fv);
@@ -236,35 +220,35 @@ INLINE Float8 bilinear_8(const uint32_t *sheet, size_t stride, const int32_t *at
 INLINE uint64_t shown_64(const uint16_t *grey, const CtsEntries *entries)
 {
     const uint16_t low = entries->low, range = (uint16_t)(entries->high - low);
-    Short8 lanes = {0};
+    u16x8 lanes = {0};
     for (int k = 0; k < 8; k++)
-        lanes |= (Short8)(*(const Short8 *)(grey + 8 * k) - low <= range) & (uint16_t)(1 << k);
+        lanes |= (u16x8)(*(const u16x8 *)(grey + 8 * k) - low <= range) & (uint16_t)(1 << k);
     return lane_bits(lanes);
 }
 
 /* The levels of pixels i..i+7; level: as in places. */
-INLINE Short8 sample_8(const CtsSheetPair *sheets, const CtsPlaces *places, int i, bool level)
+INLINE u16x8 sample_8(const CtsSheetPair *sheets, const CtsPlaces *places, int i, bool level)
 {
     const size_t row = level ? (size_t)places->cell[1][0] * sheets->stride : 0;
-    const Float8 fu = *(const Float8 *)(places->frac[0] + i);
-    Float8 fv = places->frac[1][0] - (Float8){0};
+    const f32x8 fu = *(const f32x8 *)(places->frac[0] + i);
+    f32x8 fv = places->frac[1][0] - (f32x8){0};
     const int32_t *at = places->cell[0] + i;
-    Int8 oblique;
+    i32x8 oblique;
     if (!level) {
-        fv = *(const Float8 *)(places->frac[1] + i);
-        oblique = *(const Int8 *)at + *(const Int8 *)(places->cell[1] + i) * (int32_t)sheets->stride;
+        fv = *(const f32x8 *)(places->frac[1] + i);
+        oblique = *(const i32x8 *)at + *(const i32x8 *)(places->cell[1] + i) * (int32_t)sheets->stride;
         at = (const int32_t *)&oblique;
     }
-    Float8 value = bilinear_8(sheets->first + row, sheets->stride, at, fu, fv);
+    f32x8 value = bilinear_8(sheets->first + row, sheets->stride, at, fu, fv);
     if (sheets->second)
-        value = lerp(value, bilinear_8(sheets->second + row, sheets->stride, at, fu, fv), sheets->weight - (Float8){0});
+        value = lerp(value, bilinear_8(sheets->second + row, sheets->stride, at, fu, fv), sheets->weight - (f32x8){0});
     value *= 2.0f / CTS_WEIGHT_ONE;
     /* Beside 2^23 a float has no bits left for fractions: the nearest whole number, ties to even. */
-    Int8 whole = (Int8)(value + 0x1p23f) & 0x7fffff;
+    i32x8 whole = (i32x8)(value + 0x1p23f) & 0x7fffff;
     if (CTS_MUTATED(ROUNDING))
-        whole = CONVERT(value, Int8);
-    const Int8 above = whole > sheets->top;
-    return CONVERT((whole & ~above) | (sheets->top & above), Short8);
+        whole = CONVERT(value, i32x8);
+    const i32x8 above = whole > sheets->top;
+    return CONVERT((whole & ~above) | (sheets->top & above), u16x8);
 }
 
 /* Where in its word the first eight with a mark begins, and where the last one ends. */
@@ -287,7 +271,7 @@ INLINE uint64_t sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, 
         const int first = wanted ? first_eight(wanted) : 0, past = wanted ? past_eight(wanted) : 0;
         for (int at = first; at < past; at += 8)
             if (wanted >> at & 255)
-                *(Short8 *)(grey + 64 * w + at) = sample_8(sheets, places, 64 * w + at, level);
+                *(u16x8 *)(grey + 64 * w + at) = sample_8(sheets, places, 64 * w + at, level);
         n += (uint64_t)(past - first) / 8;
     }
     return n;
@@ -296,8 +280,8 @@ INLINE uint64_t sample_row(const CtsSheetPair *sheets, const CtsPlaces *places, 
 static uint64_t sample(const CtsSheetPair *sheets, const CtsPlaces *places, const CtsEntries *entries,
                        const CtsRowMarks *marks, uint16_t *grey)
 {
-    const uint64_t n = places->level ? sample_row(sheets, places, marks, grey, true)
-                                     : sample_row(sheets, places, marks, grey, false);
+    const uint64_t n =
+        places->level ? sample_row(sheets, places, marks, grey, true) : sample_row(sheets, places, marks, grey, false);
     /* Only now: to read what was written a moment ago would be to wait for it. */
     for (int w = marks->first; w < marks->past; w++)
         if (marks->bits[w])
@@ -306,35 +290,35 @@ static uint64_t sample(const CtsSheetPair *sheets, const CtsPlaces *places, cons
 }
 
 /* Add transmittance times entry, then let what is left of almost nothing be nothing. Returns whether that closed it. */
-INLINE bool blend_one(float *pixel, Float4 entry)
+INLINE bool blend_one(float *pixel, f32x4 entry)
 {
-    const Float4 old = *(const Float4 *)pixel;
-    Float4 new = old + old[3] * entry;
+    const f32x4 old = *(const f32x4 *)pixel;
+    f32x4 new = old + old[3] * entry;
     const bool closes = new[3] < CTS_OPAQUE_BELOW;
-    *(Float4 *)pixel = new;
+    *(f32x4 *)pixel = new;
     if (closes)
         pixel[3] = 0;
     return closes & (old[3] > 0);
 }
 
 /* The same of two pixels side by side, as far as masks let it; lanes other than 3 and 7 of the result mean nothing. */
-INLINE Int8 blend_two(float *pixels, const float first[4], const float second[4], Int8 mask)
+INLINE i32x8 blend_two(float *pixels, const float first[4], const float second[4], i32x8 mask)
 {
-    static const Int8 transmittance = {0, 0, 0, -1, 0, 0, 0, -1};
-    const Float8 old = *(const Float8 *)pixels, left = SHUFFLE(old, old, 3, 3, 3, 3, 7, 7, 7, 7);
-    const Float8 both = SHUFFLE(*(const Float4 *)first, *(const Float4 *)second, 0, 1, 2, 3, 4, 5, 6, 7);
-    const Float8 new = old + left *(Float8)((Int8)both & mask);
-    const Int8 closes = (new < CTS_OPAQUE_BELOW) & transmittance;
-    *(Float8 *)pixels = (Float8)((Int8) new & ~closes);
+    static const i32x8 transmittance = {0, 0, 0, -1, 0, 0, 0, -1};
+    const f32x8 old = *(const f32x8 *)pixels, left = SHUFFLE(old, old, 3, 3, 3, 3, 7, 7, 7, 7);
+    const f32x8 both = SHUFFLE(*(const f32x4 *)first, *(const f32x4 *)second, 0, 1, 2, 3, 4, 5, 6, 7);
+    const f32x8 new = old + left *(f32x8)((i32x8)both & mask);
+    const i32x8 closes = (new < CTS_OPAQUE_BELOW) & transmittance;
+    *(f32x8 *)pixels = (f32x8)((i32x8) new & ~closes);
     return closes & (old > 0);
 }
 
 /* Eight pixels of which any is marked. The result says which closed, as blend_two() does. */
-INLINE Int8 blend_8(float *pixels, const uint16_t *grey, unsigned marks, const float (*entry)[4])
+INLINE i32x8 blend_8(float *pixels, const uint16_t *grey, unsigned marks, const float (*entry)[4])
 {
-    static const Int8 masks[4] = {
+    static const i32x8 masks[4] = {
         {0}, {-1, -1, -1, -1}, {0, 0, 0, 0, -1, -1, -1, -1}, {-1, -1, -1, -1, -1, -1, -1, -1}};
-    Int8 closed = {0};
+    i32x8 closed = {0};
     if (marks == 255)
         for (int k = 0; k < 8; k += 2)
             closed |= blend_two(pixels + 4 * k, entry[grey[k]], entry[grey[k + 1]], masks[3]);
@@ -355,7 +339,7 @@ INLINE unsigned opaque_8(const float *pixels, int n)
 /* Whether no transmittance of eight pixels is left, so that nothing can be added. */
 INLINE bool all_opaque(const float *pixels)
 {
-    const Int8 *two = (const Int8 *)pixels, any = two[0] | two[1] | two[2] | two[3];
+    const i32x8 *two = (const i32x8 *)pixels, any = two[0] | two[1] | two[2] | two[3];
     return !(any[3] | any[7]);
 }
 
@@ -367,7 +351,7 @@ static void blend(float *pixels, int width, const uint16_t *grey, const CtsRowMa
         for (uint64_t left = marks->bits[w]; left;) {
             const int at = first_eight(left), i = 64 * w + at;
             const unsigned eight = left >> at & 255;
-            Int8 closes = {0};
+            i32x8 closes = {0};
             left &= ~(UINT64_C(255) << at);
             if (i + 8 <= width && !closed && all_opaque(pixels + 4 * (size_t)i))
                 continue;
@@ -376,22 +360,22 @@ static void blend(float *pixels, int width, const uint16_t *grey, const CtsRowMa
             else /* what is beyond is the next row's */
                 for (unsigned one = eight; one; one &= one - 1) {
                     const int k = i + __builtin_ctz(one);
-                    closes[3] |= blend_one(pixels + 4 * (size_t)k, *(const Float4 *)entry[grey[k]]);
+                    closes[3] |= blend_one(pixels + 4 * (size_t)k, *(const f32x4 *)entry[grey[k]]);
                 }
             if (closed && (closes[3] | closes[7]))
                 closed[w] |= (uint64_t)opaque_8(pixels + 4 * (size_t)i, width - i) << at;
         }
 }
 
-INLINE Float4 lerp_4(const float a[4], const float b[4], float t)
+INLINE f32x4 lerp_4(const float a[4], const float b[4], float t)
 {
-    return *(const Float4 *)a + (*(const Float4 *)b - *(const Float4 *)a) * t;
+    return *(const f32x4 *)a + (*(const f32x4 *)b - *(const f32x4 *)a) * t;
 }
 
 /* The gradient of a layer, between four voxels. */
-INLINE Float4 gradient_at(const float (*field)[4], size_t stride, float fu, float fv)
+INLINE f32x4 gradient_at(const float (*field)[4], size_t stride, float fu, float fv)
 {
-    const Float4 top = lerp_4(field[0], field[1], fu), bottom = lerp_4(field[stride], field[stride + 1], fu);
+    const f32x4 top = lerp_4(field[0], field[1], fu), bottom = lerp_4(field[stride], field[stride + 1], fu);
     return top + (bottom - top) * fv;
 }
 
@@ -406,13 +390,13 @@ INLINE bool light_one(float *pixel, const float entry[4], const CtsPlaces *place
         frac[axis] = ((float)(cell - (whole << shift)) + places->frac[axis][i]) * (1.0f / (float)(1 << shift));
     }
     const size_t from = voxel[1] * light->stride + voxel[0];
-    Float4 g = gradient_at(light->first + from, light->stride, frac[0], frac[1]);
+    f32x4 g = gradient_at(light->first + from, light->stride, frac[0], frac[1]);
     if (light->second)
         g += (gradient_at(light->second + from, light->stride, frac[0], frac[1]) - g) * light->weight;
     cts_shade_factors(light->shade, cts_shade_facing(light->shade, g[0], g[1], g[2]), &colour, &white);
     const float lift = -entry[3] * white;
-    const Float4 factor = {colour, colour, colour, 1}, whites = {lift, lift, lift, 0};
-    return blend_one(pixel, *(const Float4 *)entry * factor + whites);
+    const f32x4 factor = {colour, colour, colour, 1}, whites = {lift, lift, lift, 0};
+    return blend_one(pixel, *(const f32x4 *)entry * factor + whites);
 }
 
 static void light(float *pixels, const uint16_t *grey, const CtsRowMarks *marks, const CtsEntries *entries,
@@ -428,20 +412,20 @@ static void light(float *pixels, const uint16_t *grey, const CtsRowMarks *marks,
 }
 
 /* By turns one of a and one of b, from the low and from the high half of each 128 bits. */
-INLINE Float8 weave_low(Float8 a, Float8 b)
+INLINE f32x8 weave_low(f32x8 a, f32x8 b)
 {
     return SHUFFLE(a, b, 0, 8, 1, 9, 4, 12, 5, 13);
 }
 
-INLINE Float8 weave_high(Float8 a, Float8 b)
+INLINE f32x8 weave_high(f32x8 a, f32x8 b)
 {
     return SHUFFLE(a, b, 2, 10, 3, 11, 6, 14, 7, 15);
 }
 
 /* after - before of eight grey levels. */
-INLINE Float8 difference_8(const uint16_t *after, const uint16_t *before)
+INLINE f32x8 difference_8(const uint16_t *after, const uint16_t *before)
 {
-    return CONVERT(grey_8(after) - grey_8(before), Float8);
+    return CONVERT(grey_8(after) - grey_8(before), f32x8);
 }
 
 INLINE void one_gradient(const CtsGradientRows *rows, int i, float gradient[4])
@@ -462,14 +446,14 @@ static void gradient(const CtsGradientRows *rows, int i0, int i1, float (*gradie
     for (; i < i1 && i < 1; i++)
         one_gradient(rows, i, gradient[i]);
     for (; i + 8 <= i1 && i + 8 < rows->n; i += 8) {
-        const Float8 u = difference_8(row + i + 1, row + i - 1), none = {0};
-        const Float8 v = difference_8(after[0] + i, before[0] + i) * rows->scale[0];
-        const Float8 k = difference_8(after[1] + i, before[1] + i) * rows->scale[1];
-        const Float8 uv[2] = {weave_low(u, v), weave_high(u, v)}, k0[2] = {weave_low(k, none), weave_high(k, none)};
-        Float8 *to = (Float8 *)gradient[i];
+        const f32x8 u = difference_8(row + i + 1, row + i - 1), none = {0};
+        const f32x8 v = difference_8(after[0] + i, before[0] + i) * rows->scale[0];
+        const f32x8 k = difference_8(after[1] + i, before[1] + i) * rows->scale[1];
+        const f32x8 uv[2] = {weave_low(u, v), weave_high(u, v)}, k0[2] = {weave_low(k, none), weave_high(k, none)};
+        f32x8 *to = (f32x8 *)gradient[i];
         for (int h = 0; h < 2; h++) {
-            const Float8 even = SHUFFLE(uv[h], k0[h], 0, 1, 8, 9, 4, 5, 12, 13);
-            const Float8 odd = SHUFFLE(uv[h], k0[h], 2, 3, 10, 11, 6, 7, 14, 15);
+            const f32x8 even = SHUFFLE(uv[h], k0[h], 0, 1, 8, 9, 4, 5, 12, 13);
+            const f32x8 odd = SHUFFLE(uv[h], k0[h], 2, 3, 10, 11, 6, 7, 14, 15);
             to[h] = SHUFFLE(even, odd, 0, 1, 2, 3, 8, 9, 10, 11);
             to[h + 2] = SHUFFLE(even, odd, 4, 5, 6, 7, 12, 13, 14, 15);
         }

@@ -1,6 +1,7 @@
 #include "engine/splat/stack.h"
 
 #include "base/mem.h"
+#include "base/simd_fixed.h"
 
 enum { AHEAD = 3 };
 
@@ -43,27 +44,23 @@ void cts_stack_free(CtsStack *s)
     cts_free(&s->chunk[1]);
 }
 
-/* Squares of 8 x 8 voxels turned round, in vectors of eight. */
-typedef uint16_t V8 __attribute__((vector_size(16)));
-typedef uint16_t V8Anywhere __attribute__((vector_size(16), aligned(2)));
-
 /* 8 rows of 8 voxels, in_stride apart, become 8 columns, out_stride apart. */
 static void transpose_8(const uint16_t *in, size_t in_stride, uint16_t *out, size_t out_stride)
 {
-    V8 a[8], b[8];
+    u16x8 a[8], b[8];
     for (size_t i = 0; i < 8; i++)
-        a[i] = *(const V8Anywhere *)(in + i * in_stride);
+        a[i] = *(const u16x8 *)(in + i * in_stride);
     /* Three rounds of interleaving rows i and i + 4. */
     for (int round = 0; round < 3; round++) {
         for (int i = 0; i < 4; i++) {
-            b[2 * i] = __builtin_shufflevector(a[i], a[i + 4], 0, 8, 1, 9, 2, 10, 3, 11);
-            b[2 * i + 1] = __builtin_shufflevector(a[i], a[i + 4], 4, 12, 5, 13, 6, 14, 7, 15);
+            b[2 * i] = SHUFFLE(a[i], a[i + 4], 0, 8, 1, 9, 2, 10, 3, 11);
+            b[2 * i + 1] = SHUFFLE(a[i], a[i + 4], 4, 12, 5, 13, 6, 14, 7, 15);
         }
         for (int i = 0; i < 8; i++)
             a[i] = b[i];
     }
     for (int i = 0; i < 8; i++)
-        *(V8Anywhere *)(out + (size_t)i * out_stride) = a[i];
+        *(u16x8 *)(out + (size_t)i * out_stride) = a[i];
 }
 
 /* Eight rows of the volume from u0 on, n_u of which exist, become eight columns of n_k layers. */

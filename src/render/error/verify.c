@@ -6,6 +6,7 @@
 #include "base/clock.h"
 #include "base/limits.h"
 #include "base/mem.h"
+#include "base/simd_fixed.h"
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -77,65 +78,61 @@ static void offer(CtsVerify *v, CtsVerifyClass *c, const CtsCandidate *candidate
     }
 }
 
-typedef float Four __attribute__((vector_size(16)));
-typedef int32_t Bits __attribute__((vector_size(16)));
-
 /* Red, green and blue as they are shown. */
-static inline Four pixel_at(const float *at, int n_channels, Four background)
+static inline f32x4 pixel_at(const float *at, int n_channels, f32x4 background)
 {
     if (n_channels != 4)
-        return (Four){at[0]};
-    Four f;
-    memcpy(&f, at, sizeof f);
-    return (f + (1 - f[3]) * background) * (Four){1, 1, 1, 0};
+        return (f32x4){at[0]};
+    const f32x4 f = *(const f32x4 *)at;
+    return (f + (1 - f[3]) * background) * (f32x4){1, 1, 1, 0};
 }
 
-static inline Four size_of(Four a)
+static inline f32x4 size_of(f32x4 a)
 {
-    return (Four)((Bits)a & 0x7fffffff);
+    return (f32x4)((i32x4)a & 0x7fffffff);
 }
 
-static inline bool is_zero(Four a)
+static inline bool is_zero(f32x4 a)
 {
     uint64_t bits[2];
     memcpy(bits, &a, sizeof bits);
     return (bits[0] | bits[1]) == 0;
 }
 
-static inline Four larger(Four a, Four b)
+static inline f32x4 larger(f32x4 a, f32x4 b)
 {
-    const Bits more = a > b;
-    return (Four)((more & (Bits)a) | (~more & (Bits)b));
+    const i32x4 more = a > b;
+    return (f32x4)((more & (i32x4)a) | (~more & (i32x4)b));
 }
 
-static inline double largest_of(Four a)
+static inline double largest_of(f32x4 a)
 {
     const float x = a[0] > a[1] ? a[0] : a[1], y = a[2] > a[3] ? a[2] : a[3];
     return (double)(x > y ? x : y);
 }
 
 /* The largest first and second difference to the neighbours on one line. */
-static inline void line_differences(Four before, Four here, Four behind, Four *first, Four *second)
+static inline void line_differences(f32x4 before, f32x4 here, f32x4 behind, f32x4 *first, f32x4 *second)
 {
-    const Four back = here - before, on = behind - here;
+    const f32x4 back = here - before, on = behind - here;
     *first = larger(*first, larger(size_of(back), size_of(on)));
     *second = larger(*second, size_of(on - back));
 }
 
 /* Rows are looked at in groups, so that how a picture is cut into bands does not matter; the picture's and the groups'
  * ends are mirrored. Errors lie where something is seen, along edges, and most of all where single pixels stand out. */
-static inline double importance(const CtsPicture *band, Four back, int x, int y)
+static inline double importance(const CtsPicture *band, f32x4 back, int x, int y)
 {
     const int n = band->n_channels, row = y % CTS_BAND_ROWS;
     const ptrdiff_t row_step = (ptrdiff_t)band->width * n;
     const float *at = band->pixels + (ptrdiff_t)y * row_step + (ptrdiff_t)x * n;
-    const Four here = pixel_at(at, n, back), left = pixel_at(x > 0 ? at - n : at, n, back);
-    const Four right = pixel_at(x < band->width - 1 ? at + n : at, n, back),
-               above = pixel_at(row > 0 ? at - row_step : at, n, back);
-    const Four below = pixel_at(row < CTS_BAND_ROWS - 1 && y < band->height - 1 ? at + row_step : at, n, back);
-    if (is_zero((Four)((Bits)here | (Bits)left | (Bits)right | (Bits)above | (Bits)below)))
+    const f32x4 here = pixel_at(at, n, back), left = pixel_at(x > 0 ? at - n : at, n, back);
+    const f32x4 right = pixel_at(x < band->width - 1 ? at + n : at, n, back),
+                above = pixel_at(row > 0 ? at - row_step : at, n, back);
+    const f32x4 below = pixel_at(row < CTS_BAND_ROWS - 1 && y < band->height - 1 ? at + row_step : at, n, back);
+    if (is_zero((f32x4)((i32x4)here | (i32x4)left | (i32x4)right | (i32x4)above | (i32x4)below)))
         return LEAST;
-    Four first = {0}, second = {0};
+    f32x4 first = {0}, second = {0};
     line_differences(left, here, right, &first, &second);
     line_differences(above, here, below, &first, &second);
     double edge = largest_of(first), spot = largest_of(second);
@@ -164,7 +161,7 @@ static void offer_pixels(CtsVerify *v, const CtsPicture *band, const float *boun
 {
     const int n = band->n_channels;
     const CtsPreset *p = v->scene->preset;
-    Four back = {0};
+    f32x4 back = {0};
     for (int c = 0; c < 3 && !p->background_none; c++)
         back[c] = (float)p->background[c];
     for (int y = 0; y < band->height; y++)
