@@ -133,7 +133,7 @@ INLINE ws ws_load_rows(const int16_t *from, ptrdiff_t stride, int n)
 {
     ws rows = {{{0}}};
     for (int r = 0; r < n; r++)
-        memcpy(&rows.part[r], from + r * stride, sizeof rows.part[r]);
+        memcpy((int16_t *)&rows + 8 * r, from + r * stride, 8 * sizeof *from);
     return rows;
 }
 #endif
