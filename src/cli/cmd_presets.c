@@ -68,9 +68,10 @@ static void print_one(const CtsPreset *p)
     else
         printf(", unlit");
     printf(", table %s\n\n", p->remove_table ? "removed" : "kept");
+    char line[400];
     const char *const advice = cts_preset_advice(p->name);
     if (advice)
-        printf("%s\n\n", advice);
+        printf("%s\n\n", cli_with_options(advice, line, sizeof line));
     CtsTable *opacity = cts_table_new((const char *const[]){">HU", ">opacity"}, 2);
     for (int i = 0; i < p->n_opacity; i++) {
         cts_table_cell(opacity, "%.10g", p->opacity[i].hu);

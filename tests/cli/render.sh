@@ -86,3 +86,8 @@ has err 'warning: .*--new-uids.* there is none'
 
 ls | grep -E '^\.|tmp' && fail "a temporary file is left"
 exit 0
+
+# Films: what is written instead.
+for film in turn.gif turn.MP4; do
+    refused 2 'animated \.webp holds a --rotation; .*ffmpeg' render "$data/phantom" $small --rotation 4 -o $film
+done

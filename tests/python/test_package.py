@@ -208,6 +208,12 @@ def test_errors(tmp_path, phantom):
     assert [f.code for f in lost.findings] == ["not_finite"]
 
 
+def test_settings_in_messages(phantom):
+    """Settings stand as Python writes them."""
+    with pytest.raises(ctsplat.Error, match="`label_colours`"):
+        phantom.render(label_colours=True, **SMALL)
+
+
 def test_outliers():
     """Isolated values that no scanner measures, of each kind of number."""
     hu = np.linspace(-1000, 1033, 32 * 32 * 32).round().reshape(32, 32, 32)
@@ -235,7 +241,7 @@ def test_fill():
     cleared = volume.render("skin", fill=0, **SMALL)
     assert "constant_fill" not in [f.code for f in cleared.findings]
     expected = ctsplat.Volume(hu, (1, 1, 1)).render("skin", **SMALL)
-    assert np.array_equal(cleared.array, expected.array) and not np.array_equal(odd.array, expected.array)
+    assert np.array_equal(cleared.rgba, expected.rgba) and not np.array_equal(odd.rgba, expected.rgba)
     assert volume.hu[0, 0, 0] == 0
 
 

@@ -49,12 +49,12 @@ static const struct {
     const char *name, *advice;
 } advices[] = {
     {"brain",
-     "a skull is whiter than the brain and lies around it: `--view head --slab 10` looks between, `--slab-at MM` "
+     "a skull is whiter than the brain and lies around it: `view` head and `slab` 10 look between, `slab-at` MM "
      "at another place"},
-    {"vessel", "bone is as dense as blood with contrast agent, and shows: `--slab 60` leaves out what lies before and "
-               "behind, `--crop` what lies beside"},
+    {"vessel", "bone is as dense as blood with contrast agent, and shows: `slab` 60 leaves out what lies before and "
+               "behind, `crop` what lies beside"},
     {"vessel-window",
-     "bone is brighter than blood with contrast agent: `--slab 40` leaves out what lies before and behind"},
+     "bone is brighter than blood with contrast agent: `slab` 40 leaves out what lies before and behind"},
 };
 
 const char *cts_preset_advice(const char *name)

@@ -65,6 +65,12 @@ bool is_native(const char *syntax_uid)
     return strcmp(syntax_uid, UID_LittleEndianExplicitTransferSyntax) == 0;
 }
 
+const char *remedy_of(const CtsParcel &parcel)
+{
+    return is_native(parcel.ids.syntax_uid) ? " (it must be set up to store this class)"
+                                            : " (`compress` none sends it uncompressed)";
+}
+
 /* One file over a connection that stands. */
 void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
 {
@@ -72,8 +78,9 @@ void store(DcmSCU &scu, const CtsNet &net, CtsParcel &parcel, CtsTry &result)
         is_native(parcel.ids.syntax_uid) ? scu.findAnyPresentationContextID(parcel.ids.class_uid, parcel.ids.syntax_uid)
                                          : scu.findPresentationContextID(parcel.ids.class_uid, parcel.ids.syntax_uid);
     if (context == 0) {
-        cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer does not take this kind of object%s",
-                 is_native(parcel.ids.syntax_uid) ? "" : " or its compression (--compress none)");
+        cts_fail(&result.error, CTS_ERR_OUTPUT, "the peer does not take %s in %s%s",
+                 cts_uid_words(parcel.ids.class_uid).c_str(), cts_uid_words(parcel.ids.syntax_uid).c_str(),
+                 remedy_of(parcel));
         return;
     }
     Uint16 status = 0;
@@ -97,8 +104,11 @@ void send_files(const CtsPeer &peer, const CtsNet &net, CtsParcel *parcels, int 
         syntaxes.push_back(parcels[i].ids.syntax_uid);
         if (is_native(parcels[i].ids.syntax_uid))
             syntaxes.push_back(UID_LittleEndianImplicitTransferSyntax);
-        if (!parcels[i].sent)
-            scu.addPresentationContext(parcels[i].ids.class_uid, syntaxes);
+        if (parcels[i].sent)
+            continue;
+        scu.offer(parcels[i].ids.class_uid, syntaxes);
+        if (scu.remedy.empty())
+            scu.remedy = remedy_of(parcels[i]);
     }
     if (scu.associate(peer, net, CTS_ERR_OUTPUT, &result.again, &result.error))
         return;
@@ -222,6 +232,8 @@ CtsStatus retrieve(CtsScu &scu, const char *model, const CtsPeer &peer, const Ct
                    Send send, CtsError *err)
 {
     scu.offer(model);
+    scu.remedy = net.move_port ? " (a peer that speaks DICOMweb is fetched from by its URL)"
+                               : " (`move-port` fetches by C-MOVE)";
     scu.offer(UID_FINDStudyRootQueryRetrieveInformationModel);
     CtsStatus st = scu.associate(peer, net, CTS_ERR_READ, nullptr, err);
     if (st)
@@ -229,7 +241,7 @@ CtsStatus retrieve(CtsScu &scu, const char *model, const CtsPeer &peer, const Ct
     const T_ASC_PresentationContextID context = scu.findPresentationContextID(model, "");
     if (context == 0)
         st = cts_fail(err, CTS_ERR_READ, "the peer does not know C-%s",
-                      net.move_port ? "MOVE" : "GET (--move-port fetches by C-MOVE)");
+                      net.move_port ? "MOVE" : "GET (`move-port` fetches by C-MOVE)");
     else
         st = each_series(
             scu, net, request,

@@ -31,6 +31,9 @@ void cts_transport_break(DcmTransportLayer &transport);
 /* DCMTK's conditions, and what a peer wrote into them, on one line. */
 std::string cts_one_line(const OFCondition &state);
 
+/* "RLE Lossless (1.2.840.10008.1.2.5)" */
+std::string cts_uid_words(const char *uid);
+
 /* What an association goes over outlives it. */
 struct CtsScuTransport {
     std::unique_ptr<DcmTransportLayer> transport;
@@ -40,8 +43,11 @@ struct CtsScuTransport {
 class CtsScu : protected CtsScuTransport, public DcmSCU
 {
   public:
-    /* To be offered: a model of queries, in the plain syntaxes. */
+    /* To be offered: a model of queries, in the plain syntaxes; objects of a class. */
     void offer(const char *model);
+    void offer(const char *sop_class, const OFList<OFString> &syntaxes, T_ASC_SC_ROLE role = ASC_SC_ROLE_DEFAULT);
+    /* What helps where the peer takes nothing that is offered: " (`compress` none ...)". */
+    std::string remedy;
     /* An association for what was offered. The failure's status is `fault`; *again: another try may do better. */
     CtsStatus associate(const CtsPeer &peer, const CtsNet &net, CtsStatus fault, bool *again, CtsError *err);
     void hang_up(bool in_peace);
@@ -53,6 +59,7 @@ class CtsScu : protected CtsScuTransport, public DcmSCU
     OFCondition handleFINDResponse(const T_ASC_PresentationContextID, QRResponse *response, OFBool &goes_on) override;
 
   private:
+    std::string offered; /* the first class and its syntaxes, for messages */
     size_t most_answers = 0;
     Uint16 query_status = STATUS_Success;
 };

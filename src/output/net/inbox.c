@@ -76,12 +76,12 @@ CtsStatus cts_inbox_grows(const CtsInbox *inbox, uint64_t n_bytes, CtsError *err
 {
     struct statvfs disk;
     if (inbox->n_files > CTS_INBOX_MAX_FILES)
-        return cts_fail(err, CTS_ERR_READ, "the peer sends more than %d files (give --series-uid)",
+        return cts_fail(err, CTS_ERR_READ, "the peer sends more than %d files (give `series-uid`)",
                         CTS_INBOX_MAX_FILES);
     if (n_bytes >> 20 >= CTS_INBOX_MAX_FILE_MIB)
         return cts_fail(err, CTS_ERR_READ, "the peer sends a file of more than %d GiB", CTS_INBOX_MAX_FILE_MIB >> 10);
     if ((inbox->n_bytes + n_bytes) >> 20 >= CTS_INBOX_MAX_MIB)
-        return cts_fail(err, CTS_ERR_READ, "the peer sends more than %d GiB (give --series-uid)",
+        return cts_fail(err, CTS_ERR_READ, "the peer sends more than %d GiB (give `series-uid`)",
                         CTS_INBOX_MAX_MIB >> 10);
     if (statvfs(inbox->folder, &disk) == 0 && disk.f_bavail < disk.f_blocks / 10)
         return cts_fail(err, CTS_ERR_READ, "%s: the disk is nearly full (set TMPDIR to another one)", inbox->folder);

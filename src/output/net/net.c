@@ -64,7 +64,7 @@ static void rest(const CtsNet *net, int ms)
 static void by_hand(const CtsPeer *peer, const CtsNet *net, char *text, size_t size)
 {
     if (peer->web || net->tls_ca || net->tls_key)
-        snprintf(text, size, "run the same command again with --force");
+        snprintf(text, size, "run the same again with `force`");
     else
         snprintf(text, size, "dcmsend -aet %s -aec %s %s %d FILE", net->own_aet, peer->aet, peer->host, peer->port);
 }
@@ -190,7 +190,7 @@ CtsStatus cts_net_fetch(const CtsPeer *peer, const CtsNet *given, const char *st
         return st;
     if (!study_uid)
         return cts_fail(err, CTS_ERR_USAGE,
-                        "what to fetch is not said (give --study-uid, and --series-uid for one of "
+                        "what to fetch is not said (give `study-uid`, and `series-uid` for one of "
                         "its series)");
     if (!cts_uid_is_valid(study_uid) || (series_uid && !cts_uid_is_valid(series_uid)))
         return cts_fail(err, CTS_ERR_USAGE, "%.80s: is no UID", !cts_uid_is_valid(study_uid) ? study_uid : series_uid);

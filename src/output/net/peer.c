@@ -41,7 +41,7 @@ static CtsStatus parse_url(const char *text, CtsPeer *peer, CtsError *err)
             return fail("URL", "has characters that must be percent-encoded", err);
     if (memchr(host, '@', n_host))
         return cts_fail(err, CTS_ERR_USAGE,
-                        "the URL holds a user or password (put them into --credentials FILE or CTSPLAT_CREDENTIALS)");
+                        "the URL holds a user or password (put them into `credentials` FILE or CTSPLAT_CREDENTIALS)");
     if (n_host == 0 || host[n_host + strcspn(host + n_host, "?#")])
         return fail(text, "is no root of a DICOMweb service", err);
     if (strlen(text) >= sizeof peer->url)

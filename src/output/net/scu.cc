@@ -14,12 +14,30 @@ static std::string refusal(const OFCondition &state)
     return text;
 }
 
+std::string cts_uid_words(const char *uid)
+{
+    return std::string(dcmFindNameOfUID(uid, "unknown")) + " (" + uid + ")";
+}
+
+void CtsScu::offer(const char *sop_class, const OFList<OFString> &syntaxes, T_ASC_SC_ROLE role)
+{
+    if (offered.empty()) {
+        offered = cts_uid_words(sop_class);
+        const char *joint = " in ";
+        for (const OFString &syntax : syntaxes) {
+            offered += joint + cts_uid_words(syntax.c_str());
+            joint = " or ";
+        }
+    }
+    addPresentationContext(sop_class, syntaxes, role);
+}
+
 void CtsScu::offer(const char *model)
 {
     OFList<OFString> plain;
     plain.push_back(UID_LittleEndianExplicitTransferSyntax);
     plain.push_back(UID_LittleEndianImplicitTransferSyntax);
-    addPresentationContext(model, plain);
+    offer(model, plain);
 }
 
 CtsStatus CtsScu::associate(const CtsPeer &peer, const CtsNet &net, CtsStatus fault, bool *again, CtsError *err)
@@ -44,6 +62,9 @@ CtsStatus CtsScu::associate(const CtsPeer &peer, const CtsNet &net, CtsStatus fa
         return CTS_OK;
     if (again)
         *again = state.module() != OFM_dcmtls && state != NET_EC_NoAcceptablePresentationContexts;
+    if (state == NET_EC_NoAcceptablePresentationContexts)
+        return cts_fail(err, fault, "%s at %s port %d takes nothing that is offered, such as %s%s", peer.aet, peer.host,
+                        peer.port, offered.c_str(), remedy.c_str());
     return cts_fail(err, fault, "no association with %s at %s port %d: %s", peer.aet, peer.host, peer.port,
                     refusal(state).c_str());
 }

@@ -164,7 +164,7 @@ static CtsStatus fail(const Web *web, CURLcode code, long status, CtsStatus faul
     if (code)
         return cts_fail(err, fault, "the connection failed: %s", *web->why ? web->why : curl_easy_strerror(code));
     return cts_fail(err, fault, "the peer answers with status %ld%s", status,
-                    status == 401 || status == 403 ? " (--credentials FILE or CTSPLAT_CREDENTIALS)" : "");
+                    status == 401 || status == 403 ? " (`credentials` FILE or CTSPLAT_CREDENTIALS)" : "");
 }
 
 /* The sequence's items name this instance: ReferencedSOPInstanceUID (0008,1155). */

@@ -7,6 +7,7 @@ A picture has the bytes that `ctsplat render` writes for the same words; options
 """
 import json
 import os
+import re
 import queue
 import tempfile
 import threading
@@ -48,10 +49,15 @@ def _text(chars: Any) -> str:
     return ffi.string(chars).decode("utf-8", "replace") if chars else ""
 
 
+def _said(chars: Any) -> str:
+    """A message of the library, which names settings in backticks as the program's options are written."""
+    return re.sub("`[a-z]+(-[a-z0-9]+)+`", lambda setting: setting[0].replace("-", "_"), _text(chars))
+
+
 def _check(status: int, err: Any) -> None:
     if status:
         group = status // 10
-        raise Error(_text(err.text), {1: 1, 6: 130, 7: 1}.get(group, group))
+        raise Error(_said(err.text), {1: 1, 6: 130, 7: 1}.get(group, group))
 
 
 class _Report:
@@ -63,7 +69,7 @@ class _Report:
     def findings(self) -> List[Finding]:
         found = self.c.findings
         names = lib.cts_severity_names
-        return [Finding(_text(f.code), _text(names[f.severity]), _text(f.text)) for f in found.items[0 : found.n]]
+        return [Finding(_text(f.code), _text(names[f.severity]), _said(f.text)) for f in found.items[0 : found.n]]
 
     def log(self) -> Dict[str, Any]:
         stages = {}
@@ -79,7 +85,8 @@ class _Report:
         return Bound(b.rmse, b.max if b.max >= 0 else None, "estimated") if b.known else None
 
 
-_FLAGS = {"deidentify", "explain", "force", "insecure_http", "label_colours", "new_uids", "show_paths"}
+_FLAGS = {"allow_missing_slices", "deidentify", "explain", "force", "insecure_http", "label_colours", "new_uids",
+          "show_paths"}
 
 
 def _values(name: str, value: Any) -> List[str]:
