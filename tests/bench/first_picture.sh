@@ -58,12 +58,13 @@ done
 for series in chest-ge head-phantom/S2020; do
     [ -d "$data/$series" ] || continue
     mkdir "$work/archive"
-    cp -r "$data/$series" "$work/archive/series"
+    cp -rL "$data/$series" "$work/archive/series"
     for run in 1 2 3; do
         for pictures in "bone anterior" "bone,skin anterior,left,posterior"; do
             rm -rf "$work/out"
             processor_ms "$ctsplat" batch "$work/archive" --presets "${pictures% *}" --views "${pictures#* }" --size 512x512 \
                 --max-error 8 --formats jpg --threads 1 --output-dir "$work/out"
+            ls "$work"/out/*/*.jpg >"$work/files" || { cat "$work/said" >&2; exit 1; }
         done | paste -sd' '
     done | awk -v series="$series" '
         NR == 1 || $1 < one { one = $1 }
