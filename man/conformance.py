@@ -157,6 +157,9 @@ statement = [
        "between are not those of other objects of the study",
        "warning where a tenth or less is missing, or every 2nd or 3rd slice is there; else refused unless "
        "--allow-missing-slices is given"),
+      ("frames_of_reference", "each of 5 or more slices has a FrameOfReferenceUID of its own, all else is of one study and "
+       "scanner, and they lie evenly", "warning; no presentation state is written, labels must name the slices; else "
+       "refused"),
       ("concatenation_incomplete", "parts of a concatenation are missing by InConcatenationNumber, "
        "InConcatenationTotalNumber or ConcatenationFrameOffsetNumber", "warning; refused where frames between others are, "
        "as of missing slices"),

@@ -53,6 +53,8 @@ typedef struct CtsSeries {
                            * two positions to tell) */
     double tilt_deg;      /* angle between the slice normal and the line of positions */
     bool no_patient;      /* a NIfTI file: no DICOM object can be made of it */
+    bool
+        frames_differ; /* each slice names a frame of reference of its own, as anonymisers write; none is the series' */
     CtsSeriesRules rules; /* by which it was judged, and will be loaded */
     bool renderable;
     bool passed;       /* not renderable, as it is no volume by its nature: a scout, a dose page, a single slice */

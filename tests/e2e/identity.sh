@@ -50,6 +50,21 @@ two_values 'StudyInstanceUID \(0020,000D\)'
 case_of 'IM*' '0020,0052,UI=7.7.{k%2}'
 two_values 'FrameOfReferenceUID \(0020,0052\)'
 python3 -m zipfile -c c.zip c
+# An anonymiser gave each slice one of its own: told, where all else is one scan, and no object names any.
+case_of 'IM*' '0020,0052,UI=7.7.{k+1}'
+warned frames_of_reference 'each of its 48 slices has a FrameOfReferenceUID \(0020,0052\) of its own'
+refused 4 'frame of reference' render c --size 32x32 -o refused.png --write-state refused.dcm
+ok render c --size 32x32 -o own.dcm
+! grep -aq '7\.7\.' own.dcm || fail "a capture names a frame of reference"
+rm c/IM000[1-9].dcm c/IM00[1-3]*.dcm c/IM004[1-4].dcm c/IM0040.dcm
+refused 4 'FrameOfReferenceUID' render c --size 32x32 -o refused.png # 4 of them
+for change in '0008,0070,LO={"AB"[k == 7]}' '0020,0052,UI=7.7.{min(k, 40)}' '0018,1000,LO={k}' \
+    '0020,0052,UI={["", "7.7." + str(k)][k > 0]}' '0020,0032,DS=0\0\{4.5 * k + (2 if k > 20 else 0)}'; do
+    case_of 'IM*' '0020,0052,UI=7.7.{k+1}' "$change"
+    two_values 'FrameOfReferenceUID \(0020,0052\)'
+done
+case_of 'IM*' '0020,0052,UI=7.7.{k%2}'
+python3 -m zipfile -c c.zip c
 refused 4 'FrameOfReferenceUID' render c.zip --size 32x32 -o refused.png
 
 # Padding and empty parts of a name are no other value; nor is another character set.

@@ -147,6 +147,17 @@ std::string_view without_delimiters(std::string_view text)
     return text.substr(0, last == std::string_view::npos ? 0 : last + 1);
 }
 
+const char *scanner_of(CtsAttributes &item, CtsTexts &texts)
+{
+    std::string scanner;
+    for (const DcmTagKey &tag : {DCM_Manufacturer, DCM_ManufacturerModelName, DCM_DeviceSerialNumber}) {
+        const std::string_view text = cts_attribute_text(item, tag);
+        if (!text.empty())
+            scanner.append(text).append("\\");
+    }
+    return cts_dcm_share(texts, scanner, scanner.size());
+}
+
 void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
 {
     static const DcmTagKey tags[CTS_N_IDENTITY] = {DCM_PatientID,          DCM_IssuerOfPatientID, DCM_PatientName,
@@ -162,7 +173,9 @@ void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
     if (!integer(item, DCM_SeriesNumber, &s->series_number))
         s->series_number = -1;
     s->modality = cts_dcm_share(texts, cts_attribute_text(item, DCM_Modality), 16);
-    s->stack_id = "";
+    s->scanner = scanner_of(item, texts);
+    s->stack_id = s->concatenation = "";
+    s->first_frame = -1;
     s->description = share_some(texts, cts_attribute_text(item, DCM_SeriesDescription));
     s->charset = share_some(texts, cts_attribute_text(item, DCM_SpecificCharacterSet));
     s->has_acquisition = integer(item, DCM_AcquisitionNumber, &s->acquisition_number);

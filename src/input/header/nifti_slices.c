@@ -36,6 +36,7 @@ static CtsSlice common_slice(const CtsFile *source, const CtsFileBytes *file, co
                   .series_uid = "",
                   .class_uid = "",
                   .modality = "CT",
+                  .scanner = "",
                   .series_number = -1,
                   .kvp = -1,
                   .trigger_ms = -1,

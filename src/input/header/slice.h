@@ -67,6 +67,7 @@ typedef struct CtsSlice {
     /* As stored, without padding; "" where missing. What names a patient is compared and never told. */
     const char *identity[CTS_N_IDENTITY];
     const char *modality;              /* at most 16 */
+    const char *scanner;               /* manufacturer, model and serial number, one after the other; "" for none */
     const char *description, *charset; /* (0008,103E) and (0008,0005) as stored; may be NULL */
     const char *study_date;            /* (0008,0020) as stored; may be NULL */
     int series_number;                 /* (0020,0011); negative where missing */

@@ -100,13 +100,18 @@ CtsStatus cts_label_check_patient(const CtsLabelReading *reading, const CtsPlain
 
 bool cts_label_shares_space(const char *frame_uid, const CtsSeries *series)
 {
-    return frame_uid[0] && !strcmp(frame_uid, identity(series, CTS_FRAME_UID));
+    return frame_uid[0] && !series->frames_differ && !strcmp(frame_uid, identity(series, CTS_FRAME_UID));
 }
 
 CtsStatus cts_label_check_space(const CtsLabelReading *reading, const CtsPlainObject *object, const char *frame_uid,
                                 CtsError *err)
 {
     const char *const own = identity(reading->series, CTS_FRAME_UID);
+    if (reading->series->frames_differ)
+        return refers(object->elements, reading->series, 0, true)
+                   ? CTS_OK
+                   : cts_fail(err, CTS_ERR_GEOMETRY,
+                              "names none of the series' slices, each of which has a Frame of Reference of its own");
     if (!frame_uid[0] || !own[0] || !strcmp(frame_uid, own))
         return CTS_OK;
     if (!cts_label_refers(object->elements, reading->series))

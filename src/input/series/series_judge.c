@@ -200,6 +200,41 @@ static bool same_identity(const CtsSlice *a, const CtsSlice *b, int part)
     return same;
 }
 
+enum { FEWEST_OWN_FRAMES = 5 };
+
+static int by_frame_uid(const void *a, const void *b)
+{
+    const CtsSlice *x = *(CtsSlice *const *)a, *y = *(CtsSlice *const *)b;
+    const int order = strcmp(identity_of(x, CTS_FRAME_UID), identity_of(y, CTS_FRAME_UID));
+    return order ? order : strcmp(x->sop_uid, y->sop_uid);
+}
+
+/* Anonymisers give each slice a frame of reference of its own. That many slices of one scanner are one scan all the
+ * same, where they lie evenly (judge_stack()); only copies of a slice share one. */
+static bool has_own_frames(const CtsSliceSet *set, CtsStatus *st, CtsError *err)
+{
+    CtsSlice **sorted = NULL;
+    if (set->n < FEWEST_OWN_FRAMES)
+        return false;
+    if (!(sorted = malloc((size_t)set->n * sizeof *sorted))) {
+        *st = cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        return false;
+    }
+    memcpy(sorted, set->items, (size_t)set->n * sizeof *sorted);
+    qsort(sorted, (size_t)set->n, sizeof *sorted, by_frame_uid);
+    int n_own = 1;
+    bool own = *identity_of(sorted[0], CTS_FRAME_UID) != 0 && !sorted[0]->n_frames;
+    for (int i = 1; own && i < set->n; i++) {
+        const bool differ =
+            strcmp(identity_of(sorted[i], CTS_FRAME_UID), identity_of(sorted[i - 1], CTS_FRAME_UID)) != 0;
+        n_own += differ;
+        own = !sorted[i]->n_frames && !strcmp(sorted[i]->scanner, sorted[0]->scanner) &&
+              (differ || (*sorted[i]->sop_uid && !strcmp(sorted[i]->sop_uid, sorted[i - 1]->sop_uid)));
+    }
+    free(sorted);
+    return own && n_own >= FEWEST_OWN_FRAMES;
+}
+
 /* One volume is of one patient, one study, one frame of reference. No value is told. */
 static void check_identity(const CtsSliceSet *set, CtsSeries *series, int part)
 {
@@ -384,6 +419,14 @@ static CtsStatus judge_stack(CtsSliceSet *set, const CtsStudyNumbers *numbers, C
     }
     series->spacing_mm[2] = stack.spacing_mm;
     series->tilt_deg = stack.tilt_deg;
+    if (series->frames_differ && (st || stack.kind != CTS_STACK_EVEN))
+        refuse(series, CTS_ERR_GEOMETRY, "its slices %s (%s)", identities[CTS_FRAME_UID].means,
+               identities[CTS_FRAME_UID].name);
+    else if (series->frames_differ)
+        cts_findings_add(&series->findings, "frames_of_reference", CTS_WARNING,
+                         "each of its %d slices has a FrameOfReferenceUID (0020,0052) of its own, as some anonymisers "
+                         "write; taken for one, as one scanner made them and they lie evenly",
+                         set->n);
     const char *lacks = judge_parts(set, series);
     if (st) {
         refuse(series, st, "%s%s%s", lacks ? lacks : "", lacks ? "; " : "", why.text);
@@ -492,7 +535,8 @@ static CtsStatus sort_out(CtsSliceSet *set, CtsSeries *series, CtsError *err)
     for (size_t i = 0; !st && !series->refusal && i < sizeof picks / sizeof *picks; i++)
         st = filter(set, series, picks[i], err);
     for (int part = 0; !st && !series->refusal && part < CTS_N_IDENTITY; part++)
-        check_identity(set, series, part);
+        if (part != CTS_FRAME_UID || !(series->frames_differ = has_own_frames(set, &st, err)))
+            check_identity(set, series, part);
     if (!st && !series->refusal && set->n == 1)
         pass(series, "has 1 slice; a volume needs 2 or more");
     return st;
@@ -577,6 +621,8 @@ CtsStatus cts_series_judge(CtsSliceSet *set, const CtsSeriesRules *rules, const 
     } else if (!st) {
         st = separate(set, &series[0], parts, &n_parts, err);
     }
+    for (int p = 1; !st && p < n_parts; p++)
+        series[p].frames_differ = series[0].frames_differ;
     for (int p = 1; !st && p < n_parts; p++)
         copy_findings(&series[p].findings, &series[0].findings);
     for (int p = 0; !st && p < n_parts; p++)
