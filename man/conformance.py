@@ -157,6 +157,8 @@ statement = [
        "between are not those of other objects of the study",
        "warning where a tenth or less is missing, or every 2nd or 3rd slice is there; else refused unless "
        "--allow-missing-slices is given"),
+      ("orientation_jitter", "ImageOrientationPatient jitters, no voxel moves by more than a tenth of a pixel by the mean, "
+       "and that does not drift", "note; the mean is taken. Else refused"),
       ("frames_of_reference", "each of 5 or more slices has a FrameOfReferenceUID of its own, all else is of one study and "
        "scanner, and they lie evenly", "warning; no presentation state is written, labels must name the slices; else "
        "refused"),

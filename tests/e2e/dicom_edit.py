@@ -3,6 +3,7 @@
 Explicit VR little endian, as testdata/phantom is; VALUE may use {k}, the file's place among the files from 0, in an
 expression of Python between braces; without =VALUE the attribute goes.
 """
+import math
 import struct
 import sys
 
@@ -38,7 +39,7 @@ def value_of(text, vr, k):
     while '{' in text:
         before, rest = text.split('{', 1)
         inside, after = rest.split('}', 1)
-        text = before + str(eval(inside, {'k': k})) + after
+        text = before + str(eval(inside, {'k': k, 'math': math})) + after
     if vr in (b'US', b'SS'):
         return struct.pack('<H' if vr == b'US' else '<h', int(text))
     raw = text.encode('latin-1')

@@ -55,12 +55,16 @@ static bool same_direction(const double a[3], const double b[3])
     return true;
 }
 
-static bool same_grid(const CtsSlice *a, const CtsSlice *b)
+static bool same_pixels(const CtsSlice *a, const CtsSlice *b)
 {
-    return a->rows == b->rows && a->columns == b->columns && same_direction(a->row_lps, b->row_lps) &&
-           same_direction(a->column_lps, b->column_lps) &&
+    return a->rows == b->rows && a->columns == b->columns &&
            fabs(a->row_spacing_mm - b->row_spacing_mm) <= 1e-4 * b->row_spacing_mm &&
            fabs(a->column_spacing_mm - b->column_spacing_mm) <= 1e-4 * b->column_spacing_mm;
+}
+
+static bool same_grid(const CtsSlice *a, const CtsSlice *b)
+{
+    return same_pixels(a, b) && same_direction(a->row_lps, b->row_lps) && same_direction(a->column_lps, b->column_lps);
 }
 
 typedef CtsStatus (*pick_fn)(const CtsSliceSet *set, CtsSeries *series, bool *keep);
@@ -119,6 +123,24 @@ static CtsStatus pick_sound(const CtsSliceSet *set, CtsSeries *series, bool *kee
     return CTS_OK;
 }
 
+/* Slices with the pixels of one and nearly its orientation, which may only jitter; keep says which, and n_kept how many
+ * more than are in its group they then are. */
+static void take_jittering(const CtsSliceSet *set, const CtsSlice *one, CtsSeries *series, bool *keep, int *n_kept)
+{
+    int n = 0;
+    for (int i = 0; i < set->n; i++) {
+        keep[i] = same_pixels(set->items[i], one) && cts_dot3(set->items[i]->normal_lps, one->normal_lps) > 0.99;
+        n += keep[i];
+    }
+    if (n == *n_kept || !cts_slice_set_settle(set, keep))
+        return;
+    *n_kept = n;
+    cts_findings_add(
+        &series->findings, "orientation_jitter", CTS_NOTE,
+        "ImageOrientationPatient (0020,0037) jitters from slice to slice; their mean moves no voxel by more "
+        "than a tenth of a pixel, and is taken");
+}
+
 /* One size, orientation and pixel spacing: the largest group, when it is nearly all. A few images at right angles to
  * it are scouts that do not say so. */
 static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bool *keep)
@@ -134,6 +156,8 @@ static CtsStatus pick_largest_grid(const CtsSliceSet *set, CtsSeries *series, bo
             best = set->items[i];
         }
     }
+    if (n_best < set->n)
+        take_jittering(set, best, series, keep, &n_best);
     for (int i = 0; i < set->n; i++) {
         keep[i] = same_grid(set->items[i], best);
         n_across += fabs(cts_dot3(set->items[i]->normal_lps, best->normal_lps)) < 0.1;

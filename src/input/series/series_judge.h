@@ -59,6 +59,11 @@ typedef struct CtsMissingSlices {
 } CtsMissingSlices;
 CtsMissingSlices cts_slice_set_missing(const CtsSliceSet *set, const CtsStudyNumbers *numbers);
 
+/* Slices whose orientations jitter about one direction, so that by the mean of them no voxel moves by more than a tenth
+ * of a pixel, and whose direction does not drift along the stack: true, and they have that mean. keep: which of the
+ * set's slices are meant. */
+bool cts_slice_set_settle(const CtsSliceSet *set, const bool *keep);
+
 /* Says of each slice whose object is a part of a concatenation which parts of that are missing, by the numbers and
  * offsets of those that are there. The words are kept in texts. */
 CtsStatus cts_concatenations_check(CtsSlice *const *slices, size_t n, CtsTexts *texts, CtsError *err);

@@ -1,0 +1,112 @@
+#include "input/series/series_judge.h"
+
+#include "base/vec3.h"
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A tenth of a pixel is less than interpolation moves an edge by. A drift shows where two halves of the stack differ by
+ * more than a fiftieth, and by more than three times what their scatter explains. */
+#define MOST_MOVED_PIXELS 0.1
+#define LEAST_DRIFT_PIXELS 0.02
+#define DRIFT_DEVIATIONS 3
+
+typedef struct Axes {
+    double row[3], column[3], normal[3];
+} Axes;
+
+/* Mean directions, at right angles. */
+static Axes mean_axes(const CtsSliceSet *set, const bool *keep)
+{
+    Axes mean = {{0}, {0}, {0}};
+    for (int i = 0; i < set->n; i++)
+        for (int c = 0; keep[i] && c < 3; c++) {
+            mean.row[c] += set->items[i]->row_lps[c];
+            mean.column[c] += set->items[i]->column_lps[c];
+        }
+    const double n_row = cts_norm3(mean.row);
+    for (int c = 0; c < 3; c++)
+        mean.row[c] /= n_row;
+    const double along = cts_dot3(mean.row, mean.column);
+    for (int c = 0; c < 3; c++)
+        mean.column[c] -= along * mean.row[c];
+    const double n_column = cts_norm3(mean.column);
+    for (int c = 0; c < 3; c++)
+        mean.column[c] /= n_column;
+    cts_cross3(mean.row, mean.column, mean.normal);
+    return mean;
+}
+
+/* By how many pixels a corner of the slice moves; 1: along the row, 2: along the column, 3: across. */
+static void corner_off(const CtsSlice *s, const Axes *mean, int corner, double off[3])
+{
+    const double pixel_mm = fmin(s->row_spacing_mm, s->column_spacing_mm);
+    for (int c = 0; c < 3; c++)
+        off[c] = ((corner & 1 ? (s->columns - 1) * s->column_spacing_mm * (s->row_lps[c] - mean->row[c]) : 0) +
+                  (corner & 2 ? (s->rows - 1) * s->row_spacing_mm * (s->column_lps[c] - mean->column[c]) : 0)) /
+                 pixel_mm;
+}
+
+typedef struct Off {
+    double at_mm, pixels[3]; /* along the normal; of one corner */
+} Off;
+
+static int by_place(const void *a, const void *b)
+{
+    const double x = ((const Off *)a)->at_mm, y = ((const Off *)b)->at_mm;
+    return (x > y) - (x < y);
+}
+
+/* The mean of some, and the scatter about it as the variance of that mean. */
+static double mean_off(const Off *off, int n, double mean[3])
+{
+    double variance = 0;
+    memset(mean, 0, 3 * sizeof *mean);
+    for (int i = 0; i < n; i++)
+        for (int c = 0; c < 3; c++)
+            mean[c] += off[i].pixels[c] / n;
+    for (int i = 0; i < n; i++)
+        for (int c = 0; c < 3; c++)
+            variance += (off[i].pixels[c] - mean[c]) * (off[i].pixels[c] - mean[c]);
+    return variance / n / n;
+}
+
+static bool drifts(const Off *off, int n)
+{
+    double first[3], last[3], apart[3];
+    const int half = n / 2;
+    const double variance = mean_off(off, half, first) + mean_off(off + n - half, half, last);
+    for (int c = 0; c < 3; c++)
+        apart[c] = last[c] - first[c];
+    return cts_norm3(apart) > fmax(LEAST_DRIFT_PIXELS, DRIFT_DEVIATIONS * sqrt(variance));
+}
+
+bool cts_slice_set_settle(const CtsSliceSet *set, const bool *keep)
+{
+    const Axes mean = mean_axes(set, keep);
+    Off *off = malloc(((size_t)set->n + 1) * sizeof *off);
+    bool settled = off != NULL;
+    for (int corner = 1; settled && corner <= 3; corner++) {
+        int n = 0;
+        for (int i = 0; settled && i < set->n; i++) {
+            if (!keep[i])
+                continue;
+            const CtsSlice *s = set->items[i];
+            off[n].at_mm = cts_dot3(mean.normal, s->position_lps);
+            corner_off(s, &mean, corner, off[n].pixels);
+            settled = cts_norm3(off[n++].pixels) <= MOST_MOVED_PIXELS;
+        }
+        if (!settled)
+            break;
+        qsort(off, (size_t)n, sizeof *off, by_place);
+        settled = n >= 4 && !drifts(off, n);
+    }
+    free(off);
+    for (int i = 0; settled && i < set->n; i++)
+        if (keep[i]) {
+            memcpy(set->items[i]->row_lps, mean.row, sizeof mean.row);
+            memcpy(set->items[i]->column_lps, mean.column, sizeof mean.column);
+            memcpy(set->items[i]->normal_lps, mean.normal, sizeof mean.normal);
+        }
+    return settled;
+}
