@@ -112,6 +112,29 @@ for turn in '0.0016 * (-1) ** k' '0.001 * (k - 23.5) / 23.5' '0.0005 * (k > 23)'
     refused 4 'differ in size, orientation or pixel spacing' render c --size 32x32 -o refused.png
 done
 
+# Where positions repeat, what else tells whole volumes apart: k of 10 slices each, by turns at every place.
+phases_of()
+{
+    rm -rf c
+    cp -r "$data/geometry/two-phases" c
+    (cd c && python3 "$root/tests/e2e/dicom_edit.py" IM* -- '0020,0012,IS=1' '0008,0032,TM=120000' '0008,0033,TM=120000' \
+        '0018,1060,DS' '0020,0100,IS' '0018,1210,SH=B30' "$@") || fail "the case cannot be made"
+}
+phases_of
+refused 4 'neither acquisition, tube voltage, .* time tells whole volumes' render c --size 32x32 -o refused.png
+for part in '0008,0033,TM=12000{k // 10}' '0008,0033,TM=1200{10 + k}' '0020,9241,FD={40 + 30 * (k // 10)}' \
+    '0020,9153,FD={100.5 * (k // 10)}' '0018,1210,SH={["B30", "B70"][k // 10]}'; do
+    phases_of "$part"
+    warned acquisitions_parted \
+        '(ContentTime|NominalPercentageOfCardiacPhase|NominalCardiacTriggerDelayTime|ConvolutionKernel).* tells 2 volumes'
+    ok render c --series "$(sed -n 's/.*"series_uid": *"\([^"]*\)".*/\1/p' out | head -n 1)#2" --size 32x32 -o out.png --force
+done
+phases_of '0018,1210,SH={["B30", "B70"][k % 10 > 4]}' # no group of which is complete
+refused 4 'tells whole volumes apart' render c --size 32x32 -o refused.png
+# One volume whose slices each have a time, a phase or a kernel of their own stays one.
+case_of 'IM*' '0008,0033,TM=1200{10 + k}' '0020,9241,FD={k}' '0018,1210,SH=B{k // 24}'
+quiet
+
 # Acquisitions whose slices take turns are volumes of their own; those that follow each other are one.
 for part in 0020,0012,IS '0018,0060,DS' '0020,0100,IS' '0018,1060,DS'; do
     case_of 'IM*' "$part={80 + k % 2}"

@@ -143,13 +143,13 @@ static const struct {
     {0x00080020, false}, {0x00080032, false}, {0x00080033, false}, {0x00080060, false}, {0x00080070, false},
     {0x0008103E, false}, {0x00081090, false}, {0x00100010, true},  {0x00100020, true},  {0x00100021, true},
     {0x00100030, true},  {0x00100040, true},  {0x00180050, false}, {0x00180060, false}, {0x00181000, false},
-    {0x00181060, false}, {0x0020000D, true},  {0x0020000E, true},  {0x00200011, false}, {0x00200012, false},
-    {0x00200013, false}, {0x00200032, true},  {0x00200037, true},  {0x00200052, true},  {0x00200100, false},
-    {0x00209161, false}, {0x00209162, false}, {0x00209163, false}, {0x00209228, false}, {0x00280002, true},
-    {0x00280004, false}, {0x00280008, true},  {0x00280010, true},  {0x00280011, true},  {0x00280030, true},
-    {0x00280100, true},  {0x00280101, true},  {0x00280102, true},  {0x00280103, true},  {0x00280120, true},
-    {0x00280121, true},  {0x00280301, false}, {0x00281052, true},  {0x00281053, true},  {0x00281054, false},
-    {0x00282110, false}, {0x00283000, false},
+    {0x00181060, false}, {0x00181210, false}, {0x0020000D, true},  {0x0020000E, true},  {0x00200011, false},
+    {0x00200012, false}, {0x00200013, false}, {0x00200032, true},  {0x00200037, true},  {0x00200052, true},
+    {0x00200100, false}, {0x00209153, false}, {0x00209161, false}, {0x00209162, false}, {0x00209163, false},
+    {0x00209228, false}, {0x00209241, false}, {0x00280002, true},  {0x00280004, false}, {0x00280008, true},
+    {0x00280010, true},  {0x00280011, true},  {0x00280030, true},  {0x00280100, true},  {0x00280101, true},
+    {0x00280102, true},  {0x00280103, true},  {0x00280120, true},  {0x00280121, true},  {0x00280301, false},
+    {0x00281052, true},  {0x00281053, true},  {0x00281054, false}, {0x00282110, false}, {0x00283000, false},
 };
 
 bool cts_scan_notes(uint32_t tag)

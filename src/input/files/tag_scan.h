@@ -53,7 +53,7 @@ bool cts_read_element(const uint8_t *p, uint64_t n, bool explicit_vr, bool big, 
 /* How the data set at p is encoded, judged by its first element; NULL when it is neither. */
 const CtsSyntax *cts_scan_guess(const uint8_t *p, size_t n);
 
-enum { CTS_N_HEADER_TAGS = 52 }; /* what a CT slice's header is asked for */
+enum { CTS_N_HEADER_TAGS = 55 }; /* what a CT slice's header is asked for */
 bool cts_scan_notes(uint32_t tag);
 
 /* A top-level element with one of those tags. */

@@ -1,5 +1,6 @@
 #include "input/header/dcm_attributes.hpp"
 
+#include <cmath>
 #include <cstdio>
 #include <cstring>
 #include <stdexcept>
@@ -26,6 +27,9 @@ const Place places[] = {
     {DCM_TemporalPositionIdentifier, DCM_FrameContentSequence, DCM_TemporalPositionIndex, true},
     {DCM_StackID, DCM_FrameContentSequence, DCM_StackID},
     {DCM_KVP, DCM_CTXRayDetailsSequence, DCM_KVP},
+    {DCM_ConvolutionKernel, DCM_CTReconstructionSequence, DCM_ConvolutionKernel},
+    {DCM_NominalPercentageOfCardiacPhase, DCM_CardiacSynchronizationSequence, DCM_NominalPercentageOfCardiacPhase},
+    {DCM_NominalCardiacTriggerDelayTime, DCM_CardiacSynchronizationSequence, DCM_NominalCardiacTriggerDelayTime},
     {DCM_SliceThickness, DCM_PixelMeasuresSequence, DCM_SliceThickness},
 };
 
@@ -150,6 +154,22 @@ bool cts_attribute_number(const CtsAttributes &item, const DcmTagKey &tag, uint3
         return false;
     *value = number_of(found);
     return true;
+}
+
+bool cts_attribute_real(CtsAttributes &item, const DcmTagKey &tag, double *value)
+{
+    CtsElement found;
+    if (!find(item, tag, &found))
+        return false;
+    if (is_one_of(found, "FD") && length_of(found) == 8) {
+        uint64_t bits = 0;
+        for (size_t i = 0; i < 8; i++)
+            bits |= static_cast<uint64_t>(found.value.at[i]) << 8 * (found.value.big_endian ? 7 - i : i);
+        std::memcpy(value, &bits, sizeof bits);
+        return std::isfinite(*value);
+    }
+    const std::string_view text = cts_attribute_text(item, tag);
+    return !text.empty() && cts_dcm_parse_ds(text.data(), text.size(), value, 1);
 }
 
 bool cts_attribute_pattern(const CtsAttributes &item, const DcmTagKey &tag, unsigned *pattern)

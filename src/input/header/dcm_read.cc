@@ -182,8 +182,14 @@ void read_identity(CtsAttributes &item, CtsTexts &texts, CtsSlice *s)
     s->has_instance = integer(item, DCM_InstanceNumber, &s->instance_number);
     s->has_temporal = integer(item, DCM_TemporalPositionIdentifier, &s->temporal_index);
     s->time_s = seconds_of_day(cts_attribute_text(item, DCM_AcquisitionTime));
+    s->content_s = seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
     if (s->time_s < 0)
-        s->time_s = seconds_of_day(cts_attribute_text(item, DCM_ContentTime));
+        s->time_s = s->content_s;
+    if (!cts_attribute_real(item, DCM_NominalPercentageOfCardiacPhase, &s->phase_percent))
+        s->phase_percent = NAN;
+    if (!cts_attribute_real(item, DCM_NominalCardiacTriggerDelayTime, &s->phase_delay_ms))
+        s->phase_delay_ms = NAN;
+    s->kernel = cts_dcm_share(texts, cts_attribute_text(item, DCM_ConvolutionKernel), 64);
     s->kvp = positive_number(item, DCM_KVP);
     s->trigger_ms = positive_number(item, DCM_TriggerTime);
     s->thickness_mm = positive_number(item, DCM_SliceThickness);

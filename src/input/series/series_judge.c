@@ -610,10 +610,10 @@ static CtsStatus separate(CtsSliceSet *set, CtsSeries *series, CtsSliceSet parts
                    "series)",
                    by);
         else if (cts_slice_set_repeats(set, same_mm))
-            refuse(
-                series, CTS_ERR_GEOMETRY,
-                "several slices with different pixels lie at one position, and neither acquisition, tube voltage nor "
-                "time tells whole volumes apart (split the series)");
+            refuse(series, CTS_ERR_GEOMETRY,
+                   "several slices with different pixels lie at one position, and neither acquisition, tube voltage, "
+                   "temporal position, trigger, cardiac phase, kernel nor time tells whole volumes apart (split the "
+                   "series)");
     }
     if (!st && *n_parts == 0) {
         parts[0] = *set;

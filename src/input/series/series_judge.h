@@ -35,9 +35,9 @@ CtsStatus cts_slice_set_drop_copies(CtsSliceSet *set, double same_mm, int *n_dro
 bool cts_slice_set_repeats(const CtsSliceSet *set, double same_mm);
 
 /* Split a set into parts that are whole each where several slices lie at some positions, or slices of two acquisitions
- * take turns along the stack: by acquisition number, tube voltage, temporal position, trigger time, or time. *n_parts
- * is 0, and the set as it was, when nothing asks for a split or none gives whole parts. *by: what parted them, or would
- * have; NULL: nothing does. */
+ * take turns along the stack: by acquisition number, tube voltage, temporal position, trigger time, cardiac phase,
+ * kernel, or time. *n_parts is 0, and the set as it was, when nothing asks for a split or none gives whole parts. *by:
+ * what parted them, or would have; NULL: nothing does. */
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
                               const char **by, CtsError *err);
 

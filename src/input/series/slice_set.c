@@ -161,18 +161,37 @@ static bool is_whole(const CtsSliceSet *part, double same_mm)
     return even;
 }
 
-enum { BY_ACQUISITION, BY_VOLTAGE, BY_TEMPORAL_POSITION, BY_TRIGGER, BY_OBJECT, BY_TIME, N_WAYS };
+enum {
+    BY_ACQUISITION,
+    BY_VOLTAGE,
+    BY_TEMPORAL_POSITION,
+    BY_TRIGGER,
+    BY_PHASE_PERCENT,
+    BY_PHASE_DELAY,
+    BY_KERNEL,
+    BY_OBJECT,
+    BY_TIME,
+    BY_CONTENT_TIME,  /* one for all slices of a phase */
+    BY_CONTENT_ORDER, /* one for each slice, later in each phase */
+    N_WAYS
+};
 
 static const struct {
     const char *name;
-    bool takes_turns; /* the slices of two acquisitions may lie between each other */
+    bool takes_turns;  /* the slices of two acquisitions may lie between each other */
+    bool must_overlap; /* what it names may as well change along one scan */
 } ways[N_WAYS] = {
-    [BY_ACQUISITION] = {"AcquisitionNumber (0020,0012)", true},
-    [BY_VOLTAGE] = {"KVP (0018,0060)", true},
-    [BY_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", true},
-    [BY_TRIGGER] = {"TriggerTime (0018,1060)", true},
-    [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", false},
-    [BY_TIME] = {"AcquisitionTime (0008,0032)", false},
+    [BY_ACQUISITION] = {"AcquisitionNumber (0020,0012)", true, false},
+    [BY_VOLTAGE] = {"KVP (0018,0060)", true, false},
+    [BY_TEMPORAL_POSITION] = {"TemporalPositionIdentifier (0020,0100)", true, false},
+    [BY_TRIGGER] = {"TriggerTime (0018,1060)", true, false},
+    [BY_PHASE_PERCENT] = {"NominalPercentageOfCardiacPhase (0020,9241)", false, true},
+    [BY_PHASE_DELAY] = {"NominalCardiacTriggerDelayTime (0020,9153)", false, true},
+    [BY_KERNEL] = {"ConvolutionKernel (0018,1210)", false, true},
+    [BY_CONTENT_TIME] = {"ContentTime (0008,0033)", false, true},
+    [BY_CONTENT_ORDER] = {"ContentTime (0008,0033)", false, true},
+    [BY_OBJECT] = {"SOPInstanceUID (0008,0018)", false, false},
+    [BY_TIME] = {"AcquisitionTime (0008,0032)", false, false},
 };
 
 /* What an acquisition says of a slice; NaN where it says nothing. */
@@ -185,18 +204,66 @@ static double acquisition_label(const CtsSlice *s, int way)
         return s->kvp < 0 ? (double)NAN : s->kvp;
     case BY_TEMPORAL_POSITION:
         return s->has_temporal ? (double)s->temporal_index : (double)NAN;
+    case BY_PHASE_PERCENT:
+        return s->phase_percent;
+    case BY_PHASE_DELAY:
+        return s->phase_delay_ms;
+    case BY_CONTENT_TIME:
+        return s->content_s < 0 ? (double)NAN : s->content_s;
     default:
         return s->trigger_ms < 0 ? (double)NAN : s->trigger_ms;
     }
 }
 
+/* Kernels are numbered in the order of the slices; false where one is missing, or there are too many. */
+static bool label_kernels(const CtsSliceSet *set, double *part)
+{
+    const char *kernels[CTS_MAX_PARTS];
+    int n = 0, k;
+    for (int i = 0; i < set->n; i++) {
+        const char *kernel = set->items[i]->kernel;
+        if (!kernel || !*kernel)
+            return false;
+        for (k = 0; k < n && strcmp(kernels[k], kernel) != 0;)
+            k++;
+        if (k == CTS_MAX_PARTS)
+            return false;
+        if (k == n)
+            kernels[n++] = kernel;
+        part[i] = k;
+    }
+    return true;
+}
+
+/* The how manyth of its position a slice is by ContentTime; false where two of one position have the same. */
+static bool label_content_order(const CtsSliceSet *set, double same_mm, double *part)
+{
+    for (int first = 0, end; first < set->n; first = end) {
+        for (end = first + 1; end < set->n && same_place(set->items[end - 1], set->items[end], same_mm);)
+            end++;
+        for (int i = first; i < end; i++) {
+            part[i] = 0;
+            for (int k = first; k < end; k++) {
+                if (set->items[i]->content_s < 0 || (k != i && set->items[k]->content_s == set->items[i]->content_s))
+                    return false;
+                part[i] += set->items[k]->content_s < set->items[i]->content_s;
+            }
+        }
+    }
+    return true;
+}
+
 /* part[i] for each slice; false when this way tells nothing. */
 static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
 {
+    if (way == BY_KERNEL)
+        return label_kernels(set, part);
+    if (way == BY_CONTENT_ORDER)
+        return label_content_order(set, same_mm, part);
     for (int i = 0; i < set->n; i++) {
         const CtsSlice *s = set->items[i];
         const bool repeats = i > 0 && same_place(set->items[i - 1], s, same_mm);
-        if (way < BY_OBJECT) {
+        if (way < BY_KERNEL || way == BY_CONTENT_TIME) {
             part[i] = acquisition_label(s, way);
             if (isnan(part[i]))
                 return false;
@@ -216,15 +283,20 @@ static bool label(const CtsSliceSet *set, int way, double same_mm, double *part)
     return true;
 }
 
+static double time_of(const CtsSlice *s, int way)
+{
+    return way == BY_CONTENT_ORDER ? s->content_s : s->time_s;
+}
+
 /* Phases follow each other: a later part begins after the earlier one has ended. */
-static bool in_turn(const CtsSliceSet *parts, int n_parts)
+static bool in_turn(const CtsSliceSet *parts, int n_parts, int way)
 {
     double end = -1;
     for (int p = 0; p < n_parts; p++) {
         double first = INFINITY, last = -1;
         for (int i = 0; i < parts[p].n; i++) {
-            first = fmin(first, parts[p].items[i]->time_s);
-            last = fmax(last, parts[p].items[i]->time_s);
+            first = fmin(first, time_of(parts[p].items[i], way));
+            last = fmax(last, time_of(parts[p].items[i], way));
         }
         if (!(first > end))
             return false;
@@ -285,6 +357,18 @@ static bool takes_turns(const CtsSliceSet *set, const CtsSliceSet *parts, int n_
     return n_turning > 1;
 }
 
+/* Parts of one body, not ends of a scan that meet in a slice: there is a stretch that all of them hold. */
+static bool overlap(const CtsSliceSet *parts, int n_parts)
+{
+    double begin = -INFINITY, finish = INFINITY;
+    const CtsSlice *reference = parts[0].items[0];
+    for (int p = 0; p < n_parts; p++) {
+        begin = fmax(begin, cts_slice_stack_position_mm(reference, parts[p].items[0]));
+        finish = fmin(finish, cts_slice_stack_position_mm(reference, parts[p].items[parts[p].n - 1]));
+    }
+    return begin < finish;
+}
+
 CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *parts, int max_parts, int *n_parts,
                               const char **by, CtsError *err)
 {
@@ -304,9 +388,10 @@ CtsStatus cts_slice_set_split(CtsSliceSet *set, double same_mm, CtsSliceSet *par
             continue;
         }
         *by = repeats ? NULL : ways[way].name;
-        bool whole = *n_parts > 0 && (way != BY_TIME || in_turn(parts, *n_parts));
+        bool whole = *n_parts > 0 && ((way != BY_TIME && way != BY_CONTENT_ORDER) || in_turn(parts, *n_parts, way));
         for (int p = 0; whole && p < *n_parts; p++)
             whole = is_whole(&parts[p], same_mm);
+        whole &= !whole || !ways[way].must_overlap || overlap(parts, *n_parts);
         if (whole)
             *by = ways[way].name;
         else
