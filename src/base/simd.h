@@ -3,8 +3,8 @@
  * A kernel is a file that is compiled once for each SIMD path; base/cpu.h chooses at run time. Every operation gives
  * the same bits on every path: integers wrap, floats are rounded after each operation and never fused.
  *
- * Vectors of one register have LANES lanes: 16 with AVX-512, 8 with AVX2, else 4, the registers of SSE2 and NEON, or
- * SIMD_PLAIN_LANES, if defined before this header is included. C's operators and casts work on them.
+ * Vectors of one register have LANES lanes: 16 with AVX-512, 8 with AVX2, else 4, the registers of SSE2 and NEON. C's
+ * operators and casts work on them.
  *
  * - vf, vi, vu: float, int32_t, uint32_t lanes
  * - vs: int16_t, two for each lane
@@ -50,8 +50,6 @@ typedef uint64_t natural;
 #define LANES 16
 #elif defined(SIMD_PATH_AVX2)
 #define LANES 8
-#elif defined(SIMD_PLAIN_LANES)
-#define LANES SIMD_PLAIN_LANES
 #else
 #define LANES 4
 #endif

@@ -271,6 +271,7 @@ INLINE Cuts find_cuts(const March *m, const Cubic *c, vi q, vmask lanes, vf leng
             cuts.halve = more;
             break;
         }
+        lanes = more; /* what a lane finds does not depend on the others */
     }
     cuts.halve |= CTS_MUTATED(CUTS) ? mask_of_bits(0) : vf_lt(vf_of(m->tolerance), cuts.passed) & ~cuts.all;
     cuts.wrong = vf_min(2 * cuts.wrong, m->p->light);
