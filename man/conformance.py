@@ -168,8 +168,8 @@ statement = [
       ("nifti_forms", "the sform and the qform of a NIfTI file differ: voxel size by more than 1 %, an axis by more than 1 "
        "degree, a corner by more than a voxel", "warning, the sform is taken; refused where one is mirrored or an axis "
        "differs by more than 45 degrees, unless --nifti-form decides"),
-      ("constant_fill", "16 voxels in a row, or a whole row, from a corner of a slice on have exactly one value above -700 "
-       "HU", "warning, they count as tissue; air with --fill"),
+      ("constant_fill", "16 voxels in a row or column from each corner of a slice on have exactly one value above -700 HU, or "
+       "4 such rows or columns from one corner on", "warning, they count as tissue; air with --fill"),
       ("outliers", "at most 1 of 10,000 voxels, in 26-connected parts of at most 8, lie below -32768 or above 65535 HU",
        "warning, low ones count as -1024 HU and high ones as the largest other value; more are refused"),
       ("table_removal_uncertain", "a table stands in air that is as dense as lungs and has no level of its own; or what "

@@ -181,8 +181,8 @@ CtsStatus cts_series_scan(const CtsSeries *series, const CtsWordWatch *watch, in
 void cts_scanned_free(CtsScanned **scanned);
 
 /* The filling outside a scan, which padding, rotating or masking has put there: at least 16 voxels of exactly one value
- * above -700 HU in a row, or all of a row, from a corner of a slice on. False where there is none, and for a volume of
- * a single value. */
+ * above -700 HU in a row or column from each of a slice's corners on, or from one corner on and 4 such rows or columns.
+ * False where there is none, and where all values lie within 100 HU. */
 bool cts_scanned_find_fill(const CtsScanned *scanned, double *hu);
 /* Voxels of exactly this value that are connected to the border of the volume, by faces, become air. */
 CtsStatus cts_scanned_clear_fill(CtsScanned *scanned, double hu, int n_threads, uint64_t *n_cleared, CtsError *err);

@@ -61,6 +61,16 @@ quiet air
 set_hu cut '(hu + rng.normal(0, 8, hu.shape))[:, 20:40, 20:40]'
 ok render cut $draw -o out.png
 ! grep -q 'exactly' err || fail "cut: $(cat err)"
+# Two rows that reslicing leaves, and numbers of labels.
+set_hu rows 'np.where(j > 61, 0, hu)'
+ok render rows $draw -o out.png
+! grep -q 'exactly' err || fail "rows: $(cat err)"
+set_hu numbers '(hu > 0) * 1.0'
+ok render numbers $draw -o out.png
+! grep -q 'exactly' err || fail "numbers: $(cat err)"
+set_hu side 'np.where(j > 57, 0, hu)'
+ok render side $draw -o out.png
+has err 'exactly 0 HU'
 set_hu single 'hu * 0 + 40'
 ok render single $draw -o out.png
 ! grep -q 'exactly' err || fail "single: $(cat err)"

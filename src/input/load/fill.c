@@ -13,8 +13,10 @@
 /* Below this a constant is what the scanner calls air. */
 static const double FILL_HU = -700;
 /* So many equal voxels in a row are no tissue: the noise of a reconstruction makes two neighbours equal once in ten
- * times at most. */
-enum { EQUAL = 16 };
+ * times at most. At one corner alone they count where they are some rows: reslicing may leave two of them. */
+enum { EQUAL = 16, DEEP = 4 };
+/* Less between the darkest and the brightest voxel is no scan of a body, as in a label map. */
+static const double LEAST_RANGE_HU = 100;
 
 static size_t layer_voxels(const CtsScanned *s)
 {
@@ -26,36 +28,51 @@ static const uint16_t *slice_of(const CtsScanned *s, int k)
     return s->even->grey + (size_t)(s->offset + k) * layer_voxels(s);
 }
 
-/* The first n voxels from `at` on, `step` apart, are equal. */
-static bool is_constant(const uint16_t *at, ptrdiff_t step, int n)
+/* How many voxels from `at` on, `step` apart, are equal to the first, of at most n. */
+static int n_equal(const uint16_t *at, ptrdiff_t step, int n)
 {
-    for (int i = 1; i < n; i++)
-        if (at[i * step] != at[0])
-            return false;
-    return true;
+    int i = 1;
+    while (i < n && at[i * step] == at[0])
+        i++;
+    return i;
 }
 
-/* The grey level from a corner of a slice along its row or its column; 0: none. */
-static uint16_t corner_level(const CtsVolume *v, const uint16_t *slice, bool right, bool bottom)
+/* The grey level of a corner of a slice from which a row or a column of equal voxels begins; 0: none. *is_deep: it is
+ * several rows or columns. */
+static uint16_t corner_level(const CtsVolume *v, const uint16_t *slice, bool right, bool bottom, bool *is_deep)
 {
-    const int nx = v->dims[0], ny = v->dims[1];
+    const int nx = v->dims[0], ny = v->dims[1], most_x = nx < EQUAL ? nx : EQUAL, most_y = ny < EQUAL ? ny : EQUAL;
     const uint16_t *const corner = slice + (bottom ? (size_t)(ny - 1) * (size_t)nx : 0) + (right ? nx - 1 : 0);
-    const bool along_row = is_constant(corner, right ? -1 : 1, nx < EQUAL ? nx : EQUAL);
-    const bool along_column = is_constant(corner, bottom ? -nx : nx, ny < EQUAL ? ny : EQUAL);
-    return along_row || along_column ? *corner : 0;
+    const int along_row = n_equal(corner, right ? -1 : 1, most_x);
+    const int along_column = n_equal(corner, bottom ? -nx : nx, most_y);
+    *is_deep = (along_row == most_x && along_column >= DEEP) || (along_column == most_y && along_row >= DEEP);
+    return along_row == most_x || along_column == most_y ? *corner : 0;
+}
+
+/* The level of a slice's filling: deep at one corner, or at all four; 0: none. */
+static uint16_t fill_of_slice(const CtsVolume *v, const uint16_t *slice)
+{
+    uint16_t levels[4];
+    for (int corner = 0; corner < 4; corner++) {
+        bool is_deep;
+        levels[corner] = corner_level(v, slice, corner & 1, corner & 2, &is_deep);
+        if (cts_volume_hu(v, levels[corner]) <= FILL_HU)
+            levels[corner] = 0;
+        if (levels[corner] && is_deep)
+            return levels[corner];
+    }
+    const bool same = levels[0] == levels[1] && levels[0] == levels[2] && levels[0] == levels[3];
+    return same ? levels[0] : 0;
 }
 
 bool cts_scanned_find_fill(const CtsScanned *s, double *hu)
 {
     const CtsVolume *const v = s->even;
     uint16_t fill = 0;
-    if (!v->grey || v->hu_min == v->hu_max)
+    if (!v->grey || v->hu_max - v->hu_min < LEAST_RANGE_HU)
         return false;
     for (int k = 0; k < s->n_slices && !fill; k++)
-        for (int corner = 0; corner < 4 && !fill; corner++) {
-            const uint16_t level = corner_level(v, slice_of(s, k), corner & 1, corner & 2);
-            fill = level && cts_volume_hu(v, level) > FILL_HU ? level : 0;
-        }
+        fill = fill_of_slice(v, slice_of(s, k));
     *hu = cts_volume_hu(v, fill);
     return fill;
 }
