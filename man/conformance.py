@@ -174,7 +174,8 @@ statement = [
        "warning, low ones count as -1024 HU and high ones as the largest other value; more are refused"),
       ("table_removal_uncertain", "a table stands in air that is as dense as lungs and has no level of its own; or what "
        "goes or stays may be patient or table", "warning"),
-      ("nifti_form_taken", "such a label map, one form of which equals the grid of the CT", "note, that form is taken")]),
+      ("nifti_form_taken", "such a label map, one form of which equals the grid of the CT", "note, that form is taken"),
+      ("labels_lacking", "in a batch: a series lacks some of the names of --show", "note, the others are shown")]),
     (S, "Transfer syntaxes written"),
     (T, ("Transfer syntax", "UID", "--compress"), written),
     (H, "Attributes"),
@@ -188,7 +189,8 @@ statement = [
     (P, ", ".join(attributes("output/objects/dcm_state.cc", "output/objects/dcm_put.cc", "output/objects/dcm_put.hpp"))
      + ". Private attributes of group 0073, creator CTSPLAT STATE 1: (0073,xx01) the preset, (0073,xx02) the options."),
     (H, "Character sets"),
-    (P, "SpecificCharacterSet and all texts of the source are copied byte for byte, in any character set. What ctsplat "
+    (P, "SpecificCharacterSet and all texts of the source are copied byte for byte, in any character set; names of "
+        "labels are decoded, those in ISO 2022 IR 87, 159, 149 and 58 too. What ctsplat "
         "writes itself is ASCII (ISO-IR 6)."),
     (H, "Security"),
     (P, "For ports, users, keys and records see ctsplat-security(7). Secure transport: TLS by the BCP 195 profile, with --tls-ca, --tls-key and --tls-cert. De-identification: the "

@@ -17,7 +17,7 @@ src/core/table    | core/volume/ |
 src/core/transfer | | expat.h
 src/core/scene    | core/volume/ core/transfer/lut.h |
 src/input/files   | | zlib.h zip.h
-src/input/header  | core/volume/stored.h core/volume/box.h input/files/ |
+src/input/header  | core/volume/stored.h core/volume/box.h input/files/ | iconv.h
 src/input/codec   | input/files/ input/header/ | openjpeg.h
 src/input/series  | input/files/ input/header/ |
 src/input/load    | core/volume/ input/files/ input/header/ input/codec/ input/series/ |

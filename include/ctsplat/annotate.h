@@ -18,16 +18,18 @@ CTS_API_BEGIN
  * them. CTS_ERR_USAGE when a scale is asked for and the picture's mm_per_pixel is not known. */
 CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n_left_out, CtsError *err);
 
-/* What a name in a picture is written in. */
+/* A name in a picture, and the colour that it is written in. */
 typedef struct CtsLegendEntry {
-    const char *name;
-    double rgb[3]; /* display values 0..1 */
+    const char *name; /* UTF-8 */
+    int number;       /* what stands in front of a name of which not all can be written */
+    double rgb[3];    /* display values 0..1 */
 } CtsLegendEntry;
 
-/* n names, each in its colour, one below the other in the corners that the scale does not have; in capitals, and other
- * letters than A to Z, digits and . - + _ are blanks. n_left_out as above. */
-CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries, size_t n, int *n_left_out,
-                              CtsError *err);
+/* n names, each in its colour, one below the other in the corners that the scale does not have; in capitals, Latin with
+ * its accents and Greek. Of a name in other letters, or one that is too long for the picture, the number is written and
+ * as much of the name as can be; n_in_part (may be NULL) counts these, n_left_out as above. */
+CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries, size_t n, int *n_in_part,
+                              int *n_left_out, CtsError *err);
 
 CTS_API_END
 #endif

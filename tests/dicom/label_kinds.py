@@ -235,6 +235,34 @@ def test_lab(scan, work):
     check('CIELab: blue is blue', found['max'] < 1 / 255, found)
 
 
+def legend(scan, work, *words):
+    path = os.path.join(work, 'legend.png')
+    done = run('render', scan.folder, '-o', path, '--force', '--size', '400x300', '-p', GLASS, '--annotate', 'labels', *words)
+    with open(path, 'rb') as f:
+        return f.read() if done.returncode == 0 else b'', done.stderr
+
+
+def test_letters(scan, work):
+    """Names in other letters: what is drawn of them, and what is told."""
+    said = 'are not written whole'
+    for name, alike, told in (('Größe', 'GRÖSSE', False), ('ήπαρ', 'ΉΠΑΡ', False), ('肝臓', '3', True),
+                              ('肝臓 liver', '3 LIVER', True), ('l' * 200, None, True), ('Śledziona, lewa', None, False)):
+        first, text = legend(scan, work, *named(scan, work, {3: name}), '--label', '3=#00ff00')
+        check(f'letters: {name[:20]}: drawn', first and said in text if told else first and text == '', text)
+        if alike:
+            second, _ = legend(scan, work, *named(scan, work, {3: alike}), '--label', '3=#00ff00')
+            check(f'letters: {name[:20]} as {alike}', first == second)
+    path = os.path.join(work, 'seg.dcm')
+    for charset, name in ((['', 'ISO 2022 IR 87'], '肝臓'), (['ISO 2022 IR 6', 'ISO 2022 IR 87'], 'liver=肝臓'),
+                          (['ISO 2022 IR 13', 'ISO 2022 IR 87'], 'ﾔﾏﾀﾞ^肝臓'), ('ISO_IR 100', 'Größe'),
+                          ('ISO_IR 126', 'ήπαρ'), ('ISO_IR 192', '肝臓'), ('ISO_IR 144', 'печень')):
+        d = write_seg(path, scan, {1: boxes(scan) == 1})
+        d.SpecificCharacterSet, d.SegmentSequence[0].SegmentLabel = charset, name
+        d.save_as(path, write_like_original=False)
+        got = found(scan, path)
+        check(f'letters: {charset}', not isinstance(got, str) and got[0]['name'] == name, got)
+
+
 def test_stems(scan, work):
     """NIfTI CTs of a batch, each with its own label map."""
     hu, volume = scan.hu()[0].astype(int).transpose(2, 1, 0), boxes(scan).transpose(2, 1, 0)
@@ -271,7 +299,7 @@ def test_stems(scan, work):
 
 def main():
     scan = Scan(os.path.join(ROOT, 'testdata/phantom'))
-    for test in (test_rounding, test_tables, test_regions, test_separators, test_batch, test_lab, test_stems):
+    for test in (test_rounding, test_tables, test_regions, test_separators, test_batch, test_lab, test_letters, test_stems):
         with tempfile.TemporaryDirectory() as work:
             test(scan, work)
     sys.exit(1 if failures else 0)

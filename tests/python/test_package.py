@@ -189,7 +189,7 @@ def test_errors(tmp_path, phantom):
         (2, lambda: phantom.render(path=PHANTOM)),
         (2, lambda: phantom.render(rotation=4)),
         (3, lambda: phantom.render(labels=PHANTOM)),
-        (2, lambda: ctsplat.Volume(np.zeros((4, 4, 4)), (1, 1, 1)).render(labels=LABELS)),
+        (4, lambda: ctsplat.Volume(np.zeros((4, 4, 4)), (1, 1, 1)).render(labels=LABELS)),
         (2, lambda: ctsplat.Volume(np.zeros((2, 2, 2)))),
         (2, lambda: ctsplat.Volume(np.zeros((2, 2)), (1, 1, 1))),
         (2, lambda: ctsplat.Volume(np.zeros((2, 2, 2), complex), (1, 1, 1))),
@@ -408,3 +408,89 @@ def test_memory_is_flat(phantom):
 
 if __name__ == "__main__":
     sys.exit(pytest.main([__file__, "-q", "-p", "no:cacheprovider", *sys.argv[1:]]))
+
+
+def box_in(volume):
+    mask = np.zeros(volume.shape, np.uint8)
+    k, j, i = (n // 2 for n in volume.shape)
+    mask[k - 5:k + 5, j - 8:j + 8, i - 8:i] = 1
+    mask[k - 5:k + 5, j - 8:j + 8, i:i + 8] = 7
+    return mask
+
+
+class Image:
+    """What a nibabel image has."""
+
+    def __init__(self, dataobj, affine):
+        self.dataobj, self.affine = dataobj, affine
+
+
+def test_labels_in_memory(phantom):
+    mask = box_in(phantom)
+    scene = dict(preset="muscle", show="7", label="7=#0000ff:1", size=(64, 64))
+    image = Image(mask.transpose(2, 1, 0)[..., None] * 1.0, phantom.affine_ras)
+    flipped = Image(mask.transpose(2, 1, 0)[::-1], phantom.affine_ras @ np.array(
+        [[-1, 0, 0, mask.shape[2] - 1], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]))
+    pictures = [ctsplat.load(PHANTOM, labels=mask).render(**scene), ctsplat.load(PHANTOM).render(labels=mask, **scene),
+                ctsplat.load(PHANTOM, labels=[image]).render(**scene), ctsplat.load(PHANTOM).render(labels=flipped, **scene),
+                ctsplat.load(PHANTOM).render(labels=mask.astype(float) + 4e-5, **scene),
+                ctsplat.Volume(phantom.hu.transpose(2, 1, 0), affine_lps=phantom.affine_lps).render(labels=mask, **scene)]
+    assert (pictures[0].rgba[..., 2] > 0.5).any()
+    for i, picture in enumerate(pictures[1:]):
+        assert np.array_equal(picture.rgba, pictures[0].rgba), i
+    volume = ctsplat.load(PHANTOM, labels=mask)
+    other = mask.copy()
+    other[mask == 7] = 1
+    with pytest.raises(ctsplat.Error, match="no label is called so"):
+        volume.render(labels=other, **scene)
+    names = ctsplat.load(PHANTOM, labels=[mask, LABELS])
+    assert np.array_equal(names.render(**{**scene, "show": ["1:7"], "label": {"1:7": "#0000ff:1"}}).rgba, pictures[0].rgba)
+
+
+@pytest.mark.parametrize("labels, said", [
+    (np.zeros((3, 4)), "take 3 dimensions"), (np.zeros((3, 4, 5)), "that of volume.hu"), (object(), "a object is none"),
+    (3, "a int is none"), (["x", 3], "a int is none"), (np.full((48, 64, 64), 0.3), "no number of a label"),
+    (np.full((48, 64, 64), -1), "no number of a label"), (np.zeros((48, 64, 64), complex), "holds no numbers")])
+def test_labels_that_are_none(phantom, labels, said):
+    for call in (lambda: ctsplat.load(PHANTOM, labels=labels), lambda: phantom.render(labels=labels)):
+        with pytest.raises(ctsplat.Error, match=said):
+            call()
+
+
+def test_paths_that_are_none(phantom):
+    import io
+    for path in (io.BytesIO(b"x"), [io.BytesIO(b"x")], phantom.hu, 3, None, Image(phantom.hu, phantom.affine_ras), {"a": 1}):
+        with pytest.raises(ctsplat.Error, match="is no path"):
+            ctsplat.load(path)
+    with pytest.raises(ctsplat.Error, match="is no value of it"):
+        phantom.render(view=object())
+
+
+def test_lists_of_names(tmp_path, phantom):
+    names = tmp_path / "names.json"
+    names.write_text('{"1": "Lung, left", "7": "CTV=50Gy"}')
+    volume = ctsplat.load(PHANTOM, labels=box_in(phantom), label_names=names)
+    scene = dict(preset="muscle", size=(64, 64))
+    expected = volume.render(show="1,rest", label=["1=#ff0000:1", "7=#00ff00"], **scene).rgba
+    found = volume.render(show=["Lung, left", "rest"], label={"Lung, left": "#ff0000:1", "CTV=50Gy": "#00ff00"}, **scene).rgba
+    assert np.array_equal(found, expected)
+
+
+def test_pictures_are_pickled(tmp_path, phantom):
+    import pickle
+    for i, options in enumerate((dict(preset="bone", background="none"), dict(mode="mip"), dict(preset="skin"))):
+        picture = phantom.render(size=(40, 30), **options)
+        again = pickle.loads(pickle.dumps(picture))
+        assert np.array_equal(again.rgba, picture.rgba) and again.size == picture.size
+        assert (again.bound, again.log, again.findings) == (picture.bound, picture.log, picture.findings)
+        assert (again.depth_mm is None) == (picture.depth_mm is None)
+        if picture.depth_mm is not None:
+            assert np.array_equal(again.depth_mm, picture.depth_mm)
+        for ending in ("png", "exr", "jpg") if options.get("background") != "none" else ("png", "exr"):
+            paths = [tmp_path / ("%d-%d.%s" % (i, k, ending)) for k in range(2)]
+            picture.save(paths[0])
+            again.save(paths[1])
+            assert paths[0].read_bytes() == paths[1].read_bytes(), ending
+        with pytest.raises(ctsplat.Error, match="has no series"):
+            again.save(tmp_path / "x.dcm")
+        assert np.array_equal(pickle.loads(pickle.dumps(again)).rgba, picture.rgba)

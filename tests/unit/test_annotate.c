@@ -1,6 +1,7 @@
 /* Letters and scale bar: where they stand, how long the bar is, what they leave alone. */
 #include "ctsplat/annotate.h"
 #include "output/image/describe.h"
+#include "output/image/letters.h"
 #include "output/image/samples.h"
 #include "pictures.h"
 
@@ -176,12 +177,12 @@ static void test_no_room(void **state)
 static void legend(void **state)
 {
     (void)state;
-    const CtsLegendEntry entries[] = {{"liver", {1, 0, 0}}, {"a_b-c.1+2", {0, 0, 1}}};
+    const CtsLegendEntry entries[] = {{"liver", 1, {1, 0, 0}}, {"a_b-c.1+2", 2, {0, 0, 1}}};
     CtsPicture *whole = NULL, *band = NULL;
     CtsError err;
     int n_left_out = -1, n_red = 0, n_blue = 0;
     assert_int_equal(cts_picture_new(&whole, 200, 160, 4, &err), CTS_OK);
-    assert_int_equal(cts_annotate_legend(whole, entries, 2, &n_left_out, &err), CTS_OK);
+    assert_int_equal(cts_annotate_legend(whole, entries, 2, NULL, &n_left_out, &err), CTS_OK);
     assert_int_equal(n_left_out, 0);
     assert_true(whole->info.annotated);
     for (int i = 0; i < 200 * 160; i++) {
@@ -193,22 +194,115 @@ static void legend(void **state)
     assert_int_equal(cts_picture_new(&band, 200, 10, 4, &err), CTS_OK);
     band->first_row = 10;
     band->whole_height = 160;
-    assert_int_equal(cts_annotate_legend(band, entries, 2, NULL, &err), CTS_OK);
+    assert_int_equal(cts_annotate_legend(band, entries, 2, NULL, NULL, &err), CTS_OK);
     assert_memory_equal(band->pixels, whole->pixels + 4 * 10 * 200, 4 * 10 * 200 * sizeof *band->pixels);
     cts_picture_free(&band);
     cts_picture_free(&whole);
     assert_int_equal(cts_picture_new(&whole, 20, 20, 4, &err), CTS_OK);
-    assert_int_equal(cts_annotate_legend(whole, entries, 2, &n_left_out, &err), CTS_OK);
+    assert_int_equal(cts_annotate_legend(whole, entries, 2, NULL, &n_left_out, &err), CTS_OK);
     assert_int_equal(n_left_out, 2);
     cts_picture_free(&whole);
+}
+
+/* Letters as they are drawn, as a text to compare: what of them, with which accents. */
+static void check_drawn(const char *text, const char *alike, bool lacks)
+{
+    CtsLetters a = {.n = 0}, b = {.n = 0};
+    cts_letters_add(text, &a);
+    cts_letters_add(alike, &b);
+    if (a.lacks != lacks || b.lacks || a.n != b.n || memcmp(a.items, b.items, (size_t)a.n * sizeof *a.items) != 0)
+        fail_msg("%s: %d letters, lacking %d; as %s: %d letters, lacking %d", text, a.n, a.lacks, alike, b.n, b.lacks);
+}
+
+/* Latin with its accents and Greek are drawn in capitals, composed or decomposed; other scripts are told of. */
+static void letters_of_names(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *text, *alike;
+        bool lacks;
+    } cases[] = {{"Gr\u00f6\u00dfe", "GRO\u0308SSE", false},
+                 {"\u03ae\u03c0\u03b1\u03c1", "H\u0301\u03a0AP", false},
+                 {"\u03c3\u03c2\u0390", "\u03a3\u03a3I\u0308\u0301", false},
+                 {"\u0105\u0142\u017c", "A\u0328\u0141Z\u0307", false},
+                 {"ti\u1ebfng \u01a1", "TIE\u0302\u0301NG O\u031b", false},
+                 {"a  b ", "A B", false},
+                 {"Lung, left (x=1)", "LUNG, LEFT (X=1)", false},
+                 {"\u809d\u81d3", "", true},
+                 {"\u809d liver", "LIVER", true},
+                 {"\u043f\u0435\u0447\u0435\u043d\u044c", "", true},
+                 {"a\xff\xe4z", "AZ", true}};
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
+        check_drawn(cases[i].text, cases[i].alike, cases[i].lacks);
+    /* Latin-1 and Latin Extended-A, but for multiplication and division signs, as small as large. */
+    for (unsigned code = 0xC0; code < 0x180; code++) {
+        const char text[] = {(char)(0xC0 | code >> 6), (char)(0x80 | (code & 0x3F)), 0};
+        CtsLetters letters = {.n = 0};
+        cts_letters_add(text, &letters);
+        if (code != 0xF7 && (letters.lacks || !letters.n || !letters.items[0].glyph))
+            fail_msg("U+%04X is not drawn", code);
+    }
+}
+
+/* One name drawn in a picture of its own; how many are in part. */
+static int draw_name(const char *name, CtsPicture **picture)
+{
+    enum { WIDTH = 200, HEIGHT = 160 };
+    const CtsLegendEntry entry = {name, 42, {1, 0, 0}};
+    int n_in_part = -1, n_left_out = -1;
+    assert_int_equal(cts_picture_new(picture, WIDTH, HEIGHT, 4, NULL), CTS_OK);
+    assert_int_equal(cts_annotate_legend(*picture, &entry, 1, &n_in_part, &n_left_out, NULL), CTS_OK);
+    assert_int_equal(n_left_out, 0);
+    return n_in_part;
+}
+
+static bool same_picture(const char *name, const CtsPicture *picture)
+{
+    CtsPicture *other = NULL;
+    const int n_in_part = draw_name(name, &other);
+    const size_t n = sizeof(float) * 4 * (size_t)other->width * (size_t)other->height;
+    const bool same = !n_in_part && !memcmp(other->pixels, picture->pixels, n);
+    cts_picture_free(&other);
+    return same;
+}
+
+/* Names that cannot be written whole have their number in front, and are counted. */
+static void names_in_part(void **state)
+{
+    (void)state;
+    static const struct {
+        const char *name, *alike;
+        int n_in_part;
+    } cases[] = {{"\u809d\u81d3", "42", 1},
+                 {"\u809d liver", "42 liver", 1},
+                 {"", "42", 1},
+                 {"\u03ae\u03c0\u03b1\u03c1", "\u0389\u03a0\u0391\u03a1", 0}};
+    static const char wide[] = "a name that is far longer than this picture is wide";
+    CtsPicture *picture = NULL;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        const int n = draw_name(cases[i].name, &picture);
+        if (n != cases[i].n_in_part || !same_picture(cases[i].alike, picture))
+            fail_msg("%s is not drawn as %s: %d names in part", cases[i].name, cases[i].alike, n);
+        cts_picture_free(&picture);
+    }
+    assert_int_equal(draw_name(wide, &picture), 1);
+    bool found = false;
+    for (int n = 8; n < (int)sizeof wide && !found; n++) {
+        char part[64];
+        snprintf(part, sizeof part, "42 %.*s", n, wide);
+        found = same_picture(part, picture);
+    }
+    assert_true(found);
+    cts_picture_free(&picture);
 }
 
 int main(void)
 {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(legend),     cmocka_unit_test(test_directions), cmocka_unit_test(test_letters),
-        cmocka_unit_test(test_white), cmocka_unit_test(test_scale),      cmocka_unit_test(test_edges),
-        cmocka_unit_test(test_bands), cmocka_unit_test(test_no_room),
+        cmocka_unit_test(letters_of_names), cmocka_unit_test(names_in_part), cmocka_unit_test(legend),
+        cmocka_unit_test(test_directions),  cmocka_unit_test(test_letters),  cmocka_unit_test(test_white),
+        cmocka_unit_test(test_scale),       cmocka_unit_test(test_edges),    cmocka_unit_test(test_bands),
+        cmocka_unit_test(test_no_room),
     };
     return cmocka_run_group_tests_name("annotate", tests, NULL, NULL);
 }

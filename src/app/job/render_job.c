@@ -146,19 +146,31 @@ static void tell_step(const Frame *frame, const CtsWatch *watch, double done)
     cts_watch_step(watch, 2 + frame->number + done, n_steps_of(frame->job), what);
 }
 
+/* A name that the picture does not tell is told once. */
+static void tell_in_part(const Frame *frame, int n_in_part, size_t n_named)
+{
+    cts_report_finding(frame->report, "names_in_part", CTS_WARNING,
+                       "`annotate` labels: %d of %zu names are not written whole, their numbers stand in front of them "
+                       "(letters but Latin and Greek ones are not drawn; a long name needs a larger `size`)",
+                       n_in_part, n_named);
+}
+
 /* How many names there are is added to *n. */
 static CtsStatus name_labels(const Frame *frame, CtsPicture *band, int *n, int *n_left_out, CtsError *err)
 {
     CtsLegendEntry *entries = NULL;
     double rgb[3];
     size_t n_named = 0;
-    while (cts_volume_label_colour(frame->volume, n_named, rgb))
+    int number, n_in_part = 0;
+    while (cts_volume_label_colour(frame->volume, n_named, rgb, &number))
         n_named++;
     CtsStatus st = cts_alloc_array(&entries, n_named, err);
     for (size_t i = 0; !st && i < n_named; i++)
-        entries[i].name = cts_volume_label_colour(frame->volume, i, entries[i].rgb);
+        entries[i].name = cts_volume_label_colour(frame->volume, i, entries[i].rgb, &entries[i].number);
     if (!st)
-        st = cts_annotate_legend(band, entries, n_named, n_left_out, err);
+        st = cts_annotate_legend(band, entries, n_named, &n_in_part, n_left_out, err);
+    if (!st && n_in_part > 0 && frame->number == 0 && band->first_row == 0)
+        tell_in_part(frame, n_in_part, n_named);
     if (!n_named && frame->number == 0 && band->first_row == 0)
         cts_report_finding(frame->report, "marks_left_out", CTS_WARNING,
                            "`annotate` labels: no label has a colour of its own (`label-colours`, `label`)");

@@ -168,16 +168,18 @@ static CtsStatus name_colours(const Deciding *d, CtsOwners *o, CtsError *err)
             continue;
         if (!(o->name[i] = strdup(f->name)))
             return cts_fail(err, CTS_ERR_MEMORY, "out of memory");
+        o->number[i] = f->number;
     }
     return CTS_OK;
 }
 
-const char *cts_volume_label_colour(const CtsVolume *v, size_t i, double rgb[3])
+const char *cts_volume_label_colour(const CtsVolume *v, size_t i, double rgb[3], int *number)
 {
     const CtsOwners *const o = v->owners;
     for (int n = 0; o && n < o->n; n++)
         if (o->name[n] && !i--) {
             memcpy(rgb, o->looks[o->look[n]].rgb, sizeof o->looks->rgb);
+            *number = o->number[n];
             return o->name[n];
         }
     return NULL;

@@ -32,7 +32,7 @@ CtsStatus cts_owners_new(CtsOwners **owners, const CtsVolume *volume, int n, int
         (st = cts_alloc_zeroed(&o->plane, (size_t)o->dims[2], err)) ||
         (st = cts_alloc_zeroed(&o->share, (size_t)o->dims[2], err)) ||
         (st = cts_alloc_zeroed(&o->look, (size_t)n, err)) || (st = cts_alloc_zeroed(&o->name, (size_t)n, err)) ||
-        (st = cts_alloc_array(&o->block, n_blocks + 3, err)))
+        (st = cts_alloc_zeroed(&o->number, (size_t)n, err)) || (st = cts_alloc_array(&o->block, n_blocks + 3, err)))
         cts_owners_free(owners);
     return st;
 }
@@ -48,6 +48,7 @@ void cts_owners_free(CtsOwners **owners)
     for (int i = 0; o->name && i < o->n; i++)
         free(o->name[i]);
     cts_free(&o->name);
+    cts_free(&o->number);
     cts_free(&o->owner);
     for (int p = 0; o->shared && p < o->n_planes; p++)
         cts_free(&o->shared[p].items);

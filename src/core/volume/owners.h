@@ -51,6 +51,7 @@ typedef struct CtsOwners {
     uint8_t *block;   /* of each fine macro-cell: the one look that all its voxels have, or CTS_LOOKS_DIFFER */
     int n_block[3];   /* fine macro-cells along each axis */
     char **name;      /* of each owner that is seen in a colour of its own; else NULL */
+    int *number;      /* of each such owner in its file */
     bool *on_skin;    /* of each owner: it may hold skin, as the rest always may */
     CtsVolume *shown; /* the volume with air for hidden voxels; NULL where nothing is hidden */
 } CtsOwners;

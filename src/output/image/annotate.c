@@ -1,6 +1,7 @@
 #include "ctsplat/annotate.h"
 
 #include "output/image/describe.h"
+#include "output/image/letters.h"
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -11,7 +12,8 @@ enum { MIN_FONT_PX = 10 };
 
 /* What is drawn: a text, and below it a bar if bar_px is not 0. */
 typedef struct Mark {
-    const char *text;
+    CtsLetters text;
+    int n_above, n_below; /* room for so many accents over and under it */
     double font_px, bar_px;
     double x, y; /* of the mark's box in the picture, 0..1: 0 left or top, 1 right or bottom */
     double margin_px;
@@ -20,76 +22,13 @@ typedef struct Mark {
 
 /* A mark's box in pixels: ink and rim. pen: half the width of a letter's strokes. */
 typedef struct Box {
-    double text_width, text_height, bar_height, pen, rim;
+    double text_width, text_height, above, below, bar_height, pen, rim; /* above, below: room for accents */
     int width, height;
 } Box;
 
-/* Letters as a pen draws them: a pair of hexadecimal-like digits (0 to 9, a to g) is a point, right and down, and a
- * blank lifts the pen. Capitals are 16 high. */
-typedef struct Glyph {
-    char letter;
-    int width;
-    const char *strokes;
-} Glyph;
-
-enum { CAPITAL = 16, GAP = 6 };
-
-static const Glyph glyphs[] = {
-    {'0', 10, "307092a5ab9e7g3g1e0b051230"},
-    {'1', 5, "03505g"},
-    {'2', 10, "0411307091a3a5970gag"},
-    {'3', 10, "13307091a3a5977838 7899abad9f7g3g0e"},
-    {'4', 10, "8g800bab"},
-    {'5', 10, "901008366698abac9f7g3g0e"},
-    {'6', 10, "92704012060b1e3g7g9eacab987636180b"},
-    {'7', 10, "00a04g"},
-    {'8', 10, "3816123070929678380a0d2g8gadaa78"},
-    {'9', 10, "1e3g6g9eaaa5927030120405183a7a98a5"},
-    {'.', 1, "0g0g"},
-    {'-', 10, "1a9a"},
-    {'+', 10, "1a9a 565e"},
-    {'e', 10, "0baba98626090d2g7g9f"},
-    {'m', 14, "060g 092656787g 7896c6e8eg"},
-    {'_', 10, "0gag"},
-    {'A', 11, "0g50ag 2b8b"},
-    {'B', 10, "0g0060819396876808 689aad8f6g0g"},
-    {'C', 10, "a391703012040c1e3g7g9fad"},
-    {'D', 10, "000g5g8faca4815000"},
-    {'E', 9, "90000g9g 0878"},
-    {'F', 9, "90000g 0878"},
-    {'G', 10, "a391703012040c1e3g7g9fada969"},
-    {'H', 10, "000g a0ag 08a8"},
-    {'I', 1, "000g"},
-    {'J', 8, "808c7e5g3g1e0c"},
-    {'K', 10, "000g a009 45ag"},
-    {'L', 9, "000g9g"},
-    {'M', 12, "0g006ac0cg"},
-    {'N', 10, "0g00aga0"},
-    {'O', 10, "307092a4ac9e7g3g1e0c041230"},
-    {'P', 9, "0g0060819396886909"},
-    {'Q', 10, "307092a4ac9e7g3g1e0c041230 6bag"},
-    {'R', 10, "0g0060819396886909 599g"},
-    {'S', 10, "a3917030120416889aac9e7g3g1e0d"},
-    {'T', 10, "00a0 505g"},
-    {'U', 10, "000c1e3g7g9eaca0"},
-    {'V', 10, "005ga0"},
-    {'W', 14, "003g72bge0"},
-    {'X', 10, "00ag a00g"},
-    {'Y', 10, "0057a0 575g"},
-    {'Z', 10, "00a00gag"},
-};
-
-static const Glyph *glyph_of(char letter)
+static int advance_of(const CtsLetter *letter)
 {
-    for (size_t i = 0; i < sizeof glyphs / sizeof *glyphs; i++)
-        if (glyphs[i].letter == letter)
-            return &glyphs[i];
-    return NULL;
-}
-
-static int advance_of(const Glyph *glyph)
-{
-    return (glyph ? glyph->width : GAP) + GAP;
+    return (letter->glyph ? letter->glyph->width : CTS_LETTER_GAP) + CTS_LETTER_GAP;
 }
 
 static int digit(char c)
@@ -105,8 +44,8 @@ static double to_segment(double x, double y, const double a[2], const double b[2
     return hypot(x - a[0] - t * dx, y - a[1] - t * dy);
 }
 
-/* From a point to the pen's way through a letter that stands at 0, in its own units. */
-static double to_glyph(const Glyph *glyph, double x, double y)
+/* From a point to the pen's way through a glyph that stands at 0, in its own units. */
+static double to_glyph(const CtsGlyph *glyph, double x, double y)
 {
     double nearest = INFINITY, before[2] = {0};
     bool down = false;
@@ -121,14 +60,44 @@ static double to_glyph(const Glyph *glyph, double x, double y)
     return nearest;
 }
 
-static double to_text(const char *text, double x, double y)
+/* How far above or below its letter a mark stands is as many heights as there are marks of its place before it. */
+static double to_letter(const CtsLetter *letter, double x, double y)
+{
+    double nearest = letter->glyph ? to_glyph(letter->glyph, x, y) : INFINITY;
+    int n_above = 0, n_below = 0;
+    for (int i = 0; i < 2 && letter->marks[i]; i++) {
+        const CtsMark *const m = letter->marks[i];
+        const double dx = (letter->glyph->width - m->glyph.width) / 2.0, step = CTS_MARK_HEIGHT + CTS_MARK_GAP;
+        const double right = letter->glyph->width - 1;
+        if (m->place == CTS_MARK_ABOVE)
+            nearest = fmin(nearest, to_glyph(&m->glyph, x - dx, y + step * ++n_above));
+        else if (m->place == CTS_MARK_BELOW)
+            nearest = fmin(nearest, to_glyph(&m->glyph, x - dx, y - CTS_CAPITAL - step * n_below++));
+        else
+            nearest = fmin(nearest, to_glyph(&m->glyph, x - right, y + 3));
+    }
+    return nearest;
+}
+
+/* Of the letters' marks, in heights of one. */
+static int marks_at(const CtsLetters *text, CtsMarkPlace place)
+{
+    int most = 0;
+    for (int i = 0; i < text->n; i++) {
+        int n = 0;
+        for (int m = 0; m < 2 && text->items[i].marks[m]; m++)
+            n += text->items[i].marks[m]->place == place;
+        most = n > most ? n : most;
+    }
+    return most;
+}
+
+static double to_text(const CtsLetters *text, double x, double y)
 {
     double nearest = INFINITY;
-    for (; *text; text++) {
-        const Glyph *glyph = glyph_of(*text);
-        if (glyph)
-            nearest = fmin(nearest, to_glyph(glyph, x, y));
-        x -= advance_of(glyph);
+    for (int i = 0; i < text->n; i++) {
+        nearest = fmin(nearest, to_letter(&text->items[i], x, y));
+        x -= advance_of(&text->items[i]);
     }
     return nearest;
 }
@@ -143,24 +112,27 @@ static double to_bar(double x, double y, double width, double height)
 static Box measure(const Mark *mark)
 {
     Box box = {.pen = mark->font_px / 18, .rim = fmax(1, mark->font_px / 10)};
-    int advance = -GAP;
-    for (const char *c = mark->text; *c; c++)
-        advance += advance_of(glyph_of(*c));
+    int advance = -CTS_LETTER_GAP;
+    for (int i = 0; i < mark->text.n; i++)
+        advance += advance_of(&mark->text.items[i]);
     box.text_height = 0.7 * mark->font_px;
-    box.text_width = fmax(0, advance * box.text_height / CAPITAL);
+    box.text_width = fmax(0, advance * box.text_height / CTS_CAPITAL);
+    box.above = mark->n_above * (CTS_MARK_HEIGHT + CTS_MARK_GAP) * box.text_height / CTS_CAPITAL;
+    box.below = mark->n_below * (CTS_MARK_HEIGHT + CTS_MARK_GAP) * box.text_height / CTS_CAPITAL;
     box.bar_height = mark->bar_px > 0 ? fmax(2, mark->font_px / 5) : 0;
     const double gap = mark->bar_px > 0 ? 3 * box.rim : 0;
     box.width = (int)ceil(fmax(box.text_width + 2 * box.pen, mark->bar_px) + 4 * box.rim) + 1;
-    box.height = (int)ceil(box.text_height + 2 * box.pen + gap + box.bar_height + 4 * box.rim) + 1;
+    box.height =
+        (int)ceil(box.above + box.text_height + box.below + 2 * box.pen + gap + box.bar_height + 4 * box.rim) + 1;
     return box;
 }
 
 /* How far the box's point lies from the mark's ink; negative inside. */
 static double to_ink(const Mark *mark, const Box *box, double x, double y)
 {
-    const double unit = box->text_height / CAPITAL;
-    const double left = (box->width - box->text_width) / 2, top = 2 * box->rim + box->pen;
-    const double text = to_text(mark->text, (x - left) / unit, (y - top) / unit) * unit - box->pen;
+    const double unit = box->text_height / CTS_CAPITAL;
+    const double left = (box->width - box->text_width) / 2, top = 2 * box->rim + box->pen + box->above;
+    const double text = to_text(&mark->text, (x - left) / unit, (y - top) / unit) * unit - box->pen;
     return mark->bar_px > 0
                ? fmin(text, to_bar(x - (box->width - mark->bar_px) / 2,
                                    y - (box->height - 2 * box->rim - box->bar_height), mark->bar_px, box->bar_height))
@@ -175,8 +147,7 @@ static double covered(double distance_px)
 
 /* A mark and where its box stands in the whole picture. */
 typedef struct Placed {
-    Mark mark; /* but for its text, which is this: */
-    char text[48];
+    Mark mark;
     Box box;
     int left, top;
 } Placed;
@@ -210,7 +181,6 @@ static void place(Layout *layout, const Mark *mark)
         layout->n_left_out++;
         return;
     }
-    snprintf(p->text, sizeof p->text, "%s", mark->text);
     layout->n++;
 }
 
@@ -225,11 +195,9 @@ static void put(CtsPicture *picture, const Placed *p)
                  around = rgb ? (own > 0.4 ? dark : light) : light + dark - ink;
     const int channels = picture->n_channels, end = p->top + p->box.height - picture->first_row;
     const int first = p->top > picture->first_row ? p->top - picture->first_row : 0;
-    Mark mark = p->mark;
-    mark.text = p->text;
     for (int y = first; y < end && y < picture->height; y++)
         for (int x = p->left; x < p->left + p->box.width; x++) {
-            const double out = to_ink(&mark, &p->box, x - p->left + 0.5, y + picture->first_row - p->top + 0.5);
+            const double out = to_ink(&p->mark, &p->box, x - p->left + 0.5, y + picture->first_row - p->top + 0.5);
             const double alpha = covered(out - p->box.rim), inner = covered(out);
             if (alpha <= 0 || x < 0 || x >= picture->width)
                 continue;
@@ -268,7 +236,8 @@ static void place_letters(Layout *layout, const CtsPictureInfo *info, double fon
         const double *d = edges[i].direction_lps;
         cts_describe_direction((const double[3]){edges[i].sign * d[0], edges[i].sign * d[1], edges[i].sign * d[2]},
                                letters);
-        const Mark mark = {letters, font_px, 0, edges[i].x, edges[i].y, margin_px, NULL};
+        Mark mark = {.font_px = font_px, .x = edges[i].x, .y = edges[i].y, .margin_px = margin_px};
+        cts_letters_plain(letters, &mark.text);
         place(layout, &mark);
     }
 }
@@ -279,7 +248,11 @@ static void place_scale(Layout *layout, double mm_per_pixel, double font_px, dou
     char number[32], text[48];
     cts_describe_number(length_mm, 6, number, sizeof number);
     snprintf(text, sizeof text, "%s mm", number);
-    const Mark mark = {text, fmax(MIN_FONT_PX - 1, 0.8 * font_px), length_mm / mm_per_pixel, 0, 1, margin_px, NULL};
+    Mark mark = {.font_px = fmax(MIN_FONT_PX - 1, 0.8 * font_px),
+                 .bar_px = length_mm / mm_per_pixel,
+                 .y = 1,
+                 .margin_px = margin_px};
+    cts_letters_plain(text, &mark.text);
     place(layout, &mark);
 }
 
@@ -304,44 +277,67 @@ CtsStatus cts_annotate(CtsPicture *picture, bool orientation, bool scale, int *n
     return CTS_OK;
 }
 
-/* Capitals alone are drawn. */
-static void capitals(const char *name, char text[48])
+/* A name, or where not all of it can be written its number and as much of it as goes into room_px. */
+static bool write_name(const CtsLegendEntry *entry, double room_px, Mark *mark)
 {
-    snprintf(text, 48, "%s", name);
-    for (char *c = text; *c; c++)
-        *c = *c >= 'a' && *c <= 'z' ? (char)(*c - 'a' + 'A') : *c;
+    mark->text = (CtsLetters){.n = 0};
+    cts_letters_add(entry->name, &mark->text);
+    if (mark->text.n && !mark->text.lacks && measure(mark).width <= room_px)
+        return true;
+    char number[16];
+    snprintf(number, sizeof number, "%d ", entry->number);
+    mark->text = (CtsLetters){.n = 0};
+    cts_letters_add(number, &mark->text);
+    const int n_number = mark->text.n;
+    mark->text.items[mark->text.n++] = (CtsLetter){.glyph = NULL};
+    cts_letters_add(entry->name, &mark->text);
+    while (mark->text.n > n_number && measure(mark).width > room_px)
+        mark->text.n--;
+    return false;
 }
 
-CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries, size_t n, int *n_left_out,
-                              CtsError *err)
+CtsStatus cts_annotate_legend(CtsPicture *picture, const CtsLegendEntry *entries, size_t n, int *n_in_part,
+                              int *n_left_out, CtsError *err)
 {
     enum { CORNERS = 3 }; /* the scale has the fourth */
     const int height = picture->whole_height, side = picture->width < height ? picture->width : height;
     const double font_px = fmax(MIN_FONT_PX, side / 60.0), margin_px = font_px / 2;
-    const Box line = measure(&(Mark){.text = "", .font_px = font_px});
-    /* The letters in the middle of the sides keep their room. */
-    const int at_once = (int)fmax((0.45 * height - margin_px) / line.height, 0);
-    if (n_left_out)
-        *n_left_out = 0;
+    Placed p = {.mark = {.font_px = font_px}};
+    int n_partly = 0, n_out = 0;
     if (picture->width < 1)
         return cts_fail(err, CTS_ERR_INTERNAL, "a picture without pixels");
+    /* All lines are as high as the one with most accents. */
+    for (size_t i = 0; i < n; i++) {
+        p.mark.text = (CtsLetters){.n = 0};
+        cts_letters_add(entries[i].name, &p.mark.text);
+        const int above = marks_at(&p.mark.text, CTS_MARK_ABOVE), below = marks_at(&p.mark.text, CTS_MARK_BELOW);
+        p.mark.n_above = above > p.mark.n_above ? above : p.mark.n_above;
+        p.mark.n_below = below > p.mark.n_below ? below : p.mark.n_below;
+    }
+    const double line = measure(&p.mark).height;
+    /* The letters in the middle of the sides keep their room, and so do names on the other side. */
+    const int at_once = (int)fmax((0.45 * height - margin_px) / line, 0);
+    const double room = n > (size_t)at_once ? picture->width / 2.0 - 1.5 * margin_px : picture->width - 2 * margin_px;
     for (size_t i = 0; i < n; i++) {
         const int corner = at_once ? (int)fmin((double)(i / (size_t)at_once), CORNERS) : CORNERS;
         const int in_corner = at_once ? (int)(i % (size_t)at_once) : 0;
-        Placed p = {.mark = {.font_px = font_px, .rgb = entries[i].rgb}};
-        capitals(entries[i].name, p.text);
-        p.mark.text = p.text;
+        const bool whole = write_name(&entries[i], room, &p.mark);
+        p.mark.rgb = entries[i].rgb;
         p.box = measure(&p.mark);
-        const double from_top = margin_px + in_corner * line.height;
+        const double from_top = margin_px + in_corner * line;
         p.left = (int)(corner > 0 ? picture->width - p.box.width - margin_px : margin_px);
-        p.top = (int)(corner < 2 ? from_top : height - from_top - line.height);
-        if (corner == CORNERS || p.box.width + 2 * margin_px > picture->width) {
-            if (n_left_out)
-                ++*n_left_out;
+        p.top = (int)(corner < 2 ? from_top : height - from_top - line);
+        if (corner == CORNERS || p.box.width > room) {
+            n_out++;
             continue;
         }
+        n_partly += !whole;
         put(picture, &p);
         picture->info.annotated = true;
     }
+    if (n_in_part)
+        *n_in_part = n_partly;
+    if (n_left_out)
+        *n_left_out = n_out;
     return CTS_OK;
 }

@@ -5,10 +5,12 @@
 
 A picture has the bytes that `ctsplat render` writes for the same words; options are its options, with underscores.
 """
+import hashlib
 import json
 import os
 import re
 import queue
+import struct
 import tempfile
 import threading
 from typing import Any, Dict, Iterator, List, NamedTuple, Optional, Sequence, Tuple, Union
@@ -103,12 +105,93 @@ def _values(name: str, value: Any) -> List[str]:
         return [repr(value.item() if isinstance(value, np.generic) else value)]
     if name == "label" and isinstance(value, dict):
         return ["%s=%s" % item for item in value.items()]
-    items = list(value)
+    try:
+        items = list(value)
+    except TypeError:
+        raise Error("%s: a %s is no value of it (a text, a number, or a list of these)"
+                    % (name, type(value).__name__), 2) from None
     if name in ("label", "labels", "path"):
-        return [os.fspath(item) for item in items]
+        return [item if isinstance(item, str) else _fspath(name, item) for item in items]
     if name in ("show", "hide", "label_order"):  # names may hold commas
         return [json.dumps([str(item) for item in items])]
     return [("x" if name == "size" else ",").join(x for item in items for x in _values(name, item))]
+
+
+def _fspath(name: str, item: Any) -> str:
+    if not isinstance(item, (str, os.PathLike)):
+        raise Error("%s: a %s is no path (give paths of files or folders; slices in memory go into a folder first, and HU "
+                    "into ctsplat.Volume)" % (name, type(item).__name__), 2)
+    return os.fsdecode(item)
+
+
+def _paths(name: str, path: Any) -> List[str]:
+    """One path, or several."""
+    several = isinstance(path, (list, tuple, set, frozenset)) or hasattr(path, "__next__")
+    return [_fspath(name, item) for item in (path if several else [path])]
+
+
+def _write_nifti(path: str, array: np.ndarray, affine_ras: np.ndarray) -> None:
+    """array: index i, j, k."""
+    codes = {"uint16": 512, "int16": 4, "float32": 16}
+    head = bytearray(544)
+    struct.pack_into("<i8s2h8q", head, 0, 540, b"n+2\0\r\n\x1a\n", codes[array.dtype.name], 8 * array.dtype.itemsize, 3,
+                     *array.shape, 1, 1, 1, 1)
+    struct.pack_into("<8d", head, 104, 1, *np.linalg.norm(affine_ras[:3, :3], axis=0), 0, 0, 0, 0)
+    struct.pack_into("<qdd", head, 168, len(head), 1, 0)
+    struct.pack_into("<2i", head, 344, 0, 2)
+    struct.pack_into("<12d", head, 400, *affine_ras[:3].ravel())
+    struct.pack_into("<i", head, 500, 2)
+    with open(path, "wb") as file:
+        file.write(head)
+        file.write(array.astype(array.dtype.newbyteorder("<"), copy=False).tobytes(order="F"))
+
+
+class _Mask:
+    """Numbers of labels: of an array as Volume.hu is, on its grid, or of a nibabel image, on its own."""
+
+    def __init__(self, given: Any):
+        self.affine = None if isinstance(given, np.ndarray) else np.array(given.affine, float)
+        array = np.asanyarray(given if self.affine is None else given.dataobj)
+        while array.ndim > 3 and array.shape[-1] == 1:
+            array = array[..., 0]
+        if array.ndim != 3 or array.dtype.kind not in "biuf":
+            raise Error("labels: an array of %s in %d dimensions holds no numbers of labels (take 3 dimensions)"
+                        % (array.dtype, array.ndim), 2)
+        whole = np.rint(array) if array.dtype.kind == "f" else array
+        if array.size and not (np.abs(array - whole).max() <= 1e-3 if array.dtype.kind == "f" else True) or \
+                array.size and not (whole.min() >= 0 and whole.max() <= 65535):
+            raise Error("labels: the array holds what is no number of a label (whole, 0 to 65535)", 2)
+        self.numbers = whole.astype(np.uint16)
+        self.key = hashlib.blake2b(self.numbers.tobytes() + repr(
+            (array.shape, None if self.affine is None else self.affine.tolist())).encode()).hexdigest()
+
+    def __eq__(self, other: Any) -> bool:
+        return isinstance(other, _Mask) and self.key == other.key
+
+    def write(self, path: str, volume: "Volume") -> None:
+        if self.affine is not None:
+            _write_nifti(path, self.numbers, self.affine)
+        elif self.numbers.shape != volume._volume_shape():
+            raise Error("labels: the array's shape is %s, that of volume.hu %s (layers, rows, columns; a mask on another grid "
+                        "needs its affine: give a nibabel image, or a file)"
+                        % (self.numbers.shape, volume._volume_shape()), 2)
+        else:
+            _write_nifti(path, self.numbers.transpose(2, 1, 0), volume.affine_ras)
+
+
+def _labels(value: Any) -> Any:
+    """Paths and masks as a list."""
+    def is_mask(item: Any) -> bool:
+        return isinstance(item, np.ndarray) or (hasattr(item, "affine") and hasattr(item, "dataobj"))
+
+    if value is None:
+        return None
+    items = list(value) if isinstance(value, (list, tuple)) else [value]
+    for item in items:
+        if not isinstance(item, (str, os.PathLike)) and not is_mask(item):
+            raise Error("labels: a %s is none (give a path, an array of the shape of volume.hu, a nibabel image, or a list of "
+                        "these)" % type(item).__name__, 2)
+    return [_Mask(item) if is_mask(item) else os.fsdecode(item) for item in items]
 
 
 class _Words:
@@ -192,11 +275,20 @@ class Picture:
 
     rgba: float32, (height, width, 4), colours multiplied by alpha; depth_mm: float32, (height, width), from the camera
     plane to what is seen first, inf where nothing is, None where the mode has no surfaces; bound: what its error does
-    not exceed, None where the engine does not tell; log: times by stage and what was left out; findings: warnings."""
+    not exceed, None where the engine does not tell; log: times by stage and what was left out; findings: warnings.
+    Pictures can be pickled, and are then without their series: .dcm is written before."""
 
     def __init__(self, owner: Any, report: _Report, volume: "Volume"):
-        self._owner, self._c, self._volume = owner, owner[0], volume
+        self._owner, self._c = owner, owner[0]
+        self._volume: Optional["Volume"] = volume
         self.bound, self.log, self.findings = report.bound(), report.log(), report.findings()
+
+    def __reduce__(self) -> Any:
+        c = self._c
+        pixels = self._array(c.pixels, (c.height, c.width, c.n_channels))
+        return _unpickled, (np.array(pixels), None if self.depth_mm is None else np.array(self.depth_mm),
+                            bytes(ffi.buffer(ffi.addressof(c, "info"))), bool(c.has_alpha), self.bound, self.log,
+                            self.findings)
 
     @property
     def size(self) -> Tuple[int, int]:
@@ -230,6 +322,8 @@ class Picture:
         settings.force, settings.png_8_bits, settings.quality = force, png_bits == 8, quality
         chars, err = os.fsencode(path), ffi.new("CtsError *")
         if chars.lower().endswith(b".dcm"):
+            if self._volume is None:
+                raise Error("%s: a picture that was pickled has no series (write .dcm before)" % os.fspath(path), 2)
             settings.source = lib.cts_session_series(self._volume._open())
             if settings.source == ffi.NULL:
                 raise Error("%s: numbers without a patient make no DICOM object" % os.fspath(path), 2)
@@ -245,6 +339,31 @@ class Picture:
             self.save(path, png_bits=8)
             with open(path, "rb") as file:
                 return file.read()
+
+
+def _unpickled(pixels: np.ndarray, depth: Optional[np.ndarray], info: bytes, has_alpha: bool, bound: Optional[Bound],
+               log: Dict[str, Any], findings: List[Finding]) -> Picture:
+    picture, err = Picture.__new__(Picture), ffi.new("CtsError *")
+
+    def free(owner: Any) -> None:
+        if owner[0] != ffi.NULL:
+            owner[0].depth_mm = ffi.NULL  # Python's
+        lib.cts_picture_free(owner)
+
+    picture._owner = _owner("CtsPicture", free)
+    height, width, n_channels = pixels.shape
+    _check(lib.cts_picture_new(picture._owner, width, height, n_channels, err), err)
+    c = picture._c = picture._owner[0]
+    if len(info) != ffi.sizeof(c.info):
+        raise Error("the picture was pickled by another version of ctsplat", 2)
+    ffi.memmove(c.pixels, np.ascontiguousarray(pixels), pixels.nbytes)
+    ffi.memmove(ffi.addressof(c, "info"), info, len(info))
+    c.has_alpha = has_alpha
+    if depth is not None:
+        picture._depth = np.ascontiguousarray(depth)
+        c.depth_mm = ffi.cast("float *", picture._depth.ctypes.data)
+    picture._volume, picture.bound, picture.log, picture.findings = None, bound, log, findings
+    return picture
 
 
 class _Buffer:
@@ -315,6 +434,7 @@ class Volume:
         self._take(session, report, None)
 
     def _begin(self) -> None:
+        self._session: Any = None
         self._lock = threading.RLock()  # a session takes one call at a time
         self._turns: Dict[int, _Turn] = {}  # rotations under way, by the thread that takes their pictures
 
@@ -324,17 +444,38 @@ class Volume:
         self.findings: List[Finding] = report.findings()
 
     def _read(self, source: Dict[str, Any]) -> None:
-        words, report, err = _Words(source), _Report(), ffi.new("CtsError *")
-        session = _owner("CtsSession", lib.cts_session_close)
-        _interruptible(lambda stop: lib.cts_session_open(session, words.c, words.n, stop, report.c, err), err)
+        labels = source.get("labels") or []
+        if self._session is None and any(isinstance(x, _Mask) and x.affine is None for x in labels):
+            self._read({**source, "labels": None})  # where the voxels lie
+        with tempfile.TemporaryDirectory() as folder:
+            paths = []
+            for i, item in enumerate(labels):
+                paths.append(item if isinstance(item, str) else os.path.join(folder, "labels-%d.nii" % (i + 1)))
+                if isinstance(item, _Mask):
+                    item.write(paths[-1], self)
+            words, report, err = _Words({**source, "labels": paths or None}), _Report(), ffi.new("CtsError *")
+            session = _owner("CtsSession", lib.cts_session_close)
+            _interruptible(lambda stop: lib.cts_session_open(session, words.c, words.n, stop, report.c, err), err)
         self._take(session, report, source)
+
+    def _keep_numbers(self) -> None:
+        """HU that came as an array, as a file, since labels are read with a series."""
+        self._folder = tempfile.TemporaryDirectory()
+        path = os.path.join(self._folder.name, "ct.nii")
+        _write_nifti(path, self.hu.transpose(2, 1, 0), self.affine_ras)
+        self._source = {"path": [path]}
+
+    def _volume_shape(self) -> Tuple[int, ...]:
+        return tuple(self._volume().dims)[::-1]
 
     def _words(self, options: Dict[str, Any]) -> _Words:
         """Those of a picture; labels that are not here yet are read, and the series once more with them."""
         own = {name: options.pop(name) for name in ("labels", "label_names") if name in options}
+        if "labels" in own:
+            own["labels"] = _labels(own["labels"])
         self._open()
         if self._source is None and any(own.values()):
-            raise Error("numbers have no series that label files could be of (load the CT from its files)", 2)
+            self._keep_numbers()
         if self._source is not None and any(self._source.get(name) != value for name, value in own.items()):
             self._read({**self._source, **own})
         return _Words(options)
@@ -499,10 +640,9 @@ def take_frame(context: Any, frame: int, picture: Any, err: Any) -> int:
 
 def load(path: Union[str, os.PathLike, Sequence[str]], series: Optional[str] = None, **options: Any) -> Volume:
     """Reads a CT series: path is a file, folder, zip file, DICOMDIR or NIfTI CT, or several of these; series its UID
-    where there is more than one. options: threads, labels, label_names, and those that say from where (`from` is a word of
-    Python's: **{"from": peer})."""
-    paths = [path] if isinstance(path, (str, os.PathLike)) else list(path)
+    where there is more than one. options: threads, labels (a path, an array of the shape of volume.hu, a nibabel image, or
+    a list of these), label_names, and those that say from where (`from` is a word of Python's: **{"from": peer})."""
     volume = Volume.__new__(Volume)
     volume._begin()
-    volume._read({"path": paths, "series": series, **options})
+    volume._read({"path": _paths("load", path), "series": series, **options, "labels": _labels(options.get("labels"))})
     return volume

@@ -1,0 +1,394 @@
+/* Letters as a pen draws them: capitals of Latin and Greek, with their accents, digits and signs. */
+#include "output/image/letters.h"
+
+#include <stdint.h>
+#include <string.h>
+
+/* A pair of hexadecimal-like digits (0 to 9, a to g) is a point, right and down, and a blank lifts the pen. */
+static const CtsGlyph glyphs[] = {
+    {'0', 10, "307092a5ab9e7g3g1e0b051230"},
+    {'1', 5, "03505g"},
+    {'2', 10, "0411307091a3a5970gag"},
+    {'3', 10, "13307091a3a5977838 7899abad9f7g3g0e"},
+    {'4', 10, "8g800bab"},
+    {'5', 10, "901008366698abac9f7g3g0e"},
+    {'6', 10, "92704012060b1e3g7g9eacab987636180b"},
+    {'7', 10, "00a04g"},
+    {'8', 10, "3816123070929678380a0d2g8gadaa78"},
+    {'9', 10, "1e3g6g9eaaa5927030120405183a7a98a5"},
+    {'.', 1, "0g0g"},
+    {'-', 10, "1a9a"},
+    {'+', 10, "1a9a 565e"},
+    {'e', 10, "0baba98626090d2g7g9f"},
+    {'m', 14, "060g 092656787g 7896c6e8eg"},
+    {'_', 10, "0gag"},
+    {'A', 11, "0g50ag 2b8b"},
+    {'B', 10, "0g0060819396876808 689aad8f6g0g"},
+    {'C', 10, "a391703012040c1e3g7g9fad"},
+    {'D', 10, "000g5g8faca4815000"},
+    {'E', 9, "90000g9g 0878"},
+    {'F', 9, "90000g 0878"},
+    {'G', 10, "a391703012040c1e3g7g9fada969"},
+    {'H', 10, "000g a0ag 08a8"},
+    {'I', 1, "000g"},
+    {'J', 8, "808c7e5g3g1e0c"},
+    {'K', 10, "000g a009 45ag"},
+    {'L', 9, "000g9g"},
+    {'M', 12, "0g006ac0cg"},
+    {'N', 10, "0g00aga0"},
+    {'O', 10, "307092a4ac9e7g3g1e0c041230"},
+    {'P', 9, "0g0060819396886909"},
+    {'Q', 10, "307092a4ac9e7g3g1e0c041230 6bag"},
+    {'R', 10, "0g0060819396886909 599g"},
+    {'S', 10, "a3917030120416889aac9e7g3g1e0d"},
+    {'T', 10, "00a0 505g"},
+    {'U', 10, "000c1e3g7g9eaca0"},
+    {'V', 10, "005ga0"},
+    {'W', 14, "003g72bge0"},
+    {'X', 10, "00ag a00g"},
+    {'Y', 10, "0057a0 575g"},
+    {'Z', 10, "00a00gag"},
+    {',', 3, "2e0g"},
+    {':', 1, "0606 0e0e"},
+    {';', 3, "2626 2e0g"},
+    {'(', 4, "4022242c2e4g"},
+    {')', 4, "0022242c2e0g"},
+    {'[', 4, "40000g4g"},
+    {']', 4, "00404g0g"},
+    {'{', 5, "50302126082a2f3g5g"},
+    {'}', 5, "00203136583a3f2g0g"},
+    {'/', 8, "0g80"},
+    {'\\', 8, "008g"},
+    {'|', 1, "000g"},
+    {'=', 9, "0696 0b9b"},
+    {'<', 8, "83088d"},
+    {'>', 8, "03880d"},
+    {'*', 8, "4149 0387 0783"},
+    {'\'', 1, "0004"},
+    {'"', 4, "0004 4044"},
+    {'`', 3, "0034"},
+    {'!', 1, "000a 0g0g"},
+    {'?', 8, "031130608284484a 4g4g"},
+    {'#', 10, "302g 807g 05a5 0bab"},
+    {'&', 11, "bg242240607274190c1f3g6gbb"},
+    {'$', 10, "a3917030120416889aac9e7g3g1e0d 505g"},
+    {'^', 8, "044084"},
+    {'%', 12, "103042443616040210 9abaccbebg9g8e8c9a 1gb0"},
+    {'@', 13, "967556495b7b9996 99abcbd8d4a15022060b3f8gbf"},
+    {'~', 10, "0927476989a7"},
+    {0xB0, 4, "103041433414030110"}, /* degree */
+    {0xB7, 1, "0808"},               /* middle dot */
+    {0xC6, 14, "e0600g 707geg 38d8"},
+    {0xD0, 10, "000g5g8faca4815000 0868"}, /* Eth, and D with a bar */
+    {0xD7, 8, "058d 850d"},
+    {0xD8, 10, "307092a4ac9e7g3g1e0c041230 0ga0"},
+    {0xDE, 9, "000g 04648597998b6c0c"},
+    {0x110, 10, "000g5g8faca4815000 0868"},
+    {0x126, 12, "202g a0ag 28a8 04c4"},
+    {0x141, 9, "000g9g 0b55"},
+    {0x14A, 10, "0g00aea0 ae7g5g"},
+    {0x152, 14, "e0703012040c1e3g7geg 707g 78d8"},
+    {0x166, 10, "00a0 505g 2888"},
+    {0x393, 9, "0g0090"}, /* Greek letters that Latin has not */
+    {0x394, 12, "600gcg60"},
+    {0x398, 10, "307092a4ac9e7g3g1e0c041230 3878"},
+    {0x39B, 11, "0g50ag"},
+    {0x39E, 9, "0090 1888 0g9g"},
+    {0x3A0, 10, "0g00a0ag"},
+    {0x3A3, 9, "9000580g9g"},
+    {0x3A6, 11, "3383a6aa8d3d0a0633 505g"},
+    {0x3A8, 10, "0005295a89a5a0 505g"},
+    {0x3A9, 12, "0g3g3c08043090c4c89c9gcg"},
+};
+
+typedef enum Accent {
+    NONE,
+    GRAVE,
+    ACUTE,
+    CIRCUMFLEX,
+    TILDE,
+    MACRON,
+    BREVE,
+    DOT,
+    DIAERESIS,
+    HOOK,
+    RING,
+    DOUBLE_ACUTE,
+    CARON,
+    HORN,
+    DOT_BELOW,
+    COMMA_BELOW,
+    CEDILLA,
+    OGONEK,
+    LINE_BELOW,
+    N_ACCENTS
+} Accent;
+
+/* Drawn like letters; where they stand over or under these is said by CtsMark. */
+static const struct {
+    uint16_t combining; /* the character that puts it on the letter before */
+    CtsMark mark;
+} accents[N_ACCENTS] = {
+    [GRAVE] = {0x300, {{0, 6, "1054"}, CTS_MARK_ABOVE}},
+    [ACUTE] = {0x301, {{0, 6, "5014"}, CTS_MARK_ABOVE}},
+    [CIRCUMFLEX] = {0x302, {{0, 6, "043064"}, CTS_MARK_ABOVE}},
+    [TILDE] = {0x303, {{0, 9, "0321537190"}, CTS_MARK_ABOVE}},
+    [MACRON] = {0x304, {{0, 8, "0282"}, CTS_MARK_ABOVE}},
+    [BREVE] = {0x306, {{0, 8, "0023446380"}, CTS_MARK_ABOVE}},
+    [DOT] = {0x307, {{0, 1, "0203"}, CTS_MARK_ABOVE}},
+    [DIAERESIS] = {0x308, {{0, 7, "0203 7273"}, CTS_MARK_ABOVE}},
+    [HOOK] = {0x309, {{0, 4, "011030422324"}, CTS_MARK_ABOVE}},
+    [RING] = {0x30A, {{0, 4, "103041433414030110"}, CTS_MARK_ABOVE}},
+    [DOUBLE_ACUTE] = {0x30B, {{0, 8, "3004 8054"}, CTS_MARK_ABOVE}},
+    [CARON] = {0x30C, {{0, 6, "003460"}, CTS_MARK_ABOVE}},
+    [HORN] = {0x31B, {{0, 2, "052422"}, CTS_MARK_BESIDE}},
+    [DOT_BELOW] = {0x323, {{0, 1, "0304"}, CTS_MARK_BELOW}},
+    [COMMA_BELOW] = {0x326, {{0, 2, "2204"}, CTS_MARK_BELOW}},
+    [CEDILLA] = {0x327, {{0, 4, "2022434414"}, CTS_MARK_BELOW}},
+    [OGONEK] = {0x328, {{0, 4, "3012132444"}, CTS_MARK_BELOW}},
+    [LINE_BELOW] = {0x331, {{0, 8, "0383"}, CTS_MARK_BELOW}},
+};
+
+/* Capitals and what they are made of, from the canonical decompositions of Unicode: each composed letter stands in
+ * front of its base. */
+static const struct {
+    Accent accents[2];
+    const char *letters;
+} composed[] = {
+    {{GRAVE}, "ÀAÈEÌIÒOÙUǸNẀWỲY"},
+    {{ACUTE}, "ÁAÉEÍIÓOÚUÝYĆCĹLŃNŔRŚSŹZǴGḰKḾMṔPẂW"},
+    {{CIRCUMFLEX}, "ÂAÊEÎIÔOÛUĈCĜGĤHĴJŜSŴWŶYẐZ"},
+    {{TILDE}, "ÃAÑNÕOĨIŨUṼVẼEỸY"},
+    {{MACRON}, "ĀAĒEĪIŌOŪUȲYḠG"},
+    {{BREVE}, "ĂAĔEĞGĬIŎOŬU"},
+    {{DOT}, "ĊCĖEĠGİIŻZȦAȮOḂBḊDḞFḢHṀMṄNṖPṘRṠSṪTẆWẊXẎY"},
+    {{DIAERESIS}, "ÄAËEÏIÖOÜUŸYḦHẄWẌX"},
+    {{HOOK}, "ẢAẺEỈIỎOỦUỶY"},
+    {{RING}, "ÅAŮU"},
+    {{DOUBLE_ACUTE}, "ŐOŰU"},
+    {{CARON}, "ČCĎDĚEĽLŇNŘRŠSŤTŽZǍAǏIǑOǓUǦGǨKȞH"},
+    {{HORN}, "ƠOƯU"},
+    {{DOT_BELOW}, "ḄBḌDḤHḲKḶLṂMṆNṚRṢSṬTṾVẈWẒZẠAẸEỊIỌOỤUỴY"},
+    {{COMMA_BELOW}, "ȘSȚT"},
+    {{CEDILLA}, "ÇCĢGĶKĻLŅNŖRŞSŢTȨEḐDḨH"},
+    {{OGONEK}, "ĄAĘEĮIŲUǪO"},
+    {{LINE_BELOW}, "ḆBḎDḴKḺLṈNṞRṮTẔZ"},
+    {{ACUTE, DOT}, "ṤS"},
+    {{CIRCUMFLEX, GRAVE}, "ẦAỀEỒO"},
+    {{CIRCUMFLEX, ACUTE}, "ẤAẾEỐO"},
+    {{CIRCUMFLEX, TILDE}, "ẪAỄEỖO"},
+    {{CIRCUMFLEX, HOOK}, "ẨAỂEỔO"},
+    {{TILDE, ACUTE}, "ṌOṸU"},
+    {{TILDE, MACRON}, "ȬO"},
+    {{TILDE, DIAERESIS}, "ṎO"},
+    {{MACRON, GRAVE}, "ḔEṐO"},
+    {{MACRON, ACUTE}, "ḖEṒO"},
+    {{MACRON, DIAERESIS}, "ṺU"},
+    {{BREVE, GRAVE}, "ẰA"},
+    {{BREVE, ACUTE}, "ẮA"},
+    {{BREVE, TILDE}, "ẴA"},
+    {{BREVE, HOOK}, "ẲA"},
+    {{DOT, MACRON}, "ǠAȰO"},
+    {{DIAERESIS, GRAVE}, "ǛU"},
+    {{DIAERESIS, ACUTE}, "ǗUḮI"},
+    {{DIAERESIS, MACRON}, "ǕUǞAȪO"},
+    {{DIAERESIS, CARON}, "ǙU"},
+    {{RING, ACUTE}, "ǺA"},
+    {{CARON, DOT}, "ṦS"},
+    {{HORN, GRAVE}, "ỜOỪU"},
+    {{HORN, ACUTE}, "ỚOỨU"},
+    {{HORN, TILDE}, "ỠOỮU"},
+    {{HORN, HOOK}, "ỞOỬU"},
+    {{HORN, DOT_BELOW}, "ỢOỰU"},
+    {{DOT_BELOW, CIRCUMFLEX}, "ẬAỆEỘO"},
+    {{DOT_BELOW, MACRON}, "ḸLṜR"},
+    {{DOT_BELOW, BREVE}, "ẶA"},
+    {{DOT_BELOW, DOT}, "ṨS"},
+    {{CEDILLA, ACUTE}, "ḈC"},
+    {{CEDILLA, BREVE}, "ḜE"},
+    {{OGONEK, MACRON}, "ǬO"},
+};
+
+/* What is written in letters of its own. */
+static const struct {
+    uint16_t letter;
+    const char *written;
+} written_as[] = {
+    {0xA0, " "},    {0xAB, "<"},    {0xBB, ">"},     {0xB5, "M"},   {0xDF, "SS"},  {0x131, "I"},
+    {0x132, "IJ"},  {0x133, "IJ"},  {0x138, "K"},    {0x13F, "L."}, {0x140, "L."}, {0x149, "'N"},
+    {0x17F, "S"},   {0x1E9E, "SS"}, {0x2010, "-"},   {0x2011, "-"}, {0x2012, "-"}, {0x2013, "-"},
+    {0x2014, "-"},  {0x2212, "-"},  {0x2018, "'"},   {0x2019, "'"}, {0x2BC, "'"},  {0x201C, "\""},
+    {0x201D, "\""}, {0x201E, "\""}, {0x2026, "..."}, {0x202F, " "}, {0x2009, " "},
+};
+
+/* Greek from 0x391 to 0x3A9 in Latin capitals where these look the same; a blank: a letter of its own. */
+static const char greek_capitals[] = "AB  EZH IK MN O P  TY X  ";
+enum { ALPHA = 0x391, OMEGA = 0x3A9, SMALL_ALPHA = 0x3B1, FINAL_SIGMA = 0x3C2, SMALL_OMEGA = 0x3C9 };
+
+/* Greek with a tonos, a dialytika, or both: base as above. */
+static const struct {
+    uint16_t letter, base;
+    Accent accents[2];
+} greek_accented[] = {
+    {0x386, 0x391, {ACUTE}},
+    {0x388, 0x395, {ACUTE}},
+    {0x389, 0x397, {ACUTE}},
+    {0x38A, 0x399, {ACUTE}},
+    {0x38C, 0x39F, {ACUTE}},
+    {0x38E, 0x3A5, {ACUTE}},
+    {0x38F, 0x3A9, {ACUTE}},
+    {0x390, 0x399, {DIAERESIS, ACUTE}},
+    {0x3AA, 0x399, {DIAERESIS}},
+    {0x3AB, 0x3A5, {DIAERESIS}},
+    {0x3AC, 0x391, {ACUTE}},
+    {0x3AD, 0x395, {ACUTE}},
+    {0x3AE, 0x397, {ACUTE}},
+    {0x3AF, 0x399, {ACUTE}},
+    {0x3B0, 0x3A5, {DIAERESIS, ACUTE}},
+    {0x3CA, 0x399, {DIAERESIS}},
+    {0x3CB, 0x3A5, {DIAERESIS}},
+    {0x3CC, 0x39F, {ACUTE}},
+    {0x3CD, 0x3A5, {ACUTE}},
+    {0x3CE, 0x3A9, {ACUTE}},
+};
+
+#define N_OF(table) (sizeof(table) / sizeof *(table))
+
+static const CtsGlyph *glyph_of(uint32_t letter)
+{
+    for (size_t i = 0; i < N_OF(glyphs); i++)
+        if (glyphs[i].letter == letter)
+            return &glyphs[i];
+    return NULL;
+}
+
+/* The next character of UTF-8; one that is none stands for itself, as a character that nothing draws. */
+static uint32_t next(const char **text)
+{
+    const unsigned char *p = (const unsigned char *)*text;
+    const int n = *p < 0x80 ? 1 : *p >> 5 == 6 ? 2 : *p >> 4 == 14 ? 3 : *p >> 3 == 30 ? 4 : 0;
+    uint32_t letter = n == 1 ? *p : n ? *p & (0x7FU >> n) : 0xFFFD;
+    for (int i = 1; i < n; i++) {
+        if (p[i] >> 6 != 2) {
+            *text += i;
+            return 0xFFFD;
+        }
+        letter = letter << 6 | (p[i] & 0x3F);
+    }
+    *text += n ? n : 1;
+    return letter;
+}
+
+static void put_accents(CtsLetter *letter, const Accent of[2])
+{
+    for (int i = 0; i < 2; i++)
+        letter->marks[i] = of[i] ? &accents[of[i]].mark : NULL;
+}
+
+/* A capital, of which the table has the parts. */
+static bool find_capital(uint32_t capital, CtsLetter *letter)
+{
+    *letter = (CtsLetter){.glyph = glyph_of(capital)};
+    for (size_t row = 0; !letter->glyph && row < N_OF(composed); row++)
+        for (const char *p = composed[row].letters; *p && !letter->glyph; p++)
+            if (next(&p) == capital) {
+                letter->glyph = glyph_of((unsigned char)*p);
+                put_accents(letter, composed[row].accents);
+            }
+    return letter->glyph;
+}
+
+static bool find_greek(uint32_t code, CtsLetter *letter)
+{
+    Accent none[2] = {NONE};
+    const Accent *marks = none;
+    for (size_t i = 0; i < N_OF(greek_accented); i++)
+        if (greek_accented[i].letter == code) {
+            marks = greek_accented[i].accents;
+            code = greek_accented[i].base;
+            break;
+        }
+    code = code == FINAL_SIGMA ? code + 1 : code;
+    code = code >= SMALL_ALPHA && code <= SMALL_OMEGA ? code - SMALL_ALPHA + ALPHA : code;
+    if (code < ALPHA || code > OMEGA)
+        return false;
+    const char latin = greek_capitals[code - ALPHA];
+    *letter = (CtsLetter){.glyph = glyph_of(latin == ' ' ? code : (unsigned char)latin)};
+    put_accents(letter, marks);
+    return letter->glyph;
+}
+
+/* As a capital. Unicode has small letters behind their capitals, by one or, up to 0xFE, by 32. */
+static bool find_letter(uint32_t code, CtsLetter *letter)
+{
+    enum { SMALL_FIRST = 0xE0, SMALL_LAST = 0xFE, APART = 32 };
+    const uint32_t capital = code >= 'a' && code <= 'z' ? code - APART : code == 0xFF ? 0x178 : code;
+    return find_capital(capital, letter) || find_greek(code, letter) ||
+           (code > 0xFF && find_capital(code - 1, letter)) ||
+           (code >= SMALL_FIRST && code <= SMALL_LAST && find_capital(code - APART, letter));
+}
+
+static const CtsMark *combining(uint32_t code)
+{
+    for (int i = 1; i < N_ACCENTS; i++)
+        if (accents[i].combining == code)
+            return &accents[i].mark;
+    return NULL;
+}
+
+static void add(CtsLetters *letters, const CtsLetter *letter)
+{
+    if (letters->n < CTS_MOST_LETTERS)
+        letters->items[letters->n++] = *letter;
+    else
+        letters->lacks = true;
+}
+
+/* On the letter before, which has room for two. */
+static bool add_mark(CtsLetters *letters, const CtsMark *mark)
+{
+    CtsLetter *const last = letters->n ? &letters->items[letters->n - 1] : NULL;
+    if (!last || !last->glyph || last->marks[1])
+        return false;
+    last->marks[last->marks[0] ? 1 : 0] = mark;
+    return true;
+}
+
+void cts_letters_plain(const char *text, CtsLetters *letters)
+{
+    *letters = (CtsLetters){.n = 0};
+    for (; *text; text++)
+        add(letters, &(CtsLetter){.glyph = glyph_of((unsigned char)*text)});
+}
+
+static void add_blank(CtsLetters *letters)
+{
+    if (letters->n && letters->items[letters->n - 1].glyph)
+        add(letters, &(CtsLetter){.glyph = NULL});
+}
+
+void cts_letters_add(const char *text, CtsLetters *letters)
+{
+    while (*text) {
+        const uint32_t code = next(&text);
+        const CtsMark *const mark = combining(code);
+        const char *written = NULL;
+        CtsLetter letter;
+        for (size_t i = 0; i < N_OF(written_as); i++)
+            if (written_as[i].letter == code)
+                written = written_as[i].written;
+        if (code == ' ' || (written && *written == ' '))
+            add_blank(letters);
+        else if (written)
+            for (; *written; written++)
+                add(letters, &(CtsLetter){.glyph = glyph_of((unsigned char)*written)});
+        else if (mark)
+            letters->lacks |= !add_mark(letters, mark);
+        else if (find_letter(code, &letter))
+            add(letters, &letter);
+        else
+            letters->lacks = true;
+    }
+    while (letters->n && !letters->items[letters->n - 1].glyph)
+        letters->n--;
+}

@@ -1,0 +1,42 @@
+/* Letters as a pen draws them, for what is written into pictures. */
+#ifndef CTS_IMAGE_LETTERS_H
+#define CTS_IMAGE_LETTERS_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* In units of which a capital is CTS_CAPITAL high; 0, 0 is its upper left corner. */
+enum { CTS_CAPITAL = 16, CTS_LETTER_GAP = 6, CTS_MARK_HEIGHT = 4, CTS_MARK_GAP = 3 };
+
+typedef struct CtsGlyph {
+    uint32_t letter; /* its code point */
+    int width;
+    const char *strokes;
+} CtsGlyph;
+
+typedef enum CtsMarkPlace { CTS_MARK_ABOVE, CTS_MARK_BELOW, CTS_MARK_BESIDE } CtsMarkPlace;
+
+/* An accent: up to CTS_MARK_HEIGHT high. */
+typedef struct CtsMark {
+    CtsGlyph glyph;
+    CtsMarkPlace place;
+} CtsMark;
+
+typedef struct CtsLetter {
+    const CtsGlyph *glyph;   /* NULL: a blank */
+    const CtsMark *marks[2]; /* from the letter outwards; NULL: none */
+} CtsLetter;
+
+enum { CTS_MOST_LETTERS = 128 };
+typedef struct CtsLetters {
+    CtsLetter items[CTS_MOST_LETTERS];
+    int n;
+    bool lacks; /* some of the text cannot be drawn */
+} CtsLetters;
+
+/* ASCII as it stands: capitals, digits, and the small letters of units. */
+void cts_letters_plain(const char *text, CtsLetters *letters);
+/* Adds a text in UTF-8 in capitals; what cannot be drawn is left out, and several blanks are one. */
+void cts_letters_add(const char *text, CtsLetters *letters);
+
+#endif
