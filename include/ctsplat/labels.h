@@ -117,8 +117,8 @@ typedef enum CtsLabelCrop { CTS_CROP_NONE, CTS_CROP_INCLUDE, CTS_CROP_EXCLUDE } 
 CtsStatus cts_labels_crop(const CtsLabels *labels, const CtsLabelChoice *choice, const char *study_uid,
                           CtsLabelCrop *crop, const char **unsaid, CtsError *err);
 
-/* The colours in which a volume shows labels: of the i-th, in rgb; its name, which is the volume's, and its number in its
- * file; NULL past the last. */
+/* The colours in which a volume shows labels: of the i-th, in rgb; its name, which is the volume's, and its number in
+ * its file; NULL past the last. */
 const char *cts_volume_label_colour(const CtsVolume *volume, size_t i, double rgb[3], int *number);
 
 CTS_API_END
