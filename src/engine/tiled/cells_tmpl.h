@@ -3,7 +3,7 @@
 #include "base/simd.h"
 #include "engine/tiled/cells.h"
 #include "engine/tiled/loads_tmpl.h"
-#include "engine/tiled/log_tmpl.h"
+#include "base/simd_math_tmpl.h"
 #include <math.h>
 
 #ifdef SIMD_DOUBLE

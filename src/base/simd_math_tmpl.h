@@ -1,4 +1,5 @@
-/* Logarithm and power to the base of 2, as good as single precision has them, by the same operations on every path. */
+/* Logarithm, power to the base of 2 and inverse root, as good as single precision has them, by the same operations on
+ * every path; behind base/simd.h. */
 
 #ifdef SIMD_DOUBLE
 enum { FRACTION_BITS = 52 };
